@@ -1,0 +1,27 @@
+# SLICECORR_SANITIZE: a list of address, undefined, leak, thread. Combinations that can't work are refused by name.
+set(SLICECORR_SANITIZE "" CACHE STRING "Sanitizers, separated by semicolons: address, undefined, leak, thread")
+
+foreach(sanitizer IN LISTS SLICECORR_SANITIZE)
+  if(NOT sanitizer MATCHES "^(address|undefined|leak|thread)$")
+    message(FATAL_ERROR
+      "SLICECORR_SANITIZE: '${sanitizer}' is not known here; use address, undefined, leak or thread")
+  endif()
+endforeach()
+foreach(other IN ITEMS address leak)
+  if("thread" IN_LIST SLICECORR_SANITIZE AND other IN_LIST SLICECORR_SANITIZE)
+    message(FATAL_ERROR
+      "SLICECORR_SANITIZE: 'thread' and '${other}' can't be used together: both replace the memory "
+      "allocator and shadow memory differently. Use two build folders (presets tsan and asan).")
+  endif()
+endforeach()
+
+if(SLICECORR_SANITIZE)
+  list(JOIN SLICECORR_SANITIZE "," sanitizers)
+  set(SLICECORR_SANITIZE_FLAGS -fsanitize=${sanitizers} -fno-omit-frame-pointer)
+  if("undefined" IN_LIST SLICECORR_SANITIZE)
+    # A finding must fail the test, not only print.
+    list(APPEND SLICECORR_SANITIZE_FLAGS -fno-sanitize-recover=undefined)
+  endif()
+  add_compile_options(${SLICECORR_SANITIZE_FLAGS})
+  add_link_options(${SLICECORR_SANITIZE_FLAGS})
+endif()

@@ -1,0 +1,52 @@
+/// The slices of one band, run-length coded: written from the first on, read in any order.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <vector>
+
+#include "base/run_length.hpp"
+
+namespace slicecorr::detail {
+
+/// True when all n bytes are 0.
+inline bool all_zero(const std::uint8_t* p, std::size_t n) {
+  std::uint8_t any = 0;
+  for (std::size_t i = 0; i < n; ++i) any |= p[i];
+  return any == 0;
+}
+
+class BandTape {
+ public:
+  explicit BandTape(std::size_t columns) : columns_(columns) {}
+
+  /// Adds the next slice; null is black.
+  void append(const std::uint8_t* rows) {
+    if (rows && !all_zero(rows, columns_)) run_length_encode(rows, columns_, code_);
+    ends_.push_back(code_.size());
+  }
+  int slices() const { return static_cast<int>(ends_.size()); }
+  bool black(int slice) const { return begin(slice) == ends_[static_cast<std::size_t>(slice)]; }
+  /// Writes a slice to `out`; black outside the tape.
+  void read(int slice, std::uint8_t* out) const {
+    if (slice < 0 || slice >= slices() || black(slice)) {
+      std::memset(out, 0, columns_);
+      return;
+    }
+    run_length_decode(code_.data() + begin(slice),
+                      code_.data() + ends_[static_cast<std::size_t>(slice)], out, columns_);
+  }
+  std::size_t columns() const { return columns_; }
+
+ private:
+  std::size_t begin(int slice) const {
+    return slice ? ends_[static_cast<std::size_t>(slice) - 1] : 0;
+  }
+  std::size_t columns_;
+  std::vector<std::uint8_t> code_;
+  std::vector<std::size_t> ends_;
+};
+
+}  // namespace slicecorr::detail

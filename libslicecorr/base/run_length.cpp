@@ -1,0 +1,120 @@
+#include "base/run_length.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cstring>
+
+#include "slicecorr/error.hpp"
+
+namespace slicecorr::detail {
+namespace {
+
+static_assert(std::endian::native == std::endian::little, "bytes are found by counting low bits");
+
+enum Kind : std::uint8_t { zeros = 0, ones = 1, repeated = 2, plain = 3 };
+
+/// Shorter runs stay among the plain bytes, so that a run always pays for the headers around it.
+constexpr std::size_t min_run = 9;
+constexpr std::size_t long_length = 64;
+
+std::uint64_t load(const std::uint8_t* p) {
+  std::uint64_t v;
+  std::memcpy(&v, p, 8);
+  return v;
+}
+
+/// End of the run of equal bytes that starts at `i`.
+std::size_t run_end(const std::uint8_t* data, std::size_t i, std::size_t n) {
+  const std::uint8_t value = data[i];
+  const std::uint64_t pattern = value * 0x0101010101010101u;
+  // Runs are usually long: four words a step, then the word that differs.
+  while (i + 32 <= n && ((load(data + i) ^ pattern) | (load(data + i + 8) ^ pattern) |
+                         (load(data + i + 16) ^ pattern) | (load(data + i + 24) ^ pattern)) == 0) {
+    i += 32;
+  }
+  for (; i + 8 <= n; i += 8) {
+    const std::uint64_t difference = load(data + i) ^ pattern;
+    if (difference != 0) return i + static_cast<std::size_t>(std::countr_zero(difference)) / 8;
+  }
+  while (i < n && data[i] == value) ++i;
+  return i;
+}
+
+/// Start of the next run of at least `min_run` bytes at or after `i`, or n.
+std::size_t next_run(const std::uint8_t* data, std::size_t i, std::size_t n) {
+  while (i + min_run <= n) {
+    const std::uint64_t difference = load(data + i) ^ load(data + i + 1);
+    if (difference == 0) return i;
+    // No run can reach over the last pair of neighbours that differ.
+    i += static_cast<std::size_t>(63 - std::countl_zero(difference)) / 8 + 1;
+  }
+  return n;
+}
+
+void put_header(Kind kind, std::size_t length, std::vector<std::uint8_t>& out) {
+  const std::size_t low = std::min(length, long_length) - 1;
+  out.push_back(static_cast<std::uint8_t>(kind << 6 | low));
+  if (length < long_length) return;
+  std::size_t rest = length - long_length;
+  for (; rest >= 128; rest >>= 7) out.push_back(static_cast<std::uint8_t>(rest | 128));
+  out.push_back(static_cast<std::uint8_t>(rest));
+}
+
+[[noreturn]] void corrupt() { throw InputError("run-length code of an image is damaged"); }
+
+}  // namespace
+
+void run_length_encode(const std::uint8_t* data, std::size_t n, std::vector<std::uint8_t>& out) {
+  std::size_t i = 0;
+  while (i < n) {
+    const std::size_t start = next_run(data, i, n);
+    if (start > i) {
+      put_header(plain, start - i, out);
+      out.insert(out.end(), data + i, data + start);
+    }
+    if (start == n) return;
+    i = run_end(data, start, n);
+    const std::uint8_t value = data[start];
+    put_header(value == 0 ? zeros : value == 255 ? ones : repeated, i - start, out);
+    if (value != 0 && value != 255) out.push_back(value);
+  }
+}
+
+const std::uint8_t* run_length_decode(const std::uint8_t* in, const std::uint8_t* end,
+                                      std::uint8_t* data, std::size_t n) {
+  while (n > 0) {
+    if (in == end) corrupt();
+    const std::uint8_t header = *in++;
+    std::size_t length = (header & 63u) + 1u;
+    if (length == long_length) {
+      for (int shift = 0;; shift += 7) {
+        if (in == end || shift > 42) corrupt();
+        const std::uint8_t byte = *in++;
+        length += static_cast<std::size_t>(byte & 127u) << shift;
+        if (byte < 128) break;
+      }
+    }
+    if (length > n) corrupt();
+    switch (header >> 6) {
+      case zeros:
+        std::memset(data, 0, length);
+        break;
+      case ones:
+        std::memset(data, 255, length);
+        break;
+      case repeated:
+        if (in == end) corrupt();
+        std::memset(data, *in++, length);
+        break;
+      default:
+        if (static_cast<std::size_t>(end - in) < length) corrupt();
+        std::memcpy(data, in, length);
+        in += length;
+    }
+    data += length;
+    n -= length;
+  }
+  return in;
+}
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,335 @@
+// The program `slicecorr`: parses, calls the library and prints.
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <atomic>
+#include <csignal>
+#include <cstdio>
+#include <filesystem>
+#include <new>
+
+#include "options.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/report.hpp"
+#include "slicecorr/version.hpp"
+
+namespace slicecorr::cli {
+namespace {
+
+enum ExitCode {
+  kDone = 0,
+  kDefect = 1,
+  kInput = 2,
+  kInfeasible = 3,
+  kDevice = 4,
+  kMissed = 5,
+  kInterrupted = 130,
+};
+
+std::atomic<bool> cancelled{false};
+static_assert(std::atomic<bool>::is_always_lock_free, "set from a signal handler");
+
+void on_signal(int) { cancelled = true; }
+
+/// Progress and remarks on stderr: a line that is rewritten on a terminal, plain lines else.
+class Console {
+ public:
+  explicit Console(bool quiet) : quiet_(quiet), terminal_(isatty(STDERR_FILENO) == 1) {}
+
+  Job job(int threads) {
+    Job j;
+    j.threads = threads;
+    j.cancel = &cancelled;
+    if (quiet_) return j;
+    j.notice = [this](const std::string& text) { say(text); };
+    j.progress = [this](std::string_view stage, double done) { progress(stage, done); };
+    return j;
+  }
+  void say(const std::string& text) {
+    if (quiet_) return;
+    clear();
+    fmt::print(stderr, "{}\n", text);
+  }
+  void clear() {
+    if (line_) fmt::print(stderr, "\r\033[K");
+    line_ = false;
+  }
+
+ private:
+  void progress(std::string_view stage, double done) {
+    const int percent = static_cast<int>(done * 100);
+    if (stage == stage_ && percent == percent_) return;
+    const bool ended = percent >= 100;
+    if (terminal_) {
+      fmt::print(stderr, "\r\033[K{} {:3d} %", stage, percent);
+      std::fflush(stderr);
+      line_ = true;
+      if (ended) clear();
+    } else if (ended && (stage != stage_ || percent_ < 100)) {
+      fmt::print(stderr, "{}: done\n", stage);
+    }
+    stage_ = stage;
+    percent_ = percent;
+  }
+
+  bool quiet_, terminal_, line_ = false;
+  std::string stage_;
+  int percent_ = -1;
+};
+
+void print_or_write(const std::string& where, const std::string& text) {
+  if (where == "-") {
+    fmt::print("{}\n", text);
+  } else {
+    write_text_file(where, text + "\n");
+  }
+}
+
+std::string must_be_uvj(const std::string& path) {
+  if (std::filesystem::path(path).extension() != ".uvj") {
+    throw InputError(path, "", "expected an output that ends in .uvj");
+  }
+  return path;
+}
+
+/// Options of all subcommands; only those of the one called are filled.
+struct Arguments {
+  GlobalOptions global;
+  MeshOptions mesh;
+  SetupOptions setup;
+  std::string input, output, target, json;
+  int x = 0, y = 0;
+  double max_height_error_um = -1;
+};
+
+int slice(const Arguments& a, const Job& job, Console& console) {
+  must_be_uvj(a.output);
+  const Printer printer = load_printer(a.setup.printer);
+  const MeshSlices slices(read_parts(a.mesh, job), printer, a.mesh.slice_options(), job);
+  const StackInfo info = write_target(slices, a.output, job);
+  console.say(fmt::format("{}: {} slices, {:.4f} ml", a.output, info.grid.layers,
+                          info.part_volume_mm3 * 1e-3));
+  return kDone;
+}
+
+int correct(const Arguments& a, const Job& job, Console& console) {
+  must_be_uvj(a.output);
+  Setup setup = a.setup.resolve(nullptr);
+  const StackReader target(a.input, folder_of(a.output), job);
+  if (target.info().kind == StackKind::corrected) {
+    throw InputError(a.input, "",
+                     "is a corrected stack; expected the target that it was made from");
+  }
+  const Correction result = correct_stack(target, setup, a.output, true, job);
+  console.say(fmt::format("{}: {} slices\n{}", a.output, result.info.grid.layers,
+                          summary(result.after, result.before)));
+  return kDone;
+}
+
+int verify(const Arguments& a, const Job& job, Console&) {
+  const StackReader stack(a.input, folder_of(a.input), job);
+  const Setup setup = a.setup.resolve(&stack.info());
+  const StackReader target(a.target, folder_of(a.target), job);
+  const Prediction p = verify_stack(stack, target, setup, job);
+  if (a.json.empty()) {
+    fmt::print("{}", summary(p, std::nullopt));
+  } else {
+    print_or_write(a.json, p.to_json());
+  }
+  const bool edges = p.height_error_um.count() > 0;
+  if (a.max_height_error_um >= 0 && edges && p.height_error_um.greatest() > a.max_height_error_um) {
+    fmt::print(stderr, "slicecorr: largest height error {:.3f} um, allowed are {:g} um\n",
+               p.height_error_um.greatest(), a.max_height_error_um);
+    return kMissed;
+  }
+  return kDone;
+}
+
+int probe(const Arguments& a, const Job& job, Console&) {
+  const StackReader stack(a.input, folder_of(a.input), job);
+  const Setup setup = a.setup.resolve(&stack.info());
+  std::optional<StackReader> target;
+  if (!a.target.empty()) target.emplace(a.target, folder_of(a.target), job);
+  const auto rows = probe_stack(stack, target ? &*target : nullptr, setup, a.x, a.y);
+  fmt::print("slice,z_um,grey,intensity_mw_cm2,phi,dose{}\n", target ? ",target" : "");
+  for (const ProbeRow& r : rows) {
+    fmt::print("{},{},{},{},{},{}", r.slice, r.z_um, r.grey, r.intensity_mw_cm2, r.phi, r.dose);
+    if (target) fmt::print(",{}", r.target);
+    fmt::print("\n");
+  }
+  return kDone;
+}
+
+std::string title_of(const std::string& path) {
+  return std::filesystem::path(path).stem().string();
+}
+
+int report(const Arguments& a, const Job& job, Console& console) {
+  const StackReader stack(a.input, folder_of(a.output), job);
+  const Setup setup = a.setup.resolve(&stack.info());
+  const StackReader target(a.target, folder_of(a.output), job);
+  const Prediction after = verify_stack(stack, target, setup, job);
+  const Prediction before = verify_stack(target, target, setup, job);
+  StackInfo info = stack.info();
+  write_text_file(a.output, make_report(gather_report(stack, target, setup, info, after, before,
+                                                      title_of(a.input))));
+  console.say(fmt::format("{}: written\n{}", a.output, summary(after, before)));
+  return kDone;
+}
+
+int run(const Arguments& a, const Job& job, Console& console) {
+  must_be_uvj(a.output);
+  const Setup setup = a.setup.resolve(nullptr);
+  const MeshSlices target(read_parts(a.mesh, job), setup.printer, a.mesh.slice_options(), job);
+  const Correction result = correct_stack(target, setup, a.output, true, job);
+  const std::string base =
+      (std::filesystem::path(a.output).parent_path() / title_of(a.output)).string();
+  // The proof: the prediction of the stack, with that of the uncorrected part beside it.
+  std::string json = result.after.to_json();
+  json.resize(json.size() - 2);
+  json += ",\n  \"uncorrected\": " + result.before->to_json() + "\n}\n";
+  write_text_file(base + ".json", json);
+  const CorrectedSlices corrected(target, setup);
+  write_text_file(base + ".html",
+                  make_report(gather_report(corrected, target, setup, result.info, result.after,
+                                            result.before, title_of(a.output))));
+  console.say(fmt::format("{0}.uvj, {0}.html, {0}.json: {1} slices\n{2}", base,
+                          result.info.grid.layers, summary(result.after, result.before)));
+  return kDone;
+}
+
+int info(const Arguments& a, const Job& job, Console&) {
+  StackInfo info = StackReader::read_info(a.input);
+  if (info.part_volume_mm3 == 0 && info.kind != StackKind::corrected) {
+    const StackReader stack(a.input, folder_of(a.input), job);
+    const Grid& g = info.grid;
+    info.part_volume_mm3 = static_cast<double>(stack.pixel_sum()) / 255.0 * g.pixel_x_um *
+                           g.pixel_y_um * g.layer_um * 1e-9;
+  }
+  if (a.json.empty()) {
+    fmt::print("{}", describe_stack(info));
+  } else {
+    print_or_write(a.json, info_json(info, a.input));
+  }
+  return kDone;
+}
+
+int main_guarded(int argc, char** argv) {
+  Arguments a;
+  CLI::App app{
+      "Makes resin prints come out as designed: slices parts, corrects the slices for light "
+      "that cures through, and predicts what will print.",
+      "slicecorr"};
+  app.set_version_flag("--version", std::string("slicecorr ") + version);
+  app.add_option("--threads", a.global.threads, "Number of threads [all cores]")
+      ->check(CLI::Range(0, 4096));
+  app.add_flag("--quiet", a.global.quiet, "Nothing but errors on stderr");
+  app.require_subcommand(1);
+  app.fallthrough();
+  app.footer(
+      "Exit codes: 0 done; 1 a defect of the program; 2 wrong usage or input; 3 physically "
+      "infeasible; 4 disk or device failed; 5 a tolerance was missed; 130 interrupted.");
+
+  using Action = int (*)(const Arguments&, const Job&, Console&);
+  std::vector<std::pair<CLI::App*, Action>> actions;
+  const auto add = [&](const char* name, const char* text, Action action) {
+    CLI::App* sub = app.add_subcommand(name, text);
+    actions.emplace_back(sub, action);
+    return sub;
+  };
+  const auto stack_input = [&](CLI::App* sub, const char* name, const char* text) {
+    sub->add_option(name, a.input, text)->required();
+  };
+  CLI::App* sub = add("slice", "Slice meshes into a stack of coverage images", slice);
+  a.mesh.add_to(*sub);
+  sub->add_option("--printer", a.setup.printer, "Printer: a .toml file or a name")->required();
+  sub->add_option("-o,--output", a.output, "Stack to write (.uvj)")->required();
+
+  sub = add("correct", "Correct a stack for a printer, a resin and a speed", correct);
+  stack_input(sub, "IN", "Stack of coverage images");
+  a.setup.add_to(*sub, true, true);
+  sub->add_option("-o,--output", a.output, "Stack to write (.uvj)")->required();
+
+  sub = add("verify", "Predict what a stack prints, and measure it against its target", verify);
+  stack_input(sub, "STACK", "Stack to verify");
+  sub->add_option("--target", a.target, "Stack of the design")->required();
+  a.setup.add_to(*sub, false, true);
+  sub->add_option("--json", a.json, "Write all figures as JSON to FILE, or - for stdout");
+  sub->add_option("--max-height-error-um", a.max_height_error_um,
+                  "Exit with 5 when the largest height error is above this")
+      ->check(CLI::NonNegativeNumber);
+
+  sub = add("probe", "Grey level, intensity and dose along one pixel column, as CSV", probe);
+  stack_input(sub, "STACK", "Stack to look into");
+  sub->add_option("--x", a.x, "Column of the image")->required();
+  sub->add_option("--y", a.y, "Row of the image")->required();
+  sub->add_option("--target", a.target, "Stack of the design");
+  a.setup.add_to(*sub, false, true);
+
+  sub = add("report", "Write a page that shows what a stack prints", report);
+  stack_input(sub, "STACK", "Stack to report on");
+  sub->add_option("--target", a.target, "Stack of the design")->required();
+  a.setup.add_to(*sub, false, true);
+  sub->add_option("-o,--output", a.output, "Page to write (.html)")->required();
+
+  sub = add("run", "Slice, correct, verify and report: OUT.uvj, OUT.html, OUT.json", run);
+  a.mesh.add_to(*sub);
+  a.setup.add_to(*sub, true, true);
+  sub->add_option("-o,--output", a.output, "Stack to write (.uvj)")->required();
+
+  sub = add("info", "What a stack says about itself", info);
+  stack_input(sub, "STACK", "Stack to look into");
+  sub->add_option("--json", a.json, "Write as JSON to FILE, or - for stdout");
+
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    const int code = app.exit(e);
+    return code == 0 ? kDone : kInput;
+  }
+
+  struct sigaction action {};
+  action.sa_handler = on_signal;
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+  std::signal(SIGXFSZ, SIG_IGN);
+
+  Console console(a.global.quiet);
+  const auto fail = [&](int code, const std::string& text) {
+    console.clear();
+    fmt::print(stderr, "slicecorr: {}\n", text);
+    return code;
+  };
+  try {
+    for (const auto& [command, act] : actions) {
+      if (command->parsed()) return act(a, console.job(a.global.threads), console);
+    }
+    return kInput;
+  } catch (const Cancelled&) {
+    return fail(kInterrupted, "interrupted; nothing was left half-made");
+  } catch (const InputError& e) {
+    return fail(kInput, e.what());
+  } catch (const InfeasibleError& e) {
+    return fail(kInfeasible, e.what());
+  } catch (const DeviceError& e) {
+    return fail(kDevice, e.what());
+  } catch (const std::bad_alloc&) {
+    return fail(kDevice, "out of memory");
+  } catch (const std::exception& e) {
+    return fail(kDefect, fmt::format("a defect of the program: {}", e.what()));
+  }
+}
+
+}  // namespace
+}  // namespace slicecorr::cli
+
+int main(int argc, char** argv) {
+  const int code = slicecorr::cli::main_guarded(argc, argv);
+  if (std::fflush(stdout) != 0 && code == 0) {
+    fmt::print(stderr, "slicecorr: stdout can't be written\n");
+    return 4;
+  }
+  return code;
+}

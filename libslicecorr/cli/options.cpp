@@ -1,0 +1,302 @@
+#include "options.hpp"
+
+#include <fmt/format.h>
+
+#include <cerrno>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "slicecorr/error.hpp"
+#include "slicecorr/units.hpp"
+
+namespace slicecorr::cli {
+
+namespace {
+
+Units units_named(const std::string& name) {
+  if (name == "mm") return Units::mm;
+  if (name == "inch") return Units::inch;
+  if (name == "m") return Units::m;
+  return Units::automatic;
+}
+
+double omega_max_of(const std::string& text) {
+  if (text == "inf") return 1e300;
+  std::size_t used = 0;
+  double value = 0;
+  try {
+    value = std::stod(text, &used);
+  } catch (const std::exception&) {
+    used = 0;
+  }
+  if (used != text.size() || text.empty() || !(value >= 1.0)) {
+    throw InputError(fmt::format("--omega-max {}: expected inf or a number of at least 1", text));
+  }
+  return std::min(value, 1e300);
+}
+
+}  // namespace
+
+void MeshOptions::add_to(CLI::App& app) {
+  app.add_option("PART", parts, "Meshes (stl, obj, ply, off, 3mf; also .gz) that share the plate")
+      ->required();
+  app.add_option("--layer-um", layer_um, "Slice height, 1 to 1000")->required();
+  app.add_option("--antialias", antialias, "Area coverage in 256 levels, or the pixel-centre rule")
+      ->check(CLI::IsMember({"on", "off"}))
+      ->capture_default_str();
+  app.add_option(
+         "--center-mm", center_mm,
+         "X,Y: where the centre of the parts lies on the plate, from its corner at the least "
+         "x and y [the middle]")
+      ->delimiter(',')
+      ->expected(2);
+  app.add_option("--units", units, "Units of the meshes [those of the file, else mm]")
+      ->check(CLI::IsMember({"auto", "mm", "inch", "m"}));
+  app.add_option("--scale", scale, "Factor on all lengths")->capture_default_str();
+  app.add_option("--rotate-deg", rotate_deg, "X,Y,Z: turned about the fixed axes, in this order")
+      ->delimiter(',')
+      ->expected(3);
+}
+
+Placement MeshOptions::placement() const {
+  Placement p;
+  p.units = units_named(units);
+  p.scale = scale;
+  if (!rotate_deg.empty()) p.rotate_deg = {rotate_deg[0], rotate_deg[1], rotate_deg[2]};
+  return p;
+}
+
+SliceOptions MeshOptions::slice_options() const {
+  SliceOptions o;
+  o.layer_um = layer_um;
+  o.antialias = antialias == "on";
+  if (!center_mm.empty()) o.center_mm = {center_mm[0], center_mm[1]};
+  return o;
+}
+
+void SetupOptions::add_to(CLI::App& app, bool required, bool correcting) {
+  auto* p = app.add_option("--printer", printer, "Printer: a .toml file or a name");
+  auto* r = app.add_option("--resin", resin, "Resin: a .toml file or a name");
+  auto* s = app.add_option("--speed-mm-h", speed_mm_h, "Print speed")->check(CLI::PositiveNumber);
+  if (required) {
+    p->required();
+    r->required();
+    s->required();
+  }
+  app.add_option("--mode", mode, "How the printer exposes")
+      ->check(CLI::IsMember({"continuous"}))
+      ->capture_default_str();
+  app.add_option("--dc-mj-cm3", dc_mj_cm3, "Dose to aim at, instead of the resin file's")
+      ->check(CLI::PositiveNumber);
+  app.add_option("--ha-um", ha_um, "Absorbance height, base 10, instead of the resin file's")
+      ->check(CLI::PositiveNumber);
+  if (correcting) {
+    app.add_option("--omega-max", omega_max,
+                   "Cap of the dose inside features, in critical doses: inf, 1 or more")
+        ->capture_default_str();
+    app.add_option(
+           "--one-slice-gaps", one_slice_gaps,
+           "Gaps one slice high: keep them open (the upper feature loses some height) or merge "
+           "them")
+        ->check(CLI::IsMember({"open", "merge"}))
+        ->capture_default_str();
+  }
+}
+
+Setup SetupOptions::resolve(const StackInfo* info) const {
+  Setup setup;
+  const bool recorded = info && info->printer && info->resin && info->process;
+  const auto need = [&](bool given, const char* option) {
+    if (!given && !recorded) {
+      throw InputError(fmt::format(
+          "the stack does not say how it is printed; expected {} (and --printer, --resin, "
+          "--speed-mm-h)",
+          option));
+    }
+  };
+  need(!printer.empty(), "--printer");
+  need(!resin.empty(), "--resin");
+  need(speed_mm_h > 0, "--speed-mm-h");
+  setup.printer = printer.empty() ? *info->printer : load_printer(printer);
+  ResinOverrides overrides;
+  if (dc_mj_cm3 > 0) overrides.dc_mj_cm3 = dc_mj_cm3;
+  if (ha_um > 0) overrides.ha_um = ha_um;
+  if (!resin.empty()) {
+    setup.resin = load_resin(resin, overrides);
+  } else {
+    setup.resin = *info->resin;
+    if (ha_um > 0) setup.resin.absorbance_height10_um = ha_um;
+    if (dc_mj_cm3 > 0) {
+      setup.resin.critical_dose_mj_cm3 = dc_mj_cm3;
+      setup.resin.critical_dose_prime = 0;
+    }
+  }
+  if (recorded) setup.process = *info->process;
+  if (speed_mm_h > 0) setup.process.speed_mm_h = speed_mm_h;
+  if (!recorded) {
+    setup.process.omega_max = omega_max_of(omega_max);
+    setup.process.one_slice_gaps =
+        one_slice_gaps == "merge" ? OneSliceGaps::merge : OneSliceGaps::open;
+  }
+  return setup;
+}
+
+TriangleMesh read_parts(const MeshOptions& options, const Job& job) {
+  TriangleMesh all;
+  for (const std::string& path : options.parts) {
+    job.check_cancelled();
+    const TriangleMesh part = read_mesh(path, options.placement());
+    const MeshReport r = inspect(part);
+    job.tell(fmt::format("{}: {} triangles, {} {}, {:.3f} x {:.3f} x {:.3f} mm", path, r.triangles,
+                         r.bodies, r.bodies == 1 ? "body" : "bodies", r.upper[0] - r.lower[0],
+                         r.upper[1] - r.lower[1], r.upper[2] - r.lower[2]));
+    if (r.defects.any()) job.tell(fmt::format("{}: {}", path, describe(r.defects)));
+    append(all, part);
+  }
+  return all;
+}
+
+std::string summary(const Prediction& after, const std::optional<Prediction>& before) {
+  std::string text;
+  const auto line = [&](const char* name, auto figure) {
+    text += fmt::format("  {:<34}", name);
+    if (before) text += fmt::format("{:>18}", figure(*before));
+    text += fmt::format("{:>18}\n", figure(after));
+  };
+  if (before) text += fmt::format("  {:<34}{:>18}{:>18}\n", "", "uncorrected", "corrected");
+  const auto edge = [](const Prediction& p, double value) {
+    return p.height_error_um.count() ? fmt::format("{:.3f} um", value) : std::string("-");
+  };
+  line("height error, mean",
+       [&](const Prediction& p) { return edge(p, p.height_error_um.mean()); });
+  line("height error, 95 % within",
+       [&](const Prediction& p) { return edge(p, p.height_error_um.quantile(0.95)); });
+  line("height error, largest",
+       [&](const Prediction& p) { return edge(p, p.height_error_um.greatest()); });
+  line("gap voxels cured through",
+       [](const Prediction& p) { return fmt::format("{}", p.cure_through_voxels); });
+  line("feature voxels undercured",
+       [](const Prediction& p) { return fmt::format("{}", p.undercure_voxels); });
+  line("features lost",
+       [](const Prediction& p) { return fmt::format("{} of {}", p.lost_features, p.runs); });
+  line("gaps merged",
+       [](const Prediction& p) { return fmt::format("{} of {}", p.merged_features, p.gaps); });
+  line("overlap with the design",
+       [](const Prediction& p) { return fmt::format("{:.6f}", p.iou()); });
+  return text;
+}
+
+double print_time_s(const StackInfo& info) {
+  if (info.process) {
+    return info.grid.layers * units::slice_time_s(info.grid.layer_um, info.process->speed_mm_h);
+  }
+  return info.exposure_s > 0 ? info.grid.layers * info.exposure_s : 0;
+}
+
+namespace {
+const char* kind_name(StackKind kind) {
+  switch (kind) {
+    case StackKind::target:
+      return "target";
+    case StackKind::corrected:
+      return "corrected";
+    default:
+      return "foreign";
+  }
+}
+}  // namespace
+
+std::string describe_stack(const StackInfo& info) {
+  const Grid& g = info.grid;
+  std::string text = fmt::format(
+      "kind         {}\nslices       {} of {:g} um, {:.3f} mm high\nimages       {} x {} pixels of "
+      "{:g} "
+      "x {:g} um\n",
+      kind_name(info.kind), g.layers, g.layer_um, g.layers * g.layer_um * 1e-3, g.width_px,
+      g.height_px, g.pixel_x_um, g.pixel_y_um);
+  if (info.kind == StackKind::corrected) {
+    text += fmt::format("part         {} layers, {} slices added after its end\n",
+                        info.target_layers, g.layers - info.target_layers);
+  }
+  if (info.printer) text += fmt::format("printer      {}\n", info.printer->name);
+  if (info.resin) {
+    text += fmt::format("resin        {}, {:g} um base 10, {:g} mJ/cm³\n", info.resin->name,
+                        info.resin->absorbance_height10_um, info.resin->critical_dose_mj_cm3);
+  }
+  if (info.process) {
+    text += fmt::format(
+        "process      continuous, {:g} mm/h, dose cap {}\n", info.process->speed_mm_h,
+        info.process->omega_max >= 1e300 ? "none" : fmt::format("{:g}", info.process->omega_max));
+  }
+  if (const double time = print_time_s(info); time > 0) {
+    text += fmt::format("print time   {:.0f} min {:02.0f} s\n", std::floor(time / 60),
+                        std::fmod(time, 60.0));
+  }
+  if (info.part_volume_mm3 > 0) {
+    text += fmt::format("resin volume {:.4f} ml\n", info.part_volume_mm3 * 1e-3);
+  }
+  if (!info.program.empty()) text += fmt::format("made by      {}\n", info.program);
+  return text;
+}
+
+std::string info_json(const StackInfo& info, const std::string& path) {
+  using nlohmann::ordered_json;
+  const Grid& g = info.grid;
+  ordered_json j;
+  j["file"] = path;
+  j["kind"] = kind_name(info.kind);
+  j["layers"] = g.layers;
+  j["layer_um"] = g.layer_um;
+  j["width_px"] = g.width_px;
+  j["height_px"] = g.height_px;
+  j["pixel_um"] = {g.pixel_x_um, g.pixel_y_um};
+  j["height_mm"] = g.layers * g.layer_um * 1e-3;
+  if (info.target_layers > 0) j["target_layers"] = info.target_layers;
+  if (info.printer) j["printer"] = info.printer->name;
+  if (info.resin) {
+    j["resin"] = info.resin->name;
+    j["absorbance_height10_um"] = info.resin->absorbance_height10_um;
+    j["critical_dose_mj_cm3"] = info.resin->critical_dose_mj_cm3;
+    if (info.resin->gel_dose_mj_cm3 > 0) j["gel_dose_mj_cm3"] = info.resin->gel_dose_mj_cm3;
+  }
+  if (info.process) {
+    j["mode"] = "continuous";
+    j["speed_mm_h"] = info.process->speed_mm_h;
+    if (info.process->omega_max >= 1e300) {
+      j["omega_max"] = "inf";
+    } else {
+      j["omega_max"] = info.process->omega_max;
+    }
+    j["one_slice_gaps"] = info.process->one_slice_gaps == OneSliceGaps::merge ? "merge" : "open";
+  }
+  const double time = print_time_s(info);
+  j["print_time_s"] = time > 0 ? ordered_json(time) : ordered_json();
+  j["resin_volume_ml"] =
+      info.part_volume_mm3 > 0 ? ordered_json(info.part_volume_mm3 * 1e-3) : ordered_json();
+  if (!info.program.empty()) j["program"] = info.program;
+  return j.dump(2);
+}
+
+std::string folder_of(const std::string& path) {
+  const auto parent = std::filesystem::path(path).parent_path();
+  return parent.empty() ? "." : parent.string();
+}
+
+void write_text_file(const std::string& path, const std::string& text) {
+  const std::string part = path + ".part";
+  std::FILE* file = std::fopen(part.c_str(), "wb");
+  if (!file) throw DeviceError(fmt::format("{}: can't be written: {}", path, std::strerror(errno)));
+  const bool written = std::fwrite(text.data(), 1, text.size(), file) == text.size();
+  const bool closed = std::fclose(file) == 0;
+  if (!written || !closed || std::rename(part.c_str(), path.c_str()) != 0) {
+    const int code = errno;
+    std::remove(part.c_str());
+    throw DeviceError(fmt::format("{}: can't be written: {}", path, std::strerror(code)));
+  }
+}
+
+}  // namespace slicecorr::cli

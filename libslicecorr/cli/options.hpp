@@ -1,0 +1,60 @@
+/// The options that subcommands share.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "slicecorr/pipeline.hpp"
+#include "slicecorr/slice.hpp"
+
+namespace slicecorr::cli {
+
+/// For every subcommand.
+struct GlobalOptions {
+  int threads = 0;
+  bool quiet = false;
+};
+
+struct MeshOptions {
+  std::vector<std::string> parts;
+  double layer_um = 0;
+  std::string antialias = "on";
+  std::vector<double> center_mm;
+  std::string units = "auto";
+  double scale = 1.0;
+  std::vector<double> rotate_deg;
+  void add_to(CLI::App& app);
+  Placement placement() const;
+  SliceOptions slice_options() const;
+};
+
+struct SetupOptions {
+  std::string printer, resin;
+  double speed_mm_h = 0;
+  std::string mode = "continuous";
+  std::string omega_max = "inf";
+  std::string one_slice_gaps = "open";
+  double dc_mj_cm3 = 0, ha_um = 0;
+  /// `required`: printer, resin and speed must be given; else a stack may bring them.
+  void add_to(CLI::App& app, bool required, bool correcting);
+  /// What is given here, over what `info` brings. Throws `InputError` naming what is missing.
+  Setup resolve(const StackInfo* info) const;
+};
+
+/// Reads and places all parts; tells their figures and defects through `job`.
+TriangleMesh read_parts(const MeshOptions& options, const Job& job);
+
+/// The human summary of a prediction.
+std::string summary(const Prediction& after, const std::optional<Prediction>& before);
+std::string describe_stack(const StackInfo& info);
+std::string info_json(const StackInfo& info, const std::string& path);
+double print_time_s(const StackInfo& info);
+
+/// Writes to a temporary file beside `path`, then renames it.
+void write_text_file(const std::string& path, const std::string& text);
+/// The folder of a path, for scratch files.
+std::string folder_of(const std::string& path);
+
+}  // namespace slicecorr::cli

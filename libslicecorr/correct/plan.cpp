@@ -1,0 +1,44 @@
+#include <cmath>
+#include <utility>
+
+#include "correct/node_goal.hpp"
+#include "slicecorr/correct.hpp"
+#include "slicecorr/units.hpp"
+
+namespace slicecorr {
+
+CorrectionPlan::CorrectionPlan(CureModel cure_model, const Process& process, int target_layers,
+                               int all_slices)
+    : model(std::move(cure_model)),
+      levels(model.level_phi),
+      omega_max(process.omega_max),
+      merge_one_slice_gaps(process.one_slice_gaps == OneSliceGaps::merge),
+      layers(target_layers),
+      all_layers(all_slices) {
+  const double low = model.phi_min();
+  fall.resize(static_cast<std::size_t>(all_layers) + 1);
+  // Out of exp, not by repeated division: entry j must not depend on how many come before it. Past
+  // any dose that light can give, the curve says nothing.
+  for (std::size_t j = 0; j < fall.size(); ++j) {
+    fall[j] = low + (1.0 - low) * std::exp(static_cast<double>(j) * model.eta * units::ln10);
+  }
+  const double high = model.phi_max();
+  for (int j = 0; j <= all_layers; ++j) {
+    const double grown = std::exp(j * model.eta * units::ln10);
+    // The greatest demand is 1 (and the margin on it): past this, darkness is enough.
+    if (high - (high - 1.001) * grown < 0) break;
+    reach.push_back(grown);
+  }
+}
+
+double CorrectionPlan::needed(double demand, int j) const {
+  if (static_cast<std::size_t>(j) >= reach.size()) return detail::kNoDemand;
+  const double high = model.phi_max();
+  return high - (high - demand) * reach[static_cast<std::size_t>(j)];
+}
+
+int slices_with_burst(const CureModel& model, int target_layers, int last_lit) {
+  return std::max(target_layers, last_lit + 1 + model.slices_to_gel());
+}
+
+}  // namespace slicecorr

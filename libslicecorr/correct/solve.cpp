@@ -1,0 +1,213 @@
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <utility>
+
+#include "base/band_tape.hpp"
+#include "correct/node_goal.hpp"
+#include "slicecorr/correct.hpp"
+#include "slicecorr/error.hpp"
+
+namespace slicecorr {
+
+namespace detail {
+namespace {
+
+/// Added to an edge's dose of 1. The recursion loses at most about two roundings per node, which
+/// decay with a: 2^-52 * Omega / (1 - a) in all, below 1e-10 for a layer of 1e-5 absorbance
+/// heights.
+constexpr double kMargin = 1e-9;
+
+/// Columns that are looked at together: their coverage fits one vector register.
+constexpr std::size_t kBlock = 32;
+
+/// The intensity that makes Omega(n) = `dose` from `below`.
+double intensity_for(const CureModel& model, double dose, double below) {
+  return (dose - model.a * below) / model.one_minus_a;
+}
+
+/// The grey level for a goal. Levels that reach `least` beat `aim`.
+int choose_level(const CorrectionPlan& plan, const Goal& goal, double below) {
+  if (goal.aim == kNoDemand && goal.least == kNoDemand) return 0;
+  const LevelTable& levels = plan.levels;
+  const CureModel& model = plan.model;
+  const double phi_least = intensity_for(model, goal.least, below);
+  const double phi_aim = intensity_for(model, goal.aim, below);
+  int level = levels.at_most(phi_aim);
+  if (goal.nearest && level + 1 < levels.size()) {
+    const int next = levels.at_least(phi_aim);
+    if (levels.phi(next) - phi_aim < phi_aim - levels.phi(level)) level = next;
+  }
+  if (levels.phi(level) < phi_least) level = levels.at_least(phi_least);
+  // Solving for phi and stepping forward round differently: the dose delivered is what counts.
+  while (level + 1 < levels.size() && model.step(levels.phi(level), below) < goal.least) {
+    level = levels.at_least(std::nextafter(levels.phi(level), 1e308));
+  }
+  return level;
+}
+
+}  // namespace
+}  // namespace detail
+
+using detail::Around;
+using detail::Demand;
+using detail::kBlock;
+
+struct BandCorrector::Impl {
+  Impl(const CorrectionPlan& p, std::size_t n)
+      : plan(p), columns(n), tape(n), demand(n), before(n), before2(n), empty(n) {}
+
+  /// A demand that a node replaced, to be put back when the solve has passed the node.
+  struct Change {
+    std::uint32_t column;
+    Demand was;
+  };
+
+  void forward(int node, const std::uint8_t* above2, const std::uint8_t* above,
+               const std::uint8_t* below);
+  void undo(int node);
+
+  const CorrectionPlan& plan;
+  std::size_t columns;
+  detail::BandTape tape;       ///< coverage of the layers
+  std::vector<Demand> demand;  ///< per column, as of the last node
+  std::vector<std::uint8_t> before, before2, empty;
+  std::vector<Change> changes;
+  std::vector<std::size_t> changes_end;  ///< per node
+};
+
+BandCorrector::BandCorrector(const CorrectionPlan& plan, std::size_t columns)
+    : impl_(std::make_unique<Impl>(plan, columns)) {}
+BandCorrector::~BandCorrector() = default;
+BandCorrector::BandCorrector(BandCorrector&&) noexcept = default;
+
+void BandCorrector::Impl::forward(int node, const std::uint8_t* above2, const std::uint8_t* above,
+                                  const std::uint8_t* below) {
+  for (std::size_t b = 0; b < columns; b += kBlock) {
+    const std::size_t end = std::min(b + kBlock, columns);
+    // In the middle of a feature or a gap nothing changes: most blocks of most layers.
+    if (node > 0 && std::memcmp(above + b, below + b, end - b) == 0) {
+      std::uint8_t grey = 0;
+      for (std::size_t i = b; i < end; ++i) {
+        grey |= static_cast<std::uint8_t>(below[i] != 0 && below[i] != detail::kFull);
+      }
+      if (!grey) continue;
+    }
+    for (std::size_t i = b; i < end; ++i) {
+      const Around c{above2[i], above[i], below[i], 0};
+      const Demand next = detail::next_demand(plan, node, c, demand[i]);
+      if (next == demand[i]) continue;
+      changes.push_back({static_cast<std::uint32_t>(i), demand[i]});
+      demand[i] = next;
+    }
+  }
+  changes_end.push_back(changes.size());
+}
+
+void BandCorrector::Impl::undo(int node) {
+  const auto n = static_cast<std::size_t>(node);
+  const std::size_t begin = n ? changes_end[n - 1] : 0;
+  for (std::size_t i = changes_end[n]; i-- > begin;) demand[changes[i].column] = changes[i].was;
+}
+
+void BandCorrector::add_layer(const std::uint8_t* coverage) {
+  Impl& s = *impl_;
+  const int n = s.tape.slices();
+  if (n >= s.plan.layers) throw Error("more layers than the plan has");
+  const std::uint8_t* rows = coverage ? coverage : s.empty.data();
+  s.tape.append(coverage);
+  s.forward(n, s.before2.data(), s.before.data(), rows);
+  std::swap(s.before2, s.before);
+  std::memcpy(s.before.data(), rows, s.columns);
+}
+
+void BandCorrector::solve(const Sink& sink) {
+  Impl& s = *impl_;
+  const CorrectionPlan& plan = s.plan;
+  const CureModel& model = plan.model;
+  const int layers = plan.layers;
+  if (s.tape.slices() != layers) throw Error("the plan has more layers");
+  // The node under the last layer has demands too; later ones only fade.
+  s.forward(layers, s.before2.data(), s.before.data(), s.empty.data());
+
+  const std::size_t columns = s.columns;
+  std::vector<double> omega(columns, 0.0);
+  std::vector<std::uint8_t> out(columns);
+  // Coverage of the layers n + 1, n, n - 1 and n - 2, moving up with the solve.
+  std::vector<std::uint8_t> below2(columns), below(columns), above(columns), above2(columns);
+  s.tape.read(plan.all_layers - 1, below.data());
+  s.tape.read(plan.all_layers - 2, above.data());
+  const double dark = model.phi_min() * model.one_minus_a;
+  const int reach = static_cast<int>(plan.reach.size());
+  for (int n = plan.all_layers; n-- > 0;) {
+    s.tape.read(n - 2, above2.data());
+    bool all_dark = true;
+    for (std::size_t b = 0; b < columns; b += kBlock) {
+      const std::size_t end = std::min(b + kBlock, columns);
+      bool black = detail::all_zero(below.data() + b, end - b) &&
+                   detail::all_zero(above.data() + b, end - b);
+      if (black) {
+        std::int32_t last = Demand::kNone;
+        for (std::size_t i = b; i < end; ++i) last = std::max(last, s.demand[i].node);
+        black = last + reach <= n;
+      }
+      if (black) {
+        for (std::size_t i = b; i < end; ++i) omega[i] = dark + model.a * omega[i];
+        std::memset(out.data() + b, 0, end - b);
+        continue;
+      }
+      all_dark = false;
+      for (std::size_t i = b; i < end; ++i) {
+        const Around c{above2[i], above[i], below[i], below2[i]};
+        const detail::Goal goal =
+            detail::goal_at(plan, n, c, s.demand[i], omega[i], 1.0 + detail::kMargin);
+        const int level = detail::choose_level(plan, goal, omega[i]);
+        out[i] = static_cast<std::uint8_t>(level);
+        omega[i] = model.step(plan.levels.phi(level), omega[i]);
+      }
+    }
+    sink(n, out.data(), below.data(), all_dark);
+    if (n <= layers) s.undo(n);
+    below2.swap(below);
+    below.swap(above);
+    above.swap(above2);
+  }
+}
+
+std::vector<std::uint8_t> solve_column(const CorrectionPlan& plan,
+                                       const std::vector<std::uint8_t>& coverage) {
+  BandCorrector corrector(plan, 1);
+  for (const std::uint8_t c : coverage) corrector.add_layer(&c);
+  std::vector<std::uint8_t> levels(static_cast<std::size_t>(plan.all_layers));
+  corrector.solve([&](int slice, const std::uint8_t* level, const std::uint8_t*, bool) {
+    levels[static_cast<std::size_t>(slice)] = *level;
+  });
+  return levels;
+}
+
+std::vector<double> solve_column_exactly(const CorrectionPlan& plan,
+                                         const std::vector<std::uint8_t>& coverage) {
+  const auto at = [&](int layer) {
+    const bool inside = layer >= 0 && layer < plan.layers;
+    return inside ? coverage[static_cast<std::size_t>(layer)] : std::uint8_t{0};
+  };
+  const auto around = [&](int n) { return Around{at(n - 2), at(n - 1), at(n), at(n + 1)}; };
+  std::vector<Demand> demands;
+  Demand demand;
+  for (int n = 0; n < plan.all_layers; ++n) {
+    demand = detail::next_demand(plan, n, around(n), demand);
+    demands.push_back(demand);
+  }
+  std::vector<double> phi(demands.size());
+  double omega = 0;
+  for (int n = plan.all_layers; n-- > 0;) {
+    const auto k = static_cast<std::size_t>(n);
+    const auto goal = detail::goal_at(plan, n, around(n), demands[k], omega, 1.0);
+    phi[k] = std::clamp(detail::intensity_for(plan.model, std::max(goal.aim, goal.least), omega),
+                        plan.model.phi_min(), plan.model.phi_max());
+    omega = plan.model.step(phi[k], omega);
+  }
+  return phi;
+}
+
+}  // namespace slicecorr

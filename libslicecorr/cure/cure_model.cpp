@@ -1,0 +1,111 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "slicecorr/cure.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/units.hpp"
+
+namespace slicecorr {
+
+double CureModel::phi(double intensity_mw_cm2) const {
+  const double ratio = intensity_mw_cm2 / critical_intensity_mw_cm2;
+  return m == 1.0 ? ratio : std::pow(ratio, m);
+}
+
+double CureModel::crossing(double phi, double below) const {
+  // Omega = 1 in (A.35): 10^-(d eta) = (1 - phi) / (below - phi), written so that equal doses are
+  // safe.
+  const double d = -std::log1p((1.0 - below) / (below - phi)) / (eta * units::ln10);
+  return std::clamp(d, 0.0, 1.0);
+}
+
+int CureModel::slices_to_gel() const {
+  const double slices = std::log10(phi_max() / (phi_max() - 1.0)) / eta;
+  // A part in 1e9 less than a whole number is that number: the margin of the solve covers it.
+  return static_cast<int>(std::ceil(slices - 1e-12));
+}
+
+double CureModel::highest_dose(double slices) const {
+  const double fall = 1.0 - phi_min();
+  const double climb = 1.0 - phi_max();
+  return fall * (phi_max() - phi_min()) / (fall - climb * std::pow(10.0, -slices * eta)) +
+         phi_min();
+}
+
+std::vector<double> level_intensities(const Printer& printer) {
+  std::vector<double> intensity(static_cast<std::size_t>(printer.levels()));
+  std::size_t segment = 0;
+  const auto& points = printer.calibration;
+  for (std::size_t level = 0; level < intensity.size(); ++level) {
+    const auto g = static_cast<double>(level);
+    while (segment + 2 < points.size() && g > points[segment + 1].level) ++segment;
+    const auto& p = points[segment];
+    const auto& q = points[segment + 1];
+    const double t = (g - p.level) / (q.level - p.level);
+    intensity[level] = g == q.level
+                           ? q.intensity_mw_cm2
+                           : p.intensity_mw_cm2 + t * (q.intensity_mw_cm2 - p.intensity_mw_cm2);
+  }
+  // Interpolation rounds: a curve that does not fall must not seem to.
+  for (std::size_t i = 1; i < intensity.size(); ++i) {
+    intensity[i] = std::max(intensity[i], intensity[i - 1]);
+  }
+  return intensity;
+}
+
+CureModel make_cure_model(const Printer& printer, const Resin& resin, const Process& process,
+                          double layer_um) {
+  CureModel model;
+  model.layer_um = layer_um;
+  model.m = resin.m;
+  model.eta = resin.m * layer_um / resin.absorbance_height10_um;
+  model.a = std::exp(-model.eta * units::ln10);
+  model.one_minus_a = -std::expm1(-model.eta * units::ln10);
+  model.root_a = std::exp(-0.5 * model.eta * units::ln10);
+  const double s = units::cm_s_from_mm_h(process.speed_mm_h);
+  if (resin.critical_dose_prime > 0) {
+    const double hb_cm = units::height_e_from_10(resin.absorbance_height10_um) * 1e-4;
+    model.critical_intensity_mw_cm2 =
+        std::pow(resin.m * s * resin.critical_dose_prime / hb_cm, 1.0 / resin.m);
+  } else {
+    model.critical_intensity_mw_cm2 = resin.critical_dose_mj_cm3 * s;
+  }
+  for (const double i : level_intensities(printer)) model.level_phi.push_back(model.phi(i));
+  return model;
+}
+
+void check_feasible(const CureModel& model, const Printer& printer, const Process& process) {
+  if (printer.max_speed_mm_h > 0 && process.speed_mm_h > printer.max_speed_mm_h) {
+    throw InputError(
+        fmt::format("speed {:g} mm/h is beyond the stage of printer '{}', which reaches {:g} mm/h",
+                    process.speed_mm_h, printer.name, printer.max_speed_mm_h));
+  }
+  // phi is proportional to 1 / s for every m: what phi lacks, the speed must give.
+  const double most = printer.calibration.back().intensity_mw_cm2;
+  const double least = printer.calibration.front().intensity_mw_cm2;
+  const double needed = model.critical_intensity_mw_cm2;
+  if (model.phi_max() <= 1.0) {
+    throw InfeasibleError(fmt::format(
+        "the resin never gels: at {:g} mm/h even full light ({:g} mW/cm², phi {:.4g}) stays below "
+        "the "
+        "critical intensity; print slower than {:.5g} mm/h, or with more than {:.5g} mW/cm²",
+        process.speed_mm_h, most, model.phi_max(), process.speed_mm_h * model.phi_max(), needed));
+  }
+  if (model.phi_min() >= 1.0) {
+    throw InfeasibleError(fmt::format(
+        "black pixels gel the resin: at {:g} mm/h the light of black ({:g} mW/cm², phi {:.4g}) "
+        "reaches "
+        "the critical intensity; print faster than {:.5g} mm/h, or with black below {:.5g} mW/cm²",
+        process.speed_mm_h, least, model.phi_min(), process.speed_mm_h * model.phi_min(), needed));
+  }
+}
+
+std::vector<double> node_doses(const CureModel& model, const std::vector<double>& phi) {
+  std::vector<double> omega(phi.size() + 1, 0.0);
+  for (std::size_t k = phi.size(); k-- > 0;) omega[k] = model.step(phi[k], omega[k + 1]);
+  return omega;
+}
+
+}  // namespace slicecorr

@@ -1,0 +1,88 @@
+/// @file correct.hpp
+/// Choosing the grey levels of every slice so that the design prints (dissertation §2.3.1, A.4).
+///
+/// Going from the last slice to the first, slice k decides Omega(k), the dose at its upper node,
+/// from Omega(k + 1), the dose really delivered at its lower one: rounding to levels does not pile
+/// up. What a node is for follows from the coverage of the layers on its two sides:
+///
+///  - inside a feature and at its edges Omega >= 1, at the edges as little above as levels allow;
+///  - inside a feature the dose climbs with full light, up to the cap Omega_max, and stays under
+///  the
+///    curve that falls with black light to 1 at the upper edge; a feature on the platform has none;
+///  - in a gap the least dose: black light, unless full light could not reach 1 at the lower edge
+///  of
+///    the next feature from there (the burst);
+///  - a layer of grey coverage c aims at the relative dose c in its middle.
+///
+/// Look-ahead costs no window: a first pass from slice 0 on leaves, per column, the last node that
+/// demands something of the nodes after it, with a log of changes that the solve takes back step by
+/// step. Objects are for one thread at a time; plans are immutable and may be shared.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "slicecorr/cure.hpp"
+
+namespace slicecorr {
+
+/// What all columns of a correction share.
+struct CorrectionPlan {
+  CorrectionPlan(CureModel cure_model, const Process& process, int target_layers, int all_layers);
+
+  CureModel model;
+  LevelTable levels;
+  double omega_max;
+  bool merge_one_slice_gaps;
+  int layers;      ///< layers of the target, N
+  int all_layers;  ///< slices that will be shown, M >= N
+  /// fall[j]: greatest dose j nodes below an upper edge from which black light gets down to 1
+  /// there.
+  std::vector<double> fall;
+  /// reach[j] = a^-j for a demand j nodes further up, as long as full light could miss it.
+  std::vector<double> reach;
+  /// Least dose from which full light reaches `demand` after j nodes; negative infinity past
+  /// `reach`.
+  double needed(double demand, int j) const;
+};
+
+/// Number of slices to show for a target whose last lit layer is `last_lit` (0-based): the burst
+/// that cures its lower edge comes after it.
+int slices_with_burst(const CureModel& model, int target_layers, int last_lit);
+
+/// Corrects one band: first all layers of the target from the first to the last, then the solve.
+class BandCorrector {
+ public:
+  BandCorrector(const CorrectionPlan& plan, std::size_t columns);
+  ~BandCorrector();
+  BandCorrector(BandCorrector&&) noexcept;
+
+  /// Coverage 0..255 of the next layer, one byte per column; null for an empty layer. To be called
+  /// `plan.layers` times.
+  void add_layer(const std::uint8_t* coverage);
+
+  /// Gives every slice from the last to the first: its grey levels (0..levels - 1) and the coverage
+  /// of its layer; the pointers are valid during the call. `dark` says that the slice is all level
+  /// 0 and its coverage all 0. May be called once.
+  using Sink = std::function<void(int slice, const std::uint8_t* levels,
+                                  const std::uint8_t* coverage, bool dark)>;
+  void solve(const Sink& sink);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// The intensities phi(0..M-1) of one column before rounding to levels: every intensity between
+/// phi_min and phi_max may be shown. For checks and drawings; `coverage` has `plan.layers` bytes.
+std::vector<double> solve_column_exactly(const CorrectionPlan& plan,
+                                         const std::vector<std::uint8_t>& coverage);
+
+/// The grey levels of one column, as `BandCorrector` chooses them.
+std::vector<std::uint8_t> solve_column(const CorrectionPlan& plan,
+                                       const std::vector<std::uint8_t>& coverage);
+
+}  // namespace slicecorr

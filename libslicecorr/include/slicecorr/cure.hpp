@@ -1,0 +1,91 @@
+/// @file cure.hpp
+/// The dose that slices leave behind under continuous exposure (dissertation §2.3, appendix A.2).
+///
+/// Symbols are those of the source: eta = hs / ha (base 10), a = 10^-eta, phi = I / Ic the relative
+/// intensity of a slice, Omega = D / Dc the relative dose, zeta = z / hs the position in slices.
+/// Resin gels where Omega >= 1. From the last node to the first
+///
+///     Omega(k) = phi_k (1 - a) + a Omega(k + 1),   Omega(M) = 0                           (A.32)
+///
+/// and inside layer n exactly
+///
+///     Omega(zeta) = phi_n + (Omega(n + 1) - phi_n) 10^-((n + 1 - zeta) eta)               (A.35)
+///
+/// which is monotone in the layer. An exponent m other than 1 (kinetic resins) keeps all of this,
+/// with eta = m hs / (hb ln 10) and phi = I^m hb / (m s D'c). Everything here is pure and
+/// thread-safe.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "slicecorr/process.hpp"
+
+namespace slicecorr {
+
+/// A printer, a resin and a speed in dimensionless form.
+struct CureModel {
+  double layer_um = 0;                   ///< hs
+  double eta = 0;                        ///< hs / ha, base 10, with m
+  double a = 0;                          ///< 10^-eta: what is left of a dose one node further up
+  double one_minus_a = 0;                ///< 1 - a, without cancellation
+  double root_a = 0;                     ///< 10^(-eta/2): half a layer
+  double m = 1;                          ///< exponent of intensity
+  double critical_intensity_mw_cm2 = 0;  ///< Ic: the intensity of phi = 1
+  std::vector<double> level_phi;         ///< phi of each grey level, never falling
+  double phi_min() const { return level_phi.front(); }
+  double phi_max() const { return level_phi.back(); }
+
+  /// phi of an intensity at the window.
+  double phi(double intensity_mw_cm2) const;
+
+  /// Dose one node above `below` = Omega(k + 1) after a slice of intensity `phi`.
+  double step(double phi, double below) const { return phi * one_minus_a + a * below; }
+  /// Dose in the middle of the layer.
+  double middle(double phi, double below) const { return phi * (1.0 - root_a) + root_a * below; }
+  /// Distance from the layer's lower node, in slices (0..1), at which the dose is 1. Needs the
+  /// doses of the two nodes on different sides of 1.
+  double crossing(double phi, double below) const;
+  /// Slices of phi_max that lift the dose from 0 to 1: what a part needs after its end.
+  int slices_to_gel() const;
+  /// Highest dose that a feature of `slices` slices with both edges at 1 can reach (A.41).
+  double highest_dose(double slices) const;
+};
+
+/// The model of a process. `layer_um` is the slice height. Does not ask whether the process is
+/// feasible.
+CureModel make_cure_model(const Printer& printer, const Resin& resin, const Process& process,
+                          double layer_um);
+
+/// Throws `InfeasibleError` when the light never gels the resin (phi_max <= 1) or black gels it
+/// (phi_min >= 1), naming the limiting speed and the intensity that would do; `InputError` when the
+/// speed is beyond the stage's.
+void check_feasible(const CureModel& model, const Printer& printer, const Process& process);
+
+/// Intensity of every grey level of a printer, linear between the points of its calibration.
+std::vector<double> level_intensities(const Printer& printer);
+
+/// Doses Omega(0..M) at the nodes for the intensities phi(0..M-1) of a column, by the recursion.
+std::vector<double> node_doses(const CureModel& model, const std::vector<double>& phi);
+
+/// Finds grey levels by their phi.
+class LevelTable {
+ public:
+  explicit LevelTable(std::vector<double> level_phi);
+  int size() const { return static_cast<int>(phi_.size()); }
+  double phi(int level) const { return phi_[static_cast<std::size_t>(level)]; }
+  const double* data() const { return phi_.data(); }
+  /// Lowest level of at least `phi`; the last level when there is none. The lowest of a plateau.
+  int at_least(double phi) const;
+  /// Lowest level of the greatest phi that is at most `phi`; 0 when there is none.
+  int at_most(double phi) const;
+
+ private:
+  std::size_t bucket(double phi) const;
+  std::vector<double> phi_;
+  std::vector<int> first_of_plateau_;
+  std::vector<int> start_;  ///< per bucket of phi: first level that may lie in it
+  double scale_ = 0;
+};
+
+}  // namespace slicecorr

@@ -1,0 +1,82 @@
+/// @file mesh.hpp
+/// Reading meshes, reporting their defects, placing them. Lengths are mm unless a name says
+/// otherwise.
+///
+/// Supported: STL (ascii and binary, any line ending, several solids in a file), OBJ, PLY, OFF
+/// through OpenMesh; 3MF through lib3mf with its units, components and transforms; each also
+/// gzip-compressed (name ends in `.gz`). Polygons are split into triangles as fans. All functions
+/// are thread-safe on different objects; they throw `InputError`.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace slicecorr {
+
+using Point3 = std::array<double, 3>;
+
+/// An indexed triangle soup. Vertices are merged only where their coordinates are exactly equal.
+struct TriangleMesh {
+  std::vector<Point3> vertices;
+  /// Indices into `vertices`, counter-clockwise seen from outside.
+  std::vector<std::array<std::uint32_t, 3>> triangles;
+};
+
+/// What is wrong with a mesh. Nothing of it is changed in the mesh.
+struct MeshDefects {
+  std::size_t open_edges = 0;         ///< edges of one triangle only
+  std::size_t crowded_edges = 0;      ///< edges of more than two triangles: bodies that touch
+  std::size_t misoriented_edges = 0;  ///< edges whose two triangles run along them the same way
+  std::size_t flipped_triangles =
+      0;  ///< least number of triangles to turn so that neighbours agree
+  std::size_t degenerate_triangles = 0;  ///< two corners at the same place
+  std::size_t zero_area_triangles = 0;   ///< three different corners on a line
+  std::size_t duplicate_triangles = 0;   ///< the same three corners as an earlier triangle
+  bool any() const {
+    return open_edges || crowded_edges || misoriented_edges || flipped_triangles ||
+           degenerate_triangles || zero_area_triangles || duplicate_triangles;
+  }
+};
+
+/// Figures of a mesh, in the units of its coordinates.
+struct MeshReport {
+  std::size_t vertices = 0, triangles = 0;
+  std::size_t bodies = 0;   ///< parts connected through shared edges
+  double volume = 0;        ///< signed volume, cubic units; meaningful for closed meshes
+  Point3 lower{}, upper{};  ///< bounding box
+  MeshDefects defects;
+};
+
+enum class Units { automatic, mm, inch, m };  ///< `automatic`: the file's own, else mm
+
+/// How a mesh is turned and scaled before slicing: units, then scale, then rotation about x, y and
+/// z (fixed axes, in that order, degrees).
+struct Placement {
+  Units units = Units::automatic;
+  double scale = 1.0;
+  Point3 rotate_deg{};
+};
+
+/// Reads one file and applies `placement`. The result is in mm, at the place the file says.
+/// Throws `InputError` when the file can't be read, holds no triangle, or a coordinate is not
+/// finite.
+TriangleMesh read_mesh(const std::string& path, const Placement& placement = {});
+
+/// Counts triangles, bodies and defects; O(triangles).
+MeshReport inspect(const TriangleMesh& mesh);
+
+/// For each triangle whether it must be turned so that neighbours over two-triangle edges agree, by
+/// the majority of each body. All false for a well-oriented mesh, also one with cavities.
+std::vector<bool> flipped_triangles(const TriangleMesh& mesh);
+
+/// One line on the defects in words ("12 open edges, 3 flipped triangles"); empty when there are
+/// none.
+std::string describe(const MeshDefects& defects);
+
+/// Appends `part` to `mesh`.
+void append(TriangleMesh& mesh, const TriangleMesh& part);
+
+}  // namespace slicecorr

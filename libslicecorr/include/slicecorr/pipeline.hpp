@@ -1,0 +1,89 @@
+/// @file pipeline.hpp
+/// The main job: the steps put together, band by band, fused where they follow each other.
+///
+/// Every function works on bands in parallel and gives the same bytes and figures for any number of
+/// threads. Memory: per thread a band's state and its run-length coded slices; images wait
+/// compressed.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "slicecorr/correct.hpp"
+#include "slicecorr/parallel.hpp"
+#include "slicecorr/predict.hpp"
+#include "slicecorr/process.hpp"
+#include "slicecorr/stack.hpp"
+#include "slicecorr/target.hpp"
+
+namespace slicecorr {
+
+/// Printer, resin and process with which a stack is corrected or judged.
+struct Setup {
+  Printer printer;
+  Resin resin;
+  Process process;
+};
+
+/// Writes a target as a stack of its coverage. Throws `InputError` when nothing in it is solid.
+StackInfo write_target(const SliceSource& target, const std::string& path, const Job& job = {});
+
+struct Correction {
+  StackInfo info;                    ///< of the stack written
+  Prediction after;                  ///< what it prints
+  std::optional<Prediction> before;  ///< what the target prints when shown as it is
+};
+
+/// Corrects `target` for `setup` and writes the stack. Throws `InputError` when the target does not
+/// fit the printer, `InfeasibleError` when physics or the stage's travel forbid it.
+Correction correct_stack(const SliceSource& target, const Setup& setup, const std::string& path,
+                         bool with_before, const Job& job = {});
+
+/// Predicts what `stack` prints, against `target`. Throws `InputError` when the two differ in size
+/// or scale.
+Prediction verify_stack(const SliceSource& stack, const SliceSource& target, const Setup& setup,
+                        const Job& job = {});
+
+/// One slice in one pixel column.
+struct ProbeRow {
+  int slice = 0;
+  double z_um = 0;  ///< of node `slice`
+  int grey = 0;     ///< level
+  double intensity_mw_cm2 = 0;
+  double phi = 0;
+  double dose = 0;     ///< Omega at node `slice`
+  double target = -1;  ///< coverage 0..1 of the layer; -1 without a target
+};
+std::vector<ProbeRow> probe_stack(const SliceSource& stack, const SliceSource* target,
+                                  const Setup& setup, int x, int y);
+
+/// A vertical section along one image row, through all slices; data are slice by slice.
+struct Section {
+  int y = 0, x0 = 0, width = 0, layers = 0;  ///< columns [x0, x0 + width)
+  std::vector<std::uint8_t> coverage;
+  std::vector<std::uint8_t> pixels;  ///< shown; black after the end of the stack
+  std::vector<float> dose;           ///< at mid-layer
+};
+Section section_of(const SliceSource& stack, const SliceSource& target, const Setup& setup, int y);
+
+/// A target corrected while it is read, without a file: for sections and columns.
+class CorrectedSlices final : public SliceSource {
+ public:
+  /// `target` must outlive this.
+  CorrectedSlices(const SliceSource& target, const Setup& setup);
+  const Grid& grid() const override { return grid_; }
+  PixelBox bounds() const override { return target_.bounds(); }
+  void read_band(const PixelBox& band, const Sink& sink) const override;
+
+ private:
+  const SliceSource& target_;
+  CorrectionPlan plan_;
+  Grid grid_;
+};
+
+/// Checks that `setup` can print `target` at all: size, scale, stage, light. Throws as
+/// `correct_stack`.
+CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup);
+
+}  // namespace slicecorr

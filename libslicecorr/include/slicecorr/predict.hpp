@@ -1,0 +1,136 @@
+/// @file predict.hpp
+/// What a stack will print, measured against its design (contract: `verify --json`).
+///
+/// Voxel: one pixel in one layer, printed when the dose at mid-layer reaches 1. Run: consecutive
+/// layers of coverage 1 in a column. Gap: the layers of coverage 0 between two runs, or between the
+/// platform and a run. Edges are exact, from the closed form of the dose inside a layer (A.35).
+/// Sums are kept in integers, so that no figure depends on the order of the work.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "slicecorr/cure.hpp"
+
+namespace slicecorr {
+
+/// Counts of positive numbers in bins of at most 0.1 % of their value, for quantiles of any number
+/// of samples in bounded memory.
+class Histogram {
+ public:
+  void add(double value);
+  void merge(const Histogram& other);
+  std::uint64_t count() const { return count_; }
+  double mean() const;
+  /// Least value that a share `q` of the samples does not exceed (nearest rank), to 0.05 %; the
+  /// smallest and the largest sample are exact.
+  double quantile(double q) const;
+  double least() const { return least_; }
+  double greatest() const { return greatest_; }
+
+ private:
+  static constexpr int kLeastExponent = -20, kGreatestExponent = 30, kBinsPerOctave = 1024;
+  std::vector<std::uint64_t> bins_;  ///< empty until the first sample; bin 0: below 2^-20
+  std::uint64_t count_ = 0;
+  /// Sum in units of 2^-20, 128 bits: no order of summing changes it.
+  unsigned __int128 sum_ = 0;
+  double least_ = std::numeric_limits<double>::infinity();
+  double greatest_ = -std::numeric_limits<double>::infinity();
+};
+
+/// The figures of a prediction.
+struct Prediction {
+  int layers = 0;  ///< slices shown
+  double layer_um = 0;
+  double pixel_x_um = 0, pixel_y_um = 0;
+  std::uint64_t target_voxels = 0;        ///< coverage 1
+  std::uint64_t printed_voxels = 0;       ///< printed, of coverage 0 or 1
+  std::uint64_t cure_through_voxels = 0;  ///< printed, of coverage 0
+  std::uint64_t undercure_voxels = 0;     ///< not printed, of coverage 1
+  std::uint64_t grey_voxels = 0;          ///< coverage between 0 and 1, in none of the counts above
+  std::uint64_t runs = 0, gaps = 0;
+  std::uint64_t lost_features = 0;        ///< runs with nothing printed in them
+  std::uint64_t lost_thick_features = 0;  ///< of these, runs of two slices or more
+  std::uint64_t merged_features = 0;      ///< gaps with nothing unprinted in them
+  std::uint64_t merged_thick_gaps = 0;    ///< of these, gaps of two slices or more
+  Histogram height_error_um;              ///< absolute values
+  double greatest_overreach_um = 0;       ///< furthest that the print reaches into a gap
+  double greatest_shortfall_um = 0;       ///< furthest that an edge stays behind in its run
+  Histogram gap_contrast;
+  Histogram grey_dose_error;  ///< absolute difference of mid-layer dose and coverage
+  double min_dose_inside = std::numeric_limits<double>::infinity();
+  double max_dose_inside = -std::numeric_limits<double>::infinity();
+  double max_dose_outside = -std::numeric_limits<double>::infinity();
+  /// Column and row of the edge with the greatest height error (the first such pixel); -1: none.
+  int worst_x = -1, worst_y = -1;
+
+  /// Printed and designed, over printed or designed; 1 when there is neither.
+  double iou() const;
+  void merge(const Prediction& other);
+  /// The JSON of the contract; figures without samples are null.
+  std::string to_json() const;
+};
+
+/// phi of every pixel value 0..255 of a stack.
+using PixelCurve = std::array<double, 256>;
+
+/// Pixel values stand for levels of `printer`: value v is level round(v * (levels - 1) / 255).
+PixelCurve pixel_curve(const CureModel& model);
+/// The level that a pixel value stands for, and the pixel value that stands for a level.
+int level_of_pixel(int value, int levels);
+int pixel_of_level(int level, int levels);
+
+/// Predicts one band, slices from the last to the first. One object for one thread.
+class BandPredictor {
+ public:
+  /// `all_layers` is the greater of the number of slices and of target layers.
+  BandPredictor(const CureModel& model, const PixelCurve& curve, int all_layers,
+                std::size_t columns);
+
+  /// `pixels` null: nothing is shown (light off, after the end of the stack). `coverage` null:
+  /// empty.
+  void add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage);
+  /// After slice 0: closes what is open at the platform. Columns are `width` to a row, from (x0,
+  /// y0).
+  Prediction finish(int x0, int y0, int width);
+
+ private:
+  enum Class : std::uint8_t { gap, run, grey };
+  struct Column {
+    double start = 0;  ///< zeta where the present printed or unprinted stretch begins (lower end)
+    std::int32_t lower = 0;  ///< node where the present class begins (lower end)
+    bool seeks_print =
+        false;  ///< the run's lower edge is unprinted; its first printed point is sought
+    bool seeks_end = false;    ///< the print reaches into this gap from below; its end is sought
+    bool any_printed = false;  ///< of the present run
+    bool run_below = false;    ///< there is a run further down
+    bool gap_seen = false;     ///< a layer of coverage 0 since the run below
+    std::int32_t gap_layers = 0;
+  };
+  void slow(std::size_t i, int slice, double phi, std::uint8_t coverage);
+  void enter(std::size_t i, int node, Class next, double dose);
+  void close_gap(std::size_t i);
+  void error(std::size_t i, double slices);
+  void lose(const Column& c, int top);
+
+  const CureModel& model_;
+  const PixelCurve& curve_;
+  int all_layers_;
+  std::vector<double> omega_, gap_min_;
+  std::vector<Class> class_;
+  std::vector<Column> columns_;
+  std::vector<std::uint8_t> empty_;
+  double worst_ = -1;
+  std::size_t worst_column_ = 0;
+  Prediction prediction_;
+};
+
+/// Counts the columns of an image in which nothing is designed and nothing but black is shown.
+Prediction predict_black_columns(const CureModel& model, int slices, std::uint64_t columns);
+
+}  // namespace slicecorr

@@ -1,0 +1,85 @@
+/// @file process.hpp
+/// The printer, the resin and how they are run: read from TOML, checked, and kept with every stack.
+///
+/// All `load_*` and `parse_*` functions throw `InputError` naming file, line, key and what was
+/// expected.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace slicecorr {
+
+/// One measured point of a projector: grey level and intensity at the window.
+struct CalibrationPoint {
+  double level = 0;
+  double intensity_mw_cm2 = 0;
+  bool operator==(const CalibrationPoint&) const = default;
+};
+
+/// A printer file (contract: "Printer file").
+struct Printer {
+  std::string name;
+  int width_px = 0;          ///< 1..65536
+  int height_px = 0;         ///< 1..65536
+  double pixel_x_um = 0;     ///< > 0
+  double pixel_y_um = 0;     ///< > 0
+  int bit_depth = 8;         ///< 1..8; all 2^bit_depth levels exist
+  double wavelength_nm = 0;  ///< of the curing light; 0 when not given
+  /// Levels rise strictly from 0 to 2^bit_depth - 1, intensities never fall and are not negative.
+  std::vector<CalibrationPoint> calibration;
+  double max_speed_mm_h = 0;  ///< 0 when not given
+  double travel_mm = 0;       ///< 0 when not given
+  int levels() const { return 1 << bit_depth; }
+  bool operator==(const Printer&) const = default;
+};
+
+enum class CureModelKind { jacobs, kinetic };
+
+/// A resin file (contract: "Resin file"), resolved to what the cure model needs.
+struct Resin {
+  std::string name;
+  CureModelKind model = CureModelKind::jacobs;
+  double m = 1.0;                     ///< exponent of intensity, 0 < m <= 2
+  double absorbance_height10_um = 0;  ///< base 10: intensity falls to 1/10
+  /// Volumetric dose that the correction aims at, mJ/cm³ (m = 1).
+  double critical_dose_mj_cm3 = 0;
+  /// Areal dose analogue D'c of kinetic fits, (mW/cm²)^m·s; 0 when the volumetric dose counts.
+  double critical_dose_prime = 0;
+  /// Measured gel dose, mJ/cm³, kept beside the dose aimed at; 0 when not given.
+  double gel_dose_mj_cm3 = 0;
+  bool operator==(const Resin&) const = default;
+};
+
+enum class OneSliceGaps { open, merge };
+
+/// How a stack is exposed and corrected.
+struct Process {
+  double speed_mm_h = 0;  ///< print speed, > 0
+  double omega_max =
+      1e300;  ///< cap of the relative dose inside features, >= 1; >= 1e300 means none
+  OneSliceGaps one_slice_gaps = OneSliceGaps::open;
+  bool operator==(const Process&) const = default;
+};
+
+/// Finds a printer or resin: `name` is a path to a .toml file, or a name looked up as NAME.toml in
+/// `$SLICECORR_DB`, `$XDG_CONFIG_HOME/slicecorr` (or `~/.config/slicecorr`) and the installed
+/// database (beside the running program, then at the configured prefix), in that order, each
+/// directly and in its subfolders `printers` and `resins`.
+std::string find_definition(const std::string& name, std::string_view kind);
+
+Printer load_printer(const std::string& name_or_path);
+Printer parse_printer(std::string_view toml, const std::string& source);
+
+/// Changes to a resin from the command line; base 10 height.
+struct ResinOverrides {
+  std::optional<double> dc_mj_cm3;
+  std::optional<double> ha_um;
+};
+Resin load_resin(const std::string& name_or_path, const ResinOverrides& overrides = {});
+Resin parse_resin(std::string_view toml, const std::string& source,
+                  const ResinOverrides& overrides = {});
+
+}  // namespace slicecorr

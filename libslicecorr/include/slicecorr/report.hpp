@@ -1,0 +1,56 @@
+/// @file report.hpp
+/// The page that shows a correction: figures, sections before and after, a column's dose curve.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "slicecorr/pipeline.hpp"
+
+namespace slicecorr {
+
+/// 8-bit RGB picture, row by row.
+struct ColourImage {
+  int width_px = 0, height_px = 0;
+  std::vector<std::uint8_t> rgb;
+};
+
+/// What prints along a section, platform up: grey where it is right, red where light cures a gap,
+/// blue where a feature stays liquid, pale where a designed grey voxel prints; white is empty. True
+/// to scale in x and z (`pixel_x_um`, `layer_um`), at most `most_px` wide and high.
+ColourImage cure_picture(const Section& section, double pixel_x_um, double layer_um, int most_px);
+
+/// The grey values that are shown along a section, platform up.
+ColourImage grey_picture(const Section& section, double pixel_x_um, double layer_um, int most_px);
+
+std::vector<std::uint8_t> encode_png(const ColourImage& image);
+
+/// Everything a report shows.
+struct ReportContent {
+  std::string title;
+  StackInfo info;
+  Setup setup;
+  Prediction after;                  ///< of the stack reported
+  std::optional<Prediction> before;  ///< of the target shown as it is
+  /// Sections of the target shown as it is, and of the stack; pairwise at the same row.
+  std::vector<Section> sections_before, sections_after;
+  int column_x = -1, column_y = -1;  ///< pixel of the columns below
+  std::vector<ProbeRow> column_before, column_after;
+};
+
+/// One self-contained HTML page: no network, no scripts needed.
+std::string make_report(const ReportContent& content);
+
+/// Dose and grey level along a column as SVG: design shaded, dose curve exact inside layers.
+std::string column_svg(const std::vector<ProbeRow>& column, const CureModel& model,
+                       const std::string& title);
+
+/// Gathers the content for `stack` against `target`: figures, the middle section, the section and
+/// the column through the worst height error of the target shown as it is.
+ReportContent gather_report(const SliceSource& stack, const SliceSource& target, const Setup& setup,
+                            const StackInfo& info, const Prediction& after,
+                            const std::optional<Prediction>& before, const std::string& title);
+
+}  // namespace slicecorr

@@ -1,0 +1,55 @@
+/// @file slice.hpp
+/// Mesh to slices: plane cuts at mid-layer height, non-zero winding rule, area coverage per pixel.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <memory>
+#include <optional>
+
+#include "slicecorr/mesh.hpp"
+#include "slicecorr/parallel.hpp"
+#include "slicecorr/process.hpp"
+#include "slicecorr/target.hpp"
+
+namespace slicecorr {
+
+struct SliceOptions {
+  double layer_um = 50;  ///< slice height hs, 1..1000
+  bool antialias =
+      true;  ///< exact area coverage in 256 levels; off: lit where the pixel centre is inside
+  /// Where the centre of the parts' bounding box lands on the plate, mm from its corner at the
+  /// smallest x and y; the middle of the display when not given.
+  std::optional<std::array<double, 2>> center_mm;
+};
+
+/// Figures of the slicing itself.
+struct SliceReport {
+  std::size_t bridged_slices = 0;  ///< slices with open contours that had to be closed
+  std::size_t bridges = 0;         ///< number of bridges
+  double longest_bridge_mm = 0;
+  std::size_t turned_triangles = 0;  ///< triangles that were cut as if they faced the other way
+};
+
+/// Slices `mesh` (mm, all parts of the plate) for `printer`. The cuts are made when bands are read:
+/// memory is that of the mesh. The mesh's least z is put on the platform; slice n is cut at
+/// (n + 1/2) * layer_um above it.
+/// Throws `InputError` when the part is larger than the display or the stage (naming the excess in
+/// mm) or thinner than half a layer.
+class MeshSlices final : public SliceSource {
+ public:
+  MeshSlices(const TriangleMesh& mesh, const Printer& printer, const SliceOptions& options,
+             const Job& job = {});
+  ~MeshSlices() override;
+  MeshSlices(MeshSlices&&) noexcept;
+  const Grid& grid() const override;
+  PixelBox bounds() const override;
+  void read_band(const PixelBox& band, const Sink& sink) const override;
+  const SliceReport& report() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace slicecorr

@@ -1,0 +1,140 @@
+/// @file stack.hpp
+/// Slice archives: the native UVJ zip with our block, streamed both ways.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "slicecorr/parallel.hpp"
+#include "slicecorr/process.hpp"
+#include "slicecorr/target.hpp"
+
+namespace slicecorr {
+
+/// What the images of a stack show.
+enum class StackKind {
+  foreign,    ///< made by another program: grey values, meaning unknown
+  target,     ///< made by `slice`: coverage, 255 is full
+  corrected,  ///< made by `correct`: grey levels of a printer
+};
+
+/// All that a stack says about itself besides its images. Holds no clock time, host, path or thread
+/// count: the same input gives the same bytes.
+struct StackInfo {
+  Grid grid;
+  StackKind kind = StackKind::foreign;
+  /// Full parameters, present in stacks made by `correct`.
+  std::optional<Printer> printer;
+  std::optional<Resin> resin;
+  std::optional<Process> process;
+  int target_layers = 0;       ///< layers of the part; grid.layers has the added slices too
+  double part_volume_mm3 = 0;  ///< volume of the target's coverage; 0 when not known
+  std::string program;         ///< name and version of the program that wrote it
+  /// Light-on time of normal layers, s; 0 when the archive has none.
+  double exposure_s = 0;
+};
+
+/// Keeps compressed pieces of images between the steps that make and take them in different orders.
+/// Holds up to a budget in memory, the rest in an unnamed scratch file in `folder`, which vanishes
+/// with the process. Thread-safe. Throws `DeviceError`.
+class PieceStore {
+ public:
+  struct Piece {
+    std::uint64_t offset = 0;
+    std::uint32_t size = 0;
+    std::uint32_t adler = 1;  ///< Adler-32 of the piece's raw bytes, where the maker sets it
+  };
+  PieceStore(std::string folder, std::size_t memory_budget_bytes, const Job& job);
+  ~PieceStore();
+  PieceStore(const PieceStore&) = delete;
+  PieceStore& operator=(const PieceStore&) = delete;
+  Piece put(const std::uint8_t* data, std::size_t size);
+  /// Appends the piece to `out`.
+  void get(const Piece& piece, std::vector<std::uint8_t>& out) const;
+  std::uint64_t scratch_bytes() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Grey picture, 8 bit, row by row.
+struct GreyImage {
+  int width_px = 0, height_px = 0;
+  std::vector<std::uint8_t> pixels;
+};
+
+/// A UVJ archive opened for reading. Each image is decoded once, in parallel, and kept run-length
+/// coded; `read_band` is served from there.
+///
+/// `open` reads the list of entries and `config.json` and checks them; the constructor decodes all
+/// images. Throws `InputError` on anything damaged, missing, doubled, misnamed, wrongly sized or
+/// absurdly large, before anything is written.
+class StackReader final : public SliceSource {
+ public:
+  /// Scratch, when needed, goes to `scratch_folder`.
+  StackReader(const std::string& path, const std::string& scratch_folder, const Job& job = {});
+  ~StackReader() override;
+  const StackInfo& info() const;
+  const Grid& grid() const override;
+  PixelBox bounds() const override;
+  void read_band(const PixelBox& band, const Sink& sink) const override;
+  /// Sum of all pixel values.
+  std::uint64_t pixel_sum() const;
+
+  /// Only the metadata, without decoding images.
+  static StackInfo read_info(const std::string& path);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Takes the images of a stack band by band, in any order and from any thread, and writes the
+/// archive at the end: to a temporary file beside `path`, renamed when complete. Nothing is left
+/// behind when the writer is destroyed without `finish`.
+class StackWriter {
+ public:
+  StackWriter(const std::string& path, const Grid& grid, const Job& job);
+  ~StackWriter();
+  StackWriter(const StackWriter&) = delete;
+  StackWriter& operator=(const StackWriter&) = delete;
+
+  /// Makes the pieces of one band: one object per worker, reused from slice to slice.
+  class BandEncoder {
+   public:
+    BandEncoder(StackWriter& writer, int y0, int y1);
+    ~BandEncoder();
+    BandEncoder(BandEncoder&&) noexcept;
+    /// Columns [x0, x1) of the band's rows in `slice`; all other pixels are 0. Null: the band is
+    /// black.
+    void put(int slice, int x0, int x1, const std::uint8_t* rows);
+
+   private:
+    struct Impl;
+    std::unique_ptr<Impl> impl_;
+  };
+
+  /// Writes the archive. `info.grid.layers` may be less than the writer's grid when trailing slices
+  /// are not wanted.
+  void finish(const StackInfo& info, const GreyImage& preview);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// PNG of a grey picture, filter 0, made around ISA-L.
+std::vector<std::uint8_t> encode_png(const GreyImage& image);
+
+/// Decodes any PNG to 8-bit grey (8-bit grey through ISA-L, everything else through OpenImageIO;
+/// colour is averaged, transparent is black). Throws `InputError` when damaged or not of the
+/// expected size. `what` names the image in messages.
+GreyImage decode_png(const std::vector<std::uint8_t>& png, int expected_width_px,
+                     int expected_height_px, const std::string& file, const std::string& what);
+
+}  // namespace slicecorr

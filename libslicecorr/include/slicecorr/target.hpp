@@ -1,0 +1,35 @@
+/// @file target.hpp
+/// What is to be printed, as the steps after it see it: the coverage of every voxel, band by band.
+///
+/// A *band* is a range of image rows through all slices. Columns are independent, so bands are
+/// worked on in parallel with nothing shared, and no result depends on the number of threads.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "slicecorr/grid.hpp"
+
+namespace slicecorr {
+
+/// A source of slices: a sliced mesh, or an archive. Thread-safe for reading different bands at
+/// once.
+class SliceSource {
+ public:
+  virtual ~SliceSource() = default;
+  virtual const Grid& grid() const = 0;
+  /// No pixel outside this box is lit in any slice.
+  virtual PixelBox bounds() const = 0;
+  /// Gives rows [y0, y1) and columns [x0, x1) of every slice to `sink`, from slice 0 on. `rows`
+  /// holds (y1 - y0) * (x1 - x0) bytes, row by row: coverage 0..255 of a target, or grey values
+  /// 0..255 of a stack. A null pointer stands for a slice that is black there.
+  using Sink = std::function<void(int slice, const std::uint8_t* rows)>;
+  virtual void read_band(const PixelBox& band, const Sink& sink) const = 0;
+};
+
+/// Rows of a band for this grid. Depends on the grid alone, so that files do not depend on threads.
+int band_rows(const Grid& grid);
+
+}  // namespace slicecorr

@@ -1,0 +1,325 @@
+// 3MF through lib3mf: units, components, transforms and all build items.
+#include <Model/COM/NMR_DLLInterfaces.h>
+#include <zip.h>
+
+#include <cmath>
+#include <memory>
+
+#include "mesh/mesh_parts.hpp"
+
+namespace slicecorr::detail {
+namespace {
+
+constexpr std::uint64_t kMostUnpackedBytes = std::uint64_t{2} << 30;
+constexpr std::size_t kMostTriangles = 100'000'000;
+// Components that repeat components multiply; these stop files made to never end.
+constexpr std::size_t kMostObjects = 1'000'000;
+constexpr int kMostLevels = 64;
+
+// lib3mf takes a coordinate that is no number ("0,5" of a careless writer) for 0.
+void check_coordinates(std::string_view model, const std::string& path, const std::string& entry) {
+  constexpr std::string_view kTag = "<vertex ";
+  std::size_t number = 0;
+  for (std::size_t at = model.find(kTag); at != model.npos; at = model.find(kTag, at)) {
+    ++number;
+    const std::size_t end = std::min(model.find('>', at), model.size());
+    const std::string_view tag = model.substr(at, end - at);
+    at = end;
+    for (std::size_t open = tag.find('='); open != tag.npos; open = tag.find('=', open + 1)) {
+      const std::size_t quote = tag.find_first_of("\"'", open);
+      if (quote == tag.npos) break;
+      const std::size_t close = tag.find(tag[quote], quote + 1);
+      if (close == tag.npos) break;
+      const char name = tag[open - 1];
+      if (name == 'x' || name == 'y' || name == 'z') {
+        const std::string place = entry + ", vertex " + std::to_string(number);
+        WordReader words(tag.substr(quote + 1, close - quote - 1), path);
+        try {
+          words.number(words.word(), "a coordinate");
+          if (!words.at_end()) words.fail("more than one number");
+        } catch (const InputError&) {
+          throw InputError(
+              path, place,
+              "a coordinate expected, found '" +
+                  std::string(tag.substr(quote + 1, std::min<std::size_t>(close - quote - 1, 40))) +
+                  "'");
+        }
+      }
+      open = close;
+    }
+  }
+}
+
+void check_model(zip_t* archive, const zip_stat_t& stat, const std::string& path) {
+  const std::unique_ptr<zip_file_t, int (*)(zip_file_t*)> file(
+      zip_fopen_index(archive, stat.index, 0), zip_fclose);
+  if (!file) throw InputError(path, stat.name, "can't be unpacked, it may be encrypted");
+  std::string model(stat.size, '\0');
+  std::size_t size = 0;
+  while (size < model.size()) {
+    const zip_int64_t got = zip_fread(file.get(), model.data() + size, model.size() - size);
+    if (got <= 0) throw InputError(path, stat.name, "is damaged, it can't be unpacked");
+    size += static_cast<std::size_t>(got);
+  }
+  // Only reading on to the end checks the sum.
+  char more = 0;
+  if (zip_fread(file.get(), &more, 1) != 0) throw InputError(path, stat.name, "is damaged");
+  check_coordinates(model, path, stat.name);
+}
+
+void check_archive(std::string& bytes, const std::string& path) {
+  zip_error_t error;
+  zip_error_init(&error);
+  const auto fail = [&](const char* what) {
+    const std::string reason = zip_error_strerror(&error);
+    zip_error_fini(&error);
+    throw InputError(path, "", std::string(what) + ": " + reason);
+  };
+  zip_source_t* source = zip_source_buffer_create(bytes.data(), bytes.size(), 0, &error);
+  if (!source) fail("can't be read");
+  zip_t* opened = zip_open_from_source(source, ZIP_RDONLY, &error);
+  if (!opened) {
+    zip_source_free(source);
+    fail("is not a 3MF (zip) file, or a damaged one");
+  }
+  zip_error_fini(&error);
+  const std::unique_ptr<zip_t, void (*)(zip_t*)> archive(opened, zip_discard);
+  std::uint64_t total = 0;
+  const zip_int64_t entries = zip_get_num_entries(archive.get(), 0);
+  for (zip_int64_t i = 0; i < entries; ++i) {
+    zip_stat_t stat;
+    zip_stat_init(&stat);
+    if (zip_stat_index(archive.get(), static_cast<zip_uint64_t>(i), 0, &stat) != 0 ||
+        !(stat.valid & ZIP_STAT_SIZE)) {
+      throw InputError(path, "entry " + std::to_string(i + 1), "the zip directory is damaged");
+    }
+    if (stat.size > kMostUnpackedBytes || (total += stat.size) > kMostUnpackedBytes) {
+      throw InputError(path, "", "would unpack to more than 2 GiB");
+    }
+    // Entries not named `.model` hold no geometry.
+    if (std::string_view(stat.name).ends_with(".model")) check_model(archive.get(), stat, path);
+  }
+}
+
+/// Owns one object of lib3mf.
+class Handle {
+ public:
+  Handle() = default;
+  Handle(const Handle&) = delete;
+  Handle& operator=(const Handle&) = delete;
+  ~Handle() {
+    if (object_) NMR::lib3mf_release(object_);
+  }
+  NMR::PLib3MFBase* get() const { return object_; }
+  NMR::PLib3MFBase** out() { return &object_; }
+
+ private:
+  NMR::PLib3MFBase* object_ = nullptr;
+};
+
+/// Row vectors, as in the file: p' = (p, 1) * m, with the fourth column left out.
+struct Transform {
+  std::array<Point3, 4> rows{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0, 0, 0}}};
+
+  Point3 apply(const Point3& p) const {
+    Point3 result;
+    for (int c = 0; c < 3; ++c) {
+      result[c] = p[0] * rows[0][c] + p[1] * rows[1][c] + p[2] * rows[2][c] + rows[3][c];
+    }
+    return result;
+  }
+  double determinant() const {
+    const auto& [a, b, c, shift] = rows;
+    return a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0]) +
+           a[2] * (b[0] * c[1] - b[1] * c[0]);
+  }
+};
+
+// First `inner`, then `outer`.
+Transform combine(const Transform& inner, const Transform& outer) {
+  Transform result;
+  for (int r = 0; r < 4; ++r) {
+    for (int c = 0; c < 3; ++c) {
+      double sum = r == 3 ? outer.rows[3][c] : 0.0;
+      for (int k = 0; k < 3; ++k) sum += inner.rows[r][k] * outer.rows[k][c];
+      result.rows[r][c] = sum;
+    }
+  }
+  return result;
+}
+
+Transform from_lib(const NMR::MODELTRANSFORM& transform) {
+  Transform result;
+  for (int r = 0; r < 4; ++r) {
+    for (int c = 0; c < 3; ++c) result.rows[r][c] = transform.m_fFields[c][r];
+  }
+  return result;
+}
+
+class Reader {
+ public:
+  explicit Reader(const std::string& path) : path_(path), pool_(1024) {}
+
+  TriangleMesh read(std::string& bytes, double& unit_mm) {
+    if (NMR::lib3mf_createmodel(model_.out()) != LIB3MF_OK) {
+      throw InputError(path_, "", "lib3mf can't make a model");
+    }
+    Handle reader;
+    check(NMR::lib3mf_model_queryreader(model_.get(), "3mf", reader.out()), model_);
+    check(NMR::lib3mf_reader_readfrombuffer(reader.get(), reinterpret_cast<BYTE*>(bytes.data()),
+                                            bytes.size()),
+          reader);
+    refuse_warnings(reader);
+    unit_mm = read_unit();
+    Handle items;
+    check(NMR::lib3mf_model_getbuilditems(model_.get(), items.out()), model_);
+    for (;;) {
+      BOOL more = 0;
+      check(NMR::lib3mf_builditemiterator_movenext(items.get(), &more), items);
+      if (!more) break;
+      Handle item, object;
+      check(NMR::lib3mf_builditemiterator_getcurrent(items.get(), item.out()), items);
+      check(NMR::lib3mf_builditem_getobjectresource(item.get(), object.out()), item);
+      BOOL has_transform = 0;
+      NMR::MODELTRANSFORM transform;
+      check(NMR::lib3mf_builditem_hasobjecttransform(item.get(), &has_transform), item);
+      if (has_transform) {
+        check(NMR::lib3mf_builditem_getobjecttransform(item.get(), &transform), item);
+      }
+      add_object(object, has_transform ? from_lib(transform) : Transform(), 0);
+    }
+    if (mesh_.triangles.empty()) throw_no_triangles(path_);
+    mesh_.vertices = pool_.take();
+    return std::move(mesh_);
+  }
+
+ private:
+  void check(int result, const Handle& object) const {
+    if (result == LIB3MF_OK) return;
+    DWORD code = 0;
+    LPCSTR text = nullptr;
+    NMR::lib3mf_getlasterror(object.get(), &code, &text);
+    throw InputError(path_, "",
+                     std::string("lib3mf: ") + (text && *text ? text : "unknown error") + " (" +
+                         std::to_string(code) + ")");
+  }
+
+  // What lib3mf only warns of, but which may leave out or misplace material. Its other warnings are
+  // about attributes, metadata and thumbnails.
+  void refuse_warnings(const Handle& reader) const {
+    constexpr DWORD kInvalidUnit = 0x801E, kExtensionRequired = 0x8092, kUnknownElement = 0x80A6;
+    DWORD count = 0;
+    check(NMR::lib3mf_reader_getwarningcount(reader.get(), &count), reader);
+    for (DWORD i = 0; i < count; ++i) {
+      DWORD code = 0;
+      ULONG needed = 0;
+      char text[512] = "";
+      NMR::lib3mf_reader_getwarningutf8(reader.get(), i, &code, text, sizeof text, &needed);
+      if (code != kInvalidUnit && code != kExtensionRequired && code != kUnknownElement) continue;
+      throw InputError(path_, "",
+                       std::string("lib3mf: ") + text + " (" + std::to_string(code) + ")");
+    }
+  }
+
+  double read_unit() const {
+    DWORD unit = NMR::MODELUNIT_MILLIMETER;
+    check(NMR::lib3mf_model_getunit(model_.get(), &unit), model_);
+    switch (unit) {
+      case NMR::MODELUNIT_MICROMETER:
+        return 0.001;
+      case NMR::MODELUNIT_MILLIMETER:
+        return 1.0;
+      case NMR::MODELUNIT_CENTIMETER:
+        return 10.0;
+      case NMR::MODELUNIT_INCH:
+        return 25.4;
+      case NMR::MODELUNIT_FOOT:
+        return 304.8;
+      case NMR::MODELUNIT_METER:
+        return 1000.0;
+    }
+    throw InputError(path_, "", "unknown unit " + std::to_string(unit));
+  }
+
+  void add_object(const Handle& object, const Transform& transform, int level) {
+    if (++objects_ > kMostObjects || level > kMostLevels) {
+      throw InputError(path_, "", "components repeat each other without a sensible end");
+    }
+    BOOL is_mesh = 0, is_components = 0;
+    check(NMR::lib3mf_object_ismeshobject(object.get(), &is_mesh), object);
+    if (is_mesh) return add_mesh(object, transform);
+    check(NMR::lib3mf_object_iscomponentsobject(object.get(), &is_components), object);
+    if (!is_components) return;
+    DWORD count = 0;
+    check(NMR::lib3mf_componentsobject_getcomponentcount(object.get(), &count), object);
+    for (DWORD i = 0; i < count; ++i) {
+      Handle component, child;
+      check(NMR::lib3mf_componentsobject_getcomponent(object.get(), i, component.out()), object);
+      check(NMR::lib3mf_component_getobjectresource(component.get(), child.out()), component);
+      BOOL has_transform = 0;
+      check(NMR::lib3mf_component_hastransform(component.get(), &has_transform), component);
+      Transform inner;
+      if (has_transform) {
+        NMR::MODELTRANSFORM own;
+        check(NMR::lib3mf_component_gettransform(component.get(), &own), component);
+        inner = from_lib(own);
+      }
+      add_object(child, combine(inner, transform), level + 1);
+    }
+  }
+
+  void add_mesh(const Handle& object, const Transform& transform) {
+    DWORD vertex_count = 0, triangle_count = 0;
+    check(NMR::lib3mf_meshobject_getvertexcount(object.get(), &vertex_count), object);
+    check(NMR::lib3mf_meshobject_gettrianglecount(object.get(), &triangle_count), object);
+    if (mesh_.triangles.size() + triangle_count > kMostTriangles) {
+      throw InputError(path_, "", "more than " + std::to_string(kMostTriangles) + " triangles");
+    }
+    if (triangle_count == 0) return;
+    std::vector<NMR::MODELMESHVERTEX> vertices(vertex_count);
+    std::vector<NMR::MODELMESHTRIANGLE> triangles(triangle_count);
+    DWORD got = 0;
+    check(NMR::lib3mf_meshobject_getvertices(object.get(), vertices.data(), vertex_count, &got),
+          object);
+    check(NMR::lib3mf_meshobject_gettriangleindices(object.get(), triangles.data(), triangle_count,
+                                                    &got),
+          object);
+    constexpr std::uint32_t kUnused = std::numeric_limits<std::uint32_t>::max();
+    std::vector<std::uint32_t> merged(vertex_count, kUnused);
+    const bool mirrored = transform.determinant() < 0;  // turns the inside out
+    for (DWORD t = 0; t < triangle_count; ++t) {
+      std::array<std::uint32_t, 3> triangle;
+      for (int k = 0; k < 3; ++k) {
+        const DWORD index = triangles[t].m_nIndices[k];
+        if (index >= vertex_count) {
+          throw InputError(path_, "triangle " + std::to_string(t + 1),
+                           "vertex index " + std::to_string(index) + " is out of range");
+        }
+        if (merged[index] == kUnused) {
+          const FLOAT* at = vertices[index].m_fPosition;
+          const Point3 point = transform.apply({at[0], at[1], at[2]});
+          require_finite(point, path_, "vertex " + std::to_string(index + 1));
+          merged[index] = pool_.index(point);
+        }
+        triangle[k] = merged[index];
+      }
+      if (mirrored) std::swap(triangle[1], triangle[2]);
+      mesh_.triangles.push_back(triangle);
+    }
+  }
+
+  const std::string& path_;
+  Handle model_;
+  VertexPool pool_;
+  TriangleMesh mesh_;
+  std::size_t objects_ = 0;
+};
+
+}  // namespace
+
+TriangleMesh read_3mf(std::string& bytes, const std::string& path, double& unit_mm) {
+  check_archive(bytes, path);
+  return Reader(path).read(bytes, unit_mm);
+}
+
+}  // namespace slicecorr::detail

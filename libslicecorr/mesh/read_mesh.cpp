@@ -1,0 +1,190 @@
+#include <zlib.h>
+
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+
+#include "mesh/mesh_parts.hpp"
+
+namespace slicecorr {
+namespace detail {
+namespace {
+
+constexpr std::uint64_t kMostBytes = std::uint64_t{4} << 30;
+constexpr std::uint64_t kMostUnpackedBytes = std::uint64_t{2} << 30;
+
+[[noreturn]] void throw_too_large(const std::string& path, std::uint64_t most) {
+  throw InputError(path, "", "is larger than " + std::to_string(most >> 30) + " GiB");
+}
+
+std::string unpack_gzip(const std::string& path) {
+  const std::unique_ptr<gzFile_s, int (*)(gzFile)> file(gzopen(path.c_str(), "rb"), gzclose_r);
+  if (!file) throw InputError(path, "", std::string("can't be opened: ") + std::strerror(errno));
+  gzbuffer(file.get(), 1 << 18);
+  std::string bytes;
+  std::size_t size = 0;
+  for (;;) {
+    if (size == bytes.size()) bytes.resize(std::max<std::size_t>(1 << 20, 2 * size));
+    const auto room = static_cast<unsigned>(std::min<std::size_t>(bytes.size() - size, 1 << 30));
+    const int got = gzread(file.get(), bytes.data() + size, room);
+    if (size == 0 && got > 0 && gzdirect(file.get())) {
+      throw InputError(path, "", "is not gzip-compressed, though its name ends in .gz");
+    }
+    if (got > 0) size += static_cast<std::size_t>(got);
+    if (size > kMostUnpackedBytes) throw_too_large(path, kMostUnpackedBytes);
+    // A file cut in the middle gives its beginning first and the error only at its end.
+    int code = Z_OK;
+    const std::string message = gzerror(file.get(), &code);
+    if (got < 0 || (code != Z_OK && code != Z_STREAM_END)) {
+      throw InputError(path, "", "can't be unpacked: " + message);
+    }
+    if (got == 0) break;
+  }
+  bytes.resize(size);
+  return bytes;
+}
+
+std::string lower_case(std::string text) {
+  for (char& c : text) {
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  }
+  return text;
+}
+
+struct Format {
+  std::string extension;  // lower case, with its dot
+  bool packed = false;
+};
+
+Format format_of(const std::string& path) {
+  std::filesystem::path name = std::filesystem::path(path).filename();
+  Format format{lower_case(name.extension().string()), false};
+  if (format.extension == ".gz") {
+    format = {lower_case(name.stem().extension().string()), true};
+  }
+  return format;
+}
+
+}  // namespace
+
+std::string read_bytes(const std::string& path) {
+  std::error_code error;
+  const std::filesystem::file_status status = std::filesystem::status(path, error);
+  if (!std::filesystem::exists(status)) throw InputError(path, "", "no such file");
+  if (std::filesystem::is_directory(status)) {
+    throw InputError(path, "", "is a directory, expected a mesh file");
+  }
+  // A pipe or a device might never end.
+  if (!std::filesystem::is_regular_file(status))
+    throw InputError(path, "", "is not a regular file");
+  if (format_of(path).packed) return unpack_gzip(path);
+
+  std::ifstream in(path, std::ios::binary);
+  if (!in) throw InputError(path, "", std::string("can't be opened: ") + std::strerror(errno));
+  const std::uint64_t size = std::filesystem::file_size(path, error);
+  if (error) throw InputError(path, "", "can't be read: " + error.message());
+  if (size > kMostBytes) throw_too_large(path, kMostBytes);
+  std::string bytes(size, '\0');
+  in.read(bytes.data(), static_cast<std::streamsize>(size));
+  if (static_cast<std::uint64_t>(in.gcount()) != size) {
+    throw InputError(path, "",
+                     "can't be read: " + std::to_string(in.gcount()) + " of " +
+                         std::to_string(size) + " bytes came");
+  }
+  return bytes;
+}
+
+}  // namespace detail
+
+namespace {
+
+double unit_in_mm(Units units, double file_unit_mm) {
+  switch (units) {
+    case Units::automatic:
+      return file_unit_mm;
+    case Units::mm:
+      return 1.0;
+    case Units::inch:
+      return 25.4;
+    case Units::m:
+      return 1000.0;
+  }
+  throw InputError("unknown unit of length");
+}
+
+void check(const Placement& placement) {
+  if (!std::isfinite(placement.scale) || placement.scale <= 0) {
+    throw InputError("placement: scale " + std::to_string(placement.scale) +
+                     ", expected a number above 0");
+  }
+  for (const double degrees : placement.rotate_deg) {
+    if (!std::isfinite(degrees)) {
+      throw InputError("placement: rotation " + std::to_string(degrees) +
+                       ", expected a finite number of degrees");
+    }
+  }
+}
+
+struct SineCosine {
+  double sine, cosine;
+};
+
+// Exact for multiples of 90 degrees, so that boxes stay boxes.
+SineCosine sine_cosine(double degrees) {
+  const double rest = std::remainder(degrees, 360.0);  // exact, -180..180
+  if (rest == 0) return {0, 1};
+  if (rest == 90) return {1, 0};
+  if (rest == -90) return {-1, 0};
+  if (std::abs(rest) == 180) return {0, -1};
+  const double radians = rest * (3.14159265358979323846 / 180.0);
+  return {std::sin(radians), std::cos(radians)};
+}
+
+void place(TriangleMesh& mesh, const Placement& placement, double file_unit_mm,
+           const std::string& path) {
+  const double factor = unit_in_mm(placement.units, file_unit_mm) * placement.scale;
+  const auto [sx, cx] = sine_cosine(placement.rotate_deg[0]);
+  const auto [sy, cy] = sine_cosine(placement.rotate_deg[1]);
+  const auto [sz, cz] = sine_cosine(placement.rotate_deg[2]);
+  for (Point3& point : mesh.vertices) {
+    const Point3 p{point[0] * factor, point[1] * factor, point[2] * factor};
+    const Point3 a{p[0], cx * p[1] - sx * p[2], sx * p[1] + cx * p[2]};
+    const Point3 b{cy * a[0] + sy * a[2], a[1], cy * a[2] - sy * a[0]};
+    // Adding 0.0 turns -0.0 into 0.0.
+    point = {cz * b[0] - sz * b[1] + 0.0, sz * b[0] + cz * b[1] + 0.0, b[2] + 0.0};
+    detail::require_finite(point, path, "scaled vertex");
+  }
+}
+
+}  // namespace
+
+TriangleMesh read_mesh(const std::string& path, const Placement& placement) {
+  check(placement);
+  const std::string extension = detail::format_of(path).extension;
+  std::string bytes = detail::read_bytes(path);
+  if (bytes.empty()) throw InputError(path, "", "is empty");
+  double file_unit_mm = 1.0;
+  TriangleMesh mesh;
+  if (extension == ".stl") {
+    mesh = detail::read_stl(bytes, path);
+  } else if (extension == ".obj") {
+    mesh = detail::read_obj(bytes, path);
+  } else if (extension == ".ply") {
+    mesh = detail::read_ply(bytes, path);
+  } else if (extension == ".off") {
+    mesh = detail::read_off(bytes, path);
+  } else if (extension == ".3mf") {
+    mesh = detail::read_3mf(bytes, path, file_unit_mm);
+  } else {
+    throw InputError(path, "",
+                     "unknown kind of file '" + extension +
+                         "', expected .stl, .obj, .ply, .off or .3mf (also with .gz)");
+  }
+  place(mesh, placement, file_unit_mm, path);
+  return mesh;
+}
+
+}  // namespace slicecorr

@@ -1,0 +1,120 @@
+#include "slicecorr/parallel.hpp"
+
+#include <tbb/blocked_range.h>
+#include <tbb/global_control.h>
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+#include <tbb/task_group.h>
+
+#include <algorithm>
+#include <chrono>
+#include <mutex>
+#include <optional>
+
+#include "slicecorr/error.hpp"
+
+namespace slicecorr {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr auto progress_interval = std::chrono::milliseconds(50);
+
+/// One lock for all callbacks, because progress and notices must not come at once either.
+/// Recursive, so that a callback may use the library.
+std::recursive_mutex& callback_mutex() {
+  static std::recursive_mutex mutex;
+  return mutex;
+}
+
+/// Counts finished items and reports them now and then.
+class Progress {
+ public:
+  Progress(const Job& job, std::string_view stage, std::size_t count)
+      : job_(job), stage_(stage), count_(count) {
+    if (job_.progress) job_.report(stage_, 0);
+  }
+
+  void item_done() {
+    if (!job_.progress) return;
+    ++done_;
+    // Never wait for a report that is under way: the next item will bring a newer one.
+    std::unique_lock lock(mutex_, std::try_to_lock);
+    if (!lock || Clock::now() - last_ < progress_interval) return;
+    const std::size_t done = done_;
+    if (done == count_) return;  // left to finish()
+    job_.report(stage_, static_cast<double>(done) / static_cast<double>(count_));
+    last_ = Clock::now();
+  }
+
+  void finish() {
+    if (job_.progress) job_.report(stage_, 1);
+  }
+
+ private:
+  const Job& job_;
+  std::string_view stage_;
+  std::size_t count_;
+  std::atomic<std::size_t> done_{0};
+  std::mutex mutex_;
+  Clock::time_point last_ = Clock::now();
+};
+
+}  // namespace
+
+void Job::check_cancelled() const {
+  if (cancel != nullptr && cancel->load(std::memory_order_relaxed)) throw Cancelled();
+}
+
+void Job::tell(const std::string& text) const {
+  if (!notice) return;
+  const std::scoped_lock lock(callback_mutex());
+  notice(text);
+}
+
+void Job::report(std::string_view stage, double fraction) const {
+  if (!progress) return;
+  const std::scoped_lock lock(callback_mutex());
+  progress(stage, fraction);
+}
+
+int thread_count(const Job& job) {
+  return job.threads > 0 ? job.threads : std::max(1, tbb::this_task_arena::max_concurrency());
+}
+
+void parallel_for(const Job& job, std::string_view stage, std::size_t count,
+                  const std::function<void(std::size_t)>& body) {
+  job.check_cancelled();
+  Progress progress(job, stage, count);
+  const auto item = [&](std::size_t i) {
+    job.check_cancelled();
+    body(i);
+    progress.item_done();
+  };
+  const int threads = thread_count(job);
+  if (threads == 1 || count <= 1) {
+    for (std::size_t i = 0; i < count; ++i) item(i);
+  } else {
+    // TBB starts no more workers than there are cores unless told so.
+    std::optional<tbb::global_control> more_workers;
+    if (threads > tbb::info::default_concurrency()) {
+      more_workers.emplace(tbb::global_control::max_allowed_parallelism,
+                           static_cast<std::size_t>(threads));
+    }
+    tbb::task_arena arena(threads);
+    // Own context, not the caller's: an exception here cancels this loop only, until it is
+    // rethrown.
+    tbb::task_group_context context(tbb::task_group_context::isolated);
+    arena.execute([&] {
+      tbb::parallel_for(
+          tbb::blocked_range<std::size_t>(0, count, 1),
+          [&](const tbb::blocked_range<std::size_t>& range) {
+            for (std::size_t i = range.begin(); i != range.end(); ++i) item(i);
+          },
+          tbb::simple_partitioner(), context);
+    });
+  }
+  progress.finish();
+}
+
+}  // namespace slicecorr

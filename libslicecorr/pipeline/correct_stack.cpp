@@ -1,0 +1,216 @@
+#include <fmt/format.h>
+
+#include <atomic>
+#include <cmath>
+
+#include "pipeline/bands.hpp"
+#include "pipeline/relief.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/pipeline.hpp"
+#include "slicecorr/version.hpp"
+
+namespace slicecorr {
+
+using detail::bands_of;
+using detail::columns_of;
+using detail::Relief;
+
+namespace {
+
+std::string program_name() { return std::string("slicecorr ") + version; }
+
+/// What the first pass over a target collects besides handing its slices on.
+class TargetScan {
+ public:
+  TargetScan(const SliceSource& target)
+      : target_(target), relief_(target.bounds(), target.grid().layers) {}
+
+  void read(const PixelBox& band, const SliceSource::Sink& sink) {
+    const std::size_t columns = columns_of(band);
+    std::vector<std::int32_t> last_lit(columns, 0);
+    std::uint64_t sum = 0;
+    target_.read_band(band, [&](int n, const std::uint8_t* rows) {
+      if (rows) {
+        for (std::size_t i = 0; i < columns; ++i) {
+          sum += rows[i];
+          last_lit[i] = rows[i] ? n + 1 : last_lit[i];
+        }
+      }
+      sink(n, rows);
+    });
+    coverage_sum_ += sum;
+    relief_.add(band, last_lit);
+  }
+  /// To be called after all bands.
+  void fill(StackInfo& info) const {
+    if (coverage_sum_ == 0) {
+      throw InputError("nothing in the part is solid: all slices are empty");
+    }
+    const Grid& g = target_.grid();
+    info.part_volume_mm3 = static_cast<double>(coverage_sum_.load()) / 255.0 * g.pixel_x_um *
+                           g.pixel_y_um * g.layer_um * 1e-9;
+    info.target_layers = g.layers;
+    info.program = program_name();
+  }
+  GreyImage picture() const { return relief_.picture(); }
+
+ private:
+  const SliceSource& target_;
+  Relief relief_;
+  std::atomic<std::uint64_t> coverage_sum_{0};
+};
+
+void check_fits(const Grid& grid, const Printer& printer) {
+  if (grid.width_px != printer.width_px || grid.height_px != printer.height_px) {
+    throw InputError(fmt::format("the slices are {} x {} pixels; printer '{}' has {} x {}",
+                                 grid.width_px, grid.height_px, printer.name, printer.width_px,
+                                 printer.height_px));
+  }
+  const auto differ = [](double a, double b) { return std::abs(a - b) > 0.01 * b; };
+  if (differ(grid.pixel_x_um, printer.pixel_x_um) || differ(grid.pixel_y_um, printer.pixel_y_um)) {
+    throw InputError(fmt::format(
+        "the slices were made for pixels of {:g} x {:g} um; those of printer '{}' are {:g} x {:g} "
+        "um",
+        grid.pixel_x_um, grid.pixel_y_um, printer.name, printer.pixel_x_um, printer.pixel_y_um));
+  }
+}
+
+}  // namespace
+
+StackInfo write_target(const SliceSource& target, const std::string& path, const Job& job) {
+  const Grid& grid = target.grid();
+  StackWriter writer(path, grid, job);
+  TargetScan scan(target);
+  const auto bands = bands_of(grid, target.bounds());
+  parallel_for(job, "slice", bands.size(), [&](std::size_t i) {
+    StackWriter::BandEncoder encoder(writer, bands[i].y0, bands[i].y1);
+    scan.read(bands[i], [&](int n, const std::uint8_t* rows) {
+      if ((n & 63) == 0) job.check_cancelled();
+      encoder.put(n, bands[i].x0, bands[i].x1, rows);
+    });
+  });
+  StackInfo info;
+  info.grid = grid;
+  info.kind = StackKind::target;
+  scan.fill(info);
+  writer.finish(info, scan.picture());
+  return info;
+}
+
+CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup) {
+  const Grid& grid = target.grid();
+  check_fits(grid, setup.printer);
+  CureModel model = make_cure_model(setup.printer, setup.resin, setup.process, grid.layer_um);
+  check_feasible(model, setup.printer, setup.process);
+  const int added = model.slices_to_gel();
+  const int slices = slices_with_burst(model, grid.layers, grid.layers - 1);
+  const double travel_mm = slices * grid.layer_um * 1e-3;
+  if (setup.printer.travel_mm > 0 && travel_mm > setup.printer.travel_mm * (1 + 1e-9)) {
+    throw InfeasibleError(
+        fmt::format("curing the part's end takes {} slices after it, {:.3f} mm in all; the stage "
+                    "of '{}' travels "
+                    "{:g} mm. Print slower, with more light, or a part at least {:.3f} mm lower",
+                    added, travel_mm, setup.printer.name, setup.printer.travel_mm,
+                    travel_mm - setup.printer.travel_mm));
+  }
+  return {std::move(model), setup.process, grid.layers, slices};
+}
+
+Correction correct_stack(const SliceSource& target, const Setup& setup, const std::string& path,
+                         bool with_before, const Job& job) {
+  const CorrectionPlan plan = plan_correction(target, setup);
+  const CureModel& model = plan.model;
+  Grid grid = target.grid();
+  grid.layers = plan.all_layers;
+  const PixelCurve curve = pixel_curve(model);
+  std::uint8_t pixel_of[256] = {};
+  for (int level = 0; level < plan.levels.size(); ++level) {
+    pixel_of[level] = static_cast<std::uint8_t>(pixel_of_level(level, plan.levels.size()));
+  }
+  const bool all_levels = plan.levels.size() == 256;
+
+  StackWriter writer(path, grid, job);
+  TargetScan scan(target);
+  const auto bands = bands_of(grid, target.bounds());
+  std::vector<Prediction> after(bands.size()), before(bands.size());
+  parallel_for(job, "correct", bands.size(), [&](std::size_t i) {
+    const PixelBox& band = bands[i];
+    const std::size_t columns = columns_of(band);
+    BandCorrector corrector(plan, columns);
+    scan.read(band, [&](int n, const std::uint8_t* rows) {
+      if ((n & 63) == 0) job.check_cancelled();
+      corrector.add_layer(rows);
+    });
+    StackWriter::BandEncoder encoder(writer, band.y0, band.y1);
+    BandPredictor predict_after(model, curve, plan.all_layers, columns);
+    BandPredictor predict_before(model, curve, plan.all_layers, columns);
+    std::vector<std::uint8_t> pixels(columns);
+    corrector.solve(
+        [&](int n, const std::uint8_t* levels, const std::uint8_t* coverage, bool dark) {
+          if ((n & 63) == 0) job.check_cancelled();
+          const std::uint8_t* shown = levels;
+          if (!all_levels) {
+            for (std::size_t k = 0; k < columns; ++k) pixels[k] = pixel_of[levels[k]];
+            shown = pixels.data();
+          }
+          encoder.put(n, band.x0, band.x1, dark ? nullptr : shown);
+          predict_after.add_slice(n, shown, coverage);
+          if (with_before) {
+            predict_before.add_slice(n, n < plan.layers ? coverage : nullptr, coverage);
+          }
+        });
+    after[i] = predict_after.finish(band.x0, band.y0, band.width());
+    if (with_before) before[i] = predict_before.finish(band.x0, band.y0, band.width());
+  });
+
+  Correction result;
+  StackInfo& info = result.info;
+  info.grid = grid;
+  info.kind = StackKind::corrected;
+  info.printer = setup.printer;
+  info.resin = setup.resin;
+  info.process = setup.process;
+  scan.fill(info);
+  writer.finish(info, scan.picture());
+
+  std::uint64_t inside = 0;
+  for (const PixelBox& band : bands) inside += columns_of(band);
+  const std::uint64_t outside =
+      static_cast<std::uint64_t>(grid.width_px) * static_cast<std::uint64_t>(grid.height_px) -
+      inside;
+  const auto total = [&](const std::vector<Prediction>& parts, int slices) {
+    Prediction sum = predict_black_columns(model, slices, outside);
+    sum.layers = slices;
+    sum.layer_um = grid.layer_um;
+    sum.pixel_x_um = grid.pixel_x_um;
+    sum.pixel_y_um = grid.pixel_y_um;
+    for (const Prediction& p : parts) sum.merge(p);
+    return sum;
+  };
+  result.after = total(after, plan.all_layers);
+  if (with_before) result.before = total(before, plan.layers);
+  return result;
+}
+
+CorrectedSlices::CorrectedSlices(const SliceSource& target, const Setup& setup)
+    : target_(target), plan_(plan_correction(target, setup)), grid_(target.grid()) {
+  grid_.layers = plan_.all_layers;
+}
+
+void CorrectedSlices::read_band(const PixelBox& band, const Sink& sink) const {
+  const std::size_t columns = columns_of(band);
+  BandCorrector corrector(plan_, columns);
+  target_.read_band(band, [&](int, const std::uint8_t* rows) { corrector.add_layer(rows); });
+  // The solve gives the last slice first.
+  std::vector<std::uint8_t> all(columns * static_cast<std::size_t>(plan_.all_layers));
+  corrector.solve([&](int n, const std::uint8_t* levels, const std::uint8_t*, bool) {
+    auto* out = all.data() + static_cast<std::size_t>(n) * columns;
+    for (std::size_t k = 0; k < columns; ++k) {
+      out[k] = static_cast<std::uint8_t>(pixel_of_level(levels[k], plan_.levels.size()));
+    }
+  });
+  for (int n = 0; n < plan_.all_layers; ++n)
+    sink(n, all.data() + static_cast<std::size_t>(n) * columns);
+}
+
+}  // namespace slicecorr

@@ -1,0 +1,157 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/band_tape.hpp"
+#include "pipeline/bands.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/pipeline.hpp"
+
+namespace slicecorr {
+
+using detail::bands_of;
+using detail::BandTape;
+using detail::columns_of;
+
+namespace {
+
+void check_same(const Grid& stack, const Grid& target) {
+  if (stack.width_px != target.width_px || stack.height_px != target.height_px) {
+    throw InputError(
+        fmt::format("the stack is {} x {} pixels, the target {} x {}; expected the same",
+                    stack.width_px, stack.height_px, target.width_px, target.height_px));
+  }
+  const auto differ = [](double a, double b) { return std::abs(a - b) > 1e-4 * b; };
+  if (differ(stack.layer_um, target.layer_um) || differ(stack.pixel_x_um, target.pixel_x_um) ||
+      differ(stack.pixel_y_um, target.pixel_y_um)) {
+    throw InputError(fmt::format(
+        "the stack has voxels of {:g} x {:g} x {:g} um, the target of {:g} x {:g} x {:g}; expected "
+        "the same",
+        stack.pixel_x_um, stack.pixel_y_um, stack.layer_um, target.pixel_x_um, target.pixel_y_um,
+        target.layer_um));
+  }
+}
+
+BandTape tape_of(const SliceSource& source, const PixelBox& band) {
+  BandTape tape(columns_of(band));
+  source.read_band(band, [&](int, const std::uint8_t* rows) { tape.append(rows); });
+  return tape;
+}
+
+void check_inside(const Grid& grid, int x, int y) {
+  if (x < 0 || x >= grid.width_px || y < 0 || y >= grid.height_px) {
+    throw InputError(fmt::format("pixel {}, {} is outside the image; expected 0..{}, 0..{}", x, y,
+                                 grid.width_px - 1, grid.height_px - 1));
+  }
+}
+
+}  // namespace
+
+Prediction verify_stack(const SliceSource& stack, const SliceSource& target, const Setup& setup,
+                        const Job& job) {
+  const Grid& grid = stack.grid();
+  check_same(grid, target.grid());
+  const CureModel model = make_cure_model(setup.printer, setup.resin, setup.process, grid.layer_um);
+  const PixelCurve curve = pixel_curve(model);
+  const int all_layers = std::max(grid.layers, target.grid().layers);
+  const auto bands = bands_of(grid, stack.bounds().united(target.bounds()));
+  std::vector<Prediction> parts(bands.size());
+  parallel_for(job, "predict", bands.size(), [&](std::size_t i) {
+    const PixelBox& band = bands[i];
+    const BandTape shown = tape_of(stack, band), design = tape_of(target, band);
+    std::vector<std::uint8_t> pixels(columns_of(band)), coverage(columns_of(band));
+    BandPredictor predictor(model, curve, all_layers, columns_of(band));
+    for (int n = all_layers; n-- > 0;) {
+      if ((n & 63) == 0) job.check_cancelled();
+      shown.read(n, pixels.data());
+      design.read(n, coverage.data());
+      predictor.add_slice(n, n < grid.layers ? pixels.data() : nullptr, coverage.data());
+    }
+    parts[i] = predictor.finish(band.x0, band.y0, band.width());
+  });
+  std::uint64_t outside =
+      static_cast<std::uint64_t>(grid.width_px) * static_cast<std::uint64_t>(grid.height_px);
+  for (const PixelBox& band : bands) outside -= columns_of(band);
+  Prediction sum = predict_black_columns(model, grid.layers, outside);
+  sum.layers = grid.layers;
+  sum.layer_um = grid.layer_um;
+  sum.pixel_x_um = grid.pixel_x_um;
+  sum.pixel_y_um = grid.pixel_y_um;
+  for (const Prediction& p : parts) sum.merge(p);
+  return sum;
+}
+
+std::vector<ProbeRow> probe_stack(const SliceSource& stack, const SliceSource* target,
+                                  const Setup& setup, int x, int y) {
+  const Grid& grid = stack.grid();
+  check_inside(grid, x, y);
+  if (target) check_same(grid, target->grid());
+  const PixelBox pixel{x, y, x + 1, y + 1};
+  const CureModel model = make_cure_model(setup.printer, setup.resin, setup.process, grid.layer_um);
+  const std::vector<double> intensity = level_intensities(setup.printer);
+  std::vector<ProbeRow> rows(static_cast<std::size_t>(grid.layers));
+  stack.read_band(pixel, [&](int n, const std::uint8_t* value) {
+    ProbeRow& row = rows[static_cast<std::size_t>(n)];
+    row.slice = n;
+    row.z_um = n * grid.layer_um;
+    row.grey = level_of_pixel(value ? *value : 0, setup.printer.levels());
+    row.intensity_mw_cm2 = intensity[static_cast<std::size_t>(row.grey)];
+    row.phi = model.level_phi[static_cast<std::size_t>(row.grey)];
+  });
+  double dose = 0;
+  for (std::size_t n = rows.size(); n-- > 0;) {
+    dose = model.step(rows[n].phi, dose);
+    rows[n].dose = dose;
+  }
+  if (target) {
+    for (ProbeRow& row : rows) row.target = 0;
+    target->read_band(pixel, [&](int n, const std::uint8_t* value) {
+      if (static_cast<std::size_t>(n) < rows.size()) {
+        rows[static_cast<std::size_t>(n)].target = (value ? *value : 0) / 255.0;
+      }
+    });
+  }
+  return rows;
+}
+
+Section section_of(const SliceSource& stack, const SliceSource& target, const Setup& setup, int y) {
+  const Grid& grid = stack.grid();
+  check_same(grid, target.grid());
+  check_inside(grid, 0, y);
+  const PixelBox box = stack.bounds().united(target.bounds());
+  Section s;
+  s.y = y;
+  s.x0 = box.x0;
+  s.width = box.width();
+  s.layers = std::max(grid.layers, target.grid().layers);
+  const auto width = static_cast<std::size_t>(s.width);
+  const std::size_t size = width * static_cast<std::size_t>(s.layers);
+  s.coverage.resize(size);
+  s.pixels.resize(size);
+  s.dose.resize(size);
+  const PixelBox row{box.x0, y, box.x1, y + 1};
+  const auto into = [&](std::vector<std::uint8_t>& out) {
+    return [&out, width](int n, const std::uint8_t* rows) {
+      if (rows)
+        std::copy(rows, rows + width,
+                  out.begin() + static_cast<std::ptrdiff_t>(static_cast<std::size_t>(n) * width));
+    };
+  };
+  target.read_band(row, into(s.coverage));
+  stack.read_band(row, into(s.pixels));
+  const CureModel model = make_cure_model(setup.printer, setup.resin, setup.process, grid.layer_um);
+  const PixelCurve curve = pixel_curve(model);
+  std::vector<double> omega(width, 0.0);
+  for (int n = s.layers; n-- > 0;) {
+    for (std::size_t x = 0; x < width; ++x) {
+      const std::size_t k = static_cast<std::size_t>(n) * width + x;
+      const double phi = n < grid.layers ? curve[s.pixels[k]] : 0.0;
+      s.dose[k] = static_cast<float>(model.middle(phi, omega[x]));
+      omega[x] = model.step(phi, omega[x]);
+    }
+  }
+  return s;
+}
+
+}  // namespace slicecorr

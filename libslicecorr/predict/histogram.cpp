@@ -1,0 +1,59 @@
+#include <algorithm>
+#include <cmath>
+
+#include "slicecorr/predict.hpp"
+
+namespace slicecorr {
+
+void Histogram::add(double value) {
+  if (bins_.empty()) bins_.resize((kGreatestExponent - kLeastExponent) * kBinsPerOctave + 1);
+  std::size_t bin = 0;
+  int exponent = 0;
+  const double mantissa = std::frexp(value, &exponent);  // [0.5, 1)
+  if (value > 0 && exponent > kLeastExponent) {
+    const int octave = std::min(exponent, kGreatestExponent) - kLeastExponent - 1;
+    const auto step = static_cast<int>((mantissa - 0.5) * 2 * kBinsPerOctave);
+    bin = static_cast<std::size_t>(octave * kBinsPerOctave + step + 1);
+  }
+  ++bins_[bin];
+  ++count_;
+  sum_ += static_cast<unsigned __int128>(std::llround(std::ldexp(value, 20)));
+  least_ = std::min(least_, value);
+  greatest_ = std::max(greatest_, value);
+}
+
+void Histogram::merge(const Histogram& other) {
+  if (other.bins_.empty()) return;
+  if (bins_.empty()) bins_.resize(other.bins_.size());
+  for (std::size_t i = 0; i < bins_.size(); ++i) bins_[i] += other.bins_[i];
+  count_ += other.count_;
+  sum_ += other.sum_;
+  least_ = std::min(least_, other.least_);
+  greatest_ = std::max(greatest_, other.greatest_);
+}
+
+double Histogram::mean() const {
+  if (count_ == 0) return 0;
+  return std::ldexp(static_cast<double>(sum_), -20) / static_cast<double>(count_);
+}
+
+double Histogram::quantile(double q) const {
+  if (count_ == 0) return 0;
+  const auto rank =
+      static_cast<std::uint64_t>(std::max(1.0, std::ceil(q * static_cast<double>(count_) - 1e-9)));
+  std::uint64_t seen = 0;
+  std::size_t bin = 0;
+  for (; bin < bins_.size(); ++bin) {
+    seen += bins_[bin];
+    if (seen >= rank) break;
+  }
+  double value = 0;
+  if (bin > 0) {
+    const auto octave = static_cast<int>((bin - 1) / kBinsPerOctave);
+    const double mantissa = static_cast<double>((bin - 1) % kBinsPerOctave) + 0.5;
+    value = std::ldexp(0.5 + mantissa / (2.0 * kBinsPerOctave), octave + kLeastExponent + 1);
+  }
+  return std::clamp(value, least_, greatest_);
+}
+
+}  // namespace slicecorr

@@ -1,0 +1,91 @@
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "slicecorr/predict.hpp"
+
+namespace slicecorr {
+
+double Prediction::iou() const {
+  const std::uint64_t both = target_voxels - undercure_voxels;
+  const std::uint64_t either = target_voxels + cure_through_voxels;
+  return either ? static_cast<double>(both) / static_cast<double>(either) : 1.0;
+}
+
+void Prediction::merge(const Prediction& o) {
+  target_voxels += o.target_voxels;
+  printed_voxels += o.printed_voxels;
+  cure_through_voxels += o.cure_through_voxels;
+  undercure_voxels += o.undercure_voxels;
+  grey_voxels += o.grey_voxels;
+  runs += o.runs;
+  gaps += o.gaps;
+  lost_features += o.lost_features;
+  lost_thick_features += o.lost_thick_features;
+  merged_features += o.merged_features;
+  merged_thick_gaps += o.merged_thick_gaps;
+  // The first of equals in reading order: merging from the top down keeps it.
+  if (o.worst_x >= 0) {
+    const double mine = worst_x >= 0 ? height_error_um.greatest() : -1.0;
+    const double theirs = o.height_error_um.greatest();
+    const bool earlier = o.worst_y < worst_y || (o.worst_y == worst_y && o.worst_x < worst_x);
+    if (theirs > mine || (theirs == mine && earlier)) {
+      worst_x = o.worst_x;
+      worst_y = o.worst_y;
+    }
+  }
+  height_error_um.merge(o.height_error_um);
+  greatest_overreach_um = std::max(greatest_overreach_um, o.greatest_overreach_um);
+  greatest_shortfall_um = std::max(greatest_shortfall_um, o.greatest_shortfall_um);
+  gap_contrast.merge(o.gap_contrast);
+  grey_dose_error.merge(o.grey_dose_error);
+  min_dose_inside = std::min(min_dose_inside, o.min_dose_inside);
+  max_dose_inside = std::max(max_dose_inside, o.max_dose_inside);
+  max_dose_outside = std::max(max_dose_outside, o.max_dose_outside);
+}
+
+std::string Prediction::to_json() const {
+  using nlohmann::ordered_json;
+  const auto or_null = [](bool known, double value) {
+    return known ? ordered_json(value) : ordered_json();
+  };
+  const bool edges = height_error_um.count() > 0;
+  const bool contrasts = gap_contrast.count() > 0;
+  const bool greys = grey_dose_error.count() > 0;
+  ordered_json j;
+  j["layers"] = layers;
+  j["layer_um"] = layer_um;
+  if (pixel_x_um == pixel_y_um) {
+    j["pixel_um"] = pixel_x_um;
+  } else {
+    j["pixel_um"] = {pixel_x_um, pixel_y_um};
+  }
+  j["target_voxels"] = target_voxels;
+  j["printed_voxels"] = printed_voxels;
+  j["cure_through_voxels"] = cure_through_voxels;
+  j["undercure_voxels"] = undercure_voxels;
+  j["iou"] = iou();
+  j["height_error_um"] = {{"mean_abs", or_null(edges, height_error_um.mean())},
+                          {"p95_abs", or_null(edges, height_error_um.quantile(0.95))},
+                          {"max_abs", or_null(edges, height_error_um.greatest())},
+                          {"edges", height_error_um.count()},
+                          {"max_overreach", or_null(edges, greatest_overreach_um)},
+                          {"max_shortfall", or_null(edges, greatest_shortfall_um)}};
+  j["runs"] = runs;
+  j["gaps"] = gaps;
+  j["lost_features"] = lost_features;
+  j["lost_features_two_slices_or_more"] = lost_thick_features;
+  j["merged_features"] = merged_features;
+  j["merged_gaps_two_slices_or_more"] = merged_thick_gaps;
+  j["dose"] = {{"min_inside", or_null(target_voxels > 0, min_dose_inside)},
+               {"max_inside", or_null(target_voxels > 0, max_dose_inside)},
+               {"max_outside", or_null(max_dose_outside >= 0, max_dose_outside)}};
+  j["gap_contrast"] = {{"min", or_null(contrasts, gap_contrast.least())},
+                       {"p05", or_null(contrasts, gap_contrast.quantile(0.05))}};
+  j["grey_voxels"] = grey_voxels;
+  j["grey_dose_error"] = {{"mean_abs", or_null(greys, grey_dose_error.mean())},
+                          {"p95_abs", or_null(greys, grey_dose_error.quantile(0.95))}};
+  j["worst_pixel"] = worst_x >= 0 ? ordered_json{worst_x, worst_y} : ordered_json();
+  return j.dump(2);
+}
+
+}  // namespace slicecorr

@@ -1,0 +1,205 @@
+#include <fmt/format.h>
+
+#include <cmath>
+#include <string_view>
+
+#include "slicecorr/report.hpp"
+#include "slicecorr/units.hpp"
+
+namespace slicecorr {
+
+namespace {
+
+std::string escape(std::string_view text) {
+  std::string out;
+  for (const char c : text) {
+    switch (c) {
+      case '<':
+        out += "&lt;";
+        break;
+      case '>':
+        out += "&gt;";
+        break;
+      case '&':
+        out += "&amp;";
+        break;
+      case '"':
+        out += "&quot;";
+        break;
+      default:
+        out += c;
+    }
+  }
+  return out;
+}
+
+std::string base64(const std::vector<std::uint8_t>& bytes) {
+  static constexpr char digits[] =
+      "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string out;
+  out.reserve((bytes.size() + 2) / 3 * 4);
+  for (std::size_t i = 0; i < bytes.size(); i += 3) {
+    const std::uint32_t b =
+        static_cast<std::uint32_t>(bytes[i]) << 16 |
+        (i + 1 < bytes.size() ? static_cast<std::uint32_t>(bytes[i + 1]) << 8 : 0) |
+        (i + 2 < bytes.size() ? bytes[i + 2] : 0);
+    out += digits[b >> 18];
+    out += digits[b >> 12 & 63];
+    out += i + 1 < bytes.size() ? digits[b >> 6 & 63] : '=';
+    out += i + 2 < bytes.size() ? digits[b & 63] : '=';
+  }
+  return out;
+}
+
+std::string image(const ColourImage& picture, const std::string& words) {
+  return fmt::format(R"(<img alt="{}" width="{}" height="{}" src="data:image/png;base64,{}">)",
+                     escape(words), picture.width_px, picture.height_px,
+                     base64(encode_png(picture)));
+}
+
+constexpr std::string_view kStyle = R"(
+:root{color-scheme:light dark;--bg:#fff;--fg:#1b1f24;--dim:#5b6570;--line:#d5dae0;--card:#f6f7f9;--dose:#c2410c;--grey:#64748b;--design:#64748b}
+@media(prefers-color-scheme:dark){:root{--bg:#14171a;--fg:#e6e9ec;--dim:#98a2ad;--line:#343a41;--card:#1d2126;--dose:#fb923c;--grey:#94a3b8;--design:#94a3b8}}
+*{box-sizing:border-box}body{margin:0 auto;max-width:70rem;padding:1rem;background:var(--bg);color:var(--fg);font:16px/1.5 system-ui,sans-serif}
+h1{font-size:1.5rem;margin:.3em 0}h2{font-size:1.15rem;margin:1.6em 0 .4em}p{margin:.4em 0}.dim{color:var(--dim)}
+.scroll{overflow-x:auto}table{border-collapse:collapse;font-variant-numeric:tabular-nums}td,th{padding:.25rem .8rem;border-bottom:1px solid var(--line);text-align:right}td:first-child,th:first-child{text-align:left;padding-left:0}
+.pair{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(22rem,100%),1fr));gap:1rem}figure{margin:0;background:var(--card);border:1px solid var(--line);border-radius:6px;padding:.6rem}
+figure img{display:block;width:100%;height:auto;image-rendering:pixelated;background:#fff}figcaption{font-size:.9rem;color:var(--dim);margin-top:.4rem}
+.key span{display:inline-block;width:.9em;height:.9em;border-radius:2px;margin:0 .35em 0 1em;vertical-align:-.08em;border:1px solid var(--line)}
+.plot{display:block;width:100%;min-width:36rem;height:auto}.plot text{fill:var(--fg);font-size:12px}.plot .h{font-size:14px;font-weight:600}.plot .tick{fill:var(--dim)}.plot .grey{fill:var(--grey)}
+.plot .design{fill:var(--design)}.plot .gel{stroke:var(--dim);stroke-dasharray:4 4}.plot .steps{fill:none;stroke:var(--grey);stroke-width:1}.plot .dose{fill:none;stroke:var(--dose);stroke-width:2}
+@media print{body{max-width:none}figure{break-inside:avoid}}
+)";
+
+std::string number_or_dash(bool known, double value, const char* unit = "") {
+  return known ? fmt::format("{:.4g}{}", value, unit) : "-";
+}
+
+std::string figures_table(const ReportContent& c) {
+  std::string html = R"(<div class="scroll"><table><thead><tr><th scope="col">Figure</th>)";
+  if (c.before) html += R"(<th scope="col">uncorrected</th>)";
+  html += R"(<th scope="col">this stack</th></tr></thead><tbody>)";
+  const auto row = [&](const char* name, auto figure) {
+    html += fmt::format("<tr><td>{}</td>", name);
+    if (c.before) html += fmt::format("<td>{}</td>", figure(*c.before));
+    html += fmt::format("<td>{}</td></tr>", figure(c.after));
+  };
+  const auto edge = [](const Prediction& p, double value) {
+    return number_or_dash(p.height_error_um.count() > 0, value, " um");
+  };
+  row("Mean height error", [&](const Prediction& p) { return edge(p, p.height_error_um.mean()); });
+  row("95 % of edges within",
+      [&](const Prediction& p) { return edge(p, p.height_error_um.quantile(0.95)); });
+  row("Largest height error",
+      [&](const Prediction& p) { return edge(p, p.height_error_um.greatest()); });
+  row("Gap voxels cured through",
+      [](const Prediction& p) { return fmt::format("{}", p.cure_through_voxels); });
+  row("Feature voxels undercured",
+      [](const Prediction& p) { return fmt::format("{}", p.undercure_voxels); });
+  row("Features lost",
+      [](const Prediction& p) { return fmt::format("{} of {}", p.lost_features, p.runs); });
+  row("Gaps merged",
+      [](const Prediction& p) { return fmt::format("{} of {}", p.merged_features, p.gaps); });
+  row("Overlap of print and design",
+      [](const Prediction& p) { return fmt::format("{:.5f}", p.iou()); });
+  row("Least gap contrast", [](const Prediction& p) {
+    return number_or_dash(p.gap_contrast.count() > 0, p.gap_contrast.least());
+  });
+  row("Dose inside, least to greatest", [](const Prediction& p) {
+    return p.target_voxels ? fmt::format("{:.4g} to {:.4g}", p.min_dose_inside, p.max_dose_inside)
+                           : std::string("-");
+  });
+  return html + "</tbody></table></div>";
+}
+
+std::string summary(const ReportContent& c) {
+  const Grid& g = c.info.grid;
+  const double hours = g.layers * g.layer_um * 1e-3 / c.setup.process.speed_mm_h;
+  std::string html = fmt::format(
+      "<p>{} slices of {:g} um, {} x {} pixels of {:g} x {:g} um. Printed at {:g} mm/h: {:.0f} min "
+      "{:02.0f} s.",
+      g.layers, g.layer_um, g.width_px, g.height_px, g.pixel_x_um, g.pixel_y_um,
+      c.setup.process.speed_mm_h, std::floor(hours * 60), std::fmod(hours * 3600, 60.0));
+  if (c.info.part_volume_mm3 > 0) {
+    html += fmt::format(" Resin in the part: {:.3f} ml.", c.info.part_volume_mm3 * 1e-3);
+  }
+  html += fmt::format(
+      R"x(</p><p class="dim">Printer {} ({} levels, {:g} to {:g} mW/cm²), resin {} (absorbance height {:g} um base 10, dose aimed at {:.4g} mJ/cm³{}).)x",
+      escape(c.setup.printer.name), c.setup.printer.levels(),
+      c.setup.printer.calibration.front().intensity_mw_cm2,
+      c.setup.printer.calibration.back().intensity_mw_cm2, escape(c.setup.resin.name),
+      c.setup.resin.absorbance_height10_um, c.setup.resin.critical_dose_mj_cm3,
+      c.setup.resin.gel_dose_mj_cm3 > 0
+          ? fmt::format(", gels at {:.4g}", c.setup.resin.gel_dose_mj_cm3)
+          : "");
+  const double cap = c.setup.process.omega_max;
+  return html + (cap >= 1e300 ? " Dose inside features not capped.</p>"
+                              : fmt::format(" Dose inside features capped at {:g}.</p>", cap));
+}
+
+}  // namespace
+
+std::string make_report(const ReportContent& c) {
+  const Grid& g = c.info.grid;
+  const CureModel model =
+      make_cure_model(c.setup.printer, c.setup.resin, c.setup.process, g.layer_um);
+  std::string html = fmt::format(
+      R"(<!doctype html><html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1"><title>{0}</title><style>{1}</style></head><body><main><h1>{0}</h1>)",
+      escape(c.title), kStyle);
+  html += summary(c);
+  html += "<h2>What will print</h2>" + figures_table(c);
+  html +=
+      R"(<p class="key dim">In the sections, platform up:<span style="background:#80868c"></span>right<span style="background:#d63031"></span>cured through<span style="background:#2667d6"></span>undercured<span style="background:#b0b6bc"></span>designed grey</p>)";
+  for (std::size_t i = 0; i < c.sections_after.size(); ++i) {
+    const Section& after = c.sections_after[i];
+    const Section& before = c.sections_before[i];
+    html += fmt::format("<h2>Section at image row {}</h2><div class=\"pair\">", after.y);
+    const auto figure = [&](const ColourImage& picture, const std::string& words) {
+      html += fmt::format("<figure>{}<figcaption>{}</figcaption></figure>", image(picture, words),
+                          words);
+    };
+    figure(cure_picture(before, g.pixel_x_um, g.layer_um, 900), "Uncorrected: what would print");
+    figure(cure_picture(after, g.pixel_x_um, g.layer_um, 900), "This stack: what will print");
+    figure(grey_picture(before, g.pixel_x_um, g.layer_um, 900), "Uncorrected: grey values shown");
+    figure(grey_picture(after, g.pixel_x_um, g.layer_um, 900), "This stack: grey values shown");
+    html += "</div>";
+  }
+  if (!c.column_after.empty()) {
+    html += fmt::format(
+        R"(<h2>Column {}, {}</h2><p class="dim">Through the largest height error of the uncorrected part. Shaded: the design; line: dose; steps: grey level.</p><div class="scroll"><figure>{}</figure></div><div class="scroll"><figure>{}</figure></div>)",
+        c.column_x, c.column_y, column_svg(c.column_before, model, "Uncorrected"),
+        column_svg(c.column_after, model, "This stack"));
+  }
+  return html +
+         fmt::format(R"(<p class="dim">{}</p></main></body></html>)", escape(c.info.program)) +
+         "\n";
+}
+
+ReportContent gather_report(const SliceSource& stack, const SliceSource& target, const Setup& setup,
+                            const StackInfo& info, const Prediction& after,
+                            const std::optional<Prediction>& before, const std::string& title) {
+  ReportContent c;
+  c.title = title;
+  c.info = info;
+  c.setup = setup;
+  c.after = after;
+  c.before = before;
+  const PixelBox box = target.bounds();
+  const auto add_section = [&](int y) {
+    c.sections_before.push_back(section_of(target, target, setup, y));
+    c.sections_after.push_back(section_of(stack, target, setup, y));
+  };
+  const int middle = (box.y0 + box.y1) / 2;
+  if (!box.empty()) add_section(middle);
+  const Prediction& worst = before ? *before : after;
+  if (worst.worst_x >= 0) {
+    if (worst.worst_y != middle) add_section(worst.worst_y);
+    c.column_x = worst.worst_x;
+    c.column_y = worst.worst_y;
+    c.column_before = probe_stack(target, &target, setup, c.column_x, c.column_y);
+    c.column_after = probe_stack(stack, &target, setup, c.column_x, c.column_y);
+  }
+  return c;
+}
+
+}  // namespace slicecorr

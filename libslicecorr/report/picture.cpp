@@ -1,0 +1,98 @@
+#include <OpenImageIO/filesystem.h>
+#include <OpenImageIO/imageio.h>
+
+#include <algorithm>
+#include <array>
+
+#include "slicecorr/error.hpp"
+#include "slicecorr/report.hpp"
+
+namespace slicecorr {
+
+namespace {
+
+using Colour = std::array<std::uint8_t, 3>;
+constexpr Colour kEmpty{255, 255, 255}, kRight{128, 134, 140}, kCureThrough{214, 48, 49},
+    kUndercure{38, 103, 214}, kGreyPrinted{176, 182, 188}, kGreyEmpty{228, 232, 236};
+
+/// Draws voxel by voxel at the scale at which the section fits; a picture pixel shows the voxel at
+/// its middle, but a wrong voxel it covers is never left out.
+template <typename ColourOf, typename Weight>
+ColourImage draw(const Section& s, double pixel_x_um, double layer_um, int most_px, ColourOf colour,
+                 Weight weight) {
+  const double width_um = s.width * pixel_x_um, height_um = s.layers * layer_um;
+  // Not finer than two picture pixels per voxel, not coarser than fits.
+  const double scale =
+      std::min(2.0 / std::min(pixel_x_um, layer_um), most_px / std::max(width_um, height_um));
+  ColourImage image;
+  image.width_px = std::max(1, static_cast<int>(width_um * scale + 0.5));
+  image.height_px = std::max(1, static_cast<int>(height_um * scale + 0.5));
+  image.rgb.resize(static_cast<std::size_t>(image.width_px) *
+                   static_cast<std::size_t>(image.height_px) * 3);
+  const auto range = [](int i, int pixels, int voxels) {
+    const int from = static_cast<int>(static_cast<std::int64_t>(i) * voxels / pixels);
+    const int to = static_cast<int>(static_cast<std::int64_t>(i + 1) * voxels / pixels);
+    return std::pair(from, std::max(from + 1, to));
+  };
+  for (int py = 0; py < image.height_px; ++py) {
+    const auto [n0, n1] = range(py, image.height_px, s.layers);
+    for (int px = 0; px < image.width_px; ++px) {
+      const auto [x0, x1] = range(px, image.width_px, s.width);
+      std::size_t best =
+          static_cast<std::size_t>((n0 + n1) / 2) * static_cast<std::size_t>(s.width) +
+          static_cast<std::size_t>((x0 + x1) / 2);
+      int most = weight(best);
+      for (int n = n0; n < n1; ++n) {
+        for (int x = x0; x < x1; ++x) {
+          const std::size_t k = static_cast<std::size_t>(n) * static_cast<std::size_t>(s.width) +
+                                static_cast<std::size_t>(x);
+          if (weight(k) > most) {
+            most = weight(k);
+            best = k;
+          }
+        }
+      }
+      const Colour c = colour(best);
+      std::copy(c.begin(), c.end(),
+                image.rgb.begin() + 3 * (static_cast<std::ptrdiff_t>(py) * image.width_px + px));
+    }
+  }
+  return image;
+}
+
+}  // namespace
+
+ColourImage cure_picture(const Section& s, double pixel_x_um, double layer_um, int most_px) {
+  const auto wrong = [&](std::size_t k) {
+    const bool printed = s.dose[k] >= 1.0F;
+    return (s.coverage[k] == 0 && printed) || (s.coverage[k] == 255 && !printed) ? 1 : 0;
+  };
+  const auto colour = [&](std::size_t k) {
+    const bool printed = s.dose[k] >= 1.0F;
+    if (s.coverage[k] == 0) return printed ? kCureThrough : kEmpty;
+    if (s.coverage[k] == 255) return printed ? kRight : kUndercure;
+    return printed ? kGreyPrinted : kGreyEmpty;
+  };
+  return draw(s, pixel_x_um, layer_um, most_px, colour, wrong);
+}
+
+ColourImage grey_picture(const Section& s, double pixel_x_um, double layer_um, int most_px) {
+  const auto colour = [&](std::size_t k) { return Colour{s.pixels[k], s.pixels[k], s.pixels[k]}; };
+  return draw(s, pixel_x_um, layer_um, most_px, colour, [](std::size_t) { return 0; });
+}
+
+std::vector<std::uint8_t> encode_png(const ColourImage& image) {
+  std::vector<std::uint8_t> bytes;
+  OIIO::Filesystem::IOVecOutput memory(bytes);
+  auto out = OIIO::ImageOutput::create("png");
+  OIIO::ImageSpec spec(image.width_px, image.height_px, 3, OIIO::TypeDesc::UINT8);
+  // OpenImageIO stamps files with the time; the same input must give the same bytes.
+  spec.attribute("DateTime", "1980:01:01 00:00:00");
+  if (!out || !out->set_ioproxy(&memory) || !out->open("section.png", spec) ||
+      !out->write_image(OIIO::TypeDesc::UINT8, image.rgb.data()) || !out->close()) {
+    throw Error("a picture can't be encoded: " + (out ? out->geterror() : OIIO::geterror()));
+  }
+  return bytes;
+}
+
+}  // namespace slicecorr

@@ -1,0 +1,361 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <mutex>
+
+#include "slice/bridges.hpp"
+#include "slice/raster.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/slice.hpp"
+
+namespace slicecorr {
+
+using detail::Segment;
+
+namespace {
+
+/// Counted in layers, a part is not thicker for what rounding adds to its height.
+constexpr double kLayerTolerance = 1e-6;
+/// Counted in pixels: a part that fills the display exactly fits.
+constexpr double kPixelTolerance = 1e-3;
+
+/// A corner of the mesh on the printer: x and y in pixels of the image, z in layers so that slice n
+/// is cut at z = n.
+struct Corner {
+  double x, y, z;
+};
+
+/// An edge that its triangles do not run along equally often both ways: contours break there.
+struct OpenEdge {
+  std::uint32_t low, high;
+  std::int32_t surplus;  ///< triangles that run from low to high, less those that run back
+};
+
+struct Span {
+  int first, last;
+};
+
+/// Slices that cut something between these heights: z < n counts as below, z >= n as above.
+Span cut_by(double z_low, double z_high, int layers) {
+  const double first = std::floor(z_low) + 1;
+  const double last = std::floor(z_high);
+  return {static_cast<int>(std::clamp(first, 0.0, static_cast<double>(layers))),
+          static_cast<int>(std::clamp(last, -1.0, static_cast<double>(layers - 1)))};
+}
+
+}  // namespace
+
+struct MeshSlices::Impl {
+  Grid grid;
+  bool antialias = true;
+  PixelBox bounds;
+  SliceReport report;
+  std::vector<Corner> corners;
+  std::vector<std::array<std::uint32_t, 3>> triangles;  ///< turned where needed
+  std::vector<std::vector<Segment>> bridges;            ///< per slice
+  int rows_per_bin = 1;
+  std::vector<std::size_t> bin_begin;  ///< per bin of rows: where its triangles begin in `binned`
+  std::vector<std::uint32_t> binned;
+
+  void place(const TriangleMesh& mesh, const Printer& printer, const SliceOptions& options);
+  void close_contours(const Job& job);
+  void bin_triangles();
+
+  /// Where the edge from corner a to corner b meets slice n. Both triangles of an edge get the same
+  /// bits.
+  detail::LooseEnds::Place meet(std::uint32_t a, std::uint32_t b, double n) const {
+    if (a > b) std::swap(a, b);
+    const Corner& p = corners[a];
+    const Corner& q = corners[b];
+    const double t = (n - p.z) / (q.z - p.z);
+    return {p.x + t * (q.x - p.x), p.y + t * (q.y - p.y)};
+  }
+  /// The cut of a triangle: from the edge that rises through the slice to the one that falls.
+  Segment cut(const std::array<std::uint32_t, 3>& t, int slice) const {
+    const double n = slice;
+    const bool up[3] = {corners[t[0]].z >= n, corners[t[1]].z >= n, corners[t[2]].z >= n};
+    detail::LooseEnds::Place rise{}, fall{};
+    for (int k = 0; k < 3; ++k) {
+      const int next = k == 2 ? 0 : k + 1;
+      if (up[k] == up[next]) continue;
+      (up[next] ? rise : fall) =
+          meet(t[static_cast<std::size_t>(k)], t[static_cast<std::size_t>(next)], n);
+    }
+    return {rise.x, rise.y, fall.x, fall.y};
+  }
+  std::vector<std::uint32_t> triangles_of(int y0, int y1) const;
+};
+
+void MeshSlices::Impl::place(const TriangleMesh& mesh, const Printer& printer,
+                             const SliceOptions& options) {
+  if (!(options.layer_um >= 1.0) || !(options.layer_um <= 1000.0)) {
+    throw InputError(fmt::format("slice height {:g} um; expected 1 to 1000", options.layer_um));
+  }
+  if (mesh.triangles.empty()) throw InputError("there is no triangle to slice");
+  Point3 low = mesh.vertices[mesh.triangles[0][0]], high = low;
+  for (const auto& t : mesh.triangles) {
+    for (const std::uint32_t v : t) {
+      for (std::size_t k = 0; k < 3; ++k) {
+        low[k] = std::min(low[k], mesh.vertices[v][k]);
+        high[k] = std::max(high[k], mesh.vertices[v][k]);
+      }
+    }
+  }
+  const double px = printer.pixel_x_um * 1e-3, py = printer.pixel_y_um * 1e-3;
+  const double layer_mm = options.layer_um * 1e-3;
+  const double display_x = printer.width_px * px, display_y = printer.height_px * py;
+  const double cx = options.center_mm ? (*options.center_mm)[0] : display_x / 2;
+  const double cy = options.center_mm ? (*options.center_mm)[1] : display_y / 2;
+  const double mid_x = 0.5 * (low[0] + high[0]), mid_y = 0.5 * (low[1] + high[1]);
+
+  const double half_x = 0.5 * (high[0] - low[0]), half_y = 0.5 * (high[1] - low[1]);
+  const double excess_x = std::max(half_x - cx, cx + half_x - display_x);
+  const double excess_y = std::max(half_y - cy, cy + half_y - display_y);
+  if (excess_x > kPixelTolerance * px || excess_y > kPixelTolerance * py) {
+    std::string text;
+    if (excess_x > kPixelTolerance * px) text += fmt::format(" {:.3f} mm in x", excess_x);
+    if (excess_y > kPixelTolerance * py) {
+      text += fmt::format("{} {:.3f} mm in y", text.empty() ? "" : " and", excess_y);
+    }
+    throw InputError(fmt::format(
+        "the part of {:.3f} x {:.3f} mm, centred at {:.3f}, {:.3f} mm, reaches{} beyond the "
+        "display of "
+        "'{}' ({:.3f} x {:.3f} mm)",
+        high[0] - low[0], high[1] - low[1], cx, cy, text, printer.name, display_x, display_y));
+  }
+  const double height = (high[2] - low[2]) / layer_mm;
+  const double layers = std::ceil(height - 0.5 - kLayerTolerance);
+  if (printer.travel_mm > 0 && high[2] - low[2] > printer.travel_mm + kLayerTolerance * layer_mm) {
+    throw InputError(fmt::format(
+        "the part is {:.3f} mm high, {:.3f} mm more than the stage of '{}' travels ({:g} mm)",
+        high[2] - low[2], high[2] - low[2] - printer.travel_mm, printer.name, printer.travel_mm));
+  }
+  if (!(layers >= 1)) {
+    throw InputError(fmt::format("the part is {:.6g} mm high, thinner than half a layer of {:g} um",
+                                 high[2] - low[2], options.layer_um));
+  }
+  if (layers > 1e6) {
+    throw InputError(fmt::format("the part needs {:.0f} slices; expected at most 1000000", layers));
+  }
+  grid = {printer.width_px,   printer.height_px,  static_cast<int>(layers),
+          printer.pixel_x_um, printer.pixel_y_um, options.layer_um};
+
+  corners.reserve(mesh.vertices.size());
+  for (const Point3& v : mesh.vertices) {
+    corners.push_back(
+        {std::clamp((v[0] - mid_x + cx) / px, 0.0, 1.0 * printer.width_px),
+         std::clamp((mid_y - v[1] + display_y - cy) / py, 0.0, 1.0 * printer.height_px),
+         (v[2] - low[2]) / layer_mm - 0.5});
+  }
+  const auto inside = [](double v, int most) { return std::clamp(static_cast<int>(v), 0, most); };
+  bounds = {inside(std::floor((cx - half_x) / px + 1e-9), printer.width_px),
+            inside(std::floor((display_y - cy - half_y) / py + 1e-9), printer.height_px),
+            inside(std::ceil((cx + half_x) / px - 1e-9), printer.width_px),
+            inside(std::ceil((display_y - cy + half_y) / py - 1e-9), printer.height_px)};
+  bounds.x1 = std::max(bounds.x1, std::min(bounds.x0 + 1, printer.width_px));
+  bounds.y1 = std::max(bounds.y1, std::min(bounds.y0 + 1, printer.height_px));
+  for (Corner& c : corners) {
+    c.x = std::clamp(c.x, static_cast<double>(bounds.x0), static_cast<double>(bounds.x1));
+    c.y = std::clamp(c.y, static_cast<double>(bounds.y0), static_cast<double>(bounds.y1));
+  }
+  triangles = mesh.triangles;
+  const std::vector<bool> turned = flipped_triangles(mesh);
+  for (std::size_t i = 0; i < turned.size(); ++i) {
+    if (!turned[i]) continue;
+    std::swap(triangles[i][1], triangles[i][2]);
+    ++report.turned_triangles;
+  }
+}
+
+void MeshSlices::Impl::close_contours(const Job& job) {
+  struct HalfEdge {
+    std::uint64_t key;
+    std::int32_t way;
+  };
+  std::vector<HalfEdge> halves;
+  halves.reserve(triangles.size() * 3);
+  for (const auto& t : triangles) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::uint32_t a = t[k], b = t[k == 2 ? 0 : k + 1];
+      if (a == b) continue;
+      const std::uint64_t key = (static_cast<std::uint64_t>(std::min(a, b)) << 32) | std::max(a, b);
+      halves.push_back({key, a < b ? 1 : -1});
+    }
+  }
+  std::sort(halves.begin(), halves.end(),
+            [](const HalfEdge& p, const HalfEdge& q) { return p.key < q.key; });
+  std::vector<OpenEdge> open;
+  for (std::size_t i = 0; i < halves.size();) {
+    std::size_t end = i;
+    std::int32_t surplus = 0;
+    for (; end < halves.size() && halves[end].key == halves[i].key; ++end)
+      surplus += halves[end].way;
+    if (surplus != 0) {
+      open.push_back({static_cast<std::uint32_t>(halves[i].key >> 32),
+                      static_cast<std::uint32_t>(halves[i].key & 0xFFFFFFFFU), surplus});
+    }
+    i = end;
+  }
+  bridges.resize(static_cast<std::size_t>(grid.layers));
+  if (open.empty()) return;
+
+  std::vector<std::vector<std::uint32_t>> open_of(bridges.size());
+  for (std::uint32_t e = 0; e < open.size(); ++e) {
+    const double a = corners[open[e].low].z, b = corners[open[e].high].z;
+    const Span span = cut_by(std::min(a, b), std::max(a, b), grid.layers);
+    for (int n = span.first; n <= span.last; ++n) open_of[static_cast<std::size_t>(n)].push_back(e);
+  }
+  std::mutex mutex;
+  parallel_for(job, "close contours", bridges.size(), [&](std::size_t n) {
+    if (open_of[n].empty()) return;
+    detail::LooseEnds loose;
+    for (const std::uint32_t e : open_of[n]) {
+      const auto place = meet(open[e].low, open[e].high, static_cast<double>(n));
+      // Cuts begin where a triangle's edge rises through the slice: a surplus of rising edges
+      // leaves beginnings that no cut leads to.
+      const bool rises = corners[open[e].low].z < corners[open[e].high].z;
+      auto& places = rises == (open[e].surplus > 0) ? loose.beginnings : loose.ends;
+      places.insert(places.end(), static_cast<std::size_t>(std::abs(open[e].surplus)), place);
+    }
+    double longest = 0;
+    bridges[n] =
+        detail::bridge(std::move(loose), grid.pixel_x_um * 1e-3, grid.pixel_y_um * 1e-3, longest);
+    const std::lock_guard lock(mutex);
+    report.bridged_slices += !bridges[n].empty();
+    report.bridges += bridges[n].size();
+    report.longest_bridge_mm = std::max(report.longest_bridge_mm, longest);
+  });
+}
+
+void MeshSlices::Impl::bin_triangles() {
+  rows_per_bin = band_rows(grid);
+  const auto bins = static_cast<std::size_t>((grid.height_px + rows_per_bin - 1) / rows_per_bin);
+  bin_begin.assign(bins + 1, 0);
+  const auto rows = [&](const std::array<std::uint32_t, 3>& t) {
+    const auto [low, high] = std::minmax({corners[t[0]].y, corners[t[1]].y, corners[t[2]].y});
+    const auto bin = [&](double y) {
+      return std::min(static_cast<std::size_t>(y) / static_cast<std::size_t>(rows_per_bin),
+                      bins - 1);
+    };
+    return std::pair(bin(low), bin(high));
+  };
+  const auto cuts = [&](const std::array<std::uint32_t, 3>& t) {
+    const auto [low, high] = std::minmax({corners[t[0]].z, corners[t[1]].z, corners[t[2]].z});
+    const Span span = cut_by(low, high, grid.layers);
+    return span.first <= span.last;
+  };
+  for (const auto& t : triangles) {
+    if (!cuts(t)) continue;
+    const auto [first, last] = rows(t);
+    for (std::size_t b = first; b <= last; ++b) ++bin_begin[b + 1];
+  }
+  for (std::size_t b = 0; b < bins; ++b) bin_begin[b + 1] += bin_begin[b];
+  binned.resize(bin_begin[bins]);
+  std::vector<std::size_t> at(bin_begin.begin(), bin_begin.end() - 1);
+  for (std::uint32_t i = 0; i < triangles.size(); ++i) {
+    if (!cuts(triangles[i])) continue;
+    const auto [first, last] = rows(triangles[i]);
+    for (std::size_t b = first; b <= last; ++b) binned[at[b]++] = i;
+  }
+}
+
+std::vector<std::uint32_t> MeshSlices::Impl::triangles_of(int y0, int y1) const {
+  const auto first = static_cast<std::size_t>(y0 / rows_per_bin);
+  const auto last = static_cast<std::size_t>((y1 - 1) / rows_per_bin);
+  std::vector<std::uint32_t> list(
+      binned.begin() + static_cast<std::ptrdiff_t>(bin_begin[first]),
+      binned.begin() + static_cast<std::ptrdiff_t>(bin_begin[last + 1]));
+  if (first != last) {
+    std::sort(list.begin(), list.end());
+    list.erase(std::unique(list.begin(), list.end()), list.end());
+  }
+  return list;
+}
+
+MeshSlices::MeshSlices(const TriangleMesh& mesh, const Printer& printer,
+                       const SliceOptions& options, const Job& job)
+    : impl_(std::make_unique<Impl>()) {
+  impl_->antialias = options.antialias;
+  impl_->place(mesh, printer, options);
+  job.check_cancelled();
+  impl_->close_contours(job);
+  impl_->bin_triangles();
+  const SliceReport& r = impl_->report;
+  if (r.turned_triangles) {
+    job.tell(fmt::format("{} triangles face the other way than their neighbours; cut as if turned",
+                         r.turned_triangles));
+  }
+  if (r.bridges) {
+    job.tell(fmt::format("open contours in {} slices closed by {} bridges, the longest {:.3f} mm",
+                         r.bridged_slices, r.bridges, r.longest_bridge_mm));
+  }
+}
+
+MeshSlices::~MeshSlices() = default;
+MeshSlices::MeshSlices(MeshSlices&&) noexcept = default;
+const Grid& MeshSlices::grid() const { return impl_->grid; }
+PixelBox MeshSlices::bounds() const { return impl_->bounds; }
+const SliceReport& MeshSlices::report() const { return impl_->report; }
+
+void MeshSlices::read_band(const PixelBox& band, const Sink& sink) const {
+  const Impl& s = *impl_;
+  struct Entry {
+    std::uint32_t triangle;
+    int first, last;
+  };
+  std::vector<Entry> entries;
+  for (const std::uint32_t i : s.triangles_of(band.y0, band.y1)) {
+    const auto& t = s.triangles[i];
+    const auto [low, high] = std::minmax({s.corners[t[0]].z, s.corners[t[1]].z, s.corners[t[2]].z});
+    const Span span = cut_by(low, high, s.grid.layers);
+    entries.push_back({i, span.first, span.last});
+  }
+  std::sort(entries.begin(), entries.end(), [](const Entry& a, const Entry& b) {
+    return a.first != b.first ? a.first < b.first : a.triangle < b.triangle;
+  });
+  // Drawn over the part's full width, as the winding comes from the left, and cropped if less is
+  // asked.
+  const PixelBox full = {s.bounds.x0, band.y0, s.bounds.x1, band.y1};
+  detail::Raster raster(full.x0, full.y0, full.x1, full.y1, s.antialias);
+  const auto area =
+      static_cast<std::size_t>(full.width()) * static_cast<std::size_t>(full.height());
+  std::vector<std::uint8_t> rows(area), cropped;
+  const bool crop = band.x0 != full.x0 || band.x1 != full.x1;
+  if (crop) {
+    cropped.resize(static_cast<std::size_t>(band.width()) *
+                   static_cast<std::size_t>(band.height()));
+  }
+  std::vector<Entry> active;
+  std::size_t next = 0;
+  for (int n = 0; n < s.grid.layers; ++n) {
+    std::erase_if(active, [&](const Entry& e) { return e.last < n; });
+    for (; next < entries.size() && entries[next].first <= n; ++next)
+      active.push_back(entries[next]);
+    const auto& bridges = s.bridges[static_cast<std::size_t>(n)];
+    if (active.empty() && bridges.empty()) {
+      sink(n, nullptr);
+      continue;
+    }
+    raster.clear();
+    for (const Entry& e : active) raster.add(s.cut(s.triangles[e.triangle], n));
+    for (const Segment& b : bridges) raster.add(b);
+    if (!raster.draw(rows.data())) {
+      sink(n, nullptr);
+    } else if (!crop) {
+      sink(n, rows.data());
+    } else {
+      const int from = std::max(band.x0, full.x0), to = std::min(band.x1, full.x1);
+      std::fill(cropped.begin(), cropped.end(), std::uint8_t{0});
+      for (int y = 0; y < band.height() && from < to; ++y) {
+        const auto* source = rows.data() + static_cast<std::ptrdiff_t>(y) * full.width();
+        std::copy(
+            source + (from - full.x0), source + (to - full.x0),
+            cropped.data() + static_cast<std::ptrdiff_t>(y) * band.width() + (from - band.x0));
+      }
+      sink(n, cropped.data());
+    }
+  }
+}
+
+}  // namespace slicecorr

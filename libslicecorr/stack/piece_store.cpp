@@ -1,0 +1,157 @@
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <mutex>
+
+#include "base/errno_message.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/stack.hpp"
+
+namespace slicecorr {
+namespace {
+
+/// Marks offsets that count from the start of the scratch file.
+constexpr std::uint64_t in_file = std::uint64_t{1} << 63;
+
+constexpr std::size_t largest_chunk = std::size_t{1} << 20;
+
+}  // namespace
+
+struct PieceStore::Impl {
+  std::string folder;
+  Job job;
+  std::size_t budget = 0;
+  std::size_t chunk_size = 0;
+  /// Memory for pieces. The table never grows and its chunks never move, so that bytes are copied
+  /// outside the lock.
+  std::vector<std::unique_ptr<std::uint8_t[]>> chunks;
+  std::uint64_t memory_used = 0;
+  std::uint64_t file_used = 0;
+  int file = -1;
+  mutable std::mutex mutex;
+
+  ~Impl() {
+    if (file >= 0) ::close(file);
+  }
+
+  [[noreturn]] void fail(const char* what) const {
+    throw DeviceError(
+        detail::errno_message(folder, std::string("can't ") + what + " a scratch file"));
+  }
+
+  void open_file() {
+#ifdef O_TMPFILE
+    file = ::open(folder.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
+#endif
+    if (file >= 0) return;
+    // Some file systems (NFS, FAT, overlays) know no unnamed files.
+    std::string name = folder + "/.slicecorr.XXXXXX";
+    file = ::mkostemp(name.data(), O_CLOEXEC);
+    if (file < 0) fail("make");
+    ::unlink(name.c_str());
+  }
+
+  /// Calls `copy(memory, done, length)` for every chunk that [offset, offset + size) touches.
+  template <class Copy>
+  void for_chunks(std::uint64_t offset, std::size_t size, const Copy& copy) const {
+    for (std::size_t done = 0; done < size;) {
+      const std::size_t at = (offset + done) % chunk_size;
+      const std::size_t length = std::min(size - done, chunk_size - at);
+      copy(chunks[(offset + done) / chunk_size].get() + at, done, length);
+      done += length;
+    }
+  }
+};
+
+PieceStore::PieceStore(std::string folder, std::size_t memory_budget_bytes, const Job& job)
+    : impl_(std::make_unique<Impl>()) {
+  impl_->folder = folder.empty() ? "." : std::move(folder);
+  impl_->job = job;
+  impl_->budget = memory_budget_bytes;
+  impl_->chunk_size = std::clamp<std::size_t>(memory_budget_bytes, 1, largest_chunk);
+  impl_->chunks.resize((memory_budget_bytes + impl_->chunk_size - 1) / impl_->chunk_size);
+}
+
+PieceStore::~PieceStore() = default;
+
+PieceStore::Piece PieceStore::put(const std::uint8_t* data, std::size_t size) {
+  Impl& s = *impl_;
+  if (size > 0xffffffffu) throw DeviceError("a piece of an image is larger than 4 GiB");
+  Piece piece;
+  piece.size = static_cast<std::uint32_t>(size);
+  bool first_in_file = false;
+  {
+    const std::scoped_lock lock(s.mutex);
+    if (s.memory_used + size <= s.budget) {
+      piece.offset = s.memory_used;
+      s.memory_used += size;
+      for (std::size_t i = piece.offset / s.chunk_size; i * s.chunk_size < s.memory_used; ++i) {
+        if (!s.chunks[i])
+          s.chunks[i] = std::make_unique_for_overwrite<std::uint8_t[]>(s.chunk_size);
+      }
+    } else {
+      if (s.file < 0) {
+        s.open_file();
+        first_in_file = true;
+      }
+      piece.offset = s.file_used | in_file;
+      s.file_used += size;
+    }
+  }
+  if (first_in_file) {
+    s.job.tell("images need more than " + std::to_string(s.budget >> 20) +
+               " MiB: keeping the rest in a scratch file in " + s.folder);
+  }
+  if ((piece.offset & in_file) == 0) {
+    s.for_chunks(piece.offset, size, [&](std::uint8_t* memory, std::size_t done, std::size_t n) {
+      std::memcpy(memory, data + done, n);
+    });
+    return piece;
+  }
+  for (std::size_t done = 0; done < size;) {
+    const auto at = static_cast<off_t>((piece.offset & ~in_file) + done);
+    const ssize_t n = ::pwrite(s.file, data + done, size - done, at);
+    if (n > 0) {
+      done += static_cast<std::size_t>(n);
+    } else if (n == 0 || errno != EINTR) {
+      if (n == 0) errno = ENOSPC;
+      s.fail("write");
+    }
+  }
+  return piece;
+}
+
+void PieceStore::get(const Piece& piece, std::vector<std::uint8_t>& out) const {
+  const Impl& s = *impl_;
+  const std::size_t start = out.size();
+  out.resize(start + piece.size);
+  std::uint8_t* const data = out.data() + start;
+  if ((piece.offset & in_file) == 0) {
+    s.for_chunks(piece.offset, piece.size,
+                 [&](const std::uint8_t* memory, std::size_t done, std::size_t n) {
+                   std::memcpy(data + done, memory, n);
+                 });
+    return;
+  }
+  for (std::size_t done = 0; done < piece.size;) {
+    const auto at = static_cast<off_t>((piece.offset & ~in_file) + done);
+    const ssize_t n = ::pread(s.file, data + done, piece.size - done, at);
+    if (n > 0) {
+      done += static_cast<std::size_t>(n);
+    } else if (n == 0 || errno != EINTR) {
+      if (n == 0) errno = EIO;
+      s.fail("read");
+    }
+  }
+}
+
+std::uint64_t PieceStore::scratch_bytes() const {
+  const std::scoped_lock lock(impl_->mutex);
+  return impl_->file_used;
+}
+
+}  // namespace slicecorr

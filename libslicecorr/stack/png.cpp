@@ -1,0 +1,141 @@
+#include "stack/png.hpp"
+
+#include <isa-l.h>
+#include <zlib.h>
+
+#include <algorithm>
+#include <cstring>
+#include <utility>
+
+#include "slicecorr/error.hpp"
+#include "stack/png_layout.hpp"
+
+namespace slicecorr {
+namespace detail {
+namespace {
+
+void append_u32(std::uint32_t value, std::vector<std::uint8_t>& out) {
+  for (int shift = 24; shift >= 0; shift -= 8)
+    out.push_back(static_cast<std::uint8_t>(value >> shift));
+}
+
+void store_u32(std::uint32_t value, std::uint8_t* at) {
+  for (int i = 0; i < 4; ++i) at[i] = static_cast<std::uint8_t>(value >> (24 - 8 * i));
+}
+
+/// Appends length (filled in by `end_chunk`) and type; returns where the chunk starts.
+std::size_t begin_chunk(const char* type, std::vector<std::uint8_t>& out) {
+  const std::size_t start = out.size();
+  out.insert(out.end(), 4, 0);
+  out.insert(out.end(), type, type + 4);
+  return start;
+}
+
+void end_chunk(std::size_t start, std::vector<std::uint8_t>& out) {
+  const std::size_t length = out.size() - start - 8;
+  store_u32(static_cast<std::uint32_t>(length), out.data() + start);
+  append_u32(crc32_gzip_refl(0, out.data() + start + 4, length + 4), out);
+}
+
+}  // namespace
+
+struct IdatEncoder::Impl {
+  isal_zstream stream;
+  std::uint8_t level_buffer[ISAL_DEF_LVL1_DEFAULT];
+};
+
+IdatEncoder::IdatEncoder() : impl_(std::make_unique_for_overwrite<Impl>()) {}
+IdatEncoder::~IdatEncoder() = default;
+IdatEncoder::IdatEncoder(IdatEncoder&&) noexcept = default;
+
+std::uint32_t IdatEncoder::encode(std::span<const std::uint8_t> raw,
+                                  std::vector<std::uint8_t>& out) {
+  const std::size_t chunk = begin_chunk("IDAT", out);
+  const std::size_t start = out.size();
+  // Incompressible input becomes stored blocks of at most 64 KiB with 5 bytes each.
+  out.resize(start + raw.size() + raw.size() / 1024 + 1024);
+  isal_zstream& z = impl_->stream;
+  isal_deflate_stateless_init(&z);
+  z.level = 1;
+  z.level_buf = impl_->level_buffer;
+  z.level_buf_size = sizeof impl_->level_buffer;
+  z.end_of_stream = 0;
+  z.flush = FULL_FLUSH;
+  z.next_in = const_cast<std::uint8_t*>(raw.data());
+  z.avail_in = static_cast<std::uint32_t>(raw.size());
+  z.next_out = out.data() + start;
+  z.avail_out = static_cast<std::uint32_t>(out.size() - start);
+  if (isal_deflate_stateless(&z) != COMP_OK || z.avail_in != 0) {
+    throw Error("deflating an image failed");
+  }
+  out.resize(static_cast<std::size_t>(z.next_out - out.data()));
+  end_chunk(chunk, out);
+  return isal_adler32(1, raw.data(), raw.size());
+}
+
+void append_png_start(int width_px, int height_px, std::vector<std::uint8_t>& out) {
+  out.insert(out.end(), std::begin(png_signature), std::end(png_signature));
+  std::size_t chunk = begin_chunk("IHDR", out);
+  append_u32(static_cast<std::uint32_t>(width_px), out);
+  append_u32(static_cast<std::uint32_t>(height_px), out);
+  out.insert(out.end(), {8, grey, 0, 0, 0});
+  end_chunk(chunk, out);
+  chunk = begin_chunk("IDAT", out);
+  out.insert(out.end(), {0x78, 0x01});
+  end_chunk(chunk, out);
+}
+
+void append_png_end(std::uint32_t adler, std::vector<std::uint8_t>& out) {
+  std::size_t chunk = begin_chunk("IDAT", out);
+  out.insert(out.end(), {0x03, 0x00});  // a last block with nothing in it
+  append_u32(adler, out);
+  end_chunk(chunk, out);
+  chunk = begin_chunk("IEND", out);
+  end_chunk(chunk, out);
+}
+
+std::uint32_t join_adler(std::uint32_t first, std::uint32_t second, std::uint64_t second_bytes) {
+  return static_cast<std::uint32_t>(
+      adler32_combine(first, second, static_cast<z_off_t>(second_bytes)));
+}
+
+}  // namespace detail
+
+std::vector<std::uint8_t> encode_png(const GreyImage& image) {
+  using namespace detail;
+  const std::size_t stride = raw_stride(image.width_px);
+  const int rows = static_cast<int>(std::max<std::size_t>(1, (std::size_t{4} << 20) / stride));
+  std::vector<std::uint8_t> out, raw;
+  append_png_start(image.width_px, image.height_px, out);
+  IdatEncoder encoder;
+  std::uint32_t adler = 1;
+  for (int y0 = 0; y0 < image.height_px; y0 += rows) {
+    const int y1 = std::min(image.height_px, y0 + rows);
+    raw.assign(stride * static_cast<std::size_t>(y1 - y0), 0);
+    for (int y = y0; y < y1; ++y) {
+      std::copy_n(image.pixels.data() + static_cast<std::size_t>(y) * (stride - 1), stride - 1,
+                  raw.data() + static_cast<std::size_t>(y - y0) * stride + 1);
+    }
+    adler = join_adler(adler, encoder.encode(raw, out), raw.size());
+  }
+  append_png_end(adler, out);
+  return out;
+}
+
+GreyImage decode_png(const std::vector<std::uint8_t>& png, int expected_width_px,
+                     int expected_height_px, const std::string& file, const std::string& what) {
+  GreyImage image{expected_width_px, expected_height_px, {}};
+  const std::size_t stride = detail::raw_stride(expected_width_px);
+  const auto take = [&](int y0, int y1, const std::uint8_t* raw) {
+    // Made late: only once the image has shown that it is as large as expected.
+    image.pixels.resize((stride - 1) * static_cast<std::size_t>(expected_height_px));
+    for (int y = y0; y < y1; ++y) {
+      std::copy_n(raw + static_cast<std::size_t>(y - y0) * stride + 1, stride - 1,
+                  image.pixels.data() + static_cast<std::size_t>(y) * (stride - 1));
+    }
+  };
+  detail::decode_png_bands(png, expected_width_px, expected_height_px, 32, {file, what}, take);
+  return image;
+}
+
+}  // namespace slicecorr

@@ -1,0 +1,62 @@
+/// @file png.hpp
+/// PNG made of independent bands, and checked decoding band by band.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "slicecorr/stack.hpp"
+
+namespace slicecorr::detail {
+
+/// An image's rows as PNG stores them with filter 0: a zero byte before each row of pixels.
+/// Their Adler-32 stands for the image.
+inline std::size_t raw_stride(int width_px) { return static_cast<std::size_t>(width_px) + 1; }
+
+/// Deflates filter-0 rows to finished IDAT chunks that can be joined in any number: each ends on a
+/// byte and refers to nothing before it. Reusable, not thread-safe.
+class IdatEncoder {
+ public:
+  IdatEncoder();
+  ~IdatEncoder();
+  IdatEncoder(IdatEncoder&&) noexcept;
+  /// Appends the chunk to `out` and returns the Adler-32 of the raw bytes.
+  std::uint32_t encode(std::span<const std::uint8_t> raw, std::vector<std::uint8_t>& out);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Bytes that `append_png_start` and `append_png_end` add together.
+inline constexpr std::size_t png_frame_bytes = 8 + 25 + (12 + 2) + (12 + 6) + 12;
+
+/// Signature, IHDR of an 8-bit grey image and the zlib header in an IDAT of its own.
+void append_png_start(int width_px, int height_px, std::vector<std::uint8_t>& out);
+
+/// End of the zlib stream with the Adler-32 of all raw bytes, and IEND.
+void append_png_end(std::uint32_t adler, std::vector<std::uint8_t>& out);
+
+/// Adler-32 of two byte strings joined, the second of `second_bytes`.
+std::uint32_t join_adler(std::uint32_t first, std::uint32_t second, std::uint64_t second_bytes);
+
+/// Where an image comes from, for messages.
+struct PngName {
+  const std::string& file;
+  const std::string& entry;
+};
+
+/// Takes rows [y0, y1) as `raw_stride(width)` bytes each, every filter byte 0. The last band may be
+/// shorter than the others.
+using RawBandSink = std::function<void(int y0, int y1, const std::uint8_t* raw)>;
+
+/// Decodes any PNG of exactly this size to 8-bit grey, in bands of `rows` from the top. Structure,
+/// sizes and checksums are checked first or on the way; throws `InputError`.
+void decode_png_bands(std::span<const std::uint8_t> png, int width_px, int height_px, int rows,
+                      const PngName& name, const RawBandSink& sink);
+
+}  // namespace slicecorr::detail

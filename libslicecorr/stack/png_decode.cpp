@@ -1,0 +1,167 @@
+#include <OpenImageIO/filesystem.h>
+#include <OpenImageIO/imageio.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <cstring>
+
+#include "slicecorr/error.hpp"
+#include "stack/png_layout.hpp"
+
+namespace slicecorr::detail {
+namespace {
+
+using Bytes = std::span<const std::uint8_t>;
+
+std::uint8_t paeth(int left, int up, int corner) {
+  const int to_left = std::abs(up - corner);
+  const int to_up = std::abs(left - corner);
+  const int to_corner = std::abs(left + up - 2 * corner);
+  if (to_left <= to_up && to_left <= to_corner) return static_cast<std::uint8_t>(left);
+  return static_cast<std::uint8_t>(to_up <= to_corner ? up : corner);
+}
+
+/// Undoes the filter of one row of 8-bit grey in place. `above` is the row above without filter.
+void unfilter(int filter, std::uint8_t* row, const std::uint8_t* above, int width) {
+  int left = 0, corner = 0;
+  switch (filter) {
+    case 1:
+      for (int x = 0; x < width; ++x) left = row[x] = static_cast<std::uint8_t>(row[x] + left);
+      break;
+    case 2:
+      for (int x = 0; x < width; ++x) row[x] = static_cast<std::uint8_t>(row[x] + above[x]);
+      break;
+    case 3:
+      for (int x = 0; x < width; ++x) {
+        left = row[x] = static_cast<std::uint8_t>(row[x] + (left + above[x]) / 2);
+      }
+      break;
+    case 4:
+      for (int x = 0; x < width; ++x) {
+        left = row[x] = static_cast<std::uint8_t>(row[x] + paeth(left, above[x], corner));
+        corner = above[x];
+      }
+      break;
+    default:
+      break;
+  }
+}
+
+void check_filter(int filter, std::uint32_t y, const PngName& name) {
+  if (filter > 4) {
+    bad_png(name, "row " + std::to_string(y) + " of the PNG has the unknown filter " +
+                      std::to_string(filter));
+  }
+}
+
+/// 8-bit grey, inflated straight into bands: a band stays in the cache while it is worked on.
+void decode_grey(const PngLayout& layout, int rows, const PngName& name, const RawBandSink& sink) {
+  const int width = static_cast<int>(layout.width), height = static_cast<int>(layout.height);
+  const std::size_t stride = raw_stride(width);
+  std::vector<std::uint8_t> band(stride * static_cast<std::size_t>(std::min(rows, height)));
+  std::vector<std::uint8_t> last(stride, 0);  // last row of the band above
+  IdatStream stream(layout, name);
+  for (int y0 = 0; y0 < height; y0 += rows) {
+    const int y1 = std::min(height, y0 + rows);
+    const std::size_t size = stride * static_cast<std::size_t>(y1 - y0);
+    stream.read({band.data(), size});
+    const std::uint8_t* above = last.data();
+    for (int y = y0; y < y1; ++y) {
+      std::uint8_t* const row = band.data() + stride * static_cast<std::size_t>(y - y0);
+      check_filter(row[0], static_cast<std::uint32_t>(y), name);
+      unfilter(row[0], row + 1, above + 1, width);
+      row[0] = 0;
+      above = row;
+    }
+    // Before the sink: a wrong checksum must not be found only after the last band was used.
+    if (y1 == height) stream.finish();
+    std::copy_n(above, stride, last.data());
+    sink(y0, y1, band.data());
+  }
+}
+
+/// Runs through the compressed data of any format, so that only sound ones reach the general
+/// reader.
+void check_stream(const PngLayout& layout, const PngName& name) {
+  IdatStream stream(layout, name);
+  std::uint64_t left = layout.raw_bytes();
+  const std::uint64_t row = layout.interlaced ? 65536 : left / layout.height;
+  std::vector<std::uint8_t> buffer(std::min(row, left));
+  for (std::uint32_t y = 0; left > 0; ++y) {
+    const Bytes part(buffer.data(), std::min<std::uint64_t>(buffer.size(), left));
+    stream.read({buffer.data(), part.size()});
+    if (!layout.interlaced) check_filter(part[0], y, name);
+    left -= part.size();
+  }
+  stream.finish();
+}
+
+/// The PNG without ancillary chunks: colour profiles and gamma must not touch light levels, and a
+/// chunk that is not needed can't be wrong.
+std::vector<std::uint8_t> core_png(const PngLayout& layout) {
+  std::vector<std::uint8_t> png(std::begin(png_signature), std::end(png_signature));
+  for (const Bytes chunk : layout.core) png.insert(png.end(), chunk.begin(), chunk.end());
+  return png;
+}
+
+std::uint8_t to_grey(const std::uint8_t* p, int channels, bool alpha) {
+  const int colours = alpha ? channels - 1 : channels;
+  const int grey = colours == 3 ? (p[0] + p[1] + p[2] + 1) / 3 : p[0];
+  return static_cast<std::uint8_t>(alpha ? (grey * p[channels - 1] + 127) / 255 : grey);
+}
+
+void decode_other(const PngLayout& layout, int rows, const PngName& name, const RawBandSink& sink) {
+  check_stream(layout, name);
+  const std::vector<std::uint8_t> png = core_png(layout);
+  OIIO::Filesystem::IOMemReader reader(png.data(), png.size());
+  OIIO::ImageSpec config;
+  OIIO::Filesystem::IOProxy* const proxy = &reader;
+  config.attribute("oiio:ioproxy", OIIO::TypeDesc::PTR, &proxy);
+  config.attribute("oiio:UnassociatedAlpha", 1);
+  const auto input = OIIO::ImageInput::create("png");
+  const auto fail = [&] {
+    const std::string text = input ? input->geterror() : OIIO::geterror();
+    bad_png(name, "PNG can't be decoded" + (text.empty() ? "" : ": " + text));
+  };
+  OIIO::ImageSpec spec;
+  if (!input || !input->open("slice.png", spec, config)) fail();
+  const int width = static_cast<int>(layout.width), height = static_cast<int>(layout.height);
+  const int channels = spec.nchannels;
+  if (spec.width != width || spec.height != height || channels < 1 || channels > 4) fail();
+  const bool alpha = channels == 2 || channels == 4;
+  const std::size_t stride = raw_stride(width);
+  const std::size_t row_bytes = static_cast<std::size_t>(width) * static_cast<unsigned>(channels);
+  std::vector<std::uint8_t> pixels(row_bytes * static_cast<std::size_t>(std::min(rows, height)));
+  std::vector<std::uint8_t> band(stride * static_cast<std::size_t>(std::min(rows, height)));
+  for (int y0 = 0; y0 < height; y0 += rows) {
+    const int y1 = std::min(height, y0 + rows);
+    if (!input->read_scanlines(0, 0, y0, y1, 0, 0, channels, OIIO::TypeDesc::UINT8,
+                               pixels.data())) {
+      fail();
+    }
+    for (std::size_t y = 0; y < static_cast<std::size_t>(y1 - y0); ++y) {
+      for (std::size_t x = 0; x < static_cast<std::size_t>(width); ++x) {
+        band[y * stride + 1 + x] =
+            to_grey(&pixels[y * row_bytes + x * static_cast<unsigned>(channels)], channels, alpha);
+      }
+    }
+    sink(y0, y1, band.data());
+  }
+  input->close();
+}
+
+}  // namespace
+
+void decode_png_bands(Bytes png, int width_px, int height_px, int rows, const PngName& name,
+                      const RawBandSink& sink) {
+  const PngLayout layout = read_png_layout(png, width_px, height_px, name);
+  const bool plain = layout.colour == grey && layout.bit_depth == 8 && !layout.interlaced &&
+                     !layout.transparent_colour;
+  if (plain) {
+    decode_grey(layout, rows, name, sink);
+  } else {
+    decode_other(layout, rows, name, sink);
+  }
+}
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,278 @@
+#include <isa-l.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <mutex>
+#include <numeric>
+#include <span>
+#include <stdexcept>
+#include <string_view>
+
+#include "base/run_length.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/stack.hpp"
+#include "stack/png.hpp"
+#include "stack/uvj_config.hpp"
+#include "stack/zip_input.hpp"
+
+namespace slicecorr {
+namespace {
+
+using detail::UvjConfig;
+using detail::ZipInput;
+
+constexpr std::size_t memory_budget = std::size_t{256} << 20;
+
+std::string slice_name(int slice) {
+  char text[32];
+  std::snprintf(text, sizeof text, "slice/%08d.png", slice);
+  return text;
+}
+
+UvjConfig read_config(ZipInput& zip, const std::string& path) {
+  const ZipInput::Entry* const entry = zip.find("config.json");
+  if (entry == nullptr) {
+    throw InputError(path, "config.json", "is missing, expected a UVJ archive");
+  }
+  // Grows with the layers, which it lists one by one.
+  const std::uint64_t limit = (std::uint64_t{64} << 20) + 256 * zip.entries().size();
+  std::vector<std::uint8_t> text;
+  zip.read(*entry, limit, text);
+  return detail::parse_uvj_config({reinterpret_cast<const char*>(text.data()), text.size()}, path);
+}
+
+/// The entries of the slices in order; checks that there are exactly as many as layers.
+std::vector<const ZipInput::Entry*> list_slices(const ZipInput& zip, const Grid& grid,
+                                                const std::string& path) {
+  // Twice the largest PNG pixel, 4 channels of 16 bits, and some for chunks that don't matter.
+  const std::uint64_t limit = std::uint64_t{8} * static_cast<unsigned>(grid.width_px) *
+                                  static_cast<unsigned>(grid.height_px) +
+                              (1 << 20);
+  std::vector<const ZipInput::Entry*> slices;
+  for (const ZipInput::Entry& entry : zip.entries()) {
+    if (!entry.name.starts_with("slice/") || entry.name == "slice/") continue;
+    // Entries are sorted by name, which for names of equal length is the order of slices.
+    const std::string expected = slice_name(static_cast<int>(slices.size()));
+    if (entry.name != expected) {
+      const bool gap = entry.name.size() == expected.size() && entry.name > expected;
+      throw InputError(
+          path, gap ? expected : entry.name,
+          gap ? "is missing" : "is no name of a slice, expected slice/00000000.png on");
+    }
+    if (static_cast<int>(slices.size()) == grid.layers) {
+      throw InputError(
+          path, entry.name,
+          "is one slice too many: config.json has " + std::to_string(grid.layers) + " layers");
+    }
+    if (entry.bytes > limit) {
+      throw InputError(path, entry.name,
+                       "declares " + std::to_string(entry.bytes) + " bytes, expected at most " +
+                           std::to_string(limit));
+    }
+    slices.push_back(&entry);
+  }
+  if (static_cast<int>(slices.size()) != grid.layers) {
+    throw InputError(path, slice_name(static_cast<int>(slices.size())),
+                     "is missing: config.json has " + std::to_string(grid.layers) + " layers");
+  }
+  return slices;
+}
+
+std::uint64_t load(const std::uint8_t* p) {
+  std::uint64_t v;
+  std::memcpy(&v, p, sizeof v);
+  return v;
+}
+
+/// First non-zero byte, or `n`.
+int first_lit(const std::uint8_t* row, int n) {
+  int x = 0;
+  while (x + 8 <= n && load(row + x) == 0) x += 8;
+  while (x < n && row[x] == 0) ++x;
+  return x;
+}
+
+/// End of the non-zero bytes, but not below `least`.
+int end_lit(const std::uint8_t* row, int least, int n) {
+  while (n - 8 >= least && load(row + n - 8) == 0) n -= 8;
+  while (n > least && row[n - 1] == 0) --n;
+  return n;
+}
+
+/// Smallest box around the lit pixels of some rows of `raw_stride(width)` bytes.
+PixelBox lit_box(const std::uint8_t* raw, int width, int rows) {
+  PixelBox box{width, rows, 0, 0};
+  for (int y = 0; y < rows; ++y) {
+    const std::uint8_t* const row = raw + detail::raw_stride(width) * static_cast<unsigned>(y) + 1;
+    const int first = first_lit(row, width);
+    if (first == width) continue;
+    box.x0 = std::min(box.x0, first);
+    box.x1 = end_lit(row, std::max(box.x1, first + 1), width);
+    box.y0 = std::min(box.y0, y);
+    box.y1 = y + 1;
+  }
+  return box.empty() ? PixelBox{} : box;
+}
+
+}  // namespace
+
+/// A piece in the store is: first and last column + 1 (32 bits each), then the run-length code of
+/// these columns in all rows of the band.
+struct StackReader::Impl {
+  std::string path;
+  UvjConfig config;
+  PieceStore store;
+  int rows = 0;   ///< of a band
+  int bands = 0;  ///< of an image
+  /// One per band and slice, band by band; of size 0 where it is black. Zeroed memory of the
+  /// system, so that black bands take none.
+  std::unique_ptr<PieceStore::Piece[], decltype(&std::free)> index{nullptr, &std::free};
+  PixelBox bounds;
+  std::uint64_t sum = 0;
+  std::mutex mutex;  ///< of bounds and sum
+
+  Impl(const std::string& p, const std::string& folder, const Job& job)
+      : path(p), store(folder, memory_budget, job) {}
+
+  PieceStore::Piece& piece(int band, int slice) const {
+    return index[static_cast<std::size_t>(band) *
+                     static_cast<std::size_t>(config.info.grid.layers) +
+                 static_cast<std::size_t>(slice)];
+  }
+
+  void make_index() {
+    const Grid& grid = config.info.grid;
+    rows = band_rows(grid);
+    bands = (grid.height_px + rows - 1) / rows;
+    void* const memory =
+        std::calloc(static_cast<std::size_t>(bands) * static_cast<std::size_t>(grid.layers),
+                    sizeof(PieceStore::Piece));
+    if (memory == nullptr) throw InputError(path, "", "has more slices than the memory can hold");
+    index.reset(static_cast<PieceStore::Piece*>(memory));
+  }
+
+  std::uint32_t decode_slice(int slice, std::span<const std::uint8_t> png, const std::string& name);
+  void copy_piece(const PieceStore::Piece& piece, const PixelBox& band, const PixelBox& box,
+                  std::vector<std::uint8_t>& code, std::vector<std::uint8_t>& pixels,
+                  std::uint8_t* out) const;
+};
+
+/// Decodes one image into pieces and returns the Adler-32 that stands for it.
+std::uint32_t StackReader::Impl::decode_slice(int slice, std::span<const std::uint8_t> png,
+                                              const std::string& name) {
+  const Grid& grid = config.info.grid;
+  const std::size_t stride = detail::raw_stride(grid.width_px);
+  std::uint32_t adler = 1;
+  PixelBox slice_box;
+  std::uint64_t slice_sum = 0;
+  std::vector<std::uint8_t> pixels, code;
+  const auto take = [&](int y0, int y1, const std::uint8_t* raw) {
+    const std::size_t size = stride * static_cast<unsigned>(y1 - y0);
+    adler = isal_adler32(adler, raw, size);
+    const PixelBox box = lit_box(raw, grid.width_px, y1 - y0);
+    if (box.empty()) return;
+    slice_box = slice_box.united({box.x0, y0 + box.y0, box.x1, y0 + box.y1});
+    const auto width = static_cast<std::size_t>(box.width());
+    pixels.clear();
+    for (int y = 0; y < y1 - y0; ++y) {
+      const std::uint8_t* const row = raw + stride * static_cast<unsigned>(y) + 1 + box.x0;
+      pixels.insert(pixels.end(), row, row + width);
+    }
+    slice_sum += std::accumulate(pixels.begin(), pixels.end(), std::uint64_t{0});
+    const std::int32_t columns[2] = {box.x0, box.x1};
+    code.resize(sizeof columns);
+    std::memcpy(code.data(), columns, sizeof columns);
+    detail::run_length_encode(pixels.data(), pixels.size(), code);
+    piece(y0 / rows, slice) = store.put(code.data(), code.size());
+  };
+  detail::decode_png_bands(png, grid.width_px, grid.height_px, rows, {path, name}, take);
+  const std::scoped_lock lock(mutex);
+  bounds = bounds.united(slice_box);
+  sum += slice_sum;
+  return adler;
+}
+
+/// Copies what the piece of `band` has of `box` to `out`, which holds the rows of `box`.
+void StackReader::Impl::copy_piece(const PieceStore::Piece& piece, const PixelBox& band,
+                                   const PixelBox& box, std::vector<std::uint8_t>& code,
+                                   std::vector<std::uint8_t>& pixels, std::uint8_t* out) const {
+  code.clear();
+  store.get(piece, code);
+  std::int32_t columns[2];
+  std::memcpy(columns, code.data(), sizeof columns);
+  const auto stride = static_cast<std::size_t>(columns[1] - columns[0]);
+  pixels.resize(stride * static_cast<std::size_t>(band.height()));
+  detail::run_length_decode(code.data() + sizeof columns, code.data() + code.size(), pixels.data(),
+                            pixels.size());
+  const int x0 = std::max(columns[0], box.x0), x1 = std::min(columns[1], box.x1);
+  if (x0 >= x1) return;
+  for (int y = std::max(band.y0, box.y0); y < std::min(band.y1, box.y1); ++y) {
+    std::memcpy(out + static_cast<std::size_t>(y - box.y0) * static_cast<std::size_t>(box.width()) +
+                    (x0 - box.x0),
+                pixels.data() + static_cast<std::size_t>(y - band.y0) * stride + (x0 - columns[0]),
+                static_cast<std::size_t>(x1 - x0));
+  }
+}
+
+StackReader::StackReader(const std::string& path, const std::string& scratch_folder, const Job& job)
+    : impl_(std::make_unique<Impl>(path, scratch_folder, job)) {
+  Impl& s = *impl_;
+  ZipInput zip(path);
+  s.config = read_config(zip, path);
+  const auto slices = list_slices(zip, s.config.info.grid, path);
+  for (const std::string& warning : s.config.warnings) job.tell(path + ": " + warning);
+  s.make_index();
+  std::vector<std::uint32_t> adlers(slices.size());
+  parallel_for(job, "read", slices.size(), [&](std::size_t i) {
+    std::vector<std::uint8_t> png;
+    zip.read(*slices[i], slices[i]->bytes, png);
+    adlers[i] = s.decode_slice(static_cast<int>(i), png, slices[i]->name);
+  });
+  if (s.config.images_crc32 && *s.config.images_crc32 != detail::images_crc32(adlers)) {
+    job.tell(path + ": images were changed after the stack was made");
+  }
+}
+
+StackReader::~StackReader() = default;
+
+const StackInfo& StackReader::info() const { return impl_->config.info; }
+const Grid& StackReader::grid() const { return impl_->config.info.grid; }
+PixelBox StackReader::bounds() const { return impl_->bounds; }
+std::uint64_t StackReader::pixel_sum() const { return impl_->sum; }
+
+void StackReader::read_band(const PixelBox& box, const Sink& sink) const {
+  const Impl& s = *impl_;
+  const Grid& grid = s.config.info.grid;
+  if (box.x0 < 0 || box.y0 < 0 || box.x1 > grid.width_px || box.y1 > grid.height_px) {
+    throw std::out_of_range("band reaches over the image");
+  }
+  const int first = box.empty() ? 0 : box.y0 / s.rows;
+  const int last = box.empty() ? 0 : (box.y1 + s.rows - 1) / s.rows;
+  std::vector<std::uint8_t> code, pixels;
+  std::vector<std::uint8_t> out(static_cast<std::size_t>(box.width()) *
+                                static_cast<std::size_t>(box.height()));
+  for (int slice = 0; slice < grid.layers; ++slice) {
+    bool lit = false;
+    for (int band = first; band < last; ++band) {
+      const PieceStore::Piece& piece = s.piece(band, slice);
+      if (piece.size == 0) continue;
+      if (!lit) std::fill(out.begin(), out.end(), std::uint8_t{0});
+      lit = true;
+      const int y0 = band * s.rows;
+      const PixelBox rows{0, y0, grid.width_px, std::min(grid.height_px, y0 + s.rows)};
+      s.copy_piece(piece, rows, box, code, pixels, out.data());
+    }
+    sink(slice, lit ? out.data() : nullptr);
+  }
+}
+
+StackInfo StackReader::read_info(const std::string& path) {
+  ZipInput zip(path);
+  UvjConfig config = read_config(zip, path);
+  list_slices(zip, config.info.grid, path);
+  return config.info;
+}
+
+}  // namespace slicecorr

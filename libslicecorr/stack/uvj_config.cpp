@@ -1,0 +1,137 @@
+#include "stack/uvj_config.hpp"
+
+#include <isa-l.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "slicecorr/units.hpp"
+
+namespace slicecorr::detail {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// Without the noise of the last digits, which would only make the text longer.
+double tidy_mm(double mm) { return std::round(mm * 1e9) / 1e9; }
+
+/// No limit and no lift: the continuous mode pulls without a pause.
+Json exposure_json(double light_on_s) {
+  return {{"LightOnTime", light_on_s}, {"LightOffTime", 0}, {"LightPWM", 255},
+          {"LiftHeight", 0},           {"LiftSpeed", 0},    {"RetractHeight", 0},
+          {"RetractSpeed", 0}};
+}
+
+Json properties_json(const StackInfo& info, double light_on_s) {
+  const Grid& grid = info.grid;
+  Json properties;
+  properties["Size"] = {{"X", grid.width_px},
+                        {"Y", grid.height_px},
+                        {"Millimeter",
+                         {{"X", tidy_mm(grid.width_px * grid.pixel_x_um / 1000)},
+                          {"Y", tidy_mm(grid.height_px * grid.pixel_y_um / 1000)}}},
+                        {"Layers", grid.layers},
+                        {"LayerHeight", tidy_mm(grid.layer_um / 1000)}};
+  properties["Exposure"] = exposure_json(light_on_s);
+  properties["Bottom"] = exposure_json(light_on_s);
+  properties["Bottom"]["Count"] = 0;
+  properties["AntiAliasLevel"] = 1;
+  return properties;
+}
+
+Json printer_json(const Printer& p) {
+  Json points = Json::array();
+  for (const CalibrationPoint& c : p.calibration) {
+    points.push_back({{"level", c.level}, {"intensity_mw_cm2", c.intensity_mw_cm2}});
+  }
+  return {{"name", p.name},
+          {"width_px", p.width_px},
+          {"height_px", p.height_px},
+          {"pixel_x_um", p.pixel_x_um},
+          {"pixel_y_um", p.pixel_y_um},
+          {"bit_depth", p.bit_depth},
+          {"wavelength_nm", p.wavelength_nm},
+          {"calibration", points},
+          {"max_speed_mm_h", p.max_speed_mm_h},
+          {"travel_mm", p.travel_mm}};
+}
+
+Json resin_json(const Resin& r) {
+  return {{"name", r.name},
+          {"model", r.model == CureModelKind::kinetic ? "kinetic" : "jacobs"},
+          {"m", r.m},
+          {"absorbance_height10_um", r.absorbance_height10_um},
+          {"critical_dose_mj_cm3", r.critical_dose_mj_cm3},
+          {"critical_dose_prime", r.critical_dose_prime},
+          {"gel_dose_mj_cm3", r.gel_dose_mj_cm3}};
+}
+
+Json process_json(const Process& p) {
+  Json json;
+  json["speed_mm_h"] = p.speed_mm_h;
+  if (p.omega_max >= 1e300) {
+    json["omega_max"] = "inf";
+  } else {
+    json["omega_max"] = p.omega_max;
+  }
+  json["one_slice_gaps"] = p.one_slice_gaps == OneSliceGaps::merge ? "merge" : "open";
+  return json;
+}
+
+Json block_json(const StackInfo& info, std::uint32_t crc) {
+  Json block;
+  block["format"] = uvj_block_format;
+  block["kind"] = info.kind == StackKind::corrected ? "corrected" : "target";
+  block["mode"] = "continuous";
+  block["program"] = info.program;
+  block["target_layers"] = info.target_layers;
+  block["part_volume_mm3"] = info.part_volume_mm3;
+  // The sizes in mm above went through a division; these are exact.
+  block["grid"] = {{"pixel_x_um", info.grid.pixel_x_um},
+                   {"pixel_y_um", info.grid.pixel_y_um},
+                   {"layer_um", info.grid.layer_um}};
+  if (info.printer) block["printer"] = printer_json(*info.printer);
+  if (info.resin) block["resin"] = resin_json(*info.resin);
+  if (info.process) block["process"] = process_json(*info.process);
+  block["images_crc32"] = crc;
+  return block;
+}
+
+std::string dump(const Json& json, int indent) {
+  return json.dump(indent, ' ', false, Json::error_handler_t::replace);
+}
+
+}  // namespace
+
+std::string write_uvj_config(const StackInfo& info, std::uint32_t images_crc32) {
+  const bool corrected = info.kind == StackKind::corrected && info.process.has_value();
+  const double light_on_s = corrected
+                                ? units::slice_time_s(info.grid.layer_um, info.process->speed_mm_h)
+                                : info.exposure_s;
+  std::string text = "{\n\"Properties\": " + dump(properties_json(info, light_on_s), 2);
+  // One line per layer, joined as text: a tree of a million layers would fill the memory.
+  text += ",\n\"Layers\": [";
+  const std::string exposure = ", \"Exposure\": " + dump(exposure_json(light_on_s), -1) + "}";
+  for (int n = 0; n < info.grid.layers; ++n) {
+    text += n == 0 ? "\n" : ",\n";
+    text += "{\"Z\": " + dump(tidy_mm((n + 1) * info.grid.layer_um / 1000), -1) + exposure;
+  }
+  text += "\n]";
+  if (info.kind != StackKind::foreign) {
+    text += ",\n\"slicecorr\": " + dump(block_json(info, images_crc32), 2);
+  }
+  return text + "\n}\n";
+}
+
+std::uint32_t images_crc32(const std::vector<std::uint32_t>& slice_adlers) {
+  std::uint32_t crc = 0;
+  for (const std::uint32_t adler : slice_adlers) {
+    const std::uint8_t bytes[4] = {
+        static_cast<std::uint8_t>(adler >> 24), static_cast<std::uint8_t>(adler >> 16),
+        static_cast<std::uint8_t>(adler >> 8), static_cast<std::uint8_t>(adler)};
+    crc = crc32_gzip_refl(crc, bytes, sizeof bytes);
+  }
+  return crc;
+}
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,271 @@
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "slicecorr/error.hpp"
+#include "stack/uvj_config.hpp"
+
+namespace slicecorr::detail {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr double largest = 1e300;
+
+/// A value in the file, with the way to it for messages.
+class Node {
+ public:
+  Node(const Json& json, std::string path, const std::string& file)
+      : json_(&json), path_(std::move(path)), file_(&file) {}
+
+  [[noreturn]] void fail(const std::string& expected) const {
+    refuse((path_.empty() ? "the file" : path_) + " is " + shown() + ", expected " + expected);
+  }
+
+  [[noreturn]] void refuse(const std::string& message) const {
+    throw InputError(*file_, "config.json", message);
+  }
+
+  bool is_text(const char* text) const { return json_->is_string() && *json_ == text; }
+
+  bool has(const char* key) const { return object().find(key) != object().end(); }
+
+  Node operator[](const char* key) const {
+    const auto found = object().find(key);
+    if (found == object().end()) {
+      refuse(path(key) + " is missing");
+    }
+    return {*found, path(key), *file_};
+  }
+
+  double number(double least, double most) const {
+    const double value = json_->is_number() ? json_->get<double>() : NAN;
+    if (!(value >= least && value <= most)) {
+      fail(most >= largest ? "a number of at least " + text(least)
+                           : "a number from " + text(least) + " to " + text(most));
+    }
+    return value;
+  }
+
+  /// A number above 0.
+  double positive(double most = largest) const {
+    const double value = json_->is_number() ? json_->get<double>() : NAN;
+    if (!(value > 0 && value <= most)) {
+      fail(most >= largest ? "a number above 0" : "a number above 0 and up to " + text(most));
+    }
+    return value;
+  }
+
+  /// Some programs write whole numbers with a decimal point.
+  std::int64_t whole(std::int64_t least, std::int64_t most) const {
+    const double value = json_->is_number() ? json_->get<double>() : NAN;
+    if (!(value >= static_cast<double>(least) && value <= static_cast<double>(most)) ||
+        value != std::floor(value)) {
+      fail("a whole number from " + std::to_string(least) + " to " + std::to_string(most));
+    }
+    return static_cast<std::int64_t>(value);
+  }
+  int integer(int least, int most) const { return static_cast<int>(whole(least, most)); }
+
+  std::string string() const {
+    if (!json_->is_string()) fail("a text");
+    return json_->get<std::string>();
+  }
+
+  /// Index of the text among `choices`.
+  std::size_t choice(const std::vector<std::string>& choices) const {
+    const auto found = json_->is_string()
+                           ? std::find(choices.begin(), choices.end(), json_->get<std::string>())
+                           : choices.end();
+    if (found == choices.end()) {
+      std::string list;
+      for (const auto& c : choices) list += (list.empty() ? "\"" : " or \"") + c + "\"";
+      fail(list);
+    }
+    return static_cast<std::size_t>(found - choices.begin());
+  }
+
+  std::vector<Node> list(std::size_t least, std::size_t most) const {
+    if (!json_->is_array() || json_->size() < least || json_->size() > most) {
+      fail("a list of " + std::to_string(least) + " to " + std::to_string(most) + " entries");
+    }
+    std::vector<Node> nodes;
+    for (std::size_t i = 0; i < json_->size(); ++i) {
+      nodes.emplace_back((*json_)[i], path_ + "[" + std::to_string(i) + "]", *file_);
+    }
+    return nodes;
+  }
+
+ private:
+  static std::string text(double v) { return Json(v).dump(); }
+  std::string path(const char* key) const { return path_.empty() ? key : path_ + "." + key; }
+
+  const Json& object() const {
+    if (!json_->is_object()) fail("an object");
+    return *json_;
+  }
+
+  std::string shown() const {
+    if (json_->is_structured()) return json_->is_array() ? "a list" : "an object";
+    if (json_->is_string() && json_->get_ref<const std::string&>().size() > 40)
+      return "a long text";
+    return json_->dump();
+  }
+
+  const Json* json_;
+  std::string path_;
+  const std::string* file_;
+};
+
+Json parse_json(std::string_view text, const std::string& file) {
+  // Single layers are not needed, and there may be a million: they are dropped while parsing.
+  bool in_layers = false;
+  const auto keep = [&](int depth, Json::parse_event_t event, Json& value) {
+    if (event == Json::parse_event_t::key && depth == 1) in_layers = value == "Layers";
+    return !(in_layers && depth == 2 && event == Json::parse_event_t::object_start);
+  };
+  try {
+    return Json::parse(text.begin(), text.end(), keep);
+  } catch (const Json::exception& error) {
+    throw InputError(file, "config.json", std::string("not valid JSON: ") + error.what());
+  }
+}
+
+/// Millimetres to micrometres, without the noise that the division by pixels left.
+double tidy_um(double um) { return std::round(um * 1e6) / 1e6; }
+
+double scale_um(double um, double least, double most, const Node& node) {
+  if (!(um >= least && um <= most)) {
+    const auto text = [](double v) { return std::to_string(static_cast<int>(v)); };
+    node.fail("what makes " + text(least) + " to " + text(most) + " um each");
+  }
+  return um;
+}
+
+void read_properties(const Node& properties, StackInfo& info) {
+  const Node size = properties["Size"];
+  Grid& grid = info.grid;
+  grid.width_px = size["X"].integer(1, 65536);
+  grid.height_px = size["Y"].integer(1, 65536);
+  if (std::int64_t{grid.width_px} * grid.height_px > max_image_pixels) {
+    size["X"].fail("images of at most " + std::to_string(max_image_pixels) + " pixels");
+  }
+  // Millimetre sizes are of the whole image, LayerHeight is of one layer.
+  const Node mm = size["Millimeter"];
+  grid.pixel_x_um = scale_um(tidy_um(mm["X"].positive() / grid.width_px * 1000), 1, 1000, mm["X"]);
+  grid.pixel_y_um = scale_um(tidy_um(mm["Y"].positive() / grid.height_px * 1000), 1, 1000, mm["Y"]);
+  grid.layers = size["Layers"].integer(1, 1000000);
+  const Node height = size["LayerHeight"];
+  grid.layer_um = scale_um(tidy_um(height.positive() * 1000), 1, 1000, height);
+  info.target_layers = grid.layers;
+  if (properties.has("Exposure") && properties["Exposure"].has("LightOnTime")) {
+    info.exposure_s = properties["Exposure"]["LightOnTime"].number(0, 1e9);
+  }
+  if (properties.has("Bottom")) (void)properties["Bottom"].has("Count");  // an object, if present
+  if (properties.has("AntiAliasLevel")) properties["AntiAliasLevel"].whole(0, 255);
+}
+
+Printer read_printer(const Node& node) {
+  Printer p;
+  p.name = node["name"].string();
+  p.width_px = node["width_px"].integer(1, 65536);
+  p.height_px = node["height_px"].integer(1, 65536);
+  p.pixel_x_um = node["pixel_x_um"].positive();
+  p.pixel_y_um = node["pixel_y_um"].positive();
+  p.bit_depth = node["bit_depth"].integer(1, 8);
+  p.wavelength_nm = node["wavelength_nm"].number(0, largest);
+  for (const Node& point : node["calibration"].list(2, 65536)) {
+    const CalibrationPoint c{point["level"].number(0, p.levels() - 1),
+                             point["intensity_mw_cm2"].number(0, largest)};
+    if (!p.calibration.empty() && (c.level <= p.calibration.back().level ||
+                                   c.intensity_mw_cm2 < p.calibration.back().intensity_mw_cm2)) {
+      point.fail("a level above and an intensity not below those before it");
+    }
+    p.calibration.push_back(c);
+  }
+  if (p.calibration.front().level != 0 || p.calibration.back().level != p.levels() - 1) {
+    node["calibration"].fail("points from level 0 to level " + std::to_string(p.levels() - 1));
+  }
+  p.max_speed_mm_h = node["max_speed_mm_h"].number(0, largest);
+  p.travel_mm = node["travel_mm"].number(0, largest);
+  return p;
+}
+
+Resin read_resin(const Node& node) {
+  Resin r;
+  r.name = node["name"].string();
+  r.model = node["model"].choice({"jacobs", "kinetic"}) == 1 ? CureModelKind::kinetic
+                                                             : CureModelKind::jacobs;
+  r.m = node["m"].positive(2);
+  r.absorbance_height10_um = node["absorbance_height10_um"].positive();
+  r.critical_dose_mj_cm3 = node["critical_dose_mj_cm3"].number(0, largest);
+  r.critical_dose_prime = node["critical_dose_prime"].number(0, largest);
+  r.gel_dose_mj_cm3 = node["gel_dose_mj_cm3"].number(0, largest);
+  if (r.critical_dose_mj_cm3 == 0 && r.critical_dose_prime == 0) {
+    node["critical_dose_mj_cm3"].fail("a number above 0, or a critical_dose_prime above 0");
+  }
+  return r;
+}
+
+Process read_process(const Node& node) {
+  Process p;
+  p.speed_mm_h = node["speed_mm_h"].positive();
+  const Node omega = node["omega_max"];
+  p.omega_max = omega.is_text("inf") ? largest : omega.number(1, largest);
+  p.one_slice_gaps = node["one_slice_gaps"].choice({"open", "merge"}) == 1 ? OneSliceGaps::merge
+                                                                           : OneSliceGaps::open;
+  return p;
+}
+
+/// Takes the exact value from our block, unless the size was changed by another program since.
+void refine(double& um, const Node& exact, std::vector<std::string>& warnings) {
+  const double value = exact.positive();
+  if (std::abs(value - um) <= 1e-5 * um) {
+    um = value;
+  } else {
+    warnings.push_back("the size of pixels or layers was changed after the stack was made");
+  }
+}
+
+void read_block(const Node& block, UvjConfig& config) {
+  StackInfo& info = config.info;
+  const auto format = block["format"].whole(1, 1000000);
+  if (format > uvj_block_format) {
+    block.refuse("made by a newer version of this program: format " + std::to_string(format) +
+                 ", this program reads up to " + std::to_string(uvj_block_format));
+  }
+  info.kind =
+      block["kind"].choice({"target", "corrected"}) == 1 ? StackKind::corrected : StackKind::target;
+  block["mode"].choice({"continuous"});
+  info.program = block["program"].string();
+  info.target_layers = block["target_layers"].integer(0, 1000000);
+  info.part_volume_mm3 = block["part_volume_mm3"].number(0, largest);
+  if (block.has("grid")) {
+    const Node grid = block["grid"];
+    refine(info.grid.pixel_x_um, grid["pixel_x_um"], config.warnings);
+    refine(info.grid.pixel_y_um, grid["pixel_y_um"], config.warnings);
+    refine(info.grid.layer_um, grid["layer_um"], config.warnings);
+  }
+  // Whoever reads a corrected stack needs to know what it was corrected for.
+  const bool needed = info.kind == StackKind::corrected;
+  if (needed || block.has("printer")) info.printer = read_printer(block["printer"]);
+  if (needed || block.has("resin")) info.resin = read_resin(block["resin"]);
+  if (needed || block.has("process")) info.process = read_process(block["process"]);
+  config.images_crc32 = static_cast<std::uint32_t>(block["images_crc32"].whole(0, 0xffffffff));
+}
+
+}  // namespace
+
+UvjConfig parse_uvj_config(std::string_view text, const std::string& file) {
+  // Byte order marks are common in JSON written on Windows.
+  if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);
+  const Json json = parse_json(text, file);
+  const Node root(json, "", file);
+  UvjConfig config;
+  read_properties(root["Properties"], config.info);
+  if (root.has("Layers")) root["Layers"].list(0, 1000000);
+  if (root.has("slicecorr")) read_block(root["slicecorr"], config);
+  return config;
+}
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,176 @@
+#include "stack/zip_input.hpp"
+
+#include <isa-l.h>
+#include <sys/stat.h>
+#include <zip.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <memory>
+#include <string_view>
+
+#include "base/errno_message.hpp"
+#include "slicecorr/error.hpp"
+
+namespace slicecorr::detail {
+namespace {
+
+/// Deflate makes at most 1032 bytes of one.
+constexpr std::uint64_t largest_ratio = 1032;
+
+bool safe_name(std::string_view name) {
+  if (name.empty() || name.front() == '/' || name.find('\\') != name.npos) return false;
+  if (name.size() > 1 && name[1] == ':') return false;
+  for (std::size_t start = 0; start <= name.size();) {
+    const std::size_t end = std::min(name.find('/', start), name.size());
+    if (name.substr(start, end - start) == "..") return false;
+    start = end + 1;
+  }
+  return true;
+}
+
+/// Names come from outside: control characters must not reach a terminal.
+std::string shown(std::string_view name) {
+  std::string text(name.substr(0, 100));
+  for (char& c : text) {
+    if (static_cast<unsigned char>(c) < 32 || c == 127) c = '?';
+  }
+  return text;
+}
+
+void inflate_all(const std::vector<std::uint8_t>& packed, std::vector<std::uint8_t>& out,
+                 const std::string& path, const std::string& name) {
+  const auto state = std::make_unique_for_overwrite<inflate_state>();
+  isal_inflate_init(state.get());
+  state->next_in = const_cast<std::uint8_t*>(packed.data());
+  state->avail_in = static_cast<std::uint32_t>(packed.size());
+  state->next_out = out.data();
+  state->avail_out = static_cast<std::uint32_t>(out.size());
+  const int result = isal_inflate_stateless(state.get());
+  if (result == ISAL_OUT_OVERFLOW) {
+    throw InputError(path, name,
+                     "entry holds more than the declared " + std::to_string(out.size()) + " bytes");
+  }
+  if (result != ISAL_DECOMP_OK) throw InputError(path, name, "compressed data are damaged");
+  if (state->avail_out != 0 || state->avail_in != 0) {
+    throw InputError(path, name,
+                     "entry does not hold the declared " + std::to_string(out.size()) + " bytes");
+  }
+}
+
+}  // namespace
+
+ZipInput::ZipInput(const std::string& path) : path_(path) {
+  struct stat status;
+  if (::stat(path.c_str(), &status) != 0) {
+    throw InputError(errno_message(path, "can't be read"));
+  }
+  // A pipe would block, and a zip needs to be read from its end.
+  if (!S_ISREG(status.st_mode)) throw InputError(path, "", "not a file, expected a UVJ archive");
+  int error = 0;
+  zip_ = zip_open(path.c_str(), ZIP_RDONLY | ZIP_CHECKCONS, &error);
+  if (zip_ == nullptr) {
+    zip_error_t details;
+    zip_error_init_with_code(&details, error);
+    const std::string text = zip_error_strerror(&details);
+    zip_error_fini(&details);
+    throw InputError(path, "", "not a sound zip archive (" + text + "), expected a UVJ archive");
+  }
+  try {
+    list_entries(static_cast<std::uint64_t>(status.st_size));
+  } catch (...) {
+    zip_discard(zip_);
+    throw;
+  }
+}
+
+ZipInput::~ZipInput() { zip_discard(zip_); }
+
+void ZipInput::list_entries(std::uint64_t archive_bytes) {
+  const zip_int64_t count = zip_get_num_entries(zip_, 0);
+  std::uint64_t packed_sum = 0;
+  for (zip_int64_t i = 0; i < count; ++i) {
+    const auto index = static_cast<std::uint64_t>(i);
+    zip_stat_t s;
+    const char* const name = zip_get_name(zip_, index, ZIP_FL_ENC_RAW);
+    constexpr auto needed = ZIP_STAT_SIZE | ZIP_STAT_COMP_SIZE | ZIP_STAT_CRC |
+                            ZIP_STAT_COMP_METHOD | ZIP_STAT_ENCRYPTION_METHOD;
+    if (name == nullptr || zip_stat_index(zip_, index, 0, &s) != 0 ||
+        (s.valid & needed) != needed) {
+      throw InputError(path_, "entry " + std::to_string(i), "can't be read");
+    }
+    if (!safe_name(name)) {
+      throw InputError(path_, shown(name), "entry name is absolute or leaves the archive");
+    }
+    if (s.encryption_method != ZIP_EM_NONE) throw InputError(path_, shown(name), "is encrypted");
+    packed_sum += s.comp_size;
+    const bool fits = s.comp_size <= archive_bytes && packed_sum <= archive_bytes;
+    if (!fits) throw InputError(path_, shown(name), "entries overlap in the archive");
+    entries_.push_back({name, index, s.size, s.comp_size, s.crc, s.comp_method});
+  }
+  std::sort(entries_.begin(), entries_.end(),
+            [](const Entry& a, const Entry& b) { return a.name < b.name; });
+  const auto same = [](const Entry& a, const Entry& b) { return a.name == b.name; };
+  const auto doubled = std::adjacent_find(entries_.begin(), entries_.end(), same);
+  if (doubled != entries_.end()) {
+    throw InputError(path_, shown(doubled->name), "is there more than once");
+  }
+}
+
+const ZipInput::Entry* ZipInput::find(const std::string& name) const {
+  const auto found =
+      std::lower_bound(entries_.begin(), entries_.end(), name,
+                       [](const Entry& e, const std::string& n) { return e.name < n; });
+  return found != entries_.end() && found->name == name ? &*found : nullptr;
+}
+
+void ZipInput::read(const Entry& entry, std::uint64_t limit, std::vector<std::uint8_t>& out) {
+  const std::string name = shown(entry.name);
+  // Offsets of 32 bits are enough for any image that is allowed.
+  limit = std::min<std::uint64_t>(limit, 0xffffffff);
+  if (entry.bytes > limit || entry.packed_bytes > limit + limit / 1024 + 4096) {
+    throw InputError(path_, name,
+                     "entry has " + std::to_string(std::max(entry.bytes, entry.packed_bytes)) +
+                         " bytes, expected at most " + std::to_string(limit));
+  }
+  if (entry.method == ZIP_CM_STORE) {
+    if (entry.bytes != entry.packed_bytes) {
+      throw InputError(path_, name, "stored entry has two different sizes");
+    }
+    read_packed(entry, out);
+  } else if (entry.method == ZIP_CM_DEFLATE) {
+    if (entry.bytes > largest_ratio * (entry.packed_bytes + 1)) {
+      throw InputError(path_, name, "entry declares more than its compressed data can hold");
+    }
+    std::vector<std::uint8_t> packed;
+    read_packed(entry, packed);
+    out.resize(entry.bytes);
+    inflate_all(packed, out, path_, name);
+  } else {
+    throw InputError(path_, name,
+                     "entry is compressed by method " + std::to_string(entry.method) +
+                         ", expected stored or deflated");
+  }
+  if (crc32_gzip_refl(0, out.data(), out.size()) != entry.crc) {
+    throw InputError(path_, name, "entry has a wrong checksum");
+  }
+}
+
+void ZipInput::read_packed(const Entry& entry, std::vector<std::uint8_t>& out) {
+  out.resize(entry.packed_bytes);
+  const std::scoped_lock lock(mutex_);
+  // Raw bytes: the library would inflate while the lock is held.
+  zip_file_t* const file = zip_fopen_index(zip_, entry.index, ZIP_FL_COMPRESSED);
+  std::uint64_t done = 0;
+  while (file != nullptr && done < out.size()) {
+    const zip_int64_t n = zip_fread(file, out.data() + done, out.size() - done);
+    if (n <= 0) break;
+    done += static_cast<std::uint64_t>(n);
+  }
+  if (file != nullptr) zip_fclose(file);
+  if (file == nullptr || done != out.size()) {
+    throw InputError(path_, shown(entry.name), "entry can't be read: the archive is damaged");
+  }
+}
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,169 @@
+#include <fcntl.h>
+#include <signal.h>
+#include <sys/resource.h>
+
+#include <atomic>
+
+#include "base/run_length.hpp"
+#include "stack_fixture.hpp"
+
+namespace slicecorr {
+namespace {
+
+using test::Bytes;
+using test::TemporaryFolder;
+
+Bytes code_of(const Bytes& data) {
+  Bytes code;
+  detail::run_length_encode(data.data(), data.size(), code);
+  return code;
+}
+
+TEST(RunLength, RoundTripsRunsOfAllLengths) {
+  std::mt19937 random(1);
+  for (int trial = 0; trial < 3000; ++trial) {
+    Bytes data;
+    const auto most = 1 + random() % (trial % 2 == 0 ? 20 : 300);
+    const auto values = 1 + random() % 256;
+    const auto runs = random() % 30;
+    for (unsigned r = 0; r < runs; ++r) {
+      const auto value = random() % 3 == 0 ? 255 * (random() % 2) : random() % values;
+      data.insert(data.end(), 1 + random() % most, static_cast<std::uint8_t>(value));
+    }
+    Bytes code{42};
+    detail::run_length_encode(data.data(), data.size(), code);
+    ASSERT_EQ(code[0], 42);
+    ASSERT_LE(code.size() - 1, data.size() + data.size() / 64 + 2);
+    Bytes decoded(data.size());
+    const std::uint8_t* const end = code.data() + code.size();
+    ASSERT_EQ(detail::run_length_decode(code.data() + 1, end, decoded.data(), decoded.size()), end);
+    ASSERT_EQ(decoded, data);
+  }
+}
+
+TEST(RunLength, IsShortForRunsAndNotLongForNoise) {
+  EXPECT_LE(code_of(Bytes(1 << 24, 0)).size(), 6u);
+  EXPECT_LE(code_of(Bytes(1 << 24, 255)).size(), 6u);
+  EXPECT_LE(code_of(Bytes(1 << 24, 9)).size(), 7u);
+  EXPECT_TRUE(code_of({}).empty());
+  std::mt19937 random(2);
+  Bytes noise(1 << 20);
+  for (auto& byte : noise) byte = static_cast<std::uint8_t>(random() % 2 == 0 ? 0 : random());
+  EXPECT_LE(code_of(noise).size(), noise.size() + noise.size() / 50);
+}
+
+TEST(RunLength, RefusesDamagedCode) {
+  std::mt19937 random(3);
+  for (int trial = 0; trial < 20000; ++trial) {
+    Bytes code(random() % 20);
+    for (auto& byte : code) byte = static_cast<std::uint8_t>(random());
+    Bytes data(1 + random() % 200);
+    try {
+      const auto* const end = detail::run_length_decode(code.data(), code.data() + code.size(),
+                                                        data.data(), data.size());
+      EXPECT_LE(end, code.data() + code.size());
+    } catch (const InputError&) {
+    }
+  }
+  const Bytes code = code_of(Bytes(100, 3));
+  Bytes data(101);
+  const std::uint8_t* const end = code.data() + code.size();
+  EXPECT_THROW(detail::run_length_decode(code.data(), end, data.data(), 99), InputError);
+  EXPECT_THROW(detail::run_length_decode(code.data(), end, data.data(), 101), InputError);
+  EXPECT_THROW(detail::run_length_decode(code.data(), end - 1, data.data(), 100), InputError);
+}
+
+TEST(PieceStore, KeepsPiecesInMemoryAndBeyond) {
+  for (const std::size_t budget :
+       {std::size_t{0}, std::size_t{1000}, std::size_t{3} << 20, std::size_t{1} << 30}) {
+    const TemporaryFolder folder;
+    std::atomic<int> notices{0};
+    Job job;
+    job.threads = 4;
+    job.notice = [&](const std::string& text) {
+      ++notices;
+      EXPECT_NE(text.find(folder.path()), std::string::npos) << text;
+    };
+    PieceStore store(folder.path(), budget, job);
+    std::vector<PieceStore::Piece> pieces(400);
+    const auto contents = [](std::size_t i) {
+      std::mt19937 random(static_cast<unsigned>(i));
+      Bytes data(random() % 30000);
+      for (auto& byte : data) byte = static_cast<std::uint8_t>(random());
+      return data;
+    };
+    std::size_t sum = 0;
+    for (std::size_t i = 0; i < pieces.size(); ++i) sum += contents(i).size();
+    parallel_for(job, "put", pieces.size(), [&](std::size_t i) {
+      const Bytes data = contents(i);
+      pieces[i] = store.put(data.data(), data.size());
+    });
+    parallel_for(job, "get", pieces.size(), [&](std::size_t i) {
+      Bytes data{1, 2};
+      store.get(pieces[i], data);
+      Bytes expected{1, 2};
+      const Bytes rest = contents(i);
+      expected.insert(expected.end(), rest.begin(), rest.end());
+      EXPECT_EQ(data, expected);
+    });
+    EXPECT_EQ(notices, budget < sum ? 1 : 0);
+    EXPECT_EQ(store.scratch_bytes() > 0, budget < sum);
+    EXPECT_LE(store.scratch_bytes(), sum);
+    EXPECT_GE(store.scratch_bytes() + budget, sum);
+    EXPECT_EQ(folder.count(), 0) << "the scratch file has a name";
+  }
+}
+
+TEST(PieceStore, ReportsAMissingFolder) {
+  PieceStore store("/nowhere/at all", 10, {});
+  const Bytes data(11);
+  EXPECT_NO_THROW(store.put(data.data(), 10));
+  try {
+    store.put(data.data(), 11);
+    FAIL() << "nothing thrown";
+  } catch (const DeviceError& error) {
+    EXPECT_NE(std::string(error.what()).find("/nowhere/at all"), std::string::npos);
+    EXPECT_NE(std::string(error.what()).find("No such file"), std::string::npos);
+  }
+}
+
+/// Files can't grow beyond `bytes` while it lives: stands for a full disk.
+class FileSizeLimit {
+ public:
+  explicit FileSizeLimit(rlim_t bytes) {
+    ::signal(SIGXFSZ, SIG_IGN);
+    ::getrlimit(RLIMIT_FSIZE, &before_);
+    rlimit limit = before_;
+    limit.rlim_cur = bytes;
+    ::setrlimit(RLIMIT_FSIZE, &limit);
+  }
+  ~FileSizeLimit() { ::setrlimit(RLIMIT_FSIZE, &before_); }
+
+ private:
+  rlimit before_;
+};
+
+TEST(PieceStore, ReportsAFullDisk) {
+  const TemporaryFolder folder;
+  PieceStore store(folder.path(), 0, {});
+  const Bytes data(6000);
+  const FileSizeLimit limit(10000);
+  store.put(data.data(), data.size());
+  EXPECT_THROW(store.put(data.data(), data.size()), DeviceError);
+}
+
+TEST(StackWriter, LeavesNothingOnAFullDisk) {
+  const TemporaryFolder folder;
+  const std::string path = folder / "a.uvj";
+  test::write_file(path, {1, 2, 3});
+  const auto images = test::random_images(200, 100, 30, 5);
+  {
+    const FileSizeLimit limit(20000);
+    EXPECT_THROW(test::write_stack(path, images, test::info_of(images.grid)), DeviceError);
+  }
+  EXPECT_EQ(folder.count(), 1);
+  EXPECT_EQ(test::read_file(path), (Bytes{1, 2, 3})) << "the old file was touched";
+}
+
+}  // namespace
+}  // namespace slicecorr

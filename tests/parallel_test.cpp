@@ -100,7 +100,7 @@ TEST(Parallel, ProgressNeverFallsAndIsNeverCalledTwiceAtOnce) {
       --inside;
     };
     parallel_for(job, "test", 300, [&](std::size_t i) {
-      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      std::this_thread::sleep_for(std::chrono::milliseconds(4));
       if (i % 50 == 0) job.tell("note");
     });
     ASSERT_GE(fractions.size(), 3u);

@@ -49,7 +49,8 @@ Bytes decode_by_oiio(const Bytes& png) {
   EXPECT_TRUE(input->open("a.png", spec, config)) << input->geterror();
   Bytes pixels(static_cast<std::size_t>(spec.image_pixels()) *
                static_cast<unsigned>(spec.nchannels));
-  EXPECT_TRUE(input->read_image(OIIO::TypeDesc::UINT8, pixels.data())) << input->geterror();
+  EXPECT_TRUE(input->read_image(0, 0, 0, -1, OIIO::TypeDesc::UINT8, pixels.data()))
+      << input->geterror();
   return pixels;
 }
 

@@ -13,8 +13,11 @@ namespace slicecorr::detail {
 
 /// True when all n bytes are 0.
 inline bool all_zero(const std::uint8_t* p, std::size_t n) {
-  std::uint8_t any = 0;
-  for (std::size_t i = 0; i < n; ++i) any |= p[i];
+  std::uint64_t any = 0;
+  std::size_t i = 0;
+  for (; i + 8 <= n && any == 0; i += 8) std::memcpy(&any, p + i, 8);
+  if (any) return false;
+  for (; i < n; ++i) any |= p[i];
   return any == 0;
 }
 

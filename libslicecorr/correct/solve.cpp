@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "base/band_tape.hpp"
+#include "base/kernels.hpp"
 #include "correct/node_goal.hpp"
 #include "slicecorr/correct.hpp"
 #include "slicecorr/error.hpp"
@@ -18,9 +19,6 @@ namespace {
 /// heights.
 constexpr double kMargin = 1e-9;
 
-/// Columns that are looked at together: their coverage fits one vector register.
-constexpr std::size_t kBlock = 32;
-
 /// The intensity that makes Omega(n) = `dose` from `below`.
 double intensity_for(const CureModel& model, double dose, double below) {
   return (dose - model.a * below) / model.one_minus_a;
@@ -33,6 +31,9 @@ int choose_level(const CorrectionPlan& plan, const Goal& goal, double below) {
   const CureModel& model = plan.model;
   const double phi_least = intensity_for(model, goal.least, below);
   const double phi_aim = intensity_for(model, goal.aim, below);
+  // Most voxels of a part are exposed fully or not at all.
+  if (phi_aim >= model.phi_max()) return levels.highest();
+  if (phi_aim <= model.phi_min() && model.step(model.phi_min(), below) >= goal.least) return 0;
   int level = levels.at_most(phi_aim);
   if (goal.nearest && level + 1 < levels.size()) {
     const int next = levels.at_least(phi_aim);
@@ -46,6 +47,12 @@ int choose_level(const CorrectionPlan& plan, const Goal& goal, double below) {
   return level;
 }
 
+/// One step of black light for a block.
+SLICECORR_CLONES
+void darken(double* omega, double a, double dark) {
+  for (std::size_t i = 0; i < kBlock; ++i) omega[i] = dark + a * omega[i];
+}
+
 }  // namespace
 }  // namespace detail
 
@@ -55,7 +62,14 @@ using detail::kBlock;
 
 struct BandCorrector::Impl {
   Impl(const CorrectionPlan& p, std::size_t n)
-      : plan(p), columns(n), tape(n), demand(n), before(n), before2(n), empty(n) {}
+      : plan(p),
+        columns(n),
+        tape(n),
+        demand(n),
+        block_last((n + kBlock - 1) / kBlock, Demand::kNone),
+        before(n),
+        before2(n),
+        empty(n) {}
 
   /// A demand that a node replaced, to be put back when the solve has passed the node.
   struct Change {
@@ -66,11 +80,18 @@ struct BandCorrector::Impl {
   void forward(int node, const std::uint8_t* above2, const std::uint8_t* above,
                const std::uint8_t* below);
   void undo(int node);
+  void update_block(std::size_t block) {
+    std::int32_t last = Demand::kNone;
+    const std::size_t end = std::min((block + 1) * kBlock, columns);
+    for (std::size_t i = block * kBlock; i < end; ++i) last = std::max(last, demand[i].node);
+    block_last[block] = last;
+  }
 
   const CorrectionPlan& plan;
   std::size_t columns;
-  detail::BandTape tape;       ///< coverage of the layers
-  std::vector<Demand> demand;  ///< per column, as of the last node
+  detail::BandTape tape;                 ///< coverage of the layers
+  std::vector<Demand> demand;            ///< per column, as of the last node
+  std::vector<std::int32_t> block_last;  ///< per block of columns: its last demanding node
   std::vector<std::uint8_t> before, before2, empty;
   std::vector<Change> changes;
   std::vector<std::size_t> changes_end;  ///< per node
@@ -108,6 +129,13 @@ void BandCorrector::Impl::undo(int node) {
   const auto n = static_cast<std::size_t>(node);
   const std::size_t begin = n ? changes_end[n - 1] : 0;
   for (std::size_t i = changes_end[n]; i-- > begin;) demand[changes[i].column] = changes[i].was;
+  // Changes lie in rising order of columns, so those of a block follow each other.
+  std::size_t done = columns;
+  for (std::size_t i = begin; i < changes_end[n]; ++i) {
+    const std::size_t block = changes[i].column / kBlock;
+    if (block != done) update_block(block);
+    done = block;
+  }
 }
 
 void BandCorrector::add_layer(const std::uint8_t* coverage) {
@@ -131,6 +159,7 @@ void BandCorrector::solve(const Sink& sink) {
   s.forward(layers, s.before2.data(), s.before.data(), s.empty.data());
 
   const std::size_t columns = s.columns;
+  for (std::size_t b = 0; b < s.block_last.size(); ++b) s.update_block(b);
   std::vector<double> omega(columns, 0.0);
   std::vector<std::uint8_t> out(columns);
   // Coverage of the layers n + 1, n, n - 1 and n - 2, moving up with the solve.
@@ -144,15 +173,15 @@ void BandCorrector::solve(const Sink& sink) {
     bool all_dark = true;
     for (std::size_t b = 0; b < columns; b += kBlock) {
       const std::size_t end = std::min(b + kBlock, columns);
-      bool black = detail::all_zero(below.data() + b, end - b) &&
-                   detail::all_zero(above.data() + b, end - b);
+      const bool black = s.block_last[b / kBlock] + reach <= n &&
+                         detail::all_zero(below.data() + b, end - b) &&
+                         detail::all_zero(above.data() + b, end - b);
       if (black) {
-        std::int32_t last = Demand::kNone;
-        for (std::size_t i = b; i < end; ++i) last = std::max(last, s.demand[i].node);
-        black = last + reach <= n;
-      }
-      if (black) {
-        for (std::size_t i = b; i < end; ++i) omega[i] = dark + model.a * omega[i];
+        if (end - b == kBlock) {
+          detail::darken(&omega[b], model.a, dark);
+        } else {
+          for (std::size_t i = b; i < end; ++i) omega[i] = dark + model.a * omega[i];
+        }
         std::memset(out.data() + b, 0, end - b);
         continue;
       }

@@ -8,6 +8,7 @@
 #include <limits>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "slicecorr/error.hpp"
@@ -107,6 +108,9 @@ TriangleMesh read_stl(const std::string& bytes, const std::string& path);
 TriangleMesh read_obj(const std::string& bytes, const std::string& path);
 TriangleMesh read_off(const std::string& bytes, const std::string& path);
 TriangleMesh read_ply(const std::string& bytes, const std::string& path);
+
+/// Throws `InputError` for archives that lib3mf had better not open.
+void check_3mf(std::string& bytes, const std::string& path);
 
 /// Also gives the length of the file's unit in mm.
 TriangleMesh read_3mf(std::string& bytes, const std::string& path, double& unit_mm);

@@ -1,106 +1,14 @@
 // 3MF through lib3mf: units, components, transforms and all build items.
 #include <Model/COM/NMR_DLLInterfaces.h>
-#include <zip.h>
 
 #include <cmath>
-#include <memory>
 
 #include "mesh/mesh_parts.hpp"
 
 namespace slicecorr::detail {
 namespace {
 
-constexpr std::uint64_t kMostUnpackedBytes = std::uint64_t{2} << 30;
 constexpr std::size_t kMostTriangles = 100'000'000;
-// Components that repeat components multiply; these stop files made to never end.
-constexpr std::size_t kMostObjects = 1'000'000;
-constexpr int kMostLevels = 64;
-
-// lib3mf takes a coordinate that is no number ("0,5" of a careless writer) for 0.
-void check_coordinates(std::string_view model, const std::string& path, const std::string& entry) {
-  constexpr std::string_view kTag = "<vertex ";
-  std::size_t number = 0;
-  for (std::size_t at = model.find(kTag); at != model.npos; at = model.find(kTag, at)) {
-    ++number;
-    const std::size_t end = std::min(model.find('>', at), model.size());
-    const std::string_view tag = model.substr(at, end - at);
-    at = end;
-    for (std::size_t open = tag.find('='); open != tag.npos; open = tag.find('=', open + 1)) {
-      const std::size_t quote = tag.find_first_of("\"'", open);
-      if (quote == tag.npos) break;
-      const std::size_t close = tag.find(tag[quote], quote + 1);
-      if (close == tag.npos) break;
-      const char name = tag[open - 1];
-      if (name == 'x' || name == 'y' || name == 'z') {
-        const std::string place = entry + ", vertex " + std::to_string(number);
-        WordReader words(tag.substr(quote + 1, close - quote - 1), path);
-        try {
-          words.number(words.word(), "a coordinate");
-          if (!words.at_end()) words.fail("more than one number");
-        } catch (const InputError&) {
-          throw InputError(
-              path, place,
-              "a coordinate expected, found '" +
-                  std::string(tag.substr(quote + 1, std::min<std::size_t>(close - quote - 1, 40))) +
-                  "'");
-        }
-      }
-      open = close;
-    }
-  }
-}
-
-void check_model(zip_t* archive, const zip_stat_t& stat, const std::string& path) {
-  const std::unique_ptr<zip_file_t, int (*)(zip_file_t*)> file(
-      zip_fopen_index(archive, stat.index, 0), zip_fclose);
-  if (!file) throw InputError(path, stat.name, "can't be unpacked, it may be encrypted");
-  std::string model(stat.size, '\0');
-  std::size_t size = 0;
-  while (size < model.size()) {
-    const zip_int64_t got = zip_fread(file.get(), model.data() + size, model.size() - size);
-    if (got <= 0) throw InputError(path, stat.name, "is damaged, it can't be unpacked");
-    size += static_cast<std::size_t>(got);
-  }
-  // Only reading on to the end checks the sum.
-  char more = 0;
-  if (zip_fread(file.get(), &more, 1) != 0) throw InputError(path, stat.name, "is damaged");
-  check_coordinates(model, path, stat.name);
-}
-
-void check_archive(std::string& bytes, const std::string& path) {
-  zip_error_t error;
-  zip_error_init(&error);
-  const auto fail = [&](const char* what) {
-    const std::string reason = zip_error_strerror(&error);
-    zip_error_fini(&error);
-    throw InputError(path, "", std::string(what) + ": " + reason);
-  };
-  zip_source_t* source = zip_source_buffer_create(bytes.data(), bytes.size(), 0, &error);
-  if (!source) fail("can't be read");
-  zip_t* opened = zip_open_from_source(source, ZIP_RDONLY, &error);
-  if (!opened) {
-    zip_source_free(source);
-    fail("is not a 3MF (zip) file, or a damaged one");
-  }
-  zip_error_fini(&error);
-  const std::unique_ptr<zip_t, void (*)(zip_t*)> archive(opened, zip_discard);
-  std::uint64_t total = 0;
-  const zip_int64_t entries = zip_get_num_entries(archive.get(), 0);
-  for (zip_int64_t i = 0; i < entries; ++i) {
-    zip_stat_t stat;
-    zip_stat_init(&stat);
-    if (zip_stat_index(archive.get(), static_cast<zip_uint64_t>(i), 0, &stat) != 0 ||
-        !(stat.valid & ZIP_STAT_SIZE)) {
-      throw InputError(path, "entry " + std::to_string(i + 1), "the zip directory is damaged");
-    }
-    if (stat.size > kMostUnpackedBytes || (total += stat.size) > kMostUnpackedBytes) {
-      throw InputError(path, "", "would unpack to more than 2 GiB");
-    }
-    // Entries not named `.model` hold no geometry.
-    if (std::string_view(stat.name).ends_with(".model")) check_model(archive.get(), stat, path);
-  }
-}
-
 /// Owns one object of lib3mf.
 class Handle {
  public:
@@ -186,7 +94,7 @@ class Reader {
       if (has_transform) {
         check(NMR::lib3mf_builditem_getobjecttransform(item.get(), &transform), item);
       }
-      add_object(object, has_transform ? from_lib(transform) : Transform(), 0);
+      add_object(object, has_transform ? from_lib(transform) : Transform());
     }
     if (mesh_.triangles.empty()) throw_no_triangles(path_);
     mesh_.vertices = pool_.take();
@@ -241,10 +149,7 @@ class Reader {
     throw InputError(path_, "", "unknown unit " + std::to_string(unit));
   }
 
-  void add_object(const Handle& object, const Transform& transform, int level) {
-    if (++objects_ > kMostObjects || level > kMostLevels) {
-      throw InputError(path_, "", "components repeat each other without a sensible end");
-    }
+  void add_object(const Handle& object, const Transform& transform) {
     BOOL is_mesh = 0, is_components = 0;
     check(NMR::lib3mf_object_ismeshobject(object.get(), &is_mesh), object);
     if (is_mesh) return add_mesh(object, transform);
@@ -264,7 +169,7 @@ class Reader {
         check(NMR::lib3mf_component_gettransform(component.get(), &own), component);
         inner = from_lib(own);
       }
-      add_object(child, combine(inner, transform), level + 1);
+      add_object(child, combine(inner, transform));
     }
   }
 
@@ -312,13 +217,12 @@ class Reader {
   Handle model_;
   VertexPool pool_;
   TriangleMesh mesh_;
-  std::size_t objects_ = 0;
 };
 
 }  // namespace
 
 TriangleMesh read_3mf(std::string& bytes, const std::string& path, double& unit_mm) {
-  check_archive(bytes, path);
+  check_3mf(bytes, path);
   return Reader(path).read(bytes, unit_mm);
 }
 

@@ -1,13 +1,53 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/kernels.hpp"
 #include "slicecorr/predict.hpp"
 
 namespace slicecorr {
 
+using detail::kBlock;
+
 namespace {
-constexpr std::size_t kBlock = 32;
+
 constexpr double kNever = std::numeric_limits<double>::infinity();
+
+/// The numbers of the model that the loops need.
+struct Factors {
+  double a, one_minus_a, r, one_minus_r;
+};
+
+/// Steps a block whose columns see `phi`. `low`, `high`: least and greatest dose at mid-layer so
+/// far, per lane: no reduction, so that the loop runs in vector registers. True when all doses,
+/// before and after, lie on one side of 1: below (`below_one`) or not.
+SLICECORR_CLONES
+bool step_block(const Factors f, const double* __restrict phi, const double* __restrict omega,
+                double* __restrict dose, double* __restrict low, double* __restrict high,
+                bool below_one) {
+  double middle[kBlock];
+  std::int64_t crossed = 0;
+  for (std::size_t i = 0; i < kBlock; ++i) {
+    dose[i] = phi[i] * f.one_minus_a + f.a * omega[i];
+    middle[i] = phi[i] * f.one_minus_r + f.r * omega[i];
+  }
+  if (below_one) {
+    for (std::size_t i = 0; i < kBlock; ++i) crossed |= (dose[i] >= 1.0) | (omega[i] >= 1.0);
+  } else {
+    for (std::size_t i = 0; i < kBlock; ++i) crossed |= (dose[i] < 1.0) | (omega[i] < 1.0);
+  }
+  if (crossed) return false;
+  for (std::size_t i = 0; i < kBlock; ++i) {
+    low[i] = middle[i] < low[i] ? middle[i] : low[i];
+    high[i] = middle[i] > high[i] ? middle[i] : high[i];
+  }
+  return true;
+}
+
+SLICECORR_CLONES
+void lower(double* __restrict least, const double* __restrict dose) {
+  for (std::size_t i = 0; i < kBlock; ++i) least[i] = dose[i] < least[i] ? dose[i] : least[i];
+}
+
 }  // namespace
 
 int level_of_pixel(int value, int levels) { return (value * (levels - 1) + 127) / 255; }
@@ -34,7 +74,12 @@ BandPredictor::BandPredictor(const CureModel& model, const PixelCurve& curve, in
       gap_min_(columns, kNever),
       class_(columns, gap),
       columns_(columns),
-      empty_(columns, 0) {
+      empty_(columns, 0),
+      block_class_((columns + kBlock - 1) / kBlock, gap) {
+  inside_low_.fill(kNever);
+  inside_high_.fill(-kNever);
+  outside_low_.fill(kNever);
+  outside_high_.fill(-kNever);
   for (Column& c : columns_) {
     c.start = all_layers;
     c.lower = all_layers;
@@ -160,55 +205,51 @@ void BandPredictor::slow(std::size_t i, int slice, double phi, std::uint8_t cove
 void BandPredictor::add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage) {
   const std::uint8_t* cover = coverage ? coverage : empty_.data();
   const std::size_t columns = omega_.size();
-  const double a = model_.a, one_minus_a = model_.one_minus_a;
-  const double r = model_.root_a, one_minus_r = 1.0 - model_.root_a;
-  double phi[kBlock], dose[kBlock];
+  const Factors f{model_.a, model_.one_minus_a, model_.root_a, 1.0 - model_.root_a};
+  alignas(64) double phi[kBlock];
+  alignas(64) double dose[kBlock];
+  std::uint64_t printed_inside = 0;
   for (std::size_t b = 0; b < columns; b += kBlock) {
     const std::size_t n = std::min(kBlock, columns - b);
-    for (std::size_t i = 0; i < n; ++i) phi[i] = pixels ? curve_[pixels[b + i]] : 0.0;
-    // A block inside a gap and unprinted, or inside features and printed, has no events: sums only.
-    std::uint8_t any = 0, all = 255, classes = 0;
-    bool runs = true;
-    for (std::size_t i = 0; i < n; ++i) {
-      any |= cover[b + i];
-      all &= cover[b + i];
-      classes |= class_[b + i];
-      runs &= class_[b + i] == run;
+    if (pixels && n == kBlock && detail::uniform(pixels + b)) {
+      std::fill_n(phi, kBlock, curve_[pixels[b]]);
+    } else {
+      for (std::size_t i = 0; i < n; ++i) phi[i] = pixels ? curve_[pixels[b + i]] : 0.0;
     }
-    const bool dark = any == 0 && classes == gap;
-    if (dark || (all == 255 && runs)) {
-      const double* omega = omega_.data() + b;
-      double low = kNever, high = -kNever, mid_low = kNever, mid_high = -kNever;
-      for (std::size_t i = 0; i < n; ++i) {
-        dose[i] = phi[i] * one_minus_a + a * omega[i];
-        const double middle = phi[i] * one_minus_r + r * omega[i];
-        low = std::min(low, std::min(dose[i], omega[i]));
-        high = std::max(high, std::max(dose[i], omega[i]));
-        mid_low = std::min(mid_low, middle);
-        mid_high = std::max(mid_high, middle);
-      }
-      if (dark && high < 1.0) {
-        for (std::size_t i = 0; i < n; ++i) {
-          omega_[b + i] = dose[i];
-          gap_min_[b + i] = std::min(gap_min_[b + i], dose[i]);
+    // A block inside a gap and unprinted, or inside features and printed, has no events: sums only.
+    Class& block = block_class_[b / kBlock];
+    if (n == kBlock && block != grey) {
+      const detail::BlockBits bits = detail::block_bits(cover + b);
+      if (block == gap && bits.any == 0) {
+        if (step_block(f, phi, &omega_[b], dose, outside_low_.data(), outside_high_.data(), true)) {
+          std::copy_n(dose, kBlock, &omega_[b]);
+          lower(&gap_min_[b], dose);
+          continue;
         }
-        prediction_.max_dose_outside = std::max(prediction_.max_dose_outside, mid_high);
-        continue;
-      }
-      if (!dark && low >= 1.0) {
-        for (std::size_t i = 0; i < n; ++i) omega_[b + i] = dose[i];
-        prediction_.target_voxels += n;
-        prediction_.printed_voxels += n;
-        prediction_.min_dose_inside = std::min(prediction_.min_dose_inside, mid_low);
-        prediction_.max_dose_inside = std::max(prediction_.max_dose_inside, mid_high);
-        continue;
+      } else if (block == run && bits.all == ~std::uint64_t{0}) {
+        if (step_block(f, phi, &omega_[b], dose, inside_low_.data(), inside_high_.data(), false)) {
+          std::copy_n(dose, kBlock, &omega_[b]);
+          printed_inside += kBlock;
+          continue;
+        }
       }
     }
     for (std::size_t i = 0; i < n; ++i) slow(b + i, slice, phi[i], cover[b + i]);
+    block = class_[b];
+    for (std::size_t i = 1; i < n; ++i) {
+      if (class_[b + i] != block) block = grey;  // mixed
+    }
   }
+  prediction_.target_voxels += printed_inside;
+  prediction_.printed_voxels += printed_inside;
 }
 
 Prediction BandPredictor::finish(int x0, int y0, int width) {
+  for (std::size_t i = 0; i < kBlock; ++i) {
+    prediction_.min_dose_inside = std::min(prediction_.min_dose_inside, inside_low_[i]);
+    prediction_.max_dose_inside = std::max(prediction_.max_dose_inside, inside_high_[i]);
+    prediction_.max_dose_outside = std::max(prediction_.max_dose_outside, outside_high_[i]);
+  }
   for (std::size_t i = 0; i < columns_.size(); ++i) {
     Column& c = columns_[i];
     if (class_[i] == run) {

@@ -44,7 +44,7 @@ struct IdatEncoder::Impl {
   std::uint8_t level_buffer[ISAL_DEF_LVL1_DEFAULT];
 };
 
-IdatEncoder::IdatEncoder() : impl_(std::make_unique_for_overwrite<Impl>()) {}
+IdatEncoder::IdatEncoder() : impl_(std::make_unique<Impl>()) {}
 IdatEncoder::~IdatEncoder() = default;
 IdatEncoder::IdatEncoder(IdatEncoder&&) noexcept = default;
 
@@ -56,6 +56,8 @@ std::uint32_t IdatEncoder::encode(std::span<const std::uint8_t> raw,
   out.resize(start + raw.size() + raw.size() / 1024 + 1024);
   isal_zstream& z = impl_->stream;
   isal_deflate_stateless_init(&z);
+  // The init leaves the window size as it finds it; files must not depend on what memory held.
+  z.hist_bits = 0;
   z.level = 1;
   z.level_buf = impl_->level_buffer;
   z.level_buf_size = sizeof impl_->level_buffer;

@@ -80,18 +80,17 @@ void decode_grey(const PngLayout& layout, int rows, const PngName& name, const R
   }
 }
 
-/// Runs through the compressed data of any format, so that only sound ones reach the general
-/// reader.
+/// Runs through the data of any format, so that only sound ones reach the general decoder, which
+/// would print what it does not like.
 void check_stream(const PngLayout& layout, const PngName& name) {
   IdatStream stream(layout, name);
-  std::uint64_t left = layout.raw_bytes();
-  const std::uint64_t row = layout.interlaced ? 65536 : left / layout.height;
-  std::vector<std::uint8_t> buffer(std::min(row, left));
-  for (std::uint32_t y = 0; left > 0; ++y) {
-    const Bytes part(buffer.data(), std::min<std::uint64_t>(buffer.size(), left));
-    stream.read({buffer.data(), part.size()});
-    if (!layout.interlaced) check_filter(part[0], y, name);
-    left -= part.size();
+  std::vector<std::uint8_t> row;
+  for (const PngLayout::Rows& rows : layout.rows()) {
+    row.resize(rows.bytes);
+    for (std::uint64_t y = 0; y < rows.count; ++y) {
+      stream.read(row);
+      check_filter(row[0], static_cast<std::uint32_t>(y), name);
+    }
   }
   stream.finish();
 }

@@ -76,22 +76,27 @@ void bad_png(const PngName& name, const std::string& message) {
   throw InputError(name.file, name.entry, message);
 }
 
-int PngLayout::bits_per_pixel() const { return bit_depth * channels(colour); }
-
-std::uint64_t PngLayout::raw_bytes() const {
-  const auto rows_of = [&](std::uint64_t w, std::uint64_t h) {
-    return w == 0 || h == 0 ? 0 : h * (1 + (w * static_cast<unsigned>(bits_per_pixel()) + 7) / 8);
+std::vector<PngLayout::Rows> PngLayout::rows() const {
+  const unsigned bits = bit_depth * static_cast<unsigned>(channels(colour));
+  std::vector<Rows> rows;
+  const auto add = [&](std::uint64_t w, std::uint64_t h) {
+    if (w > 0 && h > 0) rows.push_back({h, 1 + (w * bits + 7) / 8});
   };
-  if (!interlaced) return rows_of(width, height);
-  // The seven passes of Adam7: first column and row, and the steps between.
+  // The passes of Adam7: first column and row, and the steps between.
   static constexpr unsigned passes[7][4] = {{0, 0, 8, 8}, {4, 0, 8, 8}, {0, 4, 4, 8}, {2, 0, 4, 4},
                                             {0, 2, 2, 4}, {1, 0, 2, 2}, {0, 1, 1, 2}};
-  std::uint64_t sum = 0;
+  if (!interlaced) add(width, height);
   for (const auto& [x, y, dx, dy] : passes) {
-    const std::uint64_t w = width > x ? (width - x + dx - 1) / dx : 0;
-    const std::uint64_t h = height > y ? (height - y + dy - 1) / dy : 0;
-    sum += rows_of(w, h);
+    if (interlaced && x < width && y < height) {
+      add((width - x + dx - 1) / dx, (height - y + dy - 1) / dy);
+    }
   }
+  return rows;
+}
+
+std::uint64_t PngLayout::raw_bytes() const {
+  std::uint64_t sum = 0;
+  for (const Rows& r : rows()) sum += r.count * r.bytes;
   return sum;
 }
 

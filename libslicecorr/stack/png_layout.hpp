@@ -28,8 +28,12 @@ struct PngLayout {
   std::vector<std::span<const std::uint8_t>> core;  ///< whole chunks, without the ancillary ones
   std::size_t idat_bytes = 0;
 
-  int bits_per_pixel() const;
-  /// Bytes of all filtered rows, filter bytes included.
+  /// Equal rows of the filtered image, filter bytes included.
+  struct Rows {
+    std::uint64_t count = 0, bytes = 0;
+  };
+  /// All rows in their order: of the image, or of the passes of an interlaced one.
+  std::vector<Rows> rows() const;
   std::uint64_t raw_bytes() const;
 };
 

@@ -75,6 +75,8 @@ class LevelTable {
   int size() const { return static_cast<int>(phi_.size()); }
   double phi(int level) const { return phi_[static_cast<std::size_t>(level)]; }
   const double* data() const { return phi_.data(); }
+  /// Lowest level of the greatest phi.
+  int highest() const { return first_of_plateau_.back(); }
   /// Lowest level of at least `phi`; the last level when there is none. The lowest of a plateau.
   int at_least(double phi) const;
   /// Lowest level of the greatest phi that is at most `phi`; 0 when there is none.

@@ -125,6 +125,10 @@ class BandPredictor {
   std::vector<Class> class_;
   std::vector<Column> columns_;
   std::vector<std::uint8_t> empty_;
+  /// Class of all columns of a block of 32; `grey` also when they differ.
+  std::vector<Class> block_class_;
+  /// Mid-layer doses of blocks without events, per lane.
+  std::array<double, 32> inside_low_, inside_high_, outside_low_, outside_high_;
   double worst_ = -1;
   std::size_t worst_column_ = 0;
   Prediction prediction_;

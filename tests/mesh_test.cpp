@@ -5,8 +5,8 @@
 #include <zip.h>
 #include <zlib.h>
 
+#include <algorithm>
 #include <bit>
-#include <chrono>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -19,7 +19,7 @@
 #include "slicecorr/error.hpp"
 
 #ifndef SLICECORR_TEST_DATA
-#define SLICECORR_TEST_DATA "/work/shared/data"
+#define SLICECORR_TEST_DATA "no-test-data"
 #endif
 
 namespace slicecorr {
@@ -242,6 +242,9 @@ TEST_F(MeshTest, ReadsEveryFormat) {
   expect_box(read_mesh(
       write("line.off", "# c\n\nOFF " + counts(mesh) + " # c\n\n" + indexed(mesh, "", "  3 ", 0))));
   expect_box(read_mesh(write("a.ply", ply(mesh))));
+  std::string crlf;
+  for (const char c : ply(mesh)) crlf += c == '\n' ? "\r\n" : std::string(1, c);
+  expect_box(read_mesh(write("crlf.ply", crlf)));
   expect_box(read_mesh(write("little.ply", rich_binary_ply(mesh, false))));
   expect_box(read_mesh(write("big.ply", rich_binary_ply(mesh, true))));
   expect_box(read_mesh(write_3mf("a.3mf", "", mesh_object(mesh, 1), R"(<item objectid="1"/>)")));
@@ -382,6 +385,9 @@ TEST_F(MeshTest, RefusesDamaged3mf) {
     bomb += "</components></object>";
   }
   expect_error(write_3mf("h.3mf", "", bomb, R"(<item objectid="11"/>)"), "sensible end");
+  std::string items;
+  for (int i = 0; i < 200; ++i) items += R"(<item objectid="5"/>)";
+  expect_error(write_3mf("k.3mf", "", bomb, items), "sensible end");
   // An archive whose directory promises 3 GiB.
   const std::string path = write_3mf("i.3mf", "", object, item);
   std::ifstream in(path, std::ios::binary);
@@ -479,6 +485,9 @@ TEST_F(MeshTest, RefusesDamagedOffAndPly) {
   expect_error(write("g.ply", ply_header("ascii", 3, 0) + "0 0 0\n1 0 0\n0 1 0\n"), "no triangles");
   expect_error(write("h.ply", "ply\nformat ascii 1.0\nend_header\n"), "no element 'vertex'");
   expect_error(write("i.ply", "plump"), "not a PLY");
+  std::string glued = text;
+  glued.erase(glued.find("end_header") + 10, 1);
+  expect_error(write("l.ply", glued), "not a PLY");
   for (const bool big : {false, true}) {
     const std::string rich = rich_binary_ply(mesh, big);
     const std::size_t body = rich.find("end_header\n") + 11;

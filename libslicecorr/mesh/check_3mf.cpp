@@ -15,7 +15,7 @@ constexpr std::uint64_t kMostUnpackedBytes = std::uint64_t{2} << 30;
 constexpr std::uint64_t kMostObjects = 1'000'000;  // objects of the build, repeated ones counted
 constexpr int kMostLevels = 64;
 
-/// The value of an attribute, whatever its prefix; empty when the tag has none.
+/// The value of an attribute, whatever its prefix; without data when the tag has none.
 std::string_view attribute(std::string_view tag, std::string_view name) {
   for (std::size_t at = tag.find(name); at != tag.npos; at = tag.find(name, at + 1)) {
     const char before = at == 0 ? '<' : tag[at - 1];
@@ -62,6 +62,8 @@ class ModelCheck {
         *object = Weight();
       } else if (name == "component" && object) {
         add_component(*object, tag, entry);
+      } else if (name == "item") {
+        add_component(build_, tag, entry);
       }
     }
   }
@@ -70,6 +72,7 @@ class ModelCheck {
   void check_number(std::string_view tag, std::string_view axis, const std::string& entry,
                     std::size_t vertex) const {
     const std::string_view text = attribute(tag, axis);
+    if (text.data() == nullptr) return;  // lib3mf refuses it, unless it is of another kind
     WordReader words(text, path_);
     try {
       words.number(words.word(), "a coordinate");
@@ -98,6 +101,7 @@ class ModelCheck {
 
   const std::string& path_;
   std::map<std::string, Weight> weights_;  // by entry and object id
+  Weight build_;
 };
 
 std::string unpack(zip_t* archive, const zip_stat_t& stat, const std::string& path) {

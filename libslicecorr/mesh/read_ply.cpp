@@ -1,7 +1,7 @@
 // PLY. OpenMesh parses it, but misreads lists other than the corners, properties before the corners
 // and faces before vertices, and goes on when the file ends early. So it gets a file with nothing
 // but points and corners, whose completeness is checked here.
-#include <cmath>
+#include <algorithm>
 
 #include "mesh/mesh_parts.hpp"
 
@@ -22,7 +22,8 @@ struct Element {
 struct Header {
   std::string format;
   std::vector<Element> elements;
-  std::size_t body = 0;  // where the records begin
+  std::size_t body = 0;   // where the records begin
+  std::size_t lines = 0;  // of the header
   bool binary() const { return format != "ascii"; }
 };
 
@@ -59,17 +60,20 @@ void parse_property(WordReader& words, std::vector<Element>& elements) {
 
 Header parse_header(const std::string& bytes, const std::string& path) {
   // The header is text, the rest may not be: lines are only looked for up to "end_header".
-  const std::size_t last = bytes.find("end_header");
-  if (bytes.substr(0, 3) != "ply" || last == bytes.npos) {
+  const std::string_view text = bytes;
+  const bool crlf = text.substr(3, 2) == "\r\n";
+  Header header;
+  std::size_t last = text.npos;
+  for (std::size_t at = 0; at < text.size() && last == text.npos; ++header.lines) {
+    const std::size_t end = std::min(text.find_first_of("\r\n", at), text.size());
+    const std::string_view line = text.substr(at, end - at);
+    if (line.substr(0, line.find_first_of(" \t")) == "end_header") last = at;
+    at = std::min(end + (crlf && text.substr(end, 2) == "\r\n" ? 2 : 1), text.size());
+    header.body = at;
+  }
+  if (text.substr(0, 3) != "ply" || last == text.npos) {
     throw InputError(path, "", "is not a PLY file: expected 'ply' at the start and 'end_header'");
   }
-  Header header;
-  header.body = last + 10;
-  while (header.body < bytes.size() && (bytes[header.body] == ' ' || bytes[header.body] == '\t')) {
-    ++header.body;
-  }
-  if (header.body < bytes.size() && bytes[header.body] == '\r') ++header.body;
-  if (header.body < bytes.size() && bytes[header.body] == '\n') ++header.body;
 
   WordReader words(std::string_view(bytes).substr(0, last), path);
   words.skip_line();
@@ -243,8 +247,7 @@ TriangleMesh read_ply(const std::string& bytes, const std::string& path) {
   WordReader words(bytes, path);
   if (!header.binary()) {
     // Counting the header's lines again is cheap, and errors then name lines of the file.
-    while (words.word_in_line() != "end_header") words.skip_line();
-    words.skip_line();
+    for (std::size_t i = 0; i < header.lines; ++i) words.skip_line();
   }
   std::string plain = "ply\nformat " + header.format + " 1.0\n";
   std::size_t vertex_count = 0, face_count = 0;

@@ -13,8 +13,32 @@
 
 #include "slicecorr/error.hpp"
 
+#ifdef __SANITIZE_THREAD__
+extern "C" void __tsan_acquire(void* address);
+extern "C" void __tsan_release(void* address);
+#endif
+
 namespace slicecorr {
 namespace {
+
+/// Tells ThreadSanitizer what it can't see, TBB being built without it: all that came before a loop
+/// happens before its bodies, and these before all that comes after. Bodies stay unordered among
+/// themselves, so races between them are found.
+class LoopOrder {
+ public:
+#ifdef __SANITIZE_THREAD__
+  LoopOrder() { __tsan_release(&before_); }
+  ~LoopOrder() { __tsan_acquire(&after_); }
+  void body_begins() { __tsan_acquire(&before_); }
+  void body_ended() { __tsan_release(&after_); }
+
+ private:
+  char before_ = 0, after_ = 0;
+#else
+  void body_begins() {}
+  void body_ended() {}
+#endif
+};
 
 using Clock = std::chrono::steady_clock;
 
@@ -105,10 +129,16 @@ void parallel_for(const Job& job, std::string_view stage, std::size_t count,
     // Own context, not the caller's: an exception here cancels this loop only, until it is
     // rethrown.
     tbb::task_group_context context(tbb::task_group_context::isolated);
+    LoopOrder order;
     arena.execute([&] {
       tbb::parallel_for(
           tbb::blocked_range<std::size_t>(0, count, 1),
           [&](const tbb::blocked_range<std::size_t>& range) {
+            struct Body {
+              LoopOrder& order;
+              explicit Body(LoopOrder& o) : order(o) { order.body_begins(); }
+              ~Body() { order.body_ended(); }
+            } body_order(order);
             for (std::size_t i = range.begin(); i != range.end(); ++i) item(i);
           },
           tbb::simple_partitioner(), context);

@@ -71,9 +71,8 @@ struct GreyImage {
 /// A UVJ archive opened for reading. Each image is decoded once, in parallel, and kept run-length
 /// coded; `read_band` is served from there.
 ///
-/// `open` reads the list of entries and `config.json` and checks them; the constructor decodes all
-/// images. Throws `InputError` on anything damaged, missing, doubled, misnamed, wrongly sized or
-/// absurdly large, before anything is written.
+/// The constructor checks the list of entries and `config.json`, then decodes all images. Throws
+/// `InputError` on anything damaged, missing, doubled, misnamed, wrongly sized or absurdly large.
 class StackReader final : public SliceSource {
  public:
   /// Scratch, when needed, goes to `scratch_folder`.
@@ -107,6 +106,7 @@ class StackWriter {
   /// Makes the pieces of one band: one object per worker, reused from slice to slice.
   class BandEncoder {
    public:
+    /// Rows [y0, y1): whole bands of `band_rows(grid)` rows, the image's last may be shorter.
     BandEncoder(StackWriter& writer, int y0, int y1);
     ~BandEncoder();
     BandEncoder(BandEncoder&&) noexcept;

@@ -8,6 +8,7 @@
 #include <csignal>
 #include <cstdio>
 #include <filesystem>
+#include <limits>
 #include <new>
 
 #include "options.hpp"
@@ -81,7 +82,7 @@ class Console {
 
 void print_or_write(const std::string& where, const std::string& text) {
   if (where == "-") {
-    fmt::print("{}\n", text);
+    print_result(text + "\n");
   } else {
     write_text_file(where, text + "\n");
   }
@@ -90,6 +91,14 @@ void print_or_write(const std::string& where, const std::string& text) {
 std::string must_be_uvj(const std::string& path) {
   if (std::filesystem::path(path).extension() != ".uvj") {
     throw InputError(path, "", "expected an output that ends in .uvj");
+  }
+  return path;
+}
+
+/// A corrected stack shows light, not the design: measured against it, nothing means anything.
+const std::string& design(const std::string& path) {
+  if (StackReader::read_info(path).kind == StackKind::corrected) {
+    throw InputError(path, "", "is a corrected stack; expected the target that it was made from");
   }
   return path;
 }
@@ -106,6 +115,7 @@ struct Arguments {
 
 int slice(const Arguments& a, const Job& job, Console& console) {
   must_be_uvj(a.output);
+  must_not_replace(a.output, a.mesh.parts);
   const Printer printer = load_printer(a.setup.printer);
   const MeshSlices slices(read_parts(a.mesh, job), printer, a.mesh.slice_options(), job);
   const StackInfo info = write_target(slices, a.output, job);
@@ -116,12 +126,9 @@ int slice(const Arguments& a, const Job& job, Console& console) {
 
 int correct(const Arguments& a, const Job& job, Console& console) {
   must_be_uvj(a.output);
-  Setup setup = a.setup.resolve(nullptr);
-  const StackReader target(a.input, folder_of(a.output), job);
-  if (target.info().kind == StackKind::corrected) {
-    throw InputError(a.input, "",
-                     "is a corrected stack; expected the target that it was made from");
-  }
+  must_not_replace(a.output, {a.input});
+  const Setup setup = a.setup.resolve(nullptr);
+  const StackReader target(design(a.input), folder_of(a.output), job);
   const Correction result = correct_stack(target, setup, a.output, true, job);
   console.say(fmt::format("{}: {} slices\n{}", a.output, result.info.grid.layers,
                           summary(result.after, result.before)));
@@ -129,12 +136,13 @@ int correct(const Arguments& a, const Job& job, Console& console) {
 }
 
 int verify(const Arguments& a, const Job& job, Console&) {
+  must_not_replace(a.json, {a.input, a.target});
   const StackReader stack(a.input, folder_of(a.input), job);
   const Setup setup = a.setup.resolve(&stack.info());
-  const StackReader target(a.target, folder_of(a.target), job);
+  const StackReader target(design(a.target), folder_of(a.target), job);
   const Prediction p = verify_stack(stack, target, setup, job);
   if (a.json.empty()) {
-    fmt::print("{}", summary(p, std::nullopt));
+    print_result(summary(p, std::nullopt));
   } else {
     print_or_write(a.json, p.to_json());
   }
@@ -151,14 +159,17 @@ int probe(const Arguments& a, const Job& job, Console&) {
   const StackReader stack(a.input, folder_of(a.input), job);
   const Setup setup = a.setup.resolve(&stack.info());
   std::optional<StackReader> target;
-  if (!a.target.empty()) target.emplace(a.target, folder_of(a.target), job);
+  if (!a.target.empty()) target.emplace(design(a.target), folder_of(a.target), job);
   const auto rows = probe_stack(stack, target ? &*target : nullptr, setup, a.x, a.y);
-  fmt::print("slice,z_um,grey,intensity_mw_cm2,phi,dose{}\n", target ? ",target" : "");
+  std::string text =
+      fmt::format("slice,z_um,grey,intensity_mw_cm2,phi,dose{}\n", target ? ",target" : "");
   for (const ProbeRow& r : rows) {
-    fmt::print("{},{},{},{},{},{}", r.slice, r.z_um, r.grey, r.intensity_mw_cm2, r.phi, r.dose);
-    if (target) fmt::print(",{}", r.target);
-    fmt::print("\n");
+    text += fmt::format("{},{},{},{},{},{}", r.slice, r.z_um, r.grey, r.intensity_mw_cm2, r.phi,
+                        r.dose);
+    if (target) text += fmt::format(",{}", r.target);
+    text += "\n";
   }
+  print_result(text);
   return kDone;
 }
 
@@ -167,9 +178,10 @@ std::string title_of(const std::string& path) {
 }
 
 int report(const Arguments& a, const Job& job, Console& console) {
+  must_not_replace(a.output, {a.input, a.target});
   const StackReader stack(a.input, folder_of(a.output), job);
   const Setup setup = a.setup.resolve(&stack.info());
-  const StackReader target(a.target, folder_of(a.output), job);
+  const StackReader target(design(a.target), folder_of(a.output), job);
   const Prediction after = verify_stack(stack, target, setup, job);
   const Prediction before = verify_stack(target, target, setup, job);
   StackInfo info = stack.info();
@@ -181,6 +193,7 @@ int report(const Arguments& a, const Job& job, Console& console) {
 
 int run(const Arguments& a, const Job& job, Console& console) {
   must_be_uvj(a.output);
+  must_not_replace(a.output, a.mesh.parts);
   const Setup setup = a.setup.resolve(nullptr);
   const MeshSlices target(read_parts(a.mesh, job), setup.printer, a.mesh.slice_options(), job);
   const Correction result = correct_stack(target, setup, a.output, true, job);
@@ -201,6 +214,7 @@ int run(const Arguments& a, const Job& job, Console& console) {
 }
 
 int info(const Arguments& a, const Job& job, Console&) {
+  must_not_replace(a.json, {a.input});
   StackInfo info = StackReader::read_info(a.input);
   if (info.part_volume_mm3 == 0 && info.kind != StackKind::corrected) {
     const StackReader stack(a.input, folder_of(a.input), job);
@@ -209,7 +223,7 @@ int info(const Arguments& a, const Job& job, Console&) {
                            g.pixel_y_um * g.layer_um * 1e-9;
   }
   if (a.json.empty()) {
-    fmt::print("{}", describe_stack(info));
+    print_result(describe_stack(info));
   } else {
     print_or_write(a.json, info_json(info, a.input));
   }
@@ -259,7 +273,7 @@ int main_guarded(int argc, char** argv) {
   sub->add_option("--json", a.json, "Write all figures as JSON to FILE, or - for stdout");
   sub->add_option("--max-height-error-um", a.max_height_error_um,
                   "Exit with 5 when the largest height error is above this")
-      ->check(CLI::NonNegativeNumber);
+      ->check(number_in(0, std::numeric_limits<double>::max()));
 
   sub = add("probe", "Grey level, intensity and dose along one pixel column, as CSV", probe);
   stack_input(sub, "STACK", "Stack to look into");
@@ -283,6 +297,22 @@ int main_guarded(int argc, char** argv) {
   stack_input(sub, "STACK", "Stack to look into");
   sub->add_option("--json", a.json, "Write as JSON to FILE, or - for stdout");
 
+  app.failure_message([&](const CLI::App*, const CLI::Error& e) {
+    std::string text = e.what();
+    if (e.get_name() == "RequiredError" && app.get_subcommands().empty()) {
+      std::string names;
+      for (const auto& [command, act] : actions) {
+        names += (names.empty() ? "" : ", ") + command->get_name();
+      }
+      const auto unknown = app.remaining();
+      text = unknown.empty()
+                 ? "expected a command: " + names
+                 : fmt::format("'{}' is no command; expected one of {}", unknown.front(), names);
+    }
+    const auto called = app.get_subcommands();
+    return fmt::format("slicecorr: {}\nSee slicecorr {}--help\n", text,
+                       called.empty() ? "" : called.front()->get_name() + " ");
+  });
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

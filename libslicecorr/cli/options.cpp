@@ -5,9 +5,10 @@
 #include <cerrno>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "slicecorr/error.hpp"
@@ -39,12 +40,39 @@ double omega_max_of(const std::string& text) {
   return std::min(value, 1e300);
 }
 
+/// The whole text as a finite number.
+std::optional<double> number_of(const std::string& text) {
+  char* end = nullptr;
+  const double value = std::strtod(text.c_str(), &end);
+  if (text.empty() || *end != 0 || !std::isfinite(value)) return std::nullopt;
+  return value;
+}
+
 }  // namespace
+
+CLI::Validator number_in(double least, double most, bool above) {
+  const bool open = most >= std::numeric_limits<double>::max();
+  const std::string expected =
+      open ? fmt::format("a number {} {:g}", above ? "above" : "of at least", least)
+           : fmt::format("a number from {:g} to {:g}", least, most);
+  const auto check = [=](std::string& text) -> std::string {
+    const auto value = number_of(text);
+    if (value && *value <= most && (above ? *value > least : *value >= least)) return {};
+    return fmt::format("is {}, expected {}", text, expected);
+  };
+  return {check, "", "number"};
+}
+
+CLI::Validator number_above_zero() {
+  return number_in(0, std::numeric_limits<double>::max(), true);
+}
 
 void MeshOptions::add_to(CLI::App& app) {
   app.add_option("PART", parts, "Meshes (stl, obj, ply, off, 3mf; also .gz) that share the plate")
       ->required();
-  app.add_option("--layer-um", layer_um, "Slice height, 1 to 1000")->required();
+  app.add_option("--layer-um", layer_um, "Slice height, 1 to 1000")
+      ->required()
+      ->check(number_in(1, 1000));
   app.add_option("--antialias", antialias, "Area coverage in 256 levels, or the pixel-centre rule")
       ->check(CLI::IsMember({"on", "off"}))
       ->capture_default_str();
@@ -53,13 +81,15 @@ void MeshOptions::add_to(CLI::App& app) {
          "X,Y: where the centre of the parts lies on the plate, from its corner at the least "
          "x and y [the middle]")
       ->delimiter(',')
-      ->expected(2);
+      ->expected(2)
+      ->check(number_in(-1e6, 1e6));
   app.add_option("--units", units, "Units of the meshes [those of the file, else mm]")
       ->check(CLI::IsMember({"auto", "mm", "inch", "m"}));
   app.add_option("--scale", scale, "Factor on all lengths")->capture_default_str();
   app.add_option("--rotate-deg", rotate_deg, "X,Y,Z: turned about the fixed axes, in this order")
       ->delimiter(',')
-      ->expected(3);
+      ->expected(3)
+      ->check(number_in(-1e6, 1e6));
 }
 
 Placement MeshOptions::placement() const {
@@ -81,7 +111,7 @@ SliceOptions MeshOptions::slice_options() const {
 void SetupOptions::add_to(CLI::App& app, bool required, bool correcting) {
   auto* p = app.add_option("--printer", printer, "Printer: a .toml file or a name");
   auto* r = app.add_option("--resin", resin, "Resin: a .toml file or a name");
-  auto* s = app.add_option("--speed-mm-h", speed_mm_h, "Print speed")->check(CLI::PositiveNumber);
+  auto* s = app.add_option("--speed-mm-h", speed_mm_h, "Print speed")->check(number_above_zero());
   if (required) {
     p->required();
     r->required();
@@ -91,9 +121,9 @@ void SetupOptions::add_to(CLI::App& app, bool required, bool correcting) {
       ->check(CLI::IsMember({"continuous"}))
       ->capture_default_str();
   app.add_option("--dc-mj-cm3", dc_mj_cm3, "Dose to aim at, instead of the resin file's")
-      ->check(CLI::PositiveNumber);
+      ->check(number_above_zero());
   app.add_option("--ha-um", ha_um, "Absorbance height, base 10, instead of the resin file's")
-      ->check(CLI::PositiveNumber);
+      ->check(number_above_zero());
   if (correcting) {
     app.add_option("--omega-max", omega_max,
                    "Cap of the dose inside features, in critical doses: inf, 1 or more")
@@ -137,8 +167,9 @@ Setup SetupOptions::resolve(const StackInfo* info) const {
   }
   if (recorded) setup.process = *info->process;
   if (speed_mm_h > 0) setup.process.speed_mm_h = speed_mm_h;
+  const double cap = omega_max_of(omega_max);
   if (!recorded) {
-    setup.process.omega_max = omega_max_of(omega_max);
+    setup.process.omega_max = cap;
     setup.process.one_slice_gaps =
         one_slice_gaps == "merge" ? OneSliceGaps::merge : OneSliceGaps::open;
   }
@@ -286,17 +317,41 @@ std::string folder_of(const std::string& path) {
   return parent.empty() ? "." : parent.string();
 }
 
-void write_text_file(const std::string& path, const std::string& text) {
-  const std::string part = path + ".part";
-  std::FILE* file = std::fopen(part.c_str(), "wb");
-  if (!file) throw DeviceError(fmt::format("{}: can't be written: {}", path, std::strerror(errno)));
-  const bool written = std::fwrite(text.data(), 1, text.size(), file) == text.size();
-  const bool closed = std::fclose(file) == 0;
-  if (!written || !closed || std::rename(part.c_str(), path.c_str()) != 0) {
-    const int code = errno;
-    std::remove(part.c_str());
-    throw DeviceError(fmt::format("{}: can't be written: {}", path, std::strerror(code)));
+void must_not_replace(const std::string& output, const std::vector<std::string>& inputs) {
+  for (const std::string& input : inputs) {
+    std::error_code error;
+    if (!input.empty() && std::filesystem::equivalent(output, input, error)) {
+      throw InputError(output, "", "is an input; expected an output of another name");
+    }
   }
+}
+
+void print_result(const std::string& text) {
+  if (std::fwrite(text.data(), 1, text.size(), stdout) != text.size() || std::fflush(stdout) != 0) {
+    throw DeviceError(fmt::format("stdout can't be written: {}", std::strerror(errno)));
+  }
+}
+
+void write_text_file(const std::string& path, const std::string& text) {
+  const auto fail = [&](int code) {
+    throw DeviceError(fmt::format("{}: can't be written: {}", path, std::strerror(code)));
+  };
+  // A device or pipe is written to: renaming would put a file in its place.
+  std::error_code error;
+  const auto status = std::filesystem::status(path, error);
+  const bool straight = std::filesystem::exists(status) &&
+                        !std::filesystem::is_regular_file(status) &&
+                        !std::filesystem::is_directory(status);
+  const std::string part = straight ? path : path + ".part";
+  std::FILE* file = std::fopen(part.c_str(), "wb");
+  if (!file) fail(errno);
+  const bool written = std::fwrite(text.data(), 1, text.size(), file) == text.size();
+  const int write_error = errno;
+  const bool closed = std::fclose(file) == 0;
+  if (written && closed && (straight || std::rename(part.c_str(), path.c_str()) == 0)) return;
+  const int code = written ? errno : write_error;
+  if (!straight) std::remove(part.c_str());
+  fail(code);
 }
 
 }  // namespace slicecorr::cli

@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <cmath>
+#include <mutex>
 
 #include "pipeline/bands.hpp"
 #include "pipeline/relief.hpp"
@@ -132,7 +133,9 @@ Correction correct_stack(const SliceSource& target, const Setup& setup, const st
   StackWriter writer(path, grid, job);
   TargetScan scan(target);
   const auto bands = bands_of(grid, target.bounds());
-  std::vector<Prediction> after(bands.size()), before(bands.size());
+  // Merging does not depend on the order of bands, and a band's histograms are large.
+  Prediction after, before;
+  std::mutex merging;
   parallel_for(job, "correct", bands.size(), [&](std::size_t i) {
     const PixelBox& band = bands[i];
     const std::size_t columns = columns_of(band);
@@ -159,8 +162,11 @@ Correction correct_stack(const SliceSource& target, const Setup& setup, const st
             predict_before.add_slice(n, n < plan.layers ? coverage : nullptr, coverage);
           }
         });
-    after[i] = predict_after.finish(band.x0, band.y0, band.width());
-    if (with_before) before[i] = predict_before.finish(band.x0, band.y0, band.width());
+    const Prediction band_after = predict_after.finish(band.x0, band.y0, band.width());
+    const Prediction band_before = predict_before.finish(band.x0, band.y0, band.width());
+    const std::lock_guard lock(merging);
+    after.merge(band_after);
+    if (with_before) before.merge(band_before);
   });
 
   Correction result;
@@ -178,13 +184,13 @@ Correction correct_stack(const SliceSource& target, const Setup& setup, const st
   const std::uint64_t outside =
       static_cast<std::uint64_t>(grid.width_px) * static_cast<std::uint64_t>(grid.height_px) -
       inside;
-  const auto total = [&](const std::vector<Prediction>& parts, int slices) {
+  const auto total = [&](const Prediction& inside_bands, int slices) {
     Prediction sum = predict_black_columns(model, slices, outside);
     sum.layers = slices;
     sum.layer_um = grid.layer_um;
     sum.pixel_x_um = grid.pixel_x_um;
     sum.pixel_y_um = grid.pixel_y_um;
-    for (const Prediction& p : parts) sum.merge(p);
+    sum.merge(inside_bands);
     return sum;
   };
   result.after = total(after, plan.all_layers);

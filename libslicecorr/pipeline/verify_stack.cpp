@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <mutex>
 
 #include "base/band_tape.hpp"
 #include "pipeline/bands.hpp"
@@ -56,7 +57,8 @@ Prediction verify_stack(const SliceSource& stack, const SliceSource& target, con
   const PixelCurve curve = pixel_curve(model);
   const int all_layers = std::max(grid.layers, target.grid().layers);
   const auto bands = bands_of(grid, stack.bounds().united(target.bounds()));
-  std::vector<Prediction> parts(bands.size());
+  Prediction total;
+  std::mutex merging;
   parallel_for(job, "predict", bands.size(), [&](std::size_t i) {
     const PixelBox& band = bands[i];
     const BandTape shown = tape_of(stack, band), design = tape_of(target, band);
@@ -68,7 +70,9 @@ Prediction verify_stack(const SliceSource& stack, const SliceSource& target, con
       design.read(n, coverage.data());
       predictor.add_slice(n, n < grid.layers ? pixels.data() : nullptr, coverage.data());
     }
-    parts[i] = predictor.finish(band.x0, band.y0, band.width());
+    const Prediction band_figures = predictor.finish(band.x0, band.y0, band.width());
+    const std::lock_guard lock(merging);
+    total.merge(band_figures);
   });
   std::uint64_t outside =
       static_cast<std::uint64_t>(grid.width_px) * static_cast<std::uint64_t>(grid.height_px);
@@ -78,7 +82,7 @@ Prediction verify_stack(const SliceSource& stack, const SliceSource& target, con
   sum.layer_um = grid.layer_um;
   sum.pixel_x_um = grid.pixel_x_um;
   sum.pixel_y_um = grid.pixel_y_um;
-  for (const Prediction& p : parts) sum.merge(p);
+  sum.merge(total);
   return sum;
 }
 

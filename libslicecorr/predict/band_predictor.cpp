@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <memory>
 
 #include "base/kernels.hpp"
 #include "slicecorr/predict.hpp"
@@ -8,18 +9,32 @@ namespace slicecorr {
 
 using detail::kBlock;
 
+struct BandPredictor::BlockSums {
+  BlockSums() {
+    std::fill_n(inside_low, kBlock, std::numeric_limits<double>::infinity());
+    std::fill_n(outside_low, kBlock, std::numeric_limits<double>::infinity());
+    std::fill_n(inside_high, kBlock, -std::numeric_limits<double>::infinity());
+    std::fill_n(outside_high, kBlock, -std::numeric_limits<double>::infinity());
+  }
+  double inside_low[kBlock], inside_high[kBlock], outside_low[kBlock], outside_high[kBlock];
+  std::int64_t run_voxels[kBlock] = {}, run_printed[kBlock] = {}, gap_printed[kBlock] = {};
+};
+
 namespace {
 
 constexpr double kNever = std::numeric_limits<double>::infinity();
+
+std::size_t padded(std::size_t columns) { return (columns + kBlock - 1) / kBlock * kBlock; }
 
 /// The numbers of the model that the loops need.
 struct Factors {
   double a, one_minus_a, r, one_minus_r;
 };
 
-/// Steps a block whose columns see `phi`. `low`, `high`: least and greatest dose at mid-layer so
-/// far, per lane: no reduction, so that the loop runs in vector registers. True when all doses,
-/// before and after, lie on one side of 1: below (`below_one`) or not.
+/// Steps a block whose columns see `phi` and that has one class. `low`, `high`: least and greatest
+/// dose at mid-layer so far, per lane: no reduction, so that the loops run in vector registers.
+/// False, with nothing but `dose` changed, unless all doses, before and after, lie on one side
+/// of 1.
 SLICECORR_CLONES
 bool step_block(const Factors f, const double* __restrict phi, const double* __restrict omega,
                 double* __restrict dose, double* __restrict low, double* __restrict high,
@@ -41,6 +56,45 @@ bool step_block(const Factors f, const double* __restrict phi, const double* __r
     high[i] = middle[i] > high[i] ? middle[i] : high[i];
   }
   return true;
+}
+
+/// Steps a block of any coverage: sums what can be summed per lane and marks in `events` the
+/// columns whose class changes, whose dose crosses 1, or that are grey.
+SLICECORR_CLONES
+void mixed_block(const Factors f, const double* __restrict phi, const double* __restrict omega,
+                 double* __restrict dose, double* __restrict middle,
+                 const std::uint8_t* __restrict cover, const std::uint8_t* __restrict classes,
+                 double* __restrict gap_min, BandPredictor::BlockSums& sums,
+                 std::uint8_t* __restrict events) {
+  std::int64_t run[kBlock], gap[kBlock];
+  for (std::size_t i = 0; i < kBlock; ++i) {
+    dose[i] = phi[i] * f.one_minus_a + f.a * omega[i];
+    middle[i] = phi[i] * f.one_minus_r + f.r * omega[i];
+    run[i] = cover[i] == 255;
+    gap[i] = cover[i] == 0;
+  }
+  for (std::size_t i = 0; i < kBlock; ++i) {
+    const std::int64_t printed = middle[i] >= 1.0;
+    sums.run_voxels[i] += run[i];
+    sums.run_printed[i] += run[i] & printed;
+    sums.gap_printed[i] += gap[i] & printed;
+  }
+  for (std::size_t i = 0; i < kBlock; ++i) {
+    const double inside_low = run[i] ? middle[i] : kNever,
+                 inside_high = run[i] ? middle[i] : -kNever;
+    const double outside_high = gap[i] ? middle[i] : -kNever, in_gap = gap[i] ? dose[i] : kNever;
+    sums.inside_low[i] = inside_low < sums.inside_low[i] ? inside_low : sums.inside_low[i];
+    sums.inside_high[i] = inside_high > sums.inside_high[i] ? inside_high : sums.inside_high[i];
+    sums.outside_high[i] =
+        outside_high > sums.outside_high[i] ? outside_high : sums.outside_high[i];
+    gap_min[i] = in_gap < gap_min[i] ? in_gap : gap_min[i];
+  }
+  for (std::size_t i = 0; i < kBlock; ++i) {
+    const std::int64_t grey = 1 - run[i] - gap[i];
+    const std::int64_t now = run[i] + 2 * grey;  // as in BandPredictor::Class
+    const std::int64_t crosses = (omega[i] >= 1.0) != (dose[i] >= 1.0);
+    events[i] = static_cast<std::uint8_t>((now != classes[i]) | crosses | grey);
+  }
 }
 
 SLICECORR_CLONES
@@ -65,21 +119,20 @@ PixelCurve pixel_curve(const CureModel& model) {
   return curve;
 }
 
+BandPredictor::~BandPredictor() = default;
+
 BandPredictor::BandPredictor(const CureModel& model, const PixelCurve& curve, int all_layers,
                              std::size_t columns)
     : model_(model),
       curve_(curve),
       all_layers_(all_layers),
-      omega_(columns, 0.0),
-      gap_min_(columns, kNever),
-      class_(columns, gap),
+      omega_(padded(columns), 0.0),
+      gap_min_(padded(columns), kNever),
+      class_(padded(columns), gap),
       columns_(columns),
-      empty_(columns, 0),
-      block_class_((columns + kBlock - 1) / kBlock, gap) {
-  inside_low_.fill(kNever);
-  inside_high_.fill(-kNever);
-  outside_low_.fill(kNever);
-  outside_high_.fill(-kNever);
+      empty_(padded(columns), 0),
+      block_class_(padded(columns) / kBlock, gap),
+      sums_(std::make_unique<BlockSums>()) {
   for (Column& c : columns_) {
     c.start = all_layers;
     c.lower = all_layers;
@@ -162,13 +215,12 @@ void BandPredictor::enter(std::size_t i, int node, Class next, double dose) {
   class_[i] = next;
 }
 
-void BandPredictor::slow(std::size_t i, int slice, double phi, std::uint8_t coverage) {
-  Prediction& p = prediction_;
+void BandPredictor::event(std::size_t i, int slice, double phi, double middle,
+                          std::uint8_t coverage) {
   const Class now = coverage == 0 ? gap : coverage == 255 ? run : grey;
   const double below = omega_[i];
   if (now != class_[i]) enter(i, slice + 1, now, below);
   const double dose = model_.step(phi, below);
-  const double middle = model_.middle(phi, below);
   if ((below >= 1.0) != (dose >= 1.0)) {
     Column& c = columns_[i];
     c.start = slice + 1 - model_.crossing(phi, below);
@@ -183,72 +235,79 @@ void BandPredictor::slow(std::size_t i, int slice, double phi, std::uint8_t cove
       c.seeks_end = false;
     }
   }
-  const bool printed = middle >= 1.0;
-  if (now == run) {
-    ++p.target_voxels;
-    p.printed_voxels += printed;
-    p.undercure_voxels += !printed;
-    p.min_dose_inside = std::min(p.min_dose_inside, middle);
-    p.max_dose_inside = std::max(p.max_dose_inside, middle);
-  } else if (now == gap) {
+  if (now == gap) {
     gap_min_[i] = std::min(gap_min_[i], dose);
-    p.printed_voxels += printed;
-    p.cure_through_voxels += printed;
-    p.max_dose_outside = std::max(p.max_dose_outside, middle);
-  } else {
-    ++p.grey_voxels;
-    p.grey_dose_error.add(std::abs(middle - coverage / 255.0));
+  } else if (now == grey) {
+    ++prediction_.grey_voxels;
+    prediction_.grey_dose_error.add(std::abs(middle - coverage / 255.0));
   }
-  omega_[i] = dose;
 }
 
 void BandPredictor::add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage) {
   const std::uint8_t* cover = coverage ? coverage : empty_.data();
-  const std::size_t columns = omega_.size();
   const Factors f{model_.a, model_.one_minus_a, model_.root_a, 1.0 - model_.root_a};
   alignas(64) double phi[kBlock];
   alignas(64) double dose[kBlock];
-  std::uint64_t printed_inside = 0;
-  for (std::size_t b = 0; b < columns; b += kBlock) {
-    const std::size_t n = std::min(kBlock, columns - b);
+  alignas(64) double middle[kBlock];
+  std::uint8_t events[kBlock];
+  BlockSums& sums = *sums_;
+  for (std::size_t b = 0; b < columns_.size(); b += kBlock) {
+    const std::size_t n = std::min(kBlock, columns_.size() - b);
+    std::uint8_t tail[kBlock];
+    const std::uint8_t* block_cover = cover + b;
+    if (n < kBlock) {
+      // The lanes past the last column stay in a gap of no light; see finish().
+      std::fill(std::copy_n(cover + b, n, tail), tail + kBlock, std::uint8_t{0});
+      block_cover = tail;
+      std::fill_n(phi, kBlock, 0.0);
+    }
     if (pixels && n == kBlock && detail::uniform(pixels + b)) {
       std::fill_n(phi, kBlock, curve_[pixels[b]]);
     } else {
       for (std::size_t i = 0; i < n; ++i) phi[i] = pixels ? curve_[pixels[b + i]] : 0.0;
     }
-    // A block inside a gap and unprinted, or inside features and printed, has no events: sums only.
+    // A block inside a gap and unprinted, or inside features and printed, has no events.
     Class& block = block_class_[b / kBlock];
-    if (n == kBlock && block != grey) {
-      const detail::BlockBits bits = detail::block_bits(cover + b);
+    if (block != grey) {
+      const detail::BlockBits bits = detail::block_bits(block_cover);
       if (block == gap && bits.any == 0) {
-        if (step_block(f, phi, &omega_[b], dose, outside_low_.data(), outside_high_.data(), true)) {
+        if (step_block(f, phi, &omega_[b], dose, sums.outside_low, sums.outside_high, true)) {
           std::copy_n(dose, kBlock, &omega_[b]);
           lower(&gap_min_[b], dose);
           continue;
         }
       } else if (block == run && bits.all == ~std::uint64_t{0}) {
-        if (step_block(f, phi, &omega_[b], dose, inside_low_.data(), inside_high_.data(), false)) {
+        if (step_block(f, phi, &omega_[b], dose, sums.inside_low, sums.inside_high, false)) {
           std::copy_n(dose, kBlock, &omega_[b]);
-          printed_inside += kBlock;
+          prediction_.target_voxels += kBlock;
+          prediction_.printed_voxels += kBlock;
           continue;
         }
       }
     }
-    for (std::size_t i = 0; i < n; ++i) slow(b + i, slice, phi[i], cover[b + i]);
-    block = class_[b];
-    for (std::size_t i = 1; i < n; ++i) {
-      if (class_[b + i] != block) block = grey;  // mixed
+    mixed_block(f, phi, &omega_[b], dose, middle, block_cover,
+                reinterpret_cast<const std::uint8_t*>(&class_[b]), &gap_min_[b], sums, events);
+    for (std::size_t i = 0; i < n; ++i) {
+      if (events[i]) event(b + i, slice, phi[i], middle[i], block_cover[i]);
     }
+    std::copy_n(dose, kBlock, &omega_[b]);
+    // Grey stands for mixed, too.
+    const bool one_class = detail::uniform(reinterpret_cast<const std::uint8_t*>(&class_[b]));
+    block = one_class ? class_[b] : grey;
   }
-  prediction_.target_voxels += printed_inside;
-  prediction_.printed_voxels += printed_inside;
 }
 
 Prediction BandPredictor::finish(int x0, int y0, int width) {
   for (std::size_t i = 0; i < kBlock; ++i) {
-    prediction_.min_dose_inside = std::min(prediction_.min_dose_inside, inside_low_[i]);
-    prediction_.max_dose_inside = std::max(prediction_.max_dose_inside, inside_high_[i]);
-    prediction_.max_dose_outside = std::max(prediction_.max_dose_outside, outside_high_[i]);
+    Prediction& p = prediction_;
+    p.target_voxels += static_cast<std::uint64_t>(sums_->run_voxels[i]);
+    p.printed_voxels += static_cast<std::uint64_t>(sums_->run_printed[i] + sums_->gap_printed[i]);
+    p.cure_through_voxels += static_cast<std::uint64_t>(sums_->gap_printed[i]);
+    p.undercure_voxels += static_cast<std::uint64_t>(sums_->run_voxels[i] - sums_->run_printed[i]);
+    p.min_dose_inside = std::min(p.min_dose_inside, sums_->inside_low[i]);
+    p.max_dose_inside = std::max(p.max_dose_inside, sums_->inside_high[i]);
+    // Dose outside: lanes past the last column give 0, which no real column is below.
+    p.max_dose_outside = std::max(p.max_dose_outside, sums_->outside_high[i]);
   }
   for (std::size_t i = 0; i < columns_.size(); ++i) {
     Column& c = columns_[i];

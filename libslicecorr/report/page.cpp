@@ -150,18 +150,16 @@ std::string make_report(const ReportContent& c) {
   html += "<h2>What will print</h2>" + figures_table(c);
   html +=
       R"(<p class="key dim">In the sections, platform up:<span style="background:#80868c"></span>right<span style="background:#d63031"></span>cured through<span style="background:#2667d6"></span>undercured<span style="background:#b0b6bc"></span>designed grey</p>)";
-  for (std::size_t i = 0; i < c.sections_after.size(); ++i) {
-    const Section& after = c.sections_after[i];
-    const Section& before = c.sections_before[i];
-    html += fmt::format("<h2>Section at image row {}</h2><div class=\"pair\">", after.y);
+  for (const auto& section : c.sections) {
+    html += fmt::format("<h2>Section at image row {}</h2><div class=\"pair\">", section.y);
     const auto figure = [&](const ColourImage& picture, const std::string& words) {
       html += fmt::format("<figure>{}<figcaption>{}</figcaption></figure>", image(picture, words),
                           words);
     };
-    figure(cure_picture(before, g.pixel_x_um, g.layer_um, 900), "Uncorrected: what would print");
-    figure(cure_picture(after, g.pixel_x_um, g.layer_um, 900), "This stack: what will print");
-    figure(grey_picture(before, g.pixel_x_um, g.layer_um, 900), "Uncorrected: grey values shown");
-    figure(grey_picture(after, g.pixel_x_um, g.layer_um, 900), "This stack: grey values shown");
+    figure(section.cure_before, "Uncorrected: what would print");
+    figure(section.cure_after, "This stack: what will print");
+    figure(section.grey_before, "Uncorrected: grey values shown");
+    figure(section.grey_after, "This stack: grey values shown");
     html += "</div>";
   }
   if (!c.column_after.empty()) {
@@ -185,9 +183,20 @@ ReportContent gather_report(const SliceSource& stack, const SliceSource& target,
   c.after = after;
   c.before = before;
   const PixelBox box = target.bounds();
+  // One section at a time: those of long prints on wide displays are large.
   const auto add_section = [&](int y) {
-    c.sections_before.push_back(section_of(target, target, setup, y));
-    c.sections_after.push_back(section_of(stack, target, setup, y));
+    constexpr int kMostPixels = 900;
+    const Grid& g = stack.grid();
+    ReportContent::SectionPictures pictures;
+    pictures.y = y;
+    const auto draw = [&](const SliceSource& shown, ColourImage& cure, ColourImage& grey) {
+      const Section s = section_of(shown, target, setup, y);
+      cure = cure_picture(s, g.pixel_x_um, g.layer_um, kMostPixels);
+      grey = grey_picture(s, g.pixel_x_um, g.layer_um, kMostPixels);
+    };
+    draw(target, pictures.cure_before, pictures.grey_before);
+    draw(stack, pictures.cure_after, pictures.grey_after);
+    c.sections.push_back(std::move(pictures));
   };
   const int middle = (box.y0 + box.y1) / 2;
   if (!box.empty()) add_section(middle);

@@ -23,7 +23,17 @@ void Raster::clear() {
 }
 
 void Raster::add(const Segment& s) {
-  if (s.ay == s.by) return;
+  if (s.ay == s.by) {
+    // It turns nothing, but its row is covered partly all along it: pixels between its ends can't
+    // be filled by one winding.
+    const double row = std::floor(s.ay);
+    if (antialias_ && s.ay != row && row >= y0_ && row < y1_) {
+      const double y = s.ay - row;
+      pieces_[static_cast<std::size_t>(static_cast<int>(row) - y0_)].push_back(
+          {std::min(s.ax, s.bx), y, std::max(s.ax, s.bx), y, 0});
+    }
+    return;
+  }
   const bool down = s.ay < s.by;
   // The upper end first, whichever way the contour goes: neighbours then round alike.
   const double ux = down ? s.ax : s.bx, uy = down ? s.ay : s.by;
@@ -149,6 +159,7 @@ void Raster::draw_cluster(const Piece* begin, const Piece* end, int winding) {
   events_.clear();
   by_start_.clear();
   for (const Piece* p = begin; p != end; ++p) {
+    if (p->winding == 0) continue;
     events_.push_back(p->y0);
     events_.push_back(p->y1);
     by_start_.push_back(p);
@@ -186,12 +197,19 @@ void Raster::draw_strip(double from, double to, int winding) {
         return a.x != b.x ? a.x < b.x : a.x_end < b.x_end;
       });
       const std::size_t most = active_.size() * active_.size();
-      for (std::size_t k = 0; k + 1 < active_.size() && cuts < most; ++k) {
+      for (std::size_t k = 0; k + 1 < active_.size() && cuts < most;) {
         const double gap = active_[k + 1].x - active_[k].x;
         const double gap_end = active_[k + 1].x_end - active_[k].x_end;
-        if (gap_end >= 0) continue;
-        const double y = from + (to - from) * (gap / (gap - gap_end));
-        if (y > from && y < until) until = y;
+        const double y = gap_end < 0 ? from + (to - from) * (gap / (gap - gap_end)) : to;
+        if (y <= from) {
+          // They cross right here, but rounding has them in the order from before. Every swap
+          // leaves one pair less in the wrong order at the lower side.
+          std::swap(active_[k], active_[k + 1]);
+          if (k > 0) --k;
+          continue;
+        }
+        if (y < until) until = y;
+        ++k;
       }
     }
     int w = winding;

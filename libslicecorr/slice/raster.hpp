@@ -28,7 +28,8 @@ class Raster {
   bool draw(std::uint8_t* rows);
 
  private:
-  /// A piece within one row; y from 0 to 1 in the row and y0 < y1.
+  /// A piece within one row; y from 0 to 1 in the row and y0 < y1. Or a horizontal one, from left
+  /// to right and of winding 0, that only keeps the pieces at its two ends in one cluster.
   struct Piece {
     double x0, y0, x1, y1;
     int winding;  ///< +1: the contour goes down here (y grows), -1: up

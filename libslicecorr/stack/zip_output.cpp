@@ -177,6 +177,8 @@ void ZipOutput::finish(const Job& job) {
   job.check_cancelled();
   Temporary temporary{make_temporary()};
   write(temporary.path, job);
+  // The zip library leaves out the last step when it is a small one.
+  job.report("write", 1);
   sync(temporary.path, O_WRONLY);
   job.check_cancelled();
   if (::rename(temporary.path.c_str(), path_.c_str()) != 0) {

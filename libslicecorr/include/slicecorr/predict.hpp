@@ -11,6 +11,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -91,6 +92,10 @@ class BandPredictor {
   /// `all_layers` is the greater of the number of slices and of target layers.
   BandPredictor(const CureModel& model, const PixelCurve& curve, int all_layers,
                 std::size_t columns);
+  ~BandPredictor();
+
+  /// Sums per lane of a block; private to the implementation.
+  struct BlockSums;
 
   /// `pixels` null: nothing is shown (light off, after the end of the stack). `coverage` null:
   /// empty.
@@ -112,7 +117,7 @@ class BandPredictor {
     bool gap_seen = false;     ///< a layer of coverage 0 since the run below
     std::int32_t gap_layers = 0;
   };
-  void slow(std::size_t i, int slice, double phi, std::uint8_t coverage);
+  void event(std::size_t i, int slice, double phi, double middle, std::uint8_t coverage);
   void enter(std::size_t i, int node, Class next, double dose);
   void close_gap(std::size_t i);
   void error(std::size_t i, double slices);
@@ -127,8 +132,7 @@ class BandPredictor {
   std::vector<std::uint8_t> empty_;
   /// Class of all columns of a block of 32; `grey` also when they differ.
   std::vector<Class> block_class_;
-  /// Mid-layer doses of blocks without events, per lane.
-  std::array<double, 32> inside_low_, inside_high_, outside_low_, outside_high_;
+  std::unique_ptr<BlockSums> sums_;
   double worst_ = -1;
   std::size_t worst_column_ = 0;
   Prediction prediction_;

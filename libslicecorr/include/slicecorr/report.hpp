@@ -34,8 +34,12 @@ struct ReportContent {
   Setup setup;
   Prediction after;                  ///< of the stack reported
   std::optional<Prediction> before;  ///< of the target shown as it is
-  /// Sections of the target shown as it is, and of the stack; pairwise at the same row.
-  std::vector<Section> sections_before, sections_after;
+  /// Pictures of a section of the target shown as it is, and of the stack.
+  struct SectionPictures {
+    int y = 0;
+    ColourImage cure_before, cure_after, grey_before, grey_after;
+  };
+  std::vector<SectionPictures> sections;
   int column_x = -1, column_y = -1;  ///< pixel of the columns below
   std::vector<ProbeRow> column_before, column_after;
 };

@@ -1,0 +1,115 @@
+/// @file run_program.hpp
+/// Runs a program as a user would: own arguments, environment and folder; takes what it prints.
+#pragma once
+
+#include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <chrono>
+#include <functional>
+#include <map>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace slicecorr::test {
+
+struct RunOptions {
+  /// Added to the environment of the test, or put in its place there.
+  std::map<std::string, std::string> environment;
+  std::string folder;         ///< working folder; empty: that of the test
+  std::string stdout_path;    ///< where stdout goes; empty: to `RunResult::out`
+  rlim_t largest_file = 0;    ///< no file may grow beyond this many bytes; 0: no limit
+  int signal = 0;             ///< sent once, as soon as `signal_when` holds
+  std::function<bool(const std::string& out, const std::string& err)> signal_when;
+  std::chrono::milliseconds timeout{60000};  ///< killed after this
+};
+
+struct RunResult {
+  int exit_code = -1;  ///< 128 + number when a signal ended it, as a shell says it
+  bool timed_out = false;
+  bool signalled = false;  ///< the signal was sent while it ran
+  std::string out, err;
+};
+
+inline RunResult run_program(const std::vector<std::string>& command,
+                             const RunOptions& options = {}) {
+  using Clock = std::chrono::steady_clock;
+  // All memory is taken before the fork: the child only makes system calls.
+  std::vector<char*> argv;
+  for (const std::string& s : command) argv.push_back(const_cast<char*>(s.c_str()));
+  argv.push_back(nullptr);
+  std::vector<std::string> variables;
+  for (char** v = environ; *v != nullptr; ++v) {
+    const std::string text = *v;
+    if (!options.environment.contains(text.substr(0, text.find('=')))) variables.push_back(text);
+  }
+  for (const auto& [name, value] : options.environment) variables.push_back(name + "=" + value);
+  std::vector<char*> envp;
+  for (std::string& s : variables) envp.push_back(s.data());
+  envp.push_back(nullptr);
+
+  int out[2], err[2];
+  if (::pipe2(out, O_CLOEXEC) != 0 || ::pipe2(err, O_CLOEXEC) != 0) {
+    throw std::runtime_error("no pipes");
+  }
+  const pid_t child = ::fork();
+  if (child < 0) throw std::runtime_error("no process");
+  if (child == 0) {
+    int to = out[1];
+    if (!options.stdout_path.empty()) {
+      to = ::open(options.stdout_path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+    }
+    const int nothing = ::open("/dev/null", O_RDONLY | O_CLOEXEC);
+    bool ready = ::dup2(nothing, STDIN_FILENO) >= 0 && ::dup2(to, STDOUT_FILENO) >= 0 &&
+                 ::dup2(err[1], STDERR_FILENO) >= 0;
+    if (!options.folder.empty()) ready = ready && ::chdir(options.folder.c_str()) == 0;
+    if (options.largest_file > 0) {
+      const rlimit limit{options.largest_file, options.largest_file};
+      ready = ready && ::setrlimit(RLIMIT_FSIZE, &limit) == 0;
+    }
+    if (ready) ::execve(argv[0], argv.data(), envp.data());
+    ::_exit(127);
+  }
+  ::close(out[1]);
+  ::close(err[1]);
+
+  RunResult result;
+  std::array<pollfd, 2> pipes{{{out[0], POLLIN, 0}, {err[0], POLLIN, 0}}};
+  const std::array<std::string*, 2> texts{&result.out, &result.err};
+  const Clock::time_point end = Clock::now() + options.timeout;
+  while (pipes[0].fd >= 0 || pipes[1].fd >= 0) {
+    ::poll(pipes.data(), pipes.size(), 2);
+    for (std::size_t i = 0; i < pipes.size(); ++i) {
+      if (pipes[i].fd < 0 || pipes[i].revents == 0) continue;
+      std::array<char, 65536> buffer;
+      const ssize_t n = ::read(pipes[i].fd, buffer.data(), buffer.size());
+      if (n > 0) {
+        texts[i]->append(buffer.data(), static_cast<std::size_t>(n));
+      } else if (n == 0) {
+        pipes[i].fd = -1;
+      }
+    }
+    if (options.signal != 0 && !result.signalled &&
+        (!options.signal_when || options.signal_when(result.out, result.err))) {
+      result.signalled = ::kill(child, options.signal) == 0;
+    }
+    if (!result.timed_out && Clock::now() > end) {
+      result.timed_out = true;
+      ::kill(child, SIGKILL);
+    }
+  }
+  ::close(out[0]);
+  ::close(err[0]);
+  int status = 0;
+  ::waitpid(child, &status, 0);
+  result.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+  return result;
+}
+
+}  // namespace slicecorr::test

@@ -111,8 +111,7 @@ class Reference {
     std::sort(events.begin(), events.end());
     Real sum = 0;
     for (std::size_t i = 0; i + 1 < events.size(); ++i) {
-      sum +=
-          (events[i + 1] - events[i]) * covered_width(column, (events[i] + events[i + 1]) / 2);
+      sum += (events[i + 1] - events[i]) * covered_width(column, (events[i] + events[i + 1]) / 2);
     }
     return sum;
   }
@@ -169,9 +168,8 @@ void expect_levels(const Bytes& rows, const Box& box,
       const int level = rows[static_cast<std::size_t>(y - box.y0) * box.width() +
                              static_cast<std::size_t>(x - box.x0)];
       const Real expected = area(x, y);
-      ASSERT_TRUE(fits(level, expected))
-          << what << ": pixel " << x << ", " << y << " is " << level << ", area gives "
-          << static_cast<double>(expected * 255);
+      ASSERT_TRUE(fits(level, expected)) << what << ": pixel " << x << ", " << y << " is " << level
+                                         << ", area gives " << static_cast<double>(expected * 255);
     }
   }
 }
@@ -282,8 +280,9 @@ const Family kFamilies[] = {
          const Point a = anywhere(random, box), b = anywhere(random, box);
          const double width = std::pow(10.0, uniform(random, -4, -0.2));
          const auto near = [&](const Point& p) {
-           return Point{std::clamp(p.x + uniform(random, -width, width), 1.0 * box.x0, 1.0 * box.x1),
-                        p.y + uniform(random, -width, width)};
+           return Point{
+               std::clamp(p.x + uniform(random, -width, width), 1.0 * box.x0, 1.0 * box.x1),
+               p.y + uniform(random, -width, width)};
          };
          append(segments, {a, b, near(b), near(a)});
        }
@@ -524,8 +523,7 @@ TEST(Raster, RotatedSquare) {
     const double a = degrees * std::numbers::pi / 180, c = 7 * std::cos(a), s = 7 * std::sin(a);
     for (const double off : {0.0, 0.125, 0.377}) {
       const double x = 12 + off, y = 12 - off;
-      const Polygon p = {
-          {x + c, y + s}, {x - s, y + c}, {x - c, y - s}, {x + s, y - c}};
+      const Polygon p = {{x + c, y + s}, {x - s, y + c}, {x - c, y - s}, {x + s, y - c}};
       const Bytes rows = draw(contour(p), box, true);
       expect_levels(
           rows, box, [&](int px, int py) { return clipped_area(p, px, py); },
@@ -542,9 +540,9 @@ TEST(Raster, RotatedSquare) {
 TEST(Raster, DiagonalThroughPixelCorners) {
   // The lower left half of a square, cut along its diagonal.
   const Bytes rows = draw(contour({{0, 0}, {4, 4}, {0, 4}}), {0, 0, 4, 4}, true);
-  EXPECT_EQ(rows, (Bytes{128, 0,   0,   0,    //
-                         255, 128, 0,   0,    //
-                         255, 255, 128, 0,    //
+  EXPECT_EQ(rows, (Bytes{128, 0, 0, 0,      //
+                         255, 128, 0, 0,    //
+                         255, 255, 128, 0,  //
                          255, 255, 255, 128}));
 }
 

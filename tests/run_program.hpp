@@ -22,10 +22,10 @@ namespace slicecorr::test {
 struct RunOptions {
   /// Added to the environment of the test, or put in its place there.
   std::map<std::string, std::string> environment;
-  std::string folder;         ///< working folder; empty: that of the test
-  std::string stdout_path;    ///< where stdout goes; empty: to `RunResult::out`
-  rlim_t largest_file = 0;    ///< no file may grow beyond this many bytes; 0: no limit
-  int signal = 0;             ///< sent once, as soon as `signal_when` holds
+  std::string folder;       ///< working folder; empty: that of the test
+  std::string stdout_path;  ///< where stdout goes; empty: to `RunResult::out`
+  rlim_t largest_file = 0;  ///< no file may grow beyond this many bytes; 0: no limit
+  int signal = 0;           ///< sent once, as soon as `signal_when` holds
   std::function<bool(const std::string& out, const std::string& err)> signal_when;
   std::chrono::milliseconds timeout{60000};  ///< killed after this
 };

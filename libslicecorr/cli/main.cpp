@@ -109,7 +109,7 @@ struct Arguments {
   MeshOptions mesh;
   SetupOptions setup;
   std::string input, output, target, json;
-  int x = 0, y = 0;
+  int x = -1, y = -1;
   double max_height_error_um = -1;
 };
 
@@ -188,6 +188,25 @@ int report(const Arguments& a, const Job& job, Console& console) {
   write_text_file(a.output, make_report(gather_report(stack, target, setup, info, after, before,
                                                       title_of(a.input))));
   console.say(fmt::format("{}: written\n{}", a.output, summary(after, before)));
+  return kDone;
+}
+
+int section(const Arguments& a, const Job& job, Console& console) {
+  const StackReader stack(a.input, folder_of(a.output), job);
+  const Setup setup = a.setup.resolve(&stack.info());
+  const StackReader target(a.target, folder_of(a.output), job);
+  const PixelBox box = target.bounds();
+  const int row = a.y >= 0 ? a.y : (box.y0 + box.y1) / 2;
+  const Grid& g = stack.grid();
+  const auto picture = [&](const SliceSource& shown) {
+    return cure_picture(section_of(shown, target, setup, row), g.pixel_x_um, g.layer_um, 640);
+  };
+  const auto png = encode_png(side_by_side(picture(target), picture(stack)));
+  write_text_file(a.output, {png.begin(), png.end()});
+  console.say(
+      fmt::format("{}: section at image row {}, platform up; left uncorrected, right this "
+                  "stack; grey right, red cured through, blue undercured",
+                  a.output, row));
   return kDone;
 }
 
@@ -287,6 +306,14 @@ int main_guarded(int argc, char** argv) {
   sub->add_option("--target", a.target, "Stack of the design")->required();
   a.setup.add_to(*sub, false, true);
   sub->add_option("-o,--output", a.output, "Page to write (.html)")->required();
+
+  sub = add("section", "Draw what prints along an image row, before and after, as PNG", section);
+  stack_input(sub, "STACK", "Stack to look into");
+  sub->add_option("--target", a.target, "Stack of the design")->required();
+  sub->add_option("--y", a.y, "Row of the image [the middle of the part]")
+      ->check(CLI::NonNegativeNumber);
+  a.setup.add_to(*sub, false, true);
+  sub->add_option("-o,--output", a.output, "Picture to write (.png)")->required();
 
   sub = add("run", "Slice, correct, verify and report: OUT.uvj, OUT.html, OUT.json", run);
   a.mesh.add_to(*sub);

@@ -29,11 +29,12 @@ int choose_level(const CorrectionPlan& plan, const Goal& goal, double below) {
   if (goal.aim == kNoDemand && goal.least == kNoDemand) return 0;
   const LevelTable& levels = plan.levels;
   const CureModel& model = plan.model;
+  // Most voxels of a part are exposed fully or not at all.
+  if (goal.aim >= model.step(model.phi_max(), below)) return levels.highest();
+  const double darkest = model.step(model.phi_min(), below);
+  if (goal.aim <= darkest && darkest >= goal.least) return 0;
   const double phi_least = intensity_for(model, goal.least, below);
   const double phi_aim = intensity_for(model, goal.aim, below);
-  // Most voxels of a part are exposed fully or not at all.
-  if (phi_aim >= model.phi_max()) return levels.highest();
-  if (phi_aim <= model.phi_min() && model.step(model.phi_min(), below) >= goal.least) return 0;
   int level = levels.at_most(phi_aim);
   if (goal.nearest && level + 1 < levels.size()) {
     const int next = levels.at_least(phi_aim);
@@ -167,7 +168,14 @@ void BandCorrector::solve(const Sink& sink) {
   s.tape.read(plan.all_layers - 1, below.data());
   s.tape.read(plan.all_layers - 2, above.data());
   const double dark = model.phi_min() * model.one_minus_a;
+  const double bright = model.phi_max() * model.one_minus_a;
+  const double edge = 1.0 + detail::kMargin;
+  const auto highest = static_cast<std::uint8_t>(plan.levels.highest());
   const int reach = static_cast<int>(plan.reach.size());
+  std::vector<double> falling(plan.fall.size());
+  std::transform(plan.fall.begin(), plan.fall.end(), falling.begin(),
+                 [&](double f) { return std::min(f, plan.omega_max); });
+  const double* const capped_fall = falling.data();
   for (int n = plan.all_layers; n-- > 0;) {
     s.tape.read(n - 2, above2.data());
     bool all_dark = true;
@@ -187,12 +195,35 @@ void BandCorrector::solve(const Sink& sink) {
       }
       all_dark = false;
       for (std::size_t i = b; i < end; ++i) {
+        const double w = omega[i];
+        const Demand demand = s.demand[i];
+        // The two commonest cases of goal_at(), decided without it.
+        if (below[i] == 0 && above[i] != detail::kFull && demand.node + reach <= n &&
+            (above[i] == 0 || demand.node != n)) {
+          out[i] = 0;
+          omega[i] = dark + model.a * w;
+          continue;
+        }
+        if (below[i] == detail::kFull) {
+          const double aim = demand.node == 0 ? plan.omega_max : capped_fall[n - demand.node];
+          const double brightest = bright + model.a * w;
+          if (aim >= brightest) {
+            out[i] = highest;
+            omega[i] = brightest;
+            continue;
+          }
+          const double darkest = dark + model.a * w;
+          if (aim <= darkest && darkest >= edge) {
+            out[i] = 0;
+            omega[i] = darkest;
+            continue;
+          }
+        }
         const Around c{above2[i], above[i], below[i], below2[i]};
-        const detail::Goal goal =
-            detail::goal_at(plan, n, c, s.demand[i], omega[i], 1.0 + detail::kMargin);
-        const int level = detail::choose_level(plan, goal, omega[i]);
+        const detail::Goal goal = detail::goal_at(plan, n, c, demand, w, edge);
+        const int level = detail::choose_level(plan, goal, w);
         out[i] = static_cast<std::uint8_t>(level);
-        omega[i] = model.step(plan.levels.phi(level), omega[i]);
+        omega[i] = model.step(plan.levels.phi(level), w);
       }
     }
     sink(n, out.data(), below.data(), all_dark);
@@ -203,19 +234,12 @@ void BandCorrector::solve(const Sink& sink) {
   }
 }
 
-std::vector<std::uint8_t> solve_column(const CorrectionPlan& plan,
-                                       const std::vector<std::uint8_t>& coverage) {
-  BandCorrector corrector(plan, 1);
-  for (const std::uint8_t c : coverage) corrector.add_layer(&c);
-  std::vector<std::uint8_t> levels(static_cast<std::size_t>(plan.all_layers));
-  corrector.solve([&](int slice, const std::uint8_t* level, const std::uint8_t*, bool) {
-    levels[static_cast<std::size_t>(slice)] = *level;
-  });
-  return levels;
-}
+namespace {
 
-std::vector<double> solve_column_exactly(const CorrectionPlan& plan,
-                                         const std::vector<std::uint8_t>& coverage) {
+/// Walks one column from the last slice to the first: `choose(goal, below)` gives the intensity.
+template <typename Choose>
+void walk_column(const CorrectionPlan& plan, const std::vector<std::uint8_t>& coverage, double edge,
+                 Choose choose) {
   const auto at = [&](int layer) {
     const bool inside = layer >= 0 && layer < plan.layers;
     return inside ? coverage[static_cast<std::size_t>(layer)] : std::uint8_t{0};
@@ -227,15 +251,37 @@ std::vector<double> solve_column_exactly(const CorrectionPlan& plan,
     demand = detail::next_demand(plan, n, around(n), demand);
     demands.push_back(demand);
   }
-  std::vector<double> phi(demands.size());
   double omega = 0;
   for (int n = plan.all_layers; n-- > 0;) {
     const auto k = static_cast<std::size_t>(n);
-    const auto goal = detail::goal_at(plan, n, around(n), demands[k], omega, 1.0);
-    phi[k] = std::clamp(detail::intensity_for(plan.model, std::max(goal.aim, goal.least), omega),
-                        plan.model.phi_min(), plan.model.phi_max());
-    omega = plan.model.step(phi[k], omega);
+    const double phi =
+        choose(k, detail::goal_at(plan, n, around(n), demands[k], omega, edge), omega);
+    omega = plan.model.step(phi, omega);
   }
+}
+
+}  // namespace
+
+std::vector<std::uint8_t> solve_column(const CorrectionPlan& plan,
+                                       const std::vector<std::uint8_t>& coverage) {
+  std::vector<std::uint8_t> levels(static_cast<std::size_t>(plan.all_layers));
+  walk_column(plan, coverage, 1.0 + detail::kMargin,
+              [&](std::size_t n, const detail::Goal& goal, double below) {
+                const int level = detail::choose_level(plan, goal, below);
+                levels[n] = static_cast<std::uint8_t>(level);
+                return plan.levels.phi(level);
+              });
+  return levels;
+}
+
+std::vector<double> solve_column_exactly(const CorrectionPlan& plan,
+                                         const std::vector<std::uint8_t>& coverage) {
+  std::vector<double> phi(static_cast<std::size_t>(plan.all_layers));
+  walk_column(plan, coverage, 1.0, [&](std::size_t n, const detail::Goal& goal, double below) {
+    phi[n] = std::clamp(detail::intensity_for(plan.model, std::max(goal.aim, goal.least), below),
+                        plan.model.phi_min(), plan.model.phi_max());
+    return phi[n];
+  });
   return phi;
 }
 

@@ -121,6 +121,10 @@ std::string read_text(const std::string& path) {
 std::vector<CalibrationPoint> calibration_from_csv(const Table& table, const std::string& file) {
   fs::path path = file;
   if (path.is_relative()) path = fs::path(table.source()).parent_path() / path;
+  std::error_code ec;
+  if (!fs::is_regular_file(path, ec)) {
+    table.fail("calibration", fmt::format("{} is not a file that can be read", path.string()));
+  }
   std::istringstream lines(read_text(path.string()));
   std::vector<CalibrationPoint> points;
   std::string line;
@@ -193,7 +197,7 @@ double absorbance_height10(const Table& cure) {
   cure.fail("absorbance_base", "expected 10 or \"e\"");
 }
 
-void resolve_dose(const Table& cure, Resin& resin) {
+void resolve_dose(const Table& cure, std::optional<double> dose_override, Resin& resin) {
   const double height_e_um = units::height_e_from_10(resin.absorbance_height10_um);
   const auto areal_or_volumetric = [&](const char* volumetric, const char* areal) {
     const auto v = cure.number(volumetric, 0, 1e9);
@@ -208,20 +212,39 @@ void resolve_dose(const Table& cure, Resin& resin) {
   const auto critical = areal_or_volumetric("critical_dose_mj_cm3", "critical_dose_mj_cm2");
   const auto prime = cure.number("critical_dose_prime", 0, 1e9);
   if (gel) resin.gel_dose_mj_cm3 = *gel;
-  if (critical) {
+  if (resin.m != 1.0) {
+    // Intensity times time says nothing here: D'c alone counts.
+    if (dose_override) {
+      cure.fail("m", fmt::format("is {:g}; a dose in mJ/cm³ can only replace that of a resin with "
+                                 "m = 1",
+                                 resin.m));
+    }
+    if (!prime) {
+      cure.fail("critical_dose_prime", "missing; a resin with m other than 1 needs it");
+    }
+    resin.critical_dose_prime = *prime * factor.value_or(1.0);
+  } else if (dose_override) {
+    resin.critical_dose_mj_cm3 = *dose_override;
+  } else if (critical) {
     resin.critical_dose_mj_cm3 = *critical;
   } else if (prime && resin.model == CureModelKind::kinetic) {
     resin.critical_dose_prime = *prime * factor.value_or(1.0);
-    if (resin.m == 1.0) {
-      resin.critical_dose_mj_cm3 =
-          units::volumetric_from_areal(resin.critical_dose_prime, height_e_um);
-    }
+    resin.critical_dose_mj_cm3 =
+        units::volumetric_from_areal(resin.critical_dose_prime, height_e_um);
   } else if (gel) {
     if (!factor) cure.fail("dose_factor", "missing; gel dose and factor give the dose to aim at");
     resin.critical_dose_mj_cm3 = *gel * *factor;
   } else {
     cure.fail("critical_dose_mj_cm3",
               "missing; expected a critical dose, or gel_dose_mj_cm3 and dose_factor");
+  }
+}
+
+/// A value that replaces one of the file's keeps to the same limits.
+void check_override(const std::optional<double>& value, const char* what, double most) {
+  if (value && !(*value > 0 && *value <= most)) {
+    throw InputError(
+        fmt::format("{} is {:g}; expected a number above 0 and at most {:g}", what, *value, most));
   }
 }
 
@@ -319,18 +342,10 @@ Resin parse_resin(std::string_view text, const std::string& source,
               fmt::format("is {:g}; the Jacobs model has m = 1, others are \"kinetic\"", resin.m));
   }
   resin.absorbance_height10_um = absorbance_height10(cure);
+  check_override(overrides.ha_um, "the absorbance height, um,", 1e7);
+  check_override(overrides.dc_mj_cm3, "the dose to aim at, mJ/cm³,", 1e9);
   if (overrides.ha_um) resin.absorbance_height10_um = *overrides.ha_um;
-  if (overrides.dc_mj_cm3) {
-    resin.critical_dose_mj_cm3 = *overrides.dc_mj_cm3;
-    resin.critical_dose_prime = 0;
-    const auto gel = cure.number("gel_dose_mj_cm3", 0, 1e9);
-    resin.gel_dose_mj_cm3 = gel.value_or(0);
-  } else {
-    resolve_dose(cure, resin);
-  }
-  if (resin.m != 1.0 && resin.critical_dose_prime == 0) {
-    cure.fail("critical_dose_prime", "missing; a resin with m other than 1 needs it");
-  }
+  resolve_dose(cure, overrides.dc_mj_cm3, resin);
   return resin;
 }
 

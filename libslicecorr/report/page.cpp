@@ -63,11 +63,12 @@ constexpr std::string_view kStyle = R"(
 *{box-sizing:border-box}body{margin:0 auto;max-width:70rem;padding:1rem;background:var(--bg);color:var(--fg);font:16px/1.5 system-ui,sans-serif}
 h1{font-size:1.5rem;margin:.3em 0}h2{font-size:1.15rem;margin:1.6em 0 .4em}p{margin:.4em 0}.dim{color:var(--dim)}
 .scroll{overflow-x:auto}table{border-collapse:collapse;font-variant-numeric:tabular-nums}td,th{padding:.25rem .8rem;border-bottom:1px solid var(--line);text-align:right}td:first-child,th:first-child{text-align:left;padding-left:0}
-.pair{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(22rem,100%),1fr));gap:1rem}figure{margin:0;background:var(--card);border:1px solid var(--line);border-radius:6px;padding:.6rem}
+.pair{display:grid;grid-template-columns:repeat(2,minmax(0,1fr));gap:1rem}figure{margin:0;background:var(--card);border:1px solid var(--line);border-radius:6px;padding:.6rem}
 figure img{display:block;width:100%;height:auto;image-rendering:pixelated;background:#fff}figcaption{font-size:.9rem;color:var(--dim);margin-top:.4rem}
 .key span{display:inline-block;width:.9em;height:.9em;border-radius:2px;margin:0 .35em 0 1em;vertical-align:-.08em;border:1px solid var(--line)}
 .plot{display:block;width:100%;min-width:36rem;height:auto}.plot text{fill:var(--fg);font-size:12px}.plot .h{font-size:14px;font-weight:600}.plot .tick{fill:var(--dim)}.plot .grey{fill:var(--grey)}
 .plot .design{fill:var(--design)}.plot .gel{stroke:var(--dim);stroke-dasharray:4 4}.plot .steps{fill:none;stroke:var(--grey);stroke-width:1}.plot .dose{fill:none;stroke:var(--dose);stroke-width:2}
+@media(max-width:40rem){.pair{grid-template-columns:1fr}}
 @media print{body{max-width:none}figure{break-inside:avoid}}
 )";
 

@@ -81,6 +81,24 @@ ColourImage grey_picture(const Section& s, double pixel_x_um, double layer_um, i
   return draw(s, pixel_x_um, layer_um, most_px, colour, [](std::size_t) { return 0; });
 }
 
+ColourImage side_by_side(const ColourImage& left, const ColourImage& right) {
+  constexpr int kGap = 24;
+  ColourImage both{
+      left.width_px + kGap + right.width_px, std::max(left.height_px, right.height_px), {}};
+  both.rgb.assign(
+      static_cast<std::size_t>(both.width_px) * static_cast<std::size_t>(both.height_px) * 3, 255);
+  const auto paste = [&](const ColourImage& part, int x) {
+    for (int y = 0; y < part.height_px; ++y) {
+      std::copy_n(part.rgb.begin() + static_cast<std::ptrdiff_t>(y) * part.width_px * 3,
+                  static_cast<std::ptrdiff_t>(part.width_px) * 3,
+                  both.rgb.begin() + (static_cast<std::ptrdiff_t>(y) * both.width_px + x) * 3);
+    }
+  };
+  paste(left, 0);
+  paste(right, left.width_px + kGap);
+  return both;
+}
+
 std::vector<std::uint8_t> encode_png(const ColourImage& image) {
   std::vector<std::uint8_t> bytes;
   OIIO::Filesystem::IOVecOutput memory(bytes);

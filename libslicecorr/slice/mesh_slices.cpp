@@ -93,20 +93,27 @@ void MeshSlices::Impl::place(const TriangleMesh& mesh, const Printer& printer,
     throw InputError(fmt::format("slice height {:g} um; expected 1 to 1000", options.layer_um));
   }
   if (mesh.triangles.empty()) throw InputError("there is no triangle to slice");
+  const std::vector<bool> turned = flipped_triangles(mesh);  // refuses indices out of range
   Point3 low = mesh.vertices[mesh.triangles[0][0]], high = low;
+  bool finite = true;
   for (const auto& t : mesh.triangles) {
     for (const std::uint32_t v : t) {
       for (std::size_t k = 0; k < 3; ++k) {
         low[k] = std::min(low[k], mesh.vertices[v][k]);
         high[k] = std::max(high[k], mesh.vertices[v][k]);
+        finite &= std::isfinite(mesh.vertices[v][k]);
       }
     }
   }
+  if (!finite) throw InputError("a corner of the part is not at a finite place");
   const double px = printer.pixel_x_um * 1e-3, py = printer.pixel_y_um * 1e-3;
   const double layer_mm = options.layer_um * 1e-3;
   const double display_x = printer.width_px * px, display_y = printer.height_px * py;
   const double cx = options.center_mm ? (*options.center_mm)[0] : display_x / 2;
   const double cy = options.center_mm ? (*options.center_mm)[1] : display_y / 2;
+  if (!std::isfinite(cx) || !std::isfinite(cy)) {
+    throw InputError(fmt::format("centre {:g}, {:g} mm; expected finite numbers", cx, cy));
+  }
   const double mid_x = 0.5 * (low[0] + high[0]), mid_y = 0.5 * (low[1] + high[1]);
 
   const double half_x = 0.5 * (high[0] - low[0]), half_y = 0.5 * (high[1] - low[1]);
@@ -160,7 +167,6 @@ void MeshSlices::Impl::place(const TriangleMesh& mesh, const Printer& printer,
     c.y = std::clamp(c.y, static_cast<double>(bounds.y0), static_cast<double>(bounds.y1));
   }
   triangles = mesh.triangles;
-  const std::vector<bool> turned = flipped_triangles(mesh);
   for (std::size_t i = 0; i < turned.size(); ++i) {
     if (!turned[i]) continue;
     std::swap(triangles[i][1], triangles[i][2]);

@@ -81,7 +81,7 @@ class BandCorrector {
 std::vector<double> solve_column_exactly(const CorrectionPlan& plan,
                                          const std::vector<std::uint8_t>& coverage);
 
-/// The grey levels of one column, as `BandCorrector` chooses them.
+/// The grey levels of one column: the definition that `BandCorrector` equals, without its short cuts.
 std::vector<std::uint8_t> solve_column(const CorrectionPlan& plan,
                                        const std::vector<std::uint8_t>& coverage);
 

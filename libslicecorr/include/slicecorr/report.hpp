@@ -25,6 +25,9 @@ ColourImage cure_picture(const Section& section, double pixel_x_um, double layer
 /// The grey values that are shown along a section, platform up.
 ColourImage grey_picture(const Section& section, double pixel_x_um, double layer_um, int most_px);
 
+/// Two pictures of the same height on white, with a gap between them.
+ColourImage side_by_side(const ColourImage& left, const ColourImage& right);
+
 std::vector<std::uint8_t> encode_png(const ColourImage& image);
 
 /// Everything a report shows.

@@ -261,9 +261,11 @@ int main_guarded(int argc, char** argv) {
   app.add_flag("--quiet", a.global.quiet, "Nothing but errors on stderr");
   app.require_subcommand(1);
   app.fallthrough();
-  app.footer(
+  const std::string footer =
+      "Every command takes --threads and --quiet.\n"
       "Exit codes: 0 done; 1 a defect of the program; 2 wrong usage or input; 3 physically "
-      "infeasible; 4 disk or device failed; 5 a tolerance was missed; 130 interrupted.");
+      "infeasible; 4 disk or device failed; 5 a tolerance was missed; 130 interrupted.";
+  app.footer(footer);
 
   using Action = int (*)(const Arguments&, const Job&, Console&);
   std::vector<std::pair<CLI::App*, Action>> actions;
@@ -324,6 +326,10 @@ int main_guarded(int argc, char** argv) {
   stack_input(sub, "STACK", "Stack to look into");
   sub->add_option("--json", a.json, "Write as JSON to FILE, or - for stdout");
 
+  app.footer(
+      "Example: slicecorr run part.stl -o part.uvj --layer-um 50 --printer dual-wavelength-dlp "
+      "--resin egg-resin --speed-mm-h 800\n" +
+      footer);
   app.failure_message([&](const CLI::App*, const CLI::Error& e) {
     std::string text = e.what();
     if (e.get_name() == "RequiredError" && app.get_subcommands().empty()) {

@@ -1,0 +1,93 @@
+// The commands of the README run as written; links in the documents lead somewhere; the level table
+// is the one that the program prints.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <regex>
+#include <sstream>
+
+#include "ladder.hpp"
+#include "run_program.hpp"
+
+namespace slicecorr {
+namespace {
+
+namespace fs = std::filesystem;
+
+const fs::path kSource = SLICECORR_SOURCE_DIR;
+const fs::path kBin = SLICECORR_BIN_DIR;
+
+std::string text_of(const fs::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  std::stringstream text;
+  text << in.rdbuf();
+  return text.str();
+}
+
+/// Indented lines that begin with build/bin/, continued lines joined.
+std::vector<std::string> commands_of(const fs::path& path) {
+  std::istringstream lines(text_of(path));
+  std::vector<std::string> commands;
+  bool open = false;
+  for (std::string line; std::getline(lines, line);) {
+    const bool begins = line.rfind("    build/bin/", 0) == 0;
+    if (!begins && !open) continue;
+    line.erase(0, line.find_first_not_of(' '));
+    open = !line.empty() && line.back() == '\\';
+    if (open) line.pop_back();
+    if (begins) commands.emplace_back();
+    commands.back() += line;
+  }
+  return commands;
+}
+
+TEST(Docs, CommandsOfTheReadmeRun) {
+  const fs::path folder =
+      fs::path(::testing::TempDir()) / ("slicecorr-docs-" + std::to_string(::getpid()));
+  fs::create_directories(folder / "build");
+  fs::create_directory_symlink(kBin, folder / "build" / "bin");
+  test::write_stl((folder / "part.stl").string(), test::ladder());
+  const auto commands = commands_of(kSource / "README.md");
+  ASSERT_GE(commands.size(), 8U);
+  test::RunOptions options;
+  options.folder = folder.string();
+  for (const std::string& command : commands) {
+    const auto result = test::run_program({"/bin/sh", "-c", command}, options);
+    EXPECT_EQ(result.exit_code, 0) << command << "\n" << result.err;
+  }
+  for (const char* made : {"part.uvj", "part.html", "part.json", "target.uvj", "section.png"}) {
+    EXPECT_TRUE(fs::exists(folder / made)) << made;
+  }
+  fs::remove_all(folder);
+}
+
+TEST(Docs, LinksLeadSomewhere) {
+  std::vector<fs::path> documents = {kSource / "README.md", kSource / "CHANGELOG.md"};
+  for (const auto& entry : fs::directory_iterator(kSource / "docs")) {
+    if (entry.path().extension() == ".md") documents.push_back(entry.path());
+  }
+  ASSERT_GE(documents.size(), 5U);
+  const std::regex link(R"(\]\(([^)#:]+)\))");
+  int links = 0;
+  for (const auto& document : documents) {
+    const std::string text = text_of(document);
+    for (std::sregex_iterator it(text.begin(), text.end(), link), end; it != end; ++it) {
+      ++links;
+      EXPECT_TRUE(fs::exists(document.parent_path() / (*it)[1].str()))
+          << document << " links to " << (*it)[1];
+    }
+  }
+  EXPECT_GT(links, 5);
+}
+
+TEST(Docs, LevelTableIsTheOneThatTheProgramPrints) {
+  const auto program = kBin / "levels_table";
+  if (!fs::exists(program)) GTEST_SKIP() << "built without benchmarks: no levels_table";
+  const auto result = test::run_program({program.string()});
+  ASSERT_EQ(result.exit_code, 0);
+  EXPECT_EQ(result.out, text_of(kSource / "docs" / "levels.md"));
+}
+
+}  // namespace
+}  // namespace slicecorr

@@ -401,8 +401,7 @@ TEST_F(Cli, FiguresAndFilesOfAllRoutesAgree) {
 }
 
 TEST_F(Cli, SameInputGivesTheSameBytes) {
-  write_boxes(folder_ / "block.stl",
-              {{0, 20.02F, 0, 15.01F, 0, 2}, {3, 17.3F, 2, 12, 2.5F, 3.33F}});
+  write_boxes(folder_ / "block.stl", {{0, 12.02F, 0, 9.01F, 0, 1}, {3, 10.3F, 2, 8, 1.5F, 2.13F}});
   std::vector<std::map<std::string, std::string>> all;
   for (const char* threads : {"1", "1", "2", "8"}) {
     std::map<std::string, std::string> made;
@@ -420,10 +419,12 @@ TEST_F(Cli, SameInputGivesTheSameBytes) {
     EXPECT_EQ(made["corrected.uvj"], made["made.uvj"]);
     good(Command{"report", "made.uvj", "--target", "target.uvj", "-o", "page.html"} + number);
     keep("page.html");
+    good(Command{"section", "made.uvj", "--target", "target.uvj", "-o", "section.png"} + number);
+    keep("section.png");
     made["verify"] =
         good(Command{"verify", "made.uvj", "--target", "target.uvj", "--json", "-"} + number);
     made["verify text"] = good(Command{"verify", "made.uvj", "--target", "target.uvj"} + number);
-    made["probe"] = good(Command{"probe", "made.uvj", "--x", "500", "--y", "401"} + number);
+    made["probe"] = good(Command{"probe", "made.uvj", "--x", "600", "--y", "401"} + number);
     made["info"] = good(Command{"info", "made.uvj"} + number);
     made["info json"] = good(Command{"info", "made.uvj", "--json", "-"} + number);
     all.push_back(std::move(made));
@@ -433,7 +434,8 @@ TEST_F(Cli, SameInputGivesTheSameBytes) {
 }
 
 TEST_F(Cli, HelpAndVersion) {
-  for (const char* command : {"", "slice", "correct", "verify", "probe", "report", "run", "info"}) {
+  for (const char* command :
+       {"", "slice", "correct", "verify", "probe", "report", "section", "run", "info"}) {
     const Command start = *command ? Command{command} : Command{};
     SCOPED_TRACE(command);
     const RunResult help = call(start + Command{"--help"});
@@ -528,7 +530,7 @@ TEST_F(Cli, WrongUsageAndInput) {
   bad(2, without("--printer", "no-such-printer"), {"no-such-printer", SLICECORR_DB_DIR});
   bad(2, without("--printer", "nowhere.toml"), {"nowhere.toml"});
   bad(2, without("--printer", "figure-2-2"), {"figure-2-2.toml", "display"});
-  bad(2, without("--resin", "uhd-dlp"), {"uhd-dlp.toml", "cure"});
+  bad(2, without("--resin", "uhd-dlp"), {"uhd-dlp.toml", "no resin"});
   bad(2, without("--resin", "no-such-resin"), {"no-such-resin"});
   const Command correct{"-o", "x.uvj"};
   bad(2, Command{"run", "nowhere.stl", "-o", "x.uvj"} + layer + setup(), {"nowhere.stl"});
@@ -547,6 +549,7 @@ TEST_F(Cli, WrongUsageAndInput) {
   bad(2, {"verify", "out.uvj", "--target", "out.uvj"}, {"out.uvj", "corrected"});
   bad(2, {"probe", "out.uvj", "--x", "1", "--y", "1", "--target", "out.uvj"}, {"corrected"});
   bad(2, {"report", "out.uvj", "--target", "out.uvj", "-o", "x.html"}, {"corrected"});
+  bad(2, {"section", "out.uvj", "--target", "out.uvj", "-o", "x.png"}, {"corrected"});
   bad(2, {"verify", "target.uvj", "--target", "target.uvj"}, {"--printer"});
   bad(2, Command{"correct", "target.uvj"} + correct + setup("uhd-dlp"), {"1280 x 800", "3840"});
   good(Command{"slice", "ladder.stl", "-o", "big.uvj", "--printer", "uhd-dlp"} + layer);
@@ -589,6 +592,7 @@ TEST_F(Cli, InputsStay) {
   bad(2, Command{"correct", "target.uvj", "-o", folder_ / "target.uvj"} + setup(), {"input"});
   bad(2, {"report", "out.uvj", "--target", "target.uvj", "-o", "target.uvj"}, {"input"});
   bad(2, {"report", "out.uvj", "--target", "target.uvj", "-o", "out.uvj"}, {"input"});
+  bad(2, {"section", "out.uvj", "--target", "target.uvj", "-o", "out.uvj"}, {"input"});
   bad(2, {"verify", "out.uvj", "--target", "target.uvj", "--json", "out.uvj"}, {"input"});
   bad(2, {"info", "out.uvj", "--json", "./out.uvj"}, {"input"});
   EXPECT_EQ(bytes("target.uvj"), target);

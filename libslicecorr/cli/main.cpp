@@ -10,6 +10,7 @@
 #include <filesystem>
 #include <limits>
 #include <new>
+#include <nlohmann/json.hpp>
 
 #include "options.hpp"
 #include "slicecorr/error.hpp"
@@ -192,9 +193,10 @@ int report(const Arguments& a, const Job& job, Console& console) {
 }
 
 int section(const Arguments& a, const Job& job, Console& console) {
+  must_not_replace(a.output, {a.input, a.target});
   const StackReader stack(a.input, folder_of(a.output), job);
   const Setup setup = a.setup.resolve(&stack.info());
-  const StackReader target(a.target, folder_of(a.output), job);
+  const StackReader target(design(a.target), folder_of(a.output), job);
   const PixelBox box = target.bounds();
   const int row = a.y >= 0 ? a.y : (box.y0 + box.y1) / 2;
   const Grid& g = stack.grid();
@@ -219,10 +221,9 @@ int run(const Arguments& a, const Job& job, Console& console) {
   const std::string base =
       (std::filesystem::path(a.output).parent_path() / title_of(a.output)).string();
   // The proof: the prediction of the stack, with that of the uncorrected part beside it.
-  std::string json = result.after.to_json();
-  json.resize(json.size() - 2);
-  json += ",\n  \"uncorrected\": " + result.before->to_json() + "\n}\n";
-  write_text_file(base + ".json", json);
+  auto proof = nlohmann::ordered_json::parse(result.after.to_json());
+  proof["uncorrected"] = nlohmann::ordered_json::parse(result.before->to_json());
+  write_text_file(base + ".json", proof.dump(2) + "\n");
   const CorrectedSlices corrected(target, setup);
   write_text_file(base + ".html",
                   make_report(gather_report(corrected, target, setup, result.info, result.after,

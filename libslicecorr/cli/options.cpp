@@ -134,6 +134,11 @@ void SetupOptions::add_to(CLI::App& app, bool required, bool correcting) {
            "them")
         ->check(CLI::IsMember({"open", "merge"}))
         ->capture_default_str();
+    app.add_option("--platform-features", platform_features,
+                   "Whether --omega-max holds for features on the platform, which have nothing "
+                   "behind them to protect")
+        ->check(CLI::IsMember({"capped", "uncapped"}))
+        ->capture_default_str();
   }
 }
 
@@ -172,6 +177,7 @@ Setup SetupOptions::resolve(const StackInfo* info) const {
     setup.process.omega_max = cap;
     setup.process.one_slice_gaps =
         one_slice_gaps == "merge" ? OneSliceGaps::merge : OneSliceGaps::open;
+    setup.process.cap_platform_features = platform_features == "capped";
   }
   return setup;
 }
@@ -182,8 +188,9 @@ TriangleMesh read_parts(const MeshOptions& options, const Job& job) {
     job.check_cancelled();
     const TriangleMesh part = read_mesh(path, options.placement());
     const MeshReport r = inspect(part);
-    job.tell(fmt::format("{}: {} triangles, {} {}, {:.3f} x {:.3f} x {:.3f} mm", path, r.triangles,
-                         r.bodies, r.bodies == 1 ? "body" : "bodies", r.upper[0] - r.lower[0],
+    job.tell(fmt::format("{}: {} {}, {} {}, {:.3f} x {:.3f} x {:.3f} mm", path, r.triangles,
+                         r.triangles == 1 ? "triangle" : "triangles", r.bodies,
+                         r.bodies == 1 ? "body" : "bodies", r.upper[0] - r.lower[0],
                          r.upper[1] - r.lower[1], r.upper[2] - r.lower[2]));
     if (r.defects.any()) job.tell(fmt::format("{}: {}", path, describe(r.defects)));
     append(all, part);
@@ -212,10 +219,11 @@ std::string summary(const Prediction& after, const std::optional<Prediction>& be
        [](const Prediction& p) { return fmt::format("{}", p.cure_through_voxels); });
   line("feature voxels undercured",
        [](const Prediction& p) { return fmt::format("{}", p.undercure_voxels); });
-  line("features lost",
+  line("column features lost",
        [](const Prediction& p) { return fmt::format("{} of {}", p.lost_features, p.runs); });
-  line("gaps merged",
+  line("column gaps merged",
        [](const Prediction& p) { return fmt::format("{} of {}", p.merged_features, p.gaps); });
+  line("one-slice gaps", [](const Prediction& p) { return fmt::format("{}", p.one_slice_gaps); });
   line("overlap with the design",
        [](const Prediction& p) { return fmt::format("{:.6f}", p.iou()); });
   return text;
@@ -244,14 +252,16 @@ const char* kind_name(StackKind kind) {
 std::string describe_stack(const StackInfo& info) {
   const Grid& g = info.grid;
   std::string text = fmt::format(
-      "kind         {}\nslices       {} of {:g} um, {:.3f} mm high\nimages       {} x {} pixels of "
+      "kind         {}\nslices       {} of {:g} um, {:.3f} mm in all\nimages       {} x {} pixels "
+      "of "
       "{:g} "
       "x {:g} um\n",
       kind_name(info.kind), g.layers, g.layer_um, g.layers * g.layer_um * 1e-3, g.width_px,
       g.height_px, g.pixel_x_um, g.pixel_y_um);
   if (info.kind == StackKind::corrected) {
-    text += fmt::format("part         {} layers, {} slices added after its end\n",
-                        info.target_layers, g.layers - info.target_layers);
+    text += fmt::format("part         {} layers, {:.3f} mm high; {} slices added after its end\n",
+                        info.target_layers, info.target_layers * g.layer_um * 1e-3,
+                        g.layers - info.target_layers);
   }
   if (info.printer) text += fmt::format("printer      {}\n", info.printer->name);
   if (info.resin) {
@@ -303,6 +313,7 @@ std::string info_json(const StackInfo& info, const std::string& path) {
       j["omega_max"] = info.process->omega_max;
     }
     j["one_slice_gaps"] = info.process->one_slice_gaps == OneSliceGaps::merge ? "merge" : "open";
+    j["platform_features"] = info.process->cap_platform_features ? "capped" : "uncapped";
   }
   const double time = print_time_s(info);
   j["print_time_s"] = time > 0 ? ordered_json(time) : ordered_json();

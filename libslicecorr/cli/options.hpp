@@ -36,6 +36,7 @@ struct SetupOptions {
   std::string mode = "continuous";
   std::string omega_max = "inf";
   std::string one_slice_gaps = "open";
+  std::string platform_features = "capped";
   double dc_mj_cm3 = 0, ha_um = 0;
   /// `required`: printer, resin and speed must be given; else a stack may bring them.
   void add_to(CLI::App& app, bool required, bool correcting);

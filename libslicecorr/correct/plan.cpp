@@ -1,4 +1,6 @@
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "correct/node_goal.hpp"
@@ -12,6 +14,8 @@ CorrectionPlan::CorrectionPlan(CureModel cure_model, const Process& process, int
     : model(std::move(cure_model)),
       levels(model.level_phi),
       omega_max(process.omega_max),
+      platform_omega_max(process.cap_platform_features ? process.omega_max
+                                                       : std::numeric_limits<double>::infinity()),
       merge_one_slice_gaps(process.one_slice_gaps == OneSliceGaps::merge),
       layers(target_layers),
       all_layers(all_slices) {
@@ -22,6 +26,9 @@ CorrectionPlan::CorrectionPlan(CureModel cure_model, const Process& process, int
   for (std::size_t j = 0; j < fall.size(); ++j) {
     fall[j] = low + (1.0 - low) * std::exp(static_cast<double>(j) * model.eta * units::ln10);
   }
+  for (int l = 1; l < levels.size() && levels.phi(l - 1) < 1.0; ++l) {
+    level_step = std::max(level_step, (levels.phi(l) - levels.phi(l - 1)) * model.one_minus_a);
+  }
   const double high = model.phi_max();
   for (int j = 0; j <= all_layers; ++j) {
     const double grown = std::exp(j * model.eta * units::ln10);
@@ -29,6 +36,12 @@ CorrectionPlan::CorrectionPlan(CureModel cure_model, const Process& process, int
     if (high - (high - 1.001) * grown < 0) break;
     reach.push_back(grown);
   }
+}
+
+double CorrectionPlan::open_fall(int j) const {
+  const double low = model.phi_min();
+  const double open = (1.0 - low * (1.0 - model.root_a)) / model.root_a - 1e-9;
+  return low + (open - low) * (fall[static_cast<std::size_t>(j)] - low) / (1.0 - low);
 }
 
 double CorrectionPlan::needed(double demand, int j) const {

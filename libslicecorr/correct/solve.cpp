@@ -45,6 +45,15 @@ int choose_level(const CorrectionPlan& plan, const Goal& goal, double below) {
   while (level + 1 < levels.size() && model.step(levels.phi(level), below) < goal.least) {
     level = levels.at_least(std::nextafter(levels.phi(level), 1e308));
   }
+  if (goal.gap && level > 0 && model.middle(levels.phi(level), below) >= 1.0) {
+    const double open = (1.0 - model.root_a * below) / (1.0 - model.root_a);
+    level = levels.at_most(std::nextafter(open, -1.0));
+    while (level > 0 && model.middle(levels.phi(level), below) >= 1.0) --level;
+  }
+  if (goal.top && level > 0 && model.step(levels.phi(level), below) > plan.open_fall(0)) {
+    const int lower = levels.at_most(intensity_for(model, plan.open_fall(0), below));
+    if (model.middle(levels.phi(lower), below) >= 1.0) level = lower;
+  }
   return level;
 }
 
@@ -116,7 +125,7 @@ void BandCorrector::Impl::forward(int node, const std::uint8_t* above2, const st
       if (!grey) continue;
     }
     for (std::size_t i = b; i < end; ++i) {
-      const Around c{above2[i], above[i], below[i], 0};
+      const Around c{0, above2[i], above[i], below[i], 0};
       const Demand next = detail::next_demand(plan, node, c, demand[i]);
       if (next == demand[i]) continue;
       changes.push_back({static_cast<std::uint32_t>(i), demand[i]});
@@ -163,10 +172,12 @@ void BandCorrector::solve(const Sink& sink) {
   for (std::size_t b = 0; b < s.block_last.size(); ++b) s.update_block(b);
   std::vector<double> omega(columns, 0.0);
   std::vector<std::uint8_t> out(columns);
-  // Coverage of the layers n + 1, n, n - 1 and n - 2, moving up with the solve.
-  std::vector<std::uint8_t> below2(columns), below(columns), above(columns), above2(columns);
+  // Coverage of the layers n + 1, n, n - 1, n - 2 and n - 3, moving up with the solve.
+  std::vector<std::uint8_t> below2(columns), below(columns), above(columns), above2(columns),
+      above3(columns);
   s.tape.read(plan.all_layers - 1, below.data());
   s.tape.read(plan.all_layers - 2, above.data());
+  s.tape.read(plan.all_layers - 3, above2.data());
   const double dark = model.phi_min() * model.one_minus_a;
   const double bright = model.phi_max() * model.one_minus_a;
   const double edge = 1.0 + detail::kMargin;
@@ -177,7 +188,7 @@ void BandCorrector::solve(const Sink& sink) {
                  [&](double f) { return std::min(f, plan.omega_max); });
   const double* const capped_fall = falling.data();
   for (int n = plan.all_layers; n-- > 0;) {
-    s.tape.read(n - 2, above2.data());
+    s.tape.read(n - 3, above3.data());
     bool all_dark = true;
     for (std::size_t b = 0; b < columns; b += kBlock) {
       const std::size_t end = std::min(b + kBlock, columns);
@@ -204,8 +215,9 @@ void BandCorrector::solve(const Sink& sink) {
           omega[i] = dark + model.a * w;
           continue;
         }
-        if (below[i] == detail::kFull) {
-          const double aim = demand.node == 0 ? plan.omega_max : capped_fall[n - demand.node];
+        if (below[i] == detail::kFull && above[i] != 0 && w >= edge) {
+          const double aim =
+              demand.node == 0 ? plan.platform_omega_max : capped_fall[n - demand.node];
           const double brightest = bright + model.a * w;
           if (aim >= brightest) {
             out[i] = highest;
@@ -219,7 +231,7 @@ void BandCorrector::solve(const Sink& sink) {
             continue;
           }
         }
-        const Around c{above2[i], above[i], below[i], below2[i]};
+        const Around c{above3[i], above2[i], above[i], below[i], below2[i]};
         const detail::Goal goal = detail::goal_at(plan, n, c, demand, w, edge);
         const int level = detail::choose_level(plan, goal, w);
         out[i] = static_cast<std::uint8_t>(level);
@@ -231,6 +243,7 @@ void BandCorrector::solve(const Sink& sink) {
     below2.swap(below);
     below.swap(above);
     above.swap(above2);
+    above2.swap(above3);
   }
 }
 
@@ -244,7 +257,9 @@ void walk_column(const CorrectionPlan& plan, const std::vector<std::uint8_t>& co
     const bool inside = layer >= 0 && layer < plan.layers;
     return inside ? coverage[static_cast<std::size_t>(layer)] : std::uint8_t{0};
   };
-  const auto around = [&](int n) { return Around{at(n - 2), at(n - 1), at(n), at(n + 1)}; };
+  const auto around = [&](int n) {
+    return Around{at(n - 3), at(n - 2), at(n - 1), at(n), at(n + 1)};
+  };
   std::vector<Demand> demands;
   Demand demand;
   for (int n = 0; n < plan.all_layers; ++n) {

@@ -34,6 +34,14 @@ double CureModel::highest_dose(double slices) const {
          phi_min();
 }
 
+double CureModel::level_step_um() const {
+  double step = 0;
+  for (std::size_t l = 1; l < level_phi.size() && level_phi[l - 1] < 1.0; ++l) {
+    step = std::max(step, level_phi[l] - level_phi[l - 1]);
+  }
+  return layer_um * step * one_minus_a / (units::ln10 * eta * (1.0 - phi_min()));
+}
+
 std::vector<double> level_intensities(const Printer& printer) {
   std::vector<double> intensity(static_cast<std::size_t>(printer.levels()));
   std::size_t segment = 0;

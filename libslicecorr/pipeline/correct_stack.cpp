@@ -195,6 +195,23 @@ Correction correct_stack(const SliceSource& target, const Setup& setup, const st
   };
   result.after = total(after, plan.all_layers);
   if (with_before) result.before = total(before, plan.layers);
+  const Prediction& p = result.after;
+  if (p.target_voxels == 0) {
+    job.tell(
+        "no voxel is covered fully: the part is finer than a pixel; are units and scale right?");
+  }
+  if (p.cure_through_voxels + p.undercure_voxels > 0) {
+    job.tell(fmt::format(
+        "{} voxels will still cure through and {} stay undercured: no choice of the {} grey levels "
+        "was "
+        "found that avoids it; one level moves an edge by up to {:.3g} um",
+        p.cure_through_voxels, p.undercure_voxels, plan.levels.size(), model.level_step_um()));
+  }
+  if (p.one_slice_gaps > 0) {
+    job.tell(fmt::format(
+        "{} gaps are one slice high: {}", p.one_slice_gaps,
+        plan.merge_one_slice_gaps ? "merged" : "kept open, at the cost of the edges beside them"));
+  }
   return result;
 }
 

@@ -165,6 +165,7 @@ void BandPredictor::close_gap(std::size_t i) {
   Column& c = columns_[i];
   if (c.run_below && c.gap_seen) {
     ++prediction_.gaps;
+    prediction_.one_slice_gaps += c.gap_layers == 1;
     prediction_.gap_contrast.add(std::max(0.0, 1.0 - gap_min_[i]));
     if (gap_min_[i] >= 1.0) {
       ++prediction_.merged_features;

@@ -21,6 +21,7 @@ void Prediction::merge(const Prediction& o) {
   gaps += o.gaps;
   lost_features += o.lost_features;
   lost_thick_features += o.lost_thick_features;
+  one_slice_gaps += o.one_slice_gaps;
   merged_features += o.merged_features;
   merged_thick_gaps += o.merged_thick_gaps;
   // The first of equals in reading order: merging from the top down keeps it.
@@ -74,6 +75,7 @@ std::string Prediction::to_json() const {
   j["gaps"] = gaps;
   j["lost_features"] = lost_features;
   j["lost_features_two_slices_or_more"] = lost_thick_features;
+  j["one_slice_gaps"] = one_slice_gaps;
   j["merged_features"] = merged_features;
   j["merged_gaps_two_slices_or_more"] = merged_thick_gaps;
   j["dose"] = {{"min_inside", or_null(target_voxels > 0, min_dose_inside)},

@@ -274,7 +274,7 @@ std::string find_definition(const std::string& name, std::string_view kind) {
   add(SLICECORR_SOURCE_DB);
   std::string looked;
   for (const auto& folder : folders) {
-    for (const char* below : {"", "printers", "resins"}) {
+    for (const std::string& below : {std::string(), std::string(kind) + "s"}) {
       const fs::path path = folder / below / (name + ".toml");
       std::error_code ec;
       if (fs::is_regular_file(path, ec)) return path.string();

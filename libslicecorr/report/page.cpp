@@ -65,7 +65,7 @@ h1{font-size:1.5rem;margin:.3em 0}h2{font-size:1.15rem;margin:1.6em 0 .4em}p{mar
 .scroll{overflow-x:auto}table{border-collapse:collapse;font-variant-numeric:tabular-nums}td,th{padding:.25rem .8rem;border-bottom:1px solid var(--line);text-align:right}td:first-child,th:first-child{text-align:left;padding-left:0}
 .pair{display:grid;grid-template-columns:repeat(2,minmax(0,1fr));gap:1rem}figure{margin:0;background:var(--card);border:1px solid var(--line);border-radius:6px;padding:.6rem}
 figure img{display:block;width:100%;height:auto;image-rendering:pixelated;background:#fff}figcaption{font-size:.9rem;color:var(--dim);margin-top:.4rem}
-.key span{display:inline-block;width:.9em;height:.9em;border-radius:2px;margin:0 .35em 0 1em;vertical-align:-.08em;border:1px solid var(--line)}
+.key b{font-weight:400;white-space:nowrap;margin-left:.6em}.key i{display:inline-block;width:.9em;height:.9em;border-radius:2px;margin-right:.35em;vertical-align:-.08em;border:1px solid var(--line)}
 .plot{display:block;width:100%;min-width:36rem;height:auto}.plot text{fill:var(--fg);font-size:12px}.plot .h{font-size:14px;font-weight:600}.plot .tick{fill:var(--dim)}.plot .grey{fill:var(--grey)}
 .plot .design{fill:var(--design)}.plot .gel{stroke:var(--dim);stroke-dasharray:4 4}.plot .steps{fill:none;stroke:var(--grey);stroke-width:1}.plot .dose{fill:none;stroke:var(--dose);stroke-width:2}
 @media(max-width:40rem){.pair{grid-template-columns:1fr}}
@@ -97,10 +97,12 @@ std::string figures_table(const ReportContent& c) {
       [](const Prediction& p) { return fmt::format("{}", p.cure_through_voxels); });
   row("Feature voxels undercured",
       [](const Prediction& p) { return fmt::format("{}", p.undercure_voxels); });
-  row("Features lost",
+  row("Column features lost",
       [](const Prediction& p) { return fmt::format("{} of {}", p.lost_features, p.runs); });
-  row("Gaps merged",
+  row("Column gaps merged",
       [](const Prediction& p) { return fmt::format("{} of {}", p.merged_features, p.gaps); });
+  row("Gaps one slice high",
+      [](const Prediction& p) { return fmt::format("{}", p.one_slice_gaps); });
   row("Overlap of print and design",
       [](const Prediction& p) { return fmt::format("{:.5f}", p.iou()); });
   row("Least gap contrast", [](const Prediction& p) {
@@ -110,7 +112,12 @@ std::string figures_table(const ReportContent& c) {
     return p.target_voxels ? fmt::format("{:.4g} to {:.4g}", p.min_dose_inside, p.max_dose_inside)
                            : std::string("-");
   });
-  return html + "</tbody></table></div>";
+  const CureModel model =
+      make_cure_model(c.setup.printer, c.setup.resin, c.setup.process, c.info.grid.layer_um);
+  return html + fmt::format(
+                    "</tbody></table></div><p class=\"dim\">One grey level moves the upper "
+                    "edge of a feature by up to {:.3g} um: what this projector can do.</p>",
+                    model.level_step_um());
 }
 
 std::string summary(const ReportContent& c) {
@@ -150,7 +157,7 @@ std::string make_report(const ReportContent& c) {
   html += summary(c);
   html += "<h2>What will print</h2>" + figures_table(c);
   html +=
-      R"(<p class="key dim">In the sections, platform up:<span style="background:#80868c"></span>right<span style="background:#d63031"></span>cured through<span style="background:#2667d6"></span>undercured<span style="background:#b0b6bc"></span>designed grey</p>)";
+      R"(<p class="key dim">In the sections, platform up: <b><i style="background:#80868c"></i>as designed</b> <b><i style="background:#d63031"></i>cured through</b> <b><i style="background:#2667d6"></i>undercured</b> <b><i style="background:#b0b6bc"></i>designed grey</b></p>)";
   for (const auto& section : c.sections) {
     html += fmt::format("<h2>Section at image row {}</h2><div class=\"pair\">", section.y);
     const auto figure = [&](const ColourImage& picture, const std::string& words) {

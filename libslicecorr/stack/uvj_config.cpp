@@ -75,6 +75,7 @@ Json process_json(const Process& p) {
     json["omega_max"] = p.omega_max;
   }
   json["one_slice_gaps"] = p.one_slice_gaps == OneSliceGaps::merge ? "merge" : "open";
+  json["platform_features"] = p.cap_platform_features ? "capped" : "uncapped";
   return json;
 }
 

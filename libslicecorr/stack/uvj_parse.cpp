@@ -214,6 +214,7 @@ Process read_process(const Node& node) {
   p.omega_max = omega.is_text("inf") ? largest : omega.number(1, largest);
   p.one_slice_gaps = node["one_slice_gaps"].choice({"open", "merge"}) == 1 ? OneSliceGaps::merge
                                                                            : OneSliceGaps::open;
+  p.cap_platform_features = node["platform_features"].choice({"capped", "uncapped"}) == 0;
   return p;
 }
 

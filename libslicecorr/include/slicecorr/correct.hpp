@@ -36,14 +36,19 @@ struct CorrectionPlan {
   CureModel model;
   LevelTable levels;
   double omega_max;
+  double platform_omega_max;  ///< cap of features on the platform
   bool merge_one_slice_gaps;
-  int layers;      ///< layers of the target, N
-  int all_layers;  ///< slices that will be shown, M >= N
+  double level_step = 0;  ///< most that one level step up to phi = 1 changes a node's dose
+  int layers;             ///< layers of the target, N
+  int all_layers;         ///< slices that will be shown, M >= N
   /// fall[j]: greatest dose j nodes below an upper edge from which black light gets down to 1
   /// there.
   std::vector<double> fall;
   /// reach[j] = a^-j for a demand j nodes further up, as long as full light could miss it.
   std::vector<double> reach;
+  /// As `fall`, down to the greatest dose at the upper edge that leaves the gap above it open in
+  /// the middle of its first layer.
+  double open_fall(int j) const;
   /// Least dose from which full light reaches `demand` after j nodes; negative infinity past
   /// `reach`.
   double needed(double demand, int j) const;
@@ -81,7 +86,8 @@ class BandCorrector {
 std::vector<double> solve_column_exactly(const CorrectionPlan& plan,
                                          const std::vector<std::uint8_t>& coverage);
 
-/// The grey levels of one column: the definition that `BandCorrector` equals, without its short cuts.
+/// The grey levels of one column: the definition that `BandCorrector` equals, without its short
+/// cuts.
 std::vector<std::uint8_t> solve_column(const CorrectionPlan& plan,
                                        const std::vector<std::uint8_t>& coverage);
 

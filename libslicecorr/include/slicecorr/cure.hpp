@@ -48,6 +48,9 @@ struct CureModel {
   double crossing(double phi, double below) const;
   /// Slices of phi_max that lift the dose from 0 to 1: what a part needs after its end.
   int slices_to_gel() const;
+  /// How far one level step moves the upper edge of a feature, at most: hs dphi (1 - a) / (ln10 eta
+  /// (1 - phi_min)), dphi the greatest step up to phi = 1. What the projector can do.
+  double level_step_um() const;
   /// Highest dose that a feature of `slices` slices with both edges at 1 can reach (A.41).
   double highest_dose(double slices) const;
 };

@@ -57,6 +57,7 @@ struct Prediction {
   std::uint64_t runs = 0, gaps = 0;
   std::uint64_t lost_features = 0;        ///< runs with nothing printed in them
   std::uint64_t lost_thick_features = 0;  ///< of these, runs of two slices or more
+  std::uint64_t one_slice_gaps = 0;       ///< gaps one slice high: they can't have both edges right
   std::uint64_t merged_features = 0;      ///< gaps with nothing unprinted in them
   std::uint64_t merged_thick_gaps = 0;    ///< of these, gaps of two slices or more
   Histogram height_error_um;              ///< absolute values

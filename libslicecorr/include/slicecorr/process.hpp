@@ -61,13 +61,16 @@ struct Process {
   double omega_max =
       1e300;  ///< cap of the relative dose inside features, >= 1; >= 1e300 means none
   OneSliceGaps one_slice_gaps = OneSliceGaps::open;
+  /// Whether the cap holds for features on the platform, too. Nothing lies behind them to protect,
+  /// so they may be exposed fully whatever the cap: the dissertation's own choice for its rails.
+  bool cap_platform_features = true;
   bool operator==(const Process&) const = default;
 };
 
 /// Finds a printer or resin: `name` is a path to a .toml file, or a name looked up as NAME.toml in
 /// `$SLICECORR_DB`, `$XDG_CONFIG_HOME/slicecorr` (or `~/.config/slicecorr`) and the installed
 /// database (beside the running program, then at the configured prefix), in that order, each
-/// directly and in its subfolders `printers` and `resins`.
+/// directly, then in its subfolder `printers` or `resins`. `kind` is "printer" or "resin".
 std::string find_definition(const std::string& name, std::string_view kind);
 
 Printer load_printer(const std::string& name_or_path);

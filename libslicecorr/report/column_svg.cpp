@@ -23,10 +23,11 @@ double round_step(double range) {
 }  // namespace
 
 std::string column_svg(const std::vector<ProbeRow>& column, const CureModel& model,
-                       const std::string& title) {
+                       const std::string& title, double least_top_dose, std::size_t slices) {
   if (column.empty()) return {};
-  const double z_end = static_cast<double>(column.size()) * model.layer_um;
-  double dose_top = 1.2;
+  const double z_last = static_cast<double>(column.size()) * model.layer_um;
+  const double z_end = static_cast<double>(std::max(column.size(), slices)) * model.layer_um;
+  double dose_top = 1.08 * std::max(least_top_dose, 1.1);
   int grey_top = 1;
   for (const ProbeRow& r : column) {
     dose_top = std::max(dose_top, r.dose * 1.08);
@@ -91,8 +92,8 @@ std::string column_svg(const std::vector<ProbeRow>& column, const CureModel& mod
                            y(dose));
     }
   }
-  curve += fmt::format("L{:.2f} {:.2f}", x(z_end), y(0));
-  steps += fmt::format("H{:.2f}", x(z_end));
+  curve += fmt::format("L{:.2f} {:.2f}", x(z_last), y(0));
+  steps += fmt::format("H{:.2f}", x(z_last));
   svg +=
       fmt::format(R"(<path class="steps" d="{}"/><path class="dose" d="{}"/></svg>)", steps, curve);
   return svg;

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <string_view>
 
@@ -171,10 +172,15 @@ std::string make_report(const ReportContent& c) {
     html += "</div>";
   }
   if (!c.column_after.empty()) {
+    double top = 1;
+    for (const auto* column : {&c.column_before, &c.column_after}) {
+      for (const ProbeRow& row : *column) top = std::max(top, row.dose);
+    }
+    const std::size_t slices = std::max(c.column_before.size(), c.column_after.size());
     html += fmt::format(
         R"(<h2>Column {}, {}</h2><p class="dim">Through the largest height error of the uncorrected part. Shaded: the design; line: dose; steps: grey level.</p><div class="scroll"><figure>{}</figure></div><div class="scroll"><figure>{}</figure></div>)",
-        c.column_x, c.column_y, column_svg(c.column_before, model, "Uncorrected"),
-        column_svg(c.column_after, model, "This stack"));
+        c.column_x, c.column_y, column_svg(c.column_before, model, "Uncorrected", top, slices),
+        column_svg(c.column_after, model, "This stack", top, slices));
   }
   return html +
          fmt::format(R"(<p class="dim">{}</p></main></body></html>)", escape(c.info.program)) +

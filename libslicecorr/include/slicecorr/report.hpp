@@ -50,9 +50,11 @@ struct ReportContent {
 /// One self-contained HTML page: no network, no scripts needed.
 std::string make_report(const ReportContent& content);
 
-/// Dose and grey level along a column as SVG: design shaded, dose curve exact inside layers.
+/// Dose and grey level along a column as SVG: design shaded, dose curve exact inside layers. Axes
+/// reach at least to `least_top_dose` and to `slices`, so that plots can be compared.
 std::string column_svg(const std::vector<ProbeRow>& column, const CureModel& model,
-                       const std::string& title);
+                       const std::string& title, double least_top_dose = 1.0,
+                       std::size_t slices = 0);
 
 /// Gathers the content for `stack` against `target`: figures, the middle section, the section and
 /// the column through the worst height error of the target shown as it is.

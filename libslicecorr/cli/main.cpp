@@ -185,7 +185,7 @@ int report(const Arguments& a, const Job& job, Console& console) {
   const StackReader target(design(a.target), folder_of(a.output), job);
   const Prediction after = verify_stack(stack, target, setup, job);
   const Prediction before = verify_stack(target, target, setup, job);
-  StackInfo info = stack.info();
+  const StackInfo& info = stack.info();
   write_text_file(a.output, make_report(gather_report(stack, target, setup, info, after, before,
                                                       title_of(a.input))));
   console.say(fmt::format("{}: written\n{}", a.output, summary(after, before)));

@@ -26,7 +26,7 @@ bool same_word(std::string_view word, std::string_view keyword) {
 bool looks_ascii(const std::string& bytes) {
   WordReader words(bytes, "");
   if (!same_word(words.word(), "solid")) return false;
-  return std::memchr(bytes.data(), 0, std::min<std::size_t>(bytes.size(), 1024)) == nullptr;
+  return bytes.substr(0, 1024).find('\0') == std::string::npos;
 }
 
 std::uint32_t little_u32(const char* at) {

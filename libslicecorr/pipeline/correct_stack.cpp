@@ -23,7 +23,7 @@ std::string program_name() { return std::string("slicecorr ") + version; }
 /// What the first pass over a target collects besides handing its slices on.
 class TargetScan {
  public:
-  TargetScan(const SliceSource& target)
+  explicit TargetScan(const SliceSource& target)
       : target_(target), relief_(target.bounds(), target.grid().layers) {}
 
   void read(const PixelBox& band, const SliceSource::Sink& sink) {

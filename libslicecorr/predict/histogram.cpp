@@ -13,7 +13,7 @@ void Histogram::add(double value) {
   if (value > 0 && exponent > kLeastExponent) {
     const int octave = std::min(exponent, kGreatestExponent) - kLeastExponent - 1;
     const auto step = static_cast<int>((mantissa - 0.5) * 2 * kBinsPerOctave);
-    bin = static_cast<std::size_t>(octave * kBinsPerOctave + step + 1);
+    bin = static_cast<std::size_t>(octave) * kBinsPerOctave + static_cast<std::size_t>(step) + 1;
   }
   ++bins_[bin];
   ++count_;

@@ -31,7 +31,7 @@ namespace slicecorr {
 
 /// What all columns of a correction share.
 struct CorrectionPlan {
-  CorrectionPlan(CureModel cure_model, const Process& process, int target_layers, int all_layers);
+  CorrectionPlan(CureModel cure_model, const Process& process, int target_layers, int all_slices);
 
   CureModel model;
   LevelTable levels;

@@ -74,7 +74,7 @@ struct Process {
 std::string find_definition(const std::string& name, std::string_view kind);
 
 Printer load_printer(const std::string& name_or_path);
-Printer parse_printer(std::string_view toml, const std::string& source);
+Printer parse_printer(std::string_view text, const std::string& source);
 
 /// Changes to a resin from the command line; base 10 height.
 struct ResinOverrides {
@@ -82,7 +82,7 @@ struct ResinOverrides {
   std::optional<double> ha_um;
 };
 Resin load_resin(const std::string& name_or_path, const ResinOverrides& overrides = {});
-Resin parse_resin(std::string_view toml, const std::string& source,
+Resin parse_resin(std::string_view text, const std::string& source,
                   const ResinOverrides& overrides = {});
 
 }  // namespace slicecorr

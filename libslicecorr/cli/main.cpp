@@ -233,6 +233,34 @@ int run(const Arguments& a, const Job& job, Console& console) {
   return kDone;
 }
 
+int compare(const Arguments& a, const Job& job, Console&) {
+  must_not_replace(a.json, a.mesh.parts);
+  const Setup setup = a.setup.resolve(nullptr);
+  const MeshSlices target(read_parts(a.mesh, job), setup.printer, a.mesh.slice_options(), job);
+  const Comparison c = compare_methods(target, setup, job);
+  if (!a.json.empty()) {
+    // Only the erase has an N; the key is there for every method.
+    nlohmann::ordered_json json;
+    const auto add = [&](const char* method, const Prediction& p) {
+      json[method] = nlohmann::ordered_json::parse(p.to_json());
+      json[method]["best_n"] = nullptr;
+    };
+    add("uncorrected", c.uncorrected);
+    add("erase", c.erase);
+    add("table", c.table);
+    add("ours", c.ours);
+    json["erase"]["best_n"] = c.best_n;
+    print_or_write(a.json, json.dump(2));
+  }
+  if (a.json != "-") {
+    print_result(figures_table({{"uncorrected", &c.uncorrected},
+                                {fmt::format("erase, N = {}", c.best_n), &c.erase},
+                                {"grey table", &c.table},
+                                {"corrected", &c.ours}}));
+  }
+  return kDone;
+}
+
 int info(const Arguments& a, const Job& job, Console&) {
   must_not_replace(a.json, {a.input});
   StackInfo info = StackReader::read_info(a.input);
@@ -322,6 +350,13 @@ int main_guarded(int argc, char** argv) {
   a.mesh.add_to(*sub);
   a.setup.add_to(*sub, true, true);
   sub->add_option("-o,--output", a.output, "Stack to write (.uvj)")->required();
+
+  sub = add("compare",
+            "Predict a part with the usual compensations and with the correction; writes no stack",
+            compare);
+  a.mesh.add_to(*sub);
+  a.setup.add_to(*sub, true, true);
+  sub->add_option("--json", a.json, "Write all figures as JSON to FILE, or - for stdout");
 
   sub = add("info", "What a stack says about itself", info);
   stack_input(sub, "STACK", "Stack to look into");

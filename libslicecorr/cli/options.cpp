@@ -198,14 +198,18 @@ TriangleMesh read_parts(const MeshOptions& options, const Job& job) {
   return all;
 }
 
-std::string summary(const Prediction& after, const std::optional<Prediction>& before) {
+std::string figures_table(const std::vector<Figures>& columns) {
   std::string text;
   const auto line = [&](const char* name, auto figure) {
     text += fmt::format("  {:<34}", name);
-    if (before) text += fmt::format("{:>18}", figure(*before));
-    text += fmt::format("{:>18}\n", figure(after));
+    for (const Figures& c : columns) text += fmt::format("{:>18}", figure(*c.prediction));
+    text += "\n";
   };
-  if (before) text += fmt::format("  {:<34}{:>18}{:>18}\n", "", "uncorrected", "corrected");
+  if (columns.size() > 1) {
+    text += fmt::format("  {:<34}", "");
+    for (const Figures& c : columns) text += fmt::format("{:>18}", c.heading);
+    text += "\n";
+  }
   const auto edge = [](const Prediction& p, double value) {
     return p.height_error_um.count() ? fmt::format("{:.3f} um", value) : std::string("-");
   };
@@ -227,6 +231,13 @@ std::string summary(const Prediction& after, const std::optional<Prediction>& be
   line("overlap with the design",
        [](const Prediction& p) { return fmt::format("{:.6f}", p.iou()); });
   return text;
+}
+
+std::string summary(const Prediction& after, const std::optional<Prediction>& before) {
+  std::vector<Figures> columns;
+  if (before) columns.push_back({"uncorrected", &*before});
+  columns.push_back({"corrected", &after});
+  return figures_table(columns);
 }
 
 double print_time_s(const StackInfo& info) {

@@ -49,6 +49,12 @@ TriangleMesh read_parts(const MeshOptions& options, const Job& job);
 
 /// The human summary of a prediction.
 std::string summary(const Prediction& after, const std::optional<Prediction>& before);
+/// The same figures of several predictions side by side, each under its heading.
+struct Figures {
+  std::string heading;
+  const Prediction* prediction;
+};
+std::string figures_table(const std::vector<Figures>& columns);
 std::string describe_stack(const StackInfo& info);
 std::string info_json(const StackInfo& info, const std::string& path);
 double print_time_s(const StackInfo& info);

@@ -1,8 +1,9 @@
-/// Splitting a box of pixels into bands.
+/// Splitting a box of pixels into bands, and putting the figures of bands together.
 #pragma once
 
 #include <vector>
 
+#include "slicecorr/predict.hpp"
 #include "slicecorr/target.hpp"
 
 namespace slicecorr::detail {
@@ -20,6 +21,21 @@ inline std::vector<PixelBox> bands_of(const Grid& grid, const PixelBox& box) {
 
 inline std::size_t columns_of(const PixelBox& box) {
   return static_cast<std::size_t>(box.width()) * static_cast<std::size_t>(box.height());
+}
+
+/// What all bands print together with the columns outside them, when `slices` slices are shown.
+inline Prediction whole_image(const Prediction& in_bands, const CureModel& model, const Grid& grid,
+                              int slices, const std::vector<PixelBox>& bands) {
+  std::uint64_t outside =
+      static_cast<std::uint64_t>(grid.width_px) * static_cast<std::uint64_t>(grid.height_px);
+  for (const PixelBox& band : bands) outside -= columns_of(band);
+  Prediction sum = predict_black_columns(model, slices, outside);
+  sum.layers = slices;
+  sum.layer_um = grid.layer_um;
+  sum.pixel_x_um = grid.pixel_x_um;
+  sum.pixel_y_um = grid.pixel_y_um;
+  sum.merge(in_bands);
+  return sum;
 }
 
 }  // namespace slicecorr::detail

@@ -15,6 +15,7 @@ namespace slicecorr {
 using detail::bands_of;
 using detail::columns_of;
 using detail::Relief;
+using detail::whole_image;
 
 namespace {
 
@@ -179,22 +180,8 @@ Correction correct_stack(const SliceSource& target, const Setup& setup, const st
   scan.fill(info);
   writer.finish(info, scan.picture());
 
-  std::uint64_t inside = 0;
-  for (const PixelBox& band : bands) inside += columns_of(band);
-  const std::uint64_t outside =
-      static_cast<std::uint64_t>(grid.width_px) * static_cast<std::uint64_t>(grid.height_px) -
-      inside;
-  const auto total = [&](const Prediction& inside_bands, int slices) {
-    Prediction sum = predict_black_columns(model, slices, outside);
-    sum.layers = slices;
-    sum.layer_um = grid.layer_um;
-    sum.pixel_x_um = grid.pixel_x_um;
-    sum.pixel_y_um = grid.pixel_y_um;
-    sum.merge(inside_bands);
-    return sum;
-  };
-  result.after = total(after, plan.all_layers);
-  if (with_before) result.before = total(before, plan.layers);
+  result.after = whole_image(after, model, grid, plan.all_layers, bands);
+  if (with_before) result.before = whole_image(before, model, grid, plan.layers, bands);
   const Prediction& p = result.after;
   if (p.target_voxels == 0) {
     job.tell(

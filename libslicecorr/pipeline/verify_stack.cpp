@@ -74,16 +74,7 @@ Prediction verify_stack(const SliceSource& stack, const SliceSource& target, con
     const std::lock_guard lock(merging);
     total.merge(band_figures);
   });
-  std::uint64_t outside =
-      static_cast<std::uint64_t>(grid.width_px) * static_cast<std::uint64_t>(grid.height_px);
-  for (const PixelBox& band : bands) outside -= columns_of(band);
-  Prediction sum = predict_black_columns(model, grid.layers, outside);
-  sum.layers = grid.layers;
-  sum.layer_um = grid.layer_um;
-  sum.pixel_x_um = grid.pixel_x_um;
-  sum.pixel_y_um = grid.pixel_y_um;
-  sum.merge(total);
-  return sum;
+  return detail::whole_image(total, model, grid, grid.layers, bands);
 }
 
 std::vector<ProbeRow> probe_stack(const SliceSource& stack, const SliceSource* target,

@@ -45,6 +45,21 @@ Correction correct_stack(const SliceSource& target, const Setup& setup, const st
 Prediction verify_stack(const SliceSource& stack, const SliceSource& target, const Setup& setup,
                         const Job& job = {});
 
+/// What a part prints with each way of showing its slices.
+struct Comparison {
+  Prediction uncorrected;
+  Prediction erase;  ///< whole-layer erase (baseline.hpp) of `best_n` layers
+  Prediction table;  ///< fixed grey table
+  Prediction ours;   ///< as `correct_stack`
+  int best_n = 0;    ///< the N of the least mean height error of all that could be; the least such
+  /// Mean height error with each N from 0 on, in um: what `best_n` was chosen from.
+  std::vector<double> erase_mean_um;
+};
+
+/// Compares the correction with the baselines. The part is cut twice: to find N, and to predict.
+/// Writes nothing. Throws as `correct_stack`.
+Comparison compare_methods(const SliceSource& target, const Setup& setup, const Job& job = {});
+
 /// One slice in one pixel column.
 struct ProbeRow {
   int slice = 0;

@@ -28,6 +28,8 @@ class Histogram {
   void merge(const Histogram& other);
   std::uint64_t count() const { return count_; }
   double mean() const;
+  /// Sum of the samples in units of 2^-20, the same for any order of them.
+  unsigned __int128 scaled_sum() const { return sum_; }
   /// Least value that a share `q` of the samples does not exceed (nearest rank), to 0.05 %; the
   /// smallest and the largest sample are exact.
   double quantile(double q) const;

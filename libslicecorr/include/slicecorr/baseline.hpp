@@ -1,0 +1,79 @@
+/// @file baseline.hpp
+/// The compensations for cure-through that people use today, to compare with: our own
+/// implementations from their descriptions. Neither knows the resin, the light or the speed.
+///
+///  - *Whole-layer erase*: light of later slices cures through the gap on their platform side, so
+///    each run of lit slices behind a gap loses its first N slices, those next to the gap. N is one
+///    number for the whole part; runs of N slices or fewer vanish. The run on the platform is
+///    whole.
+///  - *Fixed grey table*: a pixel is darkened by 25, 15, 10 and 5 when the next, the second, third
+///    and fourth slice after it is lit there.
+///
+/// A pixel is lit when it is not 0. Both go through the slices of a band from the last to the
+/// first, as predictions do, and need no slices of their own. Objects are for one thread at a time.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "slicecorr/cure.hpp"
+
+namespace slicecorr {
+
+/// What a band remembers of its runs for the erase: where they begin, as a log of their ends.
+class BandErase {
+ public:
+  explicit BandErase(std::size_t columns);
+
+  /// Coverage of the next layer, from layer 0 on, one byte per column; null for an empty one.
+  void add_layer(const std::uint8_t* coverage);
+
+  /// One way through the layers with one N >= 0, after all have been added. Any number of walks may
+  /// be made; the band must outlive them and not change.
+  class Walk {
+   public:
+    Walk(const BandErase& band, int erased_layers);
+    /// What is left of `coverage` of the next layer, from the last one on. Valid until the next
+    /// call.
+    const std::uint8_t* next(const std::uint8_t* coverage);
+
+   private:
+    const BandErase& band_;
+    int erased_layers_;
+    int layer_;
+    std::vector<std::int32_t> first_;  ///< per column: first layer of the run that was met last
+    std::vector<std::uint8_t> out_;
+  };
+
+ private:
+  struct End {
+    std::uint32_t column;
+    std::int32_t first;
+  };
+  std::vector<std::int32_t> first_;
+  std::vector<std::uint8_t> before_, empty_;
+  std::vector<End> ends_;
+  std::vector<std::size_t> ends_end_;  ///< per layer: ends of runs that lie right before it
+};
+
+/// What the table subtracts for the four slices after a pixel, the nearest first.
+inline constexpr std::array<std::uint8_t, 4> kGreyTable{25, 15, 10, 5};
+
+class BandGreyTable {
+ public:
+  explicit BandGreyTable(std::size_t columns);
+  /// What is left of `coverage` of the next layer, from the last one on. Valid until the next call.
+  const std::uint8_t* next(const std::uint8_t* coverage);
+
+ private:
+  std::array<std::vector<std::uint8_t>, kGreyTable.size()> later_;  ///< the nearest first
+  std::vector<std::uint8_t> out_;
+};
+
+/// The most slices through which full light cures, above a feature of any height. An erase of more
+/// can't be better for any edge: with this one nothing cures through. Needs a feasible model.
+int cure_through_slices(const CureModel& model);
+
+}  // namespace slicecorr

@@ -31,6 +31,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <numbers>
+#include <numeric>
 #include <unordered_map>
 
 #include "ladder.hpp"
@@ -100,7 +101,7 @@ struct PeerResult {
 };
 
 PeerResult slice_with_peer(const std::string& mesh, const std::string& folder, bool antialias,
-                           double scale = 1, int timeout_s = 60) {
+                           double scale = 1, int timeout_s = 60, bool automatic = false) {
   const std::string out = folder + "/peer.sl1";
   const auto text = [](double v) { return std::to_string(v); };
   const std::string x = text(kWidth * kPixel), y = text(kHeight * kPixel);
@@ -109,7 +110,7 @@ PeerResult slice_with_peer(const std::string& mesh, const std::string& folder, b
   options.environment = {{"HOME", folder}};
   options.timeout = std::chrono::seconds(timeout_s);
   const auto start = Clock::now();
-  const RunResult r = run_program({peer(),
+  std::vector<std::string> command{peer(),
                                    "--export-sla",
                                    "--layer-height",
                                    text(kLayer),
@@ -134,15 +135,17 @@ PeerResult slice_with_peer(const std::string& mesh, const std::string& folder, b
                                    "0",
                                    "--gamma-correction",
                                    antialias ? "1" : "0",
-                                   "--dont-arrange",
-                                   "--center",
-                                   text(kWidth * kPixel / 2) + "," + text(kHeight * kPixel / 2),
                                    "--scale",
                                    text(scale),
                                    "--output",
                                    out,
-                                   mesh},
-                                  options);
+                                   mesh};
+  if (!automatic) {
+    command.insert(command.end() - 3,
+                   {"--dont-arrange", "--center",
+                    text(kWidth * kPixel / 2) + "," + text(kHeight * kPixel / 2)});
+  }
+  const RunResult r = run_program(command, options);
   PeerResult result{r.exit_code,
                     r.timed_out,
                     std::chrono::duration<double>(Clock::now() - start).count(),
@@ -413,6 +416,162 @@ TEST_F(Peer, RealMeshesDifferByNoMoreThanTheRasterisersExplain) {
     EXPECT_EQ(f.unexplained, 0U);
     EXPECT_EQ(f.off_unexplained, 0U);
   }
+}
+
+/// Centre of light of an image, in pixels.
+std::array<double, 2> middle(const Bytes& pixels) {
+  double sum = 0, x = 0, y = 0;
+  for (int i = 0; i < kWidth * kHeight; ++i) {
+    const double v = pixels[static_cast<std::size_t>(i)];
+    sum += v;
+    x += v * (i % kWidth + 0.5);
+    y += v * (i / kWidth + 0.5);
+  }
+  return {x / sum, y / sum};
+}
+
+// Its own arrangement may put the part elsewhere; the comparisons ask for the exact place.
+TEST_F(Peer, PutsThePartWhereAsked) {
+  TriangleMesh mesh;
+  add_box(mesh, {0, 0, 0}, {10, 6, 1});
+  write_stl(folder_ / "part.stl", mesh);
+  const PeerResult own = slice_with_peer(folder_ / "part.stl", folder_.path(), true, 1, 60, true);
+  const PeerResult told = slice_with_peer(folder_ / "part.stl", folder_.path(), true);
+  ASSERT_EQ(own.layers.size(), 10U) << own.says;
+  ASSERT_EQ(told.layers.size(), 10U) << told.says;
+  const auto a = middle(own.layers[5]), b = middle(told.layers[5]);
+  std::printf(
+      "from the middle of the display, pixels: own arrangement %.4f, %.4f; asked for %.4f, "
+      "%.4f\n",
+      a[0] - kWidth / 2.0, a[1] - kHeight / 2.0, b[0] - kWidth / 2.0, b[1] - kHeight / 2.0);
+  EXPECT_NEAR(b[0], kWidth / 2.0, 0.01);
+  EXPECT_NEAR(b[1], kHeight / 2.0, 0.01);
+}
+
+// Nothing is asserted of the peer here: the table says what both make of damaged meshes.
+TEST_F(Peer, DirtyMeshes) {
+  std::vector<fs::path> files;
+  for (const auto& entry : fs::directory_iterator(std::string(kMeshes) + "dirty")) {
+    files.push_back(entry.path());
+  }
+  std::sort(files.begin(), files.end());
+  ASSERT_FALSE(files.empty());
+  std::printf(
+      "| mesh | defects | PrusaSlicer | ours | lit area, theirs / ours |\n"
+      "|---|---|---|---|---|\n");
+  for (const fs::path& path : files) {
+    SCOPED_TRACE(path);
+    std::string ours_says, defects = "-", peer_says, ratio = "-", file = path.string();
+    double scale = 1, a = 0, b = 0;
+    try {
+      const MeshReport r = inspect(read_mesh(file));
+      if (r.defects.any()) defects = describe(r.defects);
+      double longest = 0;
+      for (std::size_t k = 0; k < 3; ++k) longest = std::max(longest, r.upper[k] - r.lower[k]);
+      Placement placement;
+      placement.scale = scale = 20 / longest;
+      const TriangleMesh mesh = read_mesh(file, placement);
+      // PrusaSlicer reads STL and OBJ.
+      if (path.extension() == ".ply" || path.extension() == ".off") {
+        file = folder_ / "part.stl";
+        write_stl(file, mesh);
+        scale = 1;
+        peer_says = "as STL: ";
+      }
+      const MeshSlices slices(mesh, display(), {kLayer * 1e3, true, {}});
+      const auto ours = read_images(slices);
+      for (const Bytes& layer : ours) a += std::accumulate(layer.begin(), layer.end(), 0.0);
+      ours_says = std::to_string(ours.size()) + " layers";
+      const SliceReport& report = slices.report();
+      if (report.bridges) {
+        ours_says += ", " + std::to_string(report.bridges) + " bridges";
+      }
+      if (report.turned_triangles) {
+        ours_says += ", " + std::to_string(report.turned_triangles) + " triangles turned";
+      }
+    } catch (const InputError& e) {
+      ours_says = e.what();
+      const std::size_t at = ours_says.find(path.string() + ": ");
+      if (at != std::string::npos) ours_says.erase(at, path.string().size() + 2);
+      ours_says = "refused: " + ours_says;
+    }
+    const PeerResult p = slice_with_peer(file, folder_.path(), true, scale, 10);
+    for (const Bytes& layer : p.layers) b += std::accumulate(layer.begin(), layer.end(), 0.0);
+    if (p.timed_out) {
+      peer_says += "no end after 10 s";
+    } else if (p.layers.empty()) {
+      peer_says += "no file, exit code " + std::to_string(p.exit_code);
+    } else {
+      peer_says += std::to_string(p.layers.size()) + " layers";
+    }
+    if (a > 0 && b > 0) ratio = std::to_string(b / a);
+    std::printf("| %s | %s | %s | %s | %s |\n", path.filename().c_str(), defects.c_str(),
+                peer_says.c_str(), ours_says.c_str(), ratio.c_str());
+    std::fflush(stdout);
+  }
+}
+
+// An SL1 file made elsewhere (PrusaSlicer 2.7.1) of a mesh at hand. An elephant foot compensation
+// shrinks its lower layers; only the top one shows the design, with outlines closed by 5 um. Turned
+// by a multiple of 90 degrees and mirrored; its place is found by the box of lit pixels.
+TEST(PeerFile, TopLayerOfTheReferencePair) {
+  const std::string sl1 = SLICECORR_TEST_DATA "/slices/sl1/UVtools_demo_file.sl1s";
+  const std::string stl = std::string(kMeshes) + "clean/UVtools_demo_file.stl";
+  if (!fs::exists(sl1) || !fs::exists(stl)) GTEST_SKIP() << sl1 << " is not there";
+  int width = 0, height = 0;
+  const auto layers = read_sl1(sl1, width, height);
+  ASSERT_EQ(layers.size(), 10U);
+  ASSERT_EQ(width, 1620);
+  ASSERT_EQ(height, 2560);
+  const auto area_of = [](const Bytes& p) {
+    return std::accumulate(p.begin(), p.end(), 0.0) / 255 * kPixel * kPixel;
+  };
+  const auto box_of = [&](const Bytes& pixels) {
+    PixelBox b{width, height, 0, 0};
+    for (int i = 0; i < width * height; ++i) {
+      if (pixels[static_cast<std::size_t>(i)] < 128) continue;
+      b = b.united({i % width, i / width, i % width + 1, i / width + 1});
+    }
+    return b;
+  };
+  Printer printer = display();
+  printer.width_px = width;
+  printer.height_px = height;
+  double overlap = 0, area = 0;
+  for (const double turn : {90.0, 270.0}) {
+    Placement placement;
+    placement.rotate_deg = {0, 0, turn};
+    const TriangleMesh mesh = read_mesh(stl, placement);
+    const Bytes ours = read_images(MeshSlices(mesh, printer, {kLayer * 1e3, true, {}})).back();
+    area = area_of(ours);
+    for (const bool mirrored : {false, true}) {
+      Bytes theirs = layers.back();
+      for (int y = 0; y < height && mirrored; ++y) {
+        const auto row = theirs.begin() + static_cast<std::ptrdiff_t>(y) * width;
+        std::reverse(row, row + width);
+      }
+      const PixelBox p = box_of(ours), q = box_of(theirs);
+      double both = 0, either = 0;
+      for (int y = std::max(0, p.y0 - 4); y < std::min(height, p.y1 + 4); ++y) {
+        for (int x = std::max(0, p.x0 - 4); x < std::min(width, p.x1 + 4); ++x) {
+          const int u = std::clamp(x - p.x0 + q.x0, 0, width - 1);
+          const int v = std::clamp(y - p.y0 + q.y0, 0, height - 1);
+          const auto [low, high] = std::minmax(ours[static_cast<std::size_t>(y * width + x)],
+                                               theirs[static_cast<std::size_t>(v * width + u)]);
+          both += low;
+          either += high;
+        }
+      }
+      overlap = std::max(overlap, both / either);
+    }
+  }
+  const double theirs = area_of(layers.back());
+  std::printf("UVtools_demo_file, top layer: theirs %.3f mm2, ours %.3f mm2, overlap %.4f\n",
+              theirs, area, overlap);
+  EXPECT_NEAR(area, 1390.655, 0.1);
+  // Closing by 5 um only adds.
+  EXPECT_NEAR(theirs, area, 2e-4 * area);
+  EXPECT_GT(overlap, 0.97);
 }
 
 }  // namespace

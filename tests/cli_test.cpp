@@ -435,7 +435,7 @@ TEST_F(Cli, SameInputGivesTheSameBytes) {
 
 TEST_F(Cli, HelpAndVersion) {
   for (const char* command :
-       {"", "slice", "correct", "verify", "probe", "report", "section", "run", "info"}) {
+       {"", "slice", "correct", "verify", "probe", "report", "section", "solid", "run", "info"}) {
     const Command start = *command ? Command{command} : Command{};
     SCOPED_TRACE(command);
     const RunResult help = call(start + Command{"--help"});
@@ -584,6 +584,34 @@ TEST_F(Cli, WrongUsageAndInput) {
 }
 
 // An output never replaces what it is made from.
+// The ladder's rails reach from the platform to 2.5 mm at x = 30 to 34 mm of the display; the
+// corrected print has the ladder's volume, the uncorrected one fills its gaps.
+TEST_F(Cli, SolidIsTheLadder) {
+  slice();
+  run(setup());
+  const Command design{"--design", "ladder.stl", "--json", "-", "--quiet"};
+  const json good = json::parse(
+      this->good(Command{"solid", "out.uvj", "--target", "target.uvj", "-o", "good.stl"} + design));
+  const json bad =
+      json::parse(this->good(Command{"solid", "target.uvj", "-o", "bad.ply"} + setup() + design));
+  EXPECT_NEAR(good["design_volume_mm3"], 2 * 5 + 2 * 2.0, 1e-9);
+  EXPECT_NEAR(good["volume_mm3"], 14, 0.5);
+  EXPECT_GT(bad["volume_mm3"], 17);
+  EXPECT_EQ(good["lower_mm"][2], 0);
+  EXPECT_NEAR(good["upper_mm"][2], 2.5, 2e-3);
+  EXPECT_NEAR(good["lower_mm"][0], 30, 0.025);
+  EXPECT_NEAR(good["upper_mm"][0], 34, 0.025);
+  // Half the diagonal of a voxel of 50 um.
+  EXPECT_LT(good["distance_um"]["max_abs"], 43.4);
+  EXPECT_GT(bad["distance_um"]["max_abs"], 200);
+  EXPECT_EQ(bytes("good.stl").size(), 84 + 50 * good["triangles"].get<std::size_t>());
+  this->good({"solid", "out.uvj", "-o", "small.3mf", "--reduce", "4"});
+  EXPECT_LT(bytes("small.3mf").size(), bytes("good.stl").size());
+  this->bad(2, {"solid", "out.uvj", "-o", "part.obj"}, {"part.obj", ".stl, .ply or .3mf"});
+  this->bad(2, {"solid", "target.uvj", "-o", "part.stl"}, {"--printer"});
+  this->bad(2, {"solid", "out.uvj", "--design", "ladder.stl", "-o", "ladder.stl"}, {"input"});
+}
+
 TEST_F(Cli, InputsStay) {
   slice();
   run(setup());

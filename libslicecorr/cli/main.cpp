@@ -15,6 +15,7 @@
 #include "options.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/report.hpp"
+#include "slicecorr/solid.hpp"
 #include "slicecorr/version.hpp"
 
 namespace slicecorr::cli {
@@ -110,7 +111,7 @@ struct Arguments {
   MeshOptions mesh;
   SetupOptions setup;
   std::string input, output, target, json;
-  int x = -1, y = -1;
+  int x = -1, y = -1, reduce = 1;
   double max_height_error_um = -1;
 };
 
@@ -209,6 +210,62 @@ int section(const Arguments& a, const Job& job, Console& console) {
       fmt::format("{}: section at image row {}, platform up; left uncorrected, right this "
                   "stack; grey right, red cured through, blue undercured",
                   a.output, row));
+  return kDone;
+}
+
+int solid(const Arguments& a, const Job& job, Console& console) {
+  std::vector<std::string> inputs = a.mesh.parts;
+  inputs.insert(inputs.end(), {a.input, a.target});
+  must_not_replace(a.output, inputs);
+  must_not_replace(a.json, inputs);
+  const StackReader stack(a.input, folder_of(a.output), job);
+  const Setup setup = a.setup.resolve(&stack.info());
+  const Grid& g = stack.grid();
+  const CureModel model = make_cure_model(setup.printer, setup.resin, setup.process, g.layer_um);
+  std::optional<MeshDistance> design_mesh;
+  if (!a.mesh.parts.empty()) {
+    design_mesh.emplace(
+        on_plate(read_parts(a.mesh, job), setup.printer, a.mesh.slice_options().center_mm));
+  }
+  nlohmann::ordered_json figures;
+  if (!a.target.empty()) {
+    const StackReader target(design(a.target), folder_of(a.output), job);
+    check_same_voxels(g, target.grid());
+    figures["design_volume_mm3"] = static_cast<double>(target.pixel_sum()) / 255.0 * g.pixel_x_um *
+                                   g.pixel_y_um * g.layer_um * 1e-9;
+  }
+  const SolidOptions options{a.reduce, design_mesh ? &*design_mesh : nullptr};
+  const SolidReport r = write_solid(stack, model, a.output, options, job);
+  console.say(
+      fmt::format("{}: {} triangles, {:.4f} mm³, from {:.3f}, {:.3f}, {:.3f} to {:.3f}, "
+                  "{:.3f}, {:.3f} mm",
+                  a.output, r.triangles, r.volume_mm3, r.lower[0], r.lower[1], r.lower[2],
+                  r.upper[0], r.upper[1], r.upper[2]));
+  if (figures.contains("design_volume_mm3")) {
+    console.say(
+        fmt::format("design as sliced: {:.4f} mm³", figures["design_volume_mm3"].get<double>()));
+  }
+  const Histogram& d = r.distance_um;
+  if (d.count()) {
+    console.say(
+        fmt::format("distance to the design: mean {:.3f} um, 95 % within {:.3f} um, "
+                    "largest {:.3f} um, at {} vertices",
+                    d.mean(), d.quantile(0.95), d.greatest(), d.count()));
+  }
+  if (!a.json.empty()) {
+    figures["triangles"] = r.triangles;
+    figures["volume_mm3"] = r.volume_mm3;
+    figures["lower_mm"] = r.lower;
+    figures["upper_mm"] = r.upper;
+    figures["reduce"] = a.reduce;
+    if (d.count()) {
+      figures["distance_um"] = {{"mean_abs", d.mean()},
+                                {"p95_abs", d.quantile(0.95)},
+                                {"max_abs", d.greatest()},
+                                {"vertices", d.count()}};
+    }
+    print_or_write(a.json, figures.dump(2));
+  }
   return kDone;
 }
 
@@ -345,6 +402,22 @@ int main_guarded(int argc, char** argv) {
       ->check(CLI::NonNegativeNumber);
   a.setup.add_to(*sub, false, true);
   sub->add_option("-o,--output", a.output, "Picture to write (.png)")->required();
+
+  sub = add("solid",
+            "Write the surface of what a stack prints as a mesh, to open beside the design", solid);
+  stack_input(sub, "STACK", "Stack to look into");
+  sub->add_option("--target", a.target, "Stack of the design: its volume is told, too");
+  sub->add_option("--design", a.mesh.parts,
+                  "Meshes that were sliced: the distance of the surface to them is measured")
+      ->take_all()
+      ->expected(1, std::numeric_limits<int>::max());
+  a.mesh.add_placement_to(*sub);
+  a.setup.add_to(*sub, false, true);
+  sub->add_option("--reduce", a.reduce, "Take every Nth pixel in x and y, for a smaller file")
+      ->check(CLI::Range(1, 64))
+      ->capture_default_str();
+  sub->add_option("--json", a.json, "Write all figures as JSON to FILE, or - for stdout");
+  sub->add_option("-o,--output", a.output, "Mesh to write (.stl, .ply or .3mf)")->required();
 
   sub = add("run", "Slice, correct, verify and report: OUT.uvj, OUT.html, OUT.json", run);
   a.mesh.add_to(*sub);

@@ -76,6 +76,10 @@ void MeshOptions::add_to(CLI::App& app) {
   app.add_option("--antialias", antialias, "Area coverage in 256 levels, or the pixel-centre rule")
       ->check(CLI::IsMember({"on", "off"}))
       ->capture_default_str();
+  add_placement_to(app);
+}
+
+void MeshOptions::add_placement_to(CLI::App& app) {
   app.add_option(
          "--center-mm", center_mm,
          "X,Y: where the centre of the parts lies on the plate, from its corner at the least "

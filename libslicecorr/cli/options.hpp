@@ -26,6 +26,8 @@ struct MeshOptions {
   double scale = 1.0;
   std::vector<double> rotate_deg;
   void add_to(CLI::App& app);
+  /// Only how meshes are turned, scaled and placed; `add_to` has these, too.
+  void add_placement_to(CLI::App& app);
   Placement placement() const;
   SliceOptions slice_options() const;
 };

@@ -17,7 +17,22 @@ using detail::columns_of;
 
 namespace {
 
-void check_same(const Grid& stack, const Grid& target) {
+BandTape tape_of(const SliceSource& source, const PixelBox& band) {
+  BandTape tape(columns_of(band));
+  source.read_band(band, [&](int, const std::uint8_t* rows) { tape.append(rows); });
+  return tape;
+}
+
+void check_inside(const Grid& grid, int x, int y) {
+  if (x < 0 || x >= grid.width_px || y < 0 || y >= grid.height_px) {
+    throw InputError(fmt::format("pixel {}, {} is outside the image; expected 0..{}, 0..{}", x, y,
+                                 grid.width_px - 1, grid.height_px - 1));
+  }
+}
+
+}  // namespace
+
+void check_same_voxels(const Grid& stack, const Grid& target) {
   if (stack.width_px != target.width_px || stack.height_px != target.height_px) {
     throw InputError(
         fmt::format("the stack is {} x {} pixels, the target {} x {}; expected the same",
@@ -34,25 +49,10 @@ void check_same(const Grid& stack, const Grid& target) {
   }
 }
 
-BandTape tape_of(const SliceSource& source, const PixelBox& band) {
-  BandTape tape(columns_of(band));
-  source.read_band(band, [&](int, const std::uint8_t* rows) { tape.append(rows); });
-  return tape;
-}
-
-void check_inside(const Grid& grid, int x, int y) {
-  if (x < 0 || x >= grid.width_px || y < 0 || y >= grid.height_px) {
-    throw InputError(fmt::format("pixel {}, {} is outside the image; expected 0..{}, 0..{}", x, y,
-                                 grid.width_px - 1, grid.height_px - 1));
-  }
-}
-
-}  // namespace
-
 Prediction verify_stack(const SliceSource& stack, const SliceSource& target, const Setup& setup,
                         const Job& job) {
   const Grid& grid = stack.grid();
-  check_same(grid, target.grid());
+  check_same_voxels(grid, target.grid());
   const CureModel model = make_cure_model(setup.printer, setup.resin, setup.process, grid.layer_um);
   const PixelCurve curve = pixel_curve(model);
   const int all_layers = std::max(grid.layers, target.grid().layers);
@@ -81,7 +81,7 @@ std::vector<ProbeRow> probe_stack(const SliceSource& stack, const SliceSource* t
                                   const Setup& setup, int x, int y) {
   const Grid& grid = stack.grid();
   check_inside(grid, x, y);
-  if (target) check_same(grid, target->grid());
+  if (target) check_same_voxels(grid, target->grid());
   const PixelBox pixel{x, y, x + 1, y + 1};
   const CureModel model = make_cure_model(setup.printer, setup.resin, setup.process, grid.layer_um);
   const std::vector<double> intensity = level_intensities(setup.printer);
@@ -112,7 +112,7 @@ std::vector<ProbeRow> probe_stack(const SliceSource& stack, const SliceSource* t
 
 Section section_of(const SliceSource& stack, const SliceSource& target, const Setup& setup, int y) {
   const Grid& grid = stack.grid();
-  check_same(grid, target.grid());
+  check_same_voxels(grid, target.grid());
   check_inside(grid, 0, y);
   const PixelBox box = stack.bounds().united(target.bounds());
   Section s;

@@ -40,6 +40,9 @@ struct Correction {
 Correction correct_stack(const SliceSource& target, const Setup& setup, const std::string& path,
                          bool with_before, const Job& job = {});
 
+/// Throws `InputError` when a stack and its target differ in the size of images or voxels.
+void check_same_voxels(const Grid& stack, const Grid& target);
+
 /// Predicts what `stack` prints, against `target`. Throws `InputError` when the two differ in size
 /// or scale.
 Prediction verify_stack(const SliceSource& stack, const SliceSource& target, const Setup& setup,

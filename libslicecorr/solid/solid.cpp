@@ -1,0 +1,265 @@
+#include "slicecorr/solid.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstring>
+#include <limits>
+#include <vector>
+
+#include "base/band_tape.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/stack.hpp"
+#include "solid/level_surface.hpp"
+#include "solid/mesh_file.hpp"
+
+namespace slicecorr {
+
+using detail::Triangle;
+
+namespace {
+
+constexpr std::size_t kMemoryBudget = std::size_t{256} << 20;
+/// Triangles that are handed to the store at once.
+constexpr std::size_t kPiece = 16384;
+
+/// Every Nth pixel along an image axis, with one to each side of what is lit.
+struct Axis {
+  int reduce, pixels;
+  int first, count;  ///< samples [first, first + count)
+  Axis(int low, int high, int every, int image) : reduce(every), pixels(image) {
+    first = low / every - 1;
+    count = (high - 1) / every + 2 - first;
+  }
+  int pixel(int i) const { return (first + i) * reduce + (first + i < 0 ? 0 : reduce / 2); }
+  bool in_image(int i) const { return first + i >= 0 && pixel(i) < pixels; }
+  /// Middle of the pixel, in pixels.
+  double middle(int i) const { return (first + i) * reduce + reduce / 2 + 0.5; }
+};
+
+/// The surface cut up into pieces of triangles, in the order of the bands.
+struct Surface {
+  std::unique_ptr<PieceStore> store;
+  std::vector<std::vector<PieceStore::Piece>> bands;
+  SolidReport report;
+
+  detail::Triangles triangles() const {
+    return [this](const detail::LevelSurface::Sink& sink) {
+      std::vector<std::uint8_t> bytes;
+      for (const auto& pieces : bands) {
+        for (const PieceStore::Piece& piece : pieces) {
+          bytes.clear();
+          store->get(piece, bytes);
+          for (std::size_t at = 0; at < bytes.size(); at += sizeof(Triangle)) {
+            Triangle t;
+            std::memcpy(&t, bytes.data() + at, sizeof t);
+            sink(t);
+          }
+        }
+      }
+    };
+  }
+};
+
+/// One band of samples, from the last slice to the first.
+class BandSurface {
+ public:
+  BandSurface(const SliceSource& stack, const CureModel& model, const SolidOptions& options,
+              const Axis& columns, const Axis& rows, PieceStore& store)
+      : stack_(stack),
+        model_(model),
+        curve_(pixel_curve(model)),
+        options_(options),
+        columns_(columns),
+        rows_(rows),
+        store_(store) {}
+
+  std::uint64_t triangles = 0;
+  double volume = 0;
+  Point3 lower{}, upper{};
+  Histogram distance_um;
+  std::vector<PieceStore::Piece> pieces;
+
+  /// Samples rows [row, row + height).
+  void draw(int row, int height, const Job& job) {
+    const auto width = static_cast<std::size_t>(columns_.count);
+    const std::size_t samples = width * static_cast<std::size_t>(height);
+    const Grid& grid = stack_.grid();
+    std::vector<double> x_mm, y_mm;
+    for (int i = 0; i < columns_.count; ++i) {
+      x_mm.push_back(columns_.middle(i) * grid.pixel_x_um * 1e-3);
+    }
+    for (int j = 0; j < height; ++j) {
+      y_mm.push_back((grid.height_px - rows_.middle(row + j)) * grid.pixel_y_um * 1e-3);
+    }
+    lower.fill(std::numeric_limits<double>::infinity());
+    upper.fill(-std::numeric_limits<double>::infinity());
+    const detail::BandTape tape = read(row, height);
+    // Beside the image there is no light at all, in it at least that of black.
+    std::vector<double> dark(samples, curve_[0]);
+    for (int j = 0; j < height; ++j) {
+      for (int i = 0; i < columns_.count; ++i) {
+        if (!columns_.in_image(i) || !rows_.in_image(row + j)) {
+          dark[static_cast<std::size_t>(j) * width + static_cast<std::size_t>(i)] = 0;
+        }
+      }
+    }
+    detail::LevelSurface::VertexSink measure;
+    if (options_.design) {
+      measure = [&](const Point3& p) { distance_um.add(options_.design->to(p) * 1e3); };
+    }
+    detail::LevelSurface surface(
+        model_, std::move(x_mm), std::move(y_mm), [&](const Triangle& t) { take(t); }, measure);
+    std::vector<std::uint8_t> pixels(samples);
+    std::vector<double> phi(dark), below(samples, 0.0), above(samples);
+    for (int n = grid.layers; n-- > 0;) {
+      if ((n & 63) == 0) job.check_cancelled();
+      if (tape.black(n)) {
+        phi = dark;
+      } else {
+        tape.read(n, pixels.data());
+        for (std::size_t i = 0; i < samples; ++i) {
+          phi[i] = pixels[i] ? curve_[pixels[i]] : dark[i];
+        }
+      }
+      for (std::size_t i = 0; i < samples; ++i) above[i] = model_.step(phi[i], below[i]);
+      surface.layer(n, phi.data(), below.data(), above.data());
+      below.swap(above);
+    }
+    surface.platform(below.data());
+    flush();
+  }
+
+ private:
+  detail::BandTape read(int row, int height) const {
+    const auto width = static_cast<std::size_t>(columns_.count);
+    detail::BandTape tape(width * static_cast<std::size_t>(height));
+    const PixelBox lit = stack_.bounds();
+    const PixelBox box{lit.x0, std::clamp(rows_.pixel(row), lit.y0, lit.y1), lit.x1,
+                       std::clamp(rows_.pixel(row + height - 1) + 1, lit.y0, lit.y1)};
+    if (box.empty()) {
+      for (int n = 0; n < stack_.grid().layers; ++n) tape.append(nullptr);
+      return tape;
+    }
+    std::vector<std::uint8_t> sampled(width * static_cast<std::size_t>(height));
+    stack_.read_band(box, [&](int, const std::uint8_t* pixels) {
+      if (!pixels) return tape.append(nullptr);
+      std::uint8_t* out = sampled.data();
+      for (int j = 0; j < height; ++j) {
+        const int y = rows_.pixel(row + j);
+        for (int i = 0; i < columns_.count; ++i, ++out) {
+          const int x = columns_.pixel(i);
+          const bool inside = x >= box.x0 && x < box.x1 && y >= box.y0 && y < box.y1 &&
+                              columns_.in_image(i) && rows_.in_image(row + j);
+          *out = inside
+                     ? pixels[static_cast<std::ptrdiff_t>(y - box.y0) * box.width() + (x - box.x0)]
+                     : std::uint8_t{0};
+        }
+      }
+      tape.append(sampled.data());
+    });
+    return tape;
+  }
+
+  void take(const Triangle& t) {
+    double p[3][3];
+    for (std::size_t i = 0; i < 3; ++i) {
+      for (std::size_t k = 0; k < 3; ++k) {
+        p[i][k] = static_cast<double>(t[i][k]);
+        lower[k] = std::min(lower[k], p[i][k]);
+        upper[k] = std::max(upper[k], p[i][k]);
+      }
+    }
+    volume += (p[0][0] * (p[1][1] * p[2][2] - p[1][2] * p[2][1]) +
+               p[0][1] * (p[1][2] * p[2][0] - p[1][0] * p[2][2]) +
+               p[0][2] * (p[1][0] * p[2][1] - p[1][1] * p[2][0])) /
+              6.0;
+    ++triangles;
+    waiting_.push_back(t);
+    if (waiting_.size() >= kPiece) flush();
+  }
+  void flush() {
+    if (waiting_.empty()) return;
+    pieces.push_back(store_.put(reinterpret_cast<const std::uint8_t*>(waiting_.data()),
+                                waiting_.size() * sizeof(Triangle)));
+    waiting_.clear();
+  }
+
+  const SliceSource& stack_;
+  const CureModel& model_;
+  const PixelCurve curve_;
+  const SolidOptions& options_;
+  const Axis& columns_;
+  const Axis& rows_;
+  PieceStore& store_;
+  std::vector<Triangle> waiting_;
+};
+
+Surface surface_of(const SliceSource& stack, const CureModel& model, const SolidOptions& options,
+                   const std::string& scratch_folder, const Job& job) {
+  if (options.reduce < 1 || options.reduce > 64) {
+    throw InputError(fmt::format("every {}th pixel; expected 1 to 64", options.reduce));
+  }
+  const Grid& grid = stack.grid();
+  PixelBox lit = stack.bounds();
+  // Where even black gels, the whole display prints.
+  if (pixel_curve(model)[0] > 1.0) lit = {0, 0, grid.width_px, grid.height_px};
+  Surface surface;
+  surface.store = std::make_unique<PieceStore>(scratch_folder, kMemoryBudget, job);
+  surface.report.lower.fill(std::numeric_limits<double>::infinity());
+  surface.report.upper.fill(-std::numeric_limits<double>::infinity());
+  if (!lit.empty()) {
+    const Axis columns(lit.x0, lit.x1, options.reduce, grid.width_px);
+    const Axis rows(lit.y0, lit.y1, options.reduce, grid.height_px);
+    const int height = std::max(1, band_rows(grid));
+    // Bands share their last row with the next one's first: cells lie between rows.
+    const auto bands = static_cast<std::size_t>((rows.count - 1 + height - 1) / height);
+    surface.bands.resize(bands);
+    std::vector<SolidReport> reports(bands);
+    parallel_for(job, "surface", bands, [&](std::size_t b) {
+      const int row = static_cast<int>(b) * height;
+      BandSurface band(stack, model, options, columns, rows, *surface.store);
+      band.draw(row, std::min(height + 1, rows.count - row), job);
+      surface.bands[b] = std::move(band.pieces);
+      reports[b] = {band.triangles, band.volume, band.lower, band.upper,
+                    std::move(band.distance_um)};
+    });
+    // In the order of the bands, so that no sum depends on threads.
+    SolidReport& all = surface.report;
+    for (const SolidReport& r : reports) {
+      all.triangles += r.triangles;
+      all.volume_mm3 += r.volume_mm3;
+      for (std::size_t k = 0; k < 3; ++k) {
+        all.lower[k] = std::min(all.lower[k], r.lower[k]);
+        all.upper[k] = std::max(all.upper[k], r.upper[k]);
+      }
+      all.distance_um.merge(r.distance_um);
+    }
+  }
+  if (surface.report.triangles == 0) {
+    throw InputError(
+        "nothing of the stack prints: the dose reaches 1 nowhere; expected a stack "
+        "made for this printer, resin and speed");
+  }
+  return surface;
+}
+
+}  // namespace
+
+SolidReport write_solid(const SliceSource& stack, const CureModel& model, const std::string& path,
+                        const SolidOptions& options, const Job& job) {
+  const detail::MeshFormat format = detail::mesh_format(path);
+  const std::size_t slash = path.rfind('/');
+  const std::string folder = slash == std::string::npos ? "." : path.substr(0, slash + 1);
+  Surface surface = surface_of(stack, model, options, folder, job);
+  detail::write_triangles(path, format, surface.report.triangles, surface.triangles(), job);
+  return std::move(surface.report);
+}
+
+TriangleMesh solid_mesh(const SliceSource& stack, const CureModel& model,
+                        const SolidOptions& options, const Job& job) {
+  const Surface surface = surface_of(stack, model, options, ".", job);
+  return detail::merge_corners(surface.triangles());
+}
+
+}  // namespace slicecorr

@@ -6,6 +6,7 @@
 
 #include "base/band_tape.hpp"
 #include "pipeline/bands.hpp"
+#include "pipeline/same_grid.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/pipeline.hpp"
 
@@ -15,9 +16,7 @@ using detail::bands_of;
 using detail::BandTape;
 using detail::columns_of;
 
-namespace {
-
-void check_same(const Grid& stack, const Grid& target) {
+void detail::check_same(const Grid& stack, const Grid& target) {
   if (stack.width_px != target.width_px || stack.height_px != target.height_px) {
     throw InputError(
         fmt::format("the stack is {} x {} pixels, the target {} x {}; expected the same",
@@ -33,6 +32,10 @@ void check_same(const Grid& stack, const Grid& target) {
         target.layer_um));
   }
 }
+
+using detail::check_same;
+
+namespace {
 
 BandTape tape_of(const SliceSource& source, const PixelBox& band) {
   BandTape tape(columns_of(band));

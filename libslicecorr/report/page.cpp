@@ -109,9 +109,9 @@ std::string make_report(const ReportContent& c) {
   html += summary(c);
   html += "<h2>What will print</h2>" + figures_table(c);
   if (c.comparison) html += detail::comparison_table(*c.comparison);
-  html += detail::histograms(c) + detail::feature_lists(c);
   const bool moving = c.volume && c.volume->cells() > 0;
   if (moving) html += detail::page_explorer_html;
+  html += detail::histograms(c) + detail::feature_lists(c);
   html +=
       R"(<h2>Still pictures</h2><p class="key dim">In the sections, platform up: <b><i class="right"></i>as designed</b> <b><i class="flat-through"></i>cured through (red)</b> <b><i class="flat-under"></i>undercured (blue)</b> <b><i class="pale"></i>designed grey</b></p>)";
   for (const auto& section : c.sections) {

@@ -38,9 +38,9 @@ function columnPlot(title, levels, coverage, from, to, top) {
     if (coverage[n]) svg += `<rect class="design" x="${x(n)}" y="${T}" width="${(x(end) - x(n)).toFixed(1)}" height="${floor - T}" fill-opacity="${(0.28 * coverage[n] / 255).toFixed(2)}"/>`;
     n = end;
   }
-  // Groups of slices, at most 40 of them, of those that reach into the range.
+  // Groups of slices, at most 60 of them, of those that reach into the range.
   const last = Math.min(levels.length, Math.ceil(to + 6 / -Math.log10(data.a)));
-  const group = Math.max(1, Math.ceil((Math.min(last, to + 20) - from) / 40));
+  const group = Math.max(1, Math.ceil((Math.min(last, to + 20) - from) / 60));
   const cuts = [];
   for (let m = from + group; m < Math.min(last, to + 20); m += group) cuts.push(m);
   cuts.push(levels.length);

@@ -158,7 +158,9 @@ TEST(Volume, ColumnsGiveTheDosesOfProbe) {
       const double middle = model.middle(phi, dose);
       dose = model.step(phi, dose);
       ASSERT_EQ(dose, rows[n].dose);
-      if (n < coverage.size()) ASSERT_EQ(coverage[n] / 255.0, rows[n].target);
+      if (n < coverage.size()) {
+        ASSERT_EQ(coverage[n] / 255.0, rows[n].target);
+      }
       const int z = static_cast<int>(n), first = z / v.step_z * v.step_z;
       if (z == (first + std::min(first + v.step_z, v.layers)) / 2) {
         const std::size_t cell = static_cast<std::size_t>(z / v.step_z * v.ny * v.nx) + c;

@@ -8,12 +8,16 @@ function errorColour(um) {
   return mix([150, 190, 140], um > 0 ? [214, 40, 40] : [30, 90, 220], t);
 }
 
+// Cured through where no edge is measured: beside grey voxels, or walls.
+const throughColour = [176, 60, 110];
+
 // Cells with a free face: place and colour.
 async function surface(side) {
   if (solid.cells[side]) return solid.cells[side];
   const state = (await load.state())[side], error = (await load.error())[side];
   const [nx, ny, nz] = data.cells;
-  const places = [], colour = [];
+  const places = [], colour = [], normals = [];
+  const free = (i, j, k) => i < 0 || j < 0 || k < 0 || i >= nx || j >= ny || k >= nz || !(state[cellAt(i, j, k)] & PRINTED);
   const palette = Array.from({ length: 256 }, (_, code) => errorColour(errorOf(code)).map(Math.round));
   for (let k = 0, at = 0; k < nz; ++k) {
     for (let j = 0; j < ny; ++j) {
@@ -23,17 +27,26 @@ async function surface(side) {
           state[at - 1] & state[at + 1] & state[at - nx] & state[at + nx] & state[at - nx * ny] & state[at + nx * ny] & PRINTED;
         if (inner) continue;
         places.push(i, j, k);
-        colour.push(palette[error[fieldAt(i, j, k)]]);
+        const code = error[fieldAt(i, j, k)];
+        colour.push(!code && state[at] & CURE_THROUGH ? throughColour : palette[code]);
+        // Outwards: towards the free ones of the neighbours around.
+        let n = [0, 0, 0];
+        for (let d = 0; d < 27; ++d) {
+          const x = d % 3 - 1, y = Math.floor(d / 3) % 3 - 1, z = Math.floor(d / 9) - 1;
+          if (free(i + x, j + y, k + z)) { n[0] += x; n[1] += y; n[2] += z; }
+        }
+        const length = Math.hypot(...n) || 1;
+        normals.push(n[0] / length, n[1] / length, n[2] / length);
       }
     }
   }
-  return (solid.cells[side] = { places: Float32Array.from(places), colour });
+  return (solid.cells[side] = { places: Float32Array.from(places), normals: Float32Array.from(normals), colour });
 }
 
 async function drawSolid() {
   if (solid.drawing) { solid.again = true; return; }
   solid.drawing = true;
-  const { places, colour } = await surface(solid.side);
+  const { places, normals, colour } = await surface(solid.side);
   const canvas = $("solid-canvas"), context = canvas.getContext("2d");
   const scale = Math.min(2, window.devicePixelRatio || 1);
   const width = (canvas.width = Math.max(200, Math.round(canvas.clientWidth * scale)));
@@ -43,13 +56,15 @@ async function drawSolid() {
   const unit = 0.46 * Math.min(width, height) / Math.hypot(...half) * solid.zoom;
   // x right, image rows towards the viewer, z down from the platform.
   const ct = Math.cos(solid.turn), st = Math.sin(solid.turn), cp = Math.cos(solid.tilt), sp = Math.sin(solid.tilt);
-  const axes = [[ct, st * sp, st * cp], [-st, ct * sp, ct * cp], [0, cp, -sp]].map((v, axis) => v.map((c) => c * unit * size[axis]));
+  const toView = [[ct, st * sp, st * cp], [-st, ct * sp, ct * cp], [0, cp, -sp]];
+  const axes = toView.map((v, axis) => v.map((c) => c * unit * size[axis]));
+  const light = toView.map((v) => -0.35 * v[0] - 0.5 * v[1] + 0.79 * v[2]);
   // Outline of a cell: its three faces that look this way.
   const stamp = [];
   const reach = axes.map((_, c) => (Math.abs(axes[0][c]) + Math.abs(axes[1][c]) + Math.abs(axes[2][c])) / 2 + 1);
   const faces = [0, 1, 2].map((axis) => {
     const u = axes[(axis + 1) % 3], v = axes[(axis + 2) % 3], sign = axes[axis][2] >= 0 ? 0.5 : -0.5;
-    return { u, v, middle: axes[axis].map((c) => c * sign), cross: u[0] * v[1] - u[1] * v[0], shade: [0.82, 0.92, sign > 0 ? 0.68 : 1.05][axis] };
+    return { u, v, middle: axes[axis].map((c) => c * sign), cross: u[0] * v[1] - u[1] * v[0] };
   });
   for (let y = -Math.ceil(reach[1]); y <= reach[1]; ++y) {
     for (let x = -Math.ceil(reach[0]); x <= reach[0]; ++x) {
@@ -62,12 +77,12 @@ async function drawSolid() {
         const mp = 0.5 + 0.6 / Math.hypot(f.u[0], f.u[1]), mq = 0.5 + 0.6 / Math.hypot(f.v[0], f.v[1]);
         if (Math.abs(p) > mp || Math.abs(q) > mq) continue;
         const over = Math.max(Math.abs(p), Math.abs(q));
-        if (!best || over < best.over) best = { over, depth: f.middle[2] + p * f.u[2] + q * f.v[2], shade: f.shade };
+        if (!best || over < best.over) best = { over, depth: f.middle[2] + p * f.u[2] + q * f.v[2] };
       }
-      if (best) stamp.push([x, y, best.depth, best.shade]);
+      if (best) stamp.push([x, y, best.depth]);
     }
   }
-  if (!stamp.length) stamp.push([0, 0, 0, 1]);
+  if (!stamp.length) stamp.push([0, 0, 0]);
   const image = context.createImageData(width, height), out = image.data;
   const depth = new Float32Array(width * height).fill(-Infinity);
   const cx = width / 2, cy = height / 2;
@@ -77,7 +92,10 @@ async function drawSolid() {
     const py = Math.round(cy + dx * axes[0][1] + dy * axes[1][1] + dz * axes[2][1]);
     const pz = dx * axes[0][2] + dy * axes[1][2] + dz * axes[2][2];
     const c = colour[n];
-    for (const [sx, sy, sz, shade] of stamp) {
+    // Light from the upper left, behind the viewer.
+    const facing = normals[at] * light[0] + normals[at + 1] * light[1] + normals[at + 2] * light[2];
+    const shade = 0.66 + 0.44 * facing;
+    for (const [sx, sy, sz] of stamp) {
       const x = px + sx, y = py + sy;
       if (x < 0 || y < 0 || x >= width || y >= height) continue;
       const to = y * width + x;
@@ -114,7 +132,8 @@ function startSolid() {
   const swatch = (um) => `<i style="background:rgb(${errorColour(um).map(Math.round).join()})"></i>`;
   $("solid-legend").innerHTML =
     `<b>${swatch(NaN)}no edge here (a wall)</b><b>${swatch(0)}edge right</b><b>${swatch(20)}20 um too far</b><b>${swatch(300)}300 um too far (red)</b>` +
-    `<b>${swatch(-20)}20 um short</b><b>${swatch(-300)}300 um short (blue)</b>`;
+    `<b>${swatch(-20)}20 um short</b><b>${swatch(-300)}300 um short (blue)</b>` +
+    `<b><i style="background:rgb(${throughColour.join()})"></i>cured through, no edge measured (purple)</b>`;
   const keys = { ArrowLeft: "left", ArrowRight: "right", ArrowUp: "up", ArrowDown: "down", "+": "in", "=": "in", "-": "out" };
   canvas.addEventListener("keydown", (event) => {
     if (!keys[event.key] || event.ctrlKey || event.metaKey || event.altKey) return;

@@ -212,6 +212,39 @@ TEST(Volume, SamePageForAnyNumberOfThreads) {
   }
 }
 
+TEST(Volume, EvenNoiseMakesAPageOfAFewMegabytes) {
+  const slicecorr::Setup setup = lattice_setup();
+  ReducedVolume v;
+  v.box = {0, 0, 160, 160};
+  v.layers = v.nx = v.ny = v.nz = 160;
+  std::mt19937 random(1);
+  for (ReducedPrint* p : {&v.before, &v.after}) {
+    for (auto* grid : {&p->state, &p->dose, &p->grey, &p->error}) {
+      grid->resize(v.cells());
+      for (auto& byte : *grid) byte = static_cast<std::uint8_t>(random());
+    }
+    for (auto& state : p->state) state &= 31;
+  }
+  v.columns.resize(160 * 160);
+  for (auto& column : v.columns) {
+    column.x = column.y = 0;
+    for (int n = 0; n < 160; ++n) column.levels.emplace_back(random() % 256, 1);
+    column.coverage = column.levels;
+  }
+  ReportContent content;
+  content.info.grid = {160, 160, 160, 50, 50, 50};
+  content.setup = setup;
+  content.volume = std::move(v);
+  Comparison comparison;
+  comparison.columns = {"way", "mean <error>"};
+  comparison.rows = {{"ours", "1 um"}};
+  content.comparison = comparison;
+  const std::string page = make_report(content);
+  EXPECT_LT(page.size(), 5'500'000U);
+  EXPECT_GT(page.size(), 500'000U);
+  EXPECT_NE(page.find("mean &lt;error&gt;"), std::string::npos);
+}
+
 TEST(Features, ExamplesAreTheFirstInReadingOrderInAnyOrderOfMerging) {
   std::mt19937 random(3);
   std::vector<FeatureExample> all;

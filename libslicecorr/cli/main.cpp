@@ -188,7 +188,7 @@ int report(const Arguments& a, const Job& job, Console& console) {
   const Prediction before = verify_stack(target, target, setup, job);
   const StackInfo& info = stack.info();
   write_text_file(a.output, make_report(gather_report(stack, target, setup, info, after, before,
-                                                      title_of(a.input))));
+                                                      title_of(a.input), job)));
   console.say(fmt::format("{}: written\n{}", a.output, summary(after, before)));
   return kDone;
 }
@@ -284,7 +284,7 @@ int run(const Arguments& a, const Job& job, Console& console) {
   const CorrectedSlices corrected(target, setup);
   write_text_file(base + ".html",
                   make_report(gather_report(corrected, target, setup, result.info, result.after,
-                                            result.before, title_of(a.output))));
+                                            result.before, title_of(a.output), job)));
   console.say(fmt::format("{0}.uvj, {0}.html, {0}.json: {1} slices\n{2}", base,
                           result.info.grid.layers, summary(result.after, result.before)));
   return kDone;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <mutex>
 
+#include "base/band_tape.hpp"
 #include "pipeline/bands.hpp"
 #include "pipeline/relief.hpp"
 #include "slicecorr/error.hpp"
@@ -13,6 +14,7 @@
 namespace slicecorr {
 
 using detail::bands_of;
+using detail::BandTape;
 using detail::columns_of;
 using detail::Relief;
 using detail::whole_image;
@@ -212,15 +214,19 @@ void CorrectedSlices::read_band(const PixelBox& band, const Sink& sink) const {
   BandCorrector corrector(plan_, columns);
   target_.read_band(band, [&](int, const std::uint8_t* rows) { corrector.add_layer(rows); });
   // The solve gives the last slice first.
-  std::vector<std::uint8_t> all(columns * static_cast<std::size_t>(plan_.all_layers));
-  corrector.solve([&](int n, const std::uint8_t* levels, const std::uint8_t*, bool) {
-    auto* out = all.data() + static_cast<std::size_t>(n) * columns;
+  BandTape upwards(columns);
+  std::vector<std::uint8_t> pixels(columns);
+  corrector.solve([&](int, const std::uint8_t* levels, const std::uint8_t*, bool) {
     for (std::size_t k = 0; k < columns; ++k) {
-      out[k] = static_cast<std::uint8_t>(pixel_of_level(levels[k], plan_.levels.size()));
+      pixels[k] = static_cast<std::uint8_t>(pixel_of_level(levels[k], plan_.levels.size()));
     }
+    upwards.append(pixels.data());
   });
-  for (int n = 0; n < plan_.all_layers; ++n)
-    sink(n, all.data() + static_cast<std::size_t>(n) * columns);
+  for (int n = 0; n < plan_.all_layers; ++n) {
+    const int at = plan_.all_layers - 1 - n;
+    upwards.read(at, pixels.data());
+    sink(n, upwards.black(at) ? nullptr : pixels.data());
+  }
 }
 
 }  // namespace slicecorr

@@ -139,8 +139,9 @@ BandPredictor::BandPredictor(const CureModel& model, const PixelCurve& curve, in
   }
 }
 
-void BandPredictor::error(std::size_t i, double slices) {
+void BandPredictor::error(std::size_t i, int node, bool upper, double slices) {
   const double um = slices * model_.layer_um;
+  if (edge_sink_) edge_sink_(i, node, upper, um);
   const double size = std::abs(um);
   prediction_.height_error_um.add(size);
   if (um > 0) {
@@ -154,14 +155,16 @@ void BandPredictor::error(std::size_t i, double slices) {
   }
 }
 
-void BandPredictor::lose(const Column& c, int top) {
+void BandPredictor::lose(std::size_t i, int top) {
+  const Column& c = columns_[i];
   ++prediction_.runs;
   if (c.any_printed) return;
+  lost_.add({0, static_cast<int>(i), top, c.lower - 1});
   ++prediction_.lost_features;
   if (c.lower - top >= 2) ++prediction_.lost_thick_features;
 }
 
-void BandPredictor::close_gap(std::size_t i) {
+void BandPredictor::close_gap(std::size_t i, int top) {
   Column& c = columns_[i];
   if (c.run_below && c.gap_seen) {
     ++prediction_.gaps;
@@ -169,6 +172,7 @@ void BandPredictor::close_gap(std::size_t i) {
     prediction_.gap_contrast.add(std::max(0.0, 1.0 - gap_min_[i]));
     if (gap_min_[i] >= 1.0) {
       ++prediction_.merged_features;
+      merged_.add({0, static_cast<int>(i), top, c.gap_end - 1});
       if (c.gap_layers >= 2) ++prediction_.merged_thick_gaps;
     }
   }
@@ -179,34 +183,35 @@ void BandPredictor::enter(std::size_t i, int node, Class next, double dose) {
   const bool printed = dose >= 1.0;
   const Class old = class_[i];
   if (old == run) {
-    if (c.seeks_print) error(i, -(c.lower - node));
+    if (c.seeks_print) error(i, c.lower, false, -(c.lower - node));
     c.seeks_print = false;
-    lose(c, node);
+    lose(i, node);
     if (next == gap) {
       if (printed) {
         c.seeks_end = true;
       } else {
-        error(i, -(c.any_printed ? c.start - node : c.lower - node));
+        error(i, node, true, -(c.any_printed ? c.start - node : c.lower - node));
       }
     }
     c.run_below = true;
+    c.gap_end = node;
     c.gap_seen = false;
     c.gap_layers = 0;
     gap_min_[i] = kNever;
   } else if (old == gap) {
     c.gap_layers += c.lower - node;
-    if (c.seeks_end) error(i, c.lower - node);
+    if (c.seeks_end) error(i, c.lower, true, c.lower - node);
     c.seeks_end = false;
     if (next == run) {
       if (printed) {
-        error(i, std::min<double>(c.start, c.lower) - node);
+        error(i, node, false, std::min<double>(c.start, c.lower) - node);
       } else {
         c.seeks_print = true;
       }
     }
   }
   if (next == run) {
-    close_gap(i);
+    close_gap(i, node);
     c.any_printed = printed;
   } else if (next == gap) {
     c.gap_seen = true;
@@ -228,11 +233,11 @@ void BandPredictor::event(std::size_t i, int slice, double phi, double middle,
     if (dose >= 1.0) {
       if (now == run) {
         c.any_printed = true;
-        if (c.seeks_print) error(i, -(c.lower - c.start));
+        if (c.seeks_print) error(i, c.lower, false, -(c.lower - c.start));
         c.seeks_print = false;
       }
     } else if (c.seeks_end) {
-      error(i, c.lower - c.start);
+      error(i, c.lower, true, c.lower - c.start);
       c.seeks_end = false;
     }
   }
@@ -313,16 +318,25 @@ Prediction BandPredictor::finish(int x0, int y0, int width) {
   for (std::size_t i = 0; i < columns_.size(); ++i) {
     Column& c = columns_[i];
     if (class_[i] == run) {
-      if (c.seeks_print) error(i, -c.lower);
-      lose(c, 0);
+      if (c.seeks_print) error(i, c.lower, false, -c.lower);
+      lose(i, 0);
     } else {
       if (class_[i] == gap) {
-        if (c.seeks_end) error(i, c.lower);
+        if (c.seeks_end) error(i, c.lower, true, c.lower);
         c.gap_layers += c.lower;
       }
-      close_gap(i);
+      close_gap(i, 0);
     }
   }
+  const auto placed = [&](const FeatureExamples& from, FeatureExamples& to) {
+    for (FeatureExample e : from.sorted()) {
+      e.x = x0 + e.y % width;
+      e.y = y0 + e.y / width;
+      to.add(e);
+    }
+  };
+  placed(lost_, prediction_.lost_examples);
+  placed(merged_, prediction_.merged_examples);
   if (worst_ >= 0) {
     prediction_.worst_x = x0 + static_cast<int>(worst_column_ % static_cast<std::size_t>(width));
     prediction_.worst_y = y0 + static_cast<int>(worst_column_ / static_cast<std::size_t>(width));

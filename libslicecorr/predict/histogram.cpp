@@ -47,6 +47,10 @@ double Histogram::quantile(double q) const {
     seen += bins_[bin];
     if (seen >= rank) break;
   }
+  return middle_of(bin);
+}
+
+double Histogram::middle_of(std::size_t bin) const {
   double value = 0;
   if (bin > 0) {
     const auto octave = static_cast<int>((bin - 1) / kBinsPerOctave);
@@ -54,6 +58,19 @@ double Histogram::quantile(double q) const {
     value = std::ldexp(0.5 + mantissa / (2.0 * kBinsPerOctave), octave + kLeastExponent + 1);
   }
   return std::clamp(value, least_, greatest_);
+}
+
+std::vector<std::uint64_t> Histogram::coarse(const std::vector<double>& edges) const {
+  std::vector<std::uint64_t> counts(edges.size() > 1 ? edges.size() - 1 : 0, 0);
+  if (counts.empty()) return counts;
+  std::size_t at = 0;
+  for (std::size_t bin = 0; bin < bins_.size(); ++bin) {
+    if (bins_[bin] == 0) continue;
+    const double value = middle_of(bin);
+    while (at + 1 < counts.size() && value >= edges[at + 1]) ++at;
+    counts[at] += bins_[bin];
+  }
+  return counts;
 }
 
 }  // namespace slicecorr

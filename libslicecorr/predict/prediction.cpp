@@ -5,6 +5,26 @@
 
 namespace slicecorr {
 
+void FeatureExamples::add(const FeatureExample& example) {
+  if (heap_.size() == kMost) {
+    if (example >= heap_.front()) return;
+    std::pop_heap(heap_.begin(), heap_.end());
+    heap_.pop_back();
+  }
+  heap_.push_back(example);
+  std::push_heap(heap_.begin(), heap_.end());
+}
+
+void FeatureExamples::merge(const FeatureExamples& other) {
+  for (const FeatureExample& e : other.heap_) add(e);
+}
+
+std::vector<FeatureExample> FeatureExamples::sorted() const {
+  std::vector<FeatureExample> list = heap_;
+  std::sort(list.begin(), list.end());
+  return list;
+}
+
 double Prediction::iou() const {
   const std::uint64_t both = target_voxels - undercure_voxels;
   const std::uint64_t either = target_voxels + cure_through_voxels;
@@ -34,6 +54,8 @@ void Prediction::merge(const Prediction& o) {
       worst_y = o.worst_y;
     }
   }
+  lost_examples.merge(o.lost_examples);
+  merged_examples.merge(o.merged_examples);
   height_error_um.merge(o.height_error_um);
   greatest_overreach_um = std::max(greatest_overreach_um, o.greatest_overreach_um);
   greatest_shortfall_um = std::max(greatest_shortfall_um, o.greatest_shortfall_um);

@@ -1,56 +1,21 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <string_view>
 
+#include "report/page_parts.hpp"
+#include "report/page_text.hpp"
 #include "slicecorr/report.hpp"
 #include "slicecorr/units.hpp"
 
 namespace slicecorr {
 
+using detail::base64;
+using detail::escape;
+
 namespace {
-
-std::string escape(std::string_view text) {
-  std::string out;
-  for (const char c : text) {
-    switch (c) {
-      case '<':
-        out += "&lt;";
-        break;
-      case '>':
-        out += "&gt;";
-        break;
-      case '&':
-        out += "&amp;";
-        break;
-      case '"':
-        out += "&quot;";
-        break;
-      default:
-        out += c;
-    }
-  }
-  return out;
-}
-
-std::string base64(const std::vector<std::uint8_t>& bytes) {
-  static constexpr char digits[] =
-      "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string out;
-  out.reserve((bytes.size() + 2) / 3 * 4);
-  for (std::size_t i = 0; i < bytes.size(); i += 3) {
-    const std::uint32_t b =
-        static_cast<std::uint32_t>(bytes[i]) << 16 |
-        (i + 1 < bytes.size() ? static_cast<std::uint32_t>(bytes[i + 1]) << 8 : 0) |
-        (i + 2 < bytes.size() ? bytes[i + 2] : 0);
-    out += digits[b >> 18];
-    out += digits[b >> 12 & 63];
-    out += i + 1 < bytes.size() ? digits[b >> 6 & 63] : '=';
-    out += i + 2 < bytes.size() ? digits[b & 63] : '=';
-  }
-  return out;
-}
 
 std::string image(const ColourImage& picture, const std::string& words) {
   return fmt::format(R"(<img alt="{}" width="{}" height="{}" src="data:image/png;base64,{}">)",
@@ -58,31 +23,17 @@ std::string image(const ColourImage& picture, const std::string& words) {
                      base64(encode_png(picture)));
 }
 
-constexpr std::string_view kStyle = R"(
-:root{color-scheme:light dark;--bg:#fff;--fg:#1b1f24;--dim:#5b6570;--line:#d5dae0;--card:#f6f7f9;--dose:#c2410c;--grey:#64748b;--design:#64748b}
-@media(prefers-color-scheme:dark){:root{--bg:#14171a;--fg:#e6e9ec;--dim:#98a2ad;--line:#343a41;--card:#1d2126;--dose:#fb923c;--grey:#94a3b8;--design:#94a3b8}}
-*{box-sizing:border-box}body{margin:0 auto;max-width:70rem;padding:1rem;background:var(--bg);color:var(--fg);font:16px/1.5 system-ui,sans-serif}
-h1{font-size:1.5rem;margin:.3em 0}h2{font-size:1.15rem;margin:1.6em 0 .4em}p{margin:.4em 0}.dim{color:var(--dim)}
-.scroll{overflow-x:auto}table{border-collapse:collapse;font-variant-numeric:tabular-nums}td,th{padding:.25rem .8rem;border-bottom:1px solid var(--line);text-align:right}td:first-child,th:first-child{text-align:left;padding-left:0}
-.pair{display:grid;grid-template-columns:repeat(2,minmax(0,1fr));gap:1rem}figure{margin:0;background:var(--card);border:1px solid var(--line);border-radius:6px;padding:.6rem}
-figure img{display:block;width:100%;height:auto;image-rendering:pixelated;background:#fff}figcaption{font-size:.9rem;color:var(--dim);margin-top:.4rem}
-.key b{font-weight:400;white-space:nowrap;margin-left:.6em}.key i{display:inline-block;width:.9em;height:.9em;border-radius:2px;margin-right:.35em;vertical-align:-.08em;border:1px solid var(--line)}
-.plot{display:block;width:100%;min-width:36rem;height:auto}.plot text{fill:var(--fg);font-size:12px}.plot .h{font-size:14px;font-weight:600}.plot .tick{fill:var(--dim)}.plot .grey{fill:var(--grey)}
-.plot .design{fill:var(--design)}.plot .gel{stroke:var(--dim);stroke-dasharray:4 4}.plot .steps{fill:none;stroke:var(--grey);stroke-width:1}.plot .dose{fill:none;stroke:var(--dose);stroke-width:2}
-@media(max-width:40rem){.pair{grid-template-columns:1fr}}
-@media print{body{max-width:none}figure{break-inside:avoid}}
-)";
-
 std::string number_or_dash(bool known, double value, const char* unit = "") {
   return known ? fmt::format("{:.4g}{}", value, unit) : "-";
 }
 
 std::string figures_table(const ReportContent& c) {
-  std::string html = R"(<div class="scroll"><table><thead><tr><th scope="col">Figure</th>)";
+  std::string html =
+      R"(<div class="scroll"><table class="figures"><thead><tr><th scope="col">Figure</th>)";
   if (c.before) html += R"(<th scope="col">uncorrected</th>)";
   html += R"(<th scope="col">this stack</th></tr></thead><tbody>)";
   const auto row = [&](const char* name, auto figure) {
-    html += fmt::format("<tr><td>{}</td>", name);
+    html += fmt::format("<tr><th scope=\"row\">{}</th>", name);
     if (c.before) html += fmt::format("<td>{}</td>", figure(*c.before));
     html += fmt::format("<td>{}</td></tr>", figure(c.after));
   };
@@ -154,13 +105,17 @@ std::string make_report(const ReportContent& c) {
       make_cure_model(c.setup.printer, c.setup.resin, c.setup.process, g.layer_um);
   std::string html = fmt::format(
       R"(<!doctype html><html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1"><title>{0}</title><style>{1}</style></head><body><main><h1>{0}</h1>)",
-      escape(c.title), kStyle);
+      escape(c.title), detail::page_page_css);
   html += summary(c);
   html += "<h2>What will print</h2>" + figures_table(c);
+  if (c.comparison) html += detail::comparison_table(*c.comparison);
+  const bool moving = c.volume && c.volume->cells() > 0;
+  if (moving) html += detail::page_explorer_html;
+  html += detail::histograms(c) + detail::feature_lists(c);
   html +=
-      R"(<p class="key dim">In the sections, platform up: <b><i style="background:#80868c"></i>as designed</b> <b><i style="background:#d63031"></i>cured through</b> <b><i style="background:#2667d6"></i>undercured</b> <b><i style="background:#b0b6bc"></i>designed grey</b></p>)";
+      R"(<h2>Still pictures</h2><p class="key dim">In the sections, platform up: <b><i class="right"></i>as designed</b> <b><i class="flat-through"></i>cured through (red)</b> <b><i class="flat-under"></i>undercured (blue)</b> <b><i class="pale"></i>designed grey</b></p>)";
   for (const auto& section : c.sections) {
-    html += fmt::format("<h2>Section at image row {}</h2><div class=\"pair\">", section.y);
+    html += fmt::format("<h3>Section at image row {}</h3><div class=\"pair\">", section.y);
     const auto figure = [&](const ColourImage& picture, const std::string& words) {
       html += fmt::format("<figure>{}<figcaption>{}</figcaption></figure>", image(picture, words),
                           words);
@@ -178,18 +133,33 @@ std::string make_report(const ReportContent& c) {
     }
     const std::size_t slices = std::max(c.column_before.size(), c.column_after.size());
     html += fmt::format(
-        R"(<h2>Column {}, {}</h2><p class="dim">Through the largest height error of the uncorrected part. Shaded: the design; line: dose; steps: grey level.</p><div class="scroll"><figure>{}</figure></div><div class="scroll"><figure>{}</figure></div>)",
+        R"(<h3>Column {}, {}</h3><p class="dim">Through the largest height error of the uncorrected part. Shaded: the design; line: dose; steps: grey level.</p><div class="scroll"><figure>{}</figure></div><div class="scroll"><figure>{}</figure></div>)",
         c.column_x, c.column_y, column_svg(c.column_before, model, "Uncorrected", top, slices),
         column_svg(c.column_after, model, "This stack", top, slices));
   }
-  return html +
-         fmt::format(R"(<p class="dim">{}</p></main></body></html>)", escape(c.info.program)) +
-         "\n";
+  html += fmt::format(R"(<p class="dim">{}</p></main>)", escape(c.info.program));
+  if (moving) {
+    const ReducedVolume& v = *c.volume;
+    const std::array<int, 3> start{c.column_x >= 0 ? c.column_x : (v.box.x0 + v.box.x1) / 2,
+                                   c.column_y >= 0 ? c.column_y : (v.box.y0 + v.box.y1) / 2,
+                                   v.layers / 2};
+    html += R"(<script type="application/json" id="report-data">)";
+    html += detail::page_data(v, model, g, start);
+    html += "</script><script>";
+    for (const auto& script :
+         {detail::page_data_js, detail::page_sections_js, detail::page_column_js,
+          detail::page_solid_js, detail::page_page_js}) {
+      html += script;
+    }
+    html += "</script>";
+  }
+  return html + "</body></html>\n";
 }
 
 ReportContent gather_report(const SliceSource& stack, const SliceSource& target, const Setup& setup,
                             const StackInfo& info, const Prediction& after,
-                            const std::optional<Prediction>& before, const std::string& title) {
+                            const std::optional<Prediction>& before, const std::string& title,
+                            const Job& job) {
   ReportContent c;
   c.title = title;
   c.info = info;
@@ -222,6 +192,7 @@ ReportContent gather_report(const SliceSource& stack, const SliceSource& target,
     c.column_before = probe_stack(target, &target, setup, c.column_x, c.column_y);
     c.column_after = probe_stack(stack, &target, setup, c.column_x, c.column_y);
   }
+  c.volume = reduce_volume(stack, target, setup, kReportCells, job);
   return c;
 }
 

@@ -8,12 +8,15 @@
 #pragma once
 
 #include <array>
+#include <compare>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <memory>
 #include <optional>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "slicecorr/cure.hpp"
@@ -35,8 +38,12 @@ class Histogram {
   double quantile(double q) const;
   double least() const { return least_; }
   double greatest() const { return greatest_; }
+  /// Samples between each two neighbours of `edges`, which rise; those below the first or above the
+  /// last count in the outermost. Near an edge to the width of a bin, 0.1 %.
+  std::vector<std::uint64_t> coarse(const std::vector<double>& edges) const;
 
  private:
+  double middle_of(std::size_t bin) const;
   static constexpr int kLeastExponent = -20, kGreatestExponent = 30, kBinsPerOctave = 1024;
   std::vector<std::uint64_t> bins_;  ///< empty until the first sample; bin 0: below 2^-20
   std::uint64_t count_ = 0;
@@ -44,6 +51,27 @@ class Histogram {
   unsigned __int128 sum_ = 0;
   double least_ = std::numeric_limits<double>::infinity();
   double greatest_ = -std::numeric_limits<double>::infinity();
+};
+
+/// Where a feature is lost or a gap merged: slices [first, last] of one pixel.
+struct FeatureExample {
+  int x = 0, y = 0, first = 0, last = 0;
+  auto operator<=>(const FeatureExample& o) const {
+    return std::tie(y, x, first, last) <=> std::tie(o.y, o.x, o.first, o.last);
+  }
+  bool operator==(const FeatureExample&) const = default;
+};
+
+/// The first `kMost` examples in reading order (row, column, slice), whatever the order of adding.
+class FeatureExamples {
+ public:
+  static constexpr std::size_t kMost = 200;
+  void add(const FeatureExample& example);
+  void merge(const FeatureExamples& other);
+  std::vector<FeatureExample> sorted() const;
+
+ private:
+  std::vector<FeatureExample> heap_;  ///< the last in order at the front
 };
 
 /// The figures of a prediction.
@@ -62,9 +90,10 @@ struct Prediction {
   std::uint64_t one_slice_gaps = 0;       ///< gaps one slice high: they can't have both edges right
   std::uint64_t merged_features = 0;      ///< gaps with nothing unprinted in them
   std::uint64_t merged_thick_gaps = 0;    ///< of these, gaps of two slices or more
-  Histogram height_error_um;              ///< absolute values
-  double greatest_overreach_um = 0;       ///< furthest that the print reaches into a gap
-  double greatest_shortfall_um = 0;       ///< furthest that an edge stays behind in its run
+  FeatureExamples lost_examples, merged_examples;
+  Histogram height_error_um;         ///< absolute values
+  double greatest_overreach_um = 0;  ///< furthest that the print reaches into a gap
+  double greatest_shortfall_um = 0;  ///< furthest that an edge stays behind in its run
   Histogram gap_contrast;
   Histogram grey_dose_error;  ///< absolute difference of mid-layer dose and coverage
   double min_dose_inside = std::numeric_limits<double>::infinity();
@@ -97,6 +126,11 @@ class BandPredictor {
                 std::size_t columns);
   ~BandPredictor();
 
+  /// Told every designed edge: its column, its node, whether it is the run's edge towards the
+  /// platform, and its signed height error.
+  using EdgeSink = std::function<void(std::size_t column, int node, bool upper, double um)>;
+  void tell_edges(EdgeSink sink) { edge_sink_ = std::move(sink); }
+
   /// Sums per lane of a block; private to the implementation.
   struct BlockSums;
 
@@ -119,12 +153,13 @@ class BandPredictor {
     bool run_below = false;    ///< there is a run further down
     bool gap_seen = false;     ///< a layer of coverage 0 since the run below
     std::int32_t gap_layers = 0;
+    std::int32_t gap_end = 0;  ///< node of the upper edge of the run below
   };
   void event(std::size_t i, int slice, double phi, double middle, std::uint8_t coverage);
   void enter(std::size_t i, int node, Class next, double dose);
-  void close_gap(std::size_t i);
-  void error(std::size_t i, double slices);
-  void lose(const Column& c, int top);
+  void close_gap(std::size_t i, int top);
+  void error(std::size_t i, int node, bool upper, double slices);
+  void lose(std::size_t i, int top);
 
   const CureModel& model_;
   const PixelCurve& curve_;
@@ -138,6 +173,9 @@ class BandPredictor {
   std::unique_ptr<BlockSums> sums_;
   double worst_ = -1;
   std::size_t worst_column_ = 0;
+  EdgeSink edge_sink_;
+  /// With the index of the column in place of its row, until `finish` knows the place of the band.
+  FeatureExamples lost_, merged_;
   Prediction prediction_;
 };
 

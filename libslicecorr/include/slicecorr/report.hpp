@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "slicecorr/pipeline.hpp"
+#include "slicecorr/volume.hpp"
 
 namespace slicecorr {
 
@@ -30,6 +31,13 @@ ColourImage side_by_side(const ColourImage& left, const ColourImage& right);
 
 std::vector<std::uint8_t> encode_png(const ColourImage& image);
 
+/// A table of this correction beside other ways to do it.
+struct Comparison {
+  std::vector<std::string> columns;            ///< heads
+  std::vector<std::vector<std::string>> rows;  ///< the first cell names the row
+  std::string note;                            ///< below the table; may be empty
+};
+
 /// Everything a report shows.
 struct ReportContent {
   std::string title;
@@ -45,9 +53,12 @@ struct ReportContent {
   std::vector<SectionPictures> sections;
   int column_x = -1, column_y = -1;  ///< pixel of the columns below
   std::vector<ProbeRow> column_before, column_after;
+  std::optional<ReducedVolume> volume;   ///< what can be moved through; none: still pictures only
+  std::optional<Comparison> comparison;  ///< when the caller has one
 };
 
-/// One self-contained HTML page: no network, no scripts needed.
+/// One self-contained HTML page: no network. Without scripts it still shows figures and pictures of
+/// sections; with them all sections and columns of `volume`, and the part in the round.
 std::string make_report(const ReportContent& content);
 
 /// Dose and grey level along a column as SVG: design shaded, dose curve exact inside layers. Axes
@@ -57,9 +68,12 @@ std::string column_svg(const std::vector<ProbeRow>& column, const CureModel& mod
                        std::size_t slices = 0);
 
 /// Gathers the content for `stack` against `target`: figures, the middle section, the section and
-/// the column through the worst height error of the target shown as it is.
+/// the column through the worst height error of the target shown as it is, and the volume of at
+/// most `kReportCells` cells a side.
+inline constexpr int kReportCells = 160;
 ReportContent gather_report(const SliceSource& stack, const SliceSource& target, const Setup& setup,
                             const StackInfo& info, const Prediction& after,
-                            const std::optional<Prediction>& before, const std::string& title);
+                            const std::optional<Prediction>& before, const std::string& title,
+                            const Job& job = {});
 
 }  // namespace slicecorr

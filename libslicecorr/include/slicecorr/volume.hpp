@@ -1,0 +1,80 @@
+/// @file volume.hpp
+/// What prints, reduced to at most a given number of cells along each side, before and after.
+///
+/// A cell stands for a box of voxels. It forgets how many of them are wrong, never that one is.
+/// Each column of cells has a pixel that stands for it: the one with the most wrong voxels of the
+/// stack, then of the target shown as it is, then the one nearest the middle. Its slices are kept
+/// exactly.
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "slicecorr/pipeline.hpp"
+
+namespace slicecorr {
+
+/// Flags of a cell.
+enum CellState : std::uint8_t {
+  kCellCureThrough = 1,  ///< some voxel of coverage 0 prints
+  kCellUndercure = 2,    ///< some voxel of coverage 1 stays liquid
+  kCellPrinted = 4,      ///< half of its voxels print, or more
+  kCellDesigned = 8,     ///< half of its voxels have a coverage of a half or more
+  kCellGrey = 16,        ///< some voxel has a coverage between 0 and 1
+};
+
+/// One of the two prints: the target shown as it is, or the stack.
+struct ReducedPrint {
+  std::vector<std::uint8_t> state;  ///< flags
+  std::vector<std::uint8_t> dose;   ///< of the pixel that stands, mid-layer in the middle slice
+  std::vector<std::uint8_t> grey;   ///< its pixel value there
+  std::vector<std::uint8_t> error;  ///< the greatest height error of edges in the cell
+};
+
+struct ReducedVolume {
+  PixelBox box;                            ///< pixels covered
+  int layers = 0;                          ///< slices covered
+  int step_x = 1, step_y = 1, step_z = 1;  ///< voxels of a cell
+  int nx = 0, ny = 0, nz = 0;
+  ReducedPrint before, after;  ///< cell (i, j, k) is element (k * ny + j) * nx + i
+
+  /// A value and for how many slices, from slice 0 on.
+  using Runs = std::vector<std::pair<std::uint8_t, std::int32_t>>;
+  struct Column {
+    int x = -1, y = -1;
+    Runs coverage;  ///< of the target
+    Runs levels;    ///< of the stack; ends where the stack ends
+  };
+  std::vector<Column> columns;  ///< j * nx + i
+
+  std::size_t cells() const {
+    return static_cast<std::size_t>(nx) * static_cast<std::size_t>(ny) *
+           static_cast<std::size_t>(nz);
+  }
+};
+
+/// Dose in a byte: 128 and more is gelled.
+inline std::uint8_t dose_code(double dose) {
+  return static_cast<std::uint8_t>(
+      dose / (1.0 + dose) * 256.0 < 255.0 ? std::floor(dose / (1.0 + dose) * 256.0) : 255.0);
+}
+
+/// Height error in a byte: 0 no edge, 128 none, more is too far, less too short; logarithmic.
+inline std::uint8_t error_code(double um) {
+  const double size = std::round(7.0 * std::log2(1.0 + 4.0 * std::abs(um)));
+  const int steps = size < 127.0 ? static_cast<int>(size) : 127;
+  return static_cast<std::uint8_t>(um < 0 ? 128 - steps : 128 + steps);
+}
+
+/// Reads `stack` and `target` once. The same for any number of threads. Throws `InputError` when
+/// the two differ in size.
+ReducedVolume reduce_volume(const SliceSource& stack, const SliceSource& target, const Setup& setup,
+                            int most_cells, const Job& job = {});
+
+/// Every two cells along each side joined into one.
+ReducedVolume coarser(const ReducedVolume& fine);
+
+}  // namespace slicecorr

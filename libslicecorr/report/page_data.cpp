@@ -1,0 +1,152 @@
+#include <zlib.h>
+
+#include <nlohmann/json.hpp>
+
+#include "report/page_parts.hpp"
+#include "slicecorr/error.hpp"
+
+namespace slicecorr::detail {
+
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+
+// Compressed bytes; a third more in base 64. Together the page stays at a few MB.
+constexpr std::size_t kStateBudget = 1'000'000, kFieldBudget = 1'500'000, kColumnBudget = 1'000'000;
+
+Bytes deflated(const Bytes& raw) {
+  uLongf size = compressBound(static_cast<uLong>(raw.size()));
+  Bytes out(size);
+  if (compress2(out.data(), &size, raw.data(), static_cast<uLong>(raw.size()), 7) != Z_OK) {
+    throw Error("the report's data can't be compressed");
+  }
+  out.resize(size);
+  return out;
+}
+
+std::size_t cell(const ReducedVolume& v, int i, int j, int k) {
+  return (static_cast<std::size_t>(k) * static_cast<std::size_t>(v.ny) +
+          static_cast<std::size_t>(j)) *
+             static_cast<std::size_t>(v.nx) +
+         static_cast<std::size_t>(i);
+}
+
+/// Every `every`-th cell along each side; as differences from one layer of cells to the next, which
+/// compress better.
+Bytes sampled(const ReducedVolume& v, const Bytes& field, int every) {
+  Bytes out;
+  const auto count = [&](int n) { return static_cast<std::size_t>((n + every - 1) / every); };
+  const std::size_t layer = count(v.nx) * count(v.ny);
+  out.reserve(layer * count(v.nz));
+  for (int k = 0; k < v.nz; k += every) {
+    for (int j = 0; j < v.ny; j += every) {
+      for (int i = 0; i < v.nx; i += every) out.push_back(field[cell(v, i, j, k)]);
+    }
+  }
+  for (std::size_t at = out.size(); at-- > layer;) {
+    out[at] = static_cast<std::uint8_t>(out[at] - out[at - layer]);
+  }
+  return out;
+}
+
+/// The greatest error in each block of cells.
+Bytes greatest(const ReducedVolume& v, const Bytes& error, int every) {
+  const auto count = [&](int n) { return static_cast<std::size_t>((n + every - 1) / every); };
+  Bytes out(count(v.nx) * count(v.ny) * count(v.nz), 0);
+  for (int k = 0; k < v.nz; ++k) {
+    for (int j = 0; j < v.ny; ++j) {
+      for (int i = 0; i < v.nx; ++i) {
+        const std::uint8_t e = error[cell(v, i, j, k)];
+        std::uint8_t& to = out[(static_cast<std::size_t>(k / every) * count(v.ny) +
+                                static_cast<std::size_t>(j / every)) *
+                                   count(v.nx) +
+                               static_cast<std::size_t>(i / every)];
+        if (e && (!to || std::abs(e - 128) > std::abs(to - 128))) to = e;
+      }
+    }
+  }
+  return out;
+}
+
+void put_number(Bytes& out, std::uint32_t value) {
+  for (; value >= 128; value >>= 7) out.push_back(static_cast<std::uint8_t>(value | 128));
+  out.push_back(static_cast<std::uint8_t>(value));
+}
+
+/// Per column x, y, then for coverage and levels the number of runs, and value and length of each.
+Bytes column_codes(const ReducedVolume& v, int every) {
+  Bytes out;
+  for (int j = 0; j < v.ny; j += every) {
+    for (int i = 0; i < v.nx; i += every) {
+      const auto& column = v.columns[static_cast<std::size_t>(j) * static_cast<std::size_t>(v.nx) +
+                                     static_cast<std::size_t>(i)];
+      put_number(out, static_cast<std::uint32_t>(column.x));
+      put_number(out, static_cast<std::uint32_t>(column.y));
+      for (const auto* runs : {&column.coverage, &column.levels}) {
+        put_number(out, static_cast<std::uint32_t>(runs->size()));
+        for (const auto& [value, length] : *runs) {
+          out.push_back(value);
+          put_number(out, static_cast<std::uint32_t>(length));
+        }
+      }
+    }
+  }
+  return out;
+}
+
+}  // namespace
+
+std::string page_data(ReducedVolume v, const CureModel& model, const Grid& grid,
+                      const std::array<int, 3>& start) {
+  Bytes state_before, state_after;
+  for (;; v = coarser(v)) {
+    state_before = deflated(v.before.state);
+    state_after = deflated(v.after.state);
+    if (state_before.size() + state_after.size() <= kStateBudget || v.cells() < 1000) break;
+  }
+  nlohmann::ordered_json j;
+  j["box"] = {v.box.x0, v.box.y0, v.box.x1, v.box.y1};
+  j["image"] = {grid.width_px, grid.height_px};
+  j["layers"] = v.layers;
+  j["voxelUm"] = {grid.pixel_x_um, grid.pixel_y_um, grid.layer_um};
+  j["step"] = {v.step_x, v.step_y, v.step_z};
+  j["cells"] = {v.nx, v.ny, v.nz};
+  j["start"] = start;
+  j["a"] = model.a;
+  j["phi"] = model.level_phi;
+  j["state"] = {base64(state_before), base64(state_after)};
+
+  Bytes fields[6];
+  int every = 1;
+  for (;; ++every) {
+    fields[0] = deflated(sampled(v, v.before.dose, every));
+    fields[1] = deflated(sampled(v, v.after.dose, every));
+    fields[2] = deflated(sampled(v, v.before.grey, every));
+    fields[3] = deflated(sampled(v, v.after.grey, every));
+    fields[4] = deflated(greatest(v, v.before.error, every));
+    fields[5] = deflated(greatest(v, v.after.error, every));
+    std::size_t sum = 0;
+    for (const Bytes& f : fields) sum += f.size();
+    if (sum <= kFieldBudget || every >= 8) break;
+  }
+  j["fieldEvery"] = every;
+  j["dose"] = {base64(fields[0]), base64(fields[1])};
+  j["grey"] = {base64(fields[2]), base64(fields[3])};
+  j["error"] = {base64(fields[4]), base64(fields[5])};
+
+  std::size_t runs = 0;
+  for (const auto& column : v.columns) runs += column.coverage.size() + column.levels.size();
+  Bytes columns;
+  for (every = 1;; ++every) {
+    // Codes hardly shrink more than twelvefold: don't make what can't fit.
+    const std::size_t least = runs * 2 / static_cast<std::size_t>(every * every) / 12;
+    if (least > kColumnBudget) continue;
+    columns = deflated(column_codes(v, every));
+    if (columns.size() <= kColumnBudget || every >= std::max(v.nx, v.ny)) break;
+  }
+  j["columnEvery"] = every;
+  j["columns"] = base64(columns);
+  return j.dump();
+}
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,240 @@
+#include "report/page_parts.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace slicecorr::detail {
+
+std::string escape(std::string_view text) {
+  std::string out;
+  for (const char c : text) {
+    switch (c) {
+      case '<':
+        out += "&lt;";
+        break;
+      case '>':
+        out += "&gt;";
+        break;
+      case '&':
+        out += "&amp;";
+        break;
+      case '"':
+        out += "&quot;";
+        break;
+      default:
+        out += c;
+    }
+  }
+  return out;
+}
+
+std::string base64(const std::vector<std::uint8_t>& bytes) {
+  static constexpr char digits[] =
+      "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string out;
+  out.reserve((bytes.size() + 2) / 3 * 4);
+  for (std::size_t i = 0; i < bytes.size(); i += 3) {
+    const std::uint32_t b =
+        static_cast<std::uint32_t>(bytes[i]) << 16 |
+        (i + 1 < bytes.size() ? static_cast<std::uint32_t>(bytes[i + 1]) << 8 : 0) |
+        (i + 2 < bytes.size() ? bytes[i + 2] : 0);
+    out += digits[b >> 18];
+    out += digits[b >> 12 & 63];
+    out += i + 1 < bytes.size() ? digits[b >> 6 & 63] : '=';
+    out += i + 2 < bytes.size() ? digits[b & 63] : '=';
+  }
+  return out;
+}
+
+namespace {
+
+using Counts = std::vector<std::uint64_t>;
+
+double share(std::uint64_t part, std::uint64_t all) {
+  return all ? 100.0 * static_cast<double>(part) / static_cast<double>(all) : 0.0;
+}
+
+/// Bars of shares, before hatched and after filled, and the same as a table.
+std::string histogram(const char* title, const char* axis, const std::vector<std::string>& names,
+                      const Counts* before, const Counts& after) {
+  constexpr double kWidth = 520, kHeight = 240, kLeft = 46, kTop = 34, kFloor = 190;
+  const auto total = [](const Counts& c) {
+    std::uint64_t sum = 0;
+    for (const std::uint64_t n : c) sum += n;
+    return sum;
+  };
+  const std::uint64_t all_after = total(after), all_before = before ? total(*before) : 0;
+  double most = 1;
+  for (std::size_t i = 0; i < after.size(); ++i) {
+    most = std::max(most, share(after[i], all_after));
+    if (before) most = std::max(most, share((*before)[i], all_before));
+  }
+  const double slot = (kWidth - kLeft - 8) / static_cast<double>(names.size());
+  const auto y = [&](double percent) { return kFloor - percent / most * (kFloor - kTop); };
+  std::string svg = fmt::format(
+      R"(<figure><div class="scroll"><svg viewBox="0 0 {} {}" class="plot small" role="img" aria-label="{}; the numbers are in the table below"><text x="{}" y="18" class="h">{}</text>)",
+      kWidth, kHeight, title, kLeft, title);
+  for (const double percent : {0.0, most / 2, most}) {
+    svg += fmt::format(
+        R"(<text x="{}" y="{:.1f}" class="tick" text-anchor="end">{:.3g} %</text><line class="grid" x1="{}" x2="{}" y1="{:.1f}" y2="{:.1f}"/>)",
+        kLeft - 5, y(percent) + 4, percent, kLeft, kWidth - 8, y(percent), y(percent));
+  }
+  std::string table = fmt::format(
+      R"(<details><summary>Numbers</summary><div class="scroll"><table><thead><tr><th scope="col">{}</th>{}<th scope="col">this stack</th></tr></thead><tbody>)",
+      axis, before ? R"(<th scope="col">uncorrected</th>)" : "");
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const double x = kLeft + slot * static_cast<double>(i);
+    const auto bar = [&](const char* kind, double at, double percent) {
+      if (percent <= 0) return;
+      const double top = std::min(y(percent), kFloor - 1.5);  // rare ones are seen, too
+      svg +=
+          fmt::format(R"(<rect class="{}" x="{:.1f}" y="{:.1f}" width="{:.1f}" height="{:.1f}"/>)",
+                      kind, at, top, slot * 0.4, kFloor - top);
+    };
+    if (before) bar("bar-before", x + slot * 0.08, share((*before)[i], all_before));
+    bar("bar-after", x + slot * (before ? 0.5 : 0.3), share(after[i], all_after));
+    svg += fmt::format(R"(<text x="{:.1f}" y="{}" class="tick" text-anchor="middle">{}</text>)",
+                       x + slot / 2, kFloor + 15, names[i]);
+    table += fmt::format(R"(<tr><th scope="row">{}</th>)", names[i]);
+    if (before) table += fmt::format("<td>{}</td>", (*before)[i]);
+    table += fmt::format("<td>{}</td></tr>", after[i]);
+  }
+  svg += fmt::format(R"(<text x="{}" y="{}" class="tick" text-anchor="middle">{}</text>)",
+                     (kLeft + kWidth) / 2, kFloor + 34, axis);
+  return svg + R"(</svg></div><figcaption>)" +
+         (before
+              ? R"(<span class="key"><b><i class="swatch-before"></i>uncorrected (outlined)</b> )"
+                R"(<b><i class="swatch-after"></i>this stack (filled)</b></span>)"
+              : "") +
+         "</figcaption>" + table + "</tbody></table></div></details></figure>";
+}
+
+struct Place {
+  FeatureExample first;
+  int last_x;
+};
+
+/// Neighbours in a row with the same slices are one place.
+std::vector<Place> places(const FeatureExamples& examples) {
+  std::vector<Place> list;
+  auto sorted = examples.sorted();
+  std::stable_sort(sorted.begin(), sorted.end(), [](const auto& a, const auto& b) {
+    return std::tie(a.y, a.first, a.last, a.x) < std::tie(b.y, b.first, b.last, b.x);
+  });
+  for (const FeatureExample& e : sorted) {
+    if (!list.empty()) {
+      Place& p = list.back();
+      if (p.first.y == e.y && p.first.first == e.first && p.first.last == e.last &&
+          p.last_x + 1 == e.x) {
+        p.last_x = e.x;
+        continue;
+      }
+    }
+    list.push_back({e, e.x});
+  }
+  std::stable_sort(list.begin(), list.end(), [](const Place& a, const Place& b) {
+    return std::tie(a.first.y, a.first.x, a.first.first) <
+           std::tie(b.first.y, b.first.x, b.first.first);
+  });
+  return list;
+}
+
+std::string range(int from, int to) {
+  return from == to ? fmt::format("{}", from) : fmt::format("{}–{}", from, to);
+}
+
+std::string feature_table(const std::string& words, const FeatureExamples& examples,
+                          std::uint64_t count, const Grid& grid, bool open) {
+  if (count == 0) return fmt::format("<p>{}: none.</p>", words);
+  const auto list = places(examples);
+  std::size_t listed = 0;
+  for (const Place& p : list) listed += static_cast<std::size_t>(p.last_x - p.first.x + 1);
+  std::string html = fmt::format(
+      R"(<details{}><summary>{}: {}{}</summary><div class="scroll tall" tabindex="0" role="region" aria-label="{}"><table><thead><tr><th scope="col">image columns</th><th scope="col">row</th><th scope="col">slices</th><th scope="col">x, mm</th><th scope="col">y, mm</th><th scope="col">z, mm</th><th scope="col"></th></tr></thead><tbody>)",
+      open ? " open" : "", words, count,
+      listed < count ? fmt::format(" (the first {} are listed)", listed) : "", words);
+  for (const Place& p : list) {
+    const FeatureExample& e = p.first;
+    const double x0 = e.x * grid.pixel_x_um * 1e-3, x1 = (p.last_x + 1) * grid.pixel_x_um * 1e-3;
+    const double y = (grid.height_px - e.y - 0.5) * grid.pixel_y_um * 1e-3;
+    html += fmt::format(
+        R"(<tr><td>{}</td><td>{}</td><td>{}</td><td>{:.2f}–{:.2f}</td><td>{:.2f}</td><td>{:.3f}–{:.3f}</td><td><button type="button" class="go" data-x="{}" data-y="{}" data-n="{}" hidden>show</button></td></tr>)",
+        range(e.x, p.last_x), e.y, range(e.first, e.last), x0, x1, y,
+        e.first * grid.layer_um * 1e-3, (e.last + 1) * grid.layer_um * 1e-3, (e.x + p.last_x) / 2,
+        e.y, (e.first + e.last) / 2);
+  }
+  return html + "</tbody></table></div></details>";
+}
+
+}  // namespace
+
+std::string histograms(const ReportContent& c) {
+  std::string html;
+  const std::vector<double> errors{0, 0.01, 0.1, 0.3, 1, 3, 10, 30, 100, 300, 1000, 1e9};
+  const std::vector<std::string> error_names{"< .01", ".01", ".1",  ".3",  "1",    "3",
+                                             "10",    "30",  "100", "300", "1000+"};
+  if (c.after.height_error_um.count() > 0) {
+    const Counts after = c.after.height_error_um.coarse(errors);
+    Counts before;
+    if (c.before) before = c.before->height_error_um.coarse(errors);
+    html += histogram("Height error of edges", "um, from", error_names,
+                      c.before ? &before : nullptr, after);
+  }
+  if (c.after.gap_contrast.count() > 0) {
+    std::vector<double> contrasts;
+    std::vector<std::string> names;
+    for (int i = 0; i <= 10; ++i) {
+      contrasts.push_back(0.1 * i);
+      if (i < 10) names.push_back(fmt::format("{:.1f}", 0.1 * i));
+    }
+    const Counts after = c.after.gap_contrast.coarse(contrasts);
+    Counts before;
+    if (c.before) before = c.before->gap_contrast.coarse(contrasts);
+    html += histogram("Contrast of gaps", "1 - least dose in the gap, from", names,
+                      c.before ? &before : nullptr, after);
+  }
+  if (html.empty()) return html;
+  return R"(<h2>How it is spread</h2><div class="pair">)" + html + "</div>";
+}
+
+std::string feature_lists(const ReportContent& c) {
+  const Grid& g = c.info.grid;
+  std::string html =
+      "<h2>Lost and merged features</h2><p class=\"dim\">Counted per pixel column. A feature is "
+      "lost "
+      "when nothing of it prints, a gap merged when nothing of it stays open.</p>";
+  html += feature_table("Lost, this stack", c.after.lost_examples, c.after.lost_features, g, true);
+  html += feature_table("Merged, this stack", c.after.merged_examples, c.after.merged_features, g,
+                        true);
+  if (c.before) {
+    html += feature_table("Lost, uncorrected", c.before->lost_examples, c.before->lost_features, g,
+                          false);
+    html += feature_table("Merged, uncorrected", c.before->merged_examples,
+                          c.before->merged_features, g, false);
+  }
+  return html;
+}
+
+std::string comparison_table(const Comparison& comparison) {
+  std::string html = R"(<h2>Compared with other ways</h2><div class="scroll"><table><thead><tr>)";
+  for (const std::string& name : comparison.columns) {
+    html += fmt::format(R"(<th scope="col">{}</th>)", escape(name));
+  }
+  html += "</tr></thead><tbody>";
+  for (const auto& row : comparison.rows) {
+    html += "<tr>";
+    for (std::size_t i = 0; i < row.size(); ++i) {
+      html +=
+          (i == 0 ? R"(<th scope="row">)" : "<td>") + escape(row[i]) + (i == 0 ? "</th>" : "</td>");
+    }
+    html += "</tr>";
+  }
+  html += "</tbody></table></div>";
+  if (!comparison.note.empty()) {
+    html += fmt::format(R"(<p class="dim">{}</p>)", escape(comparison.note));
+  }
+  return html;
+}
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,28 @@
+/// The pieces of the report's page.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "slicecorr/report.hpp"
+
+namespace slicecorr::detail {
+
+std::string escape(std::string_view text);
+std::string base64(const std::vector<std::uint8_t>& bytes);
+
+/// Height errors and gap contrasts, before and after.
+std::string histograms(const ReportContent& content);
+/// The lost and merged features with their places.
+std::string feature_lists(const ReportContent& content);
+std::string comparison_table(const Comparison& comparison);
+
+/// What the page's script reads: the volume and the model as JSON, arrays deflated in base 64. Made
+/// coarser where it would be more than a few MB. `start`: the voxel shown first.
+std::string page_data(ReducedVolume volume, const CureModel& model, const Grid& grid,
+                      const std::array<int, 3>& start);
+
+}  // namespace slicecorr::detail

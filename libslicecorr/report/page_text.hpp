@@ -1,0 +1,11 @@
+/// The files under page/, embedded when the library is built (cmake/EmbedText.cmake).
+#pragma once
+
+#include <string_view>
+
+namespace slicecorr::detail {
+
+extern const std::string_view page_page_css, page_explorer_html, page_data_js, page_sections_js,
+    page_column_js, page_solid_js, page_page_js;
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,196 @@
+// The report in a real browser: its controls work, its pictures come, it fits a phone.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "ladder.hpp"
+#include "lattice.hpp"
+#include "models.hpp"
+#include "run_program.hpp"
+#include "slicecorr/report.hpp"
+#include "slicecorr/slice.hpp"
+
+namespace slicecorr {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string chromium() {
+  for (const char* path : {"/usr/bin/chromium", "/usr/bin/chromium-browser"}) {
+    if (fs::exists(path)) return path;
+  }
+  return {};
+}
+
+/// A folder that goes with the test.
+struct Folder {
+  Folder() : path(fs::path(::testing::TempDir()) / ("report-page-" + std::to_string(::getpid()))) {
+    fs::create_directories(path);
+  }
+  ~Folder() { fs::remove_all(path); }
+  fs::path path;
+};
+
+test::RunResult browse(const Folder& folder, const std::vector<std::string>& flags,
+                       const std::string& address) {
+  std::vector<std::string> command{chromium(),
+                                   "--headless",
+                                   "--no-sandbox",
+                                   "--disable-gpu",
+                                   "--disable-quic",
+                                   "--no-first-run",
+                                   "--disable-background-networking",
+                                   "--disable-component-update",
+                                   "--disable-sync",
+                                   "--hide-scrollbars",
+                                   "--virtual-time-budget=30000",
+                                   "--user-data-dir=" + (folder.path / "profile").string()};
+  command.insert(command.end(), flags.begin(), flags.end());
+  command.push_back(address);
+  test::RunOptions options;
+  options.timeout = std::chrono::seconds(120);
+  return test::run_program(command, options);
+}
+
+struct Page {
+  Setup setup;
+  std::string html;
+  StackInfo info;
+};
+
+/// `cells` of a lattice, in a grid that just holds it.
+Page lattice_page(const MeshSlices& target, const Setup& setup) {
+  const CorrectedSlices corrected(target, setup);
+  StackInfo info;
+  info.grid = corrected.grid();
+  const Prediction after = verify_stack(corrected, target, setup);
+  const Prediction before = verify_stack(target, target, setup);
+  return {setup,
+          make_report(gather_report(corrected, target, setup, info, after, before, "lattice")),
+          info};
+}
+
+nlohmann::json selftest_of(const std::string& dom) {
+  const std::string mark = "<pre id=\"selftest\">";
+  const auto at = dom.find(mark);
+  if (at == std::string::npos) return {};
+  const auto end = dom.find("</pre>", at);
+  std::string text = dom.substr(at + mark.size(), end - at - mark.size());
+  for (const auto& [code, plain] : {std::pair{"&gt;", ">"}, {"&lt;", "<"}, {"&amp;", "&"}}) {
+    for (auto p = text.find(code); p != std::string::npos; p = text.find(code, p + 1)) {
+      text.replace(p, std::string(code).size(), plain);
+    }
+  }
+  return nlohmann::json::parse(text, nullptr, false);
+}
+
+class ReportPage : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    if (chromium().empty()) GTEST_SKIP() << "chromium is not installed (scripts/setup --all)";
+    Printer printer = test::linear_printer(1, 100);
+    printer.width_px = 320;
+    printer.height_px = 320;
+    setup_ = {printer, test::resin(576, 2000), test::process(1000)};
+    target_.emplace(test::lattice(3, 3, 4, 3, 0.4), printer, SliceOptions{});
+    page_ = lattice_page(*target_, setup_);
+    std::ofstream(folder_.path / "page.html") << page_.html;
+    address_ = "file://" + (folder_.path / "page.html").string();
+  }
+  Folder folder_;
+  slicecorr::Setup setup_;
+  std::optional<MeshSlices> target_;
+  Page page_;
+  std::string address_;
+};
+
+TEST_F(ReportPage, ControlsWork) {
+  for (const char* window : {"--window-size=1280,900", "--window-size=500,900"}) {
+    const auto result = browse(folder_, {"--dump-dom", window}, address_ + "#selftest");
+    const auto test = selftest_of(result.out);
+    ASSERT_TRUE(test.is_object()) << result.err.substr(0, 2000);
+    EXPECT_EQ(test.value("error", ""), "");
+    for (const auto& [name, passed] : test["checks"].items()) {
+      EXPECT_TRUE(passed.get<bool>()) << window << ": " << name;
+    }
+    EXPECT_GE(test["checks"].size(), 20U);
+    RecordProperty("first_picture_ms", test["firstPictureMs"].get<int>());
+    // The page computes a column as the program does.
+    const int x = test["column"]["x"], y = test["column"]["y"];
+    const CorrectedSlices corrected(*target_, setup_);
+    const auto rows = probe_stack(corrected, nullptr, setup_, x, y);
+    ASSERT_EQ(test["column"]["levels"].size(), rows.size());
+    for (const ProbeRow& row : rows) {
+      const auto n = static_cast<std::size_t>(row.slice);
+      ASSERT_EQ(test["column"]["levels"][n].get<int>(), row.grey);
+      ASSERT_NEAR(test["column"]["dose"][n].get<double>(), row.dose, 1e-9);
+    }
+    // Wrong cells as counted by the library.
+    const ReducedVolume v = reduce_volume(corrected, *target_, setup_, kReportCells);
+    std::size_t through = 0;
+    for (const std::uint8_t s : v.before.state) through += s & kCellCureThrough;
+    EXPECT_EQ(test["wrong"][0][0].get<std::size_t>(), through);
+  }
+}
+
+TEST_F(ReportPage, PicturesOnDeskAndPhoneLightAndDark) {
+  const fs::path out = fs::path(SLICECORR_BIN_DIR).parent_path() / "report-pictures";
+  fs::create_directories(out);
+  const std::vector<std::pair<std::string, std::vector<std::string>>> looks = {
+      {"desk-light.png", {"--window-size=1280,3600"}},
+      {"desk-dark.png", {"--window-size=1280,3600", "--blink-settings=preferredColorScheme=0"}},
+      {"phone.png", {"--window-size=500,5000"}}};
+  // The browser makes no window as narrow as a phone, but a frame of 400 pixels.
+  std::ofstream(folder_.path / "phone.html")
+      << "<body style='margin:0'><iframe src='page.html' width=400 height=5000 style='border:0'>";
+  for (const auto& [name, flags] : looks) {
+    fs::remove(out / name);
+    auto all = flags;
+    all.push_back("--screenshot=" + (out / name).string());
+    const bool phone = name == "phone.png";
+    const auto result =
+        browse(folder_, all, phone ? "file://" + (folder_.path / "phone.html").string() : address_);
+    ASSERT_TRUE(fs::exists(out / name)) << result.err.substr(0, 2000);
+    EXPECT_GT(fs::file_size(out / name), 30000U) << name;
+  }
+}
+
+TEST_F(ReportPage, PrintsWithoutScripts) {
+  const auto paper = folder_.path / "page.pdf";
+  const std::string still = page_.html.substr(0, page_.html.find("<script"));
+  EXPECT_NE(still.find("<section id=\"explorer\" hidden"), std::string::npos);
+  std::ofstream(folder_.path / "still.html") << still;
+  const auto result = browse(folder_, {"--print-to-pdf=" + paper.string()},
+                             "file://" + (folder_.path / "still.html").string());
+  ASSERT_TRUE(fs::exists(paper)) << result.err.substr(0, 2000);
+  EXPECT_GT(fs::file_size(paper), 30000U);
+  // The still sections stand in the markup itself.
+  EXPECT_NE(still.find("alt=\"This stack: what will print\""), std::string::npos);
+}
+
+TEST(ReportSize, AFewMegabytesWhateverThePart) {
+  // About 240 million voxels, and edges everywhere.
+  Printer printer = test::linear_printer(1, 100);
+  printer.width_px = 640;
+  printer.height_px = 640;
+  const slicecorr::Setup setup{printer, test::resin(576, 2000), test::process(1000)};
+  const MeshSlices target(test::lattice(20, 20, 20, 1.5, 0.15), printer, SliceOptions{});
+  const Page page = lattice_page(target, setup);
+  EXPECT_LT(page.html.size(), 6000000U);
+  EXPECT_GT(page.html.size(), 500000U);
+  RecordProperty("bytes", static_cast<int>(page.html.size()));
+  if (chromium().empty()) GTEST_SKIP() << "chromium is not installed: page made, not opened";
+  const Folder folder;
+  std::ofstream(folder.path / "page.html") << page.html;
+  const auto result = browse(folder, {"--dump-dom", "--window-size=1280,900"},
+                             "file://" + (folder.path / "page.html").string() + "#selftest");
+  const auto test = selftest_of(result.out);
+  ASSERT_TRUE(test.is_object()) << result.err.substr(0, 2000);
+  EXPECT_TRUE(test["ok"].get<bool>()) << test["checks"].dump() << test.value("error", "");
+}
+
+}  // namespace
+}  // namespace slicecorr

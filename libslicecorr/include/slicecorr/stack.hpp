@@ -128,7 +128,7 @@ class StackWriter {
   std::unique_ptr<Impl> impl_;
 };
 
-/// PNG of a grey picture, filter 0, made around ISA-L.
+/// PNG of a grey picture, filter 0.
 std::vector<std::uint8_t> encode_png(const GreyImage& image);
 
 /// Decodes any PNG to 8-bit grey (8-bit grey through ISA-L, everything else through OpenImageIO;

@@ -235,7 +235,7 @@ TEST(Volume, EvenNoiseMakesAPageOfAFewMegabytes) {
   content.info.grid = {160, 160, 160, 50, 50, 50};
   content.setup = setup;
   content.volume = std::move(v);
-  Comparison comparison;
+  ComparisonTable comparison;
   comparison.columns = {"way", "mean <error>"};
   comparison.rows = {{"ours", "1 um"}};
   content.comparison = comparison;

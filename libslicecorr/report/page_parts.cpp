@@ -216,7 +216,7 @@ std::string feature_lists(const ReportContent& c) {
   return html;
 }
 
-std::string comparison_table(const Comparison& comparison) {
+std::string comparison_table(const ComparisonTable& comparison) {
   std::string html = R"(<h2>Compared with other ways</h2><div class="scroll"><table><thead><tr>)";
   for (const std::string& name : comparison.columns) {
     html += fmt::format(R"(<th scope="col">{}</th>)", escape(name));

@@ -18,7 +18,7 @@ std::string base64(const std::vector<std::uint8_t>& bytes);
 std::string histograms(const ReportContent& content);
 /// The lost and merged features with their places.
 std::string feature_lists(const ReportContent& content);
-std::string comparison_table(const Comparison& comparison);
+std::string comparison_table(const ComparisonTable& comparison);
 
 /// What the page's script reads: the volume and the model as JSON, arrays deflated in base 64. Made
 /// coarser where it would be more than a few MB. `start`: the voxel shown first.

@@ -32,7 +32,7 @@ ColourImage side_by_side(const ColourImage& left, const ColourImage& right);
 std::vector<std::uint8_t> encode_png(const ColourImage& image);
 
 /// A table of this correction beside other ways to do it.
-struct Comparison {
+struct ComparisonTable {
   std::vector<std::string> columns;            ///< heads
   std::vector<std::vector<std::string>> rows;  ///< the first cell names the row
   std::string note;                            ///< below the table; may be empty
@@ -54,7 +54,7 @@ struct ReportContent {
   int column_x = -1, column_y = -1;  ///< pixel of the columns below
   std::vector<ProbeRow> column_before, column_after;
   std::optional<ReducedVolume> volume;   ///< what can be moved through; none: still pictures only
-  std::optional<Comparison> comparison;  ///< when the caller has one
+  std::optional<ComparisonTable> comparison;  ///< when the caller has one
 };
 
 /// One self-contained HTML page: no network. Without scripts it still shows figures and pictures of

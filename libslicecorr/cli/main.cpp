@@ -293,9 +293,8 @@ int run(const Arguments& a, const Job& job, Console& console) {
 /// The comparison as the report shows it.
 ComparisonTable table_of(const std::vector<Figures>& columns) {
   ComparisonTable table;
-  table.columns = {
-      "Method",     "height error, mean",   "95 % within",        "largest", "cured through",
-      "undercured", "column features lost", "column gaps merged", "overlap"};
+  table.columns = {"Method",     "mean error", "95 % within", "largest", "cured through",
+                   "undercured", "lost",       "merged",      "overlap"};
   for (const Figures& c : columns) {
     const Prediction& p = *c.prediction;
     const auto edge = [&](double um) {
@@ -308,8 +307,11 @@ ComparisonTable table_of(const std::vector<Figures>& columns) {
          fmt::format("{}", p.merged_features), fmt::format("{:.5f}", p.iou())});
   }
   table.note =
-      "Erase: the first N slices next to a gap are left out, with the N that is best for this "
-      "part. Grey table: 25, 15, 10, 5 are taken off where the next four slices are lit.";
+      "Height errors at designed edges; voxels cured through and undercured; features lost and "
+      "gaps "
+      "merged, by column. Erase: the first N slices next to a gap are left out, with the N that is "
+      "best for this part. Grey table: 25, 15, 10, 5 are taken off where the next four slices are "
+      "lit.";
   return table;
 }
 

@@ -79,7 +79,8 @@ int main() {
       "corrected "
       "stack as its levels print it. *Bound*: how far one level step moves the edge that it moves "
       "most, hs·dphi·(1-a)/(ln10·eta·|phi-1|), phi the intensity in the layer the edge moves into. "
-      "Levels are chosen so that features are never undercured, so all errors are overreach.\n\n"
+      "Levels are chosen so that voxels print right; errors are overreach, except where steps are "
+      "so coarse that an edge gives way to keep a gap open.\n\n"
       "| curve | cap of the dose | mean, um | largest, um | bound, um | wrong voxels |\n"
       "|---|---|---|---|---|---|\n");
   for (const auto& [name, printer] : printers) {
@@ -92,7 +93,7 @@ int main() {
   }
   fmt::print(
       "\nPrinted by `build/bin/levels_table`. With 4 levels a step at the upper edge (33 % of full "
-      "light) is larger than what the gap above can take: its first layer cures. `slicecorr "
+      "light) is larger than what the gap above can take: a voxel stays wrong. `slicecorr "
       "verify` "
       "says so.\n");
   return 0;

@@ -294,7 +294,7 @@ TEST(Compare, BenchyIsFiftyTimesBetter) {
   const std::string path = std::string(SLICECORR_TEST_DATA) + "/meshes/clean/3DBenchy.stl";
   if (!std::filesystem::exists(path)) GTEST_SKIP() << "no " << path;
   slicecorr::Setup setup;  // gtest has a Setup too
-  setup.printer = load_printer(SLICECORR_DB_DIR "/printers/dual-wavelength-dlp.toml");
+  setup.printer = load_printer(SLICECORR_PRINTERS_DIR "/dual-wavelength-dlp.toml");
   setup.resin = load_resin(SLICECORR_DB_DIR "/benchy-resin.toml");
   setup.process = process(800);
   SliceOptions options;

@@ -90,11 +90,30 @@ TEST(PrinterFile, WhatMayBeLeftOut) {
 }
 
 TEST(PrinterFile, OtherKeysAreLeftToOthers) {
-  const Printer p = parse_printer(kPrinter +
-                                      "[uv]\nkind = \"flood\"\ncalibration = [[0, 0], [255, 275]]\n"
-                                      "[modbus]\nregister = 40001\n[provenance]\ndate = \"2020\"\n",
-                                  "p.toml");
+  const Printer p = parse_printer(
+      kPrinter + "[modbus]\nregister = 40001\n[provenance]\ndate = \"2020\"\n", "p.toml");
   EXPECT_EQ(p, parse_printer(kPrinter, "p.toml"));
+}
+
+TEST(PrinterFile, UvLamp) {
+  const auto with_uv = [](const std::string& keys) {
+    return parse_printer(kPrinter + "[uv]\n" + keys, "p.toml").uv;
+  };
+  EXPECT_FALSE(parse_printer(kPrinter, "p.toml").uv);
+  // A flood lamp has control values of its own.
+  const auto flood = with_uv("wavelength_nm = 365\ncalibration = [[10, 1.5], [90, 275]]\n");
+  ASSERT_TRUE(flood);
+  EXPECT_FALSE(flood->patterned);
+  EXPECT_EQ(flood->wavelength_nm, 365);
+  EXPECT_EQ(flood->min_mw_cm2(), 1.5);
+  EXPECT_EQ(flood->max_mw_cm2(), 275);
+  EXPECT_TRUE(with_uv("kind = \"patterned\"\ncalibration = [[0, 0], [255, 9]]\n")->patterned);
+  EXPECT_THAT(refusal([&] { with_uv("kind = \"patterned\"\ncalibration = [[0, 0], [9, 9]]\n"); }),
+              HasSubstr("uv.calibration: goes from level 0 to 9; expected 0 to 255"));
+  EXPECT_THAT(refusal([&] { with_uv("kind = \"beam\"\ncalibration = [[0, 0], [9, 9]]\n"); }),
+              HasSubstr("uv.kind: is 'beam'; expected"));
+  EXPECT_THAT(refusal([&] { with_uv("wavelength_nm = 365\n"); }),
+              HasSubstr("uv.calibration: missing"));
 }
 
 TEST(PrinterFile, PixelsNeedNotBeSquare) {
@@ -378,10 +397,40 @@ TEST(ResinFile, KineticModels) {
 }
 
 TEST(ResinFile, OtherKeysAreLeftToOthers) {
-  EXPECT_EQ(parse_resin(kResin + "[inhibition]\nbeta = 0.73\nabsorbance_height_um = 37.8\n"
-                                 "absorbance_base = \"e\"\nm = 0.5\n",
-                        "r.toml"),
-            parse_resin(kResin, "r.toml"));
+  EXPECT_EQ(parse_resin(kResin + "[shop]\nshelf = 3\n", "r.toml"), parse_resin(kResin, "r.toml"));
+}
+
+TEST(ResinFile, Inhibition) {
+  const auto inhibition = [](const std::string& keys) {
+    return parse_resin(kResin + "[inhibition]\n" + keys, "r.toml").inhibition;
+  };
+  EXPECT_FALSE(parse_resin(kResin, "r.toml").inhibition);
+  const auto i = inhibition("beta = 0.73\nabsorbance_height_um = 37.8\nabsorbance_base = \"e\"\n");
+  ASSERT_TRUE(i);
+  EXPECT_EQ(i->beta, 0.73);
+  EXPECT_NEAR(i->absorbance_height10_um, 37.8 * 2.302585092994046, 1e-12);
+  EXPECT_EQ(i->m, 1);  // that of the cure
+  EXPECT_EQ(inhibition("beta = 1\nabsorbance_height_um = 90\nabsorbance_base = 10\nm = 0.5\n")->m,
+            0.5);
+  EXPECT_THAT(
+      refusal([&] { inhibition("beta = 1\nabsorbance_height_um = 2000\nabsorbance_base = 10\n"); }),
+      HasSubstr("inhibition.absorbance_height_um: is 2000 um in base 10; expected less "));
+  EXPECT_THAT(refusal([&] { inhibition("absorbance_height_um = 90\nabsorbance_base = 10\n"); }),
+              HasSubstr("inhibition.beta: missing"));
+}
+
+TEST(ResinFile, AimsAtFiveTimesTheGelDose) {
+  const Resin five = resin_of("gel_dose_mj_cm3 = 100");
+  EXPECT_EQ(five.dose_factor, 5);
+  EXPECT_EQ(five.critical_dose_mj_cm3, 500);
+  const Resin three = resin_of("gel_dose_mj_cm3 = 100\ndose_factor = 3");
+  EXPECT_EQ(three.dose_factor, 3);
+  EXPECT_EQ(three.critical_dose_mj_cm3, 300);
+  // A dose to aim at that is given counts, whatever the factor says.
+  const Resin given =
+      resin_of("gel_dose_mj_cm3 = 100\ndose_factor = 3\ncritical_dose_mj_cm3 = 200");
+  EXPECT_EQ(given.dose_factor, 2);
+  EXPECT_EQ(given.critical_dose_mj_cm3, 200);
 }
 
 TEST(ResinFile, Overrides) {
@@ -466,7 +515,7 @@ INSTANTIATE_TEST_SUITE_P(
         Wrong{"BaseText", "absorbance_base = 10", "absorbance_base = \"ln\"",
               "line 7: cure.absorbance_base: ", "expected 10 or \"e\""},
         Wrong{"DoseMissing", kDoseLine, "", "line 3: cure.critical_dose_mj_cm3: ",
-              "missing; expected a critical dose, or gel_dose_mj_cm3 and dose_factor"},
+              "missing; expected a critical dose, or gel_dose_mj_cm3 with its dose_factor"},
         Wrong{"DoseText", kDoseLine, "critical_dose_mj_cm3 = \"576\"",
               "line 8: cure.critical_dose_mj_cm3: ", "expected a number"},
         Wrong{"DoseZero", kDoseLine, "critical_dose_mj_cm3 = 0",
@@ -475,8 +524,6 @@ INSTANTIATE_TEST_SUITE_P(
               "line 9: cure.critical_dose_mj_cm2: ", "beside critical_dose_mj_cm3"},
         Wrong{"ArealNegative", kDoseLine, "critical_dose_mj_cm2 = -5",
               "line 8: cure.critical_dose_mj_cm2: ", "above 0"},
-        Wrong{"GelWithoutFactor", kDoseLine, "gel_dose_mj_cm3 = 100",
-              "line 3: cure.dose_factor: ", "missing; gel dose and factor"},
         Wrong{"FactorWithoutGel", kDoseLine, "dose_factor = 5",
               "line 3: cure.critical_dose_mj_cm3: ", "missing"},
         Wrong{"FactorZero", kDoseLine, "gel_dose_mj_cm3 = 100\ndose_factor = 0",
@@ -666,25 +713,26 @@ TEST_F(DefinitionFiles, WrongCsv) {
 
 TEST_F(DefinitionFiles, ShippedOnesParseAndAreFoundByName) {
   int printers = 0, resins = 0;
-  for (const auto& entry : fs::recursive_directory_iterator(SLICECORR_DB_DIR)) {
+  for (const auto& entry : fs::directory_iterator(SLICECORR_PRINTERS_DIR)) {
     if (entry.path().extension() != ".toml") continue;
+    ++printers;
     const std::string name = entry.path().stem().string();
-    if (entry.path().parent_path().filename() == "printers") {
-      ++printers;
-      const Printer p = load_printer(entry.path().string());
-      EXPECT_EQ(p.name, name);
-      set("SLICECORR_DB", SLICECORR_DB_DIR);
-      EXPECT_EQ(load_printer(name), p);
-      unsetenv("SLICECORR_DB");
-      EXPECT_EQ(load_printer(name), p);  // the source's own database, found from the build folder
-    } else {
-      ++resins;
-      const Resin r = load_resin(entry.path().string());
-      EXPECT_EQ(r.name, name);
-      EXPECT_GT(r.absorbance_height10_um, 0);
-      EXPECT_GT(r.critical_dose_mj_cm3 + r.critical_dose_prime, 0);
-      EXPECT_EQ(load_resin(name), r);
-    }
+    const Printer p = load_printer(entry.path().string());
+    EXPECT_EQ(p.name, name);
+    set("SLICECORR_DB", SLICECORR_PRINTERS_DIR);
+    EXPECT_EQ(load_printer(name), p);
+    unsetenv("SLICECORR_DB");
+    EXPECT_EQ(load_printer(name), p);  // the source's own database, found from the build folder
+  }
+  for (const auto& entry : fs::directory_iterator(SLICECORR_DB_DIR)) {
+    if (entry.path().extension() != ".toml") continue;
+    ++resins;
+    const std::string name = entry.path().stem().string();
+    const Resin r = load_resin(entry.path().string());
+    EXPECT_EQ(r.name, name);
+    EXPECT_GT(r.absorbance_height10_um, 0);
+    EXPECT_GT(r.critical_dose_mj_cm3 + r.critical_dose_prime, 0);
+    EXPECT_EQ(load_resin(name), r);
   }
   EXPECT_GE(printers, 1);
   EXPECT_GE(resins, 1);

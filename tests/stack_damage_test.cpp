@@ -19,8 +19,8 @@ class Damage : public testing::Test {
     images_ = test::random_images(40, 50, 4, 21);
     StackInfo info = test::info_of(images_.grid);
     info.kind = StackKind::corrected;
-    info.printer = Printer{"p", 40, 50, 40.5, 1000.0 / 30, 8, 405, {{0, 0}, {255, 9}}, 0, 0};
-    info.resin = Resin{"r", CureModelKind::jacobs, 1, 100, 20, 0, 0};
+    info.printer = Printer{"p", 40, 50, 40.5, 1000.0 / 30, 8, 405, {{0, 0}, {255, 9}}, 0, 0, {}};
+    info.resin = Resin{"r", CureModelKind::jacobs, 1, 100, 20, 0, 0, 1, {}};
     info.process = Process{10, 5, OneSliceGaps::open};
     test::write_stack(folder_ / "sound.uvj", images_, info);
     entries_ = test::unzip(folder_ / "sound.uvj");

@@ -273,11 +273,27 @@ TEST(Stack, KeepsAllItsParametersExactly) {
   info.kind = StackKind::corrected;
   info.target_layers = 2;
   info.part_volume_mm3 = 0.1 + 0.2;
-  info.printer =
-      Printer{"p \"1\"\n", 20, 30, 100.0 / 3, 47.25, 4, 385.5, {{0, 0}, {7.1, 1.0 / 3}, {15, 2e-9}},
-              1e3 / 7,     0};
+  info.printer = Printer{"p \"1\"\n",
+                         20,
+                         30,
+                         100.0 / 3,
+                         47.25,
+                         4,
+                         385.5,
+                         {{0, 0}, {7.1, 1.0 / 3}, {15, 2e-9}},
+                         1e3 / 7,
+                         0,
+                         UvLamp{365.5, true, {{0, 0}, {15, 1e3 / 3}}}};
   info.printer->calibration[2].intensity_mw_cm2 = 12.3456789012345678;
-  info.resin = Resin{"r", CureModelKind::kinetic, 0.53, 123.456, 1e-7, 3.3, 0.7};
+  info.resin = Resin{"r",
+                     CureModelKind::kinetic,
+                     0.53,
+                     123.456,
+                     1e-7,
+                     3.3,
+                     0.7,
+                     5.5,
+                     Inhibition{0.73, 87.1, 1.29, 2.38e2}};
   info.process = Process{17.0 / 3, 1e300, OneSliceGaps::merge};
   test::write_stack(folder / "a.uvj", images, info);
   for (const StackInfo& back : {StackReader::read_info(folder / "a.uvj"),

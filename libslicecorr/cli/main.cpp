@@ -1,15 +1,11 @@
 // The program `slicecorr`: parses, calls the library and prints.
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <CLI/CLI.hpp>
-#include <atomic>
-#include <csignal>
 #include <cstdio>
 #include <filesystem>
 #include <limits>
-#include <new>
 #include <nlohmann/json.hpp>
 
 #include "options.hpp"
@@ -20,75 +16,6 @@
 
 namespace slicecorr::cli {
 namespace {
-
-enum ExitCode {
-  kDone = 0,
-  kDefect = 1,
-  kInput = 2,
-  kInfeasible = 3,
-  kDevice = 4,
-  kMissed = 5,
-  kInterrupted = 130,
-};
-
-std::atomic<bool> cancelled{false};
-static_assert(std::atomic<bool>::is_always_lock_free, "set from a signal handler");
-
-void on_signal(int) { cancelled = true; }
-
-/// Progress and remarks on stderr: a line that is rewritten on a terminal, plain lines else.
-class Console {
- public:
-  explicit Console(bool quiet) : quiet_(quiet), terminal_(isatty(STDERR_FILENO) == 1) {}
-
-  Job job(int threads) {
-    Job j;
-    j.threads = threads;
-    j.cancel = &cancelled;
-    if (quiet_) return j;
-    j.notice = [this](const std::string& text) { say(text); };
-    j.progress = [this](std::string_view stage, double done) { progress(stage, done); };
-    return j;
-  }
-  void say(const std::string& text) {
-    if (quiet_) return;
-    clear();
-    fmt::print(stderr, "{}\n", text);
-  }
-  void clear() {
-    if (line_) fmt::print(stderr, "\r\033[K");
-    line_ = false;
-  }
-
- private:
-  void progress(std::string_view stage, double done) {
-    const int percent = static_cast<int>(done * 100);
-    if (stage == stage_ && percent == percent_) return;
-    const bool ended = percent >= 100;
-    if (terminal_) {
-      fmt::print(stderr, "\r\033[K{} {:3d} %", stage, percent);
-      std::fflush(stderr);
-      line_ = true;
-      if (ended) clear();
-    } else if (ended && (stage != stage_ || percent_ < 100)) {
-      fmt::print(stderr, "{}: done\n", stage);
-    }
-    stage_ = stage;
-    percent_ = percent;
-  }
-
-  bool quiet_, terminal_, line_ = false;
-  std::string stage_;
-  int percent_ = -1;
-};
-
-void print_or_write(const std::string& where, const std::string& text) {
-  if (where == "-") {
-    print_result(text + "\n");
-  } else {
-    write_text_file(where, text + "\n");
-  }
-}
 
 std::string must_be_uvj(const std::string& path) {
   if (std::filesystem::path(path).extension() != ".uvj") {
@@ -107,7 +34,6 @@ const std::string& design(const std::string& path) {
 
 /// Options of all subcommands; only those of the one called are filled.
 struct Arguments {
-  GlobalOptions global;
   MeshOptions mesh;
   SetupOptions setup;
   std::string input, output, target, json;
@@ -372,30 +298,19 @@ int info(const Arguments& a, const Job& job, Console&) {
   return kDone;
 }
 
-int main_guarded(int argc, char** argv) {
+int run_program(int argc, char** argv) {
   Arguments a;
-  CLI::App app{
-      "Makes resin prints come out as designed: slices parts, corrects the slices for light "
-      "that cures through, and predicts what will print.",
-      "slicecorr"};
-  app.set_version_flag("--version", std::string("slicecorr ") + version);
-  app.add_option("--threads", a.global.threads, "Number of threads [all cores]")
-      ->check(CLI::Range(0, 4096));
-  app.add_flag("--quiet", a.global.quiet, "Nothing but errors on stderr");
-  app.require_subcommand(1);
-  app.fallthrough();
-  const std::string footer =
-      "Every command takes --threads and --quiet.\n"
-      "Exit codes: 0 done; 1 a defect of the program; 2 wrong usage or input; 3 physically "
-      "infeasible; 4 disk or device failed; 5 a tolerance was missed; 130 interrupted.";
-  app.footer(footer);
-
-  using Action = int (*)(const Arguments&, const Job&, Console&);
-  std::vector<std::pair<CLI::App*, Action>> actions;
-  const auto add = [&](const char* name, const char* text, Action action) {
-    CLI::App* sub = app.add_subcommand(name, text);
-    actions.emplace_back(sub, action);
-    return sub;
+  Program program(
+      "slicecorr",
+      "Makes resin prints come out as designed: slices parts, corrects the slices for light that "
+      "cures through, and predicts what will print.",
+      "slicecorr run part.stl -o part.uvj --layer-um 50 --printer dual-wavelength-dlp --resin "
+      "egg-resin --speed-mm-h 800");
+  using Command = int (*)(const Arguments&, const Job&, Console&);
+  const auto add = [&](const char* name, const char* text, Command command) {
+    return program.add(name, text, [&a, command](const Job& job, Console& console) {
+      return command(a, job, console);
+    });
   };
   const auto stack_input = [&](CLI::App* sub, const char* name, const char* text) {
     sub->add_option(name, a.input, text)->required();
@@ -474,73 +389,10 @@ int main_guarded(int argc, char** argv) {
   stack_input(sub, "STACK", "Stack to look into");
   sub->add_option("--json", a.json, "Write as JSON to FILE, or - for stdout");
 
-  app.footer(
-      "Example: slicecorr run part.stl -o part.uvj --layer-um 50 --printer dual-wavelength-dlp "
-      "--resin egg-resin --speed-mm-h 800\n" +
-      footer);
-  app.failure_message([&](const CLI::App*, const CLI::Error& e) {
-    std::string text = e.what();
-    if (e.get_name() == "RequiredError" && app.get_subcommands().empty()) {
-      std::string names;
-      for (const auto& [command, act] : actions) {
-        names += (names.empty() ? "" : ", ") + command->get_name();
-      }
-      const auto unknown = app.remaining();
-      text = unknown.empty()
-                 ? "expected a command: " + names
-                 : fmt::format("'{}' is no command; expected one of {}", unknown.front(), names);
-    }
-    const auto called = app.get_subcommands();
-    return fmt::format("slicecorr: {}\nSee slicecorr {}--help\n", text,
-                       called.empty() ? "" : called.front()->get_name() + " ");
-  });
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    const int code = app.exit(e);
-    return code == 0 ? kDone : kInput;
-  }
-
-  struct sigaction action {};
-  action.sa_handler = on_signal;
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
-  std::signal(SIGXFSZ, SIG_IGN);
-
-  Console console(a.global.quiet);
-  const auto fail = [&](int code, const std::string& text) {
-    console.clear();
-    fmt::print(stderr, "slicecorr: {}\n", text);
-    return code;
-  };
-  try {
-    for (const auto& [command, act] : actions) {
-      if (command->parsed()) return act(a, console.job(a.global.threads), console);
-    }
-    return kInput;
-  } catch (const Cancelled&) {
-    return fail(kInterrupted, "interrupted; nothing was left half-made");
-  } catch (const InputError& e) {
-    return fail(kInput, e.what());
-  } catch (const InfeasibleError& e) {
-    return fail(kInfeasible, e.what());
-  } catch (const DeviceError& e) {
-    return fail(kDevice, e.what());
-  } catch (const std::bad_alloc&) {
-    return fail(kDevice, "out of memory");
-  } catch (const std::exception& e) {
-    return fail(kDefect, fmt::format("a defect of the program: {}", e.what()));
-  }
+  return program.run(argc, argv);
 }
 
 }  // namespace
 }  // namespace slicecorr::cli
 
-int main(int argc, char** argv) {
-  const int code = slicecorr::cli::main_guarded(argc, argv);
-  if (std::fflush(stdout) != 0 && code == 0) {
-    fmt::print(stderr, "slicecorr: stdout can't be written\n");
-    return 4;
-  }
-  return code;
-}
+int main(int argc, char** argv) { return slicecorr::cli::run_program(argc, argv); }

@@ -40,32 +40,7 @@ double omega_max_of(const std::string& text) {
   return std::min(value, 1e300);
 }
 
-/// The whole text as a finite number.
-std::optional<double> number_of(const std::string& text) {
-  char* end = nullptr;
-  const double value = std::strtod(text.c_str(), &end);
-  if (text.empty() || *end != 0 || !std::isfinite(value)) return std::nullopt;
-  return value;
-}
-
 }  // namespace
-
-CLI::Validator number_in(double least, double most, bool above) {
-  const bool open = most >= std::numeric_limits<double>::max();
-  const std::string expected =
-      open ? fmt::format("a number {} {:g}", above ? "above" : "of at least", least)
-           : fmt::format("a number from {:g} to {:g}", least, most);
-  const auto check = [=](std::string& text) -> std::string {
-    const auto value = number_of(text);
-    if (value && *value <= most && (above ? *value > least : *value >= least)) return {};
-    return fmt::format("is {}, expected {}", text, expected);
-  };
-  return {check, "", "number"};
-}
-
-CLI::Validator number_above_zero() {
-  return number_in(0, std::numeric_limits<double>::max(), true);
-}
 
 void MeshOptions::add_to(CLI::App& app) {
   app.add_option("PART", parts, "Meshes (stl, obj, ply, off, 3mf; also .gz) that share the plate")
@@ -336,48 +311,6 @@ std::string info_json(const StackInfo& info, const std::string& path) {
       info.part_volume_mm3 > 0 ? ordered_json(info.part_volume_mm3 * 1e-3) : ordered_json();
   if (!info.program.empty()) j["program"] = info.program;
   return j.dump(2);
-}
-
-std::string folder_of(const std::string& path) {
-  const auto parent = std::filesystem::path(path).parent_path();
-  return parent.empty() ? "." : parent.string();
-}
-
-void must_not_replace(const std::string& output, const std::vector<std::string>& inputs) {
-  for (const std::string& input : inputs) {
-    std::error_code error;
-    if (!input.empty() && std::filesystem::equivalent(output, input, error)) {
-      throw InputError(output, "", "is an input; expected an output of another name");
-    }
-  }
-}
-
-void print_result(const std::string& text) {
-  if (std::fwrite(text.data(), 1, text.size(), stdout) != text.size() || std::fflush(stdout) != 0) {
-    throw DeviceError(fmt::format("stdout can't be written: {}", std::strerror(errno)));
-  }
-}
-
-void write_text_file(const std::string& path, const std::string& text) {
-  const auto fail = [&](int code) {
-    throw DeviceError(fmt::format("{}: can't be written: {}", path, std::strerror(code)));
-  };
-  // A device or pipe is written to: renaming would put a file in its place.
-  std::error_code error;
-  const auto status = std::filesystem::status(path, error);
-  const bool straight = std::filesystem::exists(status) &&
-                        !std::filesystem::is_regular_file(status) &&
-                        !std::filesystem::is_directory(status);
-  const std::string part = straight ? path : path + ".part";
-  std::FILE* file = std::fopen(part.c_str(), "wb");
-  if (!file) fail(errno);
-  const bool written = std::fwrite(text.data(), 1, text.size(), file) == text.size();
-  const int write_error = errno;
-  const bool closed = std::fclose(file) == 0;
-  if (written && closed && (straight || std::rename(part.c_str(), path.c_str()) == 0)) return;
-  const int code = written ? errno : write_error;
-  if (!straight) std::remove(part.c_str());
-  fail(code);
 }
 
 }  // namespace slicecorr::cli

@@ -6,16 +6,11 @@
 #include <string>
 #include <vector>
 
+#include "program/program.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/slice.hpp"
 
 namespace slicecorr::cli {
-
-/// For every subcommand.
-struct GlobalOptions {
-  int threads = 0;
-  bool quiet = false;
-};
 
 struct MeshOptions {
   std::vector<std::string> parts;
@@ -60,19 +55,5 @@ std::string figures_table(const std::vector<Figures>& columns);
 std::string describe_stack(const StackInfo& info);
 std::string info_json(const StackInfo& info, const std::string& path);
 double print_time_s(const StackInfo& info);
-
-/// Accepts finite numbers only, from `least` to `most`; `above`: `least` itself is not accepted.
-CLI::Validator number_in(double least, double most, bool above = false);
-CLI::Validator number_above_zero();
-
-/// Throws `InputError` when an output would replace one of the inputs.
-void must_not_replace(const std::string& output, const std::vector<std::string>& inputs);
-/// Writes results; throws `DeviceError` when stdout can't take them.
-void print_result(const std::string& text);
-/// Writes to a temporary file beside `path`, then renames it; straight into what is no ordinary
-/// file.
-void write_text_file(const std::string& path, const std::string& text);
-/// The folder of a path, for scratch files.
-std::string folder_of(const std::string& path);
 
 }  // namespace slicecorr::cli

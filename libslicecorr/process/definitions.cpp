@@ -1,12 +1,12 @@
 #include <fmt/format.h>
-#include <toml++/toml.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <sstream>
 
+#include "process/toml_table.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/process.hpp"
 #include "slicecorr/units.hpp"
@@ -24,108 +24,15 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A TOML table with the file it comes from, so that every complaint names file, line and key.
-class Table {
- public:
-  Table(const toml::table& table, std::string source, std::string prefix = "")
-      : table_(table), source_(std::move(source)), prefix_(std::move(prefix)) {}
-
-  [[noreturn]] void fail(std::string_view key, const std::string& message) const {
-    const toml::node* node = table_.get(key);
-    const auto line = node ? node->source().begin.line : table_.source().begin.line;
-    throw InputError(source_, fmt::format("line {}: {}{}", line, prefix_, key), message);
-  }
-
-  std::optional<Table> table(std::string_view key) const {
-    const toml::node* node = table_.get(key);
-    if (!node) return std::nullopt;
-    if (!node->is_table()) fail(key, "expected a table");
-    return Table(*node->as_table(), source_, prefix_ + std::string(key) + ".");
-  }
-  Table required_table(std::string_view key) const {
-    auto t = table(key);
-    if (!t) fail(key, "missing; expected a table");
-    return *t;
-  }
-
-  bool has(std::string_view key) const { return table_.get(key) != nullptr; }
-  const toml::node* node(std::string_view key) const { return table_.get(key); }
-
-  std::string text(std::string_view key, const std::string& fallback) const {
-    const toml::node* node = table_.get(key);
-    if (!node) return fallback;
-    if (!node->is_string()) fail(key, "expected a text in quotes");
-    return **node->as_string();
-  }
-
-  /// A number in (low, high], or [low, high] when `closed`.
-  std::optional<double> number(std::string_view key, double low, double high,
-                               bool closed = false) const {
-    const toml::node* node = table_.get(key);
-    if (!node) return std::nullopt;
-    const auto value = node->value<double>();
-    if (!value || !node->is_number()) fail(key, "expected a number");
-    const bool low_fits = closed ? *value >= low : *value > low;
-    if (!std::isfinite(*value) || !low_fits || *value > high) {
-      fail(key, fmt::format("is {:g}; expected a number {} {:g} and at most {:g}", *value,
-                            closed ? "of at least" : "above", low, high));
-    }
-    return value;
-  }
-  double required_number(std::string_view key, double low, double high) const {
-    const auto value = number(key, low, high);
-    if (!value) fail(key, "missing; expected a number");
-    return *value;
-  }
-  int required_integer(std::string_view key, int low, int high) const {
-    const toml::node* node = table_.get(key);
-    if (!node) fail(key, "missing; expected a whole number");
-    return integer(key, low, high, low);
-  }
-  int integer(std::string_view key, int low, int high, int fallback) const {
-    const toml::node* node = table_.get(key);
-    if (!node) return fallback;
-    if (!node->is_integer()) fail(key, "expected a whole number");
-    const auto value = **node->as_integer();
-    if (value < low || value > high) {
-      fail(key, fmt::format("is {}; expected {} to {}", value, low, high));
-    }
-    return static_cast<int>(value);
-  }
-  const std::string& source() const { return source_; }
-
- private:
-  const toml::table& table_;
-  std::string source_, prefix_;
-};
-
-toml::table parse_toml(std::string_view text, const std::string& source) {
-  try {
-    return toml::parse(text, source);
-  } catch (const toml::parse_error& e) {
-    throw InputError(source, fmt::format("line {}", e.source().begin.line),
-                     fmt::format("is not TOML: {}", e.description()));
-  }
-}
-
-std::string read_text(const std::string& path) {
-  std::error_code ec;
-  if (!fs::is_regular_file(path, ec)) throw InputError(path, "", "is not a file that can be read");
-  std::ifstream in(path, std::ios::binary);
-  std::stringstream text;
-  text << in.rdbuf();
-  if (!in) throw InputError(path, "", "can't be read");
-  return text.str();
-}
-
-std::vector<CalibrationPoint> calibration_from_csv(const Table& table, const std::string& file) {
+std::vector<CalibrationPoint> calibration_from_csv(const TomlTable& table,
+                                                   const std::string& file) {
   fs::path path = file;
   if (path.is_relative()) path = fs::path(table.source()).parent_path() / path;
   std::error_code ec;
   if (!fs::is_regular_file(path, ec)) {
     table.fail("calibration", fmt::format("{} is not a file that can be read", path.string()));
   }
-  std::istringstream lines(read_text(path.string()));
+  std::istringstream lines(read_text_file(path.string()));
   std::vector<CalibrationPoint> points;
   std::string line;
   for (int number = 1; std::getline(lines, line); ++number) {
@@ -144,7 +51,8 @@ std::vector<CalibrationPoint> calibration_from_csv(const Table& table, const std
   return points;
 }
 
-std::vector<CalibrationPoint> calibration(const Table& blue, int bit_depth) {
+/// `whole_range`: the curve must cover all levels of `bit_depth` bits.
+std::vector<CalibrationPoint> calibration(const TomlTable& blue, int bit_depth, bool whole_range) {
   const char* key = "calibration";
   const toml::node* node = blue.node(key);
   if (!node) blue.fail(key, "missing; expected [[grey level, mW/cm²], ...] or a .csv file");
@@ -179,7 +87,7 @@ std::vector<CalibrationPoint> calibration(const Table& blue, int bit_depth) {
                                  i + 1, p.intensity_mw_cm2, points[i - 1].intensity_mw_cm2));
     }
   }
-  if (points.front().level != 0 || points.back().level != top) {
+  if (whole_range && (points.front().level != 0 || points.back().level != top)) {
     blue.fail(key, fmt::format("goes from level {:g} to {:g}; expected 0 to {:g} for {} bits",
                                points.front().level, points.back().level, top, bit_depth));
   }
@@ -187,17 +95,33 @@ std::vector<CalibrationPoint> calibration(const Table& blue, int bit_depth) {
   return points;
 }
 
-double absorbance_height10(const Table& cure) {
-  const double height = cure.required_number("absorbance_height_um", 0, 1e7);
-  const toml::node* base = cure.node("absorbance_base");
-  if (!base) cure.fail("absorbance_base", "missing; expected 10 or \"e\"");
+double absorbance_height10(const TomlTable& table) {
+  const double height = table.required_number("absorbance_height_um", 0, 1e7);
+  const toml::node* base = table.node("absorbance_base");
+  if (!base) table.fail("absorbance_base", "missing; expected 10 or \"e\"");
   if (base->is_integer() && **base->as_integer() == 10) return height;
   if (base->is_string() && **base->as_string() == "e") return units::height10_from_e(height);
   if (base->is_string() && **base->as_string() == "10") return height;
-  cure.fail("absorbance_base", "expected 10 or \"e\"");
+  table.fail("absorbance_base", "expected 10 or \"e\"");
 }
 
-void resolve_dose(const Table& cure, std::optional<double> dose_override, Resin& resin) {
+Inhibition inhibition_of(const TomlTable& table, const Resin& resin) {
+  Inhibition i;
+  i.beta = table.required_number("beta", 0, 1e6);
+  i.absorbance_height10_um = absorbance_height10(table);
+  i.m = table.number("m", 0, 2).value_or(resin.m);
+  const auto prime = table.number("critical_dose_prime", 0, 1e9);
+  i.critical_dose_prime = prime.value_or(0);
+  if (i.absorbance_height10_um >= resin.absorbance_height10_um) {
+    table.fail("absorbance_height_um",
+               fmt::format("is {:g} um in base 10; expected less than the {:g} um of the curing "
+                           "light: without that there is no dead zone at the window",
+                           i.absorbance_height10_um, resin.absorbance_height10_um));
+  }
+  return i;
+}
+
+void resolve_dose(const TomlTable& cure, std::optional<double> dose_override, Resin& resin) {
   const double height_e_um = units::height_e_from_10(resin.absorbance_height10_um);
   const auto areal_or_volumetric = [&](const char* volumetric, const char* areal) {
     const auto v = cure.number(volumetric, 0, 1e9);
@@ -232,11 +156,16 @@ void resolve_dose(const Table& cure, std::optional<double> dose_override, Resin&
     resin.critical_dose_mj_cm3 =
         units::volumetric_from_areal(resin.critical_dose_prime, height_e_um);
   } else if (gel) {
-    if (!factor) cure.fail("dose_factor", "missing; gel dose and factor give the dose to aim at");
-    resin.critical_dose_mj_cm3 = *gel * *factor;
+    // Correcting with the gel dose itself loses features (dissertation §2.3.2).
+    resin.critical_dose_mj_cm3 = *gel * factor.value_or(default_dose_factor);
   } else {
     cure.fail("critical_dose_mj_cm3",
-              "missing; expected a critical dose, or gel_dose_mj_cm3 and dose_factor");
+              "missing; expected a critical dose, or gel_dose_mj_cm3 with its dose_factor");
+  }
+  if (resin.critical_dose_prime > 0) {
+    resin.dose_factor = factor.value_or(1.0);
+  } else if (gel) {
+    resin.dose_factor = resin.critical_dose_mj_cm3 / *gel;
   }
 }
 
@@ -250,46 +179,104 @@ void check_override(const std::optional<double>& value, const char* what, double
 
 }  // namespace
 
+std::vector<std::string> definition_folders(std::string_view kind) {
+  std::vector<std::string> folders;
+  const auto add = [&](const fs::path& folder) {
+    for (const fs::path& path : {folder, folder / (std::string(kind) + "s")}) {
+      const std::string text = path.lexically_normal().string();
+      if (std::find(folders.begin(), folders.end(), text) == folders.end()) folders.push_back(text);
+    }
+  };
+  const auto variable = [](const char* name) {
+    const char* value = std::getenv(name);
+    return std::string(value ? value : "");
+  };
+  if (const std::string own = variable("SLICECORR_DB"); !own.empty()) add(own);
+  if (const std::string user = user_definition_folder(); !user.empty()) add(user);
+  // An install tree that was moved or made with another prefix is found from the program.
+  std::error_code ec;
+  const fs::path program = fs::read_symlink("/proc/self/exe", ec);
+  if (!ec) add(program.parent_path() / ".." / "share" / "slicecorr" / "db");
+  add(SLICECORR_INSTALLED_DB);
+  // The source tree keeps resins in resins/db and printers in resins/printers.
+  if (const fs::path source = SLICECORR_SOURCE_DB; !source.empty()) {
+    add(kind == "printer" ? source / "printers" : source / "db");
+  }
+  return folders;
+}
+
+std::string user_definition_folder() {
+  if (const char* config = std::getenv("XDG_CONFIG_HOME"); config && *config) {
+    return (fs::path(config) / "slicecorr").string();
+  }
+  const char* home = std::getenv("HOME");
+  return home && *home ? (fs::path(home) / ".config" / "slicecorr").string() : "";
+}
+
+std::vector<Definition> list_definitions(std::string_view kind) {
+  std::vector<Definition> found;
+  for (const std::string& folder : definition_folders(kind)) {
+    std::error_code ec;
+    std::vector<Definition> here;
+    for (const auto& entry : fs::directory_iterator(folder, ec)) {
+      const fs::path& path = entry.path();
+      std::error_code no_file;
+      if (path.extension() != ".toml" || path.filename().string()[0] == '.' ||
+          !entry.is_regular_file(no_file)) {
+        continue;
+      }
+      // A folder may hold both kinds: a printer has a display.
+      if (const auto is = kind_of_definition(path.string()); is && *is != kind) continue;
+      here.push_back({path.stem().string(), path.string()});
+    }
+    std::sort(here.begin(), here.end(),
+              [](const Definition& a, const Definition& b) { return a.name < b.name; });
+    for (Definition& d : here) {
+      const bool hidden = std::any_of(found.begin(), found.end(),
+                                      [&](const Definition& f) { return f.name == d.name; });
+      if (!hidden) found.push_back(std::move(d));
+    }
+  }
+  std::sort(found.begin(), found.end(),
+            [](const Definition& a, const Definition& b) { return a.name < b.name; });
+  return found;
+}
+
+std::optional<std::string> kind_of_definition(const std::string& path) {
+  try {
+    const toml::table table = parse_toml(read_text_file(path), path);
+    if (table.contains("cure")) return "resin";
+    if (table.contains("display")) return "printer";
+  } catch (const InputError&) {
+  }
+  return std::nullopt;
+}
+
 std::string find_definition(const std::string& name, std::string_view kind) {
   if (name.size() > 5 && name.substr(name.size() - 5) == ".toml") return name;
   if (name.empty() || name.find('/') != std::string::npos || name[0] == '.') {
     throw InputError(
         fmt::format("'{}' is no {} name; expected a name or a .toml file", name, kind));
   }
-  std::vector<fs::path> folders;
-  const auto add = [&](const char* value, const char* below = "") {
-    if (value && *value) folders.push_back(fs::path(value) / below);
-  };
-  add(std::getenv("SLICECORR_DB"));
-  if (const char* config = std::getenv("XDG_CONFIG_HOME"); config && *config) {
-    add(config, "slicecorr");
-  } else {
-    add(std::getenv("HOME"), ".config/slicecorr");
-  }
-  // An install tree that was moved or made with another prefix is found from the program.
-  std::error_code ec_exe;
-  const fs::path program = fs::read_symlink("/proc/self/exe", ec_exe);
-  if (!ec_exe) folders.push_back(program.parent_path() / ".." / "share" / "slicecorr" / "db");
-  add(SLICECORR_INSTALLED_DB);
-  add(SLICECORR_SOURCE_DB);
   std::string looked;
-  for (const auto& folder : folders) {
-    for (const std::string& below : {std::string(), std::string(kind) + "s"}) {
-      const fs::path path = folder / below / (name + ".toml");
-      std::error_code ec;
-      if (fs::is_regular_file(path, ec)) return path.string();
-    }
-    looked += (looked.empty() ? "" : ", ") + folder.string();
+  for (const std::string& folder : definition_folders(kind)) {
+    const fs::path path = fs::path(folder) / (name + ".toml");
+    std::error_code ec;
+    if (fs::is_regular_file(path, ec)) return path.string();
+    looked += (looked.empty() ? "" : ", ") + folder;
   }
-  throw InputError(fmt::format("no {} '{}'; looked for {}.toml in {}", kind, name, name, looked));
+  std::string known;
+  for (const Definition& d : list_definitions(kind)) known += (known.empty() ? "" : ", ") + d.name;
+  throw InputError(fmt::format("no {0} '{1}'; looked for {1}.toml in {2}; known {0}s: {3}", kind,
+                               name, looked, known.empty() ? "none" : known));
 }
 
 Printer parse_printer(std::string_view text, const std::string& source) {
   const toml::table root_table = parse_toml(text, source);
-  const Table root(root_table, source);
+  const TomlTable root(root_table, source);
   Printer printer;
   printer.name = root.text("name", fs::path(source).stem().string());
-  const Table display = root.required_table("display");
+  const TomlTable display = root.required_table("display");
   printer.width_px = display.required_integer("width_px", 1, 65536);
   printer.height_px = display.required_integer("height_px", 1, 65536);
   printer.bit_depth = display.integer("bit_depth", 1, 8, 8);
@@ -309,9 +296,21 @@ Printer parse_printer(std::string_view text, const std::string& source) {
   } else {
     printer.pixel_x_um = printer.pixel_y_um = display.required_number("pixel_um", 0, 1e4);
   }
-  const Table blue = root.required_table("blue");
+  const TomlTable blue = root.required_table("blue");
   printer.wavelength_nm = blue.number("wavelength_nm", 0, 1e5).value_or(0);
-  printer.calibration = calibration(blue, printer.bit_depth);
+  printer.calibration = calibration(blue, printer.bit_depth, true);
+  if (const auto uv = root.table("uv")) {
+    UvLamp lamp;
+    lamp.wavelength_nm = uv->number("wavelength_nm", 0, 1e5).value_or(0);
+    const std::string kind = uv->text("kind", "flood");
+    if (kind != "flood" && kind != "patterned") {
+      uv->fail("kind", fmt::format("is '{}'; expected \"flood\" or \"patterned\"", kind));
+    }
+    lamp.patterned = kind == "patterned";
+    // A lamp's control values are its own; an image's are grey levels.
+    lamp.calibration = calibration(*uv, printer.bit_depth, lamp.patterned);
+    printer.uv = std::move(lamp);
+  }
   if (const auto stage = root.table("stage")) {
     printer.max_speed_mm_h = stage->number("max_speed_mm_h", 0, 1e9).value_or(0);
     printer.travel_mm = stage->number("travel_mm", 0, 1e6).value_or(0);
@@ -321,16 +320,16 @@ Printer parse_printer(std::string_view text, const std::string& source) {
 
 Printer load_printer(const std::string& name_or_path) {
   const std::string path = find_definition(name_or_path, "printer");
-  return parse_printer(read_text(path), path);
+  return parse_printer(read_text_file(path), path);
 }
 
 Resin parse_resin(std::string_view text, const std::string& source,
                   const ResinOverrides& overrides) {
   const toml::table root_table = parse_toml(text, source);
-  const Table root(root_table, source);
+  const TomlTable root(root_table, source);
   Resin resin;
   resin.name = root.text("name", fs::path(source).stem().string());
-  const Table cure = root.required_table("cure");
+  const TomlTable cure = root.required_table("cure");
   const std::string model = cure.text("model", "jacobs");
   if (model != "jacobs" && model != "kinetic") {
     cure.fail("model", fmt::format("is '{}'; expected \"jacobs\" or \"kinetic\"", model));
@@ -346,12 +345,13 @@ Resin parse_resin(std::string_view text, const std::string& source,
   check_override(overrides.dc_mj_cm3, "the dose to aim at, mJ/cm³,", 1e9);
   if (overrides.ha_um) resin.absorbance_height10_um = *overrides.ha_um;
   resolve_dose(cure, overrides.dc_mj_cm3, resin);
+  if (const auto table = root.table("inhibition")) resin.inhibition = inhibition_of(*table, resin);
   return resin;
 }
 
 Resin load_resin(const std::string& name_or_path, const ResinOverrides& overrides) {
   const std::string path = find_definition(name_or_path, "resin");
-  return parse_resin(read_text(path), path, overrides);
+  return parse_resin(read_text_file(path), path, overrides);
 }
 
 }  // namespace slicecorr

@@ -39,31 +39,49 @@ Json properties_json(const StackInfo& info, double light_on_s) {
   return properties;
 }
 
-Json printer_json(const Printer& p) {
+Json calibration_json(const std::vector<CalibrationPoint>& calibration) {
   Json points = Json::array();
-  for (const CalibrationPoint& c : p.calibration) {
+  for (const CalibrationPoint& c : calibration) {
     points.push_back({{"level", c.level}, {"intensity_mw_cm2", c.intensity_mw_cm2}});
   }
-  return {{"name", p.name},
-          {"width_px", p.width_px},
-          {"height_px", p.height_px},
-          {"pixel_x_um", p.pixel_x_um},
-          {"pixel_y_um", p.pixel_y_um},
-          {"bit_depth", p.bit_depth},
-          {"wavelength_nm", p.wavelength_nm},
-          {"calibration", points},
-          {"max_speed_mm_h", p.max_speed_mm_h},
-          {"travel_mm", p.travel_mm}};
+  return points;
+}
+
+Json printer_json(const Printer& p) {
+  Json json = {{"name", p.name},
+               {"width_px", p.width_px},
+               {"height_px", p.height_px},
+               {"pixel_x_um", p.pixel_x_um},
+               {"pixel_y_um", p.pixel_y_um},
+               {"bit_depth", p.bit_depth},
+               {"wavelength_nm", p.wavelength_nm},
+               {"calibration", calibration_json(p.calibration)},
+               {"max_speed_mm_h", p.max_speed_mm_h},
+               {"travel_mm", p.travel_mm}};
+  if (p.uv) {
+    json["uv"] = {{"wavelength_nm", p.uv->wavelength_nm},
+                  {"kind", p.uv->patterned ? "patterned" : "flood"},
+                  {"calibration", calibration_json(p.uv->calibration)}};
+  }
+  return json;
 }
 
 Json resin_json(const Resin& r) {
-  return {{"name", r.name},
-          {"model", r.model == CureModelKind::kinetic ? "kinetic" : "jacobs"},
-          {"m", r.m},
-          {"absorbance_height10_um", r.absorbance_height10_um},
-          {"critical_dose_mj_cm3", r.critical_dose_mj_cm3},
-          {"critical_dose_prime", r.critical_dose_prime},
-          {"gel_dose_mj_cm3", r.gel_dose_mj_cm3}};
+  Json json = {{"name", r.name},
+               {"model", r.model == CureModelKind::kinetic ? "kinetic" : "jacobs"},
+               {"m", r.m},
+               {"absorbance_height10_um", r.absorbance_height10_um},
+               {"critical_dose_mj_cm3", r.critical_dose_mj_cm3},
+               {"critical_dose_prime", r.critical_dose_prime},
+               {"gel_dose_mj_cm3", r.gel_dose_mj_cm3},
+               {"dose_factor", r.dose_factor}};
+  if (r.inhibition) {
+    json["inhibition"] = {{"beta", r.inhibition->beta},
+                          {"absorbance_height10_um", r.inhibition->absorbance_height10_um},
+                          {"m", r.inhibition->m},
+                          {"critical_dose_prime", r.inhibition->critical_dose_prime}};
+  }
+  return json;
 }
 
 Json process_json(const Process& p) {

@@ -165,6 +165,20 @@ void read_properties(const Node& properties, StackInfo& info) {
   if (properties.has("AntiAliasLevel")) properties["AntiAliasLevel"].whole(0, 255);
 }
 
+std::vector<CalibrationPoint> read_calibration(const Node& node) {
+  std::vector<CalibrationPoint> points;
+  for (const Node& point : node.list(2, 65536)) {
+    const CalibrationPoint c{point["level"].number(0, largest),
+                             point["intensity_mw_cm2"].number(0, largest)};
+    if (!points.empty() &&
+        (c.level <= points.back().level || c.intensity_mw_cm2 < points.back().intensity_mw_cm2)) {
+      point.fail("a level above and an intensity not below those before it");
+    }
+    points.push_back(c);
+  }
+  return points;
+}
+
 Printer read_printer(const Node& node) {
   Printer p;
   p.name = node["name"].string();
@@ -174,17 +188,15 @@ Printer read_printer(const Node& node) {
   p.pixel_y_um = node["pixel_y_um"].positive();
   p.bit_depth = node["bit_depth"].integer(1, 8);
   p.wavelength_nm = node["wavelength_nm"].number(0, largest);
-  for (const Node& point : node["calibration"].list(2, 65536)) {
-    const CalibrationPoint c{point["level"].number(0, p.levels() - 1),
-                             point["intensity_mw_cm2"].number(0, largest)};
-    if (!p.calibration.empty() && (c.level <= p.calibration.back().level ||
-                                   c.intensity_mw_cm2 < p.calibration.back().intensity_mw_cm2)) {
-      point.fail("a level above and an intensity not below those before it");
-    }
-    p.calibration.push_back(c);
-  }
+  p.calibration = read_calibration(node["calibration"]);
   if (p.calibration.front().level != 0 || p.calibration.back().level != p.levels() - 1) {
     node["calibration"].fail("points from level 0 to level " + std::to_string(p.levels() - 1));
+  }
+  if (node.has("uv")) {
+    const Node uv = node["uv"];
+    p.uv =
+        UvLamp{uv["wavelength_nm"].number(0, largest),
+               uv["kind"].choice({"flood", "patterned"}) == 1, read_calibration(uv["calibration"])};
   }
   p.max_speed_mm_h = node["max_speed_mm_h"].number(0, largest);
   p.travel_mm = node["travel_mm"].number(0, largest);
@@ -203,6 +215,12 @@ Resin read_resin(const Node& node) {
   r.gel_dose_mj_cm3 = node["gel_dose_mj_cm3"].number(0, largest);
   if (r.critical_dose_mj_cm3 == 0 && r.critical_dose_prime == 0) {
     node["critical_dose_mj_cm3"].fail("a number above 0, or a critical_dose_prime above 0");
+  }
+  if (node.has("dose_factor")) r.dose_factor = node["dose_factor"].positive();
+  if (node.has("inhibition")) {
+    const Node i = node["inhibition"];
+    r.inhibition = Inhibition{i["beta"].positive(), i["absorbance_height10_um"].positive(),
+                              i["m"].positive(2), i["critical_dose_prime"].number(0, largest)};
   }
   return r;
 }

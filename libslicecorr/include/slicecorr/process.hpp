@@ -19,6 +19,17 @@ struct CalibrationPoint {
   bool operator==(const CalibrationPoint&) const = default;
 };
 
+/// The lamp that inhibits curing near the window.
+struct UvLamp {
+  double wavelength_nm = 0;  ///< 0 when not given
+  bool patterned = false;    ///< an image of its own per slice; else it floods the window
+  /// Control value (flood) or grey level (patterned) and intensity; both never fall.
+  std::vector<CalibrationPoint> calibration;
+  double max_mw_cm2() const { return calibration.back().intensity_mw_cm2; }
+  double min_mw_cm2() const { return calibration.front().intensity_mw_cm2; }
+  bool operator==(const UvLamp&) const = default;
+};
+
 /// A printer file (contract: "Printer file").
 struct Printer {
   std::string name;
@@ -32,11 +43,25 @@ struct Printer {
   std::vector<CalibrationPoint> calibration;
   double max_speed_mm_h = 0;  ///< 0 when not given
   double travel_mm = 0;       ///< 0 when not given
+  std::optional<UvLamp> uv;
   int levels() const { return 1 << bit_depth; }
   bool operator==(const Printer&) const = default;
 };
 
 enum class CureModelKind { jacobs, kinetic };
+
+/// What the correction aims at, over the gel dose, where nothing else is said (dissertation
+/// §2.3.2).
+inline constexpr double default_dose_factor = 5.0;
+
+/// How UV light keeps resin liquid near the window (dissertation chapter III).
+struct Inhibition {
+  double beta = 0;                    ///< areal: UV counts beta times against blue, > 0
+  double absorbance_height10_um = 0;  ///< base 10, of the UV light; less than that of the blue
+  double m = 1;                       ///< exponent under inhibition; that of the cure by default
+  double critical_dose_prime = 0;     ///< gel dose that belongs to `m`; 0: the cure's number
+  bool operator==(const Inhibition&) const = default;
+};
 
 /// A resin file (contract: "Resin file"), resolved to what the cure model needs.
 struct Resin {
@@ -50,6 +75,9 @@ struct Resin {
   double critical_dose_prime = 0;
   /// Measured gel dose, mJ/cm³, kept beside the dose aimed at; 0 when not given.
   double gel_dose_mj_cm3 = 0;
+  /// Dose aimed at over gel dose; 1 when the file gives the dose aimed at.
+  double dose_factor = 1;
+  std::optional<Inhibition> inhibition;
   bool operator==(const Resin&) const = default;
 };
 
@@ -67,10 +95,23 @@ struct Process {
   bool operator==(const Process&) const = default;
 };
 
-/// Finds a printer or resin: `name` is a path to a .toml file, or a name looked up as NAME.toml in
-/// `$SLICECORR_DB`, `$XDG_CONFIG_HOME/slicecorr` (or `~/.config/slicecorr`) and the installed
-/// database (beside the running program, then at the configured prefix), in that order, each
-/// directly, then in its subfolder `printers` or `resins`. `kind` is "printer" or "resin".
+/// Where definitions of a kind ("printer" or "resin") are looked for, first to last:
+/// `$SLICECORR_DB`, the user's folder, the installed database (beside the running program, then at
+/// the configured prefix), the source tree; each directly, then in its subfolder `printers` or
+/// `resins`.
+std::vector<std::string> definition_folders(std::string_view kind);
+/// `$XDG_CONFIG_HOME/slicecorr` or `~/.config/slicecorr`; empty when neither variable is set.
+std::string user_definition_folder();
+
+struct Definition {
+  std::string name, path;
+};
+/// All definitions of a kind by name; one that a folder further up hides is left out.
+std::vector<Definition> list_definitions(std::string_view kind);
+/// "printer" or "resin" by what the file holds; nothing when it is neither or can't be read.
+std::optional<std::string> kind_of_definition(const std::string& path);
+/// Path of a printer or resin: `name` is a path to a .toml file, or a name looked up as NAME.toml
+/// in `definition_folders`.
 std::string find_definition(const std::string& name, std::string_view kind);
 
 Printer load_printer(const std::string& name_or_path);

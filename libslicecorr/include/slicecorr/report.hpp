@@ -53,7 +53,7 @@ struct ReportContent {
   std::vector<SectionPictures> sections;
   int column_x = -1, column_y = -1;  ///< pixel of the columns below
   std::vector<ProbeRow> column_before, column_after;
-  std::optional<ReducedVolume> volume;   ///< what can be moved through; none: still pictures only
+  std::optional<ReducedVolume> volume;  ///< what can be moved through; none: still pictures only
   std::optional<ComparisonTable> comparison;  ///< when the caller has one
 };
 

@@ -21,6 +21,24 @@ inline double volumetric_from_areal(double dose_mj_cm2, double height_e_um) {
 inline double areal_from_volumetric(double dose_mj_cm3, double height_e_um) {
   return dose_mj_cm3 * (height_e_um * 1e-4);
 }
+/// Dose analogue D' and inhibition constant, areal to volumetric (dissertation B.7): D'V,c = D'A,c
+/// / hb^m in (mW/cm³)^m·s, betaV = betaA huv / hb.
+inline double volumetric_prime_from_areal(double dose_prime, double height_e_um, double m) {
+  return dose_prime / std::pow(height_e_um * 1e-4, m);
+}
+inline double areal_prime_from_volumetric(double dose_prime, double height_e_um, double m) {
+  return dose_prime * std::pow(height_e_um * 1e-4, m);
+}
+inline double volumetric_beta_from_areal(double beta, double hb_um, double huv_um) {
+  return beta * huv_um / hb_um;
+}
+inline double areal_beta_from_volumetric(double beta, double hb_um, double huv_um) {
+  return beta * hb_um / huv_um;
+}
+/// Absorbance of a film (base 10) and the absorbance height (base e) of its resin.
+inline double height_e_from_absorbance(double film_um, double absorbance) {
+  return film_um / (ln10 * absorbance);
+}
 inline double cm_s_from_mm_h(double speed_mm_h) { return speed_mm_h / 36000.0; }
 inline double mm_h_from_cm_s(double speed_cm_s) { return speed_cm_s * 36000.0; }
 /// Time that the stage needs for one slice.

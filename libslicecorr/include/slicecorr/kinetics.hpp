@@ -1,0 +1,63 @@
+/// @file kinetics.hpp
+/// Stationary exposure of resin at a window, with and without inhibiting UV light (dissertation
+/// chapter III, appendix B.3), in closed form.
+///
+/// z is the distance from the window, heights are base e, doses areal:
+///
+///     dD'/dt = max(0, Ib e^(-z/hb) - beta Iuv e^(-z/huv))^m,   gelled where D' >= D'c     (3.22)
+///
+/// Without UV that is zc = (hb/m) ln(Ib^m t / D'c) (3.15), and with m = 1 Jacobs' working curve.
+/// All functions are pure and thread-safe. Intensities in mW/cm² at the window, >= 0; times in s.
+#pragma once
+
+#include <limits>
+#include <optional>
+
+#include "slicecorr/process.hpp"
+
+namespace slicecorr {
+
+/// Parameters of the law above.
+struct Kinetics {
+  double hb_um = 0;                ///< absorbance height of the curing light, base e, > 0
+  double m = 1;                    ///< exponent of intensity, > 0
+  double critical_dose_prime = 0;  ///< D'c, (mW/cm²)^m·s, > 0
+  double beta = 0;                 ///< areal; 0 without inhibition
+  double huv_um = 0;               ///< base e, 0 < huv < hb when beta > 0
+};
+
+/// What a resin file says, at its gel dose (`aim` false) or at the dose that the correction aims
+/// at. `inhibited`: the exponent and dose that hold under UV light. Throws `InputError` when the
+/// resin has no dose that fits.
+Kinetics make_kinetics(const Resin& resin, bool inhibited, bool aim);
+
+/// Cured height without UV, um; below 0 when nothing gels.
+double cured_height_um(const Kinetics& k, double blue_mw_cm2, double exposure_s);
+/// Exposure without UV that cures to a height.
+double exposure_for_height_s(const Kinetics& k, double blue_mw_cm2, double height_um);
+/// D' at a distance from the window.
+double dose_prime_at(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2, double z_um,
+                     double exposure_s);
+/// Greatest height of resin that never gels (3.25); 0 when the resin cures to the window, infinite
+/// when it never gels anywhere.
+double steady_dead_zone_um(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2);
+
+/// Where and when the first resin gels (B.11): z0 >= 0, t0.
+struct FirstGel {
+  double z_um = 0;
+  double time_s = 0;
+};
+FirstGel first_gel(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2);
+
+/// Both curing fronts: gelled between them. `front_um` is 0 when it has reached the window.
+struct CuringFronts {
+  double front_um = 0;
+  double back_um = 0;
+};
+/// Nothing before the first gel.
+std::optional<CuringFronts> curing_fronts(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2,
+                                          double exposure_s);
+/// When the front reaches the window: D'c / (Ib - beta Iuv)^m; infinite while a dead zone lasts.
+double window_time_s(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2);
+
+}  // namespace slicecorr

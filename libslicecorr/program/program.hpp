@@ -1,0 +1,87 @@
+/// What every program of the project does alike: subcommands, exit codes, progress, interruption,
+/// and files that appear whole or not at all.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "slicecorr/parallel.hpp"
+
+namespace slicecorr::cli {
+
+/// Exit codes of the contract.
+enum ExitCode {
+  kDone = 0,
+  kDefect = 1,
+  kInput = 2,
+  kInfeasible = 3,
+  kDevice = 4,
+  kMissed = 5,
+  kInterrupted = 130,
+};
+
+/// Progress and remarks on stderr: a line that is rewritten on a terminal, plain lines else.
+class Console {
+ public:
+  explicit Console(bool quiet);
+  /// A job that reports here and stops on SIGINT and SIGTERM.
+  Job job(int threads);
+  void say(const std::string& text);
+  void clear();
+
+ private:
+  void progress(std::string_view stage, double done);
+
+  bool quiet_, terminal_, line_ = false;
+  std::string stage_;
+  int percent_ = -1;
+};
+
+/// Whether SIGINT or SIGTERM came since `Program::run` began.
+bool interrupted();
+
+/// A program with subcommands; each takes --threads and --quiet, too.
+class Program {
+ public:
+  using Action = std::function<int(const Job&, Console&)>;
+  Program(const std::string& name, const std::string& description, const std::string& example);
+  Program(const Program&) = delete;
+  Program& operator=(const Program&) = delete;
+  /// Adds a subcommand; its options are added to what comes back.
+  CLI::App* add(const std::string& name, const std::string& text, Action action);
+  /// Parses, calls the action of the subcommand, turns errors into messages and exit codes.
+  int run(int argc, char** argv);
+
+ private:
+  std::string failure_message(const CLI::Error& error) const;
+
+  CLI::App app_;
+  int threads_ = 0;
+  bool quiet_ = false;
+  std::vector<std::pair<CLI::App*, Action>> actions_;
+};
+
+/// Accepts finite numbers only, from `least` to `most`; `above`: `least` itself is not accepted.
+CLI::Validator number_in(double least, double most, bool above = false);
+CLI::Validator number_above_zero();
+/// The whole text as a finite number.
+std::optional<double> number_of(const std::string& text);
+
+/// Throws `InputError` when an output would replace one of the inputs.
+void must_not_replace(const std::string& output, const std::vector<std::string>& inputs);
+/// Writes results; throws `DeviceError` when stdout can't take them.
+void print_result(const std::string& text);
+/// Writes to a temporary file beside `path`, then renames it; straight into what is no ordinary
+/// file.
+void write_text_file(const std::string& path, const std::string& text);
+/// To stdout when `where` is -, else to that file; with a line end.
+void print_or_write(const std::string& where, const std::string& text);
+/// The folder of a path, for scratch files.
+std::string folder_of(const std::string& path);
+
+}  // namespace slicecorr::cli

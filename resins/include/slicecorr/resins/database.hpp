@@ -1,0 +1,64 @@
+/// @file database.hpp
+/// The database of resins and printers: folders of TOML files, their history, and safe changes.
+///
+/// A folder holds NAME.toml and, for every earlier version, .history/NAME/VERSION.toml. Changes
+/// take the folder's lock, are written beside and renamed: concurrent changes come one after the
+/// other, and a kill leaves the old file or the new one. Thread- and process-safe.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "slicecorr/resins/record.hpp"
+
+namespace slicecorr::resins {
+
+/// What `resinctl list` can ask for; empty and unset fields ask for nothing.
+struct Query {
+  std::string words;  ///< all of them must occur in name, maker, product, chemistry or notes
+  std::string maker, chemistry;
+  std::optional<double> wavelength_nm;                        ///< within 10 nm
+  std::optional<double> least_height_um, greatest_height_um;  ///< absorbance height, base e
+};
+/// Resins of all folders by name that fit; files that can't be read are told in `problems`.
+std::vector<ResinRecord> find_records(const Query& query, std::vector<Finding>* problems = nullptr);
+
+/// Folder that changes are written to: `$SLICECORR_DB` when set, else the user's; made if missing.
+std::string writable_folder();
+
+/// A version of a record that is kept.
+struct Version {
+  int number = 0;
+  std::string date;     ///< when it was replaced (or written, for the present one): ISO 8601, UTC
+  std::string message;  ///< why, as given
+  std::string path;
+  bool current = false;
+};
+/// Oldest first, the present one last.
+std::vector<Version> history(const std::string& name, std::string_view kind = "resin");
+/// Text of one version.
+std::string text_of_version(const std::string& name, int number, std::string_view kind = "resin");
+/// Lines that differ, like diff -u; empty when none does.
+std::string difference(const std::string& old_text, const std::string& new_text,
+                       const std::string& old_name, const std::string& new_name);
+
+enum class Replace { refuse, keep_history };
+struct Saved {
+  std::string path;
+  int version = 1;
+  bool replaced = false, unchanged = false;
+};
+/// Writes `text` (checked first) as NAME.toml into `folder`, with `version` set in it to one more
+/// than the present one. An existing file is kept in the history, or with `refuse` an `InputError`.
+/// `expected_version`: refuses when the present one is another (someone else changed it meanwhile).
+Saved save_definition(const std::string& folder, const std::string& name, const std::string& text,
+                      std::string_view kind, Replace replace, const std::string& message,
+                      std::optional<int> expected_version = std::nullopt);
+/// Puts a CSV beside a record under NAME[-N].csv; the same bytes are not stored twice. Returns the
+/// file's name.
+std::string save_measurements(const std::string& folder, const std::string& name,
+                              const std::string& csv_path);
+
+}  // namespace slicecorr::resins

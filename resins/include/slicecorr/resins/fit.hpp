@@ -1,0 +1,141 @@
+/// @file fit.hpp
+/// Fits of cure models to measurements, with what can be said about their parameters.
+///
+/// Models (heights base e, doses areal; dissertation chapter III):
+///
+///     jacobs               zc = h ln(D / Dc)                               h_um, dc_mj_cm2
+///     kinetic              zc = (h / m) ln(I^m t / D'c)                    h_um, m,
+///     critical_dose_prime dead_zone_steady     zf = ln(beta Iuv / Ib) / (1/huv - 1/hb) beta,
+///     huv_um dead_zone_transient  front root of (Ib e^(-z/hb) - beta Iuv e^(-z/huv))^m t = D'c
+///                                                                          beta, huv_um, m
+///     joint                kinetic and transient together                  h_um, m,
+///     critical_dose_prime,
+///                                                                          beta, huv_um (and m_uv)
+///
+/// Residuals are measured minus predicted height. Least squares with Ceres; analytic derivatives,
+/// that of the front by the implicit function theorem.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "slicecorr/parallel.hpp"
+#include "slicecorr/resins/measurements.hpp"
+
+namespace slicecorr::resins {
+
+enum class FitModel { jacobs, kinetic, dead_zone_steady, dead_zone_transient, joint };
+/// "jacobs", "kinetic", "deadzone-steady", "deadzone-transient", "joint".
+std::string_view name_of(FitModel model);
+FitModel fit_model_named(const std::string& name);
+
+enum class Loss { none, soft_l1, cauchy };
+enum class Weights { none, scatter };
+
+struct Bounds {
+  double low = 0, high = 0;
+};
+
+struct FitOptions {
+  Loss loss = Loss::none;
+  /// Scale of a robust loss in um; 0: from the median absolute residual of a first fit.
+  double loss_scale_um = 0;
+  /// scatter: residuals divided by the `sigma_um` column, or by the scatter of replicates (pooled
+  /// where a group has fewer than three).
+  Weights weights = Weights::none;
+  std::map<std::string, double> fixed;   ///< parameters held at a value
+  std::map<std::string, Bounds> bounds;  ///< over the defaults, by name of parameter
+  int starts = 8;                        ///< starting points, >= 1; the best result counts
+  int bootstrap = 0;                     ///< resamplings for `Parameter::bootstrap95`; 0: none
+  std::uint64_t seed = 1;
+  double tolerance = 1e-12;  ///< of Ceres' function, gradient and parameters
+  /// Blue law that dead zones stand on: base e height and D'c. Needed by dead_zone_*; m is that of
+  /// the cure and the start value of the transient fit.
+  double hb_um = 0, critical_dose_prime = 0, m = 1;
+  /// Joint fits: whether the exponent under UV is a parameter of its own (`m_uv`).
+  bool separate_m = true;
+};
+
+struct Parameter {
+  std::string name;  ///< contract's name
+  std::string unit;  ///< for people: "um", "mJ/cm²", ""
+  double value = 0;
+  double stderr_ = 0;            ///< from the covariance; NaN when it can't be known
+  std::array<double, 2> ci95{};  ///< value -+ t(0.975, n - p) stderr, in log for scale parameters
+  std::optional<std::array<double, 2>> bootstrap95;  ///< percentiles of resampled fits
+  bool fixed = false, at_bound = false;
+};
+
+/// One measurement beside the fit.
+struct FitPoint {
+  bool is_dead_zone = false;
+  double blue_mw_cm2 = 0, uv_mw_cm2 = 0, exposure_s = 0, dose_mj_cm2 = 0;
+  double measured_um = 0, predicted_um = 0;
+  double weight = 1;       ///< 1 / sigma of the residual, relative
+  double leverage = 0;     ///< diagonal of the hat matrix, 0..1
+  double studentised = 0;  ///< externally studentised residual
+  double cooks_distance = 0;
+  Origin origin;
+};
+
+struct Outlier {
+  std::size_t point = 0;  ///< index into `FitResult::points`
+  std::string reason;     ///< with file, line and figures, in words
+};
+
+/// Jacobs against kinetic on the same data.
+struct Reciprocity {
+  double f = 0, p_value = 1;               ///< F test of the extra parameter m
+  double aic_jacobs = 0, aic_kinetic = 0;  ///< corrected for small samples (AICc)
+  double m = 1;
+  std::array<double, 2> m_ci95{};
+  bool holds = true;
+  std::string verdict;  ///< one or two sentences
+};
+
+struct FitResult {
+  FitModel model = FitModel::jacobs;
+  std::vector<Parameter> parameters;
+  /// Of the free parameters, in the order of `parameters`, row by row.
+  std::vector<double> covariance;
+  double r2 = 0;        ///< 1 - SSres / SStot, heights about their mean (unweighted)
+  double rmse_um = 0;   ///< sqrt(SSres / n)
+  double sigma_um = 0;  ///< sqrt(SSres / (n - p)): what the fit says of the scatter
+  int n = 0, free_parameters = 0;
+  std::vector<FitPoint> points;
+  std::vector<Outlier> outliers;
+  std::vector<std::string> warnings;
+  std::optional<Reciprocity> reciprocity;
+  /// Parameters that a dead-zone fit took from the resin, and fixed ones.
+  double hb_um = 0, critical_dose_prime = 0, m = 1;
+  std::vector<std::string> sources;
+  int iterations = 0;
+  double seconds = 0;
+
+  const Parameter* find(std::string_view name) const;
+  /// Value of a parameter; throws `InputError` when the model does not have it.
+  double value(std::string_view name) const;
+  /// Keys of the contract and more (covariance, points, reciprocity).
+  std::string to_json() const;
+  /// For people.
+  std::string to_text() const;
+};
+
+/// Fits; throws `InputError` when the data can't be fitted at all (too few points, wrong kind) and
+/// says what is missing; what can be fitted but not trusted has a warning. Deterministic for a
+/// seed, whatever the number of threads. Thread-safe.
+FitResult fit(const Measurements& data, FitModel model, const FitOptions& options = {},
+              const Job& job = {});
+
+/// Height that a fit predicts, um: of cured resin where `uv` is 0, of the dead zone else.
+double predict_um(const FitResult& result, double blue_mw_cm2, double uv_mw_cm2, double exposure_s);
+/// Half-width of the 95 % confidence band of that prediction, by the delta method.
+double confidence_um(const FitResult& result, double blue_mw_cm2, double uv_mw_cm2,
+                     double exposure_s);
+
+}  // namespace slicecorr::resins

@@ -1,0 +1,55 @@
+/// @file measurements.hpp
+/// Measurements of resins, read from CSV (contract: "resinctl").
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "slicecorr/parallel.hpp"
+
+namespace slicecorr::resins {
+
+/// Where a measurement stands.
+struct Origin {
+  int source = 0;  ///< index into `Measurements::sources`
+  int line = 0;    ///< from 1
+};
+
+/// Height of a sample that was exposed to curing light alone.
+struct CuredHeight {
+  double blue_mw_cm2 = 0;  ///< 0 when only the dose is known
+  double exposure_s = 0;   ///< 0 when only the dose is known
+  double dose_mj_cm2 = 0;  ///< > 0 always: intensity times time where those are known
+  double height_um = 0;    ///< > 0
+  double sigma_um = 0;     ///< scatter of this measurement, column `sigma_um`; 0: not given
+  Origin origin;
+};
+
+/// Height of the resin that stayed liquid between window and cured part.
+struct DeadZone {
+  double blue_mw_cm2 = 0;   ///< > 0
+  double uv_mw_cm2 = 0;     ///< > 0
+  double exposure_s = 0;    ///< > 0
+  double dead_zone_um = 0;  ///< >= 0
+  double sigma_um = 0;
+  Origin origin;
+};
+
+struct Measurements {
+  std::vector<std::string> sources;  ///< paths as given
+  std::vector<CuredHeight> cured;
+  std::vector<DeadZone> dead_zones;
+  std::vector<std::string> warnings;  ///< what was handled while reading, with file and line
+};
+
+/// Reads one or several files, each with its own header row; a file holds cured heights or dead
+/// zones. Throws `InputError` with file, line, column and what was expected. A measurement is never
+/// dropped or changed without a warning; one that can't be right (no number, not finite, not above
+/// zero) is an error. Bounded memory: refuses files of more than `max_measurements` rows.
+Measurements read_measurements(const std::vector<std::string>& paths, const Job& job = {});
+/// The same from text; `source` names it in messages.
+Measurements parse_measurements(const std::string& text, const std::string& source);
+
+inline constexpr int max_measurements = 1000000;
+
+}  // namespace slicecorr::resins

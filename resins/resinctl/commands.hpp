@@ -1,0 +1,14 @@
+/// The subcommands of resinctl, by file.
+#pragma once
+
+#include "program/program.hpp"
+
+namespace slicecorr::resinctl {
+
+void add_fit(cli::Program& program);  ///< fit
+void add_database(
+    cli::Program& program);            ///< list, show, validate, history, diff, add, import, export
+void add_plot(cli::Program& program);  ///< plot
+void add_design(cli::Program& program);  ///< predict, recommend
+
+}  // namespace slicecorr::resinctl

@@ -5,10 +5,11 @@
 
 namespace slicecorr::resinctl {
 
-void add_fit(cli::Program& program);  ///< fit
-void add_database(
-    cli::Program& program);            ///< list, show, validate, history, diff, add, import, export
-void add_plot(cli::Program& program);  ///< plot
-void add_design(cli::Program& program);  ///< predict, recommend
+void add_fit(cli::Program& program);       ///< fit
+void add_database(cli::Program& program);  ///< list, show, validate, and the two below
+void add_changes(cli::Program& program);   ///< add, history, diff, restore
+void add_exchange(cli::Program& program);  ///< import, export
+void add_plot(cli::Program& program);      ///< plot
+void add_design(cli::Program& program);    ///< predict, recommend
 
 }  // namespace slicecorr::resinctl

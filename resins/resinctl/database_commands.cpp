@@ -1,7 +1,275 @@
+// list, show, validate.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
 #include "commands.hpp"
+#include "describe.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/resins/database.hpp"
+#include "slicecorr/resins/exchange.hpp"
+#include "slicecorr/resins/plots.hpp"
 
 namespace slicecorr::resinctl {
 
-void add_database(cli::Program& program) { (void)program; }
+namespace {
+
+namespace fs = std::filesystem;
+using namespace resins;
+using cli::Console;
+using nlohmann::ordered_json;
+
+struct ListArguments {
+  std::vector<std::string> words;
+  std::string maker, chemistry, height_um, json;
+  double wavelength_nm = 0;
+  bool printers = false;
+};
+
+/// LOW:HIGH; either side may be empty.
+void set_heights(const std::string& text, Query& query) {
+  if (text.empty()) return;
+  const std::size_t colon = text.find(':');
+  const auto side = [&](const std::string& part) -> std::optional<double> {
+    if (part.empty()) return std::nullopt;
+    const auto value = cli::number_of(part);
+    if (!value || *value < 0) {
+      throw InputError(fmt::format(
+          "--height-um {}: expected LOW:HIGH, such as 100:300 or :50, in um, base e", text));
+    }
+    return value;
+  };
+  if (colon == std::string::npos) side("-");
+  query.least_height_um = side(text.substr(0, colon));
+  query.greatest_height_um = side(text.substr(colon + 1));
+  if (query.least_height_um && query.greatest_height_um &&
+      *query.least_height_um > *query.greatest_height_um) {
+    throw InputError(fmt::format("--height-um {}: LOW is above HIGH", text));
+  }
+}
+
+void put_list(const std::string& json, const ordered_json& list,
+              const std::vector<std::vector<std::string>>& rows, const char* what,
+              Console& console) {
+  if (json.empty()) {
+    cli::print_result(aligned(rows));
+  } else {
+    cli::print_or_write(json, list.dump(2));
+  }
+  const std::size_t n = rows.size() - 1;
+  console.say(fmt::format("{} {}{}", n, what, n == 1 ? "" : "s"));
+}
+
+int list_printers(const ListArguments& a, const std::string& words, Console& console) {
+  if (!a.maker.empty() || !a.chemistry.empty() || !a.height_um.empty()) {
+    throw InputError("--maker, --chemistry and --height-um are for resins");
+  }
+  std::vector<std::vector<std::string>> rows = {
+      {"NAME", "PIXELS", "UM", "NM", "MW/CM²", "UV MW/CM²", "FILE"}};
+  auto list = ordered_json::array();
+  for (const Definition& d : list_definitions("printer")) {
+    try {
+      const Printer p = load_printer(d.path);
+      std::istringstream in(words);
+      bool fits = a.wavelength_nm == 0 || std::abs(p.wavelength_nm - a.wavelength_nm) <= 10;
+      for (std::string word; in >> word;) fits = fits && d.name.find(word) != std::string::npos;
+      if (!fits) continue;
+      rows.push_back(
+          {d.name, fmt::format("{} x {}", p.width_px, p.height_px),
+           p.pixel_x_um == p.pixel_y_um ? fmt::format("{:g}", p.pixel_x_um)
+                                        : fmt::format("{:g} x {:g}", p.pixel_x_um, p.pixel_y_um),
+           p.wavelength_nm > 0 ? fmt::format("{:g}", p.wavelength_nm) : "-",
+           fmt::format("{:g} to {:g}", p.calibration.front().intensity_mw_cm2,
+                       p.calibration.back().intensity_mw_cm2),
+           p.uv ? fmt::format("{:g} to {:g}", p.uv->min_mw_cm2(), p.uv->max_mw_cm2()) : "-",
+           d.path});
+      list.push_back(ordered_json::parse(printer_json(p, d.path)));
+    } catch (const Error& e) {
+      console.say(e.what());
+    }
+  }
+  put_list(a.json, list, rows, "printer", console);
+  return cli::kDone;
+}
+
+int list(const ListArguments& a, const Job&, Console& console) {
+  std::string words;
+  for (const std::string& word : a.words) words += word + " ";
+  if (a.printers) return list_printers(a, words, console);
+  Query query;
+  query.words = words;
+  query.maker = a.maker;
+  query.chemistry = a.chemistry;
+  if (a.wavelength_nm > 0) query.wavelength_nm = a.wavelength_nm;
+  set_heights(a.height_um, query);
+  std::vector<Finding> problems;
+  std::vector<std::vector<std::string>> rows = {
+      {"NAME", "MAKER", "NM", "H UM (E)", "H UM (10)", "GEL DOSE", "AIM", "FILE"}};
+  auto list = ordered_json::array();
+  for (const ResinRecord& r : find_records(query, &problems)) {
+    const ResinFigures f = figures_of(r.resin);
+    rows.push_back({r.name, r.maker.empty() ? "-" : r.maker,
+                    r.wavelength_nm > 0 ? fmt::format("{:g}", r.wavelength_nm) : "-",
+                    fmt::format("{:.4g}", f.height_e_um), fmt::format("{:.4g}", f.height10_um),
+                    gel_dose_text(r), aim_text(r), r.path});
+    list.push_back(ordered_json::parse(export_record(r, "json", 0, 0)));
+  }
+  put_list(a.json, list, rows, "resin", console);
+  for (const Finding& p : problems) console.say(p.message);
+  return cli::kDone;
+}
+
+struct ShowArguments {
+  std::string name, json, html;
+};
+
+/// Fits of a record's own measurements; what can't be fitted is told and left out.
+std::vector<FitResult> refit(const ResinRecord& r, const Job& job, Console& console) {
+  std::vector<FitResult> fits;
+  if (r.measurements.empty()) return fits;
+  std::vector<std::string> paths;
+  for (const std::string& name : r.measurements) {
+    paths.push_back((fs::path(r.path).parent_path() / name).string());
+  }
+  const Measurements data = read_measurements(paths, job);
+  const auto attempt = [&](FitModel model, const FitOptions& options) {
+    try {
+      fits.push_back(fit(data, model, options, job));
+    } catch (const InputError& e) {
+      console.say(fmt::format("no {} fit for the page: {}", name_of(model), e.what()));
+    }
+  };
+  const bool times = std::any_of(data.cured.begin(), data.cured.end(),
+                                 [](const CuredHeight& c) { return c.exposure_s > 0; });
+  if (!data.cured.empty()) {
+    attempt(FitModel::jacobs, {});
+    if (times) attempt(FitModel::kinetic, {});
+  }
+  if (!data.dead_zones.empty()) {
+    const ResinFigures f = figures_of(r.resin);
+    FitOptions options;
+    options.hb_um = f.height_e_um;
+    options.critical_dose_prime = f.gel_prime;
+    options.m = r.resin.m;
+    const auto said = r.provenance.find("dead_zone_fit");
+    const bool transient = r.resin.inhibition && r.resin.inhibition->m != r.resin.m;
+    const bool steady =
+        said != r.provenance.end() && said->second.starts_with(name_of(FitModel::dead_zone_steady));
+    attempt(transient && !steady ? FitModel::dead_zone_transient : FitModel::dead_zone_steady,
+            options);
+  }
+  return fits;
+}
+
+int show(const ShowArguments& a, const Job& job, Console& console) {
+  const Located at = locate(a.name);
+  if (at.kind == "printer") {
+    if (!a.html.empty()) throw InputError(at.path, "", "is a printer; --html is for resins");
+    const Printer printer = load_printer(at.path);
+    if (a.json.empty()) {
+      cli::print_result(describe_printer(printer, at.path));
+    } else {
+      cli::must_not_replace(a.json, {at.path});
+      cli::print_or_write(a.json, printer_json(printer, at.path));
+    }
+    return cli::kDone;
+  }
+  const ResinRecord record = load_record(at.path);
+  if (!a.json.empty()) {
+    cli::must_not_replace(a.json, {at.path});
+    std::string json = export_record(record, "json", 0, 0);
+    json.pop_back();
+    cli::print_or_write(a.json, json);
+  } else if (a.html.empty()) {
+    cli::print_result(describe_resin(record));
+  }
+  if (!a.html.empty()) {
+    cli::must_not_replace(a.html, {at.path});
+    cli::write_text_file(a.html, resin_page(record, refit(record, job, console)));
+    console.say(fmt::format("{}: written", a.html));
+  }
+  return cli::kDone;
+}
+
+struct ValidateArguments {
+  std::vector<std::string> files;
+  std::string schema;
+};
+
+int validate(const ValidateArguments& a, const Job&, Console& console) {
+  if (!a.schema.empty()) {
+    if (!a.files.empty()) throw InputError("--schema prints the schema; expected no FILE with it");
+    cli::print_result(schema_table(a.schema));
+    return cli::kDone;
+  }
+  std::vector<std::string> files;
+  for (const std::string& given : a.files) {
+    std::error_code ec;
+    if (given.ends_with(".toml") || fs::exists(given, ec)) {
+      files.push_back(given);
+    } else {
+      files.push_back(locate(given).path);
+    }
+  }
+  if (a.files.empty()) files = all_definition_files();
+  std::size_t errors = 0, warnings = 0;
+  std::string text;
+  for (const std::string& file : files) {
+    for (const Finding& f : validate_definition(file)) {
+      (f.warning ? warnings : errors) += 1;
+      text += f.to_text() + "\n";
+    }
+  }
+  cli::print_result(text);
+  console.say(fmt::format("{} file{}, {} error{}, {} warning{}", files.size(),
+                          files.size() == 1 ? "" : "s", errors, errors == 1 ? "" : "s", warnings,
+                          warnings == 1 ? "" : "s"));
+  return errors > 0 ? cli::kInput : cli::kDone;
+}
+
+}  // namespace
+
+void add_database(cli::Program& program) {
+  const auto l = std::make_shared<ListArguments>();
+  CLI::App* sub = program.add(
+      "list", "Resins (or printers) of the database, one a line, with gel dose and aim.",
+      [l](const Job& job, Console& console) { return list(*l, job, console); });
+  sub->add_option("WORDS", l->words,
+                  "All of them must occur in name, maker, product, chemistry, colour or notes");
+  sub->add_option("--maker", l->maker, "Part of the maker's name");
+  sub->add_option("--chemistry", l->chemistry, "Part of the chemistry");
+  sub->add_option("--wavelength-nm", l->wavelength_nm, "Curing light within 10 nm of this")
+      ->check(cli::number_above_zero());
+  sub->add_option("--height-um", l->height_um,
+                  "LOW:HIGH, absorbance height in base e; either may be left out");
+  sub->add_flag("--printers", l->printers, "Printers instead");
+  sub->add_option("--json", l->json, "Write JSON to this file, - for stdout");
+
+  const auto s = std::make_shared<ShowArguments>();
+  sub = program.add("show",
+                    "One resin or printer: figures in all units, what correction aims at, where "
+                    "the figures come from.",
+                    [s](const Job& job, Console& console) { return show(*s, job, console); });
+  sub->add_option("NAME", s->name, "Name, or path of a .toml file")->required();
+  sub->add_option("--json", s->json, "Write JSON to this file, - for stdout");
+  sub->add_option("--html", s->html, "Write a page with figures, history and pictures of its fits");
+
+  const auto v = std::make_shared<ValidateArguments>();
+  sub = program.add("validate",
+                    "Checks definition files and prints what is wrong as FILE:LINE: KEY: MESSAGE. "
+                    "Exit code 2 when there is an error; warnings alone are no error.",
+                    [v](const Job& job, Console& console) { return validate(*v, job, console); });
+  sub->add_option("FILE", v->files, "Files or names; without any the whole database");
+  sub->add_option("--schema", v->schema, "Print what a resin or printer file may hold")
+      ->check(CLI::IsMember({"resin", "printer"}));
+
+  add_changes(program);
+  add_exchange(program);
+}
 
 }  // namespace slicecorr::resinctl

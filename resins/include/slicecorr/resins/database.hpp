@@ -25,14 +25,25 @@ struct Query {
 /// Resins of all folders by name that fit; files that can't be read are told in `problems`.
 std::vector<ResinRecord> find_records(const Query& query, std::vector<Finding>* problems = nullptr);
 
+/// A resin or printer that was found.
+struct Located {
+  std::string kind, name, path;
+};
+/// Finds a resin, else a printer, by name in all folders, or by the path of its file. Throws
+/// `InputError` with the known name that is nearest.
+Located locate(const std::string& name_or_path);
+/// Every definition file of all folders, also those that are hidden by one of the same name or are
+/// neither resin nor printer.
+std::vector<std::string> all_definition_files();
+
 /// Folder that changes are written to: `$SLICECORR_DB` when set, else the user's; made if missing.
 std::string writable_folder();
 
 /// A version of a record that is kept.
 struct Version {
   int number = 0;
-  std::string date;     ///< when it was replaced (or written, for the present one): ISO 8601, UTC
-  std::string message;  ///< why, as given
+  std::string date;     ///< when it was saved: ISO 8601, UTC; empty when it came without
+  std::string message;  ///< why, as given; "changed by hand" for a text found past this library
   std::string path;
   bool current = false;
 };
@@ -51,11 +62,17 @@ struct Saved {
   bool replaced = false, unchanged = false;
 };
 /// Writes `text` (checked first) as NAME.toml into `folder`, with `version` set in it to one more
-/// than the present one. An existing file is kept in the history, or with `refuse` an `InputError`.
-/// `expected_version`: refuses when the present one is another (someone else changed it meanwhile).
+/// than the greatest there has been. An existing file is kept in the history, also one that was
+/// changed by hand or is broken; with `refuse` it is an `InputError`. A text that differs in
+/// nothing but its version is not saved again. `expected_version`: refuses when the present one is
+/// another (someone else changed it meanwhile).
 Saved save_definition(const std::string& folder, const std::string& name, const std::string& text,
                       std::string_view kind, Replace replace, const std::string& message,
                       std::optional<int> expected_version = std::nullopt);
+/// Puts bytes into `folder` as NAME[-N] with `extension` (".png"), unless they are there. Never
+/// replaces a file. Returns the file's name.
+std::string save_beside(const std::string& folder, const std::string& name,
+                        const std::string& extension, const std::string& bytes);
 /// Puts a CSV beside a record under NAME[-N].csv; the same bytes are not stored twice. Returns the
 /// file's name.
 std::string save_measurements(const std::string& folder, const std::string& name,

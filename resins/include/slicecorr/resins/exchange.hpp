@@ -5,10 +5,17 @@
 #include <string>
 #include <vector>
 
+#include "slicecorr/resins/database.hpp"
 #include "slicecorr/resins/fit.hpp"
 #include "slicecorr/resins/record.hpp"
 
 namespace slicecorr::resins {
+
+/// A file that a definition names; it must be saved beside it first.
+struct Attachment {
+  std::string table, key;  ///< where the definition names it
+  std::string stem, extension, bytes;
+};
 
 /// A definition made from a foreign file: text of a resin or printer file, ready to save.
 struct Imported {
@@ -16,32 +23,51 @@ struct Imported {
   std::string name;
   std::string text;
   std::vector<std::string> assumptions;  ///< also in the text, as comments
+  std::vector<Attachment> attachments;   ///< images of printers
 };
 
 /// What import takes from the command line, where a file does not say it.
 struct ImportOptions {
-  std::string format =
-      "auto";        ///< auto, prusaslicer, uvtools, anycubic, table, calibration, flat-field
-  std::string only;  ///< substring of the preset names to import; empty: all
-  std::string name;  ///< name of the result when the file has one definition
+  /// auto, prusaslicer, uvtools, anycubic, table, calibration, uv-calibration, flat-field,
+  /// correction-mask (of a projector that multiplies grey levels by it)
+  std::string format = "auto";
+  std::string only;             ///< substring of the preset names to import; empty: all
+  std::string name;             ///< name of the result when the file has one definition
   double intensity_mw_cm2 = 0;  ///< of the printer that a profile is for; needed to turn s into mJ
   double wavelength_nm = 0;
-  std::string printer;  ///< calibration, flat-field: the printer file it belongs to
+  double height_um = 0;  ///< absorbance height, base e, where a profile can't give it
+  std::string printer;   ///< calibration, flat-field: the printer file it belongs to
 };
 
 /// Reads what users have: PrusaSlicer .ini with [sla_material:...] sections (or one exported
 /// material), UVtools and other `key = value` profiles, Anycubic JSON with depth_penetration_curve,
-/// tables of Dp and Ec (CSV), measured calibrations and flat-fields of printers. Throws
-/// `InputError` naming what the file lacks.
-std::vector<Imported> import_definitions(const std::string& path, const ImportOptions& options);
+/// tables of Dp and Ec (CSV), measured calibrations and flat-fields of printers. `left_out` takes
+/// what the file has that nothing could be made of, and why. Throws `InputError` naming what the
+/// file lacks when nothing at all could be made.
+std::vector<Imported> import_definitions(const std::string& path, const ImportOptions& options,
+                                         std::vector<std::string>* left_out = nullptr);
 
-/// "toml", "json", "csv", "prusaslicer".
+/// A definition from a file of its own, with the files that it names as attachments.
+Imported with_its_files(const std::string& path, const std::string& kind);
+/// Throws `InputError` when saving a definition would replace one in `folder`, or hide one of the
+/// same name in another, and that was not asked for. The same text is no replacement.
+void must_be_free(const std::string& folder, const Imported& definition, Replace replace);
+/// Saves the attachments, then the definition that names them. One of the same name in another
+/// folder, which it will hide, goes into the history first.
+Saved save_imported(const Imported& definition, const std::string& folder, Replace replace,
+                    const std::string& message);
+
+/// "toml", "json", "csv" (columns that `import_definitions` reads as a table), "prusaslicer" (a
+/// material as PrusaSlicer loads it). The last needs `layer_um` and `intensity_mw_cm2`; others take
+/// no notice of them.
 std::string export_record(const ResinRecord& record, const std::string& format, double layer_um,
                           double intensity_mw_cm2);
 
 /// Text of a resin file made from fits of the same resin (a cure fit, and maybe a dead-zone fit).
-/// `previous`: a record whose words, comments and other keys are kept.
+/// `previous`: a record whose words, comments and other keys are kept. No date is written: the same
+/// fits give the same text. Measurements are named relative to `folder`, where the text will stand;
+/// by their file names alone when it is empty.
 std::string record_text_from_fit(const std::string& name, const std::vector<FitResult>& fits,
-                                 const ResinRecord* previous);
+                                 const ResinRecord* previous, const std::string& folder = "");
 
 }  // namespace slicecorr::resins

@@ -19,10 +19,8 @@ struct ResinRecord {
   std::string name;  ///< stable: lower case letters, digits, '-', '.', '_'; the file's stem
   int version = 1;   ///< rises with every change that is saved
   std::string maker, product, chemistry, colour, notes;
-  double wavelength_nm = 0;  ///< of the curing light; 0: not given
-  /// The [cure] and [inhibition] tables, checked; nothing when the record is only a set of
-  /// published figures without a dose to aim at.
-  Resin resin;
+  double wavelength_nm = 0;                       ///< of the curing light; 0: not given
+  Resin resin;                                    ///< the [cure] and [inhibition] tables, checked
   std::map<std::string, std::string> provenance;  ///< source, date, place, measurements, fit ...
   std::vector<std::string> measurements;          ///< CSV files beside the record, as written
   std::string path;                               ///< where it was read from
@@ -34,14 +32,17 @@ struct Finding {
   std::string file;
   int line = 0;  ///< 0: the whole file
   std::string key, message;
-  bool warning = false;  ///< worth a look, but usable
-  std::string to_text() const;
+  bool warning = false;         ///< worth a look, but usable
+  std::string to_text() const;  ///< FILE:LINE: KEY: MESSAGE, with `warning:` before the key
 };
 
 /// Everything that is wrong with a resin or printer file: unknown keys, wrong types, values out of
 /// range, doses that contradict each other, measurements that can't be read, a name that is not the
 /// file's. Empty when all is well. Never throws on content.
 std::vector<Finding> validate_definition(const std::string& path);
+
+/// The keys that a definition of a kind ("resin" or "printer") may hold, as a Markdown table.
+std::string schema_table(std::string_view kind);
 
 ResinRecord load_record(const std::string& name_or_path);
 ResinRecord parse_record(std::string_view text, const std::string& source);

@@ -1,0 +1,115 @@
+#include "database/files.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <filesystem>
+#include <system_error>
+#include <utility>
+
+#include "base/errno_message.hpp"
+#include "slicecorr/error.hpp"
+
+namespace slicecorr::resins {
+
+namespace {
+
+namespace fs = std::filesystem;
+using detail::errno_message;
+
+/// A file descriptor that is closed.
+class Descriptor {
+ public:
+  Descriptor(const std::string& path, int flags)
+      : fd_(::open(path.c_str(), flags | O_CLOEXEC, 0666)) {
+    if (fd_ < 0) throw DeviceError(errno_message(path, "can't be opened"));
+  }
+  ~Descriptor() { ::close(fd_); }
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  int fd() const { return fd_; }
+
+ private:
+  int fd_;
+};
+
+void write_all(int fd, const std::string& bytes, const std::string& path) {
+  for (std::size_t done = 0; done < bytes.size();) {
+    const ssize_t n = ::write(fd, bytes.data() + done, bytes.size() - done);
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) throw DeviceError(errno_message(path, "can't be written"));
+    done += static_cast<std::size_t>(n);
+  }
+  if (::fsync(fd) != 0) throw DeviceError(errno_message(path, "can't be flushed"));
+}
+
+void flush_folder(const std::string& folder) {
+  const Descriptor d(folder.empty() ? "." : folder, O_RDONLY | O_DIRECTORY);
+  // Some file systems can't flush folders; their renames are durable enough on their own.
+  if (::fsync(d.fd()) != 0 && errno != EINVAL) {
+    throw DeviceError(errno_message(folder, "can't be flushed"));
+  }
+}
+
+}  // namespace
+
+FolderLock::FolderLock(const std::string& folder) {
+  make_folder(folder);
+  const std::string path = (fs::path(folder) / ".lock").string();
+  fd_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
+  if (fd_ < 0) throw DeviceError(errno_message(path, "can't be opened"));
+  if (::flock(fd_, LOCK_EX) != 0) {
+    const int error = errno;
+    ::close(fd_);
+    if (error == EINTR) throw Cancelled();
+    throw DeviceError(errno_message(path, "can't be locked", error));
+  }
+}
+
+FolderLock::~FolderLock() { ::close(fd_); }
+
+void write_durably(const std::string& path, const std::string& bytes) {
+  const fs::path target(path);
+  const std::string part =
+      (target.parent_path() / fmt::format(".{}.part", target.filename().string())).string();
+  try {
+    const Descriptor d(part, O_WRONLY | O_CREAT | O_TRUNC);
+    write_all(d.fd(), bytes, path);
+  } catch (...) {
+    ::unlink(part.c_str());
+    throw;
+  }
+  if (std::rename(part.c_str(), path.c_str()) != 0) {
+    const std::string message = errno_message(path, "can't be replaced");
+    ::unlink(part.c_str());
+    throw DeviceError(message);
+  }
+  flush_folder(target.parent_path().string());
+}
+
+void append_line_durably(const std::string& path, const std::string& line) {
+  const bool fresh = ::access(path.c_str(), F_OK) != 0;
+  const Descriptor d(path, O_RDWR | O_CREAT | O_APPEND);
+  std::string bytes = line + "\n";
+  const off_t size = ::lseek(d.fd(), 0, SEEK_END);
+  char last = '\n';
+  if (size > 0 && ::pread(d.fd(), &last, 1, size - 1) == 1 && last != '\n')
+    bytes.insert(bytes.begin(), '\n');
+  write_all(d.fd(), bytes, path);
+  if (fresh) flush_folder(fs::path(path).parent_path().string());
+}
+
+void make_folder(const std::string& path) {
+  std::error_code ec;
+  if (fs::is_directory(path, ec)) return;
+  fs::create_directories(path, ec);
+  if (ec) throw DeviceError(path + ": the folder can't be made: " + ec.message());
+  const fs::path parent = fs::path(path).lexically_normal().parent_path();
+  flush_folder(parent.string());
+}
+
+}  // namespace slicecorr::resins

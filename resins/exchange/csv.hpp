@@ -1,0 +1,45 @@
+/// Tables as text: commas, quotes, a header row, # for comments.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace slicecorr::resins {
+
+/// A table with its header in lower case; short rows are filled up with empty cells.
+class CsvTable {
+ public:
+  struct Row {
+    int line = 0;  ///< in the file, from 1
+    std::vector<std::string> cells;
+  };
+  /// Throws `InputError` when there is no header row, a header stands twice, or a row is too long.
+  CsvTable(std::string_view text, std::string source);
+
+  const std::vector<std::string>& header() const { return header_; }
+  const std::vector<Row>& rows() const { return rows_; }
+  bool has(std::string_view column) const { return index(column) >= 0; }
+  /// Cell of a column; empty when there is no such column.
+  std::string cell(const Row& row, std::string_view column) const;
+  /// Number in a cell; nothing when the cell is empty. Throws `InputError` for other text.
+  std::optional<double> number(const Row& row, std::string_view column) const;
+  [[noreturn]] void fail(const Row& row, std::string_view column, const std::string& message) const;
+
+ private:
+  int index(std::string_view column) const;
+
+  std::string source_;
+  std::vector<std::string> header_;
+  std::vector<Row> rows_;
+};
+
+/// A cell, in quotes where it needs them.
+std::string csv_cell(const std::string& text);
+/// The whole text as a finite number; blanks around it don't count.
+std::optional<double> number_in_text(std::string_view text);
+std::string trimmed(std::string_view text);
+std::string lower_case(std::string text);
+
+}  // namespace slicecorr::resins

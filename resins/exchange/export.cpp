@@ -1,0 +1,178 @@
+#include <fmt/format.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "exchange/csv.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/kinetics.hpp"
+#include "slicecorr/resins/exchange.hpp"
+#include "slicecorr/units.hpp"
+
+namespace slicecorr::resins {
+
+namespace {
+
+using nlohmann::ordered_json;
+
+std::string to_json(const ResinRecord& r) {
+  const ResinFigures f = figures_of(r.resin);
+  ordered_json j;
+  j["kind"] = "resin";
+  j["name"] = r.name;
+  j["version"] = r.version;
+  for (const auto& [key, value] : {std::pair{"maker", &r.maker},
+                                   {"product", &r.product},
+                                   {"chemistry", &r.chemistry},
+                                   {"colour", &r.colour},
+                                   {"notes", &r.notes}}) {
+    if (!value->empty()) j[key] = *value;
+  }
+  if (r.wavelength_nm > 0) j["wavelength_nm"] = r.wavelength_nm;
+  j["model"] = r.resin.model == CureModelKind::kinetic ? "kinetic" : "jacobs";
+  j["m"] = r.resin.m;
+  j["absorbance_height_um"] = {{"base_e", f.height_e_um}, {"base_10", f.height10_um}};
+  const auto dose = [&](double areal, double volumetric, double prime, double prime_volumetric) {
+    ordered_json d;
+    if (areal > 0) d["mj_cm2"] = areal;
+    if (volumetric > 0) d["mj_cm3"] = volumetric;
+    d["prime"] = prime;
+    d["prime_volumetric"] = prime_volumetric;
+    return d;
+  };
+  if (f.gel_prime > 0) {
+    j["gel_dose"] = dose(f.gel_mj_cm2, f.gel_mj_cm3, f.gel_prime, f.gel_prime_volumetric);
+  }
+  j["aim"] = dose(f.aim_mj_cm2, f.aim_mj_cm3, f.aim_prime, f.aim_prime_volumetric);
+  j["dose_factor"] = f.dose_factor;
+  if (r.resin.inhibition) {
+    ordered_json i;
+    i["beta"] = f.beta;
+    i["beta_volumetric"] = f.beta_volumetric;
+    i["absorbance_height_um"] = {{"base_e", f.huv_e_um}, {"base_10", f.huv10_um}};
+    i["m"] = r.resin.inhibition->m;
+    if (r.resin.inhibition->critical_dose_prime > 0) {
+      i["critical_dose_prime"] = r.resin.inhibition->critical_dose_prime;
+    }
+    j["inhibition"] = std::move(i);
+  }
+  j["provenance"] = r.provenance;
+  j["measurements"] = r.measurements;
+  j["path"] = r.path;
+  return j.dump(2);
+}
+
+std::string to_csv(const ResinRecord& r) {
+  const ResinFigures f = figures_of(r.resin);
+  std::string head, row;
+  const auto cell = [&](const char* column, const std::string& text) {
+    // The first cell has no comma before it.
+    const char* comma = head.empty() ? "" : ",";
+    head.append(comma).append(column);
+    row.append(comma).append(csv_cell(text));
+  };
+  const auto number = [&](const char* column, double value) {
+    cell(column, value > 0 ? fmt::format("{:.10g}", value) : "");
+  };
+  const auto provenance = [&](const char* key) {
+    const auto at = r.provenance.find(key);
+    return at == r.provenance.end() ? "" : at->second;
+  };
+  const bool kinetic = r.resin.m != 1.0;
+  const bool has_gel = f.gel_prime > 0;
+  cell("resin", r.product.empty() ? r.name : r.product);
+  cell("name", r.name);
+  cell("maker", r.maker);
+  cell("chemistry", r.chemistry);
+  cell("colour", r.colour);
+  number("wavelength_nm", r.wavelength_nm);
+  number("Dp_um", f.height_e_um);
+  number("Ec_mJ_cm2", f.gel_mj_cm2);
+  number("m", r.resin.m);
+  number("critical_dose_prime", kinetic ? f.gel_prime : 0);
+  number("dose_factor", has_gel ? f.dose_factor : 0);
+  number("aim_mJ_cm2", has_gel ? 0 : f.aim_mj_cm2);
+  number("beta", f.beta);
+  number("huv_um", f.huv_e_um);
+  const auto& inhibition = r.resin.inhibition;
+  number("m_uv", inhibition ? inhibition->m : 0);
+  number("critical_dose_prime_uv", inhibition ? inhibition->critical_dose_prime : 0);
+  cell("confidence", provenance("confidence"));
+  cell("source", provenance("source"));
+  cell("notes", r.notes);
+  return "# Dp: absorbance height, base e. Ec: gel dose, areal. Correction aims at Ec times "
+         "dose_factor, or at aim_mJ_cm2.\n" +
+         head + "\n" + row + "\n";
+}
+
+/// Cure times of a layer that is exposed on its own, to the dose aimed at on its far side.
+std::string to_prusaslicer(const ResinRecord& r, double layer_um, double intensity_mw_cm2) {
+  if (!(layer_um > 0) || !(intensity_mw_cm2 > 0)) {
+    throw InputError(r.path, "",
+                     fmt::format("a PrusaSlicer material holds exposure times; expected {}",
+                                 layer_um > 0 ? "--intensity-mw-cm2, that of the printer"
+                                              : "--layer-um and --intensity-mw-cm2"));
+  }
+  const Kinetics k = make_kinetics(r.resin, false, true);
+  const double exposure_s = exposure_for_height_s(k, intensity_mw_cm2, layer_um);
+  // Median over 463 presets of Prusa Research's SLA profiles (version 1.0.4): 4.4; half of them lie
+  // between 2.7 and 8.
+  constexpr double first_over_other = 4.4;
+  const double first_s = first_over_other * exposure_s;
+  if (!std::isfinite(exposure_s) || exposure_s > 1e5) {
+    throw InfeasibleError(fmt::format(
+        "{}: a layer of {:g} um would need {:.3g} s at {:g} mW/cm²; expected a thinner layer or "
+        "more light",
+        r.name, layer_um, exposure_s, intensity_mw_cm2));
+  }
+  const ResinFigures f = figures_of(r.resin);
+  std::string out = "# Material for PrusaSlicer, of resin " + r.name + ".\n";
+  out += fmt::format(
+      "# - exposure_time: the dose on the far side of a layer of {:g} um reaches what correction "
+      "aims at, D' = {:.4g} (mW/cm²)^m·s ({:g} times the gel dose), with m = {:g}, absorbance "
+      "height {:.4g} um (base e), {:g} mW/cm² at the window.\n",
+      layer_um, f.aim_prime, f.dose_factor, r.resin.m, f.height_e_um, intensity_mw_cm2);
+  if (f.dose_factor > 1) {
+    out += fmt::format(
+        "#   At the gel dose alone it would be {:.4g} s: the least time, with no margin.\n",
+        exposure_for_height_s(make_kinetics(r.resin, false, false), intensity_mw_cm2, layer_um));
+  }
+  out += fmt::format(
+      "# - initial_exposure_time: {:g} times that, as profiles usually have it; it does not follow "
+      "from the resin.\n",
+      first_over_other);
+  out +=
+      "# - A file of settings: PrusaSlicer takes it with --load or File > Import > Import "
+      "Config. Layer height is a print setting and not set here.\n";
+  const auto setting = [&](const char* key, const std::string& value) {
+    // A line end would begin another setting.
+    std::string line = value;
+    for (char& c : line) {
+      if (c == '\n' || c == '\r') c = ' ';
+    }
+    if (!line.empty()) out += fmt::format("{} = {}\n", key, line);
+  };
+  setting("printer_technology", "SLA");
+  setting("sla_material_settings_id", fmt::format("{} @{:g}", r.name, layer_um / 1000));
+  setting("material_vendor", r.maker);
+  if (r.colour.size() == 7 && r.colour[0] == '#') setting("material_colour", r.colour);
+  setting("exposure_time", fmt::format("{:.4g}", exposure_s));
+  setting("initial_exposure_time", fmt::format("{:.4g}", first_s));
+  setting("initial_layer_height", fmt::format("{:g}", layer_um / 1000));
+  setting("material_notes", fmt::format("resin {}, version {}", r.name, r.version));
+  return out;
+}
+
+}  // namespace
+
+std::string export_record(const ResinRecord& record, const std::string& format, double layer_um,
+                          double intensity_mw_cm2) {
+  if (format == "toml") return record.text;
+  if (format == "json") return to_json(record) + "\n";
+  if (format == "csv") return to_csv(record);
+  if (format == "prusaslicer") return to_prusaslicer(record, layer_um, intensity_mw_cm2);
+  throw InputError(
+      fmt::format("'{}' is no format to export; expected toml, json, csv or prusaslicer", format));
+}
+
+}  // namespace slicecorr::resins

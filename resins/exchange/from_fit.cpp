@@ -1,0 +1,187 @@
+// Resin files made of fits.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "database/schema.hpp"
+#include "database/toml_edit.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/resins/exchange.hpp"
+#include "slicecorr/units.hpp"
+
+namespace slicecorr::resins {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+bool is_cure_fit(const FitResult& fit) {
+  return fit.model == FitModel::jacobs || fit.model == FitModel::kinetic ||
+         fit.model == FitModel::joint;
+}
+bool is_dead_zone_fit(const FitResult& fit) {
+  return fit.model == FitModel::dead_zone_steady || fit.model == FitModel::dead_zone_transient ||
+         fit.model == FitModel::joint;
+}
+
+std::optional<double> parameter(const FitResult& fit, std::string_view name) {
+  for (const Parameter& p : fit.parameters) {
+    if (p.name == name) return p.value;
+  }
+  return std::nullopt;
+}
+
+double required(const FitResult& fit, std::string_view name) {
+  const auto value = parameter(fit, name);
+  if (!value || !std::isfinite(*value) || !(*value > 0)) {
+    throw InputError(fmt::format("the {} fit has no {} above 0 that a resin file could hold",
+                                 name_of(fit.model), name));
+  }
+  return *value;
+}
+
+std::string figure(double value) {
+  return std::isfinite(value) ? fmt::format("{:.4g}", value) : "unknown";
+}
+
+/// "kinetic: R² 0.985, RMSE 12.1 um, n 36".
+std::string quality_of(const FitResult& fit) {
+  return fmt::format("{}: R² {}, RMSE {} um, n {}", name_of(fit.model), figure(fit.r2),
+                     figure(fit.rmse_um), fit.n);
+}
+
+std::string errors_of(const FitResult& fit) {
+  std::string out;
+  for (const Parameter& p : fit.parameters) {
+    out += fmt::format("{}{} {}", out.empty() ? "" : ", ", p.name,
+                       p.fixed ? std::string("fixed") : figure(p.stderr_));
+  }
+  return out;
+}
+
+/// "h_um, dc_mj_cm2: [[4.1, 0.2], [0.2, 0.03]]", of the free parameters.
+std::string covariance_of(const FitResult& fit) {
+  std::string names;
+  std::size_t free = 0;
+  for (const Parameter& p : fit.parameters) {
+    if (p.fixed) continue;
+    names += fmt::format("{}{}", names.empty() ? "" : ", ", p.name);
+    ++free;
+  }
+  if (free == 0 || fit.covariance.size() != free * free) return "unknown";
+  std::string rows;
+  for (std::size_t i = 0; i < free; ++i) {
+    std::string row;
+    for (std::size_t j = 0; j < free; ++j) {
+      row += fmt::format("{}{:.6g}", j ? ", " : "", fit.covariance[i * free + j]);
+    }
+    rows += fmt::format("{}[{}]", i ? ", " : "", row);
+  }
+  return fmt::format("{}: [{}]", names, rows);
+}
+
+void write_cure(TomlEdit& edit, const FitResult& fit) {
+  const double height_um = required(fit, "h_um");
+  const auto number = [&](const char* key, double v) { edit.set("cure", key, toml_number(v)); };
+  const bool jacobs = fit.model == FitModel::jacobs;
+  // The new fit says what the resin needs: figures of an older one must not stand beside it.
+  for (const char* key : {"critical_dose_mj_cm3", "critical_dose_mj_cm2", "gel_dose_mj_cm2"}) {
+    edit.remove("cure", key);
+  }
+  edit.remove("cure", jacobs ? "critical_dose_prime" : "gel_dose_mj_cm3");
+  edit.set("cure", "model", jacobs ? "\"jacobs\"" : "\"kinetic\"");
+  number("m", jacobs ? 1.0 : required(fit, "m"));
+  number("absorbance_height_um", height_um);
+  edit.set("cure", "absorbance_base", "\"e\"");
+  if (jacobs) {
+    const double areal = required(fit, "dc_mj_cm2");
+    number("gel_dose_mj_cm3", units::volumetric_from_areal(areal, height_um));
+    edit.set_comment("cure", "gel_dose_mj_cm3",
+                     fmt::format("# Volumetric, of {:.6g} mJ/cm² areal.", areal));
+  } else {
+    number("critical_dose_prime", required(fit, "critical_dose_prime"));
+  }
+  if (!edit.has("cure", "dose_factor")) number("dose_factor", default_dose_factor);
+}
+
+void write_inhibition(TomlEdit& edit, const FitResult& fit) {
+  const auto number = [&](const char* key, double v) {
+    edit.set("inhibition", key, toml_number(v));
+  };
+  number("beta", required(fit, "beta"));
+  number("absorbance_height_um", required(fit, "huv_um"));
+  edit.set("inhibition", "absorbance_base", "\"e\"");
+  const bool joint = fit.model == FitModel::joint;
+  if (const auto m = parameter(fit, joint ? "m_uv" : "m")) {
+    number("m", *m);
+  } else {
+    // Steady dead zones say nothing of it; a joint fit with one exponent has it in [cure].
+    edit.remove("inhibition", "m");
+  }
+  // What a dead-zone fit stood on is the cure's number.
+  edit.remove("inhibition", "critical_dose_prime");
+}
+
+std::string measurement_list(const std::vector<FitResult>& fits, const std::string& folder) {
+  std::vector<std::string> names;
+  for (const FitResult& fit : fits) {
+    for (const std::string& source : fit.sources) {
+      std::string name = fs::path(source).filename().string();
+      if (!folder.empty()) {
+        std::error_code ec;
+        const fs::path relative = fs::proximate(source, folder, ec);
+        if (!ec) name = relative.generic_string();
+      }
+      if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
+    }
+  }
+  std::string list;
+  for (const std::string& name : names) {
+    list += fmt::format("{}{}", list.empty() ? "" : ", ", toml_text(name));
+  }
+  return "[" + list + "]";
+}
+
+}  // namespace
+
+std::string record_text_from_fit(const std::string& name, const std::vector<FitResult>& fits,
+                                 const ResinRecord* previous, const std::string& folder) {
+  if (!is_stable_name(name)) {
+    throw InputError(
+        fmt::format("'{}' is no resin name; expected lower case letters, digits, "
+                    "'-', '.', '_', a letter or digit first",
+                    name));
+  }
+  const FitResult *cure = nullptr, *zone = nullptr;
+  for (const FitResult& fit : fits) {
+    if (is_cure_fit(fit)) cure = &fit;
+    if (is_dead_zone_fit(fit)) zone = &fit;
+  }
+  if (!cure && !(zone && previous)) {
+    throw InputError(
+        "a resin file needs a fit of cured heights (jacobs, kinetic or joint), or a "
+        "dead-zone fit of a resin that has one");
+  }
+  TomlEdit edit(previous ? previous->text : "", name + ".toml");
+  edit.set("", "name", toml_text(name));
+  if (cure) write_cure(edit, *cure);
+  if (zone) write_inhibition(edit, *zone);
+  const auto note = [&](const std::string& key, const std::string& value) {
+    edit.set("provenance", key, toml_text(value));
+  };
+  if (!edit.has("provenance", "source")) note("source", "fit of the measurements named below");
+  edit.set("provenance", "measurements", measurement_list(fits, folder));
+  const auto record = [&](const FitResult& fit, const std::string& prefix) {
+    note(prefix + "fit", quality_of(fit));
+    note(prefix + "standard_errors", errors_of(fit));
+    note(prefix + "covariance", covariance_of(fit));
+  };
+  if (cure) record(*cure, "");
+  if (zone && zone != cure) record(*zone, "dead_zone_");
+  parse_resin(edit.text(), name + ".toml");
+  return edit.text();
+}
+
+}  // namespace slicecorr::resins

@@ -1,0 +1,64 @@
+/// The readers behind `import_definitions`, one per kind of file.
+#pragma once
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "slicecorr/resins/exchange.hpp"
+
+namespace slicecorr::resins {
+
+/// What a reader gets, and where it tells what it had to leave out and why.
+struct ImportSource {
+  std::string path;
+  std::string file;  ///< without its folders: stands in what is written
+  std::string text;
+  std::vector<std::string>* left_out = nullptr;
+  void leave_out(const std::string& why) const {
+    if (left_out) left_out->push_back(why);
+  }
+};
+
+std::vector<Imported> import_prusaslicer(const ImportSource& source, const ImportOptions& options);
+std::vector<Imported> import_key_values(const ImportSource& source, const ImportOptions& options);
+std::vector<Imported> import_anycubic(const ImportSource& source, const ImportOptions& options);
+std::vector<Imported> import_table(const ImportSource& source, const ImportOptions& options);
+std::vector<Imported> import_calibration(const ImportSource& source, const ImportOptions& options,
+                                         const char* lamp);
+std::vector<Imported> import_flat_field(const ImportSource& source, const ImportOptions& options,
+                                        bool correction_mask);
+
+/// A resin file in the making. Texts that are empty and numbers that are 0 are not written.
+struct ResinDraft {
+  std::string name, maker, product, chemistry, colour, notes;
+  double wavelength_nm = 0;
+  std::string model = "jacobs";
+  double m = 1;
+  double height_e_um = 0;
+  double gel_mj_cm2 = 0;           ///< areal; volumetric beside it as a comment
+  double aim_mj_cm2 = 0;           ///< areal, instead of gel dose times factor
+  double critical_dose_prime = 0;  ///< kinetic
+  double dose_factor = 0;
+  double beta = 0, huv_um = 0, inhibited_m = 0, inhibited_prime = 0;
+  std::vector<std::pair<std::string, std::string>> provenance;
+  std::vector<std::string> assumptions;
+};
+/// The text, which is checked: throws `InputError` when it would be no resin.
+Imported finish_resin(const ResinDraft& draft, const ImportSource& source,
+                      const std::string& format);
+
+/// A stable name made of any text.
+std::string stable_name_of(const std::string& text);
+
+/// Exposure times of one resin at several layer heights, as profiles give them.
+struct LayerExposure {
+  double layer_um = 0, exposure_s = 0;
+};
+/// Makes a resin of them. Layers are taken to be cured through: exposure = tc e^(layer / h), so h
+/// is the slope of layer height over ln(exposure). Fills height, dose and assumptions of `draft`;
+/// otherwise the reason why nothing can be made.
+std::string resin_of_exposures(const std::vector<LayerExposure>& exposures,
+                               const ImportOptions& options, ResinDraft& draft);
+
+}  // namespace slicecorr::resins

@@ -1,0 +1,223 @@
+#include "describe.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "process/toml_table.hpp"
+#include "slicecorr/units.hpp"
+
+namespace slicecorr::resinctl {
+
+namespace {
+
+using namespace resins;
+
+/// Characters, not bytes.
+std::size_t width_of(const std::string& text) {
+  return static_cast<std::size_t>(
+      std::count_if(text.begin(), text.end(), [](char c) { return (c & 0xC0) != 0x80; }));
+}
+
+std::string line(const char* what, const std::string& value) {
+  return value.empty() ? "" : fmt::format("  {:<22}{}\n", what, value);
+}
+
+/// A dose analogue in its unit.
+std::string prime(double value, double m) {
+  return m == 1.0 ? fmt::format("{:.4g} mJ/cm²", value)
+                  : fmt::format("{:.4g} (mW/cm²)^{:g}·s", value, m);
+}
+
+bool gel_is_known(const ResinRecord& r) {
+  if (r.resin.gel_dose_mj_cm3 > 0) return true;
+  // Without a factor, a kinetic file gives the dose aimed at.
+  return r.resin.critical_dose_prime > 0 && r.text.find("dose_factor") != std::string::npos;
+}
+
+std::string dose_line(const char* what, const ResinFigures& f, double m, bool aim) {
+  const double areal = aim ? f.aim_mj_cm2 : f.gel_mj_cm2;
+  const double volumetric = aim ? f.aim_mj_cm3 : f.gel_mj_cm3;
+  if (m == 1.0) {
+    return line(what,
+                fmt::format("{:.4g} mJ/cm² areal, {:.4g} mJ/cm³ volumetric", areal, volumetric));
+  }
+  return line(what, fmt::format("{:.4g} (mW/cm²)^{:g}·s areal, {:.4g} (mW/cm³)^{:g}·s volumetric",
+                                aim ? f.aim_prime : f.gel_prime, m,
+                                aim ? f.aim_prime_volumetric : f.gel_prime_volumetric, m));
+}
+
+std::string provenance_text(const std::map<std::string, std::string>& provenance) {
+  std::string out;
+  for (const auto& [key, value] : provenance) out += line(key.c_str(), value);
+  return out.empty() ? "" : "\nWhere it comes from\n" + out;
+}
+
+std::string in_plain_words(const ResinRecord& r, const ResinFigures& f) {
+  const double m = r.resin.m;
+  std::string out = "\nWhat correction aims at\n";
+  if (gel_is_known(r)) {
+    out += fmt::format(
+        "  The resin gels at {}. Correction aims at {:.4g} times that, {}:\n"
+        "  aiming at the gel dose itself loses fine features.\n",
+        prime(f.gel_prime, m), f.dose_factor, prime(f.aim_prime, m));
+  } else {
+    out += fmt::format(
+        "  Correction aims at {}. The file gives this dose itself, not a gel dose with a factor.\n",
+        prime(f.aim_prime, m));
+  }
+  if (m == 1.0) {
+    out += fmt::format("  In options of slicecorr: --dc-mj-cm3 {:.6g} --ha-um {:.6g}\n",
+                       f.aim_mj_cm3, f.height10_um);
+  } else {
+    out += fmt::format(
+        "  m = {:g}: twice the intensity needs {:.3g} times the exposure, not half of it.\n", m,
+        std::pow(2.0, -m));
+  }
+  return out;
+}
+
+}  // namespace
+
+std::string aligned(const std::vector<std::vector<std::string>>& rows) {
+  std::vector<std::size_t> widths;
+  for (const auto& row : rows) {
+    widths.resize(std::max(widths.size(), row.size()));
+    for (std::size_t i = 0; i < row.size(); ++i) widths[i] = std::max(widths[i], width_of(row[i]));
+  }
+  std::string out;
+  for (const auto& row : rows) {
+    std::string text;
+    for (std::size_t i = 0; i < row.size(); ++i) {
+      text += row[i] + std::string(widths[i] - width_of(row[i]) + 2, ' ');
+    }
+    text.erase(text.find_last_not_of(' ') + 1);
+    out += text + "\n";
+  }
+  return out;
+}
+
+std::string gel_dose_text(const ResinRecord& r) {
+  return gel_is_known(r) ? prime(figures_of(r.resin).gel_prime, r.resin.m) : "-";
+}
+
+std::string aim_text(const ResinRecord& r) {
+  const ResinFigures f = figures_of(r.resin);
+  const std::string dose = prime(f.aim_prime, r.resin.m);
+  return gel_is_known(r) ? fmt::format("{} ({:.4g} x gel)", dose, f.dose_factor) : dose;
+}
+
+std::string describe_resin(const ResinRecord& r) {
+  const ResinFigures f = figures_of(r.resin);
+  const double m = r.resin.m;
+  std::string out = fmt::format("{}   resin, version {}\n", r.name, r.version);
+  out += line("maker", r.maker) + line("product", r.product) + line("chemistry", r.chemistry) +
+         line("colour", r.colour) + line("notes", r.notes);
+  out += line("file", r.path);
+  out += "\nCuring\n";
+  out += line("model", r.resin.model == CureModelKind::kinetic ? fmt::format("kinetic, m = {:g}", m)
+                                                               : "Jacobs' working curve, m = 1");
+  if (r.wavelength_nm > 0) out += line("wavelength", fmt::format("{:g} nm", r.wavelength_nm));
+  out += line("absorbance height", fmt::format("{:.5g} um base e (light falls to 1/e), {:.5g} um "
+                                               "base 10 (to 1/10)",
+                                               f.height_e_um, f.height10_um));
+  if (gel_is_known(r)) out += dose_line("gel dose", f, m, false);
+  out += dose_line("dose aimed at", f, m, true);
+  if (gel_is_known(r)) out += line("dose factor", fmt::format("{:.4g}", f.dose_factor));
+  if (r.resin.inhibition) {
+    const Inhibition& i = *r.resin.inhibition;
+    out += "\nInhibition by UV light\n";
+    out += line("absorbance height",
+                fmt::format("{:.5g} um base e, {:.5g} um base 10", f.huv_e_um, f.huv10_um));
+    out += line("beta", fmt::format("{:.4g} areal, {:.4g} volumetric", f.beta, f.beta_volumetric));
+    out += line("m", fmt::format("{:g}", i.m));
+    if (i.critical_dose_prime > 0) {
+      out += line("gel dose", prime(i.critical_dose_prime, i.m));
+    }
+    out += line("dead zone from", fmt::format("UV above {:.4g} times blue", 1 / f.beta));
+  }
+  out += in_plain_words(r, f);
+  return out + provenance_text(r.provenance);
+}
+
+std::string describe_printer(const Printer& p, const std::string& path) {
+  const toml::table root_table = parse_toml(read_text_file(path), path);
+  const TomlTable root(root_table, path);
+  std::string out =
+      fmt::format("{}   printer, version {}\n", p.name, root.integer("version", 1, 1000000000, 1));
+  for (const char* key : {"maker", "product", "notes"}) out += line(key, root.text(key, ""));
+  out += line("file", path);
+  out += "\nDisplay\n";
+  out += line("pixels",
+              fmt::format("{} x {} of {:g} x {:g} um: {:.4g} x {:.4g} mm", p.width_px, p.height_px,
+                          p.pixel_x_um, p.pixel_y_um, p.width_px * p.pixel_x_um / 1000,
+                          p.height_px * p.pixel_y_um / 1000));
+  out += line("grey levels", fmt::format("{}", p.levels()));
+  const TomlTable display = root.required_table("display");
+  if (const std::string field = display.text("flat_field", ""); !field.empty()) {
+    out += line("flat-field",
+                fmt::format("{}: least {:.4g}, mean {:.4g} of the brightest place", field,
+                            display.number("flat_field_least", 0, 1, true).value_or(0),
+                            display.number("flat_field_mean", 0, 1, true).value_or(0)));
+    out += line("", "kept and checked; correction does not apply it yet");
+  }
+  const double low = p.calibration.front().intensity_mw_cm2;
+  const double high = p.calibration.back().intensity_mw_cm2;
+  out += "\nCuring light\n";
+  if (p.wavelength_nm > 0) out += line("wavelength", fmt::format("{:g} nm", p.wavelength_nm));
+  out += line("intensity", fmt::format("{:g} to {:g} mW/cm² at the window, {} calibration points",
+                                       low, high, p.calibration.size()));
+  if (low > 0) out += line("contrast", fmt::format("{:.4g} : 1 (black still shines)", high / low));
+  if (p.uv) {
+    out += "\nUV light\n";
+    if (p.uv->wavelength_nm > 0)
+      out += line("wavelength", fmt::format("{:g} nm", p.uv->wavelength_nm));
+    out +=
+        line("kind", p.uv->patterned ? "patterned: an image per slice" : "flood: the whole window");
+    out += line("intensity",
+                fmt::format("{:g} to {:g} mW/cm²", p.uv->min_mw_cm2(), p.uv->max_mw_cm2()));
+  }
+  if (p.max_speed_mm_h > 0 || p.travel_mm > 0) {
+    out += "\nStage\n";
+    if (p.max_speed_mm_h > 0) out += line("fastest", fmt::format("{:g} mm/h", p.max_speed_mm_h));
+    if (p.travel_mm > 0) out += line("travel", fmt::format("{:g} mm", p.travel_mm));
+  }
+  std::map<std::string, std::string> provenance;
+  if (const auto table = root.table("provenance")) {
+    for (const auto& [key, node] : table->raw()) {
+      provenance[std::string(key.str())] = node.value_or(std::string("..."));
+    }
+  }
+  return out + provenance_text(provenance);
+}
+
+std::string printer_json(const Printer& p, const std::string& path) {
+  nlohmann::ordered_json j;
+  j["kind"] = "printer";
+  j["name"] = p.name;
+  j["width_px"] = p.width_px;
+  j["height_px"] = p.height_px;
+  j["pixel_um"] = {p.pixel_x_um, p.pixel_y_um};
+  j["bit_depth"] = p.bit_depth;
+  if (p.wavelength_nm > 0) j["wavelength_nm"] = p.wavelength_nm;
+  const auto curve = [](const std::vector<CalibrationPoint>& points) {
+    auto list = nlohmann::ordered_json::array();
+    for (const CalibrationPoint& c : points) list.push_back({c.level, c.intensity_mw_cm2});
+    return list;
+  };
+  j["calibration"] = curve(p.calibration);
+  if (p.uv) {
+    j["uv"]["kind"] = p.uv->patterned ? "patterned" : "flood";
+    if (p.uv->wavelength_nm > 0) j["uv"]["wavelength_nm"] = p.uv->wavelength_nm;
+    j["uv"]["calibration"] = curve(p.uv->calibration);
+  }
+  if (p.max_speed_mm_h > 0) j["max_speed_mm_h"] = p.max_speed_mm_h;
+  if (p.travel_mm > 0) j["travel_mm"] = p.travel_mm;
+  j["path"] = path;
+  return j.dump(2);
+}
+
+}  // namespace slicecorr::resinctl

@@ -1,0 +1,134 @@
+// import, export.
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "commands.hpp"
+#include "describe.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/resins/database.hpp"
+#include "slicecorr/resins/exchange.hpp"
+
+namespace slicecorr::resinctl {
+
+namespace {
+
+using namespace resins;
+using cli::Console;
+
+struct ImportArguments {
+  std::string file, folder, message;
+  ImportOptions options;
+  bool replace = false, dry_run = false;
+};
+
+int import_file(const ImportArguments& a, Console& console) {
+  std::vector<std::string> left_out;
+  const auto made = import_definitions(a.file, a.options, &left_out);
+  const Replace replace = a.replace ? Replace::keep_history : Replace::refuse;
+  if (a.dry_run) {
+    for (const Imported& d : made) cli::print_result(d.text + (made.size() > 1 ? "\n" : ""));
+  } else {
+    const std::string folder = a.folder.empty() ? writable_folder() : a.folder;
+    // All or nothing, as far as names go.
+    for (const Imported& d : made) must_be_free(folder, d, replace);
+    for (const Imported& d : made) {
+      const Saved saved =
+          save_imported(d, folder, replace,
+                        a.message.empty() ? fmt::format("imported from {}", a.file) : a.message);
+      console.say(fmt::format("{} {}: {} version {}", d.kind, d.name,
+                              saved.unchanged ? "the same already as" : "saved as", saved.version));
+      for (const std::string& assumption : d.assumptions) console.say("  - " + assumption);
+      cli::print_result(saved.path + "\n");
+    }
+  }
+  for (const std::string& why : left_out) console.say("left out: " + why);
+  console.say(fmt::format("{} made, {} left out", made.size(), left_out.size()));
+  return cli::kDone;
+}
+
+struct ExportArguments {
+  std::string name, format = "toml", output = "-";
+  double layer_um = 0, intensity_mw_cm2 = 0;
+};
+
+std::string export_printer(const Located& at, const std::string& format) {
+  const Printer printer = load_printer(at.path);
+  if (format == "toml") return with_its_files(at.path, at.kind).text;
+  if (format == "json") return printer_json(printer, at.path) + "\n";
+  if (format == "csv") {
+    std::string text = "grey_level,intensity_mw_cm2\n";
+    for (const CalibrationPoint& p : printer.calibration) {
+      text += fmt::format("{:g},{:.10g}\n", p.level, p.intensity_mw_cm2);
+    }
+    return text;
+  }
+  throw InputError(at.path, "", "is a printer; expected --format toml, json or csv");
+}
+
+int export_definition(const ExportArguments& a, Console& console) {
+  const Located at = locate(a.name);
+  const std::string text = at.kind == "printer" ? export_printer(at, a.format)
+                                                : export_record(load_record(at.path), a.format,
+                                                                a.layer_um, a.intensity_mw_cm2);
+  if (a.output == "-") {
+    cli::print_result(text);
+  } else {
+    cli::must_not_replace(a.output, {at.path});
+    cli::write_text_file(a.output, text);
+    console.say(fmt::format("{}: written", a.output));
+  }
+  return cli::kDone;
+}
+
+}  // namespace
+
+void add_exchange(cli::Program& program) {
+  const auto i = std::make_shared<ImportArguments>();
+  CLI::App* sub = program.add(
+      "import",
+      "Makes definitions of foreign files and saves them in your own database: profiles of "
+      "PrusaSlicer, UVtools and others, Anycubic's resin profiles, tables of Dp and Ec, measured "
+      "calibrations and flat-fields of printers. Says what it assumed, also in the files.",
+      [i](const Job&, Console& console) { return import_file(*i, console); });
+  sub->add_option("FILE", i->file, "What to import")->required();
+  sub->add_option("--format", i->options.format, "What FILE is")
+      ->check(CLI::IsMember({"auto", "prusaslicer", "uvtools", "anycubic", "table", "calibration",
+                             "uv-calibration", "flat-field", "correction-mask"}))
+      ->capture_default_str();
+  sub->add_option("--only", i->options.only, "Only presets whose name holds this");
+  sub->add_option("--name", i->options.name, "Name of the result, when there is one");
+  sub->add_option("--intensity-mw-cm2", i->options.intensity_mw_cm2,
+                  "Of the printer a profile is for, at the window: turns its times into doses")
+      ->check(cli::number_above_zero());
+  sub->add_option("--wavelength-nm", i->options.wavelength_nm,
+                  "Of the light, where FILE does not say")
+      ->check(cli::number_in(100, 2000, true));
+  sub->add_option("--height-um", i->options.height_um,
+                  "Absorbance height, base e, where a profile with one layer height can't give it")
+      ->check(cli::number_above_zero());
+  sub->add_option("--printer", i->options.printer,
+                  "Printer that a calibration or flat-field belongs to");
+  sub->add_option("-m,--message", i->message, "Why, for the history");
+  sub->add_option("-o,--folder", i->folder, "Save into this folder instead");
+  sub->add_flag("--replace", i->replace,
+                "Put them in the place of those of the same name, which go to the history");
+  sub->add_flag("--dry-run", i->dry_run, "Print the definitions instead of saving them");
+
+  const auto e = std::make_shared<ExportArguments>();
+  sub = program.add("export", "One resin (or printer) for other programs.",
+                    [e](const Job&, Console& console) { return export_definition(*e, console); });
+  sub->add_option("NAME", e->name, "Name, or path of a .toml file")->required();
+  sub->add_option("--format", e->format,
+                  "toml, json, csv (a table that import reads), prusaslicer (a material)")
+      ->check(CLI::IsMember({"toml", "json", "csv", "prusaslicer"}))
+      ->capture_default_str();
+  sub->add_option("--layer-um", e->layer_um, "Slice height, for prusaslicer")
+      ->check(cli::number_in(1, 1000));
+  sub->add_option("--intensity-mw-cm2", e->intensity_mw_cm2,
+                  "Of the printer at the window, for prusaslicer")
+      ->check(cli::number_above_zero());
+  sub->add_option("-o,--output", e->output, "File to write, - for stdout")->capture_default_str();
+}
+
+}  // namespace slicecorr::resinctl

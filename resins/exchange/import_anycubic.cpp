@@ -84,8 +84,8 @@ class Reader {
            "y_compensation}, ...]");
     }
     if (list->empty()) {
-      source_.leave_out(fmt::format("{}: {}: resin '{}' has no temperature_coefficients",
-                                    source_.path, place, title));
+      source_.leave_out(
+          fmt::format("{}: resin '{}' has no temperature_coefficients", place, title));
       return;
     }
     std::vector<Curve> curves;

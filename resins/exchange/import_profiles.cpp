@@ -60,37 +60,45 @@ std::map<std::string, Preset> materials_of(const std::string& text) {
   return presets;
 }
 
-/// Values of a preset with those it inherits; later parents count over earlier ones.
-std::map<std::string, std::string> resolved(const std::map<std::string, Preset>& presets,
-                                            const std::string& name, const std::string& path,
-                                            std::set<std::string>& open) {
-  const auto at = presets.find(name);
-  if (at == presets.end()) throw InputError(path, "", fmt::format("has no preset '{}'", name));
-  if (!open.insert(name).second) {
-    throw InputError(path, fmt::format("line {}", at->second.line),
-                     fmt::format("preset '{}' inherits from itself", name));
-  }
-  std::map<std::string, std::string> values;
-  if (const auto inherits = at->second.values.find("inherits");
-      inherits != at->second.values.end()) {
-    std::string_view rest = inherits->second;
+/// Follows the inheritance of presets.
+class Resolver {
+ public:
+  Resolver(const std::map<std::string, Preset>& presets, const std::string& path)
+      : presets_(presets), path_(path) {}
+
+  /// Values of a preset with those it inherits; later parents count over earlier ones.
+  std::map<std::string, std::string> values_of(const std::string& name) {
+    const Preset& preset = presets_.at(name);
+    if (!open_.insert(name).second) {
+      throw InputError(path_, fmt::format("line {}", preset.line),
+                       fmt::format("preset '{}' inherits from itself", name));
+    }
+    std::map<std::string, std::string> values;
+    const auto inherits = preset.values.find("inherits");
+    std::string_view rest = inherits == preset.values.end() ? "" : inherits->second;
     while (!rest.empty()) {
       const std::size_t end = std::min(rest.find(';'), rest.size());
       const std::string parent = trimmed(rest.substr(0, end));
       rest.remove_prefix(std::min(end + 1, rest.size()));
       if (parent.empty()) continue;
-      if (!presets.contains(parent)) {
-        throw InputError(
-            path, fmt::format("line {}", at->second.line),
-            fmt::format("preset '{}' inherits '{}', which the file does not have", name, parent));
+      if (!presets_.contains(parent)) {
+        missing.insert(parent);
+        continue;
       }
-      for (auto& [key, value] : resolved(presets, parent, path, open)) values[key] = value;
+      for (auto& [key, value] : values_of(parent)) values[key] = value;
     }
+    for (const auto& [key, value] : preset.values) values[key] = value;
+    open_.erase(name);
+    return values;
   }
-  for (const auto& [key, value] : at->second.values) values[key] = value;
-  open.erase(name);
-  return values;
-}
+
+  std::set<std::string> missing;  ///< parents that the file does not have
+
+ private:
+  const std::map<std::string, Preset>& presets_;
+  const std::string& path_;
+  std::set<std::string> open_;
+};
 
 std::string value_of(const std::map<std::string, std::string>& values, const std::string& key) {
   const auto at = values.find(key);
@@ -124,19 +132,18 @@ std::pair<double, std::string> layer_of(const std::map<std::string, std::string>
 }  // namespace
 
 std::vector<Imported> import_prusaslicer(const ImportSource& source, const ImportOptions& options) {
+  if (options.intensity_mw_cm2 <= 0) {
+    throw InputError(
+        source.path, "",
+        "a profile gives times only; expected --intensity-mw-cm2, that of the printer");
+  }
   const auto presets = materials_of(source.text);
   static const std::regex at_height(R"(^(.*?)\s*@\s*([0-9.]+)\s*(?:mm)?\s*(.*)$)");
   std::map<std::string, Group> groups;
   for (const auto& [name, preset] : presets) {
     if (name.starts_with("*")) continue;  // hidden: only there to be inherited
-    std::map<std::string, std::string> values;
-    try {
-      std::set<std::string> open;
-      values = resolved(presets, name, source.path, open);
-    } catch (const InputError& e) {
-      source.leave_out(e.what());
-      continue;
-    }
+    Resolver resolver(presets, source.path);
+    const auto values = resolver.values_of(name);
     std::string full = name.empty() ? value_of(values, "sla_material_settings_id") : name;
     if (full.empty()) full = source.file.substr(0, source.file.rfind('.'));
     if (full.find(options.only) == std::string::npos) continue;
@@ -147,8 +154,7 @@ std::vector<Imported> import_prusaslicer(const ImportSource& source, const Impor
     const std::string variant = has_height ? trimmed(parts[3].str()) : "";
     const auto exposure = number_in_text(value_of(values, "exposure_time"));
     const auto [layer_um, said_by] = layer_of(values, has_height ? parts[2].str() : "");
-    const std::string place =
-        fmt::format("{}: line {}: preset '{}'", source.path, preset.line, full);
+    const std::string place = fmt::format("line {}: preset '{}'", preset.line, full);
     if (!exposure || *exposure <= 0) {
       source.leave_out(place + ": has no exposure_time above 0");
       continue;
@@ -171,6 +177,11 @@ std::vector<Imported> import_prusaslicer(const ImportSource& source, const Impor
       }
       d.assumptions.push_back(fmt::format("Layer heights are those of {}.", said_by));
     }
+    for (const std::string& parent : resolver.missing) {
+      d.assumptions.push_back(fmt::format(
+          "Preset '{}' inherits '{}', which the file does not have; it was read without.", full,
+          parent));
+    }
     group.exposures.push_back({layer_um, *exposure});
     group.presets += (group.presets.empty() ? "" : ", ") + full;
   }
@@ -183,7 +194,7 @@ std::vector<Imported> import_prusaslicer(const ImportSource& source, const Impor
     d.provenance.emplace_back("source", fmt::format("{}, presets {}", source.file, group.presets));
     const std::string problem = resin_of_exposures(group.exposures, options, d);
     if (!problem.empty()) {
-      source.leave_out(fmt::format("{}: resin '{}': {}", source.path, name, problem));
+      source.leave_out(fmt::format("resin '{}': {}", name, problem));
       continue;
     }
     made.push_back(finish_resin(d, source, "prusaslicer"));

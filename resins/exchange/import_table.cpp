@@ -30,8 +30,8 @@ std::vector<Imported> import_table(const ImportSource& source, const ImportOptio
     const auto height = number("dp_um"), dose = number("ec_mj_cm2"), aim = number("aim_mj_cm2");
     const auto m = number("m"), prime = number("critical_dose_prime");
     if (!height || (!dose && !aim && !prime)) {
-      source.leave_out(fmt::format("{}: line {}: '{}' has no {}: that is no dose to aim at",
-                                   source.path, row.line, resin, height ? "Ec_mJ_cm2" : "Dp_um"));
+      source.leave_out(fmt::format("line {}: '{}' has no {}: that is no dose to aim at", row.line,
+                                   resin, height ? "Ec_mJ_cm2" : "Dp_um"));
       continue;
     }
     ResinDraft d;

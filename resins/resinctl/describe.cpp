@@ -26,10 +26,14 @@ std::string line(const char* what, const std::string& value) {
   return value.empty() ? "" : fmt::format("  {:<22}{}\n", what, value);
 }
 
+/// Four digits, without an exponent for large numbers.
+std::string figure(double value) {
+  return value >= 1e4 && value < 1e15 ? fmt::format("{:.0f}", value) : fmt::format("{:.4g}", value);
+}
+
 /// A dose analogue in its unit.
 std::string prime(double value, double m) {
-  return m == 1.0 ? fmt::format("{:.4g} mJ/cm²", value)
-                  : fmt::format("{:.4g} (mW/cm²)^{:g}·s", value, m);
+  return m == 1.0 ? figure(value) + " mJ/cm²" : fmt::format("{} (mW/cm²)^{:g}·s", figure(value), m);
 }
 
 bool gel_is_known(const ResinRecord& r) {
@@ -39,15 +43,14 @@ bool gel_is_known(const ResinRecord& r) {
 }
 
 std::string dose_line(const char* what, const ResinFigures& f, double m, bool aim) {
-  const double areal = aim ? f.aim_mj_cm2 : f.gel_mj_cm2;
-  const double volumetric = aim ? f.aim_mj_cm3 : f.gel_mj_cm3;
   if (m == 1.0) {
-    return line(what,
-                fmt::format("{:.4g} mJ/cm² areal, {:.4g} mJ/cm³ volumetric", areal, volumetric));
+    return line(what, fmt::format("{} mJ/cm² areal, {} mJ/cm³ volumetric",
+                                  figure(aim ? f.aim_mj_cm2 : f.gel_mj_cm2),
+                                  figure(aim ? f.aim_mj_cm3 : f.gel_mj_cm3)));
   }
-  return line(what, fmt::format("{:.4g} (mW/cm²)^{:g}·s areal, {:.4g} (mW/cm³)^{:g}·s volumetric",
-                                aim ? f.aim_prime : f.gel_prime, m,
-                                aim ? f.aim_prime_volumetric : f.gel_prime_volumetric, m));
+  return line(what, fmt::format("{} (mW/cm²)^{:g}·s areal, {} (mW/cm³)^{:g}·s volumetric",
+                                figure(aim ? f.aim_prime : f.gel_prime), m,
+                                figure(aim ? f.aim_prime_volumetric : f.gel_prime_volumetric), m));
 }
 
 std::string provenance_text(const std::map<std::string, std::string>& provenance) {

@@ -413,7 +413,10 @@ class Checker {
     const toml::table* t = table("composition");
     if (!t) return;
     double sum = 0;
-    for (const auto& [key, node] : *t) sum += node.value<double>().value_or(0);
+    for (const auto& [key, node] : *t) {
+      const double share = node.value<double>().value_or(0);
+      if (share >= 0 && share <= 100) sum += share;  // others have been told
+    }
     // A half for what rounding of the shares can add up to.
     if (sum > 100.5) {
       add(t->source().begin.line, "composition",

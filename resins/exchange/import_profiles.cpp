@@ -75,7 +75,8 @@ class Resolver {
     }
     std::map<std::string, std::string> values;
     const auto inherits = preset.values.find("inherits");
-    std::string_view rest = inherits == preset.values.end() ? "" : inherits->second;
+    std::string_view rest;
+    if (inherits != preset.values.end()) rest = inherits->second;
     while (!rest.empty()) {
       const std::size_t end = std::min(rest.find(';'), rest.size());
       const std::string parent = trimmed(rest.substr(0, end));

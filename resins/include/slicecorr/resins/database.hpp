@@ -17,10 +17,12 @@ namespace slicecorr::resins {
 
 /// What `resinctl list` can ask for; empty and unset fields ask for nothing.
 struct Query {
-  std::string words;  ///< all of them must occur in name, maker, product, chemistry or notes
-  std::string maker, chemistry;
-  std::optional<double> wavelength_nm;                        ///< within 10 nm
-  std::optional<double> least_height_um, greatest_height_um;  ///< absorbance height, base e
+  std::string words =
+      "";  ///< all of them must occur in name, maker, product, chemistry, colour or notes
+  std::string maker = "", chemistry = "";
+  std::optional<double> wavelength_nm = std::nullopt;  ///< within 10 nm
+  /// Absorbance height, base e.
+  std::optional<double> least_height_um = std::nullopt, greatest_height_um = std::nullopt;
 };
 /// Resins of all folders by name that fit; files that can't be read are told in `problems`.
 std::vector<ResinRecord> find_records(const Query& query, std::vector<Finding>* problems = nullptr);

@@ -31,12 +31,12 @@ struct ImportOptions {
   /// auto, prusaslicer, uvtools, anycubic, table, calibration, uv-calibration, flat-field,
   /// correction-mask (of a projector that multiplies grey levels by it)
   std::string format = "auto";
-  std::string only;             ///< substring of the preset names to import; empty: all
-  std::string name;             ///< name of the result when the file has one definition
+  std::string only = "";        ///< substring of the preset names to import; empty: all
+  std::string name = "";        ///< name of the result when the file has one definition
   double intensity_mw_cm2 = 0;  ///< of the printer that a profile is for; needed to turn s into mJ
   double wavelength_nm = 0;
-  double height_um = 0;  ///< absorbance height, base e, where a profile can't give it
-  std::string printer;   ///< calibration, flat-field: the printer file it belongs to
+  double height_um = 0;      ///< absorbance height, base e, where a profile can't give it
+  std::string printer = "";  ///< calibration, flat-field: the printer file it belongs to
 };
 
 /// Reads what users have: PrusaSlicer .ini with [sla_material:...] sections (or one exported

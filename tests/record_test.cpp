@@ -1,0 +1,431 @@
+// Records, their figures in all units, and the checks of definition files.
+#include "slicecorr/resins/record.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "slicecorr/error.hpp"
+#include "slicecorr/kinetics.hpp"
+#include "slicecorr/resins/database.hpp"
+#include "slicecorr/stack.hpp"
+
+namespace slicecorr::resins {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+const std::string kResin = R"(name = "r"
+[cure]
+model = "kinetic"
+m = 0.99
+absorbance_height_um = 408.0
+absorbance_base = "e"
+critical_dose_prime = 64.0
+dose_factor = 5.0
+[inhibition]
+beta = 0.73
+absorbance_height_um = 37.8
+absorbance_base = "e"
+[provenance]
+source = "table 3.1"
+)";
+
+class Files : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::path(testing::TempDir()) / ("slicecorr-record-" + std::to_string(::getpid()));
+    fs::remove_all(folder_);
+    fs::create_directories(folder_);
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+  std::string write(const std::string& name, const std::string& text) {
+    std::ofstream(folder_ / name, std::ios::binary) << text;
+    return (folder_ / name).string();
+  }
+  fs::path folder_;
+};
+
+// --- Figures
+
+TEST(Figures, ArealAndVolumetricBothBases) {
+  // Dissertation: 50, 15, 65 mJ/cm² at 2000 um and 15 at 1500 um, base 10.
+  for (const auto& [areal, height, volumetric] : {std::tuple{50.0, 2000.0, 575.65},
+                                                  {15.0, 2000.0, 172.69},
+                                                  {65.0, 2000.0, 748.34},
+                                                  {15.0, 1500.0, 230.26}}) {
+    Resin r;
+    r.absorbance_height10_um = height;
+    r.critical_dose_mj_cm3 = volumetric;
+    const ResinFigures f = figures_of(r);
+    EXPECT_NEAR(f.aim_mj_cm2, areal, areal * 0.005 / volumetric);
+    EXPECT_DOUBLE_EQ(f.height_e_um * std::log(10.0), height);
+    EXPECT_DOUBLE_EQ(f.aim_mj_cm3, volumetric);
+    EXPECT_EQ(f.gel_mj_cm3, 0);
+  }
+}
+
+TEST(Figures, KineticWithInhibition) {
+  const ResinFigures f = figures_of(parse_record(kResin, "r.toml").resin);
+  EXPECT_NEAR(f.height_e_um, 408, 1e-9);
+  EXPECT_NEAR(f.gel_prime, 64, 1e-12);
+  EXPECT_NEAR(f.aim_prime, 320, 1e-12);
+  EXPECT_NEAR(f.gel_prime_volumetric, 64 / std::pow(0.0408, 0.99), 1e-9);
+  EXPECT_EQ(f.gel_mj_cm2, 0);  // intensity times time says nothing with m = 0.99
+  EXPECT_NEAR(f.huv_e_um, 37.8, 1e-12);
+  // betaV = betaA huv / hb: 6.76e-2 in the dissertation's table 4.1 with its fitted 0.73.
+  EXPECT_NEAR(f.beta_volumetric, 0.73 * 37.8 / 408, 1e-12);
+  EXPECT_EQ(f.dose_factor, 5);
+}
+
+TEST(Figures, AimIsGelDoseTimesFactorInEveryForm) {
+  const std::string head = "[cure]\nabsorbance_height_um = 170\nabsorbance_base = \"e\"\n";
+  const ResinFigures a = figures_of(parse_resin(head + "gel_dose_mj_cm2 = 5.0\n", "r.toml"));
+  const ResinFigures b = figures_of(
+      parse_resin(head + "gel_dose_mj_cm3 = " + std::to_string(5 / 0.017) + "\n", "r.toml"));
+  const ResinFigures c = figures_of(parse_resin(
+      head + "model = \"kinetic\"\ncritical_dose_prime = 5.0\ndose_factor = 5.0\n", "r.toml"));
+  for (const ResinFigures& f : {a, b, c}) {
+    EXPECT_NEAR(f.gel_mj_cm2, 5, 1e-6);
+    EXPECT_NEAR(f.gel_mj_cm3, 5 / 0.017, 1e-4);
+    EXPECT_NEAR(f.aim_mj_cm2, 25, 1e-5);
+    EXPECT_NEAR(f.aim_prime, 25, 1e-5);
+    EXPECT_NEAR(f.aim_prime_volumetric, f.aim_mj_cm3, 1e-9);
+  }
+}
+
+// --- Records
+
+TEST(Record, Words) {
+  const ResinRecord r = parse_record(
+      "name = \"r\"\nversion = 3\nmaker = \"M\"\nproduct = \"P\"\nchemistry = \"acrylate\"\n"
+      "colour = \"red\"\nnotes = \"N\"\n[cure]\nwavelength_nm = 405\nabsorbance_height_um = 100\n"
+      "absorbance_base = 10\ncritical_dose_mj_cm3 = 100\n[provenance]\nsource = \"S\"\n"
+      "date = 2020-05-01\nscatter = 1.5\nmeasurements = [\"a.csv\", \"see page 3\", \"b.csv\"]\n",
+      "r.toml");
+  EXPECT_EQ(r.version, 3);
+  EXPECT_EQ(r.maker + r.product + r.chemistry + r.colour + r.notes, "MPacrylateredN");
+  EXPECT_EQ(r.wavelength_nm, 405);
+  EXPECT_EQ(r.measurements, (std::vector<std::string>{"a.csv", "b.csv"}));
+  EXPECT_EQ(r.provenance.at("date"), "2020-05-01");
+  EXPECT_EQ(r.provenance.at("scatter"), "1.5");
+  EXPECT_EQ(r.resin.critical_dose_mj_cm3, 100);
+  EXPECT_THROW(parse_record("name = \"r\"\n", "r.toml"), InputError);
+  EXPECT_THROW(load_record("no-such-resin"), InputError);
+}
+
+// --- Checks
+
+struct Wrong {
+  const char *line, *replacement;  ///< a line of kResin and what stands there instead
+  int at;                          ///< line that the finding names
+  const char *key, *says;
+  bool warning = false;
+};
+
+class OneThingWrong : public Files, public testing::WithParamInterface<Wrong> {};
+
+TEST_P(OneThingWrong, IsFoundOnceWithItsLine) {
+  const Wrong& w = GetParam();
+  std::string text = kResin;
+  const std::size_t at = text.find(w.line);
+  ASSERT_NE(at, std::string::npos);
+  text.replace(at, std::string(w.line).size(), w.replacement);
+  const auto found = validate_definition(write("r.toml", text));
+  ASSERT_EQ(found.size(), 1U) << [&] {
+    std::string all;
+    for (const Finding& f : found) all += f.to_text() + "\n";
+    return all;
+  }();
+  EXPECT_EQ(found[0].line, w.at) << found[0].to_text();
+  EXPECT_EQ(found[0].key, w.key);
+  EXPECT_THAT(found[0].message, HasSubstr(w.says));
+  EXPECT_EQ(found[0].warning, w.warning);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Resin, OneThingWrong,
+    testing::Values(
+        Wrong{"m = 0.99", "mm = 0.99", 4, "cure.mm", "did you mean 'm'?"},
+        Wrong{"absorbance_base", "absorbence_base", 6, "cure.absorbence_base",
+              "did you mean 'absorbance_base'?"},
+        Wrong{"[provenance]", "[provenence]", 13, "provenence", "did you mean 'provenance'?"},
+        Wrong{"[cure]", "wavelength_nm = 405\n[cure]", 2, "wavelength_nm", "under [inhibition]"},
+        Wrong{"[cure]", "qwertz = 1\n[cure]", 2, "qwertz", "--schema"},
+        Wrong{"[cure]", "version = 0\n[cure]", 2, "version", "expected 1 to"},
+        Wrong{"[cure]", "maker = 5\n[cure]", 2, "maker", "text in quotes"},
+        Wrong{"\"r\"", "\"R\"", 1, "name", "lower case"},
+        Wrong{"\"r\"", "\"s\"", 1, "name", "the file is r.toml"},
+        Wrong{"name = \"r\"\n", "", 0, "name", "missing", true},
+        Wrong{"\"kinetic\"", "\"cubic\"", 3, "cure.model", "expected one of \"jacobs\""},
+        Wrong{"m = 0.99", "m = 2.5", 4, "cure.m", "at most 2"},
+        Wrong{"m = 0.99", "m = \"1\"", 4, "cure.m", "expected a number"},
+        Wrong{"408.0", "-1", 5, "cure.absorbance_height_um", "above 0"},
+        Wrong{"408.0", "nan", 5, "cure.absorbance_height_um", "above 0"},
+        Wrong{"absorbance_base = \"e\"\ncritical", "absorbance_base = 2\ncritical", 6,
+              "cure.absorbance_base", "10 or \"e\""},
+        Wrong{"critical_dose_prime = 64.0\n", "", 2, "cure.critical_dose_prime", "missing"},
+        Wrong{"dose_factor = 5.0", "dose_factor = 0.5", 8, "cure.dose_factor", "below the gel dose",
+              true},
+        Wrong{"dose_factor = 5.0", "gel_dose_mj_cm2 = 3", 8, "cure.gel_dose_mj_cm2",
+              "does not count", true},
+        Wrong{"beta = 0.73\n", "", 9, "inhibition.beta", "missing"},
+        Wrong{"37.8", "500.0", 11, "inhibition.absorbance_height_um", "expected less than"},
+        Wrong{"source = \"table 3.1\"", "source = { a = 1 }", 14, "provenance.source",
+              "expected a text"},
+        Wrong{"source = \"table 3.1\"", "measurements = [\"gone.csv\"]", 14,
+              "provenance.measurements", "gone.csv is not there"},
+        Wrong{"[provenance]", "[composition]\na = 60\nb = 50\n[provenance]", 13, "composition",
+              "110 wt%"},
+        Wrong{"[provenance]", "[composition]\na = 160\n[provenance]", 14, "composition.a",
+              "at most 100"}));
+
+TEST_F(Files, EverythingThatIsWrongIsFound) {
+  const auto found = validate_definition(write("a.toml", R"(name = "b"
+colour = 7
+[cure]
+model = "jacobs"
+absorbance_height_um = -3
+absorbance_base = 7
+gel_dose_mj_cm3 = 1
+gel_dose_mj_cm2 = 1
+dose_facto = 2
+)"));
+  std::vector<std::string> keys;
+  for (const Finding& f : found) keys.push_back(std::to_string(f.line) + " " + f.key);
+  EXPECT_THAT(keys, testing::ElementsAre("1 name", "2 colour", "5 cure.absorbance_height_um",
+                                         "6 cure.absorbance_base", "8 cure.gel_dose_mj_cm2",
+                                         "9 cure.dose_facto"));
+}
+
+TEST_F(Files, DosesThatContradict) {
+  const std::string head =
+      "name = \"r\"\n[cure]\nabsorbance_height_um = 100\nabsorbance_base = \"e\"\n";
+  const auto check = [&](const std::string& doses) {
+    std::string all;
+    for (const Finding& f : validate_definition(write("r.toml", head + doses))) {
+      all += f.to_text() + "\n";
+    }
+    return all;
+  };
+  // 5 mJ/cm² over 100 um are 500 mJ/cm³.
+  EXPECT_EQ(check("gel_dose_mj_cm2 = 5.0\ncritical_dose_mj_cm3 = 2500\ndose_factor = 5\n"), "");
+  EXPECT_THAT(check("gel_dose_mj_cm2 = 5.0\ncritical_dose_mj_cm3 = 2000\ndose_factor = 5\n"),
+              HasSubstr("r.toml:6: cure.critical_dose_mj_cm3: is 2000 mJ/cm³, but gel dose times "
+                        "dose_factor is 2500"));
+  EXPECT_THAT(check("gel_dose_mj_cm2 = 5.0\ncritical_dose_mj_cm3 = 400\n"),
+              HasSubstr("below the gel dose of 500"));
+  EXPECT_THAT(check("critical_dose_mj_cm3 = 400\ndose_factor = 5\n"), HasSubstr("does not count"));
+  EXPECT_THAT(check("gel_dose_mj_cm3 = 5\ncritical_dose_prime = 3\n"), HasSubstr("kinetic"));
+}
+
+TEST_F(Files, FilesThatAreNoDefinitions) {
+  const auto only = [&](const std::string& path) {
+    const auto found = validate_definition(path);
+    EXPECT_EQ(found.size(), 1U) << path;
+    return found.empty() ? std::string() : found[0].to_text();
+  };
+  EXPECT_THAT(only((folder_ / "gone.toml").string()), HasSubstr("is not a file"));
+  EXPECT_THAT(only(folder_.string()), HasSubstr("is not a file"));
+  EXPECT_THAT(only(write("a.toml", "")), HasSubstr("neither a resin"));
+  EXPECT_THAT(only(write("a.toml", "name = \"a\"\nx = \n")), HasSubstr("a.toml:2: is not TOML"));
+  EXPECT_THAT(only(write("a.toml", std::string("\x7F"
+                                               "ELF\0\0\0",
+                                               7))),
+              HasSubstr("zero bytes"));
+  EXPECT_THAT(only(write("a.toml", "name = \"\xFF\xFE\"\n")), HasSubstr("is not TOML"));
+  EXPECT_THAT(only(write("a.toml", std::string(5U << 20, '#'))), HasSubstr("at most 4 MiB"));
+}
+
+const std::string kPrinter = R"(name = "p"
+[display]
+width_px = 100
+height_px = 50
+pixel_um = 50.0
+[blue]
+calibration = [
+  [0, 1.0],
+  [255, 100.0],
+]
+)";
+
+TEST_F(Files, Printers) {
+  const auto check = [&](const std::string& from, const std::string& to) {
+    std::string text = kPrinter;
+    const std::size_t at = text.find(from);
+    EXPECT_NE(at, std::string::npos);
+    text.replace(at, from.size(), to);
+    std::string all;
+    for (const Finding& f : validate_definition(write("p.toml", text))) all += f.to_text() + "\n";
+    return all;
+  };
+  EXPECT_EQ(check("x", "x"), "");
+  EXPECT_THAT(check("width_px", "widht_px"), HasSubstr(":3: display.widht_px: unknown key; did "
+                                                       "you mean 'width_px'?"));
+  EXPECT_THAT(check("= 100\n", "= 0\n"), HasSubstr(":3: display.width_px: is 0; expected 1 to"));
+  EXPECT_THAT(check("50.0", "[50.0, -1]"), HasSubstr(":5: display.pixel_um: is -1"));
+  EXPECT_THAT(check("[0, 1.0]", "[0, 200.0]"), HasSubstr(":9: blue.calibration: point 2: the curve "
+                                                         "must not fall"));
+  EXPECT_THAT(check("[0, 1.0]", "[1, 1.0]"), HasSubstr("expected 0 to 255"));
+  EXPECT_THAT(check("[0, 1.0]", "[0, \"a\"]"), HasSubstr(":8: blue.calibration: point 1"));
+  EXPECT_THAT(check("pixel_um", "mirror = \"z\"\npixel_um"), HasSubstr("\"none\", \"x\", \"y\""));
+  EXPECT_THAT(
+      check("[blue]", "[uv]\nkind = \"spot\"\n[blue]"),
+      testing::AllOf(HasSubstr("uv.kind: is 'spot'"), HasSubstr("uv.calibration: missing")));
+  EXPECT_EQ(check("[blue]", "[modbus.registers]\nspeed = 7\n[blue]"), "");
+}
+
+TEST_F(Files, FlatFieldMustBeThereAndAsStated) {
+  GreyImage image{2, 1, {100, 200}};
+  const auto png = encode_png(image);
+  write("even.png", {png.begin(), png.end()});
+  const auto check = [&](const std::string& lines) {
+    std::string text = kPrinter;
+    text.insert(text.find("[blue]"), lines);
+    std::string all;
+    for (const Finding& f : validate_definition(write("p.toml", text))) all += f.to_text() + "\n";
+    return all;
+  };
+  EXPECT_EQ(check("flat_field = \"even.png\"\nflat_field_least = 0.5\nflat_field_mean = 0.75\n"),
+            "");
+  EXPECT_THAT(check("flat_field = \"even.png\"\nflat_field_least = 0.9\n"),
+              HasSubstr(":7: display.flat_field_least: is 0.9, but even.png has 0.5000"));
+  EXPECT_THAT(check("flat_field = \"gone.png\"\n"), HasSubstr(":6: display.flat_field"));
+  write("even.png", "no image");
+  EXPECT_THAT(check("flat_field = \"even.png\"\n"), HasSubstr("is no PNG image"));
+}
+
+TEST_F(Files, MeasurementsMustParse) {
+  write("bad.csv", "a,b\n1,2\n");
+  std::string text = kResin + "measurements = [\"bad.csv\"]\n";
+  const auto found = validate_definition(write("r.toml", text));
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].line, 15);
+  EXPECT_EQ(found[0].key, "provenance.measurements");
+  EXPECT_THAT(found[0].message, HasSubstr("bad.csv"));
+}
+
+// --- What is shipped
+
+std::vector<fs::path> shipped(const char* folder) {
+  std::vector<fs::path> files;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    if (entry.path().extension() == ".toml") files.push_back(entry.path());
+  }
+  return files;
+}
+
+TEST(Shipped, DefinitionsAreClean) {
+  int files = 0;
+  for (const char* folder : {SLICECORR_DB_DIR, SLICECORR_PRINTERS_DIR}) {
+    for (const fs::path& path : shipped(folder)) {
+      ++files;
+      for (const Finding& f : validate_definition(path.string())) ADD_FAILURE() << f.to_text();
+    }
+  }
+  EXPECT_GE(files, 40);
+}
+
+TEST(Shipped, EveryResinSaysWhereItComesFromAndWhatItAimsAt) {
+  for (const fs::path& path : shipped(SLICECORR_DB_DIR)) {
+    const ResinRecord r = load_record(path.string());
+    EXPECT_FALSE(r.provenance.at("source").empty()) << path;
+    EXPECT_TRUE(r.provenance.contains("measurements")) << path;
+    const ResinFigures f = figures_of(r.resin);
+    EXPECT_GT(f.aim_prime, 0) << path;
+    if (r.text.find("gel_dose") != std::string::npos || r.resin.m != 1.0) {
+      EXPECT_EQ(f.dose_factor, 5) << path;
+    }
+  }
+}
+
+TEST(Shipped, TheDissertationsResinsGiveItsCheckValues) {
+  const auto of = [](const char* name) {
+    return load_record((fs::path(SLICECORR_DB_DIR) / (std::string(name) + ".toml")).string()).resin;
+  };
+  const Resin one = of("custom-resin-1"), two = of("custom-resin-2");
+  // Dead zone, first gel and front as physics.md lists them, to their last printed digit.
+  const Kinetics a = make_kinetics(one, true, false);
+  EXPECT_NEAR(steady_dead_zone_um(a, 100, 200), 15.766, 5e-4);
+  EXPECT_NEAR(first_gel(a, 100, 200).z_um, 114.87, 5e-3);
+  EXPECT_NEAR(first_gel(a, 100, 200).time_s, 0.97507, 5e-6);
+  const Kinetics b = make_kinetics(two, true, false);
+  EXPECT_NEAR(steady_dead_zone_um(b, 100, 100), 167.99, 5e-3);
+  EXPECT_NEAR(curing_fronts(b, 100, 100, 15)->front_um, 178.64, 5e-3);
+  EXPECT_NEAR(cured_height_um(make_kinetics(one, false, false), 100, 10), 1113.9, 0.05);
+  EXPECT_NEAR(cured_height_um(make_kinetics(two, false, false), 100, 10), 2491.9, 0.05);
+  for (const auto& [name, prime, height, m] :
+       {std::tuple{"makerjuice-standard-yellow", 67.0, 168.0, 0.99},
+        {"formlabs-standard-clear", 148.0, 238.0, 0.91},
+        {"cps-pr57-black", 117.0, 99.0, 1.07}}) {
+    const ResinFigures f = figures_of(of(name));
+    EXPECT_NEAR(f.gel_prime, prime, 1e-9) << name;
+    EXPECT_NEAR(f.height_e_um, height, 1e-9) << name;
+    EXPECT_EQ(of(name).m, m) << name;
+  }
+}
+
+TEST(Shipped, PublishedCurvesAreThoseOfTheTable) {
+  std::ifstream in(fs::path(SLICECORR_TEST_DATA) / "cure" / "resin_parameters.csv");
+  if (!in) GTEST_SKIP() << "no test data";
+  std::map<std::string, std::pair<double, double>> shipped_curves;
+  for (const fs::path& path : shipped(SLICECORR_DB_DIR)) {
+    const ResinRecord r = load_record(path.string());
+    const ResinFigures f = figures_of(r.resin);
+    shipped_curves[r.name] = {f.height_e_um, f.gel_mj_cm2};
+  }
+  int rows = 0;
+  for (std::string line; std::getline(in, line);) {
+    std::vector<std::string> cells;
+    std::istringstream cut(line);
+    for (std::string cell; std::getline(cut, cell, ',');) cells.push_back(cell);
+    if (line[0] == '#' || cells.size() < 4 || cells[1].empty() || cells[1] == "wavelength_nm" ||
+        cells[3].empty()) {
+      continue;
+    }
+    ++rows;
+    const bool found =
+        std::any_of(shipped_curves.begin(), shipped_curves.end(), [&](const auto& curve) {
+          return curve.first.ends_with("-" + cells[1] + "nm") &&
+                 std::abs(curve.second.first - std::stod(cells[2])) < 1e-9 &&
+                 std::abs(curve.second.second - std::stod(cells[3])) < 1e-9;
+        });
+    EXPECT_TRUE(found) << line;
+  }
+  EXPECT_EQ(rows, 26);
+}
+
+TEST(Shipped, PrintersOfTheIssueAreThere) {
+  const auto of = [](const char* name) {
+    return load_printer(
+        (fs::path(SLICECORR_PRINTERS_DIR) / (std::string(name) + ".toml")).string());
+  };
+  const Printer ember = of("ember"), sl1s = of("prusa-sl1s"), lcd = of("generic-lcd-gamma3");
+  EXPECT_EQ(std::tuple(ember.width_px, ember.height_px, ember.pixel_x_um, ember.wavelength_nm),
+            std::tuple(1280, 800, 50.0, 405.0));
+  EXPECT_EQ(std::tuple(sl1s.width_px, sl1s.height_px, sl1s.pixel_x_um, sl1s.wavelength_nm),
+            std::tuple(1620, 2560, 50.0, 405.0));
+  // The LCD's points stand for 0.01 + 2.99 (level/255)^3 within 0.1 % at all 256 levels.
+  std::size_t i = 0;
+  for (int level = 0; level < 256; ++level) {
+    while (lcd.calibration[i + 1].level < level) ++i;
+    const CalibrationPoint &a = lcd.calibration[i], &b = lcd.calibration[i + 1];
+    const double line = a.intensity_mw_cm2 + (b.intensity_mw_cm2 - a.intensity_mw_cm2) *
+                                                 (level - a.level) / (b.level - a.level);
+    const double law = 0.01 + 2.99 * std::pow(level / 255.0, 3);
+    EXPECT_NEAR(line, law, 1e-3 * law) << level;
+  }
+}
+
+}  // namespace
+}  // namespace slicecorr::resins

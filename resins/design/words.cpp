@@ -1,7 +1,6 @@
-#include "design/words.hpp"
-
 #include <fmt/format.h>
 
+#include "slicecorr/resins/design.hpp"
 #include "slicecorr/resins/record.hpp"
 
 namespace slicecorr::resins {

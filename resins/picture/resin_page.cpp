@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "design/words.hpp"
+#include "slicecorr/resins/design.hpp"
 #include "picture/chart.hpp"
 #include "picture/fit_words.hpp"
 #include "report/page_text.hpp"

@@ -255,7 +255,7 @@ Axis height_axis(const FitResult& fit, const Data& data, const std::string& titl
 
 }  // namespace
 
-std::string working_curve_svg(const FitResult& fit, double dose_factor) {
+std::string working_curve_svg(const FitResult& fit, double dose_factor, const std::string& name) {
   const WorkingCurve w = working_curve_of(fit);
   const Data data = data_of(fit, false, false);
   const auto dose = [&](const FitPoint& p) { return w.dose(p); };
@@ -267,18 +267,18 @@ std::string working_curve_svg(const FitResult& fit, double dose_factor) {
   Axis y = height_axis(fit, data, "cured height, um");
   y.high = std::max(y.high, axis_over("", false, heights, true).high);
 
-  const std::string kind = w.jacobs ? "Jacobs" : "kinetic";
-  Picture picture(
-      fmt::format("Working curve, {} fit", kind),
-      fmt::format(
-          "Cured height over dose on a logarithmic axis: {} measurements, a {} fit with its "
-          "95 % band and residuals. Gel dose {} {}.",
-          data.points.size(), kind, figure(w.gel_dose), w.unit));
-  data_legend(picture, data);
-  picture.legend_line(Style::fit, "fit");
   const Curve curve = curve_of(fit, w, x, data);
   const bool band = std::any_of(curve.low.begin(), curve.low.end(),
                                 [](const Point& p) { return std::isfinite(p.y); });
+  const std::string kind = w.jacobs ? "Jacobs" : "kinetic";
+  Picture picture(
+      titled(name, fmt::format("working curve, {} fit", kind)),
+      fmt::format("Cured height over dose on a logarithmic axis: {} measurements, a {} fit{} and "
+                  "residuals. Gel dose {} {}.",
+                  data.points.size(), kind, band ? " with its 95 % band" : "", figure(w.gel_dose),
+                  w.unit));
+  data_legend(picture, data);
+  picture.legend_line(Style::fit, "fit");
   if (band) picture.legend_band(Style::fit, "95 % band of the curve");
 
   Panel panel(x, y, 320, false);
@@ -305,8 +305,9 @@ std::string working_curve_svg(const FitResult& fit, double dose_factor) {
   return picture.svg();
 }
 
-std::string collapse_svg(const FitResult& jacobs, const FitResult& kinetic) {
-  Picture picture("Do the data collapse? Dose D above, dose analogue D′ below",
+std::string collapse_svg(const FitResult& jacobs, const FitResult& kinetic,
+                         const std::string& name) {
+  Picture picture(titled(name, "do the data collapse? Dose D above, dose analogue D′ below"),
                   "Cured height over dose and over the dose analogue of a kinetic fit. Where "
                   "reciprocity holds both look alike; else only the lower one is a single line.");
   bool first = true;
@@ -345,7 +346,7 @@ std::string collapse_svg(const FitResult& jacobs, const FitResult& kinetic) {
   return picture.svg();
 }
 
-std::string dead_zone_svg(const FitResult& fit) {
+std::string dead_zone_svg(const FitResult& fit, const std::string& name) {
   if (fit.model == FitModel::jacobs || fit.model == FitModel::kinetic) {
     throw InputError("a fit of cured heights has no dead zone; expected one of dead zones");
   }
@@ -360,9 +361,9 @@ std::string dead_zone_svg(const FitResult& fit) {
   const Axis y = height_axis(fit, data, "dead zone, um");
 
   Picture picture(
-      fmt::format("Dead zone, {} fit", steady                         ? "steady"
-                                       : fit.model == FitModel::joint ? "joint"
-                                                                      : "transient"),
+      titled(name, fmt::format("dead zone, {} fit", steady                         ? "steady"
+                                                    : fit.model == FitModel::joint ? "joint"
+                                                                                   : "transient")),
       fmt::format(
           "Height of the dead zone over the ratio of UV to blue intensity: {} measurements, "
           "fit with its 95 % band, residuals.",

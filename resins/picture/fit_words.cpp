@@ -2,11 +2,18 @@
 
 #include <fmt/format.h>
 
+#include <cctype>
 #include <cmath>
 
 #include "picture/chart.hpp"
 
 namespace slicecorr::resins {
+
+std::string titled(const std::string& name, std::string title) {
+  if (!name.empty()) return name + ": " + title;
+  title[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(title[0])));
+  return title;
+}
 
 std::string prime_unit(double m) {
   if (m == 1) return "mJ/cm²";

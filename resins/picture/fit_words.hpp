@@ -7,6 +7,8 @@
 
 namespace slicecorr::resins {
 
+/// "NAME: title", or the title alone with a capital.
+std::string titled(const std::string& name, std::string title);
 /// The unit of D': (mW/cm²)^m·s, "mJ/cm²" for m = 1.
 std::string prime_unit(double m);
 /// Symbol of a parameter: Dc for dc_mj_cm2.

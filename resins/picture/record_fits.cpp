@@ -14,6 +14,18 @@ FitOptions on_resin(const Resin& resin, FitOptions options) {
   return options;
 }
 
+FitModel dead_zone_model(const ResinRecord& record) {
+  const auto said = record.provenance.find("dead_zone_fit");
+  if (said != record.provenance.end()) {
+    for (const FitModel model : {FitModel::dead_zone_steady, FitModel::dead_zone_transient}) {
+      if (said->second.starts_with(name_of(model))) return model;
+    }
+  }
+  const auto& i = record.resin.inhibition;
+  const bool own_law = i && (i->m != record.resin.m || i->critical_dose_prime > 0);
+  return own_law ? FitModel::dead_zone_transient : FitModel::dead_zone_steady;
+}
+
 bool has_intensities(const Measurements& data) {
   std::set<double> intensities;
   for (const CuredHeight& c : data.cured) {
@@ -48,12 +60,8 @@ RecordFits fits_of_record(const ResinRecord& record, const Job& job) {
     }
   }
   if (!data.dead_zones.empty()) {
-    const auto& i = record.resin.inhibition;
-    const bool transient = i && (i->m != record.resin.m || i->critical_dose_prime > 0);
     attempt([&] {
-      result.fits.push_back(
-          fit(data, transient ? FitModel::dead_zone_transient : FitModel::dead_zone_steady,
-              on_resin(record.resin), job));
+      result.fits.push_back(fit(data, dead_zone_model(record), on_resin(record.resin), job));
     });
   }
   return result;

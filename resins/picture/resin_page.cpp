@@ -5,11 +5,11 @@
 #include <algorithm>
 #include <cmath>
 
-#include "slicecorr/resins/design.hpp"
 #include "picture/chart.hpp"
 #include "picture/fit_words.hpp"
 #include "report/page_text.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/resins/design.hpp"
 #include "slicecorr/resins/plots.hpp"
 
 namespace slicecorr::resins {
@@ -160,7 +160,8 @@ std::string resin_page(const ResinRecord& record, const std::vector<FitResult>& 
       "content=\"width=device-width, initial-scale=1\"><title>{}</title><style>{}"
       ".slc-plot{{display:block;width:100%;height:auto}}ul{{margin:.3em 0;padding-left:1.3em}}"
       "pre{{overflow-x:auto;font-size:.85rem}}td{{vertical-align:top}}"
-      ".words td{{white-space:normal;text-align:left;overflow-wrap:anywhere}}"
+      ".words th{{white-space:normal}}.words "
+      "td{{white-space:normal;text-align:left;overflow-wrap:anywhere}}"
       "</style></head><body><main><h1>{}</h1>",
       escape(record.name), detail::page_page_css, escape(record.name));
   std::string about;
@@ -182,7 +183,11 @@ std::string resin_page(const ResinRecord& record, const std::vector<FitResult>& 
   html += pictures(record, fits);
   if (!record.provenance.empty()) {
     html += "<h2>Where it comes from</h2><div class=\"scroll\"><table class=\"words\"><tbody>";
-    for (const auto& [key, text] : record.provenance) html += row(key, {text});
+    for (const auto& [key, text] : record.provenance) {
+      std::string words = key;
+      std::replace(words.begin(), words.end(), '_', ' ');
+      html += row(words, {text});
+    }
     html += "</tbody></table></div>";
   }
   if (!versions.empty()) {

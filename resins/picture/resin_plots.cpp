@@ -31,7 +31,8 @@ std::string words_of(const Kinetics& k) {
 
 }  // namespace
 
-std::string fronts_svg(const Kinetics& k, double blue, double uv, double greatest_time_s) {
+std::string fronts_svg(const Kinetics& k, double blue, double uv, double greatest_time_s,
+                       const std::string& name) {
   const FirstGel first = first_gel(k, blue, uv);
   if (!std::isfinite(first.time_s)) {
     throw InputError("without blue light nothing gels; expected an intensity above 0");
@@ -61,7 +62,7 @@ std::string fronts_svg(const Kinetics& k, double blue, double uv, double greates
   const std::string light = inhibited
                                 ? fmt::format("Ib {}, Iuv {} mW/cm²", figure(blue), figure(uv))
                                 : fmt::format("Ib {} mW/cm², no UV", figure(blue));
-  Picture picture("Curing fronts, " + light,
+  Picture picture(titled(name, "curing fronts, " + light),
                   fmt::format("Height of the curing fronts over time. First gel {} um above the "
                               "window after {} s; steady dead zone {} um.",
                               figure(first.z_um), figure(first.time_s), figure(steady)));
@@ -133,7 +134,7 @@ std::string record_svg(const ResinRecord& record) {
   const std::string unit = prime_unit(gel.m);
 
   Picture picture(
-      fmt::format("{}: working curve{}", record.name, resin.inhibition ? " and dead zone" : ""),
+      titled(record.name, resin.inhibition ? "working curve and dead zone" : "working curve"),
       fmt::format("Cured height over dose, from the parameters of resin {}.", record.name));
   const Axis x{gel.m == 1 ? "dose D, mJ/cm²" : fmt::format("dose analogue D′ = Iᵐ t, {}", unit),
                true, gel_dose / 1.6, std::max(2 * aim_dose, 30 * gel_dose)};

@@ -82,7 +82,7 @@ void add_design(cli::Program& program) {
   {
     const auto a = std::make_shared<PredictArguments>();
     CLI::App* app = program.add(
-        "predict", "What a light does to a resin: cured height, dead zone, curing fronts, speeds",
+        "predict", "What a light does to a resin: cured height, dead zone, curing fronts, speeds.",
         [a](const Job&, cli::Console& console) { return predict_command(*a, console); });
     Question& q = a->question;
     app->add_option("--resin", a->resin, "Resin: a .toml file or a name")->required();
@@ -115,7 +115,7 @@ void add_design(cli::Program& program) {
   }
   const auto a = std::make_shared<RecommendArguments>();
   CLI::App* app = program.add(
-      "recommend", "The absorber that a speed and a tolerance need, with correction and without",
+      "recommend", "The absorber that a speed and a tolerance need, with correction and without.",
       [a](const Job&, cli::Console& console) { return recommend_command(*a, console); });
   Wish& w = a->wish;
   app->add_option("--resin", a->resin, "Resin: a .toml file or a name")->required();

@@ -43,7 +43,7 @@ std::string words_of(const FitResult& fit) {
                      fit.n, fit.r2, fit.rmse_um);
 }
 
-Drawn draw_fronts(const Resin& resin, const Arguments& a) {
+Drawn draw_fronts(const Resin& resin, const std::string& name, const Arguments& a) {
   const bool asked_uv = a.uv_mw_cm2 >= 0;
   const bool inhibited = asked_uv ? a.uv_mw_cm2 > 0 : resin.inhibition.has_value();
   const Kinetics k = make_kinetics(resin, inhibited, false);
@@ -55,13 +55,21 @@ Drawn draw_fronts(const Resin& resin, const Arguments& a) {
   if (a.blue_mw_cm2 <= 0 || (inhibited && !asked_uv)) {
     words += " (--blue-mw-cm2 and --uv-mw-cm2 choose others)";
   }
-  return {fronts_svg(k, blue, uv, a.time_s), words};
+  return {fronts_svg(k, blue, uv, a.time_s, name), words};
 }
 
+/// What measurements are of; both may be unknown.
+struct Subject {
+  const Resin* resin = nullptr;
+  std::string name;
+  double aim_over_gel() const {
+    return resin && resin->dose_factor > 1 ? resin->dose_factor : default_dose_factor;
+  }
+};
+
 /// The picture of `kind` (empty: what the data are of) from measurements.
-Drawn draw_measurements(const Measurements& data, const Arguments& a, const Resin* resin,
-                        double dose_factor, FitModel cure_model, FitModel zone_model,
-                        const Job& job) {
+Drawn draw_measurements(const Measurements& data, const Arguments& a, const Subject& subject,
+                        FitModel cure_model, FitModel zone_model, const Job& job) {
   const bool zones = a.kind == "dead-zone" || (a.kind.empty() && data.cured.empty());
   if (a.kind == "collapse") {
     if (!has_intensities(data)) {
@@ -71,7 +79,7 @@ Drawn draw_measurements(const Measurements& data, const Arguments& a, const Resi
     }
     const FitResult jacobs = fit(data, FitModel::jacobs, {}, job);
     const FitResult kinetic = fit(data, FitModel::kinetic, {}, job);
-    return {collapse_svg(jacobs, kinetic), words_of(kinetic)};
+    return {collapse_svg(jacobs, kinetic, subject.name), words_of(kinetic)};
   }
   FitModel model = zones ? zone_model : cure_model;
   if (!a.model.empty()) {
@@ -84,24 +92,28 @@ Drawn draw_measurements(const Measurements& data, const Arguments& a, const Resi
     }
   }
   const bool draw_zones = zones || (a.kind.empty() && is_dead_zone(model));
+  if (draw_zones ? data.dead_zones.empty() : data.cured.empty()) {
+    throw InputError(fmt::format("{}: {}", data.sources.front(),
+                                 draw_zones
+                                     ? "no dead zones; expected columns blue_mw_cm2,"
+                                       "uv_mw_cm2,exposure_s,dead_zone_um"
+                                     : "no cured heights; expected a column cured_height_um"));
+  }
   if (draw_zones && (model == FitModel::jacobs || model == FitModel::kinetic)) {
     throw InputError(fmt::format(
         "--model {} says nothing of dead zones; expected deadzone-steady, deadzone-transient or "
         "joint",
         name_of(model)));
   }
-  if (is_dead_zone(model) && !resin) {
+  if (is_dead_zone(model) && !subject.resin) {
     throw InputError(
         "a fit of dead zones stands on a resin's blue parameters; expected --resin NAME");
   }
   const FitResult result =
-      fit(data, model, is_dead_zone(model) ? on_resin(*resin) : FitOptions{}, job);
-  return {draw_zones ? dead_zone_svg(result) : working_curve_svg(result, dose_factor),
+      fit(data, model, is_dead_zone(model) ? on_resin(*subject.resin) : FitOptions{}, job);
+  return {draw_zones ? dead_zone_svg(result, subject.name)
+                     : working_curve_svg(result, subject.aim_over_gel(), subject.name),
           words_of(result)};
-}
-
-double aim_over_gel(const Resin& resin) {
-  return resin.dose_factor > 1 ? resin.dose_factor : default_dose_factor;
 }
 
 Drawn draw_data(const Arguments& a, const Job& job, cli::Console& console) {
@@ -113,8 +125,7 @@ Drawn draw_data(const Arguments& a, const Job& job, cli::Console& console) {
   for (const std::string& w : data.warnings) console.say("warning: " + w);
   std::optional<Resin> resin;
   if (!a.resin.empty()) resin = load_resin(a.resin);
-  return draw_measurements(data, a, resin ? &*resin : nullptr,
-                           resin ? aim_over_gel(*resin) : default_dose_factor,
+  return draw_measurements(data, a, {resin ? &*resin : nullptr, resin ? resin->name : ""},
                            has_intensities(data) ? FitModel::kinetic : FitModel::jacobs,
                            FitModel::dead_zone_steady, job);
 }
@@ -134,7 +145,7 @@ Drawn draw_record(const Arguments& a, const Job& job, cli::Console& console) {
     for (const std::string& p : fits.problems) console.say("warning: " + p);
     return {resin_page(record, fits.fits), "the resin's page"};
   }
-  if (a.kind == "fronts") return draw_fronts(record.resin, a);
+  if (a.kind == "fronts") return draw_fronts(record.resin, record.name, a);
   const bool kinetic = record.resin.model == CureModelKind::kinetic;
   const std::string from = "from the resin's parameters";
   if (a.kind == "resin" || (a.kind.empty() && a.model.empty() && record.measurements.empty())) {
@@ -152,12 +163,9 @@ Drawn draw_record(const Arguments& a, const Job& job, cli::Console& console) {
   cli::must_not_replace(a.output, paths);
   const Measurements data = read_measurements(paths, job);
   for (const std::string& w : data.warnings) console.say("warning: " + w);
-  const auto& i = record.resin.inhibition;
-  const bool transient = i && (i->m != record.resin.m || i->critical_dose_prime > 0);
-  return draw_measurements(data, a, &record.resin, aim_over_gel(record.resin),
+  return draw_measurements(data, a, {&record.resin, record.name},
                            kinetic && has_intensities(data) ? FitModel::kinetic : FitModel::jacobs,
-                           transient ? FitModel::dead_zone_transient : FitModel::dead_zone_steady,
-                           job);
+                           dead_zone_model(record), job);
 }
 
 int plot(const Arguments& a, const Job& job, cli::Console& console) {
@@ -175,7 +183,8 @@ int plot(const Arguments& a, const Job& job, cli::Console& console) {
 void add_plot(cli::Program& program) {
   const auto a = std::make_shared<Arguments>();
   CLI::App* app = program.add(
-      "plot", "Draws a resin's working curve or what else is known of it, or a fit of measurements",
+      "plot",
+      "Draws a resin's working curve or what else is known of it, or a fit of measurements.",
       [a](const Job& job, cli::Console& console) { return plot(*a, job, console); });
   app->add_option("INPUT", a->inputs,
                   "A resin (name or .toml file), or CSV files of measurements (see fit)")

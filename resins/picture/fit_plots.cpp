@@ -270,7 +270,7 @@ std::string working_curve_svg(const FitResult& fit, double dose_factor, const st
   const Curve curve = curve_of(fit, w, x, data);
   const bool band = std::any_of(curve.low.begin(), curve.low.end(),
                                 [](const Point& p) { return std::isfinite(p.y); });
-  const std::string kind = w.jacobs ? "Jacobs" : "kinetic";
+  const std::string kind = w.jacobs ? "Jacobs" : fit.model == FitModel::joint ? "joint" : "kinetic";
   Picture picture(
       titled(name, fmt::format("working curve, {} fit", kind)),
       fmt::format("Cured height over dose on a logarithmic axis: {} measurements, a {} fit{} and "

@@ -111,9 +111,14 @@ Drawn draw_measurements(const Measurements& data, const Arguments& a, const Subj
   }
   const FitResult result =
       fit(data, model, is_dead_zone(model) ? on_resin(*subject.resin) : FitOptions{}, job);
+  std::string words = words_of(result);
+  if (a.kind.empty() && !data.cured.empty() && !data.dead_zones.empty()) {
+    words +=
+        draw_zones ? "; the heights: --kind working-curve" : "; the dead zones: --kind dead-zone";
+  }
   return {draw_zones ? dead_zone_svg(result, subject.name)
                      : working_curve_svg(result, subject.aim_over_gel(), subject.name),
-          words_of(result)};
+          words};
 }
 
 Drawn draw_data(const Arguments& a, const Job& job, cli::Console& console) {

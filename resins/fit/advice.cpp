@@ -129,7 +129,7 @@ void advise_dead_zones(const Setup& s, const FitResult& result, const Diagnosis&
                        std::vector<std::string>& out) {
   std::vector<std::size_t> liquid, closed, early, contradicted;
   double worst_early = 0, farthest = 0;
-  const double sigma = result.sigma_um;
+  const double sigma = result.dead_zones.sigma_um;
   const bool knows_time = d.law[kDose] > 0 && d.law[kUvHeight] < d.law[kHeight];
   for (std::size_t i = 0; i < result.points.size(); ++i) {
     const FitPoint& p = result.points[i];
@@ -340,7 +340,9 @@ void find_outliers(const Setup& s, const Diagnosis& d, FitResult& result) {
                                       "the scatter of the others (limit {:.1f})",
                                       place, point.measured_um, point.predicted_um,
                                       std::abs(point.studentised), limit)});
-    } else if (point.cooks_distance > 4 / n && point.leverage > 3 * p / n) {
+    } else if (point.leverage > 0.5 && point.cooks_distance > 4 / n &&
+               std::abs(point.studentised) > 2) {
+      // More than half of what is predicted there is its own measurement.
       result.outliers.push_back(
           {s.point_of[i], fmt::format("{}: measured {:.4g} um, {:.4g} um expected; it stands apart "
                                       "from the others (leverage {:.2f}) and pulls the fit to it "

@@ -39,10 +39,12 @@ bool is_convex(const Setup& s, const FitOptions& options) {
          options.bounds.empty() && options.fixed.empty();
 }
 
-Solution solve_with_loss(Setup& s, const FitOptions& options, const std::vector<double>& first) {
+Solution solve_with_loss(Setup& s, const FitOptions& options,
+                         std::vector<std::vector<double>> starts) {
   Problem& problem = s.problem;
   problem.loss = Loss::none;
-  Solution plain = solve_best(problem, first, is_convex(s, options) ? 1 : options.starts);
+  if (is_convex(s, options)) starts.resize(1);
+  Solution plain = solve_best(problem, starts);
   if (options.loss == Loss::none) return plain;
 
   const double tuning = options.loss == Loss::cauchy ? cauchy_tuning : soft_l1_tuning;
@@ -63,7 +65,8 @@ Solution solve_with_loss(Setup& s, const FitOptions& options, const std::vector<
     problem.loss_scale = scale_at(robust) * tuning;
   }
   problem.loss = options.loss;
-  Solution best = solve_best(problem, robust.inner, options.starts);
+  starts.insert(starts.begin(), robust.inner);
+  Solution best = solve_best(problem, starts);
   best.iterations += plain.iterations;
   return best;
 }
@@ -117,7 +120,7 @@ KindScatter scatter_of_kinds(const Problem& problem, const Diagnosis& d) {
 Solution estimate(Setup& s, const FitOptions& options) {
   Problem& problem = s.problem;
   const bool weigh_kinds = s.model == FitModel::joint && options.weights == Weights::none;
-  if (!weigh_kinds) return solve_with_loss(s, options, s.start_inner());
+  if (!weigh_kinds) return solve_with_loss(s, options, s.starts(options.starts));
 
   // Cured heights scatter by tens of um, dead zones by a few: with equal weights the former would
   // drown the latter. The first guess of their scatter is a share of their spread.
@@ -137,9 +140,7 @@ Solution estimate(Setup& s, const FitOptions& options) {
     normalise_weights(problem);
   };
   weigh();
-  Solution solution = solve_with_loss(s, options, s.start_inner());
-  FitOptions once = options;
-  once.starts = 1;
+  Solution solution = solve_with_loss(s, options, s.starts(options.starts));
   int iterations = solution.iterations;
   for (int round = 0; round < 50; ++round) {
     const Diagnosis d = diagnose(problem, solution);
@@ -151,7 +152,7 @@ Solution estimate(Setup& s, const FitOptions& options) {
     sigma = {std::max(scatter.cured_um, least), std::max(scatter.dead_zone_um, least)};
     if (std::abs(sigma[1] / sigma[0] / ratio - 1) < 1e-9) break;
     weigh();
-    solution = solve_with_loss(s, once, solution.inner);
+    solution = solve_with_loss(s, options, {solution.inner});
     iterations += solution.iterations;
   }
   solution.iterations = iterations;

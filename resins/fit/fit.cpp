@@ -20,17 +20,22 @@ constexpr double unknown_number = std::numeric_limits<double>::quiet_NaN();
 
 bool is_exponent(const std::string& name) { return name == "m" || name == "m_uv"; }
 
-/// The exponent that the measurements can't tell, if there is one. Half an interval wider than 1
-/// says nothing: theory has exponents from 1/2 to 1.
-std::string unknown_exponent(const Setup& s, const Solution& solution, const FitOptions& options) {
+/// An exponent that the measurements may not tell.
+struct Doubt {
+  std::string name;
+  bool certain = false;  ///< no height depends on it alone
+};
+
+/// Half an interval wider than 1 says nothing: theory has exponents from 1/2 to 1.
+Doubt unknown_exponent(const Setup& s, const Solution& solution, const FitOptions& options) {
   const Diagnosis d = diagnose(s.problem, solution, true);
-  std::string worst;
+  Doubt worst;
   double widest = 1;
   for (std::size_t k = 0; k < d.active.size(); ++k) {
     const std::string& name = s.problem.unknowns[d.active[k]].name;
     if (!is_exponent(name)) continue;
     if (d.singular) {
-      if (d.null_direction(static_cast<Eigen::Index>(k)) > 1e-4) worst = name;
+      if (d.null_direction(static_cast<Eigen::Index>(k)) > 1e-4) worst = {name, true};
       continue;
     }
     // A bound that was asked for is knowledge from elsewhere.
@@ -38,10 +43,29 @@ std::string unknown_exponent(const Setup& s, const Solution& solution, const Fit
     const double half = student_t_quantile(0.975, d.freedom) * d.stderr_inner(k);
     if (half > widest) {
       widest = half;
-      worst = name;
+      worst = {name, false};
     }
   }
   return worst;
+}
+
+/// F test of one parameter, at 5 %. Both problems are compared with the weights of the larger one.
+bool clearly_worse(const Setup& smaller, const Solution& less, const Setup& larger,
+                   const Solution& more) {
+  const auto cost_at = [&](const Setup& s, const Solution& at) {
+    double cost = 0;
+    const Slots law = s.problem.law(at.inner);
+    for (const Observation& o : larger.problem.observations) {
+      const double r = o.weight * (o.measured_um - s.problem.predict(law, o).um);
+      cost += rho(larger.problem.loss, larger.problem.loss_scale, r * r)[0];
+    }
+    return cost;
+  };
+  const double freedom = static_cast<double>(larger.problem.observations.size()) -
+                         static_cast<double>(larger.problem.unknowns.size());
+  if (freedom <= 0) return false;
+  const double free = cost_at(larger, more), held = cost_at(smaller, less);
+  return f_exceedance((held - free) / (free / freedom), 1, freedom) < 0.05;
 }
 
 void fill_parameters(const Setup& s, const Diagnosis& d, FitResult& result) {
@@ -187,26 +211,30 @@ FitResult fit(const Measurements& data, FitModel model, const FitOptions& option
 
   std::vector<std::string> held;
   for (int round = 0; round < 2; ++round) {
-    const std::string name = unknown_exponent(setup, solution, options);
+    const auto [name, certain] = unknown_exponent(setup, solution, options);
     if (name.empty()) break;
-    if (name == "m_uv" || (model == FitModel::joint && name == "m" && !options.separate_m)) {
-      if (!options.separate_m) break;
-      FitOptions shared = options;
-      shared.separate_m = false;
-      FitResult result = fit(data, model, shared, job);
-      result.warnings.insert(
-          result.warnings.begin(),
-          "m_uv can't be known apart from m, so one m serves both: " + why_unknown(setup, name));
-      return result;
-    }
+    const bool shared_m = model == FitModel::joint && !options.separate_m && name == "m";
+    if (shared_m) break;
+    Setup without = setup;
     const double value = model == FitModel::dead_zone_transient ? options.m : 1;
-    held.push_back(fmt::format(
-        "{} can't be known, and was held at {:.4g}: {}. The other parameters and their intervals "
-        "hold for that {} only",
-        name, value, why_unknown(setup, name), name));
-    setup.start = setup.problem.law(solution.inner);
-    setup.hold(name, value);
-    solution = estimate(setup, options);
+    without.start = setup.problem.law(solution.inner);
+    if (name == "m_uv") {
+      without.share_exponent();
+    } else {
+      without.hold(name, value);
+    }
+    const Solution simpler = estimate(without, options);
+    // A wide interval is no reason to hold what the measurements contradict.
+    if (!certain && clearly_worse(without, simpler, setup, solution)) break;
+    held.push_back(
+        name == "m_uv"
+            ? fmt::format("m_uv can't be known apart from m, so one m serves both: {}",
+                          why_unknown(setup, name))
+            : fmt::format("{} can't be known, and was held at {:.4g}: {}. The other parameters and "
+                          "their intervals hold for that {} only",
+                          name, value, why_unknown(setup, name), name));
+    setup = std::move(without);
+    solution = simpler;
   }
   const Diagnosis diagnosis = diagnose(setup.problem, solution);
   if (diagnosis.singular) {

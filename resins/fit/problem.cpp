@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <memory>
 
 #include "slicecorr/error.hpp"
@@ -43,14 +44,45 @@ class Residuals : public ceres::CostFunction {
   const Problem& problem_;
 };
 
-/// A number from 0 to 1 of the Halton sequence.
-double halton(int index, int base) {
-  double value = 0, step = 1;
-  for (int i = index; i > 0; i /= base) {
-    step /= base;
-    value += step * (i % base);
+/// Infinite where the law does not hold.
+double cost_at(const Problem& problem, const std::vector<double>& inner) {
+  std::vector<double> residual(problem.observations.size());
+  if (!problem.residuals(inner.data(), residual.data(), nullptr)) {
+    return std::numeric_limits<double>::infinity();
   }
-  return value;
+  double cost = 0;
+  for (const double r : residual) cost += 0.5 * rho(problem.loss, problem.loss_scale, r * r)[0];
+  return cost;
+}
+
+/// From a start inside the bounds, if there are any.
+std::optional<Solution> minimise(const Problem& problem, std::vector<double> inner,
+                                 const double* low, const double* high) {
+  if (!std::isfinite(cost_at(problem, inner))) return std::nullopt;
+  ceres::Problem::Options ownership;
+  ownership.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  ceres::Problem ceres_problem(ownership);
+  Residuals residuals(problem);
+  ceres_problem.AddResidualBlock(&residuals, nullptr, inner.data());
+  for (std::size_t i = 0; low && i < inner.size(); ++i) {
+    ceres_problem.SetParameterLowerBound(inner.data(), static_cast<int>(i), low[i]);
+    ceres_problem.SetParameterUpperBound(inner.data(), static_cast<int>(i), high[i]);
+  }
+  ceres::Solver::Options options;
+  options.linear_solver_type = ceres::DENSE_QR;
+  options.logging_type = ceres::SILENT;
+  options.num_threads = 1;
+  options.max_num_iterations = 500;
+  // Steps that leave the law's domain are refused; the trust region must get time to shrink.
+  options.max_num_consecutive_invalid_steps = 60;
+  options.function_tolerance = problem.tolerance;
+  options.parameter_tolerance = problem.tolerance;
+  options.gradient_tolerance = problem.tolerance;
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &ceres_problem, &summary);
+  if (!summary.IsSolutionUsable() || !std::isfinite(summary.final_cost)) return std::nullopt;
+  return Solution{std::move(inner), summary.final_cost,
+                  static_cast<int>(summary.iterations.size())};
 }
 
 }  // namespace
@@ -75,7 +107,9 @@ bool Problem::residuals(const double* inner, double* residual, double* jacobian)
   const std::size_t width = unknowns.size();
   Slots law = fixed;
   for (std::size_t i = 0; i < width; ++i) {
-    for (const Slot s : unknowns[i].slots) law[s] = unknowns[i].value(inner[i]);
+    const double value = unknowns[i].value(inner[i]);
+    if (!(value > 0)) return false;
+    for (const Slot s : unknowns[i].slots) law[s] = value;
   }
   for (std::size_t i = 0; i < observations.size(); ++i) {
     const Observation& o = observations[i];
@@ -83,13 +117,14 @@ bool Problem::residuals(const double* inner, double* residual, double* jacobian)
     const Height z = predict(law, o);
     residual[i] = o.weight * (o.measured_um - z.um);
     if (!std::isfinite(residual[i])) return false;
-    if (!jacobian) continue;
+    // Derivatives are checked even when nobody asks: Ceres stops with a message on stderr when they
+    // fail at a point where the residuals did not.
     for (std::size_t k = 0; k < width; ++k) {
       double by = 0;
-      for (const Slot s : unknowns[k].slots) by += z.by[s];
+      for (const Slot slot : unknowns[k].slots) by += z.by[slot];
       by *= -o.weight * unknowns[k].stretch(law[unknowns[k].slots.front()]);
       if (!std::isfinite(by)) return false;
-      jacobian[i * width + k] = by;
+      if (jacobian) jacobian[i * width + k] = by;
     }
   }
   return true;
@@ -104,64 +139,55 @@ std::array<double, 3> rho(Loss loss, double scale, double squared) {
 
 std::optional<Solution> solve(const Problem& problem, std::vector<double> start) {
   const std::size_t width = problem.unknowns.size();
-  Solution solution;
   if (width == 0) {
-    std::vector<double> residual(problem.observations.size());
-    if (!problem.residuals(start.data(), residual.data(), nullptr)) return std::nullopt;
-    for (const double r : residual) {
-      solution.cost += 0.5 * rho(problem.loss, problem.loss_scale, r * r)[0];
-    }
-    return solution;
+    const double cost = cost_at(problem, start);
+    if (!std::isfinite(cost)) return std::nullopt;
+    return Solution{start, cost, 0};
   }
-  ceres::Problem::Options ownership;
-  ownership.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  ceres::Problem ceres_problem(ownership);
-  Residuals residuals(problem);
-  ceres_problem.AddResidualBlock(&residuals, nullptr, start.data());
+  std::vector<double> low, high;
   for (std::size_t i = 0; i < width; ++i) {
     const Unknown& u = problem.unknowns[i];
-    const double low = u.inner(u.low), high = u.inner(u.high);
-    start[i] = std::clamp(start[i], low, high);
-    const int index = static_cast<int>(i);
-    ceres_problem.SetParameterLowerBound(start.data(), index, low);
-    ceres_problem.SetParameterUpperBound(start.data(), index, high);
+    low.push_back(u.inner(u.low));
+    high.push_back(u.inner(u.high));
+    start[i] = std::clamp(start[i], low[i], high[i]);
   }
-  ceres::Solver::Options options;
-  options.linear_solver_type = ceres::DENSE_QR;
-  options.logging_type = ceres::SILENT;
-  options.num_threads = 1;
-  options.max_num_iterations = 500;
-  // Steps that leave the law's domain are refused; the trust region must get time to shrink.
-  options.max_num_consecutive_invalid_steps = 60;
-  options.function_tolerance = problem.tolerance;
-  options.parameter_tolerance = problem.tolerance;
-  options.gradient_tolerance = problem.tolerance;
-  ceres::Solver::Summary summary;
-  ceres::Solve(options, &ceres_problem, &summary);
-  if (!summary.IsSolutionUsable() || !std::isfinite(summary.final_cost)) return std::nullopt;
-  solution.inner = std::move(start);
-  solution.cost = summary.final_cost;
-  solution.iterations = static_cast<int>(summary.iterations.size());
-  return solution;
+  // Ceres searches along a line in each step of a bounded problem, which takes several times as
+  // long: bounds come in only when the free solution lies outside.
+  auto found = minimise(problem, start, nullptr, nullptr);
+  const auto inside = [&](const std::vector<double>& inner) {
+    for (std::size_t i = 0; i < width; ++i) {
+      if (!(inner[i] >= low[i] && inner[i] <= high[i])) return false;
+    }
+    return true;
+  };
+  if (!found || !inside(found->inner)) found = minimise(problem, start, low.data(), high.data());
+  return found;
 }
 
-Solution solve_best(const Problem& problem, const std::vector<double>& first, int starts) {
-  constexpr std::array<int, 6> bases = {2, 3, 5, 7, 11, 13};
-  // Scale parameters are tried from a third to three times their first value.
-  constexpr double scale_span = 1.0986, exponent_span = 0.4;
+Solution solve_best(const Problem& problem, const std::vector<std::vector<double>>& starts) {
+  // Which start leads lowest shows with a few digits; the best one gets all.
+  Problem rough = problem;
+  if (starts.size() > 1) rough.tolerance = std::max(problem.tolerance, 1e-6);
+  // Far off, the front's law leads into corners where nothing gels, slowly and for nothing.
+  constexpr double hopeless = 30;
+  std::vector<double> costs;
+  for (const auto& start : starts) costs.push_back(cost_at(problem, start));
+  const double lowest = *std::min_element(costs.begin(), costs.end());
   std::optional<Solution> best;
   int iterations = 0;
-  for (int k = 0; k < std::max(1, starts); ++k) {
-    std::vector<double> start = first;
-    for (std::size_t i = 0; k > 0 && i < start.size(); ++i) {
-      const double span = problem.unknowns[i].is_scale ? scale_span : exponent_span;
-      start[i] += span * (2 * halton(k, bases[i]) - 1);
-    }
-    const auto found = solve(problem, std::move(start));
+  for (std::size_t i = 0; i < starts.size(); ++i) {
+    if (costs[i] > hopeless * lowest) continue;
+    auto found = solve(rough, starts[i]);
     if (!found) continue;
     iterations += found->iterations;
-    // A later start must be better by more than rounding, so that the choice is stable.
-    if (!best || found->cost < best->cost * (1 - 1e-9)) best = found;
+    // A later start must be clearly better, so that the choice is stable.
+    if (!best || found->cost < best->cost * (1 - 1e-4)) best = std::move(found);
+  }
+  if (best && starts.size() > 1) {
+    if (auto polished = solve(problem, best->inner)) {
+      iterations += polished->iterations;
+      if (polished->cost <= best->cost) best = std::move(polished);
+    }
   }
   if (!best) {
     throw InputError(

@@ -60,7 +60,7 @@ struct Solution {
 };
 /// From one start, which is moved inside the bounds; nothing when the law does not hold there.
 std::optional<Solution> solve(const Problem& problem, std::vector<double> start);
-/// The best of `starts` starts around a first one, always the same ones.
-Solution solve_best(const Problem& problem, const std::vector<double>& first, int starts);
+/// The best result of several starts; throws `InputError` when none leads anywhere.
+Solution solve_best(const Problem& problem, const std::vector<std::vector<double>>& starts);
 
 }  // namespace slicecorr::resins

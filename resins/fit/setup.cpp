@@ -8,6 +8,7 @@
 #include <numeric>
 #include <tuple>
 
+#include "fit/statistics.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr::resins {
@@ -17,7 +18,7 @@ namespace {
 // Wide enough for any resin; they only keep the solver's numbers finite.
 constexpr double least_height = 1e-3, greatest_height = 1e9;
 constexpr double least_dose = 1e-12, greatest_dose = 1e15;
-constexpr double least_beta = 1e-9, greatest_beta = 1e9;
+constexpr double least_beta = 1e-6, greatest_beta = 1e6;
 // A resin file takes exponents up to 2; theory has 1/2 to 1.
 constexpr double least_exponent = 0.05, greatest_exponent = 2;
 
@@ -65,6 +66,16 @@ std::optional<std::array<double, 3>> regress(const std::vector<double>& u,
   const double a = (uy * vv - vy * uv) / determinant;
   const double b = (vy * uu - uy * uv) / determinant;
   return std::array<double, 3>{a, b, my - a * mu - b * mv};
+}
+
+/// A number from 0 to 1 of the Halton sequence.
+double halton(int index, int base) {
+  double value = 0, step = 1;
+  for (int i = index; i > 0; i /= base) {
+    step /= base;
+    value += step * (i % base);
+  }
+  return value;
 }
 
 [[noreturn]] void refuse(const Setup& setup, const std::string& why) {
@@ -129,42 +140,72 @@ void start_dead_zones(Setup& s) {
   s.start[kBeta] = std::exp(std::clamp(intercept / length, -10.0, 10.0));
 }
 
+/// For a given exponent the transient law is linear, too: with A = (D'c / t)^(1/m),
+/// z = huv ln beta - huv ln((Ib e^(-z/h) - A) / Iuv). Guesses for exponents over the whole range,
+/// the present one first; where no line can be drawn the steady guess stays.
+void start_transient(Setup& s) {
+  const auto guess_for = [&](double m) -> std::optional<Slots> {
+    std::vector<double> x, y;
+    for (const Observation& o : s.problem.observations) {
+      if (!o.is_dead_zone) continue;
+      const double level = std::exp((std::log(s.start[kDose]) - o.exposure.ln_time) / m);
+      const double net = std::exp(o.exposure.ln_blue - o.measured_um / s.start[kHeight]) - level;
+      if (!(net > 0)) continue;
+      x.push_back(std::log(net) - o.exposure.ln_uv);
+      y.push_back(o.measured_um);
+    }
+    if (x.size() < 2) return std::nullopt;
+    const Line line = regress(x, y);
+    if (!(line.slope < 0) || !(-line.slope < 0.99 * s.start[kHeight])) return std::nullopt;
+    Slots guess = s.start;
+    guess[kUvHeight] = -line.slope;
+    guess[kBeta] = std::exp(std::clamp(-line.intercept / line.slope, -10.0, 10.0));
+    guess[kUvExponent] = m;
+    return guess;
+  };
+  if (const auto first = guess_for(s.start[kUvExponent])) s.start = *first;
+  for (const double m : {1.0, 1.3, 0.7, 1.6, 0.85, 1.9, 0.5}) {
+    if (const auto guess = guess_for(m)) s.more_starts.push_back(*guess);
+  }
+}
+
 /// Standard deviations by column or by replicates: weights are their inverse.
 void weigh_by_scatter(Setup& s, const std::vector<double>& sigma_given) {
-  // The scatter of three replicates is itself uncertain by half: it is drawn to the pooled one,
-  // as if that had been seen in four more measurements.
-  constexpr double pooled_freedom = 4;
+  // The scatter of three replicates is itself uncertain by half: taken as it is, it would give
+  // single groups far too much to say. It is drawn to that of all by what the groups tell.
   auto& all = s.problem.observations;
   std::vector<double> sigma = sigma_given;
+  const auto groups = replicate_groups(all);
   for (const bool dead_zone : {false, true}) {
-    double squares = 0, freedom = 0;
-    std::vector<std::tuple<std::vector<std::size_t>, double, double>> groups;
-    bool any = false, unknown = false;
-    for (const auto& group : replicate_groups(all)) {
+    std::vector<double> variances, freedoms;
+    std::vector<std::pair<const std::vector<std::size_t>*, double>> unknown;
+    for (const auto& group : groups) {
       if (all[group.front()].is_dead_zone != dead_zone) continue;
-      any = true;
-      double mean = 0, sum = 0;
+      const double n = static_cast<double>(group.size());
+      double mean = 0, squares = 0;
+      bool given = true;
       for (const std::size_t i : group) {
-        mean += all[i].measured_um / static_cast<double>(group.size());
-        unknown = unknown || sigma[i] <= 0;
+        mean += all[i].measured_um / n;
+        given = given && sigma[i] > 0;
       }
-      for (const std::size_t i : group) sum += std::pow(all[i].measured_um - mean, 2);
-      const double own = static_cast<double>(group.size()) - 1;
-      squares += sum;
-      freedom += own;
-      groups.emplace_back(group, sum, own);
+      for (const std::size_t i : group) squares += std::pow(all[i].measured_um - mean, 2);
+      if (n > 1) {
+        variances.push_back(squares / (n - 1));
+        freedoms.push_back(n - 1);
+      }
+      if (!given) unknown.emplace_back(&group, n > 2 ? squares / (n - 1) : -1);
     }
-    if (!any || !unknown) continue;
-    if (!(freedom > 0) || !(squares > 0)) {
+    if (unknown.empty()) continue;
+    if (variances.empty() || *std::max_element(variances.begin(), variances.end()) <= 0) {
       refuse(s, fmt::format("weights by scatter were asked for, but {} has neither replicates that "
                             "differ nor a number in a column sigma_um; expected one of them",
                             dead_zone ? "a dead zone" : "a cured height"));
     }
-    const double pooled = squares / freedom;
-    for (const auto& [group, sum, own] : groups) {
+    const VariancePrior prior = variance_prior(variances, freedoms);
+    for (const auto& [group, own] : unknown) {
       const double variance =
-          own >= 2 ? (sum + pooled_freedom * pooled) / (own + pooled_freedom) : pooled;
-      for (const std::size_t i : group) {
+          own < 0 ? prior.variance : prior.moderated(own, static_cast<double>(group->size()) - 1);
+      for (const std::size_t i : *group) {
         if (sigma[i] <= 0) sigma[i] = std::sqrt(variance);
       }
     }
@@ -262,12 +303,30 @@ std::vector<ParameterKind> parameters_of(FitModel model, const FitOptions& optio
   return {};
 }
 
-std::vector<double> Setup::start_inner() const {
+std::vector<double> Setup::inner_of(const Slots& guess) const {
   std::vector<double> inner;
   for (const Unknown& u : problem.unknowns) {
-    inner.push_back(u.inner(std::clamp(start[u.slots.front()], u.low, u.high)));
+    inner.push_back(u.inner(std::clamp(guess[u.slots.front()], u.low, u.high)));
   }
   return inner;
+}
+
+std::vector<std::vector<double>> Setup::starts(int count) const {
+  std::vector<std::vector<double>> all = {start_inner()};
+  for (const Slots& guess : more_starts) all.push_back(inner_of(guess));
+  constexpr std::array<int, 6> bases = {2, 3, 5, 7, 11, 13};
+  // Scale parameters are tried from a third to three times their first value.
+  constexpr double scale_span = 1.0986, exponent_span = 0.4;
+  for (int k = 1; static_cast<int>(all.size()) < count; ++k) {
+    std::vector<double> inner = all.front();
+    for (std::size_t i = 0; i < inner.size(); ++i) {
+      const double span = problem.unknowns[i].is_scale ? scale_span : exponent_span;
+      inner[i] += span * (2 * halton(k, bases[i]) - 1);
+    }
+    all.push_back(std::move(inner));
+  }
+  all.resize(static_cast<std::size_t>(count));
+  return all;
 }
 
 void Setup::hold(const std::string& name, double value) {
@@ -277,6 +336,22 @@ void Setup::hold(const std::string& name, double value) {
     problem.unknowns.erase(u);
     return;
   }
+}
+
+void Setup::share_exponent() {
+  std::erase_if(parameters, [](const auto& p) { return p.unknown.name == "m_uv"; });
+  std::erase_if(problem.unknowns, [](const Unknown& u) { return u.name == "m_uv"; });
+  bool free = false;
+  for (Unknown& u : problem.unknowns) {
+    if (u.name != "m") continue;
+    u.slots = {kExponent, kUvExponent};
+    free = true;
+  }
+  for (auto& p : parameters) {
+    if (p.unknown.name == "m") p.unknown.slots = {kExponent, kUvExponent};
+  }
+  if (!free) problem.fixed[kUvExponent] = problem.fixed[kExponent];
+  start[kUvExponent] = start[kExponent];
 }
 
 int count_different(std::vector<double> values) {
@@ -467,6 +542,7 @@ Setup set_up(const Measurements& data, FitModel model, const FitOptions& options
   if (uses_dead_zones(model)) {
     if (model == FitModel::joint) s.start[kUvExponent] = s.start[kExponent];
     start_dead_zones(s);
+    if (!s.problem.is_steady) start_transient(s);
   }
   for (const auto& [name, value] : options.fixed) s.hold(name, value);
   if (options.weights == Weights::scatter) weigh_by_scatter(s, sigma);

@@ -25,12 +25,19 @@ struct Setup {
   std::vector<FitPoint> points;       ///< all, those with weight 0 included
   std::vector<std::size_t> point_of;  ///< of each observation, its index in `points`
   Slots start{};                      ///< first guess of everything
+  /// Further guesses, where one may lead astray.
+  std::vector<Slots> more_starts;
   std::vector<std::string> warnings;
 
   /// First guess of the unknowns, as the solver sees them.
-  std::vector<double> start_inner() const;
+  std::vector<double> start_inner() const { return inner_of(start); }
+  /// `count` starts, always the same ones: the guesses, then points spread around the first.
+  std::vector<std::vector<double>> starts(int count) const;
+  std::vector<double> inner_of(const Slots& guess) const;
   /// Takes a parameter out of the unknowns and holds it at a value.
   void hold(const std::string& name, double value);
+  /// One exponent for cured heights and dead zones of a joint fit.
+  void share_exponent();
 };
 
 /// Throws `InputError` when the measurements can't be fitted by the model at all.

@@ -60,6 +60,62 @@ double upper_tail(double t, double freedom) {
 
 double incomplete_beta(double a, double b, double x) { return incomplete_beta(a, b, x, 1 - x); }
 
+double digamma(double x) {
+  double value = 0;
+  for (; x < 10; x += 1) value -= 1 / x;
+  const double y = 1 / (x * x);
+  return value + std::log(x) - 0.5 / x -
+         y * (1.0 / 12 - y * (1.0 / 120 - y * (1.0 / 252 - y * (1.0 / 240 - y / 132))));
+}
+
+double trigamma(double x) {
+  double value = 0;
+  for (; x < 10; x += 1) value += 1 / (x * x);
+  const double y = 1 / (x * x);
+  return value + 1 / x + 0.5 * y +
+         y / x * (1.0 / 6 - y * (1.0 / 30 - y * (1.0 / 42 - y * (1.0 / 30 - y * 5 / 66))));
+}
+
+double VariancePrior::moderated(double group_variance, double group_freedom) const {
+  if (std::isinf(freedom)) return variance;
+  return (group_freedom * group_variance + freedom * variance) / (group_freedom + freedom);
+}
+
+VariancePrior variance_prior(const std::vector<double>& variances,
+                             const std::vector<double>& freedoms) {
+  const double n = static_cast<double>(variances.size());
+  double squares = 0, freedom = 0;
+  for (std::size_t i = 0; i < variances.size(); ++i) {
+    squares += freedoms[i] * variances[i];
+    freedom += freedoms[i];
+  }
+  const double pooled = squares / freedom;
+  // The logarithm of a variance has a known mean and variance when all scatter alike; what it has
+  // beyond that is the spread of the true variances. Replicates that agree by luck, or to the last
+  // digit of the gauge, must not count for more than that.
+  double mean = 0, spread = 0, by_chance = 0;
+  std::vector<double> logs;
+  for (std::size_t i = 0; i < variances.size(); ++i) {
+    const double half = 0.5 * freedoms[i];
+    logs.push_back(std::log(std::max(variances[i], 1e-5 * pooled)) - digamma(half) +
+                   std::log(half));
+    mean += logs.back() / n;
+    by_chance += trigamma(half) / n;
+  }
+  for (const double l : logs) spread += (l - mean) * (l - mean) / std::max(1.0, n - 1);
+  const double excess = spread - by_chance;
+  if (n < 2 || !(excess > 0)) return {pooled, std::numeric_limits<double>::infinity()};
+  // trigamma(half) = excess: it falls from infinity to 0.
+  double low = 1e-6, high = 1;
+  while (trigamma(high) > excess && high < 1e8) high *= 2;
+  for (int i = 0; i < 100; ++i) {
+    const double middle = 0.5 * (low + high);
+    (trigamma(middle) > excess ? low : high) = middle;
+  }
+  const double half = 0.5 * (low + high);
+  return {std::exp(mean + digamma(half) - std::log(half)), 2 * half};
+}
+
 double student_t_probability(double t, double freedom) {
   if (std::isnan(t)) return t;
   if (std::isinf(t)) return t > 0 ? 1 : 0;

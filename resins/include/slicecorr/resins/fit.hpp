@@ -44,8 +44,9 @@ struct FitOptions {
   Loss loss = Loss::none;
   /// Scale of a robust loss in um; 0: from the median absolute residual of a first fit.
   double loss_scale_um = 0;
-  /// scatter: residuals divided by the `sigma_um` column, or by the scatter of replicates (pooled
-  /// where a group has fewer than three).
+  /// scatter: residuals divided by the `sigma_um` column, or by the scatter of replicates: that of
+  /// groups of three or more is drawn to that of all groups by as much as they differ no more than
+  /// by chance (Smyth 2004); smaller groups get that of all.
   Weights weights = Weights::none;
   std::map<std::string, double> fixed;   ///< parameters held at a value, > 0
   std::map<std::string, Bounds> bounds;  ///< over the defaults, by name of parameter, > 0

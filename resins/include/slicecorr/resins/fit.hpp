@@ -3,14 +3,13 @@
 ///
 /// Models (heights base e, doses areal; dissertation chapter III):
 ///
-///     jacobs               zc = h ln(D / Dc)                               h_um, dc_mj_cm2
-///     kinetic              zc = (h / m) ln(I^m t / D'c)                    h_um, m,
-///     critical_dose_prime dead_zone_steady     zf = ln(beta Iuv / Ib) / (1/huv - 1/hb) beta,
-///     huv_um dead_zone_transient  front root of (Ib e^(-z/hb) - beta Iuv e^(-z/huv))^m t = D'c
-///                                                                          beta, huv_um, m
-///     joint                kinetic and transient together                  h_um, m,
-///     critical_dose_prime,
-///                                                                          beta, huv_um (and m_uv)
+/// - jacobs: zc = h ln(D / Dc); parameters h_um, dc_mj_cm2.
+/// - kinetic: zc = (h / m) ln(I^m t / D'c); h_um, m, critical_dose_prime.
+/// - dead_zone_steady: zf = ln(beta Iuv / Ib) / (1/huv - 1/hb); beta, huv_um.
+/// - dead_zone_transient: the front, root of (Ib e^(-z/hb) - beta Iuv e^(-z/huv))^m t = D'c;
+///   beta, huv_um, m.
+/// - joint: kinetic and transient together, weighed by the scatter of each kind; h_um, m,
+///   critical_dose_prime, beta, huv_um, and m_uv.
 ///
 /// Residuals are measured minus predicted height. Least squares with Ceres; analytic derivatives,
 /// that of the front by the implicit function theorem.
@@ -45,13 +44,16 @@ struct FitOptions {
   Loss loss = Loss::none;
   /// Scale of a robust loss in um; 0: from the median absolute residual of a first fit.
   double loss_scale_um = 0;
-  /// scatter: residuals divided by the `sigma_um` column, or by the scatter of replicates (pooled
-  /// where a group has fewer than three).
+  /// scatter: residuals divided by the `sigma_um` column, or by the scatter of replicates: that of
+  /// groups of three or more is drawn to that of all groups by as much as they differ no more than
+  /// by chance (Smyth 2004); smaller groups get that of all.
   Weights weights = Weights::none;
-  std::map<std::string, double> fixed;   ///< parameters held at a value
-  std::map<std::string, Bounds> bounds;  ///< over the defaults, by name of parameter
-  int starts = 8;                        ///< starting points, >= 1; the best result counts
-  int bootstrap = 0;                     ///< resamplings for `Parameter::bootstrap95`; 0: none
+  std::map<std::string, double> fixed;   ///< parameters held at a value, > 0
+  std::map<std::string, Bounds> bounds;  ///< over the defaults, by name of parameter, > 0
+  /// Starting points, >= 1; the best result counts. One is enough, and taken, where the problem
+  /// has a single minimum (jacobs, kinetic, dead_zone_steady without loss and bounds).
+  int starts = 8;
+  int bootstrap = 0;  ///< resamplings for `Parameter::bootstrap95`; 0: none
   std::uint64_t seed = 1;
   double tolerance = 1e-12;  ///< of Ceres' function, gradient and parameters
   /// Blue law that dead zones stand on: base e height and D'c. Needed by dead_zone_*; m is that of
@@ -68,15 +70,19 @@ struct Parameter {
   double stderr_ = 0;            ///< from the covariance; NaN when it can't be known
   std::array<double, 2> ci95{};  ///< value -+ t(0.975, n - p) stderr, in log for scale parameters
   std::optional<std::array<double, 2>> bootstrap95;  ///< percentiles of resampled fits
-  bool fixed = false, at_bound = false;
+  /// Held at a value: asked for, or because the measurements can't tell it (with a warning).
+  bool fixed = false;
+  bool at_bound = false;  ///< it ended there, so neither stderr nor interval is known
 };
 
 /// One measurement beside the fit.
 struct FitPoint {
   bool is_dead_zone = false;
   double blue_mw_cm2 = 0, uv_mw_cm2 = 0, exposure_s = 0, dose_mj_cm2 = 0;
-  double measured_um = 0, predicted_um = 0;
-  double weight = 1;       ///< 1 / sigma of the residual, relative
+  double measured_um = 0;
+  double predicted_um = 0;  ///< as `predict_um`
+  /// 1 / sigma of the residual, relative: mean square 1. 0: left out of the fit (a dead zone of 0).
+  double weight = 1;
   double leverage = 0;     ///< diagonal of the hat matrix, 0..1
   double studentised = 0;  ///< externally studentised residual
   double cooks_distance = 0;
@@ -91,11 +97,19 @@ struct Outlier {
 /// Jacobs against kinetic on the same data.
 struct Reciprocity {
   double f = 0, p_value = 1;               ///< F test of the extra parameter m
-  double aic_jacobs = 0, aic_kinetic = 0;  ///< corrected for small samples (AICc)
+  double aic_jacobs = 0, aic_kinetic = 0;  ///< corrected for small samples (AICc); NaN below n = 6
   double m = 1;
   std::array<double, 2> m_ci95{};
   bool holds = true;
   std::string verdict;  ///< one or two sentences
+};
+
+/// How well one kind of measurement is met.
+struct KindFit {
+  int n = 0;
+  double squares = 0, total = 0;  ///< SSres, and SStot about the mean of the kind, um²
+  double r2 = 0, rmse_um = 0;
+  double sigma_um = 0;  ///< sqrt(SSres / (n - summed leverage))
 };
 
 struct FitResult {
@@ -103,10 +117,12 @@ struct FitResult {
   std::vector<Parameter> parameters;
   /// Of the free parameters, in the order of `parameters`, row by row.
   std::vector<double> covariance;
-  double r2 = 0;        ///< 1 - SSres / SStot, heights about their mean (unweighted)
+  /// 1 - SSres / SStot, heights about their mean, unweighted (joint: each kind about its own).
+  double r2 = 0;
   double rmse_um = 0;   ///< sqrt(SSres / n)
   double sigma_um = 0;  ///< sqrt(SSres / (n - p)): what the fit says of the scatter
   int n = 0, free_parameters = 0;
+  KindFit cured, dead_zones;
   std::vector<FitPoint> points;
   std::vector<Outlier> outliers;
   std::vector<std::string> warnings;
@@ -132,9 +148,29 @@ struct FitResult {
 FitResult fit(const Measurements& data, FitModel model, const FitOptions& options = {},
               const Job& job = {});
 
-/// Height that a fit predicts, um: of cured resin where `uv` is 0, of the dead zone else.
+/// Time after which a sample reached a state (a conversion, gelation) at an intensity.
+struct TimeToState {
+  double intensity_mw_cm2 = 0;  ///< > 0
+  double time_s = 0;            ///< > 0
+  double state = 0;             ///< samples of equal state are compared with each other
+};
+/// Exponent m from times alone: a state is reached at the same I^m (t - t0), where t0 = E0 / I is
+/// the time to use up oxygen, E0 the induction dose. Regression of ln(t - t0) on ln I with one
+/// slope and an intercept for each state. Throws `InputError` when no state has two intensities, or
+/// a time ends within its induction.
+struct ExponentFit {
+  double m = 0, stderr_ = 0;
+  std::array<double, 2> ci95{};
+  int n = 0, states = 0;
+};
+ExponentFit exponent_from_times(const std::vector<TimeToState>& times,
+                                double induction_dose_mj_cm2 = 0);
+
+/// Height that a fit predicts, um: of cured resin where `uv` is 0 (below 0 when nothing gels), of
+/// the dead zone else (0 when it has closed; the place of the first gel while nothing has gelled).
 double predict_um(const FitResult& result, double blue_mw_cm2, double uv_mw_cm2, double exposure_s);
-/// Half-width of the 95 % confidence band of that prediction, by the delta method.
+/// Half-width of the 95 % confidence band of that prediction, by the delta method. NaN while
+/// nothing has gelled, and where the fit has no covariance.
 double confidence_um(const FitResult& result, double blue_mw_cm2, double uv_mw_cm2,
                      double exposure_s);
 

@@ -1,0 +1,356 @@
+#include "fit/advice.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "fit/statistics.hpp"
+
+namespace slicecorr::resins {
+
+namespace {
+
+/// Least and greatest of a quantity of the observations of one kind.
+struct Range {
+  double low = std::numeric_limits<double>::infinity();
+  double high = -std::numeric_limits<double>::infinity();
+  int different = 0, count = 0;
+  double factor() const { return std::exp(high - low); }
+};
+
+template <typename Of>
+Range range_of(const Setup& setup, bool dead_zones, Of&& of) {
+  Range range;
+  std::vector<double> values;
+  for (const Observation& o : setup.problem.observations) {
+    if (o.is_dead_zone == dead_zones) values.push_back(of(o.exposure));
+  }
+  range.count = static_cast<int>(values.size());
+  for (const double v : values) {
+    range.low = std::min(range.low, v);
+    range.high = std::max(range.high, v);
+  }
+  range.different = count_different(std::move(values));
+  return range;
+}
+
+Range blue_of(const Setup& s, bool dead_zones) {
+  return range_of(s, dead_zones, [](const Exposure& e) { return e.ln_blue; });
+}
+Range time_of(const Setup& s, bool dead_zones) {
+  return range_of(s, dead_zones, [](const Exposure& e) { return e.ln_time; });
+}
+Range dose_of(const Setup& s) {
+  return range_of(s, false, [](const Exposure& e) { return e.ln_blue + e.ln_time; });
+}
+Range ratio_of(const Setup& s) {
+  return range_of(s, true, [](const Exposure& e) { return e.ln_uv - e.ln_blue; });
+}
+
+bool is_free(const Setup& s, Slot slot) {
+  return std::any_of(s.problem.unknowns.begin(), s.problem.unknowns.end(), [&](const Unknown& u) {
+    return std::find(u.slots.begin(), u.slots.end(), slot) != u.slots.end();
+  });
+}
+
+/// "heights.csv: line 7, line 9 and 3 more".
+std::string lines_of(const FitResult& result, const std::vector<std::size_t>& points) {
+  constexpr std::size_t most = 5;
+  std::string text;
+  for (std::size_t i = 0; i < std::min(points.size(), most); ++i) {
+    text += (i ? ", " : "") + place_of(result.points[points[i]].origin, result.sources);
+  }
+  if (points.size() > most) text += fmt::format(" and {} more", points.size() - most);
+  return text;
+}
+
+void advise_intervals(const Setup& s, const FitResult& result, std::vector<std::string>& out) {
+  for (const Parameter& p : result.parameters) {
+    if (p.at_bound) {
+      std::string text = fmt::format(
+          "{} ended at its bound {:.4g}: the measurements ask for a value beyond it, or say too "
+          "little about it",
+          p.name, p.value);
+      const bool exponent = p.name == "m" || p.name == "m_uv";
+      out.push_back(text + (exponent ? "; " + why_unknown(s, p.name) : "; --bound widens it"));
+      continue;
+    }
+    const double width = p.ci95[1] - p.ci95[0];
+    if (p.fixed || !std::isfinite(width)) continue;
+    const bool exponent = p.name == "m" || p.name == "m_uv";
+    if (exponent ? width > 0.5 : p.ci95[1] > 3 * p.ci95[0]) {
+      out.push_back(
+          fmt::format("{} is known badly: {:.3g}, but anything from {:.3g} to {:.3g} "
+                      "fits (95 %); {}",
+                      p.name, p.value, p.ci95[0], p.ci95[1], why_unknown(s, p.name)));
+    }
+  }
+}
+
+void advise_cured(const Setup& s, const FitResult& result, const Diagnosis& d,
+                  std::vector<std::string>& out) {
+  const Range dose = dose_of(s);
+  if (dose.count == 0) return;
+  if (is_free(s, kHeight) && dose.factor() < 2) {
+    out.push_back(
+        fmt::format("the doses differ by a factor of {:.3g} only ({:.4g} to {:.4g} "
+                    "mJ/cm2): the slope of the working curve rests on a short piece of "
+                    "it; measure over a factor of 8 or more",
+                    dose.factor(), std::exp(dose.low), std::exp(dose.high)));
+  }
+  double lowest = std::numeric_limits<double>::infinity();
+  for (const FitPoint& p : result.points) {
+    if (!p.is_dead_zone) lowest = std::min(lowest, p.predicted_um);
+  }
+  const double h = d.law[kHeight];
+  if (is_free(s, kDose) && lowest > 1.6 * h) {
+    out.push_back(fmt::format(
+        "all {} cured heights lie far above gel, the lowest at {:.3g} um, "
+        "{:.3g} times the dose of gel: the gel dose is extrapolated; measure "
+        "at doses down to 1.5 times it, about {:.3g} mJ/cm2",
+        dose.count, lowest, std::exp(lowest / h), 1.5 * std::exp(dose.low - lowest / h)));
+  }
+  std::vector<std::size_t> below;
+  for (std::size_t i = 0; i < result.points.size(); ++i) {
+    const FitPoint& p = result.points[i];
+    if (!p.is_dead_zone && p.predicted_um <= 0) below.push_back(i);
+  }
+  if (!below.empty()) {
+    out.push_back(
+        fmt::format("by the fit {} sample(s) should not have gelled at all ({}); look at "
+                    "them, or at the low end of the curve",
+                    below.size(), lines_of(result, below)));
+  }
+}
+
+void advise_dead_zones(const Setup& s, const FitResult& result, const Diagnosis& d,
+                       std::vector<std::string>& out) {
+  std::vector<std::size_t> liquid, closed, early, contradicted;
+  double worst_early = 0, farthest = 0;
+  const double sigma = result.dead_zones.sigma_um;
+  const bool knows_time = d.law[kDose] > 0 && d.law[kUvHeight] < d.law[kHeight];
+  for (std::size_t i = 0; i < result.points.size(); ++i) {
+    const FitPoint& p = result.points[i];
+    if (!p.is_dead_zone) continue;
+    const Exposure e{std::log(p.blue_mw_cm2), std::log(p.uv_mw_cm2), std::log(p.exposure_s)};
+    if (p.weight == 0) {
+      if (p.predicted_um > 2 * sigma) contradicted.push_back(i);
+      continue;
+    }
+    if (!knows_time) continue;
+    const double steady = std::max(0.0, steady_height(d.law, e).um);
+    const Height front = front_height(d.law, e);
+    if (s.problem.is_steady) {
+      if (steady <= 0) closed.push_back(i);
+      const double excess = front.um - steady;
+      if (!front.gels || excess > std::max(sigma, 0.05 * steady)) {
+        early.push_back(i);
+        worst_early = std::max(worst_early, excess);
+      }
+    } else {
+      if (!front.gels) liquid.push_back(i);
+      if (front.gels && front.um <= 0) closed.push_back(i);
+      farthest = std::max(farthest, front.um - steady);
+    }
+  }
+  if (!liquid.empty()) {
+    out.push_back(
+        fmt::format("by the fit nothing had gelled yet at {} measured dead zone(s) ({}); "
+                    "these pull at the fit without being described by it: check D'c of "
+                    "the resin and the exposure times",
+                    liquid.size(), lines_of(result, liquid)));
+  }
+  if (!closed.empty()) {
+    out.push_back(
+        fmt::format("by the fit {} measured dead zone(s) had closed ({}); the fit goes "
+                    "on past the window for them and is doubtful there: measure at a "
+                    "higher ratio of UV to blue",
+                    closed.size(), lines_of(result, closed)));
+  }
+  if (!early.empty()) {
+    out.push_back(
+        fmt::format("{} dead zone(s) were measured before they were steady, by up to "
+                    "{:.3g} um ({}): beta and huv_um come out wrong; fit with "
+                    "deadzone-transient, or expose longer",
+                    early.size(), worst_early, lines_of(result, early)));
+  }
+  if (!contradicted.empty()) {
+    out.push_back(
+        fmt::format("the fit predicts an open dead zone where {} sample(s) had cured to "
+                    "the window ({}): model and measurements contradict each other there",
+                    contradicted.size(), lines_of(result, contradicted)));
+  }
+  const Range ratio = ratio_of(s);
+  if (ratio.count > 0 && is_free(s, kUvHeight) && ratio.factor() < 2) {
+    out.push_back(
+        fmt::format("the ratios of UV to blue differ by a factor of {:.3g} only; measure "
+                    "over a factor of 4 or more",
+                    ratio.factor()));
+  }
+  if (!s.problem.is_steady && is_free(s, kUvExponent) && liquid.empty() && farthest < sigma) {
+    out.push_back(
+        fmt::format("all {} dead zones lie within {:.3g} um of the steady ones, less "
+                    "than their scatter of {:.3g} um: the exponent under UV light can't "
+                    "be known from them; measure at shorter exposures",
+                    ratio.count, farthest, sigma));
+  }
+}
+
+/// Lack of fit against the scatter of replicates.
+void advise_replicates(const Setup& s, const Diagnosis& d, std::vector<std::string>& out) {
+  if (s.problem.loss != Loss::none || d.freedom <= 0) return;
+  double pure = 0, groups = 0;
+  const auto& all = s.problem.observations;
+  for (const auto& group : replicate_groups(all)) {
+    double mean = 0;
+    for (const std::size_t i : group)
+      mean += all[i].measured_um / static_cast<double>(group.size());
+    for (const std::size_t i : group) {
+      pure += std::pow(all[i].weight * (all[i].measured_um - mean), 2);
+    }
+    groups += 1;
+  }
+  const double pure_freedom = static_cast<double>(all.size()) - groups;
+  const double lack_freedom = d.freedom - pure_freedom;
+  const double lack = d.residual.squaredNorm() - pure;
+  if (!(pure_freedom > 0) || !(lack_freedom > 0) || !(pure > 0) || !(lack > 0)) return;
+  const double f = lack / lack_freedom / (pure / pure_freedom);
+  const double p = f_exceedance(f, lack_freedom, pure_freedom);
+  if (p < 0.01) {
+    out.push_back(
+        fmt::format("the curve misses the means of replicates by more than their scatter "
+                    "explains (lack of fit F = {:.3g}, p = {:.2g}): the model is not the "
+                    "whole story, or samples that were made together share an error; "
+                    "intervals are too narrow",
+                    f, p));
+  }
+}
+
+}  // namespace
+
+std::string why_unknown(const Setup& s, const std::string& name) {
+  const bool of_uv = name == "beta" || name == "huv_um" || name == "m_uv" ||
+                     s.model == FitModel::dead_zone_transient;
+  if (!of_uv) {
+    const Range blue = blue_of(s, false), time = time_of(s, false);
+    if (name == "m" && blue.different == 1) {
+      return fmt::format(
+          "all {} measurements have one intensity ({:.4g} mW/cm2); measure at two "
+          "or more intensities that differ by at least a factor of 4",
+          blue.count, std::exp(blue.low));
+    }
+    if (name == "m" && time.different == 1) {
+      return fmt::format(
+          "all {} measurements have one exposure time ({:.4g} s); measure each "
+          "intensity at several times",
+          time.count, std::exp(time.low));
+    }
+    if (name == "m" && blue.factor() < 4) {
+      return fmt::format(
+          "the intensities differ by a factor of {:.3g} only ({:.4g} to {:.4g} "
+          "mW/cm2); measure at intensities that differ by at least a factor of 4",
+          blue.factor(), std::exp(blue.low), std::exp(blue.high));
+    }
+    if (name == "m") {
+      return "intensity and exposure time vary together; expose each intensity to several doses, "
+             "the same ones for all, and more often";
+    }
+    const Range dose = dose_of(s);
+    return fmt::format(
+        "measure over a wider range of doses (now a factor of {:.3g}), and more "
+        "often (now {})",
+        dose.factor(), dose.count);
+  }
+  const Range ratio = ratio_of(s);
+  if (name == "m" || name == "m_uv") {
+    const Range time = time_of(s, true);
+    const double dose = std::log(s.start[kDose]);
+    if (time.different == 1 && std::abs(time.low - dose) < 0.1) {
+      return fmt::format(
+          "all exposures last {:.4g} s, about D'c, where the exponent cancels out; "
+          "measure at other times, shorter ones above all",
+          std::exp(time.low));
+    }
+    return "it shows only before the dead zone is steady; measure at shorter exposures, at several "
+           "times and with several blue intensities";
+  }
+  return fmt::format(
+      "measure over a wider range of ratios of UV to blue (now a factor of {:.3g}), "
+      "and more often (now {})",
+      ratio.factor(), ratio.count);
+}
+
+std::vector<std::string> advise(const Setup& setup, const FitResult& result, const Diagnosis& d) {
+  std::vector<std::string> out;
+  advise_intervals(setup, result, out);
+  advise_cured(setup, result, d, out);
+  advise_dead_zones(setup, result, d, out);
+  advise_replicates(setup, d, out);
+  if (d.freedom <= 0) {
+    out.push_back(
+        fmt::format("there are as many free parameters as measurements ({}): nothing is "
+                    "left to tell the scatter, so there are no intervals; measure more",
+                    result.n));
+  }
+  return out;
+}
+
+void find_outliers(const Setup& s, const Diagnosis& d, FitResult& result) {
+  const auto& all = s.problem.observations;
+  const double n = static_cast<double>(all.size());
+  const double p = static_cast<double>(d.active.size());
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    result.points[s.point_of[i]].leverage = d.leverage(static_cast<Eigen::Index>(i));
+  }
+  for (std::size_t i = 0; i < all.size() && p > 0 && n > p; ++i) {
+    // More than 0.99: its neighbours say next to nothing about it.
+    const FitPoint& point = result.points[s.point_of[i]];
+    if (point.leverage < 0.99) continue;
+    result.warnings.push_back(fmt::format(
+        "{} alone decides a parameter (leverage {:.3f}): an error in it can't be seen; repeat it",
+        place_of(point.origin, result.sources), point.leverage));
+  }
+  if (d.freedom < 2 || d.singular) return;
+  // Residuals that are rounding alone are no outliers.
+  double scale = 0;
+  for (const Observation& o : all) scale = std::max(scale, std::abs(o.weight * o.measured_um));
+  if (!(d.robust_variance > std::pow(1e-9 * scale, 2))) return;
+
+  const double limit = student_t_quantile(1 - 0.05 / (2 * n), d.freedom - 1);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const auto k = static_cast<Eigen::Index>(i);
+    FitPoint& point = result.points[s.point_of[i]];
+    const double rest = 1 - point.leverage;
+    if (!(rest > 1e-12)) continue;
+    const double r = d.residual(k);
+    double others = d.robust_variance;
+    if (s.problem.loss == Loss::none) {
+      others = std::max(0.0, (d.variance * d.freedom - r * r / rest) / (d.freedom - 1));
+    }
+    point.studentised = others > 0 ? r / std::sqrt(others * rest) : std::copysign(1e9, r);
+    if (p > 0) {
+      point.cooks_distance = r * r * point.leverage / (p * d.robust_variance * rest * rest);
+    }
+    const std::string place = place_of(point.origin, result.sources);
+    if (std::abs(point.studentised) > limit) {
+      result.outliers.push_back(
+          {s.point_of[i], fmt::format("{}: measured {:.4g} um, {:.4g} um expected: {:.1f} times "
+                                      "the scatter of the others (limit {:.1f})",
+                                      place, point.measured_um, point.predicted_um,
+                                      std::abs(point.studentised), limit)});
+    } else if (point.leverage > 0.5 && point.cooks_distance > 4 / n &&
+               std::abs(point.studentised) > 2) {
+      // More than half of what is predicted there is its own measurement.
+      result.outliers.push_back(
+          {s.point_of[i], fmt::format("{}: measured {:.4g} um, {:.4g} um expected; it stands apart "
+                                      "from the others (leverage {:.2f}) and pulls the fit to it "
+                                      "(Cook's distance {:.2g}, limit {:.2g})",
+                                      place, point.measured_um, point.predicted_um, point.leverage,
+                                      point.cooks_distance, 4 / n)});
+    }
+  }
+}
+
+}  // namespace slicecorr::resins

@@ -1,0 +1,283 @@
+#include "fit/estimate.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include "fit/statistics.hpp"
+#include "slicecorr/error.hpp"
+
+namespace slicecorr::resins {
+
+namespace {
+
+// Efficiency 95 % against normal scatter (Holland and Welsch 1977).
+constexpr double soft_l1_tuning = 1.345, cauchy_tuning = 2.385;
+
+std::vector<double> residuals_at(const Problem& problem, const std::vector<double>& inner) {
+  std::vector<double> residual(problem.observations.size());
+  if (!problem.residuals(inner.data(), residual.data(), nullptr)) return {};
+  return residual;
+}
+
+/// Rounding of the weighted heights: no scatter can be seen below.
+double rounding_of(const Problem& problem) {
+  double greatest = 0;
+  for (const Observation& o : problem.observations) {
+    greatest = std::max(greatest, std::abs(o.weight * o.measured_um));
+  }
+  return std::max(1e-12 * greatest, std::numeric_limits<double>::min());
+}
+
+/// True when least squares have one minimum whatever the start: the law is linear in disguise, and
+/// no bound cuts through.
+bool is_convex(const Setup& s, const FitOptions& options) {
+  return s.model != FitModel::dead_zone_transient && s.model != FitModel::joint &&
+         options.bounds.empty() && options.fixed.empty();
+}
+
+Solution solve_with_loss(Setup& s, const FitOptions& options,
+                         std::vector<std::vector<double>> starts) {
+  Problem& problem = s.problem;
+  problem.loss = Loss::none;
+  if (is_convex(s, options)) starts.resize(1);
+  Solution plain = solve_best(problem, starts);
+  if (options.loss == Loss::none) return plain;
+
+  const double tuning = options.loss == Loss::cauchy ? cauchy_tuning : soft_l1_tuning;
+  const auto scale_at = [&](const Solution& at) {
+    const double sigma = robust_sigma(residuals_at(problem, at.inner), problem.unknowns.size());
+    return std::max(sigma, 1e3 * rounding_of(problem));
+  };
+  problem.loss_scale = options.loss_scale_um;
+  Solution robust = plain;
+  if (!(options.loss_scale_um > 0)) {
+    // Least squares are drawn to outliers and see too much scatter: soft-l1 brings it down first.
+    for (int round = 0; round < 4; ++round) {
+      problem.loss = Loss::none;
+      problem.loss_scale = scale_at(robust) * soft_l1_tuning;
+      problem.loss = Loss::soft_l1;
+      if (auto next = solve(problem, robust.inner)) robust = std::move(*next);
+    }
+    problem.loss_scale = scale_at(robust) * tuning;
+  }
+  problem.loss = options.loss;
+  starts.insert(starts.begin(), robust.inner);
+  Solution best = solve_best(problem, starts);
+  best.iterations += plain.iterations;
+  return best;
+}
+
+/// SplitMix64: any start gives a good sequence, so every resampling has its own.
+class Random {
+ public:
+  explicit Random(std::uint64_t seed) : state_(seed) {}
+  std::uint64_t next() {
+    state_ += 0x9E3779B97F4A7C15ULL;
+    std::uint64_t z = state_;
+    z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9ULL;
+    z = (z ^ (z >> 27)) * 0x94D049BB133111EBULL;
+    return z ^ (z >> 31);
+  }
+  /// From 0 to n - 1; the bias of n / 2^64 does not matter.
+  std::size_t below(std::size_t n) { return static_cast<std::size_t>(next() % n); }
+
+ private:
+  std::uint64_t state_;
+};
+
+/// Akaike's criterion for small samples; infinite where the sample is too small for it.
+double aicc(double squares, double n, double parameters) {
+  const double k = parameters + 1;
+  if (n - k - 1 <= 0) return std::numeric_limits<double>::quiet_NaN();
+  return n * std::log(squares / n) + 2 * k + 2 * k * (k + 1) / (n - k - 1);
+}
+
+}  // namespace
+
+KindScatter scatter_of_kinds(const Problem& problem, const Diagnosis& d) {
+  std::array<double, 2> squares{}, freedom{};
+  std::array<std::vector<double>, 2> residual;
+  for (std::size_t i = 0; i < problem.observations.size(); ++i) {
+    const Observation& o = problem.observations[i];
+    const auto k = static_cast<Eigen::Index>(i);
+    const double r = d.residual(k) / o.weight;
+    squares[o.is_dead_zone] += r * r;
+    freedom[o.is_dead_zone] += 1 - d.leverage(k);
+    residual[o.is_dead_zone].push_back(r);
+  }
+  std::array<double, 2> sigma{};
+  for (const std::size_t kind : {std::size_t{0}, std::size_t{1}}) {
+    if (freedom[kind] > 0.5) sigma[kind] = std::sqrt(squares[kind] / freedom[kind]);
+    if (problem.loss != Loss::none) sigma[kind] = robust_sigma(residual[kind], 0);
+  }
+  return {sigma[0], sigma[1]};
+}
+
+Solution estimate(Setup& s, const FitOptions& options) {
+  Problem& problem = s.problem;
+  const bool weigh_kinds = s.model == FitModel::joint && options.weights == Weights::none;
+  if (!weigh_kinds) return solve_with_loss(s, options, s.starts(options.starts));
+
+  // Cured heights scatter by tens of um, dead zones by a few: with equal weights the former would
+  // drown the latter. The first guess of their scatter is a share of their spread.
+  std::array<double, 2> sum{}, squares{}, count{};
+  for (const Observation& o : problem.observations) {
+    sum[o.is_dead_zone] += o.measured_um;
+    squares[o.is_dead_zone] += o.measured_um * o.measured_um;
+    count[o.is_dead_zone] += 1;
+  }
+  std::array<double, 2> sigma{};
+  for (const std::size_t k : {std::size_t{0}, std::size_t{1}}) {
+    const double variance = squares[k] / count[k] - std::pow(sum[k] / count[k], 2);
+    sigma[k] = std::sqrt(std::max(variance, 1e-6 * squares[k] / count[k]));
+  }
+  const auto weigh = [&] {
+    for (Observation& o : problem.observations) o.weight = 1 / sigma[o.is_dead_zone];
+    normalise_weights(problem);
+  };
+  weigh();
+  Solution solution = solve_with_loss(s, options, s.starts(options.starts));
+  int iterations = solution.iterations;
+  for (int round = 0; round < 50; ++round) {
+    const Diagnosis d = diagnose(problem, solution);
+    if (d.singular) break;
+    const KindScatter scatter = scatter_of_kinds(problem, d);
+    // Measurements without scatter, made for a check, still need finite weights.
+    const double least = 1e-9 * std::max(sigma[0], sigma[1]);
+    const double ratio = sigma[1] / sigma[0];
+    sigma = {std::max(scatter.cured_um, least), std::max(scatter.dead_zone_um, least)};
+    if (std::abs(sigma[1] / sigma[0] / ratio - 1) < 1e-9) break;
+    weigh();
+    solution = solve_with_loss(s, options, {solution.inner});
+    iterations += solution.iterations;
+  }
+  solution.iterations = iterations;
+  return solution;
+}
+
+std::optional<Reciprocity> test_reciprocity(const Setup& s, const Diagnosis& d) {
+  // Both laws on the cured heights, with the weights that the fit came to.
+  Setup kinetic;
+  kinetic.model = FitModel::kinetic;
+  kinetic.problem.tolerance = s.problem.tolerance;
+  for (const auto& p : parameters_of(FitModel::kinetic, {})) {
+    kinetic.problem.unknowns.push_back(p.unknown);
+  }
+  std::vector<double> ln_blue;
+  double greatest = 0;
+  for (std::size_t i = 0; i < s.problem.observations.size(); ++i) {
+    Observation o = s.problem.observations[i];
+    if (o.is_dead_zone) continue;
+    const FitPoint& point = s.points[s.point_of[i]];
+    if (!(point.blue_mw_cm2 > 0 && point.exposure_s > 0)) return std::nullopt;
+    const double r = d.residual(static_cast<Eigen::Index>(i));
+    o.weight *= std::sqrt(rho(s.problem.loss, s.problem.loss_scale, r * r)[1]);
+    greatest = std::max(greatest, std::abs(o.weight * o.measured_um));
+    ln_blue.push_back(o.exposure.ln_blue);
+    kinetic.problem.observations.push_back(o);
+  }
+  const double n = static_cast<double>(ln_blue.size());
+  if (n < 4 || count_different(ln_blue) < 2) return std::nullopt;
+  kinetic.start = d.law;
+  Setup jacobs = kinetic;
+  jacobs.hold("m", 1);
+  jacobs.start[kExponent] = 1;
+  const auto bent = solve(kinetic.problem, kinetic.start_inner());
+  const auto straight = solve(jacobs.problem, jacobs.start_inner());
+  if (!bent || !straight) return std::nullopt;
+  const Diagnosis seen = diagnose(kinetic.problem, *bent, true);
+  if (seen.singular || seen.freedom < 1) return std::nullopt;
+
+  Reciprocity r;
+  // Below this the sums of squares are rounding.
+  const double least = n * std::pow(1e-9 * greatest, 2);
+  const double squares_kinetic = std::max(2 * bent->cost, least);
+  const double squares_jacobs = std::max(2 * straight->cost, squares_kinetic);
+  r.f = (squares_jacobs - squares_kinetic) / (squares_kinetic / seen.freedom);
+  r.p_value = f_exceedance(r.f, 1, seen.freedom);
+  r.aic_jacobs = aicc(squares_jacobs, n, 2);
+  r.aic_kinetic = aicc(squares_kinetic, n, 3);
+  r.m = seen.law[kExponent];
+  const double half = student_t_quantile(0.975, seen.freedom) * seen.stderr_inner(1);
+  r.m_ci95 = {r.m - half, r.m + half};
+  r.holds = r.p_value >= 0.05;
+  if (half > 0.5) {
+    // No reason to doubt it, and none to believe in it.
+    r.verdict = fmt::format(
+        "The measurements can't tell whether reciprocity holds: m is {:.3g}, "
+        "but anything from {:.3g} to {:.3g} fits (95 %).",
+        r.m, r.m_ci95[0], r.m_ci95[1]);
+    return r;
+  }
+  const std::string figures = fmt::format("m = {:.3f} ({:.3f} to {:.3f}; F = {:.3g}, p = {:.2g})",
+                                          r.m, r.m_ci95[0], r.m_ci95[1], r.f, r.p_value);
+  const double gain = r.aic_jacobs - r.aic_kinetic;
+  std::string by_aic = "samples are too few for AICc";
+  if (std::isfinite(gain)) {
+    by_aic = fmt::format("AICc prefers {} by {:.3g}", gain > 0 ? "the kinetic law" : "Jacobs' law",
+                         std::abs(gain));
+  }
+  if (r.holds) {
+    r.verdict = fmt::format(
+        "Reciprocity holds: {} does not differ from 1, and {}. Only the dose "
+        "counts, as in Jacobs' law.",
+        figures, by_aic);
+    return r;
+  }
+  double worst = 0;
+  for (const Observation& o : kinetic.problem.observations) {
+    const double by_jacobs = cured_height(jacobs.problem.law(straight->inner), o.exposure).um;
+    worst = std::max(worst, std::abs(by_jacobs - cured_height(seen.law, o.exposure).um));
+  }
+  r.verdict = fmt::format(
+      "Reciprocity does not hold: {} differs from 1, and {}. At a quarter of "
+      "the intensity the same height needs {:.2f} times the dose; Jacobs' law "
+      "is off by up to {:.3g} um at the doses measured.",
+      figures, by_aic, std::pow(0.25, 1 - r.m), worst);
+  return r;
+}
+
+std::vector<std::vector<double>> bootstrap(const Setup& s, const Solution& solution,
+                                           const Diagnosis& d, int count, std::uint64_t seed,
+                                           const Job& job) {
+  const auto& all = s.problem.observations;
+  std::array<std::vector<double>, 2> pool;
+  std::vector<double> fitted(all.size());
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const auto k = static_cast<Eigen::Index>(i);
+    fitted[i] = all[i].measured_um - d.residual(k) / all[i].weight;
+    const double rest = 1 - d.leverage(k);
+    if (rest > 1e-9) pool[all[i].is_dead_zone].push_back(d.residual(k) / std::sqrt(rest));
+  }
+  for (auto& residuals : pool) {
+    const double n = static_cast<double>(residuals.size());
+    const double mean = std::accumulate(residuals.begin(), residuals.end(), 0.0) / std::max(1.0, n);
+    for (double& r : residuals) r -= mean;
+    if (residuals.empty()) residuals.push_back(0);
+  }
+  std::vector<std::vector<double>> found(static_cast<std::size_t>(count));
+  parallel_for(job, "bootstrap", found.size(), [&](std::size_t b) {
+    Random random(seed * 0xD1342543DE82EF95ULL + b);
+    Problem resampled = s.problem;
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      const auto& residuals = pool[all[i].is_dead_zone];
+      resampled.observations[i].measured_um =
+          fitted[i] + residuals[random.below(residuals.size())] / all[i].weight;
+    }
+    // The optimum is near; resamplings need no more digits than their percentiles show.
+    resampled.tolerance = std::max(resampled.tolerance, 1e-9);
+    const auto refit = solve(resampled, solution.inner);
+    if (!refit) return;
+    for (std::size_t i = 0; i < refit->inner.size(); ++i) {
+      found[b].push_back(resampled.unknowns[i].value(refit->inner[i]));
+    }
+  });
+  std::erase_if(found, [](const auto& values) { return values.empty(); });
+  return found;
+}
+
+}  // namespace slicecorr::resins

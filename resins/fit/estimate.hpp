@@ -1,0 +1,33 @@
+/// @file estimate.hpp
+/// The steps of a fit after its set-up: solving, reciprocity, bootstrap.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "fit/diagnosis.hpp"
+
+namespace slicecorr::resins {
+
+/// Solves with the loss of the options; settles the scale of a robust loss and, for joint fits
+/// without given weights, the weights of the two kinds of measurement.
+Solution estimate(Setup& setup, const FitOptions& options);
+
+/// Weights of the kinds in a joint fit are the inverse of their scatter, which the fit itself
+/// tells: sum of squares over number minus summed leverage, until it settles.
+struct KindScatter {
+  double cured_um = 0, dead_zone_um = 0;
+};
+KindScatter scatter_of_kinds(const Problem& problem, const Diagnosis& diagnosis);
+
+/// Jacobs against kinetic on the cured heights; nothing where they can't tell.
+std::optional<Reciprocity> test_reciprocity(const Setup& setup, const Diagnosis& diagnosis);
+
+/// Fits of resampled residuals: value by unknown, one row for each resampling that could be fitted.
+/// Residuals are divided by sqrt(1 - leverage), centred, and drawn within their kind: cases can't
+/// be drawn within triplicates without making the scatter a third too small.
+std::vector<std::vector<double>> bootstrap(const Setup& setup, const Solution& solution,
+                                           const Diagnosis& diagnosis, int count,
+                                           std::uint64_t seed, const Job& job);
+
+}  // namespace slicecorr::resins

@@ -1,0 +1,276 @@
+#include "slicecorr/resins/fit.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+
+#include "fit/advice.hpp"
+#include "fit/estimate.hpp"
+#include "fit/statistics.hpp"
+#include "slicecorr/error.hpp"
+
+namespace slicecorr::resins {
+
+namespace {
+
+constexpr double unknown_number = std::numeric_limits<double>::quiet_NaN();
+
+bool is_exponent(const std::string& name) { return name == "m" || name == "m_uv"; }
+
+/// An exponent that the measurements may not tell.
+struct Doubt {
+  std::string name;
+  bool certain = false;  ///< no height depends on it alone
+};
+
+/// Half an interval wider than 1 says nothing: theory has exponents from 1/2 to 1.
+Doubt unknown_exponent(const Setup& s, const Solution& solution, const FitOptions& options) {
+  const Diagnosis d = diagnose(s.problem, solution, true);
+  Doubt worst;
+  double widest = 1;
+  for (std::size_t k = 0; k < d.active.size(); ++k) {
+    const std::string& name = s.problem.unknowns[d.active[k]].name;
+    if (!is_exponent(name)) continue;
+    if (d.singular) {
+      if (d.null_direction(static_cast<Eigen::Index>(k)) > 1e-4) worst = {name, true};
+      continue;
+    }
+    // A bound that was asked for is knowledge from elsewhere.
+    if (d.freedom <= 0 || options.bounds.contains(name)) continue;
+    const double half = student_t_quantile(0.975, d.freedom) * d.stderr_inner(k);
+    if (half > widest) {
+      widest = half;
+      worst = {name, false};
+    }
+  }
+  return worst;
+}
+
+/// F test of one parameter, at 5 %. Both problems are compared with the weights of the larger one.
+bool clearly_worse(const Setup& smaller, const Solution& less, const Setup& larger,
+                   const Solution& more) {
+  const auto cost_at = [&](const Setup& s, const Solution& at) {
+    double cost = 0;
+    const Slots law = s.problem.law(at.inner);
+    for (const Observation& o : larger.problem.observations) {
+      const double r = o.weight * (o.measured_um - s.problem.predict(law, o).um);
+      cost += rho(larger.problem.loss, larger.problem.loss_scale, r * r)[0];
+    }
+    return cost;
+  };
+  const double freedom = static_cast<double>(larger.problem.observations.size()) -
+                         static_cast<double>(larger.problem.unknowns.size());
+  if (freedom <= 0) return false;
+  const double free = cost_at(larger, more), held = cost_at(smaller, less);
+  return f_exceedance((held - free) / (free / freedom), 1, freedom) < 0.05;
+}
+
+void fill_parameters(const Setup& s, const Diagnosis& d, FitResult& result) {
+  const double t = d.freedom > 0 ? student_t_quantile(0.975, d.freedom) : unknown_number;
+  for (const auto& kind : s.parameters) {
+    Parameter p;
+    p.name = kind.unknown.name;
+    p.unit = kind.unit;
+    p.value = d.law[kind.unknown.slots.front()];
+    p.stderr_ = unknown_number;
+    p.ci95 = {unknown_number, unknown_number};
+    p.fixed = true;
+    for (std::size_t i = 0; i < s.problem.unknowns.size(); ++i) {
+      if (s.problem.unknowns[i].name != p.name) continue;
+      p.fixed = false;
+      p.at_bound = d.at_bound[i];
+    }
+    for (std::size_t k = 0; k < d.active.size() && !d.singular && d.freedom > 0; ++k) {
+      const Unknown& u = s.problem.unknowns[d.active[k]];
+      if (u.name != p.name) continue;
+      const double inner = d.stderr_inner(k);
+      p.stderr_ = inner * u.stretch(p.value);
+      p.ci95 = {u.value(u.inner(p.value) - t * inner), u.value(u.inner(p.value) + t * inner)};
+    }
+    result.parameters.push_back(p);
+  }
+  // Of all free parameters; what stands at a bound has no variance that could be given.
+  const std::size_t width = s.problem.unknowns.size();
+  result.free_parameters = static_cast<int>(width);
+  result.covariance.assign(width * width, unknown_number);
+  for (std::size_t i = 0; i < d.active.size() && !d.singular && d.freedom > 0; ++i) {
+    for (std::size_t j = 0; j < d.active.size(); ++j) {
+      const std::size_t a = d.active[i], b = d.active[j];
+      const Unknown &u = s.problem.unknowns[a], &v = s.problem.unknowns[b];
+      result.covariance[a * width + b] =
+          d.variance * d.unscaled(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)) *
+          u.stretch(d.law[u.slots.front()]) * v.stretch(d.law[v.slots.front()]);
+    }
+  }
+}
+
+void fill_points(const Setup& s, const Diagnosis& d, FitResult& result) {
+  result.points = s.points;
+  for (std::size_t i = 0; i < s.problem.observations.size(); ++i) {
+    result.points[s.point_of[i]].weight = s.problem.observations[i].weight;
+  }
+  for (FitPoint& p : result.points) {
+    if (p.is_dead_zone) {
+      p.predicted_um = predict_um(result, p.blue_mw_cm2, p.uv_mw_cm2, p.exposure_s);
+    } else {
+      // A dose alone: intensity 1 for as long as it takes, m is 1.
+      const bool known = p.blue_mw_cm2 > 0;
+      const Exposure e{known ? std::log(p.blue_mw_cm2) : 0, 0,
+                       std::log(known ? p.exposure_s : p.dose_mj_cm2)};
+      p.predicted_um = cured_height(d.law, e).um;
+    }
+  }
+}
+
+KindFit summary_of(const FitResult& result, bool dead_zones, bool all) {
+  KindFit kind;
+  double sum = 0, squares = 0, total = 0;
+  const auto counts = [&](const FitPoint& p) {
+    return p.weight > 0 && (all || p.is_dead_zone == dead_zones);
+  };
+  for (const FitPoint& p : result.points) {
+    if (!counts(p)) continue;
+    ++kind.n;
+    sum += p.measured_um;
+  }
+  if (kind.n == 0) return kind;
+  for (const FitPoint& p : result.points) {
+    if (!counts(p)) continue;
+    squares += std::pow(p.measured_um - p.predicted_um, 2);
+    total += std::pow(p.measured_um - sum / kind.n, 2);
+  }
+  kind.squares = squares;
+  kind.total = total;
+  kind.r2 = total > 0 ? 1 - squares / total : unknown_number;
+  kind.rmse_um = std::sqrt(squares / kind.n);
+  return kind;
+}
+
+void fill_quality(const Setup& s, const Diagnosis& d, FitResult& result) {
+  result.cured = summary_of(result, false, false);
+  result.dead_zones = summary_of(result, true, false);
+  const double squares = result.cured.squares + result.dead_zones.squares;
+  // Each kind about its own mean: the difference between the kinds is no success of the fit.
+  const double total = result.cured.total + result.dead_zones.total;
+  result.n = result.cured.n + result.dead_zones.n;
+  result.r2 = total > 0 ? 1 - squares / total : unknown_number;
+  result.rmse_um = std::sqrt(squares / result.n);
+  result.sigma_um = d.freedom > 0 ? std::sqrt(squares / d.freedom) : unknown_number;
+  const KindScatter scatter = scatter_of_kinds(s.problem, d);
+  result.cured.sigma_um = scatter.cured_um;
+  result.dead_zones.sigma_um = scatter.dead_zone_um;
+}
+
+double percentile(const std::vector<double>& sorted, double share) {
+  const double at = share * static_cast<double>(sorted.size() - 1);
+  const auto below = static_cast<std::size_t>(at);
+  const std::size_t above = std::min(below + 1, sorted.size() - 1);
+  return sorted[below] + (at - std::floor(at)) * (sorted[above] - sorted[below]);
+}
+
+void fill_bootstrap(const Setup& s, const Solution& solution, const Diagnosis& d,
+                    const FitOptions& options, const Job& job, FitResult& result) {
+  if (options.bootstrap == 0 || d.freedom <= 0 || d.singular) return;
+  const auto rows = bootstrap(s, solution, d, options.bootstrap, options.seed, job);
+  const std::size_t lost = static_cast<std::size_t>(options.bootstrap) - rows.size();
+  if (lost > 0) {
+    result.warnings.push_back(
+        fmt::format("{} of {} resampled fits failed and are not in the "
+                    "bootstrap intervals",
+                    lost, options.bootstrap));
+  }
+  if (rows.size() < 20) {
+    result.warnings.push_back(
+        fmt::format("{} resampled fits are too few for bootstrap intervals; "
+                    "expected 20 or more, better 1000",
+                    rows.size()));
+    return;
+  }
+  for (std::size_t i = 0; i < s.problem.unknowns.size(); ++i) {
+    std::vector<double> values;
+    for (const auto& row : rows) values.push_back(row[i]);
+    std::sort(values.begin(), values.end());
+    for (Parameter& p : result.parameters) {
+      if (p.name == s.problem.unknowns[i].name) {
+        p.bootstrap95 = {percentile(values, 0.025), percentile(values, 0.975)};
+      }
+    }
+  }
+}
+
+}  // namespace
+
+FitResult fit(const Measurements& data, FitModel model, const FitOptions& options, const Job& job) {
+  const auto begin = std::chrono::steady_clock::now();
+  Setup setup = set_up(data, model, options);
+  job.check_cancelled();
+  Solution solution = estimate(setup, options);
+
+  std::vector<std::string> held;
+  for (int round = 0; round < 2; ++round) {
+    const auto [name, certain] = unknown_exponent(setup, solution, options);
+    if (name.empty()) break;
+    const bool shared_m = model == FitModel::joint && !options.separate_m && name == "m";
+    if (shared_m) break;
+    Setup without = setup;
+    const double value = model == FitModel::dead_zone_transient ? options.m : 1;
+    without.start = setup.problem.law(solution.inner);
+    if (name == "m_uv") {
+      without.share_exponent();
+    } else {
+      without.hold(name, value);
+    }
+    const Solution simpler = estimate(without, options);
+    // A wide interval is no reason to hold what the measurements contradict.
+    if (!certain && clearly_worse(without, simpler, setup, solution)) break;
+    held.push_back(
+        name == "m_uv"
+            ? fmt::format("m_uv can't be known apart from m, so one m serves both: {}",
+                          why_unknown(setup, name))
+            : fmt::format("{} can't be known, and was held at {:.4g}: {}. The other parameters and "
+                          "their intervals hold for that {} only",
+                          name, value, why_unknown(setup, name), name));
+    setup = std::move(without);
+    solution = simpler;
+  }
+  const Diagnosis diagnosis = diagnose(setup.problem, solution);
+  if (diagnosis.singular) {
+    Eigen::Index most = 0;
+    diagnosis.null_direction.maxCoeff(&most);
+    const std::string& name =
+        setup.problem.unknowns[diagnosis.active[static_cast<std::size_t>(most)]].name;
+    throw InputError(
+        fmt::format("the {} model can't be fitted: {} can't be known apart from the "
+                    "other parameters; {}, or hold it with --fix",
+                    name_of(model), name, why_unknown(setup, name)));
+  }
+  job.check_cancelled();
+
+  FitResult result;
+  result.model = model;
+  result.sources = data.sources;
+  result.hb_um = diagnosis.law[kHeight];
+  result.critical_dose_prime = diagnosis.law[kDose];
+  result.m = diagnosis.law[kExponent];
+  result.iterations = solution.iterations;
+  result.warnings = data.warnings;
+  result.warnings.insert(result.warnings.end(), setup.warnings.begin(), setup.warnings.end());
+  result.warnings.insert(result.warnings.end(), held.begin(), held.end());
+  fill_parameters(setup, diagnosis, result);
+  fill_points(setup, diagnosis, result);
+  fill_quality(setup, diagnosis, result);
+  find_outliers(setup, diagnosis, result);
+  const auto advice = advise(setup, result, diagnosis);
+  result.warnings.insert(result.warnings.end(), advice.begin(), advice.end());
+  if (model == FitModel::jacobs || model == FitModel::kinetic) {
+    if (options.fixed.empty()) result.reciprocity = test_reciprocity(setup, diagnosis);
+  }
+  fill_bootstrap(setup, solution, diagnosis, options, job, result);
+  result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  return result;
+}
+
+}  // namespace slicecorr::resins

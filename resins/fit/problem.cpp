@@ -1,0 +1,201 @@
+#include "fit/problem.hpp"
+
+#include <ceres/ceres.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+
+#include "slicecorr/error.hpp"
+
+namespace slicecorr::resins {
+
+namespace {
+
+/// All residuals of a problem as one block. A robust loss is taken inside, as residuals whose
+/// squares are rho: one block stays cheap for a million points.
+class Residuals : public ceres::CostFunction {
+ public:
+  explicit Residuals(const Problem& problem) : problem_(problem) {
+    set_num_residuals(static_cast<int>(problem.observations.size()));
+    mutable_parameter_block_sizes()->push_back(static_cast<int>(problem.unknowns.size()));
+  }
+
+  bool Evaluate(const double* const* inner, double* residual, double** jacobians) const override {
+    double* const jacobian = jacobians ? jacobians[0] : nullptr;
+    if (!problem_.residuals(inner[0], residual, jacobian)) return false;
+    if (problem_.loss == Loss::none) return true;
+    const std::size_t width = problem_.unknowns.size();
+    for (std::size_t i = 0; i < problem_.observations.size(); ++i) {
+      const double r = residual[i];
+      const auto [value, slope, curvature] = rho(problem_.loss, problem_.loss_scale, r * r);
+      const double root = std::sqrt(value);
+      residual[i] = std::copysign(root, r);
+      if (!jacobian) continue;
+      // rho(r²) tends to r² for small r.
+      const double factor = root > 0 ? std::abs(r) * slope / root : 1;
+      for (std::size_t k = 0; k < width; ++k) jacobian[i * width + k] *= factor;
+    }
+    return true;
+  }
+
+ private:
+  const Problem& problem_;
+};
+
+/// Infinite where the law does not hold.
+double cost_at(const Problem& problem, const std::vector<double>& inner) {
+  std::vector<double> residual(problem.observations.size());
+  if (!problem.residuals(inner.data(), residual.data(), nullptr)) {
+    return std::numeric_limits<double>::infinity();
+  }
+  double cost = 0;
+  for (const double r : residual) cost += 0.5 * rho(problem.loss, problem.loss_scale, r * r)[0];
+  return cost;
+}
+
+/// From a start inside the bounds, if there are any.
+std::optional<Solution> minimise(const Problem& problem, std::vector<double> inner,
+                                 const double* low, const double* high) {
+  if (!std::isfinite(cost_at(problem, inner))) return std::nullopt;
+  ceres::Problem::Options ownership;
+  ownership.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  ceres::Problem ceres_problem(ownership);
+  Residuals residuals(problem);
+  ceres_problem.AddResidualBlock(&residuals, nullptr, inner.data());
+  for (std::size_t i = 0; low && i < inner.size(); ++i) {
+    ceres_problem.SetParameterLowerBound(inner.data(), static_cast<int>(i), low[i]);
+    ceres_problem.SetParameterUpperBound(inner.data(), static_cast<int>(i), high[i]);
+  }
+  ceres::Solver::Options options;
+  options.linear_solver_type = ceres::DENSE_QR;
+  options.logging_type = ceres::SILENT;
+  options.num_threads = 1;
+  options.max_num_iterations = 500;
+  // Steps that leave the law's domain are refused; the trust region must get time to shrink.
+  options.max_num_consecutive_invalid_steps = 60;
+  options.function_tolerance = problem.tolerance;
+  options.parameter_tolerance = problem.tolerance;
+  options.gradient_tolerance = problem.tolerance;
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &ceres_problem, &summary);
+  if (!summary.IsSolutionUsable() || !std::isfinite(summary.final_cost)) return std::nullopt;
+  return Solution{std::move(inner), summary.final_cost,
+                  static_cast<int>(summary.iterations.size())};
+}
+
+}  // namespace
+
+double Unknown::inner(double value) const { return is_scale ? std::log(value) : value; }
+double Unknown::value(double inner) const { return is_scale ? std::exp(inner) : inner; }
+
+Slots Problem::law(const std::vector<double>& inner) const {
+  Slots law = fixed;
+  for (std::size_t i = 0; i < unknowns.size(); ++i) {
+    for (const Slot s : unknowns[i].slots) law[s] = unknowns[i].value(inner[i]);
+  }
+  return law;
+}
+
+Height Problem::predict(const Slots& law, const Observation& o) const {
+  if (!o.is_dead_zone) return cured_height(law, o.exposure);
+  return is_steady ? steady_height(law, o.exposure) : front_height(law, o.exposure);
+}
+
+bool Problem::residuals(const double* inner, double* residual, double* jacobian) const {
+  const std::size_t width = unknowns.size();
+  Slots law = fixed;
+  for (std::size_t i = 0; i < width; ++i) {
+    const double value = unknowns[i].value(inner[i]);
+    if (!(value > 0)) return false;
+    for (const Slot s : unknowns[i].slots) law[s] = value;
+  }
+  for (std::size_t i = 0; i < observations.size(); ++i) {
+    const Observation& o = observations[i];
+    if (o.is_dead_zone && !(law[kUvHeight] < law[kHeight])) return false;
+    const Height z = predict(law, o);
+    residual[i] = o.weight * (o.measured_um - z.um);
+    if (!std::isfinite(residual[i])) return false;
+    // Derivatives are checked even when nobody asks: Ceres stops with a message on stderr when they
+    // fail at a point where the residuals did not.
+    for (std::size_t k = 0; k < width; ++k) {
+      double by = 0;
+      for (const Slot slot : unknowns[k].slots) by += z.by[slot];
+      by *= -o.weight * unknowns[k].stretch(law[unknowns[k].slots.front()]);
+      if (!std::isfinite(by)) return false;
+      if (jacobian) jacobian[i * width + k] = by;
+    }
+  }
+  return true;
+}
+
+std::array<double, 3> rho(Loss loss, double scale, double squared) {
+  std::array<double, 3> values = {squared, 1, 0};
+  if (loss == Loss::soft_l1) ceres::SoftLOneLoss(scale).Evaluate(squared, values.data());
+  if (loss == Loss::cauchy) ceres::CauchyLoss(scale).Evaluate(squared, values.data());
+  return values;
+}
+
+std::optional<Solution> solve(const Problem& problem, std::vector<double> start) {
+  const std::size_t width = problem.unknowns.size();
+  if (width == 0) {
+    const double cost = cost_at(problem, start);
+    if (!std::isfinite(cost)) return std::nullopt;
+    return Solution{start, cost, 0};
+  }
+  std::vector<double> low, high;
+  for (std::size_t i = 0; i < width; ++i) {
+    const Unknown& u = problem.unknowns[i];
+    low.push_back(u.inner(u.low));
+    high.push_back(u.inner(u.high));
+    start[i] = std::clamp(start[i], low[i], high[i]);
+  }
+  // Ceres searches along a line in each step of a bounded problem, which takes several times as
+  // long: bounds come in only when the free solution lies outside.
+  auto found = minimise(problem, start, nullptr, nullptr);
+  const auto inside = [&](const std::vector<double>& inner) {
+    for (std::size_t i = 0; i < width; ++i) {
+      if (!(inner[i] >= low[i] && inner[i] <= high[i])) return false;
+    }
+    return true;
+  };
+  if (!found || !inside(found->inner)) found = minimise(problem, start, low.data(), high.data());
+  return found;
+}
+
+Solution solve_best(const Problem& problem, const std::vector<std::vector<double>>& starts) {
+  // Which start leads lowest shows with a few digits; the best one gets all.
+  Problem rough = problem;
+  if (starts.size() > 1) rough.tolerance = std::max(problem.tolerance, 1e-6);
+  // Far off, the front's law leads into corners where nothing gels, slowly and for nothing.
+  constexpr double hopeless = 30;
+  std::vector<double> costs;
+  for (const auto& start : starts) costs.push_back(cost_at(problem, start));
+  const double lowest = *std::min_element(costs.begin(), costs.end());
+  std::optional<Solution> best;
+  int iterations = 0;
+  for (std::size_t i = 0; i < starts.size(); ++i) {
+    if (costs[i] > hopeless * lowest) continue;
+    auto found = solve(rough, starts[i]);
+    if (!found) continue;
+    iterations += found->iterations;
+    // A later start must be clearly better, so that the choice is stable.
+    if (!best || found->cost < best->cost * (1 - 1e-4)) best = std::move(found);
+  }
+  if (best && starts.size() > 1) {
+    if (auto polished = solve(problem, best->inner)) {
+      iterations += polished->iterations;
+      if (polished->cost <= best->cost) best = std::move(polished);
+    }
+  }
+  if (!best) {
+    throw InputError(
+        "no start of the fit led anywhere; expected measurements that the model can describe, "
+        "or --bound and --fix nearer to them");
+  }
+  best->iterations = iterations;
+  return *best;
+}
+
+}  // namespace slicecorr::resins

@@ -1,0 +1,553 @@
+#include "fit/setup.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <tuple>
+
+#include "fit/statistics.hpp"
+#include "slicecorr/error.hpp"
+
+namespace slicecorr::resins {
+
+namespace {
+
+// Wide enough for any resin; they only keep the solver's numbers finite.
+constexpr double least_height = 1e-3, greatest_height = 1e9;
+constexpr double least_dose = 1e-12, greatest_dose = 1e15;
+constexpr double least_beta = 1e-6, greatest_beta = 1e6;
+// A resin file takes exponents up to 2; theory has 1/2 to 1.
+constexpr double least_exponent = 0.05, greatest_exponent = 2;
+
+bool uses_cured(FitModel m) {
+  return m == FitModel::jacobs || m == FitModel::kinetic || m == FitModel::joint;
+}
+bool uses_dead_zones(FitModel m) { return m != FitModel::jacobs && m != FitModel::kinetic; }
+
+/// Sums about the means of weighted pairs and triples, for regressions.
+struct Line {
+  double slope = 0, intercept = 0;
+};
+Line regress(const std::vector<double>& x, const std::vector<double>& y) {
+  const double n = static_cast<double>(x.size());
+  const double mx = std::accumulate(x.begin(), x.end(), 0.0) / n;
+  const double my = std::accumulate(y.begin(), y.end(), 0.0) / n;
+  double xx = 0, xy = 0;
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    xx += (x[i] - mx) * (x[i] - mx);
+    xy += (x[i] - mx) * (y[i] - my);
+  }
+  const double slope = xx > 0 ? xy / xx : 0;
+  return {slope, my - slope * mx};
+}
+
+/// y = a u + b v + c; nothing where u and v don't vary apart.
+std::optional<std::array<double, 3>> regress(const std::vector<double>& u,
+                                             const std::vector<double>& v,
+                                             const std::vector<double>& y) {
+  const double n = static_cast<double>(u.size());
+  const double mu = std::accumulate(u.begin(), u.end(), 0.0) / n;
+  const double mv = std::accumulate(v.begin(), v.end(), 0.0) / n;
+  const double my = std::accumulate(y.begin(), y.end(), 0.0) / n;
+  double uu = 0, uv = 0, vv = 0, uy = 0, vy = 0;
+  for (std::size_t i = 0; i < u.size(); ++i) {
+    const double p = u[i] - mu, q = v[i] - mv, r = y[i] - my;
+    uu += p * p;
+    uv += p * q;
+    vv += q * q;
+    uy += p * r;
+    vy += q * r;
+  }
+  const double determinant = uu * vv - uv * uv;
+  if (!(determinant > 1e-12 * uu * vv)) return std::nullopt;
+  const double a = (uy * vv - vy * uv) / determinant;
+  const double b = (vy * uu - uy * uv) / determinant;
+  return std::array<double, 3>{a, b, my - a * mu - b * mv};
+}
+
+/// A number from 0 to 1 of the Halton sequence.
+double halton(int index, int base) {
+  double value = 0, step = 1;
+  for (int i = index; i > 0; i /= base) {
+    step /= base;
+    value += step * (i % base);
+  }
+  return value;
+}
+
+[[noreturn]] void refuse(const Setup& setup, const std::string& why) {
+  throw InputError(fmt::format("the {} model can't be fitted: {}", name_of(setup.model), why));
+}
+
+/// h, m and D'c of cured heights: the law is linear in ln I and ln t.
+void start_cured(Setup& s, bool with_exponent) {
+  std::vector<double> ln_blue, ln_time, ln_dose, height;
+  for (const Observation& o : s.problem.observations) {
+    if (o.is_dead_zone) continue;
+    ln_blue.push_back(o.exposure.ln_blue);
+    ln_time.push_back(o.exposure.ln_time);
+    ln_dose.push_back(o.exposure.ln_blue + o.exposure.ln_time);
+    height.push_back(o.measured_um);
+  }
+  if (count_different(ln_dose) < 2) {
+    refuse(s, fmt::format("all {} cured heights have one dose ({:.4g} mJ/cm2); expected two or "
+                          "more doses",
+                          height.size(), std::exp(ln_dose.front())));
+  }
+  const Line line = regress(ln_dose, height);
+  if (!(line.slope > 0)) {
+    refuse(s, fmt::format("the cured heights do not grow with the dose ({:.3g} um per factor of "
+                          "10); expected heights that do",
+                          line.slope * std::log(10.0)));
+  }
+  s.start[kHeight] = line.slope;
+  s.start[kDose] = std::exp(-line.intercept / line.slope);
+  s.start[kExponent] = 1;
+  if (!with_exponent) return;
+  const auto plane = regress(ln_blue, ln_time, height);
+  if (!plane || !((*plane)[0] > 0) || !((*plane)[1] > 0)) return;
+  const auto [a, b, c] = *plane;
+  s.start[kHeight] = a;
+  s.start[kExponent] = a / b;
+  s.start[kDose] = std::exp(-c / b);
+}
+
+/// beta and huv of dead zones, as if all were steady.
+void start_dead_zones(Setup& s) {
+  std::vector<double> ln_ratio, height;
+  for (const Observation& o : s.problem.observations) {
+    if (!o.is_dead_zone) continue;
+    ln_ratio.push_back(o.exposure.ln_uv - o.exposure.ln_blue);
+    height.push_back(o.measured_um);
+  }
+  const bool beta_free = s.problem.is_steady || s.model == FitModel::joint;
+  if (count_different(ln_ratio) < 2 && beta_free && s.problem.unknowns.size() > 1) {
+    refuse(s, fmt::format("all {} dead zones have one ratio of UV to blue ({:.4g}); expected two "
+                          "or more ratios that differ by a factor of 2 or more",
+                          height.size(), std::exp(ln_ratio.front())));
+  }
+  const double h = s.start[kHeight];
+  const Line line = regress(ln_ratio, height);
+  const double mean =
+      std::accumulate(height.begin(), height.end(), 0.0) / static_cast<double>(height.size());
+  // Where a regression makes no sense, the front is taken to stand at its mean height.
+  const double length = line.slope > 0 ? line.slope : mean;
+  const double intercept = line.slope > 0 ? line.intercept : 0;
+  s.start[kUvHeight] = 1 / (1 / length + 1 / h);
+  s.start[kBeta] = std::exp(std::clamp(intercept / length, -10.0, 10.0));
+}
+
+/// For a given exponent the transient law is linear, too: with A = (D'c / t)^(1/m),
+/// z = huv ln beta - huv ln((Ib e^(-z/h) - A) / Iuv). Guesses for exponents over the whole range,
+/// the present one first; where no line can be drawn the steady guess stays.
+void start_transient(Setup& s) {
+  const auto guess_for = [&](double m) -> std::optional<Slots> {
+    std::vector<double> x, y;
+    for (const Observation& o : s.problem.observations) {
+      if (!o.is_dead_zone) continue;
+      const double level = std::exp((std::log(s.start[kDose]) - o.exposure.ln_time) / m);
+      const double net = std::exp(o.exposure.ln_blue - o.measured_um / s.start[kHeight]) - level;
+      if (!(net > 0)) continue;
+      x.push_back(std::log(net) - o.exposure.ln_uv);
+      y.push_back(o.measured_um);
+    }
+    if (x.size() < 2) return std::nullopt;
+    const Line line = regress(x, y);
+    if (!(line.slope < 0) || !(-line.slope < 0.99 * s.start[kHeight])) return std::nullopt;
+    Slots guess = s.start;
+    guess[kUvHeight] = -line.slope;
+    guess[kBeta] = std::exp(std::clamp(-line.intercept / line.slope, -10.0, 10.0));
+    guess[kUvExponent] = m;
+    return guess;
+  };
+  if (const auto first = guess_for(s.start[kUvExponent])) s.start = *first;
+  for (const double m : {1.0, 1.3, 0.7, 1.6, 0.85, 1.9, 0.5}) {
+    if (const auto guess = guess_for(m)) s.more_starts.push_back(*guess);
+  }
+}
+
+/// Standard deviations by column or by replicates: weights are their inverse.
+void weigh_by_scatter(Setup& s, const std::vector<double>& sigma_given) {
+  // The scatter of three replicates is itself uncertain by half: taken as it is, it would give
+  // single groups far too much to say. It is drawn to that of all by what the groups tell.
+  auto& all = s.problem.observations;
+  std::vector<double> sigma = sigma_given;
+  const auto groups = replicate_groups(all);
+  for (const bool dead_zone : {false, true}) {
+    std::vector<double> variances, freedoms;
+    std::vector<std::pair<const std::vector<std::size_t>*, double>> unknown;
+    for (const auto& group : groups) {
+      if (all[group.front()].is_dead_zone != dead_zone) continue;
+      const double n = static_cast<double>(group.size());
+      double mean = 0, squares = 0;
+      bool given = true;
+      for (const std::size_t i : group) {
+        mean += all[i].measured_um / n;
+        given = given && sigma[i] > 0;
+      }
+      for (const std::size_t i : group) squares += std::pow(all[i].measured_um - mean, 2);
+      if (n > 1) {
+        variances.push_back(squares / (n - 1));
+        freedoms.push_back(n - 1);
+      }
+      if (!given) unknown.emplace_back(&group, n > 2 ? squares / (n - 1) : -1);
+    }
+    if (unknown.empty()) continue;
+    if (variances.empty() || *std::max_element(variances.begin(), variances.end()) <= 0) {
+      refuse(s, fmt::format("weights by scatter were asked for, but {} has neither replicates that "
+                            "differ nor a number in a column sigma_um; expected one of them",
+                            dead_zone ? "a dead zone" : "a cured height"));
+    }
+    const VariancePrior prior = variance_prior(variances, freedoms);
+    for (const auto& [group, own] : unknown) {
+      const double variance =
+          own < 0 ? prior.variance : prior.moderated(own, static_cast<double>(group->size()) - 1);
+      for (const std::size_t i : *group) {
+        if (sigma[i] <= 0) sigma[i] = std::sqrt(variance);
+      }
+    }
+  }
+  for (std::size_t i = 0; i < all.size(); ++i) all[i].weight = 1 / sigma[i];
+}
+
+void check_number(const std::string& what, double value, bool positive) {
+  if (!std::isfinite(value) || (positive && !(value > 0))) {
+    throw InputError(fmt::format("{} is {}; expected a finite number{}", what, value,
+                                 positive ? " above 0" : ""));
+  }
+}
+
+/// Bounds and fixed values as asked for.
+void apply_choices(Setup& s, const FitOptions& options) {
+  std::string names;
+  for (const auto& p : s.parameters) names += (names.empty() ? "" : ", ") + p.unknown.name;
+  const auto find = [&](const std::string& name) {
+    const auto at = std::find_if(s.parameters.begin(), s.parameters.end(),
+                                 [&](const auto& p) { return p.unknown.name == name; });
+    if (at == s.parameters.end()) {
+      throw InputError(fmt::format("'{}' is no parameter of the {} model; expected one of {}", name,
+                                   name_of(s.model), names));
+    }
+    return static_cast<std::size_t>(at - s.parameters.begin());
+  };
+  for (const auto& [name, bounds] : options.bounds) {
+    Unknown& u = s.parameters[find(name)].unknown;
+    check_number("the lower bound of " + name, bounds.low, true);
+    check_number("the upper bound of " + name, bounds.high, true);
+    if (!(bounds.low < bounds.high)) {
+      throw InputError(
+          fmt::format("the bounds of {} are {:g} to {:g}; expected the lower one "
+                      "first",
+                      name, bounds.low, bounds.high));
+    }
+    const double limit = u.slots.front() == kUvHeight ? u.high : bounds.high;
+    if (!(bounds.low < limit)) {
+      throw InputError(
+          fmt::format("the lower bound of {} is {:g}; expected less than the height "
+                      "of the curing light, {:g} um",
+                      name, bounds.low, limit));
+    }
+    u.low = bounds.low;
+    u.high = std::min(bounds.high, limit);
+  }
+  for (const auto& [name, value] : options.fixed) {
+    const Unknown& u = s.parameters[find(name)].unknown;
+    check_number(name, value, true);
+    if (u.slots.front() == kUvHeight && !(value < u.high)) {
+      throw InputError(
+          fmt::format("{} is {:g} um; expected less than the height of the curing "
+                      "light",
+                      name, value));
+    }
+    if (options.bounds.contains(name)) {
+      throw InputError(fmt::format("{} is both fixed and bounded; expected one of them", name));
+    }
+  }
+  for (const auto& p : s.parameters) s.problem.unknowns.push_back(p.unknown);
+}
+
+}  // namespace
+
+std::vector<ParameterKind> parameters_of(FitModel model, const FitOptions& options) {
+  const ParameterKind h{{"h_um", {kHeight}, true, least_height, greatest_height}, "um"};
+  const ParameterKind dc{{"dc_mj_cm2", {kDose}, true, least_dose, greatest_dose}, "mJ/cm²"};
+  const ParameterKind prime{{"critical_dose_prime", {kDose}, true, least_dose, greatest_dose},
+                            "(mW/cm²)^m·s"};
+  const ParameterKind beta{{"beta", {kBeta}, true, least_beta, greatest_beta}, ""};
+  ParameterKind huv{{"huv_um", {kUvHeight}, true, least_height, greatest_height}, "um"};
+  const auto exponent = [](const char* name, std::vector<Slot> slots) {
+    return ParameterKind{{name, std::move(slots), false, least_exponent, greatest_exponent}, ""};
+  };
+  // The front has no place to stand unless UV light is absorbed more than blue light.
+  const double below_hb = options.hb_um * (1 - 1e-6);
+  switch (model) {
+    case FitModel::jacobs:
+      return {h, dc};
+    case FitModel::kinetic:
+      return {h, exponent("m", {kExponent}), prime};
+    case FitModel::dead_zone_steady:
+      huv.unknown.high = below_hb;
+      return {beta, huv};
+    case FitModel::dead_zone_transient:
+      huv.unknown.high = below_hb;
+      return {beta, huv, exponent("m", {kUvExponent})};
+    case FitModel::joint:
+      if (!options.separate_m) {
+        return {h, exponent("m", {kExponent, kUvExponent}), prime, beta, huv};
+      }
+      return {h, exponent("m", {kExponent}), prime, beta, huv, exponent("m_uv", {kUvExponent})};
+  }
+  return {};
+}
+
+std::vector<double> Setup::inner_of(const Slots& guess) const {
+  std::vector<double> inner;
+  for (const Unknown& u : problem.unknowns) {
+    inner.push_back(u.inner(std::clamp(guess[u.slots.front()], u.low, u.high)));
+  }
+  return inner;
+}
+
+std::vector<std::vector<double>> Setup::starts(int count) const {
+  std::vector<std::vector<double>> all = {start_inner()};
+  for (const Slots& guess : more_starts) all.push_back(inner_of(guess));
+  constexpr std::array<int, 6> bases = {2, 3, 5, 7, 11, 13};
+  // Scale parameters are tried from a third to three times their first value.
+  constexpr double scale_span = 1.0986, exponent_span = 0.4;
+  for (int k = 1; static_cast<int>(all.size()) < count; ++k) {
+    std::vector<double> inner = all.front();
+    for (std::size_t i = 0; i < inner.size(); ++i) {
+      const double span = problem.unknowns[i].is_scale ? scale_span : exponent_span;
+      inner[i] += span * (2 * halton(k, bases[i]) - 1);
+    }
+    all.push_back(std::move(inner));
+  }
+  all.resize(static_cast<std::size_t>(count));
+  return all;
+}
+
+void Setup::hold(const std::string& name, double value) {
+  for (auto u = problem.unknowns.begin(); u != problem.unknowns.end(); ++u) {
+    if (u->name != name) continue;
+    for (const Slot s : u->slots) problem.fixed[s] = start[s] = value;
+    problem.unknowns.erase(u);
+    return;
+  }
+}
+
+void Setup::share_exponent() {
+  std::erase_if(parameters, [](const auto& p) { return p.unknown.name == "m_uv"; });
+  std::erase_if(problem.unknowns, [](const Unknown& u) { return u.name == "m_uv"; });
+  bool free = false;
+  for (Unknown& u : problem.unknowns) {
+    if (u.name != "m") continue;
+    u.slots = {kExponent, kUvExponent};
+    free = true;
+  }
+  for (auto& p : parameters) {
+    if (p.unknown.name == "m") p.unknown.slots = {kExponent, kUvExponent};
+  }
+  if (!free) problem.fixed[kUvExponent] = problem.fixed[kExponent];
+  start[kUvExponent] = start[kExponent];
+}
+
+int count_different(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  int count = values.empty() ? 0 : 1;
+  for (std::size_t i = 1; i < values.size(); ++i) {
+    // Logarithms are compared: rounding of a product, not a setting of its own.
+    if (values[i] - values[i - 1] > 1e-9) ++count;
+  }
+  return count;
+}
+
+std::vector<std::vector<std::size_t>> replicate_groups(const std::vector<Observation>& all) {
+  std::vector<std::size_t> order(all.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  const auto key = [&](std::size_t i) {
+    const Observation& o = all[i];
+    return std::tuple(o.is_dead_zone, o.exposure.ln_blue, o.exposure.ln_uv, o.exposure.ln_time);
+  };
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return key(a) < key(b); });
+  std::vector<std::vector<std::size_t>> groups;
+  for (const std::size_t i : order) {
+    if (groups.empty() || key(groups.back().front()) != key(i)) groups.emplace_back();
+    groups.back().push_back(i);
+  }
+  return groups;
+}
+
+void normalise_weights(Problem& problem) {
+  double sum = 0;
+  for (const Observation& o : problem.observations) sum += o.weight * o.weight;
+  const double factor = std::sqrt(static_cast<double>(problem.observations.size()) / sum);
+  for (Observation& o : problem.observations) o.weight *= factor;
+}
+
+std::string place_of(const Origin& origin, const std::vector<std::string>& sources) {
+  const auto source = static_cast<std::size_t>(origin.source);
+  const std::string name = source < sources.size() ? sources[source] : "measurement";
+  return origin.line > 0 ? fmt::format("{}: line {}", name, origin.line) : name;
+}
+
+Setup set_up(const Measurements& data, FitModel model, const FitOptions& options) {
+  Setup s;
+  s.model = model;
+  s.problem.is_steady = model == FitModel::dead_zone_steady;
+  s.problem.tolerance = options.tolerance;
+  if (!(options.tolerance > 0 && options.tolerance < 1)) {
+    throw InputError(
+        fmt::format("the tolerance is {:g}; expected a number between 0 and 1", options.tolerance));
+  }
+  if (options.starts < 1) {
+    throw InputError(fmt::format("starts is {}; expected 1 or more", options.starts));
+  }
+  if (options.bootstrap < 0) {
+    throw InputError(fmt::format("bootstrap is {}; expected 0 or more", options.bootstrap));
+  }
+  if (model == FitModel::dead_zone_steady || model == FitModel::dead_zone_transient) {
+    const auto need = [&](const char* what, double value) {
+      if (std::isfinite(value) && value > 0) return;
+      throw InputError(
+          fmt::format("the {} model stands on the blue law of the resin, and {} is "
+                      "{:g}; expected it from --resin",
+                      name_of(model), what, value));
+    };
+    need("its absorbance height hb_um", options.hb_um);
+    if (model == FitModel::dead_zone_transient) {
+      need("its gel dose D'c", options.critical_dose_prime);
+      need("its exponent m", options.m);
+    }
+  }
+  s.parameters = parameters_of(model, options);
+  apply_choices(s, options);
+  s.problem.fixed[kHeight] = s.start[kHeight] = options.hb_um;
+  s.problem.fixed[kExponent] = s.start[kExponent] = model == FitModel::jacobs ? 1 : options.m;
+  s.problem.fixed[kUvExponent] = s.start[kUvExponent] = options.m;
+  s.problem.fixed[kDose] = s.start[kDose] = options.critical_dose_prime;
+  s.start[kBeta] = s.start[kUvHeight] = 1;
+
+  std::vector<double> sigma;
+  int without_intensity = 0;
+  std::vector<std::string> saturated;
+  for (const CuredHeight& c : data.cured) {
+    if (!uses_cured(model)) break;
+    FitPoint p;
+    p.blue_mw_cm2 = c.blue_mw_cm2;
+    p.exposure_s = c.exposure_s;
+    p.dose_mj_cm2 = c.dose_mj_cm2;
+    p.measured_um = c.height_um;
+    p.origin = c.origin;
+    Observation o;
+    o.measured_um = c.height_um;
+    const bool known = c.blue_mw_cm2 > 0 && c.exposure_s > 0;
+    without_intensity += known ? 0 : 1;
+    o.exposure.ln_blue = known ? std::log(c.blue_mw_cm2) : 0;
+    o.exposure.ln_time = known ? std::log(c.exposure_s) : std::log(c.dose_mj_cm2);
+    s.point_of.push_back(s.points.size());
+    s.points.push_back(p);
+    s.problem.observations.push_back(o);
+    sigma.push_back(c.sigma_um);
+  }
+  const std::size_t cured = s.problem.observations.size();
+  for (const DeadZone& d : data.dead_zones) {
+    if (!uses_dead_zones(model)) break;
+    FitPoint p;
+    p.is_dead_zone = true;
+    p.blue_mw_cm2 = d.blue_mw_cm2;
+    p.uv_mw_cm2 = d.uv_mw_cm2;
+    p.exposure_s = d.exposure_s;
+    p.dose_mj_cm2 = d.blue_mw_cm2 * d.exposure_s;
+    p.measured_um = d.dead_zone_um;
+    p.origin = d.origin;
+    if (d.dead_zone_um <= 0) {
+      // Such a sample says only that the front has arrived, not when: no residual can be given.
+      p.weight = 0;
+      saturated.push_back(place_of(d.origin, data.sources));
+      s.points.push_back(p);
+      continue;
+    }
+    Observation o;
+    o.is_dead_zone = true;
+    o.measured_um = d.dead_zone_um;
+    o.exposure = {std::log(d.blue_mw_cm2), std::log(d.uv_mw_cm2), std::log(d.exposure_s)};
+    s.point_of.push_back(s.points.size());
+    s.points.push_back(p);
+    s.problem.observations.push_back(o);
+    sigma.push_back(d.sigma_um);
+  }
+  const std::size_t dead = s.problem.observations.size() - cured;
+
+  if (uses_cured(model) && cured == 0) {
+    refuse(s, fmt::format("there are no cured heights among the measurements ({} dead zones); "
+                          "expected intensity_mw_cm2,exposure_s,cured_height_um",
+                          data.dead_zones.size()));
+  }
+  if (uses_dead_zones(model) && dead == 0) {
+    refuse(s, saturated.empty()
+                  ? fmt::format("there are no dead zones among the measurements ({} cured "
+                                "heights); expected blue_mw_cm2,uv_mw_cm2,exposure_s,dead_zone_um",
+                                data.cured.size())
+                  : fmt::format("all {} dead zones are 0: the resin cured to the window each time; "
+                                "expected more UV or less blue light, or shorter exposures",
+                                saturated.size()));
+  }
+  if (without_intensity > 0 && model != FitModel::jacobs) {
+    refuse(s, fmt::format("{} of {} cured heights come with a dose alone; expected "
+                          "intensity_mw_cm2 and exposure_s (a dose is enough for jacobs)",
+                          without_intensity, cured));
+  }
+  if (!uses_cured(model) && !data.cured.empty()) {
+    s.warnings.push_back(fmt::format("{} cured heights are not used by the {} model",
+                                     data.cured.size(), name_of(model)));
+  }
+  if (!uses_dead_zones(model) && !data.dead_zones.empty()) {
+    s.warnings.push_back(fmt::format("{} dead zones are not used by the {} model",
+                                     data.dead_zones.size(), name_of(model)));
+  }
+  if (!saturated.empty()) {
+    std::string lines;
+    for (std::size_t i = 0; i < std::min<std::size_t>(saturated.size(), 5); ++i) {
+      lines += (i ? ", " : "") + saturated[i];
+    }
+    if (saturated.size() > 5) lines += ", ...";
+    s.warnings.push_back(
+        fmt::format("{} of {} dead zones are 0, cured to the window ({}): that says only that the "
+                    "dead zone had closed, so the fit leaves them out; measure with more UV or "
+                    "less blue light, or shorter",
+                    saturated.size(), saturated.size() + dead, lines));
+  }
+  std::size_t free = 0;
+  for (const Unknown& u : s.problem.unknowns) free += options.fixed.contains(u.name) ? 0 : 1;
+  if (s.problem.observations.size() < free) {
+    refuse(s, fmt::format("{} measurements are fewer than its {} free parameters; expected at "
+                          "least {}, better 3 times as many",
+                          s.problem.observations.size(), free, free + 1));
+  }
+
+  for (const auto& [name, value] : options.fixed) {
+    if (name == "h_um") s.start[kHeight] = value;
+  }
+  if (uses_cured(model)) start_cured(s, model != FitModel::jacobs);
+  for (const auto& [name, value] : options.fixed) {
+    for (const auto& p : s.parameters) {
+      if (p.unknown.name != name) continue;
+      for (const Slot slot : p.unknown.slots) s.start[slot] = value;
+    }
+  }
+  if (uses_dead_zones(model)) {
+    if (model == FitModel::joint) s.start[kUvExponent] = s.start[kExponent];
+    start_dead_zones(s);
+    if (!s.problem.is_steady) start_transient(s);
+  }
+  for (const auto& [name, value] : options.fixed) s.hold(name, value);
+  if (options.weights == Weights::scatter) weigh_by_scatter(s, sigma);
+  normalise_weights(s.problem);
+  return s;
+}
+
+}  // namespace slicecorr::resins

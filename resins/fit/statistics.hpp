@@ -1,0 +1,36 @@
+/// @file statistics.hpp
+/// Student's t and Fisher's F, through the regularised incomplete beta function.
+///
+/// Relative error of probabilities about 1e-13, also far in the tails. Pure functions.
+#pragma once
+
+#include <vector>
+
+namespace slicecorr::resins {
+
+/// I_x(a, b) for a, b > 0 and 0 <= x <= 1.
+double incomplete_beta(double a, double b, double x);
+
+/// P(T <= t) with `freedom` > 0 degrees of freedom.
+double student_t_probability(double t, double freedom);
+/// t with P(T <= t) = probability, 0 < probability < 1.
+double student_t_quantile(double probability, double freedom);
+
+/// P(F > f): small when f is surprisingly large.
+double f_exceedance(double f, double freedom1, double freedom2);
+
+/// First and second derivative of log Gamma, x > 0.
+double digamma(double x);
+double trigamma(double x);
+
+/// Variances of groups, drawn to a common one by as much as they differ no more than chance makes
+/// them (Smyth 2004): each is (freedom s² + prior_freedom prior) / (freedom + prior_freedom).
+struct VariancePrior {
+  double variance = 0, freedom = 0;  ///< freedom may be infinite: all groups scatter alike
+  double moderated(double group_variance, double group_freedom) const;
+};
+/// From groups' variances and degrees of freedom, all freedoms > 0, some variance > 0.
+VariancePrior variance_prior(const std::vector<double>& variances,
+                             const std::vector<double>& freedoms);
+
+}  // namespace slicecorr::resins

@@ -150,6 +150,30 @@ TEST(TextFromFit, DeadZonesOfARecordThatHasACure) {
                InputError);
 }
 
+TEST(TextFromFit, MeasurementsThatOtherFitsStandOnStayNamed) {
+  const fs::path folder =
+      fs::path(testing::TempDir()) / ("slicecorr-fit-files-" + std::to_string(::getpid()));
+  fs::create_directories(folder);
+  std::ofstream(folder / "heights.csv") << "dose_mj_cm2,cured_height_um\n10,100\n20,200\n";
+  std::ofstream(folder / "zones.csv")
+      << "blue_mw_cm2,uv_mw_cm2,exposure_s,dead_zone_um\n10,20,30,16\n";
+  const auto source = [&](FitResult fit, const char* name) {
+    fit.sources = {(folder / name).string()};
+    return fit;
+  };
+  ResinRecord record =
+      parse_record(record_text_from_fit("r", {source(kKinetic, "heights.csv")}, nullptr), "r.toml");
+  record.path = (folder / "r.toml").string();
+  const std::string both =
+      record_text_from_fit("r", {source(kSteady, "zones.csv")}, &record, folder.string());
+  EXPECT_THAT(both, HasSubstr("measurements = [\"heights.csv\", \"zones.csv\"]"));
+  record = parse_record(both, record.path);
+  // New heights stand in the place of the old ones.
+  EXPECT_THAT(record_text_from_fit("r", {source(kKinetic, "new.csv")}, &record, folder.string()),
+              HasSubstr("measurements = [\"zones.csv\", \"new.csv\"]"));
+  fs::remove_all(folder);
+}
+
 TEST(TextFromFit, MeasurementsAreNamedFromTheFolderOfTheFile) {
   EXPECT_THAT(record_text_from_fit("r", {kJacobs}, nullptr, "some"),
               HasSubstr("measurements = [\"where/heights.csv\"]"));

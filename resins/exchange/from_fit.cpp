@@ -124,18 +124,39 @@ void write_inhibition(TomlEdit& edit, const FitResult& fit) {
   edit.remove("inhibition", "critical_dose_prime");
 }
 
-std::string measurement_list(const std::vector<FitResult>& fits, const std::string& folder) {
+/// Whether a file that a record names holds what the new fits are of: then they stand in its place.
+bool is_fitted_anew(const fs::path& file, bool cure, bool zone) {
+  try {
+    const Measurements data = read_measurements({file.string()});
+    return (data.cured.empty() || cure) && (data.dead_zones.empty() || zone);
+  } catch (const Error&) {
+    return false;  // what can't be read stays named
+  }
+}
+
+/// Files of the fits, and those of the record that other fits stand on.
+std::string measurement_list(const std::vector<FitResult>& fits, const ResinRecord* previous,
+                             const std::string& folder) {
   std::vector<std::string> names;
-  for (const FitResult& fit : fits) {
-    for (const std::string& source : fit.sources) {
-      std::string name = fs::path(source).filename().string();
-      if (!folder.empty()) {
-        std::error_code ec;
-        const fs::path relative = fs::proximate(source, folder, ec);
-        if (!ec) name = relative.generic_string();
-      }
-      if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
+  const auto add = [&](const fs::path& file, const std::string& fallback) {
+    std::string name = fallback;
+    if (!folder.empty()) {
+      std::error_code ec;
+      const fs::path relative = fs::proximate(file, folder, ec);
+      if (!ec) name = relative.generic_string();
     }
+    if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
+  };
+  const bool cure = std::any_of(fits.begin(), fits.end(), is_cure_fit);
+  const bool zone = std::any_of(fits.begin(), fits.end(), is_dead_zone_fit);
+  if (previous) {
+    for (const std::string& name : previous->measurements) {
+      const fs::path file = fs::path(previous->path).parent_path() / name;
+      if (!is_fitted_anew(file, cure, zone)) add(file, name);
+    }
+  }
+  for (const FitResult& fit : fits) {
+    for (const std::string& source : fit.sources) add(source, fs::path(source).filename().string());
   }
   std::string list;
   for (const std::string& name : names) {
@@ -172,7 +193,7 @@ std::string record_text_from_fit(const std::string& name, const std::vector<FitR
     edit.set("provenance", key, toml_text(value));
   };
   if (!edit.has("provenance", "source")) note("source", "fit of the measurements named below");
-  edit.set("provenance", "measurements", measurement_list(fits, folder));
+  edit.set("provenance", "measurements", measurement_list(fits, previous, folder));
   const auto record = [&](const FitResult& fit, const std::string& prefix) {
     note(prefix + "fit", quality_of(fit));
     note(prefix + "standard_errors", errors_of(fit));

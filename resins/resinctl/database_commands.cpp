@@ -128,44 +128,6 @@ struct ShowArguments {
   std::string name, json, html;
 };
 
-/// Fits of a record's own measurements; what can't be fitted is told and left out.
-std::vector<FitResult> refit(const ResinRecord& r, const Job& job, Console& console) {
-  std::vector<FitResult> fits;
-  if (r.measurements.empty()) return fits;
-  std::vector<std::string> paths;
-  for (const std::string& name : r.measurements) {
-    paths.push_back((fs::path(r.path).parent_path() / name).string());
-  }
-  const Measurements data = read_measurements(paths, job);
-  const auto attempt = [&](FitModel model, const FitOptions& options) {
-    try {
-      fits.push_back(fit(data, model, options, job));
-    } catch (const InputError& e) {
-      console.say(fmt::format("no {} fit for the page: {}", name_of(model), e.what()));
-    }
-  };
-  const bool times = std::any_of(data.cured.begin(), data.cured.end(),
-                                 [](const CuredHeight& c) { return c.exposure_s > 0; });
-  if (!data.cured.empty()) {
-    attempt(FitModel::jacobs, {});
-    if (times) attempt(FitModel::kinetic, {});
-  }
-  if (!data.dead_zones.empty()) {
-    const ResinFigures f = figures_of(r.resin);
-    FitOptions options;
-    options.hb_um = f.height_e_um;
-    options.critical_dose_prime = f.gel_prime;
-    options.m = r.resin.m;
-    const auto said = r.provenance.find("dead_zone_fit");
-    const bool transient = r.resin.inhibition && r.resin.inhibition->m != r.resin.m;
-    const bool steady =
-        said != r.provenance.end() && said->second.starts_with(name_of(FitModel::dead_zone_steady));
-    attempt(transient && !steady ? FitModel::dead_zone_transient : FitModel::dead_zone_steady,
-            options);
-  }
-  return fits;
-}
-
 int show(const ShowArguments& a, const Job& job, Console& console) {
   const Located at = locate(a.name);
   if (at.kind == "printer") {
@@ -190,7 +152,9 @@ int show(const ShowArguments& a, const Job& job, Console& console) {
   }
   if (!a.html.empty()) {
     cli::must_not_replace(a.html, {at.path});
-    cli::write_text_file(a.html, resin_page(record, refit(record, job, console)));
+    const RecordFits fits = fits_of_record(record, job);
+    for (const std::string& problem : fits.problems) console.say(problem);
+    cli::write_text_file(a.html, resin_page(record, fits.fits, history(at.path, at.kind)));
     console.say(fmt::format("{}: written", a.html));
   }
   return cli::kDone;

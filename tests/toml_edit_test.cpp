@@ -115,7 +115,7 @@ TEST(TomlEdit, WhatItCannotDoIsRefusedAndLeavesTheText) {
 
 TEST(TomlEdit, TextsAndNumbersReadBackAsThemselves) {
   for (const std::string& text : {std::string("plain"), std::string("a \"b\" \\ c"),
-                                 std::string("line\nend\ttab\r"), std::string("\x01\x7F µ²")}) {
+                                  std::string("line\nend\ttab\r"), std::string("\x01\x7F µ²")}) {
     const toml::table t = toml::parse("v = " + toml_text(text));
     EXPECT_EQ(t["v"].value<std::string>(), text);
   }

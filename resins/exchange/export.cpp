@@ -116,7 +116,7 @@ std::string to_prusaslicer(const ResinRecord& r, double layer_um, double intensi
   const Kinetics k = make_kinetics(r.resin, false, true);
   const double exposure_s = exposure_for_height_s(k, intensity_mw_cm2, layer_um);
   // Median over 463 presets of Prusa Research's SLA profiles (version 1.0.4): 4.4; half of them lie
-  // between 2.7 and 8.
+  // between 2.9 and 7.6.
   constexpr double first_over_other = 4.4;
   const double first_s = first_over_other * exposure_s;
   if (!std::isfinite(exposure_s) || exposure_s > 1e5) {

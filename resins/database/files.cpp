@@ -59,8 +59,9 @@ void flush_folder(const std::string& folder) {
 
 FolderLock::FolderLock(const std::string& folder) {
   make_folder(folder);
-  const std::string path = (fs::path(folder) / ".lock").string();
-  fd_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
+  // The folder itself: no file is left lying about.
+  const std::string& path = folder;
+  fd_ = ::open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   if (fd_ < 0) throw DeviceError(errno_message(path, "can't be opened"));
   if (::flock(fd_, LOCK_EX) != 0) {
     const int error = errno;

@@ -5,7 +5,7 @@
 
 namespace slicecorr::resins {
 
-/// Holds FOLDER/.lock, alone among all threads and processes; waits for it. The folder is made when
+/// Holds a lock on the folder, alone among all threads and processes; waits for it. The folder is made when
 /// it is missing. Throws `DeviceError`, or `Cancelled` when a signal arrives while waiting.
 class FolderLock {
  public:

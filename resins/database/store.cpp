@@ -193,7 +193,8 @@ Saved save_definition(const std::string& folder, const std::string& name, const 
   TomlEdit numbered(text, path.string());
   numbered.set("", "version", std::to_string(saved.version));
 
-  make_folder(kept.string());
+  // A first version without a word about it needs no history.
+  if (present || !numbers.empty() || !message.empty()) make_folder(kept.string());
   if (present) {
     write_durably((kept / fmt::format("{}.toml", present_version)).string(), *present);
     if (edited_by_hand) {
@@ -201,8 +202,10 @@ Saved save_definition(const std::string& folder, const std::string& name, const 
                           fmt::format("{}\t{}\tchanged by hand", present_version, now_utc()));
     }
   }
-  append_line_durably((kept / "log").string(),
-                      fmt::format("{}\t{}\t{}", saved.version, now_utc(), one_line(message)));
+  if (present || !numbers.empty() || !message.empty()) {
+    append_line_durably((kept / "log").string(),
+                        fmt::format("{}\t{}\t{}", saved.version, now_utc(), one_line(message)));
+  }
   write_durably(path.string(), numbered.text());
   return saved;
 }

@@ -1,6 +1,7 @@
 // add, history, diff, restore.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <memory>
@@ -50,6 +51,10 @@ int add(const AddArguments& a, const Job& job, Console& console) {
     std::stringstream bytes;
     bytes << in.rdbuf();
     if (!in) throw InputError(csv, "", "can't be read");
+    // The definition may name it already.
+    const bool known = std::any_of(d.attachments.begin(), d.attachments.end(),
+                                   [&](const auto& other) { return other.bytes == bytes.str(); });
+    if (known) continue;
     d.attachments.push_back({"provenance", "measurements", d.name, ".csv", bytes.str()});
   }
   const std::string folder = a.folder.empty() ? writable_folder() : a.folder;

@@ -1,6 +1,7 @@
 // fit.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <memory>
 
@@ -139,7 +140,14 @@ void write_record(const FitArguments& a, FitResult result, Console& console) {
     source = (fs::path(folder) / save_measurements(folder, stem, source)).string();
   }
   const std::string text = record_text_from_fit(stem, {result}, record);
-  const std::string message = fmt::format("{} fit, R² {:.4f}", name_of(result.model), result.r2);
+  // A file outside of the database that is new leaves nothing else in its folder.
+  const auto folders = definition_folders("resin");
+  const bool in_database = std::any_of(folders.begin(), folders.end(),
+                                       [&](const std::string& f) { return same_file(f, folder); });
+  const std::string message =
+      in_database || onto_itself
+          ? fmt::format("{} fit, R² {:.4f}", name_of(result.model), result.r2)
+          : std::string();
   const Saved saved = save_definition(
       folder, stem, text, "resin", onto_itself ? Replace::keep_history : Replace::refuse, message,
       onto_itself ? std::optional(previous->version) : std::nullopt);

@@ -21,8 +21,10 @@ struct Design {
   resins::FitModel model = resins::FitModel::jacobs;
   std::map<std::string, double> truth;  ///< by name of parameter
   resins::Measurements exact;
+  double r2 = 0;  ///< as published; of a joint fit, which the cured heights rule, that of these
   double cured_sigma_um = 0, dead_zone_sigma_um = 0;
   resins::FitOptions options;
+  unsigned first_seed = 0;
 };
 
 /// Scatter with which fits of p parameters have an R² on average:
@@ -39,6 +41,7 @@ inline double sigma_for(const std::vector<double>& heights, double r2, int p) {
 /// the same ones at every intensity; three of each.
 inline void add_cured(Design& d, const Kinetics& k, double full_mw_cm2, double r2) {
   const double gel_dose = k.critical_dose_prime * std::pow(full_mw_cm2, 1 - k.m);
+  d.r2 = r2;
   std::vector<double> heights;
   for (const double share : {1.0, 0.5, 0.25}) {
     for (const double dose : {1.6, 2.3, 3.2, 4.5, 6.4, 9.0}) {
@@ -60,6 +63,7 @@ inline void add_cured(Design& d, const Kinetics& k, double full_mw_cm2, double r
 /// Constant UV, blue in equal steps of its logarithm, one exposure time, three of each.
 inline void add_dead_zones(Design& d, const Kinetics& k, double uv, double most_blue,
                            double least_blue, int levels, double exposure_s, double r2) {
+  d.r2 = r2;
   std::vector<double> heights;
   for (int i = 0; i < levels; ++i) {
     const double blue = most_blue * std::pow(least_blue / most_blue, i / (levels - 1.0));
@@ -80,45 +84,38 @@ inline void add_dead_zones(Design& d, const Kinetics& k, double uv, double most_
       sigma_for(heights, r2, d.model == resins::FitModel::dead_zone_steady ? 2 : 3);
 }
 
+inline Design begin_design(const std::string& name, resins::FitModel model,
+                           std::map<std::string, double> truth) {
+  Design d;
+  d.name = name;
+  d.model = model;
+  d.truth = std::move(truth);
+  return d;
+}
 inline Design jacobs_design(const std::string& resin, double dc, double h, double r2) {
-  Design d{resin, resins::FitModel::jacobs, {{"dc_mj_cm2", dc}, {"h_um", h}}, {}, 0, 0, {}};
+  Design d = begin_design(resin, resins::FitModel::jacobs, {{"dc_mj_cm2", dc}, {"h_um", h}});
   add_cured(d, {h, 1, dc, 0, 0}, 20, r2);
   return d;
 }
 inline Design kinetic_design(const std::string& resin, double dose_prime, double h, double m,
                              double r2, double full_mw_cm2 = 20) {
-  Design d{resin,
-           resins::FitModel::kinetic,
-           {{"critical_dose_prime", dose_prime}, {"h_um", h}, {"m", m}},
-           {},
-           0,
-           0,
-           {}};
+  Design d = begin_design(resin, resins::FitModel::kinetic,
+                          {{"critical_dose_prime", dose_prime}, {"h_um", h}, {"m", m}});
   add_cured(d, {h, m, dose_prime, 0, 0}, full_mw_cm2, r2);
   return d;
 }
 /// Custom Resin 1, figure 3.7b: ratios of UV to blue from 4 to 40, taken as steady.
 inline Design steady_design() {
-  Design d{"custom Resin 1",
-           resins::FitModel::dead_zone_steady,
-           {{"beta", 0.73}, {"huv_um", 37.8}},
-           {},
-           0,
-           0,
-           {}};
+  Design d = begin_design("custom Resin 1", resins::FitModel::dead_zone_steady,
+                          {{"beta", 0.73}, {"huv_um", 37.8}});
   d.options.hb_um = 408;
   add_dead_zones(d, {408, 0.99, 64, 0.73, 37.8}, 200, 50, 5, 12, 30, 0.902);
   return d;
 }
 /// Custom Resin 2, figure 3.7d: 15 s, before the dead zone is steady.
 inline Design transient_design() {
-  Design d{"custom Resin 2",
-           resins::FitModel::dead_zone_transient,
-           {{"beta", 4.84}, {"huv_um", 100}, {"m", 1.29}},
-           {},
-           0,
-           0,
-           {}};
+  Design d = begin_design("custom Resin 2", resins::FitModel::dead_zone_transient,
+                          {{"beta", 4.84}, {"huv_um", 100}, {"m", 1.29}});
   d.options.hb_um = 1631;
   d.options.critical_dose_prime = 238;
   d.options.m = 1.03;
@@ -126,36 +123,34 @@ inline Design transient_design() {
   return d;
 }
 inline Design joint_design() {
-  Design d{"custom Resin 2",
-           resins::FitModel::joint,
-           {{"h_um", 1631},
-            {"m", 1.03},
-            {"critical_dose_prime", 238},
-            {"beta", 4.84},
-            {"huv_um", 100},
-            {"m_uv", 1.29}},
-           {},
-           0,
-           0,
-           {}};
-  add_cured(d, {1631, 1.03, 238, 0, 0}, 100, 0.958);
+  Design d = begin_design("custom Resin 2", resins::FitModel::joint,
+                          {{"h_um", 1631},
+                           {"m", 1.03},
+                           {"critical_dose_prime", 238},
+                           {"beta", 4.84},
+                           {"huv_um", 100},
+                           {"m_uv", 1.29}});
   add_dead_zones(d, {1631, 1.29, 238, 4.84, 100}, 100, 200, 20, 12, 15, 0.980);
+  add_cured(d, {1631, 1.03, 238, 0, 0}, 100, 0.958);
   return d;
 }
 
 /// All fits that the dissertation publishes, and a joint one.
 inline std::vector<Design> published_designs() {
-  return {jacobs_design("MakerJuice yellow", 69, 170, 0.983),
-          jacobs_design("Formlabs clear", 223, 260, 0.992),
-          jacobs_design("PR57 black", 82, 92, 0.994),
-          kinetic_design("MakerJuice yellow", 67, 168, 0.99, 0.983),
-          kinetic_design("Formlabs clear", 148, 238, 0.91, 0.994),
-          kinetic_design("PR57 black", 117, 99, 1.07, 0.996),
-          kinetic_design("custom Resin 1", 64, 408, 0.99, 0.985, 100),
-          kinetic_design("custom Resin 2", 238, 1631, 1.03, 0.958, 100),
-          steady_design(),
-          transient_design(),
-          joint_design()};
+  std::vector<Design> all = {jacobs_design("MakerJuice yellow", 69, 170, 0.983),
+                             jacobs_design("Formlabs clear", 223, 260, 0.992),
+                             jacobs_design("PR57 black", 82, 92, 0.994),
+                             kinetic_design("MakerJuice yellow", 67, 168, 0.99, 0.983),
+                             kinetic_design("Formlabs clear", 148, 238, 0.91, 0.994),
+                             kinetic_design("PR57 black", 117, 99, 1.07, 0.996),
+                             kinetic_design("custom Resin 1", 64, 408, 0.99, 0.985, 100),
+                             kinetic_design("custom Resin 2", 238, 1631, 1.03, 0.958, 100),
+                             steady_design(),
+                             transient_design(),
+                             joint_design()};
+  // Runs of one design must not be the runs of the next in other units.
+  for (std::size_t i = 0; i < all.size(); ++i) all[i].first_seed = 1000 * static_cast<unsigned>(i);
+  return all;
 }
 
 /// Normal numbers that are the same everywhere: the standard library's differ between versions.
@@ -173,34 +168,46 @@ class Normal {
 
 inline resins::Measurements with_scatter(const Design& d, unsigned seed) {
   resins::Measurements m = d.exact;
-  Normal normal(seed);
+  Normal normal(d.first_seed + seed);
   for (auto& c : m.cured) c.height_um += d.cured_sigma_um * normal();
   for (auto& z : m.dead_zones) z.dead_zone_um += d.dead_zone_sigma_um * normal();
   return m;
 }
 
-/// Share of seeded runs in which a parameter lay in its own 95 % interval.
-struct Coverage {
-  std::map<std::string, double> share, mean_value, mean_stderr;
+/// What seeded runs say of a parameter.
+struct Seen {
+  double share = 0;  ///< of runs in which its own 95 % interval held the truth
+  double mean_value = 0, mean_stderr = 0;
+  int without_interval = 0;  ///< held or at a bound: counts as missed
+};
+struct CoverageOf {
+  std::map<std::string, Seen> parameters;
   double mean_r2 = 0;
 };
 
-inline Coverage measure_coverage(const Design& d, int runs, const Job& job = {}) {
+inline CoverageOf measure_coverage(const Design& d, int runs, const Job& job = {}) {
   std::vector<resins::FitResult> results(static_cast<std::size_t>(runs));
   parallel_for(job, "coverage", results.size(), [&](std::size_t i) {
     results[i] = resins::fit(with_scatter(d, static_cast<unsigned>(i) + 1), d.model, d.options);
   });
-  Coverage c;
+  CoverageOf c;
   for (const auto& r : results) {
     c.mean_r2 += r.r2 / runs;
     for (const auto& [name, value] : d.truth) {
-      // A parameter that was held has no interval, and does not count as covered.
+      Seen& seen = c.parameters[name];
       const resins::Parameter* p = r.find(name);
-      if (!p) continue;
-      c.share[name] += (p->ci95[0] <= value && value <= p->ci95[1]) ? 1.0 / runs : 0;
-      c.mean_value[name] += p->value / runs;
-      c.mean_stderr[name] += p->stderr_ / runs;
+      if (!p || !std::isfinite(p->stderr_)) {
+        ++seen.without_interval;
+        continue;
+      }
+      seen.share += p->ci95[0] <= value && value <= p->ci95[1] ? 1.0 / runs : 0;
+      seen.mean_value += p->value;
+      seen.mean_stderr += p->stderr_;
     }
+  }
+  for (auto& [name, seen] : c.parameters) {
+    seen.mean_value /= runs - seen.without_interval;
+    seen.mean_stderr /= runs - seen.without_interval;
   }
   return c;
 }

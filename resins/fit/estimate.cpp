@@ -159,6 +159,68 @@ Solution estimate(Setup& s, const FitOptions& options) {
   return solution;
 }
 
+std::array<double, 2> profile_interval(const Setup& s, const Solution& solution, const Diagnosis& d,
+                                       std::size_t active_index, double t) {
+  const std::size_t which = d.active[active_index];
+  const Unknown unknown = s.problem.unknowns[which];
+  const double best = solution.inner[which], stderr_inner = d.stderr_inner(active_index);
+  const auto column = d.unscaled.col(static_cast<Eigen::Index>(active_index));
+  Setup held = s;
+  held.hold(unknown.name, unknown.value(best));
+  held.problem.tolerance = std::max(held.problem.tolerance, 1e-9);
+  std::vector<double> others = solution.inner, direction;
+  others.erase(others.begin() + static_cast<std::ptrdiff_t>(which));
+  for (std::size_t i = 0; i < solution.inner.size(); ++i) {
+    if (i == which) continue;
+    const auto k = std::find(d.active.begin(), d.active.end(), i) - d.active.begin();
+    const bool moves = k < static_cast<std::ptrdiff_t>(d.active.size());
+    direction.push_back(moves ? column(k) / column(static_cast<Eigen::Index>(active_index)) : 0);
+  }
+  const std::vector<double> others_at_best = others;
+  double others_for = best;
+  /// Distance from the optimum in standard errors, as the cost sees it. The others start where they
+  /// were, moved along the line that the covariance gives.
+  const auto distance = [&](double inner) {
+    for (const Slot slot : unknown.slots) held.problem.fixed[slot] = unknown.value(inner);
+    std::vector<double> start = others;
+    for (std::size_t i = 0; i < start.size(); ++i) start[i] += (inner - others_for) * direction[i];
+    const auto refit = solve(held.problem, start);
+    if (!refit) return std::numeric_limits<double>::infinity();
+    others = refit->inner;
+    others_for = inner;
+    return std::sqrt(std::max(0.0, 2 * (refit->cost - solution.cost)) / d.variance);
+  };
+  const auto end_towards = [&](double sign) {
+    const double bound = unknown.inner(sign < 0 ? unknown.low : unknown.high);
+    const auto limited = [&](double step) {
+      const double inner = best + sign * step;
+      return sign < 0 ? std::max(inner, bound) : std::min(inner, bound);
+    };
+    others = others_at_best;
+    others_for = best;
+    double near = 0, far = t * stderr_inner, far_distance = distance(limited(far));
+    while (far_distance < t) {
+      if (limited(far) == bound) return bound;
+      near = far;
+      far *= 1.5;
+      far_distance = distance(limited(far));
+    }
+    // The distance is close to proportional: false position, with halves where it stalls.
+    double near_distance = near > 0 ? distance(limited(near)) : 0;
+    for (int i = 0; i < 40 && far - near > 1e-3 * stderr_inner; ++i) {
+      double share = (t - near_distance) / (far_distance - near_distance);
+      if (!std::isfinite(far_distance) || i % 3 == 2) share = 0.5;
+      const double middle = near + std::clamp(share, 0.02, 0.98) * (far - near);
+      const double seen = distance(limited(middle));
+      if (std::abs(seen - t) < 1e-3) return limited(middle);
+      (seen < t ? near : far) = middle;
+      (seen < t ? near_distance : far_distance) = seen;
+    }
+    return limited(0.5 * (near + far));
+  };
+  return {unknown.value(end_towards(-1)), unknown.value(end_towards(1))};
+}
+
 std::optional<Reciprocity> test_reciprocity(const Setup& s, const Diagnosis& d) {
   // Both laws on the cured heights, with the weights that the fit came to.
   Setup kinetic;

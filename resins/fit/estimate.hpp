@@ -20,6 +20,13 @@ struct KindScatter {
 };
 KindScatter scatter_of_kinds(const Problem& problem, const Diagnosis& diagnosis);
 
+/// Interval of an active unknown in which the cost, with the others fitted again, stays within
+/// what `t` standard errors would make of it were the law linear (likelihood profile; Bates and
+/// Watts, Nonlinear Regression Analysis, 6.1). An end that lies beyond a bound is that bound.
+std::array<double, 2> profile_interval(const Setup& setup, const Solution& solution,
+                                       const Diagnosis& diagnosis, std::size_t active_index,
+                                       double t);
+
 /// Jacobs against kinetic on the cured heights; nothing where they can't tell.
 std::optional<Reciprocity> test_reciprocity(const Setup& setup, const Diagnosis& diagnosis);
 

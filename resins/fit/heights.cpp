@@ -18,9 +18,8 @@ Root front_root(double s, double q) {
   // Both are left of it: the root for s = infinity, and that of the parabola at w = 0.
   double w = std::max(std::log(q) / (1 - q), -std::sqrt(2 * s / q));
   for (int i = 0; i < 200; ++i) {
-    const double f = std::expm1(-q * w) - q * std::expm1(-w) - rest;
-    const double slope = q * (std::exp(-w) - std::exp(-q * w));
-    const double step = -f / slope;
+    const double near = std::expm1(-q * w), far = std::expm1(-w);
+    const double step = -(near - q * far - rest) / (q * (far - near));
     w += step;
     if (!(step > 1e-16 * std::abs(w))) break;
   }

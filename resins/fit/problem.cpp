@@ -85,6 +85,79 @@ std::optional<Solution> minimise(const Problem& problem, std::vector<double> inn
                   static_cast<int>(summary.iterations.size())};
 }
 
+/// Ceres cuts steps off at bounds, and stops early where parameters go together. Which bounds hold
+/// it tells well enough to solve the rest freely; each is then checked by the slope of the cost.
+Solution settle_at_bounds(const Problem& problem, const Solution& begin,
+                          const std::vector<double>& low, const std::vector<double>& high) {
+  const std::size_t width = problem.unknowns.size();
+  Solution best = begin, now = begin;
+  std::vector<bool> held(width);
+  for (std::size_t i = 0; i < width; ++i) {
+    const double near = 1e-9 * (high[i] - low[i]);
+    held[i] = now.inner[i] <= low[i] + near || now.inner[i] >= high[i] - near;
+  }
+  for (std::size_t round = 0; round < 4 * width; ++round) {
+    Problem rest = problem;
+    rest.unknowns.clear();
+    std::vector<double> inner;
+    for (std::size_t i = 0; i < width; ++i) {
+      const Unknown& u = problem.unknowns[i];
+      if (held[i]) {
+        // To the nearer one, exactly.
+        const bool at_low = now.inner[i] - low[i] < high[i] - now.inner[i];
+        now.inner[i] = at_low ? low[i] : high[i];
+        for (const Slot s : u.slots) rest.fixed[s] = u.value(now.inner[i]);
+      } else {
+        rest.unknowns.push_back(u);
+        inner.push_back(now.inner[i]);
+      }
+    }
+    std::optional<Solution> found;
+    if (inner.empty()) {
+      found = Solution{{}, cost_at(rest, inner), 0};
+    } else {
+      found = minimise(rest, inner, nullptr, nullptr);
+    }
+    if (!found || !std::isfinite(found->cost)) break;
+    best.iterations += found->iterations;
+    bool inside = true;
+    for (std::size_t i = 0, k = 0; i < width; ++i) {
+      if (held[i]) continue;
+      const double value = found->inner[k++];
+      now.inner[i] = std::clamp(value, low[i], high[i]);
+      if (value >= low[i] && value <= high[i]) continue;
+      held[i] = true;
+      inside = false;
+    }
+    if (!inside) continue;
+    if (found->cost <= best.cost) {
+      best.inner = now.inner;
+      best.cost = found->cost;
+    }
+    // Does the cost fall from a bound inwards?
+    std::vector<double> residual(problem.observations.size());
+    std::vector<double> jacobian(problem.observations.size() * width);
+    if (!problem.residuals(now.inner.data(), residual.data(), jacobian.data())) break;
+    bool released = false;
+    for (std::size_t i = 0; i < width && !released; ++i) {
+      if (!held[i]) continue;
+      double slope = 0, scale = 0;
+      for (std::size_t k = 0; k < residual.size(); ++k) {
+        const double r = residual[k];
+        const double part =
+            rho(problem.loss, problem.loss_scale, r * r)[1] * r * jacobian[k * width + i];
+        slope += part;
+        scale += std::abs(part);
+      }
+      const double inwards = now.inner[i] == low[i] ? -slope : slope;
+      released = inwards > 1e-9 * scale;
+      if (released) held[i] = false;
+    }
+    if (!released) break;
+  }
+  return best;
+}
+
 }  // namespace
 
 double Unknown::inner(double value) const { return is_scale ? std::log(value) : value; }
@@ -160,8 +233,9 @@ std::optional<Solution> solve(const Problem& problem, std::vector<double> start)
     }
     return true;
   };
-  if (!found || !inside(found->inner)) found = minimise(problem, start, low.data(), high.data());
-  return found;
+  if (found && inside(found->inner)) return found;
+  found = minimise(problem, start, low.data(), high.data());
+  return found ? settle_at_bounds(problem, *found, low, high) : found;
 }
 
 Solution solve_best(const Problem& problem, const std::vector<std::vector<double>>& starts) {

@@ -116,15 +116,14 @@ void start_cured(Setup& s, bool with_exponent) {
 }
 
 /// beta and huv of dead zones, as if all were steady.
-void start_dead_zones(Setup& s) {
+void start_dead_zones(Setup& s, bool both_free) {
   std::vector<double> ln_ratio, height;
   for (const Observation& o : s.problem.observations) {
     if (!o.is_dead_zone) continue;
     ln_ratio.push_back(o.exposure.ln_uv - o.exposure.ln_blue);
     height.push_back(o.measured_um);
   }
-  const bool beta_free = s.problem.is_steady || s.model == FitModel::joint;
-  if (count_different(ln_ratio) < 2 && beta_free && s.problem.unknowns.size() > 1) {
+  if (count_different(ln_ratio) < 2 && both_free) {
     refuse(s, fmt::format("all {} dead zones have one ratio of UV to blue ({:.4g}); expected two "
                           "or more ratios that differ by a factor of 2 or more",
                           height.size(), std::exp(ln_ratio.front())));
@@ -541,7 +540,7 @@ Setup set_up(const Measurements& data, FitModel model, const FitOptions& options
   }
   if (uses_dead_zones(model)) {
     if (model == FitModel::joint) s.start[kUvExponent] = s.start[kExponent];
-    start_dead_zones(s);
+    start_dead_zones(s, !options.fixed.contains("beta") && !options.fixed.contains("huv_um"));
     if (!s.problem.is_steady) start_transient(s);
   }
   for (const auto& [name, value] : options.fixed) s.hold(name, value);

@@ -2,23 +2,21 @@
 // over 500 seeded runs of each experiment of the dissertation.
 #include <fmt/format.h>
 
-#include <cstdlib>
-
 #include "fit_designs.hpp"
 
-int main(int argc, char** argv) {
+int main() {
   using namespace slicecorr;
-  const int runs = argc > 1 ? std::atoi(argv[1]) : 500;
+  constexpr int runs = 500;
   fmt::print(
-      "| model | resin | R² | parameter | true | mean of fits | mean standard error | coverage "
-      "|\n");
-  fmt::print("|---|---|---|---|---|---|---|---|\n");
+      "| model | resin | R² | parameter | true | mean of fits | mean standard error | in its "
+      "interval |\n|---|---|---|---|---|---|---|---|\n");
   for (const test::Design& design : test::published_designs()) {
-    const test::Coverage c = test::measure_coverage(design, runs);
+    const test::CoverageOf c = test::measure_coverage(design, runs);
     for (const auto& [name, value] : design.truth) {
+      const test::Seen& seen = c.parameters.at(name);
       fmt::print("| {} | {} | {:.3f} | {} | {:.4g} | {:.4g} | {:.2g} | {:.1f} % |\n",
                  resins::name_of(design.model), design.name, c.mean_r2, name, value,
-                 c.mean_value.at(name), c.mean_stderr.at(name), 100 * c.share.at(name));
+                 seen.mean_value, seen.mean_stderr, 100 * seen.share);
     }
   }
 }

@@ -67,8 +67,10 @@ struct Parameter {
   std::string name;  ///< contract's name
   std::string unit;  ///< for people: "um", "mJ/cm²", ""
   double value = 0;
-  double stderr_ = 0;            ///< from the covariance; NaN when it can't be known
-  std::array<double, 2> ci95{};  ///< value -+ t(0.975, n - p) stderr, in log for scale parameters
+  double stderr_ = 0;  ///< from the covariance; NaN when it can't be known
+  /// value -+ t(0.975, n - p) stderr, in log for scale parameters (all but exponents); of
+  /// dead_zone_transient and joint without robust loss from the likelihood profile, so asymmetric.
+  std::array<double, 2> ci95{};
   std::optional<std::array<double, 2>> bootstrap95;  ///< percentiles of resampled fits
   /// Held at a value: asked for, or because the measurements can't tell it (with a warning).
   bool fixed = false;

@@ -1,0 +1,142 @@
+// How often intervals hold the truth, in the dissertation's experiments; bootstrap; repeatability.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "fit_designs.hpp"
+
+namespace slicecorr::resins {
+namespace {
+
+class Coverage : public ::testing::TestWithParam<test::Design> {};
+
+// The nominal 95 % of 500 runs have a standard deviation of 1 %: 92 to 98 % is three of them.
+TEST_P(Coverage, OfEveryParameterIsNominal) {
+  const test::Design& d = GetParam();
+  const test::CoverageOf c = test::measure_coverage(d, 500);
+  for (const auto& [name, value] : d.truth) {
+    EXPECT_GE(c.parameters.at(name).share, 0.92) << name;
+    EXPECT_LE(c.parameters.at(name).share, 0.98) << name;
+    RecordProperty(name, fmt::format("{:.3f}", c.parameters.at(name).share));
+  }
+  // The scatter was made for the R² that the dissertation prints with three digits.
+  EXPECT_NEAR(c.mean_r2, d.r2, 0.002);
+}
+
+INSTANTIATE_TEST_SUITE_P(Published, Coverage, ::testing::ValuesIn(test::published_designs()),
+                         [](const auto& info) {
+                           std::string name(name_of(info.param.model));
+                           name += "_" + info.param.name;
+                           std::erase_if(name, [](char c) { return c == '-' || c == ' '; });
+                           return name;
+                         });
+
+// With a twentieth of gross errors, intervals of robust fits must still be honest. Their theory
+// holds for many measurements and symmetric errors, so 3 % more are allowed on either side.
+TEST(RobustCoverage, StandsOutliers) {
+  const test::Design d = test::kinetic_design("", 67, 168, 0.99, 0.983);
+  for (const Loss loss : {Loss::soft_l1, Loss::cauchy}) {
+    const int runs = 300;
+    std::map<std::string, int> inside;
+    for (int run = 0; run < runs; ++run) {
+      Measurements data = test::with_scatter(d, static_cast<unsigned>(run) + 1);
+      test::Normal sign(static_cast<unsigned>(run) + 5000);
+      for (std::size_t i = 6; i < data.cured.size(); i += 18) {
+        data.cured[i].height_um += (sign() > 0 ? 8 : -8) * d.cured_sigma_um;
+      }
+      FitOptions options;
+      options.loss = loss;
+      const FitResult r = fit(data, d.model, options);
+      for (const auto& [name, value] : d.truth) {
+        const auto ci = r.find(name)->ci95;
+        inside[name] += ci[0] <= value && value <= ci[1];
+      }
+    }
+    for (const auto& [name, count] : inside) {
+      EXPECT_GE(count, 0.89 * runs) << name;
+      EXPECT_LE(count, 0.995 * runs) << name;
+    }
+  }
+}
+
+// For normal scatter both kinds of interval are estimates of the same: percentiles of 2000
+// resamplings are uncertain by 4 % of a standard error, and their scale by 1 / sqrt(2 (n - p)).
+TEST(Bootstrap, AgreesWithTheCovariance) {
+  for (test::Design d : {test::kinetic_design("", 67, 168, 0.99, 0.983), test::steady_design(),
+                         test::joint_design()}) {
+    d.options.bootstrap = 2000;
+    const FitResult r = fit(test::with_scatter(d, 11), d.model, d.options);
+    for (const Parameter& p : r.parameters) {
+      ASSERT_TRUE(p.bootstrap95) << p.name;
+      const auto [low, high] = *p.bootstrap95;
+      EXPECT_LT(low, p.value);
+      EXPECT_GT(high, p.value);
+      EXPECT_NEAR((high - low) / (p.ci95[1] - p.ci95[0]), 1, 0.2) << name_of(d.model) << p.name;
+    }
+  }
+}
+
+TEST(Bootstrap, TooFewResamplingsGiveNoInterval) {
+  test::Design d = test::steady_design();
+  d.options.bootstrap = 5;
+  const FitResult r = fit(test::with_scatter(d, 1), d.model, d.options);
+  EXPECT_FALSE(r.find("beta")->bootstrap95);
+  ASSERT_FALSE(r.warnings.empty());
+  EXPECT_NE(r.warnings.back().find("too few"), std::string::npos);
+}
+
+TEST(Repeatability, ResultsDoNotDependOnThreads) {
+  for (test::Design d : {test::kinetic_design("", 67, 168, 0.99, 0.983), test::transient_design(),
+                         test::joint_design()}) {
+    d.options.bootstrap = 100;
+    d.options.seed = 42;
+    const Measurements data = test::with_scatter(d, 3);
+    std::string first;
+    for (const int threads : {1, 2, 5}) {
+      Job job;
+      job.threads = threads;
+      const std::string json = fit(data, d.model, d.options, job).to_json();
+      if (first.empty()) first = json;
+      EXPECT_EQ(json, first) << threads << " threads";
+    }
+    d.options.seed = 43;
+    EXPECT_NE(fit(data, d.model, d.options).to_json(), first);
+  }
+}
+
+TEST(Repeatability, OrderAndUnitsOfTimeDoNotMatter) {
+  const test::Design d = test::kinetic_design("", 67, 168, 0.99, 0.983);
+  const Measurements data = test::with_scatter(d, 3);
+  const FitResult r = fit(data, d.model, d.options);
+  Measurements turned = data;
+  std::reverse(turned.cured.begin(), turned.cured.end());
+  // Times in ms and heights in nm: the same law with other numbers.
+  for (auto& c : turned.cured) {
+    c.exposure_s *= 1000;
+    c.dose_mj_cm2 *= 1000;
+    c.height_um *= 1000;
+  }
+  const FitResult t = fit(turned, d.model, d.options);
+  EXPECT_NEAR(t.value("m") / r.value("m"), 1, 1e-9);
+  EXPECT_NEAR(t.value("h_um") / r.value("h_um") / 1000, 1, 1e-9);
+  EXPECT_NEAR(t.value("critical_dose_prime") / r.value("critical_dose_prime") / 1000, 1, 1e-9);
+  EXPECT_NEAR(t.find("m")->stderr_ / r.find("m")->stderr_, 1, 1e-9);
+}
+
+TEST(Repeatability, StartsFarOffEndAtTheSameResult) {
+  for (test::Design d : {test::transient_design(), test::joint_design()}) {
+    const Measurements data = test::with_scatter(d, 4);
+    const FitResult r = fit(data, d.model, d.options);
+    for (const int starts : {1, 3, 40}) {
+      d.options.starts = starts;
+      const FitResult other = fit(data, d.model, d.options);
+      for (const Parameter& p : r.parameters) {
+        EXPECT_NEAR(other.value(p.name) / p.value, 1, 1e-6) << starts << " " << p.name;
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace slicecorr::resins

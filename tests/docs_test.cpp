@@ -2,6 +2,7 @@
 // is the one that the program prints.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <regex>
@@ -48,10 +49,22 @@ TEST(Docs, CommandsOfTheReadmeRun) {
   fs::create_directories(folder / "build");
   fs::create_directory_symlink(kBin, folder / "build" / "bin");
   test::write_stl((folder / "part.stl").string(), test::ladder());
+  // Heights of a resin with h 200 um and D'c 40 (mW/cm²)^0.9·s, to the nearest um.
+  {
+    std::ofstream heights(folder / "heights.csv");
+    heights << "intensity_mw_cm2,exposure_s,cured_height_um\n";
+    for (const double intensity : {5.0, 10.0, 20.0}) {
+      for (const double time_s : {20.0, 40.0, 80.0}) {
+        const double um = 200 / 0.9 * std::log(std::pow(intensity, 0.9) * time_s / 40.0);
+        heights << intensity << ',' << time_s << ',' << std::round(um) << '\n';
+      }
+    }
+  }
   const auto commands = commands_of(kSource / "README.md");
   ASSERT_GE(commands.size(), 8U);
   test::RunOptions options;
   options.folder = folder.string();
+  options.environment = {{"HOME", folder.string()}, {"XDG_CONFIG_HOME", ""}, {"SLICECORR_DB", ""}};
   for (const std::string& command : commands) {
     const auto result = test::run_program({"/bin/sh", "-c", command}, options);
     EXPECT_EQ(result.exit_code, 0) << command << "\n" << result.err;

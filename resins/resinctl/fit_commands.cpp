@@ -134,12 +134,12 @@ void write_record(const FitArguments& a, FitResult result, Console& console) {
   const ResinRecord* const record = previous ? &*previous : nullptr;
   const std::string folder = cli::folder_of(a.output);
   // A text that can't be made must not leave copies of measurements behind.
-  record_text_from_fit(stem, {result}, record);
+  record_text_from_fit(stem, {result}, record, folder);
   for (std::string& source : result.sources) {
     if (same_file(cli::folder_of(source), folder)) continue;
     source = (fs::path(folder) / save_measurements(folder, stem, source)).string();
   }
-  const std::string text = record_text_from_fit(stem, {result}, record);
+  const std::string text = record_text_from_fit(stem, {result}, record, folder);
   // A file outside of the database that is new leaves nothing else in its folder.
   const auto folders = definition_folders("resin");
   const bool in_database = std::any_of(folders.begin(), folders.end(),

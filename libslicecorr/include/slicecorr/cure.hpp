@@ -12,19 +12,31 @@
 ///     Omega(zeta) = phi_n + (Omega(n + 1) - phi_n) 10^-((n + 1 - zeta) eta)               (A.35)
 ///
 /// which is monotone in the layer. An exponent m other than 1 (kinetic resins) keeps all of this,
-/// with eta = m hs / (hb ln 10) and phi = I^m hb / (m s D'c). Everything here is pure and
-/// thread-safe.
+/// with eta = m hs / (hb ln 10) and phi = I^m hb / (m s D'c).
+///
+/// Layer by layer (appendix A.6) each slice is shown for a time te while the platform stands still.
+/// phi' = I^m te / D'c is what it adds at the window, W(n) the dose at the far edge of layer n:
+///
+///     W(n) = (phi'_n + W(n + 1)) a,   W(M) = 0,   in layer n (phi'_n + W(n + 1)) 10^-((n+1-zeta)
+///     eta)
+///
+/// so the dose jumps at every node: the sawtooth. Under inhibiting UV light neither recursion holds
+/// near the window: see inhibited.hpp. Everything here is pure and thread-safe.
 #pragma once
 
 #include <cstddef>
+#include <memory>
 #include <vector>
 
 #include "slicecorr/process.hpp"
 
 namespace slicecorr {
 
-/// A printer, a resin and a speed in dimensionless form.
+class InhibitedKernel;
+
+/// A printer, a resin and an exposure schedule in dimensionless form.
 struct CureModel {
+  ExposureMode mode = ExposureMode::continuous;
   double layer_um = 0;                   ///< hs
   double eta = 0;                        ///< hs / ha, base 10, with m
   double a = 0;                          ///< 10^-eta: what is left of a dose one node further up
@@ -32,7 +44,20 @@ struct CureModel {
   double root_a = 0;                     ///< 10^(-eta/2): half a layer
   double m = 1;                          ///< exponent of intensity
   double critical_intensity_mw_cm2 = 0;  ///< Ic: the intensity of phi = 1
-  std::vector<double> level_phi;         ///< phi of each grey level, never falling
+  /// phi of each grey level, never falling; layer by layer phi' at the normal exposure.
+  std::vector<double> level_phi;
+  /// Layer by layer: exposure of each slice over the normal one; the last holds for later slices,
+  /// empty: 1.
+  std::vector<double> exposure_ratio;
+  /// The dose under UV light; null without it.
+  std::shared_ptr<const InhibitedKernel> inhibited;
+  /// Whether the recursion (A.32) describes the dose.
+  bool is_plain() const { return mode == ExposureMode::continuous && !inhibited; }
+  double ratio(int slice) const {
+    if (exposure_ratio.empty()) return 1.0;
+    const auto n = static_cast<std::size_t>(slice);
+    return n < exposure_ratio.size() ? exposure_ratio[n] : exposure_ratio.back();
+  }
   double phi_min() const { return level_phi.front(); }
   double phi_max() const { return level_phi.back(); }
 

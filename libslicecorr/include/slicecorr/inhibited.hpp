@@ -1,20 +1,20 @@
 /// @file inhibited.hpp
-/// The dose under inhibiting UV light (physics of the dissertation's chapter III carried into those
-/// of chapter II).
+/// The dose under inhibiting UV light (the dissertation's chapter III carried into chapter II).
 ///
-/// A point at distance d above the window gains at the rate max(0, I e^(-d/hb) - beta Iuv
-/// e^(-d/huv))^m / D'c. While slice n is shown that is, continuous,
+/// A point at distance d above the window gains dose at the rate max(0, I e^(-d/hb) - beta Iuv
+/// e^(-d/huv))^m / D'c. With x the distance, in slices, at which the window stands when slice n
+/// ends (x = n + 1 - zeta), slice n adds
 ///
-///     K_j(I) = 1/(s D'c) * integral of max(0, I e^(-d/hb) - beta Iuv e^(-d/huv))^m dd over the
-///              slab of distances j hs .. (j + 1) hs                     j = n - k at node k
+///     continuous       1/(s D'c) * integral of the m-th power over d from max(0, x - 1) hs to x hs
+///     layer by layer   the rate at d = x hs, times the exposure te
 ///
-/// and layer by layer the rate at the distance (n + 1 - zeta) hs times the exposure. The first
-/// `near()` slices are taken from tables of these exact values; beyond, where the share of UV has
-/// fallen below `tail_share`, each slice further adds a = 10^-eta times the one before: the
-/// recursion (A.32) again.
+/// The nearest `near()` slices are taken from tables of these values; beyond, where the share of UV
+/// has fallen below `tail_share`, each slice further adds a = 10^-eta times the one before, which
+/// is the recursion without UV (A.32).
 ///
 /// The kernel is 0 nearer than the dead zone and greatest at z0: a slice hardly acts on its own
-/// node. See correct.hpp for what that means for the correction. Immutable; may be shared.
+/// layer. See correct.hpp for what that means for the correction. Immutable; may be shared between
+/// threads.
 #pragma once
 
 #include <cstddef>
@@ -28,46 +28,73 @@ namespace slicecorr {
 
 class InhibitedKernel {
  public:
-  /// Share of UV in the rate at full light below which slices are recursed.
+  /// Share of UV in the rate at full light below which slices are recursed: the dose is right to
+  /// this share.
   static constexpr double tail_share = 1e-6;
-  /// Positions inside a layer at which doses are tabulated: its lower end, middle and upper end.
-  enum Place { lower_end = 0, middle = 1, upper_end = 2 };
+  /// Where in a layer a dose is asked for: x = j + place / 4 for the slice j layers below.
+  enum Place { lower_end = 0, quarter = 1, middle = 2, three_quarters = 3, upper_end = 4 };
+  static constexpr int places = 5;
 
-  /// `level_mw_cm2`: blue intensity of each grey level.
-  InhibitedKernel(const Kinetics& kinetics, const Printer& printer, const Process& process,
-                  double layer_um, std::vector<double> level_mw_cm2);
+  /// `kinetics` with the dose to aim at, `gel` with that of gelation (for the window);
+  /// `level_mw_cm2`: blue intensity of each grey level. Throws `InputError` when the printer has no
+  /// UV lamp, `InfeasibleError` when the lamp can't give what the schedule asks for.
+  InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel, const Printer& printer,
+                  const Process& process, double layer_um, std::vector<double> level_mw_cm2);
 
   const Kinetics& kinetics() const { return kinetics_; }
   int near() const { return near_; }
   int levels() const { return static_cast<int>(blue_.size()); }
-  /// Number of UV settings that have tables of their own: 1 unless the schedule is per slice.
+  /// UV settings that have tables of their own: 1 unless the lamp changes from slice to slice.
   int settings() const { return static_cast<int>(setting_uv_.size()); }
   int setting_of_slice(int slice) const;
-  /// UV intensity that a pixel of a grey level gets in a slice.
-  double uv_mw_cm2(int slice, int level) const;
+  /// UV intensity over a pixel of a grey level in a slice.
+  double uv_mw_cm2(int slice, int level) const { return uv_of(setting_of_slice(slice), level); }
+  /// UV intensity of each level where it is patterned; empty else.
+  const std::vector<double>& uv_of_levels() const { return level_uv_; }
 
-  /// Dose that a slice of `level` adds j layers above its own, j = 0..near() - 1, at a place in
-  /// that layer: table[j * levels() + level]. Layer by layer at the normal exposure.
-  const double* table(int setting, Place place) const;
-  /// What slices further away than `near()` add is this factor per layer times the last entry.
+  /// What a slice of a level adds j layers above its own: table[j * levels() + level], j = 0 ..
+  /// near() - 1; layer by layer at the normal exposure.
+  const double* table(int setting, Place place) const {
+    return tables_[static_cast<std::size_t>(setting * places + place)].data();
+  }
+  /// A slice j >= near() layers away adds a() times what it adds one layer nearer.
   double a() const { return a_; }
-  /// Dose that light of a level adds at a distance (in slices) above the lower end of its layer:
-  /// exact, for roots.
-  double exact(int setting, int level, double distance_slices) const;
+  /// The same at any distance x > 0 slices, from the integral itself.
+  double exact(int setting, int level, double x) const;
+  /// Dose after a long run of slices of this level: the phi of the model without UV.
+  double steady_dose(int setting, int level) const;
 
-  /// Steady dead zone of a level in a slice, um.
+  /// Steady dead zone at a pixel of a level, um: 0 when the resin cures to the window, infinite
+  /// when the pixel never gels anything.
   double dead_zone_um(int slice, int level) const;
+  /// Gel dose that one slice of this level gives at the window itself; 1 cures to the window when
+  /// it comes from slices that follow each other.
+  double window_dose(int slice, int level) const;
+  /// Highest level that never cures to the window in any setting; -1: none.
+  int highest_safe_level() const;
 
  private:
-  double rate(double blue, double uv, double z_um) const;
+  double uv_of(int setting, int level) const {
+    return level_uv_.empty() ? setting_uv_[static_cast<std::size_t>(setting)]
+                             : level_uv_[static_cast<std::size_t>(level)];
+  }
+  double amount(double blue, double uv, double x) const;
+  void tabulate(int setting);
 
-  Kinetics kinetics_;
+  Kinetics kinetics_, gel_;
   ExposureMode mode_;
-  double layer_um_ = 0, scale_ = 0, a_ = 1;
+  double layer_um_ = 0;
+  double scale_ = 0;      ///< from the integral over um, or the rate, to relative dose
+  double gel_scale_ = 0;  ///< from the rate at the window to relative gel dose in one slice
+  double a_ = 1;
   int near_ = 1;
   std::vector<double> blue_, setting_uv_, level_uv_;
   std::vector<std::uint16_t> slice_setting_;
-  std::vector<std::vector<double>> tables_;  ///< [setting * 3 + place]
+  std::vector<std::vector<double>> tables_;  ///< [setting * places + place]
 };
+
+/// UV intensity that holds a steady dead zone over blue light: Iuv = Ib / beta e^(zf (1/huv -
+/// 1/hb)).
+double uv_for_dead_zone(const Kinetics& kinetics, double blue_mw_cm2, double dead_zone_um);
 
 }  // namespace slicecorr

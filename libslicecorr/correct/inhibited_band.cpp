@@ -83,4 +83,36 @@ void InhibitedBand::solve(const BandCorrector::Sink& sink) {
   }
 }
 
+std::unique_ptr<BandSolver> make_inhibited_solver(const CorrectionPlan& plan, std::size_t columns) {
+  return std::make_unique<InhibitedBand>(*plan.inhibited, columns);
+}
+
+std::vector<std::uint8_t> solve_inhibited_column(const CorrectionPlan& plan,
+                                                 const std::vector<std::uint8_t>& coverage) {
+  std::vector<CoverageRun> runs;
+  for (std::size_t n = 0; n < coverage.size(); ++n) {
+    if (coverage[n] == 0) continue;
+    const auto at = static_cast<std::int32_t>(n);
+    if (!runs.empty() && runs.back().end == at && runs.back().coverage == coverage[n]) {
+      ++runs.back().end;
+    } else {
+      runs.push_back({at, at + 1, coverage[n]});
+    }
+  }
+  InhibitedColumn column(*plan.inhibited);
+  std::vector<std::uint8_t> levels = column.solve(runs);
+  levels.resize(static_cast<std::size_t>(plan.all_layers));
+  return levels;
+}
+
+std::vector<double> solve_inhibited_column_exactly(const CorrectionPlan& plan,
+                                                   const std::vector<std::uint8_t>& coverage) {
+  // The rule is one for levels; their steady doses stand for them.
+  std::vector<double> phi;
+  for (const std::uint8_t level : solve_inhibited_column(plan, coverage)) {
+    phi.push_back(plan.model.level_phi[level]);
+  }
+  return phi;
+}
+
 }  // namespace slicecorr::detail

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "base/band_tape.hpp"
+#include "correct/band_solvers.hpp"
 #include "correct/inhibited_column.hpp"
 #include "slicecorr/correct.hpp"
 
@@ -13,12 +14,12 @@ namespace slicecorr::detail {
 
 /// Takes the layers of a target from the first on, then gives slices from the last on. Memory grows
 /// with the changes along columns, not with voxels.
-class InhibitedBand {
+class InhibitedBand final : public BandSolver {
  public:
   InhibitedBand(const InhibitedPlan& plan, std::size_t columns);
   /// Null: an empty layer.
-  void add_layer(const std::uint8_t* coverage);
-  void solve(const BandCorrector::Sink& sink);
+  void add_layer(const std::uint8_t* coverage) override;
+  void solve(const BandCorrector::Sink& sink) override;
 
  private:
   /// From this layer or slice on, in the order of the list, a column has this value.

@@ -4,73 +4,56 @@
 #include <cmath>
 #include <limits>
 
+#include "correct/band_solvers.hpp"
+
 namespace slicecorr::detail {
 
-namespace {
+namespace {}  // namespace
 
-/// On demands, over what rounding takes.
-constexpr double kMargin = 1e-9;
-
-/// Light that black does not give: entries of the kernel's tables less those of level 0, per UV
-/// setting, with running sums over the distance.
-class ExtraLight {
- public:
-  ExtraLight(const InhibitedKernel& kernel, InhibitedKernel::Place place)
-      : near_(kernel.near()), levels_(kernel.levels()), a_(kernel.a()) {
-    for (int s = 0; s < kernel.settings(); ++s) {
-      const double* from = kernel.table(s, place);
-      std::vector<double> table(static_cast<std::size_t>(near_ * levels_));
-      std::vector<double> sums(static_cast<std::size_t>((near_ + 1) * levels_), 0.0);
-      for (int j = 0; j < near_; ++j) {
-        for (int l = 0; l < levels_; ++l) {
-          const auto at = static_cast<std::size_t>(j * levels_ + l);
-          table[at] = std::max(0.0, from[at] - from[static_cast<std::size_t>(j * levels_)]);
-          sums[at + static_cast<std::size_t>(levels_)] = sums[at] + table[at];
-        }
+ExtraLight::ExtraLight(const InhibitedKernel& kernel, InhibitedKernel::Place place)
+    : near_(kernel.near()), levels_(kernel.levels()), a_(kernel.a()) {
+  for (int s = 0; s < kernel.settings(); ++s) {
+    const double* from = kernel.table(s, place);
+    std::vector<double> table(static_cast<std::size_t>(near_ * levels_));
+    std::vector<double> sums(static_cast<std::size_t>((near_ + 1) * levels_), 0.0);
+    for (int j = 0; j < near_; ++j) {
+      for (int l = 0; l < levels_; ++l) {
+        const auto at = static_cast<std::size_t>(j * levels_ + l);
+        table[at] = std::max(0.0, from[at] - from[static_cast<std::size_t>(j * levels_)]);
+        sums[at + static_cast<std::size_t>(levels_)] = sums[at] + table[at];
       }
-      tables_.push_back(std::move(table));
-      sums_.push_back(std::move(sums));
     }
+    tables_.push_back(std::move(table));
+    sums_.push_back(std::move(sums));
   }
-  /// What a slice of level l adds j layers above its own.
-  double one(int setting, int l, int j) const {
-    const std::vector<double>& t = tables_[static_cast<std::size_t>(setting)];
-    if (j < near_) return t[static_cast<std::size_t>(j * levels_ + l)];
-    return t[static_cast<std::size_t>((near_ - 1) * levels_ + l)] * std::pow(a_, j - near_ + 1);
-  }
-  const double* row(int setting, int j) const {
-    return tables_[static_cast<std::size_t>(setting)].data() + j * levels_;
-  }
-  /// Sum of one(l, i) over i < j.
-  double sum(int setting, int l, int j) const {
-    const std::vector<double>& s = sums_[static_cast<std::size_t>(setting)];
-    const auto at = static_cast<std::size_t>(std::min(j, near_) * levels_ + l);
-    if (j <= near_) return s[at];
-    const double last = tables_[static_cast<std::size_t>(setting)]
-                               [static_cast<std::size_t>((near_ - 1) * levels_ + l)];
-    return s[at] + last * a_ * (1.0 - std::pow(a_, j - near_)) / (1.0 - a_);
-  }
+}
 
- private:
-  int near_, levels_;
-  double a_;
-  std::vector<std::vector<double>> tables_, sums_;
-};
+double ExtraLight::one(int setting, int l, int j) const {
+  const std::vector<double>& t = tables_[static_cast<std::size_t>(setting)];
+  if (j < near_) return t[static_cast<std::size_t>(j * levels_ + l)];
+  return t[static_cast<std::size_t>((near_ - 1) * levels_ + l)] * std::pow(a_, j - near_ + 1);
+}
 
-}  // namespace
+double ExtraLight::sum(int setting, int l, int j) const {
+  const std::vector<double>& s = sums_[static_cast<std::size_t>(setting)];
+  const auto at = static_cast<std::size_t>(std::min(j, near_) * levels_ + l);
+  if (j <= near_) return s[at];
+  const double last = tables_[static_cast<std::size_t>(setting)]
+                             [static_cast<std::size_t>((near_ - 1) * levels_ + l)];
+  return s[at] + last * a_ * (1.0 - std::pow(a_, j - near_)) / (1.0 - a_);
+}
 
-InhibitedPlan::InhibitedPlan(const CureModel& model, const Process& process, int target_layers,
-                             int all_slices)
-    : kernel(model.inhibited.get()),
+InhibitedPlan::InhibitedPlan(const CureModel& model, bool merge, int target_layers, int all_slices)
+    : kernel(model.inhibited),
+      node_light(*kernel, InhibitedKernel::upper_end),
+      middle_light(*kernel, InhibitedKernel::middle),
       near(kernel->near()),
       levels(kernel->levels()),
       layers(target_layers),
       all_layers(all_slices),
+      cap(kernel->highest_usable_level()),
       layer_um(model.layer_um),
-      merge_one_slice_gaps(process.one_slice_gaps == OneSliceGaps::merge) {
-  cap = levels - 1;
-  const int safe = kernel->highest_safe_level();
-  if (!process.allow_window_cure && safe >= 0) cap = safe;
+      merge_one_slice_gaps(merge) {
   steady = cap;
   while (steady > 0 && kernel->steady_dose(0, steady - 1) >= 1.0) --steady;
   for (const double r : model.exposure_ratio) uniform = uniform && r == 1.0;
@@ -78,7 +61,7 @@ InhibitedPlan::InhibitedPlan(const CureModel& model, const Process& process, int
   if (!uniform) {
     for (int n = 0; n < all_layers; ++n) ratio.push_back(model.ratio(n));
   }
-  const ExtraLight extra(*kernel, InhibitedKernel::upper_end);
+  const ExtraLight& extra = node_light;
   reach = 1;
   while (reach < 100000 && extra.sum(0, cap, reach) < 1.0) ++reach;
   // The distance at which a slice of the steady level acts most, and shorter ones: short lags keep
@@ -115,17 +98,17 @@ InhibitedPlan::InhibitedPlan(const CureModel& model, const Process& process, int
   dark_middle = dark(InhibitedKernel::middle);
 }
 
-int inhibited_slices_to_gel(const CureModel& model, const Process& process) {
-  const InhibitedPlan plan(model, process, 1, 1);
+int inhibited_slices(const CureModel& model, int target_layers, int last_lit) {
+  const InhibitedPlan plan(model, false, 1, 1);
   // Whoever is promised its dose late gets it by light further away.
-  return plan.reach + plan.lags.front() + 2;
+  return std::max(target_layers, last_lit + 1 + plan.reach + plan.lags.front() + 2);
 }
 
 struct InhibitedColumn::Impl {
   explicit Impl(const InhibitedPlan& p)
       : plan(p),
-        node_light(*p.kernel, InhibitedKernel::upper_end),
-        middle_light(*p.kernel, InhibitedKernel::middle),
+        node_light(p.node_light),
+        middle_light(p.middle_light),
         near_dose(count()),
         near_middle(count()),
         far(count() + 1),
@@ -191,7 +174,7 @@ struct InhibitedColumn::Impl {
   void rebuild();
 
   const InhibitedPlan& plan;
-  ExtraLight node_light, middle_light;
+  const ExtraLight &node_light, &middle_light;
   std::vector<double> near_dose, near_middle;  ///< per node and layer, from slices nearer than near
   std::vector<double> far, far_middle;         ///< F(n) = D(l_n, near - 1) + a F(n + 1)
   std::vector<double> demand;                  ///< per node; 0: none

@@ -27,11 +27,31 @@ struct CoverageRun {
   bool operator==(const CoverageRun&) const = default;
 };
 
+/// Light that black does not give: entries of the kernel's tables less those of level 0, per UV
+/// setting, with running sums over the distance.
+class ExtraLight {
+ public:
+  ExtraLight(const InhibitedKernel& kernel, InhibitedKernel::Place place);
+  /// What a slice of level l adds j layers above its own.
+  double one(int setting, int l, int j) const;
+  const double* row(int setting, int j) const {
+    return tables_[static_cast<std::size_t>(setting)].data() + j * levels_;
+  }
+  /// Sum of one(l, i) over i < j.
+  double sum(int setting, int l, int j) const;
+
+ private:
+  int near_, levels_;
+  double a_;
+  std::vector<std::vector<double>> tables_, sums_;
+};
+
 /// What all columns share.
 struct InhibitedPlan {
-  InhibitedPlan(const CureModel& model, const Process& process, int layers, int all_layers);
+  InhibitedPlan(const CureModel& model, bool merge_one_slice_gaps, int layers, int all_layers);
 
-  const InhibitedKernel* kernel;
+  std::shared_ptr<const InhibitedKernel> kernel;
+  ExtraLight node_light, middle_light;
   std::vector<double> ratio;  ///< per slice; empty: all 1
   int near, levels, layers, all_layers;
   int cap = 0;     ///< highest level in use
@@ -44,9 +64,6 @@ struct InhibitedPlan {
   std::vector<double> dark_node, dark_middle;  ///< dose that black slices alone leave, per layer
   double tolerance_um = 1;                     ///< edges nearer than this are good enough
 };
-
-/// Slices after the end of the part that cure its lower edge.
-int inhibited_slices_to_gel(const CureModel& model, const Process& process);
 
 /// Chooses the levels of columns one by one; keeps its buffers. For one thread.
 class InhibitedColumn {

@@ -3,7 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
+#include <memory>
 
+#include "cure/walkers.hpp"
+#include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/inhibited.hpp"
 #include "slicecorr/units.hpp"
@@ -75,6 +79,7 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
     : kinetics_(kinetics),
       gel_(gel),
       mode_(process.mode),
+      allow_window_cure_(process.allow_window_cure),
       layer_um_(layer_um),
       blue_(std::move(level_mw_cm2)) {
   if (!printer.uv) {
@@ -239,5 +244,82 @@ int InhibitedKernel::highest_safe_level() const {
   }
   return -1;
 }
+
+int InhibitedKernel::highest_usable_level() const {
+  return allow_window_cure_ ? levels() - 1 : std::max(0, highest_safe_level());
+}
+
+double InhibitedKernel::critical_intensity_mw_cm2(int setting) const {
+  double before = 0, at = 0;
+  for (int level = 0; level < levels(); ++level) {
+    const double dose = steady_dose(setting, level);
+    const double blue = blue_[static_cast<std::size_t>(level)];
+    if (dose >= 1.0) {
+      if (level == 0 || dose == before) return blue;
+      return at + (blue - at) * (1.0 - before) / (dose - before);
+    }
+    before = dose;
+    at = blue;
+  }
+  return std::numeric_limits<double>::infinity();
+}
+
+namespace detail {
+
+std::shared_ptr<const InhibitedKernel> make_inhibited_kernel(const Printer& printer,
+                                                             const Resin& resin,
+                                                             const Process& process,
+                                                             double layer_um) {
+  return std::make_shared<const InhibitedKernel>(make_kinetics(resin, true, true),
+                                                 make_kinetics(resin, true, false), printer,
+                                                 process, layer_um, level_intensities(printer));
+}
+
+void check_inhibited_feasible(const CureModel& model, const Printer& printer,
+                              const Process& process) {
+  const InhibitedKernel& kernel = *model.inhibited;
+  const bool continuous = process.mode == ExposureMode::continuous;
+  if (continuous && printer.max_speed_mm_h > 0 && process.speed_mm_h > printer.max_speed_mm_h) {
+    throw InputError(
+        fmt::format("speed {:g} mm/h is beyond the stage of printer '{}', which reaches {:g} mm/h",
+                    process.speed_mm_h, printer.name, printer.max_speed_mm_h));
+  }
+  const auto blue = level_intensities(printer);
+  const double most = blue.back();
+  const std::string pace = continuous ? fmt::format("at {:g} mm/h", process.speed_mm_h)
+                                      : fmt::format("exposed for {:g} s", process.exposure_s);
+  const int cap = kernel.highest_usable_level();
+  for (int s = 0; s < kernel.settings(); ++s) {
+    const double full = kernel.steady_dose(s, kernel.levels() - 1);
+    const double factor = kernel.steady_dose(s, cap);
+    if (full <= 1.0) {
+      throw InfeasibleError(fmt::format(
+          "the resin never gels under UV light: {} full light ({:g} mW/cm² over {:.4g} mW/cm² of "
+          "UV) reaches {:.4g} of the dose aimed at; {}, or with less UV",
+          pace, most, kernel.uv_mw_cm2(0, kernel.levels() - 1), full,
+          full <= 0    ? std::string("use more light")
+          : continuous ? fmt::format("print slower than {:.5g} mm/h", process.speed_mm_h * full)
+                       : fmt::format("expose for more than {:.5g} s", process.exposure_s / full)));
+    }
+    if (factor <= 1.0) {
+      const double needed = kernel.critical_intensity_mw_cm2(s);
+      throw InfeasibleError(fmt::format(
+          "the resin would cure to the window: {} it takes {:.4g} mW/cm² of blue light to gel, and "
+          "UV light of {:.4g} mW/cm² leaves a dead zone only up to {:.4g} mW/cm²; use more than "
+          "{:.4g} mW/cm² of UV light, or {}",
+          pace, needed, kernel.uv_mw_cm2(0, cap), kernel.kinetics().beta * kernel.uv_mw_cm2(0, cap),
+          needed / kernel.kinetics().beta, continuous ? "print slower" : "expose for longer"));
+    }
+  }
+  if (kernel.steady_dose(0, 0) >= 1.0) {
+    throw InfeasibleError(fmt::format(
+        "black pixels gel the resin: {} the light of black ({:g} mW/cm²) adds up to {:.4g} of the "
+        "dose aimed at; {}, or with less light of black",
+        pace, blue.front(), kernel.steady_dose(0, 0),
+        continuous ? "print faster" : "expose for less time"));
+  }
+}
+
+}  // namespace detail
 
 }  // namespace slicecorr

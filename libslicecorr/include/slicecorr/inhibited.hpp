@@ -72,6 +72,11 @@ class InhibitedKernel {
   double window_dose(int slice, int level) const;
   /// Highest level that never cures to the window in any setting; -1: none.
   int highest_safe_level() const;
+  /// The same, or the highest of all where the process allows it to cure to the window.
+  int highest_usable_level() const;
+  /// Lowest blue intensity whose steady dose is 1 in a setting, between levels; infinite when full
+  /// light does not reach it.
+  double critical_intensity_mw_cm2(int setting) const;
 
  private:
   double uv_of(int setting, int level) const {
@@ -83,6 +88,7 @@ class InhibitedKernel {
 
   Kinetics kinetics_, gel_;
   ExposureMode mode_;
+  bool allow_window_cure_ = false;
   double layer_um_ = 0;
   double scale_ = 0;      ///< from the integral over um, or the rate, to relative dose
   double gel_scale_ = 0;  ///< from the rate at the window to relative gel dose in one slice

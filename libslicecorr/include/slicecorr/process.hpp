@@ -124,9 +124,9 @@ struct Process {
   double bottom_exposure_s = 0;  ///< layerwise: of the first `bottom_layers`; 0: as normal
   int bottom_layers = 0;
   /// Layers after the bottom ones over which the exposure goes linearly from theirs to the normal
-  /// one.
+  /// one: the k-th of F layers is k / (F + 1) of the way, so that none of them has either end.
   int fade_layers = 0;
-  /// layerwise: exposure of each layer, over all of the above; the last holds for later layers.
+  /// layerwise: exposure of each layer, in place of the bottom's; the last holds for later layers.
   std::vector<double> layer_exposure_s;
   UvSchedule uv;
   Ramp ramp = Ramp::none;
@@ -138,6 +138,19 @@ struct Process {
 
 /// Exposure of a layer, s (layerwise).
 double layer_exposure_s(const Process& process, int layer);
+
+/// How long a slice is shown, and with what share of the intensity that its grey levels stand for.
+struct SliceLight {
+  double time_s = 0;
+  double share = 1;
+};
+/// Layer by layer the exposure, at full light. Continuous the time in which the stage passes the
+/// slice; where the lamp follows the ramp, with constant acceleration v_n / v = sqrt(z / ramp), z
+/// the distance of the middle of the slice from the nearer end of the print, and the share
+/// (v_n / v)^(1/m), which leaves I^m / s and with it all doses as they are.
+SliceLight slice_light(const Process& process, double m, double layer_um, int slice, int slices);
+/// Time in which all slices are shown, s: without what lies between them layer by layer.
+double light_on_s(const Process& process, double m, double layer_um, int slices);
 
 /// Where definitions of a kind ("printer" or "resin") are looked for, first to last:
 /// `$SLICECORR_DB`, the user's folder, the installed database (beside the running program, then at

@@ -8,7 +8,8 @@
 
 namespace slicecorr::detail {
 
-namespace {}  // namespace
+/// What nodes inside features demand.
+static constexpr double kInside = 1.003;
 
 ExtraLight::ExtraLight(const InhibitedKernel& kernel, InhibitedKernel::Place place)
     : near_(kernel.near()), levels_(kernel.levels()), a_(kernel.a()) {
@@ -210,7 +211,10 @@ void InhibitedColumn::Impl::read(const std::vector<CoverageRun>& runs) {
     for (int k = runs[r].first; k <= runs[r].end; ++k) {
       const int above = k > 0 ? at(k - 1) : 0, below = at(k);
       double d = 0;
-      if (above == 255 || below == 255) {
+      if (above == 255 && below == 255) {
+        // Between nodes the dose may dip by a little; edges get just what they need.
+        d = kInside;
+      } else if (above == 255 || below == 255) {
         d = 1.0;
       } else if (above != 0 && below != 0) {
         d = std::min(above, below) / 255.0;
@@ -228,10 +232,10 @@ void InhibitedColumn::Impl::read(const std::vector<CoverageRun>& runs) {
     Body body;
     body.upper = k;
     // A gap of one layer has demands on both of its nodes, with a layer of nothing between.
-    body.full = demand[static_cast<std::size_t>(k)] == 1.0;
+    body.full = demand[static_cast<std::size_t>(k)] >= 1.0;
     while (k + 1 < nodes && demand[static_cast<std::size_t>(k) + 1] > 0 && at(k) != 0) {
       ++k;
-      body.full = body.full && demand[static_cast<std::size_t>(k)] == 1.0;
+      body.full = body.full && demand[static_cast<std::size_t>(k)] >= 1.0;
     }
     body.lower = k;
     body.platform = body.upper == 0;

@@ -32,7 +32,8 @@ class BandDose {
   const double* middle() const;  ///< in its middle
   const double* upper() const;   ///< at its upper end
   /// Distance from the layer's lower end, in slices (0..1), at which the dose of a column is 1.
-  /// Needs `lower` and `upper` on different sides of 1. Exact without UV; with it to 1e-6 slices.
+  /// Needs `lower` and `upper` on different sides of 1. Exact without UV; with it the dose there is
+  /// 1 to 1e-3.
   double crossing(std::size_t column) const;
 
   /// The workings of one model.

@@ -52,11 +52,13 @@ InhibitedPlan::InhibitedPlan(const CureModel& model, bool merge, int target_laye
       levels(kernel->levels()),
       layers(target_layers),
       all_layers(all_slices),
-      cap(kernel->highest_usable_level()),
       layer_um(model.layer_um),
       merge_one_slice_gaps(merge) {
+  for (int s = 0; s < kernel->settings(); ++s) caps.push_back(kernel->highest_usable_level(s));
+  const int strongest = kernel->strongest_setting();
+  const int cap = caps[static_cast<std::size_t>(strongest)];
   steady = cap;
-  while (steady > 0 && kernel->steady_dose(0, steady - 1) >= 1.0) --steady;
+  while (steady > 0 && kernel->steady_dose(strongest, steady - 1) >= 1.0) --steady;
   for (const double r : model.exposure_ratio) uniform = uniform && r == 1.0;
   uniform = uniform && kernel->settings() == 1;
   if (!uniform) {
@@ -64,12 +66,12 @@ InhibitedPlan::InhibitedPlan(const CureModel& model, bool merge, int target_laye
   }
   const ExtraLight& extra = node_light;
   reach = 1;
-  while (reach < 100000 && extra.sum(0, cap, reach) < 1.0) ++reach;
+  while (reach < 100000 && extra.sum(strongest, cap, reach) < 1.0) ++reach;
   // The distance at which a slice of the steady level acts most, and shorter ones: short lags keep
   // gaps narrow, long ones suit thin features.
   int peak = 0;
   for (int j = 1; j < near; ++j) {
-    if (extra.one(0, steady, j) > extra.one(0, steady, peak)) peak = j;
+    if (extra.one(strongest, steady, j) > extra.one(strongest, steady, peak)) peak = j;
   }
   for (const int lag : {peak / 2, peak / 3, 2 * peak / 3, peak / 4, peak}) {
     const int at_least = std::max(lag, 1);
@@ -138,6 +140,7 @@ struct InhibitedColumn::Impl {
   double ratio(int n) const {
     return plan.ratio.empty() ? 1.0 : plan.ratio[static_cast<std::size_t>(n)];
   }
+  int cap(int n) const { return cap(n) s[static_cast<std::size_t>(setting(n))]; }
   int setting(int n) const { return plan.uniform ? 0 : plan.kernel->setting_of_slice(n); }
 
   void read(const std::vector<CoverageRun>& runs);
@@ -279,7 +282,7 @@ double InhibitedColumn::Impl::promised(int n, int level, int k, int from) const 
 
 /// Least level with promised() >= need; the cap when there is none.
 int InhibitedColumn::Impl::least_level(int n, int k, double need, int from, double extra) const {
-  int low = 0, high = plan.cap;
+  int low = 0, high = cap(n);
   while (low < high) {
     const int level = (low + high) / 2;
     if (promised(n, level, k, from) + extra >= need) {
@@ -369,15 +372,15 @@ bool InhibitedColumn::Impl::greedy(bool with_old) {
           // What can still come: full light down to the lag, the steady level after it.
           double can = 0;
           if (plan.uniform) {
-            can = node_light.sum(0, plan.cap, n - k) -
-                  node_light.sum(0, plan.cap, std::min(n, std::max(from, k + body.lag)) - k);
+            can = node_light.sum(0, cap(n), n - k) -
+                  node_light.sum(0, cap(n), std::min(n, std::max(from, k + body.lag)) - k);
             if (from < k + body.lag) {
               can += node_light.sum(0, plan.steady, body.lag) -
                      node_light.sum(0, plan.steady, from - k);
             }
           } else {
             for (int i = from; i < n; ++i) {
-              const int l = i >= k + body.lag ? plan.cap : plan.steady;
+              const int l = i >= k + body.lag ? cap(i) : std::min(plan.steady, cap(i));
               can += ratio(i) * node_light.one(setting(i), l, i - k);
             }
           }
@@ -385,7 +388,7 @@ bool InhibitedColumn::Impl::greedy(bool with_old) {
           const int alone = least_level(n, k, need - can, n, 0.0);
           level = std::max(level, alone);
         }
-        if (level >= plan.cap) break;
+        if (level >= cap(n)) break;
       }
     }
     // Deep inside a body the level that is there may stay: levels that go to and fro by a few do
@@ -497,7 +500,7 @@ void InhibitedColumn::Impl::polish() {
       double least = before - 1e-9;
       int l_best = l0, p_best = -1;
       const auto try_level = [&](int l) {
-        if (l < 0 || l > plan.cap || l == l0) return;
+        if (l < 0 || l > cap(n) || l == l0) return;
         change(n, l0, l);
         const double cost = local_cost(low, high);
         change(n, l, l0);
@@ -513,7 +516,7 @@ void InhibitedColumn::Impl::polish() {
         const int p0 = levels[static_cast<std::size_t>(n) - 1];
         for (const auto& pair : kPairs) {
           const int l = l0 + pair[0], p = p0 + pair[1];
-          if (l < 0 || l > plan.cap || p < 0 || p > plan.cap) continue;
+          if (l < 0 || l > cap(n) || p < 0 || p > cap(n - 1)) continue;
           change(n, l0, l);
           change(n - 1, p0, p);
           const double cost = local_cost(low, high);

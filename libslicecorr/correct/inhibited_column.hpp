@@ -54,7 +54,8 @@ struct InhibitedPlan {
   ExtraLight node_light, middle_light;
   std::vector<double> ratio;  ///< per slice; empty: all 1
   int near, levels, layers, all_layers;
-  int cap = 0;     ///< highest level in use
+  /// Highest level in use, per setting.
+  std::vector<int> caps;
   int steady = 0;  ///< lowest level whose steady dose is at least 1, in the first setting
   int reach = 0;   ///< slices of full light that lift the dose from 0 to 1
   double layer_um = 0;

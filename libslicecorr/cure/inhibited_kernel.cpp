@@ -87,6 +87,7 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
                      "the printer has no UV lamp; expected a [uv] table with its calibration");
   }
   const UvSchedule& uv = process.uv;
+  wanted_um_ = uv.dead_zone_um;
   const double least = printer.uv->min_mw_cm2(), most = printer.uv->max_mw_cm2();
   const auto check = [&](double intensity, const std::string& what) {
     if (intensity > most * (1 + 1e-9) || intensity < least * (1 - 1e-9)) {
@@ -234,19 +235,32 @@ double InhibitedKernel::window_dose(int slice, int level) const {
   return net > 0 ? gel_scale_ * std::pow(net, gel_.m) : 0.0;
 }
 
-int InhibitedKernel::highest_safe_level() const {
-  for (int level = levels(); level-- > 0;) {
-    bool safe = true;
-    for (int s = 0; s < settings() && safe; ++s) {
-      safe = kinetics_.beta * uv_of(s, level) > blue_[static_cast<std::size_t>(level)];
+int InhibitedKernel::highest_usable_level(int setting) const {
+  int level = levels() - 1;
+  if (allow_window_cure_) return level;
+  for (; level > 0; --level) {
+    const double blue = blue_[static_cast<std::size_t>(level)], uv = uv_of(setting, level);
+    // A pattern is made for its dead zone: rounding must not count against it.
+    if (kinetics_.beta * uv > blue &&
+        steady_dead_zone_um(kinetics_, blue, uv) >= wanted_um_ * (1 - 1e-9)) {
+      break;
     }
-    if (safe) return level;
   }
-  return -1;
+  return level;
 }
 
-int InhibitedKernel::highest_usable_level() const {
-  return allow_window_cure_ ? levels() - 1 : std::max(0, highest_safe_level());
+int InhibitedKernel::strongest_setting() const {
+  return static_cast<int>(std::max_element(setting_uv_.begin(), setting_uv_.end()) -
+                          setting_uv_.begin());
+}
+
+bool InhibitedKernel::any_level_cures_to_window() const {
+  for (int s = 0; s < settings(); ++s) {
+    for (int level = 0; level < levels(); ++level) {
+      if (kinetics_.beta * uv_of(s, level) <= blue_[static_cast<std::size_t>(level)]) return true;
+    }
+  }
+  return false;
 }
 
 double InhibitedKernel::critical_intensity_mw_cm2(int setting) const {
@@ -288,27 +302,32 @@ void check_inhibited_feasible(const CureModel& model, const Printer& printer,
   const double most = blue.back();
   const std::string pace = continuous ? fmt::format("at {:g} mm/h", process.speed_mm_h)
                                       : fmt::format("exposed for {:g} s", process.exposure_s);
-  const int cap = kernel.highest_usable_level();
-  for (int s = 0; s < kernel.settings(); ++s) {
+  {
+    // Lamps that change from slice to slice do so because the slice needs less.
+    const int s = kernel.strongest_setting();
+    const int cap = kernel.highest_usable_level(s);
     const double full = kernel.steady_dose(s, kernel.levels() - 1);
     const double factor = kernel.steady_dose(s, cap);
     if (full <= 1.0) {
       throw InfeasibleError(fmt::format(
           "the resin never gels under UV light: {} full light ({:g} mW/cm² over {:.4g} mW/cm² of "
           "UV) reaches {:.4g} of the dose aimed at; {}, or with less UV",
-          pace, most, kernel.uv_mw_cm2(0, kernel.levels() - 1), full,
+          pace, most, kernel.setting_uv_mw_cm2(s, kernel.levels() - 1), full,
           full <= 0    ? std::string("use more light")
           : continuous ? fmt::format("print slower than {:.5g} mm/h", process.speed_mm_h * full)
                        : fmt::format("expose for more than {:.5g} s", process.exposure_s / full)));
     }
     if (factor <= 1.0) {
       const double needed = kernel.critical_intensity_mw_cm2(s);
+      const double uv = kernel.setting_uv_mw_cm2(s, cap);
       throw InfeasibleError(fmt::format(
           "the resin would cure to the window: {} it takes {:.4g} mW/cm² of blue light to gel, and "
-          "UV light of {:.4g} mW/cm² leaves a dead zone only up to {:.4g} mW/cm²; use more than "
+          "UV light of {:.4g} mW/cm² leaves the dead zone asked for only up to {:.4g} mW/cm²; use "
+          "more than "
           "{:.4g} mW/cm² of UV light, or {}",
-          pace, needed, kernel.uv_mw_cm2(0, cap), kernel.kinetics().beta * kernel.uv_mw_cm2(0, cap),
-          needed / kernel.kinetics().beta, continuous ? "print slower" : "expose for longer"));
+          pace, needed, uv, level_intensities(printer)[static_cast<std::size_t>(cap)],
+          uv_for_dead_zone(kernel.kinetics(), needed, process.uv.dead_zone_um),
+          continuous ? "print slower" : "expose for longer"));
     }
   }
   if (kernel.steady_dose(0, 0) >= 1.0) {

@@ -49,6 +49,7 @@ class InhibitedKernel {
   int setting_of_slice(int slice) const;
   /// UV intensity over a pixel of a grey level in a slice.
   double uv_mw_cm2(int slice, int level) const { return uv_of(setting_of_slice(slice), level); }
+  double setting_uv_mw_cm2(int setting, int level) const { return uv_of(setting, level); }
   /// UV intensity of each level where it is patterned; empty else.
   const std::vector<double>& uv_of_levels() const { return level_uv_; }
 
@@ -67,13 +68,17 @@ class InhibitedKernel {
   /// Steady dead zone at a pixel of a level, um: 0 when the resin cures to the window, infinite
   /// when the pixel never gels anything.
   double dead_zone_um(int slice, int level) const;
+  /// Whether any level in any setting cures to the window when shown for long.
+  bool any_level_cures_to_window() const;
   /// Gel dose that one slice of this level gives at the window itself; 1 cures to the window when
   /// it comes from slices that follow each other.
   double window_dose(int slice, int level) const;
-  /// Highest level that never cures to the window in any setting; -1: none.
-  int highest_safe_level() const;
-  /// The same, or the highest of all where the process allows it to cure to the window.
-  int highest_usable_level() const;
+  /// Highest level that a correction may use in a setting: keeps the dead zone that the schedule
+  /// asks for, or any at all; the highest of all where the process allows curing to the window. 0
+  /// when there is none but black.
+  int highest_usable_level(int setting) const;
+  /// The setting with the most UV light.
+  int strongest_setting() const;
   /// Lowest blue intensity whose steady dose is 1 in a setting, between levels; infinite when full
   /// light does not reach it.
   double critical_intensity_mw_cm2(int setting) const;
@@ -89,6 +94,7 @@ class InhibitedKernel {
   Kinetics kinetics_, gel_;
   ExposureMode mode_;
   bool allow_window_cure_ = false;
+  double wanted_um_ = 0;  ///< dead zone
   double layer_um_ = 0;
   double scale_ = 0;      ///< from the integral over um, or the rate, to relative dose
   double gel_scale_ = 0;  ///< from the rate at the window to relative gel dose in one slice

@@ -140,7 +140,7 @@ struct InhibitedColumn::Impl {
   double ratio(int n) const {
     return plan.ratio.empty() ? 1.0 : plan.ratio[static_cast<std::size_t>(n)];
   }
-  int cap(int n) const { return cap(n) s[static_cast<std::size_t>(setting(n))]; }
+  int cap(int n) const { return plan.caps[static_cast<std::size_t>(setting(n))]; }
   int setting(int n) const { return plan.uniform ? 0 : plan.kernel->setting_of_slice(n); }
 
   void read(const std::vector<CoverageRun>& runs);

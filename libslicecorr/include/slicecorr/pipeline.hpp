@@ -29,6 +29,11 @@ struct Setup {
 /// Writes a target as a stack of its coverage. Throws `InputError` when nothing in it is solid.
 StackInfo write_target(const SliceSource& target, const std::string& path, const Job& job = {});
 
+/// The process with its UV intensity of each slice, where the schedule asks for one per slice and
+/// does not say them yet: what the brightest pixel of a slice needs for the dead zone, found by a
+/// first correction with the intensity that full light needs. Others come back as they are.
+Process schedule_uv(const SliceSource& target, const Setup& setup, const Job& job = {});
+
 struct Correction {
   StackInfo info;                    ///< of the stack written
   Prediction after;                  ///< what it prints

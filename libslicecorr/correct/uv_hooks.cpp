@@ -32,3 +32,10 @@ std::vector<double> solve_inhibited_column_exactly(const CorrectionPlan&,
 int inhibited_slices(const CureModel&, int, int) { not_here(); }
 
 }  // namespace slicecorr::detail
+
+namespace slicecorr {
+
+int InhibitedKernel::setting_of_slice(int) const { detail::not_here(); }
+const double* InhibitedKernel::table(int, Place) const { detail::not_here(); }
+
+}  // namespace slicecorr

@@ -106,15 +106,19 @@ CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup) {
   check_fits(grid, setup.printer);
   CureModel model = make_cure_model(setup.printer, setup.resin, setup.process, grid.layer_um);
   check_feasible(model, setup.printer, setup.process);
-  const int added = model.slices_to_gel();
   const int slices = slices_with_burst(model, grid.layers, grid.layers - 1);
   const double travel_mm = slices * grid.layer_um * 1e-3;
   if (setup.printer.travel_mm > 0 && travel_mm > setup.printer.travel_mm * (1 + 1e-9)) {
+    if (slices == grid.layers) {
+      throw InfeasibleError(
+          fmt::format("the part is {:.3f} mm high; the stage of '{}' travels {:g} mm", travel_mm,
+                      setup.printer.name, setup.printer.travel_mm));
+    }
     throw InfeasibleError(
         fmt::format("curing the part's end takes {} slices after it, {:.3f} mm in all; the stage "
                     "of '{}' travels "
                     "{:g} mm. Print slower, with more light, or a part at least {:.3f} mm lower",
-                    added, travel_mm, setup.printer.name, setup.printer.travel_mm,
+                    slices - grid.layers, travel_mm, setup.printer.name, setup.printer.travel_mm,
                     travel_mm - setup.printer.travel_mm));
   }
   return {std::move(model), setup.process, grid.layers, slices};

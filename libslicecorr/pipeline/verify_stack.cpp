@@ -86,18 +86,21 @@ std::vector<ProbeRow> probe_stack(const SliceSource& stack, const SliceSource* t
   const CureModel model = make_cure_model(setup.printer, setup.resin, setup.process, grid.layer_um);
   const std::vector<double> intensity = level_intensities(setup.printer);
   std::vector<ProbeRow> rows(static_cast<std::size_t>(grid.layers));
+  std::vector<std::uint8_t> pixels(rows.size());
   stack.read_band(pixel, [&](int n, const std::uint8_t* value) {
     ProbeRow& row = rows[static_cast<std::size_t>(n)];
     row.slice = n;
     row.z_um = n * grid.layer_um;
     row.grey = level_of_pixel(value ? *value : 0, setup.printer.levels());
     row.intensity_mw_cm2 = intensity[static_cast<std::size_t>(row.grey)];
-    row.phi = model.level_phi[static_cast<std::size_t>(row.grey)];
+    row.phi = model.level_phi[static_cast<std::size_t>(row.grey)] * model.ratio(n);
+    pixels[static_cast<std::size_t>(n)] = value ? *value : 0;
   });
-  double dose = 0;
-  for (std::size_t n = rows.size(); n-- > 0;) {
-    dose = model.step(rows[n].phi, dose);
-    rows[n].dose = dose;
+  const ColumnDose dose = column_dose(model, pixels);
+  for (std::size_t n = 0; n < rows.size(); ++n) {
+    rows[n].dose = dose.upper[n];
+    rows[n].dose_middle = dose.middle[n];
+    rows[n].dose_lower = dose.lower[n];
   }
   if (target) {
     for (ProbeRow& row : rows) row.target = 0;
@@ -136,15 +139,11 @@ Section section_of(const SliceSource& stack, const SliceSource& target, const Se
   target.read_band(row, into(s.coverage));
   stack.read_band(row, into(s.pixels));
   const CureModel model = make_cure_model(setup.printer, setup.resin, setup.process, grid.layer_um);
-  const PixelCurve curve = pixel_curve(model);
-  std::vector<double> omega(width, 0.0);
+  BandDose dose(model, width);
   for (int n = s.layers; n-- > 0;) {
-    for (std::size_t x = 0; x < width; ++x) {
-      const std::size_t k = static_cast<std::size_t>(n) * width + x;
-      const double phi = n < grid.layers ? curve[s.pixels[k]] : 0.0;
-      s.dose[k] = static_cast<float>(model.middle(phi, omega[x]));
-      omega[x] = model.step(phi, omega[x]);
-    }
+    const std::size_t at = static_cast<std::size_t>(n) * width;
+    dose.add_slice(n, n < grid.layers ? s.pixels.data() + at : nullptr);
+    for (std::size_t x = 0; x < width; ++x) s.dose[at + x] = static_cast<float>(dose.middle()[x]);
   }
   return s;
 }

@@ -12,8 +12,13 @@
 
 namespace slicecorr::detail {
 
-/// Newest version of our block that this program reads, and the one it writes.
-inline constexpr int uvj_block_format = 1;
+/// Newest version of our block that this program reads. Stacks say 1 as long as they hold nothing
+/// else: continuous exposure at one speed, without UV light. 2 has exposure schedules of any kind.
+inline constexpr int uvj_block_format = 2;
+
+/// Words of the block, in the order of UvKind and Ramp.
+inline const std::vector<std::string> names_of_uv{"off", "constant", "per_slice", "patterned"};
+inline const std::vector<std::string> names_of_ramps{"none", "lamp_follows", "outside"};
 
 struct UvjConfig {
   StackInfo info;

@@ -74,9 +74,11 @@ struct ProbeRow {
   double z_um = 0;  ///< of node `slice`
   int grey = 0;     ///< level
   double intensity_mw_cm2 = 0;
-  double phi = 0;
-  double dose = 0;     ///< Omega at node `slice`
-  double target = -1;  ///< coverage 0..1 of the layer; -1 without a target
+  double phi = 0;          ///< layer by layer phi' of this slice, with its own exposure
+  double dose = 0;         ///< Omega at node `slice`, seen from inside the layer
+  double dose_middle = 0;  ///< in the middle of the layer
+  double dose_lower = 0;   ///< at node `slice` + 1, seen from inside the layer
+  double target = -1;      ///< coverage 0..1 of the layer; -1 without a target
 };
 std::vector<ProbeRow> probe_stack(const SliceSource& stack, const SliceSource* target,
                                   const Setup& setup, int x, int y);

@@ -146,6 +146,8 @@ class BandPredictor {
   /// `pixels` null: nothing is shown (light off, after the end of the stack). `coverage` null:
   /// empty.
   void add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage);
+  /// Doses in the middle of the layer that was added last. Only for models that are not plain.
+  const double* middle() const { return dose_->middle(); }
   /// After slice 0: closes what is open at the platform. Columns are `width` to a row, from (x0,
   /// y0).
   Prediction finish(int x0, int y0, int width);

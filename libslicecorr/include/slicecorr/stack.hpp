@@ -36,6 +36,11 @@ struct StackInfo {
   std::string program;         ///< name and version of the program that wrote it
   /// Light-on time of normal layers, s; 0 when the archive has none.
   double exposure_s = 0;
+  /// Light-on time of the first `bottom_layers`, s; 0 when the archive says nothing of them.
+  double bottom_exposure_s = 0;
+  int bottom_layers = 0;
+  /// Light-on time of each layer, when the archive lists them and they are not all `exposure_s`.
+  std::vector<double> layer_exposure_s;
 };
 
 /// Keeps compressed pieces of images between the steps that make and take them in different orders.

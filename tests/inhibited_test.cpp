@@ -174,7 +174,8 @@ TEST(InhibitedDose, CrossingIsWhereTheDoseIsOne) {
     std::vector<std::uint8_t> pixels(60);
     std::vector<double> blue, uv(60, 200.0);
     for (std::size_t n = 0; n < pixels.size(); ++n) {
-      pixels[n] = n > 8 && n < 50 ? static_cast<std::uint8_t>(100 + random() % 156) : std::uint8_t{0};
+      pixels[n] =
+          n > 8 && n < 50 ? static_cast<std::uint8_t>(100 + random() % 156) : std::uint8_t{0};
       blue.push_back(level_intensities(uv_printer())[pixels[n]]);
     }
     BandDose dose(model, 1);
@@ -184,8 +185,8 @@ TEST(InhibitedDose, CrossingIsWhereTheDoseIsOne) {
       ++found;
       const double zeta = n + 1 - dose.crossing(0);
       const double at = integrated(resin, process, 50, blue, uv, zeta, 8000);
-      // The quartic misses how a slice's own light sets in at its dead zone: it errs by at most 0.03
-      // of what that slice adds to its own layer, 0.03 here.
+      // The quartic misses how a slice's own light sets in at its dead zone: it errs by at most
+      // 0.03 of what that slice adds to its own layer, 0.03 here.
       EXPECT_NEAR(at, 1.0, 1e-3) << "round " << round << " slice " << n;
     }
   }
@@ -300,7 +301,7 @@ TEST(InhibitedCorrection, ThinFeaturesAndGapsLoseNothing) {
 }
 
 TEST(InhibitedCorrection, InfeasibleIsNamed) {
-  const Printer printer = uv_printer();
+  Printer printer = uv_printer();
   const auto complaint = [&](const Resin& resin, const Process& process) -> std::string {
     try {
       const CureModel model = make_cure_model(printer, resin, process, 50);
@@ -316,22 +317,32 @@ TEST(InhibitedCorrection, InfeasibleIsNamed) {
               HasSubstr("the resin would cure to the window"));
   EXPECT_THAT(complaint(resin_1(), uv_process(1000, 300)), HasSubstr("the lamp of printer"));
   Process dead_zone = uv_process(1000, 0);
+  EXPECT_EQ(complaint(resin_1(), uv_process(1000, 200)), "");
   dead_zone.uv.kind = UvKind::patterned;
   dead_zone.uv.dead_zone_um = 40;
+  printer.uv->patterned = true;
   EXPECT_THAT(complaint(resin_1(), dead_zone), HasSubstr("a dead zone of 40 um"));
   dead_zone.uv.dead_zone_um = 15;
   EXPECT_EQ(complaint(resin_1(), dead_zone), "");
 }
 
 TEST(InhibitedKernel, PatternedUvHoldsTheDeadZone) {
+  Printer printer = uv_printer();
+  printer.uv->patterned = true;
   Process process = uv_process(800, 0);
   process.uv.kind = UvKind::patterned;
   process.uv.dead_zone_um = 12;
-  const CureModel model = model_of(resin_1(), process, 50);
+  const CureModel model = make_cure_model(printer, resin_1(), process, 50);
+  const Kinetics k = make_kinetics(resin_1(), true, true);
   for (int level = 1; level < 256; ++level) {
-    EXPECT_NEAR(model.inhibited->dead_zone_um(0, level), 12.0, 1e-9) << level;
+    const double zone = model.inhibited->dead_zone_um(0, level);
+    EXPECT_GE(zone, 12.0 - 1e-9) << level;
+    // At most what one level of the lamp more gives: 275 / 255 mW/cm².
+    const double uv = model.inhibited->uv_mw_cm2(0, level);
+    EXPECT_LE(zone, 12.0 + std::log(uv / (uv - 275.0 / 255)) / (1 / k.huv_um - 1 / k.hb_um) + 1e-9)
+        << level;
   }
-  EXPECT_EQ(model.inhibited->uv_of_levels().size(), 256U);
+  EXPECT_EQ(model.inhibited->uv_levels().size(), 256U);
 }
 
 }  // namespace

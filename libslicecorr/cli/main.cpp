@@ -200,10 +200,11 @@ int solid(const Arguments& a, const Job& job, Console& console) {
 int run(const Arguments& a, const Job& job, Console& console) {
   must_be_uvj(a.output);
   must_not_replace(a.output, a.mesh.parts);
-  const Setup setup = a.setup.resolve(nullptr, nullptr);
+  Setup setup = a.setup.resolve(nullptr, nullptr);
   if (const std::string text = notice(setup); !text.empty()) job.tell(text);
   const MeshSlices target(read_parts(a.mesh, job), setup.printer, a.mesh.slice_options(), job);
   const Correction result = correct_stack(target, setup, a.output, true, job);
+  setup.process = *result.info.process;
   const std::string base =
       (std::filesystem::path(a.output).parent_path() / title_of(a.output)).string();
   // The proof: the prediction of the stack, with that of the uncorrected part beside it.
@@ -247,9 +248,10 @@ ComparisonTable table_of(const std::vector<Figures>& columns) {
 int compare(const Arguments& a, const Job& job, Console& console) {
   must_not_replace(a.json, a.mesh.parts);
   must_not_replace(a.output, a.mesh.parts);
-  const Setup setup = a.setup.resolve(nullptr, nullptr);
+  Setup setup = a.setup.resolve(nullptr, nullptr);
   if (const std::string text = notice(setup); !text.empty()) job.tell(text);
   const MeshSlices target(read_parts(a.mesh, job), setup.printer, a.mesh.slice_options(), job);
+  setup.process = schedule_uv(target, setup, job);
   const Comparison c = compare_methods(target, setup, job);
   if (!a.json.empty()) {
     // Only the erase has an N; the key is there for every method.

@@ -60,10 +60,11 @@ double CureModel::level_step_um() const {
   return layer_um * step * one_minus_a / (units::ln10 * eta * (1.0 - phi_min()));
 }
 
-std::vector<double> level_intensities(const Printer& printer) {
-  std::vector<double> intensity(static_cast<std::size_t>(printer.levels()));
+namespace {
+
+std::vector<double> intensities_of(const std::vector<CalibrationPoint>& points, int levels) {
+  std::vector<double> intensity(static_cast<std::size_t>(levels));
   std::size_t segment = 0;
-  const auto& points = printer.calibration;
   for (std::size_t level = 0; level < intensity.size(); ++level) {
     const auto g = static_cast<double>(level);
     while (segment + 2 < points.size() && g > points[segment + 1].level) ++segment;
@@ -79,6 +80,20 @@ std::vector<double> level_intensities(const Printer& printer) {
     intensity[i] = std::max(intensity[i], intensity[i - 1]);
   }
   return intensity;
+}
+
+}  // namespace
+
+std::vector<double> level_intensities(const Printer& printer) {
+  return intensities_of(printer.calibration, printer.levels());
+}
+
+std::vector<double> uv_level_intensities(const Printer& printer) {
+  if (!printer.uv || !printer.uv->patterned) {
+    throw InputError(printer.name, "uv.kind",
+                     "the printer has no UV lamp that shows patterns; expected \"patterned\"");
+  }
+  return intensities_of(printer.uv->calibration, printer.levels());
 }
 
 namespace {

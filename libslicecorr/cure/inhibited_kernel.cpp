@@ -130,15 +130,19 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
       }
       break;
     }
-    case UvKind::patterned:
+    case UvKind::patterned: {
+      const LevelTable lamp(uv_level_intensities(printer));
       check(uv_for_dead_zone(kinetics_, full, uv.dead_zone_um),
             fmt::format("a dead zone of {:g} um under full light", uv.dead_zone_um));
       for (const double blue : blue_) {
-        level_uv_.push_back(
-            std::clamp(uv_for_dead_zone(kinetics_, blue, uv.dead_zone_um), least, most));
+        // The next level up: the dead zone is held at least.
+        uv_levels_.push_back(
+            lamp.at_least(uv_for_dead_zone(kinetics_, blue, uv.dead_zone_um) * (1 - 1e-12)));
+        level_uv_.push_back(lamp.phi(uv_levels_.back()));
       }
       setting_uv_ = {level_uv_.back()};
       break;
+    }
   }
 
   a_ = std::exp(-kinetics_.m * layer_um / kinetics_.hb_um);

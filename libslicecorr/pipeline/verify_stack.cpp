@@ -6,6 +6,7 @@
 
 #include "base/band_tape.hpp"
 #include "pipeline/bands.hpp"
+#include "slicecorr/dead_zone.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/pipeline.hpp"
 
@@ -58,23 +59,37 @@ Prediction verify_stack(const SliceSource& stack, const SliceSource& target, con
   const int all_layers = std::max(grid.layers, target.grid().layers);
   const auto bands = bands_of(grid, stack.bounds().united(target.bounds()));
   Prediction total;
+  std::optional<WindowTotal> window;
+  if (model.inhibited) window.emplace(model, grid.layers);
   std::mutex merging;
   parallel_for(job, "predict", bands.size(), [&](std::size_t i) {
     const PixelBox& band = bands[i];
     const BandTape shown = tape_of(stack, band), design = tape_of(target, band);
     std::vector<std::uint8_t> pixels(columns_of(band)), coverage(columns_of(band));
     BandPredictor predictor(model, curve, all_layers, columns_of(band));
+    std::optional<WindowWatch> watch;
+    if (window) watch.emplace(model, grid.layers, columns_of(band));
     for (int n = all_layers; n-- > 0;) {
       if ((n & 63) == 0) job.check_cancelled();
       shown.read(n, pixels.data());
       design.read(n, coverage.data());
       predictor.add_slice(n, n < grid.layers ? pixels.data() : nullptr, coverage.data());
+      if (watch && n < grid.layers) watch->add_slice(n, pixels.data());
     }
     const Prediction band_figures = predictor.finish(band.x0, band.y0, band.width());
     const std::lock_guard lock(merging);
     total.merge(band_figures);
+    if (watch) window->merge(*watch);
   });
-  return detail::whole_image(total, model, grid, grid.layers, bands);
+  Prediction p = detail::whole_image(total, model, grid, grid.layers, bands);
+  if (window) {
+    p.dead_zones = window->result();
+    if (p.dead_zones->cured_pixels > 0) {
+      job.tell(fmt::format("the resin cures to the window at {} pixels, first in slice {}",
+                           p.dead_zones->cured_pixels, p.dead_zones->cured_slice));
+    }
+  }
+  return p;
 }
 
 std::vector<ProbeRow> probe_stack(const SliceSource& stack, const SliceSource* target,

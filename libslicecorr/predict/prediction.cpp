@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "slicecorr/predict.hpp"
@@ -123,6 +124,19 @@ std::string Prediction::to_json() const {
                       {"heterogeneity", layerwise->heterogeneity},
                       {"gels_further_teeth", layerwise->gels_further_teeth},
                       {"gap_teeth", gap_teeth}};
+  }
+  if (dead_zones) {
+    const auto um = [](double value) {
+      return std::isfinite(value) ? ordered_json(value) : ordered_json();
+    };
+    ordered_json slices = ordered_json::array();
+    for (std::size_t n = 0; n < dead_zones->least_um.size(); ++n) {
+      slices.push_back({um(dead_zones->least_um[n]), um(dead_zones->greatest_um[n])});
+    }
+    j["dead_zone_um"] = {{"min", um(dead_zones->least())},
+                         {"max", um(dead_zones->greatest())},
+                         {"by_slice", slices}};
+    j["window_cured_pixels"] = dead_zones->cured_pixels;
   }
   j["worst_pixel"] = worst_x >= 0 ? ordered_json{worst_x, worst_y} : ordered_json();
   return j.dump(2);

@@ -121,7 +121,7 @@ Json process_json(const Process& p) {
   return json;
 }
 
-Json block_json(const StackInfo& info, std::uint32_t crc) {
+Json block_json(const StackInfo& info, std::uint32_t crc, std::optional<std::uint32_t> uv_crc) {
   Json block;
   block["format"] = info.process ? block_format(*info.process) : 1;
   block["kind"] = info.kind == StackKind::corrected ? "corrected" : "target";
@@ -138,6 +138,7 @@ Json block_json(const StackInfo& info, std::uint32_t crc) {
   if (info.resin) block["resin"] = resin_json(*info.resin);
   if (info.process) block["process"] = process_json(*info.process);
   block["images_crc32"] = crc;
+  if (uv_crc) block["uv_images_crc32"] = *uv_crc;
   return block;
 }
 
@@ -147,7 +148,8 @@ std::string dump(const Json& json, int indent) {
 
 }  // namespace
 
-std::string write_uvj_config(const StackInfo& info, std::uint32_t images_crc32) {
+std::string write_uvj_config(const StackInfo& info, std::uint32_t images_crc32,
+                             std::optional<std::uint32_t> uv_images_crc32) {
   const bool corrected = info.kind == StackKind::corrected && info.process.has_value();
   double light_on_s = info.exposure_s, bottom_s = info.exposure_s;
   int bottom_layers = 0;
@@ -188,7 +190,7 @@ std::string write_uvj_config(const StackInfo& info, std::uint32_t images_crc32) 
   }
   text += "\n]";
   if (info.kind != StackKind::foreign) {
-    text += ",\n\"slicecorr\": " + dump(block_json(info, images_crc32), 2);
+    text += ",\n\"slicecorr\": " + dump(block_json(info, images_crc32, uv_images_crc32), 2);
   }
   return text + "\n}\n";
 }

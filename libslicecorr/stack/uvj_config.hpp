@@ -24,13 +24,16 @@ struct UvjConfig {
   StackInfo info;
   /// `images_crc32` of our block; absent in foreign archives.
   std::optional<std::uint32_t> images_crc32;
+  /// The same of the UV images; absent where there are none.
+  std::optional<std::uint32_t> uv_images_crc32;
   std::vector<std::string> warnings;
 };
 
 /// Largest image of a stack.
 inline constexpr std::int64_t max_image_pixels = 1'000'000'000;
 
-std::string write_uvj_config(const StackInfo& info, std::uint32_t images_crc32);
+std::string write_uvj_config(const StackInfo& info, std::uint32_t images_crc32,
+                             std::optional<std::uint32_t> uv_images_crc32 = std::nullopt);
 
 /// Throws `InputError` naming the key and what was expected.
 UvjConfig parse_uvj_config(std::string_view text, const std::string& file);

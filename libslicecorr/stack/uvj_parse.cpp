@@ -332,6 +332,10 @@ void read_block(const Node& block, UvjConfig& config) {
     info.process = read_process(block["process"], mode, format);
   }
   config.images_crc32 = static_cast<std::uint32_t>(block["images_crc32"].whole(0, 0xffffffff));
+  if (info.process && info.process->uv.kind == UvKind::patterned) {
+    config.uv_images_crc32 =
+        static_cast<std::uint32_t>(block["uv_images_crc32"].whole(0, 0xffffffff));
+  }
 }
 
 }  // namespace

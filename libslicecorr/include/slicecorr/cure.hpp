@@ -111,6 +111,9 @@ void check_feasible(const CureModel& model, const Printer& printer, const Proces
 /// Intensity of every grey level of a printer, linear between the points of its calibration.
 std::vector<double> level_intensities(const Printer& printer);
 
+/// The same of a patterned UV lamp; throws `InputError` when the printer has none.
+std::vector<double> uv_level_intensities(const Printer& printer);
+
 /// Doses Omega(0..M) at the nodes for the intensities phi(0..M-1) of a column, by the recursion.
 std::vector<double> node_doses(const CureModel& model, const std::vector<double>& phi);
 

@@ -50,8 +50,8 @@ class InhibitedKernel {
   /// UV intensity over a pixel of a grey level in a slice.
   double uv_mw_cm2(int slice, int level) const { return uv_of(setting_of_slice(slice), level); }
   double setting_uv_mw_cm2(int setting, int level) const { return uv_of(setting, level); }
-  /// UV intensity of each level where it is patterned; empty else.
-  const std::vector<double>& uv_of_levels() const { return level_uv_; }
+  /// UV grey level that goes with each blue one where UV is patterned; empty else.
+  const std::vector<int>& uv_levels() const { return uv_levels_; }
 
   /// What a slice of a level adds j layers above its own: table[j * levels() + level], j = 0 ..
   /// near() - 1; layer by layer at the normal exposure.
@@ -101,6 +101,7 @@ class InhibitedKernel {
   double a_ = 1;
   int near_ = 1;
   std::vector<double> blue_, setting_uv_, level_uv_;
+  std::vector<int> uv_levels_;
   std::vector<std::uint16_t> slice_setting_;
   std::vector<std::vector<double>> tables_;  ///< [setting * places + place]
 };

@@ -25,6 +25,7 @@
 #include <vector>
 
 #include "slicecorr/cure.hpp"
+#include "slicecorr/dead_zone.hpp"
 #include "slicecorr/dose.hpp"
 
 namespace slicecorr {
@@ -113,7 +114,8 @@ struct Prediction {
   Histogram gap_contrast;
   std::uint64_t gap_teeth = 0;  ///< printed stretches in gaps that touch neither of their edges
   std::optional<LayerwiseFigures> layerwise;
-  Histogram grey_dose_error;  ///< absolute difference of mid-layer dose and coverage
+  std::optional<DeadZones> dead_zones;  ///< under UV light; not merged, set for whole stacks
+  Histogram grey_dose_error;            ///< absolute difference of mid-layer dose and coverage
   double min_dose_inside = std::numeric_limits<double>::infinity();
   double max_dose_inside = -std::numeric_limits<double>::infinity();
   double max_dose_outside = -std::numeric_limits<double>::infinity();

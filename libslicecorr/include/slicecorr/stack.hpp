@@ -2,6 +2,7 @@
 /// Slice archives: the native UVJ zip with our block, streamed both ways.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -107,6 +108,10 @@ class StackWriter {
   ~StackWriter();
   StackWriter(const StackWriter&) = delete;
   StackWriter& operator=(const StackWriter&) = delete;
+
+  /// A second image per slice, uv/%08d.png, made from the first: pixel value v becomes
+  /// uv_of_pixel[v], outside of bands, too. To be called before the first encoder is made.
+  void set_uv_pattern(const std::array<std::uint8_t, 256>& uv_of_pixel);
 
   /// Makes the pieces of one band: one object per worker, reused from slice to slice.
   class BandEncoder {

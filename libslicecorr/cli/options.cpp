@@ -402,6 +402,15 @@ std::string summary(const Prediction& after, const std::optional<Prediction>& be
         l->gels_further_teeth ? "; it is enough to gel layers further up beside their windows"
                               : "");
   }
+  if (const auto& zones = after.dead_zones; zones && std::isfinite(zones->least())) {
+    text += fmt::format("  dead zone over lit pixels: {:.3f} to {:.3f} um{}\n", zones->least(),
+                        zones->greatest(),
+                        zones->cured_pixels == 0
+                            ? ""
+                            : fmt::format("; the resin cures to the window at {} pixels, first in "
+                                          "slice {}",
+                                          zones->cured_pixels, zones->cured_slice));
+  }
   return text;
 }
 

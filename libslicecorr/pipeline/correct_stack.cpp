@@ -231,6 +231,13 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const st
         "found that avoids it; one level moves an edge by up to {:.3g} um",
         p.cure_through_voxels, p.undercure_voxels, plan.levels.size(), model.level_step_um()));
   }
+  // Printers of this kind want some 20 um of liquid under the part.
+  constexpr double kThin_um = 10;
+  if (p.dead_zones && setup.process.uv.dead_zone_um == 0 && p.dead_zones->least() < kThin_um) {
+    job.tell(
+        fmt::format("the dead zone gets as thin as {:.2g} um; --dead-zone-um asks for more of it",
+                    p.dead_zones->least()));
+  }
   if (p.one_slice_gaps > 0) {
     job.tell(fmt::format(
         "{} gaps are one slice high: {}", p.one_slice_gaps,

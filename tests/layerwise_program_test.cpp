@@ -312,7 +312,7 @@ TEST_F(Layerwise, InfeasibleSaysWhatWouldDo) {
 }
 
 TEST_F(Layerwise, RampsLeaveImagesAlone) {
-  XX
+  const Command how{"--printer", "small.toml", "--resin", "figure-2-2", "--speed-mm-h", "1000"};
   good(Command{"correct", "target.uvj", "-o", "plain.uvj"} + how);
   good(Command{"correct", "target.uvj", "-o", "ramp.uvj", "--ramp", "lamp-follows", "--ramp-mm",
                "0.5"} +

@@ -12,6 +12,7 @@
 #include "layerwise_models.hpp"
 #include "run_program.hpp"
 #include "slicecorr/pipeline.hpp"
+#include "slicecorr/slice.hpp"
 #include "slicecorr/solid.hpp"
 #include "stack_fixture.hpp"
 
@@ -391,6 +392,28 @@ TEST(LayerwiseSolid, IsClosedOnAnyStackAndHasTheTeeth) {
   ASSERT_LT(reach_um, 50);
   EXPECT_NEAR(r.lower[2], (4 * 50 - reach_um) * 1e-3, 0.05 / 1024 + 1e-6);
   EXPECT_NEAR(r.upper[2], 8 * 0.05, 1e-6);
+}
+
+TEST(LayerwiseReal, BenchyComesOutAsDesigned) {
+  const std::string path = SLICECORR_TEST_DATA "/meshes/clean/3DBenchy.stl";
+  if (!std::filesystem::exists(path)) GTEST_SKIP() << path << " is not there";
+  slicecorr::Setup setup{linear_printer(1, 100), resin(576, 110), layerwise(0.16)};
+  setup.printer.width_px = 1280;
+  setup.printer.height_px = 800;
+  setup.process.bottom_exposure_s = 1;
+  setup.process.bottom_layers = 5;
+  setup.process.fade_layers = 10;
+  const MeshSlices target(read_mesh(path, {}), setup.printer, SliceOptions{});
+  const TemporaryFolder folder;
+  const Correction c = correct_stack(target, setup, folder / "benchy.uvj", true);
+  EXPECT_EQ(c.after.cure_through_voxels + c.after.undercure_voxels, 0U);
+  EXPECT_EQ(c.after.lost_features + c.after.merged_features + c.after.gap_teeth, 0U);
+  EXPECT_EQ(c.after.greatest_shortfall_um, 0);
+  const CureModel m = make_cure_model(setup.printer, setup.resin, setup.process, 50);
+  ASSERT_TRUE(c.after.layerwise);
+  EXPECT_LE(c.after.greatest_overreach_um,
+            c.after.layerwise->max_cut_through_um + m.level_step_um() + 1e-9);
+  EXPECT_LT(c.after.height_error_um.mean() * 10, c.before->height_error_um.mean());
 }
 
 }  // namespace

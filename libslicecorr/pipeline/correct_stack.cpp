@@ -200,12 +200,12 @@ Correction correct_stack(const SliceSource& target, const Setup& setup, const st
         "found that avoids it; one level moves an edge by up to {:.3g} um",
         p.cure_through_voxels, p.undercure_voxels, plan.levels.size(), model.level_step_um()));
   }
-  // Layer by layer the edges beside such a gap don't depend on each other.
-  const bool free_gaps = model.mode == ExposureMode::layerwise && !plan.merge_one_slice_gaps;
-  if (p.one_slice_gaps > 0 && !free_gaps) {
-    job.tell(fmt::format(
-        "{} gaps are one slice high: {}", p.one_slice_gaps,
-        plan.merge_one_slice_gaps ? "merged" : "kept open, at the cost of the edges beside them"));
+  if (p.one_slice_gaps > 0) {
+    job.tell(fmt::format("{} gaps are one slice high: {}", p.one_slice_gaps,
+                         plan.merge_one_slice_gaps ? "merged"
+                         : model.mode == ExposureMode::layerwise
+                             ? "kept open"
+                             : "kept open, at the cost of the edges beside them"));
   }
   return result;
 }

@@ -91,6 +91,7 @@ TEST(LayerwiseModel, ExposureFollowsBottomAndFadeLayers) {
   const CureModel m = make_cure_model(linear_printer(1, 100), test::resin(576, 110), p, 50);
   for (int n = 0; n < 9; ++n) EXPECT_DOUBLE_EQ(m.ratio(n), layer_exposure_s(p, n) / 2) << n;
   EXPECT_DOUBLE_EQ(m.greatest_ratio(), 7);
+  EXPECT_THROW(figure_a_7(0), InputError);
   p.layer_exposure_s = {3, 1, 2};
   EXPECT_EQ(layer_exposure_s(p, 0), 3);
   EXPECT_EQ(layer_exposure_s(p, 1), 1);

@@ -175,6 +175,9 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
   model.mode = process.mode;
   const double s = units::cm_s_from_mm_h(process.speed_mm_h);
   if (process.mode == ExposureMode::layerwise) {
+    if (!(process.exposure_s > 0)) {
+      throw InputError("layer by layer exposure without a time; expected exposure_s above 0");
+    }
     // phi' = I^m te / D'c, areal.
     const double dose_prime = make_kinetics(resin, false, true).critical_dose_prime;
     model.critical_intensity_mw_cm2 = std::pow(dose_prime / process.exposure_s, 1.0 / resin.m);

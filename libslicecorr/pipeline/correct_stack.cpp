@@ -239,9 +239,11 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const st
                     p.dead_zones->least()));
   }
   if (p.one_slice_gaps > 0) {
-    job.tell(fmt::format(
-        "{} gaps are one slice high: {}", p.one_slice_gaps,
-        plan.merge_one_slice_gaps ? "merged" : "kept open, at the cost of the edges beside them"));
+    job.tell(fmt::format("{} gaps are one slice high: {}", p.one_slice_gaps,
+                         plan.merge_one_slice_gaps ? "merged"
+                         : model.mode == ExposureMode::layerwise
+                             ? "kept open"
+                             : "kept open, at the cost of the edges beside them"));
   }
   return result;
 }

@@ -286,7 +286,7 @@ void BandPredictor::cross(std::size_t i, double zeta, bool printed, Class now) {
       if (c.seeks_print) error(i, c.lower, false, -(c.lower - c.start));
       c.seeks_print = false;
     }
-    c.tooth = now == gap;
+    c.tooth = now == gap && c.run_below;
     return;
   }
   if (c.seeks_end) {

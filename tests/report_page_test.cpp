@@ -1,5 +1,6 @@
 // The report in a real browser: its controls work, its pictures come, it fits a phone.
 #include <gtest/gtest.h>
+#include <zlib.h>
 
 #include <filesystem>
 #include <fstream>
@@ -9,6 +10,7 @@
 #include "ladder.hpp"
 #include "lattice.hpp"
 #include "models.hpp"
+#include "report/page_parts.hpp"
 #include "run_program.hpp"
 #include "slicecorr/report.hpp"
 #include "slicecorr/slice.hpp"
@@ -133,6 +135,72 @@ TEST_F(ReportPage, ControlsWork) {
     std::size_t through = 0;
     for (const std::uint8_t s : v.before.state) through += s & kCellCureThrough;
     EXPECT_EQ(test["wrong"][0][0].get<std::size_t>(), through);
+  }
+}
+
+/// What the page's own test finds in a page opened from the folder.
+nlohmann::json selftest_in(const Folder& folder, const std::string& html) {
+  std::ofstream(folder.path / "other.html") << html;
+  const auto result = browse(folder, {"--dump-dom", "--window-size=1280,900"},
+                             "file://" + (folder.path / "other.html").string() + "#selftest");
+  return selftest_of(result.out);
+}
+
+/// The kernel of layer by layer exposure as tables of two distances, with a tail: as the page gets
+/// it under UV light.
+std::string kernel_of(const CureModel& m) {
+  std::vector<float> values;
+  for (const double place : {1.0, m.root_a, m.a}) {
+    for (const double distance : {1.0, m.a}) {
+      for (const double phi : m.level_phi) {
+        values.push_back(static_cast<float>(phi * place * distance));
+      }
+    }
+  }
+  uLongf size = compressBound(values.size() * sizeof(float));
+  std::vector<std::uint8_t> bytes(size);
+  compress(bytes.data(), &size, reinterpret_cast<const Bytef*>(values.data()),
+           values.size() * sizeof(float));
+  bytes.resize(size);
+  return nlohmann::json{{"near", 2},
+                        {"levels", m.level_phi.size()},
+                        {"a", m.a},
+                        {"setting", {0}},
+                        {"values", detail::base64(bytes)}}
+      .dump();
+}
+
+TEST_F(ReportPage, ColumnsLayerByLayerAndFromAKernel) {
+  slicecorr::Setup setup = setup_;
+  setup.resin = test::resin(576, 110);
+  setup.process = Process{};
+  setup.process.mode = ExposureMode::layerwise;
+  setup.process.exposure_s = 0.16;
+  const CureModel model = make_cure_model(setup.printer, setup.resin, setup.process, 50);
+  for (const bool kernel : {false, true}) {
+    // Both give the same doses; the tables are in single precision. A schedule of its own goes with
+    // the first only.
+    setup.process.bottom_exposure_s = kernel ? 0 : 0.5;
+    setup.process.bottom_layers = kernel ? 0 : 3;
+    std::string html = lattice_page(*target_, setup).html;
+    const std::string mark = "\"layerwise\":true";
+    const auto at = html.find(mark);
+    ASSERT_NE(at, std::string::npos);
+    if (kernel) html.insert(at + mark.size(), ",\"kernel\":" + kernel_of(model));
+    const auto test = selftest_in(folder_, html);
+    ASSERT_TRUE(test.is_object());
+    EXPECT_EQ(test.value("error", ""), "");
+    for (const auto& [name, passed] : test["checks"].items()) {
+      EXPECT_TRUE(passed.get<bool>()) << kernel << ": " << name;
+    }
+    const CorrectedSlices corrected(*target_, setup);
+    const auto rows = probe_stack(corrected, nullptr, setup, test["column"]["x"].get<int>(),
+                                  test["column"]["y"].get<int>());
+    ASSERT_EQ(test["column"]["levels"].size(), rows.size());
+    for (const ProbeRow& row : rows) {
+      const auto n = static_cast<std::size_t>(row.slice);
+      ASSERT_NEAR(test["column"]["dose"][n].get<double>(), row.dose, kernel ? 1e-6 : 1e-9) << n;
+    }
   }
 }
 

@@ -21,7 +21,9 @@ class Damage : public testing::Test {
     info.kind = StackKind::corrected;
     info.printer = Printer{"p", 40, 50, 40.5, 1000.0 / 30, 8, 405, {{0, 0}, {255, 9}}, 0, 0, {}};
     info.resin = Resin{"r", CureModelKind::jacobs, 1, 100, 20, 0, 0, 1, {}};
-    info.process = Process{10, 5, OneSliceGaps::open};
+    info.process.emplace();
+    info.process->speed_mm_h = 10;
+    info.process->omega_max = 5;
     test::write_stack(folder_ / "sound.uvj", images_, info);
     entries_ = test::unzip(folder_ / "sound.uvj");
   }
@@ -242,8 +244,10 @@ TEST_F(Damage, ConfigValues) {
   expect_config_refused("\"LightOnTime\": ", "\"LightOnTime\": -", "LightOnTime");
   expect_config_refused("\"Properties\": {", "\"Properties\": 5, \"P\": {", "an object");
   expect_config_refused("\"Layers\": [", "\"Layers\": 7, \"L\": [", "Layers is 7");
-  expect_config_refused("\"format\": 1", "\"format\": 2",
-                        "newer version of this program: format 2, this program reads up to 1");
+  expect_config_refused("\"format\": 1", "\"format\": 3",
+                        "newer version of this program: format 3, this program reads up to 2");
+  // What the second version has besides must be there.
+  expect_config_refused("\"format\": 1", "\"format\": 2", "process.exposure_s is missing");
   expect_config_refused("\"format\": 1", "\"format\": 0", "format");
   expect_config_refused("\"kind\": \"corrected\"", "\"kind\": \"mystery\"", "\"target\" or");
   expect_config_refused("\"mode\": \"continuous\"", "\"mode\": \"stepped\"", "continuous");

@@ -294,7 +294,9 @@ TEST(Stack, KeepsAllItsParametersExactly) {
                      0.7,
                      5.5,
                      Inhibition{0.73, 87.1, 1.29, 2.38e2}};
-  info.process = Process{17.0 / 3, 1e300, OneSliceGaps::merge};
+  info.process.emplace();
+  info.process->speed_mm_h = 17.0 / 3;
+  info.process->one_slice_gaps = OneSliceGaps::merge;
   test::write_stack(folder / "a.uvj", images, info);
   for (const StackInfo& back : {StackReader::read_info(folder / "a.uvj"),
                                 StackReader(folder / "a.uvj", folder.path()).info()}) {

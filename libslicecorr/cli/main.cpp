@@ -55,8 +55,10 @@ int slice(const Arguments& a, const Job& job, Console& console) {
 int correct(const Arguments& a, const Job& job, Console& console) {
   must_be_uvj(a.output);
   must_not_replace(a.output, {a.input});
-  const Setup setup = a.setup.resolve(nullptr);
-  const StackReader target(design(a.input), folder_of(a.output), job);
+  const StackInfo times = StackReader::read_info(design(a.input));
+  const Setup setup = a.setup.resolve(nullptr, &times);
+  if (const std::string text = notice(setup); !text.empty()) job.tell(text);
+  const StackReader target(a.input, folder_of(a.output), job);
   const Correction result = correct_stack(target, setup, a.output, true, job);
   console.say(fmt::format("{}: {} slices\n{}", a.output, result.info.grid.layers,
                           summary(result.after, result.before)));
@@ -66,7 +68,7 @@ int correct(const Arguments& a, const Job& job, Console& console) {
 int verify(const Arguments& a, const Job& job, Console&) {
   must_not_replace(a.json, {a.input, a.target});
   const StackReader stack(a.input, folder_of(a.input), job);
-  const Setup setup = a.setup.resolve(&stack.info());
+  const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
   const StackReader target(design(a.target), folder_of(a.target), job);
   const Prediction p = verify_stack(stack, target, setup, job);
   if (a.json.empty()) {
@@ -85,7 +87,7 @@ int verify(const Arguments& a, const Job& job, Console&) {
 
 int probe(const Arguments& a, const Job& job, Console&) {
   const StackReader stack(a.input, folder_of(a.input), job);
-  const Setup setup = a.setup.resolve(&stack.info());
+  const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
   std::optional<StackReader> target;
   if (!a.target.empty()) target.emplace(design(a.target), folder_of(a.target), job);
   const auto rows = probe_stack(stack, target ? &*target : nullptr, setup, a.x, a.y);
@@ -108,7 +110,7 @@ std::string title_of(const std::string& path) {
 int report(const Arguments& a, const Job& job, Console& console) {
   must_not_replace(a.output, {a.input, a.target});
   const StackReader stack(a.input, folder_of(a.output), job);
-  const Setup setup = a.setup.resolve(&stack.info());
+  const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
   const StackReader target(design(a.target), folder_of(a.output), job);
   const Prediction after = verify_stack(stack, target, setup, job);
   const Prediction before = verify_stack(target, target, setup, job);
@@ -122,7 +124,7 @@ int report(const Arguments& a, const Job& job, Console& console) {
 int section(const Arguments& a, const Job& job, Console& console) {
   must_not_replace(a.output, {a.input, a.target});
   const StackReader stack(a.input, folder_of(a.output), job);
-  const Setup setup = a.setup.resolve(&stack.info());
+  const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
   const StackReader target(design(a.target), folder_of(a.output), job);
   const PixelBox box = target.bounds();
   const int row = a.y >= 0 ? a.y : (box.y0 + box.y1) / 2;
@@ -145,7 +147,7 @@ int solid(const Arguments& a, const Job& job, Console& console) {
   must_not_replace(a.output, inputs);
   must_not_replace(a.json, inputs);
   const StackReader stack(a.input, folder_of(a.output), job);
-  const Setup setup = a.setup.resolve(&stack.info());
+  const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
   const Grid& g = stack.grid();
   const CureModel model = make_cure_model(setup.printer, setup.resin, setup.process, g.layer_um);
   std::optional<MeshDistance> design_mesh;
@@ -198,9 +200,11 @@ int solid(const Arguments& a, const Job& job, Console& console) {
 int run(const Arguments& a, const Job& job, Console& console) {
   must_be_uvj(a.output);
   must_not_replace(a.output, a.mesh.parts);
-  const Setup setup = a.setup.resolve(nullptr);
+  Setup setup = a.setup.resolve(nullptr, nullptr);
+  if (const std::string text = notice(setup); !text.empty()) job.tell(text);
   const MeshSlices target(read_parts(a.mesh, job), setup.printer, a.mesh.slice_options(), job);
   const Correction result = correct_stack(target, setup, a.output, true, job);
+  setup.process = *result.info.process;
   const std::string base =
       (std::filesystem::path(a.output).parent_path() / title_of(a.output)).string();
   // The proof: the prediction of the stack, with that of the uncorrected part beside it.
@@ -244,8 +248,10 @@ ComparisonTable table_of(const std::vector<Figures>& columns) {
 int compare(const Arguments& a, const Job& job, Console& console) {
   must_not_replace(a.json, a.mesh.parts);
   must_not_replace(a.output, a.mesh.parts);
-  const Setup setup = a.setup.resolve(nullptr);
+  Setup setup = a.setup.resolve(nullptr, nullptr);
+  if (const std::string text = notice(setup); !text.empty()) job.tell(text);
   const MeshSlices target(read_parts(a.mesh, job), setup.printer, a.mesh.slice_options(), job);
+  setup.process = schedule_uv(target, setup, job);
   const Comparison c = compare_methods(target, setup, job);
   if (!a.json.empty()) {
     // Only the erase has an N; the key is there for every method.

@@ -10,6 +10,7 @@
 #include <filesystem>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <numeric>
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/units.hpp"
@@ -90,15 +91,28 @@ SliceOptions MeshOptions::slice_options() const {
 void SetupOptions::add_to(CLI::App& app, bool required, bool correcting) {
   auto* p = app.add_option("--printer", printer, "Printer: a .toml file or a name");
   auto* r = app.add_option("--resin", resin, "Resin: a .toml file or a name");
-  auto* s = app.add_option("--speed-mm-h", speed_mm_h, "Print speed")->check(number_above_zero());
   if (required) {
     p->required();
     r->required();
-    s->required();
   }
-  app.add_option("--mode", mode, "How the printer exposes")
-      ->check(CLI::IsMember({"continuous"}))
-      ->capture_default_str();
+  app.add_option("--mode", mode,
+                 "How the printer exposes: while the stage moves, or standing still for each layer "
+                 "[continuous]")
+      ->check(CLI::IsMember({"continuous", "layerwise"}));
+  app.add_option("--speed-mm-h", speed_mm_h, "Print speed (continuous)")
+      ->check(number_above_zero());
+  app.add_option("--exposure-s", exposure_s,
+                 "Exposure of a layer (layerwise) [the times in the archive]")
+      ->check(number_above_zero());
+  app.add_option("--bottom-exposure-s", bottom_exposure_s,
+                 "Exposure of the first layers (layerwise)")
+      ->check(number_above_zero());
+  app.add_option("--bottom-layers", bottom_layers, "Number of these first layers (layerwise)")
+      ->check(CLI::Range(0, 1000000));
+  app.add_option("--fade-layers", fade_layers,
+                 "Layers after them in which the exposure goes to the normal one in equal steps "
+                 "(layerwise)")
+      ->check(CLI::Range(0, 1000000));
   app.add_option("--dc-mj-cm3", dc_mj_cm3, "Dose to aim at, instead of the resin file's")
       ->check(number_above_zero());
   app.add_option("--ha-um", ha_um, "Absorbance height, base 10, instead of the resin file's")
@@ -119,22 +133,170 @@ void SetupOptions::add_to(CLI::App& app, bool required, bool correcting) {
         ->check(CLI::IsMember({"capped", "uncapped"}))
         ->capture_default_str();
   }
+  app.add_option("--uv-mw-cm2", uv_mw_cm2, "Intensity of inhibiting UV light, the same throughout")
+      ->check(number_above_zero());
+  app.add_option("--dead-zone-um", dead_zone_um,
+                 "Dead zone at the window that the UV light is to hold, in place of --uv-mw-cm2")
+      ->check(number_above_zero());
+  app.add_option("--uv-schedule", uv_schedule,
+                 "How the UV light goes: one intensity; one per slice; one per pixel and slice "
+                 "[constant, or what the lamp can do for --dead-zone-um]")
+      ->check(CLI::IsMember({"constant", "per-slice", "patterned"}));
+  app.add_option("--window-cure", window_cure,
+                 "What to do when the resin would cure to the window, which ruins the vat [refuse]")
+      ->check(CLI::IsMember({"refuse", "allow"}));
+  app.add_option("--ramp", ramp,
+                 "Where the stage speeds up and slows down (continuous): the lamp follows it, or "
+                 "outside of the lit slices [none: not said]")
+      ->check(CLI::IsMember({"none", "lamp-follows", "outside"}));
+  app.add_option("--ramp-mm", ramp_mm, "Distance in which the stage reaches its speed")
+      ->check(number_above_zero());
 }
 
-Setup SetupOptions::resolve(const StackInfo* info) const {
+namespace {
+
+[[noreturn]] void wrong(const std::string& message) { throw InputError(message); }
+
+/// Without the repeated end: the last entry holds for later layers.
+std::vector<double> trimmed(std::vector<double> times) {
+  while (times.size() > 1 && times.back() == times[times.size() - 2]) times.pop_back();
+  return times;
+}
+
+}  // namespace
+
+void SetupOptions::resolve_exposure(Process& process, const StackInfo* times) const {
+  const bool layerwise =
+      mode.empty() ? process.mode == ExposureMode::layerwise : mode == "layerwise";
+  const bool any_exposure =
+      exposure_s > 0 || bottom_exposure_s > 0 || bottom_layers >= 0 || fade_layers >= 0;
+  if (layerwise && speed_mm_h > 0) {
+    wrong("--speed-mm-h is for continuous exposure; expected --exposure-s with --mode layerwise");
+  }
+  if (layerwise && (!ramp.empty() || ramp_mm > 0)) {
+    wrong("--ramp is for continuous exposure: layer by layer the stage stands still");
+  }
+  if (!layerwise && any_exposure) {
+    wrong("exposure times are for layer by layer exposure; expected --mode layerwise with them");
+  }
+  const ExposureMode now = layerwise ? ExposureMode::layerwise : ExposureMode::continuous;
+  if (now != process.mode) {
+    // Nothing of the other schedule holds.
+    process.speed_mm_h = process.exposure_s = process.bottom_exposure_s = process.ramp_mm = 0;
+    process.bottom_layers = process.fade_layers = 0;
+    process.layer_exposure_s.clear();
+    process.ramp = Ramp::none;
+    process.mode = now;
+  }
+  if (!layerwise) {
+    if (speed_mm_h > 0) process.speed_mm_h = speed_mm_h;
+    if (!(process.speed_mm_h > 0)) wrong("--speed-mm-h is required");
+    if (!ramp.empty()) {
+      process.ramp = ramp == "lamp-follows" ? Ramp::lamp_follows
+                     : ramp == "outside"    ? Ramp::outside
+                                            : Ramp::none;
+      process.ramp_mm = ramp_mm;
+      if (process.ramp == Ramp::lamp_follows && !(ramp_mm > 0)) {
+        wrong("--ramp lamp-follows: expected --ramp-mm, the distance that the lamp has to follow");
+      }
+      if (process.ramp == Ramp::none && ramp_mm > 0) wrong("--ramp-mm goes with a --ramp");
+    } else if (ramp_mm > 0) {
+      wrong("--ramp-mm: expected --ramp lamp-follows or outside with it");
+    }
+    return;
+  }
+  if (any_exposure) {
+    if (exposure_s > 0) {
+      process.exposure_s = exposure_s;
+    } else if (!(process.exposure_s > 0) && times) {
+      process.exposure_s = times->exposure_s;
+    }
+    process.layer_exposure_s.clear();
+    process.bottom_exposure_s = bottom_exposure_s;
+    process.bottom_layers = std::max(0, bottom_layers);
+    process.fade_layers = std::max(0, fade_layers);
+    if (process.bottom_layers > 0 && !(bottom_exposure_s > 0)) {
+      wrong("--bottom-layers: expected --bottom-exposure-s with it");
+    }
+    if (bottom_exposure_s > 0 && process.bottom_layers + process.fade_layers == 0) {
+      wrong("--bottom-exposure-s: expected --bottom-layers with it");
+    }
+    if (process.fade_layers > 0 && !(bottom_exposure_s > 0)) {
+      wrong("--fade-layers: expected --bottom-exposure-s with it, which they start from");
+    }
+  } else if (!(process.exposure_s > 0) && times) {
+    process.exposure_s = times->exposure_s;
+    process.layer_exposure_s = trimmed(times->layer_exposure_s);
+    process.bottom_exposure_s = times->bottom_exposure_s;
+    process.bottom_layers = times->bottom_layers;
+  }
+  if (!(process.exposure_s > 0)) {
+    wrong(
+        "--exposure-s is required: no exposure times are given, and there are none in an archive");
+  }
+}
+
+void SetupOptions::resolve_uv(Setup& setup) const {
+  UvSchedule& uv = setup.process.uv;
+  if (!window_cure.empty()) setup.process.allow_window_cure = window_cure == "allow";
+  if (uv_mw_cm2 > 0 && dead_zone_um > 0) {
+    wrong("--uv-mw-cm2 and --dead-zone-um are two ways to set the UV light; expected one of them");
+  }
+  if (!(uv_mw_cm2 > 0) && !(dead_zone_um > 0)) {
+    if (!uv_schedule.empty()) {
+      wrong(uv_schedule == "constant"
+                ? "--uv-schedule constant: expected --uv-mw-cm2 with it"
+                : fmt::format("--uv-schedule {}: expected --dead-zone-um with it", uv_schedule));
+    }
+    return;
+  }
+  const char* const option = uv_mw_cm2 > 0 ? "--uv-mw-cm2" : "--dead-zone-um";
+  if (!setup.resin.inhibition) {
+    wrong(fmt::format("{}: resin '{}' has no [inhibition]; expected one that UV light inhibits",
+                      option, setup.resin.name));
+  }
+  if (!setup.printer.uv) {
+    wrong(fmt::format("{}: printer '{}' has no [uv] lamp", option, setup.printer.name));
+  }
+  const bool patterned = setup.printer.uv->patterned;
+  uv = {};
+  if (uv_mw_cm2 > 0) {
+    if (!uv_schedule.empty() && uv_schedule != "constant") {
+      wrong(
+          fmt::format("--uv-schedule {} holds a dead zone; expected --dead-zone-um in place of "
+                      "--uv-mw-cm2",
+                      uv_schedule));
+    }
+    uv.kind = UvKind::constant;
+    uv.uv_mw_cm2 = uv_mw_cm2;
+    return;
+  }
+  if (uv_schedule == "constant") {
+    wrong("--uv-schedule constant: expected --uv-mw-cm2 in place of --dead-zone-um");
+  }
+  if (uv_schedule == "patterned" && !patterned) {
+    wrong(fmt::format("--uv-schedule patterned: the UV lamp of printer '{}' floods the window",
+                      setup.printer.name));
+  }
+  uv.kind = uv_schedule == "patterned" || (uv_schedule.empty() && patterned) ? UvKind::patterned
+                                                                             : UvKind::per_slice;
+  uv.dead_zone_um = dead_zone_um;
+}
+
+Setup SetupOptions::resolve(const StackInfo* info, const StackInfo* times) const {
   Setup setup;
   const bool recorded = info && info->printer && info->resin && info->process;
   const auto need = [&](bool given, const char* option) {
     if (!given && !recorded) {
       throw InputError(fmt::format(
           "the stack does not say how it is printed; expected {} (and --printer, --resin, "
-          "--speed-mm-h)",
+          "--speed-mm-h or --mode layerwise)",
           option));
     }
   };
   need(!printer.empty(), "--printer");
   need(!resin.empty(), "--resin");
-  need(speed_mm_h > 0, "--speed-mm-h");
+  if (info) need(speed_mm_h > 0 || mode == "layerwise" || exposure_s > 0, "--speed-mm-h");
   setup.printer = printer.empty() ? *info->printer : load_printer(printer);
   ResinOverrides overrides;
   if (dc_mj_cm3 > 0) overrides.dc_mj_cm3 = dc_mj_cm3;
@@ -150,7 +312,8 @@ Setup SetupOptions::resolve(const StackInfo* info) const {
     }
   }
   if (recorded) setup.process = *info->process;
-  if (speed_mm_h > 0) setup.process.speed_mm_h = speed_mm_h;
+  resolve_exposure(setup.process, times);
+  resolve_uv(setup);
   const double cap = omega_max_of(omega_max);
   if (!recorded) {
     setup.process.omega_max = cap;
@@ -159,6 +322,16 @@ Setup SetupOptions::resolve(const StackInfo* info) const {
     setup.process.cap_platform_features = platform_features == "capped";
   }
   return setup;
+}
+
+std::string notice(const Setup& setup) {
+  if (setup.process.uv.kind == UvKind::off && setup.resin.inhibition && setup.printer.uv) {
+    return fmt::format(
+        "the UV lamp of printer '{}' counts as off: without --uv-mw-cm2 or --dead-zone-um the "
+        "inhibition of resin '{}' is not considered",
+        setup.printer.name, setup.resin.name);
+  }
+  return {};
 }
 
 TriangleMesh read_parts(const MeshOptions& options, const Job& job) {
@@ -216,14 +389,40 @@ std::string summary(const Prediction& after, const std::optional<Prediction>& be
   std::vector<Figures> columns;
   if (before) columns.push_back({"uncorrected", &*before});
   columns.push_back({"corrected", &after});
-  return figures_table(columns);
+  std::string text = figures_table(columns);
+  if (const auto& l = after.layerwise) {
+    text += fmt::format(
+        "  layer by layer: black light alone cures {:.3f} um above a feature{}; the dose within a "
+        "layer varies {:.3f}-fold{}\n",
+        l->cut_through_um,
+        l->max_cut_through_um > l->cut_through_um
+            ? fmt::format(" ({:.3f} um where exposures are longest)", l->max_cut_through_um)
+            : "",
+        l->heterogeneity,
+        l->gels_further_teeth ? "; it is enough to gel layers further up beside their windows"
+                              : "");
+  }
+  if (const auto& zones = after.dead_zones; zones && std::isfinite(zones->least())) {
+    text += fmt::format("  dead zone over lit pixels: {:.3f} to {:.3f} um{}\n", zones->least(),
+                        zones->greatest(),
+                        zones->cured_pixels == 0
+                            ? ""
+                            : fmt::format("; the resin cures to the window at {} pixels, first in "
+                                          "slice {}",
+                                          zones->cured_pixels, zones->cured_slice));
+  }
+  return text;
 }
 
 double print_time_s(const StackInfo& info) {
-  if (info.process) {
-    return info.grid.layers * units::slice_time_s(info.grid.layer_um, info.process->speed_mm_h);
+  const Grid& g = info.grid;
+  if (info.process)
+    return light_on_s(*info.process, info.resin ? info.resin->m : 1.0, g.layer_um, g.layers);
+  if (!info.layer_exposure_s.empty()) {
+    return std::accumulate(info.layer_exposure_s.begin(), info.layer_exposure_s.end(), 0.0);
   }
-  return info.exposure_s > 0 ? info.grid.layers * info.exposure_s : 0;
+  const int bottom = std::min(info.bottom_layers, g.layers);
+  return (g.layers - bottom) * info.exposure_s + bottom * info.bottom_exposure_s;
 }
 
 namespace {
@@ -236,6 +435,20 @@ const char* kind_name(StackKind kind) {
     default:
       return "foreign";
   }
+}
+
+std::string exposures(const Process& p) {
+  if (!p.layer_exposure_s.empty()) {
+    const auto [least, greatest] =
+        std::minmax_element(p.layer_exposure_s.begin(), p.layer_exposure_s.end());
+    return fmt::format("{:g} to {:g} s each, {:g} s as a rule", *least, *greatest, p.exposure_s);
+  }
+  std::string text = fmt::format("{:g} s each", p.exposure_s);
+  if (p.bottom_layers + p.fade_layers > 0) {
+    text += fmt::format("; the first {} {:g} s, then {} between", p.bottom_layers,
+                        layer_exposure_s(p, 0), p.fade_layers);
+  }
+  return text;
 }
 }  // namespace
 
@@ -258,14 +471,24 @@ std::string describe_stack(const StackInfo& info) {
     text += fmt::format("resin        {}, {:g} um base 10, {:g} mJ/cm³\n", info.resin->name,
                         info.resin->absorbance_height10_um, info.resin->critical_dose_mj_cm3);
   }
-  if (info.process) {
+  const bool layerwise = info.process && info.process->mode == ExposureMode::layerwise;
+  if (layerwise) {
+    text += fmt::format("process      layer by layer, {}\n", exposures(*info.process));
+  } else if (info.process) {
     text += fmt::format(
         "process      continuous, {:g} mm/h, dose cap {}\n", info.process->speed_mm_h,
         info.process->omega_max >= 1e300 ? "none" : fmt::format("{:g}", info.process->omega_max));
+    if (info.process->ramp == Ramp::lamp_follows) {
+      text += fmt::format("ramps        over {:g} mm at both ends, the lamp follows the speed\n",
+                          info.process->ramp_mm);
+    } else if (info.process->ramp == Ramp::outside) {
+      text += "ramps        outside of the lit slices\n";
+    }
   }
   if (const double time = print_time_s(info); time > 0) {
-    text += fmt::format("print time   {:.0f} min {:02.0f} s\n", std::floor(time / 60),
-                        std::fmod(time, 60.0));
+    text += fmt::format(
+        "print time   {:.0f} min {:02.0f} s{}\n", std::floor(time / 60), std::fmod(time, 60.0),
+        layerwise ? " of light; lifts come on top, the stack does not know them" : "");
   }
   if (info.part_volume_mm3 > 0) {
     text += fmt::format("resin volume {:.4f} ml\n", info.part_volume_mm3 * 1e-3);
@@ -295,8 +518,16 @@ std::string info_json(const StackInfo& info, const std::string& path) {
     if (info.resin->gel_dose_mj_cm3 > 0) j["gel_dose_mj_cm3"] = info.resin->gel_dose_mj_cm3;
   }
   if (info.process) {
-    j["mode"] = "continuous";
-    j["speed_mm_h"] = info.process->speed_mm_h;
+    if (info.process->mode == ExposureMode::layerwise) {
+      j["mode"] = "layerwise";
+      j["exposure_s"] = info.process->exposure_s;
+      j["bottom_exposure_s"] = layer_exposure_s(*info.process, 0);
+      j["bottom_layers"] = info.process->bottom_layers;
+      j["fade_layers"] = info.process->fade_layers;
+    } else {
+      j["mode"] = "continuous";
+      j["speed_mm_h"] = info.process->speed_mm_h;
+    }
     if (info.process->omega_max >= 1e300) {
       j["omega_max"] = "inf";
     } else {

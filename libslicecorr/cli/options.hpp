@@ -29,17 +29,32 @@ struct MeshOptions {
 
 struct SetupOptions {
   std::string printer, resin;
+  // Empty or not above 0: not given.
   double speed_mm_h = 0;
-  std::string mode = "continuous";
+  std::string mode;
+  double exposure_s = 0, bottom_exposure_s = 0;
+  int bottom_layers = -1, fade_layers = -1;
+  double uv_mw_cm2 = 0, dead_zone_um = 0;
+  std::string uv_schedule, window_cure, ramp;
+  double ramp_mm = 0;
   std::string omega_max = "inf";
   std::string one_slice_gaps = "open";
   std::string platform_features = "capped";
   double dc_mj_cm3 = 0, ha_um = 0;
-  /// `required`: printer, resin and speed must be given; else a stack may bring them.
+  /// `required`: printer, resin and schedule must be given; else a stack may bring them.
   void add_to(CLI::App& app, bool required, bool correcting);
-  /// What is given here, over what `info` brings. Throws `InputError` naming what is missing.
-  Setup resolve(const StackInfo* info) const;
+  /// What is given here, over what `info` brings; `times`: an archive whose exposure times count
+  /// where none are given. Both may be null. Throws `InputError` naming what is missing, or what
+  /// does not go together.
+  Setup resolve(const StackInfo* info, const StackInfo* times) const;
+
+ private:
+  void resolve_exposure(Process& process, const StackInfo* times) const;
+  void resolve_uv(Setup& setup) const;
 };
+
+/// What the user should know of a setup; empty when nothing.
+std::string notice(const Setup& setup);
 
 /// Reads and places all parts; tells their figures and defects through `job`.
 TriangleMesh read_parts(const MeshOptions& options, const Job& job);

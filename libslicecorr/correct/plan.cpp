@@ -3,6 +3,8 @@
 #include <limits>
 #include <utility>
 
+#include "correct/band_solvers.hpp"
+#include "correct/inhibited_column.hpp"
 #include "correct/node_goal.hpp"
 #include "slicecorr/correct.hpp"
 #include "slicecorr/units.hpp"
@@ -19,6 +21,11 @@ CorrectionPlan::CorrectionPlan(CureModel cure_model, const Process& process, int
       merge_one_slice_gaps(process.one_slice_gaps == OneSliceGaps::merge),
       layers(target_layers),
       all_layers(all_slices) {
+  if (model.inhibited) {
+    inhibited = std::make_shared<const detail::InhibitedPlan>(model, merge_one_slice_gaps, layers,
+                                                              all_layers);
+  }
+  if (!model.is_plain()) return;
   const double low = model.phi_min();
   fall.resize(static_cast<std::size_t>(all_layers) + 1);
   // Out of exp, not by repeated division: entry j must not depend on how many come before it. Past
@@ -51,6 +58,7 @@ double CorrectionPlan::needed(double demand, int j) const {
 }
 
 int slices_with_burst(const CureModel& model, int target_layers, int last_lit) {
+  if (model.inhibited) return detail::inhibited_slices(model, target_layers, last_lit);
   return std::max(target_layers, last_lit + 1 + model.slices_to_gel());
 }
 

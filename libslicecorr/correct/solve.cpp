@@ -5,6 +5,7 @@
 
 #include "base/band_tape.hpp"
 #include "base/kernels.hpp"
+#include "correct/band_solvers.hpp"
 #include "correct/node_goal.hpp"
 #include "slicecorr/correct.hpp"
 #include "slicecorr/error.hpp"
@@ -13,11 +14,6 @@ namespace slicecorr {
 
 namespace detail {
 namespace {
-
-/// Added to an edge's dose of 1. The recursion loses at most about two roundings per node, which
-/// decay with a: 2^-52 * Omega / (1 - a) in all, below 1e-10 for a layer of 1e-5 absorbance
-/// heights.
-constexpr double kMargin = 1e-9;
 
 /// The intensity that makes Omega(n) = `dose` from `below`.
 double intensity_for(const CureModel& model, double dose, double below) {
@@ -70,8 +66,12 @@ using detail::Around;
 using detail::Demand;
 using detail::kBlock;
 
-struct BandCorrector::Impl {
-  Impl(const CorrectionPlan& p, std::size_t n)
+namespace {
+
+/// Continuous exposure without UV light.
+class ContinuousSolver final : public detail::BandSolver {
+ public:
+  ContinuousSolver(const CorrectionPlan& p, std::size_t n)
       : plan(p),
         columns(n),
         tape(n),
@@ -81,6 +81,10 @@ struct BandCorrector::Impl {
         before2(n),
         empty(n) {}
 
+  void add_layer(const std::uint8_t* coverage) override;
+  void solve(const BandCorrector::Sink& sink) override;
+
+ private:
   /// A demand that a node replaced, to be put back when the solve has passed the node.
   struct Change {
     std::uint32_t column;
@@ -107,13 +111,8 @@ struct BandCorrector::Impl {
   std::vector<std::size_t> changes_end;  ///< per node
 };
 
-BandCorrector::BandCorrector(const CorrectionPlan& plan, std::size_t columns)
-    : impl_(std::make_unique<Impl>(plan, columns)) {}
-BandCorrector::~BandCorrector() = default;
-BandCorrector::BandCorrector(BandCorrector&&) noexcept = default;
-
-void BandCorrector::Impl::forward(int node, const std::uint8_t* above2, const std::uint8_t* above,
-                                  const std::uint8_t* below) {
+void ContinuousSolver::forward(int node, const std::uint8_t* above2, const std::uint8_t* above,
+                               const std::uint8_t* below) {
   for (std::size_t b = 0; b < columns; b += kBlock) {
     const std::size_t end = std::min(b + kBlock, columns);
     // In the middle of a feature or a gap nothing changes: most blocks of most layers.
@@ -135,7 +134,7 @@ void BandCorrector::Impl::forward(int node, const std::uint8_t* above2, const st
   changes_end.push_back(changes.size());
 }
 
-void BandCorrector::Impl::undo(int node) {
+void ContinuousSolver::undo(int node) {
   const auto n = static_cast<std::size_t>(node);
   const std::size_t begin = n ? changes_end[n - 1] : 0;
   for (std::size_t i = changes_end[n]; i-- > begin;) demand[changes[i].column] = changes[i].was;
@@ -148,8 +147,8 @@ void BandCorrector::Impl::undo(int node) {
   }
 }
 
-void BandCorrector::add_layer(const std::uint8_t* coverage) {
-  Impl& s = *impl_;
+void ContinuousSolver::add_layer(const std::uint8_t* coverage) {
+  ContinuousSolver& s = *this;
   const int n = s.tape.slices();
   if (n >= s.plan.layers) throw Error("more layers than the plan has");
   const std::uint8_t* rows = coverage ? coverage : s.empty.data();
@@ -159,8 +158,8 @@ void BandCorrector::add_layer(const std::uint8_t* coverage) {
   std::memcpy(s.before.data(), rows, s.columns);
 }
 
-void BandCorrector::solve(const Sink& sink) {
-  Impl& s = *impl_;
+void ContinuousSolver::solve(const BandCorrector::Sink& sink) {
+  ContinuousSolver& s = *this;
   const CorrectionPlan& plan = s.plan;
   const CureModel& model = plan.model;
   const int layers = plan.layers;
@@ -247,8 +246,6 @@ void BandCorrector::solve(const Sink& sink) {
   }
 }
 
-namespace {
-
 /// Walks one column from the last slice to the first: `choose(goal, below)` gives the intensity.
 template <typename Choose>
 void walk_column(const CorrectionPlan& plan, const std::vector<std::uint8_t>& coverage, double edge,
@@ -275,10 +272,31 @@ void walk_column(const CorrectionPlan& plan, const std::vector<std::uint8_t>& co
   }
 }
 
+std::unique_ptr<detail::BandSolver> make_solver(const CorrectionPlan& plan, std::size_t columns) {
+  if (plan.model.inhibited) return detail::make_inhibited_solver(plan, columns);
+  if (plan.model.mode == ExposureMode::layerwise) {
+    return detail::make_layerwise_solver(plan, columns);
+  }
+  return std::make_unique<ContinuousSolver>(plan, columns);
+}
+
 }  // namespace
+
+struct BandCorrector::Impl {
+  std::unique_ptr<detail::BandSolver> solver;
+};
+
+BandCorrector::BandCorrector(const CorrectionPlan& plan, std::size_t columns)
+    : impl_(std::make_unique<Impl>(make_solver(plan, columns))) {}
+BandCorrector::~BandCorrector() = default;
+BandCorrector::BandCorrector(BandCorrector&&) noexcept = default;
+void BandCorrector::add_layer(const std::uint8_t* coverage) { impl_->solver->add_layer(coverage); }
+void BandCorrector::solve(const Sink& sink) { impl_->solver->solve(sink); }
 
 std::vector<std::uint8_t> solve_column(const CorrectionPlan& plan,
                                        const std::vector<std::uint8_t>& coverage) {
+  if (plan.model.inhibited) return detail::solve_inhibited_column(plan, coverage);
+  if (!plan.model.is_plain()) return detail::solve_layerwise_column(plan, coverage);
   std::vector<std::uint8_t> levels(static_cast<std::size_t>(plan.all_layers));
   walk_column(plan, coverage, 1.0 + detail::kMargin,
               [&](std::size_t n, const detail::Goal& goal, double below) {
@@ -291,6 +309,8 @@ std::vector<std::uint8_t> solve_column(const CorrectionPlan& plan,
 
 std::vector<double> solve_column_exactly(const CorrectionPlan& plan,
                                          const std::vector<std::uint8_t>& coverage) {
+  if (plan.model.inhibited) return detail::solve_inhibited_column_exactly(plan, coverage);
+  if (!plan.model.is_plain()) return detail::solve_layerwise_column_exactly(plan, coverage);
   std::vector<double> phi(static_cast<std::size_t>(plan.all_layers));
   walk_column(plan, coverage, 1.0, [&](std::size_t n, const detail::Goal& goal, double below) {
     phi[n] = std::clamp(detail::intensity_for(plan.model, std::max(goal.aim, goal.least), below),

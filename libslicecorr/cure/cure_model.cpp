@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "cure/walkers.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/units.hpp"
@@ -22,6 +23,7 @@ double CureModel::crossing(double phi, double below) const {
 }
 
 int CureModel::slices_to_gel() const {
+  if (mode == ExposureMode::layerwise) return 0;
   const double slices = std::log10(phi_max() / (phi_max() - 1.0)) / eta;
   // A part in 1e9 less than a whole number is that number: the margin of the solve covers it.
   return static_cast<int>(std::ceil(slices - 1e-12));
@@ -34,18 +36,35 @@ double CureModel::highest_dose(double slices) const {
          phi_min();
 }
 
+double CureModel::greatest_ratio() const {
+  return exposure_ratio.empty() ? 1.0
+                                : *std::max_element(exposure_ratio.begin(), exposure_ratio.end());
+}
+
+double CureModel::cut_through_um(double exposure) const {
+  return layer_um / eta * std::log10(1.0 + phi_min() * exposure);
+}
+
 double CureModel::level_step_um() const {
   double step = 0;
+  if (mode == ExposureMode::layerwise) {
+    const double ratio = greatest_ratio();
+    for (std::size_t l = 1; l < level_phi.size() && level_phi[l - 1] * ratio * a < 1.0; ++l) {
+      step = std::max(step, level_phi[l] - level_phi[l - 1]);
+    }
+    return layer_um * step * ratio * a / (units::ln10 * eta);
+  }
   for (std::size_t l = 1; l < level_phi.size() && level_phi[l - 1] < 1.0; ++l) {
     step = std::max(step, level_phi[l] - level_phi[l - 1]);
   }
   return layer_um * step * one_minus_a / (units::ln10 * eta * (1.0 - phi_min()));
 }
 
-std::vector<double> level_intensities(const Printer& printer) {
-  std::vector<double> intensity(static_cast<std::size_t>(printer.levels()));
+namespace {
+
+std::vector<double> intensities_of(const std::vector<CalibrationPoint>& points, int levels) {
+  std::vector<double> intensity(static_cast<std::size_t>(levels));
   std::size_t segment = 0;
-  const auto& points = printer.calibration;
   for (std::size_t level = 0; level < intensity.size(); ++level) {
     const auto g = static_cast<double>(level);
     while (segment + 2 < points.size() && g > points[segment + 1].level) ++segment;
@@ -63,6 +82,87 @@ std::vector<double> level_intensities(const Printer& printer) {
   return intensity;
 }
 
+}  // namespace
+
+std::vector<double> level_intensities(const Printer& printer) {
+  return intensities_of(printer.calibration, printer.levels());
+}
+
+std::vector<double> uv_level_intensities(const Printer& printer) {
+  if (!printer.uv || !printer.uv->patterned) {
+    throw InputError(printer.name, "uv.kind",
+                     "the printer has no UV lamp that shows patterns; expected \"patterned\"");
+  }
+  return intensities_of(printer.uv->calibration, printer.levels());
+}
+
+namespace {
+
+/// Exposures over the normal one; empty when all are normal.
+std::vector<double> exposure_ratios(const Process& process) {
+  const std::size_t special =
+      process.layer_exposure_s.empty()
+          ? static_cast<std::size_t>(process.bottom_layers + process.fade_layers)
+          : process.layer_exposure_s.size();
+  std::vector<double> ratios;
+  bool normal = true;
+  // One more than the special ones: the last holds for all layers after it.
+  for (std::size_t n = 0; n <= special; ++n) {
+    ratios.push_back(layer_exposure_s(process, static_cast<int>(n)) / process.exposure_s);
+    normal = normal && ratios.back() == 1.0;
+  }
+  if (normal) ratios.clear();
+  return ratios;
+}
+
+/// "layer 3, exposed for 1.5 s," where exposures differ.
+std::string failing_layer(const CureModel& model, const Process& process, int layer) {
+  const double exposure = layer_exposure_s(process, layer);
+  return model.exposure_ratio.empty()
+             ? fmt::format("exposed for {:.5g} s", exposure)
+             : fmt::format("layer {}, exposed for {:.5g} s,", layer, exposure);
+}
+
+void check_feasible_layerwise(const CureModel& model, const Printer& printer,
+                              const Process& process) {
+  const double most = printer.calibration.back().intensity_mw_cm2;
+  const double least = printer.calibration.front().intensity_mw_cm2;
+  const int layers = std::max<int>(1, static_cast<int>(model.exposure_ratio.size()));
+  // The weakest layer first: what helps it helps all.
+  int weakest = 0;
+  for (int n = 1; n < layers; ++n) {
+    if (model.ratio(n) < model.ratio(weakest)) weakest = n;
+  }
+  const double reached = model.phi_max() * model.ratio(weakest) * model.a;
+  // Full light for just the least time is feasible, rounding or not.
+  if (reached < 1.0 - 1e-12) {
+    const double exposure = layer_exposure_s(process, weakest);
+    throw InfeasibleError(fmt::format(
+        "a layer does not gel through: {} full light ({:g} mW/cm²) leaves {:.4g} of the critical "
+        "dose at its far edge; expose for at least {:.5g} s, or with at least {:.5g} mW/cm²",
+        failing_layer(model, process, weakest), most, reached, exposure / reached,
+        reached > 0 ? most * std::pow(1.0 / reached, 1.0 / model.m) : most));
+  }
+  // Black light at the window of layer n, with what all later layers leave there.
+  double black = model.phi_min() * model.ratio(layers) / model.one_minus_a;
+  for (int n = layers; n-- > 0;) {
+    const double later = model.a * black;
+    black = model.phi_min() * model.ratio(n) + later;
+    if (!(black >= 1.0)) continue;
+    const double exposure = layer_exposure_s(process, n);
+    const double allowed = model.exposure_ratio.empty()
+                               ? exposure / black
+                               : exposure * (1.0 - later) / (model.phi_min() * model.ratio(n));
+    throw InfeasibleError(fmt::format(
+        "black pixels gel the resin: {} the light of black ({:g} mW/cm²) adds up to {:.4g} of the "
+        "critical dose; expose for less than {:.5g} s, or with black below {:.5g} mW/cm²",
+        failing_layer(model, process, n), least, black, allowed,
+        least * std::pow(1.0 / black, 1.0 / model.m)));
+  }
+}
+
+}  // namespace
+
 CureModel make_cure_model(const Printer& printer, const Resin& resin, const Process& process,
                           double layer_um) {
   CureModel model;
@@ -72,8 +172,17 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
   model.a = std::exp(-model.eta * units::ln10);
   model.one_minus_a = -std::expm1(-model.eta * units::ln10);
   model.root_a = std::exp(-0.5 * model.eta * units::ln10);
+  model.mode = process.mode;
   const double s = units::cm_s_from_mm_h(process.speed_mm_h);
-  if (resin.critical_dose_prime > 0) {
+  if (process.mode == ExposureMode::layerwise) {
+    if (!(process.exposure_s > 0)) {
+      throw InputError("layer by layer exposure without a time; expected exposure_s above 0");
+    }
+    // phi' = I^m te / D'c, areal.
+    const double dose_prime = make_kinetics(resin, false, true).critical_dose_prime;
+    model.critical_intensity_mw_cm2 = std::pow(dose_prime / process.exposure_s, 1.0 / resin.m);
+    model.exposure_ratio = exposure_ratios(process);
+  } else if (resin.critical_dose_prime > 0) {
     const double hb_cm = units::height_e_from_10(resin.absorbance_height10_um) * 1e-4;
     model.critical_intensity_mw_cm2 =
         std::pow(resin.m * s * resin.critical_dose_prime / hb_cm, 1.0 / resin.m);
@@ -81,10 +190,32 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
     model.critical_intensity_mw_cm2 = resin.critical_dose_mj_cm3 * s;
   }
   for (const double i : level_intensities(printer)) model.level_phi.push_back(model.phi(i));
+  if (process.uv.kind != UvKind::off) {
+    model.inhibited = detail::make_inhibited_kernel(printer, resin, process, layer_um);
+    // Under UV light phi is the dose after a long run of slices, and the exponent may be another.
+    const InhibitedKernel& kernel = *model.inhibited;
+    model.m = kernel.kinetics().m;
+    model.eta = model.m * layer_um / resin.absorbance_height10_um;
+    model.a = kernel.a();
+    model.one_minus_a = -std::expm1(-model.eta * units::ln10);
+    model.root_a = std::exp(-0.5 * model.eta * units::ln10);
+    model.critical_intensity_mw_cm2 = kernel.critical_intensity_mw_cm2(0);
+    for (int level = 0; level < kernel.levels(); ++level) {
+      model.level_phi[static_cast<std::size_t>(level)] = kernel.steady_dose(0, level);
+    }
+  }
   return model;
 }
 
 void check_feasible(const CureModel& model, const Printer& printer, const Process& process) {
+  if (model.inhibited) {
+    detail::check_inhibited_feasible(model, printer, process);
+    return;
+  }
+  if (process.mode == ExposureMode::layerwise) {
+    check_feasible_layerwise(model, printer, process);
+    return;
+  }
   if (printer.max_speed_mm_h > 0 && process.speed_mm_h > printer.max_speed_mm_h) {
     throw InputError(
         fmt::format("speed {:g} mm/h is beyond the stage of printer '{}', which reaches {:g} mm/h",

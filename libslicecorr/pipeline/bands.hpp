@@ -31,6 +31,7 @@ inline Prediction whole_image(const Prediction& in_bands, const CureModel& model
   for (const PixelBox& band : bands) outside -= columns_of(band);
   Prediction sum = predict_black_columns(model, slices, outside);
   sum.layers = slices;
+  sum.layerwise = layerwise_figures(model);
   sum.layer_um = grid.layer_um;
   sum.pixel_x_um = grid.pixel_x_um;
   sum.pixel_y_um = grid.pixel_y_um;

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <mutex>
@@ -7,6 +8,7 @@
 #include "base/band_tape.hpp"
 #include "pipeline/bands.hpp"
 #include "pipeline/relief.hpp"
+#include "slicecorr/dead_zone.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/version.hpp"
@@ -106,22 +108,28 @@ CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup) {
   check_fits(grid, setup.printer);
   CureModel model = make_cure_model(setup.printer, setup.resin, setup.process, grid.layer_um);
   check_feasible(model, setup.printer, setup.process);
-  const int added = model.slices_to_gel();
   const int slices = slices_with_burst(model, grid.layers, grid.layers - 1);
   const double travel_mm = slices * grid.layer_um * 1e-3;
   if (setup.printer.travel_mm > 0 && travel_mm > setup.printer.travel_mm * (1 + 1e-9)) {
+    if (slices == grid.layers) {
+      throw InfeasibleError(
+          fmt::format("the part is {:.3f} mm high; the stage of '{}' travels {:g} mm", travel_mm,
+                      setup.printer.name, setup.printer.travel_mm));
+    }
     throw InfeasibleError(
         fmt::format("curing the part's end takes {} slices after it, {:.3f} mm in all; the stage "
                     "of '{}' travels "
                     "{:g} mm. Print slower, with more light, or a part at least {:.3f} mm lower",
-                    added, travel_mm, setup.printer.name, setup.printer.travel_mm,
+                    slices - grid.layers, travel_mm, setup.printer.name, setup.printer.travel_mm,
                     travel_mm - setup.printer.travel_mm));
   }
   return {std::move(model), setup.process, grid.layers, slices};
 }
 
-Correction correct_stack(const SliceSource& target, const Setup& setup, const std::string& path,
+Correction correct_stack(const SliceSource& target, const Setup& asked, const std::string& path,
                          bool with_before, const Job& job) {
+  Setup setup = asked;
+  setup.process = schedule_uv(target, asked, job);
   const CorrectionPlan plan = plan_correction(target, setup);
   const CureModel& model = plan.model;
   Grid grid = target.grid();
@@ -134,6 +142,17 @@ Correction correct_stack(const SliceSource& target, const Setup& setup, const st
   const bool all_levels = plan.levels.size() == 256;
 
   StackWriter writer(path, grid, job);
+  if (model.inhibited && !model.inhibited->uv_levels().empty()) {
+    std::array<std::uint8_t, 256> uv_of_pixel{};
+    for (int v = 0; v < 256; ++v) {
+      const auto level = static_cast<std::size_t>(level_of_pixel(v, plan.levels.size()));
+      uv_of_pixel[static_cast<std::size_t>(v)] = static_cast<std::uint8_t>(
+          pixel_of_level(model.inhibited->uv_levels()[level], plan.levels.size()));
+    }
+    writer.set_uv_pattern(uv_of_pixel);
+  }
+  std::optional<WindowTotal> window;
+  if (model.inhibited) window.emplace(model, plan.all_layers);
   TargetScan scan(target);
   const auto bands = bands_of(grid, target.bounds());
   // Merging does not depend on the order of bands, and a band's histograms are large.
@@ -150,6 +169,8 @@ Correction correct_stack(const SliceSource& target, const Setup& setup, const st
     StackWriter::BandEncoder encoder(writer, band.y0, band.y1);
     BandPredictor predict_after(model, curve, plan.all_layers, columns);
     BandPredictor predict_before(model, curve, plan.all_layers, columns);
+    std::optional<WindowWatch> watch;
+    if (window) watch.emplace(model, plan.all_layers, columns);
     std::vector<std::uint8_t> pixels(columns);
     corrector.solve(
         [&](int n, const std::uint8_t* levels, const std::uint8_t* coverage, bool dark) {
@@ -160,6 +181,7 @@ Correction correct_stack(const SliceSource& target, const Setup& setup, const st
             shown = pixels.data();
           }
           encoder.put(n, band.x0, band.x1, dark ? nullptr : shown);
+          if (watch) watch->add_slice(n, dark ? nullptr : shown);
           predict_after.add_slice(n, shown, coverage);
           if (with_before) {
             predict_before.add_slice(n, n < plan.layers ? coverage : nullptr, coverage);
@@ -169,10 +191,21 @@ Correction correct_stack(const SliceSource& target, const Setup& setup, const st
     const Prediction band_before = predict_before.finish(band.x0, band.y0, band.width());
     const std::lock_guard lock(merging);
     after.merge(band_after);
+    if (watch) window->merge(*watch);
     if (with_before) before.merge(band_before);
   });
 
   Correction result;
+  if (window) {
+    result.after.dead_zones = window->result();
+    const DeadZones& zones = *result.after.dead_zones;
+    if (zones.cured_pixels > 0 && !setup.process.allow_window_cure) {
+      throw InfeasibleError(fmt::format(
+          "the resin cures to the window at {} pixels, first in slice {}: UV light does not hold a "
+          "dead zone there; use more UV light, print slower, or allow it with --window-cure allow",
+          zones.cured_pixels, zones.cured_slice));
+    }
+  }
   StackInfo& info = result.info;
   info.grid = grid;
   info.kind = StackKind::corrected;
@@ -182,7 +215,9 @@ Correction correct_stack(const SliceSource& target, const Setup& setup, const st
   scan.fill(info);
   writer.finish(info, scan.picture());
 
+  auto zones = std::move(result.after.dead_zones);
   result.after = whole_image(after, model, grid, plan.all_layers, bands);
+  result.after.dead_zones = std::move(zones);
   if (with_before) result.before = whole_image(before, model, grid, plan.layers, bands);
   const Prediction& p = result.after;
   if (p.target_voxels == 0) {
@@ -196,10 +231,19 @@ Correction correct_stack(const SliceSource& target, const Setup& setup, const st
         "found that avoids it; one level moves an edge by up to {:.3g} um",
         p.cure_through_voxels, p.undercure_voxels, plan.levels.size(), model.level_step_um()));
   }
+  // Printers of this kind want some 20 um of liquid under the part.
+  constexpr double kThin_um = 10;
+  if (p.dead_zones && setup.process.uv.dead_zone_um == 0 && p.dead_zones->least() < kThin_um) {
+    job.tell(
+        fmt::format("the dead zone gets as thin as {:.2g} um; --dead-zone-um asks for more of it",
+                    p.dead_zones->least()));
+  }
   if (p.one_slice_gaps > 0) {
-    job.tell(fmt::format(
-        "{} gaps are one slice high: {}", p.one_slice_gaps,
-        plan.merge_one_slice_gaps ? "merged" : "kept open, at the cost of the edges beside them"));
+    job.tell(fmt::format("{} gaps are one slice high: {}", p.one_slice_gaps,
+                         plan.merge_one_slice_gaps ? "merged"
+                         : model.mode == ExposureMode::layerwise
+                             ? "kept open"
+                             : "kept open, at the cost of the edges beside them"));
   }
   return result;
 }

@@ -45,6 +45,23 @@ void step(const Factors f, std::size_t n, const double* __restrict phi, double* 
   }
 }
 
+/// The same where the doses in the middle of the layer are known.
+SLICECORR_CLONES
+void count(std::size_t n, const double* __restrict middle, const std::uint8_t* __restrict cover,
+           std::uint32_t* __restrict printed, std::uint32_t* __restrict designed,
+           std::uint8_t* __restrict flags, std::uint32_t* __restrict wrong) {
+  for (std::size_t i = 0; i < n; ++i) {
+    const std::uint32_t prints = middle[i] >= 1.0;
+    const std::uint32_t empty = cover[i] == 0, full = cover[i] == 255;
+    const std::uint32_t through = empty & prints, under = full & (1U - prints);
+    printed[i] += prints;
+    designed[i] += cover[i] >= 128;
+    wrong[i] += through + under;
+    flags[i] = static_cast<std::uint8_t>(flags[i] | through * kCellCureThrough |
+                                         under * kCellUndercure | (1U - empty - full) * kCellGrey);
+  }
+}
+
 void push(ReducedVolume::Runs& runs, std::uint8_t value) {
   if (runs.empty() || runs.back().first != value) runs.emplace_back(value, 0);
   ++runs.back().second;
@@ -157,10 +174,15 @@ class Reducer {
           std::fill(c.designed.begin(), c.designed.end(), 0U);
           std::fill(c.flags.begin(), c.flags.end(), std::uint8_t{0});
         }
+        edges.add_slice(z, light, cover.data());
+        if (!model_.is_plain()) {
+          count(n, edges.middle(), cover.data(), c.printed.data(), c.designed.data(),
+                c.flags.data(), c.wrong.data());
+          return;
+        }
         for (std::size_t i = 0; i < n; ++i) c.phi[i] = light ? curve_[light[i]] : 0.0;
         step(f, n, c.phi.data(), c.omega.data(), cover.data(), c.printed.data(), c.designed.data(),
              c.flags.data(), c.wrong.data());
-        edges.add_slice(z, light, cover.data());
       };
       go(before, edges_before, z < target_.grid().layers ? cover.data() : nullptr);
       go(after, edges_after, z < stack_.grid().layers ? pixels.data() : nullptr);
@@ -227,7 +249,6 @@ class Reducer {
     struct Chosen {
       std::size_t at = 0, cells = 0;
       int i = 0, j = 0;
-      double omega_before = 0, omega_after = 0;
     };
     const auto width = static_cast<std::size_t>(volume_.nx);
     std::vector<std::ptrdiff_t> best(work.ranks.size(), -1);
@@ -263,6 +284,8 @@ class Reducer {
       chosen.push_back(one);
     }
     if (chosen.empty()) return;
+    BandDose dose_before(model_, chosen.size()), dose_after(model_, chosen.size());
+    std::vector<std::uint8_t> chosen_pixels(chosen.size()), chosen_cover(chosen.size());
     std::vector<std::uint8_t> pixels(band.width() * static_cast<std::size_t>(band.height())),
         cover(pixels.size());
     for (int z = volume_.layers; z-- > 0;) {
@@ -272,24 +295,27 @@ class Reducer {
       const int first = k * volume_.step_z;
       const int middle = (first + std::min(first + volume_.step_z, volume_.layers)) / 2;
       const bool lit_before = z < target_.grid().layers, lit_after = z < stack_.grid().layers;
-      for (Chosen& one : chosen) {
-        const std::uint8_t c = cover[one.at], p = pixels[one.at];
+      for (std::size_t m = 0; m < chosen.size(); ++m) {
+        chosen_cover[m] = cover[chosen[m].at];
+        chosen_pixels[m] = pixels[chosen[m].at];
+      }
+      dose_before.add_slice(z, lit_before ? chosen_cover.data() : nullptr);
+      dose_after.add_slice(z, lit_after ? chosen_pixels.data() : nullptr);
+      for (std::size_t m = 0; m < chosen.size(); ++m) {
+        const Chosen& one = chosen[m];
+        const std::uint8_t c = chosen_cover[m], p = chosen_pixels[m];
         ReducedVolume::Column& column = volume_.columns[one.cells];
         if (lit_before) push(column.coverage, c);
         if (lit_after) {
           push(column.levels, static_cast<std::uint8_t>(level_of_pixel(p, levels_)));
         }
-        const double phi_before = lit_before ? curve_[c] : 0.0;
-        const double phi_after = lit_after ? curve_[p] : 0.0;
         if (z == middle) {
           const std::size_t to = cell(one.i, one.j, k);
-          volume_.before.dose[to] = dose_code(model_.middle(phi_before, one.omega_before));
-          volume_.after.dose[to] = dose_code(model_.middle(phi_after, one.omega_after));
+          volume_.before.dose[to] = dose_code(dose_before.middle()[m]);
+          volume_.after.dose[to] = dose_code(dose_after.middle()[m]);
           volume_.before.grey[to] = c;
           volume_.after.grey[to] = p;
         }
-        one.omega_before = model_.step(phi_before, one.omega_before);
-        one.omega_after = model_.step(phi_after, one.omega_after);
       }
     }
     for (const Chosen& one : chosen) {

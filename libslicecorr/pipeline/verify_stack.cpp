@@ -6,6 +6,7 @@
 
 #include "base/band_tape.hpp"
 #include "pipeline/bands.hpp"
+#include "slicecorr/dead_zone.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/pipeline.hpp"
 
@@ -58,23 +59,37 @@ Prediction verify_stack(const SliceSource& stack, const SliceSource& target, con
   const int all_layers = std::max(grid.layers, target.grid().layers);
   const auto bands = bands_of(grid, stack.bounds().united(target.bounds()));
   Prediction total;
+  std::optional<WindowTotal> window;
+  if (model.inhibited) window.emplace(model, grid.layers);
   std::mutex merging;
   parallel_for(job, "predict", bands.size(), [&](std::size_t i) {
     const PixelBox& band = bands[i];
     const BandTape shown = tape_of(stack, band), design = tape_of(target, band);
     std::vector<std::uint8_t> pixels(columns_of(band)), coverage(columns_of(band));
     BandPredictor predictor(model, curve, all_layers, columns_of(band));
+    std::optional<WindowWatch> watch;
+    if (window) watch.emplace(model, grid.layers, columns_of(band));
     for (int n = all_layers; n-- > 0;) {
       if ((n & 63) == 0) job.check_cancelled();
       shown.read(n, pixels.data());
       design.read(n, coverage.data());
       predictor.add_slice(n, n < grid.layers ? pixels.data() : nullptr, coverage.data());
+      if (watch && n < grid.layers) watch->add_slice(n, pixels.data());
     }
     const Prediction band_figures = predictor.finish(band.x0, band.y0, band.width());
     const std::lock_guard lock(merging);
     total.merge(band_figures);
+    if (watch) window->merge(*watch);
   });
-  return detail::whole_image(total, model, grid, grid.layers, bands);
+  Prediction p = detail::whole_image(total, model, grid, grid.layers, bands);
+  if (window) {
+    p.dead_zones = window->result();
+    if (p.dead_zones->cured_pixels > 0) {
+      job.tell(fmt::format("the resin cures to the window at {} pixels, first in slice {}",
+                           p.dead_zones->cured_pixels, p.dead_zones->cured_slice));
+    }
+  }
+  return p;
 }
 
 std::vector<ProbeRow> probe_stack(const SliceSource& stack, const SliceSource* target,
@@ -86,18 +101,21 @@ std::vector<ProbeRow> probe_stack(const SliceSource& stack, const SliceSource* t
   const CureModel model = make_cure_model(setup.printer, setup.resin, setup.process, grid.layer_um);
   const std::vector<double> intensity = level_intensities(setup.printer);
   std::vector<ProbeRow> rows(static_cast<std::size_t>(grid.layers));
+  std::vector<std::uint8_t> pixels(rows.size());
   stack.read_band(pixel, [&](int n, const std::uint8_t* value) {
     ProbeRow& row = rows[static_cast<std::size_t>(n)];
     row.slice = n;
     row.z_um = n * grid.layer_um;
     row.grey = level_of_pixel(value ? *value : 0, setup.printer.levels());
     row.intensity_mw_cm2 = intensity[static_cast<std::size_t>(row.grey)];
-    row.phi = model.level_phi[static_cast<std::size_t>(row.grey)];
+    row.phi = model.level_phi[static_cast<std::size_t>(row.grey)] * model.ratio(n);
+    pixels[static_cast<std::size_t>(n)] = value ? *value : 0;
   });
-  double dose = 0;
-  for (std::size_t n = rows.size(); n-- > 0;) {
-    dose = model.step(rows[n].phi, dose);
-    rows[n].dose = dose;
+  const ColumnDose dose = column_dose(model, pixels);
+  for (std::size_t n = 0; n < rows.size(); ++n) {
+    rows[n].dose = dose.upper[n];
+    rows[n].dose_middle = dose.middle[n];
+    rows[n].dose_lower = dose.lower[n];
   }
   if (target) {
     for (ProbeRow& row : rows) row.target = 0;
@@ -136,15 +154,11 @@ Section section_of(const SliceSource& stack, const SliceSource& target, const Se
   target.read_band(row, into(s.coverage));
   stack.read_band(row, into(s.pixels));
   const CureModel model = make_cure_model(setup.printer, setup.resin, setup.process, grid.layer_um);
-  const PixelCurve curve = pixel_curve(model);
-  std::vector<double> omega(width, 0.0);
+  BandDose dose(model, width);
   for (int n = s.layers; n-- > 0;) {
-    for (std::size_t x = 0; x < width; ++x) {
-      const std::size_t k = static_cast<std::size_t>(n) * width + x;
-      const double phi = n < grid.layers ? curve[s.pixels[k]] : 0.0;
-      s.dose[k] = static_cast<float>(model.middle(phi, omega[x]));
-      omega[x] = model.step(phi, omega[x]);
-    }
+    const std::size_t at = static_cast<std::size_t>(n) * width;
+    dose.add_slice(n, n < grid.layers ? s.pixels.data() + at : nullptr);
+    for (std::size_t x = 0; x < width; ++x) s.dose[at + x] = static_cast<float>(dose.middle()[x]);
   }
   return s;
 }

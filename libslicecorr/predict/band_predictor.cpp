@@ -97,27 +97,76 @@ void mixed_block(const Factors f, const double* __restrict phi, const double* __
   }
 }
 
+/// As `step_block`, of doses that are known: `before` on the far side of the layer's lower node.
+SLICECORR_CLONES
+bool one_sided_block(const double* __restrict before, const double* __restrict lower,
+                     const double* __restrict middle, const double* __restrict upper,
+                     double* __restrict low, double* __restrict high, bool below_one) {
+  std::int64_t crossed = 0;
+  if (below_one) {
+    for (std::size_t i = 0; i < kBlock; ++i) {
+      crossed |= (before[i] >= 1.0) | (lower[i] >= 1.0) | (upper[i] >= 1.0);
+    }
+  } else {
+    for (std::size_t i = 0; i < kBlock; ++i) {
+      crossed |= (before[i] < 1.0) | (lower[i] < 1.0) | (upper[i] < 1.0);
+    }
+  }
+  if (crossed) return false;
+  for (std::size_t i = 0; i < kBlock; ++i) {
+    low[i] = middle[i] < low[i] ? middle[i] : low[i];
+    high[i] = middle[i] > high[i] ? middle[i] : high[i];
+  }
+  return true;
+}
+
+/// As `mixed_block`, of doses that are known.
+SLICECORR_CLONES
+void mixed_known_block(const double* __restrict before, const double* __restrict lower,
+                       const double* __restrict middle, const double* __restrict upper,
+                       const std::uint8_t* __restrict cover, const std::uint8_t* __restrict classes,
+                       double* __restrict gap_min, BandPredictor::BlockSums& sums,
+                       std::uint8_t* __restrict events) {
+  std::int64_t run[kBlock], gap[kBlock];
+  for (std::size_t i = 0; i < kBlock; ++i) {
+    run[i] = cover[i] == 255;
+    gap[i] = cover[i] == 0;
+  }
+  for (std::size_t i = 0; i < kBlock; ++i) {
+    const std::int64_t printed = middle[i] >= 1.0;
+    sums.run_voxels[i] += run[i];
+    sums.run_printed[i] += run[i] & printed;
+    sums.gap_printed[i] += gap[i] & printed;
+  }
+  for (std::size_t i = 0; i < kBlock; ++i) {
+    const double inside_low = run[i] ? middle[i] : kNever,
+                 inside_high = run[i] ? middle[i] : -kNever;
+    const double outside_high = gap[i] ? middle[i] : -kNever;
+    sums.inside_low[i] = inside_low < sums.inside_low[i] ? inside_low : sums.inside_low[i];
+    sums.inside_high[i] = inside_high > sums.inside_high[i] ? inside_high : sums.inside_high[i];
+    sums.outside_high[i] =
+        outside_high > sums.outside_high[i] ? outside_high : sums.outside_high[i];
+  }
+  for (std::size_t i = 0; i < kBlock; ++i) {
+    const double ends = lower[i] < upper[i] ? lower[i] : upper[i];
+    const double in_gap = gap[i] ? (middle[i] < ends ? middle[i] : ends) : kNever;
+    gap_min[i] = in_gap < gap_min[i] ? in_gap : gap_min[i];
+  }
+  for (std::size_t i = 0; i < kBlock; ++i) {
+    const std::int64_t grey = 1 - run[i] - gap[i];
+    const std::int64_t now = run[i] + 2 * grey;  // as in BandPredictor::Class
+    const std::int64_t crosses =
+        ((before[i] >= 1.0) != (lower[i] >= 1.0)) | ((lower[i] >= 1.0) != (upper[i] >= 1.0));
+    events[i] = static_cast<std::uint8_t>((now != classes[i]) | crosses | grey);
+  }
+}
+
 SLICECORR_CLONES
 void lower(double* __restrict least, const double* __restrict dose) {
   for (std::size_t i = 0; i < kBlock; ++i) least[i] = dose[i] < least[i] ? dose[i] : least[i];
 }
 
 }  // namespace
-
-int level_of_pixel(int value, int levels) { return (value * (levels - 1) + 127) / 255; }
-int pixel_of_level(int level, int levels) {
-  return levels > 1 ? (level * 255 + (levels - 1) / 2) / (levels - 1) : 0;
-}
-
-PixelCurve pixel_curve(const CureModel& model) {
-  PixelCurve curve{};
-  const int levels = static_cast<int>(model.level_phi.size());
-  for (int v = 0; v < 256; ++v) {
-    curve[static_cast<std::size_t>(v)] =
-        model.level_phi[static_cast<std::size_t>(level_of_pixel(v, levels))];
-  }
-  return curve;
-}
 
 BandPredictor::~BandPredictor() = default;
 
@@ -137,6 +186,7 @@ BandPredictor::BandPredictor(const CureModel& model, const PixelCurve& curve, in
     c.start = all_layers;
     c.lower = all_layers;
   }
+  if (!model.is_plain()) dose_ = std::make_unique<BandDose>(model, columns);
 }
 
 void BandPredictor::error(std::size_t i, int node, bool upper, double slices) {
@@ -178,9 +228,9 @@ void BandPredictor::close_gap(std::size_t i, int top) {
   }
 }
 
-void BandPredictor::enter(std::size_t i, int node, Class next, double dose) {
+void BandPredictor::enter(std::size_t i, int node, Class next, double before, double after) {
   Column& c = columns_[i];
-  const bool printed = dose >= 1.0;
+  const bool printed_before = before >= 1.0, printed = after >= 1.0;
   const Class old = class_[i];
   if (old == run) {
     if (c.seeks_print) error(i, c.lower, false, -(c.lower - node));
@@ -190,7 +240,9 @@ void BandPredictor::enter(std::size_t i, int node, Class next, double dose) {
       if (printed) {
         c.seeks_end = true;
       } else {
-        error(i, node, true, -(c.any_printed ? c.start - node : c.lower - node));
+        // Seen from here the print begins where the stretch without it does.
+        error(i, node, true,
+              printed_before ? 0.0 : -(c.any_printed ? c.start - node : c.lower - node));
       }
     }
     c.run_below = true;
@@ -203,54 +255,137 @@ void BandPredictor::enter(std::size_t i, int node, Class next, double dose) {
     if (c.seeks_end) error(i, c.lower, true, c.lower - node);
     c.seeks_end = false;
     if (next == run) {
-      if (printed) {
+      if (printed_before) {
         error(i, node, false, std::min<double>(c.start, c.lower) - node);
+      } else if (printed) {
+        error(i, node, false, 0.0);
       } else {
         c.seeks_print = true;
       }
     }
   }
+  c.tooth = false;
   if (next == run) {
     close_gap(i, node);
     c.any_printed = printed;
   } else if (next == gap) {
     c.gap_seen = true;
-    gap_min_[i] = std::min(gap_min_[i], dose);
+    gap_min_[i] = std::min(gap_min_[i], after);
   }
+  if (printed != printed_before) c.start = node;
   c.lower = node;
   class_[i] = next;
 }
 
-void BandPredictor::event(std::size_t i, int slice, double phi, double middle,
+void BandPredictor::cross(std::size_t i, double zeta, bool printed, Class now) {
+  Column& c = columns_[i];
+  c.start = zeta;
+  if (printed) {
+    if (now == run) {
+      c.any_printed = true;
+      if (c.seeks_print) error(i, c.lower, false, -(c.lower - c.start));
+      c.seeks_print = false;
+    }
+    c.tooth = now == gap && c.run_below;
+    return;
+  }
+  if (c.seeks_end) {
+    error(i, c.lower, true, c.lower - c.start);
+    c.seeks_end = false;
+  }
+  if (c.tooth && now == gap) ++prediction_.gap_teeth;
+  c.tooth = false;
+}
+
+void BandPredictor::event(std::size_t i, int slice, const LayerDose& dose, double crossing,
                           std::uint8_t coverage) {
   const Class now = coverage == 0 ? gap : coverage == 255 ? run : grey;
   const double below = omega_[i];
-  if (now != class_[i]) enter(i, slice + 1, now, below);
-  const double dose = model_.step(phi, below);
-  if ((below >= 1.0) != (dose >= 1.0)) {
-    Column& c = columns_[i];
-    c.start = slice + 1 - model_.crossing(phi, below);
-    if (dose >= 1.0) {
-      if (now == run) {
-        c.any_printed = true;
-        if (c.seeks_print) error(i, c.lower, false, -(c.lower - c.start));
-        c.seeks_print = false;
-      }
-    } else if (c.seeks_end) {
-      error(i, c.lower, true, c.lower - c.start);
-      c.seeks_end = false;
-    }
+  if (now != class_[i]) {
+    enter(i, slice + 1, now, below, dose.lower);
+  } else if ((below >= 1.0) != (dose.lower >= 1.0)) {
+    cross(i, slice + 1, dose.lower >= 1.0, now);
+  }
+  if ((dose.lower >= 1.0) != (dose.upper >= 1.0)) {
+    cross(i, slice + 1 - crossing, dose.upper >= 1.0, now);
   }
   if (now == gap) {
-    gap_min_[i] = std::min(gap_min_[i], dose);
+    gap_min_[i] = std::min({gap_min_[i], dose.lower, dose.upper});
+    if (dose_) gap_min_[i] = std::min(gap_min_[i], dose.middle);
   } else if (now == grey) {
     ++prediction_.grey_voxels;
-    prediction_.grey_dose_error.add(std::abs(middle - coverage / 255.0));
+    prediction_.grey_dose_error.add(std::abs(dose.middle - coverage / 255.0));
   }
 }
 
 void BandPredictor::add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage) {
   const std::uint8_t* cover = coverage ? coverage : empty_.data();
+  if (dose_) {
+    add_general_slice(slice, pixels, cover);
+  } else {
+    add_plain_slice(slice, pixels, cover);
+  }
+}
+
+void BandPredictor::add_general_slice(int slice, const std::uint8_t* pixels,
+                                      const std::uint8_t* cover) {
+  dose_->add_slice(slice, pixels);
+  BlockSums& sums = *sums_;
+  std::uint8_t events[kBlock], tail_cover[kBlock];
+  double tail[3][kBlock];
+  for (std::size_t b = 0; b < columns_.size(); b += kBlock) {
+    const std::size_t n = std::min(kBlock, columns_.size() - b);
+    const double* lower_dose = dose_->lower() + b;
+    const double* middle = dose_->middle() + b;
+    const double* upper = dose_->upper() + b;
+    const std::uint8_t* block_cover = cover + b;
+    if (n < kBlock) {
+      // The lanes past the last column stay in a gap of no light; see finish().
+      std::fill(std::copy_n(block_cover, n, tail_cover), tail_cover + kBlock, std::uint8_t{0});
+      block_cover = tail_cover;
+      for (std::size_t k = 0; k < 3; ++k) {
+        const double*& dose = k == 0 ? lower_dose : k == 1 ? middle : upper;
+        std::fill(std::copy_n(dose, n, tail[k]), tail[k] + kBlock, 0.0);
+        dose = tail[k];
+      }
+    }
+    Class& block = block_class_[b / kBlock];
+    if (block != grey) {
+      const detail::BlockBits bits = detail::block_bits(block_cover);
+      if (block == gap && bits.any == 0) {
+        if (one_sided_block(&omega_[b], lower_dose, middle, upper, sums.outside_low,
+                            sums.outside_high, true)) {
+          for (const double* dose : {lower_dose, middle, upper}) lower(&gap_min_[b], dose);
+          std::copy_n(upper, kBlock, &omega_[b]);
+          continue;
+        }
+      } else if (block == run && bits.all == ~std::uint64_t{0}) {
+        if (one_sided_block(&omega_[b], lower_dose, middle, upper, sums.inside_low,
+                            sums.inside_high, false)) {
+          std::copy_n(upper, kBlock, &omega_[b]);
+          prediction_.target_voxels += kBlock;
+          prediction_.printed_voxels += kBlock;
+          continue;
+        }
+      }
+    }
+    mixed_known_block(&omega_[b], lower_dose, middle, upper, block_cover,
+                      reinterpret_cast<const std::uint8_t*>(&class_[b]), &gap_min_[b], sums,
+                      events);
+    for (std::size_t i = 0; i < n; ++i) {
+      if (!events[i]) continue;
+      const bool crosses = (lower_dose[i] >= 1.0) != (upper[i] >= 1.0);
+      event(b + i, slice, {lower_dose[i], middle[i], upper[i]},
+            crosses ? dose_->crossing(b + i) : 0.0, block_cover[i]);
+    }
+    std::copy_n(upper, kBlock, &omega_[b]);
+    const bool one_class = detail::uniform(reinterpret_cast<const std::uint8_t*>(&class_[b]));
+    block = one_class ? class_[b] : grey;
+  }
+}
+
+void BandPredictor::add_plain_slice(int slice, const std::uint8_t* pixels,
+                                    const std::uint8_t* cover) {
   const Factors f{model_.a, model_.one_minus_a, model_.root_a, 1.0 - model_.root_a};
   alignas(64) double phi[kBlock];
   alignas(64) double dose[kBlock];
@@ -294,7 +429,12 @@ void BandPredictor::add_slice(int slice, const std::uint8_t* pixels, const std::
     mixed_block(f, phi, &omega_[b], dose, middle, block_cover,
                 reinterpret_cast<const std::uint8_t*>(&class_[b]), &gap_min_[b], sums, events);
     for (std::size_t i = 0; i < n; ++i) {
-      if (events[i]) event(b + i, slice, phi[i], middle[i], block_cover[i]);
+      if (!events[i]) continue;
+      // The dose is steady at nodes.
+      const double below = omega_[b + i];
+      const bool crosses = (below >= 1.0) != (dose[i] >= 1.0);
+      event(b + i, slice, {below, middle[i], dose[i]},
+            crosses ? model_.crossing(phi[i], below) : 0.0, block_cover[i]);
     }
     std::copy_n(dose, kBlock, &omega_[b]);
     // Grey stands for mixed, too.
@@ -347,6 +487,15 @@ Prediction BandPredictor::finish(int x0, int y0, int width) {
 Prediction predict_black_columns(const CureModel& model, int slices, std::uint64_t columns) {
   Prediction p;
   if (columns == 0) return p;
+  if (!model.is_plain()) {
+    const std::uint8_t black = 0;
+    BandDose dose(model, 1);
+    for (int n = slices; n-- > 0;) {
+      dose.add_slice(n, &black);
+      p.max_dose_outside = std::max(p.max_dose_outside, *dose.middle());
+    }
+    return p;
+  }
   double omega = 0;
   for (int n = slices; n-- > 0;) {
     p.max_dose_outside = std::max(p.max_dose_outside, model.middle(model.phi_min(), omega));

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "slicecorr/predict.hpp"
@@ -25,6 +26,13 @@ std::vector<FeatureExample> FeatureExamples::sorted() const {
   return list;
 }
 
+std::optional<LayerwiseFigures> layerwise_figures(const CureModel& model) {
+  if (model.mode != ExposureMode::layerwise || model.inhibited) return std::nullopt;
+  const double longest = model.greatest_ratio();
+  return LayerwiseFigures{model.cut_through_um(), model.cut_through_um(longest),
+                          model.heterogeneity(), model.gels_further_teeth(longest)};
+}
+
 double Prediction::iou() const {
   const std::uint64_t both = target_voxels - undercure_voxels;
   const std::uint64_t either = target_voxels + cure_through_voxels;
@@ -37,6 +45,8 @@ void Prediction::merge(const Prediction& o) {
   cure_through_voxels += o.cure_through_voxels;
   undercure_voxels += o.undercure_voxels;
   grey_voxels += o.grey_voxels;
+  gap_teeth += o.gap_teeth;
+  if (!layerwise) layerwise = o.layerwise;
   runs += o.runs;
   gaps += o.gaps;
   lost_features += o.lost_features;
@@ -108,6 +118,26 @@ std::string Prediction::to_json() const {
   j["grey_voxels"] = grey_voxels;
   j["grey_dose_error"] = {{"mean_abs", or_null(greys, grey_dose_error.mean())},
                           {"p95_abs", or_null(greys, grey_dose_error.quantile(0.95))}};
+  if (layerwise) {
+    j["layerwise"] = {{"cut_through_um", layerwise->cut_through_um},
+                      {"max_cut_through_um", layerwise->max_cut_through_um},
+                      {"heterogeneity", layerwise->heterogeneity},
+                      {"gels_further_teeth", layerwise->gels_further_teeth},
+                      {"gap_teeth", gap_teeth}};
+  }
+  if (dead_zones) {
+    const auto um = [](double value) {
+      return std::isfinite(value) ? ordered_json(value) : ordered_json();
+    };
+    ordered_json slices = ordered_json::array();
+    for (std::size_t n = 0; n < dead_zones->least_um.size(); ++n) {
+      slices.push_back({um(dead_zones->least_um[n]), um(dead_zones->greatest_um[n])});
+    }
+    j["dead_zone_um"] = {{"min", um(dead_zones->least())},
+                         {"max", um(dead_zones->greatest())},
+                         {"by_slice", slices}};
+    j["window_cured_pixels"] = dead_zones->cured_pixels;
+  }
   j["worst_pixel"] = worst_x >= 0 ? ordered_json{worst_x, worst_y} : ordered_json();
   return j.dump(2);
 }

@@ -20,6 +20,16 @@ double round_step(double range) {
   return power * 10;
 }
 
+/// Dose at t of the way from the upper to the lower end of a layer whose logarithm is linear
+/// between its ends and its middle: layer by layer that is exact.
+double dose_inside(const ProbeRow& row, double t) {
+  const auto between = [](double p, double q, double u) {
+    return p > 0 && q > 0 ? p * std::pow(q / p, u) : p + u * (q - p);
+  };
+  return t < 0.5 ? between(row.dose, row.dose_middle, 2 * t)
+                 : between(row.dose_middle, row.dose_lower, 2 * t - 1);
+}
+
 }  // namespace
 
 std::string column_svg(const std::vector<ProbeRow>& column, const CureModel& model,
@@ -30,7 +40,7 @@ std::string column_svg(const std::vector<ProbeRow>& column, const CureModel& mod
   double dose_top = 1.08 * std::max(least_top_dose, 1.1);
   int grey_top = 1;
   for (const ProbeRow& r : column) {
-    dose_top = std::max(dose_top, r.dose * 1.08);
+    dose_top = std::max({dose_top, r.dose * 1.08, r.dose_lower * 1.08});
     grey_top = std::max(grey_top, r.grey);
   }
   const double x_scale = (kWidth - kLeft - kRight) / z_end;
@@ -85,9 +95,13 @@ std::string column_svg(const std::vector<ProbeRow>& column, const CureModel& mod
       steps += fmt::format("H{:.2f}V{:.2f}", x(z), y_grey(column[n].grey));
     }
     const double below = n + 1 < column.size() ? column[n + 1].dose : 0.0;
-    for (int i = 0; i < inside; ++i) {
+    // Layer by layer the dose jumps at nodes: both ends of a layer are drawn.
+    const bool both_ends = !model.is_plain();
+    for (int i = 0; i < inside + both_ends; ++i) {
       const double t = static_cast<double>(i) / inside;
-      const double dose = column[n].phi + (below - column[n].phi) * std::pow(model.a, 1.0 - t);
+      const double dose =
+          both_ends ? dose_inside(column[n], t)
+                    : column[n].phi + (below - column[n].phi) * std::pow(model.a, 1.0 - t);
       curve += fmt::format("{}{:.2f} {:.2f}", curve.empty() ? "M" : "L", x(z + t * model.layer_um),
                            y(dose));
     }

@@ -64,6 +64,19 @@ std::string figures_table(const ReportContent& c) {
     return p.target_voxels ? fmt::format("{:.4g} to {:.4g}", p.min_dose_inside, p.max_dose_inside)
                            : std::string("-");
   });
+  if (const auto& l = c.after.layerwise) {
+    row("Least cure above a feature, from black light", [&](const Prediction&) {
+      return fmt::format(
+          "{:.4g} um{}", l->cut_through_um,
+          l->max_cut_through_um > l->cut_through_um
+              ? fmt::format(" ({:.4g} where exposures are longest)", l->max_cut_through_um)
+              : "");
+    });
+    row("Gelled teeth in gaps, apart from their edges",
+        [](const Prediction& p) { return fmt::format("{}", p.gap_teeth); });
+    row("Greatest over least dose in a layer",
+        [&](const Prediction&) { return fmt::format("{:.4g}", l->heterogeneity); });
+  }
   const CureModel model =
       make_cure_model(c.setup.printer, c.setup.resin, c.setup.process, c.info.grid.layer_um);
   return html + fmt::format(
@@ -74,12 +87,16 @@ std::string figures_table(const ReportContent& c) {
 
 std::string summary(const ReportContent& c) {
   const Grid& g = c.info.grid;
-  const double hours = g.layers * g.layer_um * 1e-3 / c.setup.process.speed_mm_h;
+  const Process& process = c.setup.process;
+  const bool layerwise = process.mode == ExposureMode::layerwise;
+  const double time_s = light_on_s(process, c.setup.resin.m, g.layer_um, g.layers);
   std::string html = fmt::format(
-      "<p>{} slices of {:g} um, {} x {} pixels of {:g} x {:g} um. Printed at {:g} mm/h: {:.0f} min "
-      "{:02.0f} s.",
+      "<p>{} slices of {:g} um, {} x {} pixels of {:g} x {:g} um. {}: {:.0f} min {:02.0f} s{}.",
       g.layers, g.layer_um, g.width_px, g.height_px, g.pixel_x_um, g.pixel_y_um,
-      c.setup.process.speed_mm_h, std::floor(hours * 60), std::fmod(hours * 3600, 60.0));
+      layerwise ? fmt::format("Exposed layer by layer, {:g} s as a rule", process.exposure_s)
+                : fmt::format("Printed at {:g} mm/h", process.speed_mm_h),
+      std::floor(time_s / 60), std::fmod(time_s, 60.0),
+      layerwise ? " of light, without the lifts between layers" : "");
   if (c.info.part_volume_mm3 > 0) {
     html += fmt::format(" Resin in the part: {:.3f} ml.", c.info.part_volume_mm3 * 1e-3);
   }
@@ -92,6 +109,7 @@ std::string summary(const ReportContent& c) {
       c.setup.resin.gel_dose_mj_cm3 > 0
           ? fmt::format(", gels at {:.4g}", c.setup.resin.gel_dose_mj_cm3)
           : "");
+  if (layerwise) return html + "</p>";
   const double cap = c.setup.process.omega_max;
   return html + (cap >= 1e300 ? " Dose inside features not capped.</p>"
                               : fmt::format(" Dose inside features capped at {:g}.</p>", cap));

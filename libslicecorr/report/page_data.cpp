@@ -1,9 +1,11 @@
 #include <zlib.h>
 
+#include <cstring>
 #include <nlohmann/json.hpp>
 
 #include "report/page_parts.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/inhibited.hpp"
 
 namespace slicecorr::detail {
 
@@ -13,6 +15,8 @@ using Bytes = std::vector<std::uint8_t>;
 
 // Compressed bytes; a third more in base 64. Together the page stays at a few MB.
 constexpr std::size_t kStateBudget = 1'000'000, kFieldBudget = 1'500'000, kColumnBudget = 1'000'000;
+// Most tables of the kernel under UV light, before they are compressed.
+constexpr std::size_t kKernelBudget = 4'000'000;
 
 Bytes deflated(const Bytes& raw) {
   uLongf size = compressBound(static_cast<uLong>(raw.size()));
@@ -94,6 +98,33 @@ Bytes column_codes(const ReducedVolume& v, int every) {
   return out;
 }
 
+/// The kernel's tables as floats, by setting, place, distance and level; nothing when they are too
+/// large.
+nlohmann::ordered_json kernel_json(const InhibitedKernel& kernel, int layers) {
+  const std::size_t table =
+      static_cast<std::size_t>(kernel.near()) * static_cast<std::size_t>(kernel.levels());
+  const std::size_t tables = 3 * static_cast<std::size_t>(kernel.settings());
+  if (table * tables * sizeof(float) > kKernelBudget) return {};
+  Bytes bytes(table * tables * sizeof(float));
+  std::uint8_t* out = bytes.data();
+  for (int setting = 0; setting < kernel.settings(); ++setting) {
+    for (int place = 0; place < 3; ++place) {
+      const double* values = kernel.table(setting, static_cast<InhibitedKernel::Place>(place));
+      for (std::size_t i = 0; i < table; ++i, out += sizeof(float)) {
+        const auto value = static_cast<float>(values[i]);
+        std::memcpy(out, &value, sizeof value);
+      }
+    }
+  }
+  std::vector<int> settings;
+  for (int n = 0; n < layers; ++n) settings.push_back(kernel.setting_of_slice(n));
+  return {{"near", kernel.near()},
+          {"levels", kernel.levels()},
+          {"a", kernel.a()},
+          {"setting", settings},
+          {"values", base64(deflated(bytes))}};
+}
+
 }  // namespace
 
 std::string page_data(ReducedVolume v, const CureModel& model, const Grid& grid,
@@ -114,6 +145,10 @@ std::string page_data(ReducedVolume v, const CureModel& model, const Grid& grid,
   j["start"] = start;
   j["a"] = model.a;
   j["phi"] = model.level_phi;
+  // Absent where exposure is continuous and without UV light.
+  if (model.mode == ExposureMode::layerwise) j["layerwise"] = true;
+  if (!model.exposure_ratio.empty()) j["ratio"] = model.exposure_ratio;
+  if (model.inhibited) j["kernel"] = kernel_json(*model.inhibited, v.layers);
   j["state"] = {base64(state_before), base64(state_after)};
 
   Bytes fields[6];

@@ -23,6 +23,31 @@ constexpr Tetrahedron kTetrahedra[6] = {{{0, 1, 3, 7}, false}, {{0, 2, 6, 7}, fa
                                         {{0, 4, 5, 7}, false}, {{0, 2, 3, 7}, true},
                                         {{0, 1, 5, 7}, true},  {{0, 4, 6, 7}, true}};
 
+/// Root in [0, 1] of a function whose values at the ends have different signs.
+template <typename Function>
+double root_of(const Function& excess, double at_low, double at_high) {
+  // Regula falsi with halving (Illinois): keeps the two signs.
+  double low = 0, high = 1;
+  double d = 0.5;
+  for (int i = 0, side = 0; i < 60 && high - low > 1e-6; ++i) {
+    d = (low * at_high - high * at_low) / (at_high - at_low);
+    const double value = excess(d);
+    if (std::abs(value) < 1e-9) break;
+    if ((value > 0) == (at_high > 0)) {
+      high = d;
+      at_high = value;
+      if (side == 1) at_low *= 0.5;
+      side = 1;
+    } else {
+      low = d;
+      at_low = value;
+      if (side == -1) at_high *= 0.5;
+      side = -1;
+    }
+  }
+  return d;
+}
+
 }  // namespace
 
 struct LevelSurface::Cell {
@@ -30,6 +55,7 @@ struct LevelSurface::Cell {
   unsigned inside = 0;  ///< bit c: corner c has a dose of at least 1
   double dose[8];
   double phi[4], below[4];  ///< of the four columns
+  Inside kind = Inside::plain;
   std::uint64_t known = 0;  ///< bit 8 a + b: the vertex on edge a, b is in `place`
   std::array<float, 3> place[64];
 };
@@ -51,6 +77,22 @@ double LevelSurface::crossing(const Cell& cell, int a, int b) const {
   // Through a layer: d slices above node n + 1 the dose is the mean of the two columns' closed
   // forms, weighted by the distance to them.
   const int from = a & 3, to = b & 3;
+  if (cell.kind == Inside::flat) return (1.0 - da) / (db - da);
+  if (cell.kind == Inside::logarithmic) {
+    const auto along = [&](int column, double d) {
+      const double lower = cell.dose[column + 4], upper = cell.dose[column];
+      // Without light there is no logarithm.
+      if (!(lower > 0 && upper > 0)) return lower + d * (upper - lower);
+      return lower * std::exp(d * std::log(upper / lower));
+    };
+    const double lower = cell.dose[to + 4], upper = cell.dose[from];
+    if (from == to && lower > 0 && upper > 0) {
+      return 1.0 - std::log(lower) / std::log(lower / upper);
+    }
+    return 1.0 -
+           root_of([&](double d) { return d * along(from, d) + (1.0 - d) * along(to, d) - 1.0; },
+                   db - 1.0, da - 1.0);
+  }
   const double phi_a = cell.phi[from], phi_b = cell.phi[to];
   const double below_a = cell.below[from], below_b = cell.below[to];
   if (phi_a == phi_b && below_a == below_b) return 1.0 - model_.crossing(phi_b, below_b);
@@ -59,26 +101,7 @@ double LevelSurface::crossing(const Cell& cell, int a, int b) const {
     return d * (phi_a + (below_a - phi_a) * left) + (1.0 - d) * (phi_b + (below_b - phi_b) * left) -
            1.0;
   };
-  // Regula falsi with halving (Illinois): keeps the two signs.
-  double low = 0, high = 1, at_low = db - 1.0, at_high = da - 1.0;
-  double d = 0.5;
-  for (int i = 0, side = 0; i < 60 && high - low > 1e-6; ++i) {
-    d = (low * at_high - high * at_low) / (at_high - at_low);
-    const double value = excess(d);
-    if (std::abs(value) < 1e-9) break;
-    if ((value > 0) == (at_high > 0)) {
-      high = d;
-      at_high = value;
-      if (side == 1) at_low *= 0.5;
-      side = 1;
-    } else {
-      low = d;
-      at_low = value;
-      if (side == -1) at_high *= 0.5;
-      side = -1;
-    }
-  }
-  return 1.0 - d;
+  return 1.0 - root_of(excess, db - 1.0, da - 1.0);
 }
 
 std::array<float, 3> LevelSurface::vertex(Cell& cell, int a, int b) {
@@ -95,7 +118,9 @@ std::array<float, 3> LevelSurface::vertex(Cell& cell, int a, int b) {
   const double layer_mm = model_.layer_um * 1e-3;
   const Point3 p = {between(at(x_, cell.column + (a & 1)), at(x_, cell.column + (b & 1))),
                     between(at(y_, cell.row + (a >> 1 & 1)), at(y_, cell.row + (b >> 1 & 1))),
-                    between(cell.layer + (a >> 2 & 1), cell.layer + (b >> 2 & 1)) * layer_mm};
+                    cell.kind == Inside::flat
+                        ? cell.layer * layer_mm
+                        : between(cell.layer + (a >> 2 & 1), cell.layer + (b >> 2 & 1)) * layer_mm};
   place = {static_cast<float>(p[0]), static_cast<float>(p[1]), static_cast<float>(p[2])};
   // Each edge begins in corner 0 of one cell only.
   if (a == 0 && vertex_) vertex_(p);
@@ -140,6 +165,17 @@ void LevelSurface::tetrahedra(Cell& cell) {
 }
 
 void LevelSurface::layer(int n, const double* phi, const double* below, const double* above) {
+  cells(n, Inside::plain, phi, below, above);
+}
+void LevelSurface::layer(int n, const double* lower, const double* upper) {
+  cells(n, Inside::logarithmic, nullptr, lower, upper);
+}
+void LevelSurface::jump(int node, const double* below, const double* above) {
+  cells(node, Inside::flat, nullptr, below, above);
+}
+
+void LevelSurface::cells(int n, Inside kind, const double* phi, const double* below,
+                         const double* above) {
   const std::size_t width = x_.size();
   std::uint8_t any = 0;
   for (std::size_t i = 0; i < inside_below_.size(); ++i) {
@@ -150,6 +186,7 @@ void LevelSurface::layer(int n, const double* phi, const double* below, const do
   if (!any) return;
   Cell cell;
   cell.layer = n;
+  cell.kind = kind;
   for (std::size_t row = 0; row + 1 < y_.size(); ++row) {
     for (std::size_t x = 0; x + 1 < width; ++x) {
       const std::size_t at[4] = {row * width + x, row * width + x + 1, (row + 1) * width + x,
@@ -165,7 +202,7 @@ void LevelSurface::layer(int n, const double* phi, const double* below, const do
       cell.inside = inside;
       cell.known = 0;
       for (std::size_t c = 0; c < 4; ++c) {
-        cell.phi[c] = phi[at[c]];
+        cell.phi[c] = phi ? phi[at[c]] : 0.0;
         cell.below[c] = below[at[c]];
         cell.dose[c] = above[at[c]];
         cell.dose[c + 4] = below[at[c]];

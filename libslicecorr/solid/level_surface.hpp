@@ -33,6 +33,12 @@ class LevelSurface {
   /// Layer n between nodes n and n + 1: `phi` shown there, `below` the doses of node n + 1, `above`
   /// those of node n; row by row.
   void layer(int n, const double* phi, const double* below, const double* above);
+  /// Layer n of a model that is not plain: doses just above node n + 1, and just below node n;
+  /// between them the logarithm of the dose is linear, as it is layer by layer.
+  void layer(int n, const double* lower, const double* upper);
+  /// The faces in the plane of a node, where the dose jumps from `below` to `above`: a layer
+  /// without height, so that the surface stays closed.
+  void jump(int node, const double* below, const double* above);
   /// Closes the surface on the platform with the doses of node 0.
   void platform(const double* dose);
 
@@ -41,6 +47,8 @@ class LevelSurface {
   std::array<float, 3> vertex(Cell& cell, int a, int b);
   double crossing(const Cell& cell, int a, int b) const;
   void tetrahedra(Cell& cell);
+  enum class Inside { plain, logarithmic, flat };
+  void cells(int n, Inside inside, const double* phi, const double* below, const double* above);
 
   const CureModel& model_;
   std::vector<double> x_, y_;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "base/band_tape.hpp"
+#include "slicecorr/dose.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
 #include "solid/level_surface.hpp"
@@ -97,10 +98,13 @@ class BandSurface {
     const detail::BandTape tape = read(row, height);
     // Beside the image there is no light at all, in it at least that of black.
     std::vector<double> dark(samples, curve_[0]);
+    std::vector<std::uint8_t> in_image(samples, 1);
     for (int j = 0; j < height; ++j) {
       for (int i = 0; i < columns_.count; ++i) {
         if (!columns_.in_image(i) || !rows_.in_image(row + j)) {
-          dark[static_cast<std::size_t>(j) * width + static_cast<std::size_t>(i)] = 0;
+          const std::size_t at = static_cast<std::size_t>(j) * width + static_cast<std::size_t>(i);
+          dark[at] = 0;
+          in_image[at] = 0;
         }
       }
     }
@@ -110,27 +114,58 @@ class BandSurface {
     }
     detail::LevelSurface surface(
         model_, std::move(x_mm), std::move(y_mm), [&](const Triangle& t) { take(t); }, measure);
-    std::vector<std::uint8_t> pixels(samples);
-    std::vector<double> phi(dark), below(samples, 0.0), above(samples);
-    for (int n = grid.layers; n-- > 0;) {
+    if (model_.is_plain()) {
+      draw_plain(surface, tape, dark, job);
+    } else {
+      draw_general(surface, tape, in_image, job);
+    }
+    flush();
+  }
+
+ private:
+  void draw_plain(detail::LevelSurface& surface, const detail::BandTape& tape,
+                  const std::vector<double>& dark, const Job& job) const {
+    std::vector<std::uint8_t> pixels(dark.size());
+    std::vector<double> phi(dark), below(dark.size(), 0.0), above(dark.size());
+    for (int n = stack_.grid().layers; n-- > 0;) {
       if ((n & 63) == 0) job.check_cancelled();
       if (tape.black(n)) {
         phi = dark;
       } else {
         tape.read(n, pixels.data());
-        for (std::size_t i = 0; i < samples; ++i) {
+        for (std::size_t i = 0; i < dark.size(); ++i) {
           phi[i] = pixels[i] ? curve_[pixels[i]] : dark[i];
         }
       }
-      for (std::size_t i = 0; i < samples; ++i) above[i] = model_.step(phi[i], below[i]);
+      for (std::size_t i = 0; i < dark.size(); ++i) above[i] = model_.step(phi[i], below[i]);
       surface.layer(n, phi.data(), below.data(), above.data());
       below.swap(above);
     }
     surface.platform(below.data());
-    flush();
   }
 
- private:
+  /// `in_image`: 0 for the samples beside the image.
+  void draw_general(detail::LevelSurface& surface, const detail::BandTape& tape,
+                    const std::vector<std::uint8_t>& in_image, const Job& job) const {
+    const std::size_t samples = in_image.size();
+    std::vector<std::uint8_t> pixels(samples);
+    std::vector<double> node(samples, 0.0), lower(samples), upper(samples);
+    BandDose dose(model_, samples);
+    for (int n = stack_.grid().layers; n-- > 0;) {
+      if ((n & 63) == 0) job.check_cancelled();
+      tape.read(n, pixels.data());
+      dose.add_slice(n, pixels.data());
+      for (std::size_t i = 0; i < samples; ++i) {
+        lower[i] = in_image[i] ? dose.lower()[i] : 0.0;
+        upper[i] = in_image[i] ? dose.upper()[i] : 0.0;
+      }
+      surface.jump(n + 1, node.data(), lower.data());
+      surface.layer(n, lower.data(), upper.data());
+      node = upper;
+    }
+    surface.platform(node.data());
+  }
+
   detail::BandTape read(int row, int height) const {
     const auto width = static_cast<std::size_t>(columns_.count);
     detail::BandTape tape(width * static_cast<std::size_t>(height));
@@ -195,6 +230,15 @@ class BandSurface {
   std::vector<Triangle> waiting_;
 };
 
+bool black_gels(const CureModel& model, int slices) {
+  if (model.is_plain()) return pixel_curve(model)[0] > 1.0;
+  const ColumnDose dose =
+      column_dose(model, std::vector<std::uint8_t>(static_cast<std::size_t>(slices), 0));
+  const auto gels = [](double d) { return d >= 1.0; };
+  return std::any_of(dose.lower.begin(), dose.lower.end(), gels) ||
+         std::any_of(dose.upper.begin(), dose.upper.end(), gels);
+}
+
 Surface surface_of(const SliceSource& stack, const CureModel& model, const SolidOptions& options,
                    const std::string& scratch_folder, const Job& job) {
   if (options.reduce < 1 || options.reduce > 64) {
@@ -203,7 +247,7 @@ Surface surface_of(const SliceSource& stack, const CureModel& model, const Solid
   const Grid& grid = stack.grid();
   PixelBox lit = stack.bounds();
   // Where even black gels, the whole display prints.
-  if (pixel_curve(model)[0] > 1.0) lit = {0, 0, grid.width_px, grid.height_px};
+  if (black_gels(model, grid.layers)) lit = {0, 0, grid.width_px, grid.height_px};
   Surface surface;
   surface.store = std::make_unique<PieceStore>(scratch_folder, kMemoryBudget, job);
   surface.report.lower.fill(std::numeric_limits<double>::infinity());

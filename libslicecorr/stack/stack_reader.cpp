@@ -25,9 +25,9 @@ using detail::ZipInput;
 
 constexpr std::size_t memory_budget = std::size_t{256} << 20;
 
-std::string slice_name(int slice) {
-  char text[32];
-  std::snprintf(text, sizeof text, "slice/%08d.png", slice);
+std::string image_name(const char* folder, int slice) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%s/%08d.png", folder, slice);
   return text;
 }
 
@@ -43,23 +43,25 @@ UvjConfig read_config(ZipInput& zip, const std::string& path) {
   return detail::parse_uvj_config({reinterpret_cast<const char*>(text.data()), text.size()}, path);
 }
 
-/// The entries of the slices in order; checks that there are exactly as many as layers.
+/// The entries of the images in a folder in order; checks that there are exactly as many as layers.
 std::vector<const ZipInput::Entry*> list_slices(const ZipInput& zip, const Grid& grid,
-                                                const std::string& path) {
+                                                const std::string& path,
+                                                const std::string& folder = "slice") {
   // Twice the largest PNG pixel, 4 channels of 16 bits, and some for chunks that don't matter.
   const std::uint64_t limit = std::uint64_t{8} * static_cast<unsigned>(grid.width_px) *
                                   static_cast<unsigned>(grid.height_px) +
                               (1 << 20);
   std::vector<const ZipInput::Entry*> slices;
   for (const ZipInput::Entry& entry : zip.entries()) {
-    if (!entry.name.starts_with("slice/") || entry.name == "slice/") continue;
+    if (!entry.name.starts_with(folder + "/") || entry.name == folder + "/") continue;
     // Entries are sorted by name, which for names of equal length is the order of slices.
-    const std::string expected = slice_name(static_cast<int>(slices.size()));
+    const std::string expected = image_name(folder.c_str(), static_cast<int>(slices.size()));
     if (entry.name != expected) {
       const bool gap = entry.name.size() == expected.size() && entry.name > expected;
       throw InputError(
           path, gap ? expected : entry.name,
-          gap ? "is missing" : "is no name of a slice, expected slice/00000000.png on");
+          gap ? std::string("is missing")
+              : "is no name of a slice, expected " + image_name(folder.c_str(), 0) + " on");
     }
     if (static_cast<int>(slices.size()) == grid.layers) {
       throw InputError(
@@ -74,7 +76,7 @@ std::vector<const ZipInput::Entry*> list_slices(const ZipInput& zip, const Grid&
     slices.push_back(&entry);
   }
   if (static_cast<int>(slices.size()) != grid.layers) {
-    throw InputError(path, slice_name(static_cast<int>(slices.size())),
+    throw InputError(path, image_name(folder.c_str(), static_cast<int>(slices.size())),
                      "is missing: config.json has " + std::to_string(grid.layers) + " layers");
   }
   return slices;
@@ -154,6 +156,16 @@ struct StackReader::Impl {
   }
 
   std::uint32_t decode_slice(int slice, std::span<const std::uint8_t> png, const std::string& name);
+  std::uint32_t adler_of(std::span<const std::uint8_t> png, const std::string& name) const {
+    std::uint32_t adler = 1;
+    const std::size_t stride = detail::raw_stride(config.info.grid.width_px);
+    detail::decode_png_bands(png, config.info.grid.width_px, config.info.grid.height_px, rows,
+                             {path, name}, [&](int y0, int y1, const std::uint8_t* raw) {
+                               adler = isal_adler32(adler, raw,
+                                                    stride * static_cast<unsigned>(y1 - y0));
+                             });
+    return adler;
+  }
   void copy_piece(const PieceStore::Piece& piece, const PixelBox& band, const PixelBox& box,
                   std::vector<std::uint8_t>& code, std::vector<std::uint8_t>& pixels,
                   std::uint8_t* out) const;
@@ -232,6 +244,18 @@ StackReader::StackReader(const std::string& path, const std::string& scratch_fol
   });
   if (s.config.images_crc32 && *s.config.images_crc32 != detail::images_crc32(adlers)) {
     job.tell(path + ": images were changed after the stack was made");
+  }
+  if (s.config.uv_images_crc32) {
+    // Nothing is computed from them: they follow from the slices. But the printer shows them.
+    const auto uv = list_slices(zip, s.config.info.grid, path, "uv");
+    parallel_for(job, "read UV", uv.size(), [&](std::size_t i) {
+      std::vector<std::uint8_t> png;
+      zip.read(*uv[i], uv[i]->bytes, png);
+      adlers[i] = s.adler_of(png, uv[i]->name);
+    });
+    if (*s.config.uv_images_crc32 != detail::images_crc32(adlers)) {
+      job.tell(path + ": UV images were changed after the stack was made");
+    }
   }
 }
 

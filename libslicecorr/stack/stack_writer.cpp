@@ -1,7 +1,9 @@
 #include <algorithm>
+#include <array>
 #include <cstring>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <span>
 #include <stdexcept>
 
@@ -70,8 +72,9 @@ struct StackWriter::Impl {
   detail::ZipOutput output;
   PieceStore store;
   int rows = 0;  ///< of a band
-  std::vector<Pieces>
-      bands;         ///< pieces by slice; of size 0 where black, empty until a band is begun
+  /// Pieces by slice; of size 0 where black, empty until a band is begun.
+  std::vector<Pieces> bands, uv_bands;
+  std::optional<std::array<std::uint8_t, 256>> uv_of_pixel;
   std::mutex mutex;  ///< of beginning a band
 
   Impl(const std::string& path, const Grid& g, const Job& j)
@@ -91,65 +94,97 @@ struct StackWriter::Impl {
   void begin_band(std::size_t band) {
     const std::scoped_lock lock(mutex);
     if (bands[band].empty()) bands[band].resize(static_cast<std::size_t>(grid.layers));
+    if (uv_of_pixel && uv_bands[band].empty()) {
+      uv_bands[band].resize(static_cast<std::size_t>(grid.layers));
+    }
   }
-  std::map<int, Black> make_black() const;
+  /// Pixels of `value`, rows with their filter bytes.
+  std::vector<std::uint8_t> plain_band(std::size_t band, std::uint8_t value) const {
+    std::vector<std::uint8_t> raw(raw_size(band), value);
+    const std::size_t stride = raw_stride(grid.width_px);
+    for (std::size_t at = 0; at < raw.size(); at += stride) raw[at] = 0;
+    return raw;
+  }
+  std::map<int, Black> make_black(std::uint8_t value) const;
+  /// Checksums of all slices of one set of images, which are then added to the archive.
+  struct Images {
+    const std::vector<Pieces>& bands;
+    std::map<int, Black> black;
+    std::vector<std::uint32_t> adlers;
+    std::vector<std::uint64_t> sizes;
+    bool lit(std::size_t band, std::size_t slice) const {
+      return !bands[band].empty() && bands[band][slice].size != 0;
+    }
+  };
+  Images gather(const std::vector<Pieces>& from, std::uint8_t background, std::size_t layers) const;
+  void add_images(const char* name, const Images& images);
   void write_archive(const StackInfo& info, const GreyImage& preview);
 };
 
-std::map<int, StackWriter::Impl::Black> StackWriter::Impl::make_black() const {
+std::map<int, StackWriter::Impl::Black> StackWriter::Impl::make_black(std::uint8_t value) const {
   std::map<int, Black> black;
   detail::IdatEncoder encoder;
   for (const std::size_t band : {std::size_t{0}, bands.size() - 1}) {
     Black& b = black[rows_of(band)];
     if (!b.chunk.empty()) continue;
-    const std::vector<std::uint8_t> raw(raw_size(band), 0);
-    b.adler = encoder.encode(raw, b.chunk);
+    b.adler = encoder.encode(plain_band(band, value), b.chunk);
   }
   return black;
 }
 
-void StackWriter::Impl::write_archive(const StackInfo& info, const GreyImage& preview) {
-  const std::map<int, Black> black = make_black();
-  const auto layers = static_cast<std::size_t>(info.grid.layers);
-  std::vector<std::uint32_t> adlers(layers);
-  std::vector<std::uint64_t> sizes(layers);
-  const auto lit = [&](std::size_t band, std::size_t slice) {
-    return !bands[band].empty() && bands[band][slice].size != 0;
-  };
+StackWriter::Impl::Images StackWriter::Impl::gather(const std::vector<Pieces>& from,
+                                                    std::uint8_t background,
+                                                    std::size_t layers) const {
+  Images images{from, make_black(background), std::vector<std::uint32_t>(layers),
+                std::vector<std::uint64_t>(layers)};
   for (std::size_t slice = 0; slice < layers; ++slice) {
     std::uint32_t adler = 1;
     std::uint64_t size = detail::png_frame_bytes;
-    for (std::size_t band = 0; band < bands.size(); ++band) {
-      const Black& b = black.at(rows_of(band));
-      const bool is_lit = lit(band, slice);
-      size += is_lit ? bands[band][slice].size : b.chunk.size();
-      adler =
-          detail::join_adler(adler, is_lit ? bands[band][slice].adler : b.adler, raw_size(band));
+    for (std::size_t band = 0; band < from.size(); ++band) {
+      const Black& b = images.black.at(rows_of(band));
+      const bool is_lit = images.lit(band, slice);
+      size += is_lit ? from[band][slice].size : b.chunk.size();
+      adler = detail::join_adler(adler, is_lit ? from[band][slice].adler : b.adler, raw_size(band));
     }
-    adlers[slice] = adler;
-    sizes[slice] = size;
+    images.adlers[slice] = adler;
+    images.sizes[slice] = size;
   }
+  return images;
+}
+
+void StackWriter::Impl::add_images(const char* name, const Images& images) {
+  output.add_lazily(name, images.sizes, [&](std::size_t slice, std::vector<std::uint8_t>& png) {
+    detail::append_png_start(grid.width_px, grid.height_px, png);
+    for (std::size_t band = 0; band < images.bands.size(); ++band) {
+      if (images.lit(band, slice)) {
+        store.get(images.bands[band][slice], png);
+      } else {
+        const std::vector<std::uint8_t>& chunk = images.black.at(rows_of(band)).chunk;
+        png.insert(png.end(), chunk.begin(), chunk.end());
+      }
+    }
+    detail::append_png_end(images.adlers[slice], png);
+  });
+}
+
+void StackWriter::Impl::write_archive(const StackInfo& info, const GreyImage& preview) {
+  const auto layers = static_cast<std::size_t>(info.grid.layers);
+  const Images slices = gather(bands, 0, layers);
+  std::optional<Images> uv;
+  if (uv_of_pixel) uv.emplace(gather(uv_bands, (*uv_of_pixel)[0], layers));
   const auto bytes_of = [](const std::string& text) {
     return std::vector<std::uint8_t>(text.begin(), text.end());
   };
-  output.add("config.json", bytes_of(detail::write_uvj_config(info, detail::images_crc32(adlers))));
+  std::optional<std::uint32_t> uv_crc;
+  if (uv) uv_crc = detail::images_crc32(uv->adlers);
+  output.add("config.json",
+             bytes_of(detail::write_uvj_config(info, detail::images_crc32(slices.adlers), uv_crc)));
   if (preview.width_px > 0 && preview.height_px > 0) {
     output.add("preview/huge.png", encode_png(preview));
     output.add("preview/tiny.png", encode_png(shrink(preview, tiny_preview_px)));
   }
-  output.add_lazily("slice/%08d.png", sizes,
-                    [&](std::size_t slice, std::vector<std::uint8_t>& png) {
-                      detail::append_png_start(grid.width_px, grid.height_px, png);
-                      for (std::size_t band = 0; band < bands.size(); ++band) {
-                        if (lit(band, slice)) {
-                          store.get(bands[band][slice], png);
-                        } else {
-                          const std::vector<std::uint8_t>& chunk = black.at(rows_of(band)).chunk;
-                          png.insert(png.end(), chunk.begin(), chunk.end());
-                        }
-                      }
-                      detail::append_png_end(adlers[slice], png);
-                    });
+  add_images("slice/%08d.png", slices);
+  if (uv) add_images("uv/%08d.png", *uv);
   output.finish(job);
 }
 
@@ -161,6 +196,11 @@ StackWriter::StackWriter(const std::string& path, const Grid& grid, const Job& j
 }
 
 StackWriter::~StackWriter() = default;
+
+void StackWriter::set_uv_pattern(const std::array<std::uint8_t, 256>& uv_of_pixel) {
+  impl_->uv_of_pixel = uv_of_pixel;
+  impl_->uv_bands.resize(impl_->bands.size());
+}
 
 void StackWriter::finish(const StackInfo& info, const GreyImage& preview) {
   const Grid& grid = impl_->grid;
@@ -177,13 +217,14 @@ struct StackWriter::BandEncoder::Impl {
   std::vector<std::uint8_t> raw;    ///< one band with filter bytes; black but for columns [x0, x1)
   int x0 = 0, x1 = 0;               ///< columns that may be lit since the last slice
   std::vector<std::uint8_t> chunk;  ///< of the slice at hand
+  std::vector<std::uint8_t> uv;     ///< the band in UV light
   detail::IdatEncoder encoder;
 
   void put_band(std::size_t band, int slice, int columns, const std::uint8_t* rows);
 };
 
 StackWriter::BandEncoder::BandEncoder(StackWriter& writer, int y0, int y1)
-    : impl_(new Impl{writer.impl_.get(), y0, y1, {}, 0, 0, {}, {}}) {
+    : impl_(new Impl{writer.impl_.get(), y0, y1, {}, 0, 0, {}, {}, {}}) {
   StackWriter::Impl& w = *writer.impl_;
   const bool ends_well = y1 == w.grid.height_px || (y1 < w.grid.height_px && y1 % w.rows == 0);
   if (y0 < 0 || y0 >= y1 || y0 % w.rows != 0 || !ends_well) {
@@ -201,6 +242,7 @@ void StackWriter::BandEncoder::Impl::put_band(std::size_t band, int slice, int c
                                               const std::uint8_t* rows) {
   PieceStore::Piece& piece = writer->bands[band][static_cast<std::size_t>(slice)];
   piece = {};
+  if (writer->uv_of_pixel) writer->uv_bands[band][static_cast<std::size_t>(slice)] = {};
   const auto n = static_cast<std::size_t>(columns);
   const int height = writer->rows_of(band);
   if (rows == nullptr || all_black(rows, n * static_cast<unsigned>(height))) return;
@@ -213,6 +255,16 @@ void StackWriter::BandEncoder::Impl::put_band(std::size_t band, int slice, int c
   const std::uint32_t adler = encoder.encode(std::span(raw).first(writer->raw_size(band)), chunk);
   piece = writer->store.put(chunk.data(), chunk.size());
   piece.adler = adler;
+  if (!writer->uv_of_pixel) return;
+  uv.assign(raw.begin(), raw.begin() + static_cast<std::ptrdiff_t>(writer->raw_size(band)));
+  for (std::size_t i = 0; i < uv.size(); ++i) {
+    if (i % stride != 0) uv[i] = (*writer->uv_of_pixel)[uv[i]];
+  }
+  chunk.clear();
+  const std::uint32_t uv_adler = encoder.encode(uv, chunk);
+  PieceStore::Piece& uv_piece = writer->uv_bands[band][static_cast<std::size_t>(slice)];
+  uv_piece = writer->store.put(chunk.data(), chunk.size());
+  uv_piece.adler = uv_adler;
 }
 
 void StackWriter::BandEncoder::put(int slice, int x0, int x1, const std::uint8_t* rows) {

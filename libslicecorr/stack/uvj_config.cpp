@@ -15,14 +15,15 @@ using Json = nlohmann::ordered_json;
 /// Without the noise of the last digits, which would only make the text longer.
 double tidy_mm(double mm) { return std::round(mm * 1e9) / 1e9; }
 
-/// No limit and no lift: the continuous mode pulls without a pause.
-Json exposure_json(double light_on_s) {
-  return {{"LightOnTime", light_on_s}, {"LightOffTime", 0}, {"LightPWM", 255},
+/// No limit and no lift: the continuous mode pulls without a pause, and lifts between exposures are
+/// the printer's.
+Json exposure_json(double light_on_s, int pwm = 255) {
+  return {{"LightOnTime", light_on_s}, {"LightOffTime", 0}, {"LightPWM", pwm},
           {"LiftHeight", 0},           {"LiftSpeed", 0},    {"RetractHeight", 0},
           {"RetractSpeed", 0}};
 }
 
-Json properties_json(const StackInfo& info, double light_on_s) {
+Json properties_json(const StackInfo& info, double light_on_s, double bottom_s, int bottom_layers) {
   const Grid& grid = info.grid;
   Json properties;
   properties["Size"] = {{"X", grid.width_px},
@@ -33,8 +34,8 @@ Json properties_json(const StackInfo& info, double light_on_s) {
                         {"Layers", grid.layers},
                         {"LayerHeight", tidy_mm(grid.layer_um / 1000)}};
   properties["Exposure"] = exposure_json(light_on_s);
-  properties["Bottom"] = exposure_json(light_on_s);
-  properties["Bottom"]["Count"] = 0;
+  properties["Bottom"] = exposure_json(bottom_s);
+  properties["Bottom"]["Count"] = bottom_layers;
   properties["AntiAliasLevel"] = 1;
   return properties;
 }
@@ -84,6 +85,16 @@ Json resin_json(const Resin& r) {
   return json;
 }
 
+/// What the version of our block must be for these parameters.
+int block_format(const Process& p) {
+  Process plain;
+  plain.speed_mm_h = p.speed_mm_h;
+  plain.omega_max = p.omega_max;
+  plain.one_slice_gaps = p.one_slice_gaps;
+  plain.cap_platform_features = p.cap_platform_features;
+  return p == plain ? 1 : 2;
+}
+
 Json process_json(const Process& p) {
   Json json;
   json["speed_mm_h"] = p.speed_mm_h;
@@ -94,14 +105,28 @@ Json process_json(const Process& p) {
   }
   json["one_slice_gaps"] = p.one_slice_gaps == OneSliceGaps::merge ? "merge" : "open";
   json["platform_features"] = p.cap_platform_features ? "capped" : "uncapped";
+  if (block_format(p) == 1) return json;
+  json["exposure_s"] = p.exposure_s;
+  json["bottom_exposure_s"] = p.bottom_exposure_s;
+  json["bottom_layers"] = p.bottom_layers;
+  json["fade_layers"] = p.fade_layers;
+  json["layer_exposure_s"] = p.layer_exposure_s;
+  json["uv"] = {{"kind", names_of_uv[static_cast<std::size_t>(p.uv.kind)]},
+                {"uv_mw_cm2", p.uv.uv_mw_cm2},
+                {"dead_zone_um", p.uv.dead_zone_um},
+                {"slice_mw_cm2", p.uv.slice_mw_cm2}};
+  json["ramp"] = names_of_ramps[static_cast<std::size_t>(p.ramp)];
+  json["ramp_mm"] = p.ramp_mm;
+  json["window_cure"] = p.allow_window_cure ? "allow" : "refuse";
   return json;
 }
 
-Json block_json(const StackInfo& info, std::uint32_t crc) {
+Json block_json(const StackInfo& info, std::uint32_t crc, std::optional<std::uint32_t> uv_crc) {
   Json block;
-  block["format"] = uvj_block_format;
+  block["format"] = info.process ? block_format(*info.process) : 1;
   block["kind"] = info.kind == StackKind::corrected ? "corrected" : "target";
-  block["mode"] = "continuous";
+  const bool layerwise = info.process && info.process->mode == ExposureMode::layerwise;
+  block["mode"] = layerwise ? "layerwise" : "continuous";
   block["program"] = info.program;
   block["target_layers"] = info.target_layers;
   block["part_volume_mm3"] = info.part_volume_mm3;
@@ -113,6 +138,7 @@ Json block_json(const StackInfo& info, std::uint32_t crc) {
   if (info.resin) block["resin"] = resin_json(*info.resin);
   if (info.process) block["process"] = process_json(*info.process);
   block["images_crc32"] = crc;
+  if (uv_crc) block["uv_images_crc32"] = *uv_crc;
   return block;
 }
 
@@ -122,22 +148,49 @@ std::string dump(const Json& json, int indent) {
 
 }  // namespace
 
-std::string write_uvj_config(const StackInfo& info, std::uint32_t images_crc32) {
+std::string write_uvj_config(const StackInfo& info, std::uint32_t images_crc32,
+                             std::optional<std::uint32_t> uv_images_crc32) {
   const bool corrected = info.kind == StackKind::corrected && info.process.has_value();
-  const double light_on_s = corrected
-                                ? units::slice_time_s(info.grid.layer_um, info.process->speed_mm_h)
-                                : info.exposure_s;
-  std::string text = "{\n\"Properties\": " + dump(properties_json(info, light_on_s), 2);
+  double light_on_s = info.exposure_s, bottom_s = info.exposure_s;
+  int bottom_layers = 0;
+  if (corrected && info.process->mode == ExposureMode::continuous) {
+    light_on_s = bottom_s = units::slice_time_s(info.grid.layer_um, info.process->speed_mm_h);
+  } else if (corrected) {
+    light_on_s = info.process->exposure_s;
+    bottom_s = layer_exposure_s(*info.process, 0);
+    bottom_layers = info.process->layer_exposure_s.empty() ? info.process->bottom_layers : 0;
+  } else if (info.bottom_exposure_s > 0) {
+    bottom_s = info.bottom_exposure_s;
+    bottom_layers = info.bottom_layers;
+  }
+  const auto exposure_of = [&](int n) {
+    if (corrected) {
+      const double m = info.resin ? info.resin->m : 1.0;
+      return slice_light(*info.process, m, info.grid.layer_um, n, info.grid.layers);
+    }
+    const auto layer = static_cast<std::size_t>(n);
+    if (layer < info.layer_exposure_s.size()) return SliceLight{info.layer_exposure_s[layer], 1.0};
+    return SliceLight{n < bottom_layers ? bottom_s : light_on_s, 1.0};
+  };
+  std::string text =
+      "{\n\"Properties\": " + dump(properties_json(info, light_on_s, bottom_s, bottom_layers), 2);
   // One line per layer, joined as text: a tree of a million layers would fill the memory.
   text += ",\n\"Layers\": [";
-  const std::string exposure = ", \"Exposure\": " + dump(exposure_json(light_on_s), -1) + "}";
+  SliceLight shown{-1, -1};
+  std::string exposure;
   for (int n = 0; n < info.grid.layers; ++n) {
+    const SliceLight light = exposure_of(n);
+    if (light.time_s != shown.time_s || light.share != shown.share) {
+      const int pwm = static_cast<int>(std::lround(255 * light.share));
+      exposure = ", \"Exposure\": " + dump(exposure_json(light.time_s, pwm), -1) + "}";
+      shown = light;
+    }
     text += n == 0 ? "\n" : ",\n";
     text += "{\"Z\": " + dump(tidy_mm((n + 1) * info.grid.layer_um / 1000), -1) + exposure;
   }
   text += "\n]";
   if (info.kind != StackKind::foreign) {
-    text += ",\n\"slicecorr\": " + dump(block_json(info, images_crc32), 2);
+    text += ",\n\"slicecorr\": " + dump(block_json(info, images_crc32, uv_images_crc32), 2);
   }
   return text + "\n}\n";
 }

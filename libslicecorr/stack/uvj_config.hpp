@@ -12,20 +12,28 @@
 
 namespace slicecorr::detail {
 
-/// Newest version of our block that this program reads, and the one it writes.
-inline constexpr int uvj_block_format = 1;
+/// Newest version of our block that this program reads. Stacks say 1 as long as they hold nothing
+/// else: continuous exposure at one speed, without UV light. 2 has exposure schedules of any kind.
+inline constexpr int uvj_block_format = 2;
+
+/// Words of the block, in the order of UvKind and Ramp.
+inline const std::vector<std::string> names_of_uv{"off", "constant", "per_slice", "patterned"};
+inline const std::vector<std::string> names_of_ramps{"none", "lamp_follows", "outside"};
 
 struct UvjConfig {
   StackInfo info;
   /// `images_crc32` of our block; absent in foreign archives.
   std::optional<std::uint32_t> images_crc32;
+  /// The same of the UV images; absent where there are none.
+  std::optional<std::uint32_t> uv_images_crc32;
   std::vector<std::string> warnings;
 };
 
 /// Largest image of a stack.
 inline constexpr std::int64_t max_image_pixels = 1'000'000'000;
 
-std::string write_uvj_config(const StackInfo& info, std::uint32_t images_crc32);
+std::string write_uvj_config(const StackInfo& info, std::uint32_t images_crc32,
+                             std::optional<std::uint32_t> uv_images_crc32 = std::nullopt);
 
 /// Throws `InputError` naming the key and what was expected.
 UvjConfig parse_uvj_config(std::string_view text, const std::string& file);

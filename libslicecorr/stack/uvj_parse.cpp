@@ -117,12 +117,32 @@ class Node {
   const std::string* file_;
 };
 
-Json parse_json(std::string_view text, const std::string& file) {
-  // Single layers are not needed, and there may be a million: they are dropped while parsing.
+/// Light-on times of the layers that say one, in order.
+struct LayerTimes {
+  std::vector<double> time_s;
+  bool all = true;  ///< every layer says one
+};
+
+/// Takes what is needed of one layer.
+void read_layer(const Json& layer, const std::string& file, LayerTimes& times) {
+  const auto exposure = layer.find("Exposure");
+  if (exposure == layer.end() || !exposure->is_object() || !exposure->contains("LightOnTime")) {
+    times.all = false;
+    return;
+  }
+  const std::string path =
+      "Layers[" + std::to_string(times.time_s.size()) + "].Exposure.LightOnTime";
+  times.time_s.push_back(Node((*exposure)["LightOnTime"], path, file).number(0, 1e9));
+}
+
+Json parse_json(std::string_view text, const std::string& file, LayerTimes& times) {
+  // There may be a million layers: each is dropped as soon as its time has been read.
   bool in_layers = false;
   const auto keep = [&](int depth, Json::parse_event_t event, Json& value) {
     if (event == Json::parse_event_t::key && depth == 1) in_layers = value == "Layers";
-    return !(in_layers && depth == 2 && event == Json::parse_event_t::object_start);
+    if (!in_layers || depth != 2 || event != Json::parse_event_t::object_end) return true;
+    read_layer(value, file, times);
+    return false;
   };
   try {
     return Json::parse(text.begin(), text.end(), keep);
@@ -161,7 +181,15 @@ void read_properties(const Node& properties, StackInfo& info) {
   if (properties.has("Exposure") && properties["Exposure"].has("LightOnTime")) {
     info.exposure_s = properties["Exposure"]["LightOnTime"].number(0, 1e9);
   }
-  if (properties.has("Bottom")) (void)properties["Bottom"].has("Count");  // an object, if present
+  if (properties.has("Bottom")) {
+    const Node bottom = properties["Bottom"];
+    const int count = bottom.has("Count") ? bottom["Count"].integer(0, 1000000) : 0;
+    const double time_s = bottom.has("LightOnTime") ? bottom["LightOnTime"].number(0, 1e9) : 0;
+    if (count > 0 && time_s > 0) {
+      info.bottom_layers = count;
+      info.bottom_exposure_s = time_s;
+    }
+  }
   if (properties.has("AntiAliasLevel")) properties["AntiAliasLevel"].whole(0, 255);
 }
 
@@ -225,14 +253,41 @@ Resin read_resin(const Node& node) {
   return r;
 }
 
-Process read_process(const Node& node) {
+std::vector<double> read_numbers(const Node& node, double least) {
+  std::vector<double> numbers;
+  for (const Node& n : node.list(0, 1000000)) numbers.push_back(n.number(least, 1e9));
+  return numbers;
+}
+
+/// What version 2 of the block has besides.
+void read_schedule(const Node& node, Process& p) {
+  const bool layerwise = p.mode == ExposureMode::layerwise;
+  p.exposure_s = layerwise ? node["exposure_s"].positive(1e9) : node["exposure_s"].number(0, 1e9);
+  p.bottom_exposure_s = node["bottom_exposure_s"].number(0, 1e9);
+  p.bottom_layers = node["bottom_layers"].integer(0, 1000000);
+  p.fade_layers = node["fade_layers"].integer(0, 1000000);
+  p.layer_exposure_s = read_numbers(node["layer_exposure_s"], 0);
+  const Node uv = node["uv"];
+  p.uv.kind = static_cast<UvKind>(uv["kind"].choice(names_of_uv));
+  p.uv.uv_mw_cm2 = uv["uv_mw_cm2"].number(0, 1e9);
+  p.uv.dead_zone_um = uv["dead_zone_um"].number(0, 1e9);
+  p.uv.slice_mw_cm2 = read_numbers(uv["slice_mw_cm2"], 0);
+  p.ramp = static_cast<Ramp>(node["ramp"].choice(names_of_ramps));
+  p.ramp_mm = node["ramp_mm"].number(0, 1e9);
+  p.allow_window_cure = node["window_cure"].choice({"refuse", "allow"}) == 1;
+}
+
+Process read_process(const Node& node, ExposureMode mode, std::int64_t format) {
   Process p;
-  p.speed_mm_h = node["speed_mm_h"].positive();
+  p.mode = mode;
+  p.speed_mm_h = mode == ExposureMode::continuous ? node["speed_mm_h"].positive()
+                                                  : node["speed_mm_h"].number(0, largest);
   const Node omega = node["omega_max"];
   p.omega_max = omega.is_text("inf") ? largest : omega.number(1, largest);
   p.one_slice_gaps = node["one_slice_gaps"].choice({"open", "merge"}) == 1 ? OneSliceGaps::merge
                                                                            : OneSliceGaps::open;
   p.cap_platform_features = node["platform_features"].choice({"capped", "uncapped"}) == 0;
+  if (format >= 2) read_schedule(node, p);
   return p;
 }
 
@@ -255,7 +310,11 @@ void read_block(const Node& block, UvjConfig& config) {
   }
   info.kind =
       block["kind"].choice({"target", "corrected"}) == 1 ? StackKind::corrected : StackKind::target;
-  block["mode"].choice({"continuous"});
+  const std::vector<std::string> modes = format >= 2
+                                             ? std::vector<std::string>{"continuous", "layerwise"}
+                                             : std::vector<std::string>{"continuous"};
+  const ExposureMode mode =
+      block["mode"].choice(modes) == 1 ? ExposureMode::layerwise : ExposureMode::continuous;
   info.program = block["program"].string();
   info.target_layers = block["target_layers"].integer(0, 1000000);
   info.part_volume_mm3 = block["part_volume_mm3"].number(0, largest);
@@ -269,8 +328,29 @@ void read_block(const Node& block, UvjConfig& config) {
   const bool needed = info.kind == StackKind::corrected;
   if (needed || block.has("printer")) info.printer = read_printer(block["printer"]);
   if (needed || block.has("resin")) info.resin = read_resin(block["resin"]);
-  if (needed || block.has("process")) info.process = read_process(block["process"]);
+  if (needed || block.has("process")) {
+    info.process = read_process(block["process"], mode, format);
+  }
   config.images_crc32 = static_cast<std::uint32_t>(block["images_crc32"].whole(0, 0xffffffff));
+  if (info.process && info.process->uv.kind == UvKind::patterned) {
+    config.uv_images_crc32 =
+        static_cast<std::uint32_t>(block["uv_images_crc32"].whole(0, 0xffffffff));
+  }
+}
+
+}  // namespace
+
+namespace {
+
+/// The light-on times of single layers count over those of the properties.
+void take_layer_times(LayerTimes times, StackInfo& info) {
+  if (!times.all || static_cast<int>(times.time_s.size()) != info.grid.layers) return;
+  const auto [least, greatest] = std::minmax_element(times.time_s.begin(), times.time_s.end());
+  // Layers of continuous prints without a speed say 0.
+  if (*greatest == 0) return;
+  if (info.exposure_s == 0) info.exposure_s = times.time_s.back();
+  if (*least == info.exposure_s && *greatest == info.exposure_s) return;
+  info.layer_exposure_s = std::move(times.time_s);
 }
 
 }  // namespace
@@ -278,11 +358,15 @@ void read_block(const Node& block, UvjConfig& config) {
 UvjConfig parse_uvj_config(std::string_view text, const std::string& file) {
   // Byte order marks are common in JSON written on Windows.
   if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);
-  const Json json = parse_json(text, file);
+  LayerTimes times;
+  const Json json = parse_json(text, file, times);
   const Node root(json, "", file);
   UvjConfig config;
   read_properties(root["Properties"], config.info);
-  if (root.has("Layers")) root["Layers"].list(0, 1000000);
+  if (root.has("Layers")) {
+    root["Layers"].list(0, 1000000);
+    take_layer_times(std::move(times), config.info);
+  }
   if (root.has("slicecorr")) read_block(root["slicecorr"], config);
   return config;
 }

@@ -69,9 +69,16 @@ void slice(benchmark::State& state) {
 }
 BENCHMARK(slice)->Unit(benchmark::kMillisecond);
 
+Setup layerwise_setup() {
+  Setup s{wide_printer(), test::resin(576, 110), Process{}};
+  s.process.mode = ExposureMode::layerwise;
+  s.process.exposure_s = 0.16;
+  return s;
+}
+
 /// The solve of one band, coverage at hand.
-void correct(benchmark::State& state) {
-  const CorrectionPlan plan = plan_correction(target(), setup());
+void correct_with(benchmark::State& state, const Setup& how) {
+  const CorrectionPlan plan = plan_correction(target(), how);
   const PixelBox box = target().bounds();
   const int rows = band_rows(target().grid());
   const int y = (box.y0 + box.y1) / 2 / rows * rows;
@@ -87,7 +94,39 @@ void correct(benchmark::State& state) {
   }
   count(state, static_cast<double>(columns) * plan.all_layers);
 }
+void correct(benchmark::State& state) { correct_with(state, setup()); }
 BENCHMARK(correct)->Unit(benchmark::kMillisecond);
+void correct_layerwise(benchmark::State& state) { correct_with(state, layerwise_setup()); }
+BENCHMARK(correct_layerwise)->Unit(benchmark::kMillisecond);
+
+/// The prediction of one band of the target shown as it is, both at hand.
+void predict_with(benchmark::State& state, const Setup& how) {
+  const CureModel model = make_cure_model(how.printer, how.resin, how.process, kLayerUm);
+  const PixelCurve curve = pixel_curve(model);
+  const PixelBox box = target().bounds();
+  const int rows = band_rows(target().grid());
+  const int y = (box.y0 + box.y1) / 2 / rows * rows;
+  const PixelBox band{box.x0, y, box.x1, y + rows};
+  const auto columns =
+      static_cast<std::size_t>(band.width()) * static_cast<std::size_t>(band.height());
+  std::vector<std::vector<std::uint8_t>> slices;
+  target().read_band(band, [&](int, const std::uint8_t* r) {
+    slices.emplace_back(r ? r : nullptr, r ? r + columns : nullptr);
+    slices.back().resize(columns);
+  });
+  for (auto _ : state) {
+    BandPredictor predictor(model, curve, static_cast<int>(slices.size()), columns);
+    for (std::size_t n = slices.size(); n-- > 0;) {
+      predictor.add_slice(static_cast<int>(n), slices[n].data(), slices[n].data());
+    }
+    benchmark::DoNotOptimize(predictor.finish(0, 0, band.width()));
+  }
+  count(state, static_cast<double>(columns * slices.size()));
+}
+void predict(benchmark::State& state) { predict_with(state, setup()); }
+BENCHMARK(predict)->Unit(benchmark::kMillisecond);
+void predict_layerwise(benchmark::State& state) { predict_with(state, layerwise_setup()); }
+BENCHMARK(predict_layerwise)->Unit(benchmark::kMillisecond);
 
 /// The whole job: slice, correct, predict before and after, encode, write; and its proof.
 void run(benchmark::State& state) {

@@ -29,6 +29,10 @@
 
 namespace slicecorr {
 
+namespace detail {
+struct InhibitedPlan;
+}
+
 /// What all columns of a correction share.
 struct CorrectionPlan {
   CorrectionPlan(CureModel cure_model, const Process& process, int target_layers, int all_slices);
@@ -41,6 +45,8 @@ struct CorrectionPlan {
   double level_step = 0;  ///< most that one level step up to phi = 1 changes a node's dose
   int layers;             ///< layers of the target, N
   int all_layers;         ///< slices that will be shown, M >= N
+  /// Under UV light: what its columns share; null without.
+  std::shared_ptr<const detail::InhibitedPlan> inhibited;
   /// fall[j]: greatest dose j nodes below an upper edge from which black light gets down to 1
   /// there.
   std::vector<double> fall;

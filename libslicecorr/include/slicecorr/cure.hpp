@@ -12,19 +12,32 @@
 ///     Omega(zeta) = phi_n + (Omega(n + 1) - phi_n) 10^-((n + 1 - zeta) eta)               (A.35)
 ///
 /// which is monotone in the layer. An exponent m other than 1 (kinetic resins) keeps all of this,
-/// with eta = m hs / (hb ln 10) and phi = I^m hb / (m s D'c). Everything here is pure and
-/// thread-safe.
+/// with eta = m hs / (hb ln 10) and phi = I^m hb / (m s D'c).
+///
+/// Layer by layer (appendix A.6) each slice is shown for a time te while the platform stands still.
+/// phi' = I^m te / D'c is what it adds at the window, W(n) the dose at the far edge of layer n:
+///
+///     W(n) = (phi'_n + W(n + 1)) a,   W(M) = 0,   in layer n (phi'_n + W(n + 1)) 10^-((n+1-zeta)
+///     eta)
+///
+/// so the dose jumps at every node: the sawtooth. Under inhibiting UV light neither recursion holds
+/// near the window: see inhibited.hpp. Everything here is pure and thread-safe.
 #pragma once
 
+#include <array>
 #include <cstddef>
+#include <memory>
 #include <vector>
 
 #include "slicecorr/process.hpp"
 
 namespace slicecorr {
 
-/// A printer, a resin and a speed in dimensionless form.
+class InhibitedKernel;
+
+/// A printer, a resin and an exposure schedule in dimensionless form.
 struct CureModel {
+  ExposureMode mode = ExposureMode::continuous;
   double layer_um = 0;                   ///< hs
   double eta = 0;                        ///< hs / ha, base 10, with m
   double a = 0;                          ///< 10^-eta: what is left of a dose one node further up
@@ -32,7 +45,22 @@ struct CureModel {
   double root_a = 0;                     ///< 10^(-eta/2): half a layer
   double m = 1;                          ///< exponent of intensity
   double critical_intensity_mw_cm2 = 0;  ///< Ic: the intensity of phi = 1
-  std::vector<double> level_phi;         ///< phi of each grey level, never falling
+  /// phi of each grey level, never falling; layer by layer phi' at the normal exposure.
+  std::vector<double> level_phi;
+  /// Layer by layer: exposure of each slice over the normal one; the last holds for later slices,
+  /// empty: 1.
+  std::vector<double> exposure_ratio;
+  /// The dose under UV light; null without it.
+  std::shared_ptr<const InhibitedKernel> inhibited;
+  /// Whether the recursion (A.32) describes the dose.
+  bool is_plain() const { return mode == ExposureMode::continuous && !inhibited; }
+  double ratio(int slice) const {
+    if (exposure_ratio.empty()) return 1.0;
+    const auto n = static_cast<std::size_t>(slice);
+    return n < exposure_ratio.size() ? exposure_ratio[n] : exposure_ratio.back();
+  }
+  /// Layer by layer: greatest exposure of all layers over the normal one.
+  double greatest_ratio() const;
   double phi_min() const { return level_phi.front(); }
   double phi_max() const { return level_phi.back(); }
 
@@ -46,13 +74,26 @@ struct CureModel {
   /// Distance from the layer's lower node, in slices (0..1), at which the dose is 1. Needs the
   /// doses of the two nodes on different sides of 1.
   double crossing(double phi, double below) const;
-  /// Slices of phi_max that lift the dose from 0 to 1: what a part needs after its end.
+  /// Slices of phi_max that lift the dose from 0 to 1: what a part needs after its end. 0 layer by
+  /// layer, where each layer gels in its own exposure.
   int slices_to_gel() const;
   /// How far one level step moves the upper edge of a feature, at most: hs dphi (1 - a) / (ln10 eta
-  /// (1 - phi_min)), dphi the greatest step up to phi = 1. What the projector can do.
+  /// (1 - phi_min)), dphi the greatest step up to phi = 1. What the projector can do. Layer by
+  /// layer hs dphi' a / (ln10 eta) with the greatest step up to phi' = 1 / a.
   double level_step_um() const;
   /// Highest dose that a feature of `slices` slices with both edges at 1 can reach (A.41).
   double highest_dose(double slices) const;
+
+  /// Layer by layer: least height that cures above a feature whose far edge gets just the critical
+  /// dose, ha log10(1 + phi'_min) (A.50), in layers of `exposure` times the normal exposure.
+  double cut_through_um(double exposure = 1.0) const;
+  /// Layer by layer: greatest over least dose in a layer, 10^eta (A.54).
+  double heterogeneity() const { return 1.0 / a; }
+  /// Layer by layer: whether the layer after next above such a feature gels again beside its
+  /// window: phi'_min >= (1 - a) / (1 + a).
+  bool gels_further_teeth(double exposure = 1.0) const {
+    return phi_min() * exposure >= one_minus_a / (1.0 + a);
+  }
 };
 
 /// The model of a process. `layer_um` is the slice height. Does not ask whether the process is
@@ -62,14 +103,28 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
 
 /// Throws `InfeasibleError` when the light never gels the resin (phi_max <= 1) or black gels it
 /// (phi_min >= 1), naming the limiting speed and the intensity that would do; `InputError` when the
-/// speed is beyond the stage's.
+/// speed is beyond the stage's. Layer by layer: when full light does not reach the critical dose at
+/// the far edge of a layer (phi'_max a < 1), or black adds up to it beside the window (for layers
+/// alike phi'_min >= 1 - a), naming the layer, the exposure and the intensity that would do.
 void check_feasible(const CureModel& model, const Printer& printer, const Process& process);
 
 /// Intensity of every grey level of a printer, linear between the points of its calibration.
 std::vector<double> level_intensities(const Printer& printer);
 
+/// The same of a patterned UV lamp; throws `InputError` when the printer has none.
+std::vector<double> uv_level_intensities(const Printer& printer);
+
 /// Doses Omega(0..M) at the nodes for the intensities phi(0..M-1) of a column, by the recursion.
 std::vector<double> node_doses(const CureModel& model, const std::vector<double>& phi);
+
+/// phi of every pixel value 0..255 of a stack; layer by layer phi' at the normal exposure.
+using PixelCurve = std::array<double, 256>;
+
+/// Pixel values stand for levels of the printer: value v is level round(v * (levels - 1) / 255).
+PixelCurve pixel_curve(const CureModel& model);
+/// The level that a pixel value stands for, and the pixel value that stands for a level.
+int level_of_pixel(int value, int levels);
+int pixel_of_level(int level, int levels);
 
 /// Finds grey levels by their phi.
 class LevelTable {

@@ -29,6 +29,11 @@ struct Setup {
 /// Writes a target as a stack of its coverage. Throws `InputError` when nothing in it is solid.
 StackInfo write_target(const SliceSource& target, const std::string& path, const Job& job = {});
 
+/// The process with its UV intensity of each slice, where the schedule asks for one per slice and
+/// does not say them yet: what the brightest pixel of a slice needs for the dead zone, found by a
+/// first correction with the intensity that full light needs. Others come back as they are.
+Process schedule_uv(const SliceSource& target, const Setup& setup, const Job& job = {});
+
 struct Correction {
   StackInfo info;                    ///< of the stack written
   Prediction after;                  ///< what it prints
@@ -69,9 +74,11 @@ struct ProbeRow {
   double z_um = 0;  ///< of node `slice`
   int grey = 0;     ///< level
   double intensity_mw_cm2 = 0;
-  double phi = 0;
-  double dose = 0;     ///< Omega at node `slice`
-  double target = -1;  ///< coverage 0..1 of the layer; -1 without a target
+  double phi = 0;          ///< layer by layer phi' of this slice, with its own exposure
+  double dose = 0;         ///< Omega at node `slice`, seen from inside the layer
+  double dose_middle = 0;  ///< in the middle of the layer
+  double dose_lower = 0;   ///< at node `slice` + 1, seen from inside the layer
+  double target = -1;      ///< coverage 0..1 of the layer; -1 without a target
 };
 std::vector<ProbeRow> probe_stack(const SliceSource& stack, const SliceSource* target,
                                   const Setup& setup, int x, int y);

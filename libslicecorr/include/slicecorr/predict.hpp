@@ -4,7 +4,12 @@
 /// Voxel: one pixel in one layer, printed when the dose at mid-layer reaches 1. Run: consecutive
 /// layers of coverage 1 in a column. Gap: the layers of coverage 0 between two runs, or between the
 /// platform and a run. Edges are exact, from the closed form of the dose inside a layer (A.35).
-/// Sums are kept in integers, so that no figure depends on the order of the work.
+///
+/// Layer by layer the dose jumps at nodes. An edge is judged by the dose on its gap side: printed
+/// there, the print reaches into the gap up to the end of the stretch that touches the edge. What
+/// gels again further on (teeth beside the windows of later layers) is not part of this reach: it
+/// is counted as teeth, and as cured through where the middle of a layer prints. Sums are kept in
+/// integers, so that no figure depends on the order of the work.
 #pragma once
 
 #include <array>
@@ -20,6 +25,8 @@
 #include <vector>
 
 #include "slicecorr/cure.hpp"
+#include "slicecorr/dead_zone.hpp"
+#include "slicecorr/dose.hpp"
 
 namespace slicecorr {
 
@@ -74,6 +81,16 @@ class FeatureExamples {
   std::vector<FeatureExample> heap_;  ///< the last in order at the front
 };
 
+/// What layer by layer exposure itself does to a print; see CureModel.
+struct LayerwiseFigures {
+  double cut_through_um = 0;      ///< zCT of layers with the normal exposure
+  double max_cut_through_um = 0;  ///< of those with the longest one
+  double heterogeneity = 0;       ///< greatest over least dose in a layer
+  bool gels_further_teeth = false;
+};
+/// None for other models.
+std::optional<LayerwiseFigures> layerwise_figures(const CureModel& model);
+
 /// The figures of a prediction.
 struct Prediction {
   int layers = 0;  ///< slices shown
@@ -95,7 +112,10 @@ struct Prediction {
   double greatest_overreach_um = 0;  ///< furthest that the print reaches into a gap
   double greatest_shortfall_um = 0;  ///< furthest that an edge stays behind in its run
   Histogram gap_contrast;
-  Histogram grey_dose_error;  ///< absolute difference of mid-layer dose and coverage
+  std::uint64_t gap_teeth = 0;  ///< printed stretches in gaps that touch neither of their edges
+  std::optional<LayerwiseFigures> layerwise;
+  std::optional<DeadZones> dead_zones;  ///< under UV light; not merged, set for whole stacks
+  Histogram grey_dose_error;            ///< absolute difference of mid-layer dose and coverage
   double min_dose_inside = std::numeric_limits<double>::infinity();
   double max_dose_inside = -std::numeric_limits<double>::infinity();
   double max_dose_outside = -std::numeric_limits<double>::infinity();
@@ -108,15 +128,6 @@ struct Prediction {
   /// The JSON of the contract; figures without samples are null.
   std::string to_json() const;
 };
-
-/// phi of every pixel value 0..255 of a stack.
-using PixelCurve = std::array<double, 256>;
-
-/// Pixel values stand for levels of `printer`: value v is level round(v * (levels - 1) / 255).
-PixelCurve pixel_curve(const CureModel& model);
-/// The level that a pixel value stands for, and the pixel value that stands for a level.
-int level_of_pixel(int value, int levels);
-int pixel_of_level(int level, int levels);
 
 /// Predicts one band, slices from the last to the first. One object for one thread.
 class BandPredictor {
@@ -137,6 +148,8 @@ class BandPredictor {
   /// `pixels` null: nothing is shown (light off, after the end of the stack). `coverage` null:
   /// empty.
   void add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage);
+  /// Doses in the middle of the layer that was added last. Only for models that are not plain.
+  const double* middle() const { return dose_->middle(); }
   /// After slice 0: closes what is open at the platform. Columns are `width` to a row, from (x0,
   /// y0).
   Prediction finish(int x0, int y0, int width);
@@ -154,9 +167,20 @@ class BandPredictor {
     bool gap_seen = false;     ///< a layer of coverage 0 since the run below
     std::int32_t gap_layers = 0;
     std::int32_t gap_end = 0;  ///< node of the upper edge of the run below
+    bool tooth = false;        ///< the present printed stretch began inside this gap
   };
-  void event(std::size_t i, int slice, double phi, double middle, std::uint8_t coverage);
-  void enter(std::size_t i, int node, Class next, double dose);
+  /// Doses of a column in a layer.
+  struct LayerDose {
+    double lower, middle, upper;
+  };
+  void add_plain_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* cover);
+  void add_general_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* cover);
+  void event(std::size_t i, int slice, const LayerDose& dose, double crossing,
+             std::uint8_t coverage);
+  /// The dose crosses 1 at `zeta`; from there on upwards it is on the other side.
+  void cross(std::size_t i, double zeta, bool printed, Class now);
+  /// `before`, `after`: dose on the two sides of the node.
+  void enter(std::size_t i, int node, Class next, double before, double after);
   void close_gap(std::size_t i, int top);
   void error(std::size_t i, int node, bool upper, double slices);
   void lose(std::size_t i, int top);
@@ -164,6 +188,8 @@ class BandPredictor {
   const CureModel& model_;
   const PixelCurve& curve_;
   int all_layers_;
+  std::unique_ptr<BandDose> dose_;  ///< for models that are not plain
+  /// Dose at the upper end of the layer that was added last.
   std::vector<double> omega_, gap_min_;
   std::vector<Class> class_;
   std::vector<Column> columns_;

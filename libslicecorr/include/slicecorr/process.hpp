@@ -83,17 +83,74 @@ struct Resin {
 
 enum class OneSliceGaps { open, merge };
 
+/// continuous: the platform moves while slices are shown (dissertation §2.3). layerwise: it stands
+/// still for each exposure and moves between them (appendix A.6).
+enum class ExposureMode { continuous, layerwise };
+
+/// How the UV lamp is driven.
+enum class UvKind {
+  off,
+  constant,   ///< one intensity for all slices
+  per_slice,  ///< one intensity per slice, over the whole window
+  patterned,  ///< an image per slice: one intensity per pixel, from its grey level
+};
+struct UvSchedule {
+  UvKind kind = UvKind::off;
+  double uv_mw_cm2 = 0;     ///< constant: the intensity
+  double dead_zone_um = 0;  ///< per_slice, patterned: steady dead zone to hold; 0: not asked
+  /// per_slice: intensity of each slice, mW/cm²; the last holds for slices after it.
+  std::vector<double> slice_mw_cm2;
+  bool operator==(const UvSchedule&) const = default;
+};
+
+/// What happens while the stage speeds up and slows down (continuous).
+enum class Ramp {
+  none,          ///< not said
+  lamp_follows,  ///< the lamps follow the speed: I^m / s stays the same, and with it all doses
+  outside,       ///< the stage ramps before the first and after the last lit slice
+};
+
 /// How a stack is exposed and corrected.
 struct Process {
-  double speed_mm_h = 0;  ///< print speed, > 0
+  double speed_mm_h = 0;  ///< print speed, > 0 in continuous mode
   double omega_max =
       1e300;  ///< cap of the relative dose inside features, >= 1; >= 1e300 means none
   OneSliceGaps one_slice_gaps = OneSliceGaps::open;
   /// Whether the cap holds for features on the platform, too. Nothing lies behind them to protect,
   /// so they may be exposed fully whatever the cap: the dissertation's own choice for its rails.
   bool cap_platform_features = true;
+  ExposureMode mode = ExposureMode::continuous;
+  double exposure_s = 0;         ///< layerwise: of normal layers, > 0
+  double bottom_exposure_s = 0;  ///< layerwise: of the first `bottom_layers`; 0: as normal
+  int bottom_layers = 0;
+  /// Layers after the bottom ones over which the exposure goes linearly from theirs to the normal
+  /// one: the k-th of F layers is k / (F + 1) of the way, so that none of them has either end.
+  int fade_layers = 0;
+  /// layerwise: exposure of each layer, in place of the bottom's; the last holds for later layers.
+  std::vector<double> layer_exposure_s;
+  UvSchedule uv;
+  Ramp ramp = Ramp::none;
+  double ramp_mm = 0;  ///< distance over which the stage reaches its speed; 0: not said
+  /// Correct and show stacks whose resin cures to the window.
+  bool allow_window_cure = false;
   bool operator==(const Process&) const = default;
 };
+
+/// Exposure of a layer, s (layerwise).
+double layer_exposure_s(const Process& process, int layer);
+
+/// How long a slice is shown, and with what share of the intensity that its grey levels stand for.
+struct SliceLight {
+  double time_s = 0;
+  double share = 1;
+};
+/// Layer by layer the exposure, at full light. Continuous the time in which the stage passes the
+/// slice; where the lamp follows the ramp, with constant acceleration v_n / v = sqrt(z / ramp), z
+/// the distance of the middle of the slice from the nearer end of the print, and the share
+/// (v_n / v)^(1/m), which leaves I^m / s and with it all doses as they are.
+SliceLight slice_light(const Process& process, double m, double layer_um, int slice, int slices);
+/// Time in which all slices are shown, s: without what lies between them layer by layer.
+double light_on_s(const Process& process, double m, double layer_um, int slices);
 
 /// Where definitions of a kind ("printer" or "resin") are looked for, first to last:
 /// `$SLICECORR_DB`, the user's folder, the installed database (beside the running program, then at

@@ -2,6 +2,7 @@
 /// Slice archives: the native UVJ zip with our block, streamed both ways.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -36,6 +37,11 @@ struct StackInfo {
   std::string program;         ///< name and version of the program that wrote it
   /// Light-on time of normal layers, s; 0 when the archive has none.
   double exposure_s = 0;
+  /// Light-on time of the first `bottom_layers`, s; 0 when the archive says nothing of them.
+  double bottom_exposure_s = 0;
+  int bottom_layers = 0;
+  /// Light-on time of each layer, when the archive lists them and they are not all `exposure_s`.
+  std::vector<double> layer_exposure_s;
 };
 
 /// Keeps compressed pieces of images between the steps that make and take them in different orders.
@@ -102,6 +108,10 @@ class StackWriter {
   ~StackWriter();
   StackWriter(const StackWriter&) = delete;
   StackWriter& operator=(const StackWriter&) = delete;
+
+  /// A second image per slice, uv/%08d.png, made from the first: pixel value v becomes
+  /// uv_of_pixel[v], outside of bands, too. To be called before the first encoder is made.
+  void set_uv_pattern(const std::array<std::uint8_t, 256>& uv_of_pixel);
 
   /// Makes the pieces of one band: one object per worker, reused from slice to slice.
   class BandEncoder {

@@ -1,14 +1,31 @@
-// The dose along a column with what each slice adds to it: phi_n (a^(n-k) - a^(n+1-k)) at node k <= n.
-// What slices before m add up to at zeta < m is Omega(zeta) - Omega(m) a^(m - zeta): no sums needed.
+// The dose along a column with what each slice adds to it: phi_n (a^(n-k) - a^(n+1-k)) at node k <= n; layer by layer
+// phi'_n a^(n+1-k). What slices before m add up to at zeta < m is Omega(zeta) - Omega(m) a^(m - zeta), in both modes:
+// no sums needed. Under UV light there is no such form, and their doses are summed once for each m.
 function curveOf(levels) {
-  const { phi, omega } = dosesOf(levels);
-  const a = data.a;
-  const at = (zeta) => {
-    const n = Math.min(phi.length - 1, Math.floor(zeta));
-    return n < 0 || zeta >= phi.length ? 0 : phi[n] + (omega[n + 1] - phi[n]) * a ** (n + 1 - zeta);
+  const doses = dosesOf(levels), { phi, omega } = doses, a = data.a;
+  const between = (p, q, t) => (p > 0 && q > 0 ? p * (q / p) ** t : p + t * (q - p));
+  const inLayer = (d, n, zeta) => {
+    const up = n + 1 - zeta;
+    if (data.kernel) return up < 0.5 ? between(d.lower[n], d.middle[n], 2 * up) : between(d.middle[n], d.omega[n], 2 * up - 1);
+    if (data.layerwise) return d.lower[n] * a ** up;
+    return d.phi[n] + (d.omega[n + 1] - d.phi[n]) * a ** up;
   };
-  const before = (m, zeta) => (zeta >= m ? 0 : Math.max(0, at(zeta) - omega[m] * a ** (m - zeta)));
-  return { phi, omega, at, before };
+  const outside = (zeta) => zeta < 0 || zeta >= phi.length;
+  const at = (zeta) => (outside(zeta) ? 0 : inLayer(doses, Math.floor(zeta), zeta));
+  const partial = new Map();
+  const before = (m, zeta) => {
+    if (zeta >= m || outside(zeta)) return 0;
+    if (!data.kernel) return Math.max(0, at(zeta) - omega[m] * a ** (m - zeta));
+    if (!partial.has(m)) partial.set(m, dosesOf(levels, m));
+    return inLayer(partial.get(m), Math.floor(zeta), zeta);
+  };
+  // What slice n adds at the upper end of layer k.
+  const add = (n, k) => {
+    if (data.kernel) return before(n + 1, k) - before(n, k);
+    return data.layerwise ? phi[n] * a ** (n + 1 - k) : phi[n] * (a ** (n - k) - a ** (n + 1 - k));
+  };
+  const top = (from, to) => Math.max(0, ...doses.lower.slice(from, to), ...omega.slice(from, to + 1));
+  return { phi, omega, at, before, add, top };
 }
 
 const hues = [210, 30, 150, 270, 60, 330, 180, 0];
@@ -28,7 +45,11 @@ function columnPlot(title, levels, coverage, from, to, top) {
   const curve = curveOf(levels);
   const inside = Math.max(1, Math.min(8, Math.floor(600 / (to - from))));
   const points = [];
-  for (let n = from; n < to; ++n) for (let i = 0; i < inside; ++i) points.push(n + i / inside);
+  for (let n = from; n < to; ++n) {
+    for (let i = 0; i < inside; ++i) points.push(n + i / inside);
+    // Layer by layer the dose jumps at the node.
+    if (data.layerwise) points.push(n + 1 - 1e-9);
+  }
   points.push(to);
   let svg = `<svg viewBox="0 0 ${W} ${H}" role="img" class="plot" aria-label="${title}: dose along the column, with what slices add">` +
     `<text x="${L}" y="18" class="h">${title}</text>`;
@@ -88,6 +109,10 @@ async function columnAt(i, j) {
 
 async function drawColumn() {
   const column = await columnAt(view.column, view.row);
+  if (!(await loadKernel())) {
+    $("column-words").textContent = "The intensities of UV light differ in too many slices for this page to hold what is needed to draw columns.";
+    return { column, plots: [] };
+  }
   const coverage = unrolled(column.coverage), after = unrolled(column.levels);
   const before = coverage.map(levelOfPixel);
   const all = Math.max(before.length, after.length);
@@ -97,7 +122,7 @@ async function drawColumn() {
     to = Math.min(all, from + 40);
   }
   let top = 1.2;
-  for (const levels of [before, after]) for (const d of dosesOf(levels).omega.slice(from, to + 1)) top = Math.max(top, d * 1.08);
+  for (const levels of [before, after]) top = Math.max(top, curveOf(levels).top(from, to) * 1.08);
   const plots = [columnPlot("Uncorrected", before, coverage, from, to, top), columnPlot("This stack", after, coverage, from, to, top)];
   $("column-before").innerHTML = plots[0].svg;
   $("column-after").innerHTML = plots[1].svg;

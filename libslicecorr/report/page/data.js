@@ -73,10 +73,45 @@ function unrolled(runs) {
 // As level_of_pixel of the library.
 const levelOfPixel = (value) => Math.floor((value * (data.phi.length - 1) + 127) / 255);
 
-// Dose at every node, last to first; phi of every slice.
-function dosesOf(levels) {
-  const phi = levels.map((level) => data.phi[level]);
-  const omega = new Array(phi.length + 1).fill(0);
-  for (let n = phi.length; n-- > 0;) omega[n] = phi[n] * (1 - data.a) + data.a * omega[n + 1];
-  return { phi, omega };
+// What slices of these levels add up to, slices up to `end` only: phi of every slice, and the dose at the lower end,
+// the middle and the upper end of every layer. At the upper end it is Omega of the node, seen from inside the layer.
+function dosesOf(levels, end = levels.length) {
+  const shown = Math.min(end, levels.length), a = data.a;
+  const ratio = (n) => (data.ratio ? data.ratio[Math.min(n, data.ratio.length - 1)] : 1);
+  const phi = levels.map((level, n) => (n < shown ? data.phi[level] * ratio(n) : 0));
+  const [lower, middle, omega] = [0, 1, 2].map(() => new Array(levels.length + 1).fill(0));
+  if (data.kernel) {
+    // K_j of the slice j further from the platform; beyond the tables a times the one before.
+    const { near, setting } = data.kernel;
+    [lower, middle, omega].forEach((dose, place) => {
+      const add = (n, j) => (n < shown ? kernelAt(setting[Math.min(n, setting.length - 1)], place, j, levels[n]) * ratio(n) : 0);
+      let tail = 0;
+      for (let k = levels.length; k-- > 0;) {
+        tail = data.kernel.a * (tail + add(k + near, near - 1));
+        dose[k] = tail;
+        for (let j = 0; j < near; ++j) dose[k] += add(k + j, j);
+      }
+    });
+  } else {
+    const root = Math.sqrt(a);
+    for (let n = levels.length; n-- > 0;) {
+      lower[n] = data.layerwise ? phi[n] + omega[n + 1] : omega[n + 1];
+      middle[n] = data.layerwise ? lower[n] * root : phi[n] * (1 - root) + root * omega[n + 1];
+      omega[n] = data.layerwise ? lower[n] * a : phi[n] * (1 - a) + a * omega[n + 1];
+    }
+  }
+  return { phi, lower, middle, omega };
+}
+
+let kernelValues = null;
+const kernelAt = (setting, place, j, level) => {
+  const { near, levels } = data.kernel;
+  return kernelValues[((setting * 3 + place) * near + j) * levels + level];
+};
+// The tables of the dose under UV light; false when the page has none.
+async function loadKernel() {
+  if (!("kernel" in data)) return true;
+  if (!data.kernel) return false;
+  kernelValues ??= new Float32Array((await inflate(data.kernel.values)).buffer);
+  return true;
 }

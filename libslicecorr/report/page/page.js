@@ -120,7 +120,7 @@ async function selftest(firstPicture) {
     let worst = 0;
     for (let k = 0; k < levels.length; k += Math.max(1, Math.floor(levels.length / 50))) {
       let sum = 0;
-      for (let n = k; n < levels.length; ++n) sum += curve.phi[n] * (data.a ** (n - k) - data.a ** (n + 1 - k));
+      for (let n = k; n < levels.length; ++n) sum += curve.add(n, k);
       worst = Math.max(worst, Math.abs(sum - curve.omega[k]));
     }
     check("contributions sum to the dose", worst < 1e-9);

@@ -1,0 +1,43 @@
+/// The solves of a band, one for each kind of cure model; see slicecorr/correct.hpp.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "slicecorr/correct.hpp"
+
+namespace slicecorr::detail {
+
+/// Added to an edge's dose of 1. The recursion loses at most about two roundings per node, which
+/// decay with a: 2^-52 * Omega / (1 - a) in all, below 1e-10 for a layer of 1e-5 absorbance
+/// heights.
+inline constexpr double kMargin = 1e-9;
+
+/// What `BandCorrector` hands its calls to.
+class BandSolver {
+ public:
+  virtual ~BandSolver() = default;
+  virtual void add_layer(const std::uint8_t* coverage) = 0;
+  virtual void solve(const BandCorrector::Sink& sink) = 0;
+};
+
+std::unique_ptr<BandSolver> make_layerwise_solver(const CorrectionPlan& plan, std::size_t columns);
+/// For models with an inhibited kernel, in both modes.
+std::unique_ptr<BandSolver> make_inhibited_solver(const CorrectionPlan& plan, std::size_t columns);
+
+/// The same for one column: levels, and intensities before rounding to levels.
+std::vector<std::uint8_t> solve_layerwise_column(const CorrectionPlan& plan,
+                                                 const std::vector<std::uint8_t>& coverage);
+std::vector<double> solve_layerwise_column_exactly(const CorrectionPlan& plan,
+                                                   const std::vector<std::uint8_t>& coverage);
+std::vector<std::uint8_t> solve_inhibited_column(const CorrectionPlan& plan,
+                                                 const std::vector<std::uint8_t>& coverage);
+std::vector<double> solve_inhibited_column_exactly(const CorrectionPlan& plan,
+                                                   const std::vector<std::uint8_t>& coverage);
+
+/// Slices to show for a target whose last lit layer is `last_lit`, with an inhibited kernel.
+int inhibited_slices(const CureModel& model, int target_layers, int last_lit);
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,118 @@
+#include "correct/inhibited_band.hpp"
+
+#include <algorithm>
+#include <string>
+#include <unordered_map>
+
+#include "slicecorr/error.hpp"
+
+namespace slicecorr::detail {
+
+InhibitedBand::InhibitedBand(const InhibitedPlan& plan, std::size_t columns)
+    : plan_(plan), columns_(columns), tape_(columns), before_(columns, 0) {}
+
+void InhibitedBand::add_layer(const std::uint8_t* coverage) {
+  if (layers_ >= plan_.layers) throw Error("more layers than the plan has");
+  tape_.append(coverage);
+  for (std::size_t i = 0; i < columns_; ++i) {
+    const std::uint8_t value = coverage ? coverage[i] : std::uint8_t{0};
+    if (value == before_[i]) continue;
+    changes_.push_back({static_cast<std::uint32_t>(i), layers_, value});
+    before_[i] = value;
+  }
+  ++layers_;
+}
+
+void InhibitedBand::solve(const BandCorrector::Sink& sink) {
+  if (layers_ != plan_.layers) throw Error("the plan has more layers");
+  // By column; within a column they stay in the order of layers.
+  std::stable_sort(changes_.begin(), changes_.end(),
+                   [](const Change& a, const Change& b) { return a.column < b.column; });
+  // Neighbours are often alike: a column is solved once.
+  constexpr std::size_t kMostKept = 4096;
+  std::unordered_map<std::string, std::vector<Change>> known;
+  InhibitedColumn solver(plan_);
+  std::vector<Change> levels;  // what each column shows, from the last slice on
+  std::vector<CoverageRun> runs;
+  for (std::size_t i = 0; i < changes_.size();) {
+    const std::uint32_t column = changes_[i].column;
+    runs.clear();
+    for (; i < changes_.size() && changes_[i].column == column; ++i) {
+      const bool more = i + 1 < changes_.size() && changes_[i + 1].column == column;
+      if (changes_[i].value == 0) continue;
+      runs.push_back({changes_[i].at, more ? changes_[i + 1].at : plan_.layers, changes_[i].value});
+    }
+    std::string key;
+    for (const CoverageRun& r : runs) {
+      key.append(reinterpret_cast<const char*>(&r.first), sizeof r.first);
+      key.append(reinterpret_cast<const char*>(&r.end), sizeof r.end);
+      key.push_back(static_cast<char>(r.coverage));
+    }
+    auto found = known.find(key);
+    if (found == known.end()) {
+      if (known.size() >= kMostKept) known.clear();
+      const std::vector<std::uint8_t>& shown = solver.solve(runs);
+      std::vector<Change> list;
+      std::uint8_t before = 0;
+      for (int n = plan_.all_layers; n-- > 0;) {
+        const std::uint8_t level = shown[static_cast<std::size_t>(n)];
+        if (level != before) list.push_back({0, n, level});
+        before = level;
+      }
+      found = known.emplace(std::move(key), std::move(list)).first;
+    }
+    for (Change c : found->second) {
+      c.column = column;
+      levels.push_back(c);
+    }
+  }
+  changes_ = {};
+  std::stable_sort(levels.begin(), levels.end(),
+                   [](const Change& a, const Change& b) { return a.at > b.at; });
+  std::vector<std::uint8_t> now(columns_, 0), coverage(columns_);
+  std::size_t next = 0, lit = 0;
+  for (int n = plan_.all_layers; n-- > 0;) {
+    for (; next < levels.size() && levels[next].at == n; ++next) {
+      std::uint8_t& level = now[levels[next].column];
+      lit += static_cast<std::size_t>(level == 0);
+      level = levels[next].value;
+      lit -= static_cast<std::size_t>(level == 0);
+    }
+    tape_.read(n, coverage.data());
+    sink(n, now.data(), coverage.data(), lit == 0 && (n >= plan_.layers || tape_.black(n)));
+  }
+}
+
+std::unique_ptr<BandSolver> make_inhibited_solver(const CorrectionPlan& plan, std::size_t columns) {
+  return std::make_unique<InhibitedBand>(*plan.inhibited, columns);
+}
+
+std::vector<std::uint8_t> solve_inhibited_column(const CorrectionPlan& plan,
+                                                 const std::vector<std::uint8_t>& coverage) {
+  std::vector<CoverageRun> runs;
+  for (std::size_t n = 0; n < coverage.size(); ++n) {
+    if (coverage[n] == 0) continue;
+    const auto at = static_cast<std::int32_t>(n);
+    if (!runs.empty() && runs.back().end == at && runs.back().coverage == coverage[n]) {
+      ++runs.back().end;
+    } else {
+      runs.push_back({at, at + 1, coverage[n]});
+    }
+  }
+  InhibitedColumn column(*plan.inhibited);
+  std::vector<std::uint8_t> levels = column.solve(runs);
+  levels.resize(static_cast<std::size_t>(plan.all_layers));
+  return levels;
+}
+
+std::vector<double> solve_inhibited_column_exactly(const CorrectionPlan& plan,
+                                                   const std::vector<std::uint8_t>& coverage) {
+  // The rule is one for levels; their steady doses stand for them.
+  std::vector<double> phi;
+  for (const std::uint8_t level : solve_inhibited_column(plan, coverage)) {
+    phi.push_back(plan.model.level_phi[level]);
+  }
+  return phi;
+}
+
+}  // namespace slicecorr::detail

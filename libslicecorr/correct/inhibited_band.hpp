@@ -1,0 +1,39 @@
+/// Correction of one band under inhibiting UV light: column by column, kept as changes.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "base/band_tape.hpp"
+#include "correct/band_solvers.hpp"
+#include "correct/inhibited_column.hpp"
+#include "slicecorr/correct.hpp"
+
+namespace slicecorr::detail {
+
+/// Takes the layers of a target from the first on, then gives slices from the last on. Memory grows
+/// with the changes along columns, not with voxels.
+class InhibitedBand final : public BandSolver {
+ public:
+  InhibitedBand(const InhibitedPlan& plan, std::size_t columns);
+  /// Null: an empty layer.
+  void add_layer(const std::uint8_t* coverage) override;
+  void solve(const BandCorrector::Sink& sink) override;
+
+ private:
+  /// From this layer or slice on, in the order of the list, a column has this value.
+  struct Change {
+    std::uint32_t column;
+    std::int32_t at;
+    std::uint8_t value;
+  };
+  const InhibitedPlan& plan_;
+  std::size_t columns_;
+  BandTape tape_;
+  std::vector<std::uint8_t> before_;
+  std::vector<Change> changes_;  ///< of coverage, by layer
+  int layers_ = 0;
+};
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,127 @@
+#include <algorithm>
+#include <cmath>
+
+#include "base/kernels.hpp"
+#include "cure/walkers.hpp"
+#include "slicecorr/dose.hpp"
+#include "slicecorr/units.hpp"
+
+namespace slicecorr {
+
+using detail::kBlock;
+
+namespace {
+
+/// phi of a block of pixels; most blocks show one value.
+void block_phi(const PixelCurve& curve, const std::uint8_t* pixels, std::size_t n, double* phi) {
+  if (n == kBlock && detail::uniform(pixels)) {
+    std::fill_n(phi, n, curve[pixels[0]]);
+    return;
+  }
+  for (std::size_t i = 0; i < n; ++i) phi[i] = curve[pixels[i]];
+}
+
+/// (A.32), (A.35).
+class ContinuousWalker final : public BandDose::Walker {
+ public:
+  ContinuousWalker(const CureModel& model, std::size_t columns)
+      : model_(model), curve_(pixel_curve(model)), phi_(columns) {
+    for (auto* dose : {&lower, &middle, &upper}) dose->assign(columns, 0.0);
+  }
+  void add_slice(int, const std::uint8_t* pixels) override {
+    lower.swap(upper);
+    for (std::size_t i = 0; i < phi_.size(); ++i) {
+      phi_[i] = pixels ? curve_[pixels[i]] : 0.0;
+      middle[i] = model_.middle(phi_[i], lower[i]);
+      upper[i] = model_.step(phi_[i], lower[i]);
+    }
+  }
+  double crossing(std::size_t i) const override { return model_.crossing(phi_[i], lower[i]); }
+
+ private:
+  const CureModel& model_;
+  PixelCurve curve_;
+  std::vector<double> phi_;
+};
+
+/// What is left of a dose in the middle of a layer and at its far edge.
+SLICECORR_CLONES
+void fade(const double* __restrict near, double* __restrict middle, double* __restrict far,
+          double root_a, double a, std::size_t n) {
+  for (std::size_t i = 0; i < n; ++i) {
+    middle[i] = near[i] * root_a;
+    far[i] = near[i] * a;
+  }
+}
+SLICECORR_CLONES
+void add(double* __restrict near, const double* __restrict far, const double* __restrict phi,
+         double ratio, std::size_t n) {
+  for (std::size_t i = 0; i < n; ++i) near[i] = phi[i] * ratio + far[i];
+}
+
+/// Appendix A.6: W(n) = (phi'_n + W(n + 1)) a.
+class LayerwiseWalker final : public BandDose::Walker {
+ public:
+  LayerwiseWalker(const CureModel& model, std::size_t columns)
+      : model_(model), curve_(pixel_curve(model)) {
+    for (auto* dose : {&lower, &middle, &upper}) dose->assign(columns, 0.0);
+  }
+  void add_slice(int slice, const std::uint8_t* pixels) override {
+    const double ratio = model_.ratio(slice);
+    double phi[kBlock];
+    for (std::size_t b = 0; b < lower.size(); b += kBlock) {
+      const std::size_t n = std::min(kBlock, lower.size() - b);
+      if (pixels) {
+        block_phi(curve_, pixels + b, n, phi);
+      } else {
+        std::fill_n(phi, n, 0.0);
+      }
+      add(&lower[b], &upper[b], phi, ratio, n);
+      fade(&lower[b], &middle[b], &upper[b], model_.root_a, model_.a, n);
+    }
+  }
+  double crossing(std::size_t i) const override {
+    return std::clamp(std::log(lower[i]) / (model_.eta * units::ln10), 0.0, 1.0);
+  }
+
+ private:
+  const CureModel& model_;
+  PixelCurve curve_;
+};
+
+std::unique_ptr<BandDose::Walker> make_walker(const CureModel& model, std::size_t columns) {
+  if (model.inhibited) return detail::make_inhibited_walker(model, columns);
+  if (model.mode == ExposureMode::layerwise) {
+    return std::make_unique<LayerwiseWalker>(model, columns);
+  }
+  return std::make_unique<ContinuousWalker>(model, columns);
+}
+
+}  // namespace
+
+BandDose::BandDose(const CureModel& model, std::size_t columns)
+    : walker_(make_walker(model, columns)) {}
+BandDose::~BandDose() = default;
+BandDose::BandDose(BandDose&&) noexcept = default;
+void BandDose::add_slice(int slice, const std::uint8_t* pixels) {
+  walker_->add_slice(slice, pixels);
+}
+const double* BandDose::lower() const { return walker_->lower.data(); }
+const double* BandDose::middle() const { return walker_->middle.data(); }
+const double* BandDose::upper() const { return walker_->upper.data(); }
+double BandDose::crossing(std::size_t column) const { return walker_->crossing(column); }
+
+ColumnDose column_dose(const CureModel& model, const std::vector<std::uint8_t>& pixels) {
+  ColumnDose dose;
+  for (auto* values : {&dose.lower, &dose.middle, &dose.upper}) values->resize(pixels.size());
+  BandDose band(model, 1);
+  for (std::size_t n = pixels.size(); n-- > 0;) {
+    band.add_slice(static_cast<int>(n), &pixels[n]);
+    dose.lower[n] = *band.lower();
+    dose.middle[n] = *band.middle();
+    dose.upper[n] = *band.upper();
+  }
+  return dose;
+}
+
+}  // namespace slicecorr

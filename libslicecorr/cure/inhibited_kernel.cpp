@@ -1,0 +1,348 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <memory>
+
+#include "cure/walkers.hpp"
+#include "slicecorr/cure.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/inhibited.hpp"
+#include "slicecorr/units.hpp"
+
+namespace slicecorr {
+
+namespace {
+
+/// Gauss-Legendre nodes and weights on [-1, 1].
+struct Gauss {
+  static constexpr int n = 24;
+  std::array<double, n> x{}, w{};
+  Gauss() {
+    constexpr double pi = 3.14159265358979323846;
+    for (int i = 0; i < n; ++i) {
+      double t = std::cos(pi * (i + 0.75) / (n + 0.5)), slope = 1;
+      for (int round = 0; round < 100; ++round) {
+        double p = 1, before = 0;
+        for (int k = 1; k <= n; ++k) {
+          const double next = ((2.0 * k - 1.0) * t * p - (k - 1.0) * before) / k;
+          before = p;
+          p = next;
+        }
+        slope = n * (t * p - before) / (t * t - 1.0);
+        const double step = p / slope;
+        t -= step;
+        if (std::abs(step) < 1e-15) break;
+      }
+      x[static_cast<std::size_t>(i)] = t;
+      w[static_cast<std::size_t>(i)] = 2.0 / ((1.0 - t * t) * slope * slope);
+    }
+  }
+};
+
+/// Integral over d from d0 to d1 (um) of max(0, I e^(-d/hb) - U e^(-d/huv))^m, U = beta Iuv.
+double integral(const Kinetics& k, double blue, double u, double d0, double d1) {
+  if (blue <= 0) return 0;
+  if (u > blue) d0 = std::max(d0, std::log(u / blue) / (1.0 / k.huv_um - 1.0 / k.hb_um));
+  if (!(d1 > d0)) return 0;
+  if (k.m == 1.0) {
+    const auto part = [&](double intensity, double h) {
+      return intensity * h * std::exp(-d0 / h) * -std::expm1((d0 - d1) / h);
+    };
+    return std::max(0.0, part(blue, k.hb_um) - (u > 0 ? part(u, k.huv_um) : 0.0));
+  }
+  static const Gauss gauss;
+  // Where the light takes over the rate begins like (d - d0)^m: d = d0 + t^3 makes that smooth.
+  const double root = std::cbrt(d1 - d0);
+  double sum = 0;
+  for (int i = 0; i < Gauss::n; ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    const double t = 0.5 * root * (gauss.x[at] + 1.0);
+    const double d = d0 + t * t * t;
+    const double net = std::max(0.0, blue * std::exp(-d / k.hb_um) - u * std::exp(-d / k.huv_um));
+    sum += gauss.w[at] * std::pow(net, k.m) * 3.0 * t * t;
+  }
+  return sum * 0.5 * root;
+}
+
+}  // namespace
+
+double uv_for_dead_zone(const Kinetics& k, double blue_mw_cm2, double dead_zone_um) {
+  return blue_mw_cm2 / k.beta * std::exp(dead_zone_um * (1.0 / k.huv_um - 1.0 / k.hb_um));
+}
+
+InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
+                                 const Printer& printer, const Process& process, double layer_um,
+                                 std::vector<double> level_mw_cm2)
+    : kinetics_(kinetics),
+      gel_(gel),
+      mode_(process.mode),
+      allow_window_cure_(process.allow_window_cure),
+      layer_um_(layer_um),
+      blue_(std::move(level_mw_cm2)) {
+  if (!printer.uv) {
+    throw InputError(printer.name, "uv",
+                     "the printer has no UV lamp; expected a [uv] table with its calibration");
+  }
+  const UvSchedule& uv = process.uv;
+  wanted_um_ = uv.dead_zone_um;
+  const double least = printer.uv->min_mw_cm2(), most = printer.uv->max_mw_cm2();
+  const auto check = [&](double intensity, const std::string& what) {
+    if (intensity > most * (1 + 1e-9) || intensity < least * (1 - 1e-9)) {
+      throw InfeasibleError(
+          fmt::format("{} needs {:.4g} mW/cm² of UV light; the lamp of printer '{}' gives {:g} to "
+                      "{:g} mW/cm²",
+                      what, intensity, printer.name, least, most));
+    }
+  };
+  const double full = blue_.back();
+  switch (uv.kind) {
+    case UvKind::off:
+      throw InputError("UV light is off in this schedule; expected an intensity or a dead zone");
+    case UvKind::constant: {
+      const double asked =
+          uv.uv_mw_cm2 > 0 ? uv.uv_mw_cm2 : uv_for_dead_zone(kinetics_, full, uv.dead_zone_um);
+      check(asked, uv.uv_mw_cm2 > 0
+                       ? std::string("the schedule")
+                       : fmt::format("a dead zone of {:g} um under full light", uv.dead_zone_um));
+      setting_uv_ = {asked};
+      break;
+    }
+    case UvKind::per_slice: {
+      if (uv.slice_mw_cm2.empty()) {
+        // Until the slices are known: what full light needs.
+        const double asked =
+            uv.dead_zone_um > 0 ? uv_for_dead_zone(kinetics_, full, uv.dead_zone_um) : uv.uv_mw_cm2;
+        check(asked, fmt::format("a dead zone of {:g} um under full light", uv.dead_zone_um));
+        setting_uv_ = {asked};
+        break;
+      }
+      for (const double asked : uv.slice_mw_cm2) {
+        check(asked, "a slice of the schedule");
+        const auto found = std::find(setting_uv_.begin(), setting_uv_.end(), asked);
+        slice_setting_.push_back(static_cast<std::uint16_t>(found - setting_uv_.begin()));
+        if (found == setting_uv_.end()) setting_uv_.push_back(asked);
+        if (setting_uv_.size() > 4096) {
+          throw InputError("the schedule has more than 4096 different UV intensities");
+        }
+      }
+      break;
+    }
+    case UvKind::patterned: {
+      const LevelTable lamp(uv_level_intensities(printer));
+      check(uv_for_dead_zone(kinetics_, full, uv.dead_zone_um),
+            fmt::format("a dead zone of {:g} um under full light", uv.dead_zone_um));
+      for (const double blue : blue_) {
+        // The next level up: the dead zone is held at least.
+        uv_levels_.push_back(
+            lamp.at_least(uv_for_dead_zone(kinetics_, blue, uv.dead_zone_um) * (1 - 1e-12)));
+        level_uv_.push_back(lamp.phi(uv_levels_.back()));
+      }
+      setting_uv_ = {level_uv_.back()};
+      break;
+    }
+  }
+
+  a_ = std::exp(-kinetics_.m * layer_um / kinetics_.hb_um);
+  if (mode_ == ExposureMode::layerwise) {
+    scale_ = process.exposure_s / kinetics_.critical_dose_prime;
+    gel_scale_ = process.exposure_s / gel_.critical_dose_prime;
+  } else {
+    const double speed_um_s = units::cm_s_from_mm_h(process.speed_mm_h) * 1e4;
+    scale_ = 1.0 / (speed_um_s * kinetics_.critical_dose_prime);
+    gel_scale_ = layer_um / (speed_um_s * gel_.critical_dose_prime);
+  }
+  const double strongest = *std::max_element(setting_uv_.begin(), setting_uv_.end());
+  const double share = kinetics_.beta * strongest / full;
+  const double slope = 1.0 / kinetics_.huv_um - 1.0 / kinetics_.hb_um;
+  near_ = share > tail_share
+              ? 2 + static_cast<int>(std::ceil(std::log(share / tail_share) / (slope * layer_um)))
+              : 2;
+  tables_.resize(static_cast<std::size_t>(settings() * places));
+  for (int s = 0; s < settings(); ++s) tabulate(s);
+}
+
+int InhibitedKernel::setting_of_slice(int slice) const {
+  if (slice_setting_.empty()) return 0;
+  const auto n = static_cast<std::size_t>(std::max(slice, 0));
+  return n < slice_setting_.size() ? slice_setting_[n] : slice_setting_.back();
+}
+
+double InhibitedKernel::amount(double blue, double uv, double x) const {
+  const double u = kinetics_.beta * uv;
+  if (mode_ == ExposureMode::continuous) {
+    return scale_ * integral(kinetics_, blue, u, std::max(0.0, x - 1.0) * layer_um_, x * layer_um_);
+  }
+  const double d = x * layer_um_;
+  const double net = blue * std::exp(-d / kinetics_.hb_um) - u * std::exp(-d / kinetics_.huv_um);
+  return net > 0 ? scale_ * std::pow(net, kinetics_.m) : 0.0;
+}
+
+void InhibitedKernel::tabulate(int setting) {
+  const auto rows = static_cast<std::size_t>(near_), count = blue_.size();
+  double* at[places];
+  for (int place = 0; place < places; ++place) {
+    auto& table = tables_[static_cast<std::size_t>(setting * places + place)];
+    table.assign(rows * count, 0.0);
+    at[place] = table.data();
+  }
+  for (std::size_t l = 0; l < count; ++l) {
+    const double uv = uv_of(setting, static_cast<int>(l));
+    if (mode_ == ExposureMode::layerwise) {
+      for (std::size_t i = 0; i < 4 * rows; ++i) {
+        const double value = amount(blue_[l], uv, 0.25 * static_cast<double>(i));
+        at[i % 4][i / 4 * count + l] = value;
+        if (i % 4 == 0 && i > 0) at[upper_end][(i / 4 - 1) * count + l] = value;
+      }
+      at[upper_end][(rows - 1) * count + l] = amount(blue_[l], uv, static_cast<double>(rows));
+      continue;
+    }
+    // Quarters of slabs, each integrated once: the slab that ends at x is four of them.
+    const double u = kinetics_.beta * uv, step = 0.25 * layer_um_;
+    double last[4] = {};
+    for (std::size_t i = 0; i <= 4 * rows; ++i) {
+      const double slab = last[0] + last[1] + last[2] + last[3];
+      if (i < 4 * rows) at[i % 4][i / 4 * count + l] = slab;
+      if (i % 4 == 0 && i > 0) at[upper_end][(i / 4 - 1) * count + l] = slab;
+      const double d = static_cast<double>(i) * step;
+      last[i % 4] = scale_ * integral(kinetics_, blue_[l], u, d, d + step);
+    }
+  }
+}
+
+double InhibitedKernel::exact(int setting, int level, double x) const {
+  return amount(blue_[static_cast<std::size_t>(level)], uv_of(setting, level), x);
+}
+
+double InhibitedKernel::steady_dose(int setting, int level) const {
+  const double* upper = table(setting, upper_end);
+  const auto count = blue_.size();
+  double sum = 0;
+  for (int j = near_; j-- > 0;) {
+    sum += upper[static_cast<std::size_t>(j) * count + static_cast<std::size_t>(level)];
+  }
+  const double last =
+      upper[static_cast<std::size_t>(near_ - 1) * count + static_cast<std::size_t>(level)];
+  return sum + last * a_ / (1.0 - a_);
+}
+
+double InhibitedKernel::dead_zone_um(int slice, int level) const {
+  return steady_dead_zone_um(kinetics_, blue_[static_cast<std::size_t>(level)],
+                             uv_mw_cm2(slice, level));
+}
+
+double InhibitedKernel::window_dose(int slice, int level) const {
+  const double net =
+      blue_[static_cast<std::size_t>(level)] - kinetics_.beta * uv_mw_cm2(slice, level);
+  return net > 0 ? gel_scale_ * std::pow(net, gel_.m) : 0.0;
+}
+
+int InhibitedKernel::highest_usable_level(int setting) const {
+  int level = levels() - 1;
+  if (allow_window_cure_) return level;
+  for (; level > 0; --level) {
+    const double blue = blue_[static_cast<std::size_t>(level)], uv = uv_of(setting, level);
+    // A pattern is made for its dead zone: rounding must not count against it.
+    if (kinetics_.beta * uv > blue &&
+        steady_dead_zone_um(kinetics_, blue, uv) >= wanted_um_ * (1 - 1e-9)) {
+      break;
+    }
+  }
+  return level;
+}
+
+int InhibitedKernel::strongest_setting() const {
+  return static_cast<int>(std::max_element(setting_uv_.begin(), setting_uv_.end()) -
+                          setting_uv_.begin());
+}
+
+bool InhibitedKernel::any_level_cures_to_window() const {
+  for (int s = 0; s < settings(); ++s) {
+    for (int level = 0; level < levels(); ++level) {
+      if (kinetics_.beta * uv_of(s, level) <= blue_[static_cast<std::size_t>(level)]) return true;
+    }
+  }
+  return false;
+}
+
+double InhibitedKernel::critical_intensity_mw_cm2(int setting) const {
+  double before = 0, at = 0;
+  for (int level = 0; level < levels(); ++level) {
+    const double dose = steady_dose(setting, level);
+    const double blue = blue_[static_cast<std::size_t>(level)];
+    if (dose >= 1.0) {
+      if (level == 0 || dose == before) return blue;
+      return at + (blue - at) * (1.0 - before) / (dose - before);
+    }
+    before = dose;
+    at = blue;
+  }
+  return std::numeric_limits<double>::infinity();
+}
+
+namespace detail {
+
+std::shared_ptr<const InhibitedKernel> make_inhibited_kernel(const Printer& printer,
+                                                             const Resin& resin,
+                                                             const Process& process,
+                                                             double layer_um) {
+  return std::make_shared<const InhibitedKernel>(make_kinetics(resin, true, true),
+                                                 make_kinetics(resin, true, false), printer,
+                                                 process, layer_um, level_intensities(printer));
+}
+
+void check_inhibited_feasible(const CureModel& model, const Printer& printer,
+                              const Process& process) {
+  const InhibitedKernel& kernel = *model.inhibited;
+  const bool continuous = process.mode == ExposureMode::continuous;
+  if (continuous && printer.max_speed_mm_h > 0 && process.speed_mm_h > printer.max_speed_mm_h) {
+    throw InputError(
+        fmt::format("speed {:g} mm/h is beyond the stage of printer '{}', which reaches {:g} mm/h",
+                    process.speed_mm_h, printer.name, printer.max_speed_mm_h));
+  }
+  const auto blue = level_intensities(printer);
+  const double most = blue.back();
+  const std::string pace = continuous ? fmt::format("at {:g} mm/h", process.speed_mm_h)
+                                      : fmt::format("exposed for {:g} s", process.exposure_s);
+  {
+    // Lamps that change from slice to slice do so because the slice needs less.
+    const int s = kernel.strongest_setting();
+    const int cap = kernel.highest_usable_level(s);
+    const double full = kernel.steady_dose(s, kernel.levels() - 1);
+    const double factor = kernel.steady_dose(s, cap);
+    if (full <= 1.0) {
+      throw InfeasibleError(fmt::format(
+          "the resin never gels under UV light: {} full light ({:g} mW/cm² over {:.4g} mW/cm² of "
+          "UV) reaches {:.4g} of the dose aimed at; {}, or with less UV",
+          pace, most, kernel.setting_uv_mw_cm2(s, kernel.levels() - 1), full,
+          full <= 0    ? std::string("use more light")
+          : continuous ? fmt::format("print slower than {:.5g} mm/h", process.speed_mm_h * full)
+                       : fmt::format("expose for more than {:.5g} s", process.exposure_s / full)));
+    }
+    if (factor <= 1.0) {
+      const double needed = kernel.critical_intensity_mw_cm2(s);
+      const double uv = kernel.setting_uv_mw_cm2(s, cap);
+      throw InfeasibleError(fmt::format(
+          "the resin would cure to the window: {} it takes {:.4g} mW/cm² of blue light to gel, and "
+          "UV light of {:.4g} mW/cm² leaves the dead zone asked for only up to {:.4g} mW/cm²; use "
+          "more than "
+          "{:.4g} mW/cm² of UV light, or {}",
+          pace, needed, uv, level_intensities(printer)[static_cast<std::size_t>(cap)],
+          uv_for_dead_zone(kernel.kinetics(), needed, process.uv.dead_zone_um),
+          continuous ? "print slower" : "expose for longer"));
+    }
+  }
+  if (kernel.steady_dose(0, 0) >= 1.0) {
+    throw InfeasibleError(fmt::format(
+        "black pixels gel the resin: {} the light of black ({:g} mW/cm²) adds up to {:.4g} of the "
+        "dose aimed at; {}, or with less light of black",
+        pace, blue.front(), kernel.steady_dose(0, 0),
+        continuous ? "print faster" : "expose for less time"));
+  }
+}
+
+}  // namespace detail
+
+}  // namespace slicecorr

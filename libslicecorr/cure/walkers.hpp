@@ -1,0 +1,26 @@
+/// The workings of doses under UV light, which have files of their own.
+#pragma once
+
+#include <cstddef>
+#include <memory>
+
+#include "slicecorr/dose.hpp"
+#include "slicecorr/inhibited.hpp"
+
+namespace slicecorr::detail {
+
+/// The kernel of a process whose UV light is on (`process.uv.kind` is not off).
+std::shared_ptr<const InhibitedKernel> make_inhibited_kernel(const Printer& printer,
+                                                             const Resin& resin,
+                                                             const Process& process,
+                                                             double layer_um);
+
+/// As `check_feasible`, for a model with an inhibited kernel.
+void check_inhibited_feasible(const CureModel& model, const Printer& printer,
+                              const Process& process);
+
+/// Doses of a model with an inhibited kernel.
+std::unique_ptr<BandDose::Walker> make_inhibited_walker(const CureModel& model,
+                                                        std::size_t columns);
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,66 @@
+/// @file dead_zone.hpp
+/// The dead zone over the window while a stack is shown under UV light, and where it fails.
+///
+/// Steady dead zone of a pixel: zf = ln(beta Iuv / Ib) / (1/huv - 1/hb) (3.25). Where beta Iuv <=
+/// Ib the front reaches the window when the resin there has got its gel dose, after D'c / (Ib -
+/// beta Iuv)^m (physics.md §4) in slices that follow each other.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "slicecorr/cure.hpp"
+#include "slicecorr/inhibited.hpp"
+
+namespace slicecorr {
+
+/// What a print's dead zone does. Merging does not depend on the order.
+struct DeadZones {
+  /// Per slice: least and greatest steady dead zone over pixels brighter than black, um; both NaN
+  /// in slices without such pixels. A slice whose brightest pixel would cure to the window has 0.
+  std::vector<double> least_um, greatest_um;
+  std::uint64_t cured_pixels = 0;  ///< columns that cure to the window
+  int cured_slice = -1;            ///< the first slice in which one does, in the order of printing
+  double least() const;            ///< over all slices; NaN without light
+  double greatest() const;
+};
+
+/// Watches the window under one band. For one thread.
+class WindowWatch {
+ public:
+  /// `model.inhibited` must be there and outlive this.
+  WindowWatch(const CureModel& model, int slices, std::size_t columns);
+  /// Pixels (0..255) of a slice, in any order of slices that is steadily up or down; null: black.
+  void add_slice(int slice, const std::uint8_t* pixels);
+
+ private:
+  friend class WindowTotal;
+  const InhibitedKernel& kernel_;
+  std::size_t columns_;
+  std::vector<std::uint8_t> low_, high_;  ///< per slice: least and greatest pixel above black
+  /// Gel dose at the window from slices that follow each other; empty where no level can cure to
+  /// it.
+  std::vector<float> dose_;
+  std::vector<bool> cured_;
+  std::uint64_t count_ = 0;
+  int first_ = -1;
+};
+
+/// All bands together; `merge` is for one thread at a time.
+class WindowTotal {
+ public:
+  WindowTotal(const CureModel& model, int slices);
+  void merge(const WindowWatch& band);
+  DeadZones result() const;
+  /// Greatest pixel value of each slice.
+  const std::vector<std::uint8_t>& brightest() const { return high_; }
+
+ private:
+  const InhibitedKernel& kernel_;
+  std::vector<std::uint8_t> low_, high_;
+  std::uint64_t count_ = 0;
+  int first_ = -1;
+};
+
+}  // namespace slicecorr

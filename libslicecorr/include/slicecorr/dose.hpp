@@ -1,0 +1,58 @@
+/// @file dose.hpp
+/// The dose that slices leave in a band of pixel columns: one interface for all cure models.
+///
+/// Slices are given from the last to the first. After slice n the dose inside layer n is final: at
+/// its lower end (just above node n + 1), in its middle, and at its upper end (just below node n).
+/// Continuous exposure is steady across nodes; layer by layer the dose jumps there, so that the
+/// upper end of layer n and the lower end of layer n - 1 differ (the sawtooth). Objects are for one
+/// thread at a time.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "slicecorr/cure.hpp"
+
+namespace slicecorr {
+
+class BandDose {
+ public:
+  /// `model` must outlive this.
+  BandDose(const CureModel& model, std::size_t columns);
+  ~BandDose();
+  BandDose(BandDose&&) noexcept;
+
+  /// Slice `slice` shows `pixels` (0..255, one per column, see pixel_curve); null: light off, as
+  /// after the end of a stack. Slices follow each other downwards in number.
+  void add_slice(int slice, const std::uint8_t* pixels);
+
+  const double* lower() const;   ///< relative dose at the lower end of the layer, per column
+  const double* middle() const;  ///< in its middle
+  const double* upper() const;   ///< at its upper end
+  /// Distance from the layer's lower end, in slices (0..1), at which the dose of a column is 1.
+  /// Needs `lower` and `upper` on different sides of 1. Exact without UV; with it the dose there is
+  /// 1 to 1e-3.
+  double crossing(std::size_t column) const;
+
+  /// The workings of one model.
+  class Walker {
+   public:
+    virtual ~Walker() = default;
+    virtual void add_slice(int slice, const std::uint8_t* pixels) = 0;
+    virtual double crossing(std::size_t column) const = 0;
+    std::vector<double> lower, middle, upper;
+  };
+
+ private:
+  std::unique_ptr<Walker> walker_;
+};
+
+/// Doses along one column whose slices show `pixels`, first slice first.
+struct ColumnDose {
+  std::vector<double> lower, middle, upper;  ///< per layer
+};
+ColumnDose column_dose(const CureModel& model, const std::vector<std::uint8_t>& pixels);
+
+}  // namespace slicecorr

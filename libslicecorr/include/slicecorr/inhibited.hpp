@@ -1,0 +1,113 @@
+/// @file inhibited.hpp
+/// The dose under inhibiting UV light (the dissertation's chapter III carried into chapter II).
+///
+/// A point at distance d above the window gains dose at the rate max(0, I e^(-d/hb) - beta Iuv
+/// e^(-d/huv))^m / D'c. With x the distance, in slices, at which the window stands when slice n
+/// ends (x = n + 1 - zeta), slice n adds
+///
+///     continuous       1/(s D'c) * integral of the m-th power over d from max(0, x - 1) hs to x hs
+///     layer by layer   the rate at d = x hs, times the exposure te
+///
+/// The nearest `near()` slices are taken from tables of these values; beyond, where the share of UV
+/// has fallen below `tail_share`, each slice further adds a = 10^-eta times the one before, which
+/// is the recursion without UV (A.32).
+///
+/// The kernel is 0 nearer than the dead zone and greatest at z0: a slice hardly acts on its own
+/// layer. See correct.hpp for what that means for the correction. Immutable; may be shared between
+/// threads.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "slicecorr/kinetics.hpp"
+#include "slicecorr/process.hpp"
+
+namespace slicecorr {
+
+class InhibitedKernel {
+ public:
+  /// Share of UV in the rate at full light below which slices are recursed: the dose is right to
+  /// this share.
+  static constexpr double tail_share = 1e-6;
+  /// Where in a layer a dose is asked for: x = j + place / 4 for the slice j layers below.
+  enum Place { lower_end = 0, quarter = 1, middle = 2, three_quarters = 3, upper_end = 4 };
+  static constexpr int places = 5;
+
+  /// `kinetics` with the dose to aim at, `gel` with that of gelation (for the window);
+  /// `level_mw_cm2`: blue intensity of each grey level. Throws `InputError` when the printer has no
+  /// UV lamp, `InfeasibleError` when the lamp can't give what the schedule asks for.
+  InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel, const Printer& printer,
+                  const Process& process, double layer_um, std::vector<double> level_mw_cm2);
+
+  const Kinetics& kinetics() const { return kinetics_; }
+  int near() const { return near_; }
+  int levels() const { return static_cast<int>(blue_.size()); }
+  /// UV settings that have tables of their own: 1 unless the lamp changes from slice to slice.
+  int settings() const { return static_cast<int>(setting_uv_.size()); }
+  int setting_of_slice(int slice) const;
+  /// UV intensity over a pixel of a grey level in a slice.
+  double uv_mw_cm2(int slice, int level) const { return uv_of(setting_of_slice(slice), level); }
+  double setting_uv_mw_cm2(int setting, int level) const { return uv_of(setting, level); }
+  /// UV grey level that goes with each blue one where UV is patterned; empty else.
+  const std::vector<int>& uv_levels() const { return uv_levels_; }
+
+  /// What a slice of a level adds j layers above its own: table[j * levels() + level], j = 0 ..
+  /// near() - 1; layer by layer at the normal exposure.
+  const double* table(int setting, Place place) const {
+    return tables_[static_cast<std::size_t>(setting * places + place)].data();
+  }
+  /// A slice j >= near() layers away adds a() times what it adds one layer nearer.
+  double a() const { return a_; }
+  /// The same at any distance x > 0 slices, from the integral itself.
+  double exact(int setting, int level, double x) const;
+  /// Dose after a long run of slices of this level: the phi of the model without UV.
+  double steady_dose(int setting, int level) const;
+
+  /// Steady dead zone at a pixel of a level, um: 0 when the resin cures to the window, infinite
+  /// when the pixel never gels anything.
+  double dead_zone_um(int slice, int level) const;
+  /// Whether any level in any setting cures to the window when shown for long.
+  bool any_level_cures_to_window() const;
+  /// Gel dose that one slice of this level gives at the window itself; 1 cures to the window when
+  /// it comes from slices that follow each other.
+  double window_dose(int slice, int level) const;
+  /// Highest level that a correction may use in a setting: keeps the dead zone that the schedule
+  /// asks for, or any at all; the highest of all where the process allows curing to the window. 0
+  /// when there is none but black.
+  int highest_usable_level(int setting) const;
+  /// The setting with the most UV light.
+  int strongest_setting() const;
+  /// Lowest blue intensity whose steady dose is 1 in a setting, between levels; infinite when full
+  /// light does not reach it.
+  double critical_intensity_mw_cm2(int setting) const;
+
+ private:
+  double uv_of(int setting, int level) const {
+    return level_uv_.empty() ? setting_uv_[static_cast<std::size_t>(setting)]
+                             : level_uv_[static_cast<std::size_t>(level)];
+  }
+  double amount(double blue, double uv, double x) const;
+  void tabulate(int setting);
+
+  Kinetics kinetics_, gel_;
+  ExposureMode mode_;
+  bool allow_window_cure_ = false;
+  double wanted_um_ = 0;  ///< dead zone
+  double layer_um_ = 0;
+  double scale_ = 0;      ///< from the integral over um, or the rate, to relative dose
+  double gel_scale_ = 0;  ///< from the rate at the window to relative gel dose in one slice
+  double a_ = 1;
+  int near_ = 1;
+  std::vector<double> blue_, setting_uv_, level_uv_;
+  std::vector<int> uv_levels_;
+  std::vector<std::uint16_t> slice_setting_;
+  std::vector<std::vector<double>> tables_;  ///< [setting * places + place]
+};
+
+/// UV intensity that holds a steady dead zone over blue light: Iuv = Ib / beta e^(zf (1/huv -
+/// 1/hb)).
+double uv_for_dead_zone(const Kinetics& kinetics, double blue_mw_cm2, double dead_zone_um);
+
+}  // namespace slicecorr

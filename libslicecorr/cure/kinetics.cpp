@@ -21,8 +21,9 @@ double net_intensity(const Kinetics& k, double blue, double uv, double z_um) {
 }
 
 /// z in [low, high] at which the net intensity is `level`; it rises over the interval, or falls.
-double crossing(const Kinetics& k, double blue, double uv, double level, double low, double high) {
-  const bool rises = net_intensity(k, blue, uv, low) < level;
+/// The end nearest to a crossing when rounding hides it: right at the first gel.
+double crossing(const Kinetics& k, double blue, double uv, double level, bool rises, double low,
+                double high) {
   // Bisection to the last bit: some 60 steps, and nothing to go wrong.
   for (int i = 0; i < 200; ++i) {
     const double middle = 0.5 * (low + high);
@@ -36,6 +37,33 @@ double crossing(const Kinetics& k, double blue, double uv, double level, double 
 bool is_inhibited(const Kinetics& k, double uv) { return k.beta > 0 && uv > 0; }
 
 double slope(const Kinetics& k) { return 1.0 / k.huv_um - 1.0 / k.hb_um; }
+
+/// sum over n of (q)_n x^n / (n! (p + n)), 0 <= x <= 0.9: x^-p times the incomplete beta function
+/// of x with p and 1 - q.
+double beta_series(double x, double p, double q) {
+  double sum = 1 / p, factor = 1;
+  for (int n = 1; n < 2000; ++n) {
+    factor *= (q + n - 1) / n * x;
+    const double term = factor / (p + n);
+    sum += term;
+    if (std::abs(term) <= 1e-17 * std::abs(sum)) break;
+  }
+  return sum;
+}
+
+/// The integral over all z of (e^(-z/hb) - ratio e^(-z/huv))^m where that is positive, um. With
+/// u = ratio e^(-k z), k = 1/huv - 1/hb and p = m / (hb k) it is ratio^-p / k times the incomplete
+/// beta function of min(1, ratio) with p and m + 1.
+double inhibited_integral_um(const Kinetics& k, double ratio) {
+  const double p = k.m / (k.hb_um * slope(k));
+  if (ratio <= 0.9) return beta_series(ratio, p, -k.m) / slope(k);
+  // Near 1 and above: the whole function less the rest, which converges fast there.
+  double beta = std::beta(p, k.m + 1);
+  if (ratio < 1) {
+    beta -= std::pow(1 - ratio, k.m + 1) * beta_series(1 - ratio, k.m + 1, 1 - p);
+  }
+  return beta * std::pow(ratio, -p) / slope(k);
+}
 
 }  // namespace
 
@@ -64,6 +92,13 @@ Kinetics make_kinetics(const Resin& resin, bool inhibited, bool aim) {
     if (resin.inhibition->critical_dose_prime > 0) {
       k.critical_dose_prime = resin.inhibition->critical_dose_prime * (aim ? factor : 1.0);
     }
+  }
+  if (!(k.hb_um > 0)) {
+    throw InputError(resin.name, "cure", "the resin has no absorbance height; expected one");
+  }
+  if (!(k.critical_dose_prime > 0)) {
+    throw InputError(resin.name, "cure",
+                     "the resin has no dose; expected a gel dose or a critical dose");
   }
   return k;
 }
@@ -97,7 +132,10 @@ FirstGel first_gel(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2) {
     const double ratio = k.beta * uv_mw_cm2 * k.hb_um / (blue_mw_cm2 * k.huv_um);
     first.z_um = std::max(0.0, std::log(ratio) / slope(k));
   }
-  const double net = net_intensity(k, blue_mw_cm2, uv_mw_cm2, first.z_um);
+  // At z0 > 0 the UV share is huv/hb of the blue one: no difference of numbers that nearly cancel.
+  const double net = first.z_um > 0
+                         ? blue_mw_cm2 * std::exp(-first.z_um / k.hb_um) * (1 - k.huv_um / k.hb_um)
+                         : net_intensity(k, blue_mw_cm2, uv_mw_cm2, 0);
   first.time_s = net > 0 ? k.critical_dose_prime / std::pow(net, k.m) : infinity;
   return first;
 }
@@ -115,17 +153,26 @@ std::optional<CuringFronts> curing_fronts(const Kinetics& k, double blue_mw_cm2,
   // Gelled where the net intensity is at least the one that reaches D'c in this time.
   const double level = std::pow(k.critical_dose_prime / exposure_s, 1.0 / k.m);
   if (net_intensity(k, blue_mw_cm2, uv_mw_cm2, 0) < level) {
-    fronts.front_um = crossing(k, blue_mw_cm2, uv_mw_cm2, level, 0, first.z_um);
+    fronts.front_um = crossing(k, blue_mw_cm2, uv_mw_cm2, level, true, 0, first.z_um);
   }
   // Beyond the height without UV there can be no gel with it.
   const double farthest = std::max(first.z_um, cured_height_um(k, blue_mw_cm2, exposure_s));
-  fronts.back_um = crossing(k, blue_mw_cm2, uv_mw_cm2, level, first.z_um, farthest);
+  fronts.back_um = crossing(k, blue_mw_cm2, uv_mw_cm2, level, false, first.z_um, farthest);
   return fronts;
 }
 
 double window_time_s(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2) {
   const double net = net_intensity(k, blue_mw_cm2, uv_mw_cm2, 0);
   return net > 0 ? k.critical_dose_prime / std::pow(net, k.m) : infinity;
+}
+
+double passing_dose_prime(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2,
+                          double speed_mm_h) {
+  if (blue_mw_cm2 <= 0) return 0;
+  const double distance_um = is_inhibited(k, uv_mw_cm2)
+                                 ? inhibited_integral_um(k, k.beta * uv_mw_cm2 / blue_mw_cm2)
+                                 : k.hb_um / k.m;
+  return std::pow(blue_mw_cm2, k.m) * distance_um * 1e-4 / units::cm_s_from_mm_h(speed_mm_h);
 }
 
 }  // namespace slicecorr

@@ -1,7 +1,208 @@
+// resinctl plot
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+#include <memory>
+
 #include "commands.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/resins/plots.hpp"
 
 namespace slicecorr::resinctl {
 
-void add_plot(cli::Program& program) { (void)program; }
+namespace {
+
+using namespace resins;
+
+struct Arguments {
+  std::vector<std::string> inputs;
+  std::string output, kind, model, resin;
+  double blue_mw_cm2 = 0, uv_mw_cm2 = -1, time_s = 0;
+};
+
+bool has_ending(const std::string& path, const std::string& ending) {
+  if (path.size() < ending.size()) return false;
+  return std::equal(ending.rbegin(), ending.rend(), path.rbegin(), [](char a, char b) {
+    return a == std::tolower(static_cast<unsigned char>(b));
+  });
+}
+
+bool is_dead_zone(FitModel model) {
+  return model == FitModel::dead_zone_steady || model == FitModel::dead_zone_transient;
+}
+
+/// A picture and a sentence on what it shows.
+struct Drawn {
+  std::string svg, words;
+};
+
+std::string words_of(const FitResult& fit) {
+  return fmt::format("{} fit of {} measurements, R² {:.4f}, RMSE {:.4g} um", name_of(fit.model),
+                     fit.n, fit.r2, fit.rmse_um);
+}
+
+Drawn draw_fronts(const Resin& resin, const Arguments& a) {
+  const bool asked_uv = a.uv_mw_cm2 >= 0;
+  const bool inhibited = asked_uv ? a.uv_mw_cm2 > 0 : resin.inhibition.has_value();
+  const Kinetics k = make_kinetics(resin, inhibited, false);
+  const double blue = a.blue_mw_cm2 > 0 ? a.blue_mw_cm2 : 100;
+  // Twice what keeps the window free in the long run, where nothing was said.
+  const double uv = asked_uv ? a.uv_mw_cm2 : inhibited ? 2 * blue / k.beta : 0;
+  std::string words =
+      fmt::format("curing fronts at the gel dose, blue {:.4g}, UV {:.4g} mW/cm²", blue, uv);
+  if (a.blue_mw_cm2 <= 0 || (inhibited && !asked_uv)) {
+    words += " (--blue-mw-cm2 and --uv-mw-cm2 choose others)";
+  }
+  return {fronts_svg(k, blue, uv, a.time_s), words};
+}
+
+/// The picture of `kind` (empty: what the data are of) from measurements.
+Drawn draw_measurements(const Measurements& data, const Arguments& a, const Resin* resin,
+                        double dose_factor, FitModel cure_model, FitModel zone_model,
+                        const Job& job) {
+  const bool zones = a.kind == "dead-zone" || (a.kind.empty() && data.cured.empty());
+  if (a.kind == "collapse") {
+    if (!has_intensities(data)) {
+      throw InputError(
+          "a collapse needs cured heights at two intensities or more; expected columns "
+          "intensity_mw_cm2,exposure_s,cured_height_um");
+    }
+    const FitResult jacobs = fit(data, FitModel::jacobs, {}, job);
+    const FitResult kinetic = fit(data, FitModel::kinetic, {}, job);
+    return {collapse_svg(jacobs, kinetic), words_of(kinetic)};
+  }
+  FitModel model = zones ? zone_model : cure_model;
+  if (!a.model.empty()) {
+    model = fit_model_named(a.model);
+    if (is_dead_zone(model) && a.kind == "working-curve") {
+      throw InputError(
+          fmt::format("--model {} has no working curve; expected jacobs, kinetic or "
+                      "joint",
+                      a.model));
+    }
+  }
+  const bool draw_zones = zones || (a.kind.empty() && is_dead_zone(model));
+  if (draw_zones && (model == FitModel::jacobs || model == FitModel::kinetic)) {
+    throw InputError(fmt::format(
+        "--model {} says nothing of dead zones; expected deadzone-steady, deadzone-transient or "
+        "joint",
+        name_of(model)));
+  }
+  if (is_dead_zone(model) && !resin) {
+    throw InputError(
+        "a fit of dead zones stands on a resin's blue parameters; expected --resin NAME");
+  }
+  const FitResult result =
+      fit(data, model, is_dead_zone(model) ? on_resin(*resin) : FitOptions{}, job);
+  return {draw_zones ? dead_zone_svg(result) : working_curve_svg(result, dose_factor),
+          words_of(result)};
+}
+
+double aim_over_gel(const Resin& resin) {
+  return resin.dose_factor > 1 ? resin.dose_factor : default_dose_factor;
+}
+
+Drawn draw_data(const Arguments& a, const Job& job, cli::Console& console) {
+  if (a.kind == "fronts" || a.kind == "resin") {
+    throw InputError(
+        fmt::format("--kind {} is drawn from a resin; expected its name or .toml file", a.kind));
+  }
+  const Measurements data = read_measurements(a.inputs, job);
+  for (const std::string& w : data.warnings) console.say("warning: " + w);
+  std::optional<Resin> resin;
+  if (!a.resin.empty()) resin = load_resin(a.resin);
+  return draw_measurements(data, a, resin ? &*resin : nullptr,
+                           resin ? aim_over_gel(*resin) : default_dose_factor,
+                           has_intensities(data) ? FitModel::kinetic : FitModel::jacobs,
+                           FitModel::dead_zone_steady, job);
+}
+
+Drawn draw_record(const Arguments& a, const Job& job, cli::Console& console) {
+  if (a.inputs.size() != 1) {
+    throw InputError(fmt::format(
+        "{} inputs; expected one resin, or CSV files of measurements alone", a.inputs.size()));
+  }
+  if (!a.resin.empty()) {
+    throw InputError("--resin goes with CSV files; here the resin is the input itself");
+  }
+  const ResinRecord record = load_record(a.inputs[0]);
+  cli::must_not_replace(a.output, {record.path});
+  if (has_ending(a.output, ".html")) {
+    const RecordFits fits = fits_of_record(record, job);
+    for (const std::string& p : fits.problems) console.say("warning: " + p);
+    return {resin_page(record, fits.fits), "the resin's page"};
+  }
+  if (a.kind == "fronts") return draw_fronts(record.resin, a);
+  const bool kinetic = record.resin.model == CureModelKind::kinetic;
+  const std::string from = "from the resin's parameters";
+  if (a.kind == "resin" || (a.kind.empty() && a.model.empty() && record.measurements.empty())) {
+    return {record_svg(record), from};
+  }
+  if (record.measurements.empty()) {
+    throw InputError(record.path, "",
+                     "keeps no measurements to fit; expected measurements in [provenance], or "
+                     "--kind resin or fronts, which need none");
+  }
+  std::vector<std::string> paths;
+  for (const std::string& name : record.measurements) {
+    paths.push_back(cli::folder_of(record.path) + "/" + name);
+  }
+  cli::must_not_replace(a.output, paths);
+  const Measurements data = read_measurements(paths, job);
+  for (const std::string& w : data.warnings) console.say("warning: " + w);
+  const auto& i = record.resin.inhibition;
+  const bool transient = i && (i->m != record.resin.m || i->critical_dose_prime > 0);
+  return draw_measurements(data, a, &record.resin, aim_over_gel(record.resin),
+                           kinetic && has_intensities(data) ? FitModel::kinetic : FitModel::jacobs,
+                           transient ? FitModel::dead_zone_transient : FitModel::dead_zone_steady,
+                           job);
+}
+
+int plot(const Arguments& a, const Job& job, cli::Console& console) {
+  const auto is_csv = [](const std::string& path) { return has_ending(path, ".csv"); };
+  const bool data = std::all_of(a.inputs.begin(), a.inputs.end(), is_csv);
+  cli::must_not_replace(a.output, a.inputs);
+  const Drawn drawn = data ? draw_data(a, job, console) : draw_record(a, job, console);
+  cli::write_text_file(a.output, drawn.svg);
+  console.say(fmt::format("{}: written; {}", a.output, drawn.words));
+  return cli::kDone;
+}
+
+}  // namespace
+
+void add_plot(cli::Program& program) {
+  const auto a = std::make_shared<Arguments>();
+  CLI::App* app = program.add(
+      "plot", "Draws a resin's working curve or what else is known of it, or a fit of measurements",
+      [a](const Job& job, cli::Console& console) { return plot(*a, job, console); });
+  app->add_option("INPUT", a->inputs,
+                  "A resin (name or .toml file), or CSV files of measurements (see fit)")
+      ->required();
+  app->add_option("-o,--output", a->output,
+                  "Picture to write (.svg); for a resin also a page about it (.html)")
+      ->required();
+  app->add_option("--kind", a->kind,
+                  "working-curve: heights over dose, with fit and residuals; collapse: over D and "
+                  "over D', to see whether reciprocity holds; dead-zone: over the ratio of UV to "
+                  "blue; fronts: over time; resin: from the parameters alone [what the "
+                  "measurements are of, else resin]")
+      ->check(CLI::IsMember({"working-curve", "collapse", "dead-zone", "fronts", "resin"}));
+  app->add_option("--model", a->model,
+                  "Model to fit [that of the resin; for CSV files kinetic when there are several "
+                  "intensities, else jacobs; deadzone-steady]")
+      ->check(
+          CLI::IsMember({"jacobs", "kinetic", "deadzone-steady", "deadzone-transient", "joint"}));
+  app->add_option("--resin", a->resin,
+                  "CSV files of dead zones: the resin whose blue parameters they stand on");
+  app->add_option("--blue-mw-cm2", a->blue_mw_cm2, "fronts: curing light at the window [100]")
+      ->check(cli::number_above_zero());
+  app->add_option("--uv-mw-cm2", a->uv_mw_cm2,
+                  "fronts: inhibiting light at the window [such that beta Iuv is twice Ib]")
+      ->check(cli::number_in(0, 1e6));
+  app->add_option("--time-s", a->time_s, "fronts: until when [eight times that of the first gel]")
+      ->check(cli::number_above_zero());
+}
 
 }  // namespace slicecorr::resinctl

@@ -60,4 +60,14 @@ std::optional<CuringFronts> curing_fronts(const Kinetics& k, double blue_mw_cm2,
 /// When the front reaches the window: D'c / (Ib - beta Iuv)^m; infinite while a dead zone lasts.
 double window_time_s(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2);
 
+/// D' that a point gains while the window moves away from it for good under constant light: what
+/// continuous printing gives the inside of a part,
+///
+///     (1/s) int_0^inf max(0, Ib e^(-z/hb) - beta Iuv e^(-z/huv))^m dz.
+///
+/// Without UV it is Ib^m hb / (m s). Over D'c it is phi, and the speed at which that is 1 is the
+/// fastest at which anything gels. Speed > 0.
+double passing_dose_prime(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2,
+                          double speed_mm_h);
+
 }  // namespace slicecorr

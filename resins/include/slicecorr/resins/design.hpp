@@ -1,36 +1,127 @@
 /// @file design.hpp
-/// What a resin and a printer allow, and the absorber that a wish needs.
+/// What a resin and a printer will do, and the absorber that a wish needs. docs/design.md has the
+/// formulas with their sources.
+///
+/// Heights are base e unless their name says 10, doses areal, both as in kinetics.hpp. All
+/// functions are pure and thread-safe and throw `InputError` when the resin lacks what is asked
+/// for.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "slicecorr/kinetics.hpp"
 #include "slicecorr/process.hpp"
 
 namespace slicecorr::resins {
 
-/// A wish for continuous printing.
+/// What correction aims at, beside the gel dose, in a sentence or two.
+std::string aim_words(const Resin& resin);
+
+/// An exposure to foretell. Fields that are 0 are not asked for.
+struct Question {
+  double blue_mw_cm2 = 0;  ///< > 0
+  double uv_mw_cm2 = 0;
+  bool aim = false;       ///< with the dose that correction aims at, instead of the gel dose
+  double exposure_s = 0;  ///< of a stationary exposure
+  double height_um = 0;   ///< when does the resin gel this far above the window?
+  double speed_mm_h = 0;  ///< of continuous printing
+  double layer_um = 50;
+  double black_mw_cm2 = 0;  ///< light of a black pixel: for the slowest speed
+};
+
+/// Continuous printing under constant light: the inside of a long part.
+struct Passing {
+  double phi = 0;                        ///< dose in critical doses
+  double critical_intensity_mw_cm2 = 0;  ///< blue that gives phi = 1, with the UV light asked for
+  double fastest_mm_h = 0;               ///< phi is 1 there
+  double slowest_mm_h = 0;               ///< black gels at and below; 0 without light of black
+  double slice_time_s = 0;
+  /// Slices of this light that lift the dose from 0 to 1, without UV; 0 when it never does.
+  int slices_to_gel = 0;
+};
+
+struct Forecast {
+  Question question;
+  Kinetics kinetics;
+  bool gel_dose_known = true;
+  /// After `exposure_s`; nothing when nothing has gelled by then. Without UV the front is the
+  /// window and the back the cured height.
+  std::optional<CuringFronts> fronts;
+  double cured_height_without_uv_um = 0;  ///< below 0 when nothing gels
+  double steady_dead_zone_um = 0;
+  FirstGel first;
+  double window_time_s = 0;          ///< infinite while a dead zone lasts
+  double exposure_for_height_s = 0;  ///< infinite: never
+  std::optional<Passing> passing;
+  std::vector<std::string> sentences;  ///< all of it for people
+  /// What has no answer: a height that is never reached. Empty when all has one.
+  std::string unanswered;
+  std::string to_json() const;
+};
+Forecast predict(const Resin& resin, const Question& question);
+
+/// A wish for continuous printing with correction.
 struct Wish {
   double speed_mm_h = 0;    ///< > 0
-  double tolerance_um = 0;  ///< height error that is allowed without and with correction
-  double layer_um = 50;
-  double blue_mw_cm2 = 0;   ///< greatest intensity of the printer, > 0
-  double black_mw_cm2 = 0;  ///< least intensity of the printer, >= 0
-  double dead_zone_um = 0;  ///< wanted at the window; 0: not asked
-  double uv_mw_cm2 = 0;     ///< greatest UV intensity; 0: no lamp
+  double tolerance_um = 0;  ///< > 0: error of edges that is allowed
+  double layer_um = 50;     ///< > 0
+  double dead_zone_um = 0;  ///< wanted in the long run under full blue light; 0: not asked
+};
+
+/// Edges of a long feature that is shown at one intensity, without correction.
+struct UncorrectedEdges {
+  double over_um = 0;   ///< cured above its upper edge
+  double under_um = 0;  ///< not cured at its lower edge; infinite when it never gels
+};
+/// `effective_um`: he / m. Exact for features many heights long (A.32 with constant phi).
+UncorrectedEdges uncorrected_edges(double phi, double phi_min, double effective_um);
+/// 1 less the least dose in a gap between two corrected features, both with dose 1 at the gap.
+double gap_contrast(double phi_max, double phi_min, double effective_um, double gap_um);
+/// The same resin with more or less absorber: another absorbance height, the same areal doses.
+Resin with_height(const Resin& resin, double height_e_um);
+
+/// A range of absorbance heights, base 10; the ends are the limits and don't belong to it.
+struct HeightRange {
+  double least_um = 0, greatest_um = 0;
 };
 
 /// What to do and why, in figures.
 struct Recommendation {
   bool feasible = false;
-  double height_e_um = 0, height10_um = 0;                 ///< absorbance height to formulate for
-  double least_height10_um = 0, greatest_height10_um = 0;  ///< range that meets the wish
+  double present_height10_um = 0;
+  bool present_fits = false;
+  /// Where the wish is met, with correction and without (all lit pixels at the best one intensity).
+  std::optional<HeightRange> range, range_uncorrected;
+  std::string least_because, greatest_because;  ///< what the ends are set by
+
+  // At the height to formulate for: the one of the range with the greatest contrast in gaps.
+  double height_e_um = 0, height10_um = 0;
   double absorber_factor = 1;  ///< absorbance over that of the resin now
-  double fastest_mm_h = 0;     ///< with that height
-  double uncorrected_error_um = 0, corrected_error_um = 0;
-  double uv_needed_mw_cm2 = 0;
-  std::vector<std::string> reasons;  ///< sentences
+  double phi_max = 0, phi_min = 0;
+  double fastest_mm_h = 0, slowest_mm_h = 0;
+  double corrected_error_um = 0;       ///< most that one grey level moves an edge
+  double um_per_percent_of_light = 0;  ///< how far an upper edge moves
+  UncorrectedEdges uncorrected;        ///< of slices shown as they are, at full light
+  double burst_um = 0;                 ///< full light needed below a feature
+  double gap_um = 0, gap_contrast = 0;
+  double uv_needed_mw_cm2 = 0, phi_with_uv = 0;
+
+  double best_uncorrected_error_um = 0;  ///< of all absorbers, at this speed
+  double best_uncorrected_height10_um = 0;
+
+  std::vector<std::string> reasons;   ///< sentences
+  std::vector<std::string> warnings;  ///< sentences
+  std::vector<std::string> ways_out;  ///< what would make it feasible
+  std::string to_json() const;
 };
 Recommendation recommend(const Resin& resin, const Printer& printer, const Wish& wish);
+
+/// Most that one grey level moves an edge of a corrected feature, beside gaps in which the dose
+/// falls to half the critical one: upper edges `CureModel::level_step_um`, lower ones through the
+/// burst below them. In shorter gaps edges may move further. Infinite when nothing prints.
+double corrected_error_um(const Printer& printer, const Resin& resin, double speed_mm_h,
+                          double layer_um);
 
 }  // namespace slicecorr::resins

@@ -1,0 +1,210 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "design/numbers.hpp"
+#include "slicecorr/cure.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/resins/design.hpp"
+#include "slicecorr/units.hpp"
+
+namespace slicecorr::resins {
+
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
+std::string dose_unit(double m) { return m == 1 ? "mJ/cm²" : fmt::format("(mW/cm²)^{:.3g} s", m); }
+
+/// Blue light at which passing light gives just the critical dose.
+double critical_intensity(const Kinetics& k, double uv, double speed) {
+  const auto phi = [&](double blue) {
+    return passing_dose_prime(k, blue, uv, speed) / k.critical_dose_prime;
+  };
+  // UV only takes away: the intensity without it is a lower bound.
+  double low = std::pow(
+      k.m * units::cm_s_from_mm_h(speed) * k.critical_dose_prime / (k.hb_um * 1e-4), 1 / k.m);
+  if (!(k.beta > 0 && uv > 0)) return low;
+  double high = low;
+  while (phi(high) < 1 && high < 1e12) high *= 2;
+  for (int i = 0; i < 100; ++i) {
+    const double middle = 0.5 * (low + high);
+    (phi(middle) < 1 ? low : high) = middle;
+  }
+  return high;
+}
+
+Passing passing_of(const Kinetics& k, const Question& q) {
+  Passing p;
+  const auto phi = [&](double blue) {
+    return passing_dose_prime(k, blue, q.uv_mw_cm2, q.speed_mm_h) / k.critical_dose_prime;
+  };
+  p.phi = phi(q.blue_mw_cm2);
+  p.critical_intensity_mw_cm2 = critical_intensity(k, q.uv_mw_cm2, q.speed_mm_h);
+  // The dose is inversely proportional to the speed.
+  p.fastest_mm_h = q.speed_mm_h * p.phi;
+  p.slowest_mm_h = q.speed_mm_h * phi(q.black_mw_cm2);
+  p.slice_time_s = units::slice_time_s(q.layer_um, q.speed_mm_h);
+  if (p.phi > 1 && !(k.beta > 0 && q.uv_mw_cm2 > 0)) {
+    const double reach_um = k.hb_um / k.m * std::log(p.phi / (p.phi - 1));
+    p.slices_to_gel = static_cast<int>(std::ceil(reach_um / q.layer_um - 1e-9));
+  }
+  return p;
+}
+
+bool inhibited(const Forecast& f) { return f.kinetics.beta > 0 && f.question.uv_mw_cm2 > 0; }
+
+void describe_start(const Forecast& f, std::vector<std::string>& s) {
+  const Question& q = f.question;
+  const Kinetics& k = f.kinetics;
+  const char* known = f.gel_dose_known ? "" : " (the resin gives no gel dose of its own)";
+  s.push_back(fmt::format("Dose used: {} {} {}{}.",
+                          q.aim ? "what correction aims at," : "gel dose,",
+                          figure(k.critical_dose_prime), dose_unit(k.m), q.aim ? "" : known));
+  if (!inhibited(f)) {
+    s.push_back(
+        fmt::format("First gel: at the window after {} s. Without UV light there is no "
+                    "dead zone.",
+                    figure(f.first.time_s)));
+    return;
+  }
+  s.push_back(fmt::format("First gel: {} um above the window after {} s.", figure(f.first.z_um),
+                          figure(f.first.time_s)));
+  if (f.steady_dead_zone_um > 0) {
+    s.push_back(fmt::format("Dead zone in the long run: {} um.", figure(f.steady_dead_zone_um)));
+  } else {
+    s.push_back(fmt::format(
+        "The dead zone does not last: {} The resin cures to the window after {} s; {} mW/cm² of "
+        "UV light and more would keep it free.",
+        k.beta * q.uv_mw_cm2 < q.blue_mw_cm2 ? "beta Iuv is less than Ib." : "beta Iuv is just Ib.",
+        figure(f.window_time_s), figure(q.blue_mw_cm2 / k.beta)));
+  }
+}
+
+void describe_exposure(const Forecast& f, std::vector<std::string>& s) {
+  const Question& q = f.question;
+  if (q.exposure_s > 0) {
+    if (!f.fronts) {
+      s.push_back(fmt::format("After {} s nothing has gelled yet.", figure(q.exposure_s)));
+    } else if (inhibited(f)) {
+      s.push_back(fmt::format(
+          "After {} s: cured from {} um (dead zone) to {} um above the window; without UV light "
+          "it would be {} um high.",
+          figure(q.exposure_s), figure(f.fronts->front_um), figure(f.fronts->back_um),
+          figure(std::max(0.0, f.cured_height_without_uv_um))));
+    } else {
+      s.push_back(fmt::format("After {} s: cured {} um high.", figure(q.exposure_s),
+                              figure(f.fronts->back_um)));
+    }
+  }
+  if (q.height_um > 0 && f.unanswered.empty()) {
+    s.push_back(fmt::format("Resin {} um above the window gels after {} s.", figure(q.height_um),
+                            figure(f.exposure_for_height_s)));
+  }
+}
+
+void describe_passing(const Forecast& f, std::vector<std::string>& s) {
+  const Question& q = f.question;
+  if (!f.passing) return;
+  const Passing& p = *f.passing;
+  s.push_back(
+      fmt::format("Continuous printing at {} mm/h: phi = {} (dose inside a long part, "
+                  "over the dose used); phi = 1 takes {} mW/cm².",
+                  figure(q.speed_mm_h), figure(p.phi), figure(p.critical_intensity_mw_cm2)));
+  if (p.phi <= 1) {
+    s.push_back(
+        fmt::format("That is too fast: the resin does not gel. With this light {} mm/h "
+                    "is the limit.",
+                    figure(p.fastest_mm_h)));
+  } else {
+    s.push_back(fmt::format("Fastest speed with this light: {} mm/h.", figure(p.fastest_mm_h)));
+  }
+  if (q.black_mw_cm2 > 0) {
+    s.push_back(fmt::format("Slowest speed: {} mm/h, where black pixels gel the resin.",
+                            figure(p.slowest_mm_h)));
+  }
+  std::string slices = fmt::format("Each slice of {} um is shown for {} s", figure(q.layer_um),
+                                   figure(p.slice_time_s));
+  if (p.slices_to_gel > 0) {
+    slices += fmt::format("; {} such slice{} lift the dose from nothing to the dose used",
+                          p.slices_to_gel, p.slices_to_gel == 1 ? "" : "s");
+  }
+  s.push_back(slices + ".");
+}
+
+}  // namespace
+
+Forecast predict(const Resin& resin, const Question& q) {
+  if (!(q.blue_mw_cm2 > 0)) throw InputError("blue light is 0; expected an intensity above 0");
+  Forecast f;
+  f.question = q;
+  f.kinetics = make_kinetics(resin, q.uv_mw_cm2 > 0, q.aim);
+  f.gel_dose_known =
+      resin.dose_factor > 1 || resin.gel_dose_mj_cm3 > 0 || resin.critical_dose_prime > 0;
+  const Kinetics& k = f.kinetics;
+  f.first = first_gel(k, q.blue_mw_cm2, q.uv_mw_cm2);
+  f.steady_dead_zone_um = steady_dead_zone_um(k, q.blue_mw_cm2, q.uv_mw_cm2);
+  f.window_time_s = window_time_s(k, q.blue_mw_cm2, q.uv_mw_cm2);
+  if (q.exposure_s > 0) {
+    f.fronts = curing_fronts(k, q.blue_mw_cm2, q.uv_mw_cm2, q.exposure_s);
+    f.cured_height_without_uv_um =
+        cured_height_um(make_kinetics(resin, false, q.aim), q.blue_mw_cm2, q.exposure_s);
+  }
+  if (q.height_um > 0) {
+    const double rate = dose_prime_at(k, q.blue_mw_cm2, q.uv_mw_cm2, q.height_um, 1);
+    f.exposure_for_height_s = rate > 0 ? k.critical_dose_prime / rate : infinity;
+    if (!std::isfinite(f.exposure_for_height_s)) {
+      f.unanswered = fmt::format(
+          "resin {} um above the window never gels: it lies in the dead zone of {} um; expected a "
+          "height above that, or UV light below {} mW/cm²",
+          figure(q.height_um), figure(f.steady_dead_zone_um),
+          figure(q.blue_mw_cm2 / k.beta * std::exp(q.height_um * (1 / k.huv_um - 1 / k.hb_um))));
+    }
+  }
+  if (q.speed_mm_h > 0) f.passing = passing_of(k, q);
+  describe_start(f, f.sentences);
+  describe_exposure(f, f.sentences);
+  describe_passing(f, f.sentences);
+  return f;
+}
+
+std::string Forecast::to_json() const {
+  using nlohmann::ordered_json;
+  const auto number = [](double v) { return std::isfinite(v) ? ordered_json(v) : ordered_json(); };
+  ordered_json j;
+  j["dose"] = question.aim ? "aim" : "gel";
+  j["critical_dose_prime"] = kinetics.critical_dose_prime;
+  j["m"] = kinetics.m;
+  j["h_um"] = kinetics.hb_um;
+  j["blue_mw_cm2"] = question.blue_mw_cm2;
+  j["uv_mw_cm2"] = question.uv_mw_cm2;
+  j["first_gel"] = {{"z_um", number(first.z_um)}, {"time_s", number(first.time_s)}};
+  j["dead_zone_um"] = {{"steady", number(steady_dead_zone_um)}};
+  j["window_time_s"] = number(window_time_s);
+  if (question.exposure_s > 0) {
+    j["exposure_s"] = question.exposure_s;
+    j["cured_height_um"] = fronts ? number(fronts->back_um) : ordered_json();
+    j["dead_zone_um"]["after_exposure"] = fronts ? number(fronts->front_um) : ordered_json();
+    j["cured_height_without_uv_um"] = number(cured_height_without_uv_um);
+  }
+  if (question.height_um > 0) {
+    j["height_um"] = question.height_um;
+    j["exposure_for_height_s"] = number(exposure_for_height_s);
+  }
+  if (passing) {
+    j["continuous"] = {{"speed_mm_h", question.speed_mm_h},
+                       {"phi", passing->phi},
+                       {"critical_intensity_mw_cm2", passing->critical_intensity_mw_cm2},
+                       {"fastest_mm_h", passing->fastest_mm_h},
+                       {"slowest_mm_h", passing->slowest_mm_h},
+                       {"slice_time_s", passing->slice_time_s},
+                       {"slices_to_gel", passing->slices_to_gel}};
+  }
+  j["text"] = sentences;
+  if (!unanswered.empty()) j["unanswered"] = unanswered;
+  return j.dump(2);
+}
+
+}  // namespace slicecorr::resins

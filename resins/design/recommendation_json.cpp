@@ -1,0 +1,54 @@
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "slicecorr/resins/design.hpp"
+
+namespace slicecorr::resins {
+
+std::string Recommendation::to_json() const {
+  using nlohmann::ordered_json;
+  const auto number = [](double v) { return std::isfinite(v) ? ordered_json(v) : ordered_json(); };
+  const auto range_of = [&](const std::optional<HeightRange>& r) {
+    return r ? ordered_json({{"least_um", r->least_um}, {"greatest_um", r->greatest_um}})
+             : ordered_json();
+  };
+  ordered_json j;
+  j["feasible"] = feasible;
+  j["present_height10_um"] = present_height10_um;
+  if (feasible) {
+    j["present_fits"] = present_fits;
+    j["height10_um"] = height10_um;
+    j["height_e_um"] = height_e_um;
+    j["absorber_factor"] = absorber_factor;
+  }
+  j["range10"] = range_of(range);
+  if (feasible) {
+    j["range10"]["least_because"] = least_because;
+    j["range10"]["greatest_because"] = greatest_because;
+  }
+  j["uncorrected"] = {{"range10", range_of(range_uncorrected)},
+                      {"best_error_um", number(best_uncorrected_error_um)},
+                      {"best_height10_um", number(best_uncorrected_height10_um)}};
+  if (feasible) {
+    j["uncorrected"]["over_um"] = number(uncorrected.over_um);
+    j["uncorrected"]["under_um"] = number(uncorrected.under_um);
+    j["corrected_error_um"] = number(corrected_error_um);
+    j["um_per_percent_of_light"] = number(um_per_percent_of_light);
+    j["phi"] = {{"max", phi_max}, {"min", phi_min}};
+    j["fastest_mm_h"] = fastest_mm_h;
+    j["slowest_mm_h"] = slowest_mm_h;
+    j["burst_um"] = number(burst_um);
+    j["gap_um"] = gap_um;
+    j["gap_contrast"] = gap_contrast;
+    if (uv_needed_mw_cm2 > 0) {
+      j["uv_needed_mw_cm2"] = number(uv_needed_mw_cm2);
+      j["phi_with_uv"] = number(phi_with_uv);
+    }
+  }
+  j["text"] = reasons;
+  j["warnings"] = warnings;
+  if (!feasible) j["ways_out"] = ways_out;
+  return j.dump(2);
+}
+
+}  // namespace slicecorr::resins

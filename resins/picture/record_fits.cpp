@@ -1,0 +1,62 @@
+#include <filesystem>
+#include <set>
+
+#include "slicecorr/error.hpp"
+#include "slicecorr/resins/plots.hpp"
+
+namespace slicecorr::resins {
+
+FitOptions on_resin(const Resin& resin, FitOptions options) {
+  const Kinetics k = make_kinetics(resin, false, false);
+  options.hb_um = k.hb_um;
+  options.critical_dose_prime = k.critical_dose_prime;
+  options.m = k.m;
+  return options;
+}
+
+bool has_intensities(const Measurements& data) {
+  std::set<double> intensities;
+  for (const CuredHeight& c : data.cured) {
+    if (!(c.blue_mw_cm2 > 0)) return false;
+    intensities.insert(c.blue_mw_cm2);
+  }
+  return intensities.size() >= 2;
+}
+
+RecordFits fits_of_record(const ResinRecord& record, const Job& job) {
+  RecordFits result;
+  if (record.measurements.empty()) return result;
+  const auto attempt = [&](auto action) {
+    try {
+      action();
+    } catch (const InputError& e) {
+      result.problems.emplace_back(e.what());
+    }
+  };
+  Measurements data;
+  attempt([&] {
+    std::vector<std::string> paths;
+    for (const std::string& name : record.measurements) {
+      paths.push_back((std::filesystem::path(record.path).parent_path() / name).string());
+    }
+    data = read_measurements(paths, job);
+  });
+  if (!data.cured.empty()) {
+    attempt([&] { result.fits.push_back(fit(data, FitModel::jacobs, {}, job)); });
+    if (has_intensities(data)) {
+      attempt([&] { result.fits.push_back(fit(data, FitModel::kinetic, {}, job)); });
+    }
+  }
+  if (!data.dead_zones.empty()) {
+    const auto& i = record.resin.inhibition;
+    const bool transient = i && (i->m != record.resin.m || i->critical_dose_prime > 0);
+    attempt([&] {
+      result.fits.push_back(
+          fit(data, transient ? FitModel::dead_zone_transient : FitModel::dead_zone_steady,
+              on_resin(record.resin), job));
+    });
+  }
+  return result;
+}
+
+}  // namespace slicecorr::resins

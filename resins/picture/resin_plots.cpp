@@ -1,0 +1,180 @@
+// Pictures that need parameters alone: curing fronts, and what a resin file says.
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "picture/chart.hpp"
+#include "picture/fit_words.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/resins/plots.hpp"
+#include "slicecorr/units.hpp"
+
+namespace slicecorr::resins {
+
+namespace {
+
+using chart::Axis;
+using chart::figure;
+using chart::Panel;
+using chart::Picture;
+using chart::Point;
+using chart::Style;
+
+std::string words_of(const Kinetics& k) {
+  std::string text = fmt::format("hb {} um, D′c {} {}, m {}", figure(k.hb_um),
+                                 figure(k.critical_dose_prime), prime_unit(k.m), figure(k.m));
+  if (k.beta > 0) text += fmt::format(", β {}, huv {} um", figure(k.beta), figure(k.huv_um));
+  return text + " (heights base e, doses areal)";
+}
+
+}  // namespace
+
+std::string fronts_svg(const Kinetics& k, double blue, double uv, double greatest_time_s) {
+  const FirstGel first = first_gel(k, blue, uv);
+  if (!std::isfinite(first.time_s)) {
+    throw InputError("without blue light nothing gels; expected an intensity above 0");
+  }
+  const double end = greatest_time_s > 0 ? greatest_time_s : 8 * first.time_s;
+  const double steady = steady_dead_zone_um(k, blue, uv);
+  const double window = window_time_s(k, blue, uv);
+  const bool inhibited = k.beta > 0 && uv > 0;
+
+  std::vector<Point> front, back, without;
+  constexpr int kPoints = 240;
+  for (int i = 0; i <= kPoints && end > first.time_s; ++i) {
+    // Close together at first: both fronts start off vertically.
+    const double u = static_cast<double>(i) / kPoints;
+    const double t = i == 0 ? first.time_s : first.time_s + (end - first.time_s) * u * u * u;
+    if (const auto f = curing_fronts(k, blue, uv, t)) {
+      front.push_back({t, f->front_um});
+      back.push_back({t, f->back_um});
+    }
+  }
+  for (int i = 1; i <= kPoints; ++i) {
+    const double t = end * i / kPoints;
+    const double z = cured_height_um(k, blue, t);
+    if (z >= 0) without.push_back({t, z});
+  }
+
+  const std::string light = inhibited
+                                ? fmt::format("Ib {}, Iuv {} mW/cm²", figure(blue), figure(uv))
+                                : fmt::format("Ib {} mW/cm², no UV", figure(blue));
+  Picture picture("Curing fronts, " + light,
+                  fmt::format("Height of the curing fronts over time. First gel {} um above the "
+                              "window after {} s; steady dead zone {} um.",
+                              figure(first.z_um), figure(first.time_s), figure(steady)));
+  picture.legend_band(Style::fit, "cured");
+  picture.legend_line(Style::fit, inhibited ? "fronts zf and zb" : "front zb");
+  if (inhibited) picture.legend_line(Style::other, "zb without UV");
+
+  const std::string start =
+      fmt::format("z0 = {} um, t0 = {} s", figure(first.z_um), figure(first.time_s));
+  // The window is seen twice: with all that is cured, and closer, with the dead zone.
+  const auto draw = [&](Axis y, double height, bool labels, bool close, bool start_words) {
+    Panel panel({"time, s", false, 0, end}, std::move(y), height, labels);
+    panel.band(front, back, Style::fit);
+    if (steady > 0) {
+      panel.horizontal(steady,
+                       close ? fmt::format("zf in the long run: {} um", figure(steady)) : "", true);
+    }
+    panel.line(back, Style::fit);
+    if (inhibited) {
+      panel.line(front, Style::fit);
+      panel.line(without, Style::other);
+    }
+    if (window < end && inhibited) {
+      panel.vertical(window, fmt::format("at the window after {} s", figure(window)));
+    }
+    panel.dot({first.time_s, first.z_um});
+    if (first.time_s < end && start_words) {
+      panel.words({first.time_s, first.z_um}, start, 12, first.z_um > 0 ? 5 : -10);
+    }
+    if (!back.empty()) {
+      const auto at = static_cast<std::size_t>(0.9 * static_cast<double>(back.size()));
+      if (!close) panel.words(back[at], "zb", -4, 22, "end");
+      if (inhibited && front[at].y > 0) panel.words(front[at], "zf", 0, -8, "end");
+    }
+    picture.add(panel);
+  };
+  double top = first.z_um;
+  if (!back.empty()) top = std::max(top, back.back().y);
+  if (!without.empty()) top = std::max(top, without.back().y);
+  const bool zoom = first.z_um > 0 && !front.empty();
+  draw({"height above the window, um", false, 0, top > 0 ? 1.06 * top : 1}, 300, !zoom, false,
+       !zoom);
+  if (zoom) draw({"the same, closer, um", false, 0, 1.25 * first.z_um}, 170, true, true, true);
+
+  picture.note(words_of(k));
+  if (end <= first.time_s) {
+    picture.note(
+        fmt::format("Nothing gels within {} s: the first gel comes after {} s, {} um above "
+                    "the window.",
+                    figure(end), figure(first.time_s), figure(first.z_um)));
+  } else if (steady > 0) {
+    picture.note(fmt::format("The dead zone lasts: {} um in the long run.", figure(steady)));
+  } else if (std::isfinite(window)) {
+    picture.note(fmt::format(
+        "{} The front reaches the window after {} s.",
+        inhibited ? "No dead zone lasts, β Iuv is below Ib." : "Without UV there is no dead zone.",
+        figure(window)));
+  }
+  return picture.svg();
+}
+
+std::string record_svg(const ResinRecord& record) {
+  const Resin& resin = record.resin;
+  const Kinetics gel = make_kinetics(resin, false, false);
+  const Kinetics aim = make_kinetics(resin, false, true);
+  const double gel_dose = gel.critical_dose_prime, aim_dose = aim.critical_dose_prime;
+  // A dose without a factor is one to aim at; that the resin gels there is not said.
+  const bool gel_known = aim_dose > gel_dose * (1 + 1e-9) || resin.gel_dose_mj_cm3 > 0;
+  const std::string unit = prime_unit(gel.m);
+
+  Picture picture(
+      fmt::format("{}: working curve{}", record.name, resin.inhibition ? " and dead zone" : ""),
+      fmt::format("Cured height over dose, from the parameters of resin {}.", record.name));
+  const Axis x{gel.m == 1 ? "dose D, mJ/cm²" : fmt::format("dose analogue D′ = Iᵐ t, {}", unit),
+               true, gel_dose / 1.6, std::max(2 * aim_dose, 30 * gel_dose)};
+  const double top = gel.hb_um / gel.m * std::log(x.high / gel_dose);
+  Panel panel(x, {"cured height, um", false, 0, 1.04 * top}, 280);
+  panel.line({{gel_dose, 0}, {x.high, top}}, Style::fit);
+  if (gel_known) {
+    panel.vertical(gel_dose, fmt::format("gel dose {}", figure(gel_dose)), 0);
+    if (aim_dose > gel_dose) {
+      panel.vertical(
+          aim_dose, fmt::format("aim {:.3g} × gel = {}", aim_dose / gel_dose, figure(aim_dose)), 1);
+    }
+  } else {
+    panel.vertical(aim_dose, fmt::format("aim {}", figure(aim_dose)), 0);
+  }
+  panel.dot({gel_dose, 0});
+  picture.add(panel);
+  if (resin.inhibition) {
+    const Kinetics k = make_kinetics(resin, true, false);
+    const Axis ratio{"ratio of UV to blue intensity, Iuv/Ib", true, 0.5 / k.beta, 30 / k.beta};
+    std::vector<Point> line;
+    for (int i = 0; i <= 200; ++i) {
+      const double r = ratio.low * std::pow(ratio.high / ratio.low, i / 200.0);
+      line.push_back({r, steady_dead_zone_um(k, 1, r)});
+    }
+    Panel zone(ratio, {"steady dead zone, um", false, 0, 1.08 * line.back().y}, 200);
+    zone.vertical(1 / k.beta, fmt::format("β Iuv = Ib at {}", figure(1 / k.beta)));
+    zone.line(line, Style::fit);
+    picture.add(zone);
+    picture.note(words_of(k));
+  } else {
+    picture.note(words_of(gel));
+  }
+  picture.note(
+      gel_known ? fmt::format("Correction aims at {} {}, {:.3g} times the gel dose.",
+                              figure(aim_dose), unit, aim_dose / gel_dose)
+                : fmt::format("Correction aims at {} {}. The file gives no gel dose: the curve is "
+                              "that of the dose aimed at.",
+                              figure(aim_dose), unit));
+  picture.note("Drawn from the parameters alone, without measurements.");
+  return picture.svg();
+}
+
+}  // namespace slicecorr::resins

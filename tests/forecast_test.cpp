@@ -1,0 +1,162 @@
+// What `predict` says of an exposure, against the closed forms and the recursion of slices.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "models.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/resins/design.hpp"
+#include "slicecorr/units.hpp"
+
+namespace slicecorr::resins {
+namespace {
+
+using ::testing::Contains;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+/// Custom Resin 1 of the dissertation, with an aim of five gel doses.
+Resin custom_resin_1() {
+  Resin r;
+  r.name = "custom-resin-1";
+  r.model = CureModelKind::kinetic;
+  r.m = 0.99;
+  r.absorbance_height10_um = units::height10_from_e(408);
+  r.critical_dose_prime = 320;
+  r.dose_factor = 5;
+  r.inhibition = Inhibition{0.73, units::height10_from_e(37.8), 0.99, 0};
+  return r;
+}
+
+Question light(double blue, double uv) {
+  Question q;
+  q.blue_mw_cm2 = blue;
+  q.uv_mw_cm2 = uv;
+  return q;
+}
+
+TEST(Predict, CustomResinUnderUv) {
+  Question q = light(100, 200);
+  q.exposure_s = 30;
+  q.height_um = 300;
+  q.speed_mm_h = 1000;
+  const Forecast f = predict(custom_resin_1(), q);
+  EXPECT_EQ(f.kinetics.critical_dose_prime, 64);  // the gel dose, without being asked
+  EXPECT_NEAR(f.steady_dead_zone_um, 15.766, 5e-4);
+  EXPECT_NEAR(f.first.z_um, 114.87, 5e-3);
+  EXPECT_NEAR(f.first.time_s, 0.97507, 5e-6);
+  ASSERT_TRUE(f.fronts);
+  EXPECT_NEAR(f.fronts->front_um, 16.709, 5e-4);
+  EXPECT_NEAR(f.fronts->back_um, 1566.7, 0.05);
+  EXPECT_NEAR(f.passing->phi, 1.9364, 5e-5);
+  EXPECT_NEAR(f.passing->fastest_mm_h, 1936.4, 0.05);
+  EXPECT_TRUE(f.unanswered.empty());
+  // At the height asked for, the dose is the gel dose just then.
+  EXPECT_NEAR(dose_prime_at(f.kinetics, 100, 200, 300, f.exposure_for_height_s), 64, 1e-9);
+  // The critical intensity gives phi 1, at the UV light asked for.
+  EXPECT_NEAR(passing_dose_prime(f.kinetics, f.passing->critical_intensity_mw_cm2, 200, 1000), 64,
+              1e-9);
+  // physics: a constant 54.57 mW/cm² is what long exposure takes.
+  EXPECT_NEAR(f.passing->critical_intensity_mw_cm2, 54.57, 0.01);
+}
+
+TEST(Predict, AimIsTheDoseOfTheCorrection) {
+  Question q = light(100, 0);
+  q.aim = true;
+  q.exposure_s = 10;
+  q.speed_mm_h = 300;
+  const Forecast aim = predict(custom_resin_1(), q);
+  EXPECT_EQ(aim.kinetics.critical_dose_prime, 320);
+  q.aim = false;
+  const Forecast gel = predict(custom_resin_1(), q);
+  // ln 5 / m absorbance heights lie between the two.
+  EXPECT_NEAR(gel.fronts->back_um - aim.fronts->back_um, 408 / 0.99 * std::log(5), 1e-9);
+  EXPECT_NEAR(gel.passing->phi, 5 * aim.passing->phi, 1e-9);
+  EXPECT_THAT(aim.sentences[0], HasSubstr("what correction aims at"));
+  EXPECT_THAT(gel.sentences[0], HasSubstr("gel dose"));
+}
+
+TEST(Predict, ContinuousFiguresAreThoseOfTheModel) {
+  // D figure 2.2: 16 mW/cm², phi 6.25, 62.5 to 6250 mm/h, four slices to gel.
+  Question q = light(100, 0);
+  q.aim = true;
+  q.speed_mm_h = 1000;
+  q.black_mw_cm2 = 1;
+  const Forecast f = predict(test::resin(576, 2000), q);
+  EXPECT_NEAR(f.passing->critical_intensity_mw_cm2, 16, 1e-9);
+  EXPECT_NEAR(f.passing->phi, 6.25, 1e-9);
+  EXPECT_NEAR(f.passing->fastest_mm_h, 6250, 1e-6);
+  EXPECT_NEAR(f.passing->slowest_mm_h, 62.5, 1e-8);
+  EXPECT_NEAR(f.passing->slice_time_s, 0.18, 1e-12);
+  EXPECT_EQ(f.passing->slices_to_gel, test::figure_2_2().slices_to_gel());
+  // Too fast is said, and is an answer.
+  q.speed_mm_h = 7000;
+  const Forecast fast = predict(test::resin(576, 2000), q);
+  EXPECT_LT(fast.passing->phi, 1);
+  EXPECT_EQ(fast.passing->slices_to_gel, 0);
+  EXPECT_THAT(fast.sentences, Contains(HasSubstr("too fast")));
+  EXPECT_TRUE(fast.unanswered.empty());
+}
+
+TEST(Predict, WeakUvIsSaidPlainly) {
+  Question q = light(100, 100);  // beta Iuv = 73 < 100
+  q.exposure_s = 60;
+  const Forecast f = predict(custom_resin_1(), q);
+  EXPECT_EQ(f.steady_dead_zone_um, 0);
+  EXPECT_NEAR(f.window_time_s, 64 / std::pow(27, 0.99), 1e-9);
+  EXPECT_THAT(f.sentences, Contains(HasSubstr("cures to the window after")));
+  EXPECT_EQ(f.fronts->front_um, 0);
+  EXPECT_THAT(predict(custom_resin_1(), light(100, 200)).sentences,
+              Not(Contains(HasSubstr("cures to the window"))));
+}
+
+TEST(Predict, HeightsInTheDeadZoneHaveNoAnswer) {
+  Question q = light(100, 200);
+  q.height_um = 15.7;
+  const Forecast never = predict(custom_resin_1(), q);
+  EXPECT_FALSE(never.unanswered.empty());
+  // The UV light that it names is the limit for that height.
+  const auto at = never.unanswered.find("below ");
+  const double uv = std::stod(never.unanswered.substr(at + 6));
+  q.uv_mw_cm2 = uv * 0.999;
+  EXPECT_TRUE(predict(custom_resin_1(), q).unanswered.empty());
+  q.uv_mw_cm2 = uv * 1.001;
+  EXPECT_FALSE(predict(custom_resin_1(), q).unanswered.empty());
+  q = light(100, 200);
+  q.height_um = 15.8;
+  EXPECT_TRUE(predict(custom_resin_1(), q).unanswered.empty());
+}
+
+TEST(Predict, TooShortAnExposureCuresNothing) {
+  Question q = light(100, 200);
+  q.exposure_s = 0.9;
+  const Forecast f = predict(custom_resin_1(), q);
+  EXPECT_FALSE(f.fronts);
+  EXPECT_THAT(f.sentences, Contains(HasSubstr("nothing has gelled yet")));
+  EXPECT_TRUE(nlohmann::json::parse(f.to_json()).at("cured_height_um").is_null());
+}
+
+TEST(Predict, JsonHasNoInfinities) {
+  Question q = light(100, 200);
+  q.exposure_s = 30;
+  q.height_um = 300;
+  q.speed_mm_h = 1000;
+  const auto j = nlohmann::json::parse(predict(custom_resin_1(), q).to_json());
+  EXPECT_TRUE(j.at("window_time_s").is_null());  // never
+  EXPECT_EQ(j.at("dose"), "gel");
+  EXPECT_NEAR(j.at("dead_zone_um").at("steady"), 15.766, 5e-4);
+  EXPECT_NEAR(j.at("dead_zone_um").at("after_exposure"), 16.709, 5e-4);
+  EXPECT_NEAR(j.at("cured_height_um"), 1566.7, 0.05);
+  EXPECT_NEAR(j.at("continuous").at("phi"), 1.9364, 5e-5);
+}
+
+TEST(Predict, RefusesWhatTheResinLacks) {
+  EXPECT_THROW(predict(custom_resin_1(), light(0, 0)), InputError);
+  EXPECT_THROW(predict(test::resin(576, 2000), light(100, 50)), InputError);  // no inhibition
+  EXPECT_THROW(predict(Resin{}, light(100, 0)), InputError);
+}
+
+}  // namespace
+}  // namespace slicecorr::resins

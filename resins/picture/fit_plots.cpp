@@ -9,7 +9,7 @@
 #include <set>
 #include <tuple>
 
-#include "picture/chart.hpp"
+#include "report/chart.hpp"
 #include "picture/fit_words.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/plots.hpp"

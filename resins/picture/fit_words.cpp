@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "picture/chart.hpp"
+#include "report/chart.hpp"
 
 namespace slicecorr::resins {
 

@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "slicecorr/resins/design.hpp"
-#include "picture/chart.hpp"
+#include "report/chart.hpp"
 #include "picture/fit_words.hpp"
 #include "report/page_text.hpp"
 #include "slicecorr/error.hpp"

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "picture/chart.hpp"
+#include "report/chart.hpp"
 #include "picture/fit_words.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/plots.hpp"

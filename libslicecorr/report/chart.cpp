@@ -1,4 +1,4 @@
-#include "picture/chart.hpp"
+#include "report/chart.hpp"
 
 #include <fmt/format.h>
 
@@ -6,7 +6,7 @@
 #include <cmath>
 #include <sstream>
 
-namespace slicecorr::resins::chart {
+namespace slicecorr::chart {
 
 namespace {
 
@@ -515,4 +515,4 @@ std::string Picture::svg() const {
       coordinate(kWidth), coordinate(y), escape(words_), kStyle, body);
 }
 
-}  // namespace slicecorr::resins::chart
+}  // namespace slicecorr::chart

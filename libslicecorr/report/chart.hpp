@@ -13,7 +13,7 @@
 #include <string_view>
 #include <vector>
 
-namespace slicecorr::resins::chart {
+namespace slicecorr::chart {
 
 /// Text for XML: markup escaped, control characters left out.
 std::string escape(std::string_view text);
@@ -110,4 +110,4 @@ class Picture {
 /// Breaks a text into lines of at most `columns` characters, at spaces.
 std::vector<std::string> wrapped(const std::string& text, int columns);
 
-}  // namespace slicecorr::resins::chart
+}  // namespace slicecorr::chart

@@ -24,6 +24,7 @@ struct Axis {
   std::string title;  ///< with its unit
   bool logarithmic = false;
   double low = 0, high = 1;
+  bool downwards = false;  ///< of a vertical axis: `low` at the top
 };
 /// A range that holds all `values` with some room around them. From 0 on where `from_zero` and none
 /// is below it.
@@ -42,7 +43,15 @@ struct Point {
 };
 
 /// How a line or band looks: class of the picture's style sheet.
-enum class Style { fit, other, reference, mark, series };
+enum class Style {
+  fit,
+  other,
+  reference,
+  mark,
+  series,  ///< one of six colours
+  step,    ///< one of `kSteps` colours of things that follow each other
+};
+inline constexpr int kSteps = 8;
 
 class Panel {
  public:

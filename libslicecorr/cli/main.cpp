@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "options.hpp"
+#include "simulate.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/report.hpp"
 #include "slicecorr/solid.hpp"
@@ -24,18 +25,11 @@ std::string must_be_uvj(const std::string& path) {
   return path;
 }
 
-/// A corrected stack shows light, not the design: measured against it, nothing means anything.
-const std::string& design(const std::string& path) {
-  if (StackReader::read_info(path).kind == StackKind::corrected) {
-    throw InputError(path, "", "is a corrected stack; expected the target that it was made from");
-  }
-  return path;
-}
-
 /// Options of all subcommands; only those of the one called are filled.
 struct Arguments {
   MeshOptions mesh;
   SetupOptions setup;
+  SimulateOptions simulate;
   std::string input, output, target, json;
   int x = -1, y = -1, reduce = 1;
   double max_height_error_um = -1;
@@ -101,6 +95,10 @@ int probe(const Arguments& a, const Job& job, Console&) {
   }
   print_result(text);
   return kDone;
+}
+
+int simulate_print(const Arguments& a, const Job& job, Console& console) {
+  return simulate(a.simulate, a.setup, job, console);
 }
 
 std::string title_of(const std::string& path) {
@@ -346,6 +344,13 @@ int run_program(int argc, char** argv) {
   sub->add_option("--y", a.y, "Row of the image")->required();
   sub->add_option("--target", a.target, "Stack of the design");
   a.setup.add_to(*sub, false, true);
+
+  sub = add("simulate",
+            "Show how a print cures while it is made: one pixel column or an image row of a stack "
+            "against time, or the fronts of a stationary exposure",
+            simulate_print);
+  a.simulate.add_to(*sub);
+  a.setup.add_to(*sub, false, false);
 
   sub = add("report", "Write a page that shows what a stack prints", report);
   stack_input(sub, "STACK", "Stack to report on");

@@ -324,6 +324,13 @@ Setup SetupOptions::resolve(const StackInfo* info, const StackInfo* times) const
   return setup;
 }
 
+const std::string& design(const std::string& path) {
+  if (StackReader::read_info(path).kind == StackKind::corrected) {
+    throw InputError(path, "", "is a corrected stack; expected the target that it was made from");
+  }
+  return path;
+}
+
 std::string notice(const Setup& setup) {
   if (setup.process.uv.kind == UvKind::off && setup.resin.inhibition && setup.printer.uv) {
     return fmt::format(

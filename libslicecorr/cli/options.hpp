@@ -53,6 +53,10 @@ struct SetupOptions {
   void resolve_uv(Setup& setup) const;
 };
 
+/// A corrected stack shows light, not the design: measured against it, nothing means anything.
+/// Throws `InputError` when `path` is one, gives it back else.
+const std::string& design(const std::string& path);
+
 /// What the user should know of a setup; empty when nothing.
 std::string notice(const Setup& setup);
 

@@ -170,14 +170,16 @@ int InhibitedKernel::setting_of_slice(int slice) const {
   return n < slice_setting_.size() ? slice_setting_[n] : slice_setting_.back();
 }
 
-double InhibitedKernel::amount(double blue, double uv, double x) const {
+double InhibitedKernel::amount(double blue, double uv, double x, double share) const {
   const double u = kinetics_.beta * uv;
   if (mode_ == ExposureMode::continuous) {
-    return scale_ * integral(kinetics_, blue, u, std::max(0.0, x - 1.0) * layer_um_, x * layer_um_);
+    const double to = share < 1.0 ? x - 1.0 + share : x;
+    return scale_ *
+           integral(kinetics_, blue, u, std::max(0.0, x - 1.0) * layer_um_, to * layer_um_);
   }
   const double d = x * layer_um_;
   const double net = blue * std::exp(-d / kinetics_.hb_um) - u * std::exp(-d / kinetics_.huv_um);
-  return net > 0 ? scale_ * std::pow(net, kinetics_.m) : 0.0;
+  return net > 0 ? share * scale_ * std::pow(net, kinetics_.m) : 0.0;
 }
 
 void InhibitedKernel::tabulate(int setting) {
@@ -212,8 +214,8 @@ void InhibitedKernel::tabulate(int setting) {
   }
 }
 
-double InhibitedKernel::exact(int setting, int level, double x) const {
-  return amount(blue_[static_cast<std::size_t>(level)], uv_of(setting, level), x);
+double InhibitedKernel::exact(int setting, int level, double x, double share) const {
+  return amount(blue_[static_cast<std::size_t>(level)], uv_of(setting, level), x, share);
 }
 
 double InhibitedKernel::steady_dose(int setting, int level) const {
@@ -231,6 +233,10 @@ double InhibitedKernel::steady_dose(int setting, int level) const {
 double InhibitedKernel::dead_zone_um(int slice, int level) const {
   return steady_dead_zone_um(kinetics_, blue_[static_cast<std::size_t>(level)],
                              uv_mw_cm2(slice, level));
+}
+
+double InhibitedKernel::first_gel_um(int slice, int level) const {
+  return first_gel(kinetics_, blue_[static_cast<std::size_t>(level)], uv_mw_cm2(slice, level)).z_um;
 }
 
 double InhibitedKernel::window_dose(int slice, int level) const {

@@ -13,7 +13,8 @@ namespace {
 
 using Colour = std::array<std::uint8_t, 3>;
 constexpr Colour kEmpty{255, 255, 255}, kRight{128, 134, 140}, kCureThrough{214, 48, 49},
-    kUndercure{38, 103, 214}, kGreyPrinted{176, 182, 188}, kGreyEmpty{228, 232, 236};
+    kUndercure{38, 103, 214}, kGreyPrinted{176, 182, 188}, kGreyEmpty{228, 232, 236},
+    kNotYet{178, 203, 245}, kWindow{27, 31, 36};
 
 /// Draws voxel by voxel at the scale at which the section fits; a picture pixel shows the voxel at
 /// its middle, but a wrong voxel it covers is never left out.
@@ -97,6 +98,58 @@ ColourImage side_by_side(const ColourImage& left, const ColourImage& right) {
   paste(left, 0);
   paste(right, left.width_px + kGap);
   return both;
+}
+
+ColourImage progress_picture(const SectionHistory& h, std::size_t frame, int most_px) {
+  const SectionHistory::Frame& f = h.frames[frame];
+  Section s;
+  s.width = h.width;
+  s.layers = h.layers;
+  const auto width = static_cast<std::size_t>(h.width);
+  const bool ended = f.share >= 1.0 && frame + 1 == h.frames.size();
+  const double reached = f.z_window_um / h.layer_um - 0.5;
+  const auto coverage = [&](std::size_t k) { return h.coverage.empty() ? 255 : h.coverage[k]; };
+  const auto colour = [&](std::size_t k) {
+    const bool printed = f.gelled[k] != 0;
+    if (h.coverage.empty()) return printed ? kRight : kEmpty;
+    const int c = coverage(k);
+    if (c == 0) return printed ? kCureThrough : kEmpty;
+    if (printed) return c == 255 ? kRight : kGreyPrinted;
+    if (static_cast<double>(k / width) > reached || c < 255) return kGreyEmpty;
+    return ended ? kUndercure : kNotYet;
+  };
+  const auto wrong = [&](std::size_t k) { return f.gelled[k] != 0 && coverage(k) == 0 ? 1 : 0; };
+  ColourImage image = draw(s, h.pixel_x_um, h.layer_um, most_px, colour, wrong);
+  const double per_um = image.height_px / (h.layers * h.layer_um);
+  const int line = std::clamp(static_cast<int>(f.z_window_um * per_um), 0, image.height_px - 1);
+  for (int x = 0; x < image.width_px; ++x) {
+    std::copy(kWindow.begin(), kWindow.end(),
+              image.rgb.begin() + 3 * (static_cast<std::ptrdiff_t>(line) * image.width_px + x));
+  }
+  return image;
+}
+
+ColourImage tiled(const std::vector<ColourImage>& pictures, int columns) {
+  constexpr int kGap = 24;
+  ColourImage all;
+  if (pictures.empty()) return all;
+  const int width = pictures[0].width_px, height = pictures[0].height_px;
+  const int count = static_cast<int>(pictures.size());
+  const int across = std::clamp(columns, 1, count), rows = (count + across - 1) / across;
+  all.width_px = across * width + (across - 1) * kGap;
+  all.height_px = rows * height + (rows - 1) * kGap;
+  all.rgb.assign(
+      static_cast<std::size_t>(all.width_px) * static_cast<std::size_t>(all.height_px) * 3, 255);
+  for (int i = 0; i < count; ++i) {
+    const int x = i % across * (width + kGap), top = i / across * (height + kGap);
+    const ColourImage& part = pictures[static_cast<std::size_t>(i)];
+    for (int y = 0; y < height; ++y) {
+      std::copy_n(part.rgb.begin() + static_cast<std::ptrdiff_t>(y) * width * 3,
+                  static_cast<std::ptrdiff_t>(width) * 3,
+                  all.rgb.begin() + (static_cast<std::ptrdiff_t>(top + y) * all.width_px + x) * 3);
+    }
+  }
+  return all;
 }
 
 std::vector<std::uint8_t> encode_png(const ColourImage& image) {

@@ -5,7 +5,7 @@
 #include <cctype>
 #include <cmath>
 
-#include "picture/chart.hpp"
+#include "report/chart.hpp"
 
 namespace slicecorr::resins {
 

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "picture/chart.hpp"
 #include "picture/fit_words.hpp"
+#include "report/chart.hpp"
 #include "report/page_text.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/design.hpp"

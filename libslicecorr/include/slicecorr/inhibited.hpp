@@ -60,14 +60,17 @@ class InhibitedKernel {
   }
   /// A slice j >= near() layers away adds a() times what it adds one layer nearer.
   double a() const { return a_; }
-  /// The same at any distance x > 0 slices, from the integral itself.
-  double exact(int setting, int level, double x) const;
+  /// The same at any distance x > 0 slices, from the integral itself. `share`: what of the slice
+  /// has been shown so far, 0..1.
+  double exact(int setting, int level, double x, double share = 1.0) const;
   /// Dose after a long run of slices of this level: the phi of the model without UV.
   double steady_dose(int setting, int level) const;
 
   /// Steady dead zone at a pixel of a level, um: 0 when the resin cures to the window, infinite
   /// when the pixel never gels anything.
   double dead_zone_um(int slice, int level) const;
+  /// Where over such a pixel resin gels first, um above the window.
+  double first_gel_um(int slice, int level) const;
   /// Whether any level in any setting cures to the window when shown for long.
   bool any_level_cures_to_window() const;
   /// Gel dose that one slice of this level gives at the window itself; 1 cures to the window when
@@ -88,7 +91,7 @@ class InhibitedKernel {
     return level_uv_.empty() ? setting_uv_[static_cast<std::size_t>(setting)]
                              : level_uv_[static_cast<std::size_t>(level)];
   }
-  double amount(double blue, double uv, double x) const;
+  double amount(double blue, double uv, double x, double share = 1.0) const;
   void tabulate(int setting);
 
   Kinetics kinetics_, gel_;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "slicecorr/pipeline.hpp"
+#include "slicecorr/simulate.hpp"
 #include "slicecorr/volume.hpp"
 
 namespace slicecorr {
@@ -66,6 +67,24 @@ std::string make_report(const ReportContent& content);
 std::string column_svg(const std::vector<ProbeRow>& column, const CureModel& model,
                        const std::string& title, double least_top_dose = 1.0,
                        std::size_t slices = 0);
+
+/// A column while it is printed, as SVG: what has gelled against time, with the window and the
+/// design; and the dose along the column as it builds up, one band from each of `history.profiles`
+/// to the next, at most eight of them.
+std::string column_history_svg(const ColumnHistory& history, const std::string& title);
+
+/// Both curing fronts of stationary exposures against time, as SVG. `note`: a line below; may be
+/// empty.
+std::string stationary_svg(const std::vector<StationaryFronts>& exposures, double time_s,
+                           const std::string& title, const std::string& note = {});
+
+/// A section at one moment, platform up, in the colours of `cure_picture`: grey gelled, red gelled
+/// where nothing is designed; of the design pale grey what the window has not reached yet, pale
+/// blue what is not gelled yet, blue what is not at the end of the print. The line is the window.
+/// Without a design all that has gelled is grey.
+ColourImage progress_picture(const SectionHistory& history, std::size_t frame, int most_px);
+/// Pictures of one size on white, `columns` to a row.
+ColourImage tiled(const std::vector<ColourImage>& pictures, int columns);
 
 /// Gathers the content for `stack` against `target`: figures, the middle section, the section and
 /// the column through the worst height error of the target shown as it is, and the volume of at

@@ -1,4 +1,4 @@
-#include "picture/chart.hpp"
+#include "report/chart.hpp"
 
 #include <fmt/format.h>
 
@@ -6,7 +6,7 @@
 #include <cmath>
 #include <sstream>
 
-namespace slicecorr::resins::chart {
+namespace slicecorr::chart {
 
 namespace {
 
@@ -42,6 +42,12 @@ constexpr const char* kStyle =
     ".slc-plot .open{fill-opacity:0}"
     ".slc-plot .l{fill:none;stroke-width:2}"
     ".slc-plot .a{stroke:none;fill-opacity:.14}"
+    // The same on light and dark ground: from dark violet to yellow, told apart without colour,
+    // too.
+    ".slc-plot .step{stroke:none}"
+    ".slc-plot .t0{fill:#440154}.slc-plot .t1{fill:#46327e}.slc-plot .t2{fill:#365c8d}"
+    ".slc-plot .t3{fill:#277f8e}.slc-plot .t4{fill:#1fa187}.slc-plot .t5{fill:#4ac16d}"
+    ".slc-plot .t6{fill:#a0da39}.slc-plot .t7{fill:#fde725}"
     "@media screen and (prefers-color-scheme:dark){"
     ".slc-plot .ground{fill:#1d2126}"
     ".slc-plot text{fill:#e6e9ec}"
@@ -84,6 +90,7 @@ std::string_view class_of(Style style) {
     case Style::mark:
       return "mark";
     case Style::series:
+    case Style::step:
       return "l";
   }
   return "";
@@ -95,6 +102,7 @@ std::string line_class(Style style, int series) {
 }
 
 std::string area_class(Style style, int series) {
+  if (style == Style::step) return fmt::format("step t{}", series % kSteps);
   return style == Style::series ? fmt::format("s{} a", series % kShapes)
                                 : fmt::format("area-{}", class_of(style));
 }
@@ -298,7 +306,7 @@ double Panel::px(double x) const {
 double Panel::py(double y) const {
   const double t = y_.logarithmic ? std::log(y / y_.low) / std::log(y_.high / y_.low)
                                   : (y - y_.low) / (y_.high - y_.low);
-  return (1 - t) * height_;
+  return (y_.downwards ? t : 1 - t) * height_;
 }
 
 bool Panel::shows(Point p) const {
@@ -515,4 +523,4 @@ std::string Picture::svg() const {
       coordinate(kWidth), coordinate(y), escape(words_), kStyle, body);
 }
 
-}  // namespace slicecorr::resins::chart
+}  // namespace slicecorr::chart

@@ -13,7 +13,7 @@
 #include <string_view>
 #include <vector>
 
-namespace slicecorr::resins::chart {
+namespace slicecorr::chart {
 
 /// Text for XML: markup escaped, control characters left out.
 std::string escape(std::string_view text);
@@ -24,6 +24,7 @@ struct Axis {
   std::string title;  ///< with its unit
   bool logarithmic = false;
   double low = 0, high = 1;
+  bool downwards = false;  ///< of a vertical axis: `low` at the top
 };
 /// A range that holds all `values` with some room around them. From 0 on where `from_zero` and none
 /// is below it.
@@ -42,7 +43,15 @@ struct Point {
 };
 
 /// How a line or band looks: class of the picture's style sheet.
-enum class Style { fit, other, reference, mark, series };
+enum class Style {
+  fit,
+  other,
+  reference,
+  mark,
+  series,  ///< one of six colours
+  step,    ///< one of `kSteps` colours of things that follow each other
+};
+inline constexpr int kSteps = 8;
 
 class Panel {
  public:
@@ -110,4 +119,4 @@ class Picture {
 /// Breaks a text into lines of at most `columns` characters, at spaces.
 std::vector<std::string> wrapped(const std::string& text, int columns);
 
-}  // namespace slicecorr::resins::chart
+}  // namespace slicecorr::chart

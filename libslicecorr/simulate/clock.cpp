@@ -1,0 +1,66 @@
+#include <algorithm>
+#include <cmath>
+
+#include "slicecorr/inhibited.hpp"
+#include "slicecorr/simulate.hpp"
+#include "slicecorr/units.hpp"
+
+namespace slicecorr {
+
+PrintClock::PrintClock(const Process& process, double m, double layer_um, int slices) {
+  start_s_.reserve(static_cast<std::size_t>(slices) + 1);
+  start_s_.push_back(0);
+  for (int n = 0; n < slices; ++n) {
+    start_s_.push_back(start_s_.back() + slice_light(process, m, layer_um, n, slices).time_s);
+  }
+}
+
+PrintClock::Moment PrintClock::at(double time_s) const {
+  if (!(time_s > 0)) return {0, 0};
+  if (time_s >= total_s()) return {slices() - 1, 1};
+  const auto end = std::lower_bound(start_s_.begin(), start_s_.end(), time_s);
+  const auto n = static_cast<int>(end - start_s_.begin()) - 1;
+  const double start = *(end - 1);
+  return {n, *end == time_s ? 1.0 : (time_s - start) / (*end - start)};
+}
+
+double PrintClock::time_s(const Moment& moment) const {
+  const auto n = static_cast<std::size_t>(moment.slice);
+  if (moment.share >= 1) return start_s_[n + 1];
+  return start_s_[n] + moment.share * (start_s_[n + 1] - start_s_[n]);
+}
+
+PrintClock print_clock(const Setup& setup, const Grid& grid) {
+  const CureModel model = make_cure_model(setup.printer, setup.resin, setup.process, grid.layer_um);
+  return {setup.process, model.m, grid.layer_um, grid.layers};
+}
+
+std::vector<double> group_times_s(const PrintClock& clock, int groups) {
+  std::vector<double> times;
+  const int count = std::clamp(groups, 1, std::max(1, clock.slices()));
+  for (int g = 1; g <= count; ++g) {
+    const auto slices = static_cast<std::int64_t>(clock.slices()) * g / count;
+    times.push_back(clock.time_s({static_cast<int>(slices) - 1, 1}));
+  }
+  return times;
+}
+
+double added_dose(const CureModel& model, const PrintClock::Moment& moment, int level, double x) {
+  const double f = moment.share;
+  if (f <= 0) return 0;
+  if (model.inhibited) {
+    const InhibitedKernel& kernel = *model.inhibited;
+    return model.ratio(moment.slice) *
+           kernel.exact(kernel.setting_of_slice(moment.slice), level, x, f);
+  }
+  const double phi = model.level_phi[static_cast<std::size_t>(level)];
+  const double fall = model.eta * units::ln10;
+  if (model.mode == ExposureMode::layerwise) {
+    return f * phi * model.ratio(moment.slice) * std::exp(-x * fall);
+  }
+  // The window went from `from` to x - 1 + f slices above the point.
+  const double from = std::max(0.0, x - 1.0), to = x - 1.0 + f;
+  return to > from ? phi * std::exp(-from * fall) * -std::expm1((from - to) * fall) : 0.0;
+}
+
+}  // namespace slicecorr

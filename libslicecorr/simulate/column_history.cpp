@@ -1,0 +1,379 @@
+// One pixel column against time.
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <memory>
+#include <tuple>
+
+#include "slicecorr/error.hpp"
+#include "slicecorr/inhibited.hpp"
+#include "slicecorr/simulate.hpp"
+#include "slicecorr/units.hpp"
+
+namespace slicecorr {
+
+namespace {
+
+using Moment = PrintClock::Moment;
+
+/// Gathers gelled stretches from the window to the platform.
+class Stretches {
+ public:
+  Stretches(double layer_um, std::vector<GelledInterval>& out) : layer_um_(layer_um), out_(out) {}
+  /// From `zeta` on towards the platform it is gelled, or not.
+  void turn(double zeta, bool gelled) {
+    if (gelled == gelled_) return;
+    gelled_ = gelled;
+    if (gelled) {
+      front_ = zeta;
+    } else if (front_ > zeta) {
+      out_.push_back({front_ * layer_um_, zeta * layer_um_});
+    }
+  }
+  bool gelled() const { return gelled_; }
+  void finish() {
+    turn(0, false);
+    std::reverse(out_.begin(), out_.end());
+  }
+
+ private:
+  double layer_um_;
+  std::vector<GelledInterval>& out_;
+  bool gelled_ = false;
+  double front_ = 0;
+};
+
+class Column {
+ public:
+  virtual ~Column() = default;
+  /// Moments come in order; `slice` has been shown whole before a later one comes.
+  virtual void finish_slice(int) {}
+  virtual std::vector<GelledInterval> gelled(const Moment& now) = 0;
+  virtual DoseProfile profile(const Moment& now) = 0;
+};
+
+/// Without UV light: the recursions, begun at the window.
+class ClosedColumn final : public Column {
+ public:
+  ClosedColumn(const CureModel& model, const std::vector<std::uint8_t>& pixels) : model_(model) {
+    const PixelCurve curve = pixel_curve(model);
+    for (std::size_t n = 0; n < pixels.size(); ++n) {
+      phi_.push_back(curve[pixels[n]] * model.ratio(static_cast<int>(n)));
+    }
+    for (int s = 0; s <= kSamplesPerLayer; ++s) {
+      fade_[s] = std::exp(-fall() * s / kSamplesPerLayer);
+    }
+  }
+
+  std::vector<GelledInterval> gelled(const Moment& now) override {
+    std::vector<GelledInterval> out;
+    Stretches stretches(model_.layer_um, out);
+    if (moving()) {
+      double below = 0;
+      for (int n = now.slice; n >= 0; --n) {
+        const double lower = n == now.slice ? n + now.share : n + 1.0;
+        const double upper = top_of(n, now, below);
+        // The dose is monotone in a layer: it crosses 1 where the ends lie on different sides.
+        if ((upper >= 1.0) != (below >= 1.0)) {
+          const double d = model_.crossing(phi(n), below);
+          stretches.turn(std::max<double>(n, lower - d), upper >= 1.0);
+        }
+        below = upper;
+      }
+    } else {
+      double far = 0;
+      for (int n = now.slice; n >= 0; --n) {
+        const double near = shown(n, now) + far;
+        stretches.turn(n + 1.0, near >= 1.0);
+        far = near * model_.a;
+        if (near >= 1.0 && far < 1.0) {
+          stretches.turn(std::max<double>(n, n + 1.0 - std::log(near) / fall()), false);
+        }
+      }
+    }
+    stretches.finish();
+    return out;
+  }
+
+  DoseProfile profile(const Moment& now) override {
+    DoseProfile p;
+    double below = 0;
+    for (int n = now.slice; n >= 0; --n) {
+      const double near = moving() ? below : shown(n, now) + below;
+      const bool partial = moving() && n == now.slice && now.share < 1.0;
+      if (partial) add(p, n + now.share, 0.0);
+      for (int s = moving() && n < now.slice ? 1 : 0; s <= kSamplesPerLayer; ++s) {
+        // From the layer's lower end upwards.
+        const double d = static_cast<double>(s) / kSamplesPerLayer;
+        if (!moving()) {
+          add(p, n + 1.0 - d, near * fade_[s]);
+        } else if (!partial) {
+          add(p, n + 1.0 - d,
+              s == kSamplesPerLayer ? model_.step(phi(n), below)
+                                    : phi(n) + (below - phi(n)) * fade_[s]);
+        } else if (1.0 - d < now.share) {
+          add(p, n + 1.0 - d, phi(n) * -std::expm1((1.0 - d - now.share) * fall()));
+        }
+      }
+      below = moving() ? top_of(n, now, below) : near * model_.a;
+    }
+    std::reverse(p.z_um.begin(), p.z_um.end());
+    std::reverse(p.dose.begin(), p.dose.end());
+    return p;
+  }
+
+ private:
+  bool moving() const { return model_.mode == ExposureMode::continuous; }
+  double fall() const { return model_.eta * units::ln10; }
+  double phi(int n) const { return phi_[static_cast<std::size_t>(n)]; }
+  double shown(int n, const Moment& now) const {
+    return n < now.slice || now.share >= 1.0 ? phi(n) : phi(n) * now.share;
+  }
+  /// Dose at node n, continuous.
+  double top_of(int n, const Moment& now, double below) const {
+    if (n < now.slice || now.share >= 1.0) return model_.step(phi(n), below);
+    return phi(n) * -std::expm1(-now.share * fall());
+  }
+  void add(DoseProfile& p, double zeta, double dose) const {
+    p.z_um.push_back(zeta * model_.layer_um);
+    p.dose.push_back(dose);
+  }
+
+  const CureModel& model_;
+  std::vector<double> phi_;
+  double fade_[kSamplesPerLayer + 1];
+};
+
+/// With UV light: what complete slices left is kept at all samples, the present one is added.
+class SampledColumn final : public Column {
+ public:
+  SampledColumn(const CureModel& model, const std::vector<std::uint8_t>& pixels)
+      : model_(model), kernel_(*model.inhibited), full_(pixels.size() * kStride, 0.0) {
+    for (const std::uint8_t v : pixels) level_.push_back(level_of_pixel(v, kernel_.levels()));
+  }
+
+  void finish_slice(int n) override {
+    if (n == finished_) return;
+    add({n, 1.0}, full_);
+    finished_ = n;
+  }
+
+  std::vector<GelledInterval> gelled(const Moment& now) override {
+    const std::vector<double>& dose = doses(now);
+    std::vector<GelledInterval> out;
+    Stretches stretches(model_.layer_um, out);
+    for (int n = now.slice; n >= 0; --n) {
+      const double* y = &dose[static_cast<std::size_t>(n) * kStride];
+      stretches.turn(n + 1.0, y[0] >= 1.0);
+      for (int s = 1; s <= kSamplesPerLayer; ++s) {
+        const bool gels = y[s] >= 1.0;
+        if (gels != stretches.gelled()) {
+          stretches.turn(n + 1.0 - crossing(y, s) / kSamplesPerLayer, gels);
+        }
+      }
+    }
+    stretches.finish();
+    return out;
+  }
+
+  DoseProfile profile(const Moment& now) override {
+    const std::vector<double>& dose = doses(now);
+    const bool moving = model_.mode == ExposureMode::continuous;
+    const double window = now.slice + (moving ? now.share : 1.0);
+    DoseProfile p;
+    for (int n = 0; n <= now.slice; ++n) {
+      // From the layer's upper end downwards; continuous, its end is the next one's beginning.
+      const int last = moving && n < now.slice ? 1 : 0;
+      for (int s = kSamplesPerLayer; s >= last; --s) {
+        const double zeta = n + 1.0 - static_cast<double>(s) / kSamplesPerLayer;
+        if (zeta > window) break;
+        p.z_um.push_back(zeta * model_.layer_um);
+        p.dose.push_back(dose[static_cast<std::size_t>(n) * kStride + static_cast<std::size_t>(s)]);
+      }
+    }
+    if (p.z_um.empty() || p.z_um.back() < window * model_.layer_um) {
+      p.z_um.push_back(window * model_.layer_um);
+      p.dose.push_back(0);
+    }
+    return p;
+  }
+
+ private:
+  static constexpr std::size_t kStride = kSamplesPerLayer + 1;  ///< from the lower end upwards
+
+  /// What a slice of a level has added at distance q / kSamplesPerLayer slices.
+  const std::vector<double>& added(int setting, int level, double share) {
+    std::vector<double>& values = added_[{setting, level, share}];
+    if (values.empty()) {
+      const int count = kernel_.near() * kSamplesPerLayer + 1;
+      for (int q = 0; q < count; ++q) {
+        values.push_back(
+            kernel_.exact(setting, level, static_cast<double>(q) / kSamplesPerLayer, share));
+      }
+    }
+    return values;
+  }
+
+  void add(const Moment& now, std::vector<double>& dose) {
+    const std::vector<double>& values =
+        added(kernel_.setting_of_slice(now.slice), level_[static_cast<std::size_t>(now.slice)],
+              now.share);
+    const double ratio = model_.ratio(now.slice);
+    const int near = kernel_.near();
+    // Beyond the near slices the share of UV is gone: each further layer gets a times as much.
+    const double* const last = &values[static_cast<std::size_t>((near - 1) * kSamplesPerLayer)];
+    double tail = 1;
+    for (int k = now.slice; k >= 0; --k) {
+      const int j = now.slice - k;
+      double* const out = &dose[static_cast<std::size_t>(k) * kStride];
+      const double* from = last;
+      if (j < near) {
+        from = &values[static_cast<std::size_t>(j * kSamplesPerLayer)];
+      } else {
+        tail *= kernel_.a();
+        if (tail < 1e-18) break;
+      }
+      for (std::size_t s = 0; s < kStride; ++s) out[s] += ratio * tail * from[s];
+    }
+  }
+
+  const std::vector<double>& doses(const Moment& now) {
+    if (now.slice == finished_) return full_;
+    sum_ = full_;
+    if (now.share > 0) add(now, sum_);
+    return sum_;
+  }
+
+  /// Samples s - 1 and s lie on different sides of 1: the place between them, in samples from the
+  /// layer's lower end, by the cubic through the four nearest.
+  static double crossing(const double* y, int s) {
+    const int first = std::clamp(s - 2, 0, kSamplesPerLayer - 3);
+    const auto at = [&](double t) {
+      double sum = 0;
+      for (int p = first; p < first + 4; ++p) {
+        double weight = y[p];
+        for (int q = first; q < first + 4; ++q) {
+          if (q != p) weight *= (t - q) / (p - q);
+        }
+        sum += weight;
+      }
+      return sum;
+    };
+    const bool rises = y[s] >= 1.0;
+    double low = s - 1, high = s;
+    for (int i = 0; i < 40; ++i) {
+      const double half = 0.5 * (low + high);
+      ((at(half) >= 1.0) == rises ? high : low) = half;
+    }
+    return 0.5 * (low + high);
+  }
+
+  const CureModel& model_;
+  const InhibitedKernel& kernel_;
+  std::vector<int> level_;
+  std::vector<double> full_, sum_;
+  int finished_ = -1;
+  std::map<std::tuple<int, int, double>, std::vector<double>> added_;
+};
+
+}  // namespace
+
+ColumnHistory simulate_column(const CureModel& model, const Process& process,
+                              const std::vector<std::uint8_t>& pixels, const ColumnOptions& options,
+                              const Job& job) {
+  if (pixels.empty()) throw InputError("a column without slices; expected one slice at least");
+  if (options.substeps < 0 || options.substeps > 10000) {
+    throw InputError(
+        fmt::format("{} steps in a slice; expected 1 to 10000, or 0", options.substeps));
+  }
+  const auto slices = static_cast<int>(pixels.size());
+  const PrintClock clock(process, model.m, model.layer_um, slices);
+  std::vector<double> times = options.profile_times_s;
+  std::sort(times.begin(), times.end());
+  for (const double t : times) {
+    // The end of the print may be given as it is printed, with some digits less.
+    if (!(t >= 0 && t <= clock.total_s() * (1 + 1e-6))) {
+      throw InputError(fmt::format("a time of {:g} s is outside the print; expected 0 to {:g} s", t,
+                                   clock.total_s()));
+    }
+  }
+  // Some 600 steps make smooth curves.
+  const int substeps =
+      options.substeps > 0 ? options.substeps : std::clamp((600 + slices - 1) / slices, 1, 64);
+
+  ColumnHistory history;
+  history.mode = model.mode;
+  history.layer_um = model.layer_um;
+  history.total_s = clock.total_s();
+  std::unique_ptr<Column> column;
+  if (model.inhibited) {
+    column = std::make_unique<SampledColumn>(model, pixels);
+  } else {
+    column = std::make_unique<ClosedColumn>(model, pixels);
+  }
+  const bool moving = model.mode == ExposureMode::continuous;
+  const auto step_to = [&](const Moment& now) {
+    history.steps.push_back({clock.time_s(now), now.slice, now.share,
+                             (now.slice + (moving ? now.share : 1.0)) * model.layer_um,
+                             column->gelled(now)});
+  };
+  std::size_t next = 0;
+  const auto profiles_to = [&](int slice, double share) {
+    for (; next < times.size(); ++next) {
+      const Moment now = clock.at(times[next]);
+      if (now.slice > slice || (now.slice == slice && now.share > share)) break;
+      DoseProfile p = column->profile(now);
+      p.time_s = clock.time_s(now);
+      p.slice = now.slice;
+      p.share = now.share;
+      history.profiles.push_back(std::move(p));
+    }
+  };
+  step_to({0, 0});
+  for (int n = 0; n < slices; ++n) {
+    job.check_cancelled();
+    for (int i = 1; i < substeps; ++i) step_to({n, static_cast<double>(i) / substeps});
+    // Moments inside the slice come before it is finished.
+    profiles_to(n, std::nextafter(1.0, 0.0));
+    column->finish_slice(n);
+    step_to({n, 1.0});
+    profiles_to(n, 1.0);
+    job.report("simulate", static_cast<double>(n + 1) / slices);
+  }
+  if (model.inhibited) {
+    const InhibitedKernel& kernel = *model.inhibited;
+    const auto none = std::numeric_limits<double>::quiet_NaN();
+    for (int n = 0; n < slices; ++n) {
+      const int level = level_of_pixel(pixels[static_cast<std::size_t>(n)], kernel.levels());
+      const double zone = kernel.dead_zone_um(n, level);
+      const double first = kernel.first_gel_um(n, level);
+      const bool lit = level > 0 && std::isfinite(zone);
+      history.dead_zone_um.push_back(lit ? zone : none);
+      history.first_gel_um.push_back(lit ? first : none);
+    }
+  }
+  return history;
+}
+
+ColumnHistory simulate_column(const SliceSource& stack, const SliceSource* target,
+                              const Setup& setup, int x, int y, const ColumnOptions& options,
+                              const Job& job) {
+  const std::vector<ProbeRow> rows = probe_stack(stack, target, setup, x, y);
+  const Grid& grid = stack.grid();
+  const CureModel model = make_cure_model(setup.printer, setup.resin, setup.process, grid.layer_um);
+  std::vector<std::uint8_t> pixels;
+  for (const ProbeRow& row : rows) {
+    pixels.push_back(static_cast<std::uint8_t>(pixel_of_level(row.grey, setup.printer.levels())));
+  }
+  ColumnHistory history = simulate_column(model, setup.process, pixels, options, job);
+  if (target) {
+    for (const ProbeRow& row : rows) history.design.push_back(row.target);
+  }
+  return history;
+}
+
+}  // namespace slicecorr

@@ -1,0 +1,86 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+
+#include "slicecorr/dose.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/simulate.hpp"
+
+namespace slicecorr {
+
+SectionHistory simulate_section(const SliceSource& stack, const SliceSource* target,
+                                const Setup& setup, int y, const std::vector<double>& times_s,
+                                const Job& job) {
+  const Grid& grid = stack.grid();
+  if (target) check_same_voxels(grid, target->grid());
+  if (y < 0 || y >= grid.height_px) {
+    throw InputError(
+        fmt::format("row {} is outside the image; expected 0..{}", y, grid.height_px - 1));
+  }
+  PixelBox box = stack.bounds();
+  if (target) box = box.united(target->bounds());
+  if (box.empty()) throw InputError("nothing is shown in the stack; expected a pixel above black");
+
+  SectionHistory s;
+  s.y = y;
+  s.x0 = box.x0;
+  s.width = box.width();
+  s.layers = target ? std::max(grid.layers, target->grid().layers) : grid.layers;
+  s.pixel_x_um = grid.pixel_x_um;
+  s.layer_um = grid.layer_um;
+  const auto width = static_cast<std::size_t>(s.width);
+  const std::size_t size = width * static_cast<std::size_t>(s.layers);
+  const PixelBox row{box.x0, y, box.x1, y + 1};
+  const auto read = [&](const SliceSource& source) {
+    std::vector<std::uint8_t> values(size, 0);
+    source.read_band(row, [&](int n, const std::uint8_t* rows) {
+      if (rows)
+        std::copy_n(
+            rows, width,
+            values.begin() + static_cast<std::ptrdiff_t>(static_cast<std::size_t>(n) * width));
+    });
+    return values;
+  };
+  const std::vector<std::uint8_t> pixels = read(stack);
+  if (target) s.coverage = read(*target);
+
+  const CureModel model = make_cure_model(setup.printer, setup.resin, setup.process, grid.layer_um);
+  const PrintClock clock(setup.process, model.m, grid.layer_um, grid.layers);
+  const int levels = static_cast<int>(model.level_phi.size());
+  for (const double time_s : times_s) {
+    job.check_cancelled();
+    const PrintClock::Moment now = clock.at(time_s);
+    SectionHistory::Frame frame{clock.time_s(now), now.slice, now.share, 0,
+                                std::vector<std::uint8_t>(size, 0)};
+    const bool moving = model.mode == ExposureMode::continuous;
+    frame.z_window_um = (now.slice + (moving ? now.share : 1.0)) * grid.layer_um;
+    // Slices shown whole as ever, and what the present one has added so far.
+    const bool whole = now.share >= 1.0;
+    const int complete = now.slice + (whole ? 1 : 0);
+    BandDose dose(model, width);
+    const std::uint8_t* shown = pixels.data() + static_cast<std::size_t>(now.slice) * width;
+    for (int n = now.slice; n >= 0; --n) {
+      if ((n & 63) == 0) job.check_cancelled();
+      const std::size_t at = static_cast<std::size_t>(n) * width;
+      dose.add_slice(n, n < complete ? pixels.data() + at : nullptr);
+      std::map<int, double> added;  // by pixel value
+      for (std::size_t x = 0; x < width; ++x) {
+        double sum = dose.middle()[x];
+        if (!whole) {
+          const auto [entry, is_new] = added.try_emplace(shown[x], 0.0);
+          if (is_new) {
+            entry->second =
+                added_dose(model, now, level_of_pixel(shown[x], levels), now.slice + 0.5 - n);
+          }
+          sum += entry->second;
+        }
+        frame.gelled[at + x] = sum >= 1.0 ? 1 : 0;
+      }
+    }
+    s.frames.push_back(std::move(frame));
+  }
+  return s;
+}
+
+}  // namespace slicecorr

@@ -426,7 +426,7 @@ TEST(SimulateSection, AgreesWithItsColumns) {
       for (std::size_t x = 0; x < columns.size(); ++x) slices[n][x] = columns[x][n];
     }
     const RowSource source(slices, c.layer_um);
-    const Setup setup{uv_printer(), c.resin, c.process};
+    const slicecorr::Setup setup{uv_printer(), c.resin, c.process};
     const PrintClock clock = print_clock(setup, source.grid());
     std::vector<double> times;
     for (const double share : {0.0, 0.21, 0.487, 0.8, 1.0})
@@ -475,7 +475,7 @@ TEST(Simulate, BadOptions) {
   options.profile_times_s = {std::nan("")};
   EXPECT_THAT(message(options, pixels), HasSubstr("outside the print"));
   const RowSource source({{255, 0}, {0, 255}}, 50);
-  const Setup setup{test::linear_printer(1, 100), test::resin(576, 2000), process};
+  const slicecorr::Setup setup{test::linear_printer(1, 100), test::resin(576, 2000), process};
   EXPECT_THROW(simulate_section(source, nullptr, setup, 1, {0.1}), InputError);
   EXPECT_THROW(simulate_column(source, nullptr, setup, 2, 0), InputError);
   std::atomic<bool> cancel{true};

@@ -17,6 +17,12 @@ namespace slicecorr::resins {
 
 namespace {
 
+Process continuous(double speed_mm_h) {
+  Process process;
+  process.speed_mm_h = speed_mm_h;
+  return process;
+}
+
 constexpr double infinity = std::numeric_limits<double>::infinity();
 /// The absorbance heights that definitions may have (base 10, um), as base e.
 constexpr double kGreatestHeightE = 1e7 / units::ln10;
@@ -81,8 +87,7 @@ class Designer {
   double phi_min(double he) const { return ratio_ * he / limit_; }
 
   CureModel model(double he) const {
-    return make_cure_model(printer_, with_height(resin_, he), {.speed_mm_h = speed_},
-                           wish_.layer_um);
+    return make_cure_model(printer_, with_height(resin_, he), continuous(speed_), wish_.layer_um);
   }
   double error(double he) const {
     const EdgeSteps e = edge_steps(model(he));
@@ -458,8 +463,7 @@ Resin with_height(const Resin& resin, double height_e_um) {
 
 double corrected_error_um(const Printer& printer, const Resin& resin, double speed_mm_h,
                           double layer_um) {
-  const EdgeSteps e =
-      edge_steps(make_cure_model(printer, resin, {.speed_mm_h = speed_mm_h}, layer_um));
+  const EdgeSteps e = edge_steps(make_cure_model(printer, resin, continuous(speed_mm_h), layer_um));
   return std::max(e.upper_um, e.lower_um);
 }
 

@@ -9,8 +9,8 @@
 #include <set>
 #include <tuple>
 
-#include "report/chart.hpp"
 #include "picture/fit_words.hpp"
+#include "report/chart.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/plots.hpp"
 

@@ -5,11 +5,11 @@
 #include <algorithm>
 #include <cmath>
 
-#include "slicecorr/resins/design.hpp"
-#include "report/chart.hpp"
 #include "picture/fit_words.hpp"
+#include "report/chart.hpp"
 #include "report/page_text.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/resins/design.hpp"
 #include "slicecorr/resins/plots.hpp"
 
 namespace slicecorr::resins {

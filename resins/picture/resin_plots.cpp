@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "report/chart.hpp"
 #include "picture/fit_words.hpp"
+#include "report/chart.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/plots.hpp"
 #include "slicecorr/units.hpp"

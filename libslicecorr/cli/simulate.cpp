@@ -234,6 +234,7 @@ void SimulateOptions::add_to(CLI::App& app) {
                  "T1,T2,...: times to show, since the light went on. With --x: up to 8 dose curves "
                  "[after eight runs of slices]; with --row: pictures [six]")
       ->delimiter(',')
+      ->allow_extra_args(false)
       ->check(number_in(0, most));
   app.add_option("--substeps", substeps,
                  "Times at which a slice is looked at while it is shown (with --x) [enough for "
@@ -248,6 +249,7 @@ void SimulateOptions::add_to(CLI::App& app) {
   app.add_option("--blue-mw-cm2", blue_mw_cm2,
                  "I1,I2,...: intensities of the curing light (with --stationary)")
       ->delimiter(',')
+      ->allow_extra_args(false)
       ->check(number_above_zero());
   app.add_option("--uv-ratio", uv_ratio,
                  "Intensity of UV light over that of the curing light, in place of --uv-mw-cm2 "

@@ -45,8 +45,8 @@ constexpr const char* kStyle =
     // The same on light and dark ground: from dark violet to yellow, told apart without colour,
     // too.
     ".slc-plot .step{stroke:none}"
-    ".slc-plot .t0{fill:#440154}.slc-plot .t1{fill:#46327e}.slc-plot .t2{fill:#365c8d}"
-    ".slc-plot .t3{fill:#277f8e}.slc-plot .t4{fill:#1fa187}.slc-plot .t5{fill:#4ac16d}"
+    ".slc-plot .t0{fill:#7b3fa0}.slc-plot .t1{fill:#5a4fb0}.slc-plot .t2{fill:#3f6fb5}"
+    ".slc-plot .t3{fill:#2b8f9c}.slc-plot .t4{fill:#2aa884}.slc-plot .t5{fill:#5cc163}"
     ".slc-plot .t6{fill:#a0da39}.slc-plot .t7{fill:#fde725}"
     "@media screen and (prefers-color-scheme:dark){"
     ".slc-plot .ground{fill:#1d2126}"

@@ -106,7 +106,6 @@ ColourImage progress_picture(const SectionHistory& h, std::size_t frame, int mos
   s.width = h.width;
   s.layers = h.layers;
   const auto width = static_cast<std::size_t>(h.width);
-  const bool ended = f.share >= 1.0 && frame + 1 == h.frames.size();
   const double reached = f.z_window_um / h.layer_um - 0.5;
   const auto coverage = [&](std::size_t k) { return h.coverage.empty() ? 255 : h.coverage[k]; };
   const auto colour = [&](std::size_t k) {
@@ -116,7 +115,7 @@ ColourImage progress_picture(const SectionHistory& h, std::size_t frame, int mos
     if (c == 0) return printed ? kCureThrough : kEmpty;
     if (printed) return c == 255 ? kRight : kGreyPrinted;
     if (static_cast<double>(k / width) > reached || c < 255) return kGreyEmpty;
-    return ended ? kUndercure : kNotYet;
+    return f.ended ? kUndercure : kNotYet;
   };
   const auto wrong = [&](std::size_t k) { return f.gelled[k] != 0 && coverage(k) == 0 ? 1 : 0; };
   ColourImage image = draw(s, h.pixel_x_um, h.layer_um, most_px, colour, wrong);

@@ -51,8 +51,12 @@ SectionHistory simulate_section(const SliceSource& stack, const SliceSource* tar
   for (const double time_s : times_s) {
     job.check_cancelled();
     const PrintClock::Moment now = clock.at(time_s);
-    SectionHistory::Frame frame{clock.time_s(now), now.slice, now.share, 0,
-                                std::vector<std::uint8_t>(size, 0)};
+    SectionHistory::Frame frame;
+    frame.time_s = clock.time_s(now);
+    frame.slice = now.slice;
+    frame.share = now.share;
+    frame.ended = now.share >= 1.0 && now.slice + 1 == grid.layers;
+    frame.gelled.assign(size, 0);
     const bool moving = model.mode == ExposureMode::continuous;
     frame.z_window_um = (now.slice + (moving ? now.share : 1.0)) * grid.layer_um;
     // Slices shown whole as ever, and what the present one has added so far.

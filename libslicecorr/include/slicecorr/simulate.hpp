@@ -121,6 +121,7 @@ struct SectionHistory {
     int slice = 0;
     double share = 0;
     double z_window_um = 0;
+    bool ended = false;                ///< all slices have been shown
     std::vector<std::uint8_t> gelled;  ///< 1 where the middle of the layer has gelled
   };
   std::vector<Frame> frames;

@@ -201,18 +201,19 @@ void advise_dead_zones(const Setup& s, const FitResult& result, const Diagnosis&
 /// Lack of fit against the scatter of replicates.
 void advise_replicates(const Setup& s, const Diagnosis& d, std::vector<std::string>& out) {
   if (s.problem.loss != Loss::none || d.freedom <= 0) return;
-  double pure = 0, groups = 0;
+  double pure = 0;
   const auto& all = s.problem.observations;
-  for (const auto& group : replicate_groups(all)) {
+  const Groups groups = replicate_groups(all);
+  for (std::size_t g = 0; g < groups.count(); ++g) {
+    const auto group = groups[g];
     double mean = 0;
     for (const std::size_t i : group)
       mean += all[i].measured_um / static_cast<double>(group.size());
     for (const std::size_t i : group) {
       pure += std::pow(all[i].weight * (all[i].measured_um - mean), 2);
     }
-    groups += 1;
   }
-  const double pure_freedom = static_cast<double>(all.size()) - groups;
+  const double pure_freedom = static_cast<double>(all.size() - groups.count());
   const double lack_freedom = d.freedom - pure_freedom;
   const double lack = d.residual.squaredNorm() - pure;
   if (!(pure_freedom > 0) || !(lack_freedom > 0) || !(pure > 0) || !(lack > 0)) return;

@@ -8,6 +8,7 @@
 #include <numeric>
 
 #include "fit/statistics.hpp"
+#include "fit/words.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr::resins {
@@ -167,7 +168,7 @@ std::array<double, 2> profile_interval(const Setup& s, const Solution& solution,
   const auto column = d.unscaled.col(static_cast<Eigen::Index>(active_index));
   Setup held = s;
   held.hold(unknown.name, unknown.value(best));
-  held.problem.tolerance = std::max(held.problem.tolerance, 1e-9);
+  held.problem.tolerance = std::max(held.problem.tolerance, 1e-7);
   std::vector<double> others = solution.inner, direction;
   others.erase(others.begin() + static_cast<std::ptrdiff_t>(which));
   for (std::size_t i = 0; i < solution.inner.size(); ++i) {
@@ -198,15 +199,16 @@ std::array<double, 2> profile_interval(const Setup& s, const Solution& solution,
     };
     others = others_at_best;
     others_for = best;
-    double near = 0, far = t * stderr_inner, far_distance = distance(limited(far));
+    double near = 0, near_distance = 0;
+    double far = t * stderr_inner, far_distance = distance(limited(far));
     while (far_distance < t) {
       if (limited(far) == bound) return bound;
       near = far;
-      far *= 1.5;
+      near_distance = far_distance;
+      far *= std::clamp(1.05 * t / far_distance, 1.05, 1.5);
       far_distance = distance(limited(far));
     }
     // The distance is close to proportional: false position, with halves where it stalls.
-    double near_distance = near > 0 ? distance(limited(near)) : 0;
     for (int i = 0; i < 40 && far - near > 1e-3 * stderr_inner; ++i) {
       double share = (t - near_distance) / (far_distance - near_distance);
       if (!std::isfinite(far_distance) || i % 3 == 2) share = 0.5;
@@ -221,7 +223,8 @@ std::array<double, 2> profile_interval(const Setup& s, const Solution& solution,
   return {unknown.value(end_towards(-1)), unknown.value(end_towards(1))};
 }
 
-std::optional<Reciprocity> test_reciprocity(const Setup& s, const Diagnosis& d) {
+std::optional<Reciprocity> test_reciprocity(const Setup& s, const Diagnosis& d,
+                                            const std::vector<FitPoint>& points) {
   // Both laws on the cured heights, with the weights that the fit came to.
   Setup kinetic;
   kinetic.model = FitModel::kinetic;
@@ -234,7 +237,7 @@ std::optional<Reciprocity> test_reciprocity(const Setup& s, const Diagnosis& d) 
   for (std::size_t i = 0; i < s.problem.observations.size(); ++i) {
     Observation o = s.problem.observations[i];
     if (o.is_dead_zone) continue;
-    const FitPoint& point = s.points[s.point_of[i]];
+    const FitPoint& point = points[s.point_of[i]];
     if (!(point.blue_mw_cm2 > 0 && point.exposure_s > 0)) return std::nullopt;
     const double r = d.residual(static_cast<Eigen::Index>(i));
     o.weight *= std::sqrt(rho(s.problem.loss, s.problem.loss_scale, r * r)[1]);
@@ -275,8 +278,10 @@ std::optional<Reciprocity> test_reciprocity(const Setup& s, const Diagnosis& d) 
         r.m, r.m_ci95[0], r.m_ci95[1]);
     return r;
   }
-  const std::string figures = fmt::format("m = {:.3f} ({:.3f} to {:.3f}; F = {:.3g}, p = {:.2g})",
-                                          r.m, r.m_ci95[0], r.m_ci95[1], r.f, r.p_value);
+  const double error = seen.stderr_inner(1);
+  const std::string figures =
+      fmt::format("m = {} ({} to {}; F = {:.3g}, p = {:.2g})", figure(r.m, error),
+                  figure(r.m_ci95[0], error), figure(r.m_ci95[1], error), r.f, r.p_value);
   const double gain = r.aic_jacobs - r.aic_kinetic;
   std::string by_aic = "samples are too few for AICc";
   if (std::isfinite(gain)) {

@@ -113,8 +113,8 @@ void fill_parameters(const Setup& s, const Solution& solution, const Diagnosis& 
   }
 }
 
-void fill_points(const Setup& s, const Diagnosis& d, FitResult& result) {
-  result.points = s.points;
+void fill_points(Setup& s, const Diagnosis& d, FitResult& result) {
+  result.points = std::move(s.points);
   for (std::size_t i = 0; i < s.problem.observations.size(); ++i) {
     result.points[s.point_of[i]].weight = s.problem.observations[i].weight;
   }
@@ -272,7 +272,8 @@ FitResult fit(const Measurements& data, FitModel model, const FitOptions& option
   const auto advice = advise(setup, result, diagnosis);
   result.warnings.insert(result.warnings.end(), advice.begin(), advice.end());
   if (model == FitModel::jacobs || model == FitModel::kinetic) {
-    if (options.fixed.empty()) result.reciprocity = test_reciprocity(setup, diagnosis);
+    if (options.fixed.empty())
+      result.reciprocity = test_reciprocity(setup, diagnosis, result.points);
   }
   fill_bootstrap(setup, solution, diagnosis, options, job, result);
   result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();

@@ -13,13 +13,15 @@ struct Root {
 };
 
 Root front_root(double s, double q) {
-  // F is concave and rises up to w = 0. Newton's steps from the left of the root never pass it.
+  // The root is that of G = w + ln((e^(-q w) - (1 - q) e^(-s)) / q), which is concave, rises up to
+  // it, and is nearly straight where s is not small: Newton's steps from its left never pass it.
   const double rest = (1 - q) * std::expm1(-s);
   // Both are left of it: the root for s = infinity, and that of the parabola at w = 0.
   double w = std::max(std::log(q) / (1 - q), -std::sqrt(2 * s / q));
   for (int i = 0; i < 200; ++i) {
-    const double near = std::expm1(-q * w), far = std::expm1(-w);
-    const double step = -(near - q * far - rest) / (q * (far - near));
+    const double near = std::expm1(-q * w);
+    const double inside = (near - rest) / q;
+    const double step = -(w + std::log1p(inside)) / (1 - (1 + near) / (1 + inside));
     w += step;
     if (!(step > 1e-16 * std::abs(w))) break;
   }

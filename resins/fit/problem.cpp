@@ -23,25 +23,43 @@ class Residuals : public ceres::CostFunction {
   }
 
   bool Evaluate(const double* const* inner, double* residual, double** jacobians) const override {
-    double* const jacobian = jacobians ? jacobians[0] : nullptr;
-    if (!problem_.residuals(inner[0], residual, jacobian)) return false;
-    if (problem_.loss == Loss::none) return true;
     const std::size_t width = problem_.unknowns.size();
-    for (std::size_t i = 0; i < problem_.observations.size(); ++i) {
-      const double r = residual[i];
-      const auto [value, slope, curvature] = rho(problem_.loss, problem_.loss_scale, r * r);
-      const double root = std::sqrt(value);
-      residual[i] = std::copysign(root, r);
-      if (!jacobian) continue;
-      // rho(r²) tends to r² for small r.
-      const double factor = root > 0 ? std::abs(r) * slope / root : 1;
-      for (std::size_t k = 0; k < width; ++k) jacobian[i * width + k] *= factor;
+    if (at_.empty() || !std::equal(at_.begin(), at_.end(), inner[0])) {
+      at_.assign(inner[0], inner[0] + width);
+      holds_ = evaluate();
+    }
+    if (!holds_) return false;
+    std::copy(residual_.begin(), residual_.end(), residual);
+    if (jacobians && jacobians[0]) {
+      std::copy(jacobian_.begin(), jacobian_.end(), jacobians[0]);
     }
     return true;
   }
 
  private:
+  bool evaluate() const {
+    const std::size_t width = problem_.unknowns.size();
+    residual_.resize(problem_.observations.size());
+    jacobian_.resize(residual_.size() * width);
+    if (!problem_.residuals(at_.data(), residual_.data(), jacobian_.data())) return false;
+    if (problem_.loss == Loss::none) return true;
+    for (std::size_t i = 0; i < residual_.size(); ++i) {
+      const double r = residual_[i];
+      const auto [value, slope, curvature] = rho(problem_.loss, problem_.loss_scale, r * r);
+      const double root = std::sqrt(value);
+      residual_[i] = std::copysign(root, r);
+      // rho(r²) tends to r² for small r.
+      const double factor = root > 0 ? std::abs(r) * slope / root : 1;
+      for (std::size_t k = 0; k < width; ++k) jacobian_[i * width + k] *= factor;
+    }
+    return true;
+  }
+
   const Problem& problem_;
+  // Ceres asks for residuals first, and for derivatives at the same place later; the law gives
+  // both at once.
+  mutable std::vector<double> at_, residual_, jacobian_;
+  mutable bool holds_ = false;
 };
 
 /// Infinite where the law does not hold.

@@ -9,6 +9,7 @@
 
 #include "fit/setup.hpp"
 #include "fit/statistics.hpp"
+#include "fit/words.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/fit.hpp"
 
@@ -59,10 +60,6 @@ Height predict(const FitResult& r, double blue, double uv, double exposure) {
                                  name_of(r.model)));
   }
   return r.model == FitModel::dead_zone_steady ? steady_height(law, e) : front_height(law, e);
-}
-
-std::string figure(double value) {
-  return std::isfinite(value) ? fmt::format("{:.4g}", value) : "unknown";
 }
 
 }  // namespace
@@ -208,19 +205,19 @@ std::string FitResult::to_text() const {
   for (const std::string& s : sources) files += (files.empty() ? "" : ", ") + s;
   std::string text = fmt::format("{} fit of {} measurements from {}\n", name_of(model), n, files);
   for (const Parameter& p : parameters) {
-    std::string line = fmt::format("  {:<20} {:>10}", p.name, figure(p.value));
+    std::string line = fmt::format("  {:<20} {:>10}", p.name, figure(p.value, p.stderr_));
     line += p.unit.empty() ? "" : " " + p.unit;
     if (p.fixed) {
       line += "  (held)";
     } else if (p.at_bound) {
       line += "  (at its bound)";
     } else {
-      line += fmt::format("  95 %: {} to {}, standard error {}", figure(p.ci95[0]),
-                          figure(p.ci95[1]), figure(p.stderr_));
+      line += fmt::format("  95 %: {} to {}, standard error {:.2g}", figure(p.ci95[0], p.stderr_),
+                          figure(p.ci95[1], p.stderr_), p.stderr_);
     }
     if (p.bootstrap95) {
-      line += fmt::format("; bootstrap {} to {}", figure((*p.bootstrap95)[0]),
-                          figure((*p.bootstrap95)[1]));
+      line += fmt::format("; bootstrap {} to {}", figure((*p.bootstrap95)[0], p.stderr_),
+                          figure((*p.bootstrap95)[1], p.stderr_));
     }
     text += line + "\n";
   }
@@ -231,8 +228,8 @@ std::string FitResult::to_text() const {
     }
     text += "\n";
   }
-  text +=
-      fmt::format("R² {:.4f}, RMSE {} um, scatter {} um\n", r2, figure(rmse_um), figure(sigma_um));
+  text += fmt::format("R² {}, RMSE {} um, scatter {} um\n", figure(r2), figure(rmse_um),
+                      figure(sigma_um));
   if (model == FitModel::joint) {
     text += fmt::format(
         "  cured heights: {}, R² {:.4f}, RMSE {} um; dead zones: {}, R² {:.4f}, "

@@ -177,8 +177,9 @@ void weigh_by_scatter(Setup& s, const std::vector<double>& sigma_given) {
   const auto groups = replicate_groups(all);
   for (const bool dead_zone : {false, true}) {
     std::vector<double> variances, freedoms;
-    std::vector<std::pair<const std::vector<std::size_t>*, double>> unknown;
-    for (const auto& group : groups) {
+    std::vector<std::pair<std::span<const std::size_t>, double>> unknown;
+    for (std::size_t g = 0; g < groups.count(); ++g) {
+      const auto group = groups[g];
       if (all[group.front()].is_dead_zone != dead_zone) continue;
       const double n = static_cast<double>(group.size());
       double mean = 0, squares = 0;
@@ -192,7 +193,7 @@ void weigh_by_scatter(Setup& s, const std::vector<double>& sigma_given) {
         variances.push_back(squares / (n - 1));
         freedoms.push_back(n - 1);
       }
-      if (!given) unknown.emplace_back(&group, n > 2 ? squares / (n - 1) : -1);
+      if (!given) unknown.emplace_back(group, n > 2 ? squares / (n - 1) : -1);
     }
     if (unknown.empty()) continue;
     if (variances.empty() || *std::max_element(variances.begin(), variances.end()) <= 0) {
@@ -203,8 +204,8 @@ void weigh_by_scatter(Setup& s, const std::vector<double>& sigma_given) {
     const VariancePrior prior = variance_prior(variances, freedoms);
     for (const auto& [group, own] : unknown) {
       const double variance =
-          own < 0 ? prior.variance : prior.moderated(own, static_cast<double>(group->size()) - 1);
-      for (const std::size_t i : *group) {
+          own < 0 ? prior.variance : prior.moderated(own, static_cast<double>(group.size()) - 1);
+      for (const std::size_t i : group) {
         if (sigma[i] <= 0) sigma[i] = std::sqrt(variance);
       }
     }
@@ -363,20 +364,21 @@ int count_different(std::vector<double> values) {
   return count;
 }
 
-std::vector<std::vector<std::size_t>> replicate_groups(const std::vector<Observation>& all) {
-  std::vector<std::size_t> order(all.size());
-  std::iota(order.begin(), order.end(), std::size_t{0});
+Groups replicate_groups(const std::vector<Observation>& all) {
+  Groups groups;
+  groups.order.resize(all.size());
+  std::iota(groups.order.begin(), groups.order.end(), std::size_t{0});
   const auto key = [&](std::size_t i) {
     const Observation& o = all[i];
     return std::tuple(o.is_dead_zone, o.exposure.ln_blue, o.exposure.ln_uv, o.exposure.ln_time);
   };
-  std::stable_sort(order.begin(), order.end(),
-                   [&](std::size_t a, std::size_t b) { return key(a) < key(b); });
-  std::vector<std::vector<std::size_t>> groups;
-  for (const std::size_t i : order) {
-    if (groups.empty() || key(groups.back().front()) != key(i)) groups.emplace_back();
-    groups.back().push_back(i);
+  std::sort(groups.order.begin(), groups.order.end(), [&](std::size_t a, std::size_t b) {
+    return std::pair(key(a), a) < std::pair(key(b), b);
+  });
+  for (std::size_t k = 0; k < groups.order.size(); ++k) {
+    if (k == 0 || key(groups.order[k]) != key(groups.order[k - 1])) groups.begin.push_back(k);
   }
+  groups.begin.push_back(groups.order.size());
   return groups;
 }
 
@@ -431,6 +433,12 @@ Setup set_up(const Measurements& data, FitModel model, const FitOptions& options
   s.start[kBeta] = s.start[kUvHeight] = 1;
 
   std::vector<double> sigma;
+  const std::size_t rows = (uses_cured(model) ? data.cured.size() : 0) +
+                           (uses_dead_zones(model) ? data.dead_zones.size() : 0);
+  s.points.reserve(rows);
+  s.point_of.reserve(rows);
+  s.problem.observations.reserve(rows);
+  sigma.reserve(rows);
   int without_intensity = 0;
   std::vector<std::string> saturated;
   for (const CuredHeight& c : data.cured) {

@@ -2,6 +2,7 @@
 /// From measurements and options to a problem: what is observed, what is unknown, where to start.
 #pragma once
 
+#include <span>
 #include <string>
 #include <vector>
 
@@ -49,8 +50,16 @@ void normalise_weights(Problem& problem);
 /// Number of different values; measured intensities of one setting may differ in their last digits.
 int count_different(std::vector<double> values);
 
-/// Indices of observations that were exposed alike, group by group.
-std::vector<std::vector<std::size_t>> replicate_groups(const std::vector<Observation>& all);
+/// Observations that were exposed alike.
+struct Groups {
+  std::vector<std::size_t> order;  ///< indices of observations, group by group
+  std::vector<std::size_t> begin;  ///< of each group in `order`, and the end of the last
+  std::size_t count() const { return begin.size() - 1; }
+  std::span<const std::size_t> operator[](std::size_t group) const {
+    return std::span(order).subspan(begin[group], begin[group + 1] - begin[group]);
+  }
+};
+Groups replicate_groups(const std::vector<Observation>& all);
 
 /// "heights.csv: line 7".
 std::string place_of(const Origin& origin, const std::vector<std::string>& sources);

@@ -82,6 +82,10 @@ std::vector<const ZipInput::Entry*> list_slices(const ZipInput& zip, const Grid&
   return slices;
 }
 
+bool has_uv_images(const StackInfo& info) {
+  return info.process && info.process->uv.kind == UvKind::patterned;
+}
+
 std::uint64_t load(const std::uint8_t* p) {
   std::uint64_t v;
   std::memcpy(&v, p, sizeof v);
@@ -245,7 +249,7 @@ StackReader::StackReader(const std::string& path, const std::string& scratch_fol
   if (s.config.images_crc32 && *s.config.images_crc32 != detail::images_crc32(adlers)) {
     job.tell(path + ": images were changed after the stack was made");
   }
-  if (s.config.uv_images_crc32) {
+  if (has_uv_images(s.config.info)) {
     // Nothing is computed from them: they follow from the slices. But the printer shows them.
     const auto uv = list_slices(zip, s.config.info.grid, path, "uv");
     parallel_for(job, "read UV", uv.size(), [&](std::size_t i) {
@@ -253,7 +257,7 @@ StackReader::StackReader(const std::string& path, const std::string& scratch_fol
       zip.read(*uv[i], uv[i]->bytes, png);
       adlers[i] = s.adler_of(png, uv[i]->name);
     });
-    if (*s.config.uv_images_crc32 != detail::images_crc32(adlers)) {
+    if (s.config.uv_images_crc32 != detail::images_crc32(adlers)) {
       job.tell(path + ": UV images were changed after the stack was made");
     }
   }
@@ -296,6 +300,7 @@ StackInfo StackReader::read_info(const std::string& path) {
   ZipInput zip(path);
   UvjConfig config = read_config(zip, path);
   list_slices(zip, config.info.grid, path);
+  if (has_uv_images(config.info)) list_slices(zip, config.info.grid, path, "uv");
   return config.info;
 }
 

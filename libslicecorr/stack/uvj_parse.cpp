@@ -332,7 +332,7 @@ void read_block(const Node& block, UvjConfig& config) {
     info.process = read_process(block["process"], mode, format);
   }
   config.images_crc32 = static_cast<std::uint32_t>(block["images_crc32"].whole(0, 0xffffffff));
-  if (info.process && info.process->uv.kind == UvKind::patterned) {
+  if (block.has("uv_images_crc32")) {
     config.uv_images_crc32 =
         static_cast<std::uint32_t>(block["uv_images_crc32"].whole(0, 0xffffffff));
   }

@@ -475,8 +475,8 @@ std::string describe_stack(const StackInfo& info) {
   }
   if (info.printer) text += fmt::format("printer      {}\n", info.printer->name);
   if (info.resin) {
-    text += fmt::format("resin        {}, {:g} um base 10, {:g} mJ/cm³\n", info.resin->name,
-                        info.resin->absorbance_height10_um, info.resin->critical_dose_mj_cm3);
+    text += fmt::format("resin        {}, {:g} um base 10, aimed at {}\n", info.resin->name,
+                        info.resin->absorbance_height10_um, dose_in_words(*info.resin));
   }
   const bool layerwise = info.process && info.process->mode == ExposureMode::layerwise;
   if (layerwise) {
@@ -490,6 +490,11 @@ std::string describe_stack(const StackInfo& info) {
                           info.process->ramp_mm);
     } else if (info.process->ramp == Ramp::outside) {
       text += "ramps        outside of the lit slices\n";
+    }
+  }
+  if (info.process) {
+    if (const std::string uv = uv_in_words(info.process->uv); !uv.empty()) {
+      text += "UV light     " + uv + "\n";
     }
   }
   if (const double time = print_time_s(info); time > 0) {
@@ -522,6 +527,9 @@ std::string info_json(const StackInfo& info, const std::string& path) {
     j["resin"] = info.resin->name;
     j["absorbance_height10_um"] = info.resin->absorbance_height10_um;
     j["critical_dose_mj_cm3"] = info.resin->critical_dose_mj_cm3;
+    if (info.resin->critical_dose_prime > 0) {
+      j["critical_dose_prime"] = info.resin->critical_dose_prime;
+    }
     if (info.resin->gel_dose_mj_cm3 > 0) j["gel_dose_mj_cm3"] = info.resin->gel_dose_mj_cm3;
   }
   if (info.process) {
@@ -539,6 +547,14 @@ std::string info_json(const StackInfo& info, const std::string& path) {
       j["omega_max"] = "inf";
     } else {
       j["omega_max"] = info.process->omega_max;
+    }
+    const UvSchedule& uv = info.process->uv;
+    if (uv.kind != UvKind::off) {
+      j["uv"] = {{"uv_mw_cm2", uv.uv_mw_cm2},
+                 {"dead_zone_um", uv.dead_zone_um},
+                 {"schedule", uv.kind == UvKind::constant    ? "constant"
+                              : uv.kind == UvKind::per_slice ? "per-slice"
+                                                             : "patterned"}};
     }
     j["one_slice_gaps"] = info.process->one_slice_gaps == OneSliceGaps::merge ? "merge" : "open";
     j["platform_features"] = info.process->cap_platform_features ? "capped" : "uncapped";

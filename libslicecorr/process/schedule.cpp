@@ -1,5 +1,7 @@
 // What is shown for how long.
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -39,6 +41,40 @@ double light_on_s(const Process& process, double m, double layer_um, int slices)
   double sum = 0;
   for (int n = 0; n < slices; ++n) sum += slice_light(process, m, layer_um, n, slices).time_s;
   return sum;
+}
+
+std::string dose_in_words(const Resin& resin) {
+  std::string text = resin.critical_dose_prime > 0
+                         ? fmt::format("{:.4g} (mW/cm²)^{:g}·s", resin.critical_dose_prime, resin.m)
+                         : fmt::format("{:.4g} mJ/cm³", resin.critical_dose_mj_cm3);
+  if (resin.gel_dose_mj_cm3 > 0) {
+    text += fmt::format(", gels at {:.4g}", resin.gel_dose_mj_cm3);
+  } else if (resin.dose_factor != 1.0) {
+    text += fmt::format(", {:g} times its gel dose", resin.dose_factor);
+  }
+  return text;
+}
+
+std::string uv_in_words(const UvSchedule& uv) {
+  const std::string zone =
+      uv.dead_zone_um > 0 ? fmt::format(" for a dead zone of {:g} um", uv.dead_zone_um) : "";
+  switch (uv.kind) {
+    case UvKind::off:
+      return "";
+    case UvKind::constant:
+      return (uv.uv_mw_cm2 > 0 ? fmt::format("{:g} mW/cm² throughout", uv.uv_mw_cm2)
+                               : std::string("one intensity throughout")) +
+             zone;
+    case UvKind::per_slice: {
+      if (uv.slice_mw_cm2.empty()) return "one intensity per slice" + zone;
+      const auto [least, most] =
+          std::minmax_element(uv.slice_mw_cm2.begin(), uv.slice_mw_cm2.end());
+      return fmt::format("{:.4g} to {:.4g} mW/cm² from slice to slice{}", *least, *most, zone);
+    }
+    case UvKind::patterned:
+      return "an image per slice" + zone;
+  }
+  return "";
 }
 
 }  // namespace slicecorr

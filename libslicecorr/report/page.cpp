@@ -64,6 +64,15 @@ std::string figures_table(const ReportContent& c) {
     return p.target_voxels ? fmt::format("{:.4g} to {:.4g}", p.min_dose_inside, p.max_dose_inside)
                            : std::string("-");
   });
+  if (c.after.dead_zones) {
+    row("Dead zone over lit pixels", [](const Prediction& p) {
+      if (!p.dead_zones || !std::isfinite(p.dead_zones->least())) return std::string("-");
+      return fmt::format("{:.4g} to {:.4g} um", p.dead_zones->least(), p.dead_zones->greatest());
+    });
+    row("Pixels that cure to the window", [](const Prediction& p) {
+      return p.dead_zones ? fmt::format("{}", p.dead_zones->cured_pixels) : std::string("-");
+    });
+  }
   if (const auto& l = c.after.layerwise) {
     row("Least cure above a feature, from black light", [&](const Prediction&) {
       return fmt::format(
@@ -101,14 +110,14 @@ std::string summary(const ReportContent& c) {
     html += fmt::format(" Resin in the part: {:.3f} ml.", c.info.part_volume_mm3 * 1e-3);
   }
   html += fmt::format(
-      R"x(</p><p class="dim">Printer {} ({} levels, {:g} to {:g} mW/cm²), resin {} (absorbance height {:g} um base 10, dose aimed at {:.4g} mJ/cm³{}).)x",
+      R"x(</p><p class="dim">Printer {} ({} levels, {:g} to {:g} mW/cm²), resin {} (absorbance height {:g} um base 10, dose aimed at {}).)x",
       escape(c.setup.printer.name), c.setup.printer.levels(),
       c.setup.printer.calibration.front().intensity_mw_cm2,
       c.setup.printer.calibration.back().intensity_mw_cm2, escape(c.setup.resin.name),
-      c.setup.resin.absorbance_height10_um, c.setup.resin.critical_dose_mj_cm3,
-      c.setup.resin.gel_dose_mj_cm3 > 0
-          ? fmt::format(", gels at {:.4g}", c.setup.resin.gel_dose_mj_cm3)
-          : "");
+      c.setup.resin.absorbance_height10_um, escape(dose_in_words(c.setup.resin)));
+  if (const std::string uv = uv_in_words(c.setup.process.uv); !uv.empty()) {
+    html += " UV light: " + escape(uv) + ".";
+  }
   if (layerwise) return html + "</p>";
   const double cap = c.setup.process.omega_max;
   return html + (cap >= 1e300 ? " Dose inside features not capped.</p>"

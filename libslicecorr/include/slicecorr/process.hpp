@@ -110,6 +110,10 @@ enum class Ramp {
   outside,       ///< the stage ramps before the first and after the last lit slice
 };
 
+/// The dose that a resin is aimed at and the one at which it gels, in words: "230 mJ/cm³", "320
+/// (mW/cm²)^0.99·s, 5 times its gel dose".
+std::string dose_in_words(const Resin& resin);
+
 /// How a stack is exposed and corrected.
 struct Process {
   double speed_mm_h = 0;  ///< print speed, > 0 in continuous mode
@@ -135,6 +139,9 @@ struct Process {
   bool allow_window_cure = false;
   bool operator==(const Process&) const = default;
 };
+
+/// What the UV lamp does, in words; empty when it is off.
+std::string uv_in_words(const UvSchedule& uv);
 
 /// Exposure of a layer, s (layerwise).
 double layer_exposure_s(const Process& process, int layer);

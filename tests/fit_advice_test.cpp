@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <random>
 
 #include "fit_designs.hpp"
 #include "slicecorr/error.hpp"
@@ -315,6 +316,60 @@ TEST(Weights, ReplicatesThatScatterMoreCountLess) {
   Measurements single;
   single.cured = {height(20, 4, 30), height(20, 8, 130), height(20, 16, 260)};
   EXPECT_THAT(refusal(single, FitModel::jacobs, options), HasSubstr("neither replicates"));
+}
+
+// Whatever is measured: a result of finite numbers or an error, and never a word on stderr.
+TEST(Choices, NoMeasurementsAreTooOdd) {
+  std::mt19937 random(5);
+  const auto below = [&](std::size_t n) { return random() % n; };
+  const auto number = [&](double low, double high) {
+    return low * std::pow(high / low, random() / 4294967296.0);
+  };
+  int fitted = 0, refused = 0;
+  testing::internal::CaptureStderr();
+  for (int round = 0; round < 600; ++round) {
+    Measurements data;
+    const double wide = number(1, 1e4);
+    const std::size_t rows = 1 + below(9);
+    for (std::size_t i = 0; i < rows; ++i) {
+      data.cured.push_back(height(number(1, wide), number(1, wide), number(0.1, 10 * wide)));
+      if (round % 3 == 0) data.cured.back().height_um = 100 * std::log(1.1 + number(1e-3, wide));
+      DeadZone z;
+      z.blue_mw_cm2 = number(1, wide);
+      z.uv_mw_cm2 = number(1, wide);
+      z.exposure_s = number(1, wide);
+      z.dead_zone_um = below(5) ? number(0.1, wide) : 0;
+      data.dead_zones.push_back(z);
+    }
+    FitOptions options;
+    options.hb_um = number(1, 1e4);
+    options.critical_dose_prime = number(1e-2, 1e4);
+    options.m = number(0.5, 1.5);
+    options.bootstrap = round % 20 == 0 ? 20 : 0;
+    options.loss = static_cast<Loss>(below(3));
+    options.weights = below(4) ? Weights::none : Weights::scatter;
+    const auto model = static_cast<FitModel>(below(5));
+    try {
+      const FitResult r = fit(data, model, options);
+      ++fitted;
+      for (const Parameter& p : r.parameters) {
+        ASSERT_TRUE(std::isfinite(p.value) && p.value > 0) << name_of(model) << " " << p.name;
+        ASSERT_TRUE(std::isnan(p.ci95[0]) || p.ci95[0] <= p.value * (1 + 1e-9))
+            << name_of(model) << " " << p.name << " " << round;
+        ASSERT_TRUE(std::isnan(p.ci95[1]) || p.ci95[1] >= p.value * (1 - 1e-9));
+      }
+      for (const FitPoint& p : r.points) ASSERT_TRUE(std::isfinite(p.predicted_um));
+      ASSERT_TRUE(std::isfinite(r.rmse_um));
+      ASSERT_FALSE(nlohmann::json::parse(r.to_json()).is_discarded());
+      ASSERT_FALSE(r.to_text().empty());
+    } catch (const InputError& e) {
+      ++refused;
+      ASSERT_GT(std::string(e.what()).size(), 20U);
+    }
+  }
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+  EXPECT_GT(fitted, 200);
+  EXPECT_GT(refused, 100);
 }
 
 TEST(Choices, BoundsAndFixedValuesAreKept) {

@@ -55,12 +55,19 @@ bool is_free(const Setup& s, Slot slot) {
   });
 }
 
-/// "heights.csv: line 7, line 9 and 3 more".
+/// "heights.csv: lines 7, 9 and 3 more".
 std::string lines_of(const FitResult& result, const std::vector<std::size_t>& points) {
   constexpr std::size_t most = 5;
   std::string text;
+  int source = -1;
   for (std::size_t i = 0; i < std::min(points.size(), most); ++i) {
-    text += (i ? ", " : "") + place_of(result.points[points[i]].origin, result.sources);
+    const Origin& origin = result.points[points[i]].origin;
+    if (origin.source == source) {
+      text += fmt::format(", {}", origin.line);
+    } else {
+      text += (i ? "; " : "") + place_of(origin, result.sources);
+      source = origin.source;
+    }
   }
   if (points.size() > most) text += fmt::format(" and {} more", points.size() - most);
   return text;
@@ -82,7 +89,7 @@ void advise_intervals(const Setup& s, const FitResult& result, std::vector<std::
     const bool exponent = p.name == "m" || p.name == "m_uv";
     if (exponent ? width > 0.5 : p.ci95[1] > 3 * p.ci95[0]) {
       out.push_back(
-          fmt::format("{} is known badly: {:.3g}, but anything from {:.3g} to {:.3g} "
+          fmt::format("{} is known badly: {:.4g}, but anything from {:.4g} to {:.4g} "
                       "fits (95 %); {}",
                       p.name, p.value, p.ci95[0], p.ci95[1], why_unknown(s, p.name)));
     }
@@ -107,9 +114,9 @@ void advise_cured(const Setup& s, const FitResult& result, const Diagnosis& d,
   const double h = d.law[kHeight];
   if (is_free(s, kDose) && lowest > 1.6 * h) {
     out.push_back(fmt::format(
-        "all {} cured heights lie far above gel, the lowest at {:.3g} um, "
+        "all {} cured heights lie far above gel, the lowest at {:.4g} um, "
         "{:.3g} times the dose of gel: the gel dose is extrapolated; measure "
-        "at doses down to 1.5 times it, about {:.3g} mJ/cm2",
+        "at doses down to 1.5 times it, about {:.4g} mJ/cm2",
         dose.count, lowest, std::exp(lowest / h), 1.5 * std::exp(dose.low - lowest / h)));
   }
   std::vector<std::size_t> below;
@@ -147,7 +154,7 @@ void advise_dead_zones(const Setup& s, const FitResult& result, const Diagnosis&
       const double excess = front.um - steady;
       if (!front.gels || excess > std::max(sigma, 0.05 * steady)) {
         early.push_back(i);
-        worst_early = std::max(worst_early, excess);
+        if (front.gels) worst_early = std::max(worst_early, excess);
       }
     } else {
       if (!front.gels) liquid.push_back(i);
@@ -172,7 +179,7 @@ void advise_dead_zones(const Setup& s, const FitResult& result, const Diagnosis&
   if (!early.empty()) {
     out.push_back(
         fmt::format("{} dead zone(s) were measured before they were steady, by up to "
-                    "{:.3g} um ({}): beta and huv_um come out wrong; fit with "
+                    "{:.4g} um ({}): beta and huv_um come out wrong; fit with "
                     "deadzone-transient, or expose longer",
                     early.size(), worst_early, lines_of(result, early)));
   }
@@ -191,8 +198,8 @@ void advise_dead_zones(const Setup& s, const FitResult& result, const Diagnosis&
   }
   if (!s.problem.is_steady && is_free(s, kUvExponent) && liquid.empty() && farthest < sigma) {
     out.push_back(
-        fmt::format("all {} dead zones lie within {:.3g} um of the steady ones, less "
-                    "than their scatter of {:.3g} um: the exponent under UV light can't "
+        fmt::format("all {} dead zones lie within {:.4g} um of the steady ones, less "
+                    "than their scatter of {:.4g} um: the exponent under UV light can't "
                     "be known from them; measure at shorter exposures",
                     ratio.count, farthest, sigma));
   }

@@ -143,7 +143,11 @@ Solution estimate(Setup& s, const FitOptions& options) {
   weigh();
   Solution solution = solve_with_loss(s, options, s.starts(options.starts));
   int iterations = solution.iterations;
-  for (int round = 0; round < 50; ++round) {
+  // A median moves in steps: with a robust loss nothing settles to the last digit.
+  const bool robust = options.loss != Loss::none;
+  const int rounds = robust ? 6 : 30;
+  const double settled = robust ? 1e-3 : 1e-9;
+  for (int round = 0; round < rounds; ++round) {
     const Diagnosis d = diagnose(problem, solution);
     if (d.singular) break;
     const KindScatter scatter = scatter_of_kinds(problem, d);
@@ -151,7 +155,7 @@ Solution estimate(Setup& s, const FitOptions& options) {
     const double least = 1e-9 * std::max(sigma[0], sigma[1]);
     const double ratio = sigma[1] / sigma[0];
     sigma = {std::max(scatter.cured_um, least), std::max(scatter.dead_zone_um, least)};
-    if (std::abs(sigma[1] / sigma[0] / ratio - 1) < 1e-9) break;
+    if (std::abs(sigma[1] / sigma[0] / ratio - 1) < settled) break;
     weigh();
     solution = solve_with_loss(s, options, {solution.inner});
     iterations += solution.iterations;
@@ -201,11 +205,12 @@ std::array<double, 2> profile_interval(const Setup& s, const Solution& solution,
     others_for = best;
     double near = 0, near_distance = 0;
     double far = t * stderr_inner, far_distance = distance(limited(far));
-    while (far_distance < t) {
-      if (limited(far) == bound) return bound;
+    for (int round = 0; far_distance < t; ++round) {
+      // Where the cost hardly rises the end is as good as nowhere.
+      if (round == 20 || limited(far) == bound) return bound;
       near = far;
       near_distance = far_distance;
-      far *= std::clamp(1.05 * t / far_distance, 1.05, 1.5);
+      far *= std::clamp(1.1 * t / far_distance, 1.1, 3.0);
       far_distance = distance(limited(far));
     }
     // The distance is close to proportional: false position, with halves where it stalls.

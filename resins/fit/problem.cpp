@@ -13,6 +13,9 @@ namespace slicecorr::resins {
 
 namespace {
 
+// Squares and their sums must stay finite.
+constexpr double greatest_number = 1e100;
+
 /// All residuals of a problem as one block. A robust loss is taken inside, as residuals whose
 /// squares are rho: one block stays cheap for a million points.
 class Residuals : public ceres::CostFunction {
@@ -90,7 +93,7 @@ std::optional<Solution> minimise(const Problem& problem, std::vector<double> inn
   options.linear_solver_type = ceres::DENSE_QR;
   options.logging_type = ceres::SILENT;
   options.num_threads = 1;
-  options.max_num_iterations = 500;
+  options.max_num_iterations = 200;
   // Steps that leave the law's domain are refused; the trust region must get time to shrink.
   options.max_num_consecutive_invalid_steps = 60;
   options.function_tolerance = problem.tolerance;
@@ -207,14 +210,14 @@ bool Problem::residuals(const double* inner, double* residual, double* jacobian)
     if (o.is_dead_zone && !(law[kUvHeight] < law[kHeight])) return false;
     const Height z = predict(law, o);
     residual[i] = o.weight * (o.measured_um - z.um);
-    if (!std::isfinite(residual[i])) return false;
+    if (!(std::abs(residual[i]) < greatest_number)) return false;
     // Derivatives are checked even when nobody asks: Ceres stops with a message on stderr when they
     // fail at a point where the residuals did not.
     for (std::size_t k = 0; k < width; ++k) {
       double by = 0;
       for (const Slot slot : unknowns[k].slots) by += z.by[slot];
       by *= -o.weight * unknowns[k].stretch(law[unknowns[k].slots.front()]);
-      if (!std::isfinite(by)) return false;
+      if (!(std::abs(by) < greatest_number)) return false;
       if (jacobian) jacobian[i * width + k] = by;
     }
   }

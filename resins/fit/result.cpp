@@ -237,7 +237,10 @@ std::string FitResult::to_text() const {
         cured.n, cured.r2, figure(cured.rmse_um), dead_zones.n, dead_zones.r2,
         figure(dead_zones.rmse_um));
   }
-  text += "Heights are base e; the dose is that of gel, of which correction aims at a multiple.\n";
+  text += cured.n > 0
+              ? "Heights are base e; the dose is that of gel, of which correction aims at a "
+                "multiple.\n"
+              : "Heights are base e.\n";
   if (reciprocity) text += reciprocity->verdict + "\n";
   for (const Outlier& o : outliers) text += "Outlier: " + o.reason + "\n";
   for (const std::string& w : warnings) text += "Warning: " + w + "\n";

@@ -228,7 +228,8 @@ std::array<double, 2> profile_interval(const Setup& s, const Solution& solution,
   return {unknown.value(end_towards(-1)), unknown.value(end_towards(1))};
 }
 
-std::optional<Reciprocity> test_reciprocity(const Setup& s, const Diagnosis& d,
+std::optional<Reciprocity> test_reciprocity(const Setup& s, const Solution& solution,
+                                            const Diagnosis& d,
                                             const std::vector<FitPoint>& points) {
   // Both laws on the cured heights, with the weights that the fit came to.
   Setup kinetic;
@@ -256,8 +257,14 @@ std::optional<Reciprocity> test_reciprocity(const Setup& s, const Diagnosis& d,
   Setup jacobs = kinetic;
   jacobs.hold("m", 1);
   jacobs.start[kExponent] = 1;
-  const auto bent = solve(kinetic.problem, kinetic.start_inner());
-  const auto straight = solve(jacobs.problem, jacobs.start_inner());
+  // One of the two is the fit itself, unless a robust loss bent it.
+  const bool known = s.problem.loss == Loss::none;
+  const auto bent = known && s.model == FitModel::kinetic && s.problem.unknowns.size() == 3
+                        ? std::optional(solution)
+                        : solve(kinetic.problem, kinetic.start_inner());
+  const auto straight = known && s.model == FitModel::jacobs && s.problem.unknowns.size() == 2
+                            ? std::optional(solution)
+                            : solve(jacobs.problem, jacobs.start_inner());
   if (!bent || !straight) return std::nullopt;
   const Diagnosis seen = diagnose(kinetic.problem, *bent, true);
   if (seen.singular || seen.freedom < 1) return std::nullopt;

@@ -28,7 +28,8 @@ std::array<double, 2> profile_interval(const Setup& setup, const Solution& solut
                                        double t);
 
 /// Jacobs against kinetic on the cured heights; nothing where they can't tell.
-std::optional<Reciprocity> test_reciprocity(const Setup& setup, const Diagnosis& diagnosis,
+std::optional<Reciprocity> test_reciprocity(const Setup& setup, const Solution& solution,
+                                            const Diagnosis& diagnosis,
                                             const std::vector<FitPoint>& points);
 
 /// Fits of resampled residuals: value by unknown, one row for each resampling that could be fitted.

@@ -272,8 +272,9 @@ FitResult fit(const Measurements& data, FitModel model, const FitOptions& option
   const auto advice = advise(setup, result, diagnosis);
   result.warnings.insert(result.warnings.end(), advice.begin(), advice.end());
   if (model == FitModel::jacobs || model == FitModel::kinetic) {
-    if (options.fixed.empty())
-      result.reciprocity = test_reciprocity(setup, diagnosis, result.points);
+    if (options.fixed.empty() && options.bounds.empty()) {
+      result.reciprocity = test_reciprocity(setup, solution, diagnosis, result.points);
+    }
   }
   fill_bootstrap(setup, solution, diagnosis, options, job, result);
   result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();

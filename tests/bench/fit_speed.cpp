@@ -29,7 +29,7 @@ double fastest(int repeats, Body&& body) {
 }  // namespace
 
 int main() {
-  constexpr int repeats = 50;
+  constexpr int repeats = 300;
   const bool scipy = test::have_scipy();
   nlohmann::json tasks = nlohmann::json::array();
   std::vector<test::Design> designs;

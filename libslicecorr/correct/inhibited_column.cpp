@@ -59,6 +59,8 @@ InhibitedPlan::InhibitedPlan(const CureModel& model, bool merge, int target_laye
   const int cap = caps[static_cast<std::size_t>(strongest)];
   steady = cap;
   while (steady > 0 && kernel->steady_dose(strongest, steady - 1) >= 1.0) --steady;
+  holding = steady;
+  while (holding < levels && kernel->steady_dose(strongest, holding) < kInside) ++holding;
   for (const double r : model.exposure_ratio) uniform = uniform && r == 1.0;
   uniform = uniform && kernel->settings() == 1;
   if (!uniform) {
@@ -332,8 +334,9 @@ bool InhibitedColumn::Impl::greedy(bool with_old) {
   int before = 0, same = 0, deep_until = plan.all_layers;
   for (int n = plan.all_layers; n-- > 0;) {
     int level = 0;
-    // Nothing changes any more until the upper edge comes near.
-    if (deep_until < n && same > 2 * plan.near) {
+    // Nothing changes any more until the upper edge comes near. A level that is too dim by itself
+    // may stand for long on the light of a burst, and must be looked at all the same.
+    if (deep_until < n && same > 2 * plan.near && before >= plan.holding) {
       add(n, before);
       continue;
     }
@@ -559,8 +562,7 @@ const std::vector<std::uint8_t>& InhibitedColumn::solve(const std::vector<Covera
     return true;
   };
   const auto attempt = [&](bool* is_perfect) {
-    const bool others = s.greedy(false);
-    (void)others;
+    s.greedy(false);
     s.old = s.levels;
     // Bodies that light each other: once more, knowing what the others will show.
     if (s.bodies.size() > 1 && s.greedy(true)) {

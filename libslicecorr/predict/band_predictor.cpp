@@ -105,11 +105,11 @@ bool one_sided_block(const double* __restrict before, const double* __restrict l
   std::int64_t crossed = 0;
   if (below_one) {
     for (std::size_t i = 0; i < kBlock; ++i) {
-      crossed |= (before[i] >= 1.0) | (lower[i] >= 1.0) | (upper[i] >= 1.0);
+      crossed |= (before[i] >= 1.0) | (lower[i] >= 1.0) | (middle[i] >= 1.0) | (upper[i] >= 1.0);
     }
   } else {
     for (std::size_t i = 0; i < kBlock; ++i) {
-      crossed |= (before[i] < 1.0) | (lower[i] < 1.0) | (upper[i] < 1.0);
+      crossed |= (before[i] < 1.0) | (lower[i] < 1.0) | (middle[i] < 1.0) | (upper[i] < 1.0);
     }
   }
   if (crossed) return false;
@@ -155,8 +155,9 @@ void mixed_known_block(const double* __restrict before, const double* __restrict
   for (std::size_t i = 0; i < kBlock; ++i) {
     const std::int64_t grey = 1 - run[i] - gap[i];
     const std::int64_t now = run[i] + 2 * grey;  // as in BandPredictor::Class
-    const std::int64_t crosses =
-        ((before[i] >= 1.0) != (lower[i] >= 1.0)) | ((lower[i] >= 1.0) != (upper[i] >= 1.0));
+    const std::int64_t crosses = ((before[i] >= 1.0) != (lower[i] >= 1.0)) |
+                                 ((lower[i] >= 1.0) != (upper[i] >= 1.0)) |
+                                 ((middle[i] >= 1.0) != (lower[i] >= 1.0));
     events[i] = static_cast<std::uint8_t>((now != classes[i]) | crosses | grey);
   }
 }
@@ -308,6 +309,13 @@ void BandPredictor::event(std::size_t i, int slice, const LayerDose& dose, doubl
   }
   if ((dose.lower >= 1.0) != (dose.upper >= 1.0)) {
     cross(i, slice + 1 - crossing, dose.upper >= 1.0, now);
+  } else if (dose_ && (dose.middle >= 1.0) != (dose.lower >= 1.0)) {
+    // Under UV light the dose may have its peak, or dip, inside a layer: there and back, by
+    // straight lines to the middle.
+    const double there = 0.5 * (1.0 - dose.lower) / (dose.middle - dose.lower);
+    const double back = 0.5 + 0.5 * (1.0 - dose.middle) / (dose.upper - dose.middle);
+    cross(i, slice + 1 - there, dose.middle >= 1.0, now);
+    cross(i, slice + 1 - back, dose.upper >= 1.0, now);
   }
   if (now == gap) {
     gap_min_[i] = std::min({gap_min_[i], dose.lower, dose.upper});

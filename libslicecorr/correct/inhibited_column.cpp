@@ -59,8 +59,22 @@ InhibitedPlan::InhibitedPlan(const CureModel& model, bool merge, int target_laye
   const int cap = caps[static_cast<std::size_t>(strongest)];
   steady = cap;
   while (steady > 0 && kernel->steady_dose(strongest, steady - 1) >= 1.0) --steady;
+  // Layer by layer the dose ripples between nodes: the least in a layer is what has to gel.
+  const auto steady_at = [&](InhibitedKernel::Place place) {
+    const double* table = kernel->table(strongest, place);
+    double sum = 0;
+    for (int j = 0; j < near; ++j) sum += table[j * levels + steady];
+    return sum + table[(near - 1) * levels + steady] * kernel->a() / (1.0 - kernel->a());
+  };
+  const double at_node = steady_at(InhibitedKernel::upper_end);
+  double ripple = 1.0;
+  for (const auto place :
+       {InhibitedKernel::quarter, InhibitedKernel::middle, InhibitedKernel::three_quarters}) {
+    ripple = std::max(ripple, at_node / steady_at(place));
+  }
+  inside = kInside * (model.mode == ExposureMode::layerwise ? ripple : 1.0);
   holding = steady;
-  while (holding < levels && kernel->steady_dose(strongest, holding) < kInside) ++holding;
+  while (holding < levels && kernel->steady_dose(strongest, holding) < inside) ++holding;
   for (const double r : model.exposure_ratio) uniform = uniform && r == 1.0;
   uniform = uniform && kernel->settings() == 1;
   if (!uniform) {
@@ -218,7 +232,7 @@ void InhibitedColumn::Impl::read(const std::vector<CoverageRun>& runs) {
       double d = 0;
       if (above == 255 && below == 255) {
         // Between nodes the dose may dip by a little; edges get just what they need.
-        d = kInside;
+        d = plan.inside;
       } else if (above == 255 || below == 255) {
         d = 1.0;
       } else if (above != 0 && below != 0) {

@@ -56,9 +56,10 @@ struct InhibitedPlan {
   int near, levels, layers, all_layers;
   /// Highest level in use, per setting.
   std::vector<int> caps;
-  int steady = 0;   ///< lowest level whose steady dose is at least 1, in the first setting
-  int holding = 0;  ///< lowest level whose steady dose is what nodes inside features demand
-  int reach = 0;    ///< slices of full light that lift the dose from 0 to 1
+  int steady = 0;     ///< lowest level whose steady dose is at least 1, in the first setting
+  double inside = 1;  ///< what nodes inside features demand
+  int holding = 0;    ///< lowest level whose steady dose is what nodes inside features demand
+  int reach = 0;      ///< slices of full light that lift the dose from 0 to 1
   double layer_um = 0;
   bool merge_one_slice_gaps = false;
   bool uniform = true;                         ///< one setting and one exposure for all slices

@@ -14,6 +14,9 @@
 ///    the next feature from there (the burst);
 ///  - a layer of grey coverage c aims at the relative dose c in its middle.
 ///
+/// Layer by layer each slice makes its own layer's far edge reach 1. Under UV light a slice hardly
+/// acts on its own node and is chosen for several nodes above it together (docs/inhibition.md).
+///
 /// Look-ahead costs no window: a first pass from slice 0 on leaves, per column, the last node that
 /// demands something of the nodes after it, with a log of changes that the solve takes back step by
 /// step. Objects are for one thread at a time; plans are immutable and may be shared.

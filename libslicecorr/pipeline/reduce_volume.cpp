@@ -260,7 +260,14 @@ class Reducer {
                 c.flags.data(), c.wrong.data());
           return;
         }
-        for (std::size_t i = 0; i < n; ++i) c.phi[i] = values ? curves[light[i]][values[i]] : 0.0;
+        if (models_.even()) {
+          const double* curve = curves[light[0]];
+          for (std::size_t i = 0; i < n; ++i) c.phi[i] = values ? curve[values[i]] : 0.0;
+        } else {
+          for (std::size_t i = 0; i < n; ++i) {
+            c.phi[i] = values ? curves[light[i]][values[i]] : 0.0;
+          }
+        }
         step(f, n, c.phi.data(), c.omega.data(), cover.data(), c.printed.data(), c.designed.data(),
              c.flags.data(), c.wrong.data());
       };

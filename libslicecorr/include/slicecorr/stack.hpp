@@ -1,5 +1,6 @@
 /// @file stack.hpp
-/// Slice archives: the native UVJ zip with our block, streamed both ways.
+/// Slice archives: the native UVJ zip with our block and the formats of other programs, streamed
+/// both ways (docs/formats.md).
 #pragma once
 
 #include <array>
@@ -23,10 +24,30 @@ enum class StackKind {
   corrected,  ///< made by `correct`: grey levels of a printer
 };
 
+/// How the plate lies in the images of an archive. The images of `slice` have row 0 at the largest
+/// y and column 0 at the smallest x. `portrait` turns them counter-clockwise by 90 degrees: x of
+/// the plate runs up, y to the left. Then `mirror_x` swaps left and right of the image, `mirror_y`
+/// top and bottom.
+struct Orientation {
+  bool portrait = false, mirror_x = false, mirror_y = false;
+  bool operator==(const Orientation&) const = default;
+};
+
+/// Names of the settings that a slicer wrote into its archive; empty where it did not.
+struct ArchiveProfiles {
+  std::string printer;   ///< of the printer's settings, else its model
+  std::string material;  ///< of the resin
+  std::string print;     ///< of the slicing
+};
+
 /// All that a stack says about itself besides its images. Holds no clock time, host, path or thread
 /// count: the same input gives the same bytes.
 struct StackInfo {
+  std::string format;  ///< name of the archive's format, "uvj"
+  /// Pixel sizes and the layer height are 0 where an archive does not say them.
   Grid grid;
+  Orientation orientation;
+  ArchiveProfiles profiles;
   StackKind kind = StackKind::foreign;
   /// Full parameters, present in stacks made by `correct`.
   std::optional<Printer> printer;
@@ -40,6 +61,7 @@ struct StackInfo {
   /// Light-on time of the first `bottom_layers`, s; 0 when the archive says nothing of them.
   double bottom_exposure_s = 0;
   int bottom_layers = 0;
+  int fade_layers = 0;  ///< layers after them that lead to the normal time, see Process
   /// Light-on time of each layer, when the archive lists them and they are not all `exposure_s`.
   std::vector<double> layer_exposure_s;
 };
@@ -74,15 +96,29 @@ struct GreyImage {
   std::vector<std::uint8_t> pixels;
 };
 
-/// A UVJ archive opened for reading. Each image is decoded once, in parallel, and kept run-length
-/// coded; `read_band` is served from there.
+/// What a program can be told about an archive that the archive does not say itself.
+struct MissingFacts {
+  double pixel_x_um = 0, pixel_y_um = 0, layer_um = 0;
+};
+
+/// A format of archives.
+struct FormatInfo {
+  std::string name, what;
+  std::vector<std::string> endings;
+};
+std::vector<FormatInfo> archive_formats();
+
+/// An archive of any known format opened for reading. Each image is decoded once, in parallel, and
+/// kept run-length coded; `read_band` is served from there.
 ///
-/// The constructor checks the list of entries and `config.json`, then decodes all images. Throws
-/// `InputError` on anything damaged, missing, doubled, misnamed, wrongly sized or absurdly large.
+/// The constructor checks the list of entries and what they say, then decodes all images. Throws
+/// `InputError` on anything damaged, missing, doubled, misnamed, wrongly sized or absurdly large,
+/// and when neither the archive nor `missing` says how large pixels and layers are.
 class StackReader final : public SliceSource {
  public:
   /// Scratch, when needed, goes to `scratch_folder`.
-  StackReader(const std::string& path, const std::string& scratch_folder, const Job& job = {});
+  StackReader(const std::string& path, const std::string& scratch_folder, const Job& job = {},
+              const MissingFacts& missing = {});
   ~StackReader() override;
   const StackInfo& info() const;
   const Grid& grid() const override;
@@ -91,7 +127,7 @@ class StackReader final : public SliceSource {
   /// Sum of all pixel values.
   std::uint64_t pixel_sum() const;
 
-  /// Only the metadata, without decoding images.
+  /// Only the metadata, without decoding images. Sizes that the archive does not say stay 0.
   static StackInfo read_info(const std::string& path);
 
  private:
@@ -99,12 +135,27 @@ class StackReader final : public SliceSource {
   std::unique_ptr<Impl> impl_;
 };
 
+/// Into what archive a stack is written.
+struct StackFile {
+  StackFile(std::string file_path) : path(std::move(file_path)) {}
+  StackFile(const char* file_path) : path(file_path) {}
+  std::string path;
+  std::string format;  ///< a name of `archive_formats`; empty: by the ending of `path`
+  /// An archive of the same format: its other entries, their names, order, times and comments, and
+  /// the kind of its images are kept. Empty: a new archive. May be `path` itself.
+  std::string keep_from;
+  /// Whether exposure times of the stack replace those of the kept archive.
+  bool exposure_changes = true;
+};
+/// Throws `InputError` when no format is named or ends like this.
+void check_stack_file(const StackFile& file);
+
 /// Takes the images of a stack band by band, in any order and from any thread, and writes the
-/// archive at the end: to a temporary file beside `path`, renamed when complete. Nothing is left
+/// archive at the end: to a temporary file beside its path, renamed when complete. Nothing is left
 /// behind when the writer is destroyed without `finish`.
 class StackWriter {
  public:
-  StackWriter(const std::string& path, const Grid& grid, const Job& job);
+  StackWriter(const StackFile& file, const Grid& grid, const Job& job);
   ~StackWriter();
   StackWriter(const StackWriter&) = delete;
   StackWriter& operator=(const StackWriter&) = delete;

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "slicecorr/parallel.hpp"
+#include "base/temporary.hpp"
 #include "stack/container.hpp"
 
 namespace slicecorr::detail {
@@ -36,6 +37,7 @@ class ContainerOutput {
   virtual void finish(const Job& job) = 0;
 
  protected:
+  friend struct ZipWriting;
   struct Source {
     std::string name;
     std::uint64_t size = 0;

@@ -238,6 +238,8 @@ bool corrected(const StackInfo& info) {
   return info.kind == StackKind::corrected && info.process.has_value();
 }
 
+}  // namespace
+
 Process process_of_times(const StackInfo& info) {
   if (corrected(info)) return *info.process;
   Process p;
@@ -249,8 +251,6 @@ Process process_of_times(const StackInfo& info) {
   p.layer_exposure_s = info.layer_exposure_s;
   return p;
 }
-
-}  // namespace
 
 SliceLight light_of_layer(const StackInfo& info, int layer) {
   return slice_light(process_of_times(info), info.resin ? info.resin->m : 1.0, info.grid.layer_um,
@@ -289,6 +289,11 @@ std::vector<FormatInfo> archive_formats() {
         {std::string(f->name()), std::string(f->what()), {endings.begin(), endings.end()}});
   }
   return list;
+}
+
+double light_on_s(const StackInfo& info) {
+  return light_on_s(detail::process_of_times(info), info.resin ? info.resin->m : 1.0,
+                    info.grid.layer_um, info.grid.layers);
 }
 
 void check_stack_file(const StackFile& file) { detail::format_named(file.format, file.path); }

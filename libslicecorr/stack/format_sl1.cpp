@@ -243,7 +243,9 @@ class Sl1 final : public ArchiveFormat {
     std::vector<NumberedEntry> images = numbered_entries(archive, prefix, ".png");
     std::erase_if(images,
                   [&](const NumberedEntry& e) { return prefix_of(e.entry->name) != prefix; });
-    contents.images = complete_names(archive, images, 0, image_name(prefix, 0) + " on");
+    // Some old programs count from 1.
+    const long first = !images.empty() && images.front().number == 1 ? 1 : 0;
+    contents.images = complete_names(archive, images, first, image_name(prefix, 0) + " on");
     info.grid.layers = static_cast<int>(contents.images.size());
     const auto slow = config.number("numSlow", 0, 1e6), fast = config.number("numFast", 0, 1e6);
     if (slow && fast && *slow + *fast != info.grid.layers) {
@@ -297,8 +299,10 @@ class Sl1 final : public ArchiveFormat {
     } else {
       make_new(r, output);
     }
-    for (int n = static_cast<int>(names.size()); n < r.info.grid.layers; ++n) {
-      names.push_back(image_name(prefix, n));
+    int next = static_cast<int>(names.size());
+    if (next > 0 && names.front() == image_name(prefix, 1)) ++next;
+    while (static_cast<int>(names.size()) < r.info.grid.layers) {
+      names.push_back(image_name(prefix, next++));
     }
     names.resize(static_cast<std::size_t>(r.info.grid.layers));
     return names;

@@ -232,26 +232,6 @@ std::string number_text(double value) {
   return fixed_error == std::errc() ? std::string(text, fixed_end) : shortest;
 }
 
-namespace {
-
-bool corrected(const StackInfo& info) {
-  return info.kind == StackKind::corrected && info.process.has_value();
-}
-
-}  // namespace
-
-Process process_of_times(const StackInfo& info) {
-  if (corrected(info)) return *info.process;
-  Process p;
-  p.mode = ExposureMode::layerwise;
-  p.exposure_s = info.exposure_s;
-  p.bottom_exposure_s = info.bottom_exposure_s;
-  p.bottom_layers = info.bottom_layers;
-  p.fade_layers = info.fade_layers;
-  p.layer_exposure_s = info.layer_exposure_s;
-  return p;
-}
-
 SliceLight light_of_layer(const StackInfo& info, int layer) {
   return slice_light(process_of_times(info), info.resin ? info.resin->m : 1.0, info.grid.layer_um,
                      layer, info.grid.layers);
@@ -291,11 +271,25 @@ std::vector<FormatInfo> archive_formats() {
   return list;
 }
 
-double light_on_s(const StackInfo& info) {
-  return light_on_s(detail::process_of_times(info), info.resin ? info.resin->m : 1.0,
-                    info.grid.layer_um, info.grid.layers);
+Process process_of_times(const StackInfo& info) {
+  if (info.kind == StackKind::corrected && info.process) return *info.process;
+  Process p;
+  p.mode = ExposureMode::layerwise;
+  p.exposure_s = info.exposure_s;
+  p.bottom_exposure_s = info.bottom_exposure_s;
+  p.bottom_layers = info.bottom_layers;
+  p.fade_layers = info.fade_layers;
+  p.layer_exposure_s = info.layer_exposure_s;
+  return p;
 }
 
-void check_stack_file(const StackFile& file) { detail::format_named(file.format, file.path); }
+double light_on_s(const StackInfo& info) {
+  return light_on_s(process_of_times(info), info.resin ? info.resin->m : 1.0, info.grid.layer_um,
+                    info.grid.layers);
+}
+
+std::string format_of(const StackFile& file) {
+  return std::string(detail::format_named(file.format, file.path).name());
+}
 
 }  // namespace slicecorr

@@ -1,6 +1,5 @@
 #include <fmt/format.h>
 
-#include <array>
 #include <atomic>
 #include <cmath>
 #include <mutex>
@@ -9,6 +8,7 @@
 #include "pipeline/bands.hpp"
 #include "pipeline/place_plans.hpp"
 #include "pipeline/relief.hpp"
+#include "pipeline/uv_images.hpp"
 #include "slicecorr/dead_zone.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/pipeline.hpp"
@@ -73,6 +73,14 @@ class TargetScan {
   std::atomic<std::uint64_t> coverage_sum_{0};
 };
 
+/// A stack lies like the target it is made from.
+void set_frame(StackInfo& info, const SliceSource& target) {
+  const ImageFrame frame = target.frame();
+  info.for_display = frame.to_display.has_value();
+  info.orientation_known = frame.orientation.has_value();
+  info.orientation = frame.orientation.value_or(Orientation{});
+}
+
 /// What becomes of columns that share a plan.
 struct ColumnSinks {
   /// Pixels of every slice, from the last to the first; null: black.
@@ -136,9 +144,9 @@ class Joiner {
 
 }  // namespace
 
-StackInfo write_target(const SliceSource& target, const std::string& path, const Job& job) {
+StackInfo write_target(const SliceSource& target, const StackFile& file, const Job& job) {
   const Grid& grid = target.grid();
-  StackWriter writer(path, grid, job);
+  StackWriter writer(file, grid, job);
   TargetScan scan(target);
   const auto bands = bands_of(grid, target.bounds());
   parallel_for(job, "slice", bands.size(), [&](std::size_t i) {
@@ -150,6 +158,7 @@ StackInfo write_target(const SliceSource& target, const std::string& path, const
   });
   StackInfo info;
   info.grid = grid;
+  set_frame(info, target);
   info.kind = StackKind::target;
   scan.fill(info);
   writer.finish(info, scan.picture());
@@ -162,7 +171,7 @@ CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup) {
   return PlacePlans(target, even, {}).plan();
 }
 
-Correction correct_stack(const SliceSource& target, const Setup& asked, const std::string& path,
+Correction correct_stack(const SliceSource& target, const Setup& asked, const StackFile& file,
                          bool with_before, const Job& job) {
   Setup setup = asked;
   setup.process = schedule_uv(target, asked, job);
@@ -172,16 +181,8 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const st
   Grid grid = target.grid();
   grid.layers = plans.all_layers();
 
-  StackWriter writer(path, grid, job);
-  if (model.inhibited && !model.inhibited->uv_levels().empty()) {
-    std::array<std::uint8_t, 256> uv_of_pixel{};
-    for (int v = 0; v < 256; ++v) {
-      const auto level = static_cast<std::size_t>(level_of_pixel(v, plans.levels()));
-      uv_of_pixel[static_cast<std::size_t>(v)] = static_cast<std::uint8_t>(
-          pixel_of_level(model.inhibited->uv_levels()[level], plans.levels()));
-    }
-    writer.set_uv_pattern(uv_of_pixel);
-  }
+  StackWriter writer(file, grid, job);
+  detail::set_uv_images(writer, model, plans.levels());
   std::optional<PlaceWindows> window;
   if (model.inhibited) window.emplace(models, plans.all_layers());
   TargetScan scan(target);
@@ -254,6 +255,7 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const st
   }
   StackInfo& info = result.info;
   info.grid = grid;
+  set_frame(info, target);
   info.kind = StackKind::corrected;
   info.printer = setup.printer;
   info.resin = setup.resin;

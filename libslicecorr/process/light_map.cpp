@@ -12,8 +12,7 @@ namespace {
 /// The turn from a stack's images to the frame that the flat-field is in.
 Turn turn_to_field(const Printer& printer, const ImageFrame& frame) {
   const Orientation display = printer.orientation.value_or(Orientation{});
-  const Turn to_display = frame.to_display.value_or(
-      turn_between(frame.orientation.value_or(Orientation{}), display));
+  const Turn to_display = turn_to_display(frame, printer);
   if (!printer.flat_field->of_plate) return to_display;
   // How the plate lies in what the display shows: the printer's word, or the archive's.
   if (!frame.orientation) return to_display.then(turn_from_plate(display).inverse());
@@ -29,6 +28,11 @@ Turn turn_to_field(const Printer& printer, const ImageFrame& frame) {
 }
 
 }  // namespace
+
+Turn turn_to_display(const ImageFrame& frame, const Printer& printer) {
+  return frame.to_display.value_or(turn_between(frame.orientation.value_or(Orientation{}),
+                                                printer.orientation.value_or(Orientation{})));
+}
 
 LightMap::LightMap(const Printer& printer, const Grid& images, const ImageFrame& frame)
     : width_px_(images.width_px), height_px_(images.height_px) {

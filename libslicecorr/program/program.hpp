@@ -45,7 +45,8 @@ class Console {
 /// Whether SIGINT or SIGTERM came since `Program::run` began.
 bool interrupted();
 
-/// A program with subcommands; each takes --threads and --quiet, too.
+/// A program with subcommands, or with one action of its own; each takes --threads and --quiet,
+/// too.
 class Program {
  public:
   using Action = std::function<int(const Job&, Console&)>;
@@ -54,6 +55,8 @@ class Program {
   Program& operator=(const Program&) = delete;
   /// Adds a subcommand; its options are added to what comes back.
   CLI::App* add(const std::string& name, const std::string& text, Action action);
+  /// Makes it a program without subcommands; its options are added to what comes back.
+  CLI::App* only(Action action);
   /// Parses, calls the action of the subcommand, turns errors into messages and exit codes.
   int run(int argc, char** argv);
 
@@ -61,6 +64,8 @@ class Program {
   std::string failure_message(const CLI::Error& error) const;
 
   CLI::App app_;
+  std::string example_;
+  Action only_;
   int threads_ = 0;
   bool quiet_ = false;
   std::vector<std::pair<CLI::App*, Action>> actions_;
@@ -81,7 +86,7 @@ void print_result(const std::string& text);
 void write_text_file(const std::string& path, const std::string& text);
 /// To stdout when `where` is -, else to that file; with a line end.
 void print_or_write(const std::string& where, const std::string& text);
-/// The folder of a path, for scratch files.
+/// The folder of a path, for scratch files; where nothing can be written there, the system's.
 std::string folder_of(const std::string& path);
 
 }  // namespace slicecorr::cli

@@ -86,28 +86,30 @@ FlatField load_flat_field(const std::string& path, const Printer& printer, bool 
   return field;
 }
 
-Printer load_printer(const std::string& name_or_path) {
-  const std::string path = find_definition(name_or_path, "printer");
-  const std::string text = read_text_file(path);
-  Printer printer = parse_printer(text, path);
-  const toml::table root_table = parse_toml(text, path);
-  const TomlTable display = TomlTable(root_table, path).required_table("display");
-  if (const auto keys = detail::flat_field_keys(display)) {
-    const fs::path file = fs::path(keys->file).is_absolute()
-                              ? fs::path(keys->file)
-                              : fs::path(path).parent_path() / keys->file;
-    std::error_code ec;
-    if (!fs::is_regular_file(file, ec)) {
-      display.fail("flat_field", fmt::format("{} is not a file that can be read", file.string()));
-    }
-    try {
-      printer.flat_field =
-          load_flat_field(file.string(), printer, keys->of_plate, keys->reference);
-    } catch (const InputError& e) {
-      display.fail("flat_field", e.what());
-    }
+Printer complete_printer(std::string_view text, const std::string& source) {
+  Printer printer = parse_printer(text, source);
+  const toml::table root_table = parse_toml(text, source);
+  const TomlTable root(root_table, source);
+  const TomlTable display = root.required_table("display");
+  const auto keys = detail::flat_field_keys(display);
+  if (!keys) return printer;
+  fs::path file = keys->file;
+  if (file.is_relative()) file = fs::path(source).parent_path() / file;
+  std::error_code ec;
+  if (!fs::is_regular_file(file, ec)) {
+    display.fail("flat_field", fmt::format("{} is not a file that can be read", file.string()));
+  }
+  try {
+    printer.flat_field = load_flat_field(file.string(), printer, keys->of_plate, keys->reference);
+  } catch (const InputError& e) {
+    display.fail("flat_field", e.what());
   }
   return printer;
+}
+
+Printer load_printer(const std::string& name_or_path) {
+  const std::string path = find_definition(name_or_path, "printer");
+  return complete_printer(read_text_file(path), path);
 }
 
 }  // namespace slicecorr

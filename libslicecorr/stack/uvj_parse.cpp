@@ -12,18 +12,23 @@ using Json = nlohmann::json;
 
 constexpr double largest = 1e300;
 
+/// Where a text stands.
+struct Place {
+  std::string file, entry;
+};
+
 /// A value in the file, with the way to it for messages.
 class Node {
  public:
-  Node(const Json& json, std::string path, const std::string& file)
-      : json_(&json), path_(std::move(path)), file_(&file) {}
+  Node(const Json& json, std::string path, const Place& place)
+      : json_(&json), path_(std::move(path)), place_(&place) {}
 
   [[noreturn]] void fail(const std::string& expected) const {
     refuse((path_.empty() ? "the file" : path_) + " is " + shown() + ", expected " + expected);
   }
 
   [[noreturn]] void refuse(const std::string& message) const {
-    throw InputError(*file_, "config.json", message);
+    throw InputError(place_->file, place_->entry, message);
   }
 
   bool is_text(const char* text) const { return json_->is_string() && *json_ == text; }
@@ -35,7 +40,7 @@ class Node {
     if (found == object().end()) {
       refuse(path(key) + " is missing");
     }
-    return {*found, path(key), *file_};
+    return {*found, path(key), *place_};
   }
 
   double number(double least, double most) const {
@@ -65,6 +70,11 @@ class Node {
     }
     return static_cast<std::int64_t>(value);
   }
+  bool truth() const {
+    if (!json_->is_boolean()) fail("true or false");
+    return json_->get<bool>();
+  }
+
   int integer(int least, int most) const { return static_cast<int>(whole(least, most)); }
 
   std::string string() const {
@@ -91,7 +101,7 @@ class Node {
     }
     std::vector<Node> nodes;
     for (std::size_t i = 0; i < json_->size(); ++i) {
-      nodes.emplace_back((*json_)[i], path_ + "[" + std::to_string(i) + "]", *file_);
+      nodes.emplace_back((*json_)[i], path_ + "[" + std::to_string(i) + "]", *place_);
     }
     return nodes;
   }
@@ -114,7 +124,7 @@ class Node {
 
   const Json* json_;
   std::string path_;
-  const std::string* file_;
+  const Place* place_;
 };
 
 /// Light-on times of the layers that say one, in order.
@@ -124,7 +134,7 @@ struct LayerTimes {
 };
 
 /// Takes what is needed of one layer.
-void read_layer(const Json& layer, const std::string& file, LayerTimes& times) {
+void read_layer(const Json& layer, const Place& place, LayerTimes& times) {
   const auto exposure = layer.find("Exposure");
   if (exposure == layer.end() || !exposure->is_object() || !exposure->contains("LightOnTime")) {
     times.all = false;
@@ -132,22 +142,24 @@ void read_layer(const Json& layer, const std::string& file, LayerTimes& times) {
   }
   const std::string path =
       "Layers[" + std::to_string(times.time_s.size()) + "].Exposure.LightOnTime";
-  times.time_s.push_back(Node((*exposure)["LightOnTime"], path, file).number(0, 1e9));
+  times.time_s.push_back(Node((*exposure)["LightOnTime"], path, place).number(0, 1e9));
 }
 
-Json parse_json(std::string_view text, const std::string& file, LayerTimes& times) {
+Json parse_json(std::string_view text, const Place& place, LayerTimes& times) {
+  // Byte order marks are common in JSON written on Windows.
+  if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);
   // There may be a million layers: each is dropped as soon as its time has been read.
   bool in_layers = false;
   const auto keep = [&](int depth, Json::parse_event_t event, Json& value) {
     if (event == Json::parse_event_t::key && depth == 1) in_layers = value == "Layers";
     if (!in_layers || depth != 2 || event != Json::parse_event_t::object_end) return true;
-    read_layer(value, file, times);
+    read_layer(value, place, times);
     return false;
   };
   try {
     return Json::parse(text.begin(), text.end(), keep);
   } catch (const Json::exception& error) {
-    throw InputError(file, "config.json", std::string("not valid JSON: ") + error.what());
+    throw InputError(place.file, place.entry, std::string("not valid JSON: ") + error.what());
   }
 }
 
@@ -207,6 +219,10 @@ std::vector<CalibrationPoint> read_calibration(const Node& node) {
   return points;
 }
 
+Orientation read_orientation(const Node& node) {
+  return {node["portrait"].truth(), node["mirror_x"].truth(), node["mirror_y"].truth()};
+}
+
 Printer read_printer(const Node& node) {
   Printer p;
   p.name = node["name"].string();
@@ -225,6 +241,19 @@ Printer read_printer(const Node& node) {
     p.uv =
         UvLamp{uv["wavelength_nm"].number(0, largest),
                uv["kind"].choice({"flood", "patterned"}) == 1, read_calibration(uv["calibration"])};
+  }
+  if (node.has("orientation")) p.orientation = read_orientation(node["orientation"]);
+  if (node.has("flat_field")) {
+    const Node f = node["flat_field"];
+    FlatField field;
+    field.width_px = f["width_px"].integer(1, 65536);
+    field.height_px = f["height_px"].integer(1, 65536);
+    if (std::int64_t{field.width_px} * field.height_px > max_image_pixels) {
+      f["width_px"].fail("a picture of at most " + std::to_string(max_image_pixels) + " pixels");
+    }
+    field.of_plate = f["frame"].choice({"image", "plate"}) == 1;
+    field.reference = f["reference"].integer(1, 255);
+    p.flat_field = field;
   }
   p.max_speed_mm_h = node["max_speed_mm_h"].number(0, largest);
   p.travel_mm = node["travel_mm"].number(0, largest);
@@ -301,7 +330,7 @@ void refine(double& um, const Node& exact, std::vector<std::string>& warnings) {
   }
 }
 
-void read_block(const Node& block, UvjConfig& config) {
+void read_block(const Node& block, ArchiveContents& config) {
   StackInfo& info = config.info;
   const auto format = block["format"].whole(1, 1000000);
   if (format > uvj_block_format) {
@@ -327,6 +356,18 @@ void read_block(const Node& block, UvjConfig& config) {
   // Whoever reads a corrected stack needs to know what it was corrected for.
   const bool needed = info.kind == StackKind::corrected;
   if (needed || block.has("printer")) info.printer = read_printer(block["printer"]);
+  if (info.printer && info.printer->flat_field) {
+    config.flat_field_crc32 = static_cast<std::uint32_t>(
+        block["printer"]["flat_field"]["crc32"].whole(0, 0xffffffff));
+  }
+  if (block.has("frame")) {
+    block["frame"]["images"].choice({"display"});
+    info.for_display = true;
+    info.orientation_known = block["frame"].has("orientation");
+    if (info.orientation_known) {
+      info.orientation = read_orientation(block["frame"]["orientation"]);
+    }
+  }
   if (needed || block.has("resin")) info.resin = read_resin(block["resin"]);
   if (needed || block.has("process")) {
     info.process = read_process(block["process"], mode, format);
@@ -355,13 +396,12 @@ void take_layer_times(LayerTimes times, StackInfo& info) {
 
 }  // namespace
 
-UvjConfig parse_uvj_config(std::string_view text, const std::string& file) {
-  // Byte order marks are common in JSON written on Windows.
-  if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);
+ArchiveContents parse_uvj_config(std::string_view text, const std::string& file) {
+  const Place place{file, "config.json"};
   LayerTimes times;
-  const Json json = parse_json(text, file, times);
-  const Node root(json, "", file);
-  UvjConfig config;
+  const Json json = parse_json(text, place, times);
+  const Node root(json, "", place);
+  ArchiveContents config;
   read_properties(root["Properties"], config.info);
   if (root.has("Layers")) {
     root["Layers"].list(0, 1000000);
@@ -369,6 +409,24 @@ UvjConfig parse_uvj_config(std::string_view text, const std::string& file) {
   }
   if (root.has("slicecorr")) read_block(root["slicecorr"], config);
   return config;
+}
+
+void read_provenance(std::string_view text, const std::string& file, ArchiveContents& contents) {
+  const Place place{file, provenance_entry};
+  LayerTimes none;
+  const Json json = parse_json(text, place, none);
+  const Node root(json, "", place);
+  Grid& grid = contents.info.grid;
+  if (root.has("grid")) {
+    // What the archive does not say; what it says counts, see `refine`.
+    const Node exact = root["grid"];
+    if (grid.pixel_x_um == 0) grid.pixel_x_um = exact["pixel_x_um"].positive();
+    if (grid.pixel_y_um == 0) grid.pixel_y_um = exact["pixel_y_um"].positive();
+    if (grid.layer_um == 0) grid.layer_um = exact["layer_um"].positive();
+  }
+  read_block(root, contents);
+  if (!contents.info.process || contents.info.process->uv.kind != UvKind::patterned) return;
+  for (int n = 0; n < grid.layers; ++n) contents.uv_images.push_back(uv_image_name(n));
 }
 
 }  // namespace slicecorr::detail

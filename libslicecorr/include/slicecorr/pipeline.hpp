@@ -32,7 +32,11 @@ struct Setup {
 };
 
 /// Writes a target as a stack of its coverage. Throws `InputError` when nothing in it is solid.
-StackInfo write_target(const SliceSource& target, const std::string& path, const Job& job = {});
+StackInfo write_target(const SliceSource& target, const StackFile& file, const Job& job = {});
+
+/// Writes the slices of a stack into another archive, with all that both formats can say. What is
+/// lost is told through `job`.
+void convert_stack(const StackReader& stack, const StackFile& file, const Job& job = {});
 
 /// The process with its UV intensity of each slice, where the schedule asks for one per slice and
 /// does not say them yet: what the brightest pixel of a slice needs for the dead zone, found by a
@@ -47,7 +51,7 @@ struct Correction {
 
 /// Corrects `target` for `setup` and writes the stack. Throws `InputError` when the target does not
 /// fit the printer, `InfeasibleError` when physics or the stage's travel forbid it.
-Correction correct_stack(const SliceSource& target, const Setup& setup, const std::string& path,
+Correction correct_stack(const SliceSource& target, const Setup& setup, const StackFile& file,
                          bool with_before, const Job& job = {});
 
 /// Throws `InputError` when a stack and its target differ in the size of images or voxels.

@@ -76,6 +76,9 @@ struct Printer {
 /// that a portrait display has width and height exchanged. `layers` and `layer_um` are 0.
 Grid plate_grid(const Printer& printer);
 
+/// From images that lie like `frame` to those that the printer's display shows.
+Turn turn_to_display(const ImageFrame& frame, const Printer& printer);
+
 enum class CureModelKind { jacobs, kinetic };
 
 /// What the correction aims at, over the gel dose, where nothing else is said (dissertation
@@ -206,8 +209,10 @@ std::optional<std::string> kind_of_definition(const std::string& path);
 /// in `definition_folders`.
 std::string find_definition(const std::string& name, std::string_view kind);
 
-/// With its flat-field, which `parse_printer` leaves out: only its keys are checked there.
 Printer load_printer(const std::string& name_or_path);
+/// From the text of a printer file. Other files that it names lie beside `source`.
+Printer complete_printer(std::string_view text, const std::string& source);
+/// The same without the picture of the flat-field, of which only the keys are checked.
 Printer parse_printer(std::string_view text, const std::string& source);
 
 /// How evenly a printer's display shines, in words: "80 to 100 % of the calibration"; empty when the

@@ -1,5 +1,6 @@
 /// @file stack.hpp
-/// Slice archives: the native UVJ zip with our block, streamed both ways.
+/// Slice archives: the native UVJ zip with our block and the formats of other programs, streamed
+/// both ways (docs/formats.md).
 #pragma once
 
 #include <array>
@@ -10,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "slicecorr/orientation.hpp"
 #include "slicecorr/parallel.hpp"
 #include "slicecorr/process.hpp"
 #include "slicecorr/target.hpp"
@@ -23,10 +25,25 @@ enum class StackKind {
   corrected,  ///< made by `correct`: grey levels of a printer
 };
 
+/// Names of the settings that a slicer wrote into its archive; empty where it did not.
+struct ArchiveProfiles {
+  std::string printer;   ///< of the printer's settings, else its model
+  std::string material;  ///< of the resin
+  std::string print;     ///< of the slicing
+};
+
 /// All that a stack says about itself besides its images. Holds no clock time, host, path or thread
 /// count: the same input gives the same bytes.
 struct StackInfo {
+  std::string format;  ///< name of the archive's format, "uvj"
+  /// Pixel sizes and the layer height are 0 where an archive does not say them.
   Grid grid;
+  Orientation orientation;
+  bool orientation_known = false;  ///< whether the archive says so, or it is a stack of ours
+  /// The images are those that the display shows; else those of the plate, which are turned on
+  /// their way to it by the printer's orientation.
+  bool for_display = false;
+  ArchiveProfiles profiles;
   StackKind kind = StackKind::foreign;
   /// Full parameters, present in stacks made by `correct`.
   std::optional<Printer> printer;
@@ -40,9 +57,16 @@ struct StackInfo {
   /// Light-on time of the first `bottom_layers`, s; 0 when the archive says nothing of them.
   double bottom_exposure_s = 0;
   int bottom_layers = 0;
+  int fade_layers = 0;  ///< layers after them that lead to the normal time, see Process
   /// Light-on time of each layer, when the archive lists them and they are not all `exposure_s`.
   std::vector<double> layer_exposure_s;
 };
+
+/// The process of a corrected stack; else one, layer by layer, that has the archive's times.
+Process process_of_times(const StackInfo& info);
+/// Time in which all slices of the stack are shown, s: by its process when corrected, else by the
+/// archive's times, 0 when it has none. Without what lies between slices layer by layer.
+double light_on_s(const StackInfo& info);
 
 /// Keeps compressed pieces of images between the steps that make and take them in different orders.
 /// Holds up to a budget in memory, the rest in an unnamed scratch file in `folder`, which vanishes
@@ -74,24 +98,41 @@ struct GreyImage {
   std::vector<std::uint8_t> pixels;
 };
 
-/// A UVJ archive opened for reading. Each image is decoded once, in parallel, and kept run-length
-/// coded; `read_band` is served from there.
+/// What a program can be told about an archive that the archive does not say itself.
+struct MissingFacts {
+  double pixel_x_um = 0, pixel_y_um = 0, layer_um = 0;
+};
+
+/// A format of archives.
+struct FormatInfo {
+  std::string name, what;
+  std::vector<std::string> endings;
+};
+std::vector<FormatInfo> archive_formats();
+
+/// An archive of any known format opened for reading. Each image is decoded once, in parallel, and
+/// kept run-length coded; `read_band` is served from there.
 ///
-/// The constructor checks the list of entries and `config.json`, then decodes all images. Throws
-/// `InputError` on anything damaged, missing, doubled, misnamed, wrongly sized or absurdly large.
+/// The constructor checks the list of entries and what they say, then decodes all images. Throws
+/// `InputError` on anything damaged, missing, doubled, misnamed, wrongly sized or absurdly large,
+/// and when neither the archive nor `missing` says how large pixels and layers are.
 class StackReader final : public SliceSource {
  public:
   /// Scratch, when needed, goes to `scratch_folder`.
-  StackReader(const std::string& path, const std::string& scratch_folder, const Job& job = {});
+  StackReader(const std::string& path, const std::string& scratch_folder, const Job& job = {},
+              const MissingFacts& missing = {});
   ~StackReader() override;
   const StackInfo& info() const;
   const Grid& grid() const override;
   PixelBox bounds() const override;
+  ImageFrame frame() const override;
   void read_band(const PixelBox& band, const Sink& sink) const override;
   /// Sum of all pixel values.
   std::uint64_t pixel_sum() const;
+  /// Names of the entries that are no slices, sorted.
+  const std::vector<std::string>& other_entries() const;
 
-  /// Only the metadata, without decoding images.
+  /// Only the metadata, without decoding images. Sizes that the archive does not say stay 0.
   static StackInfo read_info(const std::string& path);
 
  private:
@@ -99,12 +140,27 @@ class StackReader final : public SliceSource {
   std::unique_ptr<Impl> impl_;
 };
 
+/// Into what archive a stack is written.
+struct StackFile {
+  StackFile(std::string file_path) : path(std::move(file_path)) {}
+  StackFile(const char* file_path) : path(file_path) {}
+  std::string path;
+  std::string format;  ///< a name of `archive_formats`; empty: by the ending of `path`
+  /// An archive of the same format: its other entries, their names, order, times and comments, and
+  /// the kind of its images are kept; its exposure times, too, where the stack's are no others.
+  /// Empty: a new archive. May be `path` itself.
+  std::string keep_from;
+};
+/// Name of the format that the file is written in. Throws `InputError` when none is named or ends
+/// like this.
+std::string format_of(const StackFile& file);
+
 /// Takes the images of a stack band by band, in any order and from any thread, and writes the
-/// archive at the end: to a temporary file beside `path`, renamed when complete. Nothing is left
+/// archive at the end: to a temporary file beside its path, renamed when complete. Nothing is left
 /// behind when the writer is destroyed without `finish`.
 class StackWriter {
  public:
-  StackWriter(const std::string& path, const Grid& grid, const Job& job);
+  StackWriter(const StackFile& file, const Grid& grid, const Job& job);
   ~StackWriter();
   StackWriter(const StackWriter&) = delete;
   StackWriter& operator=(const StackWriter&) = delete;

@@ -1,0 +1,25 @@
+/// What every program that corrects can be told of printer, resin and process.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+
+#include "slicecorr/setup.hpp"
+
+namespace slicecorr::cli {
+
+struct SetupOptions : SetupChoices {
+  /// `required`: printer, resin and schedule must be given; else a stack may bring them.
+  void add_to(CLI::App& app, bool required, bool correcting);
+  /// See `resolve_setup`.
+  Setup resolve(const StackInfo* info, const StackInfo* times) const;
+};
+
+/// A corrected stack shows light, not the design: measured against it, nothing means anything.
+/// Throws `InputError` when `path` is one, gives it back else.
+const std::string& design(const std::string& path);
+
+/// What the user should know of a setup; empty when nothing.
+std::string notice(const Setup& setup);
+
+}  // namespace slicecorr::cli

@@ -52,7 +52,8 @@ std::optional<Token> number_at(std::string_view text, std::size_t at) {
   const std::size_t digits = t.end;
   while (t.end < text.size() && is_digit(text[t.end])) ++t.end;
   std::size_t count = t.end - digits;
-  if (t.end < text.size() && text[t.end] == '.') {
+  // "1.png" has no fraction.
+  if (t.end + 1 < text.size() && text[t.end] == '.' && is_digit(text[t.end + 1])) {
     const std::size_t point = t.end++;
     while (t.end < text.size() && is_digit(text[t.end])) ++t.end;
     t.decimals = static_cast<int>(t.end - point - 1);

@@ -26,8 +26,12 @@ void set_uv_images(StackWriter& writer, const CureModel& model, int levels) {
 }  // namespace detail
 
 void convert_stack(const StackReader& stack, const StackFile& file, const Job& job) {
-  const StackInfo& info = stack.info();
+  StackInfo info = stack.info();
   const Grid& grid = stack.grid();
+  if (info.part_volume_mm3 == 0) {
+    info.part_volume_mm3 = static_cast<double>(stack.pixel_sum()) / 255.0 * grid.pixel_x_um *
+                           grid.pixel_y_um * grid.layer_um * 1e-9;
+  }
   StackWriter writer(file, grid, job);
   if (info.printer && info.resin && info.process) {
     const CureModel model =

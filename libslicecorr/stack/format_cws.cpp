@@ -196,40 +196,42 @@ void set_times(KeyValueText& text, const ExposureSummary& s, const char* normal,
   set_parameter(text, bottom_layers, std::to_string(s.bottom_layers));
 }
 
-/// Lists the added slices after the others.
+std::string xml_text(const std::string& text) {
+  std::string out;
+  for (const char c : text) {
+    out += c == '&' ? "&amp;" : c == '<' ? "&lt;" : c == '>' ? "&gt;" : std::string(1, c);
+  }
+  return out;
+}
+
+/// Lists the added slices after the others, in copies of the last one; all other bytes stay.
 void change_manifest(const ArchiveRequest& r, const std::vector<std::string>& names,
                      ContainerOutput& output) {
-  const std::string text = r.kept->text(manifest_entry);
+  std::string text = r.kept->text(manifest_entry);
   pugi::xml_document document;
-  const unsigned all = pugi::parse_full | pugi::parse_ws_pcdata;
-  if (!document.load_buffer(text.data(), text.size(), all)) {
-    throw InputError(r.kept->path(), manifest_entry, "is no XML, expected the list of slices");
-  }
-  pugi::xml_node slices = document.first_element_by_path("manifest/Slices");
-  const pugi::xml_node last = slices.last_child();
+  const bool is_xml = document.load_buffer(text.data(), text.size());
   pugi::xml_node slice;
-  for (const pugi::xml_node node : slices.children("Slice")) slice = node;
-  if (!slice || !slice.child("name")) {
+  for (const pugi::xml_node node : document.first_element_by_path("manifest/Slices")) slice = node;
+  const std::ptrdiff_t element = slice.offset_debug();
+  const std::ptrdiff_t name = slice.child("name").first_child().offset_debug();
+  const std::string end_tag = std::string("</") + slice.name() + ">";
+  const auto from = static_cast<std::size_t>(std::max<std::ptrdiff_t>(element, 0));
+  const std::size_t end = text.find(end_tag, from);
+  if (!is_xml || element < 1 || name <= element || end == text.npos) {
     throw InputError(r.kept->path(), manifest_entry,
                      "lists no slices, expected manifest/Slices/Slice/name");
   }
-  const pugi::xml_node before = slice.previous_sibling();
-  const bool indented = before && before.type() == pugi::node_pcdata;
+  // With the white space before it.
+  const std::size_t begin = text.rfind('>', from - 1) + 1;
+  const auto name_begin = static_cast<std::size_t>(name);
+  const std::size_t name_end = text.find('<', name_begin), after = end + end_tag.size();
+  const std::string before_name = text.substr(begin, name_begin - begin);
+  const std::string after_name = text.substr(name_end, after - name_end);
+  std::string added;
   for (std::size_t n = r.kept_contents->images.size(); n < names.size(); ++n) {
-    pugi::xml_node after = slice;
-    if (indented) after = slices.insert_copy_after(before, slice);
-    slice = slices.insert_copy_after(slice, after);
-    slice.child("name").text().set(names[n].c_str());
+    added += before_name + xml_text(names[n]) + after_name;
   }
-  (void)last;
-  struct Text final : pugi::xml_writer {
-    std::string text;
-    void write(const void* data, std::size_t size) override {
-      text.append(static_cast<const char*>(data), size);
-    }
-  } out;
-  document.save(out, "", pugi::format_raw | pugi::format_no_declaration);
-  output.add_text(manifest_entry, out.text);
+  output.add_text(manifest_entry, text.insert(after, added));
 }
 
 void change(const ArchiveRequest& r, const std::vector<std::string>& images,

@@ -28,7 +28,6 @@ static_assert(std::atomic<bool>::is_always_lock_free, "set from a signal handler
 void on_signal(int) { cancelled = true; }
 
 constexpr const char* kFooter =
-    "Every command takes --threads and --quiet.\n"
     "Exit codes: 0 done; 1 a defect of the program; 2 wrong usage or input; 3 physically "
     "infeasible; 4 disk or device failed; 5 a tolerance was missed; 130 interrupted.";
 
@@ -77,14 +76,14 @@ void Console::progress(std::string_view stage, double done) {
 
 Program::Program(const std::string& name, const std::string& description,
                  const std::string& example)
-    : app_(description, name) {
+    : app_(description, name), example_(example.empty() ? "" : "Example: " + example + "\n") {
   app_.set_version_flag("--version", fmt::format("{} {}", name, version));
   app_.add_option("--threads", threads_, "Number of threads [all cores]")
       ->check(CLI::Range(0, 4096));
   app_.add_flag("--quiet", quiet_, "Nothing but errors on stderr");
   app_.require_subcommand(1);
   app_.fallthrough();
-  app_.footer((example.empty() ? "" : "Example: " + example + "\n") + kFooter);
+  app_.footer(example_ + "Every command takes --threads and --quiet.\n" + kFooter);
   app_.failure_message([this](const CLI::App*, const CLI::Error& e) { return failure_message(e); });
 }
 
@@ -94,9 +93,16 @@ CLI::App* Program::add(const std::string& name, const std::string& text, Action 
   return sub;
 }
 
+CLI::App* Program::only(Action action) {
+  only_ = std::move(action);
+  app_.require_subcommand(0);
+  app_.footer(example_ + kFooter);
+  return &app_;
+}
+
 std::string Program::failure_message(const CLI::Error& e) const {
   std::string text = e.what();
-  if (e.get_name() == "RequiredError" && app_.get_subcommands().empty()) {
+  if (e.get_name() == "RequiredError" && !only_ && app_.get_subcommands().empty()) {
     std::string names;
     for (const auto& [command, act] : actions_) {
       names += (names.empty() ? "" : ", ") + command->get_name();
@@ -141,7 +147,7 @@ int Program::run(int argc, char** argv) {
     for (const auto& [command, act] : actions_) {
       if (command->parsed()) return finish(act(console.job(threads_), console));
     }
-    return kInput;
+    return only_ ? finish(only_(console.job(threads_), console)) : kInput;
   } catch (const Cancelled&) {
     return fail(kInterrupted, "interrupted; nothing was left half-made");
   } catch (const InputError& e) {

@@ -45,7 +45,8 @@ class Console {
 /// Whether SIGINT or SIGTERM came since `Program::run` began.
 bool interrupted();
 
-/// A program with subcommands; each takes --threads and --quiet, too.
+/// A program with subcommands, or with one action of its own; each takes --threads and --quiet,
+/// too.
 class Program {
  public:
   using Action = std::function<int(const Job&, Console&)>;
@@ -54,6 +55,8 @@ class Program {
   Program& operator=(const Program&) = delete;
   /// Adds a subcommand; its options are added to what comes back.
   CLI::App* add(const std::string& name, const std::string& text, Action action);
+  /// Makes it a program without subcommands; its options are added to what comes back.
+  CLI::App* only(Action action);
   /// Parses, calls the action of the subcommand, turns errors into messages and exit codes.
   int run(int argc, char** argv);
 
@@ -61,6 +64,8 @@ class Program {
   std::string failure_message(const CLI::Error& error) const;
 
   CLI::App app_;
+  std::string example_;
+  Action only_;
   int threads_ = 0;
   bool quiet_ = false;
   std::vector<std::pair<CLI::App*, Action>> actions_;

@@ -39,9 +39,9 @@ std::string list_of_formats() {
 
 const std::vector<const ArchiveFormat*>& all_archive_formats() {
   static const std::vector<const ArchiveFormat*> formats{
-      &uvj_format(),       &sl1_format(),        &chitubox_zip_format(), &generic_zip_format(),
-      &vdt_format(),       &rgb_nanodlp_format(), &nanodlp_format(),     &rgb_cws_format(),
-      &cws_format(),       &ember_zip_format(),  &ember_tar_format(),    &vda_format(),
+      &uvj_format(),   &sl1_format(),         &chitubox_zip_format(), &generic_zip_format(),
+      &vdt_format(),   &rgb_nanodlp_format(), &nanodlp_format(),      &rgb_cws_format(),
+      &cws_format(),   &ember_zip_format(),   &ember_tar_format(),    &vda_format(),
       &folder_format()};
   return formats;
 }
@@ -84,7 +84,8 @@ const ArchiveFormat& format_named(const std::string& name, const std::string& pa
     for (const ArchiveFormat* f : fitting) {
       names += (names.empty() ? "" : ", ") + std::string(f->name());
     }
-    throw InputError(path, "", "several formats end like this; expected one of them named: " + names);
+    throw InputError(path, "",
+                     "several formats end like this; expected one of them named: " + names);
   }
   std::string endings;
   for (const ArchiveFormat* f : formats) {
@@ -129,9 +130,9 @@ std::vector<std::string> complete_names(const Container& archive,
     const long expected = first + static_cast<long>(names.size());
     if (e.number != expected) {
       throw InputError(archive.path(), shown_name(e.entry->name),
-                       e.number < expected ? "has the number of another image"
-                                           : "follows a gap: image " + std::to_string(expected) +
-                                                 " is missing");
+                       e.number < expected
+                           ? "has the number of another image"
+                           : "follows a gap: image " + std::to_string(expected) + " is missing");
     }
     names.push_back(e.entry->name);
   }
@@ -171,9 +172,9 @@ std::optional<KeyValueText::Place> KeyValueText::place(std::string_view key) con
       const std::size_t at = rest.find(separator_);
       if (at != rest.npos && trimmed(rest.substr(0, at)) == key) {
         const std::string_view value = trimmed(rest.substr(at + 1));
-        const std::size_t begin =
-            value.empty() ? static_cast<std::size_t>(rest.data() + at + 1 - all.data())
-                          : static_cast<std::size_t>(value.data() - all.data());
+        const std::size_t begin = value.empty()
+                                      ? static_cast<std::size_t>(rest.data() + at + 1 - all.data())
+                                      : static_cast<std::size_t>(value.data() - all.data());
         return Place{begin, begin + value.size()};
       }
     }
@@ -237,6 +238,8 @@ bool corrected(const StackInfo& info) {
   return info.kind == StackKind::corrected && info.process.has_value();
 }
 
+}  // namespace
+
 Process process_of_times(const StackInfo& info) {
   if (corrected(info)) return *info.process;
   Process p;
@@ -248,8 +251,6 @@ Process process_of_times(const StackInfo& info) {
   p.layer_exposure_s = info.layer_exposure_s;
   return p;
 }
-
-}  // namespace
 
 SliceLight light_of_layer(const StackInfo& info, int layer) {
   return slice_light(process_of_times(info), info.resin ? info.resin->m : 1.0, info.grid.layer_um,
@@ -288,6 +289,11 @@ std::vector<FormatInfo> archive_formats() {
         {std::string(f->name()), std::string(f->what()), {endings.begin(), endings.end()}});
   }
   return list;
+}
+
+double light_on_s(const StackInfo& info) {
+  return light_on_s(detail::process_of_times(info), info.resin ? info.resin->m : 1.0,
+                    info.grid.layer_um, info.grid.layers);
 }
 
 void check_stack_file(const StackFile& file) { detail::format_named(file.format, file.path); }

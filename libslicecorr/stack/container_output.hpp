@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "slicecorr/parallel.hpp"
 #include "base/temporary.hpp"
+#include "slicecorr/parallel.hpp"
 #include "stack/container.hpp"
 
 namespace slicecorr::detail {

@@ -60,8 +60,7 @@ class Uvj final : public ArchiveFormat {
   ArchiveContents read(const Container& archive) const override {
     // Grows with the layers, which it lists one by one.
     const std::uint64_t limit = (std::uint64_t{64} << 20) + 256 * archive.entries().size();
-    ArchiveContents contents =
-        parse_uvj_config(archive.text("config.json", limit), archive.path());
+    ArchiveContents contents = parse_uvj_config(archive.text("config.json", limit), archive.path());
     const StackInfo& info = contents.info;
     contents.images = list_images(archive, "slice/", slice_name, info.grid.layers);
     if (info.process && info.process->uv.kind == UvKind::patterned) {
@@ -77,8 +76,7 @@ class Uvj final : public ArchiveFormat {
                       change_uvj_config(r.kept->text("config.json", limit), r.info, r.images_crc32,
                                         r.uv_images_crc32, r.exposure_changes));
     } else {
-      output.add_text("config.json",
-                      write_uvj_config(r.info, r.images_crc32, r.uv_images_crc32));
+      output.add_text("config.json", write_uvj_config(r.info, r.images_crc32, r.uv_images_crc32));
       if (!r.preview.pixels.empty()) {
         constexpr int tiny_preview_px = 128;
         output.add("preview/huge.png", encode_png(r.preview));

@@ -18,9 +18,9 @@ namespace slicecorr::detail {
 /// Their Adler-32 stands for the image.
 inline std::size_t raw_stride(int width_px) { return static_cast<std::size_t>(width_px) + 1; }
 
-/// How the pixels of an image stand in the bytes of a PNG's rows. The kinds that repeat a grey value:
-/// grey, RGB, with and without an opaque alpha, of 8 or 16 bits (v * 257 is v twice); and three
-/// neighbouring grey pixels in one RGB pixel.
+/// How the pixels of an image stand in the bytes of a PNG's rows. The kinds that repeat a grey
+/// value: grey, RGB, with and without an opaque alpha, of 8 or 16 bits (v * 257 is v twice); and
+/// three neighbouring grey pixels in one RGB pixel.
 struct PixelCode {
   int value_bytes = 1;   ///< bytes that repeat the value
   int opaque_bytes = 0;  ///< bytes of 255 after them

@@ -21,8 +21,8 @@ std::uint8_t paeth(int left, int up, int corner) {
   return static_cast<std::uint8_t>(to_up <= to_corner ? up : corner);
 }
 
-/// Undoes the filter of one row of pixels of `step` bytes in place. `above` is the row above without
-/// filter.
+/// Undoes the filter of one row of pixels of `step` bytes in place. `above` is the row above
+/// without filter.
 void unfilter_wide(int filter, std::uint8_t* row, const std::uint8_t* above, int bytes, int step) {
   for (int x = 0; x < bytes; ++x) {
     const int left = x < step ? 0 : row[x - step], corner = x < step ? 0 : above[x - step];
@@ -193,7 +193,15 @@ void decode_other(const PngLayout& layout, int rows, const PngName& name, const 
 }  // namespace
 
 void decode_png_bands(Bytes png, int width_px, int height_px, int rows, const PngName& name,
-                      const RawBandSink& sink) {
+                      const RawBandSink& sink, bool packed_rgb) {
+  if (packed_rgb) {
+    const PngLayout layout = read_png_layout(png, (width_px + 2) / 3, height_px, name);
+    if (layout.colour != rgb || layout.bit_depth != 8 || layout.interlaced) {
+      bad_png(name, "expected an 8-bit RGB image that packs three grey pixels in each of its own");
+    }
+    decode_packed(layout, width_px, rows, name, sink);
+    return;
+  }
   const PngLayout layout = read_png_layout(png, width_px, height_px, name);
   const bool plain = layout.colour == grey && layout.bit_depth == 8 && !layout.interlaced &&
                      !layout.transparent_colour;

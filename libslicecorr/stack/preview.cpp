@@ -46,8 +46,8 @@ GreyImage framed(const GreyImage& image, int width_px, int height_px) {
   const int w = std::min(small.width_px, width_px), h = std::min(small.height_px, height_px);
   const int x0 = (width_px - w) / 2, y0 = (height_px - h) / 2;
   for (int y = 0; y < h; ++y) {
-    std::copy_n(small.pixels.data() + static_cast<std::size_t>(y) *
-                                          static_cast<std::size_t>(small.width_px),
+    std::copy_n(small.pixels.data() +
+                    static_cast<std::size_t>(y) * static_cast<std::size_t>(small.width_px),
                 w,
                 out.pixels.data() +
                     static_cast<std::size_t>(y0 + y) * static_cast<std::size_t>(width_px) + x0);

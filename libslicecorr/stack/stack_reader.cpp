@@ -3,17 +3,17 @@
 #include <algorithm>
 #include <cstdlib>
 #include <cstring>
+#include <filesystem>
 #include <mutex>
 #include <numeric>
 #include <span>
-#include <filesystem>
 #include <stdexcept>
 
 #include "base/run_length.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
-#include "stack/png.hpp"
 #include "stack/archive_format.hpp"
+#include "stack/png.hpp"
 #include "stack/uvj_config.hpp"
 
 namespace slicecorr {
@@ -156,13 +156,12 @@ struct StackReader::Impl {
   std::uint32_t adler_of(std::span<const std::uint8_t> png, const std::string& name) const {
     std::uint32_t adler = 1;
     const std::size_t stride = detail::raw_stride(config.info.grid.width_px);
-    detail::decode_png_bands(png, config.info.grid.width_px, config.info.grid.height_px, rows,
-                             {path, name},
-                             [&](int y0, int y1, const std::uint8_t* raw) {
-                               adler = isal_adler32(adler, raw,
-                                                    stride * static_cast<unsigned>(y1 - y0));
-                             },
-                             config.packed_rgb);
+    detail::decode_png_bands(
+        png, config.info.grid.width_px, config.info.grid.height_px, rows, {path, name},
+        [&](int y0, int y1, const std::uint8_t* raw) {
+          adler = isal_adler32(adler, raw, stride * static_cast<unsigned>(y1 - y0));
+        },
+        config.packed_rgb);
     return adler;
   }
   void copy_piece(const PieceStore::Piece& piece, const PixelBox& band, const PixelBox& box,

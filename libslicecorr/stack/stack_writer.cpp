@@ -9,8 +9,8 @@
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
-#include "stack/png.hpp"
 #include "stack/archive_format.hpp"
+#include "stack/png.hpp"
 #include "stack/uvj_config.hpp"
 
 namespace slicecorr {
@@ -193,19 +193,18 @@ StackWriter::Impl::Images StackWriter::Impl::gather(const std::vector<Pieces>& f
 }
 
 void StackWriter::Impl::add_images(const std::vector<std::string>& names, const Images& images) {
-  output->add_lazily(
-      names, images.sizes, [&](std::size_t slice, std::vector<std::uint8_t>& png) {
-        detail::append_png_start(grid.width_px, grid.height_px, images.code, png);
-        for (std::size_t band = 0; band < images.bands.size(); ++band) {
-          if (images.lit(band, slice)) {
-            store.get(images.bands[band][slice], png);
-          } else {
-            const std::vector<std::uint8_t>& chunk = images.black.at(rows_of(band)).chunk;
-            png.insert(png.end(), chunk.begin(), chunk.end());
-          }
-        }
-        detail::append_png_end(images.adlers[slice], png);
-      });
+  output->add_lazily(names, images.sizes, [&](std::size_t slice, std::vector<std::uint8_t>& png) {
+    detail::append_png_start(grid.width_px, grid.height_px, images.code, png);
+    for (std::size_t band = 0; band < images.bands.size(); ++band) {
+      if (images.lit(band, slice)) {
+        store.get(images.bands[band][slice], png);
+      } else {
+        const std::vector<std::uint8_t>& chunk = images.black.at(rows_of(band)).chunk;
+        png.insert(png.end(), chunk.begin(), chunk.end());
+      }
+    }
+    detail::append_png_end(images.adlers[slice], png);
+  });
 }
 
 void StackWriter::Impl::write_archive(const StackInfo& info, const GreyImage& preview) {

@@ -6,7 +6,6 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-
 namespace slicecorr::detail {
 namespace {
 

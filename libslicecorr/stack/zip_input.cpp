@@ -45,7 +45,8 @@ ZipInput::ZipInput(const std::string& path) : Container(path) {
     throw InputError(errno_message(path, "can't be read"));
   }
   int error = 0;
-  zip_ = zip_open(path.c_str(), ZIP_RDONLY | ZIP_CHECKCONS, &error);
+  // Not ZIP_CHECKCONS: it refuses what common programs write. Contents are checked when they are read.
+  zip_ = zip_open(path.c_str(), ZIP_RDONLY, &error);
   if (zip_ == nullptr) {
     zip_error_t details;
     zip_error_init_with_code(&details, error);
@@ -79,7 +80,8 @@ void ZipInput::list_entries(std::uint64_t archive_bytes) {
     if (!is_safe_name(name)) {
       throw InputError(path_, shown_name(name), "entry name is absolute or leaves the archive");
     }
-    if (s.encryption_method != ZIP_EM_NONE) throw InputError(path_, shown_name(name), "is encrypted");
+    if (s.encryption_method != ZIP_EM_NONE)
+      throw InputError(path_, shown_name(name), "is encrypted");
     packed_sum += s.comp_size;
     const bool fits = s.comp_size <= archive_bytes && packed_sum <= archive_bytes;
     if (!fits) throw InputError(path_, shown_name(name), "entries overlap in the archive");
@@ -91,8 +93,7 @@ void ZipInput::list_entries(std::uint64_t archive_bytes) {
   finish_list();
 }
 
-void ZipInput::read(const Entry& entry, std::uint64_t limit,
-                    std::vector<std::uint8_t>& out) const {
+void ZipInput::read(const Entry& entry, std::uint64_t limit, std::vector<std::uint8_t>& out) const {
   const Packed& p = packed_[entry.index];
   const std::string name = shown_name(entry.name);
   // Offsets of 32 bits are enough for any image that is allowed.

@@ -149,8 +149,7 @@ void ZipOutput::write(const std::string& temporary, const Job& job) {
     zip_source_t* const made =
         zip_source_function_create(&ZipWriting::call, &entries.back(), &error);
     if (made == nullptr) fail(&error);
-    const zip_int64_t kept =
-        keeps ? zip_name_locate(zip, source.name.c_str(), ZIP_FL_ENC_RAW) : -1;
+    const zip_int64_t kept = keeps ? zip_name_locate(zip, source.name.c_str(), ZIP_FL_ENC_RAW) : -1;
     if (kept >= 0) {
       const auto index = static_cast<zip_uint64_t>(kept);
       zip_stat_t was;

@@ -9,8 +9,8 @@
 namespace slicecorr::detail {
 
 /// New entries are stored uncompressed, with a fixed time, in the order they were added. Kept ones
-/// are copied as they are packed; a changed one keeps its place, time and comment, and, unless it is
-/// an image, its compression.
+/// are copied as they are packed; a changed one keeps its place, time and comment, and, unless it
+/// is an image, its compression.
 class ZipOutput final : public ContainerOutput {
  public:
   explicit ZipOutput(const std::string& path, std::string keep_from = "");

@@ -48,8 +48,6 @@ std::vector<Finding> validate_text(const std::string& text, const std::string& p
 
 /// Lower case letters, digits, '-', '.', '_', beginning with a letter or digit; at most 100.
 bool is_stable_name(std::string_view name);
-/// The known word that is most like `word`; empty when none is near.
-std::string nearest(std::string_view word, std::span<const std::string_view> known);
 
 /// A definition has at most so many bytes: a file beyond is something else.
 inline constexpr std::size_t most_definition_bytes = 4U << 20;

@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <optional>
 
+#include "base/nearest.hpp"
 #include "database/flat_field.hpp"
 #include "database/record_text.hpp"
 #include "database/schema.hpp"

@@ -1,0 +1,21 @@
+/// Figures of predictions for people to read.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "slicecorr/predict.hpp"
+
+namespace slicecorr::cli {
+
+/// The human summary of a prediction.
+std::string summary(const Prediction& after, const std::optional<Prediction>& before);
+/// The same figures of several predictions side by side, each under its heading.
+struct Figures {
+  std::string heading;
+  const Prediction* prediction;
+};
+std::string figures_table(const std::vector<Figures>& columns);
+
+}  // namespace slicecorr::cli

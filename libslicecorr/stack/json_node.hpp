@@ -49,7 +49,7 @@ class JsonNode {
   }
 
   double number(double least, double most) const {
-    const double value = json_->is_number() ? json_->get<double>() : NAN;
+    const double value = json_->is_number() ? json_->template get<double>() : NAN;
     if (!(value >= least && value <= most)) {
       fail(most >= JsonPlace::largest ? "a number of at least " + text(least)
                                       : "a number from " + text(least) + " to " + text(most));
@@ -59,7 +59,7 @@ class JsonNode {
 
   /// A number above 0.
   double positive(double most = JsonPlace::largest) const {
-    const double value = json_->is_number() ? json_->get<double>() : NAN;
+    const double value = json_->is_number() ? json_->template get<double>() : NAN;
     if (!(value > 0 && value <= most)) {
       fail(most >= JsonPlace::largest ? "a number above 0"
                                       : "a number above 0 and up to " + text(most));
@@ -69,7 +69,7 @@ class JsonNode {
 
   /// Some programs write whole numbers with a decimal point.
   std::int64_t whole(std::int64_t least, std::int64_t most) const {
-    const double value = json_->is_number() ? json_->get<double>() : NAN;
+    const double value = json_->is_number() ? json_->template get<double>() : NAN;
     if (!(value >= static_cast<double>(least) && value <= static_cast<double>(most)) ||
         value != std::floor(value)) {
       fail("a whole number from " + std::to_string(least) + " to " + std::to_string(most));
@@ -78,15 +78,20 @@ class JsonNode {
   }
   int integer(int least, int most) const { return static_cast<int>(whole(least, most)); }
 
+  bool flag() const {
+    if (!json_->is_boolean()) fail("true or false");
+    return json_->template get<bool>();
+  }
+
   std::string string() const {
     if (!json_->is_string()) fail("a text");
-    return json_->get<std::string>();
+    return json_->template get<std::string>();
   }
 
   /// Index of the text among `choices`.
   std::size_t choice(const std::vector<std::string>& choices) const {
     const auto found = json_->is_string()
-                           ? std::find(choices.begin(), choices.end(), json_->get<std::string>())
+                           ? std::find(choices.begin(), choices.end(), json_->template get<std::string>())
                            : choices.end();
     if (found == choices.end()) {
       std::string list;
@@ -118,7 +123,7 @@ class JsonNode {
 
   std::string shown() const {
     if (json_->is_structured()) return json_->is_array() ? "a list" : "an object";
-    if (json_->is_string() && json_->get_ref<const std::string&>().size() > 40)
+    if (json_->is_string() && json_->template get_ref<const std::string&>().size() > 40)
       return "a long text";
     return json_->dump();
   }

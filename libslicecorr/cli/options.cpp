@@ -85,17 +85,6 @@ TriangleMesh read_parts(const MeshOptions& options, const Job& job) {
   return all;
 }
 
-double print_time_s(const StackInfo& info) {
-  const Grid& g = info.grid;
-  if (info.process)
-    return light_on_s(*info.process, info.resin ? info.resin->m : 1.0, g.layer_um, g.layers);
-  if (!info.layer_exposure_s.empty()) {
-    return std::accumulate(info.layer_exposure_s.begin(), info.layer_exposure_s.end(), 0.0);
-  }
-  const int bottom = std::min(info.bottom_layers, g.layers);
-  return (g.layers - bottom) * info.exposure_s + bottom * info.bottom_exposure_s;
-}
-
 namespace {
 const char* kind_name(StackKind kind) {
   switch (kind) {
@@ -108,6 +97,13 @@ const char* kind_name(StackKind kind) {
   }
 }
 
+std::string orientation_in_words(const Orientation& o) {
+  std::string text = o.portrait ? "portrait" : "landscape";
+  if (o.mirror_x) text += ", mirrored in x";
+  if (o.mirror_y) text += ", mirrored in y";
+  return text;
+}
+
 std::string exposures(const Process& p) {
   if (!p.layer_exposure_s.empty()) {
     const auto [least, greatest] =
@@ -116,7 +112,8 @@ std::string exposures(const Process& p) {
   }
   std::string text = fmt::format("{:g} s each", p.exposure_s);
   if (p.bottom_layers + p.fade_layers > 0) {
-    text += fmt::format("; the first {} {:g} s, then {} between", p.bottom_layers,
+    text += fmt::format("; the first {} {:g} s, then {} in steps between",
+                        p.bottom_layers == 1 ? "layer" : fmt::format("{} layers", p.bottom_layers),
                         layer_exposure_s(p, 0), p.fade_layers);
   }
   return text;
@@ -125,13 +122,25 @@ std::string exposures(const Process& p) {
 
 std::string describe_stack(const StackInfo& info) {
   const Grid& g = info.grid;
-  std::string text = fmt::format(
-      "kind         {}\nslices       {} of {:g} um, {:.3f} mm in all\nimages       {} x {} pixels "
-      "of "
-      "{:g} "
-      "x {:g} um\n",
-      kind_name(info.kind), g.layers, g.layer_um, g.layers * g.layer_um * 1e-3, g.width_px,
-      g.height_px, g.pixel_x_um, g.pixel_y_um);
+  const auto or_not_said = [](double um, const std::string& text) {
+    return um > 0 ? text : std::string("not said");
+  };
+  std::string text = fmt::format("kind         {}, format {}\n", kind_name(info.kind), info.format);
+  text += fmt::format("slices       {} of {}\n", g.layers,
+                      or_not_said(g.layer_um, fmt::format("{:g} um, {:.3f} mm in all", g.layer_um,
+                                                          g.layers * g.layer_um * 1e-3)));
+  text += fmt::format(
+      "images       {} x {} pixels of {}\n", g.width_px, g.height_px,
+      or_not_said(g.pixel_x_um, fmt::format("{:g} x {:g} um", g.pixel_x_um, g.pixel_y_um)));
+  if (info.orientation != Orientation{}) {
+    text += "orientation  " + orientation_in_words(info.orientation) + "\n";
+  }
+  const ArchiveProfiles& names = info.profiles;
+  for (const auto& [what, name] :
+       {std::pair{"printer", &names.printer}, std::pair{"material", &names.material},
+        std::pair{"print", &names.print}}) {
+    if (!name->empty()) text += fmt::format("profile      {}: {}\n", what, *name);
+  }
   if (info.kind == StackKind::corrected) {
     text += fmt::format("part         {} layers, {:.3f} mm high; {} slices added after its end\n",
                         info.target_layers, info.target_layers * g.layer_um * 1e-3,
@@ -161,7 +170,10 @@ std::string describe_stack(const StackInfo& info) {
       text += "UV light     " + uv + "\n";
     }
   }
-  if (const double time = print_time_s(info); time > 0) {
+  if (!info.process && info.exposure_s > 0) {
+    text += "exposure     " + exposures(process_of_times(info)) + "\n";
+  }
+  if (const double time = light_on_s(info); time > 0) {
     text += fmt::format(
         "print time   {:.0f} min {:02.0f} s{}\n", std::floor(time / 60), std::fmod(time, 60.0),
         layerwise ? " of light; lifts come on top, the stack does not know them" : "");
@@ -179,12 +191,19 @@ std::string info_json(const StackInfo& info, const std::string& path) {
   ordered_json j;
   j["file"] = path;
   j["kind"] = kind_name(info.kind);
+  j["format"] = info.format;
   j["layers"] = g.layers;
   j["layer_um"] = g.layer_um;
   j["width_px"] = g.width_px;
   j["height_px"] = g.height_px;
   j["pixel_um"] = {g.pixel_x_um, g.pixel_y_um};
   j["height_mm"] = g.layers * g.layer_um * 1e-3;
+  j["orientation"] = {{"portrait", info.orientation.portrait},
+                      {"mirror_x", info.orientation.mirror_x},
+                      {"mirror_y", info.orientation.mirror_y}};
+  j["profiles"] = {{"printer", info.profiles.printer},
+                   {"material", info.profiles.material},
+                   {"print", info.profiles.print}};
   if (info.target_layers > 0) j["target_layers"] = info.target_layers;
   if (info.printer) j["printer"] = info.printer->name;
   if (info.resin) {
@@ -223,7 +242,7 @@ std::string info_json(const StackInfo& info, const std::string& path) {
     j["one_slice_gaps"] = info.process->one_slice_gaps == OneSliceGaps::merge ? "merge" : "open";
     j["platform_features"] = info.process->cap_platform_features ? "capped" : "uncapped";
   }
-  const double time = print_time_s(info);
+  const double time = light_on_s(info);
   j["print_time_s"] = time > 0 ? ordered_json(time) : ordered_json();
   j["resin_volume_ml"] =
       info.part_volume_mm3 > 0 ? ordered_json(info.part_volume_mm3 * 1e-3) : ordered_json();

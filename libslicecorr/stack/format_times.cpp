@@ -32,8 +32,7 @@ std::optional<int> whole(std::optional<double> value, const std::string& file,
                          const std::string& entry, const std::string& key) {
   if (!value) return std::nullopt;
   if (*value != std::floor(*value) || std::abs(*value) > 1e9) {
-    throw InputError(file, entry,
-                     key + " is " + number_text(*value) + ", expected a whole number");
+    throw InputError(file, entry, key + " is " + number_text(*value) + ", expected a whole number");
   }
   return static_cast<int>(*value);
 }
@@ -41,6 +40,11 @@ std::optional<int> whole(std::optional<double> value, const std::string& file,
 void take_image_size(const Container& archive, std::optional<int> width_px,
                      std::optional<int> height_px, const std::string& says, bool may_be_packed,
                      ArchiveContents& contents) {
+  if (contents.images.size() > max_layers) {
+    throw InputError(
+        archive.path(), "",
+        fmt::format("has {} layers, expected at most {}", contents.images.size(), max_layers));
+  }
   const std::string& first = contents.images.front();
   const ImageSize size = image_size(archive, first);
   const int width = width_px && *width_px > 0 ? *width_px : size.width_px;
@@ -49,11 +53,10 @@ void take_image_size(const Container& archive, std::optional<int> width_px,
   if ((size.width_px != width && !packed) || size.height_px != height) {
     const std::string packing =
         may_be_packed ? fmt::format(", or {} x {} in RGB", (width + 2) / 3, height) : "";
-    throw InputError(
-        archive.path(), first,
-        fmt::format("is {} x {} pixels{}, expected {} x {}{}, as {} says", size.width_px,
-                    size.height_px, size.channels == 3 ? " in RGB" : "", width, height, packing,
-                    says));
+    throw InputError(archive.path(), first,
+                     fmt::format("is {} x {} pixels{}, expected {} x {}{}, as {} says",
+                                 size.width_px, size.height_px, size.channels == 3 ? " in RGB" : "",
+                                 width, height, packing, says));
   }
   if (width > 65536 || std::int64_t{width} * height > max_image_pixels) {
     throw InputError(archive.path(), first,
@@ -82,8 +85,8 @@ void take_layer_times(std::vector<double> times_s, StackInfo& info) {
     for (int n = 0; n < layers; ++n) {
       double expected_s = n < bottom ? info.bottom_exposure_s : info.exposure_s;
       if (n >= bottom && n < bottom + fade) {
-        expected_s = info.bottom_exposure_s + (info.exposure_s - info.bottom_exposure_s) *
-                                                  (n - bottom + 1) / (fade + 1);
+        expected_s = info.bottom_exposure_s +
+                     (info.exposure_s - info.bottom_exposure_s) * (n - bottom + 1) / (fade + 1);
       }
       if (!same_time(times_s[static_cast<std::size_t>(n)], expected_s)) return false;
     }
@@ -141,8 +144,9 @@ void warn_of_mode(const ArchiveRequest& request, std::string_view format) {
                               "shown: each slice is shown for {:g} s, and nothing is lifted",
                               format, exposure_summary(info).normal_s));
   } else if (exposure_summary(info).normal_s == 0) {
-    warn(request, "the stack says no exposure times: 0 s is written, which must be set before "
-                  "printing");
+    warn(request,
+         "the stack says no exposure times: 0 s is written, which must be set before "
+         "printing");
   }
 }
 

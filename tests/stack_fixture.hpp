@@ -99,7 +99,7 @@ inline StackInfo info_of(const Grid& grid) {
   return info;
 }
 
-inline void write_stack(const std::string& path, const Images& images, const StackInfo& info,
+inline void write_stack(const StackFile& path, const Images& images, const StackInfo& info,
                         const Job& job = {}, const GreyImage& preview = {2, 1, {7, 9}}) {
   const Grid& grid = images.grid;
   StackWriter writer(path, grid, job);

@@ -155,7 +155,8 @@ struct TarReader::Impl {
   std::unique_ptr<archive, decltype(&archive_read_free)> tar{nullptr, &archive_read_free};
   archive_entry* header = nullptr;
   std::string name;
-  std::uint64_t entries = 0, bytes_read = 0;
+  bool folder = false;
+  std::uint64_t entries = 0, bytes = 0, bytes_read = 0;
 
   explicit Impl(const std::string& p) : path(p), gzip(p), block(block_bytes) {}
 
@@ -229,6 +230,8 @@ bool TarReader::next() {
   }
   // A warning: the name is in an encoding that the locale has not. The bytes are what counts.
   if (result != ARCHIVE_OK && result != ARCHIVE_WARN) s.fail("");
+  s.folder = archive_entry_filetype(s.header) == AE_IFDIR;
+  s.bytes = static_cast<std::uint64_t>(std::max<la_int64_t>(0, archive_entry_size(s.header)));
   const char* name = archive_entry_pathname(s.header);
   if (name == nullptr) name = archive_entry_pathname_utf8(s.header);
   if (name == nullptr) {
@@ -254,11 +257,9 @@ bool TarReader::next() {
 }
 
 archive_entry* TarReader::header() const { return impl_->header; }
-bool TarReader::is_folder() const { return archive_entry_filetype(impl_->header) == AE_IFDIR; }
+bool TarReader::is_folder() const { return impl_->folder; }
 const std::string& TarReader::name() const { return impl_->name; }
-std::uint64_t TarReader::bytes() const {
-  return static_cast<std::uint64_t>(std::max<la_int64_t>(0, archive_entry_size(impl_->header)));
-}
+std::uint64_t TarReader::bytes() const { return impl_->bytes; }
 double TarReader::fraction() const { return impl_->gzip.fraction(); }
 
 std::size_t TarReader::read(std::span<std::uint8_t> out) {

@@ -23,7 +23,7 @@ class TarReader {
 
   /// Goes to the next file or folder; false when there is none, and all bytes have been checked.
   bool next();
-  /// What stands before the contents; valid until `next`.
+  /// What stands before the contents; valid until `next`, and may be changed.
   archive_entry* header() const;
   bool is_folder() const;
   /// Without "./" in front.

@@ -4,6 +4,7 @@
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <filesystem>
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/units.hpp"
@@ -78,7 +79,11 @@ const ArchiveFormat& format_named(const std::string& name, const std::string& pa
     }
   }
   if (fitting.size() == 1) return *fitting.front();
-  if (fitting.empty() && file.find('.') == std::string::npos) return folder_format();
+  // Not every name without an ending: it may have been forgotten.
+  std::error_code error;
+  if (fitting.empty() && (path.ends_with('/') || std::filesystem::is_directory(path, error))) {
+    return folder_format();
+  }
   if (!fitting.empty()) {
     std::string names;
     for (const ArchiveFormat* f : fitting) {
@@ -93,7 +98,7 @@ const ArchiveFormat& format_named(const std::string& name, const std::string& pa
       if (endings.find(std::string(e) + ",") == std::string::npos) endings += std::string(e) + ", ";
     }
   }
-  throw InputError(path, "", "expected a name that ends in " + endings + "or a folder");
+  throw InputError(path, "", "expected a name that ends in " + endings + "or a folder, which ends in /");
 }
 
 std::vector<NumberedEntry> numbered_entries(const Container& archive, std::string_view prefix,

@@ -132,6 +132,9 @@ SliceLight light_of_layer(const StackInfo& info, int layer);
 inline double light_on_of_layer(const StackInfo& info, int layer) {
   return light_of_layer(info, layer).time_s;
 }
+/// Whether two times are the same but for the rounding of archives: hundredths of seconds, and less
+/// for short times, which are written with more digits.
+bool same_time(double a_s, double b_s);
 /// Light-on time of normal layers, of the first layers, and the number of these.
 struct ExposureSummary {
   double normal_s = 0, bottom_s = 0;

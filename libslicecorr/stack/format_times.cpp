@@ -11,9 +11,6 @@
 namespace slicecorr::detail {
 namespace {
 
-/// What times are written with: milliseconds, or hundredths of seconds.
-bool same_time(double a_s, double b_s) { return std::abs(a_s - b_s) <= 0.0051; }
-
 double checked_um(double mm, const Container& archive, const std::string& says, const char* what) {
   const double um = um_of_mm(mm);
   if (um == 0) return 0;

@@ -77,7 +77,7 @@ struct StackWriter::Impl {
     if (!file.keep_from.empty()) {
       open_kept();
     } else if (format.packs_rgb()) {
-      code = {1, 0, 8, 2, true};
+      code = {1, 0, 8, 2, true, format.packs_bgr()};
     }
     if (!code.is_plain()) grey_adlers.resize(bands.size());
   }
@@ -136,7 +136,7 @@ void StackWriter::Impl::open_kept() {
   kept_contents = format.read(*kept);
   const std::string& first = kept_contents.images.front();
   if (kept_contents.packed_rgb) {
-    code = {1, 0, 8, 2, true};
+    code = {1, 0, 8, 2, true, kept_contents.packed_bgr};
     return;
   }
   std::vector<std::uint8_t> png;

@@ -173,6 +173,38 @@ INSTANTIATE_TEST_SUITE_P(Formats, NewArchive,
                            return name;
                          });
 
+TEST_P(NewArchive, ImagesInUvLightAreKeptBesideTheSlices) {
+  const TemporaryFolder folder;
+  const Images images = stamped_images(40, 50, 3, 5);
+  StackInfo info = test::info_of(images.grid);
+  info.kind = StackKind::corrected;
+  info.printer = Printer{
+      "p", 40, 50, 50, 50, 8, 405, {{0, 0}, {255, 9}}, 0, 0, UvLamp{365, true, {{0, 0}, {255, 9}}}};
+  info.resin = Resin{"r", CureModelKind::jacobs, 1, 100, 20, 0, 0, 1, {}};
+  info.resin->inhibition = Inhibition{0.7, 30, 1, 0};
+  info.process.emplace();
+  info.process->speed_mm_h = 10;
+  info.process->uv.kind = UvKind::patterned;
+  info.process->uv.dead_zone_um = 50;
+  const std::string path = folder / GetParam().path;
+  {
+    StackWriter writer(file(path, GetParam().format), images.grid, {});
+    std::array<std::uint8_t, 256> inverse;
+    for (std::size_t v = 0; v < 256; ++v) inverse[v] = static_cast<std::uint8_t>(255 - v);
+    writer.set_uv_pattern(inverse);
+    StackWriter::BandEncoder encoder(writer, 0, 50);
+    for (int n = 0; n < 3; ++n) {
+      encoder.put(n, 0, 40, images.slices[static_cast<std::size_t>(n)].data());
+    }
+    writer.finish(info, {});
+  }
+  Notices notices;
+  const StackReader reader(path, folder.path(), notices.job);
+  EXPECT_EQ(test::read_images(reader), images.slices);
+  EXPECT_EQ(reader.info().process->uv, info.process->uv);
+  EXPECT_EQ(notices.all().find("UV images were changed"), std::string::npos) << notices.all();
+}
+
 TEST(FormatNames, EndingsChoose) {
   EXPECT_EQ(format_of("a.vdt"), "vdt");
   EXPECT_EQ(format_of("a.TAR.GZ"), "ember-tar");
@@ -760,6 +792,24 @@ TEST_F(Ember, ImagesReplacedLeaveAllElseAsItWas) {
   EXPECT_EQ(after[8].first, "slice_7.png");
   EXPECT_EQ(test::read_images(StackReader(folder_ / "a.zip", folder_.path(), {}, facts)),
             others.slices);
+}
+
+TEST_F(Ember, AddedLayersGetTheTimeOfTheLast) {
+  Entries before = foreign();
+  before.emplace_back("layersettings.csv", to_bytes("Layer,ModelExposureSec\r\n5,3\r\n"));
+  make(before);
+  StackInfo info = StackReader::read_info(folder_ / "a.zip");
+  EXPECT_THAT(info.layer_exposure_s, ElementsAre(5.5, 4, 4, 1.5, 3));
+  info.grid.layers = 7;
+  test::write_stack(file(folder_ / "b.zip", "ember", folder_ / "a.zip"), like(images_, 7, 37),
+                    info);
+  EXPECT_THAT(StackReader::read_info(folder_ / "b.zip").layer_exposure_s,
+              ElementsAre(5.5, 4, 4, 1.5, 3, 3, 3));
+  Entries after = test::unzip(folder_ / "b.zip");
+  EXPECT_EQ(to_text(test::entry(after, "printsettings")), ember_settings);
+  EXPECT_EQ(to_text(test::entry(after, "layersettings.csv")),
+            "Layer,ModelExposureSec,FirstExposureSec,BurnInExposureSec\r\n5,3\r\n6,3,3,3\r\n"
+            "7,3,3,3\r\n");
 }
 
 TEST_F(Ember, OtherExposuresInAKeptArchive) {

@@ -61,7 +61,8 @@ class ArchiveFormat {
   virtual bool packs_rgb() const { return false; }
   virtual bool packs_bgr() const { return false; }  ///< see ArchiveContents
 
-  /// By names of entries and, where those do not tell, by contents.
+  /// By names of entries and, where those do not tell, by contents; of archives of the format's
+  /// own container.
   virtual bool recognises(const Container& archive) const = 0;
   /// Throws `InputError` on anything damaged, missing, misnamed or absurdly large. Sizes of images
   /// that the archive does not say are read with `image_size`.

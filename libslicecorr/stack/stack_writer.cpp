@@ -129,8 +129,8 @@ struct StackWriter::Impl {
 
 /// Whoever reads these images is used to their kind.
 void StackWriter::Impl::open_kept() {
-  kept = detail::open_container(file.keep_from, output->folder());
-  if (!format.recognises(*kept)) {
+  kept = detail::open_container(file.keep_from, output->folder(), job);
+  if (format.container() != kept->kind() || !format.recognises(*kept)) {
     throw InputError(file.keep_from, "",
                      "is no archive of the format " + std::string(format.name()));
   }

@@ -85,17 +85,6 @@ TriangleMesh read_parts(const MeshOptions& options, const Job& job) {
   return all;
 }
 
-double print_time_s(const StackInfo& info) {
-  const Grid& g = info.grid;
-  if (info.process)
-    return light_on_s(*info.process, info.resin ? info.resin->m : 1.0, g.layer_um, g.layers);
-  if (!info.layer_exposure_s.empty()) {
-    return std::accumulate(info.layer_exposure_s.begin(), info.layer_exposure_s.end(), 0.0);
-  }
-  const int bottom = std::min(info.bottom_layers, g.layers);
-  return (g.layers - bottom) * info.exposure_s + bottom * info.bottom_exposure_s;
-}
-
 namespace {
 const char* kind_name(StackKind kind) {
   switch (kind) {
@@ -161,7 +150,7 @@ std::string describe_stack(const StackInfo& info) {
       text += "UV light     " + uv + "\n";
     }
   }
-  if (const double time = print_time_s(info); time > 0) {
+  if (const double time = light_on_s(info); time > 0) {
     text += fmt::format(
         "print time   {:.0f} min {:02.0f} s{}\n", std::floor(time / 60), std::fmod(time, 60.0),
         layerwise ? " of light; lifts come on top, the stack does not know them" : "");
@@ -223,7 +212,7 @@ std::string info_json(const StackInfo& info, const std::string& path) {
     j["one_slice_gaps"] = info.process->one_slice_gaps == OneSliceGaps::merge ? "merge" : "open";
     j["platform_features"] = info.process->cap_platform_features ? "capped" : "uncapped";
   }
-  const double time = print_time_s(info);
+  const double time = light_on_s(info);
   j["print_time_s"] = time > 0 ? ordered_json(time) : ordered_json();
   j["resin_volume_ml"] =
       info.part_volume_mm3 > 0 ? ordered_json(info.part_volume_mm3 * 1e-3) : ordered_json();

@@ -34,6 +34,5 @@ TriangleMesh read_parts(const MeshOptions& options, const Job& job);
 
 std::string describe_stack(const StackInfo& info);
 std::string info_json(const StackInfo& info, const std::string& path);
-double print_time_s(const StackInfo& info);
 
 }  // namespace slicecorr::cli

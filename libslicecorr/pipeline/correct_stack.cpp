@@ -83,9 +83,9 @@ void check_fits(const Grid& grid, const Printer& printer) {
 
 }  // namespace
 
-StackInfo write_target(const SliceSource& target, const std::string& path, const Job& job) {
+StackInfo write_target(const SliceSource& target, const StackFile& file, const Job& job) {
   const Grid& grid = target.grid();
-  StackWriter writer(path, grid, job);
+  StackWriter writer(file, grid, job);
   TargetScan scan(target);
   const auto bands = bands_of(grid, target.bounds());
   parallel_for(job, "slice", bands.size(), [&](std::size_t i) {
@@ -126,7 +126,7 @@ CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup) {
   return {std::move(model), setup.process, grid.layers, slices};
 }
 
-Correction correct_stack(const SliceSource& target, const Setup& asked, const std::string& path,
+Correction correct_stack(const SliceSource& target, const Setup& asked, const StackFile& file,
                          bool with_before, const Job& job) {
   Setup setup = asked;
   setup.process = schedule_uv(target, asked, job);
@@ -141,7 +141,7 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const st
   }
   const bool all_levels = plan.levels.size() == 256;
 
-  StackWriter writer(path, grid, job);
+  StackWriter writer(file, grid, job);
   if (model.inhibited && !model.inhibited->uv_levels().empty()) {
     std::array<std::uint8_t, 256> uv_of_pixel{};
     for (int v = 0; v < 256; ++v) {

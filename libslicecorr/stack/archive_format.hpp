@@ -54,8 +54,8 @@ class ArchiveFormat {
   /// Endings of file names, with the point; the first is the usual one.
   virtual std::vector<std::string_view> endings() const = 0;
   virtual ContainerKind container() const { return ContainerKind::zip; }
-  /// Whether new archives can be made; all can be changed.
-  virtual bool packs_rgb(const std::string& /*path*/) const { return false; }
+  /// Whether images of new archives are RGB-packed.
+  virtual bool packs_rgb() const { return false; }
 
   /// By names of entries and, where those do not tell, by contents.
   virtual bool recognises(const Container& archive) const = 0;
@@ -124,8 +124,14 @@ class KeyValueText {
 /// As short as it can be and still read back as the same number.
 std::string number_text(double value);
 
-/// Light-on time of a layer of the stack, s: of its process when corrected, else of its times.
-double light_on_of_layer(const StackInfo& info, int layer);
+/// The process of a corrected stack, else one that has the archive's times.
+Process process_of_times(const StackInfo& info);
+/// How a layer of the stack is lit: by its process when corrected, else by the archive's times.
+SliceLight light_of_layer(const StackInfo& info, int layer);
+/// Its time alone, s.
+inline double light_on_of_layer(const StackInfo& info, int layer) {
+  return light_of_layer(info, layer).time_s;
+}
 /// Light-on time of normal layers, of the first layers, and the number of these.
 struct ExposureSummary {
   double normal_s = 0, bottom_s = 0;

@@ -55,6 +55,9 @@ ContainerKind container_kind(const std::string& path);
 std::unique_ptr<Container> open_container(const std::string& path,
                                           const std::string& scratch_folder);
 
+/// Whether an entry's name stays inside the archive: not absolute, no "..", no backslash.
+bool is_safe_name(std::string_view name);
+
 /// Entry names come from outside: control characters must not reach a terminal.
 std::string shown_name(std::string_view name);
 

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "base/temporary.hpp"
 #include "slicecorr/parallel.hpp"
 #include "stack/container.hpp"
 
@@ -36,6 +37,7 @@ class ContainerOutput {
   virtual void finish(const Job& job) = 0;
 
  protected:
+  friend struct ZipWriting;
   struct Source {
     std::string name;
     std::uint64_t size = 0;

@@ -74,15 +74,40 @@ std::uint32_t IdatEncoder::encode(std::span<const std::uint8_t> raw,
   }
   out.resize(static_cast<std::size_t>(z.next_out - out.data()));
   end_chunk(chunk, out);
-  return isal_adler32(1, raw.data(), raw.size());
+  return adler_of(raw);
 }
 
-void append_png_start(int width_px, int height_px, std::vector<std::uint8_t>& out) {
+std::size_t PixelCode::stride(int width_px) const {
+  const auto bytes = static_cast<std::size_t>(value_bytes + opaque_bytes);
+  return 1 + static_cast<std::size_t>(png_width(width_px)) * (packed_rgb ? 3 : bytes);
+}
+
+void PixelCode::expand(std::span<const std::uint8_t> grey_rows, int width_px,
+                       std::vector<std::uint8_t>& out) const {
+  const std::size_t from = raw_stride(width_px), to = stride(width_px);
+  const auto bytes = static_cast<std::size_t>(value_bytes + opaque_bytes);
+  out.assign(grey_rows.size() / from * to, packed_rgb ? 0 : 255);
+  std::uint8_t* row = out.data();
+  for (std::size_t at = 0; at < grey_rows.size(); at += from, row += to) {
+    row[0] = 0;
+    if (packed_rgb) {
+      std::copy_n(grey_rows.data() + at + 1, from - 1, row + 1);
+      continue;
+    }
+    std::uint8_t* pixel = row + 1;
+    for (std::size_t x = 1; x < from; ++x, pixel += bytes) {
+      std::fill_n(pixel, value_bytes, grey_rows[at + x]);
+    }
+  }
+}
+
+void append_png_start(int width_px, int height_px, const PixelCode& code,
+                      std::vector<std::uint8_t>& out) {
   out.insert(out.end(), std::begin(png_signature), std::end(png_signature));
   std::size_t chunk = begin_chunk("IHDR", out);
-  append_u32(static_cast<std::uint32_t>(width_px), out);
+  append_u32(static_cast<std::uint32_t>(code.png_width(width_px)), out);
   append_u32(static_cast<std::uint32_t>(height_px), out);
-  out.insert(out.end(), {8, grey, 0, 0, 0});
+  out.insert(out.end(), {code.bit_depth, code.colour, 0, 0, 0});
   end_chunk(chunk, out);
   chunk = begin_chunk("IDAT", out);
   out.insert(out.end(), {0x78, 0x01});
@@ -98,6 +123,10 @@ void append_png_end(std::uint32_t adler, std::vector<std::uint8_t>& out) {
   end_chunk(chunk, out);
 }
 
+std::uint32_t adler_of(std::span<const std::uint8_t> bytes) {
+  return isal_adler32(1, bytes.data(), bytes.size());
+}
+
 std::uint32_t join_adler(std::uint32_t first, std::uint32_t second, std::uint64_t second_bytes) {
   return static_cast<std::uint32_t>(
       adler32_combine(first, second, static_cast<z_off_t>(second_bytes)));
@@ -110,7 +139,7 @@ std::vector<std::uint8_t> encode_png(const GreyImage& image) {
   const std::size_t stride = raw_stride(image.width_px);
   const int rows = static_cast<int>(std::max<std::size_t>(1, (std::size_t{4} << 20) / stride));
   std::vector<std::uint8_t> out, raw;
-  append_png_start(image.width_px, image.height_px, out);
+  append_png_start(image.width_px, image.height_px, {}, out);
   IdatEncoder encoder;
   std::uint32_t adler = 1;
   for (int y0 = 0; y0 < image.height_px; y0 += rows) {

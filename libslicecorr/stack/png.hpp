@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -16,6 +17,35 @@ namespace slicecorr::detail {
 /// An image's rows as PNG stores them with filter 0: a zero byte before each row of pixels.
 /// Their Adler-32 stands for the image.
 inline std::size_t raw_stride(int width_px) { return static_cast<std::size_t>(width_px) + 1; }
+
+/// How the pixels of an image stand in the bytes of a PNG's rows. The kinds that repeat a grey
+/// value: grey, RGB, with and without an opaque alpha, of 8 or 16 bits (v * 257 is v twice); and
+/// three neighbouring grey pixels in one RGB pixel.
+struct PixelCode {
+  int value_bytes = 1;   ///< bytes that repeat the value
+  int opaque_bytes = 0;  ///< bytes of 255 after them
+  std::uint8_t bit_depth = 8, colour = 0;
+  bool packed_rgb = false;  ///< images are ceil(width / 3) pixels wide; the row's end is black
+  bool is_plain() const { return value_bytes == 1 && opaque_bytes == 0 && !packed_rgb; }
+  /// Pixels in a row of the PNG.
+  int png_width(int width_px) const { return packed_rgb ? (width_px + 2) / 3 : width_px; }
+  /// Bytes of a row with its filter byte.
+  std::size_t stride(int width_px) const;
+  /// Rows of `raw_stride(width_px)` bytes to rows of `stride(width_px)`.
+  void expand(std::span<const std::uint8_t> grey_rows, int width_px,
+              std::vector<std::uint8_t>& out) const;
+};
+
+/// What the header of a PNG says, without the rest being looked at.
+struct PngHeader {
+  std::uint32_t width = 0, height = 0;
+  std::uint8_t bit_depth = 0, colour = 0;
+  int channels() const;
+  /// The code that keeps depth and colour; nothing for palettes and fewer than 8 bits, which can't
+  /// hold every grey value.
+  std::optional<PixelCode> code() const;
+};
+PngHeader read_png_header(std::span<const std::uint8_t> png, const struct PngName& name);
 
 /// Deflates filter-0 rows to finished IDAT chunks that can be joined in any number: each ends on a
 /// byte and refers to nothing before it. Reusable, not thread-safe.
@@ -35,12 +65,14 @@ class IdatEncoder {
 /// Bytes that `append_png_start` and `append_png_end` add together.
 inline constexpr std::size_t png_frame_bytes = 8 + 25 + (12 + 2) + (12 + 6) + 12;
 
-/// Signature, IHDR of an 8-bit grey image and the zlib header in an IDAT of its own.
-void append_png_start(int width_px, int height_px, std::vector<std::uint8_t>& out);
+/// Signature, IHDR and the zlib header in an IDAT of its own.
+void append_png_start(int width_px, int height_px, const PixelCode& code,
+                      std::vector<std::uint8_t>& out);
 
 /// End of the zlib stream with the Adler-32 of all raw bytes, and IEND.
 void append_png_end(std::uint32_t adler, std::vector<std::uint8_t>& out);
 
+std::uint32_t adler_of(std::span<const std::uint8_t> bytes);
 /// Adler-32 of two byte strings joined, the second of `second_bytes`.
 std::uint32_t join_adler(std::uint32_t first, std::uint32_t second, std::uint64_t second_bytes);
 
@@ -55,8 +87,9 @@ struct PngName {
 using RawBandSink = std::function<void(int y0, int y1, const std::uint8_t* raw)>;
 
 /// Decodes any PNG of exactly this size to 8-bit grey, in bands of `rows` from the top. Structure,
-/// sizes and checksums are checked first or on the way; throws `InputError`.
+/// sizes and checksums are checked first or on the way; throws `InputError`. `packed_rgb`: see
+/// PixelCode.
 void decode_png_bands(std::span<const std::uint8_t> png, int width_px, int height_px, int rows,
-                      const PngName& name, const RawBandSink& sink);
+                      const PngName& name, const RawBandSink& sink, bool packed_rgb = false);
 
 }  // namespace slicecorr::detail

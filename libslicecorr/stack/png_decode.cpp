@@ -21,7 +21,21 @@ std::uint8_t paeth(int left, int up, int corner) {
   return static_cast<std::uint8_t>(to_up <= to_corner ? up : corner);
 }
 
-/// Undoes the filter of one row of 8-bit grey in place. `above` is the row above without filter.
+/// Undoes the filter of one row of pixels of `step` bytes in place. `above` is the row above
+/// without filter.
+void unfilter_wide(int filter, std::uint8_t* row, const std::uint8_t* above, int bytes, int step) {
+  for (int x = 0; x < bytes; ++x) {
+    const int left = x < step ? 0 : row[x - step], corner = x < step ? 0 : above[x - step];
+    int guess = 0;
+    if (filter == 1) guess = left;
+    if (filter == 2) guess = above[x];
+    if (filter == 3) guess = (left + above[x]) / 2;
+    if (filter == 4) guess = paeth(left, above[x], corner);
+    row[x] = static_cast<std::uint8_t>(row[x] + guess);
+  }
+}
+
+/// The same for 8-bit grey.
 void unfilter(int filter, std::uint8_t* row, const std::uint8_t* above, int width) {
   int left = 0, corner = 0;
   switch (filter) {
@@ -76,6 +90,33 @@ void decode_grey(const PngLayout& layout, int rows, const PngName& name, const R
     // Before the sink: a wrong checksum must not be found only after the last band was used.
     if (y1 == height) stream.finish();
     std::copy_n(above, stride, last.data());
+    sink(y0, y1, band.data());
+  }
+}
+
+/// 8-bit RGB whose bytes are neighbouring grey pixels; a row may have up to two bytes more than
+/// `width`.
+void decode_packed(const PngLayout& layout, int width, int rows, const PngName& name,
+                   const RawBandSink& sink) {
+  const int height = static_cast<int>(layout.height);
+  const std::size_t bytes = std::size_t{3} * layout.width, stride = raw_stride(width);
+  std::vector<std::uint8_t> row(bytes + 1), above(bytes + 1, 0);
+  std::vector<std::uint8_t> band(stride * static_cast<std::size_t>(std::min(rows, height)));
+  IdatStream stream(layout, name);
+  for (int y0 = 0; y0 < height; y0 += rows) {
+    const int y1 = std::min(height, y0 + rows);
+    for (int y = y0; y < y1; ++y) {
+      stream.read(row);
+      check_filter(row[0], static_cast<std::uint32_t>(y), name);
+      if (row[0] != 0) {
+        unfilter_wide(row[0], row.data() + 1, above.data() + 1, static_cast<int>(bytes), 3);
+      }
+      std::uint8_t* const out = band.data() + stride * static_cast<std::size_t>(y - y0);
+      out[0] = 0;
+      std::copy_n(row.data() + 1, stride - 1, out + 1);
+      above.swap(row);
+    }
+    if (y1 == height) stream.finish();
     sink(y0, y1, band.data());
   }
 }
@@ -152,7 +193,15 @@ void decode_other(const PngLayout& layout, int rows, const PngName& name, const 
 }  // namespace
 
 void decode_png_bands(Bytes png, int width_px, int height_px, int rows, const PngName& name,
-                      const RawBandSink& sink) {
+                      const RawBandSink& sink, bool packed_rgb) {
+  if (packed_rgb) {
+    const PngLayout layout = read_png_layout(png, (width_px + 2) / 3, height_px, name);
+    if (layout.colour != rgb || layout.bit_depth != 8 || layout.interlaced) {
+      bad_png(name, "expected an 8-bit RGB image that packs three grey pixels in each of its own");
+    }
+    decode_packed(layout, width_px, rows, name, sink);
+    return;
+  }
   const PngLayout layout = read_png_layout(png, width_px, height_px, name);
   const bool plain = layout.colour == grey && layout.bit_depth == 8 && !layout.interlaced &&
                      !layout.transparent_colour;

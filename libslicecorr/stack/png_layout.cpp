@@ -72,6 +72,28 @@ void read_header(Bytes data, int width_px, int height_px, const PngName& name, P
 
 }  // namespace
 
+PngHeader read_png_header(Bytes png, const PngName& name) {
+  if (png.size() < 33 || std::memcmp(png.data(), png_signature, 8) != 0 ||
+      std::memcmp(png.data() + 12, "IHDR", 4) != 0) {
+    bad_png(name, "not a PNG image");
+  }
+  const std::uint8_t* const data = png.data() + 16;
+  const PngHeader header{load_u32(data), load_u32(data + 4), data[8], data[9]};
+  if (header.width == 0 || header.height == 0 || !valid_format(header.bit_depth, header.colour)) {
+    bad_png(name, "PNG header asks for a format that PNG does not have");
+  }
+  return header;
+}
+
+int PngHeader::channels() const { return detail::channels(colour); }
+
+std::optional<PixelCode> PngHeader::code() const {
+  if (colour == palette || bit_depth < 8) return std::nullopt;
+  const int bytes = bit_depth / 8, channels = this->channels();
+  const bool alpha = colour == grey_alpha || colour == rgb_alpha;
+  return PixelCode{(channels - alpha) * bytes, alpha * bytes, bit_depth, colour, false};
+}
+
 void bad_png(const PngName& name, const std::string& message) {
   throw InputError(name.file, name.entry, message);
 }

@@ -1,89 +1,82 @@
 #include <isa-l.h>
 
 #include <algorithm>
-#include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <filesystem>
 #include <mutex>
 #include <numeric>
 #include <span>
 #include <stdexcept>
-#include <string_view>
 
 #include "base/run_length.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
+#include "stack/archive_format.hpp"
 #include "stack/png.hpp"
 #include "stack/uvj_config.hpp"
-#include "stack/zip_input.hpp"
 
 namespace slicecorr {
 namespace {
 
-using detail::UvjConfig;
-using detail::ZipInput;
+using detail::ArchiveContents;
+using detail::Container;
 
 constexpr std::size_t memory_budget = std::size_t{256} << 20;
 
-std::string image_name(const char* folder, int slice) {
-  char text[40];
-  std::snprintf(text, sizeof text, "%s/%08d.png", folder, slice);
-  return text;
-}
-
-UvjConfig read_config(ZipInput& zip, const std::string& path) {
-  const ZipInput::Entry* const entry = zip.find("config.json");
-  if (entry == nullptr) {
-    throw InputError(path, "config.json", "is missing, expected a UVJ archive");
+/// What the archive says, with our block where its format has no place for it.
+ArchiveContents read_contents(const Container& archive) {
+  const detail::ArchiveFormat& format = detail::recognise_format(archive);
+  ArchiveContents contents = format.read(archive);
+  contents.info.format = format.name();
+  if (archive.has(detail::provenance_entry)) {
+    const std::uint64_t limit = (std::uint64_t{64} << 20) + 256 * archive.entries().size();
+    detail::read_provenance(archive.text(detail::provenance_entry, limit), archive.path(),
+                            contents);
   }
-  // Grows with the layers, which it lists one by one.
-  const std::uint64_t limit = (std::uint64_t{64} << 20) + 256 * zip.entries().size();
-  std::vector<std::uint8_t> text;
-  zip.read(*entry, limit, text);
-  return detail::parse_uvj_config({reinterpret_cast<const char*>(text.data()), text.size()}, path);
+  const Grid& grid = contents.info.grid;
+  if (grid.layers < 1 || grid.width_px < 1 || grid.height_px < 1 ||
+      contents.images.size() != static_cast<std::size_t>(grid.layers)) {
+    throw Error("a format's reader gave no whole stack");
+  }
+  return contents;
 }
 
-/// The entries of the images in a folder in order; checks that there are exactly as many as layers.
-std::vector<const ZipInput::Entry*> list_slices(const ZipInput& zip, const Grid& grid,
-                                                const std::string& path,
-                                                const std::string& folder = "slice") {
+/// Entries of images that are not absurdly large.
+std::vector<const Container::Entry*> entries_of(const Container& archive,
+                                                const std::vector<std::string>& names,
+                                                const Grid& grid) {
   // Twice the largest PNG pixel, 4 channels of 16 bits, and some for chunks that don't matter.
   const std::uint64_t limit = std::uint64_t{8} * static_cast<unsigned>(grid.width_px) *
                                   static_cast<unsigned>(grid.height_px) +
                               (1 << 20);
-  std::vector<const ZipInput::Entry*> slices;
-  for (const ZipInput::Entry& entry : zip.entries()) {
-    if (!entry.name.starts_with(folder + "/") || entry.name == folder + "/") continue;
-    // Entries are sorted by name, which for names of equal length is the order of slices.
-    const std::string expected = image_name(folder.c_str(), static_cast<int>(slices.size()));
-    if (entry.name != expected) {
-      const bool gap = entry.name.size() == expected.size() && entry.name > expected;
-      throw InputError(
-          path, gap ? expected : entry.name,
-          gap ? std::string("is missing")
-              : "is no name of a slice, expected " + image_name(folder.c_str(), 0) + " on");
-    }
-    if (static_cast<int>(slices.size()) == grid.layers) {
-      throw InputError(
-          path, entry.name,
-          "is one slice too many: config.json has " + std::to_string(grid.layers) + " layers");
-    }
-    if (entry.bytes > limit) {
-      throw InputError(path, entry.name,
-                       "declares " + std::to_string(entry.bytes) + " bytes, expected at most " +
+  std::vector<const Container::Entry*> entries;
+  entries.reserve(names.size());
+  for (const std::string& name : names) {
+    const Container::Entry* const entry = archive.find(name);
+    if (entry == nullptr) throw InputError(archive.path(), name, "is missing");
+    if (entry->bytes > limit) {
+      throw InputError(archive.path(), name,
+                       "declares " + std::to_string(entry->bytes) + " bytes, expected at most " +
                            std::to_string(limit));
     }
-    slices.push_back(&entry);
+    entries.push_back(entry);
   }
-  if (static_cast<int>(slices.size()) != grid.layers) {
-    throw InputError(path, image_name(folder.c_str(), static_cast<int>(slices.size())),
-                     "is missing: config.json has " + std::to_string(grid.layers) + " layers");
-  }
-  return slices;
+  return entries;
 }
 
-bool has_uv_images(const StackInfo& info) {
-  return info.process && info.process->uv.kind == UvKind::patterned;
+void take_missing(StackInfo& info, const MissingFacts& missing, const std::string& path) {
+  Grid& grid = info.grid;
+  const auto take = [&](double& size_um, double given_um, const char* what) {
+    if (size_um > 0) return;
+    if (!(given_um > 0)) {
+      throw InputError(path, "", std::string("does not say how ") + what);
+    }
+    size_um = given_um;
+  };
+  take(grid.pixel_x_um, missing.pixel_x_um, "large its pixels are; expected a printer that does");
+  take(grid.pixel_y_um, missing.pixel_y_um, "large its pixels are; expected a printer that does");
+  take(grid.layer_um, missing.layer_um, "high its layers are; expected it given with --layer-um");
 }
 
 std::uint64_t load(const std::uint8_t* p) {
@@ -128,7 +121,7 @@ PixelBox lit_box(const std::uint8_t* raw, int width, int rows) {
 /// these columns in all rows of the band.
 struct StackReader::Impl {
   std::string path;
-  UvjConfig config;
+  ArchiveContents config;
   PieceStore store;
   int rows = 0;   ///< of a band
   int bands = 0;  ///< of an image
@@ -163,11 +156,12 @@ struct StackReader::Impl {
   std::uint32_t adler_of(std::span<const std::uint8_t> png, const std::string& name) const {
     std::uint32_t adler = 1;
     const std::size_t stride = detail::raw_stride(config.info.grid.width_px);
-    detail::decode_png_bands(png, config.info.grid.width_px, config.info.grid.height_px, rows,
-                             {path, name}, [&](int y0, int y1, const std::uint8_t* raw) {
-                               adler = isal_adler32(adler, raw,
-                                                    stride * static_cast<unsigned>(y1 - y0));
-                             });
+    detail::decode_png_bands(
+        png, config.info.grid.width_px, config.info.grid.height_px, rows, {path, name},
+        [&](int y0, int y1, const std::uint8_t* raw) {
+          adler = isal_adler32(adler, raw, stride * static_cast<unsigned>(y1 - y0));
+        },
+        config.packed_rgb);
     return adler;
   }
   void copy_piece(const PieceStore::Piece& piece, const PixelBox& band, const PixelBox& box,
@@ -203,7 +197,8 @@ std::uint32_t StackReader::Impl::decode_slice(int slice, std::span<const std::ui
     detail::run_length_encode(pixels.data(), pixels.size(), code);
     piece(y0 / rows, slice) = store.put(code.data(), code.size());
   };
-  detail::decode_png_bands(png, grid.width_px, grid.height_px, rows, {path, name}, take);
+  detail::decode_png_bands(png, grid.width_px, grid.height_px, rows, {path, name}, take,
+                           config.packed_rgb);
   const std::scoped_lock lock(mutex);
   bounds = bounds.united(slice_box);
   sum += slice_sum;
@@ -232,34 +227,35 @@ void StackReader::Impl::copy_piece(const PieceStore::Piece& piece, const PixelBo
   }
 }
 
-StackReader::StackReader(const std::string& path, const std::string& scratch_folder, const Job& job)
+StackReader::StackReader(const std::string& path, const std::string& scratch_folder, const Job& job,
+                         const MissingFacts& missing)
     : impl_(std::make_unique<Impl>(path, scratch_folder, job)) {
   Impl& s = *impl_;
-  ZipInput zip(path);
-  s.config = read_config(zip, path);
-  const auto slices = list_slices(zip, s.config.info.grid, path);
+  const std::unique_ptr<Container> archive = detail::open_container(path, scratch_folder);
+  s.config = read_contents(*archive);
+  take_missing(s.config.info, missing, path);
+  const auto slices = entries_of(*archive, s.config.images, s.config.info.grid);
   for (const std::string& warning : s.config.warnings) job.tell(path + ": " + warning);
   s.make_index();
   std::vector<std::uint32_t> adlers(slices.size());
   parallel_for(job, "read", slices.size(), [&](std::size_t i) {
     std::vector<std::uint8_t> png;
-    zip.read(*slices[i], slices[i]->bytes, png);
+    archive->read(*slices[i], slices[i]->bytes, png);
     adlers[i] = s.decode_slice(static_cast<int>(i), png, slices[i]->name);
   });
   if (s.config.images_crc32 && *s.config.images_crc32 != detail::images_crc32(adlers)) {
     job.tell(path + ": images were changed after the stack was made");
   }
-  if (has_uv_images(s.config.info)) {
-    // Nothing is computed from them: they follow from the slices. But the printer shows them.
-    const auto uv = list_slices(zip, s.config.info.grid, path, "uv");
-    parallel_for(job, "read UV", uv.size(), [&](std::size_t i) {
-      std::vector<std::uint8_t> png;
-      zip.read(*uv[i], uv[i]->bytes, png);
-      adlers[i] = s.adler_of(png, uv[i]->name);
-    });
-    if (s.config.uv_images_crc32 != detail::images_crc32(adlers)) {
-      job.tell(path + ": UV images were changed after the stack was made");
-    }
+  if (s.config.uv_images.empty()) return;
+  // Nothing is computed from them: they follow from the slices. But the printer shows them.
+  const auto uv = entries_of(*archive, s.config.uv_images, s.config.info.grid);
+  parallel_for(job, "read UV", uv.size(), [&](std::size_t i) {
+    std::vector<std::uint8_t> png;
+    archive->read(*uv[i], uv[i]->bytes, png);
+    adlers[i] = s.adler_of(png, uv[i]->name);
+  });
+  if (s.config.uv_images_crc32 != detail::images_crc32(adlers)) {
+    job.tell(path + ": UV images were changed after the stack was made");
   }
 }
 
@@ -297,11 +293,12 @@ void StackReader::read_band(const PixelBox& box, const Sink& sink) const {
 }
 
 StackInfo StackReader::read_info(const std::string& path) {
-  ZipInput zip(path);
-  UvjConfig config = read_config(zip, path);
-  list_slices(zip, config.info.grid, path);
-  if (has_uv_images(config.info)) list_slices(zip, config.info.grid, path, "uv");
-  return config.info;
+  const std::string scratch = std::filesystem::temp_directory_path().string();
+  const std::unique_ptr<Container> archive = detail::open_container(path, scratch);
+  ArchiveContents contents = read_contents(*archive);
+  entries_of(*archive, contents.images, contents.info.grid);
+  entries_of(*archive, contents.uv_images, contents.info.grid);
+  return std::move(contents.info);
 }
 
 }  // namespace slicecorr

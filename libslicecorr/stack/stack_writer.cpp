@@ -9,51 +9,23 @@
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
+#include "stack/archive_format.hpp"
 #include "stack/png.hpp"
 #include "stack/uvj_config.hpp"
-#include "stack/zip_output.hpp"
 
 namespace slicecorr {
 namespace {
 
+using detail::ArchiveContents;
+using detail::ArchiveFormat;
+using detail::PixelCode;
 using detail::raw_stride;
 
 constexpr std::size_t memory_budget = std::size_t{256} << 20;
-constexpr int tiny_preview_px = 128;
 
 bool all_black(const std::uint8_t* p, std::size_t n) {
   // A range is constant when it equals itself shifted by one; memcmp is as fast as memory.
   return n == 0 || (p[0] == 0 && std::memcmp(p, p + 1, n - 1) == 0);
-}
-
-/// The mean of whole boxes of pixels, so that no side is longer than `most_px`.
-GreyImage shrink(const GreyImage& image, int most_px) {
-  const int longest = std::max(image.width_px, image.height_px);
-  if (longest <= most_px) return image;
-  const auto scaled = [&](int px) {
-    return std::max(1, static_cast<int>(std::int64_t{px} * most_px / longest));
-  };
-  GreyImage small{scaled(image.width_px), scaled(image.height_px), {}};
-  const auto edge = [](int i, int count, int px) {
-    return static_cast<std::size_t>(std::int64_t{i} * px / count);
-  };
-  for (int y = 0; y < small.height_px; ++y) {
-    const std::size_t y0 = edge(y, small.height_px, image.height_px);
-    const std::size_t y1 = edge(y + 1, small.height_px, image.height_px);
-    for (int x = 0; x < small.width_px; ++x) {
-      const std::size_t x0 = edge(x, small.width_px, image.width_px);
-      const std::size_t x1 = edge(x + 1, small.width_px, image.width_px);
-      std::uint64_t sum = 0;
-      for (std::size_t row = y0; row < y1; ++row) {
-        for (std::size_t column = x0; column < x1; ++column) {
-          sum += image.pixels[row * static_cast<std::size_t>(image.width_px) + column];
-        }
-      }
-      const std::uint64_t count = (y1 - y0) * (x1 - x0);
-      small.pixels.push_back(static_cast<std::uint8_t>((sum + count / 2) / count));
-    }
-  }
-  return small;
 }
 
 }  // namespace
@@ -64,26 +36,43 @@ struct StackWriter::Impl {
   /// The piece of a band without light, by its number of rows.
   struct Black {
     std::vector<std::uint8_t> chunk;
-    std::uint32_t adler = 1;
+    std::uint32_t adler = 1, grey_adler = 1;
   };
 
   Grid grid;
   Job job;
-  detail::ZipOutput output;
+  StackFile file;
+  const ArchiveFormat& format;
+  std::unique_ptr<detail::Container> kept;  ///< the archive that is changed; null for a new one
+  ArchiveContents kept_contents;
+  PixelCode code;
+  std::unique_ptr<detail::ContainerOutput> output;
   PieceStore store;
   int rows = 0;  ///< of a band
   /// Pieces by slice; of size 0 where black, empty until a band is begun.
   std::vector<Pieces> bands, uv_bands;
+  /// Adler-32 of the pieces' grey rows, where the PNGs' bytes are others.
+  std::vector<std::vector<std::uint32_t>> grey_adlers;
   std::optional<std::array<std::uint8_t, 256>> uv_of_pixel;
   std::mutex mutex;  ///< of beginning a band
 
-  Impl(const std::string& path, const Grid& g, const Job& j)
+  Impl(const StackFile& f, const Grid& g, const Job& j)
       : grid(g),
         job(j),
-        output(path),
-        store(output.folder(), memory_budget, j),
+        file(f),
+        format(detail::format_named(f.format, f.path)),
+        output(detail::make_container_output(f.path, format.container(), f.keep_from)),
+        store(output->folder(), memory_budget, j),
         rows(band_rows(g)),
-        bands(static_cast<std::size_t>((g.height_px + rows - 1) / rows)) {}
+        bands(static_cast<std::size_t>((g.height_px + rows - 1) / rows)) {
+    if (!file.keep_from.empty()) {
+      open_kept();
+    } else if (format.packs_rgb()) {
+      code = {1, 0, 8, 2, true};
+    }
+    if (!code.is_plain()) grey_adlers.resize(bands.size());
+  }
+  void open_kept();
 
   int rows_of(std::size_t band) const {
     return std::min(rows, grid.height_px - static_cast<int>(band) * rows);
@@ -94,6 +83,9 @@ struct StackWriter::Impl {
   void begin_band(std::size_t band) {
     const std::scoped_lock lock(mutex);
     if (bands[band].empty()) bands[band].resize(static_cast<std::size_t>(grid.layers));
+    if (!grey_adlers.empty() && grey_adlers[band].empty()) {
+      grey_adlers[band].resize(static_cast<std::size_t>(grid.layers));
+    }
     if (uv_of_pixel && uv_bands[band].empty()) {
       uv_bands[band].resize(static_cast<std::size_t>(grid.layers));
     }
@@ -105,56 +97,104 @@ struct StackWriter::Impl {
     for (std::size_t at = 0; at < raw.size(); at += stride) raw[at] = 0;
     return raw;
   }
-  std::map<int, Black> make_black(std::uint8_t value) const;
+  std::map<int, Black> make_black(std::uint8_t value, const PixelCode& code) const;
   /// Checksums of all slices of one set of images, which are then added to the archive.
   struct Images {
     const std::vector<Pieces>& bands;
+    PixelCode code;
     std::map<int, Black> black;
-    std::vector<std::uint32_t> adlers;
+    std::vector<std::uint32_t> adlers;       ///< of the PNGs' bytes
+    std::vector<std::uint32_t> grey_adlers;  ///< of grey rows: what stands for the image
     std::vector<std::uint64_t> sizes;
     bool lit(std::size_t band, std::size_t slice) const {
       return !bands[band].empty() && bands[band][slice].size != 0;
     }
   };
-  Images gather(const std::vector<Pieces>& from, std::uint8_t background, std::size_t layers) const;
-  void add_images(const char* name, const Images& images);
+  Images gather(const std::vector<Pieces>& from, std::uint8_t background, std::size_t layers,
+                const PixelCode& code) const;
+  void add_images(const std::vector<std::string>& names, const Images& images);
+  std::string stem() const;
   void write_archive(const StackInfo& info, const GreyImage& preview);
 };
 
-std::map<int, StackWriter::Impl::Black> StackWriter::Impl::make_black(std::uint8_t value) const {
+/// Whoever reads these images is used to their kind.
+void StackWriter::Impl::open_kept() {
+  kept = detail::open_container(file.keep_from, output->folder());
+  if (!format.recognises(*kept)) {
+    throw InputError(file.keep_from, "",
+                     "is no archive of the format " + std::string(format.name()));
+  }
+  kept_contents = format.read(*kept);
+  const std::string& first = kept_contents.images.front();
+  if (kept_contents.packed_rgb) {
+    code = {1, 0, 8, 2, true};
+    return;
+  }
+  std::vector<std::uint8_t> png;
+  kept->read(*kept->find(first), std::uint64_t{1} << 32, png);
+  const auto its = detail::read_png_header(png, {file.keep_from, first}).code();
+  if (its) {
+    code = *its;
+  } else {
+    job.tell(file.keep_from +
+             ": images of fewer than 8 bits can't hold grey levels: they become 8-bit grey");
+  }
+}
+
+std::map<int, StackWriter::Impl::Black> StackWriter::Impl::make_black(
+    std::uint8_t value, const PixelCode& pixels) const {
   std::map<int, Black> black;
   detail::IdatEncoder encoder;
+  std::vector<std::uint8_t> expanded;
   for (const std::size_t band : {std::size_t{0}, bands.size() - 1}) {
     Black& b = black[rows_of(band)];
     if (!b.chunk.empty()) continue;
-    b.adler = encoder.encode(plain_band(band, value), b.chunk);
+    const std::vector<std::uint8_t> plain = plain_band(band, value);
+    b.grey_adler = detail::adler_of(plain);
+    if (pixels.is_plain()) {
+      b.adler = encoder.encode(plain, b.chunk);
+    } else {
+      pixels.expand(plain, grid.width_px, expanded);
+      b.adler = encoder.encode(expanded, b.chunk);
+    }
   }
   return black;
 }
 
 StackWriter::Impl::Images StackWriter::Impl::gather(const std::vector<Pieces>& from,
-                                                    std::uint8_t background,
-                                                    std::size_t layers) const {
-  Images images{from, make_black(background), std::vector<std::uint32_t>(layers),
+                                                    std::uint8_t background, std::size_t layers,
+                                                    const PixelCode& pixels) const {
+  Images images{from,
+                pixels,
+                make_black(background, pixels),
+                std::vector<std::uint32_t>(layers),
+                std::vector<std::uint32_t>(layers),
                 std::vector<std::uint64_t>(layers)};
+  const bool plain = pixels.is_plain();
+  const std::size_t stride = pixels.stride(grid.width_px);
   for (std::size_t slice = 0; slice < layers; ++slice) {
-    std::uint32_t adler = 1;
+    std::uint32_t adler = 1, grey_adler = 1;
     std::uint64_t size = detail::png_frame_bytes;
     for (std::size_t band = 0; band < from.size(); ++band) {
       const Black& b = images.black.at(rows_of(band));
       const bool is_lit = images.lit(band, slice);
       size += is_lit ? from[band][slice].size : b.chunk.size();
-      adler = detail::join_adler(adler, is_lit ? from[band][slice].adler : b.adler, raw_size(band));
+      adler = detail::join_adler(adler, is_lit ? from[band][slice].adler : b.adler,
+                                 stride * static_cast<std::size_t>(rows_of(band)));
+      if (plain) continue;
+      grey_adler = detail::join_adler(grey_adler, is_lit ? grey_adlers[band][slice] : b.grey_adler,
+                                      raw_size(band));
     }
     images.adlers[slice] = adler;
+    images.grey_adlers[slice] = plain ? adler : grey_adler;
     images.sizes[slice] = size;
   }
   return images;
 }
 
-void StackWriter::Impl::add_images(const char* name, const Images& images) {
-  output.add_lazily(name, images.sizes, [&](std::size_t slice, std::vector<std::uint8_t>& png) {
-    detail::append_png_start(grid.width_px, grid.height_px, png);
+void StackWriter::Impl::add_images(const std::vector<std::string>& names, const Images& images) {
+  output->add_lazily(names, images.sizes, [&](std::size_t slice, std::vector<std::uint8_t>& png) {
+    detail::append_png_start(grid.width_px, grid.height_px, images.code, png);
     for (std::size_t band = 0; band < images.bands.size(); ++band) {
       if (images.lit(band, slice)) {
         store.get(images.bands[band][slice], png);
@@ -169,30 +209,56 @@ void StackWriter::Impl::add_images(const char* name, const Images& images) {
 
 void StackWriter::Impl::write_archive(const StackInfo& info, const GreyImage& preview) {
   const auto layers = static_cast<std::size_t>(info.grid.layers);
-  const Images slices = gather(bands, 0, layers);
+  const Images slices = gather(bands, 0, layers, code);
   std::optional<Images> uv;
-  if (uv_of_pixel) uv.emplace(gather(uv_bands, (*uv_of_pixel)[0], layers));
-  const auto bytes_of = [](const std::string& text) {
-    return std::vector<std::uint8_t>(text.begin(), text.end());
+  if (uv_of_pixel) uv.emplace(gather(uv_bands, (*uv_of_pixel)[0], layers, {}));
+  std::vector<std::string> warnings;
+  detail::ArchiveRequest request{
+      .info = info,
+      .stem = stem(),
+      .images_crc32 = detail::images_crc32(slices.grey_adlers),
+      .uv_images_crc32 = {},
+      .preview = preview,
+      .kept = kept.get(),
+      .kept_contents = kept ? &kept_contents : nullptr,
+      .exposure_changes = file.exposure_changes,
+      .warnings = &warnings,
   };
-  std::optional<std::uint32_t> uv_crc;
-  if (uv) uv_crc = detail::images_crc32(uv->adlers);
-  output.add("config.json",
-             bytes_of(detail::write_uvj_config(info, detail::images_crc32(slices.adlers), uv_crc)));
-  if (preview.width_px > 0 && preview.height_px > 0) {
-    output.add("preview/huge.png", encode_png(preview));
-    output.add("preview/tiny.png", encode_png(shrink(preview, tiny_preview_px)));
+  if (uv) request.uv_images_crc32 = detail::images_crc32(uv->grey_adlers);
+  const std::vector<std::string> names = format.write(request, *output);
+  if (&format != &detail::uvj_format() && info.kind != StackKind::foreign) {
+    output->add_text(
+        detail::provenance_entry,
+        detail::write_provenance(info, request.images_crc32, request.uv_images_crc32) + "\n");
   }
-  add_images("slice/%08d.png", slices);
-  if (uv) add_images("uv/%08d.png", *uv);
-  output.finish(job);
+  for (const std::string& warning : warnings) job.tell(file.path + ": " + warning);
+  add_images(names, slices);
+  if (uv) {
+    std::vector<std::string> uv_names;
+    for (int n = 0; n < info.grid.layers; ++n) uv_names.push_back(detail::uv_image_name(n));
+    add_images(uv_names, *uv);
+  }
+  output->finish(job);
 }
 
-StackWriter::StackWriter(const std::string& path, const Grid& grid, const Job& job) {
+/// The file's name without the ending that its format gives it.
+std::string StackWriter::Impl::stem() const {
+  std::string name = detail::place_of(file.path).file;
+  for (const std::string_view ending : format.endings()) {
+    if (name.size() > ending.size() && name.ends_with(ending)) {
+      name.resize(name.size() - ending.size());
+      return name;
+    }
+  }
+  const std::size_t point = name.rfind('.');
+  return point == std::string::npos || point == 0 ? name : name.substr(0, point);
+}
+
+StackWriter::StackWriter(const StackFile& file, const Grid& grid, const Job& job) {
   if (grid.width_px < 1 || grid.height_px < 1 || grid.layers < 1) {
     throw std::invalid_argument("a stack needs at least one pixel and one slice");
   }
-  impl_ = std::make_unique<Impl>(path, grid, job);
+  impl_ = std::make_unique<Impl>(file, grid, job);
 }
 
 StackWriter::~StackWriter() = default;
@@ -218,13 +284,14 @@ struct StackWriter::BandEncoder::Impl {
   int x0 = 0, x1 = 0;               ///< columns that may be lit since the last slice
   std::vector<std::uint8_t> chunk;  ///< of the slice at hand
   std::vector<std::uint8_t> uv;     ///< the band in UV light
+  std::vector<std::uint8_t> wide;   ///< the band in the bytes of its PNG, where these are others
   detail::IdatEncoder encoder;
 
   void put_band(std::size_t band, int slice, int columns, const std::uint8_t* rows);
 };
 
 StackWriter::BandEncoder::BandEncoder(StackWriter& writer, int y0, int y1)
-    : impl_(new Impl{writer.impl_.get(), y0, y1, {}, 0, 0, {}, {}, {}}) {
+    : impl_(new Impl{writer.impl_.get(), y0, y1, {}, 0, 0, {}, {}, {}, {}}) {
   StackWriter::Impl& w = *writer.impl_;
   const bool ends_well = y1 == w.grid.height_px || (y1 < w.grid.height_px && y1 % w.rows == 0);
   if (y0 < 0 || y0 >= y1 || y0 % w.rows != 0 || !ends_well) {
@@ -252,7 +319,12 @@ void StackWriter::BandEncoder::Impl::put_band(std::size_t band, int slice, int c
                 rows + n * static_cast<unsigned>(y), n);
   }
   chunk.clear();
-  const std::uint32_t adler = encoder.encode(std::span(raw).first(writer->raw_size(band)), chunk);
+  const std::span<const std::uint8_t> grey = std::span(raw).first(writer->raw_size(band));
+  if (!writer->code.is_plain()) {
+    writer->grey_adlers[band][static_cast<std::size_t>(slice)] = detail::adler_of(grey);
+    writer->code.expand(grey, writer->grid.width_px, wide);
+  }
+  const std::uint32_t adler = encoder.encode(writer->code.is_plain() ? grey : wide, chunk);
   piece = writer->store.put(chunk.data(), chunk.size());
   piece.adler = adler;
   if (!writer->uv_of_pixel) return;

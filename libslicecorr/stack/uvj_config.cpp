@@ -3,9 +3,8 @@
 #include <isa-l.h>
 
 #include <cmath>
+#include <cstdio>
 #include <nlohmann/json.hpp>
-
-#include "slicecorr/units.hpp"
 
 namespace slicecorr::detail {
 namespace {
@@ -142,47 +141,33 @@ Json block_json(const StackInfo& info, std::uint32_t crc, std::optional<std::uin
   return block;
 }
 
+int pwm_of(const SliceLight& light) { return static_cast<int>(std::lround(255 * light.share)); }
+
 std::string dump(const Json& json, int indent) {
   return json.dump(indent, ' ', false, Json::error_handler_t::replace);
 }
 
 }  // namespace
 
+std::string uv_image_name(int slice) {
+  char text[40];
+  std::snprintf(text, sizeof text, "uv/%08d.png", slice);
+  return text;
+}
+
 std::string write_uvj_config(const StackInfo& info, std::uint32_t images_crc32,
                              std::optional<std::uint32_t> uv_images_crc32) {
-  const bool corrected = info.kind == StackKind::corrected && info.process.has_value();
-  double light_on_s = info.exposure_s, bottom_s = info.exposure_s;
-  int bottom_layers = 0;
-  if (corrected && info.process->mode == ExposureMode::continuous) {
-    light_on_s = bottom_s = units::slice_time_s(info.grid.layer_um, info.process->speed_mm_h);
-  } else if (corrected) {
-    light_on_s = info.process->exposure_s;
-    bottom_s = layer_exposure_s(*info.process, 0);
-    bottom_layers = info.process->layer_exposure_s.empty() ? info.process->bottom_layers : 0;
-  } else if (info.bottom_exposure_s > 0) {
-    bottom_s = info.bottom_exposure_s;
-    bottom_layers = info.bottom_layers;
-  }
-  const auto exposure_of = [&](int n) {
-    if (corrected) {
-      const double m = info.resin ? info.resin->m : 1.0;
-      return slice_light(*info.process, m, info.grid.layer_um, n, info.grid.layers);
-    }
-    const auto layer = static_cast<std::size_t>(n);
-    if (layer < info.layer_exposure_s.size()) return SliceLight{info.layer_exposure_s[layer], 1.0};
-    return SliceLight{n < bottom_layers ? bottom_s : light_on_s, 1.0};
-  };
-  std::string text =
-      "{\n\"Properties\": " + dump(properties_json(info, light_on_s, bottom_s, bottom_layers), 2);
+  const ExposureSummary s = exposure_summary(info);
+  std::string text = "{\n\"Properties\": " +
+                     dump(properties_json(info, s.normal_s, s.bottom_s, s.bottom_layers), 2);
   // One line per layer, joined as text: a tree of a million layers would fill the memory.
   text += ",\n\"Layers\": [";
   SliceLight shown{-1, -1};
   std::string exposure;
   for (int n = 0; n < info.grid.layers; ++n) {
-    const SliceLight light = exposure_of(n);
+    const SliceLight light = light_of_layer(info, n);
     if (light.time_s != shown.time_s || light.share != shown.share) {
-      const int pwm = static_cast<int>(std::lround(255 * light.share));
-      exposure = ", \"Exposure\": " + dump(exposure_json(light.time_s, pwm), -1) + "}";
+      exposure = ", \"Exposure\": " + dump(exposure_json(light.time_s, pwm_of(light)), -1) + "}";
       shown = light;
     }
     text += n == 0 ? "\n" : ",\n";
@@ -190,9 +175,53 @@ std::string write_uvj_config(const StackInfo& info, std::uint32_t images_crc32,
   }
   text += "\n]";
   if (info.kind != StackKind::foreign) {
-    text += ",\n\"slicecorr\": " + dump(block_json(info, images_crc32, uv_images_crc32), 2);
+    text += ",\n\"slicecorr\": " + write_provenance(info, images_crc32, uv_images_crc32);
   }
   return text + "\n}\n";
+}
+
+std::string change_uvj_config(const std::string& original, const StackInfo& info,
+                              std::uint32_t images_crc32,
+                              std::optional<std::uint32_t> uv_images_crc32, bool exposure_changes) {
+  std::string_view text = original;
+  if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);
+  Json json = Json::parse(text);
+  const ExposureSummary s = exposure_summary(info);
+  Json& properties = json["Properties"];
+  properties["Size"]["Layers"] = info.grid.layers;
+  if (exposure_changes) {
+    properties["Exposure"]["LightOnTime"] = s.normal_s;
+    if (properties.contains("Bottom") || s.bottom_layers > 0) {
+      properties["Bottom"]["LightOnTime"] = s.bottom_s;
+      properties["Bottom"]["Count"] = s.bottom_layers;
+    }
+  }
+  const auto count = static_cast<std::size_t>(info.grid.layers);
+  const bool lists = json.contains("Layers") && !json["Layers"].empty();
+  if (lists || (exposure_changes && (s.uneven || s.fade_layers > 0))) {
+    Json& layers = json["Layers"];
+    if (!lists) layers = Json::array();
+    const std::size_t before = layers.size();
+    for (std::size_t n = layers.size(); n < count; ++n) {
+      layers.push_back(n > 0 ? layers[n - 1] : Json{{"Exposure", exposure_json(0)}});
+      layers[n]["Z"] = tidy_mm(static_cast<double>(n + 1) * info.grid.layer_um / 1000);
+    }
+    for (std::size_t n = exposure_changes ? 0 : before; n < count; ++n) {
+      const SliceLight light = light_of_layer(info, static_cast<int>(n));
+      layers[n]["Exposure"]["LightOnTime"] = light.time_s;
+      if (light.share != 1) layers[n]["Exposure"]["LightPWM"] = pwm_of(light);
+    }
+  }
+  json.erase("slicecorr");
+  if (info.kind != StackKind::foreign) {
+    json["slicecorr"] = block_json(info, images_crc32, uv_images_crc32);
+  }
+  return dump(json, 2) + "\n";
+}
+
+std::string write_provenance(const StackInfo& info, std::uint32_t images_crc32,
+                             std::optional<std::uint32_t> uv_images_crc32) {
+  return dump(block_json(info, images_crc32, uv_images_crc32), 2);
 }
 
 std::uint32_t images_crc32(const std::vector<std::uint32_t>& slice_adlers) {

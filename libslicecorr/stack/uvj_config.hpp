@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "slicecorr/stack.hpp"
+#include "stack/archive_format.hpp"
 
 namespace slicecorr::detail {
 
@@ -20,23 +21,29 @@ inline constexpr int uvj_block_format = 2;
 inline const std::vector<std::string> names_of_uv{"off", "constant", "per_slice", "patterned"};
 inline const std::vector<std::string> names_of_ramps{"none", "lamp_follows", "outside"};
 
-struct UvjConfig {
-  StackInfo info;
-  /// `images_crc32` of our block; absent in foreign archives.
-  std::optional<std::uint32_t> images_crc32;
-  /// The same of the UV images; absent where there are none.
-  std::optional<std::uint32_t> uv_images_crc32;
-  std::vector<std::string> warnings;
-};
-
 /// Largest image of a stack.
 inline constexpr std::int64_t max_image_pixels = 1'000'000'000;
 
 std::string write_uvj_config(const StackInfo& info, std::uint32_t images_crc32,
                              std::optional<std::uint32_t> uv_images_crc32 = std::nullopt);
 
-/// Throws `InputError` naming the key and what was expected.
-UvjConfig parse_uvj_config(std::string_view text, const std::string& file);
+/// The same changed to what `info` says of layers, with our block; of exposures only when
+/// `exposure_changes`. All else that `original` holds stays.
+std::string change_uvj_config(const std::string& original, const StackInfo& info,
+                              std::uint32_t images_crc32,
+                              std::optional<std::uint32_t> uv_images_crc32, bool exposure_changes);
+
+/// Throws `InputError` naming the key and what was expected. Names of images are not filled in.
+ArchiveContents parse_uvj_config(std::string_view text, const std::string& file);
+
+/// Our block alone, for formats that have no place for it; see `provenance_entry`.
+std::string write_provenance(const StackInfo& info, std::uint32_t images_crc32,
+                             std::optional<std::uint32_t> uv_images_crc32);
+/// Takes the block into `contents`, with the names of UV images where there are some.
+void read_provenance(std::string_view text, const std::string& file, ArchiveContents& contents);
+
+/// "uv/00000012.png".
+std::string uv_image_name(int slice);
 
 /// Our fingerprint of a stack's images: CRC-32 of the slices' Adler-32 values, each as four bytes,
 /// highest first.

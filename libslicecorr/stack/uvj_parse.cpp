@@ -12,18 +12,23 @@ using Json = nlohmann::json;
 
 constexpr double largest = 1e300;
 
+/// Where a text stands.
+struct Place {
+  std::string file, entry;
+};
+
 /// A value in the file, with the way to it for messages.
 class Node {
  public:
-  Node(const Json& json, std::string path, const std::string& file)
-      : json_(&json), path_(std::move(path)), file_(&file) {}
+  Node(const Json& json, std::string path, const Place& place)
+      : json_(&json), path_(std::move(path)), place_(&place) {}
 
   [[noreturn]] void fail(const std::string& expected) const {
     refuse((path_.empty() ? "the file" : path_) + " is " + shown() + ", expected " + expected);
   }
 
   [[noreturn]] void refuse(const std::string& message) const {
-    throw InputError(*file_, "config.json", message);
+    throw InputError(place_->file, place_->entry, message);
   }
 
   bool is_text(const char* text) const { return json_->is_string() && *json_ == text; }
@@ -35,7 +40,7 @@ class Node {
     if (found == object().end()) {
       refuse(path(key) + " is missing");
     }
-    return {*found, path(key), *file_};
+    return {*found, path(key), *place_};
   }
 
   double number(double least, double most) const {
@@ -91,7 +96,7 @@ class Node {
     }
     std::vector<Node> nodes;
     for (std::size_t i = 0; i < json_->size(); ++i) {
-      nodes.emplace_back((*json_)[i], path_ + "[" + std::to_string(i) + "]", *file_);
+      nodes.emplace_back((*json_)[i], path_ + "[" + std::to_string(i) + "]", *place_);
     }
     return nodes;
   }
@@ -114,7 +119,7 @@ class Node {
 
   const Json* json_;
   std::string path_;
-  const std::string* file_;
+  const Place* place_;
 };
 
 /// Light-on times of the layers that say one, in order.
@@ -124,7 +129,7 @@ struct LayerTimes {
 };
 
 /// Takes what is needed of one layer.
-void read_layer(const Json& layer, const std::string& file, LayerTimes& times) {
+void read_layer(const Json& layer, const Place& place, LayerTimes& times) {
   const auto exposure = layer.find("Exposure");
   if (exposure == layer.end() || !exposure->is_object() || !exposure->contains("LightOnTime")) {
     times.all = false;
@@ -132,22 +137,24 @@ void read_layer(const Json& layer, const std::string& file, LayerTimes& times) {
   }
   const std::string path =
       "Layers[" + std::to_string(times.time_s.size()) + "].Exposure.LightOnTime";
-  times.time_s.push_back(Node((*exposure)["LightOnTime"], path, file).number(0, 1e9));
+  times.time_s.push_back(Node((*exposure)["LightOnTime"], path, place).number(0, 1e9));
 }
 
-Json parse_json(std::string_view text, const std::string& file, LayerTimes& times) {
+Json parse_json(std::string_view text, const Place& place, LayerTimes& times) {
+  // Byte order marks are common in JSON written on Windows.
+  if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);
   // There may be a million layers: each is dropped as soon as its time has been read.
   bool in_layers = false;
   const auto keep = [&](int depth, Json::parse_event_t event, Json& value) {
     if (event == Json::parse_event_t::key && depth == 1) in_layers = value == "Layers";
     if (!in_layers || depth != 2 || event != Json::parse_event_t::object_end) return true;
-    read_layer(value, file, times);
+    read_layer(value, place, times);
     return false;
   };
   try {
     return Json::parse(text.begin(), text.end(), keep);
   } catch (const Json::exception& error) {
-    throw InputError(file, "config.json", std::string("not valid JSON: ") + error.what());
+    throw InputError(place.file, place.entry, std::string("not valid JSON: ") + error.what());
   }
 }
 
@@ -301,7 +308,7 @@ void refine(double& um, const Node& exact, std::vector<std::string>& warnings) {
   }
 }
 
-void read_block(const Node& block, UvjConfig& config) {
+void read_block(const Node& block, ArchiveContents& config) {
   StackInfo& info = config.info;
   const auto format = block["format"].whole(1, 1000000);
   if (format > uvj_block_format) {
@@ -355,13 +362,12 @@ void take_layer_times(LayerTimes times, StackInfo& info) {
 
 }  // namespace
 
-UvjConfig parse_uvj_config(std::string_view text, const std::string& file) {
-  // Byte order marks are common in JSON written on Windows.
-  if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);
+ArchiveContents parse_uvj_config(std::string_view text, const std::string& file) {
+  const Place place{file, "config.json"};
   LayerTimes times;
-  const Json json = parse_json(text, file, times);
-  const Node root(json, "", file);
-  UvjConfig config;
+  const Json json = parse_json(text, place, times);
+  const Node root(json, "", place);
+  ArchiveContents config;
   read_properties(root["Properties"], config.info);
   if (root.has("Layers")) {
     root["Layers"].list(0, 1000000);
@@ -369,6 +375,24 @@ UvjConfig parse_uvj_config(std::string_view text, const std::string& file) {
   }
   if (root.has("slicecorr")) read_block(root["slicecorr"], config);
   return config;
+}
+
+void read_provenance(std::string_view text, const std::string& file, ArchiveContents& contents) {
+  const Place place{file, provenance_entry};
+  LayerTimes none;
+  const Json json = parse_json(text, place, none);
+  const Node root(json, "", place);
+  Grid& grid = contents.info.grid;
+  if (root.has("grid")) {
+    // What the archive does not say; what it says counts, see `refine`.
+    const Node exact = root["grid"];
+    if (grid.pixel_x_um == 0) grid.pixel_x_um = exact["pixel_x_um"].positive();
+    if (grid.pixel_y_um == 0) grid.pixel_y_um = exact["pixel_y_um"].positive();
+    if (grid.layer_um == 0) grid.layer_um = exact["layer_um"].positive();
+  }
+  read_block(root, contents);
+  if (!contents.info.process || contents.info.process->uv.kind != UvKind::patterned) return;
+  for (int n = 0; n < grid.layers; ++n) contents.uv_images.push_back(uv_image_name(n));
 }
 
 }  // namespace slicecorr::detail

@@ -5,7 +5,6 @@
 #include <zip.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <memory>
 #include <string_view>
 
@@ -17,26 +16,6 @@ namespace {
 
 /// Deflate makes at most 1032 bytes of one.
 constexpr std::uint64_t largest_ratio = 1032;
-
-bool safe_name(std::string_view name) {
-  if (name.empty() || name.front() == '/' || name.find('\\') != name.npos) return false;
-  if (name.size() > 1 && name[1] == ':') return false;
-  for (std::size_t start = 0; start <= name.size();) {
-    const std::size_t end = std::min(name.find('/', start), name.size());
-    if (name.substr(start, end - start) == "..") return false;
-    start = end + 1;
-  }
-  return true;
-}
-
-/// Names come from outside: control characters must not reach a terminal.
-std::string shown(std::string_view name) {
-  std::string text(name.substr(0, 100));
-  for (char& c : text) {
-    if (static_cast<unsigned char>(c) < 32 || c == 127) c = '?';
-  }
-  return text;
-}
 
 void inflate_all(const std::vector<std::uint8_t>& packed, std::vector<std::uint8_t>& out,
                  const std::string& path, const std::string& name) {
@@ -60,21 +39,20 @@ void inflate_all(const std::vector<std::uint8_t>& packed, std::vector<std::uint8
 
 }  // namespace
 
-ZipInput::ZipInput(const std::string& path) : path_(path) {
+ZipInput::ZipInput(const std::string& path) : Container(path) {
   struct stat status;
   if (::stat(path.c_str(), &status) != 0) {
     throw InputError(errno_message(path, "can't be read"));
   }
-  // A pipe would block, and a zip needs to be read from its end.
-  if (!S_ISREG(status.st_mode)) throw InputError(path, "", "not a file, expected a UVJ archive");
   int error = 0;
-  zip_ = zip_open(path.c_str(), ZIP_RDONLY | ZIP_CHECKCONS, &error);
+  // Not ZIP_CHECKCONS: it refuses what common programs write. Contents are checked when they are read.
+  zip_ = zip_open(path.c_str(), ZIP_RDONLY, &error);
   if (zip_ == nullptr) {
     zip_error_t details;
     zip_error_init_with_code(&details, error);
     const std::string text = zip_error_strerror(&details);
     zip_error_fini(&details);
-    throw InputError(path, "", "not a sound zip archive (" + text + "), expected a UVJ archive");
+    throw InputError(path, "", "not a sound zip archive (" + text + "), expected a slice archive");
   }
   try {
     list_entries(static_cast<std::uint64_t>(status.st_size));
@@ -99,47 +77,39 @@ void ZipInput::list_entries(std::uint64_t archive_bytes) {
         (s.valid & needed) != needed) {
       throw InputError(path_, "entry " + std::to_string(i), "can't be read");
     }
-    if (!safe_name(name)) {
-      throw InputError(path_, shown(name), "entry name is absolute or leaves the archive");
+    if (!is_safe_name(name)) {
+      throw InputError(path_, shown_name(name), "entry name is absolute or leaves the archive");
     }
-    if (s.encryption_method != ZIP_EM_NONE) throw InputError(path_, shown(name), "is encrypted");
+    if (s.encryption_method != ZIP_EM_NONE)
+      throw InputError(path_, shown_name(name), "is encrypted");
     packed_sum += s.comp_size;
     const bool fits = s.comp_size <= archive_bytes && packed_sum <= archive_bytes;
-    if (!fits) throw InputError(path_, shown(name), "entries overlap in the archive");
-    entries_.push_back({name, index, s.size, s.comp_size, s.crc, s.comp_method});
+    if (!fits) throw InputError(path_, shown_name(name), "entries overlap in the archive");
+    packed_.push_back({s.comp_size, s.crc, s.comp_method});
+    // Folders.
+    if (std::string_view(name).ends_with('/')) continue;
+    entries_.push_back({name, index, s.size});
   }
-  std::sort(entries_.begin(), entries_.end(),
-            [](const Entry& a, const Entry& b) { return a.name < b.name; });
-  const auto same = [](const Entry& a, const Entry& b) { return a.name == b.name; };
-  const auto doubled = std::adjacent_find(entries_.begin(), entries_.end(), same);
-  if (doubled != entries_.end()) {
-    throw InputError(path_, shown(doubled->name), "is there more than once");
-  }
+  finish_list();
 }
 
-const ZipInput::Entry* ZipInput::find(const std::string& name) const {
-  const auto found =
-      std::lower_bound(entries_.begin(), entries_.end(), name,
-                       [](const Entry& e, const std::string& n) { return e.name < n; });
-  return found != entries_.end() && found->name == name ? &*found : nullptr;
-}
-
-void ZipInput::read(const Entry& entry, std::uint64_t limit, std::vector<std::uint8_t>& out) {
-  const std::string name = shown(entry.name);
+void ZipInput::read(const Entry& entry, std::uint64_t limit, std::vector<std::uint8_t>& out) const {
+  const Packed& p = packed_[entry.index];
+  const std::string name = shown_name(entry.name);
   // Offsets of 32 bits are enough for any image that is allowed.
   limit = std::min<std::uint64_t>(limit, 0xffffffff);
-  if (entry.bytes > limit || entry.packed_bytes > limit + limit / 1024 + 4096) {
+  if (entry.bytes > limit || p.bytes > limit + limit / 1024 + 4096) {
     throw InputError(path_, name,
-                     "entry has " + std::to_string(std::max(entry.bytes, entry.packed_bytes)) +
+                     "entry has " + std::to_string(std::max(entry.bytes, p.bytes)) +
                          " bytes, expected at most " + std::to_string(limit));
   }
-  if (entry.method == ZIP_CM_STORE) {
-    if (entry.bytes != entry.packed_bytes) {
+  if (p.method == ZIP_CM_STORE) {
+    if (entry.bytes != p.bytes) {
       throw InputError(path_, name, "stored entry has two different sizes");
     }
     read_packed(entry, out);
-  } else if (entry.method == ZIP_CM_DEFLATE) {
-    if (entry.bytes > largest_ratio * (entry.packed_bytes + 1)) {
+  } else if (p.method == ZIP_CM_DEFLATE) {
+    if (entry.bytes > largest_ratio * (p.bytes + 1)) {
       throw InputError(path_, name, "entry declares more than its compressed data can hold");
     }
     std::vector<std::uint8_t> packed;
@@ -148,16 +118,16 @@ void ZipInput::read(const Entry& entry, std::uint64_t limit, std::vector<std::ui
     inflate_all(packed, out, path_, name);
   } else {
     throw InputError(path_, name,
-                     "entry is compressed by method " + std::to_string(entry.method) +
+                     "entry is compressed by method " + std::to_string(p.method) +
                          ", expected stored or deflated");
   }
-  if (crc32_gzip_refl(0, out.data(), out.size()) != entry.crc) {
+  if (crc32_gzip_refl(0, out.data(), out.size()) != p.crc) {
     throw InputError(path_, name, "entry has a wrong checksum");
   }
 }
 
-void ZipInput::read_packed(const Entry& entry, std::vector<std::uint8_t>& out) {
-  out.resize(entry.packed_bytes);
+void ZipInput::read_packed(const Entry& entry, std::vector<std::uint8_t>& out) const {
+  out.resize(packed_[entry.index].bytes);
   const std::scoped_lock lock(mutex_);
   // Raw bytes: the library would inflate while the lock is held.
   zip_file_t* const file = zip_fopen_index(zip_, entry.index, ZIP_FL_COMPRESSED);
@@ -169,7 +139,7 @@ void ZipInput::read_packed(const Entry& entry, std::vector<std::uint8_t>& out) {
   }
   if (file != nullptr) zip_fclose(file);
   if (file == nullptr || done != out.size()) {
-    throw InputError(path_, shown(entry.name), "entry can't be read: the archive is damaged");
+    throw InputError(path_, shown_name(entry.name), "entry can't be read: the archive is damaged");
   }
 }
 

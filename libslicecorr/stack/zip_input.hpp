@@ -7,44 +7,32 @@
 #include <string>
 #include <vector>
 
+#include "stack/container.hpp"
+
 struct zip;
 
 namespace slicecorr::detail {
 
-/// Refuses what is no zip, is damaged, or holds doubled, encrypted, overlapping or strangely named
-/// entries. Entries are inflated by ISA-L outside the lock of the zip handle.
-class ZipInput {
+/// Entries are inflated by ISA-L outside the lock of the zip handle.
+class ZipInput final : public Container {
  public:
-  struct Entry {
-    std::string name;
-    std::uint64_t index = 0;
-    std::uint64_t bytes = 0;         ///< inflated, as declared
-    std::uint64_t packed_bytes = 0;  ///< in the archive
+  explicit ZipInput(const std::string& path);
+  ~ZipInput() override;
+  void read(const Entry& entry, std::uint64_t limit, std::vector<std::uint8_t>& out) const override;
+
+ private:
+  /// What else the archive says of an entry, by its index.
+  struct Packed {
+    std::uint64_t bytes = 0;
     std::uint32_t crc = 0;
     std::uint16_t method = 0;
   };
-
-  explicit ZipInput(const std::string& path);
-  ~ZipInput();
-  ZipInput(const ZipInput&) = delete;
-  ZipInput& operator=(const ZipInput&) = delete;
-
-  /// Sorted by name.
-  const std::vector<Entry>& entries() const { return entries_; }
-  const Entry* find(const std::string& name) const;
-
-  /// The entry's contents, checked against its declared size and checksum. Refuses more than
-  /// `limit` bytes before reading. Thread-safe.
-  void read(const Entry& entry, std::uint64_t limit, std::vector<std::uint8_t>& out);
-
- private:
   void list_entries(std::uint64_t archive_bytes);
-  void read_packed(const Entry& entry, std::vector<std::uint8_t>& out);
+  void read_packed(const Entry& entry, std::vector<std::uint8_t>& out) const;
 
-  std::string path_;
   zip* zip_ = nullptr;
-  std::mutex mutex_;
-  std::vector<Entry> entries_;
+  mutable std::mutex mutex_;
+  std::vector<Packed> packed_;
 };
 
 }  // namespace slicecorr::detail

@@ -1,19 +1,17 @@
 #include "stack/zip_output.hpp"
 
-#include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
 #include <zip.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cerrno>
-#include <cstdio>
 #include <cstring>
 #include <exception>
 #include <memory>
 
 #include "base/errno_message.hpp"
+#include "base/temporary.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr::detail {
@@ -93,27 +91,6 @@ struct ZipWriting {
 
 namespace {
 
-/// Removes the temporary file unless it was renamed.
-struct Temporary {
-  std::string path;
-  bool keep = false;
-  ~Temporary() {
-    if (!keep) ::unlink(path.c_str());
-  }
-};
-
-/// Waits until the contents are on the disk: a rename must not come before them.
-void sync(const std::string& path, int flags) {
-  const int file = ::open(path.c_str(), flags | O_CLOEXEC);
-  if (file < 0) throw DeviceError(errno_message(path, "can't be opened"));
-  const int result = ::fsync(file);
-  const int error = errno;
-  ::close(file);
-  // EINVAL: the file system can't, as is usual for folders on some.
-  if (result != 0 && error != EINVAL)
-    throw DeviceError(errno_message(path, "can't be written", error));
-}
-
 std::string zip_text(zip_error_t* error) {
   // The text of the system alone says more to the user than with the library's in front.
   if (zip_error_system_type(error) == ZIP_ET_SYS && zip_error_code_system(error) != 0) {
@@ -124,10 +101,8 @@ std::string zip_text(zip_error_t* error) {
 
 }  // namespace
 
-ZipOutput::ZipOutput(const std::string& path) : path_(path) {
-  const std::size_t slash = path.rfind('/');
-  folder_ = slash == std::string::npos ? "." : slash == 0 ? "/" : path.substr(0, slash);
-  file_ = slash == std::string::npos ? path : path.substr(slash + 1);
+ZipOutput::ZipOutput(const std::string& path, std::string keep_from)
+    : ContainerOutput(path), keep_from_(std::move(keep_from)) {
   struct stat status;
   if (::stat(folder_.c_str(), &status) != 0) {
     throw DeviceError(errno_message(path, "folder of the output can't be used"));
@@ -136,56 +111,28 @@ ZipOutput::ZipOutput(const std::string& path) : path_(path) {
   if (file_.empty() || (taken && !S_ISREG(status.st_mode))) {
     throw DeviceError(path + ": can't be written: is no ordinary file");
   }
-  const Temporary trial{make_temporary()};
-}
-
-std::string ZipOutput::make_temporary() const {
-  static std::atomic<unsigned> counter{0};
-  for (int attempt = 0; attempt < 1000; ++attempt) {
-    // Cut, because the zip library adds to the name and names have at most 255 bytes.
-    const std::string name = folder_ + "/." + file_.substr(0, 200) + "." +
-                             std::to_string(::getpid()) + "-" + std::to_string(counter++) + ".part";
-    const int file = ::open(name.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0666);
-    if (file >= 0) {
-      ::close(file);
-      return name;
-    }
-    if (errno != EEXIST) break;
-  }
-  throw DeviceError(errno_message(path_, "can't be written"));
-}
-
-void ZipOutput::add(std::string name, std::vector<std::uint8_t> data) {
-  const std::uint64_t size = data.size();
-  auto fill = [data = std::move(data)](std::size_t, std::vector<std::uint8_t>& out) { out = data; };
-  sources_.push_back({std::move(name), size, std::move(fill), 0});
-}
-
-void ZipOutput::add_lazily(const char* names, const std::vector<std::uint64_t>& sizes, Fill fill) {
-  // Shared: a million copies of a function would not be small.
-  const auto shared = std::make_shared<Fill>(std::move(fill));
-  for (std::size_t i = 0; i < sizes.size(); ++i) {
-    char name[64];
-    std::snprintf(name, sizeof name, names, static_cast<int>(i));
-    sources_.push_back(
-        {name, sizes[i],
-         [shared](std::size_t n, std::vector<std::uint8_t>& out) { (*shared)(n, out); }, i});
-  }
+  const Temporary trial{make_temporary(path)};
 }
 
 void ZipOutput::finish(const Job& job) {
   job.check_cancelled();
-  Temporary temporary{make_temporary()};
+  Temporary temporary{make_temporary(path_)};
+  if (!keep_from_.empty()) {
+    // The library replaces the file under the temporary name; the original's stays as it is.
+    ::unlink(temporary.path.c_str());
+    link_or_copy(keep_from_, temporary.path);
+  }
   write(temporary.path, job);
   // The zip library leaves out the last step when it is a small one.
   job.report("write", 1);
-  sync(temporary.path, O_WRONLY);
+  if (!keep_from_.empty()) copy_mode(keep_from_, temporary.path);
+  sync_file(temporary.path);
   job.check_cancelled();
   if (::rename(temporary.path.c_str(), path_.c_str()) != 0) {
     throw DeviceError(errno_message(path_, "can't be written"));
   }
   temporary.keep = true;
-  sync(folder_, O_RDONLY | O_DIRECTORY);
+  sync_folder(folder_);
 }
 
 void ZipOutput::write(const std::string& temporary, const Job& job) {
@@ -195,7 +142,8 @@ void ZipOutput::write(const std::string& temporary, const Job& job) {
 
   zip_error_t error;
   int code = 0;
-  zip_t* const zip = zip_open(temporary.c_str(), ZIP_CREATE | ZIP_TRUNCATE, &code);
+  const bool keeps = !keep_from_.empty();
+  zip_t* const zip = zip_open(temporary.c_str(), keeps ? 0 : ZIP_CREATE | ZIP_TRUNCATE, &code);
   if (zip == nullptr) throw DeviceError(errno_message(path_, "can't be written"));
   // After the entries: discarding the archive still calls them.
   std::unique_ptr<zip_t, decltype(&zip_discard)> guard(zip, &zip_discard);
@@ -209,6 +157,22 @@ void ZipOutput::write(const std::string& temporary, const Job& job) {
     zip_source_t* const made =
         zip_source_function_create(&ZipWriting::call, &entries.back(), &error);
     if (made == nullptr) fail(&error);
+    const zip_int64_t kept = keeps ? zip_name_locate(zip, source.name.c_str(), ZIP_FL_ENC_RAW) : -1;
+    if (kept >= 0) {
+      const auto index = static_cast<zip_uint64_t>(kept);
+      zip_stat_t was;
+      if (zip_stat_index(zip, index, 0, &was) != 0) fail(zip_get_error(zip));
+      if (zip_file_replace(zip, index, made, 0) != 0) {
+        zip_source_free(made);
+        fail(zip_get_error(zip));
+      }
+      const bool packed = was.comp_method != ZIP_CM_STORE && !source.name.ends_with(".png");
+      if (zip_set_file_compression(zip, index, packed ? ZIP_CM_DEFLATE : ZIP_CM_STORE, 0) != 0 ||
+          zip_file_set_mtime(zip, index, was.mtime, 0) != 0) {
+        fail(zip_get_error(zip));
+      }
+      continue;
+    }
     const zip_int64_t added = zip_file_add(zip, source.name.c_str(), made, ZIP_FL_ENC_UTF_8);
     if (added < 0) {
       zip_source_free(made);

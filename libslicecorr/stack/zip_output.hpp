@@ -2,46 +2,25 @@
 /// A zip archive that appears under its name only when it is complete.
 #pragma once
 
-#include <cstdint>
-#include <functional>
 #include <string>
-#include <vector>
 
-#include "slicecorr/parallel.hpp"
+#include "stack/container_output.hpp"
 
 namespace slicecorr::detail {
 
-/// Entries are stored uncompressed, with a fixed time, in the order they were added. All is written
-/// by `finish`, to a temporary file in the same folder. Throws `DeviceError`.
-class ZipOutput {
+/// New entries are stored uncompressed, with a fixed time, in the order they were added. Kept ones
+/// are copied as they are packed; a changed one keeps its place, time and comment, and, unless it
+/// is an image, its compression.
+class ZipOutput final : public ContainerOutput {
  public:
-  using Fill = std::function<void(std::size_t i, std::vector<std::uint8_t>& data)>;
-
-  /// Checks already now that a file can be made here.
-  explicit ZipOutput(const std::string& path);
-  const std::string& folder() const { return folder_; }
-
-  void add(std::string name, std::vector<std::uint8_t> data);
-  /// Entries named by printf format `names` with 0, 1, ...; `fill` makes the contents, of the
-  /// promised size, one entry at a time while the archive is written.
-  void add_lazily(const char* names, const std::vector<std::uint64_t>& sizes, Fill fill);
-
-  void finish(const Job& job);
+  explicit ZipOutput(const std::string& path, std::string keep_from = "");
+  void finish(const Job& job) override;
 
  private:
-  struct Source {
-    std::string name;
-    std::uint64_t size = 0;
-    Fill fill;
-    std::size_t number = 0;
-  };
   friend struct ZipWriting;
-
-  std::string make_temporary() const;
   void write(const std::string& temporary, const Job& job);
 
-  std::string path_, folder_, file_;
-  std::vector<Source> sources_;
+  std::string keep_from_;
 };
 
 }  // namespace slicecorr::detail

@@ -66,6 +66,10 @@ struct StackInfo {
   std::vector<double> layer_exposure_s;
 };
 
+/// Time in which all slices of the stack are shown, s: by its process when corrected, else by the
+/// archive's times, 0 when it has none. Without what lies between slices layer by layer.
+double light_on_s(const StackInfo& info);
+
 /// Keeps compressed pieces of images between the steps that make and take them in different orders.
 /// Holds up to a budget in memory, the rest in an unnamed scratch file in `folder`, which vanishes
 /// with the process. Thread-safe. Throws `DeviceError`.

@@ -1,0 +1,46 @@
+/// @file temporary.hpp
+/// Files and folders that are made under another name beside their place, and renamed when whole.
+#pragma once
+
+#include <string>
+
+namespace slicecorr::detail {
+
+/// A path taken apart: "a/b.zip" lies in "a", "b.zip" in ".".
+struct PlaceOfFile {
+  std::string folder, file;
+};
+PlaceOfFile place_of(const std::string& path);
+
+/// A name beside `path` that nothing else has: ".FILE.PID-N.part". `make_folder`: an empty folder
+/// of that name is made, else an empty file. Throws `DeviceError`.
+std::string make_temporary(const std::string& path, bool make_folder = false);
+
+/// Whether a name is one that `make_temporary` gives, or that the zip library makes of it: left
+/// over by a process that was killed when that is no more.
+struct TemporaryName {
+  bool is_one = false;
+  long pid = 0;
+};
+TemporaryName temporary_name(const std::string& file);
+
+/// Waits until the contents of a file, or the names in a folder, are on the disk: a rename must not
+/// come before them. Throws `DeviceError`.
+void sync_file(const std::string& path);
+void sync_folder(const std::string& path);
+
+/// Removes a temporary file at the end of its scope unless it was renamed.
+struct Temporary {
+  std::string path;
+  bool keep = false;
+  ~Temporary();
+};
+
+/// Gives `to` the mode, and where allowed the owner, of `from`.
+void copy_mode(const std::string& from, const std::string& to);
+
+/// A second name for a file's contents: a link where the file system can, else a copy. Throws
+/// `DeviceError`.
+void link_or_copy(const std::string& from, const std::string& to);
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,56 @@
+/// @file setup.hpp
+/// From what a user says to a complete `Setup`: one set of rules for the program and the C
+/// interface.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "slicecorr/pipeline.hpp"
+
+namespace slicecorr {
+
+/// What a user says of printer, resin and process. Texts that are empty and numbers that are not
+/// above 0 (counts: below 0) are not said.
+struct SetupChoices {
+  std::string printer, resin;            ///< names, or paths of .toml files
+  std::string printer_toml, resin_toml;  ///< texts of such files, in place of the names
+  std::string mode;                      ///< continuous, layerwise
+  double speed_mm_h = 0;
+  double exposure_s = 0, bottom_exposure_s = 0;
+  int bottom_layers = -1, fade_layers = -1;
+  /// Exposure of each layer, > 0; the last holds for later layers. Alone, without the numbers
+  /// above.
+  std::vector<double> layer_exposure_s;
+  double uv_mw_cm2 = 0, dead_zone_um = 0;
+  std::string uv_schedule;  ///< constant, per-slice, patterned
+  std::string window_cure;  ///< refuse, allow
+  std::string ramp;         ///< none, lamp-follows, outside
+  double ramp_mm = 0;
+  std::string omega_max = "inf";             ///< inf, or a number of at least 1
+  std::string one_slice_gaps = "open";       ///< open, merge
+  std::string platform_features = "capped";  ///< capped, uncapped
+  double dc_mj_cm3 = 0, ha_um = 0;           ///< in place of the resin's; height in base 10
+};
+
+/// How messages name the choices.
+enum class ChoiceNames {
+  options,  ///< of the command line: --speed-mm-h
+  fields,   ///< of SetupChoices: speed_mm_h
+};
+
+/// What is chosen, over what `info` brings; `times`: an archive whose exposure times count where
+/// none are given. Both may be null. Words are taken as they are checked by the caller. Throws
+/// `InputError` naming what is missing, or what does not go together.
+Setup resolve_setup(const SetupChoices& choices, const StackInfo* info, const StackInfo* times,
+                    ChoiceNames names);
+
+/// What the user should know of a setup; empty when nothing.
+std::string setup_notice(const Setup& setup, ChoiceNames names);
+
+/// A corrected stack shows light, not the design: measured against it, or corrected again, nothing
+/// means anything. Throws `InputError` when `info`, of the archive at `path`, is of one.
+void check_design(const StackInfo& info, const std::string& path);
+
+}  // namespace slicecorr

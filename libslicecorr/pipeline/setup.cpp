@@ -1,0 +1,279 @@
+#include "slicecorr/setup.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <numeric>
+
+#include "slicecorr/error.hpp"
+
+namespace slicecorr {
+
+namespace {
+
+[[noreturn]] void wrong(const std::string& message) { throw InputError(message); }
+
+/// Without the repeated end: the last entry holds for later layers.
+std::vector<double> trimmed(std::vector<double> times) {
+  while (times.size() > 1 && times.back() == times[times.size() - 2]) times.pop_back();
+  return times;
+}
+
+/// A choice as messages name it: --speed-mm-h, or speed_mm_h.
+std::string named(ChoiceNames names, std::string_view option) {
+  if (names == ChoiceNames::options) return "--" + std::string(option);
+  std::string field(option);
+  std::replace(field.begin(), field.end(), '-', '_');
+  return field;
+}
+
+class Resolver {
+ public:
+  Resolver(const SetupChoices& choices, ChoiceNames names) : c_(choices), names_(names) {}
+  Setup resolve(const StackInfo* info, const StackInfo* times) const;
+
+ private:
+  std::string o(std::string_view option) const { return named(names_, option); }
+  double omega_max() const;
+  void resolve_exposure(Process& process, const StackInfo* times) const;
+  void resolve_continuous(Process& process) const;
+  void resolve_layerwise(Process& process, const StackInfo* times) const;
+  void resolve_uv(Setup& setup) const;
+  bool any_exposure() const {
+    return c_.exposure_s > 0 || c_.bottom_exposure_s > 0 || c_.bottom_layers >= 0 ||
+           c_.fade_layers >= 0;
+  }
+
+  const SetupChoices& c_;
+  ChoiceNames names_;
+};
+
+double Resolver::omega_max() const {
+  const std::string& text = c_.omega_max;
+  if (text == "inf") return 1e300;
+  double value = 0;
+  const char* const end = text.data() + text.size();
+  const auto [stop, error] = std::from_chars(text.data(), end, value);
+  if (error != std::errc{} || stop != end || !(value >= 1.0)) {
+    wrong(fmt::format("{} {}: expected inf or a number of at least 1", o("omega-max"), text));
+  }
+  return std::min(value, 1e300);
+}
+
+void Resolver::resolve_exposure(Process& process, const StackInfo* times) const {
+  const bool layerwise =
+      c_.mode.empty() ? process.mode == ExposureMode::layerwise : c_.mode == "layerwise";
+  if (layerwise && c_.speed_mm_h > 0) {
+    wrong(fmt::format("{} is for continuous exposure; expected {} with {} layerwise",
+                      o("speed-mm-h"), o("exposure-s"), o("mode")));
+  }
+  if (layerwise && (!c_.ramp.empty() || c_.ramp_mm > 0)) {
+    wrong(fmt::format("{} is for continuous exposure: layer by layer the stage stands still",
+                      o("ramp")));
+  }
+  if (!layerwise && (any_exposure() || !c_.layer_exposure_s.empty())) {
+    wrong(fmt::format(
+        "exposure times are for layer by layer exposure; expected {} layerwise with them",
+        o("mode")));
+  }
+  const ExposureMode now = layerwise ? ExposureMode::layerwise : ExposureMode::continuous;
+  if (now != process.mode) {
+    // Nothing of the other schedule holds.
+    process.speed_mm_h = process.exposure_s = process.bottom_exposure_s = process.ramp_mm = 0;
+    process.bottom_layers = process.fade_layers = 0;
+    process.layer_exposure_s.clear();
+    process.ramp = Ramp::none;
+    process.mode = now;
+  }
+  if (layerwise) {
+    resolve_layerwise(process, times);
+  } else {
+    resolve_continuous(process);
+  }
+}
+
+void Resolver::resolve_continuous(Process& process) const {
+  if (c_.speed_mm_h > 0) process.speed_mm_h = c_.speed_mm_h;
+  if (!(process.speed_mm_h > 0)) wrong(o("speed-mm-h") + " is required");
+  if (c_.ramp.empty()) {
+    if (c_.ramp_mm > 0) {
+      wrong(
+          fmt::format("{}: expected {} lamp-follows or outside with it", o("ramp-mm"), o("ramp")));
+    }
+    return;
+  }
+  process.ramp = c_.ramp == "lamp-follows" ? Ramp::lamp_follows
+                 : c_.ramp == "outside"    ? Ramp::outside
+                                           : Ramp::none;
+  process.ramp_mm = c_.ramp_mm;
+  if (process.ramp == Ramp::lamp_follows && !(c_.ramp_mm > 0)) {
+    wrong(fmt::format("{} lamp-follows: expected {}, the distance that the lamp has to follow",
+                      o("ramp"), o("ramp-mm")));
+  }
+  if (process.ramp == Ramp::none && c_.ramp_mm > 0) {
+    wrong(fmt::format("{} goes with a {}", o("ramp-mm"), o("ramp")));
+  }
+}
+
+void Resolver::resolve_layerwise(Process& process, const StackInfo* times) const {
+  if (!c_.layer_exposure_s.empty()) {
+    if (any_exposure()) {
+      wrong(fmt::format("{} says the exposure of every layer; expected no other times with it",
+                        o("layer-exposure-s")));
+    }
+    process.layer_exposure_s = trimmed(c_.layer_exposure_s);
+    process.exposure_s = process.layer_exposure_s.back();
+    process.bottom_exposure_s = 0;
+    process.bottom_layers = process.fade_layers = 0;
+  } else if (any_exposure()) {
+    if (c_.exposure_s > 0) {
+      process.exposure_s = c_.exposure_s;
+    } else if (!(process.exposure_s > 0) && times) {
+      process.exposure_s = times->exposure_s;
+    }
+    process.layer_exposure_s.clear();
+    process.bottom_exposure_s = c_.bottom_exposure_s;
+    process.bottom_layers = std::max(0, c_.bottom_layers);
+    process.fade_layers = std::max(0, c_.fade_layers);
+    if (process.bottom_layers > 0 && !(c_.bottom_exposure_s > 0)) {
+      wrong(fmt::format("{}: expected {} with it", o("bottom-layers"), o("bottom-exposure-s")));
+    }
+    if (c_.bottom_exposure_s > 0 && process.bottom_layers + process.fade_layers == 0) {
+      wrong(fmt::format("{}: expected {} with it", o("bottom-exposure-s"), o("bottom-layers")));
+    }
+    if (process.fade_layers > 0 && !(c_.bottom_exposure_s > 0)) {
+      wrong(fmt::format("{}: expected {} with it, which they start from", o("fade-layers"),
+                        o("bottom-exposure-s")));
+    }
+  } else if (!(process.exposure_s > 0) && times) {
+    process.exposure_s = times->exposure_s;
+    process.layer_exposure_s = trimmed(times->layer_exposure_s);
+    process.bottom_exposure_s = times->bottom_exposure_s;
+    process.bottom_layers = times->bottom_layers;
+    process.fade_layers = times->fade_layers;
+  }
+  if (!(process.exposure_s > 0)) {
+    wrong(o("exposure-s") +
+          " is required: no exposure times are given, and there are none in an archive");
+  }
+}
+
+void Resolver::resolve_uv(Setup& setup) const {
+  UvSchedule& uv = setup.process.uv;
+  if (!c_.window_cure.empty()) setup.process.allow_window_cure = c_.window_cure == "allow";
+  const std::string intensity = o("uv-mw-cm2"), zone = o("dead-zone-um"),
+                    schedule = o("uv-schedule");
+  if (c_.uv_mw_cm2 > 0 && c_.dead_zone_um > 0) {
+    wrong(fmt::format("{} and {} are two ways to set the UV light; expected one of them", intensity,
+                      zone));
+  }
+  if (!(c_.uv_mw_cm2 > 0) && !(c_.dead_zone_um > 0)) {
+    if (!c_.uv_schedule.empty()) {
+      wrong(fmt::format("{} {}: expected {} with it", schedule, c_.uv_schedule,
+                        c_.uv_schedule == "constant" ? intensity : zone));
+    }
+    return;
+  }
+  const std::string& option = c_.uv_mw_cm2 > 0 ? intensity : zone;
+  if (!setup.resin.inhibition) {
+    wrong(fmt::format("{}: resin '{}' has no [inhibition]; expected one that UV light inhibits",
+                      option, setup.resin.name));
+  }
+  if (!setup.printer.uv) {
+    wrong(fmt::format("{}: printer '{}' has no [uv] lamp", option, setup.printer.name));
+  }
+  const bool patterned = setup.printer.uv->patterned;
+  uv = {};
+  if (c_.uv_mw_cm2 > 0) {
+    if (!c_.uv_schedule.empty() && c_.uv_schedule != "constant") {
+      wrong(fmt::format("{} {} holds a dead zone; expected {} in place of {}", schedule,
+                        c_.uv_schedule, zone, intensity));
+    }
+    uv.kind = UvKind::constant;
+    uv.uv_mw_cm2 = c_.uv_mw_cm2;
+    return;
+  }
+  if (c_.uv_schedule == "constant") {
+    wrong(fmt::format("{} constant: expected {} in place of {}", schedule, intensity, zone));
+  }
+  if (c_.uv_schedule == "patterned" && !patterned) {
+    wrong(fmt::format("{} patterned: the UV lamp of printer '{}' floods the window", schedule,
+                      setup.printer.name));
+  }
+  uv.kind = c_.uv_schedule == "patterned" || (c_.uv_schedule.empty() && patterned)
+                ? UvKind::patterned
+                : UvKind::per_slice;
+  uv.dead_zone_um = c_.dead_zone_um;
+}
+
+Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
+  Setup setup;
+  const bool recorded = info && info->printer && info->resin && info->process;
+  const auto need = [&](bool given, std::string_view option) {
+    if (!given && !recorded) {
+      throw InputError(fmt::format(
+          "the stack does not say how it is printed; expected {} (and {}, {}, {} or {} layerwise)",
+          o(option), o("printer"), o("resin"), o("speed-mm-h"), o("mode")));
+    }
+  };
+  const bool printer_given = !c_.printer.empty() || !c_.printer_toml.empty();
+  const bool resin_given = !c_.resin.empty() || !c_.resin_toml.empty();
+  need(printer_given, "printer");
+  need(resin_given, "resin");
+  if (info) need(c_.speed_mm_h > 0 || c_.mode == "layerwise" || c_.exposure_s > 0, "speed-mm-h");
+  setup.printer = !c_.printer_toml.empty() ? parse_printer(c_.printer_toml, o("printer-toml"))
+                  : printer_given          ? load_printer(c_.printer)
+                                           : *info->printer;
+  ResinOverrides overrides;
+  if (c_.dc_mj_cm3 > 0) overrides.dc_mj_cm3 = c_.dc_mj_cm3;
+  if (c_.ha_um > 0) overrides.ha_um = c_.ha_um;
+  if (resin_given) {
+    setup.resin = c_.resin_toml.empty() ? load_resin(c_.resin, overrides)
+                                        : parse_resin(c_.resin_toml, o("resin-toml"), overrides);
+  } else {
+    setup.resin = *info->resin;
+    if (c_.ha_um > 0) setup.resin.absorbance_height10_um = c_.ha_um;
+    if (c_.dc_mj_cm3 > 0) {
+      setup.resin.critical_dose_mj_cm3 = c_.dc_mj_cm3;
+      setup.resin.critical_dose_prime = 0;
+    }
+  }
+  if (recorded) setup.process = *info->process;
+  resolve_exposure(setup.process, times);
+  resolve_uv(setup);
+  const double cap = omega_max();
+  if (!recorded) {
+    setup.process.omega_max = cap;
+    setup.process.one_slice_gaps =
+        c_.one_slice_gaps == "merge" ? OneSliceGaps::merge : OneSliceGaps::open;
+    setup.process.cap_platform_features = c_.platform_features == "capped";
+  }
+  return setup;
+}
+
+}  // namespace
+
+Setup resolve_setup(const SetupChoices& choices, const StackInfo* info, const StackInfo* times,
+                    ChoiceNames names) {
+  return Resolver(choices, names).resolve(info, times);
+}
+
+std::string setup_notice(const Setup& setup, ChoiceNames names) {
+  if (setup.process.uv.kind == UvKind::off && setup.resin.inhibition && setup.printer.uv) {
+    return fmt::format(
+        "the UV lamp of printer '{}' counts as off: without {} or {} the inhibition of resin '{}' "
+        "is not considered",
+        setup.printer.name, named(names, "uv-mw-cm2"), named(names, "dead-zone-um"),
+        setup.resin.name);
+  }
+  return {};
+}
+
+void check_design(const StackInfo& info, const std::string& path) {
+  if (info.kind == StackKind::corrected) {
+    throw InputError(path, "", "is a corrected stack; expected the target that it was made from");
+  }
+}
+
+}  // namespace slicecorr

@@ -1,14 +1,14 @@
 #include "post/correct_file.hpp"
 
 #include <fmt/format.h>
-#include <sys/stat.h>
 
 #include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <optional>
 
-#include "base/errno_message.hpp"
+#include "base/temporary.hpp"
 #include "post/files.hpp"
 #include "program/program.hpp"
 #include "slicecorr/report.hpp"
@@ -118,15 +118,12 @@ void check_backup(const std::string& real, const std::string& backup, const std:
 void keep_backup(const std::string& real, const std::string& backup, const std::string& how,
                  const std::string& scratch) {
   std::error_code ec;
-  if (fs::exists(fs::symlink_status(backup, ec))) {
-    if (same_contents(real, backup)) return;
-    if (how != "replace") check_backup(real, backup, how);
-    link_or_copy(real, scratch + "/backup", scratch);
-    rename_file(scratch + "/backup", backup);
-  } else {
-    link_or_copy(real, backup, scratch);
-  }
-  sync_folder(cli::folder_of(backup));
+  if (fs::exists(fs::symlink_status(backup, ec)) && same_contents(real, backup)) return;
+  // A folder of the slicer's export may be another than that of the copy we are given.
+  std::optional<WorkFolder> beside;
+  const std::string folder = cli::folder_of(backup);
+  if (!fs::equivalent(folder, cli::folder_of(real), ec)) beside.emplace(folder);
+  keep_copy(real, backup, how == "replace", beside ? beside->path() : scratch);
 }
 
 /// Also for the program that is killed: what was in work is found again.
@@ -179,14 +176,6 @@ std::string source_of(const std::string& real, const Context& context, const Job
   return backup;
 }
 
-void give_rights(const std::string& from, const std::string& to) {
-  struct stat status;
-  if (::stat(from.c_str(), &status) != 0 ||
-      ::chmod(to.c_str(), status.st_mode & static_cast<mode_t>(07777)) != 0) {
-    throw DeviceError(detail::errno_message(to, "can't be given the rights of " + from));
-  }
-}
-
 }  // namespace
 
 std::string figures_json(const Outcome& outcome) {
@@ -237,7 +226,7 @@ Outcome correct_file(const std::string& path, const Context& context, const Job&
     outcome.correction = correct_stack(target, decision.setup, file, true, job);
     const Reports reports(work, name_for_user(real, context), decision.settings.report);
     reports.make(target, outcome, job);
-    give_rights(real, made);
+    detail::copy_mode(real, made);
 
     job.check_cancelled();
     if (identity_of(real) != seen) {
@@ -248,8 +237,9 @@ Outcome correct_file(const std::string& path, const Context& context, const Job&
       outcome.written.push_back(backup);
     }
     reports.publish(outcome.written);
+    outcome.identity = identity_of(made).value();
     rename_file(made, real);
-    sync_folder(folder);
+    detail::sync_folder(folder);
     return outcome;
   });
 }
@@ -265,7 +255,7 @@ void undo(const std::string& path, const Context& context, const Job& job) {
     const std::string backup = backup_of(real, context);
     check_belongs(info, real, backup, job);
     rename_file(backup, real);
-    sync_folder(cli::folder_of(real));
+    detail::sync_folder(cli::folder_of(real));
   });
 }
 

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "post/decide.hpp"
+#include "post/files.hpp"
 #include "slicecorr/parallel.hpp"
 
 namespace slicecorr::post {
@@ -21,6 +22,7 @@ struct Outcome {
   Setup setup;
   Correction correction;
   std::vector<std::string> written;  ///< backup and reports
+  FileIdentity identity;             ///< of the new file
 };
 
 /// Corrects `path`: at any moment the file is either the old or the new one, whole. Throws

@@ -12,6 +12,7 @@
 #include <fstream>
 
 #include "base/errno_message.hpp"
+#include "base/temporary.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr::post {
@@ -25,18 +26,6 @@ constexpr const char* kPrefix = ".slicecorr-post-";
 
 [[noreturn]] void fail(const std::string& path, const std::string& what) {
   throw DeviceError(errno_message(path, what));
-}
-
-void sync(const std::string& path, int flags) {
-  const int file = ::open(path.c_str(), flags | O_CLOEXEC);
-  if (file < 0) fail(path, "can't be opened");
-  const int result = ::fsync(file);
-  const int error = errno;
-  ::close(file);
-  // EINVAL: the file system can't, as is usual for folders on some.
-  if (result != 0 && error != EINVAL) {
-    throw DeviceError(errno_message(path, "can't be written", error));
-  }
 }
 
 }  // namespace
@@ -116,27 +105,21 @@ std::vector<std::string> WorkFolder::remove_stale(const std::string& folder) {
   return in_work;
 }
 
-void sync_folder(const std::string& folder) { sync(folder, O_RDONLY | O_DIRECTORY); }
-void sync_file(const std::string& path) { sync(path, O_WRONLY); }
-
-void link_or_copy(const std::string& from, const std::string& to, const std::string& scratch) {
-  if (::link(from.c_str(), to.c_str()) == 0) return;
-  if (errno == EEXIST) throw InputError(to, "", "is there already");
-  // EPERM: FAT, as on memory cards; EXDEV: elsewhere; ENOSYS, EOPNOTSUPP, EMLINK: others.
-  if (errno != EPERM && errno != EXDEV && errno != ENOSYS && errno != EOPNOTSUPP &&
-      errno != EMLINK) {
-    fail(to, "can't be made");
+void keep_copy(const std::string& from, const std::string& to, bool replace,
+               const std::string& scratch) {
+  const std::string made = scratch + "/copy";
+  detail::link_or_copy(from, made);
+  detail::sync_file(made);
+  const unsigned flags = replace ? 0 : RENAME_NOREPLACE;
+  if (::renameat2(AT_FDCWD, made.c_str(), AT_FDCWD, to.c_str(), flags) != 0) {
+    std::error_code ec;
+    const bool there = errno == EEXIST || (!replace && fs::exists(to, ec));
+    if (there) throw InputError(to, "", "is there already");
+    // Not all file systems can refuse by themselves.
+    if (errno != EINVAL && errno != ENOSYS) fail(to, "can't be made");
+    rename_file(made, to);
   }
-  const std::string part = scratch + "/copy";
-  std::error_code ec;
-  fs::copy_file(from, part, fs::copy_options::overwrite_existing, ec);
-  if (ec) throw DeviceError(to + ": can't be written: " + ec.message());
-  sync_file(part);
-  if (::renameat2(AT_FDCWD, part.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) return;
-  if (errno == EEXIST) throw InputError(to, "", "is there already");
-  if (errno != EINVAL && errno != ENOSYS) fail(to, "can't be made");
-  if (fs::exists(to, ec)) throw InputError(to, "", "is there already");
-  rename_file(part, to);
+  detail::sync_folder(detail::place_of(to).folder);
 }
 
 bool same_contents(const std::string& a, const std::string& b) {

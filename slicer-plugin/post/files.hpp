@@ -61,12 +61,11 @@ class WorkFolder {
   std::optional<Lock> lock_;
 };
 
-/// The folder's entries are on the disk after this.
-void sync_folder(const std::string& folder);
-void sync_file(const std::string& path);
-/// `to` must not be there. A hard link where the file system has them, else a copy that appears
-/// whole; `scratch` is a folder beside `to`.
-void link_or_copy(const std::string& from, const std::string& to, const std::string& scratch);
+/// A copy of `from` under the name `to`, whole from the moment that it is there: a hard link where
+/// the file system has them. `scratch`: a folder beside `to`. Throws `InputError` when `to` is
+/// there and not to be replaced.
+void keep_copy(const std::string& from, const std::string& to, bool replace,
+               const std::string& scratch);
 bool same_contents(const std::string& a, const std::string& b);
 void rename_file(const std::string& from, const std::string& to);
 

@@ -58,8 +58,8 @@ void Log::add(const LogLine& line) {
     text = j.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
   } else {
     text = fmt::format("{} {}", now(), line.event);
-    if (!line.file.empty()) text += " " + on_one_line(line.file);
-    if (!line.message.empty()) text += ": " + on_one_line(line.message);
+    if (!line.file.empty()) text += fmt::format(" {}", on_one_line(line.file));
+    if (!line.message.empty()) text += fmt::format(": {}", on_one_line(line.message));
     if (line.seconds >= 0) text += fmt::format(" ({:.1f} s)", line.seconds);
     text += "\n";
   }

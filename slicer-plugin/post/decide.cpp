@@ -75,11 +75,12 @@ class Deciding {
     decision_.info = read_archive(archive);
     refuse_corrected(decision_.info, archive);
     profiles_ = decision_.info.profiles;
-    const auto fill = [](std::string& name, const std::string& from_slicer) {
-      if (name.empty()) name = from_slicer;
+    // Where the slicer that calls us says its profiles, they are those of this file.
+    const auto said = [](std::string& name, const std::string& by_slicer) {
+      if (!by_slicer.empty()) name = by_slicer;
     };
-    fill(profiles_.printer, context.slicer.profiles.printer);
-    fill(profiles_.material, context.slicer.profiles.material);
+    said(profiles_.printer, context.slicer.profiles.printer);
+    said(profiles_.material, context.slicer.profiles.material);
     rule_ = context.config.match({named, profiles_});
   }
 
@@ -178,10 +179,10 @@ SlicerCall slicer_call_from_environment() {
   if ((host.empty() || host == "File") && !name.empty() && name.front() == '/') {
     call.output_name = name;
   }
+  if (!call.by_slicer) return call;
   call.profiles = {variable("SLIC3R_PRINTER_SETTINGS_ID"),
                    variable("SLIC3R_SLA_MATERIAL_SETTINGS_ID"),
                    variable("SLIC3R_SLA_PRINT_SETTINGS_ID")};
-  if (call.profiles.printer.empty()) call.profiles.printer = variable("SLIC3R_PRINTER_MODEL");
   return call;
 }
 

@@ -25,7 +25,7 @@ class NotReadable : public InputError {
 struct SlicerCall {
   bool by_slicer = false;    ///< SLIC3R_PP_OUTPUT_NAME or SLIC3R_PP_HOST is set
   std::string output_name;   ///< the path that the file will get; empty when it goes elsewhere
-  ArchiveProfiles profiles;  ///< SLIC3R_*_SETTINGS_ID
+  ArchiveProfiles profiles;  ///< SLIC3R_*_SETTINGS_ID, when called by a slicer
 };
 SlicerCall slicer_call_from_environment();
 

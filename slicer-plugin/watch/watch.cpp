@@ -272,8 +272,12 @@ class Watcher {
       log_.add({"left-alone", done.path, done.message, -1, 0});
     } else if (done.kind != Kind::already) {
       ++result_.failed;
-      log_.add({"failed", done.path, done.message, done.seconds, done.code});
-      tell(options_.on_fail, "Slices not corrected", done.path, done.message);
+      // The line names the file already.
+      const std::string prefix = done.path + ": ";
+      const std::string why =
+          done.message.starts_with(prefix) ? done.message.substr(prefix.size()) : done.message;
+      log_.add({"failed", done.path, why, done.seconds, done.code});
+      tell(options_.on_fail, "Slices not corrected", done.path, why);
     }
   }
 

@@ -28,6 +28,15 @@ bool all_black(const std::uint8_t* p, std::size_t n) {
   return n == 0 || (p[0] == 0 && std::memcmp(p, p + 1, n - 1) == 0);
 }
 
+/// Whether the layers of both are lit for other times.
+bool exposures_differ(const StackInfo& a, const StackInfo& b) {
+  const int layers = std::min(a.grid.layers, b.grid.layers);
+  for (int n = 0; n < layers; ++n) {
+    if (detail::light_on_of_layer(a, n) != detail::light_on_of_layer(b, n)) return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 struct StackWriter::Impl {
@@ -221,22 +230,22 @@ void StackWriter::Impl::write_archive(const StackInfo& info, const GreyImage& pr
       .preview = preview,
       .kept = kept.get(),
       .kept_contents = kept ? &kept_contents : nullptr,
-      .exposure_changes = file.exposure_changes,
+      .exposure_changes = kept == nullptr || exposures_differ(info, kept_contents.info),
       .warnings = &warnings,
   };
   if (uv) request.uv_images_crc32 = detail::images_crc32(uv->grey_adlers);
   const std::vector<std::string> names = format.write(request, *output);
-  if (&format != &detail::uvj_format() && info.kind != StackKind::foreign) {
-    output->add_text(
-        detail::provenance_entry,
-        detail::write_provenance(info, request.images_crc32, request.uv_images_crc32) + "\n");
-  }
   for (const std::string& warning : warnings) job.tell(file.path + ": " + warning);
   add_images(names, slices);
   if (uv) {
     std::vector<std::string> uv_names;
     for (int n = 0; n < info.grid.layers; ++n) uv_names.push_back(detail::uv_image_name(n));
     add_images(uv_names, *uv);
+  }
+  if (&format != &detail::uvj_format() && info.kind != StackKind::foreign) {
+    output->add_text(
+        detail::provenance_entry,
+        detail::write_provenance(info, request.images_crc32, request.uv_images_crc32) + "\n");
   }
   output->finish(job);
 }

@@ -221,7 +221,6 @@ Outcome correct_file(const std::string& path, const Context& context, const Job&
     StackFile file(made);
     file.format = decision.info.format;
     file.keep_from = source;
-    file.exposure_changes = decision.exposure_changes;
     outcome.setup = decision.setup;
     outcome.correction = correct_stack(target, decision.setup, file, true, job);
     const Reports reports(work, name_for_user(real, context), decision.settings.report);

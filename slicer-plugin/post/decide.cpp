@@ -152,11 +152,10 @@ class Deciding {
     const cli::SetupOptions& s = decision_.settings.setup;
     const bool given =
         s.exposure_s > 0 || s.bottom_exposure_s > 0 || s.bottom_layers >= 0 || s.fade_layers >= 0;
-    decision_.exposure_changes = s.mode == "continuous" || given;
-    if (!decision_.exposure_changes) {
-      decision_.exposure_from = "the archive's times";
-    } else if (s.mode == "continuous") {
+    if (s.mode == "continuous") {
       decision_.exposure_from = source_of("speed-mm-h");
+    } else if (!given) {
+      decision_.exposure_from = "the archive's times";
     } else {
       decision_.exposure_from = s.exposure_s > 0 ? source_of("exposure-s") : "the archive in part";
     }

@@ -42,8 +42,7 @@ struct Decision {
   Settings settings;
   Setup setup;  ///< not when the file is left alone
   MissingFacts missing;
-  bool exposure_changes = false;  ///< of the archive
-  std::string rule;               ///< "rule 'x' (post.toml, line 5)"; empty without
+  std::string rule;  ///< "rule 'x' (post.toml, line 5)"; empty without
   std::string printer_from, resin_from, exposure_from;
 };
 

@@ -1,11 +1,16 @@
 #include "watch/folders.hpp"
 
+#include <fmt/format.h>
 #include <sys/inotify.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <cstddef>
 #include <cstring>
 
 #include "base/errno_message.hpp"
@@ -24,6 +29,31 @@ bool is_below(const std::string& path, const std::string& folder) {
 
 }  // namespace
 
+Folders::Claim::Claim(const std::string& folder) {
+  struct stat status;
+  if (::stat(folder.c_str(), &status) != 0) return;
+  // A name that is no file; only one socket can have it.
+  const std::string name =
+      fmt::format("slicecorr-post watches {:x}:{:x}", status.st_dev, status.st_ino);
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  std::copy(name.begin(), name.end(), address.sun_path + 1);
+  socket_ = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  if (socket_ < 0) throw DeviceError(detail::errno_message("watching folders", "not possible"));
+  const auto size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + 1 + name.size());
+  if (::bind(socket_, reinterpret_cast<const sockaddr*>(&address), size) == 0) return;
+  const int error = errno;
+  ::close(socket_);
+  socket_ = -1;
+  if (error != EADDRINUSE) {
+    throw DeviceError(detail::errno_message("watching folders", "not possible", error));
+  }
+}
+
+Folders::Claim::~Claim() {
+  if (socket_ >= 0) ::close(socket_);
+}
+
 Folders::Folders() : inotify_(::inotify_init1(IN_CLOEXEC | IN_NONBLOCK)) {
   if (inotify_ < 0) throw DeviceError(detail::errno_message("watching folders", "not possible"));
 }
@@ -34,8 +64,8 @@ bool Folders::add(const std::string& folder) {
   const bool known = std::any_of(watched_.begin(), watched_.end(),
                                  [&](const auto& w) { return w.second.path == folder; });
   if (known) return true;
-  auto lock = Lock::try_take(folder);
-  if (!lock) return false;
+  Claim claim(folder);
+  if (!claim.held()) return false;
   const int number = ::inotify_add_watch(inotify_, folder.c_str(), kMask);
   if (number < 0) {
     if (errno == ENOENT || errno == ENOTDIR) return false;
@@ -44,7 +74,7 @@ bool Folders::add(const std::string& folder) {
                                   "(fs.inotify.max_user_watches) is reached"
                                 : "can't be watched"));
   }
-  watched_.insert_or_assign(number, Watched{folder, std::move(*lock)});
+  watched_.insert_or_assign(number, Watched{folder, std::move(claim)});
   return true;
 }
 

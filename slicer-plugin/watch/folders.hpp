@@ -2,15 +2,14 @@
 #pragma once
 
 #include <map>
-#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
-
-#include "post/files.hpp"
 
 namespace slicecorr::post {
 
-/// Folders followed through inotify, each locked against other watchers. For one thread.
+/// Folders followed through inotify, each claimed against other watchers on this machine. For one
+/// thread.
 class Folders {
  public:
   struct Event {
@@ -41,9 +40,25 @@ class Folders {
   std::vector<Event> take();
 
  private:
+  /// Goes with the process, however it ends. Not a lock on the folder: as long as it is open, the
+  /// kernel does not tell that it is gone.
+  class Claim {
+   public:
+    explicit Claim(const std::string& folder);
+    ~Claim();
+    Claim(Claim&& other) noexcept : socket_(std::exchange(other.socket_, -1)) {}
+    Claim& operator=(Claim&& other) noexcept {
+      std::swap(socket_, other.socket_);
+      return *this;
+    }
+    bool held() const { return socket_ >= 0; }
+
+   private:
+    int socket_ = -1;
+  };
   struct Watched {
     std::string path;
-    Lock lock;
+    Claim claim;
   };
   void remove_below(const std::string& folder);
   int inotify_;

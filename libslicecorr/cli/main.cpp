@@ -316,9 +316,9 @@ int convert(const Arguments& a, const Job& job, Console& console) {
 int info(const Arguments& a, const Job& job, Console&) {
   must_not_replace(a.json, {a.input});
   StackInfo info = StackReader::read_info(a.input);
-  const bool sized = info.grid.pixel_x_um > 0 && info.grid.layer_um > 0;
-  if (sized && info.part_volume_mm3 == 0 && info.kind != StackKind::corrected) {
-    const StackReader stack = a.open(a.input, folder_of(a.input), job);
+  if (info.part_volume_mm3 == 0 && info.kind != StackKind::corrected) {
+    // All images are looked at, whatever their size: a damaged archive is not described.
+    const StackReader stack(a.input, folder_of(a.input), job, {1, 1, 1});
     const Grid& g = info.grid;
     info.part_volume_mm3 = static_cast<double>(stack.pixel_sum()) / 255.0 * g.pixel_x_um *
                            g.pixel_y_um * g.layer_um * 1e-9;

@@ -78,7 +78,7 @@ struct StackWriter::Impl {
     if (!file.keep_from.empty()) {
       open_kept();
     } else if (format.packs_rgb()) {
-      code = {1, 0, 8, 2, true};
+      code = {1, 0, 8, 2, true, format.packs_bgr()};
     }
     if (!code.is_plain()) grey_adlers.resize(bands.size());
   }
@@ -129,15 +129,15 @@ struct StackWriter::Impl {
 
 /// Whoever reads these images is used to their kind.
 void StackWriter::Impl::open_kept() {
-  kept = detail::open_container(file.keep_from, output->folder());
-  if (!format.recognises(*kept)) {
+  kept = detail::open_container(file.keep_from, output->folder(), job);
+  if (format.container() != kept->kind() || !format.recognises(*kept)) {
     throw InputError(file.keep_from, "",
                      "is no archive of the format " + std::string(format.name()));
   }
   kept_contents = format.read(*kept);
   const std::string& first = kept_contents.images.front();
   if (kept_contents.packed_rgb) {
-    code = {1, 0, 8, 2, true};
+    code = {1, 0, 8, 2, true, kept_contents.packed_bgr};
     return;
   }
   std::vector<std::uint8_t> png;

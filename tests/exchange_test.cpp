@@ -351,7 +351,7 @@ TEST_F(Exchange, FlatFields) {
   EXPECT_EQ(wrong_with(flat[0]), "");
   EXPECT_THAT(flat[0].text,
               AllOf(HasSubstr("flat_field_least = 0.5\n"), HasSubstr("flat_field_mean = 0.75\n"),
-                    HasSubstr("correction does not apply it yet")));
+                    HasSubstr("flat_field_reference")));
   EXPECT_EQ(flat[0].attachments[0].bytes, std::string(bytes.begin(), bytes.end()));
   const auto mask = import_definitions(png, {.format = "correction-mask", .printer = ember()});
   EXPECT_EQ(wrong_with(mask[0]), "");
@@ -381,6 +381,15 @@ TEST_F(Exchange, RealFlatFields) {
                                        {.format = "correction-mask", .printer = ember()});
   EXPECT_EQ(wrong_with(mask[0]), "");
   EXPECT_THAT(mask[0].text, HasSubstr("2560 x 1600 values"));
+  // Across a portrait display it can only be a map of the plate.
+  const auto portrait = import_definitions((data / "sl1_uv_calibration_60pt.toml").string(),
+                                           {.printer = SLICECORR_PRINTERS_DIR "/prusa-sl1s.toml"});
+  EXPECT_EQ(wrong_with(portrait[0]), "");
+  EXPECT_THAT(portrait[0].text, HasSubstr("flat_field_frame = \"plate\""));
+  const auto square = encode_png(GreyImage{100, 100, std::vector<std::uint8_t>(10000, 200)});
+  const std::string file = write("square.png", {square.begin(), square.end()});
+  EXPECT_THAT(refusal([&] { import_definitions(file, {.printer = ember()}); }),
+              HasSubstr("in the shape of the display"));
 }
 
 }  // namespace

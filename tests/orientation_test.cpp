@@ -6,10 +6,15 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
 #include <random>
+#include <sstream>
 
+#include "ladder.hpp"
 #include "memory_slices.hpp"
 #include "models.hpp"
+#include "run_program.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/places.hpp"
 #include "slicecorr/solid.hpp"
@@ -300,6 +305,64 @@ TEST_F(TurnedSlicesTest, SolidIsTheRightWayRound) {
     EXPECT_NEAR(r.volume, expected.volume, 0.02 * expected.volume);
     for (std::size_t k = 0; k < 2; ++k) EXPECT_NEAR(middle(mesh)[k], middle(plain)[k], 0.03);
   }
+}
+
+// From the mesh to an archive for a portrait, mirrored display and back to the plate.
+TEST_F(TurnedSlicesTest, ArchivesForADisplayThroughThePrograms) {
+  namespace fs = std::filesystem;
+  const fs::path folder = fs::path(folder_) / ("display-" + std::to_string(::getpid()));
+  fs::create_directories(folder);
+  // An L that no turn but the right one puts in its place.
+  TriangleMesh mesh;
+  add_box(mesh, {0, 0, 0}, {6, 1, 2});
+  add_box(mesh, {0, 1, 0.5}, {1, 4, 2});
+  write_stl((folder / "l.stl").string(), mesh);
+  RunOptions options;
+  options.folder = folder.string();
+  const auto ok = [&](const std::string& arguments) {
+    std::vector<std::string> command{SLICECORR_BIN_DIR "/slicecorr"};
+    std::istringstream words(arguments);
+    for (std::string w; words >> w;) command.push_back(w);
+    const RunResult r = run_program(command, options);
+    EXPECT_EQ(r.exit_code, 0) << arguments << "\n" << r.err;
+    return r.out + r.err;
+  };
+  const std::string how =
+      " --printer prusa-sl1s --resin benchy-resin --ha-um 150 --mode layerwise "
+      "--exposure-s 20";
+  ok("slice l.stl -o t.uvj --printer prusa-sl1s --layer-um 100 --center-mm 30,20");
+  ok("slice l.stl -o t.sl1 --printer prusa-sl1s --layer-um 100 --center-mm 30,20");
+  EXPECT_THAT(ok("info t.uvj"), testing::HasSubstr("2560 x 1620 pixels"));
+  EXPECT_THAT(ok("info t.sl1"), testing::AllOf(testing::HasSubstr("1620 x 2560 pixels"),
+                                               testing::HasSubstr("portrait, mirrored in x")));
+  ok("correct t.uvj -o c.uvj" + how);
+  ok("correct t.uvj -o c.sl1" + how);
+  ok("correct t.sl1 -o d.sl1" + how);
+  const auto figures = [&](const std::string& stacks) {
+    auto json = nlohmann::json::parse(ok("verify " + stacks + " --json - --quiet"));
+    json.erase("worst_pixel");  // the first in its image
+    return json;
+  };
+  const auto expected = figures("c.uvj --target t.uvj");
+  EXPECT_EQ(figures("c.sl1 --target t.uvj"), expected);
+  EXPECT_EQ(figures("c.uvj --target t.sl1"), expected);
+  EXPECT_EQ(figures("d.sl1 --target t.sl1"), expected);
+  for (const char* stack : {"c.uvj", "c.sl1", "d.sl1"}) {
+    const std::string said = ok(std::string("solid ") + stack +
+                                " --design l.stl -o s.stl --center-mm 30,20 --json f.json");
+    std::ifstream in(folder / "f.json");
+    const auto json = nlohmann::json::parse(in);
+    // Half a pixel, and what cures above the arm.
+    EXPECT_NEAR(json["lower_mm"][0].get<double>(), 27, 0.03) << stack;
+    EXPECT_NEAR(json["upper_mm"][0].get<double>(), 33, 0.03) << stack;
+    EXPECT_NEAR(json["lower_mm"][1].get<double>(), 18, 0.03) << stack;
+    EXPECT_LT(json["distance_um"]["max_abs"].get<double>(), 40) << stack;
+  }
+  EXPECT_THAT(ok("section c.sl1 --target t.uvj -o s.png"),
+              testing::HasSubstr("along y of the plate at x = "));
+  EXPECT_THAT(ok("section c.uvj --target t.uvj -o s.png"),
+              testing::HasSubstr("along x of the plate at y = "));
+  fs::remove_all(folder);
 }
 
 // An archive that does not say how it lies is taken for one of `slice`.

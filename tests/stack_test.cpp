@@ -283,7 +283,9 @@ TEST(Stack, KeepsAllItsParametersExactly) {
                          {{0, 0}, {7.1, 1.0 / 3}, {15, 2e-9}},
                          1e3 / 7,
                          0,
-                         UvLamp{365.5, true, {{0, 0}, {15, 1e3 / 3}}}};
+                         UvLamp{365.5, true, {{0, 0}, {15, 1e3 / 3}}},
+                         Orientation{true, false, true},
+                         std::nullopt};
   info.printer->calibration[2].intensity_mw_cm2 = 12.3456789012345678;
   info.resin = Resin{"r",
                      CureModelKind::kinetic,

@@ -40,9 +40,9 @@ GreyImage read_png(const std::string& path) {
   return decode_png(bytes, static_cast<int>(width), static_cast<int>(height), path, "flat-field");
 }
 
-/// A map of pixels must have the display's shape; a few measured places may lie in any raster, but
-/// not turned.
-void check_shape(const std::string& path, const FlatField& field, const Printer& printer) {
+}  // namespace
+
+void check_flat_field(const FlatField& field, const Printer& printer, const std::string& path) {
   Grid covered;
   if (field.of_plate) {
     covered = plate_grid(printer);
@@ -68,8 +68,6 @@ void check_shape(const std::string& path, const FlatField& field, const Printer&
   }
 }
 
-}  // namespace
-
 FlatField load_flat_field(const std::string& path, const Printer& printer, bool of_plate,
                           std::optional<int> reference) {
   GreyImage image = read_png(path);
@@ -82,7 +80,7 @@ FlatField load_flat_field(const std::string& path, const Printer& printer, bool 
     throw InputError(path, "", "is black; expected relative intensity, white the brightest");
   }
   field.reference = reference.value_or(field.greatest());
-  check_shape(path, field, printer);
+  check_flat_field(field, printer, path);
   return field;
 }
 

@@ -468,6 +468,26 @@ class Checker {
       };
       compare("flat_field_least", field.least);
       compare("flat_field_mean", field.mean);
+      check_shape(field, file.string(), line);
+    } catch (const Error& e) {
+      add(line, "display.flat_field", e.what());
+    }
+  }
+
+  void check_shape(const FlatField& field, const std::string& file, std::size_t line) {
+    std::optional<Printer> printer;
+    try {
+      printer = parse_printer(text_, path_);
+    } catch (const Error&) {
+      return;  // said elsewhere
+    }
+    slicecorr::FlatField map;
+    map.width_px = field.image.width_px;
+    map.height_px = field.image.height_px;
+    const toml::node* frame = table("display")->get("flat_field_frame");
+    map.of_plate = frame && frame->is_string() && **frame->as_string() == "plate";
+    try {
+      slicecorr::check_flat_field(map, *printer, file);
     } catch (const Error& e) {
       add(line, "display.flat_field", e.what());
     }

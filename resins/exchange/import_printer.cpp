@@ -231,6 +231,28 @@ std::vector<Imported> import_flat_field(const ImportSource& source, const Import
   say.emplace_back(
       "Its brightest place is taken to get the intensities of the calibration; where they were "
       "measured elsewhere, write the picture's value there as flat_field_reference (1 to 255).");
+  // Maps that lie across a portrait display can only be maps of the plate.
+  const Printer printer = parse_printer(edit.text(), made.name + ".toml");
+  edit.remove("display", "flat_field_reference");
+  slicecorr::FlatField map;
+  map.width_px = field.image.width_px;
+  map.height_px = field.image.height_px;
+  try {
+    check_flat_field(map, printer, source.path);
+    edit.remove("display", "flat_field_frame");
+  } catch (const InputError&) {
+    map.of_plate = true;
+    try {
+      check_flat_field(map, printer, source.path);
+    } catch (const InputError&) {
+      map.of_plate = false;
+    }
+    if (!map.of_plate) throw;
+    edit.set("display", "flat_field_frame", toml_text("plate"));
+    say.emplace_back(
+        "It lies across the images of the display, which are portrait: it was taken for one of the "
+        "plate, its first row at the largest y, its first column at the smallest x.");
+  }
   edit.set("display", "flat_field", toml_text(image.stem + image.extension));
   std::string comment = fmt::format("# Relative intensity over the display, from {}.", source.file);
   for (const std::string& a : say) comment += "\n# - " + a;

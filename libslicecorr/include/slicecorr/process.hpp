@@ -219,9 +219,13 @@ Printer parse_printer(std::string_view text, const std::string& source);
 /// the printer has no flat-field.
 std::string light_in_words(const Printer& printer);
 
+/// A map of pixels must have the display's shape; a few measured places may lie in any raster, but
+/// not turned. Throws `InputError`, naming `path`, when a picture is wider than high where what it
+/// covers is higher than wide, or when both its sides have 64 pixels and more and their proportion
+/// is off by more than 2 %.
+void check_flat_field(const FlatField& field, const Printer& printer, const std::string& path);
 /// Reads the picture of a flat-field: a PNG, colour is averaged. Throws `InputError` when it is
-/// none, black, or does not fit the display: wider than high where that is higher than wide, or
-/// with 64 pixels a side and more and sides in a proportion that differs by more than 2 %.
+/// none, black, or does not fit the display.
 FlatField load_flat_field(const std::string& path, const Printer& printer, bool of_plate,
                           std::optional<int> reference);
 

@@ -37,6 +37,8 @@ ArchiveContents read_contents(const Container& archive) {
   }
   detail::read_flat_field(archive, contents);
   StackInfo& info = contents.info;
+  // A format that says of no more than mirroring says something where it is mirrored.
+  if (info.orientation != Orientation{}) info.orientation_known = true;
   // What other programs make is made for a display.
   if (info.kind == StackKind::foreign) {
     info.for_display = true;

@@ -112,9 +112,10 @@ std::string exposures(const Process& p) {
   }
   std::string text = fmt::format("{:g} s each", p.exposure_s);
   if (p.bottom_layers + p.fade_layers > 0) {
-    text += fmt::format("; the first {} {:g} s, then {} in steps between",
+    text += fmt::format("; the first {} {:g} s",
                         p.bottom_layers == 1 ? "layer" : fmt::format("{} layers", p.bottom_layers),
-                        layer_exposure_s(p, 0), p.fade_layers);
+                        layer_exposure_s(p, 0));
+    if (p.fade_layers > 0) text += fmt::format(", then {} in steps between", p.fade_layers);
   }
   return text;
 }

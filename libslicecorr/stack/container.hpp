@@ -8,7 +8,11 @@
 #include <string_view>
 #include <vector>
 
+#include "slicecorr/parallel.hpp"
+
 namespace slicecorr::detail {
+
+enum class ContainerKind { zip, tar_gz, folder };
 
 /// Opened for reading, distrusted: doubled, encrypted, overlapping or strangely named entries are
 /// refused with `InputError`. Entries of folders are not listed.
@@ -24,6 +28,7 @@ class Container {
   Container(const Container&) = delete;
   Container& operator=(const Container&) = delete;
 
+  virtual ContainerKind kind() const { return ContainerKind::zip; }
   const std::string& path() const { return path_; }
   /// Sorted by name.
   const std::vector<Entry>& entries() const { return entries_; }
@@ -46,14 +51,13 @@ class Container {
   std::vector<Entry> entries_;
 };
 
-enum class ContainerKind { zip, tar_gz, folder };
-
 /// What a path holds, by its first bytes. Throws `InputError` when it is none of these.
 ContainerKind container_kind(const std::string& path);
 
-/// Opens what is there. Scratch, which a tar.gz needs, goes to `scratch_folder`.
+/// Opens what is there. Scratch, which a large tar.gz needs, goes to `scratch_folder`, as `job` is
+/// told.
 std::unique_ptr<Container> open_container(const std::string& path,
-                                          const std::string& scratch_folder);
+                                          const std::string& scratch_folder, const Job& job = {});
 
 /// Whether an entry's name stays inside the archive: not absolute, no "..", no backslash.
 bool is_safe_name(std::string_view name);

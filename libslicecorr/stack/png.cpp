@@ -92,11 +92,19 @@ void PixelCode::expand(std::span<const std::uint8_t> grey_rows, int width_px,
     row[0] = 0;
     if (packed_rgb) {
       std::copy_n(grey_rows.data() + at + 1, from - 1, row + 1);
+      for (std::size_t x = 1; blue_first && x < to; x += 3) std::swap(row[x], row[x + 2]);
       continue;
     }
     std::uint8_t* pixel = row + 1;
     for (std::size_t x = 1; x < from; ++x, pixel += bytes) {
       std::fill_n(pixel, value_bytes, grey_rows[at + x]);
+    }
+    // Differences to the pixel before (filter 1): areas of one value become runs of one byte, which
+    // is all that the encoder looks for.
+    if (bytes == 1) continue;
+    row[0] = 1;
+    for (std::size_t i = to - 1; i > bytes; --i) {
+      row[i] = static_cast<std::uint8_t>(row[i] - row[i - bytes]);
     }
   }
 }

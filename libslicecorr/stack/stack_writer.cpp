@@ -10,6 +10,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
 #include "stack/archive_format.hpp"
+#include "stack/flat_field_entry.hpp"
 #include "stack/png.hpp"
 #include "stack/uvj_config.hpp"
 
@@ -77,7 +78,7 @@ struct StackWriter::Impl {
     if (!file.keep_from.empty()) {
       open_kept();
     } else if (format.packs_rgb()) {
-      code = {1, 0, 8, 2, true};
+      code = {1, 0, 8, 2, true, format.packs_bgr()};
     }
     if (!code.is_plain()) grey_adlers.resize(bands.size());
   }
@@ -128,15 +129,15 @@ struct StackWriter::Impl {
 
 /// Whoever reads these images is used to their kind.
 void StackWriter::Impl::open_kept() {
-  kept = detail::open_container(file.keep_from, output->folder());
-  if (!format.recognises(*kept)) {
+  kept = detail::open_container(file.keep_from, output->folder(), job);
+  if (format.container() != kept->kind() || !format.recognises(*kept)) {
     throw InputError(file.keep_from, "",
                      "is no archive of the format " + std::string(format.name()));
   }
   kept_contents = format.read(*kept);
   const std::string& first = kept_contents.images.front();
   if (kept_contents.packed_rgb) {
-    code = {1, 0, 8, 2, true};
+    code = {1, 0, 8, 2, true, kept_contents.packed_bgr};
     return;
   }
   std::vector<std::uint8_t> png;
@@ -247,6 +248,7 @@ void StackWriter::Impl::write_archive(const StackInfo& info, const GreyImage& pr
         detail::provenance_entry,
         detail::write_provenance(info, request.images_crc32, request.uv_images_crc32) + "\n");
   }
+  if (info.kind != StackKind::foreign) detail::add_flat_field(info, *output);
   output->finish(job);
 }
 

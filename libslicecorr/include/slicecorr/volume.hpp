@@ -45,6 +45,7 @@ struct ReducedVolume {
   using Runs = std::vector<std::pair<std::uint8_t, std::int32_t>>;
   struct Column {
     int x = -1, y = -1;
+    double light = 1;  ///< share of the calibration's light that the pixel gets
     Runs coverage;  ///< of the target
     Runs levels;    ///< of the stack; ends where the stack ends
   };

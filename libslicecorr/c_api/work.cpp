@@ -95,11 +95,12 @@ void tell_notice(const Setup& setup, const Job& job) {
   if (!text.empty()) job.tell(text);
 }
 
-/// Where a corrected stack goes: an archive of the same format keeps what else is in it.
+/// Where a corrected stack goes: another program's archive keeps what else is in it. Ours holds
+/// nothing else.
 StackFile output_file(const slicecorr_stack& target, const char* path) {
   StackFile file(&need(path, "path"));
   if (file.path.empty()) throw InputError("the path of the output is empty");
-  if (target.path.empty()) return file;
+  if (target.path.empty() || target.info.kind != StackKind::foreign) return file;
   for (const FormatInfo& format : archive_formats()) {
     const bool ends_so =
         std::any_of(format.endings.begin(), format.endings.end(),
@@ -158,7 +159,8 @@ InMemory correct_in_memory(const slicecorr_stack& target, const slicecorr_setup*
   const CureModel model =
       make_cure_model(setup.printer, setup.resin, setup.process, source.grid().layer_um);
   if (with_after || model.inhibited) {
-    const Prediction p = verify_stack(*stack.slices, source, setup, job);
+    if (!design) setup.process = schedule_uv(shown.source(), setup, job);
+  const Prediction p = verify_stack(*stack.slices, source, setup, job);
     refuse_window_cure(p, setup.process);
     if (with_after) result.after = figures_of(p);
   }
@@ -177,13 +179,15 @@ InMemory correct_in_memory(const slicecorr_stack& target, const slicecorr_setup*
   return result;
 }
 
-Prediction verify(const slicecorr_stack& stack, const slicecorr_stack& target, const Setup& setup,
+/// What `stack` prints; of a target, too, with the UV light that its correction would choose.
+Prediction verify(const slicecorr_stack& stack, const slicecorr_stack& target, Setup setup,
                   slicecorr_job* handle) {
   const Job job = job_of(handle);
   const std::string folder = scratch_folder(handle);
   const Images shown(stack, setup.printer, folder, job);
   std::optional<Images> design;
   if (&target != &stack) design.emplace(target, setup.printer, folder, job);
+  if (!design) setup.process = schedule_uv(shown.source(), setup, job);
   const Prediction p =
       verify_stack(shown.source(), design ? design->source() : shown.source(), setup, job);
   job.check_cancelled();

@@ -166,8 +166,9 @@ SLICECORR_API slicecorr_status slicecorr_job_set_notice(slicecorr_job* job, slic
  *  folder of the output, or the system's for temporary files, when not set. */
 SLICECORR_API slicecorr_status slicecorr_job_set_scratch_folder(slicecorr_job* job,
                                                                 const char* folder);
-/** Makes the call that runs with this job, and all later ones, end with SLICECORR_CANCELLED, usually
- *  within a few hundredths of a second. From any thread, and from signal handlers. Takes NULL. */
+/** Makes the call that runs with this job, and all later ones, end with SLICECORR_CANCELLED, at the
+ *  latest after the rows at hand (a few million voxels). A call that has nothing left to do but to
+ *  return may still succeed. From any thread, and from signal handlers. Takes NULL. */
 SLICECORR_API void slicecorr_job_cancel(slicecorr_job* job);
 /** Makes a cancelled job usable again. */
 SLICECORR_API slicecorr_status slicecorr_job_reset(slicecorr_job* job);
@@ -200,7 +201,8 @@ SLICECORR_API void slicecorr_stack_free(slicecorr_stack* stack);
 
 /** Sets a slice of a stack in memory: `height_px` rows of `width_px` bytes, `stride` bytes from one
  *  row to the next (negative when the rows lie from the last to the first; `pixels` is row 0).
- *  Keeps them run-length coded. Different slices may be put from several threads at once. */
+ *  Keeps them run-length coded; what a slice held before stays in memory, too. Different slices may
+ *  be put from several threads at once. */
 SLICECORR_API slicecorr_status slicecorr_stack_put(slicecorr_stack* stack, int slice,
                                                    const uint8_t* pixels, ptrdiff_t stride);
 /** Writes a slice of a stack in memory to `pixels`, laid out as above. */
@@ -276,9 +278,9 @@ SLICECORR_API slicecorr_status slicecorr_check(const slicecorr_stack* target,
                                                const slicecorr_setup* setup, slicecorr_job* job);
 
 /** Corrects `target` and writes the archive `path`, in the format that its ending names. When target
- *  is an archive of the same format, all else that is in it is kept; `path` may then be its own,
- *  which corrects it in place. The archive appears whole or not at all, and replaces what was there
- *  in one step. A corrected stack is not corrected again: SLICECORR_BAD_INPUT.
+ *  is another program's archive of the same format, all else that is in it is kept. `path` may be
+ *  its own: it is then corrected in place. The archive appears whole or not at all, and replaces
+ *  what was there in one step. A corrected stack is not corrected again: SLICECORR_BAD_INPUT.
  *
  *  `after` and `before`: what the corrected and the uncorrected slices print; NULL when not wanted,
  *  which saves time for `before`. */

@@ -18,42 +18,59 @@
 namespace slicecorr::cli {
 namespace {
 
-std::string must_be_uvj(const std::string& path) {
-  if (std::filesystem::path(path).extension() != ".uvj") {
-    throw InputError(path, "", "expected an output that ends in .uvj");
-  }
-  return path;
-}
-
 /// Options of all subcommands; only those of the one called are filled.
 struct Arguments {
   MeshOptions mesh;
   SetupOptions setup;
   SimulateOptions simulate;
-  std::string input, output, target, json;
+  std::string input, output, format, target, json;
+  double layer_um = 0;
   int x = -1, y = -1, reduce = 1;
   double max_height_error_um = -1;
+
+  StackFile file() const {
+    StackFile f(output);
+    f.format = format;
+    return f;
+  }
+  /// What archives that do not say it are told.
+  MissingFacts missing() const {
+    MissingFacts facts;
+    facts.layer_um = layer_um;
+    if (!setup.printer.empty()) {
+      const Printer p = load_printer(setup.printer);
+      facts.pixel_x_um = p.pixel_x_um;
+      facts.pixel_y_um = p.pixel_y_um;
+    }
+    return facts;
+  }
+  StackReader open(const std::string& path, const std::string& scratch, const Job& job) const {
+    return {path, scratch, job, missing()};
+  }
 };
 
 int slice(const Arguments& a, const Job& job, Console& console) {
-  must_be_uvj(a.output);
+  format_of(a.file());
   must_not_replace(a.output, a.mesh.parts);
   const Printer printer = load_printer(a.setup.printer);
   const MeshSlices slices(read_parts(a.mesh, job), printer, a.mesh.slice_options(), job);
-  const StackInfo info = write_target(slices, a.output, job);
+  const StackInfo info = write_target(slices, a.file(), job);
   console.say(fmt::format("{}: {} slices, {:.4f} ml", a.output, info.grid.layers,
                           info.part_volume_mm3 * 1e-3));
   return kDone;
 }
 
 int correct(const Arguments& a, const Job& job, Console& console) {
-  must_be_uvj(a.output);
+  StackFile file = a.file();
+  const std::string format = format_of(file);
   must_not_replace(a.output, {a.input});
   const StackInfo times = StackReader::read_info(design(a.input));
   const Setup setup = a.setup.resolve(nullptr, &times);
   if (const std::string text = notice(setup); !text.empty()) job.tell(text);
-  const StackReader target(a.input, folder_of(a.output), job);
-  const Correction result = correct_stack(target, setup, a.output, true, job);
+  // What a slicer wrote besides the slices stays.
+  if (times.kind == StackKind::foreign && times.format == format) file.keep_from = a.input;
+  const StackReader target = a.open(a.input, folder_of(a.output), job);
+  const Correction result = correct_stack(target, setup, file, true, job);
   console.say(fmt::format("{}: {} slices\n{}", a.output, result.info.grid.layers,
                           summary(result.after, result.before)));
   return kDone;
@@ -61,9 +78,9 @@ int correct(const Arguments& a, const Job& job, Console& console) {
 
 int verify(const Arguments& a, const Job& job, Console&) {
   must_not_replace(a.json, {a.input, a.target});
-  const StackReader stack(a.input, folder_of(a.input), job);
+  const StackReader stack = a.open(a.input, folder_of(a.input), job);
   const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
-  const StackReader target(design(a.target), folder_of(a.target), job);
+  const StackReader target = a.open(design(a.target), folder_of(a.target), job);
   const Prediction p = verify_stack(stack, target, setup, job);
   if (a.json.empty()) {
     print_result(summary(p, std::nullopt));
@@ -80,10 +97,10 @@ int verify(const Arguments& a, const Job& job, Console&) {
 }
 
 int probe(const Arguments& a, const Job& job, Console&) {
-  const StackReader stack(a.input, folder_of(a.input), job);
+  const StackReader stack = a.open(a.input, folder_of(a.input), job);
   const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
   std::optional<StackReader> target;
-  if (!a.target.empty()) target.emplace(design(a.target), folder_of(a.target), job);
+  if (!a.target.empty()) target.emplace(design(a.target), folder_of(a.target), job, a.missing());
   const auto rows = probe_stack(stack, target ? &*target : nullptr, setup, a.x, a.y);
   std::string text =
       fmt::format("slice,z_um,grey,intensity_mw_cm2,phi,dose{}\n", target ? ",target" : "");
@@ -107,9 +124,9 @@ std::string title_of(const std::string& path) {
 
 int report(const Arguments& a, const Job& job, Console& console) {
   must_not_replace(a.output, {a.input, a.target});
-  const StackReader stack(a.input, folder_of(a.output), job);
+  const StackReader stack = a.open(a.input, folder_of(a.output), job);
   const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
-  const StackReader target(design(a.target), folder_of(a.output), job);
+  const StackReader target = a.open(design(a.target), folder_of(a.output), job);
   const Prediction after = verify_stack(stack, target, setup, job);
   const Prediction before = verify_stack(target, target, setup, job);
   const StackInfo& info = stack.info();
@@ -121,9 +138,9 @@ int report(const Arguments& a, const Job& job, Console& console) {
 
 int section(const Arguments& a, const Job& job, Console& console) {
   must_not_replace(a.output, {a.input, a.target});
-  const StackReader stack(a.input, folder_of(a.output), job);
+  const StackReader stack = a.open(a.input, folder_of(a.output), job);
   const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
-  const StackReader target(design(a.target), folder_of(a.output), job);
+  const StackReader target = a.open(design(a.target), folder_of(a.output), job);
   const PixelBox box = target.bounds();
   const int row = a.y >= 0 ? a.y : (box.y0 + box.y1) / 2;
   const Grid& g = stack.grid();
@@ -144,7 +161,7 @@ int solid(const Arguments& a, const Job& job, Console& console) {
   inputs.insert(inputs.end(), {a.input, a.target});
   must_not_replace(a.output, inputs);
   must_not_replace(a.json, inputs);
-  const StackReader stack(a.input, folder_of(a.output), job);
+  const StackReader stack = a.open(a.input, folder_of(a.output), job);
   const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
   const Grid& g = stack.grid();
   const CureModel model = make_cure_model(setup.printer, setup.resin, setup.process, g.layer_um);
@@ -155,7 +172,7 @@ int solid(const Arguments& a, const Job& job, Console& console) {
   }
   nlohmann::ordered_json figures;
   if (!a.target.empty()) {
-    const StackReader target(design(a.target), folder_of(a.output), job);
+    const StackReader target = a.open(design(a.target), folder_of(a.output), job);
     check_same_voxels(g, target.grid());
     figures["design_volume_mm3"] = static_cast<double>(target.pixel_sum()) / 255.0 * g.pixel_x_um *
                                    g.pixel_y_um * g.layer_um * 1e-9;
@@ -196,12 +213,12 @@ int solid(const Arguments& a, const Job& job, Console& console) {
 }
 
 int run(const Arguments& a, const Job& job, Console& console) {
-  must_be_uvj(a.output);
+  format_of(a.file());
   must_not_replace(a.output, a.mesh.parts);
   Setup setup = a.setup.resolve(nullptr, nullptr);
   if (const std::string text = notice(setup); !text.empty()) job.tell(text);
   const MeshSlices target(read_parts(a.mesh, job), setup.printer, a.mesh.slice_options(), job);
-  const Correction result = correct_stack(target, setup, a.output, true, job);
+  const Correction result = correct_stack(target, setup, a.file(), true, job);
   setup.process = *result.info.process;
   const std::string base =
       (std::filesystem::path(a.output).parent_path() / title_of(a.output)).string();
@@ -213,8 +230,8 @@ int run(const Arguments& a, const Job& job, Console& console) {
   write_text_file(base + ".html",
                   make_report(gather_report(corrected, target, setup, result.info, result.after,
                                             result.before, title_of(a.output), job)));
-  console.say(fmt::format("{0}.uvj, {0}.html, {0}.json: {1} slices\n{2}", base,
-                          result.info.grid.layers, summary(result.after, result.before)));
+  console.say(fmt::format("{3}, {0}.html, {0}.json: {1} slices\n{2}", base, result.info.grid.layers,
+                          summary(result.after, result.before), a.output));
   return kDone;
 }
 
@@ -285,11 +302,23 @@ int compare(const Arguments& a, const Job& job, Console& console) {
   return kDone;
 }
 
+int convert(const Arguments& a, const Job& job, Console& console) {
+  StackFile file = a.file();
+  const std::string format = format_of(file);
+  must_not_replace(a.output, {a.input});
+  const StackReader stack = a.open(a.input, folder_of(a.output), job);
+  if (stack.info().format == format) file.keep_from = a.input;
+  convert_stack(stack, file, job);
+  console.say(fmt::format("{}: {} slices, format {}", a.output, stack.grid().layers, format));
+  return kDone;
+}
+
 int info(const Arguments& a, const Job& job, Console&) {
   must_not_replace(a.json, {a.input});
   StackInfo info = StackReader::read_info(a.input);
-  if (info.part_volume_mm3 == 0 && info.kind != StackKind::corrected) {
-    const StackReader stack(a.input, folder_of(a.input), job);
+  const bool sized = info.grid.pixel_x_um > 0 && info.grid.layer_um > 0;
+  if (sized && info.part_volume_mm3 == 0 && info.kind != StackKind::corrected) {
+    const StackReader stack = a.open(a.input, folder_of(a.input), job);
     const Grid& g = info.grid;
     info.part_volume_mm3 = static_cast<double>(stack.pixel_sum()) / 255.0 * g.pixel_x_um *
                            g.pixel_y_um * g.layer_um * 1e-9;
@@ -318,16 +347,26 @@ int run_program(int argc, char** argv) {
   };
   const auto stack_input = [&](CLI::App* sub, const char* name, const char* text) {
     sub->add_option(name, a.input, text)->required();
+    if (sub->get_name() == "info") return;
+    sub->add_option("--layer-um", a.layer_um, "Height of the layers, where the archive says none")
+        ->check(number_in(1, 1000));
+  };
+  std::string formats;
+  for (const FormatInfo& f : archive_formats()) formats += (formats.empty() ? "" : ", ") + f.name;
+  const auto stack_output = [&](CLI::App* sub, const char* text) {
+    sub->add_option("-o,--output", a.output, text)->required();
+    sub->add_option("--format", a.format,
+                    "Format of the archive, where its name does not tell: " + formats);
   };
   CLI::App* sub = add("slice", "Slice meshes into a stack of coverage images", slice);
   a.mesh.add_to(*sub);
   sub->add_option("--printer", a.setup.printer, "Printer: a .toml file or a name")->required();
-  sub->add_option("-o,--output", a.output, "Stack to write (.uvj)")->required();
+  stack_output(sub, "Stack to write (.uvj, or another format)");
 
   sub = add("correct", "Correct a stack for a printer, a resin and a speed", correct);
   stack_input(sub, "IN", "Stack of coverage images");
   a.setup.add_to(*sub, true, true);
-  sub->add_option("-o,--output", a.output, "Stack to write (.uvj)")->required();
+  stack_output(sub, "Stack to write (.uvj, or another format)");
 
   sub = add("verify", "Predict what a stack prints, and measure it against its target", verify);
   stack_input(sub, "STACK", "Stack to verify");
@@ -385,7 +424,7 @@ int run_program(int argc, char** argv) {
   sub = add("run", "Slice, correct, verify and report: OUT.uvj, OUT.html, OUT.json", run);
   a.mesh.add_to(*sub);
   a.setup.add_to(*sub, true, true);
-  sub->add_option("-o,--output", a.output, "Stack to write (.uvj)")->required();
+  stack_output(sub, "Stack to write (.uvj, or another format)");
 
   sub = add("compare",
             "Predict a part with the usual compensations and with the correction; writes no stack",
@@ -395,6 +434,12 @@ int run_program(int argc, char** argv) {
   sub->add_option("--json", a.json, "Write all figures as JSON to FILE, or - for stdout");
   sub->add_option("-o,--output", a.output,
                   "Write the report, with the comparison, to FILE (.html)");
+
+  sub = add("convert", "Write the slices of an archive in another format", convert);
+  stack_input(sub, "IN", "Archive to convert");
+  stack_output(sub, "Archive to write");
+  sub->add_option("--printer", a.setup.printer,
+                  "Printer whose pixel size counts, where the archive says none");
 
   sub = add("info", "What a stack says about itself", info);
   stack_input(sub, "STACK", "Stack to look into");

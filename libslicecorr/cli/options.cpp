@@ -97,6 +97,13 @@ const char* kind_name(StackKind kind) {
   }
 }
 
+std::string orientation_in_words(const Orientation& o) {
+  std::string text = o.portrait ? "portrait" : "landscape";
+  if (o.mirror_x) text += ", mirrored in x";
+  if (o.mirror_y) text += ", mirrored in y";
+  return text;
+}
+
 std::string exposures(const Process& p) {
   if (!p.layer_exposure_s.empty()) {
     const auto [least, greatest] =
@@ -105,7 +112,8 @@ std::string exposures(const Process& p) {
   }
   std::string text = fmt::format("{:g} s each", p.exposure_s);
   if (p.bottom_layers + p.fade_layers > 0) {
-    text += fmt::format("; the first {} {:g} s, then {} between", p.bottom_layers,
+    text += fmt::format("; the first {} {:g} s, then {} in steps between",
+                        p.bottom_layers == 1 ? "layer" : fmt::format("{} layers", p.bottom_layers),
                         layer_exposure_s(p, 0), p.fade_layers);
   }
   return text;
@@ -114,13 +122,25 @@ std::string exposures(const Process& p) {
 
 std::string describe_stack(const StackInfo& info) {
   const Grid& g = info.grid;
-  std::string text = fmt::format(
-      "kind         {}\nslices       {} of {:g} um, {:.3f} mm in all\nimages       {} x {} pixels "
-      "of "
-      "{:g} "
-      "x {:g} um\n",
-      kind_name(info.kind), g.layers, g.layer_um, g.layers * g.layer_um * 1e-3, g.width_px,
-      g.height_px, g.pixel_x_um, g.pixel_y_um);
+  const auto or_not_said = [](double um, const std::string& text) {
+    return um > 0 ? text : std::string("not said");
+  };
+  std::string text = fmt::format("kind         {}, format {}\n", kind_name(info.kind), info.format);
+  text += fmt::format("slices       {} of {}\n", g.layers,
+                      or_not_said(g.layer_um, fmt::format("{:g} um, {:.3f} mm in all", g.layer_um,
+                                                          g.layers * g.layer_um * 1e-3)));
+  text += fmt::format(
+      "images       {} x {} pixels of {}\n", g.width_px, g.height_px,
+      or_not_said(g.pixel_x_um, fmt::format("{:g} x {:g} um", g.pixel_x_um, g.pixel_y_um)));
+  if (info.orientation != Orientation{}) {
+    text += "orientation  " + orientation_in_words(info.orientation) + "\n";
+  }
+  const ArchiveProfiles& names = info.profiles;
+  for (const auto& [what, name] :
+       {std::pair{"printer", &names.printer}, std::pair{"material", &names.material},
+        std::pair{"print", &names.print}}) {
+    if (!name->empty()) text += fmt::format("profile      {}: {}\n", what, *name);
+  }
   if (info.kind == StackKind::corrected) {
     text += fmt::format("part         {} layers, {:.3f} mm high; {} slices added after its end\n",
                         info.target_layers, info.target_layers * g.layer_um * 1e-3,
@@ -150,6 +170,9 @@ std::string describe_stack(const StackInfo& info) {
       text += "UV light     " + uv + "\n";
     }
   }
+  if (!info.process && info.exposure_s > 0) {
+    text += "exposure     " + exposures(process_of_times(info)) + "\n";
+  }
   if (const double time = light_on_s(info); time > 0) {
     text += fmt::format(
         "print time   {:.0f} min {:02.0f} s{}\n", std::floor(time / 60), std::fmod(time, 60.0),
@@ -168,12 +191,19 @@ std::string info_json(const StackInfo& info, const std::string& path) {
   ordered_json j;
   j["file"] = path;
   j["kind"] = kind_name(info.kind);
+  j["format"] = info.format;
   j["layers"] = g.layers;
   j["layer_um"] = g.layer_um;
   j["width_px"] = g.width_px;
   j["height_px"] = g.height_px;
   j["pixel_um"] = {g.pixel_x_um, g.pixel_y_um};
   j["height_mm"] = g.layers * g.layer_um * 1e-3;
+  j["orientation"] = {{"portrait", info.orientation.portrait},
+                      {"mirror_x", info.orientation.mirror_x},
+                      {"mirror_y", info.orientation.mirror_y}};
+  j["profiles"] = {{"printer", info.profiles.printer},
+                   {"material", info.profiles.material},
+                   {"print", info.profiles.print}};
   if (info.target_layers > 0) j["target_layers"] = info.target_layers;
   if (info.printer) j["printer"] = info.printer->name;
   if (info.resin) {

@@ -1,6 +1,5 @@
 #include <fmt/format.h>
 
-#include <array>
 #include <atomic>
 #include <cmath>
 #include <mutex>
@@ -8,6 +7,7 @@
 #include "base/band_tape.hpp"
 #include "pipeline/bands.hpp"
 #include "pipeline/relief.hpp"
+#include "pipeline/uv_images.hpp"
 #include "slicecorr/dead_zone.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/pipeline.hpp"
@@ -142,15 +142,7 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
   const bool all_levels = plan.levels.size() == 256;
 
   StackWriter writer(file, grid, job);
-  if (model.inhibited && !model.inhibited->uv_levels().empty()) {
-    std::array<std::uint8_t, 256> uv_of_pixel{};
-    for (int v = 0; v < 256; ++v) {
-      const auto level = static_cast<std::size_t>(level_of_pixel(v, plan.levels.size()));
-      uv_of_pixel[static_cast<std::size_t>(v)] = static_cast<std::uint8_t>(
-          pixel_of_level(model.inhibited->uv_levels()[level], plan.levels.size()));
-    }
-    writer.set_uv_pattern(uv_of_pixel);
-  }
+  detail::set_uv_images(writer, model, plan.levels.size());
   std::optional<WindowTotal> window;
   if (model.inhibited) window.emplace(model, plan.all_layers);
   TargetScan scan(target);

@@ -189,7 +189,12 @@ CLI::Validator number_above_zero() {
 
 std::string folder_of(const std::string& path) {
   const auto parent = std::filesystem::path(path).parent_path();
-  return parent.empty() ? "." : parent.string();
+  std::string folder = parent.empty() ? "." : parent.string();
+  // Inputs may lie where nothing can be written.
+  if (::access(folder.c_str(), W_OK) == 0) return folder;
+  std::error_code error;
+  const auto temporary = std::filesystem::temp_directory_path(error);
+  return error ? folder : temporary.string();
 }
 
 void must_not_replace(const std::string& output, const std::vector<std::string>& inputs) {

@@ -86,7 +86,7 @@ void print_result(const std::string& text);
 void write_text_file(const std::string& path, const std::string& text);
 /// To stdout when `where` is -, else to that file; with a line end.
 void print_or_write(const std::string& where, const std::string& text);
-/// The folder of a path, for scratch files.
+/// The folder of a path, for scratch files; where nothing can be written there, the system's.
 std::string folder_of(const std::string& path);
 
 }  // namespace slicecorr::cli

@@ -232,44 +232,54 @@ std::string number_text(double value) {
   return fixed_error == std::errc() ? std::string(text, fixed_end) : shortest;
 }
 
-namespace {
-
-bool corrected(const StackInfo& info) {
-  return info.kind == StackKind::corrected && info.process.has_value();
-}
-
-}  // namespace
-
-Process process_of_times(const StackInfo& info) {
-  if (corrected(info)) return *info.process;
-  Process p;
-  p.mode = ExposureMode::layerwise;
-  p.exposure_s = info.exposure_s;
-  p.bottom_exposure_s = info.bottom_exposure_s;
-  p.bottom_layers = info.bottom_layers;
-  p.fade_layers = info.fade_layers;
-  p.layer_exposure_s = info.layer_exposure_s;
-  return p;
-}
-
 SliceLight light_of_layer(const StackInfo& info, int layer) {
   return slice_light(process_of_times(info), info.resin ? info.resin->m : 1.0, info.grid.layer_um,
                      layer, info.grid.layers);
 }
 
+namespace {
+
+/// The same time for the first layers, equal steps to the normal one, and that for all others:
+/// whether times of single layers are no more than this.
+bool follows_pattern(const std::vector<double>& times_s, ExposureSummary& s) {
+  Process p;
+  p.mode = ExposureMode::layerwise;
+  p.exposure_s = times_s.back();
+  p.bottom_exposure_s = times_s.front();
+  std::size_t n = 0;
+  while (n < times_s.size() && times_s[n] == times_s.front()) ++n;
+  p.bottom_layers = static_cast<int>(n);
+  while (n < times_s.size() && times_s[n] != times_s.back()) ++n;
+  p.fade_layers = static_cast<int>(n) - p.bottom_layers;
+  for (std::size_t k = 0; k < times_s.size(); ++k) {
+    const double expected_s = layer_exposure_s(p, static_cast<int>(k));
+    // Some programs round to hundredths.
+    if (std::abs(times_s[k] - expected_s) > 0.005 + 1e-9 * expected_s) return false;
+  }
+  s.normal_s = p.exposure_s;
+  s.bottom_s = p.bottom_exposure_s;
+  const bool alike = p.bottom_exposure_s == p.exposure_s;
+  s.bottom_layers = alike ? 0 : p.bottom_layers;
+  s.fade_layers = alike ? 0 : p.fade_layers;
+  return true;
+}
+
+}  // namespace
+
 ExposureSummary exposure_summary(const StackInfo& info) {
   const Process p = process_of_times(info);
   ExposureSummary s;
   if (p.mode == ExposureMode::continuous) {
-    s.normal_s = units::slice_time_s(info.grid.layer_um, p.speed_mm_h);
+    s.normal_s = s.bottom_s = units::slice_time_s(info.grid.layer_um, p.speed_mm_h);
     s.uneven = p.ramp == Ramp::lamp_follows;
-  } else {
-    s.normal_s = p.exposure_s;
-    s.uneven = !p.layer_exposure_s.empty();
+    if (s.uneven) s.bottom_s = light_of_layer(info, 0).time_s;
+    return s;
   }
-  s.bottom_s = s.uneven ? light_of_layer(info, 0).time_s : s.normal_s;
-  if (p.mode == ExposureMode::layerwise && !s.uneven && p.bottom_exposure_s > 0 &&
-      p.bottom_layers + p.fade_layers > 0) {
+  s.normal_s = s.bottom_s = p.exposure_s;
+  if (!p.layer_exposure_s.empty()) {
+    s.uneven = !follows_pattern(p.layer_exposure_s, s);
+    if (s.uneven) s.bottom_s = p.layer_exposure_s.front();
+  } else if (p.bottom_exposure_s > 0 && p.bottom_layers + p.fade_layers > 0) {
     s.bottom_s = p.bottom_exposure_s;
     s.bottom_layers = p.bottom_layers;
     s.fade_layers = p.fade_layers;
@@ -291,11 +301,25 @@ std::vector<FormatInfo> archive_formats() {
   return list;
 }
 
-double light_on_s(const StackInfo& info) {
-  return light_on_s(detail::process_of_times(info), info.resin ? info.resin->m : 1.0,
-                    info.grid.layer_um, info.grid.layers);
+Process process_of_times(const StackInfo& info) {
+  if (info.kind == StackKind::corrected && info.process) return *info.process;
+  Process p;
+  p.mode = ExposureMode::layerwise;
+  p.exposure_s = info.exposure_s;
+  p.bottom_exposure_s = info.bottom_exposure_s;
+  p.bottom_layers = info.bottom_layers;
+  p.fade_layers = info.fade_layers;
+  p.layer_exposure_s = info.layer_exposure_s;
+  return p;
 }
 
-void check_stack_file(const StackFile& file) { detail::format_named(file.format, file.path); }
+double light_on_s(const StackInfo& info) {
+  return light_on_s(process_of_times(info), info.resin ? info.resin->m : 1.0, info.grid.layer_um,
+                    info.grid.layers);
+}
+
+std::string format_of(const StackFile& file) {
+  return std::string(detail::format_named(file.format, file.path).name());
+}
 
 }  // namespace slicecorr

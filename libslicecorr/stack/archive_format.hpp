@@ -124,8 +124,6 @@ class KeyValueText {
 /// As short as it can be and still read back as the same number.
 std::string number_text(double value);
 
-/// The process of a corrected stack, else one that has the archive's times.
-Process process_of_times(const StackInfo& info);
 /// How a layer of the stack is lit: by its process when corrected, else by the archive's times.
 SliceLight light_of_layer(const StackInfo& info, int layer);
 /// Its time alone, s.

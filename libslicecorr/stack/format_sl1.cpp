@@ -101,7 +101,7 @@ void read_exposure(const KeyValueText& config, StackInfo& info) {
   info.exposure_s = config.number("expTime", 0, 1e6).value_or(0);
   const double first_s = config.number("expTimeFirst", 0, 1e6).value_or(0);
   const auto fade = static_cast<int>(config.number("numFade", 0, 1e6).value_or(0));
-  if (info.exposure_s > 0 && first_s > 0 && (fade > 0 || first_s != info.exposure_s)) {
+  if (info.exposure_s > 0 && first_s > 0 && first_s != info.exposure_s) {
     info.bottom_exposure_s = first_s;
     info.bottom_layers = 1;
     info.fade_layers = std::max(0, fade - 2);

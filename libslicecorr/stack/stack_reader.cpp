@@ -65,6 +65,16 @@ std::vector<const Container::Entry*> entries_of(const Container& archive,
   return entries;
 }
 
+std::vector<std::string> others_of(const Container& archive, const ArchiveContents& contents) {
+  std::vector<std::string> images = contents.images, others;
+  images.insert(images.end(), contents.uv_images.begin(), contents.uv_images.end());
+  std::sort(images.begin(), images.end());
+  for (const Container::Entry& entry : archive.entries()) {
+    if (!std::binary_search(images.begin(), images.end(), entry.name)) others.push_back(entry.name);
+  }
+  return others;
+}
+
 void take_missing(StackInfo& info, const MissingFacts& missing, const std::string& path) {
   Grid& grid = info.grid;
   const auto take = [&](double& size_um, double given_um, const char* what) {
@@ -122,6 +132,7 @@ PixelBox lit_box(const std::uint8_t* raw, int width, int rows) {
 struct StackReader::Impl {
   std::string path;
   ArchiveContents config;
+  std::vector<std::string> others;
   PieceStore store;
   int rows = 0;   ///< of a band
   int bands = 0;  ///< of an image
@@ -234,6 +245,7 @@ StackReader::StackReader(const std::string& path, const std::string& scratch_fol
   const std::unique_ptr<Container> archive = detail::open_container(path, scratch_folder);
   s.config = read_contents(*archive);
   take_missing(s.config.info, missing, path);
+  s.others = others_of(*archive, s.config);
   const auto slices = entries_of(*archive, s.config.images, s.config.info.grid);
   for (const std::string& warning : s.config.warnings) job.tell(path + ": " + warning);
   s.make_index();
@@ -264,6 +276,7 @@ StackReader::~StackReader() = default;
 const StackInfo& StackReader::info() const { return impl_->config.info; }
 const Grid& StackReader::grid() const { return impl_->config.info.grid; }
 PixelBox StackReader::bounds() const { return impl_->bounds; }
+const std::vector<std::string>& StackReader::other_entries() const { return impl_->others; }
 std::uint64_t StackReader::pixel_sum() const { return impl_->sum; }
 
 void StackReader::read_band(const PixelBox& box, const Sink& sink) const {

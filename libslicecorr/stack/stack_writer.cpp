@@ -28,6 +28,15 @@ bool all_black(const std::uint8_t* p, std::size_t n) {
   return n == 0 || (p[0] == 0 && std::memcmp(p, p + 1, n - 1) == 0);
 }
 
+/// Whether the layers of both are lit for other times.
+bool exposures_differ(const StackInfo& a, const StackInfo& b) {
+  const int layers = std::min(a.grid.layers, b.grid.layers);
+  for (int n = 0; n < layers; ++n) {
+    if (detail::light_on_of_layer(a, n) != detail::light_on_of_layer(b, n)) return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 struct StackWriter::Impl {
@@ -221,7 +230,7 @@ void StackWriter::Impl::write_archive(const StackInfo& info, const GreyImage& pr
       .preview = preview,
       .kept = kept.get(),
       .kept_contents = kept ? &kept_contents : nullptr,
-      .exposure_changes = file.exposure_changes,
+      .exposure_changes = kept == nullptr || exposures_differ(info, kept_contents.info),
       .warnings = &warnings,
   };
   if (uv) request.uv_images_crc32 = detail::images_crc32(uv->grey_adlers);

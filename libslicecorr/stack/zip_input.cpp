@@ -45,7 +45,8 @@ ZipInput::ZipInput(const std::string& path) : Container(path) {
     throw InputError(errno_message(path, "can't be read"));
   }
   int error = 0;
-  // Not ZIP_CHECKCONS: it refuses what common programs write. Contents are checked when they are read.
+  // Not ZIP_CHECKCONS: it refuses what common programs write. Contents are checked when they are
+  // read.
   zip_ = zip_open(path.c_str(), ZIP_RDONLY, &error);
   if (zip_ == nullptr) {
     zip_error_t details;

@@ -29,6 +29,10 @@ struct Setup {
 /// Writes a target as a stack of its coverage. Throws `InputError` when nothing in it is solid.
 StackInfo write_target(const SliceSource& target, const StackFile& file, const Job& job = {});
 
+/// Writes the slices of a stack into another archive, with all that both formats can say. What is
+/// lost is told through `job`.
+void convert_stack(const StackReader& stack, const StackFile& file, const Job& job = {});
+
 /// The process with its UV intensity of each slice, where the schedule asks for one per slice and
 /// does not say them yet: what the brightest pixel of a slice needs for the dead zone, found by a
 /// first correction with the intensity that full light needs. Others come back as they are.

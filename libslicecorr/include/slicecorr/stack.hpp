@@ -66,6 +66,8 @@ struct StackInfo {
   std::vector<double> layer_exposure_s;
 };
 
+/// The process of a corrected stack; else one, layer by layer, that has the archive's times.
+Process process_of_times(const StackInfo& info);
 /// Time in which all slices of the stack are shown, s: by its process when corrected, else by the
 /// archive's times, 0 when it has none. Without what lies between slices layer by layer.
 double light_on_s(const StackInfo& info);
@@ -130,6 +132,8 @@ class StackReader final : public SliceSource {
   void read_band(const PixelBox& band, const Sink& sink) const override;
   /// Sum of all pixel values.
   std::uint64_t pixel_sum() const;
+  /// Names of the entries that are no slices, sorted.
+  const std::vector<std::string>& other_entries() const;
 
   /// Only the metadata, without decoding images. Sizes that the archive does not say stay 0.
   static StackInfo read_info(const std::string& path);
@@ -146,13 +150,13 @@ struct StackFile {
   std::string path;
   std::string format;  ///< a name of `archive_formats`; empty: by the ending of `path`
   /// An archive of the same format: its other entries, their names, order, times and comments, and
-  /// the kind of its images are kept. Empty: a new archive. May be `path` itself.
+  /// the kind of its images are kept; its exposure times, too, where the stack's are no others.
+  /// Empty: a new archive. May be `path` itself.
   std::string keep_from;
-  /// Whether exposure times of the stack replace those of the kept archive.
-  bool exposure_changes = true;
 };
-/// Throws `InputError` when no format is named or ends like this.
-void check_stack_file(const StackFile& file);
+/// Name of the format that the file is written in. Throws `InputError` when none is named or ends
+/// like this.
+std::string format_of(const StackFile& file);
 
 /// Takes the images of a stack band by band, in any order and from any thread, and writes the
 /// archive at the end: to a temporary file beside its path, renamed when complete. Nothing is left

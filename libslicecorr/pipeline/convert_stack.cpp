@@ -1,0 +1,75 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "pipeline/bands.hpp"
+#include "pipeline/relief.hpp"
+#include "pipeline/uv_images.hpp"
+#include "slicecorr/inhibited.hpp"
+#include "slicecorr/pipeline.hpp"
+
+namespace slicecorr {
+
+namespace detail {
+
+void set_uv_images(StackWriter& writer, const CureModel& model, int levels) {
+  if (!model.inhibited || model.inhibited->uv_levels().empty()) return;
+  std::array<std::uint8_t, 256> uv_of_pixel{};
+  for (int v = 0; v < 256; ++v) {
+    const auto level = static_cast<std::size_t>(level_of_pixel(v, levels));
+    uv_of_pixel[static_cast<std::size_t>(v)] =
+        static_cast<std::uint8_t>(pixel_of_level(model.inhibited->uv_levels()[level], levels));
+  }
+  writer.set_uv_pattern(uv_of_pixel);
+}
+
+}  // namespace detail
+
+void convert_stack(const StackReader& stack, const StackFile& file, const Job& job) {
+  StackInfo info = stack.info();
+  const Grid& grid = stack.grid();
+  if (info.part_volume_mm3 == 0) {
+    info.part_volume_mm3 = static_cast<double>(stack.pixel_sum()) / 255.0 * grid.pixel_x_um *
+                           grid.pixel_y_um * grid.layer_um * 1e-9;
+  }
+  StackWriter writer(file, grid, job);
+  if (info.printer && info.resin && info.process) {
+    const CureModel model =
+        make_cure_model(*info.printer, *info.resin, *info.process, grid.layer_um);
+    detail::set_uv_images(writer, model, info.printer->levels());
+  }
+  detail::Relief relief(stack.bounds(), grid.layers);
+  const auto bands = detail::bands_of(grid, stack.bounds());
+  parallel_for(job, "convert", bands.size(), [&](std::size_t i) {
+    const PixelBox& band = bands[i];
+    StackWriter::BandEncoder encoder(writer, band.y0, band.y1);
+    const std::size_t columns = detail::columns_of(band);
+    std::vector<std::int32_t> last_lit(columns, 0);
+    stack.read_band(band, [&](int n, const std::uint8_t* rows) {
+      if ((n & 63) == 0) job.check_cancelled();
+      encoder.put(n, band.x0, band.x1, rows);
+      for (std::size_t k = 0; rows != nullptr && k < columns; ++k) {
+        if (rows[k]) last_lit[k] = n + 1;
+      }
+    });
+    relief.add(band, last_lit);
+  });
+  if (file.keep_from.empty()) {
+    std::vector<std::string> lost;
+    for (const std::string& name : stack.other_entries()) {
+      // What they say is carried over, or of the archive's own kind.
+      if (!name.ends_with(".ini") && !name.ends_with(".json")) lost.push_back(name);
+    }
+    if (!lost.empty()) {
+      job.tell(fmt::format("{}: {} other entries are left behind: {}{}", file.path, lost.size(),
+                           fmt::join(lost.begin(),
+                                     lost.begin() + static_cast<std::ptrdiff_t>(
+                                                        std::min<std::size_t>(lost.size(), 4)),
+                                     ", "),
+                           lost.size() > 4 ? ", ..." : ""));
+    }
+  }
+  writer.finish(info, relief.picture());
+}
+
+}  // namespace slicecorr

@@ -270,9 +270,9 @@ TEST_F(CAbiRun, ThreadsWorkSideBySide) {
 TEST(CAbiPrograms, KilledInPlaceLeavesTheOldArchiveOrTheNew) {
   const TemporaryFolder folder;
   const std::string printer = folder / "printer.toml", part = folder / "part.uvj";
-  const std::string printer_text = printer_toml(640, 400);
+  const std::string printer_text = printer_toml(320, 200);
   write_file(printer, to_bytes(printer_text));
-  const MeshSlices slices(lattice(7, 4, 3, 4, 0.7), parse_printer(printer_text, "printer"),
+  const MeshSlices slices(lattice(3, 2, 2, 4, 0.7), parse_printer(printer_text, "printer"),
                           SliceOptions{});
   write_target(slices, part);
   const Bytes old = read_file(part);
@@ -383,10 +383,13 @@ TEST(CAbiRealData, CorrectsAnArchiveOfASlicer) {
   ASSERT_NE(stack, nullptr);
   EXPECT_STREQ(slicecorr_stack_text(stack.get(), "format"), "sl1");
   EXPECT_STRNE(slicecorr_stack_text(stack.get(), "material_profile"), "");
-  const SetupHandle setup = c_setup({{"printer_toml", printer_toml(1440, 2560, "47.25")},
+  // Dark enough for the archive's own times: 0.1 s, and more in the first layers.
+  std::string printer = printer_toml(1440, 2560, "47.25");
+  printer.replace(printer.find("[0, 1.0]"), 8, "[0, 0.01]");
+  const SetupHandle setup = c_setup({{"printer_toml", printer},
                                      {"resin", SLICECORR_DB_DIR "/figure-2-2.toml"},
-                                     {"mode", "layerwise"},
-                                     {"exposure_s", "20"}});
+                                     {"dc_mj_cm3", "50"},
+                                     {"mode", "layerwise"}});
   FiguresHandle after, before;
   ASSERT_EQ(
       slicecorr_correct(stack.get(), setup.get(), path.c_str(), nullptr, out(after), out(before)),
@@ -401,13 +404,16 @@ TEST(CAbiRealData, CorrectsAnArchiveOfASlicer) {
   const StackHandle corrected = open_stack(path);
   ASSERT_NE(corrected, nullptr);
   EXPECT_STREQ(slicecorr_stack_text(corrected.get(), "kind"), "corrected");
+  // The times are the archive's own, so its settings stay as they are.
   const Entries old = unzip(archive);
   Entries now = unzip(path);
+  int kept = 0;
   for (const auto& [name, data] : old) {
-    if (name.find("thumbnail") != std::string::npos || name == "prusaslicer.ini") {
-      EXPECT_EQ(entry(now, name), data) << name;
-    }
+    if (name.find("thumbnail") == std::string::npos && name != "prusaslicer.ini") continue;
+    EXPECT_TRUE(entry(now, name) == data) << name;
+    ++kept;
   }
+  EXPECT_GE(kept, 2);
 }
 
 }  // namespace

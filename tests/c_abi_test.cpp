@@ -43,7 +43,7 @@ TEST(CAbi, ShowsTheDeclaredFunctionsWithTheirVersionAndNothingElse) {
   ASSERT_EQ(r.exit_code, 0) << r.err;
   std::istringstream lines(r.out);
   std::set<std::string> shown;
-  const std::regex symbol(R"([0-9a-f]+ (\w) (\w+)(@@SLICECORR_0\.1)?)");
+  const std::regex symbol(R"([0-9a-f]+ (\w) (\S+?)(@@SLICECORR_0\.1)?)");
   for (std::string line; std::getline(lines, line);) {
     std::smatch match;
     ASSERT_TRUE(std::regex_match(line, match, symbol)) << line;
@@ -193,6 +193,8 @@ TEST(CAbi, NullIsABadCallThatNamesTheArgument) {
   bad(slicecorr_predict(nullptr, s, j, &new_figures), "target");
   bad(slicecorr_predict(t, nullptr, j, &new_figures), "setup");
   bad(slicecorr_predict(t, s, j, nullptr), "figures");
+  bad(slicecorr_convert(nullptr, made.c_str(), j), "stack");
+  bad(slicecorr_convert(t, nullptr, j), "path");
 
   const StackHandle in_memory = [&] {
     StackHandle h;

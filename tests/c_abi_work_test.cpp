@@ -54,14 +54,14 @@ std::vector<Case> cases() {
       true);
   add("layerwise", printer_toml(96, 64), plain,
       {{"mode", "layerwise"},
-       {"exposure_s", "20"},
-       {"bottom_exposure_s", "40"},
+       {"exposure_s", "2"},
+       {"bottom_exposure_s", "2.5"},
        {"bottom_layers", "2"},
        {"fade_layers", "3"}},
       [](SetupChoices& c) {
         c.mode = "layerwise";
-        c.exposure_s = 20;
-        c.bottom_exposure_s = 40;
+        c.exposure_s = 2;
+        c.bottom_exposure_s = 2.5;
         c.bottom_layers = 2;
         c.fade_layers = 3;
       });
@@ -126,7 +126,8 @@ TEST(CAbiResults, EqualThoseOfTheCppPipelineByteForByte) {
       write_ladder(target_path, c.printer);
     }
     const StackReader target(target_path, folder.path());
-    const slicecorr::Setup setup = resolve_setup(c.choices, nullptr, &target.info(), ChoiceNames::fields);
+    const slicecorr::Setup setup =
+        resolve_setup(c.choices, nullptr, &target.info(), ChoiceNames::fields);
     const Correction expected = correct_stack(target, setup, folder / "expected.uvj", true);
     const StackReader expected_stack(folder / "expected.uvj", folder.path());
     const std::vector<Bytes> images = read_images(expected_stack);
@@ -310,6 +311,32 @@ TEST_F(CAbiWork, SlicesComeAndGoWithAnyStrideAndOrder) {
   EXPECT_EQ(slicecorr_stack_put(stack.get(), 0, black.data(), 1 - width), SLICECORR_BAD_CALL);
 }
 
+TEST_F(CAbiWork, ConvertsArchivesAndWritesTargetsInMemory) {
+  const StackReader reader(target_path_, folder_.path());
+  StackHandle stack = open_stack(target_path_);
+  ASSERT_EQ(slicecorr_convert(stack.get(), (folder_ / "made.sl1").c_str(), nullptr), SLICECORR_OK)
+      << slicecorr_error_text();
+  const StackReader converted(folder_ / "made.sl1", folder_.path());
+  EXPECT_EQ(converted.info().format, "sl1");
+  EXPECT_EQ(read_images(converted), read_images(reader));
+
+  const Grid& g = reader.grid();
+  const slicecorr_grid grid{sizeof grid, g.width_px,   g.height_px,  g.layers,
+                            0,           g.pixel_x_um, g.pixel_y_um, g.layer_um};
+  ASSERT_EQ(slicecorr_stack_create(&grid, out(stack)), SLICECORR_OK);
+  const std::vector<Bytes> images = read_images(reader);
+  for (int n = 0; n < g.layers; ++n) {
+    ASSERT_EQ(
+        slicecorr_stack_put(stack.get(), n, images[static_cast<std::size_t>(n)].data(), g.width_px),
+        SLICECORR_OK);
+  }
+  ASSERT_EQ(slicecorr_convert(stack.get(), (folder_ / "made.uvj").c_str(), nullptr), SLICECORR_OK)
+      << slicecorr_error_text();
+  EXPECT_EQ(read_file(folder_ / "made.uvj"), read_file(target_path_));
+  EXPECT_EQ(slicecorr_convert(stack.get(), (folder_ / "made.xyz").c_str(), nullptr),
+            SLICECORR_BAD_INPUT);
+}
+
 TEST_F(CAbiWork, EveryCodeHasItsCause) {
   const StackHandle stack = open_stack(target_path_);
   const std::string made = folder_ / "made.uvj";
@@ -394,24 +421,32 @@ TEST_F(CAbiWork, EveryCodeHasItsCause) {
   EXPECT_EQ(to(made), SLICECORR_OK) << slicecorr_error_text();
 }
 
-TEST_F(CAbiWork, RefusesToCureToTheWindowInMemoryToo) {
+TEST_F(CAbiWork, RefusesToCureToTheWindow) {
   Settings settings = {{"printer_toml", printer_},
                        {"resin", SLICECORR_DB_DIR "/custom-resin-1.toml"},
                        {"speed_mm_h", "100"},
                        {"uv_mw_cm2", "0.001"}};
   const StackHandle stack = open_stack(target_path_);
-  const auto in_memory = [&] {
-    StackHandle corrected;
+  const std::string made = folder_ / "made.uvj";
+  const auto expect = [&](slicecorr_status expected, const std::string& words) {
     const SetupHandle setup = c_setup(settings);
-    const auto status =
-        slicecorr_correct_in_memory(stack.get(), setup.get(), nullptr, out(corrected), nullptr);
-    EXPECT_EQ(corrected != nullptr, status == SLICECORR_OK);
-    return status;
+    StackHandle corrected;
+    for (const bool in_memory : {false, true}) {
+      const slicecorr_status status =
+          in_memory ? slicecorr_correct_in_memory(stack.get(), setup.get(), nullptr, out(corrected),
+                                                  nullptr)
+                    : slicecorr_correct(stack.get(), setup.get(), made.c_str(), nullptr, nullptr,
+                                        nullptr);
+      EXPECT_EQ(status, expected) << in_memory << slicecorr_error_text();
+      EXPECT_NE(std::string(slicecorr_error_text()).find(words), std::string::npos)
+          << slicecorr_error_text();
+    }
+    EXPECT_EQ(corrected != nullptr, expected == SLICECORR_OK);
+    EXPECT_EQ(std::filesystem::exists(made), expected == SLICECORR_OK);
   };
-  EXPECT_EQ(in_memory(), SLICECORR_INFEASIBLE);
-  EXPECT_NE(std::string(slicecorr_error_text()).find("cures to the window"), std::string::npos);
+  expect(SLICECORR_INFEASIBLE, "would cure to the window");
   settings.emplace_back("window_cure", "allow");
-  EXPECT_EQ(in_memory(), SLICECORR_OK) << slicecorr_error_text();
+  expect(SLICECORR_OK, "");
 }
 
 TEST_F(CAbiWork, PropertiesSayWhatTheArchiveSays) {
@@ -467,7 +502,7 @@ TEST_F(CAbiWork, PropertiesSayWhatTheArchiveSays) {
   Settings settings = ladder_settings(printer_);
   settings.back() = {"mode", "layerwise"};
   settings.insert(settings.end(),
-                  {{"exposure_s", "20"}, {"bottom_exposure_s", "40"}, {"bottom_layers", "2"}});
+                  {{"exposure_s", "2"}, {"bottom_exposure_s", "2.5"}, {"bottom_layers", "2"}});
   const SetupHandle layerwise = c_setup(settings);
   ASSERT_EQ(
       slicecorr_correct(stack.get(), layerwise.get(), made.c_str(), nullptr, nullptr, nullptr),
@@ -479,11 +514,11 @@ TEST_F(CAbiWork, PropertiesSayWhatTheArchiveSays) {
   ASSERT_EQ(slicecorr_stack_numbers(timed.get(), "layer_exposure_s", times, 3, &count),
             SLICECORR_OK);
   EXPECT_EQ(count, 50U);
-  EXPECT_EQ(times[0], 40);
-  EXPECT_EQ(times[1], 40);
-  EXPECT_EQ(times[2], 20);
+  EXPECT_EQ(times[0], 2.5);
+  EXPECT_EQ(times[1], 2.5);
+  EXPECT_EQ(times[2], 2);
   EXPECT_EQ(times[3], -1);
-  EXPECT_EQ(number(timed, "exposure_s"), 20);
+  EXPECT_EQ(number(timed, "exposure_s"), 2);
   EXPECT_EQ(text(timed, "mode"), "layerwise");
 }
 

@@ -54,7 +54,8 @@ std::unique_ptr<slicecorr_figures> figures_of(const Prediction& prediction) {
 
 Names figure_names() {
   Names names;
-  for (const auto& [place, value] : figures_of(Prediction{})->numbers)
+  const auto figures = figures_of(Prediction{});
+  for (const auto& [place, value] : figures->numbers)
     names.emplace_back(place, "");
   return names;
 }

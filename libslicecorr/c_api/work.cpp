@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cstring>
+#include <filesystem>
 #include <numeric>
 #include <optional>
 
@@ -95,21 +95,23 @@ void tell_notice(const Setup& setup, const Job& job) {
   if (!text.empty()) job.tell(text);
 }
 
-/// Where a corrected stack goes: another program's archive keeps what else is in it. Ours holds
-/// nothing else.
-StackFile output_file(const slicecorr_stack& target, const char* path) {
+/// Where a stack goes: in the format that the path ends in, or in its own when it ends so, too, or
+/// goes to where it came from. What else is in the archive is kept with `keep_others`, in the same
+/// format.
+StackFile output_file(const slicecorr_stack& stack, const char* path, bool keep_others) {
   StackFile file(&need(path, "path"));
   if (file.path.empty()) throw InputError("the path of the output is empty");
-  if (target.path.empty() || target.info.kind != StackKind::foreign) return file;
-  for (const FormatInfo& format : archive_formats()) {
-    const bool ends_so =
-        std::any_of(format.endings.begin(), format.endings.end(),
-                    [&](const std::string& ending) { return file.path.ends_with(ending); });
-    if (format.name == target.info.format && ends_so) {
-      file.format = format.name;
-      file.keep_from = target.path;
+  if (!stack.path.empty()) {
+    std::error_code none;
+    bool own = std::filesystem::equivalent(file.path, stack.path, none);
+    for (const FormatInfo& format : archive_formats()) {
+      own |= format.name == stack.info.format &&
+             std::any_of(format.endings.begin(), format.endings.end(),
+                         [&](const std::string& ending) { return file.path.ends_with(ending); });
     }
+    if (own) file.format = stack.info.format;
   }
+  if (format_of(file) == stack.info.format && keep_others) file.keep_from = stack.path;
   return file;
 }
 
@@ -159,8 +161,7 @@ InMemory correct_in_memory(const slicecorr_stack& target, const slicecorr_setup*
   const CureModel model =
       make_cure_model(setup.printer, setup.resin, setup.process, source.grid().layer_um);
   if (with_after || model.inhibited) {
-    if (!design) setup.process = schedule_uv(shown.source(), setup, job);
-  const Prediction p = verify_stack(*stack.slices, source, setup, job);
+    const Prediction p = verify_stack(*stack.slices, source, setup, job);
     refuse_window_cure(p, setup.process);
     if (with_after) result.after = figures_of(p);
   }
@@ -228,8 +229,9 @@ slicecorr_status slicecorr_correct(const slicecorr_stack* target, const slicecor
     if (after) *after = nullptr;
     if (before) *before = nullptr;
     const slicecorr_stack& t = need(target, "target");
-    const slicecorr::StackFile file = output_file(t, path);
-    slicecorr::check_stack_file(file);
+    // Ours hold nothing else.
+    const slicecorr::StackFile file =
+        output_file(t, path, t.info.kind == slicecorr::StackKind::foreign);
     const slicecorr::Job job = job_of(handle);
     const slicecorr::Setup s = setup_for_target(t, setup);
     tell_notice(s, job);
@@ -321,5 +323,23 @@ slicecorr_status slicecorr_predict(const slicecorr_stack* target, const slicecor
     Output output(figures, "figures");
     const slicecorr_stack& t = need(target, "target");
     output.give(figures_of(verify(t, t, setup_for_target(t, setup), job)));
+  });
+}
+
+slicecorr_status slicecorr_convert(const slicecorr_stack* stack, const char* path,
+                                   slicecorr_job* handle) {
+  return guarded(error_of(handle), [&] {
+    const slicecorr_stack& s = need(stack, "stack");
+    const slicecorr::StackFile file = output_file(s, path, !s.path.empty());
+    const slicecorr::Job job = job_of(handle);
+    if (!s.path.empty()) {
+      const slicecorr::StackReader reader(s.path, scratch_folder(handle, file.path), job,
+                                          s.missing);
+      slicecorr::convert_stack(reader, file, job);
+    } else if (s.info.kind == slicecorr::StackKind::target) {
+      slicecorr::write_target(*s.slices, file, job);
+    } else {
+      throw BadCall("a stack corrected in memory has no archive; expected slicecorr_correct()");
+    }
   });
 }

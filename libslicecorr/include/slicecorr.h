@@ -323,6 +323,11 @@ SLICECORR_API slicecorr_status slicecorr_predict(const slicecorr_stack* target,
                                                  const slicecorr_setup* setup, slicecorr_job* job,
                                                  slicecorr_figures** figures);
 
+/** Writes a stack into another archive, in the format that the ending of `path` names, with all that
+ *  both formats can say; what is lost is told as a notice. Archives, and targets in memory. */
+SLICECORR_API slicecorr_status slicecorr_convert(const slicecorr_stack* stack, const char* path,
+                                                 slicecorr_job* job);
+
 #ifdef __cplusplus
 }
 #endif

@@ -16,10 +16,10 @@
  * UTF-8 and end with 0, numbers in texts have a decimal point whatever the locale. Paths are the
  * bytes that the system takes.
  *
- * Errors. Functions that can fail return a slicecorr_status. No exception and no signal leaves the
- * library, it prints nothing and never ends the process. The text of the last failure in this thread
- * is slicecorr_error_text(); setups and jobs keep their own, too. After an error every handle can be
- * used on or freed; outputs that were passed by pointer are then NULL.
+ * Errors. Functions that can fail return a slicecorr_status. No exception leaves the library, it
+ * prints nothing, never ends the process and sets no signal handler. The text of the last failure in
+ * this thread is slicecorr_error_text(); setups and jobs keep their own, too. After an error every
+ * handle can be used on or freed, and handles that the call should have given are NULL.
  *
  * Ownership. What slicecorr_*_new, _open, _create or an output argument gives is the caller's and is
  * freed by the _free function of its type, which takes NULL, too. Texts that functions return belong
@@ -29,8 +29,8 @@
  * Threads. Different handles may be used in different threads at once. A setup may be read, but not
  * changed, by several at once; a job is for one call at a time, except slicecorr_job_cancel(). A
  * stack may be used by several threads at once, and filled by several with different slices, but not
- * filled while it is used. Figures and lists never change. Results do not depend on the number of
- * threads.
+ * filled, loaded or changed while it is used. Figures and lists never change. Results do not depend
+ * on the number of threads.
  *
  * Lasting. Functions, names of settings, codes and structs keep their meaning; new ones are added,
  * and slicecorr_abi_version() counts that. Structs begin with their size as the caller knows it, so

@@ -1,4 +1,4 @@
-/* Uses the installed C interface from outside: header, linking, the database beside the library. */
+/* Uses the installed C interface from outside: header, linking, version, a call that works and one that fails. */
 #include <slicecorr.h>
 #include <stdio.h>
 #include <string.h>

@@ -157,7 +157,8 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
     gel_scale_ = layer_um / (speed_um_s * gel_.critical_dose_prime);
   }
   const double strongest = *std::max_element(setting_uv_.begin(), setting_uv_.end());
-  const double share = kinetics_.beta * strongest / full;
+  // A place without light has nothing to lose.
+  const double share = blue_.back() > 0 ? kinetics_.beta * strongest / blue_.back() : 0;
   const double slope = 1.0 / kinetics_.huv_um - 1.0 / kinetics_.hb_um;
   near_ = share > tail_share
               ? 2 + static_cast<int>(std::ceil(std::log(share / tail_share) / (slope * layer_um)))

@@ -64,11 +64,11 @@ void convert_stack(const StackReader& stack, const StackFile& file, const Job& j
       }
     }
     if (!lost.empty()) {
-      job.tell(fmt::format("{}: {} other entries are left behind: {}{}", file.path, lost.size(),
-                           fmt::join(lost.begin(),
-                                     lost.begin() + static_cast<std::ptrdiff_t>(
-                                                        std::min<std::size_t>(lost.size(), 4)),
-                                     ", "),
+      const auto shown = static_cast<std::ptrdiff_t>(std::min<std::size_t>(lost.size(), 4));
+      job.tell(fmt::format("{}: {} left behind: {}{}", file.path,
+                           lost.size() == 1 ? "one other entry is"
+                                            : fmt::format("{} other entries are", lost.size()),
+                           fmt::join(lost.begin(), lost.begin() + shown, ", "),
                            lost.size() > 4 ? ", ..." : ""));
     }
   }

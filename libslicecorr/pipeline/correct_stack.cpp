@@ -104,19 +104,18 @@ void correct_columns(const CorrectionPlan& plan, std::size_t columns, const Band
   }
   const bool all_levels = plan.levels.size() == 256;
   std::vector<std::uint8_t> pixels(columns);
-  corrector.solve(
-      [&](int n, const std::uint8_t* levels, const std::uint8_t* coverage, bool dark) {
-        if ((n & 63) == 0) job.check_cancelled();
-        const std::uint8_t* shown = levels;
-        if (!all_levels) {
-          for (std::size_t k = 0; k < columns; ++k) pixels[k] = pixel_of[levels[k]];
-          shown = pixels.data();
-        }
-        out.put(n, dark ? nullptr : shown);
-        if (out.watch) out.watch->add_slice(n, dark ? nullptr : shown);
-        out.after.add_slice(n, shown, coverage);
-        if (out.before) out.before->add_slice(n, n < plan.layers ? coverage : nullptr, coverage);
-      });
+  corrector.solve([&](int n, const std::uint8_t* levels, const std::uint8_t* coverage, bool dark) {
+    if ((n & 63) == 0) job.check_cancelled();
+    const std::uint8_t* shown = levels;
+    if (!all_levels) {
+      for (std::size_t k = 0; k < columns; ++k) pixels[k] = pixel_of[levels[k]];
+      shown = pixels.data();
+    }
+    out.put(n, dark ? nullptr : shown);
+    if (out.watch) out.watch->add_slice(n, dark ? nullptr : shown);
+    out.after.add_slice(n, shown, coverage);
+    if (out.before) out.before->add_slice(n, n < plan.layers ? coverage : nullptr, coverage);
+  });
 }
 
 /// Joins the columns of groups into rows of a band. Tapes begin with the last slice.
@@ -208,10 +207,10 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
       predict_before.go_on_from(std::move(band_before));
       std::optional<WindowWatch> watch;
       if (window) watch.emplace(plan.model, plans.all_layers(), count);
-      correct_columns(plan, count, reader,
-                      {put, predict_after, with_before ? &predict_before : nullptr,
-                       watch ? &*watch : nullptr},
-                      job);
+      correct_columns(
+          plan, count, reader,
+          {put, predict_after, with_before ? &predict_before : nullptr, watch ? &*watch : nullptr},
+          job);
       band_after = predict_after.finish(place);
       band_before = predict_before.finish(place);
       if (!watch) return;

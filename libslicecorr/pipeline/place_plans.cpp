@@ -45,15 +45,15 @@ void check_travel(int slices, int layers, double layer_um, const Printer& printe
   const double travel_mm = slices * layer_um * 1e-3;
   if (printer.travel_mm <= 0 || travel_mm <= printer.travel_mm * (1 + 1e-9)) return;
   if (slices == layers) {
-    throw InfeasibleError(fmt::format("the part is {:.3f} mm high; the stage of '{}' travels {:g} mm",
-                                      travel_mm, printer.name, printer.travel_mm));
+    throw InfeasibleError(
+        fmt::format("the part is {:.3f} mm high; the stage of '{}' travels {:g} mm", travel_mm,
+                    printer.name, printer.travel_mm));
   }
-  throw InfeasibleError(
-      fmt::format("curing the part's end takes {} slices after it, {:.3f} mm in all; the stage "
-                  "of '{}' travels "
-                  "{:g} mm. Print slower, with more light, or a part at least {:.3f} mm lower",
-                  slices - layers, travel_mm, printer.name, printer.travel_mm,
-                  travel_mm - printer.travel_mm));
+  throw InfeasibleError(fmt::format(
+      "curing the part's end takes {} slices after it, {:.3f} mm in all; the stage "
+      "of '{}' travels "
+      "{:g} mm. Print slower, with more light, or a part at least {:.3f} mm lower",
+      slices - layers, travel_mm, printer.name, printer.travel_mm, travel_mm - printer.travel_mm));
 }
 
 /// What of each value is lit, and up to which layer.
@@ -156,18 +156,19 @@ void PlacePlans::check_uneven(const SliceSource& target, const Setup& setup, con
   while (display[brightest] == 0) --brightest;
   if (const std::string text = refusal(brightest); !text.empty()) {
     const Pixel p = first_of(map, grid, brightest);
-    throw InfeasibleError(fmt::format("at the brightest place of the display, pixel {}, {}, which "
-                                      "gets {}: {}",
-                                      p.x, p.y, share_in_words(map, brightest), text));
+    throw InfeasibleError(
+        fmt::format("at the brightest place of the display, pixel {}, {}, which "
+                    "gets {}: {}",
+                    p.x, p.y, share_in_words(map, brightest), text));
   }
   const int burst = slices_with_burst(models_.model(brightest), layers_, layers_ - 1);
   const LightCounts part = map.counts(target.bounds());
   bool alike = true;
   for (std::size_t v = 0; v < 256 && alike; ++v) {
     const auto value = static_cast<std::uint8_t>(v);
-    alike = part[v] == 0 ||
-            (refusal(value).empty() &&
-             slices_with_burst(models_.model(value), layers_, layers_ - 1) == burst);
+    alike =
+        part[v] == 0 || (refusal(value).empty() &&
+                         slices_with_burst(models_.model(value), layers_, layers_ - 1) == burst);
   }
   all_layers_ = burst;
   if (alike) return;
@@ -180,7 +181,8 @@ void PlacePlans::check_uneven(const SliceSource& target, const Setup& setup, con
     if (const std::string text = refusal(value); !text.empty()) {
       std::uint64_t pixels = 0;
       for (std::size_t w = v; w < 256; ++w) {
-        if (lit.columns[w] && !refusal(static_cast<std::uint8_t>(w)).empty()) pixels += lit.columns[w];
+        if (lit.columns[w] && !refusal(static_cast<std::uint8_t>(w)).empty())
+          pixels += lit.columns[w];
       }
       const Pixel p = lit.first[v];
       if (value == 0) {
@@ -194,8 +196,8 @@ void PlacePlans::check_uneven(const SliceSource& target, const Setup& setup, con
           "the dimmest {}, {}, which gets {}: {}",
           setup.printer.name, pixels, p.x, p.y, share_in_words(map, value), text));
     }
-    all_layers_ = std::max(all_layers_,
-                           slices_with_burst(models_.model(value), layers_, lit.end[v] - 1));
+    all_layers_ =
+        std::max(all_layers_, slices_with_burst(models_.model(value), layers_, lit.end[v] - 1));
   }
 }
 

@@ -96,10 +96,10 @@ class PlacePredictor {
         part.predictor->tell_edges(sink);
         continue;
       }
-      part.predictor->tell_edges([sink, &columns = part.columns](std::size_t k, int node, bool upper,
-                                                                 double um) {
-        sink(columns[k], node, upper, um);
-      });
+      part.predictor->tell_edges(
+          [sink, &columns = part.columns](std::size_t k, int node, bool upper, double um) {
+            sink(columns[k], node, upper, um);
+          });
     }
   }
   void add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage) {
@@ -137,9 +137,9 @@ class PlacePredictor {
   void add(const PlaceModels& models, std::uint8_t value, int layers, std::size_t size,
            std::vector<std::uint32_t> columns) {
     parts_.reserve(256);  // edges are told with references into the parts
-    parts_.push_back({std::make_unique<BandPredictor>(models.model(value), models.curve(value),
-                                                      layers, size),
-                      std::move(columns), models.model(value).is_plain()});
+    parts_.push_back(
+        {std::make_unique<BandPredictor>(models.model(value), models.curve(value), layers, size),
+         std::move(columns), models.model(value).is_plain()});
   }
   std::vector<Part> parts_;
   std::vector<std::uint8_t> pixels_, cover_;

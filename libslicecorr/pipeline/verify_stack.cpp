@@ -100,9 +100,8 @@ Prediction verify_stack(const SliceSource& stack, const SliceSource& target, con
     total.merge(figures);
     for (std::size_t v = 0; v < counts.size(); ++v) in_groups[v] += counts[v];
   });
-  Prediction p = models.even()
-                     ? detail::whole_image(total, model, grid, grid.layers, bands)
-                     : detail::whole_image(total, models, grid, grid.layers, in_groups);
+  Prediction p = models.even() ? detail::whole_image(total, model, grid, grid.layers, bands)
+                               : detail::whole_image(total, models, grid, grid.layers, in_groups);
   if (window) {
     p.dead_zones = window->result();
     if (p.dead_zones->cured_pixels > 0) {

@@ -500,8 +500,8 @@ Prediction BandPredictor::finish(const Place& place) {
   placed(merged_, prediction_.merged_examples);
   if (worst_ >= 0) {
     const Pixel at = place(worst_column_);
-    const bool earlier = at.y < prediction_.worst_y ||
-                         (at.y == prediction_.worst_y && at.x < prediction_.worst_x);
+    const bool earlier =
+        at.y < prediction_.worst_y || (at.y == prediction_.worst_y && at.x < prediction_.worst_x);
     if (worst_ > worst_so_far_ || (worst_ == worst_so_far_ && earlier)) {
       prediction_.worst_x = at.x;
       prediction_.worst_y = at.y;

@@ -190,7 +190,7 @@ std::optional<Orientation> orientation_of(const TomlTable& display) {
   }
   o.portrait = side == "portrait";
   if (!mirror) return o;
-  const std::string way = mirror->is_boolean() ? (**mirror->as_boolean() ? "x" : "none")
+  const std::string way = mirror->is_boolean()  ? (**mirror->as_boolean() ? "x" : "none")
                           : mirror->is_string() ? **mirror->as_string()
                                                 : "";
   if (way != "none" && way != "x" && way != "y" && way != "xy") {

@@ -49,8 +49,8 @@ LightMap::LightMap(const Printer& printer, const Grid& images, const ImageFrame&
     throw InputError(fmt::format(
         "the images are {} x {} pixels; those for printer '{}' have {} x {}, of which its "
         "flat-field says the light",
-        images.width_px, images.height_px, printer.name,
-        turn_.swap_axes ? height : width, turn_.swap_axes ? width : height));
+        images.width_px, images.height_px, printer.name, turn_.swap_axes ? height : width,
+        turn_.swap_axes ? width : height));
   }
   fine_ = field_.width_px == width && field_.height_px == height;
   if (!fine_) {

@@ -10,8 +10,8 @@
 #include <tuple>
 
 #include "slicecorr/error.hpp"
-#include "slicecorr/places.hpp"
 #include "slicecorr/inhibited.hpp"
+#include "slicecorr/places.hpp"
 #include "slicecorr/simulate.hpp"
 #include "slicecorr/units.hpp"
 

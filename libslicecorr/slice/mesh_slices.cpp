@@ -151,10 +151,9 @@ void MeshSlices::Impl::place(const TriangleMesh& mesh, const Printer& printer,
 
   corners.reserve(mesh.vertices.size());
   for (const Point3& v : mesh.vertices) {
-    corners.push_back(
-        {std::clamp((v[0] - mid_x + cx) / px, 0.0, 1.0 * plate.width_px),
-         std::clamp((mid_y - v[1] + display_y - cy) / py, 0.0, 1.0 * plate.height_px),
-         (v[2] - low[2]) / layer_mm - 0.5});
+    corners.push_back({std::clamp((v[0] - mid_x + cx) / px, 0.0, 1.0 * plate.width_px),
+                       std::clamp((mid_y - v[1] + display_y - cy) / py, 0.0, 1.0 * plate.height_px),
+                       (v[2] - low[2]) / layer_mm - 0.5});
   }
   const auto inside = [](double v, int most) { return std::clamp(static_cast<int>(v), 0, most); };
   bounds = {inside(std::floor((cx - half_x) / px + 1e-9), plate.width_px),

@@ -177,7 +177,7 @@ TriangleMesh on_plate(const TriangleMesh& mesh, const Printer& printer,
                             0.5 * (low[0] + high[0]),
                         (center_mm ? (*center_mm)[1] : plate.height_px * plate.pixel_y_um / 2e3) -
                             0.5 * (low[1] + high[1]),
-      -low[2]};
+                        -low[2]};
   TriangleMesh placed = mesh;
   for (Point3& v : placed.vertices) v = along(v, shift, 1.0);
   return placed;

@@ -342,8 +342,8 @@ Surface surface_of(const SliceSource& stack, const PlaceModels& models, const So
 
 }  // namespace
 
-SolidReport write_solid(const SliceSource& stack, const PlaceModels& models, const std::string& path,
-                        const SolidOptions& options, const Job& job) {
+SolidReport write_solid(const SliceSource& stack, const PlaceModels& models,
+                        const std::string& path, const SolidOptions& options, const Job& job) {
   const detail::MeshFormat format = detail::mesh_format(path);
   const std::size_t slash = path.rfind('/');
   const std::string folder = slash == std::string::npos ? "." : path.substr(0, slash + 1);

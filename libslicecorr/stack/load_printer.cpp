@@ -59,12 +59,12 @@ void check_shape(const std::string& path, const FlatField& field, const Printer&
   const bool off = field.width_px >= fine && field.height_px >= fine &&
                    std::abs(shape - shape_wanted) > 0.02 * shape_wanted;
   if (off || is * wanted < 0) {
-    throw InputError(path, "",
-                     fmt::format("is {} x {} pixels; expected a picture in the shape of the {}, {} "
-                                 "x {} pixels, that covers all of it",
-                                 field.width_px, field.height_px,
-                                 field.of_plate ? "plate" : "display", covered.width_px,
-                                 covered.height_px));
+    throw InputError(
+        path, "",
+        fmt::format("is {} x {} pixels; expected a picture in the shape of the {}, {} "
+                    "x {} pixels, that covers all of it",
+                    field.width_px, field.height_px, field.of_plate ? "plate" : "display",
+                    covered.width_px, covered.height_px));
   }
 }
 

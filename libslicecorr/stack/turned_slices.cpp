@@ -1,11 +1,10 @@
-#include "slicecorr/turned.hpp"
-
 #include <algorithm>
 #include <cstring>
 #include <vector>
 
 #include "base/run_length.hpp"
 #include "slicecorr/stack.hpp"
+#include "slicecorr/turned.hpp"
 
 namespace slicecorr {
 
@@ -30,16 +29,14 @@ class TurnedSlices::Transposed {
         layers_(source.grid().layers),
         side_(std::max(1, band_rows(source.grid()))) {
     const int longest = std::max(box_.width(), box_.height());
-    chunk_ = static_cast<int>(
-        std::clamp(kChunkBytes / (at(side_) * at(std::max(1, longest))), std::size_t{16},
-                   std::size_t{4096}));
+    chunk_ = static_cast<int>(std::clamp(kChunkBytes / (at(side_) * at(std::max(1, longest))),
+                                         std::size_t{16}, std::size_t{4096}));
     chunks_ = (layers_ + chunk_ - 1) / chunk_;
     strips_ = (box_.height() + side_ - 1) / side_;
     blocks_ = (box_.width() + side_ - 1) / side_;
     pieces_.resize(at(strips_) * at(blocks_) * at(chunks_));
-    parallel_for(job, "turn", at(strips_), [&](std::size_t s) {
-      cut(source, static_cast<int>(s), job);
-    });
+    parallel_for(job, "turn", at(strips_),
+                 [&](std::size_t s) { cut(source, static_cast<int>(s), job); });
   }
 
   /// In pixels of the transposed image.

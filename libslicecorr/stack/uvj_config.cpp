@@ -72,12 +72,9 @@ Json printer_json(const Printer& p) {
   if (p.orientation) json["orientation"] = orientation_json(*p.orientation);
   if (p.flat_field) {
     const FlatField& f = *p.flat_field;
-    json["flat_field"] = {{"file", flat_field_entry},
-                          {"width_px", f.width_px},
-                          {"height_px", f.height_px},
-                          {"frame", f.of_plate ? "plate" : "image"},
-                          {"reference", f.reference},
-                          {"crc32", flat_field_crc32(f)}};
+    json["flat_field"] = {{"file", flat_field_entry}, {"width_px", f.width_px},
+                          {"height_px", f.height_px}, {"frame", f.of_plate ? "plate" : "image"},
+                          {"reference", f.reference}, {"crc32", flat_field_crc32(f)}};
   }
   return json;
 }

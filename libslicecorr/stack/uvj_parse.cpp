@@ -246,8 +246,8 @@ void read_block(const Node& block, ArchiveContents& config) {
   const bool needed = info.kind == StackKind::corrected;
   if (needed || block.has("printer")) info.printer = read_printer(block["printer"]);
   if (info.printer && info.printer->flat_field) {
-    config.flat_field_crc32 = static_cast<std::uint32_t>(
-        block["printer"]["flat_field"]["crc32"].whole(0, 0xffffffff));
+    config.flat_field_crc32 =
+        static_cast<std::uint32_t>(block["printer"]["flat_field"]["crc32"].whole(0, 0xffffffff));
   }
   if (block.has("frame")) {
     block["frame"]["images"].choice({"display"});

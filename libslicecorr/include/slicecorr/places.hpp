@@ -70,8 +70,8 @@ class LightMap {
 class PlaceModels {
  public:
   /// Throws as `LightMap`; making models throws as `make_cure_model`.
-  PlaceModels(const Printer& printer, const Resin& resin, const Process& process, const Grid& images,
-              const ImageFrame& frame);
+  PlaceModels(const Printer& printer, const Resin& resin, const Process& process,
+              const Grid& images, const ImageFrame& frame);
   /// One model everywhere.
   PlaceModels(const CureModel& everywhere);
   ~PlaceModels();
@@ -118,11 +118,15 @@ class PlaceDose {
   /// Of single pixels.
   PlaceDose(const PlaceModels& models, const std::vector<Pixel>& pixels);
   void add_slice(int slice, const std::uint8_t* pixels);
-  const double* lower() const { return parts_.size() == 1 ? parts_[0].dose.lower() : lower_.data(); }
+  const double* lower() const {
+    return parts_.size() == 1 ? parts_[0].dose.lower() : lower_.data();
+  }
   const double* middle() const {
     return parts_.size() == 1 ? parts_[0].dose.middle() : middle_.data();
   }
-  const double* upper() const { return parts_.size() == 1 ? parts_[0].dose.upper() : upper_.data(); }
+  const double* upper() const {
+    return parts_.size() == 1 ? parts_[0].dose.upper() : upper_.data();
+  }
 
  private:
   struct Part {

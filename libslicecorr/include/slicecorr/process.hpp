@@ -215,13 +215,13 @@ Printer complete_printer(std::string_view text, const std::string& source);
 /// The same without the picture of the flat-field, of which only the keys are checked.
 Printer parse_printer(std::string_view text, const std::string& source);
 
-/// How evenly a printer's display shines, in words: "80 to 100 % of the calibration"; empty when the
-/// printer has no flat-field.
+/// How evenly a printer's display shines, in words: "80 to 100 % of the calibration"; empty when
+/// the printer has no flat-field.
 std::string light_in_words(const Printer& printer);
 
 /// Reads the picture of a flat-field: a PNG, colour is averaged. Throws `InputError` when it is
-/// none, black, or does not fit the display: wider than high where that is higher than wide, or with
-/// 64 pixels a side and more and sides in a proportion that differs by more than 2 %.
+/// none, black, or does not fit the display: wider than high where that is higher than wide, or
+/// with 64 pixels a side and more and sides in a proportion that differs by more than 2 %.
 FlatField load_flat_field(const std::string& path, const Printer& printer, bool of_plate,
                           std::optional<int> reference);
 

@@ -63,8 +63,9 @@ struct SolidReport {
 /// not at all. Memory is that of the bands at work, 256 MiB of triangles (what is more waits in a
 /// scratch file beside `path`) and for PLY and 3MF the vertices. The bytes do not depend on
 /// threads. Throws `InputError` when nothing prints, or the name ends in something else.
-SolidReport write_solid(const SliceSource& stack, const PlaceModels& models, const std::string& path,
-                        const SolidOptions& options = {}, const Job& job = {});
+SolidReport write_solid(const SliceSource& stack, const PlaceModels& models,
+                        const std::string& path, const SolidOptions& options = {},
+                        const Job& job = {});
 
 /// The same surface in memory.
 TriangleMesh solid_mesh(const SliceSource& stack, const PlaceModels& models,

@@ -23,7 +23,8 @@ class SliceSource {
   virtual const Grid& grid() const = 0;
   /// No pixel outside this box is lit in any slice.
   virtual PixelBox bounds() const = 0;
-  /// How the images lie. Those of `slice` show the plate and are turned on their way to the display.
+  /// How the images lie. Those of `slice` show the plate and are turned on their way to the
+  /// display.
   virtual ImageFrame frame() const { return {}; }
   /// Gives rows [y0, y1) and columns [x0, x1) of every slice to `sink`, from slice 0 on. `rows`
   /// holds (y1 - y0) * (x1 - x0) bytes, row by row: coverage 0..255 of a target, or grey values

@@ -46,8 +46,8 @@ struct ReducedVolume {
   struct Column {
     int x = -1, y = -1;
     double light = 1;  ///< share of the calibration's light that the pixel gets
-    Runs coverage;  ///< of the target
-    Runs levels;    ///< of the stack; ends where the stack ends
+    Runs coverage;     ///< of the target
+    Runs levels;       ///< of the stack; ends where the stack ends
   };
   std::vector<Column> columns;  ///< j * nx + i
 

@@ -230,7 +230,12 @@ TEST_F(CAbiWork, CorrectsInPlace) {
       << slicecorr_error_text();
   EXPECT_EQ(read_file(target_path_), read_file(folder_ / "expected.uvj"));
   EXPECT_EQ(folder_.count(), 2);
-  // Never twice.
+  // Never twice, not even by a handle that was opened before.
+  EXPECT_EQ(
+      slicecorr_correct(stack.get(), setup.get(), target_path_.c_str(), nullptr, nullptr, nullptr),
+      SLICECORR_BAD_INPUT);
+  EXPECT_NE(std::string(slicecorr_error_text()).find("was changed after it was opened"),
+            std::string::npos);
   const StackHandle again = open_stack(target_path_);
   EXPECT_EQ(
       slicecorr_correct(again.get(), setup.get(), target_path_.c_str(), nullptr, nullptr, nullptr),

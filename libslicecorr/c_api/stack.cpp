@@ -185,6 +185,17 @@ SliceStore& slices_for(const slicecorr_stack& stack, int slice, std::ptrdiff_t s
 
 }  // namespace
 
+void check_unchanged(const slicecorr_stack& stack, const StackInfo& now) {
+  const StackInfo& then = stack.info;
+  if (now.kind == then.kind && now.format == then.format &&
+      now.grid.width_px == then.grid.width_px && now.grid.height_px == then.grid.height_px &&
+      now.grid.layers == then.grid.layers && now.exposure_s == then.exposure_s &&
+      now.layer_exposure_s == then.layer_exposure_s) {
+    return;
+  }
+  throw InputError(stack.path, "", "was changed after it was opened; expected to open it again");
+}
+
 Names property_names() {
   Names names;
   for (const auto& p : numbers) names.emplace_back(p.name, p.what);
@@ -248,6 +259,7 @@ slicecorr_status slicecorr_stack_load(slicecorr_stack* stack, slicecorr_job* han
     const slicecorr::Job job = job_of(handle);
     const std::string folder = scratch_folder(handle);
     const slicecorr::StackReader reader(s.path, folder, job, s.missing);
+    check_unchanged(s, reader.info());
     auto slices = keep_slices(reader, "keep", folder, job);
     s.info = reader.info();
     s.missing = {};

@@ -42,7 +42,9 @@ class Images {
   Images(const slicecorr_stack& stack, const Printer& printer, const std::string& folder,
          const Job& job)
       : slices_(stack.slices) {
-    if (!slices_) reader_.emplace(stack.path, folder, job, missing_facts(stack, printer));
+    if (slices_) return;
+    reader_.emplace(stack.path, folder, job, missing_facts(stack, printer));
+    check_unchanged(stack, reader_->info());
   }
   const SliceSource& source() const {
     return slices_ ? static_cast<const SliceSource&>(*slices_) : *reader_;

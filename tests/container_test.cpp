@@ -287,6 +287,34 @@ TEST_F(TarGz, KeepsWhatIsNotChanged) {
   EXPECT_EQ(folder_.count(), 2);
 }
 
+TEST_F(TarGz, KeepsNamesThatPlainHeadersCantSay) {
+  std::filesystem::create_directory(folder_ / "in");
+  const std::string long_name = std::string(200, 'n') + ".png", odd_name = "gr\xc3\xbc\xc3\x9f.txt";
+  test::write_file(folder_ / "in/slice_1.png", pattern(5000, 3));
+  test::write_file(folder_ / ("in/" + long_name), pattern(10, 4));
+  test::write_file(folder_ / ("in/" + odd_name), pattern(20, 5));
+  for (const std::string format : {"gnu", "pax"}) {
+    SCOPED_TRACE(format);
+    const std::string path = folder_ / "t.tar.gz", out = folder_ / ("out-" + format);
+    std::string command =
+        "tar --format=" + format + " -czf '" + path + "' -C '" + (folder_ / "in") + "' .";
+    ASSERT_EQ(std::system(command.c_str()), 0);
+    const auto output = detail::make_tar_gz_output(path, path);
+    output->add("slice_1.png", pattern(77, 6));
+    output->finish({});
+    const auto archive = open("t.tar.gz");
+    EXPECT_EQ(names_of(*archive), (std::vector<std::string>{odd_name, long_name, "slice_1.png"}));
+    EXPECT_EQ(read_entry(*archive, "slice_1.png"), pattern(77, 6));
+    EXPECT_EQ(read_entry(*archive, odd_name), pattern(20, 5));
+    std::filesystem::create_directory(out);
+    command = "tar -xzf '" + path + "' -C '" + out + "'";
+    ASSERT_EQ(std::system(command.c_str()), 0);
+    EXPECT_EQ(test::read_file(out + "/" + long_name), pattern(10, 4));
+    EXPECT_EQ(test::read_file(out + "/" + odd_name), pattern(20, 5));
+    EXPECT_EQ(test::read_file(out + "/slice_1.png"), pattern(77, 6));
+  }
+}
+
 TEST_F(TarGz, FailuresLeaveTheOldOne) {
   test::make_tar_gz(folder_ / "a.tar.gz", {{"a", pattern(100, 1)}});
   const Bytes before = test::read_file(folder_ / "a.tar.gz");

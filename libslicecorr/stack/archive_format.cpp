@@ -49,7 +49,7 @@ const std::vector<const ArchiveFormat*>& all_archive_formats() {
 
 const ArchiveFormat& recognise_format(const Container& archive) {
   for (const ArchiveFormat* f : all_archive_formats()) {
-    if (f->recognises(archive)) return *f;
+    if (f->container() == archive.kind() && f->recognises(archive)) return *f;
   }
   refuse_known_foreign(archive);
   throw InputError(archive.path(), "",
@@ -92,13 +92,18 @@ const ArchiveFormat& format_named(const std::string& name, const std::string& pa
     throw InputError(path, "",
                      "several formats end like this; expected one of them named: " + names);
   }
-  std::string endings;
+  std::vector<std::string_view> endings;
   for (const ArchiveFormat* f : formats) {
     for (const std::string_view e : f->endings()) {
-      if (endings.find(std::string(e) + ",") == std::string::npos) endings += std::string(e) + ", ";
+      if (e != "/" && std::find(endings.begin(), endings.end(), e) == endings.end()) {
+        endings.push_back(e);
+      }
     }
   }
-  throw InputError(path, "", "expected a name that ends in " + endings + "or a folder, which ends in /");
+  std::string list;
+  for (const std::string_view e : endings) list += std::string(e) + ", ";
+  throw InputError(path, "",
+                   "expected a name that ends in " + list + "or a folder, which ends in /");
 }
 
 std::vector<NumberedEntry> numbered_entries(const Container& archive, std::string_view prefix,
@@ -238,8 +243,15 @@ std::string number_text(double value) {
 }
 
 SliceLight light_of_layer(const StackInfo& info, int layer) {
-  return slice_light(process_of_times(info), info.resin ? info.resin->m : 1.0, info.grid.layer_um,
-                     layer, info.grid.layers);
+  const double m = info.resin ? info.resin->m : 1.0;
+  if (info.kind == StackKind::corrected && info.process) {
+    return slice_light(*info.process, m, info.grid.layer_um, layer, info.grid.layers);
+  }
+  // Without a copy of the whole list for each of its layers.
+  if (const auto& times_s = info.layer_exposure_s; !times_s.empty()) {
+    return {times_s[std::min(static_cast<std::size_t>(layer), times_s.size() - 1)], 1};
+  }
+  return slice_light(process_of_times(info), m, info.grid.layer_um, layer, info.grid.layers);
 }
 
 bool same_time(double a_s, double b_s) {

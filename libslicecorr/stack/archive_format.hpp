@@ -28,6 +28,8 @@ struct ArchiveContents {
   bool packed_bgr = false;  ///< and the first of the three is the blue one, not the red one
   /// Fingerprints that our block holds, see `images_crc32`; absent in foreign archives.
   std::optional<std::uint32_t> images_crc32, uv_images_crc32;
+  /// Of the values of `info.printer`'s flat-field, which is an entry of its own.
+  std::optional<std::uint32_t> flat_field_crc32;
   std::vector<std::string> warnings;
 };
 
@@ -59,7 +61,8 @@ class ArchiveFormat {
   virtual bool packs_rgb() const { return false; }
   virtual bool packs_bgr() const { return false; }  ///< see ArchiveContents
 
-  /// By names of entries and, where those do not tell, by contents.
+  /// By names of entries and, where those do not tell, by contents; of archives of the format's
+  /// own container.
   virtual bool recognises(const Container& archive) const = 0;
   /// Throws `InputError` on anything damaged, missing, misnamed or absurdly large. Sizes of images
   /// that the archive does not say are read with `image_size`.

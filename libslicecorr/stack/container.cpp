@@ -82,10 +82,10 @@ ContainerKind container_kind(const std::string& path) {
 }
 
 std::unique_ptr<Container> open_container(const std::string& path,
-                                          const std::string& scratch_folder) {
+                                          const std::string& scratch_folder, const Job& job) {
   switch (container_kind(path)) {
     case ContainerKind::tar_gz:
-      return open_tar_gz(path, scratch_folder);
+      return open_tar_gz(path, scratch_folder, job);
     case ContainerKind::folder:
       return open_folder(path);
     default:

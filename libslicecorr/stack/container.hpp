@@ -8,6 +8,8 @@
 #include <string_view>
 #include <vector>
 
+#include "slicecorr/parallel.hpp"
+
 namespace slicecorr::detail {
 
 enum class ContainerKind { zip, tar_gz, folder };
@@ -52,9 +54,10 @@ class Container {
 /// What a path holds, by its first bytes. Throws `InputError` when it is none of these.
 ContainerKind container_kind(const std::string& path);
 
-/// Opens what is there. Scratch, which a tar.gz needs, goes to `scratch_folder`.
+/// Opens what is there. Scratch, which a large tar.gz needs, goes to `scratch_folder`, as `job` is
+/// told.
 std::unique_ptr<Container> open_container(const std::string& path,
-                                          const std::string& scratch_folder);
+                                          const std::string& scratch_folder, const Job& job = {});
 
 /// Whether an entry's name stays inside the archive: not absolute, no "..", no backslash.
 bool is_safe_name(std::string_view name);

@@ -154,12 +154,15 @@ NewExposures new_exposures(const StackInfo& info) {
   return e;
 }
 
-void fill_table(const StackInfo& info, LayerSettings& table) {
-  for (int n = 0; n < info.grid.layers; ++n) {
-    const std::string time = number_text(light_on_of_layer(info, n));
-    // Whatever the printer takes the layer for.
-    for (const char* key : {first_key, burn_in_key, model_key}) table.set(n + 1, key, time);
+/// Whatever the printer takes the layer for.
+void set_times(int layer, double time_s, LayerSettings& table) {
+  for (const char* key : {first_key, burn_in_key, model_key}) {
+    table.set(layer, key, number_text(time_s));
   }
+}
+
+void fill_table(const StackInfo& info, LayerSettings& table) {
+  for (int n = 0; n < info.grid.layers; ++n) set_times(n + 1, light_on_of_layer(info, n), table);
 }
 
 void set(Json& settings, const char* key, const Json& value, bool& changed) {
@@ -188,8 +191,31 @@ void warn_of_light(const ArchiveRequest& r) {
   }
 }
 
+/// Layers that are added to an archive whose times stay, and get others than its settings say.
+void add_rows(const ArchiveRequest& r, ContainerOutput& output) {
+  const int before = r.kept_contents->info.grid.layers;
+  Exposures said;
+  if (r.kept->has(settings_entry)) {
+    said = exposures_of(parse_settings(*r.kept)[root_key], {r.kept->path(), settings_entry});
+  }
+  std::optional<LayerSettings> table;
+  for (int n = before + 1; n <= r.info.grid.layers; ++n) {
+    const double time_s = light_on_of_layer(r.info, n - 1);
+    if (time_s == said.of_layer(n).value_or(0)) continue;
+    if (!table) {
+      table.emplace(r.kept->has(layers_entry) ? r.kept->text(layers_entry) : "Layer\r\n",
+                    r.kept->path(), layers_entry);
+    }
+    set_times(n, time_s, *table);
+  }
+  if (table) output.add_text(layers_entry, table->text());
+}
+
 void change(const ArchiveRequest& r, ContainerOutput& output) {
-  if (!r.exposure_changes) return;
+  if (!r.exposure_changes) {
+    add_rows(r, output);
+    return;
+  }
   warn_of_light(r);
   const NewExposures e = new_exposures(r.info);
   bool changed = false;

@@ -16,7 +16,8 @@ namespace {
 
 /// All that is in the file stays as it is written: blanks, comments and ends of lines, too.
 constexpr unsigned parse_options =
-    (pugi::parse_full | pugi::parse_ws_pcdata) & ~(pugi::parse_eol | pugi::parse_wconv_attribute);
+    (pugi::parse_full | pugi::parse_ws_pcdata | pugi::parse_fragment) &
+    ~(pugi::parse_eol | pugi::parse_wconv_attribute);
 
 /// Where a manifest stands, for messages.
 struct Place {

@@ -99,6 +99,13 @@ void PixelCode::expand(std::span<const std::uint8_t> grey_rows, int width_px,
     for (std::size_t x = 1; x < from; ++x, pixel += bytes) {
       std::fill_n(pixel, value_bytes, grey_rows[at + x]);
     }
+    // Differences to the pixel before (filter 1): areas of one value become runs of one byte, which
+    // is all that the encoder looks for.
+    if (bytes == 1) continue;
+    row[0] = 1;
+    for (std::size_t i = to - 1; i > bytes; --i) {
+      row[i] = static_cast<std::uint8_t>(row[i] - row[i - bytes]);
+    }
   }
 }
 

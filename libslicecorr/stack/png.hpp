@@ -32,7 +32,8 @@ struct PixelCode {
   int png_width(int width_px) const { return packed_rgb ? (width_px + 2) / 3 : width_px; }
   /// Bytes of a row with its filter byte.
   std::size_t stride(int width_px) const;
-  /// Rows of `raw_stride(width_px)` bytes to rows of `stride(width_px)`.
+  /// Rows of `raw_stride(width_px)` bytes to rows of `stride(width_px)`, with filter 1 where a pixel
+  /// has several bytes of its own.
   void expand(std::span<const std::uint8_t> grey_rows, int width_px,
               std::vector<std::uint8_t>& out) const;
 };

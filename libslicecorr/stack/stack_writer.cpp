@@ -10,6 +10,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
 #include "stack/archive_format.hpp"
+#include "stack/flat_field_entry.hpp"
 #include "stack/png.hpp"
 #include "stack/uvj_config.hpp"
 
@@ -128,8 +129,8 @@ struct StackWriter::Impl {
 
 /// Whoever reads these images is used to their kind.
 void StackWriter::Impl::open_kept() {
-  kept = detail::open_container(file.keep_from, output->folder());
-  if (!format.recognises(*kept)) {
+  kept = detail::open_container(file.keep_from, output->folder(), job);
+  if (format.container() != kept->kind() || !format.recognises(*kept)) {
     throw InputError(file.keep_from, "",
                      "is no archive of the format " + std::string(format.name()));
   }
@@ -247,6 +248,7 @@ void StackWriter::Impl::write_archive(const StackInfo& info, const GreyImage& pr
         detail::provenance_entry,
         detail::write_provenance(info, request.images_crc32, request.uv_images_crc32) + "\n");
   }
+  if (info.kind != StackKind::foreign) detail::add_flat_field(info, *output);
   output->finish(job);
 }
 

@@ -26,6 +26,7 @@ struct Case {
   Settings settings;
   SetupChoices choices;
   bool random = false;  ///< random coverage instead of the ladder
+  bool uneven = false;  ///< the display shines unevenly
 };
 
 std::vector<Case> cases() {
@@ -79,6 +80,9 @@ std::vector<Case> cases() {
         c.dead_zone_um = 20;
         c.window_cure = "allow";
       });
+  all.push_back(all.front());
+  all.back().name = "uneven light";
+  all.back().uneven = true;
   return all;
 }
 
@@ -117,6 +121,20 @@ TEST(CAbiResults, EqualThoseOfTheCppPipelineByteForByte) {
   for (const Case& c : cases()) {
     SCOPED_TRACE(c.name);
     const TemporaryFolder folder;
+    Settings settings = c.settings;
+    SetupChoices choices = c.choices;
+    if (c.uneven) {
+      // From 70 to 100 % across, in a file of its own beside the printer's.
+      GreyImage light{7, 5, {}};
+      for (int i = 0; i < 35; ++i) light.pixels.push_back(static_cast<uint8_t>(180 + i % 7 * 12));
+      write_file(folder / "light.png", encode_png(light));
+      std::string text = c.printer;
+      text.insert(text.find("[blue]"), "flat_field = \"light.png\"\n");
+      write_file(folder / "printer.toml", to_bytes(text));
+      settings.emplace_back("printer", folder / "printer.toml");
+      choices.printer_toml.clear();
+      choices.printer = folder / "printer.toml";
+    }
     const std::string target_path = folder / "target.uvj";
     if (c.random) {
       Images images = random_images(150, 90, 70, 7);
@@ -127,11 +145,11 @@ TEST(CAbiResults, EqualThoseOfTheCppPipelineByteForByte) {
     }
     const StackReader target(target_path, folder.path());
     const slicecorr::Setup setup =
-        resolve_setup(c.choices, nullptr, &target.info(), ChoiceNames::fields);
+        resolve_setup(choices, nullptr, &target.info(), ChoiceNames::fields);
     const Correction expected = correct_stack(target, setup, folder / "expected.uvj", true);
     const StackReader expected_stack(folder / "expected.uvj", folder.path());
     const std::vector<Bytes> images = read_images(expected_stack);
-    const SetupHandle s = c_setup(c.settings);
+    const SetupHandle s = c_setup(settings);
     const StackHandle t = open_stack(target_path);
     FiguresHandle after, before;
 
@@ -230,7 +248,12 @@ TEST_F(CAbiWork, CorrectsInPlace) {
       << slicecorr_error_text();
   EXPECT_EQ(read_file(target_path_), read_file(folder_ / "expected.uvj"));
   EXPECT_EQ(folder_.count(), 2);
-  // Never twice.
+  // Never twice, not even by a handle that was opened before.
+  EXPECT_EQ(
+      slicecorr_correct(stack.get(), setup.get(), target_path_.c_str(), nullptr, nullptr, nullptr),
+      SLICECORR_BAD_INPUT);
+  EXPECT_NE(std::string(slicecorr_error_text()).find("was changed after it was opened"),
+            std::string::npos);
   const StackHandle again = open_stack(target_path_);
   EXPECT_EQ(
       slicecorr_correct(again.get(), setup.get(), target_path_.c_str(), nullptr, nullptr, nullptr),
@@ -330,6 +353,19 @@ TEST_F(CAbiWork, ConvertsArchivesAndWritesTargetsInMemory) {
         slicecorr_stack_put(stack.get(), n, images[static_cast<std::size_t>(n)].data(), g.width_px),
         SLICECORR_OK);
   }
+  // It is for a display unless one says that it lies like the plate, as that of `slice` does.
+  ASSERT_EQ(slicecorr_convert(stack.get(), (folder_ / "made.uvj").c_str(), nullptr), SLICECORR_OK)
+      << slicecorr_error_text();
+  EXPECT_TRUE(StackReader::read_info(folder_ / "made.uvj").for_display);
+  ASSERT_EQ(slicecorr_stack_set_number(stack.get(), "mirror_x", 1), SLICECORR_OK);
+  ASSERT_EQ(slicecorr_convert(stack.get(), (folder_ / "made.uvj").c_str(), nullptr), SLICECORR_OK);
+  EXPECT_EQ(StackReader::read_info(folder_ / "made.uvj").orientation,
+            (Orientation{false, true, false}));
+  ASSERT_EQ(slicecorr_stack_set_number(stack.get(), "mirror_x", 0), SLICECORR_OK);
+  ASSERT_EQ(slicecorr_stack_set_number(stack.get(), "for_display", 0), SLICECORR_OK);
+  EXPECT_EQ(slicecorr_stack_set_number(stack.get(), "for_display", 0.5), SLICECORR_BAD_INPUT);
+  const StackHandle archive = open_stack(target_path_);
+  EXPECT_EQ(slicecorr_stack_set_number(archive.get(), "portrait", 1), SLICECORR_BAD_CALL);
   ASSERT_EQ(slicecorr_convert(stack.get(), (folder_ / "made.uvj").c_str(), nullptr), SLICECORR_OK)
       << slicecorr_error_text();
   EXPECT_EQ(read_file(folder_ / "made.uvj"), read_file(target_path_));
@@ -477,6 +513,8 @@ TEST_F(CAbiWork, PropertiesSayWhatTheArchiveSays) {
                                                   {"speed_mm_h", 1000},
                                                   {"print_time_s", light_on_s(info)},
                                                   {"corrected", 1},
+                                                  {"for_display", 0},
+                                                  {"portrait", 0},
                                                   {"in_memory", 0}};
   for (const auto& [name, value] : expected) {
     EXPECT_EQ(number(corrected, name.c_str()), value) << name;

@@ -55,8 +55,7 @@ std::unique_ptr<slicecorr_figures> figures_of(const Prediction& prediction) {
 Names figure_names() {
   Names names;
   const auto figures = figures_of(Prediction{});
-  for (const auto& [place, value] : figures->numbers)
-    names.emplace_back(place, "");
+  for (const auto& [place, value] : figures->numbers) names.emplace_back(place, "");
   return names;
 }
 

@@ -164,6 +164,7 @@ std::unique_ptr<SliceStore> keep_slices(const SliceSource& source, const std::st
                                         const std::string& scratch_folder, const Job& job) {
   const Grid& grid = source.grid();
   auto store = std::make_unique<SliceStore>(grid, scratch_folder, job);
+  store->set_frame(source.frame());
   const PixelBox lit = source.bounds();
   const int rows = band_rows(grid);
   const int first = lit.empty() ? 0 : lit.y0 / rows;

@@ -21,6 +21,8 @@ class SliceStore final : public SliceSource {
 
   const Grid& grid() const override { return grid_; }
   PixelBox bounds() const override;
+  ImageFrame frame() const override { return frame_; }
+  void set_frame(const ImageFrame& frame) { frame_ = frame; }
   void read_band(const PixelBox& box, const Sink& sink) const override;
 
   /// `stride`: bytes from one row to the next; may be negative.
@@ -40,6 +42,7 @@ class SliceStore final : public SliceSource {
             std::uint8_t* out, std::ptrdiff_t stride) const;
 
   Grid grid_;
+  ImageFrame frame_;
   int rows_;
   PieceStore store_;
   /// Band by band; of size 0 where it is black. Zeroed memory of the system, so that black bands
@@ -49,7 +52,7 @@ class SliceStore final : public SliceSource {
   mutable std::mutex mutex_;  ///< of bounds
 };
 
-/// Copies all of `source`, in parallel.
+/// Copies all of `source` and how it lies, in parallel.
 std::unique_ptr<SliceStore> keep_slices(const SliceSource& source, const std::string& stage,
                                         const std::string& scratch_folder, const Job& job);
 

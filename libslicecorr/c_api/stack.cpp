@@ -72,6 +72,14 @@ const NumberProperty numbers[] = {
        if (s.missing.layer_um > 0) info.grid.layer_um = s.missing.layer_um;
        return light_on_s(info);
      }},
+    {"for_display", "1 when the display shows the slices as they are, else 0: they show the plate",
+     [](const slicecorr_stack& s) { return flag(s.info.for_display); }},
+    {"portrait", "1 when x of the plate runs up in the slices, y to the left",
+     [](const slicecorr_stack& s) { return flag(s.info.orientation.portrait); }},
+    {"mirror_x", "1 when left and right are then swapped",
+     [](const slicecorr_stack& s) { return flag(s.info.orientation.mirror_x); }},
+    {"mirror_y", "1 when top and bottom are then swapped",
+     [](const slicecorr_stack& s) { return flag(s.info.orientation.mirror_y); }},
     {"corrected", "1 for a corrected stack, else 0",
      [](const slicecorr_stack& s) { return flag(s.info.kind == StackKind::corrected); }},
     {"in_memory", "1 when the images are in memory, else 0",
@@ -183,7 +191,73 @@ SliceStore& slices_for(const slicecorr_stack& stack, int slice, std::ptrdiff_t s
   return *stack.slices;
 }
 
+/// Sets what an archive does not say; false for other names.
+bool set_missing(slicecorr_stack& s, const std::string& name, double value) {
+  struct Fact {
+    const char* name;
+    double MissingFacts::*missing;
+    double Grid::*known;
+  };
+  constexpr Fact facts[] = {{"pixel_x_um", &MissingFacts::pixel_x_um, &Grid::pixel_x_um},
+                            {"pixel_y_um", &MissingFacts::pixel_y_um, &Grid::pixel_y_um},
+                            {"layer_um", &MissingFacts::layer_um, &Grid::layer_um}};
+  for (const Fact& fact : facts) {
+    if (name != fact.name) continue;
+    if (!(value > 0) || !(value <= 10000)) {
+      throw InputError(
+          fmt::format("{} is {:g}; expected a number above 0 and at most 10000", name, value));
+    }
+    if (s.info.grid.*fact.known > 0) {
+      throw InputError(s.path, name, fmt::format("the stack says {:g}", s.info.grid.*fact.known));
+    }
+    s.missing.*fact.missing = value;
+    return true;
+  }
+  return false;
+}
+
+/// Sets how the slices of a target in memory lie; false for other names.
+bool set_lie(slicecorr_stack& s, const std::string& name, double value) {
+  Orientation& o = s.info.orientation;
+  bool* const place = name == "for_display" ? &s.info.for_display
+                      : name == "portrait"  ? &o.portrait
+                      : name == "mirror_x"  ? &o.mirror_x
+                      : name == "mirror_y"  ? &o.mirror_y
+                                            : nullptr;
+  if (!place) return false;
+  if (value != 0 && value != 1) {
+    throw InputError(fmt::format("{} is {:g}; expected 0 or 1", name, value));
+  }
+  if (!s.path.empty() || s.info.kind != StackKind::target) {
+    throw BadCall(name + " is set for stacks of slicecorr_stack_create() only");
+  }
+  *place = value == 1;
+  // Slices of the plate lie like the plate unless said otherwise.
+  if (name != "for_display" || value == 0) s.info.orientation_known = true;
+  s.slices->set_frame(frame_of(s.info));
+  return true;
+}
+
 }  // namespace
+
+ImageFrame frame_of(const StackInfo& info) {
+  ImageFrame frame;
+  if (info.for_display) frame.to_display = Turn{};
+  frame.orientation.reset();
+  if (info.orientation_known) frame.orientation = info.orientation;
+  return frame;
+}
+
+void check_unchanged(const slicecorr_stack& stack, const StackInfo& now) {
+  const StackInfo& then = stack.info;
+  if (now.kind == then.kind && now.format == then.format &&
+      now.grid.width_px == then.grid.width_px && now.grid.height_px == then.grid.height_px &&
+      now.grid.layers == then.grid.layers && now.exposure_s == then.exposure_s &&
+      now.layer_exposure_s == then.layer_exposure_s) {
+    return;
+  }
+  throw InputError(stack.path, "", "was changed after it was opened; expected to open it again");
+}
 
 Names property_names() {
   Names names;
@@ -213,9 +287,11 @@ slicecorr_status slicecorr_stack_create(const slicecorr_grid* grid, slicecorr_st
     auto made = std::make_unique<slicecorr_stack>();
     made->info.grid = grid_of(need(grid, "grid"));
     made->info.kind = slicecorr::StackKind::target;
+    made->info.for_display = true;
     made->info.target_layers = made->info.grid.layers;
     made->info.program = std::string("slicecorr ") + slicecorr::version;
     made->slices = std::make_shared<SliceStore>(made->info.grid, scratch_folder(nullptr));
+    made->slices->set_frame(frame_of(made->info));
     output.give(std::move(made));
   });
 }
@@ -248,6 +324,7 @@ slicecorr_status slicecorr_stack_load(slicecorr_stack* stack, slicecorr_job* han
     const slicecorr::Job job = job_of(handle);
     const std::string folder = scratch_folder(handle);
     const slicecorr::StackReader reader(s.path, folder, job, s.missing);
+    check_unchanged(s, reader.info());
     auto slices = keep_slices(reader, "keep", folder, job);
     s.info = reader.info();
     s.missing = {};
@@ -259,31 +336,16 @@ slicecorr_status slicecorr_stack_set_number(slicecorr_stack* stack, const char* 
                                             double value) {
   return guarded(nullptr, [&] {
     slicecorr_stack& s = need(stack, "stack");
-    struct Fact {
-      const char* name;
-      double slicecorr::MissingFacts::*missing;
-      double slicecorr::Grid::*known;
-    };
-    constexpr Fact facts[] = {
-        {"pixel_x_um", &slicecorr::MissingFacts::pixel_x_um, &slicecorr::Grid::pixel_x_um},
-        {"pixel_y_um", &slicecorr::MissingFacts::pixel_y_um, &slicecorr::Grid::pixel_y_um},
-        {"layer_um", &slicecorr::MissingFacts::layer_um, &slicecorr::Grid::layer_um}};
     need(name, "name");
-    for (const Fact& fact : facts) {
-      if (std::strcmp(fact.name, name) != 0) continue;
-      if (!(value > 0) || !(value <= 10000)) {
-        throw slicecorr::InputError(
-            fmt::format("{} is {:g}; expected a number above 0 and at most 10000", name, value));
-      }
-      if (s.info.grid.*fact.known > 0) {
-        throw slicecorr::InputError(s.path, name,
-                                    fmt::format("the stack says {:g}", s.info.grid.*fact.known));
-      }
-      s.missing.*fact.missing = value;
-      return;
-    }
-    unknown_name(name, "number that can be missing",
-                 {{"pixel_x_um", ""}, {"pixel_y_um", ""}, {"layer_um", ""}});
+    if (set_missing(s, name, value) || set_lie(s, name, value)) return;
+    unknown_name(name, "number that can be set",
+                 {{"pixel_x_um", ""},
+                  {"pixel_y_um", ""},
+                  {"layer_um", ""},
+                  {"for_display", ""},
+                  {"portrait", ""},
+                  {"mirror_x", ""},
+                  {"mirror_y", ""}});
   });
 }
 

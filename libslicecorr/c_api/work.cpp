@@ -11,6 +11,7 @@
 #include "slicecorr/dead_zone.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/inhibited.hpp"
+#include "slicecorr/places.hpp"
 #include "slicecorr/version.hpp"
 
 namespace slicecorr::c_api {
@@ -42,7 +43,9 @@ class Images {
   Images(const slicecorr_stack& stack, const Printer& printer, const std::string& folder,
          const Job& job)
       : slices_(stack.slices) {
-    if (!slices_) reader_.emplace(stack.path, folder, job, missing_facts(stack, printer));
+    if (slices_) return;
+    reader_.emplace(stack.path, folder, job, missing_facts(stack, printer));
+    check_unchanged(stack, reader_->info());
   }
   const SliceSource& source() const {
     return slices_ ? static_cast<const SliceSource&>(*slices_) : *reader_;
@@ -56,13 +59,15 @@ class Images {
 /// Size and scale without images.
 class GridOnly final : public SliceSource {
  public:
-  explicit GridOnly(const Grid& grid) : grid_(grid) {}
+  GridOnly(const Grid& grid, const ImageFrame& frame) : grid_(grid), frame_(frame) {}
   const Grid& grid() const override { return grid_; }
+  ImageFrame frame() const override { return frame_; }
   PixelBox bounds() const override { return {}; }
   void read_band(const PixelBox&, const Sink&) const override {}
 
  private:
   Grid grid_;
+  ImageFrame frame_;
 };
 
 /// A source on the way: sums its coverage, stops when the job is cancelled.
@@ -71,6 +76,7 @@ class Watched final : public SliceSource {
   Watched(const SliceSource& source, const Job& job) : source_(source), job_(job) {}
   const Grid& grid() const override { return source_.grid(); }
   PixelBox bounds() const override { return source_.bounds(); }
+  ImageFrame frame() const override { return source_.frame(); }
   void read_band(const PixelBox& band, const Sink& sink) const override {
     const auto size =
         static_cast<std::size_t>(band.width()) * static_cast<std::size_t>(band.height());
@@ -83,6 +89,8 @@ class Watched final : public SliceSource {
     sum_ += sum;
   }
   std::uint64_t sum() const { return sum_; }
+  /// Sums from here on: what was read before was for planning.
+  void begin() { sum_ = 0; }
 
  private:
   const SliceSource& source_;
@@ -149,8 +157,9 @@ InMemory correct_in_memory(const slicecorr_stack& target, const slicecorr_setup*
   const Images images(target, setup.printer, folder, job);
   const SliceSource& source = images.source();
   setup.process = schedule_uv(source, setup, job);
-  const Watched watched(source, job);
-  const CorrectedSlices corrected(watched, setup);
+  Watched watched(source, job);
+  const CorrectedSlices corrected(watched, setup, job);
+  watched.begin();
   InMemory result;
   result.stack = std::make_unique<slicecorr_stack>();
   slicecorr_stack& stack = *result.stack;
@@ -158,8 +167,9 @@ InMemory correct_in_memory(const slicecorr_stack& target, const slicecorr_setup*
   if (watched.sum() == 0) {
     throw InputError("nothing in the part is solid: all slices are empty");
   }
-  const CureModel model =
-      make_cure_model(setup.printer, setup.resin, setup.process, source.grid().layer_um);
+  const PlaceModels models(setup.printer, setup.resin, setup.process, source.grid(),
+                           source.frame());
+  const CureModel& model = models.brightest();
   if (with_after || model.inhibited) {
     const Prediction p = verify_stack(*stack.slices, source, setup, job);
     refuse_window_cure(p, setup.process);
@@ -168,6 +178,11 @@ InMemory correct_in_memory(const slicecorr_stack& target, const slicecorr_setup*
   const Grid& g = source.grid();
   stack.info.grid = corrected.grid();
   stack.info.kind = StackKind::corrected;
+  // It lies like the target it is made from.
+  const ImageFrame frame = source.frame();
+  stack.info.for_display = frame.to_display.has_value();
+  stack.info.orientation_known = frame.orientation.has_value();
+  stack.info.orientation = frame.orientation.value_or(Orientation{});
   stack.info.target_layers = g.layers;
   stack.info.part_volume_mm3 =
       static_cast<double>(watched.sum()) / 255.0 * g.pixel_x_um * g.pixel_y_um * g.layer_um * 1e-9;
@@ -218,7 +233,7 @@ slicecorr_status slicecorr_check(const slicecorr_stack* target, const slicecorr_
                                   "slicecorr_stack_set_number()");
     }
     tell_notice(s, job);
-    slicecorr::plan_correction(GridOnly(grid), s);
+    slicecorr::plan_correction(GridOnly(grid, frame_of(t.info)), s);
   });
 }
 

@@ -182,7 +182,7 @@ typedef struct slicecorr_stack slicecorr_stack;
 /** Size and scale of a stack in memory. */
 typedef struct slicecorr_grid {
   size_t struct_size; /**< sizeof(slicecorr_grid) */
-  int32_t width_px;   /**< columns of a slice, 1..65536; those of the printer's display */
+  int32_t width_px;   /**< columns of a slice, 1..65536, as the printer's display has */
   int32_t height_px;  /**< rows of a slice, 1..65536 */
   int32_t layers;     /**< number of slices, 1..1000000 */
   int32_t reserved;   /**< 0 */
@@ -211,8 +211,15 @@ SLICECORR_API slicecorr_status slicecorr_stack_get(const slicecorr_stack* stack,
 /** Reads all images of an archive into memory, once for all later calls. Does nothing for stacks
  *  that are there already. */
 SLICECORR_API slicecorr_status slicecorr_stack_load(slicecorr_stack* stack, slicecorr_job* job);
-/** Says what the archive does not say: pixel_x_um, pixel_y_um, layer_um. Where pixel sizes are still
- *  missing, those of the setup's printer count. SLICECORR_BAD_INPUT when it does say it. */
+/** Says what an archive does not say: pixel_x_um, pixel_y_um, layer_um. Where pixel sizes are still
+ *  missing, those of the setup's printer count. SLICECORR_BAD_INPUT when it does say it.
+ *
+ *  Says how the slices of a stack of slicecorr_stack_create() lie, which matters to printers with an
+ *  orientation or a flat-field: for_display is 1 (as they come) when the display shows them as they
+ *  are, 0 when they show the plate (row 0 at the largest y, column 0 at the smallest x) and the
+ *  printer's orientation turns them. portrait, mirror_x, mirror_y (0 or 1) say how the plate lies in
+ *  slices for a display: x of the plate up and y to the left; then left and right, top and bottom
+ *  swapped. */
 SLICECORR_API slicecorr_status slicecorr_stack_set_number(slicecorr_stack* stack, const char* name,
                                                           double value);
 
@@ -225,6 +232,7 @@ SLICECORR_API slicecorr_status slicecorr_stack_set_number(slicecorr_stack* stack
  *  speed_mm_h            of a corrected continuous stack
  *  uv_mw_cm2, dead_zone_um
  *  print_time_s          in which slices are shown, without lifts
+ *  for_display, portrait, mirror_x, mirror_y   how its slices lie, see above
  *  corrected             1 for a corrected stack, else 0
  *  in_memory             1 when its images are in memory, else 0 */
 SLICECORR_API slicecorr_status slicecorr_stack_number(const slicecorr_stack* stack, const char* name,

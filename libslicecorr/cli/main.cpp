@@ -13,6 +13,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/report.hpp"
 #include "slicecorr/solid.hpp"
+#include "slicecorr/turned.hpp"
 #include "slicecorr/version.hpp"
 
 namespace slicecorr::cli {
@@ -47,6 +48,14 @@ struct Arguments {
   StackReader open(const std::string& path, const std::string& scratch, const Job& job) const {
     return {path, scratch, job, missing()};
   }
+  /// Slices as they go into the output: archives that printers read have the images of a display,
+  /// our own those of the plate.
+  FittedSlices for_output(const SliceSource& slices, const Printer& printer, const Job& job) const {
+    static const Printer unturned;
+    const std::string name = format_of(file());
+    const bool ours = name == "uvj" || name == "folder";
+    return FittedSlices::for_display(slices, ours ? unturned : printer, folder_of(output), job);
+  }
 };
 
 int slice(const Arguments& a, const Job& job, Console& console) {
@@ -54,7 +63,8 @@ int slice(const Arguments& a, const Job& job, Console& console) {
   must_not_replace(a.output, a.mesh.parts);
   const Printer printer = load_printer(a.setup.printer);
   const MeshSlices slices(read_parts(a.mesh, job), printer, a.mesh.slice_options(), job);
-  const StackInfo info = write_target(slices, a.file(), job);
+  const FittedSlices fitted = a.for_output(slices, printer, job);
+  const StackInfo info = write_target(*fitted, a.file(), job);
   console.say(fmt::format("{}: {} slices, {:.4f} ml", a.output, info.grid.layers,
                           info.part_volume_mm3 * 1e-3));
   return kDone;
@@ -70,7 +80,8 @@ int correct(const Arguments& a, const Job& job, Console& console) {
   // What a slicer wrote besides the slices stays.
   if (times.kind == StackKind::foreign && times.format == format) file.keep_from = a.input;
   const StackReader target = a.open(a.input, folder_of(a.output), job);
-  const Correction result = correct_stack(target, setup, file, true, job);
+  const FittedSlices fitted = a.for_output(target, setup.printer, job);
+  const Correction result = correct_stack(*fitted, setup, file, true, job);
   console.say(fmt::format("{}: {} slices\n{}", a.output, result.info.grid.layers,
                           summary(result.after, result.before)));
   return kDone;
@@ -80,8 +91,9 @@ int verify(const Arguments& a, const Job& job, Console&) {
   must_not_replace(a.json, {a.input, a.target});
   const StackReader stack = a.open(a.input, folder_of(a.input), job);
   const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
-  const StackReader target = a.open(design(a.target), folder_of(a.target), job);
-  const Prediction p = verify_stack(stack, target, setup, job);
+  const StackReader read = a.open(design(a.target), folder_of(a.target), job);
+  const FittedSlices target = FittedSlices::like(stack, read, folder_of(a.target), job);
+  const Prediction p = verify_stack(stack, *target, setup, job);
   if (a.json.empty()) {
     print_result(summary(p, std::nullopt));
   } else {
@@ -99,9 +111,13 @@ int verify(const Arguments& a, const Job& job, Console&) {
 int probe(const Arguments& a, const Job& job, Console&) {
   const StackReader stack = a.open(a.input, folder_of(a.input), job);
   const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
-  std::optional<StackReader> target;
-  if (!a.target.empty()) target.emplace(design(a.target), folder_of(a.target), job, a.missing());
-  const auto rows = probe_stack(stack, target ? &*target : nullptr, setup, a.x, a.y);
+  std::optional<StackReader> read;
+  std::optional<FittedSlices> target;
+  if (!a.target.empty()) {
+    read.emplace(design(a.target), folder_of(a.target), job, a.missing());
+    target.emplace(FittedSlices::like(stack, *read, folder_of(a.target), job));
+  }
+  const auto rows = probe_stack(stack, target ? &**target : nullptr, setup, a.x, a.y);
   std::string text =
       fmt::format("slice,z_um,grey,intensity_mw_cm2,phi,dose{}\n", target ? ",target" : "");
   for (const ProbeRow& r : rows) {
@@ -126,7 +142,9 @@ int report(const Arguments& a, const Job& job, Console& console) {
   must_not_replace(a.output, {a.input, a.target});
   const StackReader stack = a.open(a.input, folder_of(a.output), job);
   const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
-  const StackReader target = a.open(design(a.target), folder_of(a.output), job);
+  const StackReader read = a.open(design(a.target), folder_of(a.output), job);
+  const FittedSlices fitted = FittedSlices::like(stack, read, folder_of(a.output), job);
+  const SliceSource& target = *fitted;
   const Prediction after = verify_stack(stack, target, setup, job);
   const Prediction before = verify_stack(target, target, setup, job);
   const StackInfo& info = stack.info();
@@ -140,7 +158,9 @@ int section(const Arguments& a, const Job& job, Console& console) {
   must_not_replace(a.output, {a.input, a.target});
   const StackReader stack = a.open(a.input, folder_of(a.output), job);
   const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
-  const StackReader target = a.open(design(a.target), folder_of(a.output), job);
+  const StackReader read = a.open(design(a.target), folder_of(a.output), job);
+  const FittedSlices fitted = FittedSlices::like(stack, read, folder_of(a.output), job);
+  const SliceSource& target = *fitted;
   const PixelBox box = target.bounds();
   const int row = a.y >= 0 ? a.y : (box.y0 + box.y1) / 2;
   const Grid& g = stack.grid();
@@ -150,9 +170,9 @@ int section(const Arguments& a, const Job& job, Console& console) {
   const auto png = encode_png(side_by_side(picture(target), picture(stack)));
   write_text_file(a.output, {png.begin(), png.end()});
   console.say(
-      fmt::format("{}: section at image row {}, platform up; left uncorrected, right this "
+      fmt::format("{}: section at {}, platform up; left uncorrected, right this "
                   "stack; grey right, red cured through, blue undercured",
-                  a.output, row));
+                  a.output, row_in_words(stack, row)));
   return kDone;
 }
 
@@ -173,7 +193,7 @@ int solid(const Arguments& a, const Job& job, Console& console) {
   nlohmann::ordered_json figures;
   if (!a.target.empty()) {
     const StackReader target = a.open(design(a.target), folder_of(a.output), job);
-    check_same_voxels(g, target.grid());
+    check_same_voxels(g, (*FittedSlices::like(stack, target, folder_of(a.output), job)).grid());
     figures["design_volume_mm3"] = static_cast<double>(target.pixel_sum()) / 255.0 * g.pixel_x_um *
                                    g.pixel_y_um * g.layer_um * 1e-9;
   }
@@ -217,7 +237,9 @@ int run(const Arguments& a, const Job& job, Console& console) {
   must_not_replace(a.output, a.mesh.parts);
   Setup setup = a.setup.resolve(nullptr, nullptr);
   if (const std::string text = notice(setup); !text.empty()) job.tell(text);
-  const MeshSlices target(read_parts(a.mesh, job), setup.printer, a.mesh.slice_options(), job);
+  const MeshSlices slices(read_parts(a.mesh, job), setup.printer, a.mesh.slice_options(), job);
+  const FittedSlices fitted = a.for_output(slices, setup.printer, job);
+  const SliceSource& target = *fitted;
   const Correction result = correct_stack(target, setup, a.file(), true, job);
   setup.process = *result.info.process;
   const std::string base =

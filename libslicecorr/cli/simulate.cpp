@@ -12,6 +12,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/report.hpp"
 #include "slicecorr/simulate.hpp"
+#include "slicecorr/turned.hpp"
 
 namespace slicecorr::cli {
 
@@ -58,14 +59,16 @@ struct Input {
   StackReader stack;
   std::optional<StackReader> given;
   Setup setup;
-  const StackReader* target = nullptr;
+  std::optional<FittedSlices> fitted;
+  const SliceSource* target = nullptr;
 
   Input(const SimulateOptions& o, const SetupOptions& options, const Job& job)
       : stack(o.stack, folder_of(o.output), job),
         setup(options.resolve(&stack.info(), &stack.info())) {
     if (!o.target.empty()) {
       given.emplace(design(o.target), folder_of(o.output), job);
-      target = &*given;
+      fitted.emplace(FittedSlices::like(stack, *given, folder_of(o.output), job));
+      target = &**fitted;
     } else if (stack.info().kind == StackKind::target) {
       target = &stack;  // a target shown as it is
     }

@@ -152,7 +152,7 @@ std::string make_report(const ReportContent& c) {
   html +=
       R"(<h2>Still pictures</h2><p class="key dim">In the sections, platform up: <b><i class="right"></i>as designed</b> <b><i class="flat-through"></i>cured through (red)</b> <b><i class="flat-under"></i>undercured (blue)</b> <b><i class="pale"></i>designed grey</b></p>)";
   for (const auto& section : c.sections) {
-    html += fmt::format("<h3>Section at image row {}</h3><div class=\"pair\">", section.y);
+    html += fmt::format("<h3>Section at {}</h3><div class=\"pair\">", section.place);
     const auto figure = [&](const ColourImage& picture, const std::string& words) {
       html += fmt::format("<figure>{}<figcaption>{}</figcaption></figure>", image(picture, words),
                           words);
@@ -193,6 +193,17 @@ std::string make_report(const ReportContent& c) {
   return html + "</body></html>\n";
 }
 
+std::string row_in_words(const SliceSource& source, int y) {
+  const std::optional<Orientation> o = source.frame().orientation;
+  if (!o) return fmt::format("image row {}", y);
+  const PlatePlace place = place_on_plate(source.grid(), *o, 0, y + 0.5);
+  // Portrait images have y of the plate to the left, unless they are mirrored.
+  const bool falls = o->portrait != o->mirror_x;
+  return fmt::format("image row {}, along {} of the plate{} at {} = {:.3f} mm", y,
+                     o->portrait ? "y" : "x", falls ? " (falling to the right)" : "",
+                     o->portrait ? "x" : "y", o->portrait ? place.x_mm : place.y_mm);
+}
+
 ReportContent gather_report(const SliceSource& stack, const SliceSource& target, const Setup& setup,
                             const StackInfo& info, const Prediction& after,
                             const std::optional<Prediction>& before, const std::string& title,
@@ -209,7 +220,7 @@ ReportContent gather_report(const SliceSource& stack, const SliceSource& target,
     constexpr int kMostPixels = 900;
     const Grid& g = stack.grid();
     ReportContent::SectionPictures pictures;
-    pictures.y = y;
+    pictures.place = row_in_words(stack, y);
     const auto draw = [&](const SliceSource& shown, ColourImage& cure, ColourImage& grey) {
       const Section s = section_of(shown, target, setup, y);
       cure = cure_picture(s, g.pixel_x_um, g.layer_um, kMostPixels);

@@ -143,8 +143,12 @@ class TurnedSlices::Transposed {
 };
 
 TurnedSlices::TurnedSlices(const SliceSource& source, const Turn& turn,
-                           const std::string& scratch_folder, const Job& job)
-    : source_(source), turn_(turn), grid_(turned(source.grid(), turn)) {
+                           const std::string& scratch_folder, const Job& job,
+                           const std::optional<ImageFrame>& frame)
+    : source_(source),
+      turn_(turn),
+      grid_(turned(source.grid(), turn)),
+      frame_(frame.value_or(turned(source.frame(), turn))) {
   if (turn.swap_axes) {
     transposed_ = std::make_unique<const Transposed>(source, scratch_folder, job);
   }
@@ -156,8 +160,6 @@ PixelBox TurnedSlices::bounds() const {
   const Grid& g = source_.grid();
   return turned(source_.bounds(), turn_, g.width_px, g.height_px);
 }
-
-ImageFrame TurnedSlices::frame() const { return turned(source_.frame(), turn_); }
 
 void TurnedSlices::read_band(const PixelBox& band, const Sink& sink) const {
   // Once axes are exchanged only flips are left.
@@ -182,6 +184,28 @@ void TurnedSlices::read_band(const PixelBox& band, const Sink& sink) const {
   } else {
     source_.read_band(from, flip);
   }
+}
+
+FittedSlices FittedSlices::for_display(const SliceSource& source, const Printer& printer,
+                                       const std::string& scratch_folder, const Job& job) {
+  FittedSlices fitted(source);
+  if (source.frame().to_display || !printer.orientation) return fitted;
+  fitted.turned_ = std::make_unique<const TurnedSlices>(
+      source, turn_to_display(source.frame(), printer), scratch_folder, job,
+      ImageFrame{Turn{}, printer.orientation});
+  return fitted;
+}
+
+FittedSlices FittedSlices::like(const SliceSource& other, const SliceSource& source,
+                                const std::string& scratch_folder, const Job& job) {
+  FittedSlices fitted(source);
+  const ImageFrame is = source.frame(), wanted = other.frame();
+  if (!is.orientation || !wanted.orientation || *is.orientation == *wanted.orientation) {
+    return fitted;
+  }
+  fitted.turned_ = std::make_unique<const TurnedSlices>(
+      source, turn_between(*is.orientation, *wanted.orientation), scratch_folder, job, wanted);
+  return fitted;
 }
 
 }  // namespace slicecorr

@@ -24,6 +24,10 @@ struct ColourImage {
 /// to scale in x and z (`pixel_x_um`, `layer_um`), at most `most_px` wide and high.
 ColourImage cure_picture(const Section& section, double pixel_x_um, double layer_um, int most_px);
 
+/// Where a section along an image row lies: "image row 12, along x of the plate at y = 3.025 mm";
+/// the row alone where the source does not say how its images lie.
+std::string row_in_words(const SliceSource& source, int y);
+
 /// The grey values that are shown along a section, platform up.
 ColourImage grey_picture(const Section& section, double pixel_x_um, double layer_um, int most_px);
 
@@ -48,7 +52,7 @@ struct ReportContent {
   std::optional<Prediction> before;  ///< of the target shown as it is
   /// Pictures of a section of the target shown as it is, and of the stack.
   struct SectionPictures {
-    int y = 0;
+    std::string place;  ///< row_in_words
     ColourImage cure_before, cure_after, grey_before, grey_after;
   };
   std::vector<SectionPictures> sections;

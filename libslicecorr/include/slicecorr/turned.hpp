@@ -3,10 +3,12 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "slicecorr/orientation.hpp"
 #include "slicecorr/parallel.hpp"
+#include "slicecorr/process.hpp"
 #include "slicecorr/target.hpp"
 
 namespace slicecorr {
@@ -16,13 +18,14 @@ namespace slicecorr {
 /// the rest in scratch); others read it each time. Thread-safe for reading different bands.
 class TurnedSlices final : public SliceSource {
  public:
-  /// `source` must outlive this.
+  /// `source` must outlive this. `frame`: how the images lie then, where more is known than the
+  /// turn says.
   TurnedSlices(const SliceSource& source, const Turn& turn, const std::string& scratch_folder,
-               const Job& job = {});
+               const Job& job = {}, const std::optional<ImageFrame>& frame = {});
   ~TurnedSlices() override;
   const Grid& grid() const override { return grid_; }
   PixelBox bounds() const override;
-  ImageFrame frame() const override;
+  ImageFrame frame() const override { return frame_; }
   void read_band(const PixelBox& band, const Sink& sink) const override;
 
  private:
@@ -30,7 +33,26 @@ class TurnedSlices final : public SliceSource {
   const SliceSource& source_;
   Turn turn_;
   Grid grid_;
+  ImageFrame frame_;
   std::unique_ptr<const Transposed> transposed_;
+};
+
+/// A source as it is, or turned where that is needed.
+class FittedSlices {
+ public:
+  /// As a printer's display shows them. They stay as they are when they are for a display already,
+  /// and when the printer's file does not say how the plate lies in its images.
+  static FittedSlices for_display(const SliceSource& source, const Printer& printer,
+                                  const std::string& scratch_folder, const Job& job = {});
+  /// As the images of `other` lie, where both are known.
+  static FittedSlices like(const SliceSource& other, const SliceSource& source,
+                           const std::string& scratch_folder, const Job& job = {});
+  const SliceSource& operator*() const { return turned_ ? *turned_ : *source_; }
+
+ private:
+  explicit FittedSlices(const SliceSource& source) : source_(&source) {}
+  const SliceSource* source_;
+  std::unique_ptr<const TurnedSlices> turned_;
 };
 
 }  // namespace slicecorr

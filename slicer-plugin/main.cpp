@@ -72,7 +72,7 @@ int run(const Arguments& a, const CLI::App& app, const Job& job, cli::Console& c
     context.slicer = slicer_call_from_environment();
     return correct_one(a, context, job, console);
   }
-  Log log(a.log, a.json_log);
+  Log log(a.log, a.json_log, !job.notice);
   const WatchResult result = watch(a.watch, context, log, job);
   return result.failed > 0 ? cli::kInput : cli::kDone;
 }

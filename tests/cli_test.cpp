@@ -524,7 +524,8 @@ TEST_F(Cli, WrongUsageAndInput) {
   bad(2, without("--units", "furlong"), {"--units"});
   bad(2, without("--one-slice-gaps", "shut"), {"--one-slice-gaps"});
   bad(2, without("--threads", "-1"), {"--threads"});
-  bad(2, without("-o", "x.zip"), {"x.zip", ".uvj"});
+  bad(2, without("-o", "x.zip"), {"x.zip", "several formats", "chitubox"});
+  bad(2, without("-o", "x.obj"), {"x.obj", ".uvj"});
   bad(2, without("-o", "x"), {".uvj"});
 
   // What is not there, or is something else.

@@ -7,6 +7,10 @@
 #include "stack_fixture.hpp"
 
 namespace slicecorr {
+
+/// Else GoogleTest prints its bytes.
+void PrintTo(const FormatInfo& format, std::ostream* out) { *out << format.name; }
+
 namespace {
 
 using test::Bytes;

@@ -213,10 +213,10 @@ TEST(UvCorrection, SameBytesForAnyNumberOfThreads) {
   for (const int threads : {1, 2, 8}) {
     Job job;
     job.threads = threads;
-    correct_stack(Block(), s, folder / std::to_string(threads), false, job);
+    correct_stack(Block(), s, folder / (std::to_string(threads) + ".uvj"), false, job);
   }
-  EXPECT_EQ(test::read_file(folder / "1"), test::read_file(folder / "2"));
-  EXPECT_EQ(test::read_file(folder / "1"), test::read_file(folder / "8"));
+  EXPECT_EQ(test::read_file(folder / "1.uvj"), test::read_file(folder / "2.uvj"));
+  EXPECT_EQ(test::read_file(folder / "1.uvj"), test::read_file(folder / "8.uvj"));
 }
 
 }  // namespace

@@ -321,7 +321,7 @@ TEST_F(Post, RulesChooseByFolderFileAndProfiles) {
   std::string out = shown("part.sl1");
   EXPECT_THAT(out, HasSubstr("rule 'rule 3'"));
   EXPECT_THAT(out, HasSubstr("line 19"));
-  EXPECT_THAT(out, HasSubstr("0.3 s per layer, from rule 'rule 3'"));
+  EXPECT_THAT(out, HasSubstr("0.3 s per layer (the first 1 0.2 s, 2 between), from rule 'rule 3'"));
   EXPECT_THAT(out, HasSubstr("printer   small, from [default] of"));
   fs::create_directories(folder_ / "fast/deeper");
   fs::copy_file(folder_ / "part.sl1", folder_ / "fast/deeper/part.sl1");

@@ -33,7 +33,8 @@ std::string on_one_line(std::string text) {
 
 }  // namespace
 
-Log::Log(std::string path, bool json) : path_(std::move(path)), json_(json) {
+Log::Log(std::string path, bool json, bool quiet)
+    : path_(std::move(path)), json_(json), quiet_(quiet && path_.empty()) {
   if (!path_.empty()) open();
 }
 
@@ -48,6 +49,7 @@ void Log::open() {
 }
 
 void Log::add(const LogLine& line) {
+  if (quiet_ && !line.trouble) return;
   std::string text;
   if (json_) {
     nlohmann::ordered_json j{{"time", now()}, {"event", line.event}};

@@ -13,14 +13,16 @@ struct LogLine {
   std::string message;  ///< one line
   double seconds = -1;  ///< the work took; below 0: not said
   int code = -1;        ///< exit code that the program would have had; below 0: not said
+  bool trouble = false;
 };
 
 /// Lines are only added, each with one write. A file that was renamed or removed, as log rotation
 /// does, is opened anew. Thread-safe as far as one write is.
 class Log {
  public:
-  /// `path` empty: stderr. Throws `DeviceError` when the file can't be written.
-  Log(std::string path, bool json);
+  /// `path` empty: stderr; then `quiet` leaves what goes well out. Throws `DeviceError` when the
+  /// file can't be written.
+  Log(std::string path, bool json, bool quiet = false);
   ~Log();
   Log(const Log&) = delete;
   Log& operator=(const Log&) = delete;
@@ -29,7 +31,7 @@ class Log {
  private:
   void open();
   std::string path_;
-  bool json_;
+  bool json_, quiet_;
   int file_ = -1;
 };
 

@@ -151,10 +151,10 @@ class Watcher {
       if (folders_.add(folder)) {
         enter(folder, half_done_only);
       } else if (fs::exists(folder)) {
-        log_.add({"skipped", folder, "is watched by another slicecorr-post", -1, -1});
+        log_.add({"skipped", folder, "is watched by another slicecorr-post", -1, -1, true});
       }
     } catch (const DeviceError& e) {
-      log_.add({"skipped", folder, e.what(), -1, -1});
+      log_.add({"skipped", folder, e.what(), -1, -1, true});
     }
   }
 
@@ -201,7 +201,7 @@ class Watcher {
         for (const std::string& folder : folders_.paths()) enter(folder, false);
         break;
       case Kind::unwatched:
-        log_.add({"unwatched", event.path, "the folder is gone", -1, -1});
+        log_.add({"unwatched", event.path, "the folder is gone", -1, -1, true});
         if (folders_.count() == 0) throw DeviceError("all watched folders are gone");
         break;
     }
@@ -276,7 +276,7 @@ class Watcher {
       const std::string prefix = done.path + ": ";
       const std::string why =
           done.message.starts_with(prefix) ? done.message.substr(prefix.size()) : done.message;
-      log_.add({"failed", done.path, why, done.seconds, done.code});
+      log_.add({"failed", done.path, why, done.seconds, done.code, true});
       tell(options_.on_fail, "Slices not corrected", done.path, why);
     }
   }
@@ -286,7 +286,8 @@ class Watcher {
     const auto start = [&](const std::vector<std::string>& command) {
       const std::string problem = commands_.start(command);
       if (problem.empty()) return;
-      log_.add({"not-told", path, fmt::format("{} can't be run: {}", command[0], problem), -1, -1});
+      log_.add({"not-told", path, fmt::format("{} can't be run: {}", command[0], problem), -1, -1,
+                true});
     };
     if (!program.empty()) start({program, path});
     if (options_.notify) {

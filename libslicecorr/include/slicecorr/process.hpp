@@ -66,8 +66,8 @@ struct Printer {
   double travel_mm = 0;       ///< 0 when not given
   std::optional<UvLamp> uv;
   /// How the plate lies in the images that the display shows; nothing when the file does not say.
-  std::optional<Orientation> orientation;
-  std::optional<FlatField> flat_field;  ///< of the curing light; nothing: even
+  std::optional<Orientation> orientation{};
+  std::optional<FlatField> flat_field{};  ///< of the curing light; nothing: even
   int levels() const { return 1 << bit_depth; }
   bool operator==(const Printer&) const = default;
 };

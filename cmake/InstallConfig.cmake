@@ -8,6 +8,7 @@ write_basic_package_version_file("${CMAKE_BINARY_DIR}/slicecorrConfigVersion.cma
   COMPATIBILITY SameMinorVersion)
 
 install(EXPORT slicecorrTargets NAMESPACE slicecorr:: DESTINATION "${package_dir}")
+install(EXPORT slicecorrCTargets NAMESPACE slicecorr:: DESTINATION "${package_dir}")
 install(
   FILES
     "${CMAKE_BINARY_DIR}/slicecorrConfig.cmake"

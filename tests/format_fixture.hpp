@@ -142,4 +142,39 @@ inline void replace(std::string& text, const std::string& from, const std::strin
   text.replace(at, from.size(), to);
 }
 
+/// slice.conf and G-code as NovaMaker writes them.
+inline std::string nova_config(int width, int height, int layers) {
+  return "# nova3d.cn NovaMaker v2.4.4 64-bits 2021-12-14 16:24:42\n# conf version 1.0\n\n"
+         "xppm                    = 20\nyppm                    = 20\nxres                    = " +
+         std::to_string(width) + "\nyres                    = " + std::to_string(height) +
+         "\nthickness               = 0.050\nlayers_num              = " + std::to_string(layers) +
+         "\nhead_layers_num         = 1\nlayers_expo_ms          = 2000\n"
+         "head_layers_expo_ms     = 30000\nwait_before_expo_ms     = 2000\n";
+}
+
+inline std::string nova_layer(int n, int ms) {
+  return ";<Slice> " + std::to_string(n) + "\nM106 S255\n;<Delay> " + std::to_string(ms) +
+         "\nM106 S0\n;<Slice> Blank\nG1 Z4.000 F100\nG1 Z-3.950 F100\n;<Delay> 6800\n\n";
+}
+
+inline constexpr const char* nova_end = "M18 ;Disable Motors\nM106 SO\nG1 Z80.0\n;<Completed>\n";
+
+inline std::string nova_gcode(int width, int height, const std::vector<int>& ms) {
+  std::string text =
+      "; nova3d.cn NovaMaker v2.4.4 64-bits 2021-12-14 16:24:42\n"
+      ";(****Build and Slicing Parameters****)\n;(Pix per mm X            = 20 )\n"
+      ";(Pix per mm Y            = 20 )\n;(X Resolution            = " +
+      std::to_string(width) + " )\n;(Y Resolution            = " + std::to_string(height) +
+      " )\n;(Layer Thickness         = 0.05000 mm )\n;(Layer Time              = 2000 ms )\n"
+      ";(Render Outlines         = False\n;(Bottom Layers Time      = 30000 ms )\n"
+      ";(Number of Bottom Layers = 1 )\n;(Flip X                  = True)\n"
+      ";(Flip Y                  = False)\n;Number of Slices         = " +
+      std::to_string(ms.size()) +
+      "\n;(****Machine Configuration ******)  \n;(Machine Type            = UV_LCD)  \n\n"
+      "G28\nG21 ;Set units to be mm\nG91 ;Relative Positioning\nM17 ;Enable motors\n"
+      "<Slice> Blank\nM106 S0\n\n";
+  for (std::size_t n = 0; n < ms.size(); ++n) text += nova_layer(static_cast<int>(n), ms[n]);
+  return text + nova_end;
+}
+
 }  // namespace slicecorr::test

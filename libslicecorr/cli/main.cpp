@@ -164,7 +164,7 @@ int solid(const Arguments& a, const Job& job, Console& console) {
   const StackReader stack = a.open(a.input, folder_of(a.output), job);
   const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
   const Grid& g = stack.grid();
-  const CureModel model = make_cure_model(setup.printer, setup.resin, setup.process, g.layer_um);
+  const PlaceModels models(setup.printer, setup.resin, setup.process, g, stack.frame());
   std::optional<MeshDistance> design_mesh;
   if (!a.mesh.parts.empty()) {
     design_mesh.emplace(
@@ -178,7 +178,7 @@ int solid(const Arguments& a, const Job& job, Console& console) {
                                    g.pixel_y_um * g.layer_um * 1e-9;
   }
   const SolidOptions options{a.reduce, design_mesh ? &*design_mesh : nullptr};
-  const SolidReport r = write_solid(stack, model, a.output, options, job);
+  const SolidReport r = write_solid(stack, models, a.output, options, job);
   console.say(
       fmt::format("{}: {} triangles, {:.4f} mm³, from {:.3f}, {:.3f}, {:.3f} to {:.3f}, "
                   "{:.3f}, {:.3f} mm",
@@ -226,7 +226,7 @@ int run(const Arguments& a, const Job& job, Console& console) {
   auto proof = nlohmann::ordered_json::parse(result.after.to_json());
   proof["uncorrected"] = nlohmann::ordered_json::parse(result.before->to_json());
   write_text_file(base + ".json", proof.dump(2) + "\n");
-  const CorrectedSlices corrected(target, setup);
+  const CorrectedSlices corrected(target, setup, job);
   write_text_file(base + ".html",
                   make_report(gather_report(corrected, target, setup, result.info, result.after,
                                             result.before, title_of(a.output), job)));
@@ -288,7 +288,7 @@ int compare(const Arguments& a, const Job& job, Console& console) {
                                         {"corrected", &c.ours}};
   if (a.json != "-") print_result(figures_table(columns));
   if (!a.output.empty()) {
-    const CorrectedSlices corrected(target, setup);
+    const CorrectedSlices corrected(target, setup, job);
     StackInfo info;
     info.grid = corrected.grid();
     info.target_layers = target.grid().layers;

@@ -97,13 +97,6 @@ const char* kind_name(StackKind kind) {
   }
 }
 
-std::string orientation_in_words(const Orientation& o) {
-  std::string text = o.portrait ? "portrait" : "landscape";
-  if (o.mirror_x) text += ", mirrored in x";
-  if (o.mirror_y) text += ", mirrored in y";
-  return text;
-}
-
 std::string exposures(const Process& p) {
   if (!p.layer_exposure_s.empty()) {
     const auto [least, greatest] =
@@ -134,7 +127,7 @@ std::string describe_stack(const StackInfo& info) {
       "images       {} x {} pixels of {}\n", g.width_px, g.height_px,
       or_not_said(g.pixel_x_um, fmt::format("{:g} x {:g} um", g.pixel_x_um, g.pixel_y_um)));
   if (info.orientation != Orientation{}) {
-    text += "orientation  " + orientation_in_words(info.orientation) + "\n";
+    text += "orientation  " + in_words(info.orientation) + "\n";
   }
   const ArchiveProfiles& names = info.profiles;
   for (const auto& [what, name] :
@@ -148,6 +141,9 @@ std::string describe_stack(const StackInfo& info) {
                         g.layers - info.target_layers);
   }
   if (info.printer) text += fmt::format("printer      {}\n", info.printer->name);
+  if (info.printer && info.printer->flat_field) {
+    text += fmt::format("light        {}, over the display\n", light_in_words(*info.printer));
+  }
   if (info.resin) {
     text += fmt::format("resin        {}, {:g} um base 10, aimed at {}\n", info.resin->name,
                         info.resin->absorbance_height10_um, dose_in_words(*info.resin));
@@ -207,6 +203,12 @@ std::string info_json(const StackInfo& info, const std::string& path) {
                    {"print", info.profiles.print}};
   if (info.target_layers > 0) j["target_layers"] = info.target_layers;
   if (info.printer) j["printer"] = info.printer->name;
+  if (info.printer && info.printer->flat_field) {
+    const FlatField& f = *info.printer->flat_field;
+    j["flat_field"] = {{"least", 1.0 * f.least() / f.reference},
+                       {"greatest", 1.0 * f.greatest() / f.reference},
+                       {"frame", f.of_plate ? "plate" : "image"}};
+  }
   if (info.resin) {
     j["resin"] = info.resin->name;
     j["absorbance_height10_um"] = info.resin->absorbance_height10_um;

@@ -163,8 +163,16 @@ void check_feasible_layerwise(const CureModel& model, const Printer& printer,
 
 }  // namespace
 
+Printer dimmed(const Printer& printer, double factor) {
+  Printer p = printer;
+  for (CalibrationPoint& c : p.calibration) c.intensity_mw_cm2 *= factor;
+  return p;
+}
+
 CureModel make_cure_model(const Printer& printer, const Resin& resin, const Process& process,
-                          double layer_um) {
+                          double layer_um, const PlaceLight& light) {
+  const std::vector<double> intensities =
+      level_intensities(light.factor == 1 ? printer : dimmed(printer, light.factor));
   CureModel model;
   model.layer_um = layer_um;
   model.m = resin.m;
@@ -189,9 +197,10 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
   } else {
     model.critical_intensity_mw_cm2 = resin.critical_dose_mj_cm3 * s;
   }
-  for (const double i : level_intensities(printer)) model.level_phi.push_back(model.phi(i));
+  for (const double i : intensities) model.level_phi.push_back(model.phi(i));
   if (process.uv.kind != UvKind::off) {
-    model.inhibited = detail::make_inhibited_kernel(printer, resin, process, layer_um);
+    model.inhibited = detail::make_inhibited_kernel(printer, resin, process, layer_um, intensities,
+                                                    light.brightest);
     // Under UV light phi is the dose after a long run of slices, and the exponent may be another.
     const InhibitedKernel& kernel = *model.inhibited;
     model.m = kernel.kinetics().m;

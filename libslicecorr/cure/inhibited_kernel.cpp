@@ -75,7 +75,8 @@ double uv_for_dead_zone(const Kinetics& k, double blue_mw_cm2, double dead_zone_
 
 InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
                                  const Printer& printer, const Process& process, double layer_um,
-                                 std::vector<double> level_mw_cm2)
+                                 std::vector<double> level_mw_cm2,
+                                 const std::vector<double>& brightest_mw_cm2)
     : kinetics_(kinetics),
       gel_(gel),
       mode_(process.mode),
@@ -97,7 +98,8 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
                       what, intensity, printer.name, least, most));
     }
   };
-  const double full = blue_.back();
+  const std::vector<double>& held = brightest_mw_cm2.empty() ? blue_ : brightest_mw_cm2;
+  const double full = held.back();
   switch (uv.kind) {
     case UvKind::off:
       throw InputError("UV light is off in this schedule; expected an intensity or a dead zone");
@@ -134,7 +136,7 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
       const LevelTable lamp(uv_level_intensities(printer));
       check(uv_for_dead_zone(kinetics_, full, uv.dead_zone_um),
             fmt::format("a dead zone of {:g} um under full light", uv.dead_zone_um));
-      for (const double blue : blue_) {
+      for (const double blue : held) {
         // The next level up: the dead zone is held at least.
         uv_levels_.push_back(
             lamp.at_least(uv_for_dead_zone(kinetics_, blue, uv.dead_zone_um) * (1 - 1e-12)));
@@ -155,7 +157,8 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
     gel_scale_ = layer_um / (speed_um_s * gel_.critical_dose_prime);
   }
   const double strongest = *std::max_element(setting_uv_.begin(), setting_uv_.end());
-  const double share = kinetics_.beta * strongest / full;
+  // A place without light has nothing to lose.
+  const double share = blue_.back() > 0 ? kinetics_.beta * strongest / blue_.back() : 0;
   const double slope = 1.0 / kinetics_.huv_um - 1.0 / kinetics_.hb_um;
   near_ = share > tail_share
               ? 2 + static_cast<int>(std::ceil(std::log(share / tail_share) / (slope * layer_um)))
@@ -290,13 +293,14 @@ double InhibitedKernel::critical_intensity_mw_cm2(int setting) const {
 
 namespace detail {
 
-std::shared_ptr<const InhibitedKernel> make_inhibited_kernel(const Printer& printer,
-                                                             const Resin& resin,
-                                                             const Process& process,
-                                                             double layer_um) {
+std::shared_ptr<const InhibitedKernel> make_inhibited_kernel(
+    const Printer& printer, const Resin& resin, const Process& process, double layer_um,
+    const std::vector<double>& level_mw_cm2, double brightest) {
+  const std::vector<double> held =
+      level_intensities(brightest == 1 ? printer : dimmed(printer, brightest));
   return std::make_shared<const InhibitedKernel>(make_kinetics(resin, true, true),
                                                  make_kinetics(resin, true, false), printer,
-                                                 process, layer_um, level_intensities(printer));
+                                                 process, layer_um, level_mw_cm2, held);
 }
 
 void check_inhibited_feasible(const CureModel& model, const Printer& printer,

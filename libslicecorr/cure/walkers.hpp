@@ -3,17 +3,18 @@
 
 #include <cstddef>
 #include <memory>
+#include <vector>
 
 #include "slicecorr/dose.hpp"
 #include "slicecorr/inhibited.hpp"
 
 namespace slicecorr::detail {
 
-/// The kernel of a process whose UV light is on (`process.uv.kind` is not off).
-std::shared_ptr<const InhibitedKernel> make_inhibited_kernel(const Printer& printer,
-                                                             const Resin& resin,
-                                                             const Process& process,
-                                                             double layer_um);
+/// The kernel of a process whose UV light is on (`process.uv.kind` is not off), at a place where
+/// grey levels give `level_mw_cm2`. `brightest`: see PlaceLight.
+std::shared_ptr<const InhibitedKernel> make_inhibited_kernel(
+    const Printer& printer, const Resin& resin, const Process& process, double layer_um,
+    const std::vector<double>& level_mw_cm2, double brightest);
 
 /// As `check_feasible`, for a model with an inhibited kernel.
 void check_inhibited_feasible(const CureModel& model, const Printer& printer,

@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "base/band_tape.hpp"
 #include "slicecorr/predict.hpp"
 #include "slicecorr/target.hpp"
 
@@ -21,6 +22,21 @@ inline std::vector<PixelBox> bands_of(const Grid& grid, const PixelBox& box) {
 
 inline std::size_t columns_of(const PixelBox& box) {
   return static_cast<std::size_t>(box.width()) * static_cast<std::size_t>(box.height());
+}
+
+inline BandTape tape_of(const SliceSource& source, const PixelBox& band) {
+  BandTape tape(columns_of(band));
+  source.read_band(band, [&](int, const std::uint8_t* rows) { tape.append(rows); });
+  return tape;
+}
+
+/// Pixels of the columns of a band.
+inline BandPredictor::Place place_in(const PixelBox& band) {
+  const auto width = static_cast<std::size_t>(band.width());
+  return [band, width](std::size_t column) {
+    return Pixel{band.x0 + static_cast<int>(column % width),
+                 band.y0 + static_cast<int>(column / width)};
+  };
 }
 
 /// What all bands print together with the columns outside them, when `slices` slices are shown.

@@ -4,76 +4,63 @@
 
 #include "base/band_tape.hpp"
 #include "pipeline/bands.hpp"
+#include "pipeline/place_plans.hpp"
 #include "slicecorr/baseline.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/pipeline.hpp"
 
 namespace slicecorr {
 
+using detail::BandReader;
 using detail::bands_of;
 using detail::BandTape;
 using detail::columns_of;
+using detail::GroupedBand;
+using detail::place_in;
+using detail::PlacePlans;
 using detail::whole_image;
 
 namespace {
 
-/// Only the columns of a band that are lit somewhere: no other has an edge.
-BandTape lit_columns(const SliceSource& target, const PixelBox& band) {
-  const std::size_t columns = columns_of(band);
-  BandTape all(columns);
-  std::vector<std::uint8_t> rows(columns), any(columns, 0);
-  target.read_band(band, [&](int, const std::uint8_t* layer) {
-    all.append(layer);
-    for (std::size_t i = 0; layer && i < columns; ++i) any[i] |= layer[i];
-  });
-  std::vector<std::uint32_t> lit;
-  for (std::size_t i = 0; i < columns; ++i) {
-    if (any[i]) lit.push_back(static_cast<std::uint32_t>(i));
-  }
-  BandTape tape(lit.size());
-  std::vector<std::uint8_t> kept(lit.size());
-  for (int n = 0; n < all.slices(); ++n) {
-    all.read(n, rows.data());
-    for (std::size_t i = 0; i < lit.size(); ++i) kept[i] = rows[lit[i]];
-    tape.append(kept.data());
-  }
-  return tape;
-}
-
 /// Mean height error with each N up to the last that can be best.
-std::vector<double> erase_errors(const SliceSource& target, const CorrectionPlan& plan,
+std::vector<double> erase_errors(const SliceSource& target, const PlacePlans& plans,
                                  const std::vector<PixelBox>& bands, const Job& job) {
   struct Sum {
     unsigned __int128 scaled = 0;
     std::uint64_t edges = 0;
   };
-  const PixelCurve curve = pixel_curve(plan.model);
-  const int most = std::min(cure_through_slices(plan.model), plan.layers);
+  const int most = std::min(cure_through_slices(plans.models().brightest()), plans.layers());
   std::vector<Sum> sums(static_cast<std::size_t>(most) + 1);
   std::mutex adding;
   parallel_for(job, "erase", bands.size(), [&](std::size_t i) {
-    const BandTape tape = lit_columns(target, bands[i]);
-    const std::size_t columns = tape.columns();
-    if (columns == 0) return;
-    std::vector<std::uint8_t> rows(columns);
-    BandErase erase(columns);
-    for (int n = 0; n < plan.layers; ++n) {
-      tape.read(n, rows.data());
-      erase.add_layer(rows.data());
-    }
-    // One N after the other: the state of a single prediction stays in the cache.
-    for (std::size_t k = 0; k < sums.size(); ++k) {
-      job.check_cancelled();
-      BandErase::Walk walk(erase, static_cast<int>(k));
-      BandPredictor predictor(plan.model, curve, plan.layers, columns);
-      for (int n = plan.layers; n-- > 0;) {
+    // Only the columns that are lit somewhere: no other has an edge.
+    const GroupedBand grouped(plans.models().map(), bands[i], {[&](const SliceSource::Sink& sink) {
+                                target.read_band(bands[i], sink);
+                              }});
+    for (const GroupedBand::Group& group : grouped.groups) {
+      const BandTape& tape = group.sources[0];
+      const std::size_t columns = tape.columns();
+      std::vector<std::uint8_t> rows(columns);
+      BandErase erase(columns);
+      for (int n = 0; n < plans.layers(); ++n) {
         tape.read(n, rows.data());
-        predictor.add_slice(n, walk.next(rows.data()), rows.data());
+        erase.add_layer(rows.data());
       }
-      const Prediction p = predictor.finish(0, 0, static_cast<int>(columns));
-      const std::lock_guard lock(adding);
-      sums[k].scaled += p.height_error_um.scaled_sum();
-      sums[k].edges += p.height_error_um.count();
+      // One N after the other: the state of a single prediction stays in the cache.
+      for (std::size_t k = 0; k < sums.size(); ++k) {
+        job.check_cancelled();
+        BandErase::Walk walk(erase, static_cast<int>(k));
+        BandPredictor predictor(plans.models().model(group.value),
+                                plans.models().curve(group.value), plans.layers(), columns);
+        for (int n = plans.layers(); n-- > 0;) {
+          tape.read(n, rows.data());
+          predictor.add_slice(n, walk.next(rows.data()), rows.data());
+        }
+        const Prediction p = predictor.finish(0, 0, static_cast<int>(columns));
+        const std::lock_guard lock(adding);
+        sums[k].scaled += p.height_error_um.scaled_sum();
+        sums[k].edges += p.height_error_um.count();
+      }
     }
   });
   std::vector<double> means;
@@ -87,69 +74,87 @@ std::vector<double> erase_errors(const SliceSource& target, const CorrectionPlan
 }  // namespace
 
 Comparison compare_methods(const SliceSource& target, const Setup& setup, const Job& job) {
-  const CorrectionPlan plan = plan_correction(target, setup);
-  const CureModel& model = plan.model;
-  const PixelCurve curve = pixel_curve(model);
+  const PlacePlans plans(target, setup, job);
+  const PlaceModels& models = plans.models();
   const auto bands = bands_of(target.grid(), target.bounds());
 
   Comparison result;
-  result.erase_mean_um = erase_errors(target, plan, bands, job);
+  result.erase_mean_um = erase_errors(target, plans, bands, job);
   const auto least = std::min_element(result.erase_mean_um.begin(), result.erase_mean_um.end());
   result.best_n = static_cast<int>(least - result.erase_mean_um.begin());
 
   std::uint8_t pixel_of[256] = {};
-  for (int level = 0; level < plan.levels.size(); ++level) {
-    pixel_of[level] = static_cast<std::uint8_t>(pixel_of_level(level, plan.levels.size()));
+  for (int level = 0; level < plans.levels(); ++level) {
+    pixel_of[level] = static_cast<std::uint8_t>(pixel_of_level(level, plans.levels()));
   }
-  Prediction uncorrected, erased, darkened, ours;
+  enum Method { uncorrected, erased, darkened, ours, methods };
+  std::array<Prediction, methods> totals;
+  detail::LightCounts in_groups{};
   bool solid = false;
   std::mutex merging;
   parallel_for(job, "compare", bands.size(), [&](std::size_t i) {
     const PixelBox& band = bands[i];
-    const std::size_t columns = columns_of(band);
-    BandCorrector corrector(plan, columns);
-    BandErase erase(columns);
+    std::array<Prediction, methods> figures;
     bool lit = false;
-    target.read_band(band, [&](int n, const std::uint8_t* rows) {
-      if ((n & 63) == 0) job.check_cancelled();
-      lit = lit || (rows && !detail::all_zero(rows, columns));
-      corrector.add_layer(rows);
-      erase.add_layer(rows);
-    });
-    BandErase::Walk walk(erase, result.best_n);
-    BandGreyTable table(columns);
-    std::vector<std::uint8_t> pixels(columns);
-    BandPredictor predict_uncorrected(model, curve, plan.all_layers, columns);
-    BandPredictor predict_erased(model, curve, plan.all_layers, columns);
-    BandPredictor predict_darkened(model, curve, plan.all_layers, columns);
-    BandPredictor predict_ours(model, curve, plan.all_layers, columns);
-    corrector.solve([&](int n, const std::uint8_t* levels, const std::uint8_t* coverage, bool) {
-      if ((n & 63) == 0) job.check_cancelled();
-      for (std::size_t k = 0; k < columns; ++k) pixels[k] = pixel_of[levels[k]];
-      predict_ours.add_slice(n, pixels.data(), coverage);
-      // Only the correction shows slices after the part's end.
-      const bool shown = n < plan.layers;
-      predict_uncorrected.add_slice(n, shown ? coverage : nullptr, coverage);
-      predict_erased.add_slice(n, shown ? walk.next(coverage) : nullptr, coverage);
-      predict_darkened.add_slice(n, shown ? table.next(coverage) : nullptr, coverage);
-    });
-    const auto merge = [&](Prediction& sum, BandPredictor& predictor) {
-      const Prediction figures = predictor.finish(band.x0, band.y0, band.width());
-      const std::lock_guard lock(merging);
-      sum.merge(figures);
-      solid = solid || lit;
+    // Columns of one value, whose figures go on from those before them.
+    const auto compare = [&](std::uint8_t value, std::size_t columns, const BandReader& read,
+                             const BandPredictor::Place& place) {
+      const CorrectionPlan& plan = plans.plan(value);
+      BandCorrector corrector(plan, columns);
+      BandErase erase(columns);
+      read([&](int n, const std::uint8_t* rows) {
+        if ((n & 63) == 0) job.check_cancelled();
+        lit = lit || (rows && !detail::all_zero(rows, columns));
+        corrector.add_layer(rows);
+        erase.add_layer(rows);
+      });
+      BandErase::Walk walk(erase, result.best_n);
+      BandGreyTable table(columns);
+      std::vector<std::uint8_t> pixels(columns);
+      std::vector<std::unique_ptr<BandPredictor>> predict;
+      for (Prediction& so_far : figures) {
+        predict.push_back(std::make_unique<BandPredictor>(plan.model, models.curve(value),
+                                                          plan.all_layers, columns));
+        predict.back()->go_on_from(std::move(so_far));
+      }
+      corrector.solve([&](int n, const std::uint8_t* levels, const std::uint8_t* coverage, bool) {
+        if ((n & 63) == 0) job.check_cancelled();
+        for (std::size_t k = 0; k < columns; ++k) pixels[k] = pixel_of[levels[k]];
+        predict[ours]->add_slice(n, pixels.data(), coverage);
+        // Only the correction shows slices after the part's end.
+        const bool shown = n < plan.layers;
+        predict[uncorrected]->add_slice(n, shown ? coverage : nullptr, coverage);
+        predict[erased]->add_slice(n, shown ? walk.next(coverage) : nullptr, coverage);
+        predict[darkened]->add_slice(n, shown ? table.next(coverage) : nullptr, coverage);
+      });
+      for (std::size_t m = 0; m < methods; ++m) figures[m] = predict[m]->finish(place);
     };
-    merge(uncorrected, predict_uncorrected);
-    merge(erased, predict_erased);
-    merge(darkened, predict_darkened);
-    merge(ours, predict_ours);
+    const BandReader read = [&](const SliceSource::Sink& sink) { target.read_band(band, sink); };
+    detail::LightCounts counts{};
+    if (plans.even()) {
+      compare(models.map().reference(), columns_of(band), read, place_in(band));
+    } else {
+      const GroupedBand grouped(models.map(), band, {read});
+      for (const GroupedBand::Group& g : grouped.groups) {
+        counts[g.value] = g.columns.size();
+        compare(g.value, g.columns.size(), g.reader(0), place_in(band, g.columns));
+      }
+    }
+    const std::lock_guard lock(merging);
+    for (std::size_t m = 0; m < methods; ++m) totals[m].merge(figures[m]);
+    for (std::size_t v = 0; v < counts.size(); ++v) in_groups[v] += counts[v];
+    solid = solid || lit;
   });
   if (!solid) throw InputError("nothing in the part is solid: all slices are empty");
   const Grid& grid = target.grid();
-  result.uncorrected = whole_image(uncorrected, model, grid, plan.layers, bands);
-  result.erase = whole_image(erased, model, grid, plan.layers, bands);
-  result.table = whole_image(darkened, model, grid, plan.layers, bands);
-  result.ours = whole_image(ours, model, grid, plan.all_layers, bands);
+  const auto whole = [&](Method method, int slices) {
+    return plans.even() ? whole_image(totals[method], models.brightest(), grid, slices, bands)
+                        : whole_image(totals[method], models, grid, slices, in_groups);
+  };
+  result.uncorrected = whole(uncorrected, plans.layers());
+  result.erase = whole(erased, plans.layers());
+  result.table = whole(darkened, plans.layers());
+  result.ours = whole(ours, plans.all_layers());
   return result;
 }
 

@@ -7,6 +7,8 @@
 #include "pipeline/uv_images.hpp"
 #include "slicecorr/inhibited.hpp"
 #include "slicecorr/pipeline.hpp"
+#include "slicecorr/places.hpp"
+#include "stack/flat_field_entry.hpp"
 
 namespace slicecorr {
 
@@ -34,9 +36,8 @@ void convert_stack(const StackReader& stack, const StackFile& file, const Job& j
   }
   StackWriter writer(file, grid, job);
   if (info.printer && info.resin && info.process) {
-    const CureModel model =
-        make_cure_model(*info.printer, *info.resin, *info.process, grid.layer_um);
-    detail::set_uv_images(writer, model, info.printer->levels());
+    const PlaceModels models(*info.printer, *info.resin, *info.process, grid, stack.frame());
+    detail::set_uv_images(writer, models.brightest(), info.printer->levels());
   }
   detail::Relief relief(stack.bounds(), grid.layers);
   const auto bands = detail::bands_of(grid, stack.bounds());
@@ -58,14 +59,16 @@ void convert_stack(const StackReader& stack, const StackFile& file, const Job& j
     std::vector<std::string> lost;
     for (const std::string& name : stack.other_entries()) {
       // What they say is carried over, or of the archive's own kind.
-      if (!name.ends_with(".ini") && !name.ends_with(".json")) lost.push_back(name);
+      if (!name.ends_with(".ini") && !name.ends_with(".json") && name != detail::flat_field_entry) {
+        lost.push_back(name);
+      }
     }
     if (!lost.empty()) {
-      job.tell(fmt::format("{}: {} other entries are left behind: {}{}", file.path, lost.size(),
-                           fmt::join(lost.begin(),
-                                     lost.begin() + static_cast<std::ptrdiff_t>(
-                                                        std::min<std::size_t>(lost.size(), 4)),
-                                     ", "),
+      const auto shown = static_cast<std::ptrdiff_t>(std::min<std::size_t>(lost.size(), 4));
+      job.tell(fmt::format("{}: {} left behind: {}{}", file.path,
+                           lost.size() == 1 ? "one other entry is"
+                                            : fmt::format("{} other entries are", lost.size()),
+                           fmt::join(lost.begin(), lost.begin() + shown, ", "),
                            lost.size() > 4 ? ", ..." : ""));
     }
   }

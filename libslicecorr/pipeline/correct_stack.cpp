@@ -6,6 +6,7 @@
 
 #include "base/band_tape.hpp"
 #include "pipeline/bands.hpp"
+#include "pipeline/place_plans.hpp"
 #include "pipeline/relief.hpp"
 #include "pipeline/uv_images.hpp"
 #include "slicecorr/dead_zone.hpp"
@@ -15,9 +16,15 @@
 
 namespace slicecorr {
 
+using detail::BandReader;
 using detail::bands_of;
 using detail::BandTape;
 using detail::columns_of;
+using detail::GroupedBand;
+using detail::LightCounts;
+using detail::place_in;
+using detail::PlacePlans;
+using detail::PlaceWindows;
 using detail::Relief;
 using detail::whole_image;
 
@@ -66,20 +73,73 @@ class TargetScan {
   std::atomic<std::uint64_t> coverage_sum_{0};
 };
 
-void check_fits(const Grid& grid, const Printer& printer) {
-  if (grid.width_px != printer.width_px || grid.height_px != printer.height_px) {
-    throw InputError(fmt::format("the slices are {} x {} pixels; printer '{}' has {} x {}",
-                                 grid.width_px, grid.height_px, printer.name, printer.width_px,
-                                 printer.height_px));
-  }
-  const auto differ = [](double a, double b) { return std::abs(a - b) > 0.01 * b; };
-  if (differ(grid.pixel_x_um, printer.pixel_x_um) || differ(grid.pixel_y_um, printer.pixel_y_um)) {
-    throw InputError(fmt::format(
-        "the slices were made for pixels of {:g} x {:g} um; those of printer '{}' are {:g} x {:g} "
-        "um",
-        grid.pixel_x_um, grid.pixel_y_um, printer.name, printer.pixel_x_um, printer.pixel_y_um));
-  }
+/// A stack lies like the target it is made from.
+void set_frame(StackInfo& info, const SliceSource& target) {
+  const ImageFrame frame = target.frame();
+  info.for_display = frame.to_display.has_value();
+  info.orientation_known = frame.orientation.has_value();
+  info.orientation = frame.orientation.value_or(Orientation{});
 }
+
+/// What becomes of columns that share a plan.
+struct ColumnSinks {
+  /// Pixels of every slice, from the last to the first; null: black.
+  std::function<void(int slice, const std::uint8_t* pixels)> put;
+  BandPredictor& after;
+  BandPredictor* before;  ///< null: not asked
+  WindowWatch* watch;     ///< the same
+};
+
+/// Corrects columns and predicts them.
+void correct_columns(const CorrectionPlan& plan, std::size_t columns, const BandReader& read,
+                     const ColumnSinks& out, const Job& job) {
+  BandCorrector corrector(plan, columns);
+  read([&](int n, const std::uint8_t* rows) {
+    if ((n & 63) == 0) job.check_cancelled();
+    corrector.add_layer(rows);
+  });
+  std::uint8_t pixel_of[256] = {};
+  for (int level = 0; level < plan.levels.size(); ++level) {
+    pixel_of[level] = static_cast<std::uint8_t>(pixel_of_level(level, plan.levels.size()));
+  }
+  const bool all_levels = plan.levels.size() == 256;
+  std::vector<std::uint8_t> pixels(columns);
+  corrector.solve([&](int n, const std::uint8_t* levels, const std::uint8_t* coverage, bool dark) {
+    if ((n & 63) == 0) job.check_cancelled();
+    const std::uint8_t* shown = levels;
+    if (!all_levels) {
+      for (std::size_t k = 0; k < columns; ++k) pixels[k] = pixel_of[levels[k]];
+      shown = pixels.data();
+    }
+    out.put(n, dark ? nullptr : shown);
+    if (out.watch) out.watch->add_slice(n, dark ? nullptr : shown);
+    out.after.add_slice(n, shown, coverage);
+    if (out.before) out.before->add_slice(n, n < plan.layers ? coverage : nullptr, coverage);
+  });
+}
+
+/// Joins the columns of groups into rows of a band. Tapes begin with the last slice.
+class Joiner {
+ public:
+  Joiner(const GroupedBand& band, std::size_t columns, std::vector<BandTape> tapes)
+      : band_(band), tapes_(std::move(tapes)), rows_(columns, 0), part_(columns) {}
+  /// Null where the slice is black. Valid until the next call.
+  const std::uint8_t* at(int index) {
+    bool black = true;
+    for (std::size_t g = 0; g < tapes_.size(); ++g) {
+      black = black && tapes_[g].black(index);
+      tapes_[g].read(index, part_.data());
+      const auto& columns = band_.groups[g].columns;
+      for (std::size_t k = 0; k < columns.size(); ++k) rows_[columns[k]] = part_[k];
+    }
+    return black ? nullptr : rows_.data();
+  }
+
+ private:
+  const GroupedBand& band_;
+  std::vector<BandTape> tapes_;
+  std::vector<std::uint8_t> rows_, part_;
+};
 
 }  // namespace
 
@@ -97,6 +157,7 @@ StackInfo write_target(const SliceSource& target, const StackFile& file, const J
   });
   StackInfo info;
   info.grid = grid;
+  set_frame(info, target);
   info.kind = StackKind::target;
   scan.fill(info);
   writer.finish(info, scan.picture());
@@ -104,87 +165,80 @@ StackInfo write_target(const SliceSource& target, const StackFile& file, const J
 }
 
 CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup) {
-  const Grid& grid = target.grid();
-  check_fits(grid, setup.printer);
-  CureModel model = make_cure_model(setup.printer, setup.resin, setup.process, grid.layer_um);
-  check_feasible(model, setup.printer, setup.process);
-  const int slices = slices_with_burst(model, grid.layers, grid.layers - 1);
-  const double travel_mm = slices * grid.layer_um * 1e-3;
-  if (setup.printer.travel_mm > 0 && travel_mm > setup.printer.travel_mm * (1 + 1e-9)) {
-    if (slices == grid.layers) {
-      throw InfeasibleError(
-          fmt::format("the part is {:.3f} mm high; the stage of '{}' travels {:g} mm", travel_mm,
-                      setup.printer.name, setup.printer.travel_mm));
-    }
-    throw InfeasibleError(
-        fmt::format("curing the part's end takes {} slices after it, {:.3f} mm in all; the stage "
-                    "of '{}' travels "
-                    "{:g} mm. Print slower, with more light, or a part at least {:.3f} mm lower",
-                    slices - grid.layers, travel_mm, setup.printer.name, setup.printer.travel_mm,
-                    travel_mm - setup.printer.travel_mm));
-  }
-  return {std::move(model), setup.process, grid.layers, slices};
+  Setup even = setup;
+  even.printer.flat_field.reset();
+  return PlacePlans(target, even, {}).plan();
 }
 
 Correction correct_stack(const SliceSource& target, const Setup& asked, const StackFile& file,
                          bool with_before, const Job& job) {
   Setup setup = asked;
   setup.process = schedule_uv(target, asked, job);
-  const CorrectionPlan plan = plan_correction(target, setup);
-  const CureModel& model = plan.model;
+  const PlacePlans plans(target, setup, job);
+  const PlaceModels& models = plans.models();
+  const CureModel& model = models.brightest();
   Grid grid = target.grid();
-  grid.layers = plan.all_layers;
-  const PixelCurve curve = pixel_curve(model);
-  std::uint8_t pixel_of[256] = {};
-  for (int level = 0; level < plan.levels.size(); ++level) {
-    pixel_of[level] = static_cast<std::uint8_t>(pixel_of_level(level, plan.levels.size()));
-  }
-  const bool all_levels = plan.levels.size() == 256;
+  grid.layers = plans.all_layers();
 
   StackWriter writer(file, grid, job);
-  detail::set_uv_images(writer, model, plan.levels.size());
-  std::optional<WindowTotal> window;
-  if (model.inhibited) window.emplace(model, plan.all_layers);
+  detail::set_uv_images(writer, model, plans.levels());
+  std::optional<PlaceWindows> window;
+  if (model.inhibited) window.emplace(models, plans.all_layers());
   TargetScan scan(target);
   const auto bands = bands_of(grid, target.bounds());
   // Merging does not depend on the order of bands, and a band's histograms are large.
   Prediction after, before;
+  LightCounts in_groups{};
   std::mutex merging;
   parallel_for(job, "correct", bands.size(), [&](std::size_t i) {
     const PixelBox& band = bands[i];
     const std::size_t columns = columns_of(band);
-    BandCorrector corrector(plan, columns);
-    scan.read(band, [&](int n, const std::uint8_t* rows) {
-      if ((n & 63) == 0) job.check_cancelled();
-      corrector.add_layer(rows);
-    });
+    const BandReader read = [&](const SliceSource::Sink& sink) { scan.read(band, sink); };
     StackWriter::BandEncoder encoder(writer, band.y0, band.y1);
-    BandPredictor predict_after(model, curve, plan.all_layers, columns);
-    BandPredictor predict_before(model, curve, plan.all_layers, columns);
-    std::optional<WindowWatch> watch;
-    if (window) watch.emplace(model, plan.all_layers, columns);
-    std::vector<std::uint8_t> pixels(columns);
-    corrector.solve(
-        [&](int n, const std::uint8_t* levels, const std::uint8_t* coverage, bool dark) {
-          if ((n & 63) == 0) job.check_cancelled();
-          const std::uint8_t* shown = levels;
-          if (!all_levels) {
-            for (std::size_t k = 0; k < columns; ++k) pixels[k] = pixel_of[levels[k]];
-            shown = pixels.data();
-          }
-          encoder.put(n, band.x0, band.x1, dark ? nullptr : shown);
-          if (watch) watch->add_slice(n, dark ? nullptr : shown);
-          predict_after.add_slice(n, shown, coverage);
-          if (with_before) {
-            predict_before.add_slice(n, n < plan.layers ? coverage : nullptr, coverage);
-          }
-        });
-    const Prediction band_after = predict_after.finish(band.x0, band.y0, band.width());
-    const Prediction band_before = predict_before.finish(band.x0, band.y0, band.width());
+    Prediction band_after, band_before;
+    // Columns of one value, whose figures go on from those before them.
+    const auto correct = [&](std::uint8_t value, std::size_t count, const BandReader& reader,
+                             const BandPredictor::Place& place, const auto& put) {
+      const CorrectionPlan& plan = plans.plan(value);
+      const PixelCurve& curve = models.curve(value);
+      BandPredictor predict_after(plan.model, curve, plans.all_layers(), count);
+      BandPredictor predict_before(plan.model, curve, plans.all_layers(), count);
+      predict_after.go_on_from(std::move(band_after));
+      predict_before.go_on_from(std::move(band_before));
+      std::optional<WindowWatch> watch;
+      if (window) watch.emplace(plan.model, plans.all_layers(), count);
+      correct_columns(
+          plan, count, reader,
+          {put, predict_after, with_before ? &predict_before : nullptr, watch ? &*watch : nullptr},
+          job);
+      band_after = predict_after.finish(place);
+      band_before = predict_before.finish(place);
+      if (!watch) return;
+      const std::lock_guard lock(merging);
+      window->merge(value, *watch);
+    };
+    LightCounts counts{};
+    if (plans.even()) {
+      correct(models.map().reference(), columns, read, place_in(band),
+              [&](int n, const std::uint8_t* pixels) { encoder.put(n, band.x0, band.x1, pixels); });
+    } else {
+      const GroupedBand grouped(models.map(), band, {read});
+      std::vector<BandTape> corrected;
+      for (const GroupedBand::Group& g : grouped.groups) {
+        counts[g.value] = g.columns.size();
+        BandTape& tape = corrected.emplace_back(g.columns.size());
+        correct(g.value, g.columns.size(), g.reader(0), place_in(band, g.columns),
+                [&](int, const std::uint8_t* pixels) { tape.append(pixels); });
+      }
+      Joiner joined(grouped, columns, std::move(corrected));
+      for (int n = plans.all_layers(); n-- > 0;) {
+        encoder.put(n, band.x0, band.x1, joined.at(plans.all_layers() - 1 - n));
+      }
+    }
     const std::lock_guard lock(merging);
     after.merge(band_after);
-    if (watch) window->merge(*watch);
     if (with_before) before.merge(band_before);
+    for (std::size_t v = 0; v < counts.size(); ++v) in_groups[v] += counts[v];
   });
 
   Correction result;
@@ -200,6 +254,7 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
   }
   StackInfo& info = result.info;
   info.grid = grid;
+  set_frame(info, target);
   info.kind = StackKind::corrected;
   info.printer = setup.printer;
   info.resin = setup.resin;
@@ -208,9 +263,13 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
   writer.finish(info, scan.picture());
 
   auto zones = std::move(result.after.dead_zones);
-  result.after = whole_image(after, model, grid, plan.all_layers, bands);
+  const auto whole = [&](const Prediction& figures, int slices) {
+    return plans.even() ? whole_image(figures, model, grid, slices, bands)
+                        : whole_image(figures, models, grid, slices, in_groups);
+  };
+  result.after = whole(after, plans.all_layers());
   result.after.dead_zones = std::move(zones);
-  if (with_before) result.before = whole_image(before, model, grid, plan.layers, bands);
+  if (with_before) result.before = whole(before, plans.layers());
   const Prediction& p = result.after;
   if (p.target_voxels == 0) {
     job.tell(
@@ -221,7 +280,7 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
         "{} voxels will still cure through and {} stay undercured: no choice of the {} grey levels "
         "was "
         "found that avoids it; one level moves an edge by up to {:.3g} um",
-        p.cure_through_voxels, p.undercure_voxels, plan.levels.size(), model.level_step_um()));
+        p.cure_through_voxels, p.undercure_voxels, plans.levels(), model.level_step_um()));
   }
   // Printers of this kind want some 20 um of liquid under the part.
   constexpr double kThin_um = 10;
@@ -232,7 +291,7 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
   }
   if (p.one_slice_gaps > 0) {
     job.tell(fmt::format("{} gaps are one slice high: {}", p.one_slice_gaps,
-                         plan.merge_one_slice_gaps ? "merged"
+                         setup.process.one_slice_gaps == OneSliceGaps::merge ? "merged"
                          : model.mode == ExposureMode::layerwise
                              ? "kept open"
                              : "kept open, at the cost of the edges beside them"));
@@ -240,29 +299,51 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
   return result;
 }
 
-CorrectedSlices::CorrectedSlices(const SliceSource& target, const Setup& setup)
-    : target_(target), plan_(plan_correction(target, setup)), grid_(target.grid()) {
-  grid_.layers = plan_.all_layers;
+CorrectedSlices::CorrectedSlices(const SliceSource& target, const Setup& setup, const Job& job)
+    : target_(target),
+      plans_(std::make_unique<const PlacePlans>(target, setup, job)),
+      grid_(target.grid()) {
+  grid_.layers = plans_->all_layers();
 }
+
+CorrectedSlices::~CorrectedSlices() = default;
 
 void CorrectedSlices::read_band(const PixelBox& band, const Sink& sink) const {
   const std::size_t columns = columns_of(band);
-  BandCorrector corrector(plan_, columns);
-  target_.read_band(band, [&](int, const std::uint8_t* rows) { corrector.add_layer(rows); });
+  const int all = plans_->all_layers();
+  const BandReader read = [&](const Sink& take) { target_.read_band(band, take); };
   // The solve gives the last slice first.
-  BandTape upwards(columns);
-  std::vector<std::uint8_t> pixels(columns);
-  corrector.solve([&](int, const std::uint8_t* levels, const std::uint8_t*, bool) {
-    for (std::size_t k = 0; k < columns; ++k) {
-      pixels[k] = static_cast<std::uint8_t>(pixel_of_level(levels[k], plan_.levels.size()));
+  const auto corrected = [&](const CorrectionPlan& plan, std::size_t count,
+                             const BandReader& reader) {
+    BandCorrector corrector(plan, count);
+    reader([&](int, const std::uint8_t* rows) { corrector.add_layer(rows); });
+    BandTape upwards(count);
+    std::vector<std::uint8_t> pixels(count);
+    corrector.solve([&](int, const std::uint8_t* levels, const std::uint8_t*, bool) {
+      for (std::size_t k = 0; k < count; ++k) {
+        pixels[k] = static_cast<std::uint8_t>(pixel_of_level(levels[k], plan.levels.size()));
+      }
+      upwards.append(pixels.data());
+    });
+    return upwards;
+  };
+  if (plans_->even()) {
+    const BandTape upwards = corrected(plans_->plan(), columns, read);
+    std::vector<std::uint8_t> pixels(columns);
+    for (int n = 0; n < all; ++n) {
+      const int at = all - 1 - n;
+      upwards.read(at, pixels.data());
+      sink(n, upwards.black(at) ? nullptr : pixels.data());
     }
-    upwards.append(pixels.data());
-  });
-  for (int n = 0; n < plan_.all_layers; ++n) {
-    const int at = plan_.all_layers - 1 - n;
-    upwards.read(at, pixels.data());
-    sink(n, upwards.black(at) ? nullptr : pixels.data());
+    return;
   }
+  const GroupedBand grouped(plans_->models().map(), band, {read});
+  std::vector<BandTape> tapes;
+  for (const GroupedBand::Group& g : grouped.groups) {
+    tapes.push_back(corrected(plans_->plan(g.value), g.columns.size(), g.reader(0)));
+  }
+  Joiner joined(grouped, columns, std::move(tapes));
+  for (int n = 0; n < all; ++n) sink(n, joined.at(all - 1 - n));
 }
 
 }  // namespace slicecorr

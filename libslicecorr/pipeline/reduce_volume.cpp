@@ -1,6 +1,7 @@
 #include "base/band_tape.hpp"
 #include "base/kernels.hpp"
 #include "pipeline/bands.hpp"
+#include "slicecorr/places.hpp"
 #include "slicecorr/volume.hpp"
 
 namespace slicecorr {
@@ -73,6 +74,78 @@ struct Rank {
   auto operator<=>(const Rank&) const = default;
 };
 
+/// `BandPredictor` of all columns of a band, each with the model of its place.
+class PlacePredictor {
+ public:
+  PlacePredictor(const PlaceModels& models, int layers, const PixelBox& band) {
+    if (models.even()) {
+      add(models, models.map().reference(), layers, columns_of(band), {});
+      return;
+    }
+    for (LightGroup& g : light_groups(models.map(), band, nullptr)) {
+      const std::size_t size = g.columns.size();
+      add(models, g.value, layers, size, std::move(g.columns));
+    }
+    pixels_.resize(columns_of(band));
+    cover_.resize(columns_of(band));
+    middle_.resize(columns_of(band));
+  }
+  void tell_edges(const BandPredictor::EdgeSink& sink) {
+    for (Part& part : parts_) {
+      if (part.columns.empty()) {
+        part.predictor->tell_edges(sink);
+        continue;
+      }
+      part.predictor->tell_edges(
+          [sink, &columns = part.columns](std::size_t k, int node, bool upper, double um) {
+            sink(columns[k], node, upper, um);
+          });
+    }
+  }
+  void add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage) {
+    for (Part& part : parts_) {
+      const auto& columns = part.columns;
+      if (columns.empty()) {
+        part.predictor->add_slice(slice, pixels, coverage);
+        continue;
+      }
+      for (std::size_t k = 0; k < columns.size(); ++k) {
+        if (pixels) pixels_[k] = pixels[columns[k]];
+        cover_[k] = coverage[columns[k]];
+      }
+      part.predictor->add_slice(slice, pixels ? pixels_.data() : nullptr, cover_.data());
+      if (part.plain) continue;
+      for (std::size_t k = 0; k < columns.size(); ++k) {
+        middle_[columns[k]] = part.predictor->middle()[k];
+      }
+    }
+  }
+  const double* middle() const {
+    return middle_.empty() ? parts_[0].predictor->middle() : middle_.data();
+  }
+  /// Tells the edges at the platform. Figures are not kept.
+  void finish() {
+    for (Part& part : parts_) part.predictor->finish(0, 0, 1);
+  }
+
+ private:
+  struct Part {
+    std::unique_ptr<BandPredictor> predictor;
+    std::vector<std::uint32_t> columns;  ///< empty: all of the band
+    bool plain;
+  };
+  void add(const PlaceModels& models, std::uint8_t value, int layers, std::size_t size,
+           std::vector<std::uint32_t> columns) {
+    parts_.reserve(256);  // edges are told with references into the parts
+    parts_.push_back(
+        {std::make_unique<BandPredictor>(models.model(value), models.curve(value), layers, size),
+         std::move(columns), models.model(value).is_plain()});
+  }
+  std::vector<Part> parts_;
+  std::vector<std::uint8_t> pixels_, cover_;
+  std::vector<double> middle_;
+};
+
 /// Works on rows of cells; different rows may be worked on at once.
 class Reducer {
  public:
@@ -81,8 +154,8 @@ class Reducer {
       : stack_(stack),
         target_(target),
         job_(job),
-        model_(make_cure_model(setup.printer, setup.resin, setup.process, stack.grid().layer_um)),
-        curve_(pixel_curve(model_)),
+        models_(setup.printer, setup.resin, setup.process, stack.grid(), stack.frame()),
+        model_(models_.brightest()),
         levels_(setup.printer.levels()) {
     volume_.box = stack.bounds().united(target.bounds());
     if (volume_.box.empty()) return;
@@ -158,29 +231,43 @@ class Reducer {
     target_.read_band(band, [&](int, const std::uint8_t* rows) { design.append(rows); });
     const Factors f{model_.a, model_.one_minus_a, model_.root_a, 1.0 - model_.root_a};
     Columns before(n), after(n);
-    BandPredictor edges_before(model_, curve_, volume_.layers, n);
-    BandPredictor edges_after(model_, curve_, volume_.layers, n);
+    PlacePredictor edges_before(models_, volume_.layers, band);
+    PlacePredictor edges_after(models_, volume_.layers, band);
     edges_before.tell_edges(mark_errors(volume_.before.error, band));
     edges_after.tell_edges(mark_errors(volume_.after.error, band));
+    // The curve of pixel values of each column.
+    std::vector<std::uint8_t> light(n);
+    models_.map().values(band, light.data());
+    std::array<const double*, 256> curves{};
+    for (const std::uint8_t v : light) {
+      if (!curves[v]) curves[v] = models_.curve(v).data();
+    }
     std::vector<std::uint8_t> pixels(n), cover(n);
     for (int z = volume_.layers; z-- > 0;) {
       if ((z & 63) == 0) job_.check_cancelled();
       const bool last = z + 1 == volume_.layers || (z + 1) % volume_.step_z == 0;
       shown.read(z, pixels.data());
       design.read(z, cover.data());
-      const auto go = [&](Columns& c, BandPredictor& edges, const std::uint8_t* light) {
+      const auto go = [&](Columns& c, PlacePredictor& edges, const std::uint8_t* values) {
         if (last) {
           std::fill(c.printed.begin(), c.printed.end(), 0U);
           std::fill(c.designed.begin(), c.designed.end(), 0U);
           std::fill(c.flags.begin(), c.flags.end(), std::uint8_t{0});
         }
-        edges.add_slice(z, light, cover.data());
+        edges.add_slice(z, values, cover.data());
         if (!model_.is_plain()) {
           count(n, edges.middle(), cover.data(), c.printed.data(), c.designed.data(),
                 c.flags.data(), c.wrong.data());
           return;
         }
-        for (std::size_t i = 0; i < n; ++i) c.phi[i] = light ? curve_[light[i]] : 0.0;
+        if (models_.even()) {
+          const double* curve = curves[light[0]];
+          for (std::size_t i = 0; i < n; ++i) c.phi[i] = values ? curve[values[i]] : 0.0;
+        } else {
+          for (std::size_t i = 0; i < n; ++i) {
+            c.phi[i] = values ? curves[light[i]][values[i]] : 0.0;
+          }
+        }
         step(f, n, c.phi.data(), c.omega.data(), cover.data(), c.printed.data(), c.designed.data(),
              c.flags.data(), c.wrong.data());
       };
@@ -191,8 +278,8 @@ class Reducer {
         fold(work, band, z / volume_.step_z, after, volume_.after, work.after);
       }
     }
-    edges_before.finish(band.x0, band.y0, band.width());
-    edges_after.finish(band.x0, band.y0, band.width());
+    edges_before.finish();
+    edges_after.finish();
     keep_columns(work, band, shown, design, before, after);
   }
 
@@ -269,6 +356,7 @@ class Reducer {
       }
     }
     std::vector<Chosen> chosen;
+    std::vector<Pixel> places;
     for (std::size_t c = 0; c < best.size(); ++c) {
       if (best[c] < 0) continue;
       Chosen one;
@@ -277,14 +365,16 @@ class Reducer {
       one.j = work.j0 + static_cast<int>(c / width);
       one.cells = static_cast<std::size_t>(one.j) * width + static_cast<std::size_t>(one.i);
       const auto band_width = static_cast<std::size_t>(band.width());
-      volume_.columns[one.cells] = {band.x0 + static_cast<int>(one.at % band_width),
-                                    band.y0 + static_cast<int>(one.at / band_width),
-                                    {},
-                                    {}};
+      const Pixel at_pixel{band.x0 + static_cast<int>(one.at % band_width),
+                           band.y0 + static_cast<int>(one.at / band_width)};
+      const LightMap& map = models_.map();
+      volume_.columns[one.cells] = {
+          at_pixel.x, at_pixel.y, map.factor(map.value(at_pixel.x, at_pixel.y)), {}, {}};
       chosen.push_back(one);
+      places.push_back(at_pixel);
     }
     if (chosen.empty()) return;
-    BandDose dose_before(model_, chosen.size()), dose_after(model_, chosen.size());
+    PlaceDose dose_before(models_, places), dose_after(models_, places);
     std::vector<std::uint8_t> chosen_pixels(chosen.size()), chosen_cover(chosen.size());
     std::vector<std::uint8_t> pixels(band.width() * static_cast<std::size_t>(band.height())),
         cover(pixels.size());
@@ -352,8 +442,8 @@ class Reducer {
   const SliceSource& stack_;
   const SliceSource& target_;
   const Job& job_;
-  CureModel model_;
-  PixelCurve curve_;
+  PlaceModels models_;
+  const CureModel& model_;  ///< what does not depend on the place
   int levels_, rows_ = 1, cell_rows_ = 1;
   ReducedVolume volume_;
 };

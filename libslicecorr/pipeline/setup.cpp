@@ -232,7 +232,7 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
   need(printer_given, "printer");
   need(resin_given, "resin");
   if (info) need(c_.speed_mm_h > 0 || c_.mode == "layerwise" || c_.exposure_s > 0, "speed-mm-h");
-  setup.printer = !c_.printer_toml.empty() ? parse_printer(c_.printer_toml, o("printer-toml"))
+  setup.printer = !c_.printer_toml.empty() ? complete_printer(c_.printer_toml, o("printer-toml"))
                   : printer_given          ? load_printer(c_.printer)
                                            : *info->printer;
   ResinOverrides overrides;

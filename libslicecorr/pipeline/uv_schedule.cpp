@@ -3,6 +3,7 @@
 #include <mutex>
 
 #include "pipeline/bands.hpp"
+#include "pipeline/place_plans.hpp"
 #include "slicecorr/dead_zone.hpp"
 #include "slicecorr/pipeline.hpp"
 
@@ -24,37 +25,45 @@ Process schedule_uv(const SliceSource& target, const Setup& setup, const Job& jo
   Process process = setup.process;
   if (process.uv.kind != UvKind::per_slice || !process.uv.slice_mw_cm2.empty()) return process;
   // First with the lamp that full light needs: what does each slice show at most?
-  const CorrectionPlan plan = plan_correction(target, setup);
-  const CureModel& model = plan.model;
-  WindowTotal total(model, plan.all_layers);
+  const detail::PlacePlans plans(target, setup, job);
+  const PlaceModels& models = plans.models();
+  detail::PlaceWindows total(models, plans.all_layers());
   const auto bands = detail::bands_of(target.grid(), target.bounds());
   std::mutex merging;
   parallel_for(job, "choose UV", bands.size(), [&](std::size_t i) {
-    const std::size_t columns = detail::columns_of(bands[i]);
-    BandCorrector corrector(plan, columns);
-    target.read_band(bands[i], [&](int n, const std::uint8_t* rows) {
-      if ((n & 63) == 0) job.check_cancelled();
-      corrector.add_layer(rows);
-    });
-    WindowWatch watch(model, plan.all_layers, columns);
-    std::vector<std::uint8_t> pixels(columns);
-    corrector.solve([&](int n, const std::uint8_t* levels, const std::uint8_t*, bool dark) {
-      if ((n & 63) == 0) job.check_cancelled();
-      for (std::size_t k = 0; k < columns; ++k) {
-        pixels[k] = static_cast<std::uint8_t>(pixel_of_level(levels[k], plan.levels.size()));
-      }
-      watch.add_slice(n, dark ? nullptr : pixels.data());
-    });
-    const std::lock_guard lock(merging);
-    total.merge(watch);
+    const auto watch_columns = [&](std::uint8_t value, std::size_t columns,
+                                   const detail::BandReader& read) {
+      const CorrectionPlan& plan = plans.plan(value);
+      BandCorrector corrector(plan, columns);
+      read([&](int n, const std::uint8_t* rows) {
+        if ((n & 63) == 0) job.check_cancelled();
+        corrector.add_layer(rows);
+      });
+      WindowWatch watch(plan.model, plan.all_layers, columns);
+      std::vector<std::uint8_t> pixels(columns);
+      corrector.solve([&](int n, const std::uint8_t* levels, const std::uint8_t*, bool dark) {
+        if ((n & 63) == 0) job.check_cancelled();
+        for (std::size_t k = 0; k < columns; ++k) {
+          pixels[k] = static_cast<std::uint8_t>(pixel_of_level(levels[k], plan.levels.size()));
+        }
+        watch.add_slice(n, dark ? nullptr : pixels.data());
+      });
+      const std::lock_guard lock(merging);
+      total.merge(value, watch);
+    };
+    const detail::BandReader read = [&](const SliceSource::Sink& sink) {
+      target.read_band(bands[i], sink);
+    };
+    if (plans.even()) {
+      return watch_columns(models.map().reference(), detail::columns_of(bands[i]), read);
+    }
+    const detail::GroupedBand grouped(models.map(), bands[i], {read});
+    for (const auto& g : grouped.groups) watch_columns(g.value, g.columns.size(), g.reader(0));
   });
-  const Kinetics& kinetics = model.inhibited->kinetics();
-  const std::vector<double> blue = level_intensities(setup.printer);
-  const double greatest = model.inhibited->setting_uv_mw_cm2(0, plan.levels.size() - 1);
-  for (const std::uint8_t pixel : total.brightest()) {
-    const int level = level_of_pixel(pixel, plan.levels.size());
-    const double needed =
-        uv_for_dead_zone(kinetics, blue[static_cast<std::size_t>(level)], process.uv.dead_zone_um);
+  const InhibitedKernel& kernel = *models.brightest().inhibited;
+  const double greatest = kernel.setting_uv_mw_cm2(0, plans.levels() - 1);
+  for (const double blue : total.greatest_mw_cm2()) {
+    const double needed = uv_for_dead_zone(kernel.kinetics(), blue, process.uv.dead_zone_um);
     process.uv.slice_mw_cm2.push_back(on_ladder(needed, greatest, setup.printer.uv->min_mw_cm2()));
   }
   return process;

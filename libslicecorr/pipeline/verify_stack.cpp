@@ -6,6 +6,7 @@
 
 #include "base/band_tape.hpp"
 #include "pipeline/bands.hpp"
+#include "pipeline/place_plans.hpp"
 #include "slicecorr/dead_zone.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/pipeline.hpp"
@@ -17,12 +18,6 @@ using detail::BandTape;
 using detail::columns_of;
 
 namespace {
-
-BandTape tape_of(const SliceSource& source, const PixelBox& band) {
-  BandTape tape(columns_of(band));
-  source.read_band(band, [&](int, const std::uint8_t* rows) { tape.append(rows); });
-  return tape;
-}
 
 void check_inside(const Grid& grid, int x, int y) {
   if (x < 0 || x >= grid.width_px || y < 0 || y >= grid.height_px) {
@@ -54,34 +49,59 @@ Prediction verify_stack(const SliceSource& stack, const SliceSource& target, con
                         const Job& job) {
   const Grid& grid = stack.grid();
   check_same_voxels(grid, target.grid());
-  const CureModel model = make_cure_model(setup.printer, setup.resin, setup.process, grid.layer_um);
-  const PixelCurve curve = pixel_curve(model);
+  const PlaceModels models(setup.printer, setup.resin, setup.process, grid, stack.frame());
+  const CureModel& model = models.brightest();
   const int all_layers = std::max(grid.layers, target.grid().layers);
   const auto bands = bands_of(grid, stack.bounds().united(target.bounds()));
   Prediction total;
-  std::optional<WindowTotal> window;
-  if (model.inhibited) window.emplace(model, grid.layers);
+  detail::LightCounts in_groups{};
+  std::optional<detail::PlaceWindows> window;
+  if (model.inhibited) window.emplace(models, grid.layers);
   std::mutex merging;
   parallel_for(job, "predict", bands.size(), [&](std::size_t i) {
     const PixelBox& band = bands[i];
-    const BandTape shown = tape_of(stack, band), design = tape_of(target, band);
-    std::vector<std::uint8_t> pixels(columns_of(band)), coverage(columns_of(band));
-    BandPredictor predictor(model, curve, all_layers, columns_of(band));
-    std::optional<WindowWatch> watch;
-    if (window) watch.emplace(model, grid.layers, columns_of(band));
-    for (int n = all_layers; n-- > 0;) {
-      if ((n & 63) == 0) job.check_cancelled();
-      shown.read(n, pixels.data());
-      design.read(n, coverage.data());
-      predictor.add_slice(n, n < grid.layers ? pixels.data() : nullptr, coverage.data());
-      if (watch && n < grid.layers) watch->add_slice(n, pixels.data());
+    Prediction figures;
+    // Columns of one value, whose figures go on from those before them.
+    const auto predict = [&](std::uint8_t value, std::size_t columns, const BandTape& shown,
+                             const BandTape& design, const BandPredictor::Place& place) {
+      std::vector<std::uint8_t> pixels(columns), coverage(columns);
+      BandPredictor predictor(models.model(value), models.curve(value), all_layers, columns);
+      predictor.go_on_from(std::move(figures));
+      std::optional<WindowWatch> watch;
+      if (window) watch.emplace(models.model(value), grid.layers, columns);
+      for (int n = all_layers; n-- > 0;) {
+        if ((n & 63) == 0) job.check_cancelled();
+        shown.read(n, pixels.data());
+        design.read(n, coverage.data());
+        predictor.add_slice(n, n < grid.layers ? pixels.data() : nullptr, coverage.data());
+        if (watch && n < grid.layers) watch->add_slice(n, pixels.data());
+      }
+      figures = predictor.finish(place);
+      if (!watch) return;
+      const std::lock_guard lock(merging);
+      window->merge(value, *watch);
+    };
+    const auto reader = [&](const SliceSource& source) {
+      return [&](const SliceSource::Sink& sink) { source.read_band(band, sink); };
+    };
+    detail::LightCounts counts{};
+    if (models.even()) {
+      predict(models.map().reference(), columns_of(band), detail::tape_of(stack, band),
+              detail::tape_of(target, band), detail::place_in(band));
+    } else {
+      const detail::GroupedBand grouped(models.map(), band, {reader(stack), reader(target)});
+      for (const auto& g : grouped.groups) {
+        counts[g.value] = g.columns.size();
+        predict(g.value, g.columns.size(), g.sources[0], g.sources[1],
+                detail::place_in(band, g.columns));
+      }
     }
-    const Prediction band_figures = predictor.finish(band.x0, band.y0, band.width());
     const std::lock_guard lock(merging);
-    total.merge(band_figures);
-    if (watch) window->merge(*watch);
+    total.merge(figures);
+    for (std::size_t v = 0; v < counts.size(); ++v) in_groups[v] += counts[v];
   });
-  Prediction p = detail::whole_image(total, model, grid, grid.layers, bands);
+  Prediction p = models.even() ? detail::whole_image(total, model, grid, grid.layers, bands)
+                               : detail::whole_image(total, models, grid, grid.layers, in_groups);
   if (window) {
     p.dead_zones = window->result();
     if (p.dead_zones->cured_pixels > 0) {
@@ -98,8 +118,10 @@ std::vector<ProbeRow> probe_stack(const SliceSource& stack, const SliceSource* t
   check_inside(grid, x, y);
   if (target) check_same_voxels(grid, target->grid());
   const PixelBox pixel{x, y, x + 1, y + 1};
-  const CureModel model = make_cure_model(setup.printer, setup.resin, setup.process, grid.layer_um);
-  const std::vector<double> intensity = level_intensities(setup.printer);
+  const PlaceModels models(setup.printer, setup.resin, setup.process, grid, stack.frame());
+  const CureModel& model = models.model_at(x, y);
+  const std::vector<double> intensity =
+      level_intensities(models.printer_at(models.map().value(x, y)));
   std::vector<ProbeRow> rows(static_cast<std::size_t>(grid.layers));
   std::vector<std::uint8_t> pixels(rows.size());
   stack.read_band(pixel, [&](int n, const std::uint8_t* value) {
@@ -153,8 +175,8 @@ Section section_of(const SliceSource& stack, const SliceSource& target, const Se
   };
   target.read_band(row, into(s.coverage));
   stack.read_band(row, into(s.pixels));
-  const CureModel model = make_cure_model(setup.printer, setup.resin, setup.process, grid.layer_um);
-  BandDose dose(model, width);
+  const PlaceModels models(setup.printer, setup.resin, setup.process, grid, stack.frame());
+  PlaceDose dose(models, row);
   for (int n = s.layers; n-- > 0;) {
     const std::size_t at = static_cast<std::size_t>(n) * width;
     dose.add_slice(n, n < grid.layers ? s.pixels.data() + at : nullptr);

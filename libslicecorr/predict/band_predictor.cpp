@@ -451,7 +451,19 @@ void BandPredictor::add_plain_slice(int slice, const std::uint8_t* pixels,
   }
 }
 
+void BandPredictor::go_on_from(Prediction so_far) {
+  prediction_ = std::move(so_far);
+  worst_so_far_ = prediction_.worst_x >= 0 ? prediction_.height_error_um.greatest() : -1.0;
+}
+
 Prediction BandPredictor::finish(int x0, int y0, int width) {
+  const auto w = static_cast<std::size_t>(width);
+  return finish([&](std::size_t column) {
+    return Pixel{x0 + static_cast<int>(column % w), y0 + static_cast<int>(column / w)};
+  });
+}
+
+Prediction BandPredictor::finish(const Place& place) {
   for (std::size_t i = 0; i < kBlock; ++i) {
     Prediction& p = prediction_;
     p.target_voxels += static_cast<std::uint64_t>(sums_->run_voxels[i]);
@@ -478,18 +490,24 @@ Prediction BandPredictor::finish(int x0, int y0, int width) {
   }
   const auto placed = [&](const FeatureExamples& from, FeatureExamples& to) {
     for (FeatureExample e : from.sorted()) {
-      e.x = x0 + e.y % width;
-      e.y = y0 + e.y / width;
+      const Pixel at = place(static_cast<std::size_t>(e.y));
+      e.x = at.x;
+      e.y = at.y;
       to.add(e);
     }
   };
   placed(lost_, prediction_.lost_examples);
   placed(merged_, prediction_.merged_examples);
   if (worst_ >= 0) {
-    prediction_.worst_x = x0 + static_cast<int>(worst_column_ % static_cast<std::size_t>(width));
-    prediction_.worst_y = y0 + static_cast<int>(worst_column_ / static_cast<std::size_t>(width));
+    const Pixel at = place(worst_column_);
+    const bool earlier =
+        at.y < prediction_.worst_y || (at.y == prediction_.worst_y && at.x < prediction_.worst_x);
+    if (worst_ > worst_so_far_ || (worst_ == worst_so_far_ && earlier)) {
+      prediction_.worst_x = at.x;
+      prediction_.worst_y = at.y;
+    }
   }
-  return prediction_;
+  return std::move(prediction_);
 }
 
 Prediction predict_black_columns(const CureModel& model, int slices, std::uint64_t columns) {

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <sstream>
 
+#include "process/flat_field_keys.hpp"
 #include "process/toml_table.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/process.hpp"
@@ -177,6 +178,29 @@ void check_override(const std::optional<double>& value, const char* what, double
   }
 }
 
+/// How the display turns what the plate looks like; nothing when the file does not say.
+std::optional<Orientation> orientation_of(const TomlTable& display) {
+  const toml::node* mirror = display.node("mirror");
+  if (!mirror && !display.has("orientation")) return std::nullopt;
+  Orientation o;
+  const std::string side = display.text("orientation", "landscape");
+  if (side != "landscape" && side != "portrait") {
+    display.fail("orientation",
+                 fmt::format("is '{}'; expected \"landscape\" or \"portrait\"", side));
+  }
+  o.portrait = side == "portrait";
+  if (!mirror) return o;
+  const std::string way = mirror->is_boolean()  ? (**mirror->as_boolean() ? "x" : "none")
+                          : mirror->is_string() ? **mirror->as_string()
+                                                : "";
+  if (way != "none" && way != "x" && way != "y" && way != "xy") {
+    display.fail("mirror", "expected true, false, \"none\", \"x\", \"y\" or \"xy\"");
+  }
+  o.mirror_x = way.find('x') != std::string::npos;
+  o.mirror_y = way.find('y') != std::string::npos;
+  return o;
+}
+
 }  // namespace
 
 std::vector<std::string> definition_folders(std::string_view kind) {
@@ -296,6 +320,8 @@ Printer parse_printer(std::string_view text, const std::string& source) {
   } else {
     printer.pixel_x_um = printer.pixel_y_um = display.required_number("pixel_um", 0, 1e4);
   }
+  printer.orientation = orientation_of(display);
+  detail::flat_field_keys(display);
   const TomlTable blue = root.required_table("blue");
   printer.wavelength_nm = blue.number("wavelength_nm", 0, 1e5).value_or(0);
   printer.calibration = calibration(blue, printer.bit_depth, true);
@@ -316,11 +342,6 @@ Printer parse_printer(std::string_view text, const std::string& source) {
     printer.travel_mm = stage->number("travel_mm", 0, 1e6).value_or(0);
   }
   return printer;
-}
-
-Printer load_printer(const std::string& name_or_path) {
-  const std::string path = find_definition(name_or_path, "printer");
-  return parse_printer(read_text_file(path), path);
 }
 
 Resin parse_resin(std::string_view text, const std::string& source,

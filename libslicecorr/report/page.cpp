@@ -27,6 +27,14 @@ std::string number_or_dash(bool known, double value, const char* unit = "") {
   return known ? fmt::format("{:.4g}{}", value, unit) : "-";
 }
 
+/// The model at the brightest place, where a level step is greatest.
+CureModel brightest_model(const ReportContent& c) {
+  const auto& field = c.setup.printer.flat_field;
+  const double factor = field ? 1.0 * field->greatest() / field->reference : 1.0;
+  return make_cure_model(c.setup.printer, c.setup.resin, c.setup.process, c.info.grid.layer_um,
+                         {factor, factor});
+}
+
 std::string figures_table(const ReportContent& c) {
   std::string html =
       R"(<div class="scroll"><table class="figures"><thead><tr><th scope="col">Figure</th>)";
@@ -86,8 +94,7 @@ std::string figures_table(const ReportContent& c) {
     row("Greatest over least dose in a layer",
         [&](const Prediction&) { return fmt::format("{:.4g}", l->heterogeneity); });
   }
-  const CureModel model =
-      make_cure_model(c.setup.printer, c.setup.resin, c.setup.process, c.info.grid.layer_um);
+  const CureModel model = brightest_model(c);
   return html + fmt::format(
                     "</tbody></table></div><p class=\"dim\">One grey level moves the upper "
                     "edge of a feature by up to {:.3g} um: what this projector can do.</p>",
@@ -115,6 +122,9 @@ std::string summary(const ReportContent& c) {
       c.setup.printer.calibration.front().intensity_mw_cm2,
       c.setup.printer.calibration.back().intensity_mw_cm2, escape(c.setup.resin.name),
       c.setup.resin.absorbance_height10_um, escape(dose_in_words(c.setup.resin)));
+  if (const std::string light = light_in_words(c.setup.printer); !light.empty()) {
+    html += " Light over the display: " + escape(light) + ".";
+  }
   if (const std::string uv = uv_in_words(c.setup.process.uv); !uv.empty()) {
     html += " UV light: " + escape(uv) + ".";
   }

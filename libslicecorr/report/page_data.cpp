@@ -1,5 +1,7 @@
 #include <zlib.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <nlohmann/json.hpp>
 
@@ -98,6 +100,28 @@ Bytes column_codes(const ReducedVolume& v, int every) {
   return out;
 }
 
+/// What each column's phi is multiplied by, where light is uneven: the different factors, and which
+/// of them a column has.
+nlohmann::ordered_json gains_json(const ReducedVolume& v, int every, double m) {
+  std::vector<double> factors;
+  for (const auto& column : v.columns) factors.push_back(column.light);
+  std::sort(factors.begin(), factors.end());
+  factors.erase(std::unique(factors.begin(), factors.end()), factors.end());
+  Bytes of;
+  for (int j = 0; j < v.ny; j += every) {
+    for (int i = 0; i < v.nx; i += every) {
+      const double light = v.columns[static_cast<std::size_t>(j) * static_cast<std::size_t>(v.nx) +
+                                     static_cast<std::size_t>(i)]
+                               .light;
+      of.push_back(static_cast<std::uint8_t>(
+          std::lower_bound(factors.begin(), factors.end(), light) - factors.begin()));
+    }
+  }
+  std::vector<double> gains;
+  for (const double f : factors) gains.push_back(std::pow(f, m));
+  return {{"factors", factors}, {"gains", gains}, {"of", base64(deflated(of))}};
+}
+
 /// The kernel's tables as floats, by setting, place, distance and level; nothing when they are too
 /// large.
 nlohmann::ordered_json kernel_json(const InhibitedKernel& kernel, int layers) {
@@ -148,7 +172,12 @@ std::string page_data(ReducedVolume v, const CureModel& model, const Grid& grid,
   // Absent where exposure is continuous and without UV light.
   if (model.mode == ExposureMode::layerwise) j["layerwise"] = true;
   if (!model.exposure_ratio.empty()) j["ratio"] = model.exposure_ratio;
-  if (model.inhibited) j["kernel"] = kernel_json(*model.inhibited, v.layers);
+  const bool uneven = std::any_of(v.columns.begin(), v.columns.end(),
+                                  [](const auto& column) { return column.light != 1; });
+  // Uneven light has kernels of its own in each place.
+  if (model.inhibited) {
+    j["kernel"] = uneven ? nlohmann::ordered_json() : kernel_json(*model.inhibited, v.layers);
+  }
   j["state"] = {base64(state_before), base64(state_after)};
 
   Bytes fields[6];
@@ -181,6 +210,7 @@ std::string page_data(ReducedVolume v, const CureModel& model, const Grid& grid,
   }
   j["columnEvery"] = every;
   j["columns"] = base64(columns);
+  if (uneven) j["light"] = gains_json(v, every, model.m);
   return j.dump();
 }
 

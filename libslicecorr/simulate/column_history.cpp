@@ -11,6 +11,7 @@
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/inhibited.hpp"
+#include "slicecorr/places.hpp"
 #include "slicecorr/simulate.hpp"
 #include "slicecorr/units.hpp"
 
@@ -364,7 +365,8 @@ ColumnHistory simulate_column(const SliceSource& stack, const SliceSource* targe
                               const Job& job) {
   const std::vector<ProbeRow> rows = probe_stack(stack, target, setup, x, y);
   const Grid& grid = stack.grid();
-  const CureModel model = make_cure_model(setup.printer, setup.resin, setup.process, grid.layer_um);
+  const PlaceModels models(setup.printer, setup.resin, setup.process, grid, stack.frame());
+  const CureModel& model = models.model_at(x, y);
   std::vector<std::uint8_t> pixels;
   for (const ProbeRow& row : rows) {
     pixels.push_back(static_cast<std::uint8_t>(pixel_of_level(row.grey, setup.printer.levels())));

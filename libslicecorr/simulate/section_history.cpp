@@ -5,6 +5,7 @@
 
 #include "slicecorr/dose.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/places.hpp"
 #include "slicecorr/simulate.hpp"
 
 namespace slicecorr {
@@ -45,7 +46,10 @@ SectionHistory simulate_section(const SliceSource& stack, const SliceSource* tar
   const std::vector<std::uint8_t> pixels = read(stack);
   if (target) s.coverage = read(*target);
 
-  const CureModel model = make_cure_model(setup.printer, setup.resin, setup.process, grid.layer_um);
+  const PlaceModels models(setup.printer, setup.resin, setup.process, grid, stack.frame());
+  const CureModel& model = models.brightest();
+  std::vector<std::uint8_t> light(width);
+  models.map().values(row, light.data());
   const PrintClock clock(setup.process, model.m, grid.layer_um, grid.layers);
   const int levels = static_cast<int>(model.level_phi.size());
   for (const double time_s : times_s) {
@@ -62,20 +66,20 @@ SectionHistory simulate_section(const SliceSource& stack, const SliceSource* tar
     // Slices shown whole as ever, and what the present one has added so far.
     const bool whole = now.share >= 1.0;
     const int complete = now.slice + (whole ? 1 : 0);
-    BandDose dose(model, width);
+    PlaceDose dose(models, row);
     const std::uint8_t* shown = pixels.data() + static_cast<std::size_t>(now.slice) * width;
     for (int n = now.slice; n >= 0; --n) {
       if ((n & 63) == 0) job.check_cancelled();
       const std::size_t at = static_cast<std::size_t>(n) * width;
       dose.add_slice(n, n < complete ? pixels.data() + at : nullptr);
-      std::map<int, double> added;  // by pixel value
+      std::map<std::pair<int, int>, double> added;  // by pixel value and light
       for (std::size_t x = 0; x < width; ++x) {
         double sum = dose.middle()[x];
         if (!whole) {
-          const auto [entry, is_new] = added.try_emplace(shown[x], 0.0);
+          const auto [entry, is_new] = added.try_emplace({shown[x], light[x]}, 0.0);
           if (is_new) {
-            entry->second =
-                added_dose(model, now, level_of_pixel(shown[x], levels), now.slice + 0.5 - n);
+            entry->second = added_dose(models.model(light[x]), now,
+                                       level_of_pixel(shown[x], levels), now.slice + 0.5 - n);
           }
           sum += entry->second;
         }

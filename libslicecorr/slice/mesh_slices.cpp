@@ -106,9 +106,10 @@ void MeshSlices::Impl::place(const TriangleMesh& mesh, const Printer& printer,
     }
   }
   if (!finite) throw InputError("a corner of the part is not at a finite place");
-  const double px = printer.pixel_x_um * 1e-3, py = printer.pixel_y_um * 1e-3;
+  const Grid plate = plate_grid(printer);
+  const double px = plate.pixel_x_um * 1e-3, py = plate.pixel_y_um * 1e-3;
   const double layer_mm = options.layer_um * 1e-3;
-  const double display_x = printer.width_px * px, display_y = printer.height_px * py;
+  const double display_x = plate.width_px * px, display_y = plate.height_px * py;
   const double cx = options.center_mm ? (*options.center_mm)[0] : display_x / 2;
   const double cy = options.center_mm ? (*options.center_mm)[1] : display_y / 2;
   if (!std::isfinite(cx) || !std::isfinite(cy)) {
@@ -145,23 +146,22 @@ void MeshSlices::Impl::place(const TriangleMesh& mesh, const Printer& printer,
   if (layers > 1e6) {
     throw InputError(fmt::format("the part needs {:.0f} slices; expected at most 1000000", layers));
   }
-  grid = {printer.width_px,   printer.height_px,  static_cast<int>(layers),
-          printer.pixel_x_um, printer.pixel_y_um, options.layer_um};
+  grid = {plate.width_px,   plate.height_px,  static_cast<int>(layers),
+          plate.pixel_x_um, plate.pixel_y_um, options.layer_um};
 
   corners.reserve(mesh.vertices.size());
   for (const Point3& v : mesh.vertices) {
-    corners.push_back(
-        {std::clamp((v[0] - mid_x + cx) / px, 0.0, 1.0 * printer.width_px),
-         std::clamp((mid_y - v[1] + display_y - cy) / py, 0.0, 1.0 * printer.height_px),
-         (v[2] - low[2]) / layer_mm - 0.5});
+    corners.push_back({std::clamp((v[0] - mid_x + cx) / px, 0.0, 1.0 * plate.width_px),
+                       std::clamp((mid_y - v[1] + display_y - cy) / py, 0.0, 1.0 * plate.height_px),
+                       (v[2] - low[2]) / layer_mm - 0.5});
   }
   const auto inside = [](double v, int most) { return std::clamp(static_cast<int>(v), 0, most); };
-  bounds = {inside(std::floor((cx - half_x) / px + 1e-9), printer.width_px),
-            inside(std::floor((display_y - cy - half_y) / py + 1e-9), printer.height_px),
-            inside(std::ceil((cx + half_x) / px - 1e-9), printer.width_px),
-            inside(std::ceil((display_y - cy + half_y) / py - 1e-9), printer.height_px)};
-  bounds.x1 = std::max(bounds.x1, std::min(bounds.x0 + 1, printer.width_px));
-  bounds.y1 = std::max(bounds.y1, std::min(bounds.y0 + 1, printer.height_px));
+  bounds = {inside(std::floor((cx - half_x) / px + 1e-9), plate.width_px),
+            inside(std::floor((display_y - cy - half_y) / py + 1e-9), plate.height_px),
+            inside(std::ceil((cx + half_x) / px - 1e-9), plate.width_px),
+            inside(std::ceil((display_y - cy + half_y) / py - 1e-9), plate.height_px)};
+  bounds.x1 = std::max(bounds.x1, std::min(bounds.x0 + 1, plate.width_px));
+  bounds.y1 = std::max(bounds.y1, std::min(bounds.y0 + 1, plate.height_px));
   for (Corner& c : corners) {
     c.x = std::clamp(c.x, static_cast<double>(bounds.x0), static_cast<double>(bounds.x1));
     c.y = std::clamp(c.y, static_cast<double>(bounds.y0), static_cast<double>(bounds.y1));

@@ -172,12 +172,12 @@ TriangleMesh on_plate(const TriangleMesh& mesh, const Printer& printer,
       }
     }
   }
-  const Point3 shift = {
-      (center_mm ? (*center_mm)[0] : printer.width_px * printer.pixel_x_um / 2e3) -
-          0.5 * (low[0] + high[0]),
-      (center_mm ? (*center_mm)[1] : printer.height_px * printer.pixel_y_um / 2e3) -
-          0.5 * (low[1] + high[1]),
-      -low[2]};
+  const Grid plate = plate_grid(printer);
+  const Point3 shift = {(center_mm ? (*center_mm)[0] : plate.width_px * plate.pixel_x_um / 2e3) -
+                            0.5 * (low[0] + high[0]),
+                        (center_mm ? (*center_mm)[1] : plate.height_px * plate.pixel_y_um / 2e3) -
+                            0.5 * (low[1] + high[1]),
+                        -low[2]};
   TriangleMesh placed = mesh;
   for (Point3& v : placed.vertices) v = along(v, shift, 1.0);
   return placed;

@@ -38,6 +38,39 @@ struct Axis {
   double middle(int i) const { return (first + i) * reduce + reduce / 2 + 0.5; }
 };
 
+/// From images (mm, x to the right, y up from the lower left corner) to the plate.
+class OnPlate {
+ public:
+  explicit OnPlate(const SliceSource& stack) {
+    const Orientation o = stack.frame().orientation.value_or(Orientation{});
+    back_ = turn_from_plate(o).inverse();
+    const Grid& g = stack.grid();
+    height_mm_ = g.height_px * g.pixel_y_um * 1e-3;
+    const Grid plate = turned(g, back_);
+    plate_x_mm_ = plate.width_px * plate.pixel_x_um * 1e-3;
+    plate_y_mm_ = plate.height_px * plate.pixel_y_um * 1e-3;
+  }
+  template <typename Number>
+  void place(Number& x, Number& y) const {
+    if (back_.is_identity()) return;
+    double across = static_cast<double>(x), down = height_mm_ - static_cast<double>(y);
+    if (back_.swap_axes) std::swap(across, down);
+    if (back_.flip_x) across = plate_x_mm_ - across;
+    if (back_.flip_y) down = plate_y_mm_ - down;
+    x = static_cast<Number>(across);
+    y = static_cast<Number>(plate_y_mm_ - down);
+  }
+  void place(Triangle& t) const {
+    for (auto& corner : t) place(corner[0], corner[1]);
+    // A mirror image would show its inside.
+    if (back_.mirrors()) std::swap(t[1], t[2]);
+  }
+
+ private:
+  Turn back_;
+  double height_mm_, plate_x_mm_, plate_y_mm_;
+};
+
 /// The surface cut up into pieces of triangles, in the order of the bands.
 struct Surface {
   std::unique_ptr<PieceStore> store;
@@ -65,11 +98,12 @@ struct Surface {
 /// One band of samples, from the last slice to the first.
 class BandSurface {
  public:
-  BandSurface(const SliceSource& stack, const CureModel& model, const SolidOptions& options,
-              const Axis& columns, const Axis& rows, PieceStore& store)
+  BandSurface(const SliceSource& stack, const PlaceModels& models, const OnPlate& plate,
+              const SolidOptions& options, const Axis& columns, const Axis& rows, PieceStore& store)
       : stack_(stack),
-        model_(model),
-        curve_(pixel_curve(model)),
+        models_(models),
+        model_(models.brightest()),
+        plate_(plate),
         options_(options),
         columns_(columns),
         rows_(rows),
@@ -97,34 +131,48 @@ class BandSurface {
     upper.fill(-std::numeric_limits<double>::infinity());
     const detail::BandTape tape = read(row, height);
     // Beside the image there is no light at all, in it at least that of black.
-    std::vector<double> dark(samples, curve_[0]);
+    std::vector<double> dark(samples);
+    std::vector<const PixelCurve*> curves(samples);
+    std::vector<Pixel> pixels(samples);
     std::vector<std::uint8_t> in_image(samples, 1);
     for (int j = 0; j < height; ++j) {
       for (int i = 0; i < columns_.count; ++i) {
+        const std::size_t at = static_cast<std::size_t>(j) * width + static_cast<std::size_t>(i);
         if (!columns_.in_image(i) || !rows_.in_image(row + j)) {
-          const std::size_t at = static_cast<std::size_t>(j) * width + static_cast<std::size_t>(i);
-          dark[at] = 0;
           in_image[at] = 0;
+          // Any place: what is computed for it is not used.
+          pixels[at] = {0, 0};
+          curves[at] = nullptr;
+          dark[at] = 0;
+          continue;
         }
+        pixels[at] = {columns_.pixel(i), rows_.pixel(row + j)};
+        curves[at] = &models_.curve(models_.map().value(pixels[at].x, pixels[at].y));
+        dark[at] = (*curves[at])[0];
       }
     }
     detail::LevelSurface::VertexSink measure;
     if (options_.design) {
-      measure = [&](const Point3& p) { distance_um.add(options_.design->to(p) * 1e3); };
+      measure = [&](const Point3& vertex) {
+        Point3 p = vertex;
+        plate_.place(p[0], p[1]);
+        distance_um.add(options_.design->to(p) * 1e3);
+      };
     }
     detail::LevelSurface surface(
         model_, std::move(x_mm), std::move(y_mm), [&](const Triangle& t) { take(t); }, measure);
     if (model_.is_plain()) {
-      draw_plain(surface, tape, dark, job);
+      draw_plain(surface, tape, dark, curves, job);
     } else {
-      draw_general(surface, tape, in_image, job);
+      draw_general(surface, tape, in_image, pixels, job);
     }
     flush();
   }
 
  private:
   void draw_plain(detail::LevelSurface& surface, const detail::BandTape& tape,
-                  const std::vector<double>& dark, const Job& job) const {
+                  const std::vector<double>& dark, const std::vector<const PixelCurve*>& curves,
+                  const Job& job) const {
     std::vector<std::uint8_t> pixels(dark.size());
     std::vector<double> phi(dark), below(dark.size(), 0.0), above(dark.size());
     for (int n = stack_.grid().layers; n-- > 0;) {
@@ -134,7 +182,7 @@ class BandSurface {
       } else {
         tape.read(n, pixels.data());
         for (std::size_t i = 0; i < dark.size(); ++i) {
-          phi[i] = pixels[i] ? curve_[pixels[i]] : dark[i];
+          phi[i] = pixels[i] ? (*curves[i])[pixels[i]] : dark[i];
         }
       }
       for (std::size_t i = 0; i < dark.size(); ++i) above[i] = model_.step(phi[i], below[i]);
@@ -146,11 +194,12 @@ class BandSurface {
 
   /// `in_image`: 0 for the samples beside the image.
   void draw_general(detail::LevelSurface& surface, const detail::BandTape& tape,
-                    const std::vector<std::uint8_t>& in_image, const Job& job) const {
+                    const std::vector<std::uint8_t>& in_image, const std::vector<Pixel>& places,
+                    const Job& job) const {
     const std::size_t samples = in_image.size();
     std::vector<std::uint8_t> pixels(samples);
     std::vector<double> node(samples, 0.0), lower(samples), upper(samples);
-    BandDose dose(model_, samples);
+    PlaceDose dose(models_, places);
     for (int n = stack_.grid().layers; n-- > 0;) {
       if ((n & 63) == 0) job.check_cancelled();
       tape.read(n, pixels.data());
@@ -196,7 +245,8 @@ class BandSurface {
     return tape;
   }
 
-  void take(const Triangle& t) {
+  void take(Triangle t) {
+    plate_.place(t);
     double p[3][3];
     for (std::size_t i = 0; i < 3; ++i) {
       for (std::size_t k = 0; k < 3; ++k) {
@@ -221,8 +271,9 @@ class BandSurface {
   }
 
   const SliceSource& stack_;
-  const CureModel& model_;
-  const PixelCurve curve_;
+  const PlaceModels& models_;
+  const CureModel& model_;  ///< what does not depend on the place
+  const OnPlate& plate_;
   const SolidOptions& options_;
   const Axis& columns_;
   const Axis& rows_;
@@ -231,7 +282,7 @@ class BandSurface {
 };
 
 bool black_gels(const CureModel& model, int slices) {
-  if (model.is_plain()) return pixel_curve(model)[0] > 1.0;
+  if (model.is_plain()) return model.phi_min() > 1.0;
   const ColumnDose dose =
       column_dose(model, std::vector<std::uint8_t>(static_cast<std::size_t>(slices), 0));
   const auto gels = [](double d) { return d >= 1.0; };
@@ -239,7 +290,7 @@ bool black_gels(const CureModel& model, int slices) {
          std::any_of(dose.upper.begin(), dose.upper.end(), gels);
 }
 
-Surface surface_of(const SliceSource& stack, const CureModel& model, const SolidOptions& options,
+Surface surface_of(const SliceSource& stack, const PlaceModels& models, const SolidOptions& options,
                    const std::string& scratch_folder, const Job& job) {
   if (options.reduce < 1 || options.reduce > 64) {
     throw InputError(fmt::format("every {}th pixel; expected 1 to 64", options.reduce));
@@ -247,7 +298,8 @@ Surface surface_of(const SliceSource& stack, const CureModel& model, const Solid
   const Grid& grid = stack.grid();
   PixelBox lit = stack.bounds();
   // Where even black gels, the whole display prints.
-  if (black_gels(model, grid.layers)) lit = {0, 0, grid.width_px, grid.height_px};
+  if (black_gels(models.brightest(), grid.layers)) lit = {0, 0, grid.width_px, grid.height_px};
+  const OnPlate plate(stack);
   Surface surface;
   surface.store = std::make_unique<PieceStore>(scratch_folder, kMemoryBudget, job);
   surface.report.lower.fill(std::numeric_limits<double>::infinity());
@@ -262,7 +314,7 @@ Surface surface_of(const SliceSource& stack, const CureModel& model, const Solid
     std::vector<SolidReport> reports(bands);
     parallel_for(job, "surface", bands, [&](std::size_t b) {
       const int row = static_cast<int>(b) * height;
-      BandSurface band(stack, model, options, columns, rows, *surface.store);
+      BandSurface band(stack, models, plate, options, columns, rows, *surface.store);
       band.draw(row, std::min(height + 1, rows.count - row), job);
       surface.bands[b] = std::move(band.pieces);
       reports[b] = {band.triangles, band.volume, band.lower, band.upper,
@@ -290,19 +342,19 @@ Surface surface_of(const SliceSource& stack, const CureModel& model, const Solid
 
 }  // namespace
 
-SolidReport write_solid(const SliceSource& stack, const CureModel& model, const std::string& path,
-                        const SolidOptions& options, const Job& job) {
+SolidReport write_solid(const SliceSource& stack, const PlaceModels& models,
+                        const std::string& path, const SolidOptions& options, const Job& job) {
   const detail::MeshFormat format = detail::mesh_format(path);
   const std::size_t slash = path.rfind('/');
   const std::string folder = slash == std::string::npos ? "." : path.substr(0, slash + 1);
-  Surface surface = surface_of(stack, model, options, folder, job);
+  Surface surface = surface_of(stack, models, options, folder, job);
   detail::write_triangles(path, format, surface.report.triangles, surface.triangles(), job);
   return std::move(surface.report);
 }
 
-TriangleMesh solid_mesh(const SliceSource& stack, const CureModel& model,
+TriangleMesh solid_mesh(const SliceSource& stack, const PlaceModels& models,
                         const SolidOptions& options, const Job& job) {
-  const Surface surface = surface_of(stack, model, options, ".", job);
+  const Surface surface = surface_of(stack, models, options, ".", job);
   return detail::merge_corners(surface.triangles());
 }
 

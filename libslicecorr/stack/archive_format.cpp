@@ -92,14 +92,18 @@ const ArchiveFormat& format_named(const std::string& name, const std::string& pa
     throw InputError(path, "",
                      "several formats end like this; expected one of them named: " + names);
   }
-  std::string endings;
+  std::vector<std::string_view> endings;
   for (const ArchiveFormat* f : formats) {
     for (const std::string_view e : f->endings()) {
-      if (endings.find(std::string(e) + ",") == std::string::npos) endings += std::string(e) + ", ";
+      if (e != "/" && std::find(endings.begin(), endings.end(), e) == endings.end()) {
+        endings.push_back(e);
+      }
     }
   }
+  std::string list;
+  for (const std::string_view e : endings) list += std::string(e) + ", ";
   throw InputError(path, "",
-                   "expected a name that ends in " + endings + "or a folder, which ends in /");
+                   "expected a name that ends in " + list + "or a folder, which ends in /");
 }
 
 std::vector<NumberedEntry> numbered_entries(const Container& archive, std::string_view prefix,

@@ -28,6 +28,8 @@ struct ArchiveContents {
   bool packed_bgr = false;  ///< and the first of the three is the blue one, not the red one
   /// Fingerprints that our block holds, see `images_crc32`; absent in foreign archives.
   std::optional<std::uint32_t> images_crc32, uv_images_crc32;
+  /// Of the values of `info.printer`'s flat-field, which is an entry of its own.
+  std::optional<std::uint32_t> flat_field_crc32;
   std::vector<std::string> warnings;
 };
 

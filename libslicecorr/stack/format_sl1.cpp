@@ -69,6 +69,7 @@ void read_display(const KeyValueText& config, const std::optional<KeyValueText>&
     const auto height_mm = settings->number("display_height", 0, 1e5);
     const auto x_px = settings->number("display_pixels_x", 1, 65536);
     const auto y_px = settings->number("display_pixels_y", 1, 65536);
+    info.orientation_known = settings->find("display_orientation").has_value();
     info.orientation.portrait = settings->find("display_orientation") == "portrait";
     info.orientation.mirror_x = settings->find("display_mirror_x") == "1";
     info.orientation.mirror_y = settings->find("display_mirror_y") == "1";
@@ -92,6 +93,7 @@ void read_display(const KeyValueText& config, const std::optional<KeyValueText>&
     if (model != m.name || grid.width_px != m.width_px || grid.height_px != m.height_px) continue;
     grid.pixel_x_um = grid.pixel_y_um = m.pixel_um;
     info.orientation = {true, true, false};
+    info.orientation_known = true;
   }
 }
 

@@ -13,6 +13,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
 #include "stack/archive_format.hpp"
+#include "stack/flat_field_entry.hpp"
 #include "stack/png.hpp"
 #include "stack/uvj_config.hpp"
 
@@ -34,7 +35,15 @@ ArchiveContents read_contents(const Container& archive) {
     detail::read_provenance(archive.text(detail::provenance_entry, limit), archive.path(),
                             contents);
   }
-  const Grid& grid = contents.info.grid;
+  detail::read_flat_field(archive, contents);
+  StackInfo& info = contents.info;
+  // What other programs make is made for a display.
+  if (info.kind == StackKind::foreign) {
+    info.for_display = true;
+  } else if (!info.for_display) {
+    info.orientation_known = true;
+  }
+  const Grid& grid = info.grid;
   if (grid.layers < 1 || grid.width_px < 1 || grid.height_px < 1 ||
       contents.images.size() != static_cast<std::size_t>(grid.layers)) {
     throw Error("a format's reader gave no whole stack");
@@ -277,6 +286,14 @@ StackReader::~StackReader() = default;
 const StackInfo& StackReader::info() const { return impl_->config.info; }
 const Grid& StackReader::grid() const { return impl_->config.info.grid; }
 PixelBox StackReader::bounds() const { return impl_->bounds; }
+ImageFrame StackReader::frame() const {
+  const StackInfo& info = impl_->config.info;
+  ImageFrame frame;
+  if (info.for_display) frame.to_display = Turn{};
+  frame.orientation.reset();
+  if (info.orientation_known) frame.orientation = info.orientation;
+  return frame;
+}
 const std::vector<std::string>& StackReader::other_entries() const { return impl_->others; }
 std::uint64_t StackReader::pixel_sum() const { return impl_->sum; }
 

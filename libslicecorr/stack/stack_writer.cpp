@@ -10,6 +10,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
 #include "stack/archive_format.hpp"
+#include "stack/flat_field_entry.hpp"
 #include "stack/png.hpp"
 #include "stack/uvj_config.hpp"
 
@@ -247,6 +248,7 @@ void StackWriter::Impl::write_archive(const StackInfo& info, const GreyImage& pr
         detail::provenance_entry,
         detail::write_provenance(info, request.images_crc32, request.uv_images_crc32) + "\n");
   }
+  if (info.kind != StackKind::foreign) detail::add_flat_field(info, *output);
   output->finish(job);
 }
 

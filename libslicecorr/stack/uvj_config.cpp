@@ -6,6 +6,8 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "stack/flat_field_entry.hpp"
+
 namespace slicecorr::detail {
 namespace {
 
@@ -47,6 +49,10 @@ Json calibration_json(const std::vector<CalibrationPoint>& calibration) {
   return points;
 }
 
+Json orientation_json(const Orientation& o) {
+  return {{"portrait", o.portrait}, {"mirror_x", o.mirror_x}, {"mirror_y", o.mirror_y}};
+}
+
 Json printer_json(const Printer& p) {
   Json json = {{"name", p.name},
                {"width_px", p.width_px},
@@ -62,6 +68,13 @@ Json printer_json(const Printer& p) {
     json["uv"] = {{"wavelength_nm", p.uv->wavelength_nm},
                   {"kind", p.uv->patterned ? "patterned" : "flood"},
                   {"calibration", calibration_json(p.uv->calibration)}};
+  }
+  if (p.orientation) json["orientation"] = orientation_json(*p.orientation);
+  if (p.flat_field) {
+    const FlatField& f = *p.flat_field;
+    json["flat_field"] = {{"file", flat_field_entry}, {"width_px", f.width_px},
+                          {"height_px", f.height_px}, {"frame", f.of_plate ? "plate" : "image"},
+                          {"reference", f.reference}, {"crc32", flat_field_crc32(f)}};
   }
   return json;
 }
@@ -94,7 +107,12 @@ int block_format(const Process& p) {
   return p == plain ? 1 : 2;
 }
 
-Json process_json(const Process& p) {
+int block_format(const StackInfo& info) {
+  if (info.printer && info.printer->flat_field) return 3;
+  return info.process ? block_format(*info.process) : 1;
+}
+
+Json process_json(const Process& p, int format) {
   Json json;
   json["speed_mm_h"] = p.speed_mm_h;
   if (p.omega_max >= 1e300) {
@@ -104,7 +122,7 @@ Json process_json(const Process& p) {
   }
   json["one_slice_gaps"] = p.one_slice_gaps == OneSliceGaps::merge ? "merge" : "open";
   json["platform_features"] = p.cap_platform_features ? "capped" : "uncapped";
-  if (block_format(p) == 1) return json;
+  if (format == 1) return json;
   json["exposure_s"] = p.exposure_s;
   json["bottom_exposure_s"] = p.bottom_exposure_s;
   json["bottom_layers"] = p.bottom_layers;
@@ -122,7 +140,8 @@ Json process_json(const Process& p) {
 
 Json block_json(const StackInfo& info, std::uint32_t crc, std::optional<std::uint32_t> uv_crc) {
   Json block;
-  block["format"] = info.process ? block_format(*info.process) : 1;
+  const int format = block_format(info);
+  block["format"] = format;
   block["kind"] = info.kind == StackKind::corrected ? "corrected" : "target";
   const bool layerwise = info.process && info.process->mode == ExposureMode::layerwise;
   block["mode"] = layerwise ? "layerwise" : "continuous";
@@ -135,7 +154,11 @@ Json block_json(const StackInfo& info, std::uint32_t crc, std::optional<std::uin
                    {"layer_um", info.grid.layer_um}};
   if (info.printer) block["printer"] = printer_json(*info.printer);
   if (info.resin) block["resin"] = resin_json(*info.resin);
-  if (info.process) block["process"] = process_json(*info.process);
+  if (info.process) block["process"] = process_json(*info.process, format);
+  if (info.for_display) {
+    block["frame"] = {{"images", "display"}};
+    if (info.orientation_known) block["frame"]["orientation"] = orientation_json(info.orientation);
+  }
   block["images_crc32"] = crc;
   if (uv_crc) block["uv_images_crc32"] = *uv_crc;
   return block;

@@ -108,6 +108,10 @@ std::vector<CalibrationPoint> read_calibration(const Node& node) {
   return points;
 }
 
+Orientation read_orientation(const Node& node) {
+  return {node["portrait"].flag(), node["mirror_x"].flag(), node["mirror_y"].flag()};
+}
+
 Printer read_printer(const Node& node) {
   Printer p;
   p.name = node["name"].string();
@@ -126,6 +130,19 @@ Printer read_printer(const Node& node) {
     p.uv =
         UvLamp{uv["wavelength_nm"].number(0, largest),
                uv["kind"].choice({"flood", "patterned"}) == 1, read_calibration(uv["calibration"])};
+  }
+  if (node.has("orientation")) p.orientation = read_orientation(node["orientation"]);
+  if (node.has("flat_field")) {
+    const Node f = node["flat_field"];
+    FlatField field;
+    field.width_px = f["width_px"].integer(1, 65536);
+    field.height_px = f["height_px"].integer(1, 65536);
+    if (std::int64_t{field.width_px} * field.height_px > max_image_pixels) {
+      f["width_px"].fail("a picture of at most " + std::to_string(max_image_pixels) + " pixels");
+    }
+    field.of_plate = f["frame"].choice({"image", "plate"}) == 1;
+    field.reference = f["reference"].integer(1, 255);
+    p.flat_field = field;
   }
   p.max_speed_mm_h = node["max_speed_mm_h"].number(0, largest);
   p.travel_mm = node["travel_mm"].number(0, largest);
@@ -228,6 +245,18 @@ void read_block(const Node& block, ArchiveContents& config) {
   // Whoever reads a corrected stack needs to know what it was corrected for.
   const bool needed = info.kind == StackKind::corrected;
   if (needed || block.has("printer")) info.printer = read_printer(block["printer"]);
+  if (info.printer && info.printer->flat_field) {
+    config.flat_field_crc32 =
+        static_cast<std::uint32_t>(block["printer"]["flat_field"]["crc32"].whole(0, 0xffffffff));
+  }
+  if (block.has("frame")) {
+    block["frame"]["images"].choice({"display"});
+    info.for_display = true;
+    info.orientation_known = block["frame"].has("orientation");
+    if (info.orientation_known) {
+      info.orientation = read_orientation(block["frame"]["orientation"]);
+    }
+  }
   if (needed || block.has("resin")) info.resin = read_resin(block["resin"]);
   if (needed || block.has("process")) {
     info.process = read_process(block["process"], mode, format);

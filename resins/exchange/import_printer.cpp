@@ -229,8 +229,8 @@ std::vector<Imported> import_flat_field(const ImportSource& source, const Import
     image.bytes.assign(encoded.begin(), encoded.end());
   }
   say.emplace_back(
-      "It is kept, shown and checked; correction does not apply it yet, and aims "
-      "everywhere at the dose of the calibration curve.");
+      "Its brightest place is taken to get the intensities of the calibration; where they were "
+      "measured elsewhere, write the picture's value there as flat_field_reference (1 to 255).");
   edit.set("display", "flat_field", toml_text(image.stem + image.extension));
   std::string comment = fmt::format("# Relative intensity over the display, from {}.", source.file);
   for (const std::string& a : say) comment += "\n# - " + a;

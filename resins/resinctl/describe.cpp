@@ -165,7 +165,7 @@ std::string describe_printer(const Printer& p, const std::string& path) {
                 fmt::format("{}: least {:.4g}, mean {:.4g} of the brightest place", field,
                             display.number("flat_field_least", 0, 1, true).value_or(0),
                             display.number("flat_field_mean", 0, 1, true).value_or(0)));
-    out += line("", "kept and checked; correction does not apply it yet");
+    if (p.flat_field) out += line("", "curing light " + light_in_words(p));
   }
   const double low = p.calibration.front().intensity_mw_cm2;
   const double high = p.calibration.back().intensity_mw_cm2;

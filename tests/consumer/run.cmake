@@ -1,5 +1,5 @@
 # Installs the build into a fresh prefix, then configures, builds and runs the consumer against it.
-# Called by ctest with BUILD_DIR, SOURCE_DIR, WORK_DIR, CONFIG, GENERATOR, CXX_COMPILER, CXX_FLAGS, VERSION.
+# Called by ctest with BUILD_DIR, SOURCE_DIR, WORK_DIR, CONFIG, GENERATOR, C_COMPILER, CXX_COMPILER, CXX_FLAGS, VERSION.
 set(prefix "${WORK_DIR}/prefix")
 file(REMOVE_RECURSE "${WORK_DIR}")
 
@@ -23,6 +23,38 @@ find_program(consumer consumer REQUIRED NO_DEFAULT_PATH
 run("${consumer}")
 if(NOT output MATCHES "slicecorr ${VERSION}")
   message(FATAL_ERROR "the consumer printed:\n${output}\nexpected version ${VERSION}")
+endif()
+
+# The C interface, as a package of CMake and through pkg-config.
+run("${CMAKE_COMMAND}" -S "${SOURCE_DIR}/c" -B "${WORK_DIR}/build-c" -G "${GENERATOR}"
+  "-DCMAKE_BUILD_TYPE=${CONFIG}" "-DCMAKE_C_COMPILER=${C_COMPILER}" "-DCMAKE_C_FLAGS=${CXX_FLAGS}"
+  "-DCMAKE_PREFIX_PATH=${prefix}")
+run("${CMAKE_COMMAND}" --build "${WORK_DIR}/build-c" --config "${CONFIG}")
+find_program(c_consumer consumer REQUIRED NO_DEFAULT_PATH
+  PATHS "${WORK_DIR}/build-c" "${WORK_DIR}/build-c/${CONFIG}")
+run("${c_consumer}")
+if(NOT output MATCHES "slicecorr ${VERSION}, interface [1-9]")
+  message(FATAL_ERROR "the C consumer printed:\n${output}\nexpected version ${VERSION}")
+endif()
+find_program(PKG_CONFIG pkg-config)
+if(PKG_CONFIG)
+  file(GLOB_RECURSE pc_file "${prefix}/*/slicecorr.pc")
+  cmake_path(GET pc_file PARENT_PATH pc_folder)
+  set(ENV{PKG_CONFIG_PATH} "${pc_folder}")
+  run("${PKG_CONFIG}" --modversion slicecorr)
+  if(NOT output MATCHES "^${VERSION}\n")
+    message(FATAL_ERROR "pkg-config says version ${output}, expected ${VERSION}")
+  endif()
+  run("${PKG_CONFIG}" --cflags --libs slicecorr)
+  string(STRIP "${output} ${CXX_FLAGS}" flags)
+  separate_arguments(flags UNIX_COMMAND "${flags}")
+  run("${C_COMPILER}" "${SOURCE_DIR}/c/main.c" -o "${WORK_DIR}/pkg-config-consumer" ${flags})
+  run("${PKG_CONFIG}" --variable=libdir slicecorr)
+  string(STRIP "${output}" libdir)
+  run("${CMAKE_COMMAND}" -E env "LD_LIBRARY_PATH=${libdir}" "${WORK_DIR}/pkg-config-consumer")
+  if(NOT output MATCHES "slicecorr ${VERSION}")
+    message(FATAL_ERROR "the program linked through pkg-config printed:\n${output}")
+  endif()
 endif()
 
 # The installed program, with the database that was installed beside it.

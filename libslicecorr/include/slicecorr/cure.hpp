@@ -96,10 +96,20 @@ struct CureModel {
   }
 };
 
+/// The light at a place on a display that does not shine evenly.
+struct PlaceLight {
+  double factor = 1;  ///< of the calibration's intensities
+  /// The same at the brightest place: a UV lamp or pattern, which is one for the whole window, is
+  /// set for that.
+  double brightest = 1;
+};
+/// The printer as a place sees it that gets `factor` of its curing light.
+Printer dimmed(const Printer& printer, double factor);
+
 /// The model of a process. `layer_um` is the slice height. Does not ask whether the process is
-/// feasible.
+/// feasible, nor for the printer's flat-field: `light` says what the place gets (places.hpp).
 CureModel make_cure_model(const Printer& printer, const Resin& resin, const Process& process,
-                          double layer_um);
+                          double layer_um, const PlaceLight& light = {});
 
 /// Throws `InfeasibleError` when the light never gels the resin (phi_max <= 1) or black gels it
 /// (phi_min >= 1), naming the limiting speed and the intensity that would do; `InputError` when the

@@ -36,10 +36,12 @@ class InhibitedKernel {
   static constexpr int places = 5;
 
   /// `kinetics` with the dose to aim at, `gel` with that of gelation (for the window);
-  /// `level_mw_cm2`: blue intensity of each grey level. Throws `InputError` when the printer has no
-  /// UV lamp, `InfeasibleError` when the lamp can't give what the schedule asks for.
+  /// `level_mw_cm2`: blue intensity of each grey level; `brightest_mw_cm2`: at the brightest place
+  /// of the window, for which UV light is set; empty: the same. Throws `InputError` when the
+  /// printer has no UV lamp, `InfeasibleError` when the lamp can't give what the schedule asks for.
   InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel, const Printer& printer,
-                  const Process& process, double layer_um, std::vector<double> level_mw_cm2);
+                  const Process& process, double layer_um, std::vector<double> level_mw_cm2,
+                  const std::vector<double>& brightest_mw_cm2 = {});
 
   const Kinetics& kinetics() const { return kinetics_; }
   int near() const { return near_; }

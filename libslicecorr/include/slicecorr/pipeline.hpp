@@ -6,6 +6,7 @@
 /// compressed.
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -18,6 +19,10 @@
 #include "slicecorr/target.hpp"
 
 namespace slicecorr {
+
+namespace detail {
+class PlacePlans;
+}
 
 /// Printer, resin and process with which a stack is corrected or judged.
 struct Setup {
@@ -99,20 +104,23 @@ Section section_of(const SliceSource& stack, const SliceSource& target, const Se
 /// A target corrected while it is read, without a file: for sections and columns.
 class CorrectedSlices final : public SliceSource {
  public:
-  /// `target` must outlive this.
-  CorrectedSlices(const SliceSource& target, const Setup& setup);
+  /// `target` must outlive this. Throws as `correct_stack`.
+  CorrectedSlices(const SliceSource& target, const Setup& setup, const Job& job = {});
+  ~CorrectedSlices() override;
   const Grid& grid() const override { return grid_; }
   PixelBox bounds() const override { return target_.bounds(); }
+  ImageFrame frame() const override { return target_.frame(); }
   void read_band(const PixelBox& band, const Sink& sink) const override;
 
  private:
   const SliceSource& target_;
-  CorrectionPlan plan_;
+  std::unique_ptr<const detail::PlacePlans> plans_;
   Grid grid_;
 };
 
 /// Checks that `setup` can print `target` at all: size, scale, stage, light. Throws as
-/// `correct_stack`.
+/// `correct_stack`. A flat-field of the printer is left aside: the plan is that of a place which
+/// gets the light of the calibration.
 CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup);
 
 }  // namespace slicecorr

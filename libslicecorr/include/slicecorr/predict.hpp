@@ -27,6 +27,7 @@
 #include "slicecorr/cure.hpp"
 #include "slicecorr/dead_zone.hpp"
 #include "slicecorr/dose.hpp"
+#include "slicecorr/orientation.hpp"
 
 namespace slicecorr {
 
@@ -150,9 +151,14 @@ class BandPredictor {
   void add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage);
   /// Doses in the middle of the layer that was added last. Only for models that are not plain.
   const double* middle() const { return dose_->middle(); }
+  /// Before the first slice: figures of other columns, with which `finish` joins these.
+  void go_on_from(Prediction so_far);
   /// After slice 0: closes what is open at the platform. Columns are `width` to a row, from (x0,
   /// y0).
   Prediction finish(int x0, int y0, int width);
+  /// The same for columns that lie anywhere, the later ones further on in reading order.
+  using Place = std::function<Pixel(std::size_t column)>;
+  Prediction finish(const Place& place);
 
  private:
   enum Class : std::uint8_t { gap, run, grey };
@@ -197,7 +203,7 @@ class BandPredictor {
   /// Class of all columns of a block of 32; `grey` also when they differ.
   std::vector<Class> block_class_;
   std::unique_ptr<BlockSums> sums_;
-  double worst_ = -1;
+  double worst_ = -1, worst_so_far_ = -1;
   std::size_t worst_column_ = 0;
   EdgeSink edge_sink_;
   /// With the index of the column in place of its row, until `finish` knows the place of the band.

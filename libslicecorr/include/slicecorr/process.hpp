@@ -5,10 +5,15 @@
 /// expected.
 #pragma once
 
+#include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
+
+#include "slicecorr/grid.hpp"
+#include "slicecorr/orientation.hpp"
 
 namespace slicecorr {
 
@@ -30,6 +35,22 @@ struct UvLamp {
   bool operator==(const UvLamp&) const = default;
 };
 
+/// How evenly a display shines: a picture of relative intensity that covers all of it. The picture
+/// may have any size; between the middles of its pixels the light is linear (docs/flat-field.md).
+struct FlatField {
+  int width_px = 0, height_px = 0;  ///< of the picture, 1..65536
+  /// Row by row, not all 0; shared, never changed.
+  std::shared_ptr<const std::vector<std::uint8_t>> values;
+  /// What stands for the intensities of the calibration, 1..255: a place of value v gets v /
+  /// reference of them.
+  int reference = 255;
+  /// The picture lies like the plate (its row 0 at the largest y), not like the display's images.
+  bool of_plate = false;
+  std::uint8_t least() const;
+  std::uint8_t greatest() const;
+  bool operator==(const FlatField& o) const;
+};
+
 /// A printer file (contract: "Printer file").
 struct Printer {
   std::string name;
@@ -44,9 +65,19 @@ struct Printer {
   double max_speed_mm_h = 0;  ///< 0 when not given
   double travel_mm = 0;       ///< 0 when not given
   std::optional<UvLamp> uv;
+  /// How the plate lies in the images that the display shows; nothing when the file does not say.
+  std::optional<Orientation> orientation;
+  std::optional<FlatField> flat_field;  ///< of the curing light; nothing: even
   int levels() const { return 1 << bit_depth; }
   bool operator==(const Printer&) const = default;
 };
+
+/// Images of the plate of a printer, as `slice` makes them: those of its display turned back, so
+/// that a portrait display has width and height exchanged. `layers` and `layer_um` are 0.
+Grid plate_grid(const Printer& printer);
+
+/// From images that lie like `frame` to those that the printer's display shows.
+Turn turn_to_display(const ImageFrame& frame, const Printer& printer);
 
 enum class CureModelKind { jacobs, kinetic };
 
@@ -179,7 +210,20 @@ std::optional<std::string> kind_of_definition(const std::string& path);
 std::string find_definition(const std::string& name, std::string_view kind);
 
 Printer load_printer(const std::string& name_or_path);
+/// From the text of a printer file. Other files that it names lie beside `source`.
+Printer complete_printer(std::string_view text, const std::string& source);
+/// The same without the picture of the flat-field, of which only the keys are checked.
 Printer parse_printer(std::string_view text, const std::string& source);
+
+/// How evenly a printer's display shines, in words: "80 to 100 % of the calibration"; empty when
+/// the printer has no flat-field.
+std::string light_in_words(const Printer& printer);
+
+/// Reads the picture of a flat-field: a PNG, colour is averaged. Throws `InputError` when it is
+/// none, black, or does not fit the display: wider than high where that is higher than wide, or
+/// with 64 pixels a side and more and sides in a proportion that differs by more than 2 %.
+FlatField load_flat_field(const std::string& path, const Printer& printer, bool of_plate,
+                          std::optional<int> reference);
 
 /// Changes to a resin from the command line; base 10 height.
 struct ResinOverrides {

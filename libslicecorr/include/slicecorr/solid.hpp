@@ -1,8 +1,10 @@
 /// @file solid.hpp
 /// The part that a stack will print, as a closed triangle mesh: the surface on which the dose is 1.
 ///
-/// Frame of the mesh: mm, x to the right and y up on the display from its lower left corner, z from
-/// the platform (0) towards the window: the frame in which `slice` places its parts. Doses are
+/// Frame of the mesh: mm, x and y of the plate from its corner 00, z from the platform (0) towards
+/// the window: the frame in which `slice` places its parts. Images that are turned or mirrored are
+/// put the right way round as far as their archive says how they lie; else they are taken for those
+/// of `slice`. Doses are
 /// known at pixel centres and nodes. Between nodes of one column the surface is exact, from the
 /// closed form of the dose inside a layer; between neighbouring columns the dose is linear. Space
 /// is cut into tetrahedra, so there are no ambiguous cases, and the surface is always closed.
@@ -17,6 +19,7 @@
 #include "slicecorr/cure.hpp"
 #include "slicecorr/mesh.hpp"
 #include "slicecorr/parallel.hpp"
+#include "slicecorr/places.hpp"
 #include "slicecorr/predict.hpp"
 #include "slicecorr/process.hpp"
 #include "slicecorr/target.hpp"
@@ -60,11 +63,12 @@ struct SolidReport {
 /// not at all. Memory is that of the bands at work, 256 MiB of triangles (what is more waits in a
 /// scratch file beside `path`) and for PLY and 3MF the vertices. The bytes do not depend on
 /// threads. Throws `InputError` when nothing prints, or the name ends in something else.
-SolidReport write_solid(const SliceSource& stack, const CureModel& model, const std::string& path,
-                        const SolidOptions& options = {}, const Job& job = {});
+SolidReport write_solid(const SliceSource& stack, const PlaceModels& models,
+                        const std::string& path, const SolidOptions& options = {},
+                        const Job& job = {});
 
 /// The same surface in memory.
-TriangleMesh solid_mesh(const SliceSource& stack, const CureModel& model,
+TriangleMesh solid_mesh(const SliceSource& stack, const PlaceModels& models,
                         const SolidOptions& options = {}, const Job& job = {});
 
 }  // namespace slicecorr

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "slicecorr/orientation.hpp"
 #include "slicecorr/parallel.hpp"
 #include "slicecorr/process.hpp"
 #include "slicecorr/target.hpp"
@@ -22,15 +23,6 @@ enum class StackKind {
   foreign,    ///< made by another program: grey values, meaning unknown
   target,     ///< made by `slice`: coverage, 255 is full
   corrected,  ///< made by `correct`: grey levels of a printer
-};
-
-/// How the plate lies in the images of an archive. The images of `slice` have row 0 at the largest
-/// y and column 0 at the smallest x. `portrait` turns them counter-clockwise by 90 degrees: x of
-/// the plate runs up, y to the left. Then `mirror_x` swaps left and right of the image, `mirror_y`
-/// top and bottom.
-struct Orientation {
-  bool portrait = false, mirror_x = false, mirror_y = false;
-  bool operator==(const Orientation&) const = default;
 };
 
 /// Names of the settings that a slicer wrote into its archive; empty where it did not.
@@ -47,6 +39,10 @@ struct StackInfo {
   /// Pixel sizes and the layer height are 0 where an archive does not say them.
   Grid grid;
   Orientation orientation;
+  bool orientation_known = false;  ///< whether the archive says so, or it is a stack of ours
+  /// The images are those that the display shows; else those of the plate, which are turned on
+  /// their way to it by the printer's orientation.
+  bool for_display = false;
   ArchiveProfiles profiles;
   StackKind kind = StackKind::foreign;
   /// Full parameters, present in stacks made by `correct`.
@@ -129,6 +125,7 @@ class StackReader final : public SliceSource {
   const StackInfo& info() const;
   const Grid& grid() const override;
   PixelBox bounds() const override;
+  ImageFrame frame() const override;
   void read_band(const PixelBox& band, const Sink& sink) const override;
   /// Sum of all pixel values.
   std::uint64_t pixel_sum() const;

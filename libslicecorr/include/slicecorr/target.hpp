@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "slicecorr/grid.hpp"
+#include "slicecorr/orientation.hpp"
 
 namespace slicecorr {
 
@@ -22,6 +23,9 @@ class SliceSource {
   virtual const Grid& grid() const = 0;
   /// No pixel outside this box is lit in any slice.
   virtual PixelBox bounds() const = 0;
+  /// How the images lie. Those of `slice` show the plate and are turned on their way to the
+  /// display.
+  virtual ImageFrame frame() const { return {}; }
   /// Gives rows [y0, y1) and columns [x0, x1) of every slice to `sink`, from slice 0 on. `rows`
   /// holds (y1 - y0) * (x1 - x0) bytes, row by row: coverage 0..255 of a target, or grey values
   /// 0..255 of a stack. A null pointer stands for a slice that is black there.

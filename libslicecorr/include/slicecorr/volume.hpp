@@ -45,8 +45,9 @@ struct ReducedVolume {
   using Runs = std::vector<std::pair<std::uint8_t, std::int32_t>>;
   struct Column {
     int x = -1, y = -1;
-    Runs coverage;  ///< of the target
-    Runs levels;    ///< of the stack; ends where the stack ends
+    double light = 1;  ///< share of the calibration's light that the pixel gets
+    Runs coverage;     ///< of the target
+    Runs levels;       ///< of the stack; ends where the stack ends
   };
   std::vector<Column> columns;  ///< j * nx + i
 

@@ -1,8 +1,8 @@
 // The dose along a column with what each slice adds to it: phi_n (a^(n-k) - a^(n+1-k)) at node k <= n; layer by layer
 // phi'_n a^(n+1-k). What slices before m add up to at zeta < m is Omega(zeta) - Omega(m) a^(m - zeta), in both modes:
 // no sums needed. Under UV light there is no such form, and their doses are summed once for each m.
-function curveOf(levels) {
-  const doses = dosesOf(levels), { phi, omega } = doses, a = data.a;
+function curveOf(levels, gain) {
+  const doses = dosesOf(levels, levels.length, gain), { phi, omega } = doses, a = data.a;
   const between = (p, q, t) => (p > 0 && q > 0 ? p * (q / p) ** t : p + t * (q - p));
   const inLayer = (d, n, zeta) => {
     const up = n + 1 - zeta;
@@ -37,12 +37,12 @@ function roundStep(range) {
   return power * 10;
 }
 
-function columnPlot(title, levels, coverage, from, to, top) {
+function columnPlot(title, levels, coverage, from, to, top, gain) {
   const W = 860, H = 300, L = 56, R = 56, T = 34, B = 44, floor = H - B;
   const um = data.voxelUm[2];
   const x = (zeta) => (L + (zeta - from) / (to - from) * (W - L - R)).toFixed(1);
   const y = (dose) => (floor - Math.min(1, dose / top) * (floor - T)).toFixed(1);
-  const curve = curveOf(levels);
+  const curve = curveOf(levels, gain);
   const inside = Math.max(1, Math.min(8, Math.floor(600 / (to - from))));
   const points = [];
   for (let n = from; n < to; ++n) {
@@ -110,7 +110,7 @@ async function columnAt(i, j) {
 async function drawColumn() {
   const column = await columnAt(view.column, view.row);
   if (!(await loadKernel())) {
-    $("column-words").textContent = "The intensities of UV light differ in too many slices for this page to hold what is needed to draw columns.";
+    $("column-words").textContent = "The intensities of light differ in too many slices or places for this page to hold what is needed to draw columns under UV light.";
     return { column, plots: [] };
   }
   const coverage = unrolled(column.coverage), after = unrolled(column.levels);
@@ -122,13 +122,13 @@ async function drawColumn() {
     to = Math.min(all, from + 40);
   }
   let top = 1.2;
-  for (const levels of [before, after]) top = Math.max(top, curveOf(levels).top(from, to) * 1.08);
-  const plots = [columnPlot("Uncorrected", before, coverage, from, to, top), columnPlot("This stack", after, coverage, from, to, top)];
+  for (const levels of [before, after]) top = Math.max(top, curveOf(levels, column.gain).top(from, to) * 1.08);
+  const plots = [columnPlot("Uncorrected", before, coverage, from, to, top, column.gain), columnPlot("This stack", after, coverage, from, to, top, column.gain)];
   $("column-before").innerHTML = plots[0].svg;
   $("column-after").innerHTML = plots[1].svg;
   const [b, a] = plots.map((p) => p.wrong);
   $("column-words").textContent =
-    `Pixel ${column.x}, ${column.y} of the image: uncorrected ${b.through} layers cured through and ${b.under} undercured; ` +
+    `Pixel ${column.x}, ${column.y} of the image${data.light ? `, which gets ${(100 * column.factor).toPrecision(3)} % of the calibrated light` : ""}: uncorrected ${b.through} layers cured through and ${b.under} undercured; ` +
     `this stack ${a.through} and ${a.under}. ` +
     (plots[1].group > 1 ? `Each band is ${plots[1].group} slices.` : "Each band is one slice.");
   return { column, plots };

@@ -31,6 +31,7 @@ const load = data && {
   error: both("error"),
   columns: once(async () => {
     const bytes = await inflate(data.columns);
+    const light = data.light ? await inflate(data.light.of) : null;
     const starts = [];
     let at = 0;
     const number = () => {
@@ -50,7 +51,12 @@ const load = data && {
     }
     return (index) => {
       at = starts[index];
-      return { x: number(), y: number(), coverage: runs(), levels: runs() };
+      const column = { x: number(), y: number(), coverage: runs(), levels: runs(), gain: 1, factor: 1 };
+      if (light) {
+        column.gain = data.light.gains[light[index]];
+        column.factor = data.light.factors[light[index]];
+      }
+      return column;
     };
   }),
 };
@@ -75,10 +81,11 @@ const levelOfPixel = (value) => Math.floor((value * (data.phi.length - 1) + 127)
 
 // What slices of these levels add up to, slices up to `end` only: phi of every slice, and the dose at the lower end,
 // the middle and the upper end of every layer. At the upper end it is Omega of the node, seen from inside the layer.
-function dosesOf(levels, end = levels.length) {
+// `gain`: what uneven light makes of phi at the column's place.
+function dosesOf(levels, end = levels.length, gain = 1) {
   const shown = Math.min(end, levels.length), a = data.a;
   const ratio = (n) => (data.ratio ? data.ratio[Math.min(n, data.ratio.length - 1)] : 1);
-  const phi = levels.map((level, n) => (n < shown ? data.phi[level] * ratio(n) : 0));
+  const phi = levels.map((level, n) => (n < shown ? data.phi[level] * ratio(n) * gain : 0));
   const [lower, middle, omega] = [0, 1, 2].map(() => new Array(levels.length + 1).fill(0));
   if (data.kernel) {
     // K_j of the slice j further from the platform; beyond the tables a times the one before.

@@ -1,0 +1,68 @@
+/// What the handles of the C interface hold.
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "c_api/guard.hpp"
+#include "c_api/slice_store.hpp"
+#include "slicecorr.h"
+#include "slicecorr/setup.hpp"
+
+struct slicecorr_setup {
+  slicecorr::SetupChoices choices;
+  std::string error;
+};
+
+struct slicecorr_job {
+  int threads = 0;
+  std::atomic<bool> cancelled{false};
+  slicecorr_progress progress = nullptr;
+  void* progress_user = nullptr;
+  slicecorr_notice notice = nullptr;
+  void* notice_user = nullptr;
+  std::string scratch_folder;
+  std::string error;
+};
+
+struct slicecorr_stack {
+  std::string path;  ///< of the archive; empty: made in memory
+  slicecorr::StackInfo info;
+  slicecorr::MissingFacts missing;  ///< as the caller said
+  /// Null: the images are in the archive only.
+  std::shared_ptr<slicecorr::c_api::SliceStore> slices;
+  std::vector<double> uv_of_pixel;
+};
+
+struct slicecorr_figures {
+  slicecorr::Prediction prediction;
+  std::string json;
+  std::vector<std::pair<std::string, double>> numbers;  ///< by their places in `json`
+};
+
+struct slicecorr_list {
+  std::vector<std::pair<std::string, std::string>> entries;  ///< name, text
+};
+
+namespace slicecorr::c_api {
+
+/// The job of the library that does what `handle`, which may be null, says. Uses it: it must live
+/// as long.
+Job job_of(slicecorr_job* handle);
+/// Where scratch files go: what the job says, else the folder of `output`, else the system's.
+std::string scratch_folder(const slicecorr_job* job, const std::string& output = "");
+
+std::unique_ptr<slicecorr_figures> figures_of(const Prediction& prediction);
+
+using Names = std::vector<std::pair<std::string, std::string>>;
+/// Names and meanings, for slicecorr_list.
+Names setting_names();
+Names property_names();
+Names figure_names();
+/// Throws `UnknownName`.
+[[noreturn]] void unknown_name(const char* name, const char* what, const Names& known);
+
+}  // namespace slicecorr::c_api

@@ -1,0 +1,219 @@
+// Setups: settings by name, so that new ones need no new functions.
+
+#include "slicecorr/setup.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <new>
+#include <variant>
+
+#include "c_api/handles.hpp"
+#include "slicecorr/error.hpp"
+
+namespace slicecorr::c_api {
+
+namespace {
+
+using Text = std::string SetupChoices::*;
+using Number = double SetupChoices::*;  ///< above 0
+using Count = int SetupChoices::*;      ///< 0 to 1000000
+using Numbers = std::vector<double> SetupChoices::*;
+
+struct Setting {
+  const char* name;
+  std::variant<Text, Number, Count, Numbers> member;
+  const char* what;
+  std::vector<std::string_view> words = {};  ///< texts that are accepted; empty: all
+};
+
+const std::vector<Setting>& settings() {
+  using C = SetupChoices;
+  static const std::vector<Setting> all = {
+      {"printer", &C::printer, "printer: name of a definition, or path of a .toml file"},
+      {"resin", &C::resin, "resin: name of a definition, or path of a .toml file"},
+      {"printer_toml", &C::printer_toml, "text of a printer file"},
+      {"resin_toml", &C::resin_toml, "text of a resin file"},
+      {"mode",
+       &C::mode,
+       "continuous: the stage moves while slices are shown; layerwise: it stands still",
+       {"continuous", "layerwise"}},
+      {"speed_mm_h", &C::speed_mm_h, "print speed (continuous)"},
+      {"exposure_s", &C::exposure_s, "light-on time of a layer (layerwise)"},
+      {"bottom_exposure_s", &C::bottom_exposure_s, "light-on time of the first layers (layerwise)"},
+      {"bottom_layers", &C::bottom_layers, "number of these first layers"},
+      {"fade_layers", &C::fade_layers, "layers after them that lead to the normal time"},
+      {"layer_exposure_s", &C::layer_exposure_s, "light-on time of each layer (layerwise)"},
+      {"dc_mj_cm3", &C::dc_mj_cm3, "dose to aim at, instead of the resin's"},
+      {"ha_um", &C::ha_um, "absorbance height, base 10, instead of the resin's"},
+      {"omega_max", &C::omega_max,
+       "cap of the dose inside features, in critical doses: inf, or 1 and more"},
+      {"one_slice_gaps",
+       &C::one_slice_gaps,
+       "gaps one slice high: open or merge",
+       {"open", "merge"}},
+      {"platform_features",
+       &C::platform_features,
+       "whether omega_max holds for features on the platform: capped or uncapped",
+       {"capped", "uncapped"}},
+      {"uv_mw_cm2", &C::uv_mw_cm2, "intensity of inhibiting UV light"},
+      {"dead_zone_um", &C::dead_zone_um, "dead zone at the window that the UV light is to hold"},
+      {"uv_schedule",
+       &C::uv_schedule,
+       "how the UV light goes: constant, per-slice or patterned",
+       {"constant", "per-slice", "patterned"}},
+      {"window_cure",
+       &C::window_cure,
+       "when the resin would cure to the window: refuse or allow",
+       {"refuse", "allow"}},
+      {"ramp",
+       &C::ramp,
+       "where the stage speeds up and slows down: none, lamp-follows or outside",
+       {"none", "lamp-follows", "outside"}},
+      {"ramp_mm", &C::ramp_mm, "distance in which the stage reaches its speed"},
+  };
+  return all;
+}
+
+const Setting& setting(const char* name) {
+  need(name, "name");
+  for (const Setting& s : settings()) {
+    if (std::string_view(s.name) == name) return s;
+  }
+  unknown_name(name, "setting", setting_names());
+}
+
+[[noreturn]] void refuse(const Setting& s, const std::string& value, const std::string& expected) {
+  throw InputError(fmt::format("{} is {}; expected {}", s.name, value, expected));
+}
+
+/// The whole text as a number, whatever the locale.
+double number_of(const Setting& s, std::string_view text) {
+  double value = 0;
+  const auto [stop, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc{} || stop != text.data() + text.size()) {
+    refuse(s, fmt::format("'{}'", text), "a number");
+  }
+  return value;
+}
+
+double positive(const Setting& s, double value) {
+  if (!(value > 0) || !std::isfinite(value)) {
+    refuse(s, fmt::format("{:g}", value), "a number above 0");
+  }
+  return value;
+}
+
+void take_back(SetupChoices& choices, const Setting& s) {
+  const SetupChoices unset;
+  std::visit([&](auto member) { choices.*member = unset.*member; }, s.member);
+}
+
+void set_number(SetupChoices& choices, const Setting& s, double value) {
+  if (const auto* number = std::get_if<Number>(&s.member)) {
+    choices.*(*number) = positive(s, value);
+  } else if (const auto* count = std::get_if<Count>(&s.member)) {
+    if (!(value >= 0 && value <= 1e6) || value != std::floor(value)) {
+      refuse(s, fmt::format("{:g}", value), "a whole number from 0 to 1000000");
+    }
+    choices.*(*count) = static_cast<int>(value);
+  } else if (const auto* numbers = std::get_if<Numbers>(&s.member)) {
+    choices.*(*numbers) = {positive(s, value)};
+  } else if (s.member == decltype(s.member)(&SetupChoices::omega_max)) {
+    if (!(value >= 1)) refuse(s, fmt::format("{:g}", value), "inf or a number of at least 1");
+    choices.omega_max = std::isinf(value) ? "inf" : fmt::format("{}", value);
+  } else {
+    throw BadCall(fmt::format("{} is no number; expected slicecorr_setup_set_text()", s.name));
+  }
+}
+
+void set_text(SetupChoices& choices, const Setting& s, const std::string& value) {
+  const auto* text = std::get_if<Text>(&s.member);
+  const bool is_number = s.member == decltype(s.member)(&SetupChoices::omega_max);
+  if (!text || is_number) {
+    set_number(choices, s, number_of(s, value));
+    return;
+  }
+  if (!s.words.empty() && std::find(s.words.begin(), s.words.end(), value) == s.words.end()) {
+    refuse(s, fmt::format("'{}'", value), fmt::format("{}", fmt::join(s.words, ", ")));
+  }
+  choices.*(*text) = value;
+  // A name and a text say the same thing: what comes last counts.
+  if (*text == &SetupChoices::printer) choices.printer_toml.clear();
+  if (*text == &SetupChoices::printer_toml) choices.printer.clear();
+  if (*text == &SetupChoices::resin) choices.resin_toml.clear();
+  if (*text == &SetupChoices::resin_toml) choices.resin.clear();
+}
+
+}  // namespace
+
+Names setting_names() {
+  Names names;
+  for (const Setting& s : settings()) names.emplace_back(s.name, s.what);
+  return names;
+}
+
+void unknown_name(const char* name, const char* what, const Names& known) {
+  std::string text;
+  for (const auto& [known_name, meaning] : known) text += (text.empty() ? "" : ", ") + known_name;
+  throw UnknownName(fmt::format("no {} '{}'; known are {}", what, name, text));
+}
+
+}  // namespace slicecorr::c_api
+
+using namespace slicecorr::c_api;
+
+slicecorr_setup* slicecorr_setup_new(void) {
+  slicecorr_setup* made = nullptr;
+  guarded(nullptr, [&] { made = new slicecorr_setup; });
+  return made;
+}
+
+void slicecorr_setup_free(slicecorr_setup* setup) { delete setup; }
+
+slicecorr_status slicecorr_setup_set_text(slicecorr_setup* setup, const char* name,
+                                          const char* value) {
+  return guarded(error_of(setup), [&] {
+    auto& choices = need(setup, "setup").choices;
+    const Setting& s = setting(name);
+    if (value && *value) {
+      set_text(choices, s, value);
+    } else {
+      take_back(choices, s);
+    }
+  });
+}
+
+slicecorr_status slicecorr_setup_set_number(slicecorr_setup* setup, const char* name,
+                                            double value) {
+  return guarded(error_of(setup), [&] {
+    auto& choices = need(setup, "setup").choices;
+    const Setting& s = setting(name);
+    if (std::isnan(value)) {
+      take_back(choices, s);
+    } else {
+      set_number(choices, s, value);
+    }
+  });
+}
+
+slicecorr_status slicecorr_setup_set_numbers(slicecorr_setup* setup, const char* name,
+                                             const double* values, size_t count) {
+  return guarded(error_of(setup), [&] {
+    auto& choices = need(setup, "setup").choices;
+    const Setting& s = setting(name);
+    const auto* member = std::get_if<Numbers>(&s.member);
+    if (!member) throw BadCall(fmt::format("{} is no list of numbers", s.name));
+    if (count > 0) need(values, "values");
+    if (count > 1000000) refuse(s, fmt::format("{} numbers long", count), "at most 1000000");
+    std::vector<double> list;
+    for (size_t i = 0; i < count; ++i) list.push_back(positive(s, values[i]));
+    choices.*(*member) = std::move(list);
+  });
+}
+
+const char* slicecorr_setup_error_text(const slicecorr_setup* setup) {
+  return setup ? setup->error.c_str() : "";
+}

@@ -1,0 +1,56 @@
+/// A stack of slices in memory: written slice by slice or band by band, read either way.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstdlib>
+#include <memory>
+#include <mutex>
+#include <string>
+
+#include "slicecorr/stack.hpp"
+
+namespace slicecorr::c_api {
+
+/// Each band of each slice is a piece of its own, run-length coded, in a `PieceStore`: 256 MiB in
+/// memory, the rest in a scratch file. What was never put is black. Different slices, and different
+/// bands of `band_rows(grid)` rows, may be put at once; nothing may be put while others read.
+class SliceStore final : public SliceSource {
+ public:
+  SliceStore(const Grid& grid, const std::string& scratch_folder, const Job& job = {});
+
+  const Grid& grid() const override { return grid_; }
+  PixelBox bounds() const override;
+  void read_band(const PixelBox& box, const Sink& sink) const override;
+
+  /// `stride`: bytes from one row to the next; may be negative.
+  void put(int slice, const std::uint8_t* pixels, std::ptrdiff_t stride);
+  void get(int slice, std::uint8_t* pixels, std::ptrdiff_t stride) const;
+  /// Columns and rows of `box`, which lies in one band; all else in the band's slice is black.
+  /// Null: black.
+  void put_band(int slice, const PixelBox& box, const std::uint8_t* rows);
+
+ private:
+  PieceStore::Piece& piece(int band, int slice) const;
+  /// Puts the lit part of rows [y0, y1), columns [x0, x1); `pixels` is at row y0 and column x0.
+  void put_rows(int slice, const PixelBox& box, const std::uint8_t* pixels, std::ptrdiff_t stride);
+  struct Scratch;
+  /// Copies what the piece has of `box` to `out`, which is at the box's first row and column.
+  void copy(const PieceStore::Piece& piece, int band, const PixelBox& box, Scratch& scratch,
+            std::uint8_t* out, std::ptrdiff_t stride) const;
+
+  Grid grid_;
+  int rows_;
+  PieceStore store_;
+  /// Band by band; of size 0 where it is black. Zeroed memory of the system, so that black bands
+  /// take none.
+  std::unique_ptr<PieceStore::Piece[], decltype(&std::free)> index_;
+  PixelBox bounds_;
+  mutable std::mutex mutex_;  ///< of bounds
+};
+
+/// Copies all of `source`, in parallel.
+std::unique_ptr<SliceStore> keep_slices(const SliceSource& source, const std::string& stage,
+                                        const std::string& scratch_folder, const Job& job);
+
+}  // namespace slicecorr::c_api

@@ -1,0 +1,345 @@
+// Checking, correcting, verifying: the pipeline behind the C interface.
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <numeric>
+#include <optional>
+
+#include "c_api/handles.hpp"
+#include "slicecorr/dead_zone.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/inhibited.hpp"
+#include "slicecorr/version.hpp"
+
+namespace slicecorr::c_api {
+
+namespace {
+
+/// How messages name a stack.
+std::string name_of(const slicecorr_stack& stack) {
+  return stack.path.empty() ? "the stack in memory" : stack.path;
+}
+
+Setup setup_for_target(const slicecorr_stack& target, const slicecorr_setup* setup) {
+  check_design(target.info, name_of(target));
+  return resolve_setup(need(setup, "setup").choices, nullptr, &target.info, ChoiceNames::fields);
+}
+
+/// What an archive does not say: as the caller said, else from the printer.
+MissingFacts missing_facts(const slicecorr_stack& stack, const Printer& printer) {
+  MissingFacts m = stack.missing;
+  const Grid& g = stack.info.grid;
+  if (!(g.pixel_x_um > 0) && !(m.pixel_x_um > 0)) m.pixel_x_um = printer.pixel_x_um;
+  if (!(g.pixel_y_um > 0) && !(m.pixel_y_um > 0)) m.pixel_y_um = printer.pixel_y_um;
+  return m;
+}
+
+/// The images of a stack, read when they are not in memory.
+class Images {
+ public:
+  Images(const slicecorr_stack& stack, const Printer& printer, const std::string& folder,
+         const Job& job)
+      : slices_(stack.slices) {
+    if (!slices_) reader_.emplace(stack.path, folder, job, missing_facts(stack, printer));
+  }
+  const SliceSource& source() const {
+    return slices_ ? static_cast<const SliceSource&>(*slices_) : *reader_;
+  }
+
+ private:
+  std::shared_ptr<const SliceStore> slices_;
+  std::optional<StackReader> reader_;
+};
+
+/// Size and scale without images.
+class GridOnly final : public SliceSource {
+ public:
+  explicit GridOnly(const Grid& grid) : grid_(grid) {}
+  const Grid& grid() const override { return grid_; }
+  PixelBox bounds() const override { return {}; }
+  void read_band(const PixelBox&, const Sink&) const override {}
+
+ private:
+  Grid grid_;
+};
+
+/// A source on the way: sums its coverage, stops when the job is cancelled.
+class Watched final : public SliceSource {
+ public:
+  Watched(const SliceSource& source, const Job& job) : source_(source), job_(job) {}
+  const Grid& grid() const override { return source_.grid(); }
+  PixelBox bounds() const override { return source_.bounds(); }
+  void read_band(const PixelBox& band, const Sink& sink) const override {
+    const auto size =
+        static_cast<std::size_t>(band.width()) * static_cast<std::size_t>(band.height());
+    std::uint64_t sum = 0;
+    source_.read_band(band, [&](int n, const std::uint8_t* rows) {
+      if ((n & 63) == 0) job_.check_cancelled();
+      if (rows) sum = std::accumulate(rows, rows + size, sum);
+      sink(n, rows);
+    });
+    sum_ += sum;
+  }
+  std::uint64_t sum() const { return sum_; }
+
+ private:
+  const SliceSource& source_;
+  const Job& job_;
+  mutable std::atomic<std::uint64_t> sum_{0};
+};
+
+void tell_notice(const Setup& setup, const Job& job) {
+  const std::string text = setup_notice(setup, ChoiceNames::fields);
+  if (!text.empty()) job.tell(text);
+}
+
+/// Where a stack goes: in the format that the path ends in, or in its own when it ends so, too, or
+/// goes to where it came from. What else is in the archive is kept with `keep_others`, in the same
+/// format.
+StackFile output_file(const slicecorr_stack& stack, const char* path, bool keep_others) {
+  StackFile file(&need(path, "path"));
+  if (file.path.empty()) throw InputError("the path of the output is empty");
+  if (!stack.path.empty()) {
+    std::error_code none;
+    bool own = std::filesystem::equivalent(file.path, stack.path, none);
+    for (const FormatInfo& format : archive_formats()) {
+      own |= format.name == stack.info.format &&
+             std::any_of(format.endings.begin(), format.endings.end(),
+                         [&](const std::string& ending) { return file.path.ends_with(ending); });
+    }
+    if (own) file.format = stack.info.format;
+  }
+  if (format_of(file) == stack.info.format && keep_others) file.keep_from = stack.path;
+  return file;
+}
+
+std::vector<double> uv_of_pixel(const CureModel& model) {
+  std::vector<double> table;
+  if (!model.inhibited || model.inhibited->uv_levels().empty()) return table;
+  const auto levels = static_cast<int>(model.level_phi.size());
+  for (int v = 0; v < 256; ++v) {
+    const auto level = static_cast<std::size_t>(level_of_pixel(v, levels));
+    table.push_back(pixel_of_level(model.inhibited->uv_levels()[level], levels));
+  }
+  return table;
+}
+
+void refuse_window_cure(const Prediction& p, const Process& process) {
+  if (!p.dead_zones || p.dead_zones->cured_pixels == 0 || process.allow_window_cure) return;
+  throw InfeasibleError(
+      fmt::format("the resin cures to the window at {} pixels, first in slice {}: UV light does "
+                  "not hold a dead "
+                  "zone there; use more UV light, print slower, or allow it with window_cure",
+                  p.dead_zones->cured_pixels, p.dead_zones->cured_slice));
+}
+
+struct InMemory {
+  std::unique_ptr<slicecorr_stack> stack;
+  std::unique_ptr<slicecorr_figures> after;
+};
+
+InMemory correct_in_memory(const slicecorr_stack& target, const slicecorr_setup* asked,
+                           slicecorr_job* handle, bool with_after) {
+  const Job job = job_of(handle);
+  const std::string folder = scratch_folder(handle);
+  Setup setup = setup_for_target(target, asked);
+  tell_notice(setup, job);
+  const Images images(target, setup.printer, folder, job);
+  const SliceSource& source = images.source();
+  setup.process = schedule_uv(source, setup, job);
+  const Watched watched(source, job);
+  const CorrectedSlices corrected(watched, setup);
+  InMemory result;
+  result.stack = std::make_unique<slicecorr_stack>();
+  slicecorr_stack& stack = *result.stack;
+  stack.slices = keep_slices(corrected, "correct", folder, job);
+  if (watched.sum() == 0) {
+    throw InputError("nothing in the part is solid: all slices are empty");
+  }
+  const CureModel model =
+      make_cure_model(setup.printer, setup.resin, setup.process, source.grid().layer_um);
+  if (with_after || model.inhibited) {
+    const Prediction p = verify_stack(*stack.slices, source, setup, job);
+    refuse_window_cure(p, setup.process);
+    if (with_after) result.after = figures_of(p);
+  }
+  const Grid& g = source.grid();
+  stack.info.grid = corrected.grid();
+  stack.info.kind = StackKind::corrected;
+  stack.info.target_layers = g.layers;
+  stack.info.part_volume_mm3 =
+      static_cast<double>(watched.sum()) / 255.0 * g.pixel_x_um * g.pixel_y_um * g.layer_um * 1e-9;
+  stack.info.program = std::string("slicecorr ") + version;
+  stack.uv_of_pixel = uv_of_pixel(model);
+  stack.info.printer = std::move(setup.printer);
+  stack.info.resin = std::move(setup.resin);
+  stack.info.process = std::move(setup.process);
+  job.check_cancelled();
+  return result;
+}
+
+/// What `stack` prints; of a target, too, with the UV light that its correction would choose.
+Prediction verify(const slicecorr_stack& stack, const slicecorr_stack& target, Setup setup,
+                  slicecorr_job* handle) {
+  const Job job = job_of(handle);
+  const std::string folder = scratch_folder(handle);
+  const Images shown(stack, setup.printer, folder, job);
+  std::optional<Images> design;
+  if (&target != &stack) design.emplace(target, setup.printer, folder, job);
+  if (!design) setup.process = schedule_uv(shown.source(), setup, job);
+  const Prediction p =
+      verify_stack(shown.source(), design ? design->source() : shown.source(), setup, job);
+  job.check_cancelled();
+  return p;
+}
+
+}  // namespace
+
+}  // namespace slicecorr::c_api
+
+using namespace slicecorr::c_api;
+
+slicecorr_status slicecorr_check(const slicecorr_stack* target, const slicecorr_setup* setup,
+                                 slicecorr_job* handle) {
+  return guarded(error_of(handle), [&] {
+    const slicecorr_stack& t = need(target, "target");
+    const slicecorr::Job job = job_of(handle);
+    const slicecorr::Setup s = setup_for_target(t, setup);
+    slicecorr::Grid grid = t.info.grid;
+    const slicecorr::MissingFacts missing = missing_facts(t, s.printer);
+    if (missing.pixel_x_um > 0) grid.pixel_x_um = missing.pixel_x_um;
+    if (missing.pixel_y_um > 0) grid.pixel_y_um = missing.pixel_y_um;
+    if (missing.layer_um > 0) grid.layer_um = missing.layer_um;
+    if (!(grid.layer_um > 0)) {
+      throw slicecorr::InputError(name_of(t), "layer_um",
+                                  "the archive does not say it; expected "
+                                  "slicecorr_stack_set_number()");
+    }
+    tell_notice(s, job);
+    slicecorr::plan_correction(GridOnly(grid), s);
+  });
+}
+
+slicecorr_status slicecorr_correct(const slicecorr_stack* target, const slicecorr_setup* setup,
+                                   const char* path, slicecorr_job* handle,
+                                   slicecorr_figures** after, slicecorr_figures** before) {
+  return guarded(error_of(handle), [&] {
+    if (after) *after = nullptr;
+    if (before) *before = nullptr;
+    const slicecorr_stack& t = need(target, "target");
+    // Ours hold nothing else.
+    const slicecorr::StackFile file =
+        output_file(t, path, t.info.kind == slicecorr::StackKind::foreign);
+    const slicecorr::Job job = job_of(handle);
+    const slicecorr::Setup s = setup_for_target(t, setup);
+    tell_notice(s, job);
+    const Images images(t, s.printer, scratch_folder(handle, file.path), job);
+    const slicecorr::Correction done =
+        slicecorr::correct_stack(images.source(), s, file, before != nullptr, job);
+    auto figures_after = after ? figures_of(done.after) : nullptr;
+    if (before) *before = figures_of(*done.before).release();
+    if (after) *after = figures_after.release();
+  });
+}
+
+slicecorr_status slicecorr_correct_in_memory(const slicecorr_stack* target,
+                                             const slicecorr_setup* setup, slicecorr_job* job,
+                                             slicecorr_stack** corrected,
+                                             slicecorr_figures** after) {
+  return guarded(error_of(job), [&] {
+    if (after) *after = nullptr;
+    Output output(corrected, "corrected");
+    InMemory made = correct_in_memory(need(target, "target"), setup, job, after != nullptr);
+    output.give(std::move(made.stack));
+    if (after) *after = made.after.release();
+  });
+}
+
+slicecorr_status slicecorr_correct_slices(const slicecorr_grid* grid, slicecorr_slice_source source,
+                                          void* source_user, const slicecorr_setup* setup,
+                                          slicecorr_job* job, slicecorr_slice_sink sink,
+                                          void* sink_user, slicecorr_figures** after) {
+  return guarded(error_of(job), [&] {
+    if (after) *after = nullptr;
+    need(source, "source");
+    need(sink, "sink");
+    slicecorr_stack* created = nullptr;
+    const slicecorr_status status = slicecorr_stack_create(grid, &created);
+    const std::unique_ptr<slicecorr_stack> target(created);
+    if (status == SLICECORR_BAD_INPUT) throw slicecorr::InputError(slicecorr_error_text());
+    if (status != SLICECORR_OK) throw BadCall(slicecorr_error_text());
+
+    const slicecorr::Job running = job_of(job);
+    const auto size =
+        static_cast<std::size_t>(grid->width_px) * static_cast<std::size_t>(grid->height_px);
+    std::vector<std::uint8_t> pixels(size);
+    // A callback's own exceptions must not look like errors of the library.
+    const auto stop_if = [](auto&& call) {
+      int stop = 0;
+      try {
+        stop = call();
+      } catch (...) {
+        throw BadCall("a callback threw an exception");
+      }
+      if (stop != 0) throw slicecorr::Cancelled();
+    };
+    for (int n = 0; n < grid->layers; ++n) {
+      running.check_cancelled();
+      std::fill(pixels.begin(), pixels.end(), std::uint8_t{0});
+      stop_if([&] { return source(source_user, n, pixels.data()); });
+      target->slices->put(n, pixels.data(), grid->width_px);
+    }
+    InMemory made = correct_in_memory(*target, setup, job, after != nullptr);
+    const int slices = made.stack->info.grid.layers;
+    for (int n = 0; n < slices; ++n) {
+      running.check_cancelled();
+      made.stack->slices->get(n, pixels.data(), grid->width_px);
+      stop_if([&] { return sink(sink_user, n, slices, pixels.data()); });
+    }
+    if (after) *after = made.after.release();
+  });
+}
+
+slicecorr_status slicecorr_verify(const slicecorr_stack* stack, const slicecorr_stack* target,
+                                  const slicecorr_setup* setup, slicecorr_job* job,
+                                  slicecorr_figures** figures) {
+  return guarded(error_of(job), [&] {
+    Output output(figures, "figures");
+    const slicecorr_stack& shown = need(stack, "stack");
+    const slicecorr_stack& design = need(target, "target");
+    slicecorr::check_design(design.info, name_of(design));
+    const slicecorr::SetupChoices choices = setup ? setup->choices : slicecorr::SetupChoices{};
+    const slicecorr::Setup s =
+        slicecorr::resolve_setup(choices, &shown.info, &shown.info, slicecorr::ChoiceNames::fields);
+    output.give(figures_of(verify(shown, design, s, job)));
+  });
+}
+
+slicecorr_status slicecorr_predict(const slicecorr_stack* target, const slicecorr_setup* setup,
+                                   slicecorr_job* job, slicecorr_figures** figures) {
+  return guarded(error_of(job), [&] {
+    Output output(figures, "figures");
+    const slicecorr_stack& t = need(target, "target");
+    output.give(figures_of(verify(t, t, setup_for_target(t, setup), job)));
+  });
+}
+
+slicecorr_status slicecorr_convert(const slicecorr_stack* stack, const char* path,
+                                   slicecorr_job* handle) {
+  return guarded(error_of(handle), [&] {
+    const slicecorr_stack& s = need(stack, "stack");
+    const slicecorr::StackFile file = output_file(s, path, !s.path.empty());
+    const slicecorr::Job job = job_of(handle);
+    if (!s.path.empty()) {
+      const slicecorr::StackReader reader(s.path, scratch_folder(handle, file.path), job,
+                                          s.missing);
+      slicecorr::convert_stack(reader, file, job);
+    } else if (s.info.kind == slicecorr::StackKind::target) {
+      slicecorr::write_target(*s.slices, file, job);
+    } else {
+      throw BadCall("a stack corrected in memory has no archive; expected slicecorr_correct()");
+    }
+  });
+}

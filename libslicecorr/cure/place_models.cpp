@@ -1,0 +1,105 @@
+#include "slicecorr/places.hpp"
+
+namespace slicecorr {
+
+struct PlaceModels::Made {
+  CureModel model;
+  PixelCurve curve;
+};
+
+PlaceModels::PlaceModels(const Printer& printer, const Resin& resin, const Process& process,
+                         const Grid& images, const ImageFrame& frame)
+    : printer_(printer),
+      resin_(resin),
+      process_(process),
+      layer_um_(images.layer_um),
+      map_(printer, images, frame) {
+  printer_.flat_field.reset();
+}
+
+PlaceModels::PlaceModels(const CureModel& everywhere) : layer_um_(everywhere.layer_um) {
+  made_[map_.reference()] = std::make_unique<Made>(Made{everywhere, pixel_curve(everywhere)});
+}
+
+PlaceModels::~PlaceModels() = default;
+
+Printer PlaceModels::printer_at(std::uint8_t value) const {
+  return value == map_.reference() ? printer_ : dimmed(printer_, map_.factor(value));
+}
+
+const CureModel& PlaceModels::model(std::uint8_t value) const {
+  const std::lock_guard lock(making_[value]);
+  std::unique_ptr<Made>& made = made_[value];
+  if (!made) {
+    const double factor = value == map_.reference() ? 1.0 : map_.factor(value);
+    const double brightest = even() ? 1.0 : map_.factor(map_.greatest());
+    CureModel model = make_cure_model(printer_, resin_, process_, layer_um_, {factor, brightest});
+    const PixelCurve curve = pixel_curve(model);
+    made = std::make_unique<Made>(Made{std::move(model), curve});
+  }
+  return made->model;
+}
+
+const PixelCurve& PlaceModels::curve(std::uint8_t value) const {
+  model(value);
+  return made_[value]->curve;
+}
+
+namespace {
+
+std::vector<LightGroup> groups_of(const LightMap& map, const PixelBox& box) {
+  if (!map.even()) return light_groups(map, box, nullptr);
+  // One group whose columns nobody asks for.
+  return {{map.reference(), {}}};
+}
+
+std::vector<LightGroup> groups_of(const LightMap& map, const std::vector<Pixel>& pixels) {
+  if (map.even()) return {{map.reference(), {}}};
+  std::vector<LightGroup> groups(256);
+  for (std::size_t i = 0; i < pixels.size(); ++i) {
+    const std::uint8_t value = map.value(pixels[i].x, pixels[i].y);
+    groups[value].value = value;
+    groups[value].columns.push_back(static_cast<std::uint32_t>(i));
+  }
+  std::erase_if(groups, [](const LightGroup& g) { return g.columns.empty(); });
+  return groups;
+}
+
+}  // namespace
+
+PlaceDose::PlaceDose(const PlaceModels& models, const PixelBox& box)
+    : PlaceDose(models, groups_of(models.map(), box),
+                static_cast<std::size_t>(box.width()) * static_cast<std::size_t>(box.height())) {}
+
+PlaceDose::PlaceDose(const PlaceModels& models, const std::vector<Pixel>& pixels)
+    : PlaceDose(models, groups_of(models.map(), pixels), pixels.size()) {}
+
+PlaceDose::PlaceDose(const PlaceModels& models, std::vector<LightGroup> groups,
+                     std::size_t columns) {
+  for (LightGroup& g : groups) {
+    const std::size_t size = groups.size() == 1 ? columns : g.columns.size();
+    parts_.push_back({BandDose(models.model(g.value), size), std::move(g.columns)});
+  }
+  if (parts_.size() == 1) return;
+  gathered_.resize(columns);
+  for (auto* doses : {&lower_, &middle_, &upper_}) doses->resize(columns);
+}
+
+void PlaceDose::add_slice(int slice, const std::uint8_t* pixels) {
+  if (parts_.size() == 1) return parts_[0].dose.add_slice(slice, pixels);
+  for (Part& part : parts_) {
+    const std::size_t n = part.columns.size();
+    if (pixels) {
+      for (std::size_t k = 0; k < n; ++k) gathered_[k] = pixels[part.columns[k]];
+    }
+    part.dose.add_slice(slice, pixels ? gathered_.data() : nullptr);
+    for (std::size_t k = 0; k < n; ++k) {
+      const std::uint32_t at = part.columns[k];
+      lower_[at] = part.dose.lower()[k];
+      middle_[at] = part.dose.middle()[k];
+      upper_[at] = part.dose.upper()[k];
+    }
+  }
+}
+
+}  // namespace slicecorr

@@ -1,0 +1,335 @@
+/**
+ * @file slicecorr.h
+ * The C interface of slicecorr: what a slicer links to correct its slices before it writes them, or
+ * the archive that it wrote. C99 or later, C++ too. Link libslicecorr.so (pkg-config slicecorr, or
+ * CMake's slicecorr::c). A tour with examples is docs/c-api.md.
+ *
+ * Terms. A *stack* is a pile of 8-bit slices with what is known of them; slice 0 is the first one
+ * shown, next to the build platform. A *target* says what is to be printed: 255 is a pixel filled
+ * with the part, 0 an empty one, between them the share of its area. A *corrected* stack says what
+ * is to be shown: grey levels of one printer, in the scale 0..255. A *setup* is printer, resin and
+ * process. *Figures* are what a stack will print, measured against its target. The dose models and
+ * corrections are those of Pritchard, "Modeling Reaction and Transport Effects in Stereolithographic
+ * 3D Printing" (University of Michigan, 2020), chapter II and appendix A.
+ *
+ * Units are in the names: um, mm_h (mm per hour), s, mj_cm3 (mJ/cm³), mw_cm2 (mW/cm²). Texts are
+ * UTF-8 and end with 0, numbers in texts have a decimal point whatever the locale. Paths are the
+ * bytes that the system takes.
+ *
+ * Errors. Functions that can fail return a slicecorr_status. No exception leaves the library, it
+ * prints nothing, never ends the process and sets no signal handler. The text of the last failure in
+ * this thread is slicecorr_error_text(); setups and jobs keep their own, too. After an error every
+ * handle can be used on or freed, and handles that the call should have given are NULL.
+ *
+ * Ownership. What slicecorr_*_new, _open, _create or an output argument gives is the caller's and is
+ * freed by the _free function of its type, which takes NULL, too. Texts that functions return belong
+ * to their handle and live until it is freed or changed. What the caller passes in is copied or used
+ * during the call only.
+ *
+ * Threads. Different handles may be used in different threads at once. A setup may be read, but not
+ * changed, by several at once; a job is for one call at a time, except slicecorr_job_cancel(). A
+ * stack may be used by several threads at once, and filled by several with different slices, but not
+ * filled, loaded or changed while it is used. Figures and lists never change. Results do not depend
+ * on the number of threads.
+ *
+ * Lasting. Functions, names of settings, codes and structs keep their meaning; new ones are added,
+ * and slicecorr_abi_version() counts that. Structs begin with their size as the caller knows it, so
+ * they can grow. What breaks this gets a new file name (libslicecorr.so.1).
+ */
+#ifndef SLICECORR_H
+#define SLICECORR_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#if defined(__GNUC__)
+#define SLICECORR_API __attribute__((visibility("default")))
+#else
+#define SLICECORR_API
+#endif
+
+/* ---- Version and errors ---------------------------------------------------------------------- */
+
+/** What this header describes; see slicecorr_abi_version(). */
+#define SLICECORR_ABI_VERSION 1
+
+/** The result of a call. Up to 130 the same numbers as the exit codes of the programs. */
+typedef int slicecorr_status;
+enum {
+  SLICECORR_OK = 0,
+  SLICECORR_DEFECT = 1,       /**< a defect of the library; please report its text */
+  SLICECORR_BAD_INPUT = 2,    /**< an input that can't be read, is out of range or does not fit */
+  SLICECORR_INFEASIBLE = 3,   /**< physics forbids it; the text says what would make it feasible */
+  SLICECORR_DEVICE = 4,       /**< disk full or unwritable, out of memory */
+  SLICECORR_MISSED = 5,       /**< a figure is beyond the limit that was asked for */
+  SLICECORR_CANCELLED = 130,  /**< the caller stopped it; nothing half-made is left */
+  SLICECORR_BAD_CALL = 200,   /**< the calling program is wrong: NULL, a struct of no known size */
+  SLICECORR_UNKNOWN_NAME = 201 /**< a name that this version does not know */
+};
+
+/** Version of the library, "0.1.0". */
+SLICECORR_API const char* slicecorr_version(void);
+/** Rises by one whenever something is added. A program built with this header runs with every
+ *  library whose number is at least SLICECORR_ABI_VERSION and whose file name is the same. */
+SLICECORR_API int slicecorr_abi_version(void);
+/** A few words for a status, "physically infeasible"; never NULL. */
+SLICECORR_API const char* slicecorr_status_text(slicecorr_status status);
+/** Why the last call in this thread that returns a status failed: what, where, what was expected
+ *  instead. "" when it did not fail; never NULL. Lives until the thread's next such call. */
+SLICECORR_API const char* slicecorr_error_text(void);
+
+/* ---- Lists ------------------------------------------------------------------------------------ */
+
+/** Names and what they stand for. */
+typedef struct slicecorr_list slicecorr_list;
+
+/** Lists what there is of a kind: "printer" and "resin" (definitions found in $SLICECORR_DB, the
+ *  user's folder and the installed database; text: path), "format" (archives; text: what it is and
+ *  its endings), "setting" (of setups; text: what it means), "property" (of stacks), "figure".
+ *  SLICECORR_UNKNOWN_NAME for other kinds. */
+SLICECORR_API slicecorr_status slicecorr_list_new(const char* kind, slicecorr_list** list);
+SLICECORR_API size_t slicecorr_list_count(const slicecorr_list* list);
+/** NULL when `index` is not below the count. */
+SLICECORR_API const char* slicecorr_list_name(const slicecorr_list* list, size_t index);
+SLICECORR_API const char* slicecorr_list_text(const slicecorr_list* list, size_t index);
+SLICECORR_API void slicecorr_list_free(slicecorr_list* list);
+
+/* ---- Setups: printer, resin, process ---------------------------------------------------------- */
+
+typedef struct slicecorr_setup slicecorr_setup;
+
+/** An empty setup; NULL when there is no memory. */
+SLICECORR_API slicecorr_setup* slicecorr_setup_new(void);
+SLICECORR_API void slicecorr_setup_free(slicecorr_setup* setup);
+
+/** Sets one setting. Names are those of the program's options with _ for -; NULL or "" takes a
+ *  setting back. Numbers may be given as text, too: "800", or "inf" for omega_max.
+ *
+ *  printer, resin        name of a definition, or path of a .toml file
+ *  printer_toml, resin_toml   the text of such a file, in place of a name
+ *  mode                  continuous (the stage moves while slices are shown), layerwise
+ *  speed_mm_h            print speed, continuous
+ *  exposure_s            light-on time of a layer, layerwise; those of the archive when not set
+ *  bottom_exposure_s, bottom_layers, fade_layers   of the first layers, layerwise
+ *  layer_exposure_s      of each layer in place of all these (slicecorr_setup_set_numbers)
+ *  dc_mj_cm3, ha_um      dose to aim at; absorbance height, base 10; instead of the resin's
+ *  omega_max             cap of the dose inside features, in critical doses: inf, or 1 and more
+ *  one_slice_gaps        open (the upper feature loses some height), merge
+ *  platform_features     capped, uncapped: whether omega_max holds for features on the platform
+ *  uv_mw_cm2             inhibiting UV light, the same throughout
+ *  dead_zone_um          or the dead zone at the window that it is to hold
+ *  uv_schedule           constant, per-slice, patterned
+ *  window_cure           refuse, allow: when the resin would cure to the window
+ *  ramp, ramp_mm         none, lamp-follows, outside; distance in which the stage gets its speed
+ *
+ *  Values are checked here as far as they can be alone: SLICECORR_BAD_INPUT. What belongs together
+ *  is checked when the setup is used. */
+SLICECORR_API slicecorr_status slicecorr_setup_set_text(slicecorr_setup* setup, const char* name,
+                                                        const char* value);
+/** The same for a number. NaN takes the setting back. */
+SLICECORR_API slicecorr_status slicecorr_setup_set_number(slicecorr_setup* setup, const char* name,
+                                                          double value);
+/** The same for a list of numbers; `count` 0 takes it back. */
+SLICECORR_API slicecorr_status slicecorr_setup_set_numbers(slicecorr_setup* setup, const char* name,
+                                                           const double* values, size_t count);
+/** As slicecorr_error_text(), for the last call that took this setup first. "" for NULL. */
+SLICECORR_API const char* slicecorr_setup_error_text(const slicecorr_setup* setup);
+
+/* ---- Jobs: how a long call runs and whom it tells --------------------------------------------- */
+
+typedef struct slicecorr_job slicecorr_job;
+
+/** Progress of a stage ("read", "correct", "predict", "write", others may come): the fraction done,
+ *  from 0 to 1, never falling until 1; a stage may come again. Other than 0 cancels the job.
+ *  Called from threads of the library, never from two at once, not even for different jobs: be
+ *  quick, and do not wait for another thread that calls the library. May call the library. */
+typedef int (*slicecorr_progress)(void* user, const char* stage, double fraction);
+/** A remark that a user should see, one line. Called as slicecorr_progress. */
+typedef void (*slicecorr_notice)(void* user, const char* text);
+
+/** A job of all cores that tells nobody; NULL when there is no memory. Functions that take a job
+ *  take NULL for such a one. */
+SLICECORR_API slicecorr_job* slicecorr_job_new(void);
+SLICECORR_API void slicecorr_job_free(slicecorr_job* job);
+/** Number of threads, 1 to 4096; 0 is all cores. */
+SLICECORR_API slicecorr_status slicecorr_job_set_threads(slicecorr_job* job, int threads);
+/** NULL to tell nobody. `user` is passed on. */
+SLICECORR_API slicecorr_status slicecorr_job_set_progress(slicecorr_job* job,
+                                                          slicecorr_progress progress, void* user);
+SLICECORR_API slicecorr_status slicecorr_job_set_notice(slicecorr_job* job, slicecorr_notice notice,
+                                                        void* user);
+/** Folder for scratch files, which appear above 256 MiB of coded slices and have no names: the
+ *  folder of the output, or the system's for temporary files, when not set. */
+SLICECORR_API slicecorr_status slicecorr_job_set_scratch_folder(slicecorr_job* job,
+                                                                const char* folder);
+/** Makes the call that runs with this job, and all later ones, end with SLICECORR_CANCELLED, at the
+ *  latest after the rows at hand (a few million voxels). A call that has nothing left to do but to
+ *  return may still succeed. From any thread, and from signal handlers. Takes NULL. */
+SLICECORR_API void slicecorr_job_cancel(slicecorr_job* job);
+/** Makes a cancelled job usable again. */
+SLICECORR_API slicecorr_status slicecorr_job_reset(slicecorr_job* job);
+/** As slicecorr_error_text(), for the last call that ran with this job or changed it. "" for NULL. */
+SLICECORR_API const char* slicecorr_job_error_text(const slicecorr_job* job);
+
+/* ---- Stacks ----------------------------------------------------------------------------------- */
+
+typedef struct slicecorr_stack slicecorr_stack;
+
+/** Size and scale of a stack in memory. */
+typedef struct slicecorr_grid {
+  size_t struct_size; /**< sizeof(slicecorr_grid) */
+  int32_t width_px;   /**< columns of a slice, 1..65536; those of the printer's display */
+  int32_t height_px;  /**< rows of a slice, 1..65536 */
+  int32_t layers;     /**< number of slices, 1..1000000 */
+  int32_t reserved;   /**< 0 */
+  double pixel_x_um;  /**< width of a pixel on the window, > 0 */
+  double pixel_y_um;  /**< height of a pixel on the window, > 0 */
+  double layer_um;    /**< height of a layer, 0.1..10000 */
+} slicecorr_grid;
+
+/** Opens an archive of any format that slicecorr_list_new("format") lists. Reads what it says, not
+ *  its images: these are read by the calls that need them, or by slicecorr_stack_load(). */
+SLICECORR_API slicecorr_status slicecorr_stack_open(const char* path, slicecorr_stack** stack);
+/** A target in memory, all black. */
+SLICECORR_API slicecorr_status slicecorr_stack_create(const slicecorr_grid* grid,
+                                                      slicecorr_stack** stack);
+SLICECORR_API void slicecorr_stack_free(slicecorr_stack* stack);
+
+/** Sets a slice of a stack in memory: `height_px` rows of `width_px` bytes, `stride` bytes from one
+ *  row to the next (negative when the rows lie from the last to the first; `pixels` is row 0).
+ *  Keeps them run-length coded; what a slice held before stays in memory, too. Different slices may
+ *  be put from several threads at once. */
+SLICECORR_API slicecorr_status slicecorr_stack_put(slicecorr_stack* stack, int slice,
+                                                   const uint8_t* pixels, ptrdiff_t stride);
+/** Writes a slice of a stack in memory to `pixels`, laid out as above. */
+SLICECORR_API slicecorr_status slicecorr_stack_get(const slicecorr_stack* stack, int slice,
+                                                   uint8_t* pixels, ptrdiff_t stride);
+/** Reads all images of an archive into memory, once for all later calls. Does nothing for stacks
+ *  that are there already. */
+SLICECORR_API slicecorr_status slicecorr_stack_load(slicecorr_stack* stack, slicecorr_job* job);
+/** Says what the archive does not say: pixel_x_um, pixel_y_um, layer_um. Where pixel sizes are still
+ *  missing, those of the setup's printer count. SLICECORR_BAD_INPUT when it does say it. */
+SLICECORR_API slicecorr_status slicecorr_stack_set_number(slicecorr_stack* stack, const char* name,
+                                                          double value);
+
+/** What a stack says about itself; 0 where it does not.
+ *
+ *  width_px, height_px, layers, pixel_x_um, pixel_y_um, layer_um
+ *  target_layers         layers of the part; layers also counts slices added after its end
+ *  part_volume_mm3
+ *  exposure_s, bottom_exposure_s, bottom_layers, fade_layers   light-on times
+ *  speed_mm_h            of a corrected continuous stack
+ *  uv_mw_cm2, dead_zone_um
+ *  print_time_s          in which slices are shown, without lifts
+ *  corrected             1 for a corrected stack, else 0
+ *  in_memory             1 when its images are in memory, else 0 */
+SLICECORR_API slicecorr_status slicecorr_stack_number(const slicecorr_stack* stack, const char* name,
+                                                      double* value);
+/** A list of numbers: layer_exposure_s (light-on time of each layer), uv_slice_mw_cm2 (UV intensity
+ *  of each slice), uv_of_pixel (256: UV pixel value to each pixel value of a patterned stack). Writes
+ *  at most `capacity` of them and sets `count` to how many there are; 0 when it does not say. */
+SLICECORR_API slicecorr_status slicecorr_stack_numbers(const slicecorr_stack* stack,
+                                                       const char* name, double* values,
+                                                       size_t capacity, size_t* count);
+/** path, format, kind (target, corrected, foreign), program, mode; printer and resin of a corrected
+ *  stack; printer_profile, material_profile, print_profile as a slicer named them. "" where it does
+ *  not say; NULL for other names and for NULL. */
+SLICECORR_API const char* slicecorr_stack_text(const slicecorr_stack* stack, const char* name);
+
+/* ---- Figures ---------------------------------------------------------------------------------- */
+
+typedef struct slicecorr_figures slicecorr_figures;
+
+/** The main figures. What the words mean: docs/correction.md. Height errors are NaN when no edge was
+ *  designed. */
+typedef struct slicecorr_summary {
+  size_t struct_size; /**< in: sizeof(slicecorr_summary) */
+  uint64_t target_voxels, printed_voxels;
+  uint64_t cure_through_voxels; /**< printed though not designed */
+  uint64_t undercure_voxels;    /**< designed but not printed */
+  uint64_t lost_features, merged_features;
+  double iou;                      /**< overlap of print and design, 0..1 */
+  double mean_abs_height_error_um; /**< at designed edges */
+  double p95_abs_height_error_um, max_abs_height_error_um;
+} slicecorr_summary;
+
+/** Fills what the caller's struct has room for, by its struct_size. */
+SLICECORR_API slicecorr_status slicecorr_figures_summary(const slicecorr_figures* figures,
+                                                         slicecorr_summary* summary);
+/** One figure by its place in the JSON text: "iou", "height_error_um.max_abs". NaN when there is
+ *  nothing that it could be measured at. */
+SLICECORR_API slicecorr_status slicecorr_figures_number(const slicecorr_figures* figures,
+                                                        const char* name, double* value);
+/** SLICECORR_MISSED when the figure is above `most`. */
+SLICECORR_API slicecorr_status slicecorr_figures_require(const slicecorr_figures* figures,
+                                                         const char* name, double most);
+/** All figures, as `slicecorr verify --json` writes them. NULL for NULL. */
+SLICECORR_API const char* slicecorr_figures_json(const slicecorr_figures* figures);
+SLICECORR_API void slicecorr_figures_free(slicecorr_figures* figures);
+
+/* ---- The work --------------------------------------------------------------------------------- */
+
+/** Whether `setup` can print `target` at all: size, scale, stage, light. Looks at no image. */
+SLICECORR_API slicecorr_status slicecorr_check(const slicecorr_stack* target,
+                                               const slicecorr_setup* setup, slicecorr_job* job);
+
+/** Corrects `target` and writes the archive `path`, in the format that its ending names. When target
+ *  is another program's archive of the same format, all else that is in it is kept. `path` may be
+ *  its own: it is then corrected in place. The archive appears whole or not at all, and replaces
+ *  what was there in one step. A corrected stack is not corrected again: SLICECORR_BAD_INPUT.
+ *
+ *  `after` and `before`: what the corrected and the uncorrected slices print; NULL when not wanted,
+ *  which saves time for `before`. */
+SLICECORR_API slicecorr_status slicecorr_correct(const slicecorr_stack* target,
+                                                 const slicecorr_setup* setup, const char* path,
+                                                 slicecorr_job* job, slicecorr_figures** after,
+                                                 slicecorr_figures** before);
+
+/** The same without a file: `corrected` becomes a stack in memory, of as many slices as the part
+ *  needs (more than `target` where light after its end is needed), to be read by
+ *  slicecorr_stack_get(). Its pixels equal those of slicecorr_correct(). `after` costs a pass more
+ *  here. */
+SLICECORR_API slicecorr_status slicecorr_correct_in_memory(const slicecorr_stack* target,
+                                                           const slicecorr_setup* setup,
+                                                           slicecorr_job* job,
+                                                           slicecorr_stack** corrected,
+                                                           slicecorr_figures** after);
+
+/** Gives or takes one slice; `pixels` are height_px rows of width_px bytes without gaps, black when
+ *  a source is asked. Other than 0 cancels the call. Both are called in the calling thread, from the
+ *  first slice to the last, first all of the source, then all of the sink. */
+typedef int (*slicecorr_slice_source)(void* user, int slice, uint8_t* pixels);
+typedef int (*slicecorr_slice_sink)(void* user, int slice, int slices, const uint8_t* pixels);
+
+/** slicecorr_correct_in_memory() for slices that callbacks give and take. */
+SLICECORR_API slicecorr_status slicecorr_correct_slices(
+    const slicecorr_grid* grid, slicecorr_slice_source source, void* source_user,
+    const slicecorr_setup* setup, slicecorr_job* job, slicecorr_slice_sink sink, void* sink_user,
+    slicecorr_figures** after);
+
+/** Predicts what `stack` prints, against `target`. `setup` may be NULL for a corrected stack, which
+ *  says how it is printed; what a setup says counts before that. */
+SLICECORR_API slicecorr_status slicecorr_verify(const slicecorr_stack* stack,
+                                                const slicecorr_stack* target,
+                                                const slicecorr_setup* setup, slicecorr_job* job,
+                                                slicecorr_figures** figures);
+
+/** Predicts what `target` prints when its slices are shown as they are. */
+SLICECORR_API slicecorr_status slicecorr_predict(const slicecorr_stack* target,
+                                                 const slicecorr_setup* setup, slicecorr_job* job,
+                                                 slicecorr_figures** figures);
+
+/** Writes a stack into another archive, in the format that the ending of `path` names, with all that
+ *  both formats can say; what is lost is told as a notice. Archives, and targets in memory. */
+SLICECORR_API slicecorr_status slicecorr_convert(const slicecorr_stack* stack, const char* path,
+                                                 slicecorr_job* job);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif /* SLICECORR_H */

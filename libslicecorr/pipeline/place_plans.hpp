@@ -1,0 +1,92 @@
+/// Corrections and predictions of bands whose columns do not all get the same light.
+#pragma once
+
+#include <array>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <vector>
+
+#include "base/band_tape.hpp"
+#include "slicecorr/pipeline.hpp"
+#include "slicecorr/places.hpp"
+
+namespace slicecorr::detail {
+
+/// The plans of a correction by value of light. Thread-safe.
+class PlacePlans {
+ public:
+  /// Checks that `setup` can print `target` everywhere; throws as `correct_stack`. Reads the target
+  /// once when it is not clear without which of its places are lit.
+  PlacePlans(const SliceSource& target, const Setup& setup, const Job& job);
+
+  const PlaceModels& models() const { return models_; }
+  bool even() const { return models_.even(); }
+  int layers() const { return layers_; }
+  /// Slices that will be shown: as many as the dimmest lit place needs.
+  int all_layers() const { return all_layers_; }
+  int levels() const { return levels_; }
+  /// Of a value that occurs in a lit column.
+  const CorrectionPlan& plan(std::uint8_t value) const;
+  /// Of a display whose light is even, or of a place that gets the light of the calibration.
+  const CorrectionPlan& plan() const { return plan(models_.map().reference()); }
+
+ private:
+  void check_uneven(const SliceSource& target, const Setup& setup, const Job& job);
+
+  Process process_;
+  PlaceModels models_;
+  int layers_, all_layers_ = 0, levels_;
+  mutable std::array<std::mutex, 256> making_;
+  mutable std::array<std::unique_ptr<const CorrectionPlan>, 256> plans_;
+};
+
+/// Gives the rows of a band's slices, first slice first, to a sink.
+using BandReader = std::function<void(const SliceSource::Sink&)>;
+
+/// A band read once and taken apart: columns that are lit in any of its sources, by value of light.
+struct GroupedBand {
+  struct Group {
+    std::uint8_t value = 0;
+    std::vector<std::uint32_t> columns;  ///< of the band
+    std::vector<BandTape> sources;       ///< rows of these columns, by reader
+    BandReader reader(std::size_t source) const;
+  };
+  std::vector<Group> groups;
+
+  GroupedBand(const LightMap& map, const PixelBox& band, const std::vector<BandReader>& readers);
+};
+
+/// Pixels of the columns of a group.
+inline BandPredictor::Place place_in(const PixelBox& band,
+                                     const std::vector<std::uint32_t>& columns) {
+  const auto width = static_cast<std::uint32_t>(band.width());
+  return [&columns, band, width](std::size_t k) {
+    return Pixel{band.x0 + static_cast<int>(columns[k] % width),
+                 band.y0 + static_cast<int>(columns[k] / width)};
+  };
+}
+
+/// Columns of each value.
+using LightCounts = std::array<std::uint64_t, 256>;
+
+/// What all bands print together with the columns that are in none of their groups.
+Prediction whole_image(const Prediction& in_groups, const PlaceModels& models, const Grid& grid,
+                       int slices, const LightCounts& in_all_groups);
+
+/// Windows of several models together; see WindowTotal. For one thread at a time.
+class PlaceWindows {
+ public:
+  PlaceWindows(const PlaceModels& models, int slices) : models_(models), slices_(slices) {}
+  void merge(std::uint8_t value, const WindowWatch& band);
+  DeadZones result() const;
+  /// Greatest curing intensity of each slice, mW/cm²; 0 where nothing is shown.
+  std::vector<double> greatest_mw_cm2() const;
+
+ private:
+  const PlaceModels& models_;
+  int slices_;
+  std::array<std::unique_ptr<WindowTotal>, 256> totals_;
+};
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,66 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "process/flat_field_keys.hpp"
+#include "slicecorr/process.hpp"
+
+namespace slicecorr {
+
+std::uint8_t FlatField::least() const { return *std::min_element(values->begin(), values->end()); }
+
+std::uint8_t FlatField::greatest() const {
+  return *std::max_element(values->begin(), values->end());
+}
+
+bool FlatField::operator==(const FlatField& o) const {
+  return width_px == o.width_px && height_px == o.height_px && reference == o.reference &&
+         of_plate == o.of_plate && (values == o.values || *values == *o.values);
+}
+
+Grid plate_grid(const Printer& printer) {
+  Grid display;
+  display.width_px = printer.width_px;
+  display.height_px = printer.height_px;
+  display.pixel_x_um = printer.pixel_x_um;
+  display.pixel_y_um = printer.pixel_y_um;
+  return turned(display, turn_from_plate(printer.orientation.value_or(Orientation{})).inverse());
+}
+
+std::string light_in_words(const Printer& printer) {
+  if (!printer.flat_field) return {};
+  const FlatField& f = *printer.flat_field;
+  return fmt::format("{:.3g} to {:.3g} % of the calibration", 100.0 * f.least() / f.reference,
+                     100.0 * f.greatest() / f.reference);
+}
+
+namespace detail {
+
+std::optional<FlatFieldKeys> flat_field_keys(const TomlTable& display) {
+  const toml::node* node = display.node("flat_field");
+  if (!node) {
+    for (const char* key : {"flat_field_frame", "flat_field_reference"}) {
+      if (display.has(key)) display.fail(key, "is given without a flat_field");
+    }
+    return std::nullopt;
+  }
+  if (!node->is_string() || (**node->as_string()).empty()) {
+    display.fail("flat_field", "expected the name of a PNG file");
+  }
+  FlatFieldKeys keys;
+  keys.file = **node->as_string();
+  const std::string frame = display.text("flat_field_frame", "image");
+  if (frame != "image" && frame != "plate") {
+    display.fail("flat_field_frame",
+                 fmt::format("is '{}'; expected \"image\" or \"plate\"", frame));
+  }
+  keys.of_plate = frame == "plate";
+  if (display.has("flat_field_reference")) {
+    keys.reference = display.required_integer("flat_field_reference", 1, 255);
+  }
+  return keys;
+}
+
+}  // namespace detail
+
+}  // namespace slicecorr

@@ -1,0 +1,47 @@
+#include "stack/flat_field_entry.hpp"
+
+#include <isa-l.h>
+
+#include <algorithm>
+
+#include "slicecorr/error.hpp"
+
+namespace slicecorr::detail {
+
+std::uint32_t flat_field_crc32(const FlatField& field) {
+  std::uint32_t crc = 0;
+  constexpr std::size_t piece = std::size_t{1} << 30;
+  for (std::size_t at = 0; at < field.values->size(); at += piece) {
+    crc =
+        crc32_gzip_refl(crc, field.values->data() + at, std::min(piece, field.values->size() - at));
+  }
+  return crc;
+}
+
+void add_flat_field(const StackInfo& info, ContainerOutput& output) {
+  if (!info.printer || !info.printer->flat_field) return;
+  const FlatField& field = *info.printer->flat_field;
+  output.add(flat_field_entry,
+             encode_png(GreyImage{field.width_px, field.height_px, *field.values}));
+}
+
+void read_flat_field(const Container& archive, ArchiveContents& contents) {
+  if (!contents.info.printer || !contents.info.printer->flat_field) return;
+  FlatField& field = *contents.info.printer->flat_field;
+  const Container::Entry* const entry = archive.find(flat_field_entry);
+  if (entry == nullptr) throw InputError(archive.path(), flat_field_entry, "is missing");
+  const std::uint64_t limit = 2 * std::uint64_t{static_cast<unsigned>(field.width_px)} *
+                                  static_cast<unsigned>(field.height_px) +
+                              (1 << 20);
+  std::vector<std::uint8_t> png;
+  archive.read(*entry, limit, png);
+  GreyImage image =
+      decode_png(png, field.width_px, field.height_px, archive.path(), flat_field_entry);
+  field.values = std::make_shared<const std::vector<std::uint8_t>>(std::move(image.pixels));
+  if (flat_field_crc32(field) != contents.flat_field_crc32 || field.greatest() == 0) {
+    throw InputError(archive.path(), flat_field_entry,
+                     "is not the flat-field that the stack was corrected with");
+  }
+}
+
+}  // namespace slicecorr::detail

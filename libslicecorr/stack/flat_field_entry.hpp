@@ -1,0 +1,22 @@
+/// @file flat_field_entry.hpp
+/// The picture of a printer's flat-field in the archives of stacks that were corrected with it.
+#pragma once
+
+#include <cstdint>
+
+#include "slicecorr/process.hpp"
+#include "stack/archive_format.hpp"
+
+namespace slicecorr::detail {
+
+inline constexpr const char* flat_field_entry = "slicecorr/flat-field.png";
+
+/// CRC-32 of the values, row by row.
+std::uint32_t flat_field_crc32(const FlatField& field);
+/// Adds the entry when the stack's printer has a flat-field.
+void add_flat_field(const StackInfo& info, ContainerOutput& output);
+/// Reads the picture that our block speaks of. Throws `InputError` when it is missing, or not the
+/// one of the block.
+void read_flat_field(const Container& archive, ArchiveContents& contents);
+
+}  // namespace slicecorr::detail

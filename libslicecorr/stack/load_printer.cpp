@@ -1,0 +1,115 @@
+// Printer files with the picture of their flat-field; here because the room of images is this one.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstring>
+#include <filesystem>
+
+#include "process/flat_field_keys.hpp"
+#include "process/toml_table.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/stack.hpp"
+
+namespace slicecorr {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Width or height in the header of a PNG.
+std::uint32_t big_endian(const std::vector<std::uint8_t>& bytes, std::size_t at) {
+  return (std::uint32_t{bytes[at]} << 24) | (std::uint32_t{bytes[at + 1]} << 16) |
+         (std::uint32_t{bytes[at + 2]} << 8) | bytes[at + 3];
+}
+
+GreyImage read_png(const std::string& path) {
+  const std::string text = read_text_file(path);
+  const std::vector<std::uint8_t> bytes(text.begin(), text.end());
+  constexpr std::uint8_t signature[] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1A, '\n'};
+  if (bytes.size() < 24 || std::memcmp(bytes.data(), signature, sizeof signature) != 0) {
+    throw InputError(path, "", "is no PNG image");
+  }
+  const std::uint32_t width = big_endian(bytes, 16), height = big_endian(bytes, 20);
+  if (width < 1 || height < 1 || width > 65536 || height > 65536 ||
+      std::uint64_t{width} * height > 1'000'000'000) {
+    throw InputError(path, "",
+                     fmt::format("is {} x {} pixels; expected sides of 1 to 65536 and at most 1e9 "
+                                 "pixels",
+                                 width, height));
+  }
+  return decode_png(bytes, static_cast<int>(width), static_cast<int>(height), path, "flat-field");
+}
+
+/// A map of pixels must have the display's shape; a few measured places may lie in any raster, but
+/// not turned.
+void check_shape(const std::string& path, const FlatField& field, const Printer& printer) {
+  Grid covered;
+  if (field.of_plate) {
+    covered = plate_grid(printer);
+  } else {
+    covered.width_px = printer.width_px;
+    covered.height_px = printer.height_px;
+  }
+  const auto along = [](int w, int h) { return (w > h) - (w < h); };
+  const int is = along(field.width_px, field.height_px);
+  const int wanted = along(covered.width_px, covered.height_px);
+  constexpr int fine = 64;
+  const double shape = 1.0 * field.width_px * covered.height_px;
+  const double shape_wanted = 1.0 * field.height_px * covered.width_px;
+  const bool off = field.width_px >= fine && field.height_px >= fine &&
+                   std::abs(shape - shape_wanted) > 0.02 * shape_wanted;
+  if (off || is * wanted < 0) {
+    throw InputError(
+        path, "",
+        fmt::format("is {} x {} pixels; expected a picture in the shape of the {}, {} "
+                    "x {} pixels, that covers all of it",
+                    field.width_px, field.height_px, field.of_plate ? "plate" : "display",
+                    covered.width_px, covered.height_px));
+  }
+}
+
+}  // namespace
+
+FlatField load_flat_field(const std::string& path, const Printer& printer, bool of_plate,
+                          std::optional<int> reference) {
+  GreyImage image = read_png(path);
+  FlatField field;
+  field.width_px = image.width_px;
+  field.height_px = image.height_px;
+  field.of_plate = of_plate;
+  field.values = std::make_shared<const std::vector<std::uint8_t>>(std::move(image.pixels));
+  if (field.greatest() == 0) {
+    throw InputError(path, "", "is black; expected relative intensity, white the brightest");
+  }
+  field.reference = reference.value_or(field.greatest());
+  check_shape(path, field, printer);
+  return field;
+}
+
+Printer complete_printer(std::string_view text, const std::string& source) {
+  Printer printer = parse_printer(text, source);
+  const toml::table root_table = parse_toml(text, source);
+  const TomlTable root(root_table, source);
+  const TomlTable display = root.required_table("display");
+  const auto keys = detail::flat_field_keys(display);
+  if (!keys) return printer;
+  fs::path file = keys->file;
+  if (file.is_relative()) file = fs::path(source).parent_path() / file;
+  std::error_code ec;
+  if (!fs::is_regular_file(file, ec)) {
+    display.fail("flat_field", fmt::format("{} is not a file that can be read", file.string()));
+  }
+  try {
+    printer.flat_field = load_flat_field(file.string(), printer, keys->of_plate, keys->reference);
+  } catch (const InputError& e) {
+    display.fail("flat_field", e.what());
+  }
+  return printer;
+}
+
+Printer load_printer(const std::string& name_or_path) {
+  const std::string path = find_definition(name_or_path, "printer");
+  return complete_printer(read_text_file(path), path);
+}
+
+}  // namespace slicecorr

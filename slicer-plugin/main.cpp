@@ -1,0 +1,132 @@
+// The program `slicecorr-post`: corrects the file that a slicer just exported, or watches folders.
+
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <optional>
+
+#include "post/correct_file.hpp"
+#include "program/figures.hpp"
+#include "program/program.hpp"
+#include "watch/watch.hpp"
+
+namespace slicecorr::post {
+namespace {
+
+struct Arguments {
+  Settings settings;
+  std::string file, config, log;
+  bool again = false, undo = false, show_rule = false, json_log = false;
+  WatchOptions watch;
+};
+
+int correct_one(const Arguments& a, const Context& context, const Job& job, cli::Console& console) {
+  if (a.undo) {
+    undo(a.file, context, job);
+    console.say(fmt::format("{}: is the slicer's file again", a.file));
+    return cli::kDone;
+  }
+  if (a.show_rule) {
+    cli::print_result(describe(preview(a.file, context)));
+    return cli::kDone;
+  }
+  // A slicer shows all of stderr when something fails: then the error alone says most.
+  Job quiet = job;
+  std::string remarks;
+  if (context.slicer.by_slicer) {
+    quiet.progress = nullptr;
+    quiet.notice = [&](const std::string& text) { remarks += text + "\n"; };
+  }
+  const Outcome outcome = correct_file(a.file, context, quiet);
+  if (outcome.left_alone) {
+    console.say(fmt::format("{}: left alone, as {} says", a.file,
+                            outcome.rule.empty() ? "the command line or [default]" : outcome.rule));
+    return cli::kDone;
+  }
+  std::string text = fmt::format(
+      "{}{}: {} slices corrected, {}{}\n", remarks, a.file, outcome.correction.info.grid.layers,
+      in_one_line(outcome.setup.printer, outcome.setup.resin, *outcome.correction.info.process),
+      outcome.rule.empty() ? "" : "; " + outcome.rule);
+  for (const std::string& written : outcome.written) text += "  also written: " + written + "\n";
+  console.say(text + cli::summary(outcome.correction.after, outcome.correction.before));
+  return cli::kDone;
+}
+
+int run(const Arguments& a, const CLI::App& app, const Job& job, cli::Console& console) {
+  const bool watching = !a.watch.folders.empty();
+  if (watching == !a.file.empty()) {
+    throw InputError("expected a FILE, as the last argument, or --watch DIR");
+  }
+  if (a.undo && (a.again || a.show_rule)) {
+    throw InputError("--undo stands alone: it corrects nothing");
+  }
+  if (watching && (a.undo || a.again || a.show_rule)) {
+    throw InputError(
+        "--undo, --again and --show-rule are for one FILE; expected it without --watch");
+  }
+  Context context;
+  context.config = load_config(a.config);
+  context.given = given_on(app);
+  context.again = a.again;
+  if (!watching) {
+    context.slicer = slicer_call_from_environment();
+    return correct_one(a, context, job, console);
+  }
+  Log log(a.log, a.json_log);
+  const WatchResult result = watch(a.watch, context, log, job);
+  return result.failed > 0 ? cli::kInput : cli::kDone;
+}
+
+int run_program(int argc, char** argv) {
+  Arguments a;
+  cli::Program program(
+      "slicecorr-post",
+      "Corrects the archive of slices that a slicer just exported, in place, for light that cures "
+      "through; or watches folders and corrects what is exported into them.",
+      "slicecorr-post --printer prusa-sl1s --resin benchy-resin --backup part.sl1");
+  CLI::App* app = nullptr;
+  app = program.only(
+      [&](const Job& job, cli::Console& console) { return run(a, *app, job, console); });
+  app->add_option("FILE", a.file, "Archive to correct in place");
+  a.settings.add_to(*app);
+  app->add_option("--config", a.config,
+                  "Rules and defaults [post.toml in the user's folder of slicecorr]");
+  app->add_flag("--show-rule,--dry-run", a.show_rule,
+                "Say which rule matches FILE and what would be done; change nothing");
+  app->add_flag("--undo", a.undo, "Put the backup of FILE in its place");
+  app->add_flag("--again", a.again, "Correct the backup of a corrected FILE anew");
+  const char* const watching = "Watching";
+  const auto grouped = [&](CLI::Option* option) { return option->group(watching); };
+  grouped(app->add_option("--watch", a.watch.folders, "Folders to watch")->type_name("DIR"))
+      ->expected(1, 1000);
+  grouped(app->add_flag("--recursive", a.watch.recursive, "Folders in them, too"));
+  grouped(app->add_flag("--new-only", a.watch.new_only,
+                        "Leave what is there at the start, but for work that was cut short"));
+  grouped(
+      app->add_flag("--once", a.watch.once, "Correct what is there, then stop; 2 if any failed"));
+  grouped(app->add_option("--jobs", a.watch.jobs, "Files at once; they share the threads"))
+      ->check(CLI::Range(1, 256))
+      ->capture_default_str();
+  grouped(app->add_option("--settle-s", a.watch.settle_s,
+                          "A file is taken when it stayed the same for so long"))
+      ->check(cli::number_in(0, 3600))
+      ->capture_default_str();
+  grouped(app->add_option("--patience-s", a.watch.patience_s,
+                          "A file that is no whole archive is given up when it stayed the same for "
+                          "so long"))
+      ->check(cli::number_in(0, 86400))
+      ->capture_default_str();
+  grouped(app->add_option("--log", a.log, "Add a line per file to FILE [stderr]"));
+  grouped(app->add_flag("--log-json", a.json_log, "Lines of the log as JSON"));
+  grouped(app->add_flag("--notify", a.watch.notify, "Desktop notifications through notify-send"));
+  grouped(app->add_option("--on-done", a.watch.on_done,
+                          "Program to run with each corrected file as its argument"));
+  grouped(app->add_option("--on-fail", a.watch.on_fail,
+                          "Program to run with each file that failed as its argument"));
+  return program.run(argc, argv);
+}
+
+}  // namespace
+}  // namespace slicecorr::post
+
+int main(int argc, char** argv) { return slicecorr::post::run_program(argc, argv); }

@@ -1,0 +1,261 @@
+#include "post/correct_file.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "base/temporary.hpp"
+#include "post/files.hpp"
+#include "program/program.hpp"
+#include "slicecorr/report.hpp"
+
+namespace slicecorr::post {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+/// Symbolic links stay: what they lead to is changed.
+std::string real_path(const std::string& path) {
+  std::error_code ec;
+  const fs::path real = fs::canonical(path, ec);
+  if (ec || !fs::is_regular_file(real, ec)) {
+    throw InputError(path, "",
+                     fs::is_directory(path, ec)
+                         ? "is a folder; expected an archive of slices, or --watch"
+                         : "is not a file that can be read");
+  }
+  return real.string();
+}
+
+/// The name that the file has for the user: that of the export, where a slicer hands us a copy.
+std::string name_for_user(const std::string& real, const Context& context) {
+  return context.slicer.output_name.empty() ? real : context.slicer.output_name;
+}
+
+std::string backup_of(const std::string& real, const Context& context) {
+  return name_for_user(real, context) + ".orig";
+}
+
+/// What the library says of a setup does not tell of which file.
+template <typename Body>
+auto naming(const std::string& path, const Body& body) {
+  const auto named = [&](const std::string& text) {
+    return text.find(path) != std::string::npos ? text : path + ": " + text;
+  };
+  try {
+    return body();
+  } catch (const AlreadyCorrected&) {
+    throw;
+  } catch (const NotReadable&) {
+    throw;
+  } catch (const InUse&) {
+    throw;
+  } catch (const InputError& e) {
+    throw InputError(named(e.what()));
+  } catch (const InfeasibleError& e) {
+    throw InfeasibleError(named(e.what()));
+  }
+}
+
+Lock lock_of(const std::string& path) {
+  auto lock = Lock::try_take(path);
+  if (!lock) throw InUse(path, "", "is being corrected by another slicecorr-post");
+  return std::move(*lock);
+}
+
+/// Whether `backup` is what `corrected` was made from: its images are read to tell.
+void check_belongs(const StackInfo& corrected, const std::string& path, const std::string& backup,
+                   const Job& job) {
+  const auto fail = [&](const std::string& why) {
+    throw InputError(backup, "", fmt::format("is not what {} was made from: {}", path, why));
+  };
+  std::error_code ec;
+  if (!fs::is_regular_file(backup, ec)) {
+    throw InputError(backup, "", fmt::format("is not there; no backup of {} was kept", path));
+  }
+  const StackInfo info = StackReader::read_info(backup);
+  if (info.kind == StackKind::corrected) fail("it is corrected itself");
+  const Grid &g = info.grid, &c = corrected.grid;
+  if (info.format != corrected.format || g.width_px != c.width_px || g.height_px != c.height_px ||
+      g.layers != corrected.target_layers) {
+    fail(fmt::format("it is {} with {} slices of {} x {} pixels; expected {} with {} of {} x {}",
+                     info.format, g.layers, g.width_px, g.height_px, corrected.format,
+                     corrected.target_layers, c.width_px, c.height_px));
+  }
+  MissingFacts facts{c.pixel_x_um, c.pixel_y_um, c.layer_um};
+  if (corrected.printer && !(facts.pixel_x_um > 0)) {
+    facts.pixel_x_um = corrected.printer->pixel_x_um;
+    facts.pixel_y_um = corrected.printer->pixel_y_um;
+  }
+  const StackReader images(backup, cli::folder_of(backup), job, facts);
+  const Grid& grid = images.grid();
+  const double volume_mm3 = static_cast<double>(images.pixel_sum()) / 255.0 * grid.pixel_x_um *
+                            grid.pixel_y_um * grid.layer_um * 1e-9;
+  // A product of the same numbers: it differs by rounding only, while one grey level of one pixel
+  // is 1e-12 of even a trillion.
+  if (std::abs(volume_mm3 - corrected.part_volume_mm3) > 1e-14 * corrected.part_volume_mm3) {
+    fail(fmt::format("its slices hold {:.9g} mm³; expected {:.9g}", volume_mm3,
+                     corrected.part_volume_mm3));
+  }
+}
+
+/// Refuses before the work what would be refused after it.
+void check_backup(const std::string& real, const std::string& backup, const std::string& how) {
+  std::error_code ec;
+  if (!fs::exists(fs::symlink_status(backup, ec)) || how == "replace") return;
+  if (same_contents(real, backup)) return;
+  throw InputError(backup, "",
+                   fmt::format("is there already and is another file than {}; expected it to be "
+                               "moved away, or --backup=replace",
+                               real));
+}
+
+void keep_backup(const std::string& real, const std::string& backup, const std::string& how,
+                 const std::string& scratch) {
+  std::error_code ec;
+  if (fs::exists(fs::symlink_status(backup, ec)) && same_contents(real, backup)) return;
+  // A folder of the slicer's export may be another than that of the copy we are given.
+  std::optional<WorkFolder> beside;
+  const std::string folder = cli::folder_of(backup);
+  if (!fs::equivalent(folder, cli::folder_of(real), ec)) beside.emplace(folder);
+  keep_copy(real, backup, how == "replace", beside ? beside->path() : scratch);
+}
+
+/// Also for the program that is killed: what was in work is found again.
+void note_work(const WorkFolder& work, const std::string& real) {
+  std::ofstream(work.path() + "/in-work", std::ios::binary)
+      << fs::path(real).filename().string() << '\0';
+}
+
+/// Reports are made in the work folder, and put in place before the archive: that is the last step.
+class Reports {
+ public:
+  Reports(const WorkFolder& work, std::string name, std::string kinds)
+      : work_(work), name_(std::move(name)), kinds_(std::move(kinds)) {}
+
+  void make(const SliceSource& target, const Outcome& outcome, const Job& job) const {
+    if (wants("html")) {
+      const Correction& c = outcome.correction;
+      Setup setup = outcome.setup;
+      setup.process = *c.info.process;
+      const CorrectedSlices corrected(target, setup);
+      cli::write_text_file(
+          work_.path() + "/html",
+          make_report(gather_report(corrected, target, setup, c.info, c.after, c.before,
+                                    fs::path(name_).stem().string(), job)));
+    }
+    if (wants("json")) cli::write_text_file(work_.path() + "/json", figures_json(outcome));
+  }
+  void publish(std::vector<std::string>& written) const {
+    for (const char* kind : {"html", "json"}) {
+      if (!wants(kind)) continue;
+      const std::string path = fmt::format("{}.{}", name_, kind);
+      rename_file(work_.path() + "/" + kind, path);
+      written.push_back(path);
+    }
+  }
+
+ private:
+  bool wants(const std::string& kind) const { return kinds_ == kind || kinds_ == "both"; }
+  const WorkFolder& work_;
+  std::string name_, kinds_;
+};
+
+/// The archive that is to be corrected: the file, or its backup with --again.
+std::string source_of(const std::string& real, const Context& context, const Job& job) {
+  if (!context.again) return real;
+  const StackInfo info = read_archive(real);
+  if (info.kind != StackKind::corrected) return real;
+  const std::string backup = backup_of(real, context);
+  check_belongs(info, real, backup, job);
+  return backup;
+}
+
+}  // namespace
+
+std::string figures_json(const Outcome& outcome) {
+  auto figures = nlohmann::ordered_json::parse(outcome.correction.after.to_json());
+  if (outcome.correction.before) {
+    figures["uncorrected"] = nlohmann::ordered_json::parse(outcome.correction.before->to_json());
+  }
+  return figures.dump(2) + "\n";
+}
+
+Decision preview(const std::string& path, const Context& context) {
+  const std::string real = real_path(path);
+  return naming(path, [&] {
+    return decide(source_of(real, context, {}), name_for_user(real, context), context);
+  });
+}
+
+Outcome correct_file(const std::string& path, const Context& context, const Job& job) {
+  const std::string real = real_path(path);
+  const std::string folder = cli::folder_of(real);
+  return naming(path, [&] {
+    const Lock lock = lock_of(real);
+    const auto seen = identity_of(real);
+    WorkFolder::remove_stale(folder);
+    const std::string source = source_of(real, context, job);
+    const Decision decision = decide(source, name_for_user(real, context), context);
+    Outcome outcome;
+    outcome.rule = decision.rule;
+    if (decision.settings.leave_alone) {
+      outcome.left_alone = true;
+      return outcome;
+    }
+    // With --again the source is the backup.
+    const bool keep = !decision.settings.backup.empty() && source == real;
+    const std::string backup = backup_of(real, context);
+    if (keep) check_backup(real, backup, decision.settings.backup);
+    if (const std::string text = cli::notice(decision.setup); !text.empty()) job.tell(text);
+
+    const WorkFolder work(folder);
+    note_work(work, real);
+    const std::string made = work.path() + "/" + fs::path(real).filename().string();
+    const StackReader target(source, work.path(), job, decision.missing);
+    StackFile file(made);
+    file.format = decision.info.format;
+    file.keep_from = source;
+    outcome.setup = decision.setup;
+    outcome.correction = correct_stack(target, decision.setup, file, true, job);
+    const Reports reports(work, name_for_user(real, context), decision.settings.report);
+    reports.make(target, outcome, job);
+    detail::copy_mode(real, made);
+
+    job.check_cancelled();
+    if (identity_of(real) != seen) {
+      throw InUse(path, "", "was changed while it was being corrected; it is left as it is");
+    }
+    if (keep) {
+      keep_backup(real, backup, decision.settings.backup, work.path());
+      outcome.written.push_back(backup);
+    }
+    reports.publish(outcome.written);
+    outcome.identity = identity_of(made).value();
+    rename_file(made, real);
+    detail::sync_folder(folder);
+    return outcome;
+  });
+}
+
+void undo(const std::string& path, const Context& context, const Job& job) {
+  const std::string real = real_path(path);
+  naming(path, [&] {
+    const Lock lock = lock_of(real);
+    const StackInfo info = read_archive(real);
+    if (info.kind != StackKind::corrected) {
+      throw InputError(path, "", "is not corrected: there is nothing to undo");
+    }
+    const std::string backup = backup_of(real, context);
+    check_belongs(info, real, backup, job);
+    rename_file(backup, real);
+    detail::sync_folder(cli::folder_of(real));
+  });
+}
+
+}  // namespace slicecorr::post

@@ -1,0 +1,43 @@
+/// One file that a slicer has exported, corrected in place, and put back.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "post/decide.hpp"
+#include "post/files.hpp"
+#include "slicecorr/parallel.hpp"
+
+namespace slicecorr::post {
+
+/// The file can't be judged now: another run has it, or it was changed meanwhile.
+class InUse : public InputError {
+ public:
+  using InputError::InputError;
+};
+
+struct Outcome {
+  bool left_alone = false;  ///< as a rule says; only `rule` is filled then
+  std::string rule;
+  Setup setup;
+  Correction correction;
+  std::vector<std::string> written;  ///< backup and reports
+  FileIdentity identity;             ///< of the new file
+};
+
+/// Corrects `path`: at any moment the file is either the old or the new one, whole. Throws
+/// `AlreadyCorrected`, `NotReadable`, `InUse`, `InputError`, `InfeasibleError`, `DeviceError`,
+/// `Cancelled`; the file is as it was then.
+Outcome correct_file(const std::string& path, const Context& context, const Job& job);
+
+/// How `correct_file` would go about it. Changes nothing.
+Decision preview(const std::string& path, const Context& context);
+
+/// Puts the backup of a corrected file in its place. Throws `InputError` when there is none, or it
+/// is not what the file was made from.
+void undo(const std::string& path, const Context& context, const Job& job);
+
+/// The figures of an outcome, as reports have them.
+std::string figures_json(const Outcome& outcome);
+
+}  // namespace slicecorr::post

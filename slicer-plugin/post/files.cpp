@@ -1,0 +1,149 @@
+#include "post/files.hpp"
+
+#include <fcntl.h>
+#include <stdlib.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+
+#include "base/errno_message.hpp"
+#include "base/temporary.hpp"
+#include "slicecorr/error.hpp"
+
+namespace slicecorr::post {
+
+namespace fs = std::filesystem;
+using detail::errno_message;
+
+namespace {
+
+constexpr const char* kPrefix = ".slicecorr-post-";
+
+[[noreturn]] void fail(const std::string& path, const std::string& what) {
+  throw DeviceError(errno_message(path, what));
+}
+
+}  // namespace
+
+std::optional<FileIdentity> identity_of(const std::string& path) {
+  struct stat status;
+  if (::stat(path.c_str(), &status) != 0 || !S_ISREG(status.st_mode)) return std::nullopt;
+  return FileIdentity{status.st_dev, status.st_ino, status.st_size,
+                      std::int64_t{status.st_mtim.tv_sec} * 1000000000 + status.st_mtim.tv_nsec};
+}
+
+std::optional<Lock> Lock::try_take(const std::string& path) {
+  const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+  if (file < 0) {
+    if (errno == ENOENT) return std::nullopt;
+    fail(path, "can't be read");
+  }
+  Lock lock(file);
+  if (::flock(file, LOCK_EX | LOCK_NB) != 0) {
+    if (errno == EWOULDBLOCK) return std::nullopt;
+    // Some network file systems have no locks; then there is nothing to be had.
+    if (errno != ENOLCK && errno != EOPNOTSUPP && errno != EINVAL) fail(path, "can't be locked");
+  }
+  // What was locked may have been put aside meanwhile.
+  struct stat opened, named;
+  if (::fstat(file, &opened) != 0 || ::stat(path.c_str(), &named) != 0 ||
+      opened.st_ino != named.st_ino || opened.st_dev != named.st_dev) {
+    return std::nullopt;
+  }
+  return lock;
+}
+
+Lock::~Lock() {
+  if (file_ >= 0) ::close(file_);
+}
+
+WorkFolder::WorkFolder(const std::string& folder) {
+  // Another run may take the new folder for a stale one before it is locked.
+  for (int attempt = 0; attempt < 100; ++attempt) {
+    std::string name = folder + "/" + kPrefix + "XXXXXX";
+    if (::mkdtemp(name.data()) == nullptr) fail(folder, "nothing can be written in this folder");
+    lock_ = Lock::try_take(name);
+    if (lock_) {
+      path_ = name;
+      return;
+    }
+  }
+  throw DeviceError(folder + ": no folder could be made in it");
+}
+
+WorkFolder::~WorkFolder() {
+  std::error_code ec;
+  fs::remove_all(path_, ec);
+}
+
+bool WorkFolder::is_one(const std::string& name) { return name.rfind(kPrefix, 0) == 0; }
+
+std::vector<std::string> WorkFolder::remove_stale(const std::string& folder) {
+  std::vector<std::string> in_work;
+  std::error_code ec;
+  for (const auto& entry : fs::directory_iterator(folder, ec)) {
+    std::error_code no_folder;
+    if (!is_one(entry.path().filename().string()) || entry.is_symlink(no_folder) ||
+        !entry.is_directory(no_folder)) {
+      continue;
+    }
+    try {
+      const auto lock = Lock::try_take(entry.path().string());
+      if (!lock) continue;
+      std::ifstream note(entry.path() / "in-work");
+      if (std::string name; std::getline(note, name, '\0')) in_work.push_back(name);
+      fs::remove_all(entry.path(), no_folder);
+    } catch (const DeviceError&) {
+      continue;  // someone else's
+    }
+  }
+  return in_work;
+}
+
+void keep_copy(const std::string& from, const std::string& to, bool replace,
+               const std::string& scratch) {
+  const std::string made = scratch + "/copy";
+  detail::link_or_copy(from, made);
+  detail::sync_file(made);
+  const unsigned flags = replace ? 0 : RENAME_NOREPLACE;
+  if (::renameat2(AT_FDCWD, made.c_str(), AT_FDCWD, to.c_str(), flags) != 0) {
+    std::error_code ec;
+    const bool there = errno == EEXIST || (!replace && fs::exists(to, ec));
+    if (there) throw InputError(to, "", "is there already");
+    // Not all file systems can refuse by themselves.
+    if (errno != EINVAL && errno != ENOSYS) fail(to, "can't be made");
+    rename_file(made, to);
+  }
+  detail::sync_folder(detail::place_of(to).folder);
+}
+
+bool same_contents(const std::string& a, const std::string& b) {
+  std::error_code ec;
+  if (fs::equivalent(a, b, ec)) return true;
+  const auto size_a = fs::file_size(a, ec);
+  if (ec) return false;
+  const auto size_b = fs::file_size(b, ec);
+  if (ec || size_a != size_b) return false;
+  std::ifstream left(a, std::ios::binary), right(b, std::ios::binary);
+  std::array<char, 65536> x, y;
+  do {
+    left.read(x.data(), x.size());
+    right.read(y.data(), y.size());
+    if (left.gcount() != right.gcount() ||
+        !std::equal(x.begin(), x.begin() + left.gcount(), y.begin())) {
+      return false;
+    }
+  } while (left && right);
+  return left.eof() && right.eof();
+}
+
+void rename_file(const std::string& from, const std::string& to) {
+  if (::rename(from.c_str(), to.c_str()) != 0) fail(to, "can't be put in place");
+}
+
+}  // namespace slicecorr::post

@@ -1,0 +1,33 @@
+/// What can be set on the command line, in [default] and in a rule of the config file: the same
+/// names, the same checks, laid over each other.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <map>
+#include <string>
+
+#include "program/setup_options.hpp"
+
+namespace slicecorr::post {
+
+struct Settings {
+  cli::SetupOptions setup;
+  double layer_um = 0;  ///< where the archive does not say it; 0: not given
+  std::string backup;   ///< empty: none; "keep" or "replace"
+  std::string report;   ///< empty: none; "html", "json" or "both"
+  bool leave_alone = false;
+  void add_to(CLI::App& app);
+};
+
+/// Settings by the names of their options without dashes in front, as text: "omega-max" -> "2".
+using Values = std::map<std::string, std::string>;
+
+/// Those that were given on a command line; `app` has the options of `Settings`.
+Values given_on(const CLI::App& app);
+/// `low` with `high` over it. Ways to say the exposure, and the UV light, replace each other whole:
+/// a speed leaves nothing of the exposure times below it.
+Values over(Values low, const Values& high);
+/// Throws `InputError` when a name is not known (with the nearest one) or a value not allowed.
+Settings settings_of(const Values& values);
+
+}  // namespace slicecorr::post

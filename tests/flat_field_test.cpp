@@ -1,0 +1,851 @@
+// A display that does not shine evenly: its light by place, corrections and predictions with it,
+// and what stacks say of it. Truth: a place that gets f of the light is a printer whose calibration
+// is f times as strong.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <random>
+
+#include "ladder.hpp"
+#include "memory_slices.hpp"
+#include "models.hpp"
+#include "run_program.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/pipeline.hpp"
+#include "slicecorr/places.hpp"
+#include "slicecorr/report.hpp"
+#include "slicecorr/setup.hpp"
+#include "slicecorr/simulate.hpp"
+#include "slicecorr/solid.hpp"
+#include "slicecorr/units.hpp"
+#include "slicecorr/volume.hpp"
+#include "stack_fixture.hpp"
+
+namespace slicecorr::test {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
+
+using Values = std::vector<std::uint8_t>;
+/// Tests have a Setup of their own.
+using Settings = slicecorr::Setup;
+
+FlatField field_of(int width, int height, Values values, int reference = 255,
+                   bool of_plate = false) {
+  FlatField f;
+  f.width_px = width;
+  f.height_px = height;
+  f.values = std::make_shared<const Values>(std::move(values));
+  f.reference = reference;
+  f.of_plate = of_plate;
+  return f;
+}
+
+FlatField uniform(int value, int reference = 255) {
+  return field_of(1, 1, {static_cast<std::uint8_t>(value)}, reference);
+}
+
+std::string refusal(const std::function<void()>& f) {
+  try {
+    f();
+  } catch (const Error& e) {
+    return e.what();
+  }
+  return "nothing was thrown";
+}
+
+constexpr Grid kGrid{16, 16, 40, 50, 50, 50};
+
+/// Random columns of runs, gaps and some grey.
+MemorySlices random_target(const Grid& grid, unsigned seed, bool grey = true) {
+  std::mt19937 random(seed);
+  MemorySlices t(grid);
+  for (int y = 2; y < grid.height_px - 1; ++y) {
+    for (int x = 1; x < grid.width_px - 2; ++x) {
+      if (random() % 5 == 0) continue;
+      for (int n = static_cast<int>(random() % 6); n < grid.layers;) {
+        const int run = 1 + static_cast<int>(random() % 12);
+        for (int k = n; k < std::min(grid.layers, n + run); ++k) t.at(k, x, y) = 255;
+        n += run;
+        if (grey && random() % 3 == 0 && n < grid.layers) {
+          t.at(n++, x, y) = static_cast<std::uint8_t>(1 + random() % 254);
+        }
+        n += 1 + static_cast<int>(random() % 10);
+      }
+    }
+  }
+  return t;
+}
+
+Settings even_setup() { return {linear_printer(1, 100), resin(576, 2000), process(1000)}; }
+
+Settings with(Settings setup, const FlatField& field) {
+  setup.printer.flat_field = field;
+  return setup;
+}
+
+/// Ways to expose, each with a printer of 16 x 16 pixels.
+struct Mode {
+  std::string name;
+  Settings setup;
+};
+std::vector<Mode> modes() {
+  std::vector<Mode> all;
+  all.push_back({"continuous", even_setup()});
+  Settings capped = even_setup();
+  capped.process.omega_max = 1;
+  capped.printer = gamma_printer(0.5, 90, 3, 6);
+  all.push_back({"capped, gamma, 6 bits", capped});
+  Settings kinetic = even_setup();
+  kinetic.resin.model = CureModelKind::kinetic;
+  kinetic.resin.m = 0.8;
+  kinetic.resin.critical_dose_mj_cm3 = 0;
+  kinetic.resin.critical_dose_prime = 70;
+  all.push_back({"kinetic", kinetic});
+  Settings layers = even_setup();
+  layers.resin = resin(576, 110);
+  layers.process.mode = ExposureMode::layerwise;
+  layers.process.exposure_s = 0.2;
+  layers.process.bottom_exposure_s = 0.4;
+  layers.process.bottom_layers = 3;
+  all.push_back({"layer by layer", layers});
+  Settings uv = even_setup();
+  uv.printer.uv = UvLamp{365, false, {{0, 0}, {255, 600}}};
+  uv.resin.model = CureModelKind::kinetic;
+  uv.resin.m = 0.99;
+  uv.resin.critical_dose_mj_cm3 = 0;
+  uv.resin.critical_dose_prime = 64;
+  uv.resin.absorbance_height10_um = units::height10_from_e(408);
+  uv.resin.inhibition = Inhibition{0.73, units::height10_from_e(37.8), 0.99, 0};
+  uv.process.uv.kind = UvKind::constant;
+  uv.process.uv.uv_mw_cm2 = 200;
+  all.push_back({"UV light", uv});
+  Settings pattern = uv;
+  pattern.printer.uv->patterned = true;
+  pattern.process.uv = {UvKind::patterned, 0, 15, {}};
+  all.push_back({"patterned UV light", pattern});
+  return all;
+}
+
+// ---- light by place -------------------------------------------------------------------------
+
+TEST(LightMap, WithoutOneAllIsEven) {
+  const LightMap map(linear_printer(1, 100), kGrid, {});
+  EXPECT_TRUE(map.even());
+  EXPECT_EQ(map.factor(map.value(3, 4)), 1);
+}
+
+TEST(LightMap, AsManyValuesAsPixelsAreTakenAsTheyAre) {
+  Printer p = linear_printer(1, 100);
+  Values values(256);
+  for (std::size_t i = 0; i < 256; ++i) values[i] = static_cast<std::uint8_t>(i);
+  p.flat_field = field_of(16, 16, values, 200);
+  const LightMap map(p, kGrid, {});
+  EXPECT_FALSE(map.even());
+  Values read(256);
+  map.values({0, 0, 16, 16}, read.data());
+  EXPECT_EQ(read, values);
+  EXPECT_EQ(map.factor(50), 0.25);
+  EXPECT_EQ(map.greatest(), 255);
+  const auto counts = map.counts({0, 0, 16, 2});
+  EXPECT_EQ(counts[31], 1U);
+  EXPECT_EQ(counts[32], 0U);
+}
+
+// Middles of pixels against middles of samples, linear between them and flat outside.
+TEST(LightMap, FewValuesAreInterpolated) {
+  Printer p = linear_printer(1, 100);
+  p.width_px = 4;
+  p.height_px = 2;
+  const Grid grid{4, 2, 1, 50, 50, 50};
+  p.flat_field = field_of(2, 1, {0, 200});
+  const LightMap map(p, grid, {});
+  for (int y = 0; y < 2; ++y) {
+    EXPECT_EQ(map.value(0, y), 0);
+    EXPECT_EQ(map.value(1, y), 50);
+    EXPECT_EQ(map.value(2, y), 150);
+    EXPECT_EQ(map.value(3, y), 200);
+  }
+  // A plane stays one: 10 (x + 2 y) at the middles of samples.
+  p.width_px = 60;
+  p.height_px = 40;
+  Values plane;
+  for (int y = 0; y < 4; ++y) {
+    for (int x = 0; x < 6; ++x) plane.push_back(static_cast<std::uint8_t>(10 * (x + 2 * y)));
+  }
+  p.flat_field = field_of(6, 4, plane);
+  const LightMap fine(p, {60, 40, 1, 50, 50, 50}, {});
+  for (int y = 5; y < 35; ++y) {
+    for (int x = 5; x < 55; ++x) {
+      // 10 ((x + 0.5) / 10 - 0.5 + 2 ((y + 0.5) / 10 - 0.5)) = x + 2 y - 13.5, halves go up.
+      EXPECT_EQ(fine.value(x, y), x + 2 * y - 13) << x << " " << y;
+    }
+  }
+  // And many values for few pixels.
+  p.width_px = p.height_px = 2;
+  p.flat_field = field_of(4, 4, {0, 0, 9, 9, 0, 0, 9, 9, 40, 40, 80, 80, 40, 40, 80, 80});
+  const LightMap coarse(p, {2, 2, 1, 50, 50, 50}, {});
+  EXPECT_EQ(coarse.value(0, 0), 0);
+  EXPECT_EQ(coarse.value(1, 0), 9);
+  EXPECT_EQ(coarse.value(1, 1), 80);
+}
+
+TEST(LightMap, EightOrientations) {
+  // A display of 5 x 3 pixels, or 3 x 5.
+  for (int i = 0; i < 8; ++i) {
+    const Orientation o{(i & 1) != 0, (i & 2) != 0, (i & 4) != 0};
+    const Turn turn = turn_from_plate(o);
+    const Grid plate{5, 3, 1, 50, 40, 50};
+    const Grid display = turned(plate, turn);
+    Printer p = linear_printer(1, 100);
+    p.orientation = o;
+    p.width_px = display.width_px;
+    p.height_px = display.height_px;
+    p.pixel_x_um = display.pixel_x_um;
+    p.pixel_y_um = display.pixel_y_um;
+    EXPECT_EQ(plate_grid(p).width_px, 5);
+    EXPECT_EQ(plate_grid(p).pixel_y_um, 40);
+    Values values(15);
+    for (std::size_t k = 0; k < 15; ++k) values[k] = static_cast<std::uint8_t>(10 + k);
+    const auto in = [&](const FlatField& f, const Pixel& at) {
+      return (*f.values)[static_cast<std::size_t>(at.y * f.width_px + at.x)];
+    };
+    const ImageFrame ours, archive{Turn{}, o}, silent{Turn{}, std::nullopt};
+    // Measured as the display shows its images.
+    p.flat_field = field_of(display.width_px, display.height_px, values);
+    for (int y = 0; y < 3; ++y) {
+      for (int x = 0; x < 5; ++x) {
+        const Pixel shown = turned(Pixel{x, y}, turn, 5, 3);
+        EXPECT_EQ(LightMap(p, plate, ours).value(x, y), in(*p.flat_field, shown));
+        EXPECT_EQ(LightMap(p, display, archive).value(shown.x, shown.y), in(*p.flat_field, shown));
+        EXPECT_EQ(LightMap(p, display, silent).value(shown.x, shown.y), in(*p.flat_field, shown));
+      }
+    }
+    // Measured over the plate.
+    p.flat_field = field_of(5, 3, values, 255, true);
+    for (int y = 0; y < 3; ++y) {
+      for (int x = 0; x < 5; ++x) {
+        const Pixel shown = turned(Pixel{x, y}, turn, 5, 3);
+        EXPECT_EQ(LightMap(p, plate, ours).value(x, y), in(*p.flat_field, {x, y}));
+        EXPECT_EQ(LightMap(p, display, archive).value(shown.x, shown.y), in(*p.flat_field, {x, y}));
+        EXPECT_EQ(LightMap(p, display, silent).value(shown.x, shown.y), in(*p.flat_field, {x, y}));
+        // Turned slices keep the light that they get.
+        const ImageFrame back = turned(archive, turn.inverse());
+        EXPECT_EQ(LightMap(p, plate, back).value(x, y), in(*p.flat_field, {x, y}));
+      }
+    }
+  }
+}
+
+TEST(LightMap, ArchiveAndPrinterThatContradictEachOther) {
+  Printer p = linear_printer(1, 100);
+  const ImageFrame mirrored{Turn{}, Orientation{false, true, false}};
+  Values values(256, 100);
+  values[0] = 255;
+  p.flat_field = field_of(16, 16, values, 255, true);
+  // The printer says nothing: the archive's word counts.
+  EXPECT_EQ(LightMap(p, kGrid, mirrored).value(15, 0), 255);
+  p.orientation = Orientation{};
+  EXPECT_THAT(refusal([&] { LightMap(p, kGrid, mirrored); }),
+              AllOf(HasSubstr("landscape by the printer"),
+                    HasSubstr("landscape, mirrored in x by "
+                              "the archive"),
+                    HasSubstr("flat_field_frame")));
+  // What is measured in images fits the archive's images, whatever they show.
+  p.flat_field->of_plate = false;
+  EXPECT_EQ(LightMap(p, kGrid, mirrored).value(0, 0), 255);
+  EXPECT_THAT(refusal([&] {
+                LightMap(p, {8, 16, 1, 50, 50, 50}, {});
+              }),
+              HasSubstr("8 x 16 pixels"));
+}
+
+TEST(PlaceModels, ADimPlaceIsADimPrinter) {
+  for (const Mode& mode : modes()) {
+    const Settings setup = with(mode.setup, field_of(2, 1, {128, 255}, 255));
+    const PlaceModels models(setup.printer, setup.resin, setup.process, kGrid, {});
+    const CureModel& dim = models.model(128);
+    Printer dimmer = mode.setup.printer;
+    for (CalibrationPoint& c : dimmer.calibration) c.intensity_mw_cm2 *= 128.0 / 255;
+    Process process = mode.setup.process;
+    if (process.uv.kind == UvKind::patterned) continue;  // its UV light is set for full light
+    const CureModel expected = make_cure_model(dimmer, setup.resin, process, 50);
+    EXPECT_EQ(dim.level_phi, expected.level_phi) << mode.name;
+    EXPECT_EQ(dim.a, expected.a);
+    EXPECT_EQ(models.model(255).level_phi,
+              make_cure_model(mode.setup.printer, setup.resin, process, 50).level_phi);
+  }
+}
+
+// A pattern can't know places: the same grey level has the same UV light everywhere, enough for the
+// brightest. Elsewhere the dead zone is thicker, never thinner.
+TEST(PlaceModels, UvLightIsThatOfTheBrightestPlace) {
+  const Settings setup = with(modes()[5].setup, field_of(2, 1, {128, 255}, 255));
+  const PlaceModels models(setup.printer, setup.resin, setup.process, kGrid, {});
+  const InhibitedKernel& dim = *models.model(128).inhibited;
+  const InhibitedKernel& bright = *models.model(255).inhibited;
+  EXPECT_EQ(dim.uv_levels(), bright.uv_levels());
+  for (int level = 20; level < 256; ++level) {
+    EXPECT_GE(bright.dead_zone_um(0, level), 15 * (1 - 1e-9));
+    EXPECT_GT(dim.dead_zone_um(0, level), bright.dead_zone_um(0, level));
+  }
+}
+
+// ---- correction -----------------------------------------------------------------------------
+
+class FlatFieldTest : public testing::Test {
+ protected:
+  FlatFieldTest() {
+    const testing::TestInfo* info = testing::UnitTest::GetInstance()->current_test_info();
+    folder_ = fs::temp_directory_path() /
+              ("flat-field-" + std::string(info->name()) + "-" + std::to_string(::getpid()));
+    fs::create_directories(folder_);
+  }
+  ~FlatFieldTest() override { fs::remove_all(folder_); }
+  std::string path(const std::string& name) const { return (folder_ / name).string(); }
+  static std::string bytes(const std::string& path) {
+    std::ifstream in(path, std::ios::binary);
+    return {std::istreambuf_iterator<char>(in), {}};
+  }
+  fs::path folder_;
+};
+
+TEST_F(FlatFieldTest, OneEverywhereIsNone) {
+  const MemorySlices target = random_target(kGrid, 1);
+  for (const Mode& mode : modes()) {
+    const Settings flat = with(mode.setup, uniform(200, 200));
+    const Correction none = correct_stack(target, mode.setup, path("none.uvj"), true);
+    const Correction one = correct_stack(target, flat, path("one.uvj"), true);
+    EXPECT_EQ(none.after.to_json(), one.after.to_json()) << mode.name;
+    EXPECT_EQ(none.before->to_json(), one.before->to_json());
+    const StackReader a(path("none.uvj"), folder_.string()), b(path("one.uvj"), folder_.string());
+    EXPECT_EQ(MemorySlices(a), MemorySlices(b));
+    EXPECT_EQ(MemorySlices(CorrectedSlices(target, mode.setup)),
+              MemorySlices(CorrectedSlices(target, flat)));
+  }
+}
+
+// Byte for byte, through all the machinery for uneven light: three pixels at the edge, where
+// nothing is, keep it from being flat.
+TEST_F(FlatFieldTest, AllEquallyDimIsADimPrinter) {
+  const MemorySlices target = random_target(kGrid, 2);
+  for (const Mode& mode : modes()) {
+    if (mode.setup.process.uv.kind == UvKind::patterned) continue;
+    Values values(256, 217);
+    values[0] = values[15] = values[255] = 216;
+    const Settings dim = with(mode.setup, field_of(16, 16, values, 255));
+    Settings scaled = mode.setup;
+    scaled.printer = dimmed(mode.setup.printer, 217.0 / 255);
+    const MemorySlices by_field{CorrectedSlices(target, dim)};
+    const MemorySlices by_printer{CorrectedSlices(target, scaled)};
+    EXPECT_EQ(by_field.grid().layers, by_printer.grid().layers) << mode.name;
+    EXPECT_EQ(by_field, by_printer) << mode.name;
+    const Correction a = correct_stack(target, dim, path("a.uvj"), true);
+    const Correction b = correct_stack(target, scaled, path("b.uvj"), true);
+    // Figures, too; black light of 216 is less than that of 217.
+    EXPECT_EQ(a.after.to_json(), b.after.to_json()) << mode.name;
+    EXPECT_EQ(a.before->to_json(), b.before->to_json()) << mode.name;
+    EXPECT_EQ(verify_stack(by_field, target, dim).to_json(), a.after.to_json()) << mode.name;
+  }
+}
+
+TEST_F(FlatFieldTest, ACheckerboardIsTheUnionOfTwoCorrections) {
+  Values board(256);
+  for (std::size_t i = 0; i < 256; ++i) board[i] = (i + i / 16) % 2 ? 255 : 190;
+  const MemorySlices target = random_target(kGrid, 3);
+  for (const Mode& mode : modes()) {
+    // Black that gives no light: slices after the last lit one change nothing.
+    Settings setup = mode.setup;
+    setup.printer.calibration.front().intensity_mw_cm2 = 0;
+    // Under UV light columns are chosen with all slices in sight that will be shown, and the
+    // brighter half alone needs fewer: see the next test.
+    if (setup.process.uv.kind != UvKind::off) continue;
+    const MemorySlices both{CorrectedSlices(target, with(setup, field_of(16, 16, board)))};
+    Settings dim = setup;
+    dim.printer = dimmed(setup.printer, 190.0 / 255);
+    const MemorySlices parts[2] = {MemorySlices(CorrectedSlices(target, dim)),
+                                   MemorySlices(CorrectedSlices(target, setup))};
+    ASSERT_GE(both.grid().layers, parts[0].grid().layers);
+    for (int n = 0; n < both.grid().layers; ++n) {
+      for (int y = 0; y < 16; ++y) {
+        for (int x = 0; x < 16; ++x) {
+          const MemorySlices& part = parts[(x + y * 17) % 2];
+          const int expected = n < part.grid().layers ? part.at(n, x, y) : 0;
+          ASSERT_EQ(both.at(n, x, y), expected) << mode.name << ": " << n << " " << x << " " << y;
+        }
+      }
+    }
+  }
+}
+
+// Every column is what the definition makes of it with the model of its place, and meets the
+// constraints.
+TEST_F(FlatFieldTest, EveryColumnHasTheModelOfItsPlace) {
+  std::mt19937 random(5);
+  Values values(256);
+  for (std::uint8_t& v : values) v = static_cast<std::uint8_t>(200 + random() % 56);
+  const MemorySlices target = random_target(kGrid, 6, false);
+  for (const Mode& mode : modes()) {
+    const Settings setup = with(mode.setup, field_of(16, 16, values));
+    const MemorySlices corrected{CorrectedSlices(target, setup)};
+    const PlaceModels models(setup.printer, setup.resin, setup.process, kGrid, {});
+    const int levels = setup.printer.levels();
+    for (int y = 0; y < 16; ++y) {
+      for (int x = 0; x < 16; ++x) {
+        std::vector<std::uint8_t> coverage;
+        for (int n = 0; n < kGrid.layers; ++n) coverage.push_back(target.at(n, x, y));
+        const CorrectionPlan plan(models.model_at(x, y), setup.process, kGrid.layers,
+                                  corrected.grid().layers);
+        const auto expected = solve_column(plan, coverage);
+        for (int n = 0; n < corrected.grid().layers; ++n) {
+          ASSERT_EQ(corrected.at(n, x, y),
+                    pixel_of_level(expected[static_cast<std::size_t>(n)], levels))
+              << mode.name << ": " << n << " " << x << " " << y;
+        }
+      }
+    }
+    const Prediction p = verify_stack(corrected, target, setup);
+    const Prediction even = verify_stack(CorrectedSlices(target, mode.setup), target, mode.setup);
+    // What the even correction reaches in these columns, this one reaches, too.
+    EXPECT_EQ(p.target_voxels, even.target_voxels);
+    EXPECT_LE(p.undercure_voxels, even.undercure_voxels) << mode.name;
+    EXPECT_LE(p.cure_through_voxels, even.cure_through_voxels + even.target_voxels / 200)
+        << mode.name;
+    EXPECT_LT(p.height_error_um.mean(), 1.2 * even.height_error_um.mean() + 0.5) << mode.name;
+  }
+}
+
+// The dose is proportional to the light, and above a feature it falls to 1/10 over ha: a correction
+// that does not know that its place is f times as bright moves each upper edge by ha log10 f.
+TEST_F(FlatFieldTest, NotKnowingItMovesEdges) {
+  MemorySlices target(kGrid);
+  for (int n = 20; n < 30; ++n) target.at(n, 8, 8) = 255;
+  Settings even = even_setup();
+  even.printer.calibration.front().intensity_mw_cm2 = 0;
+  const MemorySlices unaware{CorrectedSlices(target, even)};
+  const double error = verify_stack(unaware, target, even).greatest_overreach_um;
+  for (const int value : {210, 230, 255}) {
+    Values values(256, 200);
+    values[8 * 16 + 8] = static_cast<std::uint8_t>(value);
+    const Settings truth = with(even, field_of(16, 16, values, 200));
+    const double shift = 2000 * std::log10(value / 200.0);
+    const Prediction wrong = verify_stack(unaware, target, truth);
+    EXPECT_NEAR(wrong.greatest_overreach_um, error + shift, 1e-6);
+    const Prediction right = verify_stack(CorrectedSlices(target, truth), target, truth);
+    EXPECT_LT(right.greatest_overreach_um, 2.5);
+    EXPECT_EQ(right.undercure_voxels, 0U);
+  }
+  // Dimmer: under the upper edge the dose falls to 1 as steeply as it can, by 1/10 over ha, so that
+  // f times it reaches 1 that much later.
+  const CureModel model = make_cure_model(even.printer, even.resin, even.process, 50);
+  Values values(256, 200);
+  values[8 * 16 + 8] = 180;
+  const Prediction dim = verify_stack(unaware, target, with(even, field_of(16, 16, values, 200)));
+  EXPECT_NEAR(dim.greatest_shortfall_um, 2000 * std::log10(200.0 / 180), model.level_step_um());
+}
+
+TEST_F(FlatFieldTest, SameBytesForAnyNumberOfThreads) {
+  const Grid grid{90, 70, 30, 50, 50, 50};
+  const MemorySlices target = random_target(grid, 7);
+  std::mt19937 random(8);
+  Values values(9 * 7);
+  for (std::uint8_t& v : values) v = static_cast<std::uint8_t>(240 + random() % 2 * 4);
+  for (const Mode& mode : modes()) {
+    Settings setup = with(mode.setup, field_of(9, 7, values));
+    setup.printer.width_px = 90;
+    setup.printer.height_px = 70;
+    std::string first, figures, page;
+    for (const int threads : {1, 2, 5}) {
+      Job job;
+      job.threads = threads;
+      const Correction c = correct_stack(target, setup, path("t.uvj"), true, job);
+      if (first.empty()) {
+        first = bytes(path("t.uvj"));
+        figures = c.after.to_json() + c.before->to_json();
+      }
+      EXPECT_EQ(bytes(path("t.uvj")), first) << mode.name;
+      EXPECT_EQ(c.after.to_json() + c.before->to_json(), figures) << mode.name;
+      const StackReader stack(path("t.uvj"), folder_.string(), job);
+      EXPECT_EQ(verify_stack(stack, target, setup, job).to_json(), c.after.to_json()) << mode.name;
+    }
+  }
+}
+
+TEST_F(FlatFieldTest, SectionsProbesAndVolumesSeeThePlace) {
+  std::mt19937 random(9);
+  Values values(256);
+  for (std::uint8_t& v : values) v = static_cast<std::uint8_t>(210 + random() % 9 * 5);
+  const MemorySlices target = random_target(kGrid, 10);
+  for (const Mode& mode : modes()) {
+    const Settings setup = with(mode.setup, field_of(16, 16, values));
+    const MemorySlices stack{CorrectedSlices(target, setup)};
+    const PlaceModels models(setup.printer, setup.resin, setup.process, kGrid, {});
+    const Section s = section_of(stack, target, setup, 8);
+    const ReducedVolume v = reduce_volume(stack, target, setup, 160);
+    for (int x = s.x0; x < s.x0 + s.width; ++x) {
+      std::vector<std::uint8_t> pixels;
+      for (int n = 0; n < stack.grid().layers; ++n) pixels.push_back(stack.at(n, x, 8));
+      const ColumnDose dose = column_dose(models.model_at(x, 8), pixels);
+      const auto rows = probe_stack(stack, &target, setup, x, 8);
+      const double factor = values[static_cast<std::size_t>(8 * 16 + x)] / 255.0;
+      const ColumnHistory history = simulate_column(stack, &target, setup, x, 8, {1, {}});
+      for (int n = 0; n < stack.grid().layers; ++n) {
+        const auto k = static_cast<std::size_t>(n);
+        ASSERT_EQ(rows[k].dose_middle, dose.middle[k]) << mode.name;
+        ASSERT_DOUBLE_EQ(
+            rows[k].intensity_mw_cm2,
+            level_intensities(mode.setup.printer)[static_cast<std::size_t>(rows[k].grey)] * factor);
+        const std::size_t at =
+            k * static_cast<std::size_t>(s.width) + static_cast<std::size_t>(x - s.x0);
+        ASSERT_EQ(s.dose[at], static_cast<float>(dose.middle[k]));
+      }
+      const auto& column =
+          v.columns[static_cast<std::size_t>((8 - v.box.y0) * v.nx + x - v.box.x0)];
+      EXPECT_EQ(column.x, x);
+      EXPECT_DOUBLE_EQ(column.light, factor);
+    }
+    // At the end of the print a section over time is the section.
+    const SectionHistory history =
+        simulate_section(stack, &target, setup, 8, {print_clock(setup, stack.grid()).total_s()});
+    for (std::size_t i = 0; i < s.dose.size(); ++i) {
+      if (std::abs(s.dose[i] - 1) > 1e-6) {
+        ASSERT_EQ(history.frames[0].gelled[i] != 0, s.dose[i] >= 1) << mode.name;
+      }
+    }
+  }
+}
+
+TEST_F(FlatFieldTest, SolidAndComparisonSeeThePlace) {
+  MemorySlices target(kGrid);
+  for (int n = 10; n < 30; ++n) {
+    for (int y = 4; y < 12; ++y) {
+      for (int x = 4; x < 12; ++x) target.at(n, x, y) = 255;
+    }
+  }
+  Settings even = even_setup();
+  const MemorySlices unaware{CorrectedSlices(target, even)};
+  Values values(256, 200);
+  for (std::size_t i = 0; i < 256; ++i) values[i] = i % 16 < 8 ? 200 : 240;
+  const Settings truth = with(even, field_of(16, 16, values, 200));
+  const PlaceModels models(truth.printer, truth.resin, truth.process, kGrid, {});
+  const MeshReport wrong = inspect(solid_mesh(unaware, models));
+  const MeshReport right = inspect(solid_mesh(CorrectedSlices(target, truth), models));
+  EXPECT_EQ(wrong.defects.open_edges, 0U);
+  EXPECT_EQ(right.defects.open_edges, 0U);
+  // 2000 um log10(240 / 200) above the upper edge at 500 um, but for what is in the dark there.
+  EXPECT_NEAR(wrong.lower[2], 0.5 - 2 * std::log10(1.2), 0.02);
+  EXPECT_NEAR(right.lower[2], 0.5, 0.005);
+  const Comparison c = compare_methods(target, truth);
+  EXPECT_EQ(c.ours.to_json(),
+            verify_stack(CorrectedSlices(target, truth), target, truth).to_json());
+  EXPECT_EQ(c.uncorrected.cure_through_voxels,
+            verify_stack(target, target, truth).cure_through_voxels);
+}
+
+TEST_F(FlatFieldTest, UvPerSliceIsThatOfTheBrightestPixel) {
+  const MemorySlices target = random_target(kGrid, 11);
+  Settings setup = modes()[4].setup;
+  setup.process.uv = {UvKind::per_slice, 0, 15, {}};
+  Values values(256);
+  for (std::size_t i = 0; i < 256; ++i) values[i] = static_cast<std::uint8_t>(180 + i % 3 * 25);
+  const Settings uneven = with(setup, field_of(16, 16, values, 200));
+  const Correction c = correct_stack(target, uneven, path("uv.uvj"), true);
+  const auto& zones = *c.after.dead_zones;
+  EXPECT_EQ(zones.cured_pixels, 0U);
+  EXPECT_GE(zones.least(), 15 * (1 - 1e-9));
+  EXPECT_EQ(c.info.process->uv.slice_mw_cm2.size(), static_cast<std::size_t>(c.info.grid.layers));
+  const StackReader stack(path("uv.uvj"), folder_.string());
+  Settings recorded{*stack.info().printer, *stack.info().resin, *stack.info().process};
+  EXPECT_EQ(verify_stack(stack, target, recorded).to_json(), c.after.to_json());
+}
+
+// ---- what can't be printed ------------------------------------------------------------------
+
+TEST_F(FlatFieldTest, ADimPlaceIsRefusedWhereThePartIs) {
+  MemorySlices target(kGrid);
+  for (int n = 0; n < 40; ++n) {
+    target.at(n, 3, 4) = target.at(n, 12, 4) = target.at(n, 3, 11) = 255;
+  }
+  // Full light gels at up to 6250 mm/h; at 3 / 255 of it up to 73.5 mm/h.
+  Values values(256, 255);
+  values[11 * 16 + 3] = 3;
+  values[4 * 16 + 12] = 30;
+  const Settings setup = with(even_setup(), field_of(16, 16, values));
+  const std::string text = refusal([&] { CorrectedSlices(target, setup); });
+  EXPECT_THAT(text, AllOf(HasSubstr("at 2 of its pixels, the dimmest 3, 11, which gets 0.01176"),
+                          HasSubstr("print slower than 73.5")));
+  try {
+    CorrectedSlices(target, setup);
+  } catch (const InfeasibleError&) {
+  } catch (...) {
+    ADD_FAILURE() << "expected an InfeasibleError";
+  }
+  // Slow enough it prints: the message was true.
+  Settings slow = setup;
+  slow.process.speed_mm_h = 73.5;
+  for (CalibrationPoint& p : slow.printer.calibration) p.intensity_mw_cm2 -= p.level == 0 ? 1 : 0;
+  const Prediction p = verify_stack(CorrectedSlices(target, slow), target, slow);
+  EXPECT_EQ(p.undercure_voxels, 0U);
+  // In the dark beside the part nothing is asked of it.
+  values[11 * 16 + 3] = values[4 * 16 + 12] = 255;
+  values[11 * 16 + 12] = 3;
+  values[0] = 0;
+  const Settings beside = with(even_setup(), field_of(16, 16, values));
+  EXPECT_EQ(verify_stack(CorrectedSlices(target, beside), target, beside).undercure_voxels, 0U);
+  EXPECT_EQ(MemorySlices(CorrectedSlices(target, beside)),
+            MemorySlices(CorrectedSlices(target, even_setup())));
+  values[4 * 16 + 3] = 0;
+  EXPECT_THAT(
+      refusal([&] { CorrectedSlices(target, with(even_setup(), field_of(16, 16, values))); }),
+      HasSubstr("no light: 1 pixels, the first 3, 4"));
+}
+
+TEST_F(FlatFieldTest, BlackMustNotGelAnywhereOnTheDisplay) {
+  MemorySlices target(kGrid);
+  target.at(5, 3, 4) = 255;
+  Values values(256, 20);
+  values[15 * 16 + 2] = 255;
+  // Black gels below 62.5 mm/h where light is full, 12.75 times as strong as that of the part.
+  Settings setup = with(even_setup(), field_of(16, 16, values, 20));
+  setup.process.speed_mm_h = 600;
+  EXPECT_THAT(refusal([&] { CorrectedSlices(target, setup); }),
+              AllOf(HasSubstr("brightest place of the display, pixel 2, 15"),
+                    HasSubstr("print faster than 796.88 mm/h")));
+}
+
+// Slices after the part's end are those that the dimmest lit column needs, at the end of the part.
+TEST_F(FlatFieldTest, TheDimmestLitPlaceSaysHowManySlicesCome) {
+  MemorySlices target(kGrid);
+  for (int n = 0; n < 40; ++n) target.at(n, 3, 4) = 255;
+  for (int n = 0; n < 20; ++n) target.at(n, 12, 4) = 255;
+  const auto slices = [&](int left, int right, int between) {
+    Values values(256, 255);
+    values[4 * 16 + 3] = static_cast<std::uint8_t>(left);
+    values[4 * 16 + 12] = static_cast<std::uint8_t>(right);
+    values[4 * 16 + 8] = static_cast<std::uint8_t>(between);
+    return CorrectedSlices(target, with(even_setup(), field_of(16, 16, values))).grid().layers;
+  };
+  const int full = slices(255, 255, 255), dim = slices(60, 255, 255);
+  EXPECT_EQ(full, CorrectedSlices(target, even_setup()).grid().layers);
+  EXPECT_GT(dim, full);
+  EXPECT_EQ(slices(255, 60, 255), full);  // its column ends far before
+  EXPECT_EQ(slices(255, 255, 60), full);  // nothing is there
+}
+
+// ---- stacks ---------------------------------------------------------------------------------
+
+TEST_F(FlatFieldTest, StacksCarryIt) {
+  const MemorySlices target = random_target(kGrid, 12);
+  Values values(10 * 6);
+  for (std::size_t i = 0; i < values.size(); ++i) values[i] = static_cast<std::uint8_t>(190 + i);
+  Settings setup = with(even_setup(), field_of(10, 6, values, 249, true));
+  setup.printer.orientation = Orientation{true, true, false};
+  for (const char* name : {"a.uvj", "a.sl1"}) {
+    const Correction c = correct_stack(target, setup, path(name), false);
+    const StackReader stack(path(name), folder_.string());
+    ASSERT_TRUE(stack.info().printer && stack.info().printer->flat_field) << name;
+    EXPECT_EQ(*stack.info().printer, setup.printer);
+    const Settings recorded{*stack.info().printer, *stack.info().resin, *stack.info().process};
+    EXPECT_EQ(verify_stack(stack, target, recorded).to_json(), c.after.to_json());
+    EXPECT_EQ(StackReader::read_info(path(name)).printer, stack.info().printer);
+  }
+  const auto block = [&](const std::string& name) {
+    Entries entries = unzip(path(name));
+    const Bytes& text = entry(entries, "config.json");
+    return nlohmann::json::parse(text.begin(), text.end())["slicecorr"];
+  };
+  EXPECT_EQ(block("a.uvj")["format"], 3);
+  // Others keep their version.
+  correct_stack(target, even_setup(), path("even.uvj"), false);
+  EXPECT_EQ(block("even.uvj")["format"], 1);
+  EXPECT_FALSE(block("even.uvj")["printer"].contains("flat_field"));
+  EXPECT_FALSE(block("even.uvj").contains("frame"));
+}
+
+TEST_F(FlatFieldTest, StacksWhosePictureIsDamagedAreRefused) {
+  const MemorySlices target = random_target(kGrid, 13);
+  correct_stack(target, with(even_setup(), field_of(2, 1, {200, 255})), path("a.uvj"), false);
+  const auto name = std::string("slicecorr/flat-field.png");
+  const auto with_entry = [&](const std::string& file, const std::vector<std::uint8_t>& data) {
+    Entries entries = unzip(path("a.uvj"));
+    entry(entries, name) = data;
+    make_zip(path(file), entries);
+  };
+  with_entry("b.uvj", encode_png(GreyImage{2, 1, {201, 255}}));
+  EXPECT_THAT(refusal([&] { StackReader(path("b.uvj"), folder_.string()); }),
+              AllOf(HasSubstr(path("b.uvj")), HasSubstr(name), HasSubstr("corrected with")));
+  with_entry("c.uvj", encode_png(GreyImage{1, 2, {200, 255}}));
+  EXPECT_THAT(refusal([&] { StackReader::read_info(path("c.uvj")); }), HasSubstr(name));
+  with_entry("d.uvj", {'x'});
+  EXPECT_THAT(refusal([&] { StackReader(path("d.uvj"), folder_.string()); }), HasSubstr(name));
+  Entries without = unzip(path("a.uvj"));
+  std::erase_if(without, [&](const auto& e) { return e.first == name; });
+  make_zip(path("e.uvj"), without);
+  EXPECT_THAT(refusal([&] { StackReader::read_info(path("e.uvj")); }),
+              HasSubstr(name + ": is missing"));
+}
+
+// An archive made for a display keeps that, and which places of the display it is corrected for.
+TEST_F(FlatFieldTest, ArchivesOfAPrinterStayAsItsDisplayShowsThem) {
+  MemorySlices target = random_target(kGrid, 14);
+  const Orientation sl1s{true, true, false};
+  target.set_frame({Turn{}, sl1s});
+  Values values(256);
+  for (std::size_t i = 0; i < 256; ++i) values[i] = static_cast<std::uint8_t>(180 + i / 4);
+  Settings setup = with(even_setup(), field_of(16, 16, values));
+  setup.printer.orientation = sl1s;
+  const Correction c = correct_stack(target, setup, path("a.uvj"), false);
+  const StackReader stack(path("a.uvj"), folder_.string());
+  EXPECT_EQ(stack.frame(), target.frame());
+  EXPECT_EQ(verify_stack(stack, target, setup).to_json(), c.after.to_json());
+  // The same slices as ones of the plate are turned on their way: other places, other levels.
+  target.set_frame({});
+  EXPECT_FALSE(MemorySlices(CorrectedSlices(target, setup)) == MemorySlices(stack));
+  EXPECT_EQ(verify_stack(CorrectedSlices(target, setup), target, setup).undercure_voxels, 0U);
+}
+
+// ---- files ----------------------------------------------------------------------------------
+
+class FlatFieldFiles : public FlatFieldTest {
+ protected:
+  void write(const std::string& name, const std::vector<std::uint8_t>& data) const {
+    std::ofstream(path(name), std::ios::binary)
+        .write(reinterpret_cast<const char*>(data.data()),
+               static_cast<std::streamsize>(data.size()));
+  }
+  /// A printer of 128 x 80 pixels with these keys in [display].
+  std::string printer(const std::string& keys) const {
+    std::ofstream(path("p.toml")) << "name = \"p\"\n[display]\nwidth_px = 128\nheight_px = 80\n"
+                                     "pixel_um = 50\n"
+                                  << keys << "[blue]\ncalibration = [[0, 1], [255, 100]]\n";
+    return path("p.toml");
+  }
+};
+
+TEST_F(FlatFieldFiles, KeysAreRead) {
+  write("even.png", encode_png(GreyImage{2, 1, {128, 240}}));
+  const Printer p = load_printer(printer("flat_field = \"even.png\"\nmirror = \"xy\"\n"));
+  ASSERT_TRUE(p.flat_field);
+  EXPECT_EQ(p.flat_field->reference, 240);
+  EXPECT_FALSE(p.flat_field->of_plate);
+  EXPECT_EQ(*p.flat_field->values, (Values{128, 240}));
+  EXPECT_EQ(*p.orientation, (Orientation{false, true, true}));
+  const Printer q = load_printer(printer(
+      "flat_field = \"even.png\"\nflat_field_reference = 255\nflat_field_frame = \"plate\"\n"
+      "orientation = \"landscape\"\n"));
+  EXPECT_EQ(q.flat_field->reference, 255);
+  EXPECT_TRUE(q.flat_field->of_plate);
+  EXPECT_EQ(*q.orientation, Orientation{});
+  EXPECT_EQ(light_in_words(q), "50.2 to 94.1 % of the calibration");
+  EXPECT_FALSE(load_printer(printer("")).flat_field);
+  EXPECT_FALSE(load_printer(printer("")).orientation);
+  EXPECT_EQ(*load_printer(printer("mirror = true\n")).orientation,
+            (Orientation{false, true, false}));
+  // Also where the file comes as a text.
+  SetupChoices c;
+  c.printer_toml = "[display]\nwidth_px = 128\nheight_px = 80\npixel_um = 50\nflat_field = \"" +
+                   path("even.png") + "\"\n[blue]\ncalibration = [[0, 1], [255, 100]]\n";
+  c.resin = SLICECORR_DB_DIR "/benchy-resin.toml";
+  c.speed_mm_h = 800;
+  EXPECT_TRUE(resolve_setup(c, nullptr, nullptr, ChoiceNames::fields).printer.flat_field);
+}
+
+TEST_F(FlatFieldFiles, BadOnesAreRefusedWithFileAndKey) {
+  const auto said = [&](const std::string& keys) {
+    return refusal([&] { load_printer(printer(keys)); });
+  };
+  const auto at_key = [&](int line, const std::string& key) {
+    return HasSubstr(path("p.toml") + ": line " + std::to_string(line) + ": display." + key + ": ");
+  };
+  EXPECT_THAT(said("flat_field = \"gone.png\"\n"),
+              AllOf(at_key(6, "flat_field"), HasSubstr("gone.png is not a file")));
+  EXPECT_THAT(said("flat_field = 3\n"), AllOf(at_key(6, "flat_field"), HasSubstr("name of a PNG")));
+  write("text.png", {'h', 'e', 'l', 'l', 'o'});
+  EXPECT_THAT(said("flat_field = \"text.png\"\n"),
+              AllOf(at_key(6, "flat_field"), HasSubstr("text.png: is no PNG image")));
+  write("black.png", encode_png(GreyImage{4, 2, Values(8, 0)}));
+  EXPECT_THAT(said("flat_field = \"black.png\"\n"),
+              AllOf(at_key(6, "flat_field"), HasSubstr("is black")));
+  auto cut = encode_png(GreyImage{64, 40, Values(64 * 40, 77)});
+  cut.resize(cut.size() / 2);
+  write("cut.png", cut);
+  EXPECT_THAT(said("flat_field = \"cut.png\"\n"), at_key(6, "flat_field"));
+  write("turned.png", encode_png(GreyImage{6, 10, Values(60, 200)}));
+  EXPECT_THAT(said("flat_field = \"turned.png\"\n"),
+              AllOf(at_key(6, "flat_field"), HasSubstr("6 x 10 pixels"),
+                    HasSubstr("shape of the display, 128 x 80")));
+  // ... but it may cover a plate that lies turned in the display.
+  EXPECT_TRUE(load_printer(printer("flat_field = \"turned.png\"\nflat_field_frame = \"plate\"\n"
+                                   "orientation = \"portrait\"\n"))
+                  .flat_field);
+  write("square.png", encode_png(GreyImage{100, 100, Values(10000, 200)}));
+  EXPECT_THAT(said("flat_field = \"square.png\"\n"), HasSubstr("100 x 100 pixels"));
+  write("coarse.png", encode_png(GreyImage{8, 8, Values(64, 200)}));
+  EXPECT_TRUE(load_printer(printer("flat_field = \"coarse.png\"\n")).flat_field);
+  const std::string good = "flat_field = \"coarse.png\"\n";
+  EXPECT_THAT(said(good + "flat_field_frame = \"bed\"\n"), at_key(7, "flat_field_frame"));
+  EXPECT_THAT(said(good + "flat_field_reference = 0\n"), at_key(7, "flat_field_reference"));
+  EXPECT_THAT(said(good + "flat_field_reference = 256\n"), at_key(7, "flat_field_reference"));
+  EXPECT_THAT(said("flat_field_frame = \"plate\"\n"), at_key(6, "flat_field_frame"));
+  EXPECT_THAT(said("mirror = \"z\"\n"), at_key(6, "mirror"));
+  EXPECT_THAT(said("orientation = \"upright\"\n"), at_key(6, "orientation"));
+}
+
+// Real flat-fields through the programs: import, then a part in one go.
+TEST_F(FlatFieldFiles, RealOnesThroughThePrograms) {
+  const fs::path data = fs::path(SLICECORR_TEST_DATA) / "projector";
+  if (!fs::exists(data)) GTEST_SKIP() << data << " is not there";
+  const std::string bin = SLICECORR_BIN_DIR;
+  RunOptions options;
+  options.environment["SLICECORR_DB"] = folder_.string();
+  options.folder = folder_.string();
+  const auto ok = [&](std::vector<std::string> command) {
+    const RunResult r = run_program(command, options);
+    EXPECT_EQ(r.exit_code, 0) << r.err;
+    return r.out + r.err;
+  };
+  write_stl(path("ladder.stl"), ladder());
+  struct Real {
+    std::string file, format;
+  };
+  for (const Real& real : {Real{"nordin_graycorr_20241202-XU19030146.png", "correction-mask"},
+                           Real{"sl1_uv_calibration_60pt.toml", "flat-field"}}) {
+    ok({bin + "/resinctl", "import", (data / real.file).string(), "--format", real.format,
+        "--printer", "dual-wavelength-dlp", "--name", "uneven", "--replace"});
+    ok({bin + "/resinctl", "validate", path("uneven.toml")});
+    const Printer printer = load_printer(path("uneven.toml"));
+    ASSERT_TRUE(printer.flat_field);
+    // The dimmest corner of the display, where the calibration is furthest off.
+    ok({bin + "/slicecorr", "run", "ladder.stl", "-o", "l.uvj", "--printer", "uneven", "--resin",
+        "benchy-resin", "--layer-um", "50", "--speed-mm-h", "800", "--center-mm", "3,3"});
+    ok({bin + "/slicecorr", "slice", "ladder.stl", "-o", "t.uvj", "--printer", "uneven",
+        "--layer-um", "50", "--center-mm", "3,3"});
+    const auto verified = nlohmann::json::parse(
+        ok({bin + "/slicecorr", "verify", "l.uvj", "--target", "t.uvj", "--json", "-", "--quiet"}));
+    const auto promised = nlohmann::json::parse(bytes(path("l.json")));
+    EXPECT_EQ(verified["height_error_um"], promised["height_error_um"]);
+    EXPECT_EQ(verified["undercure_voxels"], 0);
+    EXPECT_EQ(verified["cure_through_voxels"], 0);
+    EXPECT_LT(verified["height_error_um"]["mean_abs"], 2.5);
+    // Corrected for even light, the same part comes out worse by what ha log10 f says.
+    ok({bin + "/slicecorr", "correct", "t.uvj", "-o", "e.uvj", "--printer", "dual-wavelength-dlp",
+        "--resin", "benchy-resin", "--speed-mm-h", "800"});
+    const auto unaware =
+        nlohmann::json::parse(ok({bin + "/slicecorr", "verify", "e.uvj", "--target", "t.uvj",
+                                  "--printer", "uneven", "--json", "-", "--quiet"}));
+    EXPECT_GT(unaware["height_error_um"]["max_abs"], 10);
+    const std::string said = ok({bin + "/slicecorr", "info", "l.uvj"});
+    EXPECT_THAT(said, HasSubstr("light"));
+    EXPECT_THAT(bytes(path("l.html")), HasSubstr("\"light\":{\"factors\""));
+  }
+}
+
+}  // namespace
+}  // namespace slicecorr::test

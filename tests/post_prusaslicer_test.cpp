@@ -1,0 +1,200 @@
+/// Exports of the real PrusaSlicer, corrected in place: all else stays byte for byte, and the
+/// images are those that `slicecorr correct` shows. Read with libzip and libpng, past our code.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <zip.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "ladder.hpp"
+#include "post_fixture.hpp"
+
+namespace slicecorr::test {
+namespace {
+
+using ::testing::HasSubstr;
+namespace fs = std::filesystem;
+
+/// An entry with what the zip says of it.
+struct ZipEntry {
+  std::string name, comment;
+  std::uint16_t method = 0, dos_time = 0, dos_date = 0;
+  Bytes data;
+};
+
+std::vector<ZipEntry> entries_of(const std::string& path) {
+  std::vector<ZipEntry> entries;
+  zip_t* const zip = zip_open(path.c_str(), ZIP_RDONLY | ZIP_CHECKCONS, nullptr);
+  EXPECT_NE(zip, nullptr) << path;
+  const zip_int64_t count = zip ? zip_get_num_entries(zip, 0) : 0;
+  for (zip_uint64_t i = 0; i < static_cast<zip_uint64_t>(count); ++i) {
+    zip_stat_t status;
+    EXPECT_EQ(zip_stat_index(zip, i, 0, &status), 0);
+    ZipEntry entry;
+    entry.name = status.name;
+    entry.method = status.comp_method;
+    std::tm local{};
+    ::localtime_r(&status.mtime, &local);
+    entry.dos_date = static_cast<std::uint16_t>(((local.tm_year - 80) << 9) |
+                                                ((local.tm_mon + 1) << 5) | local.tm_mday);
+    entry.dos_time = static_cast<std::uint16_t>((local.tm_hour << 11) | (local.tm_min << 5) |
+                                                (local.tm_sec / 2));
+    zip_uint32_t length = 0;
+    if (const char* comment = zip_file_get_comment(zip, i, &length, 0)) {
+      entry.comment.assign(comment, length);
+    }
+    entry.data.resize(status.size);
+    zip_file_t* const file = zip_fopen_index(zip, i, 0);
+    EXPECT_EQ(zip_fread(file, entry.data.data(), entry.data.size()),
+              static_cast<zip_int64_t>(entry.data.size()));
+    zip_fclose(file);
+    entries.push_back(std::move(entry));
+  }
+  if (zip) zip_discard(zip);
+  return entries;
+}
+
+class PrusaSlicer : public PostFolder {
+ protected:
+  PrusaSlicer() {
+    options_.timeout = std::chrono::minutes(5);
+    // The maker's file has 4 mW/cm²; these parts are for a brighter one, on the same display.
+    write("sl1s.toml",
+          "name = \"sl1s-bright\"\n[display]\nwidth_px = 1620\nheight_px = 2560\npixel_um = 50\n"
+          "[blue]\ncalibration = [[0, 0.5], [255, 50.0]]\n");
+  }
+  static bool installed() { return fs::exists("/usr/bin/prusa-slicer"); }
+
+  RunResult export_sl1(const std::string& mesh, const std::string& layer_mm,
+                       const std::string& output, const Command& more = {}) const {
+    return run_program(Command{"/usr/bin/prusa-slicer",
+                               "--export-sla",
+                               "--layer-height",
+                               layer_mm,
+                               "--initial-layer-height",
+                               layer_mm,
+                               "--supports-enable=0",
+                               "--pad-enable=0",
+                               "--display-width",
+                               "128",
+                               "--display-height",
+                               "81",
+                               "--display-pixels-x",
+                               "2560",
+                               "--display-pixels-y",
+                               "1620",
+                               "--bed-shape",
+                               "0x0,128x0,128x81,0x81",
+                               "--display-orientation",
+                               "portrait",
+                               "--display-mirror-x=1",
+                               "--exposure-time",
+                               "8",
+                               "--initial-exposure-time",
+                               "20",
+                               "--faded-layers",
+                               "5"} +
+                           more + Command{"--output", output, mesh},
+                       options_);
+  }
+
+  void check_corrected(const std::string& before_path, const std::string& after_path,
+                       const Command& setup) const {
+    const auto before = entries_of(folder_ / before_path), after = entries_of(folder_ / after_path);
+    ASSERT_EQ(after.size(), before.size() + 1);
+    EXPECT_EQ(after.back().name, "slicecorr.json");
+    const RunResult r = run_program(Command{SLICECORR_BIN_DIR "/slicecorr", "correct", before_path,
+                                            "-o", "correct.uvj", "--mode", "layerwise"} +
+                                        setup,
+                                    options_);
+    ASSERT_EQ(r.exit_code, 0) << r.err;
+    std::vector<ZipEntry> expected;
+    for (ZipEntry& e : entries_of(folder_ / "correct.uvj")) {
+      if (e.name.starts_with("slice/")) expected.push_back(std::move(e));
+    }
+    std::size_t layer = 0, changed = 0;
+    for (std::size_t i = 0; i < before.size(); ++i) {
+      SCOPED_TRACE(before[i].name);
+      ASSERT_EQ(after[i].name, before[i].name);
+      ASSERT_EQ(after[i].comment, before[i].comment);
+      if (!is_layer_image(before[i].name)) {
+        ASSERT_EQ(after[i].data, before[i].data);
+        ASSERT_EQ(after[i].method, before[i].method);
+        ASSERT_EQ(after[i].dos_date, before[i].dos_date);
+        ASSERT_EQ(after[i].dos_time, before[i].dos_time);
+        continue;
+      }
+      const GreyImage was = png_pixels(before[i].data), is = png_pixels(after[i].data);
+      ASSERT_EQ(is.width_px, was.width_px);
+      ASSERT_EQ(is.height_px, was.height_px);
+      ASSERT_LT(layer, expected.size());
+      ASSERT_EQ(is.pixels, png_pixels(expected[layer++].data).pixels);
+      changed += is.pixels != was.pixels;
+    }
+    EXPECT_EQ(layer, expected.size());
+    EXPECT_GT(changed, layer / 2);
+  }
+};
+
+const Command kSetup{"--printer", "sl1s.toml", "--resin", "liqcreate-strong-x-405nm"};
+
+TEST_F(PrusaSlicer, LadderInPlace) {
+  if (!installed()) GTEST_SKIP() << "prusa-slicer is not installed";
+  write_stl(folder_ / "ladder.stl", ladder());
+  const RunResult made = export_sl1("ladder.stl", "0.05", "ladder.sl1");
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  fs::copy_file(folder_ / "ladder.sl1", folder_ / "before.sl1");
+  const RunResult said = good(kSetup + Command{"ladder.sl1"});
+  // What PrusaSlicer wrote: 20 s, then in equal steps to 8 s from the fifth layer on.
+  EXPECT_THAT(said.err, HasSubstr("8 s per layer (the first 1 20 s, 3 between)"));
+  check_corrected("before.sl1", "ladder.sl1", kSetup);
+}
+
+TEST_F(PrusaSlicer, BenchyInPlaceAndBack) {
+  if (!installed()) GTEST_SKIP() << "prusa-slicer is not installed";
+  const std::string benchy = SLICECORR_TEST_DATA "/meshes/clean/3DBenchy.stl";
+  if (!fs::exists(benchy)) GTEST_SKIP() << benchy << " is not there";
+  const RunResult made = export_sl1(benchy, "0.2", "benchy.sl1");
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  fs::copy_file(folder_ / "benchy.sl1", folder_ / "before.sl1");
+  good(kSetup + Command{"--backup", "benchy.sl1"});
+  check_corrected("before.sl1", "benchy.sl1", kSetup);
+  good({"--undo", "benchy.sl1"});
+  EXPECT_EQ(bytes("benchy.sl1"), bytes("before.sl1"));
+}
+
+/// Why a watched folder, and not the slicer's own setting.
+TEST_F(PrusaSlicer, RunsNoPostProcessingForResinPrinters) {
+  if (!installed()) GTEST_SKIP() << "prusa-slicer is not installed";
+  write_stl(folder_ / "ladder.stl", ladder());
+  write("script", "#!/bin/sh\ntouch " + (folder_ / "ran") + "\n");
+  fs::permissions(folder_ / "script", fs::perms::owner_all);
+  const RunResult made =
+      export_sl1("ladder.stl", "0.1", "ladder.sl1", {"--post-process", folder_ / "script"});
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  EXPECT_TRUE(there("ladder.sl1"));
+  EXPECT_FALSE(there("ran"));
+}
+
+TEST_F(PrusaSlicer, ExportsIntoAWatchedFolderByTheirProfiles) {
+  if (!installed()) GTEST_SKIP() << "prusa-slicer is not installed";
+  write_stl(folder_ / "ladder.stl", ladder());
+  fs::create_directory(folder_ / "exports");
+  write("config/slicecorr/post.toml",
+        "[[rule]]\nfolder = \"~/exports\"\nmaterial_profile = \"Strong-X*\"\nprinter = \"" +
+            (folder_ / "sl1s.toml") + "\"\nresin = \"liqcreate-strong-x-405nm\"\n");
+  write("profiles.ini",
+        "printer_technology = SLA\nsla_material_settings_id = Strong-X @0.1\n"
+        "printer_settings_id = My SL1S\n");
+  const RunResult made =
+      export_sl1("ladder.stl", "0.1", "exports/ladder.sl1", {"--load", folder_ / "profiles.ini"});
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  const RunResult watched = post({"--watch", "exports", "--once"});
+  EXPECT_EQ(watched.exit_code, 0) << watched.err;
+  EXPECT_THAT(watched.err, HasSubstr("corrected " + (folder_ / "exports/ladder.sl1")));
+  EXPECT_THAT(watched.err, HasSubstr("rule 'rule 1'"));
+}
+
+}  // namespace
+}  // namespace slicecorr::test

@@ -90,9 +90,9 @@ class JsonNode {
 
   /// Index of the text among `choices`.
   std::size_t choice(const std::vector<std::string>& choices) const {
-    const auto found = json_->is_string()
-                           ? std::find(choices.begin(), choices.end(), json_->template get<std::string>())
-                           : choices.end();
+    const auto found = json_->is_string() ? std::find(choices.begin(), choices.end(),
+                                                      json_->template get<std::string>())
+                                          : choices.end();
     if (found == choices.end()) {
       std::string list;
       for (const auto& c : choices) list += (list.empty() ? "\"" : " or \"") + c + "\"";

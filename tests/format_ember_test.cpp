@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "format_fixture.hpp"
+#include "foreign_fixture.hpp"
 #include "tar_fixture.hpp"
 
 namespace slicecorr {

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "format_fixture.hpp"
+#include "foreign_fixture.hpp"
 
 namespace slicecorr {
 namespace {

@@ -330,7 +330,15 @@ int convert(const Arguments& a, const Job& job, Console& console) {
   must_not_replace(a.output, {a.input});
   const StackReader stack = a.open(a.input, folder_of(a.output), job);
   if (stack.info().format == format) file.keep_from = a.input;
-  convert_stack(stack, file, job);
+  // For a printer whose display is known the images are turned to it.
+  Printer printer;
+  if (!a.setup.printer.empty()) {
+    printer = load_printer(a.setup.printer);
+  } else if (stack.info().printer) {
+    printer = *stack.info().printer;
+  }
+  const FittedSlices fitted = a.for_output(stack, printer, job);
+  convert_stack(stack, file, job, &*fitted == &stack ? nullptr : &*fitted);
   console.say(fmt::format("{}: {} slices, format {}", a.output, stack.grid().layers, format));
   return kDone;
 }
@@ -460,8 +468,10 @@ int run_program(int argc, char** argv) {
   sub = add("convert", "Write the slices of an archive in another format", convert);
   stack_input(sub, "IN", "Archive to convert");
   stack_output(sub, "Archive to write");
-  sub->add_option("--printer", a.setup.printer,
-                  "Printer whose pixel size counts, where the archive says none");
+  sub->add_option(
+      "--printer", a.setup.printer,
+      "Printer to convert for: its display turns images of the plate, its pixel size counts where "
+      "the archive says none");
 
   sub = add("info", "What a stack says about itself", info);
   stack_input(sub, "STACK", "Stack to look into");

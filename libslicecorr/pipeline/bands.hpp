@@ -5,6 +5,7 @@
 
 #include "base/band_tape.hpp"
 #include "slicecorr/predict.hpp"
+#include "slicecorr/stack.hpp"
 #include "slicecorr/target.hpp"
 
 namespace slicecorr::detail {
@@ -53,6 +54,14 @@ inline Prediction whole_image(const Prediction& in_bands, const CureModel& model
   sum.pixel_y_um = grid.pixel_y_um;
   sum.merge(in_bands);
   return sum;
+}
+
+/// A stack lies like the slices it is made from.
+inline void set_frame(StackInfo& info, const SliceSource& slices) {
+  const ImageFrame frame = slices.frame();
+  info.for_display = frame.to_display.has_value();
+  info.orientation_known = frame.orientation.has_value();
+  info.orientation = frame.orientation.value_or(Orientation{});
 }
 
 }  // namespace slicecorr::detail

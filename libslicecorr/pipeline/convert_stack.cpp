@@ -27,26 +27,32 @@ void set_uv_images(StackWriter& writer, const CureModel& model, int levels) {
 
 }  // namespace detail
 
-void convert_stack(const StackReader& stack, const StackFile& file, const Job& job) {
+void convert_stack(const StackReader& stack, const StackFile& file, const Job& job,
+                   const SliceSource* turned_slices) {
+  const SliceSource& slices = turned_slices ? *turned_slices : stack;
+  const Grid& grid = slices.grid();
   StackInfo info = stack.info();
-  const Grid& grid = stack.grid();
+  if (turned_slices) {
+    info.grid = grid;
+    detail::set_frame(info, slices);
+  }
   if (info.part_volume_mm3 == 0) {
     info.part_volume_mm3 = static_cast<double>(stack.pixel_sum()) / 255.0 * grid.pixel_x_um *
                            grid.pixel_y_um * grid.layer_um * 1e-9;
   }
   StackWriter writer(file, grid, job);
   if (info.printer && info.resin && info.process) {
-    const PlaceModels models(*info.printer, *info.resin, *info.process, grid, stack.frame());
+    const PlaceModels models(*info.printer, *info.resin, *info.process, grid, slices.frame());
     detail::set_uv_images(writer, models.brightest(), info.printer->levels());
   }
-  detail::Relief relief(stack.bounds(), grid.layers);
-  const auto bands = detail::bands_of(grid, stack.bounds());
+  detail::Relief relief(slices.bounds(), grid.layers);
+  const auto bands = detail::bands_of(grid, slices.bounds());
   parallel_for(job, "convert", bands.size(), [&](std::size_t i) {
     const PixelBox& band = bands[i];
     StackWriter::BandEncoder encoder(writer, band.y0, band.y1);
     const std::size_t columns = detail::columns_of(band);
     std::vector<std::int32_t> last_lit(columns, 0);
-    stack.read_band(band, [&](int n, const std::uint8_t* rows) {
+    slices.read_band(band, [&](int n, const std::uint8_t* rows) {
       if ((n & 63) == 0) job.check_cancelled();
       encoder.put(n, band.x0, band.x1, rows);
       for (std::size_t k = 0; rows != nullptr && k < columns; ++k) {

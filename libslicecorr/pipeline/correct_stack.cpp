@@ -73,14 +73,6 @@ class TargetScan {
   std::atomic<std::uint64_t> coverage_sum_{0};
 };
 
-/// A stack lies like the target it is made from.
-void set_frame(StackInfo& info, const SliceSource& target) {
-  const ImageFrame frame = target.frame();
-  info.for_display = frame.to_display.has_value();
-  info.orientation_known = frame.orientation.has_value();
-  info.orientation = frame.orientation.value_or(Orientation{});
-}
-
 /// What becomes of columns that share a plan.
 struct ColumnSinks {
   /// Pixels of every slice, from the last to the first; null: black.
@@ -157,7 +149,7 @@ StackInfo write_target(const SliceSource& target, const StackFile& file, const J
   });
   StackInfo info;
   info.grid = grid;
-  set_frame(info, target);
+  detail::set_frame(info, target);
   info.kind = StackKind::target;
   scan.fill(info);
   writer.finish(info, scan.picture());
@@ -254,7 +246,7 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
   }
   StackInfo& info = result.info;
   info.grid = grid;
-  set_frame(info, target);
+  detail::set_frame(info, target);
   info.kind = StackKind::corrected;
   info.printer = setup.printer;
   info.resin = setup.resin;

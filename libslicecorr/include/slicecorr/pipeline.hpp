@@ -34,9 +34,11 @@ struct Setup {
 /// Writes a target as a stack of its coverage. Throws `InputError` when nothing in it is solid.
 StackInfo write_target(const SliceSource& target, const StackFile& file, const Job& job = {});
 
-/// Writes the slices of a stack into another archive, with all that both formats can say. What is
-/// lost is told through `job`.
-void convert_stack(const StackReader& stack, const StackFile& file, const Job& job = {});
+/// Writes the slices of a stack into another archive, with all that both formats can say. `slices`:
+/// the same turned, where they are to lie otherwise; null: as they are. What is lost is told
+/// through `job`.
+void convert_stack(const StackReader& stack, const StackFile& file, const Job& job = {},
+                   const SliceSource* slices = nullptr);
 
 /// The process with its UV intensity of each slice, where the schedule asks for one per slice and
 /// does not say them yet: what the brightest pixel of a slice needs for the dead zone, found by a

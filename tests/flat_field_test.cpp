@@ -197,6 +197,20 @@ TEST(LightMap, FewValuesAreInterpolated) {
   EXPECT_EQ(coarse.value(1, 1), 80);
 }
 
+TEST(LightMap, NeighbouringValuesCanBeJoined) {
+  Printer p = linear_printer(1, 100);
+  Values values(256);
+  for (std::size_t i = 0; i < 256; ++i) values[i] = static_cast<std::uint8_t>(i);
+  p.flat_field = field_of(16, 16, values);
+  LightMap map(p, kGrid, {});
+  map.coarsen(7);
+  for (int i = 1; i < 256; ++i) {
+    EXPECT_LE(std::abs(map.value(i % 16, i / 16) - i), 3) << i;
+    EXPECT_EQ(map.value(i % 16, i / 16), std::min(255, i / 7 * 7 + 3));
+  }
+  EXPECT_EQ(map.value(0, 0), 0);
+}
+
 TEST(LightMap, EightOrientations) {
   // A display of 5 x 3 pixels, or 3 x 5.
   for (int i = 0; i < 8; ++i) {

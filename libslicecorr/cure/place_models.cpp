@@ -1,6 +1,22 @@
+#include <algorithm>
+#include <cmath>
+
+#include "slicecorr/inhibited.hpp"
 #include "slicecorr/places.hpp"
 
 namespace slicecorr {
+
+namespace {
+
+/// How many values must share a model so that the tables of all stay within bounds.
+int values_per_model(const InhibitedKernel& kernel, int values) {
+  constexpr double most_bytes = 256.0 * 1024 * 1024;
+  const double bytes =
+      8.0 * kernel.near() * kernel.levels() * kernel.settings() * InhibitedKernel::places;
+  return std::clamp(static_cast<int>(std::ceil(values * bytes / most_bytes)), 1, 64);
+}
+
+}  // namespace
 
 struct PlaceModels::Made {
   CureModel model;
@@ -15,6 +31,9 @@ PlaceModels::PlaceModels(const Printer& printer, const Resin& resin, const Proce
       layer_um_(images.layer_um),
       map_(printer, images, frame) {
   printer_.flat_field.reset();
+  if (even() || process.uv.kind == UvKind::off) return;
+  const int values = printer.flat_field->greatest() - printer.flat_field->least() + 1;
+  map_.coarsen(values_per_model(*model(map_.greatest()).inhibited, values));
 }
 
 PlaceModels::PlaceModels(const CureModel& everywhere) : layer_um_(everywhere.layer_um) {

@@ -96,7 +96,9 @@ std::uint8_t LightMap::sample(int x, int y) const {
 std::uint8_t LightMap::value(int x, int y) const {
   if (even_) return reference();
   const Pixel p = turned(Pixel{x, y}, turn_, width_px_, height_px_);
-  return sample(p.x, p.y);
+  const std::uint8_t v = sample(p.x, p.y);
+  if (step_ == 1 || v == 0) return v;
+  return static_cast<std::uint8_t>(std::min(255, v / step_ * step_ + step_ / 2));
 }
 
 void LightMap::values(const PixelBox& box, std::uint8_t* out) const {

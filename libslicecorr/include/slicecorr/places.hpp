@@ -41,6 +41,10 @@ class LightMap {
   /// The greatest value of the flat-field.
   std::uint8_t greatest() const { return greatest_; }
 
+  /// Joins every `step` neighbouring values into the one in their middle: fewer models, and factors
+  /// that are off by up to step / 2 / reference. No light stays no light.
+  void coarsen(int step) { step_ = step; }
+
   std::uint8_t value(int x, int y) const;
   /// Values of the pixels in `box`, row by row.
   void values(const PixelBox& box, std::uint8_t* out) const;
@@ -58,7 +62,7 @@ class LightMap {
 
   FlatField field_;
   bool even_ = true, fine_ = false;
-  int reference_ = 255;
+  int reference_ = 255, step_ = 1;
   std::uint8_t greatest_ = 255;
   int width_px_ = 0, height_px_ = 0;  ///< of the images
   Turn turn_;                         ///< from the images to the flat-field's frame
@@ -66,7 +70,9 @@ class LightMap {
   std::int64_t whole_ = 1;
 };
 
-/// The cure models of a process by value of light. Made when asked for.
+/// The cure models of a process by value of light. Made when asked for. Under UV light models have
+/// large tables: where those of all values together would take more than 256 MiB, neighbouring
+/// values share one (`LightMap::coarsen`).
 class PlaceModels {
  public:
   /// Throws as `LightMap`; making models throws as `make_cure_model`.

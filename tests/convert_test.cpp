@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "slicecorr/pipeline.hpp"
+#include "slicecorr/turned.hpp"
 #include "stack_fixture.hpp"
 
 namespace slicecorr {
@@ -168,6 +169,35 @@ TEST_P(EveryFormat, ImagesArePutInPlaceAndNothingElseChanges) {
             other.slices);
   EXPECT_EQ(others(file.path), before);
   EXPECT_EQ(folder.count(), 3) << "something is left beside";
+}
+
+TEST(Formats, ImagesOfThePlateAreTurnedToTheDisplay) {
+  const TemporaryFolder folder;
+  const Images plate = test::random_images(40, 30, 3, 21);
+  test::write_stack(folder / "plate.uvj", plate, test::info_of(plate.grid));
+  const StackReader stack(folder / "plate.uvj", folder.path());
+  // As an SL1's: x of the plate runs up, y to the right.
+  Printer printer;
+  printer.width_px = 30;
+  printer.height_px = 40;
+  printer.orientation = Orientation{true, true, false};
+  const FittedSlices turned = FittedSlices::for_display(stack, printer, folder.path());
+  convert_stack(stack, folder / "display.sl1", {}, &*turned);
+  const StackReader display(folder / "display.sl1", folder.path());
+  EXPECT_EQ(display.info().orientation, *printer.orientation);
+  ASSERT_EQ(display.grid().width_px, 30);
+  ASSERT_EQ(display.grid().height_px, 40);
+  EXPECT_EQ(display.grid().pixel_x_um, plate.grid.pixel_y_um);
+  const std::vector<Bytes> images = test::read_images(display);
+  for (std::size_t n = 0; n < 3; ++n) {
+    for (std::size_t row = 0; row < 40; ++row) {
+      for (std::size_t column = 0; column < 30; ++column) {
+        const std::size_t x = 39 - row, plate_row = 29 - column;
+        ASSERT_EQ(images[n][row * 30 + column], plate.slices[n][plate_row * 40 + x])
+            << n << " " << row << " " << column;
+      }
+    }
+  }
 }
 
 TEST(Formats, AreNamedByTheirEndings) {

@@ -248,7 +248,7 @@ TEST_F(Resinctl, MeasurementsOfPrintersAreKeptBesideThem) {
   EXPECT_TRUE(fs::exists(folder_ / "db/my-ember-flat-field.png"));
   EXPECT_THAT(ok({"show", "my-ember"}),
               AllOf(HasSubstr("version 2"), HasSubstr("3 calibration points"),
-                    HasSubstr("correction does not apply it yet")));
+                    HasSubstr("curing light 62.7 to 100 %")));
   EXPECT_EQ(ok({"validate"}), "");
   EXPECT_EQ(ok({"export", "my-ember", "--format", "csv"}),
             "grey_level,intensity_mw_cm2\n0,0.1\n128,3\n255,20\n");

@@ -240,11 +240,16 @@ TEST_F(Post, ArchivesThatDoNotFit) {
 }
 
 TEST_F(Post, FolderThatCanNotBeWritten) {
-  if (::geteuid() == 0) GTEST_SKIP() << "root may write everywhere";
-  fs::permissions(folder_.path(), fs::perms::owner_read | fs::perms::owner_exec);
-  const RunResult r = post(kSmall + Command{"part.sl1"});
+  const Bytes original = bytes("part.sl1");
+  constexpr auto read = fs::perms::owner_read | fs::perms::group_read | fs::perms::others_read;
+  constexpr auto enter = fs::perms::owner_exec | fs::perms::group_exec | fs::perms::others_exec;
+  fs::permissions(folder_.path(), read | enter);
+  RunOptions options = options_;
+  options.unprivileged = true;
+  const RunResult r = post(kSmall + Command{"part.sl1"}, options);
   fs::permissions(folder_.path(), fs::perms::owner_all);
   EXPECT_EQ(r.exit_code, 4) << r.err;
+  EXPECT_EQ(bytes("part.sl1"), original);
 }
 
 TEST_F(Post, FullDiskLeavesTheFileAsItWas) {

@@ -22,10 +22,11 @@ namespace slicecorr::test {
 struct RunOptions {
   /// Added to the environment of the test, or put in its place there.
   std::map<std::string, std::string> environment;
-  std::string folder;       ///< working folder; empty: that of the test
-  std::string stdout_path;  ///< where stdout goes; empty: to `RunResult::out`
-  rlim_t largest_file = 0;  ///< no file may grow beyond this many bytes; 0: no limit
-  int signal = 0;           ///< sent once, as soon as `signal_when` holds
+  std::string folder;         ///< working folder; empty: that of the test
+  std::string stdout_path;    ///< where stdout goes; empty: to `RunResult::out`
+  rlim_t largest_file = 0;    ///< no file may grow beyond this many bytes; 0: no limit
+  bool unprivileged = false;  ///< as nobody, where the test is root
+  int signal = 0;             ///< sent once, as soon as `signal_when` holds
   std::function<bool(const std::string& out, const std::string& err)> signal_when;
   std::chrono::milliseconds timeout{60000};  ///< killed after this
 };
@@ -72,6 +73,10 @@ inline RunResult run_program(const std::vector<std::string>& command,
     if (options.largest_file > 0) {
       const rlimit limit{options.largest_file, options.largest_file};
       ready = ready && ::setrlimit(RLIMIT_FSIZE, &limit) == 0;
+    }
+    constexpr uid_t nobody = 65534;
+    if (options.unprivileged && ::geteuid() == 0) {
+      ready = ready && ::setgid(nobody) == 0 && ::setuid(nobody) == 0;
     }
     if (ready) ::execve(argv[0], argv.data(), envp.data());
     ::_exit(127);

@@ -55,6 +55,13 @@ class Database {
     (bind(s, ++index, values), ...);
     return Rows(db_, s, path_);
   }
+  /// The same with any number of texts.
+  Rows query_list(std::string_view sql, const std::vector<std::string>& values) {
+    sqlite3_stmt* s = prepare(sql);
+    int index = 0;
+    for (const std::string& value : values) bind(s, ++index, value);
+    return Rows(db_, s, path_);
+  }
   /// Runs a statement that gives no rows; gives the number of rows changed.
   template <typename... Values>
   std::int64_t run(std::string_view sql, const Values&... values) {

@@ -27,6 +27,7 @@ constexpr ReasonRow reasons[] = {
     {Reason::worker_crashed, "worker_crashed", true, true},
     {Reason::hung, "hung", true, true},
     {Reason::lease_lost, "lease_lost", true, false},
+    {Reason::stopped, "stopped", true, false},
     {Reason::out_of_memory, "out_of_memory", true, true},
     {Reason::disk_full, "disk_full", true, false},
     {Reason::device_failed, "device_failed", true, true},

@@ -33,6 +33,7 @@ enum class Reason {
   worker_crashed,  ///< by a defect (exit code 1, SIGSEGV and the like): tried again
   hung,            ///< no progress for as long as settings allow: tried again
   lease_lost,      ///< the service that looked after it died or froze: tried again, not counted
+  stopped,         ///< its service was stopped: tried again, not counted
   out_of_memory,   ///< tried again with more memory or fewer threads
   disk_full,       ///< tried again when there is room, not counted
   device_failed,   ///< another failure to read or write: tried again
@@ -82,7 +83,7 @@ struct Job {
   std::vector<std::string> parts;  ///< inputs as they were submitted
   std::string kind;                ///< "run" for meshes, "correct" for archives of slices
   std::string printer, resin;
-  std::string format;  ///< of the archive to write
+  std::string format;  ///< of the archive to write: its ending
   std::string output_folder;
   int layers = 0;
   std::int64_t voxels = 0;  ///< of the part's bounding box: what time goes with

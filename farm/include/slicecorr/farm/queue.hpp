@@ -14,6 +14,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "slicecorr/farm/clock.hpp"
@@ -30,12 +31,20 @@ class Database;
 inline constexpr std::int64_t lease_ms = 60'000;
 inline constexpr std::int64_t lease_renewal_ms = lease_ms / 4;
 
+/// Inputs are stored before the jobs that need them are queued: younger ones are not collected.
+inline constexpr std::int64_t input_grace_ms = 24 * 3600 * 1000;
+
+/// Longest delay before a job is tried again.
+inline constexpr std::int64_t longest_delay_ms = 600'000;
+
 /// What has to be done, shared by all jobs with the same key.
 struct Work {
   std::string key;         ///< SHA-256 of the canonical text of all that decides the output
   std::string spec_json;   ///< see work.hpp
   std::string setup_json;  ///< printer, resin, process, as stacks record them
+  std::string setup_hash;  ///< SHA-256 of it
   std::string kind, printer, resin, format;
+  std::vector<std::string> input_files;  ///< names in the store
   int layers = 0;
   std::int64_t voxels = 0;            ///< of the bounding box
   std::int64_t base_memory_mb = 0;    ///< at one thread
@@ -45,7 +54,9 @@ struct Work {
 /// A job to queue.
 struct NewJob {
   Work work;
-  std::string name, user, output_folder;  ///< folder empty: results/ID
+  std::string name, user;
+  std::string output_folder;   ///< empty: `results_folder` and the id
+  std::string results_folder;  ///< "/DIR/results/"
   std::vector<std::string> parts, labels;
   int priority = 0;
   std::int64_t ready_by_ms = no_deadline;
@@ -56,10 +67,12 @@ struct NewJob {
 struct ClaimRequest {
   std::string service, engine;
   std::int64_t free_memory_mb = 0;  ///< jobs that need more at one thread are passed over
-  /// Only jobs whose result is in the cache; needs no memory.
-  bool cached_only = false;
-  /// Not this many jobs at most are passed over for others that fit.
+  /// Only jobs with this key whose result is in the cache; empty: any.
+  std::string cached_key;
+  /// Whether jobs that need more memory than is free may be passed over for others (64 at most).
   bool may_overtake = true;
+  /// Jobs that write into these folders are passed over: their disks are full.
+  std::vector<std::string> full_folders;
 };
 
 /// A job taken by a service, under a lease.
@@ -87,8 +100,9 @@ struct AttemptEnd {
 /// What `finish` records of a result.
 struct ResultRecord {
   Figures figures;
-  std::vector<ResultFile> files;
-  std::string program;  ///< name and version that made it
+  std::vector<ResultFile> files;      ///< in the cache
+  std::vector<ResultFile> delivered;  ///< in the output folder; empty: the same
+  std::string program;                ///< name and version that made it
   double wall_s = 0;
   std::int64_t voxels = 0;
 };
@@ -97,7 +111,7 @@ struct ResultRecord {
 struct OwnedAttempt {
   Attempt attempt;
   Job job;
-  bool owner_alive = false;  ///< its service's process is there
+  bool owner_alive = false;  ///< its service's process is there, or may be
   bool lease_expired = false;
 };
 
@@ -123,6 +137,8 @@ class Queue {
   std::vector<JobId> submit(const std::vector<NewJob>& jobs, const std::string& user,
                             const std::string& source);
   Rates rates(const std::string& kind);
+  /// The unfinished job that will write these outputs; 0: none.
+  JobId unfinished_output(const std::string& output_folder, const std::string& name);
 
   // --- working ----------------------------------------------------------------------------------
   /// Registers a service; gives its id.
@@ -180,8 +196,8 @@ class Queue {
   std::vector<Collectable> results_by_age();
   /// Files of inputs that no unfinished job needs.
   std::vector<std::string> unneeded_inputs();
-  /// Registers stored inputs, so that they are collected later. file: name in the store.
-  void record_input(const std::string& file, std::int64_t bytes);
+  /// Registers stored inputs, so that they are collected later: name in the store, size.
+  void record_inputs(const std::vector<std::pair<std::string, std::int64_t>>& inputs);
   void forget_input(const std::string& file);
 
   // --- people -----------------------------------------------------------------------------------
@@ -200,6 +216,12 @@ class Queue {
   std::int64_t data_version();
 
  private:
+  void relead(const std::string& key);
+  void end_attempt(const std::string& token, const AttemptEnd& end);
+  void event(const char* kind, const std::string& text, JobId job = 0,
+             const std::string& attempt = {}, Reason reason = Reason::none);
+  std::vector<OwnedAttempt> open_attempts(const std::string& service);
+
   std::unique_ptr<detail::Database> db_;
   const Clock* clock_;
 };

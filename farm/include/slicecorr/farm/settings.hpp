@@ -18,7 +18,7 @@ struct Settings {
   int night_from = -1, night_until = -1;
   int user_running = 0;  ///< jobs of one user that run at a time; 0: any number
   int user_queued = 0;   ///< unfinished jobs one user may have; more are refused; 0: any number
-  /// Of these users instead of the two numbers above: running, queued.
+  /// Of these users instead of the two numbers above: running, queued; -1: not said.
   std::map<std::string, std::pair<int, int>> users;
   std::int64_t min_free_mb = 1024;  ///< nothing starts when a disk it writes to has less
   int max_attempts = 3;
@@ -35,6 +35,10 @@ struct Settings {
 void set_setting(Settings& settings, const std::string& name, const std::string& text);
 /// All that can be set, with their texts.
 std::map<std::string, std::string> setting_texts(const Settings& settings);
+
+/// The limits that hold for a user; 0: none.
+int running_limit(const Settings& settings, const std::string& user);
+int queued_limit(const Settings& settings, const std::string& user);
 
 /// Whether jobs may start at this minute of the local day.
 bool in_night_window(const Settings& settings, int local_minute);

@@ -12,6 +12,7 @@
 #include <sstream>
 
 #include "run_program.hpp"
+#include "slicecorr/stack.hpp"
 #include "stack_fixture.hpp"
 
 namespace slicecorr::test {
@@ -858,6 +859,17 @@ class HandMade : public Cli {
                                          width, height));
     return setup("small.toml");
   }
+  /// Of all slices.
+  std::string pixels(const std::string& stack) const {
+    const slicecorr::StackReader reader(folder_ / stack, folder_.path());
+    const slicecorr::Grid& g = reader.grid();
+    std::string all;
+    const auto size = static_cast<std::size_t>(g.width_px) * static_cast<std::size_t>(g.height_px);
+    reader.read_band({0, 0, g.width_px, g.height_px}, [&](int, const std::uint8_t* rows) {
+      all += rows ? std::string(rows, rows + size) : std::string(size, '\0');
+    });
+    return all;
+  }
   json verified(const std::string& stack, const std::string& target) const {
     return json::parse(good(Command{"verify", stack, "--target", target, "--json", "-"} + small()));
   }
@@ -878,7 +890,7 @@ TEST_F(HandMade, AllKindsOfImagesMeanTheSame) {
       EXPECT_EQ(verified("made.uvj", "target.uvj"), expected);
       EXPECT_EQ(verified("target.uvj", "made.uvj"), expected);
       good(Command{"correct", "made.uvj", "-o", "corrected.uvj"} + small());
-      EXPECT_EQ(bytes("corrected.uvj"), bytes("expected.uvj"));
+      EXPECT_EQ(pixels("corrected.uvj"), pixels("expected.uvj"));
     }
   }
   const json corrected = verified("expected.uvj", "target.uvj");

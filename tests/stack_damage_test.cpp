@@ -159,7 +159,7 @@ TEST_F(Damage, ReferenceArchive) {
 
 TEST_F(Damage, FilesThatAreNoArchive) {
   expect_refused(folder_ / "none.uvj", "No such file");
-  expect_refused(folder_.path(), "not a file");
+  expect_refused("/dev/null", "not a file");
   test::write_file(folder_ / "bad.uvj", {});
   expect_refused(folder_ / "bad.uvj", "zip");
   test::write_file(folder_ / "bad.uvj", test::to_bytes("solid cube"));

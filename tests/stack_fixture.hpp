@@ -99,10 +99,10 @@ inline StackInfo info_of(const Grid& grid) {
   return info;
 }
 
-inline void write_stack(const std::string& path, const Images& images, const StackInfo& info,
+inline void write_stack(const StackFile& file, const Images& images, const StackInfo& info,
                         const Job& job = {}, const GreyImage& preview = {2, 1, {7, 9}}) {
   const Grid& grid = images.grid;
-  StackWriter writer(path, grid, job);
+  StackWriter writer(file, grid, job);
   const int rows = band_rows(grid);
   const auto bands = static_cast<std::size_t>((grid.height_px + rows - 1) / rows);
   parallel_for(job, "encode", bands, [&](std::size_t band) {

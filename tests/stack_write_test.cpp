@@ -47,7 +47,9 @@ TEST(StackWriting, ReportsWhereItCanNotWrite) {
   const Grid grid{10, 10, 2, 50, 50, 50};
   const auto refused = [&](const std::string& path) {
     try {
-      const StackWriter writer(path, grid, {});
+      StackFile file(path);
+      file.format = "uvj";
+      const StackWriter writer(file, grid, {});
       ADD_FAILURE() << path << " was accepted";
     } catch (const DeviceError& error) {
       EXPECT_EQ(std::string(error.what()).rfind(path, 0), 0u) << error.what();

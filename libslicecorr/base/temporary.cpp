@@ -81,6 +81,19 @@ std::string make_temporary(const std::string& path, bool make_folder) {
   throw DeviceError(errno_message(path, "can't be written"));
 }
 
+void check_new_file(const std::string& path) {
+  const PlaceOfFile place = place_of(path);
+  struct stat status;
+  if (::stat(place.folder.c_str(), &status) != 0) {
+    throw DeviceError(errno_message(path, "folder of the output can't be used"));
+  }
+  const bool taken = ::stat(path.c_str(), &status) == 0;
+  if (place.file.empty() || (taken && !S_ISREG(status.st_mode))) {
+    throw DeviceError(path + ": can't be written: is no ordinary file");
+  }
+  const Temporary trial{make_temporary(path)};
+}
+
 TemporaryName temporary_name(const std::string& file) {
   std::string name = file;
   // The zip library adds a point and six characters.

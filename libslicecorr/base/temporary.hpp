@@ -16,6 +16,9 @@ PlaceOfFile place_of(const std::string& path);
 /// of that name is made, else an empty file. Throws `DeviceError`.
 std::string make_temporary(const std::string& path, bool make_folder = false);
 
+/// Throws `DeviceError` when no file can be made, or none replaced, at `path`.
+void check_new_file(const std::string& path);
+
 /// Whether a name is one that `make_temporary` gives, or that the zip library makes of it: left
 /// over by a process that was killed when that is no more.
 struct TemporaryName {

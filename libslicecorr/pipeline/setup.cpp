@@ -133,16 +133,26 @@ void Resolver::resolve_layerwise(Process& process, const StackInfo* times) const
       process.exposure_s = times->exposure_s;
     }
     process.layer_exposure_s.clear();
-    process.bottom_exposure_s = c_.bottom_exposure_s;
-    process.bottom_layers = std::max(0, c_.bottom_layers);
-    process.fade_layers = std::max(0, c_.fade_layers);
-    if (process.bottom_layers > 0 && !(c_.bottom_exposure_s > 0)) {
+    // The longer first exposure makes a part stick to the platform: an archive's holds on, unless
+    // it lists all its layers.
+    const bool has_first = times && times->layer_exposure_s.empty() && times->bottom_layers > 0;
+    process.bottom_exposure_s = c_.bottom_exposure_s > 0 ? c_.bottom_exposure_s
+                                : has_first              ? times->bottom_exposure_s
+                                                         : 0;
+    process.bottom_layers = c_.bottom_layers >= 0 ? c_.bottom_layers
+                            : has_first           ? times->bottom_layers
+                                                  : 0;
+    process.fade_layers = c_.fade_layers >= 0 ? c_.fade_layers : has_first ? times->fade_layers : 0;
+    if (process.bottom_layers > 0 && !(process.bottom_exposure_s > 0)) {
       wrong(fmt::format("{}: expected {} with it", o("bottom-layers"), o("bottom-exposure-s")));
     }
-    if (c_.bottom_exposure_s > 0 && process.bottom_layers + process.fade_layers == 0) {
-      wrong(fmt::format("{}: expected {} with it", o("bottom-exposure-s"), o("bottom-layers")));
+    if (process.bottom_layers + process.fade_layers == 0) {
+      if (c_.bottom_exposure_s > 0) {
+        wrong(fmt::format("{}: expected {} with it", o("bottom-exposure-s"), o("bottom-layers")));
+      }
+      process.bottom_exposure_s = 0;
     }
-    if (process.fade_layers > 0 && !(c_.bottom_exposure_s > 0)) {
+    if (process.fade_layers > 0 && !(process.bottom_exposure_s > 0)) {
       wrong(fmt::format("{}: expected {} with it, which they start from", o("fade-layers"),
                         o("bottom-exposure-s")));
     }

@@ -4,6 +4,7 @@
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <filesystem>
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/units.hpp"
@@ -78,7 +79,11 @@ const ArchiveFormat& format_named(const std::string& name, const std::string& pa
     }
   }
   if (fitting.size() == 1) return *fitting.front();
-  if (fitting.empty() && file.find('.') == std::string::npos) return folder_format();
+  // Not every name without an ending: it may have been forgotten.
+  std::error_code error;
+  if (fitting.empty() && (path.ends_with('/') || std::filesystem::is_directory(path, error))) {
+    return folder_format();
+  }
   if (!fitting.empty()) {
     std::string names;
     for (const ArchiveFormat* f : fitting) {
@@ -93,7 +98,7 @@ const ArchiveFormat& format_named(const std::string& name, const std::string& pa
       if (endings.find(std::string(e) + ",") == std::string::npos) endings += std::string(e) + ", ";
     }
   }
-  throw InputError(path, "", "expected a name that ends in " + endings + "or a folder");
+  throw InputError(path, "", "expected a name that ends in " + endings + "or a folder, which ends in /");
 }
 
 std::vector<NumberedEntry> numbered_entries(const Container& archive, std::string_view prefix,
@@ -237,6 +242,10 @@ SliceLight light_of_layer(const StackInfo& info, int layer) {
                      layer, info.grid.layers);
 }
 
+bool same_time(double a_s, double b_s) {
+  return std::abs(a_s - b_s) <= std::min(0.0051, 0.01 * std::abs(b_s));
+}
+
 namespace {
 
 /// The same time for the first layers, equal steps to the normal one, and that for all others:
@@ -252,9 +261,7 @@ bool follows_pattern(const std::vector<double>& times_s, ExposureSummary& s) {
   while (n < times_s.size() && times_s[n] != times_s.back()) ++n;
   p.fade_layers = static_cast<int>(n) - p.bottom_layers;
   for (std::size_t k = 0; k < times_s.size(); ++k) {
-    const double expected_s = layer_exposure_s(p, static_cast<int>(k));
-    // Some programs round to hundredths.
-    if (std::abs(times_s[k] - expected_s) > 0.005 + 1e-9 * expected_s) return false;
+    if (!same_time(times_s[k], layer_exposure_s(p, static_cast<int>(k)))) return false;
   }
   s.normal_s = p.exposure_s;
   s.bottom_s = p.bottom_exposure_s;

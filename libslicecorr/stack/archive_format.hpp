@@ -25,6 +25,7 @@ struct ArchiveContents {
   std::vector<std::string> uv_images;  ///< the same in UV light; empty without
   /// Three neighbouring pixels lie in one RGB pixel: images are ceil(width / 3) wide.
   bool packed_rgb = false;
+  bool packed_bgr = false;  ///< and the first of the three is the blue one, not the red one
   /// Fingerprints that our block holds, see `images_crc32`; absent in foreign archives.
   std::optional<std::uint32_t> images_crc32, uv_images_crc32;
   std::vector<std::string> warnings;
@@ -56,6 +57,7 @@ class ArchiveFormat {
   virtual ContainerKind container() const { return ContainerKind::zip; }
   /// Whether images of new archives are RGB-packed.
   virtual bool packs_rgb() const { return false; }
+  virtual bool packs_bgr() const { return false; }  ///< see ArchiveContents
 
   /// By names of entries and, where those do not tell, by contents.
   virtual bool recognises(const Container& archive) const = 0;
@@ -130,6 +132,9 @@ SliceLight light_of_layer(const StackInfo& info, int layer);
 inline double light_on_of_layer(const StackInfo& info, int layer) {
   return light_of_layer(info, layer).time_s;
 }
+/// Whether two times are the same but for the rounding of archives: hundredths of seconds, and less
+/// for short times, which are written with more digits.
+bool same_time(double a_s, double b_s);
 /// Light-on time of normal layers, of the first layers, and the number of these.
 struct ExposureSummary {
   double normal_s = 0, bottom_s = 0;

@@ -10,6 +10,8 @@
 
 namespace slicecorr::detail {
 
+enum class ContainerKind { zip, tar_gz, folder };
+
 /// Opened for reading, distrusted: doubled, encrypted, overlapping or strangely named entries are
 /// refused with `InputError`. Entries of folders are not listed.
 class Container {
@@ -24,6 +26,7 @@ class Container {
   Container(const Container&) = delete;
   Container& operator=(const Container&) = delete;
 
+  virtual ContainerKind kind() const { return ContainerKind::zip; }
   const std::string& path() const { return path_; }
   /// Sorted by name.
   const std::vector<Entry>& entries() const { return entries_; }
@@ -45,8 +48,6 @@ class Container {
   std::string path_;
   std::vector<Entry> entries_;
 };
-
-enum class ContainerKind { zip, tar_gz, folder };
 
 /// What a path holds, by its first bytes. Throws `InputError` when it is none of these.
 ContainerKind container_kind(const std::string& path);

@@ -167,9 +167,9 @@ void make_new(const ArchiveRequest& r, ContainerOutput& output) {
   const int x_px = turned ? g.height_px : g.width_px, y_px = turned ? g.width_px : g.height_px;
   const double x_um = turned ? g.pixel_y_um : g.pixel_x_um;
   const double y_um = turned ? g.pixel_x_um : g.pixel_y_um;
-  const double width_mm = std::round(x_px * x_um * 1e3) / 1e6;
-  const double height_mm = std::round(y_px * y_um * 1e3) / 1e6;
-  const std::string layer_mm = number_text(std::round(g.layer_um * 1e3) / 1e6);
+  const double width_mm = std::round(x_px * x_um * 1e6) / 1e9;
+  const double height_mm = std::round(y_px * y_um * 1e6) / 1e9;
+  const std::string layer_mm = number_text(std::round(g.layer_um * 1e6) / 1e9);
   std::string model = "SL1";
   for (const Model& m : models) {
     if (m.width_px == g.width_px && m.height_px == g.height_px) {

@@ -51,10 +51,11 @@ class Uvj final : public ArchiveFormat {
   std::vector<std::string_view> endings() const override { return {".uvj"}; }
 
   bool recognises(const Container& archive) const override {
-    if (!archive.has("config.json")) return false;
-    if (!numbered_entries(archive, "slice/", ".png").empty()) return true;
-    // Others have a config.json, too; without slices only the ending tells.
-    return !archive.has("config.ini") && archive.path().ends_with(".uvj");
+    // Others have a config.json, too; where half of it is missing the ending tells.
+    const bool named = archive.path().ends_with(".uvj");
+    const bool config = archive.has("config.json");
+    const bool slices = !numbered_entries(archive, "slice/", ".png").empty();
+    return (config && slices) || (named && (config || slices));
   }
 
   ArchiveContents read(const Container& archive) const override {

@@ -92,6 +92,7 @@ void PixelCode::expand(std::span<const std::uint8_t> grey_rows, int width_px,
     row[0] = 0;
     if (packed_rgb) {
       std::copy_n(grey_rows.data() + at + 1, from - 1, row + 1);
+      for (std::size_t x = 1; blue_first && x < to; x += 3) std::swap(row[x], row[x + 2]);
       continue;
     }
     std::uint8_t* pixel = row + 1;

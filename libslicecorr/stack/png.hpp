@@ -26,6 +26,7 @@ struct PixelCode {
   int opaque_bytes = 0;  ///< bytes of 255 after them
   std::uint8_t bit_depth = 8, colour = 0;
   bool packed_rgb = false;  ///< images are ceil(width / 3) pixels wide; the row's end is black
+  bool blue_first = false;  ///< the first of three packed pixels is the blue one, not the red one
   bool is_plain() const { return value_bytes == 1 && opaque_bytes == 0 && !packed_rgb; }
   /// Pixels in a row of the PNG.
   int png_width(int width_px) const { return packed_rgb ? (width_px + 2) / 3 : width_px; }
@@ -87,9 +88,10 @@ struct PngName {
 using RawBandSink = std::function<void(int y0, int y1, const std::uint8_t* raw)>;
 
 /// Decodes any PNG of exactly this size to 8-bit grey, in bands of `rows` from the top. Structure,
-/// sizes and checksums are checked first or on the way; throws `InputError`. `packed_rgb`: see
-/// PixelCode.
+/// sizes and checksums are checked first or on the way; throws `InputError`. `packed_rgb`,
+/// `blue_first`: see PixelCode.
 void decode_png_bands(std::span<const std::uint8_t> png, int width_px, int height_px, int rows,
-                      const PngName& name, const RawBandSink& sink, bool packed_rgb = false);
+                      const PngName& name, const RawBandSink& sink, bool packed_rgb = false,
+                      bool blue_first = false);
 
 }  // namespace slicecorr::detail

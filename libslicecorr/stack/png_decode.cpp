@@ -97,10 +97,10 @@ void decode_grey(const PngLayout& layout, int rows, const PngName& name, const R
 /// 8-bit RGB whose bytes are neighbouring grey pixels; a row may have up to two bytes more than
 /// `width`.
 void decode_packed(const PngLayout& layout, int width, int rows, const PngName& name,
-                   const RawBandSink& sink) {
+                   const RawBandSink& sink, bool blue_first) {
   const int height = static_cast<int>(layout.height);
   const std::size_t bytes = std::size_t{3} * layout.width, stride = raw_stride(width);
-  std::vector<std::uint8_t> row(bytes + 1), above(bytes + 1, 0);
+  std::vector<std::uint8_t> row(bytes + 1), above(bytes + 1, 0), ordered;
   std::vector<std::uint8_t> band(stride * static_cast<std::size_t>(std::min(rows, height)));
   IdatStream stream(layout, name);
   for (int y0 = 0; y0 < height; y0 += rows) {
@@ -113,7 +113,12 @@ void decode_packed(const PngLayout& layout, int width, int rows, const PngName& 
       }
       std::uint8_t* const out = band.data() + stride * static_cast<std::size_t>(y - y0);
       out[0] = 0;
-      std::copy_n(row.data() + 1, stride - 1, out + 1);
+      // Rows refer to the one above as it was stored.
+      if (blue_first) {
+        ordered = row;
+        for (std::size_t x = 1; x <= bytes; x += 3) std::swap(ordered[x], ordered[x + 2]);
+      }
+      std::copy_n((blue_first ? ordered : row).data() + 1, stride - 1, out + 1);
       above.swap(row);
     }
     if (y1 == height) stream.finish();
@@ -193,13 +198,13 @@ void decode_other(const PngLayout& layout, int rows, const PngName& name, const 
 }  // namespace
 
 void decode_png_bands(Bytes png, int width_px, int height_px, int rows, const PngName& name,
-                      const RawBandSink& sink, bool packed_rgb) {
+                      const RawBandSink& sink, bool packed_rgb, bool blue_first) {
   if (packed_rgb) {
     const PngLayout layout = read_png_layout(png, (width_px + 2) / 3, height_px, name);
     if (layout.colour != rgb || layout.bit_depth != 8 || layout.interlaced) {
       bad_png(name, "expected an 8-bit RGB image that packs three grey pixels in each of its own");
     }
-    decode_packed(layout, width_px, rows, name, sink);
+    decode_packed(layout, width_px, rows, name, sink, blue_first);
     return;
   }
   const PngLayout layout = read_png_layout(png, width_px, height_px, name);

@@ -172,7 +172,7 @@ struct StackReader::Impl {
         [&](int y0, int y1, const std::uint8_t* raw) {
           adler = isal_adler32(adler, raw, stride * static_cast<unsigned>(y1 - y0));
         },
-        config.packed_rgb);
+        config.packed_rgb, config.packed_bgr);
     return adler;
   }
   void copy_piece(const PieceStore::Piece& piece, const PixelBox& band, const PixelBox& box,
@@ -209,7 +209,7 @@ std::uint32_t StackReader::Impl::decode_slice(int slice, std::span<const std::ui
     piece(y0 / rows, slice) = store.put(code.data(), code.size());
   };
   detail::decode_png_bands(png, grid.width_px, grid.height_px, rows, {path, name}, take,
-                           config.packed_rgb);
+                           config.packed_rgb, config.packed_bgr);
   const std::scoped_lock lock(mutex);
   bounds = bounds.united(slice_box);
   sum += slice_sum;

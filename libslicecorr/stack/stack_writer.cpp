@@ -77,7 +77,7 @@ struct StackWriter::Impl {
     if (!file.keep_from.empty()) {
       open_kept();
     } else if (format.packs_rgb()) {
-      code = {1, 0, 8, 2, true};
+      code = {1, 0, 8, 2, true, format.packs_bgr()};
     }
     if (!code.is_plain()) grey_adlers.resize(bands.size());
   }
@@ -136,7 +136,7 @@ void StackWriter::Impl::open_kept() {
   kept_contents = format.read(*kept);
   const std::string& first = kept_contents.images.front();
   if (kept_contents.packed_rgb) {
-    code = {1, 0, 8, 2, true};
+    code = {1, 0, 8, 2, true, kept_contents.packed_bgr};
     return;
   }
   std::vector<std::uint8_t> png;
@@ -235,17 +235,17 @@ void StackWriter::Impl::write_archive(const StackInfo& info, const GreyImage& pr
   };
   if (uv) request.uv_images_crc32 = detail::images_crc32(uv->grey_adlers);
   const std::vector<std::string> names = format.write(request, *output);
-  if (&format != &detail::uvj_format() && info.kind != StackKind::foreign) {
-    output->add_text(
-        detail::provenance_entry,
-        detail::write_provenance(info, request.images_crc32, request.uv_images_crc32) + "\n");
-  }
   for (const std::string& warning : warnings) job.tell(file.path + ": " + warning);
   add_images(names, slices);
   if (uv) {
     std::vector<std::string> uv_names;
     for (int n = 0; n < info.grid.layers; ++n) uv_names.push_back(detail::uv_image_name(n));
     add_images(uv_names, *uv);
+  }
+  if (&format != &detail::uvj_format() && info.kind != StackKind::foreign) {
+    output->add_text(
+        detail::provenance_entry,
+        detail::write_provenance(info, request.images_crc32, request.uv_images_crc32) + "\n");
   }
   output->finish(job);
 }

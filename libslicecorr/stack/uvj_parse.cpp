@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "slicecorr/error.hpp"
+#include "stack/json_node.hpp"
 #include "stack/uvj_config.hpp"
 
 namespace slicecorr::detail {
@@ -10,117 +11,10 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr double largest = 1e300;
+constexpr double largest = JsonPlace::largest;
 
-/// Where a text stands.
-struct Place {
-  std::string file, entry;
-};
-
-/// A value in the file, with the way to it for messages.
-class Node {
- public:
-  Node(const Json& json, std::string path, const Place& place)
-      : json_(&json), path_(std::move(path)), place_(&place) {}
-
-  [[noreturn]] void fail(const std::string& expected) const {
-    refuse((path_.empty() ? "the file" : path_) + " is " + shown() + ", expected " + expected);
-  }
-
-  [[noreturn]] void refuse(const std::string& message) const {
-    throw InputError(place_->file, place_->entry, message);
-  }
-
-  bool is_text(const char* text) const { return json_->is_string() && *json_ == text; }
-
-  bool has(const char* key) const { return object().find(key) != object().end(); }
-
-  Node operator[](const char* key) const {
-    const auto found = object().find(key);
-    if (found == object().end()) {
-      refuse(path(key) + " is missing");
-    }
-    return {*found, path(key), *place_};
-  }
-
-  double number(double least, double most) const {
-    const double value = json_->is_number() ? json_->get<double>() : NAN;
-    if (!(value >= least && value <= most)) {
-      fail(most >= largest ? "a number of at least " + text(least)
-                           : "a number from " + text(least) + " to " + text(most));
-    }
-    return value;
-  }
-
-  /// A number above 0.
-  double positive(double most = largest) const {
-    const double value = json_->is_number() ? json_->get<double>() : NAN;
-    if (!(value > 0 && value <= most)) {
-      fail(most >= largest ? "a number above 0" : "a number above 0 and up to " + text(most));
-    }
-    return value;
-  }
-
-  /// Some programs write whole numbers with a decimal point.
-  std::int64_t whole(std::int64_t least, std::int64_t most) const {
-    const double value = json_->is_number() ? json_->get<double>() : NAN;
-    if (!(value >= static_cast<double>(least) && value <= static_cast<double>(most)) ||
-        value != std::floor(value)) {
-      fail("a whole number from " + std::to_string(least) + " to " + std::to_string(most));
-    }
-    return static_cast<std::int64_t>(value);
-  }
-  int integer(int least, int most) const { return static_cast<int>(whole(least, most)); }
-
-  std::string string() const {
-    if (!json_->is_string()) fail("a text");
-    return json_->get<std::string>();
-  }
-
-  /// Index of the text among `choices`.
-  std::size_t choice(const std::vector<std::string>& choices) const {
-    const auto found = json_->is_string()
-                           ? std::find(choices.begin(), choices.end(), json_->get<std::string>())
-                           : choices.end();
-    if (found == choices.end()) {
-      std::string list;
-      for (const auto& c : choices) list += (list.empty() ? "\"" : " or \"") + c + "\"";
-      fail(list);
-    }
-    return static_cast<std::size_t>(found - choices.begin());
-  }
-
-  std::vector<Node> list(std::size_t least, std::size_t most) const {
-    if (!json_->is_array() || json_->size() < least || json_->size() > most) {
-      fail("a list of " + std::to_string(least) + " to " + std::to_string(most) + " entries");
-    }
-    std::vector<Node> nodes;
-    for (std::size_t i = 0; i < json_->size(); ++i) {
-      nodes.emplace_back((*json_)[i], path_ + "[" + std::to_string(i) + "]", *place_);
-    }
-    return nodes;
-  }
-
- private:
-  static std::string text(double v) { return Json(v).dump(); }
-  std::string path(const char* key) const { return path_.empty() ? key : path_ + "." + key; }
-
-  const Json& object() const {
-    if (!json_->is_object()) fail("an object");
-    return *json_;
-  }
-
-  std::string shown() const {
-    if (json_->is_structured()) return json_->is_array() ? "a list" : "an object";
-    if (json_->is_string() && json_->get_ref<const std::string&>().size() > 40)
-      return "a long text";
-    return json_->dump();
-  }
-
-  const Json* json_;
-  std::string path_;
-  const Place* place_;
-};
+using Place = JsonPlace;
+using Node = JsonNode<Json>;
 
 /// Light-on times of the layers that say one, in order.
 struct LayerTimes {

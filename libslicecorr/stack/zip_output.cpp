@@ -103,15 +103,7 @@ std::string zip_text(zip_error_t* error) {
 
 ZipOutput::ZipOutput(const std::string& path, std::string keep_from)
     : ContainerOutput(path), keep_from_(std::move(keep_from)) {
-  struct stat status;
-  if (::stat(folder_.c_str(), &status) != 0) {
-    throw DeviceError(errno_message(path, "folder of the output can't be used"));
-  }
-  const bool taken = ::stat(path.c_str(), &status) == 0;
-  if (file_.empty() || (taken && !S_ISREG(status.st_mode))) {
-    throw DeviceError(path + ": can't be written: is no ordinary file");
-  }
-  const Temporary trial{make_temporary(path)};
+  check_new_file(path);
 }
 
 void ZipOutput::finish(const Job& job) {

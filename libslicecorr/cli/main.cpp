@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "options.hpp"
+#include "program/make_part.hpp"
 #include "simulate.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/report.hpp"
@@ -215,21 +216,12 @@ int solid(const Arguments& a, const Job& job, Console& console) {
 int run(const Arguments& a, const Job& job, Console& console) {
   format_of(a.file());
   must_not_replace(a.output, a.mesh.parts);
-  Setup setup = a.setup.resolve(nullptr, nullptr);
+  const Setup setup = a.setup.resolve(nullptr, nullptr);
   if (const std::string text = notice(setup); !text.empty()) job.tell(text);
   const MeshSlices target(read_parts(a.mesh, job), setup.printer, a.mesh.slice_options(), job);
-  const Correction result = correct_stack(target, setup, a.file(), true, job);
-  setup.process = *result.info.process;
   const std::string base =
       (std::filesystem::path(a.output).parent_path() / title_of(a.output)).string();
-  // The proof: the prediction of the stack, with that of the uncorrected part beside it.
-  auto proof = nlohmann::ordered_json::parse(result.after.to_json());
-  proof["uncorrected"] = nlohmann::ordered_json::parse(result.before->to_json());
-  write_text_file(base + ".json", proof.dump(2) + "\n");
-  const CorrectedSlices corrected(target, setup);
-  write_text_file(base + ".html",
-                  make_report(gather_report(corrected, target, setup, result.info, result.after,
-                                            result.before, title_of(a.output), job)));
+  const Correction result = make_part(target, setup, a.file(), base, title_of(a.output), job);
   console.say(fmt::format("{3}, {0}.html, {0}.json: {1} slices\n{2}", base, result.info.grid.layers,
                           summary(result.after, result.before), a.output));
   return kDone;

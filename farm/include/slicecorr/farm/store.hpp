@@ -37,8 +37,8 @@ StoredInput store_input(const FarmFolder& folder, const std::string& path);
 bool check_input(const FarmFolder& folder, const std::string& file, const std::string& sha256,
                  bool thorough);
 
-/// Moves the outputs of an attempt into the cache; what is there already stays. Checks sizes and
-/// hashes first: throws `InputError` when they are others.
+/// Moves the outputs of an attempt into the cache; what is there already stays when it is whole.
+/// Throws `InputError` when the sizes are others than recorded.
 void put_in_cache(const FarmFolder& folder, const std::string& key, const std::string& out_folder,
                   const std::string& name, const std::vector<ResultFile>& files);
 /// Whether all files are in the cache as recorded, by size and hash.
@@ -50,6 +50,9 @@ std::vector<ResultFile> deliver(const FarmFolder& folder, const std::string& key
                                 const std::vector<ResultFile>& files,
                                 const std::string& output_folder, const std::string& name,
                                 const std::string& token);
+/// Removes what a delivery by a service that was killed left beside the outputs.
+void remove_delivery_parts(const std::string& output_folder, const std::string& name,
+                           const std::string& format, const std::string& token);
 void remove_from_cache(const FarmFolder& folder, const std::string& key);
 void remove_attempt(const FarmFolder& folder, const std::string& token);
 

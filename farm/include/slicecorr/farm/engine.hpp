@@ -90,6 +90,12 @@ class Engine {
   virtual void wait(std::chrono::milliseconds most, int wake_fd) = 0;
   /// Ends these tasks: asks first, forces after a second. Their `ended` follows.
   virtual void cancel(const std::vector<std::string>& tokens) = 0;
+  /// Nothing may start now (pause, drain, the night's end): tasks that wait are taken back. They
+  /// end with `stopped`. Called again and again while it is so.
+  virtual void withdraw() {}
+  /// Another service looks after these tasks now: what is remembered of them is forgotten, and no
+  /// `ended` follows. Only where work outlives its service.
+  virtual void forget(const std::vector<std::string>& tokens) { cancel(tokens); }
   /// After a restart: which of these attempts of this engine still wait or run. They are reported
   /// by `poll` from now on; the others are gone.
   virtual std::vector<std::string> adopt(const std::vector<Attempt>& attempts) = 0;
@@ -108,11 +114,16 @@ std::unique_ptr<Engine> make_local_engine(const LocalEngineOptions& options);
 
 struct SlurmEngineOptions {
   std::string program;  ///< path of slicefarm on the nodes
+  std::string store;    ///< the farm's, as this machine and all nodes see it
   std::string partition, account, qos;
-  int queue_ahead = 0;  ///< tasks that may wait in Slurm; 0: twice the cores of the partition
-  /// label=constraint: a job with this label is submitted with that --constraint; "gres:gpu:1" goes
-  /// to --gres.
+  int queue_ahead = 0;  ///< tasks in Slurm at a time; 0: twice the cores of the partition
+  int throttle = 0;     ///< of an array's tasks, run at a time at most; 0: any number
+  /// "LABEL=constraint:X", "LABEL=partition:X" or "LABEL=gres:X": what is asked of Slurm for jobs
+  /// with this label. Other labels mean nothing to it.
   std::vector<std::string> label_map;
+  /// Slurm's time limit is this many times the estimate, at least half an hour; 0: no limit.
+  double time_factor = 10;
+  double poll_s = 2;  ///< between two listings; more when Slurm takes long to answer
   std::vector<std::string> sbatch_arguments;  ///< added as they are
 };
 std::unique_ptr<Engine> make_slurm_engine(const SlurmEngineOptions& options);

@@ -5,6 +5,7 @@
 #include <poll.h>
 
 #include <algorithm>
+#include <csignal>
 #include <filesystem>
 #include <limits>
 #include <list>
@@ -477,6 +478,11 @@ class SlurmEngine : public Engine {
         scancel({h.id}, false);
       }
       const bool ended = report && report->state == TaskState::ended;
+      const bool killed = report && report->reason == Reason::none && report->signal == SIGKILL;
+      if (ended && killed && left == Left::nothing && says_over_memory(h.folder + "/log.txt")) {
+        report->reason = Reason::out_of_memory;
+        report->message = "Slurm job " + h.id + ": over Slurm's memory limit";
+      }
       if (report) reports.push_back(std::move(*report));
       if (ended) {
         ended_.insert(h.place);

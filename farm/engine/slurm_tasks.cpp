@@ -3,8 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
-#include <set>
+#include <array>
+#include <fstream>
+#include <string_view>
 
 #include "slicecorr/error.hpp"
 
@@ -51,6 +52,15 @@ int time_limit_min(double expected_s, double factor) {
   int limit = 30;
   while (limit < minutes && limit < 30 << 14) limit *= 2;
   return limit;
+}
+
+/// Reasons to wait that time does not mend; squeue(1), "JOB REASON CODES".
+bool is_never(const std::string& reason) {
+  constexpr std::array<std::string_view, 9> list{
+      "BadConstraints",     "PartitionConfig", "PartitionNodeLimit",
+      "PartitionTimeLimit", "InvalidAccount",  "InvalidQOS",
+      "AccountNotAllowed",  "QOSNotAllowed",   "DependencyNeverSatisfied"};
+  return std::find(list.begin(), list.end(), reason) != list.end();
 }
 
 }  // namespace
@@ -286,6 +296,22 @@ TaskReport end_report(const HeldTask& held, const Sight* sight, bool has_result)
 
 }  // namespace
 
+bool says_over_memory(const std::string& log_path) {
+  std::ifstream in(log_path, std::ios::binary | std::ios::ate);
+  constexpr std::streamoff most = 16384;
+  const std::streamoff size = in.tellg();
+  if (!in || size < 0) return false;
+  in.seekg(std::max<std::streamoff>(0, size - most));
+  for (std::string line; std::getline(in, line);) {
+    if (!line.starts_with("slurmstepd")) continue;
+    for (const char* text : {"exceeded memory limit", "exceeded job memory limit", "oom-kill",
+                             "oom_kill", "OOM Killed"}) {
+      if (line.find(text) != line.npos) return true;
+    }
+  }
+  return false;
+}
+
 std::optional<TaskReport> judge(HeldTask& held, const Sight* sight, Left left,
                                 std::int64_t begun_ms, std::int64_t now_ms,
                                 const Patience& patience) {
@@ -326,6 +352,19 @@ std::optional<TaskReport> judge(HeldTask& held, const Sight* sight, Left left,
     return end_report(held, sight, false);
   }
   held.ended_since_ms = 0;
+  if (job.phase == SlurmPhase::waiting && is_never(job.reason)) {
+    if (held.refused_since_ms == 0) held.refused_since_ms = now_ms;
+    if (now_ms - held.refused_since_ms >= patience.refused_ms) {
+      TaskReport r;
+      r.token = held.token;
+      r.state = TaskState::ended;
+      r.reason = Reason::engine_failed;
+      r.message = "Slurm job " + sight->id + " can't start: " + job.reason;
+      return r;
+    }
+  } else {
+    held.refused_since_ms = 0;
+  }
   if (out_of_patience) return end_report(held, sight, false);
   const TaskState state =
       job.phase == SlurmPhase::waiting ? TaskState::waiting : TaskState::running;

@@ -111,7 +111,7 @@ struct HeldTask {
   TaskState state = TaskState::waiting;
   std::string node, message;
   int absences = 0;  ///< listings in a row that did not have it
-  std::int64_t absent_since_ms = 0, ended_since_ms = 0;
+  std::int64_t absent_since_ms = 0, ended_since_ms = 0, refused_since_ms = 0;
   std::int64_t cancelled_ms = 0;  ///< a cancellation was asked for; 0: none
   bool withdrawn = false;         ///< ... because nothing may start now
   bool forced = false;
@@ -126,9 +126,15 @@ struct Patience {
   std::int64_t result_ms = 30'000;
   /// ... and when the worker failed, so that there may be none.
   std::int64_t failure_ms = 5000;
+  /// A job that Slurm says it can never start is given up after this.
+  std::int64_t refused_ms = 60'000;
   /// A cancelled task that Slurm does not confirm counts as ended: its token is worth nothing.
   std::int64_t cancel_ms = 10'000;
 };
+
+/// Whether Slurm has written into a job's log that it was killed for its memory: not all kinds of
+/// limits show in the job's state.
+bool says_over_memory(const std::string& log_path);
 
 /// What a worker has left in its folder: nothing yet, its result, or that it was asked to stop.
 enum class Left { nothing, result, stopped };

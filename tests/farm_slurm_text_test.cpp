@@ -147,7 +147,7 @@ TEST(Squeue, WithoutControllerIsNoEmptyList) {
     parse_squeue(captured("squeue-down-22.05.json"));
     FAIL();
   } catch (const DeviceError& e) {
-    EXPECT_THAT(e.what(), HasSubstr("slurm"));
+    EXPECT_THAT(e.what(), HasSubstr("Failed while looking for jobs"));
   }
 }
 

@@ -110,18 +110,6 @@ void make_folders(const std::string& path) {
   if (error) fail(path, "can't be made", error.value());
 }
 
-/// The file's ending, both of them where it is compressed: readers go by it.
-std::string ending_of(const std::string& path) {
-  const fs::path name = fs::path(path).filename();
-  std::string ending = name.extension().string();
-  if (ending == ".gz" || ending == ".GZ") ending = name.stem().extension().string() + ending;
-  const bool plain =
-      ending.size() <= 16 && ending.find_first_not_of(
-                                 ".abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
-                                 "0123456789") == ending.npos;
-  return plain ? ending : "";
-}
-
 /// Name of a result's file in the cache.
 std::string cache_name(const std::string& ending) {
   if (ending == "html") return "report.html";
@@ -151,6 +139,18 @@ ResultFile sha256_of_file(const std::string& path) {
   return result;
 }
 
+std::string stored_ending(const std::string& path) {
+  const fs::path name = fs::path(path).filename();
+  const fs::path last = name.extension(), before = name.stem().extension();
+  std::string ending = last.string();
+  if (last == ".gz" || last == ".GZ" || before == ".rgb") ending = before.string() + ending;
+  const bool plain =
+      ending.size() <= 16 &&
+      ending.find_first_not_of(".abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789") ==
+          ending.npos;
+  return plain ? ending : "";
+}
+
 StoredInput store_input(const FarmFolder& folder, const std::string& path) {
   std::error_code error;
   if (fs::is_directory(path, error)) {
@@ -172,7 +172,7 @@ StoredInput store_input(const FarmFolder& folder, const std::string& path) {
       write_all(out.fd, temporary, data, n);
     });
     stored.sha256 = hash.hex();
-    stored.file = stored.sha256 + ending_of(path);
+    stored.file = stored.sha256 + stored_ending(path);
     if (check_input(folder, stored.file, stored.sha256, true)) return stored;
     if (::fsync(out.fd) != 0) fail(temporary, "can't be written");
   }
@@ -205,8 +205,22 @@ void put_in_cache(const FarmFolder& folder, const std::string& key, const std::s
     const std::string to = fresh + "/" + cache_name(f.ending);
     std::error_code error;
     const auto bytes = static_cast<std::int64_t>(fs::file_size(from, error));
-    if (error || bytes != f.bytes) damaged(from);
+    if (error) {
+      // Moved already, when the service was killed in the middle of this.
+      for (const std::string& place : {to, entry + "/" + cache_name(f.ending)}) {
+        error.clear();
+        if (static_cast<std::int64_t>(fs::file_size(place, error)) == f.bytes && !error) break;
+      }
+      if (error) damaged(from);
+      continue;
+    }
+    if (bytes != f.bytes) damaged(from);
     if (::rename(from.c_str(), to.c_str()) != 0) fail(from, "can't be moved");
+  }
+  std::error_code empty;
+  if (fs::is_empty(fresh, empty) && ::rmdir(fresh.c_str()) == 0) {
+    if (!check_cached(folder, key, files)) damaged(entry);
+    return;
   }
   // What is there already may be damaged, or of this same attempt before the service was killed.
   if (::rename(fresh.c_str(), entry.c_str()) == 0) return;

@@ -31,6 +31,9 @@ struct StoredInput {
   std::string sha256;
   std::int64_t bytes = 0;
 };
+/// The ending under which a file is stored: readers go by it. With what comes before where it is
+/// of two parts (".stl.gz", ".rgb.cws").
+std::string stored_ending(const std::string& path);
 /// Copies a file into the store unless its content is there. The ending is kept: readers go by it.
 StoredInput store_input(const FarmFolder& folder, const std::string& path);
 /// Whether the store's copy has the right size (and content, when `thorough`).

@@ -83,6 +83,7 @@ class ServiceLoop {
       const std::string doing = why_idle();
       leases_->set_doing(doing.empty() ? "working" : doing);
       tell_change(doing);
+      if (!doing.empty()) engine_.withdraw();
       const bool started = doing.empty() && start_jobs();
       if (settings_.draining && running_.empty()) {
         say("drained");
@@ -342,6 +343,15 @@ class ServiceLoop {
     for (const std::string& token : leases_->take_lost()) {
       const auto found = running_.find(token);
       if (found == running_.end()) continue;
+      if (engine_.outlives_service()) {
+        // Either somebody else looks after the same work now, or it was given up: then the engine
+        // finds it as a stray.
+        say(fmt::format("job {} {}: lease lost; left to whoever has it", found->second.job.id,
+                        found->second.job.name));
+        engine_.forget({token});
+        running_.erase(found);
+        continue;
+      }
       found->second.lost = true;
       say(fmt::format("job {} {}: lease lost; its worker is ended", found->second.job.id,
                       found->second.job.name));
@@ -418,7 +428,10 @@ class ServiceLoop {
       end.reason = outcome->reason;
       end.message = outcome->message;
       // Somebody else asked it to stop.
-      if (end.reason == Reason::stopped && !stopping_) end.reason = Reason::worker_killed;
+      if (end.reason == Reason::stopped && !stopping_) {
+        end.reason = report.reason != Reason::none ? report.reason : Reason::worker_killed;
+        if (!report.message.empty()) end.message = report.message;
+      }
     } else if (report.reason != Reason::none) {
       end.reason = report.reason;
       end.message = report.message;

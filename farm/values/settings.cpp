@@ -2,8 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
 #include <functional>
+#include <string_view>
 #include <vector>
 
 #include "program/program.hpp"
@@ -112,6 +114,26 @@ const std::vector<Entry>& entries() {
 
 constexpr const char* running_of = "user-running.";
 constexpr const char* queued_of = "user-queued.";
+constexpr std::string_view slurm_label = "slurm-label.";
+
+void set_slurm_label(Settings& settings, const std::string& name, const std::string& text) {
+  const std::string label = name.substr(slurm_label.size());
+  if (text == "none") {
+    // Kept: what is not in the list of texts would not be written over.
+    settings.slurm_labels[label] = text;
+    return;
+  }
+  const std::size_t colon = text.find(':');
+  const std::string kind = text.substr(0, colon);
+  const bool known = kind == "constraint" || kind == "partition" || kind == "gres";
+  const bool clean = std::none_of(text.begin(), text.end(), [](char c) {
+    return static_cast<unsigned char>(c) <= ' ' || c == '\'' || c == '"';
+  });
+  if (colon == text.npos || colon + 1 == text.size() || !known || !clean) {
+    refuse(name, text, "constraint:X, partition:X, gres:X or none");
+  }
+  settings.slurm_labels[label] = text;
+}
 
 }  // namespace
 
@@ -128,10 +150,15 @@ void set_setting(Settings& settings, const std::string& name, const std::string&
     (running ? limits->second.first : limits->second.second) = value;
     return;
   }
+  if (name.starts_with(slurm_label) && name.size() > slurm_label.size()) {
+    return set_slurm_label(settings, name, text);
+  }
   std::string names;
   for (const Entry& e : entries()) names += std::string(names.empty() ? "" : ", ") + e.name;
-  throw InputError(fmt::format(
-      "'{}' is no setting; expected one of {}, user-running.NAME, user-queued.NAME", name, names));
+  throw InputError(
+      fmt::format("'{}' is no setting; expected one of {}, user-running.NAME, user-queued.NAME, "
+                  "slurm-label.LABEL",
+                  name, names));
 }
 
 std::map<std::string, std::string> setting_texts(const Settings& settings) {
@@ -140,6 +167,9 @@ std::map<std::string, std::string> setting_texts(const Settings& settings) {
   for (const auto& [user, limits] : settings.users) {
     if (limits.first >= 0) texts[running_of + user] = std::to_string(limits.first);
     if (limits.second >= 0) texts[queued_of + user] = std::to_string(limits.second);
+  }
+  for (const auto& [label, text] : settings.slurm_labels) {
+    texts[std::string(slurm_label) + label] = text;
   }
   return texts;
 }

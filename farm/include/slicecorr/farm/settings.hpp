@@ -25,13 +25,16 @@ struct Settings {
   double hang_s = 1800;           ///< a worker without progress for so long is ended
   double retry_delay_s = 5;       ///< doubles with each attempt, up to 10 minutes
   std::int64_t cache_max_mb = 0;  ///< `gc` and services keep the cache below; 0: no limit
+  /// What a job's label asks of Slurm: "constraint:X", "partition:X" or "gres:X". Taken up when a
+  /// service starts.
+  std::map<std::string, std::string> slurm_labels;
   bool operator==(const Settings&) const = default;
 };
 
 /// Sets one by its name and text ("night", "20:00-07:00"); throws `InputError` naming what was
 /// expected. Names: paused, draining, night (HH:MM-HH:MM or off), user-running, user-queued,
 /// user-running.NAME, user-queued.NAME, min-free-mb, max-attempts, hang-s, retry-delay-s,
-/// cache-max-mb.
+/// cache-max-mb, slurm-label.LABEL (constraint:X, partition:X, gres:X or none).
 void set_setting(Settings& settings, const std::string& name, const std::string& text);
 /// All that can be set, with their texts.
 std::map<std::string, std::string> setting_texts(const Settings& settings);

@@ -303,7 +303,7 @@ TEST(Needs, FollowFromTaskAndSettings) {
                        "big=bigmem"};
   const Needs n = needs_of(task, options);
   EXPECT_EQ(n.threads, 3);
-  EXPECT_EQ(n.memory_mb, 1600 + 100 + 128);
+  EXPECT_EQ(n.memory_mb, 1856);  // 1600 + 100 + 128, in steps of 64
   EXPECT_EQ(n.time_min, 120);  // ten times ten minutes, rounded up
   EXPECT_EQ(n.partition, "quick");
   EXPECT_EQ(n.gres, "gpu:1");

@@ -295,7 +295,7 @@ class SlurmEngine : public Engine {
 
   /// What a worker may get of a node's memory: see `needs_of`.
   static std::int64_t job_memory_mb(std::int64_t node_mb) {
-    return std::max<std::int64_t>(0, (node_mb - 128) * 16 / 17);
+    return std::max<std::int64_t>(0, (node_mb - 192) * 16 / 17);
   }
 
   void take_nodes() {

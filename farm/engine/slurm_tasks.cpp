@@ -71,7 +71,11 @@ Needs needs_of(const Task& task, const SlurmEngineOptions& options) {
   Needs n;
   n.threads = std::max(1, task.threads);
   // The worker's own limit is on its data; Slurm's counts stacks, libraries and cached files, too.
-  if (task.memory_mb > 0) n.memory_mb = task.memory_mb + task.memory_mb / 16 + 128;
+  // In steps, so that jobs of like size share an array.
+  constexpr std::int64_t grain_mb = 64;
+  if (task.memory_mb > 0) {
+    n.memory_mb = (task.memory_mb + task.memory_mb / 16 + 128 + grain_mb - 1) / grain_mb * grain_mb;
+  }
   n.time_min = time_limit_min(task.expected_s, options.time_factor);
   // Users may only be nicer than the default, so the default has room on either side: priorities
   // from 10 downwards differ. Against our own jobs only; other users' are the site's affair.

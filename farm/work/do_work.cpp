@@ -201,7 +201,8 @@ void make_result(const Order& order, const std::string& folder, Reporter& report
     job.tell(text);
   }
   const std::string out = folder + "/out";
-  fs::create_directories(out);
+  // Not the folder around it: when that is gone, so is the attempt.
+  fs::create_directory(out);
   const std::string base = out + "/" + order.name;
   StackFile file(base + "." + spec.ending);
   file.format = spec.format;

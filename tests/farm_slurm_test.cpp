@@ -125,7 +125,7 @@ class FarmOnSlurm : public testing::Test {
     return paths;
   }
   /// Takes some seconds.
-  std::string large_part(const std::string& name) { return part(name, 50, 35, 60); }
+  std::string large_part(const std::string& name) { return part(name, 40, 30, 30); }
 
   static std::vector<std::string> process_options() {
     return {"--printer",    SLICECORR_PRINTERS_DIR "/dual-wavelength-dlp.toml",
@@ -147,6 +147,7 @@ class FarmOnSlurm : public testing::Test {
     a.insert(a.end(), {"--out", out()});
     a.insert(a.end(), more.begin(), more.end());
     command(a);
+    command({"set", "retry-delay-s=0"});
   }
 
   /// A service in the background.
@@ -321,7 +322,7 @@ TEST_F(FarmOnSlurm, AWorkerThatWasBelievedDeadComesBackAndChangesNothing) {
 
 TEST_F(FarmOnSlurm, ANodeThatLosesPowerLosesItsAttemptsOnly) {
   start_cluster(2);
-  submit({large_part("a"), part("b", 50, 35, 50), part("c", 50, 35, 55), part("d", 50, 35, 45)});
+  submit({large_part("a"), part("b", 40, 30, 28), part("c", 40, 30, 26), part("d", 40, 30, 24)});
   const pid_t service = start_service();
   ASSERT_TRUE(eventually([&] { return workers(store()).size() >= 3; })) << services_log();
   cluster_->tell("power-off n1");
@@ -483,7 +484,6 @@ TEST_F(FarmOnSlurm, TheWorkersOwnLimitStopsAJobThatTakesTooMuch) {
   submit({part("eats", 4, 4, 2), part("other", 5, 4, 2)});
   ServiceRun run;
   run.environment["SLICEFARM_TEST_FAULT"] = "correct:memory:1@eats";
-  command({"set", "retry-delay-s=0"});
   EXPECT_EQ(wait_for(start_service(run)), 0) << services_log();
   expect_all_done_once(2);
   const std::vector<Attempt> attempts = model().attempts(1);
@@ -497,7 +497,6 @@ TEST_F(FarmOnSlurm, SlurmsLimitStopsWhatGetsAroundTheWorkers) {
                 "JobAcctGatherType=jobacct_gather/linux\nJobAcctGatherFrequency=1\n"
                 "JobAcctGatherParams=OverMemoryKill");
   submit({part("eats", 4, 4, 2)});
-  command({"set", "retry-delay-s=0"});
   // In the worker's place, a program that knows no limit, at the first attempt.
   const std::string program = folder_ + "/worker.sh";
   std::ofstream(program) << "#!/bin/sh\nif mkdir " << folder_ << "/once 2>/dev/null\n"
@@ -516,7 +515,6 @@ TEST_F(FarmOnSlurm, SlurmsLimitStopsWhatGetsAroundTheWorkers) {
 TEST_F(FarmOnSlurm, WorkersThatCrashAreTriedAgainAndDamagedPartsAreNot) {
   start_cluster(1);
   submit({part("crash", 4, 4, 2), part("kill", 5, 4, 2)});
-  command({"set", "retry-delay-s=0"});
   ServiceRun run;
   run.environment["SLICEFARM_TEST_FAULT"] = "read:segv:1@crash";
   EXPECT_EQ(wait_for(start_service(run)), 0) << services_log();

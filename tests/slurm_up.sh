@@ -132,7 +132,8 @@ down() {
 trap 'down; exit 1' EXIT
 trap 'exit 1' TERM INT
 
-munged --foreground --key-file="$folder/munge/key" --socket="$folder/munge/sock" --pid-file="$folder/munge/pid" \
+# Forced: sockets in folders that are not everybody's are refused otherwise.
+munged --force --foreground --key-file="$folder/munge/key" --socket="$folder/munge/sock" --pid-file="$folder/munge/pid" \
   --log-file="$folder/munge/log" --seed-file="$folder/munge/seed" >"$folder/log/munged.out" 2>&1 </dev/null &
 pids[munged]=$!
 end=$((SECONDS + 20))

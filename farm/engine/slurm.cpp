@@ -159,14 +159,20 @@ class SlurmEngine : public Engine {
   }
 
   void cancel(const std::vector<std::string>& tokens) override {
-    std::vector<std::string> ids;
+    std::vector<std::string> waiting, running;
     for (const std::string& token : tokens) {
       const auto found = held_.find(token);
       if (found == held_.end() || found->second.cancelled_ms != 0) continue;
-      found->second.cancelled_ms = now();
-      if (!found->second.id.empty()) ids.push_back(found->second.id);
+      HeldTask& h = found->second;
+      h.cancelled_ms = now();
+      if (h.id.empty()) continue;
+      // A job that Slurm is ending takes no more signals, and SIGKILL comes after its KillWait of
+      // 30 s only. So workers that run are signalled by us.
+      h.signalled = h.state == TaskState::running;
+      (h.signalled ? running : waiting).push_back(h.id);
     }
-    scancel(ids, false);
+    scancel(waiting);
+    scancel(running, "TERM");
   }
 
   void withdraw() override {
@@ -179,7 +185,7 @@ class SlurmEngine : public Engine {
       h.withdrawn = true;
       ids.push_back(h.id);
     }
-    scancel(ids, false);
+    scancel(ids);
   }
 
   void forget(const std::vector<std::string>& tokens) override {
@@ -401,7 +407,7 @@ class SlurmEngine : public Engine {
       batches_.remove(s.batch);
       sizes_.erase(s.batch);
     }
-    scancel(cancelled, false);
+    scancel(cancelled);
   }
 
   // --- listings ---------------------------------------------------------------------------------
@@ -475,7 +481,7 @@ class SlurmEngine : public Engine {
       }
       // Only now is it known what to cancel.
       if (sight && id.empty() && h.cancelled_ms != 0 && sight->job.phase != SlurmPhase::ended) {
-        scancel({h.id}, false);
+        scancel({h.id});
       }
       const bool ended = report && report->state == TaskState::ended;
       const bool killed = report && report->reason == Reason::none && report->signal == SIGKILL;
@@ -523,7 +529,7 @@ class SlurmEngine : public Engine {
         ids.push_back(sight.id);
       }
     }
-    scancel(ids, false);
+    scancel(ids);
   }
 
   /// Folders of batches whose attempts have all ended.
@@ -549,24 +555,32 @@ class SlurmEngine : public Engine {
   // --- cancelling -------------------------------------------------------------------------------
 
   void force_cancelled() {
-    std::vector<std::string> ids;
+    std::vector<std::string> kill, end;
     for (auto& [token, h] : held_) {
-      if (h.cancelled_ms == 0 || h.forced || h.id.empty()) continue;
-      if (now() - h.cancelled_ms < force_ms) continue;
-      h.forced = true;
-      ids.push_back(h.id);
+      if (h.cancelled_ms == 0 || h.id.empty()) continue;
+      const std::int64_t since = now() - h.cancelled_ms;
+      if (h.signalled && !h.forced && since >= force_ms) {
+        h.forced = true;
+        kill.push_back(h.id);
+      }
+      // Whatever it was that was signalled.
+      if (h.signalled && since >= 2 * force_ms) {
+        h.signalled = false;
+        end.push_back(h.id);
+      }
     }
-    scancel(ids, true);
+    scancel(kill, "KILL");
+    scancel(end);
   }
 
   /// Without filters like --name and --state: with them, Slurm 22.05 cancels all waiting tasks of
   /// an array when one of them is named.
-  void scancel(const std::vector<std::string>& ids, bool kill) {
+  void scancel(const std::vector<std::string>& ids, const std::string& signal = {}) {
     constexpr std::size_t at_a_time = 200;
     for (std::size_t at = 0; at < ids.size(); at += at_a_time) {
       std::vector<std::string> arguments = {"scancel", "--quiet"};
-      if (kill) {
-        arguments.emplace_back("--signal=KILL");
+      if (!signal.empty()) {
+        arguments.push_back("--signal=" + signal);
         arguments.emplace_back("--full");
       }
       const std::size_t end = std::min(ids.size(), at + at_a_time);

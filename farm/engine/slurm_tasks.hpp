@@ -114,7 +114,8 @@ struct HeldTask {
   std::int64_t absent_since_ms = 0, ended_since_ms = 0, refused_since_ms = 0;
   std::int64_t cancelled_ms = 0;  ///< a cancellation was asked for; 0: none
   bool withdrawn = false;         ///< ... because nothing may start now
-  bool forced = false;
+  bool signalled = false;         ///< its worker was asked to end, the job was not cancelled
+  bool forced = false;            ///< ... and killed
 };
 
 struct Patience {

@@ -230,7 +230,9 @@ class FarmOnSlurm : public testing::Test {
   }
 
   std::string squeue(const std::string& format) {
-    return run_program({"/usr/bin/squeue", "--noheader", "--array", "--format=" + format}).out;
+    return run_program(
+               {"/usr/bin/squeue", "--noheader", "--array", "--sort=t", "--format=" + format})
+        .out;
   }
 
   std::string folder_;
@@ -423,10 +425,12 @@ TEST_F(FarmOnSlurm, ServiceAndControllerKilledTogether) {
 
 TEST_F(FarmOnSlurm, RunningAndWaitingJobsAreCancelled) {
   start_cluster(1, 1);
-  submit({large_part("runs")});
+  // Long enough to be in the middle of it.
+  submit({part("runs", 60, 38, 90)});
   submit({part("hang", 4, 4, 2), part("waits", 5, 4, 2)});
   ServiceRun run;
   run.until_empty = false;
+  run.arguments = {"--queue-ahead", "3"};
   run.environment["SLICEFARM_TEST_FAULT"] = "correct:hang@hang";
   start_service(run);
   const auto cancel = [&](JobId id, const std::string& what) {
@@ -441,15 +445,21 @@ TEST_F(FarmOnSlurm, RunningAndWaitingJobsAreCancelled) {
   };
   // One core: the first runs, the others wait in Slurm.
   ASSERT_TRUE(eventually([&] {
-    return workers(store()).size() == 1 && squeue("%T").find("PENDING") != std::string::npos;
-  })) << services_log();
+    return workers(store()).size() == 1 && squeue("%T") == "PENDING\nPENDING\nRUNNING\n";
+  })) << services_log()
+      << squeue("%T");
   cancel(3, "waiting");
-  pid_t worker = workers(store()).begin()->second;
+  const auto worker_of = [&](JobId id) -> pid_t {
+    const auto all = workers(store());
+    const auto found = all.find(model().job(id)->token);
+    return found == all.end() ? 0 : found->second;
+  };
+  pid_t worker = worker_of(1);
+  ASSERT_GT(worker, 1);
   cancel(1, "running");
   EXPECT_TRUE(eventually([&] { return !is_alive(worker); }));
   // One that does not listen.
-  ASSERT_TRUE(eventually([&] { return !workers(store()).empty(); })) << services_log();
-  worker = workers(store()).begin()->second;
+  ASSERT_TRUE(eventually([&] { return (worker = worker_of(2)) > 1; })) << services_log();
   cancel(2, "deaf");
   EXPECT_TRUE(eventually([&] { return !is_alive(worker); }));
   EXPECT_TRUE(eventually([&] { return squeue("%i").empty(); }));

@@ -304,12 +304,30 @@ TEST(Needs, FollowFromTaskAndSettings) {
   const Needs n = needs_of(task, options);
   EXPECT_EQ(n.threads, 3);
   EXPECT_EQ(n.memory_mb, 1856);  // 1600 + 100 + 128, in steps of 64
-  EXPECT_EQ(n.time_min, 120);  // ten times ten minutes, rounded up
+  EXPECT_EQ(n.time_min, 120);    // ten times ten minutes, rounded up
   EXPECT_EQ(n.partition, "quick");
   EXPECT_EQ(n.gres, "gpu:1");
   EXPECT_EQ(n.constraint, "avx2");
   task.expected_s = 0;
   EXPECT_EQ(needs_of(task, options).time_min, 0);
+}
+
+TEST(Needs, OfTheLargestWorkerFitItsNode) {
+  auto nodes = parse_nodes(captured("nodes-22.05.txt"));
+  const Cluster c = cluster_of(nodes, "farm");
+  EXPECT_EQ(c.nodes.size(), 2u);
+  EXPECT_EQ(c.cores, 2);  // the other node is being drained
+  EXPECT_EQ(c.idle_cores, 1);
+  EXPECT_EQ(c.largest_cores, 2);
+  EXPECT_THROW(cluster_of(nodes, "nowhere"), InputError);
+  for (std::int64_t node_mb = 1000; node_mb < 70'000; node_mb += 777) {
+    nodes[0].memory_mb = nodes[1].memory_mb = node_mb;
+    Task task;
+    task.memory_mb = cluster_of(nodes, "").largest_memory_mb;
+    EXPECT_LE(needs_of(task, {}).memory_mb, node_mb);
+    // No more is given away than the steps take.
+    EXPECT_GE(needs_of(task, {}).memory_mb, node_mb - 128);
+  }
 }
 
 TEST(Needs, PriorityIsNiceness) {

@@ -41,6 +41,8 @@ constexpr std::int64_t force_ms = 1000;
 constexpr std::int64_t nodes_interval_ms = 15'000;
 /// After a refusal that says "later".
 constexpr std::int64_t refused_ms = 30'000;
+/// A job that nobody waits for is cancelled after this.
+constexpr std::int64_t stray_ms = 10'000;
 constexpr std::int64_t sweep_interval_ms = 60'000;
 /// Arrays are kept handy, whatever MaxArraySize allows.
 constexpr int largest_array = 500;
@@ -63,15 +65,16 @@ class SlurmEngine : public Engine {
 
   Room room() override {
     Room r;
-    r.cores = idle_cores_;
-    r.largest_memory_mb = largest_memory_mb_;
-    const int most = options_.queue_ahead > 0 ? options_.queue_ahead : 2 * std::max(1, cores_);
+    r.cores = cluster_.idle_cores;
+    r.largest_memory_mb = cluster_.largest_memory_mb;
+    const int most =
+        options_.queue_ahead > 0 ? options_.queue_ahead : 2 * std::max(1, cluster_.cores);
     // Who does not answer gets nothing more.
     if (answers_ && now() >= refused_until_) {
       r.tasks = std::max(0, most - static_cast<int>(held_.size()));
     }
     // Slurm itself sees to it that nodes have room; what never fits is found by the largest node.
-    r.memory_mb = largest_memory_mb_ * std::max(1, r.tasks);
+    r.memory_mb = cluster_.largest_memory_mb * std::max(1, r.tasks);
     return r;
   }
 
@@ -80,8 +83,8 @@ class SlurmEngine : public Engine {
     Room one = room;
     one.memory_mb = room.largest_memory_mb;
     Share s = Engine::share(one, waiting, base_memory_mb, thread_memory_mb);
-    if (s.threads > largest_cores_) {
-      s.threads = std::max(1, largest_cores_);
+    if (s.threads > cluster_.largest_cores) {
+      s.threads = std::max(1, cluster_.largest_cores);
       s.memory_mb = base_memory_mb + (s.threads - 1) * thread_memory_mb;
     }
     return s;
@@ -219,7 +222,7 @@ class SlurmEngine : public Engine {
 
   std::vector<Node> nodes() override {
     std::vector<Node> list;
-    for (const SlurmNode& n : nodes_) {
+    for (const SlurmNode& n : cluster_.nodes) {
       Node node;
       node.name = n.name;
       node.state = n.state;
@@ -271,44 +274,15 @@ class SlurmEngine : public Engine {
       // Numbers of tasks are less than it.
       array_limit_ = std::clamp(std::atoi(at->second.c_str()), 1, largest_array);
     }
-    note_nodes(nodes.out);
+    cluster_ = cluster_of(parse_nodes(nodes.out), options_.partition);
     nodes_due_ = now() + nodes_interval_ms;
-  }
-
-  void note_nodes(const std::string& text) {
-    const std::vector<SlurmNode> all = parse_nodes(text);
-    nodes_.clear();
-    cores_ = idle_cores_ = largest_cores_ = 0;
-    largest_memory_mb_ = 0;
-    for (const SlurmNode& n : all) {
-      const auto& p = n.partitions;
-      const bool ours = options_.partition.empty() ||
-                        std::find(p.begin(), p.end(), options_.partition) != p.end();
-      if (!ours) continue;
-      nodes_.push_back(n);
-      // A node that is down now may be back when the job's turn comes.
-      largest_memory_mb_ = std::max(largest_memory_mb_, job_memory_mb(n.memory_mb));
-      if (!n.usable) continue;
-      cores_ += n.cores;
-      idle_cores_ += std::max(0, n.cores - n.cores_used);
-      largest_cores_ = std::max(largest_cores_, n.cores);
-    }
-    if (nodes_.empty()) {
-      throw InputError(
-          fmt::format("no node of Slurm is in the partition '{}'", options_.partition));
-    }
-  }
-
-  /// What a worker may get of a node's memory: see `needs_of`.
-  static std::int64_t job_memory_mb(std::int64_t node_mb) {
-    return std::max<std::int64_t>(0, (node_mb - 192) * 16 / 17);
   }
 
   void take_nodes() {
     if (node_listing_ && node_listing_->done()) {
       const CommandResult& r = node_listing_->result();
       try {
-        if (r.ok()) note_nodes(r.out);
+        if (r.ok()) cluster_ = cluster_of(parse_nodes(r.out), options_.partition);
       } catch (const Error&) {
         // The last ones hold until there are others.
       }
@@ -429,7 +403,6 @@ class SlurmEngine : public Engine {
     const std::int64_t rest =
         std::max({static_cast<std::int64_t>(options_.poll_s * 1000), 19 * took_ms});
     listing_due_ = now() + (any_cancelled() ? std::min(rest, hasty_ms) : rest);
-    idle_listing_due_ = now() + sweep_interval_ms;
     try {
       if (!done->result().ok()) throw DeviceError("squeue: " + done->result().complaint());
       const Sightings seen = sightings(parse_squeue(done->result().out), batches_.farm(), sizes_);
@@ -437,9 +410,11 @@ class SlurmEngine : public Engine {
       judge_all(&seen, reports);
       end_strays(seen);
       listed_ = true;
+      idle_listing_due_ = now() + (strays_.empty() ? sweep_interval_ms : rest);
     } catch (const DeviceError&) {
       // No answer says nothing of any task, but workers may have come to their ends.
       answers_ = false;
+      idle_listing_due_ = now() + rest;
       judge_all(nullptr, reports);
     }
   }
@@ -508,14 +483,15 @@ class SlurmEngine : public Engine {
   void end_strays(const Sightings& seen) {
     std::vector<std::string> ids = seen.doubles;
     std::map<std::string, std::optional<Batch>> known;
+    std::map<TaskPlace, std::int64_t> strays;
     std::set<TaskPlace> held;
     for (const auto& [token, h] : held_) held.insert(h.place);
     for (const auto& [place, sight] : seen.tasks) {
       const SlurmPhase phase = sight.job.phase;
       if (phase != SlurmPhase::waiting && phase != SlurmPhase::running) continue;
       live_batches_.insert(place.first);
-      bool stray = ended_.contains(place);
       if (held.contains(place)) continue;
+      bool stray = ended_.contains(place);
       if (!stray) {
         auto [batch, added] = known.try_emplace(place.first);
         if (added) batch->second = batches_.read(place.first);
@@ -524,11 +500,17 @@ class SlurmEngine : public Engine {
         stray = !batch->second || index >= batch->second->tasks.size() ||
                 !batches_.has_attempt(batch->second->tasks[index]);
       }
-      if (stray && asked_strays_[place] + 10'000 < now()) {
-        asked_strays_[place] = now();
+      if (!stray) continue;
+      // Slurm takes a moment to see that a worker has ended by itself.
+      const auto before = strays_.find(place);
+      std::int64_t since = before == strays_.end() ? now() : before->second;
+      if (now() - since >= stray_ms) {
         ids.push_back(sight.id);
+        since = now();
       }
+      strays[place] = since;
     }
+    strays_ = std::move(strays);
     scancel(ids);
   }
 
@@ -549,7 +531,6 @@ class SlurmEngine : public Engine {
     }
     live_batches_.clear();
     std::erase_if(ended_, [this](const TaskPlace& p) { return !sizes_.contains(p.first); });
-    std::erase_if(asked_strays_, [this](const auto& p) { return !sizes_.contains(p.first.first); });
   }
 
   // --- cancelling -------------------------------------------------------------------------------
@@ -597,7 +578,7 @@ class SlurmEngine : public Engine {
   std::map<std::string, int> sizes_;  ///< of batches
   std::set<TaskPlace> ended_;         ///< what we have reported as ended
   std::set<std::string> live_batches_;
-  std::map<TaskPlace, std::int64_t> asked_strays_;
+  std::map<TaskPlace, std::int64_t> strays_;  ///< since when, or when last cancelled
   std::vector<TaskReport> failed_;
 
   std::list<std::unique_ptr<Submission>> submissions_;
@@ -607,9 +588,8 @@ class SlurmEngine : public Engine {
                sweep_due_ = 0, refused_until_ = 0;
   bool answers_ = true, listed_ = false;
 
-  std::vector<SlurmNode> nodes_;
-  int array_limit_ = 1, cores_ = 0, idle_cores_ = 0, largest_cores_ = 0;
-  std::int64_t largest_memory_mb_ = 0;
+  Cluster cluster_;
+  int array_limit_ = 1;
 };
 
 }  // namespace

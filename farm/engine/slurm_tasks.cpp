@@ -54,6 +54,10 @@ int time_limit_min(double expected_s, double factor) {
   return limit;
 }
 
+/// The worker's own limit is on its data; Slurm's counts stacks, libraries and cached files, too.
+/// In steps, so that jobs of like size share an array.
+constexpr std::int64_t spare_mb = 128, grain_mb = 64;
+
 /// Reasons to wait that time does not mend; squeue(1), "JOB REASON CODES".
 bool is_never(const std::string& reason) {
   constexpr std::array<std::string_view, 9> list{
@@ -70,11 +74,9 @@ void check_label(const std::string& mapping) { parse_label(mapping); }
 Needs needs_of(const Task& task, const SlurmEngineOptions& options) {
   Needs n;
   n.threads = std::max(1, task.threads);
-  // The worker's own limit is on its data; Slurm's counts stacks, libraries and cached files, too.
-  // In steps, so that jobs of like size share an array.
-  constexpr std::int64_t grain_mb = 64;
   if (task.memory_mb > 0) {
-    n.memory_mb = (task.memory_mb + task.memory_mb / 16 + 128 + grain_mb - 1) / grain_mb * grain_mb;
+    const std::int64_t mb = task.memory_mb + task.memory_mb / 16 + spare_mb;
+    n.memory_mb = (mb + grain_mb - 1) / grain_mb * grain_mb;
   }
   n.time_min = time_limit_min(task.expected_s, options.time_factor);
   // Users may only be nicer than the default, so the default has room on either side: priorities
@@ -100,6 +102,26 @@ Needs needs_of(const Task& task, const SlurmEngineOptions& options) {
     }
   }
   return n;
+}
+
+Cluster cluster_of(const std::vector<SlurmNode>& nodes, const std::string& partition) {
+  Cluster c;
+  for (const SlurmNode& n : nodes) {
+    const auto& p = n.partitions;
+    if (!partition.empty() && std::find(p.begin(), p.end(), partition) == p.end()) continue;
+    c.nodes.push_back(n);
+    // The other way round than in `needs_of`.
+    const std::int64_t worker_mb = (n.memory_mb - spare_mb - grain_mb) * 16 / 17;
+    c.largest_memory_mb = std::max(c.largest_memory_mb, worker_mb);
+    if (!n.usable) continue;
+    c.cores += n.cores;
+    c.idle_cores += std::max(0, n.cores - n.cores_used);
+    c.largest_cores = std::max(c.largest_cores, n.cores);
+  }
+  if (c.nodes.empty()) {
+    throw InputError(fmt::format("no node of Slurm is in the partition '{}'", partition));
+  }
+  return c;
 }
 
 std::string comment_of(const std::string& farm, const std::string& batch) {

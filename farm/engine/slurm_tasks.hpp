@@ -67,6 +67,16 @@ struct Needs {
 /// Throws `InputError` when a label is mapped to two partitions.
 Needs needs_of(const Task& task, const SlurmEngineOptions& options);
 
+/// The nodes of a partition, and what they sum up to.
+struct Cluster {
+  std::vector<SlurmNode> nodes;
+  int cores = 0, idle_cores = 0, largest_cores = 0;  ///< of usable nodes
+  /// What a worker can get at most, on any node: one that is down now may be back in time.
+  std::int64_t largest_memory_mb = 0;
+};
+/// `partition` empty: all. Throws `InputError` when there are none.
+Cluster cluster_of(const std::vector<SlurmNode>& nodes, const std::string& partition);
+
 /// Checks "label=constraint:X", "label=partition:X", "label=gres:X"; "label=X" is a constraint.
 /// Throws `InputError`.
 void check_label(const std::string& mapping);

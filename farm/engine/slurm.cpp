@@ -92,10 +92,16 @@ class SlurmEngine : public Engine {
 
   std::vector<std::string> submit(const std::vector<Task>& tasks) override {
     std::vector<std::string> ids(tasks.size());
-    std::map<Needs, std::vector<std::size_t>> groups;
+    const auto until = now() + submit_patience.count();
+    // Among equal priorities Slurm goes by the order of submission, and so do we.
+    std::vector<std::pair<Needs, std::vector<std::size_t>>> groups;
     for (std::size_t i = 0; i < tasks.size(); ++i) {
       try {
-        groups[needs_of(tasks[i], options_)].push_back(i);
+        const Needs needs = needs_of(tasks[i], options_);
+        auto group = std::find_if(groups.begin(), groups.end(),
+                                  [&](const auto& g) { return g.first == needs; });
+        if (group == groups.end()) group = groups.insert(groups.end(), {needs, {}});
+        group->second.push_back(i);
       } catch (const InputError& e) {
         failed_.push_back(failure(tasks[i].token, Reason::engine_failed, e.what()));
       }
@@ -107,12 +113,11 @@ class SlurmEngine : public Engine {
         submit_batch(
             needs, tasks,
             {members.begin() + static_cast<long>(at), members.begin() + static_cast<long>(end)});
+        while (!submissions_.empty() && now() < until) {
+          submissions_.front()->command.wait(milliseconds(until - now()));
+          take_submissions();
+        }
       }
-    }
-    const auto until = now() + submit_patience.count();
-    while (!submissions_.empty() && now() < until) {
-      submissions_.front()->command.wait(milliseconds(until - now()));
-      take_submissions();
     }
     for (std::size_t i = 0; i < tasks.size(); ++i) {
       const auto held = held_.find(tasks[i].token);

@@ -133,13 +133,14 @@ bool finish_from_cache(const FarmFolder& folder, Queue& queue, const Claim& clai
 }
 
 std::int64_t serve_from_cache(const FarmFolder& folder, Queue& queue, const std::string& service,
-                              const std::string& key) {
+                              const std::string& key, std::int64_t most) {
   std::int64_t done = 0;
   ClaimRequest request;
   request.service = service;
   request.cached_key = key;
-  while (const auto claim = queue.claim(request)) {
-    if (!finish_from_cache(folder, queue, *claim)) break;
+  while (done < most) {
+    const auto claim = queue.claim(request);
+    if (!claim || !finish_from_cache(folder, queue, *claim)) break;
     ++done;
   }
   return done;

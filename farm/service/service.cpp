@@ -8,6 +8,7 @@
 #include <csignal>
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <set>
 
 #include "service/commit.hpp"
@@ -30,6 +31,11 @@ constexpr std::int64_t gc_interval_ms = 600'000;
 /// A job that needs more memory than is free waits so long for others to end before it stops them
 /// from overtaking it.
 constexpr std::int64_t overtaking_ms = 120'000;
+/// Cache hits and followers are served for so long at a time, so that nothing else has to wait.
+constexpr std::int64_t serving_ms = 300;
+constexpr std::int64_t followers_at_once = 10;
+/// Disks and databases may fail for so long before the service gives up.
+constexpr std::int64_t longest_trouble_ms = 600'000;
 /// Workers that are asked to end with the service get this long.
 constexpr std::int64_t stop_patience_ms = 3000;
 
@@ -40,6 +46,7 @@ struct Running {
   bool started = false;  ///< the engine says that it runs
   std::int64_t beat = -1, beat_steady_ms = 0;
   bool hung = false, cancelled = false, lost = false;
+  std::optional<TaskReport> end;  ///< when it has ended
 };
 
 class ServiceLoop {
@@ -71,26 +78,14 @@ class ServiceLoop {
   }
 
   ServiceTotals run() {
-    recover();
-    for (;;) {
-      read_settings();
-      if (stop_) break;
-      end_lost();
-      end_cancelled();
-      settle_ended();
-      note_progress();
-      if (due(orphans_at_, orphan_interval_ms)) recover();
-      const std::string doing = why_idle();
-      leases_->set_doing(doing.empty() ? "working" : doing);
-      tell_change(doing);
-      if (!doing.empty()) engine_.withdraw();
-      const bool started = doing.empty() && start_jobs();
-      if (settings_.draining && running_.empty()) {
-        say("drained");
-        break;
+    while (!stop_) {
+      bool started = false;
+      try {
+        if (!round(started)) break;
+        trouble_since_ms_ = 0;
+      } catch (const DeviceError& e) {
+        endure(e);
       }
-      if (options_.until_empty && running_.empty() && !started && empty()) break;
-      collect();
       if (!started) engine_.wait(longest_wait, wake_fd_);
       drain_wake();
     }
@@ -101,6 +96,45 @@ class ServiceLoop {
   }
 
  private:
+  /// One look at everything. False: there is nothing more to do.
+  bool round(bool& started) {
+    read_settings();
+    put_back_taken();
+    end_lost();
+    end_cancelled();
+    settle_ended();
+    note_progress();
+    if (due(orphans_at_, orphan_interval_ms)) recover();
+    settle_adopted();
+    const std::string doing = why_idle();
+    leases_->set_doing(doing.empty() ? "working" : doing);
+    tell_change(doing);
+    if (!doing.empty()) engine_.withdraw();
+    started = doing.empty() && start_jobs();
+    if (settings_.draining && running_.empty()) {
+      say("drained");
+      return false;
+    }
+    if (options_.until_empty && running_.empty() && !started && queue_.unfinished() == 0) {
+      return false;
+    }
+    collect();
+    return true;
+  }
+
+  /// A full disk or a locked database must not end the night: what was begun is kept in mind and
+  /// tried again. After too long it is no passing trouble.
+  void endure(const DeviceError& e) {
+    const std::int64_t now = clock_.steady_ms();
+    if (trouble_since_ms_ == 0) {
+      trouble_since_ms_ = now;
+      say(fmt::format("{}; trying on", e.what()));
+    } else if (now - trouble_since_ms_ > longest_trouble_ms) {
+      throw e;
+    }
+    engine_.wait(std::chrono::seconds(1), -1);
+  }
+
   void say(const std::string& text) {
     if (options_.say) options_.say(text);
   }
@@ -163,46 +197,58 @@ class ServiceLoop {
   /// True when a job was started or finished: there may be more to do at once.
   bool start_jobs() {
     // Looking for work takes no writing; but without a change there is none.
-    if (!changed_ && !retry_due()) return false;
+    if (!changed_ && !due(retry_at_, 500)) return false;
     bool any = false;
+    const std::int64_t begin = clock_.steady_ms();
     for (;;) {
       Room room = engine_.room();
       std::vector<Task> tasks;
-      std::vector<Claim> claims;
-      bool more = false;
-      while (!stop_ && static_cast<int>(tasks.size()) < room.tasks) {
-        const auto claim = next_claim(room);
-        if (!claim) break;
-        any = more = true;
-        detail::service_fault("claimed");
-        if (!has_disk(*claim)) continue;
-        if (claim->cached) {
-          leases_->add(claim->token);
-          if (finish_from_cache(folder_, queue_, *claim)) {
-            ++totals_.done;
-            ++totals_.from_cache;
-            say(fmt::format("job {} {}: done, from the cache", claim->job.id, claim->job.name));
-          }
-          leases_->remove(claim->token);
-          continue;
+      while (!stop_ && static_cast<int>(tasks.size()) < room.tasks &&
+             clock_.steady_ms() - begin < serving_ms) {
+        if (!take(room)) break;
+        any = true;
+        const Claim claim = taken_.back();
+        if (!has_disk(claim)) {
+          // put back
+        } else if (claim.cached) {
+          deliver_cached(claim);
+        } else if (const auto task = order(claim, room)) {
+          room.memory_mb -= task->memory_mb;
+          room.cores -= task->threads;
+          tasks.push_back(*task);
+          continue;  // stays taken until the engine has it
         }
-        const auto task = order(*claim, room);
-        if (!task) continue;
-        room.memory_mb -= task->memory_mb;
-        room.cores -= task->threads;
-        tasks.push_back(*task);
-        claims.push_back(*claim);
+        leases_->remove(claim.token);
+        std::erase_if(taken_, [&](const Claim& c) { return c.token == claim.token; });
       }
-      if (!tasks.empty()) hand_over(tasks, claims);
-      if (!more || tasks.empty()) break;
+      if (tasks.empty()) break;
+      hand_over(tasks);
     }
     changed_ = any;
     return any;
   }
 
-  bool retry_due() { return due(retry_at_, 500); }
+  void deliver_cached(const Claim& claim) {
+    if (!finish_from_cache(folder_, queue_, claim)) return;
+    ++totals_.done;
+    ++totals_.from_cache;
+    say(fmt::format("job {} {}: done, from the cache", claim.job.id, claim.job.name));
+  }
 
-  std::optional<Claim> next_claim(const Room& room) {
+  /// Jobs that were claimed when something failed, and were not started.
+  void put_back_taken() {
+    while (!taken_.empty()) {
+      const Claim& claim = taken_.back();
+      settle(running_of(claim),
+             detail::give_up_attempt(folder_, queue_, claim.job, attempt_of(claim),
+                                     without_result(Reason::stopped, "could not be started")));
+      leases_->remove(claim.token);
+      taken_.pop_back();
+    }
+  }
+
+  /// Claims a job into `taken_`.
+  bool take(const Room& room) {
     ClaimRequest request;
     request.service = id_;
     request.engine = engine_.name();
@@ -219,7 +265,11 @@ class ServiceLoop {
     } else if (waiting_since_ms_ == 0) {
       waiting_since_ms_ = clock_.steady_ms();
     }
-    return claim;
+    if (!claim) return false;
+    taken_.push_back(*claim);
+    leases_->add(claim->token);
+    detail::service_fault("claimed");
+    return true;
   }
 
   AttemptEnd without_result(Reason reason, const std::string& message) {
@@ -227,6 +277,14 @@ class ServiceLoop {
     end.reason = reason;
     end.message = message;
     return end;
+  }
+
+  Running running_of(const Claim& claim) {
+    Running r;
+    r.job = claim.job;
+    r.attempt = attempt_of(claim);
+    r.beat_steady_ms = clock_.steady_ms();
+    return r;
   }
 
   Attempt attempt_of(const Claim& claim) {
@@ -245,7 +303,7 @@ class ServiceLoop {
     const std::int64_t store = free_bytes(folder_.store);
     if (free >= wanted && store >= wanted) return true;
     full_folders_.insert(out);
-    settle(Running{claim.job, attempt_of(claim), false, -1, 0, false, false, false},
+    settle(running_of(claim),
            detail::give_up_attempt(
                folder_, queue_, claim.job, attempt_of(claim),
                without_result(Reason::disk_full,
@@ -261,7 +319,7 @@ class ServiceLoop {
     const std::int64_t base = claim.base_memory_mb << doublings;
     const std::int64_t each = claim.thread_memory_mb << doublings;
     const auto refuse = [&](Reason reason, const std::string& message) {
-      settle(Running{claim.job, attempt_of(claim), false, -1, 0, false, false, false},
+      settle(running_of(claim),
              detail::give_up_attempt(folder_, queue_, claim.job, attempt_of(claim),
                                      without_result(reason, message)));
       return std::nullopt;
@@ -317,23 +375,26 @@ class ServiceLoop {
     return task;
   }
 
-  void hand_over(const std::vector<Task>& tasks, const std::vector<Claim>& claims) {
-    for (const Task& t : tasks) leases_->add(t.token);
+  void hand_over(const std::vector<Task>& tasks) {
     const std::vector<std::string> ids = engine_.submit(tasks);
     detail::service_fault("started");
     for (std::size_t i = 0; i < tasks.size(); ++i) {
-      Running r;
-      r.job = claims[i].job;
-      r.attempt = attempt_of(claims[i]);
+      const Task& t = tasks[i];
+      const auto claim = std::find_if(taken_.begin(), taken_.end(),
+                                      [&](const Claim& c) { return c.token == t.token; });
+      Running r = running_of(*claim);
       r.attempt.engine_id = ids[i];
-      r.attempt.threads = tasks[i].threads;
-      r.attempt.memory_mb = tasks[i].memory_mb;
-      r.beat_steady_ms = clock_.steady_ms();
-      queue_.record_start(tasks[i].token, ids[i], tasks[i].threads, tasks[i].memory_mb);
-      running_.emplace(tasks[i].token, std::move(r));
-      say(fmt::format("job {} {}: started, attempt {}, {} {}, {} MB", tasks[i].job, tasks[i].name,
-                      claims[i].number, tasks[i].threads,
-                      tasks[i].threads == 1 ? "thread" : "threads", tasks[i].memory_mb));
+      r.attempt.threads = t.threads;
+      r.attempt.memory_mb = t.memory_mb;
+      running_.emplace(t.token, std::move(r));
+      taken_.erase(claim);
+    }
+    for (std::size_t i = 0; i < tasks.size(); ++i) {
+      const Task& t = tasks[i];
+      queue_.record_start(t.token, ids[i], t.threads, t.memory_mb);
+      say(fmt::format("job {} {}: started, attempt {}, {} {}, {} MB", t.job, t.name,
+                      running_.at(t.token).attempt.number, t.threads,
+                      t.threads == 1 ? "thread" : "threads", t.memory_mb));
     }
   }
 
@@ -394,15 +455,19 @@ class ServiceLoop {
     for (const TaskReport& report : engine_.poll()) {
       const auto found = running_.find(report.token);
       if (found == running_.end()) continue;
-      if (report.state != TaskState::ended) {
-        if (report.state == TaskState::running) found->second.started = true;
+      if (report.state == TaskState::running) found->second.started = true;
+      if (report.state == TaskState::ended) found->second.end = report;
+    }
+    for (auto it = running_.begin(); it != running_.end();) {
+      if (!it->second.end) {
+        ++it;
         continue;
       }
       detail::service_fault("ended");
-      const Running r = std::move(found->second);
-      running_.erase(found);
-      settle(r, end_of(r, report));
-      leases_->remove(report.token);
+      // Forgotten only when it is settled: this may throw, and is tried again then.
+      settle(it->second, end_of(it->second, *it->second.end));
+      leases_->remove(it->first);
+      it = running_.erase(it);
       changed_ = true;
     }
   }
@@ -488,7 +553,8 @@ class ServiceLoop {
         break;
     }
     if (settled == Settled::done) {
-      const std::int64_t more = serve_from_cache(folder_, queue_, id_, r.job.key);
+      const std::int64_t more =
+          serve_from_cache(folder_, queue_, id_, r.job.key, followers_at_once);
       totals_.done += more;
       totals_.from_cache += more;
       if (more > 0) say(fmt::format("{} more with the same work: done, from the cache", more));
@@ -499,33 +565,38 @@ class ServiceLoop {
 
   /// Takes over what services that are gone left behind.
   void recover() {
-    std::vector<OwnedAttempt> mine;
     for (const OwnedAttempt& orphan : queue_.orphans()) {
-      if (running_.contains(orphan.attempt.token)) continue;
+      const std::string& token = orphan.attempt.token;
+      if (running_.contains(token)) continue;
       // Another engine's work may still run; its own service comes back for it, within the lease.
       const std::string& engine = orphan.attempt.engine;
       if (engine != engine_.name() && engine != "cache" && !orphan.lease_expired) continue;
-      if (queue_.adopt(orphan.attempt.token, id_)) mine.push_back(orphan);
+      if (!queue_.adopt(token, id_)) continue;
+      leases_->add(token);
+      adopted_.push_back(orphan);
     }
-    if (mine.empty()) return;
+  }
+
+  void settle_adopted() {
+    if (adopted_.empty()) return;
     std::vector<Attempt> of_engine;
-    for (const OwnedAttempt& o : mine) {
-      leases_->add(o.attempt.token);
+    for (const OwnedAttempt& o : adopted_) {
       if (o.attempt.engine == engine_.name()) of_engine.push_back(o.attempt);
     }
     const std::vector<std::string> known = engine_.adopt(of_engine);
-    for (const OwnedAttempt& o : mine) {
+    while (!adopted_.empty()) {
+      const OwnedAttempt& o = adopted_.back();
+      Running r;
+      r.job = o.job;
+      r.attempt = o.attempt;
+      r.beat_steady_ms = clock_.steady_ms();
+      const auto outcome = read_outcome(folder_.attempt(o.attempt.token));
       if (std::find(known.begin(), known.end(), o.attempt.token) != known.end()) {
-        Running r;
-        r.job = o.job;
-        r.attempt = o.attempt;
-        r.beat_steady_ms = clock_.steady_ms();
-        running_.emplace(o.attempt.token, std::move(r));
         say(fmt::format("job {} {}: still at work, looked after again", o.job.id, o.job.name));
+        running_.emplace(o.attempt.token, std::move(r));
+        adopted_.pop_back();
         continue;
       }
-      const Running r{o.job, o.attempt, false, -1, 0, false, false, false};
-      const auto outcome = read_outcome(folder_.attempt(o.attempt.token));
       if (outcome && outcome->token == o.attempt.token && outcome->reason == Reason::none) {
         say(fmt::format("job {} {}: was finished when its service ended", o.job.id, o.job.name));
         settle(r, detail::commit_result(folder_, queue_, o.job, o.attempt, *outcome));
@@ -535,13 +606,9 @@ class ServiceLoop {
                       without_result(Reason::lease_lost, "its service ended before it did")));
       }
       leases_->remove(o.attempt.token);
+      adopted_.pop_back();
     }
     changed_ = true;
-  }
-
-  bool empty() {
-    const auto counts = queue_.unfinished();
-    return counts == 0;
   }
 
   void collect() {
@@ -580,13 +647,15 @@ class ServiceLoop {
   int wake_fd_;
   std::string id_;
   std::unique_ptr<detail::LeaseKeeper> leases_;
-  std::map<std::string, Running> running_;
+  std::map<std::string, Running> running_;  ///< by token
+  std::vector<Claim> taken_;                ///< claimed, not yet the engine's
+  std::vector<OwnedAttempt> adopted_;       ///< of services that are gone, not yet settled
   std::vector<std::string> cancellations_;
   std::set<std::string> full_folders_;
   std::string disk_low_, told_ = "-";
   bool changed_ = true, stopping_ = false;
   std::int64_t data_version_ = -1, progress_at_ = 0, orphans_at_ = 0, disk_at_ = 0, gc_at_ = 0,
-               retry_at_ = 0, waiting_since_ms_ = 0;
+               retry_at_ = 0, waiting_since_ms_ = 0, trouble_since_ms_ = 0;
   ServiceTotals totals_;
 };
 

@@ -55,8 +55,6 @@ Job job_of(slicecorr_job* handle);
 /// Where scratch files go: what the job says, else the folder of `output`, else the system's.
 std::string scratch_folder(const slicecorr_job* job, const std::string& output = "");
 
-/// How the images of a stack lie, by what it says.
-ImageFrame frame_of(const StackInfo& info);
 /// Throws `InputError` when `now`, what the archive says when its images are read, is not what it
 /// said when the stack was opened: nothing is to be corrected twice because someone was faster.
 void check_unchanged(const slicecorr_stack& stack, const StackInfo& now);

@@ -234,19 +234,11 @@ bool set_lie(slicecorr_stack& s, const std::string& name, double value) {
   *place = value == 1;
   // Slices of the plate lie like the plate unless said otherwise.
   if (name != "for_display" || value == 0) s.info.orientation_known = true;
-  s.slices->set_frame(frame_of(s.info));
+  s.slices->set_frame(image_frame(s.info));
   return true;
 }
 
 }  // namespace
-
-ImageFrame frame_of(const StackInfo& info) {
-  ImageFrame frame;
-  if (info.for_display) frame.to_display = Turn{};
-  frame.orientation.reset();
-  if (info.orientation_known) frame.orientation = info.orientation;
-  return frame;
-}
 
 void check_unchanged(const slicecorr_stack& stack, const StackInfo& now) {
   const StackInfo& then = stack.info;
@@ -291,7 +283,7 @@ slicecorr_status slicecorr_stack_create(const slicecorr_grid* grid, slicecorr_st
     made->info.target_layers = made->info.grid.layers;
     made->info.program = std::string("slicecorr ") + slicecorr::version;
     made->slices = std::make_shared<SliceStore>(made->info.grid, scratch_folder(nullptr));
-    made->slices->set_frame(frame_of(made->info));
+    made->slices->set_frame(image_frame(made->info));
     output.give(std::move(made));
   });
 }

@@ -56,20 +56,6 @@ class Images {
   std::optional<StackReader> reader_;
 };
 
-/// Size and scale without images.
-class GridOnly final : public SliceSource {
- public:
-  GridOnly(const Grid& grid, const ImageFrame& frame) : grid_(grid), frame_(frame) {}
-  const Grid& grid() const override { return grid_; }
-  ImageFrame frame() const override { return frame_; }
-  PixelBox bounds() const override { return {}; }
-  void read_band(const PixelBox&, const Sink&) const override {}
-
- private:
-  Grid grid_;
-  ImageFrame frame_;
-};
-
 /// A source on the way: sums its coverage, stops when the job is cancelled.
 class Watched final : public SliceSource {
  public:
@@ -233,7 +219,7 @@ slicecorr_status slicecorr_check(const slicecorr_stack* target, const slicecorr_
                                   "slicecorr_stack_set_number()");
     }
     tell_notice(s, job);
-    slicecorr::plan_correction(GridOnly(grid, frame_of(t.info)), s);
+    slicecorr::plan_correction(slicecorr::GridOnly(grid, slicecorr::image_frame(t.info)), s);
   });
 }
 

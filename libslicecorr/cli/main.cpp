@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "options.hpp"
+#include "program/make_part.hpp"
 #include "simulate.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/report.hpp"
@@ -48,14 +49,6 @@ struct Arguments {
   StackReader open(const std::string& path, const std::string& scratch, const Job& job) const {
     return {path, scratch, job, missing()};
   }
-  /// Slices as they go into the output: archives that printers read have the images of a display,
-  /// our own those of the plate.
-  FittedSlices for_output(const SliceSource& slices, const Printer& printer, const Job& job) const {
-    static const Printer unturned;
-    const std::string name = format_of(file());
-    const bool ours = name == "uvj" || name == "folder";
-    return FittedSlices::for_display(slices, ours ? unturned : printer, folder_of(output), job);
-  }
 };
 
 int slice(const Arguments& a, const Job& job, Console& console) {
@@ -63,7 +56,7 @@ int slice(const Arguments& a, const Job& job, Console& console) {
   must_not_replace(a.output, a.mesh.parts);
   const Printer printer = load_printer(a.setup.printer);
   const MeshSlices slices(read_parts(a.mesh, job), printer, a.mesh.slice_options(), job);
-  const FittedSlices fitted = a.for_output(slices, printer, job);
+  const FittedSlices fitted = fit_for_output(slices, a.file(), printer, job);
   const StackInfo info = write_target(*fitted, a.file(), job);
   console.say(fmt::format("{}: {} slices, {:.4f} ml", a.output, info.grid.layers,
                           info.part_volume_mm3 * 1e-3));
@@ -80,7 +73,7 @@ int correct(const Arguments& a, const Job& job, Console& console) {
   // What a slicer wrote besides the slices stays.
   if (times.kind == StackKind::foreign && times.format == format) file.keep_from = a.input;
   const StackReader target = a.open(a.input, folder_of(a.output), job);
-  const FittedSlices fitted = a.for_output(target, setup.printer, job);
+  const FittedSlices fitted = fit_for_output(target, a.file(), setup.printer, job);
   const Correction result = correct_stack(*fitted, setup, file, true, job);
   console.say(fmt::format("{}: {} slices\n{}", a.output, result.info.grid.layers,
                           summary(result.after, result.before)));
@@ -235,23 +228,13 @@ int solid(const Arguments& a, const Job& job, Console& console) {
 int run(const Arguments& a, const Job& job, Console& console) {
   format_of(a.file());
   must_not_replace(a.output, a.mesh.parts);
-  Setup setup = a.setup.resolve(nullptr, nullptr);
+  const Setup setup = a.setup.resolve(nullptr, nullptr);
   if (const std::string text = notice(setup); !text.empty()) job.tell(text);
   const MeshSlices slices(read_parts(a.mesh, job), setup.printer, a.mesh.slice_options(), job);
-  const FittedSlices fitted = a.for_output(slices, setup.printer, job);
-  const SliceSource& target = *fitted;
-  const Correction result = correct_stack(target, setup, a.file(), true, job);
-  setup.process = *result.info.process;
+  const FittedSlices fitted = fit_for_output(slices, a.file(), setup.printer, job);
   const std::string base =
       (std::filesystem::path(a.output).parent_path() / title_of(a.output)).string();
-  // The proof: the prediction of the stack, with that of the uncorrected part beside it.
-  auto proof = nlohmann::ordered_json::parse(result.after.to_json());
-  proof["uncorrected"] = nlohmann::ordered_json::parse(result.before->to_json());
-  write_text_file(base + ".json", proof.dump(2) + "\n");
-  const CorrectedSlices corrected(target, setup, job);
-  write_text_file(base + ".html",
-                  make_report(gather_report(corrected, target, setup, result.info, result.after,
-                                            result.before, title_of(a.output), job)));
+  const Correction result = make_part(*fitted, setup, a.file(), base, title_of(a.output), job);
   console.say(fmt::format("{3}, {0}.html, {0}.json: {1} slices\n{2}", base, result.info.grid.layers,
                           summary(result.after, result.before), a.output));
   return kDone;
@@ -337,7 +320,7 @@ int convert(const Arguments& a, const Job& job, Console& console) {
   } else if (stack.info().printer) {
     printer = *stack.info().printer;
   }
-  const FittedSlices fitted = a.for_output(stack, printer, job);
+  const FittedSlices fitted = fit_for_output(stack, a.file(), printer, job);
   convert_stack(stack, file, job, &*fitted == &stack ? nullptr : &*fitted);
   console.say(fmt::format("{}: {} slices, format {}", a.output, stack.grid().layers, format));
   return kDone;

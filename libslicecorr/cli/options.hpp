@@ -1,36 +1,14 @@
-/// The options of meshes that subcommands share, and what stacks say about themselves.
+/// What the subcommands share, and what stacks say about themselves.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <string>
-#include <vector>
 
 #include "program/figures.hpp"
+#include "program/mesh_options.hpp"
 #include "program/setup_options.hpp"
-#include "slicecorr/mesh.hpp"
-#include "slicecorr/parallel.hpp"
-#include "slicecorr/slice.hpp"
 #include "slicecorr/stack.hpp"
 
 namespace slicecorr::cli {
-
-struct MeshOptions {
-  std::vector<std::string> parts;
-  double layer_um = 0;
-  std::string antialias = "on";
-  std::vector<double> center_mm;
-  std::string units = "auto";
-  double scale = 1.0;
-  std::vector<double> rotate_deg;
-  void add_to(CLI::App& app);
-  /// Only how meshes are turned, scaled and placed; `add_to` has these, too.
-  void add_placement_to(CLI::App& app);
-  Placement placement() const;
-  SliceOptions slice_options() const;
-};
-
-/// Reads and places all parts; tells their figures and defects through `job`.
-TriangleMesh read_parts(const MeshOptions& options, const Job& job);
 
 std::string describe_stack(const StackInfo& info);
 std::string info_json(const StackInfo& info, const std::string& path);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <string_view>
 
+#include "base/base64.hpp"
 #include "report/page_parts.hpp"
 #include "report/page_text.hpp"
 #include "slicecorr/report.hpp"

@@ -5,6 +5,7 @@
 #include <cstring>
 #include <nlohmann/json.hpp>
 
+#include "base/base64.hpp"
 #include "report/page_parts.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/inhibited.hpp"

@@ -29,24 +29,6 @@ std::string escape(std::string_view text) {
   return out;
 }
 
-std::string base64(const std::vector<std::uint8_t>& bytes) {
-  static constexpr char digits[] =
-      "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string out;
-  out.reserve((bytes.size() + 2) / 3 * 4);
-  for (std::size_t i = 0; i < bytes.size(); i += 3) {
-    const std::uint32_t b =
-        static_cast<std::uint32_t>(bytes[i]) << 16 |
-        (i + 1 < bytes.size() ? static_cast<std::uint32_t>(bytes[i + 1]) << 8 : 0) |
-        (i + 2 < bytes.size() ? bytes[i + 2] : 0);
-    out += digits[b >> 18];
-    out += digits[b >> 12 & 63];
-    out += i + 1 < bytes.size() ? digits[b >> 6 & 63] : '=';
-    out += i + 2 < bytes.size() ? digits[b & 63] : '=';
-  }
-  return out;
-}
-
 namespace {
 
 using Counts = std::vector<std::uint64_t>;

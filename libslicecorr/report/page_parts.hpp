@@ -12,7 +12,6 @@
 namespace slicecorr::detail {
 
 std::string escape(std::string_view text);
-std::string base64(const std::vector<std::uint8_t>& bytes);
 
 /// Height errors and gap contrasts, before and after.
 std::string histograms(const ReportContent& content);

@@ -18,16 +18,28 @@ std::uint32_t flat_field_crc32(const FlatField& field) {
   return crc;
 }
 
+std::vector<std::uint8_t> flat_field_png(const FlatField& field) {
+  return encode_png(GreyImage{field.width_px, field.height_px, *field.values});
+}
+
 void add_flat_field(const StackInfo& info, ContainerOutput& output) {
   if (!info.printer || !info.printer->flat_field) return;
-  const FlatField& field = *info.printer->flat_field;
-  output.add(flat_field_entry,
-             encode_png(GreyImage{field.width_px, field.height_px, *field.values}));
+  output.add(flat_field_entry, flat_field_png(*info.printer->flat_field));
+}
+
+void set_flat_field(ArchiveContents& contents, std::span<const std::uint8_t> png,
+                    const std::string& source, const std::string& place) {
+  FlatField& field = *contents.info.printer->flat_field;
+  GreyImage image = decode_png(png, field.width_px, field.height_px, source, place);
+  field.values = std::make_shared<const std::vector<std::uint8_t>>(std::move(image.pixels));
+  if (flat_field_crc32(field) != contents.flat_field_crc32 || field.greatest() == 0) {
+    throw InputError(source, place, "is not the flat-field that the stack was corrected with");
+  }
 }
 
 void read_flat_field(const Container& archive, ArchiveContents& contents) {
   if (!contents.info.printer || !contents.info.printer->flat_field) return;
-  FlatField& field = *contents.info.printer->flat_field;
+  const FlatField& field = *contents.info.printer->flat_field;
   const Container::Entry* const entry = archive.find(flat_field_entry);
   if (entry == nullptr) throw InputError(archive.path(), flat_field_entry, "is missing");
   const std::uint64_t limit = 2 * std::uint64_t{static_cast<unsigned>(field.width_px)} *
@@ -35,13 +47,7 @@ void read_flat_field(const Container& archive, ArchiveContents& contents) {
                               (1 << 20);
   std::vector<std::uint8_t> png;
   archive.read(*entry, limit, png);
-  GreyImage image =
-      decode_png(png, field.width_px, field.height_px, archive.path(), flat_field_entry);
-  field.values = std::make_shared<const std::vector<std::uint8_t>>(std::move(image.pixels));
-  if (flat_field_crc32(field) != contents.flat_field_crc32 || field.greatest() == 0) {
-    throw InputError(archive.path(), flat_field_entry,
-                     "is not the flat-field that the stack was corrected with");
-  }
+  set_flat_field(contents, png, archive.path(), flat_field_entry);
 }
 
 }  // namespace slicecorr::detail

@@ -3,6 +3,9 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
 
 #include "slicecorr/process.hpp"
 #include "stack/archive_format.hpp"
@@ -13,8 +16,14 @@ inline constexpr const char* flat_field_entry = "slicecorr/flat-field.png";
 
 /// CRC-32 of the values, row by row.
 std::uint32_t flat_field_crc32(const FlatField& field);
+/// Its values as a grey picture.
+std::vector<std::uint8_t> flat_field_png(const FlatField& field);
 /// Adds the entry when the stack's printer has a flat-field.
 void add_flat_field(const StackInfo& info, ContainerOutput& output);
+/// Gives the flat-field that `contents` speaks of its picture. Throws `InputError` when it is not
+/// the one of the block.
+void set_flat_field(ArchiveContents& contents, std::span<const std::uint8_t> png,
+                    const std::string& source, const std::string& place);
 /// Reads the picture that our block speaks of. Throws `InputError` when it is missing, or not the
 /// one of the block.
 void read_flat_field(const Container& archive, ArchiveContents& contents);

@@ -288,8 +288,8 @@ StackReader::~StackReader() = default;
 const StackInfo& StackReader::info() const { return impl_->config.info; }
 const Grid& StackReader::grid() const { return impl_->config.info.grid; }
 PixelBox StackReader::bounds() const { return impl_->bounds; }
-ImageFrame StackReader::frame() const {
-  const StackInfo& info = impl_->config.info;
+ImageFrame StackReader::frame() const { return image_frame(impl_->config.info); }
+ImageFrame image_frame(const StackInfo& info) {
   ImageFrame frame;
   if (info.for_display) frame.to_display = Turn{};
   frame.orientation.reset();

@@ -49,6 +49,12 @@ Setup resolve_setup(const SetupChoices& choices, const StackInfo* info, const St
 /// What the user should know of a setup; empty when nothing.
 std::string setup_notice(const Setup& setup, ChoiceNames names);
 
+/// All of a setup as JSON, in the words in which stacks record it: the same setup gives the same
+/// text, and reading it back gives the same setup, bit for bit.
+std::string setup_json(const Setup& setup);
+/// Throws `InputError` naming `source` and the key.
+Setup parse_setup_json(std::string_view json, const std::string& source);
+
 /// A corrected stack shows light, not the design: measured against it, or corrected again, nothing
 /// means anything. Throws `InputError` when `info`, of the archive at `path`, is of one.
 void check_design(const StackInfo& info, const std::string& path);

@@ -62,6 +62,8 @@ struct StackInfo {
   std::vector<double> layer_exposure_s;
 };
 
+/// How the images of a stack lie, by what it says.
+ImageFrame image_frame(const StackInfo& info);
 /// The process of a corrected stack; else one, layer by layer, that has the archive's times.
 Process process_of_times(const StackInfo& info);
 /// Time in which all slices of the stack are shown, s: by its process when corrected, else by the

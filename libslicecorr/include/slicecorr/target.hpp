@@ -33,6 +33,20 @@ class SliceSource {
   virtual void read_band(const PixelBox& band, const Sink& sink) const = 0;
 };
 
+/// Size, scale and frame without images: for what asks nothing of voxels.
+class GridOnly final : public SliceSource {
+ public:
+  GridOnly(const Grid& grid, const ImageFrame& frame) : grid_(grid), frame_(frame) {}
+  const Grid& grid() const override { return grid_; }
+  ImageFrame frame() const override { return frame_; }
+  PixelBox bounds() const override { return {}; }
+  void read_band(const PixelBox&, const Sink&) const override {}
+
+ private:
+  Grid grid_;
+  ImageFrame frame_;
+};
+
 /// Rows of a band for this grid. Depends on the grid alone, so that files do not depend on threads.
 int band_rows(const Grid& grid);
 

@@ -1,0 +1,120 @@
+// The folder store/slurm: which task of which array is which attempt.
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "base/temporary.hpp"
+#include "engine/slurm_tasks.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/farm/queue.hpp"
+
+namespace slicecorr::farm::detail {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+bool is_token(const std::string& text) {
+  return !text.empty() && text.size() <= 64 && std::all_of(text.begin(), text.end(), [](char c) {
+    return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'f');
+  });
+}
+
+void write_whole(const std::string& path, const std::string& text) {
+  const std::string part = slicecorr::detail::make_temporary(path);
+  slicecorr::detail::Temporary guard{part};
+  {
+    std::ofstream out(part, std::ios::binary);
+    out << text << "\n";
+    out.close();
+    if (!out) throw DeviceError(path + ": can't be written");
+  }
+  slicecorr::detail::sync_file(part);
+  std::error_code error;
+  fs::rename(part, path, error);
+  if (error) throw DeviceError(path + ": can't be written: " + error.message());
+  guard.keep = true;
+}
+
+}  // namespace
+
+BatchFolder::BatchFolder(std::string store) : store_(std::move(store)), folder_(store_ + "/slurm") {
+  std::error_code error;
+  fs::create_directories(folder_, error);
+  if (error) throw DeviceError(folder_ + ": can't be made: " + error.message());
+  const std::string path = folder_ + "/farm.id";
+  const auto read = [&] {
+    std::ifstream in(path);
+    std::getline(in, farm_);
+    return is_token(farm_);
+  };
+  if (read()) return;
+  // Of two that start at the same time, the first to link gives the name.
+  const std::string part = slicecorr::detail::make_temporary(path);
+  const slicecorr::detail::Temporary guard{part};
+  std::ofstream(part) << random_token() << "\n";
+  slicecorr::detail::sync_file(part);
+  fs::create_hard_link(part, path, error);
+  if (error && error != std::errc::file_exists) fs::copy_file(part, path, error);
+  if (!read()) throw DeviceError(path + ": can't be made, or is damaged");
+}
+
+void BatchFolder::write(const Batch& batch) const {
+  const std::string folder = path(batch.token);
+  std::error_code error;
+  fs::create_directory(folder, error);
+  if (error) throw DeviceError(folder + ": can't be made: " + error.message());
+  for (std::size_t i = 0; i < batch.tasks.size(); ++i) {
+    // What Slurm itself has to say comes into the attempt's log, and is lost with the attempt.
+    fs::create_symlink(fmt::format("../../attempts/{}/log.txt", batch.tasks[i]),
+                       fmt::format("{}/{}.txt", folder, i), error);
+    if (error) throw DeviceError(folder + ": no links can be made: " + error.message());
+  }
+  write_whole(folder + "/batch.json", nlohmann::json{{"tasks", batch.tasks}}.dump());
+  slicecorr::detail::sync_folder(folder);
+  slicecorr::detail::sync_folder(folder_);
+}
+
+std::optional<Batch> BatchFolder::read(const std::string& token) const {
+  if (!is_token(token)) return std::nullopt;
+  std::ifstream in(path(token) + "/batch.json", std::ios::binary);
+  const auto json = nlohmann::json::parse(in, nullptr, false);
+  if (!json.is_object() || !json.contains("tasks") || !json["tasks"].is_array()) {
+    return std::nullopt;
+  }
+  Batch batch;
+  batch.token = token;
+  for (const auto& task : json["tasks"]) {
+    if (!task.is_string() || !is_token(task.get<std::string>())) return std::nullopt;
+    batch.tasks.push_back(task.get<std::string>());
+  }
+  return batch;
+}
+
+std::vector<Batch> BatchFolder::read_all() const {
+  std::vector<Batch> list;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(folder_, error)) {
+    if (auto batch = read(entry.path().filename().string())) list.push_back(std::move(*batch));
+  }
+  return list;
+}
+
+void BatchFolder::remove(const std::string& token) const {
+  if (!is_token(token)) return;
+  std::error_code error;
+  fs::remove_all(path(token), error);
+}
+
+bool BatchFolder::has_attempt(const std::string& token) const {
+  std::error_code error;
+  const bool there = fs::exists(store_ + "/attempts/" + token, error);
+  // When the file system does not answer, nothing is said.
+  return there || error;
+}
+
+}  // namespace slicecorr::farm::detail

@@ -1,0 +1,155 @@
+/// @file job.hpp
+/// What the farm's record holds of jobs, attempts and results: plain values, as they are read from
+/// the database.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace slicecorr::farm {
+
+using JobId = std::int64_t;
+
+/// queued -> running -> done | failed | cancelled; running -> queued when an attempt is given up
+/// and may be tried again; failed, cancelled -> queued by `retry` only.
+enum class JobState { queued, running, done, failed, cancelled };
+inline constexpr int job_states = 5;
+/// "queued" and so on.
+const char* name_of(JobState state);
+std::optional<JobState> job_state_named(std::string_view name);
+
+/// Why an attempt ended without a result, or why a queued job waits.
+enum class Reason {
+  none,
+  bad_input,       ///< damaged, or does not fit the printer: final
+  infeasible,      ///< physics forbids it: final
+  input_gone,      ///< the farm's copy of an input is gone or changed: final
+  too_large,       ///< needs more memory than the machine may give: final
+  worker_killed,   ///< by a signal that is not ours: tried again
+  worker_crashed,  ///< by a defect (exit code 1, SIGSEGV and the like): tried again
+  hung,            ///< no progress for as long as settings allow: tried again
+  lease_lost,      ///< the service that looked after it died or froze: tried again, not counted
+  stopped,         ///< its service was stopped: tried again, not counted
+  out_of_memory,   ///< tried again with more memory or fewer threads
+  disk_full,       ///< tried again when there is room, not counted
+  device_failed,   ///< another failure to read or write: tried again
+  output_invalid,  ///< what was written could not be read back: tried again
+  engine_failed,   ///< the engine could not start it, or lost it: tried again
+  cancelled,       ///< on request: final
+};
+/// "bad_input" and so on; "" for none.
+const char* name_of(Reason reason);
+Reason reason_named(std::string_view name);
+/// Whether a job with this reason is tried again by itself.
+bool is_retried(Reason reason);
+/// Whether such an attempt counts against `Settings::max_attempts`.
+bool is_counted(Reason reason);
+
+inline constexpr std::int64_t no_deadline = std::numeric_limits<std::int64_t>::max();
+
+/// Figures of a result, from the contract's `verify --json`; lengths in um.
+struct Figures {
+  int layers = 0;
+  double height_mean_um = 0, height_p95_um = 0, height_max_um = 0;
+  std::int64_t lost_features = 0, merged_features = 0;
+  std::int64_t cure_through_voxels = 0, undercure_voxels = 0, target_voxels = 0;
+};
+
+/// A file of a result: its name ending is "uvj" (or the format's), "html" or "json".
+struct ResultFile {
+  std::string ending;
+  std::int64_t bytes = 0;
+  std::string sha256;
+};
+
+/// A row of the table of jobs, with what belongs to its work. Times are wall-clock ms, 0: not yet.
+struct Job {
+  JobId id = 0;
+  std::int64_t batch = 0;
+  JobState state = JobState::queued;
+  Reason reason = Reason::none;  ///< of the last attempt that failed, or why it waits
+  std::string message;           ///< in words
+  std::string name;              ///< stem of its output files
+  std::string user;
+  std::vector<std::string> labels;
+  int priority = 0;                        ///< larger comes first
+  std::int64_t ready_by_ms = no_deadline;  ///< among equal priorities the earlier comes first
+  std::string key;                         ///< of its work: the same key, the same output
+  JobId follows = 0;               ///< the queued or running job that does the same; 0: none
+  std::vector<std::string> parts;  ///< inputs as they were submitted
+  std::string kind;                ///< "run" for meshes, "correct" for archives of slices
+  std::string printer, resin;
+  std::string format;  ///< of the archive to write: its ending
+  std::string output_folder;
+  int layers = 0;
+  std::int64_t voxels = 0;  ///< of the part's bounding box: what time goes with
+  double expected_s = 0;    ///< on one core, when it was submitted
+  std::int64_t expected_bytes = 0;
+  int attempts = 0;  ///< those that count
+  std::int64_t not_before_ms = 0;
+  std::string token;  ///< of the present attempt; empty: none
+  bool cancel_wanted = false;
+  bool from_cache = false;  ///< done without work of its own
+  std::int64_t submitted_ms = 0, started_ms = 0, ended_ms = 0;
+  std::optional<Figures> figures;  ///< when done
+  std::vector<ResultFile> files;   ///< when done
+
+  /// Path of an output file by its ending, "html"; whether or not it is there.
+  std::string output(const std::string& ending) const;
+};
+
+/// One attempt to do a job. Times are wall-clock ms.
+struct Attempt {
+  std::string token;  ///< random, 32 hex digits; also the name of its folder
+  JobId job = 0;
+  int number = 0;         ///< of this job, from 1
+  std::string engine;     ///< "local", "slurm", "cache"
+  std::string engine_id;  ///< what the engine calls it: a process, a Slurm job
+  std::string service;    ///< id of the service that looks after it
+  std::string node;       ///< where it ran
+  int threads = 0;
+  std::int64_t memory_mb = 0;                 ///< the limit it was given
+  std::int64_t started_ms = 0, ended_ms = 0;  ///< 0: it has not ended
+  std::string phase;                          ///< "waiting", "working", "committing", "ended"
+  std::string stage;                          ///< of the work, as `slicecorr` names it
+  double fraction = 0;                        ///< of the whole work done, 0..1
+  int layers_done = 0;                        ///< the same as layers
+  Reason reason = Reason::none;               ///< none and ended: it succeeded
+  std::string message;
+  int exit_code = -1;  ///< -1: not known
+  double wall_s = 0, cpu_s = 0;
+  std::int64_t peak_mb = 0;
+  std::string log;  ///< path of its log
+};
+
+/// One line of the append-only record.
+struct Event {
+  std::int64_t seq = 0;
+  std::int64_t at_ms = 0;
+  JobId job = 0;        ///< 0: of the farm
+  std::string attempt;  ///< token or empty
+  /// submitted, started, done, failed, cancelled, retried, put_back, reprioritised,
+  /// paused, resumed, draining, settings, service_started, service_stopped, service_lost,
+  /// disk_low, disk_ok, night_ended, night_began, gc, cache_damaged
+  std::string kind;
+  std::string text;  ///< for people
+  Reason reason = Reason::none;
+};
+
+/// A service that runs, or did. Times are wall-clock ms.
+struct Service {
+  std::string id;
+  std::string engine, host;
+  long pid = 0;
+  std::int64_t started_ms = 0, seen_ms = 0, stopped_ms = 0;
+  bool alive = false;  ///< its process is there
+  std::string doing;   ///< "working", "paused", "draining", "outside the night window", "disk full"
+  int cores = 0;
+  std::int64_t memory_mb = 0;
+};
+
+}  // namespace slicecorr::farm

@@ -1,0 +1,98 @@
+/// @file submit.hpp
+/// From what people write to jobs in the queue: jobs files, command lines, REST bodies. Everything
+/// is checked before anything is queued, and every error is told, with file and line.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "slicecorr/error.hpp"
+#include "slicecorr/farm/folder.hpp"
+#include "slicecorr/farm/queue.hpp"
+#include "slicecorr/parallel.hpp"
+#include "slicecorr/setup.hpp"
+
+namespace slicecorr::farm {
+
+/// A job as somebody asks for it.
+struct JobRequest {
+  std::string where;               ///< "jobs.toml:12", "jobs.csv:3", "command line", for messages
+  std::vector<std::string> parts;  ///< meshes that share a plate, or one archive of slices
+  double layer_um = 0;
+  std::string antialias = "on", units = "auto";
+  double scale = 1;
+  std::vector<double> center_mm, rotate_deg;
+  SetupChoices setup;
+  std::string name;    ///< of the outputs; empty: the first part's
+  std::string format;  ///< of the archive: a name or ending; empty: uvj
+  std::string out;     ///< output folder; empty: results/ID of the farm
+  int copies = 1;      ///< name, name-2, name-3 ...
+  int priority = 0;
+  std::string ready_by;  ///< "07:00", the next time clocks show it; or "2026-03-01 07:00"
+  std::vector<std::string> labels;
+  std::string user;  ///< empty: who submits
+};
+
+/// Makes the paths of a request absolute, from the present folder.
+void absolute_paths(JobRequest& request);
+
+struct SubmitError {
+  std::string where;
+  std::string message;
+};
+
+/// All errors found, as one exception: `what` has one line for each.
+class SubmitErrors : public InputError {
+ public:
+  explicit SubmitErrors(std::vector<SubmitError> errors);
+  const std::vector<SubmitError>& errors() const { return errors_; }
+
+ private:
+  std::vector<SubmitError> errors_;
+};
+
+/// Reads a jobs file, TOML or CSV by its ending; paths in it are relative to its folder, those of
+/// `defaults` to the present one. Throws `SubmitErrors` with all that is wrong.
+std::vector<JobRequest> read_jobs_file(const std::string& path, const JobRequest& defaults = {});
+/// Texts of such files; paths stay as they are. `source` names them in messages.
+std::vector<JobRequest> parse_jobs_toml(const std::string& text, const std::string& source,
+                                        const JobRequest& defaults = {});
+std::vector<JobRequest> parse_jobs_csv(const std::string& text, const std::string& source,
+                                       const JobRequest& defaults = {});
+/// {"defaults": {...}, "jobs": [{...}]} with the keys of jobs files; for the REST API.
+std::vector<JobRequest> parse_jobs_json(const std::string& text, const std::string& source,
+                                        const JobRequest& defaults = {});
+
+/// What a job will be and cost.
+struct Estimate {
+  std::string name, where;
+  int layers = 0;
+  std::int64_t voxels = 0;
+  double seconds = 0;  ///< on one core
+  std::int64_t disk_bytes = 0, memory_mb = 0;
+  bool cached = false;     ///< the result is there already
+  bool duplicate = false;  ///< the same work as an earlier job of this submission
+  bool measured = false;   ///< by rates that this farm measured, else by a guess
+};
+
+struct Submission {
+  std::vector<NewJob> jobs;
+  std::vector<Estimate> estimates;  ///< one for each job
+};
+
+/// Checks and resolves all requests: reads meshes and archives, resolves printers, resins and
+/// processes, asks the physics, looks for names that are written twice. `store`: inputs are copied
+/// into the farm; else nothing is written (a dry run). Throws `SubmitErrors` with all that is
+/// wrong.
+Submission prepare(const std::vector<JobRequest>& requests, const FarmFolder& folder, Queue& queue,
+                   const std::string& user, bool store, const slicecorr::Job& job);
+
+struct Submitted {
+  std::vector<JobId> ids;
+  std::int64_t done_from_cache = 0;
+};
+/// Queues what `prepare` made, and finishes at once what the cache has.
+Submitted submit(const Submission& submission, const FarmFolder& folder, Queue& queue,
+                 const std::string& user, const std::string& source);
+
+}  // namespace slicecorr::farm

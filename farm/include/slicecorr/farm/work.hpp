@@ -1,0 +1,98 @@
+/// @file work.hpp
+/// What a worker gets, does and leaves: files in the folder of its attempt, nothing else. A worker
+/// knows neither database nor service, so it runs wherever the farm's store can be seen.
+///
+///     order.json     what to do (`Order`), before the worker starts
+///     log.txt        all it says
+///     progress.json  how far it is, replaced several times a second at most
+///     out/NAME.uvj   the stack; NAME.html, NAME.json: report and figures, as `slicecorr run`
+///     result.json    the end (`Outcome`), by rename: who finds it finds it whole
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "slicecorr/farm/job.hpp"
+
+namespace slicecorr::farm {
+
+/// What decides the bytes of a result, besides the setup. Its canonical text is part of the key.
+struct WorkSpec {
+  std::string kind = "run";  ///< "run": cut meshes; "correct": an archive of slices
+  struct Input {
+    std::string file;  ///< name in the store: SHA-256 and ending
+    std::string sha256;
+    std::string name;  ///< as submitted, for messages; not part of the key
+  };
+  std::vector<Input> inputs;
+  double layer_um = 0;  ///< 0: the archive says it
+  std::string antialias = "on", units = "auto";
+  double scale = 1;
+  std::vector<double> center_mm, rotate_deg;  ///< empty: not given
+  std::string format = "uvj";                 ///< of the archive, and its ending
+  std::string ending = "uvj";
+  std::string name;  ///< part of the key only where the format writes it into the archive
+};
+std::string spec_json(const WorkSpec& spec);
+WorkSpec parse_spec(const std::string& json);
+/// SHA-256, 64 hex digits, of the canonical text of spec, setup and program version.
+std::string work_key(const WorkSpec& spec, const std::string& setup_json);
+
+struct Order {
+  std::string token;
+  JobId job = 0;
+  int number = 1;  ///< of the attempt
+  std::string key, name;
+  WorkSpec spec;
+  std::string setup_json;
+  std::string store;  ///< the farm's store, for inputs
+  int threads = 1;
+  std::int64_t memory_mb = 0;  ///< limit of the worker's own data; 0: none
+};
+void write_order(const std::string& folder, const Order& order);
+Order read_order(const std::string& folder);
+
+struct ProgressNote {
+  std::string stage, node;
+  double fraction = 0;  ///< of the whole work
+  int layers_done = 0;
+  std::int64_t beat = 0;  ///< rises with every note
+};
+/// None when there is none (yet), or it is unreadable.
+std::optional<ProgressNote> read_progress(const std::string& folder);
+
+struct Outcome {
+  std::string token, key;
+  int exit_code = 0;  ///< of the contract
+  Reason reason = Reason::none;
+  std::string message, node, program;
+  Figures figures;
+  std::vector<ResultFile> files;
+  std::int64_t voxels = 0;
+  double wall_s = 0, cpu_s = 0;
+  std::int64_t peak_mb = 0;
+};
+/// None when the worker did not come to an end of its own.
+std::optional<Outcome> read_outcome(const std::string& folder);
+
+/// Does the order in `folder`, writes result.json, and gives the exit code. Limits the memory of
+/// this process: it is meant to be the only thing that a process does. Every engine runs it as
+/// `slicefarm worker FOLDER`. `say` gets lines for the log.
+int do_work(const std::string& folder, const std::atomic<bool>* cancel,
+            const std::function<void(const std::string&)>& say);
+
+/// Faults on demand, for tests: SLICEFARM_TEST_FAULT=STAGE:WHAT[:N], documented in docs/farm.md.
+/// STAGE is start, read, correct, report, check or end; WHAT is crash, segv, kill, hang, memory,
+/// full or exit=N. With ":N" only the first N attempts of a job do so. With "@TEXT" at the end only
+/// jobs whose name contains TEXT.
+struct TestFault {
+  std::string stage, what, only;
+  int attempts = 0;
+};
+std::optional<TestFault> test_fault_from_environment();
+
+}  // namespace slicecorr::farm

@@ -1,0 +1,166 @@
+#include "record/database.hpp"
+
+#include <fmt/format.h>
+#include <sqlite3.h>
+
+#include "record/schema.hpp"
+#include "slicecorr/error.hpp"
+
+namespace slicecorr::farm::detail {
+
+namespace {
+
+/// Longer than any transaction of ours, a submission of 100,000 jobs included.
+constexpr int busy_timeout_ms = 60'000;
+
+[[noreturn]] void fail(sqlite3* db, const std::string& path) {
+  const int code = db ? sqlite3_extended_errcode(db) : SQLITE_NOMEM;
+  const std::string text = db ? sqlite3_errmsg(db) : "out of memory";
+  if ((code & 0xff) == SQLITE_NOTADB || (code & 0xff) == SQLITE_CORRUPT) {
+    throw InputError(path, "", fmt::format("{}; expected the database of a farm", text));
+  }
+  throw DeviceError(fmt::format("{}: {} (code {})", path, text, code));
+}
+
+}  // namespace
+
+Rows::Rows(sqlite3* db, sqlite3_stmt* statement, const std::string& path)
+    : db_(db), statement_(statement), path_(path) {}
+Rows::~Rows() {
+  sqlite3_reset(statement_);
+  sqlite3_clear_bindings(statement_);
+}
+bool Rows::next() {
+  const int code = sqlite3_step(statement_);
+  if (code == SQLITE_ROW) return true;
+  if (code == SQLITE_DONE) return false;
+  fail(db_, path_);
+}
+bool Rows::null(int column) const { return sqlite3_column_type(statement_, column) == SQLITE_NULL; }
+std::int64_t Rows::integer(int column) const { return sqlite3_column_int64(statement_, column); }
+double Rows::number(int column) const { return sqlite3_column_double(statement_, column); }
+std::string Rows::text(int column) const {
+  const auto* text = reinterpret_cast<const char*>(sqlite3_column_text(statement_, column));
+  return text
+             ? std::string(text, static_cast<std::size_t>(sqlite3_column_bytes(statement_, column)))
+             : std::string();
+}
+
+Database::Database(const std::string& path, Mode mode) : path_(path) {
+  const int flags =
+      mode == Mode::create ? SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE : SQLITE_OPEN_READWRITE;
+  // Readers open for writing too: WAL's shared memory may have to be made. query_only keeps them
+  // from changing anything.
+  if (sqlite3_open_v2(path.c_str(), &db_, flags | SQLITE_OPEN_NOMUTEX, nullptr) != SQLITE_OK) {
+    const std::string text = db_ ? sqlite3_errmsg(db_) : "out of memory";
+    sqlite3_close(db_);
+    if (mode == Mode::read) {
+      throw InputError(path, "",
+                       text + "; expected the database of a farm (slicefarm submit makes one)");
+    }
+    throw DeviceError(fmt::format("{}: {}", path, text));
+  }
+  try {
+    sqlite3_extended_result_codes(db_, 1);
+    sqlite3_busy_timeout(db_, busy_timeout_ms);
+    execute("PRAGMA foreign_keys = ON");
+    if (mode == Mode::create) {
+      execute("PRAGMA journal_mode = WAL");
+      execute("PRAGMA synchronous = FULL");
+    } else {
+      execute("PRAGMA query_only = ON");
+    }
+    migrate();
+  } catch (...) {
+    for (const auto& [sql, s] : statements_) sqlite3_finalize(s);
+    sqlite3_close(db_);
+    throw;
+  }
+}
+
+Database::~Database() {
+  for (const auto& [sql, s] : statements_) sqlite3_finalize(s);
+  sqlite3_close(db_);
+}
+
+void Database::migrate() {
+  const auto pragma = [&](const char* sql) {
+    Rows rows = query(sql);
+    return rows.next() ? rows.integer(0) : 0;
+  };
+  const auto check = [&]() {
+    const std::int64_t version = pragma("PRAGMA user_version");
+    const std::int64_t id = pragma("PRAGMA application_id");
+    if (version == 0 && id == 0) return false;
+    if (id != application_id) {
+      throw InputError(path_, "", "is a database of another program; expected one of a farm");
+    }
+    if (version > schema_version) {
+      throw InputError(path_, "",
+                       fmt::format("made by a newer version of this program: schema {}, this "
+                                   "program knows up to {}",
+                                   version, schema_version));
+    }
+    return true;
+  };
+  if (check()) return;
+  {
+    Rows readonly = query("PRAGMA query_only");
+    if (readonly.next() && readonly.integer(0) != 0) {
+      throw InputError(path_, "", "is empty; expected the database of a farm");
+    }
+  }
+  Transaction transaction(*this);
+  if (check()) return;  // another process was faster
+  execute(schema);
+  execute(fmt::format("PRAGMA application_id = {}", application_id).c_str());
+  execute(fmt::format("PRAGMA user_version = {}", schema_version).c_str());
+  transaction.commit();
+}
+
+std::int64_t Database::changes() const { return sqlite3_changes64(db_); }
+std::int64_t Database::last_id() const { return sqlite3_last_insert_rowid(db_); }
+
+void Database::execute(const char* sql) {
+  if (sqlite3_exec(db_, sql, nullptr, nullptr, nullptr) != SQLITE_OK) fail(db_, path_);
+}
+
+sqlite3_stmt* Database::prepare(std::string_view sql) {
+  if (const auto known = statements_.find(sql); known != statements_.end()) return known->second;
+  sqlite3_stmt* s = nullptr;
+  if (sqlite3_prepare_v3(db_, sql.data(), static_cast<int>(sql.size()), SQLITE_PREPARE_PERSISTENT,
+                         &s, nullptr) != SQLITE_OK) {
+    fail(db_, path_);
+  }
+  statements_.emplace(std::string(sql), s);
+  return s;
+}
+
+void Database::bind(sqlite3_stmt* s, int index, std::int64_t value) {
+  if (sqlite3_bind_int64(s, index, value) != SQLITE_OK) fail(db_, path_);
+}
+void Database::bind(sqlite3_stmt* s, int index, double value) {
+  if (sqlite3_bind_double(s, index, value) != SQLITE_OK) fail(db_, path_);
+}
+void Database::bind(sqlite3_stmt* s, int index, std::string_view value) {
+  if (sqlite3_bind_text(s, index, value.data(), static_cast<int>(value.size()), SQLITE_TRANSIENT) !=
+      SQLITE_OK) {
+    fail(db_, path_);
+  }
+}
+
+Transaction::Transaction(Database& db) : db_(db) { db_.execute("BEGIN IMMEDIATE"); }
+Transaction::~Transaction() {
+  if (!open_) return;
+  try {
+    db_.execute("ROLLBACK");
+  } catch (...) {
+    // SQLite has rolled back by itself after some errors, a full disk among them.
+  }
+}
+void Transaction::commit() {
+  db_.execute("COMMIT");
+  open_ = false;
+}
+
+}  // namespace slicecorr::farm::detail

@@ -1,0 +1,333 @@
+#include "slicecorr/farm/read_model.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "record/rows.hpp"
+
+namespace slicecorr::farm {
+
+using detail::Database;
+using detail::Rows;
+using Json = nlohmann::ordered_json;
+
+namespace {
+
+/// Jobs looked at for deadlines: a queue of 100,000 must not slow a status down.
+constexpr std::int64_t most_for_deadlines = 10'000;
+/// Jobs whose real and expected times are compared.
+constexpr int recent_jobs = 50;
+
+struct Condition {
+  std::string sql;
+  std::vector<std::string> values;  ///< as text; SQLite's affinity makes numbers of them
+};
+
+Condition condition_of(const JobFilter& f) {
+  Condition c;
+  const auto add = [&](const std::string& sql, const std::string& value) {
+    c.values.push_back(value);
+    c.sql += c.sql.empty() ? "WHERE " : "AND ";
+    std::string with_index = sql;
+    const std::string place = fmt::format("?{}", c.values.size());
+    for (std::size_t at; (at = with_index.find('@')) != with_index.npos;) {
+      with_index.replace(at, 1, place);
+    }
+    c.sql += with_index + " ";
+  };
+  if (f.states.size() == 1) {
+    add("j.state = @", name_of(f.states[0]));
+  } else if (!f.states.empty()) {
+    std::vector<std::string> names;
+    for (const JobState s : f.states) names.push_back(name_of(s));
+    add("j.state IN (SELECT value FROM json_each(@))", detail::list_json(names));
+  }
+  if (!f.user.empty()) add("j.user = @", f.user);
+  if (!f.label.empty()) add("EXISTS(SELECT 1 FROM json_each(j.labels) WHERE value = @)", f.label);
+  if (!f.text.empty()) add("(instr(j.name, @) > 0 OR instr(j.parts, @) > 0)", f.text);
+  if (f.batch > 0) add("j.batch = CAST(@ AS INTEGER)", std::to_string(f.batch));
+  if (f.ended_since_ms > 0) {
+    add("j.ended_ms >= CAST(@ AS INTEGER)", std::to_string(f.ended_since_ms));
+  }
+  return c;
+}
+
+const char* order_of(JobFilter::Order order) {
+  switch (order) {
+    case JobFilter::Order::newest:
+      return "ORDER BY j.id DESC ";
+    case JobFilter::Order::urgency:
+      return "ORDER BY j.priority DESC, j.ready_by_ms, j.id ";
+    case JobFilter::Order::ended:
+      return "ORDER BY j.ended_ms DESC, j.id DESC ";
+    case JobFilter::Order::worst_height:
+      return "ORDER BY r.height_max_um DESC, j.id ";
+    default:
+      return "ORDER BY j.id ";
+  }
+}
+
+}  // namespace
+
+ReadModel::ReadModel(const std::string& path, const Clock& clock)
+    : db_(std::make_unique<Database>(path, Database::Mode::read)), clock_(&clock) {}
+ReadModel::~ReadModel() = default;
+ReadModel::ReadModel(ReadModel&&) noexcept = default;
+
+ReadModel::Snapshot::Snapshot(ReadModel& model) : model_(model) { model_.db_->execute("BEGIN"); }
+ReadModel::Snapshot::~Snapshot() {
+  try {
+    model_.db_->execute("COMMIT");
+  } catch (...) {
+    // Nothing was written, so nothing can be lost.
+  }
+}
+
+std::int64_t ReadModel::data_version() {
+  Rows rows = db_->query("PRAGMA data_version");
+  return rows.next() ? rows.integer(0) : 0;
+}
+
+std::vector<Job> ReadModel::jobs(const JobFilter& filter) {
+  const Condition c = condition_of(filter);
+  Rows rows = db_->query_list(detail::select_jobs + c.sql + order_of(filter.order) +
+                                  fmt::format("LIMIT {} OFFSET {}", filter.limit, filter.offset),
+                              c.values);
+  std::vector<Job> jobs;
+  while (rows.next()) jobs.push_back(detail::read_job(rows));
+  return jobs;
+}
+
+std::int64_t ReadModel::count(const JobFilter& filter) {
+  const Condition c = condition_of(filter);
+  Rows rows = db_->query_list("SELECT count(*) FROM jobs j " + c.sql, c.values);
+  return rows.next() ? rows.integer(0) : 0;
+}
+
+std::optional<Job> ReadModel::job(JobId id) {
+  Rows rows = db_->query(detail::select_jobs + "WHERE j.id = ?1", id);
+  if (!rows.next()) return std::nullopt;
+  return detail::read_job(rows);
+}
+
+std::vector<Attempt> ReadModel::attempts(JobId id) {
+  std::vector<Attempt> list;
+  Rows rows = db_->query(detail::select_attempts + "WHERE a.job = ?1 ORDER BY a.number", id);
+  while (rows.next()) list.push_back(detail::read_attempt(rows));
+  return list;
+}
+
+std::vector<RunningJob> ReadModel::running() {
+  std::vector<RunningJob> list;
+  {
+    Rows rows =
+        db_->query(detail::select_jobs + "WHERE j.state = 'running' ORDER BY j.started_ms, j.id");
+    while (rows.next()) list.push_back({detail::read_job(rows), {}, 0, 0, -1});
+  }
+  const std::int64_t now = clock_->wall_ms();
+  for (RunningJob& r : list) {
+    Rows rows = db_->query(detail::select_attempts + "WHERE a.token = ?1", r.job.token);
+    if (!rows.next()) continue;
+    r.attempt = detail::read_attempt(rows);
+    r.seconds = std::max<double>(0, static_cast<double>(now - r.attempt.started_ms) / 1000);
+    if (r.attempt.fraction > 0.02 && r.seconds > 0) {
+      r.layers_per_s = r.attempt.layers_done / r.seconds;
+      r.eta_s = r.seconds * (1 - r.attempt.fraction) / r.attempt.fraction;
+    }
+  }
+  return list;
+}
+
+std::vector<Event> ReadModel::events(std::int64_t after, std::int64_t limit, JobId job) {
+  const auto read = [](Rows& rows) {
+    std::vector<Event> list;
+    while (rows.next()) {
+      list.push_back({rows.integer(0), rows.integer(1), rows.integer(2), rows.text(3), rows.text(4),
+                      rows.text(6), reason_named(rows.text(5))});
+    }
+    return list;
+  };
+  if (job > 0) {
+    Rows rows = db_->query(
+        "SELECT seq, at_ms, job, attempt, kind, reason, text FROM events WHERE job = ?3 AND seq > "
+        "?1 "
+        "ORDER BY seq LIMIT ?2",
+        after, limit, job);
+    return read(rows);
+  }
+  Rows rows = db_->query(
+      "SELECT seq, at_ms, job, attempt, kind, reason, text FROM events WHERE seq > ?1 ORDER BY seq "
+      "LIMIT ?2",
+      after, limit);
+  return read(rows);
+}
+
+std::vector<Event> ReadModel::last_events(std::int64_t limit) {
+  std::int64_t last = 0;
+  {
+    Rows rows = db_->query("SELECT coalesce(max(seq), 0) FROM events");
+    if (rows.next()) last = rows.integer(0);
+  }
+  return events(std::max<std::int64_t>(0, last - limit), limit);
+}
+
+std::vector<Reasons> ReadModel::failures() {
+  std::vector<Reasons> list;
+  Rows rows = db_->query(
+      "SELECT reason, count(*) FROM jobs WHERE state = 'failed' GROUP BY reason ORDER BY count(*) "
+      "DESC, reason");
+  while (rows.next()) list.push_back({reason_named(rows.text(0)), rows.integer(1)});
+  return list;
+}
+
+std::vector<AttemptTotals> ReadModel::attempt_totals() {
+  std::vector<AttemptTotals> list;
+  Rows rows = db_->query(
+      "SELECT reason, engine, count(*), sum(wall_s), sum(cpu_s) FROM attempts WHERE phase = "
+      "'ended' "
+      "GROUP BY reason, engine ORDER BY reason, engine");
+  while (rows.next()) {
+    list.push_back({reason_named(rows.text(0)), rows.text(1), rows.integer(2), rows.number(3),
+                    rows.number(4)});
+  }
+  return list;
+}
+
+std::vector<Service> ReadModel::services() {
+  std::vector<Service> list;
+  std::string boot = clock_->boot_id() + " ";
+  Rows rows = db_->query(
+      "SELECT id, engine, host, pid, started_ms, seen_ms, stopped_ms, doing, cores, memory_mb, "
+      "boot, "
+      "process_start FROM services ORDER BY stopped_ms = 0 DESC, started_ms DESC LIMIT 100");
+  while (rows.next()) {
+    Service s;
+    s.id = rows.text(0);
+    s.engine = rows.text(1);
+    s.host = rows.text(2);
+    s.pid = rows.integer(3);
+    s.started_ms = rows.integer(4);
+    s.seen_ms = rows.integer(5);
+    s.stopped_ms = rows.integer(6);
+    s.doing = rows.text(7);
+    s.cores = static_cast<int>(rows.integer(8));
+    s.memory_mb = rows.integer(9);
+    const detail::ProcessMark now = detail::mark_of(s.pid);
+    s.alive = s.stopped_ms == 0 && rows.text(10).starts_with(boot) &&
+              (rows.text(10) != boot + now.space || now.start == rows.integer(11));
+    list.push_back(std::move(s));
+  }
+  return list;
+}
+
+Settings ReadModel::settings() { return detail::read_settings(*db_); }
+
+std::vector<std::string> ReadModel::users() {
+  std::vector<std::string> list;
+  Rows rows = db_->query("SELECT DISTINCT user FROM counts WHERE jobs > 0 ORDER BY user");
+  while (rows.next()) list.push_back(rows.text(0));
+  return list;
+}
+
+Summary ReadModel::summary() {
+  Summary s;
+  {
+    Rows rows = db_->query(
+        "SELECT state, follower, sum(jobs), sum(expected_s), sum(from_cache) FROM counts GROUP BY "
+        "state, follower");
+    while (rows.next()) {
+      const auto state = job_state_named(rows.text(0));
+      if (!state) continue;
+      s.jobs[static_cast<std::size_t>(*state)] += rows.integer(2);
+      s.from_cache += rows.integer(4);
+      if (*state != JobState::queued) continue;
+      if (rows.integer(1)) {
+        s.followers += rows.integer(2);
+      } else {
+        s.queued_s += std::max(0.0, rows.number(3));
+      }
+    }
+  }
+  const auto one = [&](const char* sql) {
+    Rows rows = db_->query(sql);
+    return rows.next() ? rows.integer(0) : 0;
+  };
+  {
+    Rows rows = db_->query(
+        "SELECT count(*), coalesce(sum(reason <> ''), 0), coalesce(sum(CASE WHEN reason = '' THEN "
+        "wall_s ELSE 0 END), 0) FROM attempts WHERE phase = 'ended' AND engine <> 'cache'");
+    if (rows.next()) {
+      s.attempts = rows.integer(0);
+      s.attempts_failed = rows.integer(1);
+      s.busy_s = rows.number(2);
+    }
+  }
+  {
+    Rows rows = db_->query(
+        "SELECT coalesce(sum(w.voxels), 0.0) FROM results r JOIN works w ON w.key = r.key");
+    if (rows.next()) s.voxels_done = rows.number(0);
+  }
+  // What the latest jobs really took, against what was expected of them.
+  double pace = 1;
+  {
+    Rows rows = db_->query(
+        "SELECT sum(a.wall_s * max(a.threads, 1)), sum(j.expected_s) FROM (SELECT id, expected_s "
+        "FROM "
+        "jobs WHERE state = 'done' AND NOT from_cache ORDER BY ended_ms DESC LIMIT ?1) j JOIN "
+        "attempts a ON a.job = j.id AND a.phase = 'ended' AND a.reason = ''",
+        recent_jobs);
+    if (rows.next() && rows.number(0) > 0 && rows.number(1) > 0)
+      pace = rows.number(0) / rows.number(1);
+  }
+  for (const RunningJob& r : running()) {
+    s.running_threads += r.attempt.threads;
+    s.running_memory_mb += r.attempt.memory_mb;
+    s.queued_s += r.job.expected_s * (1 - r.attempt.fraction);
+  }
+  s.queued_s *= pace;
+  int cores = 0;
+  for (const Service& service : services()) {
+    if (service.alive) cores += service.cores;
+  }
+  const bool idle = s.jobs[static_cast<std::size_t>(JobState::queued)] +
+                        s.jobs[static_cast<std::size_t>(JobState::running)] ==
+                    0;
+  s.eta_s = idle ? 0 : cores > 0 ? s.queued_s / cores : -1;
+
+  // Jobs with deadlines, in the order in which they start: each ends when the work before it is
+  // done.
+  if (!idle) {
+    Rows rows = db_->query(
+        "SELECT ready_by_ms, CASE WHEN follows = 0 THEN expected_s ELSE 0 END FROM jobs WHERE "
+        "state "
+        "IN ('queued', 'running') ORDER BY state = 'queued', priority DESC, ready_by_ms, id LIMIT "
+        "?1",
+        most_for_deadlines);
+    const std::int64_t now = clock_->wall_ms();
+    double work_s = 0;
+    while (rows.next()) {
+      work_s += rows.number(1) * pace;
+      const std::int64_t ready_by = rows.integer(0);
+      if (ready_by == no_deadline) continue;
+      const double end_ms = static_cast<double>(now) + 1000 * work_s / std::max(1, cores);
+      if (now > ready_by || end_ms > static_cast<double>(ready_by)) ++s.late;
+    }
+  }
+  {
+    Rows rows = db_->query("SELECT count(*), coalesce(sum(bytes), 0) FROM results WHERE stored");
+    if (rows.next()) {
+      s.cache_entries = rows.integer(0);
+      s.cache_bytes = rows.integer(1);
+    }
+  }
+  s.first_submitted_ms = one("SELECT coalesce(min(submitted_ms), 0) FROM batches");
+  s.last_ended_ms =
+      one("SELECT max(coalesce((SELECT max(ended_ms) FROM jobs WHERE state = 'done'), 0), "
+          "coalesce((SELECT max(ended_ms) FROM jobs WHERE state = 'failed'), 0))");
+  s.last_event = one("SELECT coalesce(max(seq), 0) FROM events");
+  return s;
+}
+
+}  // namespace slicecorr::farm

@@ -1,0 +1,160 @@
+#include "record/rows.hpp"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <climits>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "slicecorr/error.hpp"
+
+namespace slicecorr::farm::detail {
+
+using Json = nlohmann::json;
+
+const std::string select_jobs =
+    "SELECT j.id, j.batch, j.state, j.reason, j.message, j.name, j.user, j.labels, j.priority, "
+    "j.ready_by_ms, j.key, j.follows, j.parts, w.kind, w.printer, w.resin, w.format, "
+    "j.output_folder, w.layers, w.voxels, j.expected_s, j.expected_bytes, j.attempts, "
+    "j.not_before_ms, j.token, j.cancel_wanted, j.from_cache, j.submitted_ms, j.started_ms, "
+    "j.ended_ms, j.files, r.layers, r.height_mean_um, r.height_p95_um, r.height_max_um, "
+    "r.lost_features, r.merged_features, r.cure_through_voxels, r.undercure_voxels, "
+    "r.target_voxels FROM jobs j JOIN works w ON w.key = j.key "
+    "LEFT JOIN results r ON r.key = j.key AND j.state = 'done' ";
+
+Job read_job(const Rows& r) {
+  Job j;
+  int c = -1;
+  j.id = r.integer(++c);
+  j.batch = r.integer(++c);
+  j.state = job_state_named(r.text(++c)).value_or(JobState::queued);
+  j.reason = reason_named(r.text(++c));
+  j.message = r.text(++c);
+  j.name = r.text(++c);
+  j.user = r.text(++c);
+  j.labels = parse_list(r.text(++c));
+  j.priority = static_cast<int>(r.integer(++c));
+  j.ready_by_ms = r.integer(++c);
+  j.key = r.text(++c);
+  j.follows = r.integer(++c);
+  j.parts = parse_list(r.text(++c));
+  j.kind = r.text(++c);
+  j.printer = r.text(++c);
+  j.resin = r.text(++c);
+  j.format = r.text(++c);
+  j.output_folder = r.text(++c);
+  j.layers = static_cast<int>(r.integer(++c));
+  j.voxels = r.integer(++c);
+  j.expected_s = r.number(++c);
+  j.expected_bytes = r.integer(++c);
+  j.attempts = static_cast<int>(r.integer(++c));
+  j.not_before_ms = r.integer(++c);
+  j.token = r.text(++c);
+  j.cancel_wanted = r.integer(++c) != 0;
+  j.from_cache = r.integer(++c) != 0;
+  j.submitted_ms = r.integer(++c);
+  j.started_ms = r.integer(++c);
+  j.ended_ms = r.integer(++c);
+  j.files = parse_files(r.text(++c));
+  if (!r.null(++c)) {
+    Figures f;
+    f.layers = static_cast<int>(r.integer(c));
+    f.height_mean_um = r.number(++c);
+    f.height_p95_um = r.number(++c);
+    f.height_max_um = r.number(++c);
+    f.lost_features = r.integer(++c);
+    f.merged_features = r.integer(++c);
+    f.cure_through_voxels = r.integer(++c);
+    f.undercure_voxels = r.integer(++c);
+    f.target_voxels = r.integer(++c);
+    j.figures = f;
+  }
+  return j;
+}
+
+const std::string select_attempts =
+    "SELECT a.token, a.job, a.number, a.engine, a.engine_id, a.service, a.node, a.threads, "
+    "a.memory_mb, a.started_ms, a.ended_ms, a.phase, a.stage, a.fraction, a.layers_done, a.reason, "
+    "a.message, a.exit_code, a.wall_s, a.cpu_s, a.peak_mb, a.log FROM attempts a ";
+
+Attempt read_attempt(const Rows& r) {
+  Attempt a;
+  int c = -1;
+  a.token = r.text(++c);
+  a.job = r.integer(++c);
+  a.number = static_cast<int>(r.integer(++c));
+  a.engine = r.text(++c);
+  a.engine_id = r.text(++c);
+  a.service = r.text(++c);
+  a.node = r.text(++c);
+  a.threads = static_cast<int>(r.integer(++c));
+  a.memory_mb = r.integer(++c);
+  a.started_ms = r.integer(++c);
+  a.ended_ms = r.integer(++c);
+  a.phase = r.text(++c);
+  a.stage = r.text(++c);
+  a.fraction = r.number(++c);
+  a.layers_done = static_cast<int>(r.integer(++c));
+  a.reason = reason_named(r.text(++c));
+  a.message = r.text(++c);
+  a.exit_code = static_cast<int>(r.integer(++c));
+  a.wall_s = r.number(++c);
+  a.cpu_s = r.number(++c);
+  a.peak_mb = r.integer(++c);
+  a.log = r.text(++c);
+  return a;
+}
+
+Settings read_settings(Database& db) {
+  Settings settings;
+  Rows rows = db.query("SELECT name, value FROM settings");
+  while (rows.next()) set_setting(settings, rows.text(0), rows.text(1));
+  return settings;
+}
+
+std::string list_json(const std::vector<std::string>& list) {
+  return Json(list).dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+std::vector<std::string> parse_list(const std::string& json) {
+  return json.empty() ? std::vector<std::string>{}
+                      : Json::parse(json).get<std::vector<std::string>>();
+}
+
+std::string files_json(const std::vector<ResultFile>& files) {
+  Json list = Json::array();
+  for (const ResultFile& f : files) {
+    list.push_back({{"ending", f.ending}, {"bytes", f.bytes}, {"sha256", f.sha256}});
+  }
+  return list.dump();
+}
+
+std::vector<ResultFile> parse_files(const std::string& json) {
+  std::vector<ResultFile> files;
+  if (json.empty()) return files;
+  for (const Json& f : Json::parse(json))
+    files.push_back({f.at("ending"), f.at("bytes"), f.at("sha256")});
+  return files;
+}
+
+ProcessMark mark_of(long pid) {
+  ProcessMark mark;
+  mark.pid = pid;
+  char space[PATH_MAX];
+  const ssize_t n = ::readlink("/proc/self/ns/pid", space, sizeof space);
+  if (n > 0) mark.space.assign(space, static_cast<std::size_t>(n));
+  std::ifstream file(fmt::format("/proc/{}/stat", pid));
+  std::string line;
+  if (!std::getline(file, line)) return mark;
+  // The name, in parentheses, may hold anything; the start is the 20th field after it, and
+  // `close` + 1 is the space before the first.
+  const std::size_t close = line.rfind(')');
+  if (close == line.npos || close + 2 >= line.size() || line[close + 2] == 'Z') return mark;
+  std::size_t at = close + 1;
+  for (int field = 1; field < 20 && at != line.npos; ++field) at = line.find(' ', at + 1);
+  if (at != line.npos) mark.start = std::atoll(line.c_str() + at);
+  return mark;
+}
+
+}  // namespace slicecorr::farm::detail

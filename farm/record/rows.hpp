@@ -1,0 +1,36 @@
+/// @file rows.hpp
+/// Rows of the database to values: one list of columns and one reader for each kind.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "record/database.hpp"
+#include "slicecorr/farm/job.hpp"
+#include "slicecorr/farm/settings.hpp"
+
+namespace slicecorr::farm::detail {
+
+/// "SELECT ... FROM jobs j ..." up to where conditions begin.
+extern const std::string select_jobs;
+Job read_job(const Rows& row);
+
+extern const std::string select_attempts;
+Attempt read_attempt(const Rows& row);
+
+Settings read_settings(Database& db);
+
+std::string list_json(const std::vector<std::string>& list);
+std::vector<std::string> parse_list(const std::string& json);
+std::string files_json(const std::vector<ResultFile>& files);
+std::vector<ResultFile> parse_files(const std::string& json);
+
+/// What tells a process from one with the same number before or after it, or elsewhere.
+struct ProcessMark {
+  long pid = 0;
+  std::int64_t start = 0;  ///< clock ticks after the machine's start; 0: there is none
+  std::string space;       ///< of process numbers: containers have their own
+};
+ProcessMark mark_of(long pid);
+
+}  // namespace slicecorr::farm::detail

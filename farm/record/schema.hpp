@@ -1,0 +1,147 @@
+/// @file schema.hpp
+/// The tables of a farm. Times are wall-clock ms since 1970 unless a name says "steady".
+#pragma once
+
+namespace slicecorr::farm::detail {
+
+/// PRAGMA user_version. A database with a higher number is refused; a lower one is brought up.
+inline constexpr int schema_version = 1;
+
+/// PRAGMA application_id, "SCFM": not every SQLite file is a farm.
+inline constexpr int application_id = 0x5343464d;
+
+inline constexpr const char* schema = R"sql(
+-- Printer, resin and process as stacks record them, once for all jobs that share them.
+CREATE TABLE setups(hash TEXT PRIMARY KEY, json TEXT NOT NULL) WITHOUT ROWID;
+
+-- What is to be done, once for all jobs with the same output.
+CREATE TABLE works(
+  key TEXT PRIMARY KEY,            -- SHA-256 of input bytes, parameters and program version
+  spec TEXT NOT NULL,              -- WorkSpec as JSON
+  setup TEXT NOT NULL REFERENCES setups(hash),
+  kind TEXT NOT NULL, printer TEXT NOT NULL, resin TEXT NOT NULL, format TEXT NOT NULL,
+  rate_class TEXT NOT NULL,        -- work of the same class takes the same time per voxel
+  layers INTEGER NOT NULL, voxels INTEGER NOT NULL,
+  base_memory_mb INTEGER NOT NULL, thread_memory_mb INTEGER NOT NULL
+) WITHOUT ROWID;
+
+-- Inputs in the store that works name.
+CREATE TABLE inputs(file TEXT PRIMARY KEY, bytes INTEGER NOT NULL, added_ms INTEGER NOT NULL)
+  WITHOUT ROWID;
+CREATE TABLE work_inputs(key TEXT NOT NULL, file TEXT NOT NULL, PRIMARY KEY(key, file))
+  WITHOUT ROWID;
+CREATE INDEX work_inputs_by_file ON work_inputs(file);
+
+CREATE TABLE batches(
+  id INTEGER PRIMARY KEY AUTOINCREMENT,
+  submitted_ms INTEGER NOT NULL, user TEXT NOT NULL, source TEXT NOT NULL, jobs INTEGER NOT NULL);
+
+CREATE TABLE jobs(
+  id INTEGER PRIMARY KEY AUTOINCREMENT,
+  batch INTEGER NOT NULL REFERENCES batches(id),
+  state TEXT NOT NULL CHECK(state IN ('queued', 'running', 'done', 'failed', 'cancelled')),
+  reason TEXT NOT NULL DEFAULT '', message TEXT NOT NULL DEFAULT '',
+  name TEXT NOT NULL, user TEXT NOT NULL, labels TEXT NOT NULL,  -- labels: JSON array
+  parts TEXT NOT NULL,                                           -- JSON array
+  priority INTEGER NOT NULL, ready_by_ms INTEGER NOT NULL,
+  key TEXT NOT NULL REFERENCES works(key),
+  follows INTEGER NOT NULL DEFAULT 0,   -- job with the same key that is done first; 0: none
+  output_folder TEXT NOT NULL,
+  expected_s REAL NOT NULL, expected_bytes INTEGER NOT NULL,
+  attempts INTEGER NOT NULL DEFAULT 0, memory_failures INTEGER NOT NULL DEFAULT 0,
+  delays INTEGER NOT NULL DEFAULT 0,    -- attempts that were put back without being counted
+  not_before_ms INTEGER NOT NULL DEFAULT 0,
+  token TEXT NOT NULL DEFAULT '',       -- of the present attempt: what every change compares
+  cancel_wanted INTEGER NOT NULL DEFAULT 0,
+  from_cache INTEGER NOT NULL DEFAULT 0,
+  submitted_ms INTEGER NOT NULL, started_ms INTEGER NOT NULL DEFAULT 0,
+  ended_ms INTEGER NOT NULL DEFAULT 0,
+  files TEXT NOT NULL DEFAULT '',       -- as delivered, JSON
+  CHECK((state = 'running') = (token <> '')));
+CREATE INDEX jobs_to_claim ON jobs(priority DESC, ready_by_ms, id, user, not_before_ms, key)
+  WHERE state = 'queued' AND follows = 0;
+CREATE INDEX jobs_by_state ON jobs(state, ended_ms);
+CREATE INDEX jobs_by_key ON jobs(key, state);
+CREATE INDEX jobs_followers ON jobs(follows) WHERE follows <> 0;
+CREATE INDEX jobs_by_batch ON jobs(batch);
+CREATE INDEX jobs_unfinished_outputs ON jobs(output_folder, name) WHERE state IN ('queued', 'running');
+
+-- Counts kept by triggers, so that a status of 100,000 jobs reads a few rows.
+CREATE TABLE counts(
+  user TEXT NOT NULL, state TEXT NOT NULL, follower INTEGER NOT NULL,
+  jobs INTEGER NOT NULL, expected_s REAL NOT NULL, from_cache INTEGER NOT NULL,
+  PRIMARY KEY(user, state, follower)) WITHOUT ROWID;
+CREATE TRIGGER jobs_added AFTER INSERT ON jobs BEGIN
+  INSERT INTO counts VALUES(new.user, new.state, new.follows <> 0, 1, new.expected_s, new.from_cache)
+  ON CONFLICT DO UPDATE SET jobs = jobs + 1, expected_s = expected_s + excluded.expected_s,
+    from_cache = from_cache + excluded.from_cache;
+END;
+CREATE TRIGGER jobs_moved AFTER UPDATE OF state, follows, from_cache ON jobs
+  WHEN old.state <> new.state OR (old.follows <> 0) <> (new.follows <> 0)
+    OR old.from_cache <> new.from_cache BEGIN
+  UPDATE counts SET jobs = jobs - 1, expected_s = expected_s - old.expected_s,
+    from_cache = from_cache - old.from_cache
+    WHERE user = old.user AND state = old.state AND follower = (old.follows <> 0);
+  INSERT INTO counts VALUES(new.user, new.state, new.follows <> 0, 1, new.expected_s, new.from_cache)
+  ON CONFLICT DO UPDATE SET jobs = jobs + 1, expected_s = expected_s + excluded.expected_s,
+    from_cache = from_cache + excluded.from_cache;
+END;
+
+CREATE TABLE attempts(
+  token TEXT PRIMARY KEY,
+  job INTEGER NOT NULL REFERENCES jobs(id), number INTEGER NOT NULL,
+  engine TEXT NOT NULL, engine_id TEXT NOT NULL DEFAULT '',
+  service TEXT NOT NULL, node TEXT NOT NULL DEFAULT '',
+  threads INTEGER NOT NULL DEFAULT 0, memory_mb INTEGER NOT NULL DEFAULT 0,
+  phase TEXT NOT NULL CHECK(phase IN ('waiting', 'working', 'committing', 'ended')),
+  lease_boot TEXT NOT NULL, lease_until_steady_ms INTEGER NOT NULL,
+  stage TEXT NOT NULL DEFAULT '', fraction REAL NOT NULL DEFAULT 0,
+  layers_done INTEGER NOT NULL DEFAULT 0,
+  started_ms INTEGER NOT NULL, ended_ms INTEGER NOT NULL DEFAULT 0,
+  reason TEXT NOT NULL DEFAULT '', message TEXT NOT NULL DEFAULT '', exit_code INTEGER NOT NULL DEFAULT -1,
+  wall_s REAL NOT NULL DEFAULT 0, cpu_s REAL NOT NULL DEFAULT 0, peak_mb INTEGER NOT NULL DEFAULT 0,
+  log TEXT NOT NULL DEFAULT '') WITHOUT ROWID;
+CREATE INDEX attempts_by_job ON attempts(job, number);
+CREATE INDEX attempts_open ON attempts(service) WHERE phase <> 'ended';
+
+-- Results by key; the figures stay when the files are collected.
+CREATE TABLE results(
+  key TEXT PRIMARY KEY REFERENCES works(key),
+  stored INTEGER NOT NULL,              -- 1: the files are in the cache
+  files TEXT NOT NULL, bytes INTEGER NOT NULL, program TEXT NOT NULL,
+  made_ms INTEGER NOT NULL, used_ms INTEGER NOT NULL, wall_s REAL NOT NULL,
+  layers INTEGER NOT NULL, height_mean_um REAL NOT NULL, height_p95_um REAL NOT NULL,
+  height_max_um REAL NOT NULL, lost_features INTEGER NOT NULL, merged_features INTEGER NOT NULL,
+  cure_through_voxels INTEGER NOT NULL, undercure_voxels INTEGER NOT NULL,
+  target_voxels INTEGER NOT NULL) WITHOUT ROWID;
+CREATE INDEX results_stored ON results(used_ms) WHERE stored;
+CREATE INDEX results_by_height ON results(height_max_um DESC);
+
+CREATE TABLE services(
+  id TEXT PRIMARY KEY, engine TEXT NOT NULL, host TEXT NOT NULL, pid INTEGER NOT NULL,
+  process_start INTEGER NOT NULL,       -- tells a reused pid from the service's own
+  boot TEXT NOT NULL, cores INTEGER NOT NULL, memory_mb INTEGER NOT NULL,
+  started_ms INTEGER NOT NULL, seen_ms INTEGER NOT NULL, stopped_ms INTEGER NOT NULL DEFAULT 0,
+  doing TEXT NOT NULL DEFAULT '') WITHOUT ROWID;
+
+CREATE TABLE settings(name TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
+
+-- Measured: sums over attempts that succeeded, older ones fading.
+CREATE TABLE rates(
+  rate_class TEXT PRIMARY KEY, samples INTEGER NOT NULL, voxels REAL NOT NULL, core_s REAL NOT NULL,
+  bytes REAL NOT NULL) WITHOUT ROWID;
+
+CREATE TABLE events(
+  seq INTEGER PRIMARY KEY AUTOINCREMENT, at_ms INTEGER NOT NULL,
+  job INTEGER NOT NULL DEFAULT 0, attempt TEXT NOT NULL DEFAULT '',
+  kind TEXT NOT NULL, reason TEXT NOT NULL DEFAULT '', text TEXT NOT NULL);
+CREATE INDEX events_by_job ON events(job, seq);
+CREATE TRIGGER events_stay AFTER UPDATE ON events BEGIN
+  SELECT RAISE(ABORT, 'events are append-only');
+END;
+CREATE TRIGGER events_remain BEFORE DELETE ON events BEGIN
+  SELECT RAISE(ABORT, 'events are append-only');
+END;
+)sql";
+
+}  // namespace slicecorr::farm::detail

@@ -1,0 +1,141 @@
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <filesystem>
+
+#include "commands.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/farm/queue.hpp"
+#include "slicecorr/farm/service.hpp"
+#include "slicecorr/farm/work.hpp"
+
+namespace slicecorr::farm {
+
+namespace {
+
+struct RunArguments {
+  FarmOptions farm;
+  std::string engine = "local", folder;
+  LocalEngineOptions local;
+  SlurmEngineOptions slurm;
+  bool until_empty = false;
+};
+
+std::string own_path() {
+  std::error_code error;
+  const auto path = std::filesystem::read_symlink("/proc/self/exe", error);
+  if (error) throw DeviceError("/proc/self/exe: can't be read: " + error.message());
+  return path.string();
+}
+
+std::unique_ptr<Engine> make_engine(RunArguments& a, const FarmFolder& folder,
+                                    const slicecorr::Job& job) {
+  if (a.local.program.empty()) a.local.program = own_path();
+  if (a.engine == "local") {
+    a.local.cores = job.threads;
+    return make_local_engine(a.local);
+  }
+  a.slurm.program = std::filesystem::absolute(a.local.program).string();
+  a.slurm.store = folder.store;
+  Queue queue(folder.database());
+  for (const auto& [label, text] : queue.settings().slurm_labels) {
+    if (text != "none") a.slurm.label_map.push_back(label + "=" + text);
+  }
+  return make_slurm_engine(a.slurm);
+}
+
+int run_command(RunArguments& a, const slicecorr::Job& job, cli::Console& console) {
+  const FarmFolder folder = a.farm.open();
+  const std::unique_ptr<Engine> engine = make_engine(a, folder, job);
+  ServiceOptions options;
+  options.until_empty = a.until_empty;
+  options.say = [&](const std::string& text) { console.say(text); };
+  const ServiceTotals t = run_service(folder, *engine, options, *job.cancel);
+  console.say(
+      fmt::format("{} done, {} of them from the cache; {} failed", t.done, t.from_cache, t.failed));
+  return cli::interrupted() ? cli::kInterrupted : cli::kDone;
+}
+
+int nodes_command(RunArguments& a, const slicecorr::Job& job) {
+  std::string text = fmt::format("{:<20} {:<18} {:>10} {:>17}  {}\n", "node", "state", "cores used",
+                                 "memory used, MB", "labels");
+  for (const Node& n : make_engine(a, a.farm.existing(), job)->nodes()) {
+    text +=
+        fmt::format("{:<20} {:<18} {:>10} {:>17}  {}\n", n.name, n.state,
+                    fmt::format("{}/{}", n.cores_used, n.cores),
+                    fmt::format("{}/{}", n.memory_used_mb, n.memory_mb), fmt::join(n.labels, ","));
+  }
+  cli::print_result(text);
+  return cli::kDone;
+}
+
+int worker_command(const RunArguments& a, const slicecorr::Job& job, cli::Console&) {
+  // Whatever the engine does with our output, the log is where the farm looks for it.
+  const std::string path = a.folder + "/log.txt";
+  const int log = ::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
+  if (log < 0)
+    throw InputError(a.folder, "", "can't be written; expected the folder of an attempt");
+  ::dup2(log, STDERR_FILENO);
+  ::close(log);
+  return do_work(a.folder, job.cancel,
+                 [](const std::string& text) { fmt::print(stderr, "{}\n", text); });
+}
+
+void add_engine_options(CLI::App& app, RunArguments& a) {
+  a.farm.add_to(app);
+  app.add_option("--engine", a.engine, "Where work runs: processes here, or a Slurm cluster")
+      ->check(CLI::IsMember({"local", "slurm"}))
+      ->capture_default_str();
+  app.add_option("--partition", a.slurm.partition, "Slurm partition");
+}
+
+}  // namespace
+
+void add_run_commands(cli::Program& program) {
+  const auto a = std::make_shared<RunArguments>();
+  CLI::App* run = program.add("run", "Work: take jobs from the queue until stopped",
+                              [a](const slicecorr::Job& job, cli::Console& console) {
+                                return run_command(*a, job, console);
+                              });
+  add_engine_options(*run, *a);
+  run->add_flag("--until-empty", a->until_empty, "End when nothing is queued or running");
+  run->add_option("--jobs", a->local.jobs, "Workers at a time (local) [one per core]")
+      ->check(CLI::Range(1, 4096));
+  run->add_option("--memory-mb", a->local.memory_mb,
+                  "Memory of all workers together (local) [four fifths of what is free]")
+      ->check(CLI::Range(64, 1 << 30));
+  run->add_option("--account", a->slurm.account, "Slurm account");
+  run->add_option("--qos", a->slurm.qos, "Slurm quality of service");
+  run->add_option("--queue-ahead", a->slurm.queue_ahead,
+                  "Tasks given to Slurm at a time [twice the partition's cores]")
+      ->check(CLI::Range(1, 100000));
+  run->add_option("--slurm-throttle", a->slurm.throttle, "Tasks of an array that run at a time")
+      ->check(CLI::Range(1, 100000));
+  run->add_option("--slurm-time-factor", a->slurm.time_factor,
+                  "Slurm's time limit: so many times the estimate, half an hour at least; 0: none")
+      ->check(cli::number_in(0, 1000))
+      ->capture_default_str();
+  run->add_option("--slurm-poll-s", a->slurm.poll_s,
+                  "Between two questions to Slurm; more when it is slow to answer")
+      ->check(cli::number_in(0.1, 600))
+      ->capture_default_str();
+  run->add_option("--sbatch-argument", a->slurm.sbatch_arguments,
+                  "Given to sbatch as it is; may be repeated");
+  run->add_option("--worker-program", a->local.program,
+                  "Path of slicefarm on the nodes [this one]");
+
+  CLI::App* nodes =
+      program.add("nodes", "The engine's machines, and how busy they are",
+                  [a](const slicecorr::Job& job, cli::Console&) { return nodes_command(*a, job); });
+  add_engine_options(*nodes, *a);
+
+  CLI::App* worker = program.add("worker", "One attempt, in its folder: what engines start",
+                                 [a](const slicecorr::Job& job, cli::Console& console) {
+                                   return worker_command(*a, job, console);
+                                 });
+  worker->add_option("FOLDER", a->folder, "Folder of the attempt")->required();
+  worker->group("");  // not for people
+}
+
+}  // namespace slicecorr::farm

@@ -1,0 +1,24 @@
+/// The main job as programs do it: a corrected stack with the proof of what it prints beside it.
+#pragma once
+
+#include <functional>
+#include <string>
+
+#include "slicecorr/pipeline.hpp"
+#include "slicecorr/turned.hpp"
+
+namespace slicecorr::cli {
+
+/// Slices as they go into the output: archives that printers read have the images of a display,
+/// our own those of the plate. `slices` must outlive the result.
+FittedSlices fit_for_output(const SliceSource& slices, const StackFile& file,
+                            const Printer& printer, const Job& job);
+
+/// Corrects `target` into `file`, and writes the figures (BASE.json: the prediction, with that of
+/// the uncorrected part under "uncorrected") and the report (BASE.html), which gets this title.
+/// `corrected` is called, when given, after the stack was written.
+Correction make_part(const SliceSource& target, Setup setup, const StackFile& file,
+                     const std::string& base, const std::string& title, const Job& job,
+                     const std::function<void()>& corrected = {});
+
+}  // namespace slicecorr::cli

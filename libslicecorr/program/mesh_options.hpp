@@ -1,0 +1,32 @@
+/// What every program that slices can be told of its meshes.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+#include <vector>
+
+#include "slicecorr/mesh.hpp"
+#include "slicecorr/parallel.hpp"
+#include "slicecorr/slice.hpp"
+
+namespace slicecorr::cli {
+
+struct MeshOptions {
+  std::vector<std::string> parts;
+  double layer_um = 0;
+  std::string antialias = "on";
+  std::vector<double> center_mm;
+  std::string units = "auto";
+  double scale = 1.0;
+  std::vector<double> rotate_deg;
+  void add_to(CLI::App& app);
+  /// Only how meshes are turned, scaled and placed; `add_to` has these, too.
+  void add_placement_to(CLI::App& app);
+  Placement placement() const;
+  SliceOptions slice_options() const;
+};
+
+/// Reads and places all parts; tells their figures and defects through `job`.
+TriangleMesh read_parts(const MeshOptions& options, const Job& job);
+
+}  // namespace slicecorr::cli

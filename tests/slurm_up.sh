@@ -1,0 +1,172 @@
+#!/bin/bash
+# A Slurm cluster of virtual nodes on this machine, for tests. See --help.
+set -euo pipefail
+
+if [[ ${1:-} == --help || $# -lt 3 ]]; then
+  cat <<'END'
+Usage: tests/slurm_up.sh FOLDER CONTROLLER-PORT NODE-PORT... [--help]
+
+Starts munged, slurmctld and a slurmd for each NODE-PORT (nodes n1, n2 ...) with all their files in FOLDER, as
+any user; needs nothing in /etc. Prints "READY" when all nodes are idle. Then use it with SLURM_CONF=FOLDER/slurm.conf.
+Ports are of the loopback; choose free ones.
+
+Reads commands from stdin, a line each, and answers "OK" or "FAILED":
+  stop-controller     kill -9 of slurmctld
+  start-controller    with the state that it saved
+  stop-node NODE      kill -9 of slurmd; its jobs' processes go on
+  power-off NODE      kill -9 of slurmd and of everything that runs on the node
+  start-node NODE
+At the end of stdin, or on TERM, everything is stopped, with whatever jobs left behind.
+
+Environment: SLURM_UP_CPUS (2) and SLURM_UP_MEMORY_MB (6000) of a node; SLURM_UP_CONF, lines added to slurm.conf.
+END
+  [[ ${1:-} == --help ]] && exit 0
+  exit 2
+fi
+
+folder=$(realpath -m "$1")
+controller_port=$2
+node_ports=("${@:3}")
+user=$(id -un)
+umask 022
+mkdir -p "$folder"/{munge,state,log}
+export SLURM_CONF="$folder/slurm.conf"
+rm -f "$folder/munge/key"
+(umask 077; head -c 256 /dev/urandom >"$folder/munge/key")
+
+{
+  cat <<END
+ClusterName=farmtest
+SlurmctldHost=localhost(127.0.0.1)
+SlurmctldPort=$controller_port
+CommunicationParameters=NoInAddrAny,NoCtldInAddrAny
+SlurmUser=$user
+SlurmdUser=$user
+AuthType=auth/munge
+CredType=cred/munge
+# With the default of 120 s a job that is started again waits for so long.
+AuthInfo=socket=$folder/munge/sock,cred_expire=5
+MpiDefault=none
+SwitchType=switch/none
+ProctrackType=proctrack/linuxproc
+TaskPlugin=task/none
+AccountingStorageType=accounting_storage/none
+JobCompType=jobcomp/none
+StateSaveLocation=$folder/state
+SlurmdSpoolDir=$folder/spool.%n
+SlurmctldPidFile=$folder/slurmctld.pid
+SlurmdPidFile=$folder/slurmd.%n.pid
+SlurmctldLogFile=$folder/log/slurmctld.log
+SlurmdLogFile=$folder/log/slurmd.%n.log
+SchedulerType=sched/backfill
+SchedulerParameters=bf_interval=1,sched_interval=1,sched_min_interval=50000
+SelectType=select/cons_tres
+SelectTypeParameters=CR_Core_Memory
+MaxArraySize=10001
+ReturnToService=2
+SlurmdTimeout=5
+SlurmctldTimeout=5
+MessageTimeout=3
+KillWait=2
+MailProg=/bin/true
+END
+  printf '%s\n' "${SLURM_UP_CONF:-JobAcctGatherType=jobacct_gather/none}"
+  for i in "${!node_ports[@]}"; do
+    echo "NodeName=n$((i + 1)) NodeHostname=localhost NodeAddr=127.0.0.1 Port=${node_ports[i]}" \
+      "CPUs=${SLURM_UP_CPUS:-2} RealMemory=${SLURM_UP_MEMORY_MB:-6000} State=UNKNOWN"
+  done
+  echo "PartitionName=farm Nodes=ALL Default=YES MaxTime=INFINITE State=UP"
+} >"$SLURM_CONF"
+
+declare -A pids=()
+
+# kill -9 of all processes with such a line in their environment, but for ourselves and the test.
+kill_by_environment() {
+  local pattern=$1 file pid
+  for file in /proc/[0-9]*/environ; do
+    pid=${file#/proc/}
+    pid=${pid%/environ}
+    [[ $pid == "$$" || $pid == "$BASHPID" || $pid == "$PPID" ]] && continue
+    if grep -zqxF -- "SLURM_CONF=$SLURM_CONF" "$file" 2>/dev/null &&
+      grep -zqxE -- "$pattern" "$file" 2>/dev/null; then
+      kill -9 "$pid" 2>/dev/null || true
+    fi
+  done
+}
+
+stop_daemon() {
+  local pid=${pids[$1]:-}
+  [[ -n $pid ]] || return 0
+  kill "-$2" "$pid" 2>/dev/null || true
+  wait "$pid" 2>/dev/null || true
+  unset "pids[$1]"
+}
+
+start_controller() {
+  slurmctld -D "$@" -f "$SLURM_CONF" >>"$folder/log/slurmctld.out" 2>&1 </dev/null &
+  pids[controller]=$!
+}
+
+start_node() {
+  mkdir -p "$folder/spool.$1"
+  # What it starts has this, too: the node can be powered off with all that runs on it.
+  SLURM_UP_NODE=$1 slurmd -D "${@:2}" -N "$1" -f "$SLURM_CONF" >>"$folder/log/slurmd.$1.out" 2>&1 </dev/null &
+  pids[$1]=$!
+}
+
+down() {
+  trap '' TERM INT
+  trap - EXIT
+  timeout 5 scancel -u "$user" >/dev/null 2>&1 || true
+  local name
+  for name in "${!pids[@]}"; do [[ $name == munged ]] || kill "${pids[$name]}" 2>/dev/null || true; done
+  local end=$((SECONDS + 10))
+  for name in "${!pids[@]}"; do
+    [[ $name == munged ]] && continue
+    while kill -0 "${pids[$name]}" 2>/dev/null && [[ $SECONDS -lt $end ]]; do sleep 0.02; done
+    stop_daemon "$name" 9
+  done
+  kill_by_environment '.*'
+  stop_daemon munged TERM
+}
+trap 'down; exit 1' EXIT
+trap 'exit 1' TERM INT
+
+# Forced: sockets in folders that are not everybody's are refused otherwise.
+munged --force --foreground --key-file="$folder/munge/key" --socket="$folder/munge/sock" --pid-file="$folder/munge/pid" \
+  --log-file="$folder/munge/log" --seed-file="$folder/munge/seed" >"$folder/log/munged.out" 2>&1 </dev/null &
+pids[munged]=$!
+end=$((SECONDS + 20))
+until munge -S "$folder/munge/sock" -n >/dev/null 2>&1; do
+  sleep 0.02
+  kill -0 "${pids[munged]}" 2>/dev/null && [[ $SECONDS -lt $end ]] || { cat "$folder/log/munged.out" >&2; exit 1; }
+done
+start_controller -c
+for i in "${!node_ports[@]}"; do start_node "n$((i + 1))" -c; done
+end=$((SECONDS + 30))
+until [[ $(timeout 5 sinfo -h -N -o %T 2>/dev/null | grep -c '^idle$') == "${#node_ports[@]}" ]]; do
+  sleep 0.05
+  if ! kill -0 "${pids[controller]}" 2>/dev/null || [[ $SECONDS -ge $end ]]; then
+    tail -n 5 "$folder"/log/*.out "$folder"/log/*.log >&2 || true
+    exit 1
+  fi
+done
+echo READY
+
+while read -r command node; do
+  answer=OK
+  case "$command" in
+    stop-controller) stop_daemon controller 9 ;;
+    start-controller) start_controller ;;
+    stop-node) stop_daemon "$node" 9 ;;
+    power-off)
+      stop_daemon "$node" 9
+      kill_by_environment "SLURM_UP_NODE=$node|SLURMD_NODENAME=$node"
+      ;;
+    start-node) start_node "$node" ;;
+    *) answer=FAILED ;;
+  esac
+  echo "$answer"
+done
+trap - EXIT
+down

@@ -20,6 +20,8 @@ struct ControlArguments {
 };
 
 Queue queue_of(const ControlArguments& a) { return Queue(a.farm.existing().database()); }
+/// Settings may come before the first job.
+Queue new_queue_of(const ControlArguments& a) { return Queue(a.farm.open().database()); }
 
 int cancel_command(const ControlArguments& a, cli::Console& console) {
   Queue queue = queue_of(a);
@@ -83,7 +85,7 @@ int priority_command(const ControlArguments& a, bool has_priority, cli::Console&
 }
 
 int set_command(const ControlArguments& a) {
-  Queue queue = queue_of(a);
+  Queue queue = new_queue_of(a);
   std::vector<std::pair<std::string, std::string>> changes;
   for (const std::string& text : a.settings) {
     const std::size_t at = text.find('=');
@@ -101,7 +103,7 @@ int set_command(const ControlArguments& a) {
 
 int change(const ControlArguments& a, bool paused, bool draining, const char* say,
            cli::Console& console) {
-  Queue queue = queue_of(a);
+  Queue queue = new_queue_of(a);
   queue.change_settings({{"paused", paused ? "yes" : "no"}, {"draining", draining ? "yes" : "no"}},
                         user_name());
   console.say(say);

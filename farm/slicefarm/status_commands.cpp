@@ -1,7 +1,129 @@
+// `slicefarm status` and `logs`.
+
+#include <fmt/format.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include <memory>
+
 #include "commands.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/farm/status.hpp"
 
 namespace slicecorr::farm {
 
-void add_status_commands(cli::Program&) {}
+namespace {
+
+struct StatusOptions {
+  FarmOptions farm;
+  std::vector<std::string> states;
+  std::string json, order;
+  JobFilter filter;
+};
+
+int terminal_columns() {
+  winsize size{};
+  const bool known = ::isatty(STDOUT_FILENO) == 1 &&
+                     ::ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0;
+  return known ? size.ws_col : 0;
+}
+
+int status(StatusOptions& o) {
+  const FarmFolder folder = o.farm.existing();
+  for (const std::string& name : o.states) {
+    o.filter.states.push_back(*job_state_named(name));
+  }
+  using Order = JobFilter::Order;
+  if (o.order == "newest") o.filter.order = Order::newest;
+  if (o.order == "urgency") o.filter.order = Order::urgency;
+  if (o.order == "ended") o.filter.order = Order::ended;
+  if (o.order == "worst") o.filter.order = Order::worst_height;
+  ReadModel model(folder.database());
+  const StatusPage page = read_status(model, folder, o.filter);
+  if (!o.json.empty()) {
+    cli::print_or_write(o.json, status_json(page, folder));
+    if (o.json == "-") return cli::kDone;
+  }
+  cli::print_result(status_text(page, folder, terminal_columns()));
+  return cli::kDone;
+}
+
+struct LogOptions {
+  FarmOptions farm;
+  JobId id = 0;
+  int attempt = 0;
+  bool events = false;
+};
+
+int logs(const LogOptions& o) {
+  const FarmFolder folder = o.farm.existing();
+  ReadModel model(folder.database());
+  const auto job = model.job(o.id);
+  if (!job) throw InputError(fmt::format("there is no job {}", o.id));
+  std::string text;
+  if (o.events) {
+    for (const Event& e : model.events(0, 100'000, o.id)) {
+      text += local_time_text(e.at_ms) + "  " + event_text(e, job->name) + "\n";
+    }
+    cli::print_result(text);
+    return cli::kDone;
+  }
+  bool any = false;
+  for (const Attempt& a : model.attempts(o.id)) {
+    if (o.attempt > 0 && a.number != o.attempt) continue;
+    any = true;
+    text += fmt::format(
+        "== attempt {} ({}{}{}), {} to {}{}\n", a.number, a.engine, a.node.empty() ? "" : " on ",
+        a.node, local_time_text(a.started_ms), a.ended_ms > 0 ? local_time_text(a.ended_ms) : "now",
+        a.reason == Reason::none ? "" : fmt::format(": {}: {}", name_of(a.reason), a.message));
+    constexpr std::int64_t most_bytes = 64 << 20;
+    text += log_tail(folder, a, most_bytes);
+    if (text.back() != '\n') text += '\n';
+  }
+  if (!any && o.attempt > 0) {
+    throw InputError(fmt::format("job {} has no attempt {}", o.id, o.attempt));
+  }
+  if (!any) text = fmt::format("job {} has not been tried yet\n", o.id);
+  cli::print_result(text);
+  return cli::kDone;
+}
+
+}  // namespace
+
+void add_status_commands(cli::Program& program) {
+  {
+    auto o = std::make_shared<StatusOptions>();
+    CLI::App* app = program.add("status", "Show jobs and what the farm does",
+                                [o](const slicecorr::Job&, cli::Console&) { return status(*o); });
+    o->farm.add_to(*app);
+    app->add_option("--state", o->states,
+                    "Only jobs in these states: queued,running,done,failed,cancelled")
+        ->delimiter(',')
+        ->check(CLI::IsMember({"queued", "running", "done", "failed", "cancelled"}));
+    app->add_option("--user", o->filter.user, "Only jobs of this user");
+    app->add_option("--label", o->filter.label, "Only jobs with this label");
+    app->add_option("--batch", o->filter.batch, "Only jobs that were submitted together")
+        ->check(CLI::PositiveNumber);
+    app->add_option("--text", o->filter.text, "Only jobs with this text in their name or a part's");
+    app->add_option("--order", o->order,
+                    "newest, urgency, ended or worst (height error) [by state, or by id]")
+        ->check(CLI::IsMember({"newest", "urgency", "ended", "worst"}));
+    o->filter.limit = 40;
+    app->add_option("--limit", o->filter.limit, "At most so many jobs [40]")
+        ->check(CLI::Range(0, 1'000'000));
+    app->add_option("--offset", o->filter.offset, "Pass over so many jobs")
+        ->check(CLI::NonNegativeNumber);
+    app->add_option("--json", o->json, "Write JSON to this file; - for stdout");
+  }
+  {
+    auto o = std::make_shared<LogOptions>();
+    CLI::App* app = program.add("logs", "Show what the attempts of a job said",
+                                [o](const slicecorr::Job&, cli::Console&) { return logs(*o); });
+    o->farm.add_to(*app);
+    app->add_option("id", o->id, "Number of the job")->required()->check(CLI::PositiveNumber);
+    app->add_option("--attempt", o->attempt, "Only this attempt [all]")->check(CLI::PositiveNumber);
+    app->add_flag("--events", o->events, "What happened to the job, in place of its logs");
+  }
+}
 
 }  // namespace slicecorr::farm

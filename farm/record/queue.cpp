@@ -121,9 +121,10 @@ std::vector<JobId> Queue::submit(const std::vector<NewJob>& jobs, const std::str
       last_key = w.key;
       keys.push_back(w.key);
       db_->run("INSERT OR IGNORE INTO setups VALUES(?1, ?2)", w.setup_hash, w.setup_json);
-      db_->run("INSERT OR IGNORE INTO works VALUES(?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11)",
-               w.key, w.spec_json, w.setup_hash, w.kind, w.printer, w.resin, w.format, w.layers,
-               w.voxels, w.base_memory_mb, w.thread_memory_mb);
+      db_->run(
+          "INSERT OR IGNORE INTO works VALUES(?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12)",
+          w.key, w.spec_json, w.setup_hash, w.kind, w.printer, w.resin, w.format, w.rate_class,
+          w.layers, w.voxels, w.base_memory_mb, w.thread_memory_mb);
       for (const std::string& file : w.input_files) {
         db_->run("INSERT OR IGNORE INTO work_inputs VALUES(?1, ?2)", w.key, file);
       }
@@ -156,9 +157,10 @@ JobId Queue::unfinished_output(const std::string& folder, const std::string& nam
   return rows.next() ? rows.integer(0) : 0;
 }
 
-Rates Queue::rates(const std::string& kind) {
+Rates Queue::rates(const std::string& rate_class) {
   Rates rates;
-  Rows rows = db_->query("SELECT samples, voxels, core_s, bytes FROM rates WHERE kind = ?1", kind);
+  Rows rows = db_->query("SELECT samples, voxels, core_s, bytes FROM rates WHERE rate_class = ?1",
+                         rate_class);
   if (rows.next() && rows.number(2) > 0 && rows.number(1) > 0) {
     rates.samples = static_cast<int>(rows.integer(0));
     rates.voxels_per_s = rows.number(1) / rows.number(2);
@@ -173,8 +175,7 @@ std::optional<ResultRecord> Queue::cached(const std::string& key) {
   Rows r = db_->query(
       "SELECT r.files, r.program, r.wall_s, r.layers, r.height_mean_um, r.height_p95_um, "
       "r.height_max_um, r.lost_features, r.merged_features, r.cure_through_voxels, "
-      "r.undercure_voxels, r.target_voxels, w.voxels FROM results r JOIN works w ON w.key = r.key "
-      "WHERE r.key = ?1 AND r.stored",
+      "r.undercure_voxels, r.target_voxels FROM results r WHERE r.key = ?1 AND r.stored",
       key);
   if (!r.next()) return std::nullopt;
   ResultRecord result;
@@ -191,7 +192,6 @@ std::optional<ResultRecord> Queue::cached(const std::string& key) {
   f.cure_through_voxels = r.integer(9);
   f.undercure_voxels = r.integer(10);
   f.target_voxels = r.integer(11);
-  result.voxels = r.integer(12);
   return result;
 }
 

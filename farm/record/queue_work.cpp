@@ -167,6 +167,17 @@ std::int64_t Queue::claimable() {
   return rows.next() ? rows.integer(0) : 0;
 }
 
+std::int64_t Queue::unfinished() {
+  Rows rows =
+      db_->query("SELECT coalesce(sum(jobs), 0) FROM counts WHERE state IN ('queued', 'running')");
+  return rows.next() ? rows.integer(0) : 0;
+}
+
+bool Queue::attempt_is_open(const std::string& token) {
+  Rows rows = db_->query("SELECT 1 FROM attempts WHERE token = ?1 AND phase <> 'ended'", token);
+  return rows.next();
+}
+
 void Queue::record_start(const std::string& token, const std::string& engine_id, int threads,
                          std::int64_t memory_mb) {
   db_->run(
@@ -231,19 +242,22 @@ bool Queue::finish(const std::string& token, const ResultRecord& result, const A
   Transaction transaction(*db_);
   const std::int64_t now = clock_->wall_ms();
   JobId id = 0;
-  std::string key, kind;
+  std::string key, rate_class;
   int threads = 1;
+  double voxels = 0;
   {
     Rows rows = db_->query(
-        "SELECT j.id, j.key, w.kind, a.threads FROM jobs j JOIN works w ON w.key = j.key JOIN "
+        "SELECT j.id, j.key, w.rate_class, a.threads, w.voxels FROM jobs j JOIN works w ON w.key = "
+        "j.key JOIN "
         "attempts a ON a.token = j.token WHERE j.token = ?1 AND j.state = 'running' AND a.phase = "
         "'committing'",
         token);
     if (!rows.next()) return false;
     id = rows.integer(0);
     key = rows.text(1);
-    kind = rows.text(2);
+    rate_class = rows.text(2);
     threads = static_cast<int>(rows.integer(3));
+    voxels = rows.number(4);
   }
   end_attempt(token, end);
   const std::string files = detail::files_json(result.files);
@@ -265,13 +279,14 @@ bool Queue::finish(const std::string& token, const ResultRecord& result, const A
         key, files, bytes, result.program, now, result.wall_s, f.layers, f.height_mean_um,
         f.height_p95_um, f.height_max_um, f.lost_features, f.merged_features, f.cure_through_voxels,
         f.undercure_voxels, f.target_voxels);
-    const double core_s = end.cpu_s > 0 ? end.cpu_s : end.wall_s * std::max(1, threads);
+    const double all_s = end.cpu_s > 0 ? end.cpu_s : end.wall_s * std::max(1, threads);
+    const double core_s = std::max(all_s - fixed_job_s, 0.05 * all_s);
     db_->run(
         "INSERT INTO rates VALUES(?1, 1, ?2, ?3, ?4) ON CONFLICT DO UPDATE SET samples = samples + "
         "1, "
         "voxels = voxels * ?5 + excluded.voxels, core_s = core_s * ?5 + excluded.core_s, bytes = "
         "bytes * ?5 + excluded.bytes",
-        kind, static_cast<double>(result.voxels), core_s, static_cast<double>(bytes), fading);
+        rate_class, voxels, core_s, static_cast<double>(bytes), fading);
   }
   relead(key);
   event("done",

@@ -20,6 +20,7 @@ CREATE TABLE works(
   spec TEXT NOT NULL,              -- WorkSpec as JSON
   setup TEXT NOT NULL REFERENCES setups(hash),
   kind TEXT NOT NULL, printer TEXT NOT NULL, resin TEXT NOT NULL, format TEXT NOT NULL,
+  rate_class TEXT NOT NULL,        -- work of the same class takes the same time per voxel
   layers INTEGER NOT NULL, voxels INTEGER NOT NULL,
   base_memory_mb INTEGER NOT NULL, thread_memory_mb INTEGER NOT NULL
 ) WITHOUT ROWID;
@@ -127,7 +128,7 @@ CREATE TABLE settings(name TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
 
 -- Measured: sums over attempts that succeeded, older ones fading.
 CREATE TABLE rates(
-  kind TEXT PRIMARY KEY, samples INTEGER NOT NULL, voxels REAL NOT NULL, core_s REAL NOT NULL,
+  rate_class TEXT PRIMARY KEY, samples INTEGER NOT NULL, voxels REAL NOT NULL, core_s REAL NOT NULL,
   bytes REAL NOT NULL) WITHOUT ROWID;
 
 CREATE TABLE events(

@@ -84,7 +84,7 @@ void Api::upload(const std::string& name, const httplib::Request& request,
   }
   {
     Reader reader(*this);
-    const std::int64_t needed = reader->settings().min_free_mb * 1'000'000;
+    const std::int64_t needed = reader->settings().min_free_mb << 20;
     for (const DiskState& d : disk_states(folder_)) {
       if (d.free_bytes >= 0 && d.free_bytes - bytes < needed) {
         throw ApiError(507, "full", "the farm's disk has no room for it");

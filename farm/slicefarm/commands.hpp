@@ -15,7 +15,7 @@ struct FarmOptions {
   /// Adds --dir.
   void add_to(CLI::App& app);
   /// Makes the farm where there is none yet.
-  FarmFolder open() const;
+  FarmFolder open(const std::string& store = {}) const;
   /// Throws `InputError` where there is no farm.
   FarmFolder existing() const;
 };

@@ -13,8 +13,8 @@ void FarmOptions::add_to(CLI::App& app) {
   app.add_option("--dir", dir, "Folder of the farm [" + default_farm_folder() + "]");
 }
 
-FarmFolder FarmOptions::open() const {
-  return open_folder(dir.empty() ? default_farm_folder() : dir);
+FarmFolder FarmOptions::open(const std::string& store) const {
+  return open_folder(dir.empty() ? default_farm_folder() : dir, store);
 }
 
 FarmFolder FarmOptions::existing() const {

@@ -62,6 +62,10 @@ int serve(const ServeCommand& o, cli::Console& console) {
   if (!o.token_file.empty()) options.token = read_token_file(o.token_file);
   for (const std::string& name : o.host_names) options.host_names += name + ",";
   options.most_upload_bytes = static_cast<std::int64_t>(o.most_upload_mb * 1e6);
+  if (!options.token.empty()) {
+    options.submit =
+        make_submitter({folder, o.allowed_folders, o.user.empty() ? user_name() : o.user});
+  }
   FarmServer server(folder, options);
   take_sigterm();
   std::optional<Notifier> notifier;

@@ -52,38 +52,36 @@ struct LogOptions {
   FarmOptions farm;
   JobId id = 0;
   int attempt = 0;
-  bool events = false;
 };
 
 int logs(const LogOptions& o) {
+  constexpr std::int64_t most_bytes = 64 << 20;
   const FarmFolder folder = o.farm.existing();
   ReadModel model(folder.database());
   const auto job = model.job(o.id);
-  if (!job) throw InputError(fmt::format("there is no job {}", o.id));
+  if (!job) throw InputError(fmt::format("job {} is not known", o.id));
   std::string text;
-  if (o.events) {
-    for (const Event& e : model.events(0, 100'000, o.id)) {
-      text += local_time_text(e.at_ms) + "  " + event_text(e, job->name) + "\n";
+  if (o.attempt == 0) {
+    text = fmt::format("job {} {}: {}\n", job->id, job->name, name_of(job->state));
+    if (!job->message.empty()) text += job->message + "\n";
+    for (const Event& e : model.events(0, 10'000, o.id)) {
+      text += fmt::format("{}  {:<13} {}{}{}\n", local_time_text(e.at_ms), e.kind,
+                          name_of(e.reason), e.reason == Reason::none ? "" : ": ", e.text);
     }
-    cli::print_result(text);
-    return cli::kDone;
   }
   bool any = false;
   for (const Attempt& a : model.attempts(o.id)) {
     if (o.attempt > 0 && a.number != o.attempt) continue;
     any = true;
-    text += fmt::format(
-        "== attempt {} ({}{}{}), {} to {}{}\n", a.number, a.engine, a.node.empty() ? "" : " on ",
-        a.node, local_time_text(a.started_ms), a.ended_ms > 0 ? local_time_text(a.ended_ms) : "now",
-        a.reason == Reason::none ? "" : fmt::format(": {}: {}", name_of(a.reason), a.message));
-    constexpr std::int64_t most_bytes = 64 << 20;
+    text +=
+        fmt::format("\nattempt {}, {}{}{}: {}\n", a.number, a.engine, a.node.empty() ? "" : " on ",
+                    a.node, a.reason == Reason::none ? a.phase : name_of(a.reason));
     text += log_tail(folder, a, most_bytes);
     if (text.back() != '\n') text += '\n';
   }
   if (!any && o.attempt > 0) {
     throw InputError(fmt::format("job {} has no attempt {}", o.id, o.attempt));
   }
-  if (!any) text = fmt::format("job {} has not been tried yet\n", o.id);
   cli::print_result(text);
   return cli::kDone;
 }
@@ -93,7 +91,7 @@ int logs(const LogOptions& o) {
 void add_status_commands(cli::Program& program) {
   {
     auto o = std::make_shared<StatusOptions>();
-    CLI::App* app = program.add("status", "Show jobs and what the farm does",
+    CLI::App* app = program.add("status", "What is queued, running, done and failed",
                                 [o](const slicecorr::Job&, cli::Console&) { return status(*o); });
     o->farm.add_to(*app);
     app->add_option("--state", o->states,
@@ -104,7 +102,7 @@ void add_status_commands(cli::Program& program) {
     app->add_option("--label", o->filter.label, "Only jobs with this label");
     app->add_option("--batch", o->filter.batch, "Only jobs that were submitted together")
         ->check(CLI::PositiveNumber);
-    app->add_option("--text", o->filter.text, "Only jobs with this text in their name or a part's");
+    app->add_option("--find", o->filter.text, "Only jobs with this text in their name or a part's");
     app->add_option("--order", o->order,
                     "newest, urgency, ended or worst (height error) [by state, or by id]")
         ->check(CLI::IsMember({"newest", "urgency", "ended", "worst"}));
@@ -117,12 +115,12 @@ void add_status_commands(cli::Program& program) {
   }
   {
     auto o = std::make_shared<LogOptions>();
-    CLI::App* app = program.add("logs", "Show what the attempts of a job said",
+    CLI::App* app = program.add("logs", "What happened to a job, with the logs of its attempts",
                                 [o](const slicecorr::Job&, cli::Console&) { return logs(*o); });
     o->farm.add_to(*app);
-    app->add_option("id", o->id, "Number of the job")->required()->check(CLI::PositiveNumber);
-    app->add_option("--attempt", o->attempt, "Only this attempt [all]")->check(CLI::PositiveNumber);
-    app->add_flag("--events", o->events, "What happened to the job, in place of its logs");
+    app->add_option("ID", o->id, "Number of the job")->required()->check(CLI::PositiveNumber);
+    app->add_option("--attempt", o->attempt, "Only the log of this attempt")
+        ->check(CLI::PositiveNumber);
   }
 }
 

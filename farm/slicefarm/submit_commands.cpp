@@ -1,7 +1,177 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
 #include "commands.hpp"
+#include "program/mesh_options.hpp"
+#include "program/setup_options.hpp"
+#include "slicecorr/farm/submit.hpp"
+#include "slicecorr/farm/work.hpp"
+#include "words.hpp"
 
 namespace slicecorr::farm {
 
-void add_submit_commands(cli::Program&) {}
+namespace {
+
+struct SubmitArguments {
+  FarmOptions farm;
+  std::vector<std::string> parts;
+  cli::SetupOptions setup;
+  cli::MeshOptions mesh;
+  JobRequest request;
+  std::string store, json;
+  bool dry_run = false;
+};
+
+bool is_jobs_file(const std::string& path) {
+  return path.ends_with(".toml") || path.ends_with(".csv");
+}
+
+std::vector<JobRequest> requests_of(const SubmitArguments& a) {
+  JobRequest common = a.request;
+  common.setup = a.setup;
+  common.layer_um = a.mesh.layer_um;
+  common.antialias = a.mesh.antialias;
+  common.units = a.mesh.units;
+  common.scale = a.mesh.scale;
+  common.center_mm = a.mesh.center_mm;
+  common.rotate_deg = a.mesh.rotate_deg;
+  std::vector<JobRequest> requests;
+  std::vector<SubmitError> errors;
+  for (const std::string& part : a.parts) {
+    try {
+      if (is_jobs_file(part)) {
+        const auto more = read_jobs_file(part, common);
+        requests.insert(requests.end(), more.begin(), more.end());
+      } else {
+        JobRequest r = common;
+        r.parts = {part};
+        r.where = part;
+        absolute_paths(r);
+        requests.push_back(std::move(r));
+      }
+    } catch (const SubmitErrors& e) {
+      errors.insert(errors.end(), e.errors().begin(), e.errors().end());
+    }
+  }
+  if (!errors.empty()) throw SubmitErrors(std::move(errors));
+  return requests;
+}
+
+std::string table_of(const Submission& s) {
+  std::string text =
+      fmt::format("{:<32} {:>7} {:>9} {:>8} {:>9}\n", "job", "layers", "time", "disk", "memory");
+  double seconds = 0, bytes = 0;
+  for (const Estimate& e : s.estimates) {
+    const char* note = e.cached ? "  from the cache" : e.duplicate ? "  with another job" : "";
+    text += fmt::format("{:<32} {:>7} {:>9} {:>8} {:>6} MB{}\n", e.name, e.layers,
+                        duration_text(e.seconds), bytes_text(e.disk_bytes), e.memory_mb, note);
+    if (!e.cached && !e.duplicate) seconds += e.seconds;
+    bytes += static_cast<double>(e.disk_bytes);
+  }
+  const bool measured = std::all_of(s.estimates.begin(), s.estimates.end(),
+                                    [](const Estimate& e) { return e.measured; });
+  text += fmt::format("{} {}: {} on one core, {}; {}\n", s.jobs.size(),
+                      s.jobs.size() == 1 ? "job" : "jobs", duration_text(seconds),
+                      bytes_text(static_cast<std::int64_t>(bytes)),
+                      measured ? "by rates that this farm measured"
+                               : "guessed, this farm has measured nothing of the kind yet");
+  return text;
+}
+
+std::string json_of(const Submission& s, const std::vector<JobId>& ids) {
+  nlohmann::ordered_json json;
+  json["jobs"] = nlohmann::ordered_json::array();
+  for (std::size_t i = 0; i < s.estimates.size(); ++i) {
+    const Estimate& e = s.estimates[i];
+    nlohmann::ordered_json job;
+    job["id"] = ids.empty() ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(ids[i]);
+    job["name"] = e.name;
+    job["where"] = e.where;
+    job["key"] = s.jobs[i].work.key;
+    job["layers"] = e.layers;
+    job["voxels"] = e.voxels;
+    job["expected_s"] = e.seconds;
+    job["expected_bytes"] = e.disk_bytes;
+    job["memory_mb"] = e.memory_mb;
+    job["measured"] = e.measured;
+    job["cached"] = e.cached;
+    job["duplicate"] = e.duplicate;
+    json["jobs"].push_back(std::move(job));
+  }
+  return json.dump(2);
+}
+
+int submit_command(const SubmitArguments& a, const slicecorr::Job& job, cli::Console& console) {
+  const FarmFolder folder = a.store.empty() ? a.farm.open() : a.farm.open(a.store);
+  Queue queue(folder.database());
+  const std::string user = user_name();
+  const std::vector<JobRequest> requests = requests_of(a);
+  const Submission submission = prepare(requests, folder, queue, user, !a.dry_run, job);
+  if (a.dry_run) {
+    if (a.json.empty()) {
+      cli::print_result(table_of(submission));
+    } else {
+      cli::print_or_write(a.json, json_of(submission, {}));
+    }
+    return cli::kDone;
+  }
+  std::string source;
+  for (const std::string& part : a.parts) {
+    if (is_jobs_file(part)) source = part;
+  }
+  const Submitted done =
+      submit(submission, folder, queue, user, source.empty() ? "command line" : source);
+  if (!a.json.empty()) cli::print_or_write(a.json, json_of(submission, done.ids));
+  const std::string ids = done.ids.size() == 1
+                              ? fmt::format("job {}", done.ids[0])
+                              : fmt::format("jobs {} to {}", done.ids.front(), done.ids.back());
+  console.say(fmt::format("{} queued{}", ids,
+                          done.done_from_cache > 0 ? fmt::format(", {} of them done from the cache",
+                                                                 done.done_from_cache)
+                                                   : ""));
+  return cli::kDone;
+}
+
+}  // namespace
+
+void add_submit_commands(cli::Program& program) {
+  const auto a = std::make_shared<SubmitArguments>();
+  CLI::App* sub =
+      program.add("submit", "Queue parts, or the jobs of a file; checks everything first",
+                  [a](const slicecorr::Job& job, cli::Console& console) {
+                    return submit_command(*a, job, console);
+                  });
+  sub->add_option(
+         "PART", a->parts,
+         "Meshes (stl, obj, ply, off, 3mf; also .gz) and archives of slices, each a job of "
+         "its own, and jobs files (.toml, .csv)")
+      ->required();
+  a->farm.add_to(*sub);
+  sub->add_option("--store", a->store,
+                  "Folder of inputs and results, where the farm is made: may be shared with nodes");
+  sub->add_option("--layer-um", a->mesh.layer_um, "Slice height, 1 to 1000")
+      ->check(cli::number_in(1, 1000));
+  sub->add_option("--antialias", a->mesh.antialias,
+                  "Area coverage in 256 levels, or the pixel-centre rule")
+      ->check(CLI::IsMember({"on", "off"}))
+      ->capture_default_str();
+  a->mesh.add_placement_to(*sub);
+  a->setup.add_to(*sub, false, true);
+  sub->add_option("--out", a->request.out, "Folder of the outputs [results/ID in the farm]");
+  sub->add_option("--format", a->request.format,
+                  "Format of the archives, or its ending [uvj; archives keep theirs]");
+  sub->add_option("--name", a->request.name, "Name of the outputs, without ending [the part's]");
+  sub->add_option("--copies", a->request.copies, "NAME, NAME-2 and so on: the work is done once")
+      ->check(CLI::Range(1, 10000));
+  sub->add_option("--priority", a->request.priority, "Larger comes first [0]");
+  sub->add_option("--ready-by", a->request.ready_by,
+                  "HH:MM or YYYY-MM-DD HH:MM: among equal priorities the earlier comes first");
+  sub->add_option("--label", a->request.labels, "Words for filters and clusters; may be repeated");
+  sub->add_option("--user", a->request.user, "Whose jobs they are [who calls]");
+  sub->add_flag("--dry-run", a->dry_run, "Check, and say what the jobs will take; queue nothing");
+  sub->add_option("--json", a->json, "Write the jobs as JSON to FILE, or - for stdout");
+}
 
 }  // namespace slicecorr::farm

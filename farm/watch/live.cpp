@@ -168,7 +168,7 @@ std::vector<std::string> live_frame(const LiveState& state, const FarmFolder& fo
             "{} on {}: {}, {} of {} cores, {} of memory", v.engine, v.host,
             v.doing.empty() ? "working" : v.doing,
             o.services.size() == 1 ? std::to_string(s.running_threads) : std::string("-"), v.cores,
-            words::bytes(1e6 * static_cast<double>(s.running_memory_mb)))),
+            words::bytes(1048576.0 * static_cast<double>(s.running_memory_mb)))),
         Ink::dim));
   }
 

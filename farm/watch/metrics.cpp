@@ -46,7 +46,7 @@ class Text {
   std::string name_, text_;
 };
 
-constexpr double bytes_per_mb = 1e6;
+constexpr double bytes_per_mb = 1 << 20;
 
 }  // namespace
 

@@ -57,7 +57,7 @@ std::string what_holds(const Overview& o) {
   if (o.settings.paused) return "paused";
   if (!in_night_window(o.settings, local_minute(o.now_ms))) return "outside the night window";
   for (const DiskState& d : o.disks) {
-    if (d.free_bytes >= 0 && d.free_bytes < o.settings.min_free_mb * 1'000'000) return "disk full";
+    if (d.free_bytes >= 0 && d.free_bytes < o.settings.min_free_mb << 20) return "disk full";
   }
   return o.services.empty() ? "no service runs" : "";
 }
@@ -68,22 +68,12 @@ std::string overview_json(const Overview& o) {
   json["holds"] = what_holds(o);
   json["running"] = Json::array();
   for (const RunningJob& r : o.running) {
-    json["running"].push_back({{"id", r.job.id},
-                               {"name", r.job.name},
-                               {"user", r.job.user},
-                               {"attempt", r.attempt.number},
-                               {"engine", r.attempt.engine},
-                               {"node", r.attempt.node},
-                               {"threads", r.attempt.threads},
-                               {"phase", r.attempt.phase},
-                               {"stage", r.attempt.stage},
-                               {"fraction", r.attempt.fraction},
-                               {"layers", r.job.layers},
-                               {"layers_done", r.attempt.layers_done},
-                               {"layers_per_s", r.layers_per_s},
-                               {"seconds", r.seconds},
-                               {"eta_s", r.eta_s >= 0 ? Json(r.eta_s) : Json(nullptr)},
-                               {"cancel_wanted", r.job.cancel_wanted}});
+    Json job = Json::parse(job_json(r.job));
+    job["attempt"] = Json::parse(attempt_json(r.attempt));
+    job["seconds"] = r.seconds;
+    job["layers_per_s"] = r.layers_per_s;
+    job["eta_s"] = r.eta_s >= 0 ? Json(r.eta_s) : Json(nullptr);
+    json["running"].push_back(std::move(job));
   }
   json["disks"] = Json::array();
   for (const DiskState& d : o.disks) {

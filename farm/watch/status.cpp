@@ -199,14 +199,13 @@ std::string overview_line(const Overview& o) {
 }
 
 std::string status_json(const StatusPage& page, const FarmFolder& folder) {
-  Json json;
+  Json json = Json::parse(overview_json(page.overview));
   json["dir"] = folder.root;
-  json["farm"] = Json::parse(overview_json(page.overview));
   json["total"] = page.total;
   json["limit"] = page.limit;
   json["offset"] = page.offset;
-  json["jobs"] = Json::array();
-  for (const Job& job : page.jobs) json["jobs"].push_back(Json::parse(job_json(job)));
+  json["list"] = Json::array();
+  for (const Job& job : page.jobs) json["list"].push_back(Json::parse(job_json(job)));
   return json.dump(2, ' ', false, Json::error_handler_t::replace);
 }
 

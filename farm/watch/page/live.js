@@ -85,7 +85,7 @@ function overview(o) {
     return t;
   }));
   const ended = j.done + j.failed + j.cancelled, all = ended + j.queued + j.running;
-  const part = o.running.reduce((sum, r) => sum + r.fraction, ended) / Math.max(1, all);
+  const part = o.running.reduce((sum, r) => sum + r.attempt.fraction, ended) / Math.max(1, all);
   const whole = $('whole');
   whole.setAttribute('aria-valuenow', Math.floor(100 * part));
   whole.querySelector('i').style.width = 100 * part + '%';
@@ -96,15 +96,15 @@ function overview(o) {
   $('trouble').textContent = trouble;
   $('trouble').hidden = !trouble;
   $('running').replaceChildren(...(o.running.length ? o.running.map((r) => {
-    const row = el('div', undefined, 'run'), name = el('div', undefined, 'name');
+    const row = el('div', undefined, 'run'), name = el('div', undefined, 'name'), a = r.attempt;
     name.append(jobLink(r.id, r.id + ' ' + r.name));
-    if (r.attempt > 1) name.append(' ', el('code', 'attempt ' + r.attempt));
-    const words = [r.stage || r.phase, Math.floor(100 * r.fraction) + ' %'];
-    if (r.layers) words.push(r.layers_done + ' of ' + r.layers + ' layers');
+    if (a.number > 1) name.append(' ', el('code', 'attempt ' + a.number));
+    const words = [a.stage || a.phase, Math.floor(100 * a.fraction) + ' %'];
+    if (r.layers) words.push(a.layers_done + ' of ' + r.layers + ' layers');
     if (r.layers_per_s > 0) words.push(Number(r.layers_per_s.toPrecision(3)) + '/s');
     if (r.eta_s !== null) words.push(duration(r.eta_s) + ' left');
     if (r.cancel_wanted) words.push('cancelling');
-    row.append(name, bar(r.fraction, words.join(' · ')));
+    row.append(name, bar(a.fraction, words.join(' · ')));
     return row;
   }) : [el('p', 'Nothing runs.', 'dim')]));
   const s = o.settings;

@@ -44,6 +44,7 @@ struct Work {
   std::string setup_json;  ///< printer, resin, process, as stacks record them
   std::string setup_hash;  ///< SHA-256 of it
   std::string kind, printer, resin, format;
+  std::string rate_class;                ///< work of the same class takes the same time per voxel
   std::vector<std::string> input_files;  ///< names in the store
   int layers = 0;
   std::int64_t voxels = 0;            ///< of the bounding box
@@ -104,7 +105,6 @@ struct ResultRecord {
   std::vector<ResultFile> delivered;  ///< in the output folder; empty: the same
   std::string program;                ///< name and version that made it
   double wall_s = 0;
-  std::int64_t voxels = 0;
 };
 
 /// A running attempt that some service is to look after.
@@ -117,9 +117,12 @@ struct OwnedAttempt {
 
 enum class CancelOutcome { cancelled, asked, too_late, unknown };
 
-/// Measured rates, for estimates of the same kind of work.
+/// Of every job besides its voxels: start of the program, reading, archive, report's frame.
+inline constexpr double fixed_job_s = 0.3;
+
+/// Measured rates, for estimates of the same class of work.
 struct Rates {
-  double voxels_per_s = 0;  ///< on one core; 0: never measured
+  double voxels_per_s = 0;  ///< on one core, `fixed_job_s` taken off; 0: never measured
   double bytes_per_voxel = 0;
   int samples = 0;
 };
@@ -136,7 +139,7 @@ class Queue {
   /// or an output of an unfinished job would be written twice.
   std::vector<JobId> submit(const std::vector<NewJob>& jobs, const std::string& user,
                             const std::string& source);
-  Rates rates(const std::string& kind);
+  Rates rates(const std::string& rate_class);
   /// The unfinished job that will write these outputs; 0: none.
   JobId unfinished_output(const std::string& output_folder, const std::string& name);
 
@@ -150,6 +153,10 @@ class Queue {
   /// How many jobs wait, not counting those that wait for another with the same key, and those
   /// with a delay.
   std::int64_t claimable();
+  /// Jobs that are queued or running, all of them.
+  std::int64_t unfinished();
+  /// Whether this attempt exists and has not ended.
+  bool attempt_is_open(const std::string& token);
   /// What the engine calls an attempt, and what it was given.
   void record_start(const std::string& token, const std::string& engine_id, int threads,
                     std::int64_t memory_mb);

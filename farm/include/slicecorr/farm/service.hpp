@@ -19,6 +19,7 @@ struct ServiceOptions {
   /// Called from the service's main thread, with one line for people.
   std::function<void(const std::string&)> say;
   const Clock* clock = &system_clock();
+  std::int64_t renewal_ms = lease_renewal_ms;  ///< how often leases are renewed
 };
 
 struct ServiceTotals {
@@ -33,6 +34,11 @@ ServiceTotals run_service(const FarmFolder& folder, Engine& engine, const Servic
 /// Finishes a claimed job from the cache: verifies, delivers, commits. False: the entry is damaged
 /// (and forgotten), the job is queued again.
 bool finish_from_cache(const FarmFolder& folder, Queue& queue, const Claim& claim);
+
+/// Finishes all jobs that can be claimed and have this key, whose result is in the cache.
+/// `service`: who does it. Gives how many were done.
+std::int64_t serve_from_cache(const FarmFolder& folder, Queue& queue, const std::string& service,
+                              const std::string& key);
 
 struct GcOptions {
   double older_than_days = -1;  ///< < 0: any age

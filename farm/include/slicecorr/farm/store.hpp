@@ -31,14 +31,17 @@ struct StoredInput {
   std::string sha256;
   std::int64_t bytes = 0;
 };
+/// The ending under which a file is stored: readers go by it. With what comes before where it is
+/// of two parts (".stl.gz", ".rgb.cws").
+std::string stored_ending(const std::string& path);
 /// Copies a file into the store unless its content is there. The ending is kept: readers go by it.
 StoredInput store_input(const FarmFolder& folder, const std::string& path);
 /// Whether the store's copy has the right size (and content, when `thorough`).
 bool check_input(const FarmFolder& folder, const std::string& file, const std::string& sha256,
                  bool thorough);
 
-/// Moves the outputs of an attempt into the cache; what is there already stays. Checks sizes and
-/// hashes first: throws `InputError` when they are others.
+/// Moves the outputs of an attempt into the cache; what is there already stays when it is whole.
+/// Throws `InputError` when the sizes are others than recorded.
 void put_in_cache(const FarmFolder& folder, const std::string& key, const std::string& out_folder,
                   const std::string& name, const std::vector<ResultFile>& files);
 /// Whether all files are in the cache as recorded, by size and hash.
@@ -50,6 +53,9 @@ std::vector<ResultFile> deliver(const FarmFolder& folder, const std::string& key
                                 const std::vector<ResultFile>& files,
                                 const std::string& output_folder, const std::string& name,
                                 const std::string& token);
+/// Removes what a delivery by a service that was killed left beside the outputs.
+void remove_delivery_parts(const std::string& output_folder, const std::string& name,
+                           const std::string& format, const std::string& token);
 void remove_from_cache(const FarmFolder& folder, const std::string& key);
 void remove_attempt(const FarmFolder& folder, const std::string& token);
 

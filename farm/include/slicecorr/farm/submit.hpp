@@ -33,6 +33,9 @@ struct JobRequest {
   std::string user;  ///< empty: who submits
 };
 
+/// Makes the paths of a request absolute, from the present folder.
+void absolute_paths(JobRequest& request);
+
 struct SubmitError {
   std::string where;
   std::string message;
@@ -48,13 +51,17 @@ class SubmitErrors : public InputError {
   std::vector<SubmitError> errors_;
 };
 
-/// Reads a jobs file, TOML or CSV by its ending; parts and outputs are relative to its folder.
-/// Throws `SubmitErrors`.
-std::vector<JobRequest> read_jobs_file(const std::string& path);
-std::vector<JobRequest> parse_jobs_toml(const std::string& text, const std::string& source);
-std::vector<JobRequest> parse_jobs_csv(const std::string& text, const std::string& source);
-/// {"jobs": [{...}]} with the keys of jobs files; for the REST API.
-std::vector<JobRequest> parse_jobs_json(const std::string& text, const std::string& source);
+/// Reads a jobs file, TOML or CSV by its ending; paths in it are relative to its folder, those of
+/// `defaults` to the present one. Throws `SubmitErrors` with all that is wrong.
+std::vector<JobRequest> read_jobs_file(const std::string& path, const JobRequest& defaults = {});
+/// Texts of such files; paths stay as they are. `source` names them in messages.
+std::vector<JobRequest> parse_jobs_toml(const std::string& text, const std::string& source,
+                                        const JobRequest& defaults = {});
+std::vector<JobRequest> parse_jobs_csv(const std::string& text, const std::string& source,
+                                       const JobRequest& defaults = {});
+/// {"defaults": {...}, "jobs": [{...}]} with the keys of jobs files; for the REST API.
+std::vector<JobRequest> parse_jobs_json(const std::string& text, const std::string& source,
+                                        const JobRequest& defaults = {});
 
 /// What a job will be and cost.
 struct Estimate {
@@ -78,7 +85,7 @@ struct Submission {
 /// into the farm; else nothing is written (a dry run). Throws `SubmitErrors` with all that is
 /// wrong.
 Submission prepare(const std::vector<JobRequest>& requests, const FarmFolder& folder, Queue& queue,
-                   const std::string& user, bool store, const Job& job);
+                   const std::string& user, bool store, const slicecorr::Job& job);
 
 struct Submitted {
   std::vector<JobId> ids;

@@ -11,6 +11,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -44,6 +45,7 @@ std::string work_key(const WorkSpec& spec, const std::string& setup_json);
 struct Order {
   std::string token;
   JobId job = 0;
+  int number = 1;  ///< of the attempt
   std::string key, name;
   WorkSpec spec;
   std::string setup_json;
@@ -77,15 +79,16 @@ struct Outcome {
 /// None when the worker did not come to an end of its own.
 std::optional<Outcome> read_outcome(const std::string& folder);
 
-/// Does the order in `folder`, writes result.json, and gives the exit code. Limits its own memory,
-/// ends with its parent when `die_with_parent`. Also the program's `worker` command, which every
-/// engine runs: `slicefarm worker FOLDER`.
-int do_work(const std::string& folder, const std::atomic<bool>* cancel);
+/// Does the order in `folder`, writes result.json, and gives the exit code. Limits the memory of
+/// this process: it is meant to be the only thing that a process does. Every engine runs it as
+/// `slicefarm worker FOLDER`. `say` gets lines for the log.
+int do_work(const std::string& folder, const std::atomic<bool>* cancel,
+            const std::function<void(const std::string&)>& say);
 
 /// Faults on demand, for tests: SLICEFARM_TEST_FAULT=STAGE:WHAT[:N], documented in docs/farm.md.
-/// STAGE is start, read, correct, report, check or end; WHAT is crash, kill, hang, memory, full or
-/// exit=N. With ":N" only the first N attempts of a job do so. With "@TEXT" at the end only jobs
-/// whose name contains TEXT.
+/// STAGE is start, read, correct, report, check or end; WHAT is crash, segv, kill, hang, memory,
+/// full or exit=N. With ":N" only the first N attempts of a job do so. With "@TEXT" at the end only
+/// jobs whose name contains TEXT.
 struct TestFault {
   std::string stage, what, only;
   int attempts = 0;

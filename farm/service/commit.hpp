@@ -1,0 +1,30 @@
+/// @file commit.hpp
+/// From a worker's end to the record: the steps that must be right wherever the service is killed.
+#pragma once
+
+#include <functional>
+#include <string>
+
+#include "slicecorr/farm/queue.hpp"
+#include "slicecorr/farm/service.hpp"
+#include "slicecorr/farm/work.hpp"
+
+namespace slicecorr::farm::detail {
+
+enum class Settled { done, put_back, failed, cancelled, lost };
+
+/// Commits a success: cache, delivery, record. Without room or with damaged files the attempt is
+/// given up.
+Settled commit_result(const FarmFolder& folder, Queue& queue, const Job& job,
+                      const Attempt& attempt, const Outcome& outcome);
+
+/// Ends an attempt without a result, and clears away what it left.
+Settled give_up_attempt(const FarmFolder& folder, Queue& queue, const Job& job,
+                        const Attempt& attempt, AttemptEnd end);
+
+/// SLICEFARM_TEST_SERVICE_FAULT=STAGE[:N]: SIGKILL to the service itself when it comes to this
+/// stage the Nth time. Stages: claimed, ordered, started, ended, committing, cached, delivered,
+/// finished.
+void service_fault(const char* stage);
+
+}  // namespace slicecorr::farm::detail

@@ -1,0 +1,90 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "record/database.hpp"
+#include "slicecorr/farm/service.hpp"
+#include "slicecorr/farm/store.hpp"
+
+namespace slicecorr::farm {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+std::int64_t size_of(const std::string& path) {
+  std::error_code error;
+  std::int64_t bytes = 0;
+  if (fs::is_regular_file(path, error))
+    return static_cast<std::int64_t>(fs::file_size(path, error));
+  for (auto it = fs::recursive_directory_iterator(path, error);
+       !error && it != fs::recursive_directory_iterator(); it.increment(error)) {
+    std::error_code size_error;
+    if (it->is_regular_file(size_error)) {
+      bytes += static_cast<std::int64_t>(it->file_size(size_error));
+    }
+  }
+  return bytes;
+}
+
+}  // namespace
+
+GcTotals collect_garbage(const FarmFolder& folder, Queue& queue, const GcOptions& options) {
+  GcTotals totals;
+  const std::int64_t now = system_clock().wall_ms();
+  const auto results = queue.results_by_age();
+  std::int64_t kept = 0;
+  for (const auto& r : results) kept += r.bytes;
+  const bool by_age = options.older_than_days >= 0, by_size = options.max_mb >= 0;
+  for (const auto& r : results) {
+    if (r.needed) continue;
+    const bool old =
+        by_age && static_cast<double>(now - r.used_ms) >= options.older_than_days * 86'400'000.0;
+    const bool too_much = by_size && kept > options.max_mb << 20;
+    if (!old && !too_much) continue;
+    kept -= r.bytes;
+    ++totals.results;
+    totals.bytes += r.bytes;
+    if (options.dry_run) continue;
+    // The record first: an entry without a record is garbage, a record without an entry is a lie.
+    queue.forget_result(r.key, "");
+    remove_from_cache(folder, r.key);
+  }
+  for (const std::string& file : queue.unneeded_inputs()) {
+    ++totals.inputs;
+    totals.bytes += size_of(folder.input(file));
+    if (options.dry_run) continue;
+    queue.forget_input(file);
+    std::error_code error;
+    fs::remove(folder.input(file), error);
+  }
+  // Folders of attempts that have ended, and results that a service was killed in the middle of.
+  std::error_code error;
+  std::vector<std::string> leftovers;
+  for (fs::directory_iterator it(folder.store + "/attempts", error), end; !error && it != end;
+       it.increment(error)) {
+    if (!queue.attempt_is_open(it->path().filename().string())) leftovers.push_back(it->path());
+  }
+  error.clear();
+  for (fs::recursive_directory_iterator it(folder.store + "/cache", error), end;
+       !error && it != end; it.increment(error)) {
+    const std::string name = it->path().filename().string();
+    if (it.depth() != 1 || !name.starts_with(".")) continue;
+    it.disable_recursion_pending();
+    const std::string token = name.substr(name.rfind('.') + 1);
+    if (!queue.attempt_is_open(token)) leftovers.push_back(it->path());
+  }
+  for (const std::string& path : leftovers) {
+    ++totals.attempts;
+    totals.bytes += size_of(path);
+    if (!options.dry_run) fs::remove_all(path, error);
+  }
+  if (!options.dry_run && totals.results + totals.inputs + totals.attempts > 0) {
+    queue.add_event("gc", fmt::format("{} results, {} inputs, {} leftovers, {} MB", totals.results,
+                                      totals.inputs, totals.attempts, totals.bytes >> 20));
+  }
+  return totals;
+}
+
+}  // namespace slicecorr::farm

@@ -1,0 +1,273 @@
+#include "submit/fields.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <functional>
+#include <limits>
+#include <string_view>
+
+#include "base/nearest.hpp"
+#include "program/program.hpp"
+
+namespace slicecorr::farm::detail {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr double most = std::numeric_limits<double>::max();
+
+/// How a value reads in a message.
+std::string shown(const Value& v) {
+  struct Show {
+    std::string operator()(const std::string& s) const { return "'" + s + "'"; }
+    std::string operator()(double d) const { return fmt::format("{:g}", d); }
+    std::string operator()(bool b) const { return b ? "true" : "false"; }
+    std::string operator()(const std::vector<std::string>&) const { return "a list"; }
+    std::string operator()(const std::vector<double>&) const { return "a list"; }
+  };
+  return std::visit(Show{}, v.value);
+}
+
+std::string expected(const Value& v, const std::string& what) {
+  return fmt::format("is {}, expected {}", shown(v), what);
+}
+
+std::optional<double> number_in(const Value& v) {
+  if (const auto* d = std::get_if<double>(&v.value)) return *d;
+  const auto* s = std::get_if<std::string>(&v.value);
+  return s && v.from_text ? cli::number_of(*s) : std::nullopt;
+}
+
+/// A list of a text table is separated by semicolons.
+std::vector<std::string> words_of(const Value& v) {
+  if (const auto* list = std::get_if<std::vector<std::string>>(&v.value)) return *list;
+  const auto* s = std::get_if<std::string>(&v.value);
+  if (!s) return {};
+  if (!v.from_text) return {*s};
+  std::vector<std::string> words;
+  for (std::size_t at = 0;;) {
+    const std::size_t end = s->find(';', at);
+    std::string word = s->substr(at, end - at);
+    word.erase(0, word.find_first_not_of(' '));
+    word.erase(word.find_last_not_of(' ') + 1);
+    if (!word.empty()) words.push_back(word);
+    if (end == s->npos) return words;
+    at = end + 1;
+  }
+}
+
+using Set = std::function<std::string(JobRequest&, const Value&)>;
+
+template <typename Member>
+Set number(Member member, double least, double largest, bool above = false) {
+  return [=](JobRequest& r, const Value& v) -> std::string {
+    const auto d = number_in(v);
+    if (!d || *d > largest || (above ? *d <= least : *d < least)) {
+      return expected(v,
+                      largest >= most
+                          ? fmt::format("a number {} {:g}", above ? "above" : "of at least", least)
+                          : fmt::format("a number from {:g} to {:g}", least, largest));
+    }
+    member(r) = *d;
+    return {};
+  };
+}
+
+template <typename Member>
+Set whole(Member member, int least, int largest) {
+  return [=](JobRequest& r, const Value& v) -> std::string {
+    const auto d = number_in(v);
+    if (!d || *d < least || *d > largest || *d != std::floor(*d)) {
+      return expected(v, fmt::format("a whole number from {} to {}", least, largest));
+    }
+    member(r) = static_cast<int>(*d);
+    return {};
+  };
+}
+
+template <typename Member>
+Set text(Member member, const std::string& what) {
+  return [=](JobRequest& r, const Value& v) -> std::string {
+    const auto* s = std::get_if<std::string>(&v.value);
+    if (!s || s->empty()) return expected(v, what);
+    member(r) = *s;
+    return {};
+  };
+}
+
+template <typename Member>
+Set word(Member member, std::vector<std::string> known) {
+  return [=](JobRequest& r, const Value& v) -> std::string {
+    const auto* s = std::get_if<std::string>(&v.value);
+    if (!s || std::find(known.begin(), known.end(), *s) == known.end()) {
+      std::string list;
+      for (const std::string& k : known) list += (list.empty() ? "" : ", ") + k;
+      return expected(v, "one of " + list);
+    }
+    member(r) = *s;
+    return {};
+  };
+}
+
+template <typename Member>
+Set numbers(Member member, std::size_t count) {
+  return [=](JobRequest& r, const Value& v) -> std::string {
+    std::vector<double> list;
+    if (const auto* d = std::get_if<std::vector<double>>(&v.value)) {
+      list = *d;
+    } else {
+      for (const std::string& w : words_of(v)) {
+        const auto d = cli::number_of(w);
+        if (!d) return expected(v, fmt::format("{} numbers", count));
+        list.push_back(*d);
+      }
+    }
+    if (list.size() != count) return expected(v, fmt::format("{} numbers", count));
+    member(r) = list;
+    return {};
+  };
+}
+
+template <typename Member>
+Set texts(Member member, const std::string& what) {
+  return [=](JobRequest& r, const Value& v) -> std::string {
+    std::vector<std::string> list = words_of(v);
+    if (list.empty() || std::find(list.begin(), list.end(), "") != list.end()) {
+      return expected(v, what);
+    }
+    member(r) = std::move(list);
+    return {};
+  };
+}
+
+std::string set_omega_max(JobRequest& r, const Value& v) {
+  const auto d = number_in(v);
+  const auto* s = std::get_if<std::string>(&v.value);
+  if (s && *s == "inf") {
+    r.setup.omega_max = "inf";
+  } else if (d && *d >= 1) {
+    r.setup.omega_max = fmt::format("{}", *d);
+  } else {
+    return expected(v, "inf, or a number of at least 1");
+  }
+  return {};
+}
+
+#define SLICEFARM_FIELD(path) \
+  [](JobRequest & r) -> auto& { return r.path; }
+
+const std::map<std::string, Set, std::less<>>& fields() {
+  static const std::map<std::string, Set, std::less<>> table = {
+      {"part", texts(SLICEFARM_FIELD(parts), "the path of a mesh or an archive")},
+      {"parts", texts(SLICEFARM_FIELD(parts), "paths of meshes that share the plate")},
+      {"printer", text(SLICEFARM_FIELD(setup.printer), "a name or a .toml file")},
+      {"resin", text(SLICEFARM_FIELD(setup.resin), "a name or a .toml file")},
+      {"layer_um", number(SLICEFARM_FIELD(layer_um), 1, 1000)},
+      {"antialias", word(SLICEFARM_FIELD(antialias), {"on", "off"})},
+      {"units", word(SLICEFARM_FIELD(units), {"auto", "mm", "inch", "m"})},
+      {"scale", number(SLICEFARM_FIELD(scale), 0, most, true)},
+      {"center_mm", numbers(SLICEFARM_FIELD(center_mm), 2)},
+      {"rotate_deg", numbers(SLICEFARM_FIELD(rotate_deg), 3)},
+      {"mode", word(SLICEFARM_FIELD(setup.mode), {"continuous", "layerwise"})},
+      {"speed_mm_h", number(SLICEFARM_FIELD(setup.speed_mm_h), 0, most, true)},
+      {"exposure_s", number(SLICEFARM_FIELD(setup.exposure_s), 0, most, true)},
+      {"bottom_exposure_s", number(SLICEFARM_FIELD(setup.bottom_exposure_s), 0, most, true)},
+      {"bottom_layers", whole(SLICEFARM_FIELD(setup.bottom_layers), 0, 1000000)},
+      {"fade_layers", whole(SLICEFARM_FIELD(setup.fade_layers), 0, 1000000)},
+      {"uv_mw_cm2", number(SLICEFARM_FIELD(setup.uv_mw_cm2), 0, most, true)},
+      {"dead_zone_um", number(SLICEFARM_FIELD(setup.dead_zone_um), 0, most, true)},
+      {"uv_schedule",
+       word(SLICEFARM_FIELD(setup.uv_schedule), {"constant", "per-slice", "patterned"})},
+      {"window_cure", word(SLICEFARM_FIELD(setup.window_cure), {"refuse", "allow"})},
+      {"ramp", word(SLICEFARM_FIELD(setup.ramp), {"none", "lamp-follows", "outside"})},
+      {"ramp_mm", number(SLICEFARM_FIELD(setup.ramp_mm), 0, most, true)},
+      {"omega_max", set_omega_max},
+      {"one_slice_gaps", word(SLICEFARM_FIELD(setup.one_slice_gaps), {"open", "merge"})},
+      {"platform_features", word(SLICEFARM_FIELD(setup.platform_features), {"capped", "uncapped"})},
+      {"dc_mj_cm3", number(SLICEFARM_FIELD(setup.dc_mj_cm3), 0, most, true)},
+      {"ha_um", number(SLICEFARM_FIELD(setup.ha_um), 0, most, true)},
+      {"name", text(SLICEFARM_FIELD(name), "a file name without its ending")},
+      {"format", text(SLICEFARM_FIELD(format), "a format of archives, or its ending")},
+      {"out", text(SLICEFARM_FIELD(out), "a folder")},
+      {"copies", whole(SLICEFARM_FIELD(copies), 1, 10000)},
+      {"priority", whole(SLICEFARM_FIELD(priority), -1000000, 1000000)},
+      {"ready_by", text(SLICEFARM_FIELD(ready_by), "HH:MM or YYYY-MM-DD HH:MM")},
+      {"labels", texts(SLICEFARM_FIELD(labels), "words")},
+      {"user", text(SLICEFARM_FIELD(user), "a name")},
+  };
+  return table;
+}
+#undef SLICEFARM_FIELD
+
+}  // namespace
+
+std::string set_field(JobRequest& request, const std::string& key, const Value& value) {
+  const auto found = fields().find(key);
+  if (found == fields().end()) {
+    std::vector<std::string> names = field_names();
+    std::vector<std::string_view> views(names.begin(), names.end());
+    const std::string near = nearest(key, views);
+    return "'" + key + "' is not known" + (near.empty() ? "" : "; expected " + near + "?");
+  }
+  const std::string error = found->second(request, value);
+  return error.empty() ? "" : key + " " + error;
+}
+
+std::vector<std::string> field_names() {
+  std::vector<std::string> names;
+  for (const auto& [name, set] : fields()) names.push_back(name);
+  return names;
+}
+
+void make_paths_absolute(JobRequest& r, const std::string& folder) {
+  const auto absolute = [&](std::string& path) {
+    if (!path.empty()) path = (fs::absolute(folder) / path).lexically_normal().string();
+  };
+  for (std::string& p : r.parts) absolute(p);
+  absolute(r.out);
+  while (r.out.size() > 1 && r.out.back() == '/') r.out.pop_back();
+  // Other definitions are names of the database.
+  for (std::string* definition : {&r.setup.printer, &r.setup.resin}) {
+    if (definition->ends_with(".toml")) absolute(*definition);
+  }
+}
+
+namespace {
+std::string lower(std::string text) {
+  for (char& c : text) {
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  }
+  return text;
+}
+}  // namespace
+
+bool is_mesh(const std::string& path) {
+  fs::path name = lower(fs::path(path).filename().string());
+  if (name.extension() == ".gz") name = name.stem();
+  const std::string ending = name.extension().string();
+  return ending == ".stl" || ending == ".obj" || ending == ".ply" || ending == ".off" ||
+         ending == ".3mf";
+}
+
+std::string stem_of(const std::string& path) {
+  fs::path name = fs::path(path).filename();
+  const std::string ending = lower(name.extension().string());
+  name = name.stem();
+  if (ending == ".gz") name = name.stem();
+  if (lower(name.extension().string()) == ".rgb") name = name.stem();
+  return name.string();
+}
+
+}  // namespace slicecorr::farm::detail
+
+namespace slicecorr::farm {
+
+void absolute_paths(JobRequest& request) {
+  detail::make_paths_absolute(request, std::filesystem::current_path().string());
+}
+
+}  // namespace slicecorr::farm

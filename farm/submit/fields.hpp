@@ -1,0 +1,36 @@
+/// @file fields.hpp
+/// The keys of jobs files, whatever the file's kind: what each sets, and how its value is checked.
+#pragma once
+
+#include <map>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "slicecorr/farm/submit.hpp"
+
+namespace slicecorr::farm::detail {
+
+/// A value as a file has it: a word, a number, yes or no, or a list of words or numbers.
+struct Value {
+  std::variant<std::string, double, bool, std::vector<std::string>, std::vector<double>> value;
+  /// Of a table of text (CSV), where numbers are words, too.
+  bool from_text = false;
+  std::string where;  ///< "jobs.toml: line 7"
+};
+
+/// Sets what `key` says. Gives the error, empty when there is none.
+std::string set_field(JobRequest& request, const std::string& key, const Value& value);
+
+/// All keys, for messages.
+std::vector<std::string> field_names();
+
+/// Paths of parts, printers, resins and outputs count from the folder of the jobs file.
+void make_paths_absolute(JobRequest& request, const std::string& folder);
+
+/// "part.stl" is a mesh, anything else an archive of slices.
+bool is_mesh(const std::string& path);
+/// File name without its endings.
+std::string stem_of(const std::string& path);
+
+}  // namespace slicecorr::farm::detail

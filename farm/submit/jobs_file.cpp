@@ -1,0 +1,326 @@
+// Jobs files: TOML, CSV, and JSON for the REST API.
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <nlohmann/json.hpp>
+
+#define TOML_EXCEPTIONS 1
+#include <toml++/toml.h>
+
+#include "submit/fields.hpp"
+
+namespace slicecorr::farm {
+
+namespace fs = std::filesystem;
+using detail::set_field;
+using detail::Value;
+
+namespace {
+
+std::string joined(const std::vector<SubmitError>& errors) {
+  std::string text;
+  for (const SubmitError& e : errors) {
+    text += (text.empty() ? "" : "\n") + e.where + ": " + e.message;
+  }
+  return text;
+}
+
+std::string line_text(const std::string& source, std::int64_t line) {
+  return fmt::format("{}: line {}", source, line);
+}
+
+/// A value of TOML; nothing when it is of a kind that no key takes.
+std::optional<Value> value_of(const toml::node& node, const std::string& source) {
+  Value v;
+  v.where = line_text(source, node.source().begin.line);
+  if (const auto s = node.value_exact<std::string>()) {
+    v.value = *s;
+  } else if (node.is_number()) {
+    v.value = *node.value<double>();
+  } else if (const auto b = node.value_exact<bool>()) {
+    v.value = *b;
+  } else if (node.is_time() || node.is_date()) {
+    return std::nullopt;
+  } else if (const toml::array* list = node.as_array()) {
+    std::vector<double> numbers;
+    std::vector<std::string> words;
+    for (const toml::node& item : *list) {
+      if (item.is_number()) numbers.push_back(*item.value<double>());
+      if (item.is_string()) words.push_back(*item.value<std::string>());
+    }
+    if (numbers.size() == list->size() && !numbers.empty()) {
+      v.value = numbers;
+    } else if (words.size() == list->size()) {
+      v.value = words;
+    } else {
+      return std::nullopt;
+    }
+  } else {
+    return std::nullopt;
+  }
+  return v;
+}
+
+void set_table(JobRequest& request, const toml::table& table, const std::string& source,
+               std::vector<SubmitError>& errors) {
+  for (const auto& [key, node] : table) {
+    const std::string name(key.str());
+    const std::string where = line_text(source, key.source().begin.line);
+    const auto value = value_of(node, source);
+    if (!value) {
+      errors.push_back({where, name + " is neither text, number nor a list of one of them"});
+      continue;
+    }
+    if (const std::string error = set_field(request, name, *value); !error.empty()) {
+      errors.push_back({where, error});
+    }
+  }
+}
+
+/// The rows of comma-separated text: fields may stand in double quotes, # begins a comment line.
+struct CsvRow {
+  int line = 0;
+  std::vector<std::string> fields;
+  std::string error;
+};
+
+std::vector<CsvRow> csv_rows(const std::string& text) {
+  std::vector<CsvRow> rows;
+  std::size_t at = text.starts_with("\xef\xbb\xbf") ? 3 : 0;
+  int line = 1;
+  while (at < text.size()) {
+    CsvRow row;
+    row.line = line;
+    bool ended = false, quoted_any = false;
+    while (!ended) {
+      std::string field;
+      while (at < text.size() && (text[at] == ' ' || text[at] == '\t')) ++at;
+      if (at < text.size() && text[at] == '"') {
+        quoted_any = true;
+        ++at;
+        for (;; ++at) {
+          if (at >= text.size()) {
+            row.error = "a quoted field has no end";
+            break;
+          }
+          if (text[at] == '\n') ++line;
+          if (text[at] != '"') {
+            field += text[at];
+          } else if (at + 1 < text.size() && text[at + 1] == '"') {
+            field += text[at++];
+          } else {
+            ++at;
+            break;
+          }
+        }
+        while (at < text.size() && (text[at] == ' ' || text[at] == '\t')) ++at;
+        if (at < text.size() && text[at] != ',' && text[at] != '\n' && text[at] != '\r') {
+          row.error = "text after a quoted field";
+        }
+      }
+      while (at < text.size() && text[at] != ',' && text[at] != '\n' && text[at] != '\r') {
+        field += text[at++];
+      }
+      field.erase(field.find_last_not_of(" \t") + 1);
+      row.fields.push_back(field);
+      if (at < text.size() && text[at] == ',') {
+        ++at;
+        continue;
+      }
+      ended = true;
+    }
+    if (at < text.size() && text[at] == '\r') ++at;
+    if (at < text.size() && text[at] == '\n') ++at;
+    ++line;
+    const bool blank = row.fields.size() == 1 && row.fields[0].empty() && !quoted_any;
+    const bool comment = !quoted_any && row.fields[0].starts_with("#");
+    if (!blank && !comment) rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
+std::string text_of(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  if (!file) throw SubmitErrors({{path, "can't be read; expected a jobs file"}});
+  return std::string(std::istreambuf_iterator<char>(file), {});
+}
+
+}  // namespace
+
+SubmitErrors::SubmitErrors(std::vector<SubmitError> errors)
+    : InputError(joined(errors)), errors_(std::move(errors)) {}
+
+std::vector<JobRequest> parse_jobs_toml(const std::string& text, const std::string& source,
+                                        const JobRequest& defaults) {
+  toml::table root;
+  try {
+    root = toml::parse(text, source);
+  } catch (const toml::parse_error& e) {
+    throw SubmitErrors({{line_text(source, e.source().begin.line), std::string(e.description())}});
+  }
+  std::vector<SubmitError> errors;
+  JobRequest common = defaults;
+  std::vector<JobRequest> requests;
+  if (const toml::node* node = root.get("defaults")) {
+    if (const toml::table* table = node->as_table()) {
+      set_table(common, *table, source, errors);
+    } else {
+      errors.push_back({line_text(source, node->source().begin.line), "expected [defaults]"});
+    }
+  }
+  for (const auto& [key, node] : root) {
+    if (key.str() == "defaults") continue;
+    const std::string where = line_text(source, key.source().begin.line);
+    const toml::array* list = node.as_array();
+    if (key.str() != "job" || !list || !list->is_array_of_tables()) {
+      errors.push_back(
+          {where, fmt::format("'{}' is not known here; expected [defaults] and [[job]]",
+                              std::string(key.str()))});
+      continue;
+    }
+    for (const toml::node& item : *list) {
+      JobRequest request = common;
+      request.where = line_text(source, item.source().begin.line);
+      set_table(request, *item.as_table(), source, errors);
+      requests.push_back(std::move(request));
+    }
+  }
+  if (requests.empty() && errors.empty()) errors.push_back({source, "has no [[job]]"});
+  if (!errors.empty()) {
+    std::stable_sort(errors.begin(), errors.end(), [](const SubmitError& a, const SubmitError& b) {
+      return a.where.size() != b.where.size() ? a.where.size() < b.where.size() : a.where < b.where;
+    });
+    throw SubmitErrors(std::move(errors));
+  }
+  return requests;
+}
+
+std::vector<JobRequest> parse_jobs_csv(const std::string& text, const std::string& source,
+                                       const JobRequest& defaults) {
+  const std::vector<CsvRow> rows = csv_rows(text);
+  if (rows.empty()) throw SubmitErrors({{source, "is empty; expected a header row and jobs"}});
+  std::vector<SubmitError> errors;
+  const std::vector<std::string>& header = rows[0].fields;
+  const std::vector<std::string> known = detail::field_names();
+  for (std::size_t i = 0; i < header.size(); ++i) {
+    const std::string where = line_text(source, rows[0].line);
+    if (std::find(known.begin(), known.end(), header[i]) == known.end()) {
+      JobRequest scratch;
+      errors.push_back({where, "column " + set_field(scratch, header[i], Value{})});
+    } else if (std::find(header.begin(), header.begin() + static_cast<std::ptrdiff_t>(i),
+                         header[i]) != header.begin() + static_cast<std::ptrdiff_t>(i)) {
+      errors.push_back({where, "column '" + header[i] + "' is there twice"});
+    }
+  }
+  if (!rows[0].error.empty()) errors.push_back({line_text(source, rows[0].line), rows[0].error});
+  if (!errors.empty()) throw SubmitErrors(std::move(errors));
+  std::vector<JobRequest> requests;
+  for (std::size_t n = 1; n < rows.size(); ++n) {
+    const CsvRow& row = rows[n];
+    JobRequest request = defaults;
+    request.where = line_text(source, row.line);
+    if (!row.error.empty()) {
+      errors.push_back({request.where, row.error});
+      continue;
+    }
+    if (row.fields.size() != header.size()) {
+      errors.push_back({request.where, fmt::format("has {} fields, expected {} as in the header",
+                                                   row.fields.size(), header.size())});
+      continue;
+    }
+    for (std::size_t i = 0; i < header.size(); ++i) {
+      if (row.fields[i].empty()) continue;  // not said
+      Value v{row.fields[i], true, request.where};
+      if (const std::string error = set_field(request, header[i], v); !error.empty()) {
+        errors.push_back({request.where, error});
+      }
+    }
+    requests.push_back(std::move(request));
+  }
+  if (requests.empty() && errors.empty())
+    errors.push_back({source, "has no jobs below its header"});
+  if (!errors.empty()) throw SubmitErrors(std::move(errors));
+  return requests;
+}
+
+std::vector<JobRequest> parse_jobs_json(const std::string& text, const std::string& source,
+                                        const JobRequest& defaults) {
+  using Json = nlohmann::json;
+  Json root;
+  try {
+    root = Json::parse(text);
+  } catch (const Json::parse_error& e) {
+    throw SubmitErrors({{source, e.what()}});
+  }
+  std::vector<SubmitError> errors;
+  const auto set_object = [&](JobRequest& request, const Json& object, const std::string& where) {
+    for (const auto& [key, item] : object.items()) {
+      Value v;
+      v.where = where;
+      if (item.is_string()) {
+        v.value = item.get<std::string>();
+      } else if (item.is_number()) {
+        v.value = item.get<double>();
+      } else if (item.is_boolean()) {
+        v.value = item.get<bool>();
+      } else if (item.is_array() && !item.empty() &&
+                 std::all_of(item.begin(), item.end(),
+                             [](const Json& j) { return j.is_number(); })) {
+        v.value = item.get<std::vector<double>>();
+      } else if (item.is_array() && std::all_of(item.begin(), item.end(),
+                                                [](const Json& j) { return j.is_string(); })) {
+        v.value = item.get<std::vector<std::string>>();
+      } else {
+        errors.push_back({where, key + " is neither text, number nor a list of one of them"});
+        continue;
+      }
+      if (const std::string error = set_field(request, key, v); !error.empty()) {
+        errors.push_back({where, error});
+      }
+    }
+  };
+  std::vector<JobRequest> requests;
+  JobRequest common = defaults;
+  if (!root.is_object() || !root.contains("jobs") || !root["jobs"].is_array() ||
+      root["jobs"].empty()) {
+    throw SubmitErrors({{source, "expected {\"jobs\": [{...}, ...]}"}});
+  }
+  for (const auto& [key, item] : root.items()) {
+    if (key == "defaults" && item.is_object()) {
+      set_object(common, item, source + ": defaults");
+    } else if (key != "jobs") {
+      errors.push_back({source, "'" + key + "' is not known here; expected defaults and jobs"});
+    }
+  }
+  int n = 0;
+  for (const Json& item : root["jobs"]) {
+    JobRequest request = common;
+    request.where = fmt::format("{}: job {}", source, ++n);
+    if (item.is_object()) {
+      set_object(request, item, request.where);
+    } else {
+      errors.push_back({request.where, "is no object"});
+    }
+    requests.push_back(std::move(request));
+  }
+  if (!errors.empty()) throw SubmitErrors(std::move(errors));
+  return requests;
+}
+
+std::vector<JobRequest> read_jobs_file(const std::string& path, const JobRequest& defaults) {
+  const std::string text = text_of(path);
+  const std::string folder = fs::absolute(path).parent_path().string();
+  JobRequest common = defaults;
+  // What the command line says is meant from where it is said.
+  detail::make_paths_absolute(common, fs::current_path().string());
+  std::vector<JobRequest> requests = path.ends_with(".csv") ? parse_jobs_csv(text, path, common)
+                                                            : parse_jobs_toml(text, path, common);
+  for (JobRequest& r : requests) detail::make_paths_absolute(r, folder);
+  return requests;
+}
+
+}  // namespace slicecorr::farm

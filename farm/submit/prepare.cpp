@@ -1,0 +1,473 @@
+// Checks requests and makes jobs of them.
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <ctime>
+#include <filesystem>
+#include <map>
+#include <set>
+
+#include "program/mesh_options.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/farm/service.hpp"
+#include "slicecorr/farm/store.hpp"
+#include "slicecorr/farm/submit.hpp"
+#include "slicecorr/farm/work.hpp"
+#include "submit/fields.hpp"
+
+namespace slicecorr::farm {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+/// Before the farm has measured any: cautious for parts of 10 to 100 million voxels.
+constexpr double guessed_voxels_per_s = 60e6;
+constexpr double guessed_bytes_per_voxel = 0.02;
+constexpr double report_bytes = 2e6;
+
+/// Longest name of an output: endings, tokens and dots are added to it.
+constexpr std::size_t longest_name = 150;
+
+/// A grid alone, for what asks nothing of voxels.
+class EmptyTarget final : public SliceSource {
+ public:
+  explicit EmptyTarget(const Grid& grid) : grid_(grid) {}
+  const Grid& grid() const override { return grid_; }
+  PixelBox bounds() const override { return {}; }
+  void read_band(const PixelBox&, const Sink&) const override {}
+
+ private:
+  Grid grid_;
+};
+
+/// What is found out of inputs that are worked on in the same way.
+struct Checked {
+  std::string error;
+  int layers = 0, width_px = 0;
+  std::int64_t voxels = 0;
+  std::size_t triangles = 0;
+};
+
+/// What a request comes to, before inputs are read.
+struct Resolved {
+  bool mesh = false;
+  Setup setup;
+  std::string setup_json, setup_hash;
+  WorkSpec spec;  ///< without inputs
+  std::int64_t ready_by_ms = no_deadline;
+  std::size_t checked = 0;  ///< index
+};
+
+/// All that decides what is found out, as one text.
+std::string signature(const JobRequest& r) {
+  const SetupChoices& s = r.setup;
+  std::string text =
+      fmt::format("{}|{}|{}|{}|{}|{}|{}|{}|{}|{}|{}|{}|{}|{}|{}|{}|{}|{}|{}|{}|{}|{}", r.layer_um,
+                  s.printer, s.resin, s.mode, s.speed_mm_h, s.exposure_s, s.bottom_exposure_s,
+                  s.bottom_layers, s.fade_layers, s.uv_mw_cm2, s.dead_zone_um, s.uv_schedule,
+                  s.window_cure, s.ramp, s.ramp_mm, s.omega_max, s.one_slice_gaps,
+                  s.platform_features, s.dc_mj_cm3, s.ha_um, r.antialias, r.units);
+  text += fmt::format("|{}", r.scale);
+  for (const double v : r.center_mm) text += fmt::format("|c{}", v);
+  for (const double v : r.rotate_deg) text += fmt::format("|r{}", v);
+  for (const std::string& p : r.parts) text += "|" + p;
+  return text;
+}
+
+/// The archive's format and ending, from what was asked for and, for archives, what they are.
+void choose_format(const JobRequest& r, const std::string& input_format, WorkSpec& spec) {
+  std::string wanted = r.format;
+  if (wanted.starts_with(".")) wanted.erase(0, 1);
+  if (wanted.empty() && spec.kind == "correct") {
+    // A slicer's file stays one of the same kind.
+    spec.format = input_format;
+    spec.ending =
+        fs::path(r.parts[0]).filename().string().substr(detail::stem_of(r.parts[0]).size());
+    if (!spec.ending.empty()) spec.ending.erase(0, 1);
+    if (spec.ending.empty()) spec.ending = spec.format;
+    StackFile file("out." + spec.ending);
+    file.format = spec.format;
+    format_of(file);
+    return;
+  }
+  if (wanted.empty()) wanted = "uvj";
+  for (const FormatInfo& f : archive_formats()) {
+    if (f.name != wanted) continue;
+    spec.format = f.name;
+    spec.ending = f.endings.empty() ? f.name : f.endings.front();
+    if (spec.ending.starts_with(".")) spec.ending.erase(0, 1);
+    if (f.name == "folder") throw InputError("format folder: expected an archive, one file");
+    return;
+  }
+  spec.ending = wanted;
+  spec.format = format_of(StackFile("out." + wanted));
+}
+
+std::int64_t parse_ready_by(const std::string& text, std::int64_t now_ms) {
+  if (text.empty()) return no_deadline;
+  if (const int minute = parse_minute(text); minute >= 0) return next_local_minute(now_ms, minute);
+  std::tm t{};
+  const char* end = strptime(text.c_str(), "%Y-%m-%d %H:%M", &t);
+  if (end && *end == 0) {
+    t.tm_isdst = -1;
+    const std::time_t s = std::mktime(&t);
+    if (s != -1) {
+      const std::int64_t ms = std::int64_t{s} * 1000;
+      if (ms <= now_ms) throw InputError("ready_by is '" + text + "', which is over");
+      return ms;
+    }
+  }
+  throw InputError("ready_by is '" + text + "', expected HH:MM or YYYY-MM-DD HH:MM");
+}
+
+/// Reads the inputs as a worker will, and asks the physics.
+Checked check_inputs(const JobRequest& r, const Resolved& w, const slicecorr::Job& job) {
+  Checked c;
+  try {
+    if (w.mesh) {
+      cli::MeshOptions o;
+      o.parts = r.parts;
+      o.layer_um = r.layer_um;
+      o.antialias = r.antialias;
+      o.center_mm = r.center_mm;
+      o.units = r.units;
+      o.scale = r.scale;
+      o.rotate_deg = r.rotate_deg;
+      const TriangleMesh mesh = cli::read_parts(o, job);
+      c.triangles = mesh.triangles.size();
+      const MeshSlices slices(mesh, w.setup.printer, o.slice_options(), job);
+      plan_correction(slices, w.setup);
+      c.layers = slices.grid().layers;
+      c.width_px = slices.grid().width_px;
+      c.voxels = std::int64_t{c.layers} * slices.bounds().width() * slices.bounds().height();
+    } else {
+      const StackInfo info = StackReader::read_info(r.parts[0]);
+      Grid grid = info.grid;
+      if (grid.layer_um <= 0) grid.layer_um = r.layer_um;
+      if (grid.layer_um <= 0) {
+        throw InputError(r.parts[0], "", "does not say its layer height; expected layer_um");
+      }
+      if (grid.pixel_x_um <= 0) {
+        grid.pixel_x_um = w.setup.printer.pixel_x_um;
+        grid.pixel_y_um = w.setup.printer.pixel_y_um;
+      }
+      plan_correction(EmptyTarget(grid), w.setup);
+      c.layers = grid.layers;
+      c.width_px = grid.width_px;
+      c.voxels = std::int64_t{grid.layers} * grid.width_px * grid.height_px;
+    }
+  } catch (const Cancelled&) {
+    throw;
+  } catch (const Error& e) {
+    c.error = e.what();
+  }
+  return c;
+}
+
+/// What a worker is given: docs/farm.md says where the numbers come from. Half as much again as
+/// was seen, because a worker over its limit has worked for nothing.
+void estimate_memory(const Checked& c, Work& work) {
+  constexpr double mb = 1 << 20;
+  const double mesh = 100.0 * static_cast<double>(c.triangles) / mb;
+  const double pieces = std::min(256.0, 0.2 * static_cast<double>(c.voxels) / mb);
+  const double thread = 16 + 32.0 * c.width_px * 100 / mb + 8192.0 * c.layers / mb;
+  work.base_memory_mb = static_cast<std::int64_t>(1.5 * (160 + mesh + pieces + thread));
+  work.thread_memory_mb = static_cast<std::int64_t>(1.5 * thread);
+}
+
+std::string rate_class_of(const Resolved& w) {
+  const Process& p = w.setup.process;
+  return fmt::format("{} {}{}", w.spec.kind,
+                     p.mode == ExposureMode::layerwise ? "layerwise" : "continuous",
+                     p.uv.kind == UvKind::off ? "" : " uv");
+}
+
+std::string problem_of_name(const std::string& name) {
+  if (name.empty() || name == "." || name == "..") return "is no file name";
+  if (name.size() > longest_name) return fmt::format("has more than {} bytes", longest_name);
+  for (const char c : name) {
+    if (c == '/' || static_cast<unsigned char>(c) < 0x20)
+      return "has a slash or a control character";
+  }
+  return {};
+}
+
+/// Whether files can be made in the folder, or the folder itself.
+bool can_write(const std::string& folder) {
+  for (fs::path at = folder;; at = at.parent_path()) {
+    std::error_code error;
+    const fs::file_status status = fs::status(at, error);
+    if (fs::exists(status)) {
+      return fs::is_directory(status) && ::access(at.c_str(), W_OK | X_OK) == 0;
+    }
+    if (at == at.parent_path()) return false;
+  }
+}
+
+class Preparation {
+ public:
+  Preparation(const std::vector<JobRequest>& requests, const FarmFolder& folder, Queue& queue,
+              const std::string& user, const slicecorr::Job& job)
+      : requests_(requests), folder_(folder), queue_(queue), user_(user), job_(job) {}
+
+  Submission run(bool store) {
+    resolve_all();
+    check_all();
+    check_outputs();
+    if (!errors_.empty()) throw SubmitErrors(std::move(errors_));
+    store_inputs(store);
+    return make_jobs();
+  }
+
+ private:
+  void refuse(const JobRequest& r, const std::string& message) {
+    errors_.push_back({r.where, message});
+  }
+
+  void resolve_all() {
+    std::map<std::string, std::size_t> known;  // signature to the first request that has it
+    resolved_.resize(requests_.size());
+    const std::int64_t now = system_clock().wall_ms();
+    for (std::size_t i = 0; i < requests_.size(); ++i) {
+      job_.check_cancelled();
+      const JobRequest& r = requests_[i];
+      Resolved& w = resolved_[i];
+      if (r.parts.empty()) {
+        refuse(r, "no part; expected a mesh or an archive of slices");
+        continue;
+      }
+      const auto [found, fresh] = known.emplace(signature(r), i);
+      if (!fresh) {
+        w = resolved_[found->second];
+        if (w.setup_json.empty()) continue;  // refused already
+      }
+      try {
+        if (fresh) resolve(r, w);
+        w.ready_by_ms = parse_ready_by(r.ready_by, now);
+        choose_format(r, input_format_[r.parts[0]], w.spec);
+      } catch (const Error& e) {
+        refuse(r, e.what());
+        w.setup_json.clear();
+        continue;
+      }
+      if (fresh) {
+        w.checked = distinct_.size();
+        distinct_.push_back(i);
+      }
+    }
+  }
+
+  void resolve(const JobRequest& r, Resolved& w) {
+    const auto meshes =
+        static_cast<std::size_t>(std::count_if(r.parts.begin(), r.parts.end(), detail::is_mesh));
+    w.mesh = meshes == r.parts.size();
+    if (!w.mesh && r.parts.size() > 1) {
+      throw InputError(meshes > 0 ? "meshes and archives can't share a plate"
+                                  : "one archive of slices makes a job of its own");
+    }
+    for (const std::string& part : r.parts) {
+      std::error_code error;
+      if (!fs::exists(part, error)) throw InputError(part, "", "is not there");
+      if (fs::is_directory(part, error)) {
+        throw InputError(part, "", "is a folder; expected a file (zip the images)");
+      }
+    }
+    w.spec.kind = w.mesh ? "run" : "correct";
+    w.spec.layer_um = r.layer_um;
+    if (w.mesh) {
+      if (r.layer_um <= 0) throw InputError("layer_um is missing");
+      w.spec.antialias = r.antialias;
+      w.spec.units = r.units;
+      w.spec.scale = r.scale;
+      w.spec.center_mm = r.center_mm;
+      w.spec.rotate_deg = r.rotate_deg;
+      w.setup = resolve_setup(r.setup, nullptr, nullptr, ChoiceNames::fields);
+    } else {
+      const StackInfo info = StackReader::read_info(r.parts[0]);
+      check_design(info, r.parts[0]);
+      input_format_[r.parts[0]] = info.format;
+      w.setup = resolve_setup(r.setup, nullptr, &info, ChoiceNames::fields);
+    }
+    w.setup_json = setup_json(w.setup);
+    w.setup_hash = sha256_of_text(w.setup_json);
+  }
+
+  void check_all() {
+    checked_.resize(distinct_.size());
+    // Parts are read side by side; each alone would leave most cores idle.
+    slicecorr::Job one;
+    one.threads = 1;
+    one.cancel = job_.cancel;
+    parallel_for(job_, "checking parts", distinct_.size(), [&](std::size_t n) {
+      const std::size_t i = distinct_[n];
+      checked_[n] = check_inputs(requests_[i], resolved_[i], one);
+    });
+    for (std::size_t i = 0; i < requests_.size(); ++i) {
+      if (resolved_[i].setup_json.empty()) continue;
+      const std::string& error = checked_[resolved_[i].checked].error;
+      if (!error.empty()) refuse(requests_[i], error);
+    }
+  }
+
+  std::string name_of_copy(const JobRequest& r, int copy) const {
+    const std::string name =
+        r.name.empty() && !r.parts.empty() ? detail::stem_of(r.parts[0]) : r.name;
+    return copy == 1 ? name : fmt::format("{}-{}", name, copy);
+  }
+
+  void check_outputs() {
+    std::map<std::string, std::string> written;  // output without ending, to who writes it
+    std::map<std::string, bool> writable;
+    std::set<std::string> inputs;
+    for (const JobRequest& r : requests_) inputs.insert(r.parts.begin(), r.parts.end());
+    for (std::size_t i = 0; i < requests_.size(); ++i) {
+      const JobRequest& r = requests_[i];
+      if (const std::string problem = problem_of_name(name_of_copy(r, 1)); !problem.empty()) {
+        refuse(r, fmt::format("name '{}' {}", name_of_copy(r, 1), problem));
+        continue;
+      }
+      if (r.out.empty()) continue;
+      const auto [known, fresh] = writable.emplace(r.out, false);
+      if (fresh) known->second = can_write(r.out);
+      if (!known->second) refuse(r, fmt::format("{}: nothing can be written there", r.out));
+      for (int copy = 1; copy <= r.copies; ++copy) {
+        const std::string output = r.out + "/" + name_of_copy(r, copy);
+        const auto [other, first] = written.emplace(output, r.where);
+        if (!first) {
+          refuse(r, fmt::format("{} is written by {}, too; expected another name or folder", output,
+                                other->second));
+        } else if (const JobId id = queue_.unfinished_output(r.out, name_of_copy(r, copy))) {
+          refuse(r, fmt::format("{} will be written by job {}, which is not finished", output, id));
+        }
+        const std::string archive = output + "." + resolved_[i].spec.ending;
+        if (inputs.contains(archive)) {
+          refuse(r, fmt::format("{} is an input; expected another name or folder", archive));
+        }
+      }
+    }
+  }
+
+  void store_inputs(bool store) {
+    std::vector<std::pair<std::string, std::int64_t>> record;
+    for (const JobRequest& r : requests_) {
+      for (const std::string& part : r.parts) {
+        if (stored_.contains(part)) continue;
+        job_.check_cancelled();
+        if (store) {
+          stored_[part] = store_input(folder_, part);
+        } else {
+          const ResultFile f = sha256_of_file(part);
+          stored_[part] = {f.sha256 + stored_ending(part), f.sha256, f.bytes};
+        }
+        record.emplace_back(stored_[part].file, stored_[part].bytes);
+      }
+    }
+    if (store) queue_.record_inputs(record);
+  }
+
+  Submission make_jobs() {
+    Submission submission;
+    std::map<std::string, Rates> rates;
+    std::set<std::string> keys;
+    for (std::size_t i = 0; i < requests_.size(); ++i) {
+      const JobRequest& r = requests_[i];
+      const Resolved& w = resolved_[i];
+      const Checked& c = checked_[w.checked];
+      NewJob j;
+      WorkSpec spec = w.spec;
+      for (const std::string& part : r.parts) {
+        const StoredInput& in = stored_.at(part);
+        spec.inputs.push_back({in.file, in.sha256, part});
+        j.work.input_files.push_back(in.file);
+      }
+      j.work.setup_json = w.setup_json;
+      j.work.setup_hash = w.setup_hash;
+      j.work.kind = spec.kind;
+      j.work.printer = w.setup.printer.name;
+      j.work.resin = w.setup.resin.name;
+      j.work.format = spec.ending;
+      j.work.rate_class = rate_class_of(w);
+      j.work.layers = c.layers;
+      j.work.voxels = c.voxels;
+      estimate_memory(c, j.work);
+      const auto [rate, fresh] = rates.emplace(j.work.rate_class, Rates{});
+      if (fresh) rate->second = queue_.rates(j.work.rate_class);
+      const bool measured = rate->second.voxels_per_s > 0;
+      const auto voxels = static_cast<double>(c.voxels);
+      j.expected_s =
+          fixed_job_s + voxels / (measured ? rate->second.voxels_per_s : guessed_voxels_per_s);
+      // The cache's copy and the delivered one.
+      j.expected_bytes = static_cast<std::int64_t>(
+          2 * (measured ? voxels * rate->second.bytes_per_voxel
+                        : voxels * guessed_bytes_per_voxel + report_bytes));
+      j.user = r.user.empty() ? user_ : r.user;
+      j.output_folder = r.out;
+      j.results_folder = folder_.root + "/results/";
+      j.parts = r.parts;
+      j.labels = r.labels;
+      j.priority = r.priority;
+      j.ready_by_ms = w.ready_by_ms;
+      for (int copy = 1; copy <= r.copies; ++copy) {
+        j.name = name_of_copy(r, copy);
+        // Some formats write the file's name into the archive.
+        spec.name = spec.format == "uvj" ? "" : j.name;
+        if (copy == 1 || !spec.name.empty()) {
+          j.work.key = work_key(spec, w.setup_json);
+          j.work.spec_json = spec_json(spec);
+        }
+        Estimate e;
+        e.name = j.name;
+        e.where = r.where;
+        e.layers = c.layers;
+        e.voxels = c.voxels;
+        e.seconds = j.expected_s;
+        e.disk_bytes = j.expected_bytes;
+        e.memory_mb = j.work.base_memory_mb;
+        e.measured = measured;
+        e.duplicate = !keys.insert(j.work.key).second;
+        e.cached = queue_.cached(j.work.key).has_value();
+        submission.estimates.push_back(std::move(e));
+        submission.jobs.push_back(j);
+      }
+    }
+    return submission;
+  }
+
+  const std::vector<JobRequest>& requests_;
+  const FarmFolder& folder_;
+  Queue& queue_;
+  const std::string& user_;
+  const slicecorr::Job& job_;
+  std::vector<SubmitError> errors_;
+  std::vector<Resolved> resolved_;
+  std::vector<std::size_t> distinct_;  ///< requests whose inputs are looked at
+  std::vector<Checked> checked_;       ///< of these
+  std::map<std::string, std::string> input_format_;
+  std::map<std::string, StoredInput> stored_;
+};
+
+}  // namespace
+
+Submission prepare(const std::vector<JobRequest>& requests, const FarmFolder& folder, Queue& queue,
+                   const std::string& user, bool store, const slicecorr::Job& job) {
+  return Preparation(requests, folder, queue, user, job).run(store);
+}
+
+Submitted submit(const Submission& submission, const FarmFolder& folder, Queue& queue,
+                 const std::string& user, const std::string& source) {
+  Submitted result;
+  result.ids = queue.submit(submission.jobs, user, source);
+  std::set<std::string> cached;
+  for (std::size_t i = 0; i < submission.jobs.size(); ++i) {
+    if (submission.estimates[i].cached) cached.insert(submission.jobs[i].work.key);
+  }
+  for (const std::string& key : cached) {
+    result.done_from_cache += serve_from_cache(folder, queue, "submit", key);
+  }
+  return result;
+}
+
+}  // namespace slicecorr::farm

@@ -1,0 +1,337 @@
+// The worker: one order from the beginning to the end.
+
+#include <fmt/format.h>
+#include <signal.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <climits>
+#include <cstdio>
+#include <filesystem>
+#include <mutex>
+#include <new>
+#include <system_error>
+
+#include "program/make_part.hpp"
+#include "program/mesh_options.hpp"
+#include "program/program.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/farm/clock.hpp"
+#include "slicecorr/farm/store.hpp"
+#include "slicecorr/farm/work.hpp"
+#include "slicecorr/setup.hpp"
+#include "slicecorr/version.hpp"
+#include "store/title.hpp"
+#include "work/fault.hpp"
+#include "work/files.hpp"
+
+namespace slicecorr::farm {
+
+namespace fs = std::filesystem;
+using SteadyTime = std::chrono::steady_clock;
+
+namespace {
+
+/// Shares of the whole time, measured on parts of the demo; they only shape the progress shown.
+struct Phase {
+  const char* name;
+  double from, until;
+};
+constexpr Phase phases[] = {
+    {"read", 0, 0.05}, {"correct", 0.05, 0.75}, {"report", 0.75, 0.88}, {"check", 0.88, 1}};
+
+constexpr auto progress_interval = std::chrono::milliseconds(300);
+
+/// Full disks, by what the library's messages say of them.
+bool says_full(const std::string& text) {
+  for (const int error : {ENOSPC, EDQUOT, EFBIG}) {
+    if (text.find(std::generic_category().message(error)) != text.npos) return true;
+  }
+  return false;
+}
+
+bool says_no_memory(const std::string& text) {
+  return text.find(std::generic_category().message(ENOMEM)) != text.npos ||
+         text.find("Malloc failure") != text.npos;
+}
+
+std::string host_name() {
+  char name[HOST_NAME_MAX + 1] = {};
+  return ::gethostname(name, sizeof name - 1) == 0 ? name : "";
+}
+
+/// Tells how far the work is, in its file, and lets tests break in.
+class Reporter {
+ public:
+  Reporter(const std::string& folder, const Order& order, const std::optional<TestFault>& fault)
+      : folder_(folder), order_(order), fault_(fault) {
+    note_.node = host_name();
+  }
+  void begin(std::size_t phase) {
+    const std::lock_guard lock(mutex_);
+    phase_ = phase;
+    broken_ = false;
+    move(0, true);
+    if (phase != correct_phase) detail::commit_fault(fault_, phases[phase].name, order_);
+  }
+  void progress(double done) {
+    const std::lock_guard lock(mutex_);
+    move(done, false);
+    if (phase_ == correct_phase && !broken_ && done >= 0.3) {
+      broken_ = true;
+      detail::commit_fault(fault_, phases[phase_].name, order_);
+    }
+  }
+  void set_layers(int layers) {
+    const std::lock_guard lock(mutex_);
+    layers_ = layers;
+  }
+
+ private:
+  static constexpr std::size_t correct_phase = 1;
+
+  void move(double done, bool always) {
+    const Phase& p = phases[phase_];
+    note_.stage = p.name;
+    note_.fraction =
+        std::max(note_.fraction, p.from + (p.until - p.from) * std::clamp(done, 0.0, 1.0));
+    note_.layers_done = static_cast<int>(layers_ * note_.fraction);
+    const auto now = SteadyTime::now();
+    if (!always && now - told_ < progress_interval) return;
+    told_ = now;
+    ++note_.beat;
+    try {
+      detail::write_progress(folder_, note_);
+    } catch (const DeviceError&) {
+      // The work itself will say that the disk is full.
+    }
+  }
+
+  std::mutex mutex_;
+  std::string folder_;
+  const Order& order_;
+  const std::optional<TestFault>& fault_;
+  ProgressNote note_;
+  std::size_t phase_ = 0;
+  bool broken_ = false;
+  int layers_ = 0;
+  SteadyTime::time_point told_{};
+};
+
+/// What the archive that was written says when it is read again: a result is what can be read back.
+void check_stack(const std::string& path, const std::string& scratch, const StackInfo& written,
+                 const Prediction& prediction, const slicecorr::Job& job) {
+  const auto refuse = [&](const std::string& what) {
+    throw InputError(path, "", "read back after writing: " + what);
+  };
+  MissingFacts facts;
+  facts.layer_um = written.grid.layer_um;
+  facts.pixel_x_um = written.grid.pixel_x_um;
+  facts.pixel_y_um = written.grid.pixel_y_um;
+  const StackReader stack(path, scratch, job, facts);
+  const Grid& g = stack.grid();
+  if (g.layers != written.grid.layers) {
+    refuse(fmt::format("{} slices, expected {}", g.layers, written.grid.layers));
+  }
+  if (g.width_px != written.grid.width_px || g.height_px != written.grid.height_px) {
+    refuse(fmt::format("images of {} x {} pixels, expected {} x {}", g.width_px, g.height_px,
+                       written.grid.width_px, written.grid.height_px));
+  }
+  if (stack.pixel_sum() == 0) refuse("all images are black");
+  if (prediction.target_voxels > 0 && prediction.printed_voxels == 0) refuse("nothing would print");
+}
+
+void fill_figures(Figures& f, const Prediction& p) {
+  f.layers = p.layers;
+  if (p.height_error_um.count() > 0) {
+    f.height_mean_um = p.height_error_um.mean();
+    f.height_p95_um = p.height_error_um.quantile(0.95);
+    f.height_max_um = p.height_error_um.greatest();
+  }
+  f.lost_features = static_cast<std::int64_t>(p.lost_features);
+  f.merged_features = static_cast<std::int64_t>(p.merged_features);
+  f.cure_through_voxels = static_cast<std::int64_t>(p.cure_through_voxels);
+  f.undercure_voxels = static_cast<std::int64_t>(p.undercure_voxels);
+  f.target_voxels = static_cast<std::int64_t>(p.target_voxels);
+}
+
+cli::MeshOptions mesh_options(const WorkSpec& spec, const std::vector<std::string>& paths) {
+  cli::MeshOptions o;
+  o.parts = paths;
+  o.layer_um = spec.layer_um;
+  o.antialias = spec.antialias;
+  o.center_mm = spec.center_mm;
+  o.units = spec.units;
+  o.scale = spec.scale;
+  o.rotate_deg = spec.rotate_deg;
+  return o;
+}
+
+/// Raised where inputs are not what was submitted.
+class InputGone : public InputError {
+ public:
+  using InputError::InputError;
+};
+/// Raised where what was written is not what was meant.
+class OutputInvalid : public InputError {
+ public:
+  using InputError::InputError;
+};
+
+/// The work itself; fills in what is known of the result.
+void make_result(const Order& order, const std::string& folder, Reporter& reporter,
+                 const slicecorr::Job& job, Outcome& outcome) {
+  reporter.begin(0);
+  const WorkSpec& spec = order.spec;
+  FarmFolder farm;
+  farm.store = order.store;
+  std::vector<std::string> paths;
+  for (const WorkSpec::Input& input : spec.inputs) {
+    if (!check_input(farm, input.file, input.sha256, true)) {
+      throw InputGone(farm.input(input.file), "",
+                      "is gone, or not what was submitted as " + input.name);
+    }
+    paths.push_back(farm.input(input.file));
+    job.tell(fmt::format("{}: {}", input.name, paths.back()));
+  }
+  const Setup setup = parse_setup_json(order.setup_json, "the job's setup");
+  if (const std::string text = setup_notice(setup, ChoiceNames::options); !text.empty()) {
+    job.tell(text);
+  }
+  const std::string out = folder + "/out";
+  fs::create_directories(out);
+  const std::string base = out + "/" + order.name;
+  StackFile file(base + "." + spec.ending);
+  file.format = spec.format;
+  const std::string title = detail::title_stand_in(order.key);
+
+  std::optional<MeshSlices> mesh;
+  std::optional<StackReader> archive;
+  if (spec.kind == "run") {
+    const cli::MeshOptions options = mesh_options(spec, paths);
+    mesh.emplace(cli::read_parts(options, job), setup.printer, options.slice_options(), job);
+  } else {
+    const StackInfo info = StackReader::read_info(paths.at(0));
+    check_design(info, spec.inputs.at(0).name);
+    // What a slicer wrote besides the slices stays, as with `slicecorr correct`.
+    if (info.kind == StackKind::foreign && info.format == spec.format) file.keep_from = paths[0];
+    MissingFacts facts;
+    facts.layer_um = spec.layer_um;
+    facts.pixel_x_um = setup.printer.pixel_x_um;
+    facts.pixel_y_um = setup.printer.pixel_y_um;
+    archive.emplace(paths[0], folder, job, facts);
+  }
+  const SliceSource& target =
+      mesh ? static_cast<const SliceSource&>(*mesh) : static_cast<const SliceSource&>(*archive);
+  const Grid& g = target.grid();
+  reporter.set_layers(g.layers);
+  outcome.voxels =
+      static_cast<std::int64_t>(g.layers) * target.bounds().width() * target.bounds().height();
+
+  reporter.begin(1);
+  const Correction result =
+      cli::make_part(target, setup, file, base, title, job, [&] { reporter.begin(2); });
+  fill_figures(outcome.figures, result.after);
+  mesh.reset();
+  archive.reset();
+
+  reporter.begin(3);
+  try {
+    check_stack(file.path, folder, result.info, result.after, job);
+  } catch (const InputError& e) {
+    throw OutputInvalid(e.what());
+  }
+  for (const std::string& ending : {spec.ending, std::string("html"), std::string("json")}) {
+    ResultFile written = sha256_of_file(base + "." + ending);
+    written.ending = ending;
+    outcome.files.push_back(std::move(written));
+  }
+}
+
+/// The worker's own limit, whatever the engine: data, which is what a job's memory grows by.
+/// Programs and libraries that are mapped from files don't count.
+void limit_memory(std::int64_t memory_mb, int threads) {
+  if (memory_mb <= 0) return;
+  rlimit stack{};
+  ::getrlimit(RLIMIT_STACK, &stack);
+  const rlim_t stack_bytes = stack.rlim_cur == RLIM_INFINITY
+                                 ? rlim_t{8} << 20
+                                 : std::min(stack.rlim_cur, rlim_t{64} << 20);
+  // Stacks of threads are reserved whole and hardly used.
+  const rlim_t bytes =
+      (static_cast<rlim_t>(memory_mb) << 20) + static_cast<rlim_t>(threads + 1) * stack_bytes;
+  const rlimit limit{bytes, bytes};
+  ::setrlimit(RLIMIT_DATA, &limit);
+}
+
+}  // namespace
+
+int do_work(const std::string& folder, const std::atomic<bool>* cancel,
+            const std::function<void(const std::string&)>& say) {
+  const auto begin = SteadyTime::now();
+  const Order order = read_order(folder);
+  const auto fault = test_fault_from_environment();
+  ::signal(SIGXFSZ, SIG_IGN);
+  Outcome outcome;
+  outcome.token = order.token;
+  outcome.key = order.key;
+  outcome.node = host_name();
+  outcome.program = std::string("slicecorr ") + version;
+  const auto end = [&](int code, Reason reason, const std::string& message) {
+    outcome.exit_code = code;
+    outcome.reason = reason;
+    outcome.message = message;
+    if (!message.empty()) say(message);
+  };
+  limit_memory(order.memory_mb, order.threads);
+  detail::commit_fault(fault, "start", order);
+  Reporter reporter(folder, order, fault);
+  slicecorr::Job job;
+  job.threads = order.threads;
+  job.cancel = cancel;
+  job.notice = say;
+  job.progress = [&](std::string_view, double done) { reporter.progress(done); };
+  try {
+    make_result(order, folder, reporter, job, outcome);
+  } catch (const Cancelled&) {
+    end(cli::kInterrupted, Reason::stopped, "asked to stop");
+  } catch (const InputGone& e) {
+    end(cli::kInput, Reason::input_gone, e.what());
+  } catch (const OutputInvalid& e) {
+    end(cli::kDevice, Reason::output_invalid, e.what());
+  } catch (const InputError& e) {
+    end(cli::kInput, Reason::bad_input, e.what());
+  } catch (const InfeasibleError& e) {
+    end(cli::kInfeasible, Reason::infeasible, e.what());
+  } catch (const DeviceError& e) {
+    const std::string text = e.what();
+    end(cli::kDevice,
+        says_full(text)        ? Reason::disk_full
+        : says_no_memory(text) ? Reason::out_of_memory
+                               : Reason::device_failed,
+        text);
+  } catch (const std::bad_alloc&) {
+    end(cli::kDevice, Reason::out_of_memory,
+        fmt::format("out of memory; the limit is {} MB", order.memory_mb));
+  } catch (const fs::filesystem_error& e) {
+    end(cli::kDevice, says_full(e.what()) ? Reason::disk_full : Reason::device_failed, e.what());
+  } catch (const std::system_error& e) {
+    // Threads that can't be made, mostly.
+    end(cli::kDevice, Reason::out_of_memory, e.what());
+  } catch (const std::exception& e) {
+    end(cli::kDefect, Reason::worker_crashed, fmt::format("a defect of the program: {}", e.what()));
+  }
+  detail::commit_fault(fault, "end", order);
+  rusage used{};
+  ::getrusage(RUSAGE_SELF, &used);
+  outcome.cpu_s = static_cast<double>(used.ru_utime.tv_sec + used.ru_stime.tv_sec) +
+                  static_cast<double>(used.ru_utime.tv_usec + used.ru_stime.tv_usec) * 1e-6;
+  outcome.peak_mb = used.ru_maxrss / 1024;
+  outcome.wall_s = std::chrono::duration<double>(SteadyTime::now() - begin).count();
+  detail::write_outcome(folder, outcome);
+  return outcome.exit_code;
+}
+
+}  // namespace slicecorr::farm

@@ -1,0 +1,17 @@
+/// @file files.hpp
+/// The worker's side of the files in an attempt's folder.
+#pragma once
+
+#include <string>
+
+#include "slicecorr/farm/work.hpp"
+
+namespace slicecorr::farm::detail {
+
+/// Of order.json and result.json: a worker of another version says so instead of guessing.
+inline constexpr int order_format = 1;
+
+void write_progress(const std::string& folder, const ProgressNote& progress);
+void write_outcome(const std::string& folder, const Outcome& outcome);
+
+}  // namespace slicecorr::farm::detail

@@ -1,0 +1,230 @@
+// What service and worker write for each other, as JSON in the attempt's folder.
+
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <fstream>
+#include <iterator>
+#include <nlohmann/json.hpp>
+
+#include "program/program.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/farm/store.hpp"
+#include "slicecorr/farm/work.hpp"
+#include "slicecorr/version.hpp"
+#include "work/files.hpp"
+
+namespace slicecorr::farm {
+
+using Json = nlohmann::ordered_json;
+
+namespace {
+
+/// Changes when the same spec gives other bytes though the program's version is the same.
+constexpr int key_format = 1;
+
+Json json_of(const WorkSpec& s, bool with_names) {
+  Json json;
+  json["kind"] = s.kind;
+  json["inputs"] = Json::array();
+  for (const WorkSpec::Input& i : s.inputs) {
+    Json input = {{"file", i.file}, {"sha256", i.sha256}};
+    if (with_names) input["name"] = i.name;
+    json["inputs"].push_back(std::move(input));
+  }
+  json["layer_um"] = s.layer_um;
+  json["antialias"] = s.antialias;
+  json["units"] = s.units;
+  json["scale"] = s.scale;
+  json["center_mm"] = s.center_mm;
+  json["rotate_deg"] = s.rotate_deg;
+  json["format"] = s.format;
+  json["ending"] = s.ending;
+  json["name"] = s.name;
+  return json;
+}
+
+WorkSpec spec_of(const Json& json) {
+  WorkSpec s;
+  s.kind = json.at("kind");
+  for (const Json& i : json.at("inputs")) {
+    s.inputs.push_back({i.at("file"), i.at("sha256"), i.value("name", "")});
+  }
+  s.layer_um = json.at("layer_um");
+  s.antialias = json.at("antialias");
+  s.units = json.at("units");
+  s.scale = json.at("scale");
+  s.center_mm = json.at("center_mm").get<std::vector<double>>();
+  s.rotate_deg = json.at("rotate_deg").get<std::vector<double>>();
+  s.format = json.at("format");
+  s.ending = json.at("ending");
+  s.name = json.at("name");
+  return s;
+}
+
+std::string dump(const Json& json) {
+  return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+std::optional<std::string> text_of(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  if (!file) return std::nullopt;
+  return std::string(std::istreambuf_iterator<char>(file), {});
+}
+
+/// By rename, so that who reads it reads all of it.
+void replace_file(const std::string& path, const std::string& text) {
+  cli::write_text_file(path, text);
+}
+
+}  // namespace
+
+std::string spec_json(const WorkSpec& spec) { return json_of(spec, true).dump(); }
+
+WorkSpec parse_spec(const std::string& json) {
+  try {
+    return spec_of(Json::parse(json));
+  } catch (const Json::exception& e) {
+    throw InputError(fmt::format("what a job has to do can't be read: {}", e.what()));
+  }
+}
+
+std::string work_key(const WorkSpec& spec, const std::string& setup_json) {
+  return sha256_of_text(fmt::format("slicefarm {}\nslicecorr {}\n{}\n{}", key_format, version,
+                                    json_of(spec, false).dump(), setup_json));
+}
+
+void write_order(const std::string& folder, const Order& o) {
+  Json json;
+  json["format"] = detail::order_format;
+  json["token"] = o.token;
+  json["job"] = o.job;
+  json["number"] = o.number;
+  json["key"] = o.key;
+  json["name"] = o.name;
+  json["spec"] = json_of(o.spec, true);
+  json["setup"] = o.setup_json;
+  json["store"] = o.store;
+  json["threads"] = o.threads;
+  json["memory_mb"] = o.memory_mb;
+  replace_file(folder + "/order.json", dump(json));
+}
+
+Order read_order(const std::string& folder) {
+  const std::string path = folder + "/order.json";
+  const auto text = text_of(path);
+  if (!text) throw InputError(path, "", "can't be read; expected the order of an attempt");
+  try {
+    const Json json = Json::parse(*text);
+    const int format = json.at("format");
+    if (format != detail::order_format) {
+      throw InputError(
+          path, "",
+          fmt::format("has format {}; this program knows {}", format, detail::order_format));
+    }
+    Order o;
+    o.token = json.at("token");
+    o.job = json.at("job");
+    o.number = json.at("number");
+    o.key = json.at("key");
+    o.name = json.at("name");
+    o.spec = spec_of(json.at("spec"));
+    o.setup_json = json.at("setup");
+    o.store = json.at("store");
+    o.threads = json.at("threads");
+    o.memory_mb = json.at("memory_mb");
+    return o;
+  } catch (const Json::exception& e) {
+    throw InputError(path, "", e.what());
+  }
+}
+
+void detail::write_progress(const std::string& folder, const ProgressNote& p) {
+  const Json json = {{"stage", p.stage},
+                     {"node", p.node},
+                     {"fraction", p.fraction},
+                     {"layers_done", p.layers_done},
+                     {"beat", p.beat}};
+  replace_file(folder + "/progress.json", json.dump());
+}
+
+std::optional<ProgressNote> read_progress(const std::string& folder) {
+  const auto text = text_of(folder + "/progress.json");
+  if (!text) return std::nullopt;
+  try {
+    const Json json = Json::parse(*text);
+    return ProgressNote{json.at("stage"), json.at("node"), json.at("fraction"),
+                        json.at("layers_done"), json.at("beat")};
+  } catch (const Json::exception&) {
+    return std::nullopt;
+  }
+}
+
+void detail::write_outcome(const std::string& folder, const Outcome& o) {
+  Json json;
+  json["format"] = detail::order_format;
+  json["token"] = o.token;
+  json["key"] = o.key;
+  json["exit_code"] = o.exit_code;
+  json["reason"] = name_of(o.reason);
+  json["message"] = o.message;
+  json["node"] = o.node;
+  json["program"] = o.program;
+  const Figures& f = o.figures;
+  json["figures"] = {{"layers", f.layers},
+                     {"height_mean_um", f.height_mean_um},
+                     {"height_p95_um", f.height_p95_um},
+                     {"height_max_um", f.height_max_um},
+                     {"lost_features", f.lost_features},
+                     {"merged_features", f.merged_features},
+                     {"cure_through_voxels", f.cure_through_voxels},
+                     {"undercure_voxels", f.undercure_voxels},
+                     {"target_voxels", f.target_voxels}};
+  json["files"] = Json::array();
+  for (const ResultFile& r : o.files) {
+    json["files"].push_back({{"ending", r.ending}, {"bytes", r.bytes}, {"sha256", r.sha256}});
+  }
+  json["voxels"] = o.voxels;
+  json["wall_s"] = o.wall_s;
+  json["cpu_s"] = o.cpu_s;
+  json["peak_mb"] = o.peak_mb;
+  replace_file(folder + "/result.json", dump(json));
+}
+
+std::optional<Outcome> read_outcome(const std::string& folder) {
+  const auto text = text_of(folder + "/result.json");
+  if (!text) return std::nullopt;
+  try {
+    const Json json = Json::parse(*text);
+    Outcome o;
+    o.token = json.at("token");
+    o.key = json.at("key");
+    o.exit_code = json.at("exit_code");
+    o.reason = reason_named(json.at("reason").get<std::string>());
+    o.message = json.at("message");
+    o.node = json.at("node");
+    o.program = json.at("program");
+    const Json& f = json.at("figures");
+    o.figures = {f.at("layers"),
+                 f.at("height_mean_um"),
+                 f.at("height_p95_um"),
+                 f.at("height_max_um"),
+                 f.at("lost_features"),
+                 f.at("merged_features"),
+                 f.at("cure_through_voxels"),
+                 f.at("undercure_voxels"),
+                 f.at("target_voxels")};
+    for (const Json& r : json.at("files")) {
+      o.files.push_back({r.at("ending"), r.at("bytes"), r.at("sha256")});
+    }
+    o.voxels = json.at("voxels");
+    o.wall_s = json.at("wall_s");
+    o.cpu_s = json.at("cpu_s");
+    o.peak_mb = json.at("peak_mb");
+    return o;
+  } catch (const Json::exception&) {
+    return std::nullopt;
+  }
+}
+
+}  // namespace slicecorr::farm

@@ -60,7 +60,7 @@ TEST(Words, BytesAndCounts) {
 }
 
 TEST(Words, NothingMovesTheTerminal) {
-  EXPECT_EQ(words::printable(test::terminal_name), "bad?[2J?]0;title??name?");
+  EXPECT_EQ(words::printable(test::terminal_name), "bad?[2J?]0;title\077?name?");
   EXPECT_EQ(words::printable("a\nb\tc"), "a b c");
   EXPECT_EQ(words::printable("日本é"), "日本é");
   // Cut, overlong, surrogate, beyond the last character.
@@ -455,7 +455,7 @@ class Terminal {
       }
       rest_.erase(0, escape);
       std::smatch m;
-      if (!std::regex_search(rest_, m, std::regex("^\033\\[(\\??)([0-9;]*)([A-Za-z])"))) {
+      if (!std::regex_search(rest_, m, std::regex("^\033\\[([?]?)([0-9;]*)([A-Za-z])"))) {
         ASSERT_LT(rest_.size(), 16U) << "an unknown sequence";
         return;
       }
@@ -580,8 +580,7 @@ TEST(Live, LinesWithoutATerminal) {
   EXPECT_EQ(result.out.find('\033'), std::string::npos);
 }
 
-// --- the page of the morning
-// ----------------------------------------------------------------------
+// --- the page of the morning --------------------------------------------------------------------
 
 TEST(Morning, FiguresAreThoseOfTheTime) {
   const std::int64_t start = system_clock().wall_ms() - 10 * 3600'000;
@@ -678,9 +677,8 @@ TEST(Morning, PageShowsEverythingAndRunsNothing) {
   EXPECT_EQ(html.find("<img"), html.npos);
   EXPECT_EQ(html.find("onerror=alert(1)>"), html.npos);
   EXPECT_THAT(html, HasSubstr("&lt;img src=x"));
-  for (std::sregex_iterator it(html.begin(), html.end(), std::regex("(src|href)=\"([^\"]*)\"")),
-       end;
-       it != end; ++it) {
+  const std::regex link("(src|href)=\"([^\"]*)\"");
+  for (std::sregex_iterator it(html.begin(), html.end(), link), end; it != end; ++it) {
     EXPECT_EQ((*it)[2].str().rfind("./results/", 0), 0U) << (*it)[2];
   }
   // Links lead to files that are there.
@@ -731,8 +729,7 @@ TEST(Morning, Program) {
   EXPECT_THAT(result.err, HasSubstr("--since is 'soon', expected"));
 }
 
-// --- metrics
-// --------------------------------------------------------------------------------------
+// --- metrics ------------------------------------------------------------------------------------
 
 /// The text format, strictly: HELP and TYPE before the values of a name, once; known types; label
 /// syntax; no value twice; counters end in _total, others don't; a line end at the end.

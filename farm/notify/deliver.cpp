@@ -6,6 +6,7 @@
 #include <poll.h>
 #include <signal.h>
 #include <spawn.h>
+#include <sys/mman.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -22,6 +23,27 @@ namespace slicecorr::farm {
 namespace {
 
 using Steady = std::chrono::steady_clock;
+
+/// A receiver that hangs up must not end the program: SIGPIPE waits, and is thrown away.
+class NoSigpipe {
+ public:
+  NoSigpipe() {
+    sigemptyset(&pipe_);
+    sigaddset(&pipe_, SIGPIPE);
+    ::pthread_sigmask(SIG_BLOCK, &pipe_, &before_);
+  }
+  ~NoSigpipe() {
+    const timespec now{};
+    while (::sigtimedwait(&pipe_, nullptr, &now) > 0) {
+    }
+    ::pthread_sigmask(SIG_SETMASK, &before_, nullptr);
+  }
+  NoSigpipe(const NoSigpipe&) = delete;
+  NoSigpipe& operator=(const NoSigpipe&) = delete;
+
+ private:
+  sigset_t pipe_, before_;
+};
 
 std::string post(const NotifyTarget& target, const Notice& notice, int stop_fd) {
   const std::size_t slash = target.url.find('/', target.url.find("://") + 3);
@@ -60,6 +82,7 @@ std::string post(const NotifyTarget& target, const Notice& notice, int stop_fd) 
     }
     if (!ended) client.stop();
   });
+  const NoSigpipe no_sigpipe;
   const auto result = client.Post(path.c_str(), headers, notice.json, "application/json");
   ended = true;
   guard.join();
@@ -81,8 +104,8 @@ std::string run(const NotifyTarget& target, const Notice& notice, int stop_fd) {
   for (std::string& s : variables) envp.push_back(s.data());
   envp.push_back(nullptr);
 
-  // stdin is a file without a name: a program that does not read it holds nobody up.
-  const int input = ::open("/tmp", O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
+  // stdin is a file in memory: a program that does not read it holds nobody up.
+  const int input = ::memfd_create("notice", MFD_CLOEXEC);
   const int nothing = ::open("/dev/null", O_WRONLY | O_CLOEXEC);
   if (input < 0 || nothing < 0 ||
       ::write(input, notice.json.data(), notice.json.size()) !=

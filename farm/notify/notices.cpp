@@ -171,17 +171,21 @@ Notices notices_since(ReadModel& model, const std::string& farm, std::int64_t af
   std::vector<std::pair<Event, Job>> failed;
   std::map<std::int64_t, Event> batches;  ///< the last event of each that ended a job
   std::optional<Event> last_end;
-  for (const Event& e : model.events(after, events_at_once)) {
-    found.seen = e.seq;
-    if (e.kind == "disk_low") {
-      found.list.push_back(make(farm, "disk_low", e, e.text, Json::object()));
+  for (bool more = true; more;) {
+    more = false;
+    for (const Event& e : model.events(found.seen, events_at_once)) {
+      more = true;
+      found.seen = e.seq;
+      if (e.kind == "disk_low") {
+        found.list.push_back(make(farm, "disk_low", e, e.text, Json::object()));
+      }
+      if (e.kind != "done" && e.kind != "failed" && e.kind != "cancelled") continue;
+      const auto job = model.job(e.job);
+      if (!job) continue;
+      last_end = e;
+      batches[job->batch] = e;
+      if (e.kind == "failed") failed.emplace_back(e, *job);
     }
-    if (e.kind != "done" && e.kind != "failed" && e.kind != "cancelled") continue;
-    const auto job = model.job(e.job);
-    if (!job) continue;
-    last_end = e;
-    batches[job->batch] = e;
-    if (e.kind == "failed") failed.emplace_back(e, *job);
   }
   const auto failure = [&](const Event& e, const Job& job) {
     return make(

@@ -182,7 +182,8 @@ struct Notifier::Parts {
                          outbox->list.end() - static_cast<std::ptrdiff_t>(most_pending));
     }
     outbox->set_seen(found.seen);
-    outbox->save();
+    // Looked at again after a crash, events that gave nothing give nothing.
+    if (!found.list.empty()) outbox->save();
   }
 
   void look_forever() {
@@ -191,11 +192,6 @@ struct Notifier::Parts {
         if (stopped(options.look_s)) return;
       }
       ReadModel model(folder.database(), *options.clock);
-      {
-        const std::scoped_lock lock(mutex);
-        outbox = std::make_unique<Outbox>(folder.root + "/notify.json", model.summary().last_event);
-        start_senders();
-      }
       std::error_code error;
       auto changed = fs::last_write_time(config, error);
       std::string last_trouble;
@@ -207,9 +203,17 @@ struct Notifier::Parts {
             std::vector<NotifyTarget> fresh = read_notify_file(config);
             const std::scoped_lock lock(mutex);
             targets = std::move(fresh);
-            start_senders();
           }
-          look(model);
+          // Who tells nobody keeps no account.
+          if (!targets.empty()) {
+            if (!outbox) {
+              const std::scoped_lock lock(mutex);
+              outbox = std::make_unique<Outbox>(folder.root + "/notify.json",
+                                                model.summary().last_event);
+            }
+            start_senders();
+            look(model);
+          }
           last_trouble.clear();
         } catch (const Error& e) {
           // Said once; the next look may find the file mended, or room on the disk.

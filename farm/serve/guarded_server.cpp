@@ -79,6 +79,9 @@ GuardedStream::GuardedStream(int socket, int stop_fd, const ConnectionLimits& li
 GuardedStream* GuardedStream::current() { return stream_here; }
 
 void GuardedStream::allow_body(std::int64_t bytes) {
+  // Requests that wait for leave to send are checked twice.
+  if (body_allowed_) return;
+  body_allowed_ = true;
   left_ += bytes;
   read_until_ = Steady::now() +
                 seconds(limits_.request_s + static_cast<double>(bytes) / limits_.least_bytes_s);

@@ -47,6 +47,7 @@ class GuardedStream : public httplib::Stream {
   int socket_, stop_fd_;
   ConnectionLimits limits_;
   std::int64_t left_;  ///< bytes that may still come
+  bool body_allowed_ = false;
   Steady::time_point read_until_, write_since_{};
   double written_ = 0;
   std::vector<char> buffer_;

@@ -1,235 +1,272 @@
 /// @file farm_fixture.hpp
-/// A farm in a folder of its own, filled through the queue's own functions: every state, every
-/// reason.
+/// A farm of its own for each test: a folder, a clock that tests set, jobs without inputs, and
+/// small parts that take milliseconds.
 #pragma once
 
-#include <fmt/format.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
+#include <array>
 #include <atomic>
+#include <cstdint>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <optional>
+#include <iterator>
+#include <map>
+#include <set>
 #include <string>
 #include <vector>
 
+#include "run_program.hpp"
+#include "slicecorr/farm/clock.hpp"
 #include "slicecorr/farm/folder.hpp"
 #include "slicecorr/farm/queue.hpp"
 #include "slicecorr/farm/read_model.hpp"
+#include "slicecorr/farm/store.hpp"
 
-namespace slicecorr::farm::test {
+namespace slicecorr::test {
 
-/// Stands still unless it is moved. Boot and start are the machine's, so that programs which go by
-/// the real clock find the test's own process alive.
-class HandClock : public Clock {
+namespace fs = std::filesystem;
+
+/// A folder that goes with the test.
+class FarmFolderOfTest {
  public:
-  explicit HandClock(std::int64_t wall_ms = system_clock().wall_ms()) : wall_ms_(wall_ms) {}
-  std::int64_t wall_ms() const override { return wall_ms_; }
-  std::int64_t steady_ms() const override { return steady_ms_; }
-  std::string boot_id() const override { return system_clock().boot_id(); }
-  void pass(double seconds) {
-    wall_ms_ += static_cast<std::int64_t>(seconds * 1000);
-    steady_ms_ += static_cast<std::int64_t>(seconds * 1000);
+  FarmFolderOfTest() {
+    std::string name = (fs::temp_directory_path() / "slicecorr-farm-XXXXXX").string();
+    if (!::mkdtemp(name.data())) throw std::runtime_error("no folder");
+    path_ = name;
   }
+  ~FarmFolderOfTest() {
+    std::error_code error;
+    fs::remove_all(path_, error);
+  }
+  FarmFolderOfTest(const FarmFolderOfTest&) = delete;
+  FarmFolderOfTest& operator=(const FarmFolderOfTest&) = delete;
+  std::string operator/(const std::string& name) const { return path_ + "/" + name; }
+  const std::string& path() const { return path_; }
 
  private:
-  std::atomic<std::int64_t> wall_ms_;
-  std::atomic<std::int64_t> steady_ms_{system_clock().steady_ms()};
+  std::string path_;
 };
+
+/// Stands still until it is set.
+class TestClock final : public farm::Clock {
+ public:
+  std::int64_t wall_ms() const override { return wall; }
+  std::int64_t steady_ms() const override { return steady; }
+  std::string boot_id() const override { return boot; }
+  std::atomic<std::int64_t> wall{1'800'000'000'000}, steady{5'000'000};
+  std::string boot = farm::system_clock().boot_id();
+};
+
+inline farm::NewJob job_with_key(const std::string& key, const std::string& name = "part",
+                                 const std::string& user = "anna") {
+  farm::NewJob j;
+  j.work.key = key;
+  j.work.spec_json = "{}";
+  j.work.setup_json = "{}";
+  j.work.setup_hash = "hash";
+  j.work.kind = "run";
+  j.work.printer = "printer";
+  j.work.resin = "resin";
+  j.work.format = "uvj";
+  j.work.rate_class = "run continuous";
+  j.work.layers = 10;
+  j.work.voxels = 1'000'000;
+  j.work.base_memory_mb = 100;
+  j.work.thread_memory_mb = 10;
+  j.name = name;
+  j.user = user;
+  j.parts = {"/parts/" + name + ".stl"};
+  j.results_folder = "/results/";
+  j.expected_s = 2;
+  return j;
+}
+
+inline farm::ClaimRequest any_job(const std::string& service) {
+  farm::ClaimRequest r;
+  r.service = service;
+  r.engine = "local";
+  r.free_memory_mb = 1000;
+  return r;
+}
+
+inline farm::ResultRecord some_result() {
+  farm::ResultRecord r;
+  r.figures.layers = 10;
+  r.figures.height_max_um = 3;
+  r.files = {{"uvj", 5, "aa"}, {"html", 6, "bb"}, {"json", 7, "cc"}};
+  r.program = "slicecorr test";
+  r.wall_s = 1;
+  return r;
+}
+
+inline farm::AttemptEnd ended(farm::Reason reason, const std::string& message = "why") {
+  farm::AttemptEnd e;
+  e.reason = reason;
+  e.message = message;
+  e.wall_s = 1;
+  return e;
+}
+
+inline std::string text_of_file(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  return std::string(std::istreambuf_iterator<char>(file), {});
+}
 
 inline void write_file(const std::string& path, const std::string& text) {
-  std::filesystem::create_directories(std::filesystem::path(path).parent_path());
-  std::ofstream(path, std::ios::binary) << text;
+  std::ofstream file(path, std::ios::binary);
+  file << text;
 }
 
-class Farm {
- public:
-  explicit Farm(std::int64_t wall_ms = system_clock().wall_ms() - 3600'000)
-      : clock(wall_ms),
-        root((std::filesystem::path(::testing::TempDir()) /
-              fmt::format("farm-{}-{}", ::getpid(), ++made_))
-                 .string()),
-        folder(open_folder(root)),
-        queue(folder.database(), clock),
-        service(queue.start_service("local", 2, 4000)) {}
-  ~Farm() {
-    std::error_code error;
-    std::filesystem::remove_all(root, error);
-  }
-  Farm(const Farm&) = delete;
-  Farm& operator=(const Farm&) = delete;
-
-  NewJob job(const std::string& name, const std::string& key_of = {}) {
-    NewJob j;
-    // 64 hex digits that differ by the text.
-    std::uint64_t h = 1469598103934665603ULL;
-    for (const char c : key_of.empty() ? name : key_of) {
-      h = (h ^ static_cast<unsigned char>(c)) * 1099511628211ULL;
-    }
-    j.work.key = fmt::format("{0:016x}{0:016x}{0:016x}{0:016x}", h);
-    j.work.spec_json = "{}";
-    j.work.setup_json = "{}";
-    j.work.setup_hash = "s";
-    j.work.kind = "run";
-    j.work.printer = "dual-wavelength-dlp";
-    j.work.resin = "benchy-resin";
-    j.work.format = "uvj";
-    j.work.layers = 770;
-    j.work.voxels = 200'000'000;
-    j.work.base_memory_mb = 100;
-    j.name = name;
-    j.user = "anna";
-    j.results_folder = folder.root + "/results/";
-    j.parts = {"/parts/" + name + ".stl"};
-    j.expected_s = 12;
-    j.expected_bytes = 4'000'000;
-    return j;
-  }
-
-  std::vector<JobId> submit(const std::vector<NewJob>& jobs) {
-    return queue.submit(jobs, "anna", "test");
-  }
-
-  Claim claim() {
-    ClaimRequest request;
-    request.service = service;
-    request.engine = "local";
-    request.free_memory_mb = 4000;
-    auto claim = queue.claim(request);
-    if (!claim) throw std::runtime_error("nothing to claim");
-    queue.record_start(claim->token, "1", 1, 400);
-    return *claim;
-  }
-
-  /// The claimed job is done after some seconds of the farm's time.
-  void finish(const Claim& claim, double seconds, const Figures& figures, bool from_cache = false) {
-    clock.pass(seconds);
-    const std::string stem = folder.results(claim.job.id) + "/" + claim.job.name;
-    ResultRecord result;
-    result.figures = figures;
-    result.program = "slicefarm test";
-    result.wall_s = seconds;
-    for (const auto& [ending, text] :
-         {std::pair{"uvj", std::string(5000, 'z')},
-          std::pair{"html", std::string("<!doctype html><title>part</title>the part's page")},
-          std::pair{"json", std::string("{}\n")}}) {
-      if (claim.job.name.find('/') == std::string::npos) {
-        write_file(stem + "." + ending, text);
+/// A binary STL of boxes {x0, x1, y0, y1, z0, z1} in mm.
+using BoxMm = std::array<float, 6>;
+inline std::string stl_of(const std::vector<BoxMm>& boxes) {
+  std::string text(80, ' ');
+  const auto put = [&](const auto& value) {
+    text.append(reinterpret_cast<const char*>(&value), sizeof value);
+  };
+  put(static_cast<std::uint32_t>(boxes.size() * 12));
+  for (const BoxMm& b : boxes) {
+    // Corner c: bit 0 x, bit 1 y, bit 2 z.
+    constexpr int sides[6][4] = {{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4},
+                                 {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}};
+    for (const auto& q : sides) {
+      for (const auto& corners : {std::array{q[0], q[1], q[2]}, std::array{q[0], q[2], q[3]}}) {
+        for (int i = 0; i < 3; ++i) put(0.0F);
+        for (const int c : corners) {
+          put(b[c & 1 ? 1 : 0]);
+          put(b[c & 2 ? 3 : 2]);
+          put(b[c & 4 ? 5 : 4]);
+        }
+        put(std::uint16_t{0});
       }
-      result.files.push_back(
-          {ending, static_cast<std::int64_t>(text.size()), std::string(64, 'a')});
     }
-    AttemptEnd end;
-    end.node = from_cache ? "" : "night-owl";
-    end.exit_code = 0;
-    end.wall_s = seconds;
-    end.cpu_s = seconds * 0.95;
-    end.peak_mb = 180;
-    ASSERT_TRUE(queue.begin_commit(claim.token));
-    ASSERT_TRUE(queue.finish(claim.token, result, end, from_cache));
   }
-
-  void give_up(const Claim& claim, double seconds, Reason reason, const std::string& message,
-               const std::string& log = {}) {
-    clock.pass(seconds);
-    if (!log.empty()) write_file(folder.log(claim.job.id, claim.number), log);
-    AttemptEnd end;
-    end.reason = reason;
-    end.message = message;
-    end.node = "night-owl";
-    end.exit_code = reason == Reason::bad_input ? 2 : 1;
-    end.wall_s = seconds;
-    end.cpu_s = seconds * 0.5;
-    ASSERT_TRUE(queue.give_up(claim.token, end));
-  }
-
-  void set(const std::string& name, const std::string& value) {
-    queue.change_settings({{name, value}}, "test");
-  }
-
-  ReadModel model() { return ReadModel(folder.database(), clock); }
-
-  HandClock clock;
-  std::string root;
-  FarmFolder folder;
-  Queue queue;
-  std::string service;
-
- private:
-  static inline int made_ = 0;
-};
-
-/// All reasons for which a job can end.
-inline constexpr Reason final_reasons[] = {
-    Reason::bad_input,     Reason::infeasible,     Reason::input_gone,   Reason::too_large,
-    Reason::worker_killed, Reason::worker_crashed, Reason::hung,         Reason::out_of_memory,
-    Reason::device_failed, Reason::output_invalid, Reason::engine_failed};
-
-inline Figures figures_with(double max_um, std::int64_t lost = 0) {
-  Figures f;
-  f.layers = 770;
-  f.height_mean_um = max_um / 20;
-  f.height_p95_um = max_um / 4;
-  f.height_max_um = max_um;
-  f.lost_features = lost;
-  f.target_voxels = 12'345'678;
-  return f;
+  return text;
 }
 
-inline constexpr const char* nasty_name = "<img src=x onerror=alert(1)>&\"'";
-/// Clears the screen, sets the title, turns the direction of writing.
-inline constexpr const char* terminal_name = "bad\033[2J\033]0;title\007\u202Ename\x80";
-
-/// What a test knows of a filled farm.
-struct Filled {
-  std::vector<JobId> failed;  ///< in the order of `final_reasons`
-  std::vector<JobId> done;
-  JobId cached = 0, running = 0, follower = 0, queued = 0, again = 0, cancelled = 0, nasty = 0,
-        terminal = 0;
-};
-
-/// A night: every state, every reason, names that would do harm.
-inline Filled fill(Farm& farm) {
-  Filled f;
-  farm.set("max-attempts", "1");
-  for (const Reason reason : final_reasons) {
-    const std::string name = std::string("fails-") + name_of(reason);
-    f.failed.push_back(farm.submit({farm.job(name)})[0]);
-    farm.give_up(farm.claim(), 40, reason, fmt::format("what happened: {}", name_of(reason)),
-                 fmt::format("slicing\nline before the last\nlast line of {}\n", name));
-  }
-  farm.set("max-attempts", "3");
-  for (int i = 0; i < 6; ++i) {
-    const auto id = farm.submit({farm.job(fmt::format("gyroid-{}", i))})[0];
-    f.done.push_back(id);
-    farm.finish(farm.claim(), 70 + 30 * i, figures_with(3 + 10 * i, i == 5 ? 17 : 0));
-  }
-  f.nasty = farm.submit({farm.job(nasty_name)})[0];
-  farm.finish(farm.claim(), 30, figures_with(999));
-  f.cached = farm.submit({farm.job("gyroid-again", "gyroid-0")})[0];
-  farm.finish(farm.claim(), 0.1, figures_with(3), true);
-  f.cancelled = farm.submit({farm.job("not-wanted")})[0];
-  farm.queue.cancel(f.cancelled, "anna");
-  f.again = farm.submit({farm.job("flaky")})[0];
-  farm.give_up(farm.claim(), 20, Reason::worker_killed, "ended by signal 9", "half of a log\n");
-  NewJob running = farm.job("elephant-40mm");
-  running.priority = 9;
-  f.running = farm.submit({running})[0];
-  const Claim claim = farm.claim();
-  farm.clock.pass(6);
-  farm.queue.record_progress({{claim.token, "correct", "night-owl", 0.6, 462}});
-  write_file(farm.folder.attempt(claim.token) + "/log.txt", "reading\ncorrecting\n");
-  f.follower = farm.submit({farm.job("elephant-copy", "elephant-40mm")})[0];
-  NewJob queued = farm.job("benchy-日本");
-  queued.user = "bert";
-  queued.labels = {"clear", "rush"};
-  queued.priority = 5;
-  queued.ready_by_ms = farm.clock.wall_ms() + 3600'000;
-  f.queued = farm.submit({queued})[0];
-  f.terminal = farm.submit({farm.job(terminal_name)})[0];
-  farm.queue.renew(farm.service, {claim.token}, "working");
-  return f;
+/// A bridge on two legs: its gap cures through unless it is corrected. `n` makes it another part.
+inline std::string bridge_stl(int n) {
+  const float high = 1.0F + 0.05F * static_cast<float>(n % 20);
+  const float wide = 2.0F + 0.1F * static_cast<float>(n / 20);
+  return stl_of({{0, 0.6F, 0, 1, 0, high},
+                 {wide, wide + 0.6F, 0, 1, 0, high},
+                 {0, wide + 0.6F, 0, 1, high, high + 0.5F}});
 }
 
-}  // namespace slicecorr::farm::test
+constexpr const char* small_printer_toml = R"(
+name = "small"
+[display]
+width_px = 96
+height_px = 64
+pixel_um = 50.0
+bit_depth = 8
+[blue]
+wavelength_nm = 460
+calibration = [[0, 1.0], [255, 100.0]]
+[stage]
+max_speed_mm_h = 2000
+travel_mm = 100
+)";
+
+constexpr const char* small_resin_toml = R"(
+name = "clear"
+[cure]
+model = "jacobs"
+m = 1.0
+absorbance_height_um = 1500.0
+absorbance_base = 10
+critical_dose_mj_cm3 = 230.0
+)";
+
+/// Programs on a farm of the test's own, as people run them.
+class FarmPrograms : public testing::Test {
+ protected:
+  void SetUp() override {
+    write_file(dir / "small.toml", small_printer_toml);
+    write_file(dir / "clear.toml", small_resin_toml);
+  }
+
+  std::vector<std::string> process_options() const {
+    return {"--printer", dir / "small.toml", "--resin", dir / "clear.toml", "--layer-um",
+            "50",        "--speed-mm-h",     "700"};
+  }
+  std::string farm_dir() const { return dir / "farm"; }
+  std::string database() const { return farm_dir() + "/farm.sqlite"; }
+
+  RunResult program(const std::string& name, std::vector<std::string> arguments,
+                    const RunOptions& options = {}) const {
+    arguments.insert(arguments.begin(), std::string(SLICECORR_BIN_DIR) + "/" + name);
+    return run_program(arguments, options);
+  }
+  /// `slicefarm COMMAND --dir DIR ARGUMENTS`.
+  RunResult farm(const std::string& command, std::vector<std::string> arguments = {},
+                 RunOptions options = {}) const {
+    arguments.insert(arguments.begin(), {command, "--dir", farm_dir()});
+    if (!options.environment.contains("USER")) options.environment["USER"] = "anna";
+    return program("slicefarm", arguments, options);
+  }
+  RunResult submit_parts(const std::vector<std::string>& parts,
+                         const std::vector<std::string>& more = {}) const {
+    std::vector<std::string> arguments = parts;
+    const auto process = process_options();
+    arguments.insert(arguments.end(), process.begin(), process.end());
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const RunResult r = farm("submit", arguments);
+    EXPECT_EQ(r.exit_code, 0) << r.err;
+    return r;
+  }
+  /// Works until all is done; short delays, and room on any disk.
+  RunResult run_all(const std::map<std::string, std::string>& environment = {},
+                    std::vector<std::string> more = {}) const {
+    RunOptions o;
+    o.environment = environment;
+    o.timeout = std::chrono::minutes(5);
+    more.insert(more.begin(), "--until-empty");
+    return farm("run", more, o);
+  }
+  void quick_settings() const {
+    const RunResult r = farm("set", {"min-free-mb=0", "retry-delay-s=0"});
+    ASSERT_EQ(r.exit_code, 0) << r.err;
+  }
+  std::string make_part(int n) const {
+    const std::string path = dir / ("bridge-" + std::to_string(n) + ".stl");
+    write_file(path, bridge_stl(n));
+    return path;
+  }
+  /// What `slicecorr run` makes of the part, as PATH.uvj, .html and .json.
+  std::string reference(const std::string& part) const {
+    const std::string name = fs::path(part).stem().string();
+    const std::string folder = dir / "reference";
+    fs::create_directories(folder);
+    const std::string base = folder + "/" + name;
+    if (fs::exists(base + ".uvj")) return base;
+    std::vector<std::string> arguments = {"run", part, "-o", base + ".uvj"};
+    const auto process = process_options();
+    arguments.insert(arguments.end(), process.begin(), process.end());
+    const RunResult r = program("slicecorr", arguments);
+    EXPECT_EQ(r.exit_code, 0) << r.err;
+    return base;
+  }
+  void expect_same_files(const std::string& a, const std::string& b) const {
+    for (const char* ending : {".uvj", ".html", ".json"}) {
+      ASSERT_TRUE(fs::exists(a + ending)) << a << ending;
+      EXPECT_EQ(text_of_file(a + ending), text_of_file(b + ending)) << a << ending;
+    }
+  }
+  /// Files that only stand there while something is being made.
+  std::vector<std::string> leftovers(const std::string& folder) const {
+    std::vector<std::string> list;
+    if (!fs::exists(folder)) return list;
+    for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+      const std::string name = entry.path().filename().string();
+      if (name.starts_with(".") || name.ends_with(".part")) list.push_back(entry.path().string());
+    }
+    return list;
+  }
+
+  FarmFolderOfTest dir;
+};
+
+}  // namespace slicecorr::test

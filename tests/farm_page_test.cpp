@@ -7,7 +7,7 @@
 #include <thread>
 
 #include "browser.hpp"
-#include "farm_fixture.hpp"
+#include "farm_filled.hpp"
 #include "slicecorr/farm/morning.hpp"
 #include "slicecorr/farm/serve.hpp"
 

@@ -9,7 +9,7 @@
 #include <set>
 #include <thread>
 
-#include "farm_fixture.hpp"
+#include "farm_filled.hpp"
 #include "run_program.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/metrics.hpp"

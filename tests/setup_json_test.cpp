@@ -62,7 +62,7 @@ TEST(SetupJson, DamageIsRefusedByName) {
   std::string text = setup_json(resolved(c));
   const std::size_t at = text.find("\"width_px\"");
   ASSERT_NE(at, text.npos);
-  text.insert(at + 1, "x");
+  text[at + 1] = 'v';
   try {
     parse_setup_json(text, "order.json");
     FAIL() << "accepted";

@@ -73,7 +73,8 @@ class Outbox {
       n.seq = p.value("seq", std::int64_t{0});
       n.at_ms = p.value("at_ms", std::int64_t{0});
       n.json = p.value("json", "");
-      for (const auto& [name, value] : p.value("variables", Json::object()).items()) {
+      const Json variables = p.value("variables", Json::object());
+      for (const auto& [name, value] : variables.items()) {
         n.variables.emplace_back(name, value.get<std::string>());
       }
       list.push_back(std::move(one));

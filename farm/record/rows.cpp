@@ -147,11 +147,12 @@ ProcessMark mark_of(long pid) {
   std::ifstream file(fmt::format("/proc/{}/stat", pid));
   std::string line;
   if (!std::getline(file, line)) return mark;
-  // The name, in parentheses, may hold anything; the start is the 20th field after it.
+  // The name, in parentheses, may hold anything; the start is the 20th field after it, and
+  // `close` + 1 is the space before the first.
   const std::size_t close = line.rfind(')');
   if (close == line.npos || close + 2 >= line.size() || line[close + 2] == 'Z') return mark;
   std::size_t at = close + 1;
-  for (int field = 0; field < 20 && at != line.npos; ++field) at = line.find(' ', at + 1);
+  for (int field = 1; field < 20 && at != line.npos; ++field) at = line.find(' ', at + 1);
   if (at != line.npos) mark.start = std::atoll(line.c_str() + at);
   return mark;
 }

@@ -107,7 +107,8 @@ JobFilter filter_of(Query& query) {
 // --- helpers ------------------------------------------------------------------------------------
 
 void send(httplib::Response& response, int status, std::string text, const char* type) {
-  response.status = status;
+  // The server itself tells a part of an answer (206) from a whole one.
+  if (status != 200) response.status = status;
   if (text.empty()) {
     response.set_content("", type);
     return;
@@ -403,7 +404,6 @@ void Api::file(const Job& job, const std::string& ending, httplib::Response& res
     }
     response.set_header("Content-Disposition", "attachment; filename*=UTF-8''" + name);
   }
-  response.status = 200;
   const auto size = static_cast<std::size_t>(s.st_size);
   const char* type = page ? html_type : ending == "json" ? json_type : "application/octet-stream";
   if (size == 0) return response.set_content("", type);

@@ -1,4 +1,5 @@
 #include <fmt/format.h>
+#include <sys/socket.h>
 
 #include <sstream>
 
@@ -47,6 +48,11 @@ FarmServer::FarmServer(const FarmFolder& folder, ServeOptions options)
   }
   auto& server = p.server;
   server.set_tcp_nodelay(true);
+  // Not SO_REUSEPORT, which httplib sets: a second server would get half of the connections.
+  server.set_socket_options([](socket_t socket) {
+    const int yes = 1;
+    ::setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
+  });
   server.set_payload_max_length(
       static_cast<std::size_t>(std::max(p.options.most_upload_bytes, p.options.most_body_bytes)));
   if (p.options.port == 0) {

@@ -217,14 +217,21 @@ class Preparation {
     resolve_all();
     check_all();
     check_outputs();
-    if (!errors_.empty()) throw SubmitErrors(std::move(errors_));
+    if (!errors_.empty()) {
+      // In the order of the requests, whatever was found out first.
+      std::stable_sort(errors_.begin(), errors_.end(),
+                       [](const auto& a, const auto& b) { return a.first < b.first; });
+      std::vector<SubmitError> list;
+      for (auto& [index, error] : errors_) list.push_back(std::move(error));
+      throw SubmitErrors(std::move(list));
+    }
     store_inputs(store);
     return make_jobs();
   }
 
  private:
   void refuse(const JobRequest& r, const std::string& message) {
-    errors_.push_back({r.where, message});
+    errors_.emplace_back(&r - requests_.data(), SubmitError{r.where, message});
   }
 
   void resolve_all() {
@@ -325,6 +332,7 @@ class Preparation {
     for (const JobRequest& r : requests_) inputs.insert(r.parts.begin(), r.parts.end());
     for (std::size_t i = 0; i < requests_.size(); ++i) {
       const JobRequest& r = requests_[i];
+      if (r.parts.empty()) continue;
       if (const std::string problem = problem_of_name(name_of_copy(r, 1)); !problem.empty()) {
         refuse(r, fmt::format("name '{}' {}", name_of_copy(r, 1), problem));
         continue;
@@ -441,7 +449,7 @@ class Preparation {
   Queue& queue_;
   const std::string& user_;
   const slicecorr::Job& job_;
-  std::vector<SubmitError> errors_;
+  std::vector<std::pair<std::ptrdiff_t, SubmitError>> errors_;  ///< with the request's index
   std::vector<Resolved> resolved_;
   std::vector<std::size_t> distinct_;  ///< requests whose inputs are looked at
   std::vector<Checked> checked_;       ///< of these

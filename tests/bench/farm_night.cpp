@@ -1,0 +1,174 @@
+// A night in small: farm_night [JOBS] [SIZE_MM]. Many jobs from real meshes, with several resins
+// and speeds, by slicefarm and one after the other by slicecorr; then the same jobs again. Fails
+// when a job fails, is done twice, or differs from what slicecorr wrote.
+
+#include <fmt/format.h>
+#include <stdlib.h>
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <stdexcept>
+#include <thread>
+
+#include "../run_program.hpp"
+#include "slicecorr/farm/read_model.hpp"
+#include "slicecorr/farm/submit.hpp"
+#include "slicecorr/mesh.hpp"
+
+namespace {
+
+namespace fs = std::filesystem;
+using namespace slicecorr;
+using namespace slicecorr::farm;
+
+struct Cost {
+  double wall_s = 0, cpu_s = 0;
+};
+
+double cpu_of_children() {
+  rusage u{};
+  ::getrusage(RUSAGE_CHILDREN, &u);
+  return static_cast<double>(u.ru_utime.tv_sec + u.ru_stime.tv_sec) +
+         1e-6 * static_cast<double>(u.ru_utime.tv_usec + u.ru_stime.tv_usec);
+}
+
+Cost run(const std::vector<std::string>& command) {
+  const double cpu = cpu_of_children();
+  const auto begin = std::chrono::steady_clock::now();
+  test::RunOptions o;
+  o.timeout = std::chrono::hours(10);
+  const test::RunResult r = test::run_program(command, o);
+  if (r.exit_code != 0) throw std::runtime_error(command[0] + " " + command[1] + ": " + r.err);
+  return {std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count(),
+          cpu_of_children() - cpu};
+}
+
+std::string bytes_of(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  return std::string(std::istreambuf_iterator<char>(file), {});
+}
+
+struct Part {
+  std::string path;
+  double scale;
+};
+
+}  // namespace
+
+int main(int argc, char** argv) try {
+  const int jobs = argc > 1 ? std::atoi(argv[1]) : 200;
+  const double size_mm = argc > 2 ? std::atof(argv[2]) : 20;
+  const std::string bin = fs::read_symlink("/proc/self/exe").parent_path().string() + "/";
+  const std::string meshes = std::string(SLICECORR_TEST_DATA) + "/meshes/clean/";
+  std::vector<Part> parts;
+  for (const char* name : {"3DBenchy.stl", "UVtools_demo_file.stl", "cgal_femur.off",
+                           "cgal_turbine.off", "ksr_fdmtest_v4.stl", "photonic3d_lenscap-36mm.stl",
+                           "stanford_bunny_7k_closed.off", "tpms_diamond_51.stl"}) {
+    if (!fs::exists(meshes + name)) throw std::runtime_error(meshes + name + " is not there");
+    const MeshReport r = inspect(read_mesh(meshes + name));
+    const double longest =
+        std::max({r.upper[0] - r.lower[0], r.upper[1] - r.lower[1], r.upper[2] - r.lower[2]});
+    parts.push_back({meshes + name, size_mm / longest});
+  }
+  // Resins and speeds that can print at all on this printer.
+  const std::string printer = "dual-wavelength-dlp", layer = "50";
+  std::string folder = (fs::temp_directory_path() / "farm-night-XXXXXX").string();
+  if (!::mkdtemp(folder.data())) return 2;
+  struct Mix {
+    std::string resin, speed;
+  };
+  std::vector<Mix> mixes;
+  for (const char* resin : {"benchy-resin", "egg-resin", "custom-resin-1", "custom-resin-2"}) {
+    for (int speed = 300; speed <= 1500; speed += 100) {
+      test::RunOptions o;
+      const std::string s = std::to_string(speed);
+      const test::RunResult r = test::run_program(
+          {bin + "slicefarm", "submit", "--dry-run", "--dir", folder + "/probe", parts[6].path,
+           "--scale", fmt::format("{}", parts[6].scale), "--printer", printer, "--layer-um", layer,
+           "--resin", resin, "--speed-mm-h", s},
+          o);
+      if (r.exit_code == 0) mixes.push_back({resin, s});
+    }
+  }
+  const std::size_t most = mixes.size() * parts.size();
+  if (most < static_cast<std::size_t>(jobs)) {
+    throw std::runtime_error(fmt::format("only {} different jobs", most));
+  }
+  const std::string table = folder + "/jobs.csv";
+  {
+    std::ofstream file(table);
+    file << "part,scale,resin,speed_mm_h,name,out\n";
+    for (int i = 0; i < jobs; ++i) {
+      const auto n = static_cast<std::size_t>(i);
+      const Part& p = parts[n % parts.size()];
+      const Mix& m = mixes[(n / parts.size()) % mixes.size()];
+      file << fmt::format("{},{},{},{},job-{},farm\n", p.path, p.scale, m.resin, m.speed, i);
+    }
+  }
+  const std::string dir = folder + "/farm-dir";
+  const Cost submitted = run({bin + "slicefarm", "submit", table, "--dir", dir, "--printer",
+                              printer, "--layer-um", layer});
+  const Cost farmed = run({bin + "slicefarm", "run", "--until-empty", "--dir", dir});
+  ReadModel model(dir + "/farm.sqlite");
+  const Summary summary = model.summary();
+  if (summary.jobs[static_cast<std::size_t>(JobState::done)] != jobs || summary.attempts != jobs) {
+    throw std::runtime_error(fmt::format("{} of {} jobs done, {} attempts",
+                                         summary.jobs[static_cast<std::size_t>(JobState::done)],
+                                         jobs, summary.attempts));
+  }
+  // The same by hand: one program after the other, each on all cores.
+  fs::create_directories(folder + "/direct");
+  Cost direct;
+  for (int i = 0; i < jobs; ++i) {
+    const auto n = static_cast<std::size_t>(i);
+    const Part& p = parts[n % parts.size()];
+    const Mix& m = mixes[(n / parts.size()) % mixes.size()];
+    const std::string out = fmt::format("{}/direct/job-{}", folder, i);
+    const Cost c = run({bin + "slicecorr", "run", p.path, "--scale", fmt::format("{}", p.scale),
+                        "-o", out + ".uvj", "--printer", printer, "--resin", m.resin,
+                        "--speed-mm-h", m.speed, "--layer-um", layer, "--quiet"});
+    direct.wall_s += c.wall_s;
+    direct.cpu_s += c.cpu_s;
+    for (const char* ending : {".uvj", ".html", ".json"}) {
+      if (bytes_of(fmt::format("{}/farm/job-{}{}", folder, i, ending)) != bytes_of(out + ending)) {
+        throw std::runtime_error(fmt::format("job {}: {} differs", i, ending));
+      }
+    }
+  }
+  // The same jobs again, into other places.
+  std::string again = bytes_of(table);
+  for (std::size_t at = 0; (at = again.find(",farm\n", at)) != again.npos; at += 6) {
+    again.replace(at, 6, ",more\n");
+  }
+  std::ofstream(folder + "/again.csv") << again;
+  const Cost cached = run({bin + "slicefarm", "submit", folder + "/again.csv", "--dir", dir,
+                           "--printer", printer, "--layer-um", layer});
+  const Summary after = ReadModel(dir + "/farm.sqlite").summary();
+  if (after.from_cache != jobs) throw std::runtime_error("not all of them came from the cache");
+
+  const auto cores = static_cast<double>(std::max(1u, std::thread::hardware_concurrency()));
+  fmt::print("{} jobs of {} parts and {} pairs of resin and speed, {:g} mm, {:.2f} G voxels\n\n",
+             jobs, parts.size(), mixes.size(), size_mm, summary.voxels_done * 1e-9);
+  fmt::print("| | wall | processor | cores busy | per job |\n|---|---|---|---|---|\n");
+  const auto row = [&](const char* what, const Cost& c) {
+    fmt::print("| {} | {:.1f} s | {:.1f} s | {:.0f} % | {:.0f} ms |\n", what, c.wall_s, c.cpu_s,
+               100 * c.cpu_s / c.wall_s / cores, 1000 * c.wall_s / jobs);
+  };
+  row("slicefarm submit: checks, copies, queues", submitted);
+  row("slicefarm run", farmed);
+  row("slicecorr run, one after the other", direct);
+  row("slicefarm submit of the same again", cached);
+  fmt::print(
+      "\nThroughput of the farm against one after the other: {:.2f}; processor time {:.2f}\n",
+      direct.wall_s / farmed.wall_s, farmed.cpu_s / direct.cpu_s);
+  fs::remove_all(folder);
+  return 0;
+} catch (const std::exception& e) {
+  fmt::print(stderr, "farm_night: {}\n", e.what());
+  return 1;
+}

@@ -1,0 +1,137 @@
+// How quick a long queue stays: farm_queue [JOBS]. Prints a table: what, how often, time of one.
+
+#include <fmt/format.h>
+#include <stdlib.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdlib>
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "slicecorr/farm/queue.hpp"
+#include "slicecorr/farm/read_model.hpp"
+
+namespace {
+
+using namespace slicecorr::farm;
+using Time = std::chrono::steady_clock;
+
+double seconds_of(const std::function<void()>& action) {
+  const auto begin = Time::now();
+  action();
+  return std::chrono::duration<double>(Time::now() - begin).count();
+}
+
+/// Median and greatest time of some calls.
+void measure(const std::string& what, int times, const std::function<void()>& action) {
+  std::vector<double> list;
+  for (int i = 0; i < times; ++i) list.push_back(seconds_of(action));
+  std::sort(list.begin(), list.end());
+  fmt::print("| {} | {} | {:.2f} ms | {:.2f} ms |\n", what, times, list[list.size() / 2] * 1e3,
+             list.back() * 1e3);
+}
+
+NewJob job_of(int i) {
+  NewJob j;
+  j.work.key = fmt::format("{:064x}", i);
+  j.work.spec_json = std::string(400, ' ');
+  j.work.setup_json = "{}";
+  j.work.setup_hash = "h";
+  j.work.kind = "run";
+  j.work.printer = "printer";
+  j.work.resin = "resin";
+  j.work.format = "uvj";
+  j.work.rate_class = "run continuous";
+  j.work.layers = 500;
+  j.work.voxels = 100'000'000;
+  j.work.base_memory_mb = 300;
+  j.name = fmt::format("part-{}", i);
+  j.user = fmt::format("user-{}", i % 10);
+  j.parts = {fmt::format("/parts/part-{}.stl", i)};
+  j.results_folder = "/results/";
+  j.priority = i % 5;
+  if (i % 3 == 0) j.ready_by_ms = system_clock().wall_ms() + i * 1000;
+  j.expected_s = 2;
+  return j;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const int jobs = argc > 1 ? std::atoi(argv[1]) : 100'000;
+  std::string folder = (std::filesystem::temp_directory_path() / "farm-queue-XXXXXX").string();
+  if (jobs <= 0 || !::mkdtemp(folder.data())) return 2;
+  const std::string path = folder + "/farm.sqlite";
+  Queue queue(path);
+  std::vector<NewJob> list;
+  for (int i = 0; i < jobs; ++i) list.push_back(job_of(i));
+  fmt::print("| with {} jobs queued | times | median | longest |\n|---|---|---|---|\n", jobs);
+  measure("submit all, one transaction", 1, [&] { queue.submit(list, "user", "bench"); });
+  measure("submit one more", 20,
+          [&, i = jobs]() mutable { queue.submit({job_of(i++)}, "user", "bench"); });
+  const std::string service = queue.start_service("local", 2, 100'000);
+  ClaimRequest request;
+  request.service = service;
+  request.engine = "local";
+  request.free_memory_mb = 100'000;
+  std::vector<Claim> claims;
+  measure("claim", 500, [&] { claims.push_back(*queue.claim(request)); });
+  std::size_t next = 0;
+  ResultRecord result;
+  result.files = {{"uvj", 1, "a"}};
+  measure("commit (two transactions)", 400, [&] {
+    const std::string& token = claims[next++].token;
+    queue.begin_commit(token);
+    queue.finish(token, result, {}, false);
+  });
+  measure("put back", 50, [&] {
+    AttemptEnd end;
+    end.reason = Reason::lease_lost;
+    queue.give_up(claims[next++].token, end);
+  });
+  queue.change_settings({{"user-running", "1"}}, "bench");
+  for (std::size_t i = next; i < claims.size(); ++i) {
+    AttemptEnd end;
+    end.reason = Reason::stopped;
+    queue.give_up(claims[i].token, end);
+  }
+  for (int i = 0; i < 10; ++i) queue.claim(request);
+  measure("claim when every user has as many as allowed", 20, [&] { queue.claim(request); });
+  ReadModel model(path);
+  measure("status: summary", 20, [&] { model.summary(); });
+  measure("status: summary and 20 newest jobs", 20, [&] {
+    JobFilter f;
+    f.limit = 20;
+    f.order = JobFilter::Order::newest;
+    model.summary();
+    model.jobs(f);
+  });
+  measure("20 most urgent jobs", 20, [&] {
+    JobFilter f;
+    f.states = {JobState::queued};
+    f.limit = 20;
+    f.order = JobFilter::Order::urgency;
+    model.jobs(f);
+  });
+  measure("20 worst height errors", 20, [&] {
+    JobFilter f;
+    f.states = {JobState::done};
+    f.limit = 20;
+    f.order = JobFilter::Order::worst_height;
+    model.jobs(f);
+  });
+  measure("search a name", 20, [&] {
+    JobFilter f;
+    f.text = "part-4242";
+    f.limit = 20;
+    model.jobs(f);
+  });
+  measure("newest 100 events", 20, [&] { model.last_events(100); });
+  fmt::print("\nDatabase: {:.1f} MB\n",
+             static_cast<double>(std::filesystem::file_size(path)) / 1e6);
+  std::filesystem::remove_all(folder);
+  return 0;
+}

@@ -1,0 +1,715 @@
+// The farm as a shop uses it: parts in, the same files out that slicecorr writes, and all the ways
+// to stop, hold and hurry it.
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <sys/wait.h>
+
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "farm_fixture.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/farm/engine.hpp"
+#include "slicecorr/farm/service.hpp"
+
+namespace slicecorr::farm {
+namespace {
+
+using namespace slicecorr::test;
+using nlohmann::json;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::Not;
+
+class FarmLocal : public FarmPrograms {
+ protected:
+  void SetUp() override {
+    FarmPrograms::SetUp();
+    quick_settings();
+  }
+  Job job(JobId id) { return *ReadModel(database()).job(id); }
+  std::vector<Attempt> attempts(JobId id) { return ReadModel(database()).attempts(id); }
+  std::vector<std::string> events(JobId id) {
+    std::vector<std::string> kinds;
+    for (const Event& e : ReadModel(database()).events(0, 1000, id)) kinds.push_back(e.kind);
+    return kinds;
+  }
+};
+
+/// A service in the background, as long as this object lives.
+class RunningService {
+ public:
+  RunningService(const std::string& dir, std::vector<std::string> more = {},
+                 const std::map<std::string, std::string>& environment = {}) {
+    std::vector<std::string> arguments = {std::string(SLICECORR_BIN_DIR) + "/slicefarm", "run",
+                                          "--quiet", "--dir", dir};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    std::vector<char*> argv;
+    for (std::string& a : arguments) argv.push_back(a.data());
+    argv.push_back(nullptr);
+    child_ = ::fork();
+    if (child_ == 0) {
+      for (const auto& [name, value] : environment) ::setenv(name.c_str(), value.c_str(), 1);
+      ::execv(argv[0], argv.data());
+      ::_exit(127);
+    }
+  }
+  ~RunningService() {
+    if (child_ > 0) end(SIGKILL);
+  }
+  pid_t pid() const { return child_; }
+  /// Sends the signal and waits; gives the exit code, or 128 + signal.
+  int end(int signal) {
+    ::kill(child_, signal);
+    return wait();
+  }
+  int wait() {
+    int status = 0;
+    ::waitpid(child_, &status, 0);
+    child_ = 0;
+    return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+  }
+
+ private:
+  pid_t child_ = 0;
+};
+
+/// Waits for what must come; fails the test when it does not come for far too long.
+template <typename Condition>
+bool comes(Condition condition) {
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+  while (!condition()) {
+    if (std::chrono::steady_clock::now() > end) return false;
+    ::poll(nullptr, 0, 5);
+  }
+  return true;
+}
+
+TEST_F(FarmLocal, ResultsAreThoseOfSlicecorr) {
+  std::vector<std::string> parts;
+  for (int i = 0; i < 4; ++i) parts.push_back(make_part(7 * i));
+  submit_parts(parts, {"--out", dir / "out"});
+  const RunResult r = run_all();
+  ASSERT_EQ(r.exit_code, 0) << r.err;
+  EXPECT_THAT(r.err, HasSubstr("4 done"));
+  for (const std::string& part : parts) {
+    expect_same_files((dir / "out/") + fs::path(part).stem().string(), reference(part));
+  }
+  for (JobId id = 1; id <= 4; ++id) {
+    const Job j = job(id);
+    EXPECT_EQ(j.state, JobState::done);
+    EXPECT_THAT(events(id), ElementsAre("submitted", "started", "done"));
+    // The record says what was delivered.
+    for (const ResultFile& f : j.files) {
+      const ResultFile now = sha256_of_file(j.output(f.ending));
+      EXPECT_EQ(now.sha256, f.sha256);
+      EXPECT_EQ(now.bytes, f.bytes);
+    }
+    // And what it will print: the figures of the JSON beside it.
+    const json figures = json::parse(text_of_file(j.output("json")));
+    ASSERT_TRUE(j.figures);
+    EXPECT_EQ(j.figures->height_max_um, figures["height_error_um"]["max_abs"]);
+    EXPECT_EQ(j.figures->layers, figures["layers"]);
+  }
+  EXPECT_THAT(leftovers(dir / "out"), IsEmpty());
+  EXPECT_THAT(leftovers(farm_dir()), IsEmpty());
+  EXPECT_TRUE(fs::is_empty(farm_dir() + "/store/attempts"));
+}
+
+TEST_F(FarmLocal, NamesWithMarkupAndOtherLettersComeThrough) {
+  const std::string part = dir / "a<b>&\"ü 1.stl";
+  write_file(part, bridge_stl(3));
+  submit_parts({part}, {"--out", dir / "out"});
+  ASSERT_EQ(run_all().exit_code, 0);
+  expect_same_files(dir / "out/a<b>&\"ü 1", reference(part));
+}
+
+TEST_F(FarmLocal, ArchivesAreCorrectedAndKeepTheirFormat) {
+  const std::string part = make_part(1);
+  for (const char* ending : {"uvj", "sl1"}) {
+    SCOPED_TRACE(ending);
+    const std::string target = dir / (std::string("target.") + ending);
+    RunResult r = program("slicecorr", {"slice", part, "-o", target, "--printer",
+                                        dir / "small.toml", "--layer-um", "50"});
+    ASSERT_EQ(r.exit_code, 0) << r.err;
+    const std::string out = dir / (std::string("out-") + ending);
+    submit_parts({target}, {"--out", out});
+    ASSERT_EQ(run_all().exit_code, 0);
+    const std::string expected = dir / (std::string("expected/target.") + ending);
+    fs::create_directories(dir / "expected");
+    r = program("slicecorr", {"correct", target, "-o", expected, "--printer", dir / "small.toml",
+                              "--resin", dir / "clear.toml", "--speed-mm-h", "700"});
+    ASSERT_EQ(r.exit_code, 0) << r.err;
+    EXPECT_EQ(text_of_file(out + "/target." + ending), text_of_file(expected));
+    EXPECT_TRUE(fs::exists(out + "/target.html"));
+    EXPECT_TRUE(fs::exists(out + "/target.json"));
+  }
+}
+
+TEST_F(FarmLocal, TheSameWorkAgainIsDoneAtOnceWithoutAService) {
+  const std::string part = make_part(1);
+  submit_parts({part}, {"--out", dir / "one"});
+  ASSERT_EQ(run_all().exit_code, 0);
+  // Another name and folder, the content the same; nobody runs.
+  fs::copy_file(part, dir / "twin.stl");
+  const RunResult r = submit_parts({dir / "twin.stl"}, {"--out", dir / "two", "--copies", "2"});
+  EXPECT_THAT(r.err, HasSubstr("2 of them done from the cache"));
+  expect_same_files(dir / "two/twin", reference(dir / "twin.stl"));
+  EXPECT_EQ(text_of_file(dir / "two/twin-2.uvj"), text_of_file(dir / "one/bridge-1.uvj"));
+  EXPECT_TRUE(job(2).from_cache);
+  EXPECT_EQ(attempts(2).at(0).engine, "cache");
+}
+
+TEST_F(FarmLocal, TheSameWorkIsDoneOnceAtATime) {
+  const std::string part = make_part(1);
+  submit_parts({part}, {"--out", dir / "out", "--copies", "5"});
+  submit_parts({part}, {"--out", dir / "more", "--copies", "5"});
+  ASSERT_EQ(run_all({}, {"--jobs", "4"}).exit_code, 0);
+  int worked = 0;
+  for (JobId id = 1; id <= 10; ++id) {
+    EXPECT_EQ(job(id).state, JobState::done);
+    worked += attempts(id).at(0).engine == "local";
+  }
+  EXPECT_EQ(worked, 1);
+}
+
+TEST_F(FarmLocal, ADamagedCacheIsNoticedAndTheWorkDoneAgain) {
+  const std::string part = make_part(1);
+  submit_parts({part}, {"--out", dir / "one"});
+  ASSERT_EQ(run_all().exit_code, 0);
+  const std::string key = job(1).key;
+  const std::string stack = open_folder(farm_dir()).cache_entry(key) + "/stack.uvj";
+  std::string bytes = text_of_file(stack);
+  bytes[bytes.size() / 2] = static_cast<char>(bytes[bytes.size() / 2] ^ 1);
+  write_file(stack, bytes);
+  submit_parts({part}, {"--out", dir / "two"});
+  EXPECT_FALSE(fs::exists(dir / "two/bridge-1.uvj")) << "a damaged stack was delivered";
+  EXPECT_EQ(job(2).state, JobState::queued);
+  ASSERT_EQ(run_all().exit_code, 0);
+  EXPECT_FALSE(job(2).from_cache);
+  expect_same_files(dir / "two/bridge-1", reference(part));
+}
+
+TEST_F(FarmLocal, BadInputIsFoundOutOnceAndSaid) {
+  // Feasible by its grid, but the archive's images are damaged: only the worker sees it.
+  const std::string target = dir / "target.uvj";
+  RunResult r = program("slicecorr", {"slice", make_part(1), "-o", target, "--printer",
+                                      dir / "small.toml", "--layer-um", "50"});
+  ASSERT_EQ(r.exit_code, 0);
+  std::string bytes = text_of_file(target);
+  const std::size_t at = bytes.find("IDAT");
+  ASSERT_NE(at, bytes.npos);
+  bytes[at + 12] = static_cast<char>(bytes[at + 12] ^ 0x55);
+  write_file(target, bytes);
+  submit_parts({target}, {"--copies", "2"});
+  ASSERT_EQ(run_all().exit_code, 0);
+  for (const JobId id : {1, 2}) {
+    EXPECT_EQ(job(id).state, JobState::failed);
+    EXPECT_EQ(job(id).reason, Reason::bad_input);
+  }
+  EXPECT_EQ(attempts(1).size(), 1u);
+  EXPECT_EQ(attempts(2).size(), 0u);
+  const RunResult logs = farm("logs", {"1"});
+  EXPECT_THAT(logs.out, HasSubstr("bad_input"));
+  EXPECT_THAT(farm("status").out, HasSubstr("2 failed"));
+}
+
+TEST_F(FarmLocal, CancelEndsARunningWorkerThatIsDeaf) {
+  submit_parts({make_part(1), make_part(2)});
+  RunningService service(farm_dir(), {"--jobs", "2"},
+                         {{"SLICEFARM_TEST_FAULT", "correct:hang@bridge-1"}});
+  ASSERT_TRUE(comes([&] { return !attempts(1).empty() && attempts(1)[0].stage == "correct"; }));
+  const RunResult r = farm("cancel", {"1"});
+  EXPECT_EQ(r.exit_code, 0) << r.err;
+  ASSERT_TRUE(comes([&] { return job(1).state == JobState::cancelled; }));
+  const std::string id = attempts(1).at(0).engine_id;
+  EXPECT_NE(::kill(std::stoi(id), 0), 0) << "the worker is still there";
+  EXPECT_FALSE(fs::exists(job(1).output("uvj")));
+  ASSERT_TRUE(comes([&] { return job(2).state == JobState::done; }));
+  EXPECT_EQ(service.end(SIGTERM), 130);
+  EXPECT_EQ(farm("cancel", {"99"}).exit_code, 2);
+  EXPECT_EQ(farm("retry", {"2"}).exit_code, 2);
+  ASSERT_EQ(farm("retry", {"1"}).exit_code, 0);
+  ASSERT_EQ(run_all().exit_code, 0);
+  EXPECT_EQ(job(1).state, JobState::done);
+}
+
+TEST_F(FarmLocal, AServiceMayBeStoppedAndStartedAtAnyTime) {
+  submit_parts({make_part(1)}, {"--out", dir / "out"});
+  {
+    RunningService service(farm_dir(), {}, {{"SLICEFARM_TEST_FAULT", "correct:hang"}});
+    ASSERT_TRUE(comes([&] { return !attempts(1).empty() && attempts(1)[0].stage == "correct"; }));
+    const pid_t worker = std::stoi(attempts(1)[0].engine_id);
+    EXPECT_EQ(service.end(SIGTERM), 130);
+    EXPECT_NE(::kill(worker, 0), 0) << "its worker is still there";
+  }
+  EXPECT_EQ(job(1).state, JobState::queued);
+  EXPECT_EQ(job(1).reason, Reason::stopped);
+  EXPECT_EQ(job(1).attempts, 0);
+  ASSERT_EQ(run_all().exit_code, 0);
+  expect_same_files(dir / "out/bridge-1", reference(make_part(1)));
+}
+
+TEST_F(FarmLocal, PausedFarmsStartNothing) {
+  submit_parts({make_part(1)});
+  ASSERT_EQ(farm("pause").exit_code, 0);
+  RunningService service(farm_dir(), {"--until-empty"});
+  const auto doing = [&]() -> std::string {
+    const auto list = ReadModel(database()).services();
+    return list.empty() || !list[0].alive ? "" : list[0].doing;
+  };
+  ASSERT_TRUE(comes([&] { return doing() == "paused"; }));
+  EXPECT_EQ(job(1).state, JobState::queued);
+  ASSERT_EQ(farm("resume").exit_code, 0);
+  EXPECT_EQ(service.wait(), 0);
+  EXPECT_EQ(job(1).state, JobState::done);
+}
+
+TEST_F(FarmLocal, DrainedServicesEnd) {
+  submit_parts({make_part(1)});
+  ASSERT_EQ(farm("drain").exit_code, 0);
+  RunningService service(farm_dir());
+  EXPECT_EQ(service.wait(), 0);
+  EXPECT_EQ(job(1).state, JobState::queued);
+  ASSERT_EQ(farm("resume").exit_code, 0);
+  ASSERT_EQ(run_all().exit_code, 0);
+  EXPECT_EQ(job(1).state, JobState::done);
+}
+
+TEST_F(FarmLocal, OutsideTheNightWindowNothingStarts) {
+  submit_parts({make_part(1)});
+  // A window that is at the other side of the clock.
+  const int now = local_minute(system_clock().wall_ms());
+  const std::string window =
+      minute_text((now + 11 * 60) % 1440) + "-" + minute_text((now + 13 * 60) % 1440);
+  ASSERT_EQ(farm("set", {"night=" + window}).exit_code, 0);
+  RunningService service(farm_dir(), {"--until-empty"});
+  ASSERT_TRUE(comes([&] {
+    const auto list = ReadModel(database()).services();
+    return !list.empty() && list[0].doing == "outside the night window";
+  }));
+  EXPECT_EQ(job(1).state, JobState::queued);
+  ASSERT_EQ(farm("set", {"night=off"}).exit_code, 0);
+  EXPECT_EQ(service.wait(), 0);
+  EXPECT_EQ(job(1).state, JobState::done);
+}
+
+TEST_F(FarmLocal, WithTooLittleRoomOnTheDiskNothingStarts) {
+  submit_parts({make_part(1)});
+  ASSERT_EQ(farm("set", {"min-free-mb=1000000000"}).exit_code, 0);
+  RunningService service(farm_dir(), {"--until-empty"});
+  ASSERT_TRUE(comes([&] {
+    const auto list = ReadModel(database()).services();
+    return !list.empty() && list[0].doing.starts_with("disk full");
+  }));
+  EXPECT_EQ(job(1).state, JobState::queued);
+  ASSERT_EQ(farm("set", {"min-free-mb=0"}).exit_code, 0);
+  EXPECT_EQ(service.wait(), 0);
+  EXPECT_EQ(job(1).state, JobState::done);
+  std::vector<std::string> kinds;
+  for (const Event& e : ReadModel(database()).events(0, 1000)) kinds.push_back(e.kind);
+  EXPECT_THAT(kinds, testing::Contains("disk_low"));
+  EXPECT_THAT(kinds, testing::Contains("disk_ok"));
+}
+
+TEST_F(FarmLocal, WhatRanOutOfMemoryGetsMore) {
+  submit_parts({make_part(1)}, {"--out", dir / "out"});
+  ASSERT_EQ(run_all({{"SLICEFARM_TEST_FAULT", "correct:memory:1"}}).exit_code, 0);
+  const auto list = attempts(1);
+  ASSERT_EQ(list.size(), 2u);
+  EXPECT_EQ(list[0].reason, Reason::out_of_memory) << list[0].message;
+  // The worker's own limit stopped it, near to where it should.
+  EXPECT_LT(list[0].peak_mb, list[0].memory_mb + 200);
+  EXPECT_GE(list[1].memory_mb, 2 * list[0].memory_mb);
+  EXPECT_EQ(job(1).state, JobState::done);
+  expect_same_files(dir / "out/bridge-1", reference(make_part(1)));
+}
+
+TEST_F(FarmLocal, WhatNeedsMoreMemoryThanThereIsFails) {
+  submit_parts({make_part(1)});
+  const RunResult r = run_all({{"SLICEFARM_TEST_FAULT", "correct:memory"}}, {"--memory-mb", "500"});
+  ASSERT_EQ(r.exit_code, 0) << r.err;
+  EXPECT_EQ(job(1).state, JobState::failed);
+  EXPECT_THAT(name_of(job(1).reason), testing::AnyOf("too_large", "out_of_memory"));
+  for (const Attempt& a : attempts(1)) EXPECT_LE(a.memory_mb, 500);
+}
+
+TEST_F(FarmLocal, PrioritiesCanBeChangedWhileJobsWait) {
+  submit_parts({make_part(1), make_part(2), make_part(3)});
+  ASSERT_EQ(farm("priority", {"3", "--to", "5"}).exit_code, 0);
+  ASSERT_EQ(farm("priority", {"2", "--ready-by", "07:00"}).exit_code, 0);
+  EXPECT_EQ(farm("priority", {"44", "--to", "5"}).exit_code, 2);
+  ASSERT_EQ(run_all({}, {"--jobs", "1"}).exit_code, 0);
+  EXPECT_LE(job(3).started_ms, job(2).started_ms);
+  EXPECT_LE(job(2).started_ms, job(1).started_ms);
+}
+
+TEST_F(FarmLocal, GarbageGoesAndWhatIsNeededStays) {
+  const std::string one = make_part(1), two = make_part(2);
+  submit_parts({one, two}, {"--out", dir / "out"});
+  ASSERT_EQ(run_all().exit_code, 0);
+  const FarmFolder folder = open_folder(farm_dir());
+  // Of these results one is waited for again: paused, because a hit would be served at once.
+  Queue queue(folder.database());
+  NewJob again = job_with_key(job(1).key, "again");
+  again.work.setup_hash = "x";
+  again.results_folder = dir / "results/";
+  queue.submit({again}, "anna", "test");
+  fs::create_directories(folder.store + "/attempts/" + random_token());
+  ASSERT_EQ(farm("gc", {"--older-than-days", "0", "--dry-run"}).exit_code, 0);
+  EXPECT_TRUE(fs::exists(folder.cache_entry(job(2).key)));
+  const RunResult r = farm("gc", {"--older-than-days", "0"});
+  ASSERT_EQ(r.exit_code, 0) << r.err;
+  EXPECT_TRUE(fs::exists(folder.cache_entry(job(1).key))) << "needed by a queued job";
+  EXPECT_FALSE(fs::exists(folder.cache_entry(job(2).key)));
+  EXPECT_TRUE(fs::is_empty(folder.store + "/attempts"));
+  EXPECT_TRUE(fs::exists(dir / "out/bridge-1.uvj"));
+  EXPECT_TRUE(fs::exists(dir / "out/bridge-2.uvj"));
+  // Inputs of the last day stay: jobs that need them may be on their way.
+  EXPECT_TRUE(fs::exists(folder.input(store_input(folder, one).file)));
+  // What was collected is made again when it is wanted.
+  submit_parts({two}, {"--out", dir / "new"});
+  ASSERT_EQ(run_all().exit_code, 0);
+  EXPECT_FALSE(job(4).from_cache);
+  expect_same_files(dir / "new/bridge-2", reference(two));
+}
+
+TEST_F(FarmLocal, StatusTellsWhatThereIs) {
+  EXPECT_EQ(program("slicefarm", {"status", "--dir", dir / "nowhere"}).exit_code, 2);
+  submit_parts({make_part(1)}, {"--label", "night"});
+  submit_parts({make_part(2)});
+  RunResult r = farm("status");
+  EXPECT_THAT(r.out, HasSubstr("2 queued"));
+  EXPECT_THAT(r.out, HasSubstr("no service is running"));
+  const json all = json::parse(farm("status", {"--json", "-"}).out);
+  EXPECT_EQ(all["jobs"]["queued"], 2);
+  EXPECT_EQ(all["list"].size(), 2u);
+  const json some = json::parse(farm("status", {"--json", "-", "--label", "night"}).out);
+  ASSERT_EQ(some["list"].size(), 1u);
+  EXPECT_EQ(some["list"][0]["name"], "bridge-1");
+  ASSERT_EQ(run_all().exit_code, 0);
+  r = farm("status", {"--state", "done"});
+  EXPECT_THAT(r.out, HasSubstr("2 done"));
+  EXPECT_THAT(r.out, HasSubstr("largest height error"));
+}
+
+TEST_F(FarmLocal, RealMeshes) {
+  const std::string mesh =
+      std::string(SLICECORR_TEST_DATA) + "/meshes/clean/photonic3d_lenscap-36mm.stl";
+  if (!fs::exists(mesh)) GTEST_SKIP() << mesh << " is not there";
+  const std::vector<std::string> process = {
+      "--printer", "dual-wavelength-dlp", "--resin", "benchy-resin", "--layer-um",
+      "100",       "--speed-mm-h",        "800"};
+  std::vector<std::string> arguments = {mesh, "--out", dir / "out"};
+  arguments.insert(arguments.end(), process.begin(), process.end());
+  ASSERT_EQ(farm("submit", arguments).exit_code, 0);
+  ASSERT_EQ(run_all().exit_code, 0);
+  fs::create_directories(dir / "direct");
+  arguments = {"run", mesh, "-o", dir / "direct/photonic3d_lenscap-36mm.uvj"};
+  arguments.insert(arguments.end(), process.begin(), process.end());
+  ASSERT_EQ(program("slicecorr", arguments).exit_code, 0);
+  expect_same_files(dir / "out/photonic3d_lenscap-36mm", dir / "direct/photonic3d_lenscap-36mm");
+}
+
+// --- the engine alone ---------------------------------------------------------------------------
+
+class LocalEngineTest : public testing::Test {
+ protected:
+  /// A script stands for the worker: $1 is "worker", $2 the attempt's folder.
+  void script(const std::string& body) {
+    write_file(dir / "worker", "#!/bin/sh\n" + body + "\n");
+    fs::permissions(dir / "worker", fs::perms::owner_all);
+  }
+  std::unique_ptr<Engine> engine(int jobs = 2) {
+    LocalEngineOptions o;
+    o.program = dir / "worker";
+    o.jobs = jobs;
+    o.cores = 2;
+    o.memory_mb = 1000;
+    return make_local_engine(o);
+  }
+  Task task(const std::string& token) {
+    Task t;
+    t.token = token;
+    t.folder = dir / token;
+    t.memory_mb = 300;
+    fs::create_directories(t.folder);
+    return t;
+  }
+  TaskReport until_ended(Engine& e) {
+    for (;;) {
+      for (const TaskReport& r : e.poll()) {
+        if (r.state == TaskState::ended) return r;
+      }
+      e.wait(std::chrono::seconds(10), -1);
+    }
+  }
+
+  FarmFolderOfTest dir;
+};
+
+TEST_F(LocalEngineTest, TellsHowTasksEnd) {
+  script("echo said; exit 3");
+  const auto e = engine();
+  ASSERT_NE(e->submit({task("a")}).at(0), "");
+  TaskReport r = until_ended(*e);
+  EXPECT_EQ(r.token, "a");
+  EXPECT_EQ(r.exit_code, 3);
+  EXPECT_EQ(r.signal, 0);
+  EXPECT_EQ(text_of_file(dir / "a/log.txt"), "said\n");
+  script("kill -9 $$");
+  e->submit({task("b")});
+  r = until_ended(*e);
+  EXPECT_EQ(r.signal, SIGKILL);
+  EXPECT_EQ(r.exit_code, -1);
+  EXPECT_THAT(e->poll(), IsEmpty()) << "an end is told once";
+}
+
+TEST_F(LocalEngineTest, WhatCannotStartIsTold) {
+  const auto e = engine();
+  Task t = task("a");
+  fs::remove_all(t.folder);
+  EXPECT_EQ(e->submit({t}).at(0), "");
+  const TaskReport r = until_ended(*e);
+  EXPECT_EQ(r.reason, Reason::engine_failed);
+  EXPECT_THAT(r.message, HasSubstr("log.txt"));
+  // No such program: the child says so by its exit code.
+  e->submit({task("b")});
+  EXPECT_EQ(until_ended(*e).exit_code, 127);
+}
+
+TEST_F(LocalEngineTest, RoomIsWhatIsLeft) {
+  script("exec sleep 1000");
+  const auto e = engine(3);
+  const Room before = e->room();
+  EXPECT_EQ(before.tasks, 3);
+  EXPECT_EQ(before.cores, 2);
+  EXPECT_EQ(before.largest_memory_mb, 1000);
+  e->submit({task("a"), task("b")});
+  const Room after = e->room();
+  EXPECT_EQ(after.tasks, 1);
+  EXPECT_EQ(after.cores, 0);
+  EXPECT_LE(after.memory_mb, 400);
+  // One core each while jobs wait, all of them for the last; never more memory than there is.
+  EXPECT_EQ(e->share({2, 1000, 1000, 8}, 5, 100, 10).threads, 4);
+  EXPECT_EQ(e->share({8, 1000, 1000, 8}, 50, 100, 10).threads, 1);
+  EXPECT_EQ(e->share({8, 1000, 1000, 8}, 1, 100, 10).threads, 8);
+  EXPECT_EQ(e->share({8, 1000, 1000, 8}, 1, 100, 10).memory_mb, 170);
+  EXPECT_EQ(e->share({8, 125, 1000, 8}, 1, 100, 10).threads, 3);
+  EXPECT_EQ(e->share({1, 1000, 1000, 0}, 1, 100, 10).threads, 1);
+}
+
+TEST_F(LocalEngineTest, CancelEndsTheWholeGroup) {
+  // A worker that ignores the request, with a child of its own that does, too.
+  script("trap '' TERM; sleep 1000 & echo $! > $2/child; while :; do sleep 1000; done");
+  const auto e = engine();
+  e->submit({task("a")});
+  ASSERT_TRUE(comes([&] { return text_of_file(dir / "a/child").ends_with("\n"); }));
+  const pid_t child = std::stoi(text_of_file(dir / "a/child"));
+  e->cancel({"a", "unknown"});
+  const TaskReport r = until_ended(*e);
+  EXPECT_EQ(r.signal, SIGKILL);
+  EXPECT_TRUE(comes([&] {
+    const std::string stat = text_of_file(fmt::format("/proc/{}/stat", child));
+    return stat.empty() || stat.find(") Z") != stat.npos;
+  }));
+}
+
+TEST_F(LocalEngineTest, WorkersDieWithTheirService) {
+  script("echo $$ > $2/pid; exec sleep 1000");
+  const pid_t service = ::fork();
+  ASSERT_GE(service, 0);
+  if (service == 0) {
+    const auto e = engine();
+    e->submit({task("a")});
+    ::pause();
+    ::_exit(0);
+  }
+  ASSERT_TRUE(comes([&] { return text_of_file(dir / "a/pid").ends_with("\n"); }));
+  const pid_t worker = std::stoi(text_of_file(dir / "a/pid"));
+  EXPECT_EQ(::kill(worker, 0), 0);
+  ::kill(service, SIGKILL);
+  ::waitpid(service, nullptr, 0);
+  EXPECT_TRUE(comes([&] {
+    const std::string stat = text_of_file(fmt::format("/proc/{}/stat", worker));
+    return stat.empty() || stat.find(") Z") != stat.npos;
+  }));
+}
+
+TEST_F(LocalEngineTest, SurvivorsOfAnotherServiceAreEndedOnlyWhenTheyAreOurs) {
+  const auto e = engine();
+  const std::string token = "0123456789abcdef0123456789abcdef";
+  const auto start = [&](const std::string& argument) {
+    const pid_t child = ::fork();
+    if (child == 0) {
+      ::setpgid(0, 0);
+      ::execl("/bin/sh", "sh", "-c", "while :; do read x; done", argument.c_str(), nullptr);
+      ::_exit(127);
+    }
+    ::setpgid(child, child);
+    return child;
+  };
+  // The name of the process is there after the exec.
+  const auto begun = [&](pid_t pid) {
+    return comes([&] {
+      return text_of_file(fmt::format("/proc/{}/cmdline", pid)).find("read x") != std::string::npos;
+    });
+  };
+  const auto started_at = [](pid_t pid) {
+    const std::string stat = text_of_file(fmt::format("/proc/{}/stat", pid));
+    std::istringstream rest(stat.substr(stat.rfind(')') + 2));
+    std::string word;
+    for (int field = 3; field <= 22; ++field) rest >> word;
+    return word;
+  };
+  const pid_t ours = start("worker/" + token), other = start("something else");
+  ASSERT_TRUE(begun(ours));
+  ASSERT_TRUE(begun(other));
+  Attempt a, b, c;
+  a.token = b.token = c.token = token;
+  a.engine_id = fmt::format("{}.{}", ours, started_at(ours));
+  b.engine_id = fmt::format("{}.{}", other, started_at(other));
+  c.engine_id = fmt::format("{}.1", other);
+  EXPECT_THAT(e->adopt({a, b, c}), IsEmpty());
+  int status = 0;
+  EXPECT_EQ(::waitpid(ours, &status, 0), ours);
+  EXPECT_TRUE(WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL);
+  EXPECT_EQ(::kill(other, 0), 0) << "a process of somebody else was ended";
+  EXPECT_EQ(::waitpid(other, &status, WNOHANG), 0);
+  ::kill(other, SIGKILL);
+  ::waitpid(other, &status, 0);
+}
+
+// --- leases, with an engine and a clock of the test
+// -----------------------------------------------
+
+/// Tasks run until the test says how they end.
+class HeldEngine final : public Engine {
+ public:
+  std::string name() const override { return "held"; }
+  Room room() override { return {4, 10000, 10000, 4}; }
+  std::vector<std::string> submit(const std::vector<Task>& tasks) override {
+    for (const Task& t : tasks) {
+      const std::lock_guard lock(mutex);
+      held.insert(t.token);
+      ++submitted;
+    }
+    return std::vector<std::string>(tasks.size(), "1");
+  }
+  std::vector<TaskReport> poll() override {
+    const std::lock_guard lock(mutex);
+    return std::exchange(reports, {});
+  }
+  void wait(std::chrono::milliseconds, int) override { ::poll(nullptr, 0, 1); }
+  void cancel(const std::vector<std::string>& tokens) override {
+    const std::lock_guard lock(mutex);
+    for (const std::string& t : tokens) {
+      if (held.erase(t) == 0) continue;
+      cancelled.insert(t);
+      TaskReport r;
+      r.token = t;
+      r.state = TaskState::ended;
+      r.signal = SIGKILL;
+      reports.push_back(r);
+    }
+  }
+  std::vector<std::string> adopt(const std::vector<Attempt>&) override { return {}; }
+  std::vector<Node> nodes() override { return {}; }
+  bool outlives_service() const override { return false; }
+
+  std::mutex mutex;
+  std::set<std::string> held, cancelled;
+  std::vector<TaskReport> reports;
+  std::atomic<int> submitted{0};
+};
+
+TEST(FarmLeases, ALostLeaseEndsTheWorkerAndTheOldAttemptIsNotHeard) {
+  FarmFolderOfTest dir;
+  const FarmFolder folder = open_folder(dir / "farm");
+  TestClock clock;
+  Queue queue(folder.database(), clock);
+  queue.change_settings({{"min-free-mb", "0"}}, "test");
+  NewJob j = job_with_key("k");
+  j.work.spec_json =
+      R"({"kind":"run","inputs":[],"layer_um":50,"antialias":"on","units":"auto","scale":1,"center_mm":[],"rotate_deg":[],"format":"uvj","ending":"uvj","name":""})";
+  j.results_folder = dir / "results/";
+  queue.submit({j}, "anna", "test");
+
+  HeldEngine engine;
+  std::atomic<bool> stop{false};
+  ServiceOptions options;
+  options.clock = &clock;
+  options.renewal_ms = 1;  // as often as it can, against a clock that jumps
+  std::thread service([&] { run_service(folder, engine, options, stop); });
+  ASSERT_TRUE(comes([&] { return engine.submitted == 1; }));
+  std::string first;
+  {
+    const std::lock_guard lock(engine.mutex);
+    first = *engine.held.begin();
+  }
+  // Another service believes the first one frozen: it takes the attempt over and gives it up.
+  std::string second;
+  ASSERT_TRUE(comes([&] {
+    clock.steady += lease_ms + 1;
+    const std::string other = queue.start_service("held", 1, 1);
+    return queue.adopt(first, other);
+  }));
+  ASSERT_TRUE(queue.give_up(first, ended(Reason::lease_lost)));
+  // The first one hears of it and ends its worker; the job is done by a new attempt.
+  ASSERT_TRUE(comes([&] {
+    const std::lock_guard lock(engine.mutex);
+    return engine.cancelled.contains(first);
+  }));
+  ASSERT_TRUE(comes([&] { return engine.submitted == 2; }));
+  {
+    const std::lock_guard lock(engine.mutex);
+    ASSERT_EQ(engine.held.size(), 1u);
+    second = *engine.held.begin();
+  }
+  EXPECT_NE(first, second);
+  EXPECT_FALSE(queue.begin_commit(first));
+  EXPECT_EQ(ReadModel(folder.database(), clock).job(1)->token, second);
+  stop = true;
+  service.join();
+  EXPECT_EQ(ReadModel(folder.database(), clock).job(1)->state, JobState::queued);
+}
+
+TEST(FarmLeases, SettingTheClockDisturbsNobody) {
+  FarmFolderOfTest dir;
+  const FarmFolder folder = open_folder(dir / "farm");
+  TestClock clock;
+  Queue queue(folder.database(), clock);
+  queue.change_settings({{"min-free-mb", "0"}}, "test");
+  NewJob j = job_with_key("k");
+  j.work.spec_json =
+      R"({"kind":"run","inputs":[],"layer_um":50,"antialias":"on","units":"auto","scale":1,"center_mm":[],"rotate_deg":[],"format":"uvj","ending":"uvj","name":""})";
+  j.results_folder = dir / "results/";
+  queue.submit({j}, "anna", "test");
+  HeldEngine engine;
+  std::atomic<bool> stop{false};
+  ServiceOptions options;
+  options.clock = &clock;
+  options.renewal_ms = 1;
+  std::thread service([&] { run_service(folder, engine, options, stop); });
+  ASSERT_TRUE(comes([&] { return engine.submitted == 1; }));
+  const std::int64_t wall = clock.wall;
+  for (const std::int64_t jump : {-86'400'000LL, 86'400'000LL, -3'600'000LL, 0LL}) {
+    clock.wall = wall + jump;
+    // A few renewals pass: the time at which it was last seen follows the clock.
+    ASSERT_TRUE(comes([&] {
+      const auto list = ReadModel(folder.database(), clock).services();
+      return !list.empty() && list[0].seen_ms == wall + jump;
+    }));
+    EXPECT_EQ(engine.submitted, 1);
+    EXPECT_THAT(queue.orphans(), IsEmpty());
+    const std::lock_guard lock(engine.mutex);
+    EXPECT_THAT(engine.cancelled, IsEmpty());
+  }
+  stop = true;
+  service.join();
+}
+
+}  // namespace
+}  // namespace slicecorr::farm

@@ -10,6 +10,7 @@
 #include "farm_filled.hpp"
 #include "slicecorr/farm/morning.hpp"
 #include "slicecorr/farm/serve.hpp"
+#include "slicecorr/farm/status.hpp"
 
 namespace slicecorr::farm {
 namespace {
@@ -126,17 +127,56 @@ class FarmPage : public ::testing::Test {
   bool served_ = false;
 };
 
+/// Lines with SGR sequences as markup.
+std::string terminal_page(const std::vector<std::string>& lines) {
+  std::string html =
+      "<!doctype html><meta charset=utf-8><style>body{margin:0;background:#14171a;color:#e6e9ec}"
+      "pre{margin:0;padding:14px;font:14px/1.3 'DejaVu Sans Mono',monospace}"
+      ".c1{font-weight:700}.c2{color:#8b95a0}.c31{color:#ff8a80}.c32{color:#5fd3a8}.c36{color:#"
+      "8ad8f0}"
+      "</style><pre>";
+  for (const std::string& line : lines) {
+    for (std::size_t i = 0; i < line.size(); ++i) {
+      if (line[i] == '\033') {
+        const std::size_t end = line.find('m', i);
+        const std::string code = line.substr(i + 2, end - i - 2);
+        html += code == "0" ? "</span>" : "<span class=c" + code + ">";
+        i = end;
+      } else {
+        html += line[i] == '<' ? "&lt;" : line[i] == '&' ? "&amp;" : std::string(1, line[i]);
+      }
+    }
+    html += "\n";
+  }
+  return html + "</pre>";
+}
+
+TEST_F(FarmPage, PictureOfTheLiveView) {
+  Farm farm(last_evening());
+  fill_night(farm, 130);
+  auto model = farm.model();
+  std::ofstream(folder_.path / "watch.html") << terminal_page(
+      live_frame(read_live(model, farm.folder, 30, farm.clock), farm.folder, 112, 30, true));
+  const fs::path out = fs::path(SLICECORR_BIN_DIR).parent_path() / "farm-pictures" / "watch.png";
+  fs::create_directories(out.parent_path());
+  fs::remove(out);
+  browse(folder_, {"--window-size=975,575", "--screenshot=" + out.string()},
+         "file://" + (folder_.path / "watch.html").string());
+  ASSERT_TRUE(fs::exists(out));
+  EXPECT_GT(fs::file_size(out), 10'000U);
+}
+
 TEST_F(FarmPage, MorningOnDeskPhoneAndPaper) {
   Farm farm(last_evening());
   fill_night(farm, 130);
   auto model = farm.model();
   MorningOptions options;
-  options.from_ms = farm.clock.wall_ms() - 9 * 3600'000;
+  options.from_ms = last_evening();
   const std::string html = morning_page(read_morning(farm.folder, model, options, farm.clock),
                                         {LinkTo::Kind::files, folder_.path.string()});
   std::ofstream(folder_.path / "page.html") << html;
   const std::string address = "file://" + (folder_.path / "page.html").string();
-  pictures("morning", address, 2600);
+  pictures("morning", address, 2100);
   // Nothing is wider than a phone: only boxes that scroll by themselves hold wide things.
   const std::string probe =
       "<script>document.title='width '+document.documentElement.scrollWidth</script>";
@@ -244,7 +284,7 @@ TEST_F(LivePage, PicturesOnDeskAndPhone) {
   Farm farm(last_evening());
   fill_night(farm, 130);
   serve(farm);
-  pictures("live", server_->address() + "/", 1900);
+  pictures("live", server_->address() + "/", 1750);
 }
 
 }  // namespace

@@ -244,7 +244,7 @@ TEST(Status, WhatHolds) {
   EXPECT_EQ(holds(), "disk full");
   farm.set("min-free-mb", "1");
   farm.queue.stop_service(farm.service);
-  EXPECT_EQ(holds(), "no service runs");
+  EXPECT_EQ(holds(), "no service is running");
 }
 
 TEST(Status, ProgramAndItsErrors) {

@@ -183,17 +183,19 @@ std::string charts(const MorningReport& r) {
   chart::Panel jobs(time, chart::axis_over("jobs an hour", false, done_values, true), 130, false);
   jobs.band(floor, done, chart::Style::series, 2);
   jobs.line(done, chart::Style::series, 2);
-  chart::Panel cores(time, chart::axis_over("cores busy", false, busy_values, true), 130);
+  chart::Axis busy_axis = chart::axis_over("cores busy", false, busy_values, true);
+  busy_axis.high *= 1.2;  // room for the words of the line
+  chart::Panel cores(time, busy_axis, 130);
   cores.band(floor, busy, chart::Style::series, 0);
   cores.line(busy, chart::Style::series, 0);
-  if (r.cores > 0) cores.horizontal(r.cores, fmt::format("{} cores", r.cores), true);
+  if (r.cores > 0) cores.horizontal(r.cores, fmt::format("{} cores", r.cores));
   picture.add(jobs);
   picture.add(cores);
   return picture.svg();
 }
 
 std::string disk(const MorningReport& r) {
-  std::string html = "<h2>Disk</h2><div class=\"scroll\"><table><tbody>";
+  std::string html = "<div class=\"scroll\"><table><tbody>";
   const auto row = [&](const std::string& what, const std::string& value) {
     html += fmt::format("<tr><th scope=\"row\">{}</th><td>{}</td></tr>", what, value);
   };
@@ -228,8 +230,6 @@ std::string morning_page(const MorningReport& r, const LinkTo& links) {
     html += fmt::format("<p class=\"holds\">{} unfinished jobs will miss their time.</p>",
                         words::count(r.overview.summary.late));
   }
-  html += failures(r);
-  html += worst(r, links);
   html += fmt::format(
       R"(<h2>Workers</h2><div class="scroll" tabindex="0" role="region" aria-label="Workers over time"><figure class="wide">{}</figure></div>)",
       timeline_svg(r));
@@ -237,8 +237,11 @@ std::string morning_page(const MorningReport& r, const LinkTo& links) {
     html += fmt::format("<p>Attempts that ended without a result: {}. {} attempts in all.</p>",
                         reason_list(r.attempt_reasons), words::count(r.attempts));
   }
-  html += fmt::format(R"(<div class="scroll"><figure>{}</figure></div>)", charts(r));
-  html += disk(r);
+  html += failures(r);
+  html += worst(r, links);
+  html += fmt::format(
+      R"(<h2>Over time, and on the disk</h2><div class="side"><div class="scroll"><figure>{}</figure></div><div>{}</div></div>)",
+      charts(r), disk(r));
   return html + "</main></body></html>";
 }
 

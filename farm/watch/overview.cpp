@@ -59,7 +59,7 @@ std::string what_holds(const Overview& o) {
   for (const DiskState& d : o.disks) {
     if (d.free_bytes >= 0 && d.free_bytes < o.settings.min_free_mb << 20) return "disk full";
   }
-  return o.services.empty() ? "no service runs" : "";
+  return o.services.empty() ? "no service is running" : "";
 }
 
 std::string overview_json(const Overview& o) {

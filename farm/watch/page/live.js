@@ -7,7 +7,7 @@ const el = (name, text, kind) => {
   if (kind) e.className = kind;
   return e;
 };
-const pageSize = 50;
+const pageSize = 20;
 let offset = 0, lastEvent = -1, shown = 0, timelineUrl = '', timer = 0, asked = 0;
 
 const count = (n) => Number(n).toLocaleString('en-US');

@@ -17,7 +17,7 @@ struct MorningOptions {
   std::int64_t from_ms = 0;   ///< 0: a day before the end
   std::int64_t until_ms = 0;  ///< 0: now
   std::int64_t batch = 0;     ///< 0: all
-  int most_failures = 100, most_worst = 30, log_lines = 12;
+  int most_failures = 100, most_worst = 20, log_lines = 12;
 };
 
 /// A moment as people write it: "20:00" (the last one before `now_ms`), "2026-03-01 20:00" (local),

@@ -68,7 +68,7 @@ std::vector<std::string> live_frame(const LiveState& state, const FarmFolder& fo
 /// An event as one line, without its time.
 std::string event_text(const Event& event, const std::string& job_name);
 
-/// "outside the night window", "paused", "draining", "no service runs", "disk full" or "" : why
+/// "outside the night window", "paused", "draining", "no service is running", "disk full" or "" : why
 /// nothing starts.
 std::string what_holds(const Overview& overview);
 

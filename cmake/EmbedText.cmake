@@ -1,6 +1,12 @@
-# Makes a C++ source of text files: cmake -DOUT=x.cpp -DFILES=a;b -P EmbedText.cmake
-# Each becomes std::string_view slicecorr::detail::page_NAME_EXT.
-set(text "#include \"report/page_text.hpp\"\n\nnamespace slicecorr::detail {\n")
+# Makes a C++ source of text files: cmake -DOUT=x.cpp -DFILES=a;b [-DHEADER=h -DSPACE=n] -P EmbedText.cmake
+# Each becomes std::string_view SPACE::page_NAME_EXT, which HEADER declares.
+if(NOT DEFINED HEADER)
+  set(HEADER "report/page_text.hpp")
+endif()
+if(NOT DEFINED SPACE)
+  set(SPACE "slicecorr::detail")
+endif()
+set(text "#include \"${HEADER}\"\n\nnamespace ${SPACE} {\n")
 foreach(file IN LISTS FILES)
   get_filename_component(name "${file}" NAME)
   string(REGEX REPLACE "[^a-z0-9]" "_" name "${name}")
@@ -10,5 +16,5 @@ foreach(file IN LISTS FILES)
   string(APPEND text "static constexpr char bytes_${name}[] = {\n${hex}};\n"
     "const std::string_view page_${name}(bytes_${name}, sizeof bytes_${name});\n")
 endforeach()
-string(APPEND text "}  // namespace slicecorr::detail\n")
+string(APPEND text "}  // namespace ${SPACE}\n")
 file(WRITE "${OUT}" "${text}")

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "browser.hpp"
 #include "ladder.hpp"
 #include "lattice.hpp"
 #include "models.hpp"
@@ -20,42 +21,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::string chromium() {
-  for (const char* path : {"/usr/bin/chromium", "/usr/bin/chromium-browser"}) {
-    if (fs::exists(path)) return path;
-  }
-  return {};
-}
-
-/// A folder that goes with the test.
-struct Folder {
-  Folder() : path(fs::path(::testing::TempDir()) / ("report-page-" + std::to_string(::getpid()))) {
-    fs::create_directories(path);
-  }
-  ~Folder() { fs::remove_all(path); }
-  fs::path path;
-};
-
-test::RunResult browse(const Folder& folder, const std::vector<std::string>& flags,
-                       const std::string& address) {
-  std::vector<std::string> command{chromium(),
-                                   "--headless",
-                                   "--no-sandbox",
-                                   "--disable-gpu",
-                                   "--disable-quic",
-                                   "--no-first-run",
-                                   "--disable-background-networking",
-                                   "--disable-component-update",
-                                   "--disable-sync",
-                                   "--hide-scrollbars",
-                                   "--virtual-time-budget=30000",
-                                   "--user-data-dir=" + (folder.path / "profile").string()};
-  command.insert(command.end(), flags.begin(), flags.end());
-  command.push_back(address);
-  test::RunOptions options;
-  options.timeout = std::chrono::seconds(120);
-  return test::run_program(command, options);
-}
+using test::browse;
+using test::chromium;
+using Folder = test::BrowserFolder;
 
 struct Page {
   Setup setup;

@@ -38,7 +38,8 @@ Condition condition_of(const JobFilter& f) {
     c.sql += with_index + " ";
   };
   if (f.states.size() == 1) {
-    add("j.state = @", name_of(f.states[0]));
+    // Not as a value: indexes of one state are found by its name in the text.
+    c.sql = fmt::format("WHERE j.state = '{}' ", name_of(f.states[0]));
   } else if (!f.states.empty()) {
     std::vector<std::string> names;
     for (const JobState s : f.states) names.push_back(name_of(s));
@@ -63,7 +64,7 @@ const char* order_of(JobFilter::Order order) {
     case JobFilter::Order::ended:
       return "ORDER BY j.ended_ms DESC, j.id DESC ";
     case JobFilter::Order::worst_height:
-      return "ORDER BY r.height_max_um DESC, j.id ";
+      return "ORDER BY r.height_max_um DESC, r.key, j.id ";
     default:
       return "ORDER BY j.id ";
   }
@@ -91,12 +92,40 @@ std::int64_t ReadModel::data_version() {
 }
 
 std::vector<Job> ReadModel::jobs(const JobFilter& filter) {
-  const Condition c = condition_of(filter);
-  Rows rows = db_->query_list(detail::select_jobs + c.sql + order_of(filter.order) +
-                                  fmt::format("LIMIT {} OFFSET {}", filter.limit, filter.offset),
-                              c.values);
+  Condition c = condition_of(filter);
+  std::string from = "FROM jobs j ";
+  if (filter.order == JobFilter::Order::worst_height) {
+    // From the results in the order of their index; other jobs have no height error.
+    from = "FROM results r CROSS JOIN jobs j ON j.key = r.key AND j.state = 'done' ";
+  }
+  if (filter.order == JobFilter::Order::urgency && filter.states.size() == 1 &&
+      filter.states[0] == JobState::queued) {
+    from = "FROM jobs j INDEXED BY jobs_queued ";
+  }
+  // Numbers first: what is passed over or sorted away needs nothing else. Both looks see one state,
+  // inside a snapshot as well as outside.
+  db_->execute("SAVEPOINT jobs");
+  struct Release {
+    Database& db;
+    ~Release() {
+      try {
+        db.execute("RELEASE jobs");
+      } catch (...) {
+        // Nothing was written.
+      }
+    }
+  } release{*db_};
+  std::vector<JobId> ids;
+  {
+    Rows rows = db_->query_list("SELECT j.id " + from + c.sql + order_of(filter.order) +
+                                    fmt::format("LIMIT {} OFFSET {}", filter.limit, filter.offset),
+                                c.values);
+    while (rows.next()) ids.push_back(rows.integer(0));
+  }
   std::vector<Job> jobs;
-  while (rows.next()) jobs.push_back(detail::read_job(rows));
+  for (const JobId id : ids) {
+    if (auto found = job(id)) jobs.push_back(std::move(*found));
+  }
   return jobs;
 }
 
@@ -185,9 +214,7 @@ std::vector<Reasons> ReadModel::failures() {
 std::vector<AttemptTotals> ReadModel::attempt_totals() {
   std::vector<AttemptTotals> list;
   Rows rows = db_->query(
-      "SELECT reason, engine, count(*), sum(wall_s), sum(cpu_s) FROM attempts WHERE phase = "
-      "'ended' "
-      "GROUP BY reason, engine ORDER BY reason, engine");
+      "SELECT reason, engine, attempts, wall_s, cpu_s FROM attempt_totals ORDER BY reason, engine");
   while (rows.next()) {
     list.push_back({reason_named(rows.text(0)), rows.text(1), rows.integer(2), rows.number(3),
                     rows.number(4)});
@@ -256,18 +283,15 @@ Summary ReadModel::summary() {
   };
   {
     Rows rows = db_->query(
-        "SELECT count(*), coalesce(sum(reason <> ''), 0), coalesce(sum(CASE WHEN reason = '' THEN "
-        "wall_s ELSE 0 END), 0) FROM attempts WHERE phase = 'ended' AND engine <> 'cache'");
+        "SELECT sum(attempts), coalesce(sum(CASE WHEN reason <> '' THEN attempts END), 0), "
+        "coalesce(sum(CASE WHEN reason = '' THEN wall_s END), 0), coalesce(sum(CASE WHEN reason = "
+        "'' THEN voxels END), 0) FROM attempt_totals WHERE engine <> 'cache'");
     if (rows.next()) {
       s.attempts = rows.integer(0);
       s.attempts_failed = rows.integer(1);
       s.busy_s = rows.number(2);
+      s.voxels_done = rows.number(3);
     }
-  }
-  {
-    Rows rows = db_->query(
-        "SELECT coalesce(sum(w.voxels), 0.0) FROM results r JOIN works w ON w.key = r.key");
-    if (rows.next()) s.voxels_done = rows.number(0);
   }
   // What the latest jobs really took, against what was expected of them.
   double pace = 1;
@@ -299,21 +323,23 @@ Summary ReadModel::summary() {
   // Jobs with deadlines, in the order in which they start: each ends when the work before it is
   // done.
   if (!idle) {
-    Rows rows = db_->query(
-        "SELECT ready_by_ms, CASE WHEN follows = 0 THEN expected_s ELSE 0 END FROM jobs WHERE "
-        "state "
-        "IN ('queued', 'running') ORDER BY state = 'queued', priority DESC, ready_by_ms, id LIMIT "
-        "?1",
-        most_for_deadlines);
     const std::int64_t now = clock_->wall_ms();
     double work_s = 0;
-    while (rows.next()) {
-      work_s += rows.number(1) * pace;
-      const std::int64_t ready_by = rows.integer(0);
-      if (ready_by == no_deadline) continue;
-      const double end_ms = static_cast<double>(now) + 1000 * work_s / std::max(1, cores);
-      if (now > ready_by || end_ms > static_cast<double>(ready_by)) ++s.late;
-    }
+    const auto look_at = [&](Rows rows) {
+      while (rows.next()) {
+        work_s += rows.number(1) * pace;
+        const std::int64_t ready_by = rows.integer(0);
+        if (ready_by == no_deadline) continue;
+        const double end_ms = static_cast<double>(now) + 1000 * work_s / std::max(1, cores);
+        if (now > ready_by || end_ms > static_cast<double>(ready_by)) ++s.late;
+      }
+    };
+    look_at(db_->query("SELECT ready_by_ms, expected_s FROM jobs WHERE state = 'running'"));
+    look_at(db_->query(
+        "SELECT ready_by_ms, CASE WHEN follows = 0 THEN expected_s ELSE 0 END FROM jobs INDEXED BY "
+        "jobs_queued WHERE "
+        "state = 'queued' ORDER BY priority DESC, ready_by_ms, id LIMIT ?1",
+        most_for_deadlines));
   }
   {
     Rows rows = db_->query("SELECT count(*), coalesce(sum(bytes), 0) FROM results WHERE stored");

@@ -60,6 +60,9 @@ CREATE TABLE jobs(
   CHECK((state = 'running') = (token <> '')));
 CREATE INDEX jobs_to_claim ON jobs(priority DESC, ready_by_ms, id, user, not_before_ms, key)
   WHERE state = 'queued' AND follows = 0;
+-- For lists of what comes next, followers included.
+CREATE INDEX jobs_queued ON jobs(priority DESC, ready_by_ms, id, follows, expected_s)
+  WHERE state = 'queued';
 CREATE INDEX jobs_by_state ON jobs(state, ended_ms);
 CREATE INDEX jobs_by_key ON jobs(key, state);
 CREATE INDEX jobs_followers ON jobs(follows) WHERE follows <> 0;
@@ -104,6 +107,19 @@ CREATE TABLE attempts(
 CREATE INDEX attempts_by_job ON attempts(job, number);
 CREATE INDEX attempts_open ON attempts(service) WHERE phase <> 'ended';
 
+-- Sums of attempts that ended, kept by a trigger as counts are.
+CREATE TABLE attempt_totals(
+  reason TEXT NOT NULL, engine TEXT NOT NULL, attempts INTEGER NOT NULL,
+  wall_s REAL NOT NULL, cpu_s REAL NOT NULL, voxels REAL NOT NULL,
+  PRIMARY KEY(reason, engine)) WITHOUT ROWID;
+CREATE TRIGGER attempts_ended AFTER UPDATE OF phase ON attempts
+  WHEN new.phase = 'ended' AND old.phase <> 'ended' BEGIN
+  INSERT INTO attempt_totals VALUES(new.reason, new.engine, 1, new.wall_s, new.cpu_s,
+    (SELECT w.voxels FROM jobs j JOIN works w ON w.key = j.key WHERE j.id = new.job))
+  ON CONFLICT DO UPDATE SET attempts = attempts + 1, wall_s = wall_s + excluded.wall_s,
+    cpu_s = cpu_s + excluded.cpu_s, voxels = voxels + excluded.voxels;
+END;
+
 -- Results by key; the figures stay when the files are collected.
 CREATE TABLE results(
   key TEXT PRIMARY KEY REFERENCES works(key),
@@ -114,7 +130,7 @@ CREATE TABLE results(
   height_max_um REAL NOT NULL, lost_features INTEGER NOT NULL, merged_features INTEGER NOT NULL,
   cure_through_voxels INTEGER NOT NULL, undercure_voxels INTEGER NOT NULL,
   target_voxels INTEGER NOT NULL) WITHOUT ROWID;
-CREATE INDEX results_stored ON results(used_ms) WHERE stored;
+CREATE INDEX results_stored ON results(used_ms, bytes, stored) WHERE stored;
 CREATE INDEX results_by_height ON results(height_max_um DESC);
 
 CREATE TABLE services(

@@ -1,145 +1,86 @@
-#include <fmt/format.h>
+// `slicefarm status` and `logs`.
 
-#include <fstream>
-#include <iterator>
-#include <nlohmann/json.hpp>
+#include <fmt/format.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include <memory>
 
 #include "commands.hpp"
 #include "slicecorr/error.hpp"
-#include "slicecorr/farm/read_model.hpp"
-#include "words.hpp"
+#include "slicecorr/farm/status.hpp"
 
 namespace slicecorr::farm {
 
 namespace {
 
-struct StatusArguments {
+struct StatusOptions {
   FarmOptions farm;
-  std::string json, state, user, label, text;
-  std::int64_t limit = 20;
-  JobId id = 0;
+  std::vector<std::string> states;
+  std::string json, order;
+  JobFilter filter;
 };
 
-JobFilter filter_of(const StatusArguments& a) {
-  JobFilter f;
-  f.user = a.user;
-  f.label = a.label;
-  f.text = a.text;
-  f.limit = a.limit;
-  f.order = JobFilter::Order::newest;
-  if (!a.state.empty()) {
-    const auto state = job_state_named(a.state);
-    f.states = {*state};
-    if (*state == JobState::queued) f.order = JobFilter::Order::urgency;
-    if (*state == JobState::done || *state == JobState::failed) f.order = JobFilter::Order::ended;
-  }
-  return f;
+int terminal_columns() {
+  winsize size{};
+  const bool known = ::isatty(STDOUT_FILENO) == 1 &&
+                     ::ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0;
+  return known ? size.ws_col : 0;
 }
 
-std::string row_of(const Job& j) {
-  std::string what = j.message.substr(0, j.message.find('\n'));
-  if (j.state == JobState::done && j.figures) {
-    what = fmt::format("largest height error {:.2f} um", j.figures->height_max_um);
-    if (j.from_cache) what += ", from the cache";
+int status(StatusOptions& o) {
+  const FarmFolder folder = o.farm.existing();
+  for (const std::string& name : o.states) {
+    o.filter.states.push_back(*job_state_named(name));
   }
-  if (j.follows > 0) what = fmt::format("the same work as job {}", j.follows);
-  return fmt::format("{:>6} {:<9} {:<28} {:<10} {:>4} {:<14} {}\n", j.id, name_of(j.state), j.name,
-                     j.user, j.priority, name_of(j.reason), what);
-}
-
-std::string table_of(ReadModel& model, const StatusArguments& a) {
-  const ReadModel::Snapshot snapshot(model);
-  const Summary s = model.summary();
-  std::string text;
-  for (int i = 0; i < job_states; ++i) {
-    text += fmt::format("{}{} {}", i ? ", " : "", s.jobs[static_cast<std::size_t>(i)],
-                        name_of(static_cast<JobState>(i)));
+  using Order = JobFilter::Order;
+  if (o.order == "newest") o.filter.order = Order::newest;
+  if (o.order == "urgency") o.filter.order = Order::urgency;
+  if (o.order == "ended") o.filter.order = Order::ended;
+  if (o.order == "worst") o.filter.order = Order::worst_height;
+  ReadModel model(folder.database());
+  const StatusPage page = read_status(model, folder, o.filter);
+  if (!o.json.empty()) {
+    cli::print_or_write(o.json, status_json(page, folder));
+    if (o.json == "-") return cli::kDone;
   }
-  if (s.from_cache > 0) text += fmt::format(" ({} done from the cache)", s.from_cache);
-  text += "\n";
-  if (s.queued_s > 0) {
-    text += fmt::format("work left: {} on one core", duration_text(s.queued_s));
-    if (s.eta_s > 0) text += fmt::format("; empty in about {}", duration_text(s.eta_s));
-    text += s.late > 0 ? fmt::format("; {} will be late\n", s.late) : "\n";
-  }
-  bool any = false;
-  for (const Service& v : model.services()) {
-    if (!v.alive) continue;
-    any = true;
-    text += fmt::format("service {} on {}, process {}: {}\n", v.engine, v.host, v.pid,
-                        v.doing.empty() ? "starting" : v.doing);
-  }
-  if (!any) text += "no service is running (slicefarm run)\n";
-  const Settings settings = model.settings();
-  if (settings.paused) text += "paused\n";
-  if (settings.draining) text += "draining\n";
-  const auto running = model.running();
-  for (const RunningJob& r : running) {
-    text += fmt::format("{:>6} {:<9} {:<28} {:>3.0f} %  {:<8} {} of {} layers, {}{}\n", r.job.id,
-                        "running", r.job.name, 100 * r.attempt.fraction, r.attempt.stage,
-                        r.attempt.layers_done, r.job.layers, duration_text(r.seconds),
-                        r.eta_s >= 0 ? ", " + duration_text(r.eta_s) + " left" : "");
-  }
-  const auto jobs = model.jobs(filter_of(a));
-  if (!jobs.empty()) {
-    text += fmt::format("{:>6} {:<9} {:<28} {:<10} {:>4} {:<14}\n", "id", "state", "name", "user",
-                        "prio", "reason");
-  }
-  for (const Job& j : jobs) text += row_of(j);
-  return text;
-}
-
-std::string json_of(ReadModel& model, const StatusArguments& a) {
-  const ReadModel::Snapshot snapshot(model);
-  const Summary s = model.summary();
-  auto json = nlohmann::ordered_json::parse(summary_json(s, model.settings(), model.services()));
-  json["running"] = nlohmann::ordered_json::array();
-  for (const RunningJob& r : model.running()) {
-    auto job = nlohmann::ordered_json::parse(job_json(r.job));
-    job["attempt"] = nlohmann::ordered_json::parse(attempt_json(r.attempt));
-    job["seconds"] = r.seconds;
-    job["eta_s"] = r.eta_s >= 0 ? nlohmann::ordered_json(r.eta_s) : nlohmann::ordered_json(nullptr);
-    json["running"].push_back(std::move(job));
-  }
-  json["list"] = nlohmann::ordered_json::array();
-  for (const Job& j : model.jobs(filter_of(a))) {
-    json["list"].push_back(nlohmann::ordered_json::parse(job_json(j)));
-  }
-  return json.dump(2);
-}
-
-int status_command(const StatusArguments& a) {
-  ReadModel model(a.farm.existing().database());
-  if (a.json.empty()) {
-    cli::print_result(table_of(model, a));
-  } else {
-    cli::print_or_write(a.json, json_of(model, a));
-  }
+  cli::print_result(status_text(page, folder, terminal_columns()));
   return cli::kDone;
 }
 
-std::string log_of(const FarmFolder& folder, const Attempt& a) {
-  const std::string path = a.log.empty() ? folder.attempt(a.token) + "/log.txt" : a.log;
-  std::ifstream file(path, std::ios::binary);
-  return std::string(std::istreambuf_iterator<char>(file), {});
-}
+struct LogOptions {
+  FarmOptions farm;
+  JobId id = 0;
+  int attempt = 0;
+};
 
-int logs_command(const StatusArguments& a) {
-  const FarmFolder folder = a.farm.existing();
+int logs(const LogOptions& o) {
+  constexpr std::int64_t most_bytes = 64 << 20;
+  const FarmFolder folder = o.farm.existing();
   ReadModel model(folder.database());
-  const auto job = model.job(a.id);
-  if (!job) throw InputError(fmt::format("job {} is not known", a.id));
-  std::string text = fmt::format("job {} {}: {}\n", job->id, job->name, name_of(job->state));
-  if (!job->message.empty()) text += job->message + "\n";
-  for (const Event& e : model.events(0, 10'000, a.id)) {
-    text += fmt::format("{}  {:<13} {}{}{}\n", local_time_text(e.at_ms), e.kind, name_of(e.reason),
-                        e.reason == Reason::none ? "" : ": ", e.text);
+  const auto job = model.job(o.id);
+  if (!job) throw InputError(fmt::format("job {} is not known", o.id));
+  std::string text;
+  if (o.attempt == 0) {
+    text = fmt::format("job {} {}: {}\n", job->id, job->name, name_of(job->state));
+    if (!job->message.empty()) text += job->message + "\n";
+    for (const Event& e : model.events(0, 10'000, o.id)) {
+      text += fmt::format("{}  {:<13} {}{}{}\n", local_time_text(e.at_ms), e.kind,
+                          name_of(e.reason), e.reason == Reason::none ? "" : ": ", e.text);
+    }
   }
-  for (const Attempt& t : model.attempts(a.id)) {
+  bool any = false;
+  for (const Attempt& a : model.attempts(o.id)) {
+    if (o.attempt > 0 && a.number != o.attempt) continue;
+    any = true;
     text +=
-        fmt::format("\nattempt {}, {}{}{}: {}\n", t.number, t.engine, t.node.empty() ? "" : " on ",
-                    t.node, t.reason == Reason::none ? t.phase : name_of(t.reason));
-    text += log_of(folder, t);
+        fmt::format("\nattempt {}, {}{}{}: {}\n", a.number, a.engine, a.node.empty() ? "" : " on ",
+                    a.node, a.reason == Reason::none ? a.phase : name_of(a.reason));
+    text += log_tail(folder, a, most_bytes);
+    if (text.back() != '\n') text += '\n';
+  }
+  if (!any && o.attempt > 0) {
+    throw InputError(fmt::format("job {} has no attempt {}", o.id, o.attempt));
   }
   cli::print_result(text);
   return cli::kDone;
@@ -148,25 +89,39 @@ int logs_command(const StatusArguments& a) {
 }  // namespace
 
 void add_status_commands(cli::Program& program) {
-  const auto a = std::make_shared<StatusArguments>();
-  CLI::App* status =
-      program.add("status", "What is queued, running, done and failed",
-                  [a](const slicecorr::Job&, cli::Console&) { return status_command(*a); });
-  a->farm.add_to(*status);
-  status->add_option("--json", a->json, "Write as JSON to FILE, or - for stdout");
-  status->add_option("--state", a->state, "Only jobs in this state")
-      ->check(CLI::IsMember({"queued", "running", "done", "failed", "cancelled"}));
-  status->add_option("--user", a->user, "Only jobs of this user");
-  status->add_option("--label", a->label, "Only jobs with this label");
-  status->add_option("--find", a->text, "Only jobs with this text in their name or part");
-  status->add_option("--limit", a->limit, "Jobs to list at most")
-      ->check(CLI::Range(0, 1'000'000))
-      ->capture_default_str();
-  CLI::App* logs =
-      program.add("logs", "What happened to a job, with the logs of its attempts",
-                  [a](const slicecorr::Job&, cli::Console&) { return logs_command(*a); });
-  a->farm.add_to(*logs);
-  logs->add_option("ID", a->id, "Number of the job")->required();
+  {
+    auto o = std::make_shared<StatusOptions>();
+    CLI::App* app = program.add("status", "What is queued, running, done and failed",
+                                [o](const slicecorr::Job&, cli::Console&) { return status(*o); });
+    o->farm.add_to(*app);
+    app->add_option("--state", o->states,
+                    "Only jobs in these states: queued,running,done,failed,cancelled")
+        ->delimiter(',')
+        ->check(CLI::IsMember({"queued", "running", "done", "failed", "cancelled"}));
+    app->add_option("--user", o->filter.user, "Only jobs of this user");
+    app->add_option("--label", o->filter.label, "Only jobs with this label");
+    app->add_option("--batch", o->filter.batch, "Only jobs that were submitted together")
+        ->check(CLI::PositiveNumber);
+    app->add_option("--find", o->filter.text, "Only jobs with this text in their name or a part's");
+    app->add_option("--order", o->order,
+                    "newest, urgency, ended or worst (height error) [by state, or by id]")
+        ->check(CLI::IsMember({"newest", "urgency", "ended", "worst"}));
+    o->filter.limit = 40;
+    app->add_option("--limit", o->filter.limit, "At most so many jobs [40]")
+        ->check(CLI::Range(0, 1'000'000));
+    app->add_option("--offset", o->filter.offset, "Pass over so many jobs")
+        ->check(CLI::NonNegativeNumber);
+    app->add_option("--json", o->json, "Write JSON to this file; - for stdout");
+  }
+  {
+    auto o = std::make_shared<LogOptions>();
+    CLI::App* app = program.add("logs", "What happened to a job, with the logs of its attempts",
+                                [o](const slicecorr::Job&, cli::Console&) { return logs(*o); });
+    o->farm.add_to(*app);
+    app->add_option("ID", o->id, "Number of the job")->required()->check(CLI::PositiveNumber);
+    app->add_option("--attempt", o->attempt, "Only the log of this attempt")
+        ->check(CLI::PositiveNumber);
+  }
 }
 
 }  // namespace slicecorr::farm

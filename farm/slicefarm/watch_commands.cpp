@@ -1,7 +1,155 @@
+// `slicefarm watch` and `report`.
+
+#include <fmt/format.h>
+#include <poll.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <memory>
+
 #include "commands.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/farm/morning.hpp"
+#include "slicecorr/farm/status.hpp"
+#include "terminal.hpp"
 
 namespace slicecorr::farm {
 
-void add_watch_commands(cli::Program&) {}
+namespace {
+
+struct WatchOptions {
+  FarmOptions farm;
+  double interval_s = 0.5;
+  bool once = false, until_empty = false;
+  int columns = 100, rows = 30;
+};
+
+bool is_empty(const Overview& o) {
+  return o.summary.jobs[static_cast<std::size_t>(JobState::queued)] == 0 &&
+         o.summary.jobs[static_cast<std::size_t>(JobState::running)] == 0;
+}
+
+int watch_terminal(const WatchOptions& o, const FarmFolder& folder, ReadModel& model) {
+  const char* plain = std::getenv("NO_COLOR");
+  const bool colour = plain == nullptr || *plain == 0;
+  FrameTerminal terminal;
+  while (!cli::interrupted()) {
+    const LiveState state = read_live(model, folder, terminal.rows());
+    terminal.show(live_frame(state, folder, terminal.columns(), terminal.rows(), colour));
+    if (o.until_empty && is_empty(state.overview)) return cli::kDone;
+    switch (terminal.wait(static_cast<int>(o.interval_s * 1000))) {
+      case FrameTerminal::Key::quit:
+        return cli::kDone;
+      case FrameTerminal::Key::interrupt:
+        return cli::kInterrupted;
+      case FrameTerminal::Key::none:
+        break;
+    }
+  }
+  return cli::kInterrupted;
+}
+
+/// Each event as a line, and how far the running jobs are every ten seconds.
+int watch_lines(const WatchOptions& o, const FarmFolder& folder, ReadModel& model) {
+  constexpr std::int64_t between_lines_ms = 10'000;
+  std::int64_t after = model.summary().last_event, told_ms = 0, version = -1;
+  while (!cli::interrupted()) {
+    if (const std::int64_t now = model.data_version(); now != version) {
+      version = now;
+      for (const Event& e : model.events(after, 1000)) {
+        const auto job = e.job > 0 ? model.job(e.job) : std::nullopt;
+        cli::print_result(
+            fmt::format("{}  {}\n", local_time_text(e.at_ms), event_text(e, job ? job->name : "")));
+        after = e.seq;
+      }
+    }
+    const std::int64_t now_ms = system_clock().steady_ms();
+    if (now_ms - told_ms >= between_lines_ms || o.until_empty) {
+      const Overview overview = read_overview(model, folder);
+      if (now_ms - told_ms >= between_lines_ms) {
+        told_ms = now_ms;
+        cli::print_result(overview_line(overview) + "\n");
+      }
+      // What happened meanwhile has been told when no event is left.
+      if (o.until_empty && is_empty(overview) && overview.summary.last_event <= after) break;
+    }
+    ::poll(nullptr, 0, static_cast<int>(o.interval_s * 1000));
+  }
+  return cli::interrupted() ? cli::kInterrupted : cli::kDone;
+}
+
+int watch(const WatchOptions& o) {
+  const FarmFolder folder = o.farm.existing();
+  ReadModel model(folder.database());
+  if (o.once) {
+    std::string text;
+    const LiveState state = read_live(model, folder, o.rows);
+    for (const std::string& line : live_frame(state, folder, o.columns, o.rows, false)) {
+      text += line + "\n";
+    }
+    cli::print_result(text);
+    return cli::kDone;
+  }
+  return FrameTerminal::possible() ? watch_terminal(o, folder, model)
+                                   : watch_lines(o, folder, model);
+}
+
+struct ReportOptions {
+  FarmOptions farm;
+  MorningOptions what;
+  std::string since, until, output, json;
+};
+
+int report(ReportOptions& o) {
+  const FarmFolder folder = o.farm.existing();
+  if (o.output.empty() && o.json.empty()) o.output = folder.root + "/report.html";
+  const std::int64_t now_ms = system_clock().wall_ms();
+  if (!o.since.empty()) o.what.from_ms = moment_of(o.since, now_ms, "--since");
+  if (!o.until.empty()) o.what.until_ms = moment_of(o.until, now_ms, "--until");
+  ReadModel model(folder.database());
+  MorningReport morning = read_morning(folder, model, o.what);
+  if (!o.json.empty()) cli::print_or_write(o.json, morning_json(morning));
+  if (!o.output.empty()) {
+    // Links lead from where the page is to where the parts' reports are.
+    const std::string base =
+        o.output == "-" ? "" : std::filesystem::absolute(o.output).lexically_normal().parent_path();
+    cli::print_or_write(o.output, morning_page(morning, LinkTo{LinkTo::Kind::files, base}));
+  }
+  return cli::kDone;
+}
+
+}  // namespace
+
+void add_watch_commands(cli::Program& program) {
+  {
+    auto o = std::make_shared<WatchOptions>();
+    CLI::App* app = program.add("watch", "Follow the farm on the terminal; q quits",
+                                [o](const slicecorr::Job&, cli::Console&) { return watch(*o); });
+    o->farm.add_to(*app);
+    app->add_option("--interval-s", o->interval_s, "Time between two looks [0.5]")
+        ->check(cli::number_in(0.05, 3600));
+    app->add_flag("--until-empty", o->until_empty, "End when nothing is queued or running");
+    app->add_flag("--once", o->once, "Print one frame and end");
+    app->add_option("--columns", o->columns, "Width of a frame with --once [100]")
+        ->check(CLI::Range(20, 1000));
+    app->add_option("--rows", o->rows, "Height of a frame with --once [30]")
+        ->check(CLI::Range(5, 1000));
+  }
+  {
+    auto o = std::make_shared<ReportOptions>();
+    CLI::App* app = program.add("report", "Write the page of the morning: done, failed, how well",
+                                [o](const slicecorr::Job&, cli::Console&) { return report(*o); });
+    o->farm.add_to(*app);
+    app->add_option("-o,--output", o->output, "The page; - for stdout [DIR/report.html]");
+    app->add_option("--json", o->json, "Write JSON to this file; - for stdout");
+    app->add_option("--since", o->since,
+                    "From when: \"20:00\" (the last one), \"2026-03-01 20:00\", \"36h\" [24h]");
+    app->add_option("--until", o->until, "To when, as --since [now]");
+    app->add_option("--batch", o->what.batch, "Only jobs that were submitted together")
+        ->check(CLI::PositiveNumber);
+  }
+  add_serve_commands(program);
+}
 
 }  // namespace slicecorr::farm

@@ -246,6 +246,7 @@ Axis axis_over(std::string title, bool logarithmic, const std::vector<double>& v
 }
 
 std::vector<Tick> ticks_of(const Axis& axis, int most) {
+  if (!axis.ticks.empty()) return axis.ticks;
   std::vector<Tick> ticks;
   if (!(axis.high > axis.low) || !std::isfinite(axis.high - axis.low)) return ticks;
   const double decades = axis.logarithmic ? std::log10(axis.high / axis.low) : 0;

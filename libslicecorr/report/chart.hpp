@@ -20,21 +20,23 @@ std::string escape(std::string_view text);
 /// Four significant digits, as people write them: 1234, 0.0567, 1.2e-05.
 std::string figure(double value);
 
+struct Tick {
+  double value = 0;
+  std::string label;  ///< empty: a minor one
+};
+
 struct Axis {
   std::string title;  ///< with its unit
   bool logarithmic = false;
   double low = 0, high = 1;
-  bool downwards = false;  ///< of a vertical axis: `low` at the top
+  bool downwards = false;        ///< of a vertical axis: `low` at the top
+  std::vector<Tick> ticks = {};  ///< in place of round values: times of day; empty: round values
 };
 /// A range that holds all `values` with some room around them. From 0 on where `from_zero` and none
 /// is below it.
 Axis axis_over(std::string title, bool logarithmic, const std::vector<double>& values,
                bool from_zero = false);
 
-struct Tick {
-  double value = 0;
-  std::string label;  ///< empty: a minor one
-};
 /// Round values in the axis' range, about `most` of them with labels.
 std::vector<Tick> ticks_of(const Axis& axis, int most);
 

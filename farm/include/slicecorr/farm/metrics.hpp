@@ -1,0 +1,17 @@
+/// @file metrics.hpp
+/// The farm in the text format of Prometheus, version 0.0.4.
+#pragma once
+
+#include <string>
+
+#include "slicecorr/farm/read_model.hpp"
+#include "slicecorr/farm/status.hpp"
+
+namespace slicecorr::farm {
+
+/// Base units (seconds, bytes), names begin with "slicefarm_". Counters fall only when rows leave
+/// the record, which they never do.
+std::string metrics_text(ReadModel& model, const FarmFolder& folder,
+                         const Clock& clock = system_clock());
+
+}  // namespace slicecorr::farm

@@ -1,0 +1,87 @@
+/// @file morning.hpp
+/// The page of the morning: what was done, what failed and why, which parts are worst, how busy the
+/// workers were. Everything is read from the record; nothing is changed.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "slicecorr/farm/folder.hpp"
+#include "slicecorr/farm/read_model.hpp"
+#include "slicecorr/farm/status.hpp"
+
+namespace slicecorr::farm {
+
+struct MorningOptions {
+  std::int64_t from_ms = 0;   ///< 0: a day before the end
+  std::int64_t until_ms = 0;  ///< 0: now
+  std::int64_t batch = 0;     ///< 0: all
+  int most_failures = 100, most_worst = 20, log_lines = 12;
+};
+
+/// A moment as people write it: "20:00" (the last one before `now_ms`), "2026-03-01 20:00" (local),
+/// "90min", "36h", "2d" (before `now_ms`). Throws `InputError` naming `option`.
+std::int64_t moment_of(const std::string& text, std::int64_t now_ms, const std::string& option);
+
+struct MorningReport {
+  std::string root;
+  std::int64_t from_ms = 0, until_ms = 0, batch = 0;
+  Overview overview;  ///< as it is now
+
+  /// Jobs that ended in the time.
+  std::int64_t done = 0, from_cache = 0, failed = 0, cancelled = 0;
+  std::vector<Reasons> failed_reasons;
+  struct Failure {
+    Job job;
+    std::vector<Attempt> attempts;
+    std::vector<std::string> log_lines;  ///< the end of the last attempt's log
+  };
+  std::vector<Failure> failures;  ///< last ended first
+  std::vector<Job> worst;         ///< done, largest height error first
+
+  /// Attempts that touch the time, without deliveries from the cache.
+  std::int64_t attempts = 0;
+  std::vector<Reasons> attempt_reasons;  ///< of those that ended without a result
+  enum class BarKind { done, running, again, failed, cancelled };
+  struct Bar {
+    int lane = 0;
+    std::int64_t start_ms = 0, end_ms = 0;
+    BarKind kind = BarKind::done;
+    JobId job = 0;  ///< the first, where several are drawn as one
+    std::int64_t jobs = 1;
+    std::string words;
+  };
+  std::vector<std::string> lanes;  ///< names of workers: node and slot
+  std::vector<Bar> bars;           ///< by lane and start; close ones drawn as one
+  struct Slot {
+    std::int64_t from_ms = 0;
+    double done = 0;        ///< jobs that were done in it
+    double cores_busy = 0;  ///< mean
+  };
+  std::vector<Slot> slots;
+  std::int64_t slot_ms = 0;
+  double core_s = 0;     ///< processor time of the attempts, as far as it lies in the time
+  double working_s = 0;  ///< while at least one attempt ran
+  int cores = 0;         ///< of the services alive now, else the most that ran at once
+
+  std::int64_t delivered_bytes = 0;  ///< files of jobs that were done in the time
+  std::int64_t inputs_bytes = 0;     ///< in the store now
+};
+
+/// With 100,000 jobs in the time this takes a second or two.
+MorningReport read_morning(const FarmFolder& folder, ReadModel& model,
+                           const MorningOptions& options, const Clock& clock = system_clock());
+
+/// Where links to the parts' own reports lead.
+struct LinkTo {
+  enum class Kind { files, server } kind = Kind::files;
+  std::string base;  ///< files: folder of the page, links are relative to it; empty: absolute
+};
+/// One file that loads nothing: no scripts, styles inline.
+std::string morning_page(const MorningReport& report, const LinkTo& links);
+std::string morning_json(const MorningReport& report);
+/// The workers' picture alone.
+std::string timeline_svg(const MorningReport& report);
+
+}  // namespace slicecorr::farm

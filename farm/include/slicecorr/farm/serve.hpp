@@ -1,0 +1,89 @@
+/// @file serve.hpp
+/// The farm over HTTP: a page that only reads, a REST API under /api/v1, metrics.
+///
+/// What it is built against: pages of other sites in the same browser (no cookies, Host and Origin
+/// are checked, changes need a bearer token), names that lead elsewhere (DNS rebinding, paths),
+/// clients that send too much, too slowly or too many at once. It speaks plain HTTP: beyond the
+/// machine it belongs behind a proxy that speaks TLS.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "slicecorr/farm/clock.hpp"
+#include "slicecorr/farm/folder.hpp"
+#include "slicecorr/farm/job.hpp"
+
+namespace slicecorr::farm {
+
+/// Reads a bearer token: the first line of a file that only its owner can read (mode 0600 or 0400),
+/// 32 to 512 printable characters. Throws `InputError`.
+std::string read_token_file(const std::string& path);
+
+/// What a submission over HTTP gives back.
+struct SubmitReply {
+  int status = 201;
+  std::string json;
+};
+
+struct ServeOptions {
+  std::string host = "127.0.0.1";
+  int port = 0;            ///< 0: the system chooses
+  std::string token;       ///< empty: nothing can be changed, and only loopback is served
+  std::string host_names;  ///< further names in Host headers that are ours, separated by commas
+  /// Takes the body of POST /api/v1/jobs. Empty: submissions are refused.
+  std::function<SubmitReply(const std::string& body, bool dry_run,
+                            const std::atomic<bool>& stopping)>
+      submit;
+  std::int64_t most_body_bytes = 8 << 20;                   ///< of JSON
+  std::int64_t most_upload_bytes = 512 << 20;               ///< of one part
+  std::int64_t most_uploads_bytes = std::int64_t{8} << 30;  ///< of all parts that were uploaded
+  double uploads_kept_s = 24 * 3600;  ///< parts that no submission has taken by then go
+  int threads = 16;
+  int most_waiting = 64;  ///< connections that wait for a thread; more are turned away (503)
+  int header_bytes = 16 << 10;
+  double request_s = 10;         ///< for the request line and headers to come
+  double stall_s = 10;           ///< without a byte in either direction
+  double least_bytes_s = 16384;  ///< pace that bodies must keep up on the whole
+  const Clock* clock = &system_clock();
+};
+
+class FarmServer {
+ public:
+  /// Binds. Throws `InputError` for an address that can't be, or one beyond loopback without a
+  /// token; `DeviceError` when it is taken.
+  FarmServer(const FarmFolder& folder, ServeOptions options);
+  ~FarmServer();
+  FarmServer(const FarmServer&) = delete;
+  FarmServer& operator=(const FarmServer&) = delete;
+
+  int port() const;
+  /// "http://127.0.0.1:8123".
+  std::string address() const;
+  /// Serves until `stop`; then open requests are cut off.
+  void run();
+  /// From any thread.
+  void stop();
+
+ private:
+  struct Parts;
+  std::unique_ptr<Parts> parts_;
+};
+
+/// Rules for jobs that come over HTTP.
+struct SubmitRules {
+  FarmFolder folder;
+  /// Folders in which parts may lie, and outputs be written; paths elsewhere are refused. Uploaded
+  /// parts ("upload:TOKEN/NAME") are always allowed.
+  std::vector<std::string> allowed_folders;
+  std::string user;  ///< where a job names none
+};
+/// A `ServeOptions::submit` that checks the jobs as `slicefarm submit` does.
+std::function<SubmitReply(const std::string&, bool, const std::atomic<bool>&)> make_submitter(
+    SubmitRules rules);
+
+}  // namespace slicecorr::farm

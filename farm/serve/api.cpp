@@ -1,0 +1,432 @@
+#include "serve/api.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <openssl/sha.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <charconv>
+#include <nlohmann/json.hpp>
+
+#include "report/page_parts.hpp"
+#include "report/page_text.hpp"
+#include "serve/guarded_server.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/farm/metrics.hpp"
+#include "slicecorr/farm/morning.hpp"
+#include "slicecorr/farm/status.hpp"
+#include "watch/page_text.hpp"
+
+namespace slicecorr::farm::detail {
+
+using Json = nlohmann::ordered_json;
+
+namespace {
+
+constexpr const char* json_type = "application/json; charset=utf-8";
+constexpr const char* text_type = "text/plain; charset=utf-8";
+constexpr const char* html_type = "text/html; charset=utf-8";
+
+/// Nothing from elsewhere, no frames, no forms; the page's own script and style only.
+constexpr const char* shell_policy =
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src blob: data:; connect-src "
+    "'self'; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+constexpr const char* bare_policy = "default-src 'none'; frame-ancestors 'none'; sandbox";
+/// A part's own report has scripts in it, and lies where users write: it gets an origin of its own,
+/// from which it can ask for nothing.
+constexpr const char* part_policy =
+    "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline'; style-src "
+    "'unsafe-inline'; img-src data: blob:; base-uri 'none'; form-action 'none'; frame-ancestors "
+    "'none'";
+
+/// Allows exactly the styles that stand in a page.
+std::string policy_for_styles(const std::string& html) {
+  std::string hashes;
+  for (std::size_t at = 0; (at = html.find("<style>", at)) != std::string::npos;) {
+    at += 7;
+    const std::size_t end = html.find("</style>", at);
+    if (end == std::string::npos) break;
+    std::vector<std::uint8_t> digest(SHA256_DIGEST_LENGTH);
+    ::SHA256(reinterpret_cast<const unsigned char*>(html.data() + at), end - at, digest.data());
+    hashes += " 'sha256-" + slicecorr::detail::base64(digest) + "'";
+    at = end;
+  }
+  return "default-src 'none'; style-src" + (hashes.empty() ? " 'none'" : hashes) +
+         "; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+}
+
+/// Into a JSON list that is being written.
+void add_item(std::string& list, const std::string& item) {
+  if (list.back() != '[') list += ',';
+  list += item;
+}
+
+JobFilter filter_of(Query& query) {
+  JobFilter f;
+  std::string states = query.text("state");
+  while (!states.empty()) {
+    const std::size_t comma = std::min(states.find(','), states.size());
+    const auto state = job_state_named(states.substr(0, comma));
+    if (!state) {
+      throw ApiError(400, "state", "expected queued, running, done, failed or cancelled");
+    }
+    f.states.push_back(*state);
+    states.erase(0, comma + 1);
+  }
+  f.user = query.text("user");
+  f.label = query.text("label");
+  f.text = query.text("text");
+  constexpr std::int64_t most = std::int64_t{1} << 53;
+  f.batch = query.number("batch", 0, 1, most);
+  f.ended_since_ms = query.number("ended_since_ms", 0, 0, most);
+  f.limit = query.number("limit", 100, 0, 1000);
+  f.offset = query.number("offset", 0, 0, most);
+  using Order = JobFilter::Order;
+  const std::string order = query.text("order");
+  if (order.empty() || order == "id") {
+    f.order = Order::id;
+  } else if (order == "newest") {
+    f.order = Order::newest;
+  } else if (order == "urgency") {
+    f.order = Order::urgency;
+  } else if (order == "ended") {
+    f.order = Order::ended;
+  } else if (order == "worst") {
+    f.order = Order::worst_height;
+  } else {
+    throw ApiError(400, "order", "expected id, newest, urgency, ended or worst");
+  }
+  return f;
+}
+
+}  // namespace
+
+// --- helpers ------------------------------------------------------------------------------------
+
+void send(httplib::Response& response, int status, std::string text, const char* type) {
+  // The server itself tells a part of an answer (206) from a whole one.
+  if (status != 200) response.status = status;
+  if (text.empty()) {
+    response.set_content("", type);
+    return;
+  }
+  const auto body = std::make_shared<const std::string>(std::move(text));
+  response.set_content_provider(body->size(), type,
+                                [body](std::size_t at, std::size_t size, httplib::DataSink& sink) {
+                                  return sink.write(body->data() + at, size);
+                                });
+}
+
+void send_error(httplib::Response& response, int status, const char* code,
+                const std::string& message) {
+  const Json json = {{"error", {{"status", status}, {"code", code}, {"message", message}}}};
+  send(response, status, json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n",
+       json_type);
+  if (status == 401) response.set_header("WWW-Authenticate", "Bearer");
+  if (status == 405) response.set_header("Allow", "GET, HEAD, POST, PUT");
+  if (status == 503) response.set_header("Retry-After", "5");
+}
+
+std::vector<std::string> segments_of(const std::string& path) {
+  std::vector<std::string> list;
+  std::size_t at = path.starts_with('/') ? 1 : 0;
+  while (at <= path.size()) {
+    const std::size_t end = std::min(path.find('/', at), path.size());
+    list.push_back(path.substr(at, end - at));
+    at = end + 1;
+  }
+  return list;
+}
+
+std::int64_t id_of(const std::string& text) {
+  std::int64_t id = 0;
+  const auto [rest, error] = std::from_chars(text.data(), text.data() + text.size(), id);
+  return error == std::errc{} && rest == text.data() + text.size() && id > 0 && text[0] != '0' ? id
+                                                                                               : 0;
+}
+
+std::string Query::text(const char* name) {
+  const auto n = params_.count(name);
+  if (n == 0) return {};
+  const std::string value = params_.find(name)->second;
+  if (n > 1 || value.size() > 500) throw ApiError(400, "query", "a parameter twice, or too long");
+  params_.erase(name);
+  return value;
+}
+
+std::int64_t Query::number(const char* name, std::int64_t otherwise, std::int64_t least,
+                           std::int64_t most) {
+  if (params_.count(name) == 0) return otherwise;
+  const std::string value = text(name);
+  std::int64_t n = 0;
+  const auto [rest, error] = std::from_chars(value.data(), value.data() + value.size(), n);
+  if (error != std::errc{} || rest != value.data() + value.size() || n < least || n > most) {
+    throw ApiError(400, "query",
+                   fmt::format("{}: expected a whole number from {} to {}", name, least, most));
+  }
+  return n;
+}
+
+bool Query::flag(const char* name) { return number(name, 0, 0, 1) != 0; }
+
+void Query::end() const {
+  if (!params_.empty()) throw ApiError(400, "query", "a parameter that this request does not have");
+}
+
+std::string Kept::get(const std::function<std::string()>& make) {
+  const std::scoped_lock lock(mutex_);
+  const auto now = std::chrono::steady_clock::now();
+  if (!any_ || std::chrono::duration<double>(now - made_).count() > seconds_) {
+    text_ = make();
+    made_ = std::chrono::steady_clock::now();
+    any_ = true;
+  }
+  return text_;
+}
+
+Api::Reader::Reader(Api& api) : api_(api) {
+  {
+    const std::scoped_lock lock(api_.readers_mutex_);
+    if (!api_.readers_.empty()) {
+      model_ = std::move(api_.readers_.back());
+      api_.readers_.pop_back();
+    }
+  }
+  if (!model_) {
+    model_ = std::make_unique<ReadModel>(api_.folder_.database(), *api_.options_.clock);
+  }
+}
+
+Api::Reader::~Reader() {
+  const std::scoped_lock lock(api_.readers_mutex_);
+  api_.readers_.push_back(std::move(model_));
+}
+
+// --- answers ------------------------------------------------------------------------------------
+
+Api::Api(const FarmFolder& folder, const ServeOptions& options, GuardRules rules,
+         const std::atomic<bool>& stopping)
+    : folder_(folder), options_(options), rules_(std::move(rules)), stopping_(stopping) {}
+
+bool Api::before_body(const httplib::Request& request, httplib::Response& response) {
+  try {
+    check_headers(rules_, request);
+    if (request.method == "GET" || request.method == "HEAD") {
+      body_bytes(request, 0);
+      read(request, response);
+      return true;
+    }
+    if (request.method != "POST" && request.method != "PUT") {
+      throw ApiError(405, "method", "expected GET, HEAD, POST or PUT");
+    }
+    check_access(rules_, request, Access::change);
+    const bool part = request.method == "PUT";
+    const std::int64_t bytes =
+        body_bytes(request, part ? options_.most_upload_bytes : options_.most_body_bytes);
+    if (part && !request.has_header("Content-Length")) {
+      throw ApiError(411, "length", "expected a Content-Length");
+    }
+    const std::string type = request.get_header_value("Content-Type");
+    if (part ? type.starts_with("multipart/")
+             : bytes > 0 && !type.starts_with("application/json")) {
+      throw ApiError(415, "type",
+                     part ? "expected the bytes of one file" : "expected application/json");
+    }
+    if (GuardedStream* stream = GuardedStream::current()) stream->allow_body(bytes);
+    return false;
+  } catch (const ApiError& e) {
+    send_error(response, e.status, e.code, e.what());
+  } catch (const InputError&) {
+    send_error(response, 503, "record", "the farm's record can't be read");
+  } catch (const DeviceError&) {
+    send_error(response, 503, "record", "the farm's record can't be read now");
+  }
+  return true;
+}
+
+void Api::read(const httplib::Request& request, httplib::Response& response) {
+  const std::string& path = request.path;
+  const auto shell = [&](std::string_view text, const char* type) {
+    send(response, 200, std::string(text), type);
+    response.set_header("Content-Security-Policy", shell_policy);
+  };
+  if (path == "/") return shell(page_live_html, html_type);
+  if (path == "/live.js") return shell(page_live_js, "text/javascript; charset=utf-8");
+  if (path == "/live.css") {
+    return shell(std::string(slicecorr::detail::page_page_css) + std::string(page_farm_css) +
+                     std::string(page_live_css),
+                 "text/css; charset=utf-8");
+  }
+  if (path == "/healthz") return send(response, 200, "ok\n", text_type);
+
+  check_access(rules_, request, Access::read);
+  Query query(request);
+  if (path == "/metrics") {
+    query.end();
+    return send(response, 200, metrics_.get([&] {
+      Reader reader(*this);
+      return metrics_text(*reader, folder_, *options_.clock);
+    }),
+                "text/plain; version=0.0.4; charset=utf-8");
+  }
+  const auto morning = [&] {
+    Reader reader(*this);
+    return read_morning(folder_, *reader, {}, *options_.clock);
+  };
+  if (path == "/report") {
+    query.end();
+    const std::string html = report_.get([&] {
+      return morning_page(morning(), {LinkTo::Kind::server, ""});
+    });
+    response.set_header("Content-Security-Policy", policy_for_styles(html));
+    return send(response, 200, html, html_type);
+  }
+
+  const std::vector<std::string> parts = segments_of(path);
+  const auto not_there = [] { throw ApiError(404, "not_found", "there is nothing at this path"); };
+  if (parts.size() < 3 || parts[0] != "api" || parts[1] != "v1") not_there();
+  const std::string& what = parts[2];
+  if (what == "jobs" && parts.size() > 3) {
+    const JobId id = id_of(parts[3]);
+    if (id == 0) not_there();
+    return job(id, {parts.begin() + 4, parts.end()}, request, response);
+  }
+  if (parts.size() > 3) not_there();
+  if (what == "overview") {
+    query.end();
+    return send(response, 200, overview_.get([&] {
+      Reader reader(*this);
+      return overview_json(read_overview(*reader, folder_, *options_.clock));
+    }),
+                json_type);
+  }
+  if (what == "jobs") {
+    const JobFilter filter = filter_of(query);
+    query.end();
+    Reader reader(*this);
+    const ReadModel::Snapshot snapshot(*reader);
+    std::string text = fmt::format(R"({{"total":{},"limit":{},"offset":{},"jobs":[)",
+                                   reader->count(filter), filter.limit, filter.offset);
+    for (const Job& j : reader->jobs(filter)) add_item(text, job_json(j));
+    return send(response, 200, text + "]}", json_type);
+  }
+  if (what == "events") {
+    const std::int64_t most = std::int64_t{1} << 53;
+    const std::int64_t after = query.number("after", -1, 0, most);
+    const std::int64_t limit = query.number("limit", 100, 1, 1000);
+    const JobId of = query.number("job", 0, 1, most);
+    query.end();
+    Reader reader(*this);
+    std::string text = R"({"events":[)";
+    const std::vector<Event> events =
+        after < 0 && of == 0 ? reader->last_events(limit)
+                             : reader->events(std::max<std::int64_t>(0, after), limit, of);
+    for (const Event& e : events) add_item(text, event_json(e));
+    return send(response, 200, text + "]}", json_type);
+  }
+  if (what == "report") {
+    query.end();
+    return send(response, 200, report_json_.get([&] { return morning_json(morning()); }),
+                json_type);
+  }
+  if (what == "timeline.svg") {
+    query.end();
+    return send(response, 200, timeline_.get([&] { return timeline_svg(morning()); }),
+                "image/svg+xml");
+  }
+  not_there();
+}
+
+void Api::job(JobId id, const std::vector<std::string>& rest, const httplib::Request& request,
+              httplib::Response& response) {
+  Query query(request);
+  Reader reader(*this);
+  const auto job = reader->job(id);
+  if (!job) throw ApiError(404, "not_found", "there is no such job");
+  const auto attempts_text = [&] {
+    std::string text = "[";
+    for (const Attempt& a : reader->attempts(id)) add_item(text, attempt_json(a));
+    return text + "]";
+  };
+  if (rest.empty()) {
+    query.end();
+    std::string text = job_json(*job);
+    text.pop_back();
+    return send(response, 200, text + R"(,"tries":)" + attempts_text() + "}", json_type);
+  }
+  if (rest.size() == 1 && rest[0] == "log") {
+    const std::int64_t number = query.number("attempt", 0, 1, 1'000'000);
+    const std::int64_t bytes = query.number("bytes", 64 << 10, 1, 4 << 20);
+    query.end();
+    const std::vector<Attempt> attempts = reader->attempts(id);
+    const auto found = number == 0
+                           ? (attempts.empty() ? attempts.end() : std::prev(attempts.end()))
+                           : std::find_if(attempts.begin(), attempts.end(),
+                                          [&](const Attempt& a) { return a.number == number; });
+    if (found == attempts.end()) throw ApiError(404, "not_found", "there is no such attempt");
+    return send(response, 200, log_tail(folder_, *found, bytes), text_type);
+  }
+  if (rest.size() == 2 && rest[0] == "files") {
+    query.end();
+    return file(*job, rest[1], response);
+  }
+  throw ApiError(404, "not_found", "there is nothing at this path");
+}
+
+void Api::file(const Job& job, const std::string& ending, httplib::Response& response) {
+  // Only what the record says was delivered, and only as long as it still has that size.
+  const auto listed = std::find_if(job.files.begin(), job.files.end(),
+                                   [&](const ResultFile& f) { return f.ending == ending; });
+  if (listed == job.files.end()) throw ApiError(404, "not_found", "the job has no such output");
+  const int file =
+      ::open(job.output(ending).c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
+  struct stat s {};
+  if (file < 0 || ::fstat(file, &s) != 0 || !S_ISREG(s.st_mode) || s.st_size != listed->bytes) {
+    if (file >= 0) ::close(file);
+    throw ApiError(410, "gone", "the output was moved or changed since the job was done");
+  }
+  const std::shared_ptr<const int> handle(new int(file), [](const int* f) {
+    ::close(*f);
+    delete f;
+  });
+  const bool page = ending == "html";
+  response.set_header("Content-Security-Policy", page ? part_policy : bare_policy);
+  if (!page && ending != "json") {
+    std::string name;
+    for (const char c : job.name + "." + ending) {
+      const auto u = static_cast<unsigned char>(c);
+      const bool plain = (u >= '0' && u <= '9') || (u >= 'A' && u <= 'Z') ||
+                         (u >= 'a' && u <= 'z') || c == '-' || c == '_' || c == '.';
+      name += plain ? std::string(1, c) : fmt::format("%{:02X}", u);
+    }
+    response.set_header("Content-Disposition", "attachment; filename*=UTF-8''" + name);
+  }
+  const auto size = static_cast<std::size_t>(s.st_size);
+  const char* type = page ? html_type : ending == "json" ? json_type : "application/octet-stream";
+  if (size == 0) return response.set_content("", type);
+  response.set_content_provider(
+      size, type, [handle](std::size_t at, std::size_t left, httplib::DataSink& sink) {
+        char buffer[64 << 10];
+        const ssize_t n =
+            ::pread(*handle, buffer, std::min(left, sizeof buffer), static_cast<off_t>(at));
+        return n > 0 && sink.write(buffer, static_cast<std::size_t>(n));
+      });
+}
+
+void Api::finish(const httplib::Request&, httplib::Response& response) const {
+  const auto otherwise = [&](const char* name, const char* value) {
+    if (!response.has_header(name)) response.set_header(name, value);
+  };
+  otherwise("Content-Security-Policy", bare_policy);
+  otherwise("X-Content-Type-Options", "nosniff");
+  otherwise("X-Frame-Options", "DENY");
+  otherwise("Referrer-Policy", "no-referrer");
+  otherwise("Cross-Origin-Resource-Policy", "same-origin");
+  otherwise("Cross-Origin-Opener-Policy", "same-origin");
+  otherwise("Cache-Control", "no-store");
+}
+
+}  // namespace slicecorr::farm::detail

@@ -1,0 +1,49 @@
+/// @file guard.hpp
+/// Who may ask for what: Host and Origin headers, tokens, the size of bodies. Looked at before
+/// anything of a request's body is read.
+#pragma once
+
+#include <httplib.h>
+
+#include <cstdint>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace slicecorr::farm::detail {
+
+/// A request that is answered with an error. The message never repeats what the client sent.
+class ApiError : public std::runtime_error {
+ public:
+  ApiError(int status, const char* code, const std::string& message)
+      : std::runtime_error(message), status(status), code(code) {}
+  int status;
+  const char* code;
+};
+
+struct GuardRules {
+  bool loopback = true;  ///< bound to an address of loopback: reading needs no token
+  int port = 0;
+  std::string token;  ///< empty: no changes
+  std::vector<std::string> host_names;
+};
+
+/// What a request is, as far as rights go.
+enum class Access {
+  shell,  ///< the page without data: free
+  read,
+  change,
+};
+
+/// Whether an address is one of loopback: "127.0.0.1", "::1".
+bool is_loopback(const std::string& ip);
+
+/// Throws `ApiError`.
+void check_headers(const GuardRules& rules, const httplib::Request& request);
+void check_access(const GuardRules& rules, const httplib::Request& request, Access access);
+
+/// Size of the body that a request announces; 0 without one. Throws `ApiError` for bodies without a
+/// length, encoded ones, and those above `most`.
+std::int64_t body_bytes(const httplib::Request& request, std::int64_t most);
+
+}  // namespace slicecorr::farm::detail

@@ -1,0 +1,94 @@
+/// @file guarded_server.hpp
+/// cpp-httplib's server behind limits that it does not have itself: on the bytes and the time of a
+/// request, on connections, and on how long a stop may take. One request per connection.
+#pragma once
+
+#include <httplib.h>
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+namespace slicecorr::farm::detail {
+
+struct ConnectionLimits {
+  int threads = 16, most_waiting = 64, header_bytes = 16 << 10;
+  double request_s = 10, stall_s = 10, least_bytes_s = 16384;
+};
+
+/// A connection that counts bytes and time.
+class GuardedStream : public httplib::Stream {
+ public:
+  GuardedStream(int socket, int stop_fd, const ConnectionLimits& limits);
+  /// From here on so many bytes of body may come.
+  void allow_body(std::int64_t bytes);
+
+  bool is_readable() const override;
+  bool is_writable() const override;
+  ssize_t read(char* data, std::size_t size) override;
+  ssize_t write(const char* data, std::size_t size) override;
+  void get_remote_ip_and_port(std::string& ip, int& port) const override;
+  void get_local_ip_and_port(std::string& ip, int& port) const override;
+  socket_t socket() const override { return socket_; }
+
+  /// The one that this thread works on.
+  static GuardedStream* current();
+
+ private:
+  using Steady = std::chrono::steady_clock;
+  bool wait(short events, Steady::time_point until) const;
+
+  int socket_, stop_fd_;
+  ConnectionLimits limits_;
+  std::int64_t left_;  ///< bytes that may still come
+  bool body_allowed_ = false;
+  Steady::time_point read_until_, write_since_{};
+  double written_ = 0;
+  std::vector<char> buffer_;
+  std::size_t begin_ = 0, end_ = 0;
+};
+
+/// Threads for connections; those beyond the limit are turned away at once.
+class BoundedPool : public httplib::TaskQueue {
+ public:
+  explicit BoundedPool(const ConnectionLimits& limits);
+  void enqueue(std::function<void()> connection) override;
+  void shutdown() override;
+  /// Whether the connection that this thread works on is to be turned away.
+  static bool turning_away();
+
+ private:
+  void work();
+
+  std::size_t most_waiting_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::deque<std::function<void()>> waiting_;
+  bool ended_ = false;
+  std::vector<std::thread> threads_;
+};
+
+class GuardedServer : public httplib::Server {
+ public:
+  explicit GuardedServer(const ConnectionLimits& limits);
+  ~GuardedServer() override;
+  /// Ends `listen_after_bind`; requests that are being read or answered are cut off.
+  void stop_now();
+  bool stopping() const { return stopping_; }
+  const std::atomic<bool>& stopping_flag() const { return stopping_; }
+
+ private:
+  bool process_and_close_socket(socket_t socket) override;
+
+  ConnectionLimits limits_;
+  int stop_fd_ = -1;
+  std::atomic<bool> stopping_{false};
+};
+
+}  // namespace slicecorr::farm::detail

@@ -1,0 +1,118 @@
+// Jobs that come over HTTP: read as a jobs file, kept inside the folders that they may use, then
+// checked and queued as `slicefarm submit` does.
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "serve/uploads.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/farm/serve.hpp"
+#include "slicecorr/farm/submit.hpp"
+
+namespace slicecorr::farm {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+namespace {
+
+/// Whether a path lies in one of the folders, links followed.
+bool inside(const std::string& path, const std::vector<std::string>& folders) {
+  if (!path.starts_with('/')) return false;
+  std::error_code error;
+  const fs::path real = fs::weakly_canonical(path, error);
+  if (error) return false;
+  return std::any_of(folders.begin(), folders.end(), [&](const std::string& folder) {
+    std::error_code e;
+    const fs::path root = fs::canonical(folder, e);
+    if (e) return false;
+    const auto [a, b] = std::mismatch(root.begin(), root.end(), real.begin(), real.end());
+    return a == root.end();
+  });
+}
+
+/// Printers and resins by name only: a path would be read, and told of in messages.
+bool is_name(const std::string& text) {
+  return text.find('/') == std::string::npos && !text.ends_with(".toml");
+}
+
+void confine(JobRequest& request, const SubmitRules& rules, std::vector<SubmitError>& errors) {
+  for (std::string& part : request.parts) {
+    if (const std::string path = detail::upload_path(rules.folder, part); !path.empty()) {
+      part = path;
+    } else if (!inside(part, rules.allowed_folders)) {
+      errors.push_back({request.where,
+                        "part: expected an uploaded one (\"upload:...\"), or a whole path in a "
+                        "folder of --allow-dir"});
+    }
+  }
+  if (!request.out.empty() && !inside(request.out, rules.allowed_folders)) {
+    errors.push_back(
+        {request.where, "out: expected none, or a whole path in a folder of --allow-dir"});
+  }
+  for (const std::string* name : {&request.setup.printer, &request.setup.resin}) {
+    if (!is_name(*name) && !inside(*name, rules.allowed_folders)) {
+      errors.push_back({request.where,
+                        "printer, resin: expected a name, or a whole path in a folder of "
+                        "--allow-dir"});
+    }
+  }
+}
+
+SubmitReply failed(const std::vector<SubmitError>& errors) {
+  Json list = Json::array();
+  for (const SubmitError& e : errors) list.push_back({{"where", e.where}, {"message", e.message}});
+  const Json json = {{"error",
+                      {{"status", 400},
+                       {"code", "jobs"},
+                       {"message", fmt::format("{} errors; nothing was queued", errors.size())},
+                       {"errors", list}}}};
+  return {400, json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n"};
+}
+
+}  // namespace
+
+std::function<SubmitReply(const std::string&, bool, const std::atomic<bool>&)> make_submitter(
+    SubmitRules rules) {
+  return [rules](const std::string& body, bool dry_run,
+                 const std::atomic<bool>& stopping) -> SubmitReply {
+    try {
+      std::vector<JobRequest> requests = parse_jobs_json(body, "request");
+      std::vector<SubmitError> errors;
+      for (JobRequest& request : requests) confine(request, rules, errors);
+      if (!errors.empty()) return failed(errors);
+      Queue queue(rules.folder.database());
+      slicecorr::Job job;
+      job.cancel = &stopping;
+      const Submission submission =
+          prepare(requests, rules.folder, queue, rules.user, !dry_run, job);
+      Json estimates = Json::array();
+      for (const Estimate& e : submission.estimates) {
+        estimates.push_back({{"name", e.name},
+                             {"layers", e.layers},
+                             {"seconds", e.seconds},
+                             {"disk_bytes", e.disk_bytes},
+                             {"memory_mb", e.memory_mb},
+                             {"cached", e.cached},
+                             {"duplicate", e.duplicate}});
+      }
+      Json json;
+      json["ids"] = Json::array();
+      if (!dry_run) {
+        const Submitted submitted = submit(submission, rules.folder, queue, rules.user, "REST API");
+        json["ids"] = submitted.ids;
+        json["done_from_cache"] = submitted.done_from_cache;
+      }
+      json["estimates"] = estimates;
+      return {dry_run ? 200 : 201,
+              json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n"};
+    } catch (const SubmitErrors& e) {
+      return failed(e.errors());
+    }
+  };
+}
+
+}  // namespace slicecorr::farm

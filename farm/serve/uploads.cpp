@@ -1,0 +1,111 @@
+#include "serve/uploads.hpp"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <filesystem>
+
+#include "base/errno_message.hpp"
+#include "serve/guard.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/farm/queue.hpp"
+#include "watch/words.hpp"
+
+namespace slicecorr::farm::detail {
+
+namespace fs = std::filesystem;
+using slicecorr::detail::errno_message;
+
+namespace {
+
+bool is_token(const std::string& text) {
+  return text.size() == 32 && text.find_first_not_of("0123456789abcdef") == std::string::npos;
+}
+
+}  // namespace
+
+bool is_file_name(const std::string& name) {
+  return !name.empty() && name.size() <= 200 && name[0] != '.' && name[0] != '-' &&
+         name.find_first_of("/\\") == std::string::npos && words::printable(name) == name;
+}
+
+std::string upload_path(const FarmFolder& folder, const std::string& part) {
+  constexpr std::string_view scheme = "upload:";
+  if (!part.starts_with(scheme)) return {};
+  const std::string rest = part.substr(scheme.size());
+  const std::size_t slash = rest.find('/');
+  if (slash == std::string::npos || !is_token(rest.substr(0, slash)) ||
+      !is_file_name(rest.substr(slash + 1))) {
+    return {};
+  }
+  return folder.root + "/uploads/" + rest;
+}
+
+Upload::Upload(const FarmFolder& folder, const std::string& name) {
+  if (!is_file_name(name)) {
+    throw ApiError(400, "name", "expected the name of a file: no folders, no leading dot");
+  }
+  const std::string token = random_token();
+  folder_ = folder.root + "/uploads/" + token;
+  text_ = "upload:" + token + "/" + name;
+  path_ = folder_ + "/" + name;
+  part_ = folder_ + "/.part";
+  std::error_code error;
+  fs::create_directories(folder_, error);
+  if (error) throw DeviceError(folder_ + ": can't be made: " + error.message());
+  file_ = ::open(part_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
+  if (file_ < 0) throw DeviceError(errno_message(part_, "can't be made"));
+}
+
+Upload::~Upload() {
+  if (file_ < 0) return;
+  ::close(file_);
+  std::error_code error;
+  fs::remove_all(folder_, error);
+}
+
+void Upload::write(const char* data, std::size_t size) {
+  while (size > 0) {
+    const ssize_t n = ::write(file_, data, size);
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) throw DeviceError(errno_message(part_, "can't be written"));
+    data += n;
+    size -= static_cast<std::size_t>(n);
+    bytes_ += n;
+  }
+}
+
+std::string Upload::keep() {
+  if (::fsync(file_) != 0 || ::rename(part_.c_str(), path_.c_str()) != 0) {
+    throw DeviceError(errno_message(path_, "can't be written"));
+  }
+  ::close(file_);
+  file_ = -1;
+  return text_;
+}
+
+std::int64_t clean_uploads(const FarmFolder& folder, double kept_s) {
+  std::int64_t bytes = 0;
+  std::error_code error;
+  const auto now = fs::file_time_type::clock::now();
+  for (const auto& entry : fs::directory_iterator(folder.root + "/uploads", error)) {
+    if (!is_token(entry.path().filename().string())) continue;
+    const auto changed = fs::last_write_time(entry.path(), error);
+    if (error) continue;
+    if (std::chrono::duration<double>(now - changed).count() > kept_s) {
+      fs::remove_all(entry.path(), error);
+      continue;
+    }
+    for (const auto& file : fs::directory_iterator(entry.path(), error)) {
+      const auto size = file.file_size(error);
+      if (!error) bytes += static_cast<std::int64_t>(size);
+    }
+  }
+  return bytes;
+}
+
+}  // namespace slicecorr::farm::detail

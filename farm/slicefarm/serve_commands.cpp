@@ -1,0 +1,167 @@
+// `slicefarm serve` and `notify`.
+
+#include <fmt/format.h>
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <cstdlib>
+#include <memory>
+#include <thread>
+
+#include "commands.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/farm/notify.hpp"
+#include "slicecorr/farm/serve.hpp"
+
+namespace slicecorr::farm {
+
+namespace {
+
+/// A stop must not take longer, whatever a request is doing. Open transactions are rolled back.
+constexpr int longest_stop_ms = 5000;
+
+volatile std::sig_atomic_t terminated = 0;
+void on_terminate(int) { terminated = 1; }
+
+/// Being told to end is the regular end of a service: exit code 0, where Ctrl-C gives 130.
+void take_sigterm() {
+  struct sigaction action {};
+  action.sa_handler = on_terminate;
+  ::sigaction(SIGTERM, &action, nullptr);
+}
+
+bool ended() { return terminated != 0 || cli::interrupted(); }
+
+struct ServeCommand {
+  FarmOptions farm;
+  std::string listen = "127.0.0.1:8420", token_file, user;
+  std::vector<std::string> host_names, allowed_folders;
+  double most_upload_mb = 512;
+  bool notify = true;
+};
+
+std::pair<std::string, int> host_and_port(const std::string& text) {
+  const std::size_t colon = text.rfind(':');
+  const auto wrong = [&] {
+    throw InputError("--listen is '" + text + "', expected HOST:PORT, 0 for a port that is free");
+  };
+  if (colon == std::string::npos || colon == 0) wrong();
+  std::string host = text.substr(0, colon);
+  if (host.starts_with('[') && host.ends_with(']')) host = host.substr(1, host.size() - 2);
+  const auto port = cli::number_of(text.substr(colon + 1));
+  if (!port || *port < 0 || *port > 65535 || *port != static_cast<int>(*port)) wrong();
+  return {host, static_cast<int>(*port)};
+}
+
+int serve(const ServeCommand& o, cli::Console& console) {
+  const FarmFolder folder = o.farm.open();
+  ServeOptions options;
+  std::tie(options.host, options.port) = host_and_port(o.listen);
+  if (!o.token_file.empty()) options.token = read_token_file(o.token_file);
+  for (const std::string& name : o.host_names) options.host_names += name + ",";
+  options.most_upload_bytes = static_cast<std::int64_t>(o.most_upload_mb * 1e6);
+  if (!options.token.empty()) {
+    options.submit =
+        make_submitter({folder, o.allowed_folders, o.user.empty() ? user_name() : o.user});
+  }
+  FarmServer server(folder, options);
+  take_sigterm();
+  std::optional<Notifier> notifier;
+  if (o.notify) notifier.emplace(folder);
+  cli::print_result(server.address() + "\n");
+  console.say(options.token.empty() ? "serving; nothing can be changed without --token-file"
+                                    : "serving");
+  std::atomic<bool> done{false};
+  std::thread stopper([&] {
+    while (!ended() && !done) ::poll(nullptr, 0, 50);
+    server.stop();
+    for (int waited = 0; !done; waited += 50) {
+      if (waited >= longest_stop_ms) {
+        // A request waits for the record or the disk: nothing that it did is half-made.
+        std::_Exit(terminated ? cli::kDone : cli::kInterrupted);
+      }
+      ::poll(nullptr, 0, 50);
+    }
+  });
+  server.run();
+  notifier.reset();
+  const bool asked = ended();
+  done = true;
+  stopper.join();
+  if (!asked) throw DeviceError("the server's socket is gone");
+  return terminated ? cli::kDone : cli::kInterrupted;
+}
+
+struct NotifyCommand {
+  FarmOptions farm;
+  bool test = false;
+};
+
+int notify(const NotifyCommand& o, cli::Console& console) {
+  const FarmFolder folder = o.farm.existing();
+  if (o.test) {
+    const std::vector<NotifyTarget> targets = read_notify_file(folder.root + "/notify.toml");
+    if (targets.empty()) {
+      throw InputError(folder.root + "/notify.toml", "",
+                       "names nobody to tell; expected [[webhook]] or [[command]]");
+    }
+    Notice notice;
+    notice.id = "test";
+    notice.kind = "test";
+    notice.json = R"({"id":"test","kind":"test","text":"a test of the farm's notifications"})";
+    notice.variables = {{"FARM_ID", "test"},
+                        {"FARM_KIND", "test"},
+                        {"FARM_TEXT", "a test of the farm's notifications"}};
+    const int never = ::eventfd(0, EFD_CLOEXEC);
+    bool good = true;
+    for (const NotifyTarget& t : targets) {
+      const std::string trouble = deliver(t, notice, never);
+      console.say(t.name + ": " + (trouble.empty() ? "taken" : trouble));
+      good = good && trouble.empty();
+    }
+    ::close(never);
+    if (!good) throw DeviceError("not all receivers took the message");
+    return cli::kDone;
+  }
+  const Notifier notifier(folder);
+  take_sigterm();
+  while (!ended()) ::poll(nullptr, 0, 100);
+  return terminated ? cli::kDone : cli::kInterrupted;
+}
+
+}  // namespace
+
+void add_serve_commands(cli::Program& program) {
+  {
+    auto o = std::make_shared<ServeCommand>();
+    CLI::App* app = program.add(
+        "serve", "Serve a page, a REST API and metrics; prints its address",
+        [o](const slicecorr::Job&, cli::Console& console) { return serve(*o, console); });
+    o->farm.add_to(*app);
+    app->add_option("--listen", o->listen, "HOST:PORT; port 0: one that is free [127.0.0.1:8420]");
+    app->add_option("--token-file", o->token_file,
+                    "File (mode 0600) with the token that changes need, and all requests beyond "
+                    "this machine");
+    app->add_option("--host-name", o->host_names,
+                    "Further name under which browsers reach this server, as NAME");
+    app->add_option(
+        "--allow-dir", o->allowed_folders,
+        "Folder in which submitted jobs may name parts and outputs [none: uploads only]");
+    app->add_option("--max-upload-mb", o->most_upload_mb, "Largest part that may be uploaded [512]")
+        ->check(cli::number_in(0.001, 1e6));
+    app->add_option("--user", o->user, "User of submitted jobs that name none [who serves]");
+    app->add_flag("!--no-notify", o->notify, "Send no notifications (DIR/notify.toml)");
+  }
+  {
+    auto o = std::make_shared<NotifyCommand>();
+    CLI::App* app = program.add(
+        "notify", "Send the notifications of DIR/notify.toml until stopped",
+        [o](const slicecorr::Job&, cli::Console& console) { return notify(*o, console); });
+    o->farm.add_to(*app);
+    app->add_flag("--test", o->test, "Send one message to every receiver now, and end");
+  }
+}
+
+}  // namespace slicecorr::farm

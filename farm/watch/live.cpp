@@ -1,0 +1,248 @@
+// The live view: what a frame shows. How it gets onto a terminal is the program's matter.
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+
+#include "slicecorr/farm/status.hpp"
+#include "watch/words.hpp"
+
+namespace slicecorr::farm {
+
+namespace {
+
+enum class Ink { plain, dim, bold, good, bad, busy };
+
+const char* sequence(Ink ink) {
+  switch (ink) {
+    case Ink::dim:
+      return "\033[2m";
+    case Ink::bold:
+      return "\033[1m";
+    case Ink::good:
+      return "\033[32m";
+    case Ink::bad:
+      return "\033[31m";
+    case Ink::busy:
+      return "\033[36m";
+    case Ink::plain:
+      break;
+  }
+  return "";
+}
+
+/// A line of pieces with their colours, never wider than the frame.
+class Line {
+ public:
+  Line(int columns, bool colour) : left_(columns), colour_(colour) {}
+  Line& put(const std::string& text, Ink ink = Ink::plain) {
+    const std::string shown = words::clipped(text, left_);
+    left_ -= words::columns_of(shown);
+    const bool ink_seen = colour_ && ink != Ink::plain && !shown.empty();
+    text_ += ink_seen ? sequence(ink) + shown + "\033[0m" : shown;
+    return *this;
+  }
+  /// The rest of the line up to a text at its end.
+  Line& to_the_right(const std::string& text, Ink ink) {
+    const int room = left_ - words::columns_of(text);
+    return room > 0 ? put(std::string(static_cast<std::size_t>(room), ' ')).put(text, ink) : *this;
+  }
+  int left() const { return left_; }
+  const std::string& text() const { return text_; }
+
+ private:
+  int left_;
+  bool colour_;
+  std::string text_;
+};
+
+Ink ink_of(const Event& e) {
+  if (e.kind == "done") return Ink::good;
+  if (e.kind == "failed" || e.kind == "disk_low" || e.kind == "service_lost" ||
+      e.kind == "cache_damaged") {
+    return Ink::bad;
+  }
+  return e.kind == "put_back" ? Ink::busy : Ink::plain;
+}
+
+}  // namespace
+
+LiveState read_live(ReadModel& model, const FarmFolder& folder, int rows, const Clock& clock) {
+  LiveState state;
+  state.overview = read_overview(model, folder, clock);
+  JobFilter queued;
+  queued.states = {JobState::queued};
+  queued.order = JobFilter::Order::urgency;
+  queued.limit = std::clamp(rows, 1, 200);
+  state.next = model.jobs(queued);
+  state.latest = model.last_events(std::clamp(rows, 1, 200));
+  std::map<JobId, std::string> names;
+  for (const Event& e : state.latest) {
+    std::string& name = names[e.job];
+    if (e.job > 0 && name.empty()) {
+      if (const auto job = model.job(e.job)) name = job->name;
+    }
+    state.names.push_back(name);
+  }
+  return state;
+}
+
+std::string event_text(const Event& e, const std::string& name) {
+  std::string text;
+  if (e.job > 0) text += fmt::format("{} {}  ", e.job, name);
+  text += e.kind;
+  if (e.reason != Reason::none) text += fmt::format(" ({})", name_of(e.reason));
+  if (!e.text.empty()) text += "  " + e.text;
+  return words::printable(text);
+}
+
+std::vector<std::string> live_frame(const LiveState& state, const FarmFolder& folder, int columns,
+                                    int rows, bool colour) {
+  const Overview& o = state.overview;
+  const Summary& s = o.summary;
+  std::vector<std::string> lines;
+  const auto add = [&](const Line& line) { lines.push_back(line.text()); };
+  const auto line = [&] { return Line(columns, colour); };
+  const auto number = [&](JobState st) { return s.jobs[static_cast<std::size_t>(st)]; };
+
+  add(line()
+          .put("slicefarm  ", Ink::bold)
+          .put(words::printable(folder.root), Ink::dim)
+          .to_the_right(local_time_text(o.now_ms).substr(11), Ink::dim));
+  {
+    Line l = line();
+    l.put(words::count(number(JobState::running)) + " running", Ink::busy);
+    l.put(fmt::format(" · {} queued", words::count(number(JobState::queued))));
+    if (s.followers > 0) {
+      l.put(fmt::format(" ({} wait for the same work)", words::count(s.followers)), Ink::dim);
+    }
+    l.put(" · ").put(words::count(number(JobState::done)) + " done", Ink::good);
+    l.put(" · ").put(words::count(number(JobState::failed)) + " failed",
+                     number(JobState::failed) > 0 ? Ink::bad : Ink::plain);
+    if (number(JobState::cancelled) > 0) {
+      l.put(fmt::format(" · {} cancelled", words::count(number(JobState::cancelled))));
+    }
+    add(l);
+  }
+  {
+    const std::int64_t ended =
+        number(JobState::done) + number(JobState::failed) + number(JobState::cancelled);
+    double all = 0, done = static_cast<double>(ended);
+    for (const std::int64_t n : s.jobs) all += static_cast<double>(n);
+    for (const RunningJob& r : o.running) done += r.attempt.fraction;
+    const double fraction = all > 0 ? done / all : 0;
+    Line l = line();
+    l.put(words::bar(fraction, std::clamp(columns - 48, 8, 60)), Ink::good);
+    // Rounded down: 100 % means that nothing is left.
+    l.put(fmt::format(" {:3d} %", static_cast<int>(100 * fraction + 1e-9)));
+    if (number(JobState::running) + number(JobState::queued) > 0) {
+      if (s.eta_s >= 0) {
+        l.put(fmt::format(
+            "  {} left, about {}", words::duration(s.eta_s),
+            words::moment(o.now_ms + static_cast<std::int64_t>(1000 * s.eta_s), o.now_ms)));
+      }
+      if (s.late > 0) l.put(fmt::format("  {} late", words::count(s.late)), Ink::bad);
+    }
+    add(l);
+  }
+  {
+    Line l = line();
+    const std::string holds = what_holds(o);
+    if (!holds.empty()) l.put("nothing starts: " + holds + "  ", Ink::bad);
+    if (o.settings.night_from >= 0) {
+      l.put(fmt::format("night {}-{}  ", minute_text(o.settings.night_from),
+                        minute_text(o.settings.night_until)));
+    }
+    for (const DiskState& d : o.disks) {
+      l.put(fmt::format("{} disk {} free  ", d.what,
+                        words::bytes(static_cast<double>(d.free_bytes))));
+    }
+    l.put(fmt::format("cache {}", words::bytes(static_cast<double>(s.cache_bytes))), Ink::dim);
+    add(l);
+  }
+  for (std::size_t i = 0; i < o.services.size() && i < 3; ++i) {
+    const Service& v = o.services[i];
+    add(line().put(
+        words::printable(fmt::format(
+            "{} on {}: {}, {} of {} cores, {} of memory", v.engine, v.host,
+            v.doing.empty() ? "working" : v.doing,
+            o.services.size() == 1 ? std::to_string(s.running_threads) : std::string("-"), v.cores,
+            words::bytes(1048576.0 * static_cast<double>(s.running_memory_mb)))),
+        Ink::dim));
+  }
+
+  // Half of the rest for what runs, the other half for what comes next and what happened.
+  const auto rest = [&] { return rows - static_cast<int>(lines.size()); };
+  const auto heading = [&](const std::string& text) {
+    lines.emplace_back();
+    add(line().put(text, Ink::bold));
+  };
+  const int running = static_cast<int>(o.running.size());
+  const int shown = std::min(running, std::max(1, rest() / 2 - 2));
+  if (running > 0 && rest() > 2) {
+    heading("Running");
+    const int name_columns = std::clamp(columns / 5, 8, 32);
+    for (int i = 0; i < shown; ++i) {
+      const RunningJob& r = o.running[static_cast<std::size_t>(i)];
+      Line l = line();
+      l.put(words::padded(std::to_string(r.job.id), 6, true) + " ", Ink::dim);
+      l.put(words::padded(words::printable(r.job.name), name_columns) + " ");
+      l.put(words::padded(
+                words::printable(r.attempt.stage.empty() ? r.attempt.phase : r.attempt.stage), 10) +
+                " ",
+            Ink::dim);
+      l.put(words::bar(r.attempt.fraction, std::clamp(columns - name_columns - 62, 6, 40)),
+            Ink::busy);
+      l.put(fmt::format(" {:3.0f} %", 100 * r.attempt.fraction));
+      if (r.job.layers > 0) {
+        l.put(words::padded(fmt::format("{}/{} layers", r.attempt.layers_done, r.job.layers), 19,
+                            true));
+      }
+      l.put(words::padded(r.layers_per_s > 0 ? fmt::format("{:.3g}/s", r.layers_per_s) : "-", 9,
+                          true));
+      l.put("  ").put(words::padded(r.eta_s >= 0 ? words::duration(r.eta_s) : "-", 12));
+      if (r.attempt.number > 1) l.put(fmt::format(" attempt {}", r.attempt.number), Ink::bad);
+      if (r.job.cancel_wanted) l.put(" cancelling", Ink::bad);
+      add(l);
+    }
+    if (running > shown)
+      add(line().put(fmt::format("       and {} more", running - shown), Ink::dim));
+  }
+  if (!state.next.empty() && rest() > 6) {
+    heading("Next");
+    const int most = std::max(1, rest() / 2 - 2);
+    for (int i = 0; i < most && i < static_cast<int>(state.next.size()); ++i) {
+      const Job& j = state.next[static_cast<std::size_t>(i)];
+      Line l = line();
+      l.put(words::padded(std::to_string(j.id), 6, true) + " ", Ink::dim);
+      l.put(words::padded(words::printable(j.name), std::clamp(columns / 5, 8, 32)) + " ");
+      l.put(words::padded(words::printable(j.user), 10) + " ", Ink::dim);
+      if (j.priority != 0) l.put(fmt::format("priority {}  ", j.priority));
+      if (j.ready_by_ms != no_deadline) {
+        l.put("by " + words::moment(j.ready_by_ms, o.now_ms) + "  ");
+      }
+      if (j.follows > 0) l.put(fmt::format("waits for {}  ", j.follows), Ink::dim);
+      if (j.reason != Reason::none) l.put(fmt::format("after {}", name_of(j.reason)), Ink::bad);
+      add(l);
+    }
+  }
+  if (!state.latest.empty() && rest() > 3) {
+    heading("Latest");
+    const int room = rest() - 1;  // one for the last line
+    const int most = std::min(room, static_cast<int>(state.latest.size()));
+    for (std::size_t i = state.latest.size() - static_cast<std::size_t>(std::max(0, most));
+         i < state.latest.size(); ++i) {
+      const Event& e = state.latest[i];
+      add(line()
+              .put(words::moment(e.at_ms, o.now_ms) + "  ", Ink::dim)
+              .put(event_text(e, state.names[i]), ink_of(e)));
+    }
+  }
+  while (rest() > 1) lines.emplace_back();
+  if (rest() > 0) add(line().put("q quit", Ink::dim));
+  if (static_cast<int>(lines.size()) > rows) lines.resize(static_cast<std::size_t>(rows));
+  return lines;
+}
+
+}  // namespace slicecorr::farm

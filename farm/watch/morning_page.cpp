@@ -1,0 +1,293 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "report/chart.hpp"
+#include "report/page_text.hpp"
+#include "slicecorr/farm/morning.hpp"
+#include "watch/page_text.hpp"
+#include "watch/time_axis.hpp"
+#include "watch/words.hpp"
+
+namespace slicecorr::farm {
+
+using Json = nlohmann::ordered_json;
+
+namespace {
+
+/// What comes from files and users, for the page.
+std::string shown(std::string_view text) { return chart::escape(words::printable(text)); }
+
+/// A path as a link: everything but letters, digits and a few marks in percent.
+std::string link_text(const std::string& path) {
+  std::string out;
+  for (const char c : path) {
+    const auto u = static_cast<unsigned char>(c);
+    const bool plain = (u >= '0' && u <= '9') || (u >= 'A' && u <= 'Z') || (u >= 'a' && u <= 'z') ||
+                       c == '/' || c == '-' || c == '_' || c == '.' || c == '~';
+    out += plain ? std::string(1, c) : fmt::format("%{:02X}", u);
+  }
+  return out;
+}
+
+std::string report_link(const Job& job, const LinkTo& links) {
+  const bool there = std::any_of(job.files.begin(), job.files.end(),
+                                 [](const ResultFile& f) { return f.ending == "html"; });
+  const std::string name = shown(job.name);
+  if (!there) return name;
+  std::string to;
+  if (links.kind == LinkTo::Kind::server) {
+    to = fmt::format("/api/v1/jobs/{}/files/html", job.id);
+  } else {
+    const std::string path = job.output("html");
+    to = links.base.empty()
+             ? "file://" + link_text(path)
+             : link_text(std::filesystem::path(path).lexically_relative(links.base).string());
+    // A first segment with a colon would read as a scheme.
+    if (!links.base.empty()) to = "./" + to;
+  }
+  return fmt::format(R"(<a href="{}">{}</a>)", chart::escape(to), name);
+}
+
+std::string time_of_day(const MorningReport& r, std::int64_t ms) {
+  return words::moment(ms, r.until_ms);
+}
+
+std::string reason_list(const std::vector<Reasons>& reasons) {
+  std::string text;
+  for (const Reasons& r : reasons) {
+    text += fmt::format("{}{} <code>{}</code>", text.empty() ? "" : ", ", words::count(r.jobs),
+                        name_of(r.reason));
+  }
+  return text;
+}
+
+double hours(const MorningReport& r) { return static_cast<double>(r.until_ms - r.from_ms) / 3.6e6; }
+
+std::string figures(const MorningReport& r) {
+  const Summary& s = r.overview.summary;
+  const auto left = s.jobs[static_cast<std::size_t>(JobState::queued)];
+  const auto running = s.jobs[static_cast<std::size_t>(JobState::running)];
+  std::string html = "<div class=\"tiles\">";
+  const auto tile = [&](const std::string& value, const std::string& what, const char* kind = "") {
+    html +=
+        fmt::format(R"(<div class="tile {}"><b>{}</b><span>{}</span></div>)", kind, value, what);
+  };
+  tile(words::count(r.done),
+       r.from_cache > 0 ? fmt::format("done, {} of them from the cache", words::count(r.from_cache))
+                        : "done",
+       "good");
+  tile(words::count(r.failed), "failed", r.failed > 0 ? "bad" : "");
+  if (r.cancelled > 0) tile(words::count(r.cancelled), "cancelled");
+  tile(words::count(left + running),
+       running > 0 ? fmt::format("still to do, {} running", words::count(running)) : "still to do");
+  tile(r.done > 0 ? fmt::format("{:.3g}", static_cast<double>(r.done) / hours(r)) : "-",
+       "jobs an hour");
+  tile(r.working_s > 0 ? fmt::format("{:.2f}", r.core_s / r.working_s) : "-",
+       r.cores > 0 ? fmt::format("of {} cores busy while something ran", r.cores) : "cores busy");
+  tile(words::bytes(static_cast<double>(r.delivered_bytes)), "written");
+  return html + "</div>";
+}
+
+std::string failures(const MorningReport& r) {
+  if (r.failed == 0) return "<h2>What failed</h2><p>Nothing.</p>";
+  std::string html = fmt::format("<h2 id=\"failed\">What failed, and why</h2><p>{}.</p>",
+                                 reason_list(r.failed_reasons));
+  bool open = true;
+  for (const auto& f : r.failures) {
+    // The first ones can be read at once, and on paper.
+    html += fmt::format(
+        R"(<details class="failure"{}><summary><b>{} {}</b> <code>{}</code> <span class="dim">{}</span></summary><p>{}</p>)",
+        open ? " open" : "", f.job.id, shown(f.job.name), name_of(f.job.reason),
+        time_of_day(r, f.job.ended_ms), shown(f.job.message));
+    open = &f - r.failures.data() < 4;
+    std::string parts;
+    for (const std::string& p : f.job.parts) parts += (parts.empty() ? "" : ", ") + shown(p);
+    html += fmt::format(
+        "<p class=\"dim\">{}; by {}; {}</p>", parts, shown(f.job.user),
+        f.attempts.size() == 1 ? "one attempt" : fmt::format("{} attempts", f.attempts.size()));
+    if (f.attempts.size() > 1) {
+      html += "<ol>";
+      for (const Attempt& a : f.attempts) {
+        html += fmt::format("<li><code>{}</code> {}{}</li>", name_of(a.reason), shown(a.message),
+                            a.node.empty() ? "" : " on " + shown(a.node));
+      }
+      html += "</ol>";
+    }
+    if (!f.log_lines.empty()) {
+      html += "<pre class=\"log\">";
+      for (const std::string& line : f.log_lines) html += chart::escape(line) + "\n";
+      html += "</pre>";
+    }
+    html += "</details>";
+  }
+  const auto more = r.failed - static_cast<std::int64_t>(r.failures.size());
+  if (more > 0) {
+    html += fmt::format("<p>and {} more: <code>slicefarm status --state failed</code></p>",
+                        words::count(more));
+  }
+  return html;
+}
+
+std::string worst(const MorningReport& r, const LinkTo& links) {
+  if (r.worst.empty()) return {};
+  std::string html =
+      R"(<h2>Height errors, worst first</h2><div class="scroll" tabindex="0" role="region" aria-label="Height errors"><table class="jobs"><thead><tr><th scope="col">Part</th><th scope="col">largest</th><th scope="col">95 % within</th><th scope="col">mean</th><th scope="col">lost</th><th scope="col">merged</th><th scope="col">cured through</th><th scope="col">layers</th><th scope="col">job</th></tr></thead><tbody>)";
+  for (const Job& j : r.worst) {
+    const Figures f = j.figures.value_or(Figures{});
+    const auto um = [&](double v) {
+      return j.figures ? fmt::format("{:.3g} um", v) : std::string("-");
+    };
+    const auto n = [&](std::int64_t v) { return j.figures ? words::count(v) : std::string("-"); };
+    html += fmt::format(
+        R"(<tr><th scope="row">{}</th><td>{}</td><td>{}</td><td>{}</td><td{}>{}</td><td{}>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>)",
+        report_link(j, links), um(f.height_max_um), um(f.height_p95_um), um(f.height_mean_um),
+        f.lost_features > 0 ? " class=\"bad\"" : "", n(f.lost_features),
+        f.merged_features > 0 ? " class=\"bad\"" : "", n(f.merged_features),
+        n(f.cure_through_voxels), n(f.layers), j.id);
+  }
+  html += "</tbody></table></div>";
+  if (r.done > static_cast<std::int64_t>(r.worst.size())) {
+    html += fmt::format("<p class=\"dim\">The worst {} of {}.</p>", r.worst.size(),
+                        words::count(r.done));
+  }
+  return html;
+}
+
+/// Throughput and cores over the time, one below the other.
+std::string charts(const MorningReport& r) {
+  using chart::Point;
+  const auto hour = [&](std::int64_t ms) { return static_cast<double>(ms - r.from_ms) / 3.6e6; };
+  chart::Axis time{"local time", false, 0, hours(r)};
+  for (const auto& tick : detail::time_ticks(r.from_ms, r.until_ms, 8)) {
+    time.ticks.push_back({hour(tick.ms), tick.label});
+  }
+  std::vector<Point> floor, done, busy;
+  std::vector<double> done_values, busy_values{static_cast<double>(r.cores)};
+  for (const auto& slot : r.slots) {
+    const std::int64_t end = std::min(slot.from_ms + r.slot_ms, r.until_ms);
+    const double rate = slot.done * 3.6e6 / static_cast<double>(r.slot_ms);
+    for (const std::int64_t ms : {slot.from_ms, end}) {
+      floor.push_back({hour(ms), 0});
+      done.push_back({hour(ms), rate});
+      busy.push_back({hour(ms), slot.cores_busy});
+    }
+    done_values.push_back(rate);
+    busy_values.push_back(slot.cores_busy);
+  }
+  chart::Picture picture("Jobs done and cores busy",
+                         fmt::format("Jobs done an hour and mean cores busy, in slots of {}",
+                                     words::duration(static_cast<double>(r.slot_ms) / 1000)));
+  chart::Panel jobs(time, chart::axis_over("jobs an hour", false, done_values, true), 130, false);
+  jobs.band(floor, done, chart::Style::series, 2);
+  jobs.line(done, chart::Style::series, 2);
+  chart::Axis busy_axis = chart::axis_over("cores busy", false, busy_values, true);
+  busy_axis.high *= 1.2;  // room for the words of the line
+  chart::Panel cores(time, busy_axis, 130);
+  cores.band(floor, busy, chart::Style::series, 0);
+  cores.line(busy, chart::Style::series, 0);
+  if (r.cores > 0) cores.horizontal(r.cores, fmt::format("{} cores", r.cores));
+  picture.add(jobs);
+  picture.add(cores);
+  return picture.svg();
+}
+
+std::string disk(const MorningReport& r) {
+  std::string html = "<div class=\"scroll\"><table><tbody>";
+  const auto row = [&](const std::string& what, const std::string& value) {
+    html += fmt::format("<tr><th scope=\"row\">{}</th><td>{}</td></tr>", what, value);
+  };
+  const Summary& s = r.overview.summary;
+  row("Written by jobs of this time", words::bytes(static_cast<double>(r.delivered_bytes)));
+  row(fmt::format("Cache, {} results", words::count(s.cache_entries)),
+      words::bytes(static_cast<double>(s.cache_bytes)));
+  row("Copies of inputs", words::bytes(static_cast<double>(r.inputs_bytes)));
+  for (const DiskState& d : r.overview.disks) {
+    row(fmt::format("Free where the {} is, of {}", d.what,
+                    words::bytes(static_cast<double>(d.total_bytes))),
+        words::bytes(static_cast<double>(d.free_bytes)));
+  }
+  return html + "</tbody></table></div>";
+}
+
+}  // namespace
+
+std::string morning_page(const MorningReport& r, const LinkTo& links) {
+  const std::string title = fmt::format("Farm, {} to {}", local_time_text(r.from_ms).substr(0, 16),
+                                        local_time_text(r.until_ms).substr(0, 16));
+  std::string html = fmt::format(
+      R"(<!doctype html><html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1"><title>{0}</title><style>{1}{2}</style></head><body><main><h1>{0}</h1><p class="dim">{3}{4}</p>)",
+      title, slicecorr::detail::page_page_css, detail::page_farm_css, shown(r.root),
+      r.batch > 0 ? fmt::format(", batch {}", r.batch) : "");
+  html += figures(r);
+  if (const std::string holds = what_holds(r.overview);
+      !holds.empty() && r.overview.summary.jobs[static_cast<std::size_t>(JobState::queued)] > 0) {
+    html += fmt::format("<p class=\"holds\">Jobs wait and nothing starts: {}.</p>", shown(holds));
+  }
+  if (r.overview.summary.late > 0) {
+    html += fmt::format("<p class=\"holds\">{} unfinished jobs will miss their time.</p>",
+                        words::count(r.overview.summary.late));
+  }
+  html += fmt::format(
+      R"(<h2>Workers</h2><div class="scroll" tabindex="0" role="region" aria-label="Workers over time"><figure class="wide">{}</figure></div>)",
+      timeline_svg(r));
+  if (!r.attempt_reasons.empty()) {
+    html += fmt::format("<p>Attempts that ended without a result: {}. {} attempts in all.</p>",
+                        reason_list(r.attempt_reasons), words::count(r.attempts));
+  }
+  html += failures(r);
+  html += worst(r, links);
+  html += fmt::format(
+      R"(<h2>Over time, and on the disk</h2><div class="side"><div class="scroll"><figure>{}</figure></div><div>{}</div></div>)",
+      charts(r), disk(r));
+  return html + "</main></body></html>";
+}
+
+std::string morning_json(const MorningReport& r) {
+  Json json;
+  json["dir"] = r.root;
+  json["from_ms"] = r.from_ms;
+  json["until_ms"] = r.until_ms;
+  json["batch"] = r.batch > 0 ? Json(r.batch) : Json(nullptr);
+  json["done"] = r.done;
+  json["from_cache"] = r.from_cache;
+  json["failed"] = r.failed;
+  json["cancelled"] = r.cancelled;
+  json["jobs_per_h"] = static_cast<double>(r.done) / hours(r);
+  json["attempts"] = r.attempts;
+  json["core_s"] = r.core_s;
+  json["working_s"] = r.working_s;
+  json["cores"] = r.cores;
+  json["cores_busy"] = r.working_s > 0 ? r.core_s / r.working_s : 0.0;
+  json["delivered_bytes"] = r.delivered_bytes;
+  json["inputs_bytes"] = r.inputs_bytes;
+  const auto reasons = [](const std::vector<Reasons>& list) {
+    Json object = Json::object();
+    for (const Reasons& x : list) object[name_of(x.reason)] = x.jobs;
+    return object;
+  };
+  json["failed_reasons"] = reasons(r.failed_reasons);
+  json["attempt_reasons"] = reasons(r.attempt_reasons);
+  json["failures"] = Json::array();
+  for (const auto& f : r.failures) {
+    Json one = Json::parse(job_json(f.job));
+    one["log_tail"] = f.log_lines;
+    one["tries"] = Json::array();
+    for (const Attempt& a : f.attempts) one["tries"].push_back(Json::parse(attempt_json(a)));
+    json["failures"].push_back(std::move(one));
+  }
+  json["worst"] = Json::array();
+  for (const Job& j : r.worst) json["worst"].push_back(Json::parse(job_json(j)));
+  json["slot_ms"] = r.slot_ms;
+  json["slots"] = Json::array();
+  for (const auto& s : r.slots) {
+    json["slots"].push_back(
+        {{"from_ms", s.from_ms}, {"done", s.done}, {"cores_busy", s.cores_busy}});
+  }
+  json["farm"] = Json::parse(overview_json(r.overview));
+  return json.dump(2, ' ', false, Json::error_handler_t::replace);
+}
+
+}  // namespace slicecorr::farm

@@ -1,0 +1,260 @@
+'use strict';
+// Everything that comes from the farm goes into the page as text, never as markup.
+const $ = (id) => document.getElementById(id);
+const el = (name, text, kind) => {
+  const e = document.createElement(name);
+  if (text !== undefined) e.textContent = text;
+  if (kind) e.className = kind;
+  return e;
+};
+const pageSize = 20;
+let offset = 0, lastEvent = -1, shown = 0, timelineUrl = '', timer = 0, asked = 0;
+
+const count = (n) => Number(n).toLocaleString('en-US');
+function bytes(n) {
+  if (!(n >= 0)) return '-';
+  const units = ['B', 'kB', 'MB', 'GB', 'TB'];
+  let u = 0;
+  while (n >= 999.95 && u < 4) { n /= 1000; u++; }
+  return (u ? n.toFixed(1) : n) + ' ' + units[u];
+}
+function duration(s) {
+  if (s === null || !(s >= 0)) return '-';
+  if (s < 10) return s.toFixed(1) + ' s';
+  s = Math.round(s);
+  const two = (n) => String(n).padStart(2, '0');
+  if (s < 60) return s + ' s';
+  if (s < 3600) return Math.floor(s / 60) + ' min ' + two(s % 60) + ' s';
+  if (s < 172800) return Math.floor(s / 3600) + ' h ' + two(Math.floor(s / 60) % 60) + ' min';
+  return Math.floor(s / 86400) + ' d ' + two(Math.floor(s / 3600) % 24) + ' h';
+}
+function moment(ms) {
+  if (!ms) return '-';
+  const d = new Date(ms), time = d.toLocaleTimeString('en-GB');
+  return Math.abs(Date.now() - ms) < 43200000 ? time : d.toLocaleDateString('en-CA') + ' ' + time.slice(0, 5);
+}
+const um = (v) => Number(v.toPrecision(3)) + ' um';
+
+async function ask(path) {
+  const token = sessionStorage.getItem('token');
+  const answer = await fetch(path, token ? {headers: {Authorization: 'Bearer ' + token}} : {});
+  if (answer.status === 401) {
+    $('ask').hidden = false;
+    $('all').hidden = true;
+    throw new Error(token ? 'The token is not the one of this farm.' : 'This farm is shown to those who have its token.');
+  }
+  if (!answer.ok) throw new Error('The farm answers ' + answer.status + '.');
+  return answer;
+}
+
+function facts(list, pairs) {
+  list.replaceChildren();
+  for (const [name, value] of pairs) {
+    if (value === '' || value === null || value === undefined) continue;
+    list.append(el('dt', name), value instanceof Node ? value : el('dd', value));
+  }
+}
+
+function bar(fraction, words) {
+  const p = el('div', undefined, 'progress');
+  p.setAttribute('role', 'progressbar');
+  p.setAttribute('aria-valuenow', Math.round(100 * fraction));
+  p.setAttribute('aria-label', words);
+  const i = el('i');
+  i.style.width = 100 * fraction + '%';
+  p.append(i, el('b', words));
+  return p;
+}
+
+function jobLink(id, name) {
+  const b = el('button', name, 'link');
+  b.type = 'button';
+  b.addEventListener('click', () => showJob(id, true));
+  return b;
+}
+
+function overview(o) {
+  const j = o.jobs;
+  const tiles = [[j.running, 'running', ''], [j.queued, o.followers ? 'queued, ' + count(o.followers) + ' wait for the same work' : 'queued', ''],
+    [j.done, o.from_cache ? 'done, ' + count(o.from_cache) + ' from the cache' : 'done', 'good'], [j.failed, 'failed', j.failed ? 'bad' : '']];
+  if (j.cancelled) tiles.push([j.cancelled, 'cancelled', '']);
+  if (o.late) tiles.push([o.late, 'will miss their time', 'bad']);
+  $('tiles').replaceChildren(...tiles.map(([n, words, kind]) => {
+    const t = el('div', undefined, 'tile ' + kind);
+    t.append(el('b', count(n)), el('span', words));
+    return t;
+  }));
+  const ended = j.done + j.failed + j.cancelled, all = ended + j.queued + j.running;
+  const part = o.running.reduce((sum, r) => sum + r.attempt.fraction, ended) / Math.max(1, all);
+  const whole = $('whole');
+  whole.setAttribute('aria-valuenow', Math.floor(100 * part));
+  whole.querySelector('i').style.width = 100 * part + '%';
+  whole.querySelector('b').textContent = Math.floor(100 * part) + ' % of ' + count(all);
+  $('pace').textContent = j.queued + j.running === 0 ? 'Nothing is left to do.'
+    : duration(o.queued_s) + ' of work on one core' + (o.eta_s === null ? '' : ', done about ' + moment(o.now_ms + 1000 * o.eta_s));
+  const trouble = j.queued && o.holds ? 'Jobs wait and nothing starts: ' + o.holds + '.' : '';
+  $('trouble').textContent = trouble;
+  $('trouble').hidden = !trouble;
+  $('running').replaceChildren(...(o.running.length ? o.running.map((r) => {
+    const row = el('div', undefined, 'run'), name = el('div', undefined, 'name'), a = r.attempt;
+    name.append(jobLink(r.id, r.id + ' ' + r.name));
+    if (a.number > 1) name.append(' ', el('code', 'attempt ' + a.number));
+    const words = [a.stage || a.phase, Math.floor(100 * a.fraction) + ' %'];
+    if (r.layers) words.push(a.layers_done + ' of ' + r.layers + ' layers');
+    if (r.layers_per_s > 0) words.push(Number(r.layers_per_s.toPrecision(3)) + '/s');
+    if (r.eta_s !== null) words.push(duration(r.eta_s) + ' left');
+    if (r.cancel_wanted) words.push('cancelling');
+    row.append(name, bar(a.fraction, words.join(' · ')));
+    return row;
+  }) : [el('p', 'Nothing runs.', 'dim')]));
+  const s = o.settings;
+  facts($('farm'), [
+    ...o.services.map((v) => ['Service', v.engine + ' on ' + v.host + ', process ' + v.pid + ', ' + v.cores + ' cores: ' + (v.doing || 'working')]),
+    ['Night window', s.night === 'off' ? '' : s.night],
+    ...o.disks.map((d) => ['Free for the ' + d.what, bytes(d.free_bytes) + ' of ' + bytes(d.total_bytes)]),
+    ['Cache', count(o.cache.entries) + ' results, ' + bytes(o.cache.bytes)],
+    ['Attempts', count(o.attempts) + ', ' + count(o.attempts_failed) + ' without a result']]);
+  $('when').textContent = 'at ' + new Date(o.now_ms).toLocaleTimeString('en-GB');
+}
+
+function jobRows(state, list) {
+  const height = state === 'done' || state === 'worst';
+  const heads = height ? ['Part', 'largest', '95 % within', 'mean', 'lost', 'merged', 'ended', 'report', 'job']
+    : state === 'queued' ? ['Part', 'user', 'labels', 'priority', 'ready by', 'submitted', 'why it waits', 'job']
+    : ['Part', 'user', 'reason', 'what happened', 'attempts', 'ended', 'job'];
+  const words = new Set(['user', 'labels', 'why it waits', 'reason', 'what happened']);
+  const line = el('tr');
+  for (const h of heads) {
+    const th = el('th', h, words.has(h) ? 'words' : '');
+    th.scope = 'col';
+    line.append(th);
+  }
+  $('head').replaceChildren(line);
+  $('rows').replaceChildren(...list.map((j) => {
+    const row = el('tr'), f = j.figures;
+    const first = el('td');
+    first.append(jobLink(j.id, j.name));
+    row.append(first);
+    const cell = (text, kind) => row.append(el('td', text, kind));
+    if (height) {
+      const h = f && f.height_error_um;
+      for (const v of h ? [h.max_abs, h.p95_abs, h.mean_abs] : ['', '', '']) cell(v === '' ? '-' : um(v));
+      cell(f ? count(f.lost_features) : '-', f && f.lost_features ? 'bad' : '');
+      cell(f ? count(f.merged_features) : '-', f && f.merged_features ? 'bad' : '');
+      cell(moment(j.ended_ms));
+      const td = el('td');
+      if (j.files.some((x) => x.ending === 'html')) td.append(reportLink(j));
+      row.append(td);
+    } else if (state === 'queued') {
+      cell(j.user, 'words');
+      cell(j.labels.join(', '), 'words');
+      cell(j.priority);
+      cell(j.ready_by_ms === null ? '' : moment(j.ready_by_ms));
+      cell(moment(j.submitted_ms));
+      cell([j.follows ? 'job ' + j.follows + ' does the same work' : '', j.reason ? 'again after ' + j.reason : ''].filter(Boolean).join('; '), 'words');
+    } else {
+      cell(j.user, 'words');
+      cell(j.reason, 'words');
+      cell(j.message, 'words');
+      cell(j.attempts);
+      cell(moment(j.ended_ms));
+    }
+    cell(j.id);
+    return row;
+  }));
+}
+
+function reportLink(j) {
+  const a = el('a', 'open');
+  a.href = '/api/v1/jobs/' + j.id + '/files/html';
+  a.target = '_blank';
+  a.rel = 'noopener';
+  a.setAttribute('aria-label', 'report of ' + j.name);
+  return a;
+}
+
+async function table() {
+  const mine = ++asked, state = document.querySelector('input[name=state]:checked').value;
+  const order = {queued: 'urgency', worst: 'worst'}[state] || 'ended';
+  const q = new URLSearchParams({state: state === 'worst' ? 'done' : state, order, limit: pageSize, offset});
+  for (const [key, id] of [['text', 'find'], ['user', 'user'], ['label', 'label']]) if ($(id).value) q.set(key, $(id).value);
+  const page = await (await ask('/api/v1/jobs?' + q)).json();
+  if (mine !== asked) return;  // a later question has been asked
+  if (page.jobs.length === 0 && offset > 0) { offset = 0; return table(); }
+  jobRows(state, page.jobs);
+  $('place').textContent = page.total ? count(offset + 1) + ' to ' + count(offset + page.jobs.length) + ' of ' + count(page.total) : 'none';
+  $('back').disabled = offset === 0;
+  $('on').disabled = offset + page.jobs.length >= page.total;
+}
+
+async function showJob(id, go) {
+  const j = await (await ask('/api/v1/jobs/' + id)).json();
+  shown = id;
+  $('detail').hidden = false;
+  $('detail-title').textContent = 'Job ' + j.id + ': ' + j.name;
+  let report = null;
+  if (j.files.some((x) => x.ending === 'html')) {
+    report = el('dd');
+    report.append(reportLink(j));
+  }
+  facts($('facts'), [['State', j.state + (j.reason ? ' (' + j.reason + ')' : '') + (j.from_cache ? ', from the cache' : '')], ['Message', j.message],
+    ['Parts', j.parts.join(', ')], ['Printer, resin', j.printer + ', ' + j.resin], ['User', j.user], ['Labels', j.labels.join(', ')],
+    ['Priority', String(j.priority)], ['Ready by', j.ready_by_ms === null ? '' : moment(j.ready_by_ms)],
+    ['Submitted', moment(j.submitted_ms)], ['Ended', j.ended_ms ? moment(j.ended_ms) : ''], ['Output', j.output_folder], ['Report', report]]);
+  $('tries').replaceChildren(...j.tries.map((a) => el('p', 'Attempt ' + a.number + ', ' + a.engine + (a.node ? ' on ' + a.node : '') + ', ' + moment(a.started_ms) + ': '
+    + (a.ended_ms ? (a.reason || 'done') + ' after ' + duration((a.ended_ms - a.started_ms) / 1000) + (a.message ? ', ' + a.message : '') : a.phase))));
+  $('log').textContent = j.tries.length ? await (await ask('/api/v1/jobs/' + id + '/log?bytes=20000')).text() : 'not tried yet';
+  if (go) $('detail-title').focus();
+}
+
+async function events() {
+  const list = (await (await ask('/api/v1/events?limit=15')).json()).events;
+  $('events').replaceChildren(...list.reverse().map((e) => el('li', [moment(e.at_ms), e.job ? 'job ' + e.job : '', e.kind, e.reason ? '(' + e.reason + ')' : '', e.text].filter(Boolean).join('  '), e.kind)));
+}
+
+async function timeline() {
+  const url = URL.createObjectURL(await (await ask('/api/v1/timeline.svg')).blob());
+  $('timeline').src = url;
+  if (timelineUrl) URL.revokeObjectURL(timelineUrl);
+  timelineUrl = url;
+}
+
+let drawn = 0;
+async function tick() {
+  clearTimeout(timer);
+  try {
+    const o = await (await ask('/api/v1/overview')).json();
+    $('ask').hidden = true;
+    $('all').hidden = false;
+    $('to-report').hidden = sessionStorage.getItem('token') !== null;
+    overview(o);
+    if (o.last_event !== lastEvent) {
+      lastEvent = o.last_event;
+      await Promise.all([table(), events(), shown ? showJob(shown, false) : null]);
+    }
+    if (Date.now() - drawn > 15000) {
+      drawn = Date.now();
+      await timeline();
+    }
+    document.body.dataset.ready = 'yes';
+  } catch (e) {
+    $('trouble').textContent = e instanceof TypeError ? 'The farm’s server does not answer.' : e.message;
+    $('trouble').hidden = false;
+  }
+  if (!document.hidden) timer = setTimeout(tick, 2000);
+}
+
+const again = () => { offset = 0; table().catch(() => {}); };
+$('states').addEventListener('change', again);
+for (const id of ['find', 'user', 'label']) $(id).addEventListener('input', again);
+$('back').addEventListener('click', () => { offset = Math.max(0, offset - pageSize); table().catch(() => {}); });
+$('on').addEventListener('click', () => { offset += pageSize; table().catch(() => {}); });
+$('ask').addEventListener('submit', (e) => {
+  e.preventDefault();
+  sessionStorage.setItem('token', $('token').value);
+  $('token').value = '';
+  lastEvent = -1;
+  tick();
+});
+document.addEventListener('visibilitychange', () => { if (!document.hidden) tick(); });
+tick();

@@ -1,0 +1,10 @@
+/// The files under watch/page/, embedded when the library is built (cmake/EmbedText.cmake).
+#pragma once
+
+#include <string_view>
+
+namespace slicecorr::farm::detail {
+
+extern const std::string_view page_farm_css, page_live_html, page_live_css, page_live_js;
+
+}  // namespace slicecorr::farm::detail

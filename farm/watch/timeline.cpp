@@ -1,0 +1,113 @@
+// The picture of the workers: a row for each, a bar for each attempt.
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+
+#include "report/chart.hpp"
+#include "slicecorr/farm/morning.hpp"
+#include "watch/time_axis.hpp"
+#include "watch/words.hpp"
+
+namespace slicecorr::farm {
+
+namespace {
+
+using chart::escape;
+
+constexpr double width = 1100, left = 150, right = 16, lane = 26, top = 44;
+constexpr double inner = width - left - right;
+
+struct KindRow {
+  const char* style;
+  const char* words;
+};
+/// In the order of `MorningReport::BarKind`.
+constexpr std::array<KindRow, 5> kinds{{{"done", "done"},
+                                        {"running", "runs"},
+                                        {"again", "ended, tried again"},
+                                        {"failed", "failed"},
+                                        {"cancelled", "cancelled"}}};
+
+// Literal colours, as in the charts. Bars that are not done differ by their edge as well.
+constexpr const char* style =
+    ".slc-time{max-width:100%;height:auto}"
+    ".slc-time .ground{fill:#fff}"
+    ".slc-time text{font-family:system-ui,sans-serif;font-size:15px;fill:#1b1f24}"
+    ".slc-time .tick{fill:#4a545e}"
+    ".slc-time .grid{stroke:#d5dae0}"
+    ".slc-time .row{fill:#f1f3f5}"
+    ".slc-time .done{fill:#00805f}"
+    ".slc-time .running{fill:#8ab4f8;stroke:#0b57d0;stroke-dasharray:4 3}"
+    ".slc-time .again{fill:#f0b429;stroke:#7a5600}"
+    ".slc-time .failed{fill:#d63031;stroke:#7d0f12;stroke-width:2}"
+    ".slc-time .cancelled{fill:#b0b6bc;stroke:#4a545e}"
+    "@media screen and (prefers-color-scheme:dark){"
+    ".slc-time .ground{fill:#1d2126}"
+    ".slc-time text{fill:#e6e9ec}"
+    ".slc-time .tick{fill:#b4bdc6}"
+    ".slc-time .grid{stroke:#343a41}"
+    ".slc-time .row{fill:#262b31}"
+    ".slc-time .done{fill:#2aa884}"
+    ".slc-time .running{fill:#31486b;stroke:#8ab4f8}"
+    ".slc-time .again{stroke:#ffe08a}"
+    ".slc-time .failed{fill:#ef5350;stroke:#ffb3b1}"
+    ".slc-time .cancelled{fill:#7d8894;stroke:#c4ccd4}"
+    "}";
+
+}  // namespace
+
+std::string timeline_svg(const MorningReport& r) {
+  const int lanes = static_cast<int>(r.lanes.size());
+  const double height = top + std::max(1, lanes) * lane + 34;
+  const double span = static_cast<double>(r.until_ms - r.from_ms);
+  const auto x = [&](std::int64_t ms) {
+    return left + std::clamp(static_cast<double>(ms - r.from_ms) / span, 0.0, 1.0) * inner;
+  };
+  std::string body;
+  double at = left;
+  std::array<bool, kinds.size()> used{};
+  for (const auto& bar : r.bars) used[static_cast<std::size_t>(bar.kind)] = true;
+  for (std::size_t i = 0; i < kinds.size(); ++i) {
+    if (!used[i]) continue;
+    body += fmt::format(
+        R"(<rect class="{}" x="{:.0f}" y="12" width="22" height="14"/><text x="{:.0f}" y="25">{}</text>)",
+        kinds[i].style, at, at + 30, kinds[i].words);
+    at += 52 + 8.6 * static_cast<double>(std::string_view(kinds[i].words).size());
+  }
+  for (int i = 0; i < lanes; ++i) {
+    const double y = top + i * lane;
+    if (i % 2 == 0) {
+      body += fmt::format(R"(<rect class="row" x="{}" y="{}" width="{}" height="{}"/>)", left, y,
+                          inner, lane);
+    }
+    body += fmt::format(
+        R"(<text x="{}" y="{}" text-anchor="end">{}</text>)", left - 8, y + 18.5,
+        escape(words::clipped(words::printable(r.lanes[static_cast<std::size_t>(i)]), 17)));
+  }
+  const double bottom = top + std::max(1, lanes) * lane;
+  for (const auto& tick : detail::time_ticks(r.from_ms, r.until_ms, 12)) {
+    body += fmt::format(
+        R"(<path class="grid" d="M{0:.1f} {1}V{2}"/><text class="tick" x="{0:.1f}" y="{3}" text-anchor="middle">{4}</text>)",
+        x(tick.ms), top, bottom, bottom + 20, tick.label);
+  }
+  for (const auto& bar : r.bars) {
+    const double from = x(bar.start_ms), to = x(bar.end_ms);
+    // Nothing is too short to be seen.
+    body += fmt::format(
+        R"(<rect class="{}" x="{:.1f}" y="{}" width="{:.1f}" height="{}" rx="1.5"><title>{}</title></rect>)",
+        kinds[static_cast<std::size_t>(bar.kind)].style, from, top + bar.lane * lane + 4,
+        std::max(1.2, to - from - 0.6), lane - 8, escape(words::printable(bar.words)));
+  }
+  if (lanes == 0) {
+    body +=
+        fmt::format(R"(<text x="{}" y="{}">no worker ran in this time</text>)", left, top + 18.5);
+  }
+  return fmt::format(
+      R"(<svg xmlns="http://www.w3.org/2000/svg" class="slc-time" viewBox="0 0 {0} {1}" width="{0}" height="{1}" role="img" aria-label="Workers from {2} to {3}: {4} attempts"><style>{5}</style><rect class="ground" width="{0}" height="{1}"/>{6}</svg>)",
+      width, height, local_time_text(r.from_ms), local_time_text(r.until_ms), r.attempts, style,
+      body);
+}
+
+}  // namespace slicecorr::farm

@@ -1,0 +1,802 @@
+// What is seen of the farm: table, JSON, live view, page of the morning, metrics.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <pty.h>
+#include <sys/ioctl.h>
+
+#include <nlohmann/json.hpp>
+#include <regex>
+#include <set>
+#include <thread>
+
+#include "farm_filled.hpp"
+#include "run_program.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/farm/metrics.hpp"
+#include "slicecorr/farm/morning.hpp"
+#include "slicecorr/farm/status.hpp"
+#include "watch/time_axis.hpp"
+#include "watch/words.hpp"
+
+namespace slicecorr::farm {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using slicecorr::test::run_program;
+using slicecorr::test::RunOptions;
+using test::Farm;
+using test::fill;
+using test::Filled;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+const std::string program = std::string(SLICECORR_BIN_DIR) + "/slicefarm";
+
+// --- words --------------------------------------------------------------------------------------
+
+TEST(Words, Durations) {
+  EXPECT_EQ(words::duration(-1), "-");
+  EXPECT_EQ(words::duration(std::nan("")), "-");
+  EXPECT_EQ(words::duration(0), "0.0 s");
+  EXPECT_EQ(words::duration(59.4), "59 s");
+  EXPECT_EQ(words::duration(59.6), "1 min 00 s");
+  EXPECT_EQ(words::duration(3599.6), "1 h 00 min");
+  EXPECT_EQ(words::duration(11400), "3 h 10 min");
+  EXPECT_EQ(words::duration(187200), "2 d 04 h");
+  EXPECT_EQ(words::duration(1e300).back(), 'h');
+}
+
+TEST(Words, BytesAndCounts) {
+  EXPECT_EQ(words::bytes(0), "0 B");
+  EXPECT_EQ(words::bytes(999), "999 B");
+  EXPECT_EQ(words::bytes(999'960), "1.0 MB");
+  EXPECT_EQ(words::bytes(31e9), "31.0 GB");
+  EXPECT_EQ(words::bytes(-1), "-");
+  EXPECT_EQ(words::count(0), "0");
+  EXPECT_EQ(words::count(999), "999");
+  EXPECT_EQ(words::count(-1234), "-1,234");
+  EXPECT_EQ(words::count(100'000), "100,000");
+}
+
+TEST(Words, NothingMovesTheTerminal) {
+  EXPECT_EQ(words::printable(test::terminal_name), "bad?[2J?]0;title\077?name?");
+  EXPECT_EQ(words::printable("a\nb\tc"), "a b c");
+  EXPECT_EQ(words::printable("日本é"), "日本é");
+  // Cut, overlong, surrogate, beyond the last character.
+  for (const char* bad : {"\xE6\x97", "\xC0\xAF", "\xED\xA0\x80", "\xF4\x90\x80\x80", "\xFF"}) {
+    for (const char c : words::printable(bad)) EXPECT_EQ(c, '?') << bad;
+  }
+  // Every byte alone and every pair give text without control characters.
+  for (int a = 0; a < 256; ++a) {
+    for (int b = 0; b < 256; ++b) {
+      const std::string text{static_cast<char>(a), static_cast<char>(b)};
+      for (const char c : words::printable(text)) {
+        ASSERT_FALSE(static_cast<unsigned char>(c) < 0x20 || c == 0x7F) << a << " " << b;
+      }
+    }
+  }
+}
+
+TEST(Words, WidthsAreKept) {
+  EXPECT_EQ(words::columns_of("日本"), 4);
+  EXPECT_EQ(words::columns_of("e\u0301"), 1);
+  for (const std::string text : {"benchy", "日本語の部品", "e\u0301e\u0301e\u0301", ""}) {
+    for (int width = 0; width < 14; ++width) {
+      EXPECT_LE(words::columns_of(words::clipped(text, width)), width) << text;
+      EXPECT_EQ(words::columns_of(words::padded(text, width)), width) << text;
+      EXPECT_EQ(words::columns_of(words::padded(text, width, true)), width) << text;
+    }
+  }
+  for (int eighth = 0; eighth <= 80; ++eighth) {
+    EXPECT_EQ(words::columns_of(words::bar(eighth / 80.0, 10)), 10);
+  }
+  EXPECT_EQ(words::bar(1, 3), "███");
+  EXPECT_EQ(words::bar(0.5, 3), "█▌ ");
+  EXPECT_EQ(words::bar(std::nan(""), 2), "  ");
+  EXPECT_EQ(words::bar(7, 2), "██");
+}
+
+TEST(TimeAxis, RoundTimesInsideTheRange) {
+  const std::int64_t start = 1'772'000'000'000;
+  for (const std::int64_t span_s : {5, 60, 700, 3600, 11 * 3600, 86400, 7 * 86400, 400 * 86400}) {
+    const auto ticks = detail::time_ticks(start, start + span_s * 1000, 10);
+    ASSERT_GE(ticks.size(), 1U) << span_s;
+    EXPECT_LE(ticks.size(), 11U) << span_s;
+    std::set<std::string> labels;
+    for (const auto& t : ticks) {
+      EXPECT_GE(t.ms, start);
+      EXPECT_LE(t.ms, start + span_s * 1000);
+      labels.insert(t.label);
+    }
+    EXPECT_EQ(labels.size(), ticks.size()) << span_s;
+  }
+}
+
+TEST(Moment, AsPeopleWriteIt) {
+  const std::int64_t now = system_clock().wall_ms();
+  EXPECT_EQ(moment_of("36h", now, "--since"), now - 36 * 3600'000);
+  EXPECT_EQ(moment_of("90min", now, "--since"), now - 90 * 60'000);
+  EXPECT_EQ(moment_of("1.5d", now, "--since"), now - 36 * 3600'000);
+  for (const char* minute : {"00:00", "07:00", "23:59"}) {
+    const std::int64_t then = moment_of(minute, now, "--since");
+    EXPECT_LE(then, now);
+    // A day of summer time has 25 hours.
+    EXPECT_GT(then, now - 25 * 3600'000);
+    EXPECT_EQ(local_time_text(then).substr(11, 5), minute);
+  }
+  EXPECT_EQ(local_time_text(moment_of("2026-03-01 20:00", now, "--since")), "2026-03-01 20:00:00");
+  for (const char* bad :
+       {"", "yesterday", "25:00", "7:00", "-3h", "3", "3 h", "2026-03-01", "infh"}) {
+    EXPECT_THROW(moment_of(bad, now, "--since"), InputError) << bad;
+  }
+}
+
+// --- status -------------------------------------------------------------------------------------
+
+TEST(Status, EveryStateAndReason) {
+  Farm farm;
+  const Filled f = fill(farm);
+  auto model = farm.model();
+  JobFilter filter;
+  const StatusPage page = read_status(model, farm.folder, filter, farm.clock);
+  const std::string text = status_text(page, farm.folder, 0);
+  EXPECT_THAT(text, HasSubstr("1 running, 4 queued (1 wait for the same work), 8 done (1 from the "
+                              "cache), 11 failed, 1 cancelled"));
+  for (const Reason reason : test::final_reasons) {
+    EXPECT_THAT(text, HasSubstr(fmt::format("{0}: what happened: {0}", name_of(reason))));
+  }
+  EXPECT_THAT(text, HasSubstr("correct 60 %, 462 of 770 layers, 4.0 s left"));
+  EXPECT_THAT(text, HasSubstr(fmt::format("waits for job {}, the same work", f.running)));
+  EXPECT_THAT(text, HasSubstr("again after worker_killed: ended by signal 9"));
+  EXPECT_THAT(text, HasSubstr("from the cache, largest height error 3 um"));
+  EXPECT_THAT(text, HasSubstr("largest height error 53 um, 17 lost"));
+  EXPECT_THAT(text, HasSubstr("service: local on "));
+  EXPECT_THAT(text, HasSubstr("benchy-日本"));
+  EXPECT_EQ(text.find('\033'), text.npos);
+  // What runs comes first, then what waits.
+  EXPECT_LT(text.find("elephant-40mm"), text.find("benchy-日本"));
+  EXPECT_LT(text.find("benchy-日本"), text.find("fails-bad_input"));
+  // Cut for a terminal: no line is wider.
+  std::istringstream lines(status_text(page, farm.folder, 60));
+  for (std::string line; std::getline(lines, line);) EXPECT_LE(words::columns_of(line), 60) << line;
+}
+
+TEST(Status, JsonHasAllOfAJob) {
+  Farm farm;
+  const Filled f = fill(farm);
+  auto model = farm.model();
+  JobFilter filter;
+  filter.limit = 1000;
+  const json j =
+      json::parse(status_json(read_status(model, farm.folder, filter, farm.clock), farm.folder));
+  EXPECT_EQ(j["dir"], farm.folder.root);
+  EXPECT_EQ(j["total"], 25);
+  ASSERT_EQ(j["list"].size(), 25U);
+  EXPECT_EQ(j["jobs"]["failed"], 11);
+  EXPECT_EQ(j["running"].size(), 1U);
+  EXPECT_EQ(j["running"][0]["attempt"]["layers_done"], 462);
+  EXPECT_NEAR(j["running"][0]["layers_per_s"].get<double>(), 462 / 6.0, 1e-9);
+  EXPECT_NEAR(j["running"][0]["eta_s"].get<double>(), 6 * 0.4 / 0.6, 1e-9);
+  EXPECT_EQ(j["holds"], "");
+  std::set<JobId> ids;
+  for (const json& job : j["list"]) {
+    ids.insert(job["id"].get<JobId>());
+    for (const char* key : {"batch", "name", "state", "reason", "message", "user", "labels",
+                            "priority", "ready_by_ms", "parts", "printer", "resin", "format",
+                            "output_folder", "attempts", "submitted_ms", "files"}) {
+      EXPECT_TRUE(job.contains(key)) << key;
+    }
+    EXPECT_EQ(job.contains("figures"), job["state"] == "done");
+  }
+  EXPECT_EQ(ids.size(), 25U);
+  EXPECT_TRUE(ids.contains(f.nasty));
+}
+
+TEST(Status, Filters) {
+  Farm farm;
+  const Filled f = fill(farm);
+  auto model = farm.model();
+  const auto ids = [&](JobFilter filter) {
+    std::vector<JobId> list;
+    const StatusPage page = read_status(model, farm.folder, filter, farm.clock);
+    for (const auto& job : page.jobs) list.push_back(job.id);
+    EXPECT_EQ(page.total, static_cast<std::int64_t>(list.size()));
+    return list;
+  };
+  JobFilter filter;
+  filter.states = {JobState::failed};
+  EXPECT_EQ(ids(filter), f.failed);
+  filter = {};
+  filter.user = "bert";
+  EXPECT_EQ(ids(filter), std::vector{f.queued});
+  filter = {};
+  filter.label = "rush";
+  EXPECT_EQ(ids(filter), std::vector{f.queued});
+  filter = {};
+  filter.text = "elephant";
+  EXPECT_EQ(ids(filter), (std::vector{f.running, f.follower}));
+  filter = {};
+  filter.label = "nobody";
+  EXPECT_TRUE(ids(filter).empty());
+  filter = {};
+  filter.states = {JobState::done};
+  filter.order = JobFilter::Order::worst_height;
+  EXPECT_EQ(ids(filter).front(), f.nasty);
+}
+
+TEST(Status, WhatHolds) {
+  Farm farm;
+  farm.submit({farm.job("a")});
+  auto model = farm.model();
+  const auto holds = [&] { return what_holds(read_overview(model, farm.folder, farm.clock)); };
+  EXPECT_EQ(holds(), "");
+  farm.set("paused", "yes");
+  EXPECT_EQ(holds(), "paused");
+  farm.set("draining", "yes");
+  EXPECT_EQ(holds(), "draining");
+  farm.queue.change_settings({{"paused", "no"}, {"draining", "no"}}, "test");
+  const int minute = local_minute(farm.clock.wall_ms());
+  farm.set("night", minute_text((minute + 60) % 1440) + "-" + minute_text((minute + 120) % 1440));
+  EXPECT_EQ(holds(), "outside the night window");
+  farm.set("night", "off");
+  farm.set("min-free-mb", "1000000000");
+  EXPECT_EQ(holds(), "disk full");
+  farm.set("min-free-mb", "1");
+  farm.queue.stop_service(farm.service);
+  EXPECT_EQ(holds(), "no service is running");
+}
+
+TEST(Status, ProgramAndItsErrors) {
+  Farm farm;
+  fill(farm);
+  auto result = run_program(
+      {program, "status", "--dir", farm.root, "--state", "failed,cancelled", "--json", "-"});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const json j = json::parse(result.out);
+  EXPECT_EQ(j["total"], 12);
+  const std::string file = farm.root + "/status.json";
+  result = run_program({program, "status", "--dir", farm.root, "--json", file});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_THAT(result.out, HasSubstr("STATE"));
+  EXPECT_TRUE(fs::exists(file));
+  result = run_program({program, "status", "--dir", farm.root + "/nowhere"});
+  EXPECT_EQ(result.exit_code, 2);
+  EXPECT_THAT(result.err, HasSubstr("is no farm"));
+  EXPECT_FALSE(fs::exists(farm.root + "/nowhere"));
+  EXPECT_EQ(run_program({program, "status", "--dir", farm.root, "--state", "dreaming"}).exit_code,
+            2);
+  EXPECT_EQ(run_program({program, "status", "--dir", farm.root, "--limit", "-1"}).exit_code, 2);
+  // A database that is none.
+  test::write_file(farm.root + "/other/farm.sqlite",
+                   "this is no database, but long enough to look");
+  result = run_program({program, "status", "--dir", farm.root + "/other"});
+  EXPECT_EQ(result.exit_code, 2) << result.err;
+}
+
+TEST(Logs, OfEveryAttempt) {
+  Farm farm;
+  const Filled f = fill(farm);
+  auto result = run_program({program, "logs", "--dir", farm.root, std::to_string(f.failed[0])});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_THAT(result.out, HasSubstr("last line of fails-bad_input"));
+  EXPECT_THAT(result.out, HasSubstr("attempt 1, local on night-owl: bad_input"));
+  result = run_program({program, "logs", "--dir", farm.root, std::to_string(f.running)});
+  EXPECT_THAT(result.out, HasSubstr("correcting"));
+  result = run_program({program, "logs", "--dir", farm.root, std::to_string(f.again)});
+  EXPECT_THAT(result.out, HasSubstr("half of a log"));
+  EXPECT_THAT(result.out, testing::ContainsRegex("put_back +worker_killed: ended by signal 9"));
+  EXPECT_EQ(run_program({program, "logs", "--dir", farm.root, "4711"}).exit_code, 2);
+  EXPECT_EQ(run_program(
+                {program, "logs", "--dir", farm.root, "--attempt", "7", std::to_string(f.running)})
+                .exit_code,
+            2);
+}
+
+TEST(Logs, OnlyTheFarmsOwnFilesAndTheirEnd) {
+  Farm farm;
+  const auto id = farm.submit({farm.job("a")})[0];
+  const Claim claim = farm.claim();
+  const std::string log = farm.folder.log(id, 1);
+  Attempt attempt;
+  attempt.token = claim.token;
+  attempt.job = id;
+  attempt.number = 1;
+  EXPECT_EQ(log_tail(farm.folder, attempt, 100), "");
+  std::string long_log;
+  for (int i = 0; i < 1000; ++i) long_log += fmt::format("line {}\n", i);
+  test::write_file(log, long_log);
+  EXPECT_EQ(log_tail(farm.folder, attempt, 20), "line 998\nline 999\n");
+  EXPECT_EQ(log_tail(farm.folder, attempt, 1 << 20), long_log);
+  // A link leads elsewhere; a path in the record is not asked.
+  fs::remove(log);
+  fs::create_symlink("/etc/passwd", log);
+  attempt.log = "/etc/passwd";
+  EXPECT_EQ(log_tail(farm.folder, attempt, 1000), "");
+  attempt.token = "../../../../etc";
+  EXPECT_EQ(log_tail(farm.folder, attempt, 1000), "");
+}
+
+// --- live view ----------------------------------------------------------------------------------
+
+std::string plain(const std::vector<std::string>& lines) {
+  std::string text;
+  for (const std::string& line : lines) text += line + "\n";
+  return text;
+}
+
+std::string without_colour(const std::string& text) {
+  return std::regex_replace(text, std::regex("\033\\[[0-9;]*m"), "");
+}
+
+TEST(Live, FitsEveryWindow) {
+  Farm farm;
+  fill(farm);
+  auto model = farm.model();
+  for (const int rows : {1, 2, 5, 8, 12, 24, 60}) {
+    const LiveState state = read_live(model, farm.folder, rows, farm.clock);
+    for (const int columns : {1, 10, 40, 80, 132, 300}) {
+      const auto coloured = live_frame(state, farm.folder, columns, rows, true);
+      const auto bare = live_frame(state, farm.folder, columns, rows, false);
+      ASSERT_EQ(coloured.size(), static_cast<std::size_t>(rows));
+      for (std::size_t i = 0; i < coloured.size(); ++i) {
+        EXPECT_LE(words::columns_of(bare[i]), columns) << bare[i];
+        EXPECT_EQ(without_colour(coloured[i]), bare[i]);
+        EXPECT_EQ(bare[i].find('\033'), std::string::npos);
+      }
+    }
+  }
+}
+
+TEST(Live, ShowsWhatRunsWaitsAndHappened) {
+  Farm farm;
+  const Filled f = fill(farm);
+  farm.set("night", "20:00-07:00");
+  auto model = farm.model();
+  const std::string text =
+      plain(live_frame(read_live(model, farm.folder, 40, farm.clock), farm.folder, 140, 40, false));
+  EXPECT_THAT(text,
+              HasSubstr("1 running · 4 queued (1 wait for the same work) · 8 done · 11 failed "
+                        "· 1 cancelled"));
+  EXPECT_THAT(text, HasSubstr("462/770 layers"));
+  EXPECT_THAT(text, HasSubstr(" 60 %"));
+  EXPECT_THAT(text, HasSubstr("77/s"));
+  EXPECT_THAT(text, HasSubstr("4.0 s"));
+  EXPECT_THAT(text, HasSubstr("night 20:00-07:00"));
+  EXPECT_THAT(text, HasSubstr("disk "));
+  EXPECT_THAT(text, HasSubstr("priority 5"));
+  EXPECT_THAT(text, HasSubstr(fmt::format("waits for {}", f.running)));
+  EXPECT_THAT(text, HasSubstr("q quit"));
+  // Done and ended by themselves: 20 of 25, and 0.6 of one more: 82 %.
+  EXPECT_THAT(text, HasSubstr(" 82 %"));
+}
+
+/// A program at a terminal of its own; what it writes is put on a screen.
+class Terminal {
+ public:
+  Terminal(const std::vector<std::string>& command, int columns, int rows)
+      : columns_(columns), rows_(rows) {
+    winsize size{};
+    size.ws_col = static_cast<unsigned short>(columns);
+    size.ws_row = static_cast<unsigned short>(rows);
+    std::vector<char*> argv;
+    for (const std::string& s : command) argv.push_back(const_cast<char*>(s.c_str()));
+    argv.push_back(nullptr);
+    child_ = ::forkpty(&master_, nullptr, nullptr, &size);
+    if (child_ == 0) {
+      ::setenv("TERM", "xterm-256color", 1);
+      ::unsetenv("NO_COLOR");
+      ::execv(argv[0], argv.data());
+      ::_exit(127);
+    }
+    clear();
+  }
+  ~Terminal() {
+    if (!ended_) {
+      ::kill(child_, SIGKILL);
+      ::waitpid(child_, nullptr, 0);
+    }
+    ::close(master_);
+  }
+  /// Reads until the screen, or all that was written, holds; false when it does not in time.
+  bool until(const std::function<bool()>& holds) {
+    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+    while (!holds()) {
+      if (std::chrono::steady_clock::now() > end) return false;
+      pollfd fd{master_, POLLIN, 0};
+      if (::poll(&fd, 1, 50) <= 0) continue;
+      char buffer[4096];
+      const ssize_t n = ::read(master_, buffer, sizeof buffer);
+      if (n <= 0) return holds();
+      raw.append(buffer, static_cast<std::size_t>(n));
+      feed(std::string(buffer, static_cast<std::size_t>(n)));
+    }
+    return true;
+  }
+  void type(const std::string& keys) {
+    ASSERT_EQ(::write(master_, keys.data(), keys.size()), static_cast<ssize_t>(keys.size()));
+  }
+  void resize(int columns, int rows) {
+    columns_ = columns;
+    rows_ = rows;
+    winsize size{};
+    size.ws_col = static_cast<unsigned short>(columns);
+    size.ws_row = static_cast<unsigned short>(rows);
+    ::ioctl(master_, TIOCSWINSZ, &size);
+  }
+  /// Waits for the program's end; its exit code, 128 + signal.
+  int end() {
+    until([] { return false; });
+    int status = 0;
+    ::waitpid(child_, &status, 0);
+    ended_ = true;
+    return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+  }
+  pid_t child() const { return child_; }
+  std::string screen() const {
+    std::string text;
+    for (const std::string& line : lines_) text += line + "\n";
+    return text;
+  }
+  std::string raw;
+  bool second_screen = false, cursor = true;
+
+ private:
+  void clear() { lines_.assign(200, ""); }
+  /// The few sequences that the program uses; anything else fails the test.
+  void feed(const std::string& text) {
+    rest_ += text;
+    for (;;) {
+      const std::size_t escape = rest_.find('\033');
+      put(rest_.substr(0, escape));
+      if (escape == std::string::npos) {
+        rest_.clear();
+        return;
+      }
+      rest_.erase(0, escape);
+      std::smatch m;
+      if (!std::regex_search(rest_, m, std::regex("^\033\\[([?]?)([0-9;]*)([A-Za-z])"))) {
+        ASSERT_LT(rest_.size(), 16U) << "an unknown sequence";
+        return;
+      }
+      sequence(m[1].length() > 0, m[2], m[3].str()[0]);
+      rest_.erase(0, static_cast<std::size_t>(m.length()));
+    }
+  }
+  void put(const std::string& text) {
+    for (const char c : text) {
+      if (c == '\r') continue;
+      if (c == '\n') {
+        ++row_;
+        continue;
+      }
+      if (row_ < lines_.size()) lines_[row_] += c;
+    }
+  }
+  void sequence(bool priv, const std::string& numbers, char what) {
+    if (priv) {
+      if (numbers == "1049") second_screen = what == 'h';
+      if (numbers == "25") cursor = what == 'h';
+      return;
+    }
+    if (what == 'H') {
+      row_ = static_cast<std::size_t>(std::stoi(numbers)) - 1;
+      lines_[row_].clear();  // lines are written whole, and cleared to their end
+    } else if (what == 'J' && numbers == "2") {
+      clear();
+    } else if (what == 'J') {
+      for (std::size_t i = row_; i < lines_.size(); ++i) lines_[i].clear();
+    } else {
+      ASSERT_TRUE(what == 'K' || what == 'm') << numbers << what;
+    }
+  }
+
+  int columns_, rows_, master_ = -1;
+  pid_t child_ = 0;
+  bool ended_ = false;
+  std::size_t row_ = 0;
+  std::vector<std::string> lines_;
+  std::string rest_;
+};
+
+TEST(Live, OnATerminal) {
+  Farm farm;
+  const Filled f = fill(farm);
+  Terminal terminal({program, "watch", "--dir", farm.root, "--interval-s", "0.1"}, 120, 36);
+  ASSERT_TRUE(terminal.until([&] {
+    return terminal.screen().find("elephant-40mm") != std::string::npos &&
+           terminal.screen().find("q quit") != std::string::npos;
+  })) << terminal.raw;
+  EXPECT_TRUE(terminal.second_screen);
+  EXPECT_FALSE(terminal.cursor);
+  EXPECT_THAT(terminal.screen(), HasSubstr("benchy-日本"));
+  EXPECT_THAT(terminal.screen(), HasSubstr(" 60 %"));
+  // Progress shows by itself; only what changed is written.
+  const std::size_t before = terminal.raw.size();
+  const auto token = farm.model().job(f.running)->token;
+  farm.queue.record_progress({{token, "report", "night-owl", 0.9, 693}});
+  ASSERT_TRUE(terminal.until([&] {
+    return terminal.screen().find("693/770 layers") != std::string::npos;
+  })) << terminal.screen();
+  EXPECT_THAT(terminal.screen(), Not(HasSubstr("462/770")));
+  EXPECT_EQ(terminal.raw.find("\033[2J", before), std::string::npos);
+  // Another size: drawn anew, and nothing wider.
+  terminal.resize(60, 14);
+  ASSERT_TRUE(
+      terminal.until([&] { return terminal.raw.find("\033[2J", before) != std::string::npos; }));
+  ASSERT_TRUE(
+      terminal.until([&] { return terminal.screen().find("q quit") != std::string::npos; }));
+  std::istringstream lines(terminal.screen());
+  int last = 0, row = 0;
+  for (std::string line; std::getline(lines, line);) {
+    ++row;
+    EXPECT_LE(words::columns_of(line), 60) << line;
+    if (!line.empty()) last = row;
+  }
+  EXPECT_EQ(last, 14);
+  terminal.type("q");
+  EXPECT_EQ(terminal.end(), 0);
+  EXPECT_FALSE(terminal.second_screen);
+  EXPECT_TRUE(terminal.cursor);
+}
+
+TEST(Live, GivesTheTerminalBackOnCtrlCAndSignals) {
+  Farm farm;
+  fill(farm);
+  for (const bool key : {true, false}) {
+    Terminal terminal({program, "watch", "--dir", farm.root, "--interval-s", "0.1"}, 80, 24);
+    ASSERT_TRUE(
+        terminal.until([&] { return terminal.screen().find("q quit") != std::string::npos; }));
+    if (key) {
+      terminal.type("\003");
+    } else {
+      ::kill(terminal.child(), SIGTERM);
+    }
+    EXPECT_EQ(terminal.end(), 130);
+    EXPECT_FALSE(terminal.second_screen);
+    EXPECT_TRUE(terminal.cursor);
+  }
+}
+
+TEST(Live, LinesWithoutATerminal) {
+  Farm farm;
+  farm.submit({farm.job("one")});
+  const Claim claim = farm.claim();
+  RunOptions options;
+  bool finished = false;
+  // The job ends only after the program has begun to tell.
+  options.signal = SIGCONT;
+  options.signal_when = [&](const std::string& out, const std::string&) {
+    if (!finished && out.find("1 running") != std::string::npos) {
+      farm.finish(claim, 3, test::figures_with(4));
+      finished = true;
+    }
+    return false;
+  };
+  const auto result = run_program(
+      {program, "watch", "--dir", farm.root, "--until-empty", "--interval-s", "0.05"}, options);
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_THAT(result.out, HasSubstr("one  done  770 layers in 3.0 s"));
+  EXPECT_EQ(result.out.find('\033'), std::string::npos);
+}
+
+// --- the page of the morning --------------------------------------------------------------------
+
+TEST(Morning, FiguresAreThoseOfTheTime) {
+  const std::int64_t start = system_clock().wall_ms() - 10 * 3600'000;
+  Farm farm(start);
+  // Before the time: not counted.
+  farm.submit({farm.job("early")});
+  farm.finish(farm.claim(), 100, test::figures_with(5));
+  farm.clock.pass(1000);
+  MorningOptions options;
+  options.from_ms = farm.clock.wall_ms();
+  // Two workers side by side for 100 s at 0.95 cores each, then one alone for 50 s.
+  farm.submit({farm.job("a"), farm.job("b"), farm.job("c")});
+  const Claim a = farm.claim(), b = farm.claim();
+  farm.clock.pass(99);
+  for (const Claim& claim : {a, b}) {
+    farm.finish(claim, claim.token == a.token ? 1 : 0, test::figures_with(7));
+  }
+  const Claim c = farm.claim();
+  farm.give_up(c, 50, Reason::bad_input, "no triangles in it", "one\ntwo\n");
+  options.until_ms = farm.clock.wall_ms() + 50'000;
+  auto model = farm.model();
+  const MorningReport r = read_morning(farm.folder, model, options, farm.clock);
+  EXPECT_EQ(r.done, 2);
+  EXPECT_EQ(r.failed, 1);
+  EXPECT_EQ(r.attempts, 3);
+  EXPECT_EQ(r.cores, 2);
+  EXPECT_DOUBLE_EQ(r.working_s, 150);
+  // cpu_s of the record: 0.95 of 1 s and of 0 s (not measured: one core for its 100 s), 0.5 of 50
+  // s.
+  EXPECT_NEAR(r.core_s, 0.95 + 100 + 25, 1e-6);
+  ASSERT_EQ(r.failures.size(), 1U);
+  EXPECT_EQ(r.failures[0].log_lines, (std::vector<std::string>{"one", "two"}));
+  ASSERT_EQ(r.lanes.size(), 2U);
+  ASSERT_EQ(r.bars.size(), 3U);
+  // Slots hold the same sums.
+  double done = 0, core_s = 0;
+  for (const auto& slot : r.slots) {
+    done += slot.done;
+    core_s += slot.cores_busy *
+              static_cast<double>(std::min(r.slot_ms, r.until_ms - slot.from_ms)) / 1000;
+  }
+  EXPECT_EQ(done, 2);
+  EXPECT_NEAR(core_s, r.core_s, 1e-6);
+  EXPECT_EQ(r.delivered_bytes, 2 * (5000 + 49 + 3));
+  EXPECT_THROW(read_morning(farm.folder, model, {.from_ms = 2000, .until_ms = 1000}, farm.clock),
+               InputError);
+}
+
+TEST(Morning, LanesNeverOverlapAndHoldEveryAttempt) {
+  Farm farm;
+  // Many short ones are drawn as few bars; their number is kept.
+  std::vector<NewJob> jobs;
+  for (int i = 0; i < 300; ++i) jobs.push_back(farm.job(fmt::format("small-{}", i)));
+  farm.submit(jobs);
+  const std::int64_t from = farm.clock.wall_ms() - 1;
+  for (int i = 0; i < 100; ++i) {
+    const Claim a = farm.claim(), b = farm.claim(), c = farm.claim();
+    farm.finish(a, 1, test::figures_with(1));
+    farm.finish(c, 2, test::figures_with(1));
+    farm.finish(b, 3, test::figures_with(1));
+  }
+  auto model = farm.model();
+  const MorningReport r = read_morning(farm.folder, model, {.from_ms = from}, farm.clock);
+  EXPECT_EQ(r.lanes.size(), 3U);
+  std::int64_t attempts = 0;
+  for (std::size_t i = 0; i < r.bars.size(); ++i) {
+    attempts += r.bars[i].jobs;
+    if (i > 0 && r.bars[i].lane == r.bars[i - 1].lane) {
+      EXPECT_GE(r.bars[i].start_ms, r.bars[i - 1].end_ms);
+    }
+  }
+  EXPECT_EQ(attempts, 300);
+  // The same in a much longer time: merged.
+  const MorningReport day =
+      read_morning(farm.folder, model, {.from_ms = from - 20 * 86'400'000LL}, farm.clock);
+  EXPECT_LT(day.bars.size(), 10U);
+  attempts = 0;
+  for (const auto& bar : day.bars) attempts += bar.jobs;
+  EXPECT_EQ(attempts, 300);
+}
+
+TEST(Morning, PageShowsEverythingAndRunsNothing) {
+  Farm farm;
+  const Filled f = fill(farm);
+  auto model = farm.model();
+  const MorningReport r = read_morning(farm.folder, model, {}, farm.clock);
+  const std::string html = morning_page(r, {LinkTo::Kind::files, farm.root});
+  for (const Reason reason : test::final_reasons) {
+    EXPECT_THAT(html, HasSubstr(fmt::format("<code>{}</code>", name_of(reason))));
+    EXPECT_THAT(html, HasSubstr(fmt::format("last line of fails-{}", name_of(reason))));
+  }
+  // No scripts, nothing from elsewhere; what users wrote is text.
+  EXPECT_EQ(html.find("<script"), html.npos);
+  EXPECT_EQ(html.find("<img"), html.npos);
+  EXPECT_EQ(html.find("onerror=alert(1)>"), html.npos);
+  EXPECT_THAT(html, HasSubstr("&lt;img src=x"));
+  const std::regex link("(src|href)=\"([^\"]*)\"");
+  for (std::sregex_iterator it(html.begin(), html.end(), link), end; it != end; ++it) {
+    EXPECT_EQ((*it)[2].str().rfind("./results/", 0), 0U) << (*it)[2];
+  }
+  // Links lead to files that are there.
+  EXPECT_THAT(html, HasSubstr(fmt::format("<a href=\"./results/{}/gyroid-5.html\">gyroid-5</a>",
+                                          f.done[5])));
+  EXPECT_TRUE(fs::exists(fmt::format("{}/results/{}/gyroid-5.html", farm.root, f.done[5])));
+  // The worst come first.
+  EXPECT_LT(html.find("999 um"), html.find("53 um"));
+  EXPECT_LT(html.find("53 um"), html.find("43 um"));
+  // Markup that browsers need not mend.
+  for (const char* tag :
+       {"table", "tbody", "details", "figure", "svg", "ol", "pre", "main", "div"}) {
+    const auto times = [&](const std::string& what) {
+      std::size_t n = 0;
+      for (std::size_t at = 0; (at = html.find(what, at)) != html.npos; at += what.size()) ++n;
+      return n;
+    };
+    const std::string name = tag;
+    EXPECT_EQ(times("<" + name + ">") + times("<" + name + " "), times("</" + name + ">")) << tag;
+  }
+  const json j = json::parse(morning_json(r));
+  EXPECT_EQ(j["failed_reasons"].size(), std::size(test::final_reasons));
+  EXPECT_EQ(j["failures"].size(), 11U);
+  EXPECT_EQ(j["failures"][0]["log_tail"].size(), 3U);
+  EXPECT_EQ(j["worst"][0]["id"], f.nasty);
+}
+
+TEST(Morning, AnEmptyFarmHasAPageToo) {
+  Farm farm;
+  auto model = farm.model();
+  const std::string html = morning_page(read_morning(farm.folder, model, {}, farm.clock), {});
+  EXPECT_THAT(html, HasSubstr("no worker ran in this time"));
+  EXPECT_EQ(html.find("nan"), html.npos);
+  EXPECT_EQ(html.find("inf "), html.npos);
+}
+
+TEST(Morning, Program) {
+  Farm farm;
+  fill(farm);
+  auto result = run_program({program, "report", "--dir", farm.root});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_TRUE(fs::exists(farm.root + "/report.html"));
+  result = run_program({program, "report", "--dir", farm.root, "--json", "-", "--since", "2d"});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_EQ(json::parse(result.out)["done"], 8);
+  result = run_program({program, "report", "--dir", farm.root, "--since", "soon"});
+  EXPECT_EQ(result.exit_code, 2);
+  EXPECT_THAT(result.err, HasSubstr("--since is 'soon', expected"));
+}
+
+// --- metrics ------------------------------------------------------------------------------------
+
+/// The text format, strictly: HELP and TYPE before the values of a name, once; known types; label
+/// syntax; no value twice; counters end in _total, others don't; a line end at the end.
+void check_metrics(const std::string& text) {
+  ASSERT_FALSE(text.empty());
+  ASSERT_EQ(text.back(), '\n');
+  const std::regex help("# HELP ([a-zA-Z_:][a-zA-Z0-9_:]*) (.+)"),
+      type("# TYPE ([a-zA-Z_:][a-zA-Z0-9_:]*) (counter|gauge)"),
+      value(
+          R"re(([a-zA-Z_:][a-zA-Z0-9_:]*)(\{([a-z_]+="([^"\\]|\\["\\n])*",?)*\})? (NaN|[-+0-9.e]+))re");
+  std::set<std::string> helped, typed, seen;
+  std::string name;
+  std::istringstream lines(text);
+  for (std::string line; std::getline(lines, line);) {
+    std::smatch m;
+    if (std::regex_match(line, m, help)) {
+      EXPECT_TRUE(helped.insert(m[1]).second) << line;
+      name = m[1];
+    } else if (std::regex_match(line, m, type)) {
+      EXPECT_EQ(m[1], name) << line;
+      EXPECT_TRUE(typed.insert(m[1]).second) << line;
+      EXPECT_EQ(m[2] == "counter", name.ends_with("_total")) << line;
+    } else {
+      ASSERT_TRUE(std::regex_match(line, m, value)) << line;
+      EXPECT_EQ(m[1], name) << line;
+      EXPECT_TRUE(typed.contains(m[1])) << line;
+      EXPECT_TRUE(seen.insert(m[1].str() + m[2].str()).second) << line;
+      if (m[5] != "NaN") {
+        std::size_t used = 0;
+        (void)std::stod(m[5], &used);
+        EXPECT_EQ(used, m[5].str().size()) << line;
+      }
+    }
+  }
+}
+
+TEST(Metrics, FormatAndValues) {
+  Farm farm;
+  fill(farm);
+  auto model = farm.model();
+  const std::string text = metrics_text(model, farm.folder, farm.clock);
+  check_metrics(text);
+  EXPECT_THAT(text, HasSubstr("slicefarm_jobs{state=\"failed\"} 11\n"));
+  EXPECT_THAT(text, HasSubstr("slicefarm_jobs{state=\"queued\"} 4\n"));
+  EXPECT_THAT(text, HasSubstr("slicefarm_jobs_following 1\n"));
+  EXPECT_THAT(text, HasSubstr("slicefarm_jobs_failed{reason=\"hung\"} 1\n"));
+  EXPECT_THAT(text, HasSubstr("slicefarm_attempts_total{engine=\"local\",reason=\"ok\"} 7\n"));
+  EXPECT_THAT(text,
+              HasSubstr("slicefarm_attempts_total{engine=\"local\",reason=\"worker_killed\"} 2\n"));
+  EXPECT_THAT(text, HasSubstr("slicefarm_services 1\n"));
+  EXPECT_THAT(text, HasSubstr("slicefarm_paused 0\n"));
+  const char* promtool = std::getenv("PROMTOOL");
+  const std::string tool = promtool != nullptr ? promtool : "/usr/bin/promtool";
+  if (!fs::exists(tool)) GTEST_SKIP() << "promtool is not installed: the strict reader only";
+  test::write_file(farm.root + "/metrics.txt", text);
+  const auto result =
+      run_program({"/bin/sh", "-c", tool + " check metrics < " + farm.root + "/metrics.txt"});
+  EXPECT_EQ(result.exit_code, 0) << result.out << result.err;
+  EXPECT_EQ(result.out + result.err, "");
+}
+
+TEST(Metrics, AnEmptyFarm) {
+  Farm farm;
+  farm.queue.stop_service(farm.service);
+  auto model = farm.model();
+  check_metrics(metrics_text(model, farm.folder, farm.clock));
+}
+
+}  // namespace
+}  // namespace slicecorr::farm

@@ -10,6 +10,7 @@
 #include <charconv>
 #include <nlohmann/json.hpp>
 
+#include "base/base64.hpp"
 #include "report/page_parts.hpp"
 #include "report/page_text.hpp"
 #include "serve/guarded_server.hpp"

@@ -27,7 +27,7 @@ void add_flat_field(const StackInfo& info, ContainerOutput& output) {
   output.add(flat_field_entry, flat_field_png(*info.printer->flat_field));
 }
 
-void set_flat_field(ArchiveContents& contents, std::span<const std::uint8_t> png,
+void set_flat_field(ArchiveContents& contents, const std::vector<std::uint8_t>& png,
                     const std::string& source, const std::string& place) {
   FlatField& field = *contents.info.printer->flat_field;
   GreyImage image = decode_png(png, field.width_px, field.height_px, source, place);

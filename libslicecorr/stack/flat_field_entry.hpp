@@ -3,7 +3,6 @@
 #pragma once
 
 #include <cstdint>
-#include <span>
 #include <string>
 #include <vector>
 
@@ -22,7 +21,7 @@ std::vector<std::uint8_t> flat_field_png(const FlatField& field);
 void add_flat_field(const StackInfo& info, ContainerOutput& output);
 /// Gives the flat-field that `contents` speaks of its picture. Throws `InputError` when it is not
 /// the one of the block.
-void set_flat_field(ArchiveContents& contents, std::span<const std::uint8_t> png,
+void set_flat_field(ArchiveContents& contents, const std::vector<std::uint8_t>& png,
                     const std::string& source, const std::string& place);
 /// Reads the picture that our block speaks of. Throws `InputError` when it is missing, or not the
 /// one of the block.

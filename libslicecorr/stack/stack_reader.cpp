@@ -253,8 +253,7 @@ StackReader::StackReader(const std::string& path, const std::string& scratch_fol
                          const MissingFacts& missing)
     : impl_(std::make_unique<Impl>(path, scratch_folder, job)) {
   Impl& s = *impl_;
-  const std::unique_ptr<Container> archive =
-      detail::open_container(path, scratch_folder, job);
+  const std::unique_ptr<Container> archive = detail::open_container(path, scratch_folder, job);
   s.config = read_contents(*archive);
   take_missing(s.config.info, missing, path);
   s.others = others_of(*archive, s.config);

@@ -99,6 +99,21 @@ TEST(LayerwiseModel, ExposureFollowsBottomAndFadeLayers) {
   EXPECT_DOUBLE_EQ(light_on_s(p, 1, 50, 5), 3 + 1 + 2 + 2 + 2);
 }
 
+TEST(LayerwiseModel, ExposuresInWords) {
+  Process p = layerwise(8);
+  EXPECT_EQ(exposures_in_words(p), "8 s each");
+  p.bottom_exposure_s = 20;
+  p.bottom_layers = 1;
+  EXPECT_EQ(exposures_in_words(p), "8 s each; the first layer 20 s");
+  p.bottom_layers = 4;
+  p.fade_layers = 3;
+  EXPECT_EQ(exposures_in_words(p), "8 s each; the first 4 layers 20 s, then 3 in steps between");
+  p.bottom_layers = 0;
+  EXPECT_EQ(exposures_in_words(p), "8 s each; the first 3 in steps from 17 s on");
+  p.layer_exposure_s = {3, 1, 8};
+  EXPECT_EQ(exposures_in_words(p), "1 to 8 s each, 8 s as a rule");
+}
+
 /// The message of an infeasible process.
 std::string refusal(const Process& p, double black = 1, double dc = 576) {
   const Printer printer = linear_printer(black, 100);

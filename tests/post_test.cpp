@@ -48,7 +48,9 @@ TEST_F(Post, ChangesLayerImagesAndNothingElse) {
   ASSERT_EQ(::chmod((folder_ / "part.sl1").c_str(), 0640), 0);
   const RunResult said = good(kSmall + Command{"part.sl1"});
   EXPECT_THAT(said.err, HasSubstr("part.sl1: 50 slices corrected, printer 'small'"));
-  EXPECT_THAT(said.err, HasSubstr("0.1 s per layer (the first 1 0.2 s, 2 between)"));
+  EXPECT_THAT(
+      said.err,
+      HasSubstr("layer by layer, 0.1 s each; the first layer 0.2 s, then 2 in steps between"));
   EXPECT_THAT(said.err, HasSubstr("height error, mean"));
   EXPECT_THAT(names(), ::testing::ElementsAre("config", "db", "part.sl1", "small.toml"));
 
@@ -115,8 +117,8 @@ TEST_F(Post, ContinuousWritesItsTimesAndSlices) {
 TEST_F(Post, IsNotCorrectedTwice) {
   good(kSmall + Command{"part.sl1"});
   bad(2, kSmall + Command{"part.sl1"},
-      {"part.sl1: is already corrected", "printer 'small'", "figure-2-2", "0.1 s per layer",
-       "--again"});
+      {"part.sl1: is already corrected", "printer 'small'", "figure-2-2",
+       "layer by layer, 0.1 s each; the first layer 0.2 s", "--again"});
   bad(2, kSmall + Command{"--again", "part.sl1"}, {"part.sl1.orig", "no backup"});
 }
 
@@ -326,7 +328,8 @@ TEST_F(Post, RulesChooseByFolderFileAndProfiles) {
   std::string out = shown("part.sl1");
   EXPECT_THAT(out, HasSubstr("rule 'rule 3'"));
   EXPECT_THAT(out, HasSubstr("line 19"));
-  EXPECT_THAT(out, HasSubstr("0.3 s per layer (the first 1 0.2 s, 2 between), from rule 'rule 3'"));
+  EXPECT_THAT(out, HasSubstr("layer by layer, 0.3 s each; the first layer 0.2 s, then 2 in steps "
+                             "between, from rule 'rule 3'"));
   EXPECT_THAT(out, HasSubstr("printer   small, from [default] of"));
   fs::create_directories(folder_ / "fast/deeper");
   fs::copy_file(folder_ / "part.sl1", folder_ / "fast/deeper/part.sl1");

@@ -22,6 +22,7 @@
 namespace slicecorr::test {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
 namespace fs = std::filesystem;
@@ -101,6 +102,31 @@ TEST_F(Post, ShowsWhatCorrectShows) {
     EXPECT_GE(images.size(), 50U);
     EXPECT_EQ(images, expected);
   }
+}
+
+TEST_F(Post, AFirstExposureStaysOnlyWhereItIsLonger) {
+  const Command anew = kSmall + Command{"--backup", "--again", "part.sl1", "--exposure-s"};
+  const auto config = [&] {
+    Entries entries = unzip(folder_ / "part.sl1");
+    return to_text(entry(entries, "config.ini"));
+  };
+  const RunResult kept = good(anew + Command{"0.15"});
+  EXPECT_THAT(kept.err, HasSubstr("the archive's longer first exposure stays: 0.15 s each; the "
+                                  "first layer 0.2 s, then 2 in steps between\n"));
+  EXPECT_THAT(config(), AllOf(HasSubstr("expTime = 0.15\n"), HasSubstr("expTimeFirst = 0.2\n")));
+  const RunResult left = good(anew + Command{"0.3"});
+  EXPECT_THAT(left.err, HasSubstr("the archive's first exposure of 0.2 s is not longer than the "
+                                  "new one: layers get 0.3 s from the first on\n"));
+  EXPECT_THAT(left.err, HasSubstr("layer by layer, 0.3 s each\n"));
+  EXPECT_THAT(config(), AllOf(HasSubstr("expTime = 0.3\n"), HasSubstr("expTimeFirst = 0.3\n")));
+  // As the archive has it, there is nothing to be told.
+  EXPECT_THAT(good(anew + Command{"0.1"}).err, Not(HasSubstr("first exposure")));
+  // Times with which nothing gels, the first as little as the others.
+  Sl1Options weak;
+  weak.exposure_s = 0.05;
+  weak.first_s = 0.06;
+  make_sl1(folder_ / "part.sl1", weak);
+  good(kSmall + Command{"--exposure-s", "0.2", "part.sl1"});
 }
 
 TEST_F(Post, ContinuousWritesItsTimesAndSlices) {
@@ -328,8 +354,7 @@ TEST_F(Post, RulesChooseByFolderFileAndProfiles) {
   std::string out = shown("part.sl1");
   EXPECT_THAT(out, HasSubstr("rule 'rule 3'"));
   EXPECT_THAT(out, HasSubstr("line 19"));
-  EXPECT_THAT(out, HasSubstr("layer by layer, 0.3 s each; the first layer 0.2 s, then 2 in steps "
-                             "between, from rule 'rule 3'"));
+  EXPECT_THAT(out, HasSubstr("layer by layer, 0.3 s each, from rule 'rule 3'"));
   EXPECT_THAT(out, HasSubstr("printer   small, from [default] of"));
   fs::create_directories(folder_ / "fast/deeper");
   fs::copy_file(folder_ / "part.sl1", folder_ / "fast/deeper/part.sl1");

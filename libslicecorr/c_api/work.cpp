@@ -84,9 +84,10 @@ class Watched final : public SliceSource {
   mutable std::atomic<std::uint64_t> sum_{0};
 };
 
-void tell_notice(const Setup& setup, const Job& job) {
-  const std::string text = setup_notice(setup, ChoiceNames::fields);
-  if (!text.empty()) job.tell(text);
+void tell_notices(const Setup& setup, const slicecorr_stack& target, const Job& job) {
+  for (const std::string& text : setup_notices(setup, &target.info, ChoiceNames::fields)) {
+    job.tell(text);
+  }
 }
 
 /// Where a stack goes: in the format that the path ends in, or in its own when it ends so, too, or
@@ -139,7 +140,7 @@ InMemory correct_in_memory(const slicecorr_stack& target, const slicecorr_setup*
   const Job job = job_of(handle);
   const std::string folder = scratch_folder(handle);
   Setup setup = setup_for_target(target, asked);
-  tell_notice(setup, job);
+  tell_notices(setup, target, job);
   const Images images(target, setup.printer, folder, job);
   const SliceSource& source = images.source();
   setup.process = schedule_uv(source, setup, job);
@@ -218,7 +219,7 @@ slicecorr_status slicecorr_check(const slicecorr_stack* target, const slicecorr_
                                   "the archive does not say it; expected "
                                   "slicecorr_stack_set_number()");
     }
-    tell_notice(s, job);
+    tell_notices(s, t, job);
     slicecorr::plan_correction(slicecorr::GridOnly(grid, slicecorr::image_frame(t.info)), s);
   });
 }
@@ -235,7 +236,7 @@ slicecorr_status slicecorr_correct(const slicecorr_stack* target, const slicecor
         output_file(t, path, t.info.kind == slicecorr::StackKind::foreign);
     const slicecorr::Job job = job_of(handle);
     const slicecorr::Setup s = setup_for_target(t, setup);
-    tell_notice(s, job);
+    tell_notices(s, t, job);
     const Images images(t, s.printer, scratch_folder(handle, file.path), job);
     const slicecorr::Correction done =
         slicecorr::correct_stack(images.source(), s, file, before != nullptr, job);

@@ -212,7 +212,7 @@ Outcome correct_file(const std::string& path, const Context& context, const Job&
     const bool keep = !decision.settings.backup.empty() && source == real;
     const std::string backup = backup_of(real, context);
     if (keep) check_backup(real, backup, decision.settings.backup);
-    if (const std::string text = cli::notice(decision.setup); !text.empty()) job.tell(text);
+    cli::tell_notices(decision.setup, &decision.info, job);
 
     const WorkFolder work(folder);
     note_work(work, real);

@@ -121,15 +121,6 @@ std::vector<double> uv_of_pixel(const CureModel& model) {
   return table;
 }
 
-void refuse_window_cure(const Prediction& p, const Process& process) {
-  if (!p.dead_zones || p.dead_zones->cured_pixels == 0 || process.allow_window_cure) return;
-  throw InfeasibleError(
-      fmt::format("the resin cures to the window at {} pixels, first in slice {}: UV light does "
-                  "not hold a dead "
-                  "zone there; use more UV light, print slower, or allow it with window_cure",
-                  p.dead_zones->cured_pixels, p.dead_zones->cured_slice));
-}
-
 struct InMemory {
   std::unique_ptr<slicecorr_stack> stack;
   std::unique_ptr<slicecorr_figures> after;
@@ -159,7 +150,7 @@ InMemory correct_in_memory(const slicecorr_stack& target, const slicecorr_setup*
   const CureModel& model = models.brightest();
   if (with_after || model.inhibited) {
     const Prediction p = verify_stack(*stack.slices, source, setup, job);
-    refuse_window_cure(p, setup.process);
+    if (p.dead_zones) check_window(*p.dead_zones, setup.process);
     if (with_after) result.after = figures_of(p);
   }
   const Grid& g = source.grid();

@@ -211,7 +211,13 @@ slicecorr_status slicecorr_check(const slicecorr_stack* target, const slicecorr_
                                   "slicecorr_stack_set_number()");
     }
     tell_notices(s, t, job);
-    slicecorr::plan_correction(slicecorr::GridOnly(grid, slicecorr::image_frame(t.info)), s);
+    if (!s.printer.flat_field) {
+      slicecorr::plan_correction(slicecorr::GridOnly(grid, slicecorr::image_frame(t.info)), s, job);
+      return;
+    }
+    // Which places of an uneven display are lit is in the images alone.
+    const Images images(t, s.printer, scratch_folder(handle), job);
+    slicecorr::plan_correction(images.source(), s, job);
   });
 }
 

@@ -156,10 +156,9 @@ StackInfo write_target(const SliceSource& target, const StackFile& file, const J
   return info;
 }
 
-CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup) {
-  Setup even = setup;
-  even.printer.flat_field.reset();
-  return PlacePlans(target, even, {}).plan();
+CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup, const Job& job) {
+  const PlacePlans plans(target, setup, job);
+  return {plans.models().brightest(), setup.process, plans.layers(), plans.all_layers()};
 }
 
 Correction correct_stack(const SliceSource& target, const Setup& asked, const StackFile& file,

@@ -18,6 +18,7 @@
 #include "post/files.hpp"
 #include "post/profiles.hpp"
 #include "post_fixture.hpp"
+#include "program/sha256.hpp"
 
 namespace slicecorr::test {
 namespace {
@@ -172,7 +173,8 @@ TEST_F(Post, UndoTakesOnlyTheFilesOwnOriginal) {
   good(kSmall + Command{"--backup", "part.sl1"});
   Sl1Options other;
   other.seed = 1;
-  for (const char* what : {"another part", "fewer slices", "no archive", "itself corrected"}) {
+  for (const char* what :
+       {"another part", "fewer slices", "another time", "no archive", "itself corrected"}) {
     fs::remove(folder_ / "part.sl1.orig");
     if (what == std::string("no archive")) {
       write("part.sl1.orig", "no archive");
@@ -180,12 +182,35 @@ TEST_F(Post, UndoTakesOnlyTheFilesOwnOriginal) {
       fs::copy_file(folder_ / "part.sl1", folder_ / "part.sl1.orig");
     } else {
       other.layers = what == std::string("fewer slices") ? 40 : 50;
+      // The same slices, and all else but a line of settings.
+      other.seed = what == std::string("another time") ? 0 : 1;
+      other.stamp = other.seed == 0 ? "2025-05-01 at 12:00:00 UTC" : Sl1Options().stamp;
       make_sl1(folder_ / "part.sl1.orig", other);
     }
     SCOPED_TRACE(what);
     bad(2, {"--undo", "part.sl1"}, {"part.sl1.orig"});
     bad(2, kSmall + Command{"--again", "part.sl1"}, {"part.sl1.orig"});
   }
+}
+
+TEST_F(Post, WithoutAChecksumSlicesTellTheOriginal) {
+  const Bytes original = bytes("part.sl1");
+  good(kSmall + Command{"--backup", "part.sl1"});
+  Entries entries = unzip(folder_ / "part.sl1");
+  auto block = nlohmann::ordered_json::parse(to_text(entry(entries, "slicecorr.json")));
+  EXPECT_EQ(block["original_sha256"], cli::sha256_of_contents(folder_ / "part.sl1.orig"));
+  // As older versions wrote it.
+  block.erase("original_sha256");
+  entry(entries, "slicecorr.json") = to_bytes(block.dump());
+  make_zip(folder_ / "part.sl1", entries, true);
+  fs::rename(folder_ / "part.sl1.orig", folder_ / "mine");
+  Sl1Options other;
+  other.seed = 1;
+  make_sl1(folder_ / "part.sl1.orig", other);
+  bad(2, {"--undo", "part.sl1"}, {"part.sl1.orig", "mm³"});
+  fs::rename(folder_ / "mine", folder_ / "part.sl1.orig");
+  good({"--undo", "part.sl1"});
+  EXPECT_EQ(bytes("part.sl1"), original);
 }
 
 TEST_F(Post, BackupGivesWayOnlyWhenAsked) {

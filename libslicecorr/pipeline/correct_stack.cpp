@@ -244,6 +244,7 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
   info.printer = setup.printer;
   info.resin = setup.resin;
   info.process = setup.process;
+  info.original_sha256 = file.original_sha256;
   scan.fill(info);
   writer.finish(info, scan.picture());
 

@@ -380,6 +380,7 @@ TEST_F(Post, RulesChooseByFolderFileAndProfiles) {
   EXPECT_THAT(out, HasSubstr("rule 'rule 3'"));
   EXPECT_THAT(out, HasSubstr("line 19"));
   EXPECT_THAT(out, HasSubstr("layer by layer, 0.3 s each, from rule 'rule 3'"));
+  EXPECT_THAT(out, HasSubstr("note      the archive's first exposure of 0.2 s is not longer"));
   EXPECT_THAT(out, HasSubstr("printer   small, from [default] of"));
   fs::create_directories(folder_ / "fast/deeper");
   fs::copy_file(folder_ / "part.sl1", folder_ / "fast/deeper/part.sl1");

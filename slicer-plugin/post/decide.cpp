@@ -205,6 +205,9 @@ std::string describe(const Decision& d) {
       d.setup.resin.absorbance_height10_um, d.resin_from, exposure_in_words(d.setup.process),
       d.exposure_from, d.settings.backup.empty() ? "none" : d.settings.backup,
       d.settings.report.empty() ? "none" : d.settings.report);
+  for (const std::string& notice : setup_notices(d.setup, &d.info, ChoiceNames::options)) {
+    text += fmt::format("note      {}\n", notice);
+  }
   return text;
 }
 

@@ -13,7 +13,8 @@ namespace slicecorr::detail {
 /// place, time, comment and compression, and new images are packed like those before them.
 class ZipOutput final : public ContainerOutput {
  public:
-  ZipOutput(const std::string& path, std::string keep_from, ImagePacking images);
+  explicit ZipOutput(const std::string& path, std::string keep_from = "",
+                     ImagePacking images = ImagePacking::stored);
   void finish(const Job& job) override;
 
  private:

@@ -127,7 +127,7 @@ Checked check_inputs(const JobRequest& r, const Resolved& w, const slicecorr::Jo
       const TriangleMesh mesh = cli::read_parts(o, job);
       c.triangles = mesh.triangles.size();
       const MeshSlices slices(mesh, w.setup.printer, o.slice_options(), job);
-      plan_correction(slices, w.setup);
+      plan_correction(GridOnly(slices.grid(), slices.frame()), w.setup);
       c.layers = slices.grid().layers;
       c.width_px = slices.grid().width_px;
       c.voxels = std::int64_t{c.layers} * slices.bounds().width() * slices.bounds().height();

@@ -631,7 +631,7 @@ TEST_F(FarmQueue, InvariantsHoldForRandomWork) {
   std::vector<std::string> tokens;  // every token there ever was
   const Reason reasons[] = {Reason::worker_killed, Reason::bad_input,     Reason::lease_lost,
                             Reason::stopped,       Reason::out_of_memory, Reason::disk_full};
-  for (int step = 0; step < 1500; ++step) {
+  for (int step = 0; step < 3000; ++step) {
     // Mostly of late attempts, sometimes of one long gone.
     const int known = static_cast<int>(tokens.size());
     const int back = pick(10) ? pick(std::min(known, 6) + 1) : pick(known + 1);

@@ -253,6 +253,7 @@ class ServiceLoop {
     request.service = id_;
     request.engine = engine_.name();
     request.free_memory_mb = room.memory_mb;
+    request.largest_memory_mb = room.largest_memory_mb;
     request.full_folders.assign(full_folders_.begin(), full_folders_.end());
     // While somebody waits too long for memory, nobody overtakes; with nothing running there is
     // nothing to wait for.

@@ -64,9 +64,9 @@ struct Part {
 void check_record(ReadModel& model, int jobs) {
   JobFilter filter;
   filter.limit = jobs + 1;
-  const std::vector<Job> list = model.jobs(filter);
+  const std::vector<farm::Job> list = model.jobs(filter);
   if (list.size() != static_cast<std::size_t>(jobs)) throw std::runtime_error("jobs are missing");
-  for (const Job& j : list) {
+  for (const farm::Job& j : list) {
     std::int64_t ends = 0;
     for (const Event& e : model.events(0, 1000, j.id)) ends += e.kind == "done";
     if (ends != 1 || model.attempts(j.id).size() != 1) {

@@ -282,7 +282,7 @@ TEST_F(FarmFaults, BrokenAtRandomPlacesNothingIsLost) {
 TEST_F(FarmFaults, KilledAtRandomMomentsNothingIsLost) {
   std::mt19937 random(11);
   const auto pick = [&](int n) { return static_cast<int>(random() % static_cast<unsigned>(n)); };
-  ASSERT_EQ(farm("set", {"max-attempts=1000"}).exit_code, 0);
+  ASSERT_EQ(farm("set", {"max-attempts=100"}).exit_code, 0);
   int next = 0, killed_workers = 0, killed_services = 0;
   for (int round = 0; round < rounds(9); ++round) {
     SCOPED_TRACE(round);

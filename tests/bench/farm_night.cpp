@@ -86,7 +86,7 @@ void check_record(ReadModel& model, int jobs) {
 
 int main(int argc, char** argv) try {
   const int jobs = argc > 1 ? std::atoi(argv[1]) : 200;
-  const double size_mm = argc > 2 ? std::atof(argv[2]) : 20;
+  const double size_mm = argc > 2 ? std::atof(argv[2]) : 8;
   const std::string bin = fs::read_symlink("/proc/self/exe").parent_path().string() + "/";
   const std::string meshes = std::string(SLICECORR_TEST_DATA) + "/meshes/";
   std::vector<Part> parts;

@@ -83,7 +83,7 @@ std::optional<Claim> Queue::claim(const ClaimRequest& request) {
   const auto candidates = [&](const std::string& key) {
     if (!key.empty()) {
       return db_->query(
-          "SELECT j.id, 1, w.base_memory_mb, j.memory_failures FROM jobs j JOIN works w ON w.key = "
+          "SELECT j.id, 1, 0 FROM jobs j JOIN works w ON w.key = "
           "j.key JOIN results r ON r.key = j.key AND r.stored WHERE j.key = ?1 AND j.state = "
           "'queued' AND j.follows = 0 AND (j.not_before_ms <= ?2 OR j.not_before_ms > ?2 + ?3) "
           "ORDER BY j.priority DESC, j.ready_by_ms, j.id",
@@ -91,7 +91,10 @@ std::optional<Claim> Queue::claim(const ClaimRequest& request) {
     }
     return db_->query(
         "SELECT j.id, EXISTS(SELECT 1 FROM results r WHERE r.key = j.key AND r.stored), "
-        "w.base_memory_mb, j.memory_failures FROM jobs j JOIN works w ON w.key = j.key "
+        "CASE j.memory_failures WHEN 0 THEN w.base_memory_mb ELSE "
+        "max(w.base_memory_mb << min(j.memory_failures, 20), 2 * coalesce((SELECT memory_mb FROM "
+        "attempts WHERE job = j.id AND reason = 'out_of_memory' ORDER BY number DESC LIMIT 1), 0)) "
+        "END FROM jobs j JOIN works w ON w.key = j.key "
         "WHERE j.state = 'queued' AND j.follows = 0 AND (j.not_before_ms <= ?1 OR j.not_before_ms "
         "> "
         "?1 + ?2) AND j.user NOT IN (SELECT value FROM json_each(?3)) AND (?4 = '[]' OR "
@@ -106,8 +109,9 @@ std::optional<Claim> Queue::claim(const ClaimRequest& request) {
     Rows rows = candidates(request.cached_key);
     for (int passed = 0; passed < most_overtaken && rows.next(); ++passed) {
       cached = rows.integer(1) != 0;
-      const std::int64_t failures = std::min<std::int64_t>(rows.integer(3), 20);
-      if (cached || rows.integer(2) << failures <= request.free_memory_mb) {
+      std::int64_t needed_mb = rows.integer(2);
+      if (request.largest_memory_mb > 0) needed_mb = std::min(needed_mb, request.largest_memory_mb);
+      if (cached || needed_mb <= request.free_memory_mb) {
         id = rows.integer(0);
         break;
       }

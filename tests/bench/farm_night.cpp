@@ -1,6 +1,7 @@
-// A night in small: farm_night [JOBS] [SIZE_MM]. Many jobs from real meshes, with several resins
-// and speeds, by slicefarm and one after the other by slicecorr; then the same jobs again. Fails
-// when a job fails, is done twice, or differs from what slicecorr wrote.
+// A night in small: farm_night [JOBS] [SIZE_MM]. Many jobs from real meshes, sound and broken ones,
+// with several resins and speeds, by slicefarm and one after the other by slicecorr; then the same
+// jobs again. Fails when a job fails, is done twice, is not what the record says, or differs from
+// what slicecorr wrote. Exit code 77: the meshes are not there.
 
 #include <fmt/format.h>
 #include <stdlib.h>
@@ -17,6 +18,7 @@
 
 #include "../run_program.hpp"
 #include "slicecorr/farm/read_model.hpp"
+#include "slicecorr/farm/store.hpp"
 #include "slicecorr/farm/submit.hpp"
 #include "slicecorr/mesh.hpp"
 
@@ -58,18 +60,50 @@ struct Part {
   double scale;
 };
 
+/// Every job is done by one attempt, said so once, and its files are those of the record.
+void check_record(ReadModel& model, int jobs) {
+  JobFilter filter;
+  filter.limit = jobs + 1;
+  const std::vector<farm::Job> list = model.jobs(filter);
+  if (list.size() != static_cast<std::size_t>(jobs)) throw std::runtime_error("jobs are missing");
+  for (const farm::Job& j : list) {
+    std::int64_t ends = 0;
+    for (const Event& e : model.events(0, 1000, j.id)) ends += e.kind == "done";
+    if (ends != 1 || model.attempts(j.id).size() != 1) {
+      throw std::runtime_error(fmt::format("{}: done {} times", j.name, ends));
+    }
+    if (j.files.size() != 3) throw std::runtime_error(j.name + ": files are missing");
+    for (const ResultFile& f : j.files) {
+      const ResultFile now = sha256_of_file(j.output(f.ending));
+      if (now.sha256 != f.sha256 || now.bytes != f.bytes) {
+        throw std::runtime_error(fmt::format("{}: {} is not what was recorded", j.name, f.ending));
+      }
+    }
+  }
+}
+
 }  // namespace
 
 int main(int argc, char** argv) try {
   const int jobs = argc > 1 ? std::atoi(argv[1]) : 200;
-  const double size_mm = argc > 2 ? std::atof(argv[2]) : 20;
+  const double size_mm = argc > 2 ? std::atof(argv[2]) : 8;
   const std::string bin = fs::read_symlink("/proc/self/exe").parent_path().string() + "/";
-  const std::string meshes = std::string(SLICECORR_TEST_DATA) + "/meshes/clean/";
+  const std::string meshes = std::string(SLICECORR_TEST_DATA) + "/meshes/";
   std::vector<Part> parts;
-  for (const char* name : {"3DBenchy.stl", "UVtools_demo_file.stl", "cgal_femur.off",
-                           "cgal_turbine.off", "ksr_fdmtest_v4.stl", "photonic3d_lenscap-36mm.stl",
-                           "stanford_bunny_7k_closed.off", "tpms_diamond_51.stl"}) {
-    if (!fs::exists(meshes + name)) throw std::runtime_error(meshes + name + " is not there");
+  // The broken ones have holes, turned triangles, bodies that cut or touch each other.
+  for (const char* name :
+       {"clean/3DBenchy.stl", "clean/UVtools_demo_file.stl", "clean/cgal_femur.off",
+        "clean/cgal_turbine.off", "clean/ksr_fdmtest_v4.stl", "clean/photonic3d_lenscap-36mm.stl",
+        "clean/stanford_bunny_7k_closed.off", "clean/tpms_diamond_51.stl",
+        "dirty/admesh_block_fill-holes-bad.stl", "dirty/admesh_block_normal-directions-bad.stl",
+        "dirty/assimp_sphereWithHole.stl", "dirty/cgal_blobby-shuffled.off",
+        "dirty/cgal_elephant-with-holes.off", "dirty/manifold_self_intersectA.obj",
+        "dirty/trimesh_cycloidal_touching_bodies.ply", "dirty/trimesh_multibody.stl",
+        "dirty/trimesh_wallhole.obj"}) {
+    if (!fs::exists(meshes + name)) {
+      fmt::print("{}{} is not there: nothing was tried\n", meshes, name);
+      return 77;
+    }
     const MeshReport r = inspect(read_mesh(meshes + name));
     const double longest =
         std::max({r.upper[0] - r.lower[0], r.upper[1] - r.lower[1], r.upper[2] - r.lower[2]});
@@ -121,6 +155,7 @@ int main(int argc, char** argv) try {
                                          summary.jobs[static_cast<std::size_t>(JobState::done)],
                                          jobs, summary.attempts));
   }
+  check_record(model, jobs);
   // The same by hand: one program after the other, each on all cores.
   fs::create_directories(folder + "/direct");
   Cost direct;
@@ -164,8 +199,14 @@ int main(int argc, char** argv) try {
   row("slicecorr run, one after the other", direct);
   row("slicefarm submit of the same again", cached);
   fmt::print(
-      "\nThroughput of the farm against one after the other: {:.2f}; processor time {:.2f}\n",
-      direct.wall_s / farmed.wall_s, farmed.cpu_s / direct.cpu_s);
+      "\nAll done, none twice, every file as recorded and byte for byte as slicecorr writes it.\n"
+      "{:.0f} jobs an hour, {:.0f} one after the other: {:.2f} times as many, {:.2f} times with "
+      "the "
+      "submission.\nThe farm costs {:.0f} ms of processor time a job while it runs, and {:.0f} ms "
+      "to submit one.\n",
+      3600 * jobs / farmed.wall_s, 3600 * jobs / direct.wall_s, direct.wall_s / farmed.wall_s,
+      direct.wall_s / (farmed.wall_s + submitted.wall_s),
+      1000 * (farmed.cpu_s - direct.cpu_s) / jobs, 1000 * submitted.cpu_s / jobs);
   fs::remove_all(folder);
   return 0;
 } catch (const std::exception& e) {

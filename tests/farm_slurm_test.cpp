@@ -99,8 +99,10 @@ class FarmOnSlurm : public testing::Test {
     fs::remove_all(folder_);
   }
 
-  void start_cluster(int nodes, int cpus = 2, const std::string& configuration = {}) {
-    cluster_ = std::make_unique<SlurmCluster>(folder_ + "/slurm", nodes, cpus, configuration);
+  void start_cluster(int nodes, int cpus = 2, const std::string& configuration = {},
+                     bool cgroups = false) {
+    cluster_ =
+        std::make_unique<SlurmCluster>(folder_ + "/slurm", nodes, cpus, configuration, cgroups);
     ::setenv("SLURM_CONF", cluster_->configuration().c_str(), 1);
   }
 
@@ -239,6 +241,55 @@ class FarmOnSlurm : public testing::Test {
   std::unique_ptr<SlurmCluster> cluster_;
   std::vector<pid_t> services_;
 };
+
+// --- the cluster of the tests --------------------------------------------------------------------
+
+/// With `script`, the script that looks after it is killed, too, as a whole tree of processes is
+/// when a test takes too long.
+class KilledTest : public FarmOnSlurm, public testing::WithParamInterface<bool> {};
+
+TEST_P(KilledTest, LeavesNoProcess) {
+  const std::string folder = folder_ + "/slurm";
+  const std::string variable = "SLURM_CONF=" + folder + "/slurm.conf";
+  int ready[2];
+  ASSERT_EQ(::pipe2(ready, O_CLOEXEC), 0);
+  const pid_t killed = ::fork();
+  if (killed == 0) {
+    try {
+      SlurmCluster cluster(folder, 2);
+      ::setenv("SLURM_CONF", cluster.configuration().c_str(), 1);
+      const auto r = run_program(
+          {"/usr/bin/sbatch", "--chdir=/", "--output=/dev/null", "--wrap=exec sleep 1000"});
+      if (r.exit_code == 0 && eventually([] {
+            return run_program({"/usr/bin/squeue", "-h", "-o", "%T"}).out == "RUNNING\n";
+          })) {
+        (void)!::write(ready[1], "x", 1);
+      }
+      for (;;) ::pause();
+    } catch (const std::exception&) {
+    }
+    ::_exit(1);
+  }
+  ::close(ready[1]);
+  char c = 0;
+  ASSERT_EQ(::read(ready[0], &c, 1), 1) << "no job runs";
+  ::close(ready[0]);
+  // munged, slurmctld, two slurmd, a slurmstepd and its job.
+  EXPECT_GE(test::processes_with(variable).size(), 6u);
+  if (GetParam()) {
+    for (const auto& entry : fs::directory_iterator("/proc")) {
+      const std::string stat = text_of(entry.path().string() + "/stat");
+      const std::size_t end = stat.find(") S ");
+      if (end == stat.npos || std::atoi(stat.c_str() + end + 4) != killed) continue;
+      ::kill(std::stoi(entry.path().filename().string()), SIGKILL);
+    }
+  }
+  ::kill(killed, SIGKILL);
+  ::waitpid(killed, nullptr, 0);
+  EXPECT_TRUE(eventually([&] { return test::processes_with(variable).empty(); }, seconds(30)));
+}
+INSTANTIATE_TEST_SUITE_P(Of, KilledTest, testing::Bool(),
+                         [](const auto& p) { return p.param ? "TestAndScript" : "Test"; });
 
 // --- a night -------------------------------------------------------------------------------------
 
@@ -524,6 +575,26 @@ TEST_F(FarmOnSlurm, SlurmsLimitStopsWhatGetsAroundTheWorkers) {
   EXPECT_EQ(attempts[0].reason, Reason::out_of_memory) << attempts[0].message;
 }
 
+TEST_F(FarmOnSlurm, SlurmsLimitByCgroupsDoesSo) {
+  if (const std::string why = test::no_cgroups(); !why.empty()) GTEST_SKIP() << why;
+  start_cluster(1, 2, "", true);
+  submit({part("eats", 4, 4, 2)});
+  const std::string program = folder_ + "/worker.sh";
+  std::ofstream(program) << "#!/bin/sh\nif mkdir " << folder_ << "/once 2>/dev/null\n"
+                         << "then head -c 1500M /dev/zero | tail | wc -c\n"
+                         << "else exec " << slicefarm << " \"$@\"\nfi\n";
+  fs::permissions(program, fs::perms::owner_all);
+  ServiceRun run;
+  run.arguments = {"--worker-program", program};
+  EXPECT_EQ(wait_for(start_service(run)), 0) << services_log();
+  expect_all_done_once(1);
+  const std::vector<Attempt> attempts = model().attempts(1);
+  ASSERT_EQ(attempts.size(), 2u);
+  EXPECT_EQ(attempts[0].reason, Reason::out_of_memory) << attempts[0].message;
+  EXPECT_THAT(attempts[0].message, HasSubstr("over Slurm's memory limit"));
+  EXPECT_GT(attempts[1].memory_mb, attempts[0].memory_mb);
+}
+
 TEST_F(FarmOnSlurm, WorkersThatCrashAreTriedAgainAndDamagedPartsAreNot) {
   start_cluster(1);
   submit({part("crash", 4, 4, 2), part("kill", 5, 4, 2)});
@@ -575,6 +646,31 @@ TEST_F(FarmOnSlurm, NodesAreListed) {
       {slicefarm, "nodes", "--engine", "slurm", "--dir", farm(), "--partition", "nowhere"});
   EXPECT_EQ(none.exit_code, 2);
   EXPECT_THAT(none.err, HasSubstr("nowhere"));
+}
+
+TEST_F(FarmOnSlurm, ItIsToldWhyNothingRuns) {
+  start_cluster(1);
+  submit({part("a", 4, 4, 2)});
+  const auto scontrol = [&](std::vector<std::string> a) {
+    a.insert(a.begin(), {"/usr/bin/scontrol", "update", "nodename=n1"});
+    ASSERT_EQ(run_program(a).exit_code, 0);
+  };
+  scontrol({"state=drain", "reason=to be mended"});
+  const pid_t service = start_service();
+  EXPECT_TRUE(eventually([&] {
+    return services_log().find("no node of Slurm takes work: n1 is IDLE+DRAIN (to be mended)") !=
+           std::string::npos;
+  })) << services_log();
+  cluster_->tell("stop-controller");
+  EXPECT_TRUE(eventually([&] {
+    return services_log().find("no answer from Slurm: ") != std::string::npos;
+  })) << services_log();
+  cluster_->tell("start-controller");
+  EXPECT_TRUE(eventually([&] { return !squeue("%i").empty(); }));
+  scontrol({"state=resume"});
+  EXPECT_EQ(wait_for(service), 0) << services_log();
+  EXPECT_THAT(services_log(), HasSubstr("the engine works again"));
+  expect_all_done_once(1);
 }
 
 TEST_F(FarmOnSlurm, WithoutAControllerTheServiceDoesNotStart) {

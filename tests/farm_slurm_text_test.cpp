@@ -282,6 +282,24 @@ TEST(Scontrol, NodesAreRead) {
                DeviceError);
 }
 
+TEST(Scontrol, ItIsSaidWhyNoNodeWorks) {
+  const auto node = [](const std::string& name, const std::string& state, const std::string& why) {
+    return "NodeName=" + name + " State=" + state +
+           " CPUTot=4 CPUAlloc=0 RealMemory=1000 AllocMem=0 Partitions=farm" +
+           (why.empty() ? "" : " Reason=" + why) + "\n";
+  };
+  const auto why = [](const std::string& nodes) {
+    return no_node_works(cluster_of(parse_nodes(nodes), "farm"));
+  };
+  const std::string drained =
+      node("n1", "IDLE+DRAIN", "Duplicate jobid [slurm@2026-03-01T20:00:00]");
+  EXPECT_EQ(why(drained + node("n2", "IDLE", "")), "");
+  EXPECT_EQ(why(drained + node("n2", "DOWN*", "")),
+            "no node of Slurm takes work: n1 is IDLE+DRAIN (Duplicate jobid); n2 is DOWN*");
+  EXPECT_EQ(why(drained + drained + drained + drained + drained).substr(28 + 3 * 35 - 2),
+            "; 2 more");
+}
+
 TEST(Scontrol, ConfigurationIsRead) {
   const auto c = parse_config(captured("config-22.05.txt"));
   EXPECT_EQ(c.at("MaxArraySize"), "10001");

@@ -225,6 +225,10 @@ class SlurmEngine : public Engine {
     return known;
   }
 
+  std::string trouble() const override {
+    return answers_ ? no_node_works(cluster_) : "no answer from Slurm: " + complaint_;
+  }
+
   std::vector<Node> nodes() override {
     std::vector<Node> list;
     for (const SlurmNode& n : cluster_.nodes) {
@@ -412,13 +416,15 @@ class SlurmEngine : public Engine {
       if (!done->result().ok()) throw DeviceError("squeue: " + done->result().complaint());
       const Sightings seen = sightings(parse_squeue(done->result().out), batches_.farm(), sizes_);
       answers_ = true;
+      complaint_.clear();
       judge_all(&seen, reports);
       end_strays(seen);
       listed_ = true;
       idle_listing_due_ = now() + (strays_.empty() ? sweep_interval_ms : rest);
-    } catch (const DeviceError&) {
+    } catch (const DeviceError& e) {
       // No answer says nothing of any task, but workers may have come to their ends.
       answers_ = false;
+      complaint_ = e.what();
       idle_listing_due_ = now() + rest;
       judge_all(nullptr, reports);
     }
@@ -592,6 +598,7 @@ class SlurmEngine : public Engine {
   std::int64_t listing_begun_ = 0, listing_due_ = 0, idle_listing_due_ = 0, nodes_due_ = 0,
                sweep_due_ = 0, refused_until_ = 0;
   bool answers_ = true, listed_ = false;
+  std::string complaint_;  ///< why it does not answer
 
   Cluster cluster_;
   int array_limit_ = 1;

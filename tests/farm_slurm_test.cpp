@@ -127,7 +127,7 @@ class FarmOnSlurm : public testing::Test {
     return paths;
   }
   /// Takes some seconds.
-  std::string large_part(const std::string& name) { return part(name, 40, 30, 30); }
+  std::string large_part(const std::string& name) { return part(name, 40, 30, 18); }
 
   static std::vector<std::string> process_options() {
     return {"--printer",    SLICECORR_PRINTERS_DIR "/dual-wavelength-dlp.toml",
@@ -294,12 +294,13 @@ INSTANTIATE_TEST_SUITE_P(Of, KilledTest, testing::Bool(),
 // --- a night -------------------------------------------------------------------------------------
 
 TEST_F(FarmOnSlurm, ANightInSmallWithBothDaemonsKilledGivesTheBytesOfTheLocalEngine) {
-  constexpr int jobs = 20;
+  constexpr int jobs = 24;
   start_cluster(2);
+  // Begins first, and runs while daemons are killed.
+  submit({large_part("large")}, {"--priority", "2"});
   std::vector<std::string> parts = small_parts(jobs - 1);
-  // In its middle when the node's daemon is killed.
-  parts.push_back(large_part("large"));
   submit(parts, {"--priority", "1"});
+  parts.push_back(folder_ + "/large.stl");
   const pid_t service = start_service();
   ASSERT_TRUE(eventually([&] { return count(JobState::done) >= 3; })) << services_log();
   cluster_->tell("stop-controller");
@@ -377,7 +378,7 @@ TEST_F(FarmOnSlurm, AWorkerThatWasBelievedDeadComesBackAndChangesNothing) {
 
 TEST_F(FarmOnSlurm, ANodeThatLosesPowerLosesItsAttemptsOnly) {
   start_cluster(2);
-  submit({large_part("a"), part("b", 40, 30, 28), part("c", 40, 30, 26), part("d", 40, 30, 24)});
+  submit({large_part("a"), part("b", 40, 30, 17), part("c", 40, 30, 16), part("d", 40, 30, 15)});
   const pid_t service = start_service();
   ASSERT_TRUE(eventually([&] { return workers(store()).size() >= 3; })) << services_log();
   cluster_->tell("power-off n1");
@@ -511,6 +512,7 @@ TEST_F(FarmOnSlurm, RunningAndWaitingJobsAreCancelled) {
   EXPECT_TRUE(eventually([&] { return !is_alive(worker); }));
   // One that does not listen.
   ASSERT_TRUE(eventually([&] { return (worker = worker_of(2)) > 1; })) << services_log();
+  EXPECT_THAT(services_log(), HasSubstr("job 1 runs: cancelled"));
   cancel(2, "deaf");
   EXPECT_TRUE(eventually([&] { return !is_alive(worker); }));
   EXPECT_TRUE(eventually([&] { return squeue("%i").empty(); }));
@@ -651,25 +653,32 @@ TEST_F(FarmOnSlurm, NodesAreListed) {
 TEST_F(FarmOnSlurm, ItIsToldWhyNothingRuns) {
   start_cluster(1);
   submit({part("a", 4, 4, 2)});
-  const auto scontrol = [&](std::vector<std::string> a) {
-    a.insert(a.begin(), {"/usr/bin/scontrol", "update", "nodename=n1"});
-    ASSERT_EQ(run_program(a).exit_code, 0);
+  const auto is_told = [&](const std::string& text) {
+    return eventually([&] { return services_log().find(text) != std::string::npos; });
   };
-  scontrol({"state=drain", "reason=to be mended"});
-  const pid_t service = start_service();
+  ASSERT_EQ(run_program({"/usr/bin/scontrol", "update", "nodename=n1", "state=drain",
+                         "reason=to be mended"})
+                .exit_code,
+            0);
+  ServiceRun run;
+  run.until_empty = false;
+  const pid_t service = start_service(run);
+  EXPECT_TRUE(is_told("no node of Slurm takes work: n1 is IDLE+DRAIN (to be mended)\n"));
   EXPECT_TRUE(eventually([&] {
-    return services_log().find("no node of Slurm takes work: n1 is IDLE+DRAIN (to be mended)") !=
-           std::string::npos;
-  })) << services_log();
+    const auto services = model().services();
+    return !services.empty() && services.back().doing.find("to be mended") != std::string::npos;
+  }));
   cluster_->tell("stop-controller");
-  EXPECT_TRUE(eventually([&] {
-    return services_log().find("no answer from Slurm: ") != std::string::npos;
-  })) << services_log();
+  EXPECT_TRUE(is_told("no answer from Slurm: squeue --json: "));
   cluster_->tell("start-controller");
-  EXPECT_TRUE(eventually([&] { return !squeue("%i").empty(); }));
-  scontrol({"state=resume"});
-  EXPECT_EQ(wait_for(service), 0) << services_log();
-  EXPECT_THAT(services_log(), HasSubstr("the engine works again"));
+  EXPECT_TRUE(eventually([&] {
+    return run_program({"/usr/bin/scontrol", "update", "nodename=n1", "state=resume"}).exit_code ==
+           0;
+  }));
+  EXPECT_TRUE(is_told("slurm works again\n"));
+  EXPECT_TRUE(eventually([&] { return count(JobState::done) == 1; }));
+  ::kill(service, SIGTERM);
+  wait_for(service);
   expect_all_done_once(1);
 }
 

@@ -21,6 +21,7 @@ namespace {
 namespace fs = std::filesystem;
 using std::chrono::milliseconds;
 using testing::ElementsAre;
+using testing::EndsWith;
 using testing::HasSubstr;
 
 std::string captured(const std::string& name) {
@@ -296,8 +297,7 @@ TEST(Scontrol, ItIsSaidWhyNoNodeWorks) {
   EXPECT_EQ(why(drained + node("n2", "IDLE", "")), "");
   EXPECT_EQ(why(drained + node("n2", "DOWN*", "")),
             "no node of Slurm takes work: n1 is IDLE+DRAIN (Duplicate jobid); n2 is DOWN*");
-  EXPECT_EQ(why(drained + drained + drained + drained + drained).substr(28 + 3 * 35 - 2),
-            "; 2 more");
+  EXPECT_THAT(why(drained + drained + drained + drained + drained), EndsWith("); 2 more"));
 }
 
 TEST(Scontrol, ConfigurationIsRead) {

@@ -39,6 +39,8 @@ constexpr std::int64_t hasty_ms = 250;
 /// After this, a worker that was asked to end is killed.
 constexpr std::int64_t force_ms = 1000;
 constexpr std::int64_t nodes_interval_ms = 15'000;
+/// While no node takes work.
+constexpr std::int64_t no_nodes_interval_ms = 3000;
 /// After a refusal that says "later".
 constexpr std::int64_t refused_ms = 30'000;
 /// A job that nobody waits for is cancelled after this.
@@ -176,7 +178,8 @@ class SlurmEngine : public Engine {
       if (h.id.empty()) continue;
       // A job that Slurm is ending takes no more signals, and SIGKILL comes after its KillWait of
       // 30 s only. So workers that run are signalled by us.
-      h.signalled = h.state == TaskState::running;
+      std::error_code error;
+      h.signalled = h.state == TaskState::running || fs::exists(h.folder + "/started", error);
       (h.signalled ? running : waiting).push_back(h.id);
     }
     scancel(waiting);
@@ -284,7 +287,7 @@ class SlurmEngine : public Engine {
       array_limit_ = std::clamp(std::atoi(at->second.c_str()), 1, largest_array);
     }
     cluster_ = cluster_of(parse_nodes(nodes.out), options_.partition);
-    nodes_due_ = now() + nodes_interval_ms;
+    nodes_due_ = now() + no_nodes_interval_ms;
   }
 
   void take_nodes() {
@@ -296,7 +299,7 @@ class SlurmEngine : public Engine {
         // The last ones hold until there are others.
       }
       node_listing_.reset();
-      nodes_due_ = now() + nodes_interval_ms;
+      nodes_due_ = now() + (cluster_.cores > 0 ? nodes_interval_ms : no_nodes_interval_ms);
     }
     if (!node_listing_ && now() >= nodes_due_) {
       node_listing_ = std::make_unique<Command>(nodes_command(), command_limit);

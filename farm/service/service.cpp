@@ -197,7 +197,7 @@ class ServiceLoop {
   /// The engine's: nothing is taken back for it, it may be over any moment.
   void tell_trouble(const std::string& trouble) {
     if (trouble == told_trouble_) return;
-    say(trouble.empty() ? "the engine works again" : trouble);
+    say(trouble.empty() ? engine_.name() + " works again" : trouble);
     told_trouble_ = trouble;
   }
 

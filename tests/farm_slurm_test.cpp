@@ -99,8 +99,10 @@ class FarmOnSlurm : public testing::Test {
     fs::remove_all(folder_);
   }
 
-  void start_cluster(int nodes, int cpus = 2, const std::string& configuration = {}) {
-    cluster_ = std::make_unique<SlurmCluster>(folder_ + "/slurm", nodes, cpus, configuration);
+  void start_cluster(int nodes, int cpus = 2, const std::string& configuration = {},
+                     bool cgroups = false) {
+    cluster_ =
+        std::make_unique<SlurmCluster>(folder_ + "/slurm", nodes, cpus, configuration, cgroups);
     ::setenv("SLURM_CONF", cluster_->configuration().c_str(), 1);
   }
 
@@ -125,7 +127,7 @@ class FarmOnSlurm : public testing::Test {
     return paths;
   }
   /// Takes some seconds.
-  std::string large_part(const std::string& name) { return part(name, 40, 30, 30); }
+  std::string large_part(const std::string& name) { return part(name, 40, 30, 18); }
 
   static std::vector<std::string> process_options() {
     return {"--printer",    SLICECORR_PRINTERS_DIR "/dual-wavelength-dlp.toml",
@@ -240,15 +242,65 @@ class FarmOnSlurm : public testing::Test {
   std::vector<pid_t> services_;
 };
 
+// --- the cluster of the tests --------------------------------------------------------------------
+
+/// With `script`, the script that looks after it is killed, too, as a whole tree of processes is
+/// when a test takes too long.
+class KilledTest : public FarmOnSlurm, public testing::WithParamInterface<bool> {};
+
+TEST_P(KilledTest, LeavesNoProcess) {
+  const std::string folder = folder_ + "/slurm";
+  const std::string variable = "SLURM_CONF=" + folder + "/slurm.conf";
+  int ready[2];
+  ASSERT_EQ(::pipe2(ready, O_CLOEXEC), 0);
+  const pid_t killed = ::fork();
+  if (killed == 0) {
+    try {
+      SlurmCluster cluster(folder, 2);
+      ::setenv("SLURM_CONF", cluster.configuration().c_str(), 1);
+      const auto r = run_program(
+          {"/usr/bin/sbatch", "--chdir=/", "--output=/dev/null", "--wrap=exec sleep 1000"});
+      if (r.exit_code == 0 && eventually([] {
+            return run_program({"/usr/bin/squeue", "-h", "-o", "%T"}).out == "RUNNING\n";
+          })) {
+        (void)!::write(ready[1], "x", 1);
+      }
+      for (;;) ::pause();
+    } catch (const std::exception&) {
+    }
+    ::_exit(1);
+  }
+  ::close(ready[1]);
+  char c = 0;
+  ASSERT_EQ(::read(ready[0], &c, 1), 1) << "no job runs";
+  ::close(ready[0]);
+  // munged, slurmctld, two slurmd, a slurmstepd and its job.
+  EXPECT_GE(test::processes_with(variable).size(), 6u);
+  if (GetParam()) {
+    for (const auto& entry : fs::directory_iterator("/proc")) {
+      const std::string stat = text_of(entry.path().string() + "/stat");
+      const std::size_t end = stat.find(") S ");
+      if (end == stat.npos || std::atoi(stat.c_str() + end + 4) != killed) continue;
+      ::kill(std::stoi(entry.path().filename().string()), SIGKILL);
+    }
+  }
+  ::kill(killed, SIGKILL);
+  ::waitpid(killed, nullptr, 0);
+  EXPECT_TRUE(eventually([&] { return test::processes_with(variable).empty(); }, seconds(30)));
+}
+INSTANTIATE_TEST_SUITE_P(Of, KilledTest, testing::Bool(),
+                         [](const auto& p) { return p.param ? "TestAndScript" : "Test"; });
+
 // --- a night -------------------------------------------------------------------------------------
 
 TEST_F(FarmOnSlurm, ANightInSmallWithBothDaemonsKilledGivesTheBytesOfTheLocalEngine) {
-  constexpr int jobs = 20;
+  constexpr int jobs = 24;
   start_cluster(2);
+  // Begins first, and runs while daemons are killed.
+  submit({large_part("large")}, {"--priority", "2"});
   std::vector<std::string> parts = small_parts(jobs - 1);
-  // In its middle when the node's daemon is killed.
-  parts.push_back(large_part("large"));
   submit(parts, {"--priority", "1"});
+  parts.push_back(folder_ + "/large.stl");
   const pid_t service = start_service();
   ASSERT_TRUE(eventually([&] { return count(JobState::done) >= 3; })) << services_log();
   cluster_->tell("stop-controller");
@@ -326,7 +378,7 @@ TEST_F(FarmOnSlurm, AWorkerThatWasBelievedDeadComesBackAndChangesNothing) {
 
 TEST_F(FarmOnSlurm, ANodeThatLosesPowerLosesItsAttemptsOnly) {
   start_cluster(2);
-  submit({large_part("a"), part("b", 40, 30, 28), part("c", 40, 30, 26), part("d", 40, 30, 24)});
+  submit({large_part("a"), part("b", 40, 30, 17), part("c", 40, 30, 16), part("d", 40, 30, 15)});
   const pid_t service = start_service();
   ASSERT_TRUE(eventually([&] { return workers(store()).size() >= 3; })) << services_log();
   cluster_->tell("power-off n1");
@@ -460,6 +512,7 @@ TEST_F(FarmOnSlurm, RunningAndWaitingJobsAreCancelled) {
   EXPECT_TRUE(eventually([&] { return !is_alive(worker); }));
   // One that does not listen.
   ASSERT_TRUE(eventually([&] { return (worker = worker_of(2)) > 1; })) << services_log();
+  EXPECT_THAT(services_log(), HasSubstr("job 1 runs: cancelled"));
   cancel(2, "deaf");
   EXPECT_TRUE(eventually([&] { return !is_alive(worker); }));
   EXPECT_TRUE(eventually([&] { return squeue("%i").empty(); }));
@@ -524,6 +577,26 @@ TEST_F(FarmOnSlurm, SlurmsLimitStopsWhatGetsAroundTheWorkers) {
   EXPECT_EQ(attempts[0].reason, Reason::out_of_memory) << attempts[0].message;
 }
 
+TEST_F(FarmOnSlurm, SlurmsLimitByCgroupsDoesSo) {
+  if (const std::string why = test::no_cgroups(); !why.empty()) GTEST_SKIP() << why;
+  start_cluster(1, 2, "", true);
+  submit({part("eats", 4, 4, 2)});
+  const std::string program = folder_ + "/worker.sh";
+  std::ofstream(program) << "#!/bin/sh\nif mkdir " << folder_ << "/once 2>/dev/null\n"
+                         << "then head -c 1500M /dev/zero | tail | wc -c\n"
+                         << "else exec " << slicefarm << " \"$@\"\nfi\n";
+  fs::permissions(program, fs::perms::owner_all);
+  ServiceRun run;
+  run.arguments = {"--worker-program", program};
+  EXPECT_EQ(wait_for(start_service(run)), 0) << services_log();
+  expect_all_done_once(1);
+  const std::vector<Attempt> attempts = model().attempts(1);
+  ASSERT_EQ(attempts.size(), 2u);
+  EXPECT_EQ(attempts[0].reason, Reason::out_of_memory) << attempts[0].message;
+  EXPECT_THAT(attempts[0].message, HasSubstr("over Slurm's memory limit"));
+  EXPECT_GT(attempts[1].memory_mb, attempts[0].memory_mb);
+}
+
 TEST_F(FarmOnSlurm, WorkersThatCrashAreTriedAgainAndDamagedPartsAreNot) {
   start_cluster(1);
   submit({part("crash", 4, 4, 2), part("kill", 5, 4, 2)});
@@ -575,6 +648,38 @@ TEST_F(FarmOnSlurm, NodesAreListed) {
       {slicefarm, "nodes", "--engine", "slurm", "--dir", farm(), "--partition", "nowhere"});
   EXPECT_EQ(none.exit_code, 2);
   EXPECT_THAT(none.err, HasSubstr("nowhere"));
+}
+
+TEST_F(FarmOnSlurm, ItIsToldWhyNothingRuns) {
+  start_cluster(1);
+  submit({part("a", 4, 4, 2)});
+  const auto is_told = [&](const std::string& text) {
+    return eventually([&] { return services_log().find(text) != std::string::npos; });
+  };
+  ASSERT_EQ(run_program({"/usr/bin/scontrol", "update", "nodename=n1", "state=drain",
+                         "reason=to be mended"})
+                .exit_code,
+            0);
+  ServiceRun run;
+  run.until_empty = false;
+  const pid_t service = start_service(run);
+  EXPECT_TRUE(is_told("no node of Slurm takes work: n1 is IDLE+DRAIN (to be mended)\n"));
+  EXPECT_TRUE(eventually([&] {
+    const auto services = model().services();
+    return !services.empty() && services.back().doing.find("to be mended") != std::string::npos;
+  }));
+  cluster_->tell("stop-controller");
+  EXPECT_TRUE(is_told("no answer from Slurm: squeue --json: "));
+  cluster_->tell("start-controller");
+  EXPECT_TRUE(eventually([&] {
+    return run_program({"/usr/bin/scontrol", "update", "nodename=n1", "state=resume"}).exit_code ==
+           0;
+  }));
+  EXPECT_TRUE(is_told("slurm works again\n"));
+  EXPECT_TRUE(eventually([&] { return count(JobState::done) == 1; }));
+  ::kill(service, SIGTERM);
+  wait_for(service);
+  expect_all_done_once(1);
 }
 
 TEST_F(FarmOnSlurm, WithoutAControllerTheServiceDoesNotStart) {

@@ -302,7 +302,7 @@ bool Queue::finish(const std::string& token, const ResultRecord& result, const A
   return true;
 }
 
-bool Queue::give_up(const std::string& token, const AttemptEnd& given) {
+std::optional<JobState> Queue::give_up(const std::string& token, const AttemptEnd& given) {
   Transaction transaction(*db_);
   const std::int64_t now = clock_->wall_ms();
   AttemptEnd end = given;
@@ -332,7 +332,7 @@ bool Queue::give_up(const std::string& token, const AttemptEnd& given) {
     if (end.reason == Reason::none) end.reason = Reason::lease_lost;
     end_attempt(token, end);
     transaction.commit();
-    return false;
+    return std::nullopt;
   }
   end_attempt(token, end);
   const Settings settings = detail::read_settings(*db_);
@@ -384,7 +384,9 @@ bool Queue::give_up(const std::string& token, const AttemptEnd& given) {
   }
   relead(key);
   transaction.commit();
-  return true;
+  return again                             ? JobState::queued
+         : end.reason == Reason::cancelled ? JobState::cancelled
+                                           : JobState::failed;
 }
 
 std::vector<std::string> Queue::cancellations(const std::string& service) {

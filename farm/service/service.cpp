@@ -108,8 +108,10 @@ class ServiceLoop {
     if (due(orphans_at_, orphan_interval_ms)) recover();
     settle_adopted();
     const std::string doing = why_idle();
-    leases_->set_doing(doing.empty() ? "working" : doing);
+    const std::string trouble = doing.empty() ? engine_.trouble() : "";
+    leases_->set_doing(!doing.empty() ? doing : trouble.empty() ? "working" : trouble);
     tell_change(doing);
+    tell_trouble(trouble);
     if (!doing.empty()) engine_.withdraw();
     started = doing.empty() && start_jobs();
     if (settings_.draining && running_.empty()) {
@@ -191,6 +193,13 @@ class ServiceLoop {
     if (told_ == night && doing.empty()) queue_.add_event("night_began", "");
     say(doing.empty() ? "working" : doing);
     told_ = doing;
+  }
+
+  /// The engine's: nothing is taken back for it, it may be over any moment.
+  void tell_trouble(const std::string& trouble) {
+    if (trouble == told_trouble_) return;
+    say(trouble.empty() ? engine_.name() + " works again" : trouble);
+    told_trouble_ = trouble;
   }
 
   // --- starting ---------------------------------------------------------------------------------
@@ -661,7 +670,7 @@ class ServiceLoop {
   std::vector<OwnedAttempt> adopted_;       ///< of services that are gone, not yet settled
   std::vector<std::string> cancellations_;
   std::set<std::string> full_folders_;
-  std::string disk_low_, told_ = "-";
+  std::string disk_low_, told_ = "-", told_trouble_;
   bool changed_ = true, stopping_ = false, swept_ = false;
   std::int64_t data_version_ = -1, progress_at_ = 0, orphans_at_ = 0, disk_at_ = 0, gc_at_ = 0,
                retry_at_ = 0, waiting_since_ms_ = 0, trouble_since_ms_ = 0;

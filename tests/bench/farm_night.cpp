@@ -1,7 +1,8 @@
-// A night in small: farm_night [JOBS] [SIZE_MM]. Many jobs from real meshes, sound and broken ones,
-// with several resins and speeds, by slicefarm and one after the other by slicecorr; then the same
-// jobs again. Fails when a job fails, is done twice, is not what the record says, or differs from
-// what slicecorr wrote. Exit code 77: the meshes are not there.
+// A night in small: farm_night [JOBS] [SIZE_MM] [local|slurm]. Many jobs from real meshes, sound and
+// broken ones, with several resins and speeds, by slicefarm and one after the other by slicecorr;
+// then the same jobs again. Fails when a job fails, is done twice, is not what the record says, or
+// differs from what slicecorr wrote. With slurm, the work runs on two virtual nodes of one core
+// each, and daemons of Slurm are killed in the middle of it. Exit code 77: the meshes are not there.
 
 #include <fmt/format.h>
 #include <stdlib.h>
@@ -17,6 +18,7 @@
 #include <thread>
 
 #include "../run_program.hpp"
+#include "../slurm_cluster.hpp"
 #include "slicecorr/farm/read_model.hpp"
 #include "slicecorr/farm/store.hpp"
 #include "slicecorr/farm/submit.hpp"
@@ -55,6 +57,39 @@ std::string bytes_of(const std::string& path) {
   return std::string(std::istreambuf_iterator<char>(file), {});
 }
 
+/// Runs the farm on virtual nodes; controller and nodes are killed each time that some more of the
+/// jobs are done, by turns.
+Cost run_on_slurm(const std::string& bin, const std::string& dir, const std::string& folder,
+                  int jobs, int& kills) {
+  test::SlurmCluster cluster(folder + "/slurm", 2, 1);
+  ::setenv("SLURM_CONF", cluster.configuration().c_str(), 1);
+  const double cpu = cpu_of_children();
+  const auto begin = std::chrono::steady_clock::now();
+  std::jthread killer([&](const std::stop_token& stop) {
+    ReadModel model(dir + "/farm.sqlite");
+    const int turns = 8;
+    for (int turn = 1; turn <= turns; ++turn) {
+      const std::int64_t at = std::int64_t{jobs} * turn / (turns + 1);
+      while (model.summary().jobs[static_cast<std::size_t>(JobState::done)] < at) {
+        if (stop.stop_requested()) return;
+        std::this_thread::sleep_for(std::chrono::milliseconds(20));
+      }
+      const std::string what[] = {"controller", "node n1", "controller", "node n2"};
+      cluster.tell("stop-" + what[turn % 4]);
+      cluster.tell("start-" + what[turn % 4]);
+      ++kills;
+    }
+  });
+  run({bin + "slicefarm", "run", "--until-empty", "--dir", dir, "--engine", "slurm",
+       "--slurm-poll-s", "0.5"});
+  killer.request_stop();
+  killer.join();
+  const double wall =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  // Workers are not our children; what they took is in the record.
+  return {wall, cpu_of_children() - cpu};
+}
+
 struct Part {
   std::string path;
   double scale;
@@ -87,6 +122,7 @@ void check_record(ReadModel& model, int jobs) {
 int main(int argc, char** argv) try {
   const int jobs = argc > 1 ? std::atoi(argv[1]) : 200;
   const double size_mm = argc > 2 ? std::atof(argv[2]) : 8;
+  const bool slurm = argc > 3 && std::string(argv[3]) == "slurm";
   const std::string bin = fs::read_symlink("/proc/self/exe").parent_path().string() + "/";
   const std::string meshes = std::string(SLICECORR_TEST_DATA) + "/meshes/";
   std::vector<Part> parts;
@@ -147,10 +183,23 @@ int main(int argc, char** argv) try {
   const std::string dir = folder + "/farm-dir";
   const Cost submitted = run({bin + "slicefarm", "submit", table, "--dir", dir, "--printer",
                               printer, "--layer-um", layer});
-  const Cost farmed = run({bin + "slicefarm", "run", "--until-empty", "--dir", dir});
+  int kills = 0;
+  Cost farmed = slurm ? run_on_slurm(bin, dir, folder, jobs, kills)
+                      : run({bin + "slicefarm", "run", "--until-empty", "--dir", dir});
   ReadModel model(dir + "/farm.sqlite");
   const Summary summary = model.summary();
-  if (summary.jobs[static_cast<std::size_t>(JobState::done)] != jobs || summary.attempts != jobs) {
+  std::int64_t lost = 0, twice = 0;
+  for (int id = 1; slurm && id <= jobs; ++id) {
+    int good = 0;
+    for (const Attempt& a : model.attempts(id)) {
+      good += a.reason == Reason::none;
+      lost += a.reason != Reason::none;
+      farmed.cpu_s += a.cpu_s;
+    }
+    twice += good != 1;
+  }
+  if (summary.jobs[static_cast<std::size_t>(JobState::done)] != jobs || twice > 0 ||
+      summary.attempts != jobs + lost) {
     throw std::runtime_error(fmt::format("{} of {} jobs done, {} attempts",
                                          summary.jobs[static_cast<std::size_t>(JobState::done)],
                                          jobs, summary.attempts));
@@ -198,6 +247,10 @@ int main(int argc, char** argv) try {
   row("slicefarm run", farmed);
   row("slicecorr run, one after the other", direct);
   row("slicefarm submit of the same again", cached);
+  if (slurm) {
+    fmt::print("\n{} kills of daemons of Slurm, {} attempts given up and made again\n", kills,
+               lost);
+  }
   fmt::print(
       "\nAll done, none twice, every file as recorded and byte for byte as slicecorr writes it.\n"
       "{:.0f} jobs an hour, {:.0f} one after the other: {:.2f} times as many, {:.2f} times with "

@@ -298,7 +298,7 @@ bool Queue::finish(const std::string& token, const ResultRecord& result, const A
   return true;
 }
 
-bool Queue::give_up(const std::string& token, const AttemptEnd& given) {
+std::optional<JobState> Queue::give_up(const std::string& token, const AttemptEnd& given) {
   Transaction transaction(*db_);
   const std::int64_t now = clock_->wall_ms();
   AttemptEnd end = given;
@@ -328,9 +328,10 @@ bool Queue::give_up(const std::string& token, const AttemptEnd& given) {
     if (end.reason == Reason::none) end.reason = Reason::lease_lost;
     end_attempt(token, end);
     transaction.commit();
-    return false;
+    return std::nullopt;
   }
   end_attempt(token, end);
+  JobState now_is = JobState::queued;
   const Settings settings = detail::read_settings(*db_);
   if (is_counted(end.reason)) ++attempts;
   bool again = is_retried(end.reason) && attempts < settings.max_attempts;
@@ -355,6 +356,7 @@ bool Queue::give_up(const std::string& token, const AttemptEnd& given) {
     event("put_back", end.message, id, token, end.reason);
   } else {
     const bool cancelled = end.reason == Reason::cancelled;
+    now_is = cancelled ? JobState::cancelled : JobState::failed;
     db_->run(
         "UPDATE jobs SET state = ?2, token = '', reason = ?3, message = ?4, attempts = ?5, "
         "ended_ms "
@@ -380,7 +382,7 @@ bool Queue::give_up(const std::string& token, const AttemptEnd& given) {
   }
   relead(key);
   transaction.commit();
-  return true;
+  return now_is;
 }
 
 std::vector<std::string> Queue::cancellations(const std::string& service) {

@@ -54,11 +54,11 @@ detail::Settled detail::give_up_attempt(const FarmFolder& folder, Queue& queue, 
                                         const Attempt& attempt, AttemptEnd end) {
   if (end.log.empty()) end.log = keep_log(folder, attempt);
   remove_delivery_parts(job.output_folder, job.name, job.format, attempt.token);
-  const bool ours = queue.give_up(attempt.token, end);
+  const std::optional<JobState> now = queue.give_up(attempt.token, end);
   remove_attempt(folder, attempt.token);
-  if (!ours) return Settled::lost;
-  if (end.reason == Reason::cancelled) return Settled::cancelled;
-  return is_retried(end.reason) ? Settled::put_back : Settled::failed;
+  if (!now) return Settled::lost;
+  if (*now == JobState::cancelled) return Settled::cancelled;
+  return *now == JobState::queued ? Settled::put_back : Settled::failed;
 }
 
 detail::Settled detail::commit_result(const FarmFolder& folder, Queue& queue, const Job& job,

@@ -8,7 +8,7 @@ const el = (name, text, kind) => {
   return e;
 };
 const pageSize = 20;
-let offset = 0, lastEvent = -1, shown = 0, timelineUrl = '', timer = 0, asked = 0;
+let offset = 0, lastEvent = -1, shown = 0, timelineUrl = '', timer = 0, asked = 0, chosen = false;
 
 const count = (n) => Number(n).toLocaleString('en-US');
 function bytes(n) {
@@ -76,6 +76,12 @@ function jobLink(id, name) {
 
 function overview(o) {
   const j = o.jobs;
+  if (!chosen) {
+    // What is worth a look first: what waits, else what failed, else what was done.
+    chosen = true;
+    const first = j.queued ? 'queued' : j.failed ? 'failed' : j.done ? 'done' : 'queued';
+    document.querySelector('input[name=state][value=' + first + ']').checked = true;
+  }
   const tiles = [[j.running, 'running', ''], [j.queued, o.followers ? 'queued, ' + count(o.followers) + ' wait for the same work' : 'queued', ''],
     [j.done, o.from_cache ? 'done, ' + count(o.from_cache) + ' from the cache' : 'done', j.done ? 'good' : ''], [j.failed, 'failed', j.failed ? 'bad' : '']];
   if (j.cancelled) tiles.push([j.cancelled, 'cancelled', '']);
@@ -259,7 +265,7 @@ async function tick() {
 }
 
 const again = () => { offset = 0; table().catch(() => {}); };
-$('states').addEventListener('change', again);
+$('states').addEventListener('change', () => { chosen = true; again(); });
 for (const id of ['find', 'user', 'label']) $(id).addEventListener('input', again);
 $('back').addEventListener('click', () => { offset = Math.max(0, offset - pageSize); table().catch(() => {}); });
 $('on').addEventListener('click', () => { offset += pageSize; table().catch(() => {}); });

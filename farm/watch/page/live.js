@@ -234,6 +234,8 @@ async function events() {
 
 async function timeline() {
   const url = URL.createObjectURL(await (await ask('/api/v1/timeline.svg')).blob());
+  // What is newest can be seen, also where the picture is wider than the window.
+  if (!timelineUrl) $('timeline').addEventListener('load', () => { const box = $('timeline').closest('.scroll'); box.scrollLeft = box.scrollWidth; }, {once: true});
   $('timeline').src = url;
   if (timelineUrl) URL.revokeObjectURL(timelineUrl);
   timelineUrl = url;

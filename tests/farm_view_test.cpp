@@ -679,10 +679,10 @@ TEST(Morning, LanesNeverOverlapAndHoldEveryAttempt) {
   Farm farm;
   // Many short ones are drawn as few bars; their number is kept.
   std::vector<NewJob> jobs;
-  for (int i = 0; i < 300; ++i) jobs.push_back(farm.job(fmt::format("small-{}", i)));
+  for (int i = 0; i < 120; ++i) jobs.push_back(farm.job(fmt::format("small-{}", i)));
   farm.submit(jobs);
   const std::int64_t from = farm.clock.wall_ms() - 1;
-  for (int i = 0; i < 100; ++i) {
+  for (int i = 0; i < 40; ++i) {
     const Claim a = farm.claim(), b = farm.claim(), c = farm.claim();
     farm.finish(a, 1, test::figures_with(1));
     farm.finish(c, 2, test::figures_with(1));
@@ -698,14 +698,14 @@ TEST(Morning, LanesNeverOverlapAndHoldEveryAttempt) {
       EXPECT_GE(r.bars[i].start_ms, r.bars[i - 1].end_ms);
     }
   }
-  EXPECT_EQ(attempts, 300);
+  EXPECT_EQ(attempts, 120);
   // The same in a much longer time: merged.
   const MorningReport day =
       read_morning(farm.folder, model, {.from_ms = from - 20 * 86'400'000LL}, farm.clock);
   EXPECT_LT(day.bars.size(), 10U);
   attempts = 0;
   for (const auto& bar : day.bars) attempts += bar.jobs;
-  EXPECT_EQ(attempts, 300);
+  EXPECT_EQ(attempts, 120);
 }
 
 TEST(Morning, PageShowsEverythingAndRunsNothing) {

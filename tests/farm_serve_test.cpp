@@ -604,9 +604,13 @@ TEST(Harm, SlowManyAndEndless) {
     deaf.push_back(std::make_unique<Raw>(served.port));
     deaf.back()->send("GET /api/v1/jobs?limit=1000 HTTP/1.1\r\n" + host_line(served) + "\r\n");
   }
-  const auto answer = client.Get("/api/v1/overview");
-  ASSERT_EQ(status_of(answer), 200)
-      << (answer ? answer->body + answer->get_header_value("Retry-After") : "");
+  // Turned away at most until a thread has taken up what waits.
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+  int status = 503;
+  while (status == 503 && std::chrono::steady_clock::now() < end) {
+    status = status_of(client.Get("/api/v1/overview"));
+  }
+  EXPECT_EQ(status, 200);
 }
 
 TEST(Harm, StopsWhileClientsHoldOn) {
@@ -941,8 +945,11 @@ TEST(Notify, AgainUntilItIsTakenAlsoAfterARestart) {
     ASSERT_TRUE(receiver.wait([&] { return receiver.refused == 4; }));
   }
   const Notifier notifier(farm.folder, quick());
-  ASSERT_TRUE(receiver.wait([&] { return receiver.messages.size() == 2; }));
-  EXPECT_EQ(receiver.messages[1]["name"], "two");
+  ASSERT_TRUE(receiver.wait([&] { return receiver.messages.back()["name"] == "two"; }));
+  // A message whose answer the end of its notifier cut off comes again, by its id.
+  std::set<std::string> ids;
+  for (const json& m : receiver.messages) ids.insert(m["id"].get<std::string>());
+  EXPECT_EQ(ids.size(), 2U);
 }
 
 TEST(Notify, OneProcessSends) {

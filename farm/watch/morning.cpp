@@ -192,10 +192,21 @@ void fill_slots(Database& db, const std::vector<Span>& spans, MorningReport& r) 
 /// several shared it or came one after the other.
 int cores_of_services(Database& db, const MorningReport& r) {
   Rows rows = db.query(
-      "SELECT coalesce(sum(cores), 0) FROM (SELECT max(cores) AS cores FROM services WHERE "
-      "started_ms < ?2 AND max(seen_ms, stopped_ms) > ?1 GROUP BY engine, host)",
+      "SELECT engine, host, max(cores) FROM services WHERE started_ms < ?2 AND max(seen_ms, "
+      "stopped_ms) > ?1 GROUP BY engine, host",
       r.from_ms, r.until_ms);
-  return rows.next() ? static_cast<int>(rows.integer(0)) : 0;
+  std::map<std::pair<std::string, std::string>, int> machines;
+  while (rows.next()) {
+    machines[{rows.text(0), rows.text(1)}] = static_cast<int>(rows.integer(2));
+  }
+  for (const Service& s : r.overview.services) {
+    if (s.started_ms >= r.until_ms) continue;
+    int& cores = machines[{s.engine, s.host}];
+    cores = std::max(cores, s.cores);
+  }
+  int sum = 0;
+  for (const auto& [machine, cores] : machines) sum += cores;
+  return sum;
 }
 
 /// A young farm's report begins with its first event, not a day of nothing before it.

@@ -164,7 +164,7 @@ function jobRows(state, list) {
     } else {
       cell(j.user, 'words');
       cell(j.reason, 'words');
-      cell(j.message, 'words');
+      cell(j.message, 'words message');
       cell(j.attempts);
       cell(moment(j.ended_ms));
     }

@@ -64,12 +64,16 @@ TEST(Docs, CommandsOfTheReadmeRun) {
   ASSERT_GE(commands.size(), 8U);
   test::RunOptions options;
   options.folder = folder.string();
-  options.environment = {{"HOME", folder.string()}, {"XDG_CONFIG_HOME", ""}, {"SLICECORR_DB", ""}};
+  options.environment = {{"HOME", folder.string()},
+                         {"XDG_CONFIG_HOME", ""},
+                         {"SLICECORR_DB", ""},
+                         {"XDG_STATE_HOME", (folder / "state").string()}};
   for (const std::string& command : commands) {
     const auto result = test::run_program({"/bin/sh", "-c", command}, options);
     EXPECT_EQ(result.exit_code, 0) << command << "\n" << result.err;
   }
-  for (const char* made : {"part.uvj", "part.html", "part.json", "target.uvj", "section.png"}) {
+  for (const char* made : {"part.uvj", "part.html", "part.json", "target.uvj", "section.png",
+                           "corrected/part.uvj", "morning.html"}) {
     EXPECT_TRUE(fs::exists(folder / made)) << made;
   }
   fs::remove_all(folder);

@@ -297,7 +297,7 @@ TEST_F(FarmQueue, AnOldTokenChangesNothing) {
   // The first attempt comes back: nobody listens.
   EXPECT_FALSE(a.begin_commit(first->token));
   EXPECT_FALSE(a.finish(first->token, some_result(), ended(Reason::none), false));
-  EXPECT_FALSE(a.give_up(first->token, ended(Reason::bad_input)));
+  EXPECT_EQ(a.give_up(first->token, ended(Reason::bad_input)), std::nullopt);
   EXPECT_EQ(job(id).state, JobState::running);
   EXPECT_EQ(job(id).token, second->token);
   // Nor can anything be finished that was not begun.

@@ -340,9 +340,20 @@ TEST(Access, ChangesWithTheToken) {
   const std::string priority = fmt::format("/api/v1/jobs/{}/priority", f.follower);
   EXPECT_EQ(status_of(post(priority, R"({"priority":-7})")), 200);
   EXPECT_EQ(farm.model().job(f.follower)->priority, -7);
-  for (const char* bad : {"", "{}", "[]", "7", R"({"priority":"high"})", R"({"priority":1.5})",
-                          R"({"priority":1e300})", R"({"priority":1,"state":"done"})",
-                          "{\"priority\":", "\xff\xfe", R"({"priority":99999999999})"}) {
+  EXPECT_EQ(status_of(post(priority, R"({"priority":3,"ready_by":"06:00"})")), 200);
+  EXPECT_EQ(farm.model().job(f.follower)->priority, 3);
+  const std::int64_t six = farm.model().job(f.follower)->ready_by_ms;
+  EXPECT_GT(six, farm.clock.wall_ms());
+  EXPECT_EQ(local_minute(six), 6 * 60);
+  EXPECT_EQ(body_of(post(priority, R"({"ready_by":"none"})"))["ready_by_ms"], json());
+  EXPECT_EQ(farm.model().job(f.follower)->ready_by_ms, no_deadline);
+  // Nothing is changed when one of two is wrong.
+  EXPECT_EQ(status_of(post(priority, R"({"priority":9,"ready_by":"soon"})")), 400);
+  EXPECT_EQ(farm.model().job(f.follower)->priority, 3);
+  for (const char* bad :
+       {"", "{}", "[]", "7", R"({"priority":"high"})", R"({"priority":1.5})",
+        R"({"priority":1e300})", R"({"priority":1,"state":"done"})", R"({"ready_by":6})",
+        "{\"priority\":", "\xff\xfe", R"({"priority":99999999999})"}) {
     EXPECT_EQ(status_of(post(priority, bad)), 400) << bad;
   }
   EXPECT_EQ(status_of(post("/api/v1/jobs/1/explode")), 404);
@@ -593,8 +604,13 @@ TEST(Harm, SlowManyAndEndless) {
     deaf.push_back(std::make_unique<Raw>(served.port));
     deaf.back()->send("GET /api/v1/jobs?limit=1000 HTTP/1.1\r\n" + host_line(served) + "\r\n");
   }
-  const auto answer = client.Get("/api/v1/overview");
-  ASSERT_EQ(status_of(answer), 200) << (answer ? answer->body + answer->get_header_value("Retry-After") : "");
+  // Turned away at most until a thread has taken up what waits.
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+  int status = 503;
+  while (status == 503 && std::chrono::steady_clock::now() < end) {
+    status = status_of(client.Get("/api/v1/overview"));
+  }
+  EXPECT_EQ(status, 200);
 }
 
 TEST(Harm, StopsWhileClientsHoldOn) {
@@ -929,8 +945,11 @@ TEST(Notify, AgainUntilItIsTakenAlsoAfterARestart) {
     ASSERT_TRUE(receiver.wait([&] { return receiver.refused == 4; }));
   }
   const Notifier notifier(farm.folder, quick());
-  ASSERT_TRUE(receiver.wait([&] { return receiver.messages.size() == 2; }));
-  EXPECT_EQ(receiver.messages[1]["name"], "two");
+  ASSERT_TRUE(receiver.wait([&] { return receiver.messages.back()["name"] == "two"; }));
+  // A message whose answer the end of its notifier cut off comes again, by its id.
+  std::set<std::string> ids;
+  for (const json& m : receiver.messages) ids.insert(m["id"].get<std::string>());
+  EXPECT_EQ(ids.size(), 2U);
 }
 
 TEST(Notify, OneProcessSends) {

@@ -222,7 +222,7 @@ Notices notices_since(ReadModel& model, const std::string& farm, std::int64_t af
       filter.states = {state};
       const std::int64_t n = model.count(filter);
       more[name_of(state)] = n;
-      text += fmt::format(" {} {}", n, name_of(state));
+      text += fmt::format("{} {} {}", state == JobState::done ? "" : ",", n, name_of(state));
     }
     found.list.push_back(make(farm, "batch_done", e, text, more));
   }

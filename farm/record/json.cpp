@@ -105,6 +105,7 @@ std::string event_json(const Event& e) {
   json["seq"] = e.seq;
   json["at_ms"] = e.at_ms;
   json["job"] = e.job > 0 ? Json(e.job) : Json(nullptr);
+  json["name"] = e.name;
   json["attempt"] = e.attempt;
   json["kind"] = e.kind;
   json["reason"] = name_of(e.reason);

@@ -335,6 +335,7 @@ std::optional<JobState> Queue::give_up(const std::string& token, const AttemptEn
     return std::nullopt;
   }
   end_attempt(token, end);
+  JobState now_is = JobState::queued;
   const Settings settings = detail::read_settings(*db_);
   if (is_counted(end.reason)) ++attempts;
   bool again = is_retried(end.reason) && attempts < settings.max_attempts;
@@ -359,6 +360,7 @@ std::optional<JobState> Queue::give_up(const std::string& token, const AttemptEn
     event("put_back", end.message, id, token, end.reason);
   } else {
     const bool cancelled = end.reason == Reason::cancelled;
+    now_is = cancelled ? JobState::cancelled : JobState::failed;
     db_->run(
         "UPDATE jobs SET state = ?2, token = '', reason = ?3, message = ?4, attempts = ?5, "
         "ended_ms "
@@ -384,9 +386,7 @@ std::optional<JobState> Queue::give_up(const std::string& token, const AttemptEn
   }
   relead(key);
   transaction.commit();
-  return again                             ? JobState::queued
-         : end.reason == Reason::cancelled ? JobState::cancelled
-                                           : JobState::failed;
+  return now_is;
 }
 
 std::vector<std::string> Queue::cancellations(const std::string& service) {

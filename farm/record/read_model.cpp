@@ -174,21 +174,21 @@ std::vector<Event> ReadModel::events(std::int64_t after, std::int64_t limit, Job
     std::vector<Event> list;
     while (rows.next()) {
       list.push_back({rows.integer(0), rows.integer(1), rows.integer(2), rows.text(3), rows.text(4),
-                      rows.text(6), reason_named(rows.text(5))});
+                      rows.text(6), reason_named(rows.text(5)), rows.text(7)});
     }
     return list;
   };
   if (job > 0) {
     Rows rows = db_->query(
-        "SELECT seq, at_ms, job, attempt, kind, reason, text FROM events WHERE job = ?3 AND seq > "
-        "?1 "
-        "ORDER BY seq LIMIT ?2",
+        "SELECT e.seq, e.at_ms, e.job, e.attempt, e.kind, e.reason, e.text, coalesce(j.name, '') "
+        "FROM events e LEFT JOIN jobs j ON j.id = e.job WHERE e.job = ?3 AND e.seq > ?1 "
+        "ORDER BY e.seq LIMIT ?2",
         after, limit, job);
     return read(rows);
   }
   Rows rows = db_->query(
-      "SELECT seq, at_ms, job, attempt, kind, reason, text FROM events WHERE seq > ?1 ORDER BY seq "
-      "LIMIT ?2",
+      "SELECT e.seq, e.at_ms, e.job, e.attempt, e.kind, e.reason, e.text, coalesce(j.name, '') "
+      "FROM events e LEFT JOIN jobs j ON j.id = e.job WHERE e.seq > ?1 ORDER BY e.seq LIMIT ?2",
       after, limit);
   return read(rows);
 }

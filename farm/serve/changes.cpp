@@ -161,15 +161,33 @@ void Api::steer(const std::vector<std::string>& path, const httplib::Request& re
     return send_json(response, 200, {{"id", id}, {"state", "queued"}});
   }
   const Json json = parsed(text);
-  const auto priority = json.find("priority");
-  if (json.size() != 1 || priority == json.end() || !priority->is_number_integer() ||
-      std::abs(priority->get<double>()) > 1e6) {
-    throw ApiError(400, "json", "expected {\"priority\": N} with a whole number N");
+  const auto priority = json.find("priority"), ready_by = json.find("ready_by");
+  const bool has_priority = priority != json.end(), has_time = ready_by != json.end();
+  if (json.empty() || json.size() != static_cast<std::size_t>(has_priority + has_time) ||
+      (has_priority &&
+       (!priority->is_number_integer() || std::abs(priority->get<double>()) > 1e6)) ||
+      (has_time && !ready_by->is_string())) {
+    throw ApiError(400, "json",
+                   "expected {\"priority\": N, \"ready_by\": \"HH:MM\"}, or one of them, with a "
+                   "whole number N");
   }
-  if (!queue.set_priority(id, priority->get<int>(), by)) {
+  // Both are checked before one is changed.
+  std::int64_t ready_by_ms = no_deadline;
+  if (has_time && *ready_by != "none") {
+    const int minute = parse_minute(ready_by->get<std::string>());
+    if (minute < 0) throw ApiError(400, "json", "ready_by: expected \"HH:MM\" or \"none\"");
+    ready_by_ms = next_local_minute(options_.clock->wall_ms(), minute);
+  }
+  if ((has_priority && !queue.set_priority(id, priority->get<int>(), by)) ||
+      (has_time && !queue.set_ready_by(id, ready_by_ms, by))) {
     throw ApiError(409, "state", "the job is " + state_of() + ", expected queued");
   }
-  send_json(response, 200, {{"id", id}, {"priority", priority->get<int>()}});
+  Json answer = {{"id", id}};
+  if (has_priority) answer["priority"] = priority->get<int>();
+  if (has_time) {
+    answer["ready_by_ms"] = ready_by_ms == no_deadline ? Json(nullptr) : Json(ready_by_ms);
+  }
+  send_json(response, 200, answer);
 }
 
 }  // namespace slicecorr::farm::detail

@@ -68,7 +68,8 @@ SubmitReply failed(const std::vector<SubmitError>& errors) {
   const Json json = {{"error",
                       {{"status", 400},
                        {"code", "jobs"},
-                       {"message", fmt::format("{} errors; nothing was queued", errors.size())},
+                       {"message", fmt::format("{} {}; nothing was queued", errors.size(),
+                                               errors.size() == 1 ? "error" : "errors")},
                        {"errors", list}}}};
   return {400, json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n"};
 }

@@ -54,11 +54,11 @@ detail::Settled detail::give_up_attempt(const FarmFolder& folder, Queue& queue, 
                                         const Attempt& attempt, AttemptEnd end) {
   if (end.log.empty()) end.log = keep_log(folder, attempt);
   remove_delivery_parts(job.output_folder, job.name, job.format, attempt.token);
-  const std::optional<JobState> state = queue.give_up(attempt.token, end);
+  const std::optional<JobState> now = queue.give_up(attempt.token, end);
   remove_attempt(folder, attempt.token);
-  if (!state) return Settled::lost;
-  if (*state == JobState::cancelled) return Settled::cancelled;
-  return *state == JobState::queued ? Settled::put_back : Settled::failed;
+  if (!now) return Settled::lost;
+  if (*now == JobState::cancelled) return Settled::cancelled;
+  return *now == JobState::queued ? Settled::put_back : Settled::failed;
 }
 
 detail::Settled detail::commit_result(const FarmFolder& folder, Queue& queue, const Job& job,

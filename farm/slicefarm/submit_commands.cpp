@@ -8,6 +8,7 @@
 #include "program/setup_options.hpp"
 #include "slicecorr/farm/submit.hpp"
 #include "slicecorr/farm/work.hpp"
+#include "watch/words.hpp"
 #include "words.hpp"
 
 namespace slicecorr::farm {
@@ -61,16 +62,17 @@ std::vector<JobRequest> requests_of(const SubmitArguments& a) {
 }
 
 std::string table_of(const Submission& s) {
-  std::string text =
-      fmt::format("{:<32} {:>7} {:>9} {:>8} {:>9}\n", "job", "layers", "time", "disk", "memory");
+  std::vector<std::vector<std::string>> rows;
   double seconds = 0, bytes = 0;
   for (const Estimate& e : s.estimates) {
-    const char* note = e.cached ? "  from the cache" : e.duplicate ? "  with another job" : "";
-    text += fmt::format("{:<32} {:>7} {:>9} {:>8} {:>6} MB{}\n", e.name, e.layers,
-                        duration_text(e.seconds), bytes_text(e.disk_bytes), e.memory_mb, note);
+    const char* note = e.cached ? "from the cache" : e.duplicate ? "with another job" : "";
+    rows.push_back({words::clipped(words::printable(e.name), 60), std::to_string(e.layers),
+                    duration_text(e.seconds), bytes_text(e.disk_bytes),
+                    fmt::format("{} MB", e.memory_mb), note});
     if (!e.cached && !e.duplicate) seconds += e.seconds;
     bytes += static_cast<double>(e.disk_bytes);
   }
+  std::string text = words::table({"job", ">layers", ">time", ">disk", ">memory", ""}, rows, 0);
   const bool measured = std::all_of(s.estimates.begin(), s.estimates.end(),
                                     [](const Estimate& e) { return e.measured; });
   text += fmt::format("{} {}: {} on one core, {}; {}\n", s.jobs.size(),

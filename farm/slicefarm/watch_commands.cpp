@@ -58,9 +58,7 @@ int watch_lines(const WatchOptions& o, const FarmFolder& folder, ReadModel& mode
     if (const std::int64_t now = model.data_version(); now != version) {
       version = now;
       for (const Event& e : model.events(after, 1000)) {
-        const auto job = e.job > 0 ? model.job(e.job) : std::nullopt;
-        cli::print_result(
-            fmt::format("{}  {}\n", local_time_text(e.at_ms), event_text(e, job ? job->name : "")));
+        cli::print_result(fmt::format("{}  {}\n", local_time_text(e.at_ms), event_text(e)));
         after = e.seq;
       }
     }

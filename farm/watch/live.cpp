@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <map>
 
 #include "slicecorr/farm/status.hpp"
 #include "watch/words.hpp"
@@ -57,6 +56,16 @@ class Line {
   std::string text_;
 };
 
+/// A bar on its track.
+void put_bar(Line& line, double fraction, int columns, Ink ink) {
+  std::string bar = words::bar(fraction, columns);
+  const std::size_t end = bar.find_last_not_of(' ') + 1;
+  std::string track;
+  for (std::size_t i = end; i < bar.size(); ++i) track += "░";
+  bar.resize(end);
+  line.put(bar, ink).put(track, Ink::dim);
+}
+
 Ink ink_of(const Event& e) {
   if (e.kind == "done") return Ink::good;
   if (e.kind == "failed" || e.kind == "disk_low" || e.kind == "service_lost" ||
@@ -77,20 +86,12 @@ LiveState read_live(ReadModel& model, const FarmFolder& folder, int rows, const 
   queued.limit = std::clamp(rows, 1, 200);
   state.next = model.jobs(queued);
   state.latest = model.last_events(std::clamp(rows, 1, 200));
-  std::map<JobId, std::string> names;
-  for (const Event& e : state.latest) {
-    std::string& name = names[e.job];
-    if (e.job > 0 && name.empty()) {
-      if (const auto job = model.job(e.job)) name = job->name;
-    }
-    state.names.push_back(name);
-  }
   return state;
 }
 
-std::string event_text(const Event& e, const std::string& name) {
+std::string event_text(const Event& e) {
   std::string text;
-  if (e.job > 0) text += fmt::format("{} {}  ", e.job, name);
+  if (e.job > 0) text += fmt::format("{} {}  ", e.job, e.name);
   text += e.kind;
   if (e.reason != Reason::none) text += fmt::format(" ({})", name_of(e.reason));
   if (!e.text.empty()) text += "  " + e.text;
@@ -133,7 +134,7 @@ std::vector<std::string> live_frame(const LiveState& state, const FarmFolder& fo
     for (const RunningJob& r : o.running) done += r.attempt.fraction;
     const double fraction = all > 0 ? done / all : 0;
     Line l = line();
-    l.put(words::bar(fraction, std::clamp(columns - 48, 8, 60)), Ink::good);
+    put_bar(l, fraction, std::clamp(columns - 48, 8, 60), Ink::good);
     // Rounded down: 100 % means that nothing is left.
     l.put(fmt::format(" {:3d} %", static_cast<int>(100 * fraction + 1e-9)));
     if (number(JobState::running) + number(JobState::queued) > 0) {
@@ -149,7 +150,11 @@ std::vector<std::string> live_frame(const LiveState& state, const FarmFolder& fo
   {
     Line l = line();
     const std::string holds = what_holds(o);
-    if (!holds.empty()) l.put("nothing starts: " + holds + "  ", Ink::bad);
+    if (!holds.empty() && number(JobState::queued) > 0) {
+      l.put("nothing starts: " + holds + "  ", Ink::bad);
+    } else if (!holds.empty()) {
+      l.put(holds + "  ", Ink::dim);
+    }
     if (o.settings.night_from >= 0) {
       l.put(fmt::format("night {}-{}  ", minute_text(o.settings.night_from),
                         minute_text(o.settings.night_until)));
@@ -182,26 +187,31 @@ std::vector<std::string> live_frame(const LiveState& state, const FarmFolder& fo
   const int shown = std::min(running, std::max(1, rest() / 2 - 2));
   if (running > 0 && rest() > 2) {
     heading("Running");
+    // Narrow windows do without the stage and the word "layers".
+    const bool wide = columns >= 88;
     const int name_columns = std::clamp(columns / 5, 8, 32);
+    const int figures = 7 + 1 + 6 + (wide ? 11 + 19 + 9 + 14 : 12 + 7 + 10);
     for (int i = 0; i < shown; ++i) {
       const RunningJob& r = o.running[static_cast<std::size_t>(i)];
       Line l = line();
       l.put(words::padded(std::to_string(r.job.id), 6, true) + " ", Ink::dim);
       l.put(words::padded(words::printable(r.job.name), name_columns) + " ");
-      l.put(words::padded(
-                words::printable(r.attempt.stage.empty() ? r.attempt.phase : r.attempt.stage), 10) +
-                " ",
-            Ink::dim);
-      l.put(words::bar(r.attempt.fraction, std::clamp(columns - name_columns - 62, 6, 40)),
-            Ink::busy);
+      if (wide) {
+        const std::string& stage = r.attempt.stage.empty() ? r.attempt.phase : r.attempt.stage;
+        l.put(words::padded(words::printable(stage), 10) + " ", Ink::dim);
+      }
+      put_bar(l, r.attempt.fraction, std::clamp(columns - name_columns - figures, 6, 40),
+              Ink::busy);
       l.put(fmt::format(" {:3.0f} %", 100 * r.attempt.fraction));
       if (r.job.layers > 0) {
-        l.put(words::padded(fmt::format("{}/{} layers", r.attempt.layers_done, r.job.layers), 19,
-                            true));
+        l.put(words::padded(
+            fmt::format("{}/{}{}", r.attempt.layers_done, r.job.layers, wide ? " layers" : ""),
+            wide ? 19 : 12, true));
       }
-      l.put(words::padded(r.layers_per_s > 0 ? fmt::format("{:.3g}/s", r.layers_per_s) : "-", 9,
-                          true));
-      l.put("  ").put(words::padded(r.eta_s >= 0 ? words::duration(r.eta_s) : "-", 12));
+      l.put(words::padded(r.layers_per_s > 0 ? fmt::format("{:.3g}/s", r.layers_per_s) : "-",
+                          wide ? 9 : 7, true));
+      const std::string left = r.eta_s >= 0 ? words::duration(r.eta_s) : "-";
+      l.put(words::padded(left, wide ? 14 : 10, true));
       if (r.attempt.number > 1) l.put(fmt::format(" attempt {}", r.attempt.number), Ink::bad);
       if (r.job.cancel_wanted) l.put(" cancelling", Ink::bad);
       add(l);
@@ -220,7 +230,7 @@ std::vector<std::string> live_frame(const LiveState& state, const FarmFolder& fo
       l.put(words::padded(words::printable(j.user), 10) + " ", Ink::dim);
       if (j.priority != 0) l.put(fmt::format("priority {}  ", j.priority));
       if (j.ready_by_ms != no_deadline) {
-        l.put("by " + words::moment(j.ready_by_ms, o.now_ms) + "  ");
+        l.put("by " + words::to_the_minute(j.ready_by_ms, o.now_ms) + "  ");
       }
       if (j.follows > 0) l.put(fmt::format("waits for {}  ", j.follows), Ink::dim);
       if (j.reason != Reason::none) l.put(fmt::format("after {}", name_of(j.reason)), Ink::bad);
@@ -236,7 +246,7 @@ std::vector<std::string> live_frame(const LiveState& state, const FarmFolder& fo
       const Event& e = state.latest[i];
       add(line()
               .put(words::moment(e.at_ms, o.now_ms) + "  ", Ink::dim)
-              .put(event_text(e, state.names[i]), ink_of(e)));
+              .put(event_text(e), ink_of(e)));
     }
   }
   while (rest() > 1) lines.emplace_back();

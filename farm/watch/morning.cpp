@@ -27,7 +27,7 @@ constexpr std::int64_t most_log_bytes = 16 << 10;
 /// An attempt as the timeline needs it.
 struct Span {
   std::int64_t job = 0, start_ms = 0, end_ms = 0;
-  bool ended = false;
+  bool ended = false, final = false;  ///< final: the job failed with it
   Reason reason = Reason::none;
   std::string place, name;
   int number = 0;
@@ -36,10 +36,13 @@ struct Span {
 
 std::vector<Span> read_spans(Database& db, const MorningReport& r) {
   std::vector<Span> spans;
+  std::map<std::int64_t, std::size_t> last_of_failed;  // by job, to its place in `spans`
   Rows rows = db.query(
       "SELECT a.job, a.started_ms, a.ended_ms, a.reason, a.node, a.engine, j.name, a.number, "
-      "a.cpu_s, a.wall_s, a.threads FROM attempts a JOIN jobs j ON j.id = a.job WHERE a.engine <> "
-      "'cache' AND a.started_ms < ?2 AND (a.ended_ms = 0 OR a.ended_ms > ?1) AND (?3 = 0 OR "
+      "a.cpu_s, a.wall_s, a.threads, j.state = 'failed', CASE a.engine WHEN 'local' THEN s.host "
+      "ELSE '' END FROM attempts a JOIN jobs j ON j.id = a.job LEFT JOIN services s ON s.id = "
+      "a.service WHERE a.engine <> 'cache' AND a.started_ms < ?2 AND (a.ended_ms = 0 OR a.ended_ms "
+      "> ?1) AND (?3 = 0 OR "
       "j.batch = ?3) ORDER BY a.started_ms, a.job",
       r.from_ms, r.until_ms, r.batch);
   while (rows.next()) {
@@ -50,7 +53,11 @@ std::vector<Span> read_spans(Database& db, const MorningReport& r) {
     s.end_ms = s.ended ? rows.integer(2) : r.until_ms;
     s.end_ms = std::max(s.end_ms, s.start_ms);
     s.reason = reason_named(rows.text(3));
-    s.place = rows.text(4).empty() ? rows.text(5) : rows.text(4);
+    // A worker that crashed could not say where it ran.
+    s.place = !rows.text(4).empty()    ? rows.text(4)
+              : !rows.text(12).empty() ? rows.text(12)
+                                       : rows.text(5);
+    if (rows.integer(11) != 0 && s.ended) last_of_failed[s.job] = spans.size();
     s.name = rows.text(6);
     s.number = static_cast<int>(rows.integer(7));
     const double seconds = static_cast<double>(s.end_ms - s.start_ms) / 1000;
@@ -60,6 +67,7 @@ std::vector<Span> read_spans(Database& db, const MorningReport& r) {
                                        : std::max<double>(1, static_cast<double>(rows.integer(10)));
     spans.push_back(std::move(s));
   }
+  for (const auto& [job, i] : last_of_failed) spans[i].final = true;
   return spans;
 }
 
@@ -68,7 +76,7 @@ MorningReport::BarKind kind_of(const Span& s) {
   if (!s.ended) return Kind::running;
   if (s.reason == Reason::none) return Kind::done;
   if (s.reason == Reason::cancelled) return Kind::cancelled;
-  return is_retried(s.reason) ? Kind::again : Kind::failed;
+  return is_retried(s.reason) && !s.final ? Kind::again : Kind::failed;
 }
 
 /// Attempts of a node go into its first free slot: what runs side by side is drawn side by side.
@@ -180,6 +188,37 @@ void fill_slots(Database& db, const std::vector<Span>& spans, MorningReport& r) 
   }
 }
 
+/// Cores of the services that were there in the time; those of the largest of a machine, where
+/// several shared it or came one after the other.
+int cores_of_services(Database& db, const MorningReport& r) {
+  Rows rows = db.query(
+      "SELECT engine, host, max(cores) FROM services WHERE started_ms < ?2 AND max(seen_ms, "
+      "stopped_ms) > ?1 GROUP BY engine, host",
+      r.from_ms, r.until_ms);
+  std::map<std::pair<std::string, std::string>, int> machines;
+  while (rows.next()) {
+    machines[{rows.text(0), rows.text(1)}] = static_cast<int>(rows.integer(2));
+  }
+  for (const Service& s : r.overview.services) {
+    if (s.started_ms >= r.until_ms) continue;
+    int& cores = machines[{s.engine, s.host}];
+    cores = std::max(cores, s.cores);
+  }
+  int sum = 0;
+  for (const auto& [machine, cores] : machines) sum += cores;
+  return sum;
+}
+
+/// A young farm's report begins with its first event, not a day of nothing before it.
+std::int64_t default_from_ms(Database& db, std::int64_t until_ms) {
+  constexpr std::int64_t day_ms = 86'400'000, least_ms = 120'000;
+  const std::int64_t day_before = until_ms - day_ms;
+  Rows rows = db.query("SELECT at_ms FROM events ORDER BY seq LIMIT 1");
+  if (!rows.next() || rows.integer(0) <= day_before) return day_before;
+  const std::int64_t first = rows.integer(0) / 60'000 * 60'000;
+  return std::max(day_before, std::min(first, until_ms - least_ms));
+}
+
 void read_failures(const FarmFolder& folder, Database& db, ReadModel& model,
                    const MorningOptions& options, MorningReport& r) {
   std::vector<JobId> ids;
@@ -248,18 +287,17 @@ std::int64_t moment_of(const std::string& text, std::int64_t now_ms, const std::
 
 MorningReport read_morning(const FarmFolder& folder, ReadModel& model,
                            const MorningOptions& options, const Clock& clock) {
-  constexpr std::int64_t day_ms = 86'400'000;
   MorningReport r;
   r.root = folder.root;
   r.overview = read_overview(model, folder, clock);
   // What ended in this very millisecond belongs to it.
   r.until_ms = options.until_ms > 0 ? options.until_ms : r.overview.now_ms + 1;
-  r.from_ms = options.from_ms > 0 ? options.from_ms : r.until_ms - day_ms;
   r.batch = options.batch;
+  Database db(folder.database(), Database::Mode::read);
+  r.from_ms = options.from_ms > 0 ? options.from_ms : default_from_ms(db, r.until_ms);
   if (r.from_ms >= r.until_ms) {
     throw InputError("the time of the report ends before it begins (--since, --until)");
   }
-  Database db(folder.database(), Database::Mode::read);
   db.execute("BEGIN");
   {
     Rows rows = db.query(
@@ -295,10 +333,7 @@ MorningReport read_morning(const FarmFolder& folder, ReadModel& model,
   }
   fill_lanes(spans, r);
   fill_slots(db, spans, r);
-  for (const Service& s : r.overview.services) r.cores += s.cores;
-  if (r.cores == 0) {
-    for (const auto& s : r.slots) r.cores = std::max(r.cores, static_cast<int>(s.cores_busy + 0.5));
-  }
+  r.cores = cores_of_services(db, r);
   {
     Rows rows = db.query(
         "SELECT coalesce(sum(json_extract(f.value, '$.bytes')), 0) FROM jobs j, json_each(j.files) "

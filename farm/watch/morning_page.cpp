@@ -64,6 +64,10 @@ std::string reason_list(const std::vector<Reasons>& reasons) {
   return text;
 }
 
+double jobs_per_h(const MorningReport& r) {
+  return r.working_s > 0 ? static_cast<double>(r.done) * 3600 / r.working_s : 0;
+}
+
 double hours(const MorningReport& r) { return static_cast<double>(r.until_ms - r.from_ms) / 3.6e6; }
 
 std::string figures(const MorningReport& r) {
@@ -78,15 +82,17 @@ std::string figures(const MorningReport& r) {
   tile(words::count(r.done),
        r.from_cache > 0 ? fmt::format("done, {} of them from the cache", words::count(r.from_cache))
                         : "done",
-       "good");
+       r.done > 0 ? "good" : "");
   tile(words::count(r.failed), "failed", r.failed > 0 ? "bad" : "");
   if (r.cancelled > 0) tile(words::count(r.cancelled), "cancelled");
   tile(words::count(left + running),
        running > 0 ? fmt::format("still to do, {} running", words::count(running)) : "still to do");
-  tile(r.done > 0 ? fmt::format("{:.3g}", static_cast<double>(r.done) / hours(r)) : "-",
-       "jobs an hour");
+  tile(r.working_s > 0 ? fmt::format("{:.3g}", jobs_per_h(r)) : "-",
+       "jobs an hour while something ran");
   tile(r.working_s > 0 ? fmt::format("{:.2f}", r.core_s / r.working_s) : "-",
-       r.cores > 0 ? fmt::format("of {} cores busy while something ran", r.cores) : "cores busy");
+       r.cores > 0 ? fmt::format("of {} {} busy while something ran", r.cores,
+                                 r.cores == 1 ? "core" : "cores")
+                   : "cores busy while something ran");
   tile(words::bytes(static_cast<double>(r.delivered_bytes)), "written");
   return html + "</div>";
 }
@@ -188,7 +194,8 @@ std::string charts(const MorningReport& r) {
   chart::Panel cores(time, busy_axis, 130);
   cores.band(floor, busy, chart::Style::series, 0);
   cores.line(busy, chart::Style::series, 0);
-  if (r.cores > 0) cores.horizontal(r.cores, fmt::format("{} cores", r.cores));
+  if (r.cores > 0)
+    cores.horizontal(r.cores, fmt::format("{} {}", r.cores, r.cores == 1 ? "core" : "cores"));
   picture.add(jobs);
   picture.add(cores);
   return picture.svg();
@@ -239,6 +246,8 @@ std::string morning_page(const MorningReport& r, const LinkTo& links) {
   }
   html += failures(r);
   html += worst(r, links);
+  if (r.attempts == 0 && r.done == 0)
+    return html + "<h2>Disk</h2>" + disk(r) + "</main></body></html>";
   html += fmt::format(
       R"(<h2>Over time, and on the disk</h2><div class="side"><div class="scroll"><figure>{}</figure></div><div>{}</div></div>)",
       charts(r), disk(r));
@@ -255,7 +264,7 @@ std::string morning_json(const MorningReport& r) {
   json["from_cache"] = r.from_cache;
   json["failed"] = r.failed;
   json["cancelled"] = r.cancelled;
-  json["jobs_per_h"] = static_cast<double>(r.done) / hours(r);
+  json["jobs_per_h"] = jobs_per_h(r);
   json["attempts"] = r.attempts;
   json["core_s"] = r.core_s;
   json["working_s"] = r.working_s;

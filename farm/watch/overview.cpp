@@ -100,8 +100,10 @@ std::string log_tail(const FarmFolder& folder, const Attempt& attempt, std::int6
       text.resize(static_cast<std::size_t>(s.st_size - from));
       const ssize_t n = ::pread(file, text.data(), text.size(), from);
       text.resize(n > 0 ? static_cast<std::size_t>(n) : 0);
-      // What is cut off begins in the middle of a line.
-      if (from > 0) text.erase(0, std::min(text.size(), text.find('\n') + 1));
+      // What is cut off begins in the middle of a line; a line that is all there is stays.
+      if (const std::size_t next = text.find('\n') + 1; from > 0 && next < text.size()) {
+        text.erase(0, next);
+      }
     }
     ::close(file);
     if (!text.empty()) return text;

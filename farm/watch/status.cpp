@@ -143,7 +143,7 @@ std::string status_text(const StatusPage& page, const FarmFolder& folder, int co
                                       v.doing.empty() ? "working" : v.doing)));
   }
   if (const std::string holds = what_holds(o); !holds.empty()) {
-    line("nothing starts: " + holds);
+    line(count_of(s, JobState::queued) > 0 ? "nothing starts: " + holds : holds);
   }
   std::string disk = night_text(o.settings, o.now_ms);
   for (const DiskState& d : o.disks) {
@@ -166,12 +166,12 @@ std::string status_text(const StatusPage& page, const FarmFolder& folder, int co
     const std::int64_t at = j.ended_ms > 0     ? j.ended_ms
                             : j.started_ms > 0 ? j.started_ms
                                                : j.submitted_ms;
-    rows.push_back({std::to_string(j.id), name_of(j.state),
-                    words::clipped(words::printable(j.name), 28),
-                    words::clipped(words::printable(j.user), 12),
-                    words::clipped(joined(j.labels), 16), std::to_string(j.priority),
-                    j.ready_by_ms == no_deadline ? "" : words::moment(j.ready_by_ms, o.now_ms),
-                    words::moment(at, o.now_ms), remark(j, running, o.now_ms)});
+    rows.push_back(
+        {std::to_string(j.id), name_of(j.state), words::clipped(words::printable(j.name), 28),
+         words::clipped(words::printable(j.user), 12), words::clipped(joined(j.labels), 16),
+         std::to_string(j.priority),
+         j.ready_by_ms == no_deadline ? "" : words::to_the_minute(j.ready_by_ms, o.now_ms),
+         words::moment(at, o.now_ms), remark(j, running, o.now_ms)});
   }
   line("");
   text += words::table(

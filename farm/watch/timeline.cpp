@@ -90,7 +90,7 @@ std::string timeline_svg(const MorningReport& r) {
   for (const auto& tick : detail::time_ticks(r.from_ms, r.until_ms, 12)) {
     body += fmt::format(
         R"(<path class="grid" d="M{0:.1f} {1}V{2}"/><text class="tick" x="{0:.1f}" y="{3}" text-anchor="middle">{4}</text>)",
-        x(tick.ms), top, bottom, bottom + 20, tick.label);
+        x(tick.ms), lanes == 0 ? bottom - 4 : top, bottom, bottom + 20, tick.label);
   }
   for (const auto& bar : r.bars) {
     const double from = x(bar.start_ms), to = x(bar.end_ms);

@@ -87,6 +87,11 @@ std::string moment(std::int64_t ms, std::int64_t now_ms) {
   return std::abs(ms - now_ms) < half_day_ms ? text.substr(11) : text.substr(0, 16);
 }
 
+std::string to_the_minute(std::int64_t ms, std::int64_t now_ms) {
+  const std::string text = moment(ms, now_ms);
+  return text.size() == 8 ? text.substr(0, 5) : text;
+}
+
 std::string printable(std::string_view text) {
   std::string out;
   for (std::size_t at = 0; at < text.size();) {

@@ -17,6 +17,8 @@ std::string bytes(double bytes);
 std::string count(std::int64_t n);
 /// Local time without the date where it is within half a day of `now_ms`.
 std::string moment(std::int64_t ms, std::int64_t now_ms);
+/// The same without seconds.
+std::string to_the_minute(std::int64_t ms, std::int64_t now_ms);
 
 /// Names and messages come from files and users: what could move a terminal's cursor, turn the
 /// direction of writing or is no UTF-8 becomes "?" , line ends become spaces.

@@ -190,11 +190,11 @@ void make_result(const Order& order, const std::string& folder, Reporter& report
   std::vector<std::string> paths;
   for (const WorkSpec::Input& input : spec.inputs) {
     if (!check_input(farm, input.file, input.sha256, true)) {
-      throw InputGone(farm.input(input.file), "",
-                      "is gone, or not what was submitted as " + input.name);
+      throw InputGone(
+          input.name, "",
+          "the farm's copy, inputs/" + input.file + ", is gone, or not what was submitted");
     }
     paths.push_back(farm.input(input.file));
-    job.tell(fmt::format("{}: {}", input.name, paths.back()));
   }
   const Setup setup = parse_setup_json(order.setup_json, "the job's setup");
   for (const std::string& text : setup_notices(setup, nullptr, ChoiceNames::options)) {
@@ -253,6 +253,20 @@ void make_result(const Order& order, const std::string& folder, Reporter& report
   }
 }
 
+/// People know files by the names that they submitted, not by those of the farm's copies.
+std::string in_names_of_user(std::string text, const Order& order) {
+  FarmFolder farm;
+  farm.store = order.store;
+  for (const WorkSpec::Input& input : order.spec.inputs) {
+    const std::string copy = farm.input(input.file);
+    for (std::size_t at = 0; (at = text.find(copy, at)) != std::string::npos;) {
+      text.replace(at, copy.size(), input.name);
+      at += input.name.size();
+    }
+  }
+  return text;
+}
+
 /// The worker's own limit, whatever the engine: data, which is what a job's memory grows by.
 /// Programs and libraries that are mapped from files don't count.
 void limit_memory(std::int64_t memory_mb, int threads) {
@@ -282,19 +296,23 @@ int do_work(const std::string& folder, const std::atomic<bool>* cancel,
   outcome.key = order.key;
   outcome.node = host_name();
   outcome.program = std::string("slicecorr ") + version;
-  const auto end = [&](int code, Reason reason, const std::string& message) {
+  const auto end = [&](int code, Reason reason, const std::string& text) {
+    const std::string message = in_names_of_user(text, order);
     outcome.exit_code = code;
     outcome.reason = reason;
     outcome.message = message;
     if (!message.empty()) say(message);
   };
+  for (const WorkSpec::Input& input : order.spec.inputs) {
+    say(fmt::format("{}: read from inputs/{}", input.name, input.file));
+  }
   limit_memory(order.memory_mb, order.threads);
   detail::commit_fault(fault, "start", order);
   Reporter reporter(folder, order, fault);
   slicecorr::Job job;
   job.threads = order.threads;
   job.cancel = cancel;
-  job.notice = say;
+  job.notice = [&](const std::string& text) { say(in_names_of_user(text, order)); };
   job.progress = [&](std::string_view, double done) { reporter.progress(done); };
   try {
     make_result(order, folder, reporter, job, outcome);

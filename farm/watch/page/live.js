@@ -8,7 +8,7 @@ const el = (name, text, kind) => {
   return e;
 };
 const pageSize = 20;
-let offset = 0, lastEvent = -1, shown = 0, timelineUrl = '', timer = 0, asked = 0;
+let offset = 0, lastEvent = -1, shown = 0, timelineUrl = '', timer = 0, asked = 0, chosen = false;
 
 const count = (n) => Number(n).toLocaleString('en-US');
 function bytes(n) {
@@ -33,6 +33,7 @@ function moment(ms) {
   const d = new Date(ms), time = d.toLocaleTimeString('en-GB');
   return Math.abs(Date.now() - ms) < 43200000 ? time : d.toLocaleDateString('en-CA') + ' ' + time.slice(0, 5);
 }
+const minute = (ms) => moment(ms).replace(/:\d\d$/, (s, at, all) => all.length === 8 ? '' : s);
 const um = (v) => Number(v.toPrecision(3)) + ' um';
 
 async function ask(path) {
@@ -75,8 +76,14 @@ function jobLink(id, name) {
 
 function overview(o) {
   const j = o.jobs;
+  if (!chosen) {
+    // What is worth a look first: what waits, else what failed, else what was done.
+    chosen = true;
+    const first = j.queued ? 'queued' : j.failed ? 'failed' : j.done ? 'done' : 'queued';
+    document.querySelector('input[name=state][value=' + first + ']').checked = true;
+  }
   const tiles = [[j.running, 'running', ''], [j.queued, o.followers ? 'queued, ' + count(o.followers) + ' wait for the same work' : 'queued', ''],
-    [j.done, o.from_cache ? 'done, ' + count(o.from_cache) + ' from the cache' : 'done', 'good'], [j.failed, 'failed', j.failed ? 'bad' : '']];
+    [j.done, o.from_cache ? 'done, ' + count(o.from_cache) + ' from the cache' : 'done', j.done ? 'good' : ''], [j.failed, 'failed', j.failed ? 'bad' : '']];
   if (j.cancelled) tiles.push([j.cancelled, 'cancelled', '']);
   if (o.late) tiles.push([o.late, 'will miss their time', 'bad']);
   $('tiles').replaceChildren(...tiles.map(([n, words, kind]) => {
@@ -87,10 +94,12 @@ function overview(o) {
   const ended = j.done + j.failed + j.cancelled, all = ended + j.queued + j.running;
   const part = o.running.reduce((sum, r) => sum + r.attempt.fraction, ended) / Math.max(1, all);
   const whole = $('whole');
+  whole.hidden = all === 0;
   whole.setAttribute('aria-valuenow', Math.floor(100 * part));
   whole.querySelector('i').style.width = 100 * part + '%';
   whole.querySelector('b').textContent = Math.floor(100 * part) + ' % of ' + count(all);
-  $('pace').textContent = j.queued + j.running === 0 ? 'Nothing is left to do.'
+  $('pace').textContent = all === 0 ? 'No job was submitted yet.'
+    : j.queued + j.running === 0 ? 'Nothing is left to do.'
     : duration(o.queued_s) + ' of work on one core' + (o.eta_s === null ? '' : ', done about ' + moment(o.now_ms + 1000 * o.eta_s));
   const trouble = j.queued && o.holds ? 'Jobs wait and nothing starts: ' + o.holds + '.' : '';
   $('trouble').textContent = trouble;
@@ -149,13 +158,13 @@ function jobRows(state, list) {
       cell(j.user, 'words');
       cell(j.labels.join(', '), 'words');
       cell(j.priority);
-      cell(j.ready_by_ms === null ? '' : moment(j.ready_by_ms));
+      cell(j.ready_by_ms === null ? '' : minute(j.ready_by_ms));
       cell(moment(j.submitted_ms));
       cell([j.follows ? 'job ' + j.follows + ' does the same work' : '', j.reason ? 'again after ' + j.reason : ''].filter(Boolean).join('; '), 'words');
     } else {
       cell(j.user, 'words');
       cell(j.reason, 'words');
-      cell(j.message, 'words');
+      cell(j.message, 'words message');
       cell(j.attempts);
       cell(moment(j.ended_ms));
     }
@@ -182,7 +191,11 @@ async function table() {
   if (mine !== asked) return;  // a later question has been asked
   if (page.jobs.length === 0 && offset > 0) { offset = 0; return table(); }
   jobRows(state, page.jobs);
-  $('place').textContent = page.total ? count(offset + 1) + ' to ' + count(offset + page.jobs.length) + ' of ' + count(page.total) : 'none';
+  const asked_for = $('find').value || $('user').value || $('label').value;
+  $('place').textContent = page.total ? count(offset + 1) + ' to ' + count(offset + page.jobs.length) + ' of ' + count(page.total)
+    : asked_for ? 'No such jobs.' : state === 'worst' ? 'No job is done.' : 'No job is ' + state + '.';
+  $('head').hidden = page.total === 0;
+  $('back').hidden = $('on').hidden = page.total <= pageSize;
   $('back').disabled = offset === 0;
   $('on').disabled = offset + page.jobs.length >= page.total;
 }
@@ -199,7 +212,7 @@ async function showJob(id, go) {
   }
   facts($('facts'), [['State', j.state + (j.reason ? ' (' + j.reason + ')' : '') + (j.from_cache ? ', from the cache' : '')], ['Message', j.message],
     ['Parts', j.parts.join(', ')], ['Printer, resin', j.printer + ', ' + j.resin], ['User', j.user], ['Labels', j.labels.join(', ')],
-    ['Priority', String(j.priority)], ['Ready by', j.ready_by_ms === null ? '' : moment(j.ready_by_ms)],
+    ['Priority', String(j.priority)], ['Ready by', j.ready_by_ms === null ? '' : minute(j.ready_by_ms)],
     ['Submitted', moment(j.submitted_ms)], ['Ended', j.ended_ms ? moment(j.ended_ms) : ''], ['Output', j.output_folder], ['Report', report]]);
   $('tries').replaceChildren(...j.tries.map((a) => el('p', 'Attempt ' + a.number + ', ' + a.engine + (a.node ? ' on ' + a.node : '') + ', ' + moment(a.started_ms) + ': '
     + (a.ended_ms ? (a.reason || 'done') + ' after ' + duration((a.ended_ms - a.started_ms) / 1000) + (a.message ? ', ' + a.message : '') : a.phase))));
@@ -209,11 +222,20 @@ async function showJob(id, go) {
 
 async function events() {
   const list = (await (await ask('/api/v1/events?limit=15')).json()).events;
-  $('events').replaceChildren(...list.reverse().map((e) => el('li', [moment(e.at_ms), e.job ? 'job ' + e.job : '', e.kind, e.reason ? '(' + e.reason + ')' : '', e.text].filter(Boolean).join('  '), e.kind)));
+  $('events').replaceChildren(...list.reverse().map((e) => {
+    const line = el('li', undefined, e.kind);
+    line.append(el('span', moment(e.at_ms), 'dim'), ' ');
+    if (e.job) line.append(jobLink(e.job, e.job + ' ' + e.name), ' ');
+    line.append([e.kind.replaceAll('_', ' '), e.reason ? '(' + e.reason + ')' : '', e.text ? '· ' + e.text : ''].filter(Boolean).join(' '));
+    return line;
+  }));
+  if (!list.length) $('events').append(el('li', 'Nothing has happened yet.', 'dim'));
 }
 
 async function timeline() {
   const url = URL.createObjectURL(await (await ask('/api/v1/timeline.svg')).blob());
+  // What is newest can be seen, also where the picture is wider than the window.
+  if (!timelineUrl) $('timeline').addEventListener('load', () => { const box = $('timeline').closest('.scroll'); box.scrollLeft = box.scrollWidth; }, {once: true});
   $('timeline').src = url;
   if (timelineUrl) URL.revokeObjectURL(timelineUrl);
   timelineUrl = url;
@@ -245,7 +267,7 @@ async function tick() {
 }
 
 const again = () => { offset = 0; table().catch(() => {}); };
-$('states').addEventListener('change', again);
+$('states').addEventListener('change', () => { chosen = true; again(); });
 for (const id of ['find', 'user', 'label']) $(id).addEventListener('input', again);
 $('back').addEventListener('click', () => { offset = Math.max(0, offset - pageSize); table().catch(() => {}); });
 $('on').addEventListener('click', () => { offset += pageSize; table().catch(() => {}); });

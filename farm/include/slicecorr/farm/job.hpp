@@ -138,6 +138,7 @@ struct Event {
   std::string kind;
   std::string text;  ///< for people
   Reason reason = Reason::none;
+  std::string name{};  ///< the job's
 };
 
 /// A service that runs, or did. Times are wall-clock ms.

@@ -14,7 +14,8 @@
 namespace slicecorr::farm {
 
 struct MorningOptions {
-  std::int64_t from_ms = 0;   ///< 0: a day before the end
+  std::int64_t from_ms =
+      0;  ///< 0: a day before the end, or the farm's first event if that is later
   std::int64_t until_ms = 0;  ///< 0: now
   std::int64_t batch = 0;     ///< 0: all
   int most_failures = 100, most_worst = 20, log_lines = 12;
@@ -63,7 +64,7 @@ struct MorningReport {
   std::int64_t slot_ms = 0;
   double core_s = 0;     ///< processor time of the attempts, as far as it lies in the time
   double working_s = 0;  ///< while at least one attempt ran
-  int cores = 0;         ///< of the services alive now, else the most that ran at once
+  int cores = 0;         ///< of the machines whose services were there in the time
 
   std::int64_t delivered_bytes = 0;  ///< files of jobs that were done in the time
   std::int64_t inputs_bytes = 0;     ///< in the store now

@@ -182,7 +182,7 @@ class Queue {
               bool from_cache);
   /// Ends an attempt without a result: queued again or failed, by reason and settings; cancelled
   /// when that was asked for. Followers of a job that failed for good with a reason that is theirs
-  /// too (bad input, infeasible) fail with it. What has become of the job; none: token lost.
+  /// too (bad input, infeasible) fail with it. Gives what became of the job; nothing: token lost.
   std::optional<JobState> give_up(const std::string& token, const AttemptEnd& end);
   /// Tokens of this service whose cancellation is asked for.
   std::vector<std::string> cancellations(const std::string& service);

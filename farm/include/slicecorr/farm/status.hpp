@@ -56,9 +56,8 @@ std::string overview_line(const Overview& overview);
 /// A frame of the live view.
 struct LiveState {
   Overview overview;
-  std::vector<Job> next;           ///< in the order in which they will start
-  std::vector<Event> latest;       ///< oldest first
-  std::vector<std::string> names;  ///< of the jobs of `latest`
+  std::vector<Job> next;      ///< in the order in which they will start
+  std::vector<Event> latest;  ///< oldest first
 };
 LiveState read_live(ReadModel& model, const FarmFolder& folder, int rows,
                     const Clock& clock = system_clock());
@@ -66,10 +65,10 @@ LiveState read_live(ReadModel& model, const FarmFolder& folder, int rows,
 std::vector<std::string> live_frame(const LiveState& state, const FarmFolder& folder, int columns,
                                     int rows, bool colour);
 /// An event as one line, without its time.
-std::string event_text(const Event& event, const std::string& job_name);
+std::string event_text(const Event& event);
 
-/// "outside the night window", "paused", "draining", "no service is running", "disk full" or "" : why
-/// nothing starts.
+/// "outside the night window", "paused", "draining", "no service is running", "disk full" or "" :
+/// why nothing starts.
 std::string what_holds(const Overview& overview);
 
 /// The end of an attempt's log, whole lines of at most `most_bytes`; empty when there is none.

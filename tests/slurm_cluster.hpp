@@ -134,7 +134,8 @@ class SlurmCluster {
                const std::string& configuration = {}, bool cgroups = false) {
     // Others than tests may take a port before the daemon binds it.
     for (int tries = 0; tries < 3; ++tries) {
-      folder_ = folder + (tries == 0 ? "" : "-" + std::to_string(tries));
+      folder_ = folder;
+      if (tries > 0) folder_.append("-").append(std::to_string(tries));
       if (start(nodes, cpus, configuration, cgroups)) return;
       stop();
     }

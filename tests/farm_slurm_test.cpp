@@ -475,7 +475,8 @@ TEST_F(FarmOnSlurm, ServiceAndControllerKilledTogether) {
 // --- cancelling, pausing -------------------------------------------------------------------------
 
 TEST_F(FarmOnSlurm, RunningAndWaitingJobsAreCancelled) {
-  start_cluster(1, 1);
+  // Whatever is killed earlier than that, Slurm has not killed by itself.
+  start_cluster(1, 1, "KillWait=100");
   // Long enough to be in the middle of it.
   submit({part("runs", 60, 38, 90)});
   submit({part("hang", 4, 4, 2), part("waits", 5, 4, 2)});
@@ -511,9 +512,16 @@ TEST_F(FarmOnSlurm, RunningAndWaitingJobsAreCancelled) {
   EXPECT_TRUE(eventually([&] { return !is_alive(worker); }));
   // One that does not listen.
   ASSERT_TRUE(eventually([&] { return (worker = worker_of(2)) > 1; })) << services_log();
-  EXPECT_THAT(services_log(), HasSubstr("job 1 runs: cancelled"));
+  EXPECT_TRUE(eventually(
+      [&] { return services_log().find("job 1 runs: cancelled") != std::string::npos; }));
+  ASSERT_TRUE(eventually([&] {
+    const std::string status = text_of("/proc/" + std::to_string(worker) + "/status");
+    const std::size_t at = status.find("SigBlk:");
+    return at != status.npos &&
+           (std::strtoull(status.c_str() + at + 7, nullptr, 16) >> (SIGTERM - 1) & 1) != 0;
+  })) << services_log();
   cancel(2, "deaf");
-  EXPECT_TRUE(eventually([&] { return !is_alive(worker); }));
+  EXPECT_TRUE(eventually([&] { return !is_alive(worker); }, seconds(50)));
   EXPECT_TRUE(eventually([&] { return squeue("%i").empty(); }));
   EXPECT_FALSE(fs::exists(out()) && !fs::is_empty(out()));
 }

@@ -576,7 +576,9 @@ class SlurmEngine : public Engine {
       std::vector<std::string> arguments = {"scancel", "--quiet"};
       if (!signal.empty()) {
         arguments.push_back("--signal=" + signal);
-        arguments.emplace_back("--full");
+        // A job that is sent SIGKILL as a whole is cancelled instead: SIGTERM first, and SIGKILL
+        // after KillWait, 5 s at least. Its batch process is sent it at once, and is the worker.
+        arguments.emplace_back(signal == "KILL" ? "--batch" : "--full");
       }
       const std::size_t end = std::min(ids.size(), at + at_a_time);
       arguments.insert(arguments.end(), ids.begin() + static_cast<long>(at),

@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -86,7 +87,7 @@ void check_record(ReadModel& model, int jobs) {
 
 int main(int argc, char** argv) try {
   const int jobs = argc > 1 ? std::atoi(argv[1]) : 200;
-  const double size_mm = argc > 2 ? std::atof(argv[2]) : 8;
+  const double size_mm = argc > 2 ? std::atof(argv[2]) : 5;
   const std::string bin = fs::read_symlink("/proc/self/exe").parent_path().string() + "/";
   const std::string meshes = std::string(SLICECORR_TEST_DATA) + "/meshes/";
   std::vector<Part> parts;
@@ -144,10 +145,21 @@ int main(int argc, char** argv) try {
       file << fmt::format("{},{},{},{},job-{},farm\n", p.path, p.scale, m.resin, m.speed, i);
     }
   }
+  const auto cores = static_cast<double>(std::max(1u, std::thread::hardware_concurrency()));
+  fmt::print("{} jobs of {} parts and {} pairs of resin and speed, {:g} mm\n\n", jobs, parts.size(),
+             mixes.size(), size_mm);
+  fmt::print("| | wall | processor | cores busy | per job |\n|---|---|---|---|---|\n");
+  const auto row = [&](const char* what, const Cost& c) {
+    fmt::print("| {} | {:.1f} s | {:.1f} s | {:.0f} % | {:.0f} ms |\n", what, c.wall_s, c.cpu_s,
+               100 * c.cpu_s / c.wall_s / cores, 1000 * c.wall_s / jobs);
+    std::fflush(stdout);
+  };
   const std::string dir = folder + "/farm-dir";
   const Cost submitted = run({bin + "slicefarm", "submit", table, "--dir", dir, "--printer",
                               printer, "--layer-um", layer});
+  row("slicefarm submit: checks, copies, queues", submitted);
   const Cost farmed = run({bin + "slicefarm", "run", "--until-empty", "--dir", dir});
+  row("slicefarm run", farmed);
   ReadModel model(dir + "/farm.sqlite");
   const Summary summary = model.summary();
   if (summary.jobs[static_cast<std::size_t>(JobState::done)] != jobs || summary.attempts != jobs) {
@@ -175,6 +187,7 @@ int main(int argc, char** argv) try {
       }
     }
   }
+  row("slicecorr run, one after the other", direct);
   // The same jobs again, into other places.
   std::string again = bytes_of(table);
   for (std::size_t at = 0; (at = again.find(",farm\n", at)) != again.npos; at += 6) {
@@ -183,21 +196,10 @@ int main(int argc, char** argv) try {
   std::ofstream(folder + "/again.csv") << again;
   const Cost cached = run({bin + "slicefarm", "submit", folder + "/again.csv", "--dir", dir,
                            "--printer", printer, "--layer-um", layer});
+  row("slicefarm submit of the same again", cached);
   const Summary after = ReadModel(dir + "/farm.sqlite").summary();
   if (after.from_cache != jobs) throw std::runtime_error("not all of them came from the cache");
 
-  const auto cores = static_cast<double>(std::max(1u, std::thread::hardware_concurrency()));
-  fmt::print("{} jobs of {} parts and {} pairs of resin and speed, {:g} mm, {:.2f} G voxels\n\n",
-             jobs, parts.size(), mixes.size(), size_mm, summary.voxels_done * 1e-9);
-  fmt::print("| | wall | processor | cores busy | per job |\n|---|---|---|---|---|\n");
-  const auto row = [&](const char* what, const Cost& c) {
-    fmt::print("| {} | {:.1f} s | {:.1f} s | {:.0f} % | {:.0f} ms |\n", what, c.wall_s, c.cpu_s,
-               100 * c.cpu_s / c.wall_s / cores, 1000 * c.wall_s / jobs);
-  };
-  row("slicefarm submit: checks, copies, queues", submitted);
-  row("slicefarm run", farmed);
-  row("slicecorr run, one after the other", direct);
-  row("slicefarm submit of the same again", cached);
   fmt::print(
       "\nAll done, none twice, every file as recorded and byte for byte as slicecorr writes it.\n"
       "{:.0f} jobs an hour, {:.0f} one after the other: {:.2f} times as many, {:.2f} times with "

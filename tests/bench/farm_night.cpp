@@ -134,6 +134,9 @@ int main(int argc, char** argv) try {
   if (most < static_cast<std::size_t>(jobs)) {
     throw std::runtime_error(fmt::format("only {} different jobs", most));
   }
+  // Of all resins and speeds, also where there are more than the jobs need.
+  const std::size_t used = (static_cast<std::size_t>(jobs) + parts.size() - 1) / parts.size();
+  const std::size_t stride = mixes.size() / used;
   const std::string table = folder + "/jobs.csv";
   {
     std::ofstream file(table);
@@ -141,13 +144,13 @@ int main(int argc, char** argv) try {
     for (int i = 0; i < jobs; ++i) {
       const auto n = static_cast<std::size_t>(i);
       const Part& p = parts[n % parts.size()];
-      const Mix& m = mixes[(n / parts.size()) % mixes.size()];
+      const Mix& m = mixes[n / parts.size() * stride];
       file << fmt::format("{},{},{},{},job-{},farm\n", p.path, p.scale, m.resin, m.speed, i);
     }
   }
   const auto cores = static_cast<double>(std::max(1u, std::thread::hardware_concurrency()));
   fmt::print("{} jobs of {} parts and {} pairs of resin and speed, {:g} mm\n\n", jobs, parts.size(),
-             mixes.size(), size_mm);
+             used, size_mm);
   fmt::print("| | wall | processor | cores busy | per job |\n|---|---|---|---|---|\n");
   const auto row = [&](const char* what, const Cost& c) {
     fmt::print("| {} | {:.1f} s | {:.1f} s | {:.0f} % | {:.0f} ms |\n", what, c.wall_s, c.cpu_s,
@@ -174,7 +177,7 @@ int main(int argc, char** argv) try {
   for (int i = 0; i < jobs; ++i) {
     const auto n = static_cast<std::size_t>(i);
     const Part& p = parts[n % parts.size()];
-    const Mix& m = mixes[(n / parts.size()) % mixes.size()];
+    const Mix& m = mixes[n / parts.size() * stride];
     const std::string out = fmt::format("{}/direct/job-{}", folder, i);
     const Cost c = run({bin + "slicecorr", "run", p.path, "--scale", fmt::format("{}", p.scale),
                         "-o", out + ".uvj", "--printer", printer, "--resin", m.resin,

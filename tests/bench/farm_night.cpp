@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -121,7 +122,7 @@ void check_record(ReadModel& model, int jobs) {
 
 int main(int argc, char** argv) try {
   const int jobs = argc > 1 ? std::atoi(argv[1]) : 200;
-  const double size_mm = argc > 2 ? std::atof(argv[2]) : 8;
+  const double size_mm = argc > 2 ? std::atof(argv[2]) : 5;
   const bool slurm = argc > 3 && std::string(argv[3]) == "slurm";
   const std::string bin = fs::read_symlink("/proc/self/exe").parent_path().string() + "/";
   const std::string meshes = std::string(SLICECORR_TEST_DATA) + "/meshes/";
@@ -169,6 +170,9 @@ int main(int argc, char** argv) try {
   if (most < static_cast<std::size_t>(jobs)) {
     throw std::runtime_error(fmt::format("only {} different jobs", most));
   }
+  // Of all resins and speeds, also where there are more than the jobs need.
+  const std::size_t used = (static_cast<std::size_t>(jobs) + parts.size() - 1) / parts.size();
+  const std::size_t stride = mixes.size() / used;
   const std::string table = folder + "/jobs.csv";
   {
     std::ofstream file(table);
@@ -176,13 +180,23 @@ int main(int argc, char** argv) try {
     for (int i = 0; i < jobs; ++i) {
       const auto n = static_cast<std::size_t>(i);
       const Part& p = parts[n % parts.size()];
-      const Mix& m = mixes[(n / parts.size()) % mixes.size()];
+      const Mix& m = mixes[n / parts.size() * stride];
       file << fmt::format("{},{},{},{},job-{},farm\n", p.path, p.scale, m.resin, m.speed, i);
     }
   }
+  const auto cores = static_cast<double>(std::max(1u, std::thread::hardware_concurrency()));
+  fmt::print("{} jobs of {} parts and {} pairs of resin and speed, {:g} mm\n\n", jobs, parts.size(),
+             used, size_mm);
+  fmt::print("| | wall | processor | cores busy | per job |\n|---|---|---|---|---|\n");
+  const auto row = [&](const char* what, const Cost& c) {
+    fmt::print("| {} | {:.1f} s | {:.1f} s | {:.0f} % | {:.0f} ms |\n", what, c.wall_s, c.cpu_s,
+               100 * c.cpu_s / c.wall_s / cores, 1000 * c.wall_s / jobs);
+    std::fflush(stdout);
+  };
   const std::string dir = folder + "/farm-dir";
   const Cost submitted = run({bin + "slicefarm", "submit", table, "--dir", dir, "--printer",
                               printer, "--layer-um", layer});
+  row("slicefarm submit: checks, copies, queues", submitted);
   int kills = 0;
   Cost farmed = slurm ? run_on_slurm(bin, dir, folder, jobs, kills)
                       : run({bin + "slicefarm", "run", "--until-empty", "--dir", dir});
@@ -198,6 +212,7 @@ int main(int argc, char** argv) try {
     }
     twice += good != 1;
   }
+  row("slicefarm run", farmed);
   if (summary.jobs[static_cast<std::size_t>(JobState::done)] != jobs || twice > 0 ||
       summary.attempts != jobs + lost) {
     throw std::runtime_error(fmt::format("{} of {} jobs done, {} attempts",
@@ -211,7 +226,7 @@ int main(int argc, char** argv) try {
   for (int i = 0; i < jobs; ++i) {
     const auto n = static_cast<std::size_t>(i);
     const Part& p = parts[n % parts.size()];
-    const Mix& m = mixes[(n / parts.size()) % mixes.size()];
+    const Mix& m = mixes[n / parts.size() * stride];
     const std::string out = fmt::format("{}/direct/job-{}", folder, i);
     const Cost c = run({bin + "slicecorr", "run", p.path, "--scale", fmt::format("{}", p.scale),
                         "-o", out + ".uvj", "--printer", printer, "--resin", m.resin,
@@ -224,6 +239,7 @@ int main(int argc, char** argv) try {
       }
     }
   }
+  row("slicecorr run, one after the other", direct);
   // The same jobs again, into other places.
   std::string again = bytes_of(table);
   for (std::size_t at = 0; (at = again.find(",farm\n", at)) != again.npos; at += 6) {
@@ -232,21 +248,10 @@ int main(int argc, char** argv) try {
   std::ofstream(folder + "/again.csv") << again;
   const Cost cached = run({bin + "slicefarm", "submit", folder + "/again.csv", "--dir", dir,
                            "--printer", printer, "--layer-um", layer});
+  row("slicefarm submit of the same again", cached);
   const Summary after = ReadModel(dir + "/farm.sqlite").summary();
   if (after.from_cache != jobs) throw std::runtime_error("not all of them came from the cache");
 
-  const auto cores = static_cast<double>(std::max(1u, std::thread::hardware_concurrency()));
-  fmt::print("{} jobs of {} parts and {} pairs of resin and speed, {:g} mm, {:.2f} G voxels\n\n",
-             jobs, parts.size(), mixes.size(), size_mm, summary.voxels_done * 1e-9);
-  fmt::print("| | wall | processor | cores busy | per job |\n|---|---|---|---|---|\n");
-  const auto row = [&](const char* what, const Cost& c) {
-    fmt::print("| {} | {:.1f} s | {:.1f} s | {:.0f} % | {:.0f} ms |\n", what, c.wall_s, c.cpu_s,
-               100 * c.cpu_s / c.wall_s / cores, 1000 * c.wall_s / jobs);
-  };
-  row("slicefarm submit: checks, copies, queues", submitted);
-  row("slicefarm run", farmed);
-  row("slicecorr run, one after the other", direct);
-  row("slicefarm submit of the same again", cached);
   if (slurm) {
     fmt::print("\n{} kills of daemons of Slurm, {} attempts given up and made again\n", kills,
                lost);

@@ -201,13 +201,14 @@ TEST(Sl1, CorrectedInPlaceKeepsEverythingElseByteForByte) {
 
 TEST(Sl1, ImagesOfNewArchivesAreDeflatedOnceMore) {
   const TemporaryFolder folder;
-  // A disc on a large display: most rows are like the row above.
+  // A block on a large display: rows repeat, and with them what a PNG makes of them.
   Images images{{2000, 1000, 3, 50, 50, 50}, {}};
   for (int n = 0; n < 3; ++n) {
     Bytes pixels(2000 * 1000);
     for (int i = 0; i < 2000 * 1000; ++i) {
-      const int x = i % 2000 - 1000, y = i / 2000 - 500;
-      pixels[static_cast<std::size_t>(i)] = x * x + y * y < 400 * (400 - n) ? 255 : 0;
+      const int x = i % 2000, y = i / 2000;
+      const bool lit = x >= 800 && x < 1200 + n && y >= 300 && y < 700;
+      pixels[static_cast<std::size_t>(i)] = lit ? 255 : 0;
     }
     images.slices.push_back(std::move(pixels));
   }

@@ -64,13 +64,18 @@ class FarmFaults : public FarmPrograms {
     }
     return true;
   }
-  /// Workers that the record says are at work now.
+  /// Workers of this farm that live now.
   std::vector<pid_t> workers() {
     std::vector<pid_t> list;
     for (const Job& j : jobs()) {
       if (j.state != JobState::running) continue;
       for (const Attempt& a : attempts(j.id)) {
-        if (a.phase != "ended" && !a.engine_id.empty()) list.push_back(std::stoi(a.engine_id));
+        if (a.phase == "ended" || a.engine_id.empty()) continue;
+        const std::string pid = a.engine_id.substr(0, a.engine_id.find('.'));
+        // The record may name the worker of a service that was killed.
+        if (text_of_file("/proc/" + pid + "/cmdline").find(a.token) != std::string::npos) {
+          list.push_back(std::stoi(pid));
+        }
       }
     }
     return list;

@@ -39,7 +39,7 @@ NewJob job_of(int i) {
   j.work.key = fmt::format("{:064x}", i);
   j.work.spec_json = std::string(400, ' ');
   j.work.setup_json = "{}";
-  j.work.setup_hash = std::string("h");
+  j.work.setup_hash = std::string(64, 'h');
   j.work.kind = "run";
   j.work.printer = "printer";
   j.work.resin = "resin";

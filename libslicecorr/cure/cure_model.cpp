@@ -171,7 +171,7 @@ void check_black_layerwise(const CureModel& model, const Printer& printer, const
   const double steady = steady_black(model, model.ratio(rule));
   // What is too long as a rule is too long for the first layers, too.
   const bool as_a_rule = steady >= 1.0;
-  const int layer = as_a_rule ? rule : black.layer;
+  const int layer = as_a_rule ? std::max(0, rule - 1) : black.layer;  // the first normal one
   const char* const which = model.exposure_ratio.empty()       ? ""
                             : as_a_rule                        ? "all layers "
                             : process.layer_exposure_s.empty() ? "the first layers "

@@ -5,4 +5,4 @@ set(SLICECORR_LINKED_PACKAGES Threads TBB OpenMesh Lib3MF OpenImageIO LibArchive
 # Headers only, used while building and not seen by consumers.
 set(SLICECORR_BUILD_PACKAGES nlohmann_json TomlPlusPlus CLI11)
 # Used by programs only.
-set(SLICECORR_PROGRAM_PACKAGES Ceres SQLite3 OpenSSL Httplib)
+set(SLICECORR_PROGRAM_PACKAGES Ceres SQLite3 OpenSSL Httplib Modbus)

@@ -17,6 +17,11 @@ double setting_of(const Recording::Part& p) {
   return p.blue_share > 0 ? p.uv_mw_cm2 / p.blue_share : p.uv_mw_cm2;
 }
 
+bool lit_under_uv(const Recording& recording) {
+  return std::any_of(recording.parts.begin(), recording.parts.end(),
+                     [](const auto& p) { return p.light > 0 && p.uv_mw_cm2 > 0; });
+}
+
 /// Groups of neighbours in a rising list that differ by no more than a share.
 std::vector<std::size_t> group_ends(const std::vector<double>& values, double share) {
   std::vector<std::size_t> ends;
@@ -31,8 +36,17 @@ std::vector<std::size_t> group_ends(const std::vector<double>& values, double sh
 
 }  // namespace
 
+void refuse_recording_under_uv(const SliceSource& source) {
+  if (!source.recording()) return;
+  throw InputError(
+      "the surface of a recording under UV light can't be drawn; its figures, columns and sections "
+      "are given by verify, probe and section");
+}
+
 ShownSlices::ShownSlices(const SliceSource& stack) : slices_(stack.grid().layers) {
-  refuse_recording(stack);
+  if (!stack.recording()) return;
+  if (lit_under_uv(*stack.recording())) refuse_recording_under_uv(stack);
+  take(*stack.recording(), {});
 }
 
 ShownSlices::ShownSlices(const SliceSource& stack, const Printer& printer, const Resin& resin,
@@ -44,10 +58,9 @@ ShownSlices::ShownSlices(const SliceSource& stack, const Printer& printer, const
 void ShownSlices::take(const Recording& recording, const Resin& resin) {
   recorded_ = true;
   slices_ = recording.slices();
-  const bool lit_uv = std::any_of(recording.parts.begin(), recording.parts.end(),
-                                  [](const auto& p) { return p.light > 0 && p.uv_mw_cm2 > 0; });
   // A lamp that shone although nobody asked for it counts all the same, where the resin heeds it.
-  const bool stray = process_.uv.kind == UvKind::off && lit_uv && resin.inhibition && printer_.uv;
+  const bool stray =
+      process_.uv.kind == UvKind::off && lit_under_uv(recording) && resin.inhibition && printer_.uv;
   const bool uv = process_.uv.kind != UvKind::off || stray;
   if (uv && !recording.other_uv_images.empty()) {
     throw InputError(fmt::format(
@@ -120,6 +133,14 @@ std::span<const ShownSlices::Part> ShownSlices::of(int slice) const {
   if (slice < 0 || n >= ends_.size()) return {};
   const std::size_t begin = n ? ends_[n - 1] : 0;
   return std::span(parts_).subspan(begin, ends_[n] - begin);
+}
+
+std::span<const ShownPart> BlackColumn::operator()(int slice) {
+  parts_.clear();
+  for (const ShownSlices::Part& p : slices_.of(slice)) {
+    parts_.push_back({&black_, p.light, p.setting});
+  }
+  return parts_;
 }
 
 ShownBand::ShownBand(const ShownSlices& slices, const BandTape& tape)

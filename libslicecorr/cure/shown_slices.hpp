@@ -16,6 +16,9 @@
 
 namespace slicecorr::detail {
 
+/// Throws `InputError` when `source` is a recording: for what does not follow measured UV light.
+void refuse_recording_under_uv(const SliceSource& source);
+
 /// Immutable and thread-safe.
 class ShownSlices {
  public:
@@ -35,7 +38,7 @@ class ShownSlices {
   /// `most_parts` images that were lit, or its UV images were others than those of its slices.
   ShownSlices(const SliceSource& stack, const Printer& printer, const Resin& resin,
               const Process& process);
-  /// Without UV light.
+  /// Without UV light: throws `InputError` when a recording has some.
   explicit ShownSlices(const SliceSource& stack);
 
   bool recorded() const { return recorded_; }
@@ -62,6 +65,19 @@ class ShownSlices {
   Printer printer_;
   Process process_;
   double deviation_ = 0;
+};
+
+/// Says what a column without a pixel above black sees of each slice of a recording.
+class BlackColumn {
+ public:
+  explicit BlackColumn(const ShownSlices& slices) : slices_(slices) {}
+  /// Valid until the next call.
+  std::span<const ShownPart> operator()(int slice);
+
+ private:
+  const ShownSlices& slices_;
+  const std::uint8_t black_ = 0;
+  std::vector<ShownPart> parts_;
 };
 
 /// The images of a band's slices, ready to be added to a `BandDose`. Keeps the images of the last

@@ -515,18 +515,29 @@ Prediction BandPredictor::finish(const Place& place) {
   return std::move(prediction_);
 }
 
-Prediction predict_black_columns(const CureModel& model, int slices, std::uint64_t columns) {
+Prediction predict_black_columns(const CureModel& model, int slices, std::uint64_t columns,
+                                 const BlackParts& parts) {
   Prediction p;
   if (columns == 0) return p;
+  BandDose dose(model, 1);
+  for (int n = slices; n-- > 0;) {
+    dose.add_slice(n, parts(n));
+    p.max_dose_outside = std::max(p.max_dose_outside, *dose.middle());
+  }
+  return p;
+}
+
+Prediction predict_black_columns(const CureModel& model, int slices, std::uint64_t columns) {
   if (!model.is_plain()) {
     const std::uint8_t black = 0;
-    BandDose dose(model, 1);
-    for (int n = slices; n-- > 0;) {
-      dose.add_slice(n, &black);
-      p.max_dose_outside = std::max(p.max_dose_outside, *dose.middle());
-    }
-    return p;
+    ShownPart whole{&black, 1.0, 0};
+    return predict_black_columns(model, slices, columns, [&](int n) {
+      whole.setting = model.inhibited ? model.inhibited->setting_of_slice(n) : 0;
+      return std::span<const ShownPart>(&whole, 1);
+    });
   }
+  Prediction p;
+  if (columns == 0) return p;
   double omega = 0;
   for (int n = slices; n-- > 0;) {
     p.max_dose_outside = std::max(p.max_dose_outside, model.middle(model.phi_min(), omega));

@@ -241,7 +241,8 @@ ReportContent gather_report(const SliceSource& stack, const SliceSource& target,
     c.column_before = probe_stack(target, &target, setup, c.column_x, c.column_y);
     c.column_after = probe_stack(stack, &target, setup, c.column_x, c.column_y);
   }
-  c.volume = reduce_volume(stack, target, setup, kReportCells, job);
+  // What can be moved through computes with one image per slice.
+  if (!stack.recording()) c.volume = reduce_volume(stack, target, setup, kReportCells, job);
   return c;
 }
 

@@ -216,5 +216,10 @@ class BandPredictor {
 
 /// Counts the columns of an image in which nothing is designed and nothing but black is shown.
 Prediction predict_black_columns(const CureModel& model, int slices, std::uint64_t columns);
+/// The same where slices show several images: `parts` gives what a column without a pixel above
+/// black sees of a slice.
+using BlackParts = std::function<std::span<const ShownPart>(int slice)>;
+Prediction predict_black_columns(const CureModel& model, int slices, std::uint64_t columns,
+                                 const BlackParts& parts);
 
 }  // namespace slicecorr

@@ -195,20 +195,26 @@ TEST_P(AsPlanned, PartsOfOneImageAreOne) {
 }
 
 TEST_P(AsPlanned, DoesNotDependOnThreads) {
-  const Settings& setup = GetParam().setup;
-  const MemorySlices target = random_slices(kGrid, 9, true);
+  // Higher than a band.
+  Grid grid = kGrid;
+  grid.height_px = 4 * band_rows(kGrid) - 3;
+  Settings setup = GetParam().setup;
+  setup.printer.height_px = grid.height_px;
+  const MemorySlices target = random_slices(grid, 9, true);
   Recording late;
-  for (int n = 0; n < kGrid.layers; ++n) {
+  for (int n = 0; n < grid.layers; ++n) {
     const double uv = GetParam().uv_mw_cm2;
     const std::vector<Part> parts{{n - 1, 0.25, uv, 0, 0, 0, 1}, {n, 0.73, uv * 1.1, 0, 0, 0, 1}};
     late.add_slice(parts);
   }
-  const RecordedSlices recorded(random_slices(kGrid, 10, false), late);
+  const RecordedSlices recorded(random_slices(grid, 10, false), late);
   Job one, three;
   one.threads = 1;
   three.threads = 3;
-  EXPECT_EQ(verify_stack(recorded, target, setup, one).to_json(),
-            verify_stack(recorded, target, setup, three).to_json());
+  const std::string figures = verify_stack(recorded, target, setup, one).to_json();
+  EXPECT_EQ(verify_stack(recorded, target, setup, three).to_json(), figures);
+  // Late light is other light.
+  EXPECT_NE(verify_stack(recorded.images(), target, setup, one).to_json(), figures);
 }
 
 // ---- closed forms ----------------------------------------------------------------------------

@@ -5,4 +5,4 @@ set(SLICECORR_LINKED_PACKAGES Threads TBB OpenMesh Lib3MF LibArchive LibZip ISAL
 # Headers only, used while building and not seen by consumers.
 set(SLICECORR_BUILD_PACKAGES nlohmann_json TomlPlusPlus CLI11)
 # Used by programs and by the module for images only.
-set(SLICECORR_PROGRAM_PACKAGES OpenImageIO Ceres SQLite3 OpenSSL Httplib)
+set(SLICECORR_PROGRAM_PACKAGES OpenImageIO Ceres SQLite3 OpenSSL Httplib Modbus)

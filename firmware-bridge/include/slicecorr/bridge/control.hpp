@@ -1,0 +1,115 @@
+/// @file control.hpp
+/// The print as a state machine. It knows no thread, no wire and no clock: each cycle it is told
+/// the status and the time and says what goes out. All of the policy is here (docs/safety.md).
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "slicecorr/bridge/plan.hpp"
+
+namespace slicecorr::bridge {
+
+enum class Phase {
+  connecting,  ///< waits for the first answer
+  warming,     ///< lamps warm up behind black
+  homing,      ///< to where the print begins
+  uv_on,       ///< UV before blue
+  printing,
+  pausing,
+  paused,
+  resuming,
+  blue_off,  ///< blue off before UV
+  uv_off,
+  raising,  ///< part out of the resin
+  done,
+  // a fault, in this order
+  lamps_off,
+  stopping,
+  blacking,
+  failed,
+};
+std::string_view name_of(Phase phase);
+
+enum class Fault {
+  none,
+  underrun,  ///< a frame was not decoded in time
+  late_frame,
+  wrong_frame,        ///< the display showed another one, or none
+  heartbeat_lost,     ///< no answer from the machine
+  machine_restarted,  ///< its sequence numbers or state are not ours
+  stage_error,        ///< not where it should be
+  lamp_mismatch,      ///< not as bright as asked
+  uv_ratio,           ///< too little UV for the frame's blue light
+  door_open,
+  stop_pressed,
+  over_temperature,
+  lamp_failed,
+  stage_failed,
+  watchdog_tripped,
+  display_gone,
+  stopped_by_user,
+  defect,
+};
+std::string_view name_of(Fault fault);
+
+/// Something for the journal.
+struct Event {
+  double at_s = 0;
+  std::string what;  ///< "phase printing", "fault stage_error", "lamps off" ...
+  std::string detail;
+  int frame = -1;
+  double stage_um = 0;
+};
+
+/// What a cycle asks for.
+struct Step {
+  SetPoints set_points;
+  /// Frame to show next, and when the stage will be where it begins; -2: nothing new, -1: black.
+  int show = -2;
+  double show_at_s = 0;
+  bool finished = false;
+  std::vector<Event> events;
+};
+
+/// Told after a frame was shown, and when one was not ready.
+struct FrameReport {
+  int number = -1;
+  double planned_um = 0, shown_um = 0, shown_at_s = 0;
+  bool missing = false;  ///< underrun
+};
+
+struct PauseAnswer {
+  bool accepted = false;
+  std::string why;  ///< what physics says against it, or where it will pause
+};
+
+class Controller {
+ public:
+  Controller(PrintPlan plan, Machine machine, bool dry_run);
+  ~Controller();
+  /// One cycle: status of the last exchange (nothing: no answer) and the time now.
+  Step step(const std::optional<Status>& status, double now_s);
+  void shown(const FrameReport& report);
+  /// A fault from outside: display gone, defect, stop by the user.
+  void fail(Fault fault, const std::string& detail);
+  PauseAnswer pause();
+  PauseAnswer resume();
+
+  Phase phase() const;
+  Fault fault() const;
+  const std::string& fault_detail() const;
+  int frame() const;  ///< shown last
+  double stage_um() const;
+  /// Largest lateness and position error so far.
+  double worst_late_um() const;
+  double worst_stage_error_um() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace slicecorr::bridge

@@ -1,0 +1,163 @@
+/// @file machine.hpp
+/// What the bridge knows of a machine, besides the optics in `Printer`: how its stage moves, what
+/// its lamps can do, how it is spoken to. All of it is data in the printer file, so that another
+/// machine needs no code: tables [stage], [lamps], [bridge] and [modbus] (docs/bridge.md).
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "slicecorr/process.hpp"
+
+namespace slicecorr::bridge {
+
+/// [stage]. Positions are heights of the platform above the window, up is away from it.
+struct Stage {
+  double max_speed_um_s = 0;      ///< from max_speed_mm_h
+  double travel_um = 0;           ///< from travel_mm
+  double acceleration_um_s2 = 0;  ///< of ramps, > 0
+  double tolerance_um = 20;       ///< largest difference of commanded and measured position
+  double home_um = 0;             ///< where prints begin: platform on the window
+  /// Layer by layer.
+  double lift_um = 3000, lift_speed_um_s = 1000, settle_s = 0.5;
+};
+
+/// A lamp as it is driven: a share of the intensity that the calibration stands for.
+struct LampDrive {
+  double min_share = 0;     ///< below it the lamp is dark; 0: any share
+  double max_share = 1;     ///< >= 1
+  double tolerance = 0.05;  ///< largest difference of asked and measured share, of full light
+  double settle_s = 0.05;   ///< until light follows what is asked, after warm-up
+  double warm_up_s = 0;     ///< before a print
+};
+
+/// [bridge]: when to give up. Distances count along the stage's way.
+struct Limits {
+  double cycle_s = 0.01;  ///< between exchanges, 0.001..0.1
+  double response_timeout_s = 0.04;
+  double heartbeat_timeout_s = 0.3;  ///< without an answer that long the print has failed
+  double watchdog_s = 0.3;           ///< what the machine is told: lamps off without a heartbeat
+  double max_late_um = 5;            ///< a frame that begins later is late; largest lateness borne
+  int max_late_frames = 0;           ///< late frames borne (each within ten times max_late_um)
+  double display_latency_s = 0;      ///< from showing a frame to its light
+  double max_temperature_c = 60;
+  int ring_frames = 16;  ///< decoded ahead, at least 8
+};
+
+enum class Transport { tcp, rtu };
+enum class WordOrder { big, little };  ///< which register of two holds the higher half
+enum class Exchange { fc23, fc16_fc3 };
+
+/// What can be written and read. Those marked * must be in every map.
+enum class Signal {
+  // written
+  sequence,            ///< * rises with each exchange
+  heartbeat,           ///< * changes with each exchange
+  command,             ///< * see Command
+  watchdog_s,          ///< how long the machine waits for a heartbeat
+  target_um,           ///< * where the stage goes
+  speed_um_s,          ///< * how fast
+  acceleration_um_s2,  ///< and how it gets there
+  blue_share,          ///< * set-point of the blue lamp, 1: as calibrated
+  uv_mw_cm2,           ///< set-point of the UV lamp (flood); * where the printer has one
+  frame,               ///< number of the frame that is shown, -1: black
+  // read
+  sequence_echo,     ///< * of the last set-points that were taken over
+  state,             ///< * see MachineState
+  stage_um,          ///< * measured
+  stage_speed_um_s,  ///< measured; else from positions
+  blue_measured,     ///< * share, measured
+  uv_measured,       ///< mW/cm²; * where the printer has a UV lamp
+  temperature_c,
+  door_open,
+  stop_pressed,
+  lamp_failed,
+  stage_failed,
+  over_temperature,  ///< bits; 1: so it is
+  watchdog_tripped,  ///< bit
+  machine_time_s,    ///< the machine's own clock
+};
+enum class Command { off, run, stop, reset };  ///< off: lamps off, stage holds
+enum class MachineState { idle, running, stopped, fault };
+
+enum class RegisterType { u16, i16, u32, i32, bit };
+/// Where a signal lives: value = raw * scale + offset.
+struct Register {
+  int address = 0;  ///< as on the wire, from 0
+  RegisterType type = RegisterType::u16;
+  int bit = 0;  ///< of bit
+  double scale = 1, offset = 0;
+  int registers() const { return type == RegisterType::u32 || type == RegisterType::i32 ? 2 : 1; }
+};
+
+/// [modbus].
+struct RegisterMap {
+  Transport transport = Transport::tcp;
+  std::string host = "127.0.0.1";
+  int port = 1502;
+  std::string device;  ///< rtu
+  int baud = 115200;
+  char parity = 'N';
+  int unit = 1;
+  WordOrder word_order = WordOrder::big;
+  Exchange exchange = Exchange::fc23;
+  std::map<Signal, Register> write, read;
+  std::map<Command, int> commands;     ///< raw values; standard ones 0, 1, 2, 3
+  std::map<MachineState, int> states;  ///< raw values; standard ones 0, 1, 2, 3
+  /// Registers to exchange at once: first and number of those written, of those read.
+  int write_address = 0, write_count = 0, read_address = 0, read_count = 0;
+};
+
+struct Machine {
+  Printer printer;
+  Stage stage;
+  LampDrive blue, uv;
+  Limits limits;
+  std::optional<RegisterMap> modbus;
+  std::string path;  ///< of the file
+};
+
+/// Reads a printer file with all of it. Throws `InputError` naming file, line, key and what was
+/// expected: signals that are missing or overlap, blocks beyond the limits of Modbus (121 written,
+/// 125 read), values out of range.
+Machine load_machine(const std::string& name_or_path);
+Machine parse_machine(std::string_view text, const std::string& source);
+
+/// Name of a signal as in printer files: "stage_um".
+std::string_view name_of(Signal signal);
+
+/// What goes out in a cycle. Idempotent: the same set-points twice do the same as once.
+struct SetPoints {
+  std::uint16_t sequence = 0, heartbeat = 0;
+  Command command = Command::off;
+  double target_um = 0, speed_um_s = 0, acceleration_um_s2 = 0;
+  double blue_share = 0, uv_mw_cm2 = 0;
+  std::int32_t frame = -1;
+  double watchdog_s = 0.3;
+};
+
+/// What comes back.
+struct Status {
+  std::uint16_t sequence_echo = 0;
+  MachineState state = MachineState::idle;
+  double stage_um = 0;
+  std::optional<double> stage_speed_um_s, temperature_c, machine_time_s, uv_measured;
+  double blue_measured = 0;
+  bool door_open = false, stop_pressed = false, lamp_failed = false, stage_failed = false,
+       over_temperature = false, watchdog_tripped = false;
+};
+
+/// Registers of a block for set-points, and back; for both ends of the wire. Values beyond what a
+/// register can hold are clamped to it. 32 bits are two registers in the map's word order; never
+/// floating point on the wire.
+std::vector<std::uint16_t> encode(const RegisterMap& map, const SetPoints& set_points);
+SetPoints decode_set_points(const RegisterMap& map, const std::vector<std::uint16_t>& registers);
+std::vector<std::uint16_t> encode(const RegisterMap& map, const Status& status);
+/// Throws `DeviceError` when the state is none of the map's.
+Status decode_status(const RegisterMap& map, const std::vector<std::uint16_t>& registers);
+
+}  // namespace slicecorr::bridge

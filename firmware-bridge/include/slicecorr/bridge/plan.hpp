@@ -1,0 +1,47 @@
+/// @file plan.hpp
+/// What is to be shown where, how bright, and whether this machine can do it: settled before
+/// anything moves.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "slicecorr/bridge/machine.hpp"
+#include "slicecorr/stack.hpp"
+
+namespace slicecorr::bridge {
+
+/// One slice of the stack as it is printed.
+struct FramePlan {
+  bool lit = false;            ///< some pixel is above black
+  double uv_mw_cm2 = 0;        ///< flood: of the lamp
+  double least_uv_mw_cm2 = 0;  ///< what keeps the window clear below this frame's brightest pixel
+  double exposure_s = 0;       ///< layer by layer
+};
+
+struct PrintPlan {
+  ExposureMode mode = ExposureMode::continuous;
+  double layer_um = 0, speed_um_s = 0, m = 1;
+  Ramp ramp = Ramp::none;
+  double ramp_um = 0;    ///< distance in which the stage reaches its speed
+  double run_up_um = 0;  ///< ramp outside: way before the first slice
+  bool uv = false, uv_patterned = false;
+  std::vector<FramePlan> frames;
+  double start_um = 0, end_um = 0;  ///< stage positions of the first slice's begin, the last's end
+  double expected_s = 0;            ///< from start to end
+  double black_mw_cm2 = 0;          ///< what the projector gives with the lamp on and black shown
+};
+
+/// Share of the lamp at a speed: (v / v_n)^(1/m), which leaves I^m / s as it is; 0 below min_share.
+double lamp_share(const PrintPlan& plan, const LampDrive& lamp, double speed_um_s);
+
+/// Throws `InputError` (exit 2) when the stack is damaged (checksums of images, entries, sizes), is
+/// no corrected stack, or was made for another printer (name, display, calibration); and
+/// `InfeasibleError` (exit 3) when it is too fast or too long for the stage, asks for more light
+/// than the lamps give, has frames under their UV ratio, or ramps that lamp and UV can't follow:
+/// the message says what would do. Reads all images once.
+PrintPlan plan_print(const StackReader& stack, const Machine& machine);
+
+}  // namespace slicecorr::bridge

@@ -1,0 +1,1 @@
+#include "slicecorr/bridge/machine.hpp"

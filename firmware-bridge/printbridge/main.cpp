@@ -1,0 +1,5 @@
+// The program `printbridge`.
+
+#include "program/program.hpp"
+
+int main() { return 2; }

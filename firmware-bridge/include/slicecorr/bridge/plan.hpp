@@ -25,13 +25,22 @@ struct PrintPlan {
   ExposureMode mode = ExposureMode::continuous;
   double layer_um = 0, speed_um_s = 0, m = 1;
   Ramp ramp = Ramp::none;
-  double ramp_um = 0;    ///< distance in which the stage reaches its speed
-  double run_up_um = 0;  ///< ramp outside: way before the first slice
+  double acceleration_um_s2 = 0;  ///< of the ramps: at most the stage's
+  double ramp_um = 0;             ///< distance in which the stage reaches its speed
+  /// Where ramps lie outside: way before the first slice, in which the stage reaches its speed and
+  /// is seen to do so.
+  double run_up_um = 0;
   bool uv = false, uv_patterned = false;
   std::vector<FramePlan> frames;
   double start_um = 0, end_um = 0;  ///< stage positions of the first slice's begin, the last's end
   double expected_s = 0;            ///< from start to end
   double black_mw_cm2 = 0;          ///< what the projector gives with the lamp on and black shown
+  double uv_max_mw_cm2 = 0;         ///< of the UV lamp at full share
+  bool lamps_follow() const { return mode == ExposureMode::continuous && ramp == Ramp::lamp_follows; }
+  /// Stage position where slice n begins; layer by layer where the stage stands for it.
+  double frame_um(int n) const {
+    return start_um + (mode == ExposureMode::layerwise ? n + 1 : n) * layer_um;
+  }
 };
 
 /// Share of the lamp at a speed: (v / v_n)^(1/m), which leaves I^m / s as it is; 0 below min_share.

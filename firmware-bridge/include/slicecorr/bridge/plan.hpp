@@ -15,10 +15,12 @@ namespace slicecorr::bridge {
 
 /// One slice of the stack as it is printed.
 struct FramePlan {
-  bool lit = false;            ///< some pixel is above black
-  double uv_mw_cm2 = 0;        ///< flood: of the lamp
-  double least_uv_mw_cm2 = 0;  ///< what keeps the window clear below this frame's brightest pixel
-  double exposure_s = 0;       ///< layer by layer
+  bool lit = false;      ///< some pixel is above black
+  double uv_mw_cm2 = 0;  ///< flood: of the lamp
+  /// What keeps resin at the window from curing under this frame's brightest pixel; patterned: of
+  /// the lamp's full light. 0: nothing is asked.
+  double least_uv_mw_cm2 = 0;
+  double exposure_s = 0;  ///< layer by layer
 };
 
 struct PrintPlan {
@@ -36,7 +38,9 @@ struct PrintPlan {
   double expected_s = 0;            ///< from start to end
   double black_mw_cm2 = 0;          ///< what the projector gives with the lamp on and black shown
   double uv_max_mw_cm2 = 0;         ///< of the UV lamp at full share
-  bool lamps_follow() const { return mode == ExposureMode::continuous && ramp == Ramp::lamp_follows; }
+  bool lamps_follow() const {
+    return mode == ExposureMode::continuous && ramp == Ramp::lamp_follows;
+  }
   /// Stage position where slice n begins; layer by layer where the stage stands for it.
   double frame_um(int n) const {
     return start_um + (mode == ExposureMode::layerwise ? n + 1 : n) * layer_um;
@@ -50,7 +54,8 @@ double lamp_share(const PrintPlan& plan, const LampDrive& lamp, double speed_um_
 /// no corrected stack, or was made for another printer (name, display, calibration); and
 /// `InfeasibleError` (exit 3) when it is too fast or too long for the stage, asks for more light
 /// than the lamps give, has frames under their UV ratio, or ramps that lamp and UV can't follow:
-/// the message says what would do. Reads all images once.
-PrintPlan plan_print(const StackReader& stack, const Machine& machine);
+/// the message says what would do. Reads all images once. `path` names the stack in messages.
+PrintPlan plan_print(const StackReader& stack, const std::string& path, const Machine& machine,
+                     const Job& job = {});
 
 }  // namespace slicecorr::bridge

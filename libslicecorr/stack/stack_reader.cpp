@@ -149,7 +149,9 @@ struct StackReader::Impl {
   int bands = 0;  ///< of an image
   /// One per band and slice, band by band; of size 0 where it is black. Zeroed memory of the
   /// system, so that black bands take none.
-  std::unique_ptr<PieceStore::Piece[], decltype(&std::free)> index{nullptr, &std::free};
+  using Index = std::unique_ptr<PieceStore::Piece[], decltype(&std::free)>;
+  Index index{nullptr, &std::free}, uv_index{nullptr, &std::free};
+  bool images_changed = false, uv_images_changed = false;
   PixelBox bounds;
   std::uint64_t sum = 0;
   std::mutex mutex;  ///< of bounds and sum
@@ -157,13 +159,12 @@ struct StackReader::Impl {
   Impl(const std::string& p, const std::string& folder, const Job& job)
       : path(p), store(folder, memory_budget, job) {}
 
-  PieceStore::Piece& piece(int band, int slice) const {
-    return index[static_cast<std::size_t>(band) *
-                     static_cast<std::size_t>(config.info.grid.layers) +
-                 static_cast<std::size_t>(slice)];
+  PieceStore::Piece& piece(const Index& of, int band, int slice) const {
+    return of[static_cast<std::size_t>(band) * static_cast<std::size_t>(config.info.grid.layers) +
+              static_cast<std::size_t>(slice)];
   }
 
-  void make_index() {
+  void make_index(Index& made) {
     const Grid& grid = config.info.grid;
     rows = band_rows(grid);
     bands = (grid.height_px + rows - 1) / rows;
@@ -171,60 +172,89 @@ struct StackReader::Impl {
         std::calloc(static_cast<std::size_t>(bands) * static_cast<std::size_t>(grid.layers),
                     sizeof(PieceStore::Piece));
     if (memory == nullptr) throw InputError(path, "", "has more slices than the memory can hold");
-    index.reset(static_cast<PieceStore::Piece*>(memory));
+    made.reset(static_cast<PieceStore::Piece*>(memory));
   }
 
-  std::uint32_t decode_slice(int slice, std::span<const std::uint8_t> png, const std::string& name);
-  std::uint32_t adler_of(std::span<const std::uint8_t> png, const std::string& name) const {
-    std::uint32_t adler = 1;
-    const std::size_t stride = detail::raw_stride(config.info.grid.width_px);
-    detail::decode_png_bands(
-        png, config.info.grid.width_px, config.info.grid.height_px, rows, {path, name},
-        [&](int y0, int y1, const std::uint8_t* raw) {
-          adler = isal_adler32(adler, raw, stride * static_cast<unsigned>(y1 - y0));
-        },
-        config.packed_rgb, config.packed_bgr);
-    return adler;
-  }
+  struct Decoded {
+    std::uint32_t adler = 1;  ///< stands for the image
+    PixelBox lit;
+    std::uint64_t sum = 0;
+  };
+  Decoded decode(const Index& into, int slice, std::span<const std::uint8_t> png,
+                 const std::string& name, bool packed_rgb, bool packed_bgr);
+  std::vector<std::uint32_t> decode_images(const Container& archive, const Job& job);
+  std::vector<std::uint32_t> decode_uv_images(const Container& archive, const Job& job);
+  void read_image(const Index& of, int slice, std::uint8_t* out) const;
   void copy_piece(const PieceStore::Piece& piece, const PixelBox& band, const PixelBox& box,
                   std::vector<std::uint8_t>& code, std::vector<std::uint8_t>& pixels,
                   std::uint8_t* out) const;
 };
 
-/// Decodes one image into pieces and returns the Adler-32 that stands for it.
-std::uint32_t StackReader::Impl::decode_slice(int slice, std::span<const std::uint8_t> png,
-                                              const std::string& name) {
+/// Decodes one image into pieces.
+StackReader::Impl::Decoded StackReader::Impl::decode(const Index& into, int slice,
+                                                     std::span<const std::uint8_t> png,
+                                                     const std::string& name, bool packed_rgb,
+                                                     bool packed_bgr) {
   const Grid& grid = config.info.grid;
   const std::size_t stride = detail::raw_stride(grid.width_px);
-  std::uint32_t adler = 1;
-  PixelBox slice_box;
-  std::uint64_t slice_sum = 0;
+  Decoded decoded;
   std::vector<std::uint8_t> pixels, code;
   const auto take = [&](int y0, int y1, const std::uint8_t* raw) {
     const std::size_t size = stride * static_cast<unsigned>(y1 - y0);
-    adler = isal_adler32(adler, raw, size);
+    decoded.adler = isal_adler32(decoded.adler, raw, size);
     const PixelBox box = lit_box(raw, grid.width_px, y1 - y0);
     if (box.empty()) return;
-    slice_box = slice_box.united({box.x0, y0 + box.y0, box.x1, y0 + box.y1});
+    decoded.lit = decoded.lit.united({box.x0, y0 + box.y0, box.x1, y0 + box.y1});
     const auto width = static_cast<std::size_t>(box.width());
     pixels.clear();
     for (int y = 0; y < y1 - y0; ++y) {
       const std::uint8_t* const row = raw + stride * static_cast<unsigned>(y) + 1 + box.x0;
       pixels.insert(pixels.end(), row, row + width);
     }
-    slice_sum += std::accumulate(pixels.begin(), pixels.end(), std::uint64_t{0});
+    decoded.sum += std::accumulate(pixels.begin(), pixels.end(), std::uint64_t{0});
     const std::int32_t columns[2] = {box.x0, box.x1};
     code.resize(sizeof columns);
     std::memcpy(code.data(), columns, sizeof columns);
     detail::run_length_encode(pixels.data(), pixels.size(), code);
-    piece(y0 / rows, slice) = store.put(code.data(), code.size());
+    piece(into, y0 / rows, slice) = store.put(code.data(), code.size());
   };
-  detail::decode_png_bands(png, grid.width_px, grid.height_px, rows, {path, name}, take,
-                           config.packed_rgb, config.packed_bgr);
-  const std::scoped_lock lock(mutex);
-  bounds = bounds.united(slice_box);
-  sum += slice_sum;
-  return adler;
+  detail::decode_png_bands(png, grid.width_px, grid.height_px, rows, {path, name}, take, packed_rgb,
+                           packed_bgr);
+  return decoded;
+}
+
+std::vector<std::uint32_t> StackReader::Impl::decode_images(const Container& archive,
+                                                            const Job& job) {
+  const auto slices = entries_of(archive, config.images, config.info.grid);
+  for (const std::string& warning : config.warnings) job.tell(path + ": " + warning);
+  make_index(index);
+  std::vector<std::uint32_t> adlers(slices.size());
+  parallel_for(job, "read", slices.size(), [&](std::size_t i) {
+    std::vector<std::uint8_t> png;
+    archive.read(*slices[i], slices[i]->bytes, png);
+    const Decoded decoded = decode(index, static_cast<int>(i), png, slices[i]->name,
+                                   config.packed_rgb, config.packed_bgr);
+    adlers[i] = decoded.adler;
+    const std::scoped_lock lock(mutex);
+    bounds = bounds.united(decoded.lit);
+    sum += decoded.sum;
+  });
+  return adlers;
+}
+
+/// Nothing is computed from them: they follow from the slices. But the printer shows them.
+std::vector<std::uint32_t> StackReader::Impl::decode_uv_images(const Container& archive,
+                                                               const Job& job) {
+  const auto images = entries_of(archive, config.uv_images, config.info.grid);
+  make_index(uv_index);
+  std::vector<std::uint32_t> adlers(images.size());
+  parallel_for(job, "read UV", images.size(), [&](std::size_t i) {
+    std::vector<std::uint8_t> png;
+    archive.read(*images[i], images[i]->bytes, png);
+    // They are plain, whatever the slices are.
+    adlers[i] = decode(uv_index, static_cast<int>(i), png, images[i]->name, false, false).adler;
+  });
+  return adlers;
 }
 
 /// Copies what the piece of `band` has of `box` to `out`, which holds the rows of `box`.
@@ -257,29 +287,14 @@ StackReader::StackReader(const std::string& path, const std::string& scratch_fol
   s.config = read_contents(*archive);
   take_missing(s.config.info, missing, path);
   s.others = others_of(*archive, s.config);
-  const auto slices = entries_of(*archive, s.config.images, s.config.info.grid);
-  for (const std::string& warning : s.config.warnings) job.tell(path + ": " + warning);
-  s.make_index();
-  std::vector<std::uint32_t> adlers(slices.size());
-  parallel_for(job, "read", slices.size(), [&](std::size_t i) {
-    std::vector<std::uint8_t> png;
-    archive->read(*slices[i], slices[i]->bytes, png);
-    adlers[i] = s.decode_slice(static_cast<int>(i), png, slices[i]->name);
-  });
-  if (s.config.images_crc32 && *s.config.images_crc32 != detail::images_crc32(adlers)) {
-    job.tell(path + ": images were changed after the stack was made");
-  }
+  const std::vector<std::uint32_t> adlers = s.decode_images(*archive, job);
+  s.images_changed =
+      s.config.images_crc32 && *s.config.images_crc32 != detail::images_crc32(adlers);
+  if (s.images_changed) job.tell(path + ": images were changed after the stack was made");
   if (s.config.uv_images.empty()) return;
-  // Nothing is computed from them: they follow from the slices. But the printer shows them.
-  const auto uv = entries_of(*archive, s.config.uv_images, s.config.info.grid);
-  parallel_for(job, "read UV", uv.size(), [&](std::size_t i) {
-    std::vector<std::uint8_t> png;
-    archive->read(*uv[i], uv[i]->bytes, png);
-    adlers[i] = s.adler_of(png, uv[i]->name);
-  });
-  if (s.config.uv_images_crc32 != detail::images_crc32(adlers)) {
-    job.tell(path + ": UV images were changed after the stack was made");
-  }
+  s.uv_images_changed =
+      s.config.uv_images_crc32 != detail::images_crc32(s.decode_uv_images(*archive, job));
+  if (s.uv_images_changed) job.tell(path + ": UV images were changed after the stack was made");
 }
 
 StackReader::~StackReader() = default;
@@ -297,6 +312,35 @@ ImageFrame image_frame(const StackInfo& info) {
 }
 const std::vector<std::string>& StackReader::other_entries() const { return impl_->others; }
 std::uint64_t StackReader::pixel_sum() const { return impl_->sum; }
+bool StackReader::has_uv_images() const { return !impl_->config.uv_images.empty(); }
+bool StackReader::has_checksums() const { return impl_->config.images_crc32.has_value(); }
+bool StackReader::images_changed() const { return impl_->images_changed; }
+bool StackReader::uv_images_changed() const { return impl_->uv_images_changed; }
+
+void StackReader::Impl::read_image(const Index& of, int slice, std::uint8_t* out) const {
+  const Grid& grid = config.info.grid;
+  if (slice < 0 || slice >= grid.layers) throw std::out_of_range("no such slice");
+  const PixelBox all{0, 0, grid.width_px, grid.height_px};
+  std::fill_n(out, static_cast<std::size_t>(grid.width_px) * static_cast<unsigned>(grid.height_px),
+              std::uint8_t{0});
+  std::vector<std::uint8_t> code, pixels;
+  for (int band = 0; band < bands; ++band) {
+    const PieceStore::Piece& its = piece(of, band, slice);
+    if (its.size == 0) continue;
+    const int y0 = band * rows;
+    copy_piece(its, {0, y0, grid.width_px, std::min(grid.height_px, y0 + rows)}, all, code, pixels,
+               out);
+  }
+}
+
+void StackReader::read_slice(int slice, std::uint8_t* pixels) const {
+  impl_->read_image(impl_->index, slice, pixels);
+}
+
+void StackReader::read_uv_slice(int slice, std::uint8_t* pixels) const {
+  if (!has_uv_images()) throw std::logic_error("the stack has no UV images");
+  impl_->read_image(impl_->uv_index, slice, pixels);
+}
 
 void StackReader::read_band(const PixelBox& box, const Sink& sink) const {
   const Impl& s = *impl_;
@@ -312,7 +356,7 @@ void StackReader::read_band(const PixelBox& box, const Sink& sink) const {
   for (int slice = 0; slice < grid.layers; ++slice) {
     bool lit = false;
     for (int band = first; band < last; ++band) {
-      const PieceStore::Piece& piece = s.piece(band, slice);
+      const PieceStore::Piece& piece = s.piece(s.index, band, slice);
       if (piece.size == 0) continue;
       if (!lit) std::fill(out.begin(), out.end(), std::uint8_t{0});
       lit = true;

@@ -129,6 +129,17 @@ class StackReader final : public SliceSource {
   PixelBox bounds() const override;
   ImageFrame frame() const override;
   void read_band(const PixelBox& band, const Sink& sink) const override;
+  /// The whole image of one slice, row by row, into width_px * height_px bytes. Thread-safe. Throws
+  /// `std::out_of_range` when there is no such slice.
+  void read_slice(int slice, std::uint8_t* pixels) const;
+  /// Whether there is a second image per slice, for a patterned UV lamp, and that image.
+  bool has_uv_images() const;
+  void read_uv_slice(int slice, std::uint8_t* pixels) const;
+  /// Whether the stack's block says checksums of images, as that of every stack of ours does; and
+  /// whether the images are other ones. UV images without a checksum count as changed.
+  bool has_checksums() const;
+  bool images_changed() const;
+  bool uv_images_changed() const;
   /// Sum of all pixel values.
   std::uint64_t pixel_sum() const;
   /// Names of the entries that are no slices, sorted.

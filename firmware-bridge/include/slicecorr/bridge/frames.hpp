@@ -20,17 +20,32 @@ struct Frame {
   std::uint32_t crc32 = 0;             ///< of blue, then uv
 };
 
-/// Decodes frames in order, at most `ring` ahead of the one taken last. Thread-safe.
+/// What frames are made from.
+class FrameSource {
+ public:
+  virtual ~FrameSource() = default;
+  virtual int frames() const = 0;
+  /// Thread-safe.
+  virtual std::shared_ptr<const Frame> make(int number) const = 0;
+};
+/// The slices of a stack as the printer's display shows them, turned where they show the plate.
+/// `stack` must outlive this.
+std::unique_ptr<FrameSource> make_frame_source(const StackReader& stack, const Printer& printer,
+                                               bool uv_patterned);
+
+/// Makes frames in order, at most `ring` ahead of the one taken last, with threads of its own.
+/// Thread-safe.
 class FrameRing {
  public:
-  /// `stack` must outlive this.
-  FrameRing(const StackReader& stack, bool uv_patterned, int ring, int threads);
+  /// `source` must outlive this.
+  FrameRing(const FrameSource& source, int ring, int threads);
   ~FrameRing();
-  /// The next frame when it is ready, else null: an underrun, for the caller to judge.
-  /// Throws what decoding threw.
+  /// Frame `number` when it is ready, else null: an underrun, for the caller to judge. Frames
+  /// before it are forgotten, it and those after it stay. Throws what making it threw.
   std::shared_ptr<const Frame> take(int number);
-  /// Waits until `count` frames are ready, or all that are left. Throws what decoding threw.
-  void wait_ready(int count);
+  /// Waits until frame `number` and `count` - 1 after it are ready, or all that are left. Throws
+  /// what making them threw.
+  void wait_ready(int number, int count);
   int ready() const;
 
  private:

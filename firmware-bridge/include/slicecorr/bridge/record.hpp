@@ -26,11 +26,6 @@ class Journal {
 
 /// frame, planned_z_um, z_um, planned_s, shown_s, late_um, speed_um_s, blue_share, uv_mw_cm2,
 /// blue_measured, uv_measured. Never blocks the print: a thread of its own writes.
-struct FrameRecord {
-  int frame = 0;
-  double planned_um = 0, stage_um = 0, planned_s = 0, shown_s = 0, speed_um_s = 0, blue_share = 0,
-         uv_mw_cm2 = 0, blue_measured = 0, uv_measured = 0;
-};
 class FrameLog {
  public:
   explicit FrameLog(const std::string& path);

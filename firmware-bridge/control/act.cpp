@@ -469,7 +469,16 @@ void Controller::Impl::go_fault() {
     return go_fault();
   }
   // Somebody must have heard it, unless nobody is there: the machine's own watchdog is then done.
-  if (answered_since || now_s - fault_at_s > 2 * limits.watchdog_s) step.finished = true;
+  if (!answered_since && now_s - fault_at_s <= 2 * limits.watchdog_s) return;
+  // Until lamps have had their time to go dark.
+  const bool bright = answered_since && (!blue_dark() || !uv_dark());
+  if (bright && now_s - fault_at_s < 1 + machine.blue.settle_s + machine.uv.settle_s) return;
+  if (bright) {
+    const char* const still = "A LAMP STILL SHINES: switch the machine off";
+    event("light", still);
+    fault_detail += std::string("; ") + still;
+  }
+  step.finished = true;
 }
 
 }  // namespace slicecorr::bridge

@@ -59,7 +59,7 @@ struct Controller::Impl {
   };
   std::deque<Sent> sent;
   double last_answer_s = 0;
-  bool answered = false, connected = false;
+  bool answered = false, connected = false, seen_running = false;
   Status status;
   double status_at_s = 0;
   std::optional<double> not_running_since_s, uv_short_since_s;

@@ -95,10 +95,11 @@ void Controller::Impl::check_state() {
   }
   if (state == MachineState::running) {
     not_running_since_s.reset();
+    seen_running = true;
     return;
   }
   if (!not_running_since_s) not_running_since_s = status_at_s;
-  const bool at_once = state != MachineState::idle;
+  const bool at_once = state != MachineState::idle || seen_running;
   // It may take over the command to run with the next exchange only.
   if (at_once || status_at_s - *not_running_since_s > limits.heartbeat_timeout_s) {
     fail(Fault::machine_restarted, fmt::format("the machine is {}, expected running",

@@ -7,7 +7,9 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <map>
 #include <random>
+#include <utility>
 
 #include "control/motion.hpp"
 #include "slicecorr/bridge/control.hpp"
@@ -269,7 +271,9 @@ TEST(BridgeControl, PrintsContinuously) {
       // Black, 40 frames in order, black.
       int next = 0;
       for (const SimEvent& e : b.model.events()) {
-        if (e.what.starts_with("frame ")) EXPECT_EQ(e.what, fmt::format("frame {}", next++));
+        if (e.what.starts_with("frame ")) {
+          EXPECT_EQ(e.what, fmt::format("frame {}", next++));
+        }
       }
       EXPECT_EQ(next, 40);
       // Frames appear where they belong: registers hold hundredths of a um, and what a cycle can't
@@ -317,7 +321,9 @@ TEST(BridgeControl, DosesAreThoseOfTheStack) {
                  : 0;
       const bool ramp = follow && (n < 9 || n > 30);
       EXPECT_NEAR(right / slice_s, 1, 0.004 + (ramp ? lag * slice_s : 0)) << n;
-      if (n > 0) EXPECT_LT(wrong / slice_s, 0.004) << n;
+      if (n > 0) {
+        EXPECT_LT(wrong / slice_s, 0.004) << n;
+      }
     }
   }
 }
@@ -421,14 +427,20 @@ void expect_order(const Bench& b, double since_s, bool machine_acts, bool link_l
     double last_light = -1;
     for (const SimEvent& e : b.model.events()) {
       if (e.what == "blue off" || e.what == "uv off") last_light = e.at_s;
-      if (e.what == "blue on" || e.what == "uv on") EXPECT_LT(e.at_s, told);
+      if (e.what == "blue on" || e.what == "uv on") {
+        EXPECT_LT(e.at_s, told);
+      }
     }
     EXPECT_LE(last_light, told) << "lamps were on when the stage was told to stop";
-    if (display_lives) EXPECT_GE(b.machine_time("black", told), told);
+    if (display_lives) {
+      EXPECT_GE(b.machine_time("black", told), told);
+    }
   }
   (void)machine_acts;
   EXPECT_TRUE(b.model.lamps_dark());
-  if (display_lives) EXPECT_EQ(b.model.display().number, -1);
+  if (display_lives) {
+    EXPECT_EQ(b.model.display().number, -1);
+  }
 }
 
 TEST(BridgeFaults, EveryFaultAtRandomMomentsEndsInItsOrder) {

@@ -76,10 +76,11 @@ Step Controller::step(const std::optional<Answer>& answer, double now_s) {
   ++out.heartbeat;
   out.watchdog_s = s.limits.watchdog_s;
   out.frame = s.frame;
-  s.sent.push_back({out.sequence, now_s, s.phase});
+  ++s.sent_count;
+  s.sent.push_back({out.sequence, now_s, s.phase, s.sent_count});
   if (s.sent.size() > 1024) s.sent.pop_front();
-  s.blue.asked(out.blue_share, now_s);
-  s.uv.asked(s.uv_share(out.uv_mw_cm2), now_s);
+  s.blue.asked(out.blue_share, s.sent_count, now_s);
+  s.uv.asked(s.uv_share(out.uv_mw_cm2), s.sent_count, now_s);
   s.step.set_points = out;
   return std::exchange(s.step, Step{});
 }

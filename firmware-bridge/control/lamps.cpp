@@ -7,24 +7,32 @@
 
 namespace slicecorr::bridge {
 
-void LampWatch::asked(double share, double at_s) {
+void LampWatch::asked(double share, std::uint64_t count, double at_s) {
   if (!asked_.empty() && asked_.back().share == share) return;
-  asked_.push_back({at_s, share});
+  asked_.push_back({at_s, share, count, false});
   // The last one before the time that matters stays: it was in force then.
-  while (asked_.size() > 2 && asked_[1].at_s < at_s - drive_.settle_s - 10 * cycle_s_ - 1) {
+  while (asked_.size() > 2 && asked_[1].confirmed &&
+         asked_[1].at_s < at_s - drive_.settle_s - 10 * cycle_s_ - 1) {
     asked_.pop_front();
   }
 }
 
+void LampWatch::confirmed(std::uint64_t count, double at_s) {
+  for (auto a = asked_.rbegin(); a != asked_.rend() && !a->confirmed; ++a) {
+    if (a->count > count) continue;
+    a->confirmed = true;
+    a->at_s = std::max(a->at_s, at_s);
+  }
+}
+
 std::pair<double, double> LampWatch::range(double at_s) const {
-  // Two cycles: a set-point whose exchange was not answered may have been taken over all the same,
-  // or only its repetition.
+  // Two cycles: an answer tells of set-points, not of what the lamp's driver has made of them.
   const double from_s = at_s - drive_.settle_s - 2 * cycle_s_;
   double least = 0, most = 0;
   bool first = true;
   for (std::size_t i = 0; i < asked_.size(); ++i) {
-    const double until_s = i + 1 < asked_.size() ? asked_[i + 1].at_s : at_s;
-    if (until_s < from_s && i + 1 < asked_.size()) continue;
+    const bool last = i + 1 == asked_.size();
+    if (!last && asked_[i + 1].confirmed && asked_[i + 1].at_s < from_s) continue;
     least = first ? asked_[i].share : std::min(least, asked_[i].share);
     most = first ? asked_[i].share : std::max(most, asked_[i].share);
     first = false;

@@ -1,9 +1,11 @@
 /// Whether lamps do what they are asked.
 #pragma once
 
+#include <cstdint>
 #include <deque>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "slicecorr/bridge/plan.hpp"
 
@@ -13,7 +15,11 @@ namespace slicecorr::bridge {
 class LampWatch {
  public:
   LampWatch(const LampDrive& drive, double cycle_s) : drive_(drive), cycle_s_(cycle_s) {}
-  void asked(double share, double at_s);
+  /// The `count`-th set-points go out with this share.
+  void asked(double share, std::uint64_t count, double at_s);
+  /// All set-points up to the `count`-th were taken over by this time: what was asked before holds
+  /// until then.
+  void confirmed(std::uint64_t count, double at_s);
   /// What is wrong with a measured share, in words; nothing when it lies within what was asked
   /// during the time that the lamp may take to follow. `rising`: while it warms up too little
   /// light is right.
@@ -28,6 +34,8 @@ class LampWatch {
   std::pair<double, double> range(double at_s) const;
   struct Asked {
     double at_s, share;
+    std::uint64_t count;
+    bool confirmed;
   };
   LampDrive drive_;
   double cycle_s_;

@@ -52,10 +52,12 @@ struct Controller::Impl {
   // The wire.
   SetPoints out;
   std::uint16_t next_sequence = 1;
+  std::uint64_t sent_count = 0;
   struct Sent {
     std::uint16_t sequence;
     double at_s;
     Phase phase;
+    std::uint64_t count;
   };
   std::deque<Sent> sent;
   double last_answer_s = 0;

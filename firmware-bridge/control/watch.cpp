@@ -45,6 +45,8 @@ void Controller::Impl::check_sequence(const Answer& answer) {
     return;
   }
   connected = true;
+  blue.confirmed(found->count, answer.at_s);
+  uv.confirmed(found->count, answer.at_s);
   if (found->phase >= Phase::lamps_off) answered_since = true;
   const double age_s = answer.at_s - found->at_s;
   if (age_s > limits.heartbeat_timeout_s && !failing()) {

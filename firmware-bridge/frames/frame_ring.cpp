@@ -16,6 +16,7 @@ class StackFrames final : public FrameSource {
   StackFrames(const StackReader& stack, const Printer& printer, bool uv_patterned)
       : stack_(stack),
         uv_(uv_patterned),
+        dark_uv_(!uv_patterned && printer.uv && printer.uv->patterned),
         turn_(turn_to_display(image_frame(stack.info()), printer)),
         shown_(turned(stack.grid(), turn_)) {}
   int frames() const override { return stack_.grid().layers; }
@@ -34,6 +35,7 @@ class StackFrames final : public FrameSource {
       stack_.read_uv_slice(number, image.data());
       frame->uv = to_display(std::move(image));
     }
+    if (dark_uv_) frame->uv.resize(pixels);
     frame->crc32 = crc32_of(*frame);
     return frame;
   }
@@ -55,7 +57,7 @@ class StackFrames final : public FrameSource {
   }
 
   const StackReader& stack_;
-  const bool uv_;
+  const bool uv_, dark_uv_;  ///< a display that has UV pixels gets some, dark ones where unused
   const Turn turn_;
   const Grid shown_;
 };

@@ -34,12 +34,12 @@ class WireSink final : public FrameSink {
         socket_(connect_wire(address_)) {
     const double before = clock_.now_s();
     const WireMessage answer = ask(message_of(hello), answer_s);
-    // In real time the other end has a clock of its own.
-    if (!lockstep_) offset_s_ = (before + clock_.now_s()) / 2 - answer.at_s;
+    // The other end has a clock of its own.
+    offset_s_ = (before + clock_.now_s()) / 2 - answer.at_s;
   }
 
   Shown show(const std::shared_ptr<const Frame>& frame, double at_s) override {
-    const WireMessage message = message_of(frame.get(), at_s);
+    const WireMessage message = message_of(frame.get(), at_s - offset_s_);
     if (!lockstep_) clock_.sleep_until(at_s);
     const double before = clock_.now_s();
     const WireMessage answer = ask(message, answer_s);
@@ -52,13 +52,13 @@ class WireSink final : public FrameSink {
     if (!lockstep_) return;
     WireMessage message;
     message.kind = WireKind::tick;
-    message.at_s = at_s;
+    message.at_s = at_s - offset_s_;
     ask(message, answer_s);
   }
 
   void black() noexcept override {
     try {
-      ask(message_of(static_cast<const Frame*>(nullptr), clock_.now_s()), black_s);
+      ask(message_of(nullptr, clock_.now_s() - offset_s_), black_s);
     } catch (...) {
       // Lamps are off by now, and the display may be what failed.
     }
@@ -85,7 +85,7 @@ class WireSink final : public FrameSink {
   Clock& clock_;
   const bool lockstep_;
   WireSocket socket_;
-  double offset_s_ = 0;
+  double offset_s_ = 0;  ///< the print's clock less the other end's
   bool broken_ = false;
 };
 

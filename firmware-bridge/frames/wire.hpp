@@ -13,14 +13,14 @@
 ///   clock.
 /// - *frame*: image `number` of the stack as the display shows it: payload is width * height bytes
 ///   of blue, then as many of UV where `wire_uv` is among the flags. `number` -1 is black: no
-///   payload, width and height 0. It is to appear at `at_s` of the bridge's clock: the bridge has
+///   payload, width and height 0. It is to appear at `at_s` of the machine's clock: the bridge has
 ///   waited for that time in real time, so it appears on arrival; in lockstep time first passes up
 ///   to `at_s`. Answer: `number` of the image that is on the display now, `at_s` when it appeared
 ///   on the machine's clock, `count` of images shown so far (black ones too, hello none).
 /// - *tick*, in lockstep only: time passes up to `at_s`, nothing else. The bridge sends one before
-///   each exchange of its cycle, and the n-th exchange happens at n * cycle_s from 0 on: so time on
-///   both ends is the same also when exchanges are lost. Where a bridge has sent ticks, exchanges
-///   let no time pass themselves.
+///   each exchange of its cycle, and the n-th exchange happens n * cycle_s after the hello: so time
+///   on both ends is the same also when exchanges are lost. Where a bridge has sent ticks,
+///   exchanges let no time pass themselves.
 ///
 /// Layer by layer slice n is exposed while the stage stands at start_um + (n + 1) * layer_um.
 #pragma once

@@ -83,6 +83,12 @@ void check_printer(const StackInfo& info, const std::string& path, const Machine
             here.uv ? fmt::format("up to {:g} mW/cm², calibrated alike", here.uv->max_mw_cm2())
                     : "no such lamp");
   }
+  const UvKind kind = info.process->uv.kind;
+  if (here.uv && here.uv->patterned && (kind == UvKind::constant || kind == UvKind::per_slice)) {
+    throw InputError(path, "",
+                     "has no UV images, which the UV lamp of printer '" + here.name +
+                         "' shows; correct the part with --uv-schedule patterned");
+  }
   const Turn turn = turn_to_display(image_frame(info), here);
   const Grid shown = turned(info.grid, turn);
   if (shown.width_px != here.width_px || shown.height_px != here.height_px) {

@@ -22,9 +22,11 @@ using testing::HasSubstr;
 class BridgePrint : public BridgePrograms {
  protected:
   json verify(const std::string& stack, const std::string& target) {
+    RunOptions long_one;
+    long_one.timeout = std::chrono::minutes(5);
     const RunResult r = run_program(
         {program("slicecorr"), "verify", stack, "--target", target, "--json", "-", "--quiet"},
-        {.timeout = std::chrono::minutes(5)});
+        long_one);
     EXPECT_EQ(r.exit_code, 0) << r.err;
     return json::parse(r.out, nullptr, false);
   }

@@ -183,7 +183,9 @@ TEST(Motion, PiecesJoin) {
       m = piece.end;
     }
     EXPECT_EQ(m.speed_um_s, 0);
-    if (course.moving) EXPECT_EQ(m.at_um, course.target_um);
+    if (course.moving) {
+      EXPECT_EQ(m.at_um, course.target_um);
+    }
   }
 }
 

@@ -167,6 +167,45 @@ TEST(Machine, CommandsAndStatesHaveTheirOwnValues) {
   EXPECT_THAT(refusal(replaced(words, "stop = 30", "halt = 30")), HasSubstr("commands.halt"));
 }
 
+TEST(Machine, TheExampleOfTheDocumentsCanBeRead) {
+  const std::string document = test::text_of(SLICECORR_SOURCE_DIR "/docs/bridge.md");
+  const auto begin = document.find("```toml\n"), end = document.find("```\n", begin + 8);
+  ASSERT_NE(end, std::string::npos);
+  const std::string example = document.substr(begin + 8, end - begin - 8);
+  const RegisterMap map =
+      *machine_of(small_machine.substr(0, small_machine.find("[modbus]")) + example).modbus;
+  EXPECT_EQ(map.transport, Transport::rtu);
+  EXPECT_EQ(map.write_address, 4096);
+  EXPECT_EQ(map.write_count, 9);
+  EXPECT_EQ(map.read_count, 10);
+  SetPoints s;
+  s.command = Command::reset;
+  s.target_um = 99000;  // 500 steps of 2 um below the upper end
+  const auto r = encode(map, s);
+  EXPECT_EQ(r[0], 128);
+  EXPECT_EQ(r[1], 500);
+  EXPECT_EQ(r[2], 0);
+}
+
+TEST(Machine, TheDocumentsListAllKeysAndSignals) {
+  const std::string document = test::text_of(SLICECORR_SOURCE_DIR "/docs/bridge.md");
+  for (int i = 0; i <= static_cast<int>(Signal::machine_time_s); ++i) {
+    const std::string name(name_of(static_cast<Signal>(i)));
+    EXPECT_THAT(document, HasSubstr("`" + name + "`"));
+  }
+  // What the small machine does not say it has in the shipped file.
+  for (const std::string& text :
+       {small_machine, test::text_of(SLICECORR_PRINTERS_DIR "/dual-wavelength-dlp.toml")}) {
+    std::istringstream lines(text.substr(text.find("[stage]")));
+    for (std::string line; std::getline(lines, line);) {
+      const auto is = line.find(" = ");
+      if (line.starts_with("[provenance]")) break;
+      if (is == std::string::npos || line.starts_with("#")) continue;
+      EXPECT_THAT(document, HasSubstr(line.substr(0, is)));
+    }
+  }
+}
+
 // --- Registers
 
 TEST(Registers, AreWhatTheFileSays) {

@@ -547,6 +547,13 @@ TEST(Fault, IsReadAsItIsWritten) {
   EXPECT_THAT(refusal("drop@frame:1.5"), HasSubstr("is no frame"));
 }
 
+TEST(Fault, AllAreInTheDocuments) {
+  const std::string document = test::text_of(SLICECORR_SOURCE_DIR "/docs/bridge.md");
+  for (const SimFaultKind& kind : sim_fault_kinds()) {
+    EXPECT_THAT(document, HasSubstr("| `" + std::string(kind.name) + "` |"));
+  }
+}
+
 struct Printing {
   explicit Printing(const std::string& fault) : model(small(), faults(fault), 10), driver(model) {
     driver.set_points = run_to(kHome + 1000, 200, 1, 100);

@@ -313,12 +313,11 @@ TEST_F(SimTest, FaultsOfTheWire) {
     if (!status) {
       failed.push_back(k);
       client = std::make_unique<Client>(sim.port);
-      modbus_set_response_timeout(client->get(), k == 8 ? 5 : 0, k == 8 ? 0 : 50000);
+      modbus_set_response_timeout(client->get(), 0, 50000);
       continue;
     }
     EXPECT_EQ(status->sequence_echo, s.sequence);
   }
-  // The fifth exchange after the two that were dropped is answered again.
   EXPECT_THAT(failed, ElementsAre(3, 4, 6, 8, 10));
   // What was not answered was carried out: the sequence goes on, and so does time.
   std::array<std::uint16_t, 14> r{};

@@ -356,7 +356,7 @@ TEST(Light, LayerByLayerBelongsToTheLayerThatTheStageStandsFor) {
     // The stage misses its place by a few um, as stages do.
     driver.set_points = run_to(kHome + 50 * (n + 1) + (n % 2 ? 6 : -6), 1000);
     driver.send();
-    driver.until(model.now_s() + 1);
+    driver.until(model.now_s() + 5, 0.05);
     ASSERT_TRUE(model.at_rest());
     model.show(frame_of(n));
     driver.set_points.blue_share = 1;
@@ -565,14 +565,14 @@ struct Printing {
 };
 
 TEST(Fault, StageSticks) {
-  Printing p("stuck-stage=0.5@1s");
+  Printing p("stuck-stage=0.5@1.02s");
   p.driver.until(1.4);
-  EXPECT_NEAR(p.model.status().stage_um, kHome + 180, kExact);
+  EXPECT_NEAR(p.model.status().stage_um, kHome + 184, kExact);
   EXPECT_EQ(*p.model.status().stage_speed_um_s, 0);
   EXPECT_EQ(p.model.status().state, MachineState::running);  // nothing says so
   EXPECT_FALSE(p.model.status().stage_failed);
   p.driver.until(2);
-  EXPECT_NEAR(p.model.status().stage_um, kHome + 180 + 100, 1e-6);
+  EXPECT_NEAR(p.model.status().stage_um, kHome + 184 + 0.48 * 200, 1e-6);
   // The light of that time is where the stage stood.
   EXPECT_NEAR(light_of(p.model.exposures()[18]), 0.5 + 10.0 / 200, 1e-6);
 }

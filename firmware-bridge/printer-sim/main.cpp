@@ -135,7 +135,7 @@ int main(int argc, char** argv) {
   app->add_option("-o,--output", o.output, "Recorded stack, .uvj: written at the end");
   app->add_option("--record-events", o.events, "What the machine does, as JSON, one per line");
   app->add_option("--stack", o.stack,
-                  "The stack that will be printed [the bridge says it over --frames]");
+                  "The stack that will be printed [printbridge says it over --frames]");
   app->add_option("--fault", o.faults, fault_help())->expected(1)->take_all();
   app->add_flag("--lockstep", o.lockstep,
                 "Time passes by exchanges and images alone: the same print is the same every time");

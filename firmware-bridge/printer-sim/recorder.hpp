@@ -14,8 +14,8 @@ namespace slicecorr::bridge {
 /// Records one print at a time; the last one that began counts.
 class Recorder {
  public:
-  /// `path` empty: nothing is recorded. `stack`: the one that will be printed; empty: the bridge
-  /// says it. Throws `InputError` when it can't be.
+  /// `path` empty: nothing is recorded. `stack`: the one that will be printed, for bridges that
+  /// don't say it; may be empty. Throws `InputError` when it can't be printed.
   Recorder(std::string path, const std::string& stack, const Machine& machine, TimedModel& model,
            const Job& job);
   void begin(const WireHello& hello);
@@ -23,8 +23,6 @@ class Recorder {
   bool finish();
 
  private:
-  void begin(const StackInfo& print, int slices, double start_um, double m);
-
   std::string path_;
   const Machine& machine_;
   TimedModel& model_;

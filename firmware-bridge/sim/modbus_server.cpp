@@ -108,8 +108,8 @@ struct ModbusServer::Impl {
     if (modbus_set_slave(context.get(), map.unit) != 0 || modbus_connect(context.get()) != 0) {
       failed("can't be opened");
     }
-    // Half a request must not hold up the machine.
-    modbus_set_byte_timeout(context.get(), 0, 20000);
+    // Half a request must not hold up the line.
+    modbus_set_byte_timeout(context.get(), 0, 100000);
     address = device;
   }
 

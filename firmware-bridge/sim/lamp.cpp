@@ -109,7 +109,8 @@ double Lamp::integral(double time_s, double m) const {
 void Lamp::advance(double time_s) {
   if (!settled()) {
     level_ = asked_ + (level_ - asked_) * std::exp(-time_s / time_constant_s_);
-    if (std::abs(level_ - asked_) <= kSettled * 1.000001) level_ = asked_;
+    // The rounding of levels near 1 is 1e-4 of this.
+    if (std::abs(level_ - asked_) <= kSettled * 1.01) level_ = asked_;
   }
   lit_s_ = std::clamp(lit_s_ + (asked_ > 0 ? time_s : -time_s), 0.0, drive_.warm_up_s);
   if (drive_.warm_up_s - lit_s_ < kMoment_s) lit_s_ = drive_.warm_up_s;

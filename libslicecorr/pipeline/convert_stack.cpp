@@ -14,15 +14,19 @@ namespace slicecorr {
 
 namespace detail {
 
-void set_uv_images(StackWriter& writer, const CureModel& model, int levels) {
-  if (!model.inhibited || model.inhibited->uv_levels().empty()) return;
+std::array<std::uint8_t, 256> uv_of_pixels(const CureModel& model, int levels) {
   std::array<std::uint8_t, 256> uv_of_pixel{};
   for (int v = 0; v < 256; ++v) {
     const auto level = static_cast<std::size_t>(level_of_pixel(v, levels));
     uv_of_pixel[static_cast<std::size_t>(v)] =
         static_cast<std::uint8_t>(pixel_of_level(model.inhibited->uv_levels()[level], levels));
   }
-  writer.set_uv_pattern(uv_of_pixel);
+  return uv_of_pixel;
+}
+
+void set_uv_images(StackWriter& writer, const CureModel& model, int levels) {
+  if (!model.inhibited || model.inhibited->uv_levels().empty()) return;
+  writer.set_uv_pattern(uv_of_pixels(model, levels));
 }
 
 }  // namespace detail
@@ -31,6 +35,7 @@ void convert_stack(const StackReader& stack, const StackFile& file, const Job& j
                    const SliceSource* turned_slices) {
   const SliceSource& slices = turned_slices ? *turned_slices : stack;
   const Grid& grid = slices.grid();
+  refuse_recording(stack);
   StackInfo info = stack.info();
   if (turned_slices) {
     info.grid = grid;

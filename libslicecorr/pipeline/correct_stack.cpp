@@ -164,6 +164,7 @@ CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup) {
 
 Correction correct_stack(const SliceSource& target, const Setup& asked, const StackFile& file,
                          bool with_before, const Job& job) {
+  refuse_recording(target);
   Setup setup = asked;
   setup.process = schedule_uv(target, asked, job);
   const PlacePlans plans(target, setup, job);

@@ -125,6 +125,7 @@ PlacePlans::PlacePlans(const SliceSource& target, const Setup& setup, const Job&
               target.frame()),
       layers_(target.grid().layers),
       levels_(setup.printer.levels()) {
+  refuse_recording(target);
   if (even()) {
     const CureModel& model = models_.brightest();
     check_feasible(model, setup.printer, setup.process);

@@ -281,6 +281,9 @@ std::string setup_notice(const Setup& setup, ChoiceNames names) {
 }
 
 void check_design(const StackInfo& info, const std::string& path) {
+  if (info.kind == StackKind::recorded) {
+    throw InputError(path, "", "is a recording of a print; expected the target of that print");
+  }
   if (info.kind == StackKind::corrected) {
     throw InputError(path, "", "is a corrected stack; expected the target that it was made from");
   }

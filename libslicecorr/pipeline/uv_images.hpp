@@ -2,10 +2,16 @@
 /// Images of a patterned UV lamp, which follow from the slices.
 #pragma once
 
+#include <array>
+#include <cstdint>
+
 #include "slicecorr/cure.hpp"
 #include "slicecorr/stack.hpp"
 
 namespace slicecorr::detail {
+
+/// UV pixel value of each pixel value, where the model's lamp is patterned.
+std::array<std::uint8_t, 256> uv_of_pixels(const CureModel& model, int levels);
 
 /// Lets the writer make an image in UV light of every slice, where the model's lamp is patterned.
 /// `levels`: grey levels of the printer.

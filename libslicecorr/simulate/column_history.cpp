@@ -12,6 +12,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/inhibited.hpp"
 #include "slicecorr/places.hpp"
+#include "slicecorr/recording.hpp"
 #include "slicecorr/simulate.hpp"
 #include "slicecorr/units.hpp"
 
@@ -363,6 +364,7 @@ ColumnHistory simulate_column(const CureModel& model, const Process& process,
 ColumnHistory simulate_column(const SliceSource& stack, const SliceSource* target,
                               const Setup& setup, int x, int y, const ColumnOptions& options,
                               const Job& job) {
+  refuse_recording(stack);
   const std::vector<ProbeRow> rows = probe_stack(stack, target, setup, x, y);
   const Grid& grid = stack.grid();
   const PlaceModels models(setup.printer, setup.resin, setup.process, grid, stack.frame());

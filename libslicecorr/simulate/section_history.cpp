@@ -6,6 +6,7 @@
 #include "slicecorr/dose.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/places.hpp"
+#include "slicecorr/recording.hpp"
 #include "slicecorr/simulate.hpp"
 
 namespace slicecorr {
@@ -13,6 +14,7 @@ namespace slicecorr {
 SectionHistory simulate_section(const SliceSource& stack, const SliceSource* target,
                                 const Setup& setup, int y, const std::vector<double>& times_s,
                                 const Job& job) {
+  refuse_recording(stack);
   const Grid& grid = stack.grid();
   if (target) check_same_voxels(grid, target->grid());
   if (y < 0 || y >= grid.height_px) {

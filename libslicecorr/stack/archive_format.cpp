@@ -244,6 +244,10 @@ std::string number_text(double value) {
 
 SliceLight light_of_layer(const StackInfo& info, int layer) {
   const double m = info.resin ? info.resin->m : 1.0;
+  if (info.kind == StackKind::recorded && info.process) {
+    // An image is no slice: what the plan gives one.
+    return {planned_light_s(*info.process, info.grid.layer_um, layer), 1};
+  }
   if (info.kind == StackKind::corrected && info.process) {
     return slice_light(*info.process, m, info.grid.layer_um, layer, info.grid.layers);
   }
@@ -321,7 +325,8 @@ std::vector<FormatInfo> archive_formats() {
 }
 
 Process process_of_times(const StackInfo& info) {
-  if (info.kind == StackKind::corrected && info.process) return *info.process;
+  const bool ours = info.kind == StackKind::corrected || info.kind == StackKind::recorded;
+  if (ours && info.process) return *info.process;
   Process p;
   p.mode = ExposureMode::layerwise;
   p.exposure_s = info.exposure_s;
@@ -333,6 +338,14 @@ Process process_of_times(const StackInfo& info) {
 }
 
 double light_on_s(const StackInfo& info) {
+  if (info.recording && info.process) {
+    double sum = 0;
+    for (int n = 0; n < info.recording->slices(); ++n) {
+      const double planned = planned_light_s(*info.process, info.grid.layer_um, n);
+      for (const Recording::Part& p : info.recording->of(n)) sum += p.light * planned;
+    }
+    return sum;
+  }
   return light_on_s(process_of_times(info), info.resin ? info.resin->m : 1.0, info.grid.layer_um,
                     info.grid.layers);
 }

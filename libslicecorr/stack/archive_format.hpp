@@ -16,6 +16,13 @@
 
 namespace slicecorr::detail {
 
+/// What the block of a recorded stack says of its table.
+struct RecordingFacts {
+  int slices = 0, parts = 0;
+  std::uint32_t crc32 = 0;
+  std::vector<int> other_uv_images;
+};
+
 /// What an archive says.
 struct ArchiveContents {
   /// Without `format`, which the reader sets. Pixel sizes are 0 where the archive does not say
@@ -30,6 +37,7 @@ struct ArchiveContents {
   std::optional<std::uint32_t> images_crc32, uv_images_crc32;
   /// Of the values of `info.printer`'s flat-field, which is an entry of its own.
   std::optional<std::uint32_t> flat_field_crc32;
+  std::optional<RecordingFacts> recording;  ///< of a recorded stack
   std::vector<std::string> warnings;
 };
 

@@ -15,6 +15,7 @@
 #include "stack/archive_format.hpp"
 #include "stack/flat_field_entry.hpp"
 #include "stack/png.hpp"
+#include "stack/recording_entry.hpp"
 #include "stack/uvj_config.hpp"
 
 namespace slicecorr {
@@ -36,6 +37,7 @@ ArchiveContents read_contents(const Container& archive) {
                             contents);
   }
   detail::read_flat_field(archive, contents);
+  detail::read_recording(archive, contents);
   StackInfo& info = contents.info;
   // A format that says of no more than mirroring says something where it is mirrored.
   if (info.orientation != Orientation{}) info.orientation_known = true;
@@ -302,6 +304,7 @@ StackReader::~StackReader() = default;
 const StackInfo& StackReader::info() const { return impl_->config.info; }
 const Grid& StackReader::grid() const { return impl_->config.info.grid; }
 PixelBox StackReader::bounds() const { return impl_->bounds; }
+const Recording* StackReader::recording() const { return impl_->config.info.recording.get(); }
 ImageFrame StackReader::frame() const { return image_frame(impl_->config.info); }
 ImageFrame image_frame(const StackInfo& info) {
   ImageFrame frame;

@@ -12,6 +12,7 @@
 #include "stack/archive_format.hpp"
 #include "stack/flat_field_entry.hpp"
 #include "stack/png.hpp"
+#include "stack/recording_entry.hpp"
 #include "stack/uvj_config.hpp"
 
 namespace slicecorr {
@@ -249,6 +250,7 @@ void StackWriter::Impl::write_archive(const StackInfo& info, const GreyImage& pr
         detail::write_provenance(info, request.images_crc32, request.uv_images_crc32) + "\n");
   }
   if (info.kind != StackKind::foreign) detail::add_flat_field(info, *output);
+  detail::add_recording(info, *output);
   output->finish(job);
 }
 

@@ -149,6 +149,7 @@ TurnedSlices::TurnedSlices(const SliceSource& source, const Turn& turn,
       turn_(turn),
       grid_(turned(source.grid(), turn)),
       frame_(frame.value_or(turned(source.frame(), turn))) {
+  refuse_recording(source);
   if (turn.swap_axes) {
     transposed_ = std::make_unique<const Transposed>(source, scratch_folder, job);
   }

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "stack/flat_field_entry.hpp"
+#include "stack/recording_entry.hpp"
 
 namespace slicecorr::detail {
 namespace {
@@ -108,6 +109,7 @@ int block_format(const Process& p) {
 }
 
 int block_format(const StackInfo& info) {
+  if (info.kind == StackKind::recorded) return 4;
   if (info.printer && info.printer->flat_field) return 3;
   return info.process ? block_format(*info.process) : 1;
 }
@@ -138,11 +140,21 @@ Json process_json(const Process& p, int format) {
   return json;
 }
 
+Json recording_json(const Recording& recording) {
+  return {{"file", recording_entry},
+          {"slices", recording.slices()},
+          {"parts", recording.parts.size()},
+          {"crc32", recording_crc32(recording_csv(recording))},
+          {"other_uv_images", recording.other_uv_images}};
+}
+
 Json block_json(const StackInfo& info, std::uint32_t crc, std::optional<std::uint32_t> uv_crc) {
   Json block;
   const int format = block_format(info);
   block["format"] = format;
-  block["kind"] = info.kind == StackKind::corrected ? "corrected" : "target";
+  block["kind"] = info.kind == StackKind::corrected  ? "corrected"
+                  : info.kind == StackKind::recorded ? "recorded"
+                                                     : "target";
   const bool layerwise = info.process && info.process->mode == ExposureMode::layerwise;
   block["mode"] = layerwise ? "layerwise" : "continuous";
   block["program"] = info.program;
@@ -159,6 +171,7 @@ Json block_json(const StackInfo& info, std::uint32_t crc, std::optional<std::uin
     block["frame"] = {{"images", "display"}};
     if (info.orientation_known) block["frame"]["orientation"] = orientation_json(info.orientation);
   }
+  if (info.recording) block["recording"] = recording_json(*info.recording);
   block["images_crc32"] = crc;
   if (uv_crc) block["uv_images_crc32"] = *uv_crc;
   return block;

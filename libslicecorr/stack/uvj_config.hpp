@@ -15,8 +15,8 @@ namespace slicecorr::detail {
 
 /// Newest version of our block that this program reads. Stacks say 1 as long as they hold nothing
 /// else: continuous exposure at one speed, without UV light. 2 has exposure schedules of any kind,
-/// 3 a flat-field.
-inline constexpr int uvj_block_format = 3;
+/// 3 a flat-field, 4 is a recorded stack.
+inline constexpr int uvj_block_format = 4;
 
 /// Words of the block, in the order of UvKind and Ramp.
 inline const std::vector<std::string> names_of_uv{"off", "constant", "per_slice", "patterned"};

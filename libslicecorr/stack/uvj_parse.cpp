@@ -4,6 +4,7 @@
 
 #include "slicecorr/error.hpp"
 #include "stack/json_node.hpp"
+#include "stack/recording_entry.hpp"
 #include "stack/uvj_config.hpp"
 
 namespace slicecorr::detail {
@@ -219,6 +220,17 @@ void refine(double& um, const Node& exact, std::vector<std::string>& warnings) {
   }
 }
 
+RecordingFacts read_recording_facts(const Node& node, int images) {
+  RecordingFacts facts;
+  facts.slices = node["slices"].integer(0, max_recorded_slices);
+  facts.parts = node["parts"].integer(0, max_recorded_parts);
+  facts.crc32 = static_cast<std::uint32_t>(node["crc32"].whole(0, 0xffffffff));
+  for (const Node& n : node["other_uv_images"].list(0, 1000000)) {
+    facts.other_uv_images.push_back(n.integer(0, images - 1));
+  }
+  return facts;
+}
+
 void read_block(const Node& block, ArchiveContents& config) {
   StackInfo& info = config.info;
   const auto format = block["format"].whole(1, 1000000);
@@ -226,8 +238,10 @@ void read_block(const Node& block, ArchiveContents& config) {
     block.refuse("made by a newer version of this program: format " + std::to_string(format) +
                  ", this program reads up to " + std::to_string(uvj_block_format));
   }
-  info.kind =
-      block["kind"].choice({"target", "corrected"}) == 1 ? StackKind::corrected : StackKind::target;
+  std::vector<std::string> kinds{"target", "corrected"};
+  if (format >= 4) kinds.emplace_back("recorded");
+  constexpr StackKind kind_of[]{StackKind::target, StackKind::corrected, StackKind::recorded};
+  info.kind = kind_of[block["kind"].choice(kinds)];
   const std::vector<std::string> modes = format >= 2
                                              ? std::vector<std::string>{"continuous", "layerwise"}
                                              : std::vector<std::string>{"continuous"};
@@ -243,7 +257,7 @@ void read_block(const Node& block, ArchiveContents& config) {
     refine(info.grid.layer_um, grid["layer_um"], config.warnings);
   }
   // Whoever reads a corrected stack needs to know what it was corrected for.
-  const bool needed = info.kind == StackKind::corrected;
+  const bool needed = info.kind != StackKind::target;
   if (needed || block.has("printer")) info.printer = read_printer(block["printer"]);
   if (info.printer && info.printer->flat_field) {
     config.flat_field_crc32 =
@@ -260,6 +274,9 @@ void read_block(const Node& block, ArchiveContents& config) {
   if (needed || block.has("resin")) info.resin = read_resin(block["resin"]);
   if (needed || block.has("process")) {
     info.process = read_process(block["process"], mode, format);
+  }
+  if (info.kind == StackKind::recorded) {
+    config.recording = read_recording_facts(block["recording"], info.grid.layers);
   }
   config.images_crc32 = static_cast<std::uint32_t>(block["images_crc32"].whole(0, 0xffffffff));
   if (block.has("uv_images_crc32")) {

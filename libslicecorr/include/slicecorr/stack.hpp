@@ -14,6 +14,7 @@
 #include "slicecorr/orientation.hpp"
 #include "slicecorr/parallel.hpp"
 #include "slicecorr/process.hpp"
+#include "slicecorr/recording.hpp"
 #include "slicecorr/target.hpp"
 
 namespace slicecorr {
@@ -23,6 +24,7 @@ enum class StackKind {
   foreign,    ///< made by another program: grey values, meaning unknown
   target,     ///< made by `slice`: coverage, 255 is full
   corrected,  ///< made by `correct`: grey levels of a printer
+  recorded,   ///< what a machine really showed, image by image (recording.hpp)
 };
 
 /// Names of the settings that a slicer wrote into its archive; empty where it did not.
@@ -45,10 +47,13 @@ struct StackInfo {
   bool for_display = false;
   ArchiveProfiles profiles;
   StackKind kind = StackKind::foreign;
-  /// Full parameters, present in stacks made by `correct`.
+  /// Full parameters, present in stacks made by `correct` and in recorded ones.
   std::optional<Printer> printer;
   std::optional<Resin> resin;
   std::optional<Process> process;
+  /// Which image was lit in which slice; null but in recorded stacks, where `grid.layers` is the
+  /// number of images.
+  std::shared_ptr<const Recording> recording;
   int target_layers = 0;       ///< layers of the part; grid.layers has the added slices too
   double part_volume_mm3 = 0;  ///< volume of the target's coverage; 0 when not known
   std::string program;         ///< name and version of the program that wrote it
@@ -67,7 +72,8 @@ ImageFrame image_frame(const StackInfo& info);
 /// The process of a corrected stack; else one, layer by layer, that has the archive's times.
 Process process_of_times(const StackInfo& info);
 /// Time in which all slices of the stack are shown, s: by its process when corrected, else by the
-/// archive's times, 0 when it has none. Without what lies between slices layer by layer.
+/// archive's times, 0 when it has none. Without what lies between slices layer by layer. Of a
+/// recorded stack the time of full light that gives as much.
 double light_on_s(const StackInfo& info);
 
 /// Keeps compressed pieces of images between the steps that make and take them in different orders.
@@ -128,6 +134,7 @@ class StackReader final : public SliceSource {
   const Grid& grid() const override;
   PixelBox bounds() const override;
   ImageFrame frame() const override;
+  const Recording* recording() const override;
   void read_band(const PixelBox& band, const Sink& sink) const override;
   /// The whole image of one slice, row by row, into width_px * height_px bytes. Thread-safe. Throws
   /// `std::out_of_range` when there is no such slice.

@@ -15,6 +15,8 @@
 
 namespace slicecorr {
 
+struct Recording;
+
 /// A source of slices: a sliced mesh, or an archive. Thread-safe for reading different bands at
 /// once.
 class SliceSource {
@@ -26,6 +28,9 @@ class SliceSource {
   /// How the images lie. Those of `slice` show the plate and are turned on their way to the
   /// display.
   virtual ImageFrame frame() const { return {}; }
+  /// Of a recorded stack, whose images are no slices: which of them was lit in which slice. Null:
+  /// image n is shown in slice n.
+  virtual const Recording* recording() const { return nullptr; }
   /// Gives rows [y0, y1) and columns [x0, x1) of every slice to `sink`, from slice 0 on. `rows`
   /// holds (y1 - y0) * (x1 - x0) bytes, row by row: coverage 0..255 of a target, or grey values
   /// 0..255 of a stack. A null pointer stands for a slice that is black there.

@@ -1,0 +1,103 @@
+/// @file recording.hpp
+/// What a machine really showed: a recorded stack (docs/recording.md).
+///
+/// A corrected stack says what is to be shown in each slice. A recorded one says what was: its
+/// archive holds the images in the order in which they appeared, as many as there were, and beside
+/// them which of them were lit while the window passed each slice of the plan, and with how much
+/// light. Whoever predicts from a recorded stack (`verify_stack`, `probe_stack`, ...) sums the
+/// parts of each slice.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "slicecorr/parallel.hpp"
+#include "slicecorr/process.hpp"
+
+namespace slicecorr {
+
+class SliceSource;
+struct StackInfo;
+
+/// What was shown in each slice of the plan.
+struct Recording {
+  /// An image while the window was within one slice.
+  struct Part {
+    /// Index of the archive's image; -1: black.
+    int image = -1;
+    /// Integral of (share of blue light)^m over the time for which the image was shown within the
+    /// slice, over the time that the process plans for the slice (`planned_light_s`); m is
+    /// `light_exponent`. 1: as planned; 0: dark. The share is that of what the calibration stands
+    /// for.
+    double light = 0;
+    /// Mean of the UV lamp, where it is patterned over a fully lit pixel. Counts as far as there is
+    /// light.
+    double uv_mw_cm2 = 0;
+    double from_um = 0, to_um = 0;  ///< measured, along the print from the platform
+    double speed_um_s = 0;          ///< mean
+    double blue_share = 0;          ///< mean
+    bool operator==(const Part&) const = default;
+  };
+  std::vector<Part> parts;        ///< slice by slice, in the order in which they were shown
+  std::vector<std::size_t> ends;  ///< of the parts of each slice
+  /// Images whose UV image was not the one that follows from the blue one: what they print can't be
+  /// predicted. Rising.
+  std::vector<int> other_uv_images;
+
+  int slices() const { return static_cast<int>(ends.size()); }
+  std::span<const Part> of(int slice) const;
+  /// Appends a slice.
+  void add_slice(std::span<const Part> shown);
+  bool operator==(const Recording&) const = default;
+};
+
+/// Time that a process plans for the light of a slice, s: continuous that in which the stage passes
+/// it at the print's speed (where the lamp follows a ramp, more time and less light are the same
+/// `light`), layer by layer its exposure.
+double planned_light_s(const Process& process, double layer_um, int slice);
+
+/// The exponent m to which the share of blue light counts: the resin's, under UV light that of its
+/// inhibition.
+double light_exponent(const Resin& resin, const Process& process);
+
+/// Throws `InputError` naming `source`, the slice and what was expected, when a part names an image
+/// that is not there or a number is not finite or negative.
+void check_recording(const Recording& recording, int images, const std::string& source);
+
+/// For what works on slices alone: throws `InputError` when `source` is a recording, whose images
+/// are none.
+void refuse_recording(const SliceSource& source);
+
+/// Takes the images of a print as they appear and writes the recorded stack at the end. Memory is
+/// bounded: images are kept compressed, beyond 64 MiB in an unnamed scratch file beside `path`. For
+/// one thread at a time.
+class RecordingWriter {
+ public:
+  /// `print`: what the corrected stack that is printed says of itself, with printer, resin and
+  /// process. `path` ends in ".uvj". Throws `InputError` when it does not, or `print` says less.
+  RecordingWriter(const std::string& path, const StackInfo& print, const Job& job = {});
+  ~RecordingWriter();
+  RecordingWriter(const RecordingWriter&) = delete;
+  RecordingWriter& operator=(const RecordingWriter&) = delete;
+
+  /// The next image, as large as the stack's; `uv`: that of a patterned UV lamp, null: none. Gives
+  /// its index, from 0.
+  int add_image(const std::uint8_t* blue, const std::uint8_t* uv = nullptr);
+  int images() const;
+
+  /// Writes the archive: complete or not at all. Its `other_uv_images` are filled in here. Goes on
+  /// where `job` is cancelled: a print that was stopped has a record, too. A recording without
+  /// images gets a black one, since an archive must have one. Throws as `check_recording`, and
+  /// `DeviceError`.
+  void finish(Recording shown);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace slicecorr

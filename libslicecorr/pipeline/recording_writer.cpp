@@ -1,0 +1,135 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <filesystem>
+#include <optional>
+#include <stdexcept>
+#include <vector>
+
+#include "base/run_length.hpp"
+#include "pipeline/uv_images.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/places.hpp"
+#include "slicecorr/recording.hpp"
+#include "slicecorr/stack.hpp"
+#include "slicecorr/version.hpp"
+
+namespace slicecorr {
+
+namespace {
+
+constexpr std::size_t memory_budget = std::size_t{64} << 20;
+
+std::string folder_beside(const std::string& path) {
+  const std::string folder = std::filesystem::path(path).parent_path().string();
+  return folder.empty() ? "." : folder;
+}
+
+}  // namespace
+
+/// A piece in the store is the run-length code of a whole image: bands of the archive are only
+/// known once the number of images is.
+struct RecordingWriter::Impl {
+  std::string path;
+  StackInfo info;
+  Job job;
+  PieceStore store;
+  std::size_t pixels = 0;
+  std::vector<PieceStore::Piece> images;
+  /// UV pixel value of each pixel value, where the lamp is patterned.
+  std::optional<std::array<std::uint8_t, 256>> uv_of_pixel;
+  std::vector<int> other_uv_images;
+  std::vector<std::uint8_t> code;
+
+  Impl(const std::string& p, const StackInfo& print, const Job& j)
+      : path(p), info(print), job(j), store(folder_beside(p), memory_budget, j) {
+    // A print that was stopped has a record, too.
+    job.cancel = nullptr;
+  }
+  bool follows(const std::uint8_t* blue, const std::uint8_t* uv) const;
+  void write_images(StackWriter& writer, int count) const;
+};
+
+RecordingWriter::RecordingWriter(const std::string& path, const StackInfo& print, const Job& job) {
+  if (!path.ends_with(".uvj")) {
+    throw InputError(path, "", "a recording is written as a UVJ archive; expected a name.uvj");
+  }
+  if (!print.printer || !print.resin || !print.process) {
+    throw InputError(path, "",
+                     "a recording needs to know what is printed; expected a corrected stack with "
+                     "its printer, resin and process");
+  }
+  const Grid& grid = print.grid;
+  if (grid.width_px < 1 || grid.height_px < 1 || !(grid.layer_um > 0)) {
+    throw std::invalid_argument("a recording needs the size of images and layers");
+  }
+  impl_ = std::make_unique<Impl>(path, print, job);
+  Impl& s = *impl_;
+  s.pixels = static_cast<std::size_t>(grid.width_px) * static_cast<std::size_t>(grid.height_px);
+  s.info.kind = StackKind::recorded;
+  s.info.program = std::string("slicecorr ") + version;
+  if (print.process->uv.kind != UvKind::patterned) return;
+  const PlaceModels models(*print.printer, *print.resin, *print.process, grid, image_frame(print));
+  s.uv_of_pixel = detail::uv_of_pixels(models.brightest(), print.printer->levels());
+}
+
+RecordingWriter::~RecordingWriter() = default;
+
+int RecordingWriter::images() const { return static_cast<int>(impl_->images.size()); }
+
+/// Whether the UV image is the one that goes with the blue one.
+bool RecordingWriter::Impl::follows(const std::uint8_t* blue, const std::uint8_t* uv) const {
+  if (!uv_of_pixel) return true;
+  if (!uv) return false;
+  for (std::size_t i = 0; i < pixels; ++i) {
+    if (uv[i] != (*uv_of_pixel)[blue[i]]) return false;
+  }
+  return true;
+}
+
+int RecordingWriter::add_image(const std::uint8_t* blue, const std::uint8_t* uv) {
+  Impl& s = *impl_;
+  const int index = images();
+  s.code.clear();
+  detail::run_length_encode(blue, s.pixels, s.code);
+  s.images.push_back(s.store.put(s.code.data(), s.code.size()));
+  if (!s.follows(blue, uv)) s.other_uv_images.push_back(index);
+  return index;
+}
+
+void RecordingWriter::Impl::write_images(StackWriter& writer, int count) const {
+  constexpr int at_once = 16;
+  const int height = info.grid.height_px;
+  const auto groups = static_cast<std::size_t>((count + at_once - 1) / at_once);
+  parallel_for(job, "record", groups, [&](std::size_t g) {
+    StackWriter::BandEncoder encoder(writer, 0, height);
+    std::vector<std::uint8_t> packed, image(pixels);
+    const int first = static_cast<int>(g) * at_once;
+    for (int n = first; n < std::min(count, first + at_once); ++n) {
+      packed.clear();
+      store.get(images[static_cast<std::size_t>(n)], packed);
+      detail::run_length_decode(packed.data(), packed.data() + packed.size(), image.data(), pixels);
+      encoder.put(n, 0, info.grid.width_px, image.data());
+    }
+  });
+}
+
+void RecordingWriter::finish(Recording shown) {
+  Impl& s = *impl_;
+  shown.other_uv_images = s.other_uv_images;
+  check_recording(shown, images(), s.path);
+  s.info.grid.layers = std::max(1, images());
+  s.info.recording = std::make_shared<const Recording>(std::move(shown));
+  StackWriter writer(s.path, s.info.grid, s.job);
+  if (s.uv_of_pixel) writer.set_uv_pattern(*s.uv_of_pixel);
+  if (images() == 0) {
+    StackWriter::BandEncoder(writer, 0, s.info.grid.height_px)
+        .put(0, 0, s.info.grid.width_px, nullptr);
+  }
+  s.write_images(writer, images());
+  writer.finish(s.info, {});
+}
+
+}  // namespace slicecorr

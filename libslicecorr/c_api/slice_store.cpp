@@ -162,6 +162,7 @@ void SliceStore::read_band(const PixelBox& box, const Sink& sink) const {
 
 std::unique_ptr<SliceStore> keep_slices(const SliceSource& source, const std::string& stage,
                                         const std::string& scratch_folder, const Job& job) {
+  refuse_recording(source);
   const Grid& grid = source.grid();
   auto store = std::make_unique<SliceStore>(grid, scratch_folder, job);
   store->set_frame(source.frame());

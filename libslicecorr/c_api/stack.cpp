@@ -98,6 +98,7 @@ const TextProperty texts[] = {
      [](const slicecorr_stack& s) {
        return s.info.kind == StackKind::target      ? "target"
               : s.info.kind == StackKind::corrected ? "corrected"
+              : s.info.kind == StackKind::recorded  ? "recorded"
                                                     : "foreign";
      }},
     {"program", "that made it", [](const slicecorr_stack& s) { return s.info.program.c_str(); }},

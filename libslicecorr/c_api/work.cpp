@@ -63,6 +63,7 @@ class Watched final : public SliceSource {
   const Grid& grid() const override { return source_.grid(); }
   PixelBox bounds() const override { return source_.bounds(); }
   ImageFrame frame() const override { return source_.frame(); }
+  const Recording* recording() const override { return source_.recording(); }
   void read_band(const PixelBox& band, const Sink& sink) const override {
     const auto size =
         static_cast<std::size_t>(band.width()) * static_cast<std::size_t>(band.height());

@@ -329,7 +329,8 @@ int convert(const Arguments& a, const Job& job, Console& console) {
 int info(const Arguments& a, const Job& job, Console&) {
   must_not_replace(a.json, {a.input});
   StackInfo info = StackReader::read_info(a.input);
-  if (info.part_volume_mm3 == 0 && info.kind != StackKind::corrected) {
+  const bool light = info.kind == StackKind::corrected || info.kind == StackKind::recorded;
+  if (info.part_volume_mm3 == 0 && !light) {
     // All images are looked at, whatever their size: a damaged archive is not described.
     const StackReader stack(a.input, folder_of(a.input), job, {1, 1, 1});
     const Grid& g = info.grid;

@@ -20,6 +20,8 @@ const char* kind_name(StackKind kind) {
       return "target";
     case StackKind::corrected:
       return "corrected";
+    case StackKind::recorded:
+      return "recorded";
     default:
       return "foreign";
   }
@@ -40,6 +42,64 @@ std::string exposures(const Process& p) {
   }
   return text;
 }
+
+/// What a recording says of all its slices.
+struct RecordingFigures {
+  int lit_slices = 0;
+  std::size_t most_images = 0;
+  double least_light = 0, greatest_light = 0;  ///< of slices with light
+  double least_um_s = 0, greatest_um_s = 0, least_uv = 0, greatest_uv = 0;  ///< of lit parts
+};
+
+RecordingFigures figures_of(const StackInfo& info) {
+  RecordingFigures f;
+  const auto widen = [](double value, bool first, double& least, double& greatest) {
+    least = first ? value : std::min(least, value);
+    greatest = first ? value : std::max(greatest, value);
+  };
+  bool first = true;
+  for (int n = 0; n < info.recording->slices(); ++n) {
+    double light = 0;
+    std::vector<int> images;
+    for (const Recording::Part& p : info.recording->of(n)) {
+      if (!(p.light > 0)) continue;
+      light += p.light;
+      images.push_back(p.image);
+      widen(p.speed_um_s, first, f.least_um_s, f.greatest_um_s);
+      widen(p.uv_mw_cm2, first, f.least_uv, f.greatest_uv);
+      first = false;
+    }
+    if (images.empty()) continue;
+    std::sort(images.begin(), images.end());
+    const auto different = std::unique(images.begin(), images.end()) - images.begin();
+    f.most_images = std::max(f.most_images, static_cast<std::size_t>(different));
+    widen(light, f.lit_slices == 0, f.least_light, f.greatest_light);
+    ++f.lit_slices;
+  }
+  return f;
+}
+
+std::string describe_recording(const StackInfo& info) {
+  const RecordingFigures f = figures_of(info);
+  std::string text = fmt::format("part         {} layers, {:.3f} mm high\n", info.target_layers,
+                                 info.target_layers * info.grid.layer_um * 1e-3);
+  text += fmt::format("shown        {} images; {} slices with light, of {} images at most\n",
+                      info.grid.layers, f.lit_slices, f.most_images);
+  if (f.lit_slices > 0) {
+    text += fmt::format("light        {:.4g} to {:.4g} of that of the plan\n", f.least_light,
+                        f.greatest_light);
+    text += fmt::format("speed        {:.4g} to {:.4g} um/s while lit\n", f.least_um_s,
+                        f.greatest_um_s);
+    if (f.greatest_uv > 0) {
+      text += fmt::format("UV measured  {:.4g} to {:.4g} mW/cm²\n", f.least_uv, f.greatest_uv);
+    }
+  }
+  if (!info.recording->other_uv_images.empty()) {
+    text += fmt::format("UV images    {} were others than those of their slices\n",
+                        info.recording->other_uv_images.size());
+  }
+  return text;
+}
 }  // namespace
 
 std::string describe_stack(const StackInfo& info) {
@@ -48,9 +108,10 @@ std::string describe_stack(const StackInfo& info) {
     return um > 0 ? text : std::string("not said");
   };
   std::string text = fmt::format("kind         {}, format {}\n", kind_name(info.kind), info.format);
-  text += fmt::format("slices       {} of {}\n", g.layers,
+  const int slices = info.recording ? info.recording->slices() : g.layers;
+  text += fmt::format("slices       {} of {}\n", slices,
                       or_not_said(g.layer_um, fmt::format("{:g} um, {:.3f} mm in all", g.layer_um,
-                                                          g.layers * g.layer_um * 1e-3)));
+                                                          slices * g.layer_um * 1e-3)));
   text += fmt::format(
       "images       {} x {} pixels of {}\n", g.width_px, g.height_px,
       or_not_said(g.pixel_x_um, fmt::format("{:g} x {:g} um", g.pixel_x_um, g.pixel_y_um)));
@@ -68,6 +129,7 @@ std::string describe_stack(const StackInfo& info) {
                         info.target_layers, info.target_layers * g.layer_um * 1e-3,
                         g.layers - info.target_layers);
   }
+  if (info.recording) text += describe_recording(info);
   if (info.printer) text += fmt::format("printer      {}\n", info.printer->name);
   if (info.printer && info.printer->flat_field) {
     text += fmt::format("light        {}, over the display\n", light_in_words(*info.printer));
@@ -117,18 +179,31 @@ std::string info_json(const StackInfo& info, const std::string& path) {
   j["file"] = path;
   j["kind"] = kind_name(info.kind);
   j["format"] = info.format;
-  j["layers"] = g.layers;
+  const int slices = info.recording ? info.recording->slices() : g.layers;
+  j["layers"] = slices;
   j["layer_um"] = g.layer_um;
   j["width_px"] = g.width_px;
   j["height_px"] = g.height_px;
   j["pixel_um"] = {g.pixel_x_um, g.pixel_y_um};
-  j["height_mm"] = g.layers * g.layer_um * 1e-3;
+  j["height_mm"] = slices * g.layer_um * 1e-3;
   j["orientation"] = {{"portrait", info.orientation.portrait},
                       {"mirror_x", info.orientation.mirror_x},
                       {"mirror_y", info.orientation.mirror_y}};
   j["profiles"] = {{"printer", info.profiles.printer},
                    {"material", info.profiles.material},
                    {"print", info.profiles.print}};
+  if (info.recording) {
+    const RecordingFigures f = figures_of(info);
+    j["recording"] = {{"images", g.layers},
+                      {"slices", slices},
+                      {"parts", info.recording->parts.size()},
+                      {"lit_slices", f.lit_slices},
+                      {"most_images_in_a_slice", f.most_images},
+                      {"light", {f.least_light, f.greatest_light}},
+                      {"speed_um_s", {f.least_um_s, f.greatest_um_s}},
+                      {"uv_mw_cm2", {f.least_uv, f.greatest_uv}},
+                      {"other_uv_images", info.recording->other_uv_images}};
+  }
   if (info.target_layers > 0) j["target_layers"] = info.target_layers;
   if (info.printer) j["printer"] = info.printer->name;
   if (info.printer && info.printer->flat_field) {

@@ -10,16 +10,27 @@ namespace slicecorr {
 
 using detail::kBlock;
 
-namespace {
+namespace detail {
 
-/// phi of a block of pixels; most blocks show one value.
-void block_phi(const PixelCurve& curve, const std::uint8_t* pixels, std::size_t n, double* phi) {
-  if (n == kBlock && detail::uniform(pixels)) {
-    std::fill_n(phi, n, curve[pixels[0]]);
-    return;
+void block_phi(const PixelCurve& curve, std::span<const ShownPart> parts, std::size_t first,
+               std::size_t n, double* phi) {
+  bool begun = false;
+  for (const ShownPart& part : parts) {
+    const std::uint8_t* const pixels = part.pixels + first;
+    // Most blocks show one value.
+    const bool one = n == kBlock && uniform(pixels);
+    for (std::size_t i = 0; i < n; ++i) {
+      const double added = part.light * curve[pixels[one ? 0 : i]];
+      phi[i] = begun ? phi[i] + added : added;
+    }
+    begun = true;
   }
-  for (std::size_t i = 0; i < n; ++i) phi[i] = curve[pixels[i]];
+  if (!begun) std::fill_n(phi, n, 0.0);
 }
+
+}  // namespace detail
+
+namespace {
 
 /// (A.32), (A.35).
 class ContinuousWalker final : public BandDose::Walker {
@@ -28,10 +39,12 @@ class ContinuousWalker final : public BandDose::Walker {
       : model_(model), curve_(pixel_curve(model)), phi_(columns) {
     for (auto* dose : {&lower, &middle, &upper}) dose->assign(columns, 0.0);
   }
-  void add_slice(int, const std::uint8_t* pixels) override {
+  void add_slice(int, std::span<const ShownPart> parts) override {
     lower.swap(upper);
+    for (std::size_t b = 0; b < phi_.size(); b += kBlock) {
+      detail::block_phi(curve_, parts, b, std::min(kBlock, phi_.size() - b), &phi_[b]);
+    }
     for (std::size_t i = 0; i < phi_.size(); ++i) {
-      phi_[i] = pixels ? curve_[pixels[i]] : 0.0;
       middle[i] = model_.middle(phi_[i], lower[i]);
       upper[i] = model_.step(phi_[i], lower[i]);
     }
@@ -66,16 +79,12 @@ class LayerwiseWalker final : public BandDose::Walker {
       : model_(model), curve_(pixel_curve(model)) {
     for (auto* dose : {&lower, &middle, &upper}) dose->assign(columns, 0.0);
   }
-  void add_slice(int slice, const std::uint8_t* pixels) override {
+  void add_slice(int slice, std::span<const ShownPart> parts) override {
     const double ratio = model_.ratio(slice);
     double phi[kBlock];
     for (std::size_t b = 0; b < lower.size(); b += kBlock) {
       const std::size_t n = std::min(kBlock, lower.size() - b);
-      if (pixels) {
-        block_phi(curve_, pixels + b, n, phi);
-      } else {
-        std::fill_n(phi, n, 0.0);
-      }
+      detail::block_phi(curve_, parts, b, n, phi);
       add(&lower[b], &upper[b], phi, ratio, n);
       fade(&lower[b], &middle[b], &upper[b], model_.root_a, model_.a, n);
     }
@@ -100,11 +109,17 @@ std::unique_ptr<BandDose::Walker> make_walker(const CureModel& model, std::size_
 }  // namespace
 
 BandDose::BandDose(const CureModel& model, std::size_t columns)
-    : walker_(make_walker(model, columns)) {}
+    : model_(model), walker_(make_walker(model, columns)) {}
 BandDose::~BandDose() = default;
 BandDose::BandDose(BandDose&&) noexcept = default;
 void BandDose::add_slice(int slice, const std::uint8_t* pixels) {
-  walker_->add_slice(slice, pixels);
+  if (!pixels) return walker_->add_slice(slice, {});
+  const int setting = model_.inhibited ? model_.inhibited->setting_of_slice(slice) : 0;
+  const ShownPart whole{pixels, 1.0, setting};
+  walker_->add_slice(slice, {&whole, 1});
+}
+void BandDose::add_slice(int slice, std::span<const ShownPart> parts) {
+  walker_->add_slice(slice, parts);
 }
 const double* BandDose::lower() const { return walker_->lower.data(); }
 const double* BandDose::middle() const { return walker_->middle.data(); }

@@ -121,15 +121,8 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
         setting_uv_ = {asked};
         break;
       }
-      for (const double asked : uv.slice_mw_cm2) {
-        check(asked, "a slice of the schedule");
-        const auto found = std::find(setting_uv_.begin(), setting_uv_.end(), asked);
-        slice_setting_.push_back(static_cast<std::uint16_t>(found - setting_uv_.begin()));
-        if (found == setting_uv_.end()) setting_uv_.push_back(asked);
-        if (setting_uv_.size() > 4096) {
-          throw InputError("the schedule has more than 4096 different UV intensities");
-        }
-      }
+      for (const double asked : uv.slice_mw_cm2) check(asked, "a slice of the schedule");
+      take_settings(uv.slice_mw_cm2);
       break;
     }
     case UvKind::patterned: {
@@ -142,7 +135,12 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
             lamp.at_least(uv_for_dead_zone(kinetics_, blue, uv.dead_zone_um) * (1 - 1e-12)));
         level_uv_.push_back(lamp.phi(uv_levels_.back()));
       }
-      setting_uv_ = {level_uv_.back()};
+      const double whole = level_uv_.back();
+      take_settings(uv.slice_mw_cm2.empty() ? std::vector{most} : uv.slice_mw_cm2);
+      for (double& setting : setting_uv_) {
+        setting_share_.push_back(setting / most);
+        setting = whole * setting_share_.back();
+      }
       break;
     }
   }
@@ -165,6 +163,18 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
               : 2;
   tables_.resize(static_cast<std::size_t>(settings() * places));
   for (int s = 0; s < settings(); ++s) tabulate(s);
+}
+
+/// One setting for each different intensity.
+void InhibitedKernel::take_settings(const std::vector<double>& slice_mw_cm2) {
+  for (const double intensity : slice_mw_cm2) {
+    const auto found = std::find(setting_uv_.begin(), setting_uv_.end(), intensity);
+    slice_setting_.push_back(static_cast<std::uint16_t>(found - setting_uv_.begin()));
+    if (found == setting_uv_.end()) setting_uv_.push_back(intensity);
+    if (setting_uv_.size() > 4096) {
+      throw InputError("the schedule has more than 4096 different UV intensities");
+    }
+  }
 }
 
 int InhibitedKernel::setting_of_slice(int slice) const {
@@ -233,18 +243,18 @@ double InhibitedKernel::steady_dose(int setting, int level) const {
   return sum + last * a_ / (1.0 - a_);
 }
 
-double InhibitedKernel::dead_zone_um(int slice, int level) const {
+double InhibitedKernel::setting_dead_zone_um(int setting, int level) const {
   return steady_dead_zone_um(kinetics_, blue_[static_cast<std::size_t>(level)],
-                             uv_mw_cm2(slice, level));
+                             uv_of(setting, level));
 }
 
 double InhibitedKernel::first_gel_um(int slice, int level) const {
   return first_gel(kinetics_, blue_[static_cast<std::size_t>(level)], uv_mw_cm2(slice, level)).z_um;
 }
 
-double InhibitedKernel::window_dose(int slice, int level) const {
+double InhibitedKernel::setting_window_dose(int setting, int level) const {
   const double net =
-      blue_[static_cast<std::size_t>(level)] - kinetics_.beta * uv_mw_cm2(slice, level);
+      blue_[static_cast<std::size_t>(level)] - kinetics_.beta * uv_of(setting, level);
   return net > 0 ? gel_scale_ * std::pow(net, gel_.m) : 0.0;
 }
 

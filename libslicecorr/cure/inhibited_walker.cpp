@@ -19,7 +19,6 @@ class InhibitedWalker final : public BandDose::Walker {
         near_(static_cast<std::size_t>(kernel_.near())),
         stride_(static_cast<std::size_t>(kernel_.levels()) + 1),
         columns_(columns),
-        ring_(near_, std::vector<std::uint16_t>(columns, off())),
         slots_(near_),
         same_(columns, 0) {
     lower.assign(columns, 0.0);
@@ -29,37 +28,44 @@ class InhibitedWalker final : public BandDose::Walker {
     for (int v = 0; v < 256; ++v) {
       level_of_[v] = static_cast<std::uint16_t>((v * (kernel_.levels() - 1) + 127) / 255);
     }
+    for (Slot& slot : slots_)
+      slot.shown.push_back({0, 0, std::vector<std::uint16_t>(columns, off())});
     table_.resize(static_cast<std::size_t>(kernel_.settings() * InhibitedKernel::places));
     sums_.resize(table_.size());
   }
 
-  void add_slice(int slice, const std::uint8_t* pixels) override {
-    const Slot slot{kernel_.setting_of_slice(slice), model_.ratio(slice)};
-    prepare(slot.setting);
+  void add_slice(int slice, std::span<const ShownPart> parts) override {
+    for (const ShownPart& part : parts) prepare(part.setting);
     // The slot that comes free holds the slice that leaves the tables' reach.
+    const Slot& before = slots_[newest_];
     newest_ = newest_ == 0 ? near_ - 1 : newest_ - 1;
-    std::vector<std::uint16_t>& row = ring_[newest_];
-    const Slot leaving = slots_[newest_];
-    const bool jump = any_ && (slot.setting != slots_[(newest_ + 1) % near_].setting ||
-                               slot.ratio != slots_[(newest_ + 1) % near_].ratio);
-    const std::vector<std::uint16_t>& before = ring_[(newest_ + 1) % near_];
-    const double a = kernel_.a();
+    Slot& slot = slots_[newest_];
+    fade(slot);
+    slot.count = std::max<std::size_t>(1, parts.size());
+    if (slot.shown.size() < slot.count) slot.shown.resize(slot.count);
+    const double ratio = model_.ratio(slice);
+    for (std::size_t k = 0; k < parts.size(); ++k) {
+      const ShownPart& part = parts[k];
+      Shown& shown = slot.shown[k];
+      shown.setting = part.setting;
+      shown.weight = part.light * ratio;
+      shown.levels.resize(columns_);
+      for (std::size_t i = 0; i < columns_; ++i) shown.levels[i] = level_of_[part.pixels[i]];
+    }
+    Shown& now = slot.shown[0];
+    if (parts.empty()) {
+      now.weight = 0;
+      std::fill(now.levels.begin(), now.levels.end(), off());
+    }
+    // Running sums hold while nothing but the level of one image counts.
+    const Shown& last = before.shown[0];
+    const bool jump = !any_ || slot.count > 1 || before.count > 1 || now.setting != last.setting ||
+                      now.weight != last.weight;
     for (std::size_t i = 0; i < columns_; ++i) {
-      for (const Kept& kept : kKept) {
-        double& tail = tail_[kept.index][i];
-        double gone = 0;
-        if (row[i] != off()) {
-          gone = leaving.ratio * table(leaving.setting, kept.place)[(near_ - 1) * stride_ + row[i]];
-        }
-        tail = a * (tail + gone);
-      }
-      const std::uint16_t level = pixels ? level_of_[pixels[i]] : off();
-      const bool same = !jump && any_ && level == before[i];
+      const bool same = !jump && now.levels[i] == last.levels[i];
       same_[i] = same ? static_cast<std::uint16_t>(std::min<std::size_t>(same_[i] + 1U, near_))
                       : std::uint16_t{1};
-      row[i] = level;
     }
-    slots_[newest_] = slot;
     any_ = true;
 
     if (model_.mode == ExposureMode::continuous) {
@@ -102,9 +108,15 @@ class InhibitedWalker final : public BandDose::Walker {
   }
 
  private:
-  struct Slot {
+  /// An image of a slice.
+  struct Shown {
     int setting = 0;
-    double ratio = 1;
+    double weight = 0;
+    std::vector<std::uint16_t> levels;
+  };
+  struct Slot {
+    std::vector<Shown> shown;
+    std::size_t count = 1;  ///< images in use; more are kept for their memory
   };
   /// Places whose doses are kept for every layer, with their tails.
   struct Kept {
@@ -139,15 +151,44 @@ class InhibitedWalker final : public BandDose::Walker {
   }
   const double* table(int setting, int place) const { return table_[index(setting, place)].data(); }
 
+  /// The slice in `slot` is recursed from now on.
+  void fade(Slot& slot) {
+    const double a = kernel_.a();
+    for (const Kept& kept : kKept) {
+      double* const tail = tail_[kept.index].data();
+      for (std::size_t k = 0; k < slot.count; ++k) {
+        const Shown& shown = slot.shown[k];
+        // Of light that was off in all slices so far there is no table yet.
+        if (shown.weight == 0) continue;
+        const double* const last = table(shown.setting, kept.place) + (near_ - 1) * stride_;
+        for (std::size_t i = 0; i < columns_; ++i) {
+          // The row of light that is off is 0.
+          tail[i] += shown.weight * last[shown.levels[i]];
+        }
+      }
+      for (std::size_t i = 0; i < columns_; ++i) tail[i] *= a;
+    }
+  }
+
   double sum_of(int place, std::size_t i) const {
     const std::size_t same = same_[i];
-    const Slot& now = slots_[newest_];
-    double sum = now.ratio * sums_[index(now.setting, place)][same * stride_ + ring_[newest_][i]];
+    const Slot& newest = slots_[newest_];
+    const Shown& now = newest.shown[0];
+    double sum = 0;
+    if (now.levels[i] != off()) {
+      sum = now.weight * sums_[index(now.setting, place)][same * stride_ + now.levels[i]];
+    }
+    for (std::size_t k = 1; k < newest.count; ++k) {
+      const Shown& shown = newest.shown[k];
+      sum += shown.weight * table(shown.setting, place)[shown.levels[i]];
+    }
     for (std::size_t j = same; j < near_; ++j) {
-      const std::size_t at = (newest_ + j) % near_;
-      const Slot& slot = slots_[at];
-      if (ring_[at][i] == off()) continue;
-      sum += slot.ratio * table(slot.setting, place)[j * stride_ + ring_[at][i]];
+      const Slot& slot = slots_[(newest_ + j) % near_];
+      for (std::size_t k = 0; k < slot.count; ++k) {
+        const Shown& shown = slot.shown[k];
+        if (shown.levels[i] == off()) continue;
+        sum += shown.weight * table(shown.setting, place)[j * stride_ + shown.levels[i]];
+      }
     }
     return sum;
   }
@@ -158,8 +199,7 @@ class InhibitedWalker final : public BandDose::Walker {
   const CureModel& model_;
   const InhibitedKernel& kernel_;
   std::size_t near_, stride_, columns_;
-  std::vector<std::vector<std::uint16_t>> ring_;  ///< levels of the last `near_` slices
-  std::vector<Slot> slots_;
+  std::vector<Slot> slots_;  ///< the last `near_` slices
   std::size_t newest_ = 0;
   bool any_ = false;
   std::vector<std::uint16_t> same_;  ///< slices for which a column has shown its level

@@ -112,12 +112,33 @@ void PlaceDose::add_slice(int slice, const std::uint8_t* pixels) {
       for (std::size_t k = 0; k < n; ++k) gathered_[k] = pixels[part.columns[k]];
     }
     part.dose.add_slice(slice, pixels ? gathered_.data() : nullptr);
-    for (std::size_t k = 0; k < n; ++k) {
-      const std::uint32_t at = part.columns[k];
-      lower_[at] = part.dose.lower()[k];
-      middle_[at] = part.dose.middle()[k];
-      upper_[at] = part.dose.upper()[k];
+    scatter(part);
+  }
+}
+
+void PlaceDose::add_slice(int slice, std::span<const ShownPart> shown) {
+  if (parts_.size() == 1) return parts_[0].dose.add_slice(slice, shown);
+  const std::size_t columns = lower_.size();
+  gathered_.resize(std::max<std::size_t>(1, shown.size()) * columns);
+  std::vector<ShownPart> of_place(shown.begin(), shown.end());
+  for (Part& part : parts_) {
+    const std::size_t n = part.columns.size();
+    for (std::size_t s = 0; s < shown.size(); ++s) {
+      std::uint8_t* const pixels = gathered_.data() + s * columns;
+      for (std::size_t k = 0; k < n; ++k) pixels[k] = shown[s].pixels[part.columns[k]];
+      of_place[s].pixels = pixels;
     }
+    part.dose.add_slice(slice, of_place);
+    scatter(part);
+  }
+}
+
+void PlaceDose::scatter(const Part& part) {
+  for (std::size_t k = 0; k < part.columns.size(); ++k) {
+    const std::uint32_t at = part.columns[k];
+    lower_[at] = part.dose.lower()[k];
+    middle_[at] = part.dose.middle()[k];
+    upper_[at] = part.dose.upper()[k];
   }
 }
 

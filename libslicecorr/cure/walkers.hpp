@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "slicecorr/dose.hpp"
@@ -19,6 +20,10 @@ std::shared_ptr<const InhibitedKernel> make_inhibited_kernel(
 /// As `check_feasible`, for a model with an inhibited kernel.
 void check_inhibited_feasible(const CureModel& model, const Printer& printer,
                               const Process& process);
+
+/// phi of the columns [first, first + n), n of at most a block, from all parts of a slice.
+void block_phi(const PixelCurve& curve, std::span<const ShownPart> parts, std::size_t first,
+               std::size_t n, double* phi);
 
 /// Doses of a model with an inhibited kernel.
 std::unique_ptr<BandDose::Walker> make_inhibited_walker(const CureModel& model,

@@ -243,9 +243,9 @@ SLICECORR_API slicecorr_status slicecorr_stack_number(const slicecorr_stack* sta
 SLICECORR_API slicecorr_status slicecorr_stack_numbers(const slicecorr_stack* stack,
                                                        const char* name, double* values,
                                                        size_t capacity, size_t* count);
-/** path, format, kind (target, corrected, foreign), program, mode; printer and resin of a corrected
- *  stack; printer_profile, material_profile, print_profile as a slicer named them. "" where it does
- *  not say; NULL for other names and for NULL. */
+/** path, format, kind (target, corrected, recorded, foreign), program, mode; printer and resin of a
+ *  corrected or recorded stack; printer_profile, material_profile, print_profile as a slicer named
+ *  them. "" where it does not say; NULL for other names and for NULL. */
 SLICECORR_API const char* slicecorr_stack_text(const slicecorr_stack* stack, const char* name);
 
 /* ---- Figures ---------------------------------------------------------------------------------- */

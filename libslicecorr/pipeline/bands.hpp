@@ -1,9 +1,11 @@
 /// Splitting a box of pixels into bands, and putting the figures of bands together.
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include "base/band_tape.hpp"
+#include "cure/shown_slices.hpp"
 #include "slicecorr/predict.hpp"
 #include "slicecorr/stack.hpp"
 #include "slicecorr/target.hpp"
@@ -40,13 +42,23 @@ inline BandPredictor::Place place_in(const PixelBox& band) {
   };
 }
 
+/// Columns in which nothing but black is shown; `recorded` null: one image per slice.
+inline Prediction black_columns(const CureModel& model, int slices, std::uint64_t columns,
+                                const ShownSlices* recorded) {
+  if (!recorded) return predict_black_columns(model, slices, columns);
+  return predict_black_columns(
+      model, slices, columns,
+      [black = std::make_shared<BlackColumn>(*recorded)](int n) { return (*black)(n); });
+}
+
 /// What all bands print together with the columns outside them, when `slices` slices are shown.
 inline Prediction whole_image(const Prediction& in_bands, const CureModel& model, const Grid& grid,
-                              int slices, const std::vector<PixelBox>& bands) {
+                              int slices, const std::vector<PixelBox>& bands,
+                              const ShownSlices* recorded = nullptr) {
   std::uint64_t outside =
       static_cast<std::uint64_t>(grid.width_px) * static_cast<std::uint64_t>(grid.height_px);
   for (const PixelBox& band : bands) outside -= columns_of(band);
-  Prediction sum = predict_black_columns(model, slices, outside);
+  Prediction sum = black_columns(model, slices, outside, recorded);
   sum.layers = slices;
   sum.layerwise = layerwise_figures(model);
   sum.layer_um = grid.layer_um;

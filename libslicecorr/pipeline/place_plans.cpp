@@ -256,14 +256,14 @@ GroupedBand::GroupedBand(const LightMap& map, const PixelBox& band,
 }
 
 Prediction whole_image(const Prediction& in_groups, const PlaceModels& models, const Grid& grid,
-                       int slices, const LightCounts& in_all_groups) {
+                       int slices, const LightCounts& in_all_groups, const ShownSlices* recorded) {
   // Columns without light of the part get that of black: only the brightest matters.
   const LightCounts display = models.map().counts({0, 0, grid.width_px, grid.height_px});
   Prediction sum;
   for (std::size_t v = 256; v-- > 0;) {
     if (display[v] <= in_all_groups[v]) continue;
-    sum = predict_black_columns(models.model(static_cast<std::uint8_t>(v)), slices,
-                                display[v] - in_all_groups[v]);
+    sum = black_columns(models.model(static_cast<std::uint8_t>(v)), slices,
+                        display[v] - in_all_groups[v], recorded);
     break;
   }
   sum.layers = slices;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "base/band_tape.hpp"
+#include "cure/shown_slices.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/places.hpp"
 
@@ -72,7 +73,8 @@ using LightCounts = std::array<std::uint64_t, 256>;
 
 /// What all bands print together with the columns that are in none of their groups.
 Prediction whole_image(const Prediction& in_groups, const PlaceModels& models, const Grid& grid,
-                       int slices, const LightCounts& in_all_groups);
+                       int slices, const LightCounts& in_all_groups,
+                       const ShownSlices* recorded = nullptr);
 
 /// Windows of several models together; see WindowTotal. For one thread at a time.
 class PlaceWindows {

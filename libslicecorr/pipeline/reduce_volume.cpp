@@ -2,6 +2,7 @@
 #include "base/kernels.hpp"
 #include "pipeline/bands.hpp"
 #include "slicecorr/places.hpp"
+#include "slicecorr/recording.hpp"
 #include "slicecorr/volume.hpp"
 
 namespace slicecorr {
@@ -452,6 +453,7 @@ class Reducer {
 
 ReducedVolume reduce_volume(const SliceSource& stack, const SliceSource& target, const Setup& setup,
                             int most_cells, const Job& job) {
+  refuse_recording(stack);
   check_same_voxels(stack.grid(), target.grid());
   Reducer reducer(stack, target, setup, most_cells, job);
   parallel_for(job, "look", reducer.items(), [&](std::size_t item) { reducer.reduce(item); });

@@ -217,6 +217,19 @@ void Resolver::resolve_uv(Setup& setup) const {
   uv.dead_zone_um = c_.dead_zone_um;
 }
 
+/// What was shown was shown by one printer in one way; its light is relative to that.
+void check_recorded(const Setup& setup, const StackInfo& info) {
+  Process process = *info.process;
+  process.allow_window_cure = setup.process.allow_window_cure;
+  if (setup.printer == *info.printer && setup.process == process &&
+      light_exponent(setup.resin, setup.process) == light_exponent(*info.resin, process)) {
+    return;
+  }
+  wrong(
+      "the stack is a recording of a print: its printer, speed, exposure and UV light are those of "
+      "that print; expected no others, and no resin with another exponent m");
+}
+
 Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
   Setup setup;
   const bool recorded = info && info->printer && info->resin && info->process;
@@ -259,6 +272,7 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
         c_.one_slice_gaps == "merge" ? OneSliceGaps::merge : OneSliceGaps::open;
     setup.process.cap_platform_features = c_.platform_features == "capped";
   }
+  if (info && info->recording) check_recorded(setup, *info);
   return setup;
 }
 

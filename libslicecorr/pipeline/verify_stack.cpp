@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <mutex>
+#include <span>
 
 #include "base/band_tape.hpp"
+#include "cure/shown_slices.hpp"
 #include "pipeline/bands.hpp"
 #include "pipeline/place_plans.hpp"
 #include "slicecorr/dead_zone.hpp"
@@ -24,6 +26,41 @@ void check_inside(const Grid& grid, int x, int y) {
     throw InputError(fmt::format("pixel {}, {} is outside the image; expected 0..{}, 0..{}", x, y,
                                  grid.width_px - 1, grid.height_px - 1));
   }
+}
+
+void tell_settings(const detail::ShownSlices& slices, const Job& job) {
+  job.tell(fmt::format("measured UV light is taken as one of {} intensities, off by up to {:.2g} %",
+                       slices.process().uv.slice_mw_cm2.size(), 100 * slices.setting_deviation()));
+}
+
+/// Grey values of a recorded slice as they would be at the light of the plan.
+void mix(std::span<const ShownPart> parts, std::size_t columns, std::uint8_t* pixels) {
+  for (std::size_t i = 0; i < columns; ++i) {
+    double sum = 0;
+    for (const ShownPart& part : parts) sum += part.light * part.pixels[i];
+    pixels[i] = static_cast<std::uint8_t>(std::lround(std::min(sum, 255.0)));
+  }
+}
+
+/// What a recorded slice shows of a column.
+ProbeRow probe_recorded(const CureModel& model, const std::vector<double>& intensity,
+                        std::span<const ShownPart> parts) {
+  ProbeRow row;
+  double most = 0, sum = 0;
+  for (const ShownPart& part : parts) {
+    const int grey = level_of_pixel(*part.pixels, static_cast<int>(intensity.size()));
+    const auto level = static_cast<std::size_t>(grey);
+    if (part.light > most) row.grey = grey;
+    most = std::max(most, part.light);
+    sum += part.light * std::pow(intensity[level], model.m);
+    row.phi += part.light * (model.inhibited ? model.inhibited->steady_dose(part.setting, grey)
+                                             : model.level_phi[level]);
+  }
+  // One image with the light of the plan needs no power, and is as in a stack that is no recording.
+  row.intensity_mw_cm2 = parts.size() == 1 && most == 1
+                             ? intensity[static_cast<std::size_t>(row.grey)]
+                             : std::pow(sum, 1.0 / model.m);
+  return row;
 }
 
 }  // namespace
@@ -49,14 +86,19 @@ Prediction verify_stack(const SliceSource& stack, const SliceSource& target, con
                         const Job& job) {
   const Grid& grid = stack.grid();
   check_same_voxels(grid, target.grid());
-  const PlaceModels models(setup.printer, setup.resin, setup.process, grid, stack.frame());
+  refuse_recording(target);
+  const detail::ShownSlices slices(stack, setup.printer, setup.resin, setup.process);
+  const detail::ShownSlices* const recorded = slices.recorded() ? &slices : nullptr;
+  if (slices.setting_deviation() > 0) tell_settings(slices, job);
+  const PlaceModels models(slices.printer(), setup.resin, slices.process(), grid, stack.frame());
   const CureModel& model = models.brightest();
-  const int all_layers = std::max(grid.layers, target.grid().layers);
+  const int layers = slices.slices();
+  const int all_layers = std::max(layers, target.grid().layers);
   const auto bands = bands_of(grid, stack.bounds().united(target.bounds()));
   Prediction total;
   detail::LightCounts in_groups{};
   std::optional<detail::PlaceWindows> window;
-  if (model.inhibited) window.emplace(models, grid.layers);
+  if (model.inhibited) window.emplace(models, layers);
   std::mutex merging;
   parallel_for(job, "predict", bands.size(), [&](std::size_t i) {
     const PixelBox& band = bands[i];
@@ -68,13 +110,20 @@ Prediction verify_stack(const SliceSource& stack, const SliceSource& target, con
       BandPredictor predictor(models.model(value), models.curve(value), all_layers, columns);
       predictor.go_on_from(std::move(figures));
       std::optional<WindowWatch> watch;
-      if (window) watch.emplace(models.model(value), grid.layers, columns);
+      if (window) watch.emplace(models.model(value), layers, columns);
+      detail::ShownBand band_shown(slices, shown);
       for (int n = all_layers; n-- > 0;) {
         if ((n & 63) == 0) job.check_cancelled();
-        shown.read(n, pixels.data());
         design.read(n, coverage.data());
-        predictor.add_slice(n, n < grid.layers ? pixels.data() : nullptr, coverage.data());
-        if (watch && n < grid.layers) watch->add_slice(n, pixels.data());
+        if (recorded) {
+          const std::span<const ShownPart> parts = band_shown.of(n);
+          predictor.add_slice(n, parts, coverage.data());
+          if (watch && n < layers) watch->add_slice(n, parts);
+          continue;
+        }
+        shown.read(n, pixels.data());
+        predictor.add_slice(n, n < layers ? pixels.data() : nullptr, coverage.data());
+        if (watch && n < layers) watch->add_slice(n, pixels.data());
       }
       figures = predictor.finish(place);
       if (!watch) return;
@@ -100,8 +149,9 @@ Prediction verify_stack(const SliceSource& stack, const SliceSource& target, con
     total.merge(figures);
     for (std::size_t v = 0; v < counts.size(); ++v) in_groups[v] += counts[v];
   });
-  Prediction p = models.even() ? detail::whole_image(total, model, grid, grid.layers, bands)
-                               : detail::whole_image(total, models, grid, grid.layers, in_groups);
+  Prediction p = models.even()
+                     ? detail::whole_image(total, model, grid, layers, bands, recorded)
+                     : detail::whole_image(total, models, grid, layers, in_groups, recorded);
   if (window) {
     p.dead_zones = window->result();
     if (p.dead_zones->cured_pixels > 0) {
@@ -118,26 +168,35 @@ std::vector<ProbeRow> probe_stack(const SliceSource& stack, const SliceSource* t
   check_inside(grid, x, y);
   if (target) check_same_voxels(grid, target->grid());
   const PixelBox pixel{x, y, x + 1, y + 1};
-  const PlaceModels models(setup.printer, setup.resin, setup.process, grid, stack.frame());
+  const detail::ShownSlices slices(stack, setup.printer, setup.resin, setup.process);
+  const PlaceModels models(slices.printer(), setup.resin, slices.process(), grid, stack.frame());
   const CureModel& model = models.model_at(x, y);
   const std::vector<double> intensity =
       level_intensities(models.printer_at(models.map().value(x, y)));
-  std::vector<ProbeRow> rows(static_cast<std::size_t>(grid.layers));
-  std::vector<std::uint8_t> pixels(rows.size());
-  stack.read_band(pixel, [&](int n, const std::uint8_t* value) {
+  const BandTape tape = detail::tape_of(stack, pixel);
+  detail::ShownBand shown(slices, tape);
+  std::vector<ProbeRow> rows(static_cast<std::size_t>(slices.slices()));
+  BandDose dose(model, 1);
+  for (int n = slices.slices(); n-- > 0;) {
     ProbeRow& row = rows[static_cast<std::size_t>(n)];
+    if (slices.recorded()) {
+      const std::span<const ShownPart> parts = shown.of(n);
+      row = probe_recorded(model, intensity, parts);
+      dose.add_slice(n, parts);
+    } else {
+      std::uint8_t value = 0;
+      tape.read(n, &value);
+      row.grey = level_of_pixel(value, setup.printer.levels());
+      row.intensity_mw_cm2 = intensity[static_cast<std::size_t>(row.grey)];
+      row.phi = model.level_phi[static_cast<std::size_t>(row.grey)];
+      dose.add_slice(n, &value);
+    }
     row.slice = n;
     row.z_um = n * grid.layer_um;
-    row.grey = level_of_pixel(value ? *value : 0, setup.printer.levels());
-    row.intensity_mw_cm2 = intensity[static_cast<std::size_t>(row.grey)];
-    row.phi = model.level_phi[static_cast<std::size_t>(row.grey)] * model.ratio(n);
-    pixels[static_cast<std::size_t>(n)] = value ? *value : 0;
-  });
-  const ColumnDose dose = column_dose(model, pixels);
-  for (std::size_t n = 0; n < rows.size(); ++n) {
-    rows[n].dose = dose.upper[n];
-    rows[n].dose_middle = dose.middle[n];
-    rows[n].dose_lower = dose.lower[n];
+    row.phi *= model.ratio(n);
+    row.dose = *dose.upper();
+    row.dose_middle = *dose.middle();
+    row.dose_lower = *dose.lower();
   }
   if (target) {
     for (ProbeRow& row : rows) row.target = 0;
@@ -159,7 +218,8 @@ Section section_of(const SliceSource& stack, const SliceSource& target, const Se
   s.y = y;
   s.x0 = box.x0;
   s.width = box.width();
-  s.layers = std::max(grid.layers, target.grid().layers);
+  const detail::ShownSlices slices(stack, setup.printer, setup.resin, setup.process);
+  s.layers = std::max(slices.slices(), target.grid().layers);
   const auto width = static_cast<std::size_t>(s.width);
   const std::size_t size = width * static_cast<std::size_t>(s.layers);
   s.coverage.resize(size);
@@ -174,12 +234,20 @@ Section section_of(const SliceSource& stack, const SliceSource& target, const Se
     };
   };
   target.read_band(row, into(s.coverage));
-  stack.read_band(row, into(s.pixels));
-  const PlaceModels models(setup.printer, setup.resin, setup.process, grid, stack.frame());
+  const BandTape tape = detail::tape_of(stack, row);
+  detail::ShownBand shown(slices, tape);
+  const PlaceModels models(slices.printer(), setup.resin, slices.process(), grid, stack.frame());
   PlaceDose dose(models, row);
   for (int n = s.layers; n-- > 0;) {
     const std::size_t at = static_cast<std::size_t>(n) * width;
-    dose.add_slice(n, n < grid.layers ? s.pixels.data() + at : nullptr);
+    if (slices.recorded()) {
+      const std::span<const ShownPart> parts = shown.of(n);
+      dose.add_slice(n, parts);
+      mix(parts, width, s.pixels.data() + at);
+    } else {
+      if (n < grid.layers) tape.read(n, s.pixels.data() + at);
+      dose.add_slice(n, n < grid.layers ? s.pixels.data() + at : nullptr);
+    }
     for (std::size_t x = 0; x < width; ++x) s.dose[at + x] = static_cast<float>(dose.middle()[x]);
   }
   return s;

@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "base/kernels.hpp"
+#include "cure/walkers.hpp"
 #include "slicecorr/predict.hpp"
 
 namespace slicecorr {
@@ -327,17 +328,25 @@ void BandPredictor::event(std::size_t i, int slice, const LayerDose& dose, doubl
 }
 
 void BandPredictor::add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage) {
+  if (!pixels) return add_slice(slice, std::span<const ShownPart>{}, coverage);
+  const int setting = model_.inhibited ? model_.inhibited->setting_of_slice(slice) : 0;
+  const ShownPart whole{pixels, 1.0, setting};
+  add_slice(slice, {&whole, 1}, coverage);
+}
+
+void BandPredictor::add_slice(int slice, std::span<const ShownPart> parts,
+                              const std::uint8_t* coverage) {
   const std::uint8_t* cover = coverage ? coverage : empty_.data();
   if (dose_) {
-    add_general_slice(slice, pixels, cover);
+    add_general_slice(slice, parts, cover);
   } else {
-    add_plain_slice(slice, pixels, cover);
+    add_plain_slice(slice, parts, cover);
   }
 }
 
-void BandPredictor::add_general_slice(int slice, const std::uint8_t* pixels,
+void BandPredictor::add_general_slice(int slice, std::span<const ShownPart> parts,
                                       const std::uint8_t* cover) {
-  dose_->add_slice(slice, pixels);
+  dose_->add_slice(slice, parts);
   BlockSums& sums = *sums_;
   std::uint8_t events[kBlock], tail_cover[kBlock];
   double tail[3][kBlock];
@@ -392,7 +401,7 @@ void BandPredictor::add_general_slice(int slice, const std::uint8_t* pixels,
   }
 }
 
-void BandPredictor::add_plain_slice(int slice, const std::uint8_t* pixels,
+void BandPredictor::add_plain_slice(int slice, std::span<const ShownPart> parts,
                                     const std::uint8_t* cover) {
   const Factors f{model_.a, model_.one_minus_a, model_.root_a, 1.0 - model_.root_a};
   alignas(64) double phi[kBlock];
@@ -410,11 +419,7 @@ void BandPredictor::add_plain_slice(int slice, const std::uint8_t* pixels,
       block_cover = tail;
       std::fill_n(phi, kBlock, 0.0);
     }
-    if (pixels && n == kBlock && detail::uniform(pixels + b)) {
-      std::fill_n(phi, kBlock, curve_[pixels[b]]);
-    } else {
-      for (std::size_t i = 0; i < n; ++i) phi[i] = pixels ? curve_[pixels[b + i]] : 0.0;
-    }
+    detail::block_phi(curve_, parts, b, n, phi);
     // A block inside a gap and unprinted, or inside features and printed, has no events.
     Class& block = block_class_[b / kBlock];
     if (block != grey) {
@@ -510,18 +515,29 @@ Prediction BandPredictor::finish(const Place& place) {
   return std::move(prediction_);
 }
 
-Prediction predict_black_columns(const CureModel& model, int slices, std::uint64_t columns) {
+Prediction predict_black_columns(const CureModel& model, int slices, std::uint64_t columns,
+                                 const BlackParts& parts) {
   Prediction p;
   if (columns == 0) return p;
+  BandDose dose(model, 1);
+  for (int n = slices; n-- > 0;) {
+    dose.add_slice(n, parts(n));
+    p.max_dose_outside = std::max(p.max_dose_outside, *dose.middle());
+  }
+  return p;
+}
+
+Prediction predict_black_columns(const CureModel& model, int slices, std::uint64_t columns) {
   if (!model.is_plain()) {
     const std::uint8_t black = 0;
-    BandDose dose(model, 1);
-    for (int n = slices; n-- > 0;) {
-      dose.add_slice(n, &black);
-      p.max_dose_outside = std::max(p.max_dose_outside, *dose.middle());
-    }
-    return p;
+    ShownPart whole{&black, 1.0, 0};
+    return predict_black_columns(model, slices, columns, [&](int n) {
+      whole.setting = model.inhibited ? model.inhibited->setting_of_slice(n) : 0;
+      return std::span<const ShownPart>(&whole, 1);
+    });
   }
+  Prediction p;
+  if (columns == 0) return p;
   double omega = 0;
   for (int n = slices; n-- > 0;) {
     p.max_dose_outside = std::max(p.max_dose_outside, model.middle(model.phi_min(), omega));

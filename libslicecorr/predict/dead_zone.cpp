@@ -1,6 +1,7 @@
 #include "slicecorr/dead_zone.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -34,29 +35,73 @@ WindowWatch::WindowWatch(const CureModel& model, int slices, std::size_t columns
   cured_.assign(columns, false);
 }
 
+namespace {
+
+struct Lit {
+  std::uint8_t low = 255, high = 0;  ///< of pixels above black; high 0: there are none
+};
+
+Lit lit_values(const std::uint8_t* pixels, std::size_t n) {
+  Lit lit;
+  for (std::size_t i = 0; i < n; ++i) {
+    // 0 becomes 255: black pixels don't count.
+    lit.low = std::min(lit.low, static_cast<std::uint8_t>(pixels[i] - 1));
+    lit.high = std::max(lit.high, pixels[i]);
+  }
+  lit.low = static_cast<std::uint8_t>(lit.low + 1);
+  return lit;
+}
+
+}  // namespace
+
 void WindowWatch::add_slice(int slice, const std::uint8_t* pixels) {
   const auto n = static_cast<std::size_t>(slice);
-  if (!pixels || n >= high_.size()) {
-    std::fill(dose_.begin(), dose_.end(), 0.0F);
-    return;
+  if (!pixels || n >= high_.size()) return cure(slice, {});
+  const Lit lit = lit_values(pixels, columns_);
+  if (lit.high > 0) {
+    low_[n] = std::min(low_[n], lit.low);
+    high_[n] = std::max(high_[n], lit.high);
   }
-  std::uint8_t low = 255, high = 0;
-  for (std::size_t i = 0; i < columns_; ++i) {
-    // 0 becomes 255: black pixels don't count.
-    low = std::min(low, static_cast<std::uint8_t>(pixels[i] - 1));
-    high = std::max(high, pixels[i]);
+  const ShownPart whole{pixels, 1.0, kernel_.setting_of_slice(slice)};
+  cure(slice, {&whole, 1});
+}
+
+void WindowWatch::add_slice(int slice, std::span<const ShownPart> parts) {
+  const auto n = static_cast<std::size_t>(slice);
+  if (n >= high_.size()) return cure(slice, {});
+  if (least_um_.empty()) {
+    least_um_.assign(high_.size(), kNothing);
+    greatest_um_.assign(high_.size(), kNothing);
   }
-  if (high > 0) {
-    low_[n] = std::min(low_[n], static_cast<std::uint8_t>(low + 1));
-    high_[n] = std::max(high_[n], high);
+  for (const ShownPart& part : parts) {
+    const Lit lit = lit_values(part.pixels, columns_);
+    if (lit.high == 0) continue;
+    low_[n] = std::min(low_[n], lit.low);
+    high_[n] = std::max(high_[n], lit.high);
+    const auto zone = [&](std::uint8_t value) {
+      return kernel_.setting_dead_zone_um(part.setting, level_of_pixel(value, kernel_.levels()));
+    };
+    // fmin and fmax leave NaN aside.
+    least_um_[n] = std::fmin(least_um_[n], zone(lit.high));
+    greatest_um_[n] = std::fmax(greatest_um_[n], zone(lit.low));
   }
+  cure(slice, parts);
+}
+
+/// Gel dose at the window.
+void WindowWatch::cure(int slice, std::span<const ShownPart> parts) {
   if (dose_.empty()) return;
-  double at_window[256];
-  for (int v = 0; v < 256; ++v) {
-    at_window[v] = kernel_.window_dose(slice, level_of_pixel(v, kernel_.levels()));
+  std::vector<std::array<double, 256>> at_window(parts.size());
+  for (std::size_t k = 0; k < parts.size(); ++k) {
+    for (int v = 0; v < 256; ++v) {
+      at_window[k][static_cast<std::size_t>(v)] =
+          parts[k].light *
+          kernel_.setting_window_dose(parts[k].setting, level_of_pixel(v, kernel_.levels()));
+    }
   }
   for (std::size_t i = 0; i < columns_; ++i) {
-    const double added = at_window[pixels[i]];
+    double added = 0;
+    for (std::size_t k = 0; k < parts.size(); ++k) added += at_window[k][parts[k].pixels[i]];
     // Fresh resin comes in once the dead zone is back.
     dose_[i] = added > 0 ? static_cast<float>(dose_[i] + added) : 0.0F;
     if (dose_[i] < 1.0F) continue;
@@ -76,6 +121,15 @@ void WindowTotal::merge(const WindowWatch& band) {
     low_[n] = std::min(low_[n], band.low_[n]);
     high_[n] = std::max(high_[n], band.high_[n]);
   }
+  if (least_um_.empty()) {
+    least_um_ = band.least_um_;
+    greatest_um_ = band.greatest_um_;
+  } else {
+    for (std::size_t n = 0; n < band.least_um_.size(); ++n) {
+      least_um_[n] = std::fmin(least_um_[n], band.least_um_[n]);
+      greatest_um_[n] = std::fmax(greatest_um_[n], band.greatest_um_[n]);
+    }
+  }
   count_ += band.count_;
   if (band.first_ >= 0 && (first_ < 0 || band.first_ < first_)) first_ = band.first_;
 }
@@ -84,6 +138,11 @@ DeadZones WindowTotal::result() const {
   DeadZones zones;
   zones.cured_pixels = count_;
   zones.cured_slice = first_;
+  if (!least_um_.empty()) {
+    zones.least_um = least_um_;
+    zones.greatest_um = greatest_um_;
+    return zones;
+  }
   for (std::size_t n = 0; n < high_.size(); ++n) {
     const auto zone = [&](std::uint8_t value) {
       return kernel_.dead_zone_um(static_cast<int>(n), level_of_pixel(value, kernel_.levels()));

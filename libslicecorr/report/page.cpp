@@ -106,10 +106,15 @@ std::string summary(const ReportContent& c) {
   const Grid& g = c.info.grid;
   const Process& process = c.setup.process;
   const bool layerwise = process.mode == ExposureMode::layerwise;
-  const double time_s = light_on_s(process, c.setup.resin.m, g.layer_um, g.layers);
+  const int slices = c.info.recording ? c.info.recording->slices() : g.layers;
+  const double time_s = c.info.recording
+                            ? light_on_s(c.info)
+                            : light_on_s(process, c.setup.resin.m, g.layer_um, g.layers);
   std::string html = fmt::format(
-      "<p>{} slices of {:g} um, {} x {} pixels of {:g} x {:g} um. {}: {:.0f} min {:02.0f} s{}.",
-      g.layers, g.layer_um, g.width_px, g.height_px, g.pixel_x_um, g.pixel_y_um,
+      "<p>{}{} slices of {:g} um, {} x {} pixels of {:g} x {:g} um. {}: {:.0f} min {:02.0f} s{}.",
+      c.info.recording ? fmt::format("What a machine showed, recorded: {} images in ", g.layers)
+                       : std::string(),
+      slices, g.layer_um, g.width_px, g.height_px, g.pixel_x_um, g.pixel_y_um,
       layerwise ? fmt::format("Exposed layer by layer, {:g} s as a rule", process.exposure_s)
                 : fmt::format("Printed at {:g} mm/h", process.speed_mm_h),
       std::floor(time_s / 60), std::fmod(time_s, 60.0),
@@ -241,7 +246,8 @@ ReportContent gather_report(const SliceSource& stack, const SliceSource& target,
     c.column_before = probe_stack(target, &target, setup, c.column_x, c.column_y);
     c.column_after = probe_stack(stack, &target, setup, c.column_x, c.column_y);
   }
-  c.volume = reduce_volume(stack, target, setup, kReportCells, job);
+  // What can be moved through computes with one image per slice.
+  if (!stack.recording()) c.volume = reduce_volume(stack, target, setup, kReportCells, job);
   return c;
 }
 

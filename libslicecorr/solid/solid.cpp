@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "base/band_tape.hpp"
+#include "cure/shown_slices.hpp"
 #include "slicecorr/dose.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
@@ -105,6 +106,7 @@ class BandSurface {
         model_(models.brightest()),
         plate_(plate),
         options_(options),
+        slices_(stack),
         columns_(columns),
         rows_(rows),
         store_(store) {}
@@ -175,9 +177,17 @@ class BandSurface {
                   const Job& job) const {
     std::vector<std::uint8_t> pixels(dark.size());
     std::vector<double> phi(dark), below(dark.size(), 0.0), above(dark.size());
-    for (int n = stack_.grid().layers; n-- > 0;) {
+    detail::ShownBand shown(slices_, tape);
+    for (int n = slices_.slices(); n-- > 0;) {
       if ((n & 63) == 0) job.check_cancelled();
-      if (tape.black(n)) {
+      if (slices_.recorded()) {
+        std::fill(phi.begin(), phi.end(), 0.0);
+        for (const ShownPart& part : shown.of(n)) {
+          for (std::size_t i = 0; i < dark.size(); ++i) {
+            if (curves[i]) phi[i] += part.light * (*curves[i])[part.pixels[i]];
+          }
+        }
+      } else if (tape.black(n)) {
         phi = dark;
       } else {
         tape.read(n, pixels.data());
@@ -200,10 +210,15 @@ class BandSurface {
     std::vector<std::uint8_t> pixels(samples);
     std::vector<double> node(samples, 0.0), lower(samples), upper(samples);
     PlaceDose dose(models_, places);
-    for (int n = stack_.grid().layers; n-- > 0;) {
+    detail::ShownBand shown(slices_, tape);
+    for (int n = slices_.slices(); n-- > 0;) {
       if ((n & 63) == 0) job.check_cancelled();
-      tape.read(n, pixels.data());
-      dose.add_slice(n, pixels.data());
+      if (slices_.recorded()) {
+        dose.add_slice(n, shown.of(n));
+      } else {
+        tape.read(n, pixels.data());
+        dose.add_slice(n, pixels.data());
+      }
       for (std::size_t i = 0; i < samples; ++i) {
         lower[i] = in_image[i] ? dose.lower()[i] : 0.0;
         upper[i] = in_image[i] ? dose.upper()[i] : 0.0;
@@ -275,13 +290,25 @@ class BandSurface {
   const CureModel& model_;  ///< what does not depend on the place
   const OnPlate& plate_;
   const SolidOptions& options_;
+  const detail::ShownSlices slices_;
   const Axis& columns_;
   const Axis& rows_;
   PieceStore& store_;
   std::vector<Triangle> waiting_;
 };
 
-bool black_gels(const CureModel& model, int slices) {
+bool black_gels(const CureModel& model, const SliceSource& stack) {
+  const int slices = stack.grid().layers;
+  if (stack.recording()) {
+    const detail::ShownSlices shown(stack);
+    detail::BlackColumn black(shown);
+    BandDose dose(model, 1);
+    for (int n = shown.slices(); n-- > 0;) {
+      dose.add_slice(n, black(n));
+      if (*dose.lower() >= 1.0 || *dose.upper() >= 1.0) return true;
+    }
+    return false;
+  }
   if (model.is_plain()) return model.phi_min() > 1.0;
   const ColumnDose dose =
       column_dose(model, std::vector<std::uint8_t>(static_cast<std::size_t>(slices), 0));
@@ -295,10 +322,11 @@ Surface surface_of(const SliceSource& stack, const PlaceModels& models, const So
   if (options.reduce < 1 || options.reduce > 64) {
     throw InputError(fmt::format("every {}th pixel; expected 1 to 64", options.reduce));
   }
+  if (models.brightest().inhibited) detail::refuse_recording_under_uv(stack);
   const Grid& grid = stack.grid();
   PixelBox lit = stack.bounds();
   // Where even black gels, the whole display prints.
-  if (black_gels(models.brightest(), grid.layers)) lit = {0, 0, grid.width_px, grid.height_px};
+  if (black_gels(models.brightest(), stack)) lit = {0, 0, grid.width_px, grid.height_px};
   const OnPlate plate(stack);
   Surface surface;
   surface.store = std::make_unique<PieceStore>(scratch_folder, kMemoryBudget, job);

@@ -8,9 +8,11 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "slicecorr/cure.hpp"
+#include "slicecorr/dose.hpp"
 #include "slicecorr/inhibited.hpp"
 
 namespace slicecorr {
@@ -33,12 +35,18 @@ class WindowWatch {
   WindowWatch(const CureModel& model, int slices, std::size_t columns);
   /// Pixels (0..255) of a slice, in any order of slices that is steadily up or down; null: black.
   void add_slice(int slice, const std::uint8_t* pixels);
+  /// The same of several images (dose.hpp); none: black. All slices one way or the other.
+  void add_slice(int slice, std::span<const ShownPart> parts);
 
  private:
+  void cure(int slice, std::span<const ShownPart> parts);
+
   friend class WindowTotal;
   const InhibitedKernel& kernel_;
   std::size_t columns_;
   std::vector<std::uint8_t> low_, high_;  ///< per slice: least and greatest pixel above black
+  /// Of slices given as parts, where more than the level counts: dead zones.
+  std::vector<double> least_um_, greatest_um_;
   /// Gel dose at the window from slices that follow each other; empty where no level can cure to
   /// it.
   std::vector<float> dose_;
@@ -59,6 +67,7 @@ class WindowTotal {
  private:
   const InhibitedKernel& kernel_;
   std::vector<std::uint8_t> low_, high_;
+  std::vector<double> least_um_, greatest_um_;
   std::uint64_t count_ = 0;
   int first_ = -1;
 };

@@ -11,11 +11,21 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "slicecorr/cure.hpp"
 
 namespace slicecorr {
+
+/// One of the images that were shown while the window passed a slice (recording.hpp).
+struct ShownPart {
+  const std::uint8_t* pixels = nullptr;  ///< 0..255, one per column
+  /// Share of the slice's light: what a slice adds to a dose is the sum over its parts of light
+  /// times what the image alone would add.
+  double light = 1;
+  int setting = 0;  ///< of UV light, see InhibitedKernel
+};
 
 class BandDose {
  public:
@@ -27,6 +37,9 @@ class BandDose {
   /// Slice `slice` shows `pixels` (0..255, one per column, see pixel_curve); null: light off, as
   /// after the end of a stack. Slices follow each other downwards in number.
   void add_slice(int slice, const std::uint8_t* pixels);
+  /// The same of several images; none: light off. Exact where the light of a part is spread over
+  /// its slice; see docs/recording.md for what it means that it is not.
+  void add_slice(int slice, std::span<const ShownPart> parts);
 
   const double* lower() const;   ///< relative dose at the lower end of the layer, per column
   const double* middle() const;  ///< in its middle
@@ -40,12 +53,13 @@ class BandDose {
   class Walker {
    public:
     virtual ~Walker() = default;
-    virtual void add_slice(int slice, const std::uint8_t* pixels) = 0;
+    virtual void add_slice(int slice, std::span<const ShownPart> parts) = 0;
     virtual double crossing(std::size_t column) const = 0;
     std::vector<double> lower, middle, upper;
   };
 
  private:
+  const CureModel& model_;
   std::unique_ptr<Walker> walker_;
 };
 

@@ -70,14 +70,20 @@ class InhibitedKernel {
 
   /// Steady dead zone at a pixel of a level, um: 0 when the resin cures to the window, infinite
   /// when the pixel never gels anything.
-  double dead_zone_um(int slice, int level) const;
+  double dead_zone_um(int slice, int level) const {
+    return setting_dead_zone_um(setting_of_slice(slice), level);
+  }
+  double setting_dead_zone_um(int setting, int level) const;
   /// Where over such a pixel resin gels first, um above the window.
   double first_gel_um(int slice, int level) const;
   /// Whether any level in any setting cures to the window when shown for long.
   bool any_level_cures_to_window() const;
   /// Gel dose that one slice of this level gives at the window itself; 1 cures to the window when
   /// it comes from slices that follow each other.
-  double window_dose(int slice, int level) const;
+  double window_dose(int slice, int level) const {
+    return setting_window_dose(setting_of_slice(slice), level);
+  }
+  double setting_window_dose(int setting, int level) const;
   /// Highest level that a correction may use in a setting: keeps the dead zone that the schedule
   /// asks for, or any at all; the highest of all where the process allows curing to the window. 0
   /// when there is none but black.
@@ -91,9 +97,11 @@ class InhibitedKernel {
  private:
   double uv_of(int setting, int level) const {
     return level_uv_.empty() ? setting_uv_[static_cast<std::size_t>(setting)]
-                             : level_uv_[static_cast<std::size_t>(level)];
+                             : level_uv_[static_cast<std::size_t>(level)] *
+                                   setting_share_[static_cast<std::size_t>(setting)];
   }
   double amount(double blue, double uv, double x, double share = 1.0) const;
+  void take_settings(const std::vector<double>& slice_mw_cm2);
   void tabulate(int setting);
 
   Kinetics kinetics_, gel_;
@@ -106,6 +114,7 @@ class InhibitedKernel {
   double a_ = 1;
   int near_ = 1;
   std::vector<double> blue_, setting_uv_, level_uv_;
+  std::vector<double> setting_share_;  ///< patterned: of what the lamp's calibration says
   std::vector<int> uv_levels_;
   std::vector<std::uint16_t> slice_setting_;
   std::vector<std::vector<double>> tables_;  ///< [setting * places + place]

@@ -124,6 +124,8 @@ class PlaceDose {
   /// Of single pixels.
   PlaceDose(const PlaceModels& models, const std::vector<Pixel>& pixels);
   void add_slice(int slice, const std::uint8_t* pixels);
+  /// As `BandDose`.
+  void add_slice(int slice, std::span<const ShownPart> parts);
   const double* lower() const {
     return parts_.size() == 1 ? parts_[0].dose.lower() : lower_.data();
   }
@@ -141,6 +143,7 @@ class PlaceDose {
   };
   PlaceDose(const PlaceModels& models, std::vector<LightGroup> groups, std::size_t columns);
   std::vector<Part> parts_;
+  void scatter(const Part& part);
   std::vector<std::uint8_t> gathered_;
   std::vector<double> lower_, middle_, upper_;
 };

@@ -20,6 +20,7 @@
 #include <limits>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <tuple>
 #include <vector>
@@ -149,6 +150,8 @@ class BandPredictor {
   /// `pixels` null: nothing is shown (light off, after the end of the stack). `coverage` null:
   /// empty.
   void add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage);
+  /// The same of several images, see ShownPart; none: light off.
+  void add_slice(int slice, std::span<const ShownPart> parts, const std::uint8_t* coverage);
   /// Doses in the middle of the layer that was added last. Only for models that are not plain.
   const double* middle() const { return dose_->middle(); }
   /// Before the first slice: figures of other columns, with which `finish` joins these.
@@ -179,8 +182,8 @@ class BandPredictor {
   struct LayerDose {
     double lower, middle, upper;
   };
-  void add_plain_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* cover);
-  void add_general_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* cover);
+  void add_plain_slice(int slice, std::span<const ShownPart> parts, const std::uint8_t* cover);
+  void add_general_slice(int slice, std::span<const ShownPart> parts, const std::uint8_t* cover);
   void event(std::size_t i, int slice, const LayerDose& dose, double crossing,
              std::uint8_t coverage);
   /// The dose crosses 1 at `zeta`; from there on upwards it is on the other side.
@@ -213,5 +216,10 @@ class BandPredictor {
 
 /// Counts the columns of an image in which nothing is designed and nothing but black is shown.
 Prediction predict_black_columns(const CureModel& model, int slices, std::uint64_t columns);
+/// The same where slices show several images: `parts` gives what a column without a pixel above
+/// black sees of a slice.
+using BlackParts = std::function<std::span<const ShownPart>(int slice)>;
+Prediction predict_black_columns(const CureModel& model, int slices, std::uint64_t columns,
+                                 const BlackParts& parts);
 
 }  // namespace slicecorr

@@ -129,7 +129,8 @@ struct UvSchedule {
   UvKind kind = UvKind::off;
   double uv_mw_cm2 = 0;     ///< constant: the intensity
   double dead_zone_um = 0;  ///< per_slice, patterned: steady dead zone to hold; 0: not asked
-  /// per_slice: intensity of each slice, mW/cm²; the last holds for slices after it.
+  /// per_slice: intensity of each slice, mW/cm²; the last holds for slices after it. patterned:
+  /// that of a fully lit pixel, where the lamp is not as its calibration says.
   std::vector<double> slice_mw_cm2;
   bool operator==(const UvSchedule&) const = default;
 };

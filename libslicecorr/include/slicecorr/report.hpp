@@ -92,7 +92,7 @@ ColourImage tiled(const std::vector<ColourImage>& pictures, int columns);
 
 /// Gathers the content for `stack` against `target`: figures, the middle section, the section and
 /// the column through the worst height error of the target shown as it is, and the volume of at
-/// most `kReportCells` cells a side.
+/// most `kReportCells` cells a side. Of a recording there is no volume: its pictures stand still.
 inline constexpr int kReportCells = 160;
 ReportContent gather_report(const SliceSource& stack, const SliceSource& target, const Setup& setup,
                             const StackInfo& info, const Prediction& after,

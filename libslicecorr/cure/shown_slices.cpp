@@ -1,0 +1,183 @@
+#include "cure/shown_slices.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "slicecorr/error.hpp"
+
+namespace slicecorr::detail {
+
+namespace {
+
+/// UV light that counts in a part. The rate max(0, s I - beta Iuv)^m is s^m times that of full blue
+/// light under Iuv / s: the share goes into `light`, the rest into the setting.
+double setting_of(const Recording::Part& p) {
+  return p.blue_share > 0 ? p.uv_mw_cm2 / p.blue_share : p.uv_mw_cm2;
+}
+
+bool lit_under_uv(const Recording& recording) {
+  return std::any_of(recording.parts.begin(), recording.parts.end(),
+                     [](const auto& p) { return p.light > 0 && p.uv_mw_cm2 > 0; });
+}
+
+/// Groups of neighbours in a rising list that differ by no more than a share.
+std::vector<std::size_t> group_ends(const std::vector<double>& values, double share) {
+  std::vector<std::size_t> ends;
+  for (std::size_t first = 0; first < values.size();) {
+    std::size_t end = first + 1;
+    while (end < values.size() && values[end] <= values[first] * (1.0 + share)) ++end;
+    ends.push_back(end);
+    first = end;
+  }
+  return ends;
+}
+
+}  // namespace
+
+void refuse_recording_under_uv(const SliceSource& source) {
+  if (!source.recording()) return;
+  throw InputError(
+      "the surface of a recording under UV light can't be drawn; its figures, columns and sections "
+      "are given by verify, probe and section");
+}
+
+ShownSlices::ShownSlices(const SliceSource& stack) : slices_(stack.grid().layers) {
+  if (!stack.recording()) return;
+  if (lit_under_uv(*stack.recording())) refuse_recording_under_uv(stack);
+  take(*stack.recording(), {});
+}
+
+ShownSlices::ShownSlices(const SliceSource& stack, const Printer& printer, const Resin& resin,
+                         const Process& process)
+    : slices_(stack.grid().layers), printer_(printer), process_(process) {
+  if (stack.recording()) take(*stack.recording(), resin);
+}
+
+void ShownSlices::take(const Recording& recording, const Resin& resin) {
+  recorded_ = true;
+  slices_ = recording.slices();
+  // A lamp that shone although nobody asked for it counts all the same, where the resin heeds it.
+  const bool stray =
+      process_.uv.kind == UvKind::off && lit_under_uv(recording) && resin.inhibition && printer_.uv;
+  const bool uv = process_.uv.kind != UvKind::off || stray;
+  if (uv && !recording.other_uv_images.empty()) {
+    throw InputError(fmt::format(
+        "{} UV images of the recording, first that of image {}, are not those that follow from "
+        "their slices: what they print can't be predicted",
+        recording.other_uv_images.size(), recording.other_uv_images.front()));
+  }
+  std::vector<double> asked;
+  for (const Recording::Part& p : recording.parts) {
+    if (uv && p.light > 0) asked.push_back(setting_of(p));
+  }
+  if (uv) make_settings(asked);
+  const std::vector<double>& settings = process_.uv.slice_mw_cm2;
+  const auto nearest = [&](double value) {
+    const auto above = std::lower_bound(settings.begin(), settings.end(), value);
+    if (above == settings.begin()) return 0;
+    const auto below = above - 1;
+    const bool upper = above != settings.end() && *above - value < value - *below;
+    return static_cast<int>((upper ? above : below) - settings.begin());
+  };
+  for (int n = 0; n < slices_; ++n) {
+    const std::size_t first = parts_.size();
+    for (const Recording::Part& p : recording.of(n)) {
+      if (!(p.light > 0)) continue;
+      const int setting = uv ? nearest(setting_of(p)) : 0;
+      const auto same =
+          std::find_if(parts_.begin() + static_cast<std::ptrdiff_t>(first), parts_.end(),
+                       [&](const Part& q) { return q.image == p.image && q.setting == setting; });
+      if (same != parts_.end()) {
+        same->light += p.light;
+      } else {
+        parts_.push_back({p.image, p.light, setting});
+      }
+    }
+    if (parts_.size() - first > most_parts) {
+      throw InputError(fmt::format("slice {} of the recording shows {} images; expected at most {}",
+                                   n, parts_.size() - first, most_parts));
+    }
+    ends_.push_back(parts_.size());
+  }
+}
+
+/// Values of their own as long as they are few, else as close together as it takes.
+void ShownSlices::make_settings(const std::vector<double>& asked) {
+  std::vector<double> values = asked;
+  std::sort(values.begin(), values.end());
+  values.erase(std::unique(values.begin(), values.end()), values.end());
+  if (values.empty()) values.push_back(0);
+  double share = 0;
+  std::vector<std::size_t> ends = group_ends(values, share);
+  for (share = 1e-4; ends.size() > most_settings; share *= 2) ends = group_ends(values, share);
+  std::vector<double> settings;
+  std::size_t first = 0;
+  for (const std::size_t end : ends) {
+    const double low = values[first], high = values[end - 1];
+    settings.push_back(end - first == 1 ? low : std::sqrt(low * high));
+    if (low > 0) deviation_ = std::max(deviation_, std::sqrt(high / low) - 1.0);
+    first = end;
+  }
+  // What was measured is so, whatever the lamp's calibration says it can.
+  if (process_.uv.kind != UvKind::patterned) {
+    process_.uv.kind = UvKind::per_slice;
+    printer_.uv->calibration = {{0, 0}, {1, std::max(1.0, settings.back())}};
+  }
+  process_.uv.slice_mw_cm2 = std::move(settings);
+}
+
+std::span<const ShownSlices::Part> ShownSlices::of(int slice) const {
+  const auto n = static_cast<std::size_t>(slice);
+  if (slice < 0 || n >= ends_.size()) return {};
+  const std::size_t begin = n ? ends_[n - 1] : 0;
+  return std::span(parts_).subspan(begin, ends_[n] - begin);
+}
+
+std::span<const ShownPart> BlackColumn::operator()(int slice) {
+  parts_.clear();
+  for (const ShownSlices::Part& p : slices_.of(slice)) {
+    parts_.push_back({&black_, p.light, p.setting});
+  }
+  return parts_;
+}
+
+ShownBand::ShownBand(const ShownSlices& slices, const BandTape& tape)
+    : slices_(slices), tape_(tape) {}
+
+const std::uint8_t* ShownBand::pixels_of(int image) {
+  for (const auto& kept : kept_) {
+    if (kept->image != image) continue;
+    kept->used = true;
+    return kept->pixels.data();
+  }
+  auto free = std::find_if(kept_.begin(), kept_.end(), [](const auto& k) { return !k->used; });
+  if (free == kept_.end()) {
+    kept_.push_back(std::make_unique<Kept>());
+    kept_.back()->pixels.resize(tape_.columns());
+    free = kept_.end() - 1;
+  }
+  Kept& kept = **free;
+  kept.image = image;
+  kept.used = true;
+  tape_.read(image, kept.pixels.data());
+  return kept.pixels.data();
+}
+
+std::span<const ShownPart> ShownBand::of(int slice) {
+  parts_.clear();
+  if (slice < 0 || slice >= slices_.slices()) return {};
+  const auto shown = slices_.of(slice);
+  // Images of the slice at hand that are there stay; all others may go.
+  for (const auto& kept : kept_) {
+    kept->used = std::any_of(shown.begin(), shown.end(),
+                             [&](const auto& p) { return p.image == kept->image; });
+  }
+  for (const ShownSlices::Part& p : shown) {
+    parts_.push_back({pixels_of(p.image), p.light, p.setting});
+  }
+  return parts_;
+}
+
+}  // namespace slicecorr::detail

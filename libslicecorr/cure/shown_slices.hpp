@@ -1,0 +1,106 @@
+/// @file shown_slices.hpp
+/// Which images each slice shows: image n in slice n, or what a recording says.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "base/band_tape.hpp"
+#include "slicecorr/dose.hpp"
+#include "slicecorr/process.hpp"
+#include "slicecorr/recording.hpp"
+#include "slicecorr/target.hpp"
+
+namespace slicecorr::detail {
+
+/// Throws `InputError` when `source` is a recording: for what does not follow measured UV light.
+void refuse_recording_under_uv(const SliceSource& source);
+
+/// Immutable and thread-safe.
+class ShownSlices {
+ public:
+  struct Part {
+    int image = -1;  ///< -1: black
+    double light = 1;
+    int setting = 0;
+  };
+
+  /// Most settings of the UV lamp that have tables of their own, and how many parts a slice may
+  /// have.
+  static constexpr int most_settings = 32;
+  static constexpr std::size_t most_parts = 256;
+
+  /// Of a stack, recorded or not, that is shown by `printer` and `process`, which for a recording
+  /// are those it was made with. Throws `InputError` when a slice of a recording has more than
+  /// `most_parts` images that were lit, or its UV images were others than those of its slices.
+  ShownSlices(const SliceSource& stack, const Printer& printer, const Resin& resin,
+              const Process& process);
+  /// Without UV light: throws `InputError` when a recording has some.
+  explicit ShownSlices(const SliceSource& stack);
+
+  bool recorded() const { return recorded_; }
+  /// Slices that are shown.
+  int slices() const { return slices_; }
+  /// Parts of a recorded slice that have light, of one image and setting each. Of a stack that is
+  /// none: image n.
+  std::span<const Part> of(int slice) const;
+
+  /// With what the models are to be made: those given, but for UV light as it was measured.
+  const Printer& printer() const { return printer_; }
+  const Process& process() const { return process_; }
+  /// UV intensities differ from those of their settings by up to this share.
+  double setting_deviation() const { return deviation_; }
+
+ private:
+  void take(const Recording& recording, const Resin& resin);
+  void make_settings(const std::vector<double>& asked);
+
+  bool recorded_ = false;
+  int slices_ = 0;
+  std::vector<Part> parts_;
+  std::vector<std::size_t> ends_;
+  Printer printer_;
+  Process process_;
+  double deviation_ = 0;
+};
+
+/// Says what a column without a pixel above black sees of each slice of a recording.
+class BlackColumn {
+ public:
+  explicit BlackColumn(const ShownSlices& slices) : slices_(slices) {}
+  /// Valid until the next call.
+  std::span<const ShownPart> operator()(int slice);
+
+ private:
+  const ShownSlices& slices_;
+  const std::uint8_t black_ = 0;
+  std::vector<ShownPart> parts_;
+};
+
+/// The images of a band's slices, ready to be added to a `BandDose`. Keeps the images of the last
+/// slice asked for: as many bytes per column as a slice has parts. For one thread.
+class ShownBand {
+ public:
+  /// `tape` holds the images of the band; both must outlive this.
+  ShownBand(const ShownSlices& slices, const BandTape& tape);
+  /// Valid until the next call. None after the end: light off.
+  std::span<const ShownPart> of(int slice);
+
+ private:
+  struct Kept {
+    int image = -2;
+    bool used = false;
+    std::vector<std::uint8_t> pixels;
+  };
+  const std::uint8_t* pixels_of(int image);
+
+  const ShownSlices& slices_;
+  const BandTape& tape_;
+  std::vector<std::unique_ptr<Kept>> kept_;
+  std::vector<ShownPart> parts_;
+};
+
+}  // namespace slicecorr::detail

@@ -494,5 +494,229 @@ TEST(BridgeFaults, EveryFaultAtRandomMomentsEndsInItsOrder) {
   EXPECT_GE(failed, 300);
 }
 
+TEST(BridgeFaults, ALampThatDoesNotGoOffIsSaid) {
+  const Machine m = test_machine();
+  const PrintPlan plan = continuous_plan(m, false, false);
+  Bench b(m, plan, {parse_sim_fault("lamp-sticks@frame:10")});
+  bool stopped = false;
+  b.run([&] {
+    if (!stopped && b.controller.frame() == 20) {
+      stopped = true;
+      b.controller.fail(Fault::stopped_by_user, "enough");
+    }
+  });
+  EXPECT_EQ(b.controller.fault(), Fault::stopped_by_user);
+  EXPECT_NE(b.controller.fault_detail().find("A LAMP STILL SHINES"), std::string::npos);
+}
+
+TEST(BridgeControl, UnderrunAndWrongFrames) {
+  const Machine m = test_machine();
+  const PrintPlan plan = continuous_plan(m, false, false);
+  for (const bool missing : {true, false}) {
+    Bench b(m, plan);
+    bool told = false;
+    b.run([&] {
+      if (told || b.controller.frame() != 7) return;
+      told = true;
+      b.controller.shown({missing ? 8 : 25, b.now_s, missing});
+    });
+    EXPECT_EQ(b.controller.fault(), missing ? Fault::underrun : Fault::wrong_frame);
+    EXPECT_EQ(b.controller.phase(), Phase::failed);
+    expect_order(b, 0, false, true, true);
+  }
+}
+
+TEST(BridgeControl, LateFramesAreBorneWhereTheMachineSaysSo) {
+  Machine m = test_machine();
+  // 0.03 s late are 8.3 um.
+  const std::vector<SimFault> once{parse_sim_fault("late-frame=0.03@frame:10")};
+  const PrintPlan plan = continuous_plan(m, false, false);
+  Bench strict(m, plan, once);
+  strict.run();
+  EXPECT_EQ(strict.controller.fault(), Fault::late_frame);
+  EXPECT_NE(strict.controller.fault_detail().find("frame 10"), std::string::npos);
+  m.limits.max_late_frames = 1;
+  Bench lenient(m, plan, once);
+  lenient.run();
+  EXPECT_EQ(lenient.controller.fault(), Fault::none) << lenient.controller.fault_detail();
+  EXPECT_EQ(lenient.controller.late_frames(), 1);
+  EXPECT_NEAR(lenient.controller.worst_late_um(), 0.03 * plan.speed_um_s, 0.1);
+  // Two are too many, and so is one of more than ten times the limit.
+  Bench twice(m, plan, {once[0], parse_sim_fault("late-frame=0.03@frame:20")});
+  twice.run();
+  EXPECT_EQ(twice.controller.fault(), Fault::late_frame);
+  Bench far(m, plan, {parse_sim_fault("late-frame=0.25@frame:10")});
+  far.run();
+  EXPECT_EQ(far.controller.fault(), Fault::late_frame);
+}
+
+TEST(BridgeControl, AMachineInAFaultIsNotStarted) {
+  const Machine m = test_machine();
+  Bench b(m, continuous_plan(m, false, false), {parse_sim_fault("door=0.01")});
+  b.run();
+  EXPECT_EQ(b.controller.phase(), Phase::failed);
+  EXPECT_FALSE(b.controller.begun());
+  EXPECT_LT(b.machine_time("run"), 0);
+}
+
+TEST(BridgeControl, SequenceNumbersGoRound) {
+  // 65536 cycles are 655 s: a print of 700 s.
+  const Machine m = test_machine();
+  PrintPlan plan = continuous_plan(m, false, false);
+  plan.speed_um_s = 2;
+  plan.ramp_um = plan.speed_um_s * plan.speed_um_s / (2 * plan.acceleration_um_s2);
+  plan.frames.resize(28);
+  plan.end_um = plan.start_um + 28 * plan.layer_um;
+  Bench b(m, plan);
+  b.run({}, 2000);
+  EXPECT_EQ(b.controller.fault(), Fault::none) << b.controller.fault_detail();
+  EXPECT_GT(b.now_s, 656);
+}
+
+// ---- pauses ----
+
+/// Pauses when frame `at` is shown, resumes when paused; what was answered.
+PauseAnswer pause_at(Bench& b, int at, bool resume = true) {
+  PauseAnswer answer;
+  bool asked = false;
+  b.run([&] {
+    if (!asked && b.controller.frame() == at) {
+      asked = true;
+      answer = b.controller.pause();
+    }
+    if (b.controller.phase() == Phase::paused && resume) {
+      EXPECT_TRUE(b.model.lamps_dark());
+      EXPECT_EQ(b.model.display().number, -1);
+      EXPECT_TRUE(b.model.at_rest());
+      EXPECT_TRUE(b.controller.resume().accepted);
+    }
+  });
+  EXPECT_TRUE(asked);
+  return answer;
+}
+
+TEST(BridgePause, LampsThatFollowLeaveNoMark) {
+  Machine m = test_machine();
+  m.blue.min_share = m.uv.min_share = 0;
+  for (const bool uv : {false, true}) {
+    const PrintPlan plan = continuous_plan(m, true, uv);
+    Bench b(m, plan);
+    const PauseAnswer answer = pause_at(b, 15);
+    EXPECT_TRUE(answer.accepted) << answer.why;
+    ASSERT_EQ(b.controller.fault(), Fault::none) << b.controller.fault_detail();
+    EXPECT_GE(b.event_time("phase paused"), 0);
+    EXPECT_EQ(b.controller.frames_shown(), 40);
+    EXPECT_EQ(b.uv_short_s, 0);
+    // The dose of every slice is as it would be without a pause, within what a lamp lags.
+    const double slice_s = plan.layer_um / plan.speed_um_s;
+    const double lag =
+        plan.acceleration_um_s2 * (m.limits.cycle_s + m.blue.settle_s) / plan.speed_um_s * slice_s;
+    for (int n = 0; n < 40; ++n) {
+      double light = 0;
+      for (const auto& part : b.model.exposures()[static_cast<std::size_t>(n)].parts) {
+        if (part.image >= 0) light += part.light_s;
+      }
+      EXPECT_NEAR(light / slice_s, 1, 0.004 + 2 * lag) << n;
+    }
+  }
+}
+
+TEST(BridgePause, IsRefusedWhereItWouldLeaveAMark) {
+  Machine m = test_machine();
+  {
+    Bench b(m, continuous_plan(m, false, false));
+    const PauseAnswer answer = pause_at(b, 15);
+    EXPECT_FALSE(answer.accepted);
+    EXPECT_NE(answer.why.find("lit"), std::string::npos) << answer.why;
+    EXPECT_EQ(b.controller.frames_shown(), 40) << "and the print goes on";
+    EXPECT_EQ(b.controller.fault(), Fault::none);
+  }
+  {
+    m.blue.min_share = 0.05;
+    Bench b(m, continuous_plan(m, true, false));
+    const PauseAnswer answer = pause_at(b, 15);
+    EXPECT_FALSE(answer.accepted);
+    EXPECT_NE(answer.why.find("dark below 5 %"), std::string::npos) << answer.why;
+  }
+  {
+    m.blue.min_share = 0;
+    m.uv.min_share = 0.1;
+    Bench b(m, continuous_plan(m, true, true));
+    EXPECT_NE(pause_at(b, 15).why.find("UV"), std::string::npos);
+  }
+  {
+    // At the end there is no way left to stop on.
+    m.uv.min_share = 0;
+    Bench b(m, continuous_plan(m, true, false));
+    const PauseAnswer answer = pause_at(b, 36);
+    EXPECT_FALSE(answer.accepted);
+    EXPECT_NE(answer.why.find("the print ends"), std::string::npos) << answer.why;
+  }
+}
+
+TEST(BridgePause, InDarkSlices) {
+  const Machine m = test_machine();
+  const PrintPlan plan = continuous_plan(m, false, false, 18, 24);
+  {
+    Bench b(m, plan);
+    const PauseAnswer answer = pause_at(b, 10);
+    EXPECT_FALSE(answer.accepted);
+    EXPECT_NE(answer.why.find("dark slices from 18 on, at z = 0.900 mm"), std::string::npos)
+        << answer.why;
+  }
+  Bench b(m, plan);
+  const PauseAnswer answer = pause_at(b, 18);
+  EXPECT_TRUE(answer.accepted) << answer.why;
+  ASSERT_EQ(b.controller.fault(), Fault::none) << b.controller.fault_detail();
+  EXPECT_GE(b.event_time("phase paused"), 0);
+  EXPECT_EQ(b.controller.frames_shown(), 40);
+  // Lit slices got their light as if nothing had been.
+  const double slice_s = plan.layer_um / plan.speed_um_s;
+  for (int n = 0; n < 40; ++n) {
+    double light = 0;
+    for (const auto& part : b.model.exposures()[static_cast<std::size_t>(n)].parts) {
+      if (part.image >= 0) light += part.light_s;
+    }
+    if (plan.frames[static_cast<std::size_t>(n)].lit) {
+      EXPECT_NEAR(light / slice_s, 1, 0.004) << n;
+    }
+  }
+}
+
+TEST(BridgePause, BetweenLayers) {
+  const Machine m = test_machine();
+  const PrintPlan plan = layerwise_plan(m);
+  Bench b(m, plan);
+  const PauseAnswer answer = pause_at(b, 2);
+  EXPECT_TRUE(answer.accepted) << answer.why;
+  ASSERT_EQ(b.controller.fault(), Fault::none) << b.controller.fault_detail();
+  EXPECT_GE(b.event_time("phase paused"), 0);
+  for (int n = 0; n < 6; ++n) {
+    double light = 0;
+    for (const auto& part : b.model.exposures()[static_cast<std::size_t>(n)].parts) {
+      if (part.image >= 0) light += part.light_s;
+    }
+    EXPECT_NEAR(light, 1.5, 1.5 * 0.011) << n;
+  }
+}
+
+TEST(BridgePause, FaultsInAPauseEndInTheirOrder) {
+  Machine m = test_machine();
+  m.blue.min_share = 0;
+  for (const char* fault : {"door@frame:16", "disconnect=9@frame:16", "stage-slips=60@frame:16"}) {
+    SCOPED_TRACE(fault);
+    Bench b(m, continuous_plan(m, true, false), {parse_sim_fault(fault)});
+    bool asked = false;
+    b.run([&] {
+      if (!asked && b.controller.frame() == 15) {
+        asked = true;
+        EXPECT_TRUE(b.controller.pause().accepted);
+      }
+    });
+    EXPECT_EQ(b.controller.phase(), Phase::failed);
+    EXPECT_TRUE(b.model.lamps_dark());
+  }
+}
+
 }  // namespace
 }  // namespace slicecorr::bridge

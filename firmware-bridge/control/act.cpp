@@ -287,6 +287,8 @@ void Controller::Impl::follow() {
          shares.front().at_s < now_s - machine.blue.settle_s - limits.cycle_s) {
     shares.pop_front();
   }
+  // While blue is dark UV light stays as it is: on before it, and off after it.
+  if (share <= 0) return;
   double uv_follows = run_up ? 1 : share_at(now_s + 2 * limits.cycle_s);
   for (const Share& s : shares) uv_follows = std::max(uv_follows, s.share);
   double level = uv_of(frame < 0 ? 0 : frame);

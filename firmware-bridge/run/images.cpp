@@ -5,9 +5,16 @@
 #include <chrono>
 #include <utility>
 
+#include "run/priority.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr::bridge {
+namespace {
+
+/// Below that of the control thread.
+constexpr int image_priority = 40;
+
+}  // namespace
 
 Images::Images(FrameRing& ring, FrameSink& sink, Clock& clock, bool lockstep)
     : ring_(ring), sink_(sink), clock_(clock), lockstep_(lockstep) {
@@ -59,6 +66,7 @@ void Images::fault(Fault what, const std::string& detail) {
 }
 
 void Images::work() {
+  raise_priority(image_priority);
   std::unique_lock lock(mutex_);
   while (true) {
     asked_.wait(lock, [&] { return ending_ || request_; });

@@ -1,3 +1,5 @@
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <utility>
 
@@ -110,7 +112,7 @@ PauseAnswer Controller::pause() {
   if (!place.possible) return {false, place.why};
   s.pause_wanted = true;
   s.stop_um = place.stop_um;
-  return {true, "stops at z = " + std::to_string((s.stop_um - s.plan.start_um) * 1e-3) + " mm"};
+  return {true, fmt::format("stops at z = {:.3f} mm", (s.stop_um - s.plan.start_um) * 1e-3)};
 }
 
 PauseAnswer Controller::resume() {

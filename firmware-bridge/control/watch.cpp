@@ -19,11 +19,10 @@ void Controller::Impl::take(const Answer& answer) {
   status = answer.status;
   status_at_s = answer.at_s;
   last_answer_s = answer.at_s;
+  const bool known = connected;
   check_sequence(answer);
-  if (!connected) {
-    stage.start(status.stage_um, answer.at_s);
-    return;
-  }
+  if (!known) stage.start(status.stage_um, answer.at_s);
+  if (!connected) return;
   const double* const speed = status.stage_speed_um_s ? &*status.stage_speed_um_s : nullptr;
   stage.measure(status.stage_um, speed, answer.at_s);
   if (failing()) return;

@@ -82,6 +82,7 @@ class Run {
   Ending go() {
     note(journal_begin, options_.stack);
     journal_->flush();
+    if (const auto trouble = journal_->trouble(); !trouble.empty()) throw DeviceError(trouble);
     if (!options_.lockstep) {
       note("threads", raise_priority(control_priority) + ", " + lock_memory());
     }

@@ -255,13 +255,13 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
   scan.fill(info);
   writer.finish(info, scan.picture());
 
-  auto zones = std::move(result.after.dead_zones);
   const auto whole = [&](const Prediction& figures, int slices) {
     return plans.even() ? whole_image(figures, model, grid, slices, bands)
                         : whole_image(figures, models, grid, slices, in_groups);
   };
-  result.after = whole(after, plans.all_layers());
-  result.after.dead_zones = std::move(zones);
+  Prediction figures = whole(after, plans.all_layers());
+  figures.dead_zones.swap(result.after.dead_zones);
+  result.after = std::move(figures);
   if (with_before) result.before = whole(before, plans.layers());
   const Prediction& p = result.after;
   if (p.target_voxels == 0) {

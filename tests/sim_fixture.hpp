@@ -89,7 +89,7 @@ class Sim : public Child {
  public:
   /// `more`: further options; listens on a free TCP port where they don't say otherwise.
   Sim(const std::string& printer, std::vector<std::string> more = {})
-      : Child(command(printer, std::move(more)), "/dev/stderr") {
+      : Child(command(printer, std::move(more))) {
     const std::string ready = line();
     const auto json = nlohmann::json::parse(ready, nullptr, false);
     if (json.is_discarded()) throw std::runtime_error("printer-sim did not start");

@@ -364,15 +364,20 @@ TEST_F(SimTest, MbpollReadsAndWritesOverTcp) {
   r = poll({"-r", "102", "-c", "1", "-t", "4:int", "-B"});
   EXPECT_THAT(r.out, HasSubstr("[102]: \t100000"));
   // Sequence, heartbeat, command.
-  r = poll({"-r", "0", "-t", "4"}, {"7", "8", "1"});
+  r = poll({"-r", "0", "-t", "4"}, {"7", "8", "2"});
   EXPECT_EQ(r.exit_code, 0) << r.out << r.err;
   r = poll({"-r", "100", "-c", "2", "-t", "4"});
-  EXPECT_THAT(r.out, AllOf(HasSubstr("[100]: \t7"), HasSubstr("[101]: \t1")));
+  EXPECT_THAT(r.out, AllOf(HasSubstr("[100]: \t7"), HasSubstr("[101]: \t2")));
   // One register.
-  r = poll({"-r", "2", "-t", "4"}, {"2"});
+  r = poll({"-r", "2", "-t", "4"}, {"0"});
   EXPECT_EQ(r.exit_code, 0) << r.out << r.err;
   r = poll({"-r", "101", "-c", "1", "-t", "4"});
-  EXPECT_THAT(r.out, HasSubstr("[101]: \t2"));
+  EXPECT_THAT(r.out, HasSubstr("[101]: \t0"));
+  // Running, and nobody left to feed the watchdog: it has acted when the next one looks.
+  r = poll({"-r", "2", "-t", "4"}, {"1"});
+  EXPECT_EQ(r.exit_code, 0) << r.out << r.err;
+  r = poll({"-r", "101", "-c", "1", "-t", "4"});
+  EXPECT_THAT(r.out, HasSubstr("[101]: \t3"));
   // Wrong addresses and values.
   EXPECT_THAT(poll({"-r", "50", "-c", "1", "-t", "4"}).err, HasSubstr("Illegal data address"));
   EXPECT_THAT(poll({"-r", "101", "-t", "4"}, {"2"}).err, HasSubstr("Illegal data address"));

@@ -1,5 +1,288 @@
-// The program `printbridge`.
+// The program `printbridge`: parses, calls, prints.
 
+#include <fmt/format.h>
+
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+
+#include "frames/wire.hpp"
 #include "program/program.hpp"
+#include "slicecorr/bridge/run.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/kinetics.hpp"
 
-int main() { return 2; }
+namespace slicecorr::bridge {
+namespace {
+
+using cli::Console;
+
+struct Options {
+  std::string stack, printer, dir, sink, modbus, json;
+  bool dry_run = false, lockstep = false;
+};
+
+void add_printer(CLI::App& app, Options& o) {
+  app.add_option("--printer", o.printer, "Printer: a name, or a .toml file")->required();
+  app.add_option("--dir", o.dir,
+                 "Folder of the printers' states [$SLICECORR_BRIDGE_DIR, or "
+                 "~/.local/state/slicecorr/bridge]");
+}
+
+/// The printer file's register map, elsewhere when the command line says so.
+void redirect(Machine& machine, const std::string& where) {
+  if (!machine.modbus) {
+    throw InputError(machine.path, "modbus",
+                     "is missing; expected the register map of this printer (docs/bridge.md)");
+  }
+  if (where.empty()) return;
+  RegisterMap& map = *machine.modbus;
+  const auto colon = where.rfind(':');
+  if (where.starts_with("tcp:") && colon > 4) {
+    const auto port = cli::number_of(where.substr(colon + 1));
+    if (port && *port >= 1 && *port <= 65535 && *port == static_cast<int>(*port)) {
+      map.transport = Transport::tcp;
+      map.host = where.substr(4, colon - 4);
+      map.port = static_cast<int>(*port);
+      return;
+    }
+  } else if (where.starts_with("rtu:") && where.size() > 4) {
+    map.transport = Transport::rtu;
+    map.device = where.substr(4);
+    return;
+  }
+  throw InputError(fmt::format("--modbus is '{}', expected tcp:HOST:PORT or rtu:DEVICE", where));
+}
+
+std::string minutes(double seconds) {
+  return seconds < 90 ? fmt::format("{:.1f} s", seconds)
+                      : fmt::format("{} min {:02d} s", static_cast<int>(seconds) / 60,
+                                    static_cast<int>(seconds) % 60);
+}
+
+const char* what_to_do(Fault fault) {
+  switch (fault) {
+    case Fault::underrun:
+      return "use more --threads, or leave the computer to this print";
+    case Fault::late_frame:
+    case Fault::wrong_frame:
+    case Fault::display_gone:
+      return "look at the display and at what else the computer does";
+    case Fault::heartbeat_lost:
+    case Fault::machine_restarted:
+    case Fault::watchdog_tripped:
+      return "look at the machine's power and connection";
+    case Fault::stage_error:
+    case Fault::stage_failed:
+      return "look at the stage: is it free, is the part stuck?";
+    case Fault::lamp_mismatch:
+    case Fault::lamp_failed:
+    case Fault::uv_ratio:
+      return "look at the lamps before any other print";
+    case Fault::door_open:
+      return "close it";
+    case Fault::stop_pressed:
+      return "release it when all is well";
+    case Fault::over_temperature:
+      return "let it cool, look at its fans";
+    default:
+      return "look at the machine and its part";
+  }
+}
+
+std::string where_it_was(int frame, double z_um) {
+  return frame < 0 ? std::string("before the first frame")
+                   : fmt::format("frame {}, z = {:.3f} mm", frame, z_um * 1e-3);
+}
+
+int print(const Options& o, const Job& job, Console& console) {
+  Machine machine = load_machine(o.printer);
+  redirect(machine, o.modbus);
+  if (o.sink.empty() && !o.dry_run) {
+    throw InputError(
+        "no display: expected --sink unix:PATH or tcp:HOST:PORT (--sink null shows images "
+        "nowhere)");
+  }
+  const StateFolder folder = StateFolder::of(o.dir, machine.printer);
+  const PrintLock lock(folder);
+  if (const auto latch = read_latch(folder, true)) {
+    throw DeviceError(
+        fmt::format("printer '{}' had a fault that nobody has looked at: {}: {} ({}). Look at the "
+                    "machine, then "
+                    "`printbridge reset --printer {}`",
+                    machine.printer.name, name_of(latch->fault), latch->detail,
+                    where_it_was(latch->frame, latch->stage_um), o.printer));
+  }
+  const StackReader stack(o.stack, cli::folder_of(o.stack), job);
+  const PrintPlan plan = plan_print(stack, o.stack, machine, job);
+  console.say(fmt::format(
+      "{}: {} slices of {:g} um, {}, about {}", o.stack, plan.frames.size(), plan.layer_um,
+      plan.mode == ExposureMode::layerwise
+          ? std::string("layer by layer")
+          : fmt::format("{:g} mm/h, ramps of {:.0f} um {}", plan.speed_um_s * 3.6, plan.ramp_um,
+                        plan.lamps_follow() ? "that the lamps follow" : "outside of the slices"),
+      minutes(plan.expected_s)));
+
+  const auto clock = o.lockstep ? make_step_clock() : make_real_clock();
+  const StackInfo& info = stack.info();
+  WireHello hello;
+  hello.setup = Setup{*info.printer, *info.resin, *info.process};
+  hello.layer_um = plan.layer_um;
+  hello.target_layers = info.target_layers;
+  hello.slices = info.grid.layers;
+  hello.start_um = plan.start_um;
+  hello.m = plan.m;
+  hello.cycle_s = machine.limits.cycle_s;
+  hello.lockstep = o.lockstep;
+  hello.dry_run = o.dry_run;
+  const bool nowhere = o.sink.empty() || o.sink == "null";
+  const auto sink = nowhere ? make_null_sink(*clock) : make_wire_sink(o.sink, hello, *clock);
+  const auto link = make_modbus_link(*machine.modbus, machine.limits);
+  const auto frames = make_frame_source(stack, machine.printer, plan.uv_patterned);
+
+  // The print outlives its terminal; `printbridge stop` ends it from another one.
+  for (const int ignored : {SIGHUP, SIGTSTP, SIGPIPE, SIGTTOU}) std::signal(ignored, SIG_IGN);
+  RunOptions run;
+  run.dry_run = o.dry_run;
+  run.lockstep = o.lockstep;
+  run.threads = job.threads > 0 ? job.threads : 2;
+  run.stack = std::filesystem::absolute(o.stack).string();
+  run.stop = job.cancel;
+  const Ending end = run_print(*frames, plan, machine, *link, *sink, *clock, folder, run, job);
+  if (!end.trouble.empty()) console.say("not all was recorded: " + end.trouble);
+  if (end.fault == Fault::none) {
+    console.say(fmt::format(
+        "printed {} frames in {}{}; at most {:.2f} um late, the stage at most {:.2f} um off, {} "
+        "cycles missed; record in {}",
+        end.frames_shown, minutes(end.seconds), o.dry_run ? " without light" : "",
+        std::max(0.0, end.worst_late_um), end.worst_stage_error_um, end.missed_cycles,
+        folder.path));
+    return cli::kDone;
+  }
+  const std::string text = fmt::format(
+      "{}: {} ({}). Lamps are off, the stage has stopped. Journal: {}", name_of(end.fault),
+      end.detail, where_it_was(end.frame, end.stage_um - plan.start_um),
+      folder.file("journal.jsonl"));
+  if (end.fault == Fault::stopped_by_user) {
+    fmt::print(stderr, "printbridge: {}\n", text);
+    return cli::kInterrupted;
+  }
+  if (end.fault == Fault::defect) throw std::runtime_error(text);
+  throw DeviceError(fmt::format(
+      "{}. To do: {}{}", text, what_to_do(end.fault),
+      end.latched ? fmt::format(", then `printbridge reset --printer {}`", o.printer) : ""));
+}
+
+StateFolder folder_of(const Options& o) { return StateFolder::of(o.dir, load_printer(o.printer)); }
+
+int status(const Options& o) {
+  const Printer printer = load_printer(o.printer);
+  const StateFolder folder = StateFolder::of(o.dir, printer);
+  nlohmann::ordered_json json;
+  const auto running = ask_running(folder, "status");
+  json["printer"] = printer.name;
+  json["running"] = running.has_value();
+  std::string text = running.value_or("");
+  if (!running) {
+    std::ifstream file(folder.file("status.json"));
+    text.assign(std::istreambuf_iterator<char>(file), {});
+  }
+  const auto last = nlohmann::ordered_json::parse(text, nullptr, false);
+  if (last.is_object()) json.update(last);
+  const auto latch = read_latch(folder, false);
+  json["latched"] = latch.has_value();
+  if (latch) {
+    json["fault"] = name_of(latch->fault);
+    json["detail"] = latch->detail;
+  }
+  if (!o.json.empty()) {
+    cli::print_or_write(o.json, json.dump(1));
+    return cli::kDone;
+  }
+  std::string out = fmt::format("printer   {}\n", printer.name);
+  if (running && last.is_object() && last.contains("phase")) {
+    out += fmt::format("phase     {}{}\n", last.value("phase", ""),
+                       last.value("dry_run", false) ? ", without light" : "");
+    out += fmt::format("frame     {} of {}, z = {:.3f} mm\n", last.value("frame", -1),
+                       last.value("frames", 0), last.value("z_um", 0.0) * 1e-3);
+  } else {
+    out += running ? "phase     starting\n" : "phase     no print\n";
+  }
+  if (latch) {
+    out += fmt::format("latched   {}: {} ({}); see the machine, then `printbridge reset`\n",
+                       name_of(latch->fault), latch->detail,
+                       where_it_was(latch->frame, latch->stage_um));
+  }
+  cli::print_result(out);
+  return cli::kDone;
+}
+
+int request(const Options& o, const std::string& what, Console& console) {
+  const auto answer = ask_running(folder_of(o), what);
+  if (!answer) throw InputError(fmt::format("printer '{}' does not print now", o.printer));
+  const auto json = nlohmann::json::parse(*answer, nullptr, false);
+  if (!json.is_object()) throw DeviceError("the print gives no answer that can be read");
+  const std::string why = json.value("why", "");
+  if (!json.value("accepted", false)) throw InfeasibleError(what + " is refused: " + why);
+  console.say(what + ": " + why);
+  return cli::kDone;
+}
+
+int reset(const Options& o, Console& console) {
+  Machine machine = load_machine(o.printer);
+  redirect(machine, o.modbus);
+  const StateFolder folder = StateFolder::of(o.dir, machine.printer);
+  const PrintLock lock(folder);
+  const auto latch = read_latch(folder, true);
+  const auto clock = make_real_clock();
+  const auto link = make_modbus_link(*machine.modbus, machine.limits);
+  reset_machine(*link, *clock, machine);
+  clear_latch(folder);
+  console.say(latch ? fmt::format("reset after {}: {}", name_of(latch->fault), latch->detail)
+                    : std::string("reset; nothing was latched"));
+  return cli::kDone;
+}
+
+}  // namespace
+}  // namespace slicecorr::bridge
+
+int main(int argc, char** argv) {
+  using namespace slicecorr;
+  using namespace slicecorr::bridge;
+  cli::Program program("printbridge", "Prints corrected stacks in real time",
+                       "printbridge print part.uvj --printer P --sink unix:display.sock");
+  Options o;
+  const auto add = [&](const char* name, const char* text, cli::Program::Action action) {
+    CLI::App* const app = program.add(name, text, std::move(action));
+    add_printer(*app, o);
+    return app;
+  };
+  auto* const p = add("print", "Print a stack of `slicecorr correct`",
+                      [&](const Job& job, cli::Console& c) { return print(o, job, c); });
+  p->add_option("STACK", o.stack, "The corrected stack")->required();
+  p->add_flag("--dry-run", o.dry_run, "Move the stage and show images, with lamps off");
+  p->add_option("--sink", o.sink, "Where images go: unix:PATH, tcp:HOST:PORT or null");
+  p->add_flag("--lockstep", o.lockstep,
+              "Time is that of a simulator, which waits for every exchange");
+  auto* const s = add("status", "What the print does, or how the last one ended",
+                      [&](const Job&, cli::Console&) { return status(o); });
+  s->add_option("--json", o.json, "Write JSON to this file, - for stdout");
+  for (const auto& [name, text] :
+       {std::pair{"pause", "Stop where that leaves no mark"}, std::pair{"resume", "Go on"},
+        std::pair{"stop", "End the print for good: lamps off, stage stop, black"}}) {
+    const std::string what = name;
+    add(name, text, [&o, what](const Job&, cli::Console& c) { return request(o, what, c); });
+  }
+  auto* const r = add("reset", "After a fault: ask the machine whether all is well, and go on",
+                      [&](const Job&, cli::Console& c) { return reset(o, c); });
+  for (CLI::App* const app : {p, r}) {
+    app->add_option("--modbus", o.modbus,
+                    "Where the machine is, in place of the printer file's word: tcp:HOST:PORT or "
+                    "rtu:DEVICE");
+  }
+  return program.run(argc, argv);
+}

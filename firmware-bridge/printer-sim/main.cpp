@@ -1,5 +1,146 @@
-// The program `printer-sim`.
+// The program `printer-sim`: a printer to test against.
+
+#include <fmt/format.h>
+
+#include <atomic>
+#include <csignal>
+#include <fstream>
+#include <nlohmann/json.hpp>
 
 #include "program/program.hpp"
+#include "recorder.hpp"
+#include "sim/frame_server.hpp"
+#include "sim/modbus_server.hpp"
+#include "sim/timed_model.hpp"
+#include "slicecorr/bridge/model.hpp"
+#include "slicecorr/error.hpp"
 
-int main() { return 2; }
+namespace {
+
+using namespace slicecorr;
+using namespace slicecorr::bridge;
+
+struct Options {
+  std::string printer, listen, frames, output, events, stack;
+  std::vector<std::string> faults;
+  bool lockstep = false;
+  double time_rate = 1;
+};
+
+std::atomic<bool> terminated{false};
+void on_terminate(int) { terminated = true; }
+
+std::string default_listen(const RegisterMap& map) {
+  if (map.transport == Transport::rtu) return map.device;
+  return fmt::format("127.0.0.1:{}", map.port);
+}
+
+/// Events as JSON, one per line, each written before the machine goes on.
+class EventLog {
+ public:
+  EventLog(const std::string& path, TimedModel& model) : path_(path) {
+    if (path.empty()) return;
+    out_.open(path, std::ios::trunc);
+    if (!out_) throw DeviceError(path + ": can't be written");
+    model.on_event([this](const SimEvent& e) {
+      const nlohmann::ordered_json line{
+          {"at_s", e.at_s}, {"event", e.what}, {"stage_um", e.stage_um}};
+      out_ << line.dump() << '\n' << std::flush;
+    });
+  }
+  void check() const {
+    if (!path_.empty() && !out_) throw DeviceError(path_ + ": can't be written");
+  }
+
+ private:
+  std::string path_;
+  std::ofstream out_;
+};
+
+std::string fault_help() {
+  std::string text = "WHAT[=VALUE][@TIMEs|@frame:N], repeatable: ";
+  for (const SimFaultKind& kind : sim_fault_kinds()) {
+    if (text.back() != ' ') text += ", ";
+    text += std::string(kind.name);
+    if (!kind.value.empty()) text += fmt::format("[={}]", kind.value);
+  }
+  return text;
+}
+
+int run(const Options& o, const Job& job, cli::Console& console) {
+  if (!o.output.empty()) cli::must_not_replace(o.output, {o.stack});
+  const Machine machine = load_machine(o.printer);
+  if (!machine.modbus) {
+    throw InputError(machine.path, "modbus", "missing; expected the register map of a machine");
+  }
+  std::vector<SimFault> faults;
+  for (const std::string& text : o.faults) faults.push_back(parse_sim_fault(text));
+
+  PrinterModel printer(machine, std::move(faults));
+  TimedModel model(printer, {o.lockstep, o.time_rate, machine.limits.cycle_s});
+  EventLog events(o.events, model);
+  Recorder recorder(o.output, o.stack, machine, model, job);
+  ModbusServer modbus(o.listen.empty() ? default_listen(*machine.modbus) : o.listen, machine,
+                      model);
+  std::unique_ptr<FrameServer> display;
+  if (!o.frames.empty()) {
+    display = std::make_unique<FrameServer>(
+        o.frames, machine, model, [&](const WireHello& hello) { recorder.begin(hello); },
+        [&](const std::string& why) { console.say(why); });
+  }
+
+  struct sigaction action {};
+  action.sa_handler = on_terminate;
+  sigaction(SIGTERM, &action, nullptr);
+  nlohmann::ordered_json ready{{"ready", true}, {"modbus", modbus.address()}};
+  if (display) ready["frames"] = display->address();
+  cli::print_result(ready.dump() + "\n");
+
+  // In lockstep a machine that nobody speaks to any more has all the time there is: its watchdog
+  // must act, too.
+  bool was_watched = false;
+  modbus.serve([&] {
+    model.with([](PrinterModel&) {});
+    const bool watched = display && display->busy();
+    const bool left = modbus.everybody_left() || (was_watched && !watched && !modbus.busy());
+    if (left && !watched && o.lockstep) model.run_out();
+    was_watched = watched;
+    return !terminated && !cli::interrupted();
+  });
+
+  display.reset();
+  model.run_out();
+  events.check();
+  if (recorder.finish()) console.say(fmt::format("{}: written", o.output));
+  return terminated ? cli::kDone : cli::kInterrupted;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Options o;
+  cli::Program program(
+      "printer-sim",
+      "A printer to test against: Modbus, stage, lamps, interlocks and watchdog, with faults on "
+      "demand. Records what was shown and lit as a stack. Ends with SIGTERM.",
+      "printer-sim --printer dual-wavelength-dlp --listen 127.0.0.1:0 --frames tcp:127.0.0.1:0 "
+      "-o shown.uvj");
+  CLI::App* app =
+      program.only([&](const Job& job, cli::Console& console) { return run(o, job, console); });
+  app->add_option("--printer", o.printer, "Name or .toml file of the printer, with [modbus]")
+      ->required();
+  app->add_option("--listen", o.listen,
+                  "HOST:PORT (port 0: a free one) or the path of a serial device [as the printer "
+                  "file says, on 127.0.0.1]");
+  app->add_option("--frames", o.frames, "unix:PATH or tcp:HOST:PORT: takes the images there");
+  app->add_option("-o,--output", o.output, "Recorded stack, .uvj: written at the end");
+  app->add_option("--record-events", o.events, "What the machine does, as JSON, one per line");
+  app->add_option("--stack", o.stack,
+                  "The stack that will be printed [printbridge says it over --frames]");
+  app->add_option("--fault", o.faults, fault_help())->expected(1)->take_all();
+  app->add_flag("--lockstep", o.lockstep,
+                "Time passes by exchanges and images alone: the same print is the same every time");
+  app->add_option("--time-rate", o.time_rate, "So many times as fast as real time [1]")
+      ->check(cli::number_in(0.001, 1000));
+  return program.run(argc, argv);
+}

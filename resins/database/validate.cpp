@@ -64,9 +64,16 @@ class Checker {
   static std::string full(std::string_view table, std::string_view key) {
     return table.empty() ? std::string(key) : fmt::format("{}.{}", table, key);
   }
+  /// `name` may be that of a table in a table: "lamps.blue".
   const toml::table* table(std::string_view name) const {
-    const toml::node* node = root_.get(name);
-    return node ? node->as_table() : nullptr;
+    const toml::table* at = &root_;
+    while (at && !name.empty()) {
+      const std::size_t dot = name.find('.');
+      const toml::node* node = at->get(name.substr(0, dot));
+      at = node ? node->as_table() : nullptr;
+      name = dot == std::string_view::npos ? "" : name.substr(dot + 1);
+    }
+    return at;
   }
   std::optional<double> number(std::string_view in, std::string_view key) const {
     const toml::table* t = table(in);
@@ -120,10 +127,15 @@ class Checker {
     std::vector<std::string_view> tables, keys;
     for (const KeyRule& rule : schema(kind_)) {
       auto& list = rule.table.empty() ? keys : tables;
-      const std::string_view word = rule.table.empty() ? rule.key : rule.table;
+      const std::string_view word =
+          rule.table.empty() ? rule.key : rule.table.substr(0, rule.table.find('.'));
       if (std::find(list.begin(), list.end(), word) == list.end()) list.push_back(word);
     }
     const std::string_view name = key.str();
+    if (holds_tables(name) && node.is_table()) {
+      check_inner_tables(name, *node.as_table());
+      return;
+    }
     const bool is_table = std::find(tables.begin(), tables.end(), name) != tables.end();
     const bool is_key = std::find(keys.begin(), keys.end(), name) != keys.end();
     if (!is_table && !is_key) {
@@ -145,6 +157,34 @@ class Checker {
       check_table(name, *t);
     } else {
       add(key.source().begin.line, std::string(name), "expected a table");
+    }
+  }
+
+  /// Whether the tables of the schema lie in one of this name: "lamps".
+  bool holds_tables(std::string_view name) const {
+    const auto rules = schema(kind_);
+    return std::any_of(rules.begin(), rules.end(), [&](const KeyRule& rule) {
+      return rule.table.starts_with(name) && rule.table.substr(name.size()).starts_with('.');
+    });
+  }
+  void check_inner_tables(std::string_view name, const toml::table& outer) {
+    std::vector<std::string_view> inner;
+    for (const KeyRule& rule : schema(kind_)) {
+      if (rule.table.starts_with(name) && rule.table.size() > name.size()) {
+        const std::string_view word = rule.table.substr(name.size() + 1);
+        if (std::find(inner.begin(), inner.end(), word) == inner.end()) inner.push_back(word);
+      }
+    }
+    for (const auto& [key, node] : outer) {
+      const bool known = std::find(inner.begin(), inner.end(), key.str()) != inner.end();
+      if (!known) {
+        add(key.source().begin.line, full(name, key.str()),
+            unknown("table", nearest(key.str(), inner)));
+      } else if (!node.is_table()) {
+        add(key.source().begin.line, full(name, key.str()), "expected a table");
+      } else {
+        check_table(full(name, key.str()), *node.as_table());
+      }
     }
   }
 

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -54,6 +55,7 @@ enum class Fault {
   defect,
 };
 std::string_view name_of(Fault fault);
+std::optional<Fault> fault_of(std::string_view name);
 
 /// Something for the journal.
 struct Event {
@@ -64,20 +66,35 @@ struct Event {
   double stage_um = 0;
 };
 
+/// How a frame was printed: a row of the frame log.
+struct FrameRecord {
+  int frame = 0;
+  double planned_um = 0, stage_um = 0, planned_s = 0, shown_s = 0, speed_um_s = 0, blue_share = 0,
+         uv_mw_cm2 = 0, blue_measured = 0, uv_measured = 0;
+};
+
+/// A status, and when it was true on the print's clock.
+struct Answer {
+  Status status;
+  double at_s = 0;
+};
+
 /// What a cycle asks for.
 struct Step {
   SetPoints set_points;
-  /// Frame to show next, and when the stage will be where it begins; -2: nothing new, -1: black.
+  /// Frame to show next, and when: its light then begins where it should; -2: nothing new, -1:
+  /// black. Each is told of by `shown` before there is another, but for black on a fault.
   int show = -2;
   double show_at_s = 0;
   bool finished = false;
   std::vector<Event> events;
+  std::vector<FrameRecord> records;
 };
 
 /// Told after a frame was shown, and when one was not ready.
 struct FrameReport {
   int number = -1;
-  double planned_um = 0, shown_um = 0, shown_at_s = 0;
+  double shown_at_s = 0;
   bool missing = false;  ///< underrun
 };
 
@@ -90,10 +107,11 @@ class Controller {
  public:
   Controller(PrintPlan plan, Machine machine, bool dry_run);
   ~Controller();
-  /// One cycle: status of the last exchange (nothing: no answer) and the time now.
-  Step step(const std::optional<Status>& status, double now_s);
+  /// One cycle: the last exchange (nothing: no answer) and the time now. The set-points go out at
+  /// once; the next call is a cycle later.
+  Step step(const std::optional<Answer>& answer, double now_s);
   void shown(const FrameReport& report);
-  /// A fault from outside: display gone, defect, stop by the user.
+  /// A fault from outside: display gone or wrong, defect, stop by the user. The first fault counts.
   void fail(Fault fault, const std::string& detail);
   PauseAnswer pause();
   PauseAnswer resume();
@@ -106,6 +124,10 @@ class Controller {
   /// Largest lateness and position error so far.
   double worst_late_um() const;
   double worst_stage_error_um() const;
+  int frames_shown() const;
+  int late_frames() const;
+  /// Whether anything was moved or lit: a fault before that needs no latch.
+  bool begun() const;
 
  private:
   struct Impl;

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "slicecorr/bridge/link.hpp"
 #include "slicecorr/stack.hpp"
 
 namespace slicecorr::bridge {
@@ -19,16 +20,32 @@ struct Frame {
   std::uint32_t crc32 = 0;             ///< of blue, then uv
 };
 
-/// Decodes frames in order, at most `ring` ahead of the one taken last. Thread-safe.
+/// What frames are made from.
+class FrameSource {
+ public:
+  virtual ~FrameSource() = default;
+  virtual int frames() const = 0;
+  /// Thread-safe.
+  virtual std::shared_ptr<const Frame> make(int number) const = 0;
+};
+/// The slices of a stack as the printer's display shows them, turned where they show the plate.
+/// `stack` must outlive this.
+std::unique_ptr<FrameSource> make_frame_source(const StackReader& stack, const Printer& printer,
+                                               bool uv_patterned);
+
+/// Makes frames in order, at most `ring` ahead of the one taken last, with threads of its own.
+/// Thread-safe.
 class FrameRing {
  public:
-  /// `stack` must outlive this.
-  FrameRing(const StackReader& stack, bool uv_patterned, int ring, int threads);
+  /// `source` must outlive this.
+  FrameRing(const FrameSource& source, int ring, int threads);
   ~FrameRing();
-  /// The next frame when it is ready, else null: an underrun, for the caller to judge.
+  /// Frame `number` when it is ready, else null: an underrun, for the caller to judge. Frames
+  /// before it are forgotten, it and those after it stay. Throws what making it threw.
   std::shared_ptr<const Frame> take(int number);
-  /// Waits until `count` frames are ready, or all that are left. Throws what decoding threw.
-  void wait_ready(int count);
+  /// Waits until frame `number` and `count` - 1 after it are ready, or all that are left. Throws
+  /// what making them threw.
+  void wait_ready(int number, int count);
   int ready() const;
 
  private:
@@ -36,9 +53,10 @@ class FrameRing {
   std::unique_ptr<Impl> impl_;
 };
 
-/// When a frame really appeared.
+/// What the display says after a frame was given to it.
 struct Shown {
-  double at_s = 0;         ///< on the print's clock
+  int number = -1;         ///< of the image that is on the display now
+  double at_s = 0;         ///< when it appeared, on the print's clock
   std::int64_t count = 0;  ///< images that the display has shown so far
 };
 
@@ -49,16 +67,21 @@ class FrameSink {
   /// Shows the frame as soon as possible, not before `at_s` on the print's clock. Returns when it
   /// is shown. Throws `DeviceError` when the display is gone.
   virtual Shown show(const std::shared_ptr<const Frame>& frame, double at_s) = 0;
-  /// Black at once, on every way out; never throws.
+  /// Black at once, on every way out; never throws, gives up after a second.
   virtual void black() noexcept = 0;
+  /// For displays that are models, in lockstep: time passes up to here. Throws as `show`.
+  virtual void tick(double /*at_s*/) {}
   virtual std::string describe() const = 0;
 };
 
 /// Counts and forgets.
-std::unique_ptr<FrameSink> make_null_sink();
+std::unique_ptr<FrameSink> make_null_sink(Clock& clock);
 
-/// Sends images to printer-sim: "unix:PATH" or "tcp:HOST:PORT". Each message says number, size and
-/// time and is answered when it is shown, so that the answer is what really happened.
-std::unique_ptr<FrameSink> make_wire_sink(const std::string& address, const Machine& machine);
+struct WireHello;
+/// Sends images to printer-sim: "unix:PATH" or "tcp:HOST:PORT" (frames/wire.hpp). Each message is
+/// answered when its image is shown, so that the answer is what really happened. `clock` must
+/// outlive the sink. Throws `InputError` and `DeviceError`.
+std::unique_ptr<FrameSink> make_wire_sink(const std::string& address, const WireHello& hello,
+                                          Clock& clock);
 
 }  // namespace slicecorr::bridge

@@ -22,17 +22,19 @@ struct Stage {
   double acceleration_um_s2 = 0;  ///< of ramps, > 0
   double tolerance_um = 20;       ///< largest difference of commanded and measured position
   double home_um = 0;             ///< where prints begin: platform on the window
-  /// Layer by layer.
+  /// Layer by layer. Speed of lifting and of every move outside of the print; that of printing when
+  /// the file has none.
   double lift_um = 3000, lift_speed_um_s = 1000, settle_s = 0.5;
 };
 
-/// A lamp as it is driven: a share of the intensity that the calibration stands for.
+/// A lamp as it is driven: a share of the intensity that the calibration stands for; for UV light,
+/// of the greatest in its calibration.
 struct LampDrive {
   double min_share = 0;     ///< below it the lamp is dark; 0: any share
   double max_share = 1;     ///< >= 1
   double tolerance = 0.05;  ///< largest difference of asked and measured share, of full light
-  double settle_s = 0.05;   ///< until light follows what is asked, after warm-up
-  double warm_up_s = 0;     ///< before a print
+  double settle_s = 0.05;   ///< until light is within 1 % of a step of what is asked, when warm
+  double warm_up_s = 0;     ///< lit that long, it gives all its light
 };
 
 /// [bridge]: when to give up. Distances count along the stage's way.

@@ -1,5 +1,7 @@
 /// @file model.hpp
-/// A printer to test against, without wires: stage, lamps, interlocks and watchdog over time.
+/// A printer to test against, without wires: stage, lamps, interlocks and watchdog over time. Its
+/// state follows from closed forms between events, so that nothing depends on how often it is asked
+/// and the light that each slice got is exact.
 #pragma once
 
 #include <cstdint>
@@ -7,6 +9,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "slicecorr/bridge/frames.hpp"
@@ -14,49 +17,83 @@
 
 namespace slicecorr::bridge {
 
-/// A fault on demand: WHAT[=VALUE][@TIMEs|@frame:N]; docs/bridge.md lists them:
-/// late-reply, wrong-reply, drop, disconnect (wire); stuck-stage, stage-slips=UM, lamp-fails,
-/// lamp-drifts=SHARE, uv-fails, door, stop-button, hot, restart (machine); freeze-display.
+/// A fault on demand: WHAT[=VALUE][@TIMEs|@frame:N]; docs/bridge.md lists them. Without a moment it
+/// is there from the beginning.
 struct SimFault {
   std::string what;
-  double value = 0;
+  double value = 0;  ///< as given, else the fault's own
   std::optional<double> at_s;
-  std::optional<int> at_frame;
+  std::optional<int> at_frame;  ///< when this frame, or a later one, is shown
 };
 /// Throws `InputError` naming what is known.
 SimFault parse_sim_fault(const std::string& text);
+struct SimFaultKind {
+  std::string_view name;
+  std::string_view where;  ///< "wire", "machine" or "display"
+  std::string_view value;  ///< what VALUE is; empty: it takes none
+  double standard = 0;
+  std::string_view what;
+};
+const std::vector<SimFaultKind>& sim_fault_kinds();
 
 /// Something that the machine did, in its order.
 struct SimEvent {
   double at_s = 0;
-  std::string what;  ///< "blue on", "blue off", "uv on", "uv off", "stage moves", "stage stops",
-                     ///< "frame 17", "black", "watchdog", "door", ...
+  /// "blue on", "blue off", "uv on", "uv off", "stage moves", "stage stops", "frame 17", "black",
+  /// "watchdog", "fault", "reset", "run", "off", "stop", and the names of faults as they begin.
+  std::string what;
   double stage_um = 0;
 };
 
 /// What was shown while the stage was within one slice.
 struct SliceExposure {
   struct Part {
-    int image = -1;        ///< which of the images shown, in their order; -1: black
-    double light_s = 0;    ///< integral of (share of blue)^m over the time it was shown
-    double uv_mw_cm2 = 0;  ///< mean while it was shown
-    double from_um = 0, to_um = 0, speed_um_s = 0, blue_share = 0;  ///< means
+    int image = -1;                 ///< which of the images shown, in their order; -1: black
+    double light_s = 0;             ///< integral of (share of blue)^m over the time it was shown
+    double uv_mw_cm2 = 0;           ///< mean while it was shown
+    double from_um = 0, to_um = 0;  ///< stage, from the first slice's begin
+    double speed_um_s = 0, blue_share = 0;  ///< means
+    double time_s = 0;
   };
   std::vector<Part> parts;
 };
 
+/// What belongs to which slice.
+struct SliceFacts {
+  double layer_um = 0;  ///< 0: nothing is recorded
+  double start_um = 0;  ///< stage position of the first slice's begin
+  double m = 1;         ///< exponent of intensity
+  /// Layer by layer slice n is what is shown within half a layer of the stage at
+  /// start_um + (n + 1) layer_um; else from start_um + n layer_um on, one layer long.
+  bool layerwise = false;
+};
+
 class PrinterModel {
  public:
-  PrinterModel(Machine machine, std::vector<SimFault> faults, double layer_um, double m);
+  /// Time begins at 0, the stage stands at its home. Lamps are cold and dark.
+  PrinterModel(Machine machine, std::vector<SimFault> faults, double layer_um = 0, double m = 1);
   ~PrinterModel();
-  /// Lets time pass to `time_s`, in steps small enough not to show.
+  /// From now on; forgets what was recorded.
+  void record(const SliceFacts& facts);
+  /// Lets time pass to `time_s`; a time before now does nothing.
   void advance(double time_s);
   double now_s() const;
-  /// Takes set-points over, as its own controller would; feeds the watchdog.
+  /// Takes set-points over, as its own controller would; feeds the watchdog when the heartbeat is
+  /// another one. A latched fault is kept until `Command::reset` finds its cause gone.
   void take(const SetPoints& set_points);
   Status status() const;
-  /// An image appears at the present time.
+
+  /// An image appears at the present time, or later by a fault. Null: black.
   void show(const std::shared_ptr<const Frame>& frame);
+  struct Display {
+    int number = -1;                ///< on it now
+    double since_s = 0;             ///< when it appeared
+    std::int64_t count = 0;         ///< images shown so far, black ones, too
+    std::optional<double> later_s;  ///< a late image will appear then
+    bool gone = false;              ///< does not answer any more
+  };
+  const Display& display() const;
+
   /// Whether the wire shall misbehave now, and how; asked once per exchange.
   std::optional<SimFault> wire_fault();
 
@@ -64,8 +101,12 @@ class PrinterModel {
   /// Told every image that was lit, once, with its place in the order; for recorders.
   using ImageSink = std::function<void(int image, const std::shared_ptr<const Frame>&)>;
   void tell_images(ImageSink sink);
+  /// By slice. What was lit before the first slice is with the first.
   const std::vector<SliceExposure>& exposures() const;
   bool lamps_dark() const;
+  bool at_rest() const;  ///< the drive of the stage does not move
+  /// When the watchdog will trip unless fed; nothing where it is not armed.
+  std::optional<double> watchdog_at_s() const;
 
  private:
   struct Impl;

@@ -15,23 +15,36 @@ namespace slicecorr::bridge {
 
 /// One slice of the stack as it is printed.
 struct FramePlan {
-  bool lit = false;            ///< some pixel is above black
-  double uv_mw_cm2 = 0;        ///< flood: of the lamp
-  double least_uv_mw_cm2 = 0;  ///< what keeps the window clear below this frame's brightest pixel
-  double exposure_s = 0;       ///< layer by layer
+  bool lit = false;      ///< some pixel is above black
+  double uv_mw_cm2 = 0;  ///< flood: of the lamp
+  /// What keeps resin at the window from curing under this frame's brightest pixel; patterned: of
+  /// the lamp's full light. 0: nothing is asked.
+  double least_uv_mw_cm2 = 0;
+  double exposure_s = 0;  ///< layer by layer
 };
 
 struct PrintPlan {
   ExposureMode mode = ExposureMode::continuous;
   double layer_um = 0, speed_um_s = 0, m = 1;
   Ramp ramp = Ramp::none;
-  double ramp_um = 0;    ///< distance in which the stage reaches its speed
-  double run_up_um = 0;  ///< ramp outside: way before the first slice
+  double acceleration_um_s2 = 0;  ///< of the ramps: at most the stage's
+  double ramp_um = 0;             ///< distance in which the stage reaches its speed
+  /// Where ramps lie outside: way before the first slice, in which the stage reaches its speed and
+  /// is seen to do so.
+  double run_up_um = 0;
   bool uv = false, uv_patterned = false;
   std::vector<FramePlan> frames;
   double start_um = 0, end_um = 0;  ///< stage positions of the first slice's begin, the last's end
   double expected_s = 0;            ///< from start to end
   double black_mw_cm2 = 0;          ///< what the projector gives with the lamp on and black shown
+  double uv_max_mw_cm2 = 0;         ///< of the UV lamp at full share
+  bool lamps_follow() const {
+    return mode == ExposureMode::continuous && ramp == Ramp::lamp_follows;
+  }
+  /// Stage position where slice n begins; layer by layer where the stage stands for it.
+  double frame_um(int n) const {
+    return start_um + (mode == ExposureMode::layerwise ? n + 1 : n) * layer_um;
+  }
 };
 
 /// Share of the lamp at a speed: (v / v_n)^(1/m), which leaves I^m / s as it is; 0 below min_share.
@@ -41,7 +54,8 @@ double lamp_share(const PrintPlan& plan, const LampDrive& lamp, double speed_um_
 /// no corrected stack, or was made for another printer (name, display, calibration); and
 /// `InfeasibleError` (exit 3) when it is too fast or too long for the stage, asks for more light
 /// than the lamps give, has frames under their UV ratio, or ramps that lamp and UV can't follow:
-/// the message says what would do. Reads all images once.
-PrintPlan plan_print(const StackReader& stack, const Machine& machine);
+/// the message says what would do. Reads all images once. `path` names the stack in messages.
+PrintPlan plan_print(const StackReader& stack, const std::string& path, const Machine& machine,
+                     const Job& job = {});
 
 }  // namespace slicecorr::bridge

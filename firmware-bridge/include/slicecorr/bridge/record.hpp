@@ -11,13 +11,20 @@
 
 namespace slicecorr::bridge {
 
-/// Appends events as JSON, one per line, each on the disk (fdatasync) before the call returns where
-/// `important`, else within a second. A line that a power cut halved is ignored by readers.
+/// Events as JSON, one per line: time (UTC), at_s, what, detail, frame, stage_um. A thread of its
+/// own writes: `add` never waits for the disk. What is `important` is on the disk (fdatasync) as
+/// soon as the disk can, the rest within a second. A line that a power cut halved is ignored by
+/// readers. Throws `DeviceError` when it can't be begun.
 class Journal {
  public:
+  /// An earlier journal is kept beside it as journal.previous.jsonl.
   explicit Journal(const std::string& path);
   ~Journal();
   void add(const Event& event, bool important);
+  /// Waits until all is on the disk.
+  void flush();
+  /// Why something could not be written; empty: all was.
+  std::string trouble() const;
 
  private:
   struct Impl;
@@ -25,15 +32,11 @@ class Journal {
 };
 
 /// frame, planned_z_um, z_um, planned_s, shown_s, late_um, speed_um_s, blue_share, uv_mw_cm2,
-/// blue_measured, uv_measured. Never blocks the print: a thread of its own writes.
-struct FrameRecord {
-  int frame = 0;
-  double planned_um = 0, stage_um = 0, planned_s = 0, shown_s = 0, speed_um_s = 0, blue_share = 0,
-         uv_mw_cm2 = 0, blue_measured = 0, uv_measured = 0;
-};
+/// blue_measured, uv_measured; z is counted from the first slice's begin. Never blocks the print: a
+/// thread of its own writes. An earlier one is kept beside it as frames.previous.csv.
 class FrameLog {
  public:
-  explicit FrameLog(const std::string& path);
+  FrameLog(const std::string& path, double start_um);
   ~FrameLog();
   void add(const FrameRecord& record);
 
@@ -43,23 +46,50 @@ class FrameLog {
 };
 
 /// The folder of a printer's state: DIR/PRINTER/{print.lock, latch.json, status.json, control.sock,
-/// journal.jsonl, frames.csv}; DIR is --dir, $SLICECORR_BRIDGE_DIR, else below the user's state
-/// folder.
+/// journal.jsonl, frames.csv}; DIR is --dir, $SLICECORR_BRIDGE_DIR, else slicecorr/bridge below the
+/// user's state folder.
 struct StateFolder {
   std::string path;
+  /// Makes the folder. Throws `DeviceError`, and `InputError` when the printer's name can't be that
+  /// of a folder.
   static StateFolder of(const std::string& dir, const Printer& printer);
+  std::string file(const char* name) const { return path + "/" + name; }
 };
 
-/// A fault that nobody has looked at. Also found when a print was killed: print.lock is free and
-/// the journal has no end.
+/// One bridge per printer: held as long as it lives, and gone with the process.
+class PrintLock {
+ public:
+  /// Throws `InputError` when another process holds it.
+  explicit PrintLock(const StateFolder& folder);
+  ~PrintLock();
+  PrintLock(const PrintLock&) = delete;
+  PrintLock& operator=(const PrintLock&) = delete;
+  /// Whether some process holds it.
+  static bool held(const StateFolder& folder);
+
+ private:
+  int file_ = -1;
+};
+
+/// A fault that nobody has looked at.
 struct Latch {
   Fault fault = Fault::none;
   std::string detail, stack;
   int frame = -1;
   double stage_um = 0;
 };
-std::optional<Latch> read_latch(const StateFolder& folder);
+/// Also found where a print was killed: nobody prints (or `locked`: the caller does, or will), and
+/// the journal has no end.
+std::optional<Latch> read_latch(const StateFolder& folder, bool locked);
+/// On the disk when it returns. Throws `DeviceError`.
 void write_latch(const StateFolder& folder, const Latch& latch);
 void clear_latch(const StateFolder& folder);
+
+/// What the journal begins and ends with.
+inline constexpr const char* journal_begin = "print begins";
+inline constexpr const char* journal_end = "print ends";
+
+/// Whole or not at all, on the disk when it returns. Throws `DeviceError`.
+void write_whole(const std::string& path, const std::string& text);
 
 }  // namespace slicecorr::bridge

@@ -1,9 +1,10 @@
 /// @file run.hpp
-/// A print from beginning to end: control thread, image thread, decoding threads, record.
+/// A print from beginning to end: control thread, image thread, threads that make frames, record.
 #pragma once
 
 #include <atomic>
 #include <functional>
+#include <optional>
 #include <string>
 
 #include "slicecorr/bridge/control.hpp"
@@ -18,7 +19,8 @@ struct RunOptions {
   /// Image and control in one thread, one after the other: with a step clock the print does not
   /// depend on the machine that runs it.
   bool lockstep = false;
-  int threads = 2;  ///< that decode
+  int threads = 2;    ///< that make frames
+  std::string stack;  ///< its path, for the record
   /// Set by signals: the print fails with `stopped_by_user`.
   const std::atomic<bool>* stop = nullptr;
 };
@@ -27,15 +29,28 @@ struct Ending {
   Phase phase = Phase::failed;
   Fault fault = Fault::none;
   std::string detail;
-  int frames_shown = 0, late_frames = 0;
-  double worst_late_um = 0, worst_stage_error_um = 0, seconds = 0;
+  int frames = 0, frames_shown = 0, late_frames = 0, frame = -1;
+  double worst_late_um = 0, worst_stage_error_um = 0, seconds = 0, stage_um = 0;
+  int missed_cycles = 0;  ///< cycles that began more than one cycle late
+  bool latched = false;
+  std::string trouble;  ///< what could not be recorded
 };
 
-/// Takes pause, resume, stop and status over the state folder's socket while it runs. Whatever
+/// Takes status, pause, resume and stop over the state folder's socket while it runs. Whatever
 /// happens, lamps go off first, then the stage stops, then black is shown, then the fault is
-/// latched; this holds for exceptions, too.
-Ending run_print(const StackReader& stack, const PrintPlan& plan, const Machine& machine,
+/// latched; this holds for exceptions, too. The caller holds the printer's `PrintLock`. Throws only
+/// for what is wrong before anything was sent: `DeviceError` where nothing can be recorded, and
+/// what making the first frames throws.
+Ending run_print(const FrameSource& frames, const PrintPlan& plan, const Machine& machine,
                  Link& link, FrameSink& sink, Clock& clock, const StateFolder& folder,
                  const RunOptions& options, const Job& job);
+
+/// Asks the printbridge that prints now: "status", "pause", "resume" or "stop". Its answer is JSON;
+/// nothing when none prints. Throws `DeviceError` when it does not answer.
+std::optional<std::string> ask_running(const StateFolder& folder, const std::string& request);
+
+/// Tells the machine to reset, when its interlocks are closed. Throws `DeviceError` saying what is
+/// against it.
+void reset_machine(Link& link, Clock& clock, const Machine& machine);
 
 }  // namespace slicecorr::bridge

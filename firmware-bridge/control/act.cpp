@@ -1,0 +1,486 @@
+// What comes next: lamps, stage and frames, phase by phase.
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "control/state.hpp"
+
+namespace slicecorr::bridge {
+
+void Controller::Impl::go() {
+  switch (phase) {
+    case Phase::connecting:
+      return go_connecting();
+    case Phase::warming:
+      return go_warming();
+    case Phase::homing:
+      return go_homing();
+    case Phase::uv_on:
+      return go_uv_on();
+    case Phase::printing:
+      return plan.mode == ExposureMode::layerwise ? go_layers() : go_printing();
+    case Phase::pausing:
+      return go_pausing();
+    case Phase::paused:
+      return go_paused();
+    case Phase::resuming:
+      return go_resuming();
+    case Phase::blue_off:
+      return go_blue_off();
+    case Phase::uv_off:
+      return go_uv_off();
+    case Phase::raising:
+      return go_raising();
+    case Phase::done:
+      return go_done();
+    case Phase::lamps_off:
+    case Phase::stopping:
+    case Phase::blacking:
+    case Phase::failed:
+      return go_fault();
+  }
+}
+
+void Controller::Impl::command_move(double target_um, double speed_um_s,
+                                    double acceleration_um_s2) {
+  begun = true;
+  out.command = Command::run;
+  out.target_um = target_um;
+  out.speed_um_s = speed_um_s;
+  out.acceleration_um_s2 = acceleration_um_s2;
+  // What registers make of it is what the machine does.
+  SetPoints told = out;
+  if (machine.modbus) told = decode_set_points(*machine.modbus, encode(*machine.modbus, out));
+  if (!machine.modbus || !machine.modbus->write.contains(Signal::acceleration_um_s2)) {
+    told.acceleration_um_s2 = acceleration_um_s2;
+  }
+  move = Move{next_sequence, told.target_um, told.speed_um_s, told.acceleration_um_s2};
+  const double way = std::abs(told.target_um - stage.position_um(now_s));
+  move_limit_s = now_s +
+                 1.5 * (way / std::max(told.speed_um_s, 1e-3) +
+                        2 * told.speed_um_s / told.acceleration_um_s2) +
+                 5;
+}
+
+void Controller::Impl::hold() {
+  begun = true;
+  out.command = Command::run;
+  out.target_um = stage.measured_um();
+  out.speed_um_s = machine.stage.lift_speed_um_s;
+  out.acceleration_um_s2 = machine.stage.acceleration_um_s2;
+}
+
+bool Controller::Impl::arrived(double within_um) const {
+  return !move && stage.commanded().at(now_s).arrived() &&
+         std::abs(status.stage_um - stage.commanded().target_um()) <= within_um;
+}
+
+void Controller::Impl::show(int number, double planned_um, double light_at_s) {
+  light_at_s = std::max(light_at_s, now_s + limits.display_latency_s);
+  step.show = number;
+  step.show_at_s = light_at_s - limits.display_latency_s;
+  pending = Pending{number, planned_um, light_at_s};
+}
+
+double Controller::Impl::uv_of(int number) const {
+  if (!plan.uv || frames == 0) return 0;
+  return plan.frames[static_cast<std::size_t>(std::clamp(number, 0, frames - 1))].uv_mw_cm2;
+}
+
+bool Controller::Impl::uv_settled() const {
+  if (!plan.uv || dry_run) return true;
+  const double asked = uv_share(out.uv_mw_cm2);
+  return uv.settled_at(asked, uv_share(status.uv_measured.value_or(0)), status_at_s);
+}
+bool Controller::Impl::blue_settled() const {
+  return dry_run || blue.settled_at(out.blue_share, status.blue_measured, status_at_s);
+}
+bool Controller::Impl::blue_dark() const {
+  return blue.settled_at(0, status.blue_measured, status_at_s);
+}
+bool Controller::Impl::uv_dark() const {
+  return !machine.printer.uv || !status.uv_measured ||
+         uv.settled_at(0, uv_share(*status.uv_measured), status_at_s);
+}
+
+void Controller::Impl::lamp_limit(double limit_s, const char* what) {
+  if (in_act_s() > limit_s) fail(Fault::lamp_mismatch, what);
+}
+
+void Controller::Impl::go_connecting() {
+  out.command = Command::off;
+  out.blue_share = out.uv_mw_cm2 = 0;
+  if (act == Act::begin) {
+    if (!connected) return;
+    turn_to(Act::settle);
+    event("connected");
+  }
+  if (act == Act::settle) {
+    const bool idle = status.state == MachineState::idle;
+    if (idle && blue_dark() && uv_dark()) {
+      out.target_um = stage.measured_um();
+      show(-1, 0, now_s);
+      return turn_to(Act::show_first);
+    }
+    if (in_act_s() > 2) {
+      if (!idle) return fail(Fault::machine_restarted, "the machine goes on running");
+      fail(Fault::lamp_mismatch, "a lamp shines that is off");
+    }
+    return;
+  }
+  if (!displayed(-1)) return;
+  lamps_judged = true;
+  const bool warm =
+      !dry_run && (machine.blue.warm_up_s > 0 || (plan.uv && machine.uv.warm_up_s > 0));
+  enter(warm ? Phase::warming : Phase::homing);
+  go();
+}
+
+void Controller::Impl::go_warming() {
+  const double blue_s = machine.blue.warm_up_s, uv_s = plan.uv ? machine.uv.warm_up_s : 0;
+  rising = true;
+  switch (act) {
+    case Act::begin:
+      hold();
+      // UV light first, and it stays on until the print is over: it does not cure.
+      out.uv_mw_cm2 = uv_of(0);
+      return turn_to(Act::uv_warm);
+    case Act::uv_warm:
+      if (plan.uv && (in_act_s() < uv_s || !uv_settled())) {
+        return lamp_limit(uv_s + 5 * machine.uv.settle_s + 2, "the UV lamp does not warm up");
+      }
+      if (blue_s <= 0) break;
+      out.blue_share = 1;
+      return turn_to(Act::blue_warm);
+    case Act::blue_warm:
+      if (in_act_s() < blue_s || !blue_settled()) {
+        return lamp_limit(blue_s + 5 * machine.blue.settle_s + 2, "the blue lamp does not warm up");
+      }
+      out.blue_share = 0;
+      return turn_to(Act::blue_dark);
+    default:
+      if (!blue_dark()) {
+        return lamp_limit(5 * machine.blue.settle_s + 2, "the blue lamp does not go off");
+      }
+      break;
+  }
+  rising = false;
+  enter(Phase::homing);
+  go();
+}
+
+void Controller::Impl::go_homing() {
+  if (act == Act::begin) {
+    command_move(machine.stage.home_um, machine.stage.lift_speed_um_s,
+                 machine.stage.acceleration_um_s2);
+    return turn_to(Act::arrive);
+  }
+  if (!arrived(std::max(1.0, machine.stage.tolerance_um / 4))) return;
+  move_limit_s = 0;
+  enter(Phase::uv_on);
+  go();
+}
+
+void Controller::Impl::go_uv_on() {
+  if (act == Act::begin) {
+    out.uv_mw_cm2 = uv_of(next_frame);
+    rising = true;
+    turn_to(Act::uv_settle);
+  }
+  if (!uv_settled()) {
+    return lamp_limit(machine.uv.warm_up_s + 5 * machine.uv.settle_s + 1,
+                      "the UV lamp does not come to its light");
+  }
+  rising = false;
+  enter(Phase::printing, dry_run ? "without light" : "");
+  go();
+}
+
+double Controller::Impl::print_target_um() const {
+  if (plan.lamps_follow()) return plan.end_um;
+  // Far enough for the ramp, and for the lamp to go off before it.
+  const double target = plan.end_um + plan.ramp_um + 4 * limits.cycle_s * plan.speed_um_s;
+  return machine.stage.travel_um > 0 ? std::min(target, machine.stage.travel_um) : target;
+}
+
+void Controller::Impl::go_printing() {
+  switch (act) {
+    case Act::begin:
+      if (plan.lamps_follow()) {
+        show(0, plan.start_um, now_s);  // dark still: the lamp begins with the stage
+        return turn_to(Act::show_first);
+      }
+      out.blue_share = 1;  // behind black
+      rising = true;
+      return turn_to(Act::blue_settle);
+    case Act::blue_settle:
+      if (!blue_settled()) {
+        return lamp_limit(machine.blue.warm_up_s + 5 * machine.blue.settle_s + 1,
+                          "the blue lamp does not come to its light");
+      }
+      break;
+    case Act::show_first:
+      if (!displayed(0)) return;
+      next_frame = 1;
+      break;
+    default: {
+      plan_next_frame();
+      follow();
+      if (pause_wanted) return enter(Phase::pausing);
+      const bool ended = plan.lamps_follow()
+                             ? arrived(std::max(1.0, machine.stage.tolerance_um / 4))
+                             : next_frame > frames && displayed(-1);
+      if (!ended) return;
+      if (next_frame < frames) {
+        return fail(Fault::defect, fmt::format("the print ended before frame {}", next_frame));
+      }
+      move_limit_s = 0;
+      enter(Phase::blue_off);
+      return go();
+    }
+  }
+  rising = false;
+  stage.start(status.stage_um, status_at_s);
+  command_move(print_target_um(), plan.speed_um_s, plan.acceleration_um_s2);
+  turn_to(Act::move);
+  follow();
+}
+
+void Controller::Impl::plan_next_frame() {
+  if (pending) return;
+  const bool last = next_frame == frames;
+  if (next_frame > frames || (last && plan.lamps_follow())) return;
+  const int number = last ? -1 : next_frame;
+  const double planned = last ? plan.end_um : plan.frame_um(number);
+  // It must be on its way now if it is due before the next but one cycle.
+  double early = now_s + limits.display_latency_s;
+  double late = early + 2 * limits.cycle_s;
+  if (stage.position_um(late) < planned) return;
+  if (stage.position_um(early) < planned) {
+    for (int i = 0; i < 40; ++i) {
+      const double middle = (early + late) / 2;
+      (stage.position_um(middle) < planned ? early : late) = middle;
+    }
+  } else {
+    late = early;
+  }
+  show(number, planned, late);
+  ++next_frame;
+}
+
+void Controller::Impl::follow() {
+  const auto share_at = [&](double at_s) {
+    return lamp_share(plan, machine.blue, std::max(0.0, stage.speed_um_s(at_s)));
+  };
+  const bool run_up = !plan.lamps_follow() && phase == Phase::printing && frame < 0 &&
+                      next_frame <= 1 && stage.position_um(now_s) < plan.start_um;
+  // Half a cycle ahead: the middle of the time for which it holds.
+  const double share = run_up ? 1 : share_at(now_s + limits.cycle_s / 2);
+  out.blue_share = share;
+  if (!plan.uv) return;
+  // UV light goes with it, so that the dose stays the same; ahead of it on the way up and behind it
+  // on the way down, so that the window stays clear.
+  shares.push_back({now_s, share});
+  while (shares.size() > 1 &&
+         shares.front().at_s < now_s - machine.blue.settle_s - limits.cycle_s) {
+    shares.pop_front();
+  }
+  // While blue is dark UV light stays as it is: on before it, and off after it.
+  if (share <= 0) return;
+  double uv_follows = run_up ? 1 : share_at(now_s + 2 * limits.cycle_s);
+  for (const Share& s : shares) uv_follows = std::max(uv_follows, s.share);
+  double level = uv_of(frame < 0 ? 0 : frame);
+  if (pending && pending->number >= 0) {
+    const auto next = static_cast<std::size_t>(pending->number);
+    if (plan.frames[next].least_uv_mw_cm2 > level) level = plan.frames[next].uv_mw_cm2;
+  }
+  out.uv_mw_cm2 = std::min(level * uv_follows, plan.uv_max_mw_cm2);
+  if (uv_share(out.uv_mw_cm2) < machine.uv.min_share && level > 0) {
+    out.uv_mw_cm2 = 0;
+    out.blue_share = 0;
+  }
+}
+
+void Controller::Impl::go_pausing() {
+  switch (act) {
+    case Act::begin:
+      if (plan.mode == ExposureMode::layerwise) {
+        turn_to(Act::blue_dark);
+        return go_pausing();
+      }
+      command_move(stop_um, plan.speed_um_s, plan.acceleration_um_s2);
+      turn_to(Act::arrive);
+      [[fallthrough]];
+    case Act::arrive:
+      plan_next_frame();
+      follow();
+      if (pending || !arrived(std::max(1.0, machine.stage.tolerance_um / 4))) return;
+      move_limit_s = 0;
+      turn_to(Act::blue_dark);
+      [[fallthrough]];
+    case Act::blue_dark:
+      out.blue_share = 0;
+      if (!blue_dark()) {
+        return lamp_limit(5 * machine.blue.settle_s + 2, "the blue lamp does not go off");
+      }
+      out.uv_mw_cm2 = 0;
+      return turn_to(Act::uv_dark);
+    case Act::uv_dark:
+      if (!uv_dark()) return lamp_limit(5 * machine.uv.settle_s + 2, "the UV lamp does not go off");
+      paused_frame = frame;
+      show(-1, 0, now_s);
+      return turn_to(Act::show);
+    default:
+      if (!displayed(-1)) return;
+      pause_wanted = resume_wanted = false;
+      return enter(Phase::paused);
+  }
+}
+
+void Controller::Impl::go_paused() {
+  if (resume_wanted) {
+    resume_wanted = false;
+    enter(Phase::resuming);
+    go_resuming();
+  }
+}
+
+void Controller::Impl::go_resuming() {
+  switch (act) {
+    case Act::begin:
+      out.uv_mw_cm2 = uv_of(std::max(paused_frame, 0));
+      rising = true;
+      return turn_to(Act::uv_settle);
+    case Act::uv_settle:
+      if (!uv_settled()) {
+        return lamp_limit(machine.uv.warm_up_s + 5 * machine.uv.settle_s + 1,
+                          "the UV lamp does not come to its light");
+      }
+      rising = false;
+      if (plan.mode == ExposureMode::layerwise) {
+        enter(Phase::printing);
+        return go();
+      }
+      show(paused_frame, stage.measured_um(), now_s);
+      return turn_to(Act::show);
+    default:
+      if (!displayed(paused_frame)) return;
+      enter(Phase::printing);
+      stage.start(status.stage_um, status_at_s);
+      command_move(print_target_um(), plan.speed_um_s, plan.acceleration_um_s2);
+      turn_to(Act::move);
+      follow();
+  }
+}
+
+void Controller::Impl::go_blue_off() {
+  out.blue_share = 0;
+  if (act == Act::begin) turn_to(Act::blue_dark);
+  if (!blue_dark()) {
+    return lamp_limit(5 * machine.blue.settle_s + 2, "the blue lamp does not go off");
+  }
+  enter(Phase::uv_off);
+  go();
+}
+
+void Controller::Impl::go_uv_off() {
+  if (act == Act::begin) {
+    out.uv_mw_cm2 = 0;
+    return turn_to(Act::uv_dark);
+  }
+  if (act == Act::uv_dark) {
+    if (!uv_dark()) return lamp_limit(5 * machine.uv.settle_s + 2, "the UV lamp does not go off");
+    if (!displayed(-1) && !pending) show(-1, 0, now_s);
+    return turn_to(Act::show);
+  }
+  if (!displayed(-1)) return;
+  enter(Phase::raising);
+  go();
+}
+
+void Controller::Impl::go_raising() {
+  if (act == Act::begin) {
+    const double top = machine.stage.travel_um;
+    if (top <= stage.measured_um() + machine.stage.tolerance_um) return enter(Phase::done);
+    command_move(top, machine.stage.lift_speed_um_s, machine.stage.acceleration_um_s2);
+    return turn_to(Act::arrive);
+  }
+  if (!arrived(std::max(1.0, machine.stage.tolerance_um / 4))) return;
+  move_limit_s = 0;
+  enter(Phase::done);
+  go();
+}
+
+void Controller::Impl::go_done() {
+  out.command = Command::off;
+  // The answer to it, or two tries: everything is dark and stands.
+  if (act == Act::begin) {
+    tries = 1;
+    return turn_to(Act::finish);
+  }
+  if (answered || ++tries > 2) step.finished = true;
+}
+
+void Controller::Impl::go_fault() {
+  out.blue_share = out.uv_mw_cm2 = 0;
+  const auto found =
+      answered ? std::find_if(sent.rbegin(), sent.rend(),
+                              [&](const Sent& s) { return s.sequence == status.sequence_echo; })
+               : sent.rend();
+  const bool done = found != sent.rend() && found->phase == phase && act != Act::begin;
+  const auto said = [&] { return done ? "answered" : "not answered"; };
+  if (phase == Phase::lamps_off) {
+    if (act == Act::begin) {
+      // The stage goes on: a stop would come before the lamps are off.
+      fault_at_s = now_s;
+      answered_since = false;
+      tries = 1;
+      event("lamps off", "asked");
+      return turn_to(Act::finish);
+    }
+    if (!done && tries++ < 2) return;
+    event("lamps off", said());
+    enter(Phase::stopping);
+    return go_fault();
+  }
+  if (phase == Phase::stopping) {
+    out.command = Command::stop;
+    if (act == Act::begin) {
+      tries = 1;
+      event("stage stop", "asked");
+      return turn_to(Act::finish);
+    }
+    if (!done && tries++ < 2) return;
+    event("stage stop", said());
+    enter(Phase::blacking);
+    return go_fault();
+  }
+  if (phase == Phase::blacking) {
+    if (act == Act::begin) {
+      pending.reset();
+      step.show = -1;
+      step.show_at_s = now_s;
+      event("black", "asked");
+      return turn_to(Act::finish);
+    }
+    if (!black_shown && in_act_s() < 1) return;
+    event("black", black_shown ? "shown" : "not answered");
+    enter(Phase::failed, fault_detail);
+    return go_fault();
+  }
+  // Somebody must have heard it, unless nobody is there: the machine's own watchdog is then done.
+  if (!answered_since && now_s - fault_at_s <= 2 * limits.watchdog_s) return;
+  // Until lamps have had their time to go dark.
+  const bool bright = answered_since && (!blue_dark() || !uv_dark());
+  if (bright && now_s - fault_at_s < 1 + machine.blue.settle_s + machine.uv.settle_s) return;
+  if (bright) {
+    const char* const still = "A LAMP STILL SHINES: switch the machine off";
+    event("light", still);
+    fault_detail += std::string("; ") + still;
+  }
+  step.finished = true;
+}
+
+}  // namespace slicecorr::bridge

@@ -1,0 +1,84 @@
+// Layer by layer: lift, lower, rest, light, expose.
+
+#include <algorithm>
+
+#include "control/state.hpp"
+
+namespace slicecorr::bridge {
+
+void Controller::Impl::go_layers() {
+  const double near_um = std::max(1.0, machine.stage.tolerance_um / 4);
+  const int n = next_frame;
+  switch (act) {
+    case Act::begin: {
+      if (n >= frames) {
+        enter(Phase::blue_off);
+        return go();
+      }
+      if (pause_wanted) {
+        enter(Phase::pausing);
+        return go();
+      }
+      // The part comes off the window before it goes to its next place; the platform has none.
+      const bool lift = n > 0 && machine.stage.lift_um > 0;
+      const double top = std::min(plan.frame_um(n - 1) + machine.stage.lift_um,
+                                  machine.stage.travel_um > 0 ? machine.stage.travel_um : 1e300);
+      command_move(lift ? std::max(top, plan.frame_um(n)) : plan.frame_um(n),
+                   machine.stage.lift_speed_um_s, machine.stage.acceleration_um_s2);
+      return turn_to(lift ? Act::move : Act::arrive);
+    }
+    case Act::move:
+      if (!arrived(near_um)) return;
+      command_move(plan.frame_um(n), machine.stage.lift_speed_um_s,
+                   machine.stage.acceleration_um_s2);
+      return turn_to(Act::arrive);
+    case Act::arrive:
+      if (!arrived(near_um)) return;
+      move_limit_s = 0;
+      return turn_to(Act::settle);
+    case Act::settle:
+      if (in_act_s() < machine.stage.settle_s) return;
+      out.uv_mw_cm2 = uv_of(n);
+      rising = true;
+      return turn_to(Act::uv_settle);
+    case Act::uv_settle:
+      if (!uv_settled()) {
+        return lamp_limit(machine.uv.warm_up_s + 5 * machine.uv.settle_s + 1,
+                          "the UV lamp does not come to its light");
+      }
+      out.blue_share = 1;  // behind black: the display times the exposure
+      return turn_to(Act::blue_settle);
+    case Act::blue_settle:
+      if (!blue_settled()) {
+        return lamp_limit(machine.blue.warm_up_s + 5 * machine.blue.settle_s + 1,
+                          "the blue lamp does not come to its light");
+      }
+      rising = false;
+      show(n, plan.frame_um(n), now_s + limits.cycle_s + limits.display_latency_s);
+      return turn_to(Act::show);
+    case Act::show:
+      if (!displayed(n)) return;
+      turn_to(Act::expose);
+      [[fallthrough]];
+    case Act::expose: {
+      const double until_s = shown_at_s + plan.frames[static_cast<std::size_t>(n)].exposure_s;
+      if (frame == n) {
+        if (!pending && until_s <= now_s + limits.display_latency_s + 2 * limits.cycle_s) {
+          show(-1, plan.frame_um(n), until_s);
+        }
+        return;
+      }
+      out.blue_share = 0;
+      return turn_to(Act::blue_dark);
+    }
+    default:
+      if (!blue_dark()) {
+        return lamp_limit(5 * machine.blue.settle_s + 2, "the blue lamp does not go off");
+      }
+      ++next_frame;
+      turn_to(Act::begin);
+      return go_layers();
+  }
+}
+
+}  // namespace slicecorr::bridge

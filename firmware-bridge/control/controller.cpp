@@ -1,0 +1,137 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "control/pause.hpp"
+#include "control/state.hpp"
+
+namespace slicecorr::bridge {
+
+Controller::Impl::Impl(PrintPlan p, Machine m, bool dry)
+    : plan(std::move(p)),
+      machine(std::move(m)),
+      limits(machine.limits),
+      dry_run(dry),
+      frames(static_cast<int>(plan.frames.size())),
+      blue(machine.blue, machine.limits.cycle_s),
+      uv(machine.uv, machine.limits.cycle_s) {
+  // A stage that stands still must not be forgotten to be expected further on.
+  if (plan.speed_um_s > 0) {
+    stage.set_forgetting_s(std::max(2.0, 3 * machine.stage.tolerance_um / plan.speed_um_s));
+  }
+}
+
+void Controller::Impl::event(const std::string& what, const std::string& detail) {
+  step.events.push_back({now_s, what, detail, frame, stage.measured_um()});
+}
+
+void Controller::Impl::enter(Phase next, const std::string& detail) {
+  phase = next;
+  phase_since_s = now_s;
+  turn_to(Act::begin);
+  event("phase " + std::string(name_of(next)), detail);
+}
+
+void Controller::Impl::turn_to(Act next) {
+  act = next;
+  act_since_s = now_s;
+}
+
+void Controller::Impl::fail(Fault what, const std::string& detail) {
+  if (fault != Fault::none || step.finished || phase == Phase::failed) return;
+  fault = what;
+  fault_detail = detail;
+  event("fault " + std::string(name_of(what)), detail);
+}
+
+Controller::Controller(PrintPlan plan, Machine machine, bool dry_run)
+    : impl_(std::make_unique<Impl>(std::move(plan), std::move(machine), dry_run)) {}
+Controller::~Controller() = default;
+
+Step Controller::step(const std::optional<Answer>& answer, double now_s) {
+  Impl& s = *impl_;
+  // What was told between cycles stays in: events of `fail`.
+  Step kept = std::exchange(s.step, Step{});
+  s.step.events = std::move(kept.events);
+  s.now_s = now_s;
+  if (!s.started) {
+    s.started = true;
+    s.last_answer_s = now_s;
+    s.enter(Phase::connecting);
+  }
+  s.answered = answer.has_value();
+  if (answer) s.take(*answer);
+  s.take_reports();
+  s.watch_time();
+  // Twice: what is found wrong while deciding what comes next still goes out as lamps off.
+  for (int pass = 0; pass < 2; ++pass) {
+    if (s.fault != Fault::none && !s.failing()) s.enter(Phase::lamps_off, s.fault_detail);
+    s.go();
+    if (s.fault == Fault::none || s.failing()) break;
+  }
+  SetPoints& out = s.out;
+  if (s.dry_run || s.failing()) out.blue_share = out.uv_mw_cm2 = 0;
+  out.sequence = s.next_sequence;
+  s.next_sequence = static_cast<std::uint16_t>(s.next_sequence + 1);
+  if (s.next_sequence == 0) s.next_sequence = 1;  // 0 is what a machine says that has just begun
+  ++out.heartbeat;
+  out.watchdog_s = s.limits.watchdog_s;
+  out.frame = s.frame;
+  ++s.sent_count;
+  s.sent.push_back({out.sequence, now_s, s.phase, s.sent_count});
+  if (s.sent.size() > 1024) s.sent.pop_front();
+  s.blue.asked(out.blue_share, s.sent_count, now_s);
+  s.uv.asked(s.uv_share(out.uv_mw_cm2), s.sent_count, now_s);
+  s.step.set_points = out;
+  return std::exchange(s.step, Step{});
+}
+
+void Controller::shown(const FrameReport& report) { impl_->reports.push_back(report); }
+
+void Controller::fail(Fault fault, const std::string& detail) { impl_->fail(fault, detail); }
+
+PauseAnswer Controller::pause() {
+  Impl& s = *impl_;
+  if (s.failing() || s.fault != Fault::none) return {false, "the print has failed"};
+  if (s.phase == Phase::paused || s.phase == Phase::pausing || s.pause_wanted) {
+    return {false, "the print pauses already"};
+  }
+  if (s.phase != Phase::printing) {
+    return {false, "no slice is being printed now (" + std::string(name_of(s.phase)) + ")"};
+  }
+  if (s.plan.mode == ExposureMode::layerwise) {
+    if (s.next_frame + 1 >= s.frames && s.act != Act::begin) {
+      return {false, "this is the last layer"};
+    }
+    s.pause_wanted = true;
+    return {true, "pauses after layer " + std::to_string(s.next_frame)};
+  }
+  if (s.act != Act::move || s.move) return {false, "the stage is just starting"};
+  const PausePlace place = pause_place(s.plan, s.machine, s.stage.position_um(s.now_s), s.dry_run);
+  if (!place.possible) return {false, place.why};
+  s.pause_wanted = true;
+  s.stop_um = place.stop_um;
+  return {true, fmt::format("stops at z = {:.3f} mm", (s.stop_um - s.plan.start_um) * 1e-3)};
+}
+
+PauseAnswer Controller::resume() {
+  Impl& s = *impl_;
+  if (s.phase == Phase::pausing) return {false, "the print is still stopping"};
+  if (s.phase != Phase::paused) return {false, "the print is not paused"};
+  s.resume_wanted = true;
+  return {true, "goes on"};
+}
+
+Phase Controller::phase() const { return impl_->phase; }
+Fault Controller::fault() const { return impl_->fault; }
+const std::string& Controller::fault_detail() const { return impl_->fault_detail; }
+int Controller::frame() const { return impl_->frame; }
+double Controller::stage_um() const { return impl_->stage.measured_um(); }
+double Controller::worst_late_um() const { return impl_->worst_late_um; }
+double Controller::worst_stage_error_um() const { return impl_->worst_stage_error_um; }
+int Controller::frames_shown() const { return impl_->frames_shown; }
+int Controller::late_frames() const { return impl_->late_frames; }
+bool Controller::begun() const { return impl_->begun; }
+
+}  // namespace slicecorr::bridge

@@ -1,0 +1,45 @@
+/// Whether lamps do what they are asked.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "slicecorr/bridge/plan.hpp"
+
+namespace slicecorr::bridge {
+
+/// One lamp's set-points over time, in shares of full light, and what was measured of it.
+class LampWatch {
+ public:
+  LampWatch(const LampDrive& drive, double cycle_s) : drive_(drive), cycle_s_(cycle_s) {}
+  /// The `count`-th set-points go out with this share.
+  void asked(double share, std::uint64_t count, double at_s);
+  /// All set-points up to the `count`-th were taken over by this time: what was asked before holds
+  /// until then.
+  void confirmed(std::uint64_t count, double at_s);
+  /// What is wrong with a measured share, in words; nothing when it lies within what was asked
+  /// during the time that the lamp may take to follow. `rising`: while it warms up too little
+  /// light is right.
+  std::optional<std::string> judge(double share, double at_s, bool rising) const;
+  /// Least and greatest share asked in the time that the lamp may take.
+  double least_asked(double at_s) const { return range(at_s).first; }
+  double greatest_asked(double at_s) const { return range(at_s).second; }
+  /// Asked since long enough to be there, and measured so.
+  bool settled_at(double share, double measured, double at_s) const;
+
+ private:
+  std::pair<double, double> range(double at_s) const;
+  struct Asked {
+    double at_s, share;
+    std::uint64_t count;
+    bool confirmed;
+  };
+  LampDrive drive_;
+  double cycle_s_;
+  std::deque<Asked> asked_;
+};
+
+}  // namespace slicecorr::bridge

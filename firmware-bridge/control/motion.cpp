@@ -1,0 +1,130 @@
+#include "control/motion.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace slicecorr::bridge {
+
+void CommandedMotion::place(double position_um, double at_s) {
+  position_ = target_ = position_um;
+  speed_ = 0;
+  time_ = at_s;
+}
+
+void CommandedMotion::move(double target_um, double speed_um_s, double acceleration_um_s2,
+                           double at_s) {
+  advance(at_s);
+  target_ = target_um;
+  most_ = std::abs(speed_um_s);
+  acceleration_ = std::max(acceleration_um_s2, 1e-3);
+}
+
+void CommandedMotion::advance(double time_s) {
+  double left = time_s - time_;
+  if (!(left > 0)) return;
+  time_ = time_s;
+  // Pieces of constant acceleration: at most turning round, speeding up, going, slowing down.
+  for (int piece = 0; piece < 8 && left > 0; ++piece) {
+    const double way = target_ - position_;
+    if (way == 0 && speed_ == 0) return;
+    const double side = way != 0 ? std::copysign(1.0, way) : std::copysign(1.0, speed_);
+    const double v = speed_ * side, d = std::abs(way), a = acceleration_;
+    const double braking = v * v / (2 * a);
+    double rate, time;  // of this piece, along `side`
+    if (v < 0) {
+      rate = a;
+      time = -v / a;
+    } else if (v > 0 && d <= braking * (1 + 1e-12)) {
+      // What is needed to stop at the target; more than `a` when it was moved nearer.
+      rate = d > 0 ? -v * v / (2 * d) : -a;
+      time = v / -rate;
+    } else if (v > most_) {
+      rate = -a;
+      time = (v - most_) / a;
+    } else if (v < most_) {
+      // Up to the speed, or to where braking begins.
+      rate = a;
+      const double peak = std::sqrt(a * d + v * v / 2);
+      time = (std::min(most_, peak) - v) / a;
+      if (!(time > 0)) {
+        rate = -v * v / (2 * d);
+        time = v > 0 ? v / -rate : left;
+      }
+    } else {
+      if (v == 0) return;  // no speed to go with
+      rate = 0;
+      time = (d - braking) / v;
+    }
+    const double t = std::min(time, left);
+    position_ += side * (v * t + rate * t * t / 2);
+    speed_ = side * (v + rate * t);
+    left -= t;
+    // Ends of pieces are exact, so that rounding leaves nothing to chase.
+    if (t == time && rate < 0 && v <= most_ * (1 + 1e-12) && d <= braking * (1 + 1e-9)) {
+      position_ = target_;
+      speed_ = 0;
+    } else if (t == time && rate > 0 && v < 0) {
+      speed_ = 0;
+    }
+  }
+}
+
+void StageEstimate::start(double position_um, double at_s) {
+  motion_.place(position_um, at_s);
+  offset_ = drift_ = error_ = 0;
+  measured_ = position_um;
+  measured_at_ = at_s;
+  past_.clear();
+}
+
+void StageEstimate::command(double target_um, double speed_um_s, double acceleration_um_s2,
+                            double at_s) {
+  motion_.move(target_um, speed_um_s, acceleration_um_s2, at_s);
+}
+
+void StageEstimate::measure(double position_um, const double* speed_um_s, double at_s) {
+  const double dt = at_s - measured_at_;
+  motion_.advance(at_s);
+  error_ = position_um - motion_.position_um();
+  if (dt > 0) {
+    offset_ += drift_ * dt;
+    const double rest = error_ - offset_;
+    // With a measured speed positions say little about it; without, they are all there is.
+    offset_ += 0.3 * rest;
+    if (speed_um_s != nullptr) {
+      drift_ += 0.5 * (*speed_um_s - motion_.speed_um_s() - drift_);
+    } else {
+      drift_ += 0.05 * rest / dt;
+    }
+    const double forget = error_ * std::min(1.0, dt / forgetting_s_);
+    motion_.shift(forget);
+    offset_ -= forget;
+  }
+  measured_ = position_um;
+  measured_at_ = at_s;
+  past_.push_back({at_s, motion_.position_um() + offset_});
+  if (past_.size() > 256) past_.pop_front();
+}
+
+double StageEstimate::position_um(double at_s) const {
+  if (at_s < measured_at_ && !past_.empty()) {
+    const auto after = std::upper_bound(past_.begin(), past_.end(), at_s,
+                                        [](double t, const Place& p) { return t < p.at_s; });
+    if (after == past_.begin()) return past_.front().position_um;
+    const auto before = std::prev(after);
+    if (after == past_.end()) return before->position_um;
+    const double share = (at_s - before->at_s) / (after->at_s - before->at_s);
+    return before->position_um + share * (after->position_um - before->position_um);
+  }
+  const CommandedMotion then = motion_.at(at_s);
+  // A stage that stands does not drift away.
+  const double drift = then.arrived() ? 0 : drift_;
+  return then.position_um() + offset_ + drift * (at_s - measured_at_);
+}
+
+double StageEstimate::speed_um_s(double at_s) const {
+  const CommandedMotion then = motion_.at(at_s);
+  return then.arrived() && motion_.arrived() ? drift_ : then.speed_um_s() + drift_;
+}
+
+}  // namespace slicecorr::bridge

@@ -1,0 +1,166 @@
+/// Inside of the controller. Its parts: `watch.cpp` judges what the machine says, `act.cpp` and
+/// `act_layerwise.cpp` say what comes next, `controller.cpp` holds them together.
+#pragma once
+
+#include <deque>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "control/lamps.hpp"
+#include "control/motion.hpp"
+#include "slicecorr/bridge/control.hpp"
+
+namespace slicecorr::bridge {
+
+/// Steps within a phase.
+enum class Act {
+  begin,
+  uv_warm,
+  uv_settle,
+  blue_warm,
+  blue_settle,
+  blue_dark,
+  uv_dark,
+  show_first,
+  move,
+  arrive,
+  settle,
+  show,
+  expose,
+  finish,
+};
+
+struct Controller::Impl {
+  Impl(PrintPlan p, Machine m, bool dry);
+
+  const PrintPlan plan;
+  const Machine machine;
+  const Limits& limits;
+  const bool dry_run;
+  const int frames;
+
+  Phase phase = Phase::connecting;
+  Act act = Act::begin;
+  double now_s = 0, phase_since_s = 0, act_since_s = 0;
+  bool started = false;
+  Fault fault = Fault::none;
+  std::string fault_detail;
+  bool pause_wanted = false, resume_wanted = false;
+  bool begun = false;  ///< something was moved or lit
+
+  // The wire.
+  SetPoints out;
+  std::uint16_t next_sequence = 1;
+  std::uint64_t sent_count = 0;
+  struct Sent {
+    std::uint16_t sequence;
+    double at_s;
+    Phase phase;
+    std::uint64_t count;
+  };
+  std::deque<Sent> sent;
+  double last_answer_s = 0;
+  bool answered = false, connected = false, seen_running = false;
+  Status status;
+  double status_at_s = 0;
+  std::optional<double> not_running_since_s, uv_short_since_s;
+
+  // The stage.
+  StageEstimate stage;
+  struct Move {
+    std::uint16_t sequence;  ///< with which it goes out first
+    double target_um, speed_um_s, acceleration_um_s2;
+  };
+  std::optional<Move> move;  ///< commanded, but not yet seen to be taken over
+  double move_limit_s = 0;   ///< when it must have arrived
+  double highest_um = 0;     ///< while printing
+  double worst_stage_error_um = 0;
+
+  // The lamps.
+  LampWatch blue, uv;
+  bool lamps_judged = false;
+  bool rising = false;  ///< waits for a lamp: too little light is no fault yet
+  struct Share {
+    double at_s, share;
+  };
+  std::deque<Share> shares;  ///< asked of the blue lamp lately
+
+  // The display.
+  int frame = -1;      ///< on it
+  int next_frame = 0;  ///< to come
+  struct Pending {
+    int number;
+    double planned_um, at_s;  ///< `at_s` when its light is to begin
+  };
+  std::optional<Pending> pending;
+  std::vector<FrameReport> reports;
+  double shown_at_s = 0;  ///< the frame on it, its light
+  int frames_shown = 0, late_frames = 0;
+  double worst_late_um = 0;
+  double stop_um = 0;     ///< of a pause
+  int paused_frame = -1;  ///< to be shown again after it
+
+  // A fault's order.
+  int tries = 0;
+  double fault_at_s = 0;
+  bool answered_since = false, black_shown = false;
+
+  Step step;
+
+  void event(const std::string& what, const std::string& detail = {});
+  void enter(Phase next, const std::string& detail = {});
+  void turn_to(Act next);
+  double in_act_s() const { return now_s - act_since_s; }
+  void fail(Fault what, const std::string& detail);
+  bool failing() const { return phase >= Phase::lamps_off; }
+
+  // watch.cpp
+  void take(const Answer& answer);
+  void take_reports();
+  void watch_time();
+  void check_sequence(const Answer& answer);
+  void check_interlocks();
+  void check_state();
+  void check_stage();
+  void check_lamps();
+  void judge_frame(const FrameReport& report);
+
+  // act.cpp
+  void go();
+  void go_connecting();
+  void go_warming();
+  void go_homing();
+  void go_uv_on();
+  void go_printing();
+  void go_pausing();
+  void go_paused();
+  void go_resuming();
+  void go_blue_off();
+  void go_uv_off();
+  void go_raising();
+  void go_fault();
+  void go_done();
+  void go_layers();
+  double print_target_um() const;
+
+  void command_move(double target_um, double speed_um_s, double acceleration_um_s2);
+  void hold();
+  bool arrived(double within_um) const;
+  void show(int number, double planned_um, double light_at_s);
+  bool displayed(int number) const { return !pending && frame == number; }
+  void plan_next_frame();
+  void follow();
+  /// UV light of the frame, and the share at which it is asked now.
+  double uv_of(int number) const;
+  bool uv_settled() const;
+  bool blue_settled() const;
+  bool blue_dark() const;
+  bool uv_dark() const;
+  void lamp_limit(double limit_s, const char* what);
+  double uv_share(double mw_cm2) const {
+    return plan.uv_max_mw_cm2 > 0 ? mw_cm2 / plan.uv_max_mw_cm2 : 0;
+  }
+};
+
+}  // namespace slicecorr::bridge

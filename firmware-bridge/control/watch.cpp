@@ -1,0 +1,268 @@
+// What the machine and the display say, judged.
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "control/state.hpp"
+
+namespace slicecorr::bridge {
+namespace {
+
+/// Longest wait for a machine that was never heard of.
+constexpr double connect_s = 5;
+
+}  // namespace
+
+void Controller::Impl::take(const Answer& answer) {
+  status = answer.status;
+  status_at_s = answer.at_s;
+  last_answer_s = answer.at_s;
+  const bool known = connected;
+  check_sequence(answer);
+  if (!known) stage.start(status.stage_um, answer.at_s);
+  if (!connected) return;
+  const double* const speed = status.stage_speed_um_s ? &*status.stage_speed_um_s : nullptr;
+  stage.measure(status.stage_um, speed, answer.at_s);
+  if (failing()) return;
+  check_interlocks();
+  check_state();
+  check_stage();
+  check_lamps();
+}
+
+void Controller::Impl::check_sequence(const Answer& answer) {
+  const std::uint16_t echo = answer.status.sequence_echo;
+  const auto found =
+      std::find_if(sent.rbegin(), sent.rend(), [&](const Sent& s) { return s.sequence == echo; });
+  if (found == sent.rend()) {
+    if (connected && !failing()) {
+      fail(Fault::machine_restarted,
+           fmt::format("it answers to set-points {} that were not sent", echo));
+    }
+    return;
+  }
+  connected = true;
+  blue.confirmed(found->count, answer.at_s);
+  uv.confirmed(found->count, answer.at_s);
+  if (found->phase >= Phase::lamps_off) answered_since = true;
+  const double age_s = answer.at_s - found->at_s;
+  if (age_s > limits.heartbeat_timeout_s && !failing()) {
+    fail(Fault::machine_restarted,
+         fmt::format("it has not taken over set-points for {:.0f} ms", age_s * 1e3));
+  }
+  // The motion counts from when the machine knows of it.
+  if (move) {
+    const auto moved = std::find_if(sent.begin(), sent.end(),
+                                    [&](const Sent& s) { return s.sequence == move->sequence; });
+    if (moved != sent.end() && moved <= found.base() - 1) {
+      stage.command(move->target_um, move->speed_um_s, move->acceleration_um_s2, answer.at_s);
+      move.reset();
+    }
+  }
+}
+
+void Controller::Impl::check_interlocks() {
+  if (status.stop_pressed) return fail(Fault::stop_pressed, "the stop button is pressed");
+  if (status.door_open) return fail(Fault::door_open, "a door or cover is open");
+  if (status.over_temperature) {
+    return fail(Fault::over_temperature, "the machine says that it is too hot");
+  }
+  if (status.temperature_c && *status.temperature_c > limits.max_temperature_c) {
+    return fail(Fault::over_temperature,
+                fmt::format("{:.1f} °C, at most {:g} °C is allowed", *status.temperature_c,
+                            limits.max_temperature_c));
+  }
+  if (status.lamp_failed) return fail(Fault::lamp_failed, "the machine says that a lamp failed");
+  if (status.stage_failed) {
+    return fail(Fault::stage_failed, "the machine says that its stage failed");
+  }
+  if (status.watchdog_tripped) {
+    return fail(Fault::watchdog_tripped, "the machine's own watchdog switched it off");
+  }
+}
+
+void Controller::Impl::check_state() {
+  const auto state = status.state;
+  if (phase == Phase::connecting || phase == Phase::done) {
+    if (phase == Phase::connecting &&
+        (state == MachineState::fault || state == MachineState::stopped)) {
+      fail(Fault::machine_restarted,
+           fmt::format("the machine is {}: see why, then `printbridge reset`",
+                       state == MachineState::fault ? "in a fault of its own" : "stopped"));
+    }
+    return;
+  }
+  if (state == MachineState::running) {
+    not_running_since_s.reset();
+    seen_running = true;
+    return;
+  }
+  if (!not_running_since_s) not_running_since_s = status_at_s;
+  const bool at_once = state != MachineState::idle || seen_running;
+  // It may take over the command to run with the next exchange only.
+  if (at_once || status_at_s - *not_running_since_s > limits.heartbeat_timeout_s) {
+    fail(Fault::machine_restarted, fmt::format("the machine is {}, expected running",
+                                               state == MachineState::fault     ? "in a fault"
+                                               : state == MachineState::stopped ? "stopped"
+                                                                                : "idle"));
+  }
+}
+
+void Controller::Impl::check_stage() {
+  if (phase == Phase::connecting || phase == Phase::done || move) return;
+  const double error = std::abs(stage.error_um());
+  worst_stage_error_um = std::max(worst_stage_error_um, error);
+  // Two cycles of its way: when exactly a command was taken over is not known better.
+  const double allowed =
+      machine.stage.tolerance_um + 2 * limits.cycle_s * std::abs(stage.commanded().speed_um_s());
+  if (error > allowed) {
+    fail(Fault::stage_error,
+         fmt::format("the stage is at {:.1f} um, expected {:.1f} um within {:.1f} um",
+                     status.stage_um, status.stage_um - stage.error_um(), allowed));
+  }
+  const bool forward = plan.mode == ExposureMode::continuous &&
+                       (phase == Phase::printing || phase == Phase::pausing) && act >= Act::move;
+  if (!forward) {
+    highest_um = status.stage_um;
+    return;
+  }
+  const double noise = std::max(1.0, machine.stage.tolerance_um / 4);
+  if (status.stage_um < highest_um - noise) {
+    fail(Fault::stage_error,
+         fmt::format("the stage went back from {:.1f} to {:.1f} um", highest_um, status.stage_um));
+  }
+  highest_um = std::max(highest_um, status.stage_um);
+}
+
+void Controller::Impl::check_lamps() {
+  if (!lamps_judged) return;
+  if (const auto wrong = blue.judge(status.blue_measured, status_at_s, rising)) {
+    return fail(Fault::lamp_mismatch, "the blue lamp " + *wrong);
+  }
+  if (machine.printer.uv && status.uv_measured) {
+    if (const auto wrong = uv.judge(uv_share(*status.uv_measured), status_at_s, rising)) {
+      return fail(Fault::lamp_mismatch, "the UV lamp " + *wrong);
+    }
+  }
+  if (!plan.uv || dry_run || frame < 0) {
+    uv_short_since_s.reset();
+    return;
+  }
+  const double least =
+      plan.frames[static_cast<std::size_t>(frame)].least_uv_mw_cm2 * status.blue_measured;
+  const double measured = status.uv_measured.value_or(0);
+  if (measured >= least || status.blue_measured <= machine.blue.tolerance) {
+    uv_short_since_s.reset();
+    return;
+  }
+  if (!uv_short_since_s) uv_short_since_s = status_at_s;
+  // While lamps settle one may be ahead of the other.
+  const double borne = std::max(machine.blue.settle_s, machine.uv.settle_s) + 2 * limits.cycle_s;
+  if (status_at_s - *uv_short_since_s > borne) {
+    fail(Fault::uv_ratio,
+         fmt::format("{:.3g} mW/cm² of UV light under frame {}, which needs {:.3g}", measured,
+                     frame, least));
+  }
+}
+
+void Controller::Impl::take_reports() {
+  for (const FrameReport& report : reports) judge_frame(report);
+  reports.clear();
+}
+
+void Controller::Impl::judge_frame(const FrameReport& report) {
+  if (report.missing) {
+    pending.reset();
+    return fail(Fault::underrun, fmt::format("frame {} was not decoded in time", report.number));
+  }
+  if (failing()) {
+    if (report.number < 0) {
+      black_shown = true;
+      frame = -1;
+    }
+    return;
+  }
+  if (!pending || pending->number != report.number) {
+    return fail(Fault::wrong_frame,
+                fmt::format("frame {} was shown, which was not asked for", report.number));
+  }
+  const Pending asked = *pending;
+  pending.reset();
+  const double light_at_s = report.shown_at_s + limits.display_latency_s;
+  const double at_um = stage.position_um(light_at_s);
+  const bool moving = plan.mode == ExposureMode::continuous &&
+                      (phase == Phase::printing || phase == Phase::pausing) &&
+                      (act == Act::move || act == Act::arrive);
+  double late = 0, borne = limits.max_late_um;
+  const char* unit = "um";
+  if (moving) {
+    late = at_um - asked.planned_um;
+    worst_late_um = std::max(worst_late_um, late);
+  } else if (plan.mode == ExposureMode::layerwise && phase == Phase::printing &&
+             act == Act::expose && report.number < 0) {
+    // What counts here is for how long the layer was exposed.
+    late = (light_at_s - asked.at_s) * 1e3;
+    borne =
+        std::max(limits.cycle_s, 0.01 * plan.frames[static_cast<std::size_t>(frame)].exposure_s) *
+        1e3;
+    unit = "ms";
+  }
+  if (late > borne) {
+    ++late_frames;
+    event("late frame", fmt::format("{}: {:.1f} {}", report.number, late, unit));
+    if (late_frames > limits.max_late_frames || late > 10 * borne) {
+      fail(Fault::late_frame, fmt::format("frame {} began {:.1f} {} late, {:g} {} is borne",
+                                          report.number, late, unit, borne, unit));
+    }
+  }
+  frame = report.number;
+  shown_at_s = light_at_s;
+  if (frame >= frames_shown) {
+    frames_shown = frame + 1;
+    step.records.push_back({frame, asked.planned_um, at_um, asked.at_s, light_at_s,
+                            stage.speed_um_s(now_s), out.blue_share, out.uv_mw_cm2,
+                            status.blue_measured, status.uv_measured.value_or(0)});
+  }
+}
+
+void Controller::Impl::watch_time() {
+  if (failing() || phase == Phase::done) return;
+  const double silent_s = now_s - last_answer_s;
+  if (!connected) {
+    if (now_s - phase_since_s > connect_s) {
+      fail(Fault::heartbeat_lost,
+           fmt::format("the machine has not answered for {:g} s", connect_s));
+    }
+    return;
+  }
+  if (silent_s > limits.heartbeat_timeout_s) {
+    return fail(Fault::heartbeat_lost,
+                fmt::format("no answer for {:.0f} ms, {:.0f} ms are borne", silent_s * 1e3,
+                            limits.heartbeat_timeout_s * 1e3));
+  }
+  if (move_limit_s > 0 && now_s > move_limit_s) {
+    move_limit_s = 0;
+    return fail(Fault::stage_error, fmt::format("the stage is at {:.1f} um and has not come to "
+                                                "{:.1f} um in time",
+                                                status.stage_um, out.target_um));
+  }
+  if (!pending) return;
+  if (act == Act::move && plan.mode == ExposureMode::continuous && phase == Phase::printing) {
+    // It may have appeared two cycles ago without having been told of.
+    const double passed = stage.position_um(now_s - 2 * limits.cycle_s) - pending->planned_um;
+    const double borne = limits.max_late_um * (limits.max_late_frames > 0 ? 10 : 1);
+    if (passed > borne) {
+      worst_late_um = std::max(worst_late_um, passed);
+      fail(Fault::late_frame, fmt::format("frame {} has not appeared {:.1f} um after its place, "
+                                          "{:g} um are borne",
+                                          pending->number, passed, borne));
+    }
+  } else if (now_s - pending->at_s > limits.heartbeat_timeout_s) {
+    fail(Fault::late_frame, fmt::format("frame {} has not appeared for {:.0f} ms", pending->number,
+                                        (now_s - pending->at_s) * 1e3));
+  }
+}
+
+}  // namespace slicecorr::bridge

@@ -1,0 +1,166 @@
+#include <algorithm>
+#include <condition_variable>
+#include <deque>
+#include <exception>
+#include <mutex>
+#include <thread>
+
+#include "frames/wire.hpp"
+#include "slicecorr/bridge/frames.hpp"
+
+namespace slicecorr::bridge {
+namespace {
+
+class StackFrames final : public FrameSource {
+ public:
+  StackFrames(const StackReader& stack, const Printer& printer, bool uv_patterned)
+      : stack_(stack),
+        uv_(uv_patterned),
+        dark_uv_(!uv_patterned && printer.uv && printer.uv->patterned),
+        turn_(turn_to_display(image_frame(stack.info()), printer)),
+        shown_(turned(stack.grid(), turn_)) {}
+  int frames() const override { return stack_.grid().layers; }
+  std::shared_ptr<const Frame> make(int number) const override {
+    auto frame = std::make_shared<Frame>();
+    frame->number = number;
+    frame->width_px = shown_.width_px;
+    frame->height_px = shown_.height_px;
+    const auto pixels =
+        static_cast<std::size_t>(shown_.width_px) * static_cast<std::size_t>(shown_.height_px);
+    std::vector<std::uint8_t> image(pixels);
+    stack_.read_slice(number, image.data());
+    frame->blue = to_display(std::move(image));
+    if (uv_) {
+      image.resize(pixels);
+      stack_.read_uv_slice(number, image.data());
+      frame->uv = to_display(std::move(image));
+    }
+    if (dark_uv_) frame->uv.resize(pixels);
+    frame->crc32 = crc32_of(*frame);
+    return frame;
+  }
+
+ private:
+  std::vector<std::uint8_t> to_display(std::vector<std::uint8_t> image) const {
+    if (turn_.is_identity()) return image;
+    const Grid& grid = stack_.grid();
+    std::vector<std::uint8_t> out(image.size());
+    const std::uint8_t* from = image.data();
+    for (int y = 0; y < grid.height_px; ++y) {
+      for (int x = 0; x < grid.width_px; ++x) {
+        const Pixel to = turned(Pixel{x, y}, turn_, grid.width_px, grid.height_px);
+        out[static_cast<std::size_t>(to.y) * static_cast<std::size_t>(shown_.width_px) +
+            static_cast<std::size_t>(to.x)] = *from++;
+      }
+    }
+    return out;
+  }
+
+  const StackReader& stack_;
+  const bool uv_, dark_uv_;  ///< a display that has UV pixels gets some, dark ones where unused
+  const Turn turn_;
+  const Grid shown_;
+};
+
+}  // namespace
+
+std::unique_ptr<FrameSource> make_frame_source(const StackReader& stack, const Printer& printer,
+                                               bool uv_patterned) {
+  return std::make_unique<StackFrames>(stack, printer, uv_patterned);
+}
+
+struct FrameRing::Impl {
+  const FrameSource& source;
+  const int frames, most;
+  mutable std::mutex mutex;
+  std::condition_variable room, made;
+  struct Slot {
+    std::shared_ptr<const Frame> frame;
+    std::exception_ptr error;
+    bool ready() const { return frame || error; }
+  };
+  std::deque<Slot> slots;  ///< of frames first, first + 1 ...
+  int first = 0, next = 0;
+  bool ending = false;
+  std::vector<std::thread> threads;
+
+  Impl(const FrameSource& s, int ring) : source(s), frames(s.frames()), most(std::max(ring, 1)) {}
+
+  void work() {
+    std::unique_lock lock(mutex);
+    while (true) {
+      room.wait(lock, [&] { return ending || (next < frames && next < first + most); });
+      if (ending) return;
+      const int number = next++;
+      slots.resize(static_cast<std::size_t>(next - first));
+      lock.unlock();
+      Slot slot;
+      try {
+        slot.frame = source.make(number);
+      } catch (...) {
+        slot.error = std::current_exception();
+      }
+      lock.lock();
+      if (number >= first) slots[static_cast<std::size_t>(number - first)] = std::move(slot);
+      made.notify_all();
+    }
+  }
+
+  Slot* slot(int number) {
+    const int at = number - first;
+    return at >= 0 && at < static_cast<int>(slots.size()) ? &slots[static_cast<std::size_t>(at)]
+                                                          : nullptr;
+  }
+};
+
+FrameRing::FrameRing(const FrameSource& source, int ring, int threads)
+    : impl_(std::make_unique<Impl>(source, ring)) {
+  for (int i = 0; i < std::max(threads, 1); ++i) {
+    impl_->threads.emplace_back([this] { impl_->work(); });
+  }
+}
+
+FrameRing::~FrameRing() {
+  {
+    const std::scoped_lock lock(impl_->mutex);
+    impl_->ending = true;
+  }
+  impl_->room.notify_all();
+  for (std::thread& t : impl_->threads) t.join();
+}
+
+std::shared_ptr<const Frame> FrameRing::take(int number) {
+  const std::scoped_lock lock(impl_->mutex);
+  Impl& s = *impl_;
+  while (s.first < number && !s.slots.empty()) {
+    s.slots.pop_front();
+    ++s.first;
+  }
+  s.room.notify_all();
+  Impl::Slot* const slot = s.slot(number);
+  if (slot == nullptr) return nullptr;
+  if (slot->error) std::rethrow_exception(slot->error);
+  return slot->frame;
+}
+
+void FrameRing::wait_ready(int number, int count) {
+  std::unique_lock lock(impl_->mutex);
+  Impl& s = *impl_;
+  const int until = std::min({number + count, s.frames, s.first + s.most});
+  for (int n = number; n < until; ++n) {
+    s.made.wait(lock, [&] {
+      const Impl::Slot* const slot = s.slot(n);
+      return slot != nullptr && slot->ready();
+    });
+    if (s.slot(n)->error) std::rethrow_exception(s.slot(n)->error);
+  }
+}
+
+int FrameRing::ready() const {
+  const std::scoped_lock lock(impl_->mutex);
+  int count = 0;
+  for (const Impl::Slot& slot : impl_->slots) count += slot.frame ? 1 : 0;
+  return count;
+}
+
+}  // namespace slicecorr::bridge

@@ -1,0 +1,117 @@
+#include <fmt/format.h>
+
+#include <array>
+#include <cmath>
+
+#include "machine/parse_map.hpp"
+#include "slicecorr/error.hpp"
+
+namespace slicecorr::bridge {
+
+namespace {
+
+constexpr double kUmPerMm = 1000, kUmSPerMmH = 1000.0 / 3600;
+
+Stage parse_stage(const TomlTable& t) {
+  constexpr std::array<std::string_view, 8> known{
+      "max_speed_mm_h", "travel_mm", "acceleration_mm_s2", "tolerance_um",
+      "home_mm",        "lift_mm",   "lift_speed_mm_h",    "settle_s"};
+  detail::only_keys(t, known);
+  Stage s;
+  s.max_speed_um_s = t.required_number("max_speed_mm_h", 0, 1e6) * kUmSPerMmH;
+  s.travel_um = t.required_number("travel_mm", 0, 1e4) * kUmPerMm;
+  s.acceleration_um_s2 = t.required_number("acceleration_mm_s2", 0, 1e5) * kUmPerMm;
+  s.tolerance_um = t.number("tolerance_um", 0, 1e4).value_or(s.tolerance_um);
+  s.home_um = t.number("home_mm", 0, 1e4, true).value_or(0) * kUmPerMm;
+  if (s.home_um >= s.travel_um) {
+    t.fail("home_mm", fmt::format("is {:g}; expected less than the travel of {:g} mm",
+                                  s.home_um / kUmPerMm, s.travel_um / kUmPerMm));
+  }
+  s.lift_um = t.number("lift_mm", 0, 1e3, true).value_or(s.lift_um / kUmPerMm) * kUmPerMm;
+  if (const auto speed = t.number("lift_speed_mm_h", 0, 1e6)) {
+    s.lift_speed_um_s = *speed * kUmSPerMmH;
+  } else {
+    s.lift_speed_um_s = s.max_speed_um_s;
+  }
+  s.settle_s = t.number("settle_s", 0, 600, true).value_or(s.settle_s);
+  return s;
+}
+
+LampDrive parse_lamp(const TomlTable& lamps, std::string_view key, bool shares) {
+  LampDrive lamp;
+  const auto given = lamps.table(key);
+  if (!given) return lamp;
+  const TomlTable& t = *given;
+  constexpr std::array<std::string_view, 5> known{"min_share", "max_share", "tolerance", "settle_s",
+                                                  "warm_up_s"};
+  detail::only_keys(t, known);
+  lamp.min_share = t.number("min_share", 0, 1, true).value_or(0);
+  if (t.has("max_share") && !shares) {
+    t.fail("max_share", "is given; the calibration under [uv] says how bright this lamp gets");
+  }
+  lamp.max_share = t.number("max_share", 1, 10, true).value_or(1);
+  lamp.tolerance = t.number("tolerance", 0, 0.5).value_or(lamp.tolerance);
+  lamp.settle_s = t.number("settle_s", 0, 60, true).value_or(lamp.settle_s);
+  lamp.warm_up_s = t.number("warm_up_s", 0, 3600, true).value_or(0);
+  return lamp;
+}
+
+Limits parse_limits(const TomlTable& t) {
+  constexpr std::array<std::string_view, 9> known{
+      "cycle_s",         "response_timeout_s", "heartbeat_timeout_s", "watchdog_s", "max_late_um",
+      "max_late_frames", "display_latency_s",  "max_temperature_c",   "ring_frames"};
+  detail::only_keys(t, known);
+  Limits l;
+  l.cycle_s = t.number("cycle_s", 0.001, 0.1, true).value_or(l.cycle_s);
+  l.response_timeout_s =
+      t.number("response_timeout_s", 0.005, 1, true).value_or(l.response_timeout_s);
+  l.heartbeat_timeout_s =
+      t.number("heartbeat_timeout_s", 0.02, 10, true).value_or(l.heartbeat_timeout_s);
+  l.watchdog_s = t.number("watchdog_s", 0.02, 10, true).value_or(l.watchdog_s);
+  if (l.heartbeat_timeout_s < 2 * l.response_timeout_s) {
+    t.fail("heartbeat_timeout_s",
+           fmt::format("is {:g}; expected at least two response timeouts of {:g} s",
+                       l.heartbeat_timeout_s, l.response_timeout_s));
+  }
+  if (l.watchdog_s < 3 * l.cycle_s || l.watchdog_s < 2 * l.response_timeout_s) {
+    t.fail("watchdog_s", fmt::format("is {:g}; expected at least three cycles of {:g} s and two "
+                                     "response timeouts of {:g} s",
+                                     l.watchdog_s, l.cycle_s, l.response_timeout_s));
+  }
+  l.max_late_um = t.number("max_late_um", 0, 1e4).value_or(l.max_late_um);
+  l.max_late_frames = t.integer("max_late_frames", 0, 1000000, l.max_late_frames);
+  l.display_latency_s = t.number("display_latency_s", 0, 1, true).value_or(l.display_latency_s);
+  l.max_temperature_c = t.number("max_temperature_c", 0, 200).value_or(l.max_temperature_c);
+  l.ring_frames = t.integer("ring_frames", 8, 1024, l.ring_frames);
+  return l;
+}
+
+}  // namespace
+
+Machine parse_machine(std::string_view text, const std::string& source) {
+  Machine m;
+  m.printer = complete_printer(text, source);
+  m.path = source;
+  const toml::table root_table = parse_toml(text, source);
+  const TomlTable root(root_table, source);
+  m.stage = parse_stage(root.required_table("stage"));
+  if (const auto lamps = root.table("lamps")) {
+    constexpr std::array<std::string_view, 2> known{"blue", "uv"};
+    detail::only_keys(*lamps, known);
+    m.blue = parse_lamp(*lamps, "blue", true);
+    m.uv = parse_lamp(*lamps, "uv", false);
+    if (lamps->has("uv") && !m.printer.uv) {
+      lamps->fail("uv", "is given; expected a table [uv] with its calibration, too");
+    }
+  }
+  if (const auto bridge = root.table("bridge")) m.limits = parse_limits(*bridge);
+  if (const auto modbus = root.table("modbus")) m.modbus = detail::parse_map(*modbus, m);
+  return m;
+}
+
+Machine load_machine(const std::string& name_or_path) {
+  const std::string path = find_definition(name_or_path, "printer");
+  return parse_machine(read_text_file(path), path);
+}
+
+}  // namespace slicecorr::bridge

@@ -1,0 +1,16 @@
+#pragma once
+
+#include <span>
+
+#include "process/toml_table.hpp"
+#include "slicecorr/bridge/machine.hpp"
+
+namespace slicecorr::bridge::detail {
+
+/// Fails on keys that are not among `known`, offering the nearest.
+void only_keys(const TomlTable& table, std::span<const std::string_view> known);
+
+/// [modbus] of a machine of which all else is known: registers must be able to hold what it does.
+RegisterMap parse_map(const TomlTable& modbus, const Machine& machine);
+
+}  // namespace slicecorr::bridge::detail

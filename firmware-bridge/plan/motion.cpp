@@ -1,0 +1,123 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "plan/checks.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/kinetics.hpp"
+
+namespace slicecorr::bridge {
+namespace {
+
+constexpr double mm_h_from_um_s = 3.6;
+/// Control cycles in which a slice must pass at least: its place is predicted from the one before,
+/// its image sent in the next, and what became of it is known in the third.
+constexpr double cycles_per_slice = 3;
+/// From the command to move to knowing of it.
+constexpr double reaction_cycles = 4;
+/// Where nobody asked for ramps outside, the platform may be this share of the absorbance height
+/// (base 10) above the window when the first slice comes: the dose there is 11 % less.
+constexpr double unasked_run_up = 0.05;
+
+void check_travel(const PrintPlan& plan, const Machine& machine, double top_um) {
+  const double travel = machine.stage.travel_um;
+  if (travel > 0 && top_um > travel) {
+    throw InfeasibleError(fmt::format(
+        "the print ends {:.3f} mm above the window with its ramps, the stage of printer '{}' "
+        "reaches {:g} mm; {} slices of {:g} um less would do",
+        top_um * 1e-3, machine.printer.name, travel * 1e-3,
+        static_cast<int>(std::ceil((top_um - travel) / plan.layer_um)), plan.layer_um));
+  }
+}
+
+}  // namespace
+
+void plan_motion(PrintPlan& plan, const StackInfo& info, const Machine& machine) {
+  const Process& process = *info.process;
+  const Stage& stage = machine.stage;
+  const Limits& limits = machine.limits;
+  const auto slices = static_cast<double>(plan.frames.size());
+  const double height = slices * plan.layer_um;
+  plan.m = make_kinetics(*info.resin, process.uv.kind != UvKind::off, true).m;
+  plan.acceleration_um_s2 = stage.acceleration_um_s2;
+  plan.start_um = stage.home_um;
+
+  if (plan.mode == ExposureMode::layerwise) {
+    plan.speed_um_s = stage.lift_speed_um_s;
+    plan.end_um = plan.start_um + height;
+    check_travel(plan, machine, plan.end_um);
+    const double lift_s = stage.lift_um > 0
+                              ? 2 * stage.lift_um / stage.lift_speed_um_s +
+                                    2 * stage.lift_speed_um_s / stage.acceleration_um_s2
+                              : 0;
+    for (std::size_t n = 0; n < plan.frames.size(); ++n) {
+      const double exposure_s = layer_exposure_s(process, static_cast<int>(n));
+      if (exposure_s < cycles_per_slice * limits.cycle_s) {
+        throw InfeasibleError(
+            fmt::format("layer {} is exposed for {:g} s, with exchanges every {:g} s at least {:g} "
+                        "s can be timed",
+                        n, exposure_s, limits.cycle_s, cycles_per_slice * limits.cycle_s));
+      }
+      plan.frames[n].exposure_s = exposure_s;
+      plan.expected_s += exposure_s + stage.settle_s + (n > 0 ? lift_s : 0);
+    }
+    return;
+  }
+
+  plan.speed_um_s = process.speed_mm_h / mm_h_from_um_s;
+  const double v = plan.speed_um_s;
+  if (stage.max_speed_um_s > 0 && v > stage.max_speed_um_s * (1 + 1e-9)) {
+    throw InfeasibleError(fmt::format(
+        "the stack is printed at {:g} mm/h, the stage of printer '{}' reaches {:g} mm/h; correct "
+        "the part for at most that speed",
+        process.speed_mm_h, machine.printer.name, stage.max_speed_um_s * mm_h_from_um_s));
+  }
+  const double slice_s = plan.layer_um / v;
+  if (slice_s < cycles_per_slice * limits.cycle_s) {
+    throw InfeasibleError(
+        fmt::format("a slice of {:g} um passes in {:.3g} ms at {:g} mm/h, with exchanges every "
+                    "{:g} ms (cycle_s) it must "
+                    "take {:g} ms; print at {:.5g} mm/h or slower, or with higher slices",
+                    plan.layer_um, slice_s * 1e3, process.speed_mm_h, limits.cycle_s * 1e3,
+                    cycles_per_slice * limits.cycle_s * 1e3,
+                    plan.layer_um / (cycles_per_slice * limits.cycle_s) * mm_h_from_um_s));
+  }
+
+  plan.ramp_um = v * v / (2 * stage.acceleration_um_s2);
+  const double asked_um = process.ramp_mm * 1e3;
+  if (process.ramp_mm > 0 && asked_um < plan.ramp_um * (1 - 1e-9)) {
+    throw InfeasibleError(fmt::format(
+        "the stack's ramps are {:g} mm long, the stage of printer '{}' takes {:.4g} mm to {:g} "
+        "mm/h; correct the part with --ramp-mm {:.4g} or more",
+        process.ramp_mm, machine.printer.name, plan.ramp_um * 1e-3, process.speed_mm_h,
+        plan.ramp_um * 1e-3));
+  }
+  plan.ramp = process.ramp == Ramp::lamp_follows ? Ramp::lamp_follows : Ramp::outside;
+  if (process.ramp_mm > 0) {
+    plan.ramp_um = asked_um;
+    plan.acceleration_um_s2 = v * v / (2 * asked_um);
+  }
+  plan.expected_s = height / v;
+  if (plan.lamps_follow()) {
+    plan.end_um = plan.start_um + height;
+    check_travel(plan, machine, plan.end_um);
+    plan.expected_s =
+        light_on_s(process, plan.m, plan.layer_um, static_cast<int>(plan.frames.size()));
+    return;
+  }
+  plan.run_up_um = plan.ramp_um + reaction_cycles * limits.cycle_s * v;
+  if (process.ramp == Ramp::none &&
+      plan.run_up_um > unasked_run_up * info.resin->absorbance_height10_um) {
+    throw InfeasibleError(fmt::format(
+        "the stage of printer '{}' takes {:.0f} um to reach {:g} mm/h, and the stack does not say "
+        "what happens meanwhile; correct the part with --ramp lamp-follows --ramp-mm {:.4g}, or "
+        "with --ramp outside, which leaves a gap of that height above the first slice",
+        machine.printer.name, plan.run_up_um, process.speed_mm_h, plan.ramp_um * 1e-3));
+  }
+  plan.start_um += plan.run_up_um;
+  plan.end_um = plan.start_um + height;
+  check_travel(plan, machine, plan.end_um + plan.ramp_um);
+}
+
+}  // namespace slicecorr::bridge

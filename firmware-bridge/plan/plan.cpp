@@ -1,0 +1,33 @@
+#include "slicecorr/bridge/plan.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "plan/checks.hpp"
+
+namespace slicecorr::bridge {
+
+double lamp_share(const PrintPlan& plan, const LampDrive& lamp, double speed_um_s) {
+  double share = 1;
+  if (plan.mode == ExposureMode::continuous) {
+    const double ratio = std::max(0.0, speed_um_s) / plan.speed_um_s;
+    share = plan.m == 1 ? ratio : std::pow(ratio, 1 / plan.m);
+  }
+  return share < lamp.min_share ? 0 : std::min(share, lamp.max_share);
+}
+
+PrintPlan plan_print(const StackReader& stack, const std::string& path, const Machine& machine,
+                     const Job& job) {
+  check_kind(stack, path);
+  const StackInfo& info = stack.info();
+  check_printer(info, path, machine);
+  PrintPlan plan;
+  plan.mode = info.process->mode;
+  plan.layer_um = info.grid.layer_um;
+  plan.frames.resize(static_cast<std::size_t>(info.grid.layers));
+  plan_motion(plan, info, machine);
+  plan_light(plan, stack, machine, job);
+  return plan;
+}
+
+}  // namespace slicecorr::bridge

@@ -1,0 +1,101 @@
+#include <fmt/format.h>
+
+#include "plan/checks.hpp"
+#include "slicecorr/error.hpp"
+
+namespace slicecorr::bridge {
+
+void check_kind(const StackReader& stack, const std::string& path) {
+  const StackInfo& info = stack.info();
+  switch (info.kind) {
+    case StackKind::corrected:
+      break;
+    case StackKind::target:
+      throw InputError(path, "",
+                       "shows the part's design, not light; expected a stack that `slicecorr "
+                       "correct` made for this printer");
+    case StackKind::foreign:
+      throw InputError(path, "",
+                       "does not say for which printer, resin and speed it was made; expected a "
+                       "stack of `slicecorr correct`, which takes this file as its input");
+    default:
+      throw InputError(path, "",
+                       "records what was shown in a print; expected the stack that was printed");
+  }
+  if (!info.process || !info.printer || !info.resin) {
+    throw InputError(path, "",
+                     "lacks its printer, resin or process; expected a stack of `slicecorr "
+                     "correct`");
+  }
+  if (!stack.has_checksums()) {
+    throw InputError(path, "",
+                     "has no checksum of its images; expected a stack that was not changed since "
+                     "`slicecorr correct` made it");
+  }
+  if (stack.images_changed() || stack.uv_images_changed()) {
+    throw InputError(path, "",
+                     "its images were changed after the stack was made (checksum); expected a "
+                     "stack as `slicecorr correct` made it");
+  }
+  const bool patterned = info.process->uv.kind == UvKind::patterned;
+  if (patterned != stack.has_uv_images()) {
+    throw InputError(path, "",
+                     patterned ? "has no images for its patterned UV light"
+                               : "has UV images, but no patterned UV light");
+  }
+}
+
+void check_printer(const StackInfo& info, const std::string& path, const Machine& machine) {
+  const Printer &made = *info.printer, &here = machine.printer;
+  const auto differs = [&](const std::string& what, const std::string& was, const std::string& is) {
+    throw InputError(path, "",
+                     fmt::format("was made for another printer: {} {}, expected {} as printer '{}' "
+                                 "has; correct the part for this printer",
+                                 what, was, is, here.name));
+  };
+  if (made.name != here.name) differs("its name is", "'" + made.name + "'", "'" + here.name + "'");
+  const auto size = [](const Printer& p) {
+    return fmt::format("{} x {} pixels of {:g} x {:g} um, {} bits", p.width_px, p.height_px,
+                       p.pixel_x_um, p.pixel_y_um, p.bit_depth);
+  };
+  if (size(made) != size(here) || made.pixel_x_um != here.pixel_x_um ||
+      made.pixel_y_um != here.pixel_y_um) {
+    differs("its display has", size(made), size(here));
+  }
+  if (made.calibration != here.calibration) {
+    differs("its calibration ends at",
+            fmt::format("{:g} mW/cm² ({} points)", made.calibration.back().intensity_mw_cm2,
+                        made.calibration.size()),
+            fmt::format("{:g} mW/cm² ({} points, all alike)",
+                        here.calibration.back().intensity_mw_cm2, here.calibration.size()));
+  }
+  if (made.flat_field != here.flat_field) {
+    differs("its light is", made.flat_field ? "uneven in another way" : "even",
+            here.flat_field ? "uneven" : "even");
+  }
+  if (made.orientation.value_or(Orientation{}) != here.orientation.value_or(Orientation{})) {
+    differs("its display lies", in_words(made.orientation.value_or(Orientation{})),
+            in_words(here.orientation.value_or(Orientation{})));
+  }
+  if (info.process->uv.kind != UvKind::off && made.uv != here.uv) {
+    differs("its UV lamp has",
+            made.uv ? fmt::format("up to {:g} mW/cm²", made.uv->max_mw_cm2()) : "no light",
+            here.uv ? fmt::format("up to {:g} mW/cm², calibrated alike", here.uv->max_mw_cm2())
+                    : "no such lamp");
+  }
+  const UvKind kind = info.process->uv.kind;
+  if (here.uv && here.uv->patterned && (kind == UvKind::constant || kind == UvKind::per_slice)) {
+    throw InputError(path, "",
+                     "has no UV images, which the UV lamp of printer '" + here.name +
+                         "' shows; correct the part with --uv-schedule patterned");
+  }
+  const Turn turn = turn_to_display(image_frame(info), here);
+  const Grid shown = turned(info.grid, turn);
+  if (shown.width_px != here.width_px || shown.height_px != here.height_px) {
+    differs("its images have",
+            fmt::format("{} x {} pixels on the display", shown.width_px, shown.height_px),
+            fmt::format("{} x {}", here.width_px, here.height_px));
+  }
+}
+
+}  // namespace slicecorr::bridge

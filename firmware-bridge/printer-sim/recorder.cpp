@@ -1,0 +1,98 @@
+#include "recorder.hpp"
+
+#include <algorithm>
+
+#include "slicecorr/error.hpp"
+
+namespace slicecorr::bridge {
+
+namespace {
+
+/// Less light than this, of what is planned for a slice, is rounding: an image that comes when the
+/// stage is on an edge.
+constexpr double kRounding = 1e-9;
+
+}  // namespace
+
+Recorder::Recorder(std::string path, const std::string& stack, const Machine& machine,
+                   TimedModel& model, const Job& job)
+    : path_(std::move(path)), machine_(machine), model_(model), job_(job) {
+  if (path_.empty() || stack.empty()) return;
+  const StackInfo info = StackReader::read_info(stack);
+  if (info.kind != StackKind::corrected || !info.printer || !info.process || !info.resin) {
+    throw InputError(stack, "", "is no corrected stack; expected one with printer, resin, process");
+  }
+  WireHello hello;
+  hello.setup.printer = *info.printer;
+  hello.setup.resin = *info.resin;
+  hello.setup.process = *info.process;
+  hello.layer_um = info.grid.layer_um;
+  hello.target_layers = info.target_layers;
+  hello.slices = info.grid.layers;
+  hello.start_um = machine.stage.home_um;
+  hello.m = light_exponent(*info.resin, *info.process);
+  begin(hello);
+}
+
+void Recorder::begin(const WireHello& hello) {
+  StackInfo print;
+  print.format = "uvj";
+  print.kind = StackKind::corrected;
+  const Printer& printer = machine_.printer;
+  print.grid.width_px = printer.width_px;
+  print.grid.height_px = printer.height_px;
+  print.grid.layers = hello.slices;
+  print.grid.pixel_x_um = printer.pixel_x_um;
+  print.grid.pixel_y_um = printer.pixel_y_um;
+  print.grid.layer_um = hello.layer_um;
+  print.orientation = printer.orientation.value_or(Orientation{});
+  print.orientation_known = true;
+  // What comes over the wire lies as the display shows it.
+  print.for_display = true;
+  print.printer = hello.setup.printer;
+  print.resin = hello.setup.resin;
+  print.process = hello.setup.process;
+  print.target_layers = hello.target_layers;
+  process_ = *print.process;
+  layer_um_ = hello.layer_um;
+  slices_ = hello.slices;
+  writer_.reset();
+  if (!path_.empty()) writer_ = std::make_unique<RecordingWriter>(path_, print, job_);
+  model_.with([&](PrinterModel& model) {
+    model.record(
+        {hello.layer_um, hello.start_um, hello.m, process_.mode == ExposureMode::layerwise});
+    model.tell_images([this](int, const std::shared_ptr<const Frame>& frame) {
+      if (writer_) {
+        writer_->add_image(frame->blue.data(), frame->uv.empty() ? nullptr : frame->uv.data());
+      }
+    });
+  });
+}
+
+bool Recorder::finish() {
+  if (!writer_) return false;
+  Recording recording;
+  model_.with([&](PrinterModel& model) {
+    model.tell_images({});
+    const auto& exposures = model.exposures();
+    const int slices = std::max(slices_, static_cast<int>(exposures.size()));
+    std::vector<Recording::Part> parts;
+    for (int n = 0; n < slices; ++n) {
+      parts.clear();
+      if (n < static_cast<int>(exposures.size())) {
+        const double planned_s = planned_light_s(process_, layer_um_, n);
+        for (const auto& p : exposures[static_cast<std::size_t>(n)].parts) {
+          if (p.light_s < kRounding * planned_s) continue;
+          parts.push_back({p.image, p.light_s / planned_s, p.uv_mw_cm2, p.from_um, p.to_um,
+                           p.speed_um_s, p.blue_share});
+        }
+      }
+      recording.add_slice(parts);
+    }
+  });
+  writer_->finish(std::move(recording));
+  writer_.reset();
+  return true;
+}
+
+}  // namespace slicecorr::bridge

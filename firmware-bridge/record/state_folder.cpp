@@ -1,0 +1,168 @@
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "base/temporary.hpp"
+#include "slicecorr/bridge/record.hpp"
+#include "slicecorr/error.hpp"
+
+namespace slicecorr::bridge {
+namespace {
+
+std::string base_folder(const std::string& dir) {
+  if (!dir.empty()) return dir;
+  const auto variable = [](const char* name) {
+    const char* const value = std::getenv(name);
+    return std::string(value != nullptr ? value : "");
+  };
+  if (const auto own = variable("SLICECORR_BRIDGE_DIR"); !own.empty()) return own;
+  if (const auto state = variable("XDG_STATE_HOME"); !state.empty()) {
+    return state + "/slicecorr/bridge";
+  }
+  if (const auto home = variable("HOME"); !home.empty()) {
+    return home + "/.local/state/slicecorr/bridge";
+  }
+  throw InputError("no folder for the printer's state: expected --dir, or $HOME");
+}
+
+int open_lock(const StateFolder& folder) {
+  const std::string path = folder.file("print.lock");
+  const int file = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+  if (file < 0) {
+    throw DeviceError(fmt::format("{}: can't be opened: {}", path, std::strerror(errno)));
+  }
+  return file;
+}
+
+/// Last event that says that a print begins, ends or was looked at, with the last frame.
+struct JournalEnd {
+  bool open = false;
+  std::string stack, last;
+  int frame = -1;
+  double stage_um = 0;
+};
+JournalEnd journal_of(const StateFolder& folder) {
+  JournalEnd end;
+  std::ifstream file(folder.file("journal.jsonl"));
+  std::string line;
+  while (std::getline(file, line)) {
+    const auto json = nlohmann::json::parse(line, nullptr, false);
+    if (!json.is_object()) continue;  // halved by a power cut
+    const std::string what = json.value("what", "");
+    if (what == journal_begin) {
+      end.open = true;
+      end.stack = json.value("detail", "");
+    } else if (what == journal_end) {
+      end.open = false;
+    }
+    end.last = what;
+    end.frame = json.value("frame", -1);
+    end.stage_um = json.value("stage_um", 0.0);
+  }
+  return end;
+}
+
+}  // namespace
+
+StateFolder StateFolder::of(const std::string& dir, const Printer& printer) {
+  const std::string& name = printer.name;
+  if (name.empty() || name.front() == '.' || name.find('/') != std::string::npos) {
+    throw InputError(fmt::format("the printer's name '{}' can't be that of a folder", name));
+  }
+  StateFolder folder{base_folder(dir) + "/" + name};
+  std::error_code error;
+  std::filesystem::create_directories(folder.path, error);
+  if (error) throw DeviceError(fmt::format("{}: can't be made: {}", folder.path, error.message()));
+  return folder;
+}
+
+PrintLock::PrintLock(const StateFolder& folder) : file_(open_lock(folder)) {
+  if (::flock(file_, LOCK_EX | LOCK_NB) == 0) return;
+  ::close(file_);
+  throw InputError(folder.path, "", "another printbridge is at work with this printer");
+}
+PrintLock::~PrintLock() { ::close(file_); }
+bool PrintLock::held(const StateFolder& folder) {
+  const int file = open_lock(folder);
+  const bool free = ::flock(file, LOCK_EX | LOCK_NB) == 0;
+  ::close(file);
+  return !free;
+}
+
+void write_whole(const std::string& path, const std::string& text) {
+  detail::Temporary part{detail::make_temporary(path)};
+  {
+    std::ofstream file(part.path, std::ios::binary);
+    file << text;
+    file.flush();
+    if (!file) throw DeviceError(path + ": can't be written");
+  }
+  detail::sync_file(part.path);
+  if (std::rename(part.path.c_str(), path.c_str()) != 0) {
+    throw DeviceError(fmt::format("{}: can't be written: {}", path, std::strerror(errno)));
+  }
+  part.keep = true;
+  detail::sync_folder(detail::place_of(path).folder);
+}
+
+std::optional<Latch> read_latch(const StateFolder& folder, bool locked) {
+  std::ifstream file(folder.file("latch.json"));
+  if (file) {
+    std::ostringstream text;
+    text << file.rdbuf();
+    Latch latch;
+    const auto json = nlohmann::json::parse(text.str(), nullptr, false);
+    if (!json.is_object()) {
+      latch.fault = Fault::defect;
+      latch.detail = "latch.json can't be read";
+      return latch;
+    }
+    latch.fault = fault_of(json.value("fault", "")).value_or(Fault::defect);
+    latch.detail = json.value("detail", "");
+    latch.stack = json.value("stack", "");
+    latch.frame = json.value("frame", -1);
+    latch.stage_um = json.value("stage_um", 0.0);
+    return latch;
+  }
+  const JournalEnd end = journal_of(folder);
+  if (!end.open || (!locked && PrintLock::held(folder))) return std::nullopt;
+  return Latch{
+      Fault::defect,
+      "the print was killed, or the power failed: its journal ends with '" + end.last + "'",
+      end.stack, end.frame, end.stage_um};
+}
+
+void write_latch(const StateFolder& folder, const Latch& latch) {
+  nlohmann::ordered_json json;
+  json["fault"] = name_of(latch.fault);
+  json["detail"] = latch.detail;
+  json["stack"] = latch.stack;
+  json["frame"] = latch.frame;
+  json["stage_um"] = latch.stage_um;
+  write_whole(folder.file("latch.json"), json.dump(1) + "\n");
+}
+
+void clear_latch(const StateFolder& folder) {
+  if (journal_of(folder).open) {
+    std::ofstream file(folder.file("journal.jsonl"), std::ios::app);
+    // A line of its own also where the last one was halved.
+    file << "\n{\"what\":\"" << journal_end << "\",\"detail\":\"reset\"}\n";
+    file.flush();
+    if (!file) throw DeviceError(folder.file("journal.jsonl") + ": can't be written");
+    file.close();
+    detail::sync_file(folder.file("journal.jsonl"));
+  }
+  ::unlink(folder.file("latch.json").c_str());
+  detail::sync_folder(folder.path);
+}
+
+}  // namespace slicecorr::bridge

@@ -1,0 +1,52 @@
+/// The Unix socket over which a running print is asked. One line in, one line of JSON out.
+#pragma once
+
+#include <condition_variable>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+
+#include "slicecorr/bridge/record.hpp"
+
+namespace slicecorr::bridge {
+
+/// Where the control thread and those who ask meet: the control thread only ever tries, and comes
+/// back in its next cycle when somebody else is here.
+class Counter {
+ public:
+  /// Control thread: the state that `status` tells.
+  void offer(std::string status);
+  /// Control thread: a request, if there is one and nobody else is here.
+  std::optional<std::string> take();
+  /// Control thread: what is answered to it.
+  void answer(std::string json);
+  /// Others: waits for the answer, at most `timeout_s`.
+  std::optional<std::string> ask(const std::string& request, double timeout_s);
+  std::string status() const;
+
+ private:
+  mutable std::mutex mutex_;
+  std::condition_variable answered_;
+  std::string status_ = "{}";
+  std::optional<std::string> waiting_status_, request_, answer_, waiting_answer_;
+};
+
+/// Serves the counter in a thread of its own.
+class ControlSocket {
+ public:
+  ControlSocket(const StateFolder& folder, Counter& counter);
+  ~ControlSocket();
+
+ private:
+  void work();
+  void serve(int client);
+
+  const StateFolder folder_;
+  Counter& counter_;
+  int listener_ = -1, wake_[2] = {-1, -1};
+  std::thread thread_;
+};
+
+}  // namespace slicecorr::bridge

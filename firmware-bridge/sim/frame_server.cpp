@@ -1,0 +1,151 @@
+#include "sim/frame_server.hpp"
+
+#include <fmt/format.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include "slicecorr/error.hpp"
+
+namespace slicecorr::bridge {
+
+namespace {
+
+constexpr int kLook_ms = 20;
+constexpr double kWhole_s = 5;         ///< a message that has begun must be whole by then
+constexpr double kMostAhead_s = 3600;  ///< nobody asks for more time at once
+
+bool wait_for_input(int descriptor) {
+  pollfd p{descriptor, POLLIN, 0};
+  return ::poll(&p, 1, kLook_ms) > 0;
+}
+
+}  // namespace
+
+FrameServer::FrameServer(const std::string& address, const Machine& machine, TimedModel& model,
+                         std::function<void(const WireHello&)> hello,
+                         std::function<void(const std::string&)> complain)
+    : machine_(machine),
+      model_(model),
+      hello_(std::move(hello)),
+      complain_(std::move(complain)),
+      listener_(listen_wire(address)),
+      thread_([this] { run(); }) {}
+
+FrameServer::~FrameServer() {
+  stop_ = true;
+  thread_.join();
+  if (listener_.address.starts_with("unix:")) ::unlink(listener_.address.substr(5).c_str());
+}
+
+void FrameServer::run() {
+  while (!stop_) {
+    if (!wait_for_input(listener_.socket.get())) continue;
+    const WireSocket socket(::accept4(listener_.socket.get(), nullptr, nullptr, SOCK_CLOEXEC));
+    if (!socket) continue;
+    busy_ = true;
+    try {
+      serve(socket);
+    } catch (const std::exception& e) {
+      complain_(e.what());
+    }
+    busy_ = false;
+  }
+}
+
+void FrameServer::serve(const WireSocket& socket) {
+  bool greeted = false;
+  WireMessage message;
+  while (!stop_) {
+    if (!wait_for_input(socket.get())) continue;
+    if (!receive_message(socket, message, kWhole_s)) return;
+    const WireMessage reply = answer(std::move(message), greeted);
+    bool gone = false;
+    model_.with([&](PrinterModel& model) { gone = model.display().gone; });
+    if (gone) return;
+    send_message(socket, reply, kWhole_s);
+  }
+}
+
+WireMessage FrameServer::answer(WireMessage&& message, bool& greeted) {
+  WireMessage reply;
+  reply.kind = WireKind::answer;
+  const auto now = [&] {
+    model_.with([&](PrinterModel& model) {
+      reply.at_s = model.now_s();
+      reply.number = model.display().number;
+      reply.count = model.display().count;
+    });
+  };
+  if (greeted != (message.kind != WireKind::hello)) {
+    throw DeviceError(greeted ? "frame wire: a second hello"
+                              : "frame wire: expected a hello first");
+  }
+  if (model_.lockstep() && message.kind != WireKind::hello) {
+    now();
+    if (message.at_s > reply.at_s + kMostAhead_s) {
+      throw DeviceError(
+          fmt::format("frame wire: asks for {:g} s at {:g} s", message.at_s, reply.at_s));
+    }
+  }
+  switch (message.kind) {
+    case WireKind::hello: {
+      const WireHello hello = hello_of(message);
+      if (hello.lockstep != model_.lockstep()) {
+        throw DeviceError(hello.lockstep
+                              ? "frame wire: the bridge runs in lockstep; expected real time"
+                              : "frame wire: the bridge runs in real time; expected lockstep");
+      }
+      hello_(hello);
+      model_.begin(hello.cycle_s);
+      greeted = true;
+      now();
+      return reply;
+    }
+    case WireKind::tick:
+      model_.tick(message.at_s);
+      now();
+      return reply;
+    case WireKind::frame:
+      return show(std::move(message));
+    case WireKind::answer:
+      break;
+  }
+  throw DeviceError("frame wire: an answer to nothing");
+}
+
+WireMessage FrameServer::show(WireMessage&& message) {
+  const Printer& printer = machine_.printer;
+  const bool patterned = printer.uv && printer.uv->patterned;
+  const bool has_uv = (message.flags & wire_uv) != 0;
+  if (message.number >= 0 &&
+      (static_cast<int>(message.width_px) != printer.width_px ||
+       static_cast<int>(message.height_px) != printer.height_px || has_uv != patterned)) {
+    throw DeviceError(fmt::format(
+        "frame wire: frame {} of {} x {} pixels, {} UV; this display has {} x {}, {} UV",
+        message.number, message.width_px, message.height_px, has_uv ? "with" : "without",
+        printer.width_px, printer.height_px, patterned ? "with" : "without"));
+  }
+  const double at_s = message.at_s;
+  const auto frame = frame_of(std::move(message));
+  std::optional<double> later_s;
+  model_.with_at(at_s, [&](PrinterModel& model) {
+    model.show(frame);
+    later_s = model.display().later_s;
+  });
+  // The answer is what really happened: it waits for an image that is late.
+  while (later_s && !stop_) {
+    if (!model_.lockstep()) std::this_thread::sleep_for(model_.real(0.001));
+    model_.with_at(*later_s, [&](PrinterModel& model) { later_s = model.display().later_s; });
+  }
+  WireMessage reply;
+  reply.kind = WireKind::answer;
+  model_.with([&](PrinterModel& model) {
+    reply.number = model.display().number;
+    reply.at_s = model.display().since_s;
+    reply.count = model.display().count;
+  });
+  return reply;
+}
+
+}  // namespace slicecorr::bridge

@@ -1,0 +1,466 @@
+// The printer over time: what holds between two events follows from closed forms, and `advance`
+// goes from event to event.
+#include "slicecorr/bridge/model.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "sim/exposures.hpp"
+#include "sim/lamp.hpp"
+#include "sim/motion.hpp"
+
+namespace slicecorr::bridge {
+
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kRoomTemperature_c = 25;
+
+bool is_wire(const std::string& what) {
+  return what == "late-reply" || what == "wrong-reply" || what == "drop" || what == "disconnect";
+}
+bool is_display(const std::string& what) {
+  return what == "freeze-display" || what == "late-frame" || what == "display-gone";
+}
+
+}  // namespace
+
+struct PrinterModel::Impl {
+  Impl(Machine m, std::vector<SimFault> f)
+      : machine(std::move(m)), blue(machine.blue), uv(uv_drive(machine)) {
+    drive.at_um = machine.stage.home_um;
+    course.acceleration_um_s2 = machine.stage.acceleration_um_s2;
+    for (SimFault& fault : f) {
+      const double times = fault.what == "drop" || fault.what == "wrong-reply" ? fault.value : 1;
+      faults.push_back({std::move(fault), false, times});
+    }
+  }
+
+  static LampDrive uv_drive(const Machine& m) {
+    LampDrive drive = m.uv;
+    drive.max_share = 1;
+    return drive;
+  }
+
+  struct Due {
+    SimFault fault;
+    bool done = false;
+    double times = 1;
+  };
+  /// A cause that keeps the machine from running, until it is gone.
+  struct Interlock {
+    bool on = false;
+    double until_s = kInfinity;
+  };
+
+  Machine machine;
+  double now = 0;
+  detail::Lamp blue, uv;
+
+  // What the drive does, and where the stage really is.
+  detail::Motion drive;
+  detail::Course course;
+  double slipped_um = 0;
+  bool moving = false, stage_failed = false;
+  bool stuck = false;
+  double stuck_at_um = 0, stuck_until_s = kInfinity;
+
+  MachineState state = MachineState::idle;
+  Command command = Command::off;
+  std::uint16_t echo = 0, heartbeat = 0;
+  bool heard = false;         ///< a heartbeat to compare with
+  bool wait_for_off = false;  ///< started anew: runs only after an order that is not to run
+  double fed_s = 0, watchdog_s = 0, began_s = 0;
+  bool watchdog_tripped = false;
+  double temperature_c = kRoomTemperature_c;
+  Interlock door, button;
+  std::vector<Due> faults;
+  int reached_frame = -1;
+
+  Display display;
+  bool frozen = false;
+  std::shared_ptr<const Frame> frame, later_frame;
+  int image = -1;  ///< of `frame` in the order of what was lit; -2: not lit yet
+  int images = 0;
+  ImageSink sink;
+
+  detail::Exposures exposures;
+  bool tracked = false;  ///< the stage's slice is followed
+  std::vector<SimEvent> events;
+
+  detail::Motion stage() const {
+    if (stuck) return {stuck_at_um, 0};
+    return {drive.at_um + slipped_um, drive.speed_um_s};
+  }
+  double uv_max() const { return machine.printer.uv ? machine.printer.uv->max_mw_cm2() : 0; }
+  void tell(const std::string& what) { events.push_back({now, what, stage().at_um}); }
+
+  /// Off is told blue first and on UV first: the order in which they are switched.
+  template <typename Change>
+  void change_lamps(const Change& change) {
+    const bool blue_was = blue.on(), uv_was = uv.on();
+    change();
+    if (blue_was && !blue.on()) tell("blue off");
+    if (uv_was && !uv.on()) tell("uv off");
+    if (!uv_was && uv.on()) tell("uv on");
+    if (!blue_was && blue.on()) tell("blue on");
+  }
+  void lamps_off() {
+    change_lamps([&] {
+      blue.ask(0);
+      uv.ask(0);
+    });
+  }
+  void note_moving() {
+    const bool moves = drive.speed_um_s != 0 || next_piece(drive, course).duration_s < kInfinity;
+    if (moves != moving) tell(moves ? "stage moves" : "stage stops");
+    moving = moves;
+  }
+
+  /// The machine's own reaction to whatever must not be: relay off, stage stops, latched.
+  void latch() {
+    change_lamps([&] {
+      blue.cut();
+      uv.cut();
+    });
+    course.moving = false;
+    if (state != MachineState::fault) {
+      state = MachineState::fault;
+      tell("fault");
+    }
+    note_moving();
+  }
+  bool cause_is_there() const {
+    return door.on || button.on || temperature_c > machine.limits.max_temperature_c;
+  }
+  double watchdog_at() const {
+    return state == MachineState::running ? fed_s + watchdog_s : kInfinity;
+  }
+
+  void restart() {
+    change_lamps([&] {
+      blue.cut();
+      uv.cut();
+    });
+    drive.speed_um_s = 0;
+    course.moving = false;
+    note_moving();
+    state = MachineState::idle;
+    command = Command::off;
+    echo = 0;
+    heard = false;
+    wait_for_off = true;
+    watchdog_tripped = false;
+    began_s = now;
+  }
+
+  void free_stage() {
+    slipped_um = stuck_at_um - drive.at_um;
+    stuck = false;
+  }
+
+  double end_of(double seconds) const { return seconds > 0 ? now + seconds : kInfinity; }
+
+  void begin_fault(const SimFault& f) {
+    tell(f.what);
+    if (f.what == "stuck-stage" && !stuck) {
+      stuck_at_um = stage().at_um;
+      stuck = true;
+      stuck_until_s = end_of(f.value);
+    } else if (f.what == "stage-slips") {
+      (stuck ? stuck_at_um : slipped_um) += f.value;
+      tracked = false;
+    } else if (f.what == "stage-fails") {
+      stage_failed = true;
+      drive.speed_um_s = 0;
+      course.moving = false;
+      note_moving();
+    } else if (f.what == "lamp-fails") {
+      blue.fail();
+    } else if (f.what == "lamp-drifts") {
+      blue.drift(f.value);
+    } else if (f.what == "lamp-sticks") {
+      blue.stick();
+    } else if (f.what == "uv-fails") {
+      uv.fail();
+    } else if (f.what == "door") {
+      door = {true, end_of(f.value)};
+      latch();
+    } else if (f.what == "stop-button") {
+      button = {true, end_of(f.value)};
+      latch();
+    } else if (f.what == "hot") {
+      temperature_c = f.value;
+      if (cause_is_there()) latch();
+    } else if (f.what == "restart") {
+      restart();
+    } else if (f.what == "freeze-display") {
+      frozen = true;
+    } else if (f.what == "display-gone") {
+      display.gone = true;
+    }
+  }
+
+  bool is_due(const Due& due) const {
+    if (due.done) return false;
+    if (due.fault.at_s) return *due.fault.at_s <= now;
+    if (due.fault.at_frame) return *due.fault.at_frame <= reached_frame;
+    return true;
+  }
+  /// Begins what is due of the machine and of the display; a late image waits for one to come.
+  void begin_due() {
+    for (Due& due : faults) {
+      if (is_wire(due.fault.what) || due.fault.what == "late-frame" || !is_due(due)) continue;
+      due.done = true;
+      begin_fault(due.fault);
+    }
+  }
+
+  double next_event_s() const {
+    double next = watchdog_at();
+    for (const Due& due : faults) {
+      if (!due.done && due.fault.at_s && !is_wire(due.fault.what) &&
+          due.fault.what != "late-frame") {
+        next = std::min(next, *due.fault.at_s);
+      }
+    }
+    if (stuck) next = std::min(next, stuck_until_s);
+    if (door.on) next = std::min(next, door.until_s);
+    if (button.on) next = std::min(next, button.until_s);
+    if (display.later_s) next = std::min(next, *display.later_s);
+    return next;
+  }
+  void happen() {
+    if (watchdog_at() <= now) {
+      watchdog_tripped = true;
+      tell("watchdog");
+      latch();
+    }
+    begin_due();
+    if (stuck && stuck_until_s <= now) {
+      free_stage();
+      tell("stage follows");
+    }
+    if (door.on && door.until_s <= now) {
+      door.on = false;
+      tell("door closed");
+    }
+    if (button.on && button.until_s <= now) {
+      button.on = false;
+      tell("stop button released");
+    }
+    if (display.later_s && *display.later_s <= now) {
+      display.later_s.reset();
+      appear(std::move(later_frame));
+    }
+  }
+
+  void advance(double until) {
+    happen();
+    while (now < until) {
+      const detail::MotionPiece piece = next_piece(drive, course);
+      const bool lit = exposures.recording() && blue.on() && !blue.failed();
+      if (lit && !tracked) exposures.find(stage());
+      if (!lit) exposures.interrupt();
+      tracked = lit;
+
+      double next = std::min(until, next_event_s());
+      const double piece_end = now + piece.duration_s;
+      next = std::min(next, piece_end);
+      double edge = kInfinity;
+      if (lit) {
+        edge = now + exposures.until_edge(stage(), stuck ? 0 : piece.acceleration_um_s2);
+        next = std::min({next, edge, now + blue.steady_for_s(), now + uv.steady_for_s()});
+      }
+      next = std::max(next, now);
+      pass(next, piece, lit);
+      if (piece_end <= next) drive = piece.end;
+      now = next;
+      if (edge <= now) exposures.cross(stage());
+      note_moving();
+      happen();
+    }
+  }
+
+  void pass(double next, const detail::MotionPiece& piece, bool lit) {
+    const double time = next - now;
+    detail::Exposures::Lit part;
+    if (lit) {
+      if (image == -2) {
+        image = images++;
+        if (sink) sink(image, frame);
+      }
+      part = {image,
+              time,
+              blue.integral(time, exposures.facts().m),
+              blue.integral(time, 1),
+              uv_max() * uv.integral(time, 1),
+              stage().at_um,
+              0};
+    }
+    drive = within(drive, piece, time);
+    blue.advance(time);
+    uv.advance(time);
+    if (lit) {
+      part.to_um = stage().at_um;
+      exposures.add(part);
+    }
+  }
+
+  void take(const SetPoints& s) {
+    happen();
+    echo = s.sequence;
+    if (!heard || s.heartbeat != heartbeat) fed_s = now;
+    heard = true;
+    heartbeat = s.heartbeat;
+    // Nobody talks the machine out of its own limit.
+    watchdog_s = s.watchdog_s > 0 ? std::min(s.watchdog_s, machine.limits.watchdog_s)
+                                  : machine.limits.watchdog_s;
+    if (s.command != command) {
+      command = s.command;
+      tell(command == Command::off    ? "off"
+           : command == Command::run  ? "run"
+           : command == Command::stop ? "stop"
+                                      : "reset");
+    }
+    if (command != Command::run) wait_for_off = false;
+    if (state == MachineState::fault) {
+      if (command == Command::reset && !cause_is_there()) {
+        state = MachineState::idle;
+        watchdog_tripped = stage_failed = false;
+      }
+      return;
+    }
+    if (command == Command::run && !wait_for_off) {
+      run(s);
+    } else {
+      lamps_off();
+      course.moving = false;
+      state = command == Command::stop ? MachineState::stopped : MachineState::idle;
+    }
+    note_moving();
+  }
+
+  void run(const SetPoints& s) {
+    if (state != MachineState::running) fed_s = now;
+    state = MachineState::running;
+    const Stage& limits = machine.stage;
+    if (!stage_failed) {
+      course.moving = true;
+      course.target_um = std::clamp(s.target_um, 0.0, limits.travel_um);
+      course.speed_um_s =
+          std::clamp(s.speed_um_s, 0.0, std::max(limits.max_speed_um_s, limits.lift_speed_um_s));
+      course.acceleration_um_s2 = s.acceleration_um_s2 > 0
+                                      ? std::min(s.acceleration_um_s2, limits.acceleration_um_s2)
+                                      : limits.acceleration_um_s2;
+    }
+    change_lamps([&] {
+      blue.ask(s.blue_share);
+      uv.ask(uv_max() > 0 ? s.uv_mw_cm2 / uv_max() : 0);
+    });
+  }
+
+  void show(const std::shared_ptr<const Frame>& next) {
+    happen();
+    const int number = next ? next->number : -1;
+    double late_s = 0;
+    for (Due& due : faults) {
+      const bool here = is_due(due) || (!due.done && due.fault.at_frame && number >= 0 &&
+                                        *due.fault.at_frame <= number);
+      if (!here || !is_display(due.fault.what)) continue;
+      due.done = true;
+      if (due.fault.what == "late-frame") {
+        tell(due.fault.what);
+        late_s = std::max(late_s, due.fault.value);
+      } else {
+        begin_fault(due.fault);
+      }
+    }
+    if (frozen || display.gone) return;
+    if (late_s > 0) {
+      later_frame = next;
+      display.later_s = now + late_s;
+      return;
+    }
+    // What comes now replaces what was to come.
+    display.later_s.reset();
+    appear(next);
+  }
+
+  void appear(std::shared_ptr<const Frame> next) {
+    const bool same = frame && next && frame->number == next->number &&
+                      frame->crc32 == next->crc32 && frame->blue.size() == next->blue.size();
+    frame = std::move(next);
+    if (!same) image = frame ? -2 : -1;
+    display.number = frame ? frame->number : -1;
+    display.since_s = now;
+    ++display.count;
+    reached_frame = std::max(reached_frame, display.number);
+    tell(frame ? fmt::format("frame {}", display.number) : "black");
+    begin_due();
+  }
+};
+
+PrinterModel::PrinterModel(Machine machine, std::vector<SimFault> faults, double layer_um, double m)
+    : impl_(std::make_unique<Impl>(std::move(machine), std::move(faults))) {
+  record({layer_um, impl_->machine.stage.home_um, m, false});
+}
+PrinterModel::~PrinterModel() = default;
+
+void PrinterModel::record(const SliceFacts& facts) {
+  impl_->exposures.begin(facts);
+  impl_->tracked = false;
+}
+void PrinterModel::advance(double time_s) { impl_->advance(time_s); }
+double PrinterModel::now_s() const { return impl_->now; }
+void PrinterModel::take(const SetPoints& set_points) { impl_->take(set_points); }
+void PrinterModel::show(const std::shared_ptr<const Frame>& frame) { impl_->show(frame); }
+const PrinterModel::Display& PrinterModel::display() const { return impl_->display; }
+
+Status PrinterModel::status() const {
+  const Impl& i = *impl_;
+  Status s;
+  s.sequence_echo = i.echo;
+  s.state = i.state;
+  const detail::Motion stage = i.stage();
+  s.stage_um = stage.at_um;
+  s.stage_speed_um_s = stage.speed_um_s;
+  s.blue_measured = i.blue.light();
+  s.uv_measured = i.uv.light() * i.uv_max();
+  s.temperature_c = i.temperature_c;
+  s.machine_time_s = i.now - i.began_s;
+  s.door_open = i.door.on;
+  s.stop_pressed = i.button.on;
+  s.lamp_failed = i.blue.failed();
+  s.stage_failed = i.stage_failed;
+  s.over_temperature = i.temperature_c > i.machine.limits.max_temperature_c;
+  s.watchdog_tripped = i.watchdog_tripped;
+  return s;
+}
+
+std::optional<SimFault> PrinterModel::wire_fault() {
+  for (Impl::Due& due : impl_->faults) {
+    if (!is_wire(due.fault.what) || !impl_->is_due(due)) continue;
+    impl_->tell(due.fault.what);
+    if (--due.times <= 0) due.done = true;
+    return due.fault;
+  }
+  return std::nullopt;
+}
+
+const std::vector<SimEvent>& PrinterModel::events() const { return impl_->events; }
+void PrinterModel::tell_images(ImageSink sink) { impl_->sink = std::move(sink); }
+const std::vector<SliceExposure>& PrinterModel::exposures() const {
+  return impl_->exposures.slices();
+}
+bool PrinterModel::lamps_dark() const { return impl_->blue.light() == 0 && impl_->uv.light() == 0; }
+bool PrinterModel::at_rest() const { return !impl_->moving; }
+std::optional<double> PrinterModel::watchdog_at_s() const {
+  const double at = impl_->watchdog_at();
+  return at < kInfinity ? std::optional(at) : std::nullopt;
+}
+
+}  // namespace slicecorr::bridge

@@ -1,0 +1,526 @@
+// printbridge and printer-sim as programs, over real sockets. Where time matters it is the
+// simulator's (lockstep); where processes are killed or paused it is real, with limits that a busy
+// machine does not pass.
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+
+#include <array>
+#include <filesystem>
+
+#include "bridge_fixture.hpp"
+
+namespace slicecorr {
+namespace {
+
+using namespace slicecorr::test;
+using nlohmann::json;
+using testing::HasSubstr;
+
+class BridgePrint : public BridgePrograms {
+ protected:
+  json verify(const std::string& stack, const std::string& target) {
+    RunOptions long_one;
+    long_one.timeout = std::chrono::minutes(5);
+    const RunResult r = run_program(
+        {program("slicecorr"), "verify", stack, "--target", target, "--json", "-", "--quiet"},
+        long_one);
+    EXPECT_EQ(r.exit_code, 0) << r.err;
+    return json::parse(r.out, nullptr, false);
+  }
+  /// No event of the simulator moves its stage or lights a lamp.
+  static void expect_untouched(const std::string& events) {
+    for (const std::string& e : events_of(events)) {
+      EXPECT_FALSE(e == "stage moves" || e == "blue on" || e == "uv on" || e == "run") << e;
+    }
+  }
+  /// Lamps off, then stop, then black: from the first event named `from` on.
+  static void expect_order(const std::vector<std::string>& events) {
+    const int stop = place(events, "stop");
+    ASSERT_GE(stop, 0);
+    const int off = last_place(events, "blue off");
+    EXPECT_LT(off, stop);
+    EXPECT_EQ(place(events, "blue on", stop), -1);
+    EXPECT_EQ(place(events, "uv on", stop), -1);
+    EXPECT_GT(place(events, "black", stop), stop);
+  }
+};
+
+TEST_F(BridgePrint, PrintsAStackAndWhatWasShownIsWhatWasPlanned) {
+  const std::string printer = make_printer("plain");
+  const std::string stack = make_stack(printer);
+  Sim sim = start_sim(printer, true);
+  const RunResult r = run_program(print_command(stack, printer, sim, true));
+  ASSERT_EQ(r.exit_code, 0) << r.err;
+  EXPECT_THAT(r.err, HasSubstr("printed"));
+  EXPECT_EQ(sim.child->end(SIGTERM), 0);
+
+  const auto events = events_of(sim.events);
+  EXPECT_LT(place(events, "black"), place(events, "blue on"));
+  EXPECT_LT(place(events, "blue on"), place(events, "frame 0"));
+  EXPECT_EQ(place(events, "fault"), -1);
+  // A row per frame, all in time.
+  std::ifstream csv(folder / "state/dual-wavelength-dlp/frames.csv");
+  std::string line;
+  std::getline(csv, line);
+  EXPECT_EQ(line,
+            "frame,planned_z_um,z_um,planned_s,shown_s,late_um,speed_um_s,blue_share,uv_mw_cm2,"
+            "blue_measured,uv_measured");
+  int rows = 0;
+  const StackInfo info = StackReader::read_info(stack);
+  while (std::getline(csv, line)) ++rows;
+  EXPECT_EQ(rows, info.grid.layers);
+  // What the part became: as planned.
+  const std::string target = folder / "part-target.uvj";
+  const json planned = verify(stack, target), printed = verify(sim.shown, target);
+  ASSERT_TRUE(printed.is_object());
+  EXPECT_EQ(printed["lost_features"], planned["lost_features"]);
+  EXPECT_EQ(printed["merged_features"], planned["merged_features"]);
+  EXPECT_NEAR(printed["height_error_um"]["mean_abs"].get<double>(),
+              planned["height_error_um"]["mean_abs"].get<double>(), 1.0);
+  const json s = status(printer);
+  EXPECT_EQ(s["phase"], "done");
+  EXPECT_EQ(s["latched"], false);
+  EXPECT_EQ(s["running"], false);
+
+  // The same again: the record of a print in lockstep is the same, whatever else the machine does.
+  Sim again = start_sim(printer, true);
+  const auto first_events = text_of(sim.events);
+  ASSERT_EQ(run_program(print_command(stack, printer, again, true, {"--threads", "1"})).exit_code,
+            0);
+  EXPECT_EQ(again.child->end(SIGTERM), 0);
+  EXPECT_EQ(text_of(again.events), first_events);
+}
+
+TEST_F(BridgePrint, PrintsUnderUvLightAndLayerByLayer) {
+  const std::string printer = make_printer("plain");
+  for (const auto& more :
+       {std::vector<std::string>{"--resin", "custom-resin-1", "--speed-mm-h", "800", "--uv-mw-cm2",
+                                 "200"},
+        std::vector<std::string>{"--resin", "custom-resin-1", "--speed-mm-h", "800",
+                                 "--dead-zone-um", "10", "--uv-schedule", "per-slice", "--ramp",
+                                 "lamp-follows", "--ramp-mm", "0.3"},
+        std::vector<std::string>{"--resin", "figure-2-2", "--mode", "layerwise", "--exposure-s",
+                                 "1", "--ha-um", "110"}}) {
+    SCOPED_TRACE(testing::PrintToString(more));
+    const std::string stack = make_stack(printer, "part", more);
+    Sim sim = start_sim(printer, true);
+    const RunResult r = run_program(print_command(stack, printer, sim, true));
+    ASSERT_EQ(r.exit_code, 0) << r.err;
+    EXPECT_EQ(sim.child->end(SIGTERM), 0);
+    const auto events = events_of(sim.events);
+    const bool uv = more[1] == "custom-resin-1";
+    EXPECT_EQ(place(events, "uv on") >= 0, uv);
+    if (uv) {
+      EXPECT_LT(place(events, "uv on"), place(events, "blue on"));
+      EXPECT_GT(last_place(events, "uv off"), last_place(events, "blue off"));
+    }
+    const std::string target = folder / "part-target.uvj";
+    const json planned = verify(stack, target), printed = verify(sim.shown, target);
+    EXPECT_EQ(printed["lost_features"], planned["lost_features"]);
+    EXPECT_NEAR(printed["iou"].get<double>(), planned["iou"].get<double>(), 0.01);
+  }
+}
+
+TEST_F(BridgePrint, DryRunMovesAndShowsWithoutLight) {
+  const std::string printer = make_printer("plain");
+  const std::string stack = make_stack(printer);
+  Sim sim = start_sim(printer, true);
+  const RunResult r = run_program(print_command(stack, printer, sim, true, {"--dry-run"}));
+  EXPECT_EQ(r.exit_code, 0) << r.err;
+  sim.child->end(SIGTERM);
+  const auto events = events_of(sim.events);
+  EXPECT_TRUE(has(events, "frame 3"));
+  EXPECT_TRUE(has(events, "stage moves"));
+  EXPECT_FALSE(has(events, "blue on"));
+  EXPECT_FALSE(has(events, "uv on"));
+}
+
+TEST_F(BridgePrint, FaultsEndInTheirOrderLatchAndAreReset) {
+  const std::string printer = make_printer("plain");
+  const std::string stack = make_stack(printer);
+  const std::vector<std::pair<std::string, std::string>> cases{
+      {"door@frame:9", "door_open"},
+      {"stage-slips=80@frame:12", "stage_error"},
+      {"lamp-drifts=0.3@frame:7", "lamp_mismatch"},
+      {"freeze-display@frame:8", "wrong_frame"},
+      {"late-frame=0.2@frame:11", "late_frame"},
+      {"drop=100@frame:6", "heartbeat_lost"},
+      {"display-gone@frame:5", "display_gone"}};
+  for (const auto& [fault, name] : cases) {
+    SCOPED_TRACE(fault);
+    // What is broken stays broken: the simulator that is reset is another one, without the fault.
+    Sim sim = start_sim(printer, true, {"--fault", fault});
+    const RunResult r = run_program(print_command(stack, printer, sim, true));
+    EXPECT_EQ(r.exit_code, 4) << r.err;
+    EXPECT_THAT(r.err, HasSubstr(name));
+    EXPECT_THAT(r.err, HasSubstr("frame "));
+    EXPECT_THAT(r.err, HasSubstr("To do: "));
+    sim.child->end(SIGTERM);
+    const auto events = events_of(sim.events);
+    if (name != "door_open" && name != "heartbeat_lost" && name != "wrong_frame" &&
+        name != "display_gone") {
+      expect_order(events);
+    }
+    EXPECT_EQ(place(events, "blue on", last_place(events, "blue off")), -1);
+    const json s = status(printer);
+    EXPECT_EQ(s["latched"], true);
+    EXPECT_EQ(s["fault"], name);
+    // No other print before somebody has looked.
+    Sim next = start_sim(printer, true);
+    const RunResult refused = run_program(print_command(stack, printer, next, true));
+    EXPECT_EQ(refused.exit_code, 4);
+    EXPECT_THAT(refused.err, HasSubstr("printbridge reset"));
+    EXPECT_EQ(bridge({"reset"}, printer, {"--modbus", address_of(next.modbus)}).exit_code, 0);
+    EXPECT_EQ(status(printer)["latched"], false);
+    next.child->end(SIGTERM);
+    expect_untouched(next.events);
+  }
+  Sim sim = start_sim(printer, true);
+  EXPECT_EQ(run_program(print_command(stack, printer, sim, true)).exit_code, 0);
+}
+
+TEST_F(BridgePrint, ADoorThatIsOpenCantBeReset) {
+  const std::string printer = make_printer("plain");
+  const std::string stack = make_stack(printer);
+  Sim sim = start_sim(printer, true, {"--fault", "door@frame:9"});
+  EXPECT_EQ(run_program(print_command(stack, printer, sim, true)).exit_code, 4);
+  const RunResult r = bridge({"reset"}, printer, {"--modbus", address_of(sim.modbus)});
+  EXPECT_EQ(r.exit_code, 4);
+  EXPECT_THAT(r.err, HasSubstr("door"));
+  EXPECT_EQ(status(printer)["latched"], true);
+}
+
+TEST_F(BridgePrint, FaultsBeforeAnythingMovedAreNotLatched) {
+  const std::string printer = make_printer("plain");
+  const std::string stack = make_stack(printer);
+  Sim sim = start_sim(printer, true, {"--fault", "door"});
+  const RunResult r = run_program(print_command(stack, printer, sim, true));
+  EXPECT_EQ(r.exit_code, 4) << r.err;
+  EXPECT_THAT(r.err, HasSubstr("door"));
+  EXPECT_EQ(status(printer)["latched"], false);
+  sim.child->end(SIGTERM);
+  expect_untouched(sim.events);
+}
+
+TEST_F(BridgePrint, AWrongStackNeverMovesTheStage) {
+  const std::string printer = make_printer("plain");
+  const std::string stack = make_stack(printer);
+  const std::string target = folder / "part-target.uvj";
+  Sim sim = start_sim(printer, true);
+  const auto refuse = [&](const std::string& file, const std::string& with, int code,
+                          const std::string& why) {
+    SCOPED_TRACE(file);
+    const RunResult r = run_program(print_command(file, with, sim, true));
+    EXPECT_EQ(r.exit_code, code) << r.err;
+    EXPECT_THAT(r.err, HasSubstr(why));
+  };
+  const auto changed = [&](const std::string& name, const auto& change) {
+    Entries entries = unzip(stack);
+    change(entries);
+    make_zip(folder / name, entries);
+    return folder / name;
+  };
+
+  // Cut short, as a file and inside.
+  const Bytes whole = read_file(stack);
+  write_file(folder / "cut.uvj",
+             Bytes(whole.begin(), whole.begin() + static_cast<long>(whole.size() * 2 / 3)));
+  refuse(folder / "cut.uvj", printer, 2, "cut.uvj");
+  refuse(changed("missing.uvj",
+                 [](Entries& e) {
+                   std::erase_if(e,
+                                 [](const auto& one) { return one.first == "slice/00000007.png"; });
+                 }),
+         printer, 2, "00000007");
+  // One image is another one.
+  refuse(
+      changed("swapped.uvj",
+              [](Entries& e) { entry(e, "slice/00000004.png") = entry(e, "slice/00000020.png"); }),
+      printer, 2, "checksum");
+  // No corrected stacks.
+  refuse(target, printer, 2, "slicecorr correct");
+  // For another printer: its name, its light.
+  refuse(stack, make_printer("other", {{"name = \"dual-wavelength-dlp\"", "name = \"other\""}}), 2,
+         "another printer");
+  refuse(stack, make_printer("brighter", {{"[255, 100.0]", "[255, 110.0]"}}), 2, "calibration");
+  refuse(stack, make_printer("larger", {{"width_px = 96", "width_px = 100"}}), 2,
+         "another printer");
+  // Too fast, too long, for this stage.
+  refuse(stack, make_printer("slow", {{"max_speed_mm_h = 2000", "max_speed_mm_h = 700"}}), 3,
+         "700 mm/h");
+  refuse(stack, make_printer("short", {{"travel_mm = 6", "travel_mm = 1"}}), 3, "reaches 1 mm");
+  refuse(stack, make_printer("lazy", {{"acceleration_mm_s2 = 1.0", "acceleration_mm_s2 = 0.05"}}),
+         3, "lamp-follows");
+  refuse(stack, make_printer("sluggish", {{"cycle_s = 0.01", "cycle_s = 0.1"}}), 3, "cycle_s");
+  // Too little UV light: the stack's own words changed, so that its images are as they were.
+  const std::string uv = make_stack(
+      printer, "uv", {"--resin", "custom-resin-1", "--speed-mm-h", "800", "--uv-mw-cm2", "200"});
+  Entries entries = unzip(uv);
+  Bytes& config = entry(entries, "config.json");
+  std::string text = to_text(config);
+  text = replaced(text, "\"uv_mw_cm2\": 200", "\"uv_mw_cm2\": 60");
+  config = to_bytes(text);
+  make_zip(folder / "dim.uvj", entries);
+  refuse(folder / "dim.uvj", printer, 3, "UV light");
+
+  sim.child->end(SIGTERM);
+  expect_untouched(sim.events);
+  EXPECT_EQ(status(printer)["latched"], false);
+}
+
+TEST_F(BridgePrint, TheWatchdogDarkensWhatAKilledBridgeLeft) {
+  const std::string printer = make_printer("patient", patient());
+  const std::string stack = make_stack(printer);
+  Sim sim = start_sim(printer, false);
+  Child print(print_command(stack, printer, sim, false), folder / "print.err");
+  ASSERT_TRUE(wait_until([&] { return has(events_of(sim.events), "frame 3"); }))
+      << text_of(folder / "print.err");
+  ASSERT_TRUE(has(events_of(sim.events), "blue on"));
+  EXPECT_EQ(print.end(SIGKILL), 128 + SIGKILL);
+  ASSERT_TRUE(wait_until([&] { return has(events_of(sim.events), "watchdog"); }));
+  const auto events = events_of(sim.events);
+  EXPECT_GT(last_place(events, "blue off"), last_place(events, "blue on"));
+  EXPECT_EQ(place(events, "stop"), -1) << "nobody told it";
+
+  // The print that was killed latches.
+  const json s = status(printer);
+  EXPECT_EQ(s["running"], false);
+  EXPECT_EQ(s["latched"], true);
+  EXPECT_THAT(s["detail"].get<std::string>(), HasSubstr("killed"));
+  const RunResult refused = run_program(print_command(stack, printer, sim, false));
+  EXPECT_EQ(refused.exit_code, 4);
+  EXPECT_THAT(refused.err, HasSubstr("killed"));
+  const RunResult reset = bridge({"reset"}, printer, {"--modbus", address_of(sim.modbus)});
+  EXPECT_EQ(reset.exit_code, 0) << reset.err;
+  EXPECT_EQ(status(printer)["latched"], false);
+}
+
+TEST_F(BridgePrint, TwoBridgesAtOnceAndStop) {
+  const std::string printer = make_printer("patient", patient());
+  const std::string stack = make_stack(printer);
+  Sim sim = start_sim(printer, false);
+  Child print(print_command(stack, printer, sim, false), folder / "print.err");
+  ASSERT_TRUE(wait_until([&] { return has(events_of(sim.events), "frame 2"); }))
+      << text_of(folder / "print.err");
+  const RunResult second = run_program(print_command(stack, printer, sim, false));
+  EXPECT_EQ(second.exit_code, 2);
+  EXPECT_THAT(second.err, HasSubstr("another printbridge"));
+  EXPECT_EQ(bridge({"reset"}, printer, {"--modbus", address_of(sim.modbus)}).exit_code, 2);
+  const json s = status(printer);
+  EXPECT_EQ(s["running"], true);
+  EXPECT_EQ(s["phase"], "printing");
+  // It can't be paused here: slices are lit, and lamps do not follow. It says why.
+  const RunResult pause = bridge({"pause"}, printer);
+  EXPECT_EQ(pause.exit_code, 3);
+  EXPECT_THAT(pause.err, HasSubstr("lamp-follows"));
+  EXPECT_EQ(bridge({"stop"}, printer).exit_code, 0);
+  EXPECT_EQ(print.wait(), 130);
+  expect_order(events_of(sim.events));
+  EXPECT_EQ(status(printer)["fault"], "stopped_by_user");
+  EXPECT_EQ(bridge({"pause"}, printer).exit_code, 2) << "nothing prints";
+}
+
+TEST_F(BridgePrint, SignalsDoNotShortenTheOrder) {
+  const std::string printer = make_printer("patient", patient());
+  const std::string stack = make_stack(printer);
+  for (const int signal : {SIGINT, SIGTERM}) {
+    Sim sim = start_sim(printer, false);
+    Child print(print_command(stack, printer, sim, false), folder / "print.err");
+    ASSERT_TRUE(wait_until([&] { return has(events_of(sim.events), "frame 2"); }))
+        << text_of(folder / "print.err");
+    ::kill(print.pid(), signal);
+    ::kill(print.pid(), signal);
+    ::kill(print.pid(), SIGHUP);
+    EXPECT_EQ(print.end(signal), 130);
+    expect_order(events_of(sim.events));
+    EXPECT_EQ(bridge({"reset"}, printer, {"--modbus", address_of(sim.modbus)}).exit_code, 0);
+  }
+}
+
+TEST_F(BridgePrint, PausesAndResumes) {
+  auto changes = patient();
+  changes.push_back({"min_share = 0.02", "min_share = 0"});
+  const std::string printer = make_printer("follows", changes);
+  const std::string stack = make_stack(printer, "part",
+                                       {"--resin", "figure-2-2", "--speed-mm-h", "800", "--ramp",
+                                        "lamp-follows", "--ramp-mm", "0.1"});
+  Sim sim = start_sim(printer, false);
+  Child print(print_command(stack, printer, sim, false), folder / "print.err");
+  ASSERT_TRUE(wait_until([&] { return has(events_of(sim.events), "frame 5"); }))
+      << text_of(folder / "print.err");
+  EXPECT_EQ(bridge({"resume"}, printer).exit_code, 3) << "it is not paused";
+  const RunResult pause = bridge({"pause"}, printer);
+  ASSERT_EQ(pause.exit_code, 0) << pause.err;
+  ASSERT_TRUE(wait_until([&] { return status(printer)["phase"] == "paused"; }));
+  const auto events = events_of(sim.events);
+  EXPECT_GT(last_place(events, "blue off"), last_place(events, "blue on"));
+  EXPECT_EQ(events.back(), "black");
+  EXPECT_EQ(bridge({"resume"}, printer).exit_code, 0);
+  EXPECT_EQ(print.wait(), 0) << text_of(folder / "print.err");
+  EXPECT_EQ(sim.child->end(SIGTERM), 0);
+  EXPECT_EQ(place(events_of(sim.events), "fault"), -1);
+}
+
+TEST_F(BridgePrint, SpeaksRtuOverAPairOfTerminals) {
+  if (!std::filesystem::exists("/usr/bin/socat")) GTEST_SKIP() << "socat is not installed";
+  const std::string printer = make_printer(
+      "rtu", {{"transport = \"tcp\"", "transport = \"rtu\"\ndevice = \"" + (folder / "a") + "\""}});
+  const std::string stack = make_stack(printer);
+  Child socat({"/usr/bin/socat", "pty,raw,echo=0,link=" + (folder / "a"),
+               "pty,raw,echo=0,link=" + (folder / "b")});
+  ASSERT_TRUE(wait_until([&] {
+    return std::filesystem::exists(folder / "a") && std::filesystem::exists(folder / "b");
+  }));
+  Sim sim = start_sim(printer, true, {}, folder / "b");
+  std::vector<std::string> command = print_command(stack, printer, sim, true);
+  for (std::string& word : command) {
+    if (word == address_of(sim.modbus)) word = "rtu:" + (folder / "a");
+  }
+  const RunResult r = run_program(command);
+  EXPECT_EQ(r.exit_code, 0) << r.err;
+  sim.child->end(SIGTERM);
+  EXPECT_TRUE(has(events_of(sim.events), "frame 5"));
+}
+
+TEST_F(BridgePrint, DrivesAMachineThatWeDidNotWrite) {
+  const std::string python = "/usr/bin/python3";
+  const RunResult there = run_program({python, "-c", "import pymodbus.server.async_io"});
+  if (there.exit_code != 0) GTEST_SKIP() << "pymodbus is not installed";
+  Child peer({python, std::string(SLICECORR_SOURCE_DIR) + "/tests/modbus_peer.py"},
+             folder / "peer.err");
+  const std::string port = peer.line();
+  ASSERT_FALSE(port.empty()) << text_of(folder / "peer.err");
+
+  // Another map: other addresses and scales, the low word first, one request to write and one to
+  // read, other numbers for commands and states, no measured speed, no UV lamp.
+  auto changes = patient();
+  std::string text = text_of(make_printer("peer", changes));
+  text = text.substr(0, text.find("# Holding registers")) + R"(
+[modbus]
+transport = "tcp"
+port = 1
+word_order = "little"
+exchange = "fc16_fc3"
+[modbus.write]
+sequence = { address = 300 }
+heartbeat = { address = 301 }
+command = { address = 302 }
+target_um = { address = 304, type = "i32", scale = 0.1 }
+speed_um_s = { address = 306, type = "u32", scale = 0.01 }
+blue_share = { address = 308, scale = 0.001 }
+acceleration_um_s2 = { address = 312 }
+[modbus.read]
+sequence_echo = { address = 500 }
+state = { address = 501 }
+stage_um = { address = 502, type = "i32", scale = 0.1 }
+blue_measured = { address = 504, scale = 0.001 }
+[modbus.commands]
+off = 10
+run = 20
+stop = 30
+reset = 40
+[modbus.states]
+idle = 7
+running = 8
+stopped = 9
+fault = 11
+)";
+  const auto uv = text.find("[uv]"), stage = text.find("[stage]");
+  text.erase(uv, stage - uv);
+  const auto lamp = text.find("[lamps.uv]"), limits = text.find("# When printbridge gives up");
+  text.erase(lamp, limits - lamp);
+  text = replaced(text, "lift_speed_mm_h = 7200", "lift_speed_mm_h = 36000");
+  text = replaced(text, "travel_mm = 6", "travel_mm = 4");
+  const std::string printer = folder / "peer.toml";
+  write_file(printer, to_bytes(text));
+  const std::string stack =
+      make_stack(printer, "part", {"--resin", "figure-2-2", "--speed-mm-h", "1500"});
+  const RunResult r =
+      run_program({program("printbridge"), "print", stack, "--printer", printer, "--dir",
+                   folder / "state", "--modbus", "tcp:127.0.0.1:" + port, "--sink", "null"});
+  EXPECT_EQ(r.exit_code, 0) << r.err;
+  peer.close_stdin();
+  // What it heard: off, run with light, then run without, off; never a stop.
+  std::vector<std::array<int, 3>> heard;
+  for (std::string line = peer.line(); !line.empty(); line = peer.line()) {
+    const json j = json::parse(line);
+    heard.push_back({j[0], j[1], j[2]});
+  }
+  ASSERT_GT(heard.size(), 100U);
+  EXPECT_EQ(heard.front()[0], 10);
+  EXPECT_EQ(heard.back()[0], 10);
+  int lit = 0;
+  for (const auto& [command, blue, unused] : heard) {
+    EXPECT_NE(command, 30);
+    if (command == 10) {
+      EXPECT_EQ(blue, 0);
+    }
+    lit += blue > 900 ? 1 : 0;
+  }
+  EXPECT_GT(lit, 100);
+}
+
+TEST_F(BridgePrint, NobodyThere) {
+  const std::string printer = make_printer("plain");
+  const std::string stack = make_stack(printer);
+  // A port that was free a moment ago.
+  const int s = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  sockaddr_in a{};
+  a.sin_family = AF_INET;
+  a.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  ASSERT_EQ(::bind(s, reinterpret_cast<sockaddr*>(&a), sizeof a), 0);
+  socklen_t size = sizeof a;
+  ::getsockname(s, reinterpret_cast<sockaddr*>(&a), &size);
+  const std::string nobody = fmt::format("tcp:127.0.0.1:{}", ntohs(a.sin_port));
+  const auto print = [&](const std::string& modbus, const std::string& sink) {
+    return run_program({program("printbridge"), "print", stack, "--printer", printer, "--dir",
+                        folder / "state", "--modbus", modbus, "--sink", sink, "--lockstep"});
+  };
+  const RunResult machine = print(nobody, "null");
+  EXPECT_EQ(machine.exit_code, 4) << machine.err;
+  EXPECT_THAT(machine.err, HasSubstr("has not answered"));
+  const RunResult display = print(nobody, nobody);
+  EXPECT_EQ(display.exit_code, 4) << display.err;
+  EXPECT_THAT(display.err, HasSubstr("no display answers"));
+  EXPECT_EQ(print("tcp:nowhere", "null").exit_code, 2);
+  EXPECT_EQ(print("rtu:" + (folder / "none"), "null").exit_code, 4);
+  EXPECT_EQ(status(printer)["latched"], false) << "nothing was moved";
+  EXPECT_EQ(bridge({"reset"}, printer, {"--modbus", nobody}).exit_code, 4);
+  ::close(s);
+}
+
+TEST_F(BridgePrint, ABenchyIsPrintedAsItWasPlanned) {
+  const std::string mesh = SLICECORR_TEST_DATA "/meshes/clean/3DBenchy.stl";
+  if (!std::filesystem::exists(mesh)) GTEST_SKIP() << mesh << " is not there";
+  // 4 mm high at a twelfth of its size: 400 slices of 10 um.
+  const std::string printer = make_printer(
+      "benchy", {{"width_px = 96", "width_px = 128"}, {"height_px = 64", "height_px = 80"}});
+  const std::string target = folder / "benchy-target.uvj", stack = folder / "benchy.uvj";
+  ASSERT_EQ(run_program({program("slicecorr"), "slice", mesh, "-o", target, "--printer", printer,
+                         "--layer-um", "10", "--scale", "0.0833333", "--quiet"})
+                .exit_code,
+            0);
+  ASSERT_EQ(run_program({program("slicecorr"), "correct", target, "-o", stack, "--printer", printer,
+                         "--resin", "figure-2-2", "--speed-mm-h", "800", "--quiet"})
+                .exit_code,
+            0);
+  EXPECT_GE(StackReader::read_info(stack).grid.layers, 400);
+  Sim sim = start_sim(printer, true);
+  RunOptions long_one;
+  long_one.timeout = std::chrono::minutes(5);
+  const RunResult r = run_program(print_command(stack, printer, sim, true), long_one);
+  ASSERT_EQ(r.exit_code, 0) << r.err;
+  EXPECT_EQ(sim.child->end(SIGTERM), 0);
+  const json planned = verify(stack, target), printed = verify(sim.shown, target);
+  RecordProperty("planned", planned.dump());
+  RecordProperty("printed", printed.dump());
+  EXPECT_EQ(printed["lost_features"], planned["lost_features"]);
+  EXPECT_NEAR(printed["height_error_um"]["mean_abs"].get<double>(),
+              planned["height_error_um"]["mean_abs"].get<double>(), 1.0);
+}
+
+}  // namespace
+}  // namespace slicecorr

@@ -27,9 +27,8 @@ using test::replaced;
 using test::run_program;
 using test::Sim;
 using test::small_machine;
-using test::TestFolder;
+using test::TemporaryFolder;
 using test::text_of;
-using test::write_file;
 using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
@@ -47,8 +46,8 @@ std::string in_path(const std::string& program) {
 /// A machine file and what belongs to it.
 class SimTest : public testing::Test {
  protected:
-  SimTest() { write_file(printer, small_machine); }
-  TestFolder folder;
+  SimTest() { test::write_file(printer, test::to_bytes(small_machine)); }
+  TemporaryFolder folder;
   std::string printer = folder / "small.toml";
   RegisterMap map = *test::machine_of(small_machine).modbus;
 };
@@ -130,7 +129,7 @@ TEST_F(SimTest, SaysWhatIsWrong) {
   refuses({"--printer", printer, "--listen", "127.0.0.1:0", "--frames", "nowhere"},
           "expected unix:PATH or tcp:HOST:PORT");
   const std::string bare = folder / "bare.toml";
-  write_file(bare, small_machine.substr(0, small_machine.find("[modbus]")));
+  test::write_file(bare, test::to_bytes(small_machine.substr(0, small_machine.find("[modbus]"))));
   refuses({"--printer", bare, "--listen", "127.0.0.1:0"}, "modbus: missing");
   const auto r = run_program({sim, "--printer", printer, "--listen", "/dev/null/none"});
   EXPECT_EQ(r.exit_code, 4);
@@ -150,7 +149,7 @@ TEST_F(SimTest, ListensOnLoopbackOnlyUnlessTold) {
   EXPECT_THAT(sim.modbus, HasSubstr("127.0.0.1:"));
   // The file's own port, on loopback.
   const std::string text = replaced(small_machine, "port = 0", "port = 0\nhost = \"192.0.2.1\"");
-  write_file(printer, text);
+  test::write_file(printer, test::to_bytes(text));
   Child child({SLICECORR_BIN_DIR "/printer-sim", "--printer", printer, "--quiet"});
   EXPECT_THAT(child.line(), HasSubstr("\"modbus\":\"127.0.0.1:"));
 }
@@ -286,7 +285,7 @@ TEST_F(SimTest, InLockstepTheWatchdogActsWhenNobodyIsLeft) {
     ASSERT_TRUE(client.exchange(map, run_to(kHome + 1000, 100, 1)));
   }
   // Without anybody who asks.
-  while (text_of(log).find("fault") == std::string::npos) std::this_thread::yield();
+  EXPECT_TRUE(test::wait_until([&] { return text_of(log).find("fault") != std::string::npos; }));
   EXPECT_EQ(sim.end(), 0);
   const auto events = events_of(log);
   ASSERT_GE(events.size(), 4);
@@ -365,15 +364,20 @@ TEST_F(SimTest, MbpollReadsAndWritesOverTcp) {
   r = poll({"-r", "102", "-c", "1", "-t", "4:int", "-B"});
   EXPECT_THAT(r.out, HasSubstr("[102]: \t100000"));
   // Sequence, heartbeat, command.
-  r = poll({"-r", "0", "-t", "4"}, {"7", "8", "1"});
+  r = poll({"-r", "0", "-t", "4"}, {"7", "8", "2"});
   EXPECT_EQ(r.exit_code, 0) << r.out << r.err;
   r = poll({"-r", "100", "-c", "2", "-t", "4"});
-  EXPECT_THAT(r.out, AllOf(HasSubstr("[100]: \t7"), HasSubstr("[101]: \t1")));
+  EXPECT_THAT(r.out, AllOf(HasSubstr("[100]: \t7"), HasSubstr("[101]: \t2")));
   // One register.
-  r = poll({"-r", "2", "-t", "4"}, {"2"});
+  r = poll({"-r", "2", "-t", "4"}, {"0"});
   EXPECT_EQ(r.exit_code, 0) << r.out << r.err;
   r = poll({"-r", "101", "-c", "1", "-t", "4"});
-  EXPECT_THAT(r.out, HasSubstr("[101]: \t2"));
+  EXPECT_THAT(r.out, HasSubstr("[101]: \t0"));
+  // Running, and nobody left to feed the watchdog: it has acted when the next one looks.
+  r = poll({"-r", "2", "-t", "4"}, {"1"});
+  EXPECT_EQ(r.exit_code, 0) << r.out << r.err;
+  r = poll({"-r", "101", "-c", "1", "-t", "4"});
+  EXPECT_THAT(r.out, HasSubstr("[101]: \t3"));
   // Wrong addresses and values.
   EXPECT_THAT(poll({"-r", "50", "-c", "1", "-t", "4"}).err, HasSubstr("Illegal data address"));
   EXPECT_THAT(poll({"-r", "101", "-t", "4"}, {"2"}).err, HasSubstr("Illegal data address"));
@@ -384,11 +388,9 @@ TEST_F(SimTest, MbpollReadsAndWritesOverASerialLine) {
   const std::string mbpoll = in_path("mbpoll"), socat = in_path("socat");
   if (mbpoll.empty() || socat.empty()) GTEST_SKIP() << "mbpoll or socat is not installed";
   const std::string a = folder / "a", b = folder / "b";
-  Child line({socat, "pty,raw,echo=0,link=" + a, "pty,raw,echo=0,link=" + b});
-  while (!std::filesystem::exists(a) || !std::filesystem::exists(b)) {
-    ASSERT_TRUE(line.runs());
-    std::this_thread::yield();
-  }
+  const Child line({socat, "pty,raw,echo=0,link=" + a, "pty,raw,echo=0,link=" + b});
+  ASSERT_TRUE(
+      test::wait_until([&] { return std::filesystem::exists(a) && std::filesystem::exists(b); }));
   Sim sim(printer, {"--listen", a});
   EXPECT_EQ(sim.modbus, a);
   const auto poll = [&](std::vector<std::string> options, std::vector<std::string> values = {}) {
@@ -531,7 +533,7 @@ TEST_F(SimTest, NoRequestBringsItDown) {
     if (!socket->send(adu) || pick(200) == 0) socket = std::make_unique<RawSocket>(sim.port);
     socket->drain();
   }
-  ASSERT_TRUE(sim.runs());
+  ASSERT_TRUE(test::runs(sim));
   Client client(sim.port);
   std::array<std::uint16_t, 14> r{};
   EXPECT_EQ(modbus_read_registers(client.get(), 100, 14, r.data()), 14);
@@ -649,7 +651,7 @@ TEST_F(SimTest, WhatIsWrongOnTheFrameWireEndsTheConnectionOnly) {
     RawSocket socket(port);
     socket.send(bytes);
   }
-  ASSERT_TRUE(sim.runs());
+  ASSERT_TRUE(test::runs(sim));
   const auto answer = ask(greeted(), message_of(frame_of(2).get(), 0.5));
   ASSERT_TRUE(answer);
   EXPECT_EQ(answer->number, 2);

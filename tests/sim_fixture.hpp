@@ -2,22 +2,14 @@
 /// A small machine for tests of printer-sim, and the program as a child process.
 #pragma once
 
-#include <fcntl.h>
-#include <gtest/gtest.h>
-#include <poll.h>
-#include <signal.h>
 #include <sys/wait.h>
-#include <unistd.h>
 
-#include <chrono>
-#include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
-#include <sstream>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
+#include "bridge_fixture.hpp"
 #include "slicecorr/bridge/machine.hpp"
 
 namespace slicecorr::test {
@@ -90,93 +82,7 @@ inline bridge::Machine machine_of(const std::string& text) {
   return bridge::parse_machine(text, "small.toml");
 }
 
-inline std::string replaced(std::string text, const std::string& from, const std::string& to) {
-  const auto at = text.find(from);
-  EXPECT_NE(at, std::string::npos) << from;
-  if (at != std::string::npos) text.replace(at, from.size(), to);
-  return text;
-}
-
-/// A folder that goes with the test.
-class TestFolder {
- public:
-  TestFolder() {
-    std::string name = (std::filesystem::temp_directory_path() / "slicecorr-sim-XXXXXX").string();
-    if (!::mkdtemp(name.data())) throw std::runtime_error("no folder");
-    path_ = name;
-  }
-  ~TestFolder() {
-    std::error_code error;
-    std::filesystem::remove_all(path_, error);
-  }
-  TestFolder(const TestFolder&) = delete;
-  TestFolder& operator=(const TestFolder&) = delete;
-  std::string operator/(const std::string& name) const { return path_ + "/" + name; }
-
- private:
-  std::string path_;
-};
-
-inline void write_file(const std::string& path, const std::string& text) {
-  std::ofstream(path) << text;
-}
-inline std::string text_of(const std::string& path) {
-  std::ifstream in(path);
-  std::stringstream text;
-  text << in.rdbuf();
-  return text.str();
-}
-
-/// A program that runs until it is told to end. Its stderr goes to the test's.
-class Child {
- public:
-  explicit Child(const std::vector<std::string>& command) {
-    std::vector<char*> argv;
-    for (const std::string& s : command) argv.push_back(const_cast<char*>(s.c_str()));
-    argv.push_back(nullptr);
-    int out[2];
-    if (::pipe2(out, O_CLOEXEC) != 0) throw std::runtime_error("no pipe");
-    pid_ = ::fork();
-    if (pid_ == 0) {
-      ::dup2(out[1], STDOUT_FILENO);
-      ::execvp(argv[0], argv.data());
-      ::_exit(127);
-    }
-    ::close(out[1]);
-    out_ = out[0];
-  }
-  ~Child() {
-    if (pid_ > 0) {
-      ::kill(pid_, SIGKILL);
-      end(0);
-    }
-    ::close(out_);
-  }
-  Child(const Child&) = delete;
-  Child& operator=(const Child&) = delete;
-
-  pid_t pid() const { return pid_; }
-  /// The next line of stdout; empty when it ends.
-  std::string line() {
-    std::string text;
-    char c = 0;
-    while (::read(out_, &c, 1) == 1 && c != '\n') text += c;
-    return text;
-  }
-  bool runs() const { return ::kill(pid_, 0) == 0 && ::waitpid(pid_, nullptr, WNOHANG) == 0; }
-  /// Sends a signal (0: none) and waits; exit code, or 128 + the signal that ended it.
-  int end(int signal = SIGTERM) {
-    if (signal != 0) ::kill(pid_, signal);
-    int status = 0;
-    ::waitpid(pid_, &status, 0);
-    pid_ = -1;
-    return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-  }
-
- private:
-  pid_t pid_ = -1;
-  int out_ = -1;
-};
+inline bool runs(const Child& child) { return ::waitpid(child.pid(), nullptr, WNOHANG) == 0; }
 
 /// printer-sim, ready.
 class Sim : public Child {
@@ -193,13 +99,14 @@ class Sim : public Child {
       port = std::stoi(modbus.substr(colon + 1));
     }
   }
+  int end(int signal = SIGTERM) { return Child::end(signal); }
   std::string modbus, frames;
   int port = 0;
 
  private:
   static std::vector<std::string> command(const std::string& printer,
                                           std::vector<std::string> more) {
-    std::vector<std::string> all{SLICECORR_BIN_DIR "/printer-sim", "--printer", printer, "--quiet"};
+    std::vector<std::string> all{program("printer-sim"), "--printer", printer, "--quiet"};
     bool listens = false;
     for (const std::string& m : more) listens = listens || m == "--listen";
     if (!listens) all.insert(all.end(), {"--listen", "127.0.0.1:0"});

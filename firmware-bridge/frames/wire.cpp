@@ -23,6 +23,7 @@ namespace {
 
 using Time = std::chrono::steady_clock;
 constexpr std::uint32_t most_pixels_across = 65536;
+constexpr std::uint32_t most_hello_bytes = 64u << 20;  // the picture of a flat-field is in it
 
 template <class T>
 void put(std::uint8_t* out, T value) {
@@ -109,6 +110,9 @@ void check(const WireMessage& m, std::uint32_t payload_bytes) {
   switch (m.kind) {
     case WireKind::hello:
       if (payload_bytes == 0) wrong("a hello without facts");
+      if (payload_bytes > most_hello_bytes) {
+        wrong(fmt::format("a hello of {} bytes", payload_bytes));
+      }
       return;
     case WireKind::frame: {
       if (m.number < -1) wrong(fmt::format("frame {}", m.number));

@@ -98,12 +98,13 @@ int run(const Options& o, const Job& job, cli::Console& console) {
 
   // In lockstep a machine that nobody speaks to any more has all the time there is: its watchdog
   // must act, too.
-  bool was_busy = false;
+  bool was_watched = false;
   modbus.serve([&] {
     model.with([](PrinterModel&) {});
-    const bool busy = modbus.busy() || (display && display->busy());
-    if (was_busy && !busy && o.lockstep) model.run_out();
-    was_busy = busy;
+    const bool watched = display && display->busy();
+    const bool left = modbus.everybody_left() || (was_watched && !watched && !modbus.busy());
+    if (left && !watched && o.lockstep) model.run_out();
+    was_watched = watched;
     return !terminated && !cli::interrupted();
   });
 

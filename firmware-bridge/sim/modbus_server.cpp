@@ -16,6 +16,7 @@
 #include <cstring>
 #include <functional>
 #include <list>
+#include <utility>
 #include <vector>
 
 #include "frames/wire.hpp"
@@ -84,6 +85,7 @@ struct ModbusServer::Impl {
   std::string address;
   WireSocket listener;  ///< TCP
   std::list<Client> clients;
+  bool left = false;
   std::optional<Late> late;  ///< serial
   std::optional<Time::time_point> refuse_until;
 
@@ -223,6 +225,7 @@ struct ModbusServer::Impl {
         c = good ? std::next(c) : clients.erase(c);
       }
       if (refusing()) clients.clear();
+      left = left || (waiting.size() > 1 && clients.empty());
       if (waiting[0].revents != 0) take_client();
     }
   }
@@ -263,6 +266,7 @@ ModbusServer::ModbusServer(const std::string& where, const Machine& machine, Tim
 ModbusServer::~ModbusServer() = default;
 const std::string& ModbusServer::address() const { return impl_->address; }
 bool ModbusServer::busy() const { return !impl_->clients.empty(); }
+bool ModbusServer::everybody_left() { return std::exchange(impl_->left, false); }
 void ModbusServer::serve(const std::function<bool()>& idle) {
   if (impl_->listener) {
     impl_->serve_tcp(idle);

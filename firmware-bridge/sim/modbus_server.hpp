@@ -21,6 +21,8 @@ class ModbusServer {
   void serve(const std::function<bool()>& idle);
   /// Somebody is connected (TCP).
   bool busy() const;
+  /// Whether the last client has gone since this was asked, even if another has come.
+  bool everybody_left();
 
  private:
   struct Impl;

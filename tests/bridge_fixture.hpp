@@ -160,8 +160,9 @@ class BridgePrograms : public testing::Test {
                          std::vector<std::string> more = {"--resin", "figure-2-2", "--speed-mm-h",
                                                           "800"}) {
     const std::string target = folder / (name + "-target.uvj"), stack = folder / (name + ".uvj");
-    const RunResult sliced = run_program({program("slicecorr"), "slice", make_part(), "-o", target,
-                                          "--printer", printer, "--layer-um", "50", "--quiet"});
+    const RunResult sliced =
+        run_program({program("slicecorr"), "slice", make_part(), "-o", target, "--printer", printer,
+                     "--layer-um", "50", "--antialias", "off", "--quiet"});
     EXPECT_EQ(sliced.exit_code, 0) << sliced.err;
     std::vector<std::string> command{program("slicecorr"), "correct", target,   "-o", stack,
                                      "--printer",          printer,   "--quiet"};

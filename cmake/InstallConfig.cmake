@@ -17,6 +17,5 @@ install(
     "${CMAKE_CURRENT_LIST_DIR}/FindISAL.cmake"
     "${CMAKE_CURRENT_LIST_DIR}/FindLib3MF.cmake"
     "${CMAKE_CURRENT_LIST_DIR}/FindLibZip.cmake"
-    "${CMAKE_CURRENT_LIST_DIR}/FindOpenImageIO.cmake"
   DESTINATION "${package_dir}")
 install(FILES "${CMAKE_SOURCE_DIR}/LICENSE" DESTINATION "${CMAKE_INSTALL_DOCDIR}")

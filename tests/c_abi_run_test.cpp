@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <map>
+#include <sstream>
 #include <thread>
 
 #include "c_abi.hpp"
@@ -370,6 +371,17 @@ TEST_F(CAbiExamples, StandInTheDocumentAsTheyAre) {
     ASSERT_FALSE(text.empty()) << name;
     EXPECT_NE(document.find("```" + language + "\n" + text + "```\n"), std::string::npos) << name;
   }
+}
+
+TEST_F(CAbiExamples, TheOneInCIsShort) {
+  std::istringstream text(
+      to_text(read_file(SLICECORR_SOURCE_DIR "/libslicecorr/c_api/examples/correct.c")));
+  int lines = 0;
+  for (std::string line; std::getline(text, line);) {
+    lines += !line.empty() && line.rfind("/*", 0) != 0;
+  }
+  EXPECT_GT(lines, 15);
+  EXPECT_LE(lines, 30);
 }
 
 // An archive that PrusaSlicer wrote, corrected in place: what is not an image stays.

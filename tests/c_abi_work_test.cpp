@@ -373,6 +373,38 @@ TEST_F(CAbiWork, ConvertsArchivesAndWritesTargetsInMemory) {
             SLICECORR_BAD_INPUT);
 }
 
+TEST_F(CAbiWork, CheckKnowsWhichPlacesAreLit) {
+  const StackHandle stack = open_stack(target_path_);
+  const PixelBox lit = StackReader(target_path_, folder_.path()).bounds();
+  for (const bool dim_part : {false, true}) {
+    SCOPED_TRACE(dim_part);
+    GreyImage light{96, 64, {}};
+    for (int y = 0; y < 64; ++y) {
+      for (int x = 0; x < 96; ++x) {
+        const bool part = x >= lit.x0 && x < lit.x1 && y >= lit.y0 && y < lit.y1;
+        light.pixels.push_back(part == dim_part ? 3 : 255);
+      }
+    }
+    write_file(folder_ / "light.png", encode_png(light));
+    std::string text = printer_;
+    text.insert(text.find("[blue]"), "flat_field = \"light.png\"\n");
+    write_file(folder_ / "printer.toml", to_bytes(text));
+    const SetupHandle setup = c_setup({{"printer", folder_ / "printer.toml"},
+                                       {"resin", SLICECORR_DB_DIR "/figure-2-2.toml"},
+                                       {"speed_mm_h", "1000"}});
+    const slicecorr_status checked = slicecorr_check(stack.get(), setup.get(), nullptr);
+    const std::string said = slicecorr_error_text();
+    EXPECT_EQ(checked, dim_part ? SLICECORR_INFEASIBLE : SLICECORR_OK) << said;
+    EXPECT_EQ(slicecorr_correct(stack.get(), setup.get(), (folder_ / "made.uvj").c_str(), nullptr,
+                                nullptr, nullptr),
+              checked)
+        << slicecorr_error_text();
+    if (dim_part) {
+      EXPECT_EQ(said, slicecorr_error_text());
+    }
+  }
+}
+
 TEST_F(CAbiWork, EveryCodeHasItsCause) {
   const StackHandle stack = open_stack(target_path_);
   const std::string made = folder_ / "made.uvj";

@@ -207,6 +207,22 @@ TEST(UvPattern, IsWrittenBesideTheSlices) {
   }
 }
 
+TEST(WindowCure, IsRefusedUnlessAllowed) {
+  DeadZones zones;
+  Process p;
+  EXPECT_NO_THROW(check_window(zones, p));
+  zones.cured_pixels = 12;
+  zones.cured_slice = 3;
+  try {
+    check_window(zones, p);
+    FAIL();
+  } catch (const InfeasibleError& e) {
+    EXPECT_THAT(e.what(), HasSubstr("at 12 pixels, first in slice 3"));
+  }
+  p.allow_window_cure = true;
+  EXPECT_NO_THROW(check_window(zones, p));
+}
+
 TEST(UvCorrection, SameBytesForAnyNumberOfThreads) {
   const auto s = setup_of(UvKind::constant, 200, 0);
   TemporaryFolder folder;

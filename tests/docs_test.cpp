@@ -98,6 +98,24 @@ TEST(Docs, LinksLeadSomewhere) {
   EXPECT_GT(links, 5);
 }
 
+TEST(Docs, LibraryNamesNoOptionsOfPrograms) {
+  // Its messages go to callers in C and C++, too.
+  const std::regex option("^[^/\n]*\"[^\"\n]*--[a-z][^\n]*$");
+  int files = 0;
+  for (const auto& entry : fs::recursive_directory_iterator(kSource / "libslicecorr")) {
+    const fs::path below = fs::relative(entry.path(), kSource / "libslicecorr");
+    if (below.extension() != ".cpp" || *below.begin() == "cli" || *below.begin() == "program") {
+      continue;
+    }
+    ++files;
+    std::istringstream lines(text_of(entry.path()));
+    for (std::string line; std::getline(lines, line);) {
+      EXPECT_FALSE(std::regex_search(line, option)) << below << ": " << line;
+    }
+  }
+  EXPECT_GT(files, 50);
+}
+
 TEST(Docs, LevelTableIsTheOneThatTheProgramPrints) {
   const auto program = kBin / "levels_table";
   if (!fs::exists(program)) GTEST_SKIP() << "built without benchmarks: no levels_table";

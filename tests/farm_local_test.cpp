@@ -12,6 +12,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/engine.hpp"
 #include "slicecorr/farm/service.hpp"
+#include "slicecorr/stack.hpp"
 
 namespace slicecorr::farm {
 namespace {
@@ -37,55 +38,6 @@ class FarmLocal : public FarmPrograms {
     return kinds;
   }
 };
-
-/// A service in the background, as long as this object lives.
-class RunningService {
- public:
-  RunningService(const std::string& dir, std::vector<std::string> more = {},
-                 const std::map<std::string, std::string>& environment = {}) {
-    std::vector<std::string> arguments = {std::string(SLICECORR_BIN_DIR) + "/slicefarm", "run",
-                                          "--quiet", "--dir", dir};
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    std::vector<char*> argv;
-    for (std::string& a : arguments) argv.push_back(a.data());
-    argv.push_back(nullptr);
-    child_ = ::fork();
-    if (child_ == 0) {
-      for (const auto& [name, value] : environment) ::setenv(name.c_str(), value.c_str(), 1);
-      ::execv(argv[0], argv.data());
-      ::_exit(127);
-    }
-  }
-  ~RunningService() {
-    if (child_ > 0) end(SIGKILL);
-  }
-  pid_t pid() const { return child_; }
-  /// Sends the signal and waits; gives the exit code, or 128 + signal.
-  int end(int signal) {
-    ::kill(child_, signal);
-    return wait();
-  }
-  int wait() {
-    int status = 0;
-    ::waitpid(child_, &status, 0);
-    child_ = 0;
-    return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-  }
-
- private:
-  pid_t child_ = 0;
-};
-
-/// Waits for what must come; fails the test when it does not come for far too long.
-template <typename Condition>
-bool comes(Condition condition) {
-  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
-  while (!condition()) {
-    if (std::chrono::steady_clock::now() > end) return false;
-    ::poll(nullptr, 0, 5);
-  }
-  return true;
-}
 
 TEST_F(FarmLocal, ResultsAreThoseOfSlicecorr) {
   std::vector<std::string> parts;
@@ -199,7 +151,8 @@ TEST_F(FarmLocal, BadInputIsFoundOutOnceAndSaid) {
                                       dir / "small.toml", "--layer-um", "50"});
   ASSERT_EQ(r.exit_code, 0);
   std::string bytes = text_of_file(target);
-  const std::size_t at = bytes.find("IDAT");
+  // The last image is a slice; the first ones are previews, which nobody needs.
+  const std::size_t at = bytes.rfind("IDAT");
   ASSERT_NE(at, bytes.npos);
   bytes[at + 12] = static_cast<char>(bytes[at + 12] ^ 0x55);
   write_file(target, bytes);
@@ -393,6 +346,86 @@ TEST_F(FarmLocal, StatusTellsWhatThereIs) {
   r = farm("status", {"--state", "done"});
   EXPECT_THAT(r.out, HasSubstr("2 done"));
   EXPECT_THAT(r.out, HasSubstr("largest height error"));
+}
+
+/// Printers whose display is uneven, mirrored or turned: the setup in the order says all of it.
+TEST_F(FarmLocal, EveryDisplayGivesTheBytesOfSlicecorr) {
+  const auto picture = [&](const std::string& name, const std::vector<std::uint8_t>& levels) {
+    const auto bytes = encode_png({3, 2, levels});
+    write_file(dir / name, std::string(bytes.begin(), bytes.end()));
+    return "flat_field = \"" + name + "\"\n";
+  };
+  const std::string one = picture("one.png", {200, 210, 220, 230, 240, 250}),
+                    two = picture("two.png", {200, 210, 220, 230, 240, 251});
+  const std::map<std::string, std::string> displays = {
+      {"plain", ""},
+      {"uneven", one},
+      {"another", two},
+      {"mirrored", "mirror = \"x\"\n"},
+      {"uneven-mirrored", one + "mirror = \"y\"\n"},
+      {"portrait", "orientation = \"portrait\"\nmirror = \"x\"\n"},
+      {"uneven-portrait", one + "orientation = \"portrait\"\nmirror = \"x\"\n"}};
+  const std::string part = make_part(3);
+  const std::vector<std::string> how = {"--resin", dir / "clear.toml", "--speed-mm-h", "700"};
+  const auto with = [&](std::vector<std::string> list, const std::vector<std::string>& more) {
+    list.insert(list.end(), more.begin(), more.end());
+    list.insert(list.end(), how.begin(), how.end());
+    return list;
+  };
+  fs::create_directories(dir / "direct");
+  struct Expected {
+    std::string made, expected;
+    std::vector<std::string> endings;
+  };
+  std::vector<Expected> all;
+  for (const auto& [name, keys] : displays) {
+    SCOPED_TRACE(name);
+    std::string toml = small_printer_toml;
+    toml.insert(toml.find("bit_depth"), keys);
+    const std::string printer = dir / (name + ".toml");
+    write_file(printer, toml);
+    for (const std::string format : {"uvj", "sl1"}) {
+      // From a mesh, and from slices that another program could have made.
+      const std::string base = name + "-" + format;
+      RunResult r = farm("submit", with({part, "--name", base, "--format", format, "--printer",
+                                         printer, "--layer-um", "50", "--out", dir / "out"},
+                                        {}));
+      ASSERT_EQ(r.exit_code, 0) << r.err;
+      r = program("slicecorr", with({"run", part, "-o", dir / ("direct/" + base + "." + format),
+                                     "--printer", printer, "--layer-um", "50"},
+                                    {}));
+      ASSERT_EQ(r.exit_code, 0) << r.err;
+      all.push_back({dir / ("out/" + base), dir / ("direct/" + base), {format, "html", "json"}});
+      const std::string target = dir / (base + "-target." + format);
+      r = program("slicecorr",
+                  {"slice", part, "-o", target, "--printer", printer, "--layer-um", "50"});
+      ASSERT_EQ(r.exit_code, 0) << r.err;
+      r = farm("submit", with({target, "--printer", printer, "--out", dir / "out"}, {}));
+      ASSERT_EQ(r.exit_code, 0) << r.err;
+      const std::string corrected = dir / ("direct/" + base + "-target." + format);
+      r = program("slicecorr",
+                  with({"correct", target, "-o", corrected, "--printer", printer}, {}));
+      ASSERT_EQ(r.exit_code, 0) << r.err;
+      all.push_back(
+          {dir / ("out/" + base + "-target"), dir / ("direct/" + base + "-target"), {format}});
+    }
+  }
+  const RunResult r = run_all();
+  ASSERT_EQ(r.exit_code, 0) << r.err;
+  for (const Expected& e : all) {
+    for (const std::string& ending : e.endings) {
+      ASSERT_TRUE(fs::exists(e.made + "." + ending)) << e.made << "." << ending;
+      EXPECT_TRUE(text_of_file(e.made + "." + ending) == text_of_file(e.expected + "." + ending))
+          << e.made << "." << ending;
+    }
+  }
+  std::set<std::string> keys;
+  for (JobId id = 1; id <= static_cast<JobId>(all.size()); ++id) {
+    EXPECT_EQ(job(id).state, JobState::done);
+    EXPECT_FALSE(job(id).from_cache) << job(id).name;
+    keys.insert(job(id).key);
+  }
+  EXPECT_EQ(keys.size(), all.size()) << "another display, another key";
 }
 
 TEST_F(FarmLocal, RealMeshes) {

@@ -477,13 +477,29 @@ TEST_F(FarmQueue, WhatRanOutOfMemoryNeedsTwiceAsMuch) {
   q.give_up(c->token, ended(Reason::out_of_memory));
   clock.wall += longest_delay_ms;
   ClaimRequest r = any_job(service);
-  r.free_memory_mb = 199;  // base is 100
+  r.free_memory_mb = 299;  // it had 150
   EXPECT_FALSE(q.claim(r));
-  r.free_memory_mb = 200;
+  r.free_memory_mb = 300;
   c = q.claim(r);
   ASSERT_TRUE(c);
   EXPECT_EQ(c->memory_failures, 1);
   EXPECT_EQ(c->last_memory_mb, 150);
+}
+
+TEST_F(FarmQueue, WhatNeedsMoreThanThereEverIsDoesNotWaitForEver) {
+  Queue q = open();
+  const std::string service = q.start_service("local", 2, 250);
+  submit(q, job_with_key("k"));
+  auto c = q.claim(any_job(service));
+  q.record_start(c->token, "1", 1, 150);
+  q.give_up(c->token, ended(Reason::out_of_memory));
+  clock.wall += longest_delay_ms;
+  ClaimRequest r = any_job(service);
+  r.largest_memory_mb = 250;  // less than twice what it had
+  r.free_memory_mb = 249;
+  EXPECT_FALSE(q.claim(r)) << "others have some of it now";
+  r.free_memory_mb = 250;
+  EXPECT_TRUE(q.claim(r)) << "it gets all there is, or is refused";
 }
 
 TEST_F(FarmQueue, TheSameOutputIsNotPromisedTwice) {
@@ -631,7 +647,7 @@ TEST_F(FarmQueue, InvariantsHoldForRandomWork) {
   std::vector<std::string> tokens;  // every token there ever was
   const Reason reasons[] = {Reason::worker_killed, Reason::bad_input,     Reason::lease_lost,
                             Reason::stopped,       Reason::out_of_memory, Reason::disk_full};
-  for (int step = 0; step < 1500; ++step) {
+  for (int step = 0; step < 3000; ++step) {
     // Mostly of late attempts, sometimes of one long gone.
     const int known = static_cast<int>(tokens.size());
     const int back = pick(10) ? pick(std::min(known, 6) + 1) : pick(known + 1);

@@ -99,8 +99,10 @@ class FarmOnSlurm : public testing::Test {
     fs::remove_all(folder_);
   }
 
-  void start_cluster(int nodes, int cpus = 2, const std::string& configuration = {}) {
-    cluster_ = std::make_unique<SlurmCluster>(folder_ + "/slurm", nodes, cpus, configuration);
+  void start_cluster(int nodes, int cpus = 2, const std::string& configuration = {},
+                     bool cgroups = false) {
+    cluster_ =
+        std::make_unique<SlurmCluster>(folder_ + "/slurm", nodes, cpus, configuration, cgroups);
     ::setenv("SLURM_CONF", cluster_->configuration().c_str(), 1);
   }
 
@@ -125,7 +127,7 @@ class FarmOnSlurm : public testing::Test {
     return paths;
   }
   /// Takes some seconds.
-  std::string large_part(const std::string& name) { return part(name, 40, 30, 30); }
+  std::string large_part(const std::string& name) { return part(name, 40, 30, 18); }
 
   static std::vector<std::string> process_options() {
     return {"--printer",    SLICECORR_PRINTERS_DIR "/dual-wavelength-dlp.toml",
@@ -240,15 +242,65 @@ class FarmOnSlurm : public testing::Test {
   std::vector<pid_t> services_;
 };
 
+// --- the cluster of the tests --------------------------------------------------------------------
+
+/// With `script`, the script that looks after it is killed, too, as a whole tree of processes is
+/// when a test takes too long.
+class KilledTest : public FarmOnSlurm, public testing::WithParamInterface<bool> {};
+
+TEST_P(KilledTest, LeavesNoProcess) {
+  const std::string folder = folder_ + "/slurm";
+  const std::string variable = "SLURM_CONF=" + folder + "/slurm.conf";
+  int ready[2];
+  ASSERT_EQ(::pipe2(ready, O_CLOEXEC), 0);
+  const pid_t killed = ::fork();
+  if (killed == 0) {
+    try {
+      SlurmCluster cluster(folder, 2);
+      ::setenv("SLURM_CONF", cluster.configuration().c_str(), 1);
+      const auto r = run_program(
+          {"/usr/bin/sbatch", "--chdir=/", "--output=/dev/null", "--wrap=exec sleep 1000"});
+      if (r.exit_code == 0 && eventually([] {
+            return run_program({"/usr/bin/squeue", "-h", "-o", "%T"}).out == "RUNNING\n";
+          })) {
+        (void)!::write(ready[1], "x", 1);
+      }
+      for (;;) ::pause();
+    } catch (const std::exception&) {
+    }
+    ::_exit(1);
+  }
+  ::close(ready[1]);
+  char c = 0;
+  ASSERT_EQ(::read(ready[0], &c, 1), 1) << "no job runs";
+  ::close(ready[0]);
+  // munged, slurmctld, two slurmd, and as soon as the job really runs a slurmstepd and the job.
+  EXPECT_TRUE(eventually([&] { return test::processes_with(variable).size() >= 6; }));
+  if (GetParam()) {
+    for (const auto& entry : fs::directory_iterator("/proc")) {
+      const std::string stat = text_of(entry.path().string() + "/stat");
+      const std::size_t end = stat.rfind(") ");
+      if (end == stat.npos || std::atoi(stat.c_str() + end + 4) != killed) continue;
+      ::kill(std::stoi(entry.path().filename().string()), SIGKILL);
+    }
+  }
+  ::kill(killed, SIGKILL);
+  ::waitpid(killed, nullptr, 0);
+  EXPECT_TRUE(eventually([&] { return test::processes_with(variable).empty(); }, seconds(30)));
+}
+INSTANTIATE_TEST_SUITE_P(Of, KilledTest, testing::Bool(),
+                         [](const auto& p) { return p.param ? "TestAndScript" : "Test"; });
+
 // --- a night -------------------------------------------------------------------------------------
 
 TEST_F(FarmOnSlurm, ANightInSmallWithBothDaemonsKilledGivesTheBytesOfTheLocalEngine) {
-  constexpr int jobs = 20;
+  constexpr int jobs = 24;
   start_cluster(2);
+  // Begins first, and runs while daemons are killed.
+  submit({large_part("large")}, {"--priority", "2"});
   std::vector<std::string> parts = small_parts(jobs - 1);
-  // In its middle when the node's daemon is killed.
-  parts.push_back(large_part("large"));
   submit(parts, {"--priority", "1"});
+  parts.push_back(folder_ + "/large.stl");
   const pid_t service = start_service();
   ASSERT_TRUE(eventually([&] { return count(JobState::done) >= 3; })) << services_log();
   cluster_->tell("stop-controller");
@@ -326,7 +378,7 @@ TEST_F(FarmOnSlurm, AWorkerThatWasBelievedDeadComesBackAndChangesNothing) {
 
 TEST_F(FarmOnSlurm, ANodeThatLosesPowerLosesItsAttemptsOnly) {
   start_cluster(2);
-  submit({large_part("a"), part("b", 40, 30, 28), part("c", 40, 30, 26), part("d", 40, 30, 24)});
+  submit({large_part("a"), part("b", 40, 30, 17), part("c", 40, 30, 16), part("d", 40, 30, 15)});
   const pid_t service = start_service();
   ASSERT_TRUE(eventually([&] { return workers(store()).size() >= 3; })) << services_log();
   cluster_->tell("power-off n1");
@@ -381,18 +433,17 @@ TEST_F(FarmOnSlurm, CancelledTasksThatAControllerBringsBackAreCancelledAgain) {
 // --- the service ---------------------------------------------------------------------------------
 
 TEST_F(FarmOnSlurm, AServiceKilledAtAnyStageIsTakenOver) {
+  constexpr int jobs = 16;
   start_cluster(2);
-  int jobs = 0;
+  submit(small_parts(jobs));
+  // Each takes over from the one before; none of them comes further than its stage.
   for (const std::string stage : {"claimed", "ordered", "started", "ended", "committing", "cached",
                                   "delivered", "finished"}) {
-    submit({part(stage + "1", 4 + 0.3 * jobs, 5, 2), part(stage + "2", 4 + 0.3 * jobs, 6, 2)});
-    jobs += 2;
     ServiceRun killed;
     killed.environment["SLICEFARM_TEST_SERVICE_FAULT"] = stage;
-    EXPECT_EQ(wait_for(start_service(killed)), 128 + SIGKILL) << stage;
-    EXPECT_EQ(wait_for(start_service()), 0) << stage << services_log();
-    EXPECT_EQ(count(JobState::done), jobs) << stage;
+    EXPECT_EQ(wait_for(start_service(killed)), 128 + SIGKILL) << stage << services_log();
   }
+  EXPECT_EQ(wait_for(start_service()), 0) << services_log();
   expect_all_done_once(jobs);
 }
 
@@ -424,7 +475,8 @@ TEST_F(FarmOnSlurm, ServiceAndControllerKilledTogether) {
 // --- cancelling, pausing -------------------------------------------------------------------------
 
 TEST_F(FarmOnSlurm, RunningAndWaitingJobsAreCancelled) {
-  start_cluster(1, 1);
+  // Whatever is killed earlier than that, Slurm has not killed by itself.
+  start_cluster(1, 1, "KillWait=100");
   // Long enough to be in the middle of it.
   submit({part("runs", 60, 38, 90)});
   submit({part("hang", 4, 4, 2), part("waits", 5, 4, 2)});
@@ -460,8 +512,16 @@ TEST_F(FarmOnSlurm, RunningAndWaitingJobsAreCancelled) {
   EXPECT_TRUE(eventually([&] { return !is_alive(worker); }));
   // One that does not listen.
   ASSERT_TRUE(eventually([&] { return (worker = worker_of(2)) > 1; })) << services_log();
+  EXPECT_TRUE(eventually(
+      [&] { return services_log().find("job 1 runs: cancelled") != std::string::npos; }));
+  ASSERT_TRUE(eventually([&] {
+    const std::string status = text_of("/proc/" + std::to_string(worker) + "/status");
+    const std::size_t at = status.find("SigBlk:");
+    return at != status.npos &&
+           (std::strtoull(status.c_str() + at + 7, nullptr, 16) >> (SIGTERM - 1) & 1) != 0;
+  })) << services_log();
   cancel(2, "deaf");
-  EXPECT_TRUE(eventually([&] { return !is_alive(worker); }));
+  EXPECT_TRUE(eventually([&] { return !is_alive(worker); }, seconds(50)));
   EXPECT_TRUE(eventually([&] { return squeue("%i").empty(); }));
   EXPECT_FALSE(fs::exists(out()) && !fs::is_empty(out()));
 }
@@ -524,6 +584,26 @@ TEST_F(FarmOnSlurm, SlurmsLimitStopsWhatGetsAroundTheWorkers) {
   EXPECT_EQ(attempts[0].reason, Reason::out_of_memory) << attempts[0].message;
 }
 
+TEST_F(FarmOnSlurm, SlurmsLimitByCgroupsDoesSo) {
+  if (const std::string why = test::no_cgroups(); !why.empty()) GTEST_SKIP() << why;
+  start_cluster(1, 2, "", true);
+  submit({part("eats", 4, 4, 2)});
+  const std::string program = folder_ + "/worker.sh";
+  std::ofstream(program) << "#!/bin/sh\nif mkdir " << folder_ << "/once 2>/dev/null\n"
+                         << "then head -c 1500M /dev/zero | tail | wc -c\n"
+                         << "else exec " << slicefarm << " \"$@\"\nfi\n";
+  fs::permissions(program, fs::perms::owner_all);
+  ServiceRun run;
+  run.arguments = {"--worker-program", program};
+  EXPECT_EQ(wait_for(start_service(run)), 0) << services_log();
+  expect_all_done_once(1);
+  const std::vector<Attempt> attempts = model().attempts(1);
+  ASSERT_EQ(attempts.size(), 2u);
+  EXPECT_EQ(attempts[0].reason, Reason::out_of_memory) << attempts[0].message;
+  EXPECT_THAT(attempts[0].message, HasSubstr("over Slurm's memory limit"));
+  EXPECT_GT(attempts[1].memory_mb, attempts[0].memory_mb);
+}
+
 TEST_F(FarmOnSlurm, WorkersThatCrashAreTriedAgainAndDamagedPartsAreNot) {
   start_cluster(1);
   submit({part("crash", 4, 4, 2), part("kill", 5, 4, 2)});
@@ -575,6 +655,38 @@ TEST_F(FarmOnSlurm, NodesAreListed) {
       {slicefarm, "nodes", "--engine", "slurm", "--dir", farm(), "--partition", "nowhere"});
   EXPECT_EQ(none.exit_code, 2);
   EXPECT_THAT(none.err, HasSubstr("nowhere"));
+}
+
+TEST_F(FarmOnSlurm, ItIsToldWhyNothingRuns) {
+  start_cluster(1);
+  submit({part("a", 4, 4, 2)});
+  const auto is_told = [&](const std::string& text) {
+    return eventually([&] { return services_log().find(text) != std::string::npos; });
+  };
+  ASSERT_EQ(run_program({"/usr/bin/scontrol", "update", "nodename=n1", "state=drain",
+                         "reason=to be mended"})
+                .exit_code,
+            0);
+  ServiceRun run;
+  run.until_empty = false;
+  const pid_t service = start_service(run);
+  EXPECT_TRUE(is_told("no node of Slurm takes work: n1 is IDLE+DRAIN (to be mended)\n"));
+  EXPECT_TRUE(eventually([&] {
+    const auto services = model().services();
+    return !services.empty() && services.back().doing.find("to be mended") != std::string::npos;
+  }));
+  cluster_->tell("stop-controller");
+  EXPECT_TRUE(is_told("no answer from Slurm: squeue --json: "));
+  cluster_->tell("start-controller");
+  // While its nodes report to it, the controller may refuse, or do it and say that it can't.
+  EXPECT_TRUE(eventually([&] {
+    run_program({"/usr/bin/scontrol", "update", "nodename=n1", "state=resume"});
+    return services_log().find("slurm works again\n") != std::string::npos;
+  })) << services_log();
+  EXPECT_TRUE(eventually([&] { return count(JobState::done) == 1; }));
+  ::kill(service, SIGTERM);
+  wait_for(service);
+  expect_all_done_once(1);
 }
 
 TEST_F(FarmOnSlurm, WithoutAControllerTheServiceDoesNotStart) {

@@ -21,6 +21,7 @@ namespace {
 namespace fs = std::filesystem;
 using std::chrono::milliseconds;
 using testing::ElementsAre;
+using testing::EndsWith;
 using testing::HasSubstr;
 
 std::string captured(const std::string& name) {
@@ -280,6 +281,23 @@ TEST(Scontrol, NodesAreRead) {
                DeviceError);
   EXPECT_THROW(parse_nodes("NodeName=n1 State=IDLE CPUTot=x CPUAlloc=0 RealMemory=1 AllocMem=0"),
                DeviceError);
+}
+
+TEST(Scontrol, ItIsSaidWhyNoNodeWorks) {
+  const auto node = [](const std::string& name, const std::string& state, const std::string& why) {
+    return "NodeName=" + name + " State=" + state +
+           " CPUTot=4 CPUAlloc=0 RealMemory=1000 AllocMem=0 Partitions=farm" +
+           (why.empty() ? "" : " Reason=" + why) + "\n";
+  };
+  const auto why = [](const std::string& nodes) {
+    return no_node_works(cluster_of(parse_nodes(nodes), "farm"));
+  };
+  const std::string drained =
+      node("n1", "IDLE+DRAIN", "Duplicate jobid [slurm@2026-03-01T20:00:00]");
+  EXPECT_EQ(why(drained + node("n2", "IDLE", "")), "");
+  EXPECT_EQ(why(drained + node("n2", "DOWN*", "")),
+            "no node of Slurm takes work: n1 is IDLE+DRAIN (Duplicate jobid); n2 is DOWN*");
+  EXPECT_THAT(why(drained + drained + drained + drained + drained), EndsWith("); 2 more"));
 }
 
 TEST(Scontrol, ConfigurationIsRead) {

@@ -186,8 +186,7 @@ TEST(Sl1, CorrectedInPlaceKeepsEverythingElseByteForByte) {
       localtime_r(&s.mtime, &t);
       EXPECT_EQ(t.tm_hour, 12);
       EXPECT_EQ(t.tm_sec, 2 * static_cast<int>(i)) << s.name;
-      const bool image = std::string(s.name).starts_with("part0");
-      EXPECT_EQ(s.comp_method, deflate && !image ? ZIP_CM_DEFLATE : ZIP_CM_STORE) << s.name;
+      EXPECT_EQ(s.comp_method, deflate ? ZIP_CM_DEFLATE : ZIP_CM_STORE) << s.name;
       zip_uint8_t system = 0;
       zip_uint32_t attributes = 0;
       zip_file_get_external_attributes(now, i, 0, &system, &attributes);
@@ -197,6 +196,54 @@ TEST(Sl1, CorrectedInPlaceKeepsEverythingElseByteForByte) {
     EXPECT_EQ(folder.count(), 1) << "temporary files are left";
     EXPECT_EQ(StackReader::read_info(path).kind, StackKind::corrected);
     std::filesystem::remove(path);
+  }
+}
+
+TEST(Sl1, ImagesOfNewArchivesAreDeflatedOnceMore) {
+  const TemporaryFolder folder;
+  // A block on a large display: rows repeat, and with them what a PNG makes of them.
+  Images images{{2000, 1000, 3, 50, 50, 50}, {}};
+  for (int n = 0; n < 3; ++n) {
+    Bytes pixels(2000 * 1000);
+    for (int i = 0; i < 2000 * 1000; ++i) {
+      const int x = i % 2000, y = i / 2000;
+      const bool lit = x >= 800 && x < 1200 + n && y >= 300 && y < 700;
+      pixels[static_cast<std::size_t>(i)] = lit ? 255 : 0;
+    }
+    images.slices.push_back(std::move(pixels));
+  }
+  for (const char* name : {"a.sl1", "a.zip", "a.uvj"}) {
+    SCOPED_TRACE(name);
+    const std::string path = folder / name;
+    StackFile file(path);
+    if (path.ends_with(".zip")) file.format = "generic";
+    Bytes first;
+    for (const int threads : {1, 2, 8}) {
+      Job job;
+      job.threads = threads;
+      test::write_stack(file, images, test::info_of(images.grid), job);
+      if (threads == 1) first = test::read_file(path);
+      EXPECT_EQ(test::read_file(path), first) << threads;
+    }
+    zip_t* const zip = zip_open(path.c_str(), ZIP_RDONLY | ZIP_CHECKCONS, nullptr);
+    ASSERT_NE(zip, nullptr);
+    zip_uint64_t sizes = 0, packed = 0;
+    for (zip_int64_t i = 0; i < zip_get_num_entries(zip, 0); ++i) {
+      zip_stat_t s;
+      ASSERT_EQ(zip_stat_index(zip, static_cast<zip_uint64_t>(i), 0, &s), 0);
+      const std::string entry = s.name;
+      if (!entry.ends_with(".png") || s.size < 2000) continue;
+      sizes += s.size;
+      packed += s.comp_size;
+      EXPECT_EQ(s.comp_method, path.ends_with(".uvj") ? ZIP_CM_STORE : ZIP_CM_DEFLATE) << entry;
+    }
+    zip_discard(zip);
+    ASSERT_GT(sizes, 0U);
+    if (!path.ends_with(".uvj")) {
+      EXPECT_LT(packed, sizes / 2);
+    }
+    const StackReader reader(path, folder.path());
+    EXPECT_EQ(test::read_images(reader), images.slices);
   }
 }
 

@@ -99,6 +99,21 @@ TEST(LayerwiseModel, ExposureFollowsBottomAndFadeLayers) {
   EXPECT_DOUBLE_EQ(light_on_s(p, 1, 50, 5), 3 + 1 + 2 + 2 + 2);
 }
 
+TEST(LayerwiseModel, ExposuresInWords) {
+  Process p = layerwise(8);
+  EXPECT_EQ(exposures_in_words(p), "8 s each");
+  p.bottom_exposure_s = 20;
+  p.bottom_layers = 1;
+  EXPECT_EQ(exposures_in_words(p), "8 s each; the first layer 20 s");
+  p.bottom_layers = 4;
+  p.fade_layers = 3;
+  EXPECT_EQ(exposures_in_words(p), "8 s each; the first 4 layers 20 s, then 3 in steps between");
+  p.bottom_layers = 0;
+  EXPECT_EQ(exposures_in_words(p), "8 s each; the first 3 in steps from 17 s on");
+  p.layer_exposure_s = {3, 1, 8};
+  EXPECT_EQ(exposures_in_words(p), "1 to 8 s each, 8 s as a rule");
+}
+
 /// The message of an infeasible process.
 std::string refusal(const Process& p, double black = 1, double dc = 576) {
   const Printer printer = linear_printer(black, 100);
@@ -145,6 +160,65 @@ TEST(LayerwiseFeasible, NamesTheLayerThatFails) {
   EXPECT_NE(black.find("layer 0, exposed for 2 s,"), std::string::npos) << black;
   p.bottom_layers = 2;
   EXPECT_EQ(refusal(p), "");
+}
+
+/// The number after "less than" in a message.
+double advised_s(const std::string& text) {
+  const auto at = text.find("less than ");
+  return at == std::string::npos ? -1 : std::stod(text.substr(at + 10));
+}
+
+TEST(LayerwiseFeasible, AdviceAgainstBlackGellingHelps) {
+  // Advice has five digits: it holds a little below, and fails a little above.
+  const double below = 1 - 1e-4, above = 1 + 1e-4;
+  struct Case {
+    int bottom, fade;
+    double bottom_s;
+  };
+  for (const Case& c : {Case{3, 0, 2}, Case{10, 0, 40}, Case{3, 4, 30}, Case{1, 9, 30}}) {
+    SCOPED_TRACE(c.bottom_s);
+    Process p = layerwise(0.2);
+    p.bottom_layers = c.bottom;
+    p.fade_layers = c.fade;
+    p.bottom_exposure_s = c.bottom_s;
+    const std::string text = refusal(p);
+    EXPECT_NE(text.find("expose the first layers for less than"), std::string::npos) << text;
+    const double most_s = advised_s(text);
+    ASSERT_GT(most_s, 0.2) << text;
+    p.bottom_exposure_s = most_s * below;
+    EXPECT_EQ(refusal(p), "");
+    p.bottom_exposure_s = most_s * above;
+    EXPECT_NE(refusal(p), "");
+  }
+  // Too long as a rule: shorter first layers alone don't help.
+  Process p = layerwise(10);
+  p.bottom_layers = 3;
+  p.bottom_exposure_s = 30;
+  const std::string rule = refusal(p);
+  EXPECT_NE(rule.find("expose all layers for less than 1.7855 s"), std::string::npos) << rule;
+  p.exposure_s = p.bottom_exposure_s = 1.7855 * below;
+  EXPECT_EQ(refusal(p), "");
+  // A list of exposures.
+  p = layerwise(0.2);
+  p.layer_exposure_s = {0.5, 3, 0.2, 4, 4, 0.1, 0.2};
+  const std::string listed = refusal(p);
+  EXPECT_NE(listed.find("expose each layer for less than"), std::string::npos) << listed;
+  const double most_s = advised_s(listed);
+  ASSERT_GT(most_s, 0.2) << listed;
+  const std::vector<double> asked = p.layer_exposure_s;
+  for (const double factor : {below, above}) {
+    for (std::size_t n = 0; n < asked.size(); ++n) {
+      p.layer_exposure_s[n] = std::min(asked[n], most_s * factor);
+    }
+    EXPECT_EQ(refusal(p).empty(), factor < 1) << most_s;
+  }
+  // Darker black helps, too: by as much as it says.
+  const auto at = listed.find("with black below ");
+  ASSERT_NE(at, std::string::npos) << listed;
+  p.layer_exposure_s = asked;
+  const double black = std::stod(listed.substr(at + 17));
+  EXPECT_EQ(refusal(p, black * below), "");
+  EXPECT_NE(refusal(p, black * above), "");
 }
 
 TEST(LayerwiseDose, EqualsTheDirectSum) {

@@ -18,10 +18,12 @@
 #include "post/files.hpp"
 #include "post/profiles.hpp"
 #include "post_fixture.hpp"
+#include "program/sha256.hpp"
 
 namespace slicecorr::test {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
 namespace fs = std::filesystem;
@@ -48,7 +50,9 @@ TEST_F(Post, ChangesLayerImagesAndNothingElse) {
   ASSERT_EQ(::chmod((folder_ / "part.sl1").c_str(), 0640), 0);
   const RunResult said = good(kSmall + Command{"part.sl1"});
   EXPECT_THAT(said.err, HasSubstr("part.sl1: 50 slices corrected, printer 'small'"));
-  EXPECT_THAT(said.err, HasSubstr("0.1 s per layer (the first 1 0.2 s, 2 between)"));
+  EXPECT_THAT(
+      said.err,
+      HasSubstr("layer by layer, 0.1 s each; the first layer 0.2 s, then 2 in steps between"));
   EXPECT_THAT(said.err, HasSubstr("height error, mean"));
   EXPECT_THAT(names(), ::testing::ElementsAre("config", "db", "part.sl1", "small.toml"));
 
@@ -101,6 +105,31 @@ TEST_F(Post, ShowsWhatCorrectShows) {
   }
 }
 
+TEST_F(Post, AFirstExposureStaysOnlyWhereItIsLonger) {
+  const Command anew = kSmall + Command{"--backup", "--again", "part.sl1", "--exposure-s"};
+  const auto config = [&] {
+    Entries entries = unzip(folder_ / "part.sl1");
+    return to_text(entry(entries, "config.ini"));
+  };
+  const RunResult kept = good(anew + Command{"0.15"});
+  EXPECT_THAT(kept.err, HasSubstr("the archive's longer first exposure stays: 0.15 s each; the "
+                                  "first layer 0.2 s, then 2 in steps between\n"));
+  EXPECT_THAT(config(), AllOf(HasSubstr("expTime = 0.15\n"), HasSubstr("expTimeFirst = 0.2\n")));
+  const RunResult left = good(anew + Command{"0.3"});
+  EXPECT_THAT(left.err, HasSubstr("the archive's first exposure of 0.2 s is not longer than the "
+                                  "new one: layers get 0.3 s from the first on\n"));
+  EXPECT_THAT(left.err, HasSubstr("layer by layer, 0.3 s each\n"));
+  EXPECT_THAT(config(), AllOf(HasSubstr("expTime = 0.3\n"), HasSubstr("expTimeFirst = 0.3\n")));
+  // As the archive has it, there is nothing to be told.
+  EXPECT_THAT(good(anew + Command{"0.1"}).err, Not(HasSubstr("first exposure")));
+  // Times with which nothing gels, the first as little as the others.
+  Sl1Options weak;
+  weak.exposure_s = 0.05;
+  weak.first_s = 0.06;
+  make_sl1(folder_ / "part.sl1", weak);
+  good(kSmall + Command{"--exposure-s", "0.2", "part.sl1"});
+}
+
 TEST_F(Post, ContinuousWritesItsTimesAndSlices) {
   good({"--printer", "small", "--resin", "figure-2-2", "--speed-mm-h", "900", "part.sl1"});
   Entries entries = unzip(folder_ / "part.sl1");
@@ -115,8 +144,8 @@ TEST_F(Post, ContinuousWritesItsTimesAndSlices) {
 TEST_F(Post, IsNotCorrectedTwice) {
   good(kSmall + Command{"part.sl1"});
   bad(2, kSmall + Command{"part.sl1"},
-      {"part.sl1: is already corrected", "printer 'small'", "figure-2-2", "0.1 s per layer",
-       "--again"});
+      {"part.sl1: is already corrected", "printer 'small'", "figure-2-2",
+       "layer by layer, 0.1 s each; the first layer 0.2 s", "--again"});
   bad(2, kSmall + Command{"--again", "part.sl1"}, {"part.sl1.orig", "no backup"});
 }
 
@@ -144,7 +173,8 @@ TEST_F(Post, UndoTakesOnlyTheFilesOwnOriginal) {
   good(kSmall + Command{"--backup", "part.sl1"});
   Sl1Options other;
   other.seed = 1;
-  for (const char* what : {"another part", "fewer slices", "no archive", "itself corrected"}) {
+  for (const char* what :
+       {"another part", "fewer slices", "another time", "no archive", "itself corrected"}) {
     fs::remove(folder_ / "part.sl1.orig");
     if (what == std::string("no archive")) {
       write("part.sl1.orig", "no archive");
@@ -152,12 +182,35 @@ TEST_F(Post, UndoTakesOnlyTheFilesOwnOriginal) {
       fs::copy_file(folder_ / "part.sl1", folder_ / "part.sl1.orig");
     } else {
       other.layers = what == std::string("fewer slices") ? 40 : 50;
+      // The same slices, and all else but a line of settings.
+      other.seed = what == std::string("another time") ? 0 : 1;
+      other.stamp = other.seed == 0 ? "2025-05-01 at 12:00:00 UTC" : Sl1Options().stamp;
       make_sl1(folder_ / "part.sl1.orig", other);
     }
     SCOPED_TRACE(what);
     bad(2, {"--undo", "part.sl1"}, {"part.sl1.orig"});
     bad(2, kSmall + Command{"--again", "part.sl1"}, {"part.sl1.orig"});
   }
+}
+
+TEST_F(Post, WithoutAChecksumSlicesTellTheOriginal) {
+  const Bytes original = bytes("part.sl1");
+  good(kSmall + Command{"--backup", "part.sl1"});
+  Entries entries = unzip(folder_ / "part.sl1");
+  auto block = nlohmann::ordered_json::parse(to_text(entry(entries, "slicecorr.json")));
+  EXPECT_EQ(block["original_sha256"], cli::sha256_of_contents(folder_ / "part.sl1.orig"));
+  // As older versions wrote it.
+  block.erase("original_sha256");
+  entry(entries, "slicecorr.json") = to_bytes(block.dump());
+  make_zip(folder_ / "part.sl1", entries, true);
+  fs::rename(folder_ / "part.sl1.orig", folder_ / "mine");
+  Sl1Options other;
+  other.seed = 1;
+  make_sl1(folder_ / "part.sl1.orig", other);
+  bad(2, {"--undo", "part.sl1"}, {"part.sl1.orig", "mm³"});
+  fs::rename(folder_ / "mine", folder_ / "part.sl1.orig");
+  good({"--undo", "part.sl1"});
+  EXPECT_EQ(bytes("part.sl1"), original);
 }
 
 TEST_F(Post, BackupGivesWayOnlyWhenAsked) {
@@ -326,7 +379,8 @@ TEST_F(Post, RulesChooseByFolderFileAndProfiles) {
   std::string out = shown("part.sl1");
   EXPECT_THAT(out, HasSubstr("rule 'rule 3'"));
   EXPECT_THAT(out, HasSubstr("line 19"));
-  EXPECT_THAT(out, HasSubstr("0.3 s per layer (the first 1 0.2 s, 2 between), from rule 'rule 3'"));
+  EXPECT_THAT(out, HasSubstr("layer by layer, 0.3 s each, from rule 'rule 3'"));
+  EXPECT_THAT(out, HasSubstr("note      the archive's first exposure of 0.2 s is not longer"));
   EXPECT_THAT(out, HasSubstr("printer   small, from [default] of"));
   fs::create_directories(folder_ / "fast/deeper");
   fs::copy_file(folder_ / "part.sl1", folder_ / "fast/deeper/part.sl1");

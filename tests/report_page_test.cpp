@@ -11,6 +11,7 @@
 #include "ladder.hpp"
 #include "lattice.hpp"
 #include "models.hpp"
+#include "base/base64.hpp"
 #include "report/page_parts.hpp"
 #include "run_program.hpp"
 #include "slicecorr/report.hpp"

@@ -2,11 +2,16 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <set>
 #include <string>
 
 #include "models.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/setup.hpp"
+#include "slicecorr/stack.hpp"
 
 namespace slicecorr {
 namespace {
@@ -46,6 +51,52 @@ TEST(SetupJson, LayerwiseComesBack) {
   c.exposure_s = c.bottom_exposure_s = 0;
   c.bottom_layers = c.fade_layers = -1;
   expect_same_again(resolved(c));
+}
+
+/// A printer of 128 x 80 pixels with more keys in [display].
+Setup with_display(const std::string& keys) {
+  SetupChoices c;
+  c.printer_toml = "name = \"p\"\n[display]\nwidth_px = 128\nheight_px = 80\npixel_um = 50\n" +
+                   keys + "[blue]\nwavelength_nm = 460\ncalibration = [[0, 1], [255, 100]]\n";
+  c.resin = std::string(SLICECORR_DB_DIR) + "/benchy-resin.toml";
+  c.speed_mm_h = 700;
+  return resolve_setup(c, nullptr, nullptr, ChoiceNames::fields);
+}
+
+TEST(SetupJson, DisplaysThatAreTurnedOrUnevenComeBack) {
+  namespace fs = std::filesystem;
+  std::string folder = (fs::temp_directory_path() / "setup-json-XXXXXX").string();
+  ASSERT_NE(::mkdtemp(folder.data()), nullptr);
+  const auto picture = [&](const std::string& name, const GreyImage& image) {
+    const auto bytes = encode_png(image);
+    std::ofstream(folder + "/" + name, std::ios::binary)
+        .write(reinterpret_cast<const char*>(bytes.data()),
+               static_cast<std::streamsize>(bytes.size()));
+    return "flat_field = \"" + folder + "/" + name + "\"\n";
+  };
+  // Every value there is, also 0x00 and 0xff next to each other.
+  GreyImage many{128, 80, {}};
+  for (int i = 0; i < 128 * 80; ++i) many.pixels.push_back(static_cast<std::uint8_t>(i * 37));
+  const std::string even = picture("even.png", {2, 1, {128, 240}}),
+                    other = picture("other.png", {2, 1, {128, 241}}),
+                    full = picture("full.png", many);
+  std::set<std::string> texts;
+  int different = 0;
+  for (const std::string& field : {std::string(), even, other, full}) {
+    for (const std::string turn : {"", "mirror = \"x\"\n", "mirror = \"y\"\n", "mirror = \"xy\"\n",
+                                   "orientation = \"landscape\"\n", "orientation = \"portrait\"\n",
+                                   "orientation = \"portrait\"\nmirror = \"x\"\n"}) {
+      // The full picture covers the display, whichever way it is turned.
+      SCOPED_TRACE(field + turn);
+      const slicecorr::Setup setup = with_display(field + turn);
+      expect_same_again(setup);
+      EXPECT_EQ(setup.printer.flat_field.has_value(), !field.empty());
+      texts.insert(setup_json(setup));
+      ++different;
+    }
+  }
+  EXPECT_EQ(texts.size(), static_cast<std::size_t>(different)) << "displays that are not the same";
+  fs::remove_all(folder);
 }
 
 TEST(SetupJson, DifferentSetupsDiffer) {

@@ -8,13 +8,18 @@
 #include <poll.h>
 #include <signal.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <chrono>
+#include <cstddef>
+#include <cstdint>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <random>
 #include <sstream>
 #include <stdexcept>
 #include <string>
@@ -60,17 +65,79 @@ inline std::vector<pid_t> processes_with(const std::string& variable) {
   return list;
 }
 
+/// Why Slurm can't limit memory through cgroups here; empty: it can.
+inline std::string no_cgroups() {
+  if (::geteuid() != 0) return "limits by cgroups take root";
+  const std::string groups = "/sys/fs/cgroup/";
+  for (const std::string controller : {"memory", "freezer"}) {
+    const std::string probe = groups + controller + "/slurm_probe_" + std::to_string(::getpid());
+    if (::access((groups + controller + "/tasks").c_str(), W_OK) != 0 ||
+        ::mkdir(probe.c_str(), 0777) != 0) {
+      return groups + controller + " is no cgroup (version 1) that can be written";
+    }
+    ::rmdir(probe.c_str());
+  }
+  return {};
+}
+
+/// A port of the loopback, out of those that the kernel gives to outgoing connections, that no test
+/// on this machine gets as long as this one has it: daemons may leave it and come back.
+class ReservedPort {
+ public:
+  ReservedPort() {
+    std::random_device random;
+    constexpr unsigned lowest = 10'000, count = 22'000;
+    const unsigned begin = random() % count;
+    for (unsigned i = 0; i < count; ++i) {
+      port_ = static_cast<int>(lowest + (begin + i) % count);
+      if (reserve() && is_free()) return;
+      release();
+    }
+    throw std::runtime_error("no free port");
+  }
+  ~ReservedPort() { release(); }
+  ReservedPort(const ReservedPort&) = delete;
+  ReservedPort& operator=(const ReservedPort&) = delete;
+  int port() const { return port_; }
+
+ private:
+  /// A name in the abstract namespace goes with the process that has it, however that ends.
+  bool reserve() {
+    sockaddr_un address{};
+    address.sun_family = AF_UNIX;
+    const std::string name = "slicecorr-test-port-" + std::to_string(port_);
+    name.copy(address.sun_path + 1, name.size());
+    socket_ = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    const auto size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + 1 + name.size());
+    return ::bind(socket_, reinterpret_cast<sockaddr*>(&address), size) == 0;
+  }
+  bool is_free() const {
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_port = htons(static_cast<std::uint16_t>(port_));
+    const int s = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    const bool free = ::bind(s, reinterpret_cast<sockaddr*>(&address), sizeof address) == 0;
+    ::close(s);
+    return free;
+  }
+  void release() {
+    if (socket_ >= 0) ::close(socket_);
+    socket_ = -1;
+  }
+  int port_ = 0, socket_ = -1;
+};
+
 class SlurmCluster {
  public:
-  /// `configuration`: lines added to slurm.conf.
+  /// `configuration`: lines added to slurm.conf. `cgroups`: memory is limited through them.
   SlurmCluster(const std::string& folder, int nodes, int cpus = 2,
-               const std::string& configuration = {})
-      : folder_(folder) {
-    // A port that was free may be taken before the daemon binds it.
+               const std::string& configuration = {}, bool cgroups = false) {
+    // Others than tests may take a port before the daemon binds it.
     for (int tries = 0; tries < 3; ++tries) {
-      if (start(nodes, cpus, configuration)) return;
+      folder_ = folder;
+      if (tries > 0) folder_.append("-").append(std::to_string(tries));
+      if (start(nodes, cpus, configuration, cgroups)) return;
       stop();
-      std::filesystem::remove_all(folder_);
     }
     throw std::runtime_error("Slurm does not start: " + errors_);
   }
@@ -115,29 +182,11 @@ class SlurmCluster {
     return list;
   }
 
-  static std::vector<int> free_ports(int count) {
-    std::vector<int> ports, sockets;
-    for (int i = 0; i < count; ++i) {
-      const int s = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-      sockaddr_in address{};
-      address.sin_family = AF_INET;
-      address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-      socklen_t size = sizeof address;
-      auto* a = reinterpret_cast<sockaddr*>(&address);
-      if (s < 0 || ::bind(s, a, size) != 0 || ::getsockname(s, a, &size) != 0) {
-        throw std::runtime_error("no free port");
-      }
-      ports.push_back(ntohs(address.sin_port));
-      sockets.push_back(s);
-    }
-    for (const int s : sockets) ::close(s);
-    return ports;
-  }
-
-  bool start(int nodes, int cpus, const std::string& lines) {
+  bool start(int nodes, int cpus, const std::string& lines, bool cgroups) {
     std::filesystem::create_directories(folder_);
+    ports_ = std::vector<ReservedPort>(static_cast<std::size_t>(nodes) + 1);
     std::vector<std::string> arguments = {SLICECORR_SOURCE_DIR "/tests/slurm_up.sh", folder_};
-    for (const int port : free_ports(nodes + 1)) arguments.push_back(std::to_string(port));
+    for (const ReservedPort& p : ports_) arguments.push_back(std::to_string(p.port()));
     std::vector<char*> argv;
     for (std::string& a : arguments) argv.push_back(a.data());
     argv.push_back(nullptr);
@@ -150,6 +199,13 @@ class SlurmCluster {
     ::setenv("SLURM_UP_CPUS", std::to_string(cpus).c_str(), 1);
     ::setenv("SLURM_UP_CONF", lines.c_str(), 1);
     if (lines.empty()) ::unsetenv("SLURM_UP_CONF");
+    ::unsetenv("SLURM_UP_CGROUPS");
+    ::unsetenv("SLURM_UP_NAMES");
+    if (cgroups) {
+      ::setenv("SLURM_UP_CGROUPS", "1", 1);
+      // Groups are named by their node.
+      ::setenv("SLURM_UP_NAMES", ("p" + arguments.back() + "n").c_str(), 1);
+    }
     pid_ = ::fork();
     if (pid_ == 0) {
       // stdin ends when this process does: the script then stops everything.
@@ -189,6 +245,7 @@ class SlurmCluster {
   }
 
   std::string folder_, errors_;
+  std::vector<ReservedPort> ports_;
   pid_t pid_ = -1;
   int to_ = -1, from_ = -1;
 };

@@ -16,17 +16,57 @@ Reads commands from stdin, a line each, and answers "OK" or "FAILED":
   stop-node NODE      kill -9 of slurmd; its jobs' processes go on
   power-off NODE      kill -9 of slurmd and of everything that runs on the node
   start-node NODE
-At the end of stdin, or on TERM, everything is stopped, with whatever jobs left behind.
+At the end of stdin, or on TERM, everything is stopped, with whatever jobs left behind. When this script is killed, a
+guard does it that is no child of it. Once a controller was started again, an administrator is there as well, who
+resumes nodes that were drained because of a job number given twice.
 
-Environment: SLURM_UP_CPUS (2) and SLURM_UP_MEMORY_MB (6000) of a node; SLURM_UP_CONF, lines added to slurm.conf.
+Environment: SLURM_UP_CPUS (2) and SLURM_UP_MEMORY_MB (6000) of a node; SLURM_UP_NAMES, what names of nodes begin with
+(n); SLURM_UP_CGROUPS=1, limits memory through cgroups (version 1, as root; names of nodes must then differ from those
+of other clusters on this machine); SLURM_UP_CONF, lines added to slurm.conf.
 END
   [[ ${1:-} == --help ]] && exit 0
   exit 2
 fi
 
+# kill -9 of all processes with such a line in their environment, but for ourselves and the test, until there are none.
+kill_by_environment() {
+  local conf=$1 pattern=$2 round file pid found
+  for round in {1..20}; do
+    found=no
+    while read -r file; do
+      pid=${file#/proc/}
+      pid=${pid%/environ}
+      [[ $pid == "$$" || $pid == "$BASHPID" || $pid == "$PPID" ]] && continue
+      [[ $pattern == '.*' ]] || grep -zqxE -- "$pattern" "$file" 2>/dev/null || continue
+      kill -9 "$pid" 2>/dev/null && found=yes
+    done < <(grep -lzxF -- "SLURM_CONF=$conf" /proc/[0-9]*/environ 2>/dev/null)
+    [[ $found == yes ]] || break
+    sleep 0.02
+  done
+}
+
+remove_cgroups() {
+  local name group
+  for name in "$@"; do
+    for group in /sys/fs/cgroup/*/"slurm_$name"; do
+      [[ ! -d $group ]] || find "$group" -depth -type d -exec rmdir {} + 2>/dev/null || true
+    done
+  done
+}
+
+if [[ $1 == --guard ]]; then
+  # Of a process that ended nothing is left, or a zombie that nobody has looked after yet.
+  while read -r line 2>/dev/null <"/proc/$2/stat" && [[ $line != *") Z "* ]]; do sleep 0.3; done
+  kill_by_environment "$3/slurm.conf" '.*'
+  remove_cgroups "${@:4}"
+  exit 0
+fi
+
 folder=$(realpath -m "$1")
 controller_port=$2
 node_ports=("${@:3}")
+nodes=()
+for i in "${!node_ports[@]}"; do nodes+=("${SLURM_UP_NAMES:-n}$((i + 1))"); done
 user=$(id -un)
 umask 022
 mkdir -p "$folder"/{munge,state,log}
@@ -48,8 +88,6 @@ CredType=cred/munge
 AuthInfo=socket=$folder/munge/sock,cred_expire=5
 MpiDefault=none
 SwitchType=switch/none
-ProctrackType=proctrack/linuxproc
-TaskPlugin=task/none
 AccountingStorageType=accounting_storage/none
 JobCompType=jobcomp/none
 StateSaveLocation=$folder/state
@@ -70,29 +108,21 @@ MessageTimeout=3
 KillWait=2
 MailProg=/bin/true
 END
+  if [[ ${SLURM_UP_CGROUPS:-0} == 1 ]]; then
+    printf '%s\n' ProctrackType=proctrack/cgroup TaskPlugin=task/cgroup
+    printf '%s\n' CgroupPlugin=autodetect IgnoreSystemd=yes ConstrainRAMSpace=yes >"$folder/cgroup.conf"
+  else
+    printf '%s\n' ProctrackType=proctrack/linuxproc TaskPlugin=task/none
+  fi
   printf '%s\n' "${SLURM_UP_CONF:-JobAcctGatherType=jobacct_gather/none}"
   for i in "${!node_ports[@]}"; do
-    echo "NodeName=n$((i + 1)) NodeHostname=localhost NodeAddr=127.0.0.1 Port=${node_ports[i]}" \
+    echo "NodeName=${nodes[i]} NodeHostname=localhost NodeAddr=127.0.0.1 Port=${node_ports[i]}" \
       "CPUs=${SLURM_UP_CPUS:-2} RealMemory=${SLURM_UP_MEMORY_MB:-6000} State=UNKNOWN"
   done
   echo "PartitionName=farm Nodes=ALL Default=YES MaxTime=INFINITE State=UP"
 } >"$SLURM_CONF"
 
 declare -A pids=()
-
-# kill -9 of all processes with such a line in their environment, but for ourselves and the test.
-kill_by_environment() {
-  local pattern=$1 file pid
-  for file in /proc/[0-9]*/environ; do
-    pid=${file#/proc/}
-    pid=${pid%/environ}
-    [[ $pid == "$$" || $pid == "$BASHPID" || $pid == "$PPID" ]] && continue
-    if grep -zqxF -- "SLURM_CONF=$SLURM_CONF" "$file" 2>/dev/null &&
-      grep -zqxE -- "$pattern" "$file" 2>/dev/null; then
-      kill -9 "$pid" 2>/dev/null || true
-    fi
-  done
-}
 
 stop_daemon() {
   local pid=${pids[$1]:-}
@@ -114,23 +144,33 @@ start_node() {
   pids[$1]=$!
 }
 
+# What nobody else does here: nodes that were drained for this wait for somebody to look at them.
+administrate() {
+  local node
+  while sleep 0.5; do
+    while read -r node; do
+      timeout 5 scontrol update "nodename=$node" state=resume || true
+    done < <(timeout 5 sinfo -h -N -o '%N %T %E' | sed -n 's/ drain[a-z*]* Duplicate jobid$//p')
+  done
+}
+
 down() {
   trap '' TERM INT
   trap - EXIT
-  timeout 5 scancel -u "$user" >/dev/null 2>&1 || true
   local name
-  for name in "${!pids[@]}"; do [[ $name == munged ]] || kill "${pids[$name]}" 2>/dev/null || true; done
-  local end=$((SECONDS + 10))
-  for name in "${!pids[@]}"; do
-    [[ $name == munged ]] && continue
-    while kill -0 "${pids[$name]}" 2>/dev/null && [[ $SECONDS -lt $end ]]; do sleep 0.02; done
-    stop_daemon "$name" 9
-  done
-  kill_by_environment '.*'
-  stop_daemon munged TERM
+  # Nothing of this cluster is needed any more: no farewells, which take seconds.
+  for name in "${!pids[@]}"; do kill -9 "${pids[$name]}" 2>/dev/null || true; done
+  kill_by_environment "$SLURM_CONF" '.*'
+  for name in "${!pids[@]}"; do wait "${pids[$name]}" 2>/dev/null || true; done
+  [[ ${SLURM_UP_CGROUPS:-0} != 1 ]] || remove_cgroups "${nodes[@]}"
+  [[ ! -s $folder/guard.pid ]] || kill "$(<"$folder/guard.pid")" 2>/dev/null || true
 }
 trap 'down; exit 1' EXIT
 trap 'exit 1' TERM INT
+
+# In a session of its own and nobody's child: it outlives whoever kills the test with all that it started.
+(env -u SLURM_CONF setsid "$BASH" -c 'echo $$ >"$2/guard.pid"; exec "$BASH" "$0" --guard "$@"' \
+  "$(realpath "$0")" $$ "$folder" "${nodes[@]}" </dev/null >/dev/null 2>&1 &)
 
 # Forced: sockets in folders that are not everybody's are refused otherwise.
 munged --force --foreground --key-file="$folder/munge/key" --socket="$folder/munge/sock" --pid-file="$folder/munge/pid" \
@@ -142,11 +182,12 @@ until munge -S "$folder/munge/sock" -n >/dev/null 2>&1; do
   kill -0 "${pids[munged]}" 2>/dev/null && [[ $SECONDS -lt $end ]] || { cat "$folder/log/munged.out" >&2; exit 1; }
 done
 start_controller -c
-for i in "${!node_ports[@]}"; do start_node "n$((i + 1))" -c; done
+for node in "${nodes[@]}"; do start_node "$node" -c; done
 end=$((SECONDS + 30))
 until [[ $(timeout 5 sinfo -h -N -o %T 2>/dev/null | grep -c '^idle$') == "${#node_ports[@]}" ]]; do
   sleep 0.05
-  if ! kill -0 "${pids[controller]}" 2>/dev/null || [[ $SECONDS -ge $end ]]; then
+  # A daemon ends at once when its port is taken.
+  if ! kill -0 "${pids[@]}" 2>/dev/null || [[ $SECONDS -ge $end ]]; then
     tail -n 5 "$folder"/log/*.out "$folder"/log/*.log >&2 || true
     exit 1
   fi
@@ -157,11 +198,17 @@ while read -r command node; do
   answer=OK
   case "$command" in
     stop-controller) stop_daemon controller 9 ;;
-    start-controller) start_controller ;;
+    start-controller)
+      start_controller
+      if [[ -z ${pids[administrator]:-} ]]; then
+        administrate </dev/null >/dev/null 2>&1 &
+        pids[administrator]=$!
+      fi
+      ;;
     stop-node) stop_daemon "$node" 9 ;;
     power-off)
       stop_daemon "$node" 9
-      kill_by_environment "SLURM_UP_NODE=$node|SLURMD_NODENAME=$node"
+      kill_by_environment "$SLURM_CONF" "SLURM_UP_NODE=$node|SLURMD_NODENAME=$node"
       ;;
     start-node) start_node "$node" ;;
     *) answer=FAILED ;;

@@ -39,6 +39,8 @@ constexpr std::int64_t hasty_ms = 250;
 /// After this, a worker that was asked to end is killed.
 constexpr std::int64_t force_ms = 1000;
 constexpr std::int64_t nodes_interval_ms = 15'000;
+/// While no node takes work.
+constexpr std::int64_t no_nodes_interval_ms = 3000;
 /// After a refusal that says "later".
 constexpr std::int64_t refused_ms = 30'000;
 /// A job that nobody waits for is cancelled after this.
@@ -176,7 +178,8 @@ class SlurmEngine : public Engine {
       if (h.id.empty()) continue;
       // A job that Slurm is ending takes no more signals, and SIGKILL comes after its KillWait of
       // 30 s only. So workers that run are signalled by us.
-      h.signalled = h.state == TaskState::running;
+      std::error_code error;
+      h.signalled = h.state == TaskState::running || fs::exists(h.folder + "/started", error);
       (h.signalled ? running : waiting).push_back(h.id);
     }
     scancel(waiting);
@@ -223,6 +226,10 @@ class SlurmEngine : public Engine {
     }
     listing_due_ = 0;
     return known;
+  }
+
+  std::string trouble() const override {
+    return answers_ ? no_node_works(cluster_) : "no answer from Slurm: " + complaint_;
   }
 
   std::vector<Node> nodes() override {
@@ -280,7 +287,7 @@ class SlurmEngine : public Engine {
       array_limit_ = std::clamp(std::atoi(at->second.c_str()), 1, largest_array);
     }
     cluster_ = cluster_of(parse_nodes(nodes.out), options_.partition);
-    nodes_due_ = now() + nodes_interval_ms;
+    nodes_due_ = now() + no_nodes_interval_ms;
   }
 
   void take_nodes() {
@@ -292,7 +299,7 @@ class SlurmEngine : public Engine {
         // The last ones hold until there are others.
       }
       node_listing_.reset();
-      nodes_due_ = now() + nodes_interval_ms;
+      nodes_due_ = now() + (cluster_.cores > 0 ? nodes_interval_ms : no_nodes_interval_ms);
     }
     if (!node_listing_ && now() >= nodes_due_) {
       node_listing_ = std::make_unique<Command>(nodes_command(), command_limit);
@@ -412,13 +419,15 @@ class SlurmEngine : public Engine {
       if (!done->result().ok()) throw DeviceError("squeue: " + done->result().complaint());
       const Sightings seen = sightings(parse_squeue(done->result().out), batches_.farm(), sizes_);
       answers_ = true;
+      complaint_.clear();
       judge_all(&seen, reports);
       end_strays(seen);
       listed_ = true;
       idle_listing_due_ = now() + (strays_.empty() ? sweep_interval_ms : rest);
-    } catch (const DeviceError&) {
+    } catch (const DeviceError& e) {
       // No answer says nothing of any task, but workers may have come to their ends.
       answers_ = false;
+      complaint_ = e.what();
       idle_listing_due_ = now() + rest;
       judge_all(nullptr, reports);
     }
@@ -567,7 +576,9 @@ class SlurmEngine : public Engine {
       std::vector<std::string> arguments = {"scancel", "--quiet"};
       if (!signal.empty()) {
         arguments.push_back("--signal=" + signal);
-        arguments.emplace_back("--full");
+        // A job that is sent SIGKILL as a whole is cancelled instead: SIGTERM first, and SIGKILL
+        // after KillWait, 5 s at least. Its batch process is sent it at once, and is the worker.
+        arguments.emplace_back(signal == "KILL" ? "--batch" : "--full");
       }
       const std::size_t end = std::min(ids.size(), at + at_a_time);
       arguments.insert(arguments.end(), ids.begin() + static_cast<long>(at),
@@ -592,6 +603,7 @@ class SlurmEngine : public Engine {
   std::int64_t listing_begun_ = 0, listing_due_ = 0, idle_listing_due_ = 0, nodes_due_ = 0,
                sweep_due_ = 0, refused_until_ = 0;
   bool answers_ = true, listed_ = false;
+  std::string complaint_;  ///< why it does not answer
 
   Cluster cluster_;
   int array_limit_ = 1;

@@ -124,6 +124,20 @@ Cluster cluster_of(const std::vector<SlurmNode>& nodes, const std::string& parti
   return c;
 }
 
+std::string no_node_works(const Cluster& cluster) {
+  if (cluster.cores > 0) return {};
+  std::string text = "no node of Slurm takes work: ";
+  constexpr std::size_t most = 3;
+  for (std::size_t i = 0; i < std::min(most, cluster.nodes.size()); ++i) {
+    const SlurmNode& n = cluster.nodes[i];
+    text += fmt::format("{}{} is {}", i == 0 ? "" : "; ", n.name, n.state);
+    // Who said so and when is of no use here.
+    if (!n.reason.empty()) text += fmt::format(" ({})", n.reason.substr(0, n.reason.find(" [")));
+  }
+  if (cluster.nodes.size() > most) text += fmt::format("; {} more", cluster.nodes.size() - most);
+  return text;
+}
+
 std::string comment_of(const std::string& farm, const std::string& batch) {
   return mark + farm + ":" + batch;
 }

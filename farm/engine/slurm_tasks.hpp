@@ -77,6 +77,9 @@ struct Cluster {
 /// `partition` empty: all. Throws `InputError` when there are none.
 Cluster cluster_of(const std::vector<SlurmNode>& nodes, const std::string& partition);
 
+/// Why no node takes work, with the state of some of them; empty: one does.
+std::string no_node_works(const Cluster& cluster);
+
 /// Checks "label=constraint:X", "label=partition:X", "label=gres:X"; "label=X" is a constraint.
 /// Throws `InputError`.
 void check_label(const std::string& mapping);

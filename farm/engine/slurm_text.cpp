@@ -302,6 +302,7 @@ std::vector<SlurmNode> parse_nodes(const std::string& text) {
     node.partitions = split(fields["Partitions"], ',');
     node.features = split(fields["ActiveFeatures"], ',');
     node.gres = split(fields["Gres"], ',');
+    node.reason = fields["Reason"];
     // A star: it does not answer. Nodes that are powered down start when they are needed.
     for (const char* bad :
          {"DOWN", "DRAIN", "FAIL", "NOT_RESPONDING", "MAINT", "*", "UNKNOWN", "FUTURE", "REBOOT"}) {

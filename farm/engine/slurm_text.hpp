@@ -61,6 +61,7 @@ std::map<std::string, std::string> parse_fields(const std::string& line);
 /// A node of `scontrol -o show node`.
 struct SlurmNode {
   std::string name, state;  ///< state as Slurm says it: "IDLE+DRAIN"
+  std::string reason;       ///< why it is not used: "to be mended [root@2026-03-01T20:00:00]"
   bool usable = true;
   int cores = 0, cores_used = 0;
   std::int64_t memory_mb = 0, memory_used_mb = 0;

@@ -83,15 +83,19 @@ std::optional<Claim> Queue::claim(const ClaimRequest& request) {
   const auto candidates = [&](const std::string& key) {
     if (!key.empty()) {
       return db_->query(
-          "SELECT j.id, 1, w.base_memory_mb, j.memory_failures FROM jobs j JOIN works w ON w.key = "
+          "SELECT j.id, 1, 0 FROM jobs j JOIN works w ON w.key = "
           "j.key JOIN results r ON r.key = j.key AND r.stored WHERE j.key = ?1 AND j.state = "
           "'queued' AND j.follows = 0 AND (j.not_before_ms <= ?2 OR j.not_before_ms > ?2 + ?3) "
           "ORDER BY j.priority DESC, j.ready_by_ms, j.id",
           key, now, longest_delay_ms);
     }
+    // In the order of the index, so that the first rows are all that is read of a long queue.
     return db_->query(
         "SELECT j.id, EXISTS(SELECT 1 FROM results r WHERE r.key = j.key AND r.stored), "
-        "w.base_memory_mb, j.memory_failures FROM jobs j JOIN works w ON w.key = j.key "
+        "CASE j.memory_failures WHEN 0 THEN w.base_memory_mb ELSE "
+        "max(w.base_memory_mb << min(j.memory_failures, 20), 2 * coalesce((SELECT memory_mb FROM "
+        "attempts WHERE job = j.id AND reason = 'out_of_memory' ORDER BY number DESC LIMIT 1), 0)) "
+        "END FROM jobs j INDEXED BY jobs_to_claim CROSS JOIN works w ON w.key = j.key "
         "WHERE j.state = 'queued' AND j.follows = 0 AND (j.not_before_ms <= ?1 OR j.not_before_ms "
         "> "
         "?1 + ?2) AND j.user NOT IN (SELECT value FROM json_each(?3)) AND (?4 = '[]' OR "
@@ -106,8 +110,9 @@ std::optional<Claim> Queue::claim(const ClaimRequest& request) {
     Rows rows = candidates(request.cached_key);
     for (int passed = 0; passed < most_overtaken && rows.next(); ++passed) {
       cached = rows.integer(1) != 0;
-      const std::int64_t failures = std::min<std::int64_t>(rows.integer(3), 20);
-      if (cached || rows.integer(2) << failures <= request.free_memory_mb) {
+      std::int64_t needed_mb = rows.integer(2);
+      if (request.largest_memory_mb > 0) needed_mb = std::min(needed_mb, request.largest_memory_mb);
+      if (cached || needed_mb <= request.free_memory_mb) {
         id = rows.integer(0);
         break;
       }
@@ -161,7 +166,8 @@ std::optional<Claim> Queue::claim(const ClaimRequest& request) {
 std::int64_t Queue::claimable() {
   const std::int64_t now = clock_->wall_ms();
   Rows rows = db_->query(
-      "SELECT count(*) FROM (SELECT 1 FROM jobs WHERE state = 'queued' AND follows = 0 AND "
+      "SELECT count(*) FROM (SELECT 1 FROM jobs INDEXED BY jobs_to_claim WHERE state = 'queued' "
+      "AND follows = 0 AND "
       "(not_before_ms <= ?1 OR not_before_ms > ?1 + ?2) LIMIT 10000)",
       now, longest_delay_ms);
   return rows.next() ? rows.integer(0) : 0;

@@ -4,6 +4,7 @@
 
 #include <functional>
 #include <string>
+#include <vector>
 
 #include "slicecorr/farm/queue.hpp"
 #include "slicecorr/farm/service.hpp"
@@ -26,5 +27,9 @@ Settled give_up_attempt(const FarmFolder& folder, Queue& queue, const Job& job,
 /// stage the Nth time. Stages: claimed, ordered, started, ended, committing, cached, delivered,
 /// finished.
 void service_fault(const char* stage);
+
+/// Folders of attempts that have ended, or that nobody knows. An attempt is in the record before it
+/// has a folder, so none of these is about to be used.
+std::vector<std::string> ended_attempt_folders(const FarmFolder& folder, Queue& queue);
 
 }  // namespace slicecorr::farm::detail

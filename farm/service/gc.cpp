@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "record/database.hpp"
+#include "service/commit.hpp"
 #include "slicecorr/farm/service.hpp"
 #include "slicecorr/farm/store.hpp"
 
@@ -29,6 +30,16 @@ std::int64_t size_of(const std::string& path) {
 }
 
 }  // namespace
+
+std::vector<std::string> detail::ended_attempt_folders(const FarmFolder& folder, Queue& queue) {
+  std::vector<std::string> list;
+  std::error_code error;
+  for (fs::directory_iterator it(folder.store + "/attempts", error), end; !error && it != end;
+       it.increment(error)) {
+    if (!queue.attempt_is_open(it->path().filename().string())) list.push_back(it->path());
+  }
+  return list;
+}
 
 GcTotals collect_garbage(const FarmFolder& folder, Queue& queue, const GcOptions& options) {
   GcTotals totals;
@@ -60,13 +71,8 @@ GcTotals collect_garbage(const FarmFolder& folder, Queue& queue, const GcOptions
     fs::remove(folder.input(file), error);
   }
   // Folders of attempts that have ended, and results that a service was killed in the middle of.
+  std::vector<std::string> leftovers = detail::ended_attempt_folders(folder, queue);
   std::error_code error;
-  std::vector<std::string> leftovers;
-  for (fs::directory_iterator it(folder.store + "/attempts", error), end; !error && it != end;
-       it.increment(error)) {
-    if (!queue.attempt_is_open(it->path().filename().string())) leftovers.push_back(it->path());
-  }
-  error.clear();
   for (fs::recursive_directory_iterator it(folder.store + "/cache", error), end;
        !error && it != end; it.increment(error)) {
     const std::string name = it->path().filename().string();

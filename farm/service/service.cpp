@@ -10,6 +10,7 @@
 #include <map>
 #include <optional>
 #include <set>
+#include <utility>
 
 #include "service/commit.hpp"
 #include "service/leases.hpp"
@@ -107,8 +108,10 @@ class ServiceLoop {
     if (due(orphans_at_, orphan_interval_ms)) recover();
     settle_adopted();
     const std::string doing = why_idle();
-    leases_->set_doing(doing.empty() ? "working" : doing);
+    const std::string trouble = doing.empty() ? engine_.trouble() : "";
+    leases_->set_doing(!doing.empty() ? doing : trouble.empty() ? "working" : trouble);
     tell_change(doing);
+    tell_trouble(trouble);
     if (!doing.empty()) engine_.withdraw();
     started = doing.empty() && start_jobs();
     if (settings_.draining && running_.empty()) {
@@ -192,6 +195,13 @@ class ServiceLoop {
     told_ = doing;
   }
 
+  /// The engine's: nothing is taken back for it, it may be over any moment.
+  void tell_trouble(const std::string& trouble) {
+    if (trouble == told_trouble_) return;
+    say(trouble.empty() ? engine_.name() + " works again" : trouble);
+    told_trouble_ = trouble;
+  }
+
   // --- starting ---------------------------------------------------------------------------------
 
   /// True when a job was started or finished: there may be more to do at once.
@@ -253,6 +263,7 @@ class ServiceLoop {
     request.service = id_;
     request.engine = engine_.name();
     request.free_memory_mb = room.memory_mb;
+    request.largest_memory_mb = room.largest_memory_mb;
     request.full_folders.assign(full_folders_.begin(), full_folders_.end());
     // While somebody waits too long for memory, nobody overtakes; with nothing running there is
     // nothing to wait for.
@@ -565,6 +576,13 @@ class ServiceLoop {
 
   /// Takes over what services that are gone left behind.
   void recover() {
+    if (!std::exchange(swept_, true)) {
+      // Of services that were killed between their last change of the record and tidying up.
+      for (const std::string& path : detail::ended_attempt_folders(folder_, queue_)) {
+        std::error_code error;
+        fs::remove_all(path, error);
+      }
+    }
     for (const OwnedAttempt& orphan : queue_.orphans()) {
       const std::string& token = orphan.attempt.token;
       if (running_.contains(token)) continue;
@@ -652,8 +670,8 @@ class ServiceLoop {
   std::vector<OwnedAttempt> adopted_;       ///< of services that are gone, not yet settled
   std::vector<std::string> cancellations_;
   std::set<std::string> full_folders_;
-  std::string disk_low_, told_ = "-";
-  bool changed_ = true, stopping_ = false;
+  std::string disk_low_, told_ = "-", told_trouble_;
+  bool changed_ = true, stopping_ = false, swept_ = false;
   std::int64_t data_version_ = -1, progress_at_ = 0, orphans_at_ = 0, disk_at_ = 0, gc_at_ = 0,
                retry_at_ = 0, waiting_since_ms_ = 0, trouble_since_ms_ = 0;
   ServiceTotals totals_;

@@ -25,7 +25,7 @@ Queue new_queue_of(const ControlArguments& a) { return Queue(a.farm.open().datab
 
 int cancel_command(const ControlArguments& a, cli::Console& console) {
   Queue queue = queue_of(a);
-  int unknown = 0;
+  std::string unknown;
   for (const JobId id : a.ids) {
     switch (queue.cancel(id, user_name())) {
       case CancelOutcome::cancelled:
@@ -38,11 +38,11 @@ int cancel_command(const ControlArguments& a, cli::Console& console) {
         console.say(fmt::format("job {}: is finished, or being finished", id));
         break;
       case CancelOutcome::unknown:
-        ++unknown;
+        unknown += fmt::format("{}{}", unknown.empty() ? "" : ", ", id);
         break;
     }
   }
-  if (unknown > 0) throw InputError(fmt::format("{} of these jobs are not known", unknown));
+  if (!unknown.empty()) throw InputError(unknown + ": no such job");
   return cli::kDone;
 }
 
@@ -63,6 +63,7 @@ int retry_command(const ControlArguments& a, cli::Console& console) {
 }
 
 int priority_command(const ControlArguments& a, bool has_priority, cli::Console& console) {
+  if (!has_priority && a.ready_by.empty()) throw InputError("expected --to N or --ready-by HH:MM");
   Queue queue = queue_of(a);
   std::int64_t ready_by = no_deadline;
   if (!a.ready_by.empty() && a.ready_by != "none") {
@@ -132,7 +133,7 @@ void add_control_commands(cli::Program& program) {
     return sub;
   };
   const auto add_ids = [&](CLI::App* sub) {
-    sub->add_option("ID", a->ids, "Numbers of jobs")->required();
+    sub->add_option("ID", a->ids, "Numbers of jobs")->required()->check(cli::number_in(1, 9e15));
     return sub;
   };
   using A = ControlArguments;

@@ -118,7 +118,7 @@ void add_status_commands(cli::Program& program) {
     CLI::App* app = program.add("logs", "What happened to a job, with the logs of its attempts",
                                 [o](const slicecorr::Job&, cli::Console&) { return logs(*o); });
     o->farm.add_to(*app);
-    app->add_option("ID", o->id, "Number of the job")->required()->check(CLI::PositiveNumber);
+    app->add_option("ID", o->id, "Number of the job")->required()->check(cli::number_in(1, 9e15));
     app->add_option("--attempt", o->attempt, "Only the log of this attempt")
         ->check(CLI::PositiveNumber);
   }

@@ -49,6 +49,7 @@ std::vector<JobRequest> requests_of(const SubmitArguments& a) {
         JobRequest r = common;
         r.parts = {part};
         r.where = part;
+        r.as_options = true;
         absolute_paths(r);
         requests.push_back(std::move(r));
       }

@@ -210,7 +210,11 @@ std::vector<JobRequest> parse_jobs_csv(const std::string& text, const std::strin
     const std::string where = line_text(source, rows[0].line);
     if (std::find(known.begin(), known.end(), header[i]) == known.end()) {
       JobRequest scratch;
-      errors.push_back({where, "column " + set_field(scratch, header[i], Value{})});
+      std::string error = "column " + set_field(scratch, header[i], Value{});
+      if (header[i].find_first_of(";\t") != std::string::npos) {
+        error = "'" + header[i] + "' is no column; expected commas between columns";
+      }
+      errors.push_back({where, error});
     } else if (std::find(header.begin(), header.begin() + static_cast<std::ptrdiff_t>(i),
                          header[i]) != header.begin() + static_cast<std::ptrdiff_t>(i)) {
       errors.push_back({where, "column '" + header[i] + "' is there twice"});

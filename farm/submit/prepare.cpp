@@ -127,7 +127,7 @@ Checked check_inputs(const JobRequest& r, const Resolved& w, const slicecorr::Jo
       const TriangleMesh mesh = cli::read_parts(o, job);
       c.triangles = mesh.triangles.size();
       const MeshSlices slices(mesh, w.setup.printer, o.slice_options(), job);
-      plan_correction(slices, w.setup);
+      plan_correction(GridOnly(slices.grid(), slices.frame()), w.setup);
       c.layers = slices.grid().layers;
       c.width_px = slices.grid().width_px;
       c.voxels = std::int64_t{c.layers} * slices.bounds().width() * slices.bounds().height();
@@ -136,7 +136,9 @@ Checked check_inputs(const JobRequest& r, const Resolved& w, const slicecorr::Jo
       Grid grid = info.grid;
       if (grid.layer_um <= 0) grid.layer_um = r.layer_um;
       if (grid.layer_um <= 0) {
-        throw InputError(r.parts[0], "", "does not say its layer height; expected layer_um");
+        throw InputError(r.parts[0], "",
+                         std::string("does not say its layer height; expected ") +
+                             (r.as_options ? "--layer-um" : "layer_um"));
       }
       if (grid.pixel_x_um <= 0) {
         grid.pixel_x_um = w.setup.printer.pixel_x_um;
@@ -273,18 +275,21 @@ class Preparation {
     w.spec.kind = w.mesh ? "run" : "correct";
     w.spec.layer_um = r.layer_um;
     if (w.mesh) {
-      if (r.layer_um <= 0) throw InputError("layer_um is missing");
+      if (r.layer_um <= 0)
+        throw InputError(r.as_options ? "--layer-um is required" : "layer_um is missing");
       w.spec.antialias = r.antialias;
       w.spec.units = r.units;
       w.spec.scale = r.scale;
       w.spec.center_mm = r.center_mm;
       w.spec.rotate_deg = r.rotate_deg;
-      w.setup = resolve_setup(r.setup, nullptr, nullptr, ChoiceNames::fields);
+      w.setup = resolve_setup(r.setup, nullptr, nullptr,
+                              r.as_options ? ChoiceNames::options : ChoiceNames::fields);
     } else {
       const StackInfo info = StackReader::read_info(r.parts[0]);
       check_design(info, r.parts[0]);
       input_format_[r.parts[0]] = info.format;
-      w.setup = resolve_setup(r.setup, nullptr, &info, ChoiceNames::fields);
+      w.setup = resolve_setup(r.setup, nullptr, &info,
+                              r.as_options ? ChoiceNames::options : ChoiceNames::fields);
     }
     w.setup_json = setup_json(w.setup);
     w.setup_hash = sha256_of_text(w.setup_json);

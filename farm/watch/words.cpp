@@ -76,7 +76,7 @@ std::string bytes(double n) {
 std::string count(std::int64_t n) {
   std::string digits = std::to_string(n);
   const std::size_t sign = n < 0 ? 1 : 0;
-  for (std::size_t at = digits.size(); at > sign + 3;) digits.insert(at -= 3, ",");
+  for (std::size_t at = digits.size(); at > sign + 3;) digits.insert(at -= 3, 1, ',');
   return digits;
 }
 

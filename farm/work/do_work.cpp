@@ -197,7 +197,7 @@ void make_result(const Order& order, const std::string& folder, Reporter& report
     paths.push_back(farm.input(input.file));
   }
   const Setup setup = parse_setup_json(order.setup_json, "the job's setup");
-  if (const std::string text = setup_notice(setup, ChoiceNames::options); !text.empty()) {
+  for (const std::string& text : setup_notices(setup, nullptr, ChoiceNames::options)) {
     job.tell(text);
   }
   const std::string out = folder + "/out";

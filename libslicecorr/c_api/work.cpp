@@ -84,9 +84,10 @@ class Watched final : public SliceSource {
   mutable std::atomic<std::uint64_t> sum_{0};
 };
 
-void tell_notice(const Setup& setup, const Job& job) {
-  const std::string text = setup_notice(setup, ChoiceNames::fields);
-  if (!text.empty()) job.tell(text);
+void tell_notices(const Setup& setup, const slicecorr_stack& target, const Job& job) {
+  for (const std::string& text : setup_notices(setup, &target.info, ChoiceNames::fields)) {
+    job.tell(text);
+  }
 }
 
 /// Where a stack goes: in the format that the path ends in, or in its own when it ends so, too, or
@@ -120,15 +121,6 @@ std::vector<double> uv_of_pixel(const CureModel& model) {
   return table;
 }
 
-void refuse_window_cure(const Prediction& p, const Process& process) {
-  if (!p.dead_zones || p.dead_zones->cured_pixels == 0 || process.allow_window_cure) return;
-  throw InfeasibleError(
-      fmt::format("the resin cures to the window at {} pixels, first in slice {}: UV light does "
-                  "not hold a dead "
-                  "zone there; use more UV light, print slower, or allow it with window_cure",
-                  p.dead_zones->cured_pixels, p.dead_zones->cured_slice));
-}
-
 struct InMemory {
   std::unique_ptr<slicecorr_stack> stack;
   std::unique_ptr<slicecorr_figures> after;
@@ -139,7 +131,7 @@ InMemory correct_in_memory(const slicecorr_stack& target, const slicecorr_setup*
   const Job job = job_of(handle);
   const std::string folder = scratch_folder(handle);
   Setup setup = setup_for_target(target, asked);
-  tell_notice(setup, job);
+  tell_notices(setup, target, job);
   const Images images(target, setup.printer, folder, job);
   const SliceSource& source = images.source();
   setup.process = schedule_uv(source, setup, job);
@@ -158,7 +150,7 @@ InMemory correct_in_memory(const slicecorr_stack& target, const slicecorr_setup*
   const CureModel& model = models.brightest();
   if (with_after || model.inhibited) {
     const Prediction p = verify_stack(*stack.slices, source, setup, job);
-    refuse_window_cure(p, setup.process);
+    if (p.dead_zones) check_window(*p.dead_zones, setup.process);
     if (with_after) result.after = figures_of(p);
   }
   const Grid& g = source.grid();
@@ -218,8 +210,14 @@ slicecorr_status slicecorr_check(const slicecorr_stack* target, const slicecorr_
                                   "the archive does not say it; expected "
                                   "slicecorr_stack_set_number()");
     }
-    tell_notice(s, job);
-    slicecorr::plan_correction(slicecorr::GridOnly(grid, slicecorr::image_frame(t.info)), s);
+    tell_notices(s, t, job);
+    if (!s.printer.flat_field) {
+      slicecorr::plan_correction(slicecorr::GridOnly(grid, slicecorr::image_frame(t.info)), s, job);
+      return;
+    }
+    // Which places of an uneven display are lit is in the images alone.
+    const Images images(t, s.printer, scratch_folder(handle), job);
+    slicecorr::plan_correction(images.source(), s, job);
   });
 }
 
@@ -235,7 +233,7 @@ slicecorr_status slicecorr_correct(const slicecorr_stack* target, const slicecor
         output_file(t, path, t.info.kind == slicecorr::StackKind::foreign);
     const slicecorr::Job job = job_of(handle);
     const slicecorr::Setup s = setup_for_target(t, setup);
-    tell_notice(s, job);
+    tell_notices(s, t, job);
     const Images images(t, s.printer, scratch_folder(handle, file.path), job);
     const slicecorr::Correction done =
         slicecorr::correct_stack(images.source(), s, file, before != nullptr, job);

@@ -69,7 +69,7 @@ int correct(const Arguments& a, const Job& job, Console& console) {
   must_not_replace(a.output, {a.input});
   const StackInfo times = StackReader::read_info(design(a.input));
   const Setup setup = a.setup.resolve(nullptr, &times);
-  if (const std::string text = notice(setup); !text.empty()) job.tell(text);
+  tell_notices(setup, &times, job);
   // What a slicer wrote besides the slices stays.
   if (times.kind == StackKind::foreign && times.format == format) file.keep_from = a.input;
   const StackReader target = a.open(a.input, folder_of(a.output), job);
@@ -229,7 +229,7 @@ int run(const Arguments& a, const Job& job, Console& console) {
   format_of(a.file());
   must_not_replace(a.output, a.mesh.parts);
   const Setup setup = a.setup.resolve(nullptr, nullptr);
-  if (const std::string text = notice(setup); !text.empty()) job.tell(text);
+  tell_notices(setup, nullptr, job);
   const MeshSlices slices(read_parts(a.mesh, job), setup.printer, a.mesh.slice_options(), job);
   const FittedSlices fitted = fit_for_output(slices, a.file(), setup.printer, job);
   const std::string base =
@@ -269,7 +269,7 @@ int compare(const Arguments& a, const Job& job, Console& console) {
   must_not_replace(a.json, a.mesh.parts);
   must_not_replace(a.output, a.mesh.parts);
   Setup setup = a.setup.resolve(nullptr, nullptr);
-  if (const std::string text = notice(setup); !text.empty()) job.tell(text);
+  tell_notices(setup, nullptr, job);
   const MeshSlices target(read_parts(a.mesh, job), setup.printer, a.mesh.slice_options(), job);
   setup.process = schedule_uv(target, setup, job);
   const Comparison c = compare_methods(target, setup, job);

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <numeric>
@@ -23,22 +22,6 @@ const char* kind_name(StackKind kind) {
     default:
       return "foreign";
   }
-}
-
-std::string exposures(const Process& p) {
-  if (!p.layer_exposure_s.empty()) {
-    const auto [least, greatest] =
-        std::minmax_element(p.layer_exposure_s.begin(), p.layer_exposure_s.end());
-    return fmt::format("{:g} to {:g} s each, {:g} s as a rule", *least, *greatest, p.exposure_s);
-  }
-  std::string text = fmt::format("{:g} s each", p.exposure_s);
-  if (p.bottom_layers + p.fade_layers > 0) {
-    text += fmt::format("; the first {} {:g} s",
-                        p.bottom_layers == 1 ? "layer" : fmt::format("{} layers", p.bottom_layers),
-                        layer_exposure_s(p, 0));
-    if (p.fade_layers > 0) text += fmt::format(", then {} in steps between", p.fade_layers);
-  }
-  return text;
 }
 }  // namespace
 
@@ -78,7 +61,7 @@ std::string describe_stack(const StackInfo& info) {
   }
   const bool layerwise = info.process && info.process->mode == ExposureMode::layerwise;
   if (layerwise) {
-    text += fmt::format("process      layer by layer, {}\n", exposures(*info.process));
+    text += fmt::format("process      layer by layer, {}\n", exposures_in_words(*info.process));
   } else if (info.process) {
     text += fmt::format(
         "process      continuous, {:g} mm/h, dose cap {}\n", info.process->speed_mm_h,
@@ -96,7 +79,7 @@ std::string describe_stack(const StackInfo& info) {
     }
   }
   if (!info.process && info.exposure_s > 0) {
-    text += "exposure     " + exposures(process_of_times(info)) + "\n";
+    text += "exposure     " + exposures_in_words(process_of_times(info)) + "\n";
   }
   if (const double time = light_on_s(info); time > 0) {
     text += fmt::format(

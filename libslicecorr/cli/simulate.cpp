@@ -77,7 +77,7 @@ struct Input {
     if (uv.kind == UvKind::per_slice && uv.slice_mw_cm2.empty() && target) {
       setup.process = schedule_uv(*target, setup, job);
     }
-    if (const std::string text = notice(setup); !text.empty()) job.tell(text);
+    tell_notices(setup, &stack.info(), job);
   }
   Input(const Input&) = delete;
 };

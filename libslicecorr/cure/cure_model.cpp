@@ -123,10 +123,71 @@ std::string failing_layer(const CureModel& model, const Process& process, int la
              : fmt::format("layer {}, exposed for {:.5g} s,", layer, exposure);
 }
 
+/// What black light adds up to where all layers get `ratio` of the normal exposure.
+double steady_black(const CureModel& model, double ratio) {
+  return model.phi_min() * ratio / model.one_minus_a;
+}
+
+/// The most that black light adds up to at a window, and in which layer; that after all of `ratios`
+/// stands for normal ones.
+struct BlackLight {
+  double dose = 0;
+  int layer = 0;
+};
+BlackLight most_black(const CureModel& model, const std::vector<double>& ratios) {
+  const double steady = steady_black(model, ratios.empty() ? 1.0 : ratios.back());
+  BlackLight most{steady, static_cast<int>(ratios.size())};
+  double black = steady;
+  for (std::size_t n = ratios.size(); n-- > 0;) {
+    black = model.phi_min() * ratios[n] + model.a * black;
+    if (black > most.dose) most = {black, static_cast<int>(n)};
+  }
+  return most;
+}
+
+/// How long the first, or single, layers may be exposed, s, where black leaves the resin liquid
+/// between normal ones.
+double longest_for_black_s(const CureModel& model, const Process& process) {
+  const auto gels = [&](double longest_s) {
+    Process p = process;
+    p.bottom_exposure_s = std::min(p.bottom_exposure_s, longest_s);
+    for (double& time_s : p.layer_exposure_s) time_s = std::min(time_s, longest_s);
+    return most_black(model, exposure_ratios(p)).dose >= 1.0;
+  };
+  const auto rule = static_cast<int>(model.exposure_ratio.size());
+  double fits_s = layer_exposure_s(process, rule);
+  double gels_s = process.exposure_s * model.greatest_ratio();
+  for (int halved = 0; halved < 60; ++halved) {
+    const double middle_s = (fits_s + gels_s) / 2;
+    (gels(middle_s) ? gels_s : fits_s) = middle_s;
+  }
+  return fits_s;
+}
+
+void check_black_layerwise(const CureModel& model, const Printer& printer, const Process& process) {
+  const BlackLight black = most_black(model, model.exposure_ratio);
+  if (!(black.dose >= 1.0)) return;
+  const auto rule = static_cast<int>(model.exposure_ratio.size());
+  const double steady = steady_black(model, model.ratio(rule));
+  // What is too long as a rule is too long for the first layers, too.
+  const bool as_a_rule = steady >= 1.0;
+  const int layer = as_a_rule ? std::max(0, rule - 1) : black.layer;  // the first normal one
+  const char* const which = model.exposure_ratio.empty()       ? ""
+                            : as_a_rule                        ? "all layers "
+                            : process.layer_exposure_s.empty() ? "the first layers "
+                                                               : "each layer ";
+  const double least = printer.calibration.front().intensity_mw_cm2;
+  throw InfeasibleError(fmt::format(
+      "black pixels gel the resin: {} the light of black ({:g} mW/cm²) adds up to {:.4g} of the "
+      "critical dose; expose {}for less than {:.5g} s, or with black below {:.5g} mW/cm²",
+      failing_layer(model, process, layer), least, as_a_rule ? steady : black.dose, which,
+      as_a_rule ? layer_exposure_s(process, rule) / steady : longest_for_black_s(model, process),
+      least * std::pow(1.0 / black.dose, 1.0 / model.m)));
+}
+
 void check_feasible_layerwise(const CureModel& model, const Printer& printer,
                               const Process& process) {
   const double most = printer.calibration.back().intensity_mw_cm2;
-  const double least = printer.calibration.front().intensity_mw_cm2;
   const int layers = std::max<int>(1, static_cast<int>(model.exposure_ratio.size()));
   // The weakest layer first: what helps it helps all.
   int weakest = 0;
@@ -143,22 +204,7 @@ void check_feasible_layerwise(const CureModel& model, const Printer& printer,
         failing_layer(model, process, weakest), most, reached, exposure / reached,
         reached > 0 ? most * std::pow(1.0 / reached, 1.0 / model.m) : most));
   }
-  // Black light at the window of layer n, with what all later layers leave there.
-  double black = model.phi_min() * model.ratio(layers) / model.one_minus_a;
-  for (int n = layers; n-- > 0;) {
-    const double later = model.a * black;
-    black = model.phi_min() * model.ratio(n) + later;
-    if (!(black >= 1.0)) continue;
-    const double exposure = layer_exposure_s(process, n);
-    const double allowed = model.exposure_ratio.empty()
-                               ? exposure / black
-                               : exposure * (1.0 - later) / (model.phi_min() * model.ratio(n));
-    throw InfeasibleError(fmt::format(
-        "black pixels gel the resin: {} the light of black ({:g} mW/cm²) adds up to {:.4g} of the "
-        "critical dose; expose for less than {:.5g} s, or with black below {:.5g} mW/cm²",
-        failing_layer(model, process, n), least, black, allowed,
-        least * std::pow(1.0 / black, 1.0 / model.m)));
-  }
+  check_black_layerwise(model, printer, process);
 }
 
 }  // namespace

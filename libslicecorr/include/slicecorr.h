@@ -281,7 +281,8 @@ SLICECORR_API void slicecorr_figures_free(slicecorr_figures* figures);
 
 /* ---- The work --------------------------------------------------------------------------------- */
 
-/** Whether `setup` can print `target` at all: size, scale, stage, light. Looks at no image. */
+/** Whether `setup` can print `target` at all: size, scale, stage, light. Looks at no image, unless
+ * the printer has a flat-field: then at the places that are lit. */
 SLICECORR_API slicecorr_status slicecorr_check(const slicecorr_stack* target,
                                                const slicecorr_setup* setup, slicecorr_job* job);
 

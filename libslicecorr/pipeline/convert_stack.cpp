@@ -32,6 +32,7 @@ void convert_stack(const StackReader& stack, const StackFile& file, const Job& j
   const SliceSource& slices = turned_slices ? *turned_slices : stack;
   const Grid& grid = slices.grid();
   StackInfo info = stack.info();
+  info.original_sha256.clear();  // of an archive of another kind
   if (turned_slices) {
     info.grid = grid;
     detail::set_frame(info, slices);

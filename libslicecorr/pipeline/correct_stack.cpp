@@ -156,10 +156,9 @@ StackInfo write_target(const SliceSource& target, const StackFile& file, const J
   return info;
 }
 
-CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup) {
-  Setup even = setup;
-  even.printer.flat_field.reset();
-  return PlacePlans(target, even, {}).plan();
+CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup, const Job& job) {
+  const PlacePlans plans(target, setup, job);
+  return {plans.models().brightest(), setup.process, plans.layers(), plans.all_layers()};
 }
 
 Correction correct_stack(const SliceSource& target, const Setup& asked, const StackFile& file,
@@ -236,13 +235,7 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
   Correction result;
   if (window) {
     result.after.dead_zones = window->result();
-    const DeadZones& zones = *result.after.dead_zones;
-    if (zones.cured_pixels > 0 && !setup.process.allow_window_cure) {
-      throw InfeasibleError(fmt::format(
-          "the resin cures to the window at {} pixels, first in slice {}: UV light does not hold a "
-          "dead zone there; use more UV light, print slower, or allow it with --window-cure allow",
-          zones.cured_pixels, zones.cured_slice));
-    }
+    check_window(*result.after.dead_zones, setup.process);
   }
   StackInfo& info = result.info;
   info.grid = grid;
@@ -251,6 +244,7 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
   info.printer = setup.printer;
   info.resin = setup.resin;
   info.process = setup.process;
+  info.original_sha256 = file.original_sha256;
   scan.fill(info);
   writer.finish(info, scan.picture());
 
@@ -278,7 +272,8 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
   constexpr double kThin_um = 10;
   if (p.dead_zones && setup.process.uv.dead_zone_um == 0 && p.dead_zones->least() < kThin_um) {
     job.tell(
-        fmt::format("the dead zone gets as thin as {:.2g} um; --dead-zone-um asks for more of it",
+        fmt::format("the dead zone gets as thin as {:.2g} um; UV light chosen for a dead zone, "
+                    "in place of an intensity, keeps more of it",
                     p.dead_zones->least()));
   }
   if (p.one_slice_gaps > 0) {

@@ -28,6 +28,33 @@ std::string named(ChoiceNames names, std::string_view option) {
   return field;
 }
 
+/// Whether an archive says a first exposure.
+bool has_first_exposure(const StackInfo* times) {
+  return times && times->layer_exposure_s.empty() && times->bottom_layers > 0 &&
+         times->bottom_exposure_s > 0;
+}
+
+/// What became of an archive's first exposure when another one follows it; empty when nothing is
+/// to be said.
+std::string first_exposure_notice(const Process& p, const StackInfo* times) {
+  const bool changed = p.mode == ExposureMode::layerwise && p.layer_exposure_s.empty() &&
+                       has_first_exposure(times) && times->exposure_s > 0 &&
+                       p.exposure_s != times->exposure_s;
+  if (!changed) return {};
+  if (p.bottom_layers + p.fade_layers == 0) {
+    if (times->bottom_exposure_s > p.exposure_s) return {};  // as was asked
+    return fmt::format(
+        "the archive's first exposure of {:g} s is not longer than the new one: layers get {:g} s "
+        "from the first on",
+        times->bottom_exposure_s, p.exposure_s);
+  }
+  if (p.bottom_exposure_s != times->bottom_exposure_s || p.bottom_layers != times->bottom_layers ||
+      p.fade_layers != times->fade_layers) {
+    return {};
+  }
+  return "the archive's longer first exposure stays: " + exposures_in_words(p);
+}
+
 class Resolver {
  public:
   Resolver(const SetupChoices& choices, ChoiceNames names) : c_(choices), names_(names) {}
@@ -134,8 +161,9 @@ void Resolver::resolve_layerwise(Process& process, const StackInfo* times) const
     }
     process.layer_exposure_s.clear();
     // The longer first exposure makes a part stick to the platform: an archive's holds on, unless
-    // it lists all its layers.
-    const bool has_first = times && times->layer_exposure_s.empty() && times->bottom_layers > 0;
+    // it lists all its layers, or is no longer one beside the new exposure.
+    const bool has_first =
+        has_first_exposure(times) && times->bottom_exposure_s > process.exposure_s;
     process.bottom_exposure_s = c_.bottom_exposure_s > 0 ? c_.bottom_exposure_s
                                 : has_first              ? times->bottom_exposure_s
                                                          : 0;
@@ -269,15 +297,20 @@ Setup resolve_setup(const SetupChoices& choices, const StackInfo* info, const St
   return Resolver(choices, names).resolve(info, times);
 }
 
-std::string setup_notice(const Setup& setup, ChoiceNames names) {
+std::vector<std::string> setup_notices(const Setup& setup, const StackInfo* times,
+                                       ChoiceNames names) {
+  std::vector<std::string> notices;
   if (setup.process.uv.kind == UvKind::off && setup.resin.inhibition && setup.printer.uv) {
-    return fmt::format(
+    notices.push_back(fmt::format(
         "the UV lamp of printer '{}' counts as off: without {} or {} the inhibition of resin '{}' "
         "is not considered",
         setup.printer.name, named(names, "uv-mw-cm2"), named(names, "dead-zone-um"),
-        setup.resin.name);
+        setup.resin.name));
   }
-  return {};
+  if (std::string text = first_exposure_notice(setup.process, times); !text.empty()) {
+    notices.push_back(std::move(text));
+  }
+  return notices;
 }
 
 void check_design(const StackInfo& info, const std::string& path) {

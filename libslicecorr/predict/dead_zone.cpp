@@ -1,8 +1,12 @@
 #include "slicecorr/dead_zone.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
+
+#include "slicecorr/error.hpp"
 
 namespace slicecorr {
 
@@ -23,6 +27,15 @@ double extreme(const std::vector<double>& values, bool greatest) {
 
 double DeadZones::least() const { return extreme(least_um, false); }
 double DeadZones::greatest() const { return extreme(greatest_um, true); }
+
+void check_window(const DeadZones& zones, const Process& process) {
+  if (zones.cured_pixels == 0 || process.allow_window_cure) return;
+  throw InfeasibleError(
+      fmt::format("the resin cures to the window at {} pixels, first in slice {}: UV light does "
+                  "not hold a dead zone there; use more UV light, print slower, or allow window "
+                  "cure",
+                  zones.cured_pixels, zones.cured_slice));
+}
 
 WindowWatch::WindowWatch(const CureModel& model, int slices, std::size_t columns)
     : kernel_(*model.inhibited),

@@ -43,6 +43,25 @@ double light_on_s(const Process& process, double m, double layer_um, int slices)
   return sum;
 }
 
+std::string exposures_in_words(const Process& p) {
+  if (!p.layer_exposure_s.empty()) {
+    const auto [least, greatest] =
+        std::minmax_element(p.layer_exposure_s.begin(), p.layer_exposure_s.end());
+    return fmt::format("{:g} to {:g} s each, {:g} s as a rule", *least, *greatest, p.exposure_s);
+  }
+  std::string text = fmt::format("{:g} s each", p.exposure_s);
+  if (p.bottom_layers > 0) {
+    text += fmt::format("; the first {} {:g} s",
+                        p.bottom_layers == 1 ? "layer" : fmt::format("{} layers", p.bottom_layers),
+                        layer_exposure_s(p, 0));
+    if (p.fade_layers > 0) text += fmt::format(", then {} in steps between", p.fade_layers);
+  } else if (p.fade_layers > 0) {
+    text += fmt::format("; the first {} in steps from {:g} s on", p.fade_layers,
+                        layer_exposure_s(p, 0));
+  }
+  return text;
+}
+
 std::string dose_in_words(const Resin& resin) {
   std::string text = resin.critical_dose_prime > 0
                          ? fmt::format("{:.4g} (mW/cm²)^{:g}·s", resin.critical_dose_prime, resin.m)

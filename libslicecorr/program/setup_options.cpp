@@ -78,6 +78,8 @@ const std::string& design(const std::string& path) {
   return path;
 }
 
-std::string notice(const Setup& setup) { return setup_notice(setup, ChoiceNames::options); }
+void tell_notices(const Setup& setup, const StackInfo* times, const Job& job) {
+  for (const std::string& text : setup_notices(setup, times, ChoiceNames::options)) job.tell(text);
+}
 
 }  // namespace slicecorr::cli

@@ -19,7 +19,7 @@ struct SetupOptions : SetupChoices {
 /// Throws `InputError` when `path` is one, gives it back else.
 const std::string& design(const std::string& path);
 
-/// What the user should know of a setup; empty when nothing.
-std::string notice(const Setup& setup);
+/// Tells what the user should know of a setup; `times` as for `resolve_setup`.
+void tell_notices(const Setup& setup, const StackInfo* times, const Job& job);
 
 }  // namespace slicecorr::cli

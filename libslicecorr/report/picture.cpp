@@ -1,9 +1,7 @@
-#include <OpenImageIO/filesystem.h>
-#include <OpenImageIO/imageio.h>
-
 #include <algorithm>
 #include <array>
 
+#include "base/image_module.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/report.hpp"
 
@@ -153,15 +151,9 @@ ColourImage tiled(const std::vector<ColourImage>& pictures, int columns) {
 
 std::vector<std::uint8_t> encode_png(const ColourImage& image) {
   std::vector<std::uint8_t> bytes;
-  OIIO::Filesystem::IOVecOutput memory(bytes);
-  auto out = OIIO::ImageOutput::create("png");
-  OIIO::ImageSpec spec(image.width_px, image.height_px, 3, OIIO::TypeDesc::UINT8);
-  // OpenImageIO stamps files with the time; the same input must give the same bytes.
-  spec.attribute("DateTime", "1980:01:01 00:00:00");
-  if (!out || !out->set_ioproxy(&memory) || !out->open("section.png", spec) ||
-      !out->write_image(OIIO::TypeDesc::UINT8, image.rgb.data()) || !out->close()) {
-    throw Error("a picture can't be encoded: " + (out ? out->geterror() : OIIO::geterror()));
-  }
+  const std::string problem = detail::image_functions().encode_png(image.width_px, image.height_px,
+                                                                   image.rgb.data(), bytes);
+  if (!problem.empty()) throw Error("a picture can't be encoded: " + problem);
   return bytes;
 }
 

@@ -121,14 +121,15 @@ void ContainerOutput::add_lazily(const std::vector<std::string>& names,
 }
 
 std::unique_ptr<ContainerOutput> make_container_output(const std::string& path, ContainerKind kind,
-                                                       const std::string& keep_from) {
+                                                       const std::string& keep_from,
+                                                       ImagePacking images) {
   switch (kind) {
     case ContainerKind::tar_gz:
       return make_tar_gz_output(path, keep_from);
     case ContainerKind::folder:
       return make_folder_output(path, keep_from);
     default:
-      return std::make_unique<ZipOutput>(path, keep_from);
+      return std::make_unique<ZipOutput>(path, keep_from, images);
   }
 }
 

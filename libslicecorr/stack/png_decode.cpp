@@ -1,10 +1,8 @@
-#include <OpenImageIO/filesystem.h>
-#include <OpenImageIO/imageio.h>
-
 #include <algorithm>
 #include <cstdlib>
 #include <cstring>
 
+#include "base/image_module.hpp"
 #include "slicecorr/error.hpp"
 #include "stack/png_layout.hpp"
 
@@ -158,41 +156,21 @@ std::uint8_t to_grey(const std::uint8_t* p, int channels, bool alpha) {
 void decode_other(const PngLayout& layout, int rows, const PngName& name, const RawBandSink& sink) {
   check_stream(layout, name);
   const std::vector<std::uint8_t> png = core_png(layout);
-  OIIO::Filesystem::IOMemReader reader(png.data(), png.size());
-  OIIO::ImageSpec config;
-  OIIO::Filesystem::IOProxy* const proxy = &reader;
-  config.attribute("oiio:ioproxy", OIIO::TypeDesc::PTR, &proxy);
-  config.attribute("oiio:UnassociatedAlpha", 1);
-  const auto input = OIIO::ImageInput::create("png");
-  const auto fail = [&] {
-    const std::string text = input ? input->geterror() : OIIO::geterror();
-    bad_png(name, "PNG can't be decoded" + (text.empty() ? "" : ": " + text));
-  };
-  OIIO::ImageSpec spec;
-  if (!input || !input->open("slice.png", spec, config)) fail();
   const int width = static_cast<int>(layout.width), height = static_cast<int>(layout.height);
-  const int channels = spec.nchannels;
-  if (spec.width != width || spec.height != height || channels < 1 || channels > 4) fail();
-  const bool alpha = channels == 2 || channels == 4;
   const std::size_t stride = raw_stride(width);
-  const std::size_t row_bytes = static_cast<std::size_t>(width) * static_cast<unsigned>(channels);
-  std::vector<std::uint8_t> pixels(row_bytes * static_cast<std::size_t>(std::min(rows, height)));
   std::vector<std::uint8_t> band(stride * static_cast<std::size_t>(std::min(rows, height)));
-  for (int y0 = 0; y0 < height; y0 += rows) {
-    const int y1 = std::min(height, y0 + rows);
-    if (!input->read_scanlines(0, 0, y0, y1, 0, 0, channels, OIIO::TypeDesc::UINT8,
-                               pixels.data())) {
-      fail();
-    }
-    for (std::size_t y = 0; y < static_cast<std::size_t>(y1 - y0); ++y) {
-      for (std::size_t x = 0; x < static_cast<std::size_t>(width); ++x) {
-        band[y * stride + 1 + x] =
-            to_grey(&pixels[y * row_bytes + x * static_cast<unsigned>(channels)], channels, alpha);
-      }
-    }
-    sink(y0, y1, band.data());
-  }
-  input->close();
+  const std::string problem = image_functions().decode_png(
+      png, width, height, rows, [&](int y0, int y1, const std::uint8_t* pixels, int channels) {
+        const bool alpha = channels == 2 || channels == 4;
+        const std::size_t count = static_cast<std::size_t>(y1 - y0);
+        for (std::size_t y = 0; y < count; ++y) {
+          for (std::size_t x = 0; x < static_cast<std::size_t>(width); ++x, pixels += channels) {
+            band[y * stride + 1 + x] = to_grey(pixels, channels, alpha);
+          }
+        }
+        sink(y0, y1, band.data());
+      });
+  if (!problem.empty()) bad_png(name, "PNG can't be decoded: " + problem);
 }
 
 }  // namespace

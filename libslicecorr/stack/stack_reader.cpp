@@ -97,7 +97,8 @@ void take_missing(StackInfo& info, const MissingFacts& missing, const std::strin
   };
   take(grid.pixel_x_um, missing.pixel_x_um, "large its pixels are; expected a printer that does");
   take(grid.pixel_y_um, missing.pixel_y_um, "large its pixels are; expected a printer that does");
-  take(grid.layer_um, missing.layer_um, "high its layers are; expected it given with --layer-um");
+  take(grid.layer_um, missing.layer_um,
+       "high its layers are; expected the layer height to be given");
 }
 
 std::uint64_t load(const std::uint8_t* p) {

@@ -71,7 +71,11 @@ struct StackWriter::Impl {
         job(j),
         file(f),
         format(detail::format_named(f.format, f.path)),
-        output(detail::make_container_output(f.path, format.container(), f.keep_from)),
+        output(detail::make_container_output(
+            f.path, format.container(), f.keep_from,
+            // Ours are read slice by slice, at any place, as fast as it goes.
+            &format == &detail::uvj_format() ? detail::ImagePacking::stored
+                                             : detail::ImagePacking::deflated)),
         store(output->folder(), memory_budget, j),
         rows(band_rows(g)),
         bands(static_cast<std::size_t>((g.height_px + rows - 1) / rows)) {

@@ -159,6 +159,7 @@ Json block_json(const StackInfo& info, std::uint32_t crc, std::optional<std::uin
     block["frame"] = {{"images", "display"}};
     if (info.orientation_known) block["frame"]["orientation"] = orientation_json(info.orientation);
   }
+  if (!info.original_sha256.empty()) block["original_sha256"] = info.original_sha256;
   block["images_crc32"] = crc;
   if (uv_crc) block["uv_images_crc32"] = *uv_crc;
   return block;

@@ -261,6 +261,14 @@ void read_block(const Node& block, ArchiveContents& config) {
   if (needed || block.has("process")) {
     info.process = read_process(block["process"], mode, format);
   }
+  if (block.has("original_sha256")) {
+    info.original_sha256 = block["original_sha256"].string();
+    const bool hex =
+        info.original_sha256.find_first_not_of("0123456789abcdef") == std::string::npos;
+    if (!hex || info.original_sha256.size() != 64) {
+      block["original_sha256"].fail("64 hex digits, in lower case");
+    }
+  }
   config.images_crc32 = static_cast<std::uint32_t>(block["images_crc32"].whole(0, 0xffffffff));
   if (block.has("uv_images_crc32")) {
     config.uv_images_crc32 =

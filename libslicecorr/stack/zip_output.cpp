@@ -91,6 +91,11 @@ struct ZipWriting {
 
 namespace {
 
+/// More takes more time for images and hardly makes them smaller.
+constexpr zip_uint32_t image_level = 6, text_level = 9;
+
+bool is_image(const std::string& name) { return name.ends_with(".png"); }
+
 std::string zip_text(zip_error_t* error) {
   // The text of the system alone says more to the user than with the library's in front.
   if (zip_error_system_type(error) == ZIP_ET_SYS && zip_error_code_system(error) != 0) {
@@ -101,8 +106,8 @@ std::string zip_text(zip_error_t* error) {
 
 }  // namespace
 
-ZipOutput::ZipOutput(const std::string& path, std::string keep_from)
-    : ContainerOutput(path), keep_from_(std::move(keep_from)) {
+ZipOutput::ZipOutput(const std::string& path, std::string keep_from, ImagePacking images)
+    : ContainerOutput(path), keep_from_(std::move(keep_from)), images_(images) {
   check_new_file(path);
 }
 
@@ -143,6 +148,11 @@ void ZipOutput::write(const std::string& temporary, const Job& job) {
     throw DeviceError(path_ + ": can't be written: " + zip_text(e));
   };
 
+  const auto pack = [&](const std::string& name, zip_uint64_t index, bool packed) {
+    return zip_set_file_compression(zip, index, packed ? ZIP_CM_DEFLATE : ZIP_CM_STORE,
+                                    is_image(name) ? image_level : text_level) == 0;
+  };
+  ImagePacking images = images_;
   for (const Source& source : sources_) {
     entries.push_back({&writing, &source});
     zip_error_init(&error);
@@ -158,9 +168,11 @@ void ZipOutput::write(const std::string& temporary, const Job& job) {
         zip_source_free(made);
         fail(zip_get_error(zip));
       }
-      const bool packed = was.comp_method != ZIP_CM_STORE && !source.name.ends_with(".png");
-      if (zip_set_file_compression(zip, index, packed ? ZIP_CM_DEFLATE : ZIP_CM_STORE, 0) != 0 ||
-          zip_file_set_mtime(zip, index, was.mtime, 0) != 0) {
+      const bool packed = was.comp_method != ZIP_CM_STORE;
+      if (is_image(source.name)) {
+        images = packed ? ImagePacking::deflated : ImagePacking::stored;
+      }
+      if (!pack(source.name, index, packed) || zip_file_set_mtime(zip, index, was.mtime, 0) != 0) {
         fail(zip_get_error(zip));
       }
       continue;
@@ -172,7 +184,8 @@ void ZipOutput::write(const std::string& temporary, const Job& job) {
     }
     const auto index = static_cast<zip_uint64_t>(added);
     constexpr zip_uint16_t first_of_1980 = 1 << 5 | 1;
-    if (zip_set_file_compression(zip, index, ZIP_CM_STORE, 0) != 0 ||
+    const bool packed = is_image(source.name) && images == ImagePacking::deflated;
+    if (!pack(source.name, index, packed) ||
         zip_file_set_dostime(zip, index, 0, first_of_1980, 0) != 0) {
       fail(zip_get_error(zip));
     }

@@ -8,12 +8,13 @@
 
 namespace slicecorr::detail {
 
-/// New entries are stored uncompressed, with a fixed time, in the order they were added. Kept ones
-/// are copied as they are packed; a changed one keeps its place, time and comment, and, unless it
-/// is an image, its compression.
+/// New entries have a fixed time, in the order they were added; they are stored uncompressed,
+/// images as `ImagePacking` says. Kept ones are copied as they are packed; a changed one keeps its
+/// place, time, comment and compression, and new images are packed like those before them.
 class ZipOutput final : public ContainerOutput {
  public:
-  explicit ZipOutput(const std::string& path, std::string keep_from = "");
+  explicit ZipOutput(const std::string& path, std::string keep_from = "",
+                     ImagePacking images = ImagePacking::stored);
   void finish(const Job& job) override;
 
  private:
@@ -21,6 +22,7 @@ class ZipOutput final : public ContainerOutput {
   void write(const std::string& temporary, const Job& job);
 
   std::string keep_from_;
+  ImagePacking images_;
 };
 
 }  // namespace slicecorr::detail

@@ -11,6 +11,7 @@
 #include "base/temporary.hpp"
 #include "post/files.hpp"
 #include "program/program.hpp"
+#include "program/sha256.hpp"
 #include "slicecorr/report.hpp"
 
 namespace slicecorr::post {
@@ -68,7 +69,7 @@ Lock lock_of(const std::string& path) {
   return std::move(*lock);
 }
 
-/// Whether `backup` is what `corrected` was made from: its images are read to tell.
+/// Whether `backup` is what `corrected` was made from.
 void check_belongs(const StackInfo& corrected, const std::string& path, const std::string& backup,
                    const Job& job) {
   const auto fail = [&](const std::string& why) {
@@ -87,6 +88,14 @@ void check_belongs(const StackInfo& corrected, const std::string& path, const st
                      info.format, g.layers, g.width_px, g.height_px, corrected.format,
                      corrected.target_layers, c.width_px, c.height_px));
   }
+  if (!corrected.original_sha256.empty()) {
+    const std::string sha256 = cli::sha256_of_contents(backup);
+    if (sha256 != corrected.original_sha256) {
+      fail(fmt::format("its SHA-256 is {}; expected {}", sha256, corrected.original_sha256));
+    }
+    return;
+  }
+  // Corrected by a program that noted none: format, sizes and the sum of all pixels must do.
   MissingFacts facts{c.pixel_x_um, c.pixel_y_um, c.layer_um};
   if (corrected.printer && !(facts.pixel_x_um > 0)) {
     facts.pixel_x_um = corrected.printer->pixel_x_um;
@@ -212,7 +221,7 @@ Outcome correct_file(const std::string& path, const Context& context, const Job&
     const bool keep = !decision.settings.backup.empty() && source == real;
     const std::string backup = backup_of(real, context);
     if (keep) check_backup(real, backup, decision.settings.backup);
-    if (const std::string text = cli::notice(decision.setup); !text.empty()) job.tell(text);
+    cli::tell_notices(decision.setup, &decision.info, job);
 
     const WorkFolder work(folder);
     note_work(work, real);
@@ -221,6 +230,7 @@ Outcome correct_file(const std::string& path, const Context& context, const Job&
     StackFile file(made);
     file.format = decision.info.format;
     file.keep_from = source;
+    file.original_sha256 = cli::sha256_of_contents(source);
     outcome.setup = decision.setup;
     outcome.correction = correct_stack(target, decision.setup, file, true, job);
     const Reports reports(work, name_for_user(real, context), decision.settings.report);

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 
@@ -19,16 +18,7 @@ std::string variable(const char* name) {
 
 std::string exposure_in_words(const Process& p) {
   if (p.mode == ExposureMode::continuous) return fmt::format("continuous, {:g} mm/h", p.speed_mm_h);
-  std::string text = fmt::format("{:g} s per layer", p.exposure_s);
-  if (!p.layer_exposure_s.empty()) {
-    const auto [least, greatest] =
-        std::minmax_element(p.layer_exposure_s.begin(), p.layer_exposure_s.end());
-    text += fmt::format(" ({:g} to {:g} s, layer by layer as listed)", *least, *greatest);
-  } else if (p.bottom_layers + p.fade_layers > 0) {
-    text += fmt::format(" (the first {} {:g} s", p.bottom_layers, layer_exposure_s(p, 0));
-    text += p.fade_layers > 0 ? fmt::format(", {} between)", p.fade_layers) : ")";
-  }
-  return text;
+  return "layer by layer, " + exposures_in_words(p);
 }
 
 void refuse_corrected(const StackInfo& info, const std::string& path) {
@@ -215,6 +205,9 @@ std::string describe(const Decision& d) {
       d.setup.resin.absorbance_height10_um, d.resin_from, exposure_in_words(d.setup.process),
       d.exposure_from, d.settings.backup.empty() ? "none" : d.settings.backup,
       d.settings.report.empty() ? "none" : d.settings.report);
+  for (const std::string& notice : setup_notices(d.setup, &d.info, ChoiceNames::options)) {
+    text += fmt::format("note      {}\n", notice);
+  }
   return text;
 }
 

@@ -53,7 +53,7 @@ Decision decide(const std::string& archive, const std::string& named, const Cont
 /// In lines for people.
 std::string describe(const Decision& decision);
 
-/// "printer 'x', resin 'y', 2.5 s per layer"
+/// "printer 'x', resin 'y', layer by layer, 2.5 s each"
 std::string in_one_line(const Printer& printer, const Resin& resin, const Process& process);
 
 /// Throws `NotReadable`.

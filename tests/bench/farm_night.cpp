@@ -1,6 +1,8 @@
-// A night in small: farm_night [JOBS] [SIZE_MM]. Many jobs from real meshes, with several resins
-// and speeds, by slicefarm and one after the other by slicecorr; then the same jobs again. Fails
-// when a job fails, is done twice, or differs from what slicecorr wrote.
+// A night in small: farm_night [JOBS] [SIZE_MM] [local|slurm]. Many jobs from real meshes, sound and
+// broken ones, with several resins and speeds, by slicefarm and one after the other by slicecorr;
+// then the same jobs again. Fails when a job fails, is done twice, is not what the record says, or
+// differs from what slicecorr wrote. With slurm, the work runs on two virtual nodes of one core
+// each, and daemons of Slurm are killed in the middle of it. Exit code 77: the meshes are not there.
 
 #include <fmt/format.h>
 #include <stdlib.h>
@@ -8,6 +10,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -16,7 +19,9 @@
 #include <thread>
 
 #include "../run_program.hpp"
+#include "../slurm_cluster.hpp"
 #include "slicecorr/farm/read_model.hpp"
+#include "slicecorr/farm/store.hpp"
 #include "slicecorr/farm/submit.hpp"
 #include "slicecorr/mesh.hpp"
 
@@ -53,23 +58,89 @@ std::string bytes_of(const std::string& path) {
   return std::string(std::istreambuf_iterator<char>(file), {});
 }
 
+/// Runs the farm on virtual nodes; controller and nodes are killed each time that some more of the
+/// jobs are done, by turns.
+Cost run_on_slurm(const std::string& bin, const std::string& dir, const std::string& folder,
+                  int jobs, int& kills) {
+  test::SlurmCluster cluster(folder + "/slurm", 2, 1);
+  ::setenv("SLURM_CONF", cluster.configuration().c_str(), 1);
+  const double cpu = cpu_of_children();
+  const auto begin = std::chrono::steady_clock::now();
+  std::jthread killer([&](const std::stop_token& stop) {
+    ReadModel model(dir + "/farm.sqlite");
+    const int turns = 8;
+    for (int turn = 1; turn <= turns; ++turn) {
+      const std::int64_t at = std::int64_t{jobs} * turn / (turns + 1);
+      while (model.summary().jobs[static_cast<std::size_t>(JobState::done)] < at) {
+        if (stop.stop_requested()) return;
+        std::this_thread::sleep_for(std::chrono::milliseconds(20));
+      }
+      const std::string what[] = {"controller", "node n1", "controller", "node n2"};
+      cluster.tell("stop-" + what[turn % 4]);
+      cluster.tell("start-" + what[turn % 4]);
+      ++kills;
+    }
+  });
+  run({bin + "slicefarm", "run", "--until-empty", "--dir", dir, "--engine", "slurm",
+       "--slurm-poll-s", "0.5"});
+  killer.request_stop();
+  killer.join();
+  const double wall =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  // Workers are not our children; what they took is in the record.
+  return {wall, cpu_of_children() - cpu};
+}
+
 struct Part {
   std::string path;
   double scale;
 };
 
+/// Every job is done by one attempt, said so once, and its files are those of the record.
+void check_record(ReadModel& model, int jobs) {
+  JobFilter filter;
+  filter.limit = jobs + 1;
+  const std::vector<farm::Job> list = model.jobs(filter);
+  if (list.size() != static_cast<std::size_t>(jobs)) throw std::runtime_error("jobs are missing");
+  for (const farm::Job& j : list) {
+    std::int64_t ends = 0;
+    for (const Event& e : model.events(0, 1000, j.id)) ends += e.kind == "done";
+    if (ends != 1 || model.attempts(j.id).size() != 1) {
+      throw std::runtime_error(fmt::format("{}: done {} times", j.name, ends));
+    }
+    if (j.files.size() != 3) throw std::runtime_error(j.name + ": files are missing");
+    for (const ResultFile& f : j.files) {
+      const ResultFile now = sha256_of_file(j.output(f.ending));
+      if (now.sha256 != f.sha256 || now.bytes != f.bytes) {
+        throw std::runtime_error(fmt::format("{}: {} is not what was recorded", j.name, f.ending));
+      }
+    }
+  }
+}
+
 }  // namespace
 
 int main(int argc, char** argv) try {
   const int jobs = argc > 1 ? std::atoi(argv[1]) : 200;
-  const double size_mm = argc > 2 ? std::atof(argv[2]) : 20;
+  const double size_mm = argc > 2 ? std::atof(argv[2]) : 5;
+  const bool slurm = argc > 3 && std::string(argv[3]) == "slurm";
   const std::string bin = fs::read_symlink("/proc/self/exe").parent_path().string() + "/";
-  const std::string meshes = std::string(SLICECORR_TEST_DATA) + "/meshes/clean/";
+  const std::string meshes = std::string(SLICECORR_TEST_DATA) + "/meshes/";
   std::vector<Part> parts;
-  for (const char* name : {"3DBenchy.stl", "UVtools_demo_file.stl", "cgal_femur.off",
-                           "cgal_turbine.off", "ksr_fdmtest_v4.stl", "photonic3d_lenscap-36mm.stl",
-                           "stanford_bunny_7k_closed.off", "tpms_diamond_51.stl"}) {
-    if (!fs::exists(meshes + name)) throw std::runtime_error(meshes + name + " is not there");
+  // The broken ones have holes, turned triangles, bodies that cut or touch each other.
+  for (const char* name :
+       {"clean/3DBenchy.stl", "clean/UVtools_demo_file.stl", "clean/cgal_femur.off",
+        "clean/cgal_turbine.off", "clean/ksr_fdmtest_v4.stl", "clean/photonic3d_lenscap-36mm.stl",
+        "clean/stanford_bunny_7k_closed.off", "clean/tpms_diamond_51.stl",
+        "dirty/admesh_block_fill-holes-bad.stl", "dirty/admesh_block_normal-directions-bad.stl",
+        "dirty/assimp_sphereWithHole.stl", "dirty/cgal_blobby-shuffled.off",
+        "dirty/cgal_elephant-with-holes.off", "dirty/manifold_self_intersectA.obj",
+        "dirty/trimesh_cycloidal_touching_bodies.ply", "dirty/trimesh_multibody.stl",
+        "dirty/trimesh_wallhole.obj"}) {
+    if (!fs::exists(meshes + name)) {
+      fmt::print("{}{} is not there: nothing was tried\n", meshes, name);
+      return 77;
+    }
     const MeshReport r = inspect(read_mesh(meshes + name));
     const double longest =
         std::max({r.upper[0] - r.lower[0], r.upper[1] - r.lower[1], r.upper[2] - r.lower[2]});
@@ -99,6 +170,9 @@ int main(int argc, char** argv) try {
   if (most < static_cast<std::size_t>(jobs)) {
     throw std::runtime_error(fmt::format("only {} different jobs", most));
   }
+  // Of all resins and speeds, also where there are more than the jobs need.
+  const std::size_t used = (static_cast<std::size_t>(jobs) + parts.size() - 1) / parts.size();
+  const std::size_t stride = mixes.size() / used;
   const std::string table = folder + "/jobs.csv";
   {
     std::ofstream file(table);
@@ -106,28 +180,53 @@ int main(int argc, char** argv) try {
     for (int i = 0; i < jobs; ++i) {
       const auto n = static_cast<std::size_t>(i);
       const Part& p = parts[n % parts.size()];
-      const Mix& m = mixes[(n / parts.size()) % mixes.size()];
+      const Mix& m = mixes[n / parts.size() * stride];
       file << fmt::format("{},{},{},{},job-{},farm\n", p.path, p.scale, m.resin, m.speed, i);
     }
   }
+  const auto cores = static_cast<double>(std::max(1u, std::thread::hardware_concurrency()));
+  fmt::print("{} jobs of {} parts and {} pairs of resin and speed, {:g} mm\n\n", jobs, parts.size(),
+             used, size_mm);
+  fmt::print("| | wall | processor | cores busy | per job |\n|---|---|---|---|---|\n");
+  const auto row = [&](const char* what, const Cost& c) {
+    fmt::print("| {} | {:.1f} s | {:.1f} s | {:.0f} % | {:.0f} ms |\n", what, c.wall_s, c.cpu_s,
+               100 * c.cpu_s / c.wall_s / cores, 1000 * c.wall_s / jobs);
+    std::fflush(stdout);
+  };
   const std::string dir = folder + "/farm-dir";
   const Cost submitted = run({bin + "slicefarm", "submit", table, "--dir", dir, "--printer",
                               printer, "--layer-um", layer});
-  const Cost farmed = run({bin + "slicefarm", "run", "--until-empty", "--dir", dir});
+  row("slicefarm submit: checks, copies, queues", submitted);
+  int kills = 0;
+  Cost farmed = slurm ? run_on_slurm(bin, dir, folder, jobs, kills)
+                      : run({bin + "slicefarm", "run", "--until-empty", "--dir", dir});
   ReadModel model(dir + "/farm.sqlite");
   const Summary summary = model.summary();
-  if (summary.jobs[static_cast<std::size_t>(JobState::done)] != jobs || summary.attempts != jobs) {
+  std::int64_t lost = 0, twice = 0;
+  for (int id = 1; slurm && id <= jobs; ++id) {
+    int good = 0;
+    for (const Attempt& a : model.attempts(id)) {
+      good += a.reason == Reason::none;
+      lost += a.reason != Reason::none;
+      farmed.cpu_s += a.cpu_s;
+    }
+    twice += good != 1;
+  }
+  row("slicefarm run", farmed);
+  if (summary.jobs[static_cast<std::size_t>(JobState::done)] != jobs || twice > 0 ||
+      summary.attempts != jobs + lost) {
     throw std::runtime_error(fmt::format("{} of {} jobs done, {} attempts",
                                          summary.jobs[static_cast<std::size_t>(JobState::done)],
                                          jobs, summary.attempts));
   }
+  check_record(model, jobs);
   // The same by hand: one program after the other, each on all cores.
   fs::create_directories(folder + "/direct");
   Cost direct;
   for (int i = 0; i < jobs; ++i) {
     const auto n = static_cast<std::size_t>(i);
     const Part& p = parts[n % parts.size()];
-    const Mix& m = mixes[(n / parts.size()) % mixes.size()];
+    const Mix& m = mixes[n / parts.size() * stride];
     const std::string out = fmt::format("{}/direct/job-{}", folder, i);
     const Cost c = run({bin + "slicecorr", "run", p.path, "--scale", fmt::format("{}", p.scale),
                         "-o", out + ".uvj", "--printer", printer, "--resin", m.resin,
@@ -140,6 +239,7 @@ int main(int argc, char** argv) try {
       }
     }
   }
+  row("slicecorr run, one after the other", direct);
   // The same jobs again, into other places.
   std::string again = bytes_of(table);
   for (std::size_t at = 0; (at = again.find(",farm\n", at)) != again.npos; at += 6) {
@@ -148,24 +248,23 @@ int main(int argc, char** argv) try {
   std::ofstream(folder + "/again.csv") << again;
   const Cost cached = run({bin + "slicefarm", "submit", folder + "/again.csv", "--dir", dir,
                            "--printer", printer, "--layer-um", layer});
+  row("slicefarm submit of the same again", cached);
   const Summary after = ReadModel(dir + "/farm.sqlite").summary();
   if (after.from_cache != jobs) throw std::runtime_error("not all of them came from the cache");
 
-  const auto cores = static_cast<double>(std::max(1u, std::thread::hardware_concurrency()));
-  fmt::print("{} jobs of {} parts and {} pairs of resin and speed, {:g} mm, {:.2f} G voxels\n\n",
-             jobs, parts.size(), mixes.size(), size_mm, summary.voxels_done * 1e-9);
-  fmt::print("| | wall | processor | cores busy | per job |\n|---|---|---|---|---|\n");
-  const auto row = [&](const char* what, const Cost& c) {
-    fmt::print("| {} | {:.1f} s | {:.1f} s | {:.0f} % | {:.0f} ms |\n", what, c.wall_s, c.cpu_s,
-               100 * c.cpu_s / c.wall_s / cores, 1000 * c.wall_s / jobs);
-  };
-  row("slicefarm submit: checks, copies, queues", submitted);
-  row("slicefarm run", farmed);
-  row("slicecorr run, one after the other", direct);
-  row("slicefarm submit of the same again", cached);
+  if (slurm) {
+    fmt::print("\n{} kills of daemons of Slurm, {} attempts given up and made again\n", kills,
+               lost);
+  }
   fmt::print(
-      "\nThroughput of the farm against one after the other: {:.2f}; processor time {:.2f}\n",
-      direct.wall_s / farmed.wall_s, farmed.cpu_s / direct.cpu_s);
+      "\nAll done, none twice, every file as recorded and byte for byte as slicecorr writes it.\n"
+      "{:.0f} jobs an hour, {:.0f} one after the other: {:.2f} times as many, {:.2f} times with "
+      "the "
+      "submission.\nThe farm costs {:.0f} ms of processor time a job while it runs, and {:.0f} ms "
+      "to submit one.\n",
+      3600 * jobs / farmed.wall_s, 3600 * jobs / direct.wall_s, direct.wall_s / farmed.wall_s,
+      direct.wall_s / (farmed.wall_s + submitted.wall_s),
+      1000 * (farmed.cpu_s - direct.cpu_s) / jobs, 1000 * submitted.cpu_s / jobs);
   fs::remove_all(folder);
   return 0;
 } catch (const std::exception& e) {

@@ -9,10 +9,17 @@
 #include <filesystem>
 #include <functional>
 #include <string>
+#include <thread>
 #include <vector>
 
+#include "../run_program.hpp"
+#include "slicecorr/farm/folder.hpp"
+#include "slicecorr/farm/metrics.hpp"
+#include "slicecorr/farm/morning.hpp"
 #include "slicecorr/farm/queue.hpp"
 #include "slicecorr/farm/read_model.hpp"
+#include "slicecorr/farm/serve.hpp"
+#include "slicecorr/farm/status.hpp"
 
 namespace {
 
@@ -64,7 +71,8 @@ int main(int argc, char** argv) {
   const int jobs = argc > 1 ? std::atoi(argv[1]) : 100'000;
   std::string folder = (std::filesystem::temp_directory_path() / "farm-queue-XXXXXX").string();
   if (jobs <= 0 || !::mkdtemp(folder.data())) return 2;
-  const std::string path = folder + "/farm.sqlite";
+  const FarmFolder farm = open_folder(folder);
+  const std::string path = farm.database();
   Queue queue(path);
   std::vector<NewJob> list;
   for (int i = 0; i < jobs; ++i) list.push_back(job_of(i));
@@ -130,6 +138,42 @@ int main(int argc, char** argv) {
     model.jobs(f);
   });
   measure("newest 100 events", 20, [&] { model.last_events(100); });
+  JobFilter page;
+  page.limit = 40;
+  measure("status --json, data", 20, [&] { status_json(read_status(model, farm, page), farm); });
+  measure("/api/v1/overview", 20, [&] { overview_json(read_overview(model, farm)); });
+  measure("/metrics", 20, [&] { metrics_text(model, farm); });
+  measure("/report", 5, [&] { morning_page(read_morning(farm, model, {}), {}); });
+  // What the page asks for, through the server; curl's own start included.
+  FarmServer server(farm, {});
+  std::thread serving([&] { server.run(); });
+  for (const std::string what :
+       {"/", "/api/v1/overview", "/api/v1/jobs?limit=100", "/api/v1/jobs?limit=100&order=urgency",
+        "/api/v1/jobs?limit=100&text=part-4242", "/metrics"}) {
+    measure("curl " + what, 10, [&] {
+      const auto answer = slicecorr::test::run_program({"curl", "-sSf", server.address() + what});
+      if (answer.exit_code != 0) fmt::print(stderr, "{}\n", answer.err);
+    });
+  }
+  server.stop();
+  serving.join();
+  // The program itself, its start of a quarter of a second and more included.
+  const std::string bin =
+      std::filesystem::read_symlink("/proc/self/exe").parent_path().string() + "/slicefarm";
+  const auto program = [&](std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), bin);
+    arguments.insert(arguments.end(), {"--dir", folder});
+    const auto result = slicecorr::test::run_program(arguments);
+    if (result.exit_code != 0) fmt::print(stderr, "{}\n", result.err);
+  };
+  measure("slicefarm status", 5, [&] { program({"status"}); });
+  measure("slicefarm status --json -", 5, [&] { program({"status", "--json", "-"}); });
+  measure("slicefarm status --find part-4242", 5, [&] {
+    program({"status", "--find", "part-4242"});
+  });
+  measure("slicefarm cancel", 5, [&, i = 50'000]() mutable {
+    program({"cancel", std::to_string(std::min(i++, jobs))});
+  });
   fmt::print("\nDatabase: {:.1f} MB\n",
              static_cast<double>(std::filesystem::file_size(path)) / 1e6);
   std::filesystem::remove_all(folder);

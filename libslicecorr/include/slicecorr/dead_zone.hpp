@@ -26,6 +26,9 @@ struct DeadZones {
   double greatest() const;
 };
 
+/// Throws `InfeasibleError` where the resin cures to the window and the process does not allow it.
+void check_window(const DeadZones& zones, const Process& process);
+
 /// Watches the window under one band. For one thread.
 class WindowWatch {
  public:

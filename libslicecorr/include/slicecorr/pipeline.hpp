@@ -121,8 +121,9 @@ class CorrectedSlices final : public SliceSource {
 };
 
 /// Checks that `setup` can print `target` at all: size, scale, stage, light. Throws as
-/// `correct_stack`. A flat-field of the printer is left aside: the plan is that of a place which
-/// gets the light of the calibration.
-CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup);
+/// `correct_stack`. Where the printer has a flat-field that is too dim at some places, the slices
+/// are read to find whether the part is lit there; a `GridOnly` is lit nowhere. The plan is that of
+/// the brightest place.
+CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup, const Job& job = {});
 
 }  // namespace slicecorr

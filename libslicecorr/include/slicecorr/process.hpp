@@ -176,6 +176,8 @@ std::string uv_in_words(const UvSchedule& uv);
 
 /// Exposure of a layer, s (layerwise).
 double layer_exposure_s(const Process& process, int layer);
+/// All of them in words (layerwise): "8 s each; the first layer 20 s, then 3 in steps between".
+std::string exposures_in_words(const Process& process);
 
 /// How long a slice is shown, and with what share of the intensity that its grey levels stand for.
 struct SliceLight {

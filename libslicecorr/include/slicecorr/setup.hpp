@@ -41,13 +41,15 @@ enum class ChoiceNames {
 };
 
 /// What is chosen, over what `info` brings; `times`: an archive whose exposure times count where
-/// none are given. Both may be null. Words are taken as they are checked by the caller. Throws
+/// none are given, and whose first exposure stays where it is longer than the one chosen. Both may
+/// be null. Words are taken as they are checked by the caller. Throws
 /// `InputError` naming what is missing, or what does not go together.
 Setup resolve_setup(const SetupChoices& choices, const StackInfo* info, const StackInfo* times,
                     ChoiceNames names);
 
-/// What the user should know of a setup; empty when nothing.
-std::string setup_notice(const Setup& setup, ChoiceNames names);
+/// What the user should know of a setup, each in a sentence; `times`: as for `resolve_setup`.
+std::vector<std::string> setup_notices(const Setup& setup, const StackInfo* times,
+                                       ChoiceNames names);
 
 /// All of a setup as JSON, in the words in which stacks record it: the same setup gives the same
 /// text, and reading it back gives the same setup, bit for bit.

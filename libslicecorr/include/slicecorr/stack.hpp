@@ -52,6 +52,8 @@ struct StackInfo {
   int target_layers = 0;       ///< layers of the part; grid.layers has the added slices too
   double part_volume_mm3 = 0;  ///< volume of the target's coverage; 0 when not known
   std::string program;         ///< name and version of the program that wrote it
+  /// SHA-256 of the archive that was corrected, 64 hex digits; empty when it was not noted.
+  std::string original_sha256;
   /// Light-on time of normal layers, s; 0 when the archive has none.
   double exposure_s = 0;
   /// Light-on time of the first `bottom_layers`, s; 0 when the archive says nothing of them.
@@ -152,6 +154,7 @@ struct StackFile {
   /// the kind of its images are kept; its exposure times, too, where the stack's are no others.
   /// Empty: a new archive. May be `path` itself.
   std::string keep_from;
+  std::string original_sha256;  ///< of a corrected stack, noted in it: see StackInfo
 };
 /// Name of the format that the file is written in. Throws `InputError` when none is named or ends
 /// like this.

@@ -100,6 +100,9 @@ class Engine {
   /// by `poll` from now on; the others are gone.
   virtual std::vector<std::string> adopt(const std::vector<Attempt>& attempts) = 0;
   virtual std::vector<Node> nodes() = 0;
+  /// Why nothing can run now, in words for people: nobody answers, no node takes work. Empty: it
+  /// can.
+  virtual std::string trouble() const { return {}; }
   /// Whether tasks survive the end of this process (then a service may stop without ending them).
   virtual bool outlives_service() const = 0;
 };

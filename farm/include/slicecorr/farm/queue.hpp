@@ -68,6 +68,10 @@ struct NewJob {
 struct ClaimRequest {
   std::string service, engine;
   std::int64_t free_memory_mb = 0;  ///< jobs that need more at one thread are passed over
+  /// What one job can ever get; 0: as much as is free. Jobs that need more are claimed as if they
+  /// needed this much, so that they are tried with all of it or refused instead of waiting for
+  /// ever.
+  std::int64_t largest_memory_mb = 0;
   /// Only jobs with this key whose result is in the cache; empty: any.
   std::string cached_key;
   /// Whether jobs that need more memory than is free may be passed over for others (64 at most).

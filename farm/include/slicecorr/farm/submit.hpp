@@ -16,6 +16,7 @@ namespace slicecorr::farm {
 
 /// A job as somebody asks for it.
 struct JobRequest {
+  bool as_options = false;         ///< messages name options of the command line, not keys
   std::string where;               ///< "jobs.toml:12", "jobs.csv:3", "command line", for messages
   std::vector<std::string> parts;  ///< meshes that share a plate, or one archive of slices
   double layer_um = 0;

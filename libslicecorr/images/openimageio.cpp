@@ -1,0 +1,69 @@
+// The module that does what we use OpenImageIO for; see base/image_module.hpp.
+
+#include <OpenImageIO/filesystem.h>
+#include <OpenImageIO/imageio.h>
+
+#include <algorithm>
+
+#include "base/image_module.hpp"
+
+namespace slicecorr::detail {
+namespace {
+
+std::string or_unknown(const std::string& text) {
+  return text.empty() ? "OpenImageIO does not say why" : text;
+}
+
+std::string decode_png(std::span<const std::uint8_t> png, int width, int height, int rows,
+                       const ImageFunctions::RowSink& sink) {
+  OIIO::Filesystem::IOMemReader reader(png.data(), png.size());
+  OIIO::ImageSpec config;
+  OIIO::Filesystem::IOProxy* const proxy = &reader;
+  config.attribute("oiio:ioproxy", OIIO::TypeDesc::PTR, &proxy);
+  config.attribute("oiio:UnassociatedAlpha", 1);
+  const auto input = OIIO::ImageInput::create("png");
+  if (!input) return or_unknown(OIIO::geterror());
+  OIIO::ImageSpec spec;
+  if (!input->open("slice.png", spec, config)) return or_unknown(input->geterror());
+  const int channels = spec.nchannels;
+  if (spec.width != width || spec.height != height || channels < 1 || channels > 4) {
+    return "unexpected size or channels";
+  }
+  const std::size_t row_bytes = static_cast<std::size_t>(width) * static_cast<unsigned>(channels);
+  std::vector<std::uint8_t> pixels(row_bytes * static_cast<std::size_t>(std::min(rows, height)));
+  for (int y0 = 0; y0 < height; y0 += rows) {
+    const int y1 = std::min(height, y0 + rows);
+    if (!input->read_scanlines(0, 0, y0, y1, 0, 0, channels, OIIO::TypeDesc::UINT8,
+                               pixels.data())) {
+      return or_unknown(input->geterror());
+    }
+    sink(y0, y1, pixels.data(), channels);
+  }
+  input->close();
+  return "";
+}
+
+std::string encode_png(int width, int height, const std::uint8_t* rgb,
+                       std::vector<std::uint8_t>& png) {
+  OIIO::Filesystem::IOVecOutput memory(png);
+  const auto out = OIIO::ImageOutput::create("png");
+  if (!out) return or_unknown(OIIO::geterror());
+  OIIO::ImageSpec spec(width, height, 3, OIIO::TypeDesc::UINT8);
+  // OpenImageIO stamps files with the time; the same input must give the same bytes.
+  spec.attribute("DateTime", "1980:01:01 00:00:00");
+  if (!out->set_ioproxy(&memory) || !out->open("section.png", spec) ||
+      !out->write_image(OIIO::TypeDesc::UINT8, rgb) || !out->close()) {
+    return or_unknown(out->geterror());
+  }
+  return "";
+}
+
+constexpr ImageFunctions functions{decode_png, encode_png};
+
+}  // namespace
+}  // namespace slicecorr::detail
+
+extern "C" __attribute__((visibility("default"))) const slicecorr::detail::ImageFunctions*
+slicecorr_image_functions() {
+  return &slicecorr::detail::functions;
+}

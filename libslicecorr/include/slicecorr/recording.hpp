@@ -37,9 +37,11 @@ struct Recording {
     /// Mean of the UV lamp, where it is patterned over a fully lit pixel. Counts as far as there is
     /// light.
     double uv_mw_cm2 = 0;
-    double from_um = 0, to_um = 0;  ///< measured, along the print from the platform
-    double speed_um_s = 0;          ///< mean
-    double blue_share = 0;          ///< mean
+    /// Measured, along the print from the platform; the same: its light counts as spread over the
+    /// slice.
+    double from_um = 0, to_um = 0;
+    double speed_um_s = 0;  ///< mean
+    double blue_share = 0;  ///< mean
     bool operator==(const Part&) const = default;
   };
   std::vector<Part> parts;        ///< slice by slice, in the order in which they were shown

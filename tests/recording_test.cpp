@@ -188,6 +188,8 @@ TEST(RecordingWriterRefuses, WhatCantBeARecord) {
   const Images images = test::random_images(20, 20, 2, 8);
   const StackInfo info = print_info(images.grid);
   EXPECT_THAT(refusal([&] { RecordingWriter(folder / "a.sl1", info); }), HasSubstr("name.uvj"));
+  EXPECT_THAT(refusal([&] { RecordingWriter(folder / "none/a.uvj", info); }),
+              HasSubstr("expected a new file in a folder that is there"));
   StackInfo less = info;
   less.resin.reset();
   EXPECT_THAT(refusal([&] { RecordingWriter(folder / "a.uvj", less); }),

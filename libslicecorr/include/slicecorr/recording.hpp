@@ -80,7 +80,8 @@ void refuse_recording(const SliceSource& source);
 class RecordingWriter {
  public:
   /// `print`: what the corrected stack that is printed says of itself, with printer, resin and
-  /// process. `path` ends in ".uvj". Throws `InputError` when it does not, or `print` says less.
+  /// process. `path` ends in ".uvj". Throws `InputError` when it does not, its folder is not there,
+  /// or `print` says less.
   RecordingWriter(const std::string& path, const StackInfo& print, const Job& job = {});
   ~RecordingWriter();
   RecordingWriter(const RecordingWriter&) = delete;

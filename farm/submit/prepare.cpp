@@ -159,12 +159,14 @@ Checked check_inputs(const JobRequest& r, const Resolved& w, const slicecorr::Jo
 
 /// What a worker is given: docs/farm.md says where the numbers come from. Half as much again as
 /// was seen, because a worker over its limit has worked for nothing.
-void estimate_memory(const Checked& c, Work& work) {
+void estimate_memory(const Checked& c, const Printer& printer, Work& work) {
   constexpr double mb = 1 << 20;
   const double mesh = 100.0 * static_cast<double>(c.triangles) / mb;
   const double pieces = std::min(256.0, 0.2 * static_cast<double>(c.voxels) / mb);
   const double thread = 16 + 32.0 * c.width_px * 100 / mb + 8192.0 * c.layers / mb;
-  work.base_memory_mb = static_cast<std::int64_t>(1.5 * (160 + mesh + pieces + thread));
+  // A model for each value of a flat-field: a part that takes 225 MB in even light took 500.
+  const double light = printer.flat_field ? 200 : 0;
+  work.base_memory_mb = static_cast<std::int64_t>(1.5 * (160 + mesh + pieces + thread + light));
   work.thread_memory_mb = static_cast<std::int64_t>(1.5 * thread);
 }
 
@@ -393,7 +395,7 @@ class Preparation {
       j.work.rate_class = rate_class_of(w);
       j.work.layers = c.layers;
       j.work.voxels = c.voxels;
-      estimate_memory(c, j.work);
+      estimate_memory(c, w.setup.printer, j.work);
       const auto [rate, fresh] = rates.emplace(j.work.rate_class, Rates{});
       if (fresh) rate->second = queue_.rates(j.work.rate_class);
       const bool measured = rate->second.voxels_per_s > 0;

@@ -4,6 +4,7 @@
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <signal.h>
+#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -58,6 +59,8 @@ class Child {
       ::dup2(in[0], STDIN_FILENO);
       ::dup2(out[1], STDOUT_FILENO);
       ::dup2(err, STDERR_FILENO);
+      // A test that crashes leaves nobody behind.
+      ::prctl(PR_SET_PDEATHSIG, SIGKILL);
       ::execv(argv[0], argv.data());
       ::_exit(127);
     }
@@ -160,8 +163,9 @@ class BridgePrograms : public testing::Test {
                          std::vector<std::string> more = {"--resin", "figure-2-2", "--speed-mm-h",
                                                           "800"}) {
     const std::string target = folder / (name + "-target.uvj"), stack = folder / (name + ".uvj");
-    const RunResult sliced = run_program({program("slicecorr"), "slice", make_part(), "-o", target,
-                                          "--printer", printer, "--layer-um", "50", "--quiet"});
+    const RunResult sliced =
+        run_program({program("slicecorr"), "slice", make_part(), "-o", target, "--printer", printer,
+                     "--layer-um", "50", "--antialias", "off", "--quiet"});
     EXPECT_EQ(sliced.exit_code, 0) << sliced.err;
     std::vector<std::string> command{program("slicecorr"), "correct", target,   "-o", stack,
                                      "--printer",          printer,   "--quiet"};

@@ -125,7 +125,7 @@ std::vector<Case> cases() {
   per_slice.uv.slice_mw_cm2 = {180};
   Process patterned = continuous();
   patterned.uv.kind = UvKind::patterned;
-  patterned.uv.dead_zone_um = 30;
+  patterned.uv.dead_zone_um = 20;
   return {
       {"continuous", {plain, test::resin(576, 2000), continuous()}},
       {"exponent", {plain, kinetic_resin(1.3), continuous()}},
@@ -148,7 +148,7 @@ TEST_P(AsPlanned, PredictsWhatTheStackDoes) {
   const MemorySlices target = random_slices(kGrid, 5, true), stack = random_slices(kGrid, 6, false);
   const RecordedSlices recorded(stack, as_planned(kGrid.layers, GetParam().uv_mw_cm2));
   const Prediction expected = verify_stack(stack, target, setup);
-  ASSERT_GT(expected.printed_voxels, 500u);
+  ASSERT_GT(expected.printed_voxels, 200u);
   ASSERT_GT(expected.height_error_um.count(), 50u);
   EXPECT_EQ(verify_stack(recorded, target, setup).to_json(), expected.to_json());
   for (const auto& [x, y] : {std::pair{3, 4}, {10, 8}, {0, 0}}) {
@@ -445,6 +445,7 @@ TEST(RecordedHistory, ContinuousDosesAreThoseOfTheIntegralWithinTheBound) {
     const Cure cure = cure_of(resin);
     const MemorySlices images = random_slices(kGrid, 21, false);
     for (const int turns : {1, 16}) {
+      const int steps = std::max(25, 400 / turns);
       const History history = random_history(31, kGrid.layers, false);
       const History shown = spread(history, turns);
       const RecordedSlices recorded(images, recording_of(shown, m));
@@ -469,10 +470,10 @@ TEST(RecordedHistory, ContinuousDosesAreThoseOfTheIntegralWithinTheBound) {
           const double z = n * kGrid.layer_um;
           // Spread over the slice the bound shrinks to that of a thinner slice.
           bound = 0.5 * slope * d * (1 - std::pow(a, 1.0 / turns)) + a * bound;
-          const double at_node = dose_by_time(list, cure, z);
-          // The midpoint rule is off by (d step)^2 / 24 of the dose, some 1e-9.
+          const double at_node = dose_by_time(list, cure, z, steps);
+          // The midpoint rule is off by (d step)^2 / 24 of the dose, at most 1e-9.
           ASSERT_NEAR(row.dose, at_node, bound + 1e-8 * at_node) << n << " " << turns;
-          const double in_middle = dose_by_time(list, cure, z + 0.5 * kGrid.layer_um);
+          const double in_middle = dose_by_time(list, cure, z + 0.5 * kGrid.layer_um, steps);
           ASSERT_NEAR(row.dose_middle, in_middle, inside + 1e-8 * in_middle) << n;
           if (turns == 1 && bound > 1e-6) {
             worst_share = std::max(worst_share, std::abs(row.dose - at_node) / bound);
@@ -493,6 +494,7 @@ TEST(RecordedHistory, UnderUvDosesAreThoseOfTheIntegralWithinTheBound) {
     const Cure cure = cure_of(resin);
     const MemorySlices images = random_slices(kGrid, 22, false);
     for (const int turns : {1, 32}) {
+      const int steps = std::max(25, 400 / turns);
       const History history = random_history(32, kGrid.layers, true);
       const History shown = spread(history, turns);
       const RecordedSlices recorded(images, recording_of(shown, m));
@@ -521,7 +523,7 @@ TEST(RecordedHistory, UnderUvDosesAreThoseOfTheIntegralWithinTheBound) {
               }
             }
           }
-          const double expected = dose_by_time(list, cure, n * kGrid.layer_um);
+          const double expected = dose_by_time(list, cure, n * kGrid.layer_um, steps);
           // Beyond the tables' reach UV light is left out: a share of 1e-6.
           ASSERT_NEAR(rows[static_cast<std::size_t>(n)].dose, expected, bound + 2e-6 * expected)
               << n << " " << turns << " m " << m;
@@ -570,11 +572,13 @@ TEST(RecordedHistory, LayerByLayerDosesAreExact) {
         const ProbeRow& row = rows[static_cast<std::size_t>(n)];
         const double z = n * kGrid.layer_um;
         const auto& list = columns[static_cast<std::size_t>(k)];
-        const double share = uv ? 2e-6 : 1e-12;
+        // Inside the layer, the exposure whose window stands at its far edge does not count: 1e-9
+        // um, or 2e-11 of an absorbance height of 48 um.
+        const double share = uv ? 2e-6 : 3e-11;
         const double upper = test::dose_by_time(list, cure, z + 1e-9, 1);
-        EXPECT_NEAR(row.dose, upper, share * upper + 1e-10);
+        EXPECT_NEAR(row.dose, upper, share * upper);
         const double middle = test::dose_by_time(list, cure, z + 10, 1);
-        EXPECT_NEAR(row.dose_middle, middle, share * middle + 1e-10);
+        EXPECT_NEAR(row.dose_middle, middle, share * middle);
       }
     }
   }

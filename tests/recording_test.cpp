@@ -154,7 +154,7 @@ TEST(RecordingFile, PatternedUvImagesAreComparedWithTheirSlices) {
   info.printer->uv = UvLamp{365, true, {{0, 0}, {255, 300}}};
   info.resin->inhibition = Inhibition{0.7, 30, 1, 0};
   info.process->uv.kind = UvKind::patterned;
-  info.process->uv.dead_zone_um = 10;
+  info.process->uv.dead_zone_um = 5;
   // The images that a corrected stack of these slices has.
   Bytes map(256);
   {

@@ -43,6 +43,10 @@ std::uint32_t crc(const std::vector<std::uint8_t>& bytes, std::uint32_t start = 
   return static_cast<std::uint32_t>(::crc32_z(start, bytes.data(), bytes.size()));
 }
 
+std::uint32_t crc(const std::uint8_t (&header)[wire_header_bytes]) {
+  return static_cast<std::uint32_t>(::crc32_z(0, header, sizeof header));
+}
+
 [[noreturn]] void wrong(const std::string& what) { throw DeviceError("frame wire: " + what); }
 
 /// Waits until the socket can be read from or written to, or the time is over.
@@ -160,8 +164,9 @@ void send_message(const WireSocket& socket, const WireMessage& m, double timeout
   put(header + 20, m.flags);
   put(header + 24, std::bit_cast<std::uint64_t>(m.at_s));
   put(header + 32, static_cast<std::uint64_t>(m.count));
-  put(header + 40, crc(m.payload));
+  put(header + 40, std::uint32_t{0});
   put(header + 44, static_cast<std::uint32_t>(m.payload.size()));
+  put(header + 40, crc(m.payload, crc(header)));
   const Time::time_point until = in(timeout_s);
   write_all(socket.get(), header, sizeof header, m.payload.empty() ? 0 : MSG_MORE, until);
   write_all(socket.get(), m.payload.data(), m.payload.size(), 0, until);
@@ -188,12 +193,14 @@ bool receive_message(const WireSocket& socket, WireMessage& m, double timeout_s)
   m.at_s = std::bit_cast<double>(get<std::uint64_t>(header + 24));
   m.count = static_cast<std::int64_t>(get<std::uint64_t>(header + 32));
   const auto expected_crc = get<std::uint32_t>(header + 40);
+  put(header + 40, std::uint32_t{0});
   const auto size = get<std::uint32_t>(header + 44);
   if (size > wire_max_payload) wrong(fmt::format("a message of {} bytes", size));
   check(m, size);
   m.payload.resize(size);
   if (size > 0 && !read_all(socket.get(), m.payload.data(), size, until)) wrong("half a message");
-  if (crc(m.payload) != expected_crc) wrong("a message was changed on its way (checksum)");
+  if (crc(m.payload, crc(header)) != expected_crc)
+    wrong("a message was changed on its way (checksum)");
   return true;
 }
 

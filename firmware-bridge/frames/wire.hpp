@@ -3,11 +3,13 @@
 /// A stream socket. Each message is a header of 48 bytes, little endian, then its payload; each
 /// message of the bridge is answered by one message without payload before the next is sent:
 ///
-///     0  u32 magic 'SCFW'      16 u32 height_px        40 u32 crc32 of the payload
+///     0  u32 magic 'SCFW'      16 u32 height_px        40 u32 crc32 of header and payload
 ///     4  u16 version, 1        20 u32 flags            44 u32 payload_bytes
 ///     6  u16 kind              24 f64 at_s
 ///     8  i32 number            32 i64 count
 ///    12  u32 width_px
+///
+/// The checksum is taken with 0 in its own place.
 ///
 /// - *hello* comes first, once. Payload: JSON, see `WireHello`. Answer: `at_s` is the machine's
 ///   clock.

@@ -4,6 +4,7 @@
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <signal.h>
+#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -58,6 +59,8 @@ class Child {
       ::dup2(in[0], STDIN_FILENO);
       ::dup2(out[1], STDOUT_FILENO);
       ::dup2(err, STDERR_FILENO);
+      // A test that crashes leaves nobody behind.
+      ::prctl(PR_SET_PDEATHSIG, SIGKILL);
       ::execv(argv[0], argv.data());
       ::_exit(127);
     }

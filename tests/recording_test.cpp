@@ -379,6 +379,10 @@ class RecordingProgram : public testing::Test {
                                     {n, 0.9, 0, z + 5, z + 50, 277.8, 1}};
       late.add_slice(parts);
     }
+    // The end of the last one lies beyond the plan.
+    const double z = 50.0 * stack.grid().layers;
+    const Part rest{stack.grid().layers - 1, 0.1, 0, z, z + 5, 277.8, 1};
+    late.add_slice({&rest, 1});
     writer.finish(late);
   }
   test::RunResult run(const std::vector<std::string>& arguments) {
@@ -397,7 +401,7 @@ TEST_F(RecordingProgram, InfoSaysIt) {
   EXPECT_EQ(words.exit_code, 0) << words.err;
   EXPECT_THAT(words.out, HasSubstr("kind         recorded"));
   EXPECT_THAT(words.out, HasSubstr("slices with light, of 2 images at most"));
-  EXPECT_THAT(words.out, HasSubstr("light        1 to 1 of that of the plan"));
+  EXPECT_THAT(words.out, HasSubstr("light        0.1 to 1 of that of the plan"));
   const json j = json::parse(run({"info", recorded_, "--json", "-"}).out);
   EXPECT_EQ(j["kind"], "recorded");
   EXPECT_EQ(j["recording"]["slices"], j["layers"]);
@@ -411,7 +415,7 @@ TEST_F(RecordingProgram, VerifyProbeReportAndSectionFollowIt) {
   const json shown = json::parse(verify.out);
   const json planned =
       json::parse(run({"verify", corrected_, "--target", target_, "--json", "-"}).out);
-  EXPECT_EQ(shown["layers"], planned["layers"]);
+  EXPECT_EQ(shown["layers"], planned["layers"].get<int>() + 1);
   EXPECT_EQ(shown["target_voxels"], planned["target_voxels"]);
   // Everything comes 5 um late, and so does the end of the block.
   const double moved = shown["height_error_um"]["max_abs"].get<double>() -

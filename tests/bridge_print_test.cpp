@@ -448,7 +448,7 @@ TEST_F(BridgePrint, DrivesAMachineThatWeDidNotWrite) {
 transport = "tcp"
 port = 1
 word_order = "little"
-exchange = "fc16_fc3"
+exchange = "fc16+fc3"
 [modbus.write]
 sequence = { address = 300 }
 heartbeat = { address = 301 }

@@ -122,6 +122,15 @@ TEST(FrameWire, CarriesFrames) {
   EXPECT_EQ(got->crc32, crc32_of(frame));
   ASSERT_TRUE(receive_message(ends.b, m, 1));
   EXPECT_EQ(frame_of(std::move(m)), nullptr);
+  // Without a payload, received into what had one and into what had none.
+  WireMessage tick;
+  tick.at_s = 3;
+  for (WireMessage into : {message_of(&frame, 0), WireMessage{}}) {
+    send_message(ends.a, tick, 1);
+    ASSERT_TRUE(receive_message(ends.b, into, 1));
+    EXPECT_EQ(into.kind, WireKind::tick);
+    EXPECT_TRUE(into.payload.empty());
+  }
   ends.a = WireSocket();
   EXPECT_FALSE(receive_message(ends.b, m, 1)) << "closed between messages";
 }

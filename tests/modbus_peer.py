@@ -65,11 +65,11 @@ class Machine(ModbusSequentialDataBlock):
             # pymodbus puts address 0 at place 1 of the block.
             base = 301
             self.command = self.word(base + 2)
-            self.target_um = self.double(base + 4) * 0.1
-            self.speed_um_s = self.double(base + 6) * 0.01
-            self.acceleration = max(1.0, self.word(base + 12) * 1.0)
-            blue = self.word(base + 8)
-            self.heard.append([self.command, blue, self.word(base + 10)])
+            self.target_um = self.double(base + 3) * 0.1
+            self.speed_um_s = self.double(base + 5) * 0.01
+            self.acceleration = max(1.0, self.word(base + 8) * 1.0)
+            blue = self.word(base + 7)
+            self.heard.append([self.command, blue])
             running = self.command == RUN
             out = [0] * 12
             out[0] = self.word(base)

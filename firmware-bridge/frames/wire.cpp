@@ -40,6 +40,8 @@ T get(const std::uint8_t* in) {
 }
 
 std::uint32_t crc(const std::vector<std::uint8_t>& bytes, std::uint32_t start = 0) {
+  // zlib takes a null pointer for a new beginning.
+  if (bytes.empty()) return start;
   return static_cast<std::uint32_t>(::crc32_z(start, bytes.data(), bytes.size()));
 }
 

@@ -165,7 +165,7 @@ FrameLog::~FrameLog() = default;
 
 void FrameLog::add(const FrameRecord& r) {
   impl_->writer.add(
-      fmt::format("{},{:.3f},{:.3f},{:.6f},{:.6f},{:.3f},{:.4f},{:.6f},{:.4f},{:.6f},{:.4f}",
+      fmt::format("{},{:.6f},{:.6f},{:.6f},{:.6f},{:.6f},{:.4f},{:.6f},{:.4f},{:.6f},{:.4f}",
                   r.frame, r.planned_um - impl_->start_um, r.stage_um - impl_->start_um,
                   r.planned_s, r.shown_s, r.stage_um - r.planned_um, r.speed_um_s, r.blue_share,
                   r.uv_mw_cm2, r.blue_measured, r.uv_measured),

@@ -353,8 +353,8 @@ TEST(Light, LayerByLayerBelongsToTheLayerThatTheStageStandsFor) {
   model.record({50, kHome, 1, true});
   Driver driver(model);
   for (int n = 0; n < 4; ++n) {
-    // The stage misses its place by a few um, as stages do.
-    driver.set_points = run_to(kHome + 50 * (n + 1) + (n % 2 ? 6 : -6), 1000);
+    // The stage misses its place by nearly half a layer.
+    driver.set_points = run_to(kHome + 50 * (n + 1) + (n % 2 ? 24 : -24), 1000);
     driver.send();
     driver.until(model.now_s() + 5, 0.05);
     ASSERT_TRUE(model.at_rest());
@@ -420,7 +420,7 @@ TEST(Watchdog, ActsWhenTheHeartbeatStandsStillWhateverElseComes) {
   for (int i = 1; i < 30; ++i) {
     model.advance(i * 0.01);
     ++s.sequence;                    // set-points keep coming, the heartbeat does not change
-    s.watchdog_s = i % 2 ? 0 : 100;  // and nobody talks it out of its own limit
+    s.watchdog_s = i % 2 ? 100 : 0;  // and nobody talks it out of its own limit
     model.take(s);
   }
   EXPECT_EQ(model.status().state, MachineState::running);

@@ -27,8 +27,8 @@ class Block {
           static_cast<std::uint16_t>(value != 0 ? registers_[at] | mask : registers_[at] & ~mask);
       return;
     }
-    // What is no number must not light a lamp or move a stage.
-    const double raw = std::isnan(value) ? 0 : (value - reg.offset) / reg.scale;
+    // What is no number must not light a lamp.
+    const double raw = ((std::isnan(value) ? 0 : value) - reg.offset) / reg.scale;
     const double held =
         std::clamp(std::round(raw), detail::least_raw(reg), detail::greatest_raw(reg));
     const auto bits = static_cast<std::uint32_t>(static_cast<std::int64_t>(held));

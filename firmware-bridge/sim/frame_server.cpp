@@ -29,8 +29,11 @@ FrameServer::FrameServer(const std::string& address, const Machine& machine, Tim
       model_(model),
       hello_(std::move(hello)),
       complain_(std::move(complain)),
-      listener_(listen_wire(address)),
-      thread_([this] { run(); }) {}
+      listener_(listen_wire(address)) {
+  // Who has to wait for a place in the queue tries again after a second only.
+  ::listen(listener_.socket.get(), 64);
+  thread_ = std::thread([this] { run(); });
+}
 
 FrameServer::~FrameServer() {
   stop_ = true;

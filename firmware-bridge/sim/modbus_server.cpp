@@ -92,7 +92,7 @@ struct ModbusServer::Impl {
   void listen_on(const std::string& host, const std::string& port) {
     WireListener made = listen_wire(fmt::format("tcp:{}:{}", host, port));
     listener = std::move(made.socket);
-    ::listen(listener.get(), 16);
+    ::listen(listener.get(), 64);
     ::fcntl(listener.get(), F_SETFL, O_NONBLOCK);
     address = made.address.substr(4);
     // The port of the context is never used: it only builds answers.

@@ -204,7 +204,9 @@ TEST_P(AsPlanned, DoesNotDependOnThreads) {
   Recording late;
   for (int n = 0; n < grid.layers; ++n) {
     const double uv = GetParam().uv_mw_cm2;
-    const std::vector<Part> parts{{n - 1, 0.25, uv, 0, 0, 0, 1}, {n, 0.73, uv * 1.1, 0, 0, 0, 1}};
+    const double z = n * grid.layer_um;
+    const std::vector<Part> parts{{n - 1, 0.25, uv, z, z + 6, 0, 1},
+                                  {n, 0.73, uv * 1.1, z + 6, z + 20, 0, 1}};
     late.add_slice(parts);
   }
   const RecordedSlices recorded(random_slices(grid, 10, false), late);
@@ -312,19 +314,49 @@ TEST(RecordedColumn, LateFramesMoveAnEdgeByTheirLateness) {
                                   {n, 1 - q, 0, 0, 0, 0, 1}};
     late.add_slice(parts);
   }
-  const double before = verify_stack(stack, target, setup).greatest_shortfall_um;
-  const double after =
-      verify_stack(RecordedSlices(stack, late), target, setup).greatest_shortfall_um;
-  // Omega(zeta) = phi + (Omega(30) - phi) a^(30 - zeta), with Omega(30) = q phi (1 - a): 1 at
-  // a^(30 - zeta) = (phi - 1) / (phi - Omega(30)).
+  Recording placed = late;
+  for (std::size_t k = 0; k < placed.parts.size(); ++k) {
+    const double z = 50.0 * static_cast<double>(k / 2);
+    Part& p = placed.parts[k];
+    p.from_um = k % 2 ? z + 50 * q : z;
+    p.to_um = k % 2 ? z + 50 : z + 50 * q;
+  }
+  const auto shortfall = [&](const SliceSource& shown) {
+    return verify_stack(shown, target, setup).greatest_shortfall_um;
+  };
+  const double before = shortfall(stack), after = shortfall(RecordedSlices(stack, late));
   EXPECT_NEAR(before, -50 * std::log10((phi - 1) / phi) / 0.025, 1e-9);
+  // Where the parts have places it is just that.
+  EXPECT_NEAR(before - shortfall(RecordedSlices(stack, placed)), 50 * q, 1e-9);
+  // Spread over the slice: Omega(zeta) = phi + (Omega(30) - phi) a^(30 - zeta), with Omega(30) = q
+  // phi (1 - a): 1 at a^(30 - zeta) = (phi - 1) / (phi - Omega(30)).
   EXPECT_NEAR(before - after, -50 * std::log10(1 - q * (1 - kA)) / 0.025, 1e-9);
-  // By the integral it is q slices. The dose at node 30 is off by up to half eta ln10 (1 - a) D,
-  // D = 2 q (1 - q) phi, which moves an edge by that over the slope eta ln10 (phi - 1) per slice.
+  // The dose at node 30 is off by up to half eta ln10 (1 - a) D, D = 2 q (1 - q) phi, which moves
+  // an edge by that over the slope eta ln10 (phi - 1) per slice.
   const double bound = 50 * 0.5 * (1 - kA) * 2 * q * (1 - q) * phi / (phi - 1);
   EXPECT_NEAR(before - after, 50 * q, bound);
   EXPECT_LT(bound, 0.9);
   EXPECT_GT(std::abs(before - after - 50 * q), 0.01 * bound);
+}
+
+TEST(RecordedColumn, AnEdgeInsideASliceIsWhereItsPartEnds) {
+  // Full light for the first 0.3 of the last slice, on top of black for the rest of it: the dose
+  // climbs from the end of the light on.
+  const double phi = 6.25;
+  Settings setup = figure_2_2();
+  setup.printer.calibration = {{0, 0}, {255, 100}};
+  std::vector<std::uint8_t> values(10, 255);
+  const MemorySlices stack = column_of(values), target = column_of(values);
+  Recording r;
+  for (int n = 0; n < 10; ++n) {
+    const double z = 50.0 * n;
+    const Part part{n, n == 9 ? 0.3 : 1.0, 0, z, n == 9 ? z + 15 : z + 50, 0, 1};
+    r.add_slice({&part, 1});
+  }
+  const double whole = verify_stack(stack, target, setup).greatest_shortfall_um;
+  const Prediction p = verify_stack(RecordedSlices(stack, r), target, setup);
+  EXPECT_NEAR(whole, -50 * std::log10((phi - 1) / phi) / 0.025, 1e-9);
+  EXPECT_NEAR(p.greatest_shortfall_um, whole + 35, 1e-9);
 }
 
 TEST(RecordedColumn, MoreSlicesThanPlannedAndFewerAreAsTheyAre) {
@@ -388,7 +420,8 @@ History spread(const History& history, int turns) {
   return out;
 }
 
-Recording recording_of(const History& history, double m) {
+/// `placed`: says where parts lie in their slices; else their light counts as spread over them.
+Recording recording_of(const History& history, double m, bool placed) {
   Recording r;
   for (std::size_t n = 0; n < history.size(); ++n) {
     std::vector<Part> parts;
@@ -396,9 +429,12 @@ Recording recording_of(const History& history, double m) {
       // Time over that of the plan.
       const double time = (s.end - s.begin) * kSpeed_um_s / s.speed_um_s;
       const double z = kGrid.layer_um * static_cast<double>(n);
-      parts.push_back({s.image, std::pow(s.share, m) * time, s.uv_mw_cm2,
-                       z + s.begin * kGrid.layer_um, z + s.end * kGrid.layer_um, s.speed_um_s,
-                       s.share});
+      Part part{s.image, std::pow(s.share, m) * time, s.uv_mw_cm2, 0, 0, s.speed_um_s, s.share};
+      if (placed) {
+        part.from_um = z + s.begin * kGrid.layer_um;
+        part.to_um = z + s.end * kGrid.layer_um;
+      }
+      parts.push_back(part);
     }
     r.add_slice(parts);
   }
@@ -434,7 +470,7 @@ double unevenness(const std::vector<Shown>& parts, const std::vector<double>& ph
   return uneven + std::max(0.0, dark) * sum;
 }
 
-TEST(RecordedHistory, ContinuousDosesAreThoseOfTheIntegralWithinTheBound) {
+TEST(RecordedHistory, ContinuousDosesAreThoseOfTheIntegral) {
   double worst_share = 0;
   for (const double m : {1.0, 1.3}) {
     Printer printer = uv_printer();
@@ -448,11 +484,13 @@ TEST(RecordedHistory, ContinuousDosesAreThoseOfTheIntegralWithinTheBound) {
       const int steps = std::max(25, 400 / turns);
       const History history = random_history(31, kGrid.layers, false);
       const History shown = spread(history, turns);
-      const RecordedSlices recorded(images, recording_of(shown, m));
+      const RecordedSlices recorded(images, recording_of(shown, m, false));
+      const RecordedSlices placed(images, recording_of(shown, m, true));
       const double slope = m * kGrid.layer_um / cure.hb_um;  // eta ln10
       const double a = std::exp(-slope);
       for (const auto& [x, y] : {std::pair{2, 3}, {5, 5}, {9, 2}}) {
         const auto rows = probe_stack(recorded, nullptr, setup, x, y);
+        const auto exact = probe_stack(placed, nullptr, setup, x, y);
         const auto list = stretches(shown, images, x, y, printer);
         double bound = 0;  // at the node below
         for (int n = kGrid.layers; n-- > 0;) {
@@ -475,6 +513,12 @@ TEST(RecordedHistory, ContinuousDosesAreThoseOfTheIntegralWithinTheBound) {
           ASSERT_NEAR(row.dose, at_node, bound + 1e-8 * at_node) << n << " " << turns;
           const double in_middle = dose_by_time(list, cure, z + 0.5 * kGrid.layer_um, steps);
           ASSERT_NEAR(row.dose_middle, in_middle, inside + 1e-8 * in_middle) << n;
+          // Where its parts have places nothing is off, unless they are too many.
+          if (turns == 1) {
+            const ProbeRow& known = exact[static_cast<std::size_t>(n)];
+            ASSERT_NEAR(known.dose, at_node, 1e-8 * at_node) << n;
+            ASSERT_NEAR(known.dose_middle, in_middle, 1e-8 * in_middle) << n;
+          }
           if (turns == 1 && bound > 1e-6) {
             worst_share = std::max(worst_share, std::abs(row.dose - at_node) / bound);
           }
@@ -497,7 +541,7 @@ TEST(RecordedHistory, UnderUvDosesAreThoseOfTheIntegralWithinTheBound) {
       const int steps = std::max(25, 400 / turns);
       const History history = random_history(32, kGrid.layers, true);
       const History shown = spread(history, turns);
-      const RecordedSlices recorded(images, recording_of(shown, m));
+      const RecordedSlices recorded(images, recording_of(shown, m, true));
       for (const auto& [x, y] : {std::pair{2, 3}, {7, 6}}) {
         const auto rows = probe_stack(recorded, nullptr, setup, x, y);
         const auto list = stretches(shown, images, x, y, printer);

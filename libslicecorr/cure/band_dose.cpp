@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "base/kernels.hpp"
 #include "cure/walkers.hpp"
@@ -41,6 +42,8 @@ class ContinuousWalker final : public BandDose::Walker {
   }
   void add_slice(int, std::span<const ShownPart> parts) override {
     lower.swap(upper);
+    cut(parts);
+    if (!pieces_.empty()) return add_pieces();
     for (std::size_t b = 0; b < phi_.size(); b += kBlock) {
       detail::block_phi(curve_, parts, b, std::min(kBlock, phi_.size() - b), &phi_[b]);
     }
@@ -49,12 +52,68 @@ class ContinuousWalker final : public BandDose::Walker {
       upper[i] = model_.step(phi_[i], lower[i]);
     }
   }
-  double crossing(std::size_t i) const override { return model_.crossing(phi_[i], lower[i]); }
+  double crossing(std::size_t i) const override {
+    if (pieces_.empty()) return model_.crossing(phi_[i], lower[i]);
+    double below = lower[i];
+    for (auto piece = pieces_.rbegin(); piece != pieces_.rend(); ++piece) {
+      double phi = 0;
+      detail::block_phi(curve_, piece->lit, i, 1, &phi);
+      const double above = phi * piece->one_minus_a + piece->a * below;
+      if ((above >= 1.0) != (below >= 1.0)) {
+        const double d = -std::log1p((1.0 - below) / (below - phi)) / (model_.eta * units::ln10);
+        return 1.0 - piece->to + std::clamp(d, 0.0, piece->to - piece->from);
+      }
+      below = above;
+    }
+    return 1.0;
+  }
 
  private:
+  /// A stretch of the slice in which the same images are lit; their light is its density there.
+  struct Piece {
+    double from, to, a, one_minus_a;
+    std::vector<ShownPart> lit;
+  };
+
+  /// Into thin slices with one phi each, none where all parts are spread over the slice.
+  void cut(std::span<const ShownPart> parts) {
+    pieces_.clear();
+    const auto spread = [](const ShownPart& p) { return p.from <= 0 && p.to >= 1; };
+    if (std::all_of(parts.begin(), parts.end(), spread)) return;
+    std::vector<double> ends{0.0, 0.5, 1.0};
+    for (const ShownPart& p : parts) ends.insert(ends.end(), {p.from, p.to});
+    std::sort(ends.begin(), ends.end());
+    ends.erase(std::unique(ends.begin(), ends.end()), ends.end());
+    for (std::size_t k = 0; k + 1 < ends.size(); ++k) {
+      const double exponent = -(ends[k + 1] - ends[k]) * model_.eta * units::ln10;
+      Piece piece{ends[k], ends[k + 1], std::exp(exponent), -std::expm1(exponent), {}};
+      for (const ShownPart& p : parts) {
+        if (p.from > piece.from || p.to < piece.to) continue;
+        piece.lit.push_back(p);
+        piece.lit.back().light = p.light / (p.to - p.from);
+      }
+      pieces_.push_back(std::move(piece));
+    }
+  }
+  void add_pieces() {
+    upper = lower;
+    double phi[kBlock];
+    for (auto piece = pieces_.rbegin(); piece != pieces_.rend(); ++piece) {
+      for (std::size_t b = 0; b < phi_.size(); b += kBlock) {
+        const std::size_t n = std::min(kBlock, phi_.size() - b);
+        detail::block_phi(curve_, piece->lit, b, n, phi);
+        for (std::size_t i = 0; i < n; ++i) {
+          upper[b + i] = phi[i] * piece->one_minus_a + piece->a * upper[b + i];
+        }
+      }
+      if (piece->from == 0.5) middle = upper;
+    }
+  }
+
   const CureModel& model_;
   PixelCurve curve_;
   std::vector<double> phi_;
+  std::vector<Piece> pieces_;  ///< of the slice at hand, from the platform's side
 };
 
 /// What is left of a dose in the middle of a layer and at its far edge.

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
+#include <utility>
 
 #include "slicecorr/error.hpp"
 
@@ -20,6 +22,16 @@ double setting_of(const Recording::Part& p) {
 bool lit_under_uv(const Recording& recording) {
   return std::any_of(recording.parts.begin(), recording.parts.end(),
                      [](const auto& p) { return p.light > 0 && p.uv_mw_cm2 > 0; });
+}
+
+/// Shares of the slice; all of it where a part says no stretch in it.
+std::pair<double, double> place_of(const Recording::Part& p, int slice, double layer_um) {
+  const double begin = slice * layer_um;
+  const double from = std::max(0.0, (std::min(p.from_um, p.to_um) - begin) / layer_um);
+  const double to = std::min(1.0, (std::max(p.from_um, p.to_um) - begin) / layer_um);
+  constexpr double least = 1e-9;
+  if (!(to - from > least)) return {0.0, 1.0};
+  return {from < least ? 0.0 : from, to > 1.0 - least ? 1.0 : to};
 }
 
 /// Groups of neighbours in a rising list that differ by no more than a share.
@@ -46,16 +58,16 @@ void refuse_recording_under_uv(const SliceSource& source) {
 ShownSlices::ShownSlices(const SliceSource& stack) : slices_(stack.grid().layers) {
   if (!stack.recording()) return;
   if (lit_under_uv(*stack.recording())) refuse_recording_under_uv(stack);
-  take(*stack.recording(), {});
+  take(*stack.recording(), {}, stack.grid().layer_um);
 }
 
 ShownSlices::ShownSlices(const SliceSource& stack, const Printer& printer, const Resin& resin,
                          const Process& process)
     : slices_(stack.grid().layers), printer_(printer), process_(process) {
-  if (stack.recording()) take(*stack.recording(), resin);
+  if (stack.recording()) take(*stack.recording(), resin, stack.grid().layer_um);
 }
 
-void ShownSlices::take(const Recording& recording, const Resin& resin) {
+void ShownSlices::take(const Recording& recording, const Resin& resin, double layer_um) {
   recorded_ = true;
   slices_ = recording.slices();
   // A lamp that shone although nobody asked for it counts all the same, where the resin heeds it.
@@ -83,17 +95,15 @@ void ShownSlices::take(const Recording& recording, const Resin& resin) {
   };
   for (int n = 0; n < slices_; ++n) {
     const std::size_t first = parts_.size();
-    for (const Recording::Part& p : recording.of(n)) {
+    const auto shown = recording.of(n);
+    // Under UV light and layer by layer places don't count.
+    const bool placed =
+        !uv && process_.mode == ExposureMode::continuous && shown.size() <= most_placed;
+    for (const Recording::Part& p : shown) {
       if (!(p.light > 0)) continue;
-      const int setting = uv ? nearest(setting_of(p)) : 0;
-      const auto same =
-          std::find_if(parts_.begin() + static_cast<std::ptrdiff_t>(first), parts_.end(),
-                       [&](const Part& q) { return q.image == p.image && q.setting == setting; });
-      if (same != parts_.end()) {
-        same->light += p.light;
-      } else {
-        parts_.push_back({p.image, p.light, setting});
-      }
+      Part part{p.image, p.light, uv ? nearest(setting_of(p)) : 0};
+      if (placed) std::tie(part.from, part.to) = place_of(p, n, layer_um);
+      add(part, first);
     }
     if (parts_.size() - first > most_parts) {
       throw InputError(fmt::format("slice {} of the recording shows {} images; expected at most {}",
@@ -101,6 +111,19 @@ void ShownSlices::take(const Recording& recording, const Resin& resin) {
     }
     ends_.push_back(parts_.size());
   }
+}
+
+/// Joins it with what is the same but for its light, of the slice whose parts begin at `first`.
+void ShownSlices::add(const Part& part, std::size_t first) {
+  for (std::size_t k = first; k < parts_.size(); ++k) {
+    Part& p = parts_[k];
+    if (p.image == part.image && p.setting == part.setting && p.from == part.from &&
+        p.to == part.to) {
+      p.light += part.light;
+      return;
+    }
+  }
+  parts_.push_back(part);
 }
 
 /// Values of their own as long as they are few, else as close together as it takes.
@@ -138,7 +161,7 @@ std::span<const ShownSlices::Part> ShownSlices::of(int slice) const {
 std::span<const ShownPart> BlackColumn::operator()(int slice) {
   parts_.clear();
   for (const ShownSlices::Part& p : slices_.of(slice)) {
-    parts_.push_back({&black_, p.light, p.setting});
+    parts_.push_back({&black_, p.light, p.setting, p.from, p.to});
   }
   return parts_;
 }
@@ -175,7 +198,7 @@ std::span<const ShownPart> ShownBand::of(int slice) {
                              [&](const auto& p) { return p.image == kept->image; });
   }
   for (const ShownSlices::Part& p : shown) {
-    parts_.push_back({pixels_of(p.image), p.light, p.setting});
+    parts_.push_back({pixels_of(p.image), p.light, p.setting, p.from, p.to});
   }
   return parts_;
 }

@@ -26,12 +26,15 @@ class ShownSlices {
     int image = -1;  ///< -1: black
     double light = 1;
     int setting = 0;
+    double from = 0, to = 1;  ///< see ShownPart
   };
 
   /// Most settings of the UV lamp that have tables of their own, and how many parts a slice may
   /// have.
   static constexpr int most_settings = 32;
   static constexpr std::size_t most_parts = 256;
+  /// Where a slice has more parts than this, their light is taken as spread over it.
+  static constexpr std::size_t most_placed = 32;
 
   /// Of a stack, recorded or not, that is shown by `printer` and `process`, which for a recording
   /// are those it was made with. Throws `InputError` when a slice of a recording has more than
@@ -44,8 +47,8 @@ class ShownSlices {
   bool recorded() const { return recorded_; }
   /// Slices that are shown.
   int slices() const { return slices_; }
-  /// Parts of a recorded slice that have light, of one image and setting each. Of a stack that is
-  /// none: image n.
+  /// Parts of a recorded slice that have light, of one image, setting and place each. Of a stack
+  /// that is none: image n.
   std::span<const Part> of(int slice) const;
 
   /// With what the models are to be made: those given, but for UV light as it was measured.
@@ -55,7 +58,8 @@ class ShownSlices {
   double setting_deviation() const { return deviation_; }
 
  private:
-  void take(const Recording& recording, const Resin& resin);
+  void take(const Recording& recording, const Resin& resin, double layer_um);
+  void add(const Part& part, std::size_t first);
   void make_settings(const std::vector<double>& asked);
 
   bool recorded_ = false;

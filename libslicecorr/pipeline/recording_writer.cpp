@@ -56,6 +56,10 @@ RecordingWriter::RecordingWriter(const std::string& path, const StackInfo& print
   if (!path.ends_with(".uvj")) {
     throw InputError(path, "", "a recording is written as a UVJ archive; expected a name.uvj");
   }
+  // Not only when the print is over.
+  if (!std::filesystem::is_directory(folder_beside(path)) || std::filesystem::is_directory(path)) {
+    throw InputError(path, "", "can't be written: expected a new file in a folder that is there");
+  }
   if (!print.printer || !print.resin || !print.process) {
     throw InputError(path, "",
                      "a recording needs to know what is printed; expected a corrected stack with "

@@ -107,7 +107,8 @@ Prediction verify_stack(const SliceSource& stack, const SliceSource& target, con
     const auto predict = [&](std::uint8_t value, std::size_t columns, const BandTape& shown,
                              const BandTape& design, const BandPredictor::Place& place) {
       std::vector<std::uint8_t> pixels(columns), coverage(columns);
-      BandPredictor predictor(models.model(value), models.curve(value), all_layers, columns);
+      BandPredictor predictor(models.model(value), models.curve(value), all_layers, columns,
+                              slices.recorded());
       predictor.go_on_from(std::move(figures));
       std::optional<WindowWatch> watch;
       if (window) watch.emplace(models.model(value), layers, columns);

@@ -173,7 +173,7 @@ void lower(double* __restrict least, const double* __restrict dose) {
 BandPredictor::~BandPredictor() = default;
 
 BandPredictor::BandPredictor(const CureModel& model, const PixelCurve& curve, int all_layers,
-                             std::size_t columns)
+                             std::size_t columns, bool in_parts)
     : model_(model),
       curve_(curve),
       all_layers_(all_layers),
@@ -188,7 +188,7 @@ BandPredictor::BandPredictor(const CureModel& model, const PixelCurve& curve, in
     c.start = all_layers;
     c.lower = all_layers;
   }
-  if (!model.is_plain()) dose_ = std::make_unique<BandDose>(model, columns);
+  if (in_parts || !model.is_plain()) dose_ = std::make_unique<BandDose>(model, columns);
 }
 
 void BandPredictor::error(std::size_t i, int node, bool upper, double slices) {

@@ -25,6 +25,10 @@ struct ShownPart {
   /// times what the image alone would add.
   double light = 1;
   int setting = 0;  ///< of UV light, see InhibitedKernel
+  /// Where in the slice it was lit, from its end towards the platform (0) to the other (1).
+  /// Continuous exposure without UV light takes its light as spread over that stretch, all other
+  /// models as spread over the slice, or as given where the window stands.
+  double from = 0, to = 1;
 };
 
 class BandDose {
@@ -37,8 +41,8 @@ class BandDose {
   /// Slice `slice` shows `pixels` (0..255, one per column, see pixel_curve); null: light off, as
   /// after the end of a stack. Slices follow each other downwards in number.
   void add_slice(int slice, const std::uint8_t* pixels);
-  /// The same of several images; none: light off. Exact where the light of a part is spread over
-  /// its slice; see docs/recording.md for what it means that it is not.
+  /// The same of several images; none: light off. Their pixels must stay until the next slice, for
+  /// `crossing`. See docs/recording.md for how exact it is.
   void add_slice(int slice, std::span<const ShownPart> parts);
 
   const double* lower() const;   ///< relative dose at the lower end of the layer, per column

@@ -134,9 +134,10 @@ struct Prediction {
 /// Predicts one band, slices from the last to the first. One object for one thread.
 class BandPredictor {
  public:
-  /// `all_layers` is the greater of the number of slices and of target layers.
+  /// `all_layers` is the greater of the number of slices and of target layers. `in_parts`: slices
+  /// come as parts that have places in them.
   BandPredictor(const CureModel& model, const PixelCurve& curve, int all_layers,
-                std::size_t columns);
+                std::size_t columns, bool in_parts = false);
   ~BandPredictor();
 
   /// Told every designed edge: its column, its node, whether it is the run's edge towards the
@@ -152,7 +153,8 @@ class BandPredictor {
   void add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage);
   /// The same of several images, see ShownPart; none: light off.
   void add_slice(int slice, std::span<const ShownPart> parts, const std::uint8_t* coverage);
-  /// Doses in the middle of the layer that was added last. Only for models that are not plain.
+  /// Doses in the middle of the layer that was added last. Only for models that are not plain, or
+  /// for parts.
   const double* middle() const { return dose_->middle(); }
   /// Before the first slice: figures of other columns, with which `finish` joins these.
   void go_on_from(Prediction so_far);
@@ -197,7 +199,7 @@ class BandPredictor {
   const CureModel& model_;
   const PixelCurve& curve_;
   int all_layers_;
-  std::unique_ptr<BandDose> dose_;  ///< for models that are not plain
+  std::unique_ptr<BandDose> dose_;  ///< for models that are not plain, and for parts
   /// Dose at the upper end of the layer that was added last.
   std::vector<double> omega_, gap_min_;
   std::vector<Class> class_;

@@ -37,9 +37,11 @@ struct Recording {
     /// Mean of the UV lamp, where it is patterned over a fully lit pixel. Counts as far as there is
     /// light.
     double uv_mw_cm2 = 0;
-    double from_um = 0, to_um = 0;  ///< measured, along the print from the platform
-    double speed_um_s = 0;          ///< mean
-    double blue_share = 0;          ///< mean
+    /// Measured, along the print from the platform; the same: its light counts as spread over the
+    /// slice.
+    double from_um = 0, to_um = 0;
+    double speed_um_s = 0;  ///< mean
+    double blue_share = 0;  ///< mean
     bool operator==(const Part&) const = default;
   };
   std::vector<Part> parts;        ///< slice by slice, in the order in which they were shown
@@ -78,7 +80,8 @@ void refuse_recording(const SliceSource& source);
 class RecordingWriter {
  public:
   /// `print`: what the corrected stack that is printed says of itself, with printer, resin and
-  /// process. `path` ends in ".uvj". Throws `InputError` when it does not, or `print` says less.
+  /// process. `path` ends in ".uvj". Throws `InputError` when it does not, its folder is not there,
+  /// or `print` says less.
   RecordingWriter(const std::string& path, const StackInfo& print, const Job& job = {});
   ~RecordingWriter();
   RecordingWriter(const RecordingWriter&) = delete;

@@ -497,6 +497,47 @@ TEST(BridgeFaults, EveryFaultAtRandomMomentsEndsInItsOrder) {
   EXPECT_GE(failed, 300);
 }
 
+TEST(BridgeFaults, AStageThatIsStuckOrSlipsIsFoundWithinItsTolerance) {
+  const Machine m = test_machine();
+  const PrintPlan plan = continuous_plan(m, false, false);
+  const double cycle = m.limits.cycle_s;
+  const double allowed = m.stage.tolerance_um + 2 * cycle * plan.speed_um_s;
+  // The way in which a stage that stands is as far off, and the answer that tells it. The measured
+  // speed is 0 at once, but what is commanded goes on.
+  Bench stuck(m, plan, {parse_sim_fault("stuck-stage@frame:10")});
+  stuck.run();
+  EXPECT_EQ(stuck.controller.fault(), Fault::stage_error) << stuck.controller.fault_detail();
+  const double late_s = stuck.event_time("fault stage_error") - stuck.machine_time("stuck-stage");
+  EXPECT_LE(late_s, allowed / plan.speed_um_s + 3 * cycle);
+  EXPECT_LE(stuck.controller.worst_stage_error_um(), allowed + 2 * cycle * plan.speed_um_s);
+  // Forwards and backwards; less than the tolerance is borne.
+  for (const double um : {27.0, -27.0}) {
+    Bench slips(m, plan, {parse_sim_fault(fmt::format("stage-slips={}@frame:10", um))});
+    slips.run();
+    EXPECT_EQ(slips.controller.fault(), Fault::stage_error) << slips.controller.fault_detail();
+    EXPECT_LE(slips.event_time("fault stage_error") - slips.machine_time("stage-slips"), 2 * cycle);
+  }
+  Bench bears(m, plan, {parse_sim_fault("stage-slips=4@frame:10")});
+  bears.run();
+  EXPECT_EQ(bears.controller.fault(), Fault::none) << bears.controller.fault_detail();
+}
+
+TEST(BridgeFaults, UvLightThatIsTooLittleForTheFrameIsFoundByItself) {
+  // A lamp whose tolerance is so wide that nothing else finds it.
+  Machine m = test_machine();
+  m.uv.tolerance = 0.9;
+  PrintPlan plan = continuous_plan(m, false, true);
+  Bench fails(m, plan, {parse_sim_fault("uv-fails@frame:10")});
+  fails.run();
+  EXPECT_EQ(fails.controller.fault(), Fault::uv_ratio) << fails.controller.fault_detail();
+  expect_order(fails, 0, false, true, true);
+  // Where nothing is asked of UV light, nothing is missed.
+  for (FramePlan& f : plan.frames) f.least_uv_mw_cm2 = 0;
+  Bench idle(m, plan, {parse_sim_fault("uv-fails@frame:10")});
+  idle.run();
+  EXPECT_EQ(idle.controller.fault(), Fault::none) << idle.controller.fault_detail();
+}
+
 TEST(BridgeFaults, ALampThatDoesNotGoOffIsSaid) {
   const Machine m = test_machine();
   const PrintPlan plan = continuous_plan(m, false, false);

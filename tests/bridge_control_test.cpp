@@ -126,6 +126,8 @@ class Bench {
   double now_s = 0;
   double uv_short_s = 0;  ///< longest time with light without the UV that it needs
   bool display_gone = false;
+  double early_s = 0;      ///< by which frames appear before their time
+  double stage_speed = 1;  ///< share of what it is told at which the stage goes while printing
   std::vector<Event> events;
   std::vector<FrameRecord> records;
   std::vector<SetPoints> sent;
@@ -147,15 +149,17 @@ class Bench {
       return {};
     }
     // As registers have it.
-    model.take(decode_set_points(*machine_.modbus, encode(*machine_.modbus, out)));
+    SetPoints taken = decode_set_points(*machine_.modbus, encode(*machine_.modbus, out));
+    if (controller.phase() == Phase::printing) taken.speed_um_s *= stage_speed;
+    model.take(taken);
     if (fault) return {};  // late, dropped or wrong: carried out and not known
     return Answer{decode_status(*machine_.modbus, encode(*machine_.modbus, model.status())), now_s};
   }
 
   void show_due(double until_s) {
-    if (!due_ || due_->at_s >= until_s || display_gone) return;
+    if (!due_ || due_->at_s - early_s >= until_s || display_gone) return;
     const auto due = *std::exchange(due_, {});
-    model.advance(due.at_s);
+    model.advance(std::max(model.now_s(), due.at_s - (due.number > 0 ? early_s : 0)));
     std::shared_ptr<Frame> frame;
     if (due.number >= 0) {
       frame = std::make_shared<Frame>();
@@ -592,6 +596,46 @@ TEST(BridgeControl, LateFramesAreBorneWhereTheMachineSaysSo) {
   Bench far(m, plan, {parse_sim_fault("late-frame=0.25@frame:10")});
   far.run();
   EXPECT_EQ(far.controller.fault(), Fault::late_frame);
+}
+
+TEST(BridgeControl, AFrameThatComesTooEarlyIsAsWrongAsALateOne) {
+  Machine m = test_machine();
+  m.limits.max_late_um = 1;
+  const PrintPlan plan = continuous_plan(m, false, false);
+  Bench b(m, plan);
+  // A frame is known two cycles ahead, so that it can't come much earlier; this is 2.8 um.
+  b.early_s = m.limits.cycle_s;
+  b.run();
+  EXPECT_EQ(b.controller.fault(), Fault::late_frame);
+  EXPECT_NE(b.controller.fault_detail().find("early"), std::string::npos)
+      << b.controller.fault_detail();
+}
+
+TEST(BridgeControl, AStageThatIsAFewPerCentSlowerIsFollowed) {
+  // Dose and heights stay right where frames and lamps follow what is measured; only a stage that
+  // is further off than that has failed.
+  const Machine m = test_machine();
+  const PrintPlan plan = continuous_plan(m, false, false);
+  const double forget_s = std::max(2.0, 3 * m.stage.tolerance_um / plan.speed_um_s);
+  const auto printed_at = [&](double share) {
+    Bench b(m, plan);
+    b.stage_speed = share;
+    b.run();
+    EXPECT_EQ(b.controller.frames_shown() == 40, b.controller.fault() == Fault::none);
+    for (const FrameRecord& r : b.records) {
+      if (b.controller.fault() == Fault::none) {
+        EXPECT_LE(std::abs(r.stage_um - r.planned_um), m.limits.max_late_um);
+        // m is 1; before the first slice the lamp waits at full light.
+        if (r.frame > 0) EXPECT_NEAR(r.blue_share, share, 0.01) << r.frame;
+      }
+    }
+    return b.controller.fault();
+  };
+  EXPECT_EQ(printed_at(0.98), Fault::none);
+  // What it is behind grows by this share of its way until as much is forgotten as comes.
+  const double too_slow = 1 - 2 * m.stage.tolerance_um / (plan.speed_um_s * forget_s);
+  ASSERT_GT(too_slow, 0);
+  EXPECT_EQ(printed_at(too_slow), Fault::stage_error);
 }
 
 TEST(BridgeControl, AMachineInAFaultIsNotStarted) {

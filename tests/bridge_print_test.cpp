@@ -227,6 +227,42 @@ TEST_F(BridgePrint, FaultsEndInTheirOrderLatchAndAreReset) {
   EXPECT_EQ(run_program(print_command(stack, printer, sim, true)).exit_code, 0);
 }
 
+TEST_F(BridgePrint, ALampThatStaysOnIsCutByTheMachineWhenTheBridgeHasGone) {
+  const std::string printer = make_printer("plain");
+  const std::string stack = make_stack(printer);
+  Sim sim = start_sim(printer, true, {"--fault", "lamp-sticks@frame:20"});
+  const RunResult r = run_program(print_command(stack, printer, sim, true));
+  EXPECT_EQ(r.exit_code, 4) << r.err;
+  EXPECT_THAT(r.err, HasSubstr("lamp_mismatch"));
+  EXPECT_THAT(r.err, HasSubstr("A LAMP STILL SHINES"));
+  ASSERT_TRUE(wait_until([&] { return has(events_of(sim.events), "watchdog"); }));
+  const auto events = events_of(sim.events);
+  EXPECT_LT(place(events, "stop"), place(events, "watchdog"));
+  EXPECT_LT(place(events, "watchdog"), place(events, "blue off", place(events, "frame 20")));
+}
+
+TEST_F(BridgePrint, RegistersMayLieApartAndStatusInInputRegisters) {
+  const std::string map =
+      make_printer("apart", {{"exchange = \"fc23\"", "exchange = \"fc16+fc4\""},
+                             {"blue_share = { address = 10,", "blue_share = { address = 1000,"},
+                             {"frame = { address = 14,", "frame = { address = 1010,"}});
+  // Input registers 0 to 13 beside the holding registers of the same numbers.
+  std::string text = text_of(map);
+  const std::string was = "{ address = 1";
+  for (auto at = text.find(was, text.find("[modbus.read]")); at != std::string::npos;
+       at = text.find(was, at + 1)) {
+    text.erase(at + was.size() - 1, text[at + was.size()] == '0' ? 2 : 1);
+  }
+  write_file(map, to_bytes(text));
+  const std::string stack = make_stack(map);
+  Sim sim = start_sim(map, true);
+  const RunResult r = run_program(print_command(stack, map, sim, true));
+  ASSERT_EQ(r.exit_code, 0) << r.err;
+  EXPECT_EQ(sim.child->end(SIGTERM), 0);
+  const std::string target = folder / "part-target.uvj";
+  expect_same_part(verify(stack, target), verify(sim.shown, target), 50);
+}
+
 TEST_F(BridgePrint, ADoorThatIsOpenCantBeReset) {
   const std::string printer = make_printer("plain");
   const std::string stack = make_stack(printer);

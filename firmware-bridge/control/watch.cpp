@@ -209,12 +209,15 @@ void Controller::Impl::judge_frame(const FrameReport& report) {
         1e3;
     unit = "ms";
   }
-  if (late > borne) {
+  // Too early is as wrong as too late.
+  const char* const side = late < 0 ? "early" : "late";
+  const double off = moving ? std::abs(late) : late;
+  if (off > borne) {
     ++late_frames;
-    event("late frame", fmt::format("{}: {:.1f} {}", report.number, late, unit));
-    if (late_frames > limits.max_late_frames || late > 10 * borne) {
-      fail(Fault::late_frame, fmt::format("frame {} began {:.1f} {} late, {:g} {} is borne",
-                                          report.number, late, unit, borne, unit));
+    event("late frame", fmt::format("{}: {:.1f} {} {}", report.number, off, unit, side));
+    if (late_frames > limits.max_late_frames || off > 10 * borne) {
+      fail(Fault::late_frame, fmt::format("frame {} began {:.1f} {} {}, {:g} {} is borne",
+                                          report.number, off, unit, side, borne, unit));
     }
   }
   frame = report.number;

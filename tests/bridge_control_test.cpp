@@ -626,7 +626,9 @@ TEST(BridgeControl, AStageThatIsAFewPerCentSlowerIsFollowed) {
       if (b.controller.fault() == Fault::none) {
         EXPECT_LE(std::abs(r.stage_um - r.planned_um), m.limits.max_late_um);
         // m is 1; before the first slice the lamp waits at full light.
-        if (r.frame > 0) EXPECT_NEAR(r.blue_share, share, 0.01) << r.frame;
+        if (r.frame > 0) {
+          EXPECT_NEAR(r.blue_share, share, 0.01) << r.frame;
+        }
       }
     }
     return b.controller.fault();

@@ -1,35 +1,19 @@
 #include "stack/huffman.hpp"
 
 #include <algorithm>
-#include <bit>
 #include <cstring>
 
 namespace slicecorr::detail {
 namespace {
 
-static_assert(std::endian::native == std::endian::little, "bits are stored as words");
-
-constexpr std::size_t most_symbols = 288;
 constexpr unsigned longest = 15;
 
-std::uint32_t reversed(std::uint32_t bits, unsigned count) {
+std::uint16_t reversed(std::uint32_t bits, unsigned count) {
   bits = (bits & 0x5555u) << 1 | (bits >> 1 & 0x5555u);
   bits = (bits & 0x3333u) << 2 | (bits >> 2 & 0x3333u);
   bits = (bits & 0x0f0fu) << 4 | (bits >> 4 & 0x0f0fu);
   bits = (bits & 0x00ffu) << 8 | (bits >> 8 & 0x00ffu);
-  return bits >> (16 - count);
-}
-
-/// Bits of canonical codes from the number of bits of each.
-void number(std::span<BitString> code) {
-  std::array<std::uint32_t, longest + 2> counts{}, next{};
-  for (const BitString& s : code) ++counts[s.count];
-  counts[0] = 0;
-  for (unsigned length = 1, first = 0; length <= longest; ++length) {
-    first = (first + counts[length - 1]) << 1;
-    next[length] = first;
-  }
-  for (BitString& s : code) s.bits = s.count == 0 ? 0 : reversed(next[s.count]++, s.count);
+  return static_cast<std::uint16_t>(bits >> (16 - count));
 }
 
 /// Turns `a`, rising frequencies of n >= 2 symbols, into depths in their Huffman tree, in place:
@@ -65,32 +49,29 @@ void depths(std::uint32_t* a, int n) {
 
 }  // namespace
 
-void make_code(std::span<const std::uint32_t> frequencies, unsigned limit,
-               std::span<BitString> code) {
+std::uint64_t HuffmanCode::make(std::span<const std::uint32_t> frequencies, unsigned limit) {
   // Frequency and symbol in one number: sorted, ties have an order. Sums stay below 2^32.
-  std::array<std::uint32_t, most_symbols> keys;
-  int n = 0;
+  constexpr std::uint32_t symbol_mask = 511;
+  std::array<std::uint32_t, most_symbols> keys, sorted{}, depth;
+  std::size_t n = 0;
   for (std::size_t i = 0; i < frequencies.size(); ++i) {
-    code[i] = {};
     if (frequencies[i] == 0) continue;
-    keys[static_cast<std::size_t>(n++)] =
-        std::min<std::uint32_t>(frequencies[i], (1u << 22) - 1) << 9 | static_cast<unsigned>(i);
+    keys[n++] = std::min(frequencies[i], (1u << 22) - 1) << 9 | static_cast<std::uint32_t>(i);
   }
-  // A code of one symbol has no bits in principle, but deflate's have; and some readers don't like
-  // a code with unused ends.
+  // A code of one symbol needs no bits in principle, but deflate's do; and some readers don't like
+  // a code with ends that nothing uses.
   for (std::uint32_t i = 0; n < 2; ++i) {
-    if (frequencies[i] == 0) keys[static_cast<std::size_t>(n++)] = 1u << 9 | i;
+    if (frequencies[i] == 0) keys[n++] = 1u << 9 | i;
   }
-  std::sort(keys.begin(), keys.begin() + n);
-  std::array<std::uint32_t, most_symbols> length;
-  for (int i = 0; i < n; ++i) {
-    length[static_cast<std::size_t>(i)] = keys[static_cast<std::size_t>(i)] >> 9;
-  }
-  depths(length.data(), n);
+  std::copy_n(keys.begin(), n, sorted.begin());
+  std::sort(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(n));
+  for (std::size_t i = 0; i < n; ++i) depth[i] = sorted[i] >> 9;
+  depths(depth.data(), static_cast<int>(n));
+
   // Where codes are too long: cut them off, then make others longer until all fit. Only how many
   // there are of each length matters.
-  std::array<std::uint32_t, most_symbols> counts{};
-  for (int i = 0; i < n; ++i) ++counts[std::min(length[static_cast<std::size_t>(i)], limit)];
+  std::array<std::uint32_t, longest + 1> counts{};
+  for (std::size_t i = 0; i < n; ++i) ++counts[std::min(depth[i], limit)];
   std::uint32_t space = 0;
   for (unsigned l = 1; l <= limit; ++l) space += counts[l] << (limit - l);
   for (; space > 1u << limit; --space) {
@@ -100,43 +81,40 @@ void make_code(std::span<const std::uint32_t> frequencies, unsigned limit,
     --counts[l];
     counts[l + 1] += 2;
   }
-  int at = 0;
-  for (unsigned l = limit; l > 0; --l) {
+  bit_counts_.fill(0);
+  strings_.fill({});
+  for (std::size_t l = limit, at = 0; l > 0; --l) {
     for (std::uint32_t i = 0; i < counts[l]; ++i) {
-      code[keys[static_cast<std::size_t>(at++)] & 511].count = l;
+      bit_counts_[sorted[at++] & symbol_mask] = static_cast<std::uint8_t>(l);
     }
   }
-  number(code.first(frequencies.size()));
+  // Canonical: by length, then by symbol.
+  std::array<std::uint32_t, longest + 1> next{};
+  for (std::size_t l = 1; l <= limit; ++l) {
+    next[l] = (next[l - 1] + (l == 1 ? 0 : counts[l - 1])) << 1;
+  }
+  std::sort(keys.begin(), keys.begin() + static_cast<std::ptrdiff_t>(n),
+            [](auto a, auto b) { return (a & symbol_mask) < (b & symbol_mask); });
+  std::uint64_t bits = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    const std::size_t symbol = keys[i] & symbol_mask;
+    const std::uint8_t length = bit_counts_[symbol];
+    strings_[symbol] = {reversed(next[length]++, length), length};
+    bits += std::uint64_t{frequencies[symbol]} * length;
+  }
+  size_ = (keys[n - 1] & symbol_mask) + 1;
+  return bits;
 }
 
-void BitWriter::flush() {
-  std::memcpy(to_, &waiting_, 8);
-  to_ += count_ >> 3;
-  waiting_ >>= count_ & ~7u;
-  count_ &= 7;
-}
-
-std::uint8_t* BitWriter::finish() {
-  count_ = (count_ + 7) & ~7u;
-  flush();
-  return to_;
-}
-
-void DynamicHeader::make(const HuffmanCode<literal_symbols>& literals,
-                         const HuffmanCode<distance_symbols>& distances) {
+void DynamicHeader::make(const HuffmanCode& literals, const HuffmanCode& distances) {
   size_ = 0;
   bit_count_ = 0;
-  std::size_t literal_count = literals.size(), distance_count = distances.size();
-  while (literal_count > 257 && literals[literal_count - 1].count == 0) --literal_count;
-  while (distance_count > 1 && distances[distance_count - 1].count == 0) --distance_count;
-  std::array<std::uint8_t, literal_symbols + distance_symbols> lengths;
-  std::size_t n = 0;
-  for (std::size_t i = 0; i < literal_count; ++i) {
-    lengths[n++] = static_cast<std::uint8_t>(literals[i].count);
-  }
-  for (std::size_t i = 0; i < distance_count; ++i) {
-    lengths[n++] = static_cast<std::uint8_t>(distances[i].count);
-  }
+  const std::span<const std::uint8_t> near = literals.bit_counts(), far = distances.bit_counts();
+  std::array<std::uint8_t, literal_symbols + distance_symbols + 8> lengths;
+  std::copy(near.begin(), near.end(), lengths.begin());
+  std::copy(far.begin(), far.end(), lengths.begin() + static_cast<std::ptrdiff_t>(near.size()));
+  const std::size_t n = near.size() + far.size();
+  std::fill_n(lengths.begin() + static_cast<std::ptrdiff_t>(n), 8, std::uint8_t{255});
   // Runs of lengths: 16 repeats the last 3 to 6 times, 17 and 18 are 3 to 10 and 11 to 138 zeros.
   struct Word {
     std::uint8_t symbol, extra_bits;
@@ -152,7 +130,11 @@ void DynamicHeader::make(const HuffmanCode<literal_symbols>& literals,
   for (std::size_t i = 0; i < n;) {
     const std::uint8_t length = lengths[i];
     std::size_t run = 1;
-    while (i + run < n && lengths[i + run] == length) ++run;
+    for (std::uint64_t eight = 0; length == 0; run += 8) {
+      std::memcpy(&eight, &lengths[i + run], 8);
+      if (eight != 0) break;
+    }
+    while (lengths[i + run] == length) ++run;
     i += run;
     if (length == 0) {
       for (; run >= 11; run -= std::min<std::size_t>(run, 138)) {
@@ -170,20 +152,20 @@ void DynamicHeader::make(const HuffmanCode<literal_symbols>& literals,
     }
     for (; run > 0; --run) word(length, 0, 0);
   }
-  std::array<BitString, 19> code;
-  make_code(frequencies, 7, code);
+  HuffmanCode code;
+  code.make(frequencies, 7);
   constexpr std::array<std::uint8_t, 19> order = {16, 17, 18, 0, 8,  7, 9,  6, 10, 5,
                                                   11, 4,  12, 3, 13, 2, 14, 1, 15};
   std::size_t code_count = order.size();
   while (code_count > 4 && code[order[code_count - 1]].count == 0) --code_count;
   add(2 << 1, 3);  // not the last block; codes of its own
-  add(static_cast<std::uint32_t>(literal_count - 257), 5);
-  add(static_cast<std::uint32_t>(distance_count - 1), 5);
-  add(static_cast<std::uint32_t>(code_count - 4), 4);
+  add(near.size() - first_length, 5);
+  add(far.size() - 1, 5);
+  add(code_count - 4, 4);
   for (std::size_t i = 0; i < code_count; ++i) add(code[order[i]].count, 3);
   for (std::size_t i = 0; i < word_count; ++i) {
     const BitString& s = code[words[i].symbol];
-    add(s.bits | words[i].extra << s.count, s.count + words[i].extra_bits);
+    add(s.bits | words[i].extra << s.count, std::uint32_t{s.count} + words[i].extra_bits);
   }
 }
 

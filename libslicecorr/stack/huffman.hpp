@@ -3,31 +3,42 @@
 #pragma once
 
 #include <array>
+#include <bit>
+#include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <span>
-#include <vector>
 
 namespace slicecorr::detail {
 
 /// Bits in the order of the stream, first bit lowest, and how many.
 struct BitString {
-  std::uint32_t bits = 0;
-  std::uint32_t count = 0;
+  std::uint16_t bits = 0;
+  std::uint16_t count = 0;
 };
-
-/// A code for symbols 0 to N - 1; `count` of a symbol without code is 0.
-template <std::size_t N>
-using HuffmanCode = std::array<BitString, N>;
 
 /// Literals, the end of the block (256) and lengths; distances.
 inline constexpr std::size_t literal_symbols = 286, distance_symbols = 30;
 inline constexpr std::size_t end_of_block = 256, first_length = 257;
 
-/// Shortest code of at most `limit` bits each for symbols that occur so often. Of less than two
-/// symbols others get a code, too, so that no code is incomplete. Ties are broken by symbol: the
-/// code follows from the frequencies alone.
-void make_code(std::span<const std::uint32_t> frequencies, unsigned limit,
-               std::span<BitString> code);
+/// A code for symbols that occur with known frequencies, and nothing for those that don't.
+class HuffmanCode {
+ public:
+  /// Makes the shortest code of at most `limit` bits each. Of less than two symbols others get a
+  /// code, too: no code is incomplete. Ties are broken by symbol, so that the code follows from
+  /// the frequencies alone. Returns the bits of all occurrences together.
+  std::uint64_t make(std::span<const std::uint32_t> frequencies, unsigned limit);
+  const BitString& operator[](std::size_t symbol) const { return strings_[symbol]; }
+  const BitString* data() const { return strings_.data(); }
+  /// Number of bits by symbol, without the symbols at the end that have no code.
+  std::span<const std::uint8_t> bit_counts() const { return {bit_counts_.data(), size_}; }
+
+ private:
+  static constexpr std::size_t most_symbols = 288;
+  std::array<BitString, most_symbols> strings_;
+  std::array<std::uint8_t, most_symbols> bit_counts_;
+  std::size_t size_ = 0;
+};
 
 /// Writes bits, first bit lowest, into memory that is large enough: eight bytes beyond the last
 /// bit are touched.
@@ -40,9 +51,19 @@ class BitWriter {
     count_ += count;
   }
   void put(const BitString& s) { put(s.bits, s.count); }
-  void flush();
+  void flush() {
+    static_assert(std::endian::native == std::endian::little, "bits are stored as words");
+    std::memcpy(to_, &waiting_, 8);
+    to_ += count_ >> 3;
+    waiting_ >>= count_ & ~7u;
+    count_ &= 7;
+  }
   /// Fills the last byte with zeros; returns the byte after it.
-  std::uint8_t* finish();
+  std::uint8_t* finish() {
+    count_ = (count_ + 7) & ~7u;
+    flush();
+    return to_;
+  }
 
  private:
   std::uint8_t* to_;
@@ -53,14 +74,13 @@ class BitWriter {
 /// The header of a block, not the last one, that tells its codes.
 class DynamicHeader {
  public:
-  void make(const HuffmanCode<literal_symbols>& literals,
-            const HuffmanCode<distance_symbols>& distances);
+  void make(const HuffmanCode& literals, const HuffmanCode& distances);
   std::uint64_t bit_count() const { return bit_count_; }
   void write(BitWriter& out) const;
 
  private:
-  void add(std::uint32_t bits, std::uint32_t count) {
-    parts_[size_++] = {bits, count};
+  void add(std::size_t bits, std::uint32_t count) {
+    parts_[size_++] = {static_cast<std::uint16_t>(bits), static_cast<std::uint16_t>(count)};
     bit_count_ += count;
   }
   std::array<BitString, 4 + 19 + literal_symbols + distance_symbols> parts_;

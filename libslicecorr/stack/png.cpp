@@ -5,11 +5,10 @@
 
 #include <algorithm>
 #include <cstring>
-#include <new>
 #include <utility>
 
-#include "slicecorr/error.hpp"
 #include "stack/png_layout.hpp"
+#include "stack/run_deflate.hpp"
 
 namespace slicecorr {
 namespace detail {
@@ -40,40 +39,41 @@ void end_chunk(std::size_t start, std::vector<std::uint8_t>& out) {
 
 }  // namespace
 
-// zlib, not ISA-L: igzip picks its code by processor, and on busy machines it was seen to choose
-// other matches for the same input about once in 10,000 pieces. Stacks must be the same bytes every
-// time.
 struct IdatEncoder::Impl {
-  z_stream stream{};
+  RunDeflater deflater;
 };
 
-IdatEncoder::IdatEncoder() : impl_(std::make_unique<Impl>()) {
-  // Runs are what slices are made of; no other matches are worth their search. Raw deflate.
-  if (deflateInit2(&impl_->stream, 1, Z_DEFLATED, -15, 9, Z_RLE) != Z_OK) throw std::bad_alloc();
-}
-IdatEncoder::~IdatEncoder() {
-  if (impl_) deflateEnd(&impl_->stream);
-}
+IdatEncoder::IdatEncoder() : impl_(std::make_unique<Impl>()) {}
+IdatEncoder::~IdatEncoder() = default;
 IdatEncoder::IdatEncoder(IdatEncoder&&) noexcept = default;
+
+IdatEncoder::Found IdatEncoder::take(const GreyRows& r) {
+  RunDeflater& deflater = impl_->deflater;
+  const auto before = static_cast<std::size_t>(r.x0), width = static_cast<std::size_t>(r.x1 - r.x0);
+  const std::size_t after = static_cast<std::size_t>(r.width_px) - before - width;
+  deflater.clear();
+  for (int y = 0; y < r.rows; ++y) {
+    deflater.add_zeros(1 + before);
+    deflater.add(r.pixels + width * static_cast<std::size_t>(y), width);
+    deflater.add_zeros(after);
+  }
+  deflater.end();
+  if (deflater.only_zeros()) return Found::black;
+  return deflater.repeats_last() ? Found::repeated : Found::other;
+}
+
+void IdatEncoder::make(std::vector<std::uint8_t>& out) {
+  const std::size_t chunk = begin_chunk("IDAT", out);
+  impl_->deflater.write(out);
+  end_chunk(chunk, out);
+}
 
 std::uint32_t IdatEncoder::encode(std::span<const std::uint8_t> raw,
                                   std::vector<std::uint8_t>& out) {
-  const std::size_t chunk = begin_chunk("IDAT", out);
-  const std::size_t start = out.size();
-  z_stream& z = impl_->stream;
-  deflateReset(&z);
-  // The bound is for a finished stream; a full flush adds an empty stored block.
-  out.resize(start + deflateBound(&z, static_cast<uLong>(raw.size())) + 16);
-  z.next_in = const_cast<std::uint8_t*>(raw.data());
-  z.avail_in = static_cast<uInt>(raw.size());
-  z.next_out = out.data() + start;
-  z.avail_out = static_cast<uInt>(out.size() - start);
-  // Byte-aligned and not final: pieces can be joined.
-  if (deflate(&z, Z_FULL_FLUSH) != Z_OK || z.avail_in != 0 || z.avail_out == 0) {
-    throw Error("deflating an image failed");
-  }
-  out.resize(static_cast<std::size_t>(z.next_out - out.data()));
-  end_chunk(chunk, out);
+  impl_->deflater.clear();
+  impl_->deflater.add(raw.data(), raw.size());
+  impl_->deflater.end();
+  make(out);
   return adler_of(raw);
 }
 
@@ -135,6 +135,25 @@ std::uint32_t adler_of(std::span<const std::uint8_t> bytes) {
   return isal_adler32(1, bytes.data(), bytes.size());
 }
 
+std::uint32_t adler_of(const GreyRows& r) {
+  const auto width = static_cast<std::size_t>(r.x1 - r.x0);
+  const auto before = static_cast<std::uint64_t>(r.x0) + 1;
+  const std::uint64_t after = raw_stride(r.width_px) - before - width;
+  // The low half is 1 and the sum of the bytes, the high half the sum of all low halves on the way.
+  const auto pass_zeros = [](std::uint32_t adler, std::uint64_t n) {
+    constexpr std::uint32_t modulus = 65521;
+    const std::uint64_t high = (adler >> 16) + n * (adler & 0xffff);
+    return static_cast<std::uint32_t>(high % modulus) << 16 | (adler & 0xffff);
+  };
+  std::uint32_t adler = 1;
+  for (int y = 0; y < r.rows; ++y) {
+    adler = pass_zeros(adler, before);
+    adler = isal_adler32(adler, r.pixels + width * static_cast<std::size_t>(y), width);
+    adler = pass_zeros(adler, after);
+  }
+  return adler;
+}
+
 std::uint32_t join_adler(std::uint32_t first, std::uint32_t second, std::uint64_t second_bytes) {
   return static_cast<std::uint32_t>(
       adler32_combine(first, second, static_cast<z_off_t>(second_bytes)));
@@ -146,18 +165,16 @@ std::vector<std::uint8_t> encode_png(const GreyImage& image) {
   using namespace detail;
   const std::size_t stride = raw_stride(image.width_px);
   const int rows = static_cast<int>(std::max<std::size_t>(1, (std::size_t{4} << 20) / stride));
-  std::vector<std::uint8_t> out, raw;
+  std::vector<std::uint8_t> out;
   append_png_start(image.width_px, image.height_px, {}, out);
   IdatEncoder encoder;
   std::uint32_t adler = 1;
   for (int y0 = 0; y0 < image.height_px; y0 += rows) {
-    const int y1 = std::min(image.height_px, y0 + rows);
-    raw.assign(stride * static_cast<std::size_t>(y1 - y0), 0);
-    for (int y = y0; y < y1; ++y) {
-      std::copy_n(image.pixels.data() + static_cast<std::size_t>(y) * (stride - 1), stride - 1,
-                  raw.data() + static_cast<std::size_t>(y - y0) * stride + 1);
-    }
-    adler = join_adler(adler, encoder.encode(raw, out), raw.size());
+    const GreyRows piece{image.width_px, 0, image.width_px, std::min(rows, image.height_px - y0),
+                         image.pixels.data() + static_cast<std::size_t>(y0) * (stride - 1)};
+    encoder.take(piece);
+    encoder.make(out);
+    adler = join_adler(adler, adler_of(piece), stride * static_cast<std::size_t>(piece.rows));
   }
   append_png_end(adler, out);
   return out;

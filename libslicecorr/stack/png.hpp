@@ -32,8 +32,8 @@ struct PixelCode {
   int png_width(int width_px) const { return packed_rgb ? (width_px + 2) / 3 : width_px; }
   /// Bytes of a row with its filter byte.
   std::size_t stride(int width_px) const;
-  /// Rows of `raw_stride(width_px)` bytes to rows of `stride(width_px)`, with filter 1 where a pixel
-  /// has several bytes of its own.
+  /// Rows of `raw_stride(width_px)` bytes to rows of `stride(width_px)`, with filter 1 where a
+  /// pixel has several bytes of its own.
   void expand(std::span<const std::uint8_t> grey_rows, int width_px,
               std::vector<std::uint8_t>& out) const;
 };
@@ -49,14 +49,35 @@ struct PngHeader {
 };
 PngHeader read_png_header(std::span<const std::uint8_t> png, const struct PngName& name);
 
-/// Deflates filter-0 rows to finished IDAT chunks that can be joined in any number: each ends on a
-/// byte and refers to nothing before it. Reusable, not thread-safe.
+/// Columns [x0, x1) of the rows of a grey image, one row behind the other. What is beside them is
+/// black.
+struct GreyRows {
+  int width_px = 0;  ///< of the image
+  int x0 = 0, x1 = 0;
+  int rows = 0;
+  const std::uint8_t* pixels = nullptr;
+};
+
+/// Deflates rows to finished IDAT chunks that can be joined in any number: each ends on a byte and
+/// refers to nothing before it. Chunks follow from the bytes alone. Reusable, not thread-safe.
 class IdatEncoder {
  public:
   IdatEncoder();
   ~IdatEncoder();
   IdatEncoder(IdatEncoder&&) noexcept;
-  /// Appends the chunk to `out` and returns the Adler-32 of the raw bytes.
+
+  /// What `take` found.
+  enum class Found {
+    black,     ///< no light: there is nothing to make
+    repeated,  ///< the same bytes as those of the last chunk
+    other
+  };
+  /// Looks at rows as filter 0 stores them, for `make`. Work is done for columns [x0, x1) only.
+  Found take(const GreyRows& rows);
+  /// Appends the chunk of what was taken last to `out`.
+  void make(std::vector<std::uint8_t>& out);
+
+  /// Appends the chunk of any bytes to `out` and returns their Adler-32.
   std::uint32_t encode(std::span<const std::uint8_t> raw, std::vector<std::uint8_t>& out);
 
  private:
@@ -75,6 +96,8 @@ void append_png_start(int width_px, int height_px, const PixelCode& code,
 void append_png_end(std::uint32_t adler, std::vector<std::uint8_t>& out);
 
 std::uint32_t adler_of(std::span<const std::uint8_t> bytes);
+/// Of rows with their filter bytes, 0.
+std::uint32_t adler_of(const GreyRows& rows);
 /// Adler-32 of two byte strings joined, the second of `second_bytes`.
 std::uint32_t join_adler(std::uint32_t first, std::uint32_t second, std::uint64_t second_bytes);
 

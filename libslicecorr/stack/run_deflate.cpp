@@ -84,6 +84,14 @@ std::uint64_t changes(const std::uint8_t* p) {
   return ~equal;
 }
 
+/// std::popcount is a call where the compiler may not assume an instruction for it.
+int count_ones(std::uint64_t v) {
+  v -= v >> 1 & 0x5555555555555555u;
+  v = (v & 0x3333333333333333u) + (v >> 2 & 0x3333333333333333u);
+  v = (v + (v >> 4)) & 0x0f0f0f0f0f0f0f0fu;
+  return static_cast<int>(v * 0x0101010101010101u >> 56);
+}
+
 /// Up to eight literals as a number; there are eight readable bytes.
 std::uint64_t load(const std::uint8_t* p, std::uint32_t count) {
   std::uint64_t v;
@@ -96,33 +104,37 @@ constexpr unsigned hash_bits = 11;
 }  // namespace
 
 void RunDeflater::clear() {
-  literal_count_ = step_count_ = step_start_ = run_ = 0;
+  if (written_) std::swap(now_, last_);
+  written_ = false;
+  now_.literal_count = now_.step_count = step_start_ = run_ = 0;
   value_ = no_value;
 }
 
 /// For `n` more bytes, whatever they are, and what is written beyond the last.
 void RunDeflater::make_room(std::size_t n) {
-  if (literals_.size() < literal_count_ + n + block + 8) {
-    literals_.resize(2 * (literal_count_ + n + block));
+  if (now_.literals.size() < now_.literal_count + n + block + 8) {
+    now_.literals.resize(2 * (now_.literal_count + n + block));
   }
-  if (steps_.size() < step_count_ + n / 4 + 4) steps_.resize(2 * (step_count_ + n / 4 + 4));
+  if (now_.steps.size() < now_.step_count + n / 4 + 4)
+    now_.steps.resize(2 * (now_.step_count + n / 4 + 4));
 }
 
 void RunDeflater::end_run() {
   if (run_ >= least_match) {
-    steps_[step_count_++] = {static_cast<std::uint32_t>(literal_count_ - step_start_),
-                             static_cast<std::uint32_t>(run_)};
-    step_start_ = literal_count_;
+    now_.steps[now_.step_count++] = {static_cast<std::uint32_t>(now_.literal_count - step_start_),
+                                     static_cast<std::uint32_t>(run_)};
+    step_start_ = now_.literal_count;
   } else {
-    literals_[literal_count_] = literals_[literal_count_ + 1] = static_cast<std::uint8_t>(value_);
-    literal_count_ += run_;
+    now_.literals[now_.literal_count] = now_.literals[now_.literal_count + 1] =
+        static_cast<std::uint8_t>(value_);
+    now_.literal_count += run_;
   }
   run_ = 0;
 }
 
 void RunDeflater::start_run(std::uint8_t value) {
   value_ = value;
-  literals_[literal_count_++] = value;
+  now_.literals[now_.literal_count++] = value;
 }
 
 void RunDeflater::add_byte(std::uint8_t value) {
@@ -145,32 +157,13 @@ void RunDeflater::add(const std::uint8_t* bytes, std::size_t n) {
   if (n == 0) return;
   add_byte(bytes[0]);
   make_room(n);
-  // More changes in a block than this, and it is cheaper to take all of it as it is.
-  constexpr int dense = 28;
   std::size_t i = 1;
-  for (; i + block <= n; i += block) {
-    std::uint64_t starts = changes(bytes + i);
-    if (starts == 0) {
-      run_ += block;
-      continue;
-    }
-    if (std::popcount(starts) >= dense) {
-      end_run();
-      std::memcpy(&literals_[literal_count_], bytes + i, block);
-      literal_count_ += block;
-      value_ = bytes[i + block - 1];
-      continue;
-    }
-    std::size_t from = 0;
-    do {
-      const auto to = static_cast<std::size_t>(std::countr_zero(starts));
-      starts &= starts - 1;
-      run_ += to - from;
-      end_run();
-      start_run(bytes[i + to]);
-      from = to + 1;
-    } while (starts != 0);
-    run_ += block - from;
+  for (; i + block <= n; i += block) add_block(bytes + i, 0, changes(bytes + i));
+  if (i < n && n > block) {
+    // The last block overlaps the one before.
+    const std::size_t done = i - (n - block);
+    add_block(bytes + n - block, done, changes(bytes + n - block) >> done << done);
+    return;
   }
   for (; i < n; ++i) {
     if (bytes[i] == value_) {
@@ -182,19 +175,64 @@ void RunDeflater::add(const std::uint8_t* bytes, std::size_t n) {
   }
 }
 
+/// Bytes of a block from the one at `from` on; bits of `starts`: where another value starts.
+void RunDeflater::add_block(const std::uint8_t* bytes, std::size_t from, std::uint64_t starts) {
+  if (starts == 0) {
+    run_ += block - from;
+    return;
+  }
+  // More changes than this, and it is cheaper to take all bytes as they are.
+  constexpr int dense = 28;
+  if (count_ones(starts) >= dense) {
+    end_run();
+    std::memcpy(&now_.literals[now_.literal_count], bytes + from, block - from);
+    now_.literal_count += block - from;
+    value_ = bytes[block - 1];
+    return;
+  }
+  do {
+    const auto to = static_cast<std::size_t>(std::countr_zero(starts));
+    starts &= starts - 1;
+    run_ += to - from;
+    end_run();
+    start_run(bytes[to]);
+    from = to + 1;
+  } while (starts != 0);
+  run_ += block - from;
+}
+
+void RunDeflater::end() {
+  if (value_ == no_value) return;
+  make_room(4);
+  end_run();
+  value_ = no_value;
+}
+
 bool RunDeflater::only_zeros() const {
-  return value_ == no_value || (step_count_ == 0 && literal_count_ == 1 && value_ == 0);
+  const auto first = now_.literals.begin();
+  return std::all_of(first, first + static_cast<std::ptrdiff_t>(now_.literal_count),
+                     [](std::uint8_t literal) { return literal == 0; });
+}
+
+bool RunDeflater::repeats_last() const {
+  const Steps &a = written_ ? now_ : last_, &b = now_;
+  return a.literal_count == b.literal_count && a.step_count == b.step_count &&
+         std::equal(b.literals.begin(),
+                    b.literals.begin() + static_cast<std::ptrdiff_t>(b.literal_count),
+                    a.literals.begin()) &&
+         std::equal(b.steps.begin(), b.steps.begin() + static_cast<std::ptrdiff_t>(b.step_count),
+                    a.steps.begin());
 }
 
 std::size_t RunDeflater::refer(std::size_t at, std::size_t before) {
   const std::uint32_t distance = places_[at].raw - places_[before].raw;
   if (distance > farthest) return 0;
   std::uint32_t covered = 0, length = 0, steps = 0;
-  for (; at + steps < step_count_; ++steps) {
-    const Step& step = steps_[at + steps];
-    if (step != steps_[before + steps] || length + step.literals > longest_match) break;
-    const std::uint8_t* const a = &literals_[places_[at + steps].literal];
-    const std::uint8_t* const b = &literals_[places_[before + steps].literal];
+  for (; at + steps < now_.step_count; ++steps) {
+    const Step& step = now_.steps[at + steps];
+    if (step != now_.steps[before + steps] || length + step.literals > longest_match) break;
+    const std::uint8_t* const a = &now_.literals[places_[at + steps].literal];
+    const std::uint8_t* const b = &now_.literals[places_[before + steps].literal];
     if (load(a, step.literals) != load(b, step.literals)) break;
     if (step.literals > 8 && std::memcmp(a, b, step.literals) != 0) break;
     covered += step.literals;
@@ -216,21 +254,21 @@ std::size_t RunDeflater::refer(std::size_t at, std::size_t before) {
 
 void RunDeflater::find_orders() {
   orders_.clear();
-  if (places_.size() < step_count_) places_.resize(steps_.size());
+  if (places_.size() < now_.step_count) places_.resize(now_.steps.size());
   if (seen_.empty()) seen_.resize(std::size_t{1} << hash_bits);
   if (first_id_ > 0x7fffffffu) {
     std::fill(seen_.begin(), seen_.end(), 0u);
     first_id_ = 1;
   }
   std::uint32_t raw = 0, literal = 0;
-  for (std::size_t i = 0; i < step_count_; ++i) {
+  for (std::size_t i = 0; i < now_.step_count; ++i) {
     places_[i] = {raw, literal};
-    raw += steps_[i].literals + steps_[i].run;
-    literal += steps_[i].literals;
+    raw += now_.steps[i].literals + now_.steps[i].run;
+    literal += now_.steps[i].literals;
   }
-  for (std::size_t i = 0; i < step_count_;) {
-    const Step& step = steps_[i];
-    std::uint64_t h = load(&literals_[places_[i].literal], step.literals);
+  for (std::size_t i = 0; i < now_.step_count;) {
+    const Step& step = now_.steps[i];
+    std::uint64_t h = load(&now_.literals[places_[i].literal], step.literals);
     h = (h ^ std::uint64_t{step.run} << 40 ^ std::uint64_t{step.literals} << 24) *
         0x9e3779b97f4a7c15u;
     std::uint32_t& seen = seen_[h >> (64 - hash_bits)];
@@ -240,7 +278,7 @@ void RunDeflater::find_orders() {
     if (steps == 0) orders_.push_back({step.literals, 0, step.run, 1});
     i += std::max<std::size_t>(steps, 1);
   }
-  first_id_ += static_cast<std::uint32_t>(step_count_);
+  first_id_ += static_cast<std::uint32_t>(now_.step_count);
 }
 
 void RunDeflater::count_symbols() {
@@ -248,7 +286,7 @@ void RunDeflater::count_symbols() {
   distance_frequencies_.fill(0);
   extra_bits_ = 0;
   std::array<std::uint32_t, 256> odd{};
-  const std::uint8_t* literal = literals_.data();
+  const std::uint8_t* literal = now_.literals.data();
   // Two tables: counting equal bytes in a row in one would wait for itself.
   const auto count = [&](std::size_t n) {
     for (; n >= 2; n -= 2, literal += 2) {
@@ -257,7 +295,7 @@ void RunDeflater::count_symbols() {
     }
     if (n != 0) ++literal_frequencies_[*literal++];
   };
-  std::size_t rest = literal_count_;
+  std::size_t rest = now_.literal_count;
   for (const Order& order : orders_) {
     count(order.literals);
     literal += order.covered;
@@ -275,8 +313,8 @@ void RunDeflater::count_symbols() {
   literal_frequencies_[end_of_block] = 1;
 }
 
-void RunDeflater::write(BitWriter& out) const {
-  const std::uint8_t* literal = literals_.data();
+void RunDeflater::write_orders(BitWriter& out) const {
+  const std::uint8_t* literal = now_.literals.data();
   const BitString* const codes = literal_code_.data();
   const auto put_literals = [&](std::size_t n) {
     for (; n >= 4; n -= 4, literal += 4) {
@@ -289,7 +327,7 @@ void RunDeflater::write(BitWriter& out) const {
     for (; n > 0; --n) out.put(codes[*literal++]);
     out.flush();
   };
-  std::size_t rest = literal_count_;
+  std::size_t rest = now_.literal_count;
   for (const Order& order : orders_) {
     put_literals(order.literals);
     literal += order.covered;
@@ -327,27 +365,20 @@ void RunDeflater::write(BitWriter& out) const {
   out.flush();
 }
 
-void RunDeflater::finish(std::vector<std::uint8_t>& out) {
-  make_room(4);
-  if (value_ != no_value) end_run();
+void RunDeflater::write(std::vector<std::uint8_t>& out) {
+  written_ = true;
   find_orders();
   count_symbols();
-  make_code(literal_frequencies_, code_limit, literal_code_);
-  make_code(distance_frequencies_, code_limit, distance_code_);
+  std::uint64_t bits = extra_bits_ + literal_code_.make(literal_frequencies_, code_limit) +
+                       distance_code_.make(distance_frequencies_, code_limit);
   header_.make(literal_code_, distance_code_);
-  std::uint64_t bits = header_.bit_count() + extra_bits_;
-  for (std::size_t i = 0; i < literal_symbols; ++i) {
-    bits += std::uint64_t{literal_frequencies_[i]} * literal_code_[i].count;
-  }
-  for (std::size_t i = 0; i < distance_symbols; ++i) {
-    bits += std::uint64_t{distance_frequencies_[i]} * distance_code_[i].count;
-  }
+  bits += header_.bit_count();
   // An empty stored block, whose length starts on a byte, ends the piece.
   const std::size_t start = out.size(), size = (bits + 3 + 7) / 8 + 4;
   out.resize(start + size + 8);
   BitWriter writer(out.data() + start);
   header_.write(writer);
-  write(writer);
+  write_orders(writer);
   writer.put(0, 3);
   std::uint8_t* const end = writer.finish();
   constexpr std::uint8_t empty[4] = {0, 0, 255, 255};

@@ -25,10 +25,14 @@ class RunDeflater {
   /// The piece's next bytes: zeros, or those given.
   void add_zeros(std::size_t n);
   void add(const std::uint8_t* bytes, std::size_t n);
-  /// Whether the piece so far is nothing but zeros.
+  /// Ends the piece, before anything that follows here.
+  void end();
+  /// Whether the piece is nothing but zeros.
   bool only_zeros() const;
+  /// Whether the piece has the bytes of the last one that was written.
+  bool repeats_last() const;
   /// Appends the piece to `out`.
-  void finish(std::vector<std::uint8_t>& out);
+  void write(std::vector<std::uint8_t>& out);
 
  private:
   struct Step {
@@ -46,17 +50,22 @@ class RunDeflater {
   void end_run();
   void start_run(std::uint8_t value);
   void add_byte(std::uint8_t value);
+  void add_block(const std::uint8_t* bytes, std::size_t from, std::uint64_t starts);
   /// Steps from `at` on that equal those from `before` on, as far as one reference reaches: as an
   /// order where it pays. Returns the number of steps.
   std::size_t refer(std::size_t at, std::size_t before);
   void find_orders();
   void count_symbols();
-  void write(BitWriter& out) const;
+  void write_orders(BitWriter& out) const;
 
-  std::vector<std::uint8_t> literals_;
-  std::size_t literal_count_ = 0;
-  std::vector<Step> steps_;
-  std::size_t step_count_ = 0;
+  struct Steps {
+    std::vector<std::uint8_t> literals;
+    std::size_t literal_count = 0;
+    std::vector<Step> steps;
+    std::size_t step_count = 0;
+  };
+  Steps now_, last_;  ///< of this piece, and of the last that was written
+  bool written_ = false;
   std::size_t step_start_ = 0;  ///< first literal of the step at hand
   std::uint32_t value_ = 0;     ///< of the run at hand; above 255: none
   std::size_t run_ = 0;         ///< its length, without the first byte
@@ -73,8 +82,7 @@ class RunDeflater {
   std::array<std::uint32_t, literal_symbols> literal_frequencies_;
   std::array<std::uint32_t, distance_symbols> distance_frequencies_;
   std::uint64_t extra_bits_ = 0;
-  HuffmanCode<literal_symbols> literal_code_;
-  HuffmanCode<distance_symbols> distance_code_;
+  HuffmanCode literal_code_, distance_code_;
   DynamicHeader header_;
 };
 

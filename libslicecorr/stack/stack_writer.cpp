@@ -25,11 +25,6 @@ using detail::raw_stride;
 
 constexpr std::size_t memory_budget = std::size_t{256} << 20;
 
-bool all_black(const std::uint8_t* p, std::size_t n) {
-  // A range is constant when it equals itself shifted by one; memcmp is as fast as memory.
-  return n == 0 || (p[0] == 0 && std::memcmp(p, p + 1, n - 1) == 0);
-}
-
 /// Whether the layers of both are lit for other times.
 bool exposures_differ(const StackInfo& a, const StackInfo& b) {
   const int layers = std::min(a.grid.layers, b.grid.layers);
@@ -297,63 +292,86 @@ void StackWriter::finish(const StackInfo& info, const GreyImage& preview) {
 struct StackWriter::BandEncoder::Impl {
   StackWriter::Impl* writer;
   int y0, y1;
-  std::vector<std::uint8_t> raw;    ///< one band with filter bytes; black but for columns [x0, x1)
-  int x0 = 0, x1 = 0;               ///< columns that may be lit since the last slice
-  std::vector<std::uint8_t> chunk;  ///< of the slice at hand
-  std::vector<std::uint8_t> uv;     ///< the band in UV light
-  std::vector<std::uint8_t> wide;   ///< the band in the bytes of its PNG, where these are others
   detail::IdatEncoder encoder;
+  PieceStore::Piece last;           ///< what `encoder` made last, of plain images
+  std::vector<std::uint8_t> chunk;  ///< of the slice at hand
+  /// Where the bytes of images are others than the grey values: rows of a band with their filter
+  /// bytes, black but for the columns at hand; and what they become.
+  std::vector<std::uint8_t> raw, changed;
+  detail::IdatEncoder uv_encoder;
 
-  void put_band(std::size_t band, int slice, int columns, const std::uint8_t* rows);
+  void put_band(std::size_t band, int slice, const detail::GreyRows& rows);
+  PieceStore::Piece keep(std::uint32_t adler);
+  std::span<const std::uint8_t> make_raw(std::size_t band, const detail::GreyRows& rows);
 };
 
 StackWriter::BandEncoder::BandEncoder(StackWriter& writer, int y0, int y1)
-    : impl_(new Impl{writer.impl_.get(), y0, y1, {}, 0, 0, {}, {}, {}, {}}) {
+    : impl_(new Impl{writer.impl_.get(), y0, y1, {}, {}, {}, {}, {}, {}}) {
   StackWriter::Impl& w = *writer.impl_;
   const bool ends_well = y1 == w.grid.height_px || (y1 < w.grid.height_px && y1 % w.rows == 0);
   if (y0 < 0 || y0 >= y1 || y0 % w.rows != 0 || !ends_well) {
     throw std::invalid_argument("rows of a band encoder are no whole bands");
   }
   for (int y = y0; y < y1; y += w.rows) w.begin_band(static_cast<std::size_t>(y / w.rows));
-  impl_->raw.resize(w.raw_size(static_cast<std::size_t>(y0 / w.rows)));
 }
 
 StackWriter::BandEncoder::~BandEncoder() = default;
 StackWriter::BandEncoder::BandEncoder(BandEncoder&&) noexcept = default;
 
-/// Columns [x0, x0 + columns) of the rows of one band.
-void StackWriter::BandEncoder::Impl::put_band(std::size_t band, int slice, int columns,
-                                              const std::uint8_t* rows) {
-  PieceStore::Piece& piece = writer->bands[band][static_cast<std::size_t>(slice)];
-  piece = {};
-  if (writer->uv_of_pixel) writer->uv_bands[band][static_cast<std::size_t>(slice)] = {};
-  const auto n = static_cast<std::size_t>(columns);
-  const int height = writer->rows_of(band);
-  if (rows == nullptr || all_black(rows, n * static_cast<unsigned>(height))) return;
-  const std::size_t stride = raw_stride(writer->grid.width_px);
-  for (int y = 0; y < height; ++y) {
-    std::memcpy(raw.data() + stride * static_cast<unsigned>(y) + 1 + x0,
-                rows + n * static_cast<unsigned>(y), n);
-  }
-  chunk.clear();
-  const std::span<const std::uint8_t> grey = std::span(raw).first(writer->raw_size(band));
-  if (!writer->code.is_plain()) {
-    writer->grey_adlers[band][static_cast<std::size_t>(slice)] = detail::adler_of(grey);
-    writer->code.expand(grey, writer->grid.width_px, wide);
-  }
-  const std::uint32_t adler = encoder.encode(writer->code.is_plain() ? grey : wide, chunk);
-  piece = writer->store.put(chunk.data(), chunk.size());
+/// Keeps the chunk of the slice at hand.
+PieceStore::Piece StackWriter::BandEncoder::Impl::keep(std::uint32_t adler) {
+  PieceStore::Piece piece = writer->store.put(chunk.data(), chunk.size());
   piece.adler = adler;
+  return piece;
+}
+
+std::span<const std::uint8_t> StackWriter::BandEncoder::Impl::make_raw(
+    std::size_t band, const detail::GreyRows& rows) {
+  raw.assign(writer->raw_size(band), 0);
+  const std::size_t stride = raw_stride(rows.width_px);
+  const auto width = static_cast<std::size_t>(rows.x1 - rows.x0);
+  for (int y = 0; y < rows.rows; ++y) {
+    std::memcpy(raw.data() + stride * static_cast<unsigned>(y) + 1 + rows.x0,
+                rows.pixels + width * static_cast<unsigned>(y), width);
+  }
+  return raw;
+}
+
+void StackWriter::BandEncoder::Impl::put_band(std::size_t band, int slice,
+                                              const detail::GreyRows& rows) {
+  using Found = detail::IdatEncoder::Found;
+  const auto n = static_cast<std::size_t>(slice);
+  PieceStore::Piece& piece = writer->bands[band][n];
+  piece = {};
+  if (writer->uv_of_pixel) writer->uv_bands[band][n] = {};
+  if (rows.pixels == nullptr) return;
+  const Found found = encoder.take(rows);
+  if (found == Found::black) return;
+  if (writer->code.is_plain()) {
+    // Parts that go straight up have the same slice many times: it is kept once.
+    if (found == Found::other) {
+      chunk.clear();
+      encoder.make(chunk);
+      last = keep(detail::adler_of(rows));
+    }
+    piece = last;
+  } else {
+    const std::span<const std::uint8_t> grey = make_raw(band, rows);
+    writer->grey_adlers[band][n] = detail::adler_of(grey);
+    writer->code.expand(grey, rows.width_px, changed);
+    chunk.clear();
+    const std::uint32_t adler = encoder.encode(changed, chunk);
+    piece = keep(adler);
+  }
   if (!writer->uv_of_pixel) return;
-  uv.assign(raw.begin(), raw.begin() + static_cast<std::ptrdiff_t>(writer->raw_size(band)));
-  for (std::size_t i = 0; i < uv.size(); ++i) {
-    if (i % stride != 0) uv[i] = (*writer->uv_of_pixel)[uv[i]];
+  const std::size_t stride = raw_stride(rows.width_px);
+  make_raw(band, rows);
+  for (std::size_t i = 0; i < raw.size(); ++i) {
+    if (i % stride != 0) raw[i] = (*writer->uv_of_pixel)[raw[i]];
   }
   chunk.clear();
-  const std::uint32_t uv_adler = encoder.encode(uv, chunk);
-  PieceStore::Piece& uv_piece = writer->uv_bands[band][static_cast<std::size_t>(slice)];
-  uv_piece = writer->store.put(chunk.data(), chunk.size());
-  uv_piece.adler = uv_adler;
+  const std::uint32_t adler = uv_encoder.encode(raw, chunk);
+  writer->uv_bands[band][n] = keep(adler);
 }
 
 void StackWriter::BandEncoder::put(int slice, int x0, int x1, const std::uint8_t* rows) {
@@ -363,16 +381,12 @@ void StackWriter::BandEncoder::put(int slice, int x0, int x1, const std::uint8_t
     throw std::invalid_argument("slice or columns outside of the stack");
   }
   x1 = std::max(x0, x1);
-  if (x0 != s.x0 || x1 != s.x1) {
-    std::fill(s.raw.begin(), s.raw.end(), std::uint8_t{0});
-    s.x0 = x0;
-    s.x1 = x1;
-  }
-  const int band_height = s.writer->rows;
-  for (int y = s.y0; y < s.y1; y += band_height) {
+  for (int y = s.y0; y < s.y1; y += s.writer->rows) {
+    const auto band = static_cast<std::size_t>(y / s.writer->rows);
     const std::size_t offset = static_cast<std::size_t>(y - s.y0) * static_cast<unsigned>(x1 - x0);
-    s.put_band(static_cast<std::size_t>(y / band_height), slice, x1 - x0,
-               rows == nullptr ? nullptr : rows + offset);
+    s.put_band(band, slice,
+               {grid.width_px, x0, x1, s.writer->rows_of(band),
+                rows == nullptr ? nullptr : rows + offset});
   }
 }
 

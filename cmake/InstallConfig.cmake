@@ -15,6 +15,7 @@ install(
     "${CMAKE_BINARY_DIR}/slicecorrConfigVersion.cmake"
     "${CMAKE_CURRENT_LIST_DIR}/SlicecorrDependencies.cmake"
     "${CMAKE_CURRENT_LIST_DIR}/FindISAL.cmake"
+    "${CMAKE_CURRENT_LIST_DIR}/FindLibDeflate.cmake"
     "${CMAKE_CURRENT_LIST_DIR}/FindLib3MF.cmake"
     "${CMAKE_CURRENT_LIST_DIR}/FindLibZip.cmake"
   DESTINATION "${package_dir}")

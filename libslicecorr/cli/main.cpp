@@ -29,10 +29,12 @@ struct Arguments {
   double layer_um = 0;
   int x = -1, y = -1, reduce = 1;
   double max_height_error_um = -1;
+  bool archive = false;
 
   StackFile file() const {
     StackFile f(output);
     f.format = format;
+    f.archive = archive;
     return f;
   }
   /// What archives that do not say it are told.
@@ -371,6 +373,8 @@ int run_program(int argc, char** argv) {
     sub->add_option("-o,--output", a.output, text)->required();
     sub->add_option("--format", a.format,
                     "Format of the archive, where its name does not tell: " + formats);
+    sub->add_flag("--archive", a.archive,
+                  "Make the file as small as it gets, which takes longer; the pixels are the same");
   };
   CLI::App* sub = add("slice", "Slice meshes into a stack of coverage images", slice);
   a.mesh.add_to(*sub);

@@ -31,7 +31,8 @@ class ContainerOutput {
 
   void add(std::string name, std::vector<std::uint8_t> data);
   void add_text(std::string name, const std::string& text);
-  /// `fill` makes the contents, of the promised sizes, one entry at a time while writing.
+  /// `fill` makes the contents, of the promised sizes, while writing; of several images at once,
+  /// from several threads.
   void add_lazily(const std::vector<std::string>& names, const std::vector<std::uint64_t>& sizes,
                   Fill fill);
   virtual void finish(const Job& job) = 0;
@@ -50,10 +51,10 @@ class ContainerOutput {
   std::vector<Source> sources_;
 };
 
-/// Whether images, which are deflated as they are, are deflated once more where the container can.
-/// Rows that repeat leave a pattern in a PNG's data: that makes images of large displays several
-/// times smaller, for 1 to 2 % of a correction's time.
-enum class ImagePacking { stored, deflated };
+/// Whether images, which are deflated as they are, are deflated once more where the container can:
+/// not at all, fast, or as small as it gets. Rows that repeat leave a pattern in a PNG's data: that
+/// makes images of large displays several times smaller.
+enum class ImagePacking { stored, deflated, smallest };
 
 /// Checks already now that `path` can be written. `keep_from` is empty for a new archive, and may
 /// be `path` itself.

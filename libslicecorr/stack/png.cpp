@@ -23,10 +23,11 @@ void store_u32(std::uint32_t value, std::uint8_t* at) {
   for (int i = 0; i < 4; ++i) at[i] = static_cast<std::uint8_t>(value >> (24 - 8 * i));
 }
 
-/// Appends length (filled in by `end_chunk`) and type; returns where the chunk starts.
+}  // namespace
+
 std::size_t begin_chunk(const char* type, std::vector<std::uint8_t>& out) {
   const std::size_t start = out.size();
-  out.insert(out.end(), 4, 0);
+  out.insert(out.end(), 4, 0);  // the length comes at the end
   out.insert(out.end(), type, type + 4);
   return start;
 }
@@ -36,8 +37,6 @@ void end_chunk(std::size_t start, std::vector<std::uint8_t>& out) {
   store_u32(static_cast<std::uint32_t>(length), out.data() + start);
   append_u32(crc32_gzip_refl(0, out.data() + start + 4, length + 4), out);
 }
-
-}  // namespace
 
 struct IdatEncoder::Impl {
   RunDeflater deflater;
@@ -109,47 +108,55 @@ void PixelCode::expand(std::span<const std::uint8_t> grey_rows, int width_px,
   }
 }
 
-void append_png_start(int width_px, int height_px, const PixelCode& code,
-                      std::vector<std::uint8_t>& out) {
+void append_png_header(int width_px, int height_px, const PixelCode& code,
+                       std::vector<std::uint8_t>& out) {
   out.insert(out.end(), std::begin(png_signature), std::end(png_signature));
-  std::size_t chunk = begin_chunk("IHDR", out);
+  const std::size_t chunk = begin_chunk("IHDR", out);
   append_u32(static_cast<std::uint32_t>(code.png_width(width_px)), out);
   append_u32(static_cast<std::uint32_t>(height_px), out);
   out.insert(out.end(), {code.bit_depth, code.colour, 0, 0, 0});
   end_chunk(chunk, out);
-  chunk = begin_chunk("IDAT", out);
+}
+
+void append_png_iend(std::vector<std::uint8_t>& out) { end_chunk(begin_chunk("IEND", out), out); }
+
+void append_png_start(int width_px, int height_px, const PixelCode& code,
+                      std::vector<std::uint8_t>& out) {
+  append_png_header(width_px, height_px, code, out);
+  const std::size_t chunk = begin_chunk("IDAT", out);
   out.insert(out.end(), {0x78, 0x01});
   end_chunk(chunk, out);
 }
 
 void append_png_end(std::uint32_t adler, std::vector<std::uint8_t>& out) {
-  std::size_t chunk = begin_chunk("IDAT", out);
+  const std::size_t chunk = begin_chunk("IDAT", out);
   out.insert(out.end(), {0x03, 0x00});  // a last block with nothing in it
   append_u32(adler, out);
   end_chunk(chunk, out);
-  chunk = begin_chunk("IEND", out);
-  end_chunk(chunk, out);
+  append_png_iend(out);
 }
 
 std::uint32_t adler_of(std::span<const std::uint8_t> bytes) {
   return isal_adler32(1, bytes.data(), bytes.size());
 }
 
+std::uint32_t adler_after_zeros(std::uint32_t adler, std::uint64_t count) {
+  // The low half is 1 and the sum of the bytes, the high half the sum of all low halves on the way.
+  constexpr std::uint32_t modulus = 65521;
+  const std::uint64_t low = adler & 0xffff;
+  const std::uint64_t high = (adler >> 16) + count % modulus * low;
+  return static_cast<std::uint32_t>(high % modulus << 16 | low);
+}
+
 std::uint32_t adler_of(const GreyRows& r) {
   const auto width = static_cast<std::size_t>(r.x1 - r.x0);
-  const auto before = static_cast<std::uint64_t>(r.x0) + 1;
-  const std::uint64_t after = raw_stride(r.width_px) - before - width;
-  // The low half is 1 and the sum of the bytes, the high half the sum of all low halves on the way.
-  const auto pass_zeros = [](std::uint32_t adler, std::uint64_t n) {
-    constexpr std::uint32_t modulus = 65521;
-    const std::uint64_t high = (adler >> 16) + n * (adler & 0xffff);
-    return static_cast<std::uint32_t>(high % modulus) << 16 | (adler & 0xffff);
-  };
+  const auto before = static_cast<std::size_t>(r.x0) + 1;
+  const std::size_t after = raw_stride(r.width_px) - before - width;
   std::uint32_t adler = 1;
   for (int y = 0; y < r.rows; ++y) {
-    adler = pass_zeros(adler, before);
+    adler = adler_after_zeros(adler, before);
     adler = isal_adler32(adler, r.pixels + width * static_cast<std::size_t>(y), width);
-    adler = pass_zeros(adler, after);
+    adler = adler_after_zeros(adler, after);
   }
   return adler;
 }
@@ -187,6 +194,7 @@ GreyImage decode_png(const std::vector<std::uint8_t>& png, int expected_width_px
   const auto take = [&](int y0, int y1, const std::uint8_t* raw) {
     // Made late: only once the image has shown that it is as large as expected.
     image.pixels.resize((stride - 1) * static_cast<std::size_t>(expected_height_px));
+    if (raw == nullptr) return;
     for (int y = y0; y < y1; ++y) {
       std::copy_n(raw + static_cast<std::size_t>(y - y0) * stride + 1, stride - 1,
                   image.pixels.data() + static_cast<std::size_t>(y) * (stride - 1));

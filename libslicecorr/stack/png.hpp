@@ -85,19 +85,29 @@ class IdatEncoder {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Bytes that `append_png_start` and `append_png_end` add together.
-inline constexpr std::size_t png_frame_bytes = 8 + 25 + (12 + 2) + (12 + 6) + 12;
+/// Bytes that `append_png_header` and `append_png_iend` add together.
+inline constexpr std::size_t png_frame_bytes_of_one = 8 + 25 + 12;
+/// Signature and IHDR; IEND. What is between is one zlib stream in IDAT chunks.
+void append_png_header(int width_px, int height_px, const PixelCode& code,
+                       std::vector<std::uint8_t>& out);
+void append_png_iend(std::vector<std::uint8_t>& out);
 
-/// Signature, IHDR and the zlib header in an IDAT of its own.
+/// The same around chunks of `IdatEncoder`: with the start of the zlib stream in an IDAT of its
+/// own, and its end with the Adler-32 of all raw bytes.
+inline constexpr std::size_t png_frame_bytes = png_frame_bytes_of_one + (12 + 2) + (12 + 6);
 void append_png_start(int width_px, int height_px, const PixelCode& code,
                       std::vector<std::uint8_t>& out);
-
-/// End of the zlib stream with the Adler-32 of all raw bytes, and IEND.
 void append_png_end(std::uint32_t adler, std::vector<std::uint8_t>& out);
+
+/// Starts a chunk of a type of four letters, and ends the one that starts at this place.
+std::size_t begin_chunk(const char* type, std::vector<std::uint8_t>& out);
+void end_chunk(std::size_t start, std::vector<std::uint8_t>& out);
 
 std::uint32_t adler_of(std::span<const std::uint8_t> bytes);
 /// Of rows with their filter bytes, 0.
 std::uint32_t adler_of(const GreyRows& rows);
+/// Adler-32 after `count` more bytes of 0.
+std::uint32_t adler_after_zeros(std::uint32_t adler, std::uint64_t count);
 /// Adler-32 of two byte strings joined, the second of `second_bytes`.
 std::uint32_t join_adler(std::uint32_t first, std::uint32_t second, std::uint64_t second_bytes);
 
@@ -107,15 +117,15 @@ struct PngName {
   const std::string& entry;
 };
 
-/// Takes rows [y0, y1) as `raw_stride(width)` bytes each, every filter byte 0. The last band may be
-/// shorter than the others.
+/// Takes rows [y0, y1) as `raw_stride(width)` bytes each, every filter byte 0; null: all are black.
+/// The last band may be shorter than the others.
 using RawBandSink = std::function<void(int y0, int y1, const std::uint8_t* raw)>;
 
 /// Decodes any PNG of exactly this size to 8-bit grey, in bands of `rows` from the top. Structure,
 /// sizes and checksums are checked first or on the way; throws `InputError`. `packed_rgb`,
-/// `blue_first`: see PixelCode.
-void decode_png_bands(std::span<const std::uint8_t> png, int width_px, int height_px, int rows,
-                      const PngName& name, const RawBandSink& sink, bool packed_rgb = false,
-                      bool blue_first = false);
+/// `blue_first`: see PixelCode. Returns the Adler-32 of the rows that went to the sink.
+std::uint32_t decode_png_bands(std::span<const std::uint8_t> png, int width_px, int height_px,
+                               int rows, const PngName& name, const RawBandSink& sink,
+                               bool packed_rgb = false, bool blue_first = false);
 
 }  // namespace slicecorr::detail

@@ -1,3 +1,5 @@
+#include <isa-l.h>
+
 #include <algorithm>
 #include <cstdlib>
 #include <cstring>
@@ -11,14 +13,6 @@ namespace {
 
 using Bytes = std::span<const std::uint8_t>;
 
-std::uint8_t paeth(int left, int up, int corner) {
-  const int to_left = std::abs(up - corner);
-  const int to_up = std::abs(left - corner);
-  const int to_corner = std::abs(left + up - 2 * corner);
-  if (to_left <= to_up && to_left <= to_corner) return static_cast<std::uint8_t>(left);
-  return static_cast<std::uint8_t>(to_up <= to_corner ? up : corner);
-}
-
 /// Undoes the filter of one row of pixels of `step` bytes in place. `above` is the row above
 /// without filter.
 void unfilter_wide(int filter, std::uint8_t* row, const std::uint8_t* above, int bytes, int step) {
@@ -28,67 +22,8 @@ void unfilter_wide(int filter, std::uint8_t* row, const std::uint8_t* above, int
     if (filter == 1) guess = left;
     if (filter == 2) guess = above[x];
     if (filter == 3) guess = (left + above[x]) / 2;
-    if (filter == 4) guess = paeth(left, above[x], corner);
+    if (filter == 4) guess = paeth_guess(left, above[x], corner);
     row[x] = static_cast<std::uint8_t>(row[x] + guess);
-  }
-}
-
-/// The same for 8-bit grey.
-void unfilter(int filter, std::uint8_t* row, const std::uint8_t* above, int width) {
-  int left = 0, corner = 0;
-  switch (filter) {
-    case 1:
-      for (int x = 0; x < width; ++x) left = row[x] = static_cast<std::uint8_t>(row[x] + left);
-      break;
-    case 2:
-      for (int x = 0; x < width; ++x) row[x] = static_cast<std::uint8_t>(row[x] + above[x]);
-      break;
-    case 3:
-      for (int x = 0; x < width; ++x) {
-        left = row[x] = static_cast<std::uint8_t>(row[x] + (left + above[x]) / 2);
-      }
-      break;
-    case 4:
-      for (int x = 0; x < width; ++x) {
-        left = row[x] = static_cast<std::uint8_t>(row[x] + paeth(left, above[x], corner));
-        corner = above[x];
-      }
-      break;
-    default:
-      break;
-  }
-}
-
-void check_filter(int filter, std::uint32_t y, const PngName& name) {
-  if (filter > 4) {
-    bad_png(name, "row " + std::to_string(y) + " of the PNG has the unknown filter " +
-                      std::to_string(filter));
-  }
-}
-
-/// 8-bit grey, inflated straight into bands: a band stays in the cache while it is worked on.
-void decode_grey(const PngLayout& layout, int rows, const PngName& name, const RawBandSink& sink) {
-  const int width = static_cast<int>(layout.width), height = static_cast<int>(layout.height);
-  const std::size_t stride = raw_stride(width);
-  std::vector<std::uint8_t> band(stride * static_cast<std::size_t>(std::min(rows, height)));
-  std::vector<std::uint8_t> last(stride, 0);  // last row of the band above
-  IdatStream stream(layout, name);
-  for (int y0 = 0; y0 < height; y0 += rows) {
-    const int y1 = std::min(height, y0 + rows);
-    const std::size_t size = stride * static_cast<std::size_t>(y1 - y0);
-    stream.read({band.data(), size});
-    const std::uint8_t* above = last.data();
-    for (int y = y0; y < y1; ++y) {
-      std::uint8_t* const row = band.data() + stride * static_cast<std::size_t>(y - y0);
-      check_filter(row[0], static_cast<std::uint32_t>(y), name);
-      unfilter(row[0], row + 1, above + 1, width);
-      row[0] = 0;
-      above = row;
-    }
-    // Before the sink: a wrong checksum must not be found only after the last band was used.
-    if (y1 == height) stream.finish();
-    std::copy_n(above, stride, last.data());
-    sink(y0, y1, band.data());
   }
 }
 
@@ -175,24 +110,28 @@ void decode_other(const PngLayout& layout, int rows, const PngName& name, const 
 
 }  // namespace
 
-void decode_png_bands(Bytes png, int width_px, int height_px, int rows, const PngName& name,
-                      const RawBandSink& sink, bool packed_rgb, bool blue_first) {
-  if (packed_rgb) {
-    const PngLayout layout = read_png_layout(png, (width_px + 2) / 3, height_px, name);
-    if (layout.colour != rgb || layout.bit_depth != 8 || layout.interlaced) {
-      bad_png(name, "expected an 8-bit RGB image that packs three grey pixels in each of its own");
-    }
-    decode_packed(layout, width_px, rows, name, sink, blue_first);
-    return;
+std::uint32_t decode_png_bands(Bytes png, int width_px, int height_px, int rows,
+                               const PngName& name, const RawBandSink& sink, bool packed_rgb,
+                               bool blue_first) {
+  const int png_width = packed_rgb ? (width_px + 2) / 3 : width_px;
+  const PngLayout layout = read_png_layout(png, png_width, height_px, name);
+  const bool plain = layout.colour == grey && !layout.interlaced && !layout.transparent_colour;
+  if (!packed_rgb && plain && layout.bit_depth == 8) return decode_grey(layout, rows, name, sink);
+  if (!packed_rgb && plain && layout.bit_depth == 1) return decode_bits(layout, rows, name, sink);
+  std::uint32_t adler = 1;
+  const auto take = [&](int y0, int y1, const std::uint8_t* raw) {
+    adler = isal_adler32(adler, raw, raw_stride(width_px) * static_cast<std::size_t>(y1 - y0));
+    sink(y0, y1, raw);
+  };
+  if (!packed_rgb) {
+    decode_other(layout, rows, name, take);
+    return adler;
   }
-  const PngLayout layout = read_png_layout(png, width_px, height_px, name);
-  const bool plain = layout.colour == grey && layout.bit_depth == 8 && !layout.interlaced &&
-                     !layout.transparent_colour;
-  if (plain) {
-    decode_grey(layout, rows, name, sink);
-  } else {
-    decode_other(layout, rows, name, sink);
+  if (layout.colour != rgb || layout.bit_depth != 8 || layout.interlaced) {
+    bad_png(name, "expected an 8-bit RGB image that packs three grey pixels in each of its own");
   }
+  decode_packed(layout, width_px, rows, name, take, blue_first);
+  return adler;
 }
 
 }  // namespace slicecorr::detail

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
@@ -62,5 +63,17 @@ class IdatStream {
   std::size_t next_chunk_ = 0;
   std::unique_ptr<inflate_state> state_;
 };
+
+/// 8-bit grey PNG that is not interlaced, and 1-bit: as `decode_png_bands`.
+std::uint32_t decode_grey(const PngLayout& layout, int rows, const PngName& name,
+                          const RawBandSink& sink);
+std::uint32_t decode_bits(const PngLayout& layout, int rows, const PngName& name,
+                          const RawBandSink& sink);
+
+/// Undoes the filter of a row of bytes, each of which a pixel or several, in place. `above` is the
+/// row above without filter.
+void unfilter_row(int filter, std::uint8_t* row, const std::uint8_t* above, int bytes);
+std::uint8_t paeth_guess(int left, int up, int corner);
+void check_filter(int filter, std::uint32_t y, const PngName& name);
 
 }  // namespace slicecorr::detail

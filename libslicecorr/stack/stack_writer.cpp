@@ -12,6 +12,7 @@
 #include "stack/archive_format.hpp"
 #include "stack/flat_field_entry.hpp"
 #include "stack/png.hpp"
+#include "stack/png_archive.hpp"
 #include "stack/recording_entry.hpp"
 #include "stack/uvj_config.hpp"
 
@@ -70,8 +71,9 @@ struct StackWriter::Impl {
         output(detail::make_container_output(
             f.path, format.container(), f.keep_from,
             // Ours are read slice by slice, at any place, as fast as it goes.
-            &format == &detail::uvj_format() ? detail::ImagePacking::stored
-                                             : detail::ImagePacking::deflated)),
+            f.archive                          ? detail::ImagePacking::smallest
+            : &format == &detail::uvj_format() ? detail::ImagePacking::stored
+                                               : detail::ImagePacking::deflated)),
         store(output->folder(), memory_budget, j),
         rows(band_rows(g)),
         bands(static_cast<std::size_t>((g.height_px + rows - 1) / rows)) {
@@ -116,12 +118,14 @@ struct StackWriter::Impl {
     std::vector<std::uint32_t> adlers;       ///< of the PNGs' bytes
     std::vector<std::uint32_t> grey_adlers;  ///< of grey rows: what stands for the image
     std::vector<std::uint64_t> sizes;
+    Pieces small;  ///< data of each slice as one chunk, where files are to be small
     bool lit(std::size_t band, std::size_t slice) const {
       return !bands[band].empty() && bands[band][slice].size != 0;
     }
   };
   Images gather(const std::vector<Pieces>& from, std::uint8_t background, std::size_t layers,
                 const PixelCode& code) const;
+  void make_small(Images& images);
   void add_images(const std::vector<std::string>& names, const Images& images);
   std::string stem() const;
   void write_archive(const StackInfo& info, const GreyImage& preview);
@@ -179,7 +183,8 @@ StackWriter::Impl::Images StackWriter::Impl::gather(const std::vector<Pieces>& f
                 make_black(background, pixels),
                 std::vector<std::uint32_t>(layers),
                 std::vector<std::uint32_t>(layers),
-                std::vector<std::uint64_t>(layers)};
+                std::vector<std::uint64_t>(layers),
+                {}};
   const bool plain = pixels.is_plain();
   const std::size_t stride = pixels.stride(grid.width_px);
   for (std::size_t slice = 0; slice < layers; ++slice) {
@@ -202,8 +207,38 @@ StackWriter::Impl::Images StackWriter::Impl::gather(const std::vector<Pieces>& f
   return images;
 }
 
+/// Packs each slice once more, all its bands together.
+void StackWriter::Impl::make_small(Images& images) {
+  images.small.resize(images.sizes.size());
+  const std::size_t stride = images.code.stride(grid.width_px);
+  parallel_for(job, "pack", images.small.size(), [&](std::size_t slice) {
+    detail::SmallIdat packer;
+    std::vector<std::uint8_t> chunk;
+    for (std::size_t band = 0; band < images.bands.size(); ++band) {
+      const std::size_t raw_bytes = stride * static_cast<std::size_t>(rows_of(band));
+      if (images.lit(band, slice)) {
+        chunk.clear();
+        store.get(images.bands[band][slice], chunk);
+        packer.add(chunk, raw_bytes);
+      } else {
+        packer.add(images.black.at(rows_of(band)).chunk, raw_bytes);
+      }
+    }
+    chunk.clear();
+    packer.finish(images.adlers[slice], chunk);
+    images.small[slice] = store.put(chunk.data(), chunk.size());
+    images.sizes[slice] = detail::png_frame_bytes_of_one + chunk.size();
+  });
+}
+
 void StackWriter::Impl::add_images(const std::vector<std::string>& names, const Images& images) {
   output->add_lazily(names, images.sizes, [&](std::size_t slice, std::vector<std::uint8_t>& png) {
+    if (!images.small.empty()) {
+      detail::append_png_header(grid.width_px, grid.height_px, images.code, png);
+      store.get(images.small[slice], png);
+      detail::append_png_iend(png);
+      return;
+    }
     detail::append_png_start(grid.width_px, grid.height_px, images.code, png);
     for (std::size_t band = 0; band < images.bands.size(); ++band) {
       if (images.lit(band, slice)) {
@@ -219,9 +254,13 @@ void StackWriter::Impl::add_images(const std::vector<std::string>& names, const 
 
 void StackWriter::Impl::write_archive(const StackInfo& info, const GreyImage& preview) {
   const auto layers = static_cast<std::size_t>(info.grid.layers);
-  const Images slices = gather(bands, 0, layers, code);
+  Images slices = gather(bands, 0, layers, code);
   std::optional<Images> uv;
   if (uv_of_pixel) uv.emplace(gather(uv_bands, (*uv_of_pixel)[0], layers, {}));
+  if (file.archive) {
+    make_small(slices);
+    if (uv) make_small(*uv);
+  }
   std::vector<std::string> warnings;
   detail::ArchiveRequest request{
       .info = info,

@@ -1,5 +1,7 @@
 #include "stack/zip_output.hpp"
 
+#include <isa-l.h>
+#include <libdeflate.h>
 #include <sys/stat.h>
 #include <unistd.h>
 #include <zip.h>
@@ -9,6 +11,8 @@
 #include <cstring>
 #include <exception>
 #include <memory>
+#include <new>
+#include <unordered_map>
 
 #include "base/errno_message.hpp"
 #include "base/temporary.hpp"
@@ -16,18 +20,82 @@
 
 namespace slicecorr::detail {
 
+namespace {
+
+bool is_image(const std::string& name) { return name.ends_with(".png"); }
+
+/// An entry deflated ahead of its turn.
+struct Packed {
+  std::vector<std::uint8_t> data;
+  std::uint32_t crc32 = 0;
+};
+
+Packed pack(const std::vector<std::uint8_t>& data, int level) {
+  const std::unique_ptr<libdeflate_compressor, decltype(&libdeflate_free_compressor)> compressor(
+      libdeflate_alloc_compressor(level), &libdeflate_free_compressor);
+  if (!compressor) throw std::bad_alloc();
+  Packed packed;
+  packed.data.resize(libdeflate_deflate_compress_bound(compressor.get(), data.size()));
+  packed.data.resize(libdeflate_deflate_compress(compressor.get(), data.data(), data.size(),
+                                                 packed.data.data(), packed.data.size()));
+  packed.crc32 = crc32_gzip_refl(0, data.data(), data.size());
+  return packed;
+}
+
+/// Of entries that are deflated together, ahead of their turn.
+constexpr std::uint64_t batch_bytes = std::uint64_t{16} << 20;
+
+}  // namespace
+
 /// The entry that is being written. Only one is open at a time, so all share one buffer.
 struct ZipWriting {
   const Job& job;
+  const std::vector<ZipOutput::Source>& sources;
+  int level = 0;  ///< of images
   std::vector<std::uint8_t> data;
   std::size_t at = 0;
   /// Thrown by `fill` or by the user's callback: it must not pass through the C library.
   std::exception_ptr error;
+  std::unordered_map<std::size_t, Packed> packed;  ///< by place in `sources`
 
   struct Entry {
     ZipWriting* writing;
-    const ZipOutput::Source* source;
+    std::size_t place;  ///< in `sources`
+    bool deflate_here;  ///< else it is left to the zip library, where it is deflated at all
+    bool done = false;
+    std::uint64_t packed_bytes = 0;  ///< once it was deflated here
+    std::uint32_t crc32 = 0;
   };
+  std::vector<Entry> entries;
+
+  static std::vector<std::uint8_t> contents(const ZipOutput::Source& source) {
+    std::vector<std::uint8_t> made;
+    source.fill(source.number, made);
+    if (made.size() != source.size) throw Error("an entry has not the promised size");
+    return made;
+  }
+
+  /// Deflates the entry and some that follow, on all threads.
+  const Packed& packed_entry(std::size_t place) {
+    const auto found = packed.find(place);
+    if (found != packed.end()) return found->second;
+    std::vector<std::size_t> batch;
+    std::uint64_t bytes = 0;
+    for (std::size_t i = place; i < entries.size() && bytes < batch_bytes; ++i) {
+      const Entry& entry = entries[i];
+      if (i != place && (!entry.deflate_here || entry.done || packed.contains(i))) continue;
+      batch.push_back(i);
+      bytes += sources[i].size;
+    }
+    std::vector<Packed> made(batch.size());
+    Job quiet;
+    quiet.threads = job.threads;
+    quiet.cancel = job.cancel;
+    parallel_for(quiet, "", batch.size(),
+                 [&](std::size_t i) { made[i] = pack(contents(sources[batch[i]]), level); });
+    for (std::size_t i = 0; i < batch.size(); ++i) packed[batch[i]] = std::move(made[i]);
+    return packed[place];
+  }
 
   void report(double fraction) {
     try {
@@ -40,23 +108,22 @@ struct ZipWriting {
   bool stopped() const { return error || (job.cancel != nullptr && job.cancel->load()); }
 
   static zip_int64_t call(void* state, void* data, zip_uint64_t length, zip_source_cmd_t command) {
-    const Entry& entry = *static_cast<Entry*>(state);
-    return entry.writing->answer(*entry.source, data, length, command);
+    Entry& entry = *static_cast<Entry*>(state);
+    ZipWriting& writing = *entry.writing;
+    try {
+      return writing.answer(entry, data, length, command);
+    } catch (...) {
+      writing.error = std::current_exception();
+      return -1;
+    }
   }
 
-  zip_int64_t answer(const ZipOutput::Source& source, void* out, zip_uint64_t length,
-                     zip_source_cmd_t command) {
+  zip_int64_t answer(Entry& entry, void* out, zip_uint64_t length, zip_source_cmd_t command) {
+    const ZipOutput::Source& source = sources[entry.place];
     switch (command) {
       case ZIP_SOURCE_OPEN:
-        try {
-          data.clear();
-          at = 0;
-          source.fill(source.number, data);
-          if (data.size() != source.size) throw Error("an entry has not the promised size");
-        } catch (...) {
-          error = std::current_exception();
-          return -1;
-        }
+        at = 0;
+        data = entry.deflate_here ? packed_entry(entry.place).data : contents(source);
         return 0;
       case ZIP_SOURCE_READ: {
         const std::size_t n = std::min<std::size_t>(length, data.size() - at);
@@ -69,6 +136,17 @@ struct ZipWriting {
         zip_stat_init(status);
         status->size = source.size;
         status->valid = ZIP_STAT_SIZE;
+        if (entry.deflate_here) {
+          if (!entry.done) {
+            const Packed& its = packed_entry(entry.place);
+            entry.packed_bytes = its.data.size();
+            entry.crc32 = its.crc32;
+          }
+          status->comp_method = ZIP_CM_DEFLATE;
+          status->comp_size = entry.packed_bytes;
+          status->crc = entry.crc32;
+          status->valid |= ZIP_STAT_COMP_METHOD | ZIP_STAT_COMP_SIZE | ZIP_STAT_CRC;
+        }
         return sizeof *status;
       }
       case ZIP_SOURCE_ERROR: {
@@ -81,6 +159,9 @@ struct ZipWriting {
                                               ZIP_SOURCE_STAT, ZIP_SOURCE_ERROR, ZIP_SOURCE_FREE,
                                               -1);
       case ZIP_SOURCE_CLOSE:
+        entry.done = true;
+        packed.erase(entry.place);
+        return 0;
       case ZIP_SOURCE_FREE:
         return 0;
       default:
@@ -92,9 +173,8 @@ struct ZipWriting {
 namespace {
 
 /// More takes more time for images and hardly makes them smaller.
-constexpr zip_uint32_t image_level = 6, text_level = 9;
-
-bool is_image(const std::string& name) { return name.ends_with(".png"); }
+constexpr int image_level = 1, smallest_image_level = 9;
+constexpr zip_uint32_t text_level = 9;
 
 std::string zip_text(zip_error_t* error) {
   // The text of the system alone says more to the user than with the library's in front.
@@ -133,8 +213,11 @@ void ZipOutput::finish(const Job& job) {
 }
 
 void ZipOutput::write(const std::string& temporary, const Job& job) {
-  ZipWriting writing{job, {}, 0, nullptr};
-  std::vector<ZipWriting::Entry> entries;
+  ZipWriting writing{
+      job, sources_, images_ == ImagePacking::smallest ? smallest_image_level : image_level,
+      {},  0,        nullptr,
+      {},  {}};
+  std::vector<ZipWriting::Entry>& entries = writing.entries;
   entries.reserve(sources_.size());  // the library keeps pointers
 
   zip_error_t error;
@@ -148,13 +231,14 @@ void ZipOutput::write(const std::string& temporary, const Job& job) {
     throw DeviceError(path_ + ": can't be written: " + zip_text(e));
   };
 
-  const auto pack = [&](const std::string& name, zip_uint64_t index, bool packed) {
+  const auto set_packed = [&](const std::string& name, zip_uint64_t index, bool packed) {
+    entries.back().deflate_here = packed && is_image(name);
     return zip_set_file_compression(zip, index, packed ? ZIP_CM_DEFLATE : ZIP_CM_STORE,
-                                    is_image(name) ? image_level : text_level) == 0;
+                                    text_level) == 0;
   };
   ImagePacking images = images_;
   for (const Source& source : sources_) {
-    entries.push_back({&writing, &source});
+    entries.push_back({&writing, entries.size(), false});
     zip_error_init(&error);
     zip_source_t* const made =
         zip_source_function_create(&ZipWriting::call, &entries.back(), &error);
@@ -170,9 +254,12 @@ void ZipOutput::write(const std::string& temporary, const Job& job) {
       }
       const bool packed = was.comp_method != ZIP_CM_STORE;
       if (is_image(source.name)) {
-        images = packed ? ImagePacking::deflated : ImagePacking::stored;
+        images = !packed                             ? ImagePacking::stored
+                 : images_ == ImagePacking::smallest ? images_
+                                                     : ImagePacking::deflated;
       }
-      if (!pack(source.name, index, packed) || zip_file_set_mtime(zip, index, was.mtime, 0) != 0) {
+      if (!set_packed(source.name, index, packed) ||
+          zip_file_set_mtime(zip, index, was.mtime, 0) != 0) {
         fail(zip_get_error(zip));
       }
       continue;
@@ -184,8 +271,8 @@ void ZipOutput::write(const std::string& temporary, const Job& job) {
     }
     const auto index = static_cast<zip_uint64_t>(added);
     constexpr zip_uint16_t first_of_1980 = 1 << 5 | 1;
-    const bool packed = is_image(source.name) && images == ImagePacking::deflated;
-    if (!pack(source.name, index, packed) ||
+    const bool packed = is_image(source.name) && images != ImagePacking::stored;
+    if (!set_packed(source.name, index, packed) ||
         zip_file_set_dostime(zip, index, 0, first_of_1980, 0) != 0) {
       fail(zip_get_error(zip));
     }

@@ -173,6 +173,9 @@ struct StackFile {
   /// Empty: a new archive. May be `path` itself.
   std::string keep_from;
   std::string original_sha256;  ///< of a corrected stack, noted in it: see StackInfo
+  /// Images as small as they get, for stacks that are kept: takes many times longer. The pixels are
+  /// the same.
+  bool archive = false;
 };
 /// Name of the format that the file is written in. Throws `InputError` when none is named or ends
 /// like this.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <utility>
 
 namespace slicecorr::detail {
 namespace {
@@ -63,6 +64,7 @@ std::uint64_t HuffmanCode::make(std::span<const std::uint32_t> frequencies, unsi
   for (std::uint32_t i = 0; n < 2; ++i) {
     if (frequencies[i] == 0) keys[n++] = 1u << 9 | i;
   }
+  if (n == 2 && (keys[0] & symbol_mask) > (keys[1] & symbol_mask)) std::swap(keys[0], keys[1]);
   std::copy_n(keys.begin(), n, sorted.begin());
   std::sort(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(n));
   for (std::size_t i = 0; i < n; ++i) depth[i] = sorted[i] >> 9;
@@ -93,8 +95,6 @@ std::uint64_t HuffmanCode::make(std::span<const std::uint32_t> frequencies, unsi
   for (std::size_t l = 1; l <= limit; ++l) {
     next[l] = (next[l - 1] + (l == 1 ? 0 : counts[l - 1])) << 1;
   }
-  std::sort(keys.begin(), keys.begin() + static_cast<std::ptrdiff_t>(n),
-            [](auto a, auto b) { return (a & symbol_mask) < (b & symbol_mask); });
   std::uint64_t bits = 0;
   for (std::size_t i = 0; i < n; ++i) {
     const std::size_t symbol = keys[i] & symbol_mask;

@@ -84,14 +84,6 @@ std::uint64_t changes(const std::uint8_t* p) {
   return ~equal;
 }
 
-/// std::popcount is a call where the compiler may not assume an instruction for it.
-int count_ones(std::uint64_t v) {
-  v -= v >> 1 & 0x5555555555555555u;
-  v = (v & 0x3333333333333333u) + (v >> 2 & 0x3333333333333333u);
-  v = (v + (v >> 4)) & 0x0f0f0f0f0f0f0f0fu;
-  return static_cast<int>(v * 0x0101010101010101u >> 56);
-}
-
 /// Up to eight literals as a number; there are eight readable bytes.
 std::uint64_t load(const std::uint8_t* p, std::uint32_t count) {
   std::uint64_t v;
@@ -158,7 +150,14 @@ void RunDeflater::add(const std::uint8_t* bytes, std::size_t n) {
   add_byte(bytes[0]);
   make_room(n);
   std::size_t i = 1;
-  for (; i + block <= n; i += block) add_block(bytes + i, 0, changes(bytes + i));
+  for (; i + block <= n; i += block) {
+    const std::uint64_t starts = changes(bytes + i);
+    if (starts == 0) {
+      run_ += block;
+    } else {
+      add_block(bytes + i, 0, starts);
+    }
+  }
   if (i < n && n > block) {
     // The last block overlaps the one before.
     const std::size_t done = i - (n - block);
@@ -175,30 +174,40 @@ void RunDeflater::add(const std::uint8_t* bytes, std::size_t n) {
   }
 }
 
-/// Bytes of a block from the one at `from` on; bits of `starts`: where another value starts.
-void RunDeflater::add_block(const std::uint8_t* bytes, std::size_t from, std::uint64_t starts) {
-  if (starts == 0) {
-    run_ += block - from;
-    return;
-  }
-  // More changes than this, and it is cheaper to take all bytes as they are.
-  constexpr int dense = 28;
-  if (count_ones(starts) >= dense) {
+/// Bytes of a block from the one at `at` on. Bits of `starts`: where another value starts.
+void RunDeflater::add_block(const std::uint8_t* bytes, std::size_t at, std::uint64_t starts) {
+  const std::uint64_t equal = ~starts;
+  // Where a byte and the two after it equal the one before it.
+  const std::uint64_t runs = equal & equal >> 1 & equal >> 2;
+  const auto take_literals = [&](std::size_t n) {
+    std::uint8_t* const to = &now_.literals[now_.literal_count];
+    if (n <= 8 && at + 8 <= block) {
+      std::memcpy(to, bytes + at, 8);
+    } else {
+      std::memcpy(to, bytes + at, n);
+    }
+    now_.literal_count += n;
+  };
+  for (;;) {
+    const auto more = static_cast<std::size_t>(std::countr_one(equal >> at));
+    run_ += more;
+    at += more;
+    if (at == block) return;
     end_run();
-    std::memcpy(&now_.literals[now_.literal_count], bytes + from, block - from);
-    now_.literal_count += block - from;
-    value_ = bytes[block - 1];
-    return;
+    const std::uint64_t later = runs >> at;
+    if (later == 0) {
+      // One or two equal bytes at the end may become a run in the next block.
+      const auto tail = static_cast<std::size_t>(std::countl_one(equal));
+      take_literals(block - at - tail);
+      value_ = bytes[block - 1];
+      run_ = tail;
+      return;
+    }
+    const auto n = static_cast<std::size_t>(std::countr_zero(later));
+    take_literals(n);
+    at += n;
+    value_ = bytes[at - 1];
   }
-  do {
-    const auto to = static_cast<std::size_t>(std::countr_zero(starts));
-    starts &= starts - 1;
-    run_ += to - from;
-    end_run();
-    start_run(bytes[to]);
-    from = to + 1;
-  } while (starts != 0);
-  run_ += block - from;
 }
 
 void RunDeflater::end() {

@@ -14,10 +14,11 @@ namespace slicecorr::detail {
 /// nothing before the piece, so that pieces can be joined in any number. The output follows from
 /// the bytes alone, on every processor. Reusable, not thread-safe.
 ///
-/// In one pass bytes become steps: literals, then a run of the last of them. Steps that have been
-/// seen before, literals and run alike, become references of up to 258 bytes: what repeats from
-/// row to row and along a row. Then one code is made for the whole piece. Work per byte is one
-/// comparison with its neighbour, everything else is per step.
+/// In one pass bytes become steps: literals, then a run of the last of them; every run of four or
+/// more equal bytes is one, so that steps don't depend on how the bytes were handed over. Steps
+/// that have been seen before, literals and run alike, become references of up to 258 bytes: what
+/// repeats from row to row and along a row. Then one code is made for the whole piece. Work per
+/// byte is one comparison with its neighbour, everything else is per step.
 class RunDeflater {
  public:
   /// Starts a new piece.
@@ -50,7 +51,7 @@ class RunDeflater {
   void end_run();
   void start_run(std::uint8_t value);
   void add_byte(std::uint8_t value);
-  void add_block(const std::uint8_t* bytes, std::size_t from, std::uint64_t starts);
+  void add_block(const std::uint8_t* bytes, std::size_t at, std::uint64_t starts);
   /// Steps from `at` on that equal those from `before` on, as far as one reference reaches: as an
   /// order where it pays. Returns the number of steps.
   std::size_t refer(std::size_t at, std::size_t before);

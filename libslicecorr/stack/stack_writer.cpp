@@ -187,7 +187,11 @@ StackWriter::Impl::Images StackWriter::Impl::gather(const std::vector<Pieces>& f
                 {}};
   const bool plain = pixels.is_plain();
   const std::size_t stride = pixels.stride(grid.width_px);
-  for (std::size_t slice = 0; slice < layers; ++slice) {
+  // A hundred thousand slices of hundreds of bands are not for one thread.
+  Job quiet;
+  quiet.threads = job.threads;
+  quiet.cancel = job.cancel;
+  parallel_for(quiet, "", layers, [&](std::size_t slice) {
     std::uint32_t adler = 1, grey_adler = 1;
     std::uint64_t size = detail::png_frame_bytes;
     for (std::size_t band = 0; band < from.size(); ++band) {
@@ -203,7 +207,7 @@ StackWriter::Impl::Images StackWriter::Impl::gather(const std::vector<Pieces>& f
     images.adlers[slice] = adler;
     images.grey_adlers[slice] = plain ? adler : grey_adler;
     images.sizes[slice] = size;
-  }
+  });
   return images;
 }
 

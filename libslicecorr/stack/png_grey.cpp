@@ -14,9 +14,9 @@ namespace {
 
 using Bytes = std::span<const std::uint8_t>;
 
-/// Of an image that is inflated as a whole; larger ones are inflated band by band, which takes
-/// longer. Enough for displays of 12K.
-constexpr std::uint64_t most_at_once = std::uint64_t{64} << 20;
+/// Of an image that is inflated as a whole. The C library keeps blocks of up to 32 MiB for the next
+/// image; fresh memory for larger ones would take longer than inflating band by band does.
+constexpr std::uint64_t most_at_once = std::uint64_t{31} << 20;
 
 /// Fills `out` and takes all of `in`, or returns false.
 class Inflater {

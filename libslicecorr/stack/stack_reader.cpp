@@ -3,7 +3,6 @@
 #include <cstring>
 #include <filesystem>
 #include <mutex>
-#include <numeric>
 #include <span>
 #include <stdexcept>
 
@@ -107,9 +106,25 @@ std::uint64_t load(const std::uint8_t* p) {
   return v;
 }
 
+std::uint64_t sum_of(const std::uint8_t* p, std::size_t n) {
+  std::uint64_t sum = 0;
+  // 32 bits hold the sum of so many, and vectors more of them than of 64.
+  constexpr std::size_t most = std::size_t{1} << 24;
+  for (std::size_t at = 0; at < n; at += most) {
+    std::uint32_t part = 0;
+    for (std::size_t i = at, end = std::min(n, at + most); i < end; ++i) part += p[i];
+    sum += part;
+  }
+  return sum;
+}
+
 /// First non-zero byte, or `n`.
 int first_lit(const std::uint8_t* row, int n) {
   int x = 0;
+  while (x + 32 <= n &&
+         (load(row + x) | load(row + x + 8) | load(row + x + 16) | load(row + x + 24)) == 0) {
+    x += 32;
+  }
   while (x + 8 <= n && load(row + x) == 0) x += 8;
   while (x < n && row[x] == 0) ++x;
   return x;
@@ -117,6 +132,10 @@ int first_lit(const std::uint8_t* row, int n) {
 
 /// End of the non-zero bytes, but not below `least`.
 int end_lit(const std::uint8_t* row, int least, int n) {
+  while (n - 32 >= least &&
+         (load(row + n - 8) | load(row + n - 16) | load(row + n - 24) | load(row + n - 32)) == 0) {
+    n -= 32;
+  }
   while (n - 8 >= least && load(row + n - 8) == 0) n -= 8;
   while (n > least && row[n - 1] == 0) --n;
   return n;
@@ -211,7 +230,7 @@ StackReader::Impl::Decoded StackReader::Impl::decode(const Index& into, int slic
       const std::uint8_t* const row = raw + stride * static_cast<unsigned>(y) + 1 + box.x0;
       pixels.insert(pixels.end(), row, row + width);
     }
-    decoded.sum += std::accumulate(pixels.begin(), pixels.end(), std::uint64_t{0});
+    decoded.sum += sum_of(pixels.data(), pixels.size());
     const std::int32_t columns[2] = {box.x0, box.x1};
     code.resize(sizeof columns);
     std::memcpy(code.data(), columns, sizeof columns);

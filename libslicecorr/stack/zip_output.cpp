@@ -252,7 +252,8 @@ void ZipOutput::write(const std::string& temporary, const Job& job) {
         zip_source_free(made);
         fail(zip_get_error(zip));
       }
-      const bool packed = was.comp_method != ZIP_CM_STORE;
+      const bool packed = was.comp_method != ZIP_CM_STORE ||
+                          (images_ == ImagePacking::smallest && is_image(source.name));
       if (is_image(source.name)) {
         images = !packed                             ? ImagePacking::stored
                  : images_ == ImagePacking::smallest ? images_

@@ -50,56 +50,6 @@ const std::vector<FaultCase>& fault_cases() {
   return cases;
 }
 
-/// Lamps off, then the stage stops, then black, as the machine saw it and as the bridge sent it.
-void expect_order(const Bench& b, double since_s, bool machine_acts, bool link_lives,
-                  bool display_lives) {
-  // What was sent: the first set-points without light come before the first stop.
-  std::size_t dark = b.sent.size(), stop = b.sent.size();
-  for (std::size_t i = 0; i < b.sent.size(); ++i) {
-    const SetPoints& s = b.sent[i];
-    if (s.command == Command::stop && stop == b.sent.size()) stop = i;
-  }
-  ASSERT_LT(stop, b.sent.size()) << "the stage was never told to stop";
-  for (std::size_t i = stop; i-- > 0;) {
-    if (b.sent[i].blue_share > 0 || b.sent[i].uv_mw_cm2 > 0) break;
-    dark = i;
-  }
-  EXPECT_LT(dark, stop) << "no cycle with lamps off and the stage going on";
-  for (std::size_t i = dark; i < b.sent.size(); ++i) {
-    EXPECT_EQ(b.sent[i].blue_share, 0);
-    EXPECT_EQ(b.sent[i].uv_mw_cm2, 0);
-  }
-  // What the bridge did.
-  const double off = b.event_time("lamps off"), stopped = b.event_time("stage stop"),
-               black = b.event_time("black"), failed = b.event_time("phase failed");
-  ASSERT_GE(off, 0);
-  EXPECT_LT(off, stopped);
-  EXPECT_LT(stopped, black);
-  EXPECT_LE(black, failed);
-  EXPECT_LE(b.event_time("fault " + std::string(name_of(b.controller.fault()))), off);
-  // What the machine did.
-  if (link_lives) {
-    const double told = b.machine_time("stop", since_s);
-    EXPECT_GE(told, 0);
-    double last_light = -1;
-    for (const SimEvent& e : b.model.events()) {
-      if (e.what == "blue off" || e.what == "uv off") last_light = e.at_s;
-      if (e.what == "blue on" || e.what == "uv on") {
-        EXPECT_LT(e.at_s, told);
-      }
-    }
-    EXPECT_LE(last_light, told) << "lamps were on when the stage was told to stop";
-    if (display_lives) {
-      EXPECT_GE(b.machine_time("black", told), told);
-    }
-  }
-  (void)machine_acts;
-  EXPECT_TRUE(b.model.lamps_dark());
-  if (display_lives) {
-    EXPECT_EQ(b.model.display().number, -1);
-  }
-}
-
 TEST(BridgeFaults, EveryFaultAtRandomMomentsEndsInItsOrder) {
   const Machine m = test_machine();
   std::mt19937 random(20240817);

@@ -98,8 +98,10 @@ struct Controller::Impl {
   double shown_at_s = 0;  ///< the frame on it, its light
   int frames_shown = 0, late_frames = 0;
   double worst_late_um = 0;
-  double stop_um = 0;     ///< of a pause
-  int paused_frame = -1;  ///< to be shown again after it
+  Lateness lateness;
+  std::optional<FrameRecord> exposing;  ///< layer by layer: its row waits for the exposure's end
+  double stop_um = 0;                   ///< of a pause
+  int paused_frame = -1;                ///< to be shown again after it
 
   // A fault's order.
   int tries = 0;

@@ -160,6 +160,11 @@ struct Controller::Impl {
   bool blue_dark() const;
   bool uv_dark() const;
   void lamp_limit(double limit_s, const char* what);
+  /// Whether the lamp is as asked; a fault when it takes too long within this act.
+  bool uv_came();
+  bool blue_came();
+  bool uv_went();
+  bool blue_went();
   double uv_share(double mw_cm2) const {
     return plan.uv_max_mw_cm2 > 0 ? mw_cm2 / plan.uv_max_mw_cm2 : 0;
   }

@@ -210,7 +210,10 @@ void Controller::Impl::judge_frame(const FrameReport& report) {
         1e3;
     unit = "ms";
   }
-  const bool is_late = late > borne;
+  // Too early is as wrong as too late.
+  const char* const side = late < 0 ? "early" : "late";
+  const double off = moving ? std::abs(late) : late;
+  const bool is_late = off > borne;
   if (exposing && report.number < 0) {
     exposing->late = is_late;
     exposing->exposed_s = light_at_s - shown_at_s;
@@ -219,10 +222,10 @@ void Controller::Impl::judge_frame(const FrameReport& report) {
   }
   if (is_late) {
     ++late_frames;
-    event("late frame", fmt::format("{}: {:.1f} {}", report.number, late, unit));
-    if (late_frames > limits.max_late_frames || late > 10 * borne) {
-      fail(Fault::late_frame, fmt::format("frame {} began {:.1f} {} late, {:g} {} is borne",
-                                          report.number, late, unit, borne, unit));
+    event("late frame", fmt::format("{}: {:.1f} {} {}", report.number, off, unit, side));
+    if (late_frames > limits.max_late_frames || off > 10 * borne) {
+      fail(Fault::late_frame, fmt::format("frame {} began {:.1f} {} {}, {:g} {} is borne",
+                                          report.number, off, unit, side, borne, unit));
     }
   }
   frame = report.number;

@@ -70,6 +70,14 @@ std::string where_it_was(int frame, double z_um) {
                    : fmt::format("frame {}, z = {:.3f} mm", frame, z_um * 1e-3);
 }
 
+std::string ramps_in_words(const PrintPlan& plan) {
+  if (plan.lamps_follow()) {
+    return fmt::format("ramps of {:.0f} um that the lamps follow", plan.ramp_um);
+  }
+  return fmt::format("{:.0f} um of run-up between the platform and the first slice",
+                     plan.run_up_um);
+}
+
 int print(const Options& o, const Job& job, Console& console) {
   Machine machine = load_machine(o.printer);
   redirect(machine, o.modbus);
@@ -94,8 +102,7 @@ int print(const Options& o, const Job& job, Console& console) {
       "{}: {} slices of {:g} um, {}, about {}", o.stack, plan.frames.size(), plan.layer_um,
       plan.mode == ExposureMode::layerwise
           ? std::string("layer by layer")
-          : fmt::format("{:g} mm/h, ramps of {:.0f} um {}", plan.speed_um_s * 3.6, plan.ramp_um,
-                        plan.lamps_follow() ? "that the lamps follow" : "outside of the slices"),
+          : fmt::format("{:g} mm/h, {}", plan.speed_um_s * 3.6, ramps_in_words(plan)),
       minutes(plan.expected_s)));
 
   const auto clock = o.lockstep ? make_step_clock() : make_real_clock();

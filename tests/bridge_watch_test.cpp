@@ -20,6 +20,7 @@ namespace slicecorr::bridge {
 namespace {
 
 using namespace slicecorr::test;
+namespace test = slicecorr::test;
 using nlohmann::json;
 using testing::HasSubstr;
 using testing::Not;
@@ -101,7 +102,7 @@ TEST_F(BridgeView, APrintLeavesItsPage) {
 
 TEST_F(BridgeView, PagesOfLateFramesAndOfFaults) {
   const std::string printer =
-      make_printer("late", {{"max_late_um = 5", "max_late_um = 5\nmax_late_frames = 3"}});
+      make_printer("late", {{"max_late_frames = 0", "max_late_frames = 3"}});
   const std::string stack = make_stack(printer);
   {
     Sim sim = start_sim(printer, true, {"--fault", "late-frame=0.1@frame:11"});
@@ -267,7 +268,7 @@ TEST_F(BridgeView, WatchThroughAPipe) {
   EXPECT_EQ(none.out, "no print runs\n");
   EXPECT_THAT(bridge({"watch", "--once"}, plain).out, HasSubstr("no print runs"));
   Running r = start_print();
-  RunOptions options;
+  test::RunOptions options;
   bool stopped = false;
   options.signal = SIGCONT;
   options.signal_when = [&](const std::string& out, const std::string&) {

@@ -57,8 +57,9 @@ double fault_mm(const PrintRecord& r) { return r.fault == Fault::none ? NAN : r.
 double fault_frame(const PrintRecord& r) {
   return r.fault == Fault::none || r.fault_frame < 0 ? NAN : r.fault_frame;
 }
-void mark_fault(Panel& panel, const PrintRecord& r, double at) {
-  if (std::isfinite(at)) panel.vertical(at, std::string(name_of(r.fault)));
+/// `row`: where its word is in the way of nothing.
+void mark_fault(Panel& panel, const PrintRecord& r, double at, int row) {
+  if (std::isfinite(at)) panel.vertical(at, std::string(name_of(r.fault)), row);
 }
 
 /// Over z, as far as the print came.
@@ -143,7 +144,7 @@ void add_lateness(const PrintRecord& r, std::vector<Chart>& charts) {
                              : fmt::format("{} late frames here; the worst, {:.0f}: {:.2f} {}",
                                            p.count, p.at.x, p.at.y, unit));
   }
-  mark_fault(panel, r, fault_frame(r));
+  mark_fault(panel, r, fault_frame(r), 2);
   picture.legend_line(Style::series, layers ? "exposure less what was asked" : "lateness", 0);
   if (!late_ones.empty()) picture.legend_point(1, "late");
   picture.add(panel);
@@ -169,7 +170,7 @@ void add_stage(const PrintRecord& r, std::vector<Chart>& charts) {
     panel.horizontal(-tolerance, "");
   }
   panel.line(envelope(error), Style::series, 0);
-  mark_fault(panel, r, fault_mm(r));
+  mark_fault(panel, r, fault_mm(r), 0);
   picture.add(panel);
   charts.push_back({"Stage", picture.svg()});
 }
@@ -181,7 +182,7 @@ void lamp_panel(Picture& picture, const PrintRecord& r, const std::vector<Point>
               x_labels);
   panel.line(envelope(measured), Style::series, 0);
   panel.line(envelope(asked), Style::reference);
-  mark_fault(panel, r, fault_mm(r));
+  mark_fault(panel, r, fault_mm(r), 3);
   picture.add(panel);
 }
 
@@ -230,7 +231,7 @@ void add_speed(const PrintRecord& r, std::vector<Chart>& charts) {
               half_height);
   if (r.facts.speed_um_s > 0) panel.horizontal(r.facts.speed_um_s * 3.6, "planned", true);
   panel.line(envelope(speed), Style::series, 0);
-  mark_fault(panel, r, fault_mm(r));
+  mark_fault(panel, r, fault_mm(r), 3);
   picture.add(panel);
   charts.push_back({"Speed", picture.svg()});
 }

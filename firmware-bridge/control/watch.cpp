@@ -223,7 +223,7 @@ void Controller::Impl::judge_frame(const FrameReport& report) {
     frames_shown = frame + 1;
     step.records.push_back({frame, asked.planned_um, at_um, asked.at_s, light_at_s,
                             stage.speed_um_s(now_s), out.blue_share, out.uv_mw_cm2,
-                            status.blue_measured, status.uv_measured.value_or(0)});
+                            status.blue_measured, status.uv_measured.value_or(0), report.display});
   }
 }
 

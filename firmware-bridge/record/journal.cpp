@@ -155,7 +155,7 @@ struct FrameLog::Impl {
   Impl(const std::string& path, double start)
       : writer(path,
                "frame,planned_z_um,z_um,planned_s,shown_s,late_um,speed_um_s,blue_share,uv_mw_cm2,"
-               "blue_measured,uv_measured"),
+               "blue_measured,uv_measured,vblank,missed_vblanks,upload_s,present_s"),
         start_um(start) {}
 };
 
@@ -165,10 +165,12 @@ FrameLog::~FrameLog() = default;
 
 void FrameLog::add(const FrameRecord& r) {
   impl_->writer.add(
-      fmt::format("{},{:.6f},{:.6f},{:.6f},{:.6f},{:.6f},{:.4f},{:.6f},{:.4f},{:.6f},{:.4f}",
+      fmt::format("{},{:.6f},{:.6f},{:.6f},{:.6f},{:.6f},{:.4f},{:.6f},{:.4f},{:.6f},{:.4f},{},{},{"
+                  ":.6f},{:.6f}",
                   r.frame, r.planned_um - impl_->start_um, r.stage_um - impl_->start_um,
                   r.planned_s, r.shown_s, r.stage_um - r.planned_um, r.speed_um_s, r.blue_share,
-                  r.uv_mw_cm2, r.blue_measured, r.uv_measured),
+                  r.uv_mw_cm2, r.blue_measured, r.uv_measured, r.display.vblank,
+                  r.display.missed_vblanks, r.display.upload_s, r.display.present_s),
       false);
 }
 

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "slicecorr/bridge/frames.hpp"
 #include "slicecorr/bridge/plan.hpp"
 
 namespace slicecorr::bridge {
@@ -71,6 +72,7 @@ struct FrameRecord {
   int frame = 0;
   double planned_um = 0, stage_um = 0, planned_s = 0, shown_s = 0, speed_um_s = 0, blue_share = 0,
          uv_mw_cm2 = 0, blue_measured = 0, uv_measured = 0;
+  DisplayTimes display;
 };
 
 /// A status, and when it was true on the print's clock.
@@ -96,6 +98,7 @@ struct FrameReport {
   int number = -1;
   double shown_at_s = 0;
   bool missing = false;  ///< underrun
+  DisplayTimes display;
 };
 
 struct PauseAnswer {

@@ -32,8 +32,9 @@ class Journal {
 };
 
 /// frame, planned_z_um, z_um, planned_s, shown_s, late_um, speed_um_s, blue_share, uv_mw_cm2,
-/// blue_measured, uv_measured; z is counted from the first slice's begin. Never blocks the print: a
-/// thread of its own writes. An earlier one is kept beside it as frames.previous.csv.
+/// blue_measured, uv_measured, vblank, missed_vblanks, upload_s, present_s; z is counted from the
+/// first slice's begin. Never blocks the print: a thread of its own writes. An earlier one is kept
+/// beside it as frames.previous.csv.
 class FrameLog {
  public:
   FrameLog(const std::string& path, double start_um);

@@ -42,6 +42,12 @@ bool is_software_gl() {
 class SdlWindow final : public Window {
  public:
   ~SdlWindow() override {
+    if (!guarded_) return;
+    if (lost_) {
+      // SDL would wait for ever for the window to go.
+      x11_.restore();
+      return;
+    }
     if (texture_) SDL_DestroyTexture(texture_);
     if (renderer_) SDL_DestroyRenderer(renderer_);
     x11_.restore();
@@ -56,6 +62,7 @@ class SdlWindow final : public Window {
     height_px_ = wanted.height_px;
     found.wrong = X11::guard(wanted.died);
     if (!found.wrong.empty()) return false;
+    guarded_ = true;
     SDL_SetMainReady();
     SDL_SetHint(SDL_HINT_NO_SIGNAL_HANDLERS, "1");
     SDL_SetHint(SDL_HINT_VIDEO_ALLOW_SCREENSAVER, "0");
@@ -68,6 +75,15 @@ class SdlWindow final : public Window {
       return false;
     }
     begun_ = true;
+    // What SDL falls back to shows images to nobody.
+    const std::string driver = SDL_GetCurrentVideoDriver();
+    const char* asked = SDL_GetHint(SDL_HINT_VIDEODRIVER);
+    if (driver != "x11" && driver != "wayland" && !(asked && *asked)) {
+      found.wrong =
+          "there is no display server; expected $DISPLAY or $WAYLAND_DISPLAY to name one "
+          "(--sink drm needs none)";
+      return false;
+    }
     return choose(wanted, found) && make_window(found) && make_renderer(found) && settle(found);
   }
 
@@ -242,6 +258,9 @@ class SdlWindow final : public Window {
   /// What an event says against the window; empty: nothing.
   std::string judge(const SDL_Event& event) {
     if (event.type == SDL_SYSWMEVENT) return x11_.judge(event.syswm.msg);
+    lost_ = lost_ ||
+            (event.type == SDL_WINDOWEVENT && (event.window.event == SDL_WINDOWEVENT_HIDDEN ||
+                                               event.window.event == SDL_WINDOWEVENT_MINIMIZED));
     if (event.type == SDL_QUIT) return "the window was closed, or its display server is gone";
     if (event.type == SDL_RENDER_DEVICE_RESET) return "the graphics processor was reset";
     if (event.type == SDL_DISPLAYEVENT && event.display.event == SDL_DISPLAYEVENT_DISCONNECTED &&
@@ -274,7 +293,8 @@ class SdlWindow final : public Window {
   }
 
   int width_px_ = 0, height_px_ = 0, display_ = -1, refresh_hz_ = 0;
-  bool begun_ = false;
+  bool guarded_ = false, begun_ = false;
+  bool lost_ = false;  ///< others have hidden or destroyed the window
   std::string name_;
   SDL_Rect bounds_{};
   SDL_Window* window_ = nullptr;

@@ -8,6 +8,7 @@
 #include <X11/extensions/dpms.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <utility>
 
 namespace slicecorr::bridge::detail {
@@ -16,7 +17,7 @@ namespace {
 // One window to a process, and handlers without an argument: hence at file scope.
 std::function<void(const std::string&)> tell_died;
 std::string first_error;
-bool server_died = false;
+std::atomic<bool> in_use{false}, server_died{false};
 XIOErrorHandler old_io_handler = nullptr;
 XErrorHandler old_handler = nullptr;
 
@@ -39,6 +40,7 @@ Display* display_of(void* display) { return static_cast<Display*>(display); }
 
 std::string X11::guard(std::function<void(const std::string&)> died) {
   if (server_died) return "its display server died; expected a new process for another window";
+  if (in_use.exchange(true)) return "this process has a window already";
   tell_died = std::move(died);
   first_error.clear();
   old_io_handler = XSetIOErrorHandler(on_io_error);
@@ -47,10 +49,10 @@ std::string X11::guard(std::function<void(const std::string&)> died) {
 }
 
 void X11::unguard() {
-  if (server_died) return;
   XSetIOErrorHandler(old_io_handler);
   XSetErrorHandler(old_handler);
   tell_died = nullptr;
+  in_use = false;
 }
 
 bool X11::has_output_at(const std::string& name, int x, int y) {

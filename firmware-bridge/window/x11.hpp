@@ -15,8 +15,8 @@ class X11 {
  public:
   /// Xlib ends the process when the server is gone or says that a request was wrong. Instead: the
   /// former tells `died` and keeps the thread for ever, because nothing in Xlib or SDL is fit to be
-  /// gone on with; the latter is kept for `error`. Gives what is against it: a server that has died
-  /// in this process before.
+  /// gone on with; the latter is kept for `error`. Gives what is against it: another window of this
+  /// process, or a server that has died in it.
   static std::string guard(std::function<void(const std::string&)> died);
   static void unguard();
 

@@ -49,7 +49,7 @@ class BridgePrint : public BridgePrograms {
       std::vector<double> row;
       std::istringstream cells(line);
       for (std::string cell; std::getline(cells, cell, ',');) row.push_back(std::stod(cell));
-      EXPECT_EQ(row.size(), 11U) << line;
+      EXPECT_EQ(row.size(), 15U) << line;
       // Half a digit of what the log has.
       late_um = std::max(late_um, std::abs(row.at(5)) + 5e-7);
       off = std::max(off, std::abs(row.at(9) - 1) + 5e-7);
@@ -116,7 +116,7 @@ TEST_F(BridgePrint, PrintsAStackAndWhatWasShownIsWhatWasPlanned) {
   std::getline(csv, line);
   EXPECT_EQ(line,
             "frame,planned_z_um,z_um,planned_s,shown_s,late_um,speed_um_s,blue_share,uv_mw_cm2,"
-            "blue_measured,uv_measured");
+            "blue_measured,uv_measured,vblank,missed_vblanks,upload_s,present_s");
   int rows = 0;
   const StackInfo info = StackReader::read_info(stack);
   while (std::getline(csv, line)) ++rows;

@@ -120,9 +120,7 @@ TEST(Machine, ErrorsNameFileLineKeyAndWhatIsExpected) {
       {"frame = { address = 14, type = \"i32\" }", "frame = { address = 14, type = \"u32\" }",
        "frame = {", "holds 0 to 4.29497e+09; this machine needs -1 to 32766"},
       {"frame = { address = 14", "frame = { address = 17", "[modbus.write]",
-       "leaves out 3 of the registers 0 to 18"},
-      {"frame = { address = 14", "frame = { address = 130", "modbus",
-       "covers 132 registers, 0 to 131; Modbus writes at most 121 at once"},
+       "leaves out 3 of the registers 0 to 18, which function 23 writes at once"},
       {"machine_time_s = { address = 112", "machine_time_s = { address = 224", "modbus",
        "covers 126 registers, 100 to 225; Modbus reads at most 125 at once"},
       {"target_um = { address = 4, type = \"i32\", scale = 0.01 }",
@@ -227,6 +225,30 @@ TEST(Registers, AreWhatTheFileSays) {
   little.word_order = WordOrder::little;
   EXPECT_THAT(encode(little, s), ElementsAre(0xabcd, 7, 1, 250, 0xd687, 0x0012, 0x640e, 0x0003,
                                              10000, 0, 0xa120, 7, 0xe240, 1, 0xffff, 0xffff));
+}
+
+TEST(Registers, ThatLieApartAreRunsWithTheSequenceNumberLast) {
+  const auto runs_of = [](const std::vector<std::pair<std::string, std::string>>& changes) {
+    std::string text = small_machine;
+    for (const auto& [what, by] : changes) text = replaced(text, what, by);
+    std::vector<std::pair<int, int>> runs;
+    for (const RegisterRun& run : write_runs(*machine_of(text).modbus)) {
+      runs.emplace_back(run.address, run.count);
+    }
+    return runs;
+  };
+  using Runs = std::vector<std::pair<int, int>>;
+  const std::pair<std::string, std::string> apart{"exchange = \"fc23\"", "exchange = \"fc16+fc3\""};
+  EXPECT_EQ(runs_of({}), (Runs{{0, 16}}));
+  EXPECT_EQ(runs_of({apart}), (Runs{{0, 16}}));
+  EXPECT_EQ(runs_of({apart, {"sequence = { address = 0 }", "sequence = { address = 90 }"}}),
+            (Runs{{1, 15}, {90, 1}}));
+  EXPECT_EQ(runs_of({apart, {"target_um = { address = 4,", "target_um = { address = 60000,"}}),
+            (Runs{{6, 10}, {60000, 2}, {0, 4}}));
+  // Input registers are others than those written, even where addresses are the same.
+  EXPECT_EQ(runs_of({{"exchange = \"fc23\"", "exchange = \"fc16+fc4\""},
+                     {"state = { address = 101 }", "state = { address = 1 }"}}),
+            (Runs{{0, 16}}));
 }
 
 TEST(Registers, HoldWhatIsBelowZero) {

@@ -1,6 +1,9 @@
 // The commands of the README run as written; links in the documents lead somewhere; the level table
 // is the one that the program prints.
 #include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <filesystem>
@@ -26,21 +29,38 @@ std::string text_of(const fs::path& path) {
   return text.str();
 }
 
-/// Indented lines that begin with build/bin/, continued lines joined.
+/// Indented lines that begin with build/bin/, continued lines joined. What follows a program in the
+/// background belongs to it, up to the end of its paragraph.
 std::vector<std::string> commands_of(const fs::path& path) {
   std::istringstream lines(text_of(path));
   std::vector<std::string> commands;
-  bool open = false;
+  bool open = false, together = false;
   for (std::string line; std::getline(lines, line);) {
     const bool begins = line.rfind("    build/bin/", 0) == 0;
-    if (!begins && !open) continue;
+    together = together && line.rfind("    ", 0) == 0;
+    if (!begins && !open && !together) continue;
     line.erase(0, line.find_first_not_of(' '));
+    if (together && !open) commands.back() += '\n';
+    if (begins && !together) commands.emplace_back();
     open = !line.empty() && line.back() == '\\';
     if (open) line.pop_back();
-    if (begins) commands.emplace_back();
     commands.back() += line;
+    if (!line.empty() && line.back() == '&') together = true;
   }
   return commands;
+}
+
+/// Of the loopback; free a moment ago.
+int free_port() {
+  const int s = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  sockaddr_in a{};
+  a.sin_family = AF_INET;
+  a.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  socklen_t size = sizeof a;
+  EXPECT_EQ(::bind(s, reinterpret_cast<const sockaddr*>(&a), size), 0);
+  EXPECT_EQ(::getsockname(s, reinterpret_cast<sockaddr*>(&a), &size), 0);
+  ::close(s);
+  return ntohs(a.sin_port);
 }
 
 TEST(Docs, CommandsOfTheReadmeRun) {
@@ -60,6 +80,7 @@ TEST(Docs, CommandsOfTheReadmeRun) {
       }
     }
   }
+  const int port = free_port();
   const auto commands = commands_of(kSource / "README.md");
   ASSERT_GE(commands.size(), 8U);
   test::RunOptions options;
@@ -68,12 +89,17 @@ TEST(Docs, CommandsOfTheReadmeRun) {
                          {"XDG_CONFIG_HOME", ""},
                          {"SLICECORR_DB", ""},
                          {"XDG_STATE_HOME", (folder / "state").string()}};
-  for (const std::string& command : commands) {
+  for (std::string command : commands) {
+    // Several of these tests may run at once.
+    command = std::regex_replace(command, std::regex("bin/printer-sim"),
+                                 "$& --listen 127.0.0.1:" + std::to_string(port));
+    command = std::regex_replace(command, std::regex("printbridge print"),
+                                 "$& --modbus tcp:127.0.0.1:" + std::to_string(port));
     const auto result = test::run_program({"/bin/sh", "-c", command}, options);
     EXPECT_EQ(result.exit_code, 0) << command << "\n" << result.err;
   }
-  for (const char* made : {"part.uvj", "part.html", "part.json", "target.uvj", "section.png",
-                           "corrected/part.uvj", "morning.html"}) {
+  for (const char* made : {"shown.uvj", "part.uvj", "part.html", "part.json", "target.uvj",
+                           "section.png", "corrected/part.uvj", "morning.html"}) {
     EXPECT_TRUE(fs::exists(folder / made)) << made;
   }
   fs::remove_all(folder);

@@ -443,7 +443,7 @@ TEST(Access, TokenFiles) {
   const auto with = [&](const std::string& text, unsigned mode) {
     test::write_file(path, text);
     fs::permissions(path, static_cast<fs::perms>(mode));
-    return read_token_file(path);
+    return http::read_token_file(path);
   };
   EXPECT_EQ(with(token + "\n", 0600), token);
   EXPECT_EQ(with(token + "\r\nsecond line\n", 0400), token);
@@ -456,8 +456,8 @@ TEST(Access, TokenFiles) {
         token + " " + token, token + "\x01", "\n" + token}) {
     EXPECT_THROW(with(text, 0600), InputError) << text;
   }
-  EXPECT_THROW(read_token_file(farm.root), InputError);
-  EXPECT_THROW(read_token_file(farm.root + "/nothing"), InputError);
+  EXPECT_THROW(http::read_token_file(farm.root), InputError);
+  EXPECT_THROW(http::read_token_file(farm.root + "/nothing"), InputError);
 }
 
 // --- clients that mean harm ---------------------------------------------------------------------

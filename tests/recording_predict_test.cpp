@@ -139,6 +139,8 @@ std::vector<Case> cases() {
   };
 }
 
+void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
+
 class AsPlanned : public testing::TestWithParam<Case> {};
 INSTANTIATE_TEST_SUITE_P(Recording, AsPlanned, testing::ValuesIn(cases()),
                          [](const auto& info) { return info.param.name; });

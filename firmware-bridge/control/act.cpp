@@ -108,6 +108,28 @@ bool Controller::Impl::uv_dark() const {
 void Controller::Impl::lamp_limit(double limit_s, const char* what) {
   if (in_act_s() > limit_s) fail(Fault::lamp_mismatch, what);
 }
+bool Controller::Impl::uv_came() {
+  if (uv_settled()) return true;
+  lamp_limit(machine.uv.warm_up_s + 5 * machine.uv.settle_s + 1,
+             "the UV lamp does not come to its light");
+  return false;
+}
+bool Controller::Impl::blue_came() {
+  if (blue_settled()) return true;
+  lamp_limit(machine.blue.warm_up_s + 5 * machine.blue.settle_s + 1,
+             "the blue lamp does not come to its light");
+  return false;
+}
+bool Controller::Impl::uv_went() {
+  if (uv_dark()) return true;
+  lamp_limit(5 * machine.uv.settle_s + 2, "the UV lamp does not go off");
+  return false;
+}
+bool Controller::Impl::blue_went() {
+  if (blue_dark()) return true;
+  lamp_limit(5 * machine.blue.settle_s + 2, "the blue lamp does not go off");
+  return false;
+}
 
 void Controller::Impl::go_connecting() {
   out.command = Command::off;
@@ -161,9 +183,7 @@ void Controller::Impl::go_warming() {
       out.blue_share = 0;
       return turn_to(Act::blue_dark);
     default:
-      if (!blue_dark()) {
-        return lamp_limit(5 * machine.blue.settle_s + 2, "the blue lamp does not go off");
-      }
+      if (!blue_went()) return;
       break;
   }
   rising = false;
@@ -189,10 +209,7 @@ void Controller::Impl::go_uv_on() {
     rising = true;
     turn_to(Act::uv_settle);
   }
-  if (!uv_settled()) {
-    return lamp_limit(machine.uv.warm_up_s + 5 * machine.uv.settle_s + 1,
-                      "the UV lamp does not come to its light");
-  }
+  if (!uv_came()) return;
   rising = false;
   enter(Phase::printing, dry_run ? "without light" : "");
   go();
@@ -216,10 +233,7 @@ void Controller::Impl::go_printing() {
       rising = true;
       return turn_to(Act::blue_settle);
     case Act::blue_settle:
-      if (!blue_settled()) {
-        return lamp_limit(machine.blue.warm_up_s + 5 * machine.blue.settle_s + 1,
-                          "the blue lamp does not come to its light");
-      }
+      if (!blue_came()) return;
       break;
     case Act::show_first:
       if (!displayed(0)) return;
@@ -322,13 +336,11 @@ void Controller::Impl::go_pausing() {
       [[fallthrough]];
     case Act::blue_dark:
       out.blue_share = 0;
-      if (!blue_dark()) {
-        return lamp_limit(5 * machine.blue.settle_s + 2, "the blue lamp does not go off");
-      }
+      if (!blue_went()) return;
       out.uv_mw_cm2 = 0;
       return turn_to(Act::uv_dark);
     case Act::uv_dark:
-      if (!uv_dark()) return lamp_limit(5 * machine.uv.settle_s + 2, "the UV lamp does not go off");
+      if (!uv_went()) return;
       paused_frame = frame;
       show(-1, 0, now_s);
       return turn_to(Act::show);
@@ -354,10 +366,7 @@ void Controller::Impl::go_resuming() {
       rising = true;
       return turn_to(Act::uv_settle);
     case Act::uv_settle:
-      if (!uv_settled()) {
-        return lamp_limit(machine.uv.warm_up_s + 5 * machine.uv.settle_s + 1,
-                          "the UV lamp does not come to its light");
-      }
+      if (!uv_came()) return;
       rising = false;
       if (plan.mode == ExposureMode::layerwise) {
         enter(Phase::printing);
@@ -378,9 +387,7 @@ void Controller::Impl::go_resuming() {
 void Controller::Impl::go_blue_off() {
   out.blue_share = 0;
   if (act == Act::begin) turn_to(Act::blue_dark);
-  if (!blue_dark()) {
-    return lamp_limit(5 * machine.blue.settle_s + 2, "the blue lamp does not go off");
-  }
+  if (!blue_went()) return;
   enter(Phase::uv_off);
   go();
 }
@@ -391,7 +398,7 @@ void Controller::Impl::go_uv_off() {
     return turn_to(Act::uv_dark);
   }
   if (act == Act::uv_dark) {
-    if (!uv_dark()) return lamp_limit(5 * machine.uv.settle_s + 2, "the UV lamp does not go off");
+    if (!uv_went()) return;
     if (!displayed(-1) && !pending) show(-1, 0, now_s);
     return turn_to(Act::show);
   }

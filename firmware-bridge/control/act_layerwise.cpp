@@ -42,17 +42,11 @@ void Controller::Impl::go_layers() {
       rising = true;
       return turn_to(Act::uv_settle);
     case Act::uv_settle:
-      if (!uv_settled()) {
-        return lamp_limit(machine.uv.warm_up_s + 5 * machine.uv.settle_s + 1,
-                          "the UV lamp does not come to its light");
-      }
+      if (!uv_came()) return;
       out.blue_share = 1;  // behind black: the display times the exposure
       return turn_to(Act::blue_settle);
     case Act::blue_settle:
-      if (!blue_settled()) {
-        return lamp_limit(machine.blue.warm_up_s + 5 * machine.blue.settle_s + 1,
-                          "the blue lamp does not come to its light");
-      }
+      if (!blue_came()) return;
       rising = false;
       show(n, plan.frame_um(n), now_s + limits.cycle_s + limits.display_latency_s);
       return turn_to(Act::show);
@@ -72,9 +66,7 @@ void Controller::Impl::go_layers() {
       return turn_to(Act::blue_dark);
     }
     default:
-      if (!blue_dark()) {
-        return lamp_limit(5 * machine.blue.settle_s + 2, "the blue lamp does not go off");
-      }
+      if (!blue_went()) return;
       ++next_frame;
       turn_to(Act::begin);
       return go_layers();

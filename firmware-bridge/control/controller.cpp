@@ -70,6 +70,8 @@ Step Controller::step(const std::optional<Answer>& answer, double now_s) {
     s.go();
     if (s.fault == Fault::none || s.failing()) break;
   }
+  // Its exposure has no end that is known of.
+  if (s.failing() && s.exposing) s.step.records.push_back(*std::exchange(s.exposing, {}));
   SetPoints& out = s.out;
   if (s.dry_run || s.failing()) out.blue_share = out.uv_mw_cm2 = 0;
   out.sequence = s.next_sequence;
@@ -128,6 +130,12 @@ Fault Controller::fault() const { return impl_->fault; }
 const std::string& Controller::fault_detail() const { return impl_->fault_detail; }
 int Controller::frame() const { return impl_->frame; }
 double Controller::stage_um() const { return impl_->stage.measured_um(); }
+double Controller::speed_um_s() const { return impl_->stage.speed_um_s(impl_->now_s); }
+double Controller::stage_error_um() const { return impl_->stage.error_um(); }
+const Status& Controller::status() const { return impl_->status; }
+const SetPoints& Controller::set_points() const { return impl_->out; }
+const Lateness& Controller::lateness() const { return impl_->lateness; }
+double Controller::phase_since_s() const { return impl_->phase_since_s; }
 double Controller::worst_late_um() const { return impl_->worst_late_um; }
 double Controller::worst_stage_error_um() const { return impl_->worst_stage_error_um; }
 int Controller::frames_shown() const { return impl_->frames_shown; }

@@ -98,8 +98,10 @@ struct Controller::Impl {
   double shown_at_s = 0;  ///< the frame on it, its light
   int frames_shown = 0, late_frames = 0;
   double worst_late_um = 0;
-  double stop_um = 0;     ///< of a pause
-  int paused_frame = -1;  ///< to be shown again after it
+  Lateness lateness;
+  std::optional<FrameRecord> exposing;  ///< layer by layer: its row waits for the exposure's end
+  double stop_um = 0;                   ///< of a pause
+  int paused_frame = -1;                ///< to be shown again after it
 
   // A fault's order.
   int tries = 0;
@@ -158,6 +160,11 @@ struct Controller::Impl {
   bool blue_dark() const;
   bool uv_dark() const;
   void lamp_limit(double limit_s, const char* what);
+  /// Whether the lamp is as asked; a fault when it takes too long within this act.
+  bool uv_came();
+  bool blue_came();
+  bool uv_went();
+  bool blue_went();
   double uv_share(double mw_cm2) const {
     return plan.uv_max_mw_cm2 > 0 ? mw_cm2 / plan.uv_max_mw_cm2 : 0;
   }

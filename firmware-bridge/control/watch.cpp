@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "control/state.hpp"
 
@@ -209,21 +210,52 @@ void Controller::Impl::judge_frame(const FrameReport& report) {
         1e3;
     unit = "ms";
   }
-  if (late > borne) {
+  // Too early is as wrong as too late.
+  const char* const side = late < 0 ? "early" : "late";
+  const double off = moving ? std::abs(late) : late;
+  const bool is_late = off > borne;
+  if (exposing && report.number < 0) {
+    exposing->late = is_late;
+    exposing->exposed_s = light_at_s - shown_at_s;
+    lateness.add_ms((*exposing->exposed_s - *exposing->exposure_s) * 1e3);
+    step.records.push_back(*std::exchange(exposing, {}));
+  }
+  if (is_late) {
     ++late_frames;
-    event("late frame", fmt::format("{}: {:.1f} {}", report.number, late, unit));
-    if (late_frames > limits.max_late_frames || late > 10 * borne) {
-      fail(Fault::late_frame, fmt::format("frame {} began {:.1f} {} late, {:g} {} is borne",
-                                          report.number, late, unit, borne, unit));
+    event("late frame", fmt::format("{}: {:.1f} {} {}", report.number, off, unit, side));
+    if (late_frames > limits.max_late_frames || off > 10 * borne) {
+      fail(Fault::late_frame, fmt::format("frame {} began {:.1f} {} {}, {:g} {} is borne",
+                                          report.number, off, unit, side, borne, unit));
     }
   }
   frame = report.number;
   shown_at_s = light_at_s;
   if (frame >= frames_shown) {
     frames_shown = frame + 1;
-    step.records.push_back({frame, asked.planned_um, at_um, asked.at_s, light_at_s,
-                            stage.speed_um_s(now_s), out.blue_share, out.uv_mw_cm2,
-                            status.blue_measured, status.uv_measured.value_or(0), report.display});
+    const FrameRecord record{frame,
+                             asked.planned_um,
+                             at_um,
+                             asked.at_s,
+                             light_at_s,
+                             stage.speed_um_s(now_s),
+                             out.blue_share,
+                             out.uv_mw_cm2,
+                             status.blue_measured,
+                             status.uv_measured.value_or(0),
+                             is_late,
+                             stage.error_um(),
+                             status.temperature_c,
+                             {},
+                             {},
+                             report.display};
+    if (plan.mode == ExposureMode::layerwise) {
+      exposing = record;
+      exposing->exposure_s = plan.frames[static_cast<std::size_t>(frame)].exposure_s;
+    } else {
+      lateness.add_um(at_um - asked.planned_um);
+      lateness.add_ms((light_at_s - asked.at_s) * 1e3);
+      step.records.push_back(record);
+    }
   }
 }
 

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <atomic>
 #include <condition_variable>
 #include <deque>
 #include <exception>
@@ -86,6 +87,7 @@ struct FrameRing::Impl {
   };
   std::deque<Slot> slots;  ///< of frames first, first + 1 ...
   int first = 0, next = 0;
+  std::atomic<int> ready{0};  ///< slots with a frame: who asks must not hold up who shows
   bool ending = false;
   std::vector<std::thread> threads;
 
@@ -114,7 +116,10 @@ struct FrameRing::Impl {
         slot.error = std::current_exception();
       }
       lock.lock();
-      if (number >= first) slots[static_cast<std::size_t>(number - first)] = std::move(slot);
+      if (number >= first) {
+        if (slot.frame) ++ready;
+        slots[static_cast<std::size_t>(number - first)] = std::move(slot);
+      }
       made.notify_all();
     }
   }
@@ -146,6 +151,7 @@ std::shared_ptr<const Frame> FrameRing::take(int number) {
   const std::scoped_lock lock(impl_->mutex);
   Impl& s = *impl_;
   while (s.first < number && !s.slots.empty()) {
+    if (s.slots.front().frame) --s.ready;
     s.slots.pop_front();
     ++s.first;
   }
@@ -169,12 +175,7 @@ void FrameRing::wait_ready(int number, int count) {
   }
 }
 
-int FrameRing::ready() const {
-  const std::scoped_lock lock(impl_->mutex);
-  int count = 0;
-  for (const Impl::Slot& slot : impl_->slots) count += slot.frame ? 1 : 0;
-  return count;
-}
+int FrameRing::ready() const { return impl_->ready; }
 
 int FrameRing::room() const { return impl_->most; }
 

@@ -1,4 +1,6 @@
 #include <algorithm>
+#include <chrono>
+#include <thread>
 #include <utility>
 
 #include "frames/wire.hpp"
@@ -9,6 +11,20 @@ namespace {
 
 /// How long a display may take to answer.
 constexpr double answer_s = 2, black_s = 1;
+
+/// A display that was started a moment ago is waited for.
+WireSocket connect_patiently(const std::string& address) {
+  using namespace std::chrono_literals;
+  const auto until = std::chrono::steady_clock::now() + 2s;
+  for (;;) {
+    try {
+      return connect_wire(address);
+    } catch (const DeviceError&) {
+      if (std::chrono::steady_clock::now() > until) throw;
+      std::this_thread::sleep_for(20ms);
+    }
+  }
+}
 
 class NullSink final : public FrameSink {
  public:
@@ -31,7 +47,7 @@ class WireSink final : public FrameSink {
       : address_(std::move(address)),
         clock_(clock),
         lockstep_(hello.lockstep),
-        socket_(connect_wire(address_)) {
+        socket_(connect_patiently(address_)) {
     const double before = clock_.now_s();
     const WireMessage answer = ask(message_of(hello), answer_s);
     // The other end has a clock of its own.

@@ -19,6 +19,9 @@
 namespace slicecorr::bridge {
 namespace {
 
+/// Connections that wait to be taken.
+constexpr int kBacklog = 64;
+
 struct Address {
   bool unix_socket = false;
   std::string host;  ///< or path
@@ -117,7 +120,7 @@ WireListener listen_wire(const std::string& text) {
     }
     WireSocket s(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
     if (!s || ::bind(s.get(), reinterpret_cast<const sockaddr*>(&u), sizeof u) != 0 ||
-        ::listen(s.get(), 1) != 0) {
+        ::listen(s.get(), kBacklog) != 0) {
       failed(text, "can't listen");
     }
     return {std::move(s), text};
@@ -128,7 +131,8 @@ WireListener listen_wire(const std::string& text) {
     if (!s) continue;
     const int on = 1;
     ::setsockopt(s.get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
-    if (::bind(s.get(), i->ai_addr, i->ai_addrlen) != 0 || ::listen(s.get(), 1) != 0) continue;
+    if (::bind(s.get(), i->ai_addr, i->ai_addrlen) != 0 || ::listen(s.get(), kBacklog) != 0)
+      continue;
     sockaddr_storage bound{};
     socklen_t size = sizeof bound;
     ::getsockname(s.get(), reinterpret_cast<sockaddr*>(&bound), &size);

@@ -32,7 +32,8 @@ struct FreeContext {
 
 class ModbusLink final : public Link {
  public:
-  ModbusLink(const RegisterMap& map, const Limits& limits) : map_(map), limits_(limits) {
+  ModbusLink(const RegisterMap& map, const Limits& limits)
+      : map_(map), runs_(write_runs(map)), limits_(limits) {
     if (map_.transport == Transport::tcp) {
       look_up();
       context_.reset(modbus_new_tcp("127.0.0.1", map_.port));  // it never connects by itself
@@ -63,15 +64,13 @@ class ModbusLink final : public Link {
     if (map_.exchange == Exchange::fc23) {
       got = modbus_write_and_read_registers(c, map_.write_address, map_.write_count, written.data(),
                                             map_.read_address, map_.read_count, read.data());
+    } else if (write_all(written)) {
+      modbus_flush(c);
+      const auto ask =
+          map_.exchange == Exchange::fc16_fc4 ? modbus_read_input_registers : modbus_read_registers;
+      got = ask(c, map_.read_address, map_.read_count, read.data());
     } else {
-      got = modbus_write_registers(c, map_.write_address, map_.write_count, written.data());
-      if (got == map_.write_count) {
-        modbus_flush(c);
-        got = modbus_read_registers(c, map_.read_address, map_.read_count, read.data());
-      } else if (got >= 0) {
-        got = -1;
-        errno = EMBBADDATA;
-      }
+      got = -1;
     }
     if (got != map_.read_count) {
       error_ = got < 0 ? modbus_strerror(errno) : "an answer of the wrong length";
@@ -105,6 +104,19 @@ class ModbusLink final : public Link {
     std::memcpy(&address_, found->ai_addr, found->ai_addrlen);
     address_size_ = found->ai_addrlen;
     freeaddrinfo(found);
+  }
+
+  /// A request for each run of registers; false, with errno, at the first that fails.
+  bool write_all(const std::vector<std::uint16_t>& written) {
+    for (const RegisterRun& run : runs_) {
+      modbus_flush(context_.get());
+      const int got = modbus_write_registers(context_.get(), run.address, run.count,
+                                             written.data() + (run.address - map_.write_address));
+      if (got == run.count) continue;
+      if (got >= 0) errno = EMBBADDATA;
+      return false;
+    }
+    return true;
   }
 
   /// Goes on with connecting; true when connected.
@@ -180,6 +192,7 @@ class ModbusLink final : public Link {
   }
 
   const RegisterMap map_;
+  const std::vector<RegisterRun> runs_;
   const Limits limits_;
   std::unique_ptr<modbus_t, FreeContext> context_;
   sockaddr_storage address_{};

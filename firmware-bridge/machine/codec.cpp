@@ -108,6 +108,27 @@ void check_size(const Registers& registers, int count) {
 
 }  // namespace
 
+std::vector<RegisterRun> write_runs(const RegisterMap& map) {
+  std::vector<RegisterRun> all;
+  for (const auto& [signal, reg] : map.write) all.push_back({reg.address, reg.registers()});
+  std::sort(all.begin(), all.end(),
+            [](const RegisterRun& a, const RegisterRun& b) { return a.address < b.address; });
+  std::vector<RegisterRun> runs;
+  for (const RegisterRun& next : all) {
+    if (!runs.empty() && runs.back().address + runs.back().count == next.address) {
+      runs.back().count += next.count;
+    } else {
+      runs.push_back(next);
+    }
+  }
+  const int sequence = map.write.at(Signal::sequence).address;
+  const auto last = std::find_if(runs.begin(), runs.end(), [&](const RegisterRun& run) {
+    return sequence >= run.address && sequence < run.address + run.count;
+  });
+  std::rotate(last, last + 1, runs.end());
+  return runs;
+}
+
 Registers encode(const RegisterMap& map, const SetPoints& s) {
   Registers registers(static_cast<std::size_t>(map.write_count), 0);
   Block block(map, map.write_address, registers);

@@ -13,8 +13,8 @@ namespace slicecorr::bridge::detail {
 
 namespace {
 
-constexpr int kMostWritten = 121,
-              kMostRead = 125;  // Modbus application protocol 1.1b3, function 23
+// Modbus application protocol 1.1b3: function 23; function 16; functions 3, 4 and 23.
+constexpr int kMostWritten = 121, kMostWrittenAlone = 123, kMostRead = 125;
 
 /// What a signal must be able to carry.
 struct Need {
@@ -177,6 +177,27 @@ void measure(const std::map<Signal, Register>& signals, int& address, int& count
   count = end - first;
 }
 
+void check_written(const TomlTable& t, const RegisterMap& map) {
+  const auto runs = write_runs(map);
+  const bool at_once = map.exchange == Exchange::fc23;
+  const int most = at_once ? kMostWritten : kMostWrittenAlone;
+  // One request writes the whole block: what lies between would be overwritten with 0.
+  if (at_once && runs.size() > 1) {
+    int written = 0;
+    for (const RegisterRun& run : runs) written += run.count;
+    t.fail("write", fmt::format("leaves out {} of the registers {} to {}, which function 23 writes "
+                                "at once; expected none between its signals, or exchange = "
+                                "\"fc16+fc3\" or \"fc16+fc4\"",
+                                map.write_count - written, map.write_address,
+                                map.write_address + map.write_count - 1));
+  }
+  for (const RegisterRun& run : runs) {
+    if (run.count <= most) continue;
+    t.fail("write", fmt::format("covers {} registers, {} to {}; Modbus writes at most {} at once",
+                                run.count, run.address, run.address + run.count - 1, most));
+  }
+}
+
 template <typename Key>
 std::map<Key, int> parse_words(const TomlTable& modbus, std::string_view key,
                                std::span<const std::string_view> names, const Register& reg) {
@@ -217,7 +238,7 @@ Choice choose(const TomlTable& table, std::string_view key,
 void parse_wire(const TomlTable& t, RegisterMap& map) {
   map.transport = choose<Transport>(t, "transport", {"tcp", "rtu"});
   map.word_order = choose<WordOrder>(t, "word_order", {"big", "little"});
-  map.exchange = choose<Exchange>(t, "exchange", {"fc23", "fc16+fc3"});
+  map.exchange = choose<Exchange>(t, "exchange", {"fc23", "fc16+fc3", "fc16+fc4"});
   map.host = t.text("host", map.host);
   if (map.host.empty()) t.fail("host", "is empty; expected a name or an address");
   map.port = t.integer("port", 0, 65535, map.port);
@@ -259,27 +280,16 @@ RegisterMap parse_map(const TomlTable& t, const Machine& machine) {
   map.read = parse_signals(read, false, machine);
   std::multimap<int, Used> used;
   check_overlaps(write, map.write, used);
+  // Input registers have addresses of their own.
+  if (map.exchange == Exchange::fc16_fc4) used.clear();
   check_overlaps(read, map.read, used);
   measure(map.write, map.write_address, map.write_count);
   measure(map.read, map.read_address, map.read_count);
-  if (map.write_count > kMostWritten) {
-    t.fail("write", fmt::format("covers {} registers, {} to {}; Modbus writes at most {} at once",
-                                map.write_count, map.write_address,
-                                map.write_address + map.write_count - 1, kMostWritten));
-  }
+  check_written(t, map);
   if (map.read_count > kMostRead) {
     t.fail("read", fmt::format("covers {} registers, {} to {}; Modbus reads at most {} at once",
                                map.read_count, map.read_address,
                                map.read_address + map.read_count - 1, kMostRead));
-  }
-  // One exchange writes the whole block: what lies between would be overwritten with 0.
-  int written = 0;
-  for (const auto& [signal, reg] : map.write) written += reg.registers();
-  if (written != map.write_count) {
-    t.fail("write", fmt::format("leaves out {} of the registers {} to {}, which are written at "
-                                "once; expected none between its signals",
-                                map.write_count - written, map.write_address,
-                                map.write_address + map.write_count - 1));
   }
   map.commands = parse_words<Command>(t, "commands", command_names, map.write.at(Signal::command));
   map.states = parse_words<MachineState>(t, "states", state_names, map.read.at(Signal::state));

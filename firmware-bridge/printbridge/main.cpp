@@ -4,8 +4,6 @@
 
 #include <csignal>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -14,22 +12,25 @@
 #include "frames/wire.hpp"
 #include "program/program.hpp"
 #include "slicecorr/bridge/display.hpp"
+#include "slicecorr/bridge/print_state.hpp"
 #include "slicecorr/bridge/run.hpp"
+#include "slicecorr/bridge/view.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/kinetics.hpp"
+#include "view_commands.hpp"
 
 namespace slicecorr::bridge {
 namespace {
 
 using cli::Console;
 
-struct Options {
-  std::string stack, printer, dir, modbus, json;
+struct Options : PrinterOptions {
+  std::string stack, modbus;
   std::vector<std::string> sinks;
   bool dry_run = false, lockstep = false;
 };
 
-void add_printer(CLI::App& app, Options& o) {
+void add_printer(CLI::App& app, PrinterOptions& o) {
   app.add_option("--printer", o.printer, "Printer: a name, or a .toml file")->required();
   app.add_option("--dir", o.dir,
                  "Folder of the printers' states [$SLICECORR_BRIDGE_DIR, or "
@@ -67,39 +68,17 @@ std::string minutes(double seconds) {
                                     static_cast<int>(seconds) % 60);
 }
 
-const char* what_to_do(Fault fault) {
-  switch (fault) {
-    case Fault::underrun:
-      return "use more --threads, or leave the computer to this print";
-    case Fault::late_frame:
-    case Fault::wrong_frame:
-    case Fault::display_gone:
-      return "look at the display and at what else the computer does";
-    case Fault::heartbeat_lost:
-    case Fault::machine_restarted:
-    case Fault::watchdog_tripped:
-      return "look at the machine's power and connection";
-    case Fault::stage_error:
-    case Fault::stage_failed:
-      return "look at the stage: is it free, is the part stuck?";
-    case Fault::lamp_mismatch:
-    case Fault::lamp_failed:
-    case Fault::uv_ratio:
-      return "look at the lamps before any other print";
-    case Fault::door_open:
-      return "close it";
-    case Fault::stop_pressed:
-      return "release it when all is well";
-    case Fault::over_temperature:
-      return "let it cool, look at its fans";
-    default:
-      return "look at the machine and its part";
-  }
-}
-
 std::string where_it_was(int frame, double z_um) {
   return frame < 0 ? std::string("before the first frame")
                    : fmt::format("frame {}, z = {:.3f} mm", frame, z_um * 1e-3);
+}
+
+std::string ramps_in_words(const PrintPlan& plan) {
+  if (plan.lamps_follow()) {
+    return fmt::format("ramps of {:.0f} um that the lamps follow", plan.ramp_um);
+  }
+  return fmt::format("{:.0f} um of run-up between the platform and the first slice",
+                     plan.run_up_um);
 }
 
 int print(const Options& o, const Job& job, Console& console) {
@@ -126,8 +105,7 @@ int print(const Options& o, const Job& job, Console& console) {
       "{}: {} slices of {:g} um, {}, about {}", o.stack, plan.frames.size(), plan.layer_um,
       plan.mode == ExposureMode::layerwise
           ? std::string("layer by layer")
-          : fmt::format("{:g} mm/h, ramps of {:.0f} um {}", plan.speed_um_s * 3.6, plan.ramp_um,
-                        plan.lamps_follow() ? "that the lamps follow" : "outside of the slices"),
+          : fmt::format("{:g} mm/h, {}", plan.speed_um_s * 3.6, ramps_in_words(plan)),
       minutes(plan.expected_s)));
 
   const auto clock = o.lockstep ? make_step_clock() : make_real_clock();
@@ -154,15 +132,21 @@ int print(const Options& o, const Job& job, Console& console) {
   run.threads = job.threads > 0 ? job.threads : 2;
   run.stack = std::filesystem::absolute(o.stack).string();
   run.stop = job.cancel;
+  keep_report(folder);
   const Ending end = run_print(*frames, plan, machine, *link, *sink, *clock, folder, run, job);
+  try {
+    write_report(folder, false);
+  } catch (const Error& e) {
+    console.say(std::string("no page of the print: ") + e.what());
+  }
   if (!end.trouble.empty()) console.say("not all was recorded: " + end.trouble);
   if (end.fault == Fault::none) {
     console.say(fmt::format(
         "printed {} frames in {}{}; at most {:.2f} um late, the stage at most {:.2f} um off, {} "
-        "cycles missed; record in {}",
+        "cycles missed; page: {}",
         end.frames_shown, minutes(end.seconds), o.dry_run ? " without light" : "",
         std::max(0.0, end.worst_late_um), end.worst_stage_error_um, end.missed_cycles,
-        folder.path));
+        folder.file("report.html")));
     return cli::kDone;
   }
   const std::string text = fmt::format(
@@ -180,48 +164,6 @@ int print(const Options& o, const Job& job, Console& console) {
 }
 
 StateFolder folder_of(const Options& o) { return StateFolder::of(o.dir, load_printer(o.printer)); }
-
-int status(const Options& o) {
-  const Printer printer = load_printer(o.printer);
-  const StateFolder folder = StateFolder::of(o.dir, printer);
-  nlohmann::ordered_json json;
-  const auto running = ask_running(folder, "status");
-  json["printer"] = printer.name;
-  json["running"] = running.has_value();
-  std::string text = running.value_or("");
-  if (!running) {
-    std::ifstream file(folder.file("status.json"));
-    text.assign(std::istreambuf_iterator<char>(file), {});
-  }
-  const auto last = nlohmann::ordered_json::parse(text, nullptr, false);
-  if (last.is_object()) json.update(last);
-  const auto latch = read_latch(folder, false);
-  json["latched"] = latch.has_value();
-  if (latch) {
-    json["fault"] = name_of(latch->fault);
-    json["detail"] = latch->detail;
-  }
-  if (!o.json.empty()) {
-    cli::print_or_write(o.json, json.dump(1));
-    return cli::kDone;
-  }
-  std::string out = fmt::format("printer   {}\n", printer.name);
-  if (running && last.is_object() && last.contains("phase")) {
-    out += fmt::format("phase     {}{}\n", last.value("phase", ""),
-                       last.value("dry_run", false) ? ", without light" : "");
-    out += fmt::format("frame     {} of {}, z = {:.3f} mm\n", last.value("frame", -1),
-                       last.value("frames", 0), last.value("z_um", 0.0) * 1e-3);
-  } else {
-    out += running ? "phase     starting\n" : "phase     no print\n";
-  }
-  if (latch) {
-    out += fmt::format("latched   {}: {} ({}); see the machine, then `printbridge reset`\n",
-                       name_of(latch->fault), latch->detail,
-                       where_it_was(latch->frame, latch->stage_um));
-  }
-  cli::print_result(out);
-  return cli::kDone;
-}
 
 int request(const Options& o, const std::string& what, Console& console) {
   const auto answer = ask_running(folder_of(o), what);
@@ -274,9 +216,12 @@ int main(int argc, char** argv) {
       ->expected(1);
   p->add_flag("--lockstep", o.lockstep,
               "Time is that of a simulator, which waits for every exchange");
-  auto* const s = add("status", "What the print does, or how the last one ended",
-                      [&](const Job&, cli::Console&) { return status(o); });
-  s->add_option("--json", o.json, "Write JSON to this file, - for stdout");
+  add_view_commands([&](const char* name, const char* text, PrinterOptions& options,
+                        cli::Program::Action action) {
+    CLI::App* const app = program.add(name, text, std::move(action));
+    add_printer(*app, options);
+    return app;
+  });
   for (const auto& [name, text] :
        {std::pair{"pause", "Stop where that leaves no mark"}, std::pair{"resume", "Go on"},
         std::pair{"stop", "End the print for good: lamps off, stage stop, black"}}) {

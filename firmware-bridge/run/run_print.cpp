@@ -12,6 +12,7 @@
 #include "run/control_socket.hpp"
 #include "run/images.hpp"
 #include "run/priority.hpp"
+#include "slicecorr/bridge/print_state.hpp"
 #include "slicecorr/bridge/run.hpp"
 #include "slicecorr/error.hpp"
 
@@ -75,16 +76,30 @@ class Run {
     journal_.emplace(folder.file("journal.jsonl"));
     frame_log_.emplace(folder.file("frames.csv"), plan.start_um);
     controller_.emplace(plan, machine, options.dry_run);
-    socket_.emplace(folder, counter_);
+    facts_ = facts_of(plan, machine);
+    facts_.stack = options.stack;
+    facts_.display = sink.describe();
+    facts_.dry_run = options.dry_run;
+    socket_.emplace(folder, counter_, [this](const PrintState& state, std::uint64_t asked) {
+      // `threads_` is written before the first state is offered.
+      PrintAround around;
+      around.ready_frames = ring_.ready();
+      around.asked = asked;
+      around.threads = threads_;
+      return state_json(facts_, state, around);
+    });
     images_.emplace(ring_, sink, clock, options.lockstep);
   }
 
   Ending go() {
-    note(journal_begin, options_.stack);
+    journal_->add({clock_.now_s(), journal_begin, options_.stack, controller_->frame(),
+                   controller_->stage_um(), facts_json(facts_)},
+                  true);
     journal_->flush();
     if (const auto trouble = journal_->trouble(); !trouble.empty()) throw DeviceError(trouble);
     if (!options_.lockstep) {
-      note("threads", raise_priority(control_priority) + ", " + lock_memory());
+      threads_ = raise_priority(control_priority) + ", " + lock_memory();
+      note("threads", threads_);
     }
     next_s_ = clock_.now_s();
     for (int broken = 0;;) {
@@ -182,32 +197,20 @@ class Run {
     counter_.answer(json.dump());
   }
 
-  nlohmann::ordered_json state() const {
-    nlohmann::ordered_json json;
-    json["phase"] = name_of(controller_->phase());
-    json["dry_run"] = options_.dry_run;
-    json["stack"] = options_.stack;
-    json["frame"] = controller_->frame();
-    json["frames"] = plan_.frames.size();
-    json["stage_um"] = controller_->stage_um();
-    json["z_um"] = controller_->stage_um() - plan_.start_um;
-    json["fault"] = name_of(controller_->fault());
-    json["detail"] = controller_->fault_detail();
-    json["late_frames"] = controller_->late_frames();
-    json["worst_late_um"] = controller_->worst_late_um();
-    json["worst_stage_error_um"] = controller_->worst_stage_error_um();
-    return json;
+  PrintState state(double now) const {
+    PrintState state = state_of(*controller_, now, missed_);
+    state.told = told_;
+    return state;
   }
 
-  /// Whoever asks or watches.
+  /// Whoever asks or watches: numbers only, their text is made by the thread that is asked.
   void tell(double now) {
     if (now < told_s_ + tell_every_s) return;
+    PrintState state = this->state(now);
+    ++state.told;
+    if (!counter_.offer(state)) return;  // with the next cycle
+    ++told_;
     told_s_ = now;
-    auto json = state();
-    json["missed_cycles"] = missed_;
-    json["ready_frames"] = ring_.ready();
-    json["at_s"] = now;
-    counter_.offer(json.dump());
     teller_.shown(controller_->frames_shown());
   }
 
@@ -251,16 +254,21 @@ class Run {
     e.seconds = clock_.now_s();
     e.stage_um = controller_->stage_um();
     e.missed_cycles = missed_;
+    e.lateness = controller_->lateness();
     try {
       if (e.fault != Fault::none && (controller_->begun() || broken_order_)) {
         write_latch(folder_, {e.fault, e.detail, options_.stack, e.frame, e.stage_um});
         e.latched = true;
         note("latched", std::string(name_of(e.fault)));
       }
-      auto json = state();
-      json["seconds"] = e.seconds;
-      json["missed_cycles"] = missed_;
-      write_whole(folder_.file("status.json"), json.dump(1) + "\n");
+      PrintState last = state(e.seconds);
+      last.phase = e.phase;
+      last.fault = e.fault;
+      last.detail = e.detail;
+      PrintAround around;
+      around.seconds = e.seconds;
+      around.threads = threads_;
+      write_whole(folder_.file("status.json"), state_json(facts_, last, around) + "\n");
     } catch (const Error& error) {
       // The journal without an end latches, too.
       e.trouble = error.what();
@@ -285,12 +293,15 @@ class Run {
   std::optional<Journal> journal_;
   std::optional<FrameLog> frame_log_;
   std::optional<Controller> controller_;
+  PrintFacts facts_;
+  std::string threads_;
   Counter counter_;
   std::optional<ControlSocket> socket_;
   std::optional<Images> images_;
   std::optional<Answer> answer_;
   SetPoints last_sent_;
   double next_s_ = 0, told_s_ = -1;
+  std::uint64_t told_ = 0;
   int missed_ = 0;
   bool silent_ = false, stopped_ = false, broken_order_ = false;
   std::string broken_detail_;

@@ -70,9 +70,11 @@ std::optional<std::pair<std::string, std::string>> host_and_port(const std::stri
 
 struct ModbusServer::Impl {
   Impl(const Machine& m, TimedModel& t) : machine(m), model(t), registers(m, *m.modbus, t) {
-    const auto all = registers.all();
-    mapping = modbus_mapping_new_start_address(0, 0, 0, 0, static_cast<unsigned>(registers.first()),
-                                               static_cast<unsigned>(all.size()), 0, 0);
+    const auto holding = registers.holding(), input = registers.input();
+    mapping = modbus_mapping_new_start_address(
+        0, 0, 0, 0, static_cast<unsigned>(registers.first_holding()),
+        static_cast<unsigned>(holding.size()), static_cast<unsigned>(registers.first_input()),
+        static_cast<unsigned>(input.size()));
     if (!mapping) throw std::bad_alloc();
   }
   ~Impl() { modbus_mapping_free(mapping); }
@@ -92,7 +94,6 @@ struct ModbusServer::Impl {
   void listen_on(const std::string& host, const std::string& port) {
     WireListener made = listen_wire(fmt::format("tcp:{}:{}", host, port));
     listener = std::move(made.socket);
-    ::listen(listener.get(), 64);
     ::fcntl(listener.get(), F_SETFL, O_NONBLOCK);
     address = made.address.substr(4);
     // The port of the context is never used: it only builds answers.
@@ -121,8 +122,9 @@ struct ModbusServer::Impl {
       return modbus_reply_exception(context.get(), request.data(),
                                     static_cast<unsigned>(exception)) >= 0;
     }
-    const auto all = registers.all();
-    std::copy(all.begin(), all.end(), mapping->tab_registers);
+    const auto holding = registers.holding(), input = registers.input();
+    std::copy(holding.begin(), holding.end(), mapping->tab_registers);
+    std::copy(input.begin(), input.end(), mapping->tab_input_registers);
     return modbus_reply(context.get(), request.data(), static_cast<int>(request.size()), mapping) >=
            0;
   }

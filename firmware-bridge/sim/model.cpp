@@ -136,8 +136,11 @@ struct PrinterModel::Impl {
   bool cause_is_there() const {
     return door.on || button.on || temperature_c > machine.limits.max_temperature_c;
   }
+  bool dark() const { return blue.light() == 0 && uv.light() == 0; }
+  /// Also where nothing runs, but a lamp shines all the same.
   double watchdog_at() const {
-    return state == MachineState::running ? fed_s + watchdog_s : kInfinity;
+    const bool watched = state == MachineState::running || (heard && !dark());
+    return watched && state != MachineState::fault ? fed_s + watchdog_s : kInfinity;
   }
 
   void restart() {
@@ -456,7 +459,7 @@ void PrinterModel::tell_images(ImageSink sink) { impl_->sink = std::move(sink); 
 const std::vector<SliceExposure>& PrinterModel::exposures() const {
   return impl_->exposures.slices();
 }
-bool PrinterModel::lamps_dark() const { return impl_->blue.light() == 0 && impl_->uv.light() == 0; }
+bool PrinterModel::lamps_dark() const { return impl_->dark(); }
 bool PrinterModel::at_rest() const { return !impl_->moving; }
 std::optional<double> PrinterModel::watchdog_at_s() const {
   const double at = impl_->watchdog_at();

@@ -11,8 +11,8 @@ namespace slicecorr::bridge {
 
 namespace {
 
-constexpr int kReadRegisters = 0x03, kWriteRegister = 0x06, kWriteRegisters = 0x10,
-              kWriteAndRead = 0x17;
+constexpr int kReadRegisters = 0x03, kReadInput = 0x04, kWriteRegister = 0x06,
+              kWriteRegisters = 0x10, kWriteAndRead = 0x17;
 
 int word(std::span<const std::uint8_t> bytes, std::size_t at) {
   return bytes[at] << 8 | bytes[at + 1];
@@ -24,33 +24,51 @@ Registers::Registers(const Machine& machine, const RegisterMap& map, TimedModel&
     : machine_(machine),
       map_(map),
       model_(model),
-      first_(std::min(map.write_address, map.read_address)),
-      end_(std::max(map.write_address + map.write_count, map.read_address + map.read_count)) {
+      runs_(write_runs(map)),
+      first_(map.write_address),
+      end_(map.write_address + map.write_count) {
+  if (!has_input()) {
+    first_ = std::min(first_, map.read_address);
+    end_ = std::max(end_, map.read_address + map.read_count);
+  }
   SetPoints begin;
   begin.watchdog_s = machine.limits.watchdog_s;
   written_ = encode(map_, begin);
 }
 
 bool Registers::writable(int address, int count) const {
-  return address >= map_.write_address && address + count <= map_.write_address + map_.write_count;
+  return std::any_of(runs_.begin(), runs_.end(), [&](const RegisterRun& run) {
+    return address >= run.address && address + count <= run.address + run.count;
+  });
 }
 
-bool Registers::readable(int address, int count) const {
+bool Registers::readable(int address, int count, bool input) const {
   for (int a = address; a < address + count; ++a) {
     const bool status = a >= map_.read_address && a < map_.read_address + map_.read_count;
-    if (!status && !writable(a, 1)) return false;
+    if (status && input == has_input()) continue;
+    if (input || !writable(a, 1)) return false;
   }
   return true;
 }
 
-std::vector<std::uint16_t> Registers::all() const {
+std::vector<std::uint16_t> Registers::status() const {
+  std::vector<std::uint16_t> registers;
+  model_.with([&](PrinterModel& model) { registers = encode(map_, model.status()); });
+  return registers;
+}
+
+std::vector<std::uint16_t> Registers::holding() const {
   std::vector<std::uint16_t> registers(static_cast<std::size_t>(end_ - first_), 0);
   std::copy(written_.begin(), written_.end(), registers.begin() + (map_.write_address - first_));
-  model_.with([&](PrinterModel& model) {
-    const auto status = encode(map_, model.status());
-    std::copy(status.begin(), status.end(), registers.begin() + (map_.read_address - first_));
-  });
+  if (!has_input()) {
+    const auto now = status();
+    std::copy(now.begin(), now.end(), registers.begin() + (map_.read_address - first_));
+  }
   return registers;
+}
+
+std::vector<std::uint16_t> Registers::input() const {
+  return has_input() ? status() : std::vector<std::uint16_t>();
 }
 
 bool Registers::acceptable(const SetPoints& s) const {
@@ -103,16 +121,19 @@ Registers::Outcome Registers::carry_out(std::span<const std::uint8_t> r) {
   };
   if (r.empty()) return refuse(MODBUS_EXCEPTION_ILLEGAL_FUNCTION);
   const int function = r[0];
-  if (function != kReadRegisters && function != kWriteRegister && function != kWriteRegisters &&
+  const bool reads = function == kReadRegisters || (function == kReadInput && has_input());
+  if (!reads && function != kWriteRegister && function != kWriteRegisters &&
       function != kWriteAndRead) {
     return refuse(MODBUS_EXCEPTION_ILLEGAL_FUNCTION);
   }
   const auto wrong = [&] { return refuse(MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE); };
   if (r.size() < 5) return wrong();
   const int address = word(r, 1), count = word(r, 3);
-  if (function == kReadRegisters) {
+  if (reads) {
     if (r.size() != 5 || count < 1 || count > MODBUS_MAX_READ_REGISTERS) return wrong();
-    if (!readable(address, count)) return refuse(MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS);
+    if (!readable(address, count, function == kReadInput)) {
+      return refuse(MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS);
+    }
     return outcome;
   }
   if (function == kWriteRegister) {
@@ -131,7 +152,7 @@ Registers::Outcome Registers::carry_out(std::span<const std::uint8_t> r) {
   }
   if (both) {
     if (count < 1 || count > MODBUS_MAX_WR_READ_REGISTERS) return wrong();
-    if (!readable(address, count)) return refuse(MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS);
+    if (!readable(address, count, false)) return refuse(MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS);
   }
   return refuse(write(to, r.subspan(head), outcome.fault));
 }

@@ -3,6 +3,7 @@
 /// the status and the time and says what goes out. All of the policy is here (docs/safety.md).
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -65,6 +66,7 @@ struct Event {
   std::string detail;
   int frame = -1;
   double stage_um = 0;
+  std::string facts = {};  ///< a JSON object with more of it; empty: none
 };
 
 /// How a frame was printed: a row of the frame log.
@@ -72,7 +74,28 @@ struct FrameRecord {
   int frame = 0;
   double planned_um = 0, stage_um = 0, planned_s = 0, shown_s = 0, speed_um_s = 0, blue_share = 0,
          uv_mw_cm2 = 0, blue_measured = 0, uv_measured = 0;
+  bool late = false;          ///< counts as late
+  double stage_error_um = 0;  ///< measured less commanded
+  std::optional<double> temperature_c;
+  /// Layer by layer: exposure asked, and what it was; nothing where it did not end.
+  std::optional<double> exposure_s, exposed_s;
   DisplayTimes display;
+};
+
+/// How late frames were, counted while they are printed. Continuous: when a frame's light began,
+/// along the stage's way and in time. Layer by layer: how much longer than asked an exposure was,
+/// in time alone. What is early counts as in time.
+struct Lateness {
+  static constexpr std::array<double, 12> bounds_um{0.05, 0.1, 0.2, 0.5, 1,   2,
+                                                    5,    10,  20,  50,  100, 200};
+  static constexpr std::array<double, 13> bounds_ms{0.1, 0.2, 0.5, 1,   2,   5,   10,
+                                                    20,  50,  100, 200, 500, 1000};
+  /// Values up to each bound and above the one before; the last: above all.
+  std::array<std::uint64_t, bounds_um.size() + 1> um{};
+  std::array<std::uint64_t, bounds_ms.size() + 1> ms{};
+  double sum_um = 0, sum_ms = 0, worst_um = 0, worst_ms = 0;
+  void add_um(double late_um);
+  void add_ms(double late_ms);
 };
 
 /// A status, and when it was true on the print's clock.
@@ -124,6 +147,13 @@ class Controller {
   const std::string& fault_detail() const;
   int frame() const;  ///< shown last
   double stage_um() const;
+  double speed_um_s() const;
+  double stage_error_um() const;  ///< measured less commanded
+  /// The last answer, and what was asked last.
+  const Status& status() const;
+  const SetPoints& set_points() const;
+  const Lateness& lateness() const;
+  double phase_since_s() const;
   /// Largest lateness and position error so far.
   double worst_late_um() const;
   double worst_stage_error_um() const;

@@ -50,6 +50,7 @@ class FrameRing {
   /// Waits until frame `number` and `count` - 1 after it are ready, or all that are left. Throws
   /// what making them threw.
   void wait_ready(int number, int count);
+  /// Never waits.
   int ready() const;
   int room() const;  ///< frames that it holds at most
 

@@ -62,7 +62,8 @@ struct Projector {
 
 enum class Transport { tcp, rtu };
 enum class WordOrder { big, little };  ///< which register of two holds the higher half
-enum class Exchange { fc23, fc16_fc3 };
+/// One request that writes and reads, or one to write and one to read holding or input registers.
+enum class Exchange { fc23, fc16_fc3, fc16_fc4 };
 
 /// What can be written and read. Those marked * must be in every map.
 enum class Signal {
@@ -163,6 +164,14 @@ struct Status {
   bool door_open = false, stop_pressed = false, lamp_failed = false, stage_failed = false,
        over_temperature = false, watchdog_tripped = false;
 };
+
+/// Registers that lie together.
+struct RegisterRun {
+  int address = 0, count = 0;
+};
+/// Those of set-points, that with the sequence number last: a machine that gives it back has taken
+/// all of them over. One where `exchange` is fc23.
+std::vector<RegisterRun> write_runs(const RegisterMap& map);
 
 /// Registers of a block for set-points, and back; for both ends of the wire. Values beyond what a
 /// register can hold are clamped to it. 32 bits are two registers in the map's word order; never

@@ -32,6 +32,7 @@ struct Ending {
   int frames = 0, frames_shown = 0, late_frames = 0, frame = -1;
   double worst_late_um = 0, worst_stage_error_um = 0, seconds = 0, stage_um = 0;
   int missed_cycles = 0;  ///< cycles that began more than one cycle late
+  Lateness lateness;
   bool latched = false;
   std::string trouble;  ///< what could not be recorded
 };

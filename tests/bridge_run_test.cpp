@@ -229,7 +229,7 @@ class ModelSink final : public FrameSink {
     if (frame && frame->number == gone_at) throw DeviceError("the display is gone");
     model_.advance(at_s);
     model_.show(frame);
-    return {model_.display().number, model_.display().since_s, model_.display().count};
+    return {model_.display().number, model_.display().since_s, model_.display().count, {}};
   }
   void black() noexcept override {
     model_.show(nullptr);

@@ -256,7 +256,8 @@ void Controller::Impl::judge_frame(const FrameReport& report) {
                              stage.error_um(),
                              status.temperature_c,
                              {},
-                             {}};
+                             {},
+                             report.display};
     if (plan.mode == ExposureMode::layerwise) {
       exposing = record;
       exposing->exposure_s = plan.frames[static_cast<std::size_t>(frame)].exposure_s;

@@ -7,9 +7,11 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "frames/wire.hpp"
 #include "program/program.hpp"
+#include "slicecorr/bridge/display.hpp"
 #include "slicecorr/bridge/print_state.hpp"
 #include "slicecorr/bridge/run.hpp"
 #include "slicecorr/bridge/view.hpp"
@@ -23,7 +25,8 @@ namespace {
 using cli::Console;
 
 struct Options : PrinterOptions {
-  std::string stack, sink, modbus;
+  std::string stack, modbus;
+  std::vector<std::string> sinks;
   bool dry_run = false, lockstep = false;
 };
 
@@ -90,10 +93,10 @@ std::string ramps_in_words(const PrintPlan& plan) {
 int print(const Options& o, const Job& job, Console& console) {
   Machine machine = load_machine(o.printer);
   redirect(machine, o.modbus);
-  if (o.sink.empty() && !o.dry_run) {
+  if (o.sinks.empty() && !o.dry_run) {
     throw InputError(
-        "no display: expected --sink unix:PATH or tcp:HOST:PORT (--sink null shows images "
-        "nowhere)");
+        "no display: expected --sink window, drm, unix:PATH or tcp:HOST:PORT (--sink null shows "
+        "images nowhere)");
   }
   const StateFolder folder = StateFolder::of(o.dir, machine.printer);
   const PrintLock lock(folder);
@@ -128,8 +131,7 @@ int print(const Options& o, const Job& job, Console& console) {
   hello.cycle_s = machine.limits.cycle_s;
   hello.lockstep = o.lockstep;
   hello.dry_run = o.dry_run;
-  const bool nowhere = o.sink.empty() || o.sink == "null";
-  const auto sink = nowhere ? make_null_sink(*clock) : make_wire_sink(o.sink, hello, *clock);
+  const auto sink = open_sinks(o.sinks, machine, hello, *clock);
   const auto frames = make_frame_source(stack, machine.printer, plan.uv_patterned);
 
   // The print outlives its terminal; `printbridge stop` ends it from another one.
@@ -221,7 +223,11 @@ int main(int argc, char** argv) {
                       [&](const Job& job, cli::Console& c) { return print(o, job, c); });
   p->add_option("STACK", o.stack, "The corrected stack")->required();
   p->add_flag("--dry-run", o.dry_run, "Move the stage and show images, with lamps off");
-  p->add_option("--sink", o.sink, "Where images go: unix:PATH, tcp:HOST:PORT or null");
+  p->add_option("--sink", o.sinks,
+                "Where images go: window[:DISPLAY], drm[:CARD[:CONNECTOR]], unix:PATH, "
+                "tcp:HOST:PORT or null; repeatable, the first is the display that counts")
+      ->take_all()
+      ->expected(1);
   p->add_flag("--lockstep", o.lockstep,
               "Time is that of a simulator, which waits for every exchange");
   add_view_commands([&](const char* name, const char* text, PrinterOptions& options,

@@ -21,6 +21,11 @@ class StackFrames final : public FrameSource {
         turn_(turn_to_display(image_frame(stack.info()), printer)),
         shown_(turned(stack.grid(), turn_)) {}
   int frames() const override { return stack_.grid().layers; }
+  std::size_t frame_bytes() const override {
+    const auto pixels =
+        static_cast<std::size_t>(shown_.width_px) * static_cast<std::size_t>(shown_.height_px);
+    return pixels * (uv_ || dark_uv_ ? 2 : 1);
+  }
   std::shared_ptr<const Frame> make(int number) const override {
     auto frame = std::make_shared<Frame>();
     frame->number = number;
@@ -86,7 +91,15 @@ struct FrameRing::Impl {
   bool ending = false;
   std::vector<std::thread> threads;
 
-  Impl(const FrameSource& s, int ring) : source(s), frames(s.frames()), most(std::max(ring, 1)) {}
+  Impl(const FrameSource& s, int ring)
+      : source(s), frames(s.frames()), most(room_for(s.frame_bytes(), std::max(ring, 1))) {}
+
+  static int room_for(std::size_t frame_bytes, int ring) {
+    constexpr int least = 3;
+    if (frame_bytes == 0 || ring <= least) return ring;
+    const auto fit = FrameRing::most_bytes / frame_bytes;
+    return static_cast<int>(std::clamp<std::size_t>(fit, least, static_cast<std::size_t>(ring)));
+  }
 
   void work() {
     std::unique_lock lock(mutex);
@@ -163,5 +176,7 @@ void FrameRing::wait_ready(int number, int count) {
 }
 
 int FrameRing::ready() const { return impl_->ready; }
+
+int FrameRing::room() const { return impl_->most; }
 
 }  // namespace slicecorr::bridge

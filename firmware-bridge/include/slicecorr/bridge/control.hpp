@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "slicecorr/bridge/frames.hpp"
 #include "slicecorr/bridge/plan.hpp"
 
 namespace slicecorr::bridge {
@@ -78,6 +79,7 @@ struct FrameRecord {
   std::optional<double> temperature_c;
   /// Layer by layer: exposure asked, and what it was; nothing where it did not end.
   std::optional<double> exposure_s, exposed_s;
+  DisplayTimes display;
 };
 
 /// How late frames were, counted while they are printed. Continuous: when a frame's light began,
@@ -119,6 +121,7 @@ struct FrameReport {
   int number = -1;
   double shown_at_s = 0;
   bool missing = false;  ///< underrun
+  DisplayTimes display;
 };
 
 struct PauseAnswer {
@@ -156,6 +159,8 @@ class Controller {
   double worst_stage_error_um() const;
   int frames_shown() const;
   int late_frames() const;
+  /// What a fault left lamps and stage in, as far as the machine has said so.
+  std::string left() const;
   /// Whether anything was moved or lit: a fault before that needs no latch.
   bool begun() const;
 

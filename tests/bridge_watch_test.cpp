@@ -206,6 +206,11 @@ TEST_F(BridgeView, APrintThatWasKilledHasAPageToo) {
   EXPECT_EQ(made.out, state_folder().file("report.html") + "\n");
   EXPECT_THAT(page(), HasSubstr("part.uvj: cut off"));
   EXPECT_THAT(page(), HasSubstr("was killed, or the power failed"));
+  // Who never asks for it has it after the reset.
+  const std::string made_before = page();
+  std::filesystem::remove(state_folder().file("report.html"));
+  EXPECT_EQ(bridge({"reset"}, r.printer, {"--modbus", address_of(r.sim.modbus)}).exit_code, 0);
+  EXPECT_EQ(page(), made_before);
 }
 
 TEST_F(BridgeView, AFullDiskOrAWrongPlaceIsSaid) {

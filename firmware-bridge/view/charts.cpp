@@ -130,13 +130,20 @@ void add_lateness(const PrintRecord& r, std::vector<Chart>& charts) {
                   late_ones.size(), r.frames.size()));
   std::vector<double> more{0, layers ? Lateness::bounds_ms[0] : Lateness::bounds_um[0]};
   const bool limited = !layers && r.facts.max_late_um > 0;
-  double worst = 0;
-  for (const Point& p : all) worst = std::isfinite(p.y) ? std::max(worst, p.y) : worst;
+  double worst = 0, earliest = 0;
+  for (const Point& p : all) {
+    if (!std::isfinite(p.y)) continue;
+    worst = std::max(worst, p.y);
+    earliest = std::min(earliest, p.y);
+  }
   // Where frames are far from what is borne, its line would flatten them.
   if (limited && worst > r.facts.max_late_um / 20) more.push_back(r.facts.max_late_um);
   Panel panel(axis_of(layers ? "layer" : "frame", {&all}, true, {fault_frame(r)}),
               axis_of(fmt::format("late, {}", unit), {&all}, false, more), panel_height);
   if (limited) panel.horizontal(r.facts.max_late_um, "more counts as late");
+  if (limited && earliest < -r.facts.max_late_um / 2) {
+    panel.horizontal(-r.facts.max_late_um, "so does what is earlier", true);
+  }
   panel.line(envelope(all), Style::series, 0);
   for (const Peak& p : peaks(late_ones)) {
     panel.point(p.at, 1,
@@ -236,6 +243,29 @@ void add_speed(const PrintRecord& r, std::vector<Chart>& charts) {
   charts.push_back({"Speed", picture.svg()});
 }
 
+void add_display(const PrintRecord& r, std::vector<Chart>& charts) {
+  const auto upload = series(r, number, [](const FrameRow& f) { return f.upload_s * 1e3; });
+  const auto present = series(r, number, [](const FrameRow& f) { return f.present_s * 1e3; });
+  const auto takes_time = [](const std::vector<Point>& points) {
+    return std::any_of(points.begin(), points.end(), [](const Point& p) { return p.y > 0; });
+  };
+  if (!takes_time(upload) && !takes_time(present)) return;
+  double missed = 0;
+  for (const FrameRow& f : r.frames)
+    missed += std::isfinite(f.missed_vblanks) ? f.missed_vblanks : 0;
+  Picture picture("Into the display",
+                  "Time of each frame to be brought into the display and to light");
+  picture.legend_line(Style::series, "pixels into its memory", 0);
+  picture.legend_line(Style::series, "from there to light", 1);
+  Panel panel(axis_of("frame", {&upload}, true),
+              axis_of("ms", {&upload, &present}, false, {0}, true), half_height);
+  panel.line(envelope(present), Style::series, 1);
+  panel.line(envelope(upload), Style::series, 0);
+  picture.add(panel);
+  if (missed > 0) picture.note(fmt::format("{:.0f} refreshes of the display were missed.", missed));
+  charts.push_back({"Display", picture.svg()});
+}
+
 void add_temperature(const PrintRecord& r, std::vector<Chart>& charts) {
   const auto t = series(r, height_mm, [](const FrameRow& f) { return f.temperature_c; });
   if (!any(t)) return;
@@ -262,6 +292,7 @@ std::vector<Chart> charts_of(const PrintRecord& record) {
   add_stage(record, charts);
   add_lamps(record, charts);
   add_speed(record, charts);
+  add_display(record, charts);
   add_temperature(record, charts);
   return charts;
 }

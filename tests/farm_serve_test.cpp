@@ -13,6 +13,7 @@
 #include "farm_filled.hpp"
 #include "ladder.hpp"
 #include "run_program.hpp"
+#include "program/http/guard.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/notify.hpp"
 #include "slicecorr/farm/serve.hpp"

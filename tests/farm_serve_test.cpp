@@ -12,6 +12,7 @@
 
 #include "farm_filled.hpp"
 #include "ladder.hpp"
+#include "program/http/guard.hpp"
 #include "run_program.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/notify.hpp"

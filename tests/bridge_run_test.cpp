@@ -208,6 +208,9 @@ class ModelLink final : public Link {
     model_.take(decode_set_points(*machine_.modbus, encode(*machine_.modbus, out)));
     return decode_status(*machine_.modbus, encode(*machine_.modbus, model_.status()));
   }
+  std::optional<Status> look() override {
+    return decode_status(*machine_.modbus, encode(*machine_.modbus, model_.status()));
+  }
   std::string last_error() const override { return "none"; }
   int throws_from = 1 << 30, throws_once = -1;
   std::vector<SetPoints> sent;

@@ -8,6 +8,12 @@
 #include "control/state.hpp"
 
 namespace slicecorr::bridge {
+namespace {
+
+/// In which a stage that arrives somewhat off comes to rest.
+constexpr double rest_s = 0.2;
+
+}  // namespace
 
 void Controller::Impl::go() {
   switch (phase) {
@@ -56,6 +62,7 @@ void Controller::Impl::command_move(double target_um, double speed_um_s,
   if (!machine.modbus || !machine.modbus->write.contains(Signal::acceleration_um_s2)) {
     told.acceleration_um_s2 = acceleration_um_s2;
   }
+  stands_since_s.reset();
   move = Move{next_sequence, told.target_um, told.speed_um_s, told.acceleration_um_s2};
   const double way = std::abs(told.target_um - stage.position_um(now_s));
   move_limit_s = now_s +
@@ -72,9 +79,12 @@ void Controller::Impl::hold() {
   out.acceleration_um_s2 = machine.stage.acceleration_um_s2;
 }
 
-bool Controller::Impl::arrived(double within_um) const {
-  return !move && stage.commanded().at(now_s).arrived() &&
-         std::abs(status.stage_um - stage.commanded().target_um()) <= within_um;
+bool Controller::Impl::arrived() const {
+  if (move || !stands_since_s) return false;
+  // Near by at once; further off, as it may be, when it has had time to come to rest.
+  const double off = std::abs(status.stage_um - stage.commanded().target_um());
+  const double near_um = std::max(1.0, machine.stage.tolerance_um / 4);
+  return off <= near_um || (off <= machine.stage.tolerance_um && now_s - *stands_since_s >= rest_s);
 }
 
 void Controller::Impl::show(int number, double planned_um, double light_at_s) {
@@ -197,7 +207,7 @@ void Controller::Impl::go_homing() {
                  machine.stage.acceleration_um_s2);
     return turn_to(Act::arrive);
   }
-  if (!arrived(std::max(1.0, machine.stage.tolerance_um / 4))) return;
+  if (!arrived()) return;
   move_limit_s = 0;
   enter(Phase::uv_on);
   go();
@@ -243,9 +253,7 @@ void Controller::Impl::go_printing() {
       plan_next_frame();
       follow();
       if (pause_wanted) return enter(Phase::pausing);
-      const bool ended = plan.lamps_follow()
-                             ? arrived(std::max(1.0, machine.stage.tolerance_um / 4))
-                             : next_frame > frames && displayed(-1);
+      const bool ended = plan.lamps_follow() ? arrived() : next_frame > frames && displayed(-1);
       if (!ended) return;
       if (next_frame < frames) {
         return fail(Fault::defect, fmt::format("the print ended before frame {}", next_frame));
@@ -330,7 +338,7 @@ void Controller::Impl::go_pausing() {
     case Act::arrive:
       plan_next_frame();
       follow();
-      if (pending || !arrived(std::max(1.0, machine.stage.tolerance_um / 4))) return;
+      if (pending || !arrived()) return;
       move_limit_s = 0;
       turn_to(Act::blue_dark);
       [[fallthrough]];
@@ -414,7 +422,7 @@ void Controller::Impl::go_raising() {
     command_move(top, machine.stage.lift_speed_um_s, machine.stage.acceleration_um_s2);
     return turn_to(Act::arrive);
   }
-  if (!arrived(std::max(1.0, machine.stage.tolerance_um / 4))) return;
+  if (!arrived()) return;
   move_limit_s = 0;
   enter(Phase::done);
   go();
@@ -483,9 +491,7 @@ void Controller::Impl::go_fault() {
   const bool bright = answered_since && (!blue_dark() || !uv_dark());
   if (bright && now_s - fault_at_s < 1 + machine.blue.settle_s + machine.uv.settle_s) return;
   if (bright) {
-    const char* const still = "A LAMP STILL SHINES: switch the machine off";
-    event("light", still);
-    fault_detail += std::string("; ") + still;
+    event("light", "A LAMP STILL SHINES");
   }
   step.finished = true;
 }

@@ -42,6 +42,7 @@ void Controller::Impl::fail(Fault what, const std::string& detail) {
   if (fault != Fault::none || step.finished || phase == Phase::failed) return;
   fault = what;
   fault_detail = detail;
+  if (phase == Phase::raising) fault_detail += " (all slices are printed)";
   event("fault " + std::string(name_of(what)), detail);
 }
 
@@ -141,5 +142,19 @@ double Controller::worst_stage_error_um() const { return impl_->worst_stage_erro
 int Controller::frames_shown() const { return impl_->frames_shown; }
 int Controller::late_frames() const { return impl_->late_frames; }
 bool Controller::begun() const { return impl_->begun; }
+
+std::string Controller::left() const {
+  const Impl& s = *impl_;
+  if (!s.begun) return "nothing was moved or lit";
+  if (!s.answered_since) {
+    return "NOT CONFIRMED that lamps are off and the stage stands, the machine did not answer: its "
+           "watchdog should have seen to it; go and look, and switch it off if not";
+  }
+  const bool dark = s.blue_dark() && s.uv_dark();
+  const bool stopped = s.status.state != MachineState::running;
+  return fmt::format(
+      "{}; {}", dark ? "lamps are off" : "A LAMP STILL SHINES, switch the machine off",
+      stopped ? "the stage has stopped" : "NOT CONFIRMED that the stage stands: go and look");
+}
 
 }  // namespace slicecorr::bridge

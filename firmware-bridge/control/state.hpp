@@ -27,6 +27,7 @@ enum class Act {
   arrive,
   settle,
   show,
+  light,
   expose,
   finish,
 };
@@ -74,7 +75,9 @@ struct Controller::Impl {
   };
   std::optional<Move> move;  ///< commanded, but not yet seen to be taken over
   double move_limit_s = 0;   ///< when it must have arrived
-  double highest_um = 0;     ///< while printing
+  /// Since when the commanded motion is at its end.
+  std::optional<double> stands_since_s;
+  double highest_um = 0;  ///< while printing
   double worst_stage_error_um = 0;
 
   // The lamps.
@@ -148,7 +151,8 @@ struct Controller::Impl {
 
   void command_move(double target_um, double speed_um_s, double acceleration_um_s2);
   void hold();
-  bool arrived(double within_um) const;
+  /// At the target, within the stage's tolerance.
+  bool arrived() const;
   void show(int number, double planned_um, double light_at_s);
   bool displayed(int number) const { return !pending && frame == number; }
   void plan_next_frame();

@@ -13,6 +13,8 @@ namespace {
 
 /// Longest wait for a machine that was never heard of.
 constexpr double connect_s = 5;
+/// In which the stage must have followed its commanded motion to the end.
+constexpr double late_arrival_s = 2;
 
 }  // namespace
 
@@ -26,6 +28,11 @@ void Controller::Impl::take(const Answer& answer) {
   if (!connected) return;
   const double* const speed = status.stage_speed_um_s ? &*status.stage_speed_um_s : nullptr;
   stage.measure(status.stage_um, speed, answer.at_s);
+  if (move || !stage.commanded().at(now_s).arrived()) {
+    stands_since_s.reset();
+  } else if (!stands_since_s) {
+    stands_since_s = now_s;
+  }
   if (failing()) return;
   check_interlocks();
   check_state();
@@ -216,6 +223,9 @@ void Controller::Impl::judge_frame(const FrameReport& report) {
   const bool is_late = off > borne;
   if (exposing && report.number < 0) {
     exposing->late = is_late;
+    exposing->shown_s = shown_at_s;
+    exposing->blue_share = out.blue_share;
+    exposing->blue_measured = status.blue_measured;
     exposing->exposed_s = light_at_s - shown_at_s;
     lateness.add_ms((*exposing->exposed_s - *exposing->exposure_s) * 1e3);
     step.records.push_back(*std::exchange(exposing, {}));
@@ -274,7 +284,8 @@ void Controller::Impl::watch_time() {
                 fmt::format("no answer for {:.0f} ms, {:.0f} ms are borne", silent_s * 1e3,
                             limits.heartbeat_timeout_s * 1e3));
   }
-  if (move_limit_s > 0 && now_s > move_limit_s) {
+  const bool stands = stands_since_s && now_s - *stands_since_s > late_arrival_s;
+  if (move_limit_s > 0 && (stands || now_s > move_limit_s)) {
     move_limit_s = 0;
     return fail(Fault::stage_error, fmt::format("the stage is at {:.1f} um and has not come to "
                                                 "{:.1f} um in time",

@@ -22,6 +22,10 @@ Stage parse_stage(const TomlTable& t) {
   s.max_speed_um_s = t.required_number("max_speed_mm_h", 0, 1e6) * kUmSPerMmH;
   s.travel_um = t.required_number("travel_mm", 0, 1e4) * kUmPerMm;
   s.acceleration_um_s2 = t.required_number("acceleration_mm_s2", 0, 1e5) * kUmPerMm;
+  if (s.acceleration_um_s2 < 1) {
+    t.fail("acceleration_mm_s2",
+           fmt::format("is {:g}; expected at least 0.001", s.acceleration_um_s2 / kUmPerMm));
+  }
   s.tolerance_um = t.number("tolerance_um", 0, 1e4).value_or(s.tolerance_um);
   s.home_um = t.number("home_mm", 0, 1e4, true).value_or(0) * kUmPerMm;
   if (s.home_um >= s.travel_um) {
@@ -29,6 +33,10 @@ Stage parse_stage(const TomlTable& t) {
                                   s.home_um / kUmPerMm, s.travel_um / kUmPerMm));
   }
   s.lift_um = t.number("lift_mm", 0, 1e3, true).value_or(s.lift_um / kUmPerMm) * kUmPerMm;
+  if (s.lift_um > s.travel_um) {
+    t.fail("lift_mm", fmt::format("is {:g}; expected at most the travel of {:g} mm",
+                                  s.lift_um / kUmPerMm, s.travel_um / kUmPerMm));
+  }
   if (const auto speed = t.number("lift_speed_mm_h", 0, 1e6)) {
     s.lift_speed_um_s = *speed * kUmSPerMmH;
   } else {

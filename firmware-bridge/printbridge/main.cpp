@@ -73,6 +73,15 @@ std::string where_it_was(int frame, double z_um) {
                    : fmt::format("frame {}, z = {:.3f} mm", frame, z_um * 1e-3);
 }
 
+std::string layers_in_words(const PrintPlan& plan) {
+  std::string text = "layer by layer";
+  if (plan.black_excess > 0.005) {
+    text += fmt::format(" (black behind the lamp adds {:.1f} % of the dose that gels)",
+                        plan.black_excess * 100);
+  }
+  return text;
+}
+
 std::string ramps_in_words(const PrintPlan& plan) {
   if (plan.lamps_follow()) {
     return fmt::format("ramps of {:.0f} um that the lamps follow", plan.ramp_um);
@@ -97,17 +106,19 @@ int print(const Options& o, const Job& job, Console& console) {
                     "machine, then "
                     "`printbridge reset --printer {}`",
                     machine.printer.name, name_of(latch->fault), latch->detail,
-                    where_it_was(latch->frame, latch->stage_um), o.printer));
+                    where_it_was(latch->frame, latch->z_um), o.printer));
   }
   const StackReader stack(o.stack, cli::folder_of(o.stack), job);
   const PrintPlan plan = plan_print(stack, o.stack, machine, job);
   console.say(fmt::format(
       "{}: {} slices of {:g} um, {}, about {}", o.stack, plan.frames.size(), plan.layer_um,
       plan.mode == ExposureMode::layerwise
-          ? std::string("layer by layer")
+          ? layers_in_words(plan)
           : fmt::format("{:g} mm/h, {}", plan.speed_um_s * 3.6, ramps_in_words(plan)),
       minutes(plan.expected_s)));
 
+  const auto link = make_modbus_link(*machine.modbus, machine.limits);
+  check_alone(*link, *make_real_clock(), machine);
   const auto clock = o.lockstep ? make_step_clock() : make_real_clock();
   const StackInfo& info = stack.info();
   WireHello hello;
@@ -121,7 +132,6 @@ int print(const Options& o, const Job& job, Console& console) {
   hello.lockstep = o.lockstep;
   hello.dry_run = o.dry_run;
   const auto sink = open_sinks(o.sinks, machine, hello, *clock);
-  const auto link = make_modbus_link(*machine.modbus, machine.limits);
   const auto frames = make_frame_source(stack, machine.printer, plan.uv_patterned);
 
   // The print outlives its terminal; `printbridge stop` ends it from another one.
@@ -149,18 +159,21 @@ int print(const Options& o, const Job& job, Console& console) {
         folder.file("report.html")));
     return cli::kDone;
   }
-  const std::string text = fmt::format(
-      "{}: {} ({}). Lamps are off, the stage has stopped. Journal: {}", name_of(end.fault),
-      end.detail, where_it_was(end.frame, end.stage_um - plan.start_um),
-      folder.file("journal.jsonl"));
+  // Where the machine is in a fault of its own it has to be reset even if nothing was moved.
+  const bool reset = end.latched || end.fault == Fault::machine_restarted ||
+                     end.fault == Fault::watchdog_tripped || end.fault == Fault::lamp_failed ||
+                     end.fault == Fault::stage_failed;
+  const std::string text =
+      fmt::format("{}: {} ({}). State: {}. Journal: {}. To do: {}{}", name_of(end.fault),
+                  end.detail, where_it_was(end.frame, end.stage_um - plan.start_um), end.left,
+                  folder.file("journal.jsonl"), what_to_do(end.fault),
+                  reset ? fmt::format(", then `printbridge reset --printer {}`", o.printer) : "");
   if (end.fault == Fault::stopped_by_user) {
     fmt::print(stderr, "printbridge: {}\n", text);
     return cli::kInterrupted;
   }
   if (end.fault == Fault::defect) throw std::runtime_error(text);
-  throw DeviceError(fmt::format(
-      "{}. To do: {}{}", text, what_to_do(end.fault),
-      end.latched ? fmt::format(", then `printbridge reset --printer {}`", o.printer) : ""));
+  throw DeviceError(text);
 }
 
 StateFolder folder_of(const Options& o) { return StateFolder::of(o.dir, load_printer(o.printer)); }
@@ -184,6 +197,7 @@ int reset(const Options& o, Console& console) {
   const auto latch = read_latch(folder, true);
   const auto clock = make_real_clock();
   const auto link = make_modbus_link(*machine.modbus, machine.limits);
+  check_alone(*link, *clock, machine);
   reset_machine(*link, *clock, machine);
   clear_latch(folder);
   console.say(latch ? fmt::format("reset after {}: {}", name_of(latch->fault), latch->detail)

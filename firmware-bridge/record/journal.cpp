@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cerrno>
 #include <chrono>
@@ -124,6 +125,8 @@ class LineWriter {
 
 struct Journal::Impl {
   LineWriter writer;
+  double at_s =
+      0;  ///< of the last event: time does not go back for what is told of a cycle's begin
   explicit Impl(const std::string& path) : writer(path, "") {}
 };
 
@@ -137,7 +140,7 @@ void Journal::add(const Event& event, bool important) {
   nlohmann::ordered_json line;
   line["time"] = fmt::format("{:%Y-%m-%dT%H:%M:%S}.{:03d}Z",
                              fmt::gmtime(static_cast<std::time_t>(ms / 1000)), ms % 1000);
-  line["at_s"] = event.at_s;
+  line["at_s"] = impl_->at_s = std::max(impl_->at_s, event.at_s);
   line["what"] = event.what;
   if (!event.detail.empty()) line["detail"] = event.detail;
   line["frame"] = event.frame;
@@ -164,6 +167,8 @@ struct FrameLog::Impl {
 FrameLog::FrameLog(const std::string& path, double start_um)
     : impl_(std::make_unique<Impl>(path, start_um)) {}
 FrameLog::~FrameLog() = default;
+void FrameLog::flush() { impl_->writer.flush(); }
+std::string FrameLog::trouble() const { return impl_->writer.trouble(); }
 
 void FrameLog::add(const FrameRecord& r) {
   const auto known = [](const std::optional<double>& value) {

@@ -38,7 +38,8 @@ struct SocketAddress {
 };
 
 /// A line, within a time.
-std::optional<std::string> read_line(int descriptor, std::size_t longest, int timeout_ms) {
+std::optional<std::string> read_line(int descriptor, std::size_t longest, int timeout_ms,
+                                     bool* closed = nullptr) {
   std::string line;
   const auto until = std::chrono::steady_clock::now() + std::chrono::milliseconds(timeout_ms);
   while (line.size() < longest) {
@@ -48,8 +49,11 @@ std::optional<std::string> read_line(int descriptor, std::size_t longest, int ti
     if (left.count() <= 0 || ::poll(&p, 1, static_cast<int>(left.count())) <= 0) return {};
     char some[4096];
     const ssize_t n = ::recv(descriptor, some, sizeof some, MSG_DONTWAIT);
-    if (n == 0) return {};
-    if (n < 0) continue;
+    if (n < 0 && (errno == EAGAIN || errno == EINTR)) continue;
+    if (n <= 0) {
+      if (closed != nullptr) *closed = true;
+      return {};
+    }
     // One line is all that anybody sends.
     line.append(some, static_cast<std::size_t>(n));
     if (const auto end = line.find('\n'); end != std::string::npos) return line.substr(0, end);
@@ -168,8 +172,10 @@ std::optional<std::string> ask_running(const StateFolder& folder, const std::str
     return {};
   }
   send_line(s, request);
-  const auto answer = read_line(s, longest_answer, 5000);
+  bool closed = false;
+  const auto answer = read_line(s, longest_answer, 5000, &closed);
   ::close(s);
+  if (closed) return {};  // the print has just ended
   if (!answer) throw DeviceError(folder.file("control.sock") + ": the print does not answer");
   return answer;
 }

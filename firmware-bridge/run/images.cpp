@@ -115,7 +115,7 @@ void Images::show_one(const Request& request) {
     const Shown shown = sink_.show(frame, request.at_s);
     if (shown.number != request.number || (count_ >= 0 && shown.count != count_ + 1)) {
       fault(Fault::wrong_frame,
-            fmt::format("the display shows image {} (its {}th), expected {} (its {}th)",
+            fmt::format("the display shows image {} (no. {} of all), expected {} (no. {})",
                         shown.number, shown.count, request.number, count_ + 1));
       count_ = shown.count;
       return;

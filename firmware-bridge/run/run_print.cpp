@@ -241,9 +241,12 @@ class Run {
     e.phase = broken_order_ ? Phase::failed : controller_->phase();
     e.fault = controller_->fault();
     e.detail = controller_->fault_detail();
+    e.left = controller_->left();
+    if (e.fault == Fault::heartbeat_lost) e.detail += ": " + link_.last_error();
     if (broken_order_) {
       e.fault = Fault::defect;
       e.detail = broken_detail_;
+      e.left = "NOT CONFIRMED that lamps are off and the stage stands: go and look";
     }
     e.frames = static_cast<int>(plan_.frames.size());
     e.frames_shown = controller_->frames_shown();
@@ -257,7 +260,8 @@ class Run {
     e.lateness = controller_->lateness();
     try {
       if (e.fault != Fault::none && (controller_->begun() || broken_order_)) {
-        write_latch(folder_, {e.fault, e.detail, options_.stack, e.frame, e.stage_um});
+        write_latch(folder_, {e.fault, e.detail, options_.stack, e.frame, e.stage_um,
+                              e.stage_um - plan_.start_um});
         e.latched = true;
         note("latched", std::string(name_of(e.fault)));
       }
@@ -274,9 +278,14 @@ class Run {
       e.trouble = error.what();
       return e;
     }
+    frame_log_->flush();
+    if (const auto trouble = frame_log_->trouble(); !trouble.empty()) {
+      note("not recorded", trouble);
+      e.trouble = trouble;
+    }
     note(journal_end, std::string(name_of(e.phase)));
     journal_->flush();
-    e.trouble = journal_->trouble();
+    if (const auto trouble = journal_->trouble(); !trouble.empty()) e.trouble = trouble;
     return e;
   }
 
@@ -315,6 +324,28 @@ Ending run_print(const FrameSource& frames, const PrintPlan& plan, const Machine
   return Run(frames, plan, machine, link, sink, clock, folder, options, job).go();
 }
 
+void check_alone(Link& link, Clock& clock, const Machine& machine) {
+  constexpr double wait_s = 3, look_s = 0.1;
+  constexpr int looks = 5;
+  const double begin_s = clock.now_s();
+  std::optional<double> first_s;
+  std::uint16_t echo = 0;
+  for (int seen = 0; seen < looks || clock.now_s() < *first_s + look_s;) {
+    if (const auto status = link.look()) {
+      if (seen > 0 && status->sequence_echo != echo) {
+        throw InputError(machine.printer.name, "",
+                         "takes set-points from somebody else: another bridge is at work with it");
+      }
+      echo = status->sequence_echo;
+      if (!first_s) first_s = clock.now_s();
+      ++seen;
+    } else if (clock.now_s() > begin_s + wait_s) {
+      throw DeviceError("the machine does not answer: " + link.last_error());
+    }
+    clock.sleep_until(clock.now_s() + 2 * machine.limits.cycle_s);
+  }
+}
+
 void reset_machine(Link& link, Clock& clock, const Machine& machine) {
   SetPoints out;
   out.watchdog_s = machine.limits.watchdog_s;
@@ -351,18 +382,20 @@ void reset_machine(Link& link, Clock& clock, const Machine& machine) {
     return why;
   };
   if (const auto why = against(*status); !why.empty()) {
-    throw DeviceError("the machine can't be reset: " + why);
+    throw DeviceError("the machine can't be reset: " + why + "; see to it, then reset again");
   }
   const auto fine = [&](const Status& s) {
     return s.state == MachineState::idle && against(s).empty() && !s.lamp_failed &&
            !s.stage_failed && !s.watchdog_tripped;
   };
   if (exchange(Command::reset, 2, fine) && exchange(Command::off, 1, fine)) return;
-  throw DeviceError(fmt::format("the machine stays as it is after a reset: {}{}{}",
-                                status->lamp_failed    ? "a lamp failed"
-                                : status->stage_failed ? "the stage failed"
-                                                       : "not idle",
-                                against(*status).empty() ? "" : ", ", against(*status)));
+  throw DeviceError(
+      fmt::format("the machine stays as it is after a reset: {}{}{}; end the cause at "
+                  "the machine, then reset again",
+                  status->lamp_failed    ? "a lamp failed"
+                  : status->stage_failed ? "the stage failed"
+                                         : "not idle",
+                  against(*status).empty() ? "" : ", ", against(*status)));
 }
 
 }  // namespace slicecorr::bridge

@@ -52,16 +52,30 @@ Axis axis_of(std::string title, const std::vector<const std::vector<Point>*>& li
   return axis;
 }
 
+/// Where the print failed.
+double fault_mm(const PrintRecord& r) { return r.fault == Fault::none ? NAN : r.fault_z_um * 1e-3; }
+double fault_frame(const PrintRecord& r) {
+  return r.fault == Fault::none || r.fault_frame < 0 ? NAN : r.fault_frame;
+}
+void mark_fault(Panel& panel, const PrintRecord& r, double at) {
+  if (std::isfinite(at)) panel.vertical(at, std::string(name_of(r.fault)));
+}
+
+/// Over z, as far as the print came.
+Axis z_axis(const PrintRecord& r, const std::vector<Point>& points) {
+  return axis_of("z, mm", {&points}, true, {fault_mm(r)});
+}
+
 /// Counts on a logarithmic axis, a bar for each bound.
 template <typename Bounds, typename Counts>
 Panel histogram(const Bounds& bounds, const Counts& counts, const char* unit, int colour) {
   const auto names = bound_names(bounds.data(), bounds.size());
   std::uint64_t most = 1;
   for (const std::uint64_t n : counts) most = std::max(most, n);
-  Axis x{fmt::format("late by at most, {} (the last: more)", unit), false, 0,
+  Axis x{fmt::format("late by at most, {}; the last: by more", unit), false, 0,
          static_cast<double>(counts.size())};
   for (std::size_t i = 0; i < counts.size(); ++i) {
-    x.ticks.push_back({static_cast<double>(i) + 0.5, names[i]});
+    x.ticks.push_back({static_cast<double>(i) + 0.5, i < bounds.size() ? names[i] : ">"});
   }
   const double high = std::pow(10.0, std::ceil(std::log10(static_cast<double>(most)) + 0.35));
   Panel panel(std::move(x), Axis{"frames", true, 0.5, std::max(10.0, high)}, panel_height);
@@ -113,13 +127,13 @@ void add_lateness(const PrintRecord& r, std::vector<Chart>& charts) {
       layers ? "Exposures, longer than asked" : "Lateness of each frame",
       fmt::format("Lateness in {} over the number of the frame; {} of {} frames are late", unit,
                   late_ones.size(), r.frames.size()));
-  std::vector<double> more{0};
+  std::vector<double> more{0, layers ? Lateness::bounds_ms[0] : Lateness::bounds_um[0]};
   const bool limited = !layers && r.facts.max_late_um > 0;
   double worst = 0;
   for (const Point& p : all) worst = std::isfinite(p.y) ? std::max(worst, p.y) : worst;
   // Where frames are far from what is borne, its line would flatten them.
   if (limited && worst > r.facts.max_late_um / 20) more.push_back(r.facts.max_late_um);
-  Panel panel(axis_of("frame", {&all}, true),
+  Panel panel(axis_of(layers ? "layer" : "frame", {&all}, true, {fault_frame(r)}),
               axis_of(fmt::format("late, {}", unit), {&all}, false, more), panel_height);
   if (limited) panel.horizontal(r.facts.max_late_um, "more counts as late");
   panel.line(envelope(all), Style::series, 0);
@@ -129,6 +143,7 @@ void add_lateness(const PrintRecord& r, std::vector<Chart>& charts) {
                              : fmt::format("{} late frames here; the worst, {:.0f}: {:.2f} {}",
                                            p.count, p.at.x, p.at.y, unit));
   }
+  mark_fault(panel, r, fault_frame(r));
   picture.legend_line(Style::series, layers ? "exposure less what was asked" : "lateness", 0);
   if (!late_ones.empty()) picture.legend_point(1, "late");
   picture.add(panel);
@@ -142,29 +157,31 @@ void add_stage(const PrintRecord& r, std::vector<Chart>& charts) {
   for (const Point& p : error) {
     if (std::isfinite(p.y)) worst = std::max(worst, std::abs(p.y));
   }
-  std::vector<double> more{0};
+  // Less than that is rounding.
+  std::vector<double> more{-0.05, 0.05};
   const double tolerance = r.facts.tolerance_um;
   if (worst > tolerance / 20) more.insert(more.end(), {-tolerance, tolerance});
   Picture picture("Where the stage was, measured less commanded",
                   fmt::format("The stage's error over z, at most {:.2f} um", worst));
-  Panel panel(axis_of("z, mm", {&error}, true), axis_of("error, um", {&error}, false, more),
-              half_height);
+  Panel panel(z_axis(r, error), axis_of("error, um", {&error}, false, more), half_height);
   if (tolerance > 0) {
     panel.horizontal(tolerance, "tolerance", true);
     panel.horizontal(-tolerance, "");
   }
   panel.line(envelope(error), Style::series, 0);
+  mark_fault(panel, r, fault_mm(r));
   picture.add(panel);
   charts.push_back({"Stage", picture.svg()});
 }
 
 /// Asked and measured of one lamp.
-void lamp_panel(Picture& picture, const std::vector<Point>& asked,
+void lamp_panel(Picture& picture, const PrintRecord& r, const std::vector<Point>& asked,
                 const std::vector<Point>& measured, const char* title, bool x_labels) {
-  Panel panel(axis_of("z, mm", {&asked}, true),
-              axis_of(title, {&asked, &measured}, false, {0}, true), half_height, x_labels);
+  Panel panel(z_axis(r, asked), axis_of(title, {&asked, &measured}, false, {0}, true), half_height,
+              x_labels);
   panel.line(envelope(measured), Style::series, 0);
   panel.line(envelope(asked), Style::reference);
+  mark_fault(panel, r, fault_mm(r));
   picture.add(panel);
 }
 
@@ -182,8 +199,8 @@ void add_lamps(const PrintRecord& r, std::vector<Chart>& charts) {
   Picture picture("Lamps, asked and measured", "Light asked and measured over z");
   picture.legend_line(Style::series, "measured", 0);
   picture.legend_line(Style::reference, "asked");
-  lamp_panel(picture, blue_asked, blue, "blue, %", !with_uv);
-  if (with_uv) lamp_panel(picture, uv_asked, uv, "UV, mW/cm²", true);
+  lamp_panel(picture, r, blue_asked, blue, "blue, %", !with_uv);
+  if (with_uv) lamp_panel(picture, r, uv_asked, uv, "UV, mW/cm²", true);
   picture.note(
       "At the moment when each frame was shown; a lamp follows what is asked with its own "
       "time.");
@@ -209,10 +226,11 @@ void add_speed(const PrintRecord& r, std::vector<Chart>& charts) {
   const auto speed = series(r, height_mm, [](const FrameRow& f) { return f.speed_um_s * 3.6; });
   if (!any(speed)) return;
   Picture picture("Speed", "Measured speed of the stage over z");
-  Panel panel(axis_of("z, mm", {&speed}, true),
-              axis_of("mm/h", {&speed}, false, {r.facts.speed_um_s * 3.6}, true), half_height);
+  Panel panel(z_axis(r, speed), axis_of("mm/h", {&speed}, false, {r.facts.speed_um_s * 3.6}, true),
+              half_height);
   if (r.facts.speed_um_s > 0) panel.horizontal(r.facts.speed_um_s * 3.6, "planned", true);
   panel.line(envelope(speed), Style::series, 0);
+  mark_fault(panel, r, fault_mm(r));
   picture.add(panel);
   charts.push_back({"Speed", picture.svg()});
 }
@@ -221,7 +239,7 @@ void add_temperature(const PrintRecord& r, std::vector<Chart>& charts) {
   const auto t = series(r, height_mm, [](const FrameRow& f) { return f.temperature_c; });
   if (!any(t)) return;
   Picture picture("Temperature", "Temperature that the machine measured, over z");
-  Panel panel(axis_of("z, mm", {&t}, true), axis_of("°C", {&t}, false), half_height);
+  Panel panel(z_axis(r, t), axis_of("°C", {&t}, false), half_height);
   panel.line(envelope(t), Style::series, 1);
   picture.add(panel);
   charts.push_back({"Temperature", picture.svg()});

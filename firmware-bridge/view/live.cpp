@@ -19,6 +19,9 @@ namespace {
 using cli::Ink;
 using cli::Line;
 
+/// Without "-0.00".
+double calm(double value) { return std::abs(value) < 0.005 ? 0 : value; }
+
 double height_um(const Seen& seen) { return seen.facts.frames * seen.facts.layer_um; }
 
 double z_um(const Seen& seen) { return seen.state.stage_um - seen.facts.start_um; }
@@ -184,13 +187,13 @@ std::vector<std::string> live_frame(const Seen& seen, int columns, int rows, boo
                               s.frame < 0 && seen.running ? ", black is shown" : ""));
     fact("z", fmt::format("{:.3f} of {:.3f} mm", z_um(seen) * 1e-3, height_um(seen) * 1e-3));
     if (f.layerwise) {
-      fact("stage", fmt::format("{:.2f} um off now, {:.2f} at most", s.stage_error_um,
+      fact("stage", fmt::format("{:.2f} um off now, {:.2f} at most", calm(s.stage_error_um),
                                 s.worst_stage_error_um));
     } else {
       fact("speed",
            fmt::format("{:.1f} mm/h, planned {:.1f}", s.speed_um_s * 3.6, f.speed_um_s * 3.6));
-      fact("stage", fmt::format("{:.2f} um off now, {:.2f} at most, {:g} borne", s.stage_error_um,
-                                s.worst_stage_error_um, f.tolerance_um));
+      fact("stage", fmt::format("{:.2f} um off now, {:.2f} at most, {:g} borne",
+                                calm(s.stage_error_um), s.worst_stage_error_um, f.tolerance_um));
     }
     fact("blue lamp", lamp_text(s.blue_share * 100, s.blue_measured * 100, " %", 1));
     if (f.uv) fact("UV lamp", lamp_text(s.uv_mw_cm2, s.uv_measured, " mW/cm²", 2));

@@ -40,7 +40,7 @@ std::string metrics_text(const Seen& seen, const FaultCounts& faults) {
   }
   std::array<double, Lateness::bounds_ms.size()> seconds{};
   for (std::size_t i = 0; i < seconds.size(); ++i) {
-    seconds[i] = std::round(Lateness::bounds_ms[i] * 1e3) * 1e-6;
+    seconds[i] = Lateness::bounds_ms[i] / 1e3;
   }
   t.histogram("frame_lateness_seconds",
               "How late frames began; layer by layer how much too long exposures were.", seconds,

@@ -19,6 +19,8 @@ namespace {
 using End = PrintRecord::End;
 
 constexpr int longest_text = 600;
+/// Longer tables of events are scrolled.
+constexpr std::size_t longest_untouched = 60;
 constexpr std::size_t most_events = 600, first_events = 200, most_late = 300;
 
 /// What comes from files and machines, for the page.
@@ -32,6 +34,9 @@ std::string figure(double value, const char* format_unit, int digits) {
   return std::isfinite(value) ? fmt::format("{:.{}f}{}", value, digits, format_unit)
                               : std::string("-");
 }
+
+/// Tenths, where two times are to be compared.
+std::string seconds(double s) { return s < 600 ? fmt::format("{:.1f} s", s) : words::duration(s); }
 
 const char* word_of(End end) {
   switch (end) {
@@ -107,7 +112,7 @@ std::string tiles(const PrintRecord& r) {
       tile(fmt::format("{:.2f} ms", l.worst_ms), "longest exposure too long by");
     } else {
       tile(fmt::format("{:.2f} um", l.worst_um),
-           fmt::format("latest frame, in time {:.2f} ms", l.worst_ms));
+           fmt::format("the latest frame; in time {:.2f} ms", l.worst_ms));
     }
   }
   double stage = r.last ? r.last->worst_stage_error_um : NAN;
@@ -124,10 +129,9 @@ std::string tiles(const PrintRecord& r) {
   }
   const double took = printed_s(r);
   if (std::isfinite(took)) {
-    tile(words::duration(took),
-         r.facts.expected_s > 0
-             ? fmt::format("for the slices, planned {}", words::duration(r.facts.expected_s))
-             : "for the slices");
+    tile(seconds(took), r.facts.expected_s > 0
+                            ? fmt::format("for the slices, planned {}", seconds(r.facts.expected_s))
+                            : "for the slices");
   }
   return html + "</div>";
 }
@@ -137,7 +141,7 @@ std::string what_happened(const PrintRecord& r) {
     return R"(<p class="holds">It prints; this page is of what was recorded so far.</p>)";
   }
   if (r.fault != Fault::none) {
-    return fmt::format(R"(<p class="holds"><b>{}</b>: {}, {}. To do: {}.</p>)", name_of(r.fault),
+    return fmt::format(R"(<p class="holds"><b>{}</b>: {}, {}. To do: {}</p>)", name_of(r.fault),
                        shown(r.detail),
                        r.fault_frame < 0 ? std::string("with black on the display")
                                          : fmt::format("at frame {}, z = {}", r.fault_frame,
@@ -176,7 +180,7 @@ std::string facts_table(const PrintRecord& r) {
         fmt::format("frames {:g} um late, and {} of them later; the stage {:g} um off",
                     f.max_late_um, f.max_late_frames, f.tolerance_um));
   }
-  if (r.seconds) row("Whole print", words::duration(*r.seconds));
+  if (r.seconds) row("Whole print", seconds(*r.seconds));
   row("Control thread", shown(r.threads));
   if (r.last) {
     row("Cycles missed",
@@ -242,9 +246,10 @@ std::string event_table(const PrintRecord& r) {
   const double fault_s = fault_at_s(r);
   const bool fault = std::isfinite(fault_s);
   std::string html = fmt::format(
-      R"(<h2>What happened</h2>{}<div class="scroll tall" tabindex="0" role="region" aria-label="Events"><table class="events"><thead><tr><th scope="col">at, s</th>{}<th scope="col" class="words">what</th><th scope="col" class="words">detail</th><th scope="col">frame</th><th scope="col">z, mm</th></tr></thead><tbody>)",
+      R"(<h2>What happened</h2>{}<div class="scroll{}" tabindex="0" role="region" aria-label="Events"><table class="events"><thead><tr><th scope="col">at, s</th>{}<th scope="col" class="words">what</th><th scope="col" class="words">detail</th><th scope="col">frame</th><th scope="col">z, mm</th></tr></thead><tbody>)",
       fault ? "<p class=\"dim\">Marked: the fault and its order: lamps off, stage stop, black.</p>"
             : "",
+      r.events.size() > longest_untouched ? " tall" : "",
       fault ? "<th scope=\"col\">since the fault, ms</th>" : "");
   for (std::size_t i = 0; i < r.events.size(); ++i) {
     // Of many, how it began and how it ended.

@@ -159,6 +159,8 @@ class Controller {
   double worst_stage_error_um() const;
   int frames_shown() const;
   int late_frames() const;
+  /// What a fault left lamps and stage in, as far as the machine has said so.
+  std::string left() const;
   /// Whether anything was moved or lit: a fault before that needs no latch.
   bool begun() const;
 

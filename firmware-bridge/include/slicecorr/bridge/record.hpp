@@ -41,6 +41,10 @@ class FrameLog {
   FrameLog(const std::string& path, double start_um);
   ~FrameLog();
   void add(const FrameRecord& record);
+  /// Waits until all is on the disk.
+  void flush();
+  /// Why something could not be written; empty: all was.
+  std::string trouble() const;
 
  private:
   struct Impl;
@@ -79,6 +83,7 @@ struct Latch {
   std::string detail, stack;
   int frame = -1;
   double stage_um = 0;
+  double z_um = 0;  ///< from the first slice's begin
 };
 /// Also found where a print was killed: nobody prints (or `locked`: the caller does, or will), and
 /// the journal has no end.

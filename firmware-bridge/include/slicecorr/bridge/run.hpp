@@ -34,6 +34,7 @@ struct Ending {
   int missed_cycles = 0;  ///< cycles that began more than one cycle late
   Lateness lateness;
   bool latched = false;
+  std::string left;     ///< after a fault: in what state lamps and stage are, as far as is known
   std::string trouble;  ///< what could not be recorded
 };
 
@@ -49,6 +50,10 @@ Ending run_print(const FrameSource& frames, const PrintPlan& plan, const Machine
 /// Asks the printbridge that prints now: "status", "pause", "resume" or "stop". Its answer is JSON;
 /// nothing when none prints. Throws `DeviceError` when it does not answer.
 std::optional<std::string> ask_running(const StateFolder& folder, const std::string& request);
+
+/// Only reads, for some cycles: whether somebody else drives the machine. Throws `InputError` when
+/// so, `DeviceError` when it does not answer.
+void check_alone(Link& link, Clock& clock, const Machine& machine);
 
 /// Tells the machine to reset, when its interlocks are closed. Throws `DeviceError` saying what is
 /// against it.

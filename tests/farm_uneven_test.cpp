@@ -21,7 +21,7 @@ class FarmUneven : public FarmPrograms {
   struct Display {
     int width_px = 96, height_px = 64;
     double travel_mm = 100;
-    std::string more;  ///< of the file
+    std::string more = {};  ///< of the file
   };
   /// A printer whose flat-field is `light` of each pixel of the plate.
   template <typename Light>

@@ -8,12 +8,14 @@
 #include <random>
 #include <thread>
 
+#include "database/schema.hpp"
 #include "display/drm_sink.hpp"
 #include "display/pixels.hpp"
 #include "display/window_sink.hpp"
 #include "drm_substitute.hpp"
 #include "frames/wire.hpp"
 #include "models.hpp"
+#include "process/toml_table.hpp"
 #include "slicecorr/bridge/display.hpp"
 #include "slicecorr/error.hpp"
 
@@ -114,6 +116,69 @@ TEST(Pixels, BlackAndWrongFrames) {
     EXPECT_THROW(pack(&frame, {}, 3, 2, out.data(), 4), Error);
     EXPECT_THAT(out, testing::Each(7U)) << "nothing was written";
   }
+}
+
+// [projector].
+
+class ProjectorTable : public testing::Test {
+ protected:
+  static std::string printer(const std::string& kind, const std::string& table) {
+    std::string text =
+        read_text_file(std::string(SLICECORR_PRINTERS_DIR) + "/dual-wavelength-dlp.toml");
+    const std::string flood = "kind = \"flood\"";
+    text.replace(text.find(flood), flood.size(), "kind = \"" + kind + "\"");
+    return text + "\n" + table;
+  }
+  static Projector parsed(const std::string& kind, const std::string& table) {
+    return parse_machine(printer(kind, table), "p.toml").projector;
+  }
+  /// Both readers of printer files complain, about this key.
+  static void refused(const std::string& kind, const std::string& table, const std::string& key,
+                      const std::string& says) {
+    SCOPED_TRACE(kind + ": " + table);
+    const std::string text = printer(kind, table);
+    const auto line =
+        1 + std::count(text.begin(),
+                       text.begin() + static_cast<std::ptrdiff_t>(text.rfind("\n" + key)) + 1,
+                       '\n');
+    const std::string message = thrown_by([&] { parse_machine(text, "p.toml"); });
+    EXPECT_THAT(message, HasSubstr(fmt::format("p.toml: line {}: projector.{}", line, key)));
+    EXPECT_THAT(message, HasSubstr(says));
+    bool told = false;
+    for (const auto& f : resins::validate_text(text, "p.toml")) {
+      told = told || (!f.warning && f.key == "projector." + key && f.line == line);
+    }
+    EXPECT_TRUE(told);
+  }
+};
+
+TEST_F(ProjectorTable, Defaults) {
+  for (const std::string table : {"", "[projector]"}) {
+    EXPECT_EQ(parsed("flood", table).blue, Channel::all);
+    EXPECT_EQ(parsed("patterned", table).blue, Channel::blue);
+    EXPECT_EQ(parsed("patterned", table).uv, Channel::red);
+    EXPECT_EQ(parsed("flood", table).output, "");
+  }
+  const Projector p =
+      parsed("patterned", "[projector]\nblue = \"red\"\nuv = \"green\"\noutput = \"HDMI-1\"");
+  EXPECT_EQ(p.blue, Channel::red);
+  EXPECT_EQ(p.uv, Channel::green);
+  EXPECT_EQ(p.output, "HDMI-1");
+  EXPECT_EQ(parsed("flood", "[projector]\nblue = \"green\"").blue, Channel::green);
+  for (const Channel c : {Channel::red, Channel::green, Channel::blue, Channel::all}) {
+    EXPECT_EQ(parsed("flood", fmt::format("[projector]\nblue = \"{}\"", name_of(c))).blue, c);
+  }
+}
+
+TEST_F(ProjectorTable, Complaints) {
+  refused("flood", "[projector]\nblue = \"violet\"", "blue", "violet");
+  refused("patterned", "[projector]\nuv = \"all\"", "uv", "all");
+  refused("flood", "[projector]\nuv = \"red\"", "uv", "patterned");
+  refused("patterned", "[projector]\nblue = \"all\"", "blue", "the same channel");
+  refused("patterned", "[projector]\nblue = \"red\"", "blue", "the same channel");
+  refused("patterned", "[projector]\nuv = \"blue\"", "uv", "the same channel");
+  refused("flood", "[projector]\noutpt = \"x\"", "outpt", "output");
+  refused("flood", "[projector]\nblue = 3", "blue", "");
 }
 
 // The ring's memory.

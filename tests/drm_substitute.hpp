@@ -20,7 +20,14 @@
 
 namespace slicecorr::test {
 
-using namespace slicecorr::bridge::detail;
+using bridge::detail::DrmBuffer;
+using bridge::detail::DrmCalls;
+using bridge::detail::DrmConnector;
+using bridge::detail::DrmCrtcState;
+using bridge::detail::DrmFlip;
+using bridge::detail::DrmGamma;
+using bridge::detail::DrmMode;
+using bridge::detail::DrmProperty;
 
 /// What is left of the card when its calls are gone, as the kernel is when a file is closed.
 struct DrmCard {

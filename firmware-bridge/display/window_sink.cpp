@@ -1,6 +1,8 @@
 // The sink that shows images in a window: a thread of its own, because SDL2 belongs to one thread,
 // and because that thread must not come back when the display server dies.
 
+#include "display/window_sink.hpp"
+
 #include <fmt/format.h>
 #include <pthread.h>
 #include <sched.h>
@@ -14,7 +16,6 @@
 
 #include "base/module.hpp"
 #include "display/pixels.hpp"
-#include "display/window_sink.hpp"
 #include "slicecorr/bridge/display.hpp"
 #include "slicecorr/error.hpp"
 
@@ -205,12 +206,13 @@ class WindowSink final : public FrameSink {
   }
   /// The window's thread must not be slower than who waits for it.
   void take_priority() {
-    int policy = 0;
+    // Asked of the kernel: glibc remembers what it saw first.
     sched_param parameters{};
-    if (pthread_getschedparam(pthread_self(), &policy, &parameters) != 0) return;
+    const int policy = sched_getscheduler(0);
+    if (policy < 0 || sched_getparam(0, &parameters) != 0) return;
     if (parameters.sched_priority == priority_) return;
     priority_ = parameters.sched_priority;
-    pthread_setschedparam(thread_.native_handle(), policy, &parameters);
+    pthread_setschedparam(thread_.native_handle(), policy & ~SCHED_RESET_ON_FORK, &parameters);
   }
   void leave() {
     std::unique_lock lock(desk_->mutex);

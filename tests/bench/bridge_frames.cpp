@@ -7,6 +7,7 @@
 #include <fcntl.h>
 #include <signal.h>
 #include <sys/prctl.h>
+#include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -268,7 +269,7 @@ BENCHMARK(window)->DenseRange(0, 1)->Unit(benchmark::kMillisecond)->UseRealTime(
 void drm_stand_in(benchmark::State& state) {
   const Size& size = size_of(state);
   test::DrmCard card;
-  DrmConnector connector;
+  bridge::detail::DrmConnector connector;
   connector.id = 1;
   connector.name = "HDMI-A-1";
   connector.connected = true;

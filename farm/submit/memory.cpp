@@ -22,6 +22,9 @@ constexpr double light_bytes_per_slice = 256;
 /// Two sets of models are in use while the report is made. One of them has plans, whose own tables
 /// are 4 for each 5 of the model.
 constexpr double table_sets = 2.8;
+/// In each thread, the doses of a band before and after, of its columns and of those that are
+/// drawn, have tables of their own for each value: as many as the model, and their running sums.
+constexpr double table_sets_per_thread = 8;
 /// Lamps that change by themselves from slice to slice take so few settings, mostly.
 constexpr int lamp_settings = 30;
 
@@ -38,7 +41,9 @@ MemoryNeeds memory_needs(const MemoryFacts& f) {
   const double mesh = 100.0 * static_cast<double>(f.triangles) / mb;
   const double pieces = std::min(256.0, 0.2 * static_cast<double>(f.voxels) / mb);
   double thread = 16 + 32.0 * f.width_px * 100 / mb + 8192.0 * f.slices / mb;
-  double models = table_sets * all_tables_bytes(f) / mb;
+  const double tables = all_tables_bytes(f) / mb;
+  double models = table_sets * tables;
+  thread += table_sets_per_thread * tables;
   if (f.lights > 1) {
     models += 2 * f.lights * (plan_bytes + plan_bytes_per_slice * f.slices) / mb;
     thread += f.lights * light_bytes_per_slice * f.slices / mb;

@@ -62,9 +62,15 @@ void mark_fault(Panel& panel, const PrintRecord& r, double at, int row) {
   if (std::isfinite(at)) panel.vertical(at, std::string(name_of(r.fault)), row);
 }
 
+/// So that the line of a fault at the end is not the frame's.
+Axis with_room(Axis axis, double fault) {
+  if (std::isfinite(fault)) axis.high += 0.03 * (axis.high - axis.low);
+  return axis;
+}
+
 /// Over z, as far as the print came.
 Axis z_axis(const PrintRecord& r, const std::vector<Point>& points) {
-  return axis_of("z, mm", {&points}, true, {fault_mm(r)});
+  return with_room(axis_of("z, mm", {&points}, true, {fault_mm(r)}), fault_mm(r));
 }
 
 /// Counts on a logarithmic axis, a bar for each bound.
@@ -138,7 +144,8 @@ void add_lateness(const PrintRecord& r, std::vector<Chart>& charts) {
   }
   // Where frames are far from what is borne, its line would flatten them.
   if (limited && worst > r.facts.max_late_um / 20) more.push_back(r.facts.max_late_um);
-  Panel panel(axis_of(layers ? "layer" : "frame", {&all}, true, {fault_frame(r)}),
+  Panel panel(with_room(axis_of(layers ? "layer" : "frame", {&all}, true, {fault_frame(r)}),
+                        fault_frame(r)),
               axis_of(fmt::format("late, {}", unit), {&all}, false, more), panel_height);
   if (limited) panel.horizontal(r.facts.max_late_um, "more counts as late");
   if (limited && earliest < -r.facts.max_late_um / 2) {

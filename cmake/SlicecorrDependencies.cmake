@@ -4,5 +4,5 @@
 set(SLICECORR_LINKED_PACKAGES Threads TBB OpenMesh Lib3MF LibArchive LibZip ISAL LibDeflate ZLIB fmt pugixml)
 # Headers only, used while building and not seen by consumers.
 set(SLICECORR_BUILD_PACKAGES nlohmann_json TomlPlusPlus CLI11)
-# Used by programs and by the module for images only.
-set(SLICECORR_PROGRAM_PACKAGES OpenImageIO Ceres SQLite3 OpenSSL Httplib Modbus)
+# Used by programs and by the modules (images, windows) only.
+set(SLICECORR_PROGRAM_PACKAGES OpenImageIO Ceres SQLite3 OpenSSL Httplib Modbus SDL2 LibDRM X11)

@@ -559,7 +559,9 @@ TEST(Fault, IsReadAsItIsWritten) {
   EXPECT_THAT(refusal("dor"), HasSubstr("did you mean 'door'?"));
   EXPECT_THAT(refusal("qwertz"), HasSubstr("expected one of late-reply, wrong-reply, drop"));
   EXPECT_THAT(refusal("drop=x"), HasSubstr("'x' is no number"));
-  EXPECT_THAT(refusal("drop=-1"), HasSubstr("below 0"));
+  EXPECT_THAT(refusal("drop=-1"), HasSubstr("no number of exchanges"));
+  EXPECT_THAT(refusal("wrong-reply=1.5"), HasSubstr("no number of exchanges"));
+  EXPECT_THAT(refusal("stuck-stage=-1"), HasSubstr("below 0"));
   EXPECT_THAT(refusal("drop=nan"), HasSubstr("is no number"));
   EXPECT_THAT(refusal("restart=1"), HasSubstr("takes no value"));
   EXPECT_THAT(refusal("drop@"), HasSubstr("expected a moment"));

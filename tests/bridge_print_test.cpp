@@ -18,6 +18,7 @@ namespace {
 
 using namespace slicecorr::test;
 using nlohmann::json;
+using testing::AllOf;
 using testing::HasSubstr;
 
 class BridgePrint : public BridgePrograms {
@@ -54,7 +55,9 @@ class BridgePrint : public BridgePrograms {
     while (std::getline(csv, line)) {
       std::vector<double> row;
       std::istringstream cells(line);
-      for (std::string cell; std::getline(cells, cell, ',');) row.push_back(std::stod(cell));
+      for (std::string cell; row.size() < 11 && std::getline(cells, cell, ',');) {
+        row.push_back(std::stod(cell));
+      }
       EXPECT_GE(row.size(), 11U) << line;
       // Half a digit of what the log has.
       late.push_back((std::abs(row.at(5)) + 5e-7) / layer_um);
@@ -157,7 +160,8 @@ TEST_F(BridgePrint, PrintsAStackAndWhatWasShownIsWhatWasPlanned) {
   std::getline(csv, line);
   EXPECT_EQ(line,
             "frame,planned_z_um,z_um,planned_s,shown_s,late_um,speed_um_s,blue_share,uv_mw_cm2,"
-            "blue_measured,uv_measured");
+            "blue_measured,uv_measured,late,stage_error_um,temperature_c,exposure_s,exposed_s,"
+            "vblank,missed_vblanks,upload_s,present_s");
   int rows = 0;
   const StackInfo info = StackReader::read_info(stack);
   while (std::getline(csv, line)) ++rows;
@@ -250,6 +254,9 @@ TEST_F(BridgePrint, FaultsEndInTheirOrderLatchAndAreReset) {
       expect_order(events);
     }
     EXPECT_EQ(place(events, "blue on", last_place(events, "blue off")), -1);
+    // Nobody is told that lamps are off who has not heard it from the machine.
+    EXPECT_EQ(r.err.find("State: lamps are off") == std::string::npos, name == "heartbeat_lost")
+        << r.err;
     const json s = status(printer);
     EXPECT_EQ(s["latched"], true);
     EXPECT_EQ(s["fault"], name);
@@ -372,7 +379,10 @@ TEST_F(BridgePrint, AWrongStackNeverMovesTheStage) {
   // Too fast, too long, for this stage.
   refuse(stack, make_printer("slow", {{"max_speed_mm_h = 2000", "max_speed_mm_h = 700"}}), 3,
          "700 mm/h");
-  refuse(stack, make_printer("short", {{"travel_mm = 6", "travel_mm = 1"}}), 3, "reaches 1 mm");
+  refuse(
+      stack,
+      make_printer("short", {{"travel_mm = 6", "travel_mm = 1"}, {"lift_mm = 3", "lift_mm = 1"}}),
+      3, "reaches 1 mm");
   refuse(stack, make_printer("lazy", {{"acceleration_mm_s2 = 1.0", "acceleration_mm_s2 = 0.05"}}),
          3, "lamp-follows");
   refuse(stack, make_printer("sluggish", {{"cycle_s = 0.01", "cycle_s = 0.08"}}), 3, "cycle_s");
@@ -442,6 +452,41 @@ TEST_F(BridgePrint, TwoBridgesAtOnceAndStop) {
   expect_order(events_of(sim.events));
   EXPECT_EQ(status(printer)["fault"], "stopped_by_user");
   EXPECT_EQ(bridge({"pause"}, printer).exit_code, 2) << "nothing prints";
+}
+
+TEST_F(BridgePrint, ASecondBridgeFromElsewhereLeavesThePrintAlone) {
+  const std::string printer = make_printer("patient", patient());
+  const std::string stack = make_stack(printer);
+  Sim sim = start_sim(printer, false);
+  Child print(print_command(stack, printer, sim, false), folder / "print.err");
+  ASSERT_TRUE(wait_until([&] { return has(events_of(sim.events), "frame 1"); }));
+  // Another folder for the state, as another user or computer has it.
+  for (const char* what : {"print", "reset"}) {
+    std::vector<std::string> command{program("printbridge"), what};
+    if (what == std::string("print")) command.insert(command.end(), {stack, "--sink", "null"});
+    command.insert(command.end(), {"--printer", printer, "--dir", folder / "elsewhere", "--modbus",
+                                   address_of(sim.modbus)});
+    const RunResult r = run_program(command);
+    EXPECT_EQ(r.exit_code, 2) << r.err;
+    EXPECT_THAT(r.err, HasSubstr("another bridge"));
+  }
+  EXPECT_EQ(print.wait(), 0) << text_of(folder / "print.err");
+  EXPECT_EQ(place(events_of(sim.events), "stop"), -1);
+}
+
+TEST_F(BridgePrint, APrintThatIsRecordedIsNotWrittenOver) {
+  const std::string printer = make_printer("plain");
+  const std::string stack = make_stack(printer), target = folder / "part-target.uvj";
+  Sim sim = start_sim(printer, true);
+  for (const std::vector<std::string>& more :
+       {std::vector<std::string>{}, {"--dry-run"}, std::vector<std::string>{}}) {
+    const RunResult r = run_program(print_command(stack, printer, sim, true, more));
+    EXPECT_EQ(r.exit_code, 0) << r.err;
+  }
+  EXPECT_EQ(sim.child->end(SIGTERM), 0) << text_of(folder / "sim1.err");
+  const std::string second = sim.shown.substr(0, sim.shown.size() - 4) + "-2.uvj";
+  EXPECT_EQ(verify(sim.shown, target)["iou"], verify(second, target)["iou"]);
+  EXPECT_GT(verify(sim.shown, target)["iou"].get<double>(), 0.5);
 }
 
 TEST_F(BridgePrint, SignalsDoNotShortenTheOrder) {
@@ -602,8 +647,10 @@ TEST_F(BridgePrint, NobodyThere) {
   };
   const RunResult machine = print(nobody, "null");
   EXPECT_EQ(machine.exit_code, 4) << machine.err;
-  EXPECT_THAT(machine.err, HasSubstr("has not answered"));
-  const RunResult display = print(nobody, nobody);
+  EXPECT_THAT(machine.err, AllOf(HasSubstr("does not answer"), HasSubstr(nobody.substr(4)),
+                                 HasSubstr("Connection refused")));
+  Sim sim = start_sim(printer, true);
+  const RunResult display = print(address_of(sim.modbus), nobody);
   EXPECT_EQ(display.exit_code, 4) << display.err;
   EXPECT_THAT(display.err, HasSubstr("no display answers"));
   EXPECT_EQ(print("tcp:nowhere", "null").exit_code, 2);

@@ -208,6 +208,9 @@ class ModelLink final : public Link {
     model_.take(decode_set_points(*machine_.modbus, encode(*machine_.modbus, out)));
     return decode_status(*machine_.modbus, encode(*machine_.modbus, model_.status()));
   }
+  std::optional<Status> look() override {
+    return decode_status(*machine_.modbus, encode(*machine_.modbus, model_.status()));
+  }
   std::string last_error() const override { return "none"; }
   int throws_from = 1 << 30, throws_once = -1;
   std::vector<SetPoints> sent;
@@ -226,7 +229,7 @@ class ModelSink final : public FrameSink {
     if (frame && frame->number == gone_at) throw DeviceError("the display is gone");
     model_.advance(at_s);
     model_.show(frame);
-    return {model_.display().number, model_.display().since_s, model_.display().count};
+    return {model_.display().number, model_.display().since_s, model_.display().count, {}};
   }
   void black() noexcept override {
     model_.show(nullptr);

@@ -122,7 +122,7 @@ TEST_F(SimTest, SaysWhatIsWrong) {
   refuses({"--printer", printer, "--listen", "127.0.0.1:0", "--fault", "dor"},
           "did you mean 'door'?");
   refuses({"--printer", printer, "--listen", "127.0.0.1:99999"}, "expected HOST:PORT");
-  refuses({"--printer", printer, "--listen", "127.0.0.1:0", "-o", folder / "a.zip", "--stack",
+  refuses({"--printer", printer, "--listen", "127.0.0.1:0", "-o", folder / "a.uvj", "--stack",
            folder / "none.uvj"},
           "none.uvj");
   refuses({"--printer", printer, "--listen", "127.0.0.1:0", "--time-rate", "0"}, "--time-rate");

@@ -1,20 +1,20 @@
 // What is seen of the farm: table, JSON, live view, page of the morning, metrics.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <pty.h>
-#include <sys/ioctl.h>
 
 #include <nlohmann/json.hpp>
 #include <regex>
 #include <set>
 #include <thread>
 
+#include "exposition_reader.hpp"
 #include "farm_filled.hpp"
 #include "run_program.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/metrics.hpp"
 #include "slicecorr/farm/morning.hpp"
 #include "slicecorr/farm/status.hpp"
+#include "terminal_screen.hpp"
 #include "watch/time_axis.hpp"
 #include "watch/words.hpp"
 
@@ -23,8 +23,10 @@ namespace {
 
 namespace fs = std::filesystem;
 using nlohmann::json;
+using slicecorr::test::check_metrics;
 using slicecorr::test::run_program;
 using slicecorr::test::RunOptions;
+using slicecorr::test::Terminal;
 using test::Farm;
 using test::fill;
 using test::Filled;
@@ -382,134 +384,6 @@ TEST(Live, ShowsWhatRunsWaitsAndHappened) {
   }
 }
 
-/// A program at a terminal of its own; what it writes is put on a screen.
-class Terminal {
- public:
-  Terminal(const std::vector<std::string>& command, int columns, int rows)
-      : columns_(columns), rows_(rows) {
-    winsize size{};
-    size.ws_col = static_cast<unsigned short>(columns);
-    size.ws_row = static_cast<unsigned short>(rows);
-    std::vector<char*> argv;
-    for (const std::string& s : command) argv.push_back(const_cast<char*>(s.c_str()));
-    argv.push_back(nullptr);
-    child_ = ::forkpty(&master_, nullptr, nullptr, &size);
-    if (child_ == 0) {
-      ::setenv("TERM", "xterm-256color", 1);
-      ::unsetenv("NO_COLOR");
-      ::execv(argv[0], argv.data());
-      ::_exit(127);
-    }
-    clear();
-  }
-  ~Terminal() {
-    if (!ended_) {
-      ::kill(child_, SIGKILL);
-      ::waitpid(child_, nullptr, 0);
-    }
-    ::close(master_);
-  }
-  /// Reads until the screen, or all that was written, holds; false when it does not in time.
-  bool until(const std::function<bool()>& holds) {
-    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
-    while (!holds()) {
-      if (std::chrono::steady_clock::now() > end) return false;
-      pollfd fd{master_, POLLIN, 0};
-      if (::poll(&fd, 1, 50) <= 0) continue;
-      char buffer[4096];
-      const ssize_t n = ::read(master_, buffer, sizeof buffer);
-      if (n <= 0) return holds();
-      raw.append(buffer, static_cast<std::size_t>(n));
-      feed(std::string(buffer, static_cast<std::size_t>(n)));
-    }
-    return true;
-  }
-  void type(const std::string& keys) {
-    ASSERT_EQ(::write(master_, keys.data(), keys.size()), static_cast<ssize_t>(keys.size()));
-  }
-  void resize(int columns, int rows) {
-    columns_ = columns;
-    rows_ = rows;
-    winsize size{};
-    size.ws_col = static_cast<unsigned short>(columns);
-    size.ws_row = static_cast<unsigned short>(rows);
-    ::ioctl(master_, TIOCSWINSZ, &size);
-  }
-  /// Waits for the program's end; its exit code, 128 + signal.
-  int end() {
-    until([] { return false; });
-    int status = 0;
-    ::waitpid(child_, &status, 0);
-    ended_ = true;
-    return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-  }
-  pid_t child() const { return child_; }
-  std::string screen() const {
-    std::string text;
-    for (const std::string& line : lines_) text += line + "\n";
-    return text;
-  }
-  std::string raw;
-  bool second_screen = false, cursor = true;
-
- private:
-  void clear() { lines_.assign(200, ""); }
-  /// The few sequences that the program uses; anything else fails the test.
-  void feed(const std::string& text) {
-    rest_ += text;
-    for (;;) {
-      const std::size_t escape = rest_.find('\033');
-      put(rest_.substr(0, escape));
-      if (escape == std::string::npos) {
-        rest_.clear();
-        return;
-      }
-      rest_.erase(0, escape);
-      std::smatch m;
-      if (!std::regex_search(rest_, m, std::regex("^\033\\[([?]?)([0-9;]*)([A-Za-z])"))) {
-        ASSERT_LT(rest_.size(), 16U) << "an unknown sequence";
-        return;
-      }
-      sequence(m[1].length() > 0, m[2], m[3].str()[0]);
-      rest_.erase(0, static_cast<std::size_t>(m.length()));
-    }
-  }
-  void put(const std::string& text) {
-    for (const char c : text) {
-      if (c == '\r') continue;
-      if (c == '\n') {
-        ++row_;
-        continue;
-      }
-      if (row_ < lines_.size()) lines_[row_] += c;
-    }
-  }
-  void sequence(bool priv, const std::string& numbers, char what) {
-    if (priv) {
-      if (numbers == "1049") second_screen = what == 'h';
-      if (numbers == "25") cursor = what == 'h';
-      return;
-    }
-    if (what == 'H') {
-      row_ = static_cast<std::size_t>(std::stoi(numbers)) - 1;
-      lines_[row_].clear();  // lines are written whole, and cleared to their end
-    } else if (what == 'J' && numbers == "2") {
-      clear();
-    } else if (what == 'J') {
-      for (std::size_t i = row_; i < lines_.size(); ++i) lines_[i].clear();
-    } else {
-      ASSERT_TRUE(what == 'K' || what == 'm') << numbers << what;
-    }
-  }
-
-  int columns_, rows_, master_ = -1;
-  pid_t child_ = 0;
-  bool ended_ = false;
-  std::size_t row_ = 0;
-  std::vector<std::string> lines_;
-  std::string rest_;
-};
-
 TEST(Live, OnATerminal) {
   Farm farm;
   const Filled f = fill(farm);
@@ -778,41 +652,6 @@ TEST(Morning, Program) {
 
 // --- metrics ------------------------------------------------------------------------------------
 
-/// The text format, strictly: HELP and TYPE before the values of a name, once; known types; label
-/// syntax; no value twice; counters end in _total, others don't; a line end at the end.
-void check_metrics(const std::string& text) {
-  ASSERT_FALSE(text.empty());
-  ASSERT_EQ(text.back(), '\n');
-  const std::regex help("# HELP ([a-zA-Z_:][a-zA-Z0-9_:]*) (.+)"),
-      type("# TYPE ([a-zA-Z_:][a-zA-Z0-9_:]*) (counter|gauge)"),
-      value(
-          R"re(([a-zA-Z_:][a-zA-Z0-9_:]*)(\{([a-z_]+="([^"\\]|\\["\\n])*",?)*\})? (NaN|[-+0-9.e]+))re");
-  std::set<std::string> helped, typed, seen;
-  std::string name;
-  std::istringstream lines(text);
-  for (std::string line; std::getline(lines, line);) {
-    std::smatch m;
-    if (std::regex_match(line, m, help)) {
-      EXPECT_TRUE(helped.insert(m[1]).second) << line;
-      name = m[1];
-    } else if (std::regex_match(line, m, type)) {
-      EXPECT_EQ(m[1], name) << line;
-      EXPECT_TRUE(typed.insert(m[1]).second) << line;
-      EXPECT_EQ(m[2] == "counter", name.ends_with("_total")) << line;
-    } else {
-      ASSERT_TRUE(std::regex_match(line, m, value)) << line;
-      EXPECT_EQ(m[1], name) << line;
-      EXPECT_TRUE(typed.contains(m[1])) << line;
-      EXPECT_TRUE(seen.insert(m[1].str() + m[2].str()).second) << line;
-      if (m[5] != "NaN") {
-        std::size_t used = 0;
-        (void)std::stod(m[5], &used);
-        EXPECT_EQ(used, m[5].str().size()) << line;
-      }
-    }
-  }
-}
-
 TEST(Metrics, FormatAndValues) {
   Farm farm;
   fill(farm);
@@ -828,14 +667,7 @@ TEST(Metrics, FormatAndValues) {
               HasSubstr("slicefarm_attempts_total{engine=\"local\",reason=\"worker_killed\"} 2\n"));
   EXPECT_THAT(text, HasSubstr("slicefarm_services 1\n"));
   EXPECT_THAT(text, HasSubstr("slicefarm_paused 0\n"));
-  const char* promtool = std::getenv("PROMTOOL");
-  const std::string tool = promtool != nullptr ? promtool : "/usr/bin/promtool";
-  if (!fs::exists(tool)) GTEST_SKIP() << "promtool is not installed: the strict reader only";
-  test::write_file(farm.root + "/metrics.txt", text);
-  const auto result =
-      run_program({"/bin/sh", "-c", tool + " check metrics < " + farm.root + "/metrics.txt"});
-  EXPECT_EQ(result.exit_code, 0) << result.out << result.err;
-  EXPECT_EQ(result.out + result.err, "");
+  EXPECT_TRUE(slicecorr::test::promtool_agrees(text));
 }
 
 TEST(Metrics, AnEmptyFarm) {

@@ -29,6 +29,7 @@ class Machine(ModbusSequentialDataBlock):
         self.command, self.moved = OFF, time.monotonic()
         self.heard = []
         self.lock = threading.Lock()
+        super().setValues(502, [IDLE])
 
     def word(self, address):
         return self.values[address]

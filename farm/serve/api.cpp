@@ -2,7 +2,6 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <openssl/sha.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -10,10 +9,9 @@
 #include <charconv>
 #include <nlohmann/json.hpp>
 
-#include "base/base64.hpp"
+#include "program/http/guarded_server.hpp"
 #include "report/page_parts.hpp"
 #include "report/page_text.hpp"
-#include "serve/guarded_server.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/metrics.hpp"
 #include "slicecorr/farm/morning.hpp"
@@ -26,38 +24,12 @@ using Json = nlohmann::ordered_json;
 
 namespace {
 
-constexpr const char* json_type = "application/json; charset=utf-8";
-constexpr const char* text_type = "text/plain; charset=utf-8";
-constexpr const char* html_type = "text/html; charset=utf-8";
-
-/// Nothing from elsewhere, no frames, no forms; the page's own script and style only.
-constexpr const char* shell_policy =
-    "default-src 'none'; script-src 'self'; style-src 'self'; img-src blob: data:; connect-src "
-    "'self'; "
-    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
-constexpr const char* bare_policy = "default-src 'none'; frame-ancestors 'none'; sandbox";
 /// A part's own report has scripts in it, and lies where users write: it gets an origin of its own,
 /// from which it can ask for nothing.
 constexpr const char* part_policy =
     "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline'; style-src "
     "'unsafe-inline'; img-src data: blob:; base-uri 'none'; form-action 'none'; frame-ancestors "
     "'none'";
-
-/// Allows exactly the styles that stand in a page.
-std::string policy_for_styles(const std::string& html) {
-  std::string hashes;
-  for (std::size_t at = 0; (at = html.find("<style>", at)) != std::string::npos;) {
-    at += 7;
-    const std::size_t end = html.find("</style>", at);
-    if (end == std::string::npos) break;
-    std::vector<std::uint8_t> digest(SHA256_DIGEST_LENGTH);
-    ::SHA256(reinterpret_cast<const unsigned char*>(html.data() + at), end - at, digest.data());
-    hashes += " 'sha256-" + slicecorr::detail::base64(digest) + "'";
-    at = end;
-  }
-  return "default-src 'none'; style-src" + (hashes.empty() ? " 'none'" : hashes) +
-         "; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
-}
 
 /// Into a JSON list that is being written.
 void add_item(std::string& list, const std::string& item) {
@@ -107,30 +79,6 @@ JobFilter filter_of(Query& query) {
 
 // --- helpers ------------------------------------------------------------------------------------
 
-void send(httplib::Response& response, int status, std::string text, const char* type) {
-  // The server itself tells a part of an answer (206) from a whole one.
-  if (status != 200) response.status = status;
-  if (text.empty()) {
-    response.set_content("", type);
-    return;
-  }
-  const auto body = std::make_shared<const std::string>(std::move(text));
-  response.set_content_provider(body->size(), type,
-                                [body](std::size_t at, std::size_t size, httplib::DataSink& sink) {
-                                  return sink.write(body->data() + at, size);
-                                });
-}
-
-void send_error(httplib::Response& response, int status, const char* code,
-                const std::string& message) {
-  const Json json = {{"error", {{"status", status}, {"code", code}, {"message", message}}}};
-  send(response, status, json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n",
-       json_type);
-  if (status == 401) response.set_header("WWW-Authenticate", "Bearer");
-  if (status == 405) response.set_header("Allow", "GET, HEAD, POST, PUT");
-  if (status == 503) response.set_header("Retry-After", "5");
-}
-
 std::vector<std::string> segments_of(const std::string& path) {
   std::vector<std::string> list;
   std::size_t at = path.starts_with('/') ? 1 : 0;
@@ -175,17 +123,6 @@ bool Query::flag(const char* name) { return number(name, 0, 0, 1) != 0; }
 
 void Query::end() const {
   if (!params_.empty()) throw ApiError(400, "query", "a parameter that this request does not have");
-}
-
-std::string Kept::get(const std::function<std::string()>& make) {
-  const std::scoped_lock lock(mutex_);
-  const auto now = std::chrono::steady_clock::now();
-  if (!any_ || std::chrono::duration<double>(now - made_).count() > seconds_) {
-    text_ = make();
-    made_ = std::chrono::steady_clock::now();
-    any_ = true;
-  }
-  return text_;
 }
 
 Api::Reader::Reader(Api& api) : api_(api) {
@@ -257,7 +194,8 @@ void Api::read(const httplib::Request& request, httplib::Response& response) {
   if (path == "/") return shell(page_live_html, html_type);
   if (path == "/live.js") return shell(page_live_js, "text/javascript; charset=utf-8");
   if (path == "/live.css") {
-    return shell(std::string(slicecorr::detail::page_page_css) + std::string(page_farm_css) +
+    return shell(std::string(slicecorr::detail::page_page_css) +
+                     std::string(slicecorr::detail::page_tiles_css) + std::string(page_farm_css) +
                      std::string(page_live_css),
                  "text/css; charset=utf-8");
   }
@@ -415,19 +353,6 @@ void Api::file(const Job& job, const std::string& ending, httplib::Response& res
             ::pread(*handle, buffer, std::min(left, sizeof buffer), static_cast<off_t>(at));
         return n > 0 && sink.write(buffer, static_cast<std::size_t>(n));
       });
-}
-
-void Api::finish(const httplib::Request&, httplib::Response& response) const {
-  const auto otherwise = [&](const char* name, const char* value) {
-    if (!response.has_header(name)) response.set_header(name, value);
-  };
-  otherwise("Content-Security-Policy", bare_policy);
-  otherwise("X-Content-Type-Options", "nosniff");
-  otherwise("X-Frame-Options", "DENY");
-  otherwise("Referrer-Policy", "no-referrer");
-  otherwise("Cross-Origin-Resource-Policy", "same-origin");
-  otherwise("Cross-Origin-Opener-Policy", "same-origin");
-  otherwise("Cache-Control", "no-store");
 }
 
 }  // namespace slicecorr::farm::detail

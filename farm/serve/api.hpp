@@ -11,16 +11,14 @@
 #include <string>
 #include <vector>
 
-#include "serve/guard.hpp"
+#include "program/http/answers.hpp"
+#include "program/http/guard.hpp"
 #include "slicecorr/farm/read_model.hpp"
 #include "slicecorr/farm/serve.hpp"
 
 namespace slicecorr::farm::detail {
 
-/// Sends a text as it is: the server would compress it with settings meant for files on disks.
-void send(httplib::Response& response, int status, std::string text, const char* type);
-void send_error(httplib::Response& response, int status, const char* code,
-                const std::string& message);
+using namespace slicecorr::http;
 
 /// Parameters of a query, each known one taken once.
 class Query {
@@ -37,20 +35,6 @@ class Query {
   httplib::Params params_;
 };
 
-/// A text that costs something to make, made again at most once in a while.
-class Kept {
- public:
-  explicit Kept(double seconds) : seconds_(seconds) {}
-  std::string get(const std::function<std::string()>& make);
-
- private:
-  double seconds_;
-  std::mutex mutex_;
-  std::chrono::steady_clock::time_point made_{};
-  bool any_ = false;
-  std::string text_;
-};
-
 class Api {
  public:
   Api(const FarmFolder& folder, const ServeOptions& options, GuardRules rules,
@@ -61,7 +45,6 @@ class Api {
   void change(const httplib::Request& request, httplib::Response& response,
               const httplib::ContentReader& body);
   /// Headers that every answer has.
-  void finish(const httplib::Request& request, httplib::Response& response) const;
 
  private:
   /// A view on the record for one request. Views are kept for later requests: opening one costs

@@ -1,10 +1,7 @@
-#include <fmt/format.h>
-#include <sys/socket.h>
-
 #include <sstream>
 
+#include "program/http/guarded_server.hpp"
 #include "serve/api.hpp"
-#include "serve/guarded_server.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/serve.hpp"
 
@@ -12,9 +9,9 @@ namespace slicecorr::farm {
 
 namespace {
 
-detail::GuardRules rules_of(const ServeOptions& o) {
-  detail::GuardRules rules;
-  rules.loopback = detail::is_loopback(o.host);
+http::GuardRules rules_of(const ServeOptions& o) {
+  http::GuardRules rules;
+  rules.loopback = http::is_loopback(o.host);
   rules.token = o.token;
   std::istringstream names(o.host_names);
   for (std::string name; std::getline(names, name, ',');) {
@@ -23,7 +20,7 @@ detail::GuardRules rules_of(const ServeOptions& o) {
   return rules;
 }
 
-detail::ConnectionLimits limits_of(const ServeOptions& o) {
+http::ConnectionLimits limits_of(const ServeOptions& o) {
   return {o.threads, o.most_waiting, o.header_bytes, o.request_s, o.stall_s, o.least_bytes_s};
 }
 
@@ -34,7 +31,7 @@ struct FarmServer::Parts {
       : options(std::move(given)), folder(folder_given), server(limits_of(options)) {}
   ServeOptions options;
   FarmFolder folder;
-  detail::GuardedServer server;
+  http::GuardedServer server;
   std::unique_ptr<detail::Api> api;
   int port = 0;
 };
@@ -42,29 +39,14 @@ struct FarmServer::Parts {
 FarmServer::FarmServer(const FarmFolder& folder, ServeOptions options)
     : parts_(std::make_unique<Parts>(folder, std::move(options))) {
   Parts& p = *parts_;
-  detail::GuardRules rules = rules_of(p.options);
+  http::GuardRules rules = rules_of(p.options);
   if (!rules.loopback && p.options.token.empty()) {
     throw InputError("beyond this machine even reading needs a token: give --token-file");
   }
   auto& server = p.server;
-  server.set_tcp_nodelay(true);
-  // Not SO_REUSEPORT, which httplib sets: a second server would get half of the connections.
-  server.set_socket_options([](socket_t socket) {
-    const int yes = 1;
-    ::setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
-  });
   server.set_payload_max_length(
       static_cast<std::size_t>(std::max(p.options.most_upload_bytes, p.options.most_body_bytes)));
-  if (p.options.port == 0) {
-    p.port = server.bind_to_any_port(p.options.host);
-  } else if (server.bind_to_port(p.options.host, p.options.port)) {
-    p.port = p.options.port;
-  }
-  if (p.port <= 0) {
-    throw DeviceError(
-        fmt::format("{}:{} can't be listened to: in use, or no address of this machine",
-                    p.options.host, p.options.port));
-  }
+  p.port = server.bind(p.options.host, p.options.port);
   rules.port = p.port;
   p.api = std::make_unique<detail::Api>(folder, p.options, rules, server.stopping_flag());
   detail::Api* api = p.api.get();
@@ -85,19 +67,7 @@ FarmServer::FarmServer(const FarmFolder& folder, ServeOptions options)
   server.Post(".*", change);
   server.Put(".*", change);
   server.set_post_routing_handler(
-      [api](const httplib::Request& request, httplib::Response& response) {
-        api->finish(request, response);
-      });
-  server.set_exception_handler(
-      [](const httplib::Request&, httplib::Response& response, std::exception_ptr) {
-        detail::send_error(response, 500, "defect", "a defect of the program");
-      });
-  // Answers that httplib gives by itself: requests that can't be read.
-  server.set_error_handler([](const httplib::Request&, httplib::Response& response) {
-    if (response.body.empty() && response.content_length_ == 0) {
-      detail::send_error(response, response.status, "request", "the request can't be served");
-    }
-  });
+      [](const httplib::Request&, httplib::Response& response) { http::finish(response); });
 }
 
 FarmServer::~FarmServer() = default;
@@ -105,9 +75,7 @@ FarmServer::~FarmServer() = default;
 int FarmServer::port() const { return parts_->port; }
 
 std::string FarmServer::address() const {
-  const std::string& host = parts_->options.host;
-  return host.find(':') == std::string::npos ? fmt::format("http://{}:{}", host, parts_->port)
-                                             : fmt::format("http://[{}]:{}", host, parts_->port);
+  return http::address_text(parts_->options.host, parts_->port);
 }
 
 void FarmServer::run() { parts_->server.listen_after_bind(); }

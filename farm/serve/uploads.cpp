@@ -10,7 +10,7 @@
 #include <filesystem>
 
 #include "base/errno_message.hpp"
-#include "serve/guard.hpp"
+#include "program/http/guard.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/queue.hpp"
 #include "watch/words.hpp"
@@ -18,6 +18,7 @@
 namespace slicecorr::farm::detail {
 
 namespace fs = std::filesystem;
+using http::ApiError;
 using slicecorr::detail::errno_message;
 
 namespace {

@@ -5,12 +5,11 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
-#include <csignal>
-#include <cstdlib>
 #include <memory>
-#include <thread>
 
 #include "commands.hpp"
+#include "program/http/guard.hpp"
+#include "program/http/run_server.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/notify.hpp"
 #include "slicecorr/farm/serve.hpp"
@@ -18,21 +17,6 @@
 namespace slicecorr::farm {
 
 namespace {
-
-/// A stop must not take longer, whatever a request is doing. Open transactions are rolled back.
-constexpr int longest_stop_ms = 5000;
-
-volatile std::sig_atomic_t terminated = 0;
-void on_terminate(int) { terminated = 1; }
-
-/// Being told to end is the regular end of a service: exit code 0, where Ctrl-C gives 130.
-void take_sigterm() {
-  struct sigaction action {};
-  action.sa_handler = on_terminate;
-  ::sigaction(SIGTERM, &action, nullptr);
-}
-
-bool ended() { return terminated != 0 || cli::interrupted(); }
 
 struct ServeCommand {
   FarmOptions farm;
@@ -42,24 +26,11 @@ struct ServeCommand {
   bool notify = true;
 };
 
-std::pair<std::string, int> host_and_port(const std::string& text) {
-  const std::size_t colon = text.rfind(':');
-  const auto wrong = [&] {
-    throw InputError("--listen is '" + text + "', expected HOST:PORT, 0 for a port that is free");
-  };
-  if (colon == std::string::npos || colon == 0) wrong();
-  std::string host = text.substr(0, colon);
-  if (host.starts_with('[') && host.ends_with(']')) host = host.substr(1, host.size() - 2);
-  const auto port = cli::number_of(text.substr(colon + 1));
-  if (!port || *port < 0 || *port > 65535 || *port != static_cast<int>(*port)) wrong();
-  return {host, static_cast<int>(*port)};
-}
-
 int serve(const ServeCommand& o, cli::Console& console) {
   const FarmFolder folder = o.farm.open();
   ServeOptions options;
-  std::tie(options.host, options.port) = host_and_port(o.listen);
-  if (!o.token_file.empty()) options.token = read_token_file(o.token_file);
+  std::tie(options.host, options.port) = http::host_and_port(o.listen);
+  if (!o.token_file.empty()) options.token = http::read_token_file(o.token_file);
   for (const std::string& name : o.host_names) options.host_names += name + ",";
   options.most_upload_bytes = static_cast<std::int64_t>(o.most_upload_mb * 1e6);
   if (!options.token.empty()) {
@@ -67,31 +38,14 @@ int serve(const ServeCommand& o, cli::Console& console) {
         make_submitter({folder, o.allowed_folders, o.user.empty() ? user_name() : o.user});
   }
   FarmServer server(folder, options);
-  take_sigterm();
+  http::take_sigterm();
   std::optional<Notifier> notifier;
   if (o.notify) notifier.emplace(folder);
   cli::print_result(server.address() + "\n");
   console.say(options.token.empty() ? "serving; nothing can be changed without --token-file"
                                     : "serving");
-  std::atomic<bool> done{false};
-  std::thread stopper([&] {
-    while (!ended() && !done) ::poll(nullptr, 0, 50);
-    server.stop();
-    for (int waited = 0; !done; waited += 50) {
-      if (waited >= longest_stop_ms) {
-        // A request waits for the record or the disk: nothing that it did is half-made.
-        std::_Exit(terminated ? cli::kDone : cli::kInterrupted);
-      }
-      ::poll(nullptr, 0, 50);
-    }
-  });
-  server.run();
-  notifier.reset();
-  const bool asked = ended();
-  done = true;
-  stopper.join();
-  if (!asked) throw DeviceError("the server's socket is gone");
-  return terminated ? cli::kDone : cli::kInterrupted;
+  return http::serve_until_ended([&] { server.run(); }, [&] { server.stop(); },
+                                 [&] { notifier.reset(); });
 }
 
 struct NotifyCommand {
@@ -126,9 +80,9 @@ int notify(const NotifyCommand& o, cli::Console& console) {
     return cli::kDone;
   }
   const Notifier notifier(folder);
-  take_sigterm();
-  while (!ended()) ::poll(nullptr, 0, 100);
-  return terminated ? cli::kDone : cli::kInterrupted;
+  http::take_sigterm();
+  while (!http::ended()) ::poll(nullptr, 0, 100);
+  return http::exit_code_of_end();
 }
 
 }  // namespace

@@ -9,10 +9,10 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "program/terminal.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/morning.hpp"
 #include "slicecorr/farm/status.hpp"
-#include "terminal.hpp"
 
 namespace slicecorr::farm {
 
@@ -33,17 +33,17 @@ bool is_empty(const Overview& o) {
 int watch_terminal(const WatchOptions& o, const FarmFolder& folder, ReadModel& model) {
   const char* plain = std::getenv("NO_COLOR");
   const bool colour = plain == nullptr || *plain == 0;
-  FrameTerminal terminal;
+  cli::FrameTerminal terminal;
   while (!cli::interrupted()) {
     const LiveState state = read_live(model, folder, terminal.rows());
     terminal.show(live_frame(state, folder, terminal.columns(), terminal.rows(), colour));
     if (o.until_empty && is_empty(state.overview)) return cli::kDone;
     switch (terminal.wait(static_cast<int>(o.interval_s * 1000))) {
-      case FrameTerminal::Key::quit:
+      case cli::FrameTerminal::Key::quit:
         return cli::kDone;
-      case FrameTerminal::Key::interrupt:
+      case cli::FrameTerminal::Key::interrupt:
         return cli::kInterrupted;
-      case FrameTerminal::Key::none:
+      case cli::FrameTerminal::Key::none:
         break;
     }
   }
@@ -89,8 +89,8 @@ int watch(const WatchOptions& o) {
     cli::print_result(text);
     return cli::kDone;
   }
-  return FrameTerminal::possible() ? watch_terminal(o, folder, model)
-                                   : watch_lines(o, folder, model);
+  return cli::FrameTerminal::possible() ? watch_terminal(o, folder, model)
+                                        : watch_lines(o, folder, model);
 }
 
 struct ReportOptions {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "program/live_line.hpp"
 #include "slicecorr/farm/status.hpp"
 #include "watch/words.hpp"
 
@@ -11,60 +12,9 @@ namespace slicecorr::farm {
 
 namespace {
 
-enum class Ink { plain, dim, bold, good, bad, busy };
-
-const char* sequence(Ink ink) {
-  switch (ink) {
-    case Ink::dim:
-      return "\033[2m";
-    case Ink::bold:
-      return "\033[1m";
-    case Ink::good:
-      return "\033[32m";
-    case Ink::bad:
-      return "\033[31m";
-    case Ink::busy:
-      return "\033[36m";
-    case Ink::plain:
-      break;
-  }
-  return "";
-}
-
-/// A line of pieces with their colours, never wider than the frame.
-class Line {
- public:
-  Line(int columns, bool colour) : left_(columns), colour_(colour) {}
-  Line& put(const std::string& text, Ink ink = Ink::plain) {
-    const std::string shown = words::clipped(text, left_);
-    left_ -= words::columns_of(shown);
-    const bool ink_seen = colour_ && ink != Ink::plain && !shown.empty();
-    text_ += ink_seen ? sequence(ink) + shown + "\033[0m" : shown;
-    return *this;
-  }
-  /// The rest of the line up to a text at its end.
-  Line& to_the_right(const std::string& text, Ink ink) {
-    const int room = left_ - words::columns_of(text);
-    return room > 0 ? put(std::string(static_cast<std::size_t>(room), ' ')).put(text, ink) : *this;
-  }
-  int left() const { return left_; }
-  const std::string& text() const { return text_; }
-
- private:
-  int left_;
-  bool colour_;
-  std::string text_;
-};
-
-/// A bar on its track.
-void put_bar(Line& line, double fraction, int columns, Ink ink) {
-  std::string bar = words::bar(fraction, columns);
-  const std::size_t end = bar.find_last_not_of(' ') + 1;
-  std::string track;
-  for (std::size_t i = end; i < bar.size(); ++i) track += "░";
-  bar.resize(end);
-  line.put(bar, ink).put(track, Ink::dim);
-}
+using cli::Ink;
+using cli::Line;
+using cli::put_bar;
 
 Ink ink_of(const Event& e) {
   if (e.kind == "done") return Ink::good;

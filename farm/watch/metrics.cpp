@@ -1,50 +1,13 @@
 #include "slicecorr/farm/metrics.hpp"
 
-#include <fmt/format.h>
-
 #include <cmath>
-#include <utility>
 
+#include "program/exposition.hpp"
 #include "slicecorr/version.hpp"
 
 namespace slicecorr::farm {
 
 namespace {
-
-using Labels = std::vector<std::pair<const char*, std::string>>;
-
-class Text {
- public:
-  void begin(const char* name, const char* type, const char* help) {
-    name_ = name;
-    text_ += fmt::format("# HELP slicefarm_{0} {1}\n# TYPE slicefarm_{0} {2}\n", name, help, type);
-  }
-  void value(double v, const Labels& labels = {}) {
-    text_ += "slicefarm_" + name_;
-    for (std::size_t i = 0; i < labels.size(); ++i) {
-      text_ +=
-          fmt::format("{}{}=\"{}\"", i == 0 ? "{" : ",", labels[i].first, escape(labels[i].second));
-    }
-    if (!labels.empty()) text_ += "}";
-    text_ += std::isfinite(v) ? fmt::format(" {}\n", v) : std::string(" NaN\n");
-  }
-  void one(const char* name, const char* type, const char* help, double v) {
-    begin(name, type, help);
-    value(v);
-  }
-  const std::string& text() const { return text_; }
-
- private:
-  static std::string escape(const std::string& s) {
-    std::string out;
-    for (const char c : s) {
-      if (c == '\\' || c == '"') out += '\\';
-      out += c == '\n' ? std::string("\\n") : std::string(1, c);
-    }
-    return out;
-  }
-  std::string name_, text_;
-};
 
 constexpr double bytes_per_mb = 1 << 20;
 
@@ -55,7 +18,7 @@ std::string metrics_text(ReadModel& model, const FarmFolder& folder, const Clock
   const std::vector<Reasons> failures = model.failures();
   const std::vector<AttemptTotals> totals = model.attempt_totals();
   const Summary& s = o.summary;
-  Text t;
+  cli::Exposition t("slicefarm_");
   t.begin("build_info", "gauge", "Version of the program.");
   t.value(1, {{"version", version}});
   t.begin("jobs", "gauge", "Jobs by state.");

@@ -225,9 +225,9 @@ std::string morning_page(const MorningReport& r, const LinkTo& links) {
   const std::string title = fmt::format("Farm, {} to {}", local_time_text(r.from_ms).substr(0, 16),
                                         local_time_text(r.until_ms).substr(0, 16));
   std::string html = fmt::format(
-      R"(<!doctype html><html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1"><title>{0}</title><style>{1}{2}</style></head><body><main><h1>{0}</h1><p class="dim">{3}{4}</p>)",
-      title, slicecorr::detail::page_page_css, detail::page_farm_css, shown(r.root),
-      r.batch > 0 ? fmt::format(", batch {}", r.batch) : "");
+      R"(<!doctype html><html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1"><title>{0}</title><style>{1}{2}{3}</style></head><body><main><h1>{0}</h1><p class="dim">{4}{5}</p>)",
+      title, slicecorr::detail::page_page_css, slicecorr::detail::page_tiles_css,
+      detail::page_farm_css, shown(r.root), r.batch > 0 ? fmt::format(", batch {}", r.batch) : "");
   html += figures(r);
   if (const std::string holds = what_holds(r.overview);
       !holds.empty() && r.overview.summary.jobs[static_cast<std::size_t>(JobState::queued)] > 0) {

@@ -8,6 +8,12 @@
 #include "control/state.hpp"
 
 namespace slicecorr::bridge {
+namespace {
+
+/// In which a stage that arrives somewhat off comes to rest.
+constexpr double rest_s = 0.2;
+
+}  // namespace
 
 void Controller::Impl::go() {
   switch (phase) {
@@ -56,6 +62,7 @@ void Controller::Impl::command_move(double target_um, double speed_um_s,
   if (!machine.modbus || !machine.modbus->write.contains(Signal::acceleration_um_s2)) {
     told.acceleration_um_s2 = acceleration_um_s2;
   }
+  stands_since_s.reset();
   move = Move{next_sequence, told.target_um, told.speed_um_s, told.acceleration_um_s2};
   const double way = std::abs(told.target_um - stage.position_um(now_s));
   move_limit_s = now_s +
@@ -72,9 +79,12 @@ void Controller::Impl::hold() {
   out.acceleration_um_s2 = machine.stage.acceleration_um_s2;
 }
 
-bool Controller::Impl::arrived(double within_um) const {
-  return !move && stage.commanded().at(now_s).arrived() &&
-         std::abs(status.stage_um - stage.commanded().target_um()) <= within_um;
+bool Controller::Impl::arrived() const {
+  if (move || !stands_since_s) return false;
+  // Near by at once; further off, as it may be, when it has had time to come to rest.
+  const double off = std::abs(status.stage_um - stage.commanded().target_um());
+  const double near_um = std::max(1.0, machine.stage.tolerance_um / 4);
+  return off <= near_um || (off <= machine.stage.tolerance_um && now_s - *stands_since_s >= rest_s);
 }
 
 void Controller::Impl::show(int number, double planned_um, double light_at_s) {
@@ -107,6 +117,28 @@ bool Controller::Impl::uv_dark() const {
 
 void Controller::Impl::lamp_limit(double limit_s, const char* what) {
   if (in_act_s() > limit_s) fail(Fault::lamp_mismatch, what);
+}
+bool Controller::Impl::uv_came() {
+  if (uv_settled()) return true;
+  lamp_limit(machine.uv.warm_up_s + 5 * machine.uv.settle_s + 1,
+             "the UV lamp does not come to its light");
+  return false;
+}
+bool Controller::Impl::blue_came() {
+  if (blue_settled()) return true;
+  lamp_limit(machine.blue.warm_up_s + 5 * machine.blue.settle_s + 1,
+             "the blue lamp does not come to its light");
+  return false;
+}
+bool Controller::Impl::uv_went() {
+  if (uv_dark()) return true;
+  lamp_limit(5 * machine.uv.settle_s + 2, "the UV lamp does not go off");
+  return false;
+}
+bool Controller::Impl::blue_went() {
+  if (blue_dark()) return true;
+  lamp_limit(5 * machine.blue.settle_s + 2, "the blue lamp does not go off");
+  return false;
 }
 
 void Controller::Impl::go_connecting() {
@@ -161,9 +193,7 @@ void Controller::Impl::go_warming() {
       out.blue_share = 0;
       return turn_to(Act::blue_dark);
     default:
-      if (!blue_dark()) {
-        return lamp_limit(5 * machine.blue.settle_s + 2, "the blue lamp does not go off");
-      }
+      if (!blue_went()) return;
       break;
   }
   rising = false;
@@ -177,7 +207,7 @@ void Controller::Impl::go_homing() {
                  machine.stage.acceleration_um_s2);
     return turn_to(Act::arrive);
   }
-  if (!arrived(std::max(1.0, machine.stage.tolerance_um / 4))) return;
+  if (!arrived()) return;
   move_limit_s = 0;
   enter(Phase::uv_on);
   go();
@@ -189,10 +219,7 @@ void Controller::Impl::go_uv_on() {
     rising = true;
     turn_to(Act::uv_settle);
   }
-  if (!uv_settled()) {
-    return lamp_limit(machine.uv.warm_up_s + 5 * machine.uv.settle_s + 1,
-                      "the UV lamp does not come to its light");
-  }
+  if (!uv_came()) return;
   rising = false;
   enter(Phase::printing, dry_run ? "without light" : "");
   go();
@@ -216,10 +243,7 @@ void Controller::Impl::go_printing() {
       rising = true;
       return turn_to(Act::blue_settle);
     case Act::blue_settle:
-      if (!blue_settled()) {
-        return lamp_limit(machine.blue.warm_up_s + 5 * machine.blue.settle_s + 1,
-                          "the blue lamp does not come to its light");
-      }
+      if (!blue_came()) return;
       break;
     case Act::show_first:
       if (!displayed(0)) return;
@@ -229,9 +253,7 @@ void Controller::Impl::go_printing() {
       plan_next_frame();
       follow();
       if (pause_wanted) return enter(Phase::pausing);
-      const bool ended = plan.lamps_follow()
-                             ? arrived(std::max(1.0, machine.stage.tolerance_um / 4))
-                             : next_frame > frames && displayed(-1);
+      const bool ended = plan.lamps_follow() ? arrived() : next_frame > frames && displayed(-1);
       if (!ended) return;
       if (next_frame < frames) {
         return fail(Fault::defect, fmt::format("the print ended before frame {}", next_frame));
@@ -316,19 +338,17 @@ void Controller::Impl::go_pausing() {
     case Act::arrive:
       plan_next_frame();
       follow();
-      if (pending || !arrived(std::max(1.0, machine.stage.tolerance_um / 4))) return;
+      if (pending || !arrived()) return;
       move_limit_s = 0;
       turn_to(Act::blue_dark);
       [[fallthrough]];
     case Act::blue_dark:
       out.blue_share = 0;
-      if (!blue_dark()) {
-        return lamp_limit(5 * machine.blue.settle_s + 2, "the blue lamp does not go off");
-      }
+      if (!blue_went()) return;
       out.uv_mw_cm2 = 0;
       return turn_to(Act::uv_dark);
     case Act::uv_dark:
-      if (!uv_dark()) return lamp_limit(5 * machine.uv.settle_s + 2, "the UV lamp does not go off");
+      if (!uv_went()) return;
       paused_frame = frame;
       show(-1, 0, now_s);
       return turn_to(Act::show);
@@ -354,10 +374,7 @@ void Controller::Impl::go_resuming() {
       rising = true;
       return turn_to(Act::uv_settle);
     case Act::uv_settle:
-      if (!uv_settled()) {
-        return lamp_limit(machine.uv.warm_up_s + 5 * machine.uv.settle_s + 1,
-                          "the UV lamp does not come to its light");
-      }
+      if (!uv_came()) return;
       rising = false;
       if (plan.mode == ExposureMode::layerwise) {
         enter(Phase::printing);
@@ -378,9 +395,7 @@ void Controller::Impl::go_resuming() {
 void Controller::Impl::go_blue_off() {
   out.blue_share = 0;
   if (act == Act::begin) turn_to(Act::blue_dark);
-  if (!blue_dark()) {
-    return lamp_limit(5 * machine.blue.settle_s + 2, "the blue lamp does not go off");
-  }
+  if (!blue_went()) return;
   enter(Phase::uv_off);
   go();
 }
@@ -391,7 +406,7 @@ void Controller::Impl::go_uv_off() {
     return turn_to(Act::uv_dark);
   }
   if (act == Act::uv_dark) {
-    if (!uv_dark()) return lamp_limit(5 * machine.uv.settle_s + 2, "the UV lamp does not go off");
+    if (!uv_went()) return;
     if (!displayed(-1) && !pending) show(-1, 0, now_s);
     return turn_to(Act::show);
   }
@@ -407,7 +422,7 @@ void Controller::Impl::go_raising() {
     command_move(top, machine.stage.lift_speed_um_s, machine.stage.acceleration_um_s2);
     return turn_to(Act::arrive);
   }
-  if (!arrived(std::max(1.0, machine.stage.tolerance_um / 4))) return;
+  if (!arrived()) return;
   move_limit_s = 0;
   enter(Phase::done);
   go();
@@ -476,9 +491,7 @@ void Controller::Impl::go_fault() {
   const bool bright = answered_since && (!blue_dark() || !uv_dark());
   if (bright && now_s - fault_at_s < 1 + machine.blue.settle_s + machine.uv.settle_s) return;
   if (bright) {
-    const char* const still = "A LAMP STILL SHINES: switch the machine off";
-    event("light", still);
-    fault_detail += std::string("; ") + still;
+    event("light", "A LAMP STILL SHINES");
   }
   step.finished = true;
 }

@@ -1,14 +1,18 @@
 // Layer by layer: lift, lower, rest, light, expose.
 
 #include <algorithm>
+#include <cmath>
+#include <optional>
 
 #include "control/state.hpp"
 
 namespace slicecorr::bridge {
 
 void Controller::Impl::go_layers() {
-  const double near_um = std::max(1.0, machine.stage.tolerance_um / 4);
   const int n = next_frame;
+  // Black gives light, too: the image comes before the lamp, and the lamp times the begin of the
+  // exposure and the display its end; but for lamps that take long to come to their light.
+  const bool lamp_first = machine.blue.warm_up_s > 0;
   switch (act) {
     case Act::begin: {
       if (n >= frames) {
@@ -28,12 +32,12 @@ void Controller::Impl::go_layers() {
       return turn_to(lift ? Act::move : Act::arrive);
     }
     case Act::move:
-      if (!arrived(near_um)) return;
+      if (!arrived()) return;
       command_move(plan.frame_um(n), machine.stage.lift_speed_um_s,
                    machine.stage.acceleration_um_s2);
       return turn_to(Act::arrive);
     case Act::arrive:
-      if (!arrived(near_um)) return;
+      if (!arrived()) return;
       move_limit_s = 0;
       return turn_to(Act::settle);
     case Act::settle:
@@ -42,25 +46,37 @@ void Controller::Impl::go_layers() {
       rising = true;
       return turn_to(Act::uv_settle);
     case Act::uv_settle:
-      if (!uv_settled()) {
-        return lamp_limit(machine.uv.warm_up_s + 5 * machine.uv.settle_s + 1,
-                          "the UV lamp does not come to its light");
+      if (!uv_came()) return;
+      if (!lamp_first) {
+        show(n, plan.frame_um(n), now_s);
+        return turn_to(Act::show);
       }
-      out.blue_share = 1;  // behind black: the display times the exposure
+      out.blue_share = 1;
       return turn_to(Act::blue_settle);
     case Act::blue_settle:
-      if (!blue_settled()) {
-        return lamp_limit(machine.blue.warm_up_s + 5 * machine.blue.settle_s + 1,
-                          "the blue lamp does not come to its light");
-      }
+      if (!blue_came()) return;
       rising = false;
       show(n, plan.frame_um(n), now_s + limits.cycle_s + limits.display_latency_s);
       return turn_to(Act::show);
     case Act::show:
       if (!displayed(n)) return;
+      if (lamp_first) {
+        turn_to(Act::expose);
+        return go_layers();
+      }
+      out.blue_share = 1;
+      return turn_to(Act::light);
+    case Act::light: {
+      // The exposure begins when the machine has taken the lamp over.
+      const auto lit_s = dry_run ? std::optional(now_s) : blue.confirmed_at_s();
+      if (!lit_s) return;
+      shown_at_s = *lit_s + machine.blue.settle_s / std::log(100.0);
       turn_to(Act::expose);
       [[fallthrough]];
+    }
     case Act::expose: {
+      const bool lit = std::abs(status.blue_measured - out.blue_share) <= machine.blue.tolerance;
+      if (rising && (dry_run || lit)) rising = false;
       const double until_s = shown_at_s + plan.frames[static_cast<std::size_t>(n)].exposure_s;
       if (frame == n) {
         if (!pending && until_s <= now_s + limits.display_latency_s + 2 * limits.cycle_s) {
@@ -68,13 +84,12 @@ void Controller::Impl::go_layers() {
         }
         return;
       }
+      if (rising) return fail(Fault::lamp_mismatch, "the blue lamp did not come to its light");
       out.blue_share = 0;
       return turn_to(Act::blue_dark);
     }
     default:
-      if (!blue_dark()) {
-        return lamp_limit(5 * machine.blue.settle_s + 2, "the blue lamp does not go off");
-      }
+      if (!blue_went()) return;
       ++next_frame;
       turn_to(Act::begin);
       return go_layers();

@@ -42,6 +42,7 @@ void Controller::Impl::fail(Fault what, const std::string& detail) {
   if (fault != Fault::none || step.finished || phase == Phase::failed) return;
   fault = what;
   fault_detail = detail;
+  if (phase == Phase::raising) fault_detail += " (all slices are printed)";
   event("fault " + std::string(name_of(what)), detail);
 }
 
@@ -70,6 +71,8 @@ Step Controller::step(const std::optional<Answer>& answer, double now_s) {
     s.go();
     if (s.fault == Fault::none || s.failing()) break;
   }
+  // Its exposure has no end that is known of.
+  if (s.failing() && s.exposing) s.step.records.push_back(*std::exchange(s.exposing, {}));
   SetPoints& out = s.out;
   if (s.dry_run || s.failing()) out.blue_share = out.uv_mw_cm2 = 0;
   out.sequence = s.next_sequence;
@@ -128,10 +131,30 @@ Fault Controller::fault() const { return impl_->fault; }
 const std::string& Controller::fault_detail() const { return impl_->fault_detail; }
 int Controller::frame() const { return impl_->frame; }
 double Controller::stage_um() const { return impl_->stage.measured_um(); }
+double Controller::speed_um_s() const { return impl_->stage.speed_um_s(impl_->now_s); }
+double Controller::stage_error_um() const { return impl_->stage.error_um(); }
+const Status& Controller::status() const { return impl_->status; }
+const SetPoints& Controller::set_points() const { return impl_->out; }
+const Lateness& Controller::lateness() const { return impl_->lateness; }
+double Controller::phase_since_s() const { return impl_->phase_since_s; }
 double Controller::worst_late_um() const { return impl_->worst_late_um; }
 double Controller::worst_stage_error_um() const { return impl_->worst_stage_error_um; }
 int Controller::frames_shown() const { return impl_->frames_shown; }
 int Controller::late_frames() const { return impl_->late_frames; }
 bool Controller::begun() const { return impl_->begun; }
+
+std::string Controller::left() const {
+  const Impl& s = *impl_;
+  if (!s.begun) return "nothing was moved or lit";
+  if (!s.answered_since) {
+    return "NOT CONFIRMED that lamps are off and the stage stands, the machine did not answer: its "
+           "watchdog should have seen to it; go and look, and switch it off if not";
+  }
+  const bool dark = s.blue_dark() && s.uv_dark();
+  const bool stopped = s.status.state != MachineState::running;
+  return fmt::format(
+      "{}; {}", dark ? "lamps are off" : "A LAMP STILL SHINES, switch the machine off",
+      stopped ? "the stage has stopped" : "NOT CONFIRMED that the stage stands: go and look");
+}
 
 }  // namespace slicecorr::bridge

@@ -51,6 +51,11 @@ std::optional<std::string> LampWatch::judge(double share, double at_s, bool risi
                    share * 100, least * 100, most * 100, drive_.tolerance * 100);
 }
 
+std::optional<double> LampWatch::confirmed_at_s() const {
+  if (asked_.empty() || !asked_.back().confirmed) return std::nullopt;
+  return asked_.back().at_s;
+}
+
 bool LampWatch::settled_at(double share, double measured, double at_s) const {
   const auto [least, most] = range(at_s);
   return least == most && most == share && std::abs(measured - share) <= drive_.tolerance;

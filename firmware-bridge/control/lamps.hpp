@@ -27,6 +27,8 @@ class LampWatch {
   /// Least and greatest share asked in the time that the lamp may take.
   double least_asked(double at_s) const { return range(at_s).first; }
   double greatest_asked(double at_s) const { return range(at_s).second; }
+  /// When the machine is known to have taken over what was asked last.
+  std::optional<double> confirmed_at_s() const;
   /// Asked since long enough to be there, and measured so.
   bool settled_at(double share, double measured, double at_s) const;
 

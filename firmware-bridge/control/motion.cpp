@@ -5,9 +5,9 @@
 
 namespace slicecorr::bridge {
 
-void CommandedMotion::place(double position_um, double at_s) {
+void CommandedMotion::place(double position_um, double at_s, double speed_um_s) {
   position_ = target_ = position_um;
-  speed_ = 0;
+  speed_ = speed_um_s;
   time_ = at_s;
 }
 
@@ -79,6 +79,9 @@ void StageEstimate::start(double position_um, double at_s) {
 
 void StageEstimate::command(double target_um, double speed_um_s, double acceleration_um_s2,
                             double at_s) {
+  const double position = position_um(at_s), speed = this->speed_um_s(at_s);
+  motion_.place(position, at_s, speed);
+  offset_ = drift_ = error_ = 0;
   motion_.move(target_um, speed_um_s, acceleration_um_s2, at_s);
 }
 
@@ -96,7 +99,8 @@ void StageEstimate::measure(double position_um, const double* speed_um_s, double
     } else {
       drift_ += 0.05 * rest / dt;
     }
-    const double forget = error_ * std::min(1.0, dt / forgetting_s_);
+    // While it speeds up or slows down a shift would change how it goes on.
+    const double forget = motion_.cruises() ? error_ * std::min(1.0, dt / forgetting_s_) : 0;
     motion_.shift(forget);
     offset_ -= forget;
   }

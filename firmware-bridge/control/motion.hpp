@@ -9,7 +9,8 @@ namespace slicecorr::bridge {
 /// The motion that was commanded: constant acceleration up to a speed, then down to a target.
 class CommandedMotion {
  public:
-  void place(double position_um, double at_s);  ///< stands there
+  /// There, standing or going.
+  void place(double position_um, double at_s, double speed_um_s = 0);
   void move(double target_um, double speed_um_s, double acceleration_um_s2, double at_s);
   /// Lets the motion go on; never back in time.
   void advance(double time_s);
@@ -20,6 +21,7 @@ class CommandedMotion {
   double time_s() const { return time_; }
   double target_um() const { return target_; }
   bool arrived() const { return position_ == target_ && speed_ == 0; }
+  bool cruises() const { return speed_ == most_ || speed_ == -most_; }
   /// Position and speed at a later time.
   CommandedMotion at(double time_s) const {
     CommandedMotion m = *this;
@@ -37,6 +39,7 @@ class CommandedMotion {
 class StageEstimate {
  public:
   void start(double position_um, double at_s);
+  /// A new motion, from where the stage is and as fast as it goes.
   void command(double target_um, double speed_um_s, double acceleration_um_s2, double at_s);
   /// A measurement; `speed_um_s` null where the machine has none.
   void measure(double position_um, const double* speed_um_s, double at_s);

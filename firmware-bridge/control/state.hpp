@@ -27,6 +27,7 @@ enum class Act {
   arrive,
   settle,
   show,
+  light,
   expose,
   finish,
 };
@@ -74,7 +75,9 @@ struct Controller::Impl {
   };
   std::optional<Move> move;  ///< commanded, but not yet seen to be taken over
   double move_limit_s = 0;   ///< when it must have arrived
-  double highest_um = 0;     ///< while printing
+  /// Since when the commanded motion is at its end.
+  std::optional<double> stands_since_s;
+  double highest_um = 0;  ///< while printing
   double worst_stage_error_um = 0;
 
   // The lamps.
@@ -98,8 +101,10 @@ struct Controller::Impl {
   double shown_at_s = 0;  ///< the frame on it, its light
   int frames_shown = 0, late_frames = 0;
   double worst_late_um = 0;
-  double stop_um = 0;     ///< of a pause
-  int paused_frame = -1;  ///< to be shown again after it
+  Lateness lateness;
+  std::optional<FrameRecord> exposing;  ///< layer by layer: its row waits for the exposure's end
+  double stop_um = 0;                   ///< of a pause
+  int paused_frame = -1;                ///< to be shown again after it
 
   // A fault's order.
   int tries = 0;
@@ -146,7 +151,8 @@ struct Controller::Impl {
 
   void command_move(double target_um, double speed_um_s, double acceleration_um_s2);
   void hold();
-  bool arrived(double within_um) const;
+  /// At the target, within the stage's tolerance.
+  bool arrived() const;
   void show(int number, double planned_um, double light_at_s);
   bool displayed(int number) const { return !pending && frame == number; }
   void plan_next_frame();
@@ -158,6 +164,11 @@ struct Controller::Impl {
   bool blue_dark() const;
   bool uv_dark() const;
   void lamp_limit(double limit_s, const char* what);
+  /// Whether the lamp is as asked; a fault when it takes too long within this act.
+  bool uv_came();
+  bool blue_came();
+  bool uv_went();
+  bool blue_went();
   double uv_share(double mw_cm2) const {
     return plan.uv_max_mw_cm2 > 0 ? mw_cm2 / plan.uv_max_mw_cm2 : 0;
   }

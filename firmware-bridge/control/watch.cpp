@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "control/state.hpp"
 
@@ -12,6 +13,8 @@ namespace {
 
 /// Longest wait for a machine that was never heard of.
 constexpr double connect_s = 5;
+/// In which the stage must have followed its commanded motion to the end.
+constexpr double late_arrival_s = 2;
 
 }  // namespace
 
@@ -25,6 +28,11 @@ void Controller::Impl::take(const Answer& answer) {
   if (!connected) return;
   const double* const speed = status.stage_speed_um_s ? &*status.stage_speed_um_s : nullptr;
   stage.measure(status.stage_um, speed, answer.at_s);
+  if (move || !stage.commanded().at(now_s).arrived()) {
+    stands_since_s.reset();
+  } else if (!stands_since_s) {
+    stands_since_s = now_s;
+  }
   if (failing()) return;
   check_interlocks();
   check_state();
@@ -212,7 +220,17 @@ void Controller::Impl::judge_frame(const FrameReport& report) {
   // Too early is as wrong as too late.
   const char* const side = late < 0 ? "early" : "late";
   const double off = moving ? std::abs(late) : late;
-  if (off > borne) {
+  const bool is_late = off > borne;
+  if (exposing && report.number < 0) {
+    exposing->late = is_late;
+    exposing->shown_s = shown_at_s;
+    exposing->blue_share = out.blue_share;
+    exposing->blue_measured = status.blue_measured;
+    exposing->exposed_s = light_at_s - shown_at_s;
+    lateness.add_ms((*exposing->exposed_s - *exposing->exposure_s) * 1e3);
+    step.records.push_back(*std::exchange(exposing, {}));
+  }
+  if (is_late) {
     ++late_frames;
     event("late frame", fmt::format("{}: {:.1f} {} {}", report.number, off, unit, side));
     if (late_frames > limits.max_late_frames || off > 10 * borne) {
@@ -224,9 +242,30 @@ void Controller::Impl::judge_frame(const FrameReport& report) {
   shown_at_s = light_at_s;
   if (frame >= frames_shown) {
     frames_shown = frame + 1;
-    step.records.push_back({frame, asked.planned_um, at_um, asked.at_s, light_at_s,
-                            stage.speed_um_s(now_s), out.blue_share, out.uv_mw_cm2,
-                            status.blue_measured, status.uv_measured.value_or(0)});
+    const FrameRecord record{frame,
+                             asked.planned_um,
+                             at_um,
+                             asked.at_s,
+                             light_at_s,
+                             stage.speed_um_s(now_s),
+                             out.blue_share,
+                             out.uv_mw_cm2,
+                             status.blue_measured,
+                             status.uv_measured.value_or(0),
+                             is_late,
+                             stage.error_um(),
+                             status.temperature_c,
+                             {},
+                             {},
+                             report.display};
+    if (plan.mode == ExposureMode::layerwise) {
+      exposing = record;
+      exposing->exposure_s = plan.frames[static_cast<std::size_t>(frame)].exposure_s;
+    } else {
+      lateness.add_um(at_um - asked.planned_um);
+      lateness.add_ms((light_at_s - asked.at_s) * 1e3);
+      step.records.push_back(record);
+    }
   }
 }
 
@@ -245,7 +284,8 @@ void Controller::Impl::watch_time() {
                 fmt::format("no answer for {:.0f} ms, {:.0f} ms are borne", silent_s * 1e3,
                             limits.heartbeat_timeout_s * 1e3));
   }
-  if (move_limit_s > 0 && now_s > move_limit_s) {
+  const bool stands = stands_since_s && now_s - *stands_since_s > late_arrival_s;
+  if (move_limit_s > 0 && (stands || now_s > move_limit_s)) {
     move_limit_s = 0;
     return fail(Fault::stage_error, fmt::format("the stage is at {:.1f} um and has not come to "
                                                 "{:.1f} um in time",

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <atomic>
 #include <condition_variable>
 #include <deque>
 #include <exception>
@@ -20,6 +21,11 @@ class StackFrames final : public FrameSource {
         turn_(turn_to_display(image_frame(stack.info()), printer)),
         shown_(turned(stack.grid(), turn_)) {}
   int frames() const override { return stack_.grid().layers; }
+  std::size_t frame_bytes() const override {
+    const auto pixels =
+        static_cast<std::size_t>(shown_.width_px) * static_cast<std::size_t>(shown_.height_px);
+    return pixels * (uv_ || dark_uv_ ? 2 : 1);
+  }
   std::shared_ptr<const Frame> make(int number) const override {
     auto frame = std::make_shared<Frame>();
     frame->number = number;
@@ -81,10 +87,19 @@ struct FrameRing::Impl {
   };
   std::deque<Slot> slots;  ///< of frames first, first + 1 ...
   int first = 0, next = 0;
+  std::atomic<int> ready{0};  ///< slots with a frame: who asks must not hold up who shows
   bool ending = false;
   std::vector<std::thread> threads;
 
-  Impl(const FrameSource& s, int ring) : source(s), frames(s.frames()), most(std::max(ring, 1)) {}
+  Impl(const FrameSource& s, int ring)
+      : source(s), frames(s.frames()), most(room_for(s.frame_bytes(), std::max(ring, 1))) {}
+
+  static int room_for(std::size_t frame_bytes, int ring) {
+    constexpr int least = 3;
+    if (frame_bytes == 0 || ring <= least) return ring;
+    const auto fit = FrameRing::most_bytes / frame_bytes;
+    return static_cast<int>(std::clamp<std::size_t>(fit, least, static_cast<std::size_t>(ring)));
+  }
 
   void work() {
     std::unique_lock lock(mutex);
@@ -101,7 +116,10 @@ struct FrameRing::Impl {
         slot.error = std::current_exception();
       }
       lock.lock();
-      if (number >= first) slots[static_cast<std::size_t>(number - first)] = std::move(slot);
+      if (number >= first) {
+        if (slot.frame) ++ready;
+        slots[static_cast<std::size_t>(number - first)] = std::move(slot);
+      }
       made.notify_all();
     }
   }
@@ -133,6 +151,7 @@ std::shared_ptr<const Frame> FrameRing::take(int number) {
   const std::scoped_lock lock(impl_->mutex);
   Impl& s = *impl_;
   while (s.first < number && !s.slots.empty()) {
+    if (s.slots.front().frame) --s.ready;
     s.slots.pop_front();
     ++s.first;
   }
@@ -156,11 +175,8 @@ void FrameRing::wait_ready(int number, int count) {
   }
 }
 
-int FrameRing::ready() const {
-  const std::scoped_lock lock(impl_->mutex);
-  int count = 0;
-  for (const Impl::Slot& slot : impl_->slots) count += slot.frame ? 1 : 0;
-  return count;
-}
+int FrameRing::ready() const { return impl_->ready; }
+
+int FrameRing::room() const { return impl_->most; }
 
 }  // namespace slicecorr::bridge

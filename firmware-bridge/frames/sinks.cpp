@@ -31,7 +31,7 @@ class NullSink final : public FrameSink {
   explicit NullSink(Clock& clock) : clock_(clock) {}
   Shown show(const std::shared_ptr<const Frame>& frame, double at_s) override {
     clock_.sleep_until(at_s);
-    return {frame ? frame->number : -1, std::max(at_s, clock_.now_s()), ++count_};
+    return {frame ? frame->number : -1, std::max(at_s, clock_.now_s()), ++count_, {}};
   }
   void black() noexcept override { ++count_; }
   std::string describe() const override { return "nowhere"; }
@@ -59,7 +59,7 @@ class WireSink final : public FrameSink {
     if (!lockstep_) clock_.sleep_until(at_s);
     const double before = clock_.now_s();
     const WireMessage answer = ask(message, answer_s);
-    Shown shown{answer.number, answer.at_s + offset_s_, answer.count};
+    Shown shown{answer.number, answer.at_s + offset_s_, answer.count, {}};
     if (!lockstep_) shown.at_s = std::clamp(shown.at_s, before, clock_.now_s());
     return shown;
   }

@@ -59,33 +59,17 @@ class ModbusLink final : public Link {
     // A reply that comes late would else be taken for the next one for ever.
     modbus_flush(c);
     const std::vector<std::uint16_t> written = encode(map_, set_points);
-    std::vector<std::uint16_t> read(static_cast<std::size_t>(map_.read_count));
-    int got;
     if (map_.exchange == Exchange::fc23) {
-      got = modbus_write_and_read_registers(c, map_.write_address, map_.write_count, written.data(),
-                                            map_.read_address, map_.read_count, read.data());
-    } else if (write_all(written)) {
-      modbus_flush(c);
-      const auto ask =
-          map_.exchange == Exchange::fc16_fc4 ? modbus_read_input_registers : modbus_read_registers;
-      got = ask(c, map_.read_address, map_.read_count, read.data());
-    } else {
-      got = -1;
+      std::vector<std::uint16_t> read(static_cast<std::size_t>(map_.read_count));
+      const int got =
+          modbus_write_and_read_registers(c, map_.write_address, map_.write_count, written.data(),
+                                          map_.read_address, map_.read_count, read.data());
+      return take(got, read);
     }
-    if (got != map_.read_count) {
-      error_ = got < 0 ? modbus_strerror(errno) : "an answer of the wrong length";
-      disconnect();
-      return std::nullopt;
-    }
-    failures_ = 0;
-    try {
-      return decode_status(map_, read);
-    } catch (const Error& e) {
-      error_ = e.what();
-      disconnect();
-      return std::nullopt;
-    }
+    return write_all(written) ? read_status() : take(-1, {});
   }
+
+  std::optional<Status> look() override { return connect() ? read_status() : std::nullopt; }
 
   std::string last_error() const override { return error_; }
 
@@ -104,6 +88,37 @@ class ModbusLink final : public Link {
     std::memcpy(&address_, found->ai_addr, found->ai_addrlen);
     address_size_ = found->ai_addrlen;
     freeaddrinfo(found);
+  }
+
+  std::optional<Status> read_status() {
+    modbus_flush(context_.get());
+    std::vector<std::uint16_t> read(static_cast<std::size_t>(map_.read_count));
+    const auto ask =
+        map_.exchange == Exchange::fc16_fc4 ? modbus_read_input_registers : modbus_read_registers;
+    return take(ask(context_.get(), map_.read_address, map_.read_count, read.data()), read);
+  }
+
+  /// What was read, or why not; then the connection is made anew.
+  std::optional<Status> take(int got, const std::vector<std::uint16_t>& read) {
+    if (got != map_.read_count) {
+      fail(got < 0 ? modbus_strerror(errno) : "an answer of the wrong length");
+      return std::nullopt;
+    }
+    failures_ = 0;
+    try {
+      return decode_status(map_, read);
+    } catch (const Error& e) {
+      fail(e.what());
+      return std::nullopt;
+    }
+  }
+  void fail(const std::string& why) {
+    error_ = where() + ": " + why;
+    disconnect();
+  }
+  std::string where() const {
+    return map_.transport == Transport::rtu ? map_.device
+                                            : fmt::format("{}:{}", map_.host, map_.port);
   }
 
   /// A request for each run of registers; false, with errno, at the first that fails.
@@ -131,7 +146,7 @@ class ModbusLink final : public Link {
       ++failures_;
       if (map_.transport == Transport::rtu) {
         if (modbus_connect(context_.get()) != 0) {
-          error_ = fmt::format("{}: {}", map_.device, modbus_strerror(errno));
+          error_ = where() + ": " + modbus_strerror(errno);
           return false;
         }
         return connected_ = true;
@@ -157,7 +172,7 @@ class ModbusLink final : public Link {
     if (ready == 0 || (ready < 0 && errno == EINTR)) {
       // The next exchange looks again, for a while.
       if (++waited_ > most_skipped) return refuse(ETIMEDOUT);
-      error_ = "connecting";
+      error_ = where() + ": does not take the connection";
       return false;
     }
     int code = 0;
@@ -171,7 +186,7 @@ class ModbusLink final : public Link {
   }
 
   bool refuse(int code) {
-    error_ = fmt::format("{}:{}: {}", map_.host, map_.port, std::strerror(code));
+    error_ = where() + ": " + std::strerror(code);
     ::close(descriptor_);
     descriptor_ = -1;
     waited_ = 0;

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -21,6 +22,10 @@ Stage parse_stage(const TomlTable& t) {
   s.max_speed_um_s = t.required_number("max_speed_mm_h", 0, 1e6) * kUmSPerMmH;
   s.travel_um = t.required_number("travel_mm", 0, 1e4) * kUmPerMm;
   s.acceleration_um_s2 = t.required_number("acceleration_mm_s2", 0, 1e5) * kUmPerMm;
+  if (s.acceleration_um_s2 < 1) {
+    t.fail("acceleration_mm_s2",
+           fmt::format("is {:g}; expected at least 0.001", s.acceleration_um_s2 / kUmPerMm));
+  }
   s.tolerance_um = t.number("tolerance_um", 0, 1e4).value_or(s.tolerance_um);
   s.home_um = t.number("home_mm", 0, 1e4, true).value_or(0) * kUmPerMm;
   if (s.home_um >= s.travel_um) {
@@ -28,6 +33,10 @@ Stage parse_stage(const TomlTable& t) {
                                   s.home_um / kUmPerMm, s.travel_um / kUmPerMm));
   }
   s.lift_um = t.number("lift_mm", 0, 1e3, true).value_or(s.lift_um / kUmPerMm) * kUmPerMm;
+  if (s.lift_um > s.travel_um) {
+    t.fail("lift_mm", fmt::format("is {:g}; expected at most the travel of {:g} mm",
+                                  s.lift_um / kUmPerMm, s.travel_um / kUmPerMm));
+  }
   if (const auto speed = t.number("lift_speed_mm_h", 0, 1e6)) {
     s.lift_speed_um_s = *speed * kUmSPerMmH;
   } else {
@@ -86,7 +95,43 @@ Limits parse_limits(const TomlTable& t) {
   return l;
 }
 
+constexpr std::array<std::string_view, 4> channel_names{"red", "green", "blue", "all"};
+
+Channel parse_channel(const TomlTable& t, std::string_view key, Channel fallback, bool all) {
+  const std::string name = t.text(key, std::string(name_of(fallback)));
+  const auto end = all ? channel_names.end() : channel_names.end() - 1;
+  const auto found = std::find(channel_names.begin(), end, name);
+  if (found == end) {
+    t.fail(key, fmt::format("is '{}'; expected \"red\", \"green\"{} \"blue\"{}", name,
+                            all ? "," : " or", all ? " or \"all\"" : ""));
+  }
+  return static_cast<Channel>(found - channel_names.begin());
+}
+
+Projector parse_projector(const TomlTable& t, bool patterned) {
+  constexpr std::array<std::string_view, 3> known{"blue", "uv", "output"};
+  detail::only_keys(t, known);
+  Projector p;
+  p.blue = parse_channel(t, "blue", patterned ? Channel::blue : Channel::all, true);
+  if (t.has("uv") && !patterned) {
+    t.fail("uv", "is given; expected kind = \"patterned\" under [uv], too");
+  }
+  p.uv = parse_channel(t, "uv", p.uv, false);
+  if (patterned && (p.blue == p.uv || p.blue == Channel::all)) {
+    const std::string_view key = t.has("uv") ? "uv" : "blue";
+    t.fail(key, fmt::format("puts blue and UV images into the same channel (\"{}\", \"{}\"); "
+                            "expected one of its own for each",
+                            name_of(p.blue), name_of(p.uv)));
+  }
+  p.output = t.text("output", "");
+  return p;
+}
+
 }  // namespace
+
+std::string_view name_of(Channel channel) {
+  return channel_names[static_cast<std::size_t>(channel)];
+}
 
 Machine parse_machine(std::string_view text, const std::string& source) {
   Machine m;
@@ -105,6 +150,12 @@ Machine parse_machine(std::string_view text, const std::string& source) {
     }
   }
   if (const auto bridge = root.table("bridge")) m.limits = parse_limits(*bridge);
+  const bool patterned = m.printer.uv && m.printer.uv->patterned;
+  if (const auto projector = root.table("projector")) {
+    m.projector = parse_projector(*projector, patterned);
+  } else if (patterned) {
+    m.projector.blue = Channel::blue;
+  }
   if (const auto modbus = root.table("modbus")) m.modbus = detail::parse_map(*modbus, m);
   return m;
 }

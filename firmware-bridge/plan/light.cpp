@@ -16,6 +16,8 @@ namespace {
 
 /// Rounding of intensities and dead zones.
 constexpr double slack = 1e-6;
+/// Of the dose that gels.
+constexpr double most_black_excess = 0.05;
 
 /// UV light of a slice by the schedule: of a lamp that floods the window.
 double flood_mw_cm2(const UvSchedule& uv, const Kinetics& kinetics, double full_mw_cm2, int n) {
@@ -37,6 +39,24 @@ void check_ramps(const PrintPlan& plan, const Machine& machine, double uv_least_
       "outside, or with a ramp of {:.4g} mm or less",
       machine.printer.name, least * 100, dark_um, machine.limits.max_late_um,
       plan.ramp_um * machine.limits.max_late_um / dark_um * 1e-3));
+}
+
+/// Layer by layer: light of black outside of the exposures.
+void check_black(PrintPlan& plan, const StackInfo& info, const Machine& machine) {
+  if (plan.mode != ExposureMode::layerwise || plan.uv || !(plan.black_mw_cm2 > 0)) return;
+  // The lamp goes off a cycle or two after the image has gone; one that warms up is on before it.
+  const double cycle_s = machine.limits.cycle_s;
+  double time_s = 1.5 * cycle_s;
+  if (machine.blue.warm_up_s > 0) time_s += machine.blue.settle_s + 4 * cycle_s;
+  const Kinetics k = make_kinetics(*info.resin, false, true);
+  plan.black_excess = std::pow(plan.black_mw_cm2, k.m) * time_s / k.critical_dose_prime /
+                      -std::expm1(-k.m * plan.layer_um / k.hb_um);
+  if (plan.black_excess <= most_black_excess) return;
+  throw InfeasibleError(fmt::format(
+      "the lamp of printer '{}' shines behind black for {:.0f} ms more in each layer (cycle_s{}), "
+      "which adds up to {:.1f} % of the dose that gels; {:g} % are borne",
+      machine.printer.name, time_s * 1e3, machine.blue.warm_up_s > 0 ? ", warm_up_s" : "",
+      plan.black_excess * 100, most_black_excess * 100));
 }
 
 }  // namespace
@@ -95,6 +115,7 @@ void plan_light(PrintPlan& plan, const StackReader& stack, const Machine& machin
     }
   }
   check_ramps(plan, machine, uv_least_share);
+  check_black(plan, info, machine);
 
   const double brightest = light.factor(light.greatest());
   std::mutex failing;

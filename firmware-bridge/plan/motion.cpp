@@ -23,11 +23,15 @@ constexpr double unasked_run_up = 0.05;
 void check_travel(const PrintPlan& plan, const Machine& machine, double top_um) {
   const double travel = machine.stage.travel_um;
   if (travel > 0 && top_um > travel) {
+    const int less = static_cast<int>(std::ceil((top_um - travel) / plan.layer_um));
     throw InfeasibleError(fmt::format(
         "the print ends {:.3f} mm above the window with its ramps, the stage of printer '{}' "
-        "reaches {:g} mm; {} slices of {:g} um less would do",
+        "reaches {:g} mm; {}",
         top_um * 1e-3, machine.printer.name, travel * 1e-3,
-        static_cast<int>(std::ceil((top_um - travel) / plan.layer_um)), plan.layer_um));
+        less < static_cast<int>(plan.frames.size())
+            ? fmt::format("{} slices of {:g} um less would do", less, plan.layer_um)
+            : fmt::format("it begins at {:g} mm (home_mm), which leaves no room",
+                          machine.stage.home_um * 1e-3)));
   }
 }
 

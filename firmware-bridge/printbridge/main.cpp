@@ -4,29 +4,33 @@
 
 #include <csignal>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "frames/wire.hpp"
 #include "program/program.hpp"
+#include "slicecorr/bridge/display.hpp"
+#include "slicecorr/bridge/print_state.hpp"
 #include "slicecorr/bridge/run.hpp"
+#include "slicecorr/bridge/view.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/kinetics.hpp"
+#include "view_commands.hpp"
 
 namespace slicecorr::bridge {
 namespace {
 
 using cli::Console;
 
-struct Options {
-  std::string stack, printer, dir, sink, modbus, json;
+struct Options : PrinterOptions {
+  std::string stack, modbus;
+  std::vector<std::string> sinks;
   bool dry_run = false, lockstep = false;
 };
 
-void add_printer(CLI::App& app, Options& o) {
+void add_printer(CLI::App& app, PrinterOptions& o) {
   app.add_option("--printer", o.printer, "Printer: a name, or a .toml file")->required();
   app.add_option("--dir", o.dir,
                  "Folder of the printers' states [$SLICECORR_BRIDGE_DIR, or "
@@ -64,39 +68,18 @@ std::string minutes(double seconds) {
                                     static_cast<int>(seconds) % 60);
 }
 
-const char* what_to_do(Fault fault) {
-  switch (fault) {
-    case Fault::underrun:
-      return "use more --threads, or leave the computer to this print";
-    case Fault::late_frame:
-    case Fault::wrong_frame:
-    case Fault::display_gone:
-      return "look at the display and at what else the computer does";
-    case Fault::heartbeat_lost:
-    case Fault::machine_restarted:
-    case Fault::watchdog_tripped:
-      return "look at the machine's power and connection";
-    case Fault::stage_error:
-    case Fault::stage_failed:
-      return "look at the stage: is it free, is the part stuck?";
-    case Fault::lamp_mismatch:
-    case Fault::lamp_failed:
-    case Fault::uv_ratio:
-      return "look at the lamps before any other print";
-    case Fault::door_open:
-      return "close it";
-    case Fault::stop_pressed:
-      return "release it when all is well";
-    case Fault::over_temperature:
-      return "let it cool, look at its fans";
-    default:
-      return "look at the machine and its part";
-  }
-}
-
 std::string where_it_was(int frame, double z_um) {
   return frame < 0 ? std::string("before the first frame")
                    : fmt::format("frame {}, z = {:.3f} mm", frame, z_um * 1e-3);
+}
+
+std::string layers_in_words(const PrintPlan& plan) {
+  std::string text = "layer by layer";
+  if (plan.black_excess > 0.005) {
+    text += fmt::format(" (black behind the lamp adds {:.1f} % of the dose that gels)",
+                        plan.black_excess * 100);
+  }
+  return text;
 }
 
 std::string ramps_in_words(const PrintPlan& plan) {
@@ -110,10 +93,10 @@ std::string ramps_in_words(const PrintPlan& plan) {
 int print(const Options& o, const Job& job, Console& console) {
   Machine machine = load_machine(o.printer);
   redirect(machine, o.modbus);
-  if (o.sink.empty() && !o.dry_run) {
+  if (o.sinks.empty() && !o.dry_run) {
     throw InputError(
-        "no display: expected --sink unix:PATH or tcp:HOST:PORT (--sink null shows images "
-        "nowhere)");
+        "no display: expected --sink window, drm, unix:PATH or tcp:HOST:PORT (--sink null shows "
+        "images nowhere)");
   }
   const StateFolder folder = StateFolder::of(o.dir, machine.printer);
   const PrintLock lock(folder);
@@ -123,17 +106,19 @@ int print(const Options& o, const Job& job, Console& console) {
                     "machine, then "
                     "`printbridge reset --printer {}`",
                     machine.printer.name, name_of(latch->fault), latch->detail,
-                    where_it_was(latch->frame, latch->stage_um), o.printer));
+                    where_it_was(latch->frame, latch->z_um), o.printer));
   }
   const StackReader stack(o.stack, cli::folder_of(o.stack), job);
   const PrintPlan plan = plan_print(stack, o.stack, machine, job);
   console.say(fmt::format(
       "{}: {} slices of {:g} um, {}, about {}", o.stack, plan.frames.size(), plan.layer_um,
       plan.mode == ExposureMode::layerwise
-          ? std::string("layer by layer")
+          ? layers_in_words(plan)
           : fmt::format("{:g} mm/h, {}", plan.speed_um_s * 3.6, ramps_in_words(plan)),
       minutes(plan.expected_s)));
 
+  const auto link = make_modbus_link(*machine.modbus, machine.limits);
+  check_alone(*link, *make_real_clock(), machine);
   const auto clock = o.lockstep ? make_step_clock() : make_real_clock();
   const StackInfo& info = stack.info();
   WireHello hello;
@@ -146,9 +131,7 @@ int print(const Options& o, const Job& job, Console& console) {
   hello.cycle_s = machine.limits.cycle_s;
   hello.lockstep = o.lockstep;
   hello.dry_run = o.dry_run;
-  const bool nowhere = o.sink.empty() || o.sink == "null";
-  const auto sink = nowhere ? make_null_sink(*clock) : make_wire_sink(o.sink, hello, *clock);
-  const auto link = make_modbus_link(*machine.modbus, machine.limits);
+  const auto sink = open_sinks(o.sinks, machine, hello, *clock);
   const auto frames = make_frame_source(stack, machine.printer, plan.uv_patterned);
 
   // The print outlives its terminal; `printbridge stop` ends it from another one.
@@ -159,74 +142,41 @@ int print(const Options& o, const Job& job, Console& console) {
   run.threads = job.threads > 0 ? job.threads : 2;
   run.stack = std::filesystem::absolute(o.stack).string();
   run.stop = job.cancel;
+  keep_report(folder);
   const Ending end = run_print(*frames, plan, machine, *link, *sink, *clock, folder, run, job);
+  try {
+    write_report(folder, false);
+  } catch (const Error& e) {
+    console.say(std::string("no page of the print: ") + e.what());
+  }
   if (!end.trouble.empty()) console.say("not all was recorded: " + end.trouble);
   if (end.fault == Fault::none) {
     console.say(fmt::format(
         "printed {} frames in {}{}; at most {:.2f} um late, the stage at most {:.2f} um off, {} "
-        "cycles missed; record in {}",
+        "cycles missed; page: {}",
         end.frames_shown, minutes(end.seconds), o.dry_run ? " without light" : "",
         std::max(0.0, end.worst_late_um), end.worst_stage_error_um, end.missed_cycles,
-        folder.path));
+        folder.file("report.html")));
     return cli::kDone;
   }
-  const std::string text = fmt::format(
-      "{}: {} ({}). Lamps are off, the stage has stopped. Journal: {}", name_of(end.fault),
-      end.detail, where_it_was(end.frame, end.stage_um - plan.start_um),
-      folder.file("journal.jsonl"));
+  // Where the machine is in a fault of its own it has to be reset even if nothing was moved.
+  const bool reset = end.latched || end.fault == Fault::machine_restarted ||
+                     end.fault == Fault::watchdog_tripped || end.fault == Fault::lamp_failed ||
+                     end.fault == Fault::stage_failed;
+  const std::string text =
+      fmt::format("{}: {} ({}). State: {}. Journal: {}. To do: {}{}", name_of(end.fault),
+                  end.detail, where_it_was(end.frame, end.stage_um - plan.start_um), end.left,
+                  folder.file("journal.jsonl"), what_to_do(end.fault),
+                  reset ? fmt::format(", then `printbridge reset --printer {}`", o.printer) : "");
   if (end.fault == Fault::stopped_by_user) {
     fmt::print(stderr, "printbridge: {}\n", text);
     return cli::kInterrupted;
   }
   if (end.fault == Fault::defect) throw std::runtime_error(text);
-  throw DeviceError(fmt::format(
-      "{}. To do: {}{}", text, what_to_do(end.fault),
-      end.latched ? fmt::format(", then `printbridge reset --printer {}`", o.printer) : ""));
+  throw DeviceError(text);
 }
 
 StateFolder folder_of(const Options& o) { return StateFolder::of(o.dir, load_printer(o.printer)); }
-
-int status(const Options& o) {
-  const Printer printer = load_printer(o.printer);
-  const StateFolder folder = StateFolder::of(o.dir, printer);
-  nlohmann::ordered_json json;
-  const auto running = ask_running(folder, "status");
-  json["printer"] = printer.name;
-  json["running"] = running.has_value();
-  std::string text = running.value_or("");
-  if (!running) {
-    std::ifstream file(folder.file("status.json"));
-    text.assign(std::istreambuf_iterator<char>(file), {});
-  }
-  const auto last = nlohmann::ordered_json::parse(text, nullptr, false);
-  if (last.is_object()) json.update(last);
-  const auto latch = read_latch(folder, false);
-  json["latched"] = latch.has_value();
-  if (latch) {
-    json["fault"] = name_of(latch->fault);
-    json["detail"] = latch->detail;
-  }
-  if (!o.json.empty()) {
-    cli::print_or_write(o.json, json.dump(1));
-    return cli::kDone;
-  }
-  std::string out = fmt::format("printer   {}\n", printer.name);
-  if (running && last.is_object() && last.contains("phase")) {
-    out += fmt::format("phase     {}{}\n", last.value("phase", ""),
-                       last.value("dry_run", false) ? ", without light" : "");
-    out += fmt::format("frame     {} of {}, z = {:.3f} mm\n", last.value("frame", -1),
-                       last.value("frames", 0), last.value("z_um", 0.0) * 1e-3);
-  } else {
-    out += running ? "phase     starting\n" : "phase     no print\n";
-  }
-  if (latch) {
-    out += fmt::format("latched   {}: {} ({}); see the machine, then `printbridge reset`\n",
-                       name_of(latch->fault), latch->detail,
-                       where_it_was(latch->frame, latch->stage_um));
-  }
-  cli::print_result(out);
-  return cli::kDone;
-}
 
 int request(const Options& o, const std::string& what, Console& console) {
   const auto answer = ask_running(folder_of(o), what);
@@ -245,8 +195,10 @@ int reset(const Options& o, Console& console) {
   const StateFolder folder = StateFolder::of(o.dir, machine.printer);
   const PrintLock lock(folder);
   const auto latch = read_latch(folder, true);
+  make_missing_report(folder);
   const auto clock = make_real_clock();
   const auto link = make_modbus_link(*machine.modbus, machine.limits);
+  check_alone(*link, *clock, machine);
   reset_machine(*link, *clock, machine);
   clear_latch(folder);
   console.say(latch ? fmt::format("reset after {}: {}", name_of(latch->fault), latch->detail)
@@ -272,12 +224,19 @@ int main(int argc, char** argv) {
                       [&](const Job& job, cli::Console& c) { return print(o, job, c); });
   p->add_option("STACK", o.stack, "The corrected stack")->required();
   p->add_flag("--dry-run", o.dry_run, "Move the stage and show images, with lamps off");
-  p->add_option("--sink", o.sink, "Where images go: unix:PATH, tcp:HOST:PORT or null");
+  p->add_option("--sink", o.sinks,
+                "Where images go: window[:DISPLAY], drm[:CARD[:CONNECTOR]], unix:PATH, "
+                "tcp:HOST:PORT or null; repeatable, the first is the display that counts")
+      ->take_all()
+      ->expected(1);
   p->add_flag("--lockstep", o.lockstep,
               "Time is that of a simulator, which waits for every exchange");
-  auto* const s = add("status", "What the print does, or how the last one ended",
-                      [&](const Job&, cli::Console&) { return status(o); });
-  s->add_option("--json", o.json, "Write JSON to this file, - for stdout");
+  add_view_commands([&](const char* name, const char* text, PrinterOptions& options,
+                        cli::Program::Action action) {
+    CLI::App* const app = program.add(name, text, std::move(action));
+    add_printer(*app, options);
+    return app;
+  });
   for (const auto& [name, text] :
        {std::pair{"pause", "Stop where that leaves no mark"}, std::pair{"resume", "Go on"},
         std::pair{"stop", "End the print for good: lamps off, stage stop, black"}}) {

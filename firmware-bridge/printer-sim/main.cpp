@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <csignal>
+#include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
@@ -68,7 +69,21 @@ std::string fault_help() {
 }
 
 int run(const Options& o, const Job& job, cli::Console& console) {
-  if (!o.output.empty()) cli::must_not_replace(o.output, {o.stack});
+  if (!o.output.empty()) {
+    cli::must_not_replace(o.output, {o.stack});
+    if (!o.output.ends_with(".uvj")) {
+      throw InputError(o.output, "", "expected a name that ends with .uvj");
+    }
+    if (o.frames.empty() && o.stack.empty()) {
+      throw InputError("-o needs the images: expected --frames, or --stack beside it");
+    }
+    if (!std::filesystem::is_directory(cli::folder_of(o.output))) {
+      throw DeviceError(o.output + ": its folder does not exist");
+    }
+  }
+  if (o.lockstep && o.time_rate != 1) {
+    throw InputError("--time-rate and --lockstep contradict each other");
+  }
   const Machine machine = load_machine(o.printer);
   if (!machine.modbus) {
     throw InputError(machine.path, "modbus", "missing; expected the register map of a machine");
@@ -110,8 +125,12 @@ int run(const Options& o, const Job& job, cli::Console& console) {
 
   display.reset();
   model.run_out();
+  const auto written = recorder.finish();
+  for (const std::string& file : written) console.say(fmt::format("{}: written", file));
+  if (written.empty() && !o.output.empty()) {
+    console.say(fmt::format("nothing was printed: {} is not written", o.output));
+  }
   events.check();
-  if (recorder.finish()) console.say(fmt::format("{}: written", o.output));
   return terminated ? cli::kDone : cli::kInterrupted;
 }
 

@@ -1,6 +1,9 @@
 #include "recorder.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <utility>
 
 #include "slicecorr/error.hpp"
 
@@ -16,7 +19,7 @@ constexpr double kRounding = 1e-9;
 
 Recorder::Recorder(std::string path, const std::string& stack, const Machine& machine,
                    TimedModel& model, const Job& job)
-    : path_(std::move(path)), machine_(machine), model_(model), job_(job) {
+    : path_(std::move(path)), first_path_(path_), machine_(machine), model_(model), job_(job) {
   if (path_.empty() || stack.empty()) return;
   const StackInfo info = StackReader::read_info(stack);
   if (info.kind != StackKind::corrected || !info.printer || !info.process || !info.resin) {
@@ -34,7 +37,28 @@ Recorder::Recorder(std::string path, const std::string& stack, const Machine& ma
   begin(hello);
 }
 
+bool Recorder::lit() const {
+  bool light = false;
+  model_.with([&](PrinterModel& model) {
+    for (const auto& slice : model.exposures()) light = light || !slice.parts.empty();
+  });
+  return light;
+}
+
 void Recorder::begin(const WireHello& hello) {
+  if (writer_ && lit()) {
+    // In the background: the bridge waits for its answer.
+    written_.push_back(std::async(std::launch::async,
+                                  [path = path_, all = std::make_shared<Recording>(recording()),
+                                   writer = std::shared_ptr<RecordingWriter>(std::move(writer_))] {
+                                    writer->finish(std::move(*all));
+                                    return path;
+                                  }));
+    ++prints_;
+    const auto dot = first_path_.rfind('.');
+    path_ =
+        fmt::format("{}-{}{}", first_path_.substr(0, dot), prints_ + 1, first_path_.substr(dot));
+  }
   StackInfo print;
   print.format = "uvj";
   print.kind = StackKind::corrected;
@@ -69,8 +93,7 @@ void Recorder::begin(const WireHello& hello) {
   });
 }
 
-bool Recorder::finish() {
-  if (!writer_) return false;
+Recording Recorder::recording() {
   Recording recording;
   model_.with([&](PrinterModel& model) {
     model.tell_images({});
@@ -90,9 +113,20 @@ bool Recorder::finish() {
       recording.add_slice(parts);
     }
   });
-  writer_->finish(std::move(recording));
+  return recording;
+}
+
+std::vector<std::string> Recorder::finish() {
+  std::vector<std::string> files;
+  for (auto& one : written_) files.push_back(one.get());
+  written_.clear();
+  // What had no light is only of interest when there is nothing else.
+  if (writer_ && (prints_ == 0 || lit())) {
+    writer_->finish(recording());
+    files.push_back(path_);
+  }
   writer_.reset();
-  return true;
+  return files;
 }
 
 }  // namespace slicecorr::bridge

@@ -1,8 +1,10 @@
 /// What was shown and lit, as a stack.
 #pragma once
 
+#include <future>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "frames/wire.hpp"
 #include "sim/timed_model.hpp"
@@ -11,7 +13,8 @@
 
 namespace slicecorr::bridge {
 
-/// Records one print at a time; the last one that began counts.
+/// Records one print at a time. A print that had light is kept: the next one is written beside it,
+/// as shown-2.uvj after shown.uvj.
 class Recorder {
  public:
   /// `path` empty: nothing is recorded. `stack`: the one that will be printed, for bridges that
@@ -19,11 +22,17 @@ class Recorder {
   Recorder(std::string path, const std::string& stack, const Machine& machine, TimedModel& model,
            const Job& job);
   void begin(const WireHello& hello);
-  /// Writes what there is; false when nothing was printed. Throws `DeviceError`.
-  bool finish();
+  /// Writes what there is, and gives the files that were written. Throws `DeviceError`.
+  std::vector<std::string> finish();
 
  private:
-  std::string path_;
+  bool lit() const;
+  Recording recording();
+
+  std::string path_, first_path_;
+  int prints_ = 0;  ///< with light
+  /// Written while the next print begins.
+  std::vector<std::future<std::string>> written_;
   const Machine& machine_;
   TimedModel& model_;
   Job job_;

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cerrno>
 #include <chrono>
@@ -124,6 +125,8 @@ class LineWriter {
 
 struct Journal::Impl {
   LineWriter writer;
+  double at_s =
+      0;  ///< of the last event: time does not go back for what is told of a cycle's begin
   explicit Impl(const std::string& path) : writer(path, "") {}
 };
 
@@ -137,12 +140,13 @@ void Journal::add(const Event& event, bool important) {
   nlohmann::ordered_json line;
   line["time"] = fmt::format("{:%Y-%m-%dT%H:%M:%S}.{:03d}Z",
                              fmt::gmtime(static_cast<std::time_t>(ms / 1000)), ms % 1000);
-  line["at_s"] = event.at_s;
+  line["at_s"] = impl_->at_s = std::max(impl_->at_s, event.at_s);
   line["what"] = event.what;
   if (!event.detail.empty()) line["detail"] = event.detail;
   line["frame"] = event.frame;
   line["stage_um"] = event.stage_um;
   using nlohmann::ordered_json;
+  if (!event.facts.empty()) line["facts"] = ordered_json::parse(event.facts, nullptr, false);
   impl_->writer.add(line.dump(-1, ' ', false, ordered_json::error_handler_t::replace), important);
 }
 
@@ -155,20 +159,30 @@ struct FrameLog::Impl {
   Impl(const std::string& path, double start)
       : writer(path,
                "frame,planned_z_um,z_um,planned_s,shown_s,late_um,speed_um_s,blue_share,uv_mw_cm2,"
-               "blue_measured,uv_measured"),
+               "blue_measured,uv_measured,late,stage_error_um,temperature_c,exposure_s,exposed_s,"
+               "vblank,missed_vblanks,upload_s,present_s"),
         start_um(start) {}
 };
 
 FrameLog::FrameLog(const std::string& path, double start_um)
     : impl_(std::make_unique<Impl>(path, start_um)) {}
 FrameLog::~FrameLog() = default;
+void FrameLog::flush() { impl_->writer.flush(); }
+std::string FrameLog::trouble() const { return impl_->writer.trouble(); }
 
 void FrameLog::add(const FrameRecord& r) {
+  const auto known = [](const std::optional<double>& value) {
+    return value ? fmt::format("{:.6f}", *value) : std::string();
+  };
+  const std::string vblank = r.display.vblank < 0 ? "" : std::to_string(r.display.vblank);
   impl_->writer.add(
-      fmt::format("{},{:.6f},{:.6f},{:.6f},{:.6f},{:.6f},{:.4f},{:.6f},{:.4f},{:.6f},{:.4f}",
+      fmt::format("{},{:.6f},{:.6f},{:.6f},{:.6f},{:.6f},{:.4f},{:.6f},{:.4f},{:.6f},{:.4f},{},"
+                  "{:.4f},{},{},{},{},{},{:.6f},{:.6f}",
                   r.frame, r.planned_um - impl_->start_um, r.stage_um - impl_->start_um,
                   r.planned_s, r.shown_s, r.stage_um - r.planned_um, r.speed_um_s, r.blue_share,
-                  r.uv_mw_cm2, r.blue_measured, r.uv_measured),
+                  r.uv_mw_cm2, r.blue_measured, r.uv_measured, r.late ? 1 : 0, r.stage_error_um,
+                  known(r.temperature_c), known(r.exposure_s), known(r.exposed_s), vblank,
+                  r.display.missed_vblanks, r.display.upload_s, r.display.present_s),
       false);
 }
 

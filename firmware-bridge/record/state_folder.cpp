@@ -3,6 +3,7 @@
 #include <sys/file.h>
 #include <unistd.h>
 
+#include <cctype>
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
@@ -10,6 +11,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <sstream>
+#include <vector>
 
 #include "base/temporary.hpp"
 #include "slicecorr/bridge/record.hpp"
@@ -69,6 +71,24 @@ JournalEnd journal_of(const StateFolder& folder) {
     end.stage_um = json.value("stage_um", 0.0);
   }
   return end;
+}
+
+/// Numbers of the last whole row of the frame log; empty without one.
+std::vector<double> last_row(const StateFolder& folder) {
+  std::ifstream file(folder.file("frames.csv"));
+  std::vector<double> last;
+  std::string line;
+  while (std::getline(file, line) && !file.eof()) {  // halved where it has no end
+    std::vector<double> row;
+    std::istringstream cells(line);
+    for (std::string cell; std::getline(cells, cell, ',');) {
+      char* end = nullptr;
+      row.push_back(std::strtod(cell.c_str(), &end));
+      if (end == cell.c_str()) break;
+    }
+    if (row.size() > 2 && std::isdigit(static_cast<unsigned char>(line[0])) != 0) last = row;
+  }
+  return last;
 }
 
 }  // namespace
@@ -131,14 +151,23 @@ std::optional<Latch> read_latch(const StateFolder& folder, bool locked) {
     latch.stack = json.value("stack", "");
     latch.frame = json.value("frame", -1);
     latch.stage_um = json.value("stage_um", 0.0);
+    latch.z_um = json.value("z_um", 0.0);
     return latch;
   }
   const JournalEnd end = journal_of(folder);
   if (!end.open || (!locked && PrintLock::held(folder))) return std::nullopt;
-  return Latch{
-      Fault::defect,
-      "the print was killed, or the power failed: its journal ends with '" + end.last + "'",
-      end.stack, end.frame, end.stage_um};
+  Latch latch{Fault::defect,
+              "the print was killed, or the power failed: its journal ends with '" + end.last + "'",
+              end.stack,
+              end.frame,
+              end.stage_um,
+              0};
+  // Frames are logged within a second, so that it was there or somewhat further.
+  if (const auto row = last_row(folder); row.size() > 2 && row[0] >= latch.frame) {
+    latch.frame = static_cast<int>(row[0]);
+    latch.z_um = row[2];
+  }
+  return latch;
 }
 
 void write_latch(const StateFolder& folder, const Latch& latch) {
@@ -148,6 +177,7 @@ void write_latch(const StateFolder& folder, const Latch& latch) {
   json["stack"] = latch.stack;
   json["frame"] = latch.frame;
   json["stage_um"] = latch.stage_um;
+  json["z_um"] = latch.z_um;
   write_whole(folder.file("latch.json"), json.dump(1) + "\n");
 }
 

@@ -18,7 +18,7 @@
 namespace slicecorr::bridge {
 namespace {
 
-constexpr std::size_t longest_line = 4096;
+constexpr std::size_t longest_request = 4096, longest_answer = 1 << 20;
 
 /// The socket's address by way of its folder's descriptor: paths of folders may be longer than
 /// what fits in an address.
@@ -38,20 +38,25 @@ struct SocketAddress {
 };
 
 /// A line, within a time.
-std::optional<std::string> read_line(int descriptor, int timeout_ms) {
+std::optional<std::string> read_line(int descriptor, std::size_t longest, int timeout_ms,
+                                     bool* closed = nullptr) {
   std::string line;
   const auto until = std::chrono::steady_clock::now() + std::chrono::milliseconds(timeout_ms);
-  while (line.size() < longest_line) {
+  while (line.size() < longest) {
     const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(
         until - std::chrono::steady_clock::now());
     pollfd p{descriptor, POLLIN, 0};
     if (left.count() <= 0 || ::poll(&p, 1, static_cast<int>(left.count())) <= 0) return {};
-    char c;
-    const ssize_t n = ::recv(descriptor, &c, 1, MSG_DONTWAIT);
-    if (n == 0) return {};
-    if (n < 0) continue;
-    if (c == '\n') return line;
-    line += c;
+    char some[4096];
+    const ssize_t n = ::recv(descriptor, some, sizeof some, MSG_DONTWAIT);
+    if (n < 0 && (errno == EAGAIN || errno == EINTR)) continue;
+    if (n <= 0) {
+      if (closed != nullptr) *closed = true;
+      return {};
+    }
+    // One line is all that anybody sends.
+    line.append(some, static_cast<std::size_t>(n));
+    if (const auto end = line.find('\n'); end != std::string::npos) return line.substr(0, end);
   }
   return {};
 }
@@ -70,9 +75,10 @@ void send_line(int descriptor, const std::string& text) {
 
 }  // namespace
 
-void Counter::offer(std::string status) {
+bool Counter::offer(const PrintState& state) {
   const std::unique_lock lock(mutex_, std::try_to_lock);
-  if (lock) status_ = std::move(status);
+  if (lock) state_ = state;
+  return lock.owns_lock();
 }
 
 std::optional<std::string> Counter::take() {
@@ -103,13 +109,13 @@ std::optional<std::string> Counter::ask(const std::string& request, double timeo
   return there ? std::exchange(answer_, {}) : std::nullopt;
 }
 
-std::string Counter::status() const {
+std::optional<PrintState> Counter::state() const {
   const std::scoped_lock lock(mutex_);
-  return status_;
+  return state_;
 }
 
-ControlSocket::ControlSocket(const StateFolder& folder, Counter& counter)
-    : folder_(folder), counter_(counter) {
+ControlSocket::ControlSocket(const StateFolder& folder, Counter& counter, Text text)
+    : folder_(folder), counter_(counter), text_(std::move(text)) {
   const SocketAddress address(folder_);
   // The print's lock is held: what is left here is of a print that is no more.
   ::unlink(folder_.file("control.sock").c_str());
@@ -144,9 +150,12 @@ void ControlSocket::work() {
 }
 
 void ControlSocket::serve(int client) {
-  const auto request = read_line(client, 1000);
+  const auto request = read_line(client, longest_request, 1000);
   if (!request) return;
-  if (*request == "status") return send_line(client, counter_.status());
+  if (*request == "status") {
+    const auto state = counter_.state();
+    return send_line(client, state ? text_(*state, answered_++) : "{}");
+  }
   if (*request != "pause" && *request != "resume" && *request != "stop") {
     return send_line(client,
                      R"({"accepted":false,"why":"expected status, pause, resume or stop"})");
@@ -163,8 +172,10 @@ std::optional<std::string> ask_running(const StateFolder& folder, const std::str
     return {};
   }
   send_line(s, request);
-  const auto answer = read_line(s, 5000);
+  bool closed = false;
+  const auto answer = read_line(s, longest_answer, 5000, &closed);
   ::close(s);
+  if (closed) return {};  // the print has just ended
   if (!answer) throw DeviceError(folder.file("control.sock") + ": the print does not answer");
   return answer;
 }

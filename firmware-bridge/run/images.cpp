@@ -13,6 +13,8 @@ namespace {
 
 /// Below that of the control thread.
 constexpr int image_priority = 40;
+/// Between looks at a display that has nothing new to show.
+constexpr std::chrono::milliseconds watch_every{20};
 
 }  // namespace
 
@@ -69,12 +71,27 @@ void Images::work() {
   raise_priority(image_priority);
   std::unique_lock lock(mutex_);
   while (true) {
-    asked_.wait(lock, [&] { return ending_ || request_; });
+    if (!asked_.wait_for(lock, watch_every, [&] { return ending_ || request_; })) {
+      lock.unlock();
+      watch();
+      lock.lock();
+      continue;
+    }
     if (!request_) return;  // what was asked before the end is still shown
     const Request request = *std::exchange(request_, {});
     lock.unlock();
     show_one(request);
     lock.lock();
+  }
+}
+
+void Images::watch() {
+  try {
+    sink_.watch();
+  } catch (const DeviceError& e) {
+    fault(Fault::display_gone, e.what());
+  } catch (const std::exception& e) {
+    fault(Fault::defect, e.what());
   }
 }
 
@@ -93,18 +110,18 @@ void Images::show_one(const Request& request) {
         std::this_thread::sleep_for(std::chrono::milliseconds(1));
         frame = ring_.take(request.number);
       }
-      if (!frame) return report({request.number, clock_.now_s(), true});
+      if (!frame) return report({request.number, clock_.now_s(), true, {}});
     }
     const Shown shown = sink_.show(frame, request.at_s);
     if (shown.number != request.number || (count_ >= 0 && shown.count != count_ + 1)) {
       fault(Fault::wrong_frame,
-            fmt::format("the display shows image {} (its {}th), expected {} (its {}th)",
+            fmt::format("the display shows image {} (no. {} of all), expected {} (no. {})",
                         shown.number, shown.count, request.number, count_ + 1));
       count_ = shown.count;
       return;
     }
     count_ = shown.count;
-    report({shown.number, shown.at_s, false});
+    report({shown.number, shown.at_s, false, shown.times});
   } catch (const DeviceError& e) {
     fault(Fault::display_gone, e.what());
   } catch (const std::exception& e) {

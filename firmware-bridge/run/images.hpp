@@ -43,6 +43,7 @@ class Images {
     double at_s;
   };
   void work();
+  void watch();
   void show_one(const Request& request);
   void fault(Fault what, const std::string& detail);
 

@@ -12,6 +12,7 @@
 #include "run/control_socket.hpp"
 #include "run/images.hpp"
 #include "run/priority.hpp"
+#include "slicecorr/bridge/print_state.hpp"
 #include "slicecorr/bridge/run.hpp"
 #include "slicecorr/error.hpp"
 
@@ -75,16 +76,30 @@ class Run {
     journal_.emplace(folder.file("journal.jsonl"));
     frame_log_.emplace(folder.file("frames.csv"), plan.start_um);
     controller_.emplace(plan, machine, options.dry_run);
-    socket_.emplace(folder, counter_);
+    facts_ = facts_of(plan, machine);
+    facts_.stack = options.stack;
+    facts_.display = sink.describe();
+    facts_.dry_run = options.dry_run;
+    socket_.emplace(folder, counter_, [this](const PrintState& state, std::uint64_t asked) {
+      // `threads_` is written before the first state is offered.
+      PrintAround around;
+      around.ready_frames = ring_.ready();
+      around.asked = asked;
+      around.threads = threads_;
+      return state_json(facts_, state, around);
+    });
     images_.emplace(ring_, sink, clock, options.lockstep);
   }
 
   Ending go() {
-    note(journal_begin, options_.stack);
+    journal_->add({clock_.now_s(), journal_begin, options_.stack, controller_->frame(),
+                   controller_->stage_um(), facts_json(facts_)},
+                  true);
     journal_->flush();
     if (const auto trouble = journal_->trouble(); !trouble.empty()) throw DeviceError(trouble);
     if (!options_.lockstep) {
-      note("threads", raise_priority(control_priority) + ", " + lock_memory());
+      threads_ = raise_priority(control_priority) + ", " + lock_memory();
+      note("threads", threads_);
     }
     next_s_ = clock_.now_s();
     for (int broken = 0;;) {
@@ -182,32 +197,20 @@ class Run {
     counter_.answer(json.dump());
   }
 
-  nlohmann::ordered_json state() const {
-    nlohmann::ordered_json json;
-    json["phase"] = name_of(controller_->phase());
-    json["dry_run"] = options_.dry_run;
-    json["stack"] = options_.stack;
-    json["frame"] = controller_->frame();
-    json["frames"] = plan_.frames.size();
-    json["stage_um"] = controller_->stage_um();
-    json["z_um"] = controller_->stage_um() - plan_.start_um;
-    json["fault"] = name_of(controller_->fault());
-    json["detail"] = controller_->fault_detail();
-    json["late_frames"] = controller_->late_frames();
-    json["worst_late_um"] = controller_->worst_late_um();
-    json["worst_stage_error_um"] = controller_->worst_stage_error_um();
-    return json;
+  PrintState state(double now) const {
+    PrintState state = state_of(*controller_, now, missed_);
+    state.told = told_;
+    return state;
   }
 
-  /// Whoever asks or watches.
+  /// Whoever asks or watches: numbers only, their text is made by the thread that is asked.
   void tell(double now) {
     if (now < told_s_ + tell_every_s) return;
+    PrintState state = this->state(now);
+    ++state.told;
+    if (!counter_.offer(state)) return;  // with the next cycle
+    ++told_;
     told_s_ = now;
-    auto json = state();
-    json["missed_cycles"] = missed_;
-    json["ready_frames"] = ring_.ready();
-    json["at_s"] = now;
-    counter_.offer(json.dump());
     teller_.shown(controller_->frames_shown());
   }
 
@@ -238,9 +241,12 @@ class Run {
     e.phase = broken_order_ ? Phase::failed : controller_->phase();
     e.fault = controller_->fault();
     e.detail = controller_->fault_detail();
+    e.left = controller_->left();
+    if (e.fault == Fault::heartbeat_lost) e.detail += ": " + link_.last_error();
     if (broken_order_) {
       e.fault = Fault::defect;
       e.detail = broken_detail_;
+      e.left = "NOT CONFIRMED that lamps are off and the stage stands: go and look";
     }
     e.frames = static_cast<int>(plan_.frames.size());
     e.frames_shown = controller_->frames_shown();
@@ -251,24 +257,35 @@ class Run {
     e.seconds = clock_.now_s();
     e.stage_um = controller_->stage_um();
     e.missed_cycles = missed_;
+    e.lateness = controller_->lateness();
     try {
       if (e.fault != Fault::none && (controller_->begun() || broken_order_)) {
-        write_latch(folder_, {e.fault, e.detail, options_.stack, e.frame, e.stage_um});
+        write_latch(folder_, {e.fault, e.detail, options_.stack, e.frame, e.stage_um,
+                              e.stage_um - plan_.start_um});
         e.latched = true;
         note("latched", std::string(name_of(e.fault)));
       }
-      auto json = state();
-      json["seconds"] = e.seconds;
-      json["missed_cycles"] = missed_;
-      write_whole(folder_.file("status.json"), json.dump(1) + "\n");
+      PrintState last = state(e.seconds);
+      last.phase = e.phase;
+      last.fault = e.fault;
+      last.detail = e.detail;
+      PrintAround around;
+      around.seconds = e.seconds;
+      around.threads = threads_;
+      write_whole(folder_.file("status.json"), state_json(facts_, last, around) + "\n");
     } catch (const Error& error) {
       // The journal without an end latches, too.
       e.trouble = error.what();
       return e;
     }
+    frame_log_->flush();
+    if (const auto trouble = frame_log_->trouble(); !trouble.empty()) {
+      note("not recorded", trouble);
+      e.trouble = trouble;
+    }
     note(journal_end, std::string(name_of(e.phase)));
     journal_->flush();
-    e.trouble = journal_->trouble();
+    if (const auto trouble = journal_->trouble(); !trouble.empty()) e.trouble = trouble;
     return e;
   }
 
@@ -285,12 +302,15 @@ class Run {
   std::optional<Journal> journal_;
   std::optional<FrameLog> frame_log_;
   std::optional<Controller> controller_;
+  PrintFacts facts_;
+  std::string threads_;
   Counter counter_;
   std::optional<ControlSocket> socket_;
   std::optional<Images> images_;
   std::optional<Answer> answer_;
   SetPoints last_sent_;
   double next_s_ = 0, told_s_ = -1;
+  std::uint64_t told_ = 0;
   int missed_ = 0;
   bool silent_ = false, stopped_ = false, broken_order_ = false;
   std::string broken_detail_;
@@ -302,6 +322,28 @@ Ending run_print(const FrameSource& frames, const PrintPlan& plan, const Machine
                  Link& link, FrameSink& sink, Clock& clock, const StateFolder& folder,
                  const RunOptions& options, const Job& job) {
   return Run(frames, plan, machine, link, sink, clock, folder, options, job).go();
+}
+
+void check_alone(Link& link, Clock& clock, const Machine& machine) {
+  constexpr double wait_s = 3, look_s = 0.1;
+  constexpr int looks = 5;
+  const double begin_s = clock.now_s();
+  std::optional<double> first_s;
+  std::uint16_t echo = 0;
+  for (int seen = 0; seen < looks || clock.now_s() < *first_s + look_s;) {
+    if (const auto status = link.look()) {
+      if (seen > 0 && status->sequence_echo != echo) {
+        throw InputError(machine.printer.name, "",
+                         "takes set-points from somebody else: another bridge is at work with it");
+      }
+      echo = status->sequence_echo;
+      if (!first_s) first_s = clock.now_s();
+      ++seen;
+    } else if (clock.now_s() > begin_s + wait_s) {
+      throw DeviceError("the machine does not answer: " + link.last_error());
+    }
+    clock.sleep_until(clock.now_s() + 2 * machine.limits.cycle_s);
+  }
 }
 
 void reset_machine(Link& link, Clock& clock, const Machine& machine) {
@@ -340,18 +382,20 @@ void reset_machine(Link& link, Clock& clock, const Machine& machine) {
     return why;
   };
   if (const auto why = against(*status); !why.empty()) {
-    throw DeviceError("the machine can't be reset: " + why);
+    throw DeviceError("the machine can't be reset: " + why + "; see to it, then reset again");
   }
   const auto fine = [&](const Status& s) {
     return s.state == MachineState::idle && against(s).empty() && !s.lamp_failed &&
            !s.stage_failed && !s.watchdog_tripped;
   };
   if (exchange(Command::reset, 2, fine) && exchange(Command::off, 1, fine)) return;
-  throw DeviceError(fmt::format("the machine stays as it is after a reset: {}{}{}",
-                                status->lamp_failed    ? "a lamp failed"
-                                : status->stage_failed ? "the stage failed"
-                                                       : "not idle",
-                                against(*status).empty() ? "" : ", ", against(*status)));
+  throw DeviceError(
+      fmt::format("the machine stays as it is after a reset: {}{}{}; end the cause at "
+                  "the machine, then reset again",
+                  status->lamp_failed    ? "a lamp failed"
+                  : status->stage_failed ? "the stage failed"
+                                         : "not idle",
+                  against(*status).empty() ? "" : ", ", against(*status)));
 }
 
 }  // namespace slicecorr::bridge

@@ -96,6 +96,10 @@ SimFault parse_sim_fault(const std::string& text) {
     }
     fault.value = number_of(*value, text, "number");
     const bool any_sign = rest == "stage-slips" || rest == "lamp-drifts" || rest == "hot";
+    const bool counts = rest == "drop" || rest == "wrong-reply";
+    if (counts && (fault.value < 1 || fault.value != std::floor(fault.value))) {
+      throw InputError(fmt::format("fault '{}': {} is no number of exchanges", text, *value));
+    }
     if (fault.value < 0 && !any_sign) {
       throw InputError(fmt::format("fault '{}': {} is below 0", text, *value));
     }

@@ -415,6 +415,9 @@ PrinterModel::~PrinterModel() = default;
 
 void PrinterModel::record(const SliceFacts& facts) {
   impl_->exposures.begin(facts);
+  // Images are counted anew, too; what is on the display has not been lit in this record.
+  impl_->images = 0;
+  impl_->image = impl_->frame ? -2 : -1;
   impl_->tracked = false;
 }
 void PrinterModel::advance(double time_s) { impl_->advance(time_s); }

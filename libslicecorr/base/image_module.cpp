@@ -1,64 +1,13 @@
 #include "base/image_module.hpp"
 
-#include <dlfcn.h>
-
-#include <cstdlib>
-#include <filesystem>
-
-#include "slicecorr/error.hpp"
+#include "base/module.hpp"
 
 namespace slicecorr::detail {
 
-namespace fs = std::filesystem;
-
-namespace {
-
-constexpr const char* file_name = "slicecorr-images.so";
-
-/// Where the module may lie: beside what this code is part of, then where it was installed or
-/// built.
-std::vector<fs::path> folders() {
-  std::vector<fs::path> all;
-  if (const char* given = std::getenv("SLICECORR_MODULES"); given && *given)
-    all.emplace_back(given);
-  Dl_info here{};
-  if (::dladdr(reinterpret_cast<const void*>(&image_functions), &here) != 0 && here.dli_fname) {
-    std::error_code error;
-    const fs::path file = fs::canonical(here.dli_fname, error);
-    if (!error) {
-      const fs::path folder = file.parent_path();
-      all.push_back(folder / "slicecorr");
-      all.push_back(folder.parent_path() / SLICECORR_LIBDIR / "slicecorr");
-    }
-  }
-  all.emplace_back(SLICECORR_INSTALLED_MODULES);
-  all.emplace_back(SLICECORR_BUILT_MODULES);
-  return all;
-}
-
-const ImageFunctions* load() {
-  std::string looked;
-  for (const fs::path& folder : folders()) {
-    const fs::path path = folder / file_name;
-    std::error_code error;
-    if (!fs::exists(path, error)) {
-      looked += (looked.empty() ? "" : ", ") + folder.string();
-      continue;
-    }
-    void* const module = ::dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
-    void* const entry = module ? ::dlsym(module, image_module_entry) : nullptr;
-    if (!entry) throw DeviceError(path.string() + ": can't be loaded: " + ::dlerror());
-    return reinterpret_cast<const ImageFunctions* (*)()>(entry)();
-  }
-  throw DeviceError(std::string(file_name) +
-                    ", which reads and makes images of this kind, is in none of " + looked +
-                    "; expected it there, or in $SLICECORR_MODULES");
-}
-
-}  // namespace
-
 const ImageFunctions& image_functions() {
-  static const ImageFunctions* const functions = load();
+  static const ImageFunctions* const functions = reinterpret_cast<const ImageFunctions* (*)()>(
+      module_entry("slicecorr-images.so", image_module_entry,
+                   "reads and makes images of this kind"))();
   return *functions;
 }
 

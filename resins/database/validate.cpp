@@ -49,6 +49,7 @@ class Checker {
       check_measurements();
     } else {
       check_flat_field();
+      check_projector();
     }
     ask_parser();
     std::stable_sort(found_.begin(), found_.end(),
@@ -511,6 +512,30 @@ class Checker {
       check_shape(field, file.string(), line);
     } catch (const Error& e) {
       add(line, "display.flat_field", e.what());
+    }
+  }
+
+  /// Blue and patterned UV images need a channel of the display each.
+  void check_projector() {
+    const auto word = [&](std::string_view in, std::string_view key, std::string_view fallback) {
+      const toml::table* t = table(in);
+      const toml::node* node = t ? t->get(key) : nullptr;
+      return node && node->is_string() ? std::string(**node->as_string()) : std::string(fallback);
+    };
+    const bool patterned = word("uv", "kind", "flood") == "patterned";
+    const toml::table* t = table("projector");
+    if (!t) return;
+    if (t->contains("uv") && !patterned) {
+      add(line_of("projector", "uv"), "projector.uv",
+          "is given; expected kind = \"patterned\" under [uv], too");
+    }
+    const std::string blue = word("projector", "blue", "blue"), uv = word("projector", "uv", "red");
+    if (patterned && (blue == uv || blue == "all")) {
+      const std::string key = t->contains("uv") ? "uv" : "blue";
+      add(line_of("projector", key), "projector." + key,
+          fmt::format("puts blue and UV images into the same channel (\"{}\", \"{}\"); expected "
+                      "one of its own for each",
+                      blue, uv));
     }
   }
 

@@ -20,10 +20,6 @@
 
 namespace slicecorr::farm {
 
-/// Reads a bearer token: the first line of a file that only its owner can read (mode 0600 or 0400),
-/// 32 to 512 printable characters. Throws `InputError`.
-std::string read_token_file(const std::string& path);
-
 /// What a submission over HTTP gives back.
 struct SubmitReply {
   int status = 201;

@@ -3,12 +3,14 @@
 /// the status and the time and says what goes out. All of the policy is here (docs/safety.md).
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "slicecorr/bridge/frames.hpp"
 #include "slicecorr/bridge/plan.hpp"
 
 namespace slicecorr::bridge {
@@ -64,6 +66,7 @@ struct Event {
   std::string detail;
   int frame = -1;
   double stage_um = 0;
+  std::string facts = {};  ///< a JSON object with more of it; empty: none
 };
 
 /// How a frame was printed: a row of the frame log.
@@ -71,6 +74,28 @@ struct FrameRecord {
   int frame = 0;
   double planned_um = 0, stage_um = 0, planned_s = 0, shown_s = 0, speed_um_s = 0, blue_share = 0,
          uv_mw_cm2 = 0, blue_measured = 0, uv_measured = 0;
+  bool late = false;          ///< counts as late
+  double stage_error_um = 0;  ///< measured less commanded
+  std::optional<double> temperature_c;
+  /// Layer by layer: exposure asked, and what it was; nothing where it did not end.
+  std::optional<double> exposure_s, exposed_s;
+  DisplayTimes display = {};
+};
+
+/// How late frames were, counted while they are printed. Continuous: when a frame's light began,
+/// along the stage's way and in time. Layer by layer: how much longer than asked an exposure was,
+/// in time alone. What is early counts as in time.
+struct Lateness {
+  static constexpr std::array<double, 12> bounds_um{0.05, 0.1, 0.2, 0.5, 1,   2,
+                                                    5,    10,  20,  50,  100, 200};
+  static constexpr std::array<double, 13> bounds_ms{0.1, 0.2, 0.5, 1,   2,   5,   10,
+                                                    20,  50,  100, 200, 500, 1000};
+  /// Values up to each bound and above the one before; the last: above all.
+  std::array<std::uint64_t, bounds_um.size() + 1> um{};
+  std::array<std::uint64_t, bounds_ms.size() + 1> ms{};
+  double sum_um = 0, sum_ms = 0, worst_um = 0, worst_ms = 0;
+  void add_um(double late_um);
+  void add_ms(double late_ms);
 };
 
 /// A status, and when it was true on the print's clock.
@@ -96,6 +121,7 @@ struct FrameReport {
   int number = -1;
   double shown_at_s = 0;
   bool missing = false;  ///< underrun
+  DisplayTimes display = {};
 };
 
 struct PauseAnswer {
@@ -121,11 +147,20 @@ class Controller {
   const std::string& fault_detail() const;
   int frame() const;  ///< shown last
   double stage_um() const;
+  double speed_um_s() const;
+  double stage_error_um() const;  ///< measured less commanded
+  /// The last answer, and what was asked last.
+  const Status& status() const;
+  const SetPoints& set_points() const;
+  const Lateness& lateness() const;
+  double phase_since_s() const;
   /// Largest lateness and position error so far.
   double worst_late_um() const;
   double worst_stage_error_um() const;
   int frames_shown() const;
   int late_frames() const;
+  /// What a fault left lamps and stage in, as far as the machine has said so.
+  std::string left() const;
   /// Whether anything was moved or lit: a fault before that needs no latch.
   bool begun() const;
 

@@ -2,6 +2,7 @@
 /// Images: decoded ahead in a ring by threads of their own, and shown by a sink.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -27,16 +28,19 @@ class FrameSource {
   virtual int frames() const = 0;
   /// Thread-safe.
   virtual std::shared_ptr<const Frame> make(int number) const = 0;
+  /// Memory that a frame takes; 0: not known.
+  virtual std::size_t frame_bytes() const { return 0; }
 };
 /// The slices of a stack as the printer's display shows them, turned where they show the plate.
 /// `stack` must outlive this.
 std::unique_ptr<FrameSource> make_frame_source(const StackReader& stack, const Printer& printer,
                                                bool uv_patterned);
 
-/// Makes frames in order, at most `ring` ahead of the one taken last, with threads of its own.
-/// Thread-safe.
+/// Makes frames in order, at most `ring` ahead of the one taken last, with threads of its own;
+/// fewer where they would take more than `most_bytes`, but three always. Thread-safe.
 class FrameRing {
  public:
+  static constexpr std::size_t most_bytes = 256U << 20;
   /// `source` must outlive this.
   FrameRing(const FrameSource& source, int ring, int threads);
   ~FrameRing();
@@ -46,11 +50,22 @@ class FrameRing {
   /// Waits until frame `number` and `count` - 1 after it are ready, or all that are left. Throws
   /// what making them threw.
   void wait_ready(int number, int count);
+  /// Never waits.
   int ready() const;
+  int room() const;  ///< frames that it holds at most
 
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;
+};
+
+/// How a display brought an image to light, as far as it knows.
+struct DisplayTimes {
+  /// Number of the vertical blank from which on the image was scanned out; -1: not known.
+  std::int64_t vblank = -1;
+  int missed_vblanks = 0;  ///< that went by between handing it over and that one
+  double upload_s = 0;     ///< pixels into the display's memory
+  double present_s = 0;    ///< from there to the light, as far as the display can tell
 };
 
 /// What the display says after a frame was given to it.
@@ -58,19 +73,24 @@ struct Shown {
   int number = -1;         ///< of the image that is on the display now
   double at_s = 0;         ///< when it appeared, on the print's clock
   std::int64_t count = 0;  ///< images that the display has shown so far
+  DisplayTimes times;
 };
 
 /// Where images go: a display, a simulator, nowhere. One thread calls it.
 class FrameSink {
  public:
   virtual ~FrameSink() = default;
-  /// Shows the frame as soon as possible, not before `at_s` on the print's clock. Returns when it
-  /// is shown. Throws `DeviceError` when the display is gone.
+  /// Shows the frame as soon as possible, not before `at_s` on the print's clock; a display that
+  /// tells when it scans out, at the vertical blank nearest to it. Returns when it is shown. Throws
+  /// `DeviceError` when the display is gone.
   virtual Shown show(const std::shared_ptr<const Frame>& frame, double at_s) = 0;
   /// Black at once, on every way out; never throws, gives up after a second.
   virtual void black() noexcept = 0;
   /// For displays that are models, in lockstep: time passes up to here. Throws as `show`.
   virtual void tick(double /*at_s*/) {}
+  /// Called now and then while nothing is to be shown. Throws as `show` when the display is gone,
+  /// covered or moved meanwhile.
+  virtual void watch() {}
   virtual std::string describe() const = 0;
 };
 

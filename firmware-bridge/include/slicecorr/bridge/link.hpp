@@ -18,6 +18,8 @@ class Link {
   /// time. A set-point that was not answered may have been taken over all the same. Never blocks
   /// longer than two response timeouts, never throws for what happens on the wire.
   virtual std::optional<Status> exchange(const SetPoints& set_points) = 0;
+  /// Only reads the status, as `exchange` does.
+  virtual std::optional<Status> look() = 0;
   /// Why there was no answer, for the journal.
   virtual std::string last_error() const = 0;
 };

@@ -1,7 +1,8 @@
 /// @file machine.hpp
 /// What the bridge knows of a machine, besides the optics in `Printer`: how its stage moves, what
 /// its lamps can do, how it is spoken to. All of it is data in the printer file, so that another
-/// machine needs no code: tables [stage], [lamps], [bridge] and [modbus] (docs/bridge.md).
+/// machine needs no code: tables [stage], [lamps], [bridge],
+/// [projector] and [modbus] (docs/bridge.md).
 #pragma once
 
 #include <cstdint>
@@ -47,7 +48,16 @@ struct Limits {
   int max_late_frames = 0;           ///< late frames borne (each within ten times max_late_um)
   double display_latency_s = 0;      ///< from showing a frame to its light
   double max_temperature_c = 60;
-  int ring_frames = 16;  ///< decoded ahead, at least 8
+  int ring_frames = 16;  ///< decoded ahead, at least 8, as far as memory goes (`FrameRing`)
+};
+
+/// [projector]: which channel of the display's colours carries which light.
+enum class Channel { red, green, blue, all };
+std::string_view name_of(Channel channel);
+struct Projector {
+  Channel blue = Channel::all;  ///< all: a grey picture; not where UV is patterned
+  Channel uv = Channel::red;    ///< only where UV is patterned
+  std::string output;           ///< name of the display, "HDMI-1"; empty: the only or first one
 };
 
 enum class Transport { tcp, rtu };
@@ -120,6 +130,7 @@ struct Machine {
   Stage stage;
   LampDrive blue, uv;
   Limits limits;
+  Projector projector;
   std::optional<RegisterMap> modbus;
   std::string path;  ///< of the file
 };

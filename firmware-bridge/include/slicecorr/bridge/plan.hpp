@@ -38,6 +38,9 @@ struct PrintPlan {
   double expected_s = 0;            ///< from start to end
   double black_mw_cm2 = 0;          ///< what the projector gives with the lamp on and black shown
   double uv_max_mw_cm2 = 0;         ///< of the UV lamp at full share
+  /// Layer by layer: what black gives while the lamp shines before and after the exposures, in all,
+  /// as a share of the dose that gels. It is in no stack.
+  double black_excess = 0;
   bool lamps_follow() const {
     return mode == ExposureMode::continuous && ramp == Ramp::lamp_follows;
   }

@@ -11,10 +11,10 @@
 
 namespace slicecorr::bridge {
 
-/// Events as JSON, one per line: time (UTC), at_s, what, detail, frame, stage_um. A thread of its
-/// own writes: `add` never waits for the disk. What is `important` is on the disk (fdatasync) as
-/// soon as the disk can, the rest within a second. A line that a power cut halved is ignored by
-/// readers. Throws `DeviceError` when it can't be begun.
+/// Events as JSON, one per line: time (UTC), at_s, what, detail, frame, stage_um, facts. A thread
+/// of its own writes: `add` never waits for the disk. What is `important` is on the disk
+/// (fdatasync) as soon as the disk can, the rest within a second. A line that a power cut halved is
+/// ignored by readers. Throws `DeviceError` when it can't be begun.
 class Journal {
  public:
   /// An earlier journal is kept beside it as journal.previous.jsonl.
@@ -32,13 +32,19 @@ class Journal {
 };
 
 /// frame, planned_z_um, z_um, planned_s, shown_s, late_um, speed_um_s, blue_share, uv_mw_cm2,
-/// blue_measured, uv_measured; z is counted from the first slice's begin. Never blocks the print: a
-/// thread of its own writes. An earlier one is kept beside it as frames.previous.csv.
+/// blue_measured, uv_measured, late (0 or 1), stage_error_um, temperature_c, exposure_s, exposed_s,
+/// vblank, missed_vblanks, upload_s, present_s; what is not known is empty. z is counted from the
+/// first slice's begin. Never blocks the print: a thread of its own writes. An earlier one is kept
+/// beside it as frames.previous.csv.
 class FrameLog {
  public:
   FrameLog(const std::string& path, double start_um);
   ~FrameLog();
   void add(const FrameRecord& record);
+  /// Waits until all is on the disk.
+  void flush();
+  /// Why something could not be written; empty: all was.
+  std::string trouble() const;
 
  private:
   struct Impl;
@@ -77,6 +83,7 @@ struct Latch {
   std::string detail, stack;
   int frame = -1;
   double stage_um = 0;
+  double z_um = 0;  ///< from the first slice's begin
 };
 /// Also found where a print was killed: nobody prints (or `locked`: the caller does, or will), and
 /// the journal has no end.

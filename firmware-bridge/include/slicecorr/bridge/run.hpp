@@ -32,7 +32,9 @@ struct Ending {
   int frames = 0, frames_shown = 0, late_frames = 0, frame = -1;
   double worst_late_um = 0, worst_stage_error_um = 0, seconds = 0, stage_um = 0;
   int missed_cycles = 0;  ///< cycles that began more than one cycle late
+  Lateness lateness;
   bool latched = false;
+  std::string left;     ///< after a fault: in what state lamps and stage are, as far as is known
   std::string trouble;  ///< what could not be recorded
 };
 
@@ -48,6 +50,10 @@ Ending run_print(const FrameSource& frames, const PrintPlan& plan, const Machine
 /// Asks the printbridge that prints now: "status", "pause", "resume" or "stop". Its answer is JSON;
 /// nothing when none prints. Throws `DeviceError` when it does not answer.
 std::optional<std::string> ask_running(const StateFolder& folder, const std::string& request);
+
+/// Only reads, for some cycles: whether somebody else drives the machine. Throws `InputError` when
+/// so, `DeviceError` when it does not answer.
+void check_alone(Link& link, Clock& clock, const Machine& machine);
 
 /// Tells the machine to reset, when its interlocks are closed. Throws `DeviceError` saying what is
 /// against it.

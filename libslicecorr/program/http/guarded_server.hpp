@@ -12,10 +12,11 @@
 #include <deque>
 #include <functional>
 #include <mutex>
+#include <string>
 #include <thread>
 #include <vector>
 
-namespace slicecorr::farm::detail {
+namespace slicecorr::http {
 
 struct ConnectionLimits {
   int threads = 16, most_waiting = 64, header_bytes = 16 << 10;
@@ -78,6 +79,8 @@ class GuardedServer : public httplib::Server {
  public:
   explicit GuardedServer(const ConnectionLimits& limits);
   ~GuardedServer() override;
+  /// The port; `port` 0: one that is free. Throws `DeviceError` when it can't be had.
+  int bind(const std::string& host, int port);
   /// Ends `listen_after_bind`; requests that are being read or answered are cut off.
   void stop_now();
   bool stopping() const { return stopping_; }
@@ -91,4 +94,7 @@ class GuardedServer : public httplib::Server {
   std::atomic<bool> stopping_{false};
 };
 
-}  // namespace slicecorr::farm::detail
+/// "http://127.0.0.1:8123".
+std::string address_text(const std::string& host, int port);
+
+}  // namespace slicecorr::http

@@ -1,4 +1,4 @@
-#include "terminal.hpp"
+#include "program/terminal.hpp"
 
 #include <fmt/format.h>
 #include <poll.h>
@@ -12,7 +12,7 @@
 
 #include "slicecorr/error.hpp"
 
-namespace slicecorr::farm {
+namespace slicecorr::cli {
 
 namespace {
 
@@ -124,4 +124,4 @@ FrameTerminal::Key FrameTerminal::wait(int milliseconds) {
   return Key::none;
 }
 
-}  // namespace slicecorr::farm
+}  // namespace slicecorr::cli

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-namespace slicecorr::farm::detail {
+namespace slicecorr::http {
 
 /// A request that is answered with an error. The message never repeats what the client sent.
 class ApiError : public std::runtime_error {
@@ -46,4 +46,8 @@ void check_access(const GuardRules& rules, const httplib::Request& request, Acce
 /// length, encoded ones, and those above `most`.
 std::int64_t body_bytes(const httplib::Request& request, std::int64_t most);
 
-}  // namespace slicecorr::farm::detail
+/// Reads a bearer token: the first line of a file that only its owner can read (mode 0600 or 0400),
+/// 32 to 512 printable characters. Throws `InputError`.
+std::string read_token_file(const std::string& path);
+
+}  // namespace slicecorr::http

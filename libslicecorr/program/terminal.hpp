@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-namespace slicecorr::farm {
+namespace slicecorr::cli {
 
 class FrameTerminal {
  public:
@@ -38,4 +38,4 @@ class FrameTerminal {
   bool fresh_ = true;  ///< nothing of what was shown is there any more
 };
 
-}  // namespace slicecorr::farm
+}  // namespace slicecorr::cli

@@ -1,6 +1,7 @@
-#include "serve/guarded_server.hpp"
+#include "program/http/guarded_server.hpp"
 
 #include <arpa/inet.h>
+#include <fmt/format.h>
 #include <netinet/in.h>
 #include <poll.h>
 #include <sys/eventfd.h>
@@ -12,9 +13,10 @@
 #include <cstring>
 #include <string_view>
 
+#include "program/http/answers.hpp"
 #include "slicecorr/error.hpp"
 
-namespace slicecorr::farm::detail {
+namespace slicecorr::http {
 
 namespace {
 
@@ -218,6 +220,33 @@ GuardedServer::GuardedServer(const ConnectionLimits& limits)
 
 GuardedServer::~GuardedServer() { ::close(stop_fd_); }
 
+int GuardedServer::bind(const std::string& host, int port) {
+  set_tcp_nodelay(true);
+  // Not SO_REUSEPORT, which httplib sets: a second server would get half of the connections.
+  set_socket_options([](socket_t socket) {
+    const int yes = 1;
+    ::setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
+  });
+  set_exception_handler(
+      [](const httplib::Request&, httplib::Response& response, std::exception_ptr) {
+        send_error(response, 500, "defect", "a defect of the program");
+      });
+  // Answers that httplib gives by itself: requests that can't be read.
+  set_error_handler([](const httplib::Request&, httplib::Response& response) {
+    if (response.body.empty() && response.content_length_ == 0) {
+      send_error(response, response.status, "request", "the request can't be served");
+    }
+  });
+  if (port == 0) {
+    port = bind_to_any_port(host);
+  } else if (!bind_to_port(host, port)) {
+    throw DeviceError(fmt::format(
+        "{}:{} can't be listened to: in use, or no address of this machine", host, port));
+  }
+  if (port > 0) return port;
+  throw DeviceError(host + " can't be listened to: no address of this machine");
+}
+
 void GuardedServer::stop_now() {
   stopping_ = true;
   const std::uint64_t one = 1;
@@ -249,4 +278,9 @@ bool GuardedServer::process_and_close_socket(socket_t socket) {
   return good;
 }
 
-}  // namespace slicecorr::farm::detail
+std::string address_text(const std::string& host, int port) {
+  const bool numbers = host.find(':') != std::string::npos;  // of IPv6
+  return fmt::format("http://{}{}{}:{}", numbers ? "[" : "", host, numbers ? "]" : "", port);
+}
+
+}  // namespace slicecorr::http

@@ -1,4 +1,4 @@
-#include "serve/guard.hpp"
+#include "program/http/guard.hpp"
 
 #include <arpa/inet.h>
 #include <fcntl.h>
@@ -14,11 +14,8 @@
 #include <string_view>
 
 #include "slicecorr/error.hpp"
-#include "slicecorr/farm/serve.hpp"
 
-namespace slicecorr::farm {
-
-namespace detail {
+namespace slicecorr::http {
 
 namespace {
 
@@ -131,8 +128,6 @@ std::int64_t body_bytes(const httplib::Request& request, std::int64_t most) {
   return bytes;
 }
 
-}  // namespace detail
-
 std::string read_token_file(const std::string& path) {
   const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (file < 0) throw InputError(path, "", "can't be read; expected a file with a token");
@@ -158,4 +153,4 @@ std::string read_token_file(const std::string& path) {
   return token;
 }
 
-}  // namespace slicecorr::farm
+}  // namespace slicecorr::http

@@ -1,0 +1,22 @@
+#include <algorithm>
+
+#include "slicecorr/bridge/control.hpp"
+
+namespace slicecorr::bridge {
+namespace {
+
+template <typename Bounds, typename Counts>
+void count(const Bounds& bounds, Counts& counts, double late, double& sum, double& worst) {
+  late = std::max(0.0, late);
+  const auto at = std::lower_bound(bounds.begin(), bounds.end(), late) - bounds.begin();
+  ++counts[static_cast<std::size_t>(at)];
+  sum += late;
+  worst = std::max(worst, late);
+}
+
+}  // namespace
+
+void Lateness::add_um(double late_um) { count(bounds_um, um, late_um, sum_um, worst_um); }
+void Lateness::add_ms(double late_ms) { count(bounds_ms, ms, late_ms, sum_ms, worst_ms); }
+
+}  // namespace slicecorr::bridge

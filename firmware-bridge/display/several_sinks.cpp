@@ -1,0 +1,103 @@
+#include <fmt/format.h>
+
+#include <utility>
+
+#include "frames/wire.hpp"
+#include "slicecorr/bridge/display.hpp"
+#include "slicecorr/error.hpp"
+
+namespace slicecorr::bridge {
+namespace {
+
+class SeveralSinks final : public FrameSink {
+ public:
+  explicit SeveralSinks(std::vector<std::unique_ptr<FrameSink>> sinks) : sinks_(std::move(sinks)) {}
+
+  Shown show(const std::shared_ptr<const Frame>& frame, double at_s) override {
+    const Shown first = sinks_.front()->show(frame, at_s);
+    for (std::size_t i = 1; i < sinks_.size(); ++i) {
+      const Shown other = sinks_[i]->show(frame, at_s);
+      if (other.number != first.number) {
+        throw DeviceError(fmt::format("{} shows image {}, {} image {}", sinks_.front()->describe(),
+                                      first.number, sinks_[i]->describe(), other.number));
+      }
+    }
+    return first;
+  }
+  void black() noexcept override {
+    for (const auto& sink : sinks_) sink->black();
+  }
+  void tick(double at_s) override {
+    for (const auto& sink : sinks_) sink->tick(at_s);
+  }
+  void watch() override {
+    for (const auto& sink : sinks_) sink->watch();
+  }
+  std::string describe() const override {
+    std::string all;
+    for (const auto& sink : sinks_) all += (all.empty() ? "" : ", ") + sink->describe();
+    return all;
+  }
+
+ private:
+  std::vector<std::unique_ptr<FrameSink>> sinks_;
+};
+
+/// "drm:A:B" -> "drm", "A", "B".
+std::vector<std::string> parts_of(const std::string& name) {
+  std::vector<std::string> parts{""};
+  for (const char c : name) {
+    if (c == ':') {
+      parts.emplace_back();
+    } else {
+      parts.back() += c;
+    }
+  }
+  return parts;
+}
+
+}  // namespace
+
+std::unique_ptr<FrameSink> make_several_sinks(std::vector<std::unique_ptr<FrameSink>> sinks) {
+  return std::make_unique<SeveralSinks>(std::move(sinks));
+}
+
+std::unique_ptr<FrameSink> open_sinks(const std::vector<std::string>& names, const Machine& machine,
+                                      const WireHello& hello, Clock& clock) {
+  // What can be said without opening anything, first.
+  int windows = 0;
+  for (const std::string& name : names) {
+    const auto parts = parts_of(name);
+    const bool wire = name.starts_with("unix:") || name.starts_with("tcp:");
+    const bool window = parts[0] == "window" && parts.size() <= 2;
+    const bool drm = parts[0] == "drm" && parts.size() <= 3;
+    if (!wire && !window && !drm && name != "null") {
+      throw InputError(
+          fmt::format("--sink is '{}', expected window[:DISPLAY], "
+                      "drm[:CARD[:CONNECTOR]], unix:PATH, tcp:HOST:PORT or null",
+                      name));
+    }
+    if (window && ++windows > 1) throw InputError("two windows; expected one --sink window");
+    if (drm && hello.lockstep) {
+      throw InputError(name + " has a time of its own; expected no --lockstep with it");
+    }
+  }
+  std::vector<std::unique_ptr<FrameSink>> sinks;
+  for (const std::string& name : names) {
+    auto parts = parts_of(name);
+    parts.resize(3);
+    if (parts[0] == "window") {
+      sinks.push_back(make_window_sink(parts[1], machine, clock));
+    } else if (parts[0] == "drm") {
+      sinks.push_back(make_drm_sink(parts[1], parts[2], machine, clock));
+    } else if (name == "null") {
+      sinks.push_back(make_null_sink(clock));
+    } else {
+      sinks.push_back(make_wire_sink(name, hello, clock));
+    }
+  }
+  if (sinks.empty()) return make_null_sink(clock);
+  return sinks.size() == 1 ? std::move(sinks.front()) : make_several_sinks(std::move(sinks));
+}
+
+}  // namespace slicecorr::bridge

@@ -1,0 +1,65 @@
+/// @file print_state.hpp
+/// What is told of a print: facts that stay, and how it stands now. The control thread only copies
+/// numbers; text is made of them by whoever asks.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "slicecorr/bridge/control.hpp"
+#include "slicecorr/bridge/machine.hpp"
+#include "slicecorr/bridge/plan.hpp"
+
+namespace slicecorr::bridge {
+
+/// Settled before anything moves.
+struct PrintFacts {
+  std::string stack, printer, display;
+  bool dry_run = false, layerwise = false, uv = false;
+  int frames = 0;
+  double layer_um = 0;
+  double speed_um_s = 0;                            ///< planned; 0 layer by layer
+  double start_um = 0, end_um = 0, expected_s = 0;  ///< as in `PrintPlan`
+  double max_late_um = 0, tolerance_um = 0, cycle_s = 0;
+  int max_late_frames = 0, ring_frames = 0;
+};
+PrintFacts facts_of(const PrintPlan& plan, const Machine& machine);
+
+/// How a print stands at `at_s` of its clock.
+struct PrintState {
+  Phase phase = Phase::connecting;
+  Fault fault = Fault::none;
+  std::string detail;  ///< of the fault
+  int frame = -1;      ///< on the display; -1: black
+  int frames_shown = 0, late_frames = 0, missed_cycles = 0;
+  double at_s = 0, phase_since_s = 0;
+  double stage_um = 0, speed_um_s = 0, stage_error_um = 0;
+  double worst_late_um = 0, worst_stage_error_um = 0;
+  double blue_share = 0, blue_measured = 0, uv_mw_cm2 = 0;
+  std::optional<double> uv_measured, temperature_c;
+  Lateness lateness;
+  std::uint64_t told = 0;  ///< how often the control thread has handed this over
+};
+PrintState state_of(const Controller& controller, double at_s, int missed_cycles);
+
+/// What is not known of the state by the control thread, or costs something to know.
+struct PrintAround {
+  std::optional<int> ready_frames;     ///< decoded ahead
+  std::optional<std::uint64_t> asked;  ///< questions that were answered so far
+  std::optional<double> seconds;       ///< how long the print took; it has ended
+  std::string threads;                 ///< real-time priority and memory locking, as it was got
+};
+
+/// Until the end of the last slice, at the planned pace; nothing after it and on a fault.
+std::optional<double> left_s(const PrintFacts& facts, const PrintState& state);
+
+/// One JSON object (docs/bridge.md). The same text in `status`, in status.json and, the facts
+/// alone, in the journal's first line.
+std::string state_json(const PrintFacts& facts, const PrintState& state, const PrintAround& around);
+std::string facts_json(const PrintFacts& facts);
+
+/// What somebody should do about a fault.
+std::string_view what_to_do(Fault fault);
+
+}  // namespace slicecorr::bridge

@@ -1,0 +1,289 @@
+// `printbridge status`, `watch`, `report`, `serve` and `metrics`.
+
+#include "view_commands.hpp"
+
+#include <fmt/format.h>
+#include <poll.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <fstream>
+#include <memory>
+
+#include "program/http/guard.hpp"
+#include "program/http/run_server.hpp"
+#include "program/terminal.hpp"
+#include "program/words.hpp"
+#include "slicecorr/bridge/run.hpp"
+#include "slicecorr/bridge/serve.hpp"
+#include "slicecorr/bridge/view.hpp"
+#include "slicecorr/error.hpp"
+
+namespace slicecorr::bridge {
+namespace {
+
+/// Below everything that prints.
+constexpr int nice_level = 10;
+
+struct Looker {
+  explicit Looker(const PrinterOptions& o) {
+    const Printer p = load_printer(o.printer);
+    printer = p.name;
+    folder = StateFolder::of(o.dir, p);
+  }
+  /// A print that ends while it is asked does not run.
+  std::string status() const {
+    std::optional<std::string> running;
+    try {
+      running = ask_running(folder, "status");
+    } catch (const DeviceError&) {
+      if (PrintLock::held(folder)) running = "{}";
+    }
+    return status_text(folder, printer, running);
+  }
+  Seen seen() const { return seen_in(status()); }
+
+  std::string printer;
+  StateFolder folder;
+};
+
+struct StatusOptions {
+  PrinterOptions printer;
+  std::string json;
+};
+
+int status(const StatusOptions& o) {
+  const Looker looker(o.printer);
+  const std::string json = looker.status();
+  if (!o.json.empty()) {
+    cli::print_or_write(o.json, json);
+    return cli::kDone;
+  }
+  const Seen seen = seen_in(json);
+  const double z_mm = (seen.state.stage_um - seen.facts.start_um) * 1e-3;
+  std::string out = fmt::format("printer   {}\n", looker.printer);
+  if (seen.running && seen.known) {
+    out += fmt::format("phase     {}{}\n", name_of(seen.state.phase),
+                       seen.facts.dry_run ? ", without light" : "");
+    out += fmt::format("frame     {} of {}, z = {:.3f} mm\n", seen.state.frame, seen.facts.frames,
+                       z_mm);
+    out += fmt::format("late      {} frames, at most {:.2f} um\n", seen.state.late_frames,
+                       seen.state.lateness.worst_um);
+    if (seen.left_s) out += fmt::format("left      {}\n", words::duration(*seen.left_s));
+  } else {
+    out += seen.running ? "phase     starting\n" : "phase     no print\n";
+    if (seen.known) out += fmt::format("last      {}\n", live_line(seen));
+  }
+  if (const auto latch = read_latch(looker.folder, false)) {
+    out += fmt::format("latched   {}: {} ({}); see the machine, then `printbridge reset`\n",
+                       name_of(latch->fault), words::printable(latch->detail),
+                       latch->frame < 0 ? std::string("before the first frame")
+                                        : fmt::format("frame {}, z = {:.3f} mm", latch->frame,
+                                                      latch->z_um * 1e-3));
+  }
+  cli::print_result(out);
+  return cli::kDone;
+}
+
+struct WatchOptions {
+  PrinterOptions printer;
+  double interval_s = 0.5;
+  bool once = false, until_end = false;
+  int columns = 100, rows = 30;
+};
+
+int watch_terminal(const WatchOptions& o, const Looker& looker) {
+  const char* const plain = std::getenv("NO_COLOR");
+  const bool colour = plain == nullptr || *plain == 0;
+  cli::FrameTerminal terminal;
+  while (!cli::interrupted()) {
+    const Seen seen = looker.seen();
+    terminal.show(live_frame(seen, terminal.columns(), terminal.rows(), colour));
+    if (o.until_end && !seen.running) return cli::kDone;
+    switch (terminal.wait(static_cast<int>(o.interval_s * 1000))) {
+      case cli::FrameTerminal::Key::quit:
+        return cli::kDone;
+      case cli::FrameTerminal::Key::interrupt:
+        return cli::kInterrupted;
+      case cli::FrameTerminal::Key::none:
+        break;
+    }
+  }
+  return cli::kInterrupted;
+}
+
+/// New lines of the journal, also of the next print's.
+class JournalTail {
+ public:
+  explicit JournalTail(std::string path) : path_(std::move(path)) {
+    struct stat s {};
+    if (::stat(path_.c_str(), &s) == 0) {
+      inode_ = s.st_ino;
+      at_ = s.st_size;
+    }
+  }
+  /// Whole lines only; the rest comes with the next look.
+  std::vector<std::string> next() {
+    struct stat s {};
+    if (::stat(path_.c_str(), &s) != 0) return {};
+    if (s.st_ino != inode_ || s.st_size < at_) {
+      inode_ = s.st_ino;
+      at_ = 0;
+    }
+    std::vector<std::string> lines;
+    std::ifstream in(path_);
+    in.seekg(at_);
+    for (std::string line; std::getline(in, line) && !in.eof();) {
+      at_ += static_cast<off_t>(line.size()) + 1;
+      if (auto text = event_line(line); !text.empty()) lines.push_back(std::move(text));
+    }
+    return lines;
+  }
+
+ private:
+  std::string path_;
+  ino_t inode_ = 0;
+  off_t at_ = 0;
+};
+
+/// Each event as a line, and how far the print is every ten seconds and when its phase changes.
+int watch_lines(const WatchOptions& o, const Looker& looker) {
+  constexpr int every = 10;
+  JournalTail journal(looker.folder.file("journal.jsonl"));
+  std::string kind;
+  double told_s = -every, now_s = 0;
+  while (!cli::interrupted()) {
+    const Seen seen = looker.seen();
+    for (const std::string& line : journal.next()) cli::print_result(line + "\n");
+    const std::string now =
+        fmt::format("{} {} {}", seen.running, name_of(seen.state.phase), seen.known);
+    if (now != kind || (seen.running && now_s - told_s >= every)) {
+      cli::print_result(live_line(seen) + "\n");
+      kind = now;
+      told_s = now_s;
+    }
+    if (o.until_end && !seen.running) return cli::kDone;
+    ::poll(nullptr, 0, static_cast<int>(o.interval_s * 1000));
+    now_s += o.interval_s;
+  }
+  return cli::kInterrupted;
+}
+
+int watch(const WatchOptions& o) {
+  const Looker looker(o.printer);
+  if (o.once) {
+    std::string text;
+    for (const std::string& line : live_frame(looker.seen(), o.columns, o.rows, false)) {
+      text += line + "\n";
+    }
+    cli::print_result(text);
+    return cli::kDone;
+  }
+  return cli::FrameTerminal::possible() ? watch_terminal(o, looker) : watch_lines(o, looker);
+}
+
+struct OutputOptions {
+  PrinterOptions printer;
+  std::string output;
+};
+
+int report(const OutputOptions& o) {
+  const Looker looker(o.printer);
+  const std::string page = report_page(read_record(looker.folder, PrintLock::held(looker.folder)));
+  if (o.output.empty()) {
+    write_whole(looker.folder.file("report.html"), page);
+    cli::print_result(looker.folder.file("report.html") + "\n");
+  } else {
+    cli::print_or_write(o.output, page);
+  }
+  return cli::kDone;
+}
+
+int metrics(const OutputOptions& o) {
+  const Looker looker(o.printer);
+  const std::string text = metrics_text(looker.seen(), count_faults(looker.folder));
+  if (o.output.empty() || o.output == "-") {
+    cli::print_result(text);
+  } else {
+    cli::write_text_file(o.output, text);
+  }
+  return cli::kDone;
+}
+
+struct ServeCommand {
+  PrinterOptions printer;
+  std::string listen = "127.0.0.1:8421", token_file;
+  std::vector<std::string> host_names;
+};
+
+int serve(const ServeCommand& o, cli::Console& console) {
+  const Looker looker(o.printer);
+  ServeOptions options;
+  std::tie(options.host, options.port) = http::host_and_port(o.listen);
+  if (!o.token_file.empty()) options.token = http::read_token_file(o.token_file);
+  for (const std::string& name : o.host_names) options.host_names += name + ",";
+  options.status = [&looker] { return looker.status(); };
+  PrintServer server(looker.folder, options);
+  http::take_sigterm();
+  cli::print_result(server.address() + "\n");
+  console.say("serving; nothing can be changed");
+  return http::serve_until_ended([&] { server.run(); }, [&] { server.stop(); });
+}
+
+/// What only looks is never in the way of what prints.
+cli::Program::Action politely(const std::function<int(cli::Console&)>& action) {
+  return [action](const Job&, cli::Console& console) {
+    [[maybe_unused]] const int level = ::nice(nice_level);
+    return action(console);
+  };
+}
+
+}  // namespace
+
+void add_view_commands(const AddCommand& add) {
+  {
+    auto o = std::make_shared<StatusOptions>();
+    auto* const s = add("status", "What the print does, or how the last one ended", o->printer,
+                        [o](const Job&, cli::Console&) { return status(*o); });
+    s->add_option("--json", o->json, "Write JSON to this file, - for stdout");
+  }
+  {
+    auto o = std::make_shared<WatchOptions>();
+    auto* const w = add("watch", "Follow the print on the terminal; q quits", o->printer,
+                        politely([o](cli::Console&) { return watch(*o); }));
+    w->add_option("--interval-s", o->interval_s, "Time between two looks [0.5]")
+        ->check(cli::number_in(0.05, 3600));
+    w->add_flag("--until-end", o->until_end, "End when no print runs");
+    w->add_flag("--once", o->once, "Print one frame and end");
+    w->add_option("--columns", o->columns, "Width of a frame with --once [100]")
+        ->check(CLI::Range(20, 1000));
+    w->add_option("--rows", o->rows, "Height of a frame with --once [30]")
+        ->check(CLI::Range(5, 1000));
+  }
+  {
+    auto o = std::make_shared<OutputOptions>();
+    auto* const r = add("report", "Write the page of the last print, or the one that runs",
+                        o->printer, politely([o](cli::Console&) { return report(*o); }));
+    r->add_option("-o,--output", o->output, "The page; - for stdout [report.html of the state]");
+  }
+  {
+    auto o = std::make_shared<ServeCommand>();
+    auto* const s = add("serve", "Serve a live page, state and metrics; prints its address",
+                        o->printer, politely([o](cli::Console& c) { return serve(*o, c); }));
+    s->add_option("--listen", o->listen, "HOST:PORT; port 0: one that is free [127.0.0.1:8421]");
+    s->add_option("--token-file", o->token_file,
+                  "File (mode 0600) with the token that requests beyond this machine need");
+    s->add_option("--host-name", o->host_names,
+                  "Further name under which browsers reach this server, as NAME");
+  }
+  {
+    auto o = std::make_shared<OutputOptions>();
+    auto* const m = add("metrics", "Write metrics for Prometheus, once", o->printer,
+                        politely([o](cli::Console&) { return metrics(*o); }));
+    m->add_option("-o,--output", o->output,
+                  "File, which appears whole: for the textfile collector [stdout]");
+  }
+}
+
+}  // namespace slicecorr::bridge

@@ -1,0 +1,232 @@
+// The live view: what a frame shows. How it gets onto a terminal is the program's matter.
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <numeric>
+
+#include "program/live_line.hpp"
+#include "program/words.hpp"
+#include "slicecorr/bridge/view.hpp"
+#include "view/charts.hpp"
+#include "view/state_json.hpp"
+
+namespace slicecorr::bridge {
+namespace {
+
+using cli::Ink;
+using cli::Line;
+
+/// Without "-0.00".
+double calm(double value) { return std::abs(value) < 0.005 ? 0 : value; }
+
+double height_um(const Seen& seen) { return seen.facts.frames * seen.facts.layer_um; }
+
+double z_um(const Seen& seen) { return seen.state.stage_um - seen.facts.start_um; }
+
+double done(const Seen& seen) {
+  return seen.facts.frames > 0 ? 1.0 * seen.state.frames_shown / seen.facts.frames : 0;
+}
+
+std::string stack_name(const Seen& seen) {
+  return words::printable(std::filesystem::path(seen.facts.stack).filename().string());
+}
+
+bool failed(const Seen& seen) { return seen.state.fault != Fault::none; }
+
+/// "was done in 4 min 05 s", "failed".
+std::string how_it_ended(const Seen& seen) {
+  if (seen.state.phase == Phase::done && !failed(seen)) {
+    return seen.around.seconds ? "was done in " + words::duration(*seen.around.seconds)
+                               : "was done";
+  }
+  return failed(seen) ? fmt::format("ended with {}", name_of(seen.state.fault))
+                      : std::string("was cut off");
+}
+
+template <typename Bounds, typename Counts>
+void put_histogram(std::vector<std::string>& lines, int columns, bool colour, int room,
+                   const Bounds& bounds, const Counts& counts, const char* unit) {
+  const auto most = *std::max_element(counts.begin(), counts.end());
+  if (most == 0) return;
+  const auto names = detail::bound_names(bounds.data(), bounds.size());
+  // From the first to the last that holds something; the last ones when there is no room for all.
+  std::size_t first = 0, last = counts.size() - 1;
+  while (counts[first] == 0) ++first;
+  while (counts[last] == 0) --last;
+  if (static_cast<int>(last - first) + 1 > room) {
+    first = last + 1 - static_cast<std::size_t>(std::max(1, room));
+  }
+  for (std::size_t i = first; i <= last && static_cast<int>(i - first) < room; ++i) {
+    Line line(columns, colour);
+    const bool beyond = i + 1 == counts.size();
+    line.put(words::padded(beyond ? fmt::format("over {:g} {}", bounds.back(), unit)
+                                  : fmt::format("up to {} {}", names[i], unit),
+                           14, true) +
+                 " ",
+             Ink::dim);
+    // Logarithmic: one late frame among ten thousand is seen.
+    const double share = counts[i] == 0 ? 0
+                                        : (1 + std::log10(static_cast<double>(counts[i]))) /
+                                              (1 + std::log10(static_cast<double>(most)));
+    line.put(words::bar(share, std::clamp(columns - 30, 4, 40)) + " ", Ink::busy);
+    line.put(words::count(static_cast<std::int64_t>(counts[i])));
+    lines.push_back(line.text());
+  }
+}
+
+std::string lamp_text(double asked, const std::optional<double>& measured, const char* unit,
+                      int digits) {
+  return fmt::format(
+      "{:.{}f}{} asked, {} measured", asked, digits, unit,
+      measured ? fmt::format("{:.{}f}{}", *measured, digits, unit) : std::string("not"));
+}
+
+}  // namespace
+
+std::string live_line(const Seen& seen) {
+  const PrintState& s = seen.state;
+  if (!seen.running) {
+    std::string text = "no print runs";
+    if (seen.known) {
+      text += fmt::format("; the last, {}, {}: {} of {} frames", stack_name(seen),
+                          how_it_ended(seen), s.frames_shown, seen.facts.frames);
+    }
+    if (seen.latched) {
+      text += fmt::format("; latched: {}: {}; to do: {}, then printbridge reset",
+                          name_of(seen.latched_fault), words::printable(seen.latched_detail),
+                          what_to_do(seen.latched_fault));
+    }
+    return text;
+  }
+  if (!seen.known) return "a print begins";
+  std::string text = fmt::format("{}, frame {} of {}, z {:.3f} mm", name_of(s.phase),
+                                 s.frames_shown, seen.facts.frames, z_um(seen) * 1e-3);
+  if (failed(seen)) {
+    return text + fmt::format(", {}: {}; to do: {}", name_of(s.fault), words::printable(s.detail),
+                              what_to_do(s.fault));
+  }
+  text += seen.facts.layerwise
+              ? fmt::format(", worst exposure {:.2f} ms too long", s.lateness.worst_ms)
+              : fmt::format(", {:.1f} mm/h, worst {:.2f} um late", s.speed_um_s * 3.6,
+                            std::max(s.worst_late_um, s.lateness.worst_um));
+  text += fmt::format(", {} late", s.late_frames);
+  if (seen.left_s) text += ", " + words::duration(*seen.left_s) + " left";
+  return text;
+}
+
+std::string event_line(const std::string& journal_line) {
+  const detail::Json json = detail::Json::parse(journal_line, nullptr, false);
+  const std::string what = detail::text_in(json, "what"), more = detail::text_in(json, "detail");
+  if (what.empty()) return {};
+  const int frame = detail::whole_in(json, "frame", -1);
+  return words::clipped(
+      words::printable(fmt::format("{}  {:10.3f} s  {}{}{}", detail::text_in(json, "time"),
+                                   detail::number_in(json, "at_s", 0), what,
+                                   frame < 0 ? "" : fmt::format(" (frame {})", frame),
+                                   more.empty() ? "" : ": " + more)),
+      500);
+}
+
+std::vector<std::string> live_frame(const Seen& seen, int columns, int rows, bool colour) {
+  std::vector<std::string> lines;
+  const auto line = [&] { return Line(columns, colour); };
+  const auto add = [&](const Line& l) { lines.push_back(l.text()); };
+  const PrintFacts& f = seen.facts;
+  const PrintState& s = seen.state;
+  const auto fact = [&](const char* name, const std::string& text, Ink ink = Ink::plain) {
+    add(line().put(words::padded(name, 13), Ink::dim).put(text, ink));
+  };
+
+  Line head = line();
+  head.put("printbridge  ", Ink::bold).put(words::printable(seen.printer), Ink::dim);
+  add(head);
+  if (!seen.running) {
+    add(line().put("no print runs"));
+    if (seen.known) {
+      add(line()
+              .put("the last, ")
+              .put(stack_name(seen), Ink::bold)
+              .put(", " + how_it_ended(seen), failed(seen) ? Ink::bad : Ink::good));
+    }
+  } else if (!seen.known) {
+    add(line().put("a print begins"));
+  } else {
+    add(line()
+            .put(std::string(name_of(s.phase)), failed(seen) ? Ink::bad : Ink::busy)
+            .put(fmt::format(" for {}  ", words::duration(s.at_s - s.phase_since_s)), Ink::dim)
+            .put(stack_name(seen), Ink::bold)
+            .put(f.dry_run ? "  without light" : "", Ink::bad));
+  }
+  if (seen.known) {
+    Line bar = line();
+    cli::put_bar(bar, done(seen), std::clamp(columns - 48, 8, 60),
+                 failed(seen) ? Ink::bad : Ink::good);
+    bar.put(fmt::format(" {:3d} %  ", static_cast<int>(100 * done(seen) + 1e-9)));
+    if (seen.running) {
+      bar.put(words::duration(s.at_s) + " elapsed");
+      if (seen.left_s) bar.put(", " + words::duration(*seen.left_s) + " left");
+    }
+    add(bar);
+  }
+  // What is wrong comes before all figures.
+  if (seen.latched || failed(seen)) {
+    const Fault fault = failed(seen) ? s.fault : seen.latched_fault;
+    const std::string& detail = failed(seen) ? s.detail : seen.latched_detail;
+    lines.emplace_back();
+    add(line().put(fmt::format("{}: {}", name_of(fault), words::printable(detail)), Ink::bad));
+    add(line().put(fmt::format("to do: {}{}", what_to_do(fault),
+                               seen.latched && !seen.running ? ", then `printbridge reset`" : ""),
+                   Ink::bold));
+  }
+  if (seen.known) {
+    lines.emplace_back();
+    fact("frame", fmt::format("{} of {}{}", words::count(s.frames_shown), words::count(f.frames),
+                              s.frame < 0 && seen.running ? ", black is shown" : ""));
+    fact("z", fmt::format("{:.3f} of {:.3f} mm", z_um(seen) * 1e-3, height_um(seen) * 1e-3));
+    if (f.layerwise) {
+      fact("stage", fmt::format("{:.2f} um off now, {:.2f} at most", calm(s.stage_error_um),
+                                s.worst_stage_error_um));
+    } else {
+      fact("speed",
+           fmt::format("{:.1f} mm/h, planned {:.1f}", s.speed_um_s * 3.6, f.speed_um_s * 3.6));
+      fact("stage", fmt::format("{:.2f} um off now, {:.2f} at most, {:g} borne",
+                                calm(s.stage_error_um), s.worst_stage_error_um, f.tolerance_um));
+    }
+    fact("blue lamp", lamp_text(s.blue_share * 100, s.blue_measured * 100, " %", 1));
+    if (f.uv) fact("UV lamp", lamp_text(s.uv_mw_cm2, s.uv_measured, " mW/cm²", 2));
+    if (s.temperature_c) fact("temperature", fmt::format("{:.1f} °C", *s.temperature_c));
+    if (seen.around.ready_frames) {
+      const int ready = *seen.around.ready_frames;
+      const bool low = ready < std::min(f.ring_frames / 2, f.frames - s.frames_shown);
+      fact("frames ready", fmt::format("{} of {}", ready, f.ring_frames),
+           low ? Ink::bad : Ink::plain);
+    }
+    fact("missed",
+         fmt::format("{} cycles of {:g} ms", words::count(s.missed_cycles), f.cycle_s * 1e3));
+    fact("late", fmt::format("{} frames", words::count(s.late_frames)),
+         s.late_frames > 0 ? Ink::bad : Ink::plain);
+    const Lateness& l = s.lateness;
+    fact("worst", f.layerwise ? fmt::format("exposure {:.2f} ms too long", l.worst_ms)
+                              : fmt::format("{:.2f} um late, {:.2f} ms",
+                                            std::max(l.worst_um, s.worst_late_um), l.worst_ms));
+    const int room = rows - static_cast<int>(lines.size()) - 2;
+    if (room > 0) {
+      lines.emplace_back();
+      if (f.layerwise) {
+        put_histogram(lines, columns, colour, room, Lateness::bounds_ms, l.ms, "ms");
+      } else {
+        put_histogram(lines, columns, colour, room, Lateness::bounds_um, l.um, "um");
+      }
+    }
+  }
+  const auto rest = [&] { return rows - static_cast<int>(lines.size()); };
+  while (rest() > 1) lines.emplace_back();
+  if (rest() > 0) add(line().put("q quit; the print goes on without this view", Ink::dim));
+  if (rest() < 0) lines.resize(static_cast<std::size_t>(std::max(0, rows)));
+  return lines;
+}
+
+}  // namespace slicecorr::bridge

@@ -1,0 +1,337 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+
+#include "program/words.hpp"
+#include "report/chart.hpp"
+#include "report/page_text.hpp"
+#include "slicecorr/bridge/view.hpp"
+#include "slicecorr/error.hpp"
+#include "view/charts.hpp"
+#include "view/page_text.hpp"
+
+namespace slicecorr::bridge {
+namespace {
+
+using End = PrintRecord::End;
+
+constexpr int longest_text = 600;
+/// Longer tables of events are scrolled.
+constexpr std::size_t longest_untouched = 60;
+constexpr std::size_t most_events = 600, first_events = 200, most_late = 300;
+
+/// What comes from files and machines, for the page.
+std::string shown(std::string_view text) {
+  // Cut before it is looked at: a damaged line may be a file long.
+  const std::string cut(text.substr(0, 4 * longest_text));
+  return chart::escape(words::clipped(words::printable(cut), longest_text));
+}
+
+std::string figure(double value, const char* format_unit, int digits) {
+  return std::isfinite(value) ? fmt::format("{:.{}f}{}", value, digits, format_unit)
+                              : std::string("-");
+}
+
+/// Tenths, where two times are to be compared.
+std::string seconds(double s) { return s < 600 ? fmt::format("{:.1f} s", s) : words::duration(s); }
+
+const char* word_of(End end) {
+  switch (end) {
+    case End::none:
+      return "no print";
+    case End::running:
+      return "prints now";
+    case End::done:
+      return "done";
+    case End::failed:
+      return "failed";
+    case End::cut_off:
+      return "cut off";
+  }
+  return "";
+}
+
+/// When a phase was entered first; NaN when it never was.
+double entered_s(const PrintRecord& r, const std::string& phase) {
+  for (const RecordedEvent& e : r.events) {
+    if (e.what == "phase " + phase) return e.at_s;
+  }
+  return NAN;
+}
+
+double fault_at_s(const PrintRecord& r) {
+  for (const RecordedEvent& e : r.events) {
+    if (e.what.starts_with("fault ")) return e.at_s;
+  }
+  return NAN;
+}
+
+/// Of the slices: from the first light to the last slice's end, or as far as it came.
+double printed_s(const PrintRecord& r) {
+  const double from = entered_s(r, "printing");
+  double until = entered_s(r, "blue_off");
+  if (!std::isfinite(until)) until = entered_s(r, "lamps_off");
+  if (!std::isfinite(until) && !r.events.empty()) until = r.events.back().at_s;
+  if (!std::isfinite(until) && !r.frames.empty()) until = r.frames.back().shown_s;
+  return until - from;
+}
+
+int late_frames(const PrintRecord& r) {
+  if (r.last) return r.last->late_frames;
+  return static_cast<int>(
+      std::count_if(r.frames.begin(), r.frames.end(), [](const FrameRow& f) { return f.late; }));
+}
+
+std::string tiles(const PrintRecord& r) {
+  std::string html = "<div class=\"tiles\">";
+  const auto tile = [&](const std::string& value, const std::string& what, const char* kind = "") {
+    html +=
+        fmt::format(R"(<div class="tile {}"><b>{}</b><span>{}</span></div>)", kind, value, what);
+  };
+  const bool bad = r.end == End::failed || r.end == End::cut_off;
+  tile(word_of(r.end),
+       r.fault != Fault::none ? std::string(name_of(r.fault))
+       : r.facts.dry_run      ? "dry run: without light"
+                              : "how it ended",
+       r.end == End::done ? "good"
+       : bad              ? "bad"
+                          : "");
+  const int count = r.last ? r.last->frames_shown : static_cast<int>(r.frames.size());
+  tile(words::count(count),
+       r.facts.frames > 0 ? fmt::format("of {} frames shown", words::count(r.facts.frames))
+                          : "frames shown",
+       r.facts.frames > 0 && count < r.facts.frames && bad ? "bad" : "");
+  const int late = late_frames(r);
+  tile(words::count(late), "late", late > 0 ? "bad" : "");
+  if (!r.frames.empty()) {
+    const Lateness& l = r.lateness;
+    if (r.facts.layerwise) {
+      tile(fmt::format("{:.2f} ms", l.worst_ms), "longest exposure too long by");
+    } else {
+      tile(fmt::format("{:.2f} um", l.worst_um),
+           fmt::format("the latest frame; in time {:.2f} ms", l.worst_ms));
+    }
+  }
+  double stage = r.last ? r.last->worst_stage_error_um : NAN;
+  if (!r.last) {
+    for (const FrameRow& f : r.frames) {
+      if (std::isfinite(f.stage_error_um)) stage = std::fmax(stage, std::abs(f.stage_error_um));
+    }
+  }
+  if (std::isfinite(stage)) {
+    tile(fmt::format("{:.2f} um", stage),
+         r.facts.tolerance_um > 0
+             ? fmt::format("largest error of the stage, {:g} um are borne", r.facts.tolerance_um)
+             : "largest error of the stage");
+  }
+  const double took = printed_s(r);
+  if (std::isfinite(took)) {
+    tile(seconds(took), r.facts.expected_s > 0
+                            ? fmt::format("for the slices, planned {}", seconds(r.facts.expected_s))
+                            : "for the slices");
+  }
+  return html + "</div>";
+}
+
+std::string what_happened(const PrintRecord& r) {
+  if (r.end == End::running) {
+    return R"(<p class="holds">It prints; this page is of what was recorded so far.</p>)";
+  }
+  if (r.fault != Fault::none) {
+    return fmt::format(R"(<p class="holds"><b>{}</b>: {}, {}. To do: {}</p>)", name_of(r.fault),
+                       shown(r.detail),
+                       r.fault_frame < 0 ? std::string("with black on the display")
+                                         : fmt::format("at frame {}, z = {}", r.fault_frame,
+                                                       figure(r.fault_z_um * 1e-3, " mm", 3)),
+                       what_to_do(r.fault));
+  }
+  if (r.end == End::cut_off) {
+    const RecordedEvent& last = r.events.back();
+    return fmt::format(
+        R"(<p class="holds">The program was killed, or the power failed: the journal has no end. Its last line of the print is <code>{}</code> at {}. Look at the machine before the next print.</p>)",
+        shown(last.what == journal_end && r.events.size() > 1 ? r.events[r.events.size() - 2].what
+                                                              : last.what),
+        figure(last.at_s, " s", 3));
+  }
+  return {};
+}
+
+std::string facts_table(const PrintRecord& r) {
+  std::string html = R"(<div class="scroll"><table class="facts"><tbody>)";
+  const auto row = [&](const char* what, const std::string& value) {
+    if (value.empty()) return;
+    html += fmt::format("<tr><th scope=\"row\">{}</th><td>{}</td></tr>", what, value);
+  };
+  const PrintFacts& f = r.facts;
+  if (!r.events.empty()) row("Begun", shown(r.events.front().time));
+  row("Stack", shown(f.stack));
+  row("Printer", shown(f.printer));
+  row("Display", shown(f.display));
+  if (r.facts_known) {
+    row("How", fmt::format("{}{}{}, {} slices of {:g} um",
+                           f.layerwise ? std::string("layer by layer")
+                                       : fmt::format("continuous at {:g} mm/h", f.speed_um_s * 3.6),
+                           f.uv ? ", under UV light" : "", f.dry_run ? ", without light" : "",
+                           words::count(f.frames), f.layer_um));
+    row("What is borne",
+        fmt::format("frames {:g} um late, and {} of them later; the stage {:g} um off",
+                    f.max_late_um, f.max_late_frames, f.tolerance_um));
+  }
+  if (r.seconds) row("Whole print", seconds(*r.seconds));
+  row("Control thread", shown(r.threads));
+  if (r.last) {
+    row("Cycles missed",
+        fmt::format("{} (of {:g} ms)", words::count(r.last->missed_cycles), f.cycle_s * 1e3));
+  }
+  for (const std::string& remark : r.remarks) row("Not readable", shown(remark));
+  return html + "</tbody></table></div>";
+}
+
+template <typename Bounds, typename Counts>
+std::string counts_row(const char* unit, const Bounds& bounds, const Counts& counts) {
+  std::string head = fmt::format("<tr><th scope=\"row\">up to, {}</th>", unit), row;
+  const auto names = detail::bound_names(bounds.data(), bounds.size());
+  for (std::size_t i = 0; i < counts.size(); ++i) {
+    head += fmt::format("<th scope=\"col\">{}</th>", names[i]);
+    row += fmt::format("<td>{}</td>", words::count(static_cast<std::int64_t>(counts[i])));
+  }
+  return head + "</tr><tr><th scope=\"row\">frames</th>" + row + "</tr>";
+}
+
+std::string late_table(const PrintRecord& r) {
+  std::vector<const FrameRow*> late;
+  for (const FrameRow& f : r.frames) {
+    if (f.late) late.push_back(&f);
+  }
+  if (late.empty()) return {};
+  const auto how_late = [&](const FrameRow& f) {
+    return r.facts.layerwise ? (f.exposed_s - f.exposure_s) * 1e3 : f.late_um;
+  };
+  std::stable_sort(late.begin(), late.end(), [&](const FrameRow* a, const FrameRow* b) {
+    const double x = std::abs(how_late(*a)), y = std::abs(how_late(*b));
+    return std::isfinite(x) && (!std::isfinite(y) || x > y);
+  });
+  // Too early counts as late, too, and is negative.
+  std::string html = fmt::format(
+      R"(<h2>Late frames, the worst first</h2><div class="scroll tall" tabindex="0" role="region" aria-label="Late frames"><table><thead><tr><th scope="col">frame</th><th scope="col">z, mm</th><th scope="col">late, {}</th><th scope="col">late, ms</th><th scope="col">shown at, s</th></tr></thead><tbody>)",
+      r.facts.layerwise ? "ms of exposure" : "um");
+  for (std::size_t i = 0; i < std::min(late.size(), most_late); ++i) {
+    const FrameRow& f = *late[i];
+    html += fmt::format(
+        "<tr><th scope=\"row\">{}</th><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>", f.frame,
+        figure(f.z_um * 1e-3, "", 3), figure(how_late(f), "", 2),
+        figure((f.shown_s - f.planned_s) * 1e3, "", 2), figure(f.shown_s, "", 3));
+  }
+  html += "</tbody></table></div>";
+  if (late.size() > most_late) {
+    html += fmt::format("<p class=\"dim\">The worst {} of {}; all are in frames.csv.</p>",
+                        most_late, words::count(static_cast<std::int64_t>(late.size())));
+  }
+  return html;
+}
+
+bool of_the_fault(const RecordedEvent& e) {
+  static constexpr const char* order[] = {"phase lamps_off", "phase stopping", "phase blacking",
+                                          "phase failed",    "lamps off",      "stage stop",
+                                          "black",           "latched",        "light"};
+  return e.what.starts_with("fault ") ||
+         std::any_of(std::begin(order), std::end(order),
+                     [&](const char* what) { return e.what == what; });
+}
+
+std::string event_table(const PrintRecord& r) {
+  if (r.events.empty()) return {};
+  const double fault_s = fault_at_s(r);
+  const bool fault = std::isfinite(fault_s);
+  std::string html = fmt::format(
+      R"(<h2>What happened</h2>{}<div class="scroll{}" tabindex="0" role="region" aria-label="Events"><table class="events"><thead><tr><th scope="col">at, s</th>{}<th scope="col" class="words">what</th><th scope="col" class="words">detail</th><th scope="col">frame</th><th scope="col">z, mm</th></tr></thead><tbody>)",
+      fault ? "<p class=\"dim\">Marked: the fault and its order: lamps off, stage stop, black.</p>"
+            : "",
+      r.events.size() > longest_untouched ? " tall" : "",
+      fault ? "<th scope=\"col\">since the fault, ms</th>" : "");
+  for (std::size_t i = 0; i < r.events.size(); ++i) {
+    // Of many, how it began and how it ended.
+    if (r.events.size() > most_events && i == first_events) {
+      const std::size_t left_out = r.events.size() - most_events;
+      html += fmt::format(
+          R"(<tr><th scope="row">…</th><td colspan="{}">{} lines are left out</td></tr>)",
+          fault ? 5 : 4, words::count(static_cast<std::int64_t>(left_out)));
+      i += left_out;
+    }
+    const RecordedEvent& e = r.events[i];
+    html += fmt::format("<tr{}><th scope=\"row\">{}</th>",
+                        of_the_fault(e) ? " class=\"fault\"" : "", figure(e.at_s, "", 3));
+    if (fault) {
+      html += fmt::format("<td>{}</td>", e.at_s >= fault_s && of_the_fault(e)
+                                             ? figure((e.at_s - fault_s) * 1e3, "", 1)
+                                             : "");
+    }
+    html += fmt::format(
+        R"(<td class="words">{}</td><td class="words">{}</td><td>{}</td><td>{}</td></tr>)",
+        shown(e.what), shown(e.detail), e.frame < 0 ? std::string() : std::to_string(e.frame),
+        figure((e.stage_um - r.facts.start_um) * 1e-3, "", 3));
+  }
+  return html + "</tbody></table></div>";
+}
+
+std::string title_of(const PrintRecord& r) {
+  if (r.end == End::none) return "No print";
+  const std::string name = std::filesystem::path(r.facts.stack).filename().string();
+  return fmt::format("Print of {}: {}", name.empty() ? "a stack" : shown(name), word_of(r.end));
+}
+
+}  // namespace
+
+std::string report_body(const PrintRecord& r) {
+  if (r.end == End::none) {
+    std::string html = fmt::format("<p>No print is recorded in {}.</p>", shown(r.folder));
+    for (const std::string& remark : r.remarks) html += fmt::format("<p>{}.</p>", shown(remark));
+    return html;
+  }
+  std::string html = tiles(r) + what_happened(r) + facts_table(r);
+  const auto charts = detail::charts_of(r);
+  if (!charts.empty()) {
+    html += "<h2>Frame by frame</h2><div class=\"charts\">";
+    for (const detail::Chart& c : charts) {
+      html += fmt::format("<div class=\"scroll\"><figure>{}</figure></div>", c.svg);
+    }
+    html += "</div>";
+    html += fmt::format(
+        R"(<details><summary>Numbers of the histogram</summary><div class="scroll"><table><tbody>{}{}</tbody></table></div></details>)",
+        r.facts.layerwise ? "" : counts_row("um", Lateness::bounds_um, r.lateness.um),
+        counts_row("ms", Lateness::bounds_ms, r.lateness.ms));
+  }
+  return html + late_table(r) + event_table(r);
+}
+
+std::string report_page(const PrintRecord& r) {
+  return fmt::format(
+      R"(<!doctype html><html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1"><title>{0}</title><style>{1}{2}{3}</style></head><body><main><h1>{0}</h1><p class="dim">{4}</p>{5}</main></body></html>)",
+      title_of(r), slicecorr::detail::page_page_css, slicecorr::detail::page_tiles_css,
+      detail::page_print_css, shown(r.folder), report_body(r));
+}
+
+void write_report(const StateFolder& folder, bool running) {
+  write_whole(folder.file("report.html"), report_page(read_record(folder, running)));
+}
+
+void make_missing_report(const StateFolder& folder) {
+  std::error_code error;
+  if (std::filesystem::exists(folder.file("report.html"), error)) return;
+  try {
+    if (read_record(folder, false).end != End::none) write_report(folder, false);
+  } catch (const std::exception&) {
+    // A page is not worth a print.
+  }
+}
+
+void keep_report(const StateFolder& folder) {
+  make_missing_report(folder);
+  const std::string now = folder.file("report.html"), before = folder.file("report.previous.html");
+  if (std::rename(now.c_str(), before.c_str()) != 0) std::remove(before.c_str());
+}
+
+}  // namespace slicecorr::bridge

@@ -1,0 +1,58 @@
+#include <fstream>
+#include <iterator>
+
+#include "slicecorr/bridge/view.hpp"
+#include "view/state_json.hpp"
+
+namespace slicecorr::bridge {
+
+using detail::Json;
+
+std::string status_text(const StateFolder& folder, const std::string& printer,
+                        const std::optional<std::string>& running) {
+  Json json;
+  json["printer"] = printer;
+  json["running"] = running.has_value();
+  std::string text = running.value_or("");
+  if (!running) {
+    std::ifstream file(folder.file("status.json"));
+    text.assign(std::istreambuf_iterator<char>(file), {});
+  }
+  const Json last = Json::parse(text, nullptr, false);
+  if (last.is_object()) json.update(last);
+  // Not what a damaged file says of them.
+  json["printer"] = printer;
+  json["running"] = running.has_value();
+  const auto latch = read_latch(folder, false);
+  json["latched"] = latch.has_value();
+  if (latch) {
+    json["fault"] = name_of(latch->fault);
+    json["detail"] = latch->detail;
+    json["latched_frame"] = latch->frame;
+    json["latched_stage_um"] = latch->stage_um;
+    json["latched_z_um"] = latch->z_um;
+  }
+  const auto fault = fault_of(detail::text_in(json, "fault"));
+  if (fault && *fault != Fault::none) json["to_do"] = what_to_do(*fault);
+  return detail::dumped(json, 1);
+}
+
+Seen seen_in(const std::string& status) {
+  const Json json = Json::parse(status, nullptr, false);
+  Seen seen;
+  seen.printer = detail::text_in(json, "printer");
+  seen.running = detail::flag_in(json, "running");
+  seen.known = !detail::text_in(json, "phase").empty();
+  seen.facts = detail::facts_in(json);
+  seen.state = detail::state_in(json);
+  seen.around = detail::around_in(json);
+  seen.left_s = detail::number_in(json, "left_s");
+  seen.latched = detail::flag_in(json, "latched");
+  if (seen.latched) {
+    seen.latched_fault = seen.state.fault;
+    seen.latched_detail = seen.state.detail;
+  }
+  return seen;
+}
+
+}  // namespace slicecorr::bridge

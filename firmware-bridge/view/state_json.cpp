@@ -1,0 +1,258 @@
+#include "view/state_json.hpp"
+
+#include <algorithm>
+
+namespace slicecorr::bridge {
+namespace {
+
+using detail::Json;
+
+std::optional<Phase> phase_of(std::string_view name) {
+  for (int i = 0; i <= static_cast<int>(Phase::failed); ++i) {
+    if (name_of(static_cast<Phase>(i)) == name) return static_cast<Phase>(i);
+  }
+  return std::nullopt;
+}
+
+template <typename T>
+Json or_null(const std::optional<T>& value) {
+  return value ? Json(*value) : Json(nullptr);
+}
+
+template <typename Bounds, typename Counts>
+Json counts_json(const Bounds& bounds, const Counts& counts, double sum, double worst) {
+  Json json;
+  json["up_to"] = bounds;
+  json["counts"] = counts;
+  json["sum"] = sum;
+  json["worst"] = worst;
+  return json;
+}
+
+template <typename Counts>
+void read_counts(const Json& json, const char* key, Counts& counts, double& sum, double& worst) {
+  const auto found = json.find(key);
+  if (found == json.end() || !found->is_object()) return;
+  sum = detail::number_in(*found, "sum", 0);
+  worst = detail::number_in(*found, "worst", 0);
+  const auto list = found->find("counts");
+  if (list == found->end() || !list->is_array() || list->size() != counts.size()) return;
+  for (std::size_t i = 0; i < counts.size(); ++i) {
+    if ((*list)[i].is_number_unsigned()) counts[i] = (*list)[i].template get<std::uint64_t>();
+  }
+}
+
+void put_facts(Json& json, const PrintFacts& f) {
+  json["display"] = f.display;
+  json["mode"] = f.layerwise ? "layerwise" : "continuous";
+  json["uv"] = f.uv;
+  json["layer_um"] = f.layer_um;
+  json["planned_speed_um_s"] = f.speed_um_s;
+  json["start_um"] = f.start_um;
+  json["end_um"] = f.end_um;
+  json["expected_s"] = f.expected_s;
+  json["max_late_um"] = f.max_late_um;
+  json["max_late_frames"] = f.max_late_frames;
+  json["tolerance_um"] = f.tolerance_um;
+  json["cycle_s"] = f.cycle_s;
+  json["ring_frames"] = f.ring_frames;
+}
+
+}  // namespace
+
+PrintFacts facts_of(const PrintPlan& plan, const Machine& machine) {
+  PrintFacts f;
+  f.printer = machine.printer.name;
+  f.layerwise = plan.mode == ExposureMode::layerwise;
+  f.uv = plan.uv;
+  f.frames = static_cast<int>(plan.frames.size());
+  f.layer_um = plan.layer_um;
+  f.speed_um_s = f.layerwise ? 0 : plan.speed_um_s;
+  f.start_um = plan.start_um;
+  f.end_um = plan.end_um;
+  f.expected_s = plan.expected_s;
+  f.max_late_um = machine.limits.max_late_um;
+  f.max_late_frames = machine.limits.max_late_frames;
+  f.tolerance_um = machine.stage.tolerance_um;
+  f.cycle_s = machine.limits.cycle_s;
+  f.ring_frames = machine.limits.ring_frames;
+  return f;
+}
+
+PrintState state_of(const Controller& c, double at_s, int missed_cycles) {
+  PrintState s;
+  s.phase = c.phase();
+  s.fault = c.fault();
+  if (s.fault != Fault::none) s.detail = c.fault_detail();
+  s.frame = c.frame();
+  s.frames_shown = c.frames_shown();
+  s.late_frames = c.late_frames();
+  s.missed_cycles = missed_cycles;
+  s.at_s = at_s;
+  s.phase_since_s = c.phase_since_s();
+  s.stage_um = c.stage_um();
+  s.speed_um_s = c.speed_um_s();
+  s.stage_error_um = c.stage_error_um();
+  s.worst_late_um = c.worst_late_um();
+  s.worst_stage_error_um = c.worst_stage_error_um();
+  s.blue_share = c.set_points().blue_share;
+  s.uv_mw_cm2 = c.set_points().uv_mw_cm2;
+  s.blue_measured = c.status().blue_measured;
+  s.uv_measured = c.status().uv_measured;
+  s.temperature_c = c.status().temperature_c;
+  s.lateness = c.lateness();
+  return s;
+}
+
+std::optional<double> left_s(const PrintFacts& f, const PrintState& s) {
+  if (s.fault != Fault::none || s.phase > Phase::resuming) return std::nullopt;
+  if (s.phase < Phase::printing) return f.expected_s;
+  if (f.layerwise || !(f.speed_um_s > 0)) {
+    return f.frames > 0 ? f.expected_s * std::max(0, f.frames - s.frames_shown) / f.frames : 0;
+  }
+  return std::max(0.0, f.end_um - s.stage_um) / f.speed_um_s;
+}
+
+std::string facts_json(const PrintFacts& facts) {
+  Json json;
+  json["printer"] = facts.printer;
+  json["dry_run"] = facts.dry_run;
+  json["frames"] = facts.frames;
+  put_facts(json, facts);
+  return detail::dumped(json);
+}
+
+std::string state_json(const PrintFacts& facts, const PrintState& s, const PrintAround& around) {
+  Json json;
+  json["phase"] = name_of(s.phase);
+  json["dry_run"] = facts.dry_run;
+  json["stack"] = facts.stack;
+  json["frame"] = s.frame;
+  json["frames"] = facts.frames;
+  json["stage_um"] = s.stage_um;
+  json["z_um"] = s.stage_um - facts.start_um;
+  json["fault"] = name_of(s.fault);
+  json["detail"] = s.detail;
+  json["late_frames"] = s.late_frames;
+  json["worst_late_um"] = s.worst_late_um;
+  json["worst_stage_error_um"] = s.worst_stage_error_um;
+  json["missed_cycles"] = s.missed_cycles;
+  if (around.ready_frames) json["ready_frames"] = *around.ready_frames;
+  if (around.seconds) json["seconds"] = *around.seconds;
+  json["at_s"] = s.at_s;
+  json["phase_since_s"] = s.phase_since_s;
+  json["frames_shown"] = s.frames_shown;
+  json["speed_um_s"] = s.speed_um_s;
+  json["stage_error_um"] = s.stage_error_um;
+  json["blue_share"] = s.blue_share;
+  json["blue_measured"] = s.blue_measured;
+  json["uv_mw_cm2"] = s.uv_mw_cm2;
+  json["uv_measured"] = or_null(s.uv_measured);
+  json["temperature_c"] = or_null(s.temperature_c);
+  json["left_s"] = or_null(left_s(facts, s));
+  json["lateness_um"] =
+      counts_json(Lateness::bounds_um, s.lateness.um, s.lateness.sum_um, s.lateness.worst_um);
+  json["lateness_ms"] =
+      counts_json(Lateness::bounds_ms, s.lateness.ms, s.lateness.sum_ms, s.lateness.worst_ms);
+  json["threads"] = around.threads;
+  put_facts(json, facts);
+  json["told"] = s.told;
+  if (around.asked) json["asked"] = *around.asked;
+  return detail::dumped(json);
+}
+
+namespace detail {
+
+std::optional<double> number_in(const Json& json, const char* key) {
+  if (!json.is_object()) return std::nullopt;
+  const auto found = json.find(key);
+  if (found == json.end() || !found->is_number()) return std::nullopt;
+  const double value = found->get<double>();
+  return std::isfinite(value) ? std::optional(value) : std::nullopt;
+}
+
+double number_in(const Json& json, const char* key, double otherwise) {
+  return number_in(json, key).value_or(otherwise);
+}
+
+int whole_in(const Json& json, const char* key, int otherwise) {
+  const auto value = number_in(json, key);
+  return value ? static_cast<int>(std::clamp(*value, -2e9, 2e9)) : otherwise;
+}
+
+bool flag_in(const Json& json, const char* key) {
+  if (!json.is_object()) return false;
+  const auto found = json.find(key);
+  return found != json.end() && found->is_boolean() && found->get<bool>();
+}
+
+std::string text_in(const Json& json, const char* key) {
+  if (!json.is_object()) return {};
+  const auto found = json.find(key);
+  return found != json.end() && found->is_string() ? found->get<std::string>() : std::string();
+}
+
+PrintFacts facts_in(const Json& json) {
+  PrintFacts f;
+  f.stack = text_in(json, "stack");
+  f.printer = text_in(json, "printer");
+  f.display = text_in(json, "display");
+  f.dry_run = flag_in(json, "dry_run");
+  f.layerwise = text_in(json, "mode") == "layerwise";
+  f.uv = flag_in(json, "uv");
+  f.frames = whole_in(json, "frames", 0);
+  f.layer_um = number_in(json, "layer_um", 0);
+  f.speed_um_s = number_in(json, "planned_speed_um_s", 0);
+  f.start_um = number_in(json, "start_um", 0);
+  f.end_um = number_in(json, "end_um", 0);
+  f.expected_s = number_in(json, "expected_s", 0);
+  f.max_late_um = number_in(json, "max_late_um", 0);
+  f.max_late_frames = whole_in(json, "max_late_frames", 0);
+  f.tolerance_um = number_in(json, "tolerance_um", 0);
+  f.cycle_s = number_in(json, "cycle_s", 0);
+  f.ring_frames = whole_in(json, "ring_frames", 0);
+  return f;
+}
+
+PrintState state_in(const Json& json) {
+  PrintState s;
+  s.phase = phase_of(text_in(json, "phase")).value_or(Phase::connecting);
+  s.fault = fault_of(text_in(json, "fault")).value_or(Fault::none);
+  s.detail = text_in(json, "detail");
+  s.frame = whole_in(json, "frame", -1);
+  s.frames_shown = whole_in(json, "frames_shown", 0);
+  s.late_frames = whole_in(json, "late_frames", 0);
+  s.missed_cycles = whole_in(json, "missed_cycles", 0);
+  s.at_s = number_in(json, "at_s", 0);
+  s.phase_since_s = number_in(json, "phase_since_s", 0);
+  s.stage_um = number_in(json, "stage_um", 0);
+  s.speed_um_s = number_in(json, "speed_um_s", 0);
+  s.stage_error_um = number_in(json, "stage_error_um", 0);
+  s.worst_late_um = number_in(json, "worst_late_um", 0);
+  s.worst_stage_error_um = number_in(json, "worst_stage_error_um", 0);
+  s.blue_share = number_in(json, "blue_share", 0);
+  s.blue_measured = number_in(json, "blue_measured", 0);
+  s.uv_mw_cm2 = number_in(json, "uv_mw_cm2", 0);
+  s.uv_measured = number_in(json, "uv_measured");
+  s.temperature_c = number_in(json, "temperature_c");
+  Lateness& l = s.lateness;
+  read_counts(json, "lateness_um", l.um, l.sum_um, l.worst_um);
+  read_counts(json, "lateness_ms", l.ms, l.sum_ms, l.worst_ms);
+  s.told = static_cast<std::uint64_t>(std::max(0.0, number_in(json, "told", 0)));
+  return s;
+}
+
+PrintAround around_in(const Json& json) {
+  PrintAround a;
+  if (number_in(json, "ready_frames")) a.ready_frames = whole_in(json, "ready_frames", 0);
+  a.seconds = number_in(json, "seconds");
+  a.threads = text_in(json, "threads");
+  return a;
+}
+
+std::string dumped(const Json& json, int indent) {
+  return json.dump(indent, ' ', false, Json::error_handler_t::replace);
+}
+
+}  // namespace detail
+}  // namespace slicecorr::bridge

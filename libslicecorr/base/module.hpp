@@ -1,0 +1,11 @@
+/// Modules: code with large dependencies, loaded when it is first needed.
+#pragma once
+
+namespace slicecorr::detail {
+
+/// Loads the module for good and gives its function of this name. `what_it_does` goes into the
+/// message when it is not there: "reads and makes images of this kind". Thread-safe. Throws
+/// `DeviceError`.
+void* module_entry(const char* file_name, const char* entry_name, const char* what_it_does);
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,51 @@
+/// @file answers.hpp
+/// What all servers of the project answer alike: headers against other sites, errors as JSON.
+#pragma once
+
+#include <httplib.h>
+
+#include <chrono>
+#include <functional>
+#include <mutex>
+#include <string>
+
+namespace slicecorr::http {
+
+inline constexpr const char* json_type = "application/json; charset=utf-8";
+inline constexpr const char* text_type = "text/plain; charset=utf-8";
+inline constexpr const char* html_type = "text/html; charset=utf-8";
+inline constexpr const char* metrics_type = "text/plain; version=0.0.4; charset=utf-8";
+
+/// Nothing from elsewhere, no frames, no forms; the page's own script and style only.
+inline constexpr const char* shell_policy =
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src blob: data:; connect-src "
+    "'self'; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+inline constexpr const char* bare_policy = "default-src 'none'; frame-ancestors 'none'; sandbox";
+/// " 'sha256-...'" for each style that stands in a page.
+std::string style_hashes(const std::string& html);
+/// Allows exactly the styles that stand in a page.
+std::string policy_for_styles(const std::string& html);
+
+/// Sends a text as it is: the server would compress it with settings meant for files on disks.
+void send(httplib::Response& response, int status, std::string text, const char* type);
+void send_error(httplib::Response& response, int status, const char* code,
+                const std::string& message);
+/// Headers that every answer has, where it has no others of its own.
+void finish(httplib::Response& response);
+
+/// A text that costs something to make, made again at most once in a while. Thread-safe.
+class Kept {
+ public:
+  explicit Kept(double seconds) : seconds_(seconds) {}
+  std::string get(const std::function<std::string()>& make);
+
+ private:
+  double seconds_;
+  std::mutex mutex_;
+  std::chrono::steady_clock::time_point made_{};
+  bool any_ = false;
+  std::string text_;
+};
+
+}  // namespace slicecorr::http

@@ -1,0 +1,37 @@
+/// @file words.hpp
+/// Figures and names as people read them, on terminals and pages.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace slicecorr::words {
+
+/// "7.3 s", "4 min 05 s", "3 h 10 min", "2 d 04 h"; "-" below 0 and for what is no number.
+std::string duration(double seconds);
+/// "512 B", "1.4 MB", "31.0 GB"; powers of ten.
+std::string bytes(double bytes);
+/// "12,345".
+std::string count(std::int64_t n);
+
+/// Names and messages come from files and users: what could move a terminal's cursor, turn the
+/// direction of writing or is no UTF-8 becomes "?" , line ends become spaces.
+std::string printable(std::string_view text);
+/// Columns that a printable text takes on a terminal.
+int columns_of(std::string_view text);
+/// At most `columns` wide, cut with "…".
+std::string clipped(std::string_view text, int columns);
+/// Exactly `columns` wide.
+std::string padded(std::string_view text, int columns, bool right = false);
+
+/// A bar of `columns`, filled to `fraction` in eighths of a column.
+std::string bar(double fraction, int columns);
+
+/// Columns as wide as their widest cell; numbers to the right where the heading begins with '>'.
+/// Lines are cut at `most_columns` where that is above 0.
+std::string table(const std::vector<std::string>& headings,
+                  const std::vector<std::vector<std::string>>& rows, int most_columns);
+
+}  // namespace slicecorr::words

@@ -45,20 +45,22 @@ class BridgeView : public BridgePrograms {
     Sim mended = start_sim(printer, true);
     EXPECT_EQ(bridge({"reset"}, printer, {"--modbus", address_of(mended.modbus)}).exit_code, 0);
   }
-  /// A print in real time, from when it shows frames.
+  /// A print in real time, from when it shows frames. At 150 mm/h it takes a minute: those that are
+  /// looked at have not ended meanwhile, however busy the machine is.
   struct Running {
     std::string printer;
     Sim sim;
     std::unique_ptr<Child> print;
   };
-  Running start_print() {
+  Running start_print(int speed_mm_h = 150) {
     Running r;
     r.printer = make_printer("patient", patient());
-    const std::string stack = make_stack(r.printer);
+    const std::string stack = make_stack(
+        r.printer, "part", {"--resin", "figure-2-2", "--speed-mm-h", std::to_string(speed_mm_h)});
     r.sim = start_sim(r.printer, false);
     r.print = std::make_unique<Child>(print_command(stack, r.printer, r.sim, false),
                                       folder / "print.err");
-    EXPECT_TRUE(wait_until([&] { return has(events_of(r.sim.events), "frame 2"); }))
+    EXPECT_TRUE(wait_until([&] { return has(events_of(r.sim.events), "frame 1"); }))
         << text_of(folder / "print.err");
     return r;
   }
@@ -206,6 +208,11 @@ TEST_F(BridgeView, APrintThatWasKilledHasAPageToo) {
   EXPECT_EQ(made.out, state_folder().file("report.html") + "\n");
   EXPECT_THAT(page(), HasSubstr("part.uvj: cut off"));
   EXPECT_THAT(page(), HasSubstr("was killed, or the power failed"));
+  // Who never asks for it has it after the reset.
+  const std::string made_before = page();
+  std::filesystem::remove(state_folder().file("report.html"));
+  EXPECT_EQ(bridge({"reset"}, r.printer, {"--modbus", address_of(r.sim.modbus)}).exit_code, 0);
+  EXPECT_EQ(page(), made_before);
 }
 
 TEST_F(BridgeView, AFullDiskOrAWrongPlaceIsSaid) {
@@ -293,7 +300,7 @@ TEST_F(BridgeView, WatchThroughAPipe) {
 }
 
 TEST_F(BridgeView, AskingDoesNotHoldUpThePrint) {
-  Running r = start_print();
+  Running r = start_print(800);
   // As fast as it answers. The socket's thread counts its answers, the control thread how often it
   // has told something: that goes by its clock, whoever asks.
   constexpr int questions = 1000;
@@ -331,7 +338,7 @@ TEST_F(BridgeView, ServesWhileItPrints) {
   EXPECT_THAT(metrics->get_header_value("Content-Type"), HasSubstr("version=0.0.4"));
   auto m = check_metrics(metrics->body);
   EXPECT_EQ(m.at("printbridge_up" + of_printer), 1);
-  EXPECT_GE(m.at("printbridge_frames_shown_total" + of_printer), 2);
+  EXPECT_GE(m.at("printbridge_frames_shown_total" + of_printer), 1);
   EXPECT_EQ(m.at("printbridge_frame_lateness_um_count" + of_printer),
             m.at("printbridge_frames_shown_total" + of_printer));
   EXPECT_TRUE(promtool_agrees(metrics->body));

@@ -14,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include "farm_jobs.hpp"
 #include "slicecorr/farm/folder.hpp"
 #include "slicecorr/farm/queue.hpp"
 #include "slicecorr/farm/read_model.hpp"
@@ -61,27 +62,18 @@ class Farm {
   Farm& operator=(const Farm&) = delete;
 
   NewJob job(const std::string& name, const std::string& key_of = {}) {
-    NewJob j;
     // 64 hex digits that differ by the text.
     std::uint64_t h = 1469598103934665603ULL;
     for (const char c : key_of.empty() ? name : key_of) {
       h = (h ^ static_cast<unsigned char>(c)) * 1099511628211ULL;
     }
-    j.work.key = fmt::format("{0:016x}{0:016x}{0:016x}{0:016x}", h);
-    j.work.spec_json = "{}";
-    j.work.setup_json = "{}";
-    j.work.setup_hash = "s";
-    j.work.kind = "run";
+    NewJob j =
+        slicecorr::test::job_with_key(fmt::format("{0:016x}{0:016x}{0:016x}{0:016x}", h), name);
     j.work.printer = "dual-wavelength-dlp";
     j.work.resin = "benchy-resin";
-    j.work.format = "uvj";
     j.work.layers = 770;
     j.work.voxels = 200'000'000;
-    j.work.base_memory_mb = 100;
-    j.name = name;
-    j.user = "anna";
     j.results_folder = folder.root + "/results/";
-    j.parts = {"/parts/" + name + ".stl"};
     j.expected_s = 12;
     j.expected_bytes = 4'000'000;
     return j;

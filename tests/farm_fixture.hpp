@@ -20,6 +20,7 @@
 #include <string>
 #include <vector>
 
+#include "farm_jobs.hpp"
 #include "run_program.hpp"
 #include "slicecorr/farm/clock.hpp"
 #include "slicecorr/farm/folder.hpp"
@@ -66,30 +67,6 @@ class TestClock final : public farm::Clock {
   std::atomic<std::int64_t> wall{1'800'000'000'000}, steady{5'000'000};
   std::string boot = farm::system_clock().boot_id();
 };
-
-inline farm::NewJob job_with_key(const std::string& key, const std::string& name = "part",
-                                 const std::string& user = "anna") {
-  farm::NewJob j;
-  j.work.key = key;
-  j.work.spec_json = "{}";
-  j.work.setup_json = "{}";
-  j.work.setup_hash = "hash";
-  j.work.kind = "run";
-  j.work.printer = "printer";
-  j.work.resin = "resin";
-  j.work.format = "uvj";
-  j.work.rate_class = "run continuous";
-  j.work.layers = 10;
-  j.work.voxels = 1'000'000;
-  j.work.base_memory_mb = 100;
-  j.work.thread_memory_mb = 10;
-  j.name = name;
-  j.user = user;
-  j.parts = {"/parts/" + name + ".stl"};
-  j.results_folder = "/results/";
-  j.expected_s = 2;
-  return j;
-}
 
 inline farm::ClaimRequest any_job(const std::string& service) {
   farm::ClaimRequest r;

@@ -247,6 +247,38 @@ TEST(Predict, UncorrectedLadderOfFigure22) {
   EXPECT_EQ(p.worst_y, 4);
 }
 
+TEST(Predict, WithoutHistogramsEverythingElseIsTheSame) {
+  const CureModel m = figure_2_2();
+  auto design = column(50, {{11, 20}, {31, 40}});
+  design[25] = 100;
+  const PixelCurve curve = pixel_curve(m);
+  using Edge = std::tuple<std::size_t, int, bool, double>;
+  const auto predicted = [&](bool histograms, std::vector<Edge>& edges) {
+    BandPredictor predictor(m, curve, 50, 1);
+    predictor.tell_edges([&](std::size_t column, int node, bool upper, double um) {
+      edges.emplace_back(column, node, upper, um);
+    });
+    if (!histograms) predictor.keep_no_histograms();
+    for (int n = 50; n-- > 0;) {
+      const auto* pixel = &design[static_cast<std::size_t>(n)];
+      predictor.add_slice(n, pixel, pixel);
+    }
+    return predictor.finish(3, 4, 1);
+  };
+  std::vector<Edge> edges, edges_without;
+  const Prediction with = predicted(true, edges);
+  Prediction without = predicted(false, edges_without);
+  EXPECT_EQ(edges.size(), 4U);
+  EXPECT_EQ(edges, edges_without);
+  for (Histogram Prediction::*h :
+       {&Prediction::height_error_um, &Prediction::gap_contrast, &Prediction::grey_dose_error}) {
+    EXPECT_GT((with.*h).count(), 0U);
+    EXPECT_EQ((without.*h).count(), 0U);
+    without.*h = with.*h;
+  }
+  EXPECT_EQ(with.to_json(), without.to_json());
+}
+
 TEST(Predict, JsonHasTheKeysOfTheContractAndNullsWithoutSamples) {
   Prediction p;
   p.layers = 3;

@@ -64,7 +64,9 @@ void confine(JobRequest& request, const SubmitRules& rules, std::vector<SubmitEr
 
 SubmitReply failed(const std::vector<SubmitError>& errors) {
   Json list = Json::array();
-  for (const SubmitError& e : errors) list.push_back({{"where", e.where}, {"message", e.message}});
+  for (const SubmitError& e : errors) {
+    list.push_back({{"where", e.where}, {"message", e.message}, {"reason", name_of(e.reason)}});
+  }
   const Json json = {{"error",
                       {{"status", 400},
                        {"code", "jobs"},

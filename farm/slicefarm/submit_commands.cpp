@@ -106,12 +106,23 @@ std::string json_of(const Submission& s, const std::vector<JobId>& ids) {
   return json.dump(2);
 }
 
+/// What physics alone forbids has an exit code of its own.
+Submission checked(const std::vector<JobRequest>& requests, const FarmFolder& folder, Queue& queue,
+                   const std::string& user, bool store, const slicecorr::Job& job) {
+  try {
+    return prepare(requests, folder, queue, user, store, job);
+  } catch (const SubmitErrors& e) {
+    if (e.all_infeasible()) throw InfeasibleError(e.what());
+    throw;
+  }
+}
+
 int submit_command(const SubmitArguments& a, const slicecorr::Job& job, cli::Console& console) {
   const FarmFolder folder = a.store.empty() ? a.farm.open() : a.farm.open(a.store);
   Queue queue(folder.database());
   const std::string user = user_name();
   const std::vector<JobRequest> requests = requests_of(a);
-  const Submission submission = prepare(requests, folder, queue, user, !a.dry_run, job);
+  const Submission submission = checked(requests, folder, queue, user, !a.dry_run, job);
   if (a.dry_run) {
     if (a.json.empty()) {
       cli::print_result(table_of(submission));

@@ -154,6 +154,11 @@ std::string text_of(const std::string& path) {
 SubmitErrors::SubmitErrors(std::vector<SubmitError> errors)
     : InputError(joined(errors)), errors_(std::move(errors)) {}
 
+bool SubmitErrors::all_infeasible() const {
+  return std::all_of(errors_.begin(), errors_.end(),
+                     [](const SubmitError& e) { return e.reason == Reason::infeasible; });
+}
+
 std::vector<JobRequest> parse_jobs_toml(const std::string& text, const std::string& source,
                                         const JobRequest& defaults) {
   toml::table root;

@@ -16,6 +16,7 @@
 #include "slicecorr/farm/submit.hpp"
 #include "slicecorr/farm/work.hpp"
 #include "submit/fields.hpp"
+#include "submit/memory.hpp"
 
 namespace slicecorr::farm {
 
@@ -34,9 +35,9 @@ constexpr std::size_t longest_name = 150;
 /// What is found out of inputs that are worked on in the same way.
 struct Checked {
   std::string error;
-  int layers = 0, width_px = 0;
-  std::int64_t voxels = 0;
-  std::size_t triangles = 0;
+  Reason reason = Reason::none;  ///< of the error
+  int layers = 0;
+  detail::MemoryFacts memory;
 };
 
 /// What a request comes to, before inputs are read.
@@ -111,63 +112,80 @@ std::int64_t parse_ready_by(const std::string& text, std::int64_t now_ms) {
   throw InputError("ready_by is '" + text + "', expected HH:MM or YYYY-MM-DD HH:MM");
 }
 
-/// Reads the inputs as a worker will, and asks the physics.
-Checked check_inputs(const JobRequest& r, const Resolved& w, const slicecorr::Job& job) {
+/// Asks the physics, of the places that the part is printed at where light is uneven.
+void plan(const SliceSource& slices, const Setup& setup, const slicecorr::Job& job, Checked& c) {
+  const Grid& grid = slices.grid();
+  const bool uneven = setup.printer.flat_field.has_value();
+  const CorrectionPlan plan = uneven ? plan_correction(slices, setup, job)
+                                     : plan_correction(GridOnly(grid, slices.frame()), setup, job);
+  c.layers = grid.layers;
+  c.memory.width_px = grid.width_px;
+  detail::look_at_light(slices, setup.printer, setup.process, plan, c.memory);
+}
+
+void check_meshes(const JobRequest& r, const Setup& setup, const slicecorr::Job& job, Checked& c) {
+  cli::MeshOptions o;
+  o.parts = r.parts;
+  o.layer_um = r.layer_um;
+  o.antialias = r.antialias;
+  o.center_mm = r.center_mm;
+  o.units = r.units;
+  o.scale = r.scale;
+  o.rotate_deg = r.rotate_deg;
+  const TriangleMesh mesh = cli::read_parts(o, job);
+  c.memory.triangles = mesh.triangles.size();
+  const MeshSlices slices(mesh, setup.printer, o.slice_options(), job);
+  plan(slices, setup, job, c);
+  const PixelBox box = slices.bounds();
+  c.memory.voxels = std::int64_t{c.layers} * box.width() * box.height();
+}
+
+void check_archive(const JobRequest& r, const Setup& setup, const std::string& scratch_folder,
+                   const slicecorr::Job& job, Checked& c) {
+  const StackInfo info = StackReader::read_info(r.parts[0]);
+  MissingFacts facts;
+  facts.layer_um = r.layer_um;
+  facts.pixel_x_um = setup.printer.pixel_x_um;
+  facts.pixel_y_um = setup.printer.pixel_y_um;
+  Grid grid = info.grid;
+  if (grid.layer_um <= 0) grid.layer_um = facts.layer_um;
+  if (grid.layer_um <= 0) {
+    throw InputError(r.parts[0], "",
+                     std::string("does not say its layer height; expected ") +
+                         (r.as_options ? "--layer-um" : "layer_um"));
+  }
+  if (grid.pixel_x_um <= 0) {
+    grid.pixel_x_um = facts.pixel_x_um;
+    grid.pixel_y_um = facts.pixel_y_um;
+  }
+  if (setup.printer.flat_field) {
+    plan(StackReader(r.parts[0], scratch_folder, job, facts), setup, job, c);
+  } else {
+    plan(GridOnly(grid, image_frame(info)), setup, job, c);
+  }
+  c.memory.voxels = std::int64_t{grid.layers} * grid.width_px * grid.height_px;
+}
+
+/// Reads the inputs as a worker will.
+Checked check_inputs(const JobRequest& r, const Resolved& w, const std::string& scratch_folder,
+                     const slicecorr::Job& job) {
   Checked c;
   try {
     if (w.mesh) {
-      cli::MeshOptions o;
-      o.parts = r.parts;
-      o.layer_um = r.layer_um;
-      o.antialias = r.antialias;
-      o.center_mm = r.center_mm;
-      o.units = r.units;
-      o.scale = r.scale;
-      o.rotate_deg = r.rotate_deg;
-      const TriangleMesh mesh = cli::read_parts(o, job);
-      c.triangles = mesh.triangles.size();
-      const MeshSlices slices(mesh, w.setup.printer, o.slice_options(), job);
-      plan_correction(GridOnly(slices.grid(), slices.frame()), w.setup);
-      c.layers = slices.grid().layers;
-      c.width_px = slices.grid().width_px;
-      c.voxels = std::int64_t{c.layers} * slices.bounds().width() * slices.bounds().height();
+      check_meshes(r, w.setup, job, c);
     } else {
-      const StackInfo info = StackReader::read_info(r.parts[0]);
-      Grid grid = info.grid;
-      if (grid.layer_um <= 0) grid.layer_um = r.layer_um;
-      if (grid.layer_um <= 0) {
-        throw InputError(r.parts[0], "",
-                         std::string("does not say its layer height; expected ") +
-                             (r.as_options ? "--layer-um" : "layer_um"));
-      }
-      if (grid.pixel_x_um <= 0) {
-        grid.pixel_x_um = w.setup.printer.pixel_x_um;
-        grid.pixel_y_um = w.setup.printer.pixel_y_um;
-      }
-      plan_correction(GridOnly(grid, image_frame(info)), w.setup);
-      c.layers = grid.layers;
-      c.width_px = grid.width_px;
-      c.voxels = std::int64_t{grid.layers} * grid.width_px * grid.height_px;
+      check_archive(r, w.setup, scratch_folder, job, c);
     }
   } catch (const Cancelled&) {
     throw;
+  } catch (const InfeasibleError& e) {
+    c.error = e.what();
+    c.reason = Reason::infeasible;
   } catch (const Error& e) {
     c.error = e.what();
+    c.reason = Reason::bad_input;
   }
   return c;
-}
-
-/// What a worker is given: docs/farm.md says where the numbers come from. Half as much again as
-/// was seen, because a worker over its limit has worked for nothing.
-void estimate_memory(const Checked& c, const Printer& printer, Work& work) {
-  constexpr double mb = 1 << 20;
-  const double mesh = 100.0 * static_cast<double>(c.triangles) / mb;
-  const double pieces = std::min(256.0, 0.2 * static_cast<double>(c.voxels) / mb);
-  const double thread = 16 + 32.0 * c.width_px * 100 / mb + 8192.0 * c.layers / mb;
-  // A model for each value of a flat-field: a part that takes 225 MB in even light took 500.
-  const double light = printer.flat_field ? 200 : 0;
-  work.base_memory_mb = static_cast<std::int64_t>(1.5 * (160 + mesh + pieces + thread + light));
-  work.thread_memory_mb = static_cast<std::int64_t>(1.5 * thread);
 }
 
 std::string rate_class_of(const Resolved& w) {
@@ -222,8 +240,8 @@ class Preparation {
   }
 
  private:
-  void refuse(const JobRequest& r, const std::string& message) {
-    errors_.emplace_back(&r - requests_.data(), SubmitError{r.where, message});
+  void refuse(const JobRequest& r, const std::string& message, Reason reason = Reason::bad_input) {
+    errors_.emplace_back(&r - requests_.data(), SubmitError{r.where, message, reason});
   }
 
   void resolve_all() {
@@ -305,12 +323,12 @@ class Preparation {
     one.cancel = job_.cancel;
     parallel_for(job_, "checking parts", distinct_.size(), [&](std::size_t n) {
       const std::size_t i = distinct_[n];
-      checked_[n] = check_inputs(requests_[i], resolved_[i], one);
+      checked_[n] = check_inputs(requests_[i], resolved_[i], folder_.store, one);
     });
     for (std::size_t i = 0; i < requests_.size(); ++i) {
       if (resolved_[i].setup_json.empty()) continue;
-      const std::string& error = checked_[resolved_[i].checked].error;
-      if (!error.empty()) refuse(requests_[i], error);
+      const Checked& c = checked_[resolved_[i].checked];
+      if (!c.error.empty()) refuse(requests_[i], c.error, c.reason);
     }
   }
 
@@ -394,12 +412,14 @@ class Preparation {
       j.work.format = spec.ending;
       j.work.rate_class = rate_class_of(w);
       j.work.layers = c.layers;
-      j.work.voxels = c.voxels;
-      estimate_memory(c, w.setup.printer, j.work);
+      j.work.voxels = c.memory.voxels;
+      const detail::MemoryNeeds memory = detail::memory_needs(c.memory);
+      j.work.base_memory_mb = memory.base_mb;
+      j.work.thread_memory_mb = memory.thread_mb;
       const auto [rate, fresh] = rates.emplace(j.work.rate_class, Rates{});
       if (fresh) rate->second = queue_.rates(j.work.rate_class);
       const bool measured = rate->second.voxels_per_s > 0;
-      const auto voxels = static_cast<double>(c.voxels);
+      const auto voxels = static_cast<double>(c.memory.voxels);
       j.expected_s =
           fixed_job_s + voxels / (measured ? rate->second.voxels_per_s : guessed_voxels_per_s);
       // The cache's copy and the delivered one.
@@ -425,7 +445,7 @@ class Preparation {
         e.name = j.name;
         e.where = r.where;
         e.layers = c.layers;
-        e.voxels = c.voxels;
+        e.voxels = c.memory.voxels;
         e.seconds = j.expected_s;
         e.disk_bytes = j.expected_bytes;
         e.memory_mb = j.work.base_memory_mb;

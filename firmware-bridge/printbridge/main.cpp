@@ -195,6 +195,7 @@ int reset(const Options& o, Console& console) {
   const StateFolder folder = StateFolder::of(o.dir, machine.printer);
   const PrintLock lock(folder);
   const auto latch = read_latch(folder, true);
+  make_missing_report(folder);
   const auto clock = make_real_clock();
   const auto link = make_modbus_link(*machine.modbus, machine.limits);
   check_alone(*link, *clock, machine);

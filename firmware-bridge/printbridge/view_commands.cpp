@@ -79,7 +79,8 @@ int status(const StatusOptions& o) {
     out += fmt::format("latched   {}: {} ({}); see the machine, then `printbridge reset`\n",
                        name_of(latch->fault), words::printable(latch->detail),
                        latch->frame < 0 ? std::string("before the first frame")
-                                        : fmt::format("frame {}", latch->frame));
+                                        : fmt::format("frame {}, z = {:.3f} mm", latch->frame,
+                                                      latch->z_um * 1e-3));
   }
   cli::print_result(out);
   return cli::kDone;

@@ -57,13 +57,20 @@ double fault_mm(const PrintRecord& r) { return r.fault == Fault::none ? NAN : r.
 double fault_frame(const PrintRecord& r) {
   return r.fault == Fault::none || r.fault_frame < 0 ? NAN : r.fault_frame;
 }
-void mark_fault(Panel& panel, const PrintRecord& r, double at) {
-  if (std::isfinite(at)) panel.vertical(at, std::string(name_of(r.fault)));
+/// `row`: where its word is in the way of nothing.
+void mark_fault(Panel& panel, const PrintRecord& r, double at, int row) {
+  if (std::isfinite(at)) panel.vertical(at, std::string(name_of(r.fault)), row);
+}
+
+/// So that the line of a fault at the end is not the frame's.
+Axis with_room(Axis axis, double fault) {
+  if (std::isfinite(fault)) axis.high += 0.03 * (axis.high - axis.low);
+  return axis;
 }
 
 /// Over z, as far as the print came.
 Axis z_axis(const PrintRecord& r, const std::vector<Point>& points) {
-  return axis_of("z, mm", {&points}, true, {fault_mm(r)});
+  return with_room(axis_of("z, mm", {&points}, true, {fault_mm(r)}), fault_mm(r));
 }
 
 /// Counts on a logarithmic axis, a bar for each bound.
@@ -129,13 +136,21 @@ void add_lateness(const PrintRecord& r, std::vector<Chart>& charts) {
                   late_ones.size(), r.frames.size()));
   std::vector<double> more{0, layers ? Lateness::bounds_ms[0] : Lateness::bounds_um[0]};
   const bool limited = !layers && r.facts.max_late_um > 0;
-  double worst = 0;
-  for (const Point& p : all) worst = std::isfinite(p.y) ? std::max(worst, p.y) : worst;
+  double worst = 0, earliest = 0;
+  for (const Point& p : all) {
+    if (!std::isfinite(p.y)) continue;
+    worst = std::max(worst, p.y);
+    earliest = std::min(earliest, p.y);
+  }
   // Where frames are far from what is borne, its line would flatten them.
   if (limited && worst > r.facts.max_late_um / 20) more.push_back(r.facts.max_late_um);
-  Panel panel(axis_of(layers ? "layer" : "frame", {&all}, true, {fault_frame(r)}),
+  Panel panel(with_room(axis_of(layers ? "layer" : "frame", {&all}, true, {fault_frame(r)}),
+                        fault_frame(r)),
               axis_of(fmt::format("late, {}", unit), {&all}, false, more), panel_height);
   if (limited) panel.horizontal(r.facts.max_late_um, "more counts as late");
+  if (limited && earliest < -r.facts.max_late_um / 2) {
+    panel.horizontal(-r.facts.max_late_um, "so does what is earlier", true);
+  }
   panel.line(envelope(all), Style::series, 0);
   for (const Peak& p : peaks(late_ones)) {
     panel.point(p.at, 1,
@@ -143,7 +158,7 @@ void add_lateness(const PrintRecord& r, std::vector<Chart>& charts) {
                              : fmt::format("{} late frames here; the worst, {:.0f}: {:.2f} {}",
                                            p.count, p.at.x, p.at.y, unit));
   }
-  mark_fault(panel, r, fault_frame(r));
+  mark_fault(panel, r, fault_frame(r), 2);
   picture.legend_line(Style::series, layers ? "exposure less what was asked" : "lateness", 0);
   if (!late_ones.empty()) picture.legend_point(1, "late");
   picture.add(panel);
@@ -169,7 +184,7 @@ void add_stage(const PrintRecord& r, std::vector<Chart>& charts) {
     panel.horizontal(-tolerance, "");
   }
   panel.line(envelope(error), Style::series, 0);
-  mark_fault(panel, r, fault_mm(r));
+  mark_fault(panel, r, fault_mm(r), 0);
   picture.add(panel);
   charts.push_back({"Stage", picture.svg()});
 }
@@ -181,7 +196,7 @@ void lamp_panel(Picture& picture, const PrintRecord& r, const std::vector<Point>
               x_labels);
   panel.line(envelope(measured), Style::series, 0);
   panel.line(envelope(asked), Style::reference);
-  mark_fault(panel, r, fault_mm(r));
+  mark_fault(panel, r, fault_mm(r), 3);
   picture.add(panel);
 }
 
@@ -230,9 +245,32 @@ void add_speed(const PrintRecord& r, std::vector<Chart>& charts) {
               half_height);
   if (r.facts.speed_um_s > 0) panel.horizontal(r.facts.speed_um_s * 3.6, "planned", true);
   panel.line(envelope(speed), Style::series, 0);
-  mark_fault(panel, r, fault_mm(r));
+  mark_fault(panel, r, fault_mm(r), 3);
   picture.add(panel);
   charts.push_back({"Speed", picture.svg()});
+}
+
+void add_display(const PrintRecord& r, std::vector<Chart>& charts) {
+  const auto upload = series(r, number, [](const FrameRow& f) { return f.upload_s * 1e3; });
+  const auto present = series(r, number, [](const FrameRow& f) { return f.present_s * 1e3; });
+  const auto takes_time = [](const std::vector<Point>& points) {
+    return std::any_of(points.begin(), points.end(), [](const Point& p) { return p.y > 0; });
+  };
+  if (!takes_time(upload) && !takes_time(present)) return;
+  double missed = 0;
+  for (const FrameRow& f : r.frames)
+    missed += std::isfinite(f.missed_vblanks) ? f.missed_vblanks : 0;
+  Picture picture("Into the display",
+                  "Time of each frame to be brought into the display and to light");
+  picture.legend_line(Style::series, "pixels into its memory", 0);
+  picture.legend_line(Style::series, "from there to light", 1);
+  Panel panel(axis_of("frame", {&upload}, true),
+              axis_of("ms", {&upload, &present}, false, {0}, true), half_height);
+  panel.line(envelope(present), Style::series, 1);
+  panel.line(envelope(upload), Style::series, 0);
+  picture.add(panel);
+  if (missed > 0) picture.note(fmt::format("{:.0f} refreshes of the display were missed.", missed));
+  charts.push_back({"Display", picture.svg()});
 }
 
 void add_temperature(const PrintRecord& r, std::vector<Chart>& charts) {
@@ -261,6 +299,7 @@ std::vector<Chart> charts_of(const PrintRecord& record) {
   add_stage(record, charts);
   add_lamps(record, charts);
   add_speed(record, charts);
+  add_display(record, charts);
   add_temperature(record, charts);
   return charts;
 }

@@ -61,7 +61,7 @@ std::vector<Peak> peaks(const std::vector<Point>& points, int columns) {
   for (std::size_t i = 0; i < points.size(); ++i) {
     if (!finite(points[i])) continue;
     Peak& peak = all[static_cast<std::size_t>(pieces.of(points[i].x))];
-    if (peak.count++ == 0 || points[i].y > peak.at.y) {
+    if (peak.count++ == 0 || std::abs(points[i].y) > std::abs(peak.at.y)) {
       peak.at = points[i];
       peak.index = i;
     }

@@ -16,7 +16,7 @@ inline constexpr int envelope_columns = 560;
 std::vector<chart::Point> envelope(std::vector<chart::Point> points,
                                    int columns = envelope_columns);
 
-/// Of each piece the greatest point, and how many there are.
+/// Of each piece the point furthest from 0, and how many there are.
 struct Peak {
   chart::Point at;
   std::size_t index = 0;  ///< in `points`

@@ -211,9 +211,10 @@ std::string late_table(const PrintRecord& r) {
     return r.facts.layerwise ? (f.exposed_s - f.exposure_s) * 1e3 : f.late_um;
   };
   std::stable_sort(late.begin(), late.end(), [&](const FrameRow* a, const FrameRow* b) {
-    const double x = how_late(*a), y = how_late(*b);
+    const double x = std::abs(how_late(*a)), y = std::abs(how_late(*b));
     return std::isfinite(x) && (!std::isfinite(y) || x > y);
   });
+  // Too early counts as late, too, and is negative.
   std::string html = fmt::format(
       R"(<h2>Late frames, the worst first</h2><div class="scroll tall" tabindex="0" role="region" aria-label="Late frames"><table><thead><tr><th scope="col">frame</th><th scope="col">z, mm</th><th scope="col">late, {}</th><th scope="col">late, ms</th><th scope="col">shown at, s</th></tr></thead><tbody>)",
       r.facts.layerwise ? "ms of exposure" : "um");
@@ -317,17 +318,19 @@ void write_report(const StateFolder& folder, bool running) {
   write_whole(folder.file("report.html"), report_page(read_record(folder, running)));
 }
 
-void keep_report(const StateFolder& folder) {
-  const std::string now = folder.file("report.html"), before = folder.file("report.previous.html");
+void make_missing_report(const StateFolder& folder) {
   std::error_code error;
-  if (!std::filesystem::exists(now, error)) {
-    // It was killed before it could write one.
-    try {
-      if (read_record(folder, false).end != End::none) write_report(folder, false);
-    } catch (const std::exception&) {
-      // A page is not worth a print.
-    }
+  if (std::filesystem::exists(folder.file("report.html"), error)) return;
+  try {
+    if (read_record(folder, false).end != End::none) write_report(folder, false);
+  } catch (const std::exception&) {
+    // A page is not worth a print.
   }
+}
+
+void keep_report(const StateFolder& folder) {
+  make_missing_report(folder);
+  const std::string now = folder.file("report.html"), before = folder.file("report.previous.html");
   if (std::rename(now.c_str(), before.c_str()) != 0) std::remove(before.c_str());
 }
 

@@ -39,7 +39,10 @@ constexpr Column columns[] = {{"planned_z_um", &FrameRow::planned_z_um},
                               {"stage_error_um", &FrameRow::stage_error_um},
                               {"temperature_c", &FrameRow::temperature_c},
                               {"exposure_s", &FrameRow::exposure_s},
-                              {"exposed_s", &FrameRow::exposed_s}};
+                              {"exposed_s", &FrameRow::exposed_s},
+                              {"missed_vblanks", &FrameRow::missed_vblanks},
+                              {"upload_s", &FrameRow::upload_s},
+                              {"present_s", &FrameRow::present_s}};
 
 std::vector<std::string_view> cells_of(std::string_view line) {
   std::vector<std::string_view> cells;

@@ -30,6 +30,7 @@ std::string status_text(const StateFolder& folder, const std::string& printer,
     json["detail"] = latch->detail;
     json["latched_frame"] = latch->frame;
     json["latched_stage_um"] = latch->stage_um;
+    json["latched_z_um"] = latch->z_um;
   }
   const auto fault = fault_of(detail::text_in(json, "fault"));
   if (fault && *fault != Fault::none) json["to_do"] = what_to_do(*fault);

@@ -16,7 +16,7 @@ std::string_view what_to_do(Fault fault) {
       return "look at the machine's power and connection";
     case Fault::stage_error:
     case Fault::stage_failed:
-      return "look at the stage: is it free, is the part stuck?";
+      return "see whether the stage is free and the part is not stuck";
     case Fault::lamp_mismatch:
     case Fault::lamp_failed:
     case Fault::uv_ratio:

@@ -11,9 +11,7 @@ namespace {
 /// How many values must share a model so that the tables of all stay within bounds.
 int values_per_model(const InhibitedKernel& kernel, int values) {
   constexpr double most_bytes = 256.0 * 1024 * 1024;
-  const double bytes =
-      8.0 * kernel.near() * kernel.levels() * kernel.settings() * InhibitedKernel::places;
-  return std::clamp(static_cast<int>(std::ceil(values * bytes / most_bytes)), 1, 64);
+  return std::clamp(static_cast<int>(std::ceil(values * kernel.table_bytes() / most_bytes)), 1, 64);
 }
 
 }  // namespace

@@ -141,6 +141,7 @@ class PlacePredictor {
     parts_.push_back(
         {std::make_unique<BandPredictor>(models.model(value), models.curve(value), layers, size),
          std::move(columns), models.model(value).is_plain()});
+    parts_.back().predictor->keep_no_histograms();
   }
   std::vector<Part> parts_;
   std::vector<std::uint8_t> pixels_, cover_;

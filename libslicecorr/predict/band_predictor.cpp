@@ -195,7 +195,7 @@ void BandPredictor::error(std::size_t i, int node, bool upper, double slices) {
   const double um = slices * model_.layer_um;
   if (edge_sink_) edge_sink_(i, node, upper, um);
   const double size = std::abs(um);
-  prediction_.height_error_um.add(size);
+  if (histograms_) prediction_.height_error_um.add(size);
   if (um > 0) {
     prediction_.greatest_overreach_um = std::max(prediction_.greatest_overreach_um, um);
   } else {
@@ -221,7 +221,7 @@ void BandPredictor::close_gap(std::size_t i, int top) {
   if (c.run_below && c.gap_seen) {
     ++prediction_.gaps;
     prediction_.one_slice_gaps += c.gap_layers == 1;
-    prediction_.gap_contrast.add(std::max(0.0, 1.0 - gap_min_[i]));
+    if (histograms_) prediction_.gap_contrast.add(std::max(0.0, 1.0 - gap_min_[i]));
     if (gap_min_[i] >= 1.0) {
       ++prediction_.merged_features;
       merged_.add({0, static_cast<int>(i), top, c.gap_end - 1});
@@ -323,7 +323,9 @@ void BandPredictor::event(std::size_t i, int slice, const LayerDose& dose, doubl
     if (dose_) gap_min_[i] = std::min(gap_min_[i], dose.middle);
   } else if (now == grey) {
     ++prediction_.grey_voxels;
-    prediction_.grey_dose_error.add(std::abs(dose.middle - coverage / 255.0));
+    if (histograms_) {
+      prediction_.grey_dose_error.add(std::abs(dose.middle - coverage / 255.0));
+    }
   }
 }
 

@@ -4,7 +4,6 @@
 #include <stdlib.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cstdlib>
 #include <filesystem>
 #include <functional>
@@ -12,7 +11,8 @@
 #include <thread>
 #include <vector>
 
-#include "../run_program.hpp"
+#include "bench/farm_bench.hpp"
+#include "run_program.hpp"
 #include "slicecorr/farm/folder.hpp"
 #include "slicecorr/farm/metrics.hpp"
 #include "slicecorr/farm/morning.hpp"
@@ -24,46 +24,8 @@
 namespace {
 
 using namespace slicecorr::farm;
-using Time = std::chrono::steady_clock;
-
-double seconds_of(const std::function<void()>& action) {
-  const auto begin = Time::now();
-  action();
-  return std::chrono::duration<double>(Time::now() - begin).count();
-}
-
-/// Median and greatest time of some calls.
-void measure(const std::string& what, int times, const std::function<void()>& action) {
-  std::vector<double> list;
-  for (int i = 0; i < times; ++i) list.push_back(seconds_of(action));
-  std::sort(list.begin(), list.end());
-  fmt::print("| {} | {} | {:.2f} ms | {:.2f} ms |\n", what, times, list[list.size() / 2] * 1e3,
-             list.back() * 1e3);
-}
-
-NewJob job_of(int i) {
-  NewJob j;
-  j.work.key = fmt::format("{:064x}", i);
-  j.work.spec_json = std::string(400, ' ');
-  j.work.setup_json = "{}";
-  j.work.setup_hash = "h";
-  j.work.kind = "run";
-  j.work.printer = "printer";
-  j.work.resin = "resin";
-  j.work.format = "uvj";
-  j.work.rate_class = "run continuous";
-  j.work.layers = 500;
-  j.work.voxels = 100'000'000;
-  j.work.base_memory_mb = 300;
-  j.name = fmt::format("part-{}", i);
-  j.user = fmt::format("user-{}", i % 10);
-  j.parts = {fmt::format("/parts/part-{}.stl", i)};
-  j.results_folder = "/results/";
-  j.priority = i % 5;
-  if (i % 3 == 0) j.ready_by_ms = system_clock().wall_ms() + i * 1000;
-  j.expected_s = 2;
-  return j;
-}
+using slicecorr::bench::job_of;
+using slicecorr::bench::measure;
 
 }  // namespace
 
@@ -133,7 +95,7 @@ int main(int argc, char** argv) {
   });
   measure("search a name", 20, [&] {
     JobFilter f;
-    f.text = "part-4242";
+    f.text = "part-04242";
     f.limit = 20;
     model.jobs(f);
   });
@@ -149,7 +111,7 @@ int main(int argc, char** argv) {
   std::thread serving([&] { server.run(); });
   for (const std::string what :
        {"/", "/api/v1/overview", "/api/v1/jobs?limit=100", "/api/v1/jobs?limit=100&order=urgency",
-        "/api/v1/jobs?limit=100&text=part-4242", "/metrics"}) {
+        "/api/v1/jobs?limit=100&text=part-04242", "/metrics"}) {
     measure("curl " + what, 10, [&] {
       const auto answer = slicecorr::test::run_program({"curl", "-sSf", server.address() + what});
       if (answer.exit_code != 0) fmt::print(stderr, "{}\n", answer.err);
@@ -168,8 +130,8 @@ int main(int argc, char** argv) {
   };
   measure("slicefarm status", 5, [&] { program({"status"}); });
   measure("slicefarm status --json -", 5, [&] { program({"status", "--json", "-"}); });
-  measure("slicefarm status --find part-4242", 5, [&] {
-    program({"status", "--find", "part-4242"});
+  measure("slicefarm status --find part-04242", 5, [&] {
+    program({"status", "--find", "part-04242"});
   });
   measure("slicefarm cancel", 5, [&, i = 50'000]() mutable {
     program({"cancel", std::to_string(std::min(i++, jobs))});

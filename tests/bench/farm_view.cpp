@@ -4,14 +4,13 @@
 #include <fmt/format.h>
 #include <stdlib.h>
 
-#include <algorithm>
-#include <chrono>
 #include <cstdlib>
 #include <filesystem>
 #include <functional>
 #include <string>
 #include <vector>
 
+#include "bench/farm_bench.hpp"
 #include "slicecorr/farm/metrics.hpp"
 #include "slicecorr/farm/morning.hpp"
 #include "slicecorr/farm/queue.hpp"
@@ -20,44 +19,8 @@
 namespace {
 
 using namespace slicecorr::farm;
-using Time = std::chrono::steady_clock;
-
-void measure(const std::string& what, int times, const std::function<void()>& action) {
-  std::vector<double> list;
-  for (int i = 0; i < times; ++i) {
-    const auto begin = Time::now();
-    action();
-    list.push_back(std::chrono::duration<double>(Time::now() - begin).count());
-  }
-  std::sort(list.begin(), list.end());
-  fmt::print("| {} | {} | {:.1f} ms | {:.1f} ms |\n", what, times, list[list.size() / 2] * 1e3,
-             list.back() * 1e3);
-}
-
-NewJob job_of(int i) {
-  NewJob j;
-  j.work.key = fmt::format("{:064x}", i);
-  j.work.spec_json = std::string(400, ' ');
-  j.work.setup_json = "{}";
-  j.work.setup_hash = std::string(64, 'h');
-  j.work.kind = "run";
-  j.work.printer = "printer";
-  j.work.resin = "resin";
-  j.work.format = "uvj";
-  j.work.rate_class = "run continuous";
-  j.work.layers = 500;
-  j.work.voxels = 100'000'000;
-  j.work.base_memory_mb = 300;
-  j.name = fmt::format("part-{:06}", i);
-  j.user = fmt::format("user-{}", i % 10);
-  if (i % 100 == 0) j.labels = {"rush"};
-  j.parts = {fmt::format("/parts/part-{}.stl", i)};
-  j.results_folder = "/results/";
-  j.priority = i % 5;
-  if (i % 3 == 0) j.ready_by_ms = system_clock().wall_ms() + i * 1000;
-  j.expected_s = 2;
-  return j;
-}
+using slicecorr::bench::job_of;
+using slicecorr::bench::measure;
 
 }  // namespace
 

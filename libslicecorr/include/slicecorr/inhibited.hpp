@@ -60,6 +60,8 @@ class InhibitedKernel {
   const double* table(int setting, Place place) const {
     return tables_[static_cast<std::size_t>(setting * places + place)].data();
   }
+  /// Of all tables together.
+  double table_bytes() const { return 8.0 * near() * levels() * settings() * places; }
   /// A slice j >= near() layers away adds a() times what it adds one layer nearer.
   double a() const { return a_; }
   /// The same at any distance x > 0 slices, from the integral itself. `share`: what of the slice

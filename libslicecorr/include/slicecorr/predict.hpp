@@ -144,6 +144,9 @@ class BandPredictor {
   /// platform, and its signed height error.
   using EdgeSink = std::function<void(std::size_t column, int node, bool upper, double um)>;
   void tell_edges(EdgeSink sink) { edge_sink_ = std::move(sink); }
+  /// Leaves the histograms of the figures empty: together they take 1.2 MB, and an uneven display
+  /// has a predictor for each value of its light. Before the first slice.
+  void keep_no_histograms() { histograms_ = false; }
 
   /// Sums per lane of a block; private to the implementation.
   struct BlockSums;
@@ -211,6 +214,7 @@ class BandPredictor {
   double worst_ = -1, worst_so_far_ = -1;
   std::size_t worst_column_ = 0;
   EdgeSink edge_sink_;
+  bool histograms_ = true;
   /// With the index of the column in place of its row, until `finish` knows the place of the band.
   FeatureExamples lost_, merged_;
   Prediction prediction_;

@@ -40,6 +40,8 @@ void absolute_paths(JobRequest& request);
 struct SubmitError {
   std::string where;
   std::string message;
+  /// What its job would have failed with: `infeasible`, or `bad_input` for all else.
+  Reason reason = Reason::bad_input;
 };
 
 /// All errors found, as one exception: `what` has one line for each.
@@ -47,6 +49,8 @@ class SubmitErrors : public InputError {
  public:
   explicit SubmitErrors(std::vector<SubmitError> errors);
   const std::vector<SubmitError>& errors() const { return errors_; }
+  /// Whether nothing but physics is in the way.
+  bool all_infeasible() const;
 
  private:
   std::vector<SubmitError> errors_;

@@ -79,7 +79,7 @@ struct FrameRecord {
   std::optional<double> temperature_c;
   /// Layer by layer: exposure asked, and what it was; nothing where it did not end.
   std::optional<double> exposure_s, exposed_s;
-  DisplayTimes display;
+  DisplayTimes display = {};
 };
 
 /// How late frames were, counted while they are printed. Continuous: when a frame's light began,
@@ -121,7 +121,7 @@ struct FrameReport {
   int number = -1;
   double shown_at_s = 0;
   bool missing = false;  ///< underrun
-  DisplayTimes display;
+  DisplayTimes display = {};
 };
 
 struct PauseAnswer {

@@ -18,7 +18,8 @@ struct FrameRow {
   int frame = 0;
   double planned_z_um = 0, z_um = 0, planned_s = 0, shown_s = 0, late_um = 0, speed_um_s = 0,
          blue_share = 0, uv_mw_cm2 = 0, blue_measured = 0, uv_measured = 0, stage_error_um = 0,
-         temperature_c = 0, exposure_s = 0, exposed_s = 0;
+         temperature_c = 0, exposure_s = 0, exposed_s = 0, missed_vblanks = 0, upload_s = 0,
+         present_s = 0;
   bool late = false;
 };
 
@@ -68,6 +69,8 @@ std::string report_page(const PrintRecord& record);
 /// The page's part between its heading and its end, for the live page.
 std::string report_body(const PrintRecord& record);
 
+/// Makes report.html where it is missing: of a print that was killed. Nobody prints. Never throws.
+void make_missing_report(const StateFolder& folder);
 /// Before a print begins: the page of the one before becomes report.previous.html, and is made
 /// where it is missing. Never throws.
 void keep_report(const StateFolder& folder);

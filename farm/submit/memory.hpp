@@ -1,0 +1,39 @@
+/// @file memory.hpp
+/// How much memory a worker is given for a job.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "slicecorr/process.hpp"
+
+namespace slicecorr {
+class SliceSource;
+struct CorrectionPlan;
+}  // namespace slicecorr
+
+namespace slicecorr::farm::detail {
+
+/// What a worker's memory depends on.
+struct MemoryFacts {
+  std::size_t triangles = 0;
+  int width_px = 0;
+  int slices = 0;           ///< shown
+  std::int64_t voxels = 0;  ///< of the part's box
+  int lights = 1;           ///< different values of light over the part's box
+  double tables_bytes = 0;  ///< of a value's model under UV light; 0 without
+};
+
+struct MemoryNeeds {
+  std::int64_t base_mb = 0;    ///< with one thread
+  std::int64_t thread_mb = 0;  ///< more for each further one
+};
+
+/// Half as much again as was seen, because a worker over its limit has worked for nothing.
+MemoryNeeds memory_needs(const MemoryFacts& facts);
+
+/// Fills in what depends on the light: that of `plan`, and of the printer's places.
+void look_at_light(const SliceSource& slices, const Printer& printer, const Process& process,
+                   const CorrectionPlan& plan, MemoryFacts& facts);
+
+}  // namespace slicecorr::farm::detail

@@ -6,10 +6,13 @@
 #include <fmt/format.h>
 #include <pthread.h>
 #include <sched.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
 #include <condition_variable>
+#include <cstdio>
+#include <cstdlib>
 #include <mutex>
 #include <thread>
 #include <utility>
@@ -32,6 +35,13 @@ constexpr std::chrono::milliseconds look_every{10};
 
 double seconds_since(SteadyClock::time_point start) {
   return duration<double>(SteadyClock::now() - start).count();
+}
+
+/// At the end of the process libraries want locks that a thread holds which never comes back
+/// (OpenGL those of Xlib), and would wait for them for ever.
+void end_without_libraries(int status, void*) {
+  std::fflush(nullptr);
+  ::_exit(status);
 }
 
 enum class Task { none, upload, present, black, end };
@@ -219,8 +229,10 @@ class WindowSink final : public FrameSink {
     const bool ended = desk_->ended;
     lock.unlock();
     if (ended) return thread_.join();
-    // It hangs, or waits for ever, and holds nothing that others need.
+    // It hangs, or waits for ever.
     thread_.detach();
+    static std::once_flag once;
+    std::call_once(once, [] { on_exit(end_without_libraries, nullptr); });
   }
 
   Clock& clock_;

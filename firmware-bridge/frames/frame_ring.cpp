@@ -6,6 +6,7 @@
 #include <mutex>
 #include <thread>
 
+#include "base/vector_state.hpp"
 #include "frames/wire.hpp"
 #include "slicecorr/bridge/frames.hpp"
 
@@ -35,10 +36,12 @@ class StackFrames final : public FrameSource {
         static_cast<std::size_t>(shown_.width_px) * static_cast<std::size_t>(shown_.height_px);
     std::vector<std::uint8_t> image(pixels);
     stack_.read_slice(number, image.data());
+    slicecorr::detail::clear_vector_state();
     frame->blue = to_display(std::move(image));
     if (uv_) {
       image.resize(pixels);
       stack_.read_uv_slice(number, image.data());
+      slicecorr::detail::clear_vector_state();
       frame->uv = to_display(std::move(image));
     }
     if (dark_uv_) frame->uv.resize(pixels);

@@ -56,16 +56,13 @@ void convert_stack(const StackReader& stack, const StackFile& file, const Job& j
   parallel_for(job, "convert", bands.size(), [&](std::size_t i) {
     const PixelBox& band = bands[i];
     StackWriter::BandEncoder encoder(writer, band.y0, band.y1);
-    const std::size_t columns = detail::columns_of(band);
-    std::vector<std::int32_t> last_lit(columns, 0);
+    detail::LitColumns lit(detail::columns_of(band));
     slices.read_band(band, [&](int n, const std::uint8_t* rows) {
       if ((n & 63) == 0) job.check_cancelled();
       encoder.put(n, band.x0, band.x1, rows);
-      for (std::size_t k = 0; rows != nullptr && k < columns; ++k) {
-        if (rows[k]) last_lit[k] = n + 1;
-      }
+      lit.add(n, rows);
     });
-    relief.add(band, last_lit);
+    relief.add(band, lit.finish());
   });
   if (file.keep_from.empty()) {
     std::vector<std::string> lost;

@@ -22,6 +22,7 @@ using detail::BandTape;
 using detail::columns_of;
 using detail::GroupedBand;
 using detail::LightCounts;
+using detail::LitColumns;
 using detail::place_in;
 using detail::PlacePlans;
 using detail::PlaceWindows;
@@ -39,20 +40,13 @@ class TargetScan {
       : target_(target), relief_(target.bounds(), target.grid().layers) {}
 
   void read(const PixelBox& band, const SliceSource::Sink& sink) {
-    const std::size_t columns = columns_of(band);
-    std::vector<std::int32_t> last_lit(columns, 0);
-    std::uint64_t sum = 0;
+    LitColumns lit(columns_of(band));
     target_.read_band(band, [&](int n, const std::uint8_t* rows) {
-      if (rows) {
-        for (std::size_t i = 0; i < columns; ++i) {
-          sum += rows[i];
-          last_lit[i] = rows[i] ? n + 1 : last_lit[i];
-        }
-      }
+      lit.add(n, rows);
       sink(n, rows);
     });
-    coverage_sum_ += sum;
-    relief_.add(band, last_lit);
+    coverage_sum_ += lit.sum();
+    relief_.add(band, lit.finish());
   }
   /// To be called after all bands.
   void fill(StackInfo& info) const {

@@ -238,7 +238,7 @@ TEST_F(CAbiRun, ThreadsWorkSideBySide) {
   const SetupHandle shared_setup = c_setup(ladder_settings(printer_));
   const StackReader target(target_path_, folder_.path());
   const slicecorr::Setup setup = ladder_setup(printer_);
-  correct_stack(target, setup, folder_ / "expected.uvj", false);
+  correct_stack(target, setup, folder_ / "expected.uvj", {});
   const Bytes expected = read_file(folder_ / "expected.uvj");
   std::vector<std::thread> threads;
   for (int i = 0; i < 4; ++i) {
@@ -323,7 +323,7 @@ class CAbiExamples : public ::testing::Test {
     const StackReader target(folder_ / "target.uvj", folder_.path());
     const slicecorr::Setup setup = ladder_setup(printer_toml(96, 64));
     error_um_ =
-        correct_stack(target, setup, folder_ / "expected.uvj", false).after.height_error_um.mean();
+        correct_stack(target, setup, folder_ / "expected.uvj", {}).after.height_error_um.mean();
   }
   void expect_corrects(const std::vector<std::string>& program) {
     const auto call = [&](const std::string& resin) {

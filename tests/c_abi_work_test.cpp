@@ -146,7 +146,8 @@ TEST(CAbiResults, EqualThoseOfTheCppPipelineByteForByte) {
     const StackReader target(target_path, folder.path());
     const slicecorr::Setup setup =
         resolve_setup(choices, nullptr, &target.info(), ChoiceNames::fields);
-    const Correction expected = correct_stack(target, setup, folder / "expected.uvj", true);
+    const Correction expected =
+        correct_stack(target, setup, folder / "expected.uvj", {.before = true});
     const StackReader expected_stack(folder / "expected.uvj", folder.path());
     const std::vector<Bytes> images = read_images(expected_stack);
     const SetupHandle s = c_setup(settings);
@@ -240,7 +241,7 @@ TEST(CAbiResults, EqualThoseOfTheCppPipelineByteForByte) {
 TEST_F(CAbiWork, CorrectsInPlace) {
   const SetupHandle setup = c_setup(ladder_settings(printer_));
   const StackReader target(target_path_, folder_.path());
-  correct_stack(target, ladder_setup(printer_), folder_ / "expected.uvj", false);
+  correct_stack(target, ladder_setup(printer_), folder_ / "expected.uvj", {});
   const StackHandle stack = open_stack(target_path_);
   ASSERT_EQ(
       slicecorr_correct(stack.get(), setup.get(), target_path_.c_str(), nullptr, nullptr, nullptr),
@@ -265,7 +266,7 @@ TEST_F(CAbiWork, ALoadedStackNeedsItsFileNoMore) {
   const SetupHandle setup = c_setup(ladder_settings(printer_));
   const StackReader reader(target_path_, folder_.path());
   const Correction expected =
-      correct_stack(reader, ladder_setup(printer_), folder_ / "expected.uvj", false);
+      correct_stack(reader, ladder_setup(printer_), folder_ / "expected.uvj", {});
   const StackHandle stack = open_stack(target_path_);
   uint8_t pixel_row[96 * 64];
   EXPECT_EQ(slicecorr_stack_get(stack.get(), 0, pixel_row, 96), SLICECORR_BAD_CALL);

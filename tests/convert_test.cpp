@@ -134,7 +134,7 @@ TEST_P(EveryFormat, CorrectedStacksKeepAllTheirParameters) {
   setup.process = process_of_times(target.info());
   StackFile file(folder / file_of(GetParam()));
   file.format = GetParam().name;
-  const Correction made = correct_stack(target, setup, file, false);
+  const Correction made = correct_stack(target, setup, file, {});
   const StackReader stack(file.path, folder.path());
   EXPECT_EQ(stack.info().kind, StackKind::corrected);
   EXPECT_EQ(stack.info().printer, setup.printer);

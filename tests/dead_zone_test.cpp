@@ -149,13 +149,13 @@ TEST(ScheduleUv, EachSliceGetsWhatItsBrightestPixelNeeds) {
   auto with = s;
   with.process = process;
   TemporaryFolder folder;
-  const Correction c = correct_stack(Block(), with, folder / "a.uvj", false);
+  const Correction c = correct_stack(Block(), with, folder / "a.uvj", {});
   ASSERT_TRUE(c.after.dead_zones);
   EXPECT_GE(c.after.dead_zones->least(), 12.0 - 1e-9);
   EXPECT_EQ(c.after.cure_through_voxels + c.after.undercure_voxels, 0U);
   EXPECT_LT(c.after.height_error_um.greatest(), 8.0);
   // Scheduled by correct_stack itself: the same stack.
-  correct_stack(Block(), s, folder / "b.uvj", false);
+  correct_stack(Block(), s, folder / "b.uvj", {});
   EXPECT_EQ(test::read_file(folder / "a.uvj"), test::read_file(folder / "b.uvj"));
   // The stack brings its schedule.
   const StackInfo info = StackReader::read_info(folder / "a.uvj");
@@ -165,7 +165,7 @@ TEST(ScheduleUv, EachSliceGetsWhatItsBrightestPixelNeeds) {
 TEST(UvPattern, IsWrittenBesideTheSlices) {
   const auto s = setup_of(UvKind::patterned, 0, 12);
   TemporaryFolder folder;
-  const Correction c = correct_stack(Block(), s, folder / "a.uvj", false);
+  const Correction c = correct_stack(Block(), s, folder / "a.uvj", {});
   EXPECT_GE(c.after.dead_zones->least(), 12.0 - 1e-9);
   EXPECT_EQ(c.after.cure_through_voxels + c.after.undercure_voxels, 0U);
   const auto entries = test::unzip(folder / "a.uvj");
@@ -229,7 +229,7 @@ TEST(UvCorrection, SameBytesForAnyNumberOfThreads) {
   for (const int threads : {1, 2, 8}) {
     Job job;
     job.threads = threads;
-    correct_stack(Block(), s, folder / (std::to_string(threads) + ".uvj"), false, job);
+    correct_stack(Block(), s, folder / (std::to_string(threads) + ".uvj"), {}, job);
   }
   EXPECT_EQ(test::read_file(folder / "1.uvj"), test::read_file(folder / "2.uvj"));
   EXPECT_EQ(test::read_file(folder / "1.uvj"), test::read_file(folder / "8.uvj"));

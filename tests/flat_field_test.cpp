@@ -335,8 +335,8 @@ TEST_F(FlatFieldTest, OneEverywhereIsNone) {
   const MemorySlices target = random_target(kGrid, 1);
   for (const Mode& mode : modes()) {
     const Settings flat = with(mode.setup, uniform(200, 200));
-    const Correction none = correct_stack(target, mode.setup, path("none.uvj"), true);
-    const Correction one = correct_stack(target, flat, path("one.uvj"), true);
+    const Correction none = correct_stack(target, mode.setup, path("none.uvj"), {.before = true});
+    const Correction one = correct_stack(target, flat, path("one.uvj"), {.before = true});
     EXPECT_EQ(none.after.to_json(), one.after.to_json()) << mode.name;
     EXPECT_EQ(none.before->to_json(), one.before->to_json());
     const StackReader a(path("none.uvj"), folder_.string()), b(path("one.uvj"), folder_.string());
@@ -361,8 +361,8 @@ TEST_F(FlatFieldTest, AllEquallyDimIsADimPrinter) {
     const MemorySlices by_printer{CorrectedSlices(target, scaled)};
     EXPECT_EQ(by_field.grid().layers, by_printer.grid().layers) << mode.name;
     EXPECT_EQ(by_field, by_printer) << mode.name;
-    const Correction a = correct_stack(target, dim, path("a.uvj"), true);
-    const Correction b = correct_stack(target, scaled, path("b.uvj"), true);
+    const Correction a = correct_stack(target, dim, path("a.uvj"), {.before = true});
+    const Correction b = correct_stack(target, scaled, path("b.uvj"), {.before = true});
     // Figures, too; black light of 216 is less than that of 217.
     EXPECT_EQ(a.after.to_json(), b.after.to_json()) << mode.name;
     EXPECT_EQ(a.before->to_json(), b.before->to_json()) << mode.name;
@@ -479,7 +479,8 @@ TEST_F(FlatFieldTest, SameBytesForAnyNumberOfThreads) {
     for (const int threads : {1, 2, 5}) {
       Job job;
       job.threads = threads;
-      const Correction c = correct_stack(target, setup, path("t.uvj"), true, job);
+      const Correction c =
+          correct_stack(target, setup, path("t.uvj"), {.before = true, .volume_cells = 12}, job);
       if (first.empty()) {
         first = bytes(path("t.uvj"));
         figures = c.after.to_json() + c.before->to_json();
@@ -488,6 +489,7 @@ TEST_F(FlatFieldTest, SameBytesForAnyNumberOfThreads) {
       EXPECT_EQ(c.after.to_json() + c.before->to_json(), figures) << mode.name;
       const StackReader stack(path("t.uvj"), folder_.string(), job);
       EXPECT_EQ(verify_stack(stack, target, setup, job).to_json(), c.after.to_json()) << mode.name;
+      EXPECT_TRUE(*c.volume == reduce_volume(stack, target, setup, 12, job)) << mode.name;
     }
   }
 }
@@ -570,7 +572,7 @@ TEST_F(FlatFieldTest, UvPerSliceIsThatOfTheBrightestPixel) {
   Values values(256);
   for (std::size_t i = 0; i < 256; ++i) values[i] = static_cast<std::uint8_t>(180 + i % 3 * 25);
   const Settings uneven = with(setup, field_of(16, 16, values, 200));
-  const Correction c = correct_stack(target, uneven, path("uv.uvj"), true);
+  const Correction c = correct_stack(target, uneven, path("uv.uvj"), {.before = true});
   const auto& zones = *c.after.dead_zones;
   EXPECT_EQ(zones.cured_pixels, 0U);
   EXPECT_GE(zones.least(), 15 * (1 - 1e-9));
@@ -662,7 +664,7 @@ TEST_F(FlatFieldTest, StacksCarryIt) {
   Settings setup = with(even_setup(), field_of(10, 6, values, 249, true));
   setup.printer.orientation = Orientation{true, true, false};
   for (const char* name : {"a.uvj", "a.sl1"}) {
-    const Correction c = correct_stack(target, setup, path(name), false);
+    const Correction c = correct_stack(target, setup, path(name), {});
     const StackReader stack(path(name), folder_.string());
     ASSERT_TRUE(stack.info().printer && stack.info().printer->flat_field) << name;
     EXPECT_EQ(*stack.info().printer, setup.printer);
@@ -677,7 +679,7 @@ TEST_F(FlatFieldTest, StacksCarryIt) {
   };
   EXPECT_EQ(block("a.uvj")["format"], 3);
   // Others keep their version.
-  correct_stack(target, even_setup(), path("even.uvj"), false);
+  correct_stack(target, even_setup(), path("even.uvj"), {});
   EXPECT_EQ(block("even.uvj")["format"], 1);
   EXPECT_FALSE(block("even.uvj")["printer"].contains("flat_field"));
   EXPECT_FALSE(block("even.uvj").contains("frame"));
@@ -685,7 +687,7 @@ TEST_F(FlatFieldTest, StacksCarryIt) {
 
 TEST_F(FlatFieldTest, StacksWhosePictureIsDamagedAreRefused) {
   const MemorySlices target = random_target(kGrid, 13);
-  correct_stack(target, with(even_setup(), field_of(2, 1, {200, 255})), path("a.uvj"), false);
+  correct_stack(target, with(even_setup(), field_of(2, 1, {200, 255})), path("a.uvj"), {});
   const auto name = std::string("slicecorr/flat-field.png");
   const auto with_entry = [&](const std::string& file, const std::vector<std::uint8_t>& data) {
     Entries entries = unzip(path("a.uvj"));
@@ -715,7 +717,7 @@ TEST_F(FlatFieldTest, ArchivesOfAPrinterStayAsItsDisplayShowsThem) {
   for (std::size_t i = 0; i < 256; ++i) values[i] = static_cast<std::uint8_t>(180 + i / 4);
   Settings setup = with(even_setup(), field_of(16, 16, values));
   setup.printer.orientation = sl1s;
-  const Correction c = correct_stack(target, setup, path("a.uvj"), false);
+  const Correction c = correct_stack(target, setup, path("a.uvj"), {});
   const StackReader stack(path("a.uvj"), folder_.string());
   EXPECT_EQ(stack.frame(), target.frame());
   EXPECT_EQ(verify_stack(stack, target, setup).to_json(), c.after.to_json());

@@ -157,7 +157,7 @@ TEST(Sl1, CorrectedInPlaceKeepsEverythingElseByteForByte) {
       setup.process = process_of_times(target.info());
       StackFile file(path);
       file.keep_from = path;
-      correct_stack(target, setup, file, false);
+      correct_stack(target, setup, file, {});
     }
     const Entries after = test::unzip(path);
     ASSERT_EQ(after.size(), before.size() + 1);
@@ -259,7 +259,7 @@ TEST(Sl1, OtherTimesAndAddedSlicesChangeNothingButTheirNumbers) {
   setup.process.speed_mm_h = 500;
   StackFile file(out);
   file.keep_from = path;
-  correct_stack(target, setup, file, false);
+  correct_stack(target, setup, file, {});
   const StackInfo info = StackReader::read_info(out);
   ASSERT_GT(info.grid.layers, 6);
   Entries entries = test::unzip(out);

@@ -405,7 +405,7 @@ TEST(LayerwiseReal, BenchyComesOutAsDesigned) {
   setup.process.fade_layers = 10;
   const MeshSlices target(read_mesh(path, {}), setup.printer, SliceOptions{});
   const TemporaryFolder folder;
-  const Correction c = correct_stack(target, setup, folder / "benchy.uvj", true);
+  const Correction c = correct_stack(target, setup, folder / "benchy.uvj", {.before = true});
   EXPECT_EQ(c.after.cure_through_voxels + c.after.undercure_voxels, 0U);
   EXPECT_EQ(c.after.lost_features + c.after.merged_features + c.after.gap_teeth, 0U);
   EXPECT_EQ(c.after.greatest_shortfall_um, 0);

@@ -714,7 +714,7 @@ TEST(RecordedRefusals, WhatCantBeDoneIsSaid) {
   const Settings setup{uv_printer(), kinetic_resin(1), under_uv(continuous())};
   const MemorySlices target = random_slices(kGrid, 61, true);
   const RecordedSlices recorded(target, as_planned(kGrid.layers, 180));
-  EXPECT_THAT(refusal([&] { correct_stack(recorded, setup, "a.uvj", false, {}); }),
+  EXPECT_THAT(refusal([&] { correct_stack(recorded, setup, "a.uvj", {}, {}); }),
               HasSubstr("recording"));
   EXPECT_THAT(refusal([&] { verify_stack(target, recorded, setup); }), HasSubstr("recording"));
   EXPECT_THAT(refusal([&] { simulate_column(recorded, nullptr, setup, 3, 3, {}); }),

@@ -366,7 +366,7 @@ class RecordingProgram : public testing::Test {
     test::write_stack(target_, target, test::info_of(target.grid));
     StackInfo info = print_info(target.grid);
     const slicecorr::Setup setup{*info.printer, *info.resin, *info.process};
-    correct_stack(StackReader(target_, folder_.path()), setup, corrected_, false, {});
+    correct_stack(StackReader(target_, folder_.path()), setup, corrected_, {}, {});
     const StackReader stack(corrected_, folder_.path());
     RecordingWriter writer(recorded_, stack.info());
     Recording late;

@@ -81,7 +81,7 @@ TEST(Report, IsSelfContainedAndEscapesNames) {
   const MeshSlices target(test::ladder(), setup.printer, SliceOptions{});
   const auto path = std::filesystem::path(::testing::TempDir()) /
                     ("report-" + std::to_string(::getpid()) + ".uvj");
-  const Correction c = correct_stack(target, setup, path.string(), true);
+  const Correction c = correct_stack(target, setup, path.string(), {.before = true});
   std::filesystem::remove(path);
   const CorrectedSlices corrected(target, setup);
   const std::string html = make_report(

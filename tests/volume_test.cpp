@@ -2,7 +2,9 @@
 #include "slicecorr/volume.hpp"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
+#include <filesystem>
 #include <random>
 
 #include "ladder.hpp"
@@ -132,6 +134,71 @@ TEST(Volume, NoWrongVoxelIsLost) {
   }
 }
 
+/// The flags of all cells, counted voxel by voxel from sections.
+TEST(Volume, CellsAreTheVoxelsInThem) {
+  const slicecorr::Setup setup = lattice_setup();
+  for (const int cells : {9, 30, 160}) {
+    const auto [target, stack] = random_stack(static_cast<unsigned>(cells) + 100);
+    const ReducedVolume v = reduce_volume(stack, target, setup, cells);
+    const auto check = [&](const SliceSource& shown, const ReducedPrint& print) {
+      struct Cell {
+        int voxels = 0, printed = 0, designed = 0, flags = 0;
+        bool unsure = false;  // a float of the section lies at the gel point
+      };
+      std::vector<Cell> expected(v.cells());
+      for (int y = v.box.y0; y < v.box.y1; ++y) {
+        const Section s = section_of(shown, target, setup, y);
+        for (int n = 0; n < v.layers; ++n) {
+          for (int x = 0; x < s.width; ++x) {
+            const int i = (s.x0 + x - v.box.x0) / v.step_x, j = (y - v.box.y0) / v.step_y;
+            Cell& cell = expected[static_cast<std::size_t>((n / v.step_z * v.ny + j) * v.nx + i)];
+            const auto at = static_cast<std::size_t>(n * s.width + x);
+            const bool there = n < s.layers;
+            const int cover = there ? s.coverage[at] : 0;
+            const float dose = there ? s.dose[at] : 0.0F;
+            cell.unsure |= std::abs(dose - 1.0F) < 1e-6F;
+            ++cell.voxels;
+            cell.printed += dose >= 1;
+            cell.designed += cover >= 128;
+            if (cover != 0 && cover != 255) cell.flags |= kCellGrey;
+            if (cover == 0 && dose >= 1) cell.flags |= kCellCureThrough;
+            if (cover == 255 && dose < 1) cell.flags |= kCellUndercure;
+          }
+        }
+      }
+      for (std::size_t c = 0; c < v.cells(); ++c) {
+        Cell& cell = expected[c];
+        if (cell.unsure) continue;
+        if (2 * cell.printed >= cell.voxels) cell.flags |= kCellPrinted;
+        if (2 * cell.designed >= cell.voxels) cell.flags |= kCellDesigned;
+        ASSERT_EQ(print.state[c], cell.flags) << c << " of " << cells;
+      }
+    };
+    check(target, v.before);
+    check(stack, v.after);
+  }
+}
+
+TEST(Volume, ACorrectionGathersItOnTheWay) {
+  const slicecorr::Setup setup = lattice_setup();
+  const MeshSlices target(test::lattice(3, 3, 3, 3, 0.4), setup.printer, SliceOptions{});
+  const auto path = std::filesystem::temp_directory_path() /
+                    ("slicecorr-volume-" + std::to_string(::getpid()) + ".uvj");
+  const CorrectedSlices corrected(target, setup);
+  for (const int cells : {11, 160}) {
+    const ReducedVolume expected = reduce_volume(corrected, target, setup, cells);
+    for (const int threads : {1, 2, 5}) {
+      Job job;
+      job.threads = threads;
+      const Correction c =
+          correct_stack(target, setup, path.string(), {.before = true, .volume_cells = cells}, job);
+      ASSERT_TRUE(c.volume);
+      EXPECT_TRUE(*c.volume == expected) << cells << " cells, " << threads << " threads";
+    }
+  }
+  std::filesystem::remove(path);
+}
+
 TEST(Volume, ColumnsGiveTheDosesOfProbe) {
   const slicecorr::Setup setup = lattice_setup();
   const auto [target, stack] = random_stack(5);
@@ -234,7 +301,7 @@ TEST(Volume, EvenNoiseMakesAPageOfAFewMegabytes) {
   ReportContent content;
   content.info.grid = {160, 160, 160, 50, 50, 50};
   content.setup = setup;
-  content.volume = std::move(v);
+  content.volume = std::make_shared<ReducedVolume>(std::move(v));
   ComparisonTable comparison;
   comparison.columns = {"way", "mean <error>"};
   comparison.rows = {{"ours", "1 um"}};

@@ -237,7 +237,7 @@ slicecorr_status slicecorr_correct(const slicecorr_stack* target, const slicecor
     tell_notices(s, t, job);
     const Images images(t, s.printer, scratch_folder(handle, file.path), job);
     const slicecorr::Correction done =
-        slicecorr::correct_stack(images.source(), s, file, before != nullptr, job);
+        slicecorr::correct_stack(images.source(), s, file, {.before = before != nullptr}, job);
     auto figures_after = after ? figures_of(done.after) : nullptr;
     if (before) *before = figures_of(*done.before).release();
     if (after) *after = figures_after.release();

@@ -9,6 +9,7 @@
 #include "pipeline/place_plans.hpp"
 #include "pipeline/relief.hpp"
 #include "pipeline/uv_images.hpp"
+#include "pipeline/volume_reducer.hpp"
 #include "slicecorr/dead_zone.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/pipeline.hpp"
@@ -27,6 +28,7 @@ using detail::place_in;
 using detail::PlacePlans;
 using detail::PlaceWindows;
 using detail::Relief;
+using detail::VolumeReducer;
 using detail::whole_image;
 
 namespace {
@@ -156,7 +158,8 @@ CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup, co
 }
 
 Correction correct_stack(const SliceSource& target, const Setup& asked, const StackFile& file,
-                         bool with_before, const Job& job) {
+                         const CorrectionAsk& ask, const Job& job) {
+  const bool with_volume = ask.volume_cells > 0, with_before = ask.before || with_volume;
   refuse_recording(target);
   Setup setup = asked;
   setup.process = schedule_uv(target, asked, job);
@@ -172,6 +175,11 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
   if (model.inhibited) window.emplace(models, plans.all_layers());
   TargetScan scan(target);
   const auto bands = bands_of(grid, target.bounds());
+  std::optional<VolumeReducer> volume;
+  if (with_volume) {
+    volume.emplace(models, target.bounds(), plans.layers(), plans.all_layers(), plans.levels(),
+                   ask.volume_cells);
+  }
   // Merging does not depend on the order of bands, and a band's histograms are large.
   Prediction after, before;
   LightCounts in_groups{};
@@ -179,18 +187,37 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
   parallel_for(job, "correct", bands.size(), [&](std::size_t i) {
     const PixelBox& band = bands[i];
     const std::size_t columns = columns_of(band);
-    const BandReader read = [&](const SliceSource::Sink& sink) { scan.read(band, sink); };
+    std::optional<VolumeReducer::Band> reduced;
+    if (volume) reduced.emplace(*volume, band);
+    BandTape design(columns), upwards(columns);  // for the reduced volume; the last slice first
+    const BandReader read = [&](const SliceSource::Sink& sink) {
+      if (!reduced) return scan.read(band, sink);
+      scan.read(band, [&](int n, const std::uint8_t* rows) {
+        design.append(rows);
+        sink(n, rows);
+      });
+    };
     StackWriter::BandEncoder encoder(writer, band.y0, band.y1);
+    const auto put_out = [&](int n, const std::uint8_t* pixels) {
+      encoder.put(n, band.x0, band.x1, pixels);
+      if (reduced) upwards.append(pixels);
+    };
     Prediction band_after, band_before;
     // Columns of one value, whose figures go on from those before them.
-    const auto correct = [&](std::uint8_t value, std::size_t count, const BandReader& reader,
-                             const BandPredictor::Place& place, const auto& put) {
+    const auto correct = [&](std::uint8_t value, const std::vector<std::uint32_t>* of_band,
+                             const BandReader& reader, const BandPredictor::Place& place,
+                             const auto& put) {
+      const std::size_t count = of_band ? of_band->size() : columns;
       const CorrectionPlan& plan = plans.plan(value);
       const PixelCurve& curve = models.curve(value);
       BandPredictor predict_after(plan.model, curve, plans.all_layers(), count);
       BandPredictor predict_before(plan.model, curve, plans.all_layers(), count);
       predict_after.go_on_from(std::move(band_after));
       predict_before.go_on_from(std::move(band_before));
+      if (reduced) {
+        reduced->listen_after(predict_after, of_band);
+        reduced->listen_before(predict_before, of_band);
+      }
       std::optional<WindowWatch> watch;
       if (window) watch.emplace(plan.model, plans.all_layers(), count);
       correct_columns(
@@ -205,21 +232,25 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
     };
     LightCounts counts{};
     if (plans.even()) {
-      correct(models.map().reference(), columns, read, place_in(band),
-              [&](int n, const std::uint8_t* pixels) { encoder.put(n, band.x0, band.x1, pixels); });
+      correct(models.map().reference(), nullptr, read, place_in(band), put_out);
     } else {
       const GroupedBand grouped(models.map(), band, {read});
       std::vector<BandTape> corrected;
       for (const GroupedBand::Group& g : grouped.groups) {
         counts[g.value] = g.columns.size();
         BandTape& tape = corrected.emplace_back(g.columns.size());
-        correct(g.value, g.columns.size(), g.reader(0), place_in(band, g.columns),
+        correct(g.value, &g.columns, g.reader(0), place_in(band, g.columns),
                 [&](int, const std::uint8_t* pixels) { tape.append(pixels); });
       }
       Joiner joined(grouped, columns, std::move(corrected));
       for (int n = plans.all_layers(); n-- > 0;) {
-        encoder.put(n, band.x0, band.x1, joined.at(plans.all_layers() - 1 - n));
+        put_out(n, joined.at(plans.all_layers() - 1 - n));
       }
+    }
+    if (reduced) {
+      const int all = plans.all_layers();
+      reduced->finish([&](int n, std::uint8_t* out) { upwards.read(all - 1 - n, out); },
+                      [&](int n, std::uint8_t* out) { design.read(n, out); });
     }
     const std::lock_guard lock(merging);
     after.merge(band_after);
@@ -228,6 +259,7 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
   });
 
   Correction result;
+  if (volume) result.volume = std::make_shared<ReducedVolume>(volume->take());
   if (window) {
     result.after.dead_zones = window->result();
     check_window(*result.after.dead_zones, setup.process);

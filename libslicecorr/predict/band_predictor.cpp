@@ -303,6 +303,7 @@ void BandPredictor::event(std::size_t i, int slice, const LayerDose& dose, doubl
                           std::uint8_t coverage) {
   const Class now = coverage == 0 ? gap : coverage == 255 ? run : grey;
   const double below = omega_[i];
+  if (state_sink_) state_sink_(i, slice, coverage, dose.middle >= 1.0, dose.upper >= 1.0);
   if (now != class_[i]) {
     enter(i, slice + 1, now, below, dose.lower);
   } else if ((below >= 1.0) != (dose.lower >= 1.0)) {

@@ -18,7 +18,8 @@ FittedSlices fit_for_output(const SliceSource& slices, const StackFile& file,
 Correction make_part(const SliceSource& target, Setup setup, const StackFile& file,
                      const std::string& base, const std::string& title, const Job& job,
                      const std::function<void()>& corrected) {
-  Correction result = correct_stack(target, setup, file, true, job);
+  Correction result =
+      correct_stack(target, setup, file, {.before = true, .volume_cells = kReportCells}, job);
   if (corrected) corrected();
   setup.process = *result.info.process;
   // The proof: the prediction of the stack, with that of the uncorrected part beside it.
@@ -28,7 +29,7 @@ Correction make_part(const SliceSource& target, Setup setup, const StackFile& fi
   const CorrectedSlices shown(target, setup, job);
   write_text_file(base + ".html",
                   make_report(gather_report(shown, target, setup, result.info, result.after,
-                                            result.before, title, job)));
+                                            result.before, title, job, result.volume)));
   return result;
 }
 

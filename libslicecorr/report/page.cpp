@@ -213,7 +213,7 @@ std::string row_in_words(const SliceSource& source, int y) {
 ReportContent gather_report(const SliceSource& stack, const SliceSource& target, const Setup& setup,
                             const StackInfo& info, const Prediction& after,
                             const std::optional<Prediction>& before, const std::string& title,
-                            const Job& job) {
+                            const Job& job, std::shared_ptr<const ReducedVolume> volume) {
   ReportContent c;
   c.title = title;
   c.info = info;
@@ -247,7 +247,11 @@ ReportContent gather_report(const SliceSource& stack, const SliceSource& target,
     c.column_after = probe_stack(stack, &target, setup, c.column_x, c.column_y);
   }
   // What can be moved through computes with one image per slice.
-  if (!stack.recording()) c.volume = reduce_volume(stack, target, setup, kReportCells, job);
+  if (!volume && !stack.recording()) {
+    volume =
+        std::make_shared<ReducedVolume>(reduce_volume(stack, target, setup, kReportCells, job));
+  }
+  c.volume = std::move(volume);
   return c;
 }
 

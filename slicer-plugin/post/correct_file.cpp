@@ -156,7 +156,7 @@ class Reports {
       cli::write_text_file(
           work_.path() + "/html",
           make_report(gather_report(corrected, target, setup, c.info, c.after, c.before,
-                                    fs::path(name_).stem().string(), job)));
+                                    fs::path(name_).stem().string(), job, c.volume)));
     }
     if (wants("json")) cli::write_text_file(work_.path() + "/json", figures_json(outcome));
   }
@@ -168,9 +168,9 @@ class Reports {
       written.push_back(path);
     }
   }
+  bool wants(const std::string& kind) const { return kinds_ == kind || kinds_ == "both"; }
 
  private:
-  bool wants(const std::string& kind) const { return kinds_ == kind || kinds_ == "both"; }
   const WorkFolder& work_;
   std::string name_, kinds_;
 };
@@ -232,8 +232,10 @@ Outcome correct_file(const std::string& path, const Context& context, const Job&
     file.keep_from = source;
     file.original_sha256 = cli::sha256_of_contents(source);
     outcome.setup = decision.setup;
-    outcome.correction = correct_stack(target, decision.setup, file, true, job);
     const Reports reports(work, name_for_user(real, context), decision.settings.report);
+    outcome.correction = correct_stack(
+        target, decision.setup, file,
+        {.before = true, .volume_cells = reports.wants("html") ? kReportCells : 0}, job);
     reports.make(target, outcome, job);
     detail::copy_mode(real, made);
 

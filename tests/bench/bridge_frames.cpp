@@ -63,7 +63,7 @@ class Stack {
     const MeshSlices target(test::lattice(size.cells_x, size.cells_y, 1, 5, 0.4), printer,
                             SliceOptions{});
     correct_stack(target, {printer, test::resin(230, 1500), test::process(800)}, path_.string(),
-                  false);
+                  {});
     reader_ = std::make_unique<StackReader>(path_.string(), path_.parent_path().string());
     frames_ = make_frame_source(*reader_, printer, false);
   }

@@ -134,7 +134,7 @@ void run(benchmark::State& state) {
   Job job;
   job.threads = static_cast<int>(state.range(0));
   for (auto _ : state) {
-    const Correction c = correct_stack(target(), setup(), path.string(), true, job);
+    const Correction c = correct_stack(target(), setup(), path.string(), {.before = true}, job);
     if (c.after.cure_through_voxels || c.after.undercure_voxels) throw Error("does not verify");
   }
   std::filesystem::remove(path);
@@ -145,7 +145,7 @@ BENCHMARK(run)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond)->UseRealTime();
 /// Reading a corrected stack back and verifying it.
 void verify(benchmark::State& state) {
   const auto path = std::filesystem::temp_directory_path() / "slicecorr-bench.uvj";
-  correct_stack(target(), setup(), path.string(), false);
+  correct_stack(target(), setup(), path.string(), {});
   Job job;
   job.threads = static_cast<int>(state.range(0));
   for (auto _ : state) {

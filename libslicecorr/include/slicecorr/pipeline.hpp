@@ -45,16 +45,27 @@ void convert_stack(const StackReader& stack, const StackFile& file, const Job& j
 /// first correction with the intensity that full light needs. Others come back as they are.
 Process schedule_uv(const SliceSource& target, const Setup& setup, const Job& job = {});
 
+struct ReducedVolume;  // volume.hpp
+
 struct Correction {
   StackInfo info;                    ///< of the stack written
   Prediction after;                  ///< what it prints
   std::optional<Prediction> before;  ///< what the target prints when shown as it is
+  /// Both prints, reduced to cells, where it was asked for; see reduce_volume().
+  std::shared_ptr<ReducedVolume> volume;
+};
+
+/// What a correction is to find out besides the stack and its prediction.
+struct CorrectionAsk {
+  bool before = false;   ///< what the target prints when shown as it is
+  int volume_cells = 0;  ///< the reduced volume with at most so many cells a side; 0: none. Implies
+                         ///< `before`
 };
 
 /// Corrects `target` for `setup` and writes the stack. Throws `InputError` when the target does not
 /// fit the printer, `InfeasibleError` when physics or the stage's travel forbid it.
 Correction correct_stack(const SliceSource& target, const Setup& setup, const StackFile& file,
-                         bool with_before, const Job& job = {});
+                         const CorrectionAsk& ask, const Job& job = {});
 
 /// Throws `InputError` when a stack and its target differ in the size of images or voxels.
 void check_same_voxels(const Grid& stack, const Grid& target);

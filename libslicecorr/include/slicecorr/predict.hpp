@@ -144,6 +144,13 @@ class BandPredictor {
   /// platform, and its signed height error.
   using EdgeSink = std::function<void(std::size_t column, int node, bool upper, double um)>;
   void tell_edges(EdgeSink sink) { edge_sink_ = std::move(sink); }
+  /// Told where a column's voxels become others on the way from the last slice to the first: the
+  /// slice, its coverage, whether it prints in its middle, and at its upper node. Voxels of slices
+  /// that are not told have the coverage of the one told before, and print as its upper node does.
+  /// Grey voxels are all told. Before the first: coverage 0, unprinted.
+  using StateSink = std::function<void(std::size_t column, int slice, std::uint8_t coverage,
+                                       bool prints, bool prints_above)>;
+  void tell_states(StateSink sink) { state_sink_ = std::move(sink); }
   /// Leaves the histograms of the figures empty: together they take 1.2 MB, and an uneven display
   /// has a predictor for each value of its light. Before the first slice.
   void keep_no_histograms() { histograms_ = false; }
@@ -214,6 +221,7 @@ class BandPredictor {
   double worst_ = -1, worst_so_far_ = -1;
   std::size_t worst_column_ = 0;
   EdgeSink edge_sink_;
+  StateSink state_sink_;
   bool histograms_ = true;
   /// With the index of the column in place of its row, until `finish` knows the place of the band.
   FeatureExamples lost_, merged_;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -58,7 +59,8 @@ struct ReportContent {
   std::vector<SectionPictures> sections;
   int column_x = -1, column_y = -1;  ///< pixel of the columns below
   std::vector<ProbeRow> column_before, column_after;
-  std::optional<ReducedVolume> volume;  ///< what can be moved through; none: still pictures only
+  /// What can be moved through; null: still pictures only.
+  std::shared_ptr<const ReducedVolume> volume;
   std::optional<ComparisonTable> comparison;  ///< when the caller has one
 };
 
@@ -93,10 +95,12 @@ ColourImage tiled(const std::vector<ColourImage>& pictures, int columns);
 /// Gathers the content for `stack` against `target`: figures, the middle section, the section and
 /// the column through the worst height error of the target shown as it is, and the volume of at
 /// most `kReportCells` cells a side. Of a recording there is no volume: its pictures stand still.
+/// `volume`: what `correct_stack` made of it, or null for reading both once more.
 inline constexpr int kReportCells = 160;
 ReportContent gather_report(const SliceSource& stack, const SliceSource& target, const Setup& setup,
                             const StackInfo& info, const Prediction& after,
                             const std::optional<Prediction>& before, const std::string& title,
-                            const Job& job = {});
+                            const Job& job = {},
+                            std::shared_ptr<const ReducedVolume> volume = nullptr);
 
 }  // namespace slicecorr

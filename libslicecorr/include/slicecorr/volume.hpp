@@ -7,6 +7,7 @@
 /// exactly.
 #pragma once
 
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -32,6 +33,7 @@ struct ReducedPrint {
   std::vector<std::uint8_t> dose;   ///< of the pixel that stands, mid-layer in the middle slice
   std::vector<std::uint8_t> grey;   ///< its pixel value there
   std::vector<std::uint8_t> error;  ///< the greatest height error of edges in the cell
+  bool operator==(const ReducedPrint&) const = default;
 };
 
 struct ReducedVolume {
@@ -48,12 +50,20 @@ struct ReducedVolume {
     double light = 1;  ///< share of the calibration's light that the pixel gets
     Runs coverage;     ///< of the target
     Runs levels;       ///< of the stack; ends where the stack ends
+    bool operator==(const Column&) const = default;
   };
   std::vector<Column> columns;  ///< j * nx + i
 
   std::size_t cells() const {
     return static_cast<std::size_t>(nx) * static_cast<std::size_t>(ny) *
            static_cast<std::size_t>(nz);
+  }
+  bool operator==(const ReducedVolume& o) const {
+    const auto size = [](const ReducedVolume& v) {
+      return std::array{v.box.x0, v.box.y0, v.box.x1, v.box.y1, v.layers, v.step_x,
+                        v.step_y, v.step_z, v.nx,     v.ny,     v.nz};
+    };
+    return size(*this) == size(o) && before == o.before && after == o.after && columns == o.columns;
   }
 };
 

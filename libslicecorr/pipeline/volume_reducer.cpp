@@ -1,0 +1,342 @@
+#include "pipeline/volume_reducer.hpp"
+
+#include <algorithm>
+#include <array>
+
+#include "pipeline/bands.hpp"
+
+namespace slicecorr::detail {
+namespace {
+
+/// States of a voxel: its design, and whether it prints.
+constexpr std::uint8_t kPrints = 1, kDesign = 2, kFull = 4, kGrey = 8;
+
+std::uint8_t state_of(std::uint8_t coverage, bool prints) {
+  const std::uint8_t kind = coverage == 255 ? kFull : coverage != 0 ? kGrey : std::uint8_t{0};
+  return static_cast<std::uint8_t>(kind | (coverage >= 128 ? kDesign : 0) | (prints ? kPrints : 0));
+}
+
+std::uint8_t flags_of(std::uint8_t state) {
+  if (state & kGrey) return kCellGrey;
+  if (state & kFull) return state & kPrints ? 0 : kCellUndercure;
+  return state & kPrints ? kCellCureThrough : 0;
+}
+
+/// Of two errors in a cell the larger; of equals the positive one, so that the order does not
+/// matter.
+std::uint8_t worse_error(std::uint8_t a, std::uint8_t b) {
+  const auto size = [](std::uint8_t code) { return code ? std::abs(code - 128) : -1; };
+  return size(a) != size(b) ? (size(a) > size(b) ? a : b) : std::max(a, b);
+}
+
+void push(ReducedVolume::Runs& runs, std::uint8_t value) {
+  if (runs.empty() || runs.back().first != value) runs.emplace_back(value, 0);
+  ++runs.back().second;
+}
+
+}  // namespace
+
+VolumeReducer::VolumeReducer(const PlaceModels& models, const PixelBox& box, int target_layers,
+                             int stack_layers, int levels, int most_cells)
+    : models_(models), target_layers_(target_layers), stack_layers_(stack_layers), levels_(levels) {
+  ReducedVolume& v = volume_;
+  v.box = box;
+  if (box.empty()) return;
+  v.layers = std::max(target_layers, stack_layers);
+  const auto fit = [&](int size, int& step, int& cells) {
+    step = (size + most_cells - 1) / most_cells;
+    cells = (size + step - 1) / step;
+  };
+  fit(box.width(), v.step_x, v.nx);
+  fit(box.height(), v.step_y, v.ny);
+  fit(v.layers, v.step_z, v.nz);
+  for (ReducedPrint* p : {&v.before, &v.after}) {
+    for (auto* grid : {&p->state, &p->dose, &p->grey, &p->error}) grid->assign(v.cells(), 0);
+  }
+  for (auto* counts : {&designed_, &printed_before_, &printed_after_}) {
+    counts->assign(v.cells(), 0);
+  }
+  v.columns.resize(static_cast<std::size_t>(v.nx) * static_cast<std::size_t>(v.ny));
+  ranks_.resize(v.columns.size());
+  row_mutexes_ = std::vector<std::mutex>(static_cast<std::size_t>(v.ny));
+  cell_layer_.resize(static_cast<std::size_t>(v.layers));
+  for (std::size_t n = 0; n < cell_layer_.size(); ++n) {
+    cell_layer_[n] = static_cast<std::uint32_t>(n / static_cast<std::size_t>(v.step_z));
+  }
+}
+
+ReducedVolume VolumeReducer::take() {
+  ReducedVolume& v = volume_;
+  const auto size = [](int at, int step, int all) {
+    return static_cast<std::uint64_t>(std::min(step, all - at * step));
+  };
+  for (int k = 0; k < v.nz; ++k) {
+    for (int j = 0; j < v.ny; ++j) {
+      for (int i = 0; i < v.nx; ++i) {
+        const std::uint64_t voxels = size(i, v.step_x, v.box.width()) *
+                                     size(j, v.step_y, v.box.height()) *
+                                     size(k, v.step_z, v.layers);
+        const std::size_t c = cell(i, j, k);
+        const auto half = [&](const std::vector<std::uint32_t>& counts, int flag) {
+          return 2 * std::uint64_t{counts[c]} >= voxels ? flag : 0;
+        };
+        const int design = half(designed_, kCellDesigned);
+        v.before.state[c] |=
+            static_cast<std::uint8_t>(design | half(printed_before_, kCellPrinted));
+        v.after.state[c] |= static_cast<std::uint8_t>(design | half(printed_after_, kCellPrinted));
+      }
+    }
+  }
+  return std::move(volume_);
+}
+
+VolumeReducer::Band::Band(VolumeReducer& volume, const PixelBox& band)
+    : volume_(volume), band_(band), cells_(columns_of(band), kNoCell) {
+  const ReducedVolume& v = volume.volume_;
+  const int y0 = std::max(band.y0, v.box.y0), y1 = std::min(band.y1, v.box.y1);
+  j0_ = (y0 - v.box.y0) / v.step_y;
+  j1_ = (y1 - 1 - v.box.y0) / v.step_y + 1;
+  const auto nx = static_cast<std::size_t>(v.nx), nz = static_cast<std::size_t>(v.nz);
+  std::size_t at = static_cast<std::size_t>(y0 - band.y0) * static_cast<std::size_t>(band.width());
+  for (int y = y0; y < y1; ++y) {
+    const auto j = static_cast<std::size_t>((y - v.box.y0) / v.step_y - j0_);
+    for (int x = band.x0; x < band.x1; ++x) {
+      const auto i = static_cast<std::size_t>((x - v.box.x0) / v.step_x);
+      cells_[at++] = static_cast<std::uint32_t>((j * nx + i) * nz);
+    }
+  }
+  const std::size_t cells = static_cast<std::size_t>(j1_ - j0_) * nx * nz;
+  for (Print* p : {&before_, &after_}) {
+    p->state.assign(cells_.size(), 0);
+    p->highest.assign(cells_.size(), v.layers - 1);
+    p->wrong.assign(cells_.size(), 0);
+    p->flags.assign(cells, 0);
+    p->error.assign(cells, 0);
+  }
+  for (Counts* c : {&before_.printed, &after_.printed, &designed_}) {
+    c->partly.assign(cells, 0);
+    c->filled.assign(cells, 0);
+  }
+}
+
+void VolumeReducer::Band::Counts::add(const VolumeReducer& volume, std::size_t column, int low,
+                                      int high) {
+  const auto step = static_cast<std::uint32_t>(volume.volume_.step_z);
+  const std::uint32_t k0 = volume.cell_layer_[static_cast<std::size_t>(low)];
+  const std::uint32_t k1 = volume.cell_layer_[static_cast<std::size_t>(high)];
+  const auto l = static_cast<std::uint32_t>(low), h = static_cast<std::uint32_t>(high);
+  if (k0 == k1) {
+    partly[column + k0] += h - l + 1;
+    return;
+  }
+  partly[column + k0] += (k0 + 1) * step - l;
+  partly[column + k1] += h + 1 - k1 * step;
+  ++filled[column + k0 + 1];
+  --filled[column + k1];
+}
+
+void VolumeReducer::Band::Counts::sum(std::size_t column, int nz, std::uint32_t step) {
+  std::uint32_t whole = 0;
+  for (std::size_t k = 0; k < static_cast<std::size_t>(nz); ++k) {
+    whole += filled[column + k];  // wraps and comes back
+    partly[column + k] += whole * step;
+  }
+}
+
+void VolumeReducer::Band::listen(BandPredictor& predictor,
+                                 const std::vector<std::uint32_t>* columns, Print& print) {
+  const auto place = [columns](std::size_t k) { return columns ? (*columns)[k] : k; };
+  predictor.tell_edges([this, place, &print](std::size_t k, int node, bool upper, double um) {
+    mark_error(print, place(k), node, upper, um);
+  });
+  predictor.tell_states([this, place, &print](std::size_t k, int slice, std::uint8_t coverage,
+                                              bool prints, bool prints_above) {
+    const std::size_t column = place(k);
+    enter(print, column, slice, state_of(coverage, prints));
+    if (prints != prints_above) enter(print, column, slice - 1, state_of(coverage, prints_above));
+  });
+}
+
+void VolumeReducer::Band::enter(Print& print, std::size_t column, int slice, std::uint8_t state) {
+  if (state == print.state[column]) return;
+  count(print, column, slice + 1);
+  print.state[column] = state;
+}
+
+void VolumeReducer::Band::count(Print& print, std::size_t column, int low) {
+  const int high = print.highest[column];
+  if (low > high) return;
+  print.highest[column] = low - 1;
+  const std::uint8_t state = print.state[column];
+  if (state == 0) return;
+  const std::uint32_t first = cells_[column];
+  if (first == kNoCell) return;
+  if (state & kPrints) print.printed.add(volume_, first, low, high);
+  if (state & kDesign && &print == &after_) designed_.add(volume_, first, low, high);
+  const std::uint8_t flags = flags_of(state);
+  if (flags == 0) return;
+  if (flags != kCellGrey) print.wrong[column] += static_cast<std::uint32_t>(high - low + 1);
+  const std::uint32_t k0 = volume_.cell_layer_[static_cast<std::size_t>(low)];
+  const std::uint32_t k1 = volume_.cell_layer_[static_cast<std::size_t>(high)];
+  for (std::uint32_t k = k0; k <= k1; ++k) print.flags[first + k] |= flags;
+}
+
+/// Colours the cells from the designed edge to the printed one.
+void VolumeReducer::Band::mark_error(Print& print, std::size_t column, int node, bool upper,
+                                     double um) const {
+  if (cells_[column] == kNoCell) return;
+  const ReducedVolume& v = volume_.volume_;
+  const double printed = node + (upper ? -um : um) / volume_.models_.brightest().layer_um;
+  const std::uint8_t code = error_code(um);
+  // The layer of the run beside the edge, and on to where the print ends.
+  const int inside = upper ? node : node - 1;
+  const int to = std::clamp(static_cast<int>(printed), 0, v.layers - 1);
+  const auto [low, high] = std::minmax(inside, to);
+  const std::uint32_t k1 = volume_.cell_layer_[static_cast<std::size_t>(high)];
+  for (std::uint32_t k = volume_.cell_layer_[static_cast<std::size_t>(low)]; k <= k1; ++k) {
+    std::uint8_t& old = print.error[cells_[column] + k];
+    old = worse_error(old, code);
+  }
+}
+
+/// The pixels of this band that stand best for the columns of cells.
+std::vector<VolumeReducer::Band::Chosen> VolumeReducer::Band::choose() const {
+  const ReducedVolume& v = volume_.volume_;
+  std::vector<Chosen> chosen(static_cast<std::size_t>(j1_ - j0_) * static_cast<std::size_t>(v.nx));
+  std::size_t at = 0;
+  for (int y = band_.y0; y < band_.y1; ++y) {
+    const int j = (y - v.box.y0) / v.step_y;
+    const std::int64_t dy = 2 * ((y - v.box.y0) % v.step_y) + 1 - v.step_y;
+    for (int x = band_.x0; x < band_.x1; ++x, ++at) {
+      if (cells_[at] == kNoCell) continue;
+      const int i = (x - v.box.x0) / v.step_x;
+      const std::int64_t dx = 2 * ((x - v.box.x0) % v.step_x) + 1 - v.step_x;
+      const CellRank rank{after_.wrong[at], before_.wrong[at], -(dx * dx + dy * dy)};
+      Chosen& c = chosen[static_cast<std::size_t>(j - j0_) * static_cast<std::size_t>(v.nx) +
+                         static_cast<std::size_t>(i)];
+      if (rank <= c.rank) continue;
+      c.rank = rank;
+      c.at = at;
+      c.i = i;
+      c.j = j;
+      c.column.x = x;
+      c.column.y = y;
+    }
+  }
+  std::erase_if(chosen, [](const Chosen& c) { return c.column.x < 0; });
+  return chosen;
+}
+
+/// Takes their slices and doses.
+void VolumeReducer::Band::follow(std::vector<Chosen>& chosen, const Reader& shown,
+                                 const Reader& design) const {
+  const ReducedVolume& v = volume_.volume_;
+  const LightMap& map = volume_.models_.map();
+  std::vector<Pixel> places;
+  for (Chosen& c : chosen) {
+    places.push_back({c.column.x, c.column.y});
+    c.column.light = map.factor(map.value(c.column.x, c.column.y));
+    for (auto* codes : {&c.dose_before, &c.dose_after, &c.grey_before, &c.grey_after}) {
+      codes->assign(static_cast<std::size_t>(v.nz), 0);
+    }
+  }
+  std::array<std::uint8_t, 256> level_of{};
+  for (std::size_t p = 0; p < 256; ++p) {
+    level_of[p] = static_cast<std::uint8_t>(level_of_pixel(static_cast<int>(p), volume_.levels_));
+  }
+  PlaceDose dose_before(volume_.models_, places), dose_after(volume_.models_, places);
+  std::vector<std::uint8_t> chosen_pixels(chosen.size()), chosen_cover(chosen.size());
+  std::vector<std::uint8_t> pixels(cells_.size()), cover(cells_.size());
+  for (int z = v.layers; z-- > 0;) {
+    shown(z, pixels.data());
+    design(z, cover.data());
+    const bool lit_before = z < volume_.target_layers_, lit_after = z < volume_.stack_layers_;
+    for (std::size_t m = 0; m < chosen.size(); ++m) {
+      chosen_cover[m] = cover[chosen[m].at];
+      chosen_pixels[m] = pixels[chosen[m].at];
+    }
+    dose_before.add_slice(z, lit_before ? chosen_cover.data() : nullptr);
+    dose_after.add_slice(z, lit_after ? chosen_pixels.data() : nullptr);
+    for (std::size_t m = 0; m < chosen.size(); ++m) {
+      if (lit_before) push(chosen[m].column.coverage, chosen_cover[m]);
+      if (lit_after) push(chosen[m].column.levels, level_of[chosen_pixels[m]]);
+    }
+    const auto k = volume_.cell_layer_[static_cast<std::size_t>(z)];
+    const int first = static_cast<int>(k) * v.step_z;
+    if (z != (first + std::min(first + v.step_z, v.layers)) / 2) continue;
+    for (std::size_t m = 0; m < chosen.size(); ++m) {
+      chosen[m].dose_before[k] = dose_code(dose_before.middle()[m]);
+      chosen[m].dose_after[k] = dose_code(dose_after.middle()[m]);
+      chosen[m].grey_before[k] = chosen_cover[m];
+      chosen[m].grey_after[k] = chosen_pixels[m];
+    }
+  }
+  for (Chosen& c : chosen) {
+    for (auto* runs : {&c.column.coverage, &c.column.levels}) {
+      std::reverse(runs->begin(), runs->end());
+      runs->shrink_to_fit();
+    }
+  }
+}
+
+void VolumeReducer::Band::join(std::vector<Chosen>& chosen) {
+  ReducedVolume& v = volume_.volume_;
+  const auto nz = static_cast<std::size_t>(v.nz);
+  auto next = chosen.begin();
+  for (int j = j0_; j < j1_; ++j) {
+    const std::lock_guard lock(volume_.row_mutexes_[static_cast<std::size_t>(j)]);
+    for (int i = 0; i < v.nx; ++i) {
+      const std::size_t from = (static_cast<std::size_t>(j - j0_) * static_cast<std::size_t>(v.nx) +
+                                static_cast<std::size_t>(i)) *
+                               nz;
+      for (std::size_t k = 0; k < nz; ++k) {
+        const std::size_t to = volume_.cell(i, j, static_cast<int>(k)), in = from + k;
+        volume_.designed_[to] += designed_.partly[in];
+        volume_.printed_before_[to] += before_.printed.partly[in];
+        volume_.printed_after_[to] += after_.printed.partly[in];
+        v.before.state[to] |= before_.flags[in];
+        v.after.state[to] |= after_.flags[in];
+        v.before.error[to] = worse_error(v.before.error[to], before_.error[in]);
+        v.after.error[to] = worse_error(v.after.error[to], after_.error[in]);
+      }
+    }
+    for (; next != chosen.end() && next->j == j; ++next) {
+      const std::size_t c = static_cast<std::size_t>(j) * static_cast<std::size_t>(v.nx) +
+                            static_cast<std::size_t>(next->i);
+      ReducedVolume::Column& stands = v.columns[c];
+      const bool earlier =
+          next->column.y != stands.y ? next->column.y < stands.y : next->column.x < stands.x;
+      if (next->rank < volume_.ranks_[c] || (next->rank == volume_.ranks_[c] && !earlier)) {
+        continue;
+      }
+      volume_.ranks_[c] = next->rank;
+      stands = std::move(next->column);
+      for (std::size_t k = 0; k < nz; ++k) {
+        const std::size_t to = volume_.cell(next->i, j, static_cast<int>(k));
+        v.before.dose[to] = next->dose_before[k];
+        v.after.dose[to] = next->dose_after[k];
+        v.before.grey[to] = next->grey_before[k];
+        v.after.grey[to] = next->grey_after[k];
+      }
+    }
+  }
+}
+
+void VolumeReducer::Band::finish(const Reader& shown, const Reader& design) {
+  const ReducedVolume& v = volume_.volume_;
+  for (std::size_t i = 0; i < cells_.size(); ++i) {
+    count(before_, i, 0);
+    count(after_, i, 0);
+  }
+  const std::size_t columns = static_cast<std::size_t>(j1_ - j0_) * static_cast<std::size_t>(v.nx);
+  for (std::size_t c = 0; c < columns; ++c) {
+    for (Counts* counts : {&before_.printed, &after_.printed, &designed_}) {
+      counts->sum(c * static_cast<std::size_t>(v.nz), v.nz, static_cast<std::uint32_t>(v.step_z));
+    }
+  }
+  std::vector<Chosen> chosen = choose();
+  follow(chosen, shown, design);
+  join(chosen);
+}
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,113 @@
+/// Gathers a ReducedVolume from predictions of bands, while they are made.
+#pragma once
+
+#include <functional>
+#include <mutex>
+#include <vector>
+
+#include "slicecorr/places.hpp"
+#include "slicecorr/predict.hpp"
+#include "slicecorr/volume.hpp"
+
+namespace slicecorr::detail {
+
+/// How well a pixel stands for its cells; greater is better.
+struct CellRank {
+  std::int64_t wrong_after = -1, wrong_before = -1, off_middle = 0;
+  auto operator<=>(const CellRank&) const = default;
+};
+
+/// Bands may be gathered on different threads and in any order: the volume is the same.
+class VolumeReducer {
+ public:
+  /// `target_layers` and `stack_layers`: slices that each of the two shows. `levels`: grey levels
+  /// of the printer. `models` must outlive this.
+  VolumeReducer(const PlaceModels& models, const PixelBox& box, int target_layers, int stack_layers,
+                int levels, int most_cells);
+
+  /// One band, on one thread.
+  class Band;
+
+  /// After all bands.
+  ReducedVolume take();
+
+ private:
+  std::size_t cell(int i, int j, int k) const {
+    return (static_cast<std::size_t>(k) * static_cast<std::size_t>(volume_.ny) +
+            static_cast<std::size_t>(j)) *
+               static_cast<std::size_t>(volume_.nx) +
+           static_cast<std::size_t>(i);
+  }
+
+  const PlaceModels& models_;
+  int target_layers_, stack_layers_, levels_;
+  ReducedVolume volume_;
+  std::vector<CellRank> ranks_;  ///< of the columns that stand so far
+  /// Voxels of each cell; one cell has fewer than 2^32.
+  std::vector<std::uint32_t> designed_, printed_before_, printed_after_;
+  std::vector<std::uint32_t> cell_layer_;  ///< of each slice
+  std::vector<std::mutex> row_mutexes_;    ///< of the cells of a row of columns
+};
+
+class VolumeReducer::Band {
+ public:
+  Band(VolumeReducer& volume, const PixelBox& band);
+
+  /// Lets a predictor tell this band what it finds. `columns`: those of the band that are the
+  /// predictor's, null for all; must outlive the predictor.
+  void listen_before(BandPredictor& predictor, const std::vector<std::uint32_t>* columns) {
+    listen(predictor, columns, before_);
+  }
+  void listen_after(BandPredictor& predictor, const std::vector<std::uint32_t>* columns) {
+    listen(predictor, columns, after_);
+  }
+
+  /// Writes the band's pixels of a slice; black beyond its last.
+  using Reader = std::function<void(int slice, std::uint8_t* pixels)>;
+  /// Once, after all predictors: joins the band into the volume.
+  void finish(const Reader& shown, const Reader& design);
+
+ private:
+  /// Voxels of the band's cells. Columns have runs of many slices: the cells that a run fills are
+  /// noted by where they begin and end.
+  struct Counts {
+    std::vector<std::uint32_t> partly, filled;
+    void add(const VolumeReducer& volume, std::size_t column, int low, int high);
+    /// Into counts per cell.
+    void sum(std::size_t column, int nz, std::uint32_t step);
+  };
+  struct Print {
+    std::vector<std::uint8_t> state;    ///< per column: that of the slices at hand
+    std::vector<std::int32_t> highest;  ///< per column: slices up to this one are not counted yet
+    std::vector<std::uint32_t> wrong;   ///< per column: wrong voxels
+    Counts printed;
+    std::vector<std::uint8_t> flags, error;  ///< per cell
+  };
+  struct Chosen {
+    std::size_t at = 0;  ///< column of the band
+    int i = 0, j = 0;
+    CellRank rank;
+    ReducedVolume::Column column;
+    std::vector<std::uint8_t> dose_before, dose_after, grey_before, grey_after;
+  };
+
+  void listen(BandPredictor& predictor, const std::vector<std::uint32_t>* columns, Print& print);
+  void enter(Print& print, std::size_t column, int slice, std::uint8_t state);
+  /// Counts slices from `low` up to where the column's state began.
+  void count(Print& print, std::size_t column, int low);
+  void mark_error(Print& print, std::size_t column, int node, bool upper, double um) const;
+  std::vector<Chosen> choose() const;
+  void follow(std::vector<Chosen>& chosen, const Reader& shown, const Reader& design) const;
+  void join(std::vector<Chosen>& chosen);
+
+  VolumeReducer& volume_;
+  PixelBox band_;
+  int j0_, j1_;                       ///< rows of columns of cells, [j0, j1)
+  /// Per column: its first cell. Bands may have rows beyond the box.
+  static constexpr std::uint32_t kNoCell = 0xFFFFFFFF;
+  std::vector<std::uint32_t> cells_;
+  Print before_, after_;
+  Counts designed_;
+};
+
+}  // namespace slicecorr::detail

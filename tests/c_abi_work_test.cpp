@@ -448,7 +448,12 @@ TEST_F(CAbiWork, EveryCodeHasItsCause) {
   EXPECT_EQ(to(""), SLICECORR_BAD_INPUT);
 
   Bytes damaged = read_file(target_path_);
-  damaged[damaged.size() / 2] ^= 0x5A;
+  const auto after = [&](Bytes::iterator from, std::string_view words) {
+    return std::search(from, damaged.end(), words.begin(), words.end());
+  };
+  const auto data = after(after(damaged.begin(), "slice/"), "IDAT");
+  ASSERT_GT(damaged.end() - data, 20);
+  *(data + 12) ^= 0x5A;
   write_file(folder_ / "damaged.uvj", damaged);
   StackHandle other;
   if (slicecorr_stack_open((folder_ / "damaged.uvj").c_str(), out(other)) == SLICECORR_OK) {

@@ -1,189 +1,434 @@
 #include "slice/raster.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstring>
 
+#include "base/kernels.hpp"
+
+#define SLICECORR_INLINE inline __attribute__((always_inline))
+
 namespace slicecorr::detail {
 
-Raster::Raster(int x0, int y0, int x1, int y1, bool antialias)
-    : x0_(x0), y0_(y0), x1_(x1), y1_(y1), antialias_(antialias) {
-  const auto rows = static_cast<std::size_t>(y1 - y0);
-  if (antialias) {
-    pieces_.resize(rows);
-    area_.resize(static_cast<std::size_t>(x1 - x0) + 2);
-  } else {
-    crossings_.resize(rows);
+struct Raster::Frame {
+  int x0, y0, y1;
+  int width;
+  std::size_t words;
+};
+
+/// A segment from its upper end to its lower one, whichever way the contour goes: neighbours then
+/// round alike. x is counted from the band's left side.
+struct Raster::Line {
+  double ux, uy, lx, ly;
+  double slope, least, most;
+  bool down;
+
+  SLICECORR_INLINE Line(const Segment& s, const Frame& f) {
+    down = s.ay < s.by;
+    const double right = f.width;
+    ux = std::min(std::max((down ? s.ax : s.bx) - f.x0, 0.0), right);
+    lx = std::min(std::max((down ? s.bx : s.ax) - f.x0, 0.0), right);
+    uy = down ? s.ay : s.by;
+    ly = down ? s.by : s.ay;
+    slope = (lx - ux) / (ly - uy);
+    least = std::min(ux, lx);
+    most = std::max(ux, lx);
   }
+  SLICECORR_INLINE double x_at(double y) const {
+    return std::min(std::max(ux + (y - uy) * slope, least), most);
+  }
+  SLICECORR_INLINE int first_row(const Frame& f) const {
+    return uy > f.y0 ? static_cast<int>(uy) : f.y0;
+  }
+  SLICECORR_INLINE int last_row(const Frame& f) const {
+    if (ly >= f.y1) return f.y1 - 1;
+    const int row = static_cast<int>(ly);
+    return row < ly ? row : row - 1;
+  }
+};
+
+namespace {
+
+/// A row's height, or a whole pixel, in the units of the sums: windings up to 2^17 fit 64 bits, and
+/// roundings stay below those of coordinates (a double of 2048 has 42 bits after the point).
+constexpr int kOneBits = 46;
+constexpr std::int64_t kOne = std::int64_t{1} << kOneBits;
+constexpr double kOneReal = static_cast<double>(kOne);
+/// Up to here insertion sorts are quick enough.
+constexpr std::ptrdiff_t kFew = 48;
+
+/// Of a number that is not negative, to the nearest.
+SLICECORR_INLINE std::int64_t nearest(double v) { return static_cast<std::int64_t>(v + 0.5); }
+
+SLICECORR_INLINE unsigned level_of(std::int64_t sum) {
+  const std::int64_t covered = std::min(sum < 0 ? -sum : sum, kOne);
+  return static_cast<unsigned>((covered * 255 + kOne / 2) >> kOneBits);
 }
 
-void Raster::clear() {
-  for (auto& row : pieces_) row.clear();
-  for (auto& row : crossings_) row.clear();
+SLICECORR_INLINE int column_of(double x, int width) {
+  return std::min(static_cast<int>(x), width - 1);
 }
 
-void Raster::add(const Segment& s) {
-  if (s.ay == s.by) {
-    // It turns nothing, but its row is covered partly all along it: pixels between its ends can't
-    // be filled by one winding.
-    const double row = std::floor(s.ay);
-    if (antialias_ && s.ay != row && row >= y0_ && row < y1_) {
-      const double y = s.ay - row;
-      pieces_[static_cast<std::size_t>(static_cast<int>(row) - y0_)].push_back(
-          {std::min(s.ax, s.bx), y, std::max(s.ax, s.bx), y, 0});
-    }
+SLICECORR_INLINE void mark(std::uint64_t* marks, int first, int last) {
+  const auto a = static_cast<unsigned>(first), b = static_cast<unsigned>(last);
+  const std::uint64_t from = ~std::uint64_t{0} << (a & 63), to = ~std::uint64_t{0} >> (~b & 63);
+  if (a >> 6 == b >> 6) {
+    marks[a >> 6] |= from & to;
     return;
   }
-  const bool down = s.ay < s.by;
-  // The upper end first, whichever way the contour goes: neighbours then round alike.
-  const double ux = down ? s.ax : s.bx, uy = down ? s.ay : s.by;
-  const double lx = down ? s.bx : s.ax, ly = down ? s.by : s.ay;
-  const int winding = down ? 1 : -1;
-  if (ly <= y0_ || uy >= y1_) return;
-  const double slope = (lx - ux) / (ly - uy);
-  const auto x_at = [&](double y) {
-    const double x = ux + (y - uy) * slope;
-    return std::clamp(x, std::min(ux, lx), std::max(ux, lx));
-  };
-  if (antialias_) {
-    const int first = std::max(y0_, static_cast<int>(std::floor(uy)));
-    const int last = std::min(y1_ - 1, static_cast<int>(std::ceil(ly)) - 1);
-    for (int row = first; row <= last; ++row) {
-      const double top = row, bottom = row + 1;
-      Piece p;
-      p.y0 = uy > top ? uy - top : 0.0;
-      p.x0 = uy > top ? ux : x_at(top);
-      p.y1 = ly < bottom ? ly - top : 1.0;
-      p.x1 = ly < bottom ? lx : x_at(bottom);
-      p.winding = winding;
-      if (p.y0 < p.y1) pieces_[static_cast<std::size_t>(row - y0_)].push_back(p);
-    }
+  marks[a >> 6] |= from;
+  for (unsigned w = (a >> 6) + 1; w < b >> 6; ++w) marks[w] = ~std::uint64_t{0};
+  marks[b >> 6] |= to;
+}
+
+struct Columns {
+  int first, last;
+};
+
+/// Adds a piece from xa to xb to the sums of its row. Its height is not negative and counts with
+/// `sign` (0: as it is, -1: turned); `per_pixel` is its height per pixel of its way along x, as a
+/// share of kOne. Tells the columns of its ends.
+SLICECORR_INLINE Columns add_piece(PixelSums* sums, double xa, double xb, std::int64_t height,
+                                   std::int64_t sign, double per_pixel, int width) {
+  const auto with_sign = [sign](std::int64_t v) { return (v ^ sign) - sign; };
+  const double left = std::min(xa, xb), right = std::max(xa, xb);
+  const int first = column_of(left, width), last = column_of(right, width);
+  if (first == last) {
+    const double mean = 0.5 * (left + right) - first;
+    const std::int64_t area = height - nearest(static_cast<double>(height) * mean);
+    sums[first].cover += with_sign(height);
+    sums[first].area += with_sign(area);
+    return {first, last};
+  }
+  const double in_first = first + 1 - left;
+  std::int64_t done = nearest(per_pixel * in_first);
+  sums[first].cover += with_sign(done);
+  sums[first].area += with_sign(nearest(per_pixel * in_first * (0.5 * in_first)));
+  const std::int64_t half = nearest(0.5 * per_pixel);
+  for (int p = first + 1; p < last; ++p) {
+    const std::int64_t until = nearest(per_pixel * (p + 1 - left));
+    sums[p].cover += with_sign(until - done);
+    sums[p].area += with_sign(half);
+    done = until;
+  }
+  const double in_last = right - last;
+  const std::int64_t rest = height - done;
+  sums[last].cover += with_sign(rest);
+  sums[last].area += with_sign(rest - nearest(per_pixel * in_last * (0.5 * in_last)));
+  return {first, last};
+}
+
+/// Fills pixels from..to - 1 with `value`. Pixels after these, up to `end`, are written later.
+SLICECORR_INLINE void fill(std::uint8_t* from, const std::uint8_t* to, const std::uint8_t* end,
+                           std::uint8_t value) {
+  constexpr std::ptrdiff_t kStep = 32;
+  if (end - to < kStep) {
+    std::memset(from, value, static_cast<std::size_t>(to - from));
+    return;
+  }
+  std::uint8_t step[kStep];
+  std::memset(step, value, kStep);
+  for (; from < to; from += kStep) std::memcpy(from, step, kStep);
+}
+
+}  // namespace
+
+Raster::Raster(int x0, int y0, int x1, int y1, bool antialias)
+    : x0_(x0),
+      y0_(y0),
+      x1_(x1),
+      y1_(y1),
+      antialias_(antialias),
+      width_(static_cast<std::size_t>(x1 - x0)),
+      words_((width_ + 63) / 64) {
+  const auto rows = static_cast<std::size_t>(y1 - y0);
+  pixels_.resize(rows * width_);
+  touched_.resize(rows);
+  drawn_.resize(rows);
+  marks_.resize(rows * words_ * (antialias ? 2 : 1));
+  if (antialias) {
+    sums_.resize(rows * width_);
   } else {
-    // Rows whose centre line y satisfies uy <= y < ly: shared ends count once.
-    const int first = std::max(y0_, static_cast<int>(std::ceil(uy - 0.5)));
-    const int last = std::min(y1_ - 1, static_cast<int>(std::ceil(ly - 0.5)) - 1);
-    for (int row = first; row <= last; ++row) {
-      crossings_[static_cast<std::size_t>(row - y0_)].push_back({x_at(row + 0.5), winding});
+    steps_.resize(rows * width_);
+  }
+}
+
+const std::uint8_t* Raster::draw(std::span<const Segment> segments) {
+  const Frame f = {x0_, y0_, y1_, x1_ - x0_, words_};
+  segments_ = segments;
+  listed_ = false;
+  if (antialias_) {
+    add_areas(f);
+  } else {
+    add_centres(f);
+  }
+  bool lit = false;
+  for (int r = 0; r < y1_ - y0_; ++r) {
+    const auto row = static_cast<std::size_t>(r);
+    if (touched_[row]) {
+      lit |= antialias_ ? draw_area_row(r, f) : draw_centre_row(r, f);
+      touched_[row] = 0;
+      drawn_[row] = 1;
+    } else if (drawn_[row]) {
+      std::memset(pixels_.data() + row * width_, 0, width_);
+      drawn_[row] = 0;
+    }
+  }
+  return lit ? pixels_.data() : nullptr;
+}
+
+SLICECORR_CLONES
+void Raster::add_areas(const Frame& f) {
+  for (const Segment& s : segments_) {
+    if (s.ay == s.by) {
+      add_horizontal(s, f);
+      continue;
+    }
+    const Line line(s, f);
+    if (line.ly <= f.y0 || line.uy >= f.y1) continue;
+    const int last = line.last_row(f);
+    const std::int64_t sign = line.down ? 0 : -1;
+    const double per_pixel = kOneReal * ((line.ly - line.uy) / (line.most - line.least));
+    int row = line.first_row(f);
+    double x = line.ux;
+    std::int64_t from = 0;
+    if (line.uy > row) {
+      from = nearest((line.uy - row) * kOneReal);
+    } else {
+      x = line.x_at(row);
+    }
+    const auto at = static_cast<std::size_t>(row - f.y0);
+    PixelSums* sums = sums_.data() + at * width_;
+    std::uint64_t* marks = marks_.data() + (2 * at + (line.down ? 0 : 1)) * f.words;
+    const auto add = [&](double end, std::int64_t height) __attribute__((always_inline)) {
+      const Columns c = add_piece(sums, x, end, height, sign, per_pixel, f.width);
+      mark(marks, c.first, c.last);
+      touched_[static_cast<std::size_t>(row - f.y0)] = 1;
+    };
+    for (; row < last; ++row) {
+      const double end = line.x_at(row + 1);
+      add(end, kOne - from);
+      x = end;
+      from = 0;
+      sums += width_;
+      marks += 2 * f.words;
+    }
+    if (line.ly < last + 1) {
+      add(line.lx, nearest((line.ly - last) * kOneReal) - from);
+    } else {
+      add(line.x_at(last + 1), kOne - from);
     }
   }
 }
 
-bool Raster::draw(std::uint8_t* rows) {
-  const auto width = static_cast<std::size_t>(x1_ - x0_);
-  std::memset(rows, 0, width * static_cast<std::size_t>(y1_ - y0_));
-  bool lit = false;
-  if (antialias_) {
-    for (std::size_t r = 0; r < pieces_.size(); ++r) {
-      if (!pieces_[r].empty()) lit |= draw_area_row(pieces_[r], rows + r * width);
-    }
-  } else {
-    for (std::size_t r = 0; r < crossings_.size(); ++r) {
-      if (!crossings_[r].empty()) lit |= draw_centre_row(crossings_[r], rows + r * width);
-    }
-  }
-  return lit;
+/// A horizontal segment turns nothing, but its pixels are covered partly: they can't be filled by
+/// one winding. Marked both ways they are looked at closely.
+void Raster::add_horizontal(const Segment& s, const Frame& f) {
+  if (!(s.ay > f.y0) || !(s.ay < f.y1)) return;
+  const int row = static_cast<int>(s.ay);
+  if (row == s.ay) return;
+  const double right = f.width;
+  const double a = std::clamp(s.ax - f.x0, 0.0, right), b = std::clamp(s.bx - f.x0, 0.0, right);
+  const int first = column_of(std::min(a, b), f.width), last = column_of(std::max(a, b), f.width);
+  const auto at = static_cast<std::size_t>(row - f.y0);
+  std::uint64_t* marks = marks_.data() + 2 * at * f.words;
+  mark(marks, first, last);
+  mark(marks + f.words, first, last);
+  touched_[at] = 1;
 }
 
-bool Raster::draw_centre_row(std::vector<Crossing>& crossings, std::uint8_t* row) const {
-  std::stable_sort(crossings.begin(), crossings.end(),
-                   [](const Crossing& a, const Crossing& b) { return a.x < b.x; });
-  int winding = 0;
-  bool lit = false;
-  double begin = 0;
-  for (const Crossing& c : crossings) {
-    const int next = winding + c.winding;
-    if (winding == 0) begin = c.x;
-    if (winding != 0 && next == 0) {
-      // Pixels whose centre lies in [begin, c.x).
-      const int from = std::max(x0_, static_cast<int>(std::ceil(begin - 0.5)));
-      const int to = std::min(x1_, static_cast<int>(std::ceil(c.x - 0.5)));
-      if (from < to) {
-        std::memset(row + (from - x0_), 255, static_cast<std::size_t>(to - from));
-        lit = true;
+SLICECORR_CLONES
+bool Raster::draw_area_row(int row, const Frame& f) {
+  const auto at = static_cast<std::size_t>(row);
+  std::uint8_t* const pixels = pixels_.data() + at * width_;
+  std::uint8_t* const end = pixels + width_;
+  PixelSums* const sums = sums_.data() + at * width_;
+  std::uint64_t* const down = marks_.data() + 2 * at * f.words;
+  std::uint64_t* const up = down + f.words;
+  std::int64_t running = 0;
+  unsigned lit = 0;
+  int done = 0;  // pixels before this one are written
+  for (std::size_t w = 0; w < f.words; ++w) {
+    std::uint64_t marks = down[w] | up[w];
+    while (marks) {
+      // A run of marked pixels. No piece leaves it, so the winding is one number on either side.
+      const int bit = std::countr_zero(marks);
+      const int count = std::countr_one(marks >> bit);
+      const int first = static_cast<int>(64 * w) + bit;
+      int last = first + count - 1;
+      bool one_way;
+      if (bit + count < 64) {
+        const std::uint64_t run = ((std::uint64_t{1} << count) - 1) << bit;
+        one_way = !(down[w] & run) || !(up[w] & run);
+        marks ^= run;
+      } else {
+        const std::uint64_t run = ~std::uint64_t{0} << bit;
+        std::uint64_t any_down = down[w] & run, any_up = up[w] & run;
+        marks = 0;
+        while (w + 1 < f.words) {
+          const std::uint64_t next = down[w + 1] | up[w + 1];
+          const int more = std::countr_one(next);
+          const std::uint64_t here =
+              more == 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << more) - 1;
+          if (more == 0) break;
+          ++w;
+          any_down |= down[w] & here;
+          any_up |= up[w] & here;
+          last += more;
+          marks = next & ~here;
+          if (more < 64) break;
+        }
+        one_way = !any_down || !any_up;
+      }
+      if (done < first) {
+        const bool inside = running != 0;
+        fill(pixels + done, pixels + first, end, inside ? 255 : 0);
+        lit |= inside;
+      }
+      done = last + 1;
+      if (!one_way) {
+        lit |= draw_run(row, first, last, running, f);
+        continue;
+      }
+      const std::int64_t before = running;
+      for (int p = first; p <= last; ++p) {
+        const unsigned level = level_of(running + sums[p].area);
+        running += sums[p].cover;
+        sums[p] = {0, 0};
+        pixels[p] = static_cast<std::uint8_t>(level);
+        lit |= level;
+      }
+      // Pieces of one direction that change the winding by one: at every height there is just one.
+      const std::int64_t change = running - before;
+      if (change != kOne && change != -kOne && change != 0) {
+        lit |= draw_tangle(row, first, last, static_cast<int>((before + kOne / 2) >> kOneBits), f);
       }
     }
-    winding = next;
   }
-  return lit;
+  std::memset(down, 0, 2 * f.words * sizeof *down);
+  const bool inside = running != 0 && pixels + done < end;
+  std::memset(pixels + done, inside ? 255 : 0, width_ - static_cast<std::size_t>(done));
+  return lit || inside;
 }
 
-bool Raster::draw_area_row(std::vector<Piece>& pieces, std::uint8_t* row) {
-  std::stable_sort(pieces.begin(), pieces.end(),
-                   [](const Piece& a, const Piece& b) { return a.left() < b.left(); });
-  const auto column = [&](double x) {
-    return std::clamp(static_cast<int>(std::floor(x)) - x0_, 0, x1_ - x0_ - 1);
+/// A run of pixels with pieces in both directions.
+unsigned Raster::draw_run(int row, int first, int last, std::int64_t& running, const Frame& f) {
+  const auto at = static_cast<std::size_t>(row);
+  std::uint8_t* const pixels = pixels_.data() + at * width_;
+  PixelSums* const sums = sums_.data() + at * width_;
+  const std::uint64_t* const down = marks_.data() + 2 * at * f.words;
+  const std::uint64_t* const up = down + f.words;
+  const std::int64_t before = running;
+  bool simple = true;
+  unsigned lit = 0;
+  // Where pixels of one direction follow those of the other without sharing any, no piece crosses
+  // from one to the other, and each part is as simple as a run of its own.
+  std::int64_t part = running;
+  bool part_down = false;
+  for (int p = first; p <= last; ++p) {
+    const auto w = static_cast<std::size_t>(p) / 64;
+    const unsigned bit = static_cast<unsigned>(p) % 64;
+    const bool goes_down = down[w] >> bit & 1, goes_up = up[w] >> bit & 1;
+    if (p == first || part_down != goes_down) {
+      const std::int64_t change = running - part;
+      simple &= change == kOne || change == -kOne || change == 0;
+      part = running;
+      part_down = goes_down;
+    }
+    simple &= !(goes_down && goes_up);
+    const unsigned level = level_of(running + sums[p].area);
+    running += sums[p].cover;
+    sums[p] = {0, 0};
+    pixels[p] = static_cast<std::uint8_t>(level);
+    lit |= level;
+  }
+  const std::int64_t change = running - part;
+  simple &= change == kOne || change == -kOne || change == 0;
+  if (simple) return lit;
+  return draw_tangle(row, first, last, static_cast<int>((before + kOne / 2) >> kOneBits), f);
+}
+
+/// Segments by the rows that they cross.
+void Raster::list_rows(const Frame& f) {
+  listed_ = true;
+  row_begin_.assign(static_cast<std::size_t>(f.y1 - f.y0) + 2, 0);
+  const auto rows_of = [&f](const Segment& s, auto&& each) {
+    if (s.ay == s.by) return;
+    const double upper = std::min(s.ay, s.by), lower = std::max(s.ay, s.by);
+    if (lower <= f.y0 || upper >= f.y1) return;
+    const int first = upper > f.y0 ? static_cast<int>(upper) : f.y0;
+    const int last = lower < f.y1 ? static_cast<int>(std::ceil(lower)) - 1 : f.y1 - 1;
+    for (int row = first; row <= last; ++row) each(static_cast<std::size_t>(row - f.y0));
   };
-  int winding = 0;
-  bool lit = false;
-  int done = 0;  // pixels before this one are written
-  for (std::size_t i = 0; i < pieces.size();) {
-    // A cluster: pieces that share pixels. Left and right of it the winding is one number per row.
-    const int first = column(pieces[i].left());
-    int last = column(pieces[i].right());
-    std::size_t end = i + 1;
-    for (; end < pieces.size() && column(pieces[end].left()) <= last; ++end) {
-      last = std::max(last, column(pieces[end].right()));
-    }
-    if (winding != 0 && first > done) {
-      std::memset(row + done, 255, static_cast<std::size_t>(first - done));
-      lit = true;
-    }
-    const bool inside = winding != 0;
-    draw_cluster(pieces.data() + i, pieces.data() + end, winding);
-    double total = 0;
-    for (std::size_t k = i; k < end; ++k)
-      total += pieces[k].winding * (pieces[k].y1 - pieces[k].y0);
-    winding += static_cast<int>(std::lround(total));
-    double running = inside ? 1.0 : 0.0;
-    for (int p = first; p <= last; ++p) {
-      const auto k = static_cast<std::size_t>(p);
-      running += area_[k];
-      area_[k] = 0;
-      const double level = std::floor(running * 255.0 + 0.5);
-      row[k] = static_cast<std::uint8_t>(std::clamp(level, 0.0, 255.0));
-      lit |= row[k] != 0;
-    }
-    area_[static_cast<std::size_t>(last) + 1] = 0;  // what it carries is the winding
-    done = last + 1;
-    i = end;
+  for (const Segment& s : segments_) rows_of(s, [&](std::size_t r) { ++row_begin_[r + 2]; });
+  for (std::size_t r = 2; r < row_begin_.size(); ++r) row_begin_[r] += row_begin_[r - 1];
+  row_segments_.resize(row_begin_.back());
+  for (std::uint32_t i = 0; i < segments_.size(); ++i) {
+    rows_of(segments_[i], [&](std::size_t r) { row_segments_[row_begin_[r + 1]++] = i; });
   }
-  return lit;
 }
 
-void Raster::draw_cluster(const Piece* begin, const Piece* end, int winding) {
-  if (end - begin == 1 && begin->y0 == 0.0 && begin->y1 == 1.0) {
-    const int next = winding + begin->winding;
-    if ((winding == 0) != (next == 0)) accumulate(begin->x0, begin->x1, winding == 0 ? 1.0 : -1.0);
-    return;
-  }
+/// Pixels in which pieces may overlap or cross. Left and right of them the winding is one number
+/// per row.
+unsigned Raster::draw_tangle(int r, int first, int last, int winding, const Frame& f) {
+  if (!listed_) list_rows(f);
+  const auto at = static_cast<std::size_t>(r);
+  const int row = f.y0 + r;
+  pieces_.clear();
   events_.clear();
-  by_start_.clear();
-  for (const Piece* p = begin; p != end; ++p) {
-    if (p->winding == 0) continue;
-    events_.push_back(p->y0);
-    events_.push_back(p->y1);
-    by_start_.push_back(p);
+  for (std::uint32_t i = row_begin_[at]; i < row_begin_[at + 1]; ++i) {
+    const Line line(segments_[row_segments_[i]], f);
+    Piece p;
+    p.y0 = line.uy > row ? line.uy - row : 0.0;
+    p.x0 = line.uy > row ? line.ux : line.x_at(row);
+    p.y1 = line.ly < row + 1 ? line.ly - row : 1.0;
+    p.x1 = line.ly < row + 1 ? line.lx : line.x_at(row + 1);
+    const int column = column_of(std::min(p.x0, p.x1), f.width);
+    if (column < first || column > last || !(p.y0 < p.y1)) continue;
+    p.slope = (p.x1 - p.x0) / (p.y1 - p.y0);
+    p.winding = line.down ? 1 : -1;
+    pieces_.push_back(p);
+    events_.push_back(p.y0);
+    events_.push_back(p.y1);
   }
-  // Where the row's cluster has no piece the region may still be inside: the strips span all of it.
-  events_.push_back(0.0);
-  events_.push_back(1.0);
   std::sort(events_.begin(), events_.end());
   events_.erase(std::unique(events_.begin(), events_.end()), events_.end());
-  std::stable_sort(by_start_.begin(), by_start_.end(),
-                   [](const Piece* a, const Piece* b) { return a->y0 < b->y0; });
+  // An order that follows from the pieces alone.
+  std::sort(pieces_.begin(), pieces_.end(), [](const Piece& a, const Piece& b) {
+    if (a.y0 != b.y0) return a.y0 < b.y0;
+    if (a.x0 != b.x0) return a.x0 < b.x0;
+    if (a.x1 != b.x1) return a.x1 < b.x1;
+    return a.y1 != b.y1 ? a.y1 < b.y1 : a.winding < b.winding;
+  });
+  PixelSums* const sums = sums_.data() + at * width_;
   active_.clear();
   std::size_t next = 0;
   for (std::size_t e = 0; e + 1 < events_.size(); ++e) {
     const double from = events_[e], to = events_[e + 1];
     std::erase_if(active_, [&](const Active& a) { return a.piece->y1 <= from; });
-    for (; next < by_start_.size() && by_start_[next]->y0 <= from; ++next) {
-      active_.push_back({by_start_[next], 0, 0});
+    for (; next < pieces_.size() && pieces_[next].y0 <= from; ++next) {
+      active_.push_back({&pieces_[next], 0, 0});
     }
-    if (!active_.empty()) draw_strip(from, to, winding);
+    if (!active_.empty()) draw_strip(sums, from, to, winding, f);
   }
+  unsigned lit = 0;
+  std::int64_t running = winding ? kOne : 0;
+  std::uint8_t* const pixels = pixels_.data() + at * width_;
+  for (int p = first; p <= last; ++p) {
+    const unsigned level = level_of(std::max<std::int64_t>(running + sums[p].area, 0));
+    running += sums[p].cover;
+    sums[p] = {0, 0};
+    pixels[p] = static_cast<std::uint8_t>(level);
+    lit |= level;
+  }
+  return lit;
 }
 
-void Raster::draw_strip(double from, double to, int winding) {
+void Raster::draw_strip(PixelSums* sums, double from, double to, int winding, const Frame& f) {
+  const auto before = [](const Active& a, const Active& b) {
+    return a.x != b.x ? a.x < b.x : a.x_end < b.x_end;
+  };
   // No piece begins or ends within a strip; where two cross, it is cut there. Each cut orders at
   // least one pair for good; the bound only guards against rounding.
   for (std::size_t cuts = 0; from < to; ++cuts) {
@@ -193,9 +438,18 @@ void Raster::draw_strip(double from, double to, int winding) {
       a.x_end = a.piece->at(to);
     }
     if (active_.size() > 1) {
-      std::stable_sort(active_.begin(), active_.end(), [](const Active& a, const Active& b) {
-        return a.x != b.x ? a.x < b.x : a.x_end < b.x_end;
-      });
+      // Mostly in order from the strip before.
+      if (static_cast<std::ptrdiff_t>(active_.size()) > kFew) {
+        std::stable_sort(active_.begin(), active_.end(), before);
+      } else {
+        for (std::size_t k = 1; k < active_.size(); ++k) {
+          const Active a = active_[k];
+          std::size_t to_k = k;
+          for (; to_k > 0 && before(a, active_[to_k - 1]); --to_k)
+            active_[to_k] = active_[to_k - 1];
+          active_[to_k] = a;
+        }
+      }
       const std::size_t most = active_.size() * active_.size();
       for (std::size_t k = 0; k + 1 < active_.size() && cuts < most;) {
         const double gap = active_[k + 1].x - active_[k].x;
@@ -212,40 +466,68 @@ void Raster::draw_strip(double from, double to, int winding) {
         ++k;
       }
     }
+    const std::int64_t height = nearest(until * kOneReal) - nearest(from * kOneReal);
     int w = winding;
     for (const Active& a : active_) {
-      const int next = w + a.piece->winding;
-      if ((w == 0) != (next == 0)) {
+      const int after = w + a.piece->winding;
+      if ((w == 0) != (after == 0)) {
         const double x_end = until == to ? a.x_end : a.piece->at(until);
-        accumulate(a.x, x_end, w == 0 ? until - from : from - until);
+        const double per_pixel = static_cast<double>(height) / std::abs(x_end - a.x);
+        add_piece(sums, a.x, x_end, height, w == 0 ? 0 : -1, per_pixel, f.width);
       }
-      w = next;
+      w = after;
     }
     from = until;
   }
 }
 
-void Raster::accumulate(double xa, double xb, double height) {
-  // Adds height times the share of every pixel that lies to the right of the line from xa to xb.
-  const double left = std::min(xa, xb) - x0_, right = std::max(xa, xb) - x0_;
-  const int last_column = x1_ - x0_ - 1;
-  const int first = std::clamp(static_cast<int>(std::floor(left)), 0, last_column);
-  const int last = std::clamp(static_cast<int>(std::ceil(right)) - 1, first, last_column);
-  if (first == last) {
-    const double mean = 0.5 * (left + right) - first;
-    area_[static_cast<std::size_t>(first)] += height * (1.0 - mean);
-    area_[static_cast<std::size_t>(first) + 1] += height * mean;
-    return;
+SLICECORR_CLONES
+void Raster::add_centres(const Frame& f) {
+  for (const Segment& s : segments_) {
+    if (s.ay == s.by) continue;
+    const Line line(s, f);
+    // Rows whose centre line y satisfies uy <= y < ly: shared ends count once.
+    const int first = line.uy > f.y0 ? static_cast<int>(std::ceil(line.uy - 0.5)) : f.y0;
+    const int last = line.ly < f.y1 ? static_cast<int>(std::ceil(line.ly - 0.5)) - 1 : f.y1 - 1;
+    for (int row = first; row <= last; ++row) {
+      // The first pixel whose centre is not left of the line; past the band's end it turns nothing.
+      const int column = static_cast<int>(std::ceil(line.x_at(row + 0.5) - 0.5));
+      if (column >= f.width) continue;
+      const auto at = static_cast<std::size_t>(row - f.y0);
+      steps_[at * width_ + static_cast<std::size_t>(column)] += line.down ? 1 : -1;
+      mark(marks_.data() + at * f.words, column, column);
+      touched_[at] = 1;
+    }
   }
-  const double per_pixel = height / (right - left);
-  for (int p = first; p <= last; ++p) {
-    const double from = std::max(left, static_cast<double>(p));
-    const double to = p == last ? right : static_cast<double>(p + 1);
-    const double part = per_pixel * (to - from);
-    const double mean = 0.5 * (from + to) - p;
-    area_[static_cast<std::size_t>(p)] += part * (1.0 - mean);
-    area_[static_cast<std::size_t>(p) + 1] += part * mean;
+}
+
+SLICECORR_CLONES
+bool Raster::draw_centre_row(int row, const Frame& f) {
+  const auto at = static_cast<std::size_t>(row);
+  std::uint8_t* const pixels = pixels_.data() + at * width_;
+  std::uint8_t* const end = pixels + width_;
+  std::int32_t* const steps = steps_.data() + at * width_;
+  std::uint64_t* const marks = marks_.data() + at * f.words;
+  std::int32_t winding = 0;
+  bool lit = false;
+  int done = 0;
+  for (std::size_t w = 0; w < f.words; ++w) {
+    for (std::uint64_t left = marks[w]; left; left &= left - 1) {
+      const int p = static_cast<int>(64 * w) + std::countr_zero(left);
+      if (steps[p] == 0) continue;
+      if (winding == 0 || winding + steps[p] == 0) {
+        fill(pixels + done, pixels + p, end, winding ? 255 : 0);
+        lit |= winding != 0;
+        done = p;
+      }
+      winding += steps[p];
+      steps[p] = 0;
+    }
+    marks[w] = 0;
   }
+  lit |= winding != 0;
+  std::memset(pixels + done, winding ? 255 : 0, width_ - static_cast<std::size_t>(done));
+  return lit;
 }
 
 }  // namespace slicecorr::detail

@@ -14,7 +14,8 @@ namespace slicecorr::detail {
 struct Raster::Frame {
   int x0, y0, y1;
   int width;
-  std::size_t words;
+  std::size_t words;   ///< 64 marks each
+  std::size_t stride;  ///< sums per row
 };
 
 /// A segment from its upper end to its lower one, whichever way the contour goes: neighbours then
@@ -58,9 +59,6 @@ constexpr double kOneReal = static_cast<double>(kOne);
 /// Up to here insertion sorts are quick enough.
 constexpr std::ptrdiff_t kFew = 48;
 
-/// Of a number that is not negative, to the nearest.
-SLICECORR_INLINE std::int64_t nearest(double v) { return static_cast<std::int64_t>(v + 0.5); }
-
 SLICECORR_INLINE unsigned level_of(std::int64_t sum) {
   const std::int64_t covered = std::min(sum < 0 ? -sum : sum, kOne);
   return static_cast<unsigned>((covered * 255 + kOne / 2) >> kOneBits);
@@ -70,53 +68,61 @@ SLICECORR_INLINE int column_of(double x, int width) {
   return std::min(static_cast<int>(x), width - 1);
 }
 
-SLICECORR_INLINE void mark(std::uint64_t* marks, int first, int last) {
-  const auto a = static_cast<unsigned>(first), b = static_cast<unsigned>(last);
-  const std::uint64_t from = ~std::uint64_t{0} << (a & 63), to = ~std::uint64_t{0} >> (~b & 63);
-  if (a >> 6 == b >> 6) {
-    marks[a >> 6] |= from & to;
-    return;
-  }
-  marks[a >> 6] |= from;
-  for (unsigned w = (a >> 6) + 1; w < b >> 6; ++w) marks[w] = ~std::uint64_t{0};
-  marks[b >> 6] |= to;
+using Pair = double __attribute__((vector_size(16)));
+using WholePair = std::int64_t __attribute__((vector_size(16)));
+
+/// Whole numbers up to 2^51 added to this have them in their lowest bits, rounded.
+constexpr double kShift = 0x1.8p52;
+
+SLICECORR_INLINE double rounded(double v) { return (v + kShift) - kShift; }
+
+SLICECORR_INLINE void add_to(PixelSums& sums, double cover, double area) {
+  WholePair at;
+  std::memcpy(&at, &sums, sizeof at);
+  const Pair shift = {kShift, kShift}, moved = Pair{cover, area} + shift;
+  at += std::bit_cast<WholePair>(moved) - std::bit_cast<WholePair>(shift);
+  std::memcpy(&sums, &at, sizeof at);
 }
 
-struct Columns {
-  int first, last;
-};
+SLICECORR_INLINE void mark(std::uint64_t* marks, unsigned first, unsigned last) {
+  const std::uint64_t from = ~std::uint64_t{0} << (first & 63);
+  const std::uint64_t to = ~std::uint64_t{0} >> (~last & 63);
+  if (first >> 6 == last >> 6) [[likely]] {
+    marks[first >> 6] |= from & to;
+    return;
+  }
+  marks[first >> 6] |= from;
+  for (unsigned w = (first >> 6) + 1; w < last >> 6; ++w) marks[w] = ~std::uint64_t{0};
+  marks[last >> 6] |= to;
+}
 
-/// Adds a piece from xa to xb to the sums of its row. Its height is not negative and counts with
-/// `sign` (0: as it is, -1: turned); `per_pixel` is its height per pixel of its way along x, as a
-/// share of kOne. Tells the columns of its ends.
-SLICECORR_INLINE Columns add_piece(PixelSums* sums, double xa, double xb, std::int64_t height,
-                                   std::int64_t sign, double per_pixel, int width) {
-  const auto with_sign = [sign](std::int64_t v) { return (v ^ sign) - sign; };
+/// Adds a piece from xa to xb to the sums of its row, which go on for one pixel past the last, and
+/// marks its pixels. `height` is a whole number, negative for pieces that go up; `per_pixel` is the
+/// height per pixel of the way along x. Tells the column of the left end.
+SLICECORR_INLINE int add_piece(PixelSums* sums, std::uint64_t* marks, double xa, double xb,
+                               double height, double per_pixel, int width) {
   const double left = std::min(xa, xb), right = std::max(xa, xb);
   const int first = column_of(left, width), last = column_of(right, width);
-  if (first == last) {
-    const double mean = 0.5 * (left + right) - first;
-    const std::int64_t area = height - nearest(static_cast<double>(height) * mean);
-    sums[first].cover += with_sign(height);
-    sums[first].area += with_sign(area);
-    return {first, last};
+  mark(marks, static_cast<unsigned>(first), static_cast<unsigned>(last));
+  const double side = first + 1;
+  if (last <= first + 1) [[likely]] {
+    const double cover = first == last ? height : rounded(per_pixel * (side - left));
+    const double mean = first == last ? 0.5 * (left + right) : 0.5 * (left + side);
+    add_to(sums[first], cover, cover * (side - mean));
+    const double rest = height - cover;
+    add_to(sums[first + 1], rest, rest * (1.0 - 0.5 * (right - side)));
+    return first;
   }
-  const double in_first = first + 1 - left;
-  std::int64_t done = nearest(per_pixel * in_first);
-  sums[first].cover += with_sign(done);
-  sums[first].area += with_sign(nearest(per_pixel * in_first * (0.5 * in_first)));
-  const std::int64_t half = nearest(0.5 * per_pixel);
+  double done = rounded(per_pixel * (side - left));
+  add_to(sums[first], done, done * (0.5 * (side - left)));
   for (int p = first + 1; p < last; ++p) {
-    const std::int64_t until = nearest(per_pixel * (p + 1 - left));
-    sums[p].cover += with_sign(until - done);
-    sums[p].area += with_sign(half);
+    const double until = rounded(per_pixel * (p + 1 - left));
+    add_to(sums[p], until - done, 0.5 * (until - done));
     done = until;
   }
-  const double in_last = right - last;
-  const std::int64_t rest = height - done;
-  sums[last].cover += with_sign(rest);
-  sums[last].area += with_sign(rest - nearest(per_pixel * in_last * (0.5 * in_last)));
-  return {first, last};
+  const double rest = height - done;
+  add_to(sums[last], rest, rest * (1.0 - 0.5 * (right - last)));
+  return first;
 }
 
 /// Fills pixels from..to - 1 with `value`. Pixels after these, up to `end`, are written later.
@@ -148,17 +154,21 @@ Raster::Raster(int x0, int y0, int x1, int y1, bool antialias)
   drawn_.resize(rows);
   marks_.resize(rows * words_ * (antialias ? 2 : 1));
   if (antialias) {
-    sums_.resize(rows * width_);
+    sums_.resize(rows * (width_ + 1));
+    row_counts_.resize(rows);
+    row_ends_.resize(rows);
   } else {
     steps_.resize(rows * width_);
   }
 }
 
 const std::uint8_t* Raster::draw(std::span<const Segment> segments) {
-  const Frame f = {x0_, y0_, y1_, x1_ - x0_, words_};
+  const Frame f = {x0_, y0_, y1_, x1_ - x0_, words_, width_ + 1};
   segments_ = segments;
   listed_ = false;
+  crossing_count_ = 0;
   if (antialias_) {
+    std::fill(row_counts_.begin(), row_counts_.end(), 0);
     add_areas(f);
   } else {
     add_centres(f);
@@ -166,7 +176,7 @@ const std::uint8_t* Raster::draw(std::span<const Segment> segments) {
   bool lit = false;
   for (int r = 0; r < y1_ - y0_; ++r) {
     const auto row = static_cast<std::size_t>(r);
-    if (touched_[row]) {
+    if (touched_[row] || (antialias_ && row_counts_[row])) {
       lit |= antialias_ ? draw_area_row(r, f) : draw_centre_row(r, f);
       touched_[row] = 0;
       drawn_[row] = 1;
@@ -180,44 +190,49 @@ const std::uint8_t* Raster::draw(std::span<const Segment> segments) {
 
 SLICECORR_CLONES
 void Raster::add_areas(const Frame& f) {
-  for (const Segment& s : segments_) {
+  for (std::uint32_t segment = 0; segment < segments_.size(); ++segment) {
+    const Segment& s = segments_[segment];
     if (s.ay == s.by) {
       add_horizontal(s, f);
       continue;
     }
     const Line line(s, f);
     if (line.ly <= f.y0 || line.uy >= f.y1) continue;
+    const double one = line.down ? kOneReal : -kOneReal;
+    const double per_pixel = one * ((line.ly - line.uy) / (line.most - line.least));
     const int last = line.last_row(f);
-    const std::int64_t sign = line.down ? 0 : -1;
-    const double per_pixel = kOneReal * ((line.ly - line.uy) / (line.most - line.least));
     int row = line.first_row(f);
-    double x = line.ux;
-    std::int64_t from = 0;
+    double x = line.ux, from = 0;
     if (line.uy > row) {
-      from = nearest((line.uy - row) * kOneReal);
+      from = rounded((line.uy - row) * one);
     } else {
       x = line.x_at(row);
     }
-    const auto at = static_cast<std::size_t>(row - f.y0);
-    PixelSums* sums = sums_.data() + at * width_;
+    auto at = static_cast<std::size_t>(row - f.y0);
+    PixelSums* sums = sums_.data() + at * f.stride;
     std::uint64_t* marks = marks_.data() + (2 * at + (line.down ? 0 : 1)) * f.words;
-    const auto add = [&](double end, std::int64_t height) __attribute__((always_inline)) {
-      const Columns c = add_piece(sums, x, end, height, sign, per_pixel, f.width);
-      mark(marks, c.first, c.last);
-      touched_[static_cast<std::size_t>(row - f.y0)] = 1;
+    const auto rows = static_cast<std::size_t>(last - row + 1);
+    if (crossings_.size() < crossing_count_ + rows) crossings_.resize(2 * crossing_count_ + rows);
+    Crossing* crossing = crossings_.data() + crossing_count_;
+    crossing_count_ += rows;
+    const auto add = [&](double end, double height) __attribute__((always_inline)) {
+      const int column = add_piece(sums, marks, x, end, height, per_pixel, f.width);
+      *crossing++ = {static_cast<std::uint32_t>(at), column, segment};
+      ++row_counts_[at];
     };
     for (; row < last; ++row) {
       const double end = line.x_at(row + 1);
-      add(end, kOne - from);
+      add(end, one - from);
       x = end;
       from = 0;
-      sums += width_;
+      ++at;
+      sums += f.stride;
       marks += 2 * f.words;
     }
     if (line.ly < last + 1) {
-      add(line.lx, nearest((line.ly - last) * kOneReal) - from);
+      add(line.lx, rounded((line.ly - last) * one) - from);
     } else {
-      add(line.x_at(last + 1), kOne - from);
+      add(line.x_at(last + 1), one - from);
     }
   }
 }
@@ -233,8 +248,8 @@ void Raster::add_horizontal(const Segment& s, const Frame& f) {
   const int first = column_of(std::min(a, b), f.width), last = column_of(std::max(a, b), f.width);
   const auto at = static_cast<std::size_t>(row - f.y0);
   std::uint64_t* marks = marks_.data() + 2 * at * f.words;
-  mark(marks, first, last);
-  mark(marks + f.words, first, last);
+  mark(marks, static_cast<unsigned>(first), static_cast<unsigned>(last));
+  mark(marks + f.words, static_cast<unsigned>(first), static_cast<unsigned>(last));
   touched_[at] = 1;
 }
 
@@ -243,7 +258,7 @@ bool Raster::draw_area_row(int row, const Frame& f) {
   const auto at = static_cast<std::size_t>(row);
   std::uint8_t* const pixels = pixels_.data() + at * width_;
   std::uint8_t* const end = pixels + width_;
-  PixelSums* const sums = sums_.data() + at * width_;
+  PixelSums* const sums = sums_.data() + at * f.stride;
   std::uint64_t* const down = marks_.data() + 2 * at * f.words;
   std::uint64_t* const up = down + f.words;
   std::int64_t running = 0;
@@ -316,7 +331,7 @@ bool Raster::draw_area_row(int row, const Frame& f) {
 unsigned Raster::draw_run(int row, int first, int last, std::int64_t& running, const Frame& f) {
   const auto at = static_cast<std::size_t>(row);
   std::uint8_t* const pixels = pixels_.data() + at * width_;
-  PixelSums* const sums = sums_.data() + at * width_;
+  PixelSums* const sums = sums_.data() + at * f.stride;
   const std::uint64_t* const down = marks_.data() + 2 * at * f.words;
   const std::uint64_t* const up = down + f.words;
   const std::int64_t before = running;
@@ -349,43 +364,38 @@ unsigned Raster::draw_run(int row, int first, int last, std::int64_t& running, c
   return draw_tangle(row, first, last, static_cast<int>((before + kOne / 2) >> kOneBits), f);
 }
 
-/// Segments by the rows that they cross.
-void Raster::list_rows(const Frame& f) {
+/// Crossings by row.
+void Raster::list_rows() {
   listed_ = true;
-  row_begin_.assign(static_cast<std::size_t>(f.y1 - f.y0) + 2, 0);
-  const auto rows_of = [&f](const Segment& s, auto&& each) {
-    if (s.ay == s.by) return;
-    const double upper = std::min(s.ay, s.by), lower = std::max(s.ay, s.by);
-    if (lower <= f.y0 || upper >= f.y1) return;
-    const int first = upper > f.y0 ? static_cast<int>(upper) : f.y0;
-    const int last = lower < f.y1 ? static_cast<int>(std::ceil(lower)) - 1 : f.y1 - 1;
-    for (int row = first; row <= last; ++row) each(static_cast<std::size_t>(row - f.y0));
-  };
-  for (const Segment& s : segments_) rows_of(s, [&](std::size_t r) { ++row_begin_[r + 2]; });
-  for (std::size_t r = 2; r < row_begin_.size(); ++r) row_begin_[r] += row_begin_[r - 1];
-  row_segments_.resize(row_begin_.back());
-  for (std::uint32_t i = 0; i < segments_.size(); ++i) {
-    rows_of(segments_[i], [&](std::size_t r) { row_segments_[row_begin_[r + 1]++] = i; });
+  std::uint32_t begin = 0;
+  for (std::size_t r = 0; r < row_counts_.size(); ++r) {
+    row_ends_[r] = begin;
+    begin += row_counts_[r];
+  }
+  if (by_row_.size() < crossing_count_) by_row_.resize(crossings_.size());
+  for (std::size_t i = 0; i < crossing_count_; ++i) {
+    const Crossing& c = crossings_[i];
+    by_row_[row_ends_[c.row]++] = {c.column, c.segment};
   }
 }
 
 /// Pixels in which pieces may overlap or cross. Left and right of them the winding is one number
 /// per row.
 unsigned Raster::draw_tangle(int r, int first, int last, int winding, const Frame& f) {
-  if (!listed_) list_rows(f);
+  if (!listed_) list_rows();
   const auto at = static_cast<std::size_t>(r);
   const int row = f.y0 + r;
   pieces_.clear();
   events_.clear();
-  for (std::uint32_t i = row_begin_[at]; i < row_begin_[at + 1]; ++i) {
-    const Line line(segments_[row_segments_[i]], f);
+  for (std::uint32_t i = row_ends_[at] - row_counts_[at]; i < row_ends_[at]; ++i) {
+    if (by_row_[i].column < first || by_row_[i].column > last) continue;
+    const Line line(segments_[by_row_[i].segment], f);
     Piece p;
     p.y0 = line.uy > row ? line.uy - row : 0.0;
     p.x0 = line.uy > row ? line.ux : line.x_at(row);
     p.y1 = line.ly < row + 1 ? line.ly - row : 1.0;
     p.x1 = line.ly < row + 1 ? line.lx : line.x_at(row + 1);
-    const int column = column_of(std::min(p.x0, p.x1), f.width);
-    if (column < first || column > last || !(p.y0 < p.y1)) continue;
+    if (!(p.y0 < p.y1)) continue;
     p.slope = (p.x1 - p.x0) / (p.y1 - p.y0);
     p.winding = line.down ? 1 : -1;
     pieces_.push_back(p);
@@ -401,7 +411,8 @@ unsigned Raster::draw_tangle(int r, int first, int last, int winding, const Fram
     if (a.x1 != b.x1) return a.x1 < b.x1;
     return a.y1 != b.y1 ? a.y1 < b.y1 : a.winding < b.winding;
   });
-  PixelSums* const sums = sums_.data() + at * width_;
+  PixelSums* const sums = sums_.data() + at * f.stride;
+  std::uint64_t* const marks = marks_.data() + 2 * at * f.words;  // of pixels that have some
   active_.clear();
   std::size_t next = 0;
   for (std::size_t e = 0; e + 1 < events_.size(); ++e) {
@@ -410,7 +421,7 @@ unsigned Raster::draw_tangle(int r, int first, int last, int winding, const Fram
     for (; next < pieces_.size() && pieces_[next].y0 <= from; ++next) {
       active_.push_back({&pieces_[next], 0, 0});
     }
-    if (!active_.empty()) draw_strip(sums, from, to, winding, f);
+    if (!active_.empty()) draw_strip(sums, marks, from, to, winding, f);
   }
   unsigned lit = 0;
   std::int64_t running = winding ? kOne : 0;
@@ -425,7 +436,8 @@ unsigned Raster::draw_tangle(int r, int first, int last, int winding, const Fram
   return lit;
 }
 
-void Raster::draw_strip(PixelSums* sums, double from, double to, int winding, const Frame& f) {
+void Raster::draw_strip(PixelSums* sums, std::uint64_t* marks, double from, double to, int winding,
+                        const Frame& f) {
   const auto before = [](const Active& a, const Active& b) {
     return a.x != b.x ? a.x < b.x : a.x_end < b.x_end;
   };
@@ -466,14 +478,14 @@ void Raster::draw_strip(PixelSums* sums, double from, double to, int winding, co
         ++k;
       }
     }
-    const std::int64_t height = nearest(until * kOneReal) - nearest(from * kOneReal);
+    const double height = rounded(until * kOneReal) - rounded(from * kOneReal);
     int w = winding;
     for (const Active& a : active_) {
       const int after = w + a.piece->winding;
       if ((w == 0) != (after == 0)) {
         const double x_end = until == to ? a.x_end : a.piece->at(until);
-        const double per_pixel = static_cast<double>(height) / std::abs(x_end - a.x);
-        add_piece(sums, a.x, x_end, height, w == 0 ? 0 : -1, per_pixel, f.width);
+        const double change = w == 0 ? height : -height;
+        add_piece(sums, marks, a.x, x_end, change, change / std::abs(x_end - a.x), f.width);
       }
       w = after;
     }
@@ -495,7 +507,8 @@ void Raster::add_centres(const Frame& f) {
       if (column >= f.width) continue;
       const auto at = static_cast<std::size_t>(row - f.y0);
       steps_[at * width_ + static_cast<std::size_t>(column)] += line.down ? 1 : -1;
-      mark(marks_.data() + at * f.words, column, column);
+      mark(marks_.data() + at * f.words, static_cast<unsigned>(column),
+           static_cast<unsigned>(column));
       touched_[at] = 1;
     }
   }

@@ -1,6 +1,7 @@
 /// Coverage of pixels by the region that directed segments enclose, non-zero winding rule.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -50,7 +51,8 @@ class Raster {
       // Exact at the ends, so that pieces that meet there meet exactly.
       if (y <= y0) return x0;
       if (y >= y1) return x1;
-      return x0 + (y - y0) * slope;
+      const double x = x0 + (y - y0) * slope;  // rounding must not lead out of the piece
+      return x0 < x1 ? std::clamp(x, x0, x1) : std::clamp(x, x1, x0);
     }
   };
   struct Active {
@@ -68,8 +70,9 @@ class Raster {
   bool draw_centre_row(int row, const Frame& f);
   unsigned draw_run(int row, int first, int last, std::int64_t& running, const Frame& f);
   unsigned draw_tangle(int row, int first, int last, int winding, const Frame& f);
-  void draw_strip(PixelSums* sums, double from, double to, int winding, const Frame& f);
-  void list_rows(const Frame& f);
+  void draw_strip(PixelSums* sums, std::uint64_t* marks, double from, double to, int winding,
+                  const Frame& f);
+  void list_rows();
 
   int x0_, y0_, x1_, y1_;
   bool antialias_;
@@ -85,8 +88,21 @@ class Raster {
       steps_;  ///< per pixel, how the winding changes before its centre; ditto
 
   std::span<const Segment> segments_;  ///< of this slice
-  bool listed_ = false;                ///< whether the next two are of this slice
-  std::vector<std::uint32_t> row_begin_, row_segments_;
+  struct Crossing {
+    std::uint32_t row;
+    int column;  ///< of the left end in this row
+    std::uint32_t segment;
+  };
+  std::vector<Crossing> crossings_;  ///< all of this slice: the first crossing_count_
+  std::size_t crossing_count_ = 0;
+  std::vector<std::uint32_t> row_counts_;  ///< crossings per row
+  struct InRow {
+    int column;
+    std::uint32_t segment;
+  };
+  bool listed_ = false;                  ///< whether the next two are of this slice
+  std::vector<std::uint32_t> row_ends_;  ///< per row: where its crossings end in `by_row_`
+  std::vector<InRow> by_row_;
   std::vector<Piece> pieces_;
   std::vector<double> events_;
   std::vector<Active> active_;

@@ -80,7 +80,15 @@ SLICECORR_INLINE void add_to(PixelSums& sums, double cover, double area) {
   WholePair at;
   std::memcpy(&at, &sums, sizeof at);
   const Pair shift = {kShift, kShift}, moved = Pair{cover, area} + shift;
-  at += std::bit_cast<WholePair>(moved) - std::bit_cast<WholePair>(shift);
+  at += reinterpret_cast<WholePair>(moved) - reinterpret_cast<WholePair>(shift);
+  std::memcpy(&sums, &at, sizeof at);
+}
+
+SLICECORR_INLINE void add_to(PixelSums& sums, const PixelSums& more) {
+  WholePair at, add;
+  std::memcpy(&at, &sums, sizeof at);
+  std::memcpy(&add, &more, sizeof add);
+  at += add;
   std::memcpy(&sums, &at, sizeof at);
 }
 
@@ -98,9 +106,9 @@ SLICECORR_INLINE void mark(std::uint64_t* marks, unsigned first, unsigned last) 
 
 /// Adds a piece from xa to xb to the sums of its row, which go on for one pixel past the last, and
 /// marks its pixels. `height` is a whole number, negative for pieces that go up; `per_pixel` is the
-/// height per pixel of the way along x. Tells the column of the left end.
-SLICECORR_INLINE int add_piece(PixelSums* sums, std::uint64_t* marks, double xa, double xb,
-                               double height, double per_pixel, int width) {
+/// height per pixel of the way along x.
+SLICECORR_INLINE void add_piece(PixelSums* sums, std::uint64_t* marks, double xa, double xb,
+                                double height, double per_pixel, int width) {
   const double left = std::min(xa, xb), right = std::max(xa, xb);
   const int first = column_of(left, width), last = column_of(right, width);
   mark(marks, static_cast<unsigned>(first), static_cast<unsigned>(last));
@@ -111,7 +119,7 @@ SLICECORR_INLINE int add_piece(PixelSums* sums, std::uint64_t* marks, double xa,
     add_to(sums[first], cover, cover * (side - mean));
     const double rest = height - cover;
     add_to(sums[first + 1], rest, rest * (1.0 - 0.5 * (right - side)));
-    return first;
+    return;
   }
   double done = rounded(per_pixel * (side - left));
   add_to(sums[first], done, done * (0.5 * (side - left)));
@@ -122,21 +130,24 @@ SLICECORR_INLINE int add_piece(PixelSums* sums, std::uint64_t* marks, double xa,
   }
   const double rest = height - done;
   add_to(sums[last], rest, rest * (1.0 - 0.5 * (right - last)));
-  return first;
 }
 
-/// Fills pixels from..to - 1 with `value`. Pixels after these, up to `end`, are written later.
-SLICECORR_INLINE void fill(std::uint8_t* from, const std::uint8_t* to, const std::uint8_t* end,
-                           std::uint8_t value) {
-  constexpr std::ptrdiff_t kStep = 32;
-  if (end - to < kStep) {
-    std::memset(from, value, static_cast<std::size_t>(to - from));
-    return;
+/// Writes 64 pixels, or the first `count` of them: 255 for every bit that is set, else 0.
+SLICECORR_INLINE void spread(std::uint64_t bits, std::uint8_t* pixels, std::size_t count) {
+  std::uint64_t bytes[8];
+  for (unsigned k = 0; k < 8; ++k) {
+    // Byte k of the bits in all bytes, of which each keeps a bit of its own.
+    std::uint64_t b = (bits >> (8 * k) & 0xFF) * 0x0101010101010101u & 0x8040201008040201u;
+    b = (b + 0x7F7F7F7F7F7F7F7Fu) >> 7 & 0x0101010101010101u;
+    bytes[k] = (b << 8) - b;
   }
-  std::uint8_t step[kStep];
-  std::memset(step, value, kStep);
-  for (; from < to; from += kStep) std::memcpy(from, step, kStep);
+  std::memcpy(pixels, bytes, count < 64 ? count : 64);
 }
+
+using Reals = double __attribute__((vector_size(64)));
+using Wholes = std::int64_t __attribute__((vector_size(64)));
+using Ints = std::int32_t __attribute__((vector_size(32)));
+constexpr int kLanes = 8;
 
 }  // namespace
 
@@ -147,18 +158,17 @@ Raster::Raster(int x0, int y0, int x1, int y1, bool antialias)
       y1_(y1),
       antialias_(antialias),
       width_(static_cast<std::size_t>(x1 - x0)),
-      words_((width_ + 63) / 64) {
+      words_((width_ + 64) / 64) {
   const auto rows = static_cast<std::size_t>(y1 - y0);
   pixels_.resize(rows * width_);
-  touched_.resize(rows);
+  touched_.resize(rows + kLanes);
   drawn_.resize(rows);
   marks_.resize(rows * words_ * (antialias ? 2 : 1));
   if (antialias) {
     sums_.resize(rows * (width_ + 1));
-    row_counts_.resize(rows);
-    row_ends_.resize(rows);
+    row_ends_.resize(rows + 1);
   } else {
-    steps_.resize(rows * width_);
+    steps_.resize(rows * (width_ + 1));
   }
 }
 
@@ -168,7 +178,6 @@ const std::uint8_t* Raster::draw(std::span<const Segment> segments) {
   listed_ = false;
   crossing_count_ = 0;
   if (antialias_) {
-    std::fill(row_counts_.begin(), row_counts_.end(), 0);
     add_areas(f);
   } else {
     add_centres(f);
@@ -176,7 +185,7 @@ const std::uint8_t* Raster::draw(std::span<const Segment> segments) {
   bool lit = false;
   for (int r = 0; r < y1_ - y0_; ++r) {
     const auto row = static_cast<std::size_t>(r);
-    if (touched_[row] || (antialias_ && row_counts_[row])) {
+    if (touched_[row]) {
       lit |= antialias_ ? draw_area_row(r, f) : draw_centre_row(r, f);
       touched_[row] = 0;
       drawn_[row] = 1;
@@ -188,8 +197,12 @@ const std::uint8_t* Raster::draw(std::span<const Segment> segments) {
   return lit ? pixels_.data() : nullptr;
 }
 
+/// Rows of a segment are worked on eight at a time.
 SLICECORR_CLONES
 void Raster::add_areas(const Frame& f) {
+  const Reals shift = Reals{} + kShift, lane = {0, 1, 2, 3, 4, 5, 6, 7};
+  const Ints last_column = Ints{} + (f.width - 1);
+  if (crossings_.size() < segments_.size()) crossings_.resize(2 * segments_.size());
   for (std::uint32_t segment = 0; segment < segments_.size(); ++segment) {
     const Segment& s = segments_[segment];
     if (s.ay == s.by) {
@@ -201,38 +214,72 @@ void Raster::add_areas(const Frame& f) {
     const double one = line.down ? kOneReal : -kOneReal;
     const double per_pixel = one * ((line.ly - line.uy) / (line.most - line.least));
     const int last = line.last_row(f);
-    int row = line.first_row(f);
-    double x = line.ux, from = 0;
-    if (line.uy > row) {
-      from = rounded((line.uy - row) * one);
-    } else {
-      x = line.x_at(row);
-    }
-    auto at = static_cast<std::size_t>(row - f.y0);
-    PixelSums* sums = sums_.data() + at * f.stride;
-    std::uint64_t* marks = marks_.data() + (2 * at + (line.down ? 0 : 1)) * f.words;
-    const auto rows = static_cast<std::size_t>(last - row + 1);
-    if (crossings_.size() < crossing_count_ + rows) crossings_.resize(2 * crossing_count_ + rows);
-    Crossing* crossing = crossings_.data() + crossing_count_;
-    crossing_count_ += rows;
-    const auto add = [&](double end, double height) __attribute__((always_inline)) {
-      const int column = add_piece(sums, marks, x, end, height, per_pixel, f.width);
-      *crossing++ = {static_cast<std::uint32_t>(at), column, segment};
-      ++row_counts_[at];
-    };
-    for (; row < last; ++row) {
-      const double end = line.x_at(row + 1);
-      add(end, one - from);
-      x = end;
-      from = 0;
-      ++at;
-      sums += f.stride;
-      marks += 2 * f.words;
-    }
-    if (line.ly < last + 1) {
-      add(line.lx, rounded((line.ly - last) * one) - from);
-    } else {
-      add(line.x_at(last + 1), one - from);
+    for (int base = line.first_row(f); base <= last; base += kLanes) {
+      const int count = std::min(kLanes, last - base + 1);
+      const Reals top = lane + base, bottom = top + 1.0;
+      const auto begins = top <= line.uy, ends = bottom >= line.ly;
+      Reals upper_x = line.ux + (top - line.uy) * line.slope;
+      Reals lower_x = line.ux + (bottom - line.uy) * line.slope;
+      upper_x = upper_x > line.least ? upper_x : Reals{} + line.least;
+      lower_x = lower_x > line.least ? lower_x : Reals{} + line.least;
+      upper_x = upper_x < line.most ? upper_x : Reals{} + line.most;
+      lower_x = lower_x < line.most ? lower_x : Reals{} + line.most;
+      upper_x = begins ? Reals{} + line.ux : upper_x;
+      lower_x = ends ? Reals{} + line.lx : lower_x;
+      const Reals upper_y = begins ? line.uy - top : Reals{};
+      const Reals lower_y = ends ? line.ly - top : Reals{} + 1.0;
+      const Reals height = (lower_y * one + shift) - (upper_y * one + shift);
+      const Reals left = upper_x < lower_x ? upper_x : lower_x;
+      const Reals right = upper_x < lower_x ? lower_x : upper_x;
+      Ints first_i = __builtin_convertvector(left, Ints);
+      Ints last_i = __builtin_convertvector(right, Ints);
+      first_i = first_i < last_column ? first_i : last_column;
+      last_i = last_i < last_column ? last_i : last_column;
+      const Reals column = __builtin_convertvector(first_i, Reals);
+      const Reals side = column + 1.0, nearer = right < side ? right : side;
+      // Of the first pixel, and of the second one, if there is any.
+      Reals cover = (per_pixel * (nearer - left) + shift) - shift;
+      cover = column == __builtin_convertvector(last_i, Reals) ? height : cover;
+      const Reals area = cover * (side - 0.5 * (left + nearer));
+      const Reals rest = height - cover;
+      const Reals rest_area = rest * (1.0 - 0.5 * (right - side));
+      const Wholes zero = reinterpret_cast<Wholes>(shift);
+      const Wholes covers = reinterpret_cast<Wholes>(cover + shift) - zero;
+      const Wholes areas = reinterpret_cast<Wholes>(area + shift) - zero;
+      const Wholes rests = reinterpret_cast<Wholes>(rest + shift) - zero;
+      const Wholes rest_areas = reinterpret_cast<Wholes>(rest_area + shift) - zero;
+      alignas(64) PixelSums first_sums[kLanes], second_sums[kLanes];
+      const Wholes low = {0, 8, 1, 9, 2, 10, 3, 11}, high = {4, 12, 5, 13, 6, 14, 7, 15};
+      const Wholes parts[4] = {
+          __builtin_shuffle(covers, areas, low), __builtin_shuffle(covers, areas, high),
+          __builtin_shuffle(rests, rest_areas, low), __builtin_shuffle(rests, rest_areas, high)};
+      std::memcpy(first_sums, parts, sizeof first_sums);
+      std::memcpy(second_sums, parts + 2, sizeof second_sums);
+
+      if (crossing_count_ == crossings_.size()) crossings_.resize(2 * crossings_.size());
+      Crossings& crossings = crossings_[crossing_count_++];
+      const auto at = static_cast<std::size_t>(base - f.y0);
+      crossings.row = static_cast<std::uint32_t>(at);
+      crossings.count = count;
+      crossings.segment = segment;
+      std::memcpy(crossings.columns, &first_i, sizeof first_i);
+      alignas(32) int last_columns[kLanes];
+      std::memcpy(last_columns, &last_i, sizeof last_i);
+      PixelSums* sums = sums_.data() + at * f.stride;
+      std::uint64_t* marks = marks_.data() + (2 * at + (line.down ? 0 : 1)) * f.words;
+      for (int i = 0; i < count; ++i) {
+        const int c = crossings.columns[i];
+        if (last_columns[i] > c + 1) [[unlikely]] {
+          add_piece(sums, marks, upper_x[i], lower_x[i], height[i], per_pixel, f.width);
+        } else {
+          mark(marks, static_cast<unsigned>(c), static_cast<unsigned>(last_columns[i]));
+          add_to(sums[c], first_sums[i]);
+          add_to(sums[c + 1], second_sums[i]);
+        }
+        touched_[at + static_cast<std::size_t>(i)] = 1;
+        sums += f.stride;
+        marks += 2 * f.words;
+      }
     }
   }
 }
@@ -253,130 +300,113 @@ void Raster::add_horizontal(const Segment& s, const Frame& f) {
   touched_[at] = 1;
 }
 
+/// All pixels as if no pieces overlapped, and then again those where they may.
 SLICECORR_CLONES
 bool Raster::draw_area_row(int row, const Frame& f) {
   const auto at = static_cast<std::size_t>(row);
   std::uint8_t* const pixels = pixels_.data() + at * width_;
-  std::uint8_t* const end = pixels + width_;
   PixelSums* const sums = sums_.data() + at * f.stride;
   std::uint64_t* const down = marks_.data() + 2 * at * f.words;
   std::uint64_t* const up = down + f.words;
   std::int64_t running = 0;
-  unsigned lit = 0;
-  int done = 0;  // pixels before this one are written
-  for (std::size_t w = 0; w < f.words; ++w) {
-    std::uint64_t marks = down[w] | up[w];
-    while (marks) {
-      // A run of marked pixels. No piece leaves it, so the winding is one number on either side.
-      const int bit = std::countr_zero(marks);
-      const int count = std::countr_one(marks >> bit);
-      const int first = static_cast<int>(64 * w) + bit;
-      int last = first + count - 1;
-      bool one_way;
-      if (bit + count < 64) {
-        const std::uint64_t run = ((std::uint64_t{1} << count) - 1) << bit;
-        one_way = !(down[w] & run) || !(up[w] & run);
-        marks ^= run;
-      } else {
-        const std::uint64_t run = ~std::uint64_t{0} << bit;
-        std::uint64_t any_down = down[w] & run, any_up = up[w] & run;
-        marks = 0;
-        while (w + 1 < f.words) {
-          const std::uint64_t next = down[w + 1] | up[w + 1];
-          const int more = std::countr_one(next);
-          const std::uint64_t here =
-              more == 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << more) - 1;
-          if (more == 0) break;
-          ++w;
-          any_down |= down[w] & here;
-          any_up |= up[w] & here;
-          last += more;
-          marks = next & ~here;
-          if (more < 64) break;
-        }
-        one_way = !any_down || !any_up;
-      }
-      if (done < first) {
-        const bool inside = running != 0;
-        fill(pixels + done, pixels + first, end, inside ? 255 : 0);
-        lit |= inside;
-      }
-      done = last + 1;
-      if (!one_way) {
-        lit |= draw_run(row, first, last, running, f);
-        continue;
-      }
-      const std::int64_t before = running;
-      for (int p = first; p <= last; ++p) {
-        const unsigned level = level_of(running + sums[p].area);
-        running += sums[p].cover;
-        sums[p] = {0, 0};
-        pixels[p] = static_cast<std::uint8_t>(level);
-        lit |= level;
-      }
+  std::int64_t run_begin = 0, part_begin = 0;  // what `running` was there
+  std::uint64_t lit = 0;
+  std::uint64_t last_down = 0, last_up = 0;  // marks of the pixel before the word
+  doubts_.clear();
+  for (std::size_t w = 0; 64 * w < width_; ++w) {
+    const std::uint64_t d = down[w], u = up[w], marked = d | u;
+    const std::size_t count = width_ - 64 * w;
+    if (marked == 0) {
+      const std::uint64_t inside = running != 0 ? ~std::uint64_t{0} : 0;
+      std::memset(pixels + 64 * w, inside ? 255 : 0, count < 64 ? count : 64);
+      lit |= inside;
+      last_down = last_up = 0;
+      continue;
+    }
+    // Runs of marked pixels. No piece leaves a run, so the winding is one number on either side;
+    // the same holds where pixels crossed in one direction follow such of the other without sharing
+    // any.
+    const std::uint64_t next_down = w + 1 < f.words ? down[w + 1] : 0;
+    const std::uint64_t next_up = w + 1 < f.words ? up[w + 1] : 0;
+    const std::uint64_t d_before = d << 1 | last_down, u_before = u << 1 | last_up;
+    const std::uint64_t d_after = d >> 1 | next_down << 63, u_after = u >> 1 | next_up << 63;
+    const std::uint64_t run_begins = marked & ~(d_before | u_before);
+    const std::uint64_t part_begins = run_begins | (d & u_before) | (u & d_before);
+    const std::uint64_t ends = (marked & ~(d_after | u_after)) | (d & u_after) | (u & d_after);
+    const std::uint64_t both = d & u;
+    last_down = d >> 63, last_up = u >> 63;
+    std::uint64_t gaps = running != 0 ? 1 : 0;  // where pixels begin that are inside
+    std::uint8_t levels[64];
+    std::uint8_t* level = levels;
+    for (std::uint64_t left = marked; left; left &= left - 1) {
+      const int bit = std::countr_zero(left);
+      PixelSums& sum = sums[64 * w + static_cast<std::size_t>(bit)];
+      run_begin = run_begins >> bit & 1 ? running : run_begin;
+      part_begin = part_begins >> bit & 1 ? running : part_begin;
+      const unsigned value = level_of(running + sum.area);
+      running += sum.cover;
+      sum = {0, 0};
+      *level++ = static_cast<std::uint8_t>(value);
+      lit |= value;
+      const std::uint64_t end = ends >> bit & 1;
+      gaps |= (end & static_cast<std::uint64_t>(running != 0)) << bit << 1;
       // Pieces of one direction that change the winding by one: at every height there is just one.
-      const std::int64_t change = running - before;
-      if (change != kOne && change != -kOne && change != 0) {
-        lit |= draw_tangle(row, first, last, static_cast<int>((before + kOne / 2) >> kOneBits), f);
+      const auto change = static_cast<std::uint64_t>(running - part_begin + kOne);
+      const bool odd = (change & (kOne - 1)) != 0 || change > 2 * kOne;
+      if ((both >> bit & 1) || (end && odd)) [[unlikely]] {
+        doubts_.push_back({static_cast<int>(64 * w) + bit, run_begin});
       }
     }
+    // Ones that are added run through all unmarked pixels up to the next marked one.
+    std::uint64_t inside = ~marked & ~(~marked + (gaps & ~marked));
+    if (count < 64) inside &= (std::uint64_t{1} << count) - 1;
+    lit |= inside;
+    spread(inside, pixels + 64 * w, count);
+    level = levels;
+    for (std::uint64_t left = marked; left; left &= left - 1) {
+      pixels[64 * w + static_cast<std::size_t>(std::countr_zero(left))] = *level++;
+    }
+  }
+  int done = -1;
+  for (const Doubt& doubt : doubts_) {
+    if (doubt.column <= done) continue;
+    const auto marked = [&](int p) { return (down[p / 64] | up[p / 64]) >> (p % 64) & 1; };
+    int first = doubt.column;
+    while (first > 0 && marked(first - 1)) --first;
+    for (done = doubt.column; done + 1 < f.width && marked(done + 1);) ++done;
+    lit |=
+        draw_tangle(row, first, done, static_cast<int>((doubt.running + kOne / 2) >> kOneBits), f);
   }
   std::memset(down, 0, 2 * f.words * sizeof *down);
-  const bool inside = running != 0 && pixels + done < end;
-  std::memset(pixels + done, inside ? 255 : 0, width_ - static_cast<std::size_t>(done));
-  return lit || inside;
-}
-
-/// A run of pixels with pieces in both directions.
-unsigned Raster::draw_run(int row, int first, int last, std::int64_t& running, const Frame& f) {
-  const auto at = static_cast<std::size_t>(row);
-  std::uint8_t* const pixels = pixels_.data() + at * width_;
-  PixelSums* const sums = sums_.data() + at * f.stride;
-  const std::uint64_t* const down = marks_.data() + 2 * at * f.words;
-  const std::uint64_t* const up = down + f.words;
-  const std::int64_t before = running;
-  bool simple = true;
-  unsigned lit = 0;
-  // Where pixels of one direction follow those of the other without sharing any, no piece crosses
-  // from one to the other, and each part is as simple as a run of its own.
-  std::int64_t part = running;
-  bool part_down = false;
-  for (int p = first; p <= last; ++p) {
-    const auto w = static_cast<std::size_t>(p) / 64;
-    const unsigned bit = static_cast<unsigned>(p) % 64;
-    const bool goes_down = down[w] >> bit & 1, goes_up = up[w] >> bit & 1;
-    if (p == first || part_down != goes_down) {
-      const std::int64_t change = running - part;
-      simple &= change == kOne || change == -kOne || change == 0;
-      part = running;
-      part_down = goes_down;
-    }
-    simple &= !(goes_down && goes_up);
-    const unsigned level = level_of(running + sums[p].area);
-    running += sums[p].cover;
-    sums[p] = {0, 0};
-    pixels[p] = static_cast<std::uint8_t>(level);
-    lit |= level;
-  }
-  const std::int64_t change = running - part;
-  simple &= change == kOne || change == -kOne || change == 0;
-  if (simple) return lit;
-  return draw_tangle(row, first, last, static_cast<int>((before + kOne / 2) >> kOneBits), f);
+  return lit != 0;
 }
 
 /// Crossings by row.
 void Raster::list_rows() {
   listed_ = true;
-  std::uint32_t begin = 0;
-  for (std::size_t r = 0; r < row_counts_.size(); ++r) {
-    row_ends_[r] = begin;
-    begin += row_counts_[r];
-  }
-  if (by_row_.size() < crossing_count_) by_row_.resize(crossings_.size());
+  std::fill(row_ends_.begin(), row_ends_.end(), 0);
   for (std::size_t i = 0; i < crossing_count_; ++i) {
-    const Crossing& c = crossings_[i];
-    by_row_[row_ends_[c.row]++] = {c.column, c.segment};
+    const Crossings& c = crossings_[i];
+    for (int k = 0; k < c.count; ++k) ++row_ends_[c.row + static_cast<std::size_t>(k) + 1];
   }
+  for (std::size_t r = 1; r < row_ends_.size(); ++r) row_ends_[r] += row_ends_[r - 1];
+  if (by_row_.size() < row_ends_.back()) by_row_.resize(2 * row_ends_.back());
+  for (std::size_t i = 0; i < crossing_count_; ++i) {
+    const Crossings& c = crossings_[i];
+    for (int k = 0; k < c.count; ++k) {
+      by_row_[row_ends_[c.row + static_cast<std::size_t>(k)]++] = {c.columns[k], c.segment};
+    }
+  }
+}
+
+/// Whether two pieces of opposite directions cross, other than at their ends. If they do not, they
+/// bound all that lies between them, whichever comes first.
+bool Raster::cross(const Piece& a, const Piece& b) {
+  if (a.winding == b.winding) return true;  // not looked at: the same region twice
+  const double from = std::max(a.y0, b.y0), to = std::min(a.y1, b.y1);
+  if (!(from < to)) return false;
+  const double gap = b.at(from) - a.at(from), gap_end = b.at(to) - a.at(to);
+  return (gap < 0 && gap_end > 0) || (gap > 0 && gap_end < 0);
 }
 
 /// Pixels in which pieces may overlap or cross. Left and right of them the winding is one number
@@ -387,7 +417,7 @@ unsigned Raster::draw_tangle(int r, int first, int last, int winding, const Fram
   const int row = f.y0 + r;
   pieces_.clear();
   events_.clear();
-  for (std::uint32_t i = row_ends_[at] - row_counts_[at]; i < row_ends_[at]; ++i) {
+  for (std::uint32_t i = at ? row_ends_[at - 1] : 0; i < row_ends_[at]; ++i) {
     if (by_row_[i].column < first || by_row_[i].column > last) continue;
     const Line line(segments_[by_row_[i].segment], f);
     Piece p;
@@ -399,6 +429,9 @@ unsigned Raster::draw_tangle(int r, int first, int last, int winding, const Fram
     p.slope = (p.x1 - p.x0) / (p.y1 - p.y0);
     p.winding = line.down ? 1 : -1;
     pieces_.push_back(p);
+  }
+  if (pieces_.size() == 2 && !cross(pieces_[0], pieces_[1])) return 0;  // already right
+  for (const Piece& p : pieces_) {
     events_.push_back(p.y0);
     events_.push_back(p.y1);
   }
@@ -495,21 +528,32 @@ void Raster::draw_strip(PixelSums* sums, std::uint64_t* marks, double from, doub
 
 SLICECORR_CLONES
 void Raster::add_centres(const Frame& f) {
+  const Reals lane = {0.5, 1.5, 2.5, 3.5, 4.5, 5.5, 6.5, 7.5};
   for (const Segment& s : segments_) {
     if (s.ay == s.by) continue;
     const Line line(s, f);
     // Rows whose centre line y satisfies uy <= y < ly: shared ends count once.
     const int first = line.uy > f.y0 ? static_cast<int>(std::ceil(line.uy - 0.5)) : f.y0;
     const int last = line.ly < f.y1 ? static_cast<int>(std::ceil(line.ly - 0.5)) - 1 : f.y1 - 1;
-    for (int row = first; row <= last; ++row) {
-      // The first pixel whose centre is not left of the line; past the band's end it turns nothing.
-      const int column = static_cast<int>(std::ceil(line.x_at(row + 0.5) - 0.5));
-      if (column >= f.width) continue;
-      const auto at = static_cast<std::size_t>(row - f.y0);
-      steps_[at * width_ + static_cast<std::size_t>(column)] += line.down ? 1 : -1;
-      mark(marks_.data() + at * f.words, static_cast<unsigned>(column),
-           static_cast<unsigned>(column));
-      touched_[at] = 1;
+    const std::int32_t step = line.down ? 1 : -1;
+    for (int base = first; base <= last; base += kLanes) {
+      const int count = std::min(kLanes, last - base + 1);
+      Reals x = line.ux + ((lane + base) - line.uy) * line.slope;
+      x = x > line.least ? x : Reals{} + line.least;
+      x = x < line.most ? x : Reals{} + line.most;
+      // The first pixel whose centre is not left of the line: one past the last turns nothing.
+      x -= 0.5;
+      Ints column = __builtin_convertvector(x, Ints);
+      column -= __builtin_convertvector(x > __builtin_convertvector(column, Reals), Ints);
+      alignas(32) int columns[kLanes];
+      std::memcpy(columns, &column, sizeof column);
+      auto at = static_cast<std::size_t>(base - f.y0);
+      for (int i = 0; i < count; ++i, ++at) {
+        const auto c = static_cast<std::size_t>(columns[i]);
+        steps_[at * f.stride + c] += step;
+        marks_[at * f.words + c / 64] |= std::uint64_t{1} << (c % 64);
+        touched_[at] = 1;
+      }
     }
   }
 }
@@ -518,29 +562,30 @@ SLICECORR_CLONES
 bool Raster::draw_centre_row(int row, const Frame& f) {
   const auto at = static_cast<std::size_t>(row);
   std::uint8_t* const pixels = pixels_.data() + at * width_;
-  std::uint8_t* const end = pixels + width_;
-  std::int32_t* const steps = steps_.data() + at * width_;
+  std::int32_t* const steps = steps_.data() + at * f.stride;
   std::uint64_t* const marks = marks_.data() + at * f.words;
   std::int32_t winding = 0;
-  bool lit = false;
-  int done = 0;
-  for (std::size_t w = 0; w < f.words; ++w) {
+  std::uint64_t lit = 0;
+  for (std::size_t w = 0; 64 * w < width_; ++w) {
+    std::uint64_t inside = winding != 0 ? ~std::uint64_t{0} : 0;
     for (std::uint64_t left = marks[w]; left; left &= left - 1) {
-      const int p = static_cast<int>(64 * w) + std::countr_zero(left);
-      if (steps[p] == 0) continue;
-      if (winding == 0 || winding + steps[p] == 0) {
-        fill(pixels + done, pixels + p, end, winding ? 255 : 0);
-        lit |= winding != 0;
-        done = p;
-      }
-      winding += steps[p];
-      steps[p] = 0;
+      const int bit = std::countr_zero(left);
+      std::int32_t& step = steps[64 * w + static_cast<std::size_t>(bit)];
+      const std::int32_t next = winding + step;
+      const bool turns = (winding != 0) != (next != 0);
+      inside ^= (std::uint64_t{0} - turns) << bit;
+      winding = next;
+      step = 0;
     }
     marks[w] = 0;
+    const std::size_t count = width_ - 64 * w;
+    if (count < 64) inside &= (std::uint64_t{1} << count) - 1;
+    lit |= inside;
+    spread(inside, pixels + 64 * w, count);
   }
-  lit |= winding != 0;
-  std::memset(pixels + done, winding ? 255 : 0, width_ - static_cast<std::size_t>(done));
-  return lit;
+  steps[width_] = 0;
+  marks[width_ / 64] = 0;
+  return lit != 0;
 }
 
 }  // namespace slicecorr::detail

@@ -68,15 +68,15 @@ class Raster {
   void add_horizontal(const Segment& s, const Frame& f);
   bool draw_area_row(int row, const Frame& f);
   bool draw_centre_row(int row, const Frame& f);
-  unsigned draw_run(int row, int first, int last, std::int64_t& running, const Frame& f);
   unsigned draw_tangle(int row, int first, int last, int winding, const Frame& f);
   void draw_strip(PixelSums* sums, std::uint64_t* marks, double from, double to, int winding,
                   const Frame& f);
   void list_rows();
+  static bool cross(const Piece& a, const Piece& b);
 
   int x0_, y0_, x1_, y1_;
   bool antialias_;
-  std::size_t width_, words_;  ///< columns; words of 64 marks for these
+  std::size_t width_, words_;  ///< columns; words of 64 marks for these and one more
   std::vector<std::uint8_t> pixels_;
   std::vector<std::uint8_t> touched_;  ///< rows that a segment of this slice crosses
   std::vector<std::uint8_t> drawn_;    ///< rows of `pixels_` that may not be black
@@ -88,14 +88,21 @@ class Raster {
       steps_;  ///< per pixel, how the winding changes before its centre; ditto
 
   std::span<const Segment> segments_;  ///< of this slice
-  struct Crossing {
-    std::uint32_t row;
-    int column;  ///< of the left end in this row
+  /// A segment in some rows.
+  struct Crossings {
+    std::uint32_t row;  ///< the first
+    int count;
     std::uint32_t segment;
+    int columns[8];  ///< of the left end in these rows
   };
-  std::vector<Crossing> crossings_;  ///< all of this slice: the first crossing_count_
+  std::vector<Crossings> crossings_;  ///< all of this slice: the first crossing_count_
   std::size_t crossing_count_ = 0;
-  std::vector<std::uint32_t> row_counts_;  ///< crossings per row
+  /// A pixel where pieces may overlap, and the running sum where its run begins.
+  struct Doubt {
+    int column;
+    std::int64_t running;
+  };
+  std::vector<Doubt> doubts_;
   struct InRow {
     int column;
     std::uint32_t segment;

@@ -60,13 +60,17 @@ int whole(Random& random, int low, int high) {
   return std::uniform_int_distribution<int>(low, high)(random);
 }
 
+Bytes draw(Raster& raster, const Segments& segments, const Box& box) {
+  const std::uint8_t* rows = raster.draw(segments);
+  if (!rows) return Bytes(box.width() * box.height(), 0);
+  Bytes bytes(rows, rows + box.width() * box.height());
+  EXPECT_TRUE(std::any_of(bytes.begin(), bytes.end(), [](std::uint8_t v) { return v != 0; }));
+  return bytes;
+}
+
 Bytes draw(const Segments& segments, const Box& box, bool antialias) {
   Raster raster(box.x0, box.y0, box.x1, box.y1, antialias);
-  for (const Segment& s : segments) raster.add(s);
-  Bytes rows(box.width() * box.height(), 77);  // what was there must not matter
-  const bool lit = raster.draw(rows.data());
-  EXPECT_EQ(lit, std::any_of(rows.begin(), rows.end(), [](std::uint8_t v) { return v != 0; }));
-  return rows;
+  return draw(raster, segments, box);
 }
 
 /// Where the line through a segment is at height y.
@@ -592,16 +596,9 @@ TEST(Raster, ReusedForManySlices) {
     Raster raster(box.x0, box.y0, box.x1, box.y1, antialias);
     for (int i = 0; i < 100; ++i) {
       const Segments segments = kFamilies[static_cast<std::size_t>(i) % 9].make(random, box);
-      raster.clear();
-      for (const Segment& s : segments) raster.add(s);
-      Bytes rows(box.width() * box.height());
-      raster.draw(rows.data());
-      EXPECT_EQ(rows, draw(segments, box, antialias)) << i;
+      EXPECT_EQ(draw(raster, segments, box), draw(segments, box, antialias)) << i;
     }
-    raster.clear();
-    Bytes rows(box.width() * box.height(), 9);
-    EXPECT_FALSE(raster.draw(rows.data()));
-    EXPECT_EQ(rows, Bytes(rows.size(), 0));
+    EXPECT_EQ(raster.draw({}), nullptr);
   }
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <mutex>
 
 #include "slice/bridges.hpp"
@@ -34,6 +35,30 @@ struct OpenEdge {
 
 struct Span {
   int first, last;
+};
+
+struct Entry {
+  std::uint32_t triangle;
+  Span span;  ///< the slices that cut it
+};
+
+/// A triangle while slices cut it: the edge that rises through the slice, and the one that falls.
+struct Cut {
+  double x[2], y[2], z[2];     ///< where they begin
+  double dx[2], dy[2], dz[2];  ///< from there to their ends
+  int until;                   ///< the last slice that cuts these two edges
+  int last;                    ///< the last slice that cuts the triangle
+  std::uint32_t triangle;
+
+  Segment at(int slice) const {
+    double end[4];
+    for (int way = 0; way < 2; ++way) {
+      const double t = (slice - z[way]) / dz[way];
+      end[2 * way] = x[way] + t * dx[way];
+      end[2 * way + 1] = y[way] + t * dy[way];
+    }
+    return {end[0], end[1], end[2], end[3]};
+  }
 };
 
 /// Slices that cut something between these heights: z < n counts as below, z >= n as above.
@@ -71,21 +96,41 @@ struct MeshSlices::Impl {
     const double t = (n - p.z) / (q.z - p.z);
     return {p.x + t * (q.x - p.x), p.y + t * (q.y - p.y)};
   }
-  /// The cut of a triangle: from the edge that rises through the slice to the one that falls.
-  Segment cut(const std::array<std::uint32_t, 3>& t, int slice) const {
-    const double n = slice;
-    const bool up[3] = {corners[t[0]].z >= n, corners[t[1]].z >= n, corners[t[2]].z >= n};
-    detail::LooseEnds::Place rise{}, fall{};
-    for (int k = 0; k < 3; ++k) {
-      const int next = k == 2 ? 0 : k + 1;
-      if (up[k] == up[next]) continue;
-      (up[next] ? rise : fall) =
-          meet(t[static_cast<std::size_t>(k)], t[static_cast<std::size_t>(next)], n);
-    }
-    return {rise.x, rise.y, fall.x, fall.y};
+  void set_edges(Cut& cut, int slice) const;
+  std::size_t bin_of(double y) const {
+    return std::min(static_cast<std::size_t>(y) / static_cast<std::size_t>(rows_per_bin),
+                    bin_begin.size() - 2);
   }
-  std::vector<std::uint32_t> triangles_of(int y0, int y1) const;
+  std::pair<std::size_t, std::size_t> bins_of(const std::array<std::uint32_t, 3>& t) const {
+    const auto [low, high] = std::minmax({corners[t[0]].y, corners[t[1]].y, corners[t[2]].y});
+    return {bin_of(low), bin_of(high)};
+  }
+  Span slices_of(const std::array<std::uint32_t, 3>& t) const {
+    const auto [low, high] = std::minmax({corners[t[0]].z, corners[t[1]].z, corners[t[2]].z});
+    return cut_by(low, high, grid.layers);
+  }
+  std::vector<Entry> entries_of(int y0, int y1) const;
 };
+
+/// The two edges of a triangle that this slice cuts. Edges begin at the corner with the lower
+/// index, so that both triangles of an edge get the same bits; `meet` gives these, too.
+void MeshSlices::Impl::set_edges(Cut& cut, int slice) const {
+  const auto& t = triangles[cut.triangle];
+  const double n = slice;
+  double least_above = std::numeric_limits<double>::infinity();
+  for (std::size_t k = 0; k < 3; ++k) {
+    std::uint32_t a = t[k], b = t[k == 2 ? 0 : k + 1];
+    const bool a_above = corners[a].z >= n, b_above = corners[b].z >= n;
+    if (a_above) least_above = std::min(least_above, corners[a].z);
+    if (a_above == b_above) continue;
+    const int way = b_above ? 0 : 1;
+    if (a > b) std::swap(a, b);
+    const Corner &p = corners[a], &q = corners[b];
+    cut.x[way] = p.x, cut.y[way] = p.y, cut.z[way] = p.z;
+    cut.dx[way] = q.x - p.x, cut.dy[way] = q.y - p.y, cut.dz[way] = q.z - p.z;
+  }
+  cut.until = static_cast<int>(std::min(std::floor(least_above), static_cast<double>(cut.last)));
+}
 
 void MeshSlices::Impl::place(const TriangleMesh& mesh, const Printer& printer,
                              const SliceOptions& options) {
@@ -238,45 +283,44 @@ void MeshSlices::Impl::bin_triangles() {
   rows_per_bin = band_rows(grid);
   const auto bins = static_cast<std::size_t>((grid.height_px + rows_per_bin - 1) / rows_per_bin);
   bin_begin.assign(bins + 1, 0);
-  const auto rows = [&](const std::array<std::uint32_t, 3>& t) {
-    const auto [low, high] = std::minmax({corners[t[0]].y, corners[t[1]].y, corners[t[2]].y});
-    const auto bin = [&](double y) {
-      return std::min(static_cast<std::size_t>(y) / static_cast<std::size_t>(rows_per_bin),
-                      bins - 1);
-    };
-    return std::pair(bin(low), bin(high));
-  };
-  const auto cuts = [&](const std::array<std::uint32_t, 3>& t) {
-    const auto [low, high] = std::minmax({corners[t[0]].z, corners[t[1]].z, corners[t[2]].z});
-    const Span span = cut_by(low, high, grid.layers);
+  const auto cut = [&](const std::array<std::uint32_t, 3>& t) {
+    const Span span = slices_of(t);
     return span.first <= span.last;
   };
   for (const auto& t : triangles) {
-    if (!cuts(t)) continue;
-    const auto [first, last] = rows(t);
+    if (!cut(t)) continue;
+    const auto [first, last] = bins_of(t);
     for (std::size_t b = first; b <= last; ++b) ++bin_begin[b + 1];
   }
   for (std::size_t b = 0; b < bins; ++b) bin_begin[b + 1] += bin_begin[b];
   binned.resize(bin_begin[bins]);
   std::vector<std::size_t> at(bin_begin.begin(), bin_begin.end() - 1);
   for (std::uint32_t i = 0; i < triangles.size(); ++i) {
-    if (!cuts(triangles[i])) continue;
-    const auto [first, last] = rows(triangles[i]);
+    if (!cut(triangles[i])) continue;
+    const auto [first, last] = bins_of(triangles[i]);
     for (std::size_t b = first; b <= last; ++b) binned[at[b]++] = i;
   }
 }
 
-std::vector<std::uint32_t> MeshSlices::Impl::triangles_of(int y0, int y1) const {
-  const auto first = static_cast<std::size_t>(y0 / rows_per_bin);
-  const auto last = static_cast<std::size_t>((y1 - 1) / rows_per_bin);
-  std::vector<std::uint32_t> list(
-      binned.begin() + static_cast<std::ptrdiff_t>(bin_begin[first]),
-      binned.begin() + static_cast<std::ptrdiff_t>(bin_begin[last + 1]));
-  if (first != last) {
-    std::sort(list.begin(), list.end());
-    list.erase(std::unique(list.begin(), list.end()), list.end());
+/// The triangles of these rows, sorted by the first slice that cuts them.
+std::vector<Entry> MeshSlices::Impl::entries_of(int y0, int y1) const {
+  const std::size_t first = bin_of(y0), last = bin_of(y1 - 1);
+  std::vector<Entry> found;
+  found.reserve(bin_begin[last + 1] - bin_begin[first]);
+  std::vector<std::size_t> at(static_cast<std::size_t>(grid.layers) + 1, 0);
+  for (std::size_t b = first; b <= last; ++b) {
+    for (std::size_t i = bin_begin[b]; i < bin_begin[b + 1]; ++i) {
+      const auto& t = triangles[binned[i]];
+      if (b > first && bins_of(t).first < b) continue;  // found in an earlier bin
+      const Span span = slices_of(t);
+      found.push_back({binned[i], span});
+      ++at[static_cast<std::size_t>(span.first) + 1];
+    }
   }
-  return list;
+  for (std::size_t n = 1; n < at.size(); ++n) at[n] += at[n - 1];
+  std::vector<Entry> sorted(found.size());
+  for (const Entry& e : found) sorted[at[static_cast<std::size_t>(e.span.first)]++] = e;
+  return sorted;
 }
 
 MeshSlices::MeshSlices(const TriangleMesh& mesh, const Printer& printer,
@@ -306,61 +350,57 @@ const SliceReport& MeshSlices::report() const { return impl_->report; }
 
 void MeshSlices::read_band(const PixelBox& band, const Sink& sink) const {
   const Impl& s = *impl_;
-  struct Entry {
-    std::uint32_t triangle;
-    int first, last;
-  };
-  std::vector<Entry> entries;
-  for (const std::uint32_t i : s.triangles_of(band.y0, band.y1)) {
-    const auto& t = s.triangles[i];
-    const auto [low, high] = std::minmax({s.corners[t[0]].z, s.corners[t[1]].z, s.corners[t[2]].z});
-    const Span span = cut_by(low, high, s.grid.layers);
-    entries.push_back({i, span.first, span.last});
-  }
-  std::sort(entries.begin(), entries.end(), [](const Entry& a, const Entry& b) {
-    return a.first != b.first ? a.first < b.first : a.triangle < b.triangle;
-  });
+  const std::vector<Entry> entries = s.entries_of(band.y0, band.y1);
   // Drawn over the part's full width, as the winding comes from the left, and cropped if less is
   // asked.
   const PixelBox full = {s.bounds.x0, band.y0, s.bounds.x1, band.y1};
   detail::Raster raster(full.x0, full.y0, full.x1, full.y1, s.antialias);
-  const auto area =
-      static_cast<std::size_t>(full.width()) * static_cast<std::size_t>(full.height());
-  std::vector<std::uint8_t> rows(area), cropped;
+  std::vector<std::uint8_t> cropped;
   const bool crop = band.x0 != full.x0 || band.x1 != full.x1;
   if (crop) {
     cropped.resize(static_cast<std::size_t>(band.width()) *
                    static_cast<std::size_t>(band.height()));
   }
-  std::vector<Entry> active;
+  std::vector<Cut> active;
+  std::vector<Segment> segments;
   std::size_t next = 0;
   for (int n = 0; n < s.grid.layers; ++n) {
-    std::erase_if(active, [&](const Entry& e) { return e.last < n; });
-    for (; next < entries.size() && entries[next].first <= n; ++next)
-      active.push_back(entries[next]);
     const auto& bridges = s.bridges[static_cast<std::size_t>(n)];
-    if (active.empty() && bridges.empty()) {
-      sink(n, nullptr);
+    segments.clear();
+    for (std::size_t i = 0; i < active.size();) {
+      Cut& cut = active[i];
+      if (n > cut.until) {
+        if (n > cut.last) {
+          cut = active.back();  // order does not matter
+          active.pop_back();
+          continue;
+        }
+        s.set_edges(cut, n);
+      }
+      segments.push_back(cut.at(n));
+      ++i;
+    }
+    for (; next < entries.size() && entries[next].span.first <= n; ++next) {
+      Cut& cut = active.emplace_back();
+      cut.triangle = entries[next].triangle;
+      cut.last = entries[next].span.last;
+      s.set_edges(cut, n);
+      segments.push_back(cut.at(n));
+    }
+    segments.insert(segments.end(), bridges.begin(), bridges.end());
+    const std::uint8_t* rows = segments.empty() ? nullptr : raster.draw(segments);
+    if (rows == nullptr || !crop) {
+      sink(n, rows);
       continue;
     }
-    raster.clear();
-    for (const Entry& e : active) raster.add(s.cut(s.triangles[e.triangle], n));
-    for (const Segment& b : bridges) raster.add(b);
-    if (!raster.draw(rows.data())) {
-      sink(n, nullptr);
-    } else if (!crop) {
-      sink(n, rows.data());
-    } else {
-      const int from = std::max(band.x0, full.x0), to = std::min(band.x1, full.x1);
-      std::fill(cropped.begin(), cropped.end(), std::uint8_t{0});
-      for (int y = 0; y < band.height() && from < to; ++y) {
-        const auto* source = rows.data() + static_cast<std::ptrdiff_t>(y) * full.width();
-        std::copy(
-            source + (from - full.x0), source + (to - full.x0),
-            cropped.data() + static_cast<std::ptrdiff_t>(y) * band.width() + (from - band.x0));
-      }
-      sink(n, cropped.data());
+    const int from = std::max(band.x0, full.x0), to = std::min(band.x1, full.x1);
+    std::fill(cropped.begin(), cropped.end(), std::uint8_t{0});
+    for (int y = 0; y < band.height() && from < to; ++y) {
+      const auto* source = rows + static_cast<std::ptrdiff_t>(y) * full.width();
+      std::copy(source + (from - full.x0), source + (to - full.x0),
+                cropped.data() + static_cast<std::ptrdiff_t>(y) * band.width() + (from - band.x0));
     }
+    sink(n, cropped.data());
   }
 }
 

@@ -1,189 +1,479 @@
 #include "slice/raster.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstring>
 
+#include "base/kernels.hpp"
+
+#define SLICECORR_INLINE inline __attribute__((always_inline))
+
 namespace slicecorr::detail {
 
-Raster::Raster(int x0, int y0, int x1, int y1, bool antialias)
-    : x0_(x0), y0_(y0), x1_(x1), y1_(y1), antialias_(antialias) {
-  const auto rows = static_cast<std::size_t>(y1 - y0);
-  if (antialias) {
-    pieces_.resize(rows);
-    area_.resize(static_cast<std::size_t>(x1 - x0) + 2);
-  } else {
-    crossings_.resize(rows);
+struct Raster::Frame {
+  int x0, y0, y1;
+  int width;
+  std::size_t words;   ///< 64 marks each
+  std::size_t stride;  ///< sums per row
+};
+
+/// A segment from its upper end to its lower one, whichever way the contour goes: neighbours then
+/// round alike. x is counted from the band's left side.
+struct Raster::Line {
+  double ux, uy, lx, ly;
+  double slope, least, most;
+  bool down;
+
+  SLICECORR_INLINE Line(const Segment& s, const Frame& f) {
+    down = s.ay < s.by;
+    const double right = f.width;
+    ux = std::min(std::max((down ? s.ax : s.bx) - f.x0, 0.0), right);
+    lx = std::min(std::max((down ? s.bx : s.ax) - f.x0, 0.0), right);
+    uy = down ? s.ay : s.by;
+    ly = down ? s.by : s.ay;
+    slope = (lx - ux) / (ly - uy);
+    least = std::min(ux, lx);
+    most = std::max(ux, lx);
   }
+  SLICECORR_INLINE double x_at(double y) const {
+    return std::min(std::max(ux + (y - uy) * slope, least), most);
+  }
+  SLICECORR_INLINE int first_row(const Frame& f) const {
+    return uy > f.y0 ? static_cast<int>(uy) : f.y0;
+  }
+  SLICECORR_INLINE int last_row(const Frame& f) const {
+    if (ly >= f.y1) return f.y1 - 1;
+    const int row = static_cast<int>(ly);
+    return row < ly ? row : row - 1;
+  }
+};
+
+namespace {
+
+/// A row's height, or a whole pixel, in the units of the sums: windings up to 2^17 fit 64 bits, and
+/// roundings stay below those of coordinates (a double of 2048 has 42 bits after the point).
+constexpr int kOneBits = 46;
+constexpr std::int64_t kOne = std::int64_t{1} << kOneBits;
+constexpr double kOneReal = static_cast<double>(kOne);
+/// Up to here insertion sorts are quick enough.
+constexpr std::ptrdiff_t kFew = 48;
+
+SLICECORR_INLINE unsigned level_of(std::int64_t sum) {
+  const std::int64_t covered = std::min(sum < 0 ? -sum : sum, kOne);
+  return static_cast<unsigned>((covered * 255 + kOne / 2) >> kOneBits);
 }
 
-void Raster::clear() {
-  for (auto& row : pieces_) row.clear();
-  for (auto& row : crossings_) row.clear();
+SLICECORR_INLINE int column_of(double x, int width) {
+  return std::min(static_cast<int>(x), width - 1);
 }
 
-void Raster::add(const Segment& s) {
-  if (s.ay == s.by) {
-    // It turns nothing, but its row is covered partly all along it: pixels between its ends can't
-    // be filled by one winding.
-    const double row = std::floor(s.ay);
-    if (antialias_ && s.ay != row && row >= y0_ && row < y1_) {
-      const double y = s.ay - row;
-      pieces_[static_cast<std::size_t>(static_cast<int>(row) - y0_)].push_back(
-          {std::min(s.ax, s.bx), y, std::max(s.ax, s.bx), y, 0});
-    }
+using Pair = double __attribute__((vector_size(16)));
+using WholePair = std::int64_t __attribute__((vector_size(16)));
+
+/// Whole numbers up to 2^51 added to this have them in their lowest bits, rounded.
+constexpr double kShift = 0x1.8p52;
+
+SLICECORR_INLINE double rounded(double v) { return (v + kShift) - kShift; }
+
+SLICECORR_INLINE void add_to(PixelSums& sums, double cover, double area) {
+  WholePair at;
+  std::memcpy(&at, &sums, sizeof at);
+  const Pair shift = {kShift, kShift}, moved = Pair{cover, area} + shift;
+  at += reinterpret_cast<WholePair>(moved) - reinterpret_cast<WholePair>(shift);
+  std::memcpy(&sums, &at, sizeof at);
+}
+
+SLICECORR_INLINE void add_to(PixelSums& sums, const PixelSums& more) {
+  WholePair at, add;
+  std::memcpy(&at, &sums, sizeof at);
+  std::memcpy(&add, &more, sizeof add);
+  at += add;
+  std::memcpy(&sums, &at, sizeof at);
+}
+
+SLICECORR_INLINE void mark(std::uint64_t* marks, unsigned first, unsigned last) {
+  const std::uint64_t from = ~std::uint64_t{0} << (first & 63);
+  const std::uint64_t to = ~std::uint64_t{0} >> (~last & 63);
+  if (first >> 6 == last >> 6) [[likely]] {
+    marks[first >> 6] |= from & to;
     return;
   }
-  const bool down = s.ay < s.by;
-  // The upper end first, whichever way the contour goes: neighbours then round alike.
-  const double ux = down ? s.ax : s.bx, uy = down ? s.ay : s.by;
-  const double lx = down ? s.bx : s.ax, ly = down ? s.by : s.ay;
-  const int winding = down ? 1 : -1;
-  if (ly <= y0_ || uy >= y1_) return;
-  const double slope = (lx - ux) / (ly - uy);
-  const auto x_at = [&](double y) {
-    const double x = ux + (y - uy) * slope;
-    return std::clamp(x, std::min(ux, lx), std::max(ux, lx));
-  };
-  if (antialias_) {
-    const int first = std::max(y0_, static_cast<int>(std::floor(uy)));
-    const int last = std::min(y1_ - 1, static_cast<int>(std::ceil(ly)) - 1);
-    for (int row = first; row <= last; ++row) {
-      const double top = row, bottom = row + 1;
-      Piece p;
-      p.y0 = uy > top ? uy - top : 0.0;
-      p.x0 = uy > top ? ux : x_at(top);
-      p.y1 = ly < bottom ? ly - top : 1.0;
-      p.x1 = ly < bottom ? lx : x_at(bottom);
-      p.winding = winding;
-      if (p.y0 < p.y1) pieces_[static_cast<std::size_t>(row - y0_)].push_back(p);
-    }
+  marks[first >> 6] |= from;
+  for (unsigned w = (first >> 6) + 1; w < last >> 6; ++w) marks[w] = ~std::uint64_t{0};
+  marks[last >> 6] |= to;
+}
+
+/// Adds a piece from xa to xb to the sums of its row, which go on for one pixel past the last, and
+/// marks its pixels. `height` is a whole number, negative for pieces that go up; `per_pixel` is the
+/// height per pixel of the way along x.
+SLICECORR_INLINE void add_piece(PixelSums* sums, std::uint64_t* marks, double xa, double xb,
+                                double height, double per_pixel, int width) {
+  const double left = std::min(xa, xb), right = std::max(xa, xb);
+  const int first = column_of(left, width), last = column_of(right, width);
+  mark(marks, static_cast<unsigned>(first), static_cast<unsigned>(last));
+  const double side = first + 1;
+  if (last <= first + 1) [[likely]] {
+    const double cover = first == last ? height : rounded(per_pixel * (side - left));
+    const double mean = first == last ? 0.5 * (left + right) : 0.5 * (left + side);
+    add_to(sums[first], cover, cover * (side - mean));
+    const double rest = height - cover;
+    add_to(sums[first + 1], rest, rest * (1.0 - 0.5 * (right - side)));
+    return;
+  }
+  double done = rounded(per_pixel * (side - left));
+  add_to(sums[first], done, done * (0.5 * (side - left)));
+  for (int p = first + 1; p < last; ++p) {
+    const double until = rounded(per_pixel * (p + 1 - left));
+    add_to(sums[p], until - done, 0.5 * (until - done));
+    done = until;
+  }
+  const double rest = height - done;
+  add_to(sums[last], rest, rest * (1.0 - 0.5 * (right - last)));
+}
+
+/// Writes 64 pixels, or the first `count` of them: 255 for every bit that is set, else 0.
+SLICECORR_INLINE void spread(std::uint64_t bits, std::uint8_t* pixels, std::size_t count) {
+  std::uint64_t bytes[8];
+  for (unsigned k = 0; k < 8; ++k) {
+    // Byte k of the bits in all bytes, of which each keeps a bit of its own.
+    std::uint64_t b = (bits >> (8 * k) & 0xFF) * 0x0101010101010101u & 0x8040201008040201u;
+    b = (b + 0x7F7F7F7F7F7F7F7Fu) >> 7 & 0x0101010101010101u;
+    bytes[k] = (b << 8) - b;
+  }
+  std::memcpy(pixels, bytes, count < 64 ? count : 64);
+}
+
+using Reals = double __attribute__((vector_size(64)));
+using Wholes = std::int64_t __attribute__((vector_size(64)));
+using Ints = std::int32_t __attribute__((vector_size(32)));
+constexpr int kLanes = 8;
+
+}  // namespace
+
+Raster::Raster(int x0, int y0, int x1, int y1, bool antialias)
+    : x0_(x0),
+      y0_(y0),
+      x1_(x1),
+      y1_(y1),
+      antialias_(antialias),
+      width_(static_cast<std::size_t>(x1 - x0)),
+      words_((width_ + 64) / 64) {
+  const auto rows = static_cast<std::size_t>(y1 - y0);
+  pixels_.resize(rows * width_);
+  touched_.resize(rows + kLanes);
+  drawn_.resize(rows);
+  marks_.resize(rows * words_ * (antialias ? 2 : 1));
+  if (antialias) {
+    sums_.resize(rows * (width_ + 1));
+    row_ends_.resize(rows + 1);
   } else {
-    // Rows whose centre line y satisfies uy <= y < ly: shared ends count once.
-    const int first = std::max(y0_, static_cast<int>(std::ceil(uy - 0.5)));
-    const int last = std::min(y1_ - 1, static_cast<int>(std::ceil(ly - 0.5)) - 1);
-    for (int row = first; row <= last; ++row) {
-      crossings_[static_cast<std::size_t>(row - y0_)].push_back({x_at(row + 0.5), winding});
-    }
+    steps_.resize(rows * (width_ + 1));
   }
 }
 
-bool Raster::draw(std::uint8_t* rows) {
-  const auto width = static_cast<std::size_t>(x1_ - x0_);
-  std::memset(rows, 0, width * static_cast<std::size_t>(y1_ - y0_));
-  bool lit = false;
+const std::uint8_t* Raster::draw(std::span<const Segment> segments) {
+  const Frame f = {x0_, y0_, y1_, x1_ - x0_, words_, width_ + 1};
+  segments_ = segments;
+  listed_ = false;
+  crossing_count_ = 0;
   if (antialias_) {
-    for (std::size_t r = 0; r < pieces_.size(); ++r) {
-      if (!pieces_[r].empty()) lit |= draw_area_row(pieces_[r], rows + r * width);
-    }
+    add_areas(f);
   } else {
-    for (std::size_t r = 0; r < crossings_.size(); ++r) {
-      if (!crossings_[r].empty()) lit |= draw_centre_row(crossings_[r], rows + r * width);
+    add_centres(f);
+  }
+  bool lit = false;
+  for (int r = 0; r < y1_ - y0_; ++r) {
+    const auto row = static_cast<std::size_t>(r);
+    if (touched_[row]) {
+      lit |= antialias_ ? draw_area_row(r, f) : draw_centre_row(r, f);
+      touched_[row] = 0;
+      drawn_[row] = 1;
+    } else if (drawn_[row]) {
+      std::memset(pixels_.data() + row * width_, 0, width_);
+      drawn_[row] = 0;
     }
   }
-  return lit;
+  return lit ? pixels_.data() : nullptr;
 }
 
-bool Raster::draw_centre_row(std::vector<Crossing>& crossings, std::uint8_t* row) const {
-  std::stable_sort(crossings.begin(), crossings.end(),
-                   [](const Crossing& a, const Crossing& b) { return a.x < b.x; });
-  int winding = 0;
-  bool lit = false;
-  double begin = 0;
-  for (const Crossing& c : crossings) {
-    const int next = winding + c.winding;
-    if (winding == 0) begin = c.x;
-    if (winding != 0 && next == 0) {
-      // Pixels whose centre lies in [begin, c.x).
-      const int from = std::max(x0_, static_cast<int>(std::ceil(begin - 0.5)));
-      const int to = std::min(x1_, static_cast<int>(std::ceil(c.x - 0.5)));
-      if (from < to) {
-        std::memset(row + (from - x0_), 255, static_cast<std::size_t>(to - from));
-        lit = true;
+/// Rows of a segment are worked on eight at a time.
+SLICECORR_CLONES
+void Raster::add_areas(const Frame& f) {
+  const Reals shift = Reals{} + kShift, lane = {0, 1, 2, 3, 4, 5, 6, 7};
+  const Ints last_column = Ints{} + (f.width - 1);
+  if (crossings_.size() < segments_.size()) crossings_.resize(2 * segments_.size());
+  for (std::uint32_t segment = 0; segment < segments_.size(); ++segment) {
+    const Segment& s = segments_[segment];
+    if (s.ay == s.by) {
+      add_horizontal(s, f);
+      continue;
+    }
+    const Line line(s, f);
+    if (line.ly <= f.y0 || line.uy >= f.y1) continue;
+    const double one = line.down ? kOneReal : -kOneReal;
+    const double per_pixel = one * ((line.ly - line.uy) / (line.most - line.least));
+    const int last = line.last_row(f);
+    for (int base = line.first_row(f); base <= last; base += kLanes) {
+      const int count = std::min(kLanes, last - base + 1);
+      const Reals top = lane + base, bottom = top + 1.0;
+      const auto begins = top <= line.uy, ends = bottom >= line.ly;
+      Reals upper_x = line.ux + (top - line.uy) * line.slope;
+      Reals lower_x = line.ux + (bottom - line.uy) * line.slope;
+      upper_x = upper_x > line.least ? upper_x : Reals{} + line.least;
+      lower_x = lower_x > line.least ? lower_x : Reals{} + line.least;
+      upper_x = upper_x < line.most ? upper_x : Reals{} + line.most;
+      lower_x = lower_x < line.most ? lower_x : Reals{} + line.most;
+      upper_x = begins ? Reals{} + line.ux : upper_x;
+      lower_x = ends ? Reals{} + line.lx : lower_x;
+      const Reals upper_y = begins ? line.uy - top : Reals{};
+      const Reals lower_y = ends ? line.ly - top : Reals{} + 1.0;
+      const Reals height = (lower_y * one + shift) - (upper_y * one + shift);
+      const Reals left = upper_x < lower_x ? upper_x : lower_x;
+      const Reals right = upper_x < lower_x ? lower_x : upper_x;
+      Ints first_i = __builtin_convertvector(left, Ints);
+      Ints last_i = __builtin_convertvector(right, Ints);
+      first_i = first_i < last_column ? first_i : last_column;
+      last_i = last_i < last_column ? last_i : last_column;
+      const Reals column = __builtin_convertvector(first_i, Reals);
+      const Reals side = column + 1.0, nearer = right < side ? right : side;
+      // Of the first pixel, and of the second one, if there is any.
+      Reals cover = (per_pixel * (nearer - left) + shift) - shift;
+      cover = column == __builtin_convertvector(last_i, Reals) ? height : cover;
+      const Reals area = cover * (side - 0.5 * (left + nearer));
+      const Reals rest = height - cover;
+      const Reals rest_area = rest * (1.0 - 0.5 * (right - side));
+      const Wholes zero = reinterpret_cast<Wholes>(shift);
+      const Wholes covers = reinterpret_cast<Wholes>(cover + shift) - zero;
+      const Wholes areas = reinterpret_cast<Wholes>(area + shift) - zero;
+      const Wholes rests = reinterpret_cast<Wholes>(rest + shift) - zero;
+      const Wholes rest_areas = reinterpret_cast<Wholes>(rest_area + shift) - zero;
+      alignas(64) PixelSums first_sums[kLanes], second_sums[kLanes];
+      const Wholes low = {0, 8, 1, 9, 2, 10, 3, 11}, high = {4, 12, 5, 13, 6, 14, 7, 15};
+      const Wholes parts[4] = {
+          __builtin_shuffle(covers, areas, low), __builtin_shuffle(covers, areas, high),
+          __builtin_shuffle(rests, rest_areas, low), __builtin_shuffle(rests, rest_areas, high)};
+      std::memcpy(first_sums, parts, sizeof first_sums);
+      std::memcpy(second_sums, parts + 2, sizeof second_sums);
+
+      if (crossing_count_ == crossings_.size()) crossings_.resize(2 * crossings_.size());
+      Crossings& crossings = crossings_[crossing_count_++];
+      const auto at = static_cast<std::size_t>(base - f.y0);
+      crossings.row = static_cast<std::uint32_t>(at);
+      crossings.count = count;
+      crossings.segment = segment;
+      std::memcpy(crossings.columns, &first_i, sizeof first_i);
+      alignas(32) int last_columns[kLanes];
+      std::memcpy(last_columns, &last_i, sizeof last_i);
+      PixelSums* sums = sums_.data() + at * f.stride;
+      std::uint64_t* marks = marks_.data() + (2 * at + (line.down ? 0 : 1)) * f.words;
+      for (int i = 0; i < count; ++i) {
+        const int c = crossings.columns[i];
+        if (last_columns[i] > c + 1) [[unlikely]] {
+          add_piece(sums, marks, upper_x[i], lower_x[i], height[i], per_pixel, f.width);
+        } else {
+          mark(marks, static_cast<unsigned>(c), static_cast<unsigned>(last_columns[i]));
+          add_to(sums[c], first_sums[i]);
+          add_to(sums[c + 1], second_sums[i]);
+        }
+        touched_[at + static_cast<std::size_t>(i)] = 1;
+        sums += f.stride;
+        marks += 2 * f.words;
       }
     }
-    winding = next;
   }
-  return lit;
 }
 
-bool Raster::draw_area_row(std::vector<Piece>& pieces, std::uint8_t* row) {
-  std::stable_sort(pieces.begin(), pieces.end(),
-                   [](const Piece& a, const Piece& b) { return a.left() < b.left(); });
-  const auto column = [&](double x) {
-    return std::clamp(static_cast<int>(std::floor(x)) - x0_, 0, x1_ - x0_ - 1);
-  };
-  int winding = 0;
-  bool lit = false;
-  int done = 0;  // pixels before this one are written
-  for (std::size_t i = 0; i < pieces.size();) {
-    // A cluster: pieces that share pixels. Left and right of it the winding is one number per row.
-    const int first = column(pieces[i].left());
-    int last = column(pieces[i].right());
-    std::size_t end = i + 1;
-    for (; end < pieces.size() && column(pieces[end].left()) <= last; ++end) {
-      last = std::max(last, column(pieces[end].right()));
-    }
-    if (winding != 0 && first > done) {
-      std::memset(row + done, 255, static_cast<std::size_t>(first - done));
-      lit = true;
-    }
-    const bool inside = winding != 0;
-    draw_cluster(pieces.data() + i, pieces.data() + end, winding);
-    double total = 0;
-    for (std::size_t k = i; k < end; ++k)
-      total += pieces[k].winding * (pieces[k].y1 - pieces[k].y0);
-    winding += static_cast<int>(std::lround(total));
-    double running = inside ? 1.0 : 0.0;
-    for (int p = first; p <= last; ++p) {
-      const auto k = static_cast<std::size_t>(p);
-      running += area_[k];
-      area_[k] = 0;
-      const double level = std::floor(running * 255.0 + 0.5);
-      row[k] = static_cast<std::uint8_t>(std::clamp(level, 0.0, 255.0));
-      lit |= row[k] != 0;
-    }
-    area_[static_cast<std::size_t>(last) + 1] = 0;  // what it carries is the winding
-    done = last + 1;
-    i = end;
-  }
-  return lit;
+/// A horizontal segment turns nothing, but its pixels are covered partly: they can't be filled by
+/// one winding. Marked both ways they are looked at closely.
+void Raster::add_horizontal(const Segment& s, const Frame& f) {
+  if (!(s.ay > f.y0) || !(s.ay < f.y1)) return;
+  const int row = static_cast<int>(s.ay);
+  if (row == s.ay) return;
+  const double right = f.width;
+  const double a = std::clamp(s.ax - f.x0, 0.0, right), b = std::clamp(s.bx - f.x0, 0.0, right);
+  const int first = column_of(std::min(a, b), f.width), last = column_of(std::max(a, b), f.width);
+  const auto at = static_cast<std::size_t>(row - f.y0);
+  std::uint64_t* marks = marks_.data() + 2 * at * f.words;
+  mark(marks, static_cast<unsigned>(first), static_cast<unsigned>(last));
+  mark(marks + f.words, static_cast<unsigned>(first), static_cast<unsigned>(last));
+  touched_[at] = 1;
 }
 
-void Raster::draw_cluster(const Piece* begin, const Piece* end, int winding) {
-  if (end - begin == 1 && begin->y0 == 0.0 && begin->y1 == 1.0) {
-    const int next = winding + begin->winding;
-    if ((winding == 0) != (next == 0)) accumulate(begin->x0, begin->x1, winding == 0 ? 1.0 : -1.0);
-    return;
+/// All pixels as if no pieces overlapped, and then again those where they may.
+SLICECORR_CLONES
+bool Raster::draw_area_row(int row, const Frame& f) {
+  const auto at = static_cast<std::size_t>(row);
+  std::uint8_t* const pixels = pixels_.data() + at * width_;
+  PixelSums* const sums = sums_.data() + at * f.stride;
+  std::uint64_t* const down = marks_.data() + 2 * at * f.words;
+  std::uint64_t* const up = down + f.words;
+  std::int64_t running = 0;
+  std::int64_t run_begin = 0, part_begin = 0;  // what `running` was there
+  std::uint64_t lit = 0;
+  std::uint64_t last_down = 0, last_up = 0;  // marks of the pixel before the word
+  doubts_.clear();
+  for (std::size_t w = 0; 64 * w < width_; ++w) {
+    const std::uint64_t d = down[w], u = up[w], marked = d | u;
+    const std::size_t count = width_ - 64 * w;
+    if (marked == 0) {
+      const std::uint64_t inside = running != 0 ? ~std::uint64_t{0} : 0;
+      std::memset(pixels + 64 * w, inside ? 255 : 0, count < 64 ? count : 64);
+      lit |= inside;
+      last_down = last_up = 0;
+      continue;
+    }
+    // Runs of marked pixels. No piece leaves a run, so the winding is one number on either side;
+    // the same holds where pixels crossed in one direction follow such of the other without sharing
+    // any.
+    const std::uint64_t next_down = w + 1 < f.words ? down[w + 1] : 0;
+    const std::uint64_t next_up = w + 1 < f.words ? up[w + 1] : 0;
+    const std::uint64_t d_before = d << 1 | last_down, u_before = u << 1 | last_up;
+    const std::uint64_t d_after = d >> 1 | next_down << 63, u_after = u >> 1 | next_up << 63;
+    const std::uint64_t run_begins = marked & ~(d_before | u_before);
+    const std::uint64_t part_begins = run_begins | (d & u_before) | (u & d_before);
+    const std::uint64_t ends = (marked & ~(d_after | u_after)) | (d & u_after) | (u & d_after);
+    const std::uint64_t both = d & u;
+    last_down = d >> 63, last_up = u >> 63;
+    std::uint64_t gaps = running != 0 ? 1 : 0;  // where pixels begin that are inside
+    std::uint8_t levels[64];
+    std::uint8_t* level = levels;
+    for (std::uint64_t left = marked; left; left &= left - 1) {
+      const int bit = std::countr_zero(left);
+      PixelSums& sum = sums[64 * w + static_cast<std::size_t>(bit)];
+      run_begin = run_begins >> bit & 1 ? running : run_begin;
+      part_begin = part_begins >> bit & 1 ? running : part_begin;
+      const unsigned value = level_of(running + sum.area);
+      running += sum.cover;
+      sum = {0, 0};
+      *level++ = static_cast<std::uint8_t>(value);
+      lit |= value;
+      const std::uint64_t end = ends >> bit & 1;
+      gaps |= (end & static_cast<std::uint64_t>(running != 0)) << bit << 1;
+      // Pieces of one direction that change the winding by one: at every height there is just one.
+      const auto change = static_cast<std::uint64_t>(running - part_begin + kOne);
+      const bool odd = (change & (kOne - 1)) != 0 || change > 2 * kOne;
+      if ((both >> bit & 1) || (end && odd)) [[unlikely]] {
+        doubts_.push_back({static_cast<int>(64 * w) + bit, run_begin});
+      }
+    }
+    // Ones that are added run through all unmarked pixels up to the next marked one.
+    std::uint64_t inside = ~marked & ~(~marked + (gaps & ~marked));
+    if (count < 64) inside &= (std::uint64_t{1} << count) - 1;
+    lit |= inside;
+    spread(inside, pixels + 64 * w, count);
+    level = levels;
+    for (std::uint64_t left = marked; left; left &= left - 1) {
+      pixels[64 * w + static_cast<std::size_t>(std::countr_zero(left))] = *level++;
+    }
   }
+  int done = -1;
+  for (const Doubt& doubt : doubts_) {
+    if (doubt.column <= done) continue;
+    const auto marked = [&](int p) { return (down[p / 64] | up[p / 64]) >> (p % 64) & 1; };
+    int first = doubt.column;
+    while (first > 0 && marked(first - 1)) --first;
+    for (done = doubt.column; done + 1 < f.width && marked(done + 1);) ++done;
+    lit |=
+        draw_tangle(row, first, done, static_cast<int>((doubt.running + kOne / 2) >> kOneBits), f);
+  }
+  std::memset(down, 0, 2 * f.words * sizeof *down);
+  return lit != 0;
+}
+
+/// Crossings by row.
+void Raster::list_rows() {
+  listed_ = true;
+  std::fill(row_ends_.begin(), row_ends_.end(), 0);
+  for (std::size_t i = 0; i < crossing_count_; ++i) {
+    const Crossings& c = crossings_[i];
+    for (int k = 0; k < c.count; ++k) ++row_ends_[c.row + static_cast<std::size_t>(k) + 1];
+  }
+  for (std::size_t r = 1; r < row_ends_.size(); ++r) row_ends_[r] += row_ends_[r - 1];
+  if (by_row_.size() < row_ends_.back()) by_row_.resize(2 * row_ends_.back());
+  for (std::size_t i = 0; i < crossing_count_; ++i) {
+    const Crossings& c = crossings_[i];
+    for (int k = 0; k < c.count; ++k) {
+      by_row_[row_ends_[c.row + static_cast<std::size_t>(k)]++] = {c.columns[k], c.segment};
+    }
+  }
+}
+
+/// Whether two pieces of opposite directions cross, other than at their ends. If they do not, they
+/// bound all that lies between them, whichever comes first.
+bool Raster::cross(const Piece& a, const Piece& b) {
+  if (a.winding == b.winding) return true;  // not looked at: the same region twice
+  const double from = std::max(a.y0, b.y0), to = std::min(a.y1, b.y1);
+  if (!(from < to)) return false;
+  const double gap = b.at(from) - a.at(from), gap_end = b.at(to) - a.at(to);
+  return (gap < 0 && gap_end > 0) || (gap > 0 && gap_end < 0);
+}
+
+/// Pixels in which pieces may overlap or cross. Left and right of them the winding is one number
+/// per row.
+unsigned Raster::draw_tangle(int r, int first, int last, int winding, const Frame& f) {
+  if (!listed_) list_rows();
+  const auto at = static_cast<std::size_t>(r);
+  const int row = f.y0 + r;
+  pieces_.clear();
   events_.clear();
-  by_start_.clear();
-  for (const Piece* p = begin; p != end; ++p) {
-    if (p->winding == 0) continue;
-    events_.push_back(p->y0);
-    events_.push_back(p->y1);
-    by_start_.push_back(p);
+  for (std::uint32_t i = at ? row_ends_[at - 1] : 0; i < row_ends_[at]; ++i) {
+    if (by_row_[i].column < first || by_row_[i].column > last) continue;
+    const Line line(segments_[by_row_[i].segment], f);
+    Piece p;
+    p.y0 = line.uy > row ? line.uy - row : 0.0;
+    p.x0 = line.uy > row ? line.ux : line.x_at(row);
+    p.y1 = line.ly < row + 1 ? line.ly - row : 1.0;
+    p.x1 = line.ly < row + 1 ? line.lx : line.x_at(row + 1);
+    if (!(p.y0 < p.y1)) continue;
+    p.slope = (p.x1 - p.x0) / (p.y1 - p.y0);
+    p.winding = line.down ? 1 : -1;
+    pieces_.push_back(p);
   }
-  // Where the row's cluster has no piece the region may still be inside: the strips span all of it.
-  events_.push_back(0.0);
-  events_.push_back(1.0);
+  if (pieces_.size() == 2 && !cross(pieces_[0], pieces_[1])) return 0;  // already right
+  for (const Piece& p : pieces_) {
+    events_.push_back(p.y0);
+    events_.push_back(p.y1);
+  }
   std::sort(events_.begin(), events_.end());
   events_.erase(std::unique(events_.begin(), events_.end()), events_.end());
-  std::stable_sort(by_start_.begin(), by_start_.end(),
-                   [](const Piece* a, const Piece* b) { return a->y0 < b->y0; });
+  // An order that follows from the pieces alone.
+  std::sort(pieces_.begin(), pieces_.end(), [](const Piece& a, const Piece& b) {
+    if (a.y0 != b.y0) return a.y0 < b.y0;
+    if (a.x0 != b.x0) return a.x0 < b.x0;
+    if (a.x1 != b.x1) return a.x1 < b.x1;
+    return a.y1 != b.y1 ? a.y1 < b.y1 : a.winding < b.winding;
+  });
+  PixelSums* const sums = sums_.data() + at * f.stride;
+  std::uint64_t* const marks = marks_.data() + 2 * at * f.words;  // of pixels that have some
   active_.clear();
   std::size_t next = 0;
   for (std::size_t e = 0; e + 1 < events_.size(); ++e) {
     const double from = events_[e], to = events_[e + 1];
     std::erase_if(active_, [&](const Active& a) { return a.piece->y1 <= from; });
-    for (; next < by_start_.size() && by_start_[next]->y0 <= from; ++next) {
-      active_.push_back({by_start_[next], 0, 0});
+    for (; next < pieces_.size() && pieces_[next].y0 <= from; ++next) {
+      active_.push_back({&pieces_[next], 0, 0});
     }
-    if (!active_.empty()) draw_strip(from, to, winding);
+    if (!active_.empty()) draw_strip(sums, marks, from, to, winding, f);
   }
+  unsigned lit = 0;
+  std::int64_t running = winding ? kOne : 0;
+  std::uint8_t* const pixels = pixels_.data() + at * width_;
+  for (int p = first; p <= last; ++p) {
+    const unsigned level = level_of(std::max<std::int64_t>(running + sums[p].area, 0));
+    running += sums[p].cover;
+    sums[p] = {0, 0};
+    pixels[p] = static_cast<std::uint8_t>(level);
+    lit |= level;
+  }
+  return lit;
 }
 
-void Raster::draw_strip(double from, double to, int winding) {
+void Raster::draw_strip(PixelSums* sums, std::uint64_t* marks, double from, double to, int winding,
+                        const Frame& f) {
+  const auto before = [](const Active& a, const Active& b) {
+    return a.x != b.x ? a.x < b.x : a.x_end < b.x_end;
+  };
   // No piece begins or ends within a strip; where two cross, it is cut there. Each cut orders at
   // least one pair for good; the bound only guards against rounding.
   for (std::size_t cuts = 0; from < to; ++cuts) {
@@ -193,9 +483,18 @@ void Raster::draw_strip(double from, double to, int winding) {
       a.x_end = a.piece->at(to);
     }
     if (active_.size() > 1) {
-      std::stable_sort(active_.begin(), active_.end(), [](const Active& a, const Active& b) {
-        return a.x != b.x ? a.x < b.x : a.x_end < b.x_end;
-      });
+      // Mostly in order from the strip before.
+      if (static_cast<std::ptrdiff_t>(active_.size()) > kFew) {
+        std::stable_sort(active_.begin(), active_.end(), before);
+      } else {
+        for (std::size_t k = 1; k < active_.size(); ++k) {
+          const Active a = active_[k];
+          std::size_t to_k = k;
+          for (; to_k > 0 && before(a, active_[to_k - 1]); --to_k)
+            active_[to_k] = active_[to_k - 1];
+          active_[to_k] = a;
+        }
+      }
       const std::size_t most = active_.size() * active_.size();
       for (std::size_t k = 0; k + 1 < active_.size() && cuts < most;) {
         const double gap = active_[k + 1].x - active_[k].x;
@@ -212,40 +511,81 @@ void Raster::draw_strip(double from, double to, int winding) {
         ++k;
       }
     }
+    const double height = rounded(until * kOneReal) - rounded(from * kOneReal);
     int w = winding;
     for (const Active& a : active_) {
-      const int next = w + a.piece->winding;
-      if ((w == 0) != (next == 0)) {
+      const int after = w + a.piece->winding;
+      if ((w == 0) != (after == 0)) {
         const double x_end = until == to ? a.x_end : a.piece->at(until);
-        accumulate(a.x, x_end, w == 0 ? until - from : from - until);
+        const double change = w == 0 ? height : -height;
+        add_piece(sums, marks, a.x, x_end, change, change / std::abs(x_end - a.x), f.width);
       }
-      w = next;
+      w = after;
     }
     from = until;
   }
 }
 
-void Raster::accumulate(double xa, double xb, double height) {
-  // Adds height times the share of every pixel that lies to the right of the line from xa to xb.
-  const double left = std::min(xa, xb) - x0_, right = std::max(xa, xb) - x0_;
-  const int last_column = x1_ - x0_ - 1;
-  const int first = std::clamp(static_cast<int>(std::floor(left)), 0, last_column);
-  const int last = std::clamp(static_cast<int>(std::ceil(right)) - 1, first, last_column);
-  if (first == last) {
-    const double mean = 0.5 * (left + right) - first;
-    area_[static_cast<std::size_t>(first)] += height * (1.0 - mean);
-    area_[static_cast<std::size_t>(first) + 1] += height * mean;
-    return;
+SLICECORR_CLONES
+void Raster::add_centres(const Frame& f) {
+  const Reals lane = {0.5, 1.5, 2.5, 3.5, 4.5, 5.5, 6.5, 7.5};
+  for (const Segment& s : segments_) {
+    if (s.ay == s.by) continue;
+    const Line line(s, f);
+    // Rows whose centre line y satisfies uy <= y < ly: shared ends count once.
+    const int first = line.uy > f.y0 ? static_cast<int>(std::ceil(line.uy - 0.5)) : f.y0;
+    const int last = line.ly < f.y1 ? static_cast<int>(std::ceil(line.ly - 0.5)) - 1 : f.y1 - 1;
+    const std::int32_t step = line.down ? 1 : -1;
+    for (int base = first; base <= last; base += kLanes) {
+      const int count = std::min(kLanes, last - base + 1);
+      Reals x = line.ux + ((lane + base) - line.uy) * line.slope;
+      x = x > line.least ? x : Reals{} + line.least;
+      x = x < line.most ? x : Reals{} + line.most;
+      // The first pixel whose centre is not left of the line: one past the last turns nothing.
+      x -= 0.5;
+      Ints column = __builtin_convertvector(x, Ints);
+      column -= __builtin_convertvector(x > __builtin_convertvector(column, Reals), Ints);
+      alignas(32) int columns[kLanes];
+      std::memcpy(columns, &column, sizeof column);
+      auto at = static_cast<std::size_t>(base - f.y0);
+      for (int i = 0; i < count; ++i, ++at) {
+        const auto c = static_cast<std::size_t>(columns[i]);
+        steps_[at * f.stride + c] += step;
+        marks_[at * f.words + c / 64] |= std::uint64_t{1} << (c % 64);
+        touched_[at] = 1;
+      }
+    }
   }
-  const double per_pixel = height / (right - left);
-  for (int p = first; p <= last; ++p) {
-    const double from = std::max(left, static_cast<double>(p));
-    const double to = p == last ? right : static_cast<double>(p + 1);
-    const double part = per_pixel * (to - from);
-    const double mean = 0.5 * (from + to) - p;
-    area_[static_cast<std::size_t>(p)] += part * (1.0 - mean);
-    area_[static_cast<std::size_t>(p) + 1] += part * mean;
+}
+
+SLICECORR_CLONES
+bool Raster::draw_centre_row(int row, const Frame& f) {
+  const auto at = static_cast<std::size_t>(row);
+  std::uint8_t* const pixels = pixels_.data() + at * width_;
+  std::int32_t* const steps = steps_.data() + at * f.stride;
+  std::uint64_t* const marks = marks_.data() + at * f.words;
+  std::int32_t winding = 0;
+  std::uint64_t lit = 0;
+  for (std::size_t w = 0; 64 * w < width_; ++w) {
+    std::uint64_t inside = winding != 0 ? ~std::uint64_t{0} : 0;
+    for (std::uint64_t left = marks[w]; left; left &= left - 1) {
+      const int bit = std::countr_zero(left);
+      std::int32_t& step = steps[64 * w + static_cast<std::size_t>(bit)];
+      const std::int32_t next = winding + step;
+      const bool turns = (winding != 0) != (next != 0);
+      inside ^= (std::uint64_t{0} - turns) << bit;
+      winding = next;
+      step = 0;
+    }
+    marks[w] = 0;
+    const std::size_t count = width_ - 64 * w;
+    if (count < 64) inside &= (std::uint64_t{1} << count) - 1;
+    lit |= inside;
+    spread(inside, pixels + 64 * w, count);
   }
+  steps[width_] = 0;
+  marks[width_ / 64] = 0;
+  return lit != 0;
 }
 
 }  // namespace slicecorr::detail

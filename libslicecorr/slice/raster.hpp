@@ -1,8 +1,10 @@
 /// Coverage of pixels by the region that directed segments enclose, non-zero winding rule.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 namespace slicecorr::detail {
@@ -12,61 +14,104 @@ struct Segment {
   double ax, ay, bx, by;
 };
 
+/// What the pieces in a pixel add up to; a whole row of height is 2^46.
+struct PixelSums {
+  std::int64_t cover;  ///< their heights; going down (y grows) counts as positive
+  std::int64_t area;   ///< their heights, each times the share of the pixel right of the piece
+};
+
 /// Draws the segments of one slice into the rows of a band. Reused from slice to slice, so that
 /// nothing is allocated per slice. One object for one thread.
 ///
-/// The result of a row depends on the segments that cross it and on their order alone, not on the
-/// band.
+/// Every segment leaves in the pixels that it crosses by how much the winding grows there (`cover`)
+/// and the share of it right of the segment (`area`), and marks them. Running sums along a row then
+/// give the covered area wherever contours neither overlap nor cross within a pixel: that is known
+/// for certain where neighbouring marked pixels hold pieces of one direction that together change
+/// the winding by one. Elsewhere (tips of contours, walls thinner than a pixel, bodies that
+/// overlap) the pieces of these few pixels are cut into strips in which no two cross.
+///
+/// Sums are whole numbers, so neither the order of the segments nor the band changes a bit of a
+/// row.
 class Raster {
  public:
-  /// Rows [y0, y1), columns [x0, x1). No segment may leave the columns.
+  /// Rows [y0, y1), columns [x0, x1), none negative. No segment may leave the columns.
   Raster(int x0, int y0, int x1, int y1, bool antialias);
 
-  void clear();
-  void add(const Segment& s);
-  /// Writes (y1 - y0) * (x1 - x0) bytes. False when all are 0.
-  bool draw(std::uint8_t* rows);
+  /// The region's levels: (y1 - y0) * (x1 - x0) bytes, row by row, that stay until the next call.
+  /// Null when all are 0. The contours of the segments must be closed.
+  const std::uint8_t* draw(std::span<const Segment> segments);
 
  private:
-  /// A piece within one row; y from 0 to 1 in the row and y0 < y1. Or a horizontal one, from left
-  /// to right and of winding 0, that only keeps the pieces at its two ends in one cluster.
+  /// A piece within one row; y from 0 to 1 in the row and y0 < y1; x from the band's left side.
   struct Piece {
     double x0, y0, x1, y1;
-    int winding;  ///< +1: the contour goes down here (y grows), -1: up
+    double slope;
+    int winding;  ///< +1: the contour goes down here, -1: up
     double at(double y) const {
       // Exact at the ends, so that pieces that meet there meet exactly.
       if (y <= y0) return x0;
       if (y >= y1) return x1;
-      return x0 + (y - y0) * ((x1 - x0) / (y1 - y0));
+      const double x = x0 + (y - y0) * slope;  // rounding must not lead out of the piece
+      return x0 < x1 ? std::clamp(x, x0, x1) : std::clamp(x, x1, x0);
     }
-    double left() const { return x0 < x1 ? x0 : x1; }
-    double right() const { return x0 < x1 ? x1 : x0; }
-  };
-  struct Crossing {
-    double x;
-    int winding;
   };
   struct Active {
     const Piece* piece;
     double x;      ///< at the upper side of the strip
     double x_end;  ///< at its lower side
   };
+  struct Frame;
+  struct Line;
 
-  bool draw_area_row(std::vector<Piece>& pieces, std::uint8_t* row);
-  bool draw_centre_row(std::vector<Crossing>& crossings, std::uint8_t* row) const;
-  void draw_cluster(const Piece* begin, const Piece* end, int winding);
-  void draw_strip(double from, double to, int winding);
-  void accumulate(double xa, double xb, double height);
+  void add_areas(const Frame& f);
+  void add_centres(const Frame& f);
+  void add_horizontal(const Segment& s, const Frame& f);
+  bool draw_area_row(int row, const Frame& f);
+  bool draw_centre_row(int row, const Frame& f);
+  unsigned draw_tangle(int row, int first, int last, int winding, const Frame& f);
+  void draw_strip(PixelSums* sums, std::uint64_t* marks, double from, double to, int winding,
+                  const Frame& f);
+  void list_rows();
+  static bool cross(const Piece& a, const Piece& b);
 
   int x0_, y0_, x1_, y1_;
   bool antialias_;
-  std::vector<std::vector<Piece>> pieces_;        ///< per row
-  std::vector<std::vector<Crossing>> crossings_;  ///< per row
-  /// Per pixel: what is to be added to the running sum of areas from the left. All zero between
-  /// rows.
-  std::vector<double> area_;
+  std::size_t width_, words_;  ///< columns; words of 64 marks for these and one more
+  std::vector<std::uint8_t> pixels_;
+  std::vector<std::uint8_t> touched_;  ///< rows that a segment of this slice crosses
+  std::vector<std::uint8_t> drawn_;    ///< rows of `pixels_` that may not be black
+  /// Marked pixels, all 0 between slices: 2 * words_ words per row, those crossed downwards before
+  /// those crossed upwards. By centres: words_ words per row.
+  std::vector<std::uint64_t> marks_;
+  std::vector<PixelSums> sums_;  ///< per pixel; all 0 between slices
+  std::vector<std::int32_t>
+      steps_;  ///< per pixel, how the winding changes before its centre; ditto
+
+  std::span<const Segment> segments_;  ///< of this slice
+  /// A segment in some rows.
+  struct Crossings {
+    std::uint32_t row;  ///< the first
+    int count;
+    std::uint32_t segment;
+    int columns[8];  ///< of the left end in these rows
+  };
+  std::vector<Crossings> crossings_;  ///< all of this slice: the first crossing_count_
+  std::size_t crossing_count_ = 0;
+  /// A pixel where pieces may overlap, and the running sum where its run begins.
+  struct Doubt {
+    int column;
+    std::int64_t running;
+  };
+  std::vector<Doubt> doubts_;
+  struct InRow {
+    int column;
+    std::uint32_t segment;
+  };
+  bool listed_ = false;                  ///< whether the next two are of this slice
+  std::vector<std::uint32_t> row_ends_;  ///< per row: where its crossings end in `by_row_`
+  std::vector<InRow> by_row_;
+  std::vector<Piece> pieces_;
   std::vector<double> events_;
-  std::vector<const Piece*> by_start_;
   std::vector<Active> active_;
 };
 

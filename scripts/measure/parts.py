@@ -1,0 +1,99 @@
+"""Parts and displays that are measured."""
+
+import dataclasses
+import pathlib
+import subprocess
+
+
+@dataclasses.dataclass(frozen=True)
+class Display:
+    name: str
+    width_px: int
+    height_px: int
+    pixel_um: float
+
+    @property
+    def width_mm(self):
+        return self.width_px * self.pixel_um / 1000
+
+    @property
+    def height_mm(self):
+        return self.height_px * self.pixel_um / 1000
+
+    @property
+    def words(self):
+        return f"{self.width_px} x {self.height_px}"
+
+    def printer_toml(self):
+        return f"""name = "bench-{self.name}"
+[display]
+width_px = {self.width_px}
+height_px = {self.height_px}
+pixel_um = {self.pixel_um}
+bit_depth = 8
+[blue]
+wavelength_nm = 460
+calibration = [[0, 1.0], [255, 100.0]]
+[stage]
+max_speed_mm_h = 2000
+travel_mm = 150
+[provenance]
+source = "a model display"
+measurements = "none: a model printer"
+"""
+
+
+DISPLAYS = {
+    "2k": Display("2k", 2560, 1440, 47.25),
+    "12k": Display("12k", 11520, 5120, 19.0),
+    "16k": Display("16k", 15360, 8640, 14.0),
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class Part:
+    name: str
+    words: str
+    layers_um: tuple  # the first is the one that all displays are measured with
+    make: tuple = ()  # arguments of make_part around the file
+    triangles: int = 0  # that make_part must have made
+    file: str = ""  # under the folder of real data
+    closed: bool = True  # its slices' areas follow from its triangles
+
+
+PARTS = {
+    p.name: p
+    for p in (
+        Part("gyroid", "gyroid lattice", (50, 25, 10), ("gyroid", "60", "60", "38.47", "10", "1.42"), 317084),
+        Part("bumpy", "bumpy sphere", (50,), ("sphere", "37", "289"), 12 * 289 * 289),
+        Part("benchy", "3DBenchy", (50,), file="meshes/clean/3DBenchy.stl"),
+        Part(
+            "channels",
+            "microfluidic channels",
+            (5,),
+            file="meshes/dirty/pymfcad_microfluidic_void_channels.stl",
+            closed=False,
+        ),
+    )
+}
+
+
+class Missing(Exception):
+    """A part that is not on this machine."""
+
+
+def fetch(part, binaries, data, folder):
+    """The part's mesh; made in `folder` where it is a made one."""
+    if part.file:
+        path = pathlib.Path(data) / part.file
+        if not path.is_file():
+            raise Missing(f"{part.words}: no {path}")
+        return str(path)
+    path = pathlib.Path(folder) / f"{part.name}.stl"
+    kind, *sizes = part.make
+    made = subprocess.run(
+        [f"{binaries}/make_part", kind, str(path), *sizes], capture_output=True, text=True, check=False
+    )
+    if made.returncode != 0 or path.stat().st_size != 84 + 50 * part.triangles:
+        raise RuntimeError(f"make_part {' '.join(part.make)}: not {part.triangles} triangles: {made.stderr}")
+    return str(path)

@@ -20,8 +20,13 @@ class BandSolver {
  public:
   virtual ~BandSolver() = default;
   virtual void add_layer(const std::uint8_t* coverage) = 0;
-  virtual void solve(const BandCorrector::Sink& sink) = 0;
+  /// `tiles` may be empty, and is where `has_tiles` is false.
+  virtual void solve(const BandCorrector::Sink& sink, const BandCorrector::TileSink& tiles) = 0;
+  virtual bool has_tiles() const { return false; }
 };
+
+/// For plain models.
+std::unique_ptr<BandSolver> make_continuous_solver(const CorrectionPlan& plan, std::size_t columns);
 
 std::unique_ptr<BandSolver> make_layerwise_solver(const CorrectionPlan& plan, std::size_t columns);
 /// For models with an inhibited kernel, in both modes.

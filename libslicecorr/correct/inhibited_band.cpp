@@ -23,7 +23,7 @@ void InhibitedBand::add_layer(const std::uint8_t* coverage) {
   ++layers_;
 }
 
-void InhibitedBand::solve(const BandCorrector::Sink& sink) {
+void InhibitedBand::solve(const BandCorrector::Sink& sink, const BandCorrector::TileSink&) {
   if (layers_ != plan_.layers) throw Error("the plan has more layers");
   // By column; within a column they stay in the order of layers.
   std::stable_sort(changes_.begin(), changes_.end(),

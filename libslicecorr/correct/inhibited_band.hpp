@@ -19,7 +19,7 @@ class InhibitedBand final : public BandSolver {
   InhibitedBand(const InhibitedPlan& plan, std::size_t columns);
   /// Null: an empty layer.
   void add_layer(const std::uint8_t* coverage) override;
-  void solve(const BandCorrector::Sink& sink) override;
+  void solve(const BandCorrector::Sink& sink, const BandCorrector::TileSink& tiles) override;
 
  private:
   /// From this layer or slice on, in the order of the list, a column has this value.

@@ -60,7 +60,7 @@ class LayerwiseSolver final : public BandSolver {
     if (tape_.slices() >= plan_.layers) throw Error("more layers than the plan has");
     tape_.append(coverage);
   }
-  void solve(const BandCorrector::Sink& sink) override;
+  void solve(const BandCorrector::Sink& sink, const BandCorrector::TileSink& tiles) override;
 
  private:
   /// Most columns of a part have the dose of their neighbour: levels found are kept.
@@ -91,7 +91,7 @@ void darken(double* far_edge, double dark, double a) {
   for (std::size_t i = 0; i < kBlock; ++i) far_edge[i] = (dark + far_edge[i]) * a;
 }
 
-void LayerwiseSolver::solve(const BandCorrector::Sink& sink) {
+void LayerwiseSolver::solve(const BandCorrector::Sink& sink, const BandCorrector::TileSink&) {
   if (tape_.slices() != plan_.layers) throw Error("the plan has more layers");
   const std::size_t columns = tape_.columns();
   std::vector<double> far_edge(columns, 0.0);

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <mutex>
@@ -92,16 +93,46 @@ void correct_columns(const CorrectionPlan& plan, std::size_t columns, const Band
   }
   const bool all_levels = plan.levels.size() == 256;
   std::vector<std::uint8_t> pixels(columns);
+  const auto shown = [&](const std::uint8_t* levels) {
+    if (all_levels) return levels;
+    for (std::size_t k = 0; k < columns; ++k) pixels[k] = pixel_of[levels[k]];
+    return static_cast<const std::uint8_t*>(pixels.data());
+  };
+  if (plan.model.is_plain()) {
+    using Tile = BandCorrector::Tile;
+    static_assert(Tile::kStride == BandPredictor::kTileColumns);
+    std::vector<std::uint8_t> tile_pixels;
+    const auto look = [&](const Tile& t) {
+      const auto size = static_cast<std::size_t>(t.slices) * Tile::kStride;
+      const std::uint8_t* lit = t.levels;
+      if (!all_levels) {
+        tile_pixels.resize(size);
+        for (std::size_t k = 0; k < size; ++k) tile_pixels[k] = pixel_of[t.levels[k]];
+        lit = tile_pixels.data();
+      }
+      out.after.add_tile(t.first_column, t.columns, t.first_slice, t.slices, lit, t.coverage);
+      if (!out.before) return;
+      // Slices after the part's end are the correction's alone.
+      const int inside = std::clamp(plan.layers - t.first_slice, 0, t.slices);
+      out.before->add_tile(t.first_column, t.columns, t.first_slice + inside, t.slices - inside,
+                           nullptr, t.coverage + static_cast<std::size_t>(inside) * Tile::kStride);
+      out.before->add_tile(t.first_column, t.columns, t.first_slice, inside, t.coverage,
+                           t.coverage);
+    };
+    corrector.solve(
+        [&](int n, const std::uint8_t* levels, const std::uint8_t*, bool dark) {
+          if ((n & 63) == 0) job.check_cancelled();
+          out.put(n, dark ? nullptr : shown(levels));
+        },
+        look);
+    return;
+  }
   corrector.solve([&](int n, const std::uint8_t* levels, const std::uint8_t* coverage, bool dark) {
     if ((n & 63) == 0) job.check_cancelled();
-    const std::uint8_t* shown = levels;
-    if (!all_levels) {
-      for (std::size_t k = 0; k < columns; ++k) pixels[k] = pixel_of[levels[k]];
-      shown = pixels.data();
-    }
-    out.put(n, dark ? nullptr : shown);
-    if (out.watch) out.watch->add_slice(n, dark ? nullptr : shown);
-    out.after.add_slice(n, shown, coverage);
+    const std::uint8_t* const lit = shown(levels);
+    out.put(n, dark ? nullptr : lit);
+    if (out.watch) out.watch->add_slice(n, dark ? nullptr : lit);
+    out.after.add_slice(n, lit, coverage);
     if (out.before) out.before->add_slice(n, n < plan.layers ? coverage : nullptr, coverage);
   });
 }

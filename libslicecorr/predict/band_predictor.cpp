@@ -3,7 +3,9 @@
 #include <memory>
 
 #include "base/kernels.hpp"
+#include "base/tile_kernels.hpp"
 #include "cure/walkers.hpp"
+#include "predict/tile_sums.hpp"
 #include "slicecorr/predict.hpp"
 
 namespace slicecorr {
@@ -25,7 +27,9 @@ namespace {
 
 constexpr double kNever = std::numeric_limits<double>::infinity();
 
-std::size_t padded(std::size_t columns) { return (columns + kBlock - 1) / kBlock * kBlock; }
+std::size_t padded(std::size_t columns) {
+  return (columns + detail::kLanes - 1) / detail::kLanes * detail::kLanes;
+}
 
 /// The numbers of the model that the loops need.
 struct Factors {
@@ -299,10 +303,9 @@ void BandPredictor::cross(std::size_t i, double zeta, bool printed, Class now) {
   c.tooth = false;
 }
 
-void BandPredictor::event(std::size_t i, int slice, const LayerDose& dose, double crossing,
-                          std::uint8_t coverage) {
+void BandPredictor::event(std::size_t i, int slice, double below, const LayerDose& dose,
+                          double crossing, std::uint8_t coverage) {
   const Class now = coverage == 0 ? gap : coverage == 255 ? run : grey;
-  const double below = omega_[i];
   if (state_sink_) state_sink_(i, slice, coverage, dose.middle >= 1.0, dose.upper >= 1.0);
   if (now != class_[i]) {
     enter(i, slice + 1, now, below, dose.lower);
@@ -395,7 +398,7 @@ void BandPredictor::add_general_slice(int slice, std::span<const ShownPart> part
     for (std::size_t i = 0; i < n; ++i) {
       if (!events[i]) continue;
       const bool crosses = (lower_dose[i] >= 1.0) != (upper[i] >= 1.0);
-      event(b + i, slice, {lower_dose[i], middle[i], upper[i]},
+      event(b + i, slice, omega_[b + i], {lower_dose[i], middle[i], upper[i]},
             crosses ? dose_->crossing(b + i) : 0.0, block_cover[i]);
     }
     std::copy_n(upper, kBlock, &omega_[b]);
@@ -449,7 +452,7 @@ void BandPredictor::add_plain_slice(int slice, std::span<const ShownPart> parts,
       // The dose is steady at nodes.
       const double below = omega_[b + i];
       const bool crosses = (below >= 1.0) != (dose[i] >= 1.0);
-      event(b + i, slice, {below, middle[i], dose[i]},
+      event(b + i, slice, below, {below, middle[i], dose[i]},
             crosses ? model_.crossing(phi[i], below) : 0.0, block_cover[i]);
     }
     std::copy_n(dose, kBlock, &omega_[b]);
@@ -483,6 +486,7 @@ Prediction BandPredictor::finish(const Place& place) {
     // Dose outside: lanes past the last column give 0, which no real column is below.
     p.max_dose_outside = std::max(p.max_dose_outside, sums_->outside_high[i]);
   }
+  if (tile_sums_) tile_sums_->add_to(prediction_);
   for (std::size_t i = 0; i < columns_.size(); ++i) {
     Column& c = columns_[i];
     if (class_[i] == run) {

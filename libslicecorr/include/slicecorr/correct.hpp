@@ -85,6 +85,22 @@ class BandCorrector {
                                   const std::uint8_t* coverage, bool dark)>;
   void solve(const Sink& sink);
 
+  /// Some neighbouring columns through some slices, rows of `kStride` bytes from the first slice
+  /// on.
+  struct Tile {
+    static constexpr std::size_t kStride = 64;
+    std::size_t first_column, columns;
+    int first_slice, slices;
+    const std::uint8_t* levels;
+    const std::uint8_t* coverage;
+  };
+  using TileSink = std::function<void(const Tile&)>;
+  /// The same for plain models (continuous exposure, no UV light), for those who also look at what
+  /// becomes of columns: first gives tiles, while they lie in the nearest cache, then their slices
+  /// to `sink`, with null for coverage. Tiles come from the last slices to the first and, within
+  /// the same slices, from the first column to the last.
+  void solve(const Sink& sink, const TileSink& tiles);
+
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;

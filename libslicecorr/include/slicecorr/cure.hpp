@@ -146,12 +146,26 @@ class LevelTable {
   /// Lowest level of the greatest phi.
   int highest() const { return first_of_plateau_.back(); }
   /// Lowest level of at least `phi`; the last level when there is none. The lowest of a plateau.
-  int at_least(double phi) const;
+  int at_least(double phi) const {
+    int level = start_[bucket(phi)];
+    while (level < size() && phi_[static_cast<std::size_t>(level)] < phi) ++level;
+    return first_of_plateau_[static_cast<std::size_t>(level < size() ? level : size() - 1)];
+  }
   /// Lowest level of the greatest phi that is at most `phi`; 0 when there is none.
-  int at_most(double phi) const;
+  int at_most(double phi) const {
+    const int level = at_least(phi);
+    if (phi_[static_cast<std::size_t>(level)] <= phi || level == 0) return level;
+    return first_of_plateau_[static_cast<std::size_t>(level - 1)];
+  }
 
  private:
-  std::size_t bucket(double phi) const;
+  // Fine enough that a linear curve of 256 levels has at most one level per bucket.
+  static constexpr std::size_t kBuckets = 1024;
+  std::size_t bucket(double phi) const {
+    const double x = (phi - phi_.front()) * scale_;
+    if (!(x > 0)) return 0;
+    return x >= static_cast<double>(kBuckets) ? kBuckets : static_cast<std::size_t>(x);
+  }
   std::vector<double> phi_;
   std::vector<int> first_of_plateau_;
   std::vector<int> start_;  ///< per bucket of phi: first level that may lie in it

@@ -155,14 +155,22 @@ class BandPredictor {
   /// has a predictor for each value of its light. Before the first slice.
   void keep_no_histograms() { histograms_ = false; }
 
-  /// Sums per lane of a block; private to the implementation.
+  /// Sums per lane of a block, and of a tile; private to the implementation.
   struct BlockSums;
+  struct TileSums;
 
   /// `pixels` null: nothing is shown (light off, after the end of the stack). `coverage` null:
   /// empty.
   void add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage);
   /// The same of several images, see ShownPart; none: light off.
   void add_slice(int slice, std::span<const ShownPart> parts, const std::uint8_t* coverage);
+  /// Several slices of up to `kTileColumns` neighbouring columns at once, in rows of `kTileColumns`
+  /// bytes from the first slice on; `pixels` null: nothing is shown. The same figures as by
+  /// `add_slice`, and much faster. Each column needs all of its slices from the last to the first;
+  /// columns start at multiples of `kTileColumns`. Only for plain models and without parts.
+  static constexpr std::size_t kTileColumns = 64;
+  void add_tile(std::size_t first_column, std::size_t columns, int first_slice, int slices,
+                const std::uint8_t* pixels, const std::uint8_t* coverage);
   /// Doses in the middle of the layer that was added last. Only for models that are not plain, or
   /// for parts.
   const double* middle() const { return dose_->middle(); }
@@ -196,7 +204,8 @@ class BandPredictor {
   };
   void add_plain_slice(int slice, std::span<const ShownPart> parts, const std::uint8_t* cover);
   void add_general_slice(int slice, std::span<const ShownPart> parts, const std::uint8_t* cover);
-  void event(std::size_t i, int slice, const LayerDose& dose, double crossing,
+  /// `below`: dose on the far side of the layer's lower node.
+  void event(std::size_t i, int slice, double below, const LayerDose& dose, double crossing,
              std::uint8_t coverage);
   /// The dose crosses 1 at `zeta`; from there on upwards it is on the other side.
   void cross(std::size_t i, double zeta, bool printed, Class now);
@@ -218,6 +227,7 @@ class BandPredictor {
   /// Class of all columns of a block of 32; `grey` also when they differ.
   std::vector<Class> block_class_;
   std::unique_ptr<BlockSums> sums_;
+  std::unique_ptr<TileSums> tile_sums_;  ///< null before the first tile
   double worst_ = -1, worst_so_far_ = -1;
   std::size_t worst_column_ = 0;
   EdgeSink edge_sink_;

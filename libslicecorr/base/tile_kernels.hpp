@@ -1,0 +1,52 @@
+/// What the sweeps of a band do to many columns at once, compiled for several instruction sets.
+///
+/// A tile is 64 columns ("lanes") through up to 64 slices: small enough to stay in the cache
+/// nearest to the processor while all steps of a correction pass over it. Its rows are 64 bytes,
+/// one per lane. Sets of lanes are the bits of a `LaneMask`. No function here rounds differently
+/// from plain C++ code, whatever the instruction set: products and sums are separate.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace slicecorr::detail {
+
+inline constexpr std::size_t kLanes = 64;
+inline constexpr int kTileSlices = 64;
+using LaneMask = std::uint64_t;
+
+/// What happens from each of `count` rows to the row before it, which must be there for the first,
+/// too. `steady`: lanes that are 0 in both, or 255 in both. `changed`: lanes that differ.
+void tile_changes(const std::uint8_t* rows, std::size_t stride, int count, LaneMask* steady,
+                  LaneMask* changed);
+
+/// Lanes of each of `count` rows that are 0, and that are 255.
+void tile_classes(const std::uint8_t* rows, std::size_t stride, int count, LaneMask* zero,
+                  LaneMask* full);
+
+/// to = add + a * from.
+void step_lanes(const double* add, double a, const double* from, double* to);
+/// The same `slices` times, in place.
+void step_lanes(const double* add, double a, double* dose, int slices);
+
+/// Lanes of at least 1.
+LaneMask printed_lanes(const double* dose);
+
+/// One slice of a prediction.
+struct PredictStep {
+  double a, root_a;
+  const double* add;         ///< phi (1 - a)
+  const double* add_middle;  ///< phi (1 - root_a)
+  const double* from;
+  LaneMask run, gap;
+  double* to;
+  /// Least and greatest doses at mid-layer in runs, the greatest in gaps, the least at nodes there.
+  double *inside_low, *inside_high, *outside_high, *gap_low;
+};
+struct PrintedLanes {
+  LaneMask node, middle;
+  bool operator==(const PrintedLanes&) const = default;
+};
+PrintedLanes predict_lanes(const PredictStep& step);
+
+}  // namespace slicecorr::detail

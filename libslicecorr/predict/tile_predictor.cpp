@@ -1,0 +1,166 @@
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+
+#include "base/kernels.hpp"
+#include "predict/tile_sums.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/predict.hpp"
+
+namespace slicecorr {
+
+using detail::kLanes;
+using detail::kTileSlices;
+using detail::LaneMask;
+
+static_assert(BandPredictor::kTileColumns == kLanes);
+
+void BandPredictor::add_tile(std::size_t first_column, std::size_t columns, int first_slice,
+                             int slices, const std::uint8_t* pixels, const std::uint8_t* coverage) {
+  if (dose_) throw Error("only plain models are predicted in tiles");
+  while (slices > kTileSlices) {
+    const auto skip = static_cast<std::size_t>(slices - kTileSlices) * kLanes;
+    add_tile(first_column, columns, first_slice + slices - kTileSlices, kTileSlices,
+             pixels ? pixels + skip : nullptr, coverage + skip);
+    slices -= kTileSlices;
+  }
+  if (slices <= 0) return;
+  if (!tile_sums_) tile_sums_ = std::make_unique<TileSums>();
+  TileSums& sums = *tile_sums_;
+
+  LaneMask gaps[kTileSlices], runs[kTileSlices];
+  detail::tile_classes(coverage, kLanes, slices, gaps, runs);
+  // Lanes whose light is another than in the slice before, slice k's at k.
+  LaneMask changed[kTileSlices], unused[kTileSlices];
+  if (pixels) {
+    detail::tile_changes(pixels + kLanes, kLanes, slices - 1, unused, changed);
+  } else {
+    std::fill_n(changed, slices, LaneMask{0});
+  }
+  // Lanes past the last column never have light, and are neither a gap nor a run.
+  const LaneMask valid = columns < kLanes ? (LaneMask{1} << columns) - 1 : ~LaneMask{0};
+
+  const double one_minus_r = 1.0 - model_.root_a;
+  alignas(64) double add[kLanes] = {}, add_middle[kLanes] = {};
+  const auto light = [&](std::size_t i, std::uint8_t pixel) {
+    add[i] = curve_[pixel] * model_.one_minus_a;
+    add_middle[i] = curve_[pixel] * one_minus_r;
+  };
+  if (pixels) {
+    const std::uint8_t* const row = pixels + static_cast<std::size_t>(slices - 1) * kLanes;
+    for (std::size_t i = 0; i < columns; ++i) light(i, row[i]);
+  }
+  double* const omega = &omega_[first_column];
+  alignas(64) double dose[2][kLanes], ahead[kLanes];
+  std::memcpy(dose[0], omega, sizeof dose[0]);
+  int now = 0;
+  LaneMask was_run = 0, was_gap = 0;
+  for (std::size_t i = 0; i < columns; ++i) {
+    const Class c = class_[first_column + i];
+    was_run |= static_cast<LaneMask>(c == run) << i;
+    was_gap |= static_cast<LaneMask>(c == gap) << i;
+  }
+  detail::PredictStep step{model_.a,
+                           model_.root_a,
+                           add,
+                           add_middle,
+                           nullptr,
+                           0,
+                           0,
+                           nullptr,
+                           sums.inside_low,
+                           sums.inside_high,
+                           sums.outside_high,
+                           &gap_min_[first_column]};
+  LaneMask printed = detail::printed_lanes(dose[0]);
+  for (int k = slices; k-- > 0;) {
+    const int n = first_slice + k;
+    const std::uint8_t* const cover = coverage + static_cast<std::size_t>(k) * kLanes;
+    if (k + 1 < slices) {
+      const std::uint8_t* const row = pixels + static_cast<std::size_t>(k) * kLanes;
+      for (LaneMask m = changed[k] & valid; m; m &= m - 1) {
+        const int i = std::countr_zero(m);
+        light(static_cast<std::size_t>(i), row[i]);
+      }
+    }
+    const LaneMask in_run = runs[k] & valid, in_gap = gaps[k] & valid;
+    const LaneMask grey_lanes = valid & ~in_run & ~in_gap;
+    step.from = dose[now];
+    step.to = dose[1 - now];
+    step.run = in_run;
+    step.gap = in_gap;
+    const detail::PrintedLanes is = detail::predict_lanes(step);
+    const auto count = [&](std::uint64_t times) {
+      sums.run_voxels += times * static_cast<unsigned>(std::popcount(in_run));
+      sums.run_printed += times * static_cast<unsigned>(std::popcount(in_run & is.middle));
+      sums.gap_printed += times * static_cast<unsigned>(std::popcount(in_gap & is.middle));
+    };
+    count(1);
+    const LaneMask entered = (in_run ^ was_run) | (in_gap ^ was_gap);
+    const LaneMask crosses = is.node ^ printed;
+    for (LaneMask m = (entered | crosses | grey_lanes) & valid; m; m &= m - 1) {
+      const auto i = static_cast<std::size_t>(std::countr_zero(m));
+      // The dose is steady at nodes.
+      const double below = dose[now][i], upper = dose[1 - now][i];
+      const double middle = add_middle[i] + model_.root_a * below;
+      if (!((entered | crosses) >> i & 1)) {
+        ++prediction_.grey_voxels;
+        if (histograms_) prediction_.grey_dose_error.add(std::abs(middle - cover[i] / 255.0));
+        continue;
+      }
+      double crossing = 0.0;
+      if (crosses >> i & 1) {
+        crossing = model_.crossing(pixels ? curve_[pixels[&cover[i] - coverage]] : 0.0, below);
+      }
+      event(first_column + i, n, below, {below, middle, upper}, crossing, cover[i]);
+    }
+    was_run = in_run;
+    was_gap = in_gap;
+    printed = is.node;
+    now = 1 - now;
+
+    // A stretch in which no light and no coverage changes. Doses of a lane that gets the same light
+    // all the time rise or fall throughout, rounding does not change that: what holds for its ends
+    // holds between them.
+    int more = 0;
+    while (more < k && grey_lanes == 0 && ((changed[k - 1 - more] & valid) == 0) &&
+           (runs[k - 1 - more] & valid) == in_run && (gaps[k - 1 - more] & valid) == in_gap) {
+      ++more;
+    }
+    if (more < 2) continue;
+    std::memcpy(ahead, dose[now], sizeof ahead);
+    detail::step_lanes(add, model_.a, ahead, more - 1);
+    if (detail::printed_lanes(ahead) != printed) continue;
+    // Sums of a last slice that is not reached this way would be wrong: look first.
+    alignas(64) double last[kLanes], lows[kLanes], highs[kLanes], out[kLanes], least[kLanes];
+    detail::PredictStep end = step;
+    end.from = ahead;
+    end.to = last;
+    std::memcpy(lows, sums.inside_low, sizeof lows);
+    std::memcpy(highs, sums.inside_high, sizeof highs);
+    std::memcpy(out, sums.outside_high, sizeof out);
+    std::memcpy(least, step.gap_low, sizeof least);
+    end.inside_low = lows;
+    end.inside_high = highs;
+    end.outside_high = out;
+    end.gap_low = least;
+    if (!(detail::predict_lanes(end) == is)) continue;
+    std::memcpy(sums.inside_low, lows, sizeof lows);
+    std::memcpy(sums.inside_high, highs, sizeof highs);
+    std::memcpy(sums.outside_high, out, sizeof out);
+    std::memcpy(step.gap_low, least, sizeof least);
+    std::memcpy(dose[now], last, sizeof last);
+    count(static_cast<std::uint64_t>(more));
+    k -= more;
+  }
+  std::memcpy(omega, dose[now], sizeof dose[now]);
+  for (std::size_t i = 0; i < columns; ++i) {
+    class_[first_column + i] = was_run >> i & 1 ? run : was_gap >> i & 1 ? gap : grey;
+  }
+  for (std::size_t b = first_column / detail::kBlock;
+       b < block_class_.size() && b * detail::kBlock < first_column + kLanes; ++b)
+    block_class_[b] = grey;
+}
+
+}  // namespace slicecorr

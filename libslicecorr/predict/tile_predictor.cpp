@@ -107,6 +107,7 @@ void BandPredictor::add_tile(std::size_t first_column, std::size_t columns, int 
       if (!((entered | crosses) >> i & 1)) {
         ++prediction_.grey_voxels;
         if (histograms_) prediction_.grey_dose_error.add(std::abs(middle - cover[i] / 255.0));
+        if (state_sink_) state_sink_(first_column + i, n, cover[i], middle >= 1.0, upper >= 1.0);
         continue;
       }
       double crossing = 0.0;

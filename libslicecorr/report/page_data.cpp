@@ -1,8 +1,11 @@
-#include <zlib.h>
+#include <libdeflate.h>
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <cstring>
+#include <memory>
+#include <new>
 #include <nlohmann/json.hpp>
 
 #include "base/base64.hpp"
@@ -21,13 +24,20 @@ constexpr std::size_t kStateBudget = 1'000'000, kFieldBudget = 1'500'000, kColum
 // Most tables of the kernel under UV light, before they are compressed.
 constexpr std::size_t kKernelBudget = 4'000'000;
 
+/// As a zlib stream of at most `most` bytes; false, and early, when it takes more.
+bool deflate_within(std::size_t most, const Bytes& raw, Bytes& out) {
+  const std::unique_ptr<libdeflate_compressor, decltype(&libdeflate_free_compressor)> compressor(
+      libdeflate_alloc_compressor(6), libdeflate_free_compressor);
+  if (!compressor) throw std::bad_alloc();
+  out.resize(std::min(most, libdeflate_zlib_compress_bound(compressor.get(), raw.size())));
+  out.resize(
+      libdeflate_zlib_compress(compressor.get(), raw.data(), raw.size(), out.data(), out.size()));
+  return !out.empty();
+}
+
 Bytes deflated(const Bytes& raw) {
-  uLongf size = compressBound(static_cast<uLong>(raw.size()));
-  Bytes out(size);
-  if (compress2(out.data(), &size, raw.data(), static_cast<uLong>(raw.size()), 7) != Z_OK) {
-    throw Error("the report's data can't be compressed");
-  }
-  out.resize(size);
+  Bytes out;
+  deflate_within(SIZE_MAX, raw, out);
   return out;
 }
 
@@ -156,9 +166,11 @@ std::string page_data(ReducedVolume v, const CureModel& model, const Grid& grid,
                       const std::array<int, 3>& start) {
   Bytes state_before, state_after;
   for (;; v = coarser(v)) {
-    state_before = deflated(v.before.state);
-    state_after = deflated(v.after.state);
-    if (state_before.size() + state_after.size() <= kStateBudget || v.cells() < 1000) break;
+    const std::size_t most = v.cells() < 1000 ? SIZE_MAX : kStateBudget;
+    if (deflate_within(most, v.before.state, state_before) &&
+        deflate_within(most - state_before.size(), v.after.state, state_after)) {
+      break;
+    }
   }
   nlohmann::ordered_json j;
   j["box"] = {v.box.x0, v.box.y0, v.box.x1, v.box.y1};
@@ -184,15 +196,17 @@ std::string page_data(ReducedVolume v, const CureModel& model, const Grid& grid,
   Bytes fields[6];
   int every = 1;
   for (;; ++every) {
-    fields[0] = deflated(sampled(v, v.before.dose, every));
-    fields[1] = deflated(sampled(v, v.after.dose, every));
-    fields[2] = deflated(sampled(v, v.before.grey, every));
-    fields[3] = deflated(sampled(v, v.after.grey, every));
-    fields[4] = deflated(greatest(v, v.before.error, every));
-    fields[5] = deflated(greatest(v, v.after.error, every));
-    std::size_t sum = 0;
-    for (const Bytes& f : fields) sum += f.size();
-    if (sum <= kFieldBudget || every >= 8) break;
+    std::size_t most = every >= 8 ? SIZE_MAX : kFieldBudget;
+    const auto fits = [&](std::size_t i, const Bytes& cells) {
+      if (!deflate_within(most, cells, fields[i])) return false;
+      most -= fields[i].size();
+      return true;
+    };
+    if (fits(0, sampled(v, v.before.dose, every)) && fits(1, sampled(v, v.after.dose, every)) &&
+        fits(2, sampled(v, v.before.grey, every)) && fits(3, sampled(v, v.after.grey, every)) &&
+        fits(4, greatest(v, v.before.error, every)) && fits(5, greatest(v, v.after.error, every))) {
+      break;
+    }
   }
   j["fieldEvery"] = every;
   j["dose"] = {base64(fields[0]), base64(fields[1])};
@@ -206,8 +220,8 @@ std::string page_data(ReducedVolume v, const CureModel& model, const Grid& grid,
     // Codes hardly shrink more than twelvefold: don't make what can't fit.
     const std::size_t least = runs * 2 / static_cast<std::size_t>(every * every) / 12;
     if (least > kColumnBudget) continue;
-    columns = deflated(column_codes(v, every));
-    if (columns.size() <= kColumnBudget || every >= std::max(v.nx, v.ny)) break;
+    const std::size_t most = every >= std::max(v.nx, v.ny) ? SIZE_MAX : kColumnBudget;
+    if (deflate_within(most, column_codes(v, every), columns)) break;
   }
   j["columnEvery"] = every;
   j["columns"] = base64(columns);

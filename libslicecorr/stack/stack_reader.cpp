@@ -21,7 +21,7 @@ namespace {
 using detail::ArchiveContents;
 using detail::Container;
 
-constexpr std::size_t memory_budget = std::size_t{256} << 20;
+constexpr std::size_t memory_budget = std::size_t{128} << 20;
 
 /// What the archive says, with our block where its format has no place for it.
 ArchiveContents read_contents(const Container& archive) {

@@ -24,7 +24,7 @@ using detail::ArchiveFormat;
 using detail::PixelCode;
 using detail::raw_stride;
 
-constexpr std::size_t memory_budget = std::size_t{256} << 20;
+constexpr std::size_t memory_budget = std::size_t{128} << 20;
 
 /// Whether the layers of both are lit for other times.
 bool exposures_differ(const StackInfo& a, const StackInfo& b) {

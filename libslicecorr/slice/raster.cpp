@@ -132,22 +132,29 @@ SLICECORR_INLINE void add_piece(PixelSums* sums, std::uint64_t* marks, double xa
   add_to(sums[last], rest, rest * (1.0 - 0.5 * (right - last)));
 }
 
-/// Writes 64 pixels, or the first `count` of them: 255 for every bit that is set, else 0.
-SLICECORR_INLINE void spread(std::uint64_t bits, std::uint8_t* pixels, std::size_t count) {
-  std::uint64_t bytes[8];
-  for (unsigned k = 0; k < 8; ++k) {
-    // Byte k of the bits in all bytes, of which each keeps a bit of its own.
-    std::uint64_t b = (bits >> (8 * k) & 0xFF) * 0x0101010101010101u & 0x8040201008040201u;
-    b = (b + 0x7F7F7F7F7F7F7F7Fu) >> 7 & 0x0101010101010101u;
-    bytes[k] = (b << 8) - b;
-  }
-  std::memcpy(pixels, bytes, count < 64 ? count : 64);
-}
-
 using Reals = double __attribute__((vector_size(64)));
 using Wholes = std::int64_t __attribute__((vector_size(64)));
 using Ints = std::int32_t __attribute__((vector_size(32)));
 constexpr int kLanes = 8;
+
+/// Writes 64 pixels, or the first `count` of them: 255 for every bit that is set, else 0.
+SLICECORR_INLINE void spread(std::uint64_t bits, std::uint8_t* pixels, std::size_t count) {
+  using Words = std::uint64_t __attribute__((vector_size(64)));
+  constexpr Words kFrom = {0, 8, 16, 24, 32, 40, 48, 56};
+  // Eight bits in all eight bytes of a word, of which each keeps one of its own.
+  Words b = (Words{} + bits) >> kFrom & 0xFF;
+  b |= b << 8;
+  b |= b << 16;
+  b |= b << 32;
+  b &= 0x8040201008040201u;
+  b = (b + 0x7F7F7F7F7F7F7F7Fu) >> 7 & 0x0101010101010101u;
+  b = (b << 8) - b;
+  if (count >= 64) [[likely]] {
+    std::memcpy(pixels, &b, 64);
+  } else {
+    std::memcpy(pixels, &b, count);
+  }
+}
 
 }  // namespace
 
@@ -318,7 +325,7 @@ bool Raster::draw_area_row(int row, const Frame& f) {
     const std::size_t count = width_ - 64 * w;
     if (marked == 0) {
       const std::uint64_t inside = running != 0 ? ~std::uint64_t{0} : 0;
-      std::memset(pixels + 64 * w, inside ? 255 : 0, count < 64 ? count : 64);
+      spread(inside, pixels + 64 * w, count);
       lit |= inside;
       last_down = last_up = 0;
       continue;

@@ -109,6 +109,21 @@ struct MeshSlices::Impl {
     const auto [low, high] = std::minmax({corners[t[0]].z, corners[t[1]].z, corners[t[2]].z});
     return cut_by(low, high, grid.layers);
   }
+  /// The slices whose cut of the triangle may lie in rows [y0, y1).
+  Span slices_of(const std::array<std::uint32_t, 3>& t, double y0, double y1) const {
+    double low = std::numeric_limits<double>::infinity(), high = -low;
+    const auto see = [&](double z) { low = std::min(low, z), high = std::max(high, z); };
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Corner &a = corners[t[k]], &b = corners[t[k == 2 ? 0 : k + 1]];
+      if (a.y >= y0 && a.y <= y1) see(a.z);
+      for (const double y : {y0, y1}) {
+        if ((a.y < y) != (b.y < y)) see(a.z + (y - a.y) / (b.y - a.y) * (b.z - a.z));
+      }
+    }
+    // What rounding may hide: a slice more on either side.
+    const Span all = slices_of(t), inside = cut_by(low - 1, high + 1, grid.layers);
+    return {std::max(all.first, inside.first), std::min(all.last, inside.last)};
+  }
   std::vector<Entry> entries_of(int y0, int y1) const;
 };
 
@@ -312,7 +327,8 @@ std::vector<Entry> MeshSlices::Impl::entries_of(int y0, int y1) const {
     for (std::size_t i = bin_begin[b]; i < bin_begin[b + 1]; ++i) {
       const auto& t = triangles[binned[i]];
       if (b > first && bins_of(t).first < b) continue;  // found in an earlier bin
-      const Span span = slices_of(t);
+      const Span span = slices_of(t, y0, y1);
+      if (span.first > span.last) continue;
       found.push_back({binned[i], span});
       ++at[static_cast<std::size_t>(span.first) + 1];
     }

@@ -132,10 +132,10 @@ SLICECORR_INLINE void add_piece(PixelSums* sums, std::uint64_t* marks, double xa
   add_to(sums[last], rest, rest * (1.0 - 0.5 * (right - last)));
 }
 
-using Reals = double __attribute__((vector_size(64)));
-using Wholes = std::int64_t __attribute__((vector_size(64)));
-using Ints = std::int32_t __attribute__((vector_size(32)));
-constexpr int kLanes = 8;
+using Reals = double __attribute__((vector_size(32)));
+using Wholes = std::int64_t __attribute__((vector_size(32)));
+using Ints = std::int32_t __attribute__((vector_size(16)));
+constexpr int kLanes = 4;
 
 /// Writes 64 pixels, or the first `count` of them: 255 for every bit that is set, else 0.
 SLICECORR_INLINE void spread(std::uint64_t bits, std::uint8_t* pixels, std::size_t count) {
@@ -156,7 +156,7 @@ SLICECORR_INLINE void spread(std::uint64_t bits, std::uint8_t* pixels, std::size
   }
 }
 
-/// Eight segments as lines.
+/// Four segments as lines.
 struct Lines {
   double ux[kLanes], uy[kLanes], lx[kLanes], ly[kLanes];
   double slope[kLanes], least[kLanes], most[kLanes];
@@ -258,10 +258,10 @@ const std::uint8_t* Raster::draw(std::span<const Segment> segments) {
   return lit ? pixels_.data() : nullptr;
 }
 
-/// Rows of a segment are worked on eight at a time.
+/// Rows of a segment are worked on four at a time.
 SLICECORR_CLONES
 void Raster::add_areas(const Frame& f) {
-  const Reals shift = Reals{} + kShift, lane = {0, 1, 2, 3, 4, 5, 6, 7};
+  const Reals shift = Reals{} + kShift, lane = {0, 1, 2, 3};
   const Ints last_column = Ints{} + (f.width - 1);
   if (crossings_.size() < segments_.size()) crossings_.resize(2 * segments_.size());
   for (std::uint32_t group = 0; group < segments_.size(); group += kLanes) {
@@ -314,7 +314,7 @@ void Raster::add_areas(const Frame& f) {
         const Wholes rests = reinterpret_cast<Wholes>(rest + shift) - zero;
         const Wholes rest_areas = reinterpret_cast<Wholes>(rest_area + shift) - zero;
         alignas(64) PixelSums first_sums[kLanes], second_sums[kLanes];
-        const Wholes low = {0, 8, 1, 9, 2, 10, 3, 11}, high = {4, 12, 5, 13, 6, 14, 7, 15};
+        const Wholes low = {0, 4, 1, 5}, high = {2, 6, 3, 7};
         const Wholes parts[4] = {
             __builtin_shuffle(covers, areas, low), __builtin_shuffle(covers, areas, high),
             __builtin_shuffle(rests, rest_areas, low), __builtin_shuffle(rests, rest_areas, high)};
@@ -610,7 +610,7 @@ void Raster::draw_strip(PixelSums* sums, std::uint64_t* marks, double from, doub
 
 SLICECORR_CLONES
 void Raster::add_centres(const Frame& f) {
-  const Reals lane = {0.5, 1.5, 2.5, 3.5, 4.5, 5.5, 6.5, 7.5};
+  const Reals lane = {0.5, 1.5, 2.5, 3.5};
   for (const Segment& s : segments_) {
     if (s.ay == s.by) continue;
     const Line line(s, f);

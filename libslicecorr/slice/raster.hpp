@@ -94,7 +94,7 @@ class Raster {
     std::uint32_t row;  ///< the first
     int count;
     std::uint32_t segment;
-    int columns[8];  ///< of the left end in these rows
+    int columns[4];  ///< of the left end in these rows
   };
   std::vector<Crossings> crossings_;  ///< all of this slice: the first crossing_count_
   std::size_t crossing_count_ = 0;

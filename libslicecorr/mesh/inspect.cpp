@@ -1,127 +1,60 @@
 #include <algorithm>
-#include <bit>
+#include <atomic>
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <span>
 
-#include "mesh/mesh_parts.hpp"
+#include "mesh/half_edges.hpp"
+#include "slicecorr/error.hpp"
 
 namespace slicecorr {
+
+using detail::HalfEdge;
+using detail::HalfEdges;
+
 namespace {
 
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
-/// The edges of a mesh. A degenerate triangle has none: its two long sides lie on each other, so
-/// that its neighbours meet as if it were not there.
-class EdgeMap {
+/// Sets of connected triangles, joined by any number of threads at once.
+class Bodies {
  public:
-  struct Edge {
-    std::uint32_t first = kNone, second = kNone;  // corners 3 * triangle + k where they begin
-    std::uint32_t triangles = 0;
-  };
-
-  explicit EdgeMap(const TriangleMesh& mesh);
-  const std::vector<Edge>& edges() const { return edges_; }
-  /// The edge that begins at corner 3 * triangle + k; `kNone` in degenerate triangles.
-  std::uint32_t edge_at(std::size_t corner) const { return edge_of_corner_[corner]; }
-  bool degenerate(std::size_t triangle) const { return edge_of_corner_[3 * triangle] == kNone; }
-  /// Whether the two triangles of an edge run along it the same way.
-  bool same_way(const Edge& edge) const { return rises(edge.first) == rises(edge.second); }
-
- private:
-  bool rises(std::uint32_t corner) const {
-    const auto& triangle = mesh_.triangles[corner / 3];
-    return triangle[corner % 3] < triangle[(corner % 3 + 1) % 3];
-  }
-  const TriangleMesh& mesh_;
-  std::vector<Edge> edges_;
-  std::vector<std::uint32_t> edge_of_corner_;
-};
-
-void require_valid(const TriangleMesh& mesh) {
-  if (mesh.triangles.size() > kNone / 3) throw InputError("the mesh has too many triangles");
-  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
-    for (const std::uint32_t index : mesh.triangles[t]) {
-      if (index < mesh.vertices.size()) continue;
-      throw InputError("triangle " + std::to_string(t + 1) + ": vertex index " +
-                       std::to_string(index) + " is out of range, the mesh has " +
-                       std::to_string(mesh.vertices.size()) + " vertices");
-    }
-  }
-}
-
-bool is_degenerate(const TriangleMesh& mesh, const std::array<std::uint32_t, 3>& triangle) {
-  const Point3& a = mesh.vertices[triangle[0]];
-  const Point3& b = mesh.vertices[triangle[1]];
-  const Point3& c = mesh.vertices[triangle[2]];
-  return a == b || b == c || c == a;
-}
-
-EdgeMap::EdgeMap(const TriangleMesh& mesh)
-    : mesh_(mesh), edge_of_corner_(3 * mesh.triangles.size(), kNone) {
-  // Closed meshes have 1.5 edges per triangle, loose triangles 3.
-  const std::size_t size = std::bit_ceil(std::max<std::size_t>(16, 4 * mesh.triangles.size()));
-  struct Slot {
-    std::uint64_t key;
-    std::uint32_t edge;
-  };
-  std::vector<Slot> slots(size, Slot{0, kNone});
-  edges_.reserve(mesh.triangles.size() * 3 / 2);
-  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
-    const auto& triangle = mesh.triangles[t];
-    if (is_degenerate(mesh, triangle)) continue;
-    for (std::size_t k = 0; k < 3; ++k) {
-      const auto [low, high] = std::minmax(triangle[k], triangle[(k + 1) % 3]);
-      const std::uint64_t key = std::uint64_t{low} << 32 | high;
-      std::size_t slot = detail::mix(key) & (size - 1);
-      while (slots[slot].edge != kNone && slots[slot].key != key) slot = (slot + 1) & (size - 1);
-      if (slots[slot].edge == kNone) {
-        slots[slot] = {key, static_cast<std::uint32_t>(edges_.size())};
-        edges_.emplace_back();
-      }
-      Edge& edge = edges_[slots[slot].edge];
-      const auto corner = static_cast<std::uint32_t>(3 * t + k);
-      if (edge.triangles == 0) edge.first = corner;
-      if (edge.triangles == 1) edge.second = corner;
-      ++edge.triangles;
-      edge_of_corner_[corner] = slots[slot].edge;
-    }
-  }
-}
-
-class UnionFind {
- public:
-  explicit UnionFind(std::size_t count) : parent_(count) {
+  explicit Bodies(std::size_t count) : parent_(count) {
     std::iota(parent_.begin(), parent_.end(), 0u);
   }
   std::uint32_t root(std::uint32_t i) {
-    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
-    return i;
+    for (;;) {
+      std::uint32_t up = load(i);
+      if (up == i) return i;
+      const std::uint32_t upper = load(up);
+      if (up == upper) return up;
+      // Halves the path; whoever was faster did no harm.
+      std::atomic_ref(parent_[i]).compare_exchange_weak(up, upper, std::memory_order_relaxed);
+      i = upper;
+    }
   }
-  // The lower index wins: with halved paths that is fast enough.
+  // The lower index wins, so that no circle can come about.
   void unite(std::uint32_t a, std::uint32_t b) {
-    a = root(a);
-    b = root(b);
-    parent_[std::max(a, b)] = std::min(a, b);
+    for (;;) {
+      a = root(a);
+      b = root(b);
+      if (a == b) return;
+      if (a < b) std::swap(a, b);
+      std::uint32_t expected = a;
+      if (std::atomic_ref(parent_[a])
+              .compare_exchange_strong(expected, b, std::memory_order_relaxed)) {
+        return;
+      }
+    }
   }
 
  private:
+  std::uint32_t load(std::uint32_t i) {
+    return std::atomic_ref(parent_[i]).load(std::memory_order_relaxed);
+  }
   std::vector<std::uint32_t> parent_;
 };
-
-std::size_t count_bodies(const TriangleMesh& mesh, const EdgeMap& map) {
-  UnionFind bodies(mesh.triangles.size());
-  for (std::size_t corner = 0; corner < 3 * mesh.triangles.size(); ++corner) {
-    const std::uint32_t edge = map.edge_at(corner);
-    if (edge == kNone) continue;
-    bodies.unite(static_cast<std::uint32_t>(corner / 3), map.edges()[edge].first / 3);
-  }
-  std::size_t count = 0;
-  for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
-    count += !map.degenerate(t) && bodies.root(t) == t;
-  }
-  return count;
-}
 
 Point3 minus(const Point3& a, const Point3& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
 
@@ -143,68 +76,35 @@ bool has_zero_area(const Point3& a, const Point3& b, const Point3& c) {
   return largest(cross(u, v)) <= rounding;
 }
 
-std::size_t count_duplicates(const TriangleMesh& mesh, const EdgeMap& map) {
-  const std::size_t size = std::bit_ceil(std::max<std::size_t>(16, 2 * mesh.triangles.size()));
-  std::vector<std::uint32_t> slots(size, kNone);
-  const auto sorted = [&](std::size_t t) {
-    auto corners = mesh.triangles[t];
-    std::sort(corners.begin(), corners.end());
-    return corners;
-  };
-  std::size_t count = 0;
-  for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
-    if (map.degenerate(t)) continue;
-    const auto corners = sorted(t);
-    const std::uint64_t two = std::uint64_t{corners[0]} << 32 | corners[1];
-    std::size_t slot = detail::mix(detail::mix(two) ^ corners[2]) & (size - 1);
-    while (slots[slot] != kNone && sorted(slots[slot]) != corners) slot = (slot + 1) & (size - 1);
-    if (slots[slot] == kNone) {
-      slots[slot] = t;
-    } else {
-      ++count;
-    }
+/// Of the sides of one edge that belong to triangles whose third corner is the highest, those
+/// whose triangle has an equal one before it.
+std::size_t count_repeated(const TriangleMesh& mesh, std::span<const HalfEdge> sides,
+                           std::vector<std::uint32_t>& thirds) {
+  thirds.clear();
+  for (const HalfEdge& side : sides) {
+    const std::uint32_t third = mesh.triangles[side.corner / 3][(side.corner % 3 + 2) % 3];
+    if (third > side.high) thirds.push_back(third);
   }
-  return count;
+  if (thirds.size() < 2) return 0;
+  std::sort(thirds.begin(), thirds.end());
+  return thirds.size() -
+         static_cast<std::size_t>(std::unique(thirds.begin(), thirds.end()) - thirds.begin());
 }
 
-std::vector<bool> find_flipped(const TriangleMesh& mesh, const EdgeMap& map) {
-  const std::size_t count = mesh.triangles.size();
-  std::vector<bool> turned(count, false), seen(count, false);
-  std::vector<std::uint32_t> part;  // of one connected part: visited, then still to visit
-  for (std::uint32_t start = 0; start < count; ++start) {
-    if (seen[start] || map.degenerate(start)) continue;
-    part.assign(1, start);
-    seen[start] = true;
-    std::size_t turned_count = 0;
-    for (std::size_t next = 0; next < part.size(); ++next) {
-      const std::uint32_t t = part[next];
-      turned_count += turned[t];
-      for (std::uint32_t corner = 3 * t; corner < 3 * t + 3; ++corner) {
-        const EdgeMap::Edge& edge = map.edges()[map.edge_at(corner)];
-        if (edge.triangles != 2) continue;
-        const std::uint32_t other = (edge.first == corner ? edge.second : edge.first) / 3;
-        if (seen[other]) continue;
-        seen[other] = true;
-        turned[other] = turned[t] != map.same_way(edge);
-        part.push_back(other);
-      }
-    }
-    if (2 * turned_count > part.size()) {
-      for (const std::uint32_t t : part) turned[t] = !turned[t];
-    }
-  }
-  return turned;
-}
+/// What a chunk of the mesh adds to its report.
+struct Part {
+  double six_volumes = 0;
+  MeshDefects defects;
+};
 
 }  // namespace
 
-std::vector<bool> flipped_triangles(const TriangleMesh& mesh) {
-  require_valid(mesh);
-  return find_flipped(mesh, EdgeMap(mesh));
+std::vector<bool> flipped_triangles(const TriangleMesh& mesh, const Job& job) {
+  return detail::flipped(HalfEdges(mesh, job), job);
 }
 
-MeshReport inspect(const TriangleMesh& mesh) {
-  require_valid(mesh);
+MeshReport inspect(const TriangleMesh& mesh, const Job& job) {
+  const HalfEdges halves(mesh, job);
   MeshReport report;
   report.vertices = mesh.vertices.size();
   report.triangles = mesh.triangles.size();
@@ -213,42 +113,85 @@ MeshReport inspect(const TriangleMesh& mesh) {
   report.lower = report.upper = mesh.vertices[mesh.triangles[0][0]];
   for (const auto& triangle : mesh.triangles) {
     for (const std::uint32_t index : triangle) {
-      for (int k = 0; k < 3; ++k) {
+      for (std::size_t k = 0; k < 3; ++k) {
         report.lower[k] = std::min(report.lower[k], mesh.vertices[index][k]);
         report.upper[k] = std::max(report.upper[k], mesh.vertices[index][k]);
       }
     }
   }
 
-  const EdgeMap map(mesh);
+  const Job quiet = detail::silent(job);
   MeshDefects& defects = report.defects;
-  double six_volumes = 0;
   // Tetrahedra from a corner of the box: from the origin, far parts would lose digits.
   const Point3 apex = report.lower;
-  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
-    const Point3& a = mesh.vertices[mesh.triangles[t][0]];
-    const Point3& b = mesh.vertices[mesh.triangles[t][1]];
-    const Point3& c = mesh.vertices[mesh.triangles[t][2]];
-    if (map.degenerate(t)) {
-      ++defects.degenerate_triangles;
-      continue;
+  // Summed chunk by chunk, so that the sum does not depend on threads.
+  constexpr std::size_t kChunk = 1 << 16;
+  std::vector<Part> parts((mesh.triangles.size() + kChunk - 1) / kChunk);
+  parallel_for(quiet, "", parts.size(), [&](std::size_t i) {
+    Part part;
+    const std::size_t end = std::min(mesh.triangles.size(), (i + 1) * kChunk);
+    for (std::size_t t = i * kChunk; t < end; ++t) {
+      if (halves.degenerate(t)) {
+        ++part.defects.degenerate_triangles;
+        continue;
+      }
+      const Point3& a = mesh.vertices[mesh.triangles[t][0]];
+      const Point3& b = mesh.vertices[mesh.triangles[t][1]];
+      const Point3& c = mesh.vertices[mesh.triangles[t][2]];
+      if (has_zero_area(a, b, c)) ++part.defects.zero_area_triangles;
+      const Point3 normal = cross(minus(b, apex), minus(c, apex));
+      const Point3 arm = minus(a, apex);
+      part.six_volumes += arm[0] * normal[0] + arm[1] * normal[1] + arm[2] * normal[2];
     }
-    if (has_zero_area(a, b, c)) ++defects.zero_area_triangles;
-    const Point3 normal = cross(minus(b, apex), minus(c, apex));
-    const Point3 arm = minus(a, apex);
-    six_volumes += arm[0] * normal[0] + arm[1] * normal[1] + arm[2] * normal[2];
+    parts[i] = part;
+  });
+  double six_volumes = 0;
+  for (const Part& part : parts) {
+    six_volumes += part.six_volumes;
+    defects.degenerate_triangles += part.defects.degenerate_triangles;
+    defects.zero_area_triangles += part.defects.zero_area_triangles;
   }
   report.volume = six_volumes / 6;
-  for (const EdgeMap::Edge& edge : map.edges()) {
-    if (edge.triangles == 1) ++defects.open_edges;
-    if (edge.triangles > 2) ++defects.crowded_edges;
-    if (edge.triangles == 2 && map.same_way(edge)) ++defects.misoriented_edges;
+
+  struct Scratch {
+    MeshDefects defects;
+    std::vector<HalfEdge> sides;
+    std::vector<std::uint32_t> thirds;
+  };
+  std::vector<Scratch> chunks(halves.chunks());
+  Bodies bodies(mesh.triangles.size());
+  halves.for_each(job, [&](std::size_t chunk, std::uint32_t, std::span<const HalfEdge> all) {
+    Scratch& s = chunks[chunk];
+    s.sides.clear();
+    for (const HalfEdge& side : all) {
+      if (!halves.degenerate(side.corner / 3)) s.sides.push_back(side);
+    }
+    const std::size_t n = s.sides.size();
+    if (n == 1) ++s.defects.open_edges;
+    if (n > 2) ++s.defects.crowded_edges;
+    if (n < 2) return;
+    if (n == 2 && halves.rises(s.sides[0].corner) == halves.rises(s.sides[1].corner)) {
+      ++s.defects.misoriented_edges;
+    }
+    for (std::size_t i = 1; i < n; ++i) {
+      bodies.unite(s.sides[i].corner / 3, s.sides[0].corner / 3);
+    }
+    s.defects.duplicate_triangles += count_repeated(mesh, s.sides, s.thirds);
+  });
+  for (const Scratch& s : chunks) {
+    defects.open_edges += s.defects.open_edges;
+    defects.crowded_edges += s.defects.crowded_edges;
+    defects.misoriented_edges += s.defects.misoriented_edges;
+    defects.duplicate_triangles += s.defects.duplicate_triangles;
   }
-  defects.duplicate_triangles = count_duplicates(mesh, map);
-  const std::vector<bool> flipped = find_flipped(mesh, map);
-  defects.flipped_triangles =
-      static_cast<std::size_t>(std::count(flipped.begin(), flipped.end(), true));
-  report.bodies = count_bodies(mesh, map);
+  if (defects.misoriented_edges > 0) {
+    const std::vector<bool> turned = detail::flipped(halves, job);
+    defects.flipped_triangles =
+        static_cast<std::size_t>(std::count(turned.begin(), turned.end(), true));
+  }
+  for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
+    report.bodies += !halves.degenerate(t) && bodies.root(t) == t;
+  }
   return report;
 }
 

@@ -104,7 +104,7 @@ class WordReader {
   bool skips_comments_ = false;
 };
 
-TriangleMesh read_stl(const std::string& bytes, const std::string& path);
+TriangleMesh read_stl(const std::string& bytes, const std::string& path, const Job& job);
 TriangleMesh read_obj(const std::string& bytes, const std::string& path);
 TriangleMesh read_off(const std::string& bytes, const std::string& path);
 TriangleMesh read_ply(const std::string& bytes, const std::string& path);

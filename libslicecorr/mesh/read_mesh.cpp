@@ -161,7 +161,7 @@ void place(TriangleMesh& mesh, const Placement& placement, double file_unit_mm,
 
 }  // namespace
 
-TriangleMesh read_mesh(const std::string& path, const Placement& placement) {
+TriangleMesh read_mesh(const std::string& path, const Placement& placement, const Job& job) {
   check(placement);
   const std::string extension = detail::format_of(path).extension;
   std::string bytes = detail::read_bytes(path);
@@ -169,7 +169,7 @@ TriangleMesh read_mesh(const std::string& path, const Placement& placement) {
   double file_unit_mm = 1.0;
   TriangleMesh mesh;
   if (extension == ".stl") {
-    mesh = detail::read_stl(bytes, path);
+    mesh = detail::read_stl(bytes, path, job);
   } else if (extension == ".obj") {
     mesh = detail::read_obj(bytes, path);
   } else if (extension == ".ply") {

@@ -1,9 +1,13 @@
 // STL is read here and not through OpenMesh: its readers drop degenerate triangles, merge vertices
 // with an epsilon, accept files cut in the middle, and take the count of a binary file on trust.
 // This is also no slower (a hash instead of a std::map).
+#include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <limits>
+#include <utility>
 
+#include "mesh/half_edges.hpp"
 #include "mesh/mesh_parts.hpp"
 
 namespace slicecorr::detail {
@@ -35,26 +39,117 @@ std::uint32_t little_u32(const char* at) {
   return value;
 }
 
-double little_float(const char* at) { return std::bit_cast<float>(little_u32(at)); }
+/// Corners by the place they are at, three floats as they are in the file.
+struct Place {
+  float x, y, z;
+  bool operator==(const Place&) const = default;
+};
 
-TriangleMesh read_binary(const std::string& bytes, const std::string& path, std::size_t count) {
-  TriangleMesh mesh;
-  mesh.triangles.reserve(count);
-  VertexPool pool(count / 2 + 3);  // closed meshes have about half as many vertices as triangles
-  for (std::size_t t = 0; t < count; ++t) {
-    const char* record = bytes.data() + kHeader + t * kRecord + 12;  // past the normal
-    std::array<std::uint32_t, 3> triangle;
-    for (std::size_t k = 0; k < 3; ++k) {
-      const char* at = record + 12 * k;
-      const Point3 point{little_float(at), little_float(at + 4), little_float(at + 8)};
-      if (!std::isfinite(point[0] + point[1] + point[2])) {
-        require_finite(point, path, "triangle " + std::to_string(t + 1));
-      }
-      triangle[k] = pool.index(point);
-    }
-    mesh.triangles.push_back(triangle);
+Place place_at(const char* at) {
+  // Adding 0 turns -0 into 0: the same place.
+  return {std::bit_cast<float>(little_u32(at)) + 0.0F,
+          std::bit_cast<float>(little_u32(at + 4)) + 0.0F,
+          std::bit_cast<float>(little_u32(at + 8)) + 0.0F};
+}
+
+std::uint64_t hash_of(const Place& p) {
+  const std::uint64_t xy =
+      std::uint64_t{std::bit_cast<std::uint32_t>(p.x)} << 32 | std::bit_cast<std::uint32_t>(p.y);
+  return mix(mix(xy + 0x9e3779b97f4a7c15u) ^ std::bit_cast<std::uint32_t>(p.z));
+}
+
+/// Equal corners get one index, in the order of first appearance. Corners are dealt out by their
+/// hash, equal ones to the same share; shares are independent of each other.
+TriangleMesh read_binary(const std::string& bytes, const std::string& path, std::size_t count,
+                         const Job& job) {
+  if (count > std::numeric_limits<std::uint32_t>::max() / 3) {
+    throw InputError(path, "", "has more than 1431655765 triangles");
   }
-  mesh.vertices = pool.take();
+  const Job quiet = silent(job);
+  constexpr std::size_t kChunk = 1 << 15;
+  constexpr std::size_t kShares = 256;
+  const std::size_t chunks = (count + kChunk - 1) / kChunk, corners = 3 * count;
+  const auto corner_at = [&](std::size_t corner) {
+    return bytes.data() + kHeader + corner / 3 * kRecord + 12 +
+           12 * (corner % 3);  // past the normal
+  };
+  const auto corners_of = [&](std::size_t chunk, const auto& each) {
+    const std::size_t end = std::min(corners, 3 * kChunk * (chunk + 1));
+    for (std::size_t c = 3 * kChunk * chunk; c < end; ++c) each(c);
+  };
+  // How many corners of each chunk go to each share; then where they begin there.
+  std::vector<std::array<std::uint32_t, kShares>> begin(chunks);
+  std::vector<std::uint8_t> share(corners);
+  parallel_for(quiet, "", chunks, [&](std::size_t chunk) {
+    auto& counts = begin[chunk];
+    counts.fill(0);
+    corners_of(chunk, [&](std::size_t c) {
+      const Place p = place_at(corner_at(c));
+      if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z)) {
+        require_finite({p.x, p.y, p.z}, path, "triangle " + std::to_string(c / 3 + 1));
+      }
+      share[c] = static_cast<std::uint8_t>(hash_of(p) >> 56);
+      ++counts[share[c]];
+    });
+  });
+  std::array<std::uint32_t, kShares + 1> share_begin{};
+  std::uint32_t sum = 0;
+  for (std::size_t s = 0; s < kShares; ++s) {
+    share_begin[s] = sum;
+    for (auto& counts : begin) sum += std::exchange(counts[s], sum);
+  }
+  share_begin[kShares] = sum;
+  std::vector<std::uint32_t> dealt(corners);
+  parallel_for(quiet, "", chunks, [&](std::size_t chunk) {
+    auto& at = begin[chunk];
+    corners_of(chunk,
+               [&](std::size_t c) { dealt[at[share[c]]++] = static_cast<std::uint32_t>(c); });
+  });
+  share = {};
+  // For each corner the first one at its place.
+  TriangleMesh mesh;
+  mesh.triangles.resize(count);
+  std::uint32_t* const first = mesh.triangles[0].data();
+  parallel_for(quiet, "", kShares, [&](std::size_t s) {
+    const std::size_t n = share_begin[s + 1] - share_begin[s];
+    const std::size_t size = std::bit_ceil(std::max<std::size_t>(16, n));  // closed: n / 6 places
+    struct Slot {
+      Place place;
+      std::uint32_t corner;
+    };
+    constexpr std::uint32_t kFree = std::numeric_limits<std::uint32_t>::max();
+    std::vector<Slot> slots(2 * size, Slot{{}, kFree});
+    for (std::size_t i = 0; i < n; ++i) {
+      const std::uint32_t c = dealt[share_begin[s] + i];
+      const Place p = place_at(corner_at(c));
+      std::size_t slot = hash_of(p) & (2 * size - 1);
+      while (slots[slot].corner != kFree && !(slots[slot].place == p)) {
+        slot = (slot + 1) & (2 * size - 1);
+      }
+      if (slots[slot].corner == kFree) slots[slot] = {p, c};
+      first[c] = slots[slot].corner;
+    }
+  });
+  dealt = {};
+  // Numbers in the order of first appearance.
+  std::vector<std::uint32_t> number(corners), vertices(chunks + 1, 0);
+  parallel_for(quiet, "", chunks, [&](std::size_t chunk) {
+    corners_of(chunk, [&](std::size_t c) { vertices[chunk + 1] += first[c] == c; });
+  });
+  for (std::size_t chunk = 0; chunk < chunks; ++chunk) vertices[chunk + 1] += vertices[chunk];
+  mesh.vertices.resize(vertices[chunks]);
+  parallel_for(quiet, "", chunks, [&](std::size_t chunk) {
+    std::uint32_t next = vertices[chunk];
+    corners_of(chunk, [&](std::size_t c) {
+      if (first[c] != c) return;
+      const Place p = place_at(corner_at(c));
+      mesh.vertices[next] = {p.x, p.y, p.z};
+      number[c] = next++;
+    });
+  });
+  parallel_for(quiet, "", chunks, [&](std::size_t chunk) {
+    corners_of(chunk, [&](std::size_t c) { first[c] = number[first[c]]; });
+  });
   return mesh;
 }
 
@@ -125,11 +220,11 @@ TriangleMesh read_ascii(const std::string& bytes, const std::string& path) {
 
 }  // namespace
 
-TriangleMesh read_stl(const std::string& bytes, const std::string& path) {
+TriangleMesh read_stl(const std::string& bytes, const std::string& path, const Job& job) {
   TriangleMesh mesh;
   const std::size_t count = bytes.size() < kHeader ? 0 : little_u32(bytes.data() + 80);
   if (bytes.size() >= kHeader && bytes.size() == kHeader + kRecord * count) {
-    mesh = read_binary(bytes, path, count);
+    if (count > 0) mesh = read_binary(bytes, path, count, job);
   } else if (looks_ascii(bytes)) {
     mesh = read_ascii(bytes, path);
   } else if (bytes.size() < kHeader) {

@@ -66,8 +66,8 @@ TriangleMesh read_parts(const MeshOptions& options, const Job& job) {
   TriangleMesh all;
   for (const std::string& path : options.parts) {
     job.check_cancelled();
-    const TriangleMesh part = read_mesh(path, options.placement());
-    const MeshReport r = inspect(part);
+    const TriangleMesh part = read_mesh(path, options.placement(), job);
+    const MeshReport r = inspect(part, job);
     job.tell(fmt::format("{}: {} {}, {} {}, {:.3f} x {:.3f} x {:.3f} mm", path, r.triangles,
                          r.triangles == 1 ? "triangle" : "triangles", r.bodies,
                          r.bodies == 1 ? "body" : "bodies", r.upper[0] - r.lower[0],

@@ -5,6 +5,7 @@
 #include <limits>
 #include <mutex>
 
+#include "mesh/half_edges.hpp"
 #include "slice/bridges.hpp"
 #include "slice/raster.hpp"
 #include "slicecorr/error.hpp"
@@ -25,12 +26,6 @@ constexpr double kPixelTolerance = 1e-3;
 /// is cut at z = n.
 struct Corner {
   double x, y, z;
-};
-
-/// An edge that its triangles do not run along equally often both ways: contours break there.
-struct OpenEdge {
-  std::uint32_t low, high;
-  std::int32_t surplus;  ///< triangles that run from low to high, less those that run back
 };
 
 struct Span {
@@ -78,12 +73,14 @@ struct MeshSlices::Impl {
   SliceReport report;
   std::vector<Corner> corners;
   std::vector<std::array<std::uint32_t, 3>> triangles;  ///< turned where needed
-  std::vector<std::vector<Segment>> bridges;            ///< per slice
+  std::vector<detail::OpenEdge> open;
+  std::vector<std::vector<Segment>> bridges;  ///< per slice
   int rows_per_bin = 1;
   std::vector<std::size_t> bin_begin;  ///< per bin of rows: where its triangles begin in `binned`
   std::vector<std::uint32_t> binned;
 
-  void place(const TriangleMesh& mesh, const Printer& printer, const SliceOptions& options);
+  void place(const TriangleMesh& mesh, const Printer& printer, const SliceOptions& options,
+             const Job& job);
   void close_contours(const Job& job);
   void bin_triangles();
 
@@ -109,6 +106,21 @@ struct MeshSlices::Impl {
     const auto [low, high] = std::minmax({corners[t[0]].z, corners[t[1]].z, corners[t[2]].z});
     return cut_by(low, high, grid.layers);
   }
+  /// The slices whose cut of the triangle may lie in rows [y0, y1).
+  Span slices_of(const std::array<std::uint32_t, 3>& t, double y0, double y1) const {
+    double low = std::numeric_limits<double>::infinity(), high = -low;
+    const auto see = [&](double z) { low = std::min(low, z), high = std::max(high, z); };
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Corner &a = corners[t[k]], &b = corners[t[k == 2 ? 0 : k + 1]];
+      if (a.y >= y0 && a.y <= y1) see(a.z);
+      for (const double y : {y0, y1}) {
+        if ((a.y < y) != (b.y < y)) see(a.z + (y - a.y) / (b.y - a.y) * (b.z - a.z));
+      }
+    }
+    // What rounding may hide: a slice more on either side.
+    const Span all = slices_of(t), inside = cut_by(low - 1, high + 1, grid.layers);
+    return {std::max(all.first, inside.first), std::min(all.last, inside.last)};
+  }
   std::vector<Entry> entries_of(int y0, int y1) const;
 };
 
@@ -133,12 +145,14 @@ void MeshSlices::Impl::set_edges(Cut& cut, int slice) const {
 }
 
 void MeshSlices::Impl::place(const TriangleMesh& mesh, const Printer& printer,
-                             const SliceOptions& options) {
+                             const SliceOptions& options, const Job& job) {
   if (!(options.layer_um >= 1.0) || !(options.layer_um <= 1000.0)) {
     throw InputError(fmt::format("slice height {:g} um; expected 1 to 1000", options.layer_um));
   }
   if (mesh.triangles.empty()) throw InputError("there is no triangle to slice");
-  const std::vector<bool> turned = flipped_triangles(mesh);  // refuses indices out of range
+  const detail::HalfEdges halves(mesh, job);  // refuses indices out of range
+  const std::vector<bool> turned = detail::flipped(halves, job);
+  open = detail::open_edges(halves, turned, job);
   Point3 low = mesh.vertices[mesh.triangles[0][0]], high = low;
   bool finite = true;
   for (const auto& t : mesh.triangles) {
@@ -220,34 +234,6 @@ void MeshSlices::Impl::place(const TriangleMesh& mesh, const Printer& printer,
 }
 
 void MeshSlices::Impl::close_contours(const Job& job) {
-  struct HalfEdge {
-    std::uint64_t key;
-    std::int32_t way;
-  };
-  std::vector<HalfEdge> halves;
-  halves.reserve(triangles.size() * 3);
-  for (const auto& t : triangles) {
-    for (std::size_t k = 0; k < 3; ++k) {
-      const std::uint32_t a = t[k], b = t[k == 2 ? 0 : k + 1];
-      if (a == b) continue;
-      const std::uint64_t key = (static_cast<std::uint64_t>(std::min(a, b)) << 32) | std::max(a, b);
-      halves.push_back({key, a < b ? 1 : -1});
-    }
-  }
-  std::sort(halves.begin(), halves.end(),
-            [](const HalfEdge& p, const HalfEdge& q) { return p.key < q.key; });
-  std::vector<OpenEdge> open;
-  for (std::size_t i = 0; i < halves.size();) {
-    std::size_t end = i;
-    std::int32_t surplus = 0;
-    for (; end < halves.size() && halves[end].key == halves[i].key; ++end)
-      surplus += halves[end].way;
-    if (surplus != 0) {
-      open.push_back({static_cast<std::uint32_t>(halves[i].key >> 32),
-                      static_cast<std::uint32_t>(halves[i].key & 0xFFFFFFFFU), surplus});
-    }
-    i = end;
-  }
   bridges.resize(static_cast<std::size_t>(grid.layers));
   if (open.empty()) return;
 
@@ -312,7 +298,8 @@ std::vector<Entry> MeshSlices::Impl::entries_of(int y0, int y1) const {
     for (std::size_t i = bin_begin[b]; i < bin_begin[b + 1]; ++i) {
       const auto& t = triangles[binned[i]];
       if (b > first && bins_of(t).first < b) continue;  // found in an earlier bin
-      const Span span = slices_of(t);
+      const Span span = slices_of(t, y0, y1);
+      if (span.first > span.last) continue;
       found.push_back({binned[i], span});
       ++at[static_cast<std::size_t>(span.first) + 1];
     }
@@ -327,7 +314,7 @@ MeshSlices::MeshSlices(const TriangleMesh& mesh, const Printer& printer,
                        const SliceOptions& options, const Job& job)
     : impl_(std::make_unique<Impl>()) {
   impl_->antialias = options.antialias;
-  impl_->place(mesh, printer, options);
+  impl_->place(mesh, printer, options, job);
   job.check_cancelled();
   impl_->close_contours(job);
   impl_->bin_triangles();

@@ -132,22 +132,79 @@ SLICECORR_INLINE void add_piece(PixelSums* sums, std::uint64_t* marks, double xa
   add_to(sums[last], rest, rest * (1.0 - 0.5 * (right - last)));
 }
 
+using Reals = double __attribute__((vector_size(32)));
+using Wholes = std::int64_t __attribute__((vector_size(32)));
+using Ints = std::int32_t __attribute__((vector_size(16)));
+constexpr int kLanes = 4;
+
 /// Writes 64 pixels, or the first `count` of them: 255 for every bit that is set, else 0.
 SLICECORR_INLINE void spread(std::uint64_t bits, std::uint8_t* pixels, std::size_t count) {
-  std::uint64_t bytes[8];
-  for (unsigned k = 0; k < 8; ++k) {
-    // Byte k of the bits in all bytes, of which each keeps a bit of its own.
-    std::uint64_t b = (bits >> (8 * k) & 0xFF) * 0x0101010101010101u & 0x8040201008040201u;
-    b = (b + 0x7F7F7F7F7F7F7F7Fu) >> 7 & 0x0101010101010101u;
-    bytes[k] = (b << 8) - b;
+  using Words = std::uint64_t __attribute__((vector_size(64)));
+  using Bytes = std::uint8_t __attribute__((vector_size(64)));
+  // The byte of eight bits that each pixel finds its own in: within 16 bytes, as they all are
+  // alike.
+  constexpr Bytes kByte = {0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1, 2, 2, 2, 2, 2, 2,
+                           2, 2, 3, 3, 3, 3, 3, 3, 3, 3, 4, 4, 4, 4, 4, 4, 4, 4, 5, 5, 5, 5,
+                           5, 5, 5, 5, 6, 6, 6, 6, 6, 6, 6, 6, 7, 7, 7, 7, 7, 7, 7, 7};
+  const Bytes own = reinterpret_cast<Bytes>(Words{} + 0x8040201008040201u);
+  const Bytes all = reinterpret_cast<Bytes>(Words{} + bits);
+  const auto lit = (__builtin_shuffle(all, kByte) & own) == own;
+  if (count >= 64) [[likely]] {
+    std::memcpy(pixels, &lit, 64);
+  } else {
+    std::memcpy(pixels, &lit, count);
   }
-  std::memcpy(pixels, bytes, count < 64 ? count : 64);
 }
 
-using Reals = double __attribute__((vector_size(64)));
-using Wholes = std::int64_t __attribute__((vector_size(64)));
-using Ints = std::int32_t __attribute__((vector_size(32)));
-constexpr int kLanes = 8;
+/// Four segments as lines.
+struct Lines {
+  double ux[kLanes], uy[kLanes], lx[kLanes], ly[kLanes];
+  double slope[kLanes], least[kLanes], most[kLanes];
+  double one[kLanes];               ///< height of a row, negative where the contour goes up
+  double per_pixel[kLanes];         ///< height per pixel along x
+  int first[kLanes], last[kLanes];  ///< rows; none where first is beyond last
+
+  SLICECORR_INLINE Lines(const Segment* segments, std::size_t count, double x0, double y0,
+                         double y1, double width) {
+    Reals ax{}, ay{}, bx{}, by{};
+    for (int k = 0; k < kLanes && static_cast<std::size_t>(k) < count; ++k) {
+      ax[k] = segments[k].ax, ay[k] = segments[k].ay;
+      bx[k] = segments[k].bx, by[k] = segments[k].by;
+    }
+    const auto down = ay < by;
+    const Reals right = Reals{} + width;
+    Reals upper_x = (down ? ax : bx) - x0, lower_x = (down ? bx : ax) - x0;
+    const Reals upper_y = down ? ay : by, lower_y = down ? by : ay;
+    upper_x = upper_x > 0 ? upper_x : Reals{};
+    lower_x = lower_x > 0 ? lower_x : Reals{};
+    upper_x = upper_x < right ? upper_x : right;
+    lower_x = lower_x < right ? lower_x : right;
+    const Reals slopes = (lower_x - upper_x) / (lower_y - upper_y);
+    const Reals left = upper_x < lower_x ? upper_x : lower_x;
+    const Reals rest = upper_x < lower_x ? lower_x : upper_x;
+    const Reals ones = down ? Reals{} + kOneReal : Reals{} - kOneReal;
+    const Reals per_pixels = ones * ((lower_y - upper_y) / (rest - left));
+    // Bounded before they are made whole; rows below y0 are not negative.
+    Reals top = upper_y > y0 ? upper_y : Reals{} + y0;
+    Reals bottom = lower_y < y1 ? lower_y : Reals{} + y1;
+    top = top < y1 ? top : Reals{} + y1;
+    bottom = bottom > y0 ? bottom : Reals{} + y0;
+    const Ints first_row = __builtin_convertvector(top, Ints);
+    Ints last_row = __builtin_convertvector(bottom, Ints);
+    last_row += __builtin_convertvector(__builtin_convertvector(last_row, Reals) >= bottom, Ints);
+    std::memcpy(ux, &upper_x, sizeof ux);
+    std::memcpy(uy, &upper_y, sizeof uy);
+    std::memcpy(lx, &lower_x, sizeof lx);
+    std::memcpy(ly, &lower_y, sizeof ly);
+    std::memcpy(slope, &slopes, sizeof slope);
+    std::memcpy(least, &left, sizeof least);
+    std::memcpy(most, &rest, sizeof most);
+    std::memcpy(one, &ones, sizeof one);
+    std::memcpy(per_pixel, &per_pixels, sizeof per_pixel);
+    std::memcpy(first, &first_row, sizeof first);
+    std::memcpy(last, &last_row, sizeof last);
+  }
+};
 
 }  // namespace
 
@@ -167,6 +224,10 @@ Raster::Raster(int x0, int y0, int x1, int y1, bool antialias)
   if (antialias) {
     sums_.resize(rows * (width_ + 1));
     row_ends_.resize(rows + 1);
+    gaps_.resize(words_);
+    columns_.resize(64 * words_ + 8);
+    levels_.resize(columns_.size());
+    begins_.resize(columns_.size());
   } else {
     steps_.resize(rows * (width_ + 1));
   }
@@ -197,88 +258,93 @@ const std::uint8_t* Raster::draw(std::span<const Segment> segments) {
   return lit ? pixels_.data() : nullptr;
 }
 
-/// Rows of a segment are worked on eight at a time.
+/// Rows of a segment are worked on four at a time.
 SLICECORR_CLONES
 void Raster::add_areas(const Frame& f) {
-  const Reals shift = Reals{} + kShift, lane = {0, 1, 2, 3, 4, 5, 6, 7};
+  const Reals shift = Reals{} + kShift, lane = {0, 1, 2, 3};
   const Ints last_column = Ints{} + (f.width - 1);
   if (crossings_.size() < segments_.size()) crossings_.resize(2 * segments_.size());
-  for (std::uint32_t segment = 0; segment < segments_.size(); ++segment) {
-    const Segment& s = segments_[segment];
-    if (s.ay == s.by) {
-      add_horizontal(s, f);
-      continue;
-    }
-    const Line line(s, f);
-    if (line.ly <= f.y0 || line.uy >= f.y1) continue;
-    const double one = line.down ? kOneReal : -kOneReal;
-    const double per_pixel = one * ((line.ly - line.uy) / (line.most - line.least));
-    const int last = line.last_row(f);
-    for (int base = line.first_row(f); base <= last; base += kLanes) {
-      const int count = std::min(kLanes, last - base + 1);
-      const Reals top = lane + base, bottom = top + 1.0;
-      const auto begins = top <= line.uy, ends = bottom >= line.ly;
-      Reals upper_x = line.ux + (top - line.uy) * line.slope;
-      Reals lower_x = line.ux + (bottom - line.uy) * line.slope;
-      upper_x = upper_x > line.least ? upper_x : Reals{} + line.least;
-      lower_x = lower_x > line.least ? lower_x : Reals{} + line.least;
-      upper_x = upper_x < line.most ? upper_x : Reals{} + line.most;
-      lower_x = lower_x < line.most ? lower_x : Reals{} + line.most;
-      upper_x = begins ? Reals{} + line.ux : upper_x;
-      lower_x = ends ? Reals{} + line.lx : lower_x;
-      const Reals upper_y = begins ? line.uy - top : Reals{};
-      const Reals lower_y = ends ? line.ly - top : Reals{} + 1.0;
-      const Reals height = (lower_y * one + shift) - (upper_y * one + shift);
-      const Reals left = upper_x < lower_x ? upper_x : lower_x;
-      const Reals right = upper_x < lower_x ? lower_x : upper_x;
-      Ints first_i = __builtin_convertvector(left, Ints);
-      Ints last_i = __builtin_convertvector(right, Ints);
-      first_i = first_i < last_column ? first_i : last_column;
-      last_i = last_i < last_column ? last_i : last_column;
-      const Reals column = __builtin_convertvector(first_i, Reals);
-      const Reals side = column + 1.0, nearer = right < side ? right : side;
-      // Of the first pixel, and of the second one, if there is any.
-      Reals cover = (per_pixel * (nearer - left) + shift) - shift;
-      cover = column == __builtin_convertvector(last_i, Reals) ? height : cover;
-      const Reals area = cover * (side - 0.5 * (left + nearer));
-      const Reals rest = height - cover;
-      const Reals rest_area = rest * (1.0 - 0.5 * (right - side));
-      const Wholes zero = reinterpret_cast<Wholes>(shift);
-      const Wholes covers = reinterpret_cast<Wholes>(cover + shift) - zero;
-      const Wholes areas = reinterpret_cast<Wholes>(area + shift) - zero;
-      const Wholes rests = reinterpret_cast<Wholes>(rest + shift) - zero;
-      const Wholes rest_areas = reinterpret_cast<Wholes>(rest_area + shift) - zero;
-      alignas(64) PixelSums first_sums[kLanes], second_sums[kLanes];
-      const Wholes low = {0, 8, 1, 9, 2, 10, 3, 11}, high = {4, 12, 5, 13, 6, 14, 7, 15};
-      const Wholes parts[4] = {
-          __builtin_shuffle(covers, areas, low), __builtin_shuffle(covers, areas, high),
-          __builtin_shuffle(rests, rest_areas, low), __builtin_shuffle(rests, rest_areas, high)};
-      std::memcpy(first_sums, parts, sizeof first_sums);
-      std::memcpy(second_sums, parts + 2, sizeof second_sums);
+  for (std::uint32_t group = 0; group < segments_.size(); group += kLanes) {
+    const Lines lines(segments_.data() + group, segments_.size() - group, f.x0, f.y0, f.y1,
+                      f.width);
+    for (std::uint32_t k = 0; k < kLanes && group + k < segments_.size(); ++k) {
+      const std::uint32_t segment = group + k;
+      if (lines.uy[k] == lines.ly[k]) [[unlikely]] {
+        add_horizontal(segments_[segment], f);
+        continue;
+      }
+      struct {
+        double ux, uy, lx, ly, slope, least, most;
+      } const line = {lines.ux[k],    lines.uy[k],    lines.lx[k],  lines.ly[k],
+                      lines.slope[k], lines.least[k], lines.most[k]};
+      const double one = lines.one[k], per_pixel = lines.per_pixel[k];
+      const int last = lines.last[k];
+      for (int base = lines.first[k]; base <= last; base += kLanes) {
+        const int count = std::min(kLanes, last - base + 1);
+        const Reals top = lane + base, bottom = top + 1.0;
+        const auto begins = top <= line.uy, ends = bottom >= line.ly;
+        Reals upper_x = line.ux + (top - line.uy) * line.slope;
+        Reals lower_x = line.ux + (bottom - line.uy) * line.slope;
+        upper_x = upper_x > line.least ? upper_x : Reals{} + line.least;
+        lower_x = lower_x > line.least ? lower_x : Reals{} + line.least;
+        upper_x = upper_x < line.most ? upper_x : Reals{} + line.most;
+        lower_x = lower_x < line.most ? lower_x : Reals{} + line.most;
+        upper_x = begins ? Reals{} + line.ux : upper_x;
+        lower_x = ends ? Reals{} + line.lx : lower_x;
+        const Reals upper_y = begins ? line.uy - top : Reals{};
+        const Reals lower_y = ends ? line.ly - top : Reals{} + 1.0;
+        const Reals height = (lower_y * one + shift) - (upper_y * one + shift);
+        const Reals left = upper_x < lower_x ? upper_x : lower_x;
+        const Reals right = upper_x < lower_x ? lower_x : upper_x;
+        Ints first_i = __builtin_convertvector(left, Ints);
+        Ints last_i = __builtin_convertvector(right, Ints);
+        first_i = first_i < last_column ? first_i : last_column;
+        last_i = last_i < last_column ? last_i : last_column;
+        const Reals column = __builtin_convertvector(first_i, Reals);
+        const Reals side = column + 1.0, nearer = right < side ? right : side;
+        // Of the first pixel, and of the second one, if there is any.
+        Reals cover = (per_pixel * (nearer - left) + shift) - shift;
+        cover = column == __builtin_convertvector(last_i, Reals) ? height : cover;
+        const Reals area = cover * (side - 0.5 * (left + nearer));
+        const Reals rest = height - cover;
+        const Reals rest_area = rest * (1.0 - 0.5 * (right - side));
+        const Wholes zero = reinterpret_cast<Wholes>(shift);
+        const Wholes covers = reinterpret_cast<Wholes>(cover + shift) - zero;
+        const Wholes areas = reinterpret_cast<Wholes>(area + shift) - zero;
+        const Wholes rests = reinterpret_cast<Wholes>(rest + shift) - zero;
+        const Wholes rest_areas = reinterpret_cast<Wholes>(rest_area + shift) - zero;
+        alignas(64) PixelSums first_sums[kLanes], second_sums[kLanes];
+        const Wholes low = {0, 4, 1, 5}, high = {2, 6, 3, 7};
+        const Wholes parts[4] = {
+            __builtin_shuffle(covers, areas, low), __builtin_shuffle(covers, areas, high),
+            __builtin_shuffle(rests, rest_areas, low), __builtin_shuffle(rests, rest_areas, high)};
+        std::memcpy(first_sums, parts, sizeof first_sums);
+        std::memcpy(second_sums, parts + 2, sizeof second_sums);
 
-      if (crossing_count_ == crossings_.size()) crossings_.resize(2 * crossings_.size());
-      Crossings& crossings = crossings_[crossing_count_++];
-      const auto at = static_cast<std::size_t>(base - f.y0);
-      crossings.row = static_cast<std::uint32_t>(at);
-      crossings.count = count;
-      crossings.segment = segment;
-      std::memcpy(crossings.columns, &first_i, sizeof first_i);
-      alignas(32) int last_columns[kLanes];
-      std::memcpy(last_columns, &last_i, sizeof last_i);
-      PixelSums* sums = sums_.data() + at * f.stride;
-      std::uint64_t* marks = marks_.data() + (2 * at + (line.down ? 0 : 1)) * f.words;
-      for (int i = 0; i < count; ++i) {
-        const int c = crossings.columns[i];
-        if (last_columns[i] > c + 1) [[unlikely]] {
-          add_piece(sums, marks, upper_x[i], lower_x[i], height[i], per_pixel, f.width);
-        } else {
-          mark(marks, static_cast<unsigned>(c), static_cast<unsigned>(last_columns[i]));
-          add_to(sums[c], first_sums[i]);
-          add_to(sums[c + 1], second_sums[i]);
+        if (crossing_count_ == crossings_.size()) crossings_.resize(2 * crossings_.size());
+        Crossings& crossings = crossings_[crossing_count_++];
+        const auto at = static_cast<std::size_t>(base - f.y0);
+        crossings.row = static_cast<std::uint32_t>(at);
+        crossings.count = count;
+        crossings.segment = segment;
+        std::memcpy(crossings.columns, &first_i, sizeof first_i);
+        alignas(32) int last_columns[kLanes];
+        std::memcpy(last_columns, &last_i, sizeof last_i);
+        PixelSums* sums = sums_.data() + at * f.stride;
+        std::uint64_t* marks = marks_.data() + (2 * at + (one < 0)) * f.words;
+        for (int i = 0; i < count; ++i) {
+          const int c = crossings.columns[i];
+          if (last_columns[i] > c + 1) [[unlikely]] {
+            add_piece(sums, marks, upper_x[i], lower_x[i], height[i], per_pixel, f.width);
+          } else {
+            mark(marks, static_cast<unsigned>(c), static_cast<unsigned>(last_columns[i]));
+            add_to(sums[c], first_sums[i]);
+            add_to(sums[c + 1], second_sums[i]);
+          }
+          touched_[at + static_cast<std::size_t>(i)] = 1;
+          sums += f.stride;
+          marks += 2 * f.words;
         }
-        touched_[at + static_cast<std::size_t>(i)] = 1;
-        sums += f.stride;
-        marks += 2 * f.words;
       }
     }
   }
@@ -308,77 +374,93 @@ bool Raster::draw_area_row(int row, const Frame& f) {
   PixelSums* const sums = sums_.data() + at * f.stride;
   std::uint64_t* const down = marks_.data() + 2 * at * f.words;
   std::uint64_t* const up = down + f.words;
-  std::int64_t running = 0;
-  std::int64_t run_begin = 0, part_begin = 0;  // what `running` was there
-  std::uint64_t lit = 0;
-  std::uint64_t last_down = 0, last_up = 0;  // marks of the pixel before the word
+  std::uint64_t* const gaps = gaps_.data();  // later: where pixels that are inside begin
+  // Marked pixels as a list, and where those crossed in different directions meet.
+  std::uint32_t* const columns = columns_.data();
+  std::size_t count = 0;
+  std::uint64_t down_before = 0, up_before = 0;
   doubts_.clear();
-  for (std::size_t w = 0; 64 * w < width_; ++w) {
-    const std::uint64_t d = down[w], u = up[w], marked = d | u;
-    const std::size_t count = width_ - 64 * w;
-    if (marked == 0) {
-      const std::uint64_t inside = running != 0 ? ~std::uint64_t{0} : 0;
-      std::memset(pixels + 64 * w, inside ? 255 : 0, count < 64 ? count : 64);
-      lit |= inside;
-      last_down = last_up = 0;
-      continue;
-    }
-    // Runs of marked pixels. No piece leaves a run, so the winding is one number on either side;
-    // the same holds where pixels crossed in one direction follow such of the other without sharing
-    // any.
-    const std::uint64_t next_down = w + 1 < f.words ? down[w + 1] : 0;
-    const std::uint64_t next_up = w + 1 < f.words ? up[w + 1] : 0;
-    const std::uint64_t d_before = d << 1 | last_down, u_before = u << 1 | last_up;
-    const std::uint64_t d_after = d >> 1 | next_down << 63, u_after = u >> 1 | next_up << 63;
-    const std::uint64_t run_begins = marked & ~(d_before | u_before);
-    const std::uint64_t part_begins = run_begins | (d & u_before) | (u & d_before);
-    const std::uint64_t ends = (marked & ~(d_after | u_after)) | (d & u_after) | (u & d_after);
-    const std::uint64_t both = d & u;
-    last_down = d >> 63, last_up = u >> 63;
-    std::uint64_t gaps = running != 0 ? 1 : 0;  // where pixels begin that are inside
-    std::uint8_t levels[64];
-    std::uint8_t* level = levels;
-    for (std::uint64_t left = marked; left; left &= left - 1) {
-      const int bit = std::countr_zero(left);
-      PixelSums& sum = sums[64 * w + static_cast<std::size_t>(bit)];
-      run_begin = run_begins >> bit & 1 ? running : run_begin;
-      part_begin = part_begins >> bit & 1 ? running : part_begin;
-      const unsigned value = level_of(running + sum.area);
-      running += sum.cover;
-      sum = {0, 0};
-      *level++ = static_cast<std::uint8_t>(value);
-      lit |= value;
-      const std::uint64_t end = ends >> bit & 1;
-      gaps |= (end & static_cast<std::uint64_t>(running != 0)) << bit << 1;
-      // Pieces of one direction that change the winding by one: at every height there is just one.
-      const auto change = static_cast<std::uint64_t>(running - part_begin + kOne);
-      const bool odd = (change & (kOne - 1)) != 0 || change > 2 * kOne;
-      if ((both >> bit & 1) || (end && odd)) [[unlikely]] {
-        doubts_.push_back({static_cast<int>(64 * w) + bit, run_begin});
+  for (std::size_t w = 0; w < f.words; ++w) {
+    const std::uint64_t d = down[w], u = up[w];
+    std::uint64_t mixed = (d & (u | u << 1 | up_before)) | (u & (d << 1 | down_before));
+    down_before = d >> 63, up_before = u >> 63;
+    gaps[w] = 0;
+    const auto base = static_cast<std::uint32_t>(64 * w);
+    while (mixed) [[unlikely]] {
+        const std::uint64_t before = (mixed & (std::uint64_t{0} - mixed)) - 1;
+        doubts_.push_back(static_cast<std::uint32_t>(count) +
+                          static_cast<std::uint32_t>(std::popcount((d | u) & before)));
+        mixed &= mixed - 1;
       }
-    }
-    // Ones that are added run through all unmarked pixels up to the next marked one.
-    std::uint64_t inside = ~marked & ~(~marked + (gaps & ~marked));
-    if (count < 64) inside &= (std::uint64_t{1} << count) - 1;
-    lit |= inside;
-    spread(inside, pixels + 64 * w, count);
-    level = levels;
-    for (std::uint64_t left = marked; left; left &= left - 1) {
-      pixels[64 * w + static_cast<std::size_t>(std::countr_zero(left))] = *level++;
-    }
+    // Four at once, also where there are fewer: what is too much is overwritten.
+    std::uint64_t left = d | u;
+    std::uint32_t* column = columns + count;
+    count += static_cast<std::size_t>(std::popcount(left));
+    do {
+      for (int k = 0; k < 4; ++k) {
+        column[k] = base + static_cast<std::uint32_t>(std::countr_zero(left));
+        left &= left - 1;
+      }
+      column += 4;
+    } while (left);
   }
-  int done = -1;
-  for (const Doubt& doubt : doubts_) {
-    if (doubt.column <= done) continue;
-    const auto marked = [&](int p) { return (down[p / 64] | up[p / 64]) >> (p % 64) & 1; };
-    int first = doubt.column;
-    while (first > 0 && marked(first - 1)) --first;
-    for (done = doubt.column; done + 1 < f.width && marked(done + 1);) ++done;
-    lit |=
-        draw_tangle(row, first, done, static_cast<int>((doubt.running + kOne / 2) >> kOneBits), f);
+  columns[count] = 0;  // past the last pixel there is none
+  const std::size_t mixed_count = doubts_.size();
+
+  // Runs of marked pixels. No piece leaves a run, so the winding is one number on either side.
+  std::int64_t running = 0, begin = 0;
+  std::uint32_t expected = 0;
+  std::uint64_t lit = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::uint32_t p = columns[i];
+    begin = p == expected ? begin : running;
+    expected = p + 1;
+    const unsigned level = level_of(running + sums[p].area);
+    running += sums[p].cover;
+    sums[p] = {0, 0};
+    levels_[i] = static_cast<std::uint8_t>(level);
+    begins_[i] = begin;
+    lit |= level;
+    const bool ends = columns[i + 1] != expected;
+    gaps[expected / 64] |= static_cast<std::uint64_t>(ends & (running != 0)) << (expected % 64);
+    // Pieces of one direction that change the winding by one: at every height there is just one.
+    const bool more = static_cast<std::uint64_t>(running - begin + kOne) > 2 * kOne;
+    if (ends & more) [[unlikely]]
+      doubts_.push_back(static_cast<std::uint32_t>(i));
+  }
+
+  std::uint64_t inside = 0;
+  for (std::size_t w = 0; 64 * w < width_; ++w) {
+    // Ones that are added run through all unmarked pixels up to the next marked one.
+    const std::uint64_t free = ~(down[w] | up[w]), begins = gaps[w] | inside >> 63;
+    inside = free & ~(free + (free & begins));
+    const std::size_t pixels_left = width_ - 64 * w;
+    if (pixels_left < 64) inside &= (std::uint64_t{1} << pixels_left) - 1;
+    lit |= inside;
+    spread(inside, pixels + 64 * w, pixels_left);
+  }
+  for (std::size_t i = 0; i < count; ++i) pixels[columns[i]] = levels_[i];
+  if (!doubts_.empty()) {
+    if (mixed_count < doubts_.size()) std::sort(doubts_.begin(), doubts_.end());
+    lit |= draw_doubts(row, count, f);
   }
   std::memset(down, 0, 2 * f.words * sizeof *down);
   return lit != 0;
+}
+
+/// Draws the runs of these marked pixels again.
+unsigned Raster::draw_doubts(int row, std::size_t count, const Frame& f) {
+  unsigned lit = 0;
+  std::size_t done = 0;
+  for (const std::uint32_t i : doubts_) {
+    if (i < done) continue;
+    std::size_t first = i;
+    while (first > 0 && columns_[first - 1] + 1 == columns_[first]) --first;
+    for (done = i + 1; done < count && columns_[done - 1] + 1 == columns_[done];) ++done;
+    lit |= draw_tangle(row, static_cast<int>(columns_[first]), static_cast<int>(columns_[done - 1]),
+                       static_cast<int>((begins_[i] + kOne / 2) >> kOneBits), f);
+  }
+  return lit;
 }
 
 /// Crossings by row.
@@ -528,7 +610,7 @@ void Raster::draw_strip(PixelSums* sums, std::uint64_t* marks, double from, doub
 
 SLICECORR_CLONES
 void Raster::add_centres(const Frame& f) {
-  const Reals lane = {0.5, 1.5, 2.5, 3.5, 4.5, 5.5, 6.5, 7.5};
+  const Reals lane = {0.5, 1.5, 2.5, 3.5};
   for (const Segment& s : segments_) {
     if (s.ay == s.by) continue;
     const Line line(s, f);

@@ -68,6 +68,7 @@ class Raster {
   void add_horizontal(const Segment& s, const Frame& f);
   bool draw_area_row(int row, const Frame& f);
   bool draw_centre_row(int row, const Frame& f);
+  unsigned draw_doubts(int row, std::size_t count, const Frame& f);
   unsigned draw_tangle(int row, int first, int last, int winding, const Frame& f);
   void draw_strip(PixelSums* sums, std::uint64_t* marks, double from, double to, int winding,
                   const Frame& f);
@@ -93,16 +94,16 @@ class Raster {
     std::uint32_t row;  ///< the first
     int count;
     std::uint32_t segment;
-    int columns[8];  ///< of the left end in these rows
+    int columns[4];  ///< of the left end in these rows
   };
   std::vector<Crossings> crossings_;  ///< all of this slice: the first crossing_count_
   std::size_t crossing_count_ = 0;
-  /// A pixel where pieces may overlap, and the running sum where its run begins.
-  struct Doubt {
-    int column;
-    std::int64_t running;
-  };
-  std::vector<Doubt> doubts_;
+  // Of the row that is drawn.
+  std::vector<std::uint32_t> columns_;  ///< of marked pixels
+  std::vector<std::uint8_t> levels_;    ///< of these
+  std::vector<std::int64_t> begins_;    ///< the running sum where the run of each begins
+  std::vector<std::uint64_t> gaps_;     ///< marks where pixels that are inside begin
+  std::vector<std::uint32_t> doubts_;   ///< which marked pixels are to be looked at closely
   struct InRow {
     int column;
     std::uint32_t segment;

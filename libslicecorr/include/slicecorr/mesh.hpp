@@ -14,6 +14,8 @@
 #include <string>
 #include <vector>
 
+#include "slicecorr/parallel.hpp"
+
 namespace slicecorr {
 
 using Point3 = std::array<double, 3>;
@@ -63,14 +65,15 @@ struct Placement {
 /// Reads one file and applies `placement`. The result is in mm, at the place the file says.
 /// Throws `InputError` when the file can't be read, holds no triangle, or a coordinate is not
 /// finite.
-TriangleMesh read_mesh(const std::string& path, const Placement& placement = {});
+TriangleMesh read_mesh(const std::string& path, const Placement& placement = {},
+                       const Job& job = {});
 
 /// Counts triangles, bodies and defects; O(triangles).
-MeshReport inspect(const TriangleMesh& mesh);
+MeshReport inspect(const TriangleMesh& mesh, const Job& job = {});
 
 /// For each triangle whether it must be turned so that neighbours over two-triangle edges agree, by
 /// the majority of each body. All false for a well-oriented mesh, also one with cavities.
-std::vector<bool> flipped_triangles(const TriangleMesh& mesh);
+std::vector<bool> flipped_triangles(const TriangleMesh& mesh, const Job& job = {});
 
 /// One line on the defects in words ("12 open edges, 3 flipped triangles"); empty when there are
 /// none.

@@ -1,4 +1,5 @@
 #include <cstring>
+#include <limits>
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "base/tile_kernels.cpp"
@@ -18,19 +19,21 @@ namespace hn = hwy::HWY_NAMESPACE;
 using Bytes = hn::CappedTag<std::uint8_t, kLanes>;
 using Doubles = hn::CappedTag<double, 8>;
 
+/// Lanes of a mask as the low bits of a number. Read back as wide as they were written, or the
+/// processor waits for the store.
 template <class D, class M>
 LaneMask bits_of(D d, M mask) {
-  std::uint8_t bytes[8] = {};
+  constexpr std::size_t size = (hn::MaxLanes(D()) + 7) / 8;
+  std::uint8_t bytes[size];
   hn::StoreMaskBits(d, mask, bytes);
-  LaneMask bits;
-  std::memcpy(&bits, bytes, sizeof bits);
+  LaneMask bits = 0;
+  std::memcpy(&bits, bytes, size);
   return bits;
 }
 
 hn::Mask<Doubles> mask_of(Doubles d, LaneMask lanes, std::size_t first) {
   const auto byte = static_cast<std::uint8_t>(lanes >> first);
-  const std::uint8_t bytes[8] = {byte};
-  return hn::LoadMaskBits(d, bytes);
+  return hn::LoadMaskBits(d, &byte);
 }
 
 void TileChanges(const std::uint8_t* rows, std::size_t stride, int count, LaneMask* steady,
@@ -123,26 +126,52 @@ LaneMask Printed(const double* dose) {
   return printed;
 }
 
+LaneMask Later(const std::int32_t* until, std::int32_t slice, std::int32_t* greatest) {
+  const hn::CappedTag<std::int32_t, 16> d;
+  const auto now = hn::Set(d, slice);
+  auto most = hn::Set(d, std::numeric_limits<std::int32_t>::min());
+  LaneMask later = 0;
+  for (std::size_t l = 0; l < kLanes; l += hn::Lanes(d)) {
+    const auto v = hn::LoadU(d, until + l);
+    const auto is = hn::Gt(v, now);
+    later |= bits_of(d, is) << l;
+    most = hn::Max(most, hn::IfThenElse(is, most, v));
+  }
+  *greatest = hn::GetLane(hn::MaxOfLanes(d, most));
+  return later;
+}
+
 PrintedLanes Predict(const PredictStep& s) {
   const Doubles d;
   const auto one = hn::Set(d, 1.0);
   const auto a = hn::Set(d, s.a), root = hn::Set(d, s.root_a);
-  PrintedLanes printed{};
+  // Stores to doubles might change what `s` points to, for all that the compiler knows.
+  const double *const add = s.add, *const add_middle = s.add_middle, *const before = s.from;
+  double *const to = s.to, *const inside_low = s.inside_low, *const inside_high = s.inside_high,
+                *const outside_high = s.outside_high, *const gap_low = s.gap_low;
+  const LaneMask runs = s.run, gaps = s.gap;
+  LaneMask at_node = 0, in_middle = 0;
   for (std::size_t l = 0; l < kLanes; l += hn::Lanes(d)) {
-    const auto from = hn::LoadU(d, s.from + l);
-    const auto dose = hn::Add(hn::LoadU(d, s.add + l), hn::Mul(a, from));
-    const auto middle = hn::Add(hn::LoadU(d, s.add_middle + l), hn::Mul(root, from));
-    hn::StoreU(dose, d, s.to + l);
-    printed.node |= bits_of(d, hn::Ge(dose, one)) << l;
-    printed.middle |= bits_of(d, hn::Ge(middle, one)) << l;
-    const auto run = mask_of(d, s.run, l), gap = mask_of(d, s.gap, l);
-    const auto low = hn::LoadU(d, s.inside_low + l), high = hn::LoadU(d, s.inside_high + l),
-               out = hn::LoadU(d, s.outside_high + l), least = hn::LoadU(d, s.gap_low + l);
-    hn::StoreU(hn::IfThenElse(run, hn::Min(middle, low), low), d, s.inside_low + l);
-    hn::StoreU(hn::IfThenElse(run, hn::Max(middle, high), high), d, s.inside_high + l);
-    hn::StoreU(hn::IfThenElse(gap, hn::Max(middle, out), out), d, s.outside_high + l);
-    hn::StoreU(hn::IfThenElse(gap, hn::Min(dose, least), least), d, s.gap_low + l);
+    const auto from = hn::LoadU(d, before + l);
+    const auto dose = hn::Add(hn::LoadU(d, add + l), hn::Mul(a, from));
+    const auto middle = hn::Add(hn::LoadU(d, add_middle + l), hn::Mul(root, from));
+    hn::StoreU(dose, d, to + l);
+    at_node |= bits_of(d, hn::Ge(dose, one)) << l;
+    in_middle |= bits_of(d, hn::Ge(middle, one)) << l;
+    const auto run = mask_of(d, runs, l), gap = mask_of(d, gaps, l);
+    const auto low = hn::LoadU(d, inside_low + l), high = hn::LoadU(d, inside_high + l),
+               out = hn::LoadU(d, outside_high + l), least = hn::LoadU(d, gap_low + l);
+    hn::StoreU(hn::IfThenElse(run, hn::Min(middle, low), low), d, inside_low + l);
+    hn::StoreU(hn::IfThenElse(run, hn::Max(middle, high), high), d, inside_high + l);
+    hn::StoreU(hn::IfThenElse(gap, hn::Max(middle, out), out), d, outside_high + l);
+    hn::StoreU(hn::IfThenElse(gap, hn::Min(dose, least), least), d, gap_low + l);
   }
+  PrintedLanes printed{};
+  printed.node = at_node;
+  printed.middle = in_middle;
+  printed.in_run = __builtin_popcountll(printed.middle & s.run);
+  printed.in_gap = __builtin_popcountll(printed.middle & s.gap);
+  printed.run = __builtin_popcountll(s.run);
   return printed;
 }
 
@@ -159,6 +188,7 @@ HWY_EXPORT(TileClasses);
 HWY_EXPORT(StepOnce);
 HWY_EXPORT(StepMany);
 HWY_EXPORT(Printed);
+HWY_EXPORT(Later);
 HWY_EXPORT(Predict);
 
 void tile_changes(const std::uint8_t* rows, std::size_t stride, int count, LaneMask* steady,
@@ -176,6 +206,9 @@ void step_lanes(const double* add, double a, double* dose, int slices) {
   HWY_DYNAMIC_DISPATCH(StepMany)(add, a, dose, slices);
 }
 LaneMask printed_lanes(const double* dose) { return HWY_DYNAMIC_DISPATCH(Printed)(dose); }
+LaneMask later_lanes(const std::int32_t* until, std::int32_t slice, std::int32_t* greatest) {
+  return HWY_DYNAMIC_DISPATCH(Later)(until, slice, greatest);
+}
 PrintedLanes predict_lanes(const PredictStep& step) { return HWY_DYNAMIC_DISPATCH(Predict)(step); }
 
 }  // namespace slicecorr::detail

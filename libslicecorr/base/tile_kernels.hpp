@@ -32,6 +32,9 @@ void step_lanes(const double* add, double a, double* dose, int slices);
 /// Lanes of at least 1.
 LaneMask printed_lanes(const double* dose);
 
+/// Lanes whose number is above `slice`; `greatest`: the greatest of the others.
+LaneMask later_lanes(const std::int32_t* until, std::int32_t slice, std::int32_t* greatest);
+
 /// One slice of a prediction.
 struct PredictStep {
   double a, root_a;
@@ -45,6 +48,8 @@ struct PredictStep {
 };
 struct PrintedLanes {
   LaneMask node, middle;
+  int run, in_run,
+      in_gap;  ///< lanes in runs, and those printed in their middle in runs and in gaps
   bool operator==(const PrintedLanes&) const = default;
 };
 PrintedLanes predict_lanes(const PredictStep& step);

@@ -111,7 +111,8 @@ class ContinuousSolver final : public BandSolver {
 struct ContinuousSolver::Lanes {
   alignas(64) double omega[kLanes] = {};
   Demand demand[kLanes];
-  /// Quiet lanes: their light is certain down to this slice.
+  /// Quiet lanes: their light is certain down to this slice. Of others any number above the slice
+  /// that the solve has come to, or one that costs no more than a look.
   std::int32_t until[kLanes] = {};
   LaneMask quiet = 0, bright = 0;
   bool begun = false;
@@ -238,7 +239,7 @@ void ContinuousSolver::solve_tile(const Numbers& x, Lanes& lanes, int first_slic
   int now = 0;
   // The last slice that needs a look at `until`: not above the greatest of quiet lanes.
   int wake = std::numeric_limits<int>::min();
-  for (LaneMask m = quiet; m; m &= m - 1) wake = std::max(wake, lanes.until[std::countr_zero(m)]);
+  if (quiet) later_lanes(lanes.until, std::numeric_limits<int>::max(), &wake);
 
   // What is certain of a lane from slice n = first_slice + k upwards, `w` being its dose below.
   const auto settle = [&](int i, int k, double w) {
@@ -288,17 +289,7 @@ void ContinuousSolver::solve_tile(const Numbers& x, Lanes& lanes, int first_slic
 
   for (int k = count; k-- > 0;) {
     const int n = first_slice + k;
-    if (n < wake) {
-      wake = std::numeric_limits<int>::min();
-      for (LaneMask m = quiet; m; m &= m - 1) {
-        const int i = std::countr_zero(m);
-        if (n < lanes.until[i]) {
-          quiet &= ~(LaneMask{1} << i);
-        } else {
-          wake = std::max(wake, lanes.until[i]);
-        }
-      }
-    }
+    if (n < wake) quiet &= ~later_lanes(lanes.until, n, &wake);
     std::uint8_t* const shown = out + static_cast<std::size_t>(k) * kLanes;
     std::memcpy(shown, light, kLanes);
     LaneMask active = ~quiet | ~steady[k];

@@ -42,6 +42,36 @@ void mix(std::span<const ShownPart> parts, std::size_t columns, std::uint8_t* pi
   }
 }
 
+/// `layers` slices shown, then no light up to `all_layers`; for plain models.
+void predict_tiles(BandPredictor& predictor, const BandTape& shown, int layers,
+                   const BandTape& design, int all_layers, const Job& job) {
+  constexpr std::size_t lanes = BandPredictor::kTileColumns;
+  constexpr int most = 64;
+  const std::size_t columns = shown.columns();
+  std::vector<std::uint8_t> pixels(columns * most), coverage(columns * most);
+  std::vector<std::uint8_t> lit(lanes * most, 0), cover(lanes * most, 0);
+  for (int end = all_layers; end > 0;) {
+    job.check_cancelled();
+    const int begin = std::max({0, end - most, end > layers ? layers : 0});
+    const auto count = static_cast<std::size_t>(end - begin);
+    for (std::size_t k = 0; k < count; ++k) {
+      const int n = begin + static_cast<int>(k);
+      shown.read(n, &pixels[k * columns]);
+      design.read(n, &coverage[k * columns]);
+    }
+    for (std::size_t b = 0; b < columns; b += lanes) {
+      const std::size_t width = std::min(lanes, columns - b);
+      for (std::size_t k = 0; k < count; ++k) {
+        std::copy_n(&pixels[k * columns + b], width, &lit[k * lanes]);
+        std::copy_n(&coverage[k * columns + b], width, &cover[k * lanes]);
+      }
+      predictor.add_tile(b, width, begin, end - begin, end > layers ? nullptr : lit.data(),
+                         cover.data());
+    }
+    end = begin;
+  }
+}
+
 /// What a recorded slice shows of a column.
 ProbeRow probe_recorded(const CureModel& model, const std::vector<double>& intensity,
                         std::span<const ShownPart> parts) {
@@ -110,6 +140,11 @@ Prediction verify_stack(const SliceSource& stack, const SliceSource& target, con
       BandPredictor predictor(models.model(value), models.curve(value), all_layers, columns,
                               slices.recorded());
       predictor.go_on_from(std::move(figures));
+      if (!recorded && models.model(value).is_plain()) {
+        predict_tiles(predictor, shown, layers, design, all_layers, job);
+        figures = predictor.finish(place);
+        return;
+      }
       std::optional<WindowWatch> watch;
       if (window) watch.emplace(models.model(value), layers, columns);
       detail::ShownBand band_shown(slices, shown);

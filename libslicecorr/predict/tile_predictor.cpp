@@ -91,10 +91,10 @@ void BandPredictor::add_tile(std::size_t first_column, std::size_t columns, int 
     step.run = in_run;
     step.gap = in_gap;
     const detail::PrintedLanes is = detail::predict_lanes(step);
-    const auto count = [&](std::uint64_t times) {
-      sums.run_voxels += times * static_cast<unsigned>(std::popcount(in_run));
-      sums.run_printed += times * static_cast<unsigned>(std::popcount(in_run & is.middle));
-      sums.gap_printed += times * static_cast<unsigned>(std::popcount(in_gap & is.middle));
+    const auto count = [&](int times) {
+      sums.run_voxels += static_cast<std::uint64_t>(times) * static_cast<unsigned>(is.run);
+      sums.run_printed += static_cast<std::uint64_t>(times) * static_cast<unsigned>(is.in_run);
+      sums.gap_printed += static_cast<std::uint64_t>(times) * static_cast<unsigned>(is.in_gap);
     };
     count(1);
     const LaneMask entered = (in_run ^ was_run) | (in_gap ^ was_gap);
@@ -152,7 +152,7 @@ void BandPredictor::add_tile(std::size_t first_column, std::size_t columns, int 
     std::memcpy(sums.outside_high, out, sizeof out);
     std::memcpy(step.gap_low, least, sizeof least);
     std::memcpy(dose[now], last, sizeof last);
-    count(static_cast<std::uint64_t>(more));
+    count(more);
     k -= more;
   }
   std::memcpy(omega, dose[now], sizeof dose[now]);

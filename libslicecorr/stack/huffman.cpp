@@ -48,6 +48,21 @@ void depths(std::uint32_t* a, int n) {
   }
 }
 
+/// Keys are frequencies above 9 bits of symbols, and rise with the symbol where frequencies are the
+/// same. Most frequencies are small: those are counted, the others sorted.
+void sort_keys(const std::uint32_t* keys, std::size_t n, std::uint32_t* sorted) {
+  constexpr std::uint32_t large = 128;
+  const auto bucket = [](std::uint32_t key) { return key >> 9 < large ? key >> 9 : large; };
+  std::array<std::uint16_t, large + 2> begin{};
+  for (std::size_t i = 0; i < n; ++i) ++begin[bucket(keys[i]) + 1];
+  for (std::size_t b = 1; b < begin.size(); ++b) {
+    begin[b] = static_cast<std::uint16_t>(begin[b] + begin[b - 1]);
+  }
+  const std::size_t first_large = begin[large];
+  for (std::size_t i = 0; i < n; ++i) sorted[begin[bucket(keys[i])]++] = keys[i];
+  std::sort(sorted + first_large, sorted + n);
+}
+
 }  // namespace
 
 std::uint64_t HuffmanCode::make(std::span<const std::uint32_t> frequencies, unsigned limit) {
@@ -65,8 +80,7 @@ std::uint64_t HuffmanCode::make(std::span<const std::uint32_t> frequencies, unsi
     if (frequencies[i] == 0) keys[n++] = 1u << 9 | i;
   }
   if (n == 2 && (keys[0] & symbol_mask) > (keys[1] & symbol_mask)) std::swap(keys[0], keys[1]);
-  std::copy_n(keys.begin(), n, sorted.begin());
-  std::sort(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(n));
+  sort_keys(keys.data(), n, sorted.data());
   for (std::size_t i = 0; i < n; ++i) depth[i] = sorted[i] >> 9;
   depths(depth.data(), static_cast<int>(n));
 

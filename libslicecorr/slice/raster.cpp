@@ -513,12 +513,6 @@ unsigned Raster::draw_tangle(int r, int first, int last, int winding, const Fram
     pieces_.push_back(p);
   }
   if (pieces_.size() == 2 && !cross(pieces_[0], pieces_[1])) return 0;  // already right
-  for (const Piece& p : pieces_) {
-    events_.push_back(p.y0);
-    events_.push_back(p.y1);
-  }
-  std::sort(events_.begin(), events_.end());
-  events_.erase(std::unique(events_.begin(), events_.end()), events_.end());
   // An order that follows from the pieces alone.
   std::sort(pieces_.begin(), pieces_.end(), [](const Piece& a, const Piece& b) {
     if (a.y0 != b.y0) return a.y0 < b.y0;
@@ -526,6 +520,23 @@ unsigned Raster::draw_tangle(int r, int first, int last, int winding, const Fram
     if (a.x1 != b.x1) return a.x1 < b.x1;
     return a.y1 != b.y1 ? a.y1 < b.y1 : a.winding < b.winding;
   });
+  // Strips begin and end where pieces do. Lower ends are nearly in the order of upper ones.
+  lower_ends_.clear();
+  for (const Piece& p : pieces_) {
+    lower_ends_.push_back(p.y1);
+    std::size_t k = lower_ends_.size() - 1;
+    if (k > 0 && lower_ends_[k - 1] > p.y1) {
+      const auto to = std::upper_bound(lower_ends_.begin(), lower_ends_.end() - 1, p.y1);
+      std::rotate(to, lower_ends_.end() - 1, lower_ends_.end());
+    }
+  }
+  events_.clear();
+  std::size_t upper = 0, lower = 0;
+  while (lower < lower_ends_.size()) {
+    const bool begins = upper < pieces_.size() && pieces_[upper].y0 < lower_ends_[lower];
+    const double y = begins ? pieces_[upper++].y0 : lower_ends_[lower++];
+    if (events_.empty() || events_.back() != y) events_.push_back(y);
+  }
   PixelSums* const sums = sums_.data() + at * f.stride;
   std::uint64_t* const marks = marks_.data() + 2 * at * f.words;  // of pixels that have some
   active_.clear();

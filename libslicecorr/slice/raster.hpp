@@ -112,7 +112,7 @@ class Raster {
   std::vector<std::uint32_t> row_ends_;  ///< per row: where its crossings end in `by_row_`
   std::vector<InRow> by_row_;
   std::vector<Piece> pieces_;
-  std::vector<double> events_;
+  std::vector<double> events_, lower_ends_;
   std::vector<Active> active_;
 };
 

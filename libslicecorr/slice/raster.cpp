@@ -481,14 +481,35 @@ void Raster::list_rows() {
   }
 }
 
-/// Whether two pieces of opposite directions cross, other than at their ends. If they do not, they
-/// bound all that lies between them, whichever comes first.
-bool Raster::cross(const Piece& a, const Piece& b) {
-  if (a.winding == b.winding) return true;  // not looked at: the same region twice
-  const double from = std::max(a.y0, b.y0), to = std::min(a.y1, b.y1);
-  if (!(from < to)) return false;
-  const double gap = b.at(from) - a.at(from), gap_end = b.at(to) - a.at(to);
-  return (gap < 0 && gap_end > 0) || (gap > 0 && gap_end < 0);
+/// Whether at every height of a run there are no pieces, or one that goes down and one that goes
+/// up, always in the same order. They then bound all that lies between them, and signed areas are
+/// right. The pieces are those of a run, sorted by their upper ends.
+bool Raster::pairs() {
+  double down_end = 0, up_end = 0, order = 0;
+  std::size_t i = 0, k = 0;
+  const std::size_t n = pieces_.size();
+  const auto next = [&](std::size_t& at, int winding) {
+    while (at < n && pieces_[at].winding != winding) ++at;
+    return at < n;
+  };
+  for (const Piece& p : pieces_) {
+    double& end = p.winding > 0 ? down_end : up_end;
+    if (p.y0 < end) return false;
+    end = p.y1;
+  }
+  while (next(i, 1) && next(k, -1)) {
+    const Piece &down = pieces_[i], &up = pieces_[k];
+    const double from = std::max(down.y0, up.y0), to = std::min(down.y1, up.y1);
+    if (from < to) {
+      for (const double y : {from, to}) {
+        const double gap = up.at(y) - down.at(y);
+        if (gap * order < 0) return false;
+        if (gap != 0) order = gap > 0 ? 1 : -1;
+      }
+    }
+    ++(down.y1 < up.y1 ? i : k);
+  }
+  return true;
 }
 
 /// Pixels in which pieces may overlap or cross. Left and right of them the winding is one number
@@ -499,9 +520,17 @@ unsigned Raster::draw_tangle(int r, int first, int last, int winding, const Fram
   const int row = f.y0 + r;
   pieces_.clear();
   events_.clear();
-  for (std::uint32_t i = at ? row_ends_[at - 1] : 0; i < row_ends_[at]; ++i) {
-    if (by_row_[i].column < first || by_row_[i].column > last) continue;
-    const Line line(segments_[by_row_[i].segment], f);
+  // Segments of these columns, found without a branch that can't be foretold.
+  const std::uint32_t from_i = at ? row_ends_[at - 1] : 0, to_i = row_ends_[at];
+  if (found_.size() <= to_i - from_i) found_.resize(2 * (to_i - from_i) + 1);
+  std::size_t found = 0;
+  for (std::uint32_t i = from_i; i < to_i; ++i) {
+    found_[found] = by_row_[i].segment;
+    found +=
+        static_cast<unsigned>(by_row_[i].column - first) <= static_cast<unsigned>(last - first);
+  }
+  for (std::size_t i = 0; i < found; ++i) {
+    const Line line(segments_[found_[i]], f);
     Piece p;
     p.y0 = line.uy > row ? line.uy - row : 0.0;
     p.x0 = line.uy > row ? line.ux : line.x_at(row);
@@ -512,7 +541,6 @@ unsigned Raster::draw_tangle(int r, int first, int last, int winding, const Fram
     p.winding = line.down ? 1 : -1;
     pieces_.push_back(p);
   }
-  if (pieces_.size() == 2 && !cross(pieces_[0], pieces_[1])) return 0;  // already right
   // An order that follows from the pieces alone.
   std::sort(pieces_.begin(), pieces_.end(), [](const Piece& a, const Piece& b) {
     if (a.y0 != b.y0) return a.y0 < b.y0;
@@ -520,6 +548,7 @@ unsigned Raster::draw_tangle(int r, int first, int last, int winding, const Fram
     if (a.x1 != b.x1) return a.x1 < b.x1;
     return a.y1 != b.y1 ? a.y1 < b.y1 : a.winding < b.winding;
   });
+  if (pairs()) return 0;  // already drawn
   // Strips begin and end where pieces do. Lower ends are nearly in the order of upper ones.
   lower_ends_.clear();
   for (const Piece& p : pieces_) {

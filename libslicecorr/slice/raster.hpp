@@ -73,7 +73,7 @@ class Raster {
   void draw_strip(PixelSums* sums, std::uint64_t* marks, double from, double to, int winding,
                   const Frame& f);
   void list_rows();
-  static bool cross(const Piece& a, const Piece& b);
+  bool pairs();
 
   int x0_, y0_, x1_, y1_;
   bool antialias_;
@@ -111,6 +111,7 @@ class Raster {
   bool listed_ = false;                  ///< whether the next two are of this slice
   std::vector<std::uint32_t> row_ends_;  ///< per row: where its crossings end in `by_row_`
   std::vector<InRow> by_row_;
+  std::vector<std::uint32_t> found_;  ///< segments of a few columns of a row
   std::vector<Piece> pieces_;
   std::vector<double> events_, lower_ends_;
   std::vector<Active> active_;

@@ -227,6 +227,7 @@ Raster::Raster(int x0, int y0, int x1, int y1, bool antialias)
     gaps_.resize(words_);
     columns_.resize(64 * words_ + 8);
     levels_.resize(columns_.size());
+    areas_.resize(columns_.size());
     begins_.resize(columns_.size());
   } else {
     steps_.resize(rows * (width_ + 1));
@@ -408,6 +409,8 @@ bool Raster::draw_area_row(int row, const Frame& f) {
   const std::size_t mixed_count = doubts_.size();
 
   // Runs of marked pixels. No piece leaves a run, so the winding is one number on either side.
+  std::int64_t* const areas = areas_.data();
+  std::int64_t* const begins = begins_.data();
   std::int64_t running = 0, begin = 0;
   std::uint32_t expected = 0;
   std::uint64_t lit = 0;
@@ -415,12 +418,10 @@ bool Raster::draw_area_row(int row, const Frame& f) {
     const std::uint32_t p = columns[i];
     begin = p == expected ? begin : running;
     expected = p + 1;
-    const unsigned level = level_of(running + sums[p].area);
+    areas[i] = running + sums[p].area;
     running += sums[p].cover;
     sums[p] = {0, 0};
-    levels_[i] = static_cast<std::uint8_t>(level);
-    begins_[i] = begin;
-    lit |= level;
+    begins[i] = begin;
     const bool ends = columns[i + 1] != expected;
     gaps[expected / 64] |= static_cast<std::uint64_t>(ends & (running != 0)) << (expected % 64);
     // Pieces of one direction that change the winding by one: at every height there is just one.
@@ -428,6 +429,15 @@ bool Raster::draw_area_row(int row, const Frame& f) {
     if (ends & more) [[unlikely]]
       doubts_.push_back(static_cast<std::uint32_t>(i));
   }
+
+  std::uint8_t* const levels = levels_.data();
+  unsigned any_level = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    const unsigned level = level_of(areas[i]);
+    levels[i] = static_cast<std::uint8_t>(level);
+    any_level |= level;
+  }
+  lit |= any_level;
 
   std::uint64_t inside = 0;
   for (std::size_t w = 0; 64 * w < width_; ++w) {
@@ -439,7 +449,7 @@ bool Raster::draw_area_row(int row, const Frame& f) {
     lit |= inside;
     spread(inside, pixels + 64 * w, pixels_left);
   }
-  for (std::size_t i = 0; i < count; ++i) pixels[columns[i]] = levels_[i];
+  for (std::size_t i = 0; i < count; ++i) pixels[columns[i]] = levels[i];
   if (!doubts_.empty()) {
     if (mixed_count < doubts_.size()) std::sort(doubts_.begin(), doubts_.end());
     lit |= draw_doubts(row, count, f);

@@ -101,6 +101,7 @@ class Raster {
   // Of the row that is drawn.
   std::vector<std::uint32_t> columns_;  ///< of marked pixels
   std::vector<std::uint8_t> levels_;    ///< of these
+  std::vector<std::int64_t> areas_;     ///< of these, when nothing overlaps
   std::vector<std::int64_t> begins_;    ///< the running sum where the run of each begins
   std::vector<std::uint64_t> gaps_;     ///< marks where pixels that are inside begin
   std::vector<std::uint32_t> doubts_;   ///< which marked pixels are to be looked at closely

@@ -2,6 +2,7 @@
 // with an epsilon, accept files cut in the middle, and take the count of a binary file on trust.
 // This is also no slower (a hash instead of a std::map).
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -14,6 +15,7 @@ namespace slicecorr::detail {
 namespace {
 
 constexpr std::size_t kHeader = 84, kRecord = 50;
+constexpr std::size_t kCornersPerChunk = 3 << 15;
 
 char lower(char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; }
 
@@ -45,7 +47,8 @@ struct Place {
   bool operator==(const Place&) const = default;
 };
 
-Place place_at(const char* at) {
+Place place_at(const std::string& bytes, std::size_t corner) {
+  const char* at = bytes.data() + kHeader + corner / 3 * kRecord + 12 + 12 * (corner % 3);
   // Adding 0 turns -0 into 0: the same place.
   return {std::bit_cast<float>(little_u32(at)) + 0.0F,
           std::bit_cast<float>(little_u32(at + 4)) + 0.0F,
@@ -58,79 +61,86 @@ std::uint64_t hash_of(const Place& p) {
   return mix(mix(xy + 0x9e3779b97f4a7c15u) ^ std::bit_cast<std::uint32_t>(p.z));
 }
 
-/// Equal corners get one index, in the order of first appearance. Corners are dealt out by their
-/// hash, equal ones to the same share; shares are independent of each other.
+/// For each corner the first one at its place, by a hash table that all threads fill at once: a
+/// slot is taken for good by whoever comes first, and keeps the lowest corner of its place. False
+/// when the table is too small.
+bool find_first(const std::string& bytes, std::size_t corners, std::size_t size, const Job& job,
+                std::uint32_t* first) {
+  constexpr std::uint32_t kFree = std::numeric_limits<std::uint32_t>::max();
+  constexpr std::size_t kMostProbes = 4096;
+  std::vector<std::uint32_t> slots(size, kFree);
+  std::atomic<bool> full = false;
+  const std::size_t chunks = (corners + kCornersPerChunk - 1) / kCornersPerChunk;
+  parallel_for(job, "", chunks, [&](std::size_t chunk) {
+    const std::size_t end = std::min(corners, kCornersPerChunk * (chunk + 1));
+    for (std::size_t c = kCornersPerChunk * chunk; c < end && !full; ++c) {
+      const auto corner = static_cast<std::uint32_t>(c);
+      const Place place = place_at(bytes, c);
+      std::size_t slot = hash_of(place) & (size - 1);
+      for (std::size_t probes = 0;; slot = (slot + 1) & (size - 1)) {
+        std::atomic_ref<std::uint32_t> held(slots[slot]);
+        std::uint32_t other = held.load(std::memory_order_relaxed);
+        if (other == kFree &&
+            held.compare_exchange_strong(other, corner, std::memory_order_relaxed))
+          break;
+        if (place_at(bytes, other) == place) {
+          while (corner < other &&
+                 !held.compare_exchange_weak(other, corner, std::memory_order_relaxed)) {
+          }
+          break;
+        }
+        if (++probes == kMostProbes) {
+          full = true;
+          return;
+        }
+      }
+      first[c] = static_cast<std::uint32_t>(slot);
+    }
+  });
+  if (full) return false;
+  parallel_for(job, "", chunks, [&](std::size_t chunk) {
+    const std::size_t end = std::min(corners, kCornersPerChunk * (chunk + 1));
+    for (std::size_t c = kCornersPerChunk * chunk; c < end; ++c) first[c] = slots[first[c]];
+  });
+  return true;
+}
+
+/// Equal corners get one index, in the order of first appearance.
 TriangleMesh read_binary(const std::string& bytes, const std::string& path, std::size_t count,
                          const Job& job) {
   if (count > std::numeric_limits<std::uint32_t>::max() / 3) {
     throw InputError(path, "", "has more than 1431655765 triangles");
   }
   const Job quiet = silent(job);
-  constexpr std::size_t kChunk = 1 << 15;
-  constexpr std::size_t kShares = 256;
-  const std::size_t chunks = (count + kChunk - 1) / kChunk, corners = 3 * count;
-  const auto corner_at = [&](std::size_t corner) {
-    return bytes.data() + kHeader + corner / 3 * kRecord + 12 +
-           12 * (corner % 3);  // past the normal
-  };
+  const std::size_t corners = 3 * count;
+  const std::size_t chunks = (corners + kCornersPerChunk - 1) / kCornersPerChunk;
   const auto corners_of = [&](std::size_t chunk, const auto& each) {
-    const std::size_t end = std::min(corners, 3 * kChunk * (chunk + 1));
-    for (std::size_t c = 3 * kChunk * chunk; c < end; ++c) each(c);
+    const std::size_t end = std::min(corners, kCornersPerChunk * (chunk + 1));
+    for (std::size_t c = kCornersPerChunk * chunk; c < end; ++c) each(c);
   };
-  // How many corners of each chunk go to each share; then where they begin there.
-  std::vector<std::array<std::uint32_t, kShares>> begin(chunks);
-  std::vector<std::uint8_t> share(corners);
+  std::vector<std::size_t> not_finite(chunks, corners);
   parallel_for(quiet, "", chunks, [&](std::size_t chunk) {
-    auto& counts = begin[chunk];
-    counts.fill(0);
     corners_of(chunk, [&](std::size_t c) {
-      const Place p = place_at(corner_at(c));
-      if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z)) {
-        require_finite({p.x, p.y, p.z}, path, "triangle " + std::to_string(c / 3 + 1));
+      const Place p = place_at(bytes, c);
+      if (!std::isfinite(p.x + p.y + p.z) && not_finite[chunk] == corners &&
+          !(std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z))) {
+        not_finite[chunk] = c;
       }
-      share[c] = static_cast<std::uint8_t>(hash_of(p) >> 56);
-      ++counts[share[c]];
     });
   });
-  std::array<std::uint32_t, kShares + 1> share_begin{};
-  std::uint32_t sum = 0;
-  for (std::size_t s = 0; s < kShares; ++s) {
-    share_begin[s] = sum;
-    for (auto& counts : begin) sum += std::exchange(counts[s], sum);
+  for (const std::size_t c : not_finite) {
+    if (c == corners) continue;
+    const Place p = place_at(bytes, c);
+    require_finite({p.x, p.y, p.z}, path, "triangle " + std::to_string(c / 3 + 1));
   }
-  share_begin[kShares] = sum;
-  std::vector<std::uint32_t> dealt(corners);
-  parallel_for(quiet, "", chunks, [&](std::size_t chunk) {
-    auto& at = begin[chunk];
-    corners_of(chunk,
-               [&](std::size_t c) { dealt[at[share[c]]++] = static_cast<std::uint32_t>(c); });
-  });
-  share = {};
-  // For each corner the first one at its place.
   TriangleMesh mesh;
   mesh.triangles.resize(count);
   std::uint32_t* const first = mesh.triangles[0].data();
-  parallel_for(quiet, "", kShares, [&](std::size_t s) {
-    const std::size_t n = share_begin[s + 1] - share_begin[s];
-    const std::size_t size = std::bit_ceil(std::max<std::size_t>(16, n));  // closed: n / 6 places
-    struct Slot {
-      Place place;
-      std::uint32_t corner;
-    };
-    constexpr std::uint32_t kFree = std::numeric_limits<std::uint32_t>::max();
-    std::vector<Slot> slots(2 * size, Slot{{}, kFree});
-    for (std::size_t i = 0; i < n; ++i) {
-      const std::uint32_t c = dealt[share_begin[s] + i];
-      const Place p = place_at(corner_at(c));
-      std::size_t slot = hash_of(p) & (2 * size - 1);
-      while (slots[slot].corner != kFree && !(slots[slot].place == p)) {
-        slot = (slot + 1) & (2 * size - 1);
-      }
-      if (slots[slot].corner == kFree) slots[slot] = {p, c};
-      first[c] = slots[slot].corner;
-    }
-  });
-  dealt = {};
+  // Closed meshes have about half as many vertices as triangles, loose triangles six times as many.
+  for (std::size_t size = std::bit_ceil(std::max<std::size_t>(64, 3 * count / 2));
+       !find_first(bytes, corners, size, quiet, first);) {
+    size *= 4;
+  }
   // Numbers in the order of first appearance.
   std::vector<std::uint32_t> number(corners), vertices(chunks + 1, 0);
   parallel_for(quiet, "", chunks, [&](std::size_t chunk) {
@@ -142,7 +152,7 @@ TriangleMesh read_binary(const std::string& bytes, const std::string& path, std:
     std::uint32_t next = vertices[chunk];
     corners_of(chunk, [&](std::size_t c) {
       if (first[c] != c) return;
-      const Place p = place_at(corner_at(c));
+      const Place p = place_at(bytes, c);
       mesh.vertices[next] = {p.x, p.y, p.z};
       number[c] = next++;
     });

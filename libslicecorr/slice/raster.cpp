@@ -227,6 +227,7 @@ Raster::Raster(int x0, int y0, int x1, int y1, bool antialias)
     gaps_.resize(words_);
     columns_.resize(64 * words_ + 8);
     levels_.resize(columns_.size());
+    areas_.resize(columns_.size());
     begins_.resize(columns_.size());
   } else {
     steps_.resize(rows * (width_ + 1));
@@ -408,6 +409,8 @@ bool Raster::draw_area_row(int row, const Frame& f) {
   const std::size_t mixed_count = doubts_.size();
 
   // Runs of marked pixels. No piece leaves a run, so the winding is one number on either side.
+  std::int64_t* const areas = areas_.data();
+  std::int64_t* const begins = begins_.data();
   std::int64_t running = 0, begin = 0;
   std::uint32_t expected = 0;
   std::uint64_t lit = 0;
@@ -415,12 +418,10 @@ bool Raster::draw_area_row(int row, const Frame& f) {
     const std::uint32_t p = columns[i];
     begin = p == expected ? begin : running;
     expected = p + 1;
-    const unsigned level = level_of(running + sums[p].area);
+    areas[i] = running + sums[p].area;
     running += sums[p].cover;
     sums[p] = {0, 0};
-    levels_[i] = static_cast<std::uint8_t>(level);
-    begins_[i] = begin;
-    lit |= level;
+    begins[i] = begin;
     const bool ends = columns[i + 1] != expected;
     gaps[expected / 64] |= static_cast<std::uint64_t>(ends & (running != 0)) << (expected % 64);
     // Pieces of one direction that change the winding by one: at every height there is just one.
@@ -428,6 +429,15 @@ bool Raster::draw_area_row(int row, const Frame& f) {
     if (ends & more) [[unlikely]]
       doubts_.push_back(static_cast<std::uint32_t>(i));
   }
+
+  std::uint8_t* const levels = levels_.data();
+  unsigned any_level = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    const unsigned level = level_of(areas[i]);
+    levels[i] = static_cast<std::uint8_t>(level);
+    any_level |= level;
+  }
+  lit |= any_level;
 
   std::uint64_t inside = 0;
   for (std::size_t w = 0; 64 * w < width_; ++w) {
@@ -439,7 +449,7 @@ bool Raster::draw_area_row(int row, const Frame& f) {
     lit |= inside;
     spread(inside, pixels + 64 * w, pixels_left);
   }
-  for (std::size_t i = 0; i < count; ++i) pixels[columns[i]] = levels_[i];
+  for (std::size_t i = 0; i < count; ++i) pixels[columns[i]] = levels[i];
   if (!doubts_.empty()) {
     if (mixed_count < doubts_.size()) std::sort(doubts_.begin(), doubts_.end());
     lit |= draw_doubts(row, count, f);
@@ -481,14 +491,35 @@ void Raster::list_rows() {
   }
 }
 
-/// Whether two pieces of opposite directions cross, other than at their ends. If they do not, they
-/// bound all that lies between them, whichever comes first.
-bool Raster::cross(const Piece& a, const Piece& b) {
-  if (a.winding == b.winding) return true;  // not looked at: the same region twice
-  const double from = std::max(a.y0, b.y0), to = std::min(a.y1, b.y1);
-  if (!(from < to)) return false;
-  const double gap = b.at(from) - a.at(from), gap_end = b.at(to) - a.at(to);
-  return (gap < 0 && gap_end > 0) || (gap > 0 && gap_end < 0);
+/// Whether at every height of a run there are no pieces, or one that goes down and one that goes
+/// up, always in the same order. They then bound all that lies between them, and signed areas are
+/// right. The pieces are those of a run, sorted by their upper ends.
+bool Raster::pairs() {
+  double down_end = 0, up_end = 0, order = 0;
+  std::size_t i = 0, k = 0;
+  const std::size_t n = pieces_.size();
+  const auto next = [&](std::size_t& at, int winding) {
+    while (at < n && pieces_[at].winding != winding) ++at;
+    return at < n;
+  };
+  for (const Piece& p : pieces_) {
+    double& end = p.winding > 0 ? down_end : up_end;
+    if (p.y0 < end) return false;
+    end = p.y1;
+  }
+  while (next(i, 1) && next(k, -1)) {
+    const Piece &down = pieces_[i], &up = pieces_[k];
+    const double from = std::max(down.y0, up.y0), to = std::min(down.y1, up.y1);
+    if (from < to) {
+      for (const double y : {from, to}) {
+        const double gap = up.at(y) - down.at(y);
+        if (gap * order < 0) return false;
+        if (gap != 0) order = gap > 0 ? 1 : -1;
+      }
+    }
+    ++(down.y1 < up.y1 ? i : k);
+  }
+  return true;
 }
 
 /// Pixels in which pieces may overlap or cross. Left and right of them the winding is one number
@@ -499,9 +530,17 @@ unsigned Raster::draw_tangle(int r, int first, int last, int winding, const Fram
   const int row = f.y0 + r;
   pieces_.clear();
   events_.clear();
-  for (std::uint32_t i = at ? row_ends_[at - 1] : 0; i < row_ends_[at]; ++i) {
-    if (by_row_[i].column < first || by_row_[i].column > last) continue;
-    const Line line(segments_[by_row_[i].segment], f);
+  // Segments of these columns, found without a branch that can't be foretold.
+  const std::uint32_t from_i = at ? row_ends_[at - 1] : 0, to_i = row_ends_[at];
+  if (found_.size() <= to_i - from_i) found_.resize(2 * (to_i - from_i) + 1);
+  std::size_t found = 0;
+  for (std::uint32_t i = from_i; i < to_i; ++i) {
+    found_[found] = by_row_[i].segment;
+    found +=
+        static_cast<unsigned>(by_row_[i].column - first) <= static_cast<unsigned>(last - first);
+  }
+  for (std::size_t i = 0; i < found; ++i) {
+    const Line line(segments_[found_[i]], f);
     Piece p;
     p.y0 = line.uy > row ? line.uy - row : 0.0;
     p.x0 = line.uy > row ? line.ux : line.x_at(row);
@@ -512,13 +551,6 @@ unsigned Raster::draw_tangle(int r, int first, int last, int winding, const Fram
     p.winding = line.down ? 1 : -1;
     pieces_.push_back(p);
   }
-  if (pieces_.size() == 2 && !cross(pieces_[0], pieces_[1])) return 0;  // already right
-  for (const Piece& p : pieces_) {
-    events_.push_back(p.y0);
-    events_.push_back(p.y1);
-  }
-  std::sort(events_.begin(), events_.end());
-  events_.erase(std::unique(events_.begin(), events_.end()), events_.end());
   // An order that follows from the pieces alone.
   std::sort(pieces_.begin(), pieces_.end(), [](const Piece& a, const Piece& b) {
     if (a.y0 != b.y0) return a.y0 < b.y0;
@@ -526,6 +558,24 @@ unsigned Raster::draw_tangle(int r, int first, int last, int winding, const Fram
     if (a.x1 != b.x1) return a.x1 < b.x1;
     return a.y1 != b.y1 ? a.y1 < b.y1 : a.winding < b.winding;
   });
+  if (pairs()) return 0;  // already drawn
+  // Strips begin and end where pieces do. Lower ends are nearly in the order of upper ones.
+  lower_ends_.clear();
+  for (const Piece& p : pieces_) {
+    lower_ends_.push_back(p.y1);
+    std::size_t k = lower_ends_.size() - 1;
+    if (k > 0 && lower_ends_[k - 1] > p.y1) {
+      const auto to = std::upper_bound(lower_ends_.begin(), lower_ends_.end() - 1, p.y1);
+      std::rotate(to, lower_ends_.end() - 1, lower_ends_.end());
+    }
+  }
+  events_.clear();
+  std::size_t upper = 0, lower = 0;
+  while (lower < lower_ends_.size()) {
+    const bool begins = upper < pieces_.size() && pieces_[upper].y0 < lower_ends_[lower];
+    const double y = begins ? pieces_[upper++].y0 : lower_ends_[lower++];
+    if (events_.empty() || events_.back() != y) events_.push_back(y);
+  }
   PixelSums* const sums = sums_.data() + at * f.stride;
   std::uint64_t* const marks = marks_.data() + 2 * at * f.words;  // of pixels that have some
   active_.clear();

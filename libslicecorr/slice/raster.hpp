@@ -73,7 +73,7 @@ class Raster {
   void draw_strip(PixelSums* sums, std::uint64_t* marks, double from, double to, int winding,
                   const Frame& f);
   void list_rows();
-  static bool cross(const Piece& a, const Piece& b);
+  bool pairs();
 
   int x0_, y0_, x1_, y1_;
   bool antialias_;
@@ -101,6 +101,7 @@ class Raster {
   // Of the row that is drawn.
   std::vector<std::uint32_t> columns_;  ///< of marked pixels
   std::vector<std::uint8_t> levels_;    ///< of these
+  std::vector<std::int64_t> areas_;     ///< of these, when nothing overlaps
   std::vector<std::int64_t> begins_;    ///< the running sum where the run of each begins
   std::vector<std::uint64_t> gaps_;     ///< marks where pixels that are inside begin
   std::vector<std::uint32_t> doubts_;   ///< which marked pixels are to be looked at closely
@@ -111,8 +112,9 @@ class Raster {
   bool listed_ = false;                  ///< whether the next two are of this slice
   std::vector<std::uint32_t> row_ends_;  ///< per row: where its crossings end in `by_row_`
   std::vector<InRow> by_row_;
+  std::vector<std::uint32_t> found_;  ///< segments of a few columns of a row
   std::vector<Piece> pieces_;
-  std::vector<double> events_;
+  std::vector<double> events_, lower_ends_;
   std::vector<Active> active_;
 };
 

@@ -2,6 +2,7 @@
 #include <bit>
 #include <cstring>
 #include <limits>
+#include <type_traits>
 
 #include "base/tile_tape.hpp"
 #include "correct/band_solvers.hpp"
@@ -16,6 +17,9 @@ namespace {
 /// Rows of a tile's coverage that lie before its first slice: a node looks at three.
 constexpr int kBefore = 3;
 constexpr int kRows = kBefore + kTileSlices;
+
+/// Kinds of voxels: without coverage, full under a full one, full under another, and grey.
+enum Kind { kBlack, kInside, kTop, kGrey };
 
 /// What the solve needs besides the plan, as plain numbers.
 struct Numbers {
@@ -224,6 +228,9 @@ void ContinuousSolver::solve_tile(const Numbers& x, Lanes& lanes, int first_slic
   const double a = model.a;
   LaneMask steady[kTileSlices], changed[kTileSlices];
   tile_changes(rows, kLanes, count, steady, changed);
+  LaneMask zero[kTileSlices], full[kTileSlices], before_zero, before_full;
+  tile_classes(rows, kLanes, count, zero, full);
+  tile_classes(rows - kLanes, kLanes, 1, &before_zero, &before_full);
   const auto row = [&](int k) { return rows + static_cast<std::ptrdiff_t>(k) * kLanes; };
 
   alignas(64) double omega[2][kLanes];
@@ -308,38 +315,49 @@ void ContinuousSolver::solve_tile(const Numbers& x, Lanes& lanes, int first_slic
     step_lanes(add, a, from, to);
     now = 1 - now;
     const std::uint8_t* const below2 = k + 1 < count ? row(k + 1) : lanes.below2;
-    for (LaneMask m = active; m; m &= m - 1) {
-      const int i = std::countr_zero(m);
-      const double w = from[i];
-      const Demand demand = lanes.demand[i];
-      const Around c{row(k - 3)[i], row(k - 2)[i], row(k - 1)[i], row(k)[i], below2[i]};
-      // The commonest cases of goal_at(), decided without it.
-      if (c.below == 0 && c.above != kFull && demand.node + x.reach <= n &&
-          (c.above == 0 || demand.node != n)) {
-        shown[i] = 0;
-        to[i] = x.dark + a * w;
-        continue;
-      }
-      if (c.below == kFull && c.above != 0 && w >= x.edge) {
-        const double aim = demand.node == 0 ? plan_.platform_omega_max
-                                            : x.fall[static_cast<std::size_t>(n - demand.node)];
-        const double brightest = x.bright + a * w;
-        if (aim >= brightest) {
-          shown[i] = x.highest;
-          to[i] = brightest;
-          continue;
-        }
-        const double darkest = x.dark + a * w;
-        if (aim <= darkest && darkest >= x.edge) {
+    // Kinds of voxels one after the other: each has its own way through goal_at(), which the
+    // processor then foresees.
+    const auto decide = [&](LaneMask m, auto kind) {
+      for (; m; m &= m - 1) {
+        const int i = std::countr_zero(m);
+        const double w = from[i];
+        const Demand demand = lanes.demand[i];
+        Around c{row(k - 3)[i], row(k - 2)[i], row(k - 1)[i], row(k)[i], below2[i]};
+        if constexpr (kind.value != kGrey) c.below = kind.value == kBlack ? 0 : kFull;
+        if constexpr (kind.value == kInside) c.above = kFull;
+        // The commonest cases of goal_at(), decided without it.
+        if (kind.value == kBlack && c.above != kFull && demand.node + x.reach <= n &&
+            (c.above == 0 || demand.node != n)) {
           shown[i] = 0;
-          to[i] = darkest;
+          to[i] = x.dark + a * w;
           continue;
         }
+        if ((kind.value == kInside || kind.value == kTop) && c.above != 0 && w >= x.edge) {
+          const double aim = demand.node == 0 ? plan_.platform_omega_max
+                                              : x.fall[static_cast<std::size_t>(n - demand.node)];
+          const double brightest = x.bright + a * w;
+          if (aim >= brightest) {
+            shown[i] = x.highest;
+            to[i] = brightest;
+            continue;
+          }
+          const double darkest = x.dark + a * w;
+          if (aim <= darkest && darkest >= x.edge) {
+            shown[i] = 0;
+            to[i] = darkest;
+            continue;
+          }
+        }
+        const int level = choose_level(plan_, goal_at(plan_, n, c, demand, w, x.edge), w);
+        shown[i] = static_cast<std::uint8_t>(level);
+        to[i] = model.step(plan_.levels.phi(level), w);
       }
-      const int level = choose_level(plan_, goal_at(plan_, n, c, demand, w, x.edge), w);
-      shown[i] = static_cast<std::uint8_t>(level);
-      to[i] = model.step(plan_.levels.phi(level), w);
-    }
+    };
+    const LaneMask above_full = k > 0 ? full[k - 1] : before_full;
+    decide(active & zero[k], std::integral_constant<int, kBlack>());
+    decide(active & full[k] & above_full, std::integral_constant<int, kInside>());
+    decide(active & full[k] & ~above_full, std::integral_constant<int, kTop>());
+    decide(active & ~zero[k] & ~full[k], std::integral_constant<int, kGrey>());
     for (; end != begin && end[-1].row == k; --end) lanes.demand[end[-1].lane] = end[-1].was;
     // The slice before the tile's first row settles with the next tile.
     const int next = k - 1;

@@ -51,12 +51,6 @@ double CorrectionPlan::open_fall(int j) const {
   return low + (open - low) * (fall[static_cast<std::size_t>(j)] - low) / (1.0 - low);
 }
 
-double CorrectionPlan::needed(double demand, int j) const {
-  if (static_cast<std::size_t>(j) >= reach.size()) return detail::kNoDemand;
-  const double high = model.phi_max();
-  return high - (high - demand) * reach[static_cast<std::size_t>(j)];
-}
-
 int slices_with_burst(const CureModel& model, int target_layers, int last_lit) {
   if (model.inhibited) return detail::inhibited_slices(model, target_layers, last_lit);
   return std::max(target_layers, last_lit + 1 + model.slices_to_gel());

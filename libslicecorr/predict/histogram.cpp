@@ -7,7 +7,7 @@
 namespace slicecorr {
 
 void Histogram::add(double value) {
-  if (bins_.empty()) bins_.resize((kGreatestExponent - kLeastExponent) * kBinsPerOctave + 1);
+  if (low_.empty()) low_.resize((kGreatestExponent - kLeastExponent) * kBinsPerOctave + 1);
   // Both by the bits of the number: frexp, ldexp and llround take most of a prediction's time.
   const auto bits = std::bit_cast<std::uint64_t>(value);
   const int exponent = static_cast<int>(bits >> 52 & 2047) - 1022;  // of a mantissa in [0.5, 1)
@@ -16,7 +16,7 @@ void Histogram::add(double value) {
     const int octave = std::min(exponent, kGreatestExponent) - kLeastExponent - 1;
     bin = static_cast<std::size_t>(octave) * kBinsPerOctave + (bits >> 42 & 1023) + 1;
   }
-  ++bins_[bin];
+  if (++low_[bin] == 0) carry(bin, 1);
   ++count_;
   const double scaled = value * 1048576.0;
   if (scaled < 4e15) {
@@ -29,10 +29,19 @@ void Histogram::add(double value) {
   greatest_ = std::max(greatest_, value);
 }
 
+void Histogram::carry(std::size_t bin, std::uint64_t times) {
+  if (high_.empty()) high_.resize(low_.size());
+  high_[bin] += times;
+}
+
 void Histogram::merge(const Histogram& other) {
-  if (other.bins_.empty()) return;
-  if (bins_.empty()) bins_.resize(other.bins_.size());
-  for (std::size_t i = 0; i < bins_.size(); ++i) bins_[i] += other.bins_[i];
+  if (other.low_.empty()) return;
+  if (low_.empty()) low_.resize(other.low_.size());
+  for (std::size_t i = 0; i < low_.size(); ++i) {
+    const std::uint64_t sum = std::uint64_t{low_[i]} + other.in_bin(i);
+    low_[i] = static_cast<std::uint16_t>(sum);
+    if (sum >> 16) carry(i, sum >> 16);
+  }
   count_ += other.count_;
   sum_ += other.sum_;
   least_ = std::min(least_, other.least_);
@@ -50,8 +59,8 @@ double Histogram::quantile(double q) const {
       static_cast<std::uint64_t>(std::max(1.0, std::ceil(q * static_cast<double>(count_) - 1e-9)));
   std::uint64_t seen = 0;
   std::size_t bin = 0;
-  for (; bin < bins_.size(); ++bin) {
-    seen += bins_[bin];
+  for (; bin < low_.size(); ++bin) {
+    seen += in_bin(bin);
     if (seen >= rank) break;
   }
   return middle_of(bin);
@@ -71,11 +80,11 @@ std::vector<std::uint64_t> Histogram::coarse(const std::vector<double>& edges) c
   std::vector<std::uint64_t> counts(edges.size() > 1 ? edges.size() - 1 : 0, 0);
   if (counts.empty()) return counts;
   std::size_t at = 0;
-  for (std::size_t bin = 0; bin < bins_.size(); ++bin) {
-    if (bins_[bin] == 0) continue;
+  for (std::size_t bin = 0; bin < low_.size(); ++bin) {
+    if (in_bin(bin) == 0) continue;
     const double value = middle_of(bin);
     while (at + 1 < counts.size() && value >= edges[at + 1]) ++at;
-    counts[at] += bins_[bin];
+    counts[at] += in_bin(bin);
   }
   return counts;
 }

@@ -25,6 +25,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <vector>
 
@@ -60,7 +61,13 @@ struct CorrectionPlan {
   double open_fall(int j) const;
   /// Least dose from which full light reaches `demand` after j nodes; negative infinity past
   /// `reach`.
-  double needed(double demand, int j) const;
+  double needed(double demand, int j) const {
+    if (static_cast<std::size_t>(j) >= reach.size()) {
+      return -std::numeric_limits<double>::infinity();
+    }
+    const double high = model.phi_max();
+    return high - (high - demand) * reach[static_cast<std::size_t>(j)];
+  }
 };
 
 /// Number of slices to show for a target whose last lit layer is `last_lit` (0-based): the burst

@@ -123,8 +123,9 @@ def compare(base, head, tolerance_percent):
             rows.append((name, None, min(runs), None, False))
             continue
         noise = max(noise, 100 * (max(base[name]) / min(base[name]) - 1))
-        growth = 100 * (min(runs) / min(base[name]) - 1)
-        rows.append((name, min(base[name]), min(runs), growth, growth > tolerance_percent))
+        old, new = min(base[name]), min(runs)
+        grown = 100 * new > (100 + tolerance_percent) * old
+        rows.append((name, old, new, 100 * (new / old - 1), grown))
     return rows, noise
 
 
@@ -164,4 +165,5 @@ def grown_functions(base_profile, head_profile, most=5):
         return []
     base, head = functions(base_profile), functions(head_profile)
     more = [(n - base.get(name, 0), name) for name, n in head.items()]
-    return [m for m in sorted(more, reverse=True)[:most] if m[0] > 0]
+    worth_telling = sum(base.values()) / 1000
+    return [m for m in sorted(more, reverse=True)[:most] if m[0] > worth_telling]

@@ -191,6 +191,31 @@ def tables(result):
     return "\n\n".join(p.rstrip("\n") for p in parts_of) + "\n"
 
 
+def scaling(result):
+    """Serial shares, predictions and the large ones."""
+    rows, shares = [], []
+    for r in result["scaling"]:
+        rows.append(
+            [
+                r["words"], parts.DISPLAYS[r["display"]].words, f"{r['triangles']:,}", f"{r['slices']:,}", f"`{r['job']}`",
+                figure(r["wall_s"]), figure(r["user_s"] + r["system_s"]), figure(r["peak_mib"]),
+            ]
+        )  # fmt: skip
+        if "predicted" in r:
+            p = r["predicted"]
+            shares.append(
+                [f"{r['words']}, `{r['job']}`", f"{100 * p['serial_share']:.1f} %", str(p["bands"])]
+                + [figure(p["speed"][n]) for n in ("2", "8", "16", "64")]
+            )
+    return (
+        machine_words(result)
+        + "\n\n"
+        + table(["part", "display", "triangles", "slices", "job", "wall, s", "processor, s", "peak, MiB"], rows)
+        + "\n"
+        + table(["job", "one thread alone", "bands", "2 cores", "8", "16", "64 cores"], shares)
+    )
+
+
 def put(path, text):
     """In place of what is between the marks."""
     old = path.read_text()

@@ -16,6 +16,7 @@
 #include <zip.h>
 
 #include <algorithm>
+#include <climits>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
@@ -28,6 +29,7 @@
 #include <vector>
 
 #include "slicecorr/mesh.hpp"
+#include "slicecorr/target.hpp"
 
 namespace {
 
@@ -104,6 +106,21 @@ double change(const Image& a, const Image& b) {
     sum += static_cast<std::uint64_t>(std::abs(int{a.pixels[i]} - int{b.pixels[i]}));
   }
   return static_cast<double>(sum) / 255;
+}
+
+/// The first and the last row with light, of the slices in the middle of each twentieth.
+std::pair<int, int> lit_rows(const Archive& archive) {
+  int top = INT_MAX, bottom = 0;
+  for (int k = 0; k < 20; ++k) {
+    const Image image = archive.slice(archive.slices() * (2 * k + 1) / 40);
+    for (int y = 0; y < image.height; ++y) {
+      const auto row = image.pixels.begin() + static_cast<std::ptrdiff_t>(y) * image.width;
+      if (std::none_of(row, row + image.width, [](std::uint8_t v) { return v > 0; })) continue;
+      top = std::min(top, y);
+      bottom = std::max(bottom, y);
+    }
+  }
+  return {std::min(top, bottom), bottom};
 }
 
 struct Edges {
@@ -201,6 +218,16 @@ Json compare(const Options& o) {
               std::to_string(most) + " or one less");
     common = std::min(common, theirs.slices());
   }
+
+  // What threads share out: bands of rows, those of the part's box.
+  const auto [top, bottom] = lit_rows(ours);
+  const Image first = ours.slice(0);
+  slicecorr::Grid grid;
+  grid.width_px = first.width;
+  grid.height_px = first.height;
+  grid.layers = ours.slices();
+  const int rows = slicecorr::band_rows(grid);
+  report["bands"] = bottom / rows - top / rows + 1;
 
   const double d = std::numbers::sqrt2 * 3 / 512 + 6e-6 / o.pixel_mm;
   for (int k = 1; k <= o.samples; ++k) {

@@ -2,9 +2,11 @@
 #include "slicecorr/report.hpp"
 
 #include <gtest/gtest.h>
+#include <png.h>
 
 #include <filesystem>
 #include <fstream>
+#include <random>
 
 #include "ladder.hpp"
 #include "models.hpp"
@@ -52,6 +54,36 @@ TEST(Section, AWrongVoxelIsSeenInASmallPicture) {
   int red = 0;
   for (std::size_t i = 0; i < image.rgb.size(); i += 3) red += image.rgb[i + 1] < 100;
   EXPECT_EQ(red, 1);
+}
+
+/// libpng reads what we wrote.
+TEST(Picture, IsAPngOfTheSamePixels) {
+  std::mt19937 random(4);
+  for (const auto& [width, height] : {std::pair(1, 1), {7, 3}, {64, 50}, {900, 11}}) {
+    for (const int kind : {0, 1, 2}) {  // flat, slopes, noise
+      ColourImage image{width, height, {}};
+      for (int y = 0; y < height; ++y) {
+        for (int x = 0; x < width; ++x) {
+          for (int c = 0; c < 3; ++c) {
+            const unsigned value = kind == 0   ? 200U
+                                   : kind == 1 ? static_cast<unsigned>(3 * x + 5 * y + c)
+                                               : static_cast<unsigned>(random());
+            image.rgb.push_back(static_cast<std::uint8_t>(value));
+          }
+        }
+      }
+      const std::vector<std::uint8_t> bytes = encode_png(image);
+      png_image png{};
+      png.version = PNG_IMAGE_VERSION;
+      ASSERT_TRUE(png_image_begin_read_from_memory(&png, bytes.data(), bytes.size()));
+      EXPECT_EQ(png.format, static_cast<unsigned>(PNG_FORMAT_RGB));
+      ASSERT_EQ(png.width, static_cast<unsigned>(width));
+      ASSERT_EQ(png.height, static_cast<unsigned>(height));
+      std::vector<std::uint8_t> read(PNG_IMAGE_SIZE(png));
+      ASSERT_TRUE(png_image_finish_read(&png, nullptr, read.data(), 0, nullptr)) << png.message;
+      EXPECT_EQ(read, image.rgb) << width << " x " << height << ", " << kind;
+    }
+  }
 }
 
 TEST(Section, OfTheLadderBeforeAndAfter) {

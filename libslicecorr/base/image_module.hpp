@@ -7,7 +7,6 @@
 #include <functional>
 #include <span>
 #include <string>
-#include <vector>
 
 namespace slicecorr::detail {
 
@@ -18,9 +17,6 @@ struct ImageFunctions {
   /// wrong with it, empty: nothing. What the sink throws passes through.
   std::string (*decode_png)(std::span<const std::uint8_t> png, int width_px, int height_px,
                             int rows, const RowSink& sink);
-  /// Appends the PNG of a picture in colour, 3 bytes to a pixel. Gives what is wrong, as above.
-  std::string (*encode_png)(int width_px, int height_px, const std::uint8_t* rgb,
-                            std::vector<std::uint8_t>& png);
 };
 
 /// Loads the module at the first call. Thread-safe. Throws `DeviceError` when it is not there.

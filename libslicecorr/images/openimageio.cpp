@@ -43,22 +43,7 @@ std::string decode_png(std::span<const std::uint8_t> png, int width, int height,
   return "";
 }
 
-std::string encode_png(int width, int height, const std::uint8_t* rgb,
-                       std::vector<std::uint8_t>& png) {
-  OIIO::Filesystem::IOVecOutput memory(png);
-  const auto out = OIIO::ImageOutput::create("png");
-  if (!out) return or_unknown(OIIO::geterror());
-  OIIO::ImageSpec spec(width, height, 3, OIIO::TypeDesc::UINT8);
-  // OpenImageIO stamps files with the time; the same input must give the same bytes.
-  spec.attribute("DateTime", "1980:01:01 00:00:00");
-  if (!out->set_ioproxy(&memory) || !out->open("section.png", spec) ||
-      !out->write_image(OIIO::TypeDesc::UINT8, rgb) || !out->close()) {
-    return or_unknown(out->geterror());
-  }
-  return "";
-}
-
-constexpr ImageFunctions functions{decode_png, encode_png};
+constexpr ImageFunctions functions{decode_png};
 
 }  // namespace
 }  // namespace slicecorr::detail

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstring>
 
 #include "pipeline/bands.hpp"
 
@@ -27,11 +28,6 @@ std::uint8_t flags_of(std::uint8_t state) {
 std::uint8_t worse_error(std::uint8_t a, std::uint8_t b) {
   const auto size = [](std::uint8_t code) { return code ? std::abs(code - 128) : -1; };
   return size(a) != size(b) ? (size(a) > size(b) ? a : b) : std::max(a, b);
-}
-
-void push(ReducedVolume::Runs& runs, std::uint8_t value) {
-  if (runs.empty() || runs.back().first != value) runs.emplace_back(value, 0);
-  ++runs.back().second;
 }
 
 }  // namespace
@@ -233,47 +229,79 @@ void VolumeReducer::Band::follow(std::vector<Chosen>& chosen, const Reader& show
   const ReducedVolume& v = volume_.volume_;
   const LightMap& map = volume_.models_.map();
   std::vector<Pixel> places;
+  std::vector<std::uint32_t> columns;
   for (Chosen& c : chosen) {
     places.push_back({c.column.x, c.column.y});
+    columns.push_back(static_cast<std::uint32_t>(c.at));
     c.column.light = map.factor(map.value(c.column.x, c.column.y));
     for (auto* codes : {&c.dose_before, &c.dose_after, &c.grey_before, &c.grey_after}) {
       codes->assign(static_cast<std::size_t>(v.nz), 0);
     }
   }
-  std::array<std::uint8_t, 256> level_of{};
+  std::array<std::uint8_t, 256> level_of{}, itself{};
   for (std::size_t p = 0; p < 256; ++p) {
+    itself[p] = static_cast<std::uint8_t>(p);
     level_of[p] = static_cast<std::uint8_t>(level_of_pixel(static_cast<int>(p), volume_.levels_));
   }
   PlaceDose dose_before(volume_.models_, places), dose_after(volume_.models_, places);
-  std::vector<std::uint8_t> chosen_pixels(chosen.size()), chosen_cover(chosen.size());
-  std::vector<std::uint8_t> pixels(cells_.size()), cover(cells_.size());
-  for (int z = v.layers; z-- > 0;) {
-    shown(z, pixels.data());
-    design(z, cover.data());
-    const bool lit_before = z < volume_.target_layers_, lit_after = z < volume_.stack_layers_;
-    for (std::size_t m = 0; m < chosen.size(); ++m) {
-      chosen_cover[m] = cover[chosen[m].at];
-      chosen_pixels[m] = pixels[chosen[m].at];
+  std::vector<std::uint8_t> rows(cells_.size());
+  const std::size_t size = chosen.size();
+  std::vector<std::uint8_t> pixels(size), cover(size), pixels_below(size), cover_below(size);
+  const auto read = [&](const Reader& from, int z, std::vector<std::uint8_t>& values) {
+    from(z, rows.data());
+    for (std::size_t m = 0; m < size; ++m) values[m] = rows[columns[m]];
+  };
+  // For now a run's second number is the slice where it begins, seen from the last slice.
+  using Runs = ReducedVolume::Runs;
+  const auto note = [&](int z, bool first, Runs ReducedVolume::Column::*runs,
+                        const std::array<std::uint8_t, 256>& code,
+                        const std::vector<std::uint8_t>& now,
+                        const std::vector<std::uint8_t>& below) {
+    constexpr std::size_t kAtOnce = 32;
+    for (std::size_t b = 0; b < size; b += kAtOnce) {
+      const std::size_t end = std::min(b + kAtOnce, size);
+      if (!first && std::memcmp(&now[b], &below[b], end - b) == 0) continue;
+      for (std::size_t m = b; m < end; ++m) {
+        const std::uint8_t value = code[now[m]];
+        if (first || value != code[below[m]]) (chosen[m].column.*runs).emplace_back(value, z);
+      }
     }
-    dose_before.add_slice(z, lit_before ? chosen_cover.data() : nullptr);
-    dose_after.add_slice(z, lit_after ? chosen_pixels.data() : nullptr);
-    for (std::size_t m = 0; m < chosen.size(); ++m) {
-      if (lit_before) push(chosen[m].column.coverage, chosen_cover[m]);
-      if (lit_after) push(chosen[m].column.levels, level_of[chosen_pixels[m]]);
+  };
+  for (int z = v.layers; z-- > 0;) {
+    const bool lit_before = z < volume_.target_layers_, lit_after = z < volume_.stack_layers_;
+    cover.swap(cover_below);
+    pixels.swap(pixels_below);
+    read(design, z, cover);
+    read(shown, z, pixels);
+    dose_before.add_slice(z, lit_before ? cover.data() : nullptr);
+    dose_after.add_slice(z, lit_after ? pixels.data() : nullptr);
+    if (lit_before) {
+      note(z, z + 1 == volume_.target_layers_, &ReducedVolume::Column::coverage, itself, cover,
+           cover_below);
+    }
+    if (lit_after) {
+      note(z, z + 1 == volume_.stack_layers_, &ReducedVolume::Column::levels, level_of, pixels,
+           pixels_below);
     }
     const auto k = volume_.cell_layer_[static_cast<std::size_t>(z)];
     const int first = static_cast<int>(k) * v.step_z;
     if (z != (first + std::min(first + v.step_z, v.layers)) / 2) continue;
-    for (std::size_t m = 0; m < chosen.size(); ++m) {
+    for (std::size_t m = 0; m < size; ++m) {
       chosen[m].dose_before[k] = dose_code(dose_before.middle()[m]);
       chosen[m].dose_after[k] = dose_code(dose_after.middle()[m]);
-      chosen[m].grey_before[k] = chosen_cover[m];
-      chosen[m].grey_after[k] = chosen_pixels[m];
+      chosen[m].grey_before[k] = cover[m];
+      chosen[m].grey_after[k] = pixels[m];
     }
   }
   for (Chosen& c : chosen) {
-    for (auto* runs : {&c.column.coverage, &c.column.levels}) {
+    for (Runs* runs : {&c.column.coverage, &c.column.levels}) {
       std::reverse(runs->begin(), runs->end());
+      std::int32_t below = -1;
+      for (auto& [value, last] : *runs) {
+        const std::int32_t slices = last - below;
+        below = last;
+        last = slices;
+      }
       runs->shrink_to_fit();
     }
   }

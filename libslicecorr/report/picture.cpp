@@ -1,9 +1,13 @@
+#include <libdeflate.h>
+
 #include <algorithm>
 #include <array>
+#include <cstdlib>
+#include <memory>
+#include <new>
 
-#include "base/image_module.hpp"
-#include "slicecorr/error.hpp"
 #include "slicecorr/report.hpp"
+#include "stack/png.hpp"
 
 namespace slicecorr {
 
@@ -149,12 +153,57 @@ ColourImage tiled(const std::vector<ColourImage>& pictures, int columns) {
   return all;
 }
 
+namespace {
+
+/// A row of RGB pixels as PNG stores it: the filter's number, then the bytes less what it guesses
+/// from the pixel to the left (1), from the row above (2), or nothing (0). Of these the one whose
+/// bytes are the smallest in sum.
+void filter_row(const std::uint8_t* row, const std::uint8_t* above, std::size_t bytes,
+                std::uint8_t* out) {
+  const auto filtered = [&](int filter, std::size_t i) {
+    const std::uint8_t left = i < 3 ? 0 : row[i - 3];
+    return static_cast<std::uint8_t>(row[i] - (filter == 1 ? left : filter == 2 ? above[i] : 0));
+  };
+  std::uint64_t least = UINT64_MAX;
+  int best = 0;
+  for (const int filter : {0, 2, 1}) {
+    std::uint64_t sum = 0;
+    for (std::size_t i = 0; i < bytes; ++i) {
+      sum += static_cast<unsigned>(std::abs(static_cast<std::int8_t>(filtered(filter, i))));
+    }
+    if (sum >= least) continue;
+    least = sum;
+    best = filter;
+  }
+  out[0] = static_cast<std::uint8_t>(best);
+  for (std::size_t i = 0; i < bytes; ++i) out[i + 1] = filtered(best, i);
+}
+
+}  // namespace
+
 std::vector<std::uint8_t> encode_png(const ColourImage& image) {
-  std::vector<std::uint8_t> bytes;
-  const std::string problem = detail::image_functions().encode_png(image.width_px, image.height_px,
-                                                                   image.rgb.data(), bytes);
-  if (!problem.empty()) throw Error("a picture can't be encoded: " + problem);
-  return bytes;
+  const auto bytes = static_cast<std::size_t>(image.width_px) * 3;
+  const auto height = static_cast<std::size_t>(image.height_px);
+  std::vector<std::uint8_t> raw((bytes + 1) * height);
+  const std::vector<std::uint8_t> black(bytes, 0);
+  for (std::size_t y = 0; y < height; ++y) {
+    const std::uint8_t* const row = image.rgb.data() + y * bytes;
+    filter_row(row, y ? row - bytes : black.data(), bytes, raw.data() + y * (bytes + 1));
+  }
+  const std::unique_ptr<libdeflate_compressor, decltype(&libdeflate_free_compressor)> compressor(
+      libdeflate_alloc_compressor(7), libdeflate_free_compressor);
+  if (!compressor) throw std::bad_alloc();
+  std::vector<std::uint8_t> png;
+  detail::PixelCode rgb;
+  rgb.colour = 2;
+  detail::append_png_header(image.width_px, image.height_px, rgb, png);
+  const std::size_t chunk = detail::begin_chunk("IDAT", png), start = png.size();
+  png.resize(start + libdeflate_zlib_compress_bound(compressor.get(), raw.size()));
+  png.resize(start + libdeflate_zlib_compress(compressor.get(), raw.data(), raw.size(),
+                                              png.data() + start, png.size() - start));
+  detail::end_chunk(chunk, png);
+  detail::append_png_iend(png);
+  return png;
 }
 
 }  // namespace slicecorr

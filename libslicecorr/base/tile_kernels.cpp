@@ -95,6 +95,14 @@ void StepMany(const double* add, double a, double* dose, int slices) {
                p2 = hn::LoadU(d, plus + 2 * n), p3 = hn::LoadU(d, plus + 3 * n),
                p4 = hn::LoadU(d, plus + 4 * n), p5 = hn::LoadU(d, plus + 5 * n),
                p6 = hn::LoadU(d, plus + 6 * n), p7 = hn::LoadU(d, plus + 7 * n);
+    // Long after the last change of light doses stay what they are, to the last bit.
+    const auto stays = [&](auto v, auto p) {
+      return hn::AllTrue(d, hn::Eq(hn::Add(p, hn::Mul(factor, v)), v));
+    };
+    if (stays(v0, p0) && stays(v1, p1) && stays(v2, p2) && stays(v3, p3) && stays(v4, p4) &&
+        stays(v5, p5) && stays(v6, p6) && stays(v7, p7)) {
+      continue;
+    }
     for (int s = 0; s < slices; ++s) {
       v0 = hn::Add(p0, hn::Mul(factor, v0));
       v1 = hn::Add(p1, hn::Mul(factor, v1));
@@ -175,6 +183,27 @@ PrintedLanes Predict(const PredictStep& s) {
   return printed;
 }
 
+bool PrintsAlike(const PredictStep& s, const PrintedLanes& is) {
+  const Doubles d;
+  const auto one = hn::Set(d, 1.0);
+  const auto a = hn::Set(d, s.a), root = hn::Set(d, s.root_a);
+  LaneMask at_node = 0, in_middle = 0;
+  for (std::size_t l = 0; l < kLanes; l += hn::Lanes(d)) {
+    const auto from = hn::LoadU(d, s.from + l);
+    const auto dose = hn::Add(hn::LoadU(d, s.add + l), hn::Mul(a, from));
+    const auto middle = hn::Add(hn::LoadU(d, s.add_middle + l), hn::Mul(root, from));
+    at_node |= bits_of(d, hn::Ge(dose, one)) << l;
+    in_middle |= bits_of(d, hn::Ge(middle, one)) << l;
+  }
+  return at_node == is.node && in_middle == is.middle;
+}
+
+void Copy(const double* from, double* to) {
+  const Doubles d;
+  for (std::size_t l = 0; l < kLanes; l += hn::Lanes(d))
+    hn::StoreU(hn::LoadU(d, from + l), d, to + l);
+}
+
 }  // namespace
 }  // namespace HWY_NAMESPACE
 }  // namespace slicecorr::detail
@@ -190,6 +219,8 @@ HWY_EXPORT(StepMany);
 HWY_EXPORT(Printed);
 HWY_EXPORT(Later);
 HWY_EXPORT(Predict);
+HWY_EXPORT(PrintsAlike);
+HWY_EXPORT(Copy);
 
 void tile_changes(const std::uint8_t* rows, std::size_t stride, int count, LaneMask* steady,
                   LaneMask* changed) {
@@ -210,6 +241,10 @@ LaneMask later_lanes(const std::int32_t* until, std::int32_t slice, std::int32_t
   return HWY_DYNAMIC_DISPATCH(Later)(until, slice, greatest);
 }
 PrintedLanes predict_lanes(const PredictStep& step) { return HWY_DYNAMIC_DISPATCH(Predict)(step); }
+bool prints_alike(const PredictStep& step, const PrintedLanes& is) {
+  return HWY_DYNAMIC_DISPATCH(PrintsAlike)(step, is);
+}
+void copy_lanes(const double* from, double* to) { HWY_DYNAMIC_DISPATCH(Copy)(from, to); }
 
 }  // namespace slicecorr::detail
 #endif

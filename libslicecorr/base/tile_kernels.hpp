@@ -26,7 +26,7 @@ void tile_classes(const std::uint8_t* rows, std::size_t stride, int count, LaneM
 
 /// to = add + a * from.
 void step_lanes(const double* add, double a, const double* from, double* to);
-/// The same `slices` times, in place.
+/// The same `slices` times, in place. No step is made where doses stay as they are.
 void step_lanes(const double* add, double a, double* dose, int slices);
 
 /// Lanes of at least 1.
@@ -53,5 +53,10 @@ struct PrintedLanes {
   bool operator==(const PrintedLanes&) const = default;
 };
 PrintedLanes predict_lanes(const PredictStep& step);
+/// Whether lanes print at the upper node and in the middle as `is` says. Nothing is written.
+bool prints_alike(const PredictStep& step, const PrintedLanes& is);
+
+/// 64 numbers. Compilers make slow code of copies of this size.
+void copy_lanes(const double* from, double* to);
 
 }  // namespace slicecorr::detail

@@ -236,11 +236,13 @@ void ContinuousSolver::solve_tile(const Numbers& x, Lanes& lanes, int first_slic
   alignas(64) double omega[2][kLanes];
   alignas(64) double add[kLanes];
   alignas(64) std::uint8_t light[kLanes];
-  std::memcpy(omega[0], lanes.omega, sizeof omega[0]);
-  for (std::size_t i = 0; i < kLanes; ++i) {
-    const bool bright = lanes.bright >> i & 1;
-    add[i] = bright ? x.bright : x.dark;
-    light[i] = bright ? x.highest : 0;
+  copy_lanes(lanes.omega, omega[0]);
+  std::fill_n(add, kLanes, x.dark);
+  std::memset(light, 0, kLanes);
+  for (LaneMask m = lanes.bright; m; m &= m - 1) {
+    const int i = std::countr_zero(m);
+    add[i] = x.bright;
+    light[i] = x.highest;
   }
   LaneMask quiet = lanes.quiet;
   int now = 0;
@@ -366,7 +368,7 @@ void ContinuousSolver::solve_tile(const Numbers& x, Lanes& lanes, int first_slic
       settle(i, next, to[i]);
     }
   }
-  std::memcpy(lanes.omega, omega[now], sizeof lanes.omega);
+  copy_lanes(omega[now], lanes.omega);
   std::memcpy(lanes.below2, row(0), kLanes);
   lanes.quiet = quiet;
 }

@@ -49,18 +49,35 @@ void BandPredictor::add_tile(std::size_t first_column, std::size_t columns, int 
   };
   if (pixels) {
     const std::uint8_t* const row = pixels + static_cast<std::size_t>(slices - 1) * kLanes;
-    for (std::size_t i = 0; i < columns; ++i) light(i, row[i]);
+    light(0, row[0]);
+    if (std::memcmp(row, row + 1, columns - 1) == 0) {
+      std::fill_n(add + 1, columns - 1, add[0]);
+      std::fill_n(add_middle + 1, columns - 1, add_middle[0]);
+    } else {
+      for (std::size_t i = 1; i < columns; ++i) light(i, row[i]);
+    }
   }
   double* const omega = &omega_[first_column];
   alignas(64) double dose[2][kLanes], ahead[kLanes];
-  std::memcpy(dose[0], omega, sizeof dose[0]);
+  detail::copy_lanes(omega, dose[0]);
   int now = 0;
+  static_assert(gap == 0 && run == 1 && grey == 2);
+  const std::uint8_t* const classes = reinterpret_cast<const std::uint8_t*>(&class_[first_column]);
   LaneMask was_run = 0, was_gap = 0;
-  for (std::size_t i = 0; i < columns; ++i) {
-    const Class c = class_[first_column + i];
-    was_run |= static_cast<LaneMask>(c == run) << i;
-    was_gap |= static_cast<LaneMask>(c == gap) << i;
+  for (std::size_t i = 0; i < columns; i += 8) {
+    const std::size_t some = std::min<std::size_t>(8, columns - i);
+    std::uint64_t eight = ~std::uint64_t{0};
+    std::memcpy(&eight, classes + i, some);
+    if (eight == 0) {
+      was_gap |= LaneMask{0xFF} << i;
+      continue;
+    }
+    for (std::size_t j = i; j < i + some; ++j) {
+      was_run |= static_cast<LaneMask>(classes[j] == run) << j;
+      was_gap |= static_cast<LaneMask>(classes[j] == gap) << j;
+    }
   }
+  const LaneMask first_run = was_run, first_gap = was_gap;
   detail::PredictStep step{model_.a,
                            model_.root_a,
                            add,
@@ -130,33 +147,19 @@ void BandPredictor::add_tile(std::size_t first_column, std::size_t columns, int 
       ++more;
     }
     if (more < 2) continue;
-    std::memcpy(ahead, dose[now], sizeof ahead);
+    detail::copy_lanes(dose[now], ahead);
     detail::step_lanes(add, model_.a, ahead, more - 1);
     if (detail::printed_lanes(ahead) != printed) continue;
-    // Sums of a last slice that is not reached this way would be wrong: look first.
-    alignas(64) double last[kLanes], lows[kLanes], highs[kLanes], out[kLanes], least[kLanes];
-    detail::PredictStep end = step;
-    end.from = ahead;
-    end.to = last;
-    std::memcpy(lows, sums.inside_low, sizeof lows);
-    std::memcpy(highs, sums.inside_high, sizeof highs);
-    std::memcpy(out, sums.outside_high, sizeof out);
-    std::memcpy(least, step.gap_low, sizeof least);
-    end.inside_low = lows;
-    end.inside_high = highs;
-    end.outside_high = out;
-    end.gap_low = least;
-    if (!(detail::predict_lanes(end) == is)) continue;
-    std::memcpy(sums.inside_low, lows, sizeof lows);
-    std::memcpy(sums.inside_high, highs, sizeof highs);
-    std::memcpy(sums.outside_high, out, sizeof out);
-    std::memcpy(step.gap_low, least, sizeof least);
-    std::memcpy(dose[now], last, sizeof last);
+    step.from = ahead;
+    step.to = dose[now];
+    if (!detail::prints_alike(step, is)) continue;
+    detail::predict_lanes(step);
     count(more);
     k -= more;
   }
-  std::memcpy(omega, dose[now], sizeof dose[now]);
-  for (std::size_t i = 0; i < columns; ++i) {
+  detail::copy_lanes(dose[now], omega);
+  for (LaneMask m = (was_run ^ first_run) | (was_gap ^ first_gap); m; m &= m - 1) {
+    const auto i = static_cast<std::size_t>(std::countr_zero(m));
     class_[first_column + i] = was_run >> i & 1 ? run : was_gap >> i & 1 ? gap : grey;
   }
   for (std::size_t b = first_column / detail::kBlock;

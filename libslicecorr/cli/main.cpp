@@ -144,7 +144,8 @@ int report(const Arguments& a, const Job& job, Console& console) {
   const Prediction before = verify_stack(target, target, setup, job);
   const StackInfo& info = stack.info();
   write_text_file(a.output, make_report(gather_report(stack, target, setup, info, after, before,
-                                                      title_of(a.input), job)));
+                                                      title_of(a.input), job),
+                                        job));
   console.say(fmt::format("{}: written\n{}", a.output, summary(after, before)));
   return kDone;
 }
@@ -303,7 +304,7 @@ int compare(const Arguments& a, const Job& job, Console& console) {
     ReportContent content = gather_report(corrected, target, setup, info, c.ours, c.uncorrected,
                                           title_of(a.output), job);
     content.comparison = table_of(columns);
-    write_text_file(a.output, make_report(content));
+    write_text_file(a.output, make_report(content, job));
     console.say(fmt::format("{}: written", a.output));
   }
   return kDone;

@@ -29,7 +29,8 @@ Correction make_part(const SliceSource& target, Setup setup, const StackFile& fi
   const CorrectedSlices shown(target, setup, job);
   write_text_file(base + ".html",
                   make_report(gather_report(shown, target, setup, result.info, result.after,
-                                            result.before, title, job, result.volume)));
+                                            result.before, title, job, result.volume),
+                              job));
   return result;
 }
 

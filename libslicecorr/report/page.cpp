@@ -142,7 +142,7 @@ std::string summary(const ReportContent& c) {
 
 }  // namespace
 
-std::string make_report(const ReportContent& c) {
+std::string make_report(const ReportContent& c, const Job& job) {
   const Grid& g = c.info.grid;
   const CureModel model =
       make_cure_model(c.setup.printer, c.setup.resin, c.setup.process, g.layer_um);
@@ -187,7 +187,7 @@ std::string make_report(const ReportContent& c) {
                                    c.column_y >= 0 ? c.column_y : (v.box.y0 + v.box.y1) / 2,
                                    v.layers / 2};
     html += R"(<script type="application/json" id="report-data">)";
-    html += detail::page_data(v, model, g, start);
+    html += detail::page_data(v, model, g, start, job);
     html += "</script><script>";
     for (const auto& script :
          {detail::page_data_js, detail::page_sections_js, detail::page_column_js,

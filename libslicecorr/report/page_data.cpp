@@ -1,9 +1,11 @@
 #include <libdeflate.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <functional>
 #include <memory>
 #include <new>
 #include <nlohmann/json.hpp>
@@ -163,12 +165,26 @@ nlohmann::ordered_json kernel_json(const InhibitedKernel& kernel, int layers) {
 }  // namespace
 
 std::string page_data(ReducedVolume v, const CureModel& model, const Grid& grid,
-                      const std::array<int, 3>& start) {
-  Bytes state_before, state_after;
+                      const std::array<int, 3>& start, const Job& job) {
+  Job quiet;
+  quiet.threads = job.threads;
+  quiet.cancel = job.cancel;
+  // Makes `count` packed fields; true when they fit together.
+  const auto fit = [&](std::size_t most, std::size_t count, Bytes* packed,
+                       const std::function<Bytes(std::size_t)>& make) {
+    std::atomic<bool> all{true};
+    parallel_for(quiet, "", count, [&](std::size_t i) {
+      if (all && !deflate_within(most, make(i), packed[i])) all = false;
+    });
+    if (!all) return false;
+    std::size_t sum = 0;
+    for (std::size_t i = 0; i < count; ++i) sum += packed[i].size();
+    return sum <= most;
+  };
+  Bytes states[2];
   for (;; v = coarser(v)) {
     const std::size_t most = v.cells() < 1000 ? SIZE_MAX : kStateBudget;
-    if (deflate_within(most, v.before.state, state_before) &&
-        deflate_within(most - state_before.size(), v.after.state, state_after)) {
+    if (fit(most, 2, states, [&](std::size_t i) { return i ? v.after.state : v.before.state; })) {
       break;
     }
   }
@@ -191,22 +207,18 @@ std::string page_data(ReducedVolume v, const CureModel& model, const Grid& grid,
   if (model.inhibited) {
     j["kernel"] = uneven ? nlohmann::ordered_json() : kernel_json(*model.inhibited, v.layers);
   }
-  j["state"] = {base64(state_before), base64(state_after)};
+  j["state"] = {base64(states[0]), base64(states[1])};
 
   Bytes fields[6];
   int every = 1;
   for (;; ++every) {
-    std::size_t most = every >= 8 ? SIZE_MAX : kFieldBudget;
-    const auto fits = [&](std::size_t i, const Bytes& cells) {
-      if (!deflate_within(most, cells, fields[i])) return false;
-      most -= fields[i].size();
-      return true;
+    const auto field = [&](std::size_t i) {
+      const ReducedPrint& print = i % 2 ? v.after : v.before;
+      return i < 2   ? sampled(v, print.dose, every)
+             : i < 4 ? sampled(v, print.grey, every)
+                     : greatest(v, print.error, every);
     };
-    if (fits(0, sampled(v, v.before.dose, every)) && fits(1, sampled(v, v.after.dose, every)) &&
-        fits(2, sampled(v, v.before.grey, every)) && fits(3, sampled(v, v.after.grey, every)) &&
-        fits(4, greatest(v, v.before.error, every)) && fits(5, greatest(v, v.after.error, every))) {
-      break;
-    }
+    if (fit(every >= 8 ? SIZE_MAX : kFieldBudget, 6, fields, field)) break;
   }
   j["fieldEvery"] = every;
   j["dose"] = {base64(fields[0]), base64(fields[1])};

@@ -156,7 +156,8 @@ class Reports {
       cli::write_text_file(
           work_.path() + "/html",
           make_report(gather_report(corrected, target, setup, c.info, c.after, c.before,
-                                    fs::path(name_).stem().string(), job, c.volume)));
+                                    fs::path(name_).stem().string(), job, c.volume),
+                      job));
     }
     if (wants("json")) cli::write_text_file(work_.path() + "/json", figures_json(outcome));
   }

@@ -37,6 +37,10 @@ bool looks_ascii(const std::string& bytes) {
 
 std::uint32_t little_u32(const char* at) {
   std::uint32_t value = 0;
+  if constexpr (std::endian::native == std::endian::little) {
+    std::memcpy(&value, at, sizeof value);
+    return value;
+  }
   for (int i = 3; i >= 0; --i) value = value << 8 | static_cast<unsigned char>(at[i]);
   return value;
 }
@@ -47,7 +51,7 @@ struct Place {
   bool operator==(const Place&) const = default;
 };
 
-Place place_at(const std::string& bytes, std::size_t corner) {
+inline Place place_at(const std::string& bytes, std::size_t corner) {
   const char* at = bytes.data() + kHeader + corner / 3 * kRecord + 12 + 12 * (corner % 3);
   // Adding 0 turns -0 into 0: the same place.
   return {std::bit_cast<float>(little_u32(at)) + 0.0F,
@@ -67,16 +71,29 @@ std::uint64_t hash_of(const Place& p) {
 bool find_first(const std::string& bytes, std::size_t corners, std::size_t size, const Job& job,
                 std::uint32_t* first) {
   constexpr std::uint32_t kFree = std::numeric_limits<std::uint32_t>::max();
-  constexpr std::size_t kMostProbes = 4096;
+  constexpr std::size_t kMostProbes = 4096, kRecent = 1024;
+  // Neighbouring triangles share corners: most places were seen a moment ago, and the table is
+  // larger than the caches. Whoever was seen in this chunk is not after the corner at hand.
+  struct Recent {
+    Place place;
+    std::uint32_t slot = kFree;
+  };
   std::vector<std::uint32_t> slots(size, kFree);
   std::atomic<bool> full = false;
   const std::size_t chunks = (corners + kCornersPerChunk - 1) / kCornersPerChunk;
   parallel_for(job, "", chunks, [&](std::size_t chunk) {
     const std::size_t end = std::min(corners, kCornersPerChunk * (chunk + 1));
+    std::vector<Recent> recent(kRecent);
     for (std::size_t c = kCornersPerChunk * chunk; c < end && !full; ++c) {
       const auto corner = static_cast<std::uint32_t>(c);
       const Place place = place_at(bytes, c);
-      std::size_t slot = hash_of(place) & (size - 1);
+      const std::uint64_t hash = hash_of(place);
+      Recent& seen = recent[hash >> 32 & (kRecent - 1)];
+      if (seen.slot != kFree && seen.place == place) {
+        first[c] = seen.slot;
+        continue;
+      }
+      std::size_t slot = hash & (size - 1);
       for (std::size_t probes = 0;; slot = (slot + 1) & (size - 1)) {
         std::atomic_ref<std::uint32_t> held(slots[slot]);
         std::uint32_t other = held.load(std::memory_order_relaxed);
@@ -95,6 +112,7 @@ bool find_first(const std::string& bytes, std::size_t corners, std::size_t size,
         }
       }
       first[c] = static_cast<std::uint32_t>(slot);
+      seen = {place, first[c]};
     }
   });
   if (full) return false;

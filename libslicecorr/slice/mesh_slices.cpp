@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <mutex>
+#include <utility>
 
 #include "mesh/half_edges.hpp"
 #include "slice/bridges.hpp"
@@ -64,6 +65,16 @@ Span cut_by(double z_low, double z_high, int layers) {
           static_cast<int>(std::clamp(last, -1.0, static_cast<double>(layers - 1)))};
 }
 
+constexpr std::size_t kChunk = 1 << 15;
+std::size_t chunks_of(std::size_t count) { return (count + kChunk - 1) / kChunk; }
+/// Calls `each(chunk, begin, end)` for parts of [0, count), on all threads.
+template <class Each>
+void in_chunks(std::size_t count, const Job& job, const Each& each) {
+  parallel_for(detail::silent(job), "", chunks_of(count), [&](std::size_t chunk) {
+    each(chunk, chunk * kChunk, std::min(count, (chunk + 1) * kChunk));
+  });
+}
+
 }  // namespace
 
 struct MeshSlices::Impl {
@@ -82,7 +93,7 @@ struct MeshSlices::Impl {
   void place(const TriangleMesh& mesh, const Printer& printer, const SliceOptions& options,
              const Job& job);
   void close_contours(const Job& job);
-  void bin_triangles();
+  void bin_triangles(const Job& job);
 
   /// Where the edge from corner a to corner b meets slice n. Both triangles of an edge get the same
   /// bits.
@@ -155,15 +166,26 @@ void MeshSlices::Impl::place(const TriangleMesh& mesh, const Printer& printer,
   open = detail::open_edges(halves, turned, job);
   Point3 low = mesh.vertices[mesh.triangles[0][0]], high = low;
   bool finite = true;
-  for (const auto& t : mesh.triangles) {
-    for (const std::uint32_t v : t) {
-      for (std::size_t k = 0; k < 3; ++k) {
-        low[k] = std::min(low[k], mesh.vertices[v][k]);
-        high[k] = std::max(high[k], mesh.vertices[v][k]);
-        finite &= std::isfinite(mesh.vertices[v][k]);
+  std::mutex joining;
+  in_chunks(mesh.triangles.size(), job, [&](std::size_t, std::size_t begin, std::size_t end) {
+    Point3 its_low = mesh.vertices[mesh.triangles[begin][0]], its_high = its_low;
+    bool its_finite = true;
+    for (std::size_t i = begin; i < end; ++i) {
+      for (const std::uint32_t v : mesh.triangles[i]) {
+        for (std::size_t k = 0; k < 3; ++k) {
+          its_low[k] = std::min(its_low[k], mesh.vertices[v][k]);
+          its_high[k] = std::max(its_high[k], mesh.vertices[v][k]);
+          its_finite &= std::isfinite(mesh.vertices[v][k]);
+        }
       }
     }
-  }
+    const std::lock_guard lock(joining);
+    finite &= its_finite;
+    for (std::size_t k = 0; k < 3; ++k) {
+      low[k] = std::min(low[k], its_low[k]);
+      high[k] = std::max(high[k], its_high[k]);
+    }
+  });
   if (!finite) throw InputError("a corner of the part is not at a finite place");
   const Grid plate = plate_grid(printer);
   const double px = plate.pixel_x_um * 1e-3, py = plate.pixel_y_um * 1e-3;
@@ -208,12 +230,6 @@ void MeshSlices::Impl::place(const TriangleMesh& mesh, const Printer& printer,
   grid = {plate.width_px,   plate.height_px,  static_cast<int>(layers),
           plate.pixel_x_um, plate.pixel_y_um, options.layer_um};
 
-  corners.reserve(mesh.vertices.size());
-  for (const Point3& v : mesh.vertices) {
-    corners.push_back({std::clamp((v[0] - mid_x + cx) / px, 0.0, 1.0 * plate.width_px),
-                       std::clamp((mid_y - v[1] + display_y - cy) / py, 0.0, 1.0 * plate.height_px),
-                       (v[2] - low[2]) / layer_mm - 0.5});
-  }
   const auto inside = [](double v, int most) { return std::clamp(static_cast<int>(v), 0, most); };
   bounds = {inside(std::floor((cx - half_x) / px + 1e-9), plate.width_px),
             inside(std::floor((display_y - cy - half_y) / py + 1e-9), plate.height_px),
@@ -221,10 +237,17 @@ void MeshSlices::Impl::place(const TriangleMesh& mesh, const Printer& printer,
             inside(std::ceil((display_y - cy + half_y) / py - 1e-9), plate.height_px)};
   bounds.x1 = std::max(bounds.x1, std::min(bounds.x0 + 1, plate.width_px));
   bounds.y1 = std::max(bounds.y1, std::min(bounds.y0 + 1, plate.height_px));
-  for (Corner& c : corners) {
-    c.x = std::clamp(c.x, static_cast<double>(bounds.x0), static_cast<double>(bounds.x1));
-    c.y = std::clamp(c.y, static_cast<double>(bounds.y0), static_cast<double>(bounds.y1));
-  }
+  corners.resize(mesh.vertices.size());
+  in_chunks(corners.size(), job, [&](std::size_t, std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const Point3& v = mesh.vertices[i];
+      const double x = std::clamp((v[0] - mid_x + cx) / px, 0.0, 1.0 * plate.width_px);
+      const double y = std::clamp((mid_y - v[1] + display_y - cy) / py, 0.0, 1.0 * plate.height_px);
+      corners[i] = {std::clamp(x, static_cast<double>(bounds.x0), static_cast<double>(bounds.x1)),
+                    std::clamp(y, static_cast<double>(bounds.y0), static_cast<double>(bounds.y1)),
+                    (v[2] - low[2]) / layer_mm - 0.5};
+    }
+  });
   triangles = mesh.triangles;
   for (std::size_t i = 0; i < turned.size(); ++i) {
     if (!turned[i]) continue;
@@ -265,7 +288,8 @@ void MeshSlices::Impl::close_contours(const Job& job) {
   });
 }
 
-void MeshSlices::Impl::bin_triangles() {
+/// Their numbers rise within a bin.
+void MeshSlices::Impl::bin_triangles(const Job& job) {
   rows_per_bin = band_rows(grid);
   const auto bins = static_cast<std::size_t>((grid.height_px + rows_per_bin - 1) / rows_per_bin);
   bin_begin.assign(bins + 1, 0);
@@ -273,19 +297,31 @@ void MeshSlices::Impl::bin_triangles() {
     const Span span = slices_of(t);
     return span.first <= span.last;
   };
-  for (const auto& t : triangles) {
-    if (!cut(t)) continue;
-    const auto [first, last] = bins_of(t);
-    for (std::size_t b = first; b <= last; ++b) ++bin_begin[b + 1];
+  // Of each chunk and bin: how many, then where they begin.
+  std::vector<std::size_t> at(chunks_of(triangles.size()) * bins, 0);
+  in_chunks(triangles.size(), job, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      if (!cut(triangles[i])) continue;
+      const auto [first, last] = bins_of(triangles[i]);
+      for (std::size_t b = first; b <= last; ++b) ++at[chunk * bins + b];
+    }
+  });
+  std::size_t sum = 0;
+  for (std::size_t b = 0; b < bins; ++b) {
+    bin_begin[b] = sum;
+    for (std::size_t k = b; k < at.size(); k += bins) sum += std::exchange(at[k], sum);
   }
-  for (std::size_t b = 0; b < bins; ++b) bin_begin[b + 1] += bin_begin[b];
-  binned.resize(bin_begin[bins]);
-  std::vector<std::size_t> at(bin_begin.begin(), bin_begin.end() - 1);
-  for (std::uint32_t i = 0; i < triangles.size(); ++i) {
-    if (!cut(triangles[i])) continue;
-    const auto [first, last] = bins_of(triangles[i]);
-    for (std::size_t b = first; b <= last; ++b) binned[at[b]++] = i;
-  }
+  bin_begin[bins] = sum;
+  binned.resize(sum);
+  in_chunks(triangles.size(), job, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      if (!cut(triangles[i])) continue;
+      const auto [first, last] = bins_of(triangles[i]);
+      for (std::size_t b = first; b <= last; ++b) {
+        binned[at[chunk * bins + b]++] = static_cast<std::uint32_t>(i);
+      }
+    }
+  });
 }
 
 /// The triangles of these rows, sorted by the first slice that cuts them.
@@ -317,7 +353,7 @@ MeshSlices::MeshSlices(const TriangleMesh& mesh, const Printer& printer,
   impl_->place(mesh, printer, options, job);
   job.check_cancelled();
   impl_->close_contours(job);
-  impl_->bin_triangles();
+  impl_->bin_triangles(job);
   const SliceReport& r = impl_->report;
   if (r.turned_triangles) {
     job.tell(fmt::format("{} triangles face the other way than their neighbours; cut as if turned",

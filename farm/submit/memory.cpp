@@ -22,9 +22,9 @@ constexpr double light_bytes_per_slice = 256;
 /// Two sets of models are in use while the report is made. One of them has plans, whose own tables
 /// are 4 for each 5 of the model.
 constexpr double table_sets = 2.8;
-/// In each thread, the doses of a band before and after, of its columns and of those that are
-/// drawn, have tables of their own for each value: as many as the model, and their running sums.
-constexpr double table_sets_per_thread = 8;
+/// In each thread, the doses before and after of the columns of a band that are drawn have tables
+/// of their own for each value: as many as the model, and their running sums.
+constexpr double table_sets_per_thread = 4;
 /// Lamps that change by themselves from slice to slice take so few settings, mostly.
 constexpr int lamp_settings = 30;
 
@@ -39,7 +39,7 @@ double all_tables_bytes(const MemoryFacts& f) {
 
 MemoryNeeds memory_needs(const MemoryFacts& f) {
   const double mesh = 100.0 * static_cast<double>(f.triangles) / mb;
-  const double pieces = std::min(256.0, 0.2 * static_cast<double>(f.voxels) / mb);
+  const double pieces = std::min(128.0, 0.2 * static_cast<double>(f.voxels) / mb);
   double thread = 16 + 32.0 * f.width_px * 100 / mb + 8192.0 * f.slices / mb;
   const double tables = all_tables_bytes(f) / mb;
   double models = table_sets * tables;
@@ -48,7 +48,7 @@ MemoryNeeds memory_needs(const MemoryFacts& f) {
     models += 2 * f.lights * (plan_bytes + plan_bytes_per_slice * f.slices) / mb;
     thread += f.lights * light_bytes_per_slice * f.slices / mb;
   }
-  return {static_cast<std::int64_t>(1.5 * (160 + mesh + pieces + models + thread)),
+  return {static_cast<std::int64_t>(1.5 * (110 + mesh + pieces + models + thread)),
           static_cast<std::int64_t>(1.5 * thread)};
 }
 

@@ -76,7 +76,7 @@ int correct(const Arguments& a, const Job& job, Console& console) {
   if (times.kind == StackKind::foreign && times.format == format) file.keep_from = a.input;
   const StackReader target = a.open(a.input, folder_of(a.output), job);
   const FittedSlices fitted = fit_for_output(target, a.file(), setup.printer, job);
-  const Correction result = correct_stack(*fitted, setup, file, {.before = true}, job);
+  const Correction result = correct_stack(*fitted, setup, file, {.before = !console.quiet()}, job);
   console.say(fmt::format("{}: {} slices\n{}", a.output, result.info.grid.layers,
                           summary(result.after, result.before)));
   return kDone;

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <utility>
+
 #include "program/program.hpp"
 
 namespace slicecorr::cli {
@@ -66,14 +68,18 @@ TriangleMesh read_parts(const MeshOptions& options, const Job& job) {
   TriangleMesh all;
   for (const std::string& path : options.parts) {
     job.check_cancelled();
-    const TriangleMesh part = read_mesh(path, options.placement(), job);
+    TriangleMesh part = read_mesh(path, options.placement(), job);
     const MeshReport r = inspect(part, job);
     job.tell(fmt::format("{}: {} {}, {} {}, {:.3f} x {:.3f} x {:.3f} mm", path, r.triangles,
                          r.triangles == 1 ? "triangle" : "triangles", r.bodies,
                          r.bodies == 1 ? "body" : "bodies", r.upper[0] - r.lower[0],
                          r.upper[1] - r.lower[1], r.upper[2] - r.lower[2]));
     if (r.defects.any()) job.tell(fmt::format("{}: {}", path, describe(r.defects)));
-    append(all, part);
+    if (all.triangles.empty()) {
+      all = std::move(part);
+    } else {
+      append(all, part);
+    }
   }
   return all;
 }

@@ -29,6 +29,8 @@ enum ExitCode {
 class Console {
  public:
   explicit Console(bool quiet);
+  /// Nothing but errors is said.
+  bool quiet() const { return quiet_; }
   /// A job that reports here and stops on SIGINT and SIGTERM.
   Job job(int threads);
   void say(const std::string& text);

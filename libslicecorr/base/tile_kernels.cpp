@@ -166,19 +166,13 @@ PrintedLanes Predict(const PredictStep& s) {
     hn::StoreU(dose, d, to + l);
     at_node |= bits_of(d, hn::Ge(dose, one)) << l;
     in_middle |= bits_of(d, hn::Ge(middle, one)) << l;
-    constexpr LaneMask all = (LaneMask{1} << hn::MaxLanes(d)) - 1;
-    if ((runs >> l & all) != 0) {
-      const auto run = mask_of(d, runs, l);
-      const auto low = hn::LoadU(d, inside_low + l), high = hn::LoadU(d, inside_high + l);
-      hn::StoreU(hn::IfThenElse(run, hn::Min(middle, low), low), d, inside_low + l);
-      hn::StoreU(hn::IfThenElse(run, hn::Max(middle, high), high), d, inside_high + l);
-    }
-    if ((gaps >> l & all) != 0) {
-      const auto gap = mask_of(d, gaps, l);
-      const auto out = hn::LoadU(d, outside_high + l), least = hn::LoadU(d, gap_low + l);
-      hn::StoreU(hn::IfThenElse(gap, hn::Max(middle, out), out), d, outside_high + l);
-      hn::StoreU(hn::IfThenElse(gap, hn::Min(dose, least), least), d, gap_low + l);
-    }
+    const auto run = mask_of(d, runs, l), gap = mask_of(d, gaps, l);
+    const auto low = hn::LoadU(d, inside_low + l), high = hn::LoadU(d, inside_high + l),
+               out = hn::LoadU(d, outside_high + l), least = hn::LoadU(d, gap_low + l);
+    hn::StoreU(hn::IfThenElse(run, hn::Min(middle, low), low), d, inside_low + l);
+    hn::StoreU(hn::IfThenElse(run, hn::Max(middle, high), high), d, inside_high + l);
+    hn::StoreU(hn::IfThenElse(gap, hn::Max(middle, out), out), d, outside_high + l);
+    hn::StoreU(hn::IfThenElse(gap, hn::Min(dose, least), least), d, gap_low + l);
   }
   PrintedLanes printed{};
   printed.node = at_node;

@@ -300,7 +300,7 @@ TEST_F(FarmFaults, KilledAtRandomMomentsNothingIsLost) {
     RunningService service(farm_dir(), {"--jobs", "2"});
     std::vector<pid_t> pids;
     ASSERT_TRUE(comes([&] { return !(pids = workers()).empty() || all_over(); }));
-    ::poll(nullptr, 0, pick(500));
+    ::poll(nullptr, 0, pick(60));  // a worker is done in about a tenth of a second
     if (kind != service_alone) {
       pids = workers();
       if (!pids.empty()) {
@@ -358,7 +358,7 @@ TEST_F(FarmFaults, AClockThatIsSetAgainAndAgainHarmsNothing) {
     std::atomic<std::int64_t> offset_ms{0};
   } clock;
   std::vector<std::string> parts;
-  for (int i = 0; i < 4; ++i) parts.push_back(make_part(i));
+  for (int i = 0; i < 16; ++i) parts.push_back(make_part(i));
   submit_parts(parts, {"--out", dir / "out"});
   const FarmFolder folder = open_folder(farm_dir());
   LocalEngineOptions local;
@@ -385,7 +385,7 @@ TEST_F(FarmFaults, AClockThatIsSetAgainAndAgainHarmsNothing) {
   }));
   stop = true;
   service.join();
-  EXPECT_EQ(totals.done, 4);
+  EXPECT_EQ(totals.done, 16);
   EXPECT_GE(times, 20);
   for (const Job& j : jobs()) EXPECT_THAT(reasons(j.id), ElementsAre(Reason::none));
   check();
@@ -479,7 +479,7 @@ TEST_F(FarmFaults, ALockedDatabaseIsWaitedFor) {
 /// Another process writes to the database for long moments, and dies in the middle of one.
 TEST_F(FarmFaults, ADatabaseThatIsLockedAgainAndAgainIsWaitedFor) {
   std::vector<std::string> parts;
-  for (int i = 0; i < rounds(6); ++i) parts.push_back(make_part(i));
+  for (int i = 0; i < rounds(20); ++i) parts.push_back(make_part(i));
   submit_parts({parts[0]}, {"--out", dir / "out"});
   const std::string path = database(), count = dir / "locks";
   const pid_t other = ::fork();

@@ -61,12 +61,16 @@ VolumeReducer::VolumeReducer(const PlaceModels& models, const PixelBox& box, int
   }
 }
 
-ReducedVolume VolumeReducer::take() {
+ReducedVolume VolumeReducer::take(const Job& job) {
   ReducedVolume& v = volume_;
   const auto size = [](int at, int step, int all) {
     return static_cast<std::uint64_t>(std::min(step, all - at * step));
   };
-  for (int k = 0; k < v.nz; ++k) {
+  Job quiet;
+  quiet.threads = job.threads;
+  quiet.cancel = job.cancel;
+  parallel_for(quiet, "", static_cast<std::size_t>(v.nz), [&](std::size_t layer) {
+    const int k = static_cast<int>(layer);
     for (int j = 0; j < v.ny; ++j) {
       for (int i = 0; i < v.nx; ++i) {
         const std::uint64_t voxels = size(i, v.step_x, v.box.width()) *
@@ -82,7 +86,7 @@ ReducedVolume VolumeReducer::take() {
         v.after.state[c] |= static_cast<std::uint8_t>(design | half(printed_after_, kCellPrinted));
       }
     }
-  }
+  });
   return std::move(volume_);
 }
 

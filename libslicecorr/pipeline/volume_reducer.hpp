@@ -29,7 +29,7 @@ class VolumeReducer {
   class Band;
 
   /// After all bands.
-  ReducedVolume take();
+  ReducedVolume take(const Job& job);
 
  private:
   std::size_t cell(int i, int j, int k) const {
@@ -102,7 +102,7 @@ class VolumeReducer::Band {
 
   VolumeReducer& volume_;
   PixelBox band_;
-  int j0_, j1_;                       ///< rows of columns of cells, [j0, j1)
+  int j0_, j1_;  ///< rows of columns of cells, [j0, j1)
   /// Per column: its first cell. Bands may have rows beyond the box.
   static constexpr std::uint32_t kNoCell = 0xFFFFFFFF;
   std::vector<std::uint32_t> cells_;

@@ -157,17 +157,31 @@ std::string make_report(const ReportContent& c, const Job& job) {
   html += detail::histograms(c) + detail::feature_lists(c);
   html +=
       R"(<h2>Still pictures</h2><p class="key dim">In the sections, platform up: <b><i class="right"></i>as designed</b> <b><i class="flat-through"></i>cured through (red)</b> <b><i class="flat-under"></i>undercured (blue)</b> <b><i class="pale"></i>designed grey</b></p>)";
-  for (const auto& section : c.sections) {
-    html += fmt::format("<h3>Section at {}</h3><div class=\"pair\">", section.place);
-    const auto figure = [&](const ColourImage& picture, const std::string& words) {
-      html += fmt::format("<figure>{}<figcaption>{}</figcaption></figure>", image(picture, words),
-                          words);
-    };
-    figure(section.cure_before, "Uncorrected: what would print");
-    figure(section.cure_after, "This stack: what will print");
-    figure(section.grey_before, "Uncorrected: grey values shown");
-    figure(section.grey_after, "This stack: grey values shown");
-    html += "</div>";
+  struct Figure {
+    const ColourImage* picture;
+    const char* words;
+    std::string html;
+  };
+  std::vector<Figure> figures;
+  for (const auto& s : c.sections) {
+    figures.push_back({&s.cure_before, "Uncorrected: what would print", {}});
+    figures.push_back({&s.cure_after, "This stack: what will print", {}});
+    figures.push_back({&s.grey_before, "Uncorrected: grey values shown", {}});
+    figures.push_back({&s.grey_after, "This stack: grey values shown", {}});
+  }
+  Job quiet;
+  quiet.threads = job.threads;
+  quiet.cancel = job.cancel;
+  parallel_for(quiet, "", figures.size(), [&](std::size_t i) {
+    figures[i].html = image(*figures[i].picture, figures[i].words);
+  });
+  for (std::size_t i = 0; i < figures.size(); ++i) {
+    if (i % 4 == 0) {
+      html += fmt::format("<h3>Section at {}</h3><div class=\"pair\">", c.sections[i / 4].place);
+    }
+    html += fmt::format("<figure>{}<figcaption>{}</figcaption></figure>", figures[i].html,
+                        figures[i].words);
+    if (i % 4 == 3) html += "</div>";
   }
   if (!c.column_after.empty()) {
     double top = 1;
@@ -232,8 +246,17 @@ ReportContent gather_report(const SliceSource& stack, const SliceSource& target,
       cure = cure_picture(s, g.pixel_x_um, g.layer_um, kMostPixels);
       grey = grey_picture(s, g.pixel_x_um, g.layer_um, kMostPixels);
     };
-    draw(target, pictures.cure_before, pictures.grey_before);
-    draw(stack, pictures.cure_after, pictures.grey_after);
+    // Both at once, where that is not much memory.
+    Job two;
+    two.threads = static_cast<double>(g.width_px) * g.layers < 32e6 ? job.threads : 1;
+    two.cancel = job.cancel;
+    parallel_for(two, "", 2, [&](std::size_t i) {
+      if (i == 0) {
+        draw(target, pictures.cure_before, pictures.grey_before);
+      } else {
+        draw(stack, pictures.cure_after, pictures.grey_after);
+      }
+    });
     c.sections.push_back(std::move(pictures));
   };
   const int middle = (box.y0 + box.y1) / 2;

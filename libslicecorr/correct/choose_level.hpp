@@ -12,8 +12,9 @@ inline double intensity_for(const CureModel& model, double dose, double below) {
   return (dose - model.a * below) / model.one_minus_a;
 }
 
-/// The grey level for a goal. Levels that reach `least` beat `aim`.
-inline int choose_level(const CorrectionPlan& plan, const Goal& goal, double below) {
+/// The grey level for a goal. Levels that reach `least` beat `aim`. Inlined, or the goal would pass
+/// through memory.
+[[gnu::always_inline]] inline int choose_level(const CorrectionPlan& plan, const Goal& goal, double below) {
   if (goal.aim == kNoDemand && goal.least == kNoDemand) return 0;
   const LevelTable& levels = plan.levels;
   const CureModel& model = plan.model;
@@ -23,9 +24,10 @@ inline int choose_level(const CorrectionPlan& plan, const Goal& goal, double bel
   if (goal.aim <= darkest && darkest >= goal.least) return 0;
   const double phi_least = intensity_for(model, goal.least, below);
   const double phi_aim = intensity_for(model, goal.aim, below);
-  int level = levels.at_most(phi_aim);
+  const LevelTable::Around aims = levels.around(phi_aim);
+  int level = aims.at_most;
   if (goal.nearest && level + 1 < levels.size()) {
-    const int next = levels.at_least(phi_aim);
+    const int next = aims.at_least;
     if (levels.phi(next) - phi_aim < phi_aim - levels.phi(level)) level = next;
   }
   if (levels.phi(level) < phi_least) level = levels.at_least(phi_least);

@@ -61,7 +61,7 @@ struct Goal {
 };
 
 /// `below_dose` is Omega(n + 1); `edge` is 1, with the margin that covers rounding.
-inline Goal goal_at(const CorrectionPlan& plan, int n, Around c, Demand demand, double below_dose,
+[[gnu::always_inline]] inline Goal goal_at(const CorrectionPlan& plan, int n, Around c, Demand demand, double below_dose,
                     double edge) {
   if (c.below == kFull) {
     const bool platform = demand.node == 0;

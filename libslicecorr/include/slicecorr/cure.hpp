@@ -144,18 +144,22 @@ class LevelTable {
   double phi(int level) const { return phi_[static_cast<std::size_t>(level)]; }
   const double* data() const { return phi_.data(); }
   /// Lowest level of the greatest phi.
-  int highest() const { return first_of_plateau_.back(); }
+  int highest() const { return steps_.back().here; }
   /// Lowest level of at least `phi`; the last level when there is none. The lowest of a plateau.
-  int at_least(double phi) const {
-    int level = start_[bucket(phi)];
-    while (level < size() && phi_[static_cast<std::size_t>(level)] < phi) ++level;
-    return first_of_plateau_[static_cast<std::size_t>(level < size() ? level : size() - 1)];
-  }
+  int at_least(double phi) const { return around(phi).at_least; }
   /// Lowest level of the greatest phi that is at most `phi`; 0 when there is none.
-  int at_most(double phi) const {
-    const int level = at_least(phi);
-    if (phi_[static_cast<std::size_t>(level)] <= phi || level == 0) return level;
-    return first_of_plateau_[static_cast<std::size_t>(level - 1)];
+  int at_most(double phi) const { return around(phi).at_most; }
+  /// Both.
+  struct Around {
+    int at_most, at_least;
+  };
+  Around around(double phi) const {
+    int level = start_[bucket(phi)];
+    // Most often one step or none; past the last level is a bound that no phi is above.
+    while (bounds_[static_cast<std::size_t>(level)] < phi) ++level;
+    const Steps steps = steps_[static_cast<std::size_t>(level)];
+    const bool exact = bounds_[static_cast<std::size_t>(level)] <= phi;
+    return {exact ? steps.here : steps.before, steps.here};
   }
 
  private:
@@ -163,11 +167,18 @@ class LevelTable {
   static constexpr std::size_t kBuckets = 1024;
   std::size_t bucket(double phi) const {
     const double x = (phi - phi_.front()) * scale_;
-    if (!(x > 0)) return 0;
-    return x >= static_cast<double>(kBuckets) ? kBuckets : static_cast<std::size_t>(x);
+    // Choices, not branches: levels come in no order that a processor could foresee.
+    const double low = x > 0 ? x : 0;
+    return static_cast<std::size_t>(static_cast<std::int32_t>(low < kBuckets ? low : kBuckets));
   }
   std::vector<double> phi_;
-  std::vector<int> first_of_plateau_;
+  std::vector<double> bounds_;  ///< phi of each level, and infinity
+  /// Of a level and of one past the last: the lowest of its plateau and of the one before it; one
+  /// past the last stands for the last, the first for the one before it.
+  struct Steps {
+    std::int32_t before, here;
+  };
+  std::vector<Steps> steps_;
   std::vector<int> start_;  ///< per bucket of phi: first level that may lie in it
   double scale_ = 0;
 };

@@ -46,6 +46,16 @@ class TileTape {
     }
   }
 
+  /// Whether all bytes of a tile are 0, or all are 255.
+  struct Even {
+    bool black, full;
+  };
+  Even even(std::size_t tile) const {
+    const std::size_t end = tile + 1 < starts_.size() ? starts_[tile + 1] : code_.size();
+    if (starts_[tile] == end) return {true, false};
+    return {false, code_[starts_[tile]] == full};
+  }
+
   /// Writes the `count` rows of a tile one after the other; false, with nothing written, where all
   /// of them are black.
   bool read(std::size_t tile, int count, std::uint8_t* rows) const {

@@ -14,7 +14,8 @@ inline double intensity_for(const CureModel& model, double dose, double below) {
 
 /// The grey level for a goal. Levels that reach `least` beat `aim`. Inlined, or the goal would pass
 /// through memory.
-[[gnu::always_inline]] inline int choose_level(const CorrectionPlan& plan, const Goal& goal, double below) {
+[[gnu::always_inline]] inline int choose_level(const CorrectionPlan& plan, const Goal& goal,
+                                               double below) {
   if (goal.aim == kNoDemand && goal.least == kNoDemand) return 0;
   const LevelTable& levels = plan.levels;
   const CureModel& model = plan.model;

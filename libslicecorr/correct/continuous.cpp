@@ -93,6 +93,12 @@ class ContinuousSolver final : public BandSolver {
     Demand was;
   };
   struct Lanes;
+  /// Columns of a tile all of whose first `rows` rows are alike.
+  struct Even {
+    std::uint8_t level, cover;
+    int rows;
+    bool operator==(const Even&) const = default;
+  };
 
   std::uint8_t* row(int k) { return rows_.data() + static_cast<std::size_t>(k) * stride_; }
   /// First pass over the `count` rows at hand.
@@ -100,6 +106,9 @@ class ContinuousSolver final : public BandSolver {
   void solve_tile(const Numbers& x, Lanes& lanes, int first_slice, int count,
                   const std::uint8_t* rows, std::uint8_t* out, const Change* begin,
                   const Change* end);
+  /// A tile whose coverage is all `cover`, in which no demand changes, if nothing else does: true,
+  /// and its lanes are stepped; all of them get black light, or all full light.
+  bool solve_still(const Numbers& x, Lanes& lanes, int first_slice, int count, std::uint8_t cover);
 
   const CorrectionPlan& plan_;
   std::size_t columns_, blocks_, stride_;
@@ -119,6 +128,8 @@ struct ContinuousSolver::Lanes {
   /// that the solve has come to, or one that costs no more than a look.
   std::int32_t until[kLanes] = {};
   LaneMask quiet = 0, bright = 0;
+  std::int32_t wake =
+      std::numeric_limits<std::int32_t>::min();  ///< no quiet lane's `until` is above
   bool begun = false;
   std::uint8_t below2[kLanes] = {};  ///< coverage of the slice after the tile's last
 };
@@ -183,35 +194,58 @@ void ContinuousSolver::solve(const BandCorrector::Sink& sink,
     std::copy_n(&demand_[b * kLanes], kLanes, lanes[b].demand);
   }
   std::vector<std::uint8_t> levels(stride_ * kTileSlices), covers(tiles ? 0 : levels.size());
-  alignas(64) std::uint8_t tile_rows[kRows * kLanes], out[kTileSlices * kLanes];
+  // What a tile's columns of `levels` and `covers` hold already, where they are even.
+  std::vector<Even> held(blocks_, Even{0, 0, kTileSlices});
+  constexpr std::size_t size = kTileSlices * kLanes;
+  alignas(64) std::uint8_t tile_rows[kRows * kLanes], out[size];
+  const std::vector<std::uint8_t> black(size, 0), full(size, kFull), bright(size, x.highest);
   for (int first = (all - 1) / kTileSlices * kTileSlices; first >= 0; first -= kTileSlices) {
     const int count = std::min(kTileSlices, all - first);
     std::uint64_t lit = 0;  // rows
     for (std::size_t b = 0; b < blocks_; ++b) {
       const std::size_t tile = static_cast<std::size_t>(first / kTileSlices) * blocks_ + b;
-      if (!tape_.read(tile, kBefore + count, tile_rows)) {
-        std::memset(tile_rows, 0, static_cast<std::size_t>(kBefore + count) * kLanes);
-      }
-      const std::uint8_t* const rows = tile_rows + kBefore * kLanes;
-      solve_tile(x, lanes[b], first, count, rows, out,
-                 changes_.data() + (tile ? changes_end_[tile - 1] : 0),
-                 changes_.data() + changes_end_[tile]);
-      if (tiles) {
-        tiles({b * kLanes, std::min(kLanes, columns_ - b * kLanes), first, count, out, rows});
-      }
-      for (int k = 0; k < count; ++k) {
-        const std::size_t at = static_cast<std::size_t>(k) * kLanes;
-        const std::size_t to = static_cast<std::size_t>(k) * stride_ + b * kLanes;
-        std::uint64_t any = 0;
-        for (std::size_t i = 0; i < kLanes; i += 8) {
-          std::uint64_t shown, design;
-          std::memcpy(&shown, out + at + i, 8);
-          std::memcpy(&design, rows + at + i, 8);
-          any |= shown | design;
+      const Change* const begin = changes_.data() + (tile ? changes_end_[tile - 1] : 0);
+      const Change* const end = changes_.data() + changes_end_[tile];
+      const TileTape::Even even = tape_.even(tile);
+      const std::uint8_t* shown = out;
+      const std::uint8_t* rows = tile_rows + kBefore * kLanes;
+      if ((even.black || even.full) && begin == end &&
+          solve_still(x, lanes[b], first, count, even.full ? kFull : 0)) {
+        shown = lanes[b].bright ? bright.data() : black.data();
+        rows = even.full ? full.data() : black.data();
+        if (even.full || lanes[b].bright) lit = ~std::uint64_t{0};
+        const Even holds{shown[0], rows[0], count};
+        if (held[b] != holds) {
+          for (int k = 0; k < count; ++k) {
+            const std::size_t to = static_cast<std::size_t>(k) * stride_ + b * kLanes;
+            std::memset(levels.data() + to, shown[0], kLanes);
+            if (!tiles) std::memset(covers.data() + to, rows[0], kLanes);
+          }
+          held[b] = holds;
         }
-        lit |= static_cast<std::uint64_t>(any != 0) << k;
-        std::memcpy(levels.data() + to, out + at, kLanes);
-        if (!tiles) std::memcpy(covers.data() + to, rows + at, kLanes);
+      } else {
+        if (!tape_.read(tile, kBefore + count, tile_rows)) {
+          std::memset(tile_rows, 0, static_cast<std::size_t>(kBefore + count) * kLanes);
+        }
+        solve_tile(x, lanes[b], first, count, rows, out, begin, end);
+        held[b].rows = 0;
+        for (int k = 0; k < count; ++k) {
+          const std::size_t at = static_cast<std::size_t>(k) * kLanes;
+          const std::size_t to = static_cast<std::size_t>(k) * stride_ + b * kLanes;
+          std::uint64_t any = 0;
+          for (std::size_t i = 0; i < kLanes; i += 8) {
+            std::uint64_t light, design;
+            std::memcpy(&light, out + at + i, 8);
+            std::memcpy(&design, rows + at + i, 8);
+            any |= light | design;
+          }
+          lit |= static_cast<std::uint64_t>(any != 0) << k;
+          std::memcpy(levels.data() + to, out + at, kLanes);
+          if (!tiles) std::memcpy(covers.data() + to, rows + at, kLanes);
+        }
+      }
+      if (tiles) {
+        tiles({b * kLanes, std::min(kLanes, columns_ - b * kLanes), first, count, shown, rows});
       }
     }
     for (int k = count; k-- > 0;) {
@@ -228,6 +262,8 @@ void ContinuousSolver::solve_tile(const Numbers& x, Lanes& lanes, int first_slic
   const double a = model.a;
   LaneMask steady[kTileSlices], changed[kTileSlices];
   tile_changes(rows, kLanes, count, steady, changed);
+  LaneMask before_steady, before_changed;
+  tile_changes(rows - kLanes, kLanes, 1, &before_steady, &before_changed);
   LaneMask zero[kTileSlices], full[kTileSlices], before_zero, before_full;
   tile_classes(rows, kLanes, count, zero, full);
   tile_classes(rows - kLanes, kLanes, 1, &before_zero, &before_full);
@@ -247,8 +283,7 @@ void ContinuousSolver::solve_tile(const Numbers& x, Lanes& lanes, int first_slic
   LaneMask quiet = lanes.quiet;
   int now = 0;
   // The last slice that needs a look at `until`: not above the greatest of quiet lanes.
-  int wake = std::numeric_limits<int>::min();
-  if (quiet) later_lanes(lanes.until, std::numeric_limits<int>::max(), &wake);
+  int wake = lanes.wake;
 
   // What is certain of a lane from slice n = first_slice + k upwards, `w` being its dose below.
   const auto settle = [&](int i, int k, double w) {
@@ -361,9 +396,10 @@ void ContinuousSolver::solve_tile(const Numbers& x, Lanes& lanes, int first_slic
     decide(active & full[k] & ~above_full, std::integral_constant<int, kTop>());
     decide(active & ~zero[k] & ~full[k], std::integral_constant<int, kGrey>());
     for (; end != begin && end[-1].row == k; --end) lanes.demand[end[-1].lane] = end[-1].was;
-    // The slice before the tile's first row settles with the next tile.
+    // Only of lanes whose next slice is like the one above it anything is certain.
     const int next = k - 1;
-    for (LaneMask m = active; m; m &= m - 1) {
+    quiet &= ~active;
+    for (LaneMask m = active & (k > 0 ? steady[k - 1] : before_steady); m; m &= m - 1) {
       const int i = std::countr_zero(m);
       settle(i, next, to[i]);
     }
@@ -371,6 +407,21 @@ void ContinuousSolver::solve_tile(const Numbers& x, Lanes& lanes, int first_slic
   copy_lanes(omega[now], lanes.omega);
   std::memcpy(lanes.below2, row(0), kLanes);
   lanes.quiet = quiet;
+  lanes.wake = wake;
+}
+
+bool ContinuousSolver::solve_still(const Numbers& x, Lanes& lanes, int first_slice, int count,
+                                   std::uint8_t cover) {
+  if (lanes.quiet != ~LaneMask{0} || lanes.wake > first_slice) return false;
+  if (lanes.bright != 0 && lanes.bright != ~LaneMask{0}) return false;
+  // The slice after the tile's last was solved before: its coverage may be another.
+  if (std::any_of(lanes.below2, lanes.below2 + kLanes, [&](auto c) { return c != cover; })) {
+    return false;
+  }
+  alignas(64) double add[kLanes];
+  std::fill_n(add, kLanes, lanes.bright ? x.bright : x.dark);
+  step_lanes(add, plan_.model.a, lanes.omega, count);
+  return true;
 }
 
 }  // namespace

@@ -61,8 +61,8 @@ struct Goal {
 };
 
 /// `below_dose` is Omega(n + 1); `edge` is 1, with the margin that covers rounding.
-[[gnu::always_inline]] inline Goal goal_at(const CorrectionPlan& plan, int n, Around c, Demand demand, double below_dose,
-                    double edge) {
+[[gnu::always_inline]] inline Goal goal_at(const CorrectionPlan& plan, int n, Around c,
+                                           Demand demand, double below_dose, double edge) {
   if (c.below == kFull) {
     const bool platform = demand.node == 0;
     const double falling =

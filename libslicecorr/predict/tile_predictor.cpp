@@ -30,10 +30,18 @@ void BandPredictor::add_tile(std::size_t first_column, std::size_t columns, int 
   TileSums& sums = *tile_sums_;
 
   LaneMask gaps[kTileSlices], runs[kTileSlices];
-  detail::tile_classes(coverage, kLanes, slices, gaps, runs);
   // Lanes whose light is another than in the slice before, slice k's at k.
   LaneMask changed[kTileSlices], unused[kTileSlices];
-  if (pixels) {
+  const auto same_rows = [&](const std::uint8_t* rows) {
+    return std::memcmp(rows, rows + kLanes, static_cast<std::size_t>(slices - 1) * kLanes) == 0;
+  };
+  const bool still_design = same_rows(coverage);
+  detail::tile_classes(coverage, kLanes, still_design ? 1 : slices, gaps, runs);
+  if (still_design) {
+    std::fill_n(gaps + 1, slices - 1, gaps[0]);
+    std::fill_n(runs + 1, slices - 1, runs[0]);
+  }
+  if (pixels && !(still_design && (pixels == coverage || same_rows(pixels)))) {
     detail::tile_changes(pixels + kLanes, kLanes, slices - 1, unused, changed);
   } else {
     std::fill_n(changed, slices, LaneMask{0});

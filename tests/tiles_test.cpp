@@ -59,13 +59,15 @@ Case random_case(std::mt19937& random) {
   process.omega_max = caps[random() % std::size(caps)];
   process.cap_platform_features = random() % 2;
   process.one_slice_gaps = random() % 2 ? OneSliceGaps::merge : OneSliceGaps::open;
-  const int layers = 1 + static_cast<int>(random() % (random() % 3 ? 70 : 400));
+  // Whole tiles alike: those in which nothing changes are only stepped.
+  const bool alike = random() % 4 == 0;
+  const int layers = 1 + static_cast<int>(random() % (!alike && random() % 3 ? 70 : 400));
   int last_lit = -1;
   std::vector<Column> designs;
-  const std::size_t columns = 1 + random() % 150;
+  const std::size_t columns = alike ? 64 * (1 + random() % 2) : 1 + random() % 150;
   for (std::size_t i = 0; i < columns; ++i) {
     // Neighbours alike, so that whole tiles take the fast way.
-    designs.push_back(i && random() % 3 ? designs.back() : random_column(random, layers));
+    designs.push_back(i && (alike || random() % 3) ? designs.back() : random_column(random, layers));
     for (int n = 0; n < layers; ++n) {
       if (designs.back()[static_cast<std::size_t>(n)]) last_lit = std::max(last_lit, n);
     }

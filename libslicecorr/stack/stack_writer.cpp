@@ -7,6 +7,7 @@
 #include <span>
 #include <stdexcept>
 
+#include "parallel/silent.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
 #include "stack/archive_format.hpp"
@@ -188,10 +189,7 @@ StackWriter::Impl::Images StackWriter::Impl::gather(const std::vector<Pieces>& f
   const bool plain = pixels.is_plain();
   const std::size_t stride = pixels.stride(grid.width_px);
   // A hundred thousand slices of hundreds of bands are not for one thread.
-  Job quiet;
-  quiet.threads = job.threads;
-  quiet.cancel = job.cancel;
-  parallel_for(quiet, "", layers, [&](std::size_t slice) {
+  parallel_for(detail::silent(job), "", layers, [&](std::size_t slice) {
     std::uint32_t adler = 1, grey_adler = 1;
     std::uint64_t size = detail::png_frame_bytes;
     for (std::size_t band = 0; band < from.size(); ++band) {

@@ -1,31 +1,39 @@
 /// Records that are written one after the other and given back from the last one on.
 #pragma once
 
+#include <sys/mman.h>
+
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <new>
 #include <span>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 namespace slicecorr::detail {
 
 /// Values of a record lie side by side. Nothing that is written ever moves to make room for more,
 /// as it would in one vector, which needs three times the memory whenever it grows.
+///
+/// Large blocks are the system's own pages, not the heap's: what lives longer than a log settles
+/// between the blocks that it gives back to the heap, and the next log finds no room there.
 template <class T>
 class RecordLog {
-  static_assert(std::is_trivially_copyable_v<T>);
+  static_assert(std::is_trivially_copyable_v<T> && std::is_trivially_destructible_v<T>);
+  static_assert(alignof(T) <= __STDCPP_DEFAULT_NEW_ALIGNMENT__);
 
  public:
   /// Adds to the record at hand.
   void push(const T& value) {
     if (at_ == end_) make_room(1);
-    *at_++ = value;
+    std::construct_at(at_++, value);
   }
   void push(const T* values, std::size_t count) {
     if (static_cast<std::size_t>(end_ - at_) < count) make_room(count);
-    at_ = std::copy_n(values, count, at_);
+    at_ = std::uninitialized_copy_n(values, count, at_);
   }
   /// Ends the record at hand; what is pushed from now on belongs to the next one.
   void end_record() {
@@ -50,27 +58,47 @@ class RecordLog {
     std::uint32_t size;
     std::uint32_t blocks;  ///< up to the one that holds it
   };
-  /// Small logs stay small: there may be hundreds of them.
-  static constexpr std::size_t kLeast = std::max<std::size_t>(4096 / sizeof(T), 1);
-  static constexpr std::size_t kMost =
-      std::max<std::size_t>((std::size_t{256} << 10) / sizeof(T), 1);
+  struct Release {
+    std::size_t mapped_bytes = 0;  ///< 0: of the heap
+    void operator()(T* block) const {
+      if (mapped_bytes > 0) {
+        ::munmap(block, mapped_bytes);
+      } else {
+        ::operator delete(block);
+      }
+    }
+  };
+  using Block = std::unique_ptr<T, Release>;
+
+  /// Bytes of a block. Small logs stay small: there may be hundreds of them.
+  static constexpr std::size_t kLeast = 4096, kMost = std::size_t{256} << 10;
+
+  static Block make_block(std::size_t bytes) {
+    if (bytes < kMost) return Block(static_cast<T*>(::operator new(bytes)));
+    // It will be written from end to end: all its pages at once cost less than one by one.
+    void* const pages = ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE,
+                               MAP_PRIVATE | MAP_ANONYMOUS | MAP_POPULATE, -1, 0);
+    if (pages == MAP_FAILED) throw std::bad_alloc();
+    return Block(static_cast<T*>(pages), {bytes});
+  }
 
   /// Lets `count` values follow the record at hand, which begins the next block for that.
   void make_room(std::size_t count) {
     const auto open = static_cast<std::size_t>(at_ - begin_);
-    const std::size_t block = std::max(std::clamp(values_, kLeast, kMost), 2 * open + count);
-    auto memory = std::make_unique_for_overwrite<T[]>(block);
-    at_ = std::copy_n(begin_, open, memory.get());
-    begin_ = memory.get();
-    end_ = begin_ + block;
-    blocks_.push_back(std::move(memory));
-    values_ += block;
+    const std::size_t bytes =
+        std::max(std::clamp(bytes_, kLeast, kMost), (2 * open + count) * sizeof(T));
+    Block block = make_block(bytes);
+    at_ = std::uninitialized_copy_n(begin_, open, block.get());
+    begin_ = block.get();
+    end_ = begin_ + bytes / sizeof(T);
+    blocks_.push_back(std::move(block));
+    bytes_ += bytes;
   }
 
-  std::vector<std::unique_ptr<T[]>> blocks_;
+  std::vector<Block> blocks_;
   std::vector<Record> records_;
   T *begin_ = nullptr, *at_ = nullptr, *end_ = nullptr;  ///< of the record at hand; of its block
-  std::size_t values_ = 0;                               ///< that all blocks have room for
+  std::size_t bytes_ = 0;                                ///< of all blocks so far
 };
 
 }  // namespace slicecorr::detail

@@ -1,8 +1,6 @@
 /// Records that are written one after the other and given back from the last one on.
 #pragma once
 
-#include <sys/mman.h>
-
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
@@ -17,9 +15,6 @@ namespace slicecorr::detail {
 
 /// Values of a record lie side by side. Nothing that is written ever moves to make room for more,
 /// as it would in one vector, which needs three times the memory whenever it grows.
-///
-/// Large blocks are the system's own pages, not the heap's: what lives longer than a log settles
-/// between the blocks that it gives back to the heap, and the next log finds no room there.
 template <class T>
 class RecordLog {
   static_assert(std::is_trivially_copyable_v<T> && std::is_trivially_destructible_v<T>);
@@ -59,35 +54,19 @@ class RecordLog {
     std::uint32_t blocks;  ///< up to the one that holds it
   };
   struct Release {
-    std::size_t mapped_bytes = 0;  ///< 0: of the heap
-    void operator()(T* block) const {
-      if (mapped_bytes > 0) {
-        ::munmap(block, mapped_bytes);
-      } else {
-        ::operator delete(block);
-      }
-    }
+    void operator()(T* block) const { ::operator delete(block); }
   };
   using Block = std::unique_ptr<T, Release>;
 
   /// Bytes of a block. Small logs stay small: there may be hundreds of them.
   static constexpr std::size_t kLeast = 4096, kMost = std::size_t{256} << 10;
 
-  static Block make_block(std::size_t bytes) {
-    if (bytes < kMost) return Block(static_cast<T*>(::operator new(bytes)));
-    // It will be written from end to end: all its pages at once cost less than one by one.
-    void* const pages = ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE,
-                               MAP_PRIVATE | MAP_ANONYMOUS | MAP_POPULATE, -1, 0);
-    if (pages == MAP_FAILED) throw std::bad_alloc();
-    return Block(static_cast<T*>(pages), {bytes});
-  }
-
   /// Lets `count` values follow the record at hand, which begins the next block for that.
   void make_room(std::size_t count) {
     const auto open = static_cast<std::size_t>(at_ - begin_);
     const std::size_t bytes =
         std::max(std::clamp(bytes_, kLeast, kMost), (2 * open + count) * sizeof(T));
-    Block block = make_block(bytes);
+    Block block(static_cast<T*>(::operator new(bytes)));
     at_ = std::uninitialized_copy_n(begin_, open, block.get());
     begin_ = block.get();
     end_ = begin_ + bytes / sizeof(T);

@@ -2,7 +2,9 @@
 /// of a stored run.
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <nlohmann/json.hpp>
+#include <tuple>
 
 #include "run_program.hpp"
 #include "stack_fixture.hpp"
@@ -174,6 +176,164 @@ TEST_F(BenchGuard, WithoutPrusaSlicerNothingIsSaidOfIt) {
   ASSERT_EQ(r.exit_code, 0) << r.err;
   EXPECT_EQ(r.out.find("\n1 "), std::string::npos) << r.out;
   EXPECT_NE(r.out.find("without PrusaSlicer"), std::string::npos) << r.out;
+}
+
+/// scripts/bench with these words; what it says must be words, too.
+RunResult bench_says(const std::vector<std::string>& words) {
+  std::vector<std::string> command{SLICECORR_SOURCE_DIR "/scripts/bench"};
+  command.insert(command.end(), words.begin(), words.end());
+  const RunResult r = run_program(command);
+  EXPECT_EQ(r.err.find("Traceback"), std::string::npos) << r.err;
+  return r;
+}
+
+TEST_F(BenchGuard, WhatIsNoStoredRunIsRefused) {
+  const std::string stored = folder_ / "stored.json";
+  const RunResult missing = bench_says({"--from", stored});
+  EXPECT_EQ(missing.exit_code, 2);
+  EXPECT_NE(missing.err.find(stored + ": can't be read: No such file"), std::string::npos)
+      << missing.err;
+  EXPECT_EQ(bench_says({"--from", folder_ / "."}).exit_code, 2);
+  for (const std::string bad : {"", "{", "[]", "3", "null", "{}", "\xff", R"({"slice": [10]})"}) {
+    write_file(stored, to_bytes(bad));
+    const RunResult r = bench_says({"--from", stored});
+    EXPECT_EQ(r.exit_code, 2) << bad;
+    EXPECT_NE(r.err.find(stored), std::string::npos) << r.err;
+  }
+}
+
+TEST_F(BenchGuard, StoredRunsOfAnotherShapeAreRefusedByPlace) {
+  using Pointer = Json::json_pointer;
+  const auto refused = [&](const Json& run, const std::string& place) {
+    write_file(folder_ / "stored.json", to_bytes(run.dump()));
+    const RunResult r = bench_says({"--from", folder_ / "stored.json"});
+    EXPECT_EQ(r.exit_code, 2) << place;
+    EXPECT_NE(r.err.find(place), std::string::npos) << r.err;
+    EXPECT_EQ(r.out, "");
+  };
+  for (const char* key : {"machine", "peer", "quick", "measurements", "outputs", "stages"}) {
+    Json run = stored_run();
+    run.erase(key);
+    refused(run, std::string("no '") + key + "'");
+  }
+  const std::vector<std::tuple<std::string, Json, std::string>> changes{
+      {"/machine/cores", 0, "machine.cores: 0"},
+      {"/machine/cpu", 7, "machine.cpu"},
+      {"/measurements", Json::object(), "measurements: expected a list"},
+      {"/measurements/0/part", "teapot", "measurements[0].part: 'teapot'"},
+      {"/measurements/1/runs", Json::array(), "measurements[1].runs"},
+      {"/measurements/1/runs/2/wall_s", 0, "measurements[1].runs[2].wall_s: 0"},
+      {"/measurements/1/runs/2/peak_mib", true, "measurements[1].runs[2].peak_mib"},
+      {"/outputs/0/verified/layers", "many", "outputs[0].verified.layers"},
+      {"/stages", {{{"program", "stages"}, {"name", "run"}, {"runs", {1}}}}, "stages[0].runs"},
+  };
+  for (const auto& [at, value, place] : changes) {
+    Json run = stored_run();
+    run[Pointer(at)] = value;
+    refused(run, place);
+  }
+}
+
+TEST_F(BenchGuard, PortionsOfOtherMachinesAreNotJoined) {
+  Json other = stored_run();
+  other["machine"]["cores"] = 4;
+  write_file(folder_ / "a.json", to_bytes(stored_run().dump()));
+  write_file(folder_ / "b.json", to_bytes(other.dump()));
+  const RunResult r = bench_says({"--from", folder_ / "a.json", "--from", folder_ / "b.json"});
+  EXPECT_EQ(r.exit_code, 2);
+  EXPECT_NE(r.err.find("differ in cores: 2 and 4"), std::string::npos) << r.err;
+}
+
+TEST_F(BenchGuard, FoldersThatAreNotThere) {
+  const std::string nowhere = folder_ / "nowhere";
+  const RunResult data = bench_says({"--data", nowhere});
+  EXPECT_EQ(data.exit_code, 2);
+  EXPECT_NE(data.err.find("--data: no folder " + nowhere), std::string::npos) << data.err;
+  const RunResult build = bench_says({"--build", nowhere});
+  EXPECT_EQ(build.exit_code, 2);
+  EXPECT_NE(build.err.find("no " + nowhere + "/bin/slicecorr"), std::string::npos) << build.err;
+  EXPECT_EQ(bench_says({"--json", nowhere + "/out.json"}).exit_code, 2);
+  write_file(folder_ / "file", to_bytes("x"));
+  EXPECT_EQ(bench_says({"--out", folder_ / "file"}).exit_code, 2);
+}
+
+/// A build folder whose programs are scripts.
+class BenchOfSubstitutes : public BenchGuard {
+ protected:
+  void SetUp() override {
+    std::filesystem::create_directories(folder_ / "build/bin");
+    write_file(folder_ / "build/CMakeCache.txt", to_bytes("CMAKE_BUILD_TYPE:STRING=Release\n"));
+    // As many bytes as the gyroid has.
+    script("make_part", "truncate -s $((84 + 50 * 317084)) \"$2\"");
+    script("compare_slices", "echo '" + std::string(kComparison) + "'");
+    script("stages", "exit 3");
+    script("codec", "exit 3");
+    slicecorr("echo '" + std::string(kFigures) + "'");
+  }
+  /// `figures` prints what `run` and `verify` write.
+  void slicecorr(const std::string& figures) {
+    script("slicecorr", "figures() { " + figures +
+                            "; }\n"
+                            "while [ $# -gt 0 ]; do\n"
+                            "  case $1 in\n"
+                            "    -o) echo slices > \"$2\"; case $2 in */run.uvj) figures > "
+                            "\"${2%.uvj}.json\" ;; esac ;;\n"
+                            "    --json) figures > \"$2\" ;;\n"
+                            "  esac\n"
+                            "  shift\n"
+                            "done");
+  }
+  void script(const std::string& name, const std::string& body) {
+    const std::string path = folder_ / ("build/bin/" + name);
+    write_file(path, to_bytes("#!/bin/sh\n" + body + "\n"));
+    std::filesystem::permissions(path, std::filesystem::perms::owner_all);
+  }
+  RunResult measure() {
+    return bench_says({"--build", folder_ / "build", "--only", "gyroid", "--quick", "--no-stages",
+                       "--no-peer", "--out", folder_ / "out"});
+  }
+  static constexpr const char* kComparison =
+      R"({"slices": 3, "triangles": 4, "bands": 5, "samples": [], "wrong": []})";
+  static constexpr const char* kFigures =
+      R"({"layers": 3, "target_voxels": 9, "printed_voxels": 9, "cure_through_voxels": 0,)"
+      R"( "undercure_voxels": 0, "uncorrected": {"layers": 3, "target_voxels": 9,)"
+      R"( "printed_voxels": 9, "cure_through_voxels": 1, "undercure_voxels": 0}})";
+};
+
+TEST_F(BenchOfSubstitutes, AreMeasured) {
+  const RunResult r = measure();
+  EXPECT_EQ(r.exit_code, 0) << r.err;
+  EXPECT_NE(r.out.find("run: gyroid lattice"), std::string::npos) << r.out;
+}
+
+TEST_F(BenchOfSubstitutes, OutputsThatCantBeReadAreWrong) {
+  for (const char* figures : {"echo nothing", "true", "echo []", R"(echo '{"layers": 3}')",
+                              R"(echo '{"layers": "3"}')"}) {
+    slicecorr(figures);
+    const RunResult r = measure();
+    EXPECT_EQ(r.exit_code, 1) << figures;
+    EXPECT_NE(r.err.find("WRONG: gyroid lattice, 2560 x 1440, 50 um: "), std::string::npos)
+        << r.err;
+    EXPECT_NE(r.err.find("/run.json: "), std::string::npos) << r.err;
+  }
+}
+
+TEST_F(BenchOfSubstitutes, ProgramsThatSayNothingAreWrong) {
+  for (const char* body : {"echo 3", "true", "echo '{'", "echo damaged >&2; exit 2"}) {
+    script("compare_slices", body);
+    const RunResult r = measure();
+    EXPECT_EQ(r.exit_code, 1) << body;
+    EXPECT_NE(r.err.find("WRONG: gyroid lattice"), std::string::npos) << r.err;
+  }
+  SetUp();
+  script("slicecorr", "true");
+  const RunResult nothing = measure();
+  EXPECT_EQ(nothing.exit_code, 1);
+  EXPECT_NE(nothing.err.find("on.uvj: was not written"), std::string::npos) << nothing.err;
+  script("make_part", "echo short > \"$2\"");
+  const RunResult part = measure();
+  EXPECT_EQ(part.exit_code, 1);
+  EXPECT_NE(part.err.find("did not write 317084 triangles"), std::string::npos) << part.err;
 }
 
 }  // namespace

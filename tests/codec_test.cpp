@@ -1,13 +1,12 @@
 // How slices are packed and read: by readers that we did not write, for bytes of all kinds, and the
 // same on every processor.
-#include <OpenImageIO/filesystem.h>
-#include <OpenImageIO/imageio.h>
 #include <isa-l.h>
 #include <png.h>
 #include <zlib.h>
 
 #include <numeric>
 
+#include "oiio_png.hpp"
 #include "run_program.hpp"
 #include "stack/huffman.hpp"
 #include "stack/png.hpp"
@@ -20,6 +19,7 @@ namespace {
 
 using detail::RunDeflater;
 using test::Bytes;
+using test::decode_by_oiio;
 using test::Images;
 using test::TemporaryFolder;
 
@@ -284,18 +284,6 @@ Bytes decode_by_libpng(const Bytes& png, int width, int height) {
   Bytes pixels(PNG_IMAGE_SIZE(image));
   EXPECT_NE(png_image_finish_read(&image, nullptr, pixels.data(), 0, nullptr), 0) << image.message;
   EXPECT_EQ(image.warning_or_error, 0u) << image.message;
-  return pixels;
-}
-
-Bytes decode_by_oiio(const Bytes& png) {
-  OIIO::Filesystem::IOMemReader reader(png.data(), png.size());
-  OIIO::ImageSpec config, spec;
-  OIIO::Filesystem::IOProxy* proxy = &reader;
-  config.attribute("oiio:ioproxy", OIIO::TypeDesc::PTR, &proxy);
-  const auto input = OIIO::ImageInput::create("png");
-  EXPECT_TRUE(input->open("a.png", spec, config)) << input->geterror();
-  Bytes pixels(static_cast<std::size_t>(spec.image_pixels()));
-  EXPECT_TRUE(input->read_image(0, 0, 0, -1, OIIO::TypeDesc::UINT8, pixels.data()));
   return pixels;
 }
 

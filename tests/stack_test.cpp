@@ -1,4 +1,3 @@
-#include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
 #include <zlib.h>
 
@@ -8,12 +7,14 @@
 #include <set>
 #include <thread>
 
+#include "oiio_png.hpp"
 #include "stack_fixture.hpp"
 
 namespace slicecorr {
 namespace {
 
 using test::Bytes;
+using test::decode_by_oiio;
 using test::Images;
 using test::TemporaryFolder;
 
@@ -37,20 +38,6 @@ Bytes decode_by_zlib(const Bytes& png, std::size_t width, std::size_t height) {
     EXPECT_EQ(raw[y * (width + 1)], 0);
     pixels.insert(pixels.end(), &raw[y * (width + 1) + 1], &raw[y * (width + 1) + 1] + width);
   }
-  return pixels;
-}
-
-Bytes decode_by_oiio(const Bytes& png) {
-  OIIO::Filesystem::IOMemReader reader(png.data(), png.size());
-  OIIO::ImageSpec config, spec;
-  OIIO::Filesystem::IOProxy* proxy = &reader;
-  config.attribute("oiio:ioproxy", OIIO::TypeDesc::PTR, &proxy);
-  const auto input = OIIO::ImageInput::create("png");
-  EXPECT_TRUE(input->open("a.png", spec, config)) << input->geterror();
-  Bytes pixels(static_cast<std::size_t>(spec.image_pixels()) *
-               static_cast<unsigned>(spec.nchannels));
-  EXPECT_TRUE(input->read_image(0, 0, 0, -1, OIIO::TypeDesc::UINT8, pixels.data()))
-      << input->geterror();
   return pixels;
 }
 

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <random>
 
+#include "base/record_log.hpp"
 #include "base/tile_kernels.hpp"
 #include "base/tile_tape.hpp"
 #include "models.hpp"
@@ -228,6 +229,40 @@ TEST(Tiles, EqualTheDefinitionsWithEveryInstructionSet) {
   hwy::GetChosenTarget().Update(hwy::SupportedTargets());
 }
 
+TEST(RecordLog, GivesBackWhatWasWritten) {
+  std::mt19937 random(44);
+  for (const int longest : {0, 5, 3000, 400000}) {
+    detail::RecordLog<std::uint32_t> log;
+    std::vector<std::vector<std::uint32_t>> records(longest > 3000 ? 12 : 400);
+    const auto write = [&](std::vector<std::uint32_t>& record) {
+      record.resize(random() % static_cast<unsigned>(longest + 1));
+      for (auto& value : record) value = static_cast<std::uint32_t>(random());
+      // One by one, and several at once.
+      const std::size_t single = record.size() / 3;
+      for (std::size_t i = 0; i < single; ++i) log.push(record[i]);
+      log.push(record.data() + single, record.size() - single);
+      log.end_record();
+    };
+    const auto check = [&] {
+      ASSERT_EQ(log.size(), records.size());
+      for (std::size_t r = 0; r < records.size(); ++r) {
+        ASSERT_TRUE(std::ranges::equal(log[r], records[r])) << r;
+      }
+    };
+    for (auto& record : records) write(record);
+    check();
+    // An unfinished record goes with those that are dropped.
+    log.push(7);
+    for (const std::size_t left : {records.size() - 1, records.size() / 2, std::size_t{0}}) {
+      log.drop_from(left);
+      records.resize(left);
+      check();
+      write(records.emplace_back());
+      check();
+    }
+  }
+}
+
 TEST(TileTape, GivesBackWhatWasWritten) {
   std::mt19937 random(43);
   using detail::kLanes;
@@ -241,11 +276,10 @@ TEST(TileTape, GivesBackWhatWasWritten) {
     for (int k = 0; k < count; ++k) {
       std::uint8_t* const row = rows.data() + static_cast<std::size_t>(k) * stride;
       for (std::size_t i = 0; i < kLanes; ++i) {
-        row[i] = kind == 0   ? std::uint8_t{0}
-                 : kind == 1 ? std::uint8_t{255}
-                 : k && (kind == 2 || random() % 9)
-                     ? *(row + i - stride)
-                     : static_cast<std::uint8_t>(random());
+        row[i] = kind == 0                          ? std::uint8_t{0}
+                 : kind == 1                        ? std::uint8_t{255}
+                 : k && (kind == 2 || random() % 9) ? *(row + i - stride)
+                                                    : static_cast<std::uint8_t>(random());
       }
       tile.insert(tile.end(), row, row + kLanes);
     }
@@ -260,6 +294,8 @@ TEST(TileTape, GivesBackWhatWasWritten) {
     const bool lit = tape.read(t, count, rows.data());
     EXPECT_EQ(rows, tile);
     EXPECT_EQ(lit, std::any_of(tile.begin(), tile.end(), [](auto v) { return v != 0; }));
+    tape.drop_from(t);
+    EXPECT_EQ(tape.tiles(), t);
   }
 }
 

@@ -206,8 +206,9 @@ TEST(Volume, ColumnsGiveTheDosesOfProbe) {
   const ReducedVolume v = reduce_volume(stack, target, setup, 16);
   const auto unroll = [](const ReducedVolume::Runs& runs) {
     std::vector<int> values;
-    for (const auto& [value, n] : runs)
-      values.insert(values.end(), static_cast<std::size_t>(n), value);
+    for (const ReducedVolume::Run run : runs) {
+      values.insert(values.end(), run.slices, static_cast<int>(run.value));
+    }
     return values;
   };
   ASSERT_EQ(v.columns.size(), static_cast<std::size_t>(v.nx * v.ny));
@@ -295,7 +296,7 @@ TEST(Volume, EvenNoiseMakesAPageOfAFewMegabytes) {
   v.columns.resize(160 * 160);
   for (auto& column : v.columns) {
     column.x = column.y = 0;
-    for (int n = 0; n < 160; ++n) column.levels.emplace_back(random() % 256, 1);
+    for (int n = 0; n < 160; ++n) column.levels.push_back({random() % 256, 1});
     column.coverage = column.levels;
   }
   ReportContent content;

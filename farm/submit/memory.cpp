@@ -14,6 +14,9 @@ namespace {
 
 constexpr double mb = 1 << 20;
 
+/// Of any job: 31 are the cells of the report.
+constexpr double program_mb = 70;
+
 /// Curves of the plans of one value of light, beside its levels: 2 of 8 bytes a slice.
 constexpr double plan_bytes = 16 * 1024, plan_bytes_per_slice = 16;
 /// A band's columns are taken apart by their light: slices before and after, run-length coded, for
@@ -39,7 +42,7 @@ double all_tables_bytes(const MemoryFacts& f) {
 
 MemoryNeeds memory_needs(const MemoryFacts& f) {
   const double mesh = 100.0 * static_cast<double>(f.triangles) / mb;
-  const double pieces = std::min(128.0, 0.2 * static_cast<double>(f.voxels) / mb);
+  const double pieces = std::min(96.0, 0.2 * static_cast<double>(f.voxels) / mb);
   double thread = 16 + 32.0 * f.width_px * 100 / mb + 8192.0 * f.slices / mb;
   const double tables = all_tables_bytes(f) / mb;
   double models = table_sets * tables;
@@ -48,7 +51,7 @@ MemoryNeeds memory_needs(const MemoryFacts& f) {
     models += 2 * f.lights * (plan_bytes + plan_bytes_per_slice * f.slices) / mb;
     thread += f.lights * light_bytes_per_slice * f.slices / mb;
   }
-  return {static_cast<std::int64_t>(1.5 * (110 + mesh + pieces + models + thread)),
+  return {static_cast<std::int64_t>(1.5 * (program_mb + mesh + pieces + models + thread)),
           static_cast<std::int64_t>(1.5 * thread)};
 }
 

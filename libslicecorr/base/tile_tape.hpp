@@ -5,8 +5,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
-#include <vector>
 
+#include "base/record_log.hpp"
 #include "base/tile_kernels.hpp"
 
 namespace slicecorr::detail {
@@ -15,12 +15,11 @@ namespace slicecorr::detail {
 /// lanes that do and their bytes: memory goes with the edges of a part.
 class TileTape {
  public:
-  std::size_t tiles() const { return starts_.size(); }
+  std::size_t tiles() const { return tiles_.size(); }
 
   /// Adds the next tile: `count` rows of 64 bytes. `changed[k]`: lanes in which row k + 1 differs
   /// from row k.
   void append(const std::uint8_t* rows, std::size_t stride, int count, const LaneMask* changed) {
-    starts_.push_back(code_.size());
     LaneMask any = 0;
     std::uint64_t which[2] = {};  // of the rows after the first
     for (int k = 0; k + 1 < count; ++k) {
@@ -29,21 +28,24 @@ class TileTape {
     }
     const std::uint8_t head = rows[0];
     const bool even = (head == 0 || head == 255) && std::memcmp(rows, rows + 1, kLanes - 1) == 0;
-    if (any == 0 && head == 0 && even) return;
-    code_.push_back(
-        static_cast<std::uint8_t>((even ? head == 0 ? black : full : mixed) | (any ? changes : 0)));
-    if (!even) code_.insert(code_.end(), rows, rows + kLanes);
-    if (any == 0) return;
-    put(which, sizeof which);
-    for (int k = 0; k + 1 < count; ++k) {
-      rows += stride;
-      if (changed[k] == 0) continue;
-      put(&changed[k], sizeof changed[k]);
-      std::uint8_t bytes[kLanes];
-      std::size_t n = 0;
-      for (LaneMask m = changed[k]; m; m &= m - 1) bytes[n++] = rows[std::countr_zero(m)];
-      code_.insert(code_.end(), bytes, bytes + n);
+    if (any != 0 || head != 0 || !even) {
+      tiles_.push(static_cast<std::uint8_t>((even ? head == 0 ? black : full : mixed) |
+                                            (any ? changes : 0)));
+      if (!even) tiles_.push(rows, kLanes);
     }
+    if (any != 0) {
+      put(which, sizeof which);
+      for (int k = 0; k + 1 < count; ++k) {
+        rows += stride;
+        if (changed[k] == 0) continue;
+        put(&changed[k], sizeof changed[k]);
+        std::uint8_t bytes[kLanes];
+        std::size_t n = 0;
+        for (LaneMask m = changed[k]; m; m &= m - 1) bytes[n++] = rows[std::countr_zero(m)];
+        tiles_.push(bytes, n);
+      }
+    }
+    tiles_.end_record();
   }
 
   /// Whether all bytes of a tile are 0, or all are 255.
@@ -51,17 +53,15 @@ class TileTape {
     bool black, full;
   };
   Even even(std::size_t tile) const {
-    const std::size_t end = tile + 1 < starts_.size() ? starts_[tile + 1] : code_.size();
-    if (starts_[tile] == end) return {true, false};
-    return {false, code_[starts_[tile]] == full};
+    if (tiles_[tile].empty()) return {true, false};
+    return {false, tiles_[tile].front() == full};
   }
 
   /// Writes the `count` rows of a tile one after the other; false, with nothing written, where all
   /// of them are black.
   bool read(std::size_t tile, int count, std::uint8_t* rows) const {
-    const std::size_t end = tile + 1 < starts_.size() ? starts_[tile + 1] : code_.size();
-    if (starts_[tile] == end) return false;
-    const std::uint8_t* in = code_.data() + starts_[tile];
+    if (tiles_[tile].empty()) return false;
+    const std::uint8_t* in = tiles_[tile].data();
     const std::uint8_t kind = *in++;
     if ((kind & ~changes) == mixed) {
       std::memcpy(rows, in, kLanes);
@@ -86,14 +86,15 @@ class TileTape {
     return true;
   }
 
+  /// Forgets all tiles from `first` on.
+  void drop_from(std::size_t first) { tiles_.drop_from(first); }
+
  private:
   enum Kind : std::uint8_t { black = 0, full = 1, mixed = 2, changes = 4 };
   void put(const void* data, std::size_t n) {
-    const auto* bytes = static_cast<const std::uint8_t*>(data);
-    code_.insert(code_.end(), bytes, bytes + n);
+    tiles_.push(static_cast<const std::uint8_t*>(data), n);
   }
-  std::vector<std::uint8_t> code_;
-  std::vector<std::size_t> starts_;
+  RecordLog<std::uint8_t> tiles_;
 };
 
 }  // namespace slicecorr::detail

@@ -2,8 +2,10 @@
 #include <bit>
 #include <cstring>
 #include <limits>
+#include <span>
 #include <type_traits>
 
+#include "base/record_log.hpp"
 #include "base/tile_tape.hpp"
 #include "correct/band_solvers.hpp"
 #include "correct/choose_level.hpp"
@@ -104,8 +106,7 @@ class ContinuousSolver final : public BandSolver {
   /// First pass over the `count` rows at hand.
   void forward(int count);
   void solve_tile(const Numbers& x, Lanes& lanes, int first_slice, int count,
-                  const std::uint8_t* rows, std::uint8_t* out, const Change* begin,
-                  const Change* end);
+                  const std::uint8_t* rows, std::uint8_t* out, std::span<const Change> changes);
   /// A tile whose coverage is all `cover`, in which no demand changes, if nothing else does: true,
   /// and its lanes are stepped; all of them get black light, or all full light.
   bool solve_still(const Numbers& x, Lanes& lanes, int first_slice, int count, std::uint8_t cover);
@@ -116,8 +117,7 @@ class ContinuousSolver final : public BandSolver {
   std::vector<std::uint8_t> rows_;  ///< the last `kBefore` rows of the tiles before, then these
   std::vector<Demand> demand_;      ///< per column, as of the node reached
   TileTape tape_;                   ///< `kBefore` rows before each tile belong to it
-  std::vector<Change> changes_;
-  std::vector<std::size_t> changes_end_;  ///< per tile
+  RecordLog<Change> changes_;       ///< a record per tile
 };
 
 /// 64 columns of the solve.
@@ -165,11 +165,11 @@ void ContinuousSolver::forward(int count) {
                        below[i - static_cast<std::ptrdiff_t>(stride_)], below[i], 0};
         const Demand next = next_demand(plan_, first + k, c, demand[i]);
         if (next == demand[i]) continue;
-        changes_.push_back({static_cast<std::uint8_t>(k), static_cast<std::uint8_t>(i), demand[i]});
+        changes_.push({static_cast<std::uint8_t>(k), static_cast<std::uint8_t>(i), demand[i]});
         demand[i] = next;
       }
     }
-    changes_end_.push_back(changes_.size());
+    changes_.end_record();
   }
   for (int k = 0; k < kBefore; ++k) std::memcpy(row(k), row(count + k), stride_);
   rows_at_hand_ = 0;
@@ -204,12 +204,11 @@ void ContinuousSolver::solve(const BandCorrector::Sink& sink,
     std::uint64_t lit = 0;  // rows
     for (std::size_t b = 0; b < blocks_; ++b) {
       const std::size_t tile = static_cast<std::size_t>(first / kTileSlices) * blocks_ + b;
-      const Change* const begin = changes_.data() + (tile ? changes_end_[tile - 1] : 0);
-      const Change* const end = changes_.data() + changes_end_[tile];
+      const std::span<const Change> changes = changes_[tile];
       const TileTape::Even even = tape_.even(tile);
       const std::uint8_t* shown = out;
       const std::uint8_t* rows = tile_rows + kBefore * kLanes;
-      if ((even.black || even.full) && begin == end &&
+      if ((even.black || even.full) && changes.empty() &&
           solve_still(x, lanes[b], first, count, even.full ? kFull : 0)) {
         shown = lanes[b].bright ? bright.data() : black.data();
         rows = even.full ? full.data() : black.data();
@@ -227,7 +226,7 @@ void ContinuousSolver::solve(const BandCorrector::Sink& sink,
         if (!tape_.read(tile, kBefore + count, tile_rows)) {
           std::memset(tile_rows, 0, static_cast<std::size_t>(kBefore + count) * kLanes);
         }
-        solve_tile(x, lanes[b], first, count, rows, out, begin, end);
+        solve_tile(x, lanes[b], first, count, rows, out, changes);
         held[b].rows = 0;
         for (int k = 0; k < count; ++k) {
           const std::size_t at = static_cast<std::size_t>(k) * kLanes;
@@ -248,6 +247,9 @@ void ContinuousSolver::solve(const BandCorrector::Sink& sink,
         tiles({b * kLanes, std::min(kLanes, columns_ - b * kLanes), first, count, shown, rows});
       }
     }
+    // What the sinks keep of these slices takes the place of what is known of them.
+    tape_.drop_from(static_cast<std::size_t>(first / kTileSlices) * blocks_);
+    changes_.drop_from(tape_.tiles());
     for (int k = count; k-- > 0;) {
       const std::size_t at = static_cast<std::size_t>(k) * stride_;
       sink(first + k, levels.data() + at, tiles ? nullptr : covers.data() + at, !(lit >> k & 1));
@@ -256,8 +258,8 @@ void ContinuousSolver::solve(const BandCorrector::Sink& sink,
 }
 
 void ContinuousSolver::solve_tile(const Numbers& x, Lanes& lanes, int first_slice, int count,
-                                  const std::uint8_t* rows, std::uint8_t* out, const Change* begin,
-                                  const Change* end) {
+                                  const std::uint8_t* rows, std::uint8_t* out,
+                                  std::span<const Change> changes) {
   const CureModel& model = plan_.model;
   const double a = model.a;
   LaneMask steady[kTileSlices], changed[kTileSlices];
@@ -331,6 +333,7 @@ void ContinuousSolver::solve_tile(const Numbers& x, Lanes& lanes, int first_slic
     for (int i = 0; i < static_cast<int>(kLanes); ++i) settle(i, count - 1, 0.0);
   }
 
+  std::size_t left = changes.size();
   for (int k = count; k-- > 0;) {
     const int n = first_slice + k;
     if (n < wake) quiet &= ~later_lanes(lanes.until, n, &wake);
@@ -395,7 +398,9 @@ void ContinuousSolver::solve_tile(const Numbers& x, Lanes& lanes, int first_slic
     decide(active & full[k] & above_full, std::integral_constant<int, kInside>());
     decide(active & full[k] & ~above_full, std::integral_constant<int, kTop>());
     decide(active & ~zero[k] & ~full[k], std::integral_constant<int, kGrey>());
-    for (; end != begin && end[-1].row == k; --end) lanes.demand[end[-1].lane] = end[-1].was;
+    for (; left > 0 && changes[left - 1].row == k; --left) {
+      lanes.demand[changes[left - 1].lane] = changes[left - 1].was;
+    }
     // Only of lanes whose next slice is like the one above it anything is certain.
     const int next = k - 1;
     quiet &= ~active;

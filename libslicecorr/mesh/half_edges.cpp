@@ -5,6 +5,7 @@
 #include <limits>
 #include <string>
 
+#include "parallel/silent.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr::detail {

@@ -12,14 +12,6 @@
 
 namespace slicecorr::detail {
 
-/// The same job without callbacks: for steps too short to be told of.
-inline Job silent(const Job& job) {
-  Job quiet;
-  quiet.threads = job.threads;
-  quiet.cancel = job.cancel;
-  return quiet;
-}
-
 /// A side of a triangle between two different vertices. It begins at corner k of triangle t, where
 /// `corner` is 3 t + k, and has `high`, the higher one of its two vertices.
 struct HalfEdge {

@@ -6,6 +6,7 @@
 #include <span>
 
 #include "mesh/half_edges.hpp"
+#include "parallel/silent.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr {

@@ -8,8 +8,8 @@
 #include <limits>
 #include <utility>
 
-#include "mesh/half_edges.hpp"
 #include "mesh/mesh_parts.hpp"
+#include "parallel/silent.hpp"
 
 namespace slicecorr::detail {
 namespace {

@@ -290,7 +290,7 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
   });
 
   Correction result;
-  if (volume) result.volume = std::make_shared<ReducedVolume>(volume->take(job));
+  if (volume) result.volume = std::make_shared<ReducedVolume>(volume->take());
   if (window) {
     result.after.dead_zones = window->result();
     check_window(*result.after.dead_zones, setup.process);

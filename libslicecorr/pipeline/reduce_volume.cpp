@@ -104,7 +104,7 @@ ReducedVolume reduce_volume(const SliceSource& stack, const SliceSource& target,
     reduced.finish([&](int z, std::uint8_t* out) { shown.read(z, out); },
                    [&](int z, std::uint8_t* out) { design.read(z, out); });
   });
-  return reducer.take(job);
+  return reducer.take();
 }
 
 ReducedVolume coarser(const ReducedVolume& fine) {

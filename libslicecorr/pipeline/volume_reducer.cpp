@@ -1,10 +1,13 @@
 #include "pipeline/volume_reducer.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cstring>
 
 #include "pipeline/bands.hpp"
+#include "slicecorr/error.hpp"
 
 namespace slicecorr::detail {
 namespace {
@@ -39,6 +42,10 @@ VolumeReducer::VolumeReducer(const PlaceModels& models, const PixelBox& box, int
   v.box = box;
   if (box.empty()) return;
   v.layers = std::max(target_layers, stack_layers);
+  if (v.layers > ReducedVolume::kMostLayers) {
+    throw InputError(fmt::format("a report of {} slices; expected at most {}", v.layers,
+                                 ReducedVolume::kMostLayers));
+  }
   const auto fit = [&](int size, int& step, int& cells) {
     step = (size + most_cells - 1) / most_cells;
     cells = (size + step - 1) / step;
@@ -49,45 +56,44 @@ VolumeReducer::VolumeReducer(const PlaceModels& models, const PixelBox& box, int
   for (ReducedPrint* p : {&v.before, &v.after}) {
     for (auto* grid : {&p->state, &p->dose, &p->grey, &p->error}) grid->assign(v.cells(), 0);
   }
-  for (auto* counts : {&designed_, &printed_before_, &printed_after_}) {
-    counts->assign(v.cells(), 0);
-  }
   v.columns.resize(static_cast<std::size_t>(v.nx) * static_cast<std::size_t>(v.ny));
   ranks_.resize(v.columns.size());
-  row_mutexes_ = std::vector<std::mutex>(static_cast<std::size_t>(v.ny));
+  rows_ = std::vector<CellRow>(static_cast<std::size_t>(v.ny));
+  for (int j = 0; j < v.ny; ++j) {
+    rows_[static_cast<std::size_t>(j)].pixel_rows_left =
+        std::min(v.step_y, box.height() - j * v.step_y);
+  }
   cell_layer_.resize(static_cast<std::size_t>(v.layers));
   for (std::size_t n = 0; n < cell_layer_.size(); ++n) {
     cell_layer_[n] = static_cast<std::uint32_t>(n / static_cast<std::size_t>(v.step_z));
   }
 }
 
-ReducedVolume VolumeReducer::take(const Job& job) {
+void VolumeReducer::settle(int j) {
   ReducedVolume& v = volume_;
+  CellRow& row = rows_[static_cast<std::size_t>(j)];
   const auto size = [](int at, int step, int all) {
     return static_cast<std::uint64_t>(std::min(step, all - at * step));
   };
-  Job quiet;
-  quiet.threads = job.threads;
-  quiet.cancel = job.cancel;
-  parallel_for(quiet, "", static_cast<std::size_t>(v.nz), [&](std::size_t layer) {
-    const int k = static_cast<int>(layer);
-    for (int j = 0; j < v.ny; ++j) {
-      for (int i = 0; i < v.nx; ++i) {
-        const std::uint64_t voxels = size(i, v.step_x, v.box.width()) *
-                                     size(j, v.step_y, v.box.height()) *
-                                     size(k, v.step_z, v.layers);
-        const std::size_t c = cell(i, j, k);
-        const auto half = [&](const std::vector<std::uint32_t>& counts, int flag) {
-          return 2 * std::uint64_t{counts[c]} >= voxels ? flag : 0;
-        };
-        const int design = half(designed_, kCellDesigned);
-        v.before.state[c] |=
-            static_cast<std::uint8_t>(design | half(printed_before_, kCellPrinted));
-        v.after.state[c] |= static_cast<std::uint8_t>(design | half(printed_after_, kCellPrinted));
-      }
+  std::size_t in = 0;
+  for (int i = 0; i < v.nx; ++i) {
+    for (int k = 0; k < v.nz; ++k, ++in) {
+      const std::uint64_t voxels = size(i, v.step_x, v.box.width()) *
+                                   size(j, v.step_y, v.box.height()) * size(k, v.step_z, v.layers);
+      const auto half = [&](const std::vector<std::uint32_t>& counts, int flag) {
+        return 2 * std::uint64_t{counts[in]} >= voxels ? flag : 0;
+      };
+      const std::size_t c = cell(i, j, k);
+      const int design = half(row.designed, kCellDesigned);
+      v.before.state[c] |=
+          static_cast<std::uint8_t>(design | half(row.printed_before, kCellPrinted));
+      v.after.state[c] |= static_cast<std::uint8_t>(design | half(row.printed_after, kCellPrinted));
     }
-  });
-  return std::move(volume_);
+  }
+  for (auto* counts : {&row.designed, &row.printed_before, &row.printed_after}) {
+    counts->clear();
+    counts->shrink_to_fit();
+  }
 }
 
 VolumeReducer::Band::Band(VolumeReducer& volume, const PixelBox& band)
@@ -255,7 +261,7 @@ void VolumeReducer::Band::follow(std::vector<Chosen>& chosen, const Reader& show
     from(z, rows.data());
     for (std::size_t m = 0; m < size; ++m) values[m] = rows[columns[m]];
   };
-  // For now a run's second number is the slice where it begins, seen from the last slice.
+  // For now a run's slices are the number of the slice where it begins, seen from the last slice.
   using Runs = ReducedVolume::Runs;
   const auto note = [&](int z, bool first, Runs ReducedVolume::Column::*runs,
                         const std::array<std::uint8_t, 256>& code,
@@ -267,7 +273,8 @@ void VolumeReducer::Band::follow(std::vector<Chosen>& chosen, const Reader& show
       if (!first && std::memcmp(&now[b], &below[b], end - b) == 0) continue;
       for (std::size_t m = b; m < end; ++m) {
         const std::uint8_t value = code[now[m]];
-        if (first || value != code[below[m]]) (chosen[m].column.*runs).emplace_back(value, z);
+        if (!first && value == code[below[m]]) continue;
+        (chosen[m].column.*runs).push_back({value, static_cast<std::uint32_t>(z)});
       }
     }
   };
@@ -300,11 +307,11 @@ void VolumeReducer::Band::follow(std::vector<Chosen>& chosen, const Reader& show
   for (Chosen& c : chosen) {
     for (Runs* runs : {&c.column.coverage, &c.column.levels}) {
       std::reverse(runs->begin(), runs->end());
-      std::int32_t below = -1;
-      for (auto& [value, last] : *runs) {
-        const std::int32_t slices = last - below;
-        below = last;
-        last = slices;
+      std::uint32_t begin = 0;
+      for (ReducedVolume::Run& run : *runs) {
+        const std::uint32_t end = run.slices + 1;
+        run.slices = end - begin;
+        begin = end;
       }
       runs->shrink_to_fit();
     }
@@ -316,22 +323,31 @@ void VolumeReducer::Band::join(std::vector<Chosen>& chosen) {
   const auto nz = static_cast<std::size_t>(v.nz);
   auto next = chosen.begin();
   for (int j = j0_; j < j1_; ++j) {
-    const std::lock_guard lock(volume_.row_mutexes_[static_cast<std::size_t>(j)]);
+    CellRow& row = volume_.rows_[static_cast<std::size_t>(j)];
+    const std::lock_guard lock(row.mutex);
+    const std::size_t cells = static_cast<std::size_t>(v.nx) * nz;
+    const std::size_t from = static_cast<std::size_t>(j - j0_) * cells;
+    const auto add = [&](const Counts& band, std::vector<std::uint32_t>& counts) {
+      counts.resize(cells, 0);
+      for (std::size_t c = 0; c < cells; ++c) counts[c] += band.partly[from + c];
+    };
+    add(designed_, row.designed);
+    add(before_.printed, row.printed_before);
+    add(after_.printed, row.printed_after);
     for (int i = 0; i < v.nx; ++i) {
-      const std::size_t from = (static_cast<std::size_t>(j - j0_) * static_cast<std::size_t>(v.nx) +
-                                static_cast<std::size_t>(i)) *
-                               nz;
       for (std::size_t k = 0; k < nz; ++k) {
-        const std::size_t to = volume_.cell(i, j, static_cast<int>(k)), in = from + k;
-        volume_.designed_[to] += designed_.partly[in];
-        volume_.printed_before_[to] += before_.printed.partly[in];
-        volume_.printed_after_[to] += after_.printed.partly[in];
+        const std::size_t to = volume_.cell(i, j, static_cast<int>(k));
+        const std::size_t in = from + static_cast<std::size_t>(i) * nz + k;
         v.before.state[to] |= before_.flags[in];
         v.after.state[to] |= after_.flags[in];
         v.before.error[to] = worse_error(v.before.error[to], before_.error[in]);
         v.after.error[to] = worse_error(v.after.error[to], after_.error[in]);
       }
     }
+    const int top = v.box.y0 + j * v.step_y;
+    const int bottom = std::min(top + v.step_y, v.box.y1);
+    row.pixel_rows_left -= std::min(bottom, band_.y1) - std::max(top, band_.y0);
+    if (row.pixel_rows_left == 0) volume_.settle(j);
     for (; next != chosen.end() && next->j == j; ++next) {
       const std::size_t c = static_cast<std::size_t>(j) * static_cast<std::size_t>(v.nx) +
                             static_cast<std::size_t>(next->i);

@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <mutex>
+#include <utility>
 #include <vector>
 
 #include "slicecorr/places.hpp"
@@ -28,8 +29,8 @@ class VolumeReducer {
   /// One band, on one thread.
   class Band;
 
-  /// After all bands.
-  ReducedVolume take(const Job& job);
+  /// After all bands, which must cover the box.
+  ReducedVolume take() { return std::move(volume_); }
 
  private:
   std::size_t cell(int i, int j, int k) const {
@@ -39,14 +40,23 @@ class VolumeReducer {
            static_cast<std::size_t>(i);
   }
 
+  /// The cells of a row of columns. Their voxels are counted only until all bands that reach into
+  /// the row have joined it; then flags say what is kept of the counts.
+  struct CellRow {
+    std::mutex mutex;
+    int pixel_rows_left = 0;
+    /// By column and height, as in bands. One cell has fewer than 2^32 voxels.
+    std::vector<std::uint32_t> designed, printed_before, printed_after;
+  };
+  /// Makes flags of the counts of row `j`.
+  void settle(int j);
+
   const PlaceModels& models_;
   int target_layers_, stack_layers_, levels_;
   ReducedVolume volume_;
-  std::vector<CellRank> ranks_;  ///< of the columns that stand so far
-  /// Voxels of each cell; one cell has fewer than 2^32.
-  std::vector<std::uint32_t> designed_, printed_before_, printed_after_;
+  std::vector<CellRank> ranks_;            ///< of the columns that stand so far
   std::vector<std::uint32_t> cell_layer_;  ///< of each slice
-  std::vector<std::mutex> row_mutexes_;    ///< of the cells of a row of columns
+  std::vector<CellRow> rows_;
 };
 
 class VolumeReducer::Band {

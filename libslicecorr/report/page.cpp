@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "base/base64.hpp"
+#include "parallel/silent.hpp"
 #include "report/page_parts.hpp"
 #include "report/page_text.hpp"
 #include "slicecorr/report.hpp"
@@ -169,10 +170,7 @@ std::string make_report(const ReportContent& c, const Job& job) {
     figures.push_back({&s.grey_before, "Uncorrected: grey values shown", {}});
     figures.push_back({&s.grey_after, "This stack: grey values shown", {}});
   }
-  Job quiet;
-  quiet.threads = job.threads;
-  quiet.cancel = job.cancel;
-  parallel_for(quiet, "", figures.size(), [&](std::size_t i) {
+  parallel_for(detail::silent(job), "", figures.size(), [&](std::size_t i) {
     figures[i].html = image(*figures[i].picture, figures[i].words);
   });
   for (std::size_t i = 0; i < figures.size(); ++i) {
@@ -247,9 +245,8 @@ ReportContent gather_report(const SliceSource& stack, const SliceSource& target,
       grey = grey_picture(s, g.pixel_x_um, g.layer_um, kMostPixels);
     };
     // Both at once, where that is not much memory.
-    Job two;
-    two.threads = static_cast<double>(g.width_px) * g.layers < 32e6 ? job.threads : 1;
-    two.cancel = job.cancel;
+    Job two = detail::silent(job);
+    if (static_cast<double>(g.width_px) * g.layers >= 32e6) two.threads = 1;
     parallel_for(two, "", 2, [&](std::size_t i) {
       if (i == 0) {
         draw(target, pictures.cure_before, pictures.grey_before);

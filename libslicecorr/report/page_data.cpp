@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/base64.hpp"
+#include "parallel/silent.hpp"
 #include "report/page_parts.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/inhibited.hpp"
@@ -103,9 +104,9 @@ Bytes column_codes(const ReducedVolume& v, int every) {
       put_number(out, static_cast<std::uint32_t>(column.y));
       for (const auto* runs : {&column.coverage, &column.levels}) {
         put_number(out, static_cast<std::uint32_t>(runs->size()));
-        for (const auto& [value, length] : *runs) {
-          out.push_back(value);
-          put_number(out, static_cast<std::uint32_t>(length));
+        for (const ReducedVolume::Run run : *runs) {
+          out.push_back(static_cast<std::uint8_t>(run.value));
+          put_number(out, run.slices);
         }
       }
     }
@@ -166,14 +167,11 @@ nlohmann::ordered_json kernel_json(const InhibitedKernel& kernel, int layers) {
 
 std::string page_data(ReducedVolume v, const CureModel& model, const Grid& grid,
                       const std::array<int, 3>& start, const Job& job) {
-  Job quiet;
-  quiet.threads = job.threads;
-  quiet.cancel = job.cancel;
   // Makes `count` packed fields; true when they fit together.
   const auto fit = [&](std::size_t most, std::size_t count, Bytes* packed,
                        const std::function<Bytes(std::size_t)>& make) {
     std::atomic<bool> all{true};
-    parallel_for(quiet, "", count, [&](std::size_t i) {
+    parallel_for(silent(job), "", count, [&](std::size_t i) {
       if (all && !deflate_within(most, make(i), packed[i])) all = false;
     });
     if (!all) return false;

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "mesh/half_edges.hpp"
+#include "parallel/silent.hpp"
 #include "slice/bridges.hpp"
 #include "slice/raster.hpp"
 #include "slicecorr/error.hpp"

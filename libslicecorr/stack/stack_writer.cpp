@@ -7,6 +7,7 @@
 #include <span>
 #include <stdexcept>
 
+#include "parallel/silent.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
 #include "stack/archive_format.hpp"
@@ -24,7 +25,8 @@ using detail::ArchiveFormat;
 using detail::PixelCode;
 using detail::raw_stride;
 
-constexpr std::size_t memory_budget = std::size_t{128} << 20;
+/// Of all pieces together. Beyond it a piece costs two calls of the system, some microseconds.
+constexpr std::size_t memory_budget = std::size_t{96} << 20;
 
 /// Whether the layers of both are lit for other times.
 bool exposures_differ(const StackInfo& a, const StackInfo& b) {
@@ -109,7 +111,7 @@ struct StackWriter::Impl {
     for (std::size_t at = 0; at < raw.size(); at += stride) raw[at] = 0;
     return raw;
   }
-  std::map<int, Black> make_black(std::uint8_t value, const PixelCode& code) const;
+  std::map<int, Black> make_black(std::uint8_t value, const PixelCode& pixels) const;
   /// Checksums of all slices of one set of images, which are then added to the archive.
   struct Images {
     const std::vector<Pieces>& bands;
@@ -124,7 +126,7 @@ struct StackWriter::Impl {
     }
   };
   Images gather(const std::vector<Pieces>& from, std::uint8_t background, std::size_t layers,
-                const PixelCode& code) const;
+                const PixelCode& pixels) const;
   void make_small(Images& images);
   void add_images(const std::vector<std::string>& names, const Images& images);
   std::string stem() const;
@@ -188,10 +190,7 @@ StackWriter::Impl::Images StackWriter::Impl::gather(const std::vector<Pieces>& f
   const bool plain = pixels.is_plain();
   const std::size_t stride = pixels.stride(grid.width_px);
   // A hundred thousand slices of hundreds of bands are not for one thread.
-  Job quiet;
-  quiet.threads = job.threads;
-  quiet.cancel = job.cancel;
-  parallel_for(quiet, "", layers, [&](std::size_t slice) {
+  parallel_for(detail::silent(job), "", layers, [&](std::size_t slice) {
     std::uint32_t adler = 1, grey_adler = 1;
     std::uint64_t size = detail::png_frame_bytes;
     for (std::size_t band = 0; band < from.size(); ++band) {
@@ -283,6 +282,7 @@ void StackWriter::Impl::write_archive(const StackInfo& info, const GreyImage& pr
   add_images(names, slices);
   if (uv) {
     std::vector<std::string> uv_names;
+    uv_names.reserve(layers);
     for (int n = 0; n < info.grid.layers; ++n) uv_names.push_back(detail::uv_image_name(n));
     add_images(uv_names, *uv);
   }

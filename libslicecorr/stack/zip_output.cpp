@@ -16,6 +16,7 @@
 
 #include "base/errno_message.hpp"
 #include "base/temporary.hpp"
+#include "parallel/silent.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr::detail {
@@ -88,10 +89,7 @@ struct ZipWriting {
       bytes += sources[i].size;
     }
     std::vector<Packed> made(batch.size());
-    Job quiet;
-    quiet.threads = job.threads;
-    quiet.cancel = job.cancel;
-    parallel_for(quiet, "", batch.size(),
+    parallel_for(silent(job), "", batch.size(),
                  [&](std::size_t i) { made[i] = pack(contents(sources[batch[i]]), level); });
     for (std::size_t i = 0; i < batch.size(); ++i) packed[batch[i]] = std::move(made[i]);
     return packed[place];

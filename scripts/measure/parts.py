@@ -104,6 +104,10 @@ class Missing(Exception):
     """A part that is not on this machine."""
 
 
+class NotMade(Exception):
+    """A part that make_part did not make."""
+
+
 def fetch(part, binaries, data, folder):
     """The part's mesh; made in `folder` where it is a made one."""
     if part.file:
@@ -113,10 +117,14 @@ def fetch(part, binaries, data, folder):
         return str(path)
     path = pathlib.Path(folder) / f"{part.name}.stl"
     kind, *sizes = part.make
-    made = subprocess.run(
-        [f"{binaries}/make_part", kind, str(path), *sizes], capture_output=True, text=True, check=False
-    )
+    try:
+        made = subprocess.run(
+            [f"{binaries}/make_part", kind, str(path), *sizes], capture_output=True, text=True, check=False
+        )
+    except OSError as error:
+        raise NotMade(f"{binaries}/make_part: can't be started: {error.strerror}") from error
     size = path.stat().st_size if path.is_file() else 0
     if made.returncode != 0 or size <= 84 or (part.triangles and size != 84 + 50 * part.triangles):
-        raise RuntimeError(f"make_part {' '.join(part.make)}: not {part.triangles} triangles: {made.stderr}")
+        expected = f"{part.triangles} triangles" if part.triangles else "a mesh"
+        raise NotMade(f"make_part {' '.join(part.make)}: did not write {expected}: {made.stderr.strip()}")
     return str(path)

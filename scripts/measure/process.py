@@ -18,13 +18,16 @@ def run(command, timeout_s, environment=None):
     peaks below that can't be told apart.
     """
     start = time.monotonic()
-    process = subprocess.Popen(
-        command,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        env=environment,
-    )
+    try:
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            env=environment,
+        )
+    except OSError as error:
+        raise Failed(f"{command[0]}: can't be started: {error.strerror}") from error
     late = threading.Event()
 
     def stop():

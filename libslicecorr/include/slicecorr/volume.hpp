@@ -11,7 +11,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <utility>
 #include <vector>
 
 #include "slicecorr/pipeline.hpp"
@@ -43,8 +42,14 @@ struct ReducedVolume {
   int nx = 0, ny = 0, nz = 0;
   ReducedPrint before, after;  ///< cell (i, j, k) is element (k * ny + j) * nx + i
 
-  /// A value and for how many slices, from slice 0 on.
-  using Runs = std::vector<std::pair<std::uint8_t, std::int32_t>>;
+  /// A value and for how many slices. Small, because parts with many edges have millions of them.
+  struct Run {
+    std::uint32_t value : 8;
+    std::uint32_t slices : 24;
+    bool operator==(const Run&) const = default;
+  };
+  static constexpr int kMostLayers = (1 << 24) - 1;
+  using Runs = std::vector<Run>;  ///< from slice 0 on
   struct Column {
     int x = -1, y = -1;
     double light = 1;  ///< share of the calibration's light that the pixel gets

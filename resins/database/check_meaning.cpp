@@ -1,0 +1,217 @@
+// What the values of a definition mean together. Each of them alone is checked by validate.cpp.
+#include <fmt/format.h>
+
+#include <cmath>
+#include <filesystem>
+#include <optional>
+
+#include "database/checked_file.hpp"
+#include "database/flat_field.hpp"
+#include "database/record_text.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/resins/measurements.hpp"
+#include "slicecorr/units.hpp"
+
+namespace slicecorr::resins {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+std::optional<double> height_e(const CheckedFile& definition) {
+  const auto height = definition.number("cure", "absorbance_height_um");
+  const toml::table* cure = definition.table("cure");
+  const toml::node* base = cure ? cure->get("absorbance_base") : nullptr;
+  if (!height || !(*height > 0) || !base) return std::nullopt;
+  return base->is_string() && **base->as_string() == "e" ? *height
+                                                         : units::height_e_from_10(*height);
+}
+
+void check_doses(CheckedFile& definition) {
+  const auto gel3 = definition.number("cure", "gel_dose_mj_cm3"),
+             gel2 = definition.number("cure", "gel_dose_mj_cm2");
+  const auto aim3 = definition.number("cure", "critical_dose_mj_cm3"),
+             aim2 = definition.number("cure", "critical_dose_mj_cm2");
+  const auto factor = definition.number("cure", "dose_factor"),
+             prime = definition.number("cure", "critical_dose_prime");
+  const double m = definition.number("cure", "m").value_or(1.0);
+  if (gel3 && gel2) {
+    definition.add(definition.line_of("cure", "gel_dose_mj_cm2"), "cure.gel_dose_mj_cm2",
+                   "is given beside gel_dose_mj_cm3; expected one of them");
+  }
+  if (aim3 && aim2) {
+    definition.add(definition.line_of("cure", "critical_dose_mj_cm2"), "cure.critical_dose_mj_cm2",
+                   "is given beside critical_dose_mj_cm3; expected one of them");
+  }
+  const bool areal = aim2 && !aim3;
+  const std::string aim_key = areal ? "critical_dose_mj_cm2" : "critical_dose_mj_cm3";
+  if (factor && *factor < 1) {
+    definition.add(definition.line_of("cure", "dose_factor"), "cure.dose_factor",
+                   fmt::format("is {:g}: correction would aim below the gel dose", *factor), true);
+  }
+  if (m != 1.0) {
+    for (const char* key :
+         {"gel_dose_mj_cm3", "gel_dose_mj_cm2", "critical_dose_mj_cm3", "critical_dose_mj_cm2"}) {
+      if (definition.number("cure", key)) {
+        definition.add(
+            definition.line_of("cure", key), definition.full("cure", key),
+            fmt::format("does not count: with m = {:g} a dose is critical_dose_prime", m), true);
+      }
+    }
+    return;
+  }
+  const toml::table* cure = definition.table("cure");
+  const toml::node* model = cure ? cure->get("model") : nullptr;
+  const bool kinetic = model && model->value_or(std::string()) == "kinetic";
+  if (prime && !kinetic) {
+    definition.add(definition.line_of("cure", "critical_dose_prime"), "cure.critical_dose_prime",
+                   "does not count: it belongs to model = \"kinetic\"", true);
+  }
+  if (prime && kinetic && (aim3 || aim2)) {
+    definition.add(definition.line_of("cure", "critical_dose_prime"), "cure.critical_dose_prime",
+                   fmt::format("does not count beside {}", aim_key), true);
+  }
+  const auto base_e = height_e(definition);
+  if (!(aim3 || aim2) || !base_e) return;
+  const double aim = aim3 ? *aim3 : *aim2 / (*base_e * 1e-4);
+  const auto gel = gel3 ? gel3 : gel2 ? std::optional(*gel2 / (*base_e * 1e-4)) : std::nullopt;
+  if (gel && *gel > aim) {
+    definition.add(
+        definition.line_of("cure", aim_key), definition.full("cure", aim_key),
+        fmt::format("is {:g} mJ/cm³, below the gel dose of {:g} mJ/cm³: nothing would gel", aim,
+                    *gel));
+  } else if (gel && factor && std::abs(aim / (*gel * *factor) - 1) > 0.01) {
+    definition.add(
+        definition.line_of("cure", aim_key), definition.full("cure", aim_key),
+        fmt::format("is {:g} mJ/cm³, but gel dose times dose_factor is {:g}; expected one of "
+                    "them, or the same",
+                    aim, *gel * *factor));
+  } else if (!gel && factor) {
+    definition.add(definition.line_of("cure", "dose_factor"), "cure.dose_factor",
+                   fmt::format("does not count beside {} alone", aim_key), true);
+  }
+}
+
+void check_composition(CheckedFile& definition) {
+  const toml::table* t = definition.table("composition");
+  if (!t) return;
+  double sum = 0;
+  for (const auto& [key, node] : *t) {
+    const double share = node.value<double>().value_or(0);
+    if (share >= 0 && share <= 100) sum += share;  // others have been told
+  }
+  // A half for what rounding of the shares can add up to.
+  if (sum > 100.5) {
+    definition.add(t->source().begin.line, "composition",
+                   fmt::format("adds up to {:g} wt%; expected at most 100", sum));
+  }
+}
+
+void check_measurements(CheckedFile& definition) {
+  const toml::table* t = definition.table("provenance");
+  const toml::node* node = t ? t->get("measurements") : nullptr;
+  if (!node) return;
+  for (const std::string& name : csv_names(*node)) {
+    const fs::path file = fs::path(definition.path).parent_path() / name;
+    std::error_code ec;
+    const std::size_t line = node->source().begin.line;
+    if (!fs::is_regular_file(file, ec)) {
+      definition.add(line, "provenance.measurements",
+                     fmt::format("{} is not there; expected the file beside this one", name));
+      continue;
+    }
+    try {
+      for (const std::string& w : read_measurements({file.string()}).warnings) {
+        definition.add(line, "provenance.measurements", w, true);
+      }
+    } catch (const Error& e) {
+      definition.add(line, "provenance.measurements", e.what());
+    }
+  }
+}
+
+void check_shape(CheckedFile& definition, const FlatField& field, const std::string& file,
+                 std::size_t line) {
+  std::optional<Printer> printer;
+  try {
+    printer = parse_printer(definition.text, definition.path);
+  } catch (const Error&) {
+    return;  // said elsewhere
+  }
+  slicecorr::FlatField map;
+  map.width_px = field.image.width_px;
+  map.height_px = field.image.height_px;
+  const toml::node* frame = definition.table("display")->get("flat_field_frame");
+  map.of_plate = frame && frame->is_string() && **frame->as_string() == "plate";
+  try {
+    slicecorr::check_flat_field(map, *printer, file);
+  } catch (const Error& e) {
+    definition.add(line, "display.flat_field", e.what());
+  }
+}
+
+void check_flat_field(CheckedFile& definition) {
+  const toml::table* t = definition.table("display");
+  const toml::node* node = t ? t->get("flat_field") : nullptr;
+  if (!node || !node->is_string()) return;
+  const std::size_t line = node->source().begin.line;
+  const fs::path file = fs::path(definition.path).parent_path() / **node->as_string();
+  try {
+    const FlatField field = flat_field_of_png(file.string());
+    // The image has 255 steps and the file's numbers four digits.
+    constexpr double tolerance = 0.5 / 255 + 1e-4;
+    const auto compare = [&](const char* key, double measured) {
+      const auto given = definition.number("display", key);
+      if (given && std::abs(*given - measured) > tolerance) {
+        definition.add(
+            definition.line_of("display", key), definition.full("display", key),
+            fmt::format("is {:g}, but {} has {:.4f}", *given, file.filename().string(), measured));
+      }
+    };
+    compare("flat_field_least", field.least);
+    compare("flat_field_mean", field.mean);
+    check_shape(definition, field, file.string(), line);
+  } catch (const Error& e) {
+    definition.add(line, "display.flat_field", e.what());
+  }
+}
+
+/// Blue and patterned UV images need a channel of the display each.
+void check_projector(CheckedFile& definition) {
+  const auto word = [&](std::string_view in, std::string_view key, std::string_view fallback) {
+    const toml::table* t = definition.table(in);
+    const toml::node* node = t ? t->get(key) : nullptr;
+    return node && node->is_string() ? std::string(**node->as_string()) : std::string(fallback);
+  };
+  const bool patterned = word("uv", "kind", "flood") == "patterned";
+  const toml::table* t = definition.table("projector");
+  if (!t) return;
+  if (t->contains("uv") && !patterned) {
+    definition.add(definition.line_of("projector", "uv"), "projector.uv",
+                   "is given; expected kind = \"patterned\" under [uv], too");
+  }
+  const std::string blue = word("projector", "blue", "blue"), uv = word("projector", "uv", "red");
+  if (patterned && (blue == uv || blue == "all")) {
+    const std::string key = t->contains("uv") ? "uv" : "blue";
+    definition.add(
+        definition.line_of("projector", key), "projector." + key,
+        fmt::format("puts blue and UV images into the same channel (\"{}\", \"{}\"); expected "
+                    "one of its own for each",
+                    blue, uv));
+  }
+}
+
+}  // namespace
+
+void check_resin(CheckedFile& file) {
+  check_doses(file);
+  check_composition(file);
+  check_measurements(file);
+}
+
+void check_printer(CheckedFile& file) {
+  check_flat_field(file);
+  check_projector(file);
+}
+
+}  // namespace slicecorr::resins

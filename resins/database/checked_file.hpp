@@ -1,0 +1,58 @@
+/// A definition file while it is checked: what its tables say, and what has been found.
+#pragma once
+
+#include <fmt/format.h>
+
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "database/schema.hpp"
+#include "process/toml_table.hpp"
+
+namespace slicecorr::resins {
+
+struct CheckedFile {
+  const std::string& text;
+  std::string path, kind;
+  toml::table root;
+  std::vector<Finding> found;
+
+  void add(std::size_t line, const std::string& key, const std::string& message,
+           bool warning = false) {
+    found.push_back({path, static_cast<int>(line), key, message, warning});
+  }
+  static std::string full(std::string_view table, std::string_view key) {
+    return table.empty() ? std::string(key) : fmt::format("{}.{}", table, key);
+  }
+  /// `name` may be that of a table in a table: "lamps.blue".
+  const toml::table* table(std::string_view name) const {
+    const toml::table* at = &root;
+    while (at && !name.empty()) {
+      const std::size_t dot = name.find('.');
+      const toml::node* node = at->get(name.substr(0, dot));
+      at = node ? node->as_table() : nullptr;
+      name = dot == std::string_view::npos ? "" : name.substr(dot + 1);
+    }
+    return at;
+  }
+  std::optional<double> number(std::string_view in, std::string_view key) const {
+    const toml::table* t = table(in);
+    const toml::node* node = t ? t->get(key) : nullptr;
+    return node && node->is_number() ? node->value<double>() : std::nullopt;
+  }
+  std::size_t line_of(std::string_view in, std::string_view key) const {
+    const toml::table* t = table(in);
+    const toml::node* node = t ? t->get(key) : nullptr;
+    return node ? node->source().begin.line : t ? t->source().begin.line : 0;
+  }
+};
+
+/// What values of a resin mean together: doses, shares, files of measurements.
+void check_resin(CheckedFile& file);
+/// The same of a printer: its flat-field and its projector.
+void check_printer(CheckedFile& file);
+
+}  // namespace slicecorr::resins

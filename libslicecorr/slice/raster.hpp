@@ -60,6 +60,12 @@ class Raster {
     double x;      ///< at the upper side of the strip
     double x_end;  ///< at its lower side
   };
+  /// A run of marked pixels of a row in which pieces may overlap.
+  struct Tangle {
+    int first, last;
+    int winding;               ///< left of it
+    std::uint32_t begin, end;  ///< its segments in `tangled_`
+  };
   struct Frame;
   struct Line;
 
@@ -69,7 +75,8 @@ class Raster {
   bool draw_area_row(int row, const Frame& f);
   bool draw_centre_row(int row, const Frame& f);
   unsigned draw_doubts(int row, std::size_t count, const Frame& f);
-  unsigned draw_tangle(int row, int first, int last, int winding, const Frame& f);
+  void find_segments(std::size_t row);
+  unsigned draw_tangle(int row, const Tangle& tangle, const Frame& f);
   void draw_strip(PixelSums* sums, std::uint64_t* marks, double from, double to, int winding,
                   const Frame& f);
   void list_rows();
@@ -112,7 +119,13 @@ class Raster {
   bool listed_ = false;                  ///< whether the next two are of this slice
   std::vector<std::uint32_t> row_ends_;  ///< per row: where its crossings end in `by_row_`
   std::vector<InRow> by_row_;
-  std::vector<std::uint32_t> found_;  ///< segments of a few columns of a row
+  std::vector<Tangle> tangles_;           ///< of the row that is drawn
+  std::vector<std::uint32_t> tangle_of_;  ///< per column: which one + 1; all 0 between rows
+  struct InTangle {
+    std::uint32_t tangle, segment;
+  };
+  std::vector<InTangle> found_;         ///< all of a row's tangles
+  std::vector<std::uint32_t> tangled_;  ///< the segments of these, tangle by tangle
   std::vector<Piece> pieces_;
   std::vector<double> events_, lower_ends_;
   std::vector<Active> active_;

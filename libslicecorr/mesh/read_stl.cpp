@@ -97,7 +97,7 @@ enum class Found { all, too_small, not_finite };
 /// slot is taken for good by whoever comes first, and keeps the lowest corner of its place.
 Found find_first(std::string_view bytes, std::size_t corners, std::size_t size, const Job& job,
                  std::uint32_t* first) {
-  constexpr std::size_t kMostProbes = 4096, kRecent = 1024, kSlotsPerChunk = std::size_t{1} << 18;
+  constexpr std::size_t kMostProbes = 4096, kRecent = 4096, kSlotsPerChunk = std::size_t{1} << 18;
   // Neighbouring triangles share corners: most places were seen a moment ago, and the table is
   // larger than the caches. Whoever was seen in this chunk is not after the corner at hand.
   struct Recent {

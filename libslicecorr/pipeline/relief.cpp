@@ -99,9 +99,12 @@ void Relief::add(const PixelBox& band, const std::vector<std::int32_t>& last_lit
   for (int y = std::max(band.y0, bounds_.y0); y < std::min(band.y1, bounds_.y1); ++y) {
     const auto* row = last_lit.data() + static_cast<std::ptrdiff_t>(y - band.y0) * band.width();
     auto* out = depth_.data() + static_cast<std::ptrdiff_t>((y - bounds_.y0) / step_) * width_;
-    for (int x = 0; x < band.width(); ++x) {
-      auto& cell = out[(band.x0 + x - bounds_.x0) / step_];
-      cell = std::max(cell, row[x]);
+    const int offset = band.x0 - bounds_.x0;
+    for (int x = 0; x < band.width();) {
+      const int cell = (offset + x) / step_;
+      const int past = std::min((cell + 1) * step_ - offset, band.width());
+      out[cell] = std::max(out[cell], *std::max_element(row + x, row + past));
+      x = past;
     }
   }
 }

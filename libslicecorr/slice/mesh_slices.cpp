@@ -87,7 +87,7 @@ struct MeshSlices::Impl {
   std::vector<std::vector<Segment>> bridges;  ///< per slice
   int rows_per_bin = 1;
   std::vector<std::size_t> bin_begin;  ///< per bin of rows: where its triangles begin in `binned`
-  std::unique_ptr<std::uint32_t[]> binned;
+  std::unique_ptr<Entry[]> binned;
 
   void place(TriangleMesh mesh, const Printer& printer, const SliceOptions& options,
              const Job& job);
@@ -282,9 +282,10 @@ void MeshSlices::Impl::bin_triangles(const Job& job) {
   rows_per_bin = band_rows(grid);
   const auto bins = static_cast<std::size_t>((grid.height_px + rows_per_bin - 1) / rows_per_bin);
   bin_begin.assign(bins + 1, 0);
-  /// Those of a triangle; none where the first is after the last.
+  /// Those of a triangle, none where the first is after the last, and the slices that cut it.
   struct Bins {
     std::uint32_t first, last;
+    Span span;
   };
   const auto bins_by_triangle = std::make_unique_for_overwrite<Bins[]>(triangles.size());
   // Of each chunk and bin: how many, then where they begin.
@@ -292,11 +293,11 @@ void MeshSlices::Impl::bin_triangles(const Job& job) {
   in_chunks(triangles.size(), job, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       Bins& its = bins_by_triangle[i];
-      its = {1, 0};
-      const Span span = slices_of(triangles[i]);
-      if (span.first > span.last) continue;
+      its = {1, 0, slices_of(triangles[i])};
+      if (its.span.first > its.span.last) continue;
       const auto [first, last] = bins_of(triangles[i]);
-      its = {static_cast<std::uint32_t>(first), static_cast<std::uint32_t>(last)};
+      its.first = static_cast<std::uint32_t>(first);
+      its.last = static_cast<std::uint32_t>(last);
       for (std::size_t b = first; b <= last; ++b) ++at[chunk * bins + b];
     }
   });
@@ -306,12 +307,12 @@ void MeshSlices::Impl::bin_triangles(const Job& job) {
     for (std::size_t k = b; k < at.size(); k += bins) sum += std::exchange(at[k], sum);
   }
   bin_begin[bins] = sum;
-  binned = std::make_unique_for_overwrite<std::uint32_t[]>(sum);
+  binned = std::make_unique_for_overwrite<Entry[]>(sum);
   in_chunks(triangles.size(), job, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const Bins its = bins_by_triangle[i];
       for (std::size_t b = its.first; b <= its.last; ++b) {
-        binned[at[chunk * bins + b]++] = static_cast<std::uint32_t>(i);
+        binned[at[chunk * bins + b]++] = {static_cast<std::uint32_t>(i), its.span};
       }
     }
   });
@@ -325,14 +326,14 @@ std::vector<Entry> MeshSlices::Impl::entries_of(int y0, int y1, int first, int p
   std::vector<std::size_t> at(static_cast<std::size_t>(past - first) + 1, 0);
   for (std::size_t b = first_bin; b <= last_bin; ++b) {
     for (std::size_t i = bin_begin[b]; i < bin_begin[b + 1]; ++i) {
-      const auto& t = triangles[binned[i]];
+      Entry e = binned[i];
+      e.span = {std::max(e.span.first, first), std::min(e.span.last, past - 1)};
+      if (e.span.first > e.span.last) continue;
+      const auto& t = triangles[e.triangle];
       if (b > first_bin && bins_of(t).first < b) continue;  // found in an earlier bin
-      Span span = slices_of(t);
-      span = {std::max(span.first, first), std::min(span.last, past - 1)};
+      const Span span = slices_of(t, e.span, y0, y1);
       if (span.first > span.last) continue;
-      span = slices_of(t, span, y0, y1);
-      if (span.first > span.last) continue;
-      found.push_back({binned[i], span});
+      found.push_back({e.triangle, span});
       ++at[static_cast<std::size_t>(span.first - first) + 1];
     }
   }

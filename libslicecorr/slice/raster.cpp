@@ -109,9 +109,9 @@ Raster::Raster(int x0, int y0, int x1, int y1, bool antialias)
   marks_.resize(rows * words_ * (antialias ? 2 : 1));
   if (antialias) {
     sums_.resize(rows * (width_ + 1));
-    row_ends_.resize(rows + 1);
     gaps_.resize(words_);
-    tangle_of_.resize(width_);
+    tangle_of_.resize((rows + 1) * width_);
+    tangle_row_.resize(rows + kLanes);
     columns_.resize(64 * words_ + 8);
     levels_.resize(columns_.size());
     areas_.resize(columns_.size());
@@ -124,8 +124,8 @@ Raster::Raster(int x0, int y0, int x1, int y1, bool antialias)
 const std::uint8_t* Raster::draw(std::span<const Segment> segments) {
   const Frame f = {x0_, y0_, y1_, x1_ - x0_, words_, width_ + 1};
   segments_ = segments;
-  listed_ = false;
   crossing_count_ = 0;
+  tangles_.clear();
   if (antialias_) {
     add_areas(f);
   } else {
@@ -143,6 +143,7 @@ const std::uint8_t* Raster::draw(std::span<const Segment> segments) {
       drawn_[row] = 0;
     }
   }
+  if (!tangles_.empty()) lit |= draw_tangles(f) != 0;
   return lit ? pixels_.data() : nullptr;
 }
 
@@ -254,7 +255,7 @@ void Raster::add_horizontal(const Segment& s, const Frame& f) {
   touched_[at] = 1;
 }
 
-/// All pixels as if no pieces overlapped, and then again those where they may.
+/// All pixels as if no pieces overlapped, and says where they may.
 SLICECORR_CLONES
 bool Raster::draw_area_row(int row, const Frame& f) {
   const auto at = static_cast<std::size_t>(row);
@@ -339,7 +340,7 @@ bool Raster::draw_area_row(int row, const Frame& f) {
   for (std::size_t i = 0; i < count; ++i) pixels[columns[i]] = levels[i];
   if (!doubts_.empty()) {
     if (mixed_count < doubts_.size()) std::sort(doubts_.begin(), doubts_.end());
-    lit |= draw_doubts(row, count, f);
+    find_tangles(row, count);
   }
   std::memset(down, 0, 2 * f.words * sizeof *down);
   return lit != 0;

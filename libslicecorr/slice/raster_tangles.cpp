@@ -1,6 +1,7 @@
 // Pixels in which pieces may overlap or cross, strip by strip.
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 #include "slice/raster.hpp"
 #include "slice/raster_parts.hpp"
@@ -13,43 +14,60 @@ constexpr std::ptrdiff_t kFew = 48;
 
 }  // namespace
 
-/// Draws the runs of the marked pixels that are in doubt again.
-unsigned Raster::draw_doubts(int row, std::size_t count, const Frame& f) {
-  tangles_.clear();
+/// Runs of the marked pixels of a row that are in doubt.
+void Raster::find_tangles(int row, std::size_t count) {
   std::size_t done = 0;
   for (const std::uint32_t i : doubts_) {
     if (i < done) continue;
     std::size_t first = i;
     while (first > 0 && columns_[first - 1] + 1 == columns_[first]) --first;
     for (done = i + 1; done < count && columns_[done - 1] + 1 == columns_[done];) ++done;
-    tangles_.push_back({static_cast<int>(columns_[first]), static_cast<int>(columns_[done - 1]),
+    tangles_.push_back({row, static_cast<int>(columns_[first]),
+                        static_cast<int>(columns_[done - 1]),
                         static_cast<int>((begins_[i] + kOne / 2) >> kOneBits), 0, 0});
   }
-  find_segments(static_cast<std::size_t>(row));
+}
+
+/// Draws all tangles of a slice again.
+unsigned Raster::draw_tangles(const Frame& f) {
+  find_segments();
   unsigned lit = 0;
-  for (const Tangle& tangle : tangles_) lit |= draw_tangle(row, tangle, f);
+  for (const Tangle& tangle : tangles_) lit |= draw_tangle(tangle, f);
   return lit;
 }
 
-/// Segments of each tangle of a row, by one look at all that cross the row: no piece leaves a run
-/// of marked pixels, so its left end says which one it is in.
-void Raster::find_segments(std::size_t row) {
-  if (!listed_) list_rows();
+/// Segments of each tangle, by one look at all that cross a row: no piece leaves a run of marked
+/// pixels, so its left end says which one it is in.
+void Raster::find_segments() {
+  const auto columns_of = [&](const Tangle& tangle) {
+    std::uint32_t* const row =
+        tangle_of_.data() + tangle_row_[static_cast<std::size_t>(tangle.row)];
+    return std::span(row + tangle.first, row + tangle.last + 1);
+  };
+  std::uint32_t row_begin = 0;
   for (std::uint32_t k = 0; k < tangles_.size(); ++k) {
-    std::fill(tangle_of_.begin() + tangles_[k].first, tangle_of_.begin() + tangles_[k].last + 1,
-              k + 1);
+    const Tangle& tangle = tangles_[k];
+    if (k == 0 || tangles_[k - 1].row != tangle.row) {
+      row_begin += static_cast<std::uint32_t>(width_);
+      tangle_row_[static_cast<std::size_t>(tangle.row)] = row_begin;
+    }
+    for (std::uint32_t& column : columns_of(tangle)) column = k + 1;
   }
-  const std::uint32_t from = row ? row_ends_[row - 1] : 0, to = row_ends_[row];
-  if (found_.size() <= to - from) {
-    found_.resize(2 * (to - from) + 1);
-    tangled_.resize(found_.size());
+  const std::size_t most = 4 * crossing_count_ + 1;
+  if (found_.size() < most) {
+    found_.resize(2 * most);
+    tangled_.resize(2 * most);
   }
   // Found without a branch that can't be foretold.
   std::size_t found = 0;
-  for (std::uint32_t i = from; i < to; ++i) {
-    const std::uint32_t tangle = tangle_of_[static_cast<std::size_t>(by_row_[i].column)];
-    found_[found] = {tangle - 1, by_row_[i].segment};
-    found += tangle != 0;
+  for (std::size_t i = 0; i < crossing_count_; ++i) {
+    const Crossings& c = crossings_[i];
+    for (int k = 0; k < c.count; ++k) {
+      const std::uint32_t tangle = tangle_of_[tangle_row_[c.row + static_cast<std::size_t>(k)] +
+                                              static_cast<std::size_t>(c.columns[k])];
+      found_[found] = {tangle - 1, c.segment};
+      found += tangle != 0;
+    }
   }
   for (std::size_t i = 0; i < found; ++i) ++tangles_[found_[i].tangle].end;
   std::uint32_t sum = 0;
@@ -57,28 +75,11 @@ void Raster::find_segments(std::size_t row) {
     tangle.begin = sum;
     sum += tangle.end;
     tangle.end = tangle.begin;
-    std::fill(tangle_of_.begin() + tangle.first, tangle_of_.begin() + tangle.last + 1, 0u);
+    for (std::uint32_t& column : columns_of(tangle)) column = 0;
   }
+  for (const Tangle& tangle : tangles_) tangle_row_[static_cast<std::size_t>(tangle.row)] = 0;
   for (std::size_t i = 0; i < found; ++i) {
     tangled_[tangles_[found_[i].tangle].end++] = found_[i].segment;
-  }
-}
-
-/// Crossings by row.
-void Raster::list_rows() {
-  listed_ = true;
-  std::fill(row_ends_.begin(), row_ends_.end(), 0);
-  for (std::size_t i = 0; i < crossing_count_; ++i) {
-    const Crossings& c = crossings_[i];
-    for (int k = 0; k < c.count; ++k) ++row_ends_[c.row + static_cast<std::size_t>(k) + 1];
-  }
-  for (std::size_t r = 1; r < row_ends_.size(); ++r) row_ends_[r] += row_ends_[r - 1];
-  if (by_row_.size() < row_ends_.back()) by_row_.resize(2 * row_ends_.back());
-  for (std::size_t i = 0; i < crossing_count_; ++i) {
-    const Crossings& c = crossings_[i];
-    for (int k = 0; k < c.count; ++k) {
-      by_row_[row_ends_[c.row + static_cast<std::size_t>(k)]++] = {c.columns[k], c.segment};
-    }
   }
 }
 
@@ -114,9 +115,9 @@ bool Raster::pairs() {
 }
 
 /// Left and right of a tangle the winding is one number per row.
-unsigned Raster::draw_tangle(int r, const Tangle& tangle, const Frame& f) {
-  const auto at = static_cast<std::size_t>(r);
-  const int row = f.y0 + r;
+unsigned Raster::draw_tangle(const Tangle& tangle, const Frame& f) {
+  const auto at = static_cast<std::size_t>(tangle.row);
+  const int row = f.y0 + tangle.row;
   pieces_.clear();
   for (std::uint32_t i = tangle.begin; i < tangle.end; ++i) {
     const Line line(segments_[tangled_[i]], f);
@@ -156,7 +157,7 @@ unsigned Raster::draw_tangle(int r, const Tangle& tangle, const Frame& f) {
     if (events_.empty() || events_.back() != y) events_.push_back(y);
   }
   PixelSums* const sums = sums_.data() + at * f.stride;
-  std::uint64_t* const marks = marks_.data() + 2 * at * f.words;  // of pixels that have some
+  std::uint64_t* const marks = gaps_.data();  // nobody asks for them
   active_.clear();
   std::size_t next = 0;
   for (std::size_t e = 0; e + 1 < events_.size(); ++e) {

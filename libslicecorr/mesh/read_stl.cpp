@@ -2,6 +2,7 @@
 // with an epsilon, accept files cut in the middle, and take the count of a binary file on trust.
 // This is also no slower (a hash instead of a std::map).
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <cstring>
@@ -98,6 +99,7 @@ enum class Found { all, too_small, not_finite };
 Found find_first(std::string_view bytes, std::size_t corners, std::size_t size, const Job& job,
                  std::uint32_t* first) {
   constexpr std::size_t kMostProbes = 4096, kRecent = 4096, kSlotsPerChunk = std::size_t{1} << 18;
+  constexpr std::size_t kAhead = 16;
   // Neighbouring triangles share corners: most places were seen a moment ago, and the table is
   // larger than the caches. Whoever was seen in this chunk is not after the corner at hand.
   struct Recent {
@@ -113,10 +115,21 @@ Found find_first(std::string_view bytes, std::size_t corners, std::size_t size, 
   parallel_for(job, "", corner_chunks(corners), [&](std::size_t chunk) {
     const std::size_t end = std::min(corners, kCornersPerChunk * (chunk + 1));
     std::vector<Recent> recent(kRecent);
-    for (std::size_t c = kCornersPerChunk * chunk; c < end && result == Found::all; ++c) {
+    // Slots are asked for some corners ahead: the table is far from the processor.
+    std::array<std::uint64_t, kAhead> hashes;
+    const auto look_ahead = [&](std::size_t c) {
+      if (c >= end) return;
+      hashes[c % kAhead] = hash_of(place_at(bytes, c));
+      __builtin_prefetch(&slots[hashes[c % kAhead] & (size - 1)], 1);
+    };
+    const std::size_t begin = kCornersPerChunk * chunk;
+    for (std::size_t c = begin; c < begin + kAhead; ++c) look_ahead(c);
+    for (std::size_t c = begin; c < end && result.load(std::memory_order_relaxed) == Found::all;
+         ++c) {
       const auto corner = static_cast<std::uint32_t>(c);
       const Place place = place_at(bytes, c);
-      const std::uint64_t hash = hash_of(place);
+      const std::uint64_t hash = hashes[c % kAhead];
+      look_ahead(c + kAhead);
       Recent& seen = recent[hash >> 32 & (kRecent - 1)];
       if (seen.slot != kFree && seen.place == place) {
         first[c] = seen.slot;

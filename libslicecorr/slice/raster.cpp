@@ -112,6 +112,7 @@ Raster::Raster(int x0, int y0, int x1, int y1, bool antialias)
     gaps_.resize(words_);
     tangle_of_.resize((rows + 1) * width_);
     tangle_row_.resize(rows + kLanes);
+    tangles_near_.resize(rows);
     columns_.resize(64 * words_ + 8);
     levels_.resize(columns_.size());
     areas_.resize(columns_.size());

@@ -57,7 +57,7 @@ class Raster {
   };
   struct Active {
     const Piece* piece;
-    double x;      ///< at the upper side of the strip
+    double x;      ///< at the upper side of the strip; before it is drawn already
     double x_end;  ///< at its lower side
   };
   /// A run of marked pixels of a row in which pieces may overlap.
@@ -116,7 +116,8 @@ class Raster {
   /// Rows of columns: which tangle is there + 1; all 0 between slices. The first row stays 0, each
   /// row that has tangles gets one of the others.
   std::vector<std::uint32_t> tangle_of_;
-  std::vector<std::uint32_t> tangle_row_;  ///< per row: where its row in `tangle_of_` begins
+  std::vector<std::uint32_t> tangle_row_;   ///< per row: where its row in `tangle_of_` begins
+  std::vector<std::uint8_t> tangles_near_;  ///< per row: in it or the three below, in this slice
   struct InTangle {
     std::uint32_t tangle, segment;
   };

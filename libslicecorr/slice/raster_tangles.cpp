@@ -50,6 +50,9 @@ void Raster::find_segments() {
     if (k == 0 || tangles_[k - 1].row != tangle.row) {
       row_begin += static_cast<std::uint32_t>(width_);
       tangle_row_[static_cast<std::size_t>(tangle.row)] = row_begin;
+      for (int row = std::max(0, tangle.row - 3); row <= tangle.row; ++row) {
+        tangles_near_[static_cast<std::size_t>(row)] = 1;
+      }
     }
     for (std::uint32_t& column : columns_of(tangle)) column = k + 1;
   }
@@ -58,10 +61,11 @@ void Raster::find_segments() {
     found_.resize(2 * most);
     tangled_.resize(2 * most);
   }
-  // Found without a branch that can't be foretold.
+  // In rows with tangles they are found without a branch that can't be foretold.
   std::size_t found = 0;
   for (std::size_t i = 0; i < crossing_count_; ++i) {
     const Crossings& c = crossings_[i];
+    if (!tangles_near_[c.row]) continue;
     for (int k = 0; k < c.count; ++k) {
       const std::uint32_t tangle = tangle_of_[tangle_row_[c.row + static_cast<std::size_t>(k)] +
                                               static_cast<std::size_t>(c.columns[k])];
@@ -78,6 +82,7 @@ void Raster::find_segments() {
     for (std::uint32_t& column : columns_of(tangle)) column = 0;
   }
   for (const Tangle& tangle : tangles_) tangle_row_[static_cast<std::size_t>(tangle.row)] = 0;
+  std::fill(tangles_near_.begin(), tangles_near_.end(), std::uint8_t{0});
   for (std::size_t i = 0; i < found; ++i) {
     tangled_[tangles_[found_[i].tangle].end++] = found_[i].segment;
   }
@@ -164,7 +169,7 @@ unsigned Raster::draw_tangle(const Tangle& tangle, const Frame& f) {
     const double from = events_[e], to = events_[e + 1];
     std::erase_if(active_, [&](const Active& a) { return a.piece->y1 <= from; });
     for (; next < pieces_.size() && pieces_[next].y0 <= from; ++next) {
-      active_.push_back({&pieces_[next], 0, 0});
+      active_.push_back({&pieces_[next], pieces_[next].x0, 0});
     }
     if (!active_.empty()) draw_strip(sums, marks, from, to, tangle.winding, f);
   }
@@ -188,12 +193,9 @@ void Raster::draw_strip(PixelSums* sums, std::uint64_t* marks, double from, doub
   };
   // No piece begins or ends within a strip; where two cross, it is cut there. Each cut orders at
   // least one pair for good; the bound only guards against rounding.
+  for (Active& a : active_) a.x_end = a.piece->at(to);
   for (std::size_t cuts = 0; from < to; ++cuts) {
     double until = to;
-    for (Active& a : active_) {
-      a.x = a.piece->at(from);
-      a.x_end = a.piece->at(to);
-    }
     if (active_.size() > 1) {
       // Mostly in order from the strip before.
       if (static_cast<std::ptrdiff_t>(active_.size()) > kFew) {
@@ -234,8 +236,12 @@ void Raster::draw_strip(PixelSums* sums, std::uint64_t* marks, double from, doub
       }
       w = after;
     }
+    if (until != to) {
+      for (Active& a : active_) a.x = a.piece->at(until);
+    }
     from = until;
   }
+  for (Active& a : active_) a.x = a.x_end;
 }
 
 }  // namespace slicecorr::detail

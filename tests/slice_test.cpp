@@ -713,6 +713,43 @@ TEST(MeshSlices, BytesDoNotDependOnThreadsOrMoves) {
   EXPECT_EQ(read(a), read(moved));
 }
 
+TEST(MeshSlices, PortionsOfSlicesAreThoseOfTheBand) {
+  for (const bool antialias : {true, false}) {
+    const MeshSlices slices(messy(), printer(110, 121, 50, 50), layer_of(90, antialias));
+    const int layers = slices.grid().layers;
+    const PixelBox band{0, 24, 110, 56};
+    const auto all = read(slices, band);
+    for (const int size : {1, 5, layers - 1, layers}) {
+      int next = 0;
+      for (int first = 0; first < layers; first += size) {
+        const int past = std::min(first + size, layers);
+        slices.read_slices(band, first, past, [&](int n, const std::uint8_t* rows) {
+          ASSERT_EQ(n, next++);
+          const Bytes& expected = all[static_cast<std::size_t>(n)];
+          const Bytes black(expected.size(), 0);
+          const std::uint8_t* const is = rows ? rows : black.data();
+          ASSERT_TRUE(std::equal(expected.begin(), expected.end(), is)) << "slice " << n;
+        });
+        ASSERT_EQ(next, past);
+      }
+    }
+  }
+}
+
+TEST(MeshSlices, SeamsThatAreKnownChangeNothing) {
+  TriangleMesh mesh = messy();
+  std::swap(mesh.triangles[3][0], mesh.triangles[3][1]);
+  MeshSeams seams;
+  inspect(mesh, {}, &seams);
+  ASSERT_FALSE(seams.flipped.empty());
+  ASSERT_FALSE(seams.open.empty());
+  const MeshSlices a(mesh, printer(110, 121, 50, 50), layer_of(90));
+  const MeshSlices b(mesh, printer(110, 121, 50, 50), layer_of(90), {}, &seams);
+  EXPECT_EQ(a.report().turned_triangles, b.report().turned_triangles);
+  EXPECT_EQ(a.report().bridges, b.report().bridges);
+  EXPECT_EQ(read(a), read(b));
+}
+
 // --- What is refused
 
 std::string refusal(const std::function<void()>& f) {

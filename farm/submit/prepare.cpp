@@ -132,9 +132,10 @@ void check_meshes(const JobRequest& r, const Setup& setup, const slicecorr::Job&
   o.units = r.units;
   o.scale = r.scale;
   o.rotate_deg = r.rotate_deg;
-  const TriangleMesh mesh = cli::read_parts(o, job);
-  c.memory.triangles = mesh.triangles.size();
-  const MeshSlices slices(mesh, setup.printer, o.slice_options(), job);
+  cli::PlateParts parts = cli::read_parts(o, job);
+  c.memory.triangles = parts.mesh.triangles.size();
+  const MeshSlices slices(std::move(parts.mesh), setup.printer, o.slice_options(), job,
+                          &parts.seams);
   plan(slices, setup, job, c);
   const PixelBox box = slices.bounds();
   c.memory.voxels = std::int64_t{c.layers} * box.width() * box.height();

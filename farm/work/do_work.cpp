@@ -211,8 +211,7 @@ void make_result(const Order& order, const std::string& folder, Reporter& report
   std::optional<MeshSlices> mesh;
   std::optional<StackReader> archive;
   if (spec.kind == "run") {
-    const cli::MeshOptions options = mesh_options(spec, paths);
-    mesh.emplace(cli::read_parts(options, job), setup.printer, options.slice_options(), job);
+    mesh.emplace(cli::slice_parts(mesh_options(spec, paths), setup.printer, job));
   } else {
     const StackInfo info = StackReader::read_info(paths.at(0));
     check_design(info, spec.inputs.at(0).name);

@@ -57,7 +57,7 @@ int slice(const Arguments& a, const Job& job, Console& console) {
   format_of(a.file());
   must_not_replace(a.output, a.mesh.parts);
   const Printer printer = load_printer(a.setup.printer);
-  const MeshSlices slices(read_parts(a.mesh, job), printer, a.mesh.slice_options(), job);
+  const MeshSlices slices = slice_parts(a.mesh, printer, job);
   const FittedSlices fitted = fit_for_output(slices, a.file(), printer, job);
   const StackInfo info = write_target(*fitted, a.file(), job);
   console.say(fmt::format("{}: {} slices, {:.4f} ml", a.output, info.grid.layers,
@@ -184,7 +184,7 @@ int solid(const Arguments& a, const Job& job, Console& console) {
   std::optional<MeshDistance> design_mesh;
   if (!a.mesh.parts.empty()) {
     design_mesh.emplace(
-        on_plate(read_parts(a.mesh, job), setup.printer, a.mesh.slice_options().center_mm));
+        on_plate(read_parts(a.mesh, job).mesh, setup.printer, a.mesh.slice_options().center_mm));
   }
   nlohmann::ordered_json figures;
   if (!a.target.empty()) {
@@ -233,7 +233,7 @@ int run(const Arguments& a, const Job& job, Console& console) {
   must_not_replace(a.output, a.mesh.parts);
   const Setup setup = a.setup.resolve(nullptr, nullptr);
   tell_notices(setup, nullptr, job);
-  const MeshSlices slices(read_parts(a.mesh, job), setup.printer, a.mesh.slice_options(), job);
+  const MeshSlices slices = slice_parts(a.mesh, setup.printer, job);
   const FittedSlices fitted = fit_for_output(slices, a.file(), setup.printer, job);
   const std::string base =
       (std::filesystem::path(a.output).parent_path() / title_of(a.output)).string();
@@ -273,7 +273,7 @@ int compare(const Arguments& a, const Job& job, Console& console) {
   must_not_replace(a.output, a.mesh.parts);
   Setup setup = a.setup.resolve(nullptr, nullptr);
   tell_notices(setup, nullptr, job);
-  const MeshSlices target(read_parts(a.mesh, job), setup.printer, a.mesh.slice_options(), job);
+  const MeshSlices target = slice_parts(a.mesh, setup.printer, job);
   setup.process = schedule_uv(target, setup, job);
   const Comparison c = compare_methods(target, setup, job);
   if (!a.json.empty()) {

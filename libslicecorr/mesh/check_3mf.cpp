@@ -123,7 +123,7 @@ std::string unpack(zip_t* archive, const zip_stat_t& stat, const std::string& pa
 
 }  // namespace
 
-void check_3mf(std::string& bytes, const std::string& path) {
+void check_3mf(std::string_view bytes, const std::string& path) {
   zip_error_t error;
   zip_error_init(&error);
   const auto fail = [&](const char* what) {

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <atomic>
+#include <bit>
 #include <limits>
 #include <string>
+#include <utility>
 
 #include "parallel/silent.hpp"
 #include "slicecorr/error.hpp"
@@ -12,14 +14,14 @@ namespace slicecorr::detail {
 namespace {
 
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
-constexpr std::size_t kTrianglesPerChunk = 1 << 15;
+/// The sides of so many vertices fit the caches while they are sorted.
 constexpr std::size_t kVerticesPerChunk = 1 << 14;
+/// Sides are handed out to no more chunks at once than this: each is a place in memory that is
+/// written to.
+constexpr std::size_t kMostChunks = 512;
+constexpr std::size_t kTrianglesPerPart = 1 << 15, kMostParts = 256;
 
-void require_valid(const TriangleMesh& mesh) {
-  if (mesh.triangles.size() > kNone / 3) throw InputError("the mesh has too many triangles");
-  std::uint32_t most = 0;
-  for (const auto& t : mesh.triangles) most = std::max({most, t[0], t[1], t[2]});
-  if (mesh.triangles.empty() || most < mesh.vertices.size()) return;
+void throw_invalid(const TriangleMesh& mesh) {
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
     for (const std::uint32_t index : mesh.triangles[t]) {
       if (index < mesh.vertices.size()) continue;
@@ -32,86 +34,96 @@ void require_valid(const TriangleMesh& mesh) {
 
 }  // namespace
 
-HalfEdges::HalfEdges(const TriangleMesh& mesh, const Job& job) : mesh_(mesh) {
-  require_valid(mesh);
-  const Job quiet = silent(job);
+HalfEdges::HalfEdges(const TriangleMesh& mesh, const Job& job)
+    : mesh_(mesh),
+      vertices_per_chunk_(std::bit_ceil(
+          std::max(kVerticesPerChunk, (mesh.vertices.size() + kMostChunks - 1) / kMostChunks))) {
   const std::size_t triangles = mesh.triangles.size();
-  const std::size_t chunks = (triangles + kTrianglesPerChunk - 1) / kTrianglesPerChunk;
-  degenerate_.resize(triangles);
-  begin_.assign(mesh.vertices.size() + 2, 0);
-  const bool alone = thread_count(quiet) == 1;
-  const auto next = [alone](std::uint32_t& count) {
-    return alone ? count++
-                 : std::atomic_ref<std::uint32_t>(count).fetch_add(1, std::memory_order_relaxed);
-  };
-  const auto sides_of = [&](std::size_t chunk, const auto& each) {
-    const std::size_t end = std::min(triangles, (chunk + 1) * kTrianglesPerChunk);
-    for (std::size_t t = chunk * kTrianglesPerChunk; t < end; ++t) {
+  // Corners are kept with one more bit.
+  if (triangles > kNone / 6) throw InputError("the mesh has too many triangles");
+  const Job quiet = silent(job);
+  const std::size_t chunks = (mesh.vertices.size() + vertices_per_chunk_ - 1) / vertices_per_chunk_;
+  const int shift = std::countr_zero(vertices_per_chunk_);
+  const std::size_t per_part =
+      std::max(kTrianglesPerPart, (triangles + kMostParts - 1) / kMostParts);
+  const std::size_t parts = (triangles + per_part - 1) / per_part;
+  const auto sides_of = [&](std::size_t part, const auto& each) {
+    const std::size_t end = std::min(triangles, (part + 1) * per_part);
+    for (std::size_t t = part * per_part; t < end; ++t) {
       const auto& v = mesh.triangles[t];
       for (std::size_t k = 0; k < 3; ++k) {
         const std::uint32_t a = v[k], b = v[k == 2 ? 0 : k + 1];
-        if (a != b) each(std::min(a, b), std::max(a, b), static_cast<std::uint32_t>(3 * t + k));
+        if (a != b) each(a, b, static_cast<std::uint32_t>(3 * t + k));
       }
     }
   };
-  parallel_for(quiet, "", chunks, [&](std::size_t chunk) {
-    const std::size_t end = std::min(triangles, (chunk + 1) * kTrianglesPerChunk);
-    for (std::size_t t = chunk * kTrianglesPerChunk; t < end; ++t) {
+  degenerate_ = std::make_unique_for_overwrite<std::uint8_t[]>(triangles);
+  // Of each part and chunk: how many sides, then where they go.
+  std::vector<std::size_t> at(parts * chunks, 0);
+  std::atomic<bool> invalid = false;
+  parallel_for(quiet, "", parts, [&](std::size_t part) {
+    const std::size_t end = std::min(triangles, (part + 1) * per_part);
+    for (std::size_t t = part * per_part; t < end; ++t) {
       const auto& v = mesh.triangles[t];
+      if (std::max({v[0], v[1], v[2]}) >= mesh.vertices.size()) {
+        invalid = true;
+        return;
+      }
       const Point3 &a = mesh.vertices[v[0]], &b = mesh.vertices[v[1]], &c = mesh.vertices[v[2]];
       degenerate_[t] = a == b || b == c || c == a;
     }
-    sides_of(chunk,
-             [&](std::uint32_t low, std::uint32_t, std::uint32_t) { next(begin_[low + 2]); });
-  });
-  for (std::size_t v = 2; v < begin_.size(); ++v) begin_[v] += begin_[v - 1];
-  sides_.resize(begin_.back());
-  parallel_for(quiet, "", chunks, [&](std::size_t chunk) {
-    sides_of(chunk, [&](std::uint32_t low, std::uint32_t high, std::uint32_t corner) {
-      sides_[next(begin_[low + 1])] = {high, corner};
+    std::size_t* const count = at.data() + part * chunks;
+    sides_of(part, [&](std::uint32_t a, std::uint32_t b, std::uint32_t) {
+      ++count[std::min(a, b) >> shift];
     });
   });
-  // Whoever came first: from here on the order is that of the mesh.
-  parallel_for(quiet, "", this->chunks(), [&](std::size_t chunk) {
-    const std::size_t end = std::min(mesh.vertices.size(), (chunk + 1) * kVerticesPerChunk);
-    for (std::size_t v = chunk * kVerticesPerChunk; v < end; ++v) {
-      HalfEdge* const from = sides_.data() + begin_[v];
-      HalfEdge* const to = sides_.data() + begin_[v + 1];
-      const auto before = [](const HalfEdge& a, const HalfEdge& b) {
-        return a.high != b.high ? a.high < b.high : a.corner < b.corner;
-      };
-      if (to - from > 32) {
-        std::sort(from, to, before);
-        continue;
-      }
-      for (HalfEdge* i = from + 1; i < to; ++i) {
-        const HalfEdge side = *i;
-        HalfEdge* k = i;
-        for (; k > from && before(side, k[-1]); --k) *k = k[-1];
-        *k = side;
-      }
-    }
+  if (invalid) throw_invalid(mesh);
+  begin_.resize(chunks + 1);
+  std::size_t sum = 0;
+  for (std::size_t chunk = 0; chunk < chunks; ++chunk) {
+    begin_[chunk] = sum;
+    for (std::size_t k = chunk; k < at.size(); k += chunks) sum += std::exchange(at[k], sum);
+  }
+  begin_[chunks] = sum;
+  sides_ = std::make_unique_for_overwrite<Side[]>(sum);
+  parallel_for(quiet, "", parts, [&](std::size_t part) {
+    std::size_t* const next = at.data() + part * chunks;
+    sides_of(part, [&](std::uint32_t a, std::uint32_t b, std::uint32_t corner) {
+      const std::uint32_t low = std::min(a, b);
+      sides_[next[low >> shift]++] = {low, {std::max(a, b), corner, a < b}};
+    });
   });
 }
 
-std::size_t HalfEdges::chunks() const {
-  return (mesh_.vertices.size() + kVerticesPerChunk - 1) / kVerticesPerChunk;
-}
-
-void HalfEdges::for_each(
-    const Job& job,
-    const std::function<void(std::size_t, std::uint32_t, std::span<const HalfEdge>)>& each) const {
-  parallel_for(silent(job), "", chunks(), [&](std::size_t chunk) {
-    const std::size_t end = std::min(mesh_.vertices.size(), (chunk + 1) * kVerticesPerChunk);
-    for (std::size_t v = chunk * kVerticesPerChunk; v < end; ++v) {
-      for (std::uint32_t i = begin_[v]; i < begin_[v + 1];) {
-        std::uint32_t past = i + 1;
-        while (past < begin_[v + 1] && sides_[past].high == sides_[i].high) ++past;
-        each(chunk, static_cast<std::uint32_t>(v), {sides_.data() + i, past - i});
-        i = past;
-      }
+HalfEdges::Sorted HalfEdges::sorted(std::size_t chunk) const {
+  const std::size_t first = chunk * vertices_per_chunk_;
+  const std::size_t vertices = std::min(mesh_.vertices.size() - first, vertices_per_chunk_);
+  const std::span<const Side> all(sides_.get() + begin_[chunk], begin_[chunk + 1] - begin_[chunk]);
+  Sorted s;
+  // Counted two places further on: filling moves the beginnings to where they belong.
+  s.begin.resize(vertices + 2, 0);
+  for (const Side& side : all) ++s.begin[side.low - first + 2];
+  for (std::size_t v = 2; v < s.begin.size(); ++v) s.begin[v] += s.begin[v - 1];
+  s.sides = std::make_unique_for_overwrite<HalfEdge[]>(all.size());
+  for (const Side& side : all) s.sides[s.begin[side.low - first + 1]++] = side.half;
+  s.begin.pop_back();
+  // Corners of equal edges are in order already.
+  for (std::size_t v = 0; v < vertices; ++v) {
+    HalfEdge* const from = s.sides.get() + s.begin[v];
+    HalfEdge* const to = s.sides.get() + s.begin[v + 1];
+    if (to - from > 32) {
+      std::stable_sort(from, to,
+                       [](const HalfEdge& a, const HalfEdge& b) { return a.high() < b.high(); });
+      continue;
     }
-  });
+    for (HalfEdge* i = from + 1; i < to; ++i) {
+      const HalfEdge side = *i;
+      HalfEdge* k = i;
+      for (; k > from && side.high() < k[-1].high(); --k) *k = k[-1];
+      *k = side;
+    }
+  }
+  return s;
 }
 
 std::vector<bool> flipped(const HalfEdges& halves, const Job& job) {
@@ -124,8 +136,8 @@ std::vector<bool> flipped(const HalfEdges& halves, const Job& job) {
     std::uint32_t two[2] = {};
     std::size_t n = 0;
     for (const HalfEdge& side : sides) {
-      if (halves.degenerate(side.corner / 3)) continue;
-      if (n < 2) two[n] = side.corner;
+      if (halves.degenerate(side.triangle())) continue;
+      if (n < 2) two[n] = side.corner();
       ++n;
     }
     if (n != 2) return;
@@ -161,19 +173,24 @@ std::vector<bool> flipped(const HalfEdges& halves, const Job& job) {
   return turned;
 }
 
-std::vector<OpenEdge> open_edges(const HalfEdges& halves, const std::vector<bool>& turned,
-                                 const Job& job) {
-  std::vector<std::vector<OpenEdge>> found(halves.chunks());
+std::vector<MeshSeams::OpenEdge> open_edges(const HalfEdges& halves,
+                                            const std::vector<bool>& turned, const Job& job) {
+  std::vector<std::vector<MeshSeams::OpenEdge>> found(halves.chunks());
   halves.for_each(job, [&](std::size_t chunk, std::uint32_t low, std::span<const HalfEdge> sides) {
     std::int32_t surplus = 0;
     for (const HalfEdge& side : sides) {
-      surplus += halves.rises(side.corner) != turned[side.corner / 3] ? 1 : -1;
+      const bool turns = !turned.empty() && turned[side.triangle()];
+      surplus += side.rises() != turns ? 1 : -1;
     }
-    if (surplus != 0) found[chunk].push_back({low, sides[0].high, surplus});
+    if (surplus != 0) found[chunk].push_back({low, sides[0].high(), surplus});
   });
-  std::vector<OpenEdge> all;
-  for (const auto& edges : found) all.insert(all.end(), edges.begin(), edges.end());
-  return all;
+  return joined(found);
+}
+
+MeshSeams seams_of(const TriangleMesh& mesh, const Job& job) {
+  const HalfEdges halves(mesh, job);
+  const std::vector<bool> turned = flipped(halves, job);
+  return {indices_of(turned), open_edges(halves, turned, job)};
 }
 
 }  // namespace slicecorr::detail

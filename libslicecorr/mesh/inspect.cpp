@@ -24,6 +24,7 @@ class Bodies {
   explicit Bodies(std::size_t count) : parent_(count) {
     std::iota(parent_.begin(), parent_.end(), 0u);
   }
+  bool is_root(std::uint32_t i) const { return parent_[i] == i; }
   std::uint32_t root(std::uint32_t i) {
     for (;;) {
       std::uint32_t up = load(i);
@@ -83,8 +84,8 @@ std::size_t count_repeated(const TriangleMesh& mesh, std::span<const HalfEdge> s
                            std::vector<std::uint32_t>& thirds) {
   thirds.clear();
   for (const HalfEdge& side : sides) {
-    const std::uint32_t third = mesh.triangles[side.corner / 3][(side.corner % 3 + 2) % 3];
-    if (third > side.high) thirds.push_back(third);
+    const std::uint32_t third = mesh.triangles[side.triangle()][(side.corner() % 3 + 2) % 3];
+    if (third > side.high()) thirds.push_back(third);
   }
   if (thirds.size() < 2) return 0;
   std::sort(thirds.begin(), thirds.end());
@@ -92,9 +93,13 @@ std::size_t count_repeated(const TriangleMesh& mesh, std::span<const HalfEdge> s
          static_cast<std::size_t>(std::unique(thirds.begin(), thirds.end()) - thirds.begin());
 }
 
+constexpr std::size_t kChunk = 1 << 16;
+
 /// What a chunk of the mesh adds to its report.
 struct Part {
+  Point3 lower{}, upper{};
   double six_volumes = 0;
+  std::size_t bodies = 0;
   MeshDefects defects;
 };
 
@@ -104,34 +109,47 @@ std::vector<bool> flipped_triangles(const TriangleMesh& mesh, const Job& job) {
   return detail::flipped(HalfEdges(mesh, job), job);
 }
 
-MeshReport inspect(const TriangleMesh& mesh, const Job& job) {
+MeshReport inspect(const TriangleMesh& mesh, const Job& job, MeshSeams* seams) {
   const HalfEdges halves(mesh, job);
+  if (seams) *seams = {};
   MeshReport report;
   report.vertices = mesh.vertices.size();
   report.triangles = mesh.triangles.size();
   if (mesh.triangles.empty()) return report;
 
-  report.lower = report.upper = mesh.vertices[mesh.triangles[0][0]];
-  for (const auto& triangle : mesh.triangles) {
-    for (const std::uint32_t index : triangle) {
-      for (std::size_t k = 0; k < 3; ++k) {
-        report.lower[k] = std::min(report.lower[k], mesh.vertices[index][k]);
-        report.upper[k] = std::max(report.upper[k], mesh.vertices[index][k]);
+  const Job quiet = detail::silent(job);
+  // Sums are made chunk by chunk, so that they do not depend on threads.
+  std::vector<Part> parts((mesh.triangles.size() + kChunk - 1) / kChunk);
+  const auto in_parts = [&](const auto& each) {
+    parallel_for(quiet, "", parts.size(), [&](std::size_t i) {
+      each(parts[i], i * kChunk, std::min(mesh.triangles.size(), (i + 1) * kChunk));
+    });
+  };
+  in_parts([&](Part& part, std::size_t begin, std::size_t end) {
+    part.lower = part.upper = mesh.vertices[mesh.triangles[begin][0]];
+    for (std::size_t t = begin; t < end; ++t) {
+      for (const std::uint32_t index : mesh.triangles[t]) {
+        for (std::size_t k = 0; k < 3; ++k) {
+          part.lower[k] = std::min(part.lower[k], mesh.vertices[index][k]);
+          part.upper[k] = std::max(part.upper[k], mesh.vertices[index][k]);
+        }
       }
+    }
+  });
+  report.lower = parts[0].lower;
+  report.upper = parts[0].upper;
+  for (const Part& part : parts) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      report.lower[k] = std::min(report.lower[k], part.lower[k]);
+      report.upper[k] = std::max(report.upper[k], part.upper[k]);
     }
   }
 
-  const Job quiet = detail::silent(job);
   MeshDefects& defects = report.defects;
   // Tetrahedra from a corner of the box: from the origin, far parts would lose digits.
   const Point3 apex = report.lower;
-  // Summed chunk by chunk, so that the sum does not depend on threads.
-  constexpr std::size_t kChunk = 1 << 16;
-  std::vector<Part> parts((mesh.triangles.size() + kChunk - 1) / kChunk);
-  parallel_for(quiet, "", parts.size(), [&](std::size_t i) {
-    Part part;
-    const std::size_t end = std::min(mesh.triangles.size(), (i + 1) * kChunk);
-    for (std::size_t t = i * kChunk; t < end; ++t) {
+  in_parts([&](Part& part, std::size_t begin, std::size_t end) {
+    for (std::size_t t = begin; t < end; ++t) {
       if (halves.degenerate(t)) {
         ++part.defects.degenerate_triangles;
         continue;
@@ -144,7 +162,6 @@ MeshReport inspect(const TriangleMesh& mesh, const Job& job) {
       const Point3 arm = minus(a, apex);
       part.six_volumes += arm[0] * normal[0] + arm[1] * normal[1] + arm[2] * normal[2];
     }
-    parts[i] = part;
   });
   double six_volumes = 0;
   for (const Part& part : parts) {
@@ -160,22 +177,24 @@ MeshReport inspect(const TriangleMesh& mesh, const Job& job) {
     std::vector<std::uint32_t> thirds;
   };
   std::vector<Scratch> chunks(halves.chunks());
+  std::vector<std::vector<MeshSeams::OpenEdge>> open(halves.chunks());
   Bodies bodies(mesh.triangles.size());
-  halves.for_each(job, [&](std::size_t chunk, std::uint32_t, std::span<const HalfEdge> all) {
+  halves.for_each(job, [&](std::size_t chunk, std::uint32_t low, std::span<const HalfEdge> all) {
     Scratch& s = chunks[chunk];
     s.sides.clear();
+    std::int32_t surplus = 0;
     for (const HalfEdge& side : all) {
-      if (!halves.degenerate(side.corner / 3)) s.sides.push_back(side);
+      surplus += side.rises() ? 1 : -1;
+      if (!halves.degenerate(side.triangle())) s.sides.push_back(side);
     }
+    if (seams && surplus != 0) open[chunk].push_back({low, all[0].high(), surplus});
     const std::size_t n = s.sides.size();
     if (n == 1) ++s.defects.open_edges;
     if (n > 2) ++s.defects.crowded_edges;
     if (n < 2) return;
-    if (n == 2 && halves.rises(s.sides[0].corner) == halves.rises(s.sides[1].corner)) {
-      ++s.defects.misoriented_edges;
-    }
+    if (n == 2 && s.sides[0].rises() == s.sides[1].rises()) ++s.defects.misoriented_edges;
     for (std::size_t i = 1; i < n; ++i) {
-      bodies.unite(s.sides[i].corner / 3, s.sides[0].corner / 3);
+      bodies.unite(s.sides[i].triangle(), s.sides[0].triangle());
     }
     s.defects.duplicate_triangles += count_repeated(mesh, s.sides, s.thirds);
   });
@@ -189,10 +208,16 @@ MeshReport inspect(const TriangleMesh& mesh, const Job& job) {
     const std::vector<bool> turned = detail::flipped(halves, job);
     defects.flipped_triangles =
         static_cast<std::size_t>(std::count(turned.begin(), turned.end(), true));
+    if (seams) *seams = {detail::indices_of(turned), detail::open_edges(halves, turned, job)};
+  } else if (seams) {
+    seams->open = detail::joined(open);
   }
-  for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
-    report.bodies += !halves.degenerate(t) && bodies.root(t) == t;
-  }
+  in_parts([&](Part& part, std::size_t begin, std::size_t end) {
+    for (std::size_t t = begin; t < end; ++t) {
+      part.bodies += !halves.degenerate(t) && bodies.is_root(static_cast<std::uint32_t>(t));
+    }
+  });
+  for (const Part& part : parts) report.bodies += part.bodies;
   return report;
 }
 
@@ -225,6 +250,15 @@ void append(TriangleMesh& mesh, const TriangleMesh& part) {
   for (std::size_t t = 0; t < count; ++t) {
     const auto& corners = part.triangles[t];
     mesh.triangles.push_back({corners[0] + offset, corners[1] + offset, corners[2] + offset});
+  }
+}
+
+void append(MeshSeams& seams, const TriangleMesh& mesh, const MeshSeams& part) {
+  const auto vertices = static_cast<std::uint32_t>(mesh.vertices.size());
+  const auto triangles = static_cast<std::uint32_t>(mesh.triangles.size());
+  for (const std::uint32_t t : part.flipped) seams.flipped.push_back(t + triangles);
+  for (const MeshSeams::OpenEdge& e : part.open) {
+    seams.open.push_back({e.low + vertices, e.high + vertices, e.surplus});
   }
 }
 

@@ -1,9 +1,19 @@
 #include "mesh/mesh_parts.hpp"
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <new>
 
 namespace slicecorr::detail {
+
+void FileBytes::resize(std::size_t size) {
+  void* const room = std::realloc(data_.get(), std::max<std::size_t>(size, 1));
+  if (room == nullptr) throw std::bad_alloc();
+  (void)data_.release();
+  data_.reset(static_cast<char*>(room));
+  size_ = size;
+}
 
 VertexPool::VertexPool(std::size_t expected) {
   const std::size_t size = std::bit_ceil(std::max<std::size_t>(16, 2 * expected));

@@ -5,7 +5,9 @@
 #include <bit>
 #include <cstddef>
 #include <cstdint>
+#include <cstdlib>
 #include <limits>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -16,8 +18,27 @@
 
 namespace slicecorr::detail {
 
-/// The whole content of a file, unpacked when its name ends in `.gz`.
-std::string read_bytes(const std::string& path);
+/// Room for a whole file. Unlike that of a string it isn't cleared before the file is read into it,
+/// which takes longer than reading a large one.
+class FileBytes {
+ public:
+  char* data() { return data_.get(); }
+  std::size_t size() const { return size_; }
+  std::string_view view() const { return {data_.get(), size_}; }
+  /// What is added is undefined.
+  void resize(std::size_t size);
+
+ private:
+  struct Free {
+    void operator()(char* data) const { std::free(data); }
+  };
+  std::unique_ptr<char, Free> data_;
+  std::size_t size_ = 0;
+};
+
+/// The whole content of a file, unpacked when its name ends in `.gz`. Plain ones are read by all
+/// threads.
+FileBytes read_bytes(const std::string& path, const Job& job);
 
 /// A finaliser with good avalanche (splitmix64), so that grids of coordinates do not cluster.
 inline std::uint64_t mix(std::uint64_t x) {
@@ -104,16 +125,16 @@ class WordReader {
   bool skips_comments_ = false;
 };
 
-TriangleMesh read_stl(const std::string& bytes, const std::string& path, const Job& job);
-TriangleMesh read_obj(const std::string& bytes, const std::string& path);
-TriangleMesh read_off(const std::string& bytes, const std::string& path);
-TriangleMesh read_ply(const std::string& bytes, const std::string& path);
+TriangleMesh read_stl(std::string_view bytes, const std::string& path, const Job& job);
+TriangleMesh read_obj(std::string_view bytes, const std::string& path);
+TriangleMesh read_off(std::string_view bytes, const std::string& path);
+TriangleMesh read_ply(std::string_view bytes, const std::string& path);
 
 /// Throws `InputError` for archives that lib3mf had better not open.
-void check_3mf(std::string& bytes, const std::string& path);
+void check_3mf(std::string_view bytes, const std::string& path);
 
 /// Also gives the length of the file's unit in mm.
-TriangleMesh read_3mf(std::string& bytes, const std::string& path, double& unit_mm);
+TriangleMesh read_3mf(FileBytes& bytes, const std::string& path, double& unit_mm);
 
 /// Lets OpenMesh parse `text` (extension `off` or `ply`), which must be in its plainest form.
 TriangleMesh parse_with_openmesh(std::string text, const std::string& extension, bool binary,

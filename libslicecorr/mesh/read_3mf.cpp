@@ -68,7 +68,7 @@ class Reader {
  public:
   explicit Reader(const std::string& path) : path_(path), pool_(1024) {}
 
-  TriangleMesh read(std::string& bytes, double& unit_mm) {
+  TriangleMesh read(FileBytes& bytes, double& unit_mm) {
     if (NMR::lib3mf_createmodel(model_.out()) != LIB3MF_OK) {
       throw InputError(path_, "", "lib3mf can't make a model");
     }
@@ -221,8 +221,8 @@ class Reader {
 
 }  // namespace
 
-TriangleMesh read_3mf(std::string& bytes, const std::string& path, double& unit_mm) {
-  check_3mf(bytes, path);
+TriangleMesh read_3mf(FileBytes& bytes, const std::string& path, double& unit_mm) {
+  check_3mf(bytes.view(), path);
   return Reader(path).read(bytes, unit_mm);
 }
 

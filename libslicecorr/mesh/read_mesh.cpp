@@ -1,13 +1,18 @@
+#include <fcntl.h>
+#include <unistd.h>
 #include <zlib.h>
 
+#include <algorithm>
+#include <atomic>
 #include <cerrno>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <memory>
 
+#include "mesh/half_edges.hpp"
 #include "mesh/mesh_parts.hpp"
+#include "parallel/silent.hpp"
 
 namespace slicecorr {
 namespace detail {
@@ -15,16 +20,49 @@ namespace {
 
 constexpr std::uint64_t kMostBytes = std::uint64_t{4} << 30;
 constexpr std::uint64_t kMostUnpackedBytes = std::uint64_t{2} << 30;
+/// What a thread reads at once.
+constexpr std::uint64_t kReadBytes = std::uint64_t{4} << 20;
 
 [[noreturn]] void throw_too_large(const std::string& path, std::uint64_t most) {
   throw InputError(path, "", "is larger than " + std::to_string(most >> 30) + " GiB");
 }
 
-std::string unpack_gzip(const std::string& path) {
+class OpenFile {
+ public:
+  explicit OpenFile(const std::string& path) : path_(path) {
+    file_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+    if (file_ < 0) {
+      throw InputError(path, "", std::string("can't be opened: ") + std::strerror(errno));
+    }
+  }
+  OpenFile(const OpenFile&) = delete;
+  OpenFile& operator=(const OpenFile&) = delete;
+  ~OpenFile() { ::close(file_); }
+  /// Returns how many bytes came: fewer where the file ends.
+  std::uint64_t read(char* to, std::uint64_t size, std::uint64_t from) const {
+    std::uint64_t done = 0;
+    while (done < size) {
+      const ssize_t got = ::pread(file_, to + done, size - done, static_cast<off_t>(from + done));
+      if (got == 0) break;
+      if (got > 0) {
+        done += static_cast<std::uint64_t>(got);
+      } else if (errno != EINTR) {
+        throw InputError(path_, "", std::string("can't be read: ") + std::strerror(errno));
+      }
+    }
+    return done;
+  }
+
+ private:
+  const std::string& path_;
+  int file_ = -1;
+};
+
+FileBytes unpack_gzip(const std::string& path) {
   const std::unique_ptr<gzFile_s, int (*)(gzFile)> file(gzopen(path.c_str(), "rb"), gzclose_r);
   if (!file) throw InputError(path, "", std::string("can't be opened: ") + std::strerror(errno));
   gzbuffer(file.get(), 1 << 18);
-  std::string bytes;
+  FileBytes bytes;
   std::size_t size = 0;
   for (;;) {
     if (size == bytes.size()) bytes.resize(std::max<std::size_t>(1 << 20, 2 * size));
@@ -70,7 +108,7 @@ Format format_of(const std::string& path) {
 
 }  // namespace
 
-std::string read_bytes(const std::string& path) {
+FileBytes read_bytes(const std::string& path, const Job& job) {
   std::error_code error;
   const std::filesystem::file_status status = std::filesystem::status(path, error);
   if (!std::filesystem::exists(status)) throw InputError(path, "", "no such file");
@@ -82,17 +120,21 @@ std::string read_bytes(const std::string& path) {
     throw InputError(path, "", "is not a regular file");
   if (format_of(path).packed) return unpack_gzip(path);
 
-  std::ifstream in(path, std::ios::binary);
-  if (!in) throw InputError(path, "", std::string("can't be opened: ") + std::strerror(errno));
+  const OpenFile file(path);
   const std::uint64_t size = std::filesystem::file_size(path, error);
   if (error) throw InputError(path, "", "can't be read: " + error.message());
   if (size > kMostBytes) throw_too_large(path, kMostBytes);
-  std::string bytes(size, '\0');
-  in.read(bytes.data(), static_cast<std::streamsize>(size));
-  if (static_cast<std::uint64_t>(in.gcount()) != size) {
-    throw InputError(path, "",
-                     "can't be read: " + std::to_string(in.gcount()) + " of " +
-                         std::to_string(size) + " bytes came");
+  FileBytes bytes;
+  bytes.resize(size);
+  std::atomic<std::uint64_t> came = 0;
+  parallel_for(silent(job), "", (size + kReadBytes - 1) / kReadBytes, [&](std::size_t i) {
+    const std::uint64_t from = i * kReadBytes;
+    came += file.read(bytes.data() + from, std::min(kReadBytes, size - from), from);
+  });
+  if (came != size) {
+    throw InputError(
+        path, "",
+        "can't be read: " + std::to_string(came) + " of " + std::to_string(size) + " bytes came");
   }
   return bytes;
 }
@@ -144,19 +186,24 @@ SineCosine sine_cosine(double degrees) {
 }
 
 void place(TriangleMesh& mesh, const Placement& placement, double file_unit_mm,
-           const std::string& path) {
+           const std::string& path, const Job& job) {
   const double factor = unit_in_mm(placement.units, file_unit_mm) * placement.scale;
   const auto [sx, cx] = sine_cosine(placement.rotate_deg[0]);
   const auto [sy, cy] = sine_cosine(placement.rotate_deg[1]);
   const auto [sz, cz] = sine_cosine(placement.rotate_deg[2]);
-  for (Point3& point : mesh.vertices) {
-    const Point3 p{point[0] * factor, point[1] * factor, point[2] * factor};
-    const Point3 a{p[0], cx * p[1] - sx * p[2], sx * p[1] + cx * p[2]};
-    const Point3 b{cy * a[0] + sy * a[2], a[1], cy * a[2] - sy * a[0]};
-    // Adding 0.0 turns -0.0 into 0.0.
-    point = {cz * b[0] - sz * b[1] + 0.0, sz * b[0] + cz * b[1] + 0.0, b[2] + 0.0};
-    detail::require_finite(point, path, "scaled vertex");
-  }
+  constexpr std::size_t kChunk = 1 << 15;
+  const std::size_t count = mesh.vertices.size();
+  parallel_for(detail::silent(job), "", (count + kChunk - 1) / kChunk, [&](std::size_t chunk) {
+    for (std::size_t i = kChunk * chunk; i < std::min(count, kChunk * (chunk + 1)); ++i) {
+      Point3& point = mesh.vertices[i];
+      const Point3 p{point[0] * factor, point[1] * factor, point[2] * factor};
+      const Point3 a{p[0], cx * p[1] - sx * p[2], sx * p[1] + cx * p[2]};
+      const Point3 b{cy * a[0] + sy * a[2], a[1], cy * a[2] - sy * a[0]};
+      // Adding 0.0 turns -0.0 into 0.0.
+      point = {cz * b[0] - sz * b[1] + 0.0, sz * b[0] + cz * b[1] + 0.0, b[2] + 0.0};
+      detail::require_finite(point, path, "scaled vertex");
+    }
+  });
 }
 
 }  // namespace
@@ -164,18 +211,18 @@ void place(TriangleMesh& mesh, const Placement& placement, double file_unit_mm,
 TriangleMesh read_mesh(const std::string& path, const Placement& placement, const Job& job) {
   check(placement);
   const std::string extension = detail::format_of(path).extension;
-  std::string bytes = detail::read_bytes(path);
-  if (bytes.empty()) throw InputError(path, "", "is empty");
+  detail::FileBytes bytes = detail::read_bytes(path, job);
+  if (bytes.size() == 0) throw InputError(path, "", "is empty");
   double file_unit_mm = 1.0;
   TriangleMesh mesh;
   if (extension == ".stl") {
-    mesh = detail::read_stl(bytes, path, job);
+    mesh = detail::read_stl(bytes.view(), path, job);
   } else if (extension == ".obj") {
-    mesh = detail::read_obj(bytes, path);
+    mesh = detail::read_obj(bytes.view(), path);
   } else if (extension == ".ply") {
-    mesh = detail::read_ply(bytes, path);
+    mesh = detail::read_ply(bytes.view(), path);
   } else if (extension == ".off") {
-    mesh = detail::read_off(bytes, path);
+    mesh = detail::read_off(bytes.view(), path);
   } else if (extension == ".3mf") {
     mesh = detail::read_3mf(bytes, path, file_unit_mm);
   } else {
@@ -183,7 +230,8 @@ TriangleMesh read_mesh(const std::string& path, const Placement& placement, cons
                      "unknown kind of file '" + extension +
                          "', expected .stl, .obj, .ply, .off or .3mf (also with .gz)");
   }
-  place(mesh, placement, file_unit_mm, path);
+  bytes = {};
+  place(mesh, placement, file_unit_mm, path, job);
   return mesh;
 }
 

@@ -58,9 +58,8 @@ void parse_property(WordReader& words, std::vector<Element>& elements) {
   elements.back().properties.push_back(property);
 }
 
-Header parse_header(const std::string& bytes, const std::string& path) {
+Header parse_header(std::string_view text, const std::string& path) {
   // The header is text, the rest may not be: lines are only looked for up to "end_header".
-  const std::string_view text = bytes;
   const bool crlf = text.substr(3, 2) == "\r\n";
   Header header;
   std::size_t last = text.npos;
@@ -75,7 +74,7 @@ Header parse_header(const std::string& bytes, const std::string& path) {
     throw InputError(path, "", "is not a PLY file: expected 'ply' at the start and 'end_header'");
   }
 
-  WordReader words(std::string_view(bytes).substr(0, last), path);
+  WordReader words(text.substr(0, last), path);
   words.skip_line();
   for (; !words.at_end(); words.skip_line()) {
     const std::string_view word = words.word_in_line();
@@ -170,7 +169,7 @@ void check_counts(const Header& header, std::size_t body_bytes, const std::strin
 // Copies the chosen properties of one element's records from a binary body.
 class BinaryBody {
  public:
-  BinaryBody(const std::string& bytes, std::size_t at, bool big, const std::string& path)
+  BinaryBody(std::string_view bytes, std::size_t at, bool big, const std::string& path)
       : bytes_(bytes), at_(at), big_(big), path_(path) {}
 
   void copy(const Element& element, std::string& out) {
@@ -197,7 +196,7 @@ class BinaryBody {
   }
 
  private:
-  const std::string& bytes_;
+  std::string_view bytes_;
   std::size_t at_;
   bool big_;
   const std::string& path_;
@@ -237,7 +236,7 @@ void copy_text(WordReader& words, const Element& element, const std::string& pat
 
 }  // namespace
 
-TriangleMesh read_ply(const std::string& bytes, const std::string& path) {
+TriangleMesh read_ply(std::string_view bytes, const std::string& path) {
   Header header = parse_header(bytes, path);
   choose_properties(header, path);
   check_counts(header, bytes.size() - header.body, path);

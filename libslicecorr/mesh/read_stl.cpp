@@ -2,10 +2,12 @@
 // with an epsilon, accept files cut in the middle, and take the count of a binary file on trust.
 // This is also no slower (a hash instead of a std::map).
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <memory>
 #include <utility>
 
 #include "mesh/mesh_parts.hpp"
@@ -29,7 +31,7 @@ bool same_word(std::string_view word, std::string_view keyword) {
 
 // Many binary files begin with "solid" too, so the word alone proves nothing. Text has no zero
 // bytes; a binary record holds some as good as always.
-bool looks_ascii(const std::string& bytes) {
+bool looks_ascii(std::string_view bytes) {
   WordReader words(bytes, "");
   if (!same_word(words.word(), "solid")) return false;
   return bytes.substr(0, 1024).find('\0') == std::string::npos;
@@ -51,7 +53,7 @@ struct Place {
   bool operator==(const Place&) const = default;
 };
 
-inline Place place_at(const std::string& bytes, std::size_t corner) {
+inline Place place_at(std::string_view bytes, std::size_t corner) {
   const char* at = bytes.data() + kHeader + corner / 3 * kRecord + 12 + 12 * (corner % 3);
   // Adding 0 turns -0 into 0: the same place.
   return {std::bit_cast<float>(little_u32(at)) + 0.0F,
@@ -65,33 +67,77 @@ std::uint64_t hash_of(const Place& p) {
   return mix(mix(xy + 0x9e3779b97f4a7c15u) ^ std::bit_cast<std::uint32_t>(p.z));
 }
 
+constexpr std::uint32_t kFree = std::numeric_limits<std::uint32_t>::max();
+
+/// Memory that nothing is written to before it is used: clearing it would be one thread's work.
+std::unique_ptr<std::uint32_t[]> uncleared(std::size_t size) {
+  return std::make_unique_for_overwrite<std::uint32_t[]>(size);
+}
+
+std::size_t corner_chunks(std::size_t corners) {
+  return (corners + kCornersPerChunk - 1) / kCornersPerChunk;
+}
+
+/// Calls `each(corner)` for the corners of a chunk.
+template <class Each>
+void in_chunk(std::size_t chunk, std::size_t corners, const Each& each) {
+  const std::size_t end = std::min(corners, kCornersPerChunk * (chunk + 1));
+  for (std::size_t c = kCornersPerChunk * chunk; c < end; ++c) each(c);
+}
+
+void require_finite_corners(std::string_view bytes, const std::string& path, std::size_t corners) {
+  for (std::size_t c = 0; c < corners; ++c) {
+    const Place p = place_at(bytes, c);
+    require_finite({p.x, p.y, p.z}, path, "triangle " + std::to_string(c / 3 + 1));
+  }
+}
+
+enum class Found { all, too_small, not_finite };
+
 /// For each corner the first one at its place, by a hash table that all threads fill at once: a
-/// slot is taken for good by whoever comes first, and keeps the lowest corner of its place. False
-/// when the table is too small.
-bool find_first(const std::string& bytes, std::size_t corners, std::size_t size, const Job& job,
-                std::uint32_t* first) {
-  constexpr std::uint32_t kFree = std::numeric_limits<std::uint32_t>::max();
-  constexpr std::size_t kMostProbes = 4096, kRecent = 1024;
+/// slot is taken for good by whoever comes first, and keeps the lowest corner of its place.
+Found find_first(std::string_view bytes, std::size_t corners, std::size_t size, const Job& job,
+                 std::uint32_t* first) {
+  constexpr std::size_t kMostProbes = 4096, kRecent = 4096, kSlotsPerChunk = std::size_t{1} << 18;
+  constexpr std::size_t kAhead = 16;
   // Neighbouring triangles share corners: most places were seen a moment ago, and the table is
   // larger than the caches. Whoever was seen in this chunk is not after the corner at hand.
   struct Recent {
     Place place;
     std::uint32_t slot = kFree;
   };
-  std::vector<std::uint32_t> slots(size, kFree);
-  std::atomic<bool> full = false;
-  const std::size_t chunks = (corners + kCornersPerChunk - 1) / kCornersPerChunk;
-  parallel_for(job, "", chunks, [&](std::size_t chunk) {
+  const auto slots = uncleared(size);
+  parallel_for(job, "", (size + kSlotsPerChunk - 1) / kSlotsPerChunk, [&](std::size_t chunk) {
+    const std::size_t from = kSlotsPerChunk * chunk;
+    std::fill_n(slots.get() + from, std::min(kSlotsPerChunk, size - from), kFree);
+  });
+  std::atomic<Found> result = Found::all;
+  parallel_for(job, "", corner_chunks(corners), [&](std::size_t chunk) {
     const std::size_t end = std::min(corners, kCornersPerChunk * (chunk + 1));
     std::vector<Recent> recent(kRecent);
-    for (std::size_t c = kCornersPerChunk * chunk; c < end && !full; ++c) {
+    // Slots are asked for some corners ahead: the table is far from the processor.
+    std::array<std::uint64_t, kAhead> hashes;
+    const auto look_ahead = [&](std::size_t c) {
+      if (c >= end) return;
+      hashes[c % kAhead] = hash_of(place_at(bytes, c));
+      __builtin_prefetch(&slots[hashes[c % kAhead] & (size - 1)], 1);
+    };
+    const std::size_t begin = kCornersPerChunk * chunk;
+    for (std::size_t c = begin; c < begin + kAhead; ++c) look_ahead(c);
+    for (std::size_t c = begin; c < end && result.load(std::memory_order_relaxed) == Found::all;
+         ++c) {
       const auto corner = static_cast<std::uint32_t>(c);
       const Place place = place_at(bytes, c);
-      const std::uint64_t hash = hash_of(place);
+      const std::uint64_t hash = hashes[c % kAhead];
+      look_ahead(c + kAhead);
       Recent& seen = recent[hash >> 32 & (kRecent - 1)];
       if (seen.slot != kFree && seen.place == place) {
         first[c] = seen.slot;
         continue;
+      }
+      if (!(std::isfinite(place.x) && std::isfinite(place.y) && std::isfinite(place.z))) {
+        result = Found::not_finite;
+        return;
       }
       std::size_t slot = hash & (size - 1);
       for (std::size_t probes = 0;; slot = (slot + 1) & (size - 1)) {
@@ -107,7 +153,9 @@ bool find_first(const std::string& bytes, std::size_t corners, std::size_t size,
           break;
         }
         if (++probes == kMostProbes) {
-          full = true;
+          // What is not finite is said, also where the table is full.
+          Found none = Found::all;
+          result.compare_exchange_strong(none, Found::too_small);
           return;
         }
       }
@@ -115,60 +163,44 @@ bool find_first(const std::string& bytes, std::size_t corners, std::size_t size,
       seen = {place, first[c]};
     }
   });
-  if (full) return false;
-  parallel_for(job, "", chunks, [&](std::size_t chunk) {
-    const std::size_t end = std::min(corners, kCornersPerChunk * (chunk + 1));
-    for (std::size_t c = kCornersPerChunk * chunk; c < end; ++c) first[c] = slots[first[c]];
+  if (result != Found::all) return result;
+  parallel_for(job, "", corner_chunks(corners), [&](std::size_t chunk) {
+    in_chunk(chunk, corners, [&](std::size_t c) { first[c] = slots[first[c]]; });
   });
-  return true;
+  return Found::all;
 }
 
 /// Equal corners get one index, in the order of first appearance.
-TriangleMesh read_binary(const std::string& bytes, const std::string& path, std::size_t count,
+TriangleMesh read_binary(std::string_view bytes, const std::string& path, std::size_t count,
                          const Job& job) {
   if (count > std::numeric_limits<std::uint32_t>::max() / 3) {
     throw InputError(path, "", "has more than 1431655765 triangles");
   }
   const Job quiet = silent(job);
-  const std::size_t corners = 3 * count;
-  const std::size_t chunks = (corners + kCornersPerChunk - 1) / kCornersPerChunk;
-  const auto corners_of = [&](std::size_t chunk, const auto& each) {
-    const std::size_t end = std::min(corners, kCornersPerChunk * (chunk + 1));
-    for (std::size_t c = kCornersPerChunk * chunk; c < end; ++c) each(c);
-  };
-  std::vector<std::size_t> not_finite(chunks, corners);
-  parallel_for(quiet, "", chunks, [&](std::size_t chunk) {
-    corners_of(chunk, [&](std::size_t c) {
-      const Place p = place_at(bytes, c);
-      if (!std::isfinite(p.x + p.y + p.z) && not_finite[chunk] == corners &&
-          !(std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z))) {
-        not_finite[chunk] = c;
-      }
-    });
-  });
-  for (const std::size_t c : not_finite) {
-    if (c == corners) continue;
-    const Place p = place_at(bytes, c);
-    require_finite({p.x, p.y, p.z}, path, "triangle " + std::to_string(c / 3 + 1));
-  }
+  const std::size_t corners = 3 * count, chunks = corner_chunks(corners);
   TriangleMesh mesh;
   mesh.triangles.resize(count);
   std::uint32_t* const first = mesh.triangles[0].data();
   // Closed meshes have about half as many vertices as triangles, loose triangles six times as many.
-  for (std::size_t size = std::bit_ceil(std::max<std::size_t>(64, 3 * count / 2));
-       !find_first(bytes, corners, size, quiet, first);) {
-    size *= 4;
+  std::size_t size = std::bit_ceil(std::max<std::size_t>(64, 3 * count / 2));
+  for (;; size *= 4) {
+    const Found found = find_first(bytes, corners, size, quiet, first);
+    if (found == Found::all) break;
+    if (found == Found::not_finite) require_finite_corners(bytes, path, corners);
   }
   // Numbers in the order of first appearance.
-  std::vector<std::uint32_t> number(corners), vertices(chunks + 1, 0);
+  const auto number = uncleared(corners);
+  std::vector<std::uint32_t> vertices(chunks + 1, 0);
   parallel_for(quiet, "", chunks, [&](std::size_t chunk) {
-    corners_of(chunk, [&](std::size_t c) { vertices[chunk + 1] += first[c] == c; });
+    std::uint32_t sum = 0;
+    in_chunk(chunk, corners, [&](std::size_t c) { sum += first[c] == c; });
+    vertices[chunk + 1] = sum;
   });
   for (std::size_t chunk = 0; chunk < chunks; ++chunk) vertices[chunk + 1] += vertices[chunk];
   mesh.vertices.resize(vertices[chunks]);
   parallel_for(quiet, "", chunks, [&](std::size_t chunk) {
     std::uint32_t next = vertices[chunk];
-    corners_of(chunk, [&](std::size_t c) {
+    in_chunk(chunk, corners, [&](std::size_t c) {
       if (first[c] != c) return;
       const Place p = place_at(bytes, c);
       mesh.vertices[next] = {p.x, p.y, p.z};
@@ -176,14 +208,14 @@ TriangleMesh read_binary(const std::string& bytes, const std::string& path, std:
     });
   });
   parallel_for(quiet, "", chunks, [&](std::size_t chunk) {
-    corners_of(chunk, [&](std::size_t c) { first[c] = number[first[c]]; });
+    in_chunk(chunk, corners, [&](std::size_t c) { first[c] = number[first[c]]; });
   });
   return mesh;
 }
 
 // Several solids may follow each other. Normals are skipped: they are often wrong, and the order of
 // the corners says the same.
-TriangleMesh read_ascii(const std::string& bytes, const std::string& path) {
+TriangleMesh read_ascii(std::string_view bytes, const std::string& path) {
   TriangleMesh mesh;
   VertexPool pool(bytes.size() / 500);
   WordReader words(bytes, path);
@@ -248,7 +280,7 @@ TriangleMesh read_ascii(const std::string& bytes, const std::string& path) {
 
 }  // namespace
 
-TriangleMesh read_stl(const std::string& bytes, const std::string& path, const Job& job) {
+TriangleMesh read_stl(std::string_view bytes, const std::string& path, const Job& job) {
   TriangleMesh mesh;
   const std::size_t count = bytes.size() < kHeader ? 0 : little_u32(bytes.data() + 80);
   if (bytes.size() >= kHeader && bytes.size() == kHeader + kRecord * count) {

@@ -9,7 +9,7 @@ namespace slicecorr::detail {
 // OBJ is read here and not through OpenMesh, which drops repeated corners of a face (and with them
 // degenerate triangles), rounds to float, takes indices out of range as they are and opens the
 // material files that a mesh names.
-TriangleMesh read_obj(const std::string& bytes, const std::string& path) {
+TriangleMesh read_obj(std::string_view bytes, const std::string& path) {
   PolygonMesh mesh(path);
   WordReader words(bytes, path);
   words.join_continued_lines();
@@ -58,7 +58,7 @@ void copy_coordinates(WordReader& words, std::string& out) {
 
 // OpenMesh misreads comments, blank lines, counts on the first line and missing counts, and goes on
 // when the text ends early. So it gets the text with nothing but counts, points and corners.
-TriangleMesh read_off(const std::string& bytes, const std::string& path) {
+TriangleMesh read_off(std::string_view bytes, const std::string& path) {
   WordReader words(bytes, path);
   words.skip_comments();
   std::string_view word = words.word();

@@ -36,6 +36,28 @@ namespace {
 
 std::string program_name() { return std::string("slicecorr ") + version; }
 
+struct SliceRange {
+  int first, past;
+};
+
+/// The slices of a band in portions that are worked on at once: where there are few bands, the last
+/// of them would keep one thread busy and leave the others idle.
+std::vector<SliceRange> portions_of(const SliceSource& target, std::size_t bands) {
+  constexpr int kEnough = 64, kLeastSlices = 16;
+  const int layers = target.grid().layers;
+  int count = 1;
+  if (target.reads_any_slices() && bands > 0) {
+    const int wanted = (kEnough + static_cast<int>(bands) - 1) / static_cast<int>(bands);
+    count = std::clamp(wanted, 1, std::max(1, layers / kLeastSlices));
+  }
+  std::vector<SliceRange> portions;
+  for (int i = 0; i < count; ++i) {
+    portions.push_back({static_cast<int>(std::int64_t{layers} * i / count),
+                        static_cast<int>(std::int64_t{layers} * (i + 1) / count)});
+  }
+  return portions;
+}
+
 /// What the first pass over a target collects besides handing its slices on.
 class TargetScan {
  public:
@@ -43,11 +65,15 @@ class TargetScan {
       : target_(target), relief_(target.bounds(), target.grid().layers) {}
 
   void read(const PixelBox& band, const SliceSource::Sink& sink) {
+    read(band, {0, target_.grid().layers}, sink);
+  }
+  void read(const PixelBox& band, const SliceRange& range, const SliceSource::Sink& sink) {
     LitColumns lit(columns_of(band));
-    target_.read_band(band, [&](int n, const std::uint8_t* rows) {
+    const auto take = [&](int n, const std::uint8_t* rows) {
       lit.add(n, rows);
       sink(n, rows);
-    });
+    };
+    target_.read_slices(band, range.first, range.past, take);
     coverage_sum_ += lit.sum();
     relief_.add(band, lit.finish());
   }
@@ -167,11 +193,13 @@ StackInfo write_target(const SliceSource& target, const StackFile& file, const J
   StackWriter writer(file, grid, job);
   TargetScan scan(target);
   const auto bands = bands_of(grid, target.bounds());
-  parallel_for(job, "slice", bands.size(), [&](std::size_t i) {
-    StackWriter::BandEncoder encoder(writer, bands[i].y0, bands[i].y1);
-    scan.read(bands[i], [&](int n, const std::uint8_t* rows) {
+  const auto portions = portions_of(target, bands.size());
+  parallel_for(job, "slice", bands.size() * portions.size(), [&](std::size_t i) {
+    const PixelBox& band = bands[i / portions.size()];
+    StackWriter::BandEncoder encoder(writer, band.y0, band.y1);
+    scan.read(band, portions[i % portions.size()], [&](int n, const std::uint8_t* rows) {
       if ((n & 63) == 0) job.check_cancelled();
-      encoder.put(n, bands[i].x0, bands[i].x1, rows);
+      encoder.put(n, band.x0, band.x1, rows);
     });
   });
   StackInfo info;

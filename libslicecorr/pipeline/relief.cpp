@@ -1,51 +1,24 @@
 #include "pipeline/relief.hpp"
 
-#if defined(__SSE2__)
-#include <emmintrin.h>
-#endif
-
 #include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstring>
 
+#include "base/row_kernels.hpp"
+
 namespace slicecorr::detail {
 
 namespace {
 constexpr int kPictureSide = 512;
-constexpr std::size_t kWord = 64;
-
-/// A bit per lit column of 64, and the sum of their values.
-struct Lit {
-  std::uint64_t bits = 0, sum = 0;
-};
-
-Lit lit_of(const std::uint8_t* rows) {
-  Lit lit;
-#if defined(__SSE2__)
-  const __m128i zero = _mm_setzero_si128();
-  __m128i sums = zero;
-  for (int i = 0; i < 4; ++i) {
-    const auto v = _mm_loadu_si128(reinterpret_cast<const __m128i*>(rows + 16 * i));
-    const auto black = static_cast<unsigned>(_mm_movemask_epi8(_mm_cmpeq_epi8(v, zero)));
-    lit.bits |= static_cast<std::uint64_t>(black ^ 0xFFFFU) << (16 * i);
-    sums = _mm_add_epi64(sums, _mm_sad_epu8(v, zero));
-  }
-  std::uint64_t parts[2];
-  std::memcpy(parts, &sums, sizeof parts);
-  lit.sum = parts[0] + parts[1];
-#else
-  for (std::size_t i = 0; i < kWord; ++i) {
-    lit.bits |= static_cast<std::uint64_t>(rows[i] != 0) << i;
-    lit.sum += rows[i];
-  }
-#endif
-  return lit;
-}
+constexpr std::size_t kWord = kRowWord;
 }  // namespace
 
 LitColumns::LitColumns(std::size_t columns)
-    : columns_(columns), lit_now_((columns + kWord - 1) / kWord, 0), last_lit_(columns, 0) {}
+    : columns_(columns),
+      lit_now_((columns + kWord - 1) / kWord, 0),
+      lit_next_(lit_now_),
+      last_lit_(columns, 0) {}
 
 void LitColumns::end(std::size_t word, std::uint64_t bits) {
   for (; bits != 0; bits &= bits - 1) {
@@ -61,20 +34,19 @@ void LitColumns::add(int slice, const std::uint8_t* rows) {
     lit_ = false;
   }
   if (rows == nullptr) return;
-  std::uint64_t any = 0;
-  const auto take = [&](std::size_t w, const Lit& now) {
-    if (const std::uint64_t ended = lit_now_[w] & ~now.bits) end(w, ended);
-    lit_now_[w] = now.bits;
-    any |= now.bits;
-    sum_ += now.sum;
-  };
   const std::size_t whole = columns_ / kWord;
-  for (std::size_t w = 0; w < whole; ++w) take(w, lit_of(rows + w * kWord));
+  sum_ += find_lit(rows, whole, lit_next_.data());
   if (whole < lit_now_.size()) {
     std::uint8_t tail[kWord] = {};
     std::memcpy(tail, rows + whole * kWord, columns_ - whole * kWord);
-    take(whole, lit_of(tail));
+    sum_ += find_lit(tail, 1, lit_next_.data() + whole);
   }
+  std::uint64_t any = 0;
+  for (std::size_t w = 0; w < lit_now_.size(); ++w) {
+    any |= lit_next_[w];
+    if (const std::uint64_t ended = lit_now_[w] & ~lit_next_[w]) end(w, ended);
+  }
+  lit_now_.swap(lit_next_);
   lit_ = any != 0;
   next_ = slice + 1;
 }
@@ -99,9 +71,12 @@ void Relief::add(const PixelBox& band, const std::vector<std::int32_t>& last_lit
   for (int y = std::max(band.y0, bounds_.y0); y < std::min(band.y1, bounds_.y1); ++y) {
     const auto* row = last_lit.data() + static_cast<std::ptrdiff_t>(y - band.y0) * band.width();
     auto* out = depth_.data() + static_cast<std::ptrdiff_t>((y - bounds_.y0) / step_) * width_;
-    for (int x = 0; x < band.width(); ++x) {
-      auto& cell = out[(band.x0 + x - bounds_.x0) / step_];
-      cell = std::max(cell, row[x]);
+    const int offset = band.x0 - bounds_.x0;
+    for (int x = 0; x < band.width();) {
+      const int cell = (offset + x) / step_;
+      const int past = std::min((cell + 1) * step_ - offset, band.width());
+      out[cell] = std::max(out[cell], *std::max_element(row + x, row + past));
+      x = past;
     }
   }
 }

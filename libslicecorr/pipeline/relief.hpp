@@ -26,9 +26,10 @@ class LitColumns {
   void end(std::size_t word, std::uint64_t bits);
 
   std::size_t columns_;
-  int next_ = 0;                        ///< one after the last slice with light
-  bool lit_ = false;                    ///< any bit of `lit_now_`
-  std::vector<std::uint64_t> lit_now_;  ///< a bit per column
+  int next_ = 0;                         ///< one after the last slice with light
+  bool lit_ = false;                     ///< any bit of `lit_now_`
+  std::vector<std::uint64_t> lit_now_;   ///< a bit per column
+  std::vector<std::uint64_t> lit_next_;  ///< those of the slice at hand
   std::vector<std::int32_t> last_lit_;
   std::uint64_t sum_ = 0;
 };

@@ -26,7 +26,15 @@ struct MeshOptions {
   SliceOptions slice_options() const;
 };
 
+struct PlateParts {
+  TriangleMesh mesh;
+  MeshSeams seams;
+};
+
 /// Reads and places all parts; tells their figures and defects through `job`.
-TriangleMesh read_parts(const MeshOptions& options, const Job& job);
+PlateParts read_parts(const MeshOptions& options, const Job& job);
+
+/// Reads all parts to be sliced for this printer.
+MeshSlices slice_parts(const MeshOptions& options, const Printer& printer, const Job& job);
 
 }  // namespace slicecorr::cli

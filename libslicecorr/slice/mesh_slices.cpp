@@ -26,9 +26,8 @@ constexpr double kPixelTolerance = 1e-3;
 
 /// A corner of the mesh on the printer: x and y in pixels of the image, z in layers so that slice n
 /// is cut at z = n.
-struct Corner {
-  double x, y, z;
-};
+using Corner = Point3;
+constexpr std::size_t kX = 0, kY = 1, kZ = 2;
 
 struct Span {
   int first, last;
@@ -83,15 +82,15 @@ struct MeshSlices::Impl {
   bool antialias = true;
   PixelBox bounds;
   SliceReport report;
-  std::vector<Corner> corners;
+  std::vector<Corner> corners;                          ///< in place of the mesh's vertices
   std::vector<std::array<std::uint32_t, 3>> triangles;  ///< turned where needed
-  std::vector<detail::OpenEdge> open;
+  std::vector<MeshSeams::OpenEdge> open;
   std::vector<std::vector<Segment>> bridges;  ///< per slice
   int rows_per_bin = 1;
   std::vector<std::size_t> bin_begin;  ///< per bin of rows: where its triangles begin in `binned`
-  std::vector<std::uint32_t> binned;
+  std::unique_ptr<Entry[]> binned;
 
-  void place(const TriangleMesh& mesh, const Printer& printer, const SliceOptions& options,
+  void place(TriangleMesh mesh, const Printer& printer, const SliceOptions& options,
              const Job& job);
   void close_contours(const Job& job);
   void bin_triangles(const Job& job);
@@ -102,8 +101,8 @@ struct MeshSlices::Impl {
     if (a > b) std::swap(a, b);
     const Corner& p = corners[a];
     const Corner& q = corners[b];
-    const double t = (n - p.z) / (q.z - p.z);
-    return {p.x + t * (q.x - p.x), p.y + t * (q.y - p.y)};
+    const double t = (n - p[kZ]) / (q[kZ] - p[kZ]);
+    return {p[kX] + t * (q[kX] - p[kX]), p[kY] + t * (q[kY] - p[kY])};
   }
   void set_edges(Cut& cut, int slice) const;
   std::size_t bin_of(double y) const {
@@ -111,29 +110,31 @@ struct MeshSlices::Impl {
                     bin_begin.size() - 2);
   }
   std::pair<std::size_t, std::size_t> bins_of(const std::array<std::uint32_t, 3>& t) const {
-    const auto [low, high] = std::minmax({corners[t[0]].y, corners[t[1]].y, corners[t[2]].y});
+    const auto [low, high] = std::minmax({corners[t[0]][kY], corners[t[1]][kY], corners[t[2]][kY]});
     return {bin_of(low), bin_of(high)};
   }
   Span slices_of(const std::array<std::uint32_t, 3>& t) const {
-    const auto [low, high] = std::minmax({corners[t[0]].z, corners[t[1]].z, corners[t[2]].z});
+    const auto [low, high] = std::minmax({corners[t[0]][kZ], corners[t[1]][kZ], corners[t[2]][kZ]});
     return cut_by(low, high, grid.layers);
   }
-  /// The slices whose cut of the triangle may lie in rows [y0, y1).
-  Span slices_of(const std::array<std::uint32_t, 3>& t, double y0, double y1) const {
+  /// Those of `all` that may cut the triangle in rows [y0, y1).
+  Span slices_of(const std::array<std::uint32_t, 3>& t, const Span& all, double y0,
+                 double y1) const {
     double low = std::numeric_limits<double>::infinity(), high = -low;
     const auto see = [&](double z) { low = std::min(low, z), high = std::max(high, z); };
     for (std::size_t k = 0; k < 3; ++k) {
       const Corner &a = corners[t[k]], &b = corners[t[k == 2 ? 0 : k + 1]];
-      if (a.y >= y0 && a.y <= y1) see(a.z);
+      if (a[kY] >= y0 && a[kY] <= y1) see(a[kZ]);
       for (const double y : {y0, y1}) {
-        if ((a.y < y) != (b.y < y)) see(a.z + (y - a.y) / (b.y - a.y) * (b.z - a.z));
+        if ((a[kY] < y) == (b[kY] < y)) continue;
+        see(a[kZ] + (y - a[kY]) / (b[kY] - a[kY]) * (b[kZ] - a[kZ]));
       }
     }
     // What rounding may hide: a slice more on either side.
-    const Span all = slices_of(t), inside = cut_by(low - 1, high + 1, grid.layers);
+    const Span inside = cut_by(low - 1, high + 1, grid.layers);
     return {std::max(all.first, inside.first), std::min(all.last, inside.last)};
   }
-  std::vector<Entry> entries_of(int y0, int y1) const;
+  std::vector<Entry> entries_of(int y0, int y1, int first, int past) const;
 };
 
 /// The two edges of a triangle that this slice cuts. Edges begin at the corner with the lower
@@ -144,27 +145,20 @@ void MeshSlices::Impl::set_edges(Cut& cut, int slice) const {
   double least_above = std::numeric_limits<double>::infinity();
   for (std::size_t k = 0; k < 3; ++k) {
     std::uint32_t a = t[k], b = t[k == 2 ? 0 : k + 1];
-    const bool a_above = corners[a].z >= n, b_above = corners[b].z >= n;
-    if (a_above) least_above = std::min(least_above, corners[a].z);
+    const bool a_above = corners[a][kZ] >= n, b_above = corners[b][kZ] >= n;
+    if (a_above) least_above = std::min(least_above, corners[a][kZ]);
     if (a_above == b_above) continue;
     const int way = b_above ? 0 : 1;
     if (a > b) std::swap(a, b);
     const Corner &p = corners[a], &q = corners[b];
-    cut.x[way] = p.x, cut.y[way] = p.y, cut.z[way] = p.z;
-    cut.dx[way] = q.x - p.x, cut.dy[way] = q.y - p.y, cut.dz[way] = q.z - p.z;
+    cut.x[way] = p[kX], cut.y[way] = p[kY], cut.z[way] = p[kZ];
+    cut.dx[way] = q[kX] - p[kX], cut.dy[way] = q[kY] - p[kY], cut.dz[way] = q[kZ] - p[kZ];
   }
   cut.until = static_cast<int>(std::min(std::floor(least_above), static_cast<double>(cut.last)));
 }
 
-void MeshSlices::Impl::place(const TriangleMesh& mesh, const Printer& printer,
-                             const SliceOptions& options, const Job& job) {
-  if (!(options.layer_um >= 1.0) || !(options.layer_um <= 1000.0)) {
-    throw InputError(fmt::format("slice height {:g} um; expected 1 to 1000", options.layer_um));
-  }
-  if (mesh.triangles.empty()) throw InputError("there is no triangle to slice");
-  const detail::HalfEdges halves(mesh, job);  // refuses indices out of range
-  const std::vector<bool> turned = detail::flipped(halves, job);
-  open = detail::open_edges(halves, turned, job);
+void MeshSlices::Impl::place(TriangleMesh mesh, const Printer& printer, const SliceOptions& options,
+                             const Job& job) {
   Point3 low = mesh.vertices[mesh.triangles[0][0]], high = low;
   bool finite = true;
   std::mutex joining;
@@ -238,10 +232,10 @@ void MeshSlices::Impl::place(const TriangleMesh& mesh, const Printer& printer,
             inside(std::ceil((display_y - cy + half_y) / py - 1e-9), plate.height_px)};
   bounds.x1 = std::max(bounds.x1, std::min(bounds.x0 + 1, plate.width_px));
   bounds.y1 = std::max(bounds.y1, std::min(bounds.y0 + 1, plate.height_px));
-  corners.resize(mesh.vertices.size());
+  corners = std::move(mesh.vertices);
   in_chunks(corners.size(), job, [&](std::size_t, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
-      const Point3& v = mesh.vertices[i];
+      const Point3 v = corners[i];
       const double x = std::clamp((v[0] - mid_x + cx) / px, 0.0, 1.0 * plate.width_px);
       const double y = std::clamp((mid_y - v[1] + display_y - cy) / py, 0.0, 1.0 * plate.height_px);
       corners[i] = {std::clamp(x, static_cast<double>(bounds.x0), static_cast<double>(bounds.x1)),
@@ -249,12 +243,7 @@ void MeshSlices::Impl::place(const TriangleMesh& mesh, const Printer& printer,
                     (v[2] - low[2]) / layer_mm - 0.5};
     }
   });
-  triangles = mesh.triangles;
-  for (std::size_t i = 0; i < turned.size(); ++i) {
-    if (!turned[i]) continue;
-    std::swap(triangles[i][1], triangles[i][2]);
-    ++report.turned_triangles;
-  }
+  triangles = std::move(mesh.triangles);
 }
 
 void MeshSlices::Impl::close_contours(const Job& job) {
@@ -263,7 +252,7 @@ void MeshSlices::Impl::close_contours(const Job& job) {
 
   std::vector<std::vector<std::uint32_t>> open_of(bridges.size());
   for (std::uint32_t e = 0; e < open.size(); ++e) {
-    const double a = corners[open[e].low].z, b = corners[open[e].high].z;
+    const double a = corners[open[e].low][kZ], b = corners[open[e].high][kZ];
     const Span span = cut_by(std::min(a, b), std::max(a, b), grid.layers);
     for (int n = span.first; n <= span.last; ++n) open_of[static_cast<std::size_t>(n)].push_back(e);
   }
@@ -275,7 +264,7 @@ void MeshSlices::Impl::close_contours(const Job& job) {
       const auto place = meet(open[e].low, open[e].high, static_cast<double>(n));
       // Cuts begin where a triangle's edge rises through the slice: a surplus of rising edges
       // leaves beginnings that no cut leads to.
-      const bool rises = corners[open[e].low].z < corners[open[e].high].z;
+      const bool rises = corners[open[e].low][kZ] < corners[open[e].high][kZ];
       auto& places = rises == (open[e].surplus > 0) ? loose.beginnings : loose.ends;
       places.insert(places.end(), static_cast<std::size_t>(std::abs(open[e].surplus)), place);
     }
@@ -294,16 +283,22 @@ void MeshSlices::Impl::bin_triangles(const Job& job) {
   rows_per_bin = band_rows(grid);
   const auto bins = static_cast<std::size_t>((grid.height_px + rows_per_bin - 1) / rows_per_bin);
   bin_begin.assign(bins + 1, 0);
-  const auto cut = [&](const std::array<std::uint32_t, 3>& t) {
-    const Span span = slices_of(t);
-    return span.first <= span.last;
+  /// Those of a triangle, none where the first is after the last, and the slices that cut it.
+  struct Bins {
+    std::uint32_t first, last;
+    Span span;
   };
+  const auto bins_by_triangle = std::make_unique_for_overwrite<Bins[]>(triangles.size());
   // Of each chunk and bin: how many, then where they begin.
   std::vector<std::size_t> at(chunks_of(triangles.size()) * bins, 0);
   in_chunks(triangles.size(), job, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
-      if (!cut(triangles[i])) continue;
+      Bins& its = bins_by_triangle[i];
+      its = {1, 0, slices_of(triangles[i])};
+      if (its.span.first > its.span.last) continue;
       const auto [first, last] = bins_of(triangles[i]);
+      its.first = static_cast<std::uint32_t>(first);
+      its.last = static_cast<std::uint32_t>(last);
       for (std::size_t b = first; b <= last; ++b) ++at[chunk * bins + b];
     }
   });
@@ -313,45 +308,57 @@ void MeshSlices::Impl::bin_triangles(const Job& job) {
     for (std::size_t k = b; k < at.size(); k += bins) sum += std::exchange(at[k], sum);
   }
   bin_begin[bins] = sum;
-  binned.resize(sum);
+  binned = std::make_unique_for_overwrite<Entry[]>(sum);
   in_chunks(triangles.size(), job, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
-      if (!cut(triangles[i])) continue;
-      const auto [first, last] = bins_of(triangles[i]);
-      for (std::size_t b = first; b <= last; ++b) {
-        binned[at[chunk * bins + b]++] = static_cast<std::uint32_t>(i);
+      const Bins its = bins_by_triangle[i];
+      for (std::size_t b = its.first; b <= its.last; ++b) {
+        binned[at[chunk * bins + b]++] = {static_cast<std::uint32_t>(i), its.span};
       }
     }
   });
 }
 
-/// The triangles of these rows, sorted by the first slice that cuts them.
-std::vector<Entry> MeshSlices::Impl::entries_of(int y0, int y1) const {
-  const std::size_t first = bin_of(y0), last = bin_of(y1 - 1);
+/// The triangles of these rows and slices, sorted by the first of the slices that cuts them.
+std::vector<Entry> MeshSlices::Impl::entries_of(int y0, int y1, int first, int past) const {
+  const std::size_t first_bin = bin_of(y0), last_bin = bin_of(y1 - 1);
   std::vector<Entry> found;
-  found.reserve(bin_begin[last + 1] - bin_begin[first]);
-  std::vector<std::size_t> at(static_cast<std::size_t>(grid.layers) + 1, 0);
-  for (std::size_t b = first; b <= last; ++b) {
+  found.reserve(bin_begin[last_bin + 1] - bin_begin[first_bin]);
+  std::vector<std::size_t> at(static_cast<std::size_t>(past - first) + 1, 0);
+  for (std::size_t b = first_bin; b <= last_bin; ++b) {
     for (std::size_t i = bin_begin[b]; i < bin_begin[b + 1]; ++i) {
-      const auto& t = triangles[binned[i]];
-      if (b > first && bins_of(t).first < b) continue;  // found in an earlier bin
-      const Span span = slices_of(t, y0, y1);
+      Entry e = binned[i];
+      e.span = {std::max(e.span.first, first), std::min(e.span.last, past - 1)};
+      if (e.span.first > e.span.last) continue;
+      const auto& t = triangles[e.triangle];
+      if (b > first_bin && bins_of(t).first < b) continue;  // found in an earlier bin
+      const Span span = slices_of(t, e.span, y0, y1);
       if (span.first > span.last) continue;
-      found.push_back({binned[i], span});
-      ++at[static_cast<std::size_t>(span.first) + 1];
+      found.push_back({e.triangle, span});
+      ++at[static_cast<std::size_t>(span.first - first) + 1];
     }
   }
   for (std::size_t n = 1; n < at.size(); ++n) at[n] += at[n - 1];
   std::vector<Entry> sorted(found.size());
-  for (const Entry& e : found) sorted[at[static_cast<std::size_t>(e.span.first)]++] = e;
+  for (const Entry& e : found) sorted[at[static_cast<std::size_t>(e.span.first - first)]++] = e;
   return sorted;
 }
 
-MeshSlices::MeshSlices(const TriangleMesh& mesh, const Printer& printer,
-                       const SliceOptions& options, const Job& job)
+MeshSlices::MeshSlices(TriangleMesh mesh, const Printer& printer, const SliceOptions& options,
+                       const Job& job, const MeshSeams* known_seams)
     : impl_(std::make_unique<Impl>()) {
+  if (!(options.layer_um >= 1.0) || !(options.layer_um <= 1000.0)) {
+    throw InputError(fmt::format("slice height {:g} um; expected 1 to 1000", options.layer_um));
+  }
+  if (mesh.triangles.empty()) throw InputError("there is no triangle to slice");
   impl_->antialias = options.antialias;
-  impl_->place(mesh, printer, options, job);
+  const MeshSeams seams = known_seams ? *known_seams : detail::seams_of(mesh, job);
+  impl_->place(std::move(mesh), printer, options, job);
+  for (const std::uint32_t t : seams.flipped) {
+    std::swap(impl_->triangles[t][1], impl_->triangles[t][2]);
+  }
+  impl_->report.turned_triangles = seams.flipped.size();
+  impl_->open = seams.open;
   job.check_cancelled();
   impl_->close_contours(job);
   impl_->bin_triangles(job);
@@ -373,8 +380,12 @@ PixelBox MeshSlices::bounds() const { return impl_->bounds; }
 const SliceReport& MeshSlices::report() const { return impl_->report; }
 
 void MeshSlices::read_band(const PixelBox& band, const Sink& sink) const {
+  read_slices(band, 0, impl_->grid.layers, sink);
+}
+
+void MeshSlices::read_slices(const PixelBox& band, int first, int past, const Sink& sink) const {
   const Impl& s = *impl_;
-  const std::vector<Entry> entries = s.entries_of(band.y0, band.y1);
+  const std::vector<Entry> entries = s.entries_of(band.y0, band.y1, first, past);
   // Drawn over the part's full width, as the winding comes from the left, and cropped if less is
   // asked.
   const PixelBox full = {s.bounds.x0, band.y0, s.bounds.x1, band.y1};
@@ -388,7 +399,7 @@ void MeshSlices::read_band(const PixelBox& band, const Sink& sink) const {
   std::vector<Cut> active;
   std::vector<Segment> segments;
   std::size_t next = 0;
-  for (int n = 0; n < s.grid.layers; ++n) {
+  for (int n = first; n < past; ++n) {
     const auto& bridges = s.bridges[static_cast<std::size_t>(n)];
     segments.clear();
     for (std::size_t i = 0; i < active.size();) {

@@ -1,3 +1,4 @@
+// Rows from segments: sums of areas, and the pixel-centre rule.
 #include "slice/raster.hpp"
 
 #include <algorithm>
@@ -6,131 +7,11 @@
 #include <cstring>
 
 #include "base/kernels.hpp"
-
-#define SLICECORR_INLINE inline __attribute__((always_inline))
+#include "slice/raster_parts.hpp"
 
 namespace slicecorr::detail {
 
-struct Raster::Frame {
-  int x0, y0, y1;
-  int width;
-  std::size_t words;   ///< 64 marks each
-  std::size_t stride;  ///< sums per row
-};
-
-/// A segment from its upper end to its lower one, whichever way the contour goes: neighbours then
-/// round alike. x is counted from the band's left side.
-struct Raster::Line {
-  double ux, uy, lx, ly;
-  double slope, least, most;
-  bool down;
-
-  SLICECORR_INLINE Line(const Segment& s, const Frame& f) {
-    down = s.ay < s.by;
-    const double right = f.width;
-    ux = std::min(std::max((down ? s.ax : s.bx) - f.x0, 0.0), right);
-    lx = std::min(std::max((down ? s.bx : s.ax) - f.x0, 0.0), right);
-    uy = down ? s.ay : s.by;
-    ly = down ? s.by : s.ay;
-    slope = (lx - ux) / (ly - uy);
-    least = std::min(ux, lx);
-    most = std::max(ux, lx);
-  }
-  SLICECORR_INLINE double x_at(double y) const {
-    return std::min(std::max(ux + (y - uy) * slope, least), most);
-  }
-  SLICECORR_INLINE int first_row(const Frame& f) const {
-    return uy > f.y0 ? static_cast<int>(uy) : f.y0;
-  }
-  SLICECORR_INLINE int last_row(const Frame& f) const {
-    if (ly >= f.y1) return f.y1 - 1;
-    const int row = static_cast<int>(ly);
-    return row < ly ? row : row - 1;
-  }
-};
-
 namespace {
-
-/// A row's height, or a whole pixel, in the units of the sums: windings up to 2^17 fit 64 bits, and
-/// roundings stay below those of coordinates (a double of 2048 has 42 bits after the point).
-constexpr int kOneBits = 46;
-constexpr std::int64_t kOne = std::int64_t{1} << kOneBits;
-constexpr double kOneReal = static_cast<double>(kOne);
-/// Up to here insertion sorts are quick enough.
-constexpr std::ptrdiff_t kFew = 48;
-
-SLICECORR_INLINE unsigned level_of(std::int64_t sum) {
-  const std::int64_t covered = std::min(sum < 0 ? -sum : sum, kOne);
-  return static_cast<unsigned>((covered * 255 + kOne / 2) >> kOneBits);
-}
-
-SLICECORR_INLINE int column_of(double x, int width) {
-  return std::min(static_cast<int>(x), width - 1);
-}
-
-using Pair = double __attribute__((vector_size(16)));
-using WholePair = std::int64_t __attribute__((vector_size(16)));
-
-/// Whole numbers up to 2^51 added to this have them in their lowest bits, rounded.
-constexpr double kShift = 0x1.8p52;
-
-SLICECORR_INLINE double rounded(double v) { return (v + kShift) - kShift; }
-
-SLICECORR_INLINE void add_to(PixelSums& sums, double cover, double area) {
-  WholePair at;
-  std::memcpy(&at, &sums, sizeof at);
-  const Pair shift = {kShift, kShift}, moved = Pair{cover, area} + shift;
-  at += reinterpret_cast<WholePair>(moved) - reinterpret_cast<WholePair>(shift);
-  std::memcpy(&sums, &at, sizeof at);
-}
-
-SLICECORR_INLINE void add_to(PixelSums& sums, const PixelSums& more) {
-  WholePair at, add;
-  std::memcpy(&at, &sums, sizeof at);
-  std::memcpy(&add, &more, sizeof add);
-  at += add;
-  std::memcpy(&sums, &at, sizeof at);
-}
-
-SLICECORR_INLINE void mark(std::uint64_t* marks, unsigned first, unsigned last) {
-  const std::uint64_t from = ~std::uint64_t{0} << (first & 63);
-  const std::uint64_t to = ~std::uint64_t{0} >> (~last & 63);
-  if (first >> 6 == last >> 6) [[likely]] {
-    marks[first >> 6] |= from & to;
-    return;
-  }
-  marks[first >> 6] |= from;
-  for (unsigned w = (first >> 6) + 1; w < last >> 6; ++w) marks[w] = ~std::uint64_t{0};
-  marks[last >> 6] |= to;
-}
-
-/// Adds a piece from xa to xb to the sums of its row, which go on for one pixel past the last, and
-/// marks its pixels. `height` is a whole number, negative for pieces that go up; `per_pixel` is the
-/// height per pixel of the way along x.
-SLICECORR_INLINE void add_piece(PixelSums* sums, std::uint64_t* marks, double xa, double xb,
-                                double height, double per_pixel, int width) {
-  const double left = std::min(xa, xb), right = std::max(xa, xb);
-  const int first = column_of(left, width), last = column_of(right, width);
-  mark(marks, static_cast<unsigned>(first), static_cast<unsigned>(last));
-  const double side = first + 1;
-  if (last <= first + 1) [[likely]] {
-    const double cover = first == last ? height : rounded(per_pixel * (side - left));
-    const double mean = first == last ? 0.5 * (left + right) : 0.5 * (left + side);
-    add_to(sums[first], cover, cover * (side - mean));
-    const double rest = height - cover;
-    add_to(sums[first + 1], rest, rest * (1.0 - 0.5 * (right - side)));
-    return;
-  }
-  double done = rounded(per_pixel * (side - left));
-  add_to(sums[first], done, done * (0.5 * (side - left)));
-  for (int p = first + 1; p < last; ++p) {
-    const double until = rounded(per_pixel * (p + 1 - left));
-    add_to(sums[p], until - done, 0.5 * (until - done));
-    done = until;
-  }
-  const double rest = height - done;
-  add_to(sums[last], rest, rest * (1.0 - 0.5 * (right - last)));
-}
 
 using Reals = double __attribute__((vector_size(32)));
 using Wholes = std::int64_t __attribute__((vector_size(32)));
@@ -139,21 +20,26 @@ constexpr int kLanes = 4;
 
 /// Writes 64 pixels, or the first `count` of them: 255 for every bit that is set, else 0.
 SLICECORR_INLINE void spread(std::uint64_t bits, std::uint8_t* pixels, std::size_t count) {
-  using Words = std::uint64_t __attribute__((vector_size(64)));
-  using Bytes = std::uint8_t __attribute__((vector_size(64)));
-  // The byte of eight bits that each pixel finds its own in: within 16 bytes, as they all are
-  // alike.
-  constexpr Bytes kByte = {0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1, 2, 2, 2, 2, 2, 2,
-                           2, 2, 3, 3, 3, 3, 3, 3, 3, 3, 4, 4, 4, 4, 4, 4, 4, 4, 5, 5, 5, 5,
-                           5, 5, 5, 5, 6, 6, 6, 6, 6, 6, 6, 6, 7, 7, 7, 7, 7, 7, 7, 7};
+  // Registers of 32 bytes: what is wider is taken to single bytes where there is no AVX-512.
+  using Bits = std::uint32_t __attribute__((vector_size(32)));
+  using Words = std::uint64_t __attribute__((vector_size(32)));
+  using Bytes = std::uint8_t __attribute__((vector_size(32)));
+  // The byte of eight bits that each pixel finds its own in: within 16 bytes, which are shuffled
+  // for themselves; all of them repeat the same four.
+  constexpr Bytes kByte = {0,  0,  0,  0,  0,  0,  0,  0,  1,  1,  1,  1,  1,  1,  1,  1,
+                           18, 18, 18, 18, 18, 18, 18, 18, 19, 19, 19, 19, 19, 19, 19, 19};
   const Bytes own = reinterpret_cast<Bytes>(Words{} + 0x8040201008040201u);
-  const Bytes all = reinterpret_cast<Bytes>(Words{} + bits);
-  const auto lit = (__builtin_shuffle(all, kByte) & own) == own;
+  const Bytes low = reinterpret_cast<Bytes>(Bits{} + static_cast<std::uint32_t>(bits));
+  const Bytes high = reinterpret_cast<Bytes>(Bits{} + static_cast<std::uint32_t>(bits >> 32));
+  const auto lit_low = (__builtin_shuffle(low, kByte) & own) == own;
+  const auto lit_high = (__builtin_shuffle(high, kByte) & own) == own;
   if (count >= 64) [[likely]] {
-    std::memcpy(pixels, &lit, 64);
-  } else {
-    std::memcpy(pixels, &lit, count);
+    std::memcpy(pixels, &lit_low, 32);
+    std::memcpy(pixels + 32, &lit_high, 32);
+    return;
   }
+  std::memcpy(pixels, &lit_low, std::min<std::size_t>(count, 32));
+  if (count > 32) std::memcpy(pixels + 32, &lit_high, count - 32);
 }
 
 /// Four segments as lines.
@@ -223,8 +109,10 @@ Raster::Raster(int x0, int y0, int x1, int y1, bool antialias)
   marks_.resize(rows * words_ * (antialias ? 2 : 1));
   if (antialias) {
     sums_.resize(rows * (width_ + 1));
-    row_ends_.resize(rows + 1);
     gaps_.resize(words_);
+    tangle_of_.resize((rows + 1) * width_);
+    tangle_row_.resize(rows + kLanes);
+    tangles_near_.resize(rows);
     columns_.resize(64 * words_ + 8);
     levels_.resize(columns_.size());
     areas_.resize(columns_.size());
@@ -237,8 +125,8 @@ Raster::Raster(int x0, int y0, int x1, int y1, bool antialias)
 const std::uint8_t* Raster::draw(std::span<const Segment> segments) {
   const Frame f = {x0_, y0_, y1_, x1_ - x0_, words_, width_ + 1};
   segments_ = segments;
-  listed_ = false;
   crossing_count_ = 0;
+  tangles_.clear();
   if (antialias_) {
     add_areas(f);
   } else {
@@ -256,6 +144,7 @@ const std::uint8_t* Raster::draw(std::span<const Segment> segments) {
       drawn_[row] = 0;
     }
   }
+  if (!tangles_.empty()) lit |= draw_tangles(f) != 0;
   return lit ? pixels_.data() : nullptr;
 }
 
@@ -367,7 +256,7 @@ void Raster::add_horizontal(const Segment& s, const Frame& f) {
   touched_[at] = 1;
 }
 
-/// All pixels as if no pieces overlapped, and then again those where they may.
+/// All pixels as if no pieces overlapped, and says where they may.
 SLICECORR_CLONES
 bool Raster::draw_area_row(int row, const Frame& f) {
   const auto at = static_cast<std::size_t>(row);
@@ -452,210 +341,10 @@ bool Raster::draw_area_row(int row, const Frame& f) {
   for (std::size_t i = 0; i < count; ++i) pixels[columns[i]] = levels[i];
   if (!doubts_.empty()) {
     if (mixed_count < doubts_.size()) std::sort(doubts_.begin(), doubts_.end());
-    lit |= draw_doubts(row, count, f);
+    find_tangles(row, count);
   }
   std::memset(down, 0, 2 * f.words * sizeof *down);
   return lit != 0;
-}
-
-/// Draws the runs of these marked pixels again.
-unsigned Raster::draw_doubts(int row, std::size_t count, const Frame& f) {
-  unsigned lit = 0;
-  std::size_t done = 0;
-  for (const std::uint32_t i : doubts_) {
-    if (i < done) continue;
-    std::size_t first = i;
-    while (first > 0 && columns_[first - 1] + 1 == columns_[first]) --first;
-    for (done = i + 1; done < count && columns_[done - 1] + 1 == columns_[done];) ++done;
-    lit |= draw_tangle(row, static_cast<int>(columns_[first]), static_cast<int>(columns_[done - 1]),
-                       static_cast<int>((begins_[i] + kOne / 2) >> kOneBits), f);
-  }
-  return lit;
-}
-
-/// Crossings by row.
-void Raster::list_rows() {
-  listed_ = true;
-  std::fill(row_ends_.begin(), row_ends_.end(), 0);
-  for (std::size_t i = 0; i < crossing_count_; ++i) {
-    const Crossings& c = crossings_[i];
-    for (int k = 0; k < c.count; ++k) ++row_ends_[c.row + static_cast<std::size_t>(k) + 1];
-  }
-  for (std::size_t r = 1; r < row_ends_.size(); ++r) row_ends_[r] += row_ends_[r - 1];
-  if (by_row_.size() < row_ends_.back()) by_row_.resize(2 * row_ends_.back());
-  for (std::size_t i = 0; i < crossing_count_; ++i) {
-    const Crossings& c = crossings_[i];
-    for (int k = 0; k < c.count; ++k) {
-      by_row_[row_ends_[c.row + static_cast<std::size_t>(k)]++] = {c.columns[k], c.segment};
-    }
-  }
-}
-
-/// Whether at every height of a run there are no pieces, or one that goes down and one that goes
-/// up, always in the same order. They then bound all that lies between them, and signed areas are
-/// right. The pieces are those of a run, sorted by their upper ends.
-bool Raster::pairs() {
-  double down_end = 0, up_end = 0, order = 0;
-  std::size_t i = 0, k = 0;
-  const std::size_t n = pieces_.size();
-  const auto next = [&](std::size_t& at, int winding) {
-    while (at < n && pieces_[at].winding != winding) ++at;
-    return at < n;
-  };
-  for (const Piece& p : pieces_) {
-    double& end = p.winding > 0 ? down_end : up_end;
-    if (p.y0 < end) return false;
-    end = p.y1;
-  }
-  while (next(i, 1) && next(k, -1)) {
-    const Piece &down = pieces_[i], &up = pieces_[k];
-    const double from = std::max(down.y0, up.y0), to = std::min(down.y1, up.y1);
-    if (from < to) {
-      for (const double y : {from, to}) {
-        const double gap = up.at(y) - down.at(y);
-        if (gap * order < 0) return false;
-        if (gap != 0) order = gap > 0 ? 1 : -1;
-      }
-    }
-    ++(down.y1 < up.y1 ? i : k);
-  }
-  return true;
-}
-
-/// Pixels in which pieces may overlap or cross. Left and right of them the winding is one number
-/// per row.
-unsigned Raster::draw_tangle(int r, int first, int last, int winding, const Frame& f) {
-  if (!listed_) list_rows();
-  const auto at = static_cast<std::size_t>(r);
-  const int row = f.y0 + r;
-  pieces_.clear();
-  events_.clear();
-  // Segments of these columns, found without a branch that can't be foretold.
-  const std::uint32_t from_i = at ? row_ends_[at - 1] : 0, to_i = row_ends_[at];
-  if (found_.size() <= to_i - from_i) found_.resize(2 * (to_i - from_i) + 1);
-  std::size_t found = 0;
-  for (std::uint32_t i = from_i; i < to_i; ++i) {
-    found_[found] = by_row_[i].segment;
-    found +=
-        static_cast<unsigned>(by_row_[i].column - first) <= static_cast<unsigned>(last - first);
-  }
-  for (std::size_t i = 0; i < found; ++i) {
-    const Line line(segments_[found_[i]], f);
-    Piece p;
-    p.y0 = line.uy > row ? line.uy - row : 0.0;
-    p.x0 = line.uy > row ? line.ux : line.x_at(row);
-    p.y1 = line.ly < row + 1 ? line.ly - row : 1.0;
-    p.x1 = line.ly < row + 1 ? line.lx : line.x_at(row + 1);
-    if (!(p.y0 < p.y1)) continue;
-    p.slope = (p.x1 - p.x0) / (p.y1 - p.y0);
-    p.winding = line.down ? 1 : -1;
-    pieces_.push_back(p);
-  }
-  // An order that follows from the pieces alone.
-  std::sort(pieces_.begin(), pieces_.end(), [](const Piece& a, const Piece& b) {
-    if (a.y0 != b.y0) return a.y0 < b.y0;
-    if (a.x0 != b.x0) return a.x0 < b.x0;
-    if (a.x1 != b.x1) return a.x1 < b.x1;
-    return a.y1 != b.y1 ? a.y1 < b.y1 : a.winding < b.winding;
-  });
-  if (pairs()) return 0;  // already drawn
-  // Strips begin and end where pieces do. Lower ends are nearly in the order of upper ones.
-  lower_ends_.clear();
-  for (const Piece& p : pieces_) {
-    lower_ends_.push_back(p.y1);
-    std::size_t k = lower_ends_.size() - 1;
-    if (k > 0 && lower_ends_[k - 1] > p.y1) {
-      const auto to = std::upper_bound(lower_ends_.begin(), lower_ends_.end() - 1, p.y1);
-      std::rotate(to, lower_ends_.end() - 1, lower_ends_.end());
-    }
-  }
-  events_.clear();
-  std::size_t upper = 0, lower = 0;
-  while (lower < lower_ends_.size()) {
-    const bool begins = upper < pieces_.size() && pieces_[upper].y0 < lower_ends_[lower];
-    const double y = begins ? pieces_[upper++].y0 : lower_ends_[lower++];
-    if (events_.empty() || events_.back() != y) events_.push_back(y);
-  }
-  PixelSums* const sums = sums_.data() + at * f.stride;
-  std::uint64_t* const marks = marks_.data() + 2 * at * f.words;  // of pixels that have some
-  active_.clear();
-  std::size_t next = 0;
-  for (std::size_t e = 0; e + 1 < events_.size(); ++e) {
-    const double from = events_[e], to = events_[e + 1];
-    std::erase_if(active_, [&](const Active& a) { return a.piece->y1 <= from; });
-    for (; next < pieces_.size() && pieces_[next].y0 <= from; ++next) {
-      active_.push_back({&pieces_[next], 0, 0});
-    }
-    if (!active_.empty()) draw_strip(sums, marks, from, to, winding, f);
-  }
-  unsigned lit = 0;
-  std::int64_t running = winding ? kOne : 0;
-  std::uint8_t* const pixels = pixels_.data() + at * width_;
-  for (int p = first; p <= last; ++p) {
-    const unsigned level = level_of(std::max<std::int64_t>(running + sums[p].area, 0));
-    running += sums[p].cover;
-    sums[p] = {0, 0};
-    pixels[p] = static_cast<std::uint8_t>(level);
-    lit |= level;
-  }
-  return lit;
-}
-
-void Raster::draw_strip(PixelSums* sums, std::uint64_t* marks, double from, double to, int winding,
-                        const Frame& f) {
-  const auto before = [](const Active& a, const Active& b) {
-    return a.x != b.x ? a.x < b.x : a.x_end < b.x_end;
-  };
-  // No piece begins or ends within a strip; where two cross, it is cut there. Each cut orders at
-  // least one pair for good; the bound only guards against rounding.
-  for (std::size_t cuts = 0; from < to; ++cuts) {
-    double until = to;
-    for (Active& a : active_) {
-      a.x = a.piece->at(from);
-      a.x_end = a.piece->at(to);
-    }
-    if (active_.size() > 1) {
-      // Mostly in order from the strip before.
-      if (static_cast<std::ptrdiff_t>(active_.size()) > kFew) {
-        std::stable_sort(active_.begin(), active_.end(), before);
-      } else {
-        for (std::size_t k = 1; k < active_.size(); ++k) {
-          const Active a = active_[k];
-          std::size_t to_k = k;
-          for (; to_k > 0 && before(a, active_[to_k - 1]); --to_k)
-            active_[to_k] = active_[to_k - 1];
-          active_[to_k] = a;
-        }
-      }
-      const std::size_t most = active_.size() * active_.size();
-      for (std::size_t k = 0; k + 1 < active_.size() && cuts < most;) {
-        const double gap = active_[k + 1].x - active_[k].x;
-        const double gap_end = active_[k + 1].x_end - active_[k].x_end;
-        const double y = gap_end < 0 ? from + (to - from) * (gap / (gap - gap_end)) : to;
-        if (y <= from) {
-          // They cross right here, but rounding has them in the order from before. Every swap
-          // leaves one pair less in the wrong order at the lower side.
-          std::swap(active_[k], active_[k + 1]);
-          if (k > 0) --k;
-          continue;
-        }
-        if (y < until) until = y;
-        ++k;
-      }
-    }
-    const double height = rounded(until * kOneReal) - rounded(from * kOneReal);
-    int w = winding;
-    for (const Active& a : active_) {
-      const int after = w + a.piece->winding;
-      if ((w == 0) != (after == 0)) {
-        const double x_end = until == to ? a.x_end : a.piece->at(until);
-        const double change = w == 0 ? height : -height;
-        add_piece(sums, marks, a.x, x_end, change, change / std::abs(x_end - a.x), f.width);
-      }
-      w = after;
-    }
-    from = until;
-  }
 }
 
 SLICECORR_CLONES

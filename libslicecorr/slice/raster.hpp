@@ -57,8 +57,14 @@ class Raster {
   };
   struct Active {
     const Piece* piece;
-    double x;      ///< at the upper side of the strip
+    double x;      ///< at the upper side of the strip; before it is drawn already
     double x_end;  ///< at its lower side
+  };
+  /// A run of marked pixels of a row in which pieces may overlap.
+  struct Tangle {
+    int row, first, last;
+    int winding;               ///< left of it
+    std::uint32_t begin, end;  ///< its segments in `tangled_`
   };
   struct Frame;
   struct Line;
@@ -68,11 +74,12 @@ class Raster {
   void add_horizontal(const Segment& s, const Frame& f);
   bool draw_area_row(int row, const Frame& f);
   bool draw_centre_row(int row, const Frame& f);
-  unsigned draw_doubts(int row, std::size_t count, const Frame& f);
-  unsigned draw_tangle(int row, int first, int last, int winding, const Frame& f);
+  void find_tangles(int row, std::size_t count);
+  unsigned draw_tangles(const Frame& f);
+  void find_segments();
+  unsigned draw_tangle(const Tangle& tangle, const Frame& f);
   void draw_strip(PixelSums* sums, std::uint64_t* marks, double from, double to, int winding,
                   const Frame& f);
-  void list_rows();
   bool pairs();
 
   int x0_, y0_, x1_, y1_;
@@ -103,16 +110,19 @@ class Raster {
   std::vector<std::uint8_t> levels_;    ///< of these
   std::vector<std::int64_t> areas_;     ///< of these, when nothing overlaps
   std::vector<std::int64_t> begins_;    ///< the running sum where the run of each begins
-  std::vector<std::uint64_t> gaps_;     ///< marks where pixels that are inside begin
+  std::vector<std::uint64_t> gaps_;     ///< marks where pixels that are inside begin; later unused
   std::vector<std::uint32_t> doubts_;   ///< which marked pixels are to be looked at closely
-  struct InRow {
-    int column;
-    std::uint32_t segment;
+  std::vector<Tangle> tangles_;         ///< of this slice
+  /// Rows of columns: which tangle is there + 1; all 0 between slices. The first row stays 0, each
+  /// row that has tangles gets one of the others.
+  std::vector<std::uint32_t> tangle_of_;
+  std::vector<std::uint32_t> tangle_row_;   ///< per row: where its row in `tangle_of_` begins
+  std::vector<std::uint8_t> tangles_near_;  ///< per row: in it or the three below, in this slice
+  struct InTangle {
+    std::uint32_t tangle, segment;
   };
-  bool listed_ = false;                  ///< whether the next two are of this slice
-  std::vector<std::uint32_t> row_ends_;  ///< per row: where its crossings end in `by_row_`
-  std::vector<InRow> by_row_;
-  std::vector<std::uint32_t> found_;  ///< segments of a few columns of a row
+  std::vector<InTangle> found_;         ///< segments of all tangles
+  std::vector<std::uint32_t> tangled_;  ///< these, tangle by tangle
   std::vector<Piece> pieces_;
   std::vector<double> events_, lower_ends_;
   std::vector<Active> active_;

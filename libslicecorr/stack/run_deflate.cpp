@@ -1,12 +1,10 @@
 #include "stack/run_deflate.hpp"
 
-#if defined(__SSE2__)
-#include <emmintrin.h>
-#endif
-
 #include <algorithm>
 #include <bit>
 #include <cstring>
+
+#include "base/row_kernels.hpp"
 
 namespace slicecorr::detail {
 namespace {
@@ -64,25 +62,7 @@ void split(std::uint32_t length, const Take& take) {
   }
 }
 
-constexpr std::size_t block = 64;
-
-/// Bit i: whether p[i] differs from p[i - 1].
-std::uint64_t changes(const std::uint8_t* p) {
-  std::uint64_t equal = 0;
-#if defined(__SSE2__)
-  for (int i = 0; i < 4; ++i) {
-    const auto a = _mm_loadu_si128(reinterpret_cast<const __m128i*>(p + 16 * i));
-    const auto b = _mm_loadu_si128(reinterpret_cast<const __m128i*>(p + 16 * i - 1));
-    const int mask = _mm_movemask_epi8(_mm_cmpeq_epi8(a, b));
-    equal |= static_cast<std::uint64_t>(static_cast<unsigned>(mask)) << (16 * i);
-  }
-#else
-  for (unsigned i = 0; i < block; ++i) {
-    equal |= static_cast<std::uint64_t>(p[i] == p[static_cast<std::ptrdiff_t>(i) - 1]) << i;
-  }
-#endif
-  return ~equal;
-}
+constexpr std::size_t block = kRowWord;
 
 /// Up to eight literals as a number; there are eight readable bytes.
 std::uint64_t load(const std::uint8_t* p, std::uint32_t count) {
@@ -149,9 +129,12 @@ void RunDeflater::add(const std::uint8_t* bytes, std::size_t n) {
   if (n == 0) return;
   add_byte(bytes[0]);
   make_room(n);
+  const std::size_t blocks = (n - 1) / block;
+  if (changes_.size() <= blocks) changes_.resize(blocks + 1);
+  find_changes(bytes + 1, blocks, changes_.data());
   std::size_t i = 1;
-  for (; i + block <= n; i += block) {
-    const std::uint64_t starts = changes(bytes + i);
+  for (std::size_t b = 0; b < blocks; ++b, i += block) {
+    const std::uint64_t starts = changes_[b];
     if (starts == 0) {
       run_ += block;
     } else {
@@ -161,7 +144,8 @@ void RunDeflater::add(const std::uint8_t* bytes, std::size_t n) {
   if (i < n && n > block) {
     // The last block overlaps the one before.
     const std::size_t done = i - (n - block);
-    add_block(bytes + n - block, done, changes(bytes + n - block) >> done << done);
+    find_changes(bytes + n - block, 1, changes_.data());
+    add_block(bytes + n - block, done, changes_[0] >> done << done);
     return;
   }
   for (; i < n; ++i) {
@@ -294,21 +278,21 @@ void RunDeflater::count_symbols() {
   literal_frequencies_.fill(0);
   distance_frequencies_.fill(0);
   extra_bits_ = 0;
-  std::array<std::uint32_t, 256> odd{};
+  // All literals at once, in several tables: counting equal bytes in a row in one would wait for
+  // itself. Those that references cover are taken back.
+  std::array<std::array<std::uint32_t, 256>, 4> counts{};
   const std::uint8_t* literal = now_.literals.data();
-  // Two tables: counting equal bytes in a row in one would wait for itself.
-  const auto count = [&](std::size_t n) {
-    for (; n >= 2; n -= 2, literal += 2) {
-      ++literal_frequencies_[literal[0]];
-      ++odd[literal[1]];
-    }
-    if (n != 0) ++literal_frequencies_[*literal++];
-  };
-  std::size_t rest = now_.literal_count;
+  std::size_t i = 0;
+  for (; i + 4 <= now_.literal_count; i += 4) {
+    for (std::size_t k = 0; k < 4; ++k) ++counts[k][literal[i + k]];
+  }
+  for (; i < now_.literal_count; ++i) ++counts[0][literal[i]];
+  for (std::size_t v = 0; v < 256; ++v) {
+    literal_frequencies_[v] = counts[0][v] + counts[1][v] + counts[2][v] + counts[3][v];
+  }
   for (const Order& order : orders_) {
-    count(order.literals);
-    literal += order.covered;
-    rest -= order.literals + order.covered;
+    literal += order.literals;
+    for (std::uint32_t k = 0; k < order.covered; ++k) --literal_frequencies_[*literal++];
     const Distance distance = distance_of(order.distance);
     split(order.length, [&](std::uint32_t length, std::uint32_t times) {
       const std::uint8_t code = lengths.code[length];
@@ -317,8 +301,6 @@ void RunDeflater::count_symbols() {
       extra_bits_ += std::uint64_t{times} * (lengths.extra[code] + distance.extra_bits);
     });
   }
-  count(rest);
-  for (std::size_t i = 0; i < odd.size(); ++i) literal_frequencies_[i] += odd[i];
   literal_frequencies_[end_of_block] = 1;
 }
 

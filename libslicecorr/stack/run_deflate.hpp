@@ -67,9 +67,10 @@ class RunDeflater {
   };
   Steps now_, last_;  ///< of this piece, and of the last that was written
   bool written_ = false;
-  std::size_t step_start_ = 0;  ///< first literal of the step at hand
-  std::uint32_t value_ = 0;     ///< of the run at hand; above 255: none
-  std::size_t run_ = 0;         ///< its length, without the first byte
+  std::size_t step_start_ = 0;          ///< first literal of the step at hand
+  std::uint32_t value_ = 0;             ///< of the run at hand; above 255: none
+  std::size_t run_ = 0;                 ///< its length, without the first byte
+  std::vector<std::uint64_t> changes_;  ///< of the bytes at hand, 64 a word
 
   struct Place {
     std::uint32_t raw, literal;  ///< where a step starts, in the piece and among the literals

@@ -43,6 +43,19 @@ struct MeshDefects {
   }
 };
 
+/// Where triangles don't fit together: what slicing asks of a mesh besides its triangles, and what
+/// `inspect` finds on its way.
+struct MeshSeams {
+  /// An edge that its triangles do not run along equally often both ways, once those of `flipped`
+  /// are turned: contours break there.
+  struct OpenEdge {
+    std::uint32_t low, high;  ///< vertices, low < high
+    std::int32_t surplus;     ///< triangles that run from low to high, less those that run back
+  };
+  std::vector<std::uint32_t> flipped;  ///< those that `flipped_triangles` marks, rising
+  std::vector<OpenEdge> open;          ///< by their vertices, rising
+};
+
 /// Figures of a mesh, in the units of its coordinates.
 struct MeshReport {
   std::size_t vertices = 0, triangles = 0;
@@ -68,8 +81,9 @@ struct Placement {
 TriangleMesh read_mesh(const std::string& path, const Placement& placement = {},
                        const Job& job = {});
 
-/// Counts triangles, bodies and defects; O(triangles).
-MeshReport inspect(const TriangleMesh& mesh, const Job& job = {});
+/// Counts triangles, bodies and defects; O(triangles). Writes the mesh's seams to `seams`, when it
+/// is not null.
+MeshReport inspect(const TriangleMesh& mesh, const Job& job = {}, MeshSeams* seams = nullptr);
 
 /// For each triangle whether it must be turned so that neighbours over two-triangle edges agree, by
 /// the majority of each body. All false for a well-oriented mesh, also one with cavities.
@@ -81,5 +95,8 @@ std::string describe(const MeshDefects& defects);
 
 /// Appends `part` to `mesh`.
 void append(TriangleMesh& mesh, const TriangleMesh& part);
+
+/// Appends the seams of a part to those of the mesh that the part is to be appended to.
+void append(MeshSeams& seams, const TriangleMesh& mesh, const MeshSeams& part);
 
 }  // namespace slicecorr

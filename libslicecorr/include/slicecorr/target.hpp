@@ -36,6 +36,14 @@ class SliceSource {
   /// 0..255 of a stack. A null pointer stands for a slice that is black there.
   using Sink = std::function<void(int slice, const std::uint8_t* rows)>;
   virtual void read_band(const PixelBox& band, const Sink& sink) const = 0;
+  /// The same of slices [first, past) only.
+  virtual void read_slices(const PixelBox& band, int first, int past, const Sink& sink) const {
+    read_band(band, [&](int n, const std::uint8_t* rows) {
+      if (n >= first && n < past) sink(n, rows);
+    });
+  }
+  /// Whether `read_slices` takes no longer than its slices do.
+  virtual bool reads_any_slices() const { return false; }
 };
 
 /// Size, scale and frame without images: for what asks nothing of voxels.

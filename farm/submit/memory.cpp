@@ -42,7 +42,7 @@ double all_tables_bytes(const MemoryFacts& f) {
 
 MemoryNeeds memory_needs(const MemoryFacts& f) {
   const double mesh = 100.0 * static_cast<double>(f.triangles) / mb;
-  const double pieces = std::min(96.0, 0.2 * static_cast<double>(f.voxels) / mb);
+  const double pieces = std::min(64.0, 0.2 * static_cast<double>(f.voxels) / mb);
   double thread = 16 + 32.0 * f.width_px * 100 / mb + 8192.0 * f.slices / mb;
   const double tables = all_tables_bytes(f) / mb;
   double models = table_sets * tables;

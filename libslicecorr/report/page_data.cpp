@@ -132,6 +132,7 @@ nlohmann::ordered_json gains_json(const ReducedVolume& v, int every, double m) {
     }
   }
   std::vector<double> gains;
+  gains.reserve(factors.size());
   for (const double f : factors) gains.push_back(std::pow(f, m));
   return {{"factors", factors}, {"gains", gains}, {"of", base64(deflated(of))}};
 }
@@ -155,6 +156,7 @@ nlohmann::ordered_json kernel_json(const InhibitedKernel& kernel, int layers) {
     }
   }
   std::vector<int> settings;
+  settings.reserve(static_cast<std::size_t>(layers));
   for (int n = 0; n < layers; ++n) settings.push_back(kernel.setting_of_slice(n));
   return {{"near", kernel.near()},
           {"levels", kernel.levels()},

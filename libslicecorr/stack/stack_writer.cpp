@@ -26,7 +26,7 @@ using detail::PixelCode;
 using detail::raw_stride;
 
 /// Of all pieces together. Beyond it a piece costs two calls of the system, some microseconds.
-constexpr std::size_t memory_budget = std::size_t{96} << 20;
+constexpr std::size_t memory_budget = std::size_t{64} << 20;
 
 /// Whether the layers of both are lit for other times.
 bool exposures_differ(const StackInfo& a, const StackInfo& b) {

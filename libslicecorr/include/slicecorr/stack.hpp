@@ -164,8 +164,8 @@ class StackReader final : public SliceSource {
 
 /// Into what archive a stack is written.
 struct StackFile {
-  StackFile(std::string file_path) : path(std::move(file_path)) {}
-  StackFile(const char* file_path) : path(file_path) {}
+  StackFile(std::string file_path) : path(std::move(file_path)) {}  // NOLINT: a path will do
+  StackFile(const char* file_path) : path(file_path) {}             // NOLINT: the same
   std::string path;
   std::string format;  ///< a name of `archive_formats`; empty: by the ending of `path`
   /// An archive of the same format: its other entries, their names, order, times and comments, and

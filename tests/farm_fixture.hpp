@@ -14,9 +14,9 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <map>
 #include <set>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -94,9 +94,12 @@ inline farm::AttemptEnd ended(farm::Reason reason, const std::string& message = 
   return e;
 }
 
+/// What can be read of a file: of a process under /proc nothing, once it has ended.
 inline std::string text_of_file(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
-  return std::string(std::istreambuf_iterator<char>(file), {});
+  std::ostringstream text;
+  text << file.rdbuf();
+  return text.str();
 }
 
 inline void write_file(const std::string& path, const std::string& text) {

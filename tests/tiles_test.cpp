@@ -68,7 +68,8 @@ Case random_case(std::mt19937& random) {
   const std::size_t columns = alike ? 64 * (1 + random() % 2) : 1 + random() % 150;
   for (std::size_t i = 0; i < columns; ++i) {
     // Neighbours alike, so that whole tiles take the fast way.
-    designs.push_back(i && (alike || random() % 3) ? designs.back() : random_column(random, layers));
+    designs.push_back(i && (alike || random() % 3) ? designs.back()
+                                                   : random_column(random, layers));
     for (int n = 0; n < layers; ++n) {
       if (designs.back()[static_cast<std::size_t>(n)]) last_lit = std::max(last_lit, n);
     }

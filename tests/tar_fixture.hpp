@@ -84,17 +84,15 @@ inline Bytes gzip(const Bytes& bytes, int level = 6) {
 inline Bytes gunzip(const Bytes& bytes) {
   z_stream z{};
   EXPECT_EQ(inflateInit2(&z, 31), Z_OK);
-  Bytes out;
+  Bytes out, block(1 << 20);
   z.next_in = const_cast<Bytef*>(bytes.data());
   z.avail_in = static_cast<uInt>(bytes.size());
   int result = Z_OK;
   while (result == Z_OK) {
-    const std::size_t size = out.size();
-    out.resize(size + (1 << 20));
-    z.next_out = out.data() + size;
-    z.avail_out = 1 << 20;
+    z.next_out = block.data();
+    z.avail_out = static_cast<uInt>(block.size());
     result = inflate(&z, Z_NO_FLUSH);
-    out.resize(out.size() - z.avail_out);
+    out.insert(out.end(), block.data(), z.next_out);
   }
   EXPECT_EQ(result, Z_STREAM_END);
   EXPECT_EQ(z.avail_in, 0u);

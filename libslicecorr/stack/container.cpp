@@ -99,6 +99,12 @@ ContainerOutput::ContainerOutput(const std::string& path) : path_(path) {
   file_ = place.file;
 }
 
+void ContainerOutput::Source::make(std::vector<std::uint8_t>& contents) const {
+  contents.clear();
+  fill(number, contents);
+  if (contents.size() != size) throw Error("an entry has not the promised size");
+}
+
 void ContainerOutput::add(std::string name, std::vector<std::uint8_t> data) {
   const std::uint64_t size = data.size();
   auto fill = [data = std::move(data)](std::size_t, std::vector<std::uint8_t>& out) { out = data; };

@@ -44,6 +44,8 @@ class ContainerOutput {
     std::uint64_t size = 0;
     Fill fill;
     std::size_t number = 0;
+    /// Throws `Error` when the contents have not the promised size.
+    void make(std::vector<std::uint8_t>& contents) const;
   };
   explicit ContainerOutput(const std::string& path);
 

@@ -314,9 +314,7 @@ void FolderOutput::fill(const std::string& temporary, const Job& job) {
   std::vector<std::uint8_t> data;
   for (const Source& source : sources_) {
     job.check_cancelled();
-    data.clear();
-    source.fill(source.number, data);
-    if (data.size() != source.size) throw Error("an entry has not the promised size");
+    source.make(data);
     make_folder_of(source.name);
     const std::string to = temporary + "/" + source.name;
     write_file(to, data);

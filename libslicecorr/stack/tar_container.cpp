@@ -136,9 +136,7 @@ class TarGzOutput final : public ContainerOutput {
 void TarGzOutput::write_source(const Source& source, archive_entry* header, TarWriter& tar,
                                const Job& job) {
   job.check_cancelled();
-  data_.clear();
-  source.fill(source.number, data_);
-  if (data_.size() != source.size) throw Error("an entry has not the promised size");
+  source.make(data_);
   archive_entry_set_size(header, static_cast<la_int64_t>(source.size));
   tar.begin(header);
   tar.write(data_);

@@ -1,188 +1,84 @@
 #include "stack/zip_output.hpp"
 
+#include <fcntl.h>
 #include <isa-l.h>
 #include <libdeflate.h>
-#include <sys/stat.h>
 #include <unistd.h>
-#include <zip.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
-#include <exception>
 #include <memory>
 #include <new>
-#include <unordered_map>
 
 #include "base/errno_message.hpp"
 #include "base/temporary.hpp"
 #include "parallel/silent.hpp"
 #include "slicecorr/error.hpp"
+#include "stack/zip_layout.hpp"
+#include "stack/zip_pack.hpp"
 
 namespace slicecorr::detail {
 
 namespace {
 
-bool is_image(const std::string& name) { return name.ends_with(".png"); }
+std::uint32_t crc32_of(const std::vector<std::uint8_t>& data) {
+  return crc32_gzip_refl(0, data.data(), data.size());
+}
 
-/// An entry deflated ahead of its turn.
-struct Packed {
-  std::vector<std::uint8_t> data;
-  std::uint32_t crc32 = 0;
+/// A file into which all threads write, each at its own place.
+class OpenFile {
+ public:
+  OpenFile(const std::string& file, std::string shown_path)
+      : path_(std::move(shown_path)), fd_(::open(file.c_str(), O_WRONLY | O_CLOEXEC)) {
+    if (fd_ < 0) fail();
+  }
+  ~OpenFile() {
+    if (fd_ >= 0) ::close(fd_);
+  }
+  OpenFile(const OpenFile&) = delete;
+  OpenFile& operator=(const OpenFile&) = delete;
+
+  void write(const std::vector<std::uint8_t>& data, std::uint64_t offset) const {
+    for (std::size_t done = 0; done < data.size();) {
+      const ssize_t n =
+          ::pwrite(fd_, data.data() + done, data.size() - done, static_cast<off_t>(offset + done));
+      if (n < 0 && errno == EINTR) continue;
+      if (n <= 0) fail();
+      done += static_cast<std::size_t>(n);
+    }
+  }
+  /// Begins to move what was written there to the disk: less to wait for at the end.
+  void begin_sync(std::uint64_t from, std::uint64_t to) const {
+    if (from == to) return;  // would be all
+    // Where that can't be done, the end takes longer.
+    [[maybe_unused]] const int result = ::sync_file_range(
+        fd_, static_cast<off_t>(from), static_cast<off_t>(to - from), SYNC_FILE_RANGE_WRITE);
+  }
+  /// Some file systems tell only now that there is no room.
+  void close() {
+    const int fd = std::exchange(fd_, -1);
+    if (::close(fd) != 0) fail();
+  }
+
+ private:
+  [[noreturn]] void fail() const { throw DeviceError(errno_message(path_, "can't be written")); }
+
+  std::string path_;
+  int fd_;
 };
 
-Packed pack(const std::vector<std::uint8_t>& data, int level) {
+}  // namespace
+
+PackedEntry deflate_entry(const std::vector<std::uint8_t>& data, int level) {
   const std::unique_ptr<libdeflate_compressor, decltype(&libdeflate_free_compressor)> compressor(
       libdeflate_alloc_compressor(level), &libdeflate_free_compressor);
   if (!compressor) throw std::bad_alloc();
-  Packed packed;
+  PackedEntry packed;
   packed.data.resize(libdeflate_deflate_compress_bound(compressor.get(), data.size()));
   packed.data.resize(libdeflate_deflate_compress(compressor.get(), data.data(), data.size(),
                                                  packed.data.data(), packed.data.size()));
-  packed.crc32 = crc32_gzip_refl(0, data.data(), data.size());
+  packed.crc32 = crc32_of(data);
   return packed;
 }
-
-/// Of entries that are deflated together, ahead of their turn.
-constexpr std::uint64_t batch_bytes = std::uint64_t{16} << 20;
-
-}  // namespace
-
-/// The entry that is being written. Only one is open at a time, so all share one buffer.
-struct ZipWriting {
-  const Job& job;
-  const std::vector<ZipOutput::Source>& sources;
-  int level = 0;  ///< of images
-  std::vector<std::uint8_t> data;
-  std::size_t at = 0;
-  /// Thrown by `fill` or by the user's callback: it must not pass through the C library.
-  std::exception_ptr error;
-  std::unordered_map<std::size_t, Packed> packed;  ///< by place in `sources`
-
-  struct Entry {
-    ZipWriting* writing;
-    std::size_t place;  ///< in `sources`
-    bool deflate_here;  ///< else it is left to the zip library, where it is deflated at all
-    bool done = false;
-    std::uint64_t packed_bytes = 0;  ///< once it was deflated here
-    std::uint32_t crc32 = 0;
-  };
-  std::vector<Entry> entries;
-
-  static std::vector<std::uint8_t> contents(const ZipOutput::Source& source) {
-    std::vector<std::uint8_t> made;
-    source.fill(source.number, made);
-    if (made.size() != source.size) throw Error("an entry has not the promised size");
-    return made;
-  }
-
-  /// Deflates the entry and some that follow, on all threads.
-  const Packed& packed_entry(std::size_t place) {
-    const auto found = packed.find(place);
-    if (found != packed.end()) return found->second;
-    std::vector<std::size_t> batch;
-    std::uint64_t bytes = 0;
-    for (std::size_t i = place; i < entries.size() && bytes < batch_bytes; ++i) {
-      const Entry& entry = entries[i];
-      if (i != place && (!entry.deflate_here || entry.done || packed.contains(i))) continue;
-      batch.push_back(i);
-      bytes += sources[i].size;
-    }
-    std::vector<Packed> made(batch.size());
-    parallel_for(silent(job), "", batch.size(),
-                 [&](std::size_t i) { made[i] = pack(contents(sources[batch[i]]), level); });
-    for (std::size_t i = 0; i < batch.size(); ++i) packed[batch[i]] = std::move(made[i]);
-    return packed[place];
-  }
-
-  void report(double fraction) {
-    try {
-      job.report("write", std::clamp(fraction, 0.0, 1.0));
-    } catch (...) {
-      error = std::current_exception();
-    }
-  }
-
-  bool stopped() const { return error || (job.cancel != nullptr && job.cancel->load()); }
-
-  static zip_int64_t call(void* state, void* data, zip_uint64_t length, zip_source_cmd_t command) {
-    Entry& entry = *static_cast<Entry*>(state);
-    ZipWriting& writing = *entry.writing;
-    try {
-      return writing.answer(entry, data, length, command);
-    } catch (...) {
-      writing.error = std::current_exception();
-      return -1;
-    }
-  }
-
-  zip_int64_t answer(Entry& entry, void* out, zip_uint64_t length, zip_source_cmd_t command) {
-    const ZipOutput::Source& source = sources[entry.place];
-    switch (command) {
-      case ZIP_SOURCE_OPEN:
-        at = 0;
-        data = entry.deflate_here ? packed_entry(entry.place).data : contents(source);
-        return 0;
-      case ZIP_SOURCE_READ: {
-        const std::size_t n = std::min<std::size_t>(length, data.size() - at);
-        std::memcpy(out, data.data() + at, n);
-        at += n;
-        return static_cast<zip_int64_t>(n);
-      }
-      case ZIP_SOURCE_STAT: {
-        auto* const status = static_cast<zip_stat_t*>(out);
-        zip_stat_init(status);
-        status->size = source.size;
-        status->valid = ZIP_STAT_SIZE;
-        if (entry.deflate_here) {
-          if (!entry.done) {
-            const Packed& its = packed_entry(entry.place);
-            entry.packed_bytes = its.data.size();
-            entry.crc32 = its.crc32;
-          }
-          status->comp_method = ZIP_CM_DEFLATE;
-          status->comp_size = entry.packed_bytes;
-          status->crc = entry.crc32;
-          status->valid |= ZIP_STAT_COMP_METHOD | ZIP_STAT_COMP_SIZE | ZIP_STAT_CRC;
-        }
-        return sizeof *status;
-      }
-      case ZIP_SOURCE_ERROR: {
-        const int codes[2] = {ZIP_ER_INTERNAL, 0};
-        std::memcpy(out, codes, sizeof codes);
-        return sizeof codes;
-      }
-      case ZIP_SOURCE_SUPPORTS:
-        return zip_source_make_command_bitmap(ZIP_SOURCE_OPEN, ZIP_SOURCE_READ, ZIP_SOURCE_CLOSE,
-                                              ZIP_SOURCE_STAT, ZIP_SOURCE_ERROR, ZIP_SOURCE_FREE,
-                                              -1);
-      case ZIP_SOURCE_CLOSE:
-        entry.done = true;
-        packed.erase(entry.place);
-        return 0;
-      case ZIP_SOURCE_FREE:
-        return 0;
-      default:
-        return -1;
-    }
-  }
-};
-
-namespace {
-
-/// More takes more time for images and hardly makes them smaller.
-constexpr int image_level = 1, smallest_image_level = 9;
-constexpr zip_uint32_t text_level = 9;
-
-std::string zip_text(zip_error_t* error) {
-  // The text of the system alone says more to the user than with the library's in front.
-  if (zip_error_system_type(error) == ZIP_ET_SYS && zip_error_code_system(error) != 0) {
-    return std::generic_category().message(zip_error_code_system(error));
-  }
-  return zip_error_strerror(error);
-}
-
-}  // namespace
 
 ZipOutput::ZipOutput(const std::string& path, std::string keep_from, ImagePacking images)
     : ContainerOutput(path), keep_from_(std::move(keep_from)), images_(images) {
@@ -192,15 +88,16 @@ ZipOutput::ZipOutput(const std::string& path, std::string keep_from, ImagePackin
 void ZipOutput::finish(const Job& job) {
   job.check_cancelled();
   Temporary temporary{make_temporary(path_)};
-  if (!keep_from_.empty()) {
+  if (keep_from_.empty()) {
+    write(temporary.path, job);
+  } else {
     // The library replaces the file under the temporary name; the original's stays as it is.
     ::unlink(temporary.path.c_str());
     link_or_copy(keep_from_, temporary.path);
+    change(temporary.path, job);
+    copy_mode(keep_from_, temporary.path);
   }
-  write(temporary.path, job);
-  // The zip library leaves out the last step when it is a small one.
   job.report("write", 1);
-  if (!keep_from_.empty()) copy_mode(keep_from_, temporary.path);
   sync_file(temporary.path);
   job.check_cancelled();
   if (::rename(temporary.path.c_str(), path_.c_str()) != 0) {
@@ -211,87 +108,56 @@ void ZipOutput::finish(const Job& job) {
 }
 
 void ZipOutput::write(const std::string& temporary, const Job& job) {
-  ZipWriting writing{
-      job, sources_, images_ == ImagePacking::smallest ? smallest_image_level : image_level,
-      {},  0,        nullptr,
-      {},  {}};
-  std::vector<ZipWriting::Entry>& entries = writing.entries;
-  entries.reserve(sources_.size());  // the library keeps pointers
-
-  zip_error_t error;
-  int code = 0;
-  const bool keeps = !keep_from_.empty();
-  zip_t* const zip = zip_open(temporary.c_str(), keeps ? 0 : ZIP_CREATE | ZIP_TRUNCATE, &code);
-  if (zip == nullptr) throw DeviceError(errno_message(path_, "can't be written"));
-  // After the entries: discarding the archive still calls them.
-  std::unique_ptr<zip_t, decltype(&zip_discard)> guard(zip, &zip_discard);
-  const auto fail = [&](zip_error_t* e) {
-    throw DeviceError(path_ + ": can't be written: " + zip_text(e));
-  };
-
-  const auto set_packed = [&](const std::string& name, zip_uint64_t index, bool packed) {
-    entries.back().deflate_here = packed && is_image(name);
-    return zip_set_file_compression(zip, index, packed ? ZIP_CM_DEFLATE : ZIP_CM_STORE,
-                                    text_level) == 0;
-  };
-  ImagePacking images = images_;
-  for (const Source& source : sources_) {
-    entries.push_back({&writing, entries.size(), false});
-    zip_error_init(&error);
-    zip_source_t* const made =
-        zip_source_function_create(&ZipWriting::call, &entries.back(), &error);
-    if (made == nullptr) fail(&error);
-    const zip_int64_t kept = keeps ? zip_name_locate(zip, source.name.c_str(), ZIP_FL_ENC_RAW) : -1;
-    if (kept >= 0) {
-      const auto index = static_cast<zip_uint64_t>(kept);
-      zip_stat_t was;
-      if (zip_stat_index(zip, index, 0, &was) != 0) fail(zip_get_error(zip));
-      if (zip_file_replace(zip, index, made, 0) != 0) {
-        zip_source_free(made);
-        fail(zip_get_error(zip));
-      }
-      const bool packed = was.comp_method != ZIP_CM_STORE ||
-                          (images_ == ImagePacking::smallest && is_image(source.name));
-      if (is_image(source.name)) {
-        images = !packed                             ? ImagePacking::stored
-                 : images_ == ImagePacking::smallest ? images_
-                                                     : ImagePacking::deflated;
-      }
-      if (!set_packed(source.name, index, packed) ||
-          zip_file_set_mtime(zip, index, was.mtime, 0) != 0) {
-        fail(zip_get_error(zip));
-      }
-      continue;
+  OpenFile file(temporary, path_);
+  std::vector<ZipEntry> entries(sources_.size());
+  std::uint64_t offset = 0, written = 0, synced = 0;
+  const Job quiet = silent(job);
+  for (std::size_t first = 0, last = 0; first < sources_.size(); first = last) {
+    std::uint64_t bytes = 0;
+    bool deflates = false;
+    for (; last < sources_.size() && bytes < zip_batch_bytes; ++last) {
+      const Source& source = sources_[last];
+      ZipEntry& entry = entries[last];
+      entry.name = source.name;
+      entry.bytes = entry.packed_bytes = source.size;
+      entry.deflated = images_ != ImagePacking::stored && is_zipped_image(source.name);
+      deflates = deflates || entry.deflated;
+      bytes += source.size;
     }
-    const zip_int64_t added = zip_file_add(zip, source.name.c_str(), made, ZIP_FL_ENC_UTF_8);
-    if (added < 0) {
-      zip_source_free(made);
-      fail(zip_get_error(zip));
+    // Where an entry lies is known once those before it are deflated.
+    std::vector<PackedEntry> packed(deflates ? last - first : 0);
+    parallel_for(quiet, "", packed.size(), [&](std::size_t i) {
+      ZipEntry& entry = entries[first + i];
+      if (!entry.deflated) return;
+      std::vector<std::uint8_t> data;
+      sources_[first + i].make(data);
+      packed[i] = deflate_entry(data, zip_image_level(images_));
+      entry.packed_bytes = packed[i].data.size();
+      entry.crc32 = packed[i].crc32;
+    });
+    for (std::size_t i = first; i < last; ++i) {
+      entries[i].offset = offset;
+      offset += local_record_bytes(entries[i]) + entries[i].packed_bytes;
     }
-    const auto index = static_cast<zip_uint64_t>(added);
-    constexpr zip_uint16_t first_of_1980 = 1 << 5 | 1;
-    const bool packed = is_image(source.name) && images != ImagePacking::stored;
-    if (!set_packed(source.name, index, packed) ||
-        zip_file_set_dostime(zip, index, 0, first_of_1980, 0) != 0) {
-      fail(zip_get_error(zip));
-    }
+    parallel_for(quiet, "", last - first + 1, [&](std::size_t i) {
+      if (i == last - first) return file.begin_sync(synced, written);
+      ZipEntry& entry = entries[first + i];
+      std::vector<std::uint8_t> data, record;
+      if (entry.deflated) {
+        data = std::move(packed[i].data);
+      } else {
+        sources_[first + i].make(data);
+        entry.crc32 = crc32_of(data);
+      }
+      append_local_record(entry, record);
+      file.write(record, entry.offset);
+      file.write(data, entry.offset + record.size());
+    });
+    synced = std::exchange(written, offset);
+    job.report("write", static_cast<double>(last) / static_cast<double>(sources_.size()));
   }
-  const auto on_progress = [](zip_t*, double fraction, void* state) {
-    static_cast<ZipWriting*>(state)->report(fraction);
-  };
-  const auto on_cancel = [](zip_t*, void* state) -> int {
-    return static_cast<ZipWriting*>(state)->stopped() ? 1 : 0;
-  };
-  if (job.progress) {
-    zip_register_progress_callback_with_state(zip, 0.01, on_progress, nullptr, &writing);
-  }
-  zip_register_cancel_callback_with_state(zip, on_cancel, nullptr, &writing);
-  if (zip_close(zip) != 0) {
-    if (writing.error) std::rethrow_exception(writing.error);
-    if (zip_error_code_zip(zip_get_error(zip)) == ZIP_ER_CANCELLED) throw Cancelled();
-    fail(zip_get_error(zip));
-  }
-  (void)guard.release();
+  file.write(zip_directory(entries, offset), offset);
+  file.close();
 }
 
 }  // namespace slicecorr::detail

@@ -20,6 +20,8 @@ class ZipOutput final : public ContainerOutput {
  private:
   friend struct ZipWriting;
   void write(const std::string& temporary, const Job& job);
+  /// What the zip library is for: everything not touched stays as it is.
+  void change(const std::string& temporary, const Job& job);
 
   std::string keep_from_;
   ImagePacking images_;

@@ -99,7 +99,7 @@ class GzipStream {
  private:
   /// Keeps what is left in front.
   void refill() {
-    std::memmove(packed_.data(), state_.next_in, state_.avail_in);
+    if (state_.avail_in > 0) std::memmove(packed_.data(), state_.next_in, state_.avail_in);
     state_.next_in = packed_.data();
     while (!file_ended_ && state_.avail_in < packed_.size()) {
       const ssize_t n =

@@ -14,7 +14,9 @@ namespace slicecorr::detail {
 namespace {
 
 using Reals = double __attribute__((vector_size(32)));
-using Wholes = std::int64_t __attribute__((vector_size(32)));
+/// Of a piece over many pixels the second sum is no whole number any more, and not used: without a
+/// sign it may wrap.
+using Wholes = std::uint64_t __attribute__((vector_size(32)));
 using Ints = std::int32_t __attribute__((vector_size(16)));
 constexpr int kLanes = 4;
 

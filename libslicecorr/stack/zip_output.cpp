@@ -112,6 +112,7 @@ void ZipOutput::write(const std::string& temporary, const Job& job) {
   std::vector<ZipEntry> entries(sources_.size());
   std::uint64_t offset = 0, written = 0, synced = 0;
   const Job quiet = silent(job);
+  job.report("write", 0);
   for (std::size_t first = 0, last = 0; first < sources_.size(); first = last) {
     std::uint64_t bytes = 0;
     bool deflates = false;

@@ -12,7 +12,6 @@
 #include "ladder.hpp"
 #include "program/http/guard.hpp"
 #include "run_program.hpp"
-#include "program/http/guard.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/serve.hpp"
 #include "slicecorr/farm/status.hpp"

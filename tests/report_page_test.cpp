@@ -7,11 +7,11 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "base/base64.hpp"
 #include "browser.hpp"
 #include "ladder.hpp"
 #include "lattice.hpp"
 #include "models.hpp"
-#include "base/base64.hpp"
 #include "report/page_parts.hpp"
 #include "run_program.hpp"
 #include "slicecorr/report.hpp"

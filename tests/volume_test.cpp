@@ -296,7 +296,8 @@ TEST(Volume, EvenNoiseMakesAPageOfAFewMegabytes) {
   v.columns.resize(160 * 160);
   for (auto& column : v.columns) {
     column.x = column.y = 0;
-    for (int n = 0; n < 160; ++n) column.levels.push_back({static_cast<std::uint32_t>(random() % 256), 1});
+    for (int n = 0; n < 160; ++n)
+      column.levels.push_back({static_cast<std::uint32_t>(random() % 256), 1});
     column.coverage = column.levels;
   }
   ReportContent content;

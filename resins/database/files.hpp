@@ -5,8 +5,9 @@
 
 namespace slicecorr::resins {
 
-/// Holds a lock on the folder, alone among all threads and processes; waits for it. The folder is made when
-/// it is missing. Throws `DeviceError`, or `Cancelled` when a signal arrives while waiting.
+/// Holds a lock on the folder, alone among all threads and processes; waits for it. The folder is
+/// made when it is missing. Throws `DeviceError`, or `Cancelled` when a signal arrives while
+/// waiting.
 class FolderLock {
  public:
   explicit FolderLock(const std::string& folder);

@@ -1,8 +1,9 @@
-// A night in small: farm_night [JOBS] [SIZE_MM] [local|slurm]. Many jobs from real meshes, sound and
-// broken ones, with several resins and speeds, by slicefarm and one after the other by slicecorr;
-// then the same jobs again. Fails when a job fails, is done twice, is not what the record says, or
-// differs from what slicecorr wrote. With slurm, the work runs on two virtual nodes of one core
-// each, and daemons of Slurm are killed in the middle of it. Exit code 77: the meshes are not there.
+// A night in small: farm_night [JOBS] [SIZE_MM] [local|slurm]. Many jobs from real meshes, sound
+// and broken ones, with several resins and speeds, by slicefarm and one after the other by
+// slicecorr; then the same jobs again. Fails when a job fails, is done twice, is not what the
+// record says, or differs from what slicecorr wrote. With slurm, the work runs on two virtual nodes
+// of one core each, and daemons of Slurm are killed in the middle of it. Exit code 77: the meshes
+// are not there.
 
 #include <fmt/format.h>
 #include <stdlib.h>

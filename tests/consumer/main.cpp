@@ -34,8 +34,8 @@ bool check(bool ok, const char* what) {
 int main() {
   bool ok = true;
   // 15 mJ/cm² at 1500 um (base 10) are 230.26 mJ/cm³.
-  const double dc = slicecorr::units::volumetric_from_areal(
-      15.0, slicecorr::units::height_e_from_10(1500.0));
+  const double dc =
+      slicecorr::units::volumetric_from_areal(15.0, slicecorr::units::height_e_from_10(1500.0));
   ok &= check(std::abs(dc - 230.2585) < 1e-3, "areal to volumetric dose");
 
   const slicecorr::Printer printer = slicecorr::parse_printer(printer_toml, "outside.toml");

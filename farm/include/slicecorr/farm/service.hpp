@@ -36,8 +36,8 @@ ServiceTotals run_service(const FarmFolder& folder, Engine& engine, const Servic
 /// (and forgotten), the job is queued again.
 bool finish_from_cache(const FarmFolder& folder, Queue& queue, const Claim& claim);
 
-/// Finishes jobs that can be claimed and have this key, whose result is in the cache, `most` of them
-/// at most. `service`: who does it. Gives how many were done.
+/// Finishes jobs that can be claimed and have this key, whose result is in the cache, `most` of
+/// them at most. `service`: who does it. Gives how many were done.
 std::int64_t serve_from_cache(const FarmFolder& folder, Queue& queue, const std::string& service,
                               const std::string& key,
                               std::int64_t most = std::numeric_limits<std::int64_t>::max());

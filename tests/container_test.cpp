@@ -3,7 +3,6 @@
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <signal.h>
-#include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -11,6 +10,7 @@
 #include <filesystem>
 #include <functional>
 
+#include "file_size_limit.hpp"
 #include "stack/container_output.hpp"
 #include "stack/folder_container.hpp"
 #include "stack/known_foreign.hpp"
@@ -340,15 +340,8 @@ TEST_F(TarGz, FailuresLeaveTheOldOne) {
                    job),
                Cancelled);
   {
-    struct rlimit limit, most;
-    ::getrlimit(RLIMIT_FSIZE, &limit);
-    most = limit;
-    most.rlim_cur = 1 << 20;
-    const auto handler = ::signal(SIGXFSZ, SIG_IGN);
-    ::setrlimit(RLIMIT_FSIZE, &most);
+    const test::FileSizeLimit limit(1 << 20);
     EXPECT_THAT(message_of<DeviceError>([&] { write(sound); }), HasSubstr("can't be written"));
-    ::setrlimit(RLIMIT_FSIZE, &limit);
-    ::signal(SIGXFSZ, handler);
   }
   EXPECT_EQ(test::read_file(folder_ / "a.tar.gz"), before);
   EXPECT_EQ(folder_.count(), 1);

@@ -1,16 +1,16 @@
 #include <fcntl.h>
-#include <signal.h>
-#include <sys/resource.h>
 
 #include <atomic>
 
 #include "base/run_length.hpp"
+#include "file_size_limit.hpp"
 #include "stack_fixture.hpp"
 
 namespace slicecorr {
 namespace {
 
 using test::Bytes;
+using test::FileSizeLimit;
 using test::TemporaryFolder;
 
 Bytes code_of(const Bytes& data) {
@@ -126,22 +126,6 @@ TEST(PieceStore, ReportsAMissingFolder) {
     EXPECT_NE(std::string(error.what()).find("No such file"), std::string::npos);
   }
 }
-
-/// Files can't grow beyond `bytes` while it lives: stands for a full disk.
-class FileSizeLimit {
- public:
-  explicit FileSizeLimit(rlim_t bytes) {
-    ::signal(SIGXFSZ, SIG_IGN);
-    ::getrlimit(RLIMIT_FSIZE, &before_);
-    rlimit limit = before_;
-    limit.rlim_cur = bytes;
-    ::setrlimit(RLIMIT_FSIZE, &limit);
-  }
-  ~FileSizeLimit() { ::setrlimit(RLIMIT_FSIZE, &before_); }
-
- private:
-  rlimit before_;
-};
 
 TEST(PieceStore, ReportsAFullDisk) {
   const TemporaryFolder folder;

@@ -1,7 +1,5 @@
 #include <fcntl.h>
 #include <gmock/gmock.h>
-#include <signal.h>
-#include <sys/resource.h>
 #include <unistd.h>
 #include <zip.h>
 #include <zlib.h>
@@ -9,6 +7,7 @@
 #include <atomic>
 #include <memory>
 
+#include "file_size_limit.hpp"
 #include "run_program.hpp"
 #include "stack/zip_layout.hpp"
 #include "stack/zip_output.hpp"
@@ -265,20 +264,13 @@ TEST(Zip, FailuresLeaveTheOldOne) {
     Job angry;
     angry.progress = [](std::string_view, double) { throw std::runtime_error("no"); };
     EXPECT_THROW(write(10, sound, angry), std::runtime_error);
-    struct rlimit limit, most;
-    ::getrlimit(RLIMIT_FSIZE, &limit);
-    most = limit;
-    most.rlim_cur = 1 << 20;
-    const auto handler = ::signal(SIGXFSZ, SIG_IGN);
-    ::setrlimit(RLIMIT_FSIZE, &most);
     try {
+      const test::FileSizeLimit limit(1 << 20);
       write(10, sound);
       ADD_FAILURE() << "written in spite of the limit";
     } catch (const DeviceError& error) {
       EXPECT_THAT(error.what(), HasSubstr(path + ": can't be written: File too large"));
     }
-    ::setrlimit(RLIMIT_FSIZE, &limit);
-    ::signal(SIGXFSZ, handler);
     EXPECT_EQ(test::read_file(path), before);
     EXPECT_EQ(folder.count(), 1);
   }

@@ -95,9 +95,10 @@ void ZipOutput::finish(const Job& job) {
     ::unlink(temporary.path.c_str());
     link_or_copy(keep_from_, temporary.path);
     change(temporary.path, job);
+    // The library leaves out the last step when it is a small one.
+    job.report("write", 1);
     copy_mode(keep_from_, temporary.path);
   }
-  job.report("write", 1);
   sync_file(temporary.path);
   job.check_cancelled();
   if (::rename(temporary.path.c_str(), path_.c_str()) != 0) {

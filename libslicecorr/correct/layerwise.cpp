@@ -7,7 +7,7 @@
 #include "base/band_tape.hpp"
 #include "base/kernels.hpp"
 #include "correct/band_solvers.hpp"
-#include "correct/node_goal.hpp"
+#include "correct/coverage.hpp"
 #include "slicecorr/correct.hpp"
 #include "slicecorr/error.hpp"
 

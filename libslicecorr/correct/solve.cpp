@@ -1,42 +1,56 @@
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 #include <utility>
 
 #include "correct/band_solvers.hpp"
-#include "correct/choose_level.hpp"
+#include "correct/level_search.hpp"
 #include "slicecorr/correct.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr {
 
-using detail::Around;
-using detail::Demand;
-
 namespace {
 
-/// Walks one column from the last slice to the first: `choose(goal, below)` gives the intensity.
-template <typename Choose>
-void walk_column(const CorrectionPlan& plan, const std::vector<std::uint8_t>& coverage, double edge,
-                 Choose choose) {
-  const auto at = [&](int layer) {
-    const bool inside = layer >= 0 && layer < plan.layers;
-    return inside ? coverage[static_cast<std::size_t>(layer)] : std::uint8_t{0};
-  };
-  const auto around = [&](int n) {
-    return Around{at(n - 3), at(n - 2), at(n - 1), at(n), at(n + 1)};
-  };
-  std::vector<Demand> demands;
-  Demand demand;
-  for (int n = 0; n < plan.all_layers; ++n) {
-    demand = detail::next_demand(plan, n, around(n), demand);
-    demands.push_back(demand);
+/// Walks one column from the last slice to the first: `choose(run, n, below)` gives how many slices
+/// it decided, `step(n, below)` the dose at the upper node of each.
+template <typename Choose, typename Step>
+void walk_column(const CorrectionPlan& plan, detail::Edges& edges,
+                 const std::vector<std::uint8_t>& coverage, Choose choose, Step step) {
+  using detail::kFull;
+  const int all = plan.all_layers;
+  std::vector<std::uint8_t> solved(static_cast<std::size_t>(std::max(all, 0)), 0);
+  const int layers = std::min(plan.layers, all);
+  for (int n = 0; n < layers; ++n) {
+    const auto k = static_cast<std::size_t>(n);
+    const bool slit = n > 0 && n + 1 < plan.layers && coverage[k - 1] == kFull &&
+                      coverage[k] == 0 && coverage[k + 1] == kFull;
+    solved[k] = slit && plan.merge_one_slice_gaps ? kFull : coverage[k];
+  }
+  if (all <= 0) return;
+  detail::RunAt run;
+  run.edge = edges.platform(solved.front());
+  run.lower = all;
+  // What is above an edge knows no edges behind a long run: a column keeps its own.
+  std::vector<std::pair<std::int32_t, std::int32_t>> passed;
+  for (int n = 1; n < all; ++n) {
+    const std::uint8_t c = solved[static_cast<std::size_t>(n)];
+    if (c == solved[static_cast<std::size_t>(n - 1)]) continue;
+    passed.emplace_back(run.edge, run.node);
+    run.edge = edges.next(run.edge, n - run.node, c);
+    run.node = n;
   }
   double omega = 0;
-  for (int n = plan.all_layers; n-- > 0;) {
-    const auto k = static_cast<std::size_t>(n);
-    const double phi =
-        choose(k, detail::goal_at(plan, n, around(n), demands[k], omega, edge), omega);
-    omega = plan.model.step(phi, omega);
+  int left = 0;
+  for (int n = all; n-- > 0;) {
+    if (n < run.node) {
+      run = detail::run_above(edges, run);
+      std::tie(run.edge, run.node) = passed.back();
+      passed.pop_back();
+    }
+    if (left == 0) left = choose(run, n, omega);
+    --left;
+    omega = step(n, omega);
   }
 }
 
@@ -70,12 +84,22 @@ std::vector<std::uint8_t> solve_column(const CorrectionPlan& plan,
   if (plan.model.inhibited) return detail::solve_inhibited_column(plan, coverage);
   if (!plan.model.is_plain()) return detail::solve_layerwise_column(plan, coverage);
   std::vector<std::uint8_t> levels(static_cast<std::size_t>(plan.all_layers));
-  walk_column(plan, coverage, 1.0 + detail::kMargin,
-              [&](std::size_t n, const detail::Goal& goal, double below) {
-                const int level = detail::choose_level(plan, goal, below);
-                levels[n] = static_cast<std::uint8_t>(level);
-                return plan.levels.phi(level);
-              });
+  const detail::ContinuousPlan& p = *plan.continuous;
+  detail::Edges edges(p);
+  detail::LevelSearch search(edges);
+  std::uint8_t chosen[detail::LevelSearch::kMost];
+  int first = 0;
+  walk_column(
+      plan, edges, coverage,
+      [&](const detail::RunAt& run, int n, double below) {
+        first = n;
+        return search.choose(run, n, below, chosen);
+      },
+      [&](int n, double below) {
+        const std::uint8_t index = chosen[first - n];
+        levels[static_cast<std::size_t>(n)] = p.level_of[index];
+        return plan.model.step(p.levels.phi(index), below);
+      });
   return levels;
 }
 
@@ -84,11 +108,18 @@ std::vector<double> solve_column_exactly(const CorrectionPlan& plan,
   if (plan.model.inhibited) return detail::solve_inhibited_column_exactly(plan, coverage);
   if (!plan.model.is_plain()) return detail::solve_layerwise_column_exactly(plan, coverage);
   std::vector<double> phi(static_cast<std::size_t>(plan.all_layers));
-  walk_column(plan, coverage, 1.0, [&](std::size_t n, const detail::Goal& goal, double below) {
-    phi[n] = std::clamp(detail::intensity_for(plan.model, std::max(goal.aim, goal.least), below),
-                        plan.model.phi_min(), plan.model.phi_max());
-    return phi[n];
-  });
+  const detail::ContinuousPlan p(plan.model, plan.process, plan.all_layers, true);
+  detail::Edges edges(p);
+  const detail::LevelSearch search(edges);
+  walk_column(
+      plan, edges, coverage,
+      [&](const detail::RunAt& run, int n, double below) {
+        phi[static_cast<std::size_t>(n)] = search.exact(run, n, below);
+        return 1;
+      },
+      [&](int n, double below) {
+        return plan.model.step(phi[static_cast<std::size_t>(n)], below);
+      });
   return phi;
 }
 

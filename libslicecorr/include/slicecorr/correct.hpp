@@ -25,7 +25,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
-#include <limits>
 #include <memory>
 #include <vector>
 
@@ -35,39 +34,24 @@ namespace slicecorr {
 
 namespace detail {
 struct InhibitedPlan;
+struct ContinuousPlan;
 }
 
 /// What all columns of a correction share.
 struct CorrectionPlan {
-  CorrectionPlan(CureModel cure_model, const Process& process, int target_layers, int all_slices);
+  CorrectionPlan(CureModel cure_model, const Process& correction_process, int target_layers,
+                 int all_slices);
 
   CureModel model;
   LevelTable levels;
-  double omega_max;
-  double platform_omega_max;  ///< cap of features on the platform
+  Process process;
   bool merge_one_slice_gaps;
-  double level_step = 0;  ///< most that one level step up to phi = 1 changes a node's dose
-  int layers;             ///< layers of the target, N
-  int all_layers;         ///< slices that will be shown, M >= N
-  /// Under UV light: what its columns share; null without.
+  int layers;      ///< layers of the target, N
+  int all_layers;  ///< slices that will be shown, M >= N
+  /// What the columns share under UV light, and what they share in continuous exposure without it;
+  /// null for other models.
   std::shared_ptr<const detail::InhibitedPlan> inhibited;
-  /// fall[j]: greatest dose j nodes below an upper edge from which black light gets down to 1
-  /// there.
-  std::vector<double> fall;
-  /// reach[j] = a^-j for a demand j nodes further up, as long as full light could miss it.
-  std::vector<double> reach;
-  /// As `fall`, down to the greatest dose at the upper edge that leaves the gap above it open in
-  /// the middle of its first layer.
-  double open_fall(int j) const;
-  /// Least dose from which full light reaches `demand` after j nodes; negative infinity past
-  /// `reach`.
-  double needed(double demand, int j) const {
-    if (static_cast<std::size_t>(j) >= reach.size()) {
-      return -std::numeric_limits<double>::infinity();
-    }
-    const double high = model.phi_max();
-    return high - (high - demand) * reach[static_cast<std::size_t>(j)];
-  }
+  std::shared_ptr<const detail::ContinuousPlan> continuous;
 };
 
 /// Number of slices to show for a target whose last lit layer is `last_lit` (0-based): the burst

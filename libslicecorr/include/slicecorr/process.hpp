@@ -146,12 +146,20 @@ enum class Ramp {
 /// (mW/cm²)^0.99·s, 5 times its gel dose".
 std::string dose_in_words(const Resin& resin);
 
+/// As figure 2.2 of the dissertation: a gap of one slice without light costs the feature above it
+/// 0.17 of a slice there.
+inline constexpr double kDefaultGapShortfall = 0.18;
+
 /// How a stack is exposed and corrected.
 struct Process {
   double speed_mm_h = 0;  ///< print speed, > 0 in continuous mode
   double omega_max =
       1e300;  ///< cap of the relative dose inside features, >= 1; >= 1e300 means none
   OneSliceGaps one_slice_gaps = OneSliceGaps::open;
+  /// Continuous: how much of the feature above an open gap of one slice may stay unprinted at its
+  /// lower edge, in slices, 0 to 0.5: the more, the darker the gap. More than it says is given up
+  /// only where no light does otherwise.
+  double gap_shortfall = kDefaultGapShortfall;
   /// Whether the cap holds for features on the platform, too. Nothing lies behind them to protect,
   /// so they may be exposed fully whatever the cap: the dissertation's own choice for its rails.
   bool cap_platform_features = true;

@@ -1,0 +1,106 @@
+#include "correct/continuous_plan.hpp"
+
+#include <algorithm>
+
+#include "slicecorr/units.hpp"
+
+namespace slicecorr::detail {
+
+namespace {
+
+/// Each phi of a model once, the lowest level of it.
+std::vector<double> distinct(const std::vector<double>& level_phi) {
+  std::vector<double> phi;
+  for (const double p : level_phi) {
+    if (phi.empty() || p > phi.back()) phi.push_back(p);
+  }
+  return phi;
+}
+
+/// The edge aimed at, um: no printer is better, and no measurement either.
+constexpr double kTarget_um = 0.05;
+
+}  // namespace
+
+Corner ContinuousPlan::corner(double f) const {
+  Corner c;
+  const double exponent = -f * std::log(a);
+  c.grown = std::exp(exponent);
+  c.excess = std::expm1(exponent);
+  c.per_excess = 1.0 / c.excess;
+  return c;
+}
+
+ContinuousPlan::ContinuousPlan(const CureModel& model, const Process& process, int slices,
+                               bool is_exact)
+    : a(model.a),
+      b(model.one_minus_a),
+      root_a(model.root_a),
+      per_a(1.0 / model.a),
+      per_b(1.0 / model.one_minus_a),
+      phi_min(model.phi_min()),
+      phi_max(model.phi_max()),
+      layer_um(model.layer_um),
+      exact(is_exact),
+      merge(process.one_slice_gaps == OneSliceGaps::merge),
+      shortfall(process.gap_shortfall),
+      levels(distinct(model.level_phi)) {
+  for (std::size_t l = 0; l < model.level_phi.size(); ++l) {
+    if (l == 0 || model.level_phi[l] > model.level_phi[l - 1]) {
+      level_of.push_back(static_cast<std::uint8_t>(l));
+    }
+  }
+  const int count = levels.size();
+  largest_step = 0;
+  for (int l = 1; l < count; ++l) {
+    largest_step = std::max(largest_step, (levels.phi(l) - levels.phi(l - 1)) * b);
+  }
+  // Rounding of a step is below 1e-13 for any dose that light can give.
+  const double margin = exact ? 0.0 : 2e-9;
+  slack = exact ? 1e-12 : 1e-9;
+  close = count > 1 ? 0.99 * (levels.phi(1) - levels.phi(0)) * b - 4 * slack : 0.0;
+  prints = 1.0 + margin;
+  open = 1.0 - margin;
+  most = std::max(phi_max, 1.0) * (1.0 + 1e-9);
+  platform_cap = process.cap_platform_features ? process.omega_max : most;
+  cap = process.omega_max;
+  if (!exact) {
+    // With less room no level holds a dose.
+    const double least = 1.0 + 3.0 * (phi_max - phi_min) / std::max(1, count - 1);
+    cap = std::max(cap, least);
+    platform_cap = std::max(platform_cap, least);
+  }
+  cap = std::min(cap, most);
+  platform_cap = std::min(platform_cap, most);
+
+  const double target =
+      exact ? 1e-13 : std::min(kWidest, std::max(kTarget_um / layer_um, 1.0 / 1000));
+  const double first = exact ? 1e-4 : target;
+  tolerance[0] = target;
+  for (int r = 1; r < kRungs; ++r) {
+    tolerance[static_cast<std::size_t>(r)] =
+        first * std::pow(kWidest / first, (r - 1) / static_cast<double>(kRungs - 2));
+  }
+  tolerance.back() = kWidest;
+  together = exact ? 0 : count >= 128 ? 3 : count >= 48 ? 4 : 6;
+  const int kept = std::min(std::max(1, static_cast<int>(std::lround(0.04 * count))), count - 1);
+  feature_reserve = exact ? 0 : (levels.phi(kept) - phi_min) * b * together / 2;
+  gap_reserve = exact ? 0 : (phi_max - levels.phi(count - 1 - kept)) * b * together / 2;
+
+  // Out of exp, not by repeated division: entry j must not depend on how many come before it.
+  grown.resize(static_cast<std::size_t>(slices) + 2);
+  for (std::size_t j = 0; j < grown.size(); ++j) {
+    grown[j] = std::exp(static_cast<double>(j) * model.eta * units::ln10);
+  }
+  middle = corner(0.5);
+  for (std::size_t r = 0; r < kRungs; ++r) {
+    near_lower[r] = corner(tolerance[r]);
+    near_upper[r] = corner(1.0 - tolerance[r]);
+    slit_lower[r] = corner(std::max(tolerance[r], std::min(shortfall, kWidest)));
+    const double left = 1.0 / near_lower[r].grown;  // a^eps
+    edge_most[r] = left + phi_max * (1.0 - left) + 1e-8;
+    grey_edge_most[r] = prints + near_lower[r].excess * (1.0 - phi_min);
+  }
+}
+
+}  // namespace slicecorr::detail

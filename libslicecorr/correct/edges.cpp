@@ -1,0 +1,436 @@
+#include "correct/edges.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace slicecorr::detail {
+
+namespace {
+
+/// Intervals of doses that are kept; of more the widest.
+constexpr std::size_t kMostIntervals = 1024;
+/// Edges for which sets of doses for levels are worked out; a part whose columns are noise would
+/// never end otherwise.
+constexpr std::size_t kMostLevelEdges = 20000;
+/// Different edges of a band; in noise, runs past that count as endless.
+constexpr std::size_t kMostEdges = std::size_t{1} << 17;
+
+bool narrower(DoseRange d, double width) { return d.hi - d.lo < width; }
+
+DoseRange common(DoseRange a, DoseRange b) { return {std::max(a.lo, b.lo), std::min(a.hi, b.hi)}; }
+
+/// Dose at the lower node of a grey layer under a full one, so that its middle gets its coverage:
+/// the middle is (Omega(n) + r Omega(n + 1)) / (1 + r), r = sqrt(a), and Omega(n) = 1.
+double grey_under_full(const ContinuousPlan& plan, std::uint8_t coverage) {
+  return ((1.0 + plan.root_a) * aim_of(coverage) - 1.0) / plan.root_a;
+}
+
+}  // namespace
+
+Edges::Edges(const ContinuousPlan& plan) : plan_(plan) {}
+
+LayerRule Edges::rule(std::uint8_t coverage, const Corner* upper, const Corner* lower) const {
+  LayerRule rule;
+  rule.coverage = coverage;
+  if (coverage != 0 && coverage != kFull) return rule;
+  rule.corner[0] = plan_.middle;
+  rule.corners = 1;
+  if (upper) rule.corner[static_cast<std::size_t>(rule.corners++)] = *upper;
+  if (lower) rule.corner[static_cast<std::size_t>(rule.corners++)] = *lower;
+  return rule;
+}
+
+bool Edges::back(const LayerRule& rule, DoseRange above, DoseRange& below) const {
+  const ContinuousPlan& p = plan_;
+  if (rule.coverage == kFull) {
+    double x = p.phi_max;
+    for (int k = 0; k < rule.corners; ++k) {
+      const Corner& c = rule.corner[static_cast<std::size_t>(k)];
+      x = std::min(x, (above.hi * p.per_a - p.prints * c.grown) / (p.per_a - c.grown));
+    }
+    if (x < p.phi_min) return false;
+    below.lo = std::max(0.0, (above.lo - x * p.b) * p.per_a);
+    for (int k = 0; k < rule.corners; ++k) {
+      const Corner& c = rule.corner[static_cast<std::size_t>(k)];
+      below.lo = std::max(below.lo, p.prints * c.grown - x * c.excess);
+    }
+    below.hi = (above.hi - p.phi_min * p.b) * p.per_a;
+  } else if (rule.coverage == 0) {
+    double most = p.phi_max, least = p.phi_min;
+    for (int k = 0; k < rule.corners; ++k) {
+      const Corner& c = rule.corner[static_cast<std::size_t>(k)];
+      most = std::min(most, p.open * c.grown * c.per_excess);
+      least = std::max(least, (above.lo * p.per_a - p.open * c.grown) / (p.per_a - c.grown));
+    }
+    if (least > p.phi_max) return false;
+    below.lo = std::max(0.0, (above.lo - most * p.b) * p.per_a);
+    below.hi = (above.hi - least * p.b) * p.per_a;
+    for (int k = 0; k < rule.corners; ++k) {
+      const Corner& c = rule.corner[static_cast<std::size_t>(k)];
+      below.hi = std::min(below.hi, p.open * c.grown - least * c.excess);
+    }
+  } else {
+    below.lo = std::max(0.0, (above.lo - p.phi_max * p.b) * p.per_a);
+    below.hi = (above.hi - p.phi_min * p.b) * p.per_a;
+  }
+  if (below.hi < 0 || below.lo > below.hi + p.slack) return false;
+  below.hi = std::max(below.hi, below.lo);
+  return true;
+}
+
+DoseRange Edges::inside_of(const Edge& edge) const {
+  if (edge.below == kFull) return {plan_.prints, edge.cap};
+  if (edge.below == 0) return {0.0, plan_.open};
+  return {aim_of(edge.below), plan_.most};
+}
+
+DoseRange Edges::doses(const Edge& edge, int j, int rung, bool slit) const {
+  const ContinuousPlan& p = plan_;
+  if (edge.endless) return inside_of(edge);
+  const auto r = static_cast<std::size_t>(rung);
+  if (j == 0) return slit ? edge.at_slit[r] : edge.at[r];
+  const DoseRange base = edge.inside[r];
+  const double g = p.grown[static_cast<std::size_t>(j - 1)];
+  DoseRange d{p.phi_max - (p.phi_max - base.lo) * g, p.phi_min + (base.hi - p.phi_min) * g};
+  if (rung == 0 && edge.has_reserve && j >= p.together) {
+    const double since = p.grown[static_cast<std::size_t>(j - p.together)];
+    if (edge.below == kFull) {
+      d.hi = p.phi_min + (edge.reserved - p.phi_min) * since;
+    } else {
+      d.lo = p.phi_max - (p.phi_max - edge.reserved) * since;
+    }
+  }
+  const DoseRange bounds = inside_of(edge);
+  return {std::max(d.lo, bounds.lo), std::min(d.hi, bounds.hi)};
+}
+
+std::int32_t Edges::platform(std::uint8_t below) {
+  const Key key{Edge::kNone, 0, below};
+  const auto found = ids_.find(key);
+  if (found != ids_.end()) return found->second;
+  Edge edge;
+  edge.above_cover = edge.below = below;
+  edge.platform = true;
+  edge.cap = plan_.platform_cap;
+  DoseRange all = inside_of(edge);
+  if (below != 0 && below != kFull) all.lo = 0;
+  edge.at.fill(all);
+  set_inside(edge);
+  edges_.push_back(std::move(edge));
+  const auto id = static_cast<std::int32_t>(edges_.size() - 1);
+  ids_.emplace(key, id);
+  return id;
+}
+
+std::int32_t Edges::endless(std::uint8_t coverage, bool platform) {
+  const Key key{Edge::kNone, platform ? 2 : 1, coverage};
+  const auto found = ids_.find(key);
+  if (found != ids_.end()) return found->second;
+  Edge edge;
+  edge.above_cover = edge.below = coverage;
+  edge.platform = platform;
+  edge.endless = true;
+  edge.cap = platform ? plan_.platform_cap : plan_.cap;
+  edges_.push_back(std::move(edge));
+  const auto id = static_cast<std::int32_t>(edges_.size() - 1);
+  ids_.emplace(key, id);
+  return id;
+}
+
+std::int32_t Edges::next(std::int32_t id, int slices, std::uint8_t below) {
+  const Edge& above = (*this)[id];
+  if (slices >= above.far || edges_.size() >= kMostEdges) {
+    id = endless(above.below, above.platform && above.below == kFull);
+    slices = 0;
+  }
+  const Key key{id, slices, below};
+  if (key == last_key_) return last_id_;
+  last_key_ = key;
+  const auto found = ids_.find(key);
+  if (found != ids_.end()) return last_id_ = found->second;
+  last_id_ = make((*this)[id], id, slices, below);
+  ids_.emplace(key, last_id_);
+  return last_id_;
+}
+
+std::int32_t Edges::make(const Edge& above, std::int32_t above_id, int slices, std::uint8_t below) {
+  Edge edge;
+  edge.above = above_id;
+  edge.slices = slices;
+  edge.above_cover = above.below;
+  edge.below = below;
+  edge.cap = plan_.cap;
+  set_edge(edge, above);
+  set_inside(edge);
+  if (!plan_.exact && opposite(edge.above_cover, below))
+    set_levels(edge, above.endless ? nullptr : &above);
+  edges_.push_back(std::move(edge));
+  return static_cast<std::int32_t>(edges_.size() - 1);
+}
+
+void Edges::set_edge(Edge& edge, const Edge& above) const {
+  const ContinuousPlan& p = plan_;
+  const bool one = edge.slices == 1;
+  const bool one_upper = one && !above.platform && opposite(above.above_cover, above.below);
+  const bool in_slit = one_upper && above.below == 0 && edge.below == kFull;
+  const bool lower = opposite(above.below, edge.below);
+  const bool has_slit = above.below == kFull && edge.below == 0;
+  const bool grey_above = above.below != 0 && above.below != kFull;
+  const bool grey_below = edge.below != 0 && edge.below != kFull;
+  DoseRange node{0.0, p.most};
+  if (grey_above && edge.below == 0) {
+    const bool under_full = one && above.above_cover == kFull && !above.platform;
+    node.lo = under_full ? std::max(0.0, grey_under_full(p, above.below)) : aim_of(above.below);
+  } else if (grey_above && grey_below) {
+    node.lo = std::min(aim_of(above.below), aim_of(edge.below));
+  }
+  for (int slit = 0; slit <= static_cast<int>(has_slit); ++slit) {
+    auto& at = slit ? edge.at_slit : edge.at;
+    for (std::size_t r = kRungs; r-- > 0;) {
+      const int rung = static_cast<int>(r);
+      DoseRange limits = node;
+      if ((grey_above && edge.below == kFull) || (above.below == kFull && grey_below)) {
+        limits = {p.prints, p.grey_edge_most[r]};
+      }
+      if (has_slit) limits.hi = std::min(limits.hi, p.edge_most[r]);
+      const LayerRule layer = rule(above.below, one_upper ? &p.near_upper[r] : nullptr,
+                                   !lower ? nullptr
+                                   : slit ? &p.slit_lower[r]
+                                          : &p.near_lower[r]);
+      const DoseRange from = doses(above, one ? 0 : edge.slices - 1, rung, in_slit);
+      DoseRange to{};
+      bool any = back(layer, from, to);
+      to = common(to, limits);
+      any = any && to.lo <= to.hi;
+      if (r + 1 == kRungs) {
+        // Nothing above can be kept: a voxel will be wrong there, but no more.
+        if (!any && back(layer, {0.0, p.most}, to)) to = common(to, limits);
+        if (!(to.lo <= to.hi)) to = limits;
+      } else {
+        const DoseRange both = common(to, at[r + 1]);
+        to = any && both.lo <= both.hi ? both : at[r + 1];
+      }
+      at[r] = to;
+    }
+  }
+}
+
+void Edges::set_inside(Edge& edge) const {
+  const ContinuousPlan& p = plan_;
+  const bool upper = !edge.platform && opposite(edge.above_cover, edge.below);
+  const DoseRange limits = inside_of(edge);
+  for (std::size_t r = kRungs; r-- > 0;) {
+    const LayerRule layer = rule(edge.below, upper ? &p.near_upper[r] : nullptr, nullptr);
+    DoseRange to{};
+    bool any = back(layer, edge.at[r], to);
+    to = common(to, limits);
+    any = any && to.lo <= to.hi;
+    if (r + 1 == kRungs) {
+      edge.inside[r] = any ? to : limits;
+    } else {
+      const DoseRange both = common(to, edge.inside[r + 1]);
+      edge.inside[r] = any && both.lo <= both.hi ? both : edge.inside[r + 1];
+    }
+  }
+  const bool feature = edge.below == kFull, gap = edge.below == 0;
+  const int last = static_cast<int>(p.grown.size()) - 1;
+  if (!edge.platform && p.together > 0 && p.together <= last && (feature || gap)) {
+    const DoseRange there = doses(edge, p.together, 0);
+    const double most = std::max(0.0, (there.hi - there.lo) / 4);
+    if (feature) {
+      edge.reserved = there.hi - std::min(p.feature_reserve, most);
+      edge.has_reserve = true;
+    } else if (there.lo > p.phi_min) {
+      edge.reserved = there.lo + std::min(p.gap_reserve, most);
+      edge.has_reserve = true;
+    }
+  }
+
+  // All of these only become true with distance.
+  const auto first_of = [&](int from, auto holds) {
+    int low = from, high = last + 1;
+    while (low < high) {
+      const int middle = low + (high - low) / 2;
+      if (holds(middle)) {
+        high = middle;
+      } else {
+        low = middle + 1;
+      }
+    }
+    return low > last ? Edge::kNever : low;
+  };
+  const double dark = p.phi_min * p.b;
+  const double reached = p.phi_max * p.b + p.a * p.edge_most[kRungs - 1];
+  const int near = std::max(p.together, 1);
+  const int hidden = first_of(near, [&](int j) {
+    for (int r = 0; r < kRungs; ++r) {
+      const DoseRange d = doses(edge, j, r);
+      if (feature && !(d.lo <= p.prints && d.hi >= std::min(edge.cap, reached))) return false;
+      if (gap && !(d.lo <= dark && d.hi >= p.open)) return false;
+      if (!feature && !gap && !(d.lo <= limits.lo && d.hi >= p.most)) return false;
+    }
+    return true;
+  });
+  edge.far = hidden == Edge::kNever ? hidden : std::max(hidden + 1, p.together + 2);
+  if (gap) {
+    edge.dark_from = first_of(near, [&](int j) { return doses(edge, j, 0).lo <= dark; });
+  } else if (feature) {
+    edge.bright_from = first_of(near, [&](int j) { return doses(edge, j, 0).hi >= p.most; });
+    edge.capped_from = first_of(near, [&](int j) { return doses(edge, j, 0).hi >= edge.cap; });
+    edge.falls_from = first_of(near, [&](int j) {
+      const DoseRange d = doses(edge, j, 0);
+      return d.lo <= p.prints && d.hi - p.close >= p.prints;
+    });
+  }
+}
+
+bool Edges::wide(const DoseSet& doses) const {
+  return doses.size() == 1 && doses[0].hi - doses[0].lo >= plan_.largest_step;
+}
+
+DoseSet Edges::levels_back(const LayerRule& rule, const DoseSet& above, DoseRange within) const {
+  const ContinuousPlan& p = plan_;
+  DoseSet found;
+  if (above.empty()) return found;
+  const double least = (above.front().lo - p.a * within.hi) * p.per_b;
+  const double most = (above.back().hi - p.a * within.lo) * p.per_b;
+  const int last = p.levels.at_most(most);
+  for (int l = p.levels.at_least(least); l <= last; ++l) {
+    const double phi = p.levels.phi(l);
+    DoseRange limits = within;
+    for (int k = 0; k < rule.corners; ++k) {
+      const Corner& c = rule.corner[static_cast<std::size_t>(k)];
+      if (rule.coverage == kFull) {
+        limits.lo = std::max(limits.lo, p.prints * c.grown - phi * c.excess);
+      } else {
+        limits.hi = std::min(limits.hi, p.open * c.grown - phi * c.excess);
+      }
+    }
+    for (const DoseRange& d : above) {
+      const DoseRange w =
+          common({(d.lo - phi * p.b) * p.per_a, (d.hi - phi * p.b) * p.per_a}, limits);
+      if (w.lo <= w.hi) found.push_back(w);
+    }
+  }
+  std::sort(found.begin(), found.end(), [](auto x, auto y) { return x.lo < y.lo; });
+  DoseSet joined;
+  for (const DoseRange& d : found) {
+    if (!joined.empty() && d.lo <= joined.back().hi + p.slack) {
+      joined.back().hi = std::max(joined.back().hi, d.hi);
+    } else {
+      joined.push_back(d);
+    }
+  }
+  if (joined.size() > kMostIntervals) {
+    const auto wider = [](const DoseRange& x, const DoseRange& y) {
+      return x.hi - x.lo > y.hi - y.lo || (x.hi - x.lo == y.hi - y.lo && x.lo < y.lo);
+    };
+    std::nth_element(joined.begin(), joined.begin() + kMostIntervals, joined.end(), wider);
+    joined.resize(kMostIntervals);
+    std::sort(joined.begin(), joined.end(), [](auto x, auto y) { return x.lo < y.lo; });
+  }
+  return joined;
+}
+
+DoseSet Edges::levels_of(const Edge& edge, int j, bool slit) const {
+  const ContinuousPlan& p = plan_;
+  if (!edge.has_levels) return {doses(edge, j, kRungs - 1, slit)};
+  if (j == 0) return slit ? edge.levels_slit : edge.levels_at;
+  const int kept = static_cast<int>(edge.levels_below.size());
+  if (j <= kept) return edge.levels_below[static_cast<std::size_t>(j - 1)];
+  const double g = p.grown[static_cast<std::size_t>(j - kept)];
+  const DoseRange d = edge.levels_inside;
+  return {common({p.phi_max - (p.phi_max - d.lo) * g, p.phi_min + (d.hi - p.phi_min) * g},
+                 inside_of(edge))};
+}
+
+void Edges::set_levels(Edge& edge, const Edge* above) const {
+  const ContinuousPlan& p = plan_;
+  constexpr std::size_t widest = kRungs - 1;
+  const bool one = edge.slices == 1;
+  const bool has_slit = edge.above_cover == kFull && edge.below == 0;
+  const bool in_slit = above && one && !above->platform && above->below == 0 &&
+                       above->above_cover == kFull && edge.below == kFull;
+  const double least = 8 * p.largest_step;
+  DoseSet from;
+  bool needed = narrower(edge.at[widest], least) || narrower(edge.inside[widest], least);
+  if (above && above->has_levels) {
+    from = levels_of(*above, one ? 0 : edge.slices - 1, in_slit);
+    needed = needed || !wide(from);
+  } else if (needed) {
+    from = {above ? doses(*above, one ? 0 : edge.slices - 1, static_cast<int>(widest), in_slit)
+                  : doses((*this)[edge.above], 0, static_cast<int>(widest))};
+  }
+  if (!needed || ids_.size() > kMostLevelEdges) return;
+  const bool one_upper =
+      above && one && !above->platform && opposite(above->above_cover, above->below);
+  const auto upper = one_upper ? &p.near_upper[widest] : nullptr;
+  edge.levels_at =
+      levels_back(rule(edge.above_cover, upper, &p.near_lower[widest]), from, edge.at[widest]);
+  if (has_slit) {
+    edge.levels_slit = levels_back(rule(edge.above_cover, upper, &p.slit_lower[widest]), from,
+                                   edge.at_slit[widest]);
+  }
+  if (edge.levels_at.empty() && edge.levels_slit.empty()) return;  // a voxel will be wrong
+  const DoseRange limits = inside_of(edge);
+  const LayerRule plain = rule(edge.below, nullptr, nullptr);
+  LayerRule layer = rule(edge.below, &p.near_upper[widest], nullptr);
+  DoseSet d = edge.levels_at;
+  const int last = static_cast<int>(p.grown.size()) - 1;
+  for (int j = 1; j <= last; ++j) {
+    d = levels_back(layer, d,
+                    j == 1 ? edge.inside[widest] : common(doses(edge, j, kRungs - 1), limits));
+    if (d.empty()) break;
+    edge.levels_below.push_back(d);
+    if (wide(d)) break;
+    layer = plain;
+  }
+  if (d.empty() || edge.levels_below.empty()) {
+    edge.levels_below.clear();
+    if (edge.levels_slit.empty()) return;
+    edge.levels_inside = edge.inside[widest];
+    edge.levels_below.push_back({edge.inside[widest]});
+  } else {
+    edge.levels_inside = {d.front().lo, d.back().hi};
+  }
+  edge.has_levels = true;
+  edge.falls_from = Edge::kNever;
+  const int kept = static_cast<int>(edge.levels_below.size());
+  const double dark = p.phi_min * p.b;
+  const double reached = p.phi_max * p.b + p.a * p.edge_most[kRungs - 1];
+  const auto from_kept = [&](std::int32_t least_j, auto holds) {
+    if (least_j == Edge::kNever) return least_j;
+    for (int j = std::max<int>(least_j, kept + 1); j <= last; ++j) {
+      if (holds(levels_of(edge, j, false)[0])) return static_cast<std::int32_t>(j);
+    }
+    return Edge::kNever;
+  };
+  if (edge.below == kFull) {
+    edge.bright_from = from_kept(edge.bright_from, [&](auto r) { return r.hi >= p.most; });
+    edge.far = from_kept(
+        edge.far, [&](auto r) { return r.lo <= p.prints && r.hi >= std::min(edge.cap, reached); });
+  } else {
+    edge.dark_from = from_kept(edge.dark_from, [&](auto r) { return r.lo <= dark; });
+    edge.far = from_kept(edge.far, [&](auto r) { return r.lo <= dark && r.hi >= p.open; });
+  }
+  if (edge.far != Edge::kNever) ++edge.far;
+}
+
+bool Edges::levels_allow_kept(const Edge& edge, int j, double dose, bool slit) const {
+  const double slack = plan_.slack;
+  const auto in = [&](const DoseSet& set) {
+    const auto after = std::upper_bound(set.begin(), set.end(), dose + slack,
+                                        [](double x, const DoseRange& d) { return x < d.lo; });
+    return after != set.begin() && dose <= std::prev(after)->hi + slack;
+  };
+  if (j == 0) return in(slit ? edge.levels_slit : edge.levels_at);
+  const int kept = static_cast<int>(edge.levels_below.size());
+  if (j <= kept) return in(edge.levels_below[static_cast<std::size_t>(j - 1)]);
+  const double g = plan_.grown[static_cast<std::size_t>(j - kept)];
+  const DoseRange d = edge.levels_inside;
+  const DoseRange limits = inside_of(edge);
+  return dose >= std::max(limits.lo, plan_.phi_max - (plan_.phi_max - d.lo) * g) - slack &&
+         dose <= std::min(limits.hi, plan_.phi_min + (d.hi - plan_.phi_min) * g) + slack;
+}
+
+}  // namespace slicecorr::detail

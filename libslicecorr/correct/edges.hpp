@@ -1,0 +1,124 @@
+/// The edges of columns, and the doses at them from which everything above can be printed.
+///
+/// An edge is a node between two runs of layers of different coverage. What may be at it follows
+/// from the runs above it, and from no more of them than lie near: columns that are alike there
+/// share an `Edge`. Doses are those of docs/levels.md: of all doses at a node the ones from which
+/// the layers above it can be printed, with any light between black and full.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <unordered_map>
+#include <vector>
+
+#include "correct/continuous_plan.hpp"
+
+namespace slicecorr::detail {
+
+/// Doses at a node from which some sequence of levels prints everything above it: intervals that
+/// rise and don't touch.
+using DoseSet = std::vector<DoseRange>;
+
+struct Edge {
+  static constexpr std::int32_t kNone = -1;
+  std::int32_t above = kNone;  ///< the next edge above
+  /// Slices from there to here; 0: so many that nothing above matters.
+  std::int32_t slices = 0;
+  std::uint8_t above_cover = 0, below = 0;  ///< coverage on both sides
+  bool platform = false;                    ///< the run below lies on the platform: node 0
+  bool endless = false;  ///< no edge but the inside of a run so long that its upper end is far
+  /// Doses at the edge, per rung; and where the run below is a gap of one slice.
+  std::array<DoseRange, kRungs> at{}, at_slit{};
+  /// One node further down, where the run below goes on.
+  std::array<DoseRange, kRungs> inside{};
+  /// Rung 0 from `together` nodes further down on: the greatest dose of a feature, the least of a
+  /// gap there.
+  double reserved = 0;
+  bool has_reserve = false;
+  double cap = 0;        ///< of the run below, if it is a feature
+  std::int32_t far = 0;  ///< a run below of so many slices hides this edge from all below it
+  /// From so many slices below on: full light always fits; black light does while it keeps the dose
+  /// close to the falling curve; black light always does. None: `kNever`.
+  std::int32_t bright_from = kNever, falls_from = kNever, dark_from = kNever;
+  std::int32_t capped_from = kNever;  ///< the falling curve is above the cap
+  /// With levels, where the rungs are narrow: the doses at the edge, at the slit, and at the nodes
+  /// further down until they are one interval again, which is `levels_inside`.
+  bool has_levels = false;
+  DoseSet levels_at, levels_slit;
+  std::vector<DoseSet> levels_below;
+  DoseRange levels_inside{};
+
+  static constexpr std::int32_t kNever = std::numeric_limits<std::int32_t>::max();
+};
+
+/// All edges of a band's columns. Not thread-safe.
+class Edges {
+ public:
+  explicit Edges(const ContinuousPlan& plan);
+
+  /// The platform above a run of this coverage.
+  std::int32_t platform(std::uint8_t below);
+  /// The edge `slices` below another, with this coverage on its lower side.
+  std::int32_t next(std::int32_t edge, int slices, std::uint8_t below);
+  const Edge& operator[](std::int32_t id) const { return edges_[static_cast<std::size_t>(id)]; }
+
+  /// Doses `j` nodes below an edge, in its run; `slit`: for j = 0, the run is a gap of one slice.
+  DoseRange doses(const Edge& edge, int j, int rung, bool slit = false) const;
+  /// Whether some sequence of levels prints everything above from `dose` there. True where that
+  /// follows from `doses`.
+  bool levels_allow(const Edge& edge, int j, double dose, bool slit = false) const {
+    return !edge.has_levels || levels_allow_kept(edge, j, dose, slit);
+  }
+
+  /// The rule of a layer: `upper`, `lower`: it borders on the opposite there, within these corners.
+  LayerRule rule(std::uint8_t coverage, const Corner* upper, const Corner* lower) const;
+  /// Doses at the lower node of a layer from which some light leads into `above` at its upper one;
+  /// false: none.
+  bool back(const LayerRule& rule, DoseRange above, DoseRange& below) const;
+
+  const ContinuousPlan& plan() const { return plan_; }
+
+ private:
+  struct Key {
+    std::int32_t edge, slices;
+    std::uint8_t below;
+    bool operator==(const Key&) const = default;
+  };
+  struct Hash {
+    std::size_t operator()(const Key& k) const {
+      std::uint64_t x = (static_cast<std::uint64_t>(static_cast<std::uint32_t>(k.edge)) << 32) ^
+                        (static_cast<std::uint64_t>(static_cast<std::uint32_t>(k.slices)) << 8) ^
+                        k.below;
+      x *= 0x9E3779B97F4A7C15ULL;
+      return static_cast<std::size_t>(x ^ (x >> 29));
+    }
+  };
+  std::int32_t endless(std::uint8_t coverage, bool platform);
+  std::int32_t make(const Edge& above, std::int32_t above_id, int slices, std::uint8_t below);
+  /// `at` and `at_slit` of an edge below `above`.
+  void set_edge(Edge& edge, const Edge& above) const;
+  /// All that follows from `at`.
+  void set_inside(Edge& edge) const;
+  void set_levels(Edge& edge, const Edge* above) const;
+  bool levels_allow_kept(const Edge& edge, int j, double dose, bool slit) const;
+  DoseSet levels_of(const Edge& edge, int j, bool slit) const;
+  DoseSet levels_back(const LayerRule& rule, const DoseSet& above, DoseRange within) const;
+  bool wide(const DoseSet& doses) const;
+  /// Range of doses at nodes inside a run.
+  DoseRange inside_of(const Edge& edge) const;
+
+  const ContinuousPlan& plan_;
+  std::vector<Edge> edges_;
+  std::unordered_map<Key, std::int32_t, Hash> ids_;
+  Key last_key_{-2, 0, 0};
+  std::int32_t last_id_ = 0;
+};
+
+/// Whether a full layer borders on an empty one.
+inline bool opposite(std::uint8_t a, std::uint8_t b) {
+  return (a == kFull && b == 0) || (a == 0 && b == kFull);
+}
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,333 @@
+#include "correct/level_search.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+namespace slicecorr::detail {
+
+namespace {
+
+/// Edges further up than this are not chosen together with the slice at hand.
+constexpr int kFarthest = 40;
+/// Looks at levels before depth first gives up.
+constexpr int kLooks = 200;
+/// Doses kept per node, one in each part of its range; levels tried from them.
+constexpr int kCells = 128, kTries = 1024, kLeastTries = 16;
+/// Tolerances are as good when they differ by less than this factor.
+constexpr double kSameTolerance = 1.2;
+
+bool is_grey(std::uint8_t coverage) { return coverage != 0 && coverage != kFull; }
+
+}  // namespace
+
+RunAt run_above(const Edges& edges, const RunAt& run) {
+  const Edge& edge = edges[run.edge];
+  const bool slit = edge.below == 0 && run.lower - run.node == 1 && run.below == kFull &&
+                    edge.above_cover == kFull;
+  return {edge.above, run.node - edge.slices, run.node, edge.below, slit};
+}
+
+LevelSearch::LevelSearch(const Edges& edges) : edges_(edges), plan_(edges.plan()) {}
+
+LevelSearch::Light LevelSearch::light(const LayerRule& rule, double below, DoseRange target) const {
+  const ContinuousPlan& p = plan_;
+  Light light{(target.lo - p.slack - p.a * below) * p.per_b,
+              (target.hi + p.slack - p.a * below) * p.per_b};
+  for (int k = 0; k < rule.corners; ++k) {
+    const Corner& c = rule.corner[static_cast<std::size_t>(k)];
+    if (rule.coverage == kFull) {
+      light.least =
+          std::max(light.least, ((p.prints - 0.5 * p.slack) * c.grown - below) * c.per_excess);
+    } else {
+      light.most =
+          std::min(light.most, ((p.open + 0.5 * p.slack) * c.grown - below) * c.per_excess);
+    }
+  }
+  return light;
+}
+
+LevelSearch::LevelRange LevelSearch::levels(const LayerRule& rule, double below,
+                                            DoseRange target) const {
+  const Light l = light(rule, below, target);
+  if (l.least > l.most || l.most < plan_.phi_min || l.least > plan_.phi_max) return {1, 0};
+  return {plan_.levels.at_least(l.least), plan_.levels.at_most(l.most)};
+}
+
+LayerRule LevelSearch::rule_of(const RunAt& run, int n, int rung) const {
+  const Edge& edge = edges_[run.edge];
+  const auto r = static_cast<std::size_t>(rung);
+  const bool upper = n == run.node && !edge.platform && opposite(edge.above_cover, edge.below);
+  const bool lower = n == run.lower - 1 && opposite(edge.below, run.below);
+  return edges_.rule(edge.below, upper ? &plan_.near_upper[r] : nullptr,
+                     !lower           ? nullptr
+                     : run.slit_below ? &plan_.slit_lower[r]
+                                      : &plan_.near_lower[r]);
+}
+
+double LevelSearch::grey_aim(const RunAt& run, int n, double below) const {
+  const Edge& edge = edges_[run.edge];
+  const bool first = n == run.node;
+  if (first && !edge.platform && edge.above_cover == kFull) return 1.0;
+  const double own = aim_of(edge.below);
+  const double other = !first ? own : edge.platform ? 0.0 : aim_of(edge.above_cover);
+  double aim = (1.0 + plan_.root_a) * own - plan_.root_a * below;
+  aim = std::min(aim, std::max(own, other));
+  return other > 0 ? std::max(aim, std::min(own, other)) : aim;
+}
+
+int LevelSearch::one_slice(const RunAt& run, int n, double below) const {
+  const ContinuousPlan& p = plan_;
+  const Edge& edge = edges_[run.edge];
+  const int j = n - run.node;
+  const bool slit = j == 0 && edge.below == 0 && run.lower - run.node == 1 && run.below == kFull &&
+                    edge.above_cover == kFull && !edge.platform;
+  const auto allowed = [&](int level) {
+    return edges_.levels_allow(edge, j, p.step(p.levels.phi(level), below), slit);
+  };
+  const bool grey = is_grey(edge.below);
+  double phi_aim = 0;
+  if (grey) phi_aim = (grey_aim(run, n, below) - p.a * below) * p.per_b;
+  for (int r = 0; r < kRungs; ++r) {
+    const LevelRange range = levels(rule_of(run, n, r), below, edges_.doses(edge, j, r, slit));
+    if (range.empty()) continue;
+    if (grey) {
+      const LevelTable::Around around = p.levels.around(phi_aim);
+      const bool next =
+          p.levels.phi(around.at_least) - phi_aim < phi_aim - p.levels.phi(around.at_most);
+      return std::clamp(next ? around.at_least : around.at_most, range.first, range.last);
+    }
+    if (edge.below == 0) {
+      for (int l = range.first; l <= range.last; ++l) {
+        if (allowed(l)) return l;
+      }
+    } else {
+      for (int l = range.last; l >= range.first; --l) {
+        if (allowed(l)) return l;
+      }
+    }
+  }
+  // A voxel will be wrong: this one, if what is above can be saved.
+  const LayerRule rule = rule_of(run, n, kRungs - 1);
+  const DoseRange target = edges_.doses(edge, j, kRungs - 1, slit);
+  if (edge.has_levels) {
+    LayerRule none;
+    none.coverage = rule.coverage;
+    const LevelRange range = levels(none, below, target);
+    for (int l = range.first; l <= range.last; ++l) {
+      if (allowed(l)) return l;
+    }
+  }
+  const Light l = light(rule, below, target);
+  if (grey) return p.levels.at_most(phi_aim);
+  return edge.below == 0 ? p.levels.at_most(l.most) : p.levels.at_least(l.least);
+}
+
+double LevelSearch::exact(const RunAt& run, int n, double below) const {
+  const ContinuousPlan& p = plan_;
+  const Edge& edge = edges_[run.edge];
+  const int j = n - run.node;
+  const bool slit = j == 0 && edge.below == 0 && run.lower - run.node == 1 && run.below == kFull &&
+                    edge.above_cover == kFull && !edge.platform;
+  Light l{};
+  for (int r = 0; r < kRungs; ++r) {
+    l = light(rule_of(run, n, r), below, edges_.doses(edge, j, r, slit));
+    if (l.least <= l.most && l.most >= p.phi_min && l.least <= p.phi_max) break;
+  }
+  // Without the slack, which is for rounding.
+  l.least += p.slack * p.per_b;
+  l.most -= p.slack * p.per_b;
+  double phi = edge.below == 0 ? l.least : l.most;
+  if (is_grey(edge.below)) {
+    phi = std::clamp((grey_aim(run, n, below) - p.a * below) * p.per_b, l.least,
+                     std::max(l.least, l.most));
+  }
+  return std::clamp(phi, p.phi_min, p.phi_max);
+}
+
+int LevelSearch::gather(const RunAt& start, int n) {
+  const Edge* edge = &edges_[start.edge];
+  if (n - start.node >= plan_.together || edge->platform || edge->endless ||
+      !opposite(edge->above_cover, edge->below)) {
+    return 0;
+  }
+  // The last edge that belongs to these slices.
+  int last = start.node;
+  cut_ = false;
+  while (edge->slices > 0 && edge->slices <= plan_.together + 1) {
+    const Edge& above = edges_[edge->above];
+    if (above.platform || !opposite(above.above_cover, above.below)) break;
+    if (n - (last - edge->slices) > kFarthest) {
+      cut_ = true;
+      break;
+    }
+    last -= edge->slices;
+    edge = &above;
+  }
+  const int end = last - 1;
+  RunAt run = start;
+  count_ = 0;
+  for (int s = n; s >= end; --s) {
+    if (s < run.node) run = run_above(edges_, run);
+    const Edge& e = edges_[run.edge];
+    Step& step = steps_[static_cast<std::size_t>(count_++)];
+    step.edge = run.edge;
+    step.j = s - run.node;
+    step.coverage = e.below;
+    step.upper = s == run.node && !e.platform && opposite(e.above_cover, e.below);
+    step.lower = s == run.lower - 1 && opposite(e.below, run.below);
+    step.slit_below = run.slit_below;
+    step.slit = s == run.node && e.below == 0 && run.lower - run.node == 1 && run.below == kFull &&
+                e.above_cover == kFull;
+    // A long run's length is not known.
+    if (e.endless) run.node = std::min(run.node, s);
+  }
+  first_edge_ = n - start.node + 1;
+  return count_;
+}
+
+bool LevelSearch::aim(double tolerance) {
+  const ContinuousPlan& p = plan_;
+  const Corner upper = p.corner(1.0 - tolerance), lower = p.corner(tolerance);
+  const Corner slit = p.corner(std::max(tolerance, std::min(p.shortfall, kWidest)));
+  for (int k = count_; k-- > 0;) {
+    Step& s = steps_[static_cast<std::size_t>(k)];
+    s.rule = edges_.rule(s.coverage, s.upper ? &upper : nullptr,
+                         !s.lower                              ? nullptr
+                         : s.slit_below && s.coverage == kFull ? &slit
+                                                               : &lower);
+    const Edge& edge = edges_[s.edge];
+    if (k + 1 == count_) {
+      int rung = 0;
+      if (cut_) {
+        rung = 1;
+        while (rung + 1 < kRungs && p.tolerance[static_cast<std::size_t>(rung)] < tolerance) ++rung;
+      }
+      s.target = edges_.doses(edge, s.j, rung);
+      continue;
+    }
+    const Step& above = steps_[static_cast<std::size_t>(k + 1)];
+    if (!edges_.back(above.rule, above.target, s.target)) return false;
+    if (s.j > 0) {
+      const DoseRange limits =
+          s.coverage == kFull ? DoseRange{p.prints, edge.cap} : DoseRange{0.0, p.open};
+      s.target.lo = std::max(s.target.lo, limits.lo);
+      s.target.hi = std::min(s.target.hi, limits.hi);
+      if (s.target.lo > s.target.hi) return false;
+    }
+  }
+  return true;
+}
+
+bool LevelSearch::depth_first(double below, std::uint8_t* out) {
+  const ContinuousPlan& p = plan_;
+  double dose[kMost + 1];
+  LevelRange range[kMost];
+  int at[kMost];
+  int looks = 0;
+  int k = 0;
+  dose[0] = below;
+  const auto enter = [&](int depth) {
+    const Step& s = steps_[static_cast<std::size_t>(depth)];
+    range[depth] = levels(s.rule, dose[depth], s.target);
+    at[depth] = s.coverage == 0 ? range[depth].first : range[depth].last;
+  };
+  enter(0);
+  while (k >= 0) {
+    const Step& s = steps_[static_cast<std::size_t>(k)];
+    if (at[k] < range[k].first || at[k] > range[k].last) {
+      if (--k < 0) return false;
+      at[k] += steps_[static_cast<std::size_t>(k)].coverage == 0 ? 1 : -1;
+      continue;
+    }
+    if (++looks > kLooks) return false;
+    dose[k + 1] = p.step(p.levels.phi(at[k]), dose[k]);
+    if (!edges_.levels_allow(edges_[s.edge], s.j, dose[k + 1], s.slit)) {
+      at[k] += s.coverage == 0 ? 1 : -1;
+      continue;
+    }
+    if (k + 1 == count_) {
+      for (int i = 0; i < count_; ++i) out[i] = static_cast<std::uint8_t>(at[i]);
+      return true;
+    }
+    enter(++k);
+  }
+  return false;
+}
+
+bool LevelSearch::survivors(double below, std::uint8_t* out) {
+  const ContinuousPlan& p = plan_;
+  kept_.assign(1, {below, -1, 0});
+  begin_.assign(1, 0);
+  for (int k = 0; k < count_; ++k) {
+    const Step& s = steps_[static_cast<std::size_t>(k)];
+    const Edge& edge = edges_[s.edge];
+    const auto first = static_cast<std::size_t>(begin_.back());
+    const std::size_t last = kept_.size();
+    const int tries = std::max(kLeastTries, kTries / static_cast<int>(last - first));
+    begin_.push_back(static_cast<std::int32_t>(last));
+    std::uint64_t taken[kCells / 64] = {};
+    const double per_cell = kCells / std::max(s.target.hi - s.target.lo, 1e-300);
+    for (std::size_t i = first; i < last; ++i) {
+      const double w = kept_[i].dose;
+      const LevelRange range = levels(s.rule, w, s.target);
+      if (range.empty()) continue;
+      const int all = range.last - range.first + 1;
+      const int shown = std::min(all, tries);
+      for (int t = 0; t < shown; ++t) {
+        const int up = shown == all ? t
+                                    : static_cast<int>(static_cast<std::int64_t>(t) * (all - 1) /
+                                                       std::max(1, shown - 1));
+        const int level = s.coverage == 0 ? range.first + up : range.last - up;
+        const double dose = p.step(p.levels.phi(level), w);
+        const int cell =
+            std::clamp(static_cast<int>((dose - s.target.lo) * per_cell), 0, kCells - 1);
+        if (taken[cell / 64] >> (cell % 64) & 1) continue;
+        if (!edges_.levels_allow(edge, s.j, dose, s.slit)) continue;
+        if (k + 1 < count_) {
+          const Step& next = steps_[static_cast<std::size_t>(k + 1)];
+          if (levels(next.rule, dose, next.target).empty()) continue;
+        }
+        taken[cell / 64] |= std::uint64_t{1} << (cell % 64);
+        kept_.push_back({dose, static_cast<std::int32_t>(i), static_cast<std::uint8_t>(level)});
+        if (k + 1 == count_) break;
+      }
+      if (k + 1 == count_ && kept_.size() > last) break;
+    }
+    if (kept_.size() == last) return false;
+  }
+  std::size_t i = static_cast<std::size_t>(begin_.back());
+  for (int k = count_; k-- > 0;) {
+    out[k] = kept_[i].level;
+    i = static_cast<std::size_t>(kept_[i].before);
+  }
+  return true;
+}
+
+int LevelSearch::choose(const RunAt& run, int n, double below, std::uint8_t* out) {
+  const ContinuousPlan& p = plan_;
+  if (gather(run, n) == 0) {
+    out[0] = static_cast<std::uint8_t>(one_slice(run, n, below));
+    return 1;
+  }
+  const int chosen = cut_ ? first_edge_ : count_;
+  if (aim(p.tolerance[0]) && depth_first(below, out)) return chosen;
+  if (aim(kWidest) && survivors(below, out)) {
+    double good = kWidest, bad = p.tolerance[0];
+    std::uint8_t better[kMost];
+    while (good > bad * kSameTolerance) {
+      const double middle = std::sqrt(good * bad);
+      if (aim(middle) && survivors(below, better)) {
+        good = middle;
+        std::memcpy(out, better, static_cast<std::size_t>(count_));
+      } else {
+        bad = middle;
+      }
+    }
+    return chosen;
+  }
+  out[0] = static_cast<std::uint8_t>(one_slice(run, n, below));
+  return 1;
+}
+
+}  // namespace slicecorr::detail

@@ -30,28 +30,32 @@ RunAt run_above(const Edges& edges, const RunAt& run) {
 
 LevelSearch::LevelSearch(const Edges& edges) : edges_(edges), plan_(edges.plan()) {}
 
-LevelSearch::Light LevelSearch::light(const LayerRule& rule, double below, DoseRange target) const {
+LevelSearch::LightRule LevelSearch::light_rule(const LayerRule& rule, DoseRange target) const {
   const ContinuousPlan& p = plan_;
-  Light light{(target.lo - p.slack - p.a * below) * p.per_b,
-              (target.hi + p.slack - p.a * below) * p.per_b};
-  for (int k = 0; k < rule.corners; ++k) {
-    const Corner& c = rule.corner[static_cast<std::size_t>(k)];
-    if (rule.coverage == kFull) {
-      light.least =
-          std::max(light.least, ((p.prints - 0.5 * p.slack) * c.grown - below) * c.per_excess);
-    } else {
-      light.most =
-          std::min(light.most, ((p.open + 0.5 * p.slack) * c.grown - below) * c.per_excess);
-    }
+  const Bound least{(target.lo - p.slack) * p.per_b, p.a * p.per_b};
+  const Bound most{(target.hi + p.slack) * p.per_b, p.a * p.per_b};
+  LightRule light;
+  light.feature = rule.coverage == kFull;
+  light.own = light.feature ? most : least;
+  light.others.fill(light.feature ? least : most);
+  const double dose = light.feature ? p.prints - 0.5 * p.slack : p.open + 0.5 * p.slack;
+  for (std::size_t k = 0; k < static_cast<std::size_t>(rule.corners); ++k) {
+    const Corner& c = rule.corner[k];
+    light.others[k + 1] = {dose * c.grown * c.per_excess, c.per_excess};
   }
   return light;
 }
 
-LevelSearch::LevelRange LevelSearch::levels(const LayerRule& rule, double below,
-                                            DoseRange target) const {
-  const Light l = light(rule, below, target);
+LevelSearch::LevelRange LevelSearch::levels(const LightRule& rule, double below) const {
+  const Light l = rule.at(below);
   if (l.least > l.most || l.most < plan_.phi_min || l.least > plan_.phi_max) return {1, 0};
   return {plan_.levels.at_least(l.least), plan_.levels.at_most(l.most)};
+}
+
+bool LevelSearch::any_level(const LightRule& rule, double below) const {
+  const Light l = rule.at(below);
+  if (l.least > l.most || l.most < plan_.phi_min || l.least > plan_.phi_max) return false;
+  return plan_.levels.phi(plan_.levels.at_least(l.least)) <= l.most;
 }
 
 LayerRule LevelSearch::rule_of(const RunAt& run, int n, int rung) const {
@@ -89,7 +93,8 @@ int LevelSearch::one_slice(const RunAt& run, int n, double below) const {
   double phi_aim = 0;
   if (grey) phi_aim = (grey_aim(run, n, below) - p.a * below) * p.per_b;
   for (int r = 0; r < kRungs; ++r) {
-    const LevelRange range = levels(rule_of(run, n, r), below, edges_.doses(edge, j, r, slit));
+    const LevelRange range =
+        levels(light_rule(rule_of(run, n, r), edges_.doses(edge, j, r, slit)), below);
     if (range.empty()) continue;
     if (grey) {
       const LevelTable::Around around = p.levels.around(phi_aim);
@@ -113,12 +118,12 @@ int LevelSearch::one_slice(const RunAt& run, int n, double below) const {
   if (edge.has_levels) {
     LayerRule none;
     none.coverage = rule.coverage;
-    const LevelRange range = levels(none, below, target);
+    const LevelRange range = levels(light_rule(none, target), below);
     for (int l = range.first; l <= range.last; ++l) {
       if (allowed(l)) return l;
     }
   }
-  const Light l = light(rule, below, target);
+  const Light l = light_rule(rule, target).at(below);
   if (grey) return p.levels.at_most(phi_aim);
   return edge.below == 0 ? p.levels.at_most(l.most) : p.levels.at_least(l.least);
 }
@@ -131,7 +136,7 @@ double LevelSearch::exact(const RunAt& run, int n, double below) const {
                     edge.above_cover == kFull && !edge.platform;
   Light l{};
   for (int r = 0; r < kRungs; ++r) {
-    l = light(rule_of(run, n, r), below, edges_.doses(edge, j, r, slit));
+    l = light_rule(rule_of(run, n, r), edges_.doses(edge, j, r, slit)).at(below);
     if (l.least <= l.most && l.most >= p.phi_min && l.least <= p.phi_max) break;
   }
   // Without the slack, which is for rounding.
@@ -204,6 +209,7 @@ bool LevelSearch::aim(double tolerance) {
         while (rung + 1 < kRungs && p.tolerance[static_cast<std::size_t>(rung)] < tolerance) ++rung;
       }
       s.target = edges_.doses(edge, s.j, rung);
+      s.light = light_rule(s.rule, s.target);
       continue;
     }
     const Step& above = steps_[static_cast<std::size_t>(k + 1)];
@@ -215,6 +221,7 @@ bool LevelSearch::aim(double tolerance) {
       s.target.hi = std::min(s.target.hi, limits.hi);
       if (s.target.lo > s.target.hi) return false;
     }
+    s.light = light_rule(s.rule, s.target);
   }
   return true;
 }
@@ -229,7 +236,7 @@ bool LevelSearch::depth_first(double below, std::uint8_t* out) {
   dose[0] = below;
   const auto enter = [&](int depth) {
     const Step& s = steps_[static_cast<std::size_t>(depth)];
-    range[depth] = levels(s.rule, dose[depth], s.target);
+    range[depth] = levels(s.light, dose[depth]);
     at[depth] = s.coverage == 0 ? range[depth].first : range[depth].last;
   };
   enter(0);
@@ -267,10 +274,11 @@ bool LevelSearch::survivors(double below, std::uint8_t* out) {
     const int tries = std::max(kLeastTries, kTries / static_cast<int>(last - first));
     begin_.push_back(static_cast<std::int32_t>(last));
     std::uint64_t taken[kCells / 64] = {};
+    int left = kCells;
     const double per_cell = kCells / std::max(s.target.hi - s.target.lo, 1e-300);
     for (std::size_t i = first; i < last; ++i) {
       const double w = kept_[i].dose;
-      const LevelRange range = levels(s.rule, w, s.target);
+      const LevelRange range = levels(s.light, w);
       if (range.empty()) continue;
       const int all = range.last - range.first + 1;
       const int shown = std::min(all, tries);
@@ -286,13 +294,14 @@ bool LevelSearch::survivors(double below, std::uint8_t* out) {
         if (!edges_.levels_allow(edge, s.j, dose, s.slit)) continue;
         if (k + 1 < count_) {
           const Step& next = steps_[static_cast<std::size_t>(k + 1)];
-          if (levels(next.rule, dose, next.target).empty()) continue;
+          if (!any_level(next.light, dose)) continue;
         }
         taken[cell / 64] |= std::uint64_t{1} << (cell % 64);
+        --left;
         kept_.push_back({dose, static_cast<std::int32_t>(i), static_cast<std::uint8_t>(level)});
         if (k + 1 == count_) break;
       }
-      if (k + 1 == count_ && kept_.size() > last) break;
+      if (left == 0 || (k + 1 == count_ && kept_.size() > last)) break;
     }
     if (kept_.size() == last) return false;
   }

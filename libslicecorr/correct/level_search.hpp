@@ -1,6 +1,7 @@
 /// Levels that print edges where they belong; docs/levels.md explains the method.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <vector>
@@ -36,6 +37,27 @@ class LevelSearch {
   double exact(const RunAt& run, int n, double below) const;
 
  private:
+  struct Light {
+    double least, most;
+  };
+  /// The light that a layer allows, of the dose w at its lower node: on one side `own.at - own.per
+  /// w`, on the other the narrowest of four such bounds.
+  struct Bound {
+    double at, per;
+  };
+  struct LightRule {
+    bool feature;
+    Bound own;
+    std::array<Bound, 4> others;
+    Light at(double w) const {
+      const double one = own.at - own.per * w;
+      const auto other = [&](std::size_t k) { return others[k].at - others[k].per * w; };
+      if (feature) {
+        return {std::max(std::max(other(0), other(1)), std::max(other(2), other(3))), one};
+      }
+      return {one, std::min(std::min(other(0), other(1)), std::min(other(2), other(3)))};
+    }
+  };
   /// A slice of those that are chosen together.
   struct Step {
     std::int32_t edge;
@@ -44,9 +66,7 @@ class LevelSearch {
     bool upper, lower, slit_below, slit;
     LayerRule rule;
     DoseRange target;  ///< of its upper node
-  };
-  struct Light {
-    double least, most;
+    LightRule light;
   };
   struct LevelRange {
     int first, last;
@@ -58,8 +78,10 @@ class LevelSearch {
     std::uint8_t level;
   };
 
-  Light light(const LayerRule& rule, double below, DoseRange target) const;
-  LevelRange levels(const LayerRule& rule, double below, DoseRange target) const;
+  LightRule light_rule(const LayerRule& rule, DoseRange target) const;
+  LevelRange levels(const LightRule& rule, double below) const;
+  /// Whether levels() has any.
+  bool any_level(const LightRule& rule, double below) const;
   LayerRule rule_of(const RunAt& run, int n, int rung) const;
   int one_slice(const RunAt& run, int n, double below) const;
   double grey_aim(const RunAt& run, int n, double below) const;

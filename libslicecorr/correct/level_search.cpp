@@ -14,6 +14,8 @@ constexpr int kFarthest = 40;
 constexpr int kLooks = 200;
 /// Doses kept per node, one in each part of its range; levels tried from them.
 constexpr int kCells = 128, kTries = 1024, kLeastTries = 16;
+/// Depth first tries tolerances that grow by this factor.
+constexpr double kCoarser = 1.44;
 /// Tolerances are as good when they differ by less than this factor.
 constexpr double kSameTolerance = 1.2;
 
@@ -320,7 +322,19 @@ int LevelSearch::choose(const RunAt& run, int n, double below, std::uint8_t* out
     return 1;
   }
   const int chosen = cut_ ? first_edge_ : count_;
-  if (aim(p.tolerance[0]) && depth_first(below, out)) return chosen;
+  double failed = 0;
+  for (double t = p.tolerance[0]; t < kWidest; t *= kCoarser) {
+    if (aim(t) && depth_first(below, out)) {
+      if (failed > 0) {
+        std::uint8_t better[kMost];
+        if (aim(std::sqrt(t * failed)) && depth_first(below, better)) {
+          std::memcpy(out, better, static_cast<std::size_t>(count_));
+        }
+      }
+      return chosen;
+    }
+    failed = t;
+  }
   if (aim(kWidest) && survivors(below, out)) {
     double good = kWidest, bad = p.tolerance[0];
     std::uint8_t better[kMost];

@@ -19,15 +19,16 @@ bool narrower(DoseRange d, double width) { return d.hi - d.lo < width; }
 
 DoseRange common(DoseRange a, DoseRange b) { return {std::max(a.lo, b.lo), std::min(a.hi, b.hi)}; }
 
-/// Dose at the lower node of a grey layer under a full one, so that its middle gets its coverage:
-/// the middle is (Omega(n) + r Omega(n + 1)) / (1 + r), r = sqrt(a), and Omega(n) = 1.
-double grey_under_full(const ContinuousPlan& plan, std::uint8_t coverage) {
-  return ((1.0 + plan.root_a) * aim_of(coverage) - 1.0) / plan.root_a;
-}
+bool is_grey(std::uint8_t coverage) { return coverage != 0 && coverage != kFull; }
+
+/// Stands for all greys above full layers.
+constexpr std::uint8_t kAnyGrey = 128;
 
 }  // namespace
 
-Edges::Edges(const ContinuousPlan& plan) : plan_(plan) {}
+Edges::Edges(const ContinuousPlan& plan) : plan_(plan) {
+  for (auto& kind : endless_) kind.fill(Edge::kNone);
+}
 
 LayerRule Edges::rule(std::uint8_t coverage, const Corner* upper, const Corner* lower) const {
   LayerRule rule;
@@ -70,8 +71,9 @@ bool Edges::back(const LayerRule& rule, DoseRange above, DoseRange& below) const
       below.hi = std::min(below.hi, p.open * c.grown - least * c.excess);
     }
   } else {
+    // Doses of grey layers stay below what gaps above them could not take.
     below.lo = std::max(0.0, (above.lo - p.phi_max * p.b) * p.per_a);
-    below.hi = (above.hi - p.phi_min * p.b) * p.per_a;
+    below.hi = p.most;
   }
   if (below.hi < 0 || below.lo > below.hi + p.slack) return false;
   below.hi = std::max(below.hi, below.lo);
@@ -91,6 +93,9 @@ DoseRange Edges::doses(const Edge& edge, int j, int rung, bool slit) const {
   if (j == 0) return slit ? edge.at_slit[r] : edge.at[r];
   const DoseRange base = edge.inside[r];
   const double g = p.grown[static_cast<std::size_t>(j - 1)];
+  if (is_grey(edge.below)) {
+    return {std::max(aim_of(edge.below), p.phi_max - (p.phi_max - base.lo) * g), p.most};
+  }
   DoseRange d{p.phi_max - (p.phi_max - base.lo) * g, p.phi_min + (base.hi - p.phi_min) * g};
   if (rung == 0 && edge.has_reserve && j >= p.together) {
     const double since = p.grown[static_cast<std::size_t>(j - p.together)];
@@ -102,6 +107,16 @@ DoseRange Edges::doses(const Edge& edge, int j, int rung, bool slit) const {
   }
   const DoseRange bounds = inside_of(edge);
   return {std::max(d.lo, bounds.lo), std::min(d.hi, bounds.hi)};
+}
+
+double Edges::grey_least(std::uint8_t grey, bool under_full, std::uint8_t below) const {
+  if (below == kFull) return plan_.prints;
+  if (below != 0) return std::min(aim_of(grey), aim_of(below));
+  if (!under_full) return aim_of(grey);
+  // Its middle gets its coverage: the middle is (Omega(n) + r Omega(n + 1)) / (1 + r),
+  // r = sqrt(a), and Omega(n) = 1.
+  const double r = plan_.root_a;
+  return std::max(0.0, ((1.0 + r) * aim_of(grey) - 1.0) / r);
 }
 
 std::int32_t Edges::platform(std::uint8_t below) {
@@ -122,35 +137,47 @@ std::int32_t Edges::platform(std::uint8_t below) {
   return id;
 }
 
-std::int32_t Edges::endless(std::uint8_t coverage, bool platform) {
-  const Key key{Edge::kNone, platform ? 2 : 1, coverage};
-  const auto found = ids_.find(key);
-  if (found != ids_.end()) return found->second;
+std::int32_t Edges::endless(std::uint8_t coverage, Hidden hidden) {
+  std::int32_t& known = endless_[static_cast<std::size_t>(hidden)][coverage];
+  if (known != Edge::kNone) return known;
   Edge edge;
-  edge.above_cover = edge.below = coverage;
-  edge.platform = platform;
+  edge.above_cover = hidden == Hidden::under_full ? kFull : coverage;
+  edge.below = coverage;
+  edge.platform = hidden == Hidden::platform;
   edge.endless = true;
-  edge.cap = platform ? plan_.platform_cap : plan_.cap;
+  edge.cap = edge.platform ? plan_.platform_cap : plan_.cap;
   edges_.push_back(std::move(edge));
-  const auto id = static_cast<std::int32_t>(edges_.size() - 1);
-  ids_.emplace(key, id);
-  return id;
+  return known = static_cast<std::int32_t>(edges_.size() - 1);
 }
 
 std::int32_t Edges::next(std::int32_t id, int slices, std::uint8_t below) {
   const Edge& above = (*this)[id];
-  if (slices >= above.far || edges_.size() >= kMostEdges) {
-    id = endless(above.below, above.platform && above.below == kFull);
+  if (is_grey(above.below)) {
+    // What a grey layer asks for itself is most often more than what those above it do.
+    const bool under_full = slices == 1 && above.above_cover == kFull && !above.platform;
+    const double asked = doses(above, slices - 1, 0).lo;
+    if ((asked - plan_.phi_max * plan_.b) * plan_.per_a <= grey_least(above.below, under_full, below)) {
+      // Full layers are the same under all greys.
+      id = endless(below == kFull ? kAnyGrey : above.below,
+                   under_full && below == 0 ? Hidden::under_full : Hidden::nothing);
+      slices = 0;
+    }
+  } else if (slices >= above.far) {
+    id = endless(above.below,
+                 above.platform && above.below == kFull ? Hidden::platform : Hidden::nothing);
+    slices = 0;
+  }
+  if (slices > 0 && edges_.size() >= kMostEdges) {
+    id = endless(above.below, Hidden::nothing);
     slices = 0;
   }
   const Key key{id, slices, below};
-  if (key == last_key_) return last_id_;
-  last_key_ = key;
+  Recent& recent = recent_[Hash()(key) % recent_.size()];
+  if (recent.key == key) return recent.id;
   const auto found = ids_.find(key);
-  if (found != ids_.end()) return last_id_ = found->second;
-  last_id_ = make((*this)[id], id, slices, below);
-  ids_.emplace(key, last_id_);
-  return last_id_;
+  recent = {key, found != ids_.end() ? found->second : make((*this)[id], id, slices, below)};
+  if (found == ids_.end()) ids_.emplace(key, recent.id);
+  return recent.id;
 }
 
 std::int32_t Edges::make(const Edge& above, std::int32_t above_id, int slices, std::uint8_t below) {
@@ -178,11 +205,9 @@ void Edges::set_edge(Edge& edge, const Edge& above) const {
   const bool grey_above = above.below != 0 && above.below != kFull;
   const bool grey_below = edge.below != 0 && edge.below != kFull;
   DoseRange node{0.0, p.most};
-  if (grey_above && edge.below == 0) {
-    const bool under_full = one && above.above_cover == kFull && !above.platform;
-    node.lo = under_full ? std::max(0.0, grey_under_full(p, above.below)) : aim_of(above.below);
-  } else if (grey_above && grey_below) {
-    node.lo = std::min(aim_of(above.below), aim_of(edge.below));
+  if (grey_above) {
+    const bool under_full = (one || above.endless) && above.above_cover == kFull && !above.platform;
+    node.lo = grey_least(above.below, under_full, edge.below);
   }
   for (int slit = 0; slit <= static_cast<int>(has_slit); ++slit) {
     auto& at = slit ? edge.at_slit : edge.at;
@@ -233,8 +258,9 @@ void Edges::set_inside(Edge& edge) const {
     }
   }
   const bool feature = edge.below == kFull, gap = edge.below == 0;
+  if (!feature && !gap) return;
   const int last = static_cast<int>(p.grown.size()) - 1;
-  if (!edge.platform && p.together > 0 && p.together <= last && (feature || gap)) {
+  if (!edge.platform && p.together > 0 && p.together <= last) {
     const DoseRange there = doses(edge, p.together, 0);
     const double most = std::max(0.0, (there.hi - there.lo) / 4);
     if (feature) {
@@ -267,7 +293,6 @@ void Edges::set_inside(Edge& edge) const {
       const DoseRange d = doses(edge, j, r);
       if (feature && !(d.lo <= p.prints && d.hi >= std::min(edge.cap, reached))) return false;
       if (gap && !(d.lo <= dark && d.hi >= p.open)) return false;
-      if (!feature && !gap && !(d.lo <= limits.lo && d.hi >= p.most)) return false;
     }
     return true;
   });

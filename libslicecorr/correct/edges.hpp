@@ -95,7 +95,11 @@ class Edges {
       return static_cast<std::size_t>(x ^ (x >> 29));
     }
   };
-  std::int32_t endless(std::uint8_t coverage, bool platform);
+  /// What is above an endless run.
+  enum class Hidden { nothing, platform, under_full };
+  std::int32_t endless(std::uint8_t coverage, Hidden hidden);
+  /// Least dose at the lower node of a grey run for its own sake.
+  double grey_least(std::uint8_t grey, bool under_full, std::uint8_t below) const;
   std::int32_t make(const Edge& above, std::int32_t above_id, int slices, std::uint8_t below);
   /// `at` and `at_slit` of an edge below `above`.
   void set_edge(Edge& edge, const Edge& above) const;
@@ -112,8 +116,12 @@ class Edges {
   const ContinuousPlan& plan_;
   std::vector<Edge> edges_;
   std::unordered_map<Key, std::int32_t, Hash> ids_;
-  Key last_key_{-2, 0, 0};
-  std::int32_t last_id_ = 0;
+  std::array<std::array<std::int32_t, 256>, 3> endless_;
+  struct Recent {
+    Key key{-2, 0, 0};
+    std::int32_t id = 0;
+  };
+  std::array<Recent, 1024> recent_;
 };
 
 /// Whether a full layer borders on an empty one.

@@ -51,7 +51,9 @@ LevelSearch::LightRule LevelSearch::light_rule(const LayerRule& rule, DoseRange 
 LevelSearch::LevelRange LevelSearch::levels(const LightRule& rule, double below) const {
   const Light l = rule.at(below);
   if (l.least > l.most || l.most < plan_.phi_min || l.least > plan_.phi_max) return {1, 0};
-  return {plan_.levels.at_least(l.least), plan_.levels.at_most(l.most)};
+  const int first = plan_.levels.at_least(l.least);
+  if (plan_.levels.phi(first) > l.most) return {1, 0};
+  return {first, plan_.levels.at_most(l.most)};
 }
 
 bool LevelSearch::any_level(const LightRule& rule, double below) const {

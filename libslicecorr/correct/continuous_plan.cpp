@@ -93,6 +93,10 @@ ContinuousPlan::ContinuousPlan(const CureModel& model, const Process& process, i
     grown[j] = std::exp(static_cast<double>(j) * model.eta * units::ln10);
   }
   middle = corner(0.5);
+  for (double t = target; t < kWidest && !exact; t *= 1.2) {
+    ladder.push_back({corner(1.0 - t), corner(t),
+                      corner(std::max(t, std::min(shortfall, kWidest))), t});
+  }
   for (std::size_t r = 0; r < kRungs; ++r) {
     near_lower[r] = corner(tolerance[r]);
     near_upper[r] = corner(1.0 - tolerance[r]);

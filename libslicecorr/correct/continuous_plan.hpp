@@ -42,6 +42,12 @@ inline constexpr int kRungs = 8;
 /// With this tolerance of edges only the middle of layers counts.
 inline constexpr double kWidest = 0.4999;
 
+/// Where edges may lie.
+struct EdgeCorners {
+  Corner upper, lower, slit;  ///< at upper ends of layers, lower ones, and above gaps of one slice
+  double tolerance;           ///< in slices
+};
+
 struct ContinuousPlan {
   /// `exact`: any light between black and full, edges to 1e-13 of a slice; for
   /// solve_column_exactly().
@@ -74,6 +80,8 @@ struct ContinuousPlan {
   Corner corner(double f) const;
   Corner middle;
   std::array<Corner, kRungs> near_lower, near_upper, slit_lower;  ///< per rung
+  /// Tolerances from the one aimed at upwards, each 1.2 times the one before.
+  std::vector<EdgeCorners> ladder;
   /// Most that the dose at the lower edge of a feature can be, per rung.
   std::array<double, kRungs> edge_most;
   /// Range of doses of a full layer's node beside a grey one, per rung.

@@ -1,6 +1,7 @@
 #include "correct/level_search.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstring>
 
@@ -14,8 +15,6 @@ constexpr int kFarthest = 40;
 constexpr int kLooks = 200;
 /// Doses kept per node, one in each part of its range; levels tried from them.
 constexpr int kCells = 128, kTries = 1024, kLeastTries = 16;
-/// Depth first tries tolerances that grow by this factor.
-constexpr double kCoarser = 1.44;
 /// Tolerances are as good when they differ by less than this factor.
 constexpr double kSameTolerance = 1.2;
 
@@ -192,13 +191,20 @@ int LevelSearch::gather(const RunAt& start, int n) {
     if (e.endless) run.node = std::min(run.node, s);
   }
   first_edge_ = n - start.node + 1;
+  const Step& at = steps_[0];
+  first_ = static_cast<std::uint8_t>(at.lower | at.slit_below << 1 | at.slit << 2);
   return count_;
 }
 
 bool LevelSearch::aim(double tolerance) {
+  return aim({plan_.corner(1.0 - tolerance), plan_.corner(tolerance),
+              plan_.corner(std::max(tolerance, std::min(plan_.shortfall, kWidest))), tolerance});
+}
+
+bool LevelSearch::aim(const EdgeCorners& at) {
   const ContinuousPlan& p = plan_;
-  const Corner upper = p.corner(1.0 - tolerance), lower = p.corner(tolerance);
-  const Corner slit = p.corner(std::max(tolerance, std::min(p.shortfall, kWidest)));
+  const Corner &upper = at.upper, &lower = at.lower, &slit = at.slit;
+  const double tolerance = at.tolerance;
   for (int k = count_; k-- > 0;) {
     Step& s = steps_[static_cast<std::size_t>(k)];
     s.rule = edges_.rule(s.coverage, s.upper ? &upper : nullptr,
@@ -317,25 +323,15 @@ bool LevelSearch::survivors(double below, std::uint8_t* out) {
   return true;
 }
 
-int LevelSearch::choose(const RunAt& run, int n, double below, std::uint8_t* out) {
+bool LevelSearch::search(double below, std::uint8_t* out) {
   const ContinuousPlan& p = plan_;
-  if (gather(run, n) == 0) {
-    out[0] = static_cast<std::uint8_t>(one_slice(run, n, below));
-    return 1;
-  }
-  const int chosen = cut_ ? first_edge_ : count_;
-  double failed = 0;
-  for (double t = p.tolerance[0]; t < kWidest; t *= kCoarser) {
-    if (aim(t) && depth_first(below, out)) {
-      if (failed > 0) {
-        std::uint8_t better[kMost];
-        if (aim(std::sqrt(t * failed)) && depth_first(below, better)) {
-          std::memcpy(out, better, static_cast<std::size_t>(count_));
-        }
-      }
-      return chosen;
+  for (std::size_t t = 0; t < p.ladder.size(); t += 2) {
+    if (!aim(p.ladder[t]) || !depth_first(below, out)) continue;
+    std::uint8_t better[kMost];
+    if (t > 0 && aim(p.ladder[t - 1]) && depth_first(below, better)) {
+      std::memcpy(out, better, static_cast<std::size_t>(count_));
     }
-    failed = t;
+    return true;
   }
   if (aim(kWidest) && survivors(below, out)) {
     double good = kWidest, bad = p.tolerance[0];
@@ -348,6 +344,35 @@ int LevelSearch::choose(const RunAt& run, int n, double below, std::uint8_t* out
       } else {
         bad = middle;
       }
+    }
+    return true;
+  }
+  return false;
+}
+
+int LevelSearch::choose(const RunAt& run, int n, double below, std::uint8_t* out) {
+  if (gather(run, n) == 0) {
+    out[0] = static_cast<std::uint8_t>(one_slice(run, n, below));
+    return 1;
+  }
+  const int chosen = cut_ ? first_edge_ : count_;
+  // What is above an edge is the same for all columns that have it.
+  const auto bits = std::bit_cast<std::uint64_t>(below);
+  const int j = n - run.node;
+  const std::uint64_t mixed =
+      (bits ^ static_cast<std::uint64_t>(run.edge) << 32 ^ static_cast<std::uint64_t>(j)) *
+      0x9E3779B97F4A7C15ULL;
+  Known& known = known_[static_cast<std::size_t>(mixed >> 40) % known_.size()];
+  const bool keeps = count_ <= Known::kSlices;
+  if (keeps && known.edge == run.edge && known.j == j && known.bits == bits &&
+      known.first == first_) {
+    std::memcpy(out, known.levels, static_cast<std::size_t>(chosen));
+    return chosen;
+  }
+  if (search(below, out)) {
+    if (keeps) {
+      known = {bits, run.edge, j, first_, {}};
+      std::memcpy(known.levels, out, static_cast<std::size_t>(count_));
     }
     return chosen;
   }

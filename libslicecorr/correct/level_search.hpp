@@ -89,6 +89,9 @@ class LevelSearch {
   int gather(const RunAt& run, int n);
   /// Rules and targets for edges within `tolerance`; false: no light does.
   bool aim(double tolerance);
+  bool aim(const EdgeCorners& at);
+  /// Levels of the steps at hand; false: none are right.
+  bool search(double below, std::uint8_t* levels);
   bool depth_first(double below, std::uint8_t* levels);
   bool survivors(double below, std::uint8_t* levels);
 
@@ -98,6 +101,16 @@ class LevelSearch {
   int count_ = 0;
   int first_edge_ = 0;  ///< slices up to the first edge
   bool cut_ = false;
+  std::uint8_t first_ = 0;  ///< of the first step, what depends on the layers below it
+  /// Levels that were found, by what they follow from.
+  struct Known {
+    static constexpr int kSlices = 8;
+    std::uint64_t bits = 0;
+    std::int32_t edge = -1, j = 0;
+    std::uint8_t first = 0;
+    std::uint8_t levels[kSlices] = {};
+  };
+  std::array<Known, 4096> known_;
   std::vector<Survivor> kept_;
   std::vector<std::int32_t> begin_;
 };

@@ -154,13 +154,21 @@ std::int32_t Edges::next(std::int32_t id, int slices, std::uint8_t below) {
   const Edge& above = (*this)[id];
   if (is_grey(above.below)) {
     // What a grey layer asks for itself is most often more than what those above it do.
-    const bool under_full = slices == 1 && above.above_cover == kFull && !above.platform;
-    const double asked = doses(above, slices - 1, 0).lo;
-    if ((asked - plan_.phi_max * plan_.b) * plan_.per_a <= grey_least(above.below, under_full, below)) {
+    const bool under_full = slices == 1 && cover_above(id) == kFull && !above.platform;
+    const double asked = grey_least_at(id, slices - 1);
+    const std::uint8_t grey = above.below;
+    if ((asked - plan_.phi_max * plan_.b) * plan_.per_a <= grey_least(grey, under_full, below)) {
+      if (is_grey(below)) {
+        endless(below, Hidden::nothing);
+        return kGreyPair | static_cast<std::int32_t>(grey) << 8 | below;
+      }
       // Full layers are the same under all greys.
-      id = endless(below == kFull ? kAnyGrey : above.below,
+      id = endless(below == kFull ? kAnyGrey : grey,
                    under_full && below == 0 ? Hidden::under_full : Hidden::nothing);
       slices = 0;
+    } else if (id & kGreyPair) {
+      const std::uint8_t first = cover_above(id);
+      id = keep({endless(first, Hidden::nothing), 0, grey});
     }
   } else if (slices >= above.far) {
     id = endless(above.below,
@@ -171,11 +179,14 @@ std::int32_t Edges::next(std::int32_t id, int slices, std::uint8_t below) {
     id = endless(above.below, Hidden::nothing);
     slices = 0;
   }
-  const Key key{id, slices, below};
+  return keep({id, slices, below});
+}
+
+std::int32_t Edges::keep(const Key& key) {
   Recent& recent = recent_[Hash()(key) % recent_.size()];
   if (recent.key == key) return recent.id;
   const auto found = ids_.find(key);
-  recent = {key, found != ids_.end() ? found->second : make((*this)[id], id, slices, below)};
+  recent = {key, found != ids_.end() ? found->second : make((*this)[key.edge], key.edge, key.slices, key.below)};
   if (found == ids_.end()) ids_.emplace(key, recent.id);
   return recent.id;
 }

@@ -62,7 +62,21 @@ class Edges {
   std::int32_t platform(std::uint8_t below);
   /// The edge `slices` below another, with this coverage on its lower side.
   std::int32_t next(std::int32_t edge, int slices, std::uint8_t below);
-  const Edge& operator[](std::int32_t id) const { return edges_[static_cast<std::size_t>(id)]; }
+  /// Where greys follow greys only the two of them matter: the id says which, and the edge is the
+  /// inside of the lower one.
+  const Edge& operator[](std::int32_t id) const {
+    const std::int32_t kept = id & kGreyPair ? endless_[0][id & 255] : id;
+    return edges_[static_cast<std::size_t>(kept)];
+  }
+  /// Coverage above an edge.
+  std::uint8_t cover_above(std::int32_t id) const {
+    return id & kGreyPair ? static_cast<std::uint8_t>(id >> 8) : (*this)[id].above_cover;
+  }
+  /// Least dose `j` nodes below the upper edge of a grey run.
+  double grey_least_at(std::int32_t id, int j) const {
+    if (id & kGreyPair && j == 0) return grey_least(cover_above(id), false, (*this)[id].below);
+    return doses((*this)[id], j, 0).lo;
+  }
 
   /// Doses `j` nodes below an edge, in its run; `slit`: for j = 0, the run is a gap of one slice.
   DoseRange doses(const Edge& edge, int j, int rung, bool slit = false) const;
@@ -95,11 +109,13 @@ class Edges {
       return static_cast<std::size_t>(x ^ (x >> 29));
     }
   };
+  static constexpr std::int32_t kGreyPair = 1 << 30;
   /// What is above an endless run.
   enum class Hidden { nothing, platform, under_full };
   std::int32_t endless(std::uint8_t coverage, Hidden hidden);
   /// Least dose at the lower node of a grey run for its own sake.
   double grey_least(std::uint8_t grey, bool under_full, std::uint8_t below) const;
+  std::int32_t keep(const Key& key);
   std::int32_t make(const Edge& above, std::int32_t above_id, int slices, std::uint8_t below);
   /// `at` and `at_slit` of an edge below `above`.
   void set_edge(Edge& edge, const Edge& above) const;

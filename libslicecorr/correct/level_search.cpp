@@ -75,9 +75,10 @@ LayerRule LevelSearch::rule_of(const RunAt& run, int n, int rung) const {
 double LevelSearch::grey_aim(const RunAt& run, int n, double below) const {
   const Edge& edge = edges_[run.edge];
   const bool first = n == run.node;
-  if (first && !edge.platform && edge.above_cover == kFull) return 1.0;
+  const std::uint8_t above = edges_.cover_above(run.edge);
+  if (first && !edge.platform && above == kFull) return 1.0;
   const double own = aim_of(edge.below);
-  const double other = !first ? own : edge.platform ? 0.0 : aim_of(edge.above_cover);
+  const double other = !first ? own : edge.platform ? 0.0 : aim_of(above);
   double aim = (1.0 + plan_.root_a) * own - plan_.root_a * below;
   aim = std::min(aim, std::max(own, other));
   return other > 0 ? std::max(aim, std::min(own, other)) : aim;
@@ -92,19 +93,20 @@ int LevelSearch::one_slice(const RunAt& run, int n, double below) const {
   const auto allowed = [&](int level) {
     return edges_.levels_allow(edge, j, p.step(p.levels.phi(level), below), slit);
   };
-  const bool grey = is_grey(edge.below);
-  double phi_aim = 0;
-  if (grey) phi_aim = (grey_aim(run, n, below) - p.a * below) * p.per_b;
+  if (is_grey(edge.below)) {
+    // The nearest to what it aims at that leaves enough for what is above.
+    const double least = (edges_.grey_least_at(run.edge, j) - p.a * below) * p.per_b;
+    const double aim = (grey_aim(run, n, below) - p.a * below) * p.per_b;
+    if (aim <= least) return p.levels.at_least(least);
+    const LevelTable::Around around = p.levels.around(aim);
+    const bool next = p.levels.phi(around.at_least) - aim < aim - p.levels.phi(around.at_most);
+    const int nearest = next ? around.at_least : around.at_most;
+    return p.levels.phi(nearest) < least ? p.levels.at_least(least) : nearest;
+  }
   for (int r = 0; r < kRungs; ++r) {
     const LevelRange range =
         levels(light_rule(rule_of(run, n, r), edges_.doses(edge, j, r, slit)), below);
     if (range.empty()) continue;
-    if (grey) {
-      const LevelTable::Around around = p.levels.around(phi_aim);
-      const bool next =
-          p.levels.phi(around.at_least) - phi_aim < phi_aim - p.levels.phi(around.at_most);
-      return std::clamp(next ? around.at_least : around.at_most, range.first, range.last);
-    }
     if (edge.below == 0) {
       for (int l = range.first; l <= range.last; ++l) {
         if (allowed(l)) return l;
@@ -127,7 +129,6 @@ int LevelSearch::one_slice(const RunAt& run, int n, double below) const {
     }
   }
   const Light l = light_rule(rule, target).at(below);
-  if (grey) return p.levels.at_most(phi_aim);
   return edge.below == 0 ? p.levels.at_most(l.most) : p.levels.at_least(l.least);
 }
 
@@ -147,8 +148,8 @@ double LevelSearch::exact(const RunAt& run, int n, double below) const {
   l.most -= p.slack * p.per_b;
   double phi = edge.below == 0 ? l.least : l.most;
   if (is_grey(edge.below)) {
-    phi = std::clamp((grey_aim(run, n, below) - p.a * below) * p.per_b, l.least,
-                     std::max(l.least, l.most));
+    phi = std::max(grey_aim(run, n, below), edges_.grey_least_at(run.edge, j)) * p.per_b -
+          p.a * below * p.per_b;
   }
   return std::clamp(phi, p.phi_min, p.phi_max);
 }

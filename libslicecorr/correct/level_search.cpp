@@ -88,6 +88,19 @@ int LevelSearch::one_slice(const RunAt& run, int n, double below) const {
   const ContinuousPlan& p = plan_;
   const Edge& edge = edges_[run.edge];
   const int j = n - run.node;
+  // The commonest cases: full light that is not too much yet, black that is enough.
+  if (j >= p.together && j > 0 && !edge.has_levels) {
+    if (edge.below == kFull && n + 1 != run.lower &&
+        p.phi_max * p.b + p.a * below <= edges_.doses(edge, j, 0).hi) {
+      return p.levels.size() - 1;
+    }
+    if (edge.below == 0 && p.phi_min * p.b + p.a * below >= edges_.doses(edge, j, 0).lo) return 0;
+  }
+  if (j == 0 && edge.below == kFull && !edge.platform && is_grey(edge.above_cover)) {
+    // As little as this layer needs: what is above is grey.
+    const LayerRule rule = rule_of(run, n, kRungs - 1);
+    return p.levels.at_least(light_rule(rule, {p.prints, p.most}).at(below).least);
+  }
   const bool slit = j == 0 && edge.below == 0 && run.lower - run.node == 1 && run.below == kFull &&
                     edge.above_cover == kFull && !edge.platform;
   const auto allowed = [&](int level) {
@@ -156,7 +169,7 @@ double LevelSearch::exact(const RunAt& run, int n, double below) const {
 
 int LevelSearch::gather(const RunAt& start, int n) {
   const Edge* edge = &edges_[start.edge];
-  if (n - start.node >= plan_.together || edge->platform || edge->endless ||
+  if (edge->platform || edge->endless ||
       !opposite(edge->above_cover, edge->below)) {
     return 0;
   }
@@ -352,7 +365,7 @@ bool LevelSearch::search(double below, std::uint8_t* out) {
 }
 
 int LevelSearch::choose(const RunAt& run, int n, double below, std::uint8_t* out) {
-  if (gather(run, n) == 0) {
+  if (n - run.node >= plan_.together || gather(run, n) == 0) {
     out[0] = static_cast<std::uint8_t>(one_slice(run, n, below));
     return 1;
   }

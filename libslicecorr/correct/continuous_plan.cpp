@@ -105,6 +105,14 @@ ContinuousPlan::ContinuousPlan(const CureModel& model, const Process& process, i
     edge_most[r] = left + phi_max * (1.0 - left) + 1e-8;
     grey_edge_most[r] = prints + near_lower[r].excess * (1.0 - phi_min);
   }
+  const LevelTable::Around one = levels.around(1.0);
+  const int next = std::min(one.at_least + 1, count - 1);
+  const double step_at_one = (levels.phi(next) - levels.phi(one.at_most)) * b;
+  grey_rung = 0;
+  while (grey_rung + 1 < kRungs &&
+         grey_edge_most[static_cast<std::size_t>(grey_rung)] - prints < step_at_one) {
+    ++grey_rung;
+  }
 }
 
 }  // namespace slicecorr::detail

@@ -86,6 +86,7 @@ struct ContinuousPlan {
   std::array<double, kRungs> edge_most;
   /// Range of doses of a full layer's node beside a grey one, per rung.
   std::array<double, kRungs> grey_edge_most;
+  int grey_rung;  ///< the first of them in which a step of levels near 1 fits
 
   double step(double phi, double below) const { return phi * b + a * below; }
   double prints_at(const Corner& c) const { return prints * c.grown; }

@@ -227,7 +227,10 @@ bool LevelSearch::aim(const EdgeCorners& at) {
                                                                : &lower);
     const Edge& edge = edges_[s.edge];
     if (k + 1 == count_) {
-      int rung = 0;
+      // Under a grey layer a level step must fit, as it is given where no edge is near.
+      int rung = !edge.platform && is_grey(edges_.cover_above(s.edge)) && s.coverage == kFull
+                     ? p.grey_rung
+                     : 0;
       if (cut_) {
         rung = 1;
         while (rung + 1 < kRungs && p.tolerance[static_cast<std::size_t>(rung)] < tolerance) ++rung;

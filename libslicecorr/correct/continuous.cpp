@@ -276,7 +276,8 @@ void ContinuousSolver::solve_tile(Lanes& lanes, int first_slice, int count, std:
         shine = true;
       } else if (j >= edge.falls_from && j < edge.capped_from && n != run.lower - 1) {
         const double darkest = dark + p.a * w;
-        if (darkest >= p.prints && edges_.doses(edge, j, 0).hi - darkest < p.close) {
+        const double room = edges_.doses(edge, j, 0).hi - darkest;
+        if (darkest >= p.prints && room >= 0 && room < p.close) {
           from = edge.falls_from;
         }
       }

@@ -94,8 +94,8 @@ ContinuousPlan::ContinuousPlan(const CureModel& model, const Process& process, i
   }
   middle = corner(0.5);
   for (double t = target; t < kWidest && !exact; t *= 1.2) {
-    ladder.push_back({corner(1.0 - t), corner(t),
-                      corner(std::max(t, std::min(shortfall, kWidest))), t});
+    ladder.push_back(
+        {corner(1.0 - t), corner(t), corner(std::max(t, std::min(shortfall, kWidest))), t});
   }
   for (std::size_t r = 0; r < kRungs; ++r) {
     near_lower[r] = corner(tolerance[r]);

@@ -186,7 +186,8 @@ std::int32_t Edges::keep(const Key& key) {
   Recent& recent = recent_[Hash()(key) % recent_.size()];
   if (recent.key == key) return recent.id;
   const auto found = ids_.find(key);
-  recent = {key, found != ids_.end() ? found->second : make((*this)[key.edge], key.edge, key.slices, key.below)};
+  recent = {key, found != ids_.end() ? found->second
+                                     : make((*this)[key.edge], key.edge, key.slices, key.below)};
   if (found == ids_.end()) ids_.emplace(key, recent.id);
   return recent.id;
 }

@@ -169,8 +169,7 @@ double LevelSearch::exact(const RunAt& run, int n, double below) const {
 
 int LevelSearch::gather(const RunAt& start, int n) {
   const Edge* edge = &edges_[start.edge];
-  if (edge->platform || edge->endless ||
-      !opposite(edge->above_cover, edge->below)) {
+  if (edge->platform || edge->endless || !opposite(edge->above_cover, edge->below)) {
     return 0;
   }
   // The last edge that belongs to these slices.

@@ -303,15 +303,17 @@ std::vector<std::string> ways_out(const Designer& d, const Resin& resin, const P
     return any_meets(resin, printer, w);
   };
   if (!limits.any() && wish.dead_zone_um > 0) {
-    ways.push_back(
+    std::string text =
         d.keeps_any_dead_zone()
-            ? fmt::format("the UV lamp's {} mW/cm² do not keep a dead zone of {} um and let full "
-                          "light ({} mW/cm²) gel the resin at {} mm/h",
-                          figure(d.lamp()), figure(wish.dead_zone_um), figure(d.blue()),
-                          figure(wish.speed_mm_h))
-            : fmt::format("no dead zone lasts under full blue light ({} mW/cm²) with the UV lamp's "
-                          "{} mW/cm²",
-                          figure(d.blue()), figure(d.lamp())));
+            ? fmt::format(
+                  "the UV lamp's {} mW/cm² do not keep a dead zone of {} um and let full "
+                  "light ({} mW/cm²) gel the resin at {} mm/h",
+                  figure(d.lamp()), figure(wish.dead_zone_um), figure(d.blue()),
+                  figure(wish.speed_mm_h))
+            : fmt::format(
+                  "no dead zone lasts under full blue light ({} mW/cm²) with the UV lamp's "
+                  "{} mW/cm²",
+                  figure(d.blue()), figure(d.lamp()));
     const auto with_lamp = [&](double most) {
       Printer p = printer;
       if (!p.uv) p.uv = UvLamp{0, false, {{0, 0}, {1, most}}};
@@ -320,7 +322,7 @@ std::vector<std::string> ways_out(const Designer& d, const Resin& resin, const P
     };
     const double lamp = std::max(d.lamp(), d.blue() / resin.inhibition->beta * 0.5);
     if (const auto most = first_that_works(lamp, lamp * 1e4, with_lamp); !most.empty()) {
-      ways.push_back(fmt::format("a UV lamp of {} mW/cm² and more would do", most));
+      text += fmt::format("; a UV lamp of {} mW/cm² would do", most);
     }
     const auto with_zone = [&](double zone_um) {
       Wish w = wish;
@@ -329,7 +331,7 @@ std::vector<std::string> ways_out(const Designer& d, const Resin& resin, const P
     };
     if (const auto zone = first_that_works(wish.dead_zone_um, wish.dead_zone_um * 1e-3, with_zone);
         !zone.empty()) {
-      ways.push_back(fmt::format("a dead zone of {} um would do", zone));
+      text += fmt::format("; a dead zone of {} um would do", zone);
     }
     const auto with_blue = [&](double most) {
       Printer p = printer;
@@ -337,9 +339,10 @@ std::vector<std::string> ways_out(const Designer& d, const Resin& resin, const P
       return any_meets(resin, p, wish);
     };
     if (const auto blue = first_that_works(d.blue(), d.blue() * 1e-3, with_blue); !blue.empty()) {
-      ways.push_back(fmt::format(
-          "a projector of {} mW/cm² at full light, and black in proportion, would do", blue));
+      text += fmt::format(
+          "; a projector of {} mW/cm² at full light, and black in proportion, would do", blue);
     }
+    ways.push_back(text);
   } else if (!limits.any()) {
     ways.push_back(fmt::format(
         "the printer's black ({} mW/cm²) is too bright against its full light ({} mW/cm²), or "

@@ -60,7 +60,7 @@ test::Design short_exposure(const char* name, const Kinetics& k, double cured_m)
 TEST(Coverage, OfHuvWhereTheExponentCannotBeKnown) {
   for (const test::Design& d : {short_exposure("figure 3.4", {750, 1, 100, 1, 100}, 1),
                                 short_exposure("another m", {408, 0.8, 64, 0.73, 37.8}, 0.99)}) {
-    const test::CoverageOf c = test::measure_coverage(d, 100);
+    const test::CoverageOf c = test::measure_coverage(d, 60);
     EXPECT_GE(c.parameters.at("huv_um").share, 0.90) << d.name;
     RecordProperty("huv_um " + d.name, fmt::format("{:.3f}", c.parameters.at("huv_um").share));
   }

@@ -136,6 +136,12 @@ std::vector<std::pair<std::string, Case>> followed(const Case& c, const std::str
   if (const auto uv = number_in(text, "or with " + n + " mW/cm² of UV light")) {
     add("UV light", [&](Case& k) { k.setup.process.uv.uv_mw_cm2 = *uv; });
   }
+  if (const auto uv = number_in(text, "; UV light of " + n + " mW/cm² works")) {
+    add("UV light of the lamp", [&](Case& k) { k.setup.process.uv.uv_mw_cm2 = *uv; });
+  }
+  if (const auto zone = number_in(text, "; a dead zone of " + n + " um works")) {
+    add("dead zone", [&](Case& k) { k.setup.process.uv.dead_zone_um = *zone; });
+  }
   if (const auto lower = number_in(text, "at least " + n + " mm lower")) {
     add("lower", [&](Case& k) {
       k.grid.layers -= static_cast<int>(std::ceil(*lower * 1000 / k.grid.layer_um - 1e-6));
@@ -198,7 +204,16 @@ Case any_case(std::mt19937& random, bool uv) {
                               units::height10_from_e(hb * between(random, 0.02, 0.5)), r.m, 0};
     p.uv = UvLamp{365, false, {{0, 0}, {255, full * between(random, 0.3, 30)}}};
     process.uv.kind = UvKind::constant;
-    process.uv.uv_mw_cm2 = p.uv->max_mw_cm2() * between(random, 0.01, 1);
+    process.uv.uv_mw_cm2 = p.uv->max_mw_cm2() * between(random, 0.01, 1.5);
+    if (random() % 3 == 0) {
+      const bool patterned = random() % 2;
+      p.uv->patterned = patterned;
+      if (patterned) p.uv->calibration.back().level = (1 << p.bit_depth) - 1;
+      process.uv = {
+          patterned ? UvKind::patterned : UvKind::per_slice, 0, between(random, 1, 300), {}};
+    }
+    // What is named for a lamp's sake knows nothing of the stage's travel.
+    if (process.uv.dead_zone_um > 0 || process.uv.uv_mw_cm2 > p.uv->max_mw_cm2()) p.travel_mm = 0;
     process.allow_window_cure = random() % 4 == 0;
   }
   return c;
@@ -225,8 +240,7 @@ bool none_accepted(const Case& c) {
 
 void follow(const Case& c, Tally& tally) {
   const std::string text = refusal(c);
-  if (text.empty() || text.starts_with("input: ") || text.find("lamp of printer") != text.npos ||
-      text.find("the part is ") == 0) {
+  if (text.empty() || text.starts_with("input: ") || text.find("the part is ") == 0) {
     return;
   }
   ++tally.refused;

@@ -6,10 +6,12 @@
 #include <limits>
 #include <memory>
 
+#include "cure/limits.hpp"
 #include "cure/walkers.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/inhibited.hpp"
+#include "slicecorr/limit.hpp"
 #include "slicecorr/units.hpp"
 
 namespace slicecorr {
@@ -90,16 +92,26 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
   const UvSchedule& uv = process.uv;
   wanted_um_ = uv.dead_zone_um;
   const double least = printer.uv->min_mw_cm2(), most = printer.uv->max_mw_cm2();
-  const auto check = [&](double intensity, const std::string& what) {
-    if (intensity > most * (1 + 1e-9) || intensity < least * (1 - 1e-9)) {
-      throw InfeasibleError(
-          fmt::format("{} needs {:.4g} mW/cm² of UV light; the lamp of printer '{}' gives {:g} to "
-                      "{:g} mW/cm²",
-                      what, intensity, printer.name, least, most));
-    }
-  };
   const std::vector<double>& held = brightest_mw_cm2.empty() ? blue_ : brightest_mw_cm2;
   const double full = held.back();
+  const auto check = [&](double intensity, const std::string& what) {
+    if (intensity <= most * (1 + 1e-9) && intensity >= least * (1 - 1e-9)) return;
+    std::string text = fmt::format(
+        "{} needs {:.4g} mW/cm² of UV light; the lamp of printer '{}' gives {} to {} mW/cm²", what,
+        intensity, printer.name, at_least(least, 12), at_most(most, 12));
+    const auto works = [&](const std::optional<double>& value, const char* words) {
+      text += value ? fmt::format(fmt::runtime(words), *value)
+                    : std::string("; none of its intensities works here");
+    };
+    if (uv.dead_zone_um > 0) {
+      works(detail::working_dead_zone_um(kinetics_, layer_um, blue_, full, *printer.uv, process),
+            "; a dead zone of {} um works");
+    } else if (uv.kind == UvKind::constant) {
+      works(detail::working_uv(kinetics_, layer_um, blue_, *printer.uv, process),
+            "; UV light of {} mW/cm² works");
+    }
+    throw InfeasibleError(text);
+  };
   switch (uv.kind) {
     case UvKind::off:
       throw InputError("UV light is off in this schedule; expected an intensity or a dead zone");

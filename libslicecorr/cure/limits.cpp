@@ -355,55 +355,6 @@ std::string light_way(const std::vector<LitPlace>& places, const Printer& printe
   return text;
 }
 
-/// An intensity of UV light under which the place prints, mW/cm²; nothing when none is found
-/// between those of the lamp, or UV light is not one intensity that was asked for.
-std::optional<double> working_uv(const LitPlace& place, const Printer& printer,
-                                 const Process& process) {
-  if (process.uv.kind != UvKind::constant || !(process.uv.uv_mw_cm2 > 0)) return std::nullopt;
-  const Kinetics& k = place.model->inhibited->kinetics();
-  const std::vector<double> blue = level_intensities(printer);
-  // Tables end where the share of UV light is 1e-6; far inside that is nothing.
-  constexpr double kTables = 1e-5;
-  const auto works = [&](double uv) {
-    double lit = blue.back();
-    for (std::size_t l = blue.size(); !process.allow_window_cure && l-- > 0;) {
-      lit = blue[l];
-      if (keeps_dead_zone(k, lit, uv)) break;
-    }
-    const auto dose = [&](double at) {
-      return detail::steady_dose_under_uv(k, process, place.model->layer_um, at, uv);
-    };
-    return (process.allow_window_cure || keeps_dead_zone(k, lit, uv)) &&
-           dose(lit) > place.needed * (1 + kTables) && dose(blue.front()) < 1 - kTables;
-  };
-  const double now = process.uv.uv_mw_cm2;
-  for (const double end :
-       {printer.uv->max_mw_cm2(), std::max(printer.uv->min_mw_cm2(), now / 1e4)}) {
-    constexpr int kSteps = 100;
-    double fails = now;
-    for (int i = 1; i <= kSteps; ++i) {
-      double holds = now * std::pow(end / now, static_cast<double>(i) / kSteps);
-      if (!works(holds)) {
-        fails = holds;
-        continue;
-      }
-      for (int halved = 0; halved < 40; ++halved) {
-        const double middle = 0.5 * (holds + fails);
-        (works(middle) ? holds : fails) = middle;
-      }
-      for (int digits = limit_digits; digits <= 15; digits += 2) {
-        const double typed = end > now ? rounded_up(holds, digits) : rounded_down(holds, digits);
-        if (works(typed) && typed <= printer.uv->max_mw_cm2() &&
-            typed >= printer.uv->min_mw_cm2()) {
-          return typed;
-        }
-      }
-      return std::nullopt;
-    }
-  }
-  return std::nullopt;
-}
-
 }  // namespace
 
 detail::Verdict detail::verdict(const LitPlace& place, const Printer& printer,
@@ -427,11 +378,97 @@ std::string detail::ways_out(const std::vector<LitPlace>& places, const Printer&
       text += ", or " + light;
     }
   } else if (places.size() == 1) {
-    if (const auto uv = working_uv(places.front(), printer, process)) {
+    const LitPlace& p = places.front();
+    if (const auto uv = working_uv(p.model->inhibited->kinetics(), p.model->layer_um,
+                                   level_intensities(printer), *printer.uv, process, p.needed)) {
       text += fmt::format(", or with {} mW/cm² of UV light", *uv);
     }
   }
   return text;
+}
+
+namespace {
+
+// Tables end where the share of UV light is 1e-6; far inside that is nothing.
+constexpr double kTables = 1e-5;
+/// A part's end is cured by what full light gives beyond black.
+constexpr double kEnds = 1.001;
+
+/// Within the lamp's light, with as few digits as stay there and work.
+std::optional<double> typed_uv(double holds, bool up, const UvLamp& lamp,
+                               const std::function<bool(double)>& works) {
+  for (int digits = limit_digits; digits <= 15; digits += 2) {
+    const double typed = up ? rounded_up(holds, digits) : rounded_down(holds, digits);
+    if (typed >= lamp.min_mw_cm2() && typed <= lamp.max_mw_cm2() && works(typed)) return typed;
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+std::optional<double> detail::working_uv(const Kinetics& k, double layer_um,
+                                         const std::vector<double>& blue, const UvLamp& lamp,
+                                         const Process& process, double needed) {
+  if (process.uv.kind != UvKind::constant || !(process.uv.uv_mw_cm2 > 0)) return std::nullopt;
+  const auto works = [&](double uv) {
+    double lit = blue.back();
+    for (std::size_t l = blue.size(); !process.allow_window_cure && l-- > 0;) {
+      lit = blue[l];
+      if (keeps_dead_zone(k, lit, uv)) break;
+    }
+    const auto dose = [&](double at) { return steady_dose_under_uv(k, process, layer_um, at, uv); };
+    const double black = dose(blue.front());
+    return uv > 0 && (process.allow_window_cure || keeps_dead_zone(k, lit, uv)) &&
+           dose(lit) > needed * (1 + kTables) && dose(lit) - black > kEnds && black < 1 - kTables;
+  };
+  const double least = lamp.min_mw_cm2(), most = lamp.max_mw_cm2();
+  const double now = std::clamp(process.uv.uv_mw_cm2, least, most);
+  if (now != process.uv.uv_mw_cm2 && works(now)) return typed_uv(now, now == least, lamp, works);
+  for (const double end : {most, std::max(least, now / 1e4)}) {
+    constexpr int kSteps = 100;
+    double fails = now;
+    for (int i = 1; i <= kSteps && end != now; ++i) {
+      double holds = now * std::pow(end / now, static_cast<double>(i) / kSteps);
+      if (!works(holds)) {
+        fails = holds;
+        continue;
+      }
+      for (int halved = 0; halved < 40; ++halved) {
+        const double middle = 0.5 * (holds + fails);
+        (works(middle) ? holds : fails) = middle;
+      }
+      return typed_uv(holds, end > now, lamp, works);
+    }
+  }
+  return std::nullopt;
+}
+
+std::optional<double> detail::working_dead_zone_um(const Kinetics& k, double layer_um,
+                                                   const std::vector<double>& blue,
+                                                   double brightest_mw_cm2, const UvLamp& lamp,
+                                                   const Process& process) {
+  // A pattern has levels: its UV light is a little stronger than it must be.
+  constexpr double kGels = 1.02;
+  const auto works = [&](double zone_um) {
+    const double uv = uv_for_dead_zone(k, brightest_mw_cm2, zone_um);
+    const auto dose = [&](double at) { return steady_dose_under_uv(k, process, layer_um, at, uv); };
+    const double black = dose(blue.front());
+    return uv >= lamp.min_mw_cm2() && uv <= lamp.max_mw_cm2() &&
+           dose(blue.back()) - black > kGels && black < 1 - kTables;
+  };
+  double fails = process.uv.dead_zone_um, holds = fails;
+  for (int i = 0; i < 200; ++i) {
+    holds *= 0.97;
+    if (works(holds)) break;
+    fails = holds;
+  }
+  if (!works(holds)) return std::nullopt;
+  for (int halved = 0; halved < 40; ++halved) {
+    const double middle = 0.5 * (holds + fails);
+    (works(middle) ? holds : fails) = middle;
+  }
+  const double typed = rounded_down(holds);
+  return works(typed) ? std::optional(typed) : std::nullopt;
 }
 
 void detail::check_stage_speed(const Printer& printer, const Process& process) {

@@ -1,6 +1,7 @@
 /// What light can print, and what would make it: the words of refusals.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -38,6 +39,19 @@ void check_stage_speed(const Printer& printer, const Process& process);
 /// `printer` with the calibration that places get their factor of.
 std::string ways_out(const std::vector<LitPlace>& places, const Printer& printer,
                      const Process& process);
+
+/// An intensity of UV light, of a lamp with one for all slices, under which a place whose levels
+/// give `blue_mw_cm2` prints: the nearest to that of the process. Nothing when the lamp has none,
+/// or UV light is not asked for as an intensity.
+std::optional<double> working_uv(const Kinetics& kinetics, double layer_um,
+                                 const std::vector<double>& blue_mw_cm2, const UvLamp& lamp,
+                                 const Process& process, double needed = 1);
+/// The greatest dead zone, below the one of the process, um, that the lamp can hold under the
+/// brightest light of the window while full light gels the resin.
+std::optional<double> working_dead_zone_um(const Kinetics& kinetics, double layer_um,
+                                           const std::vector<double>& blue_mw_cm2,
+                                           double brightest_mw_cm2, const UvLamp& lamp,
+                                           const Process& process);
 
 /// Inhibited kernels: relative dose after a long run of slices of `blue_mw_cm2` under `uv_mw_cm2`.
 double steady_dose_under_uv(const Kinetics& kinetics, const Process& process, double layer_um,

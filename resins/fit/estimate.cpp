@@ -198,7 +198,7 @@ std::array<double, 2> profile_interval(const Setup& s, const Solution& solution,
     };
     constexpr double as_expected = 1.3;
     if (seen(refit) > as_expected * std::abs(inner - best) / stderr_inner) {
-      std::vector<std::vector<double>> starts = held.starts(8);
+      std::vector<std::vector<double>> starts = held.starts(4);
       starts.push_back(others);
       starts.push_back(others_at_best);
       for (const auto& other : starts) {

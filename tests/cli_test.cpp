@@ -634,8 +634,8 @@ TEST_F(Cli, PhysicallyInfeasible) {
   const auto with = [&](const char* part, const std::string& speed) {
     return Command{"run", part, "-o", "x.uvj", "--layer-um", "50"} + setup(fast, speed);
   };
-  for (const char* speed : {"6250", "7000"}) bad(3, with("ladder.stl", speed), {"6250 mm/h"});
-  for (const char* speed : {"62.5", "50"}) bad(3, with("ladder.stl", speed), {"62.5 mm/h"});
+  for (const char* speed : {"6250", "7000"}) bad(3, with("ladder.stl", speed), {"6249.9 mm/h"});
+  for (const char* speed : {"62.5", "50"}) bad(3, with("ladder.stl", speed), {"62.501 mm/h"});
   EXPECT_EQ(call(with("ladder.stl", "6200")).exit_code, 0);
   EXPECT_EQ(call(with("ladder.stl", "63")).exit_code, 0);
   for (const char* name : {"x.uvj", "x.html", "x.json"}) {

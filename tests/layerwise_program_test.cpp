@@ -297,7 +297,7 @@ TEST_F(Layerwise, UvOptionsWantLampAndInhibition) {
 TEST_F(Layerwise, InfeasibleSaysWhatWouldDo) {
   const Command layerwise = correct("target.uvj", "x.uvj") + kLayerwise;
   bad(3, layerwise + Command{"--exposure-s", "0.05"},
-      {"does not gel through", "at least 0.078369 s", "at least 156.74 mW/cm²"});
+      {"does not gel through", "at least 0.07837 s", "at least 156.74 mW/cm²"});
   bad(3, layerwise + Command{"--exposure-s", "10"}, {"black pixels gel", "less than 1.7855 s"});
   bad(3,
       layerwise +

@@ -189,6 +189,7 @@ const std::map<std::string, Set, std::less<>>& fields() {
       {"one_slice_gaps", word(SLICEFARM_FIELD(setup.one_slice_gaps), {"open", "merge"})},
       {"platform_features", word(SLICEFARM_FIELD(setup.platform_features), {"capped", "uncapped"})},
       {"dc_mj_cm3", number(SLICEFARM_FIELD(setup.dc_mj_cm3), 0, most, true)},
+      {"dose_factor", number(SLICEFARM_FIELD(setup.dose_factor), 0, 1e3, true)},
       {"ha_um", number(SLICEFARM_FIELD(setup.ha_um), 0, most, true)},
       {"name", text(SLICEFARM_FIELD(name), "a file name without its ending")},
       {"format", text(SLICEFARM_FIELD(format), "a format of archives, or its ending")},

@@ -156,15 +156,19 @@ void plan_light(PrintPlan& plan, const StackReader& stack, const Machine& machin
     }
     frame.least_uv_mw_cm2 = uv_for_dead_zone(*kinetics, ratio, 0);
     const double wanted = uv_for_dead_zone(*kinetics, ratio, process.uv.dead_zone_um);
-    if (wanted <= frame.uv_mw_cm2 * (1 + slack)) return;
+    // Without a dead zone asked for any will do, but for none.
+    const bool held = process.uv.dead_zone_um > 0
+                          ? wanted <= frame.uv_mw_cm2 * (1 + slack)
+                          : keeps_dead_zone(*kinetics, ratio, frame.uv_mw_cm2);
+    if (held) return;
     const std::scoped_lock lock(failing);
     if (first_bad >= 0 && first_bad < n) return;
     first_bad = n;
     bad = fmt::format(
-        "slice {} needs {:.4g} mW/cm² of UV light under its brightest pixel{}, the stack has "
+        "slice {} needs {}{:.4g} mW/cm² of UV light under its brightest pixel{}, the stack has "
         "{:.4g}: "
         "resin would cure to the window; correct the part with more UV light",
-        n, wanted,
+        n, process.uv.dead_zone_um > 0 ? "" : "more than ", wanted,
         process.uv.dead_zone_um > 0
             ? fmt::format(" for its dead zone of {:g} um", process.uv.dead_zone_um)
             : std::string(),

@@ -47,6 +47,7 @@ const std::vector<Setting>& settings() {
       {"fade_layers", &C::fade_layers, "layers after them that lead to the normal time"},
       {"layer_exposure_s", &C::layer_exposure_s, "light-on time of each layer (layerwise)"},
       {"dc_mj_cm3", &C::dc_mj_cm3, "dose to aim at, instead of the resin's"},
+      {"dose_factor", &C::dose_factor, "dose to aim at over the gel dose, instead of the resin's"},
       {"ha_um", &C::ha_um, "absorbance height, base 10, instead of the resin's"},
       {"omega_max", &C::omega_max,
        "cap of the dose inside features, in critical doses: inf, or 1 and more"},

@@ -160,10 +160,7 @@ int row(const SimulateOptions& o, const SetupOptions& options, const Job& job, C
 
 int stationary(const SimulateOptions& o, const SetupOptions& options, Console& console) {
   const std::string form = form_of(o.output, {".svg", ".csv"});
-  ResinOverrides overrides;
-  if (options.dc_mj_cm3 > 0) overrides.dc_mj_cm3 = options.dc_mj_cm3;
-  if (options.ha_um > 0) overrides.ha_um = options.ha_um;
-  const Resin resin = load_resin(options.resin, overrides);
+  const Resin resin = load_resin(options.resin, resin_overrides(options));
   const bool inhibited = options.uv_mw_cm2 > 0 || o.uv_ratio > 0;
   if (inhibited && !resin.inhibition) {
     wrong(fmt::format("{}: resin '{}' has no [inhibition]; expected one that UV light inhibits",
@@ -202,7 +199,9 @@ int stationary(const SimulateOptions& o, const SetupOptions& options, Console& c
       if (inhibited) {
         text += std::isfinite(e.window_s)
                     ? fmt::format("; cures to the window after {:.5g} s", e.window_s)
-                    : fmt::format("; steady dead zone {:.5g} um", e.dead_zone_um);
+                : e.dead_zone_um > 0
+                    ? fmt::format("; steady dead zone {:.5g} um", e.dead_zone_um)
+                    : std::string("; beta Iuv is just Ib: the dead zone gets ever thinner");
       }
     }
     console.say(text);

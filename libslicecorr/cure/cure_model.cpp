@@ -1,8 +1,7 @@
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 
+#include "cure/limits.hpp"
 #include "cure/walkers.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
@@ -96,10 +95,7 @@ std::vector<double> uv_level_intensities(const Printer& printer) {
   return intensities_of(printer.uv->calibration, printer.levels());
 }
 
-namespace {
-
-/// Exposures over the normal one; empty when all are normal.
-std::vector<double> exposure_ratios(const Process& process) {
+std::vector<double> detail::exposure_ratios(const Process& process, double normal_s) {
   const std::size_t special =
       process.layer_exposure_s.empty()
           ? static_cast<std::size_t>(process.bottom_layers + process.fade_layers)
@@ -108,106 +104,12 @@ std::vector<double> exposure_ratios(const Process& process) {
   bool normal = true;
   // One more than the special ones: the last holds for all layers after it.
   for (std::size_t n = 0; n <= special; ++n) {
-    ratios.push_back(layer_exposure_s(process, static_cast<int>(n)) / process.exposure_s);
+    ratios.push_back(layer_exposure_s(process, static_cast<int>(n)) / normal_s);
     normal = normal && ratios.back() == 1.0;
   }
   if (normal) ratios.clear();
   return ratios;
 }
-
-/// "layer 3, exposed for 1.5 s," where exposures differ.
-std::string failing_layer(const CureModel& model, const Process& process, int layer) {
-  const double exposure = layer_exposure_s(process, layer);
-  return model.exposure_ratio.empty()
-             ? fmt::format("exposed for {:.5g} s", exposure)
-             : fmt::format("layer {}, exposed for {:.5g} s,", layer, exposure);
-}
-
-/// What black light adds up to where all layers get `ratio` of the normal exposure.
-double steady_black(const CureModel& model, double ratio) {
-  return model.phi_min() * ratio / model.one_minus_a;
-}
-
-/// The most that black light adds up to at a window, and in which layer; that after all of `ratios`
-/// stands for normal ones.
-struct BlackLight {
-  double dose = 0;
-  int layer = 0;
-};
-BlackLight most_black(const CureModel& model, const std::vector<double>& ratios) {
-  const double steady = steady_black(model, ratios.empty() ? 1.0 : ratios.back());
-  BlackLight most{steady, static_cast<int>(ratios.size())};
-  double black = steady;
-  for (std::size_t n = ratios.size(); n-- > 0;) {
-    black = model.phi_min() * ratios[n] + model.a * black;
-    if (black > most.dose) most = {black, static_cast<int>(n)};
-  }
-  return most;
-}
-
-/// How long the first, or single, layers may be exposed, s, where black leaves the resin liquid
-/// between normal ones.
-double longest_for_black_s(const CureModel& model, const Process& process) {
-  const auto gels = [&](double longest_s) {
-    Process p = process;
-    p.bottom_exposure_s = std::min(p.bottom_exposure_s, longest_s);
-    for (double& time_s : p.layer_exposure_s) time_s = std::min(time_s, longest_s);
-    return most_black(model, exposure_ratios(p)).dose >= 1.0;
-  };
-  const auto rule = static_cast<int>(model.exposure_ratio.size());
-  double fits_s = layer_exposure_s(process, rule);
-  double gels_s = process.exposure_s * model.greatest_ratio();
-  for (int halved = 0; halved < 60; ++halved) {
-    const double middle_s = (fits_s + gels_s) / 2;
-    (gels(middle_s) ? gels_s : fits_s) = middle_s;
-  }
-  return fits_s;
-}
-
-void check_black_layerwise(const CureModel& model, const Printer& printer, const Process& process) {
-  const BlackLight black = most_black(model, model.exposure_ratio);
-  if (!(black.dose >= 1.0)) return;
-  const auto rule = static_cast<int>(model.exposure_ratio.size());
-  const double steady = steady_black(model, model.ratio(rule));
-  // What is too long as a rule is too long for the first layers, too.
-  const bool as_a_rule = steady >= 1.0;
-  const int layer = as_a_rule ? std::max(0, rule - 1) : black.layer;  // the first normal one
-  const char* const which = model.exposure_ratio.empty()       ? ""
-                            : as_a_rule                        ? "all layers "
-                            : process.layer_exposure_s.empty() ? "the first layers "
-                                                               : "each layer ";
-  const double least = printer.calibration.front().intensity_mw_cm2;
-  throw InfeasibleError(fmt::format(
-      "black pixels gel the resin: {} the light of black ({:g} mW/cm²) adds up to {:.4g} of the "
-      "critical dose; expose {}for less than {:.5g} s, or with black below {:.5g} mW/cm²",
-      failing_layer(model, process, layer), least, as_a_rule ? steady : black.dose, which,
-      as_a_rule ? layer_exposure_s(process, rule) / steady : longest_for_black_s(model, process),
-      least * std::pow(1.0 / black.dose, 1.0 / model.m)));
-}
-
-void check_feasible_layerwise(const CureModel& model, const Printer& printer,
-                              const Process& process) {
-  const double most = printer.calibration.back().intensity_mw_cm2;
-  const int layers = std::max<int>(1, static_cast<int>(model.exposure_ratio.size()));
-  // The weakest layer first: what helps it helps all.
-  int weakest = 0;
-  for (int n = 1; n < layers; ++n) {
-    if (model.ratio(n) < model.ratio(weakest)) weakest = n;
-  }
-  const double reached = model.phi_max() * model.ratio(weakest) * model.a;
-  // Full light for just the least time is feasible, rounding or not.
-  if (reached < 1.0 - 1e-12) {
-    const double exposure = layer_exposure_s(process, weakest);
-    throw InfeasibleError(fmt::format(
-        "a layer does not gel through: {} full light ({:g} mW/cm²) leaves {:.4g} of the critical "
-        "dose at its far edge; expose for at least {:.5g} s, or with at least {:.5g} mW/cm²",
-        failing_layer(model, process, weakest), most, reached, exposure / reached,
-        reached > 0 ? most * std::pow(1.0 / reached, 1.0 / model.m) : most));
-  }
-  check_black_layerwise(model, printer, process);
-}
-
-}  // namespace
 
 Printer dimmed(const Printer& printer, double factor) {
   Printer p = printer;
@@ -235,7 +137,7 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
     // phi' = I^m te / D'c, areal.
     const double dose_prime = make_kinetics(resin, false, true).critical_dose_prime;
     model.critical_intensity_mw_cm2 = std::pow(dose_prime / process.exposure_s, 1.0 / resin.m);
-    model.exposure_ratio = exposure_ratios(process);
+    model.exposure_ratio = detail::exposure_ratios(process, process.exposure_s);
   } else if (resin.critical_dose_prime > 0) {
     const double hb_cm = units::height_e_from_10(resin.absorbance_height10_um) * 1e-4;
     model.critical_intensity_mw_cm2 =
@@ -260,40 +162,6 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
     }
   }
   return model;
-}
-
-void check_feasible(const CureModel& model, const Printer& printer, const Process& process) {
-  if (model.inhibited) {
-    detail::check_inhibited_feasible(model, printer, process);
-    return;
-  }
-  if (process.mode == ExposureMode::layerwise) {
-    check_feasible_layerwise(model, printer, process);
-    return;
-  }
-  if (printer.max_speed_mm_h > 0 && process.speed_mm_h > printer.max_speed_mm_h) {
-    throw InputError(
-        fmt::format("speed {:g} mm/h is beyond the stage of printer '{}', which reaches {:g} mm/h",
-                    process.speed_mm_h, printer.name, printer.max_speed_mm_h));
-  }
-  // phi is proportional to 1 / s for every m: what phi lacks, the speed must give.
-  const double most = printer.calibration.back().intensity_mw_cm2;
-  const double least = printer.calibration.front().intensity_mw_cm2;
-  const double needed = model.critical_intensity_mw_cm2;
-  if (model.phi_max() <= 1.0) {
-    throw InfeasibleError(fmt::format(
-        "the resin never gels: at {:g} mm/h even full light ({:g} mW/cm², phi {:.4g}) stays below "
-        "the "
-        "critical intensity; print slower than {:.5g} mm/h, or with more than {:.5g} mW/cm²",
-        process.speed_mm_h, most, model.phi_max(), process.speed_mm_h * model.phi_max(), needed));
-  }
-  if (model.phi_min() >= 1.0) {
-    throw InfeasibleError(fmt::format(
-        "black pixels gel the resin: at {:g} mm/h the light of black ({:g} mW/cm², phi {:.4g}) "
-        "reaches "
-        "the critical intensity; print faster than {:.5g} mm/h, or with black below {:.5g} mW/cm²",
-        process.speed_mm_h, least, model.phi_min(), process.speed_mm_h * model.phi_min(), needed));
-  }
 }
 
 std::vector<double> node_doses(const CureModel& model, const std::vector<double>& phi) {

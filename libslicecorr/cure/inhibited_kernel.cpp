@@ -6,10 +6,12 @@
 #include <limits>
 #include <memory>
 
+#include "cure/limits.hpp"
 #include "cure/walkers.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/inhibited.hpp"
+#include "slicecorr/limit.hpp"
 #include "slicecorr/units.hpp"
 
 namespace slicecorr {
@@ -90,16 +92,26 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
   const UvSchedule& uv = process.uv;
   wanted_um_ = uv.dead_zone_um;
   const double least = printer.uv->min_mw_cm2(), most = printer.uv->max_mw_cm2();
-  const auto check = [&](double intensity, const std::string& what) {
-    if (intensity > most * (1 + 1e-9) || intensity < least * (1 - 1e-9)) {
-      throw InfeasibleError(
-          fmt::format("{} needs {:.4g} mW/cm² of UV light; the lamp of printer '{}' gives {:g} to "
-                      "{:g} mW/cm²",
-                      what, intensity, printer.name, least, most));
-    }
-  };
   const std::vector<double>& held = brightest_mw_cm2.empty() ? blue_ : brightest_mw_cm2;
   const double full = held.back();
+  const auto check = [&](double intensity, const std::string& what) {
+    if (intensity <= most * (1 + 1e-9) && intensity >= least * (1 - 1e-9)) return;
+    std::string text = fmt::format(
+        "{} needs {:.4g} mW/cm² of UV light; the lamp of printer '{}' gives {} to {} mW/cm²", what,
+        intensity, printer.name, at_least(least, 12), at_most(most, 12));
+    const auto works = [&](const std::optional<double>& value, const char* words) {
+      text += value ? fmt::format(fmt::runtime(words), *value)
+                    : std::string("; none of its intensities works here");
+    };
+    if (uv.dead_zone_um > 0) {
+      works(detail::working_dead_zone_um(kinetics_, layer_um, blue_, full, *printer.uv, process),
+            "; a dead zone of {} um works");
+    } else if (uv.kind == UvKind::constant) {
+      works(detail::working_uv(kinetics_, layer_um, blue_, *printer.uv, process),
+            "; UV light of {} mW/cm² works");
+    }
+    throw InfeasibleError(text);
+  };
   switch (uv.kind) {
     case UvKind::off:
       throw InputError("UV light is off in this schedule; expected an intensity or a dead zone");
@@ -248,6 +260,10 @@ double InhibitedKernel::setting_dead_zone_um(int setting, int level) const {
                              uv_of(setting, level));
 }
 
+bool InhibitedKernel::level_keeps_dead_zone(int setting, int level) const {
+  return keeps_dead_zone(kinetics_, blue_[static_cast<std::size_t>(level)], uv_of(setting, level));
+}
+
 double InhibitedKernel::first_gel_um(int slice, int level) const {
   return first_gel(kinetics_, blue_[static_cast<std::size_t>(level)], uv_mw_cm2(slice, level)).z_um;
 }
@@ -264,7 +280,7 @@ int InhibitedKernel::highest_usable_level(int setting) const {
   for (; level > 0; --level) {
     const double blue = blue_[static_cast<std::size_t>(level)], uv = uv_of(setting, level);
     // A pattern is made for its dead zone: rounding must not count against it.
-    if (kinetics_.beta * uv > blue &&
+    if (keeps_dead_zone(kinetics_, blue, uv) &&
         steady_dead_zone_um(kinetics_, blue, uv) >= wanted_um_ * (1 - 1e-9)) {
       break;
     }
@@ -280,7 +296,7 @@ int InhibitedKernel::strongest_setting() const {
 bool InhibitedKernel::any_level_cures_to_window() const {
   for (int s = 0; s < settings(); ++s) {
     for (int level = 0; level < levels(); ++level) {
-      if (kinetics_.beta * uv_of(s, level) <= blue_[static_cast<std::size_t>(level)]) return true;
+      if (!level_keeps_dead_zone(s, level)) return true;
     }
   }
   return false;
@@ -311,56 +327,6 @@ std::shared_ptr<const InhibitedKernel> make_inhibited_kernel(
   return std::make_shared<const InhibitedKernel>(make_kinetics(resin, true, true),
                                                  make_kinetics(resin, true, false), printer,
                                                  process, layer_um, level_mw_cm2, held);
-}
-
-void check_inhibited_feasible(const CureModel& model, const Printer& printer,
-                              const Process& process) {
-  const InhibitedKernel& kernel = *model.inhibited;
-  const bool continuous = process.mode == ExposureMode::continuous;
-  if (continuous && printer.max_speed_mm_h > 0 && process.speed_mm_h > printer.max_speed_mm_h) {
-    throw InputError(
-        fmt::format("speed {:g} mm/h is beyond the stage of printer '{}', which reaches {:g} mm/h",
-                    process.speed_mm_h, printer.name, printer.max_speed_mm_h));
-  }
-  const auto blue = level_intensities(printer);
-  const double most = blue.back();
-  const std::string pace = continuous ? fmt::format("at {:g} mm/h", process.speed_mm_h)
-                                      : fmt::format("exposed for {:g} s", process.exposure_s);
-  {
-    // Lamps that change from slice to slice do so because the slice needs less.
-    const int s = kernel.strongest_setting();
-    const int cap = kernel.highest_usable_level(s);
-    const double full = kernel.steady_dose(s, kernel.levels() - 1);
-    const double factor = kernel.steady_dose(s, cap);
-    if (full <= 1.0) {
-      throw InfeasibleError(fmt::format(
-          "the resin never gels under UV light: {} full light ({:g} mW/cm² over {:.4g} mW/cm² of "
-          "UV) reaches {:.4g} of the dose aimed at; {}, or with less UV",
-          pace, most, kernel.setting_uv_mw_cm2(s, kernel.levels() - 1), full,
-          full <= 0    ? std::string("use more light")
-          : continuous ? fmt::format("print slower than {:.5g} mm/h", process.speed_mm_h * full)
-                       : fmt::format("expose for more than {:.5g} s", process.exposure_s / full)));
-    }
-    if (factor <= 1.0) {
-      const double needed = kernel.critical_intensity_mw_cm2(s);
-      const double uv = kernel.setting_uv_mw_cm2(s, cap);
-      throw InfeasibleError(fmt::format(
-          "the resin would cure to the window: {} it takes {:.4g} mW/cm² of blue light to gel, and "
-          "UV light of {:.4g} mW/cm² leaves the dead zone asked for only up to {:.4g} mW/cm²; use "
-          "more than "
-          "{:.4g} mW/cm² of UV light, or {}",
-          pace, needed, uv, level_intensities(printer)[static_cast<std::size_t>(cap)],
-          uv_for_dead_zone(kernel.kinetics(), needed, process.uv.dead_zone_um),
-          continuous ? "print slower" : "expose for longer"));
-    }
-  }
-  if (kernel.steady_dose(0, 0) >= 1.0) {
-    throw InfeasibleError(fmt::format(
-        "black pixels gel the resin: {} the light of black ({:g} mW/cm²) adds up to {:.4g} of the "
-        "dose aimed at; {}, or with less light of black",
-        pace, blue.front(), kernel.steady_dose(0, 0),
-        continuous ? "print faster" : "expose for less time"));
-  }
 }
 
 }  // namespace detail

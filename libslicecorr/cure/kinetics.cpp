@@ -119,10 +119,14 @@ double dose_prime_at(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2, do
   return (k.m == 1.0 ? net : std::pow(net, k.m)) * exposure_s;
 }
 
+bool keeps_dead_zone(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2) {
+  return blue_mw_cm2 <= 0 || (is_inhibited(k, uv_mw_cm2) && k.beta * uv_mw_cm2 > blue_mw_cm2);
+}
+
 double steady_dead_zone_um(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2) {
   if (blue_mw_cm2 <= 0) return infinity;
-  if (!is_inhibited(k, uv_mw_cm2)) return 0;
-  return std::max(0.0, std::log(k.beta * uv_mw_cm2 / blue_mw_cm2) / slope(k));
+  if (!keeps_dead_zone(k, blue_mw_cm2, uv_mw_cm2)) return 0;
+  return std::log(k.beta * uv_mw_cm2 / blue_mw_cm2) / slope(k);
 }
 
 FirstGel first_gel(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2) {

@@ -117,6 +117,7 @@ SLICECORR_API void slicecorr_setup_free(slicecorr_setup* setup);
  *  bottom_exposure_s, bottom_layers, fade_layers   of the first layers, layerwise
  *  layer_exposure_s      of each layer in place of all these (slicecorr_setup_set_numbers)
  *  dc_mj_cm3, ha_um      dose to aim at; absorbance height, base 10; instead of the resin's
+ *  dose_factor           dose to aim at over the gel dose, instead of the resin's
  *  omega_max             cap of the dose inside features, in critical doses: inf, or 1 and more
  *  one_slice_gaps        open (the upper feature loses some height), merge
  *  platform_features     capped, uncapped: whether omega_max holds for features on the platform

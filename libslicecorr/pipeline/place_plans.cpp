@@ -5,9 +5,14 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
+#include "correct/inhibited_column.hpp"
+#include "cure/limits.hpp"
 #include "pipeline/bands.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/limit.hpp"
+#include "slicecorr/units.hpp"
 
 namespace slicecorr::detail {
 
@@ -38,19 +43,48 @@ const Printer& fitting(const Printer& printer, const SliceSource& target) {
   return printer;
 }
 
-void check_travel(int slices, int layers, double layer_um, const Printer& printer) {
-  const double travel_mm = slices * layer_um * 1e-3;
-  if (printer.travel_mm <= 0 || travel_mm <= printer.travel_mm * (1 + 1e-9)) return;
-  if (slices == layers) {
-    throw InfeasibleError(
-        fmt::format("the part is {:.3f} mm high; the stage of '{}' travels {:g} mm", travel_mm,
-                    printer.name, printer.travel_mm));
+/// Slices that the stage can travel; nothing when it has no end.
+std::optional<int> slices_of_travel(const Printer& printer, double layer_um) {
+  if (printer.travel_mm <= 0) return std::nullopt;
+  const double most_mm = printer.travel_mm * (1 + 1e-9);
+  auto slices = static_cast<int>(std::min(1e9, std::floor(most_mm / (layer_um * 1e-3))));
+  while (slices > 0 && slices * layer_um * 1e-3 > most_mm) --slices;
+  return slices;
+}
+
+/// The same under UV light: what is added after the end goes by the level that keeps the dose, and
+/// with it by the dose itself (`inhibited_slices`), so the least one is looked for.
+double inhibited_dose_for_end(const CureModel& model, int slices) {
+  const InhibitedKernel& kernel = *model.inhibited;
+  const int s = kernel.strongest_setting(), cap = kernel.highest_usable_level(s);
+  const ExtraLight extra(kernel, InhibitedKernel::upper_end);
+  std::vector<double> doses;
+  for (int level = 0; level <= cap; ++level) doses.push_back(kernel.steady_dose(s, level));
+  const auto fits = [&](double times) {
+    int steady = cap;
+    while (steady > 0 && times * doses[static_cast<std::size_t>(steady - 1)] >= 1.0) --steady;
+    int peak = 0;
+    for (int j = 1; j < kernel.near(); ++j) {
+      if (extra.one(s, steady, j) > extra.one(s, steady, peak)) peak = j;
+    }
+    const int full = slices - std::max(peak / 2, 1) - 2;
+    return full > 0 && times * extra.sum(s, cap, full) >= 1.0;
+  };
+  const double lit = doses.back();
+  if (!(lit > 0)) return std::numeric_limits<double>::infinity();
+  for (double dose = 1; dose < 1e6; dose *= 1.01) {
+    if (fits(dose / lit)) return dose;
   }
-  throw InfeasibleError(fmt::format(
-      "curing the part's end takes {} slices after it, {:.3f} mm in all; the stage "
-      "of '{}' travels "
-      "{:g} mm. Print slower, with more light, or a part at least {:.3f} mm lower",
-      slices - layers, travel_mm, printer.name, printer.travel_mm, travel_mm - printer.travel_mm));
+  return std::numeric_limits<double>::infinity();
+}
+
+/// The dose after a long run of slices that lit pixels must pass so that a part's end cures in so
+/// many slices; infinite when none is enough.
+double dose_for_end(const CureModel& model, int slices) {
+  if (model.mode == ExposureMode::layerwise && !model.inhibited) return 1.0;
+  if (slices < 1) return std::numeric_limits<double>::infinity();
+  if (model.inhibited) return inhibited_dose_for_end(model, slices);
+  return -1.0 / std::expm1(-slices * model.eta * units::ln10);
 }
 
 /// What of each value is lit, and up to which layer.
@@ -117,6 +151,185 @@ std::string share_in_words(const LightMap& map, std::uint8_t value) {
   return fmt::format("{:.4g} of the light of the calibration", map.factor(value));
 }
 
+/// What is found of a target and a display: refuses, naming what would do for all places.
+class PlaceCheck {
+ public:
+  PlaceCheck(const SliceSource& target, const PlaceModels& models, const Setup& setup,
+             const Job& job)
+      : target_(target), models_(models), map_(models.map()), setup_(setup), job_(job) {
+    check_stage_speed(setup.printer, setup.process);
+    const Grid& grid = target.grid();
+    travel_ = slices_of_travel(setup.printer, grid.layer_um);
+    brightest_ = map_.reference();
+    if (map_.even()) return;
+    const LightCounts display = map_.counts({0, 0, grid.width_px, grid.height_px});
+    brightest_ = 255;
+    while (display[brightest_] == 0) --brightest_;
+  }
+
+  /// Slices that will be shown.
+  int all_layers() {
+    const int layers = target_.grid().layers;
+    if (travel_ && layers > *travel_) {
+      throw InfeasibleError(
+          fmt::format("the part is {:.3f} mm high; the stage of '{}' travels {} mm",
+                      layers * target_.grid().layer_um * 1e-3, setup_.printer.name,
+                      at_most(setup_.printer.travel_mm, 12)));
+    }
+    // Everywhere, lit or not, black must leave the resin liquid; where it does not is brightest.
+    if (!fine(brightest_)) refuse();
+    int all = slices_with_burst(models_.model(brightest_), layers, layers - 1);
+    if (!alike(all)) {
+      // A dim place counts only where the part is lit.
+      const LitPlaces& lit = lit_now();
+      all = layers;
+      for (std::size_t v = 0; v < 256; ++v) {
+        if (lit.columns[v] == 0) continue;
+        const auto value = static_cast<std::uint8_t>(v);
+        if (!fine(value)) refuse();
+        all = std::max(all, slices_with_burst(models_.model(value), layers, lit.end[v] - 1));
+      }
+    }
+    if (travel_ && all > *travel_) refuse_travel(all);
+    if (all - layers > longest_) {
+      throw InfeasibleError(fmt::format(
+          "the part's end does not cure: light of black comes too close to full light for any "
+          "number of slices after it; {}",
+          ways()));
+    }
+    return all;
+  }
+
+ private:
+  Verdict verdict_at(std::uint8_t value, bool lit) const {
+    return verdict({&models_.model(value), map_.factor(value), lit}, models_.printer_at(value),
+                   setup_.process);
+  }
+  bool fine(std::uint8_t value) const {
+    if (value == 0) return false;
+    const Verdict v = verdict_at(value, true);
+    return v.weak.empty() && v.black.empty();
+  }
+  /// Whether all places that the part may be lit at need the same.
+  bool alike(int all) const {
+    if (map_.even()) return true;
+    const int layers = target_.grid().layers;
+    const LightCounts part = map_.counts(target_.bounds());
+    for (std::size_t v = 0; v < 256; ++v) {
+      const auto value = static_cast<std::uint8_t>(v);
+      if (part[v] == 0) continue;
+      if (!fine(value) || slices_with_burst(models_.model(value), layers, layers - 1) != all) {
+        return false;
+      }
+    }
+    return true;
+  }
+  const LitPlaces& lit_now() {
+    if (lit_) return *lit_;
+    if (map_.even()) {
+      lit_.emplace();
+      lit_->columns[brightest_] = 1;
+      lit_->end[brightest_] = target_.grid().layers;
+    } else {
+      lit_ = lit_places(target_, map_, job_);
+    }
+    return *lit_;
+  }
+
+  /// The brightest place and all that are lit, with what they need to end within the travel.
+  std::vector<LitPlace> places() {
+    const LitPlaces& lit = lit_now();
+    const bool none = std::all_of(lit.columns.begin(), lit.columns.end(),
+                                  [](std::uint64_t columns) { return columns == 0; });
+    std::vector<LitPlace> all;
+    for (std::size_t v = 1; v < 256; ++v) {
+      const auto value = static_cast<std::uint8_t>(v);
+      if (lit.columns[v] == 0 && value != brightest_) continue;
+      LitPlace p{&models_.model(value), map_.factor(value), none || lit.columns[v] > 0};
+      // Without an end of travel a part's end may still not take for ever.
+      const int most = travel_ ? *travel_ - lit.end[v] : longest_;
+      if (p.lit) p.needed = dose_for_end(*p.model, most);
+      all.push_back(p);
+    }
+    return all;
+  }
+  std::string ways() { return ways_out(places(), setup_.printer, setup_.process); }
+
+  [[noreturn]] void refuse() {
+    const LitPlaces& lit = lit_now();
+    const std::string& name = setup_.printer.name;
+    if (lit.columns[0] > 0) {
+      throw InfeasibleError(fmt::format(
+          "the part lies where the flat-field of printer '{}' says that there is no light: {} "
+          "pixels, the first {}, {}; expected a part beside them, or another flat-field",
+          name, lit.columns[0], lit.first[0].x, lit.first[0].y));
+    }
+    std::uint64_t weak_pixels = 0, pixels = 0;
+    std::optional<std::uint8_t> dimmest;
+    for (std::size_t v = 0; v < 256; ++v) {
+      const auto value = static_cast<std::uint8_t>(v);
+      if (lit.columns[v] == 0) continue;
+      pixels += lit.columns[v];
+      if (verdict_at(value, true).weak.empty()) continue;
+      if (!dimmest) dimmest = value;
+      weak_pixels += lit.columns[v];
+    }
+    std::string text;
+    if (dimmest) {
+      const Pixel p = lit.first[*dimmest];
+      text = verdict_at(*dimmest, true).weak;
+      if (!map_.even()) {
+        text = fmt::format(
+            "the light of printer '{}' is {} for this part: it fails at {} of its pixels, the "
+            "dimmest {}, {}, which gets {}: {}",
+            name, weak_pixels < pixels ? "too uneven" : "too weak", weak_pixels, p.x, p.y,
+            share_in_words(map_, *dimmest), text);
+      }
+    }
+    if (const std::string black = verdict_at(brightest_, false).black; !black.empty()) {
+      if (!text.empty()) text += "; ";
+      if (!map_.even()) {
+        const Pixel p = first_of(map_, target_.grid(), brightest_);
+        text +=
+            fmt::format("at the brightest place of the display, pixel {}, {}, which gets {}: ", p.x,
+                        p.y, share_in_words(map_, brightest_));
+      }
+      text += black;
+    }
+    // Nothing is lit where light is too weak: but at the brightest place something might be.
+    if (text.empty()) text = verdict_at(brightest_, true).weak;
+    throw InfeasibleError(text + "; " + ways());
+  }
+
+  [[noreturn]] void refuse_travel(int slices) {
+    const Grid& grid = target_.grid();
+    const Printer& printer = setup_.printer;
+    const double travel_mm = slices * grid.layer_um * 1e-3;
+    std::string text = fmt::format(
+        "curing the part's end takes {} slices after it, {:.3f} mm in all; the stage of '{}' "
+        "travels {} mm; {}",
+        slices - grid.layers, travel_mm, printer.name, at_most(printer.travel_mm, 12), ways());
+    // Each layer less is a slice less.
+    const int less = slices - *travel_;
+    if (less < grid.layers) {
+      const double lower_mm = std::ceil(less * grid.layer_um - 1e-6) * 1e-3;
+      text += fmt::format(", or make the part at least {:.3f} mm lower", lower_mm);
+    }
+    throw InfeasibleError(text);
+  }
+
+  const SliceSource& target_;
+  const PlaceModels& models_;
+  const LightMap& map_;
+  const Setup& setup_;
+  const Job& job_;
+  std::optional<int> travel_;
+  std::uint8_t brightest_ = 255;
+  std::optional<LitPlaces> lit_;
+  /// Slices after a part's end that are as good as endless.
+  static constexpr int longest_ = 90000;
+};
+
 }  // namespace
 
 PlacePlans::PlacePlans(const SliceSource& target, const Setup& setup, const Job& job)
@@ -126,77 +339,7 @@ PlacePlans::PlacePlans(const SliceSource& target, const Setup& setup, const Job&
       layers_(target.grid().layers),
       levels_(setup.printer.levels()) {
   refuse_recording(target);
-  if (even()) {
-    const CureModel& model = models_.brightest();
-    check_feasible(model, setup.printer, setup.process);
-    all_layers_ = slices_with_burst(model, layers_, layers_ - 1);
-  } else {
-    check_uneven(target, setup, job);
-  }
-  check_travel(all_layers_, layers_, target.grid().layer_um, setup.printer);
-}
-
-void PlacePlans::check_uneven(const SliceSource& target, const Setup& setup, const Job& job) {
-  const Grid& grid = target.grid();
-  const LightMap& map = models_.map();
-  const auto refusal = [&](std::uint8_t value) -> std::string {
-    if (value == 0) return "no light";
-    try {
-      check_feasible(models_.model(value), models_.printer_at(value), setup.process);
-    } catch (const InfeasibleError& e) {
-      return e.what();
-    }
-    return {};
-  };
-  // Everywhere, lit or not, black must leave the resin liquid; where it does not is brightest.
-  const LightCounts display = map.counts({0, 0, grid.width_px, grid.height_px});
-  std::uint8_t brightest = 255;
-  while (display[brightest] == 0) --brightest;
-  if (const std::string text = refusal(brightest); !text.empty()) {
-    const Pixel p = first_of(map, grid, brightest);
-    throw InfeasibleError(
-        fmt::format("at the brightest place of the display, pixel {}, {}, which "
-                    "gets {}: {}",
-                    p.x, p.y, share_in_words(map, brightest), text));
-  }
-  const int burst = slices_with_burst(models_.model(brightest), layers_, layers_ - 1);
-  const LightCounts part = map.counts(target.bounds());
-  bool alike = true;
-  for (std::size_t v = 0; v < 256 && alike; ++v) {
-    const auto value = static_cast<std::uint8_t>(v);
-    alike =
-        part[v] == 0 || (refusal(value).empty() &&
-                         slices_with_burst(models_.model(value), layers_, layers_ - 1) == burst);
-  }
-  all_layers_ = burst;
-  if (alike) return;
-  // A dim place counts only where the part is lit.
-  const LitPlaces lit = lit_places(target, map, job);
-  all_layers_ = layers_;
-  for (std::size_t v = 0; v < 256; ++v) {
-    if (lit.columns[v] == 0) continue;
-    const auto value = static_cast<std::uint8_t>(v);
-    if (const std::string text = refusal(value); !text.empty()) {
-      std::uint64_t pixels = 0;
-      for (std::size_t w = v; w < 256; ++w) {
-        if (lit.columns[w] && !refusal(static_cast<std::uint8_t>(w)).empty())
-          pixels += lit.columns[w];
-      }
-      const Pixel p = lit.first[v];
-      if (value == 0) {
-        throw InfeasibleError(fmt::format(
-            "the part lies where the flat-field of printer '{}' says that there is no light: {} "
-            "pixels, the first {}, {}; expected a part beside them, or another flat-field",
-            setup.printer.name, lit.columns[0], p.x, p.y));
-      }
-      throw InfeasibleError(fmt::format(
-          "the light of printer '{}' is too uneven for this part: it fails at {} of its pixels, "
-          "the dimmest {}, {}, which gets {}: {}",
-          setup.printer.name, pixels, p.x, p.y, share_in_words(map, value), text));
-    }
-    all_layers_ =
-        std::max(all_layers_, slices_with_burst(models_.model(value), layers_, lit.end[v] - 1));
-  }
+  all_layers_ = PlaceCheck(target, models_, setup, job).all_layers();
 }
 
 const CorrectionPlan& PlacePlans::plan(std::uint8_t value) const {

@@ -33,8 +33,6 @@ class PlacePlans {
   const CorrectionPlan& plan() const { return plan(models_.map().reference()); }
 
  private:
-  void check_uneven(const SliceSource& target, const Setup& setup, const Job& job);
-
   Process process_;
   PlaceModels models_;
   int layers_, all_layers_ = 0, levels_;

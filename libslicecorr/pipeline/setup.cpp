@@ -276,19 +276,16 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
   setup.printer = !c_.printer_toml.empty() ? complete_printer(c_.printer_toml, o("printer-toml"))
                   : printer_given          ? load_printer(c_.printer)
                                            : *info->printer;
-  ResinOverrides overrides;
-  if (c_.dc_mj_cm3 > 0) overrides.dc_mj_cm3 = c_.dc_mj_cm3;
-  if (c_.ha_um > 0) overrides.ha_um = c_.ha_um;
+  const ResinOverrides overrides = resin_overrides(c_);
+  if (overrides.dc_mj_cm3 && overrides.dose_factor) {
+    wrong(fmt::format("{} and {} are two ways to set the dose; expected one of them",
+                      o("dc-mj-cm3"), o("dose-factor")));
+  }
   if (resin_given) {
     setup.resin = c_.resin_toml.empty() ? load_resin(c_.resin, overrides)
                                         : parse_resin(c_.resin_toml, o("resin-toml"), overrides);
   } else {
-    setup.resin = *info->resin;
-    if (c_.ha_um > 0) setup.resin.absorbance_height10_um = c_.ha_um;
-    if (c_.dc_mj_cm3 > 0) {
-      setup.resin.critical_dose_mj_cm3 = c_.dc_mj_cm3;
-      setup.resin.critical_dose_prime = 0;
-    }
+    setup.resin = with_overrides(*info->resin, overrides);
   }
   if (recorded) setup.process = *info->process;
   resolve_exposure(setup.process, times);
@@ -305,6 +302,14 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
 }
 
 }  // namespace
+
+ResinOverrides resin_overrides(const SetupChoices& choices) {
+  ResinOverrides overrides;
+  if (choices.dc_mj_cm3 > 0) overrides.dc_mj_cm3 = choices.dc_mj_cm3;
+  if (choices.ha_um > 0) overrides.ha_um = choices.ha_um;
+  if (choices.dose_factor > 0) overrides.dose_factor = choices.dose_factor;
+  return overrides;
+}
 
 Setup resolve_setup(const SetupChoices& choices, const StackInfo* info, const StackInfo* times,
                     ChoiceNames names) {

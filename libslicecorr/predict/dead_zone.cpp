@@ -104,19 +104,29 @@ void WindowWatch::add_slice(int slice, std::span<const ShownPart> parts) {
 /// Gel dose at the window.
 void WindowWatch::cure(int slice, std::span<const ShownPart> parts) {
   if (dose_.empty()) return;
-  std::vector<std::array<double, 256>> at_window(parts.size());
+  struct Level {
+    double dose = 0;
+    bool no_dead_zone = false;
+  };
+  std::vector<std::array<Level, 256>> at_window(parts.size());
   for (std::size_t k = 0; k < parts.size(); ++k) {
     for (int v = 0; v < 256; ++v) {
-      at_window[k][static_cast<std::size_t>(v)] =
-          parts[k].light *
-          kernel_.setting_window_dose(parts[k].setting, level_of_pixel(v, kernel_.levels()));
+      const int level = level_of_pixel(v, kernel_.levels());
+      at_window[k][static_cast<std::size_t>(v)] = {
+          parts[k].light * kernel_.setting_window_dose(parts[k].setting, level),
+          !kernel_.level_keeps_dead_zone(parts[k].setting, level)};
     }
   }
   for (std::size_t i = 0; i < columns_; ++i) {
     double added = 0;
-    for (std::size_t k = 0; k < parts.size(); ++k) added += at_window[k][parts[k].pixels[i]];
+    bool no_dead_zone = false;
+    for (std::size_t k = 0; k < parts.size(); ++k) {
+      const Level& at = at_window[k][parts[k].pixels[i]];
+      added += at.dose;
+      no_dead_zone = no_dead_zone || at.no_dead_zone;
+    }
     // Fresh resin comes in once the dead zone is back.
-    dose_[i] = added > 0 ? static_cast<float>(dose_[i] + added) : 0.0F;
+    dose_[i] = no_dead_zone ? static_cast<float>(dose_[i] + added) : 0.0F;
     if (dose_[i] < 1.0F) continue;
     if (!cured_[i]) ++count_;
     cured_[i] = true;

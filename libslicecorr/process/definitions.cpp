@@ -122,6 +122,13 @@ Inhibition inhibition_of(const TomlTable& table, const Resin& resin) {
   return i;
 }
 
+std::string only_for_m_1(const Resin& resin) {
+  return fmt::format(
+      "is {:g}; a dose in mJ/cm³ can only replace that of a resin with m = 1; expected a dose "
+      "factor, which scales that of any resin",
+      resin.m);
+}
+
 void resolve_dose(const TomlTable& cure, std::optional<double> dose_override, Resin& resin) {
   const double height_e_um = units::height_e_from_10(resin.absorbance_height10_um);
   const auto areal_or_volumetric = [&](const char* volumetric, const char* areal) {
@@ -139,11 +146,7 @@ void resolve_dose(const TomlTable& cure, std::optional<double> dose_override, Re
   if (gel) resin.gel_dose_mj_cm3 = *gel;
   if (resin.m != 1.0) {
     // Intensity times time says nothing here: D'c alone counts.
-    if (dose_override) {
-      cure.fail("m", fmt::format("is {:g}; a dose in mJ/cm³ can only replace that of a resin with "
-                                 "m = 1",
-                                 resin.m));
-    }
+    if (dose_override) cure.fail("m", only_for_m_1(resin));
     if (!prime) {
       cure.fail("critical_dose_prime", "missing; a resin with m other than 1 needs it");
     }
@@ -176,6 +179,25 @@ void check_override(const std::optional<double>& value, const char* what, double
     throw InputError(
         fmt::format("{} is {:g}; expected a number above 0 and at most {:g}", what, *value, most));
   }
+}
+
+void check_overrides(const ResinOverrides& overrides) {
+  check_override(overrides.ha_um, "the absorbance height, um,", 1e7);
+  check_override(overrides.dc_mj_cm3, "the dose to aim at, mJ/cm³,", 1e9);
+  check_override(overrides.dose_factor, "the dose factor", 1e3);
+  if (overrides.dc_mj_cm3 && overrides.dose_factor) {
+    throw InputError(
+        "a dose to aim at and a dose factor are two ways to set the dose; expected one "
+        "of them");
+  }
+}
+
+/// Aims at `factor` times the gel dose; where only one dose is known, at so many times that.
+void scale_dose(Resin& resin, double factor) {
+  const double change = factor / resin.dose_factor;
+  resin.critical_dose_mj_cm3 *= change;
+  resin.critical_dose_prime *= change;
+  resin.dose_factor = factor;
 }
 
 /// How the display turns what the plate looks like; nothing when the file does not say.
@@ -362,11 +384,25 @@ Resin parse_resin(std::string_view text, const std::string& source,
               fmt::format("is {:g}; the Jacobs model has m = 1, others are \"kinetic\"", resin.m));
   }
   resin.absorbance_height10_um = absorbance_height10(cure);
-  check_override(overrides.ha_um, "the absorbance height, um,", 1e7);
-  check_override(overrides.dc_mj_cm3, "the dose to aim at, mJ/cm³,", 1e9);
+  check_overrides(overrides);
   if (overrides.ha_um) resin.absorbance_height10_um = *overrides.ha_um;
   resolve_dose(cure, overrides.dc_mj_cm3, resin);
+  if (overrides.dose_factor) scale_dose(resin, *overrides.dose_factor);
   if (const auto table = root.table("inhibition")) resin.inhibition = inhibition_of(*table, resin);
+  return resin;
+}
+
+Resin with_overrides(Resin resin, const ResinOverrides& overrides) {
+  check_overrides(overrides);
+  if (overrides.ha_um) resin.absorbance_height10_um = *overrides.ha_um;
+  if (overrides.dc_mj_cm3) {
+    if (resin.m != 1.0) throw InputError(resin.name, "m", only_for_m_1(resin));
+    resin.critical_dose_mj_cm3 = *overrides.dc_mj_cm3;
+    resin.critical_dose_prime = 0;
+    resin.dose_factor =
+        resin.gel_dose_mj_cm3 > 0 ? resin.critical_dose_mj_cm3 / resin.gel_dose_mj_cm3 : 1;
+  }
+  if (overrides.dose_factor) scale_dose(resin, *overrides.dose_factor);
   return resin;
 }
 

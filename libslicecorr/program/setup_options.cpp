@@ -29,7 +29,11 @@ void SetupOptions::add_to(CLI::App& app, bool required, bool correcting) {
                  "Layers after them in which the exposure goes to the normal one in equal steps "
                  "(layerwise)")
       ->check(CLI::Range(0, 1000000));
-  app.add_option("--dc-mj-cm3", dc_mj_cm3, "Dose to aim at, instead of the resin file's")
+  app.add_option("--dc-mj-cm3", dc_mj_cm3, "Dose to aim at, instead of the resin file's (m = 1)")
+      ->check(number_above_zero());
+  app.add_option("--dose-factor", dose_factor,
+                 "Dose to aim at over the gel dose, instead of the resin file's; of a resin with "
+                 "one dose so many times that")
       ->check(number_above_zero());
   app.add_option("--ha-um", ha_um, "Absorbance height, base 10, instead of the resin file's")
       ->check(number_above_zero());

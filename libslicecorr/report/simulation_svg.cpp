@@ -238,7 +238,9 @@ std::string stationary_svg(const std::vector<StationaryFronts>& exposures, doubl
     if (e.uv_mw_cm2 > 0) {
       words += std::isfinite(e.window_s)
                    ? fmt::format(", cures to the window after {} s", figure(e.window_s))
-                   : fmt::format(", steady dead zone {} um", figure(e.dead_zone_um));
+               : e.dead_zone_um > 0
+                   ? fmt::format(", steady dead zone {} um", figure(e.dead_zone_um))
+                   : std::string(", no dead zone lasts");
     }
     picture.note(words + ".");
   }

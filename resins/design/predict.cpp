@@ -7,6 +7,7 @@
 #include "design/numbers.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/limit.hpp"
 #include "slicecorr/resins/design.hpp"
 #include "slicecorr/units.hpp"
 
@@ -15,6 +16,8 @@ namespace slicecorr::resins {
 namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
+/// Limits are named this far inside: what is typed back goes another way to its answer.
+constexpr double kInside = 1e-9;
 
 std::string dose_unit(double m) { return m == 1 ? "mJ/cm²" : fmt::format("(mW/cm²)^{:.3g} s", m); }
 
@@ -76,10 +79,13 @@ void describe_start(const Forecast& f, std::vector<std::string>& s) {
     s.push_back(fmt::format("Dead zone in the long run: {} um.", figure(f.steady_dead_zone_um)));
   } else {
     s.push_back(fmt::format(
-        "The dead zone does not last: {} The resin cures to the window after {} s; {} mW/cm² of "
-        "UV light and more would keep it free.",
-        k.beta * q.uv_mw_cm2 < q.blue_mw_cm2 ? "beta Iuv is less than Ib." : "beta Iuv is just Ib.",
-        figure(f.window_time_s), figure(q.blue_mw_cm2 / k.beta)));
+        "The dead zone does not last: {}; {} mW/cm² of UV light and more would keep it free.",
+        std::isfinite(f.window_time_s)
+            ? fmt::format("beta Iuv is less than Ib. The resin cures to the window after {} s",
+                          figure(f.window_time_s))
+            : std::string("beta Iuv is just Ib. It gets ever thinner, though the window itself is "
+                          "reached in no finite time"),
+        at_least(q.blue_mw_cm2 / k.beta * (1 + kInside))));
   }
 }
 
@@ -117,7 +123,7 @@ void describe_passing(const Forecast& f, std::vector<std::string>& s) {
     s.push_back(
         fmt::format("That is too fast: the resin does not gel. With this light {} mm/h "
                     "is the limit.",
-                    figure(p.fastest_mm_h)));
+                    at_most(p.fastest_mm_h * (1 - kInside))));
   } else {
     s.push_back(fmt::format("Fastest speed with this light: {} mm/h.", figure(p.fastest_mm_h)));
   }
@@ -134,7 +140,65 @@ void describe_passing(const Forecast& f, std::vector<std::string>& s) {
   s.push_back(slices + ".");
 }
 
+/// What a place gets of the calibration's light, and what becomes of it there.
+std::string place_in_words(const char* which, const Forecast& f) {
+  const Question& q = f.question;
+  std::string text = fmt::format("At the {} places ({} mW/cm²) ", which, figure(q.blue_mw_cm2));
+  if (!inhibited(f)) {
+    text += fmt::format("the window gels after {} s", figure(f.first.time_s));
+  } else {
+    text += fmt::format(
+        "the first resin gels after {} s, {}", figure(f.first.time_s),
+        f.steady_dead_zone_um > 0
+            ? fmt::format("the dead zone is {} um in the long run", figure(f.steady_dead_zone_um))
+            : std::string("no dead zone lasts"));
+  }
+  if (q.exposure_s > 0) {
+    text += f.fronts ? fmt::format("; after {} s it is cured {} um high", figure(q.exposure_s),
+                                   figure(f.fronts->back_um))
+                     : fmt::format("; after {} s nothing is cured", figure(q.exposure_s));
+  }
+  if (q.height_um > 0) {
+    text += std::isfinite(f.exposure_for_height_s)
+                ? fmt::format("; resin {} um above the window gels after {} s", figure(q.height_um),
+                              figure(f.exposure_for_height_s))
+                : fmt::format("; resin {} um above the window never gels", figure(q.height_um));
+  }
+  if (f.passing) {
+    text += fmt::format("; the fastest speed is {} mm/h",
+                        at_most(f.passing->fastest_mm_h * (1 - kInside)));
+    if (f.passing->slowest_mm_h > 0) {
+      text +=
+          fmt::format(", the slowest {} mm/h", at_least(f.passing->slowest_mm_h * (1 + kInside)));
+    }
+  }
+  return text + ".";
+}
+
+void describe_places(const Forecast& f, std::vector<std::string>& s) {
+  const Question& q = f.question;
+  s.push_back(fmt::format(
+      "All of this holds for places that get the light of the calibration. By its flat-field the "
+      "display gives {:.3g} to {:.3g} % of it{}.",
+      100 * q.least_light, 100 * q.greatest_light,
+      q.dark_places ? ", and none at all in some places, which can't print" : ""));
+  s.push_back(place_in_words("dimmest", *f.dimmest));
+  s.push_back(place_in_words("brightest", *f.brightest));
+}
+
 }  // namespace
+
+void Question::take_flat_field(const Printer& printer) {
+  if (!printer.flat_field) return;
+  const FlatField& field = *printer.flat_field;
+  int least = 255;
+  for (const std::uint8_t v : *field.values) {
+    dark_places = dark_places || v == 0;
+    if (v > 0) least = std::min<int>(least, v);
+  }
+  least_light = 1.0 * least / field.reference;
+  greatest_light = 1.0 * field.greatest() / field.reference;
+}
 
 Forecast predict(const Resin& resin, const Question& q) {
   if (!(q.blue_mw_cm2 > 0)) throw InputError("blue light is 0; expected an intensity above 0");
@@ -159,14 +223,27 @@ Forecast predict(const Resin& resin, const Question& q) {
       f.unanswered = fmt::format(
           "resin {} um above the window never gels: it lies in the dead zone of {} um; expected a "
           "height above that, or UV light below {} mW/cm²",
-          figure(q.height_um), figure(f.steady_dead_zone_um),
-          figure(q.blue_mw_cm2 / k.beta * std::exp(q.height_um * (1 / k.huv_um - 1 / k.hb_um))));
+          figure(q.height_um), at_least(f.steady_dead_zone_um * (1 + kInside)),
+          at_most(q.blue_mw_cm2 / k.beta * std::exp(q.height_um * (1 / k.huv_um - 1 / k.hb_um)) *
+                  (1 - kInside)));
     }
   }
   if (q.speed_mm_h > 0) f.passing = passing_of(k, q);
   describe_start(f, f.sentences);
   describe_exposure(f, f.sentences);
   describe_passing(f, f.sentences);
+  if (q.least_light != 1 || q.greatest_light != 1) {
+    const auto at = [&](double share) {
+      Question there = q;
+      there.blue_mw_cm2 *= share;
+      there.black_mw_cm2 *= share;
+      there.least_light = there.greatest_light = 1;
+      return std::make_shared<const Forecast>(predict(resin, there));
+    };
+    f.dimmest = at(q.least_light);
+    f.brightest = at(q.greatest_light);
+    describe_places(f, f.sentences);
+  }
   return f;
 }
 
@@ -201,6 +278,16 @@ std::string Forecast::to_json() const {
                        {"slowest_mm_h", passing->slowest_mm_h},
                        {"slice_time_s", passing->slice_time_s},
                        {"slices_to_gel", passing->slices_to_gel}};
+  }
+  if (dimmest) {
+    const auto place = [](double share, const Forecast& there) {
+      ordered_json all{{"light", share}};
+      all.update(ordered_json::parse(there.to_json()));
+      all.erase("text");
+      return all;
+    };
+    j["dimmest_place"] = place(question.least_light, *dimmest);
+    j["brightest_place"] = place(question.greatest_light, *brightest);
   }
   j["text"] = sentences;
   if (!unanswered.empty()) j["unanswered"] = unanswered;

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -10,6 +11,7 @@
 #include "design/numbers.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/limit.hpp"
 #include "slicecorr/resins/design.hpp"
 #include "slicecorr/units.hpp"
 
@@ -106,6 +108,9 @@ class Designer {
     return passing_dose_prime(k, blue_, uv_needed(he), speed_) / k.critical_dose_prime;
   }
   double lamp() const { return printer_.uv ? printer_.uv->max_mw_cm2() : 0; }
+  bool keeps_any_dead_zone() const {
+    return keeps_dead_zone(make_kinetics(resin_, true, true), blue_, lamp());
+  }
 
   /// Interval of heights that gel, keep gaps liquid and keep the dead zone; with what sets its
   /// ends.
@@ -139,9 +144,7 @@ class Designer {
     // The stronger the blue light reaches, the more UV light the dead zone takes.
     const double longest =
         1 / huv() - std::log(resin_.inhibition->beta * lamp() / blue_) / wish_.dead_zone_um;
-    const double high = !(resin_.inhibition->beta * lamp() > blue_) ? 0.0
-                        : longest > 0                               ? 1 / longest
-                                                                    : infinity;
+    const double high = !keeps_any_dead_zone() ? 0.0 : longest > 0 ? 1 / longest : infinity;
     if (high < l.high) {
       l.high = high;
       l.high_because = fmt::format(
@@ -253,69 +256,107 @@ class Designer {
   double speed_, m_ = 1, blue_ = 0, black_ = 0, limit_ = 0, ratio_ = 0;
 };
 
-/// Three digits, rounded to the safe side.
-std::string rounded(double value, bool up) {
-  const double unit = std::pow(10.0, std::floor(std::log10(value)) - 2);
-  const double steps = value / unit;
-  return fmt::format("{:.3g}", (up ? std::ceil(steps) : std::floor(steps)) * unit);
-}
-
 std::string height_words(double he) {
   return fmt::format("{} um (base 10; {} um base e)", figure(units::height10_from_e(he)),
                      figure(he));
 }
 
-/// Greatest speed below the wanted one at which the wish can be met; 0 when there is none.
-double slower_speed(const Resin& resin, const Printer& printer, const Wish& wish) {
-  const auto works = [&](double speed) {
-    const Designer d(resin, printer, wish, speed);
-    double least = 0;
-    return d.within_tolerance(d.limits(), least).has_value();
-  };
-  constexpr double kStep = 0.85;
-  double fast = wish.speed_mm_h;
-  for (int i = 0; i < 40; ++i, fast *= kStep) {
-    if (works(fast * kStep)) return boundary(fast * kStep, fast, true, works);
+/// Whether some absorber meets the wish.
+bool any_meets(const Resin& resin, const Printer& printer, const Wish& wish) {
+  const Designer d(resin, printer, wish, wish.speed_mm_h);
+  double least = 0;
+  return d.within_tolerance(d.limits(), least).has_value();
+}
+
+constexpr int kWayDigits = 3;
+
+/// The value nearest to `now` on the way to `end`, in steps of 15 %, at which `works` holds, with
+/// as many digits as that takes; empty when there is none.
+std::string first_that_works(double now, double end, const std::function<bool(double)>& works) {
+  const bool up = end > now;
+  const double step = up ? 1 / 0.85 : 0.85;
+  double fails = now;
+  for (int i = 0; i < 40 && fails != end; ++i) {
+    const double next = up ? std::min(end, fails * step) : std::max(end, fails * step);
+    if (!works(next)) {
+      fails = next;
+      continue;
+    }
+    const double limit =
+        up ? boundary(fails, next, false, works) : boundary(next, fails, true, works);
+    for (int digits = kWayDigits; digits <= 15; digits += 2) {
+      const double typed = up ? rounded_up(limit, digits) : rounded_down(limit, digits);
+      if (works(typed)) return fmt::format("{}", typed);
+    }
+    return {};
   }
-  return 0;
+  return {};
 }
 
 std::vector<std::string> ways_out(const Designer& d, const Resin& resin, const Printer& printer,
                                   const Wish& wish, const Designer::Limits& limits,
                                   double least_error) {
   std::vector<std::string> ways;
-  if (!limits.any()) {
-    if (wish.dead_zone_um > 0 && !(resin.inhibition->beta * d.lamp() > d.blue())) {
-      ways.push_back(fmt::format(
-          "no dead zone lasts under full blue light: a UV lamp of more than {} mW/cm² is needed "
-          "(this one has {}), or blue light below {} mW/cm²",
-          figure(d.blue() / resin.inhibition->beta), figure(d.lamp()),
-          figure(resin.inhibition->beta * d.lamp())));
-    } else if (wish.dead_zone_um > 0) {
-      const double he = std::max(limits.low, d.huv() * (1 + 1e-9));
-      const double most =
-          std::log(resin.inhibition->beta * d.lamp() / d.blue()) / (1 / d.huv() - 1 / he);
-      ways.push_back(fmt::format(
-          "at the least height that gels at {} mm/h, {}, the UV lamp's {} mW/cm² keep a dead zone "
-          "of {} um; {} um would take {} mW/cm²",
-          figure(wish.speed_mm_h), height_words(he), figure(d.lamp()), figure(most),
-          figure(wish.dead_zone_um), figure(d.uv_needed(he))));
-    } else {
-      ways.push_back(fmt::format(
-          "the printer's black ({} mW/cm²) is too bright against its full light ({} mW/cm²), or "
-          "the speed of {} mm/h is beyond every absorbance height of a resin file",
-          figure(d.black()), figure(d.blue()), figure(wish.speed_mm_h)));
+  const auto with_speed = [&](double speed) {
+    Wish w = wish;
+    w.speed_mm_h = speed;
+    return any_meets(resin, printer, w);
+  };
+  if (!limits.any() && wish.dead_zone_um > 0) {
+    std::string text =
+        d.keeps_any_dead_zone()
+            ? fmt::format(
+                  "the UV lamp's {} mW/cm² do not keep a dead zone of {} um and let full "
+                  "light ({} mW/cm²) gel the resin at {} mm/h",
+                  figure(d.lamp()), figure(wish.dead_zone_um), figure(d.blue()),
+                  figure(wish.speed_mm_h))
+            : fmt::format(
+                  "no dead zone lasts under full blue light ({} mW/cm²) with the UV lamp's "
+                  "{} mW/cm²",
+                  figure(d.blue()), figure(d.lamp()));
+    const auto with_lamp = [&](double most) {
+      Printer p = printer;
+      if (!p.uv) p.uv = UvLamp{0, false, {{0, 0}, {1, most}}};
+      p.uv->calibration.back().intensity_mw_cm2 = most;
+      return any_meets(resin, p, wish);
+    };
+    const double lamp = std::max(d.lamp(), d.blue() / resin.inhibition->beta * 0.5);
+    if (const auto most = first_that_works(lamp, lamp * 1e4, with_lamp); !most.empty()) {
+      text += fmt::format("; a UV lamp of {} mW/cm² would do", most);
     }
+    const auto with_zone = [&](double zone_um) {
+      Wish w = wish;
+      w.dead_zone_um = zone_um;
+      return any_meets(resin, printer, w);
+    };
+    if (const auto zone = first_that_works(wish.dead_zone_um, wish.dead_zone_um * 1e-3, with_zone);
+        !zone.empty()) {
+      text += fmt::format("; a dead zone of {} um would do", zone);
+    }
+    const auto with_blue = [&](double most) {
+      Printer p = printer;
+      for (CalibrationPoint& c : p.calibration) c.intensity_mw_cm2 *= most / d.blue();
+      return any_meets(resin, p, wish);
+    };
+    if (const auto blue = first_that_works(d.blue(), d.blue() * 1e-3, with_blue); !blue.empty()) {
+      text += fmt::format(
+          "; a projector of {} mW/cm² at full light, and black in proportion, would do", blue);
+    }
+    ways.push_back(text);
+  } else if (!limits.any()) {
+    ways.push_back(fmt::format(
+        "the printer's black ({} mW/cm²) is too bright against its full light ({} mW/cm²), or "
+        "the speed of {} mm/h is beyond every absorbance height of a resin file",
+        figure(d.black()), figure(d.blue()), figure(wish.speed_mm_h)));
   } else {
     ways.push_back(fmt::format(
         "one grey level moves an edge by {} um at the least, whatever the absorber; that tolerance "
         "would do, or a projector with finer steps below the critical intensity",
-        rounded(least_error, true)));
+        at_least(least_error, kWayDigits)));
   }
-  const double slower = slower_speed(resin, printer, wish);
-  if (slower > 0) {
-    ways.push_back(
-        fmt::format("a speed of {} mm/h meets the rest of the wish", rounded(slower, false)));
+  if (const auto slower = first_that_works(wish.speed_mm_h, wish.speed_mm_h * 1e-3, with_speed);
+      !slower.empty()) {
+    ways.push_back(fmt::format("a speed of {} mm/h meets the rest of the wish", slower));
   }
   return ways;
 }
@@ -430,6 +471,69 @@ void describe(const Resin& resin, const Printer& printer, const Wish& wish, Reco
       figure(r.burst_um), figure(r.gap_um), figure(r.gap_contrast)));
 }
 
+/// What the height to formulate for means where the display's light is not that of the calibration.
+void describe_places(const Resin& resin, const Printer& printer, const Wish& wish,
+                     Recommendation& r) {
+  if (!printer.flat_field) return;
+  const FlatField& field = *printer.flat_field;
+  std::array<std::uint64_t, 256> pixels{};
+  for (const std::uint8_t v : *field.values) ++pixels[v];
+  const double greatest = 1.0 * field.greatest() / field.reference;
+  const Resin formulated = with_height(resin, r.height_e_um);
+  Recommendation::Places places;
+  places.greatest_light = greatest;
+  places.least_light = greatest;
+  double met = 0, least_met = infinity, greatest_met = 0;
+  for (int v = 255; v > 0; --v) {
+    const std::uint64_t count = pixels[static_cast<std::size_t>(v)];
+    if (count == 0) continue;
+    const double share = 1.0 * v / field.reference;
+    places.least_light = share;
+    const Printer there = dimmed(printer, share);
+    const Designer d(resin, there, wish, wish.speed_mm_h);
+    bool meets = d.phi_max(r.height_e_um) > 1 && d.phi_min(r.height_e_um) < 1 &&
+                 d.error(r.height_e_um) <= wish.tolerance_um;
+    if (wish.dead_zone_um > 0) {
+      // One lamp for the whole window: it keeps the dead zone where light is brightest.
+      const double uv = r.uv_needed_mw_cm2 * greatest;
+      const Kinetics k = make_kinetics(formulated, true, true);
+      meets = meets && uv <= d.lamp() &&
+              passing_dose_prime(k, d.blue(), uv, wish.speed_mm_h) > k.critical_dose_prime;
+    }
+    if (!meets) continue;
+    met += static_cast<double>(count);
+    least_met = share;
+    greatest_met = std::max(greatest_met, share);
+  }
+  places.share_met = met / static_cast<double>(field.values->size());
+  const auto m = make_kinetics(resin, false, true).m;
+  places.fastest_mm_h = r.fastest_mm_h * std::pow(places.least_light, m);
+  places.slowest_mm_h = r.slowest_mm_h * std::pow(greatest, m);
+  r.places = places;
+  r.reasons.push_back(fmt::format(
+      "All of this holds for places that get the light of the calibration. By its flat-field the "
+      "display gives {:.3g} to {:.3g} % of it{}: with the height above the resin gels everywhere{} "
+      "up to {} mm/h{}.",
+      100 * places.least_light, 100 * greatest,
+      pixels[0] > 0 ? ", and none at all in some places" : "", pixels[0] > 0 ? " else" : "",
+      at_most(places.fastest_mm_h * (1 - 1e-9)),
+      places.slowest_mm_h > 0 ? fmt::format(", and black leaves it liquid from {} mm/h on",
+                                            at_least(places.slowest_mm_h * (1 + 1e-9)))
+                              : ""));
+  if (places.share_met >= 1) {
+    r.reasons.push_back("The wish is met on the whole display.");
+  } else if (met > 0) {
+    r.warnings.push_back(fmt::format(
+        "the wish is met on {:.3g} % of the display only, where it gives {:.3g} to {:.3g} % of the "
+        "calibration's light",
+        100 * places.share_met, 100 * least_met, 100 * greatest_met));
+  } else {
+    r.warnings.push_back(
+        "the wish is met nowhere on the display: no place gets the light of the "
+        "calibration");
+  }
+}
+
 }  // namespace
 
 UncorrectedEdges uncorrected_edges(double phi, double phi_min, double effective_um) {
@@ -480,6 +584,12 @@ Recommendation recommend(const Resin& resin, const Printer& printer, const Wish&
   const auto found = d.within_tolerance(limits, least_error);
   if (!found) {
     r.ways_out = ways_out(d, resin, printer, wish, limits, least_error);
+    if (printer.flat_field) {
+      r.ways_out.push_back(fmt::format(
+          "this is said of places that get the light of the calibration; by its flat-field the "
+          "display gives {}",
+          light_in_words(printer)));
+    }
     return r;
   }
   r.feasible = true;
@@ -516,6 +626,7 @@ Recommendation recommend(const Resin& resin, const Printer& printer, const Wish&
     r.phi_with_uv = d.phi_with_uv(he);
   }
   describe(resin, printer, wish, r);
+  describe_places(resin, printer, wish, r);
   return r;
 }
 

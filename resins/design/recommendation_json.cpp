@@ -45,6 +45,13 @@ std::string Recommendation::to_json() const {
       j["phi_with_uv"] = number(phi_with_uv);
     }
   }
+  if (places) {
+    j["places"] = {{"least_light", places->least_light},
+                   {"greatest_light", places->greatest_light},
+                   {"share_met", places->share_met},
+                   {"fastest_mm_h", places->fastest_mm_h},
+                   {"slowest_mm_h", places->slowest_mm_h}};
+  }
   j["text"] = reasons;
   j["warnings"] = warnings;
   if (!feasible) j["ways_out"] = ways_out;

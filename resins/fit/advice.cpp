@@ -205,6 +205,36 @@ void advise_dead_zones(const Setup& s, const FitResult& result, const Diagnosis&
   }
 }
 
+/// The dose of gel, in mJ/cm² at the intensities measured, and where resins have theirs: those of
+/// the database from 2 to 240. A slip of units is a factor of 1000 or 60.
+constexpr double least_gel_dose = 0.05, greatest_gel_dose = 2000;
+
+void advise_units(const Setup& s, const Diagnosis& d, std::vector<std::string>& out) {
+  const Range blue = blue_of(s, false);
+  if (blue.count == 0 || !is_free(s, kDose)) return;
+  // I^m t = D'c at the middle intensity; without intensities m is 1.
+  const double middle = 0.5 * (blue.low + blue.high);
+  const double dose = d.law[kDose] * std::exp((1 - d.law[kExponent]) * middle);
+  if (dose > greatest_gel_dose) {
+    out.push_back(
+        fmt::format("the dose of gel comes out at {:.0f} mJ/cm2; resins gel at some 1 to 500: are "
+                    "the exposures in ms, or the intensities in uW/cm2?",
+                    dose));
+  } else if (dose < least_gel_dose) {
+    out.push_back(
+        fmt::format("the dose of gel comes out at {:.3g} mJ/cm2; resins gel at some 1 to 500: are "
+                    "the exposures in minutes, or the intensities in W/cm2?",
+                    dose));
+  }
+}
+
+/// Beside this what is left of heights is rounding alone: weighted, of one measurement.
+double rounding_of(const std::vector<Observation>& all) {
+  double scale = 0;
+  for (const Observation& o : all) scale = std::max(scale, std::abs(o.weight * o.measured_um));
+  return 1e-9 * scale;
+}
+
 /// Lack of fit against the scatter of replicates.
 void advise_replicates(const Setup& s, const Diagnosis& d, std::vector<std::string>& out) {
   if (s.problem.loss != Loss::none || d.freedom <= 0) return;
@@ -223,7 +253,12 @@ void advise_replicates(const Setup& s, const Diagnosis& d, std::vector<std::stri
   const double pure_freedom = static_cast<double>(all.size() - groups.count());
   const double lack_freedom = d.freedom - pure_freedom;
   const double lack = d.residual.squaredNorm() - pure;
-  if (!(pure_freedom > 0) || !(lack_freedom > 0) || !(pure > 0) || !(lack > 0)) return;
+  // Replicates that agree to the last digit were computed or copied: they tell no scatter.
+  const double nothing = std::pow(rounding_of(all), 2);
+  if (!(pure_freedom > 0) || !(lack_freedom > 0) || !(pure > nothing * pure_freedom) ||
+      !(lack > 0)) {
+    return;
+  }
   const double f = lack / lack_freedom / (pure / pure_freedom);
   const double p = f_exceedance(f, lack_freedom, pure_freedom);
   if (p < 0.01) {
@@ -293,6 +328,7 @@ std::string why_unknown(const Setup& s, const std::string& name) {
 std::vector<std::string> advise(const Setup& setup, const FitResult& result, const Diagnosis& d) {
   std::vector<std::string> out;
   advise_intervals(setup, result, out);
+  advise_units(setup, d, out);
   advise_cured(setup, result, d, out);
   advise_dead_zones(setup, result, d, out);
   advise_replicates(setup, d, out);
@@ -304,6 +340,96 @@ std::vector<std::string> advise(const Setup& setup, const FitResult& result, con
   }
   return out;
 }
+
+namespace {
+
+/// Fits without some of the observations, to first order: how far the others then lie off, over
+/// what may be expected of them.
+class WithoutSome {
+ public:
+  WithoutSome(const Diagnosis& d, const std::vector<bool>& left_out) : d_(d), left_out_(left_out) {
+    const Eigen::Index n = d.residual.size(), p = d.jacobian.cols();
+    Eigen::VectorXd right = Eigen::VectorXd::Zero(p);
+    inverse_ = d.unscaled;
+    residual_ = d.residual;
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const auto row = d.jacobian.row(i);
+      if (!left_out[static_cast<std::size_t>(i)]) {
+        ++count_;
+        if (p > 0) right += row.transpose() * d.residual(i);
+        continue;
+      }
+      if (p == 0) continue;
+      // Sherman and Morrison: the inverse without this row.
+      const Eigen::VectorXd v = inverse_ * row.transpose();
+      const double rest = 1 - row.dot(v);
+      if (rest > 1e-9) inverse_ += v * v.transpose() / rest;
+    }
+    if (p > 0) residual_ -= d.jacobian * (inverse_ * right);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      if (!left_out[static_cast<std::size_t>(i)]) squares_ += residual_(i) * residual_(i);
+    }
+  }
+  int count() const { return count_; }
+  /// Of the scatter that is left when an observation is left out, too.
+  double freedom() const { return count_ - 1.0 - static_cast<double>(d_.jacobian.cols()); }
+  /// Externally studentised.
+  double studentised(std::size_t observation) const {
+    const auto i = static_cast<Eigen::Index>(observation);
+    const double r = residual_(i);
+    const auto row = d_.jacobian.row(i);
+    const double leverage = row.size() > 0 ? row.dot(inverse_ * row.transpose()) : 0;
+    const bool inside = !left_out_[observation];
+    const double rest = inside ? 1 - leverage : 1 + leverage;
+    if (!(rest > 1e-12)) return 0;
+    const double others =
+        inside ? std::max(0.0, squares_ - r * r / rest) / freedom() : squares_ / (freedom() + 1);
+    return others > 0 ? r / std::sqrt(others * rest) : std::copysign(1e9, r);
+  }
+
+ private:
+  const Diagnosis& d_;
+  const std::vector<bool>& left_out_;
+  Eigen::MatrixXd inverse_;
+  Eigen::VectorXd residual_;
+  double squares_ = 0;
+  int count_ = 0;
+};
+
+/// Bonferroni's 5 % limit of a studentised residual.
+double outlier_limit(double count, double freedom) {
+  return student_t_quantile(1 - 0.05 / (2 * count), freedom);
+}
+
+/// Outliers that hide each other: the worst is left out, then the worst of the others, and so on;
+/// all up to the last that was beyond its limit are outliers (Rosner, Technometrics 25, 1983).
+std::vector<bool> hidden_outliers(const Diagnosis& d) {
+  const auto n = static_cast<std::size_t>(d.residual.size());
+  std::vector<bool> left_out(n, false), found = left_out;
+  const std::size_t most = std::min<std::size_t>(10, n / 5);
+  for (std::size_t round = 0, since = 0; round < most && since < 2; ++round, ++since) {
+    const WithoutSome fit(d, left_out);
+    if (fit.freedom() < 2) break;
+    std::size_t worst = n;
+    double farthest = 0;
+    for (std::size_t i = 0; i < n; ++i) {
+      const double off = left_out[i] ? 0 : std::abs(fit.studentised(i));
+      if (off > farthest) {
+        farthest = off;
+        worst = i;
+      }
+    }
+    if (worst == n) break;
+    left_out[worst] = true;
+    if (farthest > outlier_limit(fit.count(), fit.freedom())) {
+      found = left_out;
+      since = static_cast<std::size_t>(-1);
+    }
+  }
+  return found;
+}
+
+}  // namespace
 
 void find_outliers(const Setup& s, const Diagnosis& d, FitResult& result) {
   const auto& all = s.problem.observations;
@@ -322,27 +448,29 @@ void find_outliers(const Setup& s, const Diagnosis& d, FitResult& result) {
   }
   if (d.freedom < 2 || d.singular) return;
   // Residuals that are rounding alone are no outliers.
-  double scale = 0;
-  for (const Observation& o : all) scale = std::max(scale, std::abs(o.weight * o.measured_um));
-  if (!(d.robust_variance > std::pow(1e-9 * scale, 2))) return;
+  if (!(d.robust_variance > std::pow(rounding_of(all), 2))) return;
 
-  const double limit = student_t_quantile(1 - 0.05 / (2 * n), d.freedom - 1);
+  // With a robust loss the scatter does not know of outliers anyway.
+  const bool plain = s.problem.loss == Loss::none;
+  const std::vector<bool> hidden =
+      plain && p > 0 ? hidden_outliers(d) : std::vector<bool>(all.size(), false);
+  const WithoutSome clean(d, hidden);
+  const double limit = plain && clean.freedom() >= 1 ? outlier_limit(clean.count(), clean.freedom())
+                                                     : outlier_limit(n, d.freedom - 1);
+  std::size_t far_off = 0;
   for (std::size_t i = 0; i < all.size(); ++i) {
     const auto k = static_cast<Eigen::Index>(i);
     FitPoint& point = result.points[s.point_of[i]];
     const double rest = 1 - point.leverage;
     if (!(rest > 1e-12)) continue;
     const double r = d.residual(k);
-    double others = d.robust_variance;
-    if (s.problem.loss == Loss::none) {
-      others = std::max(0.0, (d.variance * d.freedom - r * r / rest) / (d.freedom - 1));
-    }
-    point.studentised = others > 0 ? r / std::sqrt(others * rest) : std::copysign(1e9, r);
+    point.studentised = plain ? clean.studentised(i) : r / std::sqrt(d.robust_variance * rest);
     if (p > 0) {
       point.cooks_distance = r * r * point.leverage / (p * d.robust_variance * rest * rest);
     }
     const std::string place = place_of(point.origin, result.sources);
-    if (std::abs(point.studentised) > limit) {
+    if (hidden[i] || std::abs(point.studentised) > limit) {
+      ++far_off;
       result.outliers.push_back(
           {s.point_of[i], fmt::format("{}: measured {:.4g} um, {:.4g} um expected: {:.1f} times "
                                       "the scatter of the others (limit {:.1f})",
@@ -358,6 +486,13 @@ void find_outliers(const Setup& s, const Diagnosis& d, FitResult& result) {
                                       place, point.measured_um, point.predicted_um, point.leverage,
                                       point.cooks_distance, 4 / n)});
     }
+  }
+  if (plain && far_off > 0) {
+    result.warnings.push_back(fmt::format(
+        "{} far off and pull{} the whole fit: look at {}, leave out what was a mistake, "
+        "or let a robust loss hold against {} (--loss soft-l1)",
+        far_off == 1 ? "an outlier lies" : fmt::format("{} outliers lie", far_off),
+        far_off == 1 ? "s" : "", far_off == 1 ? "it" : "them", far_off == 1 ? "it" : "them"));
   }
 }
 

@@ -184,16 +184,32 @@ std::array<double, 2> profile_interval(const Setup& s, const Solution& solution,
   const std::vector<double> others_at_best = others;
   double others_for = best;
   /// Distance from the optimum in standard errors, as the cost sees it. The others start where they
-  /// were, moved along the line that the covariance gives.
+  /// were, moved along the line that the covariance gives. Where the cost then rises much more than
+  /// that line says, the solver may have stopped in a bend of the valley, or beside it: other
+  /// starts tell. An end that is too near would be a promise that nobody can keep.
   const auto distance = [&](double inner) {
     for (const Slot slot : unknown.slots) held.problem.fixed[slot] = unknown.value(inner);
     std::vector<double> start = others;
     for (std::size_t i = 0; i < start.size(); ++i) start[i] += (inner - others_for) * direction[i];
-    const auto refit = solve(held.problem, start);
+    auto refit = solve(held.problem, start);
+    const auto seen = [&](const std::optional<Solution>& at) {
+      return at ? std::sqrt(std::max(0.0, 2 * (at->cost - solution.cost)) / d.variance)
+                : std::numeric_limits<double>::infinity();
+    };
+    constexpr double as_expected = 1.3;
+    if (seen(refit) > as_expected * std::abs(inner - best) / stderr_inner) {
+      std::vector<std::vector<double>> starts = held.starts(4);
+      starts.push_back(others);
+      starts.push_back(others_at_best);
+      for (const auto& other : starts) {
+        auto again = solve(held.problem, other);
+        if (again && (!refit || again->cost < refit->cost)) refit = std::move(again);
+      }
+    }
     if (!refit) return std::numeric_limits<double>::infinity();
     others = refit->inner;
     others_for = inner;
-    return std::sqrt(std::max(0.0, 2 * (refit->cost - solution.cost)) / d.variance);
+    return seen(refit);
   };
   const auto end_towards = [&](double sign) {
     const double bound = unknown.inner(sign < 0 ? unknown.low : unknown.high);

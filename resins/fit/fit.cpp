@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "fit/advice.hpp"
 #include "fit/estimate.hpp"
@@ -113,6 +114,29 @@ void fill_parameters(const Setup& s, const Solution& solution, const Diagnosis& 
   }
 }
 
+/// A fit before an exponent was held because the measurements hardly tell it.
+struct FreeFit {
+  Setup setup;
+  Solution solution;
+};
+
+/// Whether an exponent is held was decided by the same measurements: intervals that hold for its
+/// value only promise too much. So they reach as far as any value of it that fits allows.
+void widen_intervals(const FreeFit& free, FitResult& result) {
+  if (free.setup.problem.loss != Loss::none) return;
+  const Diagnosis d = diagnose(free.setup.problem, free.solution);
+  if (d.singular || d.freedom <= 0 || !(d.variance > 0)) return;
+  const double t = student_t_quantile(0.975, d.freedom);
+  for (Parameter& p : result.parameters) {
+    if (p.fixed || !std::isfinite(p.ci95[0])) continue;
+    for (std::size_t k = 0; k < d.active.size(); ++k) {
+      if (free.setup.problem.unknowns[d.active[k]].name != p.name) continue;
+      const auto wide = profile_interval(free.setup, free.solution, d, k, t);
+      p.ci95 = {std::min(p.ci95[0], wide[0]), std::max(p.ci95[1], wide[1])};
+    }
+  }
+}
+
 void fill_points(Setup& s, const Diagnosis& d, FitResult& result) {
   result.points = std::move(s.points);
   for (std::size_t i = 0; i < s.problem.observations.size(); ++i) {
@@ -216,6 +240,7 @@ FitResult fit(const Measurements& data, FitModel model, const FitOptions& option
   Solution solution = estimate(setup, options);
 
   std::vector<std::string> held;
+  std::optional<FreeFit> free;  // the first that had an exponent more
   for (int round = 0; round < 2; ++round) {
     const auto [name, certain] = unknown_exponent(setup, solution, options);
     if (name.empty()) break;
@@ -233,12 +258,16 @@ FitResult fit(const Measurements& data, FitModel model, const FitOptions& option
     // A wide interval is no reason to hold what the measurements contradict.
     if (!certain && clearly_worse(without, simpler, setup, solution)) break;
     held.push_back(
-        name == "m_uv"
-            ? fmt::format("m_uv can't be known apart from m, so one m serves both: {}",
-                          why_unknown(setup, name))
-            : fmt::format("{} can't be known, and was held at {:.4g}: {}. The other parameters and "
+        name == "m_uv" ? fmt::format("m_uv can't be known apart from m, so one m serves both: {}",
+                                     why_unknown(setup, name))
+        : certain
+            ? fmt::format("{} can't be known, and was held at {:.4g}: {}. The other parameters and "
                           "their intervals hold for that {} only",
+                          name, value, why_unknown(setup, name), name)
+            : fmt::format("{} can't be known, and was held at {:.4g}: {}. The other parameters "
+                          "hold for that {} only; their intervals allow for any that fits",
                           name, value, why_unknown(setup, name), name));
+    if (!certain && !free) free = FreeFit{setup, solution};
     setup = std::move(without);
     solution = simpler;
   }
@@ -266,6 +295,7 @@ FitResult fit(const Measurements& data, FitModel model, const FitOptions& option
   result.warnings.insert(result.warnings.end(), setup.warnings.begin(), setup.warnings.end());
   result.warnings.insert(result.warnings.end(), held.begin(), held.end());
   fill_parameters(setup, solution, diagnosis, result);
+  if (free) widen_intervals(*free, result);
   fill_points(setup, diagnosis, result);
   fill_quality(setup, diagnosis, result);
   find_outliers(setup, diagnosis, result);

@@ -89,6 +89,13 @@ class Table {
     if (!is_dead_zone_ && highest_ < 5) {
       warn(fmt::format("no cured height is above {:.3g} um: are the heights in mm?", highest_));
     }
+    // Nor exposes anybody for hours, or with light that would burn.
+    if (longest_s_ > 3600) {
+      warn(fmt::format("exposures go up to {:g} s: are they in ms?", longest_s_));
+    }
+    if (brightest_mw_cm2_ > 5000) {
+      warn(fmt::format("intensities go up to {:g} mW/cm2: are they in uW/cm2?", brightest_mw_cm2_));
+    }
   }
 
  private:
@@ -264,6 +271,8 @@ class Table {
                              "that did not cure");
     c.sigma_um = sigma(fields);
     highest_ = std::max(highest_, c.height_um);
+    if (has(kExposure)) longest_s_ = std::max(longest_s_, c.exposure_s);
+    if (has(kIntensity)) brightest_mw_cm2_ = std::max(brightest_mw_cm2_, c.blue_mw_cm2);
     into_.cured.push_back(c);
   }
 
@@ -281,6 +290,8 @@ class Table {
            fmt::format("is {:g}; expected 0 (cured to the window) or more", d.dead_zone_um));
     }
     d.sigma_um = sigma(fields);
+    longest_s_ = std::max(longest_s_, d.exposure_s);
+    brightest_mw_cm2_ = std::max({brightest_mw_cm2_, d.blue_mw_cm2, d.uv_mw_cm2});
     into_.dead_zones.push_back(d);
   }
 
@@ -290,7 +301,7 @@ class Table {
   std::array<std::optional<int>, kColumns> columns_;
   std::size_t width_ = 0;
   bool is_dead_zone_ = false;
-  double highest_ = 0;
+  double highest_ = 0, longest_s_ = 0, brightest_mw_cm2_ = 0;
 };
 
 }  // namespace

@@ -42,7 +42,16 @@ int predict_command(const PredictArguments& a, cli::Console& console) {
   q.aim = a.dose == "aim";
   if (!a.printer.empty()) {
     const Printer printer = load_printer(a.printer);
-    if (q.blue_mw_cm2 <= 0) q.blue_mw_cm2 = printer.calibration.back().intensity_mw_cm2;
+    // Light that is given is that of the place it is asked for.
+    if (q.blue_mw_cm2 <= 0) {
+      q.blue_mw_cm2 = printer.calibration.back().intensity_mw_cm2;
+      q.take_flat_field(printer);
+    } else if (printer.flat_field) {
+      console.say(
+          fmt::format("This holds for places that get {:g} mW/cm²; the flat-field of printer '{}' "
+                      "gives {}.",
+                      q.blue_mw_cm2, printer.name, light_in_words(printer)));
+    }
     if (q.black_mw_cm2 <= 0) q.black_mw_cm2 = printer.calibration.front().intensity_mw_cm2;
   }
   if (q.blue_mw_cm2 <= 0) {

@@ -24,7 +24,8 @@ const std::vector<Group>& groups() {
       {{"mode", "speed-mm-h", "exposure-s"},
        {"mode", "speed-mm-h", "ramp", "ramp-mm", "exposure-s", "bottom-exposure-s", "bottom-layers",
         "fade-layers"}},
-      {{"uv-mw-cm2", "dead-zone-um"}, {"uv-mw-cm2", "dead-zone-um", "uv-schedule"}}};
+      {{"uv-mw-cm2", "dead-zone-um"}, {"uv-mw-cm2", "dead-zone-um", "uv-schedule"}},
+      {{"dc-mj-cm3", "dose-factor"}, {"dc-mj-cm3", "dose-factor"}}};
   return list;
 }
 

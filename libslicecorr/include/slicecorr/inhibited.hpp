@@ -76,9 +76,11 @@ class InhibitedKernel {
     return setting_dead_zone_um(setting_of_slice(slice), level);
   }
   double setting_dead_zone_um(int setting, int level) const;
+  /// Whether a dead zone lasts over such a pixel (kinetics.hpp).
+  bool level_keeps_dead_zone(int setting, int level) const;
   /// Where over such a pixel resin gels first, um above the window.
   double first_gel_um(int slice, int level) const;
-  /// Whether any level in any setting cures to the window when shown for long.
+  /// Whether any level in any setting leaves no dead zone in the long run.
   bool any_level_cures_to_window() const;
   /// Gel dose that one slice of this level gives at the window itself; 1 cures to the window when
   /// it comes from slices that follow each other.

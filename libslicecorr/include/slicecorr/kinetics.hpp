@@ -38,8 +38,12 @@ double exposure_for_height_s(const Kinetics& k, double blue_mw_cm2, double heigh
 /// D' at a distance from the window.
 double dose_prime_at(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2, double z_um,
                      double exposure_s);
-/// Greatest height of resin that never gels (3.25); 0 when the resin cures to the window, infinite
-/// when it never gels anywhere.
+/// Whether a dead zone lasts at the window: beta Iuv > Ib, or there is no curing light. Where beta
+/// Iuv is just Ib it gets ever thinner and none is left in the end, though that takes for ever:
+/// whoever asks for a dead zone takes that for none.
+bool keeps_dead_zone(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2);
+/// Greatest height of resin that never gels (3.25); 0 when no dead zone lasts, infinite when the
+/// resin never gels anywhere.
 double steady_dead_zone_um(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2);
 
 /// Where and when the first resin gels (B.11): z0 >= 0, t0.
@@ -57,7 +61,8 @@ struct CuringFronts {
 /// Nothing before the first gel.
 std::optional<CuringFronts> curing_fronts(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2,
                                           double exposure_s);
-/// When the front reaches the window: D'c / (Ib - beta Iuv)^m; infinite while a dead zone lasts.
+/// When the front reaches the window: D'c / (Ib - beta Iuv)^m; infinite while a dead zone lasts,
+/// and where beta Iuv is just Ib.
 double window_time_s(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2);
 
 /// D' that a point gains while the window moves away from it for good under constant light: what

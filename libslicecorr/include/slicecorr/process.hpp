@@ -240,11 +240,16 @@ void check_flat_field(const FlatField& field, const Printer& printer, const std:
 FlatField load_flat_field(const std::string& path, const Printer& printer, bool of_plate,
                           std::optional<int> reference);
 
-/// Changes to a resin from the command line; base 10 height.
+/// Changes to a resin from the command line.
 struct ResinOverrides {
-  std::optional<double> dc_mj_cm3;
-  std::optional<double> ha_um;
+  std::optional<double> dc_mj_cm3;    ///< dose to aim at; only for m = 1
+  std::optional<double> ha_um;        ///< base 10
+  std::optional<double> dose_factor;  ///< as `Resin::dose_factor`; for all resins
 };
+/// The same of a resin that is known already, as a stack records it. Throws `InputError` when a
+/// value is out of range, two of them set the dose, or a dose in mJ/cm³ is given for an m other
+/// than 1.
+Resin with_overrides(Resin resin, const ResinOverrides& overrides);
 Resin load_resin(const std::string& name_or_path, const ResinOverrides& overrides = {});
 Resin parse_resin(std::string_view text, const std::string& source,
                   const ResinOverrides& overrides = {});

@@ -32,6 +32,7 @@ struct SetupChoices {
   std::string one_slice_gaps = "open";       ///< open, merge
   std::string platform_features = "capped";  ///< capped, uncapped
   double dc_mj_cm3 = 0, ha_um = 0;           ///< in place of the resin's; height in base 10
+  double dose_factor = 0;                    ///< in place of the resin's (`Resin::dose_factor`)
 };
 
 /// How messages name the choices.
@@ -39,6 +40,9 @@ enum class ChoiceNames {
   options,  ///< of the command line: --speed-mm-h
   fields,   ///< of SetupChoices: speed_mm_h
 };
+
+/// What of the choices changes the resin.
+ResinOverrides resin_overrides(const SetupChoices& choices);
 
 /// What is chosen, over what `info` brings; `times`: an archive whose exposure times count where
 /// none are given, and whose first exposure stays where it is longer than the one chosen. Both may

@@ -7,6 +7,7 @@
 /// for.
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -29,6 +30,11 @@ struct Question {
   double speed_mm_h = 0;  ///< of continuous printing
   double layer_um = 50;
   double black_mw_cm2 = 0;  ///< light of a black pixel: for the slowest speed
+  /// What places of the display get of this light, by its flat-field; > 0.
+  double least_light = 1, greatest_light = 1;
+  bool dark_places = false;  ///< some get none at all
+  /// Takes them from the printer's flat-field; without one they stay.
+  void take_flat_field(const Printer& printer);
 };
 
 /// Continuous printing under constant light: the inside of a long part.
@@ -55,6 +61,8 @@ struct Forecast {
   double window_time_s = 0;          ///< infinite while a dead zone lasts
   double exposure_for_height_s = 0;  ///< infinite: never
   std::optional<Passing> passing;
+  /// The same at the dimmest and the brightest place; null where all get the same light.
+  std::shared_ptr<const Forecast> dimmest, brightest;
   std::vector<std::string> sentences;  ///< all of it for people
   /// What has no answer: a height that is never reached. Empty when all has one.
   std::string unanswered;
@@ -110,6 +118,14 @@ struct Recommendation {
 
   double best_uncorrected_error_um = 0;  ///< of all absorbers, at this speed
   double best_uncorrected_height10_um = 0;
+
+  /// What the height means over a display whose light is uneven.
+  struct Places {
+    double least_light = 1, greatest_light = 1;  ///< of the calibration; least of those with any
+    double share_met = 1;                        ///< of the display, where the wish is met
+    double fastest_mm_h = 0, slowest_mm_h = 0;   ///< at which all places print that get light
+  };
+  std::optional<Places> places;
 
   std::vector<std::string> reasons;   ///< sentences
   std::vector<std::string> warnings;  ///< sentences

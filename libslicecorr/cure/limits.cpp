@@ -1,0 +1,507 @@
+#include "cure/limits.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <optional>
+
+#include "slicecorr/error.hpp"
+#include "slicecorr/inhibited.hpp"
+#include "slicecorr/limit.hpp"
+
+namespace slicecorr {
+
+namespace {
+
+using detail::LitPlace;
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+/// Limits are computed another way than models are made: this far inside both agree.
+constexpr double kInside = 1e-9;
+
+bool is_continuous(const Process& process) { return process.mode == ExposureMode::continuous; }
+
+std::string pace_in_words(const Process& process) {
+  return is_continuous(process) ? fmt::format("at {:g} mm/h", process.speed_mm_h)
+                                : fmt::format("exposed for {:g} s", process.exposure_s);
+}
+
+/// The layer with the shortest exposure: what helps it helps all.
+int weakest_layer(const CureModel& model) {
+  int weakest = 0;
+  for (int n = 1; n < static_cast<int>(model.exposure_ratio.size()); ++n) {
+    if (model.ratio(n) < model.ratio(weakest)) weakest = n;
+  }
+  return weakest;
+}
+
+/// The most that black light adds up to at a window, and in which layer; that after all of `ratios`
+/// stands for normal ones.
+struct BlackLight {
+  double dose = 0;
+  int layer = 0;
+};
+BlackLight most_black(const CureModel& model, const std::vector<double>& ratios) {
+  const double steady =
+      model.phi_min() * (ratios.empty() ? 1.0 : ratios.back()) / model.one_minus_a;
+  BlackLight most{steady, static_cast<int>(ratios.size())};
+  double black = steady;
+  for (std::size_t n = ratios.size(); n-- > 0;) {
+    black = model.phi_min() * ratios[n] + model.a * black;
+    if (black > most.dose) most = {black, static_cast<int>(n)};
+  }
+  return most;
+}
+
+/// The relative dose of lit pixels, which must be above 1 (layer by layer without UV: at least 1),
+/// and that of black, which must be below.
+struct Doses {
+  double lit = 0, black = 0;
+};
+Doses doses_of(const CureModel& model) {
+  if (model.inhibited) {
+    const InhibitedKernel& kernel = *model.inhibited;
+    // Lamps that change from slice to slice do so because the slice needs less.
+    const int s = kernel.strongest_setting();
+    return {kernel.steady_dose(s, kernel.highest_usable_level(s)), kernel.steady_dose(0, 0)};
+  }
+  if (model.mode == ExposureMode::layerwise) {
+    return {model.phi_max() * model.ratio(weakest_layer(model)) * model.a,
+            most_black(model, model.exposure_ratio).dose};
+  }
+  return {model.phi_max(), model.phi_min()};
+}
+
+bool is_plain_layerwise(const CureModel& model) {
+  return model.mode == ExposureMode::layerwise && !model.inhibited;
+}
+
+/// Whether the lit dose is enough. Layer by layer full light for just the least time is feasible,
+/// rounding or not.
+bool gels(const CureModel& model, double lit_dose) {
+  return is_plain_layerwise(model) ? lit_dose >= 1.0 - 1e-12 : lit_dose > 1.0;
+}
+
+/// "layer 3, exposed for 1.5 s," where exposures differ.
+std::string failing_layer(const CureModel& model, const Process& process, int layer) {
+  const double exposure = layer_exposure_s(process, layer);
+  return model.exposure_ratio.empty()
+             ? fmt::format("exposed for {:.5g} s", exposure)
+             : fmt::format("layer {}, exposed for {:.5g} s,", layer, exposure);
+}
+
+/// The rule for all layers is too long, not only the exposure of some.
+bool black_as_a_rule(const CureModel& model) {
+  const auto rule = static_cast<int>(model.exposure_ratio.size());
+  return model.phi_min() * model.ratio(rule) / model.one_minus_a >= 1.0;
+}
+
+detail::Verdict inhibited_verdict(const CureModel& model, const Printer& printer,
+                                  const Process& process, const Doses& doses) {
+  detail::Verdict v;
+  const InhibitedKernel& kernel = *model.inhibited;
+  const std::vector<double> blue = level_intensities(printer);
+  const std::string pace = pace_in_words(process);
+  const int s = kernel.strongest_setting(), top = kernel.levels() - 1;
+  const double full = kernel.steady_dose(s, top);
+  if (full <= 1.0) {
+    v.weak = fmt::format(
+        "the resin never gels under UV light: {} full light ({:g} mW/cm² over {:.4g} mW/cm² of UV) "
+        "reaches {:.4g} of the dose aimed at",
+        pace, blue.back(), kernel.setting_uv_mw_cm2(s, top), full);
+  } else if (!gels(model, doses.lit)) {
+    const int cap = kernel.highest_usable_level(s);
+    v.weak = fmt::format(
+        "the resin would cure to the window: {} it takes {:.4g} mW/cm² of blue light to gel, and "
+        "UV light of {:.4g} mW/cm² leaves {} only up to {:.4g} mW/cm²",
+        pace, kernel.critical_intensity_mw_cm2(s), kernel.setting_uv_mw_cm2(s, cap),
+        process.uv.dead_zone_um > 0 ? "the dead zone asked for" : "a dead zone",
+        blue[static_cast<std::size_t>(cap)]);
+  }
+  if (doses.black >= 1.0) {
+    v.black = fmt::format(
+        "black pixels gel the resin: {} the light of black ({:g} mW/cm²) adds up to {:.4g} of the "
+        "dose aimed at",
+        pace, blue.front(), doses.black);
+  }
+  return v;
+}
+
+detail::Verdict layerwise_verdict(const CureModel& model, const Printer& printer,
+                                  const Process& process, const Doses& doses) {
+  detail::Verdict v;
+  if (!gels(model, doses.lit)) {
+    v.weak = fmt::format(
+        "a layer does not gel through: {} full light ({:g} mW/cm²) leaves {:.4g} of the critical "
+        "dose at its far edge",
+        failing_layer(model, process, weakest_layer(model)),
+        printer.calibration.back().intensity_mw_cm2, doses.lit);
+  }
+  if (doses.black >= 1.0) {
+    const auto rule = static_cast<int>(model.exposure_ratio.size());
+    const bool as_a_rule = black_as_a_rule(model);
+    const int layer =
+        as_a_rule ? std::max(0, rule - 1) : most_black(model, model.exposure_ratio).layer;
+    v.black = fmt::format(
+        "black pixels gel the resin: {} the light of black ({:g} mW/cm²) adds up to {:.4g} of the "
+        "critical dose",
+        failing_layer(model, process, layer), printer.calibration.front().intensity_mw_cm2,
+        as_a_rule ? model.phi_min() * model.ratio(rule) / model.one_minus_a : doses.black);
+  }
+  return v;
+}
+
+detail::Verdict continuous_verdict(const CureModel& model, const Printer& printer,
+                                   const Process& process, const Doses& doses) {
+  detail::Verdict v;
+  if (!gels(model, doses.lit)) {
+    v.weak = fmt::format(
+        "the resin never gels: at {:g} mm/h even full light ({:g} mW/cm², phi {:.4g}) stays below "
+        "the critical intensity",
+        process.speed_mm_h, printer.calibration.back().intensity_mw_cm2, doses.lit);
+  }
+  if (doses.black >= 1.0) {
+    v.black = fmt::format(
+        "black pixels gel the resin: at {:g} mm/h the light of black ({:g} mW/cm², phi {:.4g}) "
+        "reaches the critical intensity",
+        process.speed_mm_h, printer.calibration.front().intensity_mw_cm2, doses.black);
+  }
+  return v;
+}
+
+/// Every exposure at most `most_s`.
+Process cut(Process p, double most_s) {
+  p.exposure_s = std::min(p.exposure_s, most_s);
+  p.bottom_exposure_s = std::min(p.bottom_exposure_s, most_s);
+  for (double& time_s : p.layer_exposure_s) time_s = std::min(time_s, most_s);
+  return p;
+}
+
+/// The longest exposure at which black leaves the resin liquid, whatever the layers beside it get;
+/// `normal_s` is what the model's phi' stands for. Infinite without light of black.
+double longest_alike_s(const CureModel& model, double normal_s) {
+  return model.phi_min() > 0 ? normal_s * model.one_minus_a / model.phi_min() : infinity;
+}
+
+/// The same for exposures of `process` that are cut to it: few layers may be exposed for longer
+/// than all may.
+double longest_for_black_s(const CureModel& model, const Process& process, double normal_s) {
+  const double alike_s = longest_alike_s(model, normal_s);
+  if (!std::isfinite(alike_s)) return infinity;
+  const auto fits = [&](double most_s) {
+    return most_black(model, detail::exposure_ratios(cut(process, most_s), normal_s)).dose < 1.0;
+  };
+  double longest_s = process.exposure_s;
+  for (int n = 0; n < static_cast<int>(model.exposure_ratio.size()); ++n) {
+    longest_s = std::max(longest_s, layer_exposure_s(process, n));
+  }
+  double fits_s = alike_s * (1 - kInside), gels_s = std::max(longest_s, alike_s);
+  if (fits(gels_s)) return alike_s;
+  for (int halved = 0; halved < 60; ++halved) {
+    const double middle_s = (fits_s + gels_s) / 2;
+    (fits(middle_s) ? fits_s : gels_s) = middle_s;
+  }
+  return fits_s;
+}
+
+struct Failing {
+  bool lit = false, black = false;
+};
+
+/// Speeds, mm/h, or exposures, s, at which all places print.
+struct Paces {
+  double least = 0, greatest = infinity;
+  bool any() const { return least <= greatest && greatest > 0; }
+};
+
+Paces speeds(const std::vector<LitPlace>& places, const Printer& printer, const Process& process) {
+  // Every dose is inversely proportional to the speed.
+  Paces p;
+  for (const LitPlace& place : places) {
+    const Doses d = doses_of(*place.model);
+    if (place.lit) p.greatest = std::min(p.greatest, process.speed_mm_h * d.lit / place.needed);
+    p.least = std::max(p.least, process.speed_mm_h * d.black);
+  }
+  p.greatest *= 1 - kInside;
+  if (printer.max_speed_mm_h > 0) p.greatest = std::min(p.greatest, printer.max_speed_mm_h);
+  p.least *= 1 + kInside;
+  return p;
+}
+
+Paces exposures(const std::vector<LitPlace>& places, const Process& process,
+                const Failing& failing) {
+  Paces p;
+  for (const LitPlace& place : places) {
+    const double dose = doses_of(*place.model).lit;
+    const double shortest_s = is_plain_layerwise(*place.model)
+                                  ? layer_exposure_s(process, weakest_layer(*place.model))
+                                  : process.exposure_s;
+    if (place.lit) p.least = std::max(p.least, shortest_s * place.needed / dose * (1 + kInside));
+  }
+  if (!std::isfinite(p.least)) return {infinity, 0};
+  for (const LitPlace& place : places) {
+    const CureModel& model = *place.model;
+    const double longest_s = !is_plain_layerwise(model) ? process.exposure_s / doses_of(model).black
+                             : failing.lit
+                                 ? longest_alike_s(model, process.exposure_s)
+                                 : longest_for_black_s(model, process, process.exposure_s);
+    p.greatest = std::min(p.greatest, longest_s * (1 - kInside));
+  }
+  return p;
+}
+
+/// Both ends rounded inwards, with as many digits as leave room between them.
+struct PaceWords {
+  std::string least, greatest;
+};
+std::optional<PaceWords> in_words(const Paces& p) {
+  if (!p.any()) return std::nullopt;
+  for (int digits = limit_digits; digits <= 15; digits += 2) {
+    if (rounded_up(p.least, digits) <= rounded_down(p.greatest, digits)) {
+      return PaceWords{p.least > 0 ? at_least(p.least, digits) : "",
+                       std::isfinite(p.greatest) ? at_most(p.greatest, digits) : ""};
+    }
+  }
+  return std::nullopt;
+}
+
+Failing failing_of(const std::vector<LitPlace>& places) {
+  Failing f;
+  for (const LitPlace& p : places) {
+    const Doses d = doses_of(*p.model);
+    f.lit = f.lit || (p.lit && (!gels(*p.model, d.lit) || d.lit < p.needed));
+    f.black = f.black || d.black >= 1.0;
+  }
+  return f;
+}
+
+std::string speed_way(const std::vector<LitPlace>& places, const Printer& printer,
+                      const Process& process, const Failing& failing) {
+  const Paces paces = speeds(places, printer, process);
+  const auto words = in_words(paces);
+  if (!words) {
+    const bool no_travel = std::any_of(places.begin(), places.end(), [](const LitPlace& p) {
+      return p.lit && !std::isfinite(p.needed);
+    });
+    if (no_travel)
+      return "no speed works: the stage's travel leaves no slices in which the part's end could "
+             "cure";
+    if (paces.greatest == printer.max_speed_mm_h) {
+      return fmt::format(
+          "no speed of the stage of printer '{}' is fast enough for its light of black",
+          printer.name);
+    }
+    return paces.least > 0 && paces.greatest > 0
+               ? "no speed works: where lit pixels gel, black ones do, too"
+               : "no speed works";
+  }
+  const std::string slower = fmt::format("slower than {} mm/h", words->greatest);
+  if (words->least.empty()) return "print " + slower;
+  const std::string faster = fmt::format("faster than {} mm/h", words->least);
+  return failing.lit ? fmt::format("print {} and {}", slower, faster)
+                     : fmt::format("print {} and {}", faster, slower);
+}
+
+std::string exposure_way(const std::vector<LitPlace>& places, const Process& process,
+                         const Failing& failing) {
+  const Paces paces = exposures(places, process, failing);
+  const auto words = in_words(paces);
+  if (!words) {
+    return std::isfinite(paces.least)
+               ? "no exposure works: where lit pixels gel, black ones do, too"
+               : "no exposure works";
+  }
+  if (failing.lit) {
+    std::string text = fmt::format("expose for at least {} s", words->least);
+    if (!words->greatest.empty()) text += fmt::format(" and for less than {} s", words->greatest);
+    return text;
+  }
+  // What is too long as a rule is too long for the first layers, too.
+  const char* which = "";
+  for (const LitPlace& p : places) {
+    const CureModel& model = *p.model;
+    if (model.exposure_ratio.empty() || model.inhibited || doses_of(model).black < 1.0) continue;
+    which = black_as_a_rule(model)             ? "all layers "
+            : process.layer_exposure_s.empty() ? "the first layers "
+                                               : "each layer ";
+  }
+  return fmt::format("expose {}for less than {} s", which, words->greatest);
+}
+
+/// Intensities of full light and of black at which all places print as fast as they shall. Without
+/// UV light: with it a dead zone has a say.
+std::string light_way(const std::vector<LitPlace>& places, const Printer& printer,
+                      const Failing& failing) {
+  double full = 0, black = infinity;
+  for (const LitPlace& p : places) {
+    const Doses d = doses_of(*p.model);
+    if (p.lit) full = std::max(full, std::pow(p.needed / d.lit, 1.0 / p.model->m));
+    black = std::min(black, std::pow(1.0 / d.black, 1.0 / p.model->m));
+  }
+  full *= printer.calibration.back().intensity_mw_cm2 * (1 + kInside);
+  black *= printer.calibration.front().intensity_mw_cm2 * (1 - kInside);
+  std::string text;
+  if (failing.lit && std::isfinite(full)) {
+    const bool reaches = is_plain_layerwise(*places.front().model);
+    text = fmt::format("with {} {} mW/cm²{}", reaches ? "at least" : "more than", at_least(full),
+                       failing.black ? " of full light" : "");
+  }
+  if (failing.black) {
+    text +=
+        fmt::format("{}black below {} mW/cm²", text.empty() ? "with " : " and ", at_most(black));
+  }
+  return text;
+}
+
+}  // namespace
+
+detail::Verdict detail::verdict(const LitPlace& place, const Printer& printer,
+                                const Process& process) {
+  const CureModel& model = *place.model;
+  const Doses doses = doses_of(model);
+  Verdict v = model.inhibited          ? inhibited_verdict(model, printer, process, doses)
+              : is_continuous(process) ? continuous_verdict(model, printer, process, doses)
+                                       : layerwise_verdict(model, printer, process, doses);
+  if (!place.lit) v.weak.clear();
+  return v;
+}
+
+std::string detail::ways_out(const std::vector<LitPlace>& places, const Printer& printer,
+                             const Process& process) {
+  const Failing failing = failing_of(places);
+  std::string text = is_continuous(process) ? speed_way(places, printer, process, failing)
+                                            : exposure_way(places, process, failing);
+  if (!places.front().model->inhibited) {
+    if (const std::string light = light_way(places, printer, failing); !light.empty()) {
+      text += ", or " + light;
+    }
+  } else if (places.size() == 1) {
+    const LitPlace& p = places.front();
+    if (const auto uv = working_uv(p.model->inhibited->kinetics(), p.model->layer_um,
+                                   level_intensities(printer), *printer.uv, process, p.needed)) {
+      text += fmt::format(", or with {} mW/cm² of UV light", *uv);
+    }
+  }
+  return text;
+}
+
+namespace {
+
+// Tables end where the share of UV light is 1e-6; far inside that is nothing.
+constexpr double kTables = 1e-5;
+/// A part's end is cured by what full light gives beyond black.
+constexpr double kEnds = 1.001;
+
+/// Within the lamp's light, with as few digits as stay there and work.
+std::optional<double> typed_uv(double holds, bool up, const UvLamp& lamp,
+                               const std::function<bool(double)>& works) {
+  for (int digits = limit_digits; digits <= 15; digits += 2) {
+    const double typed = up ? rounded_up(holds, digits) : rounded_down(holds, digits);
+    if (typed >= lamp.min_mw_cm2() && typed <= lamp.max_mw_cm2() && works(typed)) return typed;
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+std::optional<double> detail::working_uv(const Kinetics& k, double layer_um,
+                                         const std::vector<double>& blue, const UvLamp& lamp,
+                                         const Process& process, double needed) {
+  if (process.uv.kind != UvKind::constant || !(process.uv.uv_mw_cm2 > 0)) return std::nullopt;
+  const auto works = [&](double uv) {
+    double lit = blue.back();
+    for (std::size_t l = blue.size(); !process.allow_window_cure && l-- > 0;) {
+      lit = blue[l];
+      if (keeps_dead_zone(k, lit, uv)) break;
+    }
+    const auto dose = [&](double at) { return steady_dose_under_uv(k, process, layer_um, at, uv); };
+    const double black = dose(blue.front());
+    return uv > 0 && (process.allow_window_cure || keeps_dead_zone(k, lit, uv)) &&
+           dose(lit) > needed * (1 + kTables) && dose(lit) - black > kEnds && black < 1 - kTables;
+  };
+  const double least = lamp.min_mw_cm2(), most = lamp.max_mw_cm2();
+  const double now = std::clamp(process.uv.uv_mw_cm2, least, most);
+  if (now != process.uv.uv_mw_cm2 && works(now)) return typed_uv(now, now == least, lamp, works);
+  for (const double end : {most, std::max(least, now / 1e4)}) {
+    constexpr int kSteps = 100;
+    double fails = now;
+    for (int i = 1; i <= kSteps && end != now; ++i) {
+      double holds = now * std::pow(end / now, static_cast<double>(i) / kSteps);
+      if (!works(holds)) {
+        fails = holds;
+        continue;
+      }
+      for (int halved = 0; halved < 40; ++halved) {
+        const double middle = 0.5 * (holds + fails);
+        (works(middle) ? holds : fails) = middle;
+      }
+      return typed_uv(holds, end > now, lamp, works);
+    }
+  }
+  return std::nullopt;
+}
+
+std::optional<double> detail::working_dead_zone_um(const Kinetics& k, double layer_um,
+                                                   const std::vector<double>& blue,
+                                                   double brightest_mw_cm2, const UvLamp& lamp,
+                                                   const Process& process) {
+  // A pattern has levels: its UV light is a little stronger than it must be.
+  constexpr double kGels = 1.02;
+  const auto works = [&](double zone_um) {
+    const double uv = uv_for_dead_zone(k, brightest_mw_cm2, zone_um);
+    const auto dose = [&](double at) { return steady_dose_under_uv(k, process, layer_um, at, uv); };
+    const double black = dose(blue.front());
+    return uv >= lamp.min_mw_cm2() && uv <= lamp.max_mw_cm2() &&
+           dose(blue.back()) - black > kGels && black < 1 - kTables;
+  };
+  double fails = process.uv.dead_zone_um, holds = fails;
+  for (int i = 0; i < 200; ++i) {
+    holds *= 0.97;
+    if (works(holds)) break;
+    fails = holds;
+  }
+  if (!works(holds)) return std::nullopt;
+  for (int halved = 0; halved < 40; ++halved) {
+    const double middle = 0.5 * (holds + fails);
+    (works(middle) ? holds : fails) = middle;
+  }
+  const double typed = rounded_down(holds);
+  return works(typed) ? std::optional(typed) : std::nullopt;
+}
+
+void detail::check_stage_speed(const Printer& printer, const Process& process) {
+  if (is_continuous(process) && printer.max_speed_mm_h > 0 &&
+      process.speed_mm_h > printer.max_speed_mm_h) {
+    throw InputError(
+        fmt::format("speed {:g} mm/h is beyond the stage of printer '{}', which reaches {} mm/h",
+                    process.speed_mm_h, printer.name, printer.max_speed_mm_h));
+  }
+}
+
+double detail::steady_dose_under_uv(const Kinetics& k, const Process& process, double layer_um,
+                                    double blue_mw_cm2, double uv_mw_cm2) {
+  if (is_continuous(process)) {
+    return passing_dose_prime(k, blue_mw_cm2, uv_mw_cm2, process.speed_mm_h) /
+           k.critical_dose_prime;
+  }
+  double sum = 0;
+  // Up to 1e-12 of the light: what is further away adds no more than that.
+  const int layers = static_cast<int>(std::ceil(28 * k.hb_um / k.m / layer_um)) + 1;
+  for (int j = layers; j > 0; --j) {
+    sum += dose_prime_at(k, blue_mw_cm2, uv_mw_cm2, j * layer_um, process.exposure_s);
+  }
+  return sum / k.critical_dose_prime;
+}
+
+void check_feasible(const CureModel& model, const Printer& printer, const Process& process) {
+  detail::check_stage_speed(printer, process);
+  const detail::LitPlace place{&model};
+  const detail::Verdict v = detail::verdict(place, printer, process);
+  if (v.weak.empty() && v.black.empty()) return;
+  throw InfeasibleError(v.weak + (v.weak.empty() || v.black.empty() ? "" : "; ") + v.black + "; " +
+                        detail::ways_out({place}, printer, process));
+}
+
+}  // namespace slicecorr

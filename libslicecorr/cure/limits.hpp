@@ -1,0 +1,60 @@
+/// What light can print, and what would make it: the words of refusals.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "slicecorr/cure.hpp"
+#include "slicecorr/kinetics.hpp"
+
+namespace slicecorr::detail {
+
+/// Exposures of layers over `normal_s`; the last holds for later layers. Empty when all are 1.
+std::vector<double> exposure_ratios(const Process& process, double normal_s);
+
+/// A place of the display: the model of its light.
+struct LitPlace {
+  const CureModel* model = nullptr;
+  double factor = 1;  ///< of the calibration's light
+  /// Whether the part is lit there: only there must it gel.
+  bool lit = true;
+  /// Dose that lit pixels must pass: 1, or more where the part's end must come in few slices.
+  double needed = 1;
+};
+
+/// Why the place can't print; empty when it can, `needed` left aside. `printer` as the place sees
+/// it.
+struct Verdict {
+  std::string weak;   ///< lit pixels don't gel
+  std::string black;  ///< black ones do
+};
+Verdict verdict(const LitPlace& place, const Printer& printer, const Process& process);
+
+/// Throws `InputError` when the speed is beyond the stage's.
+void check_stage_speed(const Printer& printer, const Process& process);
+
+/// What would make all `places` print, each number such that it works when it is typed back: "print
+/// slower than 118.49 mm/h and faster than 2.3 mm/h, or with more than 84.4 mW/cm² of full light".
+/// `printer` with the calibration that places get their factor of.
+std::string ways_out(const std::vector<LitPlace>& places, const Printer& printer,
+                     const Process& process);
+
+/// An intensity of UV light, of a lamp with one for all slices, under which a place whose levels
+/// give `blue_mw_cm2` prints: the nearest to that of the process. Nothing when the lamp has none,
+/// or UV light is not asked for as an intensity.
+std::optional<double> working_uv(const Kinetics& kinetics, double layer_um,
+                                 const std::vector<double>& blue_mw_cm2, const UvLamp& lamp,
+                                 const Process& process, double needed = 1);
+/// The greatest dead zone, below the one of the process, um, that the lamp can hold under the
+/// brightest light of the window while full light gels the resin.
+std::optional<double> working_dead_zone_um(const Kinetics& kinetics, double layer_um,
+                                           const std::vector<double>& blue_mw_cm2,
+                                           double brightest_mw_cm2, const UvLamp& lamp,
+                                           const Process& process);
+
+/// Inhibited kernels: relative dose after a long run of slices of `blue_mw_cm2` under `uv_mw_cm2`.
+double steady_dose_under_uv(const Kinetics& kinetics, const Process& process, double layer_um,
+                            double blue_mw_cm2, double uv_mw_cm2);
+
+}  // namespace slicecorr::detail

@@ -258,6 +258,7 @@ TEST_F(Prepare, TheKeyIsWhatDecidesTheOutput) {
   differs("speed", [](JobRequest& r) { r.setup.speed_mm_h = 700.0000000001; });
   differs("omega max", [](JobRequest& r) { r.setup.omega_max = "2"; });
   differs("gaps", [](JobRequest& r) { r.setup.one_slice_gaps = "merge"; });
+  differs("shortfall", [](JobRequest& r) { r.setup.gap_shortfall = 0.2; });
   differs("features", [](JobRequest& r) { r.setup.platform_features = "uncapped"; });
   differs("dose", [](JobRequest& r) { r.setup.dc_mj_cm3 = 231; });
   differs("height", [](JobRequest& r) { r.setup.ha_um = 1501; });

@@ -36,6 +36,7 @@ TEST(SetupJson, ContinuousComesBack) {
   c.speed_mm_h = 712.3000000000001;  // needs all 17 digits
   c.omega_max = "1.37";
   c.one_slice_gaps = "merge";
+  c.gap_shortfall = 0.31;
   expect_same_again(resolved(c));
 }
 

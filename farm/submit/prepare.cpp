@@ -59,7 +59,7 @@ std::string signature(const JobRequest& r) {
                   s.bottom_layers, s.fade_layers, s.uv_mw_cm2, s.dead_zone_um, s.uv_schedule,
                   s.window_cure, s.ramp, s.ramp_mm, s.omega_max, s.one_slice_gaps,
                   s.platform_features, s.dc_mj_cm3, s.ha_um, r.antialias, r.units);
-  text += fmt::format("|{}|{}", s.dose_factor, r.scale);
+  text += fmt::format("|{}|{}|{}", s.dose_factor, s.gap_shortfall, r.scale);
   for (const double v : r.center_mm) text += fmt::format("|c{}", v);
   for (const double v : r.rotate_deg) text += fmt::format("|r{}", v);
   for (const std::string& p : r.parts) text += "|" + p;

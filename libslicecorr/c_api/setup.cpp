@@ -55,6 +55,8 @@ const std::vector<Setting>& settings() {
        &C::one_slice_gaps,
        "gaps one slice high: open or merge",
        {"open", "merge"}},
+      {"gap_shortfall", &C::gap_shortfall,
+       "what the feature above an open gap one slice high may lose, in slices, at most 0.5"},
       {"platform_features",
        &C::platform_features,
        "whether omega_max holds for features on the platform: capped or uncapped",

@@ -230,6 +230,7 @@ std::string info_json(const StackInfo& info, const std::string& path) {
                                                              : "patterned"}};
     }
     j["one_slice_gaps"] = info.process->one_slice_gaps == OneSliceGaps::merge ? "merge" : "open";
+    j["gap_shortfall"] = info.process->gap_shortfall;
     j["platform_features"] = info.process->cap_platform_features ? "capped" : "uncapped";
   }
   const double time = light_on_s(info);

@@ -365,9 +365,12 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
   if (p.one_slice_gaps > 0) {
     job.tell(fmt::format("{} gaps are one slice high: {}", p.one_slice_gaps,
                          setup.process.one_slice_gaps == OneSliceGaps::merge ? "merged"
-                         : model.mode == ExposureMode::layerwise
-                             ? "kept open"
-                             : "kept open, at the cost of the edges beside them"));
+                         : model.mode == ExposureMode::layerwise             ? "kept open"
+                         : setup.process.uv.kind != UvKind::off
+                             ? "kept open, at the cost of the edges beside them"
+                             : fmt::format("kept open, at the cost of up to {:.3g} um of the "
+                                           "features above them",
+                                           setup.process.gap_shortfall * model.layer_um)));
   }
   return result;
 }

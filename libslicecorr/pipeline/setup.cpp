@@ -295,6 +295,11 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
     setup.process.omega_max = cap;
     setup.process.one_slice_gaps =
         c_.one_slice_gaps == "merge" ? OneSliceGaps::merge : OneSliceGaps::open;
+    if (c_.gap_shortfall > 0.5) {
+      wrong(fmt::format("{} is {:g}; expected at most 0.5 slices", o("gap-shortfall"),
+                        c_.gap_shortfall));
+    }
+    if (c_.gap_shortfall > 0) setup.process.gap_shortfall = c_.gap_shortfall;
     setup.process.cap_platform_features = c_.platform_features == "capped";
   }
   if (info && info->recording) check_recorded(setup, *info);

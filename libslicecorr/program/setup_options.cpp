@@ -47,6 +47,10 @@ void SetupOptions::add_to(CLI::App& app, bool required, bool correcting) {
            "them")
         ->check(CLI::IsMember({"open", "merge"}))
         ->capture_default_str();
+    app.add_option("--gap-shortfall", gap_shortfall,
+                   "Open gaps one slice high: how much of a slice the feature above may lose, up "
+                   "to 0.5; the more, the less the gap cures (continuous) [0.18]")
+        ->check(number_above_zero() & CLI::Range(0.0, 0.5));
     app.add_option("--platform-features", platform_features,
                    "Whether --omega-max holds for features on the platform, which have nothing "
                    "behind them to protect")

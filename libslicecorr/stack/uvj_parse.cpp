@@ -205,6 +205,7 @@ Process read_process(const Node& node, ExposureMode mode, std::int64_t format) {
   p.omega_max = omega.is_text("inf") ? largest : omega.number(1, largest);
   p.one_slice_gaps = node["one_slice_gaps"].choice({"open", "merge"}) == 1 ? OneSliceGaps::merge
                                                                            : OneSliceGaps::open;
+  if (node.has("gap_shortfall")) p.gap_shortfall = node["gap_shortfall"].number(0, 0.5);
   p.cap_platform_features = node["platform_features"].choice({"capped", "uncapped"}) == 0;
   if (format >= 2) read_schedule(node, p);
   return p;

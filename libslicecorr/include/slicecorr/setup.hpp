@@ -30,6 +30,7 @@ struct SetupChoices {
   double ramp_mm = 0;
   std::string omega_max = "inf";             ///< inf, or a number of at least 1
   std::string one_slice_gaps = "open";       ///< open, merge
+  double gap_shortfall = 0;                  ///< `Process::gap_shortfall`, at most 0.5
   std::string platform_features = "capped";  ///< capped, uncapped
   double dc_mj_cm3 = 0, ha_um = 0;           ///< in place of the resin's; height in base 10
   double dose_factor = 0;                    ///< in place of the resin's (`Resin::dose_factor`)

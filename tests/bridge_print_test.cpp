@@ -12,6 +12,7 @@
 #include <filesystem>
 
 #include "bridge_fixture.hpp"
+#include "stack/block_check.hpp"
 
 namespace slicecorr {
 namespace {
@@ -386,7 +387,8 @@ TEST_F(BridgePrint, AWrongStackNeverMovesTheStage) {
   refuse(stack, make_printer("lazy", {{"acceleration_mm_s2 = 1.0", "acceleration_mm_s2 = 0.05"}}),
          3, "lamp-follows");
   refuse(stack, make_printer("sluggish", {{"cycle_s = 0.01", "cycle_s = 0.08"}}), 3, "cycle_s");
-  // Too little UV light: the stack's own words changed, so that its images are as they were.
+  // Too little UV light: the stack's own words changed, and its checksum with them, so that its
+  // images are as they were.
   const std::string uv = make_stack(
       printer, "uv", {"--resin", "custom-resin-1", "--speed-mm-h", "300", "--uv-mw-cm2", "200"});
   Entries entries = unzip(uv);
@@ -394,6 +396,11 @@ TEST_F(BridgePrint, AWrongStackNeverMovesTheStage) {
   std::string text = to_text(config);
   text = replaced(text, "\"uv_mw_cm2\": 200", "\"uv_mw_cm2\": 60");
   config = to_bytes(text);
+  make_zip(folder / "edited.uvj", entries);
+  refuse(folder / "edited.uvj", printer, 2, "checksum");
+  json words = json::parse(text);
+  words["slicecorr"][detail::block_crc32_key] = detail::block_crc32(words["slicecorr"]);
+  config = to_bytes(words.dump());
   make_zip(folder / "dim.uvj", entries);
   refuse(folder / "dim.uvj", printer, 3, "UV light");
 

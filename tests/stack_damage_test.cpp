@@ -19,7 +19,7 @@ class Damage : public testing::Test {
     images_ = test::random_images(40, 50, 4, 21);
     StackInfo info = test::info_of(images_.grid);
     info.kind = StackKind::corrected;
-    info.printer = Printer{"p", 40, 50, 40.5, 1000.0 / 30, 8, 405, {{0, 0}, {255, 9}}, 0, 0, {}};
+    info.printer = Printer{"p", 40, 50, 50, 40.5, 8, 405, {{0, 0}, {255, 9}}, 0, 0, {}};
     info.resin = Resin{"r", CureModelKind::jacobs, 1, 100, 20, 0, 0, 1, {}};
     info.process.emplace();
     info.process->speed_mm_h = 10;
@@ -229,7 +229,7 @@ TEST_F(Damage, ConfigValues) {
   expect_config_refused("\"X\": 40", "\"X\": NaN", "JSON");
   expect_config_refused("\"X\": 40", "\"X\": 1e999", "JSON");
   expect_config_refused("\"X\": 40", "\"x\": 40", "Properties.Size.X is missing");
-  expect_config_refused("\"X\": 40", "\"X\": 41", "expected 41 x 50");
+  expect_config_refused("\"X\": 40", "\"X\": 41", "48.780488 um in the archive");
   expect_config_refused("\"X\": 40", "\"X\": \"\xff\"", "JSON");
   expect_config_refused("\"X\": 2.0", "\"X\": 0", "above 0");
   expect_config_refused("\"X\": 2.0", "\"X\": 1e9", "1000 um");

@@ -261,10 +261,10 @@ TEST(Stack, KeepsAllItsParametersExactly) {
   info.target_layers = 2;
   info.part_volume_mm3 = 0.1 + 0.2;
   info.printer = Printer{"p \"1\"\n",
+                         30,  // portrait
                          20,
-                         30,
-                         100.0 / 3,
                          47.25,
+                         100.0 / 3,
                          4,
                          385.5,
                          {{0, 0}, {7.1, 1.0 / 3}, {15, 2e-9}},

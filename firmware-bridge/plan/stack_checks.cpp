@@ -32,6 +32,13 @@ void check_kind(const StackReader& stack, const std::string& path) {
                      "has no checksum of its images; expected a stack that was not changed since "
                      "`slicecorr correct` made it");
   }
+  if (!info.parameters_checked) {
+    throw InputError(path, "",
+                     "has no checksum of its parameters: it was made by an earlier version, or "
+                     "changed since; expected a stack as `slicecorr correct` makes it: correct the "
+                     "part again, or look at what `slicecorr info` says of it and write it anew "
+                     "with `slicecorr convert`");
+  }
   if (stack.images_changed() || stack.uv_images_changed()) {
     throw InputError(path, "",
                      "its images were changed after the stack was made (checksum); expected a "

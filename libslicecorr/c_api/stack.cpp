@@ -82,6 +82,9 @@ const NumberProperty numbers[] = {
      [](const slicecorr_stack& s) { return flag(s.info.orientation.mirror_y); }},
     {"corrected", "1 for a corrected stack, else 0",
      [](const slicecorr_stack& s) { return flag(s.info.kind == StackKind::corrected); }},
+    {"parameters_checked",
+     "1 when the archive has a checksum of its parameters (where it is wrong, opening fails)",
+     [](const slicecorr_stack& s) { return flag(s.info.parameters_checked); }},
     {"in_memory", "1 when the images are in memory, else 0",
      [](const slicecorr_stack& s) { return flag(s.slices != nullptr); }},
 };

@@ -3,11 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstring>
 #include <filesystem>
 #include <numeric>
 #include <optional>
 
 #include "c_api/handles.hpp"
+#include "pipeline/vanished.hpp"
 #include "slicecorr/dead_zone.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/inhibited.hpp"
@@ -71,11 +73,14 @@ class Watched final : public SliceSource {
     source_.read_band(band, [&](int n, const std::uint8_t* rows) {
       if ((n & 63) == 0) job_.check_cancelled();
       if (rows) sum = std::accumulate(rows, rows + size, sum);
+      if (rows && !full_ && std::memchr(rows, 255, size)) full_ = true;
       sink(n, rows);
     });
     sum_ += sum;
   }
   std::uint64_t sum() const { return sum_; }
+  /// Whether a voxel of coverage 1 was seen.
+  bool full() const { return full_; }
   /// Sums from here on: what was read before was for planning.
   void begin() { sum_ = 0; }
 
@@ -83,6 +88,7 @@ class Watched final : public SliceSource {
   const SliceSource& source_;
   const Job& job_;
   mutable std::atomic<std::uint64_t> sum_{0};
+  mutable std::atomic<bool> full_{false};
 };
 
 void tell_notices(const Setup& setup, const slicecorr_stack& target, const Job& job) {
@@ -143,9 +149,7 @@ InMemory correct_in_memory(const slicecorr_stack& target, const slicecorr_setup*
   result.stack = std::make_unique<slicecorr_stack>();
   slicecorr_stack& stack = *result.stack;
   stack.slices = keep_slices(corrected, "correct", folder, job);
-  if (watched.sum() == 0) {
-    throw InputError("nothing in the part is solid: all slices are empty");
-  }
+  if (!watched.full()) slicecorr::detail::refuse_vanished(source);
   const PlaceModels models(setup.printer, setup.resin, setup.process, source.grid(),
                            source.frame());
   const CureModel& model = models.brightest();
@@ -181,7 +185,10 @@ Prediction verify(const slicecorr_stack& stack, const slicecorr_stack& target, S
   const std::string folder = scratch_folder(handle);
   const Images shown(stack, setup.printer, folder, job);
   std::optional<Images> design;
-  if (&target != &stack) design.emplace(target, setup.printer, folder, job);
+  if (&target != &stack) {
+    design.emplace(target, setup.printer, folder, job);
+    check_target(shown.source(), stack.info, design->source(), name_of(target), job);
+  }
   if (!design) setup.process = schedule_uv(shown.source(), setup, job);
   const Prediction p =
       verify_stack(shown.source(), design ? design->source() : shown.source(), setup, job);

@@ -153,6 +153,9 @@ std::string describe_stack(const StackInfo& info) {
     text += fmt::format("resin volume {:.4f} ml\n", info.part_volume_mm3 * 1e-3);
   }
   if (!info.program.empty()) text += fmt::format("made by      {}\n", info.program);
+  if (info.kind != StackKind::foreign && !info.parameters_checked) {
+    text += "checksum     of the images alone: nothing tells whether parameters were changed\n";
+  }
   return text;
 }
 
@@ -238,6 +241,7 @@ std::string info_json(const StackInfo& info, const std::string& path) {
   j["resin_volume_ml"] =
       info.part_volume_mm3 > 0 ? ordered_json(info.part_volume_mm3 * 1e-3) : ordered_json();
   if (!info.program.empty()) j["program"] = info.program;
+  if (info.kind != StackKind::foreign) j["parameters_checked"] = info.parameters_checked;
   return j.dump(2);
 }
 

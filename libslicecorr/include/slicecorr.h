@@ -236,6 +236,8 @@ SLICECORR_API slicecorr_status slicecorr_stack_set_number(slicecorr_stack* stack
  *  print_time_s          in which slices are shown, without lifts
  *  for_display, portrait, mirror_x, mirror_y   how its slices lie, see above
  *  corrected             1 for a corrected stack, else 0
+ *  parameters_checked    1 when the archive has a checksum of its parameters; where it is wrong,
+ *                        opening fails
  *  in_memory             1 when its images are in memory, else 0 */
 SLICECORR_API slicecorr_status slicecorr_stack_number(const slicecorr_stack* stack, const char* name,
                                                       double* value);

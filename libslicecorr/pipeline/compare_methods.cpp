@@ -5,6 +5,7 @@
 #include "base/band_tape.hpp"
 #include "pipeline/bands.hpp"
 #include "pipeline/place_plans.hpp"
+#include "pipeline/vanished.hpp"
 #include "slicecorr/baseline.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/pipeline.hpp"
@@ -90,12 +91,10 @@ Comparison compare_methods(const SliceSource& target, const Setup& setup, const 
   enum Method { uncorrected, erased, darkened, ours, methods };
   std::array<Prediction, methods> totals;
   detail::LightCounts in_groups{};
-  bool solid = false;
   std::mutex merging;
   parallel_for(job, "compare", bands.size(), [&](std::size_t i) {
     const PixelBox& band = bands[i];
     std::array<Prediction, methods> figures;
-    bool lit = false;
     // Columns of one value, whose figures go on from those before them.
     const auto compare = [&](std::uint8_t value, std::size_t columns, const BandReader& read,
                              const BandPredictor::Place& place) {
@@ -104,7 +103,6 @@ Comparison compare_methods(const SliceSource& target, const Setup& setup, const 
       BandErase erase(columns);
       read([&](int n, const std::uint8_t* rows) {
         if ((n & 63) == 0) job.check_cancelled();
-        lit = lit || (rows && !detail::all_zero(rows, columns));
         corrector.add_layer(rows);
         erase.add_layer(rows);
       });
@@ -143,9 +141,8 @@ Comparison compare_methods(const SliceSource& target, const Setup& setup, const 
     const std::lock_guard lock(merging);
     for (std::size_t m = 0; m < methods; ++m) totals[m].merge(figures[m]);
     for (std::size_t v = 0; v < counts.size(); ++v) in_groups[v] += counts[v];
-    solid = solid || lit;
   });
-  if (!solid) throw InputError("nothing in the part is solid: all slices are empty");
+  if (totals[ours].target_voxels == 0) detail::refuse_vanished(target);
   const Grid& grid = target.grid();
   const auto whole = [&](Method method, int slices) {
     return plans.even() ? whole_image(totals[method], models.brightest(), grid, slices, bands)

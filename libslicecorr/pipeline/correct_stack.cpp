@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <cstring>
 #include <mutex>
 
 #include "base/band_tape.hpp"
@@ -10,6 +11,7 @@
 #include "pipeline/place_plans.hpp"
 #include "pipeline/relief.hpp"
 #include "pipeline/uv_images.hpp"
+#include "pipeline/vanished.hpp"
 #include "pipeline/volume_reducer.hpp"
 #include "slicecorr/dead_zone.hpp"
 #include "slicecorr/error.hpp"
@@ -68,9 +70,11 @@ class TargetScan {
     read(band, {0, target_.grid().layers}, sink);
   }
   void read(const PixelBox& band, const SliceRange& range, const SliceSource::Sink& sink) {
-    LitColumns lit(columns_of(band));
+    const std::size_t columns = columns_of(band);
+    LitColumns lit(columns);
     const auto take = [&](int n, const std::uint8_t* rows) {
       lit.add(n, rows);
+      if (rows && !full_ && std::memchr(rows, 255, columns)) full_ = true;
       sink(n, rows);
     };
     target_.read_slices(band, range.first, range.past, take);
@@ -79,9 +83,7 @@ class TargetScan {
   }
   /// To be called after all bands.
   void fill(StackInfo& info) const {
-    if (coverage_sum_ == 0) {
-      throw InputError("nothing in the part is solid: all slices are empty");
-    }
+    if (!full_) detail::refuse_vanished(target_);
     const Grid& g = target_.grid();
     info.part_volume_mm3 = static_cast<double>(coverage_sum_.load()) / 255.0 * g.pixel_x_um *
                            g.pixel_y_um * g.layer_um * 1e-9;
@@ -94,6 +96,7 @@ class TargetScan {
   const SliceSource& target_;
   Relief relief_;
   std::atomic<std::uint64_t> coverage_sum_{0};
+  std::atomic<bool> full_{false};  ///< a voxel of coverage 1 was seen
 };
 
 /// What becomes of columns that share a plan.
@@ -343,10 +346,7 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
   result.after = std::move(figures);
   if (with_before) result.before = whole(before, plans.layers());
   const Prediction& p = result.after;
-  if (p.target_voxels == 0) {
-    job.tell(
-        "no voxel is covered fully: the part is finer than a pixel; are units and scale right?");
-  }
+  detail::tell_nothing_prints(p, job);
   if (p.cure_through_voxels + p.undercure_voxels > 0) {
     job.tell(fmt::format(
         "{} voxels will still cure through and {} stay undercured: no choice of the {} grey levels "

@@ -22,12 +22,7 @@ namespace {
 const Printer& fitting(const Printer& printer, const SliceSource& target) {
   const Grid& grid = target.grid();
   // Archives made for a printer have the images of its display, ours those of its plate.
-  Grid display;
-  display.width_px = printer.width_px;
-  display.height_px = printer.height_px;
-  display.pixel_x_um = printer.pixel_x_um;
-  display.pixel_y_um = printer.pixel_y_um;
-  const Grid wanted = turned(display, turn_to_display(target.frame(), printer).inverse());
+  const Grid wanted = images_of(printer, target.frame());
   if (grid.width_px != wanted.width_px || grid.height_px != wanted.height_px) {
     throw InputError(fmt::format("the slices are {} x {} pixels; printer '{}' has {} x {}",
                                  grid.width_px, grid.height_px, printer.name, wanted.width_px,

@@ -9,6 +9,7 @@
 #include "cure/shown_slices.hpp"
 #include "pipeline/bands.hpp"
 #include "pipeline/place_plans.hpp"
+#include "pipeline/vanished.hpp"
 #include "slicecorr/dead_zone.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/pipeline.hpp"
@@ -188,6 +189,7 @@ Prediction verify_stack(const SliceSource& stack, const SliceSource& target, con
   Prediction p = models.even()
                      ? detail::whole_image(total, model, grid, layers, bands, recorded)
                      : detail::whole_image(total, models, grid, layers, in_groups, recorded);
+  detail::tell_nothing_prints(p, job);
   if (window) {
     p.dead_zones = window->result();
     if (p.dead_zones->cured_pixels > 0) {

@@ -19,12 +19,7 @@ bool FlatField::operator==(const FlatField& o) const {
 }
 
 Grid plate_grid(const Printer& printer) {
-  Grid display;
-  display.width_px = printer.width_px;
-  display.height_px = printer.height_px;
-  display.pixel_x_um = printer.pixel_x_um;
-  display.pixel_y_um = printer.pixel_y_um;
-  return turned(display, turn_from_plate(printer.orientation.value_or(Orientation{})).inverse());
+  return images_of(printer, {});
 }
 
 std::string light_in_words(const Printer& printer) {

@@ -34,6 +34,15 @@ Turn turn_to_display(const ImageFrame& frame, const Printer& printer) {
                                                 printer.orientation.value_or(Orientation{})));
 }
 
+Grid images_of(const Printer& printer, const ImageFrame& frame) {
+  Grid display;
+  display.width_px = printer.width_px;
+  display.height_px = printer.height_px;
+  display.pixel_x_um = printer.pixel_x_um;
+  display.pixel_y_um = printer.pixel_y_um;
+  return turned(display, turn_to_display(frame, printer).inverse());
+}
+
 LightMap::LightMap(const Printer& printer, const Grid& images, const ImageFrame& frame)
     : width_px_(images.width_px), height_px_(images.height_px) {
   if (!printer.flat_field) return;

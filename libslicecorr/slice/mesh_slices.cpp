@@ -216,8 +216,11 @@ void MeshSlices::Impl::place(TriangleMesh mesh, const Printer& printer, const Sl
         high[2] - low[2], high[2] - low[2] - printer.travel_mm, printer.name, printer.travel_mm));
   }
   if (!(layers >= 1)) {
-    throw InputError(fmt::format("the part is {:.6g} mm high, thinner than half a layer of {:g} um",
-                                 high[2] - low[2], options.layer_um));
+    throw InputError(
+        fmt::format("the part is {:.6g} mm high, thinner than half a layer of {:g} um; "
+                    "are its units and scale right (metres or inches read as "
+                    "millimetres)?",
+                    high[2] - low[2], options.layer_um));
   }
   if (layers > 1e6) {
     throw InputError(fmt::format("the part needs {:.0f} slices; expected at most 1000000", layers));

@@ -35,6 +35,10 @@ struct ArchiveContents {
   bool packed_bgr = false;  ///< and the first of the three is the blue one, not the red one
   /// Fingerprints that our block holds, see `images_crc32`; absent in foreign archives.
   std::optional<std::uint32_t> images_crc32, uv_images_crc32;
+  /// The block has a checksum, and it is that of other parameters; see `check_block`.
+  bool block_changed = false;
+  /// The format says layer heights in steps of this, um; 0: exactly.
+  double layer_step_um = 0;
   /// Of the values of `info.printer`'s flat-field, which is an entry of its own.
   std::optional<std::uint32_t> flat_field_crc32;
   std::optional<RecordingFacts> recording;  ///< of a recorded stack

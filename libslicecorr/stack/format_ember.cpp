@@ -303,6 +303,7 @@ class Ember final : public ArchiveFormat {
       info.grid.pixel_x_um = info.grid.pixel_y_um = display_pixel_um;
     }
     read_settings(archive, contents);
+    contents.layer_step_um = 1;
     return contents;
   }
 

@@ -36,6 +36,8 @@ class JsonNode {
     throw InputError(place_->file, place_->entry, message);
   }
 
+  const Json& json() const { return *json_; }
+
   bool is_text(const char* text) const { return json_->is_string() && *json_ == text; }
 
   bool has(const char* key) const { return object().find(key) != object().end(); }

@@ -10,6 +10,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
 #include "stack/archive_format.hpp"
+#include "stack/block_check.hpp"
 #include "stack/flat_field_entry.hpp"
 #include "stack/png.hpp"
 #include "stack/recording_entry.hpp"
@@ -29,6 +30,10 @@ ArchiveContents read_contents(const Container& archive) {
   ArchiveContents contents = format.read(archive);
   contents.info.format = format.name();
   if (archive.has(detail::provenance_entry)) {
+    if (contents.info.kind != StackKind::foreign) {
+      throw InputError(archive.path(), detail::provenance_entry,
+                       "is a second record beside that of the archive; expected one of them");
+    }
     const std::uint64_t limit = (std::uint64_t{64} << 20) + 256 * archive.entries().size();
     detail::read_provenance(archive.text(detail::provenance_entry, limit), archive.path(),
                             contents);
@@ -44,6 +49,7 @@ ArchiveContents read_contents(const Container& archive) {
   } else if (!info.for_display) {
     info.orientation_known = true;
   }
+  detail::check_block(contents, archive.path());
   const Grid& grid = info.grid;
   if (grid.layers < 1 || grid.width_px < 1 || grid.height_px < 1 ||
       contents.images.size() != static_cast<std::size_t>(grid.layers)) {

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "stack/block_check.hpp"
 #include "stack/flat_field_entry.hpp"
 #include "stack/recording_entry.hpp"
 
@@ -13,6 +14,10 @@ namespace slicecorr::detail {
 namespace {
 
 using Json = nlohmann::ordered_json;
+
+std::string dump(const Json& json, int indent) {
+  return json.dump(indent, ' ', false, Json::error_handler_t::replace);
+}
 
 /// Without the noise of the last digits, which would only make the text longer.
 double tidy_mm(double mm) { return std::round(mm * 1e9) / 1e9; }
@@ -180,11 +185,13 @@ Json block_json(const StackInfo& info, std::uint32_t crc, std::optional<std::uin
   return block;
 }
 
-int pwm_of(const SliceLight& light) { return static_cast<int>(std::lround(255 * light.share)); }
-
-std::string dump(const Json& json, int indent) {
-  return json.dump(indent, ' ', false, Json::error_handler_t::replace);
+Json checked(Json block) {
+  // Of what is read: texts that are no UTF-8 change when they are written.
+  block[block_crc32_key] = block_crc32(nlohmann::json::parse(dump(block, -1)));
+  return block;
 }
+
+int pwm_of(const SliceLight& light) { return static_cast<int>(std::lround(255 * light.share)); }
 
 }  // namespace
 
@@ -253,15 +260,17 @@ std::string change_uvj_config(const std::string& original, const StackInfo& info
   }
   json.erase("slicecorr");
   if (info.kind != StackKind::foreign) {
-    json["slicecorr"] = block_json(info, images_crc32, uv_images_crc32);
+    json["slicecorr"] = checked(block_json(info, images_crc32, uv_images_crc32));
   }
   return dump(json, 2) + "\n";
 }
 
 std::string write_provenance(const StackInfo& info, std::uint32_t images_crc32,
                              std::optional<std::uint32_t> uv_images_crc32) {
-  return dump(block_json(info, images_crc32, uv_images_crc32), 2);
+  return dump(checked(block_json(info, images_crc32, uv_images_crc32)), 2);
 }
+
+std::string setup_block(const StackInfo& info) { return dump(block_json(info, 0, {}), 2); }
 
 std::uint32_t images_crc32(const std::vector<std::uint32_t>& slice_adlers) {
   std::uint32_t crc = 0;

@@ -37,9 +37,12 @@ std::string change_uvj_config(const std::string& original, const StackInfo& info
 /// Throws `InputError` naming the key and what was expected. Names of images are not filled in.
 ArchiveContents parse_uvj_config(std::string_view text, const std::string& file);
 
-/// Our block alone, for formats that have no place for it; see `provenance_entry`.
+/// Our block alone, with its checksum, for formats that have no place for it; see
+/// `provenance_entry`.
 std::string write_provenance(const StackInfo& info, std::uint32_t images_crc32,
                              std::optional<std::uint32_t> uv_images_crc32);
+/// The same of a setup alone, without a checksum: texts that carry it have their own.
+std::string setup_block(const StackInfo& info);
 /// Takes the block into `contents`, with the names of UV images where there are some.
 void read_provenance(std::string_view text, const std::string& file, ArchiveContents& contents);
 

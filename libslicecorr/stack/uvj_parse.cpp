@@ -1,8 +1,11 @@
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "slicecorr/error.hpp"
+#include "stack/block_check.hpp"
 #include "stack/json_node.hpp"
 #include "stack/recording_entry.hpp"
 #include "stack/uvj_config.hpp"
@@ -211,14 +214,18 @@ Process read_process(const Node& node, ExposureMode mode, std::int64_t format) {
   return p;
 }
 
-/// Takes the exact value from our block, unless the size was changed by another program since.
-void refine(double& um, const Node& exact, std::vector<std::string>& warnings) {
+/// Takes the exact value from our block. `step_um`: what the archive rounds to.
+void refine(double& um, const Node& exact, const char* of, double step_um = 0) {
   const double value = exact.positive();
-  if (std::abs(value - um) <= 1e-5 * um) {
-    um = value;
-  } else {
-    warnings.push_back("the size of pixels or layers was changed after the stack was made");
+  // Sizes of pixels went through divisions by pixels per millimetre; some formats round heights to
+  // nanometres.
+  if (std::abs(value - um) > std::max(1e-3 * um, 0.501 * step_um)) {
+    exact.refuse(fmt::format(
+        "contradicts itself: {} is {} um in the block of the stack, {} um in the archive; expected "
+        "the stack as `slicecorr` wrote it. For other sizes slice and correct the part again",
+        of, number_text(value), number_text(um)));
   }
+  um = value;
 }
 
 RecordingFacts read_recording_facts(const Node& node, int images) {
@@ -253,9 +260,9 @@ void read_block(const Node& block, ArchiveContents& config) {
   info.part_volume_mm3 = block["part_volume_mm3"].number(0, largest);
   if (block.has("grid")) {
     const Node grid = block["grid"];
-    refine(info.grid.pixel_x_um, grid["pixel_x_um"], config.warnings);
-    refine(info.grid.pixel_y_um, grid["pixel_y_um"], config.warnings);
-    refine(info.grid.layer_um, grid["layer_um"], config.warnings);
+    refine(info.grid.pixel_x_um, grid["pixel_x_um"], "the width of pixels");
+    refine(info.grid.pixel_y_um, grid["pixel_y_um"], "the height of pixels");
+    refine(info.grid.layer_um, grid["layer_um"], "the height of layers", config.layer_step_um);
   }
   // Whoever reads a corrected stack needs to know what it was corrected for.
   const bool needed = info.kind != StackKind::target;
@@ -291,6 +298,15 @@ void read_block(const Node& block, ArchiveContents& config) {
   if (block.has("uv_images_crc32")) {
     config.uv_images_crc32 =
         static_cast<std::uint32_t>(block["uv_images_crc32"].whole(0, 0xffffffff));
+  }
+  if (block.has(block_crc32_key)) {
+    const auto crc = static_cast<std::uint32_t>(block[block_crc32_key].whole(0, 0xffffffff));
+    info.parameters_checked = crc == block_crc32(block.json());
+    config.block_changed = !info.parameters_checked;
+  } else {
+    config.warnings.emplace_back(
+        "has no checksum of its parameters: an earlier version of this program made it, or "
+        "it was changed since; what it says is taken as it stands");
   }
 }
 

@@ -31,7 +31,8 @@ struct Setup {
   Process process;
 };
 
-/// Writes a target as a stack of its coverage. Throws `InputError` when nothing in it is solid.
+/// Writes a target as a stack of its coverage. Throws `InputError` when no voxel in it is covered
+/// fully: nothing of it would print.
 StackInfo write_target(const SliceSource& target, const StackFile& file, const Job& job = {});
 
 /// Writes the slices of a stack into another archive, with all that both formats can say. `slices`:
@@ -63,12 +64,23 @@ struct CorrectionAsk {
 };
 
 /// Corrects `target` for `setup` and writes the stack. Throws `InputError` when the target does not
-/// fit the printer, `InfeasibleError` when physics or the stage's travel forbid it.
+/// fit the printer or has no voxel of coverage 1, `InfeasibleError` when physics or the stage's
+/// travel forbid it.
 Correction correct_stack(const SliceSource& target, const Setup& setup, const StackFile& file,
                          const CorrectionAsk& ask, const Job& job = {});
 
 /// Throws `InputError` when a stack and its target differ in the size of images or voxels.
 void check_same_voxels(const Grid& stack, const Grid& target);
+
+/// Whether `target`, called `name` in messages, can be what `stack` is measured against; `info`:
+/// what the stack says of itself. Throws `InputError` saying what does not fit: as
+/// `check_same_voxels`; another height than that of the part that the stack was made from (black
+/// layers at the end do not count); less than half of the pixels or of the volume in common with
+/// it, and with a stack that was not corrected none at all; no voxel of coverage 1. A corrected
+/// stack's target that has another volume is told: it may be the same part, sliced otherwise. Reads
+/// both once.
+void check_target(const SliceSource& stack, const StackInfo& info, const SliceSource& target,
+                  const std::string& name, const Job& job = {});
 
 /// Predicts what `stack` prints, against `target`. Throws `InputError` when the two differ in size
 /// or scale.

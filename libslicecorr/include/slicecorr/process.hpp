@@ -79,6 +79,10 @@ Grid plate_grid(const Printer& printer);
 /// From images that lie like `frame` to those that the printer's display shows.
 Turn turn_to_display(const ImageFrame& frame, const Printer& printer);
 
+/// All that the printer's display shows, as images that lie like `frame`. `layers` and `layer_um`
+/// are 0.
+Grid images_of(const Printer& printer, const ImageFrame& frame);
+
 enum class CureModelKind { jacobs, kinetic };
 
 /// What the correction aims at, over the gel dose, where nothing else is said (dissertation

@@ -57,6 +57,9 @@ struct StackInfo {
   int target_layers = 0;       ///< layers of the part; grid.layers has the added slices too
   double part_volume_mm3 = 0;  ///< volume of the target's coverage; 0 when not known
   std::string program;         ///< name and version of the program that wrote it
+  /// Of stacks of ours that were read: their parameters have a checksum, and it is right. Those of
+  /// earlier versions have none; those whose checksum is wrong are not read at all.
+  bool parameters_checked = false;
   /// SHA-256 of the archive that was corrected, 64 hex digits; empty when it was not noted.
   std::string original_sha256;
   /// Light-on time of normal layers, s; 0 when the archive has none.

@@ -1,0 +1,136 @@
+#include "stack/block_check.hpp"
+
+#include <fmt/format.h>
+#include <isa-l.h>
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "slicecorr/error.hpp"
+
+namespace slicecorr::detail {
+namespace {
+
+using Json = nlohmann::json;
+
+/// Ours has four levels; what lies deeper is not ours.
+constexpr int deepest = 16;
+
+std::string text_of(const Json& text) {
+  return text.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+void append(const Json& value, int depth, std::string& out) {
+  if (depth > deepest) {
+    out += '?';
+  } else if (value.is_number()) {
+    const double number = value.get<double>();
+    out += number_text(number == 0 ? 0 : number);
+  } else if (value.is_object()) {
+    out += '{';
+    for (const auto& [key, member] : value.items()) {
+      if (depth == 0 && key == block_crc32_key) continue;
+      out += text_of(key) + ':';
+      append(member, depth + 1, out);
+      out += ',';
+    }
+    out += '}';
+  } else if (value.is_array()) {
+    out += '[';
+    for (const Json& item : value) {
+      append(item, depth + 1, out);
+      out += ',';
+    }
+    out += ']';
+  } else {
+    out += text_of(value);
+  }
+}
+
+[[noreturn]] void contradicts(const std::string& file, const std::string& what) {
+  throw InputError(file, "",
+                   "contradicts itself: " + what +
+                       "; expected the stack as `slicecorr` wrote it. For another process correct "
+                       "the part again");
+}
+
+/// Archives say hundredths of seconds, some milliseconds.
+bool differ(double archive_s, double planned_s) {
+  return std::abs(archive_s - planned_s) > 0.01 * planned_s + 0.00051;
+}
+
+std::string plan_in_words(const Process& p, double planned_s) {
+  if (p.mode == ExposureMode::layerwise) return fmt::format("{:.5g} s", planned_s);
+  return fmt::format("{:.5g} s at {:g} mm/h", planned_s, p.speed_mm_h);
+}
+
+void check_times(const StackInfo& info, const std::string& file) {
+  const auto check = [&](double archive_s, double planned_s, const std::string& of) {
+    if (!differ(archive_s, planned_s)) return;
+    contradicts(file, fmt::format("its process plans {} for {}, the archive says {:.5g} s",
+                                  plan_in_words(*info.process, planned_s), of, archive_s));
+  };
+  if (!info.layer_exposure_s.empty()) {
+    const auto count = std::min(info.layer_exposure_s.size(),
+                                static_cast<std::size_t>(std::max(0, info.grid.layers)));
+    for (std::size_t n = 0; n < count; ++n) {
+      check(info.layer_exposure_s[n], light_on_of_layer(info, static_cast<int>(n)),
+            fmt::format("slice {}", n));
+    }
+    return;
+  }
+  if (!(info.exposure_s > 0)) return;
+  const ExposureSummary plan = exposure_summary(info);
+  check(info.exposure_s, plan.normal_s, "a slice");
+  // Formats without times of single layers can't say those of all schedules.
+  if (info.bottom_layers > 0 && info.bottom_exposure_s > 0 && !plan.uneven) {
+    check(info.bottom_exposure_s, plan.bottom_s, "the first slice");
+  }
+}
+
+void check_images(const StackInfo& info, const std::string& file) {
+  const Printer& p = *info.printer;
+  const Grid is = info.grid, shown = images_of(p, image_frame(info));
+  const auto differ = [](double a, double b) { return a > 0 && std::abs(a - b) > 0.01 * b; };
+  if (is.width_px == shown.width_px && is.height_px == shown.height_px &&
+      !differ(is.pixel_x_um, shown.pixel_x_um) && !differ(is.pixel_y_um, shown.pixel_y_um)) {
+    return;
+  }
+  const auto words = [](const Grid& g) {
+    return fmt::format("{} x {} pixels of {:g} x {:g} um", g.width_px, g.height_px, g.pixel_x_um,
+                       g.pixel_y_um);
+  };
+  contradicts(file, fmt::format("its images are {}, those of its printer '{}' {}", words(is),
+                                p.name, words(shown)));
+}
+
+}  // namespace
+
+std::uint32_t block_crc32(const nlohmann::json& block) {
+  std::string text;
+  append(block, 0, text);
+  return crc32_gzip_refl(0, reinterpret_cast<const unsigned char*>(text.data()), text.size());
+}
+
+void check_block(const ArchiveContents& contents, const std::string& file) {
+  const StackInfo& info = contents.info;
+  if (info.kind == StackKind::foreign) return;
+  const int layers = info.grid.layers;
+  const bool added = info.kind == StackKind::corrected;
+  if (info.kind != StackKind::recorded && info.target_layers > 0 &&
+      (added ? info.target_layers > layers : info.target_layers != layers)) {
+    contradicts(file,
+                fmt::format("its part has {} layers, the archive {}", info.target_layers, layers));
+  }
+  if (info.printer) check_images(info, file);
+  if (info.process && info.kind != StackKind::target) check_times(info, file);
+  if (contents.block_changed) {
+    throw InputError(file, "",
+                     "its parameters were changed after the stack was made (checksum): its images "
+                     "were computed for another printer, resin, process or size; expected the "
+                     "stack as `slicecorr` wrote it. For other parameters correct the part again");
+  }
+}
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,216 @@
+#include "cure/inhibited_layer.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "cure/front_profile.hpp"
+
+namespace slicecorr::detail {
+
+namespace {
+
+/// Crossings are found to this.
+constexpr double kPrecisionUm = 0.002;
+/// Samples are single numbers: they are right to this share of the dose.
+constexpr double kSampleError = 1e-6;
+
+}  // namespace
+
+InhibitedLayer::InhibitedLayer(const InhibitedKernel& kernel)
+    : kernel_(kernel),
+      fall_(-std::log(kernel.a())),
+      precision_(std::min(kPrecisionUm / kernel.layer_um(), 1e-3)) {
+  for (int i = 0; i < samples; ++i) fade_[i] = std::exp(-fall_ * (i + 1) / samples);
+}
+
+void InhibitedLayer::begin(double far) {
+  far_ = far;
+  lights_.clear();
+}
+
+void InhibitedLayer::add(int j, int setting, int level, double weight) {
+  if (weight == 0 || kernel_.source(setting, level).amount == 0) return;
+  if (!lights_.empty()) {
+    Light& last = lights_.back();
+    if (last.last + 1 == j && last.setting == setting && last.level == level &&
+        last.weight == weight) {
+      last.last = j;
+      return;
+    }
+  }
+  lights_.push_back({j, j, setting, level, weight});
+}
+
+double InhibitedLayer::at(double t) const {
+  const FrontProfile& profile = kernel_.profile();
+  const double layer_um = kernel_.layer_um();
+  double dose = far_ * std::exp(-fall_ * t);
+  for (const Light& light : lights_) {
+    const InhibitedKernel::Source& from = kernel_.source(light.setting, light.level);
+    double sum = 0;
+    if (kernel_.layer_by_layer()) {
+      for (int j = light.first; j <= light.last; ++j) {
+        sum += profile.rate((j + t) * layer_um - from.front_um);
+      }
+    } else {
+      // Slices that follow each other with the same light are one long one.
+      const double begin = std::max(0.0, light.first + t - 1.0) * layer_um;
+      const double end = (light.last + t) * layer_um;
+      sum = profile.rest(begin - from.front_um) - profile.rest(end - from.front_um);
+    }
+    dose += light.weight * from.amount * sum;
+  }
+  return dose;
+}
+
+void InhibitedLayer::sample(double lower, double middle, double upper) {
+  float sum[samples] = {};
+  const int levels = kernel_.levels();
+  for (const Light& light : lights_) {
+    const float* const fine = kernel_.fine(light.setting);
+    const auto weight = static_cast<float>(light.weight);
+    for (int j = light.first; j <= light.last; ++j) {
+      const float* const row = fine + static_cast<std::size_t>(j * levels + light.level) * samples;
+      for (int i = 0; i < samples; ++i) sum[i] += weight * row[i];
+    }
+  }
+  for (int i = 0; i < samples; ++i) dose_[i + 1] = static_cast<double>(sum[i]) + far_ * fade_[i];
+  dose_[0] = lower;
+  dose_[samples / 2] = middle;
+  dose_[samples] = upper;
+}
+
+/// Where between two places the dose has its turn, by golden sections: there may be a kink.
+double InhibitedLayer::turn(double from, double to, bool least) const {
+  constexpr double kGolden = 0.6180339887498949;
+  const double sign = least ? 1.0 : -1.0;
+  double x1 = to - kGolden * (to - from), x2 = from + kGolden * (to - from);
+  double y1 = sign * at(x1), y2 = sign * at(x2);
+  // A kink's slope times what is left of the stretch is below 1e-6 of the dose.
+  for (int step = 0; step < 24; ++step) {
+    if (y1 < y2) {
+      to = x2;
+      x2 = x1;
+      y2 = y1;
+      x1 = to - kGolden * (to - from);
+      y1 = sign * at(x1);
+    } else {
+      from = x1;
+      x1 = x2;
+      y1 = y2;
+      x2 = from + kGolden * (to - from);
+      y2 = sign * at(x2);
+    }
+  }
+  return y1 < y2 ? x1 : x2;
+}
+
+double InhibitedLayer::crossing(double low, double high, bool rises) const {
+  // Regula falsi, halving what stays behind.
+  double y_low = at(low) - 1.0, y_high = at(high) - 1.0;
+  int side = 0;
+  while (high - low > precision_) {
+    double t = 0.5 * (low + high);
+    if ((y_low < 0) != (y_high < 0)) {
+      t = (low * y_high - high * y_low) / (y_high - y_low);
+      // Not so near an end that the other one would never come.
+      const double edge = 0.25 * precision_;
+      t = std::clamp(t, low + edge, high - edge);
+    }
+    const double y = at(t) - 1.0;
+    if ((y >= 0) == rises) {
+      high = t;
+      y_high = y;
+      if (side == 1) y_low *= 0.5;
+      side = 1;
+    } else {
+      low = t;
+      y_low = y;
+      if (side == -1) y_high *= 0.5;
+      side = -1;
+    }
+  }
+  return 0.5 * (low + high);
+}
+
+/// A sample that decides something is looked at more closely.
+void InhibitedLayer::sharpen(double known) {
+  for (int i = 1; i < samples; ++i) {
+    if (i == samples / 2) continue;
+    double& dose = dose_[i];
+    const double near = kSampleError * (1.0 + dose);
+    if (std::abs(dose - 1.0) < near || dose < known + near) {
+      dose = at(static_cast<double>(i) / samples);
+    }
+  }
+}
+
+/// The samples, and where the fronts of lights lie in this layer: layer by layer the dose has kinks
+/// there.
+void InhibitedLayer::take_points() {
+  points_.clear();
+  for (int i = 0; i <= samples; ++i) {
+    points_.push_back({static_cast<double>(i) / samples, dose_[i]});
+  }
+  if (!kernel_.layer_by_layer()) return;
+  for (const Light& light : lights_) {
+    const double x = kernel_.source(light.setting, light.level).front_um / kernel_.layer_um();
+    if (x <= light.first || x >= light.last + 1) continue;
+    const double t = x - std::floor(x);
+    const auto after = std::lower_bound(points_.begin(), points_.end(), t,
+                                        [](const Point& p, double place) { return p.t < place; });
+    // Rounding may put it on the wrong side of a sample; that near it changes nothing.
+    if (after == points_.begin() || after == points_.end() || after->t - t < precision_ ||
+        t - std::prev(after)->t < precision_) {
+      continue;
+    }
+    points_.insert(after, {t, at(t)});
+  }
+}
+
+void InhibitedLayer::find(double known, InsideLayer& out) {
+  out.crossings.clear();
+  sharpen(known);
+  take_points();
+  out.least = std::numeric_limits<double>::infinity();
+  for (const Point& p : points_) out.least = std::min(out.least, p.dose);
+  const std::size_t cells = points_.size() - 1;
+  const auto slope = [&](std::size_t c) {
+    return (points_[c + 1].dose - points_[c].dose) / (points_[c + 1].t - points_[c].t);
+  };
+  double before = slope(0), here = before;
+  for (std::size_t c = 0; c < cells; ++c) {
+    const auto [from, a] = points_[c];
+    const auto [to, b] = points_[c + 1];
+    const double after = c + 1 < cells ? slope(c + 1) : here;
+    // The neighbours' straight lines meet no further from the chord than they bend from it.
+    const double bends = (to - from) * (std::abs(here - before) + std::abs(after - here));
+    before = here;
+    here = after;
+    const bool printed = a >= 1.0, alike = printed == (b >= 1.0);
+    if (std::abs(b - a) <= bends + kSampleError * (a + b)) {
+      const double low = std::min(a, b) - bends, high = std::max(a, b) + bends;
+      const bool dips = low < std::min(known, out.least) || (alike && printed && low < 1.0);
+      const bool peaks = alike && !printed && high >= 1.0;
+      double split = -1;
+      if (dips) {
+        const double t = turn(from, to, true), dose = at(t);
+        out.least = std::min(out.least, dose);
+        if (alike && printed && dose < 1.0) split = t;
+      }
+      if (peaks) {
+        const double t = turn(from, to, false);
+        if (at(t) >= 1.0) split = t;
+      }
+      if (split >= 0) {
+        out.crossings.push_back(crossing(from, split, !printed));
+        out.crossings.push_back(crossing(split, to, printed));
+        continue;
+      }
+    }
+    if (!alike) out.crossings.push_back(crossing(from, to, !printed));
+  }
+}
+
+}  // namespace slicecorr::detail

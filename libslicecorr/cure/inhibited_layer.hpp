@@ -1,0 +1,58 @@
+/// The dose inside one layer of one column under inhibiting UV light.
+///
+/// Between nodes it has peaks and dips: layer by layer a slice acts on a layer from its front on,
+/// continuous exposure wherever light changes. Samples show where, the dose itself gives how much.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "slicecorr/dose.hpp"
+#include "slicecorr/inhibited.hpp"
+
+namespace slicecorr::detail {
+
+/// For one thread. Places are distances from the layer's lower end, in slices, 0..1.
+class InhibitedLayer {
+ public:
+  static constexpr int samples = InhibitedKernel::samples;
+
+  explicit InhibitedLayer(const InhibitedKernel& kernel);
+
+  /// A new layer; `far`: dose at its lower end of slices `near()` and more layers away.
+  void begin(double far);
+  /// `weight` times what a slice of a level adds that lies `j` layers further; j never falls.
+  void add(int j, int setting, int level, double weight);
+  /// After the last `add`. Samples of the dose at (i + 1) / samples; the ends are the caller's, as
+  /// is the middle: known better than by the samples.
+  void sample(double lower, double middle, double upper);
+  /// The least dose of the layer, as far as it is below `known` or 1, and where it crosses 1.
+  void find(double known, InsideLayer& out);
+  /// The dose at a place, from the integral itself.
+  double at(double t) const;
+
+ private:
+  /// Slices first..last of one light.
+  struct Light {
+    int first, last, setting, level;
+    double weight;
+  };
+  struct Point {
+    double t, dose;
+  };
+  void sharpen(double known);
+  void take_points();
+  double turn(double from, double to, bool least) const;
+  double crossing(double low, double high, bool rises) const;
+
+  const InhibitedKernel& kernel_;
+  const double fall_;       ///< of the logarithm of light in a slice
+  const double precision_;  ///< of crossings, in slices
+  double far_ = 0;
+  std::vector<Light> lights_;
+  double dose_[samples + 1] = {};
+  std::vector<Point> points_;
+  double fade_[samples];  ///< of what comes from far
+};
+
+}  // namespace slicecorr::detail

@@ -350,10 +350,6 @@ TEST(InhibitedCorrection, RandomColumnsAreSolid) {
       split += p.figures.split_features;
       lost += p.figures.lost_features;
     }
-    if (std::getenv("SHOW")) {
-      std::printf("%s: %d runs, %d split, %d lost\n", s.name.c_str(), (int)runs, (int)split,
-                  (int)lost);
-    }
     EXPECT_EQ(split, 0U);
     EXPECT_EQ(lost, 0U);
   }

@@ -89,7 +89,7 @@ struct InhibitedColumn::Impl {
   double score(bool* perfect, double most);
   void look_through();
   void look_inside(int k);
-  bool demand_more(bool edges_too);
+  bool demand_more(double times, bool edges_too);
   double least_sampled(int k) const;
   void polish();
   double local_cost(int low, int high) const;
@@ -391,8 +391,8 @@ double InhibitedColumn::Impl::score(bool* perfect, double most) {
   look_through();
   for (const Dip& dip : dips) {
     *perfect = false;
-    // Pieces are worse than an edge that is off by as much; a crack worse the deeper it is.
-    sum += (4 + std::min(4.0, 100.0 * (1.0 - dip.least))) * plan.layer_um;
+    // Pieces are worse than any edge; a crack is worse the deeper it is.
+    sum += (16 + std::min(4.0, 100.0 * (1.0 - dip.least))) * plan.layer_um;
   }
   return sum;
 }
@@ -451,16 +451,16 @@ void InhibitedColumn::Impl::look_through() {
   }
 }
 
-/// Has the nodes around the dips of the best levels demand as much more as is missing there; false
-/// if none of them can. `edges_too`: where that does not help an edge gives way.
-bool InhibitedColumn::Impl::demand_more(bool edges_too) {
+/// Has the nodes around the dips of the best levels demand `times` as much more as is missing
+/// there; false if none of them can. `edges_too`: where that does not help an edge gives way.
+bool InhibitedColumn::Impl::demand_more(double times, bool edges_too) {
   const auto full = [&](int n) { return n >= 0 && kind[static_cast<std::size_t>(n)] == 255; };
   bool any = false;
   for (const Dip& dip : best_dips) {
     for (const int k : {dip.layer, dip.layer + 1}) {
       const bool edge = !full(k) || (k > 0 && !full(k - 1));
       if (edge && !edges_too) continue;
-      demand[static_cast<std::size_t>(k)] += 1.2 * (1.0 - dip.least) + 1e-3;
+      demand[static_cast<std::size_t>(k)] += times * ((1.0 - dip.least) + 1e-3);
       any = true;
     }
   }
@@ -631,20 +631,25 @@ const std::vector<std::uint8_t>& InhibitedColumn::solve(const std::vector<Covera
   // Features that come apart.
   constexpr int kRounds = 10, kEdgesKept = 3;
   for (int round = 0; round < kRounds && !s.best_dips.empty(); ++round) {
-    if (!s.demand_more(round >= kEdgesKept) && round >= kEdgesKept) break;
+    // Where levels are few, the next one is far: ever more of it.
+    if (!s.demand_more(1.0 + round, round >= kEdgesKept) && round >= kEdgesKept) break;
     for (std::size_t b = 0; b < lags.size(); ++b) s.bodies[b].lag = lags[b];
     bool is_perfect = false;
     if (attempt(&is_perfect)) perfect = is_perfect;
   }
   s.fine = !s.plan.dark_fine.empty();
+  bool solid = false;
   for (const double weight : {4e3, 1e5, 1e6}) {
-    if (perfect || (weight > 4e3 && s.best_dips.empty())) break;
+    if (perfect || solid) break;
     s.dip_weight = weight;
     s.levels = s.best;
     s.rebuild();
     s.polish();
     bool is_perfect = false;
-    if (keep_if_better(&is_perfect)) perfect = is_perfect;
+    const bool better = keep_if_better(&is_perfect);
+    perfect = better && is_perfect;
+    // Light without the samples has no dips to weigh.
+    solid = !s.fine || (better && s.best_dips.empty());
   }
   s.fine = false;
   return s.best;

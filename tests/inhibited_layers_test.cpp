@@ -60,9 +60,13 @@ struct Setting {
 
 const std::vector<Setting>& settings() {
   static const std::vector<Setting> all{
-      {"layer by layer, 100 um, 12 s", true, 12, 100},
-      {"layer by layer, 50 um, 5 s", true, 5, 50},
-      {"layer by layer, 200 um, 8 s", true, 8, 200},
+      {"layer by layer, 100 um, 12 s", true, 12, 100, 0.99, 320},
+      {"layer by layer, 50 um, 5 s", true, 5, 50, 0.99, 320},
+      {"layer by layer, 200 um, 8 s", true, 8, 200, 0.99, 320},
+      // Five times the light: few levels left.
+      {"layer by layer, 100 um, strong", true, 12, 100},
+      {"layer by layer, 50 um, strong", true, 5, 50},
+      {"layer by layer, 200 um, strong", true, 8, 200},
       {"layer by layer, 100 um, 1.2 s", true, 1.2, 100},
       {"layer by layer, 50 um, m 0.7", true, 0.25, 50, 0.7, 25},
       {"layer by layer, 100 um, m 1.29", true, 20, 100, 1.29, 200},

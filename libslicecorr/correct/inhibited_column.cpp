@@ -404,20 +404,18 @@ void InhibitedColumn::Impl::look_inside(int k) {
   const double below = node(k + 1);
   inside.crossings.clear();
   inside.least = std::min({below, half, above});
-  // Light falls by a in a slice at most.
-  if (!steps && std::min(below, half) * std::sqrt(plan.kernel->a()) >= 1.0) return;
-  const int end = std::min(k + plan.near, plan.all_layers);
-  const std::uint8_t level = levels[static_cast<std::size_t>(k)];
-  bool same = plan.uniform && !steps && end == k + plan.near;
-  for (int n = k + 1; n < end && same; ++n) same = levels[static_cast<std::size_t>(n)] == level;
-  // After the same light for long the dose approaches its steady value.
-  if (same && inside.least >= 1.0) return;
+  if (!steps && SmoothBounds(below, half, above).low >= 1.0) return;
   const double a = plan.kernel->a();
+  const int end = std::min(k + plan.near, plan.all_layers);
   layer.begin((plan.dark_far[static_cast<std::size_t>(k)] + far_at(far, k)) / a);
   for (int n = k; n < end; ++n) {
     layer.add(n - k, setting(n), levels[static_cast<std::size_t>(n)], ratio(n));
   }
-  layer.sample(steps ? layer.at(0.0) : below, half, above);
+  // Its own slice adds nothing at the window, unless it cures there.
+  const double own =
+      steps ? ratio(k) * plan.kernel->exact(setting(k), levels[static_cast<std::size_t>(k)], 0.0)
+            : 0.0;
+  layer.sample(below + own, half, above);
   layer.find(0.0, inside);
 }
 

@@ -29,17 +29,17 @@ void InhibitedLayer::begin(double far) {
   lights_.clear();
 }
 
-void InhibitedLayer::add(int j, int setting, int level, double weight) {
+void InhibitedLayer::add(int first, int last, int setting, int level, double weight) {
   if (weight == 0 || kernel_.source(setting, level).amount == 0) return;
   if (!lights_.empty()) {
-    Light& last = lights_.back();
-    if (last.last + 1 == j && last.setting == setting && last.level == level &&
-        last.weight == weight) {
-      last.last = j;
+    Light& before = lights_.back();
+    if (before.last + 1 == first && before.setting == setting && before.level == level &&
+        before.weight == weight) {
+      before.last = last;
       return;
     }
   }
-  lights_.push_back({j, j, setting, level, weight});
+  lights_.push_back({first, last, setting, level, weight});
 }
 
 double InhibitedLayer::at(double t) const {
@@ -81,29 +81,33 @@ void InhibitedLayer::sample(double lower, double middle, double upper) {
   dose_[samples] = upper;
 }
 
-/// Where between two places the dose has its turn, by golden sections: there may be a kink.
+/// Where between two places the dose has its turn. There is no kink between them: parabolas.
 double InhibitedLayer::turn(double from, double to, bool least) const {
-  constexpr double kGolden = 0.6180339887498949;
   const double sign = least ? 1.0 : -1.0;
-  double x1 = to - kGolden * (to - from), x2 = from + kGolden * (to - from);
-  double y1 = sign * at(x1), y2 = sign * at(x2);
-  // A kink's slope times what is left of the stretch is below 1e-6 of the dose.
-  for (int step = 0; step < 24; ++step) {
-    if (y1 < y2) {
-      to = x2;
-      x2 = x1;
-      y2 = y1;
-      x1 = to - kGolden * (to - from);
-      y1 = sign * at(x1);
+  double x[3] = {from, 0.5 * (from + to), to};
+  double y[3] = {sign * at(x[0]), sign * at(x[1]), sign * at(x[2])};
+  for (int step = 0; step < 5; ++step) {
+    const double left = (y[1] - y[0]) / (x[1] - x[0]), right = (y[2] - y[1]) / (x[2] - x[1]);
+    if (!(right > left)) break;
+    // Where the slope between the middles of the two stretches is 0.
+    const double a = 0.5 * (x[0] + x[1]), b = 0.5 * (x[1] + x[2]);
+    const double edge = 0.05 * (x[2] - x[0]);
+    const double t = std::clamp(a - left * (b - a) / (right - left), x[0] + edge, x[2] - edge);
+    if (std::abs(t - x[1]) < precision_) break;
+    const double dose = sign * at(t);
+    // The middle one of three stays the least.
+    const int place = t < x[1] ? 0 : 2;
+    if (dose < y[1]) {
+      x[2 - place] = x[1];
+      y[2 - place] = y[1];
+      x[1] = t;
+      y[1] = dose;
     } else {
-      from = x1;
-      x1 = x2;
-      y1 = y2;
-      x2 = from + kGolden * (to - from);
-      y2 = sign * at(x2);
+      x[place] = t;
+      y[place] = dose;
     }
   }
-  return y1 < y2 ? x1 : x2;
+  return x[std::min_element(y, y + 3) - y];
 }
 
 double InhibitedLayer::crossing(double low, double high, bool rises) const {
@@ -134,20 +138,58 @@ double InhibitedLayer::crossing(double low, double high, bool rises) const {
   return 0.5 * (low + high);
 }
 
-/// A sample that decides something is looked at more closely.
-void InhibitedLayer::sharpen(double known) {
-  for (int i = 1; i < samples; ++i) {
-    if (i == samples / 2) continue;
-    double& dose = dose_[i];
-    const double near = kSampleError * (1.0 + dose);
-    if (std::abs(dose - 1.0) < near || dose < known + near) {
-      dose = at(static_cast<double>(i) / samples);
+/// Samples that decide something are looked at more closely.
+void InhibitedLayer::sharpen() {
+  const auto known_well = [](int i) { return i == 0 || i == samples / 2 || i == samples; };
+  int least = 0;
+  for (int i = 1; i <= samples; ++i) {
+    if (!known_well(i) && std::abs(dose_[i] - 1.0) < 2.0 * kSampleError) {
+      dose_[i] = at(static_cast<double>(i) / samples);
     }
+    if (dose_[i] < dose_[least]) least = i;
   }
+  if (!known_well(least)) dose_[least] = at(static_cast<double>(least) / samples);
 }
 
-/// The samples, and where the fronts of lights lie in this layer: layer by layer the dose has kinks
-/// there.
+/// The place of a light's front in this layer; below 0 if it has none there.
+double InhibitedLayer::front(const Light& light) const {
+  const double x = kernel_.source(light.setting, light.level).front_um / kernel_.layer_um();
+  return x <= light.first || x >= light.last + 1 ? -1.0 : x - std::floor(x);
+}
+
+/// Marks the cells between samples in which something may happen: the dose passes 1, or is less
+/// than `known`. False if there are none.
+bool InhibitedLayer::mark_cells(double known) {
+  const double least = std::min(known, *std::min_element(dose_, dose_ + samples + 1));
+  // How far into a cell its last kink lies: up to there light falls by a in a slice at most.
+  double kink[samples] = {};
+  if (kernel_.layer_by_layer()) {
+    for (const Light& light : lights_) {
+      const double t = front(light);
+      if (t < 0) continue;
+      const int i = cell(t);
+      kink[i] = std::max(kink[i], t - static_cast<double>(i) / samples + 1e-9);
+    }
+  }
+  bool any = false;
+  for (int i = 0; i < samples; ++i) {
+    const double a = dose_[i], b = dose_[i + 1], rise = b - a;
+    const double before = i > 0 ? dose_[i] - dose_[i - 1] : rise;
+    const double after = i + 1 < samples ? dose_[i + 2] - dose_[i + 1] : rise;
+    const double bends = std::abs(rise - before) + std::abs(after - rise) + kSampleError * (a + b);
+    const bool turns = kink[i] > 0 || std::abs(rise) <= bends;
+    double low = std::min(a, b) - (turns ? bends : 0.0);
+    if (kink[i] > 0) low = std::min(low, a * (1.0 - fall_ * kink[i]));
+    const double high = std::max(a, b) + (turns ? bends : 0.0);
+    const double near = 2.0 * kSampleError;
+    marked_[i] = (low < 1.0 + near && high >= 1.0 - near) || (turns && low < least);
+    any = any || marked_[i];
+  }
+  return any;
+}
+
+/// The samples, and where the fronts of lights lie in cells that are marked: layer by layer the
+/// dose has kinks there.
 void InhibitedLayer::take_points() {
   points_.clear();
   for (int i = 0; i <= samples; ++i) {
@@ -155,9 +197,8 @@ void InhibitedLayer::take_points() {
   }
   if (!kernel_.layer_by_layer()) return;
   for (const Light& light : lights_) {
-    const double x = kernel_.source(light.setting, light.level).front_um / kernel_.layer_um();
-    if (x <= light.first || x >= light.last + 1) continue;
-    const double t = x - std::floor(x);
+    const double t = front(light);
+    if (t < 0 || !marked_[cell(t)]) continue;
     const auto after = std::lower_bound(points_.begin(), points_.end(), t,
                                         [](const Point& p, double place) { return p.t < place; });
     // Rounding may put it on the wrong side of a sample; that near it changes nothing.
@@ -171,7 +212,11 @@ void InhibitedLayer::take_points() {
 
 void InhibitedLayer::find(double known, InsideLayer& out) {
   out.crossings.clear();
-  sharpen(known);
+  if (!mark_cells(known)) {
+    out.least = *std::min_element(dose_, dose_ + samples + 1);
+    return;
+  }
+  sharpen();
   take_points();
   out.least = std::numeric_limits<double>::infinity();
   for (const Point& p : points_) out.least = std::min(out.least, p.dose);
@@ -184,6 +229,11 @@ void InhibitedLayer::find(double known, InsideLayer& out) {
     const auto [from, a] = points_[c];
     const auto [to, b] = points_[c + 1];
     const double after = c + 1 < cells ? slope(c + 1) : here;
+    if (!marked_[cell(from)]) {
+      before = here;
+      here = after;
+      continue;
+    }
     // The neighbours' straight lines meet no further from the chord than they bend from it.
     const double bends = (to - from) * (std::abs(here - before) + std::abs(after - here));
     before = here;

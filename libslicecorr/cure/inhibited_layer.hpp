@@ -4,6 +4,8 @@
 /// continuous exposure wherever light changes. Samples show where, the dose itself gives how much.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <vector>
 
@@ -11,6 +13,19 @@
 #include "slicecorr/inhibited.hpp"
 
 namespace slicecorr::detail {
+
+/// Between which doses a layer under continuous exposure stays, from those at its ends and in its
+/// middle. The dose is smooth there: it bends no more than twice as far as the three say.
+struct SmoothBounds {
+  double low, high;
+  SmoothBounds(double lower, double middle, double upper)
+      : low(std::min({lower, middle, upper})), high(std::max({lower, middle, upper})) {
+    const double first = middle - lower, second = upper - middle, bend = std::abs(second - first);
+    if (first * second > 0 && std::min(std::abs(first), std::abs(second)) > 2.0 * bend) return;
+    low -= 2.0 * bend;
+    high += 2.0 * bend;
+  }
+};
 
 /// For one thread. Places are distances from the layer's lower end, in slices, 0..1.
 class InhibitedLayer {
@@ -22,7 +37,9 @@ class InhibitedLayer {
   /// A new layer; `far`: dose at its lower end of slices `near()` and more layers away.
   void begin(double far);
   /// `weight` times what a slice of a level adds that lies `j` layers further; j never falls.
-  void add(int j, int setting, int level, double weight);
+  void add(int j, int setting, int level, double weight) { add(j, j, setting, level, weight); }
+  /// The same of slices first..last.
+  void add(int first, int last, int setting, int level, double weight);
   /// After the last `add`. Samples of the dose at (i + 1) / samples; the ends are the caller's, as
   /// is the middle: known better than by the samples.
   void sample(double lower, double middle, double upper);
@@ -40,7 +57,10 @@ class InhibitedLayer {
   struct Point {
     double t, dose;
   };
-  void sharpen(double known);
+  void sharpen();
+  static int cell(double t) { return std::min(static_cast<int>(t * samples), samples - 1); }
+  double front(const Light& light) const;
+  bool mark_cells(double known);
   void take_points();
   double turn(double from, double to, bool least) const;
   double crossing(double low, double high, bool rises) const;
@@ -51,6 +71,7 @@ class InhibitedLayer {
   double far_ = 0;
   std::vector<Light> lights_;
   double dose_[samples + 1] = {};
+  bool marked_[samples] = {};
   std::vector<Point> points_;
   double fade_[samples];  ///< of what comes from far
 };

@@ -87,7 +87,16 @@ class InhibitedWalker final : public BandDose::Walker {
 
   void inside(std::size_t i, double known, InsideLayer& out) const override {
     layer_.begin(tail_[1][i] / root_a_);
-    for (std::size_t j = 0; j < near_; ++j) {
+    std::size_t j = 0;
+    const Slot& newest = slots_[newest_];
+    if (newest.count == 1) {
+      const Shown& now = newest.shown[0];
+      j = same_[i];
+      if (now.levels[i] != off()) {
+        layer_.add(0, static_cast<int>(j) - 1, now.setting, now.levels[i], now.weight);
+      }
+    }
+    for (; j < near_; ++j) {
       const Slot& slot = slots_[(newest_ + j) % near_];
       for (std::size_t k = 0; k < slot.count; ++k) {
         const Shown& shown = slot.shown[k];

@@ -5,6 +5,7 @@
 #include "base/band_tape.hpp"
 #include "base/kernels.hpp"
 #include "base/tile_kernels.hpp"
+#include "cure/inhibited_layer.hpp"
 #include "cure/walkers.hpp"
 #include "predict/tile_sums.hpp"
 #include "slicecorr/predict.hpp"
@@ -377,18 +378,25 @@ void BandPredictor::look_inside(std::size_t first, std::size_t n, const std::uin
   const double *const lower = dose_->lower() + first, *const middle = dose_->middle() + first,
                       *const upper = dose_->upper() + first;
   const double fall = model_.root_a * (1.0 - Prediction::same_dose);
+  const bool smooth = model_.inhibited && model_.mode == ExposureMode::continuous;
   for (std::size_t i = 0; i < n; ++i) {
     if (!turning[first + i]) continue;
-    const double low = std::min(lower[i], middle[i]) * fall;
-    const double high = std::max(middle[i], upper[i]) / fall;
-    const bool passes = low < 1.0 && (high >= 1.0 || lower[i] >= 1.0);
+    double low = std::min(lower[i], middle[i]) * fall;
+    double high = std::max(middle[i], upper[i]) / fall;
+    if (smooth) {
+      const detail::SmoothBounds bounds(lower[i], middle[i], upper[i]);
+      low = std::max(low, bounds.low);
+      high = std::min(high, bounds.high);
+    }
+    const bool passes = low < 1.0 && high >= 1.0;
     double known = -kNever;
     if (cover[i] == 255) {
       known = prediction_.min_inside_layers;
-    } else if (cover[i] == 0 && columns_[first + i].run_below) {
+    } else if (cover[i] == 0 && (columns_[first + i].run_below || class_[first + i] == run)) {
       known = class_[first + i] == gap ? least_[first + i] : kNever;
     }
-    if (!passes && low >= known) continue;
+    const double ends = std::min({lower[i], middle[i], upper[i]});
+    if (!passes && low >= std::min(known, ends)) continue;
     dose_->inside(first + i, known, inside_[i]);
     looked_ |= std::uint64_t{1} << i;
     passes_inside_ = passes_inside_ || !inside_[i].crossings.empty();

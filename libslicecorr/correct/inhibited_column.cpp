@@ -407,7 +407,12 @@ void InhibitedColumn::Impl::look_inside(int k) {
   if (!steps && SmoothBounds(below, half, above).low >= 1.0) return;
   const double a = plan.kernel->a();
   const int end = std::min(k + plan.near, plan.all_layers);
-  layer.begin((plan.dark_far[static_cast<std::size_t>(k)] + far_at(far, k)) / a);
+  const double beyond = (plan.dark_far[static_cast<std::size_t>(k)] + far_at(far, k)) / a;
+  const std::uint8_t level = levels[static_cast<std::size_t>(k)];
+  bool same = plan.uniform && inside.least >= 1.0 && end == k + plan.near;
+  for (int n = k + 1; n < end && same; ++n) same = levels[static_cast<std::size_t>(n)] == level;
+  if (same && layer.steady_above(0, level, 1.0, beyond, 0.0)) return;
+  layer.begin(beyond);
   for (int n = k; n < end; ++n) {
     layer.add(n - k, setting(n), levels[static_cast<std::size_t>(n)], ratio(n));
   }

@@ -21,6 +21,7 @@ InhibitedLayer::InhibitedLayer(const InhibitedKernel& kernel)
     : kernel_(kernel),
       fall_(-std::log(kernel.a())),
       precision_(std::min(kPrecisionUm / kernel.layer_um(), 1e-3)) {
+  steady_.resize(static_cast<std::size_t>(kernel.settings()));
   for (int i = 0; i < samples; ++i) fade_[i] = std::exp(-fall_ * (i + 1) / samples);
 }
 
@@ -171,16 +172,43 @@ bool InhibitedLayer::mark_cells(double known) {
       kink[i] = std::max(kink[i], t - static_cast<double>(i) / samples + 1e-9);
     }
   }
+  const auto rise = [&](int i) { return dose_[i + 1] - dose_[i]; };
+  const auto straight = [&](int i) { return i >= 0 && i < samples && kink[i] == 0; };
+  // How far a stretch of the length of a cell may bend beside cell i, from the two cells there.
+  const auto bend = [&](int i, int step) {
+    return straight(i + step) && straight(i + 2 * step)
+               ? 2.0 * std::abs(rise(i + step) - rise(i + 2 * step))
+               : fall_ / samples * std::max(dose_[i], dose_[i + 1]);
+  };
   bool any = false;
   for (int i = 0; i < samples; ++i) {
-    const double a = dose_[i], b = dose_[i + 1], rise = b - a;
-    const double before = i > 0 ? dose_[i] - dose_[i - 1] : rise;
-    const double after = i + 1 < samples ? dose_[i + 2] - dose_[i + 1] : rise;
-    const double bends = std::abs(rise - before) + std::abs(after - rise) + kSampleError * (a + b);
-    const bool turns = kink[i] > 0 || std::abs(rise) <= bends;
-    double low = std::min(a, b) - (turns ? bends : 0.0);
-    if (kink[i] > 0) low = std::min(low, a * (1.0 - fall_ * kink[i]));
-    const double high = std::max(a, b) + (turns ? bends : 0.0);
+    const double a = dose_[i], b = dose_[i + 1];
+    const double error = kSampleError * (a + b);
+    double low = std::min(a, b), high = std::max(a, b);
+    bool turns = true;
+    if (kink[i] > 0) {
+      // Up to its kink the dose goes on as before, behind it as after.
+      const double share = kink[i] * samples;
+      double least_there = a * (1.0 - fall_ * kink[i]);
+      if (straight(i - 1)) {
+        least_there = std::max(least_there, a + share * (rise(i - 1) - bend(i, -1)));
+      }
+      low = std::min(low, least_there) - bend(i, 1) - error;
+      high += fall_ / samples * high + error;
+    } else {
+      const bool before = straight(i - 1), after = straight(i + 1);
+      const double bends =
+          before || after
+              ? (before && after ? 1.0 : 2.0) * ((before ? std::abs(rise(i) - rise(i - 1)) : 0.0) +
+                                                 (after ? std::abs(rise(i + 1) - rise(i)) : 0.0)) +
+                    error
+              : fall_ / samples * high;
+      turns = std::abs(b - a) <= bends;
+      if (turns) {
+        low -= bends;
+        high += bends;
+      }
+    }
     const double near = 2.0 * kSampleError;
     marked_[i] = (low < 1.0 + near && high >= 1.0 - near) || (turns && low < least);
     any = any || marked_[i];
@@ -193,7 +221,7 @@ bool InhibitedLayer::mark_cells(double known) {
 void InhibitedLayer::take_points() {
   points_.clear();
   for (int i = 0; i <= samples; ++i) {
-    points_.push_back({static_cast<double>(i) / samples, dose_[i]});
+    points_.push_back({static_cast<double>(i) / samples, dose_[i], false});
   }
   if (!kernel_.layer_by_layer()) return;
   for (const Light& light : lights_) {
@@ -206,8 +234,36 @@ void InhibitedLayer::take_points() {
         t - std::prev(after)->t < precision_) {
       continue;
     }
-    points_.insert(after, {t, at(t)});
+    points_.insert(after, {t, at(t), true});
   }
+}
+
+bool InhibitedLayer::steady_above(int setting, int level, double weight, double far, double known) {
+  std::vector<Steady>& of_level = steady_[static_cast<std::size_t>(setting)];
+  if (of_level.empty()) of_level.resize(static_cast<std::size_t>(kernel_.levels()));
+  Steady& steady = of_level[static_cast<std::size_t>(level)];
+  if (steady.points.empty()) {
+    begin(0);
+    add(0, kernel_.near() - 1, setting, level, 1.0);
+    sample(at(0), at(0.5), at(1));
+    std::fill_n(marked_, samples, true);
+    take_points();
+    double bend = 0;
+    for (std::size_t i = 1; i + 1 < points_.size(); ++i) {
+      const Point &p = points_[i - 1], &q = points_[i], &r = points_[i + 1];
+      if (q.kink) continue;
+      const double before = (q.dose - p.dose) / (q.t - p.t),
+                   after = (r.dose - q.dose) / (r.t - q.t);
+      bend = std::max(bend, std::abs(after - before) / samples);
+    }
+    steady.slack = bend + kSampleError * dose_[samples];
+    for (const Point& p : points_) steady.points.push_back({p.dose, std::exp(-fall_ * p.t)});
+  }
+  double low = std::numeric_limits<double>::infinity();
+  for (const auto& [light, fade] : steady.points) low = std::min(low, weight * light + far * fade);
+  // What fades bends by the square of its fall in a cell.
+  const double slack = weight * steady.slack + far * fall_ * fall_ / (samples * samples);
+  return low - slack >= std::max(1.0, known);
 }
 
 void InhibitedLayer::find(double known, InsideLayer& out) {
@@ -226,16 +282,23 @@ void InhibitedLayer::find(double known, InsideLayer& out) {
   };
   double before = slope(0), here = before;
   for (std::size_t c = 0; c < cells; ++c) {
-    const auto [from, a] = points_[c];
-    const auto [to, b] = points_[c + 1];
+    const double from = points_[c].t, a = points_[c].dose;
+    const double to = points_[c + 1].t, b = points_[c + 1].dose;
     const double after = c + 1 < cells ? slope(c + 1) : here;
     if (!marked_[cell(from)]) {
       before = here;
       here = after;
       continue;
     }
-    // The neighbours' straight lines meet no further from the chord than they bend from it.
-    const double bends = (to - from) * (std::abs(here - before) + std::abs(after - here));
+    // The neighbours' straight lines meet no further from the chord than they bend from it; beyond
+    // a kink they say nothing. Without any, light falls by a in a slice at most.
+    const bool has_before = c > 0 && !points_[c].kink;
+    const bool has_after = c + 1 < cells && !points_[c + 1].kink;
+    const double bends = has_before || has_after
+                             ? (to - from) * (has_before && has_after ? 1.0 : 2.0) *
+                                   ((has_before ? std::abs(here - before) : 0.0) +
+                                    (has_after ? std::abs(after - here) : 0.0))
+                             : (to - from) * fall_ * std::max(a, b);
     before = here;
     here = after;
     const bool printed = a >= 1.0, alike = printed == (b >= 1.0);

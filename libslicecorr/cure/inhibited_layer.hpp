@@ -45,6 +45,9 @@ class InhibitedLayer {
   void sample(double lower, double middle, double upper);
   /// The least dose of the layer, as far as it is below `known` or 1, and where it crosses 1.
   void find(double known, InsideLayer& out);
+  /// Whether the dose is at least 1 and `known` all through a layer whose nearest slices all show
+  /// one level, with `far` as in `begin`. Begins a layer of its own.
+  bool steady_above(int setting, int level, double weight, double far, double known);
   /// The dose at a place, from the integral itself.
   double at(double t) const;
 
@@ -56,8 +59,17 @@ class InhibitedLayer {
   };
   struct Point {
     double t, dose;
+    bool kink = false;
   };
   void sharpen();
+  /// Light of one level for long, and what is left of far light, at the points of a layer.
+  struct Steady {
+    struct At {
+      double light, fade;
+    };
+    std::vector<At> points;
+    double slack = 0;  ///< by which light may be less between the points
+  };
   static int cell(double t) { return std::min(static_cast<int>(t * samples), samples - 1); }
   double front(const Light& light) const;
   bool mark_cells(double known);
@@ -72,6 +84,7 @@ class InhibitedLayer {
   std::vector<Light> lights_;
   double dose_[samples + 1] = {};
   bool marked_[samples] = {};
+  std::vector<std::vector<Steady>> steady_;  ///< [setting][level], made when it is asked for
   std::vector<Point> points_;
   double fade_[samples];  ///< of what comes from far
 };

@@ -86,9 +86,18 @@ class InhibitedWalker final : public BandDose::Walker {
   }
 
   void inside(std::size_t i, double known, InsideLayer& out) const override {
-    layer_.begin(tail_[1][i] / root_a_);
-    std::size_t j = 0;
+    const double far = tail_[1][i] / root_a_;
     const Slot& newest = slots_[newest_];
+    if (same_[i] >= near_ && newest.shown[0].levels[i] != off() && lower[i] >= 1.0) {
+      const Shown& now = newest.shown[0];
+      if (layer_.steady_above(now.setting, now.levels[i], now.weight, far, known)) {
+        out.crossings.clear();
+        out.least = std::min({lower[i], middle[i], upper[i]});
+        return;
+      }
+    }
+    layer_.begin(far);
+    std::size_t j = 0;
     if (newest.count == 1) {
       const Shown& now = newest.shown[0];
       j = same_[i];

@@ -362,14 +362,14 @@ TEST_F(Cli, FiguresAndFilesOfAllRoutesAgree) {
           good(Command{"verify", "target.uvj", "--target", "target.uvj", "--json", "-"} + setup())),
       ran["uncorrected"]);
 
-  for (const char* key :
-       {"layers", "layer_um", "pixel_um", "target_voxels", "printed_voxels", "cure_through_voxels",
-        "undercure_voxels", "iou", "lost_features", "merged_features", "grey_voxels"}) {
+  for (const char* key : {"layers", "layer_um", "pixel_um", "target_voxels", "printed_voxels",
+                          "cure_through_voxels", "undercure_voxels", "iou", "lost_features",
+                          "split_features", "merged_features", "grey_voxels"}) {
     EXPECT_TRUE(ran.contains(key) && (ran[key].is_number())) << key;
   }
   const std::map<std::string, std::vector<std::string>> groups{
       {"height_error_um", {"mean_abs", "p95_abs", "max_abs"}},
-      {"dose", {"min_inside", "max_inside", "max_outside"}},
+      {"dose", {"min_inside", "max_inside", "min_inside_layers", "max_outside"}},
       {"gap_contrast", {"min", "p05"}},
       {"grey_dose_error", {"mean_abs", "p95_abs"}}};
   for (const auto& [group, keys] : groups) {

@@ -62,7 +62,8 @@ Predicted predict(const CureModel& model, const std::vector<Bytes>& pixels,
 constexpr int kFine = 200;
 struct Sampled {
   Edges edges;
-  std::uint64_t through = 0, under = 0, lost = 0, merged = 0, teeth = 0;
+  std::uint64_t through = 0, under = 0, lost = 0, merged = 0, teeth = 0, split = 0;
+  double least = 1e300;  ///< inside layers of features
   std::vector<double> contrasts;
 };
 Sampled sample(const CureModel& m, const Bytes& pixels, const Bytes& coverage) {
@@ -110,6 +111,12 @@ Sampled sample(const CureModel& m, const Bytes& pixels, const Bytes& coverage) {
       bool any = false;
       for (int q = q0; q < q1; ++q) any |= is(q);
       s.lost += !any;
+      int pieces = 0;
+      for (int q = q0; q < q1; ++q) {
+        pieces += is(q) && (q == q0 || !is(q - 1));
+        s.least = std::min(s.least, doses[static_cast<std::size_t>(q)]);
+      }
+      s.split += pieces > 1;
       // Upper edge, gap above.
       if (begin > 0 && cover(begin - 1) == 0) {
         int gap = begin;
@@ -203,6 +210,10 @@ TEST(LayerwisePredict, EqualsFineSamplingOfTheDose) {
     ASSERT_EQ(f.cure_through_voxels, s.through);
     ASSERT_EQ(f.undercure_voxels, s.under);
     ASSERT_EQ(f.lost_features, s.lost);
+    ASSERT_EQ(f.split_features, s.split);
+    if (s.least < 1e300) {
+      ASSERT_EQ(f.min_inside_layers, s.least);
+    }
     ASSERT_EQ(f.merged_features, s.merged);
     ASSERT_EQ(f.gap_teeth, s.teeth) << trial;
     ASSERT_EQ(f.gap_contrast.count(), s.contrasts.size());

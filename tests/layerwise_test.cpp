@@ -258,10 +258,13 @@ TEST(LayerwiseDose, EqualsTheDirectSum) {
     }
     // The crossing is where the direct sum is 1.
     BandDose band(m, 1);
+    InsideLayer inside;
     for (int n = layers; n-- > 0;) {
       band.add_slice(n, &pixels[static_cast<std::size_t>(n)]);
-      if (*band.lower() < 1 || *band.upper() >= 1) continue;
-      EXPECT_NEAR(direct(n + 1 - band.crossing(0), n), 1.0, 1e-12);
+      band.inside(0, 0.0, inside);
+      EXPECT_EQ(inside.least, *band.upper());
+      EXPECT_EQ(inside.crossings.size(), *band.lower() >= 1 && *band.upper() < 1 ? 1U : 0U);
+      for (const double d : inside.crossings) EXPECT_NEAR(direct(n + 1 - d, n), 1.0, 1e-12);
     }
   }
 }

@@ -18,8 +18,9 @@ using test::figure_2_2;
 
 struct Figures {
   std::vector<double> errors_um, contrasts, grey_errors;
-  std::uint64_t target = 0, printed = 0, through = 0, under = 0, grey = 0, lost = 0, merged = 0;
-  double min_in = 1e300, max_in = -1e300, max_out = -1e300;
+  std::uint64_t target = 0, printed = 0, through = 0, under = 0, grey = 0, lost = 0, merged = 0,
+                split = 0;
+  double min_in = 1e300, min_through = 1e300, max_in = -1e300, max_out = -1e300;
 };
 
 /// The definitions read off the list of printed intervals of one column.
@@ -71,6 +72,12 @@ Figures figures_of(const CureModel& m, const std::vector<double>& phi,
       bool any = false;
       for (int k = n; k <= end; ++k) any |= dose[static_cast<std::size_t>(k)] >= 1;
       f.lost += !any;
+      for (int k = n; k <= end; ++k) {
+        f.min_through = std::min(f.min_through, dose[static_cast<std::size_t>(k)]);
+      }
+      const auto pieces = std::count_if(printed.begin(), printed.end(),
+                                        [&](const auto& p) { return p.first < L && p.second > U; });
+      f.split += pieces > 1;
       if (n > 0 && cover(n - 1) == 0) {
         if (is_printed(U)) {
           int g = n;
@@ -139,6 +146,7 @@ TEST(Predict, RandomColumnsAgreeWithTheIntervals) {
   std::mt19937 random(21);
   const CureModel m = figure_2_2();
   const PixelCurve curve = pixel_curve(m);
+  std::uint64_t all_split = 0;
   for (int round = 0; round < 400; ++round) {
     const std::size_t columns = 1 + random() % 70;
     const int all = 2 + static_cast<int>(random() % 60);
@@ -184,6 +192,8 @@ TEST(Predict, RandomColumnsAgreeWithTheIntervals) {
       want.grey += f.grey;
       want.lost += f.lost;
       want.merged += f.merged;
+      want.split += f.split;
+      want.min_through = std::min(want.min_through, f.min_through);
       want.min_in = std::min(want.min_in, f.min_in);
       want.max_in = std::max(want.max_in, f.max_in);
       want.max_out = std::max(want.max_out, f.max_out);
@@ -196,10 +206,13 @@ TEST(Predict, RandomColumnsAgreeWithTheIntervals) {
     ASSERT_EQ(got.grey_voxels, want.grey);
     ASSERT_EQ(got.lost_features, want.lost);
     ASSERT_EQ(got.merged_features, want.merged);
+    ASSERT_EQ(got.split_features, want.split);
+    all_split += want.split;
     ASSERT_EQ(got.gaps, want.contrasts.size());
     ASSERT_EQ(got.height_error_um.count(), want.errors_um.size());
     if (want.target) {
       ASSERT_EQ(got.min_dose_inside, want.min_in);
+      ASSERT_EQ(got.min_inside_layers, want.min_through);
       ASSERT_EQ(got.max_dose_inside, want.max_in);
     }
     if (want.max_out > -1) {
@@ -224,6 +237,29 @@ TEST(Predict, RandomColumnsAgreeWithTheIntervals) {
       ASSERT_NEAR(got.grey_dose_error.mean(), mean(want.grey_errors), 1e-6);
     }
   }
+  EXPECT_GT(all_split, 20U);
+}
+
+TEST(Predict, AHairlineSplitsNothing) {
+  // The dose of the second layer ends at 1 less `lack`, and rises again in the one above.
+  const CureModel m = figure_2_2();
+  PixelCurve curve{};
+  const auto predict = [&](double lack) {
+    curve[1] = 2.0 / m.one_minus_a;                         // the lowest: to 2
+    curve[2] = (1.0 - lack - m.a * 2.0) / m.one_minus_a;    // falls to 1 - lack
+    curve[3] = (1.5 - m.a * (1.0 - lack)) / m.one_minus_a;  // rises to 1.5
+    const std::vector<std::uint8_t> pixels{3, 2, 1}, full{255, 255, 255};
+    BandPredictor predictor(m, curve, 3, 1);
+    for (std::size_t n = 3; n-- > 0;)
+      predictor.add_slice(static_cast<int>(n), &pixels[n], &full[n]);
+    return predictor.finish(0, 0, 1);
+  };
+  for (const double lack : {1e-12, 1e-9, 5e-7}) {
+    EXPECT_EQ(predict(lack).split_features, 0U) << lack;
+    EXPECT_EQ(predict(lack).runs, 1U);
+  }
+  for (const double lack : {2e-6, 1e-3, 0.2}) EXPECT_EQ(predict(lack).split_features, 1U) << lack;
+  EXPECT_EQ(predict(-1e-9).split_features, 0U);
 }
 
 TEST(Predict, UncorrectedLadderOfFigure22) {

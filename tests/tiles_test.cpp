@@ -133,6 +133,7 @@ void expect_same(const Prediction& got, const Prediction& want) {
   ASSERT_EQ(got.gap_teeth, want.gap_teeth);
   ASSERT_EQ(got.lost_examples.sorted(), want.lost_examples.sorted());
   ASSERT_EQ(got.merged_examples.sorted(), want.merged_examples.sorted());
+  ASSERT_EQ(got.split_examples.sorted(), want.split_examples.sorted());
   const auto same = [](const Histogram& a, const Histogram& b) {
     return a.count() == b.count() && a.scaled_sum() == b.scaled_sum() && a.least() == b.least() &&
            a.greatest() == b.greatest() && a.quantile(0.3) == b.quantile(0.3);

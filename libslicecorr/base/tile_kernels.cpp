@@ -156,8 +156,8 @@ PrintedLanes Predict(const PredictStep& s) {
   // Stores to doubles might change what `s` points to, for all that the compiler knows.
   const double *const add = s.add, *const add_middle = s.add_middle, *const before = s.from;
   double *const to = s.to, *const inside_low = s.inside_low, *const inside_high = s.inside_high,
-                *const outside_high = s.outside_high, *const gap_low = s.gap_low;
-  const LaneMask runs = s.run, gaps = s.gap;
+                *const outside_high = s.outside_high, *const stretch_low = s.stretch_low;
+  const LaneMask runs = s.run, gaps = s.gap, stays = s.stays;
   LaneMask at_node = 0, in_middle = 0;
   for (std::size_t l = 0; l < kLanes; l += hn::Lanes(d)) {
     const auto from = hn::LoadU(d, before + l);
@@ -166,13 +166,13 @@ PrintedLanes Predict(const PredictStep& s) {
     hn::StoreU(dose, d, to + l);
     at_node |= bits_of(d, hn::Ge(dose, one)) << l;
     in_middle |= bits_of(d, hn::Ge(middle, one)) << l;
-    const auto run = mask_of(d, runs, l), gap = mask_of(d, gaps, l);
+    const auto run = mask_of(d, runs, l), gap = mask_of(d, gaps, l), stay = mask_of(d, stays, l);
     const auto low = hn::LoadU(d, inside_low + l), high = hn::LoadU(d, inside_high + l),
-               out = hn::LoadU(d, outside_high + l), least = hn::LoadU(d, gap_low + l);
+               out = hn::LoadU(d, outside_high + l), least = hn::LoadU(d, stretch_low + l);
     hn::StoreU(hn::IfThenElse(run, hn::Min(middle, low), low), d, inside_low + l);
     hn::StoreU(hn::IfThenElse(run, hn::Max(middle, high), high), d, inside_high + l);
     hn::StoreU(hn::IfThenElse(gap, hn::Max(middle, out), out), d, outside_high + l);
-    hn::StoreU(hn::IfThenElse(gap, hn::Min(dose, least), least), d, gap_low + l);
+    hn::StoreU(hn::IfThenElse(stay, hn::Min(dose, least), least), d, stretch_low + l);
   }
   PrintedLanes printed{};
   printed.node = at_node;

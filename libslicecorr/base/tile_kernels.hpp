@@ -42,9 +42,11 @@ struct PredictStep {
   const double* add_middle;  ///< phi (1 - root_a)
   const double* from;
   LaneMask run, gap;
+  LaneMask stays;  ///< lanes in runs and gaps that were in the same one a slice before
   double* to;
-  /// Least and greatest doses at mid-layer in runs, the greatest in gaps, the least at nodes there.
-  double *inside_low, *inside_high, *outside_high, *gap_low;
+  /// Least and greatest doses at mid-layer in runs, the greatest in gaps, the least at nodes while
+  /// in `stays`.
+  double *inside_low, *inside_high, *outside_high, *stretch_low;
 };
 struct PrintedLanes {
   LaneMask node, middle;

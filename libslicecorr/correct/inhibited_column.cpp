@@ -5,6 +5,8 @@
 #include <limits>
 
 #include "correct/band_solvers.hpp"
+#include "cure/inhibited_layer.hpp"
+#include "slicecorr/predict.hpp"
 
 namespace slicecorr::detail {
 
@@ -21,7 +23,13 @@ struct InhibitedColumn::Impl {
         kind(count(), 0),
         levels(count()),
         best(count()),
-        old(count()) {}
+        old(count()),
+        layer(*p.kernel) {
+    for (int i = 0; i < samples; ++i) {
+      fade[i] = std::pow(p.kernel->a(), static_cast<double>(i + 1) / samples - 1.0);
+    }
+  }
+  static constexpr int samples = InhibitedKernel::samples;
 
   /// Covered layers that follow each other: nodes upper .. lower have demands.
   struct Body {
@@ -72,8 +80,17 @@ struct InhibitedColumn::Impl {
     return plan.dark_node[i] + far[static_cast<std::size_t>(next)] *
                                    std::pow(plan.kernel->a(), next - k - plan.near + 1);
   }
+  /// Where a feature comes apart: the layer in which its dose is least between two printed pieces.
+  struct Dip {
+    int layer;
+    double least;
+  };
   double edge_error_um(const Edge& e) const;
-  double score(bool* perfect) const;
+  double score(bool* perfect, double most);
+  void look_through();
+  void look_inside(int k);
+  bool demand_more(double times, bool edges_too);
+  double least_sampled(int k) const;
   void polish();
   double local_cost(int low, int high) const;
   void rebuild();
@@ -87,6 +104,14 @@ struct InhibitedColumn::Impl {
   std::vector<Body> bodies;
   std::vector<Edge> edges;
   std::vector<std::uint8_t> levels, best, old;
+  /// Light at the samples of each layer from slices nearer than near; kept while `fine` is set.
+  std::vector<float> near_fine;
+  bool fine = false;
+  double dip_weight = 0;
+  double fade[samples];  ///< of what is far away, from a layer's upper end to its samples
+  InhibitedLayer layer;
+  InsideLayer inside;
+  std::vector<Dip> dips, best_dips;
   int last = 0;  ///< highest node with a demand
 };
 
@@ -205,6 +230,14 @@ void InhibitedColumn::Impl::change(int n, int from, int to) {
     const double* middle_row = middle_light.row(s, j);
     near_dose[k] += r * (node_row[to] - node_row[from]);
     near_middle[k] += r * (middle_row[to] - middle_row[from]);
+  }
+  if (!fine) return;
+  const float* const table = plan.kernel->fine(s);
+  for (int j = 0; j < end; ++j) {
+    const float* const more = table + static_cast<std::size_t>(j * plan.levels + to) * samples;
+    const float* const less = table + static_cast<std::size_t>(j * plan.levels + from) * samples;
+    float* const out = &near_fine[static_cast<std::size_t>(n - j) * samples];
+    for (int i = 0; i < samples; ++i) out[i] += static_cast<float>(r) * (more[i] - less[i]);
   }
 }
 
@@ -335,7 +368,9 @@ double InhibitedColumn::Impl::edge_error_um(const Edge& e) const {
   return printed ? 1000.0 : -1000.0;
 }
 
-double InhibitedColumn::Impl::score(bool* perfect) const {
+/// How far a column is from its design, um; infinite as soon as it is beyond `most`. `dips` are
+/// only right when it is not.
+double InhibitedColumn::Impl::score(bool* perfect, double most) {
   double sum = 0;
   *perfect = true;
   for (const Edge& e : edges) {
@@ -352,7 +387,100 @@ double InhibitedColumn::Impl::score(bool* perfect) const {
     // A feature that is lost is worse than one that grew.
     sum += (c == 255 ? 4 : 2) * plan.layer_um;
   }
+  if (sum >= most) return std::numeric_limits<double>::infinity();
+  look_through();
+  for (const Dip& dip : dips) {
+    *perfect = false;
+    // Pieces are worse than any edge; a crack is worse the deeper it is.
+    sum += (16 + std::min(4.0, 100.0 * (1.0 - dip.least))) * plan.layer_um;
+  }
   return sum;
+}
+
+/// The dose inside layer k of a feature.
+void InhibitedColumn::Impl::look_inside(int k) {
+  const double above = node(k), half = middle(k);
+  const bool steps = plan.kernel->layer_by_layer();
+  const double below = node(k + 1);
+  inside.crossings.clear();
+  inside.least = std::min({below, half, above});
+  if (!steps && SmoothBounds(below, half, above).low >= 1.0) return;
+  const double a = plan.kernel->a();
+  const int end = std::min(k + plan.near, plan.all_layers);
+  const double beyond = (plan.dark_far[static_cast<std::size_t>(k)] + far_at(far, k)) / a;
+  const std::uint8_t level = levels[static_cast<std::size_t>(k)];
+  bool same = plan.uniform && inside.least >= 1.0 && end == k + plan.near;
+  for (int n = k + 1; n < end && same; ++n) same = levels[static_cast<std::size_t>(n)] == level;
+  if (same && layer.steady_above(0, level, 1.0, beyond, 0.0)) return;
+  layer.begin(beyond);
+  for (int n = k; n < end; ++n) {
+    layer.add(n - k, setting(n), levels[static_cast<std::size_t>(n)], ratio(n));
+  }
+  // Its own slice adds nothing at the window, unless it cures there.
+  const double own =
+      steps ? ratio(k) * plan.kernel->exact(setting(k), levels[static_cast<std::size_t>(k)], 0.0)
+            : 0.0;
+  layer.sample(below + own, half, above);
+  layer.find(0.0, inside);
+}
+
+/// Finds the dips of all features; see Prediction::split_features.
+void InhibitedColumn::Impl::look_through() {
+  dips.clear();
+  const auto full = [&](int n) { return n >= 0 && kind[static_cast<std::size_t>(n)] == 255; };
+  for (int n = plan.layers; n-- > 0;) {
+    if (!full(n)) continue;
+    bool any = false, printed = false;
+    Dip dip{n, 1.0};
+    const auto turn = [&](bool prints) {
+      if (prints == printed) return;
+      printed = prints;
+      if (!prints) return;
+      if (any && dip.least < 1.0 - Prediction::same_dose) dips.push_back(dip);
+      any = true;
+      dip.least = 1.0;
+    };
+    for (; full(n); --n) {
+      look_inside(n);
+      bool prints = (node(n) >= 1.0) == (inside.crossings.size() % 2 == 0);
+      turn(prints);
+      for (std::size_t i = 0; i <= inside.crossings.size(); ++i) {
+        if (inside.least < dip.least && (i == 0 || !printed)) dip = {n, inside.least};
+        if (i == inside.crossings.size()) break;
+        prints = !prints;
+        turn(prints);
+      }
+    }
+  }
+}
+
+/// Has the nodes around the dips of the best levels demand `times` as much more as is missing
+/// there; false if none of them can. `edges_too`: where that does not help an edge gives way.
+bool InhibitedColumn::Impl::demand_more(double times, bool edges_too) {
+  const auto full = [&](int n) { return n >= 0 && kind[static_cast<std::size_t>(n)] == 255; };
+  bool any = false;
+  for (const Dip& dip : best_dips) {
+    for (const int k : {dip.layer, dip.layer + 1}) {
+      const bool edge = !full(k) || (k > 0 && !full(k - 1));
+      if (edge && !edges_too) continue;
+      demand[static_cast<std::size_t>(k)] += times * ((1.0 - dip.least) + 1e-3);
+      any = true;
+    }
+  }
+  return any;
+}
+
+/// The least of the samples of layer k; only while `fine` is set.
+double InhibitedColumn::Impl::least_sampled(int k) const {
+  const auto at = static_cast<std::size_t>(k) * samples;
+  const auto beyond = static_cast<float>(far_at(far, k));
+  float least = std::numeric_limits<float>::infinity();
+  for (std::size_t i = 0; i < samples; ++i) {
+    const float dose =
+        plan.dark_fine[at + i] + near_fine[at + i] + beyond * static_cast<float>(fade[i]);
+    least = std::min(least, dose);
+  }
+  return static_cast<double>(least);
 }
 
 /// Squares of what is wrong at nodes and middles of the layers [low, high).
@@ -367,6 +495,8 @@ double InhibitedColumn::Impl::local_cost(int low, int high) const {
     const int c = n < plan.layers ? kind[static_cast<std::size_t>(n)] : 0;
     const double m = middle(n);
     if (c == 255) {
+      const double dips = fine ? std::max(0.0, 1.003 - least_sampled(n)) : 0.0;
+      cost += dip_weight * dips * dips;
       const double lacks = std::max(0.0, 1.004 - m), far_over = std::max(0.0, m - 1.15);
       cost += 400.0 * lacks * lacks + 0.02 * far_over * far_over;
     } else if (c == 0) {
@@ -382,6 +512,7 @@ void InhibitedColumn::Impl::rebuild() {
   std::fill(near_middle.begin(), near_middle.end(), 0.0);
   std::fill(far.begin(), far.end(), 0.0);
   std::fill(far_middle.begin(), far_middle.end(), 0.0);
+  if (fine) near_fine.assign(count() * samples, 0.0F);
   for (int n = plan.all_layers; n-- > 0;) add(n, levels[static_cast<std::size_t>(n)]);
 }
 
@@ -454,10 +585,11 @@ const std::vector<std::uint8_t>& InhibitedColumn::solve(const std::vector<Covera
   double least = std::numeric_limits<double>::infinity();
   bool perfect = false;
   const auto keep_if_better = [&](bool* is_perfect) {
-    const double score = s.score(is_perfect);
+    const double score = s.score(is_perfect, least);
     if (score >= least) return false;
     least = score;
     s.best = s.levels;
+    s.best_dips = s.dips;
     return true;
   };
   const auto attempt = [&](bool* is_perfect) {
@@ -499,13 +631,30 @@ const std::vector<std::uint8_t>& InhibitedColumn::solve(const std::vector<Covera
       }
     }
   }
-  if (!perfect) {
+  // Features that come apart.
+  constexpr int kRounds = 10, kEdgesKept = 3;
+  for (int round = 0; round < kRounds && !s.best_dips.empty(); ++round) {
+    // Where levels are few, the next one is far: ever more of it.
+    if (!s.demand_more(1.0 + round, round >= kEdgesKept) && round >= kEdgesKept) break;
+    for (std::size_t b = 0; b < lags.size(); ++b) s.bodies[b].lag = lags[b];
+    bool is_perfect = false;
+    if (attempt(&is_perfect)) perfect = is_perfect;
+  }
+  s.fine = !s.plan.dark_fine.empty();
+  bool solid = false;
+  for (const double weight : {4e3, 1e5, 1e6}) {
+    if (perfect || solid) break;
+    s.dip_weight = weight;
     s.levels = s.best;
     s.rebuild();
     s.polish();
     bool is_perfect = false;
-    keep_if_better(&is_perfect);
+    const bool better = keep_if_better(&is_perfect);
+    perfect = better && is_perfect;
+    // Light without the samples has no dips to weigh.
+    solid = !s.fine || (better && s.best_dips.empty());
   }
+  s.fine = false;
   return s.best;
 }
 

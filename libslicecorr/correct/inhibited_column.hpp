@@ -65,7 +65,10 @@ struct InhibitedPlan {
   bool uniform = true;                         ///< one setting and one exposure for all slices
   std::vector<int> lags;                       ///< to be tried, the best guess first
   std::vector<double> dark_node, dark_middle;  ///< dose that black slices alone leave, per layer
-  double tolerance_um = 1;                     ///< edges nearer than this are good enough
+  std::vector<double> dark_far;  ///< of dark_node, what slices near and more layers away leave
+  /// The same at InhibitedKernel::samples places of each layer; layer by layer only.
+  std::vector<float> dark_fine;
+  double tolerance_um = 1;  ///< edges nearer than this are good enough
 };
 
 /// Chooses the levels of columns one by one; keeps its buffers. For one thread.

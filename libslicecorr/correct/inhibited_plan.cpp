@@ -60,19 +60,21 @@ InhibitedPlan::InhibitedPlan(const CureModel& model, bool merge, int target_laye
   steady = cap;
   while (steady > 0 && kernel->steady_dose(strongest, steady - 1) >= 1.0) --steady;
   // Layer by layer the dose ripples between nodes: the least in a layer is what has to gel.
-  const auto steady_at = [&](InhibitedKernel::Place place) {
-    const double* table = kernel->table(strongest, place);
-    double sum = 0;
-    for (int j = 0; j < near; ++j) sum += table[j * levels + steady];
-    return sum + table[(near - 1) * levels + steady] * kernel->a() / (1.0 - kernel->a());
-  };
-  const double at_node = steady_at(InhibitedKernel::upper_end);
   double ripple = 1.0;
-  for (const auto place :
-       {InhibitedKernel::quarter, InhibitedKernel::middle, InhibitedKernel::three_quarters}) {
-    ripple = std::max(ripple, at_node / steady_at(place));
+  if (model.mode == ExposureMode::layerwise) {
+    constexpr int samples = InhibitedKernel::samples;
+    const float* const fine = kernel->fine(strongest);
+    double sum[samples] = {};
+    for (int j = 0; j < near; ++j) {
+      for (int i = 0; i < samples; ++i) {
+        const double light = fine[static_cast<std::size_t>(j * levels + steady) * samples +
+                                  static_cast<std::size_t>(i)];
+        sum[i] += j + 1 < near ? light : light / (1.0 - kernel->a());
+      }
+    }
+    ripple = sum[samples - 1] / *std::min_element(sum, sum + samples);
   }
-  inside = kInside * (model.mode == ExposureMode::layerwise ? ripple : 1.0);
+  inside = kInside * ripple;
   holding = steady;
   while (holding < levels && kernel->steady_dose(strongest, holding) < inside) ++holding;
   for (const double r : model.exposure_ratio) uniform = uniform && r == 1.0;
@@ -110,11 +112,28 @@ InhibitedPlan::InhibitedPlan(const CureModel& model, bool merge, int target_laye
             model.ratio(k + j) * kernel->table(kernel->setting_of_slice(k + j), place)[j * levels];
       }
       dose[static_cast<std::size_t>(k)] = sum;
+      if (place == InhibitedKernel::upper_end) dark_far[static_cast<std::size_t>(k)] = far;
     }
     return dose;
   };
+  dark_far.resize(count);
   dark_node = dark(InhibitedKernel::upper_end);
   dark_middle = dark(InhibitedKernel::middle);
+  if (model.mode != ExposureMode::layerwise) return;
+  constexpr std::size_t samples = InhibitedKernel::samples;
+  dark_fine.resize(count * samples);
+  for (int k = 0; k < all_layers; ++k) {
+    float* const out = &dark_fine[static_cast<std::size_t>(k) * samples];
+    for (std::size_t i = 0; i < samples; ++i) {
+      const double t = static_cast<double>(i + 1) / samples;
+      double sum = dark_far[static_cast<std::size_t>(k)] * std::pow(kernel->a(), t - 1.0);
+      for (int j = 0; j < near && k + j < all_layers; ++j) {
+        sum += model.ratio(k + j) * kernel->fine(kernel->setting_of_slice(
+                                        k + j))[static_cast<std::size_t>(j * levels) * samples + i];
+      }
+      out[i] = static_cast<float>(sum);
+    }
+  }
 }
 
 int inhibited_slices(const CureModel& model, int target_layers, int last_lit) {

@@ -43,6 +43,7 @@ class ContinuousWalker final : public BandDose::Walker {
   void add_slice(int, std::span<const ShownPart> parts) override {
     lower.swap(upper);
     cut(parts);
+    turning.assign(pieces_.empty() ? 0 : phi_.size(), 1);
     if (!pieces_.empty()) return add_pieces();
     for (std::size_t b = 0; b < phi_.size(); b += kBlock) {
       detail::block_phi(curve_, parts, b, std::min(kBlock, phi_.size() - b), &phi_[b]);
@@ -52,20 +53,27 @@ class ContinuousWalker final : public BandDose::Walker {
       upper[i] = model_.step(phi_[i], lower[i]);
     }
   }
-  double crossing(std::size_t i) const override {
-    if (pieces_.empty()) return model_.crossing(phi_[i], lower[i]);
+  void inside(std::size_t i, double, InsideLayer& out) const override {
+    out.crossings.clear();
+    out.least = std::min(lower[i], upper[i]);
+    if (pieces_.empty()) {
+      if ((lower[i] >= 1.0) != (upper[i] >= 1.0)) {
+        out.crossings.push_back(model_.crossing(phi_[i], lower[i]));
+      }
+      return;
+    }
     double below = lower[i];
     for (auto piece = pieces_.rbegin(); piece != pieces_.rend(); ++piece) {
       double phi = 0;
       detail::block_phi(curve_, piece->lit, i, 1, &phi);
       const double above = phi * piece->one_minus_a + piece->a * below;
+      out.least = std::min(out.least, above);
       if ((above >= 1.0) != (below >= 1.0)) {
         const double d = -std::log1p((1.0 - below) / (below - phi)) / (model_.eta * units::ln10);
-        return 1.0 - piece->to + std::clamp(d, 0.0, piece->to - piece->from);
+        out.crossings.push_back(1.0 - piece->to + std::clamp(d, 0.0, piece->to - piece->from));
       }
       below = above;
     }
-    return 1.0;
   }
 
  private:
@@ -148,8 +156,13 @@ class LayerwiseWalker final : public BandDose::Walker {
       fade(&lower[b], &middle[b], &upper[b], model_.root_a, model_.a, n);
     }
   }
-  double crossing(std::size_t i) const override {
-    return std::clamp(std::log(lower[i]) / (model_.eta * units::ln10), 0.0, 1.0);
+  void inside(std::size_t i, double, InsideLayer& out) const override {
+    out.crossings.clear();
+    out.least = upper[i];
+    if (lower[i] >= 1.0 && upper[i] < 1.0) {
+      const double d = std::log(lower[i]) / (model_.eta * units::ln10);
+      out.crossings.push_back(std::clamp(d, 0.0, 1.0));
+    }
   }
 
  private:
@@ -183,7 +196,6 @@ void BandDose::add_slice(int slice, std::span<const ShownPart> parts) {
 const double* BandDose::lower() const { return walker_->lower.data(); }
 const double* BandDose::middle() const { return walker_->middle.data(); }
 const double* BandDose::upper() const { return walker_->upper.data(); }
-double BandDose::crossing(std::size_t column) const { return walker_->crossing(column); }
 
 ColumnDose column_dose(const CureModel& model, const std::vector<std::uint8_t>& pixels) {
   ColumnDose dose;

@@ -1,11 +1,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <memory>
 
+#include "cure/front_profile.hpp"
 #include "cure/limits.hpp"
 #include "cure/walkers.hpp"
 #include "slicecorr/cure.hpp"
@@ -15,61 +15,6 @@
 #include "slicecorr/units.hpp"
 
 namespace slicecorr {
-
-namespace {
-
-/// Gauss-Legendre nodes and weights on [-1, 1].
-struct Gauss {
-  static constexpr int n = 24;
-  std::array<double, n> x{}, w{};
-  Gauss() {
-    constexpr double pi = 3.14159265358979323846;
-    for (int i = 0; i < n; ++i) {
-      double t = std::cos(pi * (i + 0.75) / (n + 0.5)), slope = 1;
-      for (int round = 0; round < 100; ++round) {
-        double p = 1, before = 0;
-        for (int k = 1; k <= n; ++k) {
-          const double next = ((2.0 * k - 1.0) * t * p - (k - 1.0) * before) / k;
-          before = p;
-          p = next;
-        }
-        slope = n * (t * p - before) / (t * t - 1.0);
-        const double step = p / slope;
-        t -= step;
-        if (std::abs(step) < 1e-15) break;
-      }
-      x[static_cast<std::size_t>(i)] = t;
-      w[static_cast<std::size_t>(i)] = 2.0 / ((1.0 - t * t) * slope * slope);
-    }
-  }
-};
-
-/// Integral over d from d0 to d1 (um) of max(0, I e^(-d/hb) - U e^(-d/huv))^m, U = beta Iuv.
-double integral(const Kinetics& k, double blue, double u, double d0, double d1) {
-  if (blue <= 0) return 0;
-  if (u > blue) d0 = std::max(d0, std::log(u / blue) / (1.0 / k.huv_um - 1.0 / k.hb_um));
-  if (!(d1 > d0)) return 0;
-  if (k.m == 1.0) {
-    const auto part = [&](double intensity, double h) {
-      return intensity * h * std::exp(-d0 / h) * -std::expm1((d0 - d1) / h);
-    };
-    return std::max(0.0, part(blue, k.hb_um) - (u > 0 ? part(u, k.huv_um) : 0.0));
-  }
-  static const Gauss gauss;
-  // Where the light takes over the rate begins like (d - d0)^m: d = d0 + t^3 makes that smooth.
-  const double root = std::cbrt(d1 - d0);
-  double sum = 0;
-  for (int i = 0; i < Gauss::n; ++i) {
-    const auto at = static_cast<std::size_t>(i);
-    const double t = 0.5 * root * (gauss.x[at] + 1.0);
-    const double d = d0 + t * t * t;
-    const double net = std::max(0.0, blue * std::exp(-d / k.hb_um) - u * std::exp(-d / k.huv_um));
-    sum += gauss.w[at] * std::pow(net, k.m) * 3.0 * t * t;
-  }
-  return sum * 0.5 * root;
-}
-
-}  // namespace
 
 double uv_for_dead_zone(const Kinetics& k, double blue_mw_cm2, double dead_zone_um) {
   return blue_mw_cm2 / k.beta * std::exp(dead_zone_um * (1.0 / k.huv_um - 1.0 / k.hb_um));
@@ -173,6 +118,16 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
   near_ = share > tail_share
               ? 2 + static_cast<int>(std::ceil(std::log(share / tail_share) / (slope * layer_um)))
               : 2;
+  profile_ = std::make_shared<const detail::FrontProfile>(kinetics_);
+  for (int s = 0; s < settings(); ++s) {
+    for (int l = 0; l < levels(); ++l) {
+      const double light = blue_[static_cast<std::size_t>(l)];
+      const double front = profile_->front_um(light, kinetics_.beta * uv_of(s, l));
+      sources_.push_back({scale_ * profile_->amount(light, front), front});
+    }
+  }
+  fine_.resize(static_cast<std::size_t>(settings()));
+  fine_made_ = std::make_unique<std::once_flag[]>(fine_.size());
   tables_.resize(static_cast<std::size_t>(settings() * places));
   for (int s = 0; s < settings(); ++s) tabulate(s);
 }
@@ -195,18 +150,6 @@ int InhibitedKernel::setting_of_slice(int slice) const {
   return n < slice_setting_.size() ? slice_setting_[n] : slice_setting_.back();
 }
 
-double InhibitedKernel::amount(double blue, double uv, double x, double share) const {
-  const double u = kinetics_.beta * uv;
-  if (mode_ == ExposureMode::continuous) {
-    const double to = share < 1.0 ? x - 1.0 + share : x;
-    return scale_ *
-           integral(kinetics_, blue, u, std::max(0.0, x - 1.0) * layer_um_, to * layer_um_);
-  }
-  const double d = x * layer_um_;
-  const double net = blue * std::exp(-d / kinetics_.hb_um) - u * std::exp(-d / kinetics_.huv_um);
-  return net > 0 ? share * scale_ * std::pow(net, kinetics_.m) : 0.0;
-}
-
 void InhibitedKernel::tabulate(int setting) {
   const auto rows = static_cast<std::size_t>(near_), count = blue_.size();
   double* at[places];
@@ -216,31 +159,68 @@ void InhibitedKernel::tabulate(int setting) {
     at[place] = table.data();
   }
   for (std::size_t l = 0; l < count; ++l) {
-    const double uv = uv_of(setting, static_cast<int>(l));
+    const Source& from = source(setting, static_cast<int>(l));
+    const auto put = [&](std::size_t i, double value) {
+      if (i < 4 * rows) at[i % 4][i / 4 * count + l] = value;
+      if (i % 4 == 0 && i > 0) at[upper_end][(i / 4 - 1) * count + l] = value;
+    };
     if (mode_ == ExposureMode::layerwise) {
-      for (std::size_t i = 0; i < 4 * rows; ++i) {
-        const double value = amount(blue_[l], uv, 0.25 * static_cast<double>(i));
-        at[i % 4][i / 4 * count + l] = value;
-        if (i % 4 == 0 && i > 0) at[upper_end][(i / 4 - 1) * count + l] = value;
+      for (std::size_t i = 0; i <= 4 * rows; ++i) {
+        const double d = 0.25 * static_cast<double>(i) * layer_um_;
+        put(i, from.amount * profile_->rate(d - from.front_um));
       }
-      at[upper_end][(rows - 1) * count + l] = amount(blue_[l], uv, static_cast<double>(rows));
       continue;
     }
-    // Quarters of slabs, each integrated once: the slab that ends at x is four of them.
-    const double u = kinetics_.beta * uv, step = 0.25 * layer_um_;
-    double last[4] = {};
+    double last[4];  // what lies beyond the places one slice and less before
+    std::fill_n(last, 4, profile_->rest(-from.front_um));
     for (std::size_t i = 0; i <= 4 * rows; ++i) {
-      const double slab = last[0] + last[1] + last[2] + last[3];
-      if (i < 4 * rows) at[i % 4][i / 4 * count + l] = slab;
-      if (i % 4 == 0 && i > 0) at[upper_end][(i / 4 - 1) * count + l] = slab;
-      const double d = static_cast<double>(i) * step;
-      last[i % 4] = scale_ * integral(kinetics_, blue_[l], u, d, d + step);
+      const double d = 0.25 * static_cast<double>(i) * layer_um_;
+      const double rest = profile_->rest(d - from.front_um);
+      put(i, from.amount * (last[i % 4] - rest));
+      last[i % 4] = rest;
     }
   }
 }
 
+const float* InhibitedKernel::fine(int setting) const {
+  std::vector<float>& table = fine_[static_cast<std::size_t>(setting)];
+  std::call_once(fine_made_[static_cast<std::size_t>(setting)], [&] {
+    const auto rows = static_cast<std::size_t>(near_), count = blue_.size();
+    table.resize(rows * count * samples);
+    const double step = layer_um_ / samples;
+    for (std::size_t l = 0; l < count; ++l) {
+      const Source& from = source(setting, static_cast<int>(l));
+      double last[samples];
+      std::fill_n(last, samples, profile_->rest(-from.front_um));
+      for (std::size_t j = 0; j < rows; ++j) {
+        float* const out = &table[(j * count + l) * samples];
+        for (std::size_t i = 0; i < samples; ++i) {
+          const double y = static_cast<double>(j * samples + i + 1) * step - from.front_um;
+          if (layer_by_layer()) {
+            out[i] = static_cast<float>(from.amount * profile_->rate(y));
+            continue;
+          }
+          const double rest = profile_->rest(y);
+          out[i] = static_cast<float>(from.amount * (last[i] - rest));
+          last[i] = rest;
+        }
+      }
+    }
+  });
+  return table.data();
+}
+
 double InhibitedKernel::exact(int setting, int level, double x, double share) const {
-  return amount(blue_[static_cast<std::size_t>(level)], uv_of(setting, level), x, share);
+  const Source& from = source(setting, level);
+  const double to = x * layer_um_;
+  if (mode_ == ExposureMode::layerwise) {
+    return share * from.amount * profile_->rate(to - from.front_um);
+  }
+  const double begin = std::max(0.0, x - 1.0) * layer_um_;
+  const double end = share < 1.0 ? to - (1.0 - share) * layer_um_ : to;
+  if (!(end > begin)) return 0;
+  return from.amount *
+         (profile_->rest(begin - from.front_um) - profile_->rest(end - from.front_um));
 }
 
 double InhibitedKernel::steady_dose(int setting, int level) const {

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "cure/inhibited_layer.hpp"
 #include "cure/walkers.hpp"
 #include "slicecorr/inhibited.hpp"
 
@@ -20,7 +21,10 @@ class InhibitedWalker final : public BandDose::Walker {
         stride_(static_cast<std::size_t>(kernel_.levels()) + 1),
         columns_(columns),
         slots_(near_),
-        same_(columns, 0) {
+        root_a_(std::sqrt(kernel_.a())),
+        same_(columns, 0),
+        layer_(kernel_) {
+    turning.assign(columns, 0);
     lower.assign(columns, 0.0);
     middle.assign(columns, 0.0);
     upper.assign(columns, 0.0);
@@ -65,6 +69,10 @@ class InhibitedWalker final : public BandDose::Walker {
       const bool same = !jump && now.levels[i] == last.levels[i];
       same_[i] = same ? static_cast<std::uint16_t>(std::min<std::size_t>(same_[i] + 1U, near_))
                       : std::uint16_t{1};
+      // After the same light for long nothing of the UV is left in what changes: continuous
+      // exposure approaches its steady dose, and without light all that there is fades.
+      turning[i] =
+          same_[i] < near_ || (model_.mode == ExposureMode::layerwise && now.levels[i] != off());
     }
     any_ = true;
 
@@ -77,34 +85,36 @@ class InhibitedWalker final : public BandDose::Walker {
     gather(InhibitedKernel::upper_end, tail_[2].data(), upper.data());
   }
 
-  double crossing(std::size_t i) const override {
-    // The quartic through the five tabulated places.
-    double y[InhibitedKernel::places];
-    y[0] = lower[i];
-    y[2] = middle[i];
-    y[4] = upper[i];
-    const double r = std::sqrt(std::sqrt(kernel_.a()));
-    y[1] = sum_of(InhibitedKernel::quarter, i) + tail_[1][i] / r;
-    y[3] = sum_of(InhibitedKernel::three_quarters, i) + tail_[1][i] * r;
-    const auto at = [&](double t) {
-      double sum = 0;
-      for (int p = 0; p < 5; ++p) {
-        double weight = y[p];
-        for (int q = 0; q < 5; ++q) {
-          if (q != p) weight *= (4.0 * t - q) / (p - q);
-        }
-        sum += weight;
+  void inside(std::size_t i, double known, InsideLayer& out) const override {
+    const double far = tail_[1][i] / root_a_;
+    const Slot& newest = slots_[newest_];
+    if (same_[i] >= near_ && newest.shown[0].levels[i] != off() && lower[i] >= 1.0) {
+      const Shown& now = newest.shown[0];
+      if (layer_.steady_above(now.setting, now.levels[i], now.weight, far, known)) {
+        out.crossings.clear();
+        out.least = std::min({lower[i], middle[i], upper[i]});
+        return;
       }
-      return sum;
-    };
-    double low = 0, high = 1;
-    const bool rises = y[4] >= 1.0;
-    // To 2^-40 of a slice.
-    for (int step = 0; step < 40; ++step) {
-      const double half = 0.5 * (low + high);
-      ((at(half) >= 1.0) == rises ? high : low) = half;
     }
-    return 0.5 * (low + high);
+    layer_.begin(far);
+    std::size_t j = 0;
+    if (newest.count == 1) {
+      const Shown& now = newest.shown[0];
+      j = same_[i];
+      if (now.levels[i] != off()) {
+        layer_.add(0, static_cast<int>(j) - 1, now.setting, now.levels[i], now.weight);
+      }
+    }
+    for (; j < near_; ++j) {
+      const Slot& slot = slots_[(newest_ + j) % near_];
+      for (std::size_t k = 0; k < slot.count; ++k) {
+        const Shown& shown = slot.shown[k];
+        if (shown.levels[i] == off()) continue;
+        layer_.add(static_cast<int>(j), shown.setting, shown.levels[i], shown.weight);
+      }
+    }
+    layer_.sample(lower[i], middle[i], upper[i]);
+    layer_.find(known, out);
   }
 
  private:
@@ -132,8 +142,9 @@ class InhibitedWalker final : public BandDose::Walker {
   /// Tables with a level more, for light off, and their running sums.
   void prepare(int setting) {
     if (!table_[index(setting, InhibitedKernel::upper_end)].empty()) return;
-    for (int place = 0; place < InhibitedKernel::places; ++place) {
-      const double* from = kernel_.table(setting, static_cast<InhibitedKernel::Place>(place));
+    for (const Kept& kept : kKept) {
+      const int place = kept.place;
+      const double* from = kernel_.table(setting, kept.place);
       std::vector<double>& table = table_[index(setting, place)];
       std::vector<double>& sums = sums_[index(setting, place)];
       table.assign(near_ * stride_, 0.0);
@@ -202,8 +213,10 @@ class InhibitedWalker final : public BandDose::Walker {
   std::vector<Slot> slots_;  ///< the last `near_` slices
   std::size_t newest_ = 0;
   bool any_ = false;
+  double root_a_;
   std::vector<std::uint16_t> same_;  ///< slices for which a column has shown its level
   std::vector<double> tail_[3];
+  mutable InhibitedLayer layer_;
   std::vector<std::vector<double>> table_, sums_;
   std::uint16_t level_of_[256];
 };

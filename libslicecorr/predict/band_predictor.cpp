@@ -2,8 +2,10 @@
 #include <cmath>
 #include <memory>
 
+#include "base/band_tape.hpp"
 #include "base/kernels.hpp"
 #include "base/tile_kernels.hpp"
+#include "cure/inhibited_layer.hpp"
 #include "cure/walkers.hpp"
 #include "predict/tile_sums.hpp"
 #include "slicecorr/predict.hpp"
@@ -69,7 +71,7 @@ SLICECORR_CLONES
 void mixed_block(const Factors f, const double* __restrict phi, const double* __restrict omega,
                  double* __restrict dose, double* __restrict middle,
                  const std::uint8_t* __restrict cover, const std::uint8_t* __restrict classes,
-                 double* __restrict gap_min, BandPredictor::BlockSums& sums,
+                 double* __restrict least, BandPredictor::BlockSums& sums,
                  std::uint8_t* __restrict events) {
   std::int64_t run[kBlock], gap[kBlock];
   for (std::size_t i = 0; i < kBlock; ++i) {
@@ -87,16 +89,18 @@ void mixed_block(const Factors f, const double* __restrict phi, const double* __
   for (std::size_t i = 0; i < kBlock; ++i) {
     const double inside_low = run[i] ? middle[i] : kNever,
                  inside_high = run[i] ? middle[i] : -kNever;
-    const double outside_high = gap[i] ? middle[i] : -kNever, in_gap = gap[i] ? dose[i] : kNever;
+    const double outside_high = gap[i] ? middle[i] : -kNever;
+    const std::int64_t now = run[i] + 2 * (1 - run[i] - gap[i]);  // as in BandPredictor::Class
+    const double here = (run[i] | gap[i]) & (now == classes[i]) ? dose[i] : kNever;
     sums.inside_low[i] = inside_low < sums.inside_low[i] ? inside_low : sums.inside_low[i];
     sums.inside_high[i] = inside_high > sums.inside_high[i] ? inside_high : sums.inside_high[i];
     sums.outside_high[i] =
         outside_high > sums.outside_high[i] ? outside_high : sums.outside_high[i];
-    gap_min[i] = in_gap < gap_min[i] ? in_gap : gap_min[i];
+    least[i] = here < least[i] ? here : least[i];
   }
   for (std::size_t i = 0; i < kBlock; ++i) {
     const std::int64_t grey = 1 - run[i] - gap[i];
-    const std::int64_t now = run[i] + 2 * grey;  // as in BandPredictor::Class
+    const std::int64_t now = run[i] + 2 * grey;
     const std::int64_t crosses = (omega[i] >= 1.0) != (dose[i] >= 1.0);
     events[i] = static_cast<std::uint8_t>((now != classes[i]) | crosses | grey);
   }
@@ -130,7 +134,7 @@ SLICECORR_CLONES
 void mixed_known_block(const double* __restrict before, const double* __restrict lower,
                        const double* __restrict middle, const double* __restrict upper,
                        const std::uint8_t* __restrict cover, const std::uint8_t* __restrict classes,
-                       double* __restrict gap_min, BandPredictor::BlockSums& sums,
+                       double* __restrict least, BandPredictor::BlockSums& sums,
                        std::uint8_t* __restrict events) {
   std::int64_t run[kBlock], gap[kBlock];
   for (std::size_t i = 0; i < kBlock; ++i) {
@@ -154,12 +158,14 @@ void mixed_known_block(const double* __restrict before, const double* __restrict
   }
   for (std::size_t i = 0; i < kBlock; ++i) {
     const double ends = lower[i] < upper[i] ? lower[i] : upper[i];
-    const double in_gap = gap[i] ? (middle[i] < ends ? middle[i] : ends) : kNever;
-    gap_min[i] = in_gap < gap_min[i] ? in_gap : gap_min[i];
+    const std::int64_t now = run[i] + 2 * (1 - run[i] - gap[i]);  // as in BandPredictor::Class
+    const bool stays = (run[i] | gap[i]) & (now == classes[i]);
+    const double here = stays ? (middle[i] < ends ? middle[i] : ends) : kNever;
+    least[i] = here < least[i] ? here : least[i];
   }
   for (std::size_t i = 0; i < kBlock; ++i) {
     const std::int64_t grey = 1 - run[i] - gap[i];
-    const std::int64_t now = run[i] + 2 * grey;  // as in BandPredictor::Class
+    const std::int64_t now = run[i] + 2 * grey;
     const std::int64_t crosses = ((before[i] >= 1.0) != (lower[i] >= 1.0)) |
                                  ((lower[i] >= 1.0) != (upper[i] >= 1.0)) |
                                  ((middle[i] >= 1.0) != (lower[i] >= 1.0));
@@ -182,7 +188,7 @@ BandPredictor::BandPredictor(const CureModel& model, const PixelCurve& curve, in
       curve_(curve),
       all_layers_(all_layers),
       omega_(padded(columns), 0.0),
-      gap_min_(padded(columns), kNever),
+      least_(padded(columns), kNever),
       class_(padded(columns), gap),
       columns_(columns),
       empty_(padded(columns), 0),
@@ -193,6 +199,7 @@ BandPredictor::BandPredictor(const CureModel& model, const PixelCurve& curve, in
     c.lower = all_layers;
   }
   if (in_parts || !model.is_plain()) dose_ = std::make_unique<BandDose>(model, columns);
+  if (dose_) inside_.resize(kBlock);
 }
 
 void BandPredictor::error(std::size_t i, int node, bool upper, double slices) {
@@ -214,10 +221,20 @@ void BandPredictor::error(std::size_t i, int node, bool upper, double slices) {
 void BandPredictor::lose(std::size_t i, int top) {
   const Column& c = columns_[i];
   ++prediction_.runs;
+  if (c.split) {
+    ++prediction_.split_features;
+    split_.add({0, static_cast<int>(i), top, c.lower - 1});
+  }
   if (c.any_printed) return;
   lost_.add({0, static_cast<int>(i), top, c.lower - 1});
   ++prediction_.lost_features;
   if (c.lower - top >= 2) ++prediction_.lost_thick_features;
+}
+
+/// The run, or its present piece, ends here.
+void BandPredictor::leave_stretch(std::size_t i) {
+  prediction_.min_inside_layers = std::min(prediction_.min_inside_layers, least_[i]);
+  least_[i] = kNever;
 }
 
 void BandPredictor::close_gap(std::size_t i, int top) {
@@ -225,8 +242,8 @@ void BandPredictor::close_gap(std::size_t i, int top) {
   if (c.run_below && c.gap_seen) {
     ++prediction_.gaps;
     prediction_.one_slice_gaps += c.gap_layers == 1;
-    if (histograms_) prediction_.gap_contrast.add(std::max(0.0, 1.0 - gap_min_[i]));
-    if (gap_min_[i] >= 1.0) {
+    if (histograms_) prediction_.gap_contrast.add(std::max(0.0, 1.0 - least_[i]));
+    if (least_[i] >= 1.0) {
       ++prediction_.merged_features;
       merged_.add({0, static_cast<int>(i), top, c.gap_end - 1});
       if (c.gap_layers >= 2) ++prediction_.merged_thick_gaps;
@@ -255,7 +272,7 @@ void BandPredictor::enter(std::size_t i, int node, Class next, double before, do
     c.gap_end = node;
     c.gap_seen = false;
     c.gap_layers = 0;
-    gap_min_[i] = kNever;
+    leave_stretch(i);
   } else if (old == gap) {
     c.gap_layers += c.lower - node;
     if (c.seeks_end) error(i, c.lower, true, c.lower - node);
@@ -273,10 +290,11 @@ void BandPredictor::enter(std::size_t i, int node, Class next, double before, do
   c.tooth = false;
   if (next == run) {
     close_gap(i, node);
+    least_[i] = kNever;
     c.any_printed = printed;
+    c.split = false;
   } else if (next == gap) {
     c.gap_seen = true;
-    gap_min_[i] = std::min(gap_min_[i], after);
   }
   if (printed != printed_before) c.start = node;
   c.lower = node;
@@ -288,6 +306,8 @@ void BandPredictor::cross(std::size_t i, double zeta, bool printed, Class now) {
   c.start = zeta;
   if (printed) {
     if (now == run) {
+      if (c.any_printed && least_[i] < 1.0 - Prediction::same_dose) c.split = true;
+      leave_stretch(i);
       c.any_printed = true;
       if (c.seeks_print) error(i, c.lower, false, -(c.lower - c.start));
       c.seeks_print = false;
@@ -304,28 +324,25 @@ void BandPredictor::cross(std::size_t i, double zeta, bool printed, Class now) {
 }
 
 void BandPredictor::event(std::size_t i, int slice, double below, const LayerDose& dose,
-                          double crossing, std::uint8_t coverage) {
+                          std::span<const double> crossings, std::uint8_t coverage) {
   const Class now = coverage == 0 ? gap : coverage == 255 ? run : grey;
   if (state_sink_) state_sink_(i, slice, coverage, dose.middle >= 1.0, dose.upper >= 1.0);
+  bool printed = dose.lower >= 1.0;
   if (now != class_[i]) {
     enter(i, slice + 1, now, below, dose.lower);
-  } else if ((below >= 1.0) != (dose.lower >= 1.0)) {
-    cross(i, slice + 1, dose.lower >= 1.0, now);
+  } else if ((below >= 1.0) != printed) {
+    cross(i, slice + 1, printed, now);
   }
-  if ((dose.lower >= 1.0) != (dose.upper >= 1.0)) {
-    cross(i, slice + 1 - crossing, dose.upper >= 1.0, now);
-  } else if (dose_ && (dose.middle >= 1.0) != (dose.lower >= 1.0)) {
-    // Under UV light the dose may have its peak, or dip, inside a layer: there and back, by
-    // straight lines to the middle.
-    const double there = 0.5 * (1.0 - dose.lower) / (dose.middle - dose.lower);
-    const double back = 0.5 + 0.5 * (1.0 - dose.middle) / (dose.upper - dose.middle);
-    cross(i, slice + 1 - there, dose.middle >= 1.0, now);
-    cross(i, slice + 1 - back, dose.upper >= 1.0, now);
+  for (const double crossing : crossings) {
+    if (now != grey) least_[i] = std::min(least_[i], dose.least);
+    printed = !printed;
+    cross(i, slice + 1 - crossing, printed, now);
   }
-  if (now == gap) {
-    gap_min_[i] = std::min({gap_min_[i], dose.lower, dose.upper});
-    if (dose_) gap_min_[i] = std::min(gap_min_[i], dose.middle);
-  } else if (now == grey) {
+  if (now != grey) {
+    // A print that came back in this layer left behind what was less.
+    const bool back = now == run && !crossings.empty() && printed;
+    least_[i] = std::min(least_[i], back ? dose.upper : dose.least);
+  } else {
     ++prediction_.grey_voxels;
     if (histograms_) {
       prediction_.grey_dose_error.add(std::abs(dose.middle - coverage / 255.0));
@@ -347,6 +364,42 @@ void BandPredictor::add_slice(int slice, std::span<const ShownPart> parts,
     add_general_slice(slice, parts, cover);
   } else {
     add_plain_slice(slice, parts, cover);
+  }
+}
+
+/// Looks at the dose inside the layer of a block's columns where it may turn and something depends
+/// on it: whether it passes 1, or is the least so far. Light falls by a in a slice at most, so the
+/// dose at a place bounds the dose before and behind it.
+void BandPredictor::look_inside(std::size_t first, std::size_t n, const std::uint8_t* cover) {
+  looked_ = 0;
+  passes_inside_ = false;
+  const std::uint8_t* const turning = dose_->turning();
+  if (!turning || detail::all_zero(turning + first, n)) return;
+  const double *const lower = dose_->lower() + first, *const middle = dose_->middle() + first,
+                      *const upper = dose_->upper() + first;
+  const double fall = model_.root_a * (1.0 - Prediction::same_dose);
+  const bool smooth = model_.inhibited && model_.mode == ExposureMode::continuous;
+  for (std::size_t i = 0; i < n; ++i) {
+    if (!turning[first + i]) continue;
+    double low = std::min(lower[i], middle[i]) * fall;
+    double high = std::max(middle[i], upper[i]) / fall;
+    if (smooth) {
+      const detail::SmoothBounds bounds(lower[i], middle[i], upper[i]);
+      low = std::max(low, bounds.low);
+      high = std::min(high, bounds.high);
+    }
+    const bool passes = low < 1.0 && high >= 1.0;
+    double known = -kNever;
+    if (cover[i] == 255) {
+      known = prediction_.min_inside_layers;
+    } else if (cover[i] == 0 && (columns_[first + i].run_below || class_[first + i] == run)) {
+      known = class_[first + i] == gap ? least_[first + i] : kNever;
+    }
+    const double ends = std::min({lower[i], middle[i], upper[i]});
+    if (!passes && low >= std::min(known, ends)) continue;
+    dose_->inside(first + i, known, inside_[i]);
+    looked_ |= std::uint64_t{1} << i;
+    passes_inside_ = passes_inside_ || !inside_[i].crossings.empty();
   }
 }
 
@@ -372,20 +425,28 @@ void BandPredictor::add_general_slice(int slice, std::span<const ShownPart> part
         dose = tail[k];
       }
     }
+    look_inside(b, n, block_cover);
+    const auto looked = [&](std::size_t i) { return (looked_ >> i & 1) != 0; };
+    const auto keep_least = [&] {
+      for (const double* dose : {lower_dose, middle, upper}) lower(&least_[b], dose);
+      for (std::size_t i = 0; i < n; ++i) {
+        if (looked(i)) least_[b + i] = std::min(least_[b + i], inside_[i].least);
+      }
+      std::copy_n(upper, kBlock, &omega_[b]);
+    };
     Class& block = block_class_[b / kBlock];
-    if (block != grey) {
+    if (block != grey && !passes_inside_) {
       const detail::BlockBits bits = detail::block_bits(block_cover);
       if (block == gap && bits.any == 0) {
         if (one_sided_block(&omega_[b], lower_dose, middle, upper, sums.outside_low,
                             sums.outside_high, true)) {
-          for (const double* dose : {lower_dose, middle, upper}) lower(&gap_min_[b], dose);
-          std::copy_n(upper, kBlock, &omega_[b]);
+          keep_least();
           continue;
         }
       } else if (block == run && bits.all == ~std::uint64_t{0}) {
         if (one_sided_block(&omega_[b], lower_dose, middle, upper, sums.inside_low,
                             sums.inside_high, false)) {
-          std::copy_n(upper, kBlock, &omega_[b]);
+          keep_least();
           prediction_.target_voxels += kBlock;
           prediction_.printed_voxels += kBlock;
           continue;
@@ -393,13 +454,24 @@ void BandPredictor::add_general_slice(int slice, std::span<const ShownPart> part
       }
     }
     mixed_known_block(&omega_[b], lower_dose, middle, upper, block_cover,
-                      reinterpret_cast<const std::uint8_t*>(&class_[b]), &gap_min_[b], sums,
-                      events);
+                      reinterpret_cast<const std::uint8_t*>(&class_[b]), &least_[b], sums, events);
     for (std::size_t i = 0; i < n; ++i) {
-      if (!events[i]) continue;
-      const bool crosses = (lower_dose[i] >= 1.0) != (upper[i] >= 1.0);
-      event(b + i, slice, omega_[b + i], {lower_dose[i], middle[i], upper[i]},
-            crosses ? dose_->crossing(b + i) : 0.0, block_cover[i]);
+      InsideLayer& inside = inside_[i];
+      if (!events[i]) {
+        if (!looked(i)) continue;
+        if (inside.crossings.empty()) {
+          least_[b + i] = std::min(least_[b + i], inside.least);
+          continue;
+        }
+      }
+      // Where the dose does not turn only its crossing is still to be found.
+      if (!looked(i)) {
+        inside.crossings.clear();
+        inside.least = std::min({lower_dose[i], middle[i], upper[i]});
+        if ((lower_dose[i] >= 1.0) != (upper[i] >= 1.0)) dose_->inside(b + i, -kNever, inside);
+      }
+      event(b + i, slice, omega_[b + i], {lower_dose[i], middle[i], upper[i], inside.least},
+            inside.crossings, block_cover[i]);
     }
     std::copy_n(upper, kBlock, &omega_[b]);
     const bool one_class = detail::uniform(reinterpret_cast<const std::uint8_t*>(&class_[b]));
@@ -433,12 +505,13 @@ void BandPredictor::add_plain_slice(int slice, std::span<const ShownPart> parts,
       if (block == gap && bits.any == 0) {
         if (step_block(f, phi, &omega_[b], dose, sums.outside_low, sums.outside_high, true)) {
           std::copy_n(dose, kBlock, &omega_[b]);
-          lower(&gap_min_[b], dose);
+          lower(&least_[b], dose);
           continue;
         }
       } else if (block == run && bits.all == ~std::uint64_t{0}) {
         if (step_block(f, phi, &omega_[b], dose, sums.inside_low, sums.inside_high, false)) {
           std::copy_n(dose, kBlock, &omega_[b]);
+          lower(&least_[b], dose);
           prediction_.target_voxels += kBlock;
           prediction_.printed_voxels += kBlock;
           continue;
@@ -446,14 +519,15 @@ void BandPredictor::add_plain_slice(int slice, std::span<const ShownPart> parts,
       }
     }
     mixed_block(f, phi, &omega_[b], dose, middle, block_cover,
-                reinterpret_cast<const std::uint8_t*>(&class_[b]), &gap_min_[b], sums, events);
+                reinterpret_cast<const std::uint8_t*>(&class_[b]), &least_[b], sums, events);
     for (std::size_t i = 0; i < n; ++i) {
       if (!events[i]) continue;
       // The dose is steady at nodes.
       const double below = omega_[b + i];
       const bool crosses = (below >= 1.0) != (dose[i] >= 1.0);
-      event(b + i, slice, below, {below, middle[i], dose[i]},
-            crosses ? model_.crossing(phi[i], below) : 0.0, block_cover[i]);
+      const double crossing = crosses ? model_.crossing(phi[i], below) : 0.0;
+      event(b + i, slice, below, {below, middle[i], dose[i], std::min(below, dose[i])},
+            {&crossing, crosses ? std::size_t{1} : std::size_t{0}}, block_cover[i]);
     }
     std::copy_n(dose, kBlock, &omega_[b]);
     // Grey stands for mixed, too.
@@ -492,6 +566,7 @@ Prediction BandPredictor::finish(const Place& place) {
     if (class_[i] == run) {
       if (c.seeks_print) error(i, c.lower, false, -c.lower);
       lose(i, 0);
+      leave_stretch(i);
     } else {
       if (class_[i] == gap) {
         if (c.seeks_end) error(i, c.lower, true, c.lower);
@@ -510,6 +585,7 @@ Prediction BandPredictor::finish(const Place& place) {
   };
   placed(lost_, prediction_.lost_examples);
   placed(merged_, prediction_.merged_examples);
+  placed(split_, prediction_.split_examples);
   if (worst_ >= 0) {
     const Pixel at = place(worst_column_);
     const bool earlier =

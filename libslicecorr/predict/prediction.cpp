@@ -51,6 +51,7 @@ void Prediction::merge(const Prediction& o) {
   gaps += o.gaps;
   lost_features += o.lost_features;
   lost_thick_features += o.lost_thick_features;
+  split_features += o.split_features;
   one_slice_gaps += o.one_slice_gaps;
   merged_features += o.merged_features;
   merged_thick_gaps += o.merged_thick_gaps;
@@ -66,12 +67,14 @@ void Prediction::merge(const Prediction& o) {
   }
   lost_examples.merge(o.lost_examples);
   merged_examples.merge(o.merged_examples);
+  split_examples.merge(o.split_examples);
   height_error_um.merge(o.height_error_um);
   greatest_overreach_um = std::max(greatest_overreach_um, o.greatest_overreach_um);
   greatest_shortfall_um = std::max(greatest_shortfall_um, o.greatest_shortfall_um);
   gap_contrast.merge(o.gap_contrast);
   grey_dose_error.merge(o.grey_dose_error);
   min_dose_inside = std::min(min_dose_inside, o.min_dose_inside);
+  min_inside_layers = std::min(min_inside_layers, o.min_inside_layers);
   max_dose_inside = std::max(max_dose_inside, o.max_dose_inside);
   max_dose_outside = std::max(max_dose_outside, o.max_dose_outside);
 }
@@ -107,11 +110,13 @@ std::string Prediction::to_json() const {
   j["gaps"] = gaps;
   j["lost_features"] = lost_features;
   j["lost_features_two_slices_or_more"] = lost_thick_features;
+  j["split_features"] = split_features;
   j["one_slice_gaps"] = one_slice_gaps;
   j["merged_features"] = merged_features;
   j["merged_gaps_two_slices_or_more"] = merged_thick_gaps;
   j["dose"] = {{"min_inside", or_null(target_voxels > 0, min_dose_inside)},
                {"max_inside", or_null(target_voxels > 0, max_dose_inside)},
+               {"min_inside_layers", or_null(target_voxels > 0, min_inside_layers)},
                {"max_outside", or_null(max_dose_outside >= 0, max_dose_outside)}};
   j["gap_contrast"] = {{"min", or_null(contrasts, gap_contrast.least())},
                        {"p05", or_null(contrasts, gap_contrast.quantile(0.05))}};

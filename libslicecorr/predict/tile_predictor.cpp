@@ -93,11 +93,12 @@ void BandPredictor::add_tile(std::size_t first_column, std::size_t columns, int 
                            nullptr,
                            0,
                            0,
+                           0,
                            nullptr,
                            sums.inside_low,
                            sums.inside_high,
                            sums.outside_high,
-                           &gap_min_[first_column]};
+                           &least_[first_column]};
   LaneMask printed = detail::printed_lanes(dose[0]);
   for (int k = slices; k-- > 0;) {
     const int n = first_slice + k;
@@ -115,6 +116,7 @@ void BandPredictor::add_tile(std::size_t first_column, std::size_t columns, int 
     step.to = dose[1 - now];
     step.run = in_run;
     step.gap = in_gap;
+    step.stays = (in_run & was_run) | (in_gap & was_gap);
     const detail::PrintedLanes is = detail::predict_lanes(step);
     const auto count = [&](int times) {
       sums.run_voxels += static_cast<std::uint64_t>(times) * static_cast<unsigned>(is.run);
@@ -136,10 +138,12 @@ void BandPredictor::add_tile(std::size_t first_column, std::size_t columns, int 
         continue;
       }
       double crossing = 0.0;
-      if (crosses >> i & 1) {
+      const bool passes = crosses >> i & 1;
+      if (passes) {
         crossing = model_.crossing(pixels ? curve_[pixels[&cover[i] - coverage]] : 0.0, below);
       }
-      event(first_column + i, n, below, {below, middle, upper}, crossing, cover[i]);
+      event(first_column + i, n, below, {below, middle, upper, std::min(below, upper)},
+            {&crossing, passes ? std::size_t{1} : std::size_t{0}}, cover[i]);
     }
     was_run = in_run;
     was_gap = in_gap;
@@ -160,6 +164,7 @@ void BandPredictor::add_tile(std::size_t first_column, std::size_t columns, int 
     if (detail::printed_lanes(ahead) != printed) continue;
     step.from = ahead;
     step.to = dose[now];
+    step.stays = in_run | in_gap;
     if (!detail::prints_alike(step, is)) continue;
     detail::predict_lanes(step);
     count(more);

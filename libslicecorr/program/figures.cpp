@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 namespace slicecorr::cli {
@@ -33,6 +34,16 @@ std::string figures_table(const std::vector<Figures>& columns) {
        [](const Prediction& p) { return fmt::format("{}", p.undercure_voxels); });
   line("column features lost",
        [](const Prediction& p) { return fmt::format("{} of {}", p.lost_features, p.runs); });
+  const bool any_split = std::any_of(columns.begin(), columns.end(), [](const Figures& f) {
+    return f.prediction->split_features > 0;
+  });
+  if (any_split) {
+    line("column features in pieces",
+         [](const Prediction& p) { return fmt::format("{} of {}", p.split_features, p.runs); });
+    line("least dose in features", [](const Prediction& p) {
+      return p.target_voxels ? fmt::format("{:.4f}", p.min_inside_layers) : std::string("-");
+    });
+  }
   line("column gaps merged",
        [](const Prediction& p) { return fmt::format("{} of {}", p.merged_features, p.gaps); });
   line("one-slice gaps", [](const Prediction& p) { return fmt::format("{}", p.one_slice_gaps); });

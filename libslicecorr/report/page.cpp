@@ -61,6 +61,8 @@ std::string figures_table(const ReportContent& c) {
       [](const Prediction& p) { return fmt::format("{}", p.undercure_voxels); });
   row("Column features lost",
       [](const Prediction& p) { return fmt::format("{} of {}", p.lost_features, p.runs); });
+  row("Column features in pieces",
+      [](const Prediction& p) { return fmt::format("{} of {}", p.split_features, p.runs); });
   row("Column gaps merged",
       [](const Prediction& p) { return fmt::format("{} of {}", p.merged_features, p.gaps); });
   row("Gaps one slice high",
@@ -74,6 +76,8 @@ std::string figures_table(const ReportContent& c) {
     return p.target_voxels ? fmt::format("{:.4g} to {:.4g}", p.min_dose_inside, p.max_dose_inside)
                            : std::string("-");
   });
+  row("Least dose anywhere in features",
+      [](const Prediction& p) { return number_or_dash(p.target_voxels > 0, p.min_inside_layers); });
   if (c.after.dead_zones) {
     row("Dead zone over lit pixels", [](const Prediction& p) {
       if (!p.dead_zones || !std::isfinite(p.dead_zones->least())) return std::string("-");

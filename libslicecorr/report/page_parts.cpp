@@ -185,13 +185,23 @@ std::string feature_lists(const ReportContent& c) {
   std::string html =
       "<h2>Lost and merged features</h2><p class=\"dim\">Counted per pixel column. A feature is "
       "lost "
-      "when nothing of it prints, a gap merged when nothing of it stays open.</p>";
+      "when nothing of it prints, in pieces when light too weak leaves a crack inside it, a gap "
+      "merged when nothing of it stays open.</p>";
   html += feature_table("Lost, this stack", c.after.lost_examples, c.after.lost_features, g, true);
+  const bool any_split = c.after.split_features > 0 || (c.before && c.before->split_features > 0);
+  if (any_split) {
+    html += feature_table("In pieces, this stack", c.after.split_examples, c.after.split_features,
+                          g, true);
+  }
   html += feature_table("Merged, this stack", c.after.merged_examples, c.after.merged_features, g,
                         true);
   if (c.before) {
     html += feature_table("Lost, uncorrected", c.before->lost_examples, c.before->lost_features, g,
                           false);
+    if (any_split) {
+      html += feature_table("In pieces, uncorrected", c.before->split_examples,
+                            c.before->split_features, g, false);
+    }
     html += feature_table("Merged, uncorrected", c.before->merged_examples,
                           c.before->merged_features, g, false);
   }

@@ -4,8 +4,10 @@
 /// Slices are given from the last to the first. After slice n the dose inside layer n is final: at
 /// its lower end (just above node n + 1), in its middle, and at its upper end (just below node n).
 /// Continuous exposure is steady across nodes; layer by layer the dose jumps there, so that the
-/// upper end of layer n and the lower end of layer n - 1 differ (the sawtooth). Objects are for one
-/// thread at a time.
+/// upper end of layer n and the lower end of layer n - 1 differ (the sawtooth). Without UV light
+/// the dose rises or falls all through a layer, so that its ends bound it; under UV light, and
+/// where several images share a slice, it has peaks and dips inside. Objects are for one thread at
+/// a time.
 #pragma once
 
 #include <cstddef>
@@ -31,6 +33,14 @@ struct ShownPart {
   double from = 0, to = 1;
 };
 
+/// What the dose does between the two ends of a layer.
+struct InsideLayer {
+  double least = 0;  ///< the least dose, both ends included
+  /// Where the dose passes 1, as distances from the layer's lower end in slices, 0..1, ascending:
+  /// there and back again, or once if the ends lie on different sides of 1.
+  std::vector<double> crossings;
+};
+
 class BandDose {
  public:
   /// `model` must outlive this.
@@ -48,18 +58,25 @@ class BandDose {
   const double* lower() const;   ///< relative dose at the lower end of the layer, per column
   const double* middle() const;  ///< in its middle
   const double* upper() const;   ///< at its upper end
-  /// Distance from the layer's lower end, in slices (0..1), at which the dose of a column is 1.
-  /// Needs `lower` and `upper` on different sides of 1. Exact without UV; with it the dose there is
-  /// 1 to 1e-3.
-  double crossing(std::size_t column) const;
+  /// Per column, not 0 where the dose may turn inside the layer; null: nowhere, it rises or falls
+  /// all through.
+  const std::uint8_t* turning() const {
+    return walker_->turning.empty() ? nullptr : walker_->turning.data();
+  }
+  /// The layer of one column. Exact without UV light; with it edges are right to 0.01 um, and
+  /// `least` to 1e-6. `known`: the least may be too great as long as it is not below this.
+  void inside(std::size_t column, double known, InsideLayer& out) const {
+    walker_->inside(column, known, out);
+  }
 
   /// The workings of one model.
   class Walker {
    public:
     virtual ~Walker() = default;
     virtual void add_slice(int slice, std::span<const ShownPart> parts) = 0;
-    virtual double crossing(std::size_t column) const = 0;
+    virtual void inside(std::size_t column, double known, InsideLayer& out) const = 0;
     std::vector<double> lower, middle, upper;
+    std::vector<std::uint8_t> turning;
   };
 
  private:

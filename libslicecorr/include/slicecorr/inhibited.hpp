@@ -19,12 +19,18 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
+#include <mutex>
 #include <vector>
 
 #include "slicecorr/kinetics.hpp"
 #include "slicecorr/process.hpp"
 
 namespace slicecorr {
+
+namespace detail {
+class FrontProfile;
+}
 
 class InhibitedKernel {
  public:
@@ -34,6 +40,8 @@ class InhibitedKernel {
   /// Where in a layer a dose is asked for: x = j + place / 4 for the slice j layers below.
   enum Place { lower_end = 0, quarter = 1, middle = 2, three_quarters = 3, upper_end = 4 };
   static constexpr int places = 5;
+  /// Samples of a layer for what happens inside it.
+  static constexpr int samples = 16;
 
   /// `kinetics` with the dose to aim at, `gel` with that of gelation (for the window);
   /// `level_mw_cm2`: blue intensity of each grey level; `brightest_mw_cm2`: at the brightest place
@@ -60,13 +68,30 @@ class InhibitedKernel {
   const double* table(int setting, Place place) const {
     return tables_[static_cast<std::size_t>(setting * places + place)].data();
   }
+  /// The same at x = j + (i + 1) / samples: fine[(j * levels() + level) * samples + i]; made when
+  /// it is first asked for.
+  const float* fine(int setting) const;
   /// Of all tables together.
-  double table_bytes() const { return 8.0 * near() * levels() * settings() * places; }
+  double table_bytes() const {
+    return (8.0 * places + 4.0 * samples) * near() * levels() * settings();
+  }
   /// A slice j >= near() layers away adds a() times what it adds one layer nearer.
   double a() const { return a_; }
   /// The same at any distance x > 0 slices, from the integral itself. `share`: what of the slice
   /// has been shown so far, 0..1.
   double exact(int setting, int level, double x, double share = 1.0) const;
+  /// The cured front that a level would leave in the long run, and the factor of
+  /// detail::FrontProfile that turns its light into relative dose: per exposure layer by layer, per
+  /// um that the window moves else.
+  struct Source {
+    double amount = 0, front_um = 0;
+  };
+  const Source& source(int setting, int level) const {
+    return sources_[static_cast<std::size_t>(setting * levels() + level)];
+  }
+  const detail::FrontProfile& profile() const { return *profile_; }
+  double layer_um() const { return layer_um_; }
+  bool layer_by_layer() const { return mode_ == ExposureMode::layerwise; }
   /// Dose after a long run of slices of this level: the phi of the model without UV.
   double steady_dose(int setting, int level) const;
 
@@ -104,7 +129,6 @@ class InhibitedKernel {
                              : level_uv_[static_cast<std::size_t>(level)] *
                                    setting_share_[static_cast<std::size_t>(setting)];
   }
-  double amount(double blue, double uv, double x, double share = 1.0) const;
   void take_settings(const std::vector<double>& slice_mw_cm2);
   void tabulate(int setting);
 
@@ -122,6 +146,10 @@ class InhibitedKernel {
   std::vector<int> uv_levels_;
   std::vector<std::uint16_t> slice_setting_;
   std::vector<std::vector<double>> tables_;  ///< [setting * places + place]
+  std::shared_ptr<const detail::FrontProfile> profile_;
+  std::vector<Source> sources_;  ///< [setting * levels + level]
+  mutable std::vector<std::vector<float>> fine_;
+  std::unique_ptr<std::once_flag[]> fine_made_;
 };
 
 /// UV intensity that holds a steady dead zone over blue light: Iuv = Ib / beta e^(zf (1/huv -

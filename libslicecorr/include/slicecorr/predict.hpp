@@ -3,7 +3,16 @@
 ///
 /// Voxel: one pixel in one layer, printed when the dose at mid-layer reaches 1. Run: consecutive
 /// layers of coverage 1 in a column. Gap: the layers of coverage 0 between two runs, or between the
-/// platform and a run. Edges are exact, from the closed form of the dose inside a layer (A.35).
+/// platform and a run. Edges are exact, from the closed form of the dose inside a layer (A.35);
+/// under UV light they are found in the dose itself, to 0.01 um.
+///
+/// A feature is solid when it is solid throughout, not at the middles of its layers alone. The
+/// least dose inside the layers of features is taken over every point of them, both ends of each
+/// layer included. A run is *split* when what prints of it lies in two pieces or more. Continuous
+/// exposure splits a run at a node where its light is too weak, layer by layer exposure in front of
+/// a node, UV light anywhere in a layer. Unprinted stretches at a run's two edges split nothing:
+/// they are height errors; nor is a lost run split. Nor do stretches split whose least dose is 1 to
+/// `Prediction::same_dose`.
 ///
 /// Layer by layer the dose jumps at nodes. An edge is judged by the dose on its gap side: printed
 /// there, the print reaches into the gap up to the end of the stretch that touches the edge. What
@@ -103,6 +112,10 @@ std::optional<LayerwiseFigures> layerwise_figures(const CureModel& model);
 
 /// The figures of a prediction.
 struct Prediction {
+  /// Doses nearer than this to 1 are 1 where a run might be split: what doses under UV light are
+  /// right to (InhibitedKernel::tail_share). Rounding, below 1e-9 of the dose, is less.
+  static constexpr double same_dose = 1e-6;
+
   int layers = 0;  ///< slices shown
   double layer_um = 0;
   double pixel_x_um = 0, pixel_y_um = 0;
@@ -115,9 +128,10 @@ struct Prediction {
   std::uint64_t lost_features = 0;        ///< runs with nothing printed in them
   std::uint64_t lost_thick_features = 0;  ///< of these, runs of two slices or more
   std::uint64_t one_slice_gaps = 0;       ///< gaps one slice high: they can't have both edges right
+  std::uint64_t split_features = 0;       ///< runs printed in more than one piece
   std::uint64_t merged_features = 0;      ///< gaps with nothing unprinted in them
   std::uint64_t merged_thick_gaps = 0;    ///< of these, gaps of two slices or more
-  FeatureExamples lost_examples, merged_examples;
+  FeatureExamples lost_examples, merged_examples, split_examples;
   Histogram height_error_um;         ///< absolute values
   double greatest_overreach_um = 0;  ///< furthest that the print reaches into a gap
   double greatest_shortfall_um = 0;  ///< furthest that an edge stays behind in its run
@@ -127,6 +141,9 @@ struct Prediction {
   std::optional<DeadZones> dead_zones;  ///< under UV light; not merged, set for whole stacks
   Histogram grey_dose_error;            ///< absolute difference of mid-layer dose and coverage
   double min_dose_inside = std::numeric_limits<double>::infinity();
+  /// The least dose at any place in layers of coverage 1; the other figures of dose are those of
+  /// mid-layers.
+  double min_inside_layers = std::numeric_limits<double>::infinity();
   double max_dose_inside = -std::numeric_limits<double>::infinity();
   double max_dose_outside = -std::numeric_limits<double>::infinity();
   /// Column and row of the edge with the greatest height error (the first such pixel); -1: none.
@@ -200,21 +217,24 @@ class BandPredictor {
         false;  ///< the run's lower edge is unprinted; its first printed point is sought
     bool seeks_end = false;    ///< the print reaches into this gap from below; its end is sought
     bool any_printed = false;  ///< of the present run
+    bool split = false;        ///< the present run prints in more than one piece
     bool run_below = false;    ///< there is a run further down
     bool gap_seen = false;     ///< a layer of coverage 0 since the run below
     std::int32_t gap_layers = 0;
     std::int32_t gap_end = 0;  ///< node of the upper edge of the run below
     bool tooth = false;        ///< the present printed stretch began inside this gap
   };
-  /// Doses of a column in a layer.
+  /// Doses of a column in a layer; `least`: of all of them inside it.
   struct LayerDose {
-    double lower, middle, upper;
+    double lower, middle, upper, least;
   };
   void add_plain_slice(int slice, std::span<const ShownPart> parts, const std::uint8_t* cover);
   void add_general_slice(int slice, std::span<const ShownPart> parts, const std::uint8_t* cover);
-  /// `below`: dose on the far side of the layer's lower node.
-  void event(std::size_t i, int slice, double below, const LayerDose& dose, double crossing,
-             std::uint8_t coverage);
+  /// `below`: dose on the far side of the layer's lower node; `crossings`: see InsideLayer.
+  void event(std::size_t i, int slice, double below, const LayerDose& dose,
+             std::span<const double> crossings, std::uint8_t coverage);
+  void look_inside(std::size_t first, std::size_t n, const std::uint8_t* cover);
+  void leave_stretch(std::size_t i);
   /// The dose crosses 1 at `zeta`; from there on upwards it is on the other side.
   void cross(std::size_t i, double zeta, bool printed, Class now);
   /// `before`, `after`: dose on the two sides of the node.
@@ -228,7 +248,14 @@ class BandPredictor {
   int all_layers_;
   std::unique_ptr<BandDose> dose_;  ///< for models that are not plain, and for parts
   /// Dose at the upper end of the layer that was added last.
-  std::vector<double> omega_, gap_min_;
+  std::vector<double> omega_;
+  /// The least dose since the present gap began, or, in a run, since it did or its print came back.
+  std::vector<double> least_;
+  /// Columns of the block at hand whose dose was looked for inside the layer, as bits, and what was
+  /// found.
+  std::uint64_t looked_ = 0;
+  bool passes_inside_ = false;  ///< any of these has crossings
+  std::vector<InsideLayer> inside_;
   std::vector<Class> class_;
   std::vector<Column> columns_;
   std::vector<std::uint8_t> empty_;
@@ -242,7 +269,7 @@ class BandPredictor {
   StateSink state_sink_;
   bool histograms_ = true;
   /// With the index of the column in place of its row, until `finish` knows the place of the band.
-  FeatureExamples lost_, merged_;
+  FeatureExamples lost_, merged_, split_;
   Prediction prediction_;
 };
 

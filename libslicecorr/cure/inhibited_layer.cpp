@@ -1,0 +1,329 @@
+#include "cure/inhibited_layer.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "cure/front_profile.hpp"
+
+namespace slicecorr::detail {
+
+namespace {
+
+/// Crossings are found to this.
+constexpr double kPrecisionUm = 0.002;
+/// Samples are single numbers: they are right to this share of the dose.
+constexpr double kSampleError = 1e-6;
+
+}  // namespace
+
+InhibitedLayer::InhibitedLayer(const InhibitedKernel& kernel)
+    : kernel_(kernel),
+      fall_(-std::log(kernel.a())),
+      precision_(std::min(kPrecisionUm / kernel.layer_um(), 1e-3)) {
+  steady_.resize(static_cast<std::size_t>(kernel.settings()));
+  for (int i = 0; i < samples; ++i) fade_[i] = std::exp(-fall_ * (i + 1) / samples);
+}
+
+void InhibitedLayer::begin(double far) {
+  far_ = far;
+  lights_.clear();
+}
+
+void InhibitedLayer::add(int first, int last, int setting, int level, double weight) {
+  if (weight == 0 || kernel_.source(setting, level).amount == 0) return;
+  if (!lights_.empty()) {
+    Light& before = lights_.back();
+    if (before.last + 1 == first && before.setting == setting && before.level == level &&
+        before.weight == weight) {
+      before.last = last;
+      return;
+    }
+  }
+  lights_.push_back({first, last, setting, level, weight});
+}
+
+double InhibitedLayer::at(double t) const {
+  const FrontProfile& profile = kernel_.profile();
+  const double layer_um = kernel_.layer_um();
+  double dose = far_ * std::exp(-fall_ * t);
+  for (const Light& light : lights_) {
+    const InhibitedKernel::Source& from = kernel_.source(light.setting, light.level);
+    double sum = 0;
+    if (kernel_.layer_by_layer()) {
+      for (int j = light.first; j <= light.last; ++j) {
+        sum += profile.rate((j + t) * layer_um - from.front_um);
+      }
+    } else {
+      // Slices that follow each other with the same light are one long one.
+      const double begin = std::max(0.0, light.first + t - 1.0) * layer_um;
+      const double end = (light.last + t) * layer_um;
+      sum = profile.rest(begin - from.front_um) - profile.rest(end - from.front_um);
+    }
+    dose += light.weight * from.amount * sum;
+  }
+  return dose;
+}
+
+void InhibitedLayer::sample(double lower, double middle, double upper) {
+  float sum[samples] = {};
+  const int levels = kernel_.levels();
+  for (const Light& light : lights_) {
+    const float* const fine = kernel_.fine(light.setting);
+    const auto weight = static_cast<float>(light.weight);
+    for (int j = light.first; j <= light.last; ++j) {
+      const float* const row = fine + static_cast<std::size_t>(j * levels + light.level) * samples;
+      for (int i = 0; i < samples; ++i) sum[i] += weight * row[i];
+    }
+  }
+  for (int i = 0; i < samples; ++i) dose_[i + 1] = static_cast<double>(sum[i]) + far_ * fade_[i];
+  dose_[0] = lower;
+  dose_[samples / 2] = middle;
+  dose_[samples] = upper;
+}
+
+/// Where between two places the dose has its turn. There is no kink between them: parabolas.
+double InhibitedLayer::turn(double from, double to, bool least) const {
+  const double sign = least ? 1.0 : -1.0;
+  double x[3] = {from, 0.5 * (from + to), to};
+  double y[3] = {sign * at(x[0]), sign * at(x[1]), sign * at(x[2])};
+  for (int step = 0; step < 5; ++step) {
+    const double left = (y[1] - y[0]) / (x[1] - x[0]), right = (y[2] - y[1]) / (x[2] - x[1]);
+    if (!(right > left)) break;
+    // Where the slope between the middles of the two stretches is 0.
+    const double a = 0.5 * (x[0] + x[1]), b = 0.5 * (x[1] + x[2]);
+    const double edge = 0.05 * (x[2] - x[0]);
+    const double t = std::clamp(a - left * (b - a) / (right - left), x[0] + edge, x[2] - edge);
+    if (std::abs(t - x[1]) < precision_) break;
+    const double dose = sign * at(t);
+    // The middle one of three stays the least.
+    const int place = t < x[1] ? 0 : 2;
+    if (dose < y[1]) {
+      x[2 - place] = x[1];
+      y[2 - place] = y[1];
+      x[1] = t;
+      y[1] = dose;
+    } else {
+      x[place] = t;
+      y[place] = dose;
+    }
+  }
+  return x[std::min_element(y, y + 3) - y];
+}
+
+double InhibitedLayer::crossing(double low, double high, bool rises) const {
+  // Regula falsi, halving what stays behind.
+  double y_low = at(low) - 1.0, y_high = at(high) - 1.0;
+  int side = 0;
+  while (high - low > precision_) {
+    double t = 0.5 * (low + high);
+    if ((y_low < 0) != (y_high < 0)) {
+      t = (low * y_high - high * y_low) / (y_high - y_low);
+      // Not so near an end that the other one would never come.
+      const double edge = 0.25 * precision_;
+      t = std::clamp(t, low + edge, high - edge);
+    }
+    const double y = at(t) - 1.0;
+    if ((y >= 0) == rises) {
+      high = t;
+      y_high = y;
+      if (side == 1) y_low *= 0.5;
+      side = 1;
+    } else {
+      low = t;
+      y_low = y;
+      if (side == -1) y_high *= 0.5;
+      side = -1;
+    }
+  }
+  return 0.5 * (low + high);
+}
+
+/// Samples that decide something are looked at more closely.
+void InhibitedLayer::sharpen() {
+  const auto known_well = [](int i) { return i == 0 || i == samples / 2 || i == samples; };
+  int least = 0;
+  for (int i = 1; i <= samples; ++i) {
+    if (!known_well(i) && std::abs(dose_[i] - 1.0) < 2.0 * kSampleError) {
+      dose_[i] = at(static_cast<double>(i) / samples);
+    }
+    if (dose_[i] < dose_[least]) least = i;
+  }
+  if (!known_well(least)) dose_[least] = at(static_cast<double>(least) / samples);
+}
+
+/// The place of a light's front in this layer; below 0 if it has none there.
+double InhibitedLayer::front(const Light& light) const {
+  const double x = kernel_.source(light.setting, light.level).front_um / kernel_.layer_um();
+  return x <= light.first || x >= light.last + 1 ? -1.0 : x - std::floor(x);
+}
+
+/// Marks the cells between samples in which something may happen: the dose passes 1, or is less
+/// than `known`. False if there are none.
+bool InhibitedLayer::mark_cells(double known) {
+  const double least = std::min(known, *std::min_element(dose_, dose_ + samples + 1));
+  // How far into a cell its last kink lies: up to there light falls by a in a slice at most.
+  double kink[samples] = {};
+  if (kernel_.layer_by_layer()) {
+    for (const Light& light : lights_) {
+      const double t = front(light);
+      if (t < 0) continue;
+      const int i = cell(t);
+      kink[i] = std::max(kink[i], t - static_cast<double>(i) / samples + 1e-9);
+    }
+  }
+  const auto rise = [&](int i) { return dose_[i + 1] - dose_[i]; };
+  const auto straight = [&](int i) { return i >= 0 && i < samples && kink[i] == 0; };
+  // How far a stretch of the length of a cell may bend beside cell i, from the two cells there.
+  const auto bend = [&](int i, int step) {
+    return straight(i + step) && straight(i + 2 * step)
+               ? 2.0 * std::abs(rise(i + step) - rise(i + 2 * step))
+               : fall_ / samples * std::max(dose_[i], dose_[i + 1]);
+  };
+  bool any = false;
+  for (int i = 0; i < samples; ++i) {
+    const double a = dose_[i], b = dose_[i + 1];
+    const double error = kSampleError * (a + b);
+    double low = std::min(a, b), high = std::max(a, b);
+    bool turns = true;
+    if (kink[i] > 0) {
+      // Up to its kink the dose goes on as before, behind it as after.
+      const double share = kink[i] * samples;
+      double least_there = a * (1.0 - fall_ * kink[i]);
+      if (straight(i - 1)) {
+        least_there = std::max(least_there, a + share * (rise(i - 1) - bend(i, -1)));
+      }
+      low = std::min(low, least_there) - bend(i, 1) - error;
+      high += fall_ / samples * high + error;
+    } else {
+      const bool before = straight(i - 1), after = straight(i + 1);
+      const double bends =
+          before || after
+              ? (before && after ? 1.0 : 2.0) * ((before ? std::abs(rise(i) - rise(i - 1)) : 0.0) +
+                                                 (after ? std::abs(rise(i + 1) - rise(i)) : 0.0)) +
+                    error
+              : fall_ / samples * high;
+      turns = std::abs(b - a) <= bends;
+      if (turns) {
+        low -= bends;
+        high += bends;
+      }
+    }
+    const double near = 2.0 * kSampleError;
+    marked_[i] = (low < 1.0 + near && high >= 1.0 - near) || (turns && low < least);
+    any = any || marked_[i];
+  }
+  return any;
+}
+
+/// The samples, and where the fronts of lights lie in cells that are marked: layer by layer the
+/// dose has kinks there.
+void InhibitedLayer::take_points() {
+  points_.clear();
+  for (int i = 0; i <= samples; ++i) {
+    points_.push_back({static_cast<double>(i) / samples, dose_[i], false});
+  }
+  if (!kernel_.layer_by_layer()) return;
+  for (const Light& light : lights_) {
+    const double t = front(light);
+    if (t < 0 || !marked_[cell(t)]) continue;
+    const auto after = std::lower_bound(points_.begin(), points_.end(), t,
+                                        [](const Point& p, double place) { return p.t < place; });
+    // Rounding may put it on the wrong side of a sample; that near it changes nothing.
+    if (after == points_.begin() || after == points_.end() || after->t - t < precision_ ||
+        t - std::prev(after)->t < precision_) {
+      continue;
+    }
+    points_.insert(after, {t, at(t), true});
+  }
+}
+
+bool InhibitedLayer::steady_above(int setting, int level, double weight, double far, double known) {
+  std::vector<Steady>& of_level = steady_[static_cast<std::size_t>(setting)];
+  if (of_level.empty()) of_level.resize(static_cast<std::size_t>(kernel_.levels()));
+  Steady& steady = of_level[static_cast<std::size_t>(level)];
+  if (steady.points.empty()) {
+    begin(0);
+    add(0, kernel_.near() - 1, setting, level, 1.0);
+    sample(at(0), at(0.5), at(1));
+    std::fill_n(marked_, samples, true);
+    take_points();
+    double bend = 0;
+    for (std::size_t i = 1; i + 1 < points_.size(); ++i) {
+      const Point &p = points_[i - 1], &q = points_[i], &r = points_[i + 1];
+      if (q.kink) continue;
+      const double before = (q.dose - p.dose) / (q.t - p.t),
+                   after = (r.dose - q.dose) / (r.t - q.t);
+      bend = std::max(bend, std::abs(after - before) / samples);
+    }
+    steady.slack = bend + kSampleError * dose_[samples];
+    for (const Point& p : points_) steady.points.push_back({p.dose, std::exp(-fall_ * p.t)});
+  }
+  double low = std::numeric_limits<double>::infinity();
+  for (const auto& [light, fade] : steady.points) low = std::min(low, weight * light + far * fade);
+  // What fades bends by the square of its fall in a cell.
+  const double slack = weight * steady.slack + far * fall_ * fall_ / (samples * samples);
+  return low - slack >= std::max(1.0, known);
+}
+
+void InhibitedLayer::find(double known, InsideLayer& out) {
+  out.crossings.clear();
+  if (!mark_cells(known)) {
+    out.least = *std::min_element(dose_, dose_ + samples + 1);
+    return;
+  }
+  sharpen();
+  take_points();
+  out.least = std::numeric_limits<double>::infinity();
+  for (const Point& p : points_) out.least = std::min(out.least, p.dose);
+  const std::size_t cells = points_.size() - 1;
+  const auto slope = [&](std::size_t c) {
+    return (points_[c + 1].dose - points_[c].dose) / (points_[c + 1].t - points_[c].t);
+  };
+  double before = slope(0), here = before;
+  for (std::size_t c = 0; c < cells; ++c) {
+    const double from = points_[c].t, a = points_[c].dose;
+    const double to = points_[c + 1].t, b = points_[c + 1].dose;
+    const double after = c + 1 < cells ? slope(c + 1) : here;
+    if (!marked_[cell(from)]) {
+      before = here;
+      here = after;
+      continue;
+    }
+    // The neighbours' straight lines meet no further from the chord than they bend from it; beyond
+    // a kink they say nothing. Without any, light falls by a in a slice at most.
+    const bool has_before = c > 0 && !points_[c].kink;
+    const bool has_after = c + 1 < cells && !points_[c + 1].kink;
+    const double bends = has_before || has_after
+                             ? (to - from) * (has_before && has_after ? 1.0 : 2.0) *
+                                   ((has_before ? std::abs(here - before) : 0.0) +
+                                    (has_after ? std::abs(after - here) : 0.0))
+                             : (to - from) * fall_ * std::max(a, b);
+    before = here;
+    here = after;
+    const bool printed = a >= 1.0, alike = printed == (b >= 1.0);
+    if (std::abs(b - a) <= bends + kSampleError * (a + b)) {
+      const double low = std::min(a, b) - bends, high = std::max(a, b) + bends;
+      const bool dips = low < std::min(known, out.least) || (alike && printed && low < 1.0);
+      const bool peaks = alike && !printed && high >= 1.0;
+      double split = -1;
+      if (dips) {
+        const double t = turn(from, to, true), dose = at(t);
+        out.least = std::min(out.least, dose);
+        if (alike && printed && dose < 1.0) split = t;
+      }
+      if (peaks) {
+        const double t = turn(from, to, false);
+        if (at(t) >= 1.0) split = t;
+      }
+      if (split >= 0) {
+        out.crossings.push_back(crossing(from, split, !printed));
+        out.crossings.push_back(crossing(split, to, printed));
+        continue;
+      }
+    }
+    if (!alike) out.crossings.push_back(crossing(from, to, !printed));
+  }
+}
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,92 @@
+/// The dose inside one layer of one column under inhibiting UV light.
+///
+/// Between nodes it has peaks and dips: layer by layer a slice acts on a layer from its front on,
+/// continuous exposure wherever light changes. Samples show where, the dose itself gives how much.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <vector>
+
+#include "slicecorr/dose.hpp"
+#include "slicecorr/inhibited.hpp"
+
+namespace slicecorr::detail {
+
+/// Between which doses a layer under continuous exposure stays, from those at its ends and in its
+/// middle. The dose is smooth there: it bends no more than twice as far as the three say.
+struct SmoothBounds {
+  double low, high;
+  SmoothBounds(double lower, double middle, double upper)
+      : low(std::min({lower, middle, upper})), high(std::max({lower, middle, upper})) {
+    const double first = middle - lower, second = upper - middle, bend = std::abs(second - first);
+    if (first * second > 0 && std::min(std::abs(first), std::abs(second)) > 2.0 * bend) return;
+    low -= 2.0 * bend;
+    high += 2.0 * bend;
+  }
+};
+
+/// For one thread. Places are distances from the layer's lower end, in slices, 0..1.
+class InhibitedLayer {
+ public:
+  static constexpr int samples = InhibitedKernel::samples;
+
+  explicit InhibitedLayer(const InhibitedKernel& kernel);
+
+  /// A new layer; `far`: dose at its lower end of slices `near()` and more layers away.
+  void begin(double far);
+  /// `weight` times what a slice of a level adds that lies `j` layers further; j never falls.
+  void add(int j, int setting, int level, double weight) { add(j, j, setting, level, weight); }
+  /// The same of slices first..last.
+  void add(int first, int last, int setting, int level, double weight);
+  /// After the last `add`. Samples of the dose at (i + 1) / samples; the ends are the caller's, as
+  /// is the middle: known better than by the samples.
+  void sample(double lower, double middle, double upper);
+  /// The least dose of the layer, as far as it is below `known` or 1, and where it crosses 1.
+  void find(double known, InsideLayer& out);
+  /// Whether the dose is at least 1 and `known` all through a layer whose nearest slices all show
+  /// one level, with `far` as in `begin`. Begins a layer of its own.
+  bool steady_above(int setting, int level, double weight, double far, double known);
+  /// The dose at a place, from the integral itself.
+  double at(double t) const;
+
+ private:
+  /// Slices first..last of one light.
+  struct Light {
+    int first, last, setting, level;
+    double weight;
+  };
+  struct Point {
+    double t, dose;
+    bool kink = false;
+  };
+  void sharpen();
+  /// Light of one level for long, and what is left of far light, at the points of a layer.
+  struct Steady {
+    struct At {
+      double light, fade;
+    };
+    std::vector<At> points;
+    double slack = 0;  ///< by which light may be less between the points
+  };
+  static int cell(double t) { return std::min(static_cast<int>(t * samples), samples - 1); }
+  double front(const Light& light) const;
+  bool mark_cells(double known);
+  void take_points();
+  double turn(double from, double to, bool least) const;
+  double crossing(double low, double high, bool rises) const;
+
+  const InhibitedKernel& kernel_;
+  const double fall_;       ///< of the logarithm of light in a slice
+  const double precision_;  ///< of crossings, in slices
+  double far_ = 0;
+  std::vector<Light> lights_;
+  double dose_[samples + 1] = {};
+  bool marked_[samples] = {};
+  std::vector<std::vector<Steady>> steady_;  ///< [setting][level], made when it is asked for
+  std::vector<Point> points_;
+  double fade_[samples];  ///< of what comes from far
+};
+
+}  // namespace slicecorr::detail

@@ -38,7 +38,7 @@ TEST(CorrectExactly, Figure22WithoutCap) {
   EXPECT_PRINTED(phi[20], 6.2500);
   EXPECT_PRINTED(phi[39], 5.8461);
   EXPECT_PRINTED(phi[40], 6.2500);
-  for (const std::size_t n : {11, 18, 31, 38}) EXPECT_EQ(phi[n], plan.model.phi_min());
+  for (const std::size_t n : {11, 18, 31, 38}) EXPECT_NEAR(phi[n], plan.model.phi_min(), 1e-12);
   const auto dose = node_doses(plan.model, phi);
   EXPECT_PRINTED(1 - dose[23], 0.34598);
   EXPECT_EQ(std::min_element(dose.begin() + 21, dose.begin() + 32) - dose.begin(), 23);
@@ -95,8 +95,9 @@ TEST(CorrectExactly, OneSliceGapStaysOpenUnlessMerged) {
   merging.one_slice_gaps = OneSliceGaps::merge;
   const auto merged = plan_for(figure_2_2(), merging, 60);
   const auto both = node_doses(merged.model, solve_column_exactly(merged, design));
-  EXPECT_NEAR(both[20], 1.0, 1e-12);
-  EXPECT_NEAR(both[21], 1.0, 1e-12);
+  // One feature.
+  EXPECT_GT(both[20], 1.0);
+  EXPECT_GT(both[21], 1.0);
 }
 
 /// A random column: runs of one slice or more, gaps of two or more; maybe on the platform, maybe to
@@ -193,8 +194,7 @@ TEST(CorrectToLevels, RandomColumnsHaveNoWrongVoxel) {
       const auto k = static_cast<std::size_t>(n);
       const std::string where = "round " + std::to_string(round) + " layer " + std::to_string(n);
       if (n < layers && design[k]) {
-        ASSERT_GE(dose[k], 1.0) << where;
-        ASSERT_GE(dose[k + 1], 1.0) << where;
+        ASSERT_GE(model.middle(phi[k], dose[k + 1]), 1.0) << where;
       } else {
         ASSERT_LT(model.middle(phi[k], dose[k + 1]), 1.0) << where;
       }
@@ -274,17 +274,22 @@ TEST(CorrectToLevels, AnyPatternOfSlicesPrintsVoxelForVoxel) {
   EXPECT_LE(wrong, voxels / 20000);
 }
 
-TEST(CorrectToLevels, AlternatingSlicesAreAlmostAllRightWithCoarseSteps) {
+TEST(CorrectToLevels, AlternatingSlicesKeepAllFeaturesAndMostGaps) {
   // Single slices of feature and gap in turn leave a window for each dose that is narrower (0.0012)
-  // than a step of 256 linear levels (0.0014): now and then no level fits. Shown as they are, all
-  // gaps merge.
+  // than a step of 256 linear levels (0.0014): now and then no level fits, and a gap gives way.
+  // Shown as they are, all gaps merge.
   const CureModel m = figure_2_2();
   const auto design = [] {
     std::vector<std::uint8_t> d;
     for (int n = 0; n < 400; ++n) d.push_back(n % 2 ? 255 : 0);
     return d;
   }();
-  EXPECT_LE(wrong_voxels(plan_for(m, process(1000), 400), design), 400 / 50);
+  const auto plan = plan_for(m, process(1000), 400);
+  const Solved s = solved(plan, design);
+  for (std::size_t n = 1; n < design.size(); n += 2) {
+    ASSERT_GE(m.middle(s.phi[n], s.dose[n + 1]), 1.0) << n;
+  }
+  EXPECT_LE(wrong_voxels(plan, design), 200 / 3);
 }
 
 TEST(CorrectToLevels, GapsStayOpenWhereOneLevelCuresALayer) {

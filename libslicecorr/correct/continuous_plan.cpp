@@ -64,11 +64,13 @@ ContinuousPlan::ContinuousPlan(const CureModel& model, const Process& process, i
   most = std::max(phi_max, 1.0) * (1.0 + 1e-9);
   platform_cap = process.cap_platform_features ? process.omega_max : most;
   cap = process.omega_max;
+  least_cap = 0;
   if (!exact) {
     // With less room no level holds a dose.
-    const double least = 1.0 + 3.0 * (phi_max - phi_min) / std::max(1, count - 1);
-    cap = std::max(cap, least);
-    platform_cap = std::max(platform_cap, least);
+    const double step = (phi_max - phi_min) / std::max(1, count - 1);
+    cap = std::max(cap, 1.0 + 3.0 * b * step);
+    platform_cap = std::max(platform_cap, 1.0 + 3.0 * b * step);
+    least_cap = std::min(1.0 + 3.0 * step, most);
   }
   cap = std::min(cap, most);
   platform_cap = std::min(platform_cap, most);

@@ -49,7 +49,7 @@ struct EdgeCorners {
 };
 
 struct ContinuousPlan {
-  /// `exact`: any light between black and full, edges to 1e-13 of a slice; for
+  /// `exact`: any light between black and full, edges at their nodes; for
   /// solve_column_exactly().
   ContinuousPlan(const CureModel& model, const Process& process, int slices, bool exact);
 
@@ -70,6 +70,7 @@ struct ContinuousPlan {
   double most;  ///< no dose is above
   double cap;   ///< of features
   double platform_cap;
+  double least_cap;                      ///< where a lower one would cost voxels
   std::array<double, kRungs> tolerance;  ///< in slices, rising; the first two are the same
   /// Before an edge the levels of this many slices are chosen together.
   int together;
@@ -87,6 +88,17 @@ struct ContinuousPlan {
   /// Range of doses of a full layer's node beside a grey one, per rung.
   std::array<double, kRungs> grey_edge_most;
   int grey_rung;  ///< the first of them in which a step of levels near 1 fits
+
+  /// Whether edges of a rung lie at their nodes to the last bit.
+  bool at_nodes(int rung) const { return exact && rung == 0; }
+  /// Corners of layers whose upper or lower node is an edge; null where the node says it all.
+  const Corner* upper_corner(int rung) const {
+    return at_nodes(rung) ? nullptr : &near_upper[static_cast<std::size_t>(rung)];
+  }
+  const Corner* lower_corner(int rung, bool above_slit) const {
+    const auto r = static_cast<std::size_t>(rung);
+    return above_slit ? &slit_lower[r] : at_nodes(rung) ? nullptr : &near_lower[r];
+  }
 
   double step(double phi, double below) const { return phi * b + a * below; }
   double prints_at(const Corner& c) const { return prints * c.grown; }

@@ -11,7 +11,7 @@ namespace {
 constexpr std::size_t kMostIntervals = 1024;
 /// Edges for which sets of doses for levels are worked out; a part whose columns are noise would
 /// never end otherwise.
-constexpr std::size_t kMostLevelEdges = 20000;
+constexpr std::size_t kMostLevelEdges = 8000;
 /// Different edges of a band; in noise, runs past that count as endless.
 constexpr std::size_t kMostEdges = std::size_t{1} << 17;
 
@@ -80,15 +80,23 @@ bool Edges::back(const LayerRule& rule, DoseRange above, DoseRange& below) const
   return true;
 }
 
-DoseRange Edges::inside_of(const Edge& edge) const {
-  if (edge.below == kFull) return {plan_.prints, edge.cap};
+DoseRange Edges::for_features(LayerRule layer, DoseRange above, DoseRange limits) const {
+  if (layer.coverage == 0) layer.corners = 0;
+  DoseRange below{0.0, plan_.most};
+  back(layer, {above.lo, plan_.most}, below);
+  below.lo = std::max(below.lo, limits.lo);
+  return {below.lo, std::max(below.lo, limits.hi)};
+}
+
+DoseRange Edges::inside_of(const Edge& edge, int rung) const {
+  if (edge.below == kFull) return {plan_.prints, cap(edge, rung)};
   if (edge.below == 0) return {0.0, plan_.open};
   return {aim_of(edge.below), plan_.most};
 }
 
 DoseRange Edges::doses(const Edge& edge, int j, int rung, bool slit) const {
   const ContinuousPlan& p = plan_;
-  if (edge.endless) return inside_of(edge);
+  if (edge.endless) return inside_of(edge, rung);
   const auto r = static_cast<std::size_t>(rung);
   if (j == 0) return slit ? edge.at_slit[r] : edge.at[r];
   const DoseRange base = edge.inside[r];
@@ -105,7 +113,7 @@ DoseRange Edges::doses(const Edge& edge, int j, int rung, bool slit) const {
       d.lo = p.phi_max - (p.phi_max - edge.reserved) * since;
     }
   }
-  const DoseRange bounds = inside_of(edge);
+  const DoseRange bounds = inside_of(edge, rung);
   return {std::max(d.lo, bounds.lo), std::min(d.hi, bounds.hi)};
 }
 
@@ -127,9 +135,11 @@ std::int32_t Edges::platform(std::uint8_t below) {
   edge.above_cover = edge.below = below;
   edge.platform = true;
   edge.cap = plan_.platform_cap;
-  DoseRange all = inside_of(edge);
-  if (below != 0 && below != kFull) all.lo = 0;
-  edge.at.fill(all);
+  for (int r = 0; r < kRungs; ++r) {
+    DoseRange all = inside_of(edge, r);
+    if (is_grey(below)) all.lo = 0;
+    edge.at[static_cast<std::size_t>(r)] = all;
+  }
   set_inside(edge);
   edges_.push_back(std::move(edge));
   const auto id = static_cast<std::int32_t>(edges_.size() - 1);
@@ -240,9 +250,7 @@ void Edges::set_edge(Edge& edge, const Edge& above) const {
       to = common(to, limits);
       any = any && to.lo <= to.hi;
       if (r + 1 == kRungs) {
-        // Nothing above can be kept: a voxel will be wrong there, but no more.
-        if (!any && back(layer, {0.0, p.most}, to)) to = common(to, limits);
-        if (!(to.lo <= to.hi)) to = limits;
+        if (!any) to = for_features(layer, from, limits);
       } else {
         const DoseRange both = common(to, at[r + 1]);
         to = any && both.lo <= both.hi ? both : at[r + 1];
@@ -255,15 +263,16 @@ void Edges::set_edge(Edge& edge, const Edge& above) const {
 void Edges::set_inside(Edge& edge) const {
   const ContinuousPlan& p = plan_;
   const bool upper = !edge.platform && opposite(edge.above_cover, edge.below);
-  const DoseRange limits = inside_of(edge);
   for (std::size_t r = kRungs; r-- > 0;) {
-    const LayerRule layer = rule(edge.below, upper ? &p.near_upper[r] : nullptr, nullptr);
+    const DoseRange limits = inside_of(edge, static_cast<int>(r));
+    const LayerRule layer =
+        rule(edge.below, upper ? p.upper_corner(static_cast<int>(r)) : nullptr, nullptr);
     DoseRange to{};
     bool any = back(layer, edge.at[r], to);
     to = common(to, limits);
     any = any && to.lo <= to.hi;
     if (r + 1 == kRungs) {
-      edge.inside[r] = any ? to : limits;
+      edge.inside[r] = any ? to : for_features(layer, edge.at[r], limits);
     } else {
       const DoseRange both = common(to, edge.inside[r + 1]);
       edge.inside[r] = any && both.lo <= both.hi ? both : edge.inside[r + 1];
@@ -303,7 +312,7 @@ void Edges::set_inside(Edge& edge) const {
   const int hidden = first_of(near, [&](int j) {
     for (int r = 0; r < kRungs; ++r) {
       const DoseRange d = doses(edge, j, r);
-      if (feature && !(d.lo <= p.prints && d.hi >= std::min(edge.cap, reached))) return false;
+      if (feature && !(d.lo <= p.prints && d.hi >= std::min(cap(edge, r), reached))) return false;
       if (gap && !(d.lo <= dark && d.hi >= p.open)) return false;
     }
     return true;
@@ -378,7 +387,7 @@ DoseSet Edges::levels_of(const Edge& edge, int j, bool slit) const {
   const double g = p.grown[static_cast<std::size_t>(j - kept)];
   const DoseRange d = edge.levels_inside;
   return {common({p.phi_max - (p.phi_max - d.lo) * g, p.phi_min + (d.hi - p.phi_min) * g},
-                 inside_of(edge))};
+                 inside_of(edge, kRungs - 1))};
 }
 
 void Edges::set_levels(Edge& edge, const Edge* above) const {
@@ -390,7 +399,10 @@ void Edges::set_levels(Edge& edge, const Edge* above) const {
                        above->above_cover == kFull && edge.below == kFull;
   const double least = 8 * p.largest_step;
   DoseSet from;
-  bool needed = narrower(edge.at[widest], least) || narrower(edge.inside[widest], least);
+  // Between single slices doses have little room on the way down, too.
+  const bool singles = above && one && above->slices == 1;
+  bool needed =
+      singles || narrower(edge.at[widest], least) || narrower(edge.inside[widest], least);
   if (above && above->has_levels) {
     from = levels_of(*above, one ? 0 : edge.slices - 1, in_slit);
     needed = needed || !wide(from);
@@ -409,7 +421,7 @@ void Edges::set_levels(Edge& edge, const Edge* above) const {
                                    edge.at_slit[widest]);
   }
   if (edge.levels_at.empty() && edge.levels_slit.empty()) return;  // a voxel will be wrong
-  const DoseRange limits = inside_of(edge);
+  const DoseRange limits = inside_of(edge, kRungs - 1);
   const LayerRule plain = rule(edge.below, nullptr, nullptr);
   LayerRule layer = rule(edge.below, &p.near_upper[widest], nullptr);
   DoseSet d = edge.levels_at;
@@ -444,8 +456,9 @@ void Edges::set_levels(Edge& edge, const Edge* above) const {
   };
   if (edge.below == kFull) {
     edge.bright_from = from_kept(edge.bright_from, [&](auto r) { return r.hi >= p.most; });
-    edge.far = from_kept(
-        edge.far, [&](auto r) { return r.lo <= p.prints && r.hi >= std::min(edge.cap, reached); });
+    edge.far = from_kept(edge.far, [&](auto r) {
+      return r.lo <= p.prints && r.hi >= std::min(cap(edge, kRungs - 1), reached);
+    });
   } else {
     edge.dark_from = from_kept(edge.dark_from, [&](auto r) { return r.lo <= dark; });
     edge.far = from_kept(edge.far, [&](auto r) { return r.lo <= dark && r.hi >= p.open; });
@@ -465,7 +478,7 @@ bool Edges::levels_allow_kept(const Edge& edge, int j, double dose, bool slit) c
   if (j <= kept) return in(edge.levels_below[static_cast<std::size_t>(j - 1)]);
   const double g = plan_.grown[static_cast<std::size_t>(j - kept)];
   const DoseRange d = edge.levels_inside;
-  const DoseRange limits = inside_of(edge);
+  const DoseRange limits = inside_of(edge, kRungs - 1);
   return dose >= std::max(limits.lo, plan_.phi_max - (plan_.phi_max - d.lo) * g) - slack &&
          dose <= std::min(limits.hi, plan_.phi_min + (d.hi - plan_.phi_min) * g) + slack;
 }

@@ -6,6 +6,7 @@
 /// the layers above it can be printed, with any light between black and full.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -80,6 +81,11 @@ class Edges {
 
   /// Doses `j` nodes below an edge, in its run; `slit`: for j = 0, the run is a gap of one slice.
   DoseRange doses(const Edge& edge, int j, int rung, bool slit = false) const;
+  /// Greatest dose inside the run below an edge, a feature. The last rung has room for the levels
+  /// of thin features: voxels come before the cap.
+  double cap(const Edge& edge, int rung) const {
+    return rung + 1 < kRungs ? edge.cap : std::max(edge.cap, plan_.least_cap);
+  }
   /// Whether some sequence of levels prints everything above from `dose` there. True where that
   /// follows from `doses`.
   bool levels_allow(const Edge& edge, int j, double dose, bool slit = false) const {
@@ -95,6 +101,8 @@ class Edges {
   const ContinuousPlan& plan() const { return plan_; }
 
  private:
+  /// As back(), where not all layers above can be right: those of features are, gaps may close.
+  DoseRange for_features(LayerRule layer, DoseRange above, DoseRange limits) const;
   struct Key {
     std::int32_t edge, slices;
     std::uint8_t below;
@@ -127,7 +135,7 @@ class Edges {
   DoseSet levels_back(const LayerRule& rule, const DoseSet& above, DoseRange within) const;
   bool wide(const DoseSet& doses) const;
   /// Range of doses at nodes inside a run.
-  DoseRange inside_of(const Edge& edge) const;
+  DoseRange inside_of(const Edge& edge, int rung) const;
 
   const ContinuousPlan& plan_;
   std::vector<Edge> edges_;

@@ -63,13 +63,10 @@ bool LevelSearch::any_level(const LightRule& rule, double below) const {
 
 LayerRule LevelSearch::rule_of(const RunAt& run, int n, int rung) const {
   const Edge& edge = edges_[run.edge];
-  const auto r = static_cast<std::size_t>(rung);
   const bool upper = n == run.node && !edge.platform && opposite(edge.above_cover, edge.below);
   const bool lower = n == run.lower - 1 && opposite(edge.below, run.below);
-  return edges_.rule(edge.below, upper ? &plan_.near_upper[r] : nullptr,
-                     !lower           ? nullptr
-                     : run.slit_below ? &plan_.slit_lower[r]
-                                      : &plan_.near_lower[r]);
+  return edges_.rule(edge.below, upper ? plan_.upper_corner(rung) : nullptr,
+                     lower ? plan_.lower_corner(rung, run.slit_below) : nullptr);
 }
 
 double LevelSearch::grey_aim(const RunAt& run, int n, double below) const {
@@ -130,19 +127,18 @@ int LevelSearch::one_slice(const RunAt& run, int n, double below) const {
       }
     }
   }
-  // A voxel will be wrong: this one, if what is above can be saved.
+  // A voxel will be wrong. Those of features come first: a gap gets the light that the features
+  // above it need.
   const LayerRule rule = rule_of(run, n, kRungs - 1);
   const DoseRange target = edges_.doses(edge, j, kRungs - 1, slit);
-  if (edge.has_levels) {
+  if (edge.has_levels && edge.below == 0) {
     LayerRule none;
-    none.coverage = rule.coverage;
     const LevelRange range = levels(light_rule(none, target), below);
     for (int l = range.first; l <= range.last; ++l) {
       if (allowed(l)) return l;
     }
   }
-  const Light l = light_rule(rule, target).at(below);
-  return edge.below == 0 ? p.levels.at_most(l.most) : p.levels.at_least(l.least);
+  return p.levels.at_least(light_rule(rule, target).at(below).least);
 }
 
 double LevelSearch::exact(const RunAt& run, int n, double below) const {
@@ -242,7 +238,9 @@ bool LevelSearch::aim(const EdgeCorners& at) {
     if (!edges_.back(above.rule, above.target, s.target)) return false;
     if (s.j > 0) {
       const DoseRange limits =
-          s.coverage == kFull ? DoseRange{p.prints, edge.cap} : DoseRange{0.0, p.open};
+          s.coverage == kFull
+              ? DoseRange{p.prints, edges_.cap(edge, tolerance < kWidest ? 0 : kRungs - 1)}
+              : DoseRange{0.0, p.open};
       s.target.lo = std::max(s.target.lo, limits.lo);
       s.target.hi = std::min(s.target.hi, limits.hi);
       if (s.target.lo > s.target.hi) return false;

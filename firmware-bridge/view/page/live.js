@@ -42,6 +42,9 @@
     document.title = by('title').textContent;
     by('when').textContent = name ? (s.running ? name : 'the last: ' + name) : '';
     const trouble = failed ? `${s.fault}: ${s.detail}. To do: ${s.to_do || ''}${s.latched && !s.running ? ', then printbridge reset' : ''}` : '';
+    const left = s.after_fault && !s.after_fault.confirmed ? s.after_fault.text : '';
+    by('alarm').textContent = left;
+    by('alarm').hidden = !left;
     by('trouble').textContent = trouble;
     by('trouble').hidden = !trouble;
     const share = s.frames > 0 ? (s.frames_shown || 0) / s.frames : 0, whole = by('whole');

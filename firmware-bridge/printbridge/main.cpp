@@ -142,11 +142,14 @@ int print(const Options& o, const Job& job, Console& console) {
   const bool reset = end.latched || end.fault == Fault::machine_restarted ||
                      end.fault == Fault::watchdog_tripped || end.fault == Fault::lamp_failed ||
                      end.fault == Fault::stage_failed;
-  const std::string text =
-      fmt::format("{}: {} ({}). State: {}. Journal: {}. To do: {}{}", name_of(end.fault),
-                  end.detail, where_it_was(end.frame, end.stage_um - plan.start_um),
-                  in_words(end.left), folder.file("journal.jsonl"), what_to_do(end.fault),
-                  reset ? fmt::format(", then `printbridge reset --printer {}`", o.printer) : "");
+  const std::string left = in_words(end.left);
+  // What must be read first stands first.
+  const bool sure = end.left.confirmed();
+  const std::string text = fmt::format(
+      "{}{}: {} ({}). {}Journal: {}. To do: {}{}", sure ? "" : left + ". ", name_of(end.fault),
+      end.detail, where_it_was(end.frame, end.stage_um - plan.start_um),
+      sure ? "State: " + left + ". " : "", folder.file("journal.jsonl"), what_to_do(end.fault),
+      reset ? fmt::format(", then `printbridge reset --printer {}`", o.printer) : "");
   if (end.fault == Fault::stopped_by_user) {
     fmt::print(stderr, "printbridge: {}\n", text);
     return cli::kInterrupted;

@@ -225,8 +225,13 @@ std::vector<std::string> live_frame(const Seen& seen, int columns, int rows, boo
       fact("stage", fmt::format("{:.2f} um off now, {:.2f} at most, {:g} borne",
                                 calm(s.stage_error_um), s.worst_stage_error_um, f.tolerance_um));
     }
-    fact("blue lamp", lamp_text(s.blue_share * 100, s.blue_measured * 100, " %", 1));
-    if (f.uv) fact("UV lamp", lamp_text(s.uv_mw_cm2, s.uv_measured, " mW/cm²", 2));
+    // After a fault, only what was measured since.
+    const bool stale = s.left && !s.left->heard;
+    const std::optional<double> blue = stale ? std::nullopt : std::optional(s.blue_measured * 100);
+    fact("blue lamp", lamp_text(s.blue_share * 100, blue, " %", 1));
+    if (f.uv) {
+      fact("UV lamp", lamp_text(s.uv_mw_cm2, stale ? std::nullopt : s.uv_measured, " mW/cm²", 2));
+    }
     if (s.temperature_c) fact("temperature", fmt::format("{:.1f} °C", *s.temperature_c));
     if (seen.around.ready_frames) {
       const int ready = *seen.around.ready_frames;

@@ -195,7 +195,7 @@ TEST(BridgeFaults, ALampThatDoesNotGoOffIsSaid) {
     }
   });
   EXPECT_EQ(b.controller.fault(), Fault::stopped_by_user);
-  EXPECT_NE(b.controller.left().find("A LAMP STILL SHINES"), std::string::npos);
+  EXPECT_NE(in_words(b.controller.left()).find("A LAMP STILL SHINES"), std::string::npos);
 }
 
 // ---- pauses ----

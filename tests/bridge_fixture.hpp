@@ -136,7 +136,7 @@ class BridgePrograms : public testing::Test {
   static std::vector<std::pair<std::string, std::string>> patient() {
     return {{"heartbeat_timeout_s = 0.3", "heartbeat_timeout_s = 3"},
             {"watchdog_s = 0.3", "watchdog_s = 3"},
-            {"response_timeout_s = 0.04", "response_timeout_s = 1"},
+            {"response_timeout_s = 0.04", "response_timeout_s = 0.7"},
             {"max_late_um = 5", "max_late_um = 500"},
             {"tolerance_um = 20", "tolerance_um = 400"}};
   }

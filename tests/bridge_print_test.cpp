@@ -237,7 +237,7 @@ TEST_F(BridgePrint, FaultsEndInTheirOrderLatchAndAreReset) {
       {"lamp-drifts=0.3@frame:7", "lamp_mismatch"},
       {"freeze-display@frame:8", "wrong_frame"},
       {"late-frame=0.2@frame:11", "late_frame"},
-      {"drop=100@frame:6", "heartbeat_lost"},
+      {"disconnect=1000@frame:6", "heartbeat_lost"},
       {"display-gone@frame:5", "display_gone"}};
   for (const auto& [fault, name] : cases) {
     SCOPED_TRACE(fault);
@@ -292,6 +292,9 @@ TEST_F(BridgePrint, ALampThatStaysOnIsCutByTheMachineWhenTheBridgeHasGone) {
 TEST_F(BridgePrint, RegistersMayLieApartAndStatusInInputRegisters) {
   const std::string map =
       make_printer("apart", {{"exchange = \"fc23\"", "exchange = \"fc16+fc4\""},
+                             // Four to write and one to read, twice, 0.04 s each.
+                             {"heartbeat_timeout_s = 0.3", "heartbeat_timeout_s = 0.4"},
+                             {"watchdog_s = 0.3", "watchdog_s = 0.4"},
                              {"blue_share = { address = 10,", "blue_share = { address = 1000,"},
                              {"frame = { address = 14,", "frame = { address = 1010,"}});
   // Input registers 0 to 13 beside the holding registers of the same numbers.

@@ -208,12 +208,20 @@ class ModelLink final : public Link {
     model_.take(decode_set_points(*machine_.modbus, encode(*machine_.modbus, out)));
     return decode_status(*machine_.modbus, encode(*machine_.modbus, model_.status()));
   }
+  bool write_alone(const SetPoints& out, Alone what) override {
+    alone.push_back({what, out});
+    if (static_cast<int>(sent.size()) >= throws_from) {
+      throw std::runtime_error("a defect of the link");
+    }
+    return false;
+  }
   std::optional<Status> look() override {
     return decode_status(*machine_.modbus, encode(*machine_.modbus, model_.status()));
   }
   std::string last_error() const override { return "none"; }
   int throws_from = 1 << 30, throws_once = -1;
   std::vector<SetPoints> sent;
+  std::vector<std::pair<Alone, SetPoints>> alone;
 
  private:
   PrinterModel& model_;

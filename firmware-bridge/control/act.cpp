@@ -102,17 +102,17 @@ double Controller::Impl::uv_of(int number) const {
 bool Controller::Impl::uv_settled() const {
   if (!plan.uv || dry_run) return true;
   const double asked = uv_share(out.uv_mw_cm2);
-  return uv.settled_at(asked, uv_share(status.uv_measured.value_or(0)), status_at_s);
+  return uv.settled_at(asked, uv_share(status.uv_measured.value_or(0)), status_at_s.value_or(0));
 }
 bool Controller::Impl::blue_settled() const {
-  return dry_run || blue.settled_at(out.blue_share, status.blue_measured, status_at_s);
+  return dry_run || blue.settled_at(out.blue_share, status.blue_measured, status_at_s.value_or(0));
 }
 bool Controller::Impl::blue_dark() const {
-  return blue.settled_at(0, status.blue_measured, status_at_s);
+  return blue.settled_at(0, status.blue_measured, status_at_s.value_or(0));
 }
 bool Controller::Impl::uv_dark() const {
   return !machine.printer.uv || !status.uv_measured ||
-         uv.settled_at(0, uv_share(*status.uv_measured), status_at_s);
+         uv.settled_at(0, uv_share(*status.uv_measured), status_at_s.value_or(0));
 }
 
 void Controller::Impl::lamp_limit(double limit_s, const char* what) {
@@ -264,7 +264,7 @@ void Controller::Impl::go_printing() {
     }
   }
   rising = false;
-  stage.start(status.stage_um, status_at_s);
+  stage.start(status.stage_um, status_at_s.value_or(0));
   command_move(print_target_um(), plan.speed_um_s, plan.acceleration_um_s2);
   turn_to(Act::move);
   follow();
@@ -385,7 +385,7 @@ void Controller::Impl::go_resuming() {
     default:
       if (!displayed(paused_frame)) return;
       enter(Phase::printing);
-      stage.start(status.stage_um, status_at_s);
+      stage.start(status.stage_um, status_at_s.value_or(0));
       command_move(print_target_um(), plan.speed_um_s, plan.acceleration_um_s2);
       turn_to(Act::move);
       follow();
@@ -440,23 +440,19 @@ void Controller::Impl::go_done() {
 
 void Controller::Impl::go_fault() {
   out.blue_share = out.uv_mw_cm2 = 0;
-  const auto found =
-      answered ? std::find_if(sent.rbegin(), sent.rend(),
-                              [&](const Sent& s) { return s.sequence == status.sequence_echo; })
-               : sent.rend();
-  const bool done = found != sent.rend() && found->phase == phase && act != Act::begin;
-  const auto said = [&] { return done ? "answered" : "not answered"; };
   if (phase == Phase::lamps_off) {
     if (act == Act::begin) {
       // The stage goes on: a stop would come before the lamps are off.
       fault_at_s = now_s;
-      answered_since = false;
+      lamps_taken = stop_taken = false;
       tries = 1;
       event("lamps off", "asked");
       return turn_to(Act::finish);
     }
-    if (!done && tries++ < 2) return;
-    event("lamps off", said());
+    // Where nobody answers, the machine's own watchdog, which nobody feeds, has had its time.
+    ++tries;
+    if (!lamps_taken && (tries <= 2 || in_act_s() < limits.watchdog_s)) return;
+    event("lamps off", lamps_taken ? "answered" : "not answered");
     enter(Phase::stopping);
     return go_fault();
   }
@@ -467,8 +463,8 @@ void Controller::Impl::go_fault() {
       event("stage stop", "asked");
       return turn_to(Act::finish);
     }
-    if (!done && tries++ < 2) return;
-    event("stage stop", said());
+    if (!stop_taken && tries++ < 2) return;
+    event("stage stop", stop_taken ? "answered" : "not answered");
     enter(Phase::blacking);
     return go_fault();
   }
@@ -485,14 +481,16 @@ void Controller::Impl::go_fault() {
     enter(Phase::failed, fault_detail);
     return go_fault();
   }
-  // Somebody must have heard it, unless nobody is there: the machine's own watchdog is then done.
-  if (!answered_since && now_s - fault_at_s <= 2 * limits.watchdog_s) return;
+  // It goes on being asked, until the machine's own watchdog must long have acted.
+  const double since_s = now_s - fault_at_s;
+  if ((!lamps_taken || !stop_taken) && since_s <= 2 * limits.watchdog_s) return;
   // Until lamps have had their time to go dark.
-  const bool bright = answered_since && (!blue_dark() || !uv_dark());
-  if (bright && now_s - fault_at_s < 1 + machine.blue.settle_s + machine.uv.settle_s) return;
-  if (bright) {
-    event("light", "A LAMP STILL SHINES");
+  const bool bright = begun && !(heard_since() && measured_dark());
+  if (bright && (lamps_taken || heard_since()) &&
+      since_s < 1 + machine.blue.settle_s + machine.uv.settle_s) {
+    return;
   }
+  if (bright && heard_since()) event("light", "A LAMP STILL SHINES");
   step.finished = true;
 }
 

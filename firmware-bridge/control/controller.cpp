@@ -55,13 +55,22 @@ Step Controller::step(const std::optional<Answer>& answer, double now_s) {
   // What was told between cycles stays in: events of `fail`.
   Step kept = std::exchange(s.step, Step{});
   s.step.events = std::move(kept.events);
+  const double gap_s = s.started ? now_s - s.now_s : 0;
   s.now_s = now_s;
   if (!s.started) {
     s.started = true;
     s.last_answer_s = now_s;
     s.enter(Phase::connecting);
   }
-  s.answered = answer.has_value();
+  // Else the machine would be blamed for what it did not hear.
+  if (gap_s > std::min(s.limits.heartbeat_timeout_s, s.limits.watchdog_s) && !s.failing() &&
+      s.phase != Phase::done) {
+    s.fail(Fault::bridge_stopped,
+           fmt::format("the bridge itself did not run for {:.0f} ms: it was stopped, or the "
+                       "computer slept or was too busy",
+                       gap_s * 1e3));
+  }
+  s.answered = answer && !answer->only_read;
   if (answer) s.take(*answer);
   s.take_reports();
   s.watch_time();
@@ -78,7 +87,10 @@ Step Controller::step(const std::optional<Answer>& answer, double now_s) {
   out.sequence = s.next_sequence;
   s.next_sequence = static_cast<std::uint16_t>(s.next_sequence + 1);
   if (s.next_sequence == 0) s.next_sequence = 1;  // 0 is what a machine says that has just begun
-  ++out.heartbeat;
+  // An exchange that failed feeds no watchdog: the machine's own acts while nobody knows what it
+  // takes.
+  if (s.answered) ++out.heartbeat;
+  out.job = s.begun && s.phase != Phase::done;
   out.watchdog_s = s.limits.watchdog_s;
   out.frame = s.frame;
   ++s.sent_count;
@@ -87,10 +99,16 @@ Step Controller::step(const std::optional<Answer>& answer, double now_s) {
   s.blue.asked(out.blue_share, s.sent_count, now_s);
   s.uv.asked(s.uv_share(out.uv_mw_cm2), s.sent_count, now_s);
   s.step.set_points = out;
+  s.step.lamps_alone = s.failing() && !s.lamps_taken;
+  s.step.command_alone = s.phase >= Phase::stopping && !s.stop_taken;
   return std::exchange(s.step, Step{});
 }
 
 void Controller::shown(const FrameReport& report) { impl_->reports.push_back(report); }
+
+void Controller::written_alone(bool lamps, bool command) { impl_->written_alone(lamps, command); }
+
+bool Controller::failing() const { return impl_->failing(); }
 
 void Controller::fail(Fault fault, const std::string& detail) { impl_->fail(fault, detail); }
 
@@ -143,18 +161,20 @@ int Controller::frames_shown() const { return impl_->frames_shown; }
 int Controller::late_frames() const { return impl_->late_frames; }
 bool Controller::begun() const { return impl_->begun; }
 
-std::string Controller::left() const {
+Left Controller::left() const {
   const Impl& s = *impl_;
-  if (!s.begun) return "nothing was moved or lit";
-  if (!s.answered_since) {
-    return "NOT CONFIRMED that lamps are off and the stage stands, the machine did not answer: its "
-           "watchdog should have seen to it; go and look, and switch it off if not";
-  }
-  const bool dark = s.blue_dark() && s.uv_dark();
-  const bool stopped = s.status.state != MachineState::running;
-  return fmt::format(
-      "{}; {}", dark ? "lamps are off" : "A LAMP STILL SHINES, switch the machine off",
-      stopped ? "the stage has stopped" : "NOT CONFIRMED that the stage stands: go and look");
+  Left left;
+  left.touched = s.begun;
+  left.lamps_taken = s.failing() && s.lamps_taken;
+  left.heard = s.failing() && s.heard_since();
+  left.dark = s.measured_dark();
+  left.stands = s.status.state != MachineState::running;
+  left.measured = s.status_at_s.has_value();
+  if (left.measured) left.measured_s_ago = std::max(0.0, s.now_s - *s.status_at_s);
+  left.blue_measured = s.status.blue_measured;
+  left.uv_measured = s.status.uv_measured;
+  left.stage_um = s.status.stage_um;
+  return left;
 }
 
 }  // namespace slicecorr::bridge

@@ -85,13 +85,22 @@ void StageEstimate::command(double target_um, double speed_um_s, double accelera
   motion_.move(target_um, speed_um_s, acceleration_um_s2, at_s);
 }
 
-void StageEstimate::measure(double position_um, const double* speed_um_s, double at_s) {
+void StageEstimate::measure(double position_um, const double* speed_um_s, double at_s,
+                            double within_s) {
   const double dt = at_s - measured_at_;
+  double fastest = std::abs(motion_.speed_um_s());
   motion_.advance(at_s);
-  error_ = position_um - motion_.position_um();
+  fastest = std::max({fastest, std::abs(motion_.speed_um_s()),
+                      std::abs(motion_.at(at_s + within_s).speed_um_s())});
+  const double way = within_s * fastest;
+  const auto beyond = [&](double off) {
+    return std::copysign(std::max(0.0, std::abs(off) - way), off);
+  };
+  const double off = position_um - motion_.position_um();
+  error_ = beyond(off);
   if (dt > 0) {
     offset_ += drift_ * dt;
-    const double rest = error_ - offset_;
+    const double rest = beyond(off - offset_);
     // With a measured speed positions say little about it; without, they are all there is.
     offset_ += 0.3 * rest;
     if (speed_um_s != nullptr) {

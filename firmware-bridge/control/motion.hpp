@@ -41,8 +41,9 @@ class StageEstimate {
   void start(double position_um, double at_s);
   /// A new motion, from where the stage is and as fast as it goes.
   void command(double target_um, double speed_um_s, double acceleration_um_s2, double at_s);
-  /// A measurement; `speed_um_s` null where the machine has none.
-  void measure(double position_um, const double* speed_um_s, double at_s);
+  /// A measurement of some time within `within_s` of `at_s`: what the stage may have gone in that
+  /// time is no difference. `speed_um_s` null where the machine has none.
+  void measure(double position_um, const double* speed_um_s, double at_s, double within_s = 0);
   /// Position and speed at a time, past (as far as is remembered) or to come.
   double position_um(double at_s) const;
   double speed_um_s(double at_s) const;

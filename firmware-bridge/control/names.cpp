@@ -76,6 +76,10 @@ std::string_view name_of(Fault fault) {
       return "display_gone";
     case Fault::stopped_by_user:
       return "stopped_by_user";
+    case Fault::impossible_measurement:
+      return "impossible_measurement";
+    case Fault::bridge_stopped:
+      return "bridge_stopped";
     case Fault::defect:
       return "defect";
   }

@@ -64,7 +64,7 @@ struct Controller::Impl {
   double last_answer_s = 0;
   bool answered = false, connected = false, seen_running = false;
   Status status;
-  double status_at_s = 0;
+  std::optional<double> status_at_s;  ///< nothing: the machine was never heard
   std::optional<double> not_running_since_s, uv_short_since_s;
 
   // The stage.
@@ -75,6 +75,7 @@ struct Controller::Impl {
   };
   std::optional<Move> move;  ///< commanded, but not yet seen to be taken over
   double move_limit_s = 0;   ///< when it must have arrived
+  double move_within_s = 0;  ///< by which it is not known when the last one was taken over
   /// Since when the commanded motion is at its end.
   std::optional<double> stands_since_s;
   double highest_um = 0;  ///< while printing
@@ -109,7 +110,8 @@ struct Controller::Impl {
   // A fault's order.
   int tries = 0;
   double fault_at_s = 0;
-  bool answered_since = false, black_shown = false;
+  bool lamps_taken = false, stop_taken = false;  ///< the machine has answered that it took them
+  bool black_shown = false;
 
   Step step;
 
@@ -119,12 +121,22 @@ struct Controller::Impl {
   double in_act_s() const { return now_s - act_since_s; }
   void fail(Fault what, const std::string& detail);
   bool failing() const { return phase >= Phase::lamps_off; }
+  /// The machine has said something since the fault.
+  bool heard_since() const { return status_at_s && *status_at_s >= fault_at_s; }
+  /// Measured, whatever was asked.
+  bool measured_dark() const {
+    return status.blue_measured <= machine.blue.tolerance &&
+           uv_share(status.uv_measured.value_or(0)) <= machine.uv.tolerance;
+  }
 
   // watch.cpp
   void take(const Answer& answer);
   void take_reports();
   void watch_time();
   void check_sequence(const Answer& answer);
+  /// What was taken by itself.
+  void written_alone(bool lamps, bool command);
+  void check_measured();
   void check_interlocks();
   void check_state();
   void check_stage();

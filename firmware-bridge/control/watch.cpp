@@ -16,18 +16,29 @@ constexpr double connect_s = 5;
 /// In which the stage must have followed its commanded motion to the end.
 constexpr double late_arrival_s = 2;
 
+/// Two figures with as many digits as tell one from the other.
+std::pair<std::string, std::string> told_apart(double a, double b) {
+  for (int digits = 3; digits < 17; ++digits) {
+    auto one = fmt::format("{:.{}g}", a, digits), other = fmt::format("{:.{}g}", b, digits);
+    if (one != other) return {one, other};
+  }
+  return {fmt::format("{:g}", a), fmt::format("{:g}", b)};
+}
+
 }  // namespace
 
 void Controller::Impl::take(const Answer& answer) {
   status = answer.status;
   status_at_s = answer.at_s;
+  if (answer.only_read) return;
   last_answer_s = answer.at_s;
   const bool known = connected;
   check_sequence(answer);
   if (!known) stage.start(status.stage_um, answer.at_s);
+  if (!failing()) check_measured();
   if (!connected) return;
   const double* const speed = status.stage_speed_um_s ? &*status.stage_speed_um_s : nullptr;
-  stage.measure(status.stage_um, speed, answer.at_s);
+  stage.measure(status.stage_um, speed, answer.at_s, answer.within_s);
   if (move || !stage.commanded().at(now_s).arrived()) {
     stands_since_s.reset();
   } else if (!stands_since_s) {
@@ -54,7 +65,8 @@ void Controller::Impl::check_sequence(const Answer& answer) {
   connected = true;
   blue.confirmed(found->count, answer.at_s);
   uv.confirmed(found->count, answer.at_s);
-  if (found->phase >= Phase::lamps_off) answered_since = true;
+  if (found->phase >= Phase::lamps_off) lamps_taken = true;
+  if (found->phase >= Phase::stopping) stop_taken = true;
   const double age_s = answer.at_s - found->at_s;
   if (age_s > limits.heartbeat_timeout_s && !failing()) {
     fail(Fault::machine_restarted,
@@ -65,9 +77,28 @@ void Controller::Impl::check_sequence(const Answer& answer) {
     const auto moved = std::find_if(sent.begin(), sent.end(),
                                     [&](const Sent& s) { return s.sequence == move->sequence; });
     if (moved != sent.end() && moved <= found.base() - 1) {
-      stage.command(move->target_um, move->speed_um_s, move->acceleration_um_s2, answer.at_s);
+      // Some time between its sending and this answer: answers before it may have been lost.
+      const double last_s = answer.at_s + answer.within_s;
+      move_within_s = std::max(0.0, last_s - moved->at_s) / 2;
+      stage.command(move->target_um, move->speed_um_s, move->acceleration_um_s2,
+                    last_s - move_within_s);
       move.reset();
     }
+  }
+}
+
+void Controller::Impl::written_alone(bool lamps, bool command) {
+  if (lamps) {
+    lamps_taken = true;
+    blue.confirmed(sent_count, now_s);
+    uv.confirmed(sent_count, now_s);
+  }
+  if (command) stop_taken = true;
+}
+
+void Controller::Impl::check_measured() {
+  if (const auto wrong = impossible(machine, status); !wrong.empty()) {
+    fail(Fault::impossible_measurement, wrong);
   }
 }
 
@@ -110,7 +141,7 @@ void Controller::Impl::check_state() {
   if (!not_running_since_s) not_running_since_s = status_at_s;
   const bool at_once = state != MachineState::idle || seen_running;
   // It may take over the command to run with the next exchange only.
-  if (at_once || status_at_s - *not_running_since_s > limits.heartbeat_timeout_s) {
+  if (at_once || *status_at_s - *not_running_since_s > limits.heartbeat_timeout_s) {
     fail(Fault::machine_restarted, fmt::format("the machine is {}, expected running",
                                                state == MachineState::fault     ? "in a fault"
                                                : state == MachineState::stopped ? "stopped"
@@ -123,8 +154,8 @@ void Controller::Impl::check_stage() {
   const double error = std::abs(stage.error_um());
   worst_stage_error_um = std::max(worst_stage_error_um, error);
   // Two cycles of its way: when exactly a command was taken over is not known better.
-  const double allowed =
-      machine.stage.tolerance_um + 2 * limits.cycle_s * std::abs(stage.commanded().speed_um_s());
+  const double allowed = machine.stage.tolerance_um + (2 * limits.cycle_s + move_within_s) *
+                                                          std::abs(stage.commanded().speed_um_s());
   if (error > allowed) {
     fail(Fault::stage_error,
          fmt::format("the stage is at {:.1f} um, expected {:.1f} um within {:.1f} um",
@@ -146,11 +177,11 @@ void Controller::Impl::check_stage() {
 
 void Controller::Impl::check_lamps() {
   if (!lamps_judged) return;
-  if (const auto wrong = blue.judge(status.blue_measured, status_at_s, rising)) {
+  if (const auto wrong = blue.judge(status.blue_measured, *status_at_s, rising)) {
     return fail(Fault::lamp_mismatch, "the blue lamp " + *wrong);
   }
   if (machine.printer.uv && status.uv_measured) {
-    if (const auto wrong = uv.judge(uv_share(*status.uv_measured), status_at_s, rising)) {
+    if (const auto wrong = uv.judge(uv_share(*status.uv_measured), *status_at_s, rising)) {
       return fail(Fault::lamp_mismatch, "the UV lamp " + *wrong);
     }
   }
@@ -168,10 +199,10 @@ void Controller::Impl::check_lamps() {
   if (!uv_short_since_s) uv_short_since_s = status_at_s;
   // While lamps settle one may be ahead of the other.
   const double borne = std::max(machine.blue.settle_s, machine.uv.settle_s) + 2 * limits.cycle_s;
-  if (status_at_s - *uv_short_since_s > borne) {
+  if (*status_at_s - *uv_short_since_s > borne) {
+    const auto [has, needs] = told_apart(measured, least);
     fail(Fault::uv_ratio,
-         fmt::format("{:.3g} mW/cm² of UV light under frame {}, which needs {:.3g}", measured,
-                     frame, least));
+         fmt::format("{} mW/cm² of UV light under frame {}, which needs {}", has, frame, needs));
   }
 }
 
@@ -274,6 +305,12 @@ void Controller::Impl::watch_time() {
   const double silent_s = now_s - last_answer_s;
   if (!connected) {
     if (now_s - phase_since_s > connect_s) {
+      if (status_at_s && *status_at_s > now_s - 1) {
+        return fail(Fault::machine_restarted,
+                    fmt::format("the machine answers, but does not take set-points over: it gives "
+                                "back sequence number {} since {:g} s",
+                                status.sequence_echo, connect_s));
+      }
       fail(Fault::heartbeat_lost,
            fmt::format("the machine has not answered for {:g} s", connect_s));
     }
@@ -281,7 +318,7 @@ void Controller::Impl::watch_time() {
   }
   if (silent_s > limits.heartbeat_timeout_s) {
     return fail(Fault::heartbeat_lost,
-                fmt::format("no answer for {:.0f} ms, {:.0f} ms are borne", silent_s * 1e3,
+                fmt::format("no right answer for {:.0f} ms, {:.0f} ms are borne", silent_s * 1e3,
                             limits.heartbeat_timeout_s * 1e3));
   }
   const bool stands = stands_since_s && now_s - *stands_since_s > late_arrival_s;

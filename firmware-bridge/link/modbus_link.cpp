@@ -1,221 +1,148 @@
-// The client end of Modbus.
+// The client end of Modbus: set-points and status as requests.
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <modbus.h>
-#include <netdb.h>
-#include <netinet/in.h>
-#include <netinet/tcp.h>
-#include <poll.h>
-#include <sys/socket.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <cmath>
-#include <cstring>
+#include <array>
 #include <vector>
 
+#include "link/modbus_wire.hpp"
 #include "slicecorr/bridge/link.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr::bridge {
 namespace {
 
-/// Between two attempts to connect, in exchanges: 0, 1, 2, 4 ... Exchanges and not seconds, so that
-/// it is the same in lockstep.
-constexpr int most_skipped = 16;
+using detail::Bytes;
 
-struct FreeContext {
-  void operator()(modbus_t* c) const { modbus_free(c); }
-};
+constexpr std::uint8_t read_holding = 3, read_input = 4, write_registers = 16, write_and_read = 23;
+constexpr int illegal_function = 1;
+constexpr std::array lamp_signals{Signal::blue_share, Signal::uv_mw_cm2};
+constexpr std::array command_signals{Signal::command};
+
+void put_word(Bytes& bytes, int value) {
+  bytes.push_back(static_cast<std::uint8_t>(value >> 8));
+  bytes.push_back(static_cast<std::uint8_t>(value));
+}
 
 class ModbusLink final : public Link {
  public:
   ModbusLink(const RegisterMap& map, const Limits& limits)
-      : map_(map), runs_(write_runs(map)), limits_(limits) {
-    if (map_.transport == Transport::tcp) {
-      look_up();
-      context_.reset(modbus_new_tcp("127.0.0.1", map_.port));  // it never connects by itself
-    } else {
-      context_.reset(modbus_new_rtu(map_.device.c_str(), map_.baud, map_.parity, 8, 1));
-    }
-    if (!context_) throw InputError("modbus", "", modbus_strerror(errno));
-    modbus_t* const c = context_.get();
-    if (modbus_set_slave(c, map_.unit) != 0) {
-      throw InputError("modbus", "unit", fmt::format("{} is no unit", map_.unit));
-    }
-    modbus_set_error_recovery(c, MODBUS_ERROR_RECOVERY_NONE);
-    const auto us =
-        static_cast<std::uint32_t>(std::clamp(limits_.response_timeout_s, 1e-3, 10.0) * 1e6);
-    modbus_set_response_timeout(c, us / 1000000, us % 1000000);
-    modbus_set_byte_timeout(c, us / 1000000, us % 1000000);
-  }
-  ~ModbusLink() override { disconnect(); }
+      : map_(map), runs_(write_runs(map)), wire_(map, limits.response_timeout_s) {}
 
   std::optional<Status> exchange(const SetPoints& set_points) override {
-    if (!connect()) return std::nullopt;
-    modbus_t* const c = context_.get();
-    // A reply that comes late would else be taken for the next one for ever.
-    modbus_flush(c);
-    const std::vector<std::uint16_t> written = encode(map_, set_points);
+    wire_.begin_exchange();
+    auto registers = encode(map_, set_points);
+    std::optional<Status> status;
     if (map_.exchange == Exchange::fc23) {
-      std::vector<std::uint16_t> read(static_cast<std::size_t>(map_.read_count));
-      const int got =
-          modbus_write_and_read_registers(c, map_.write_address, map_.write_count, written.data(),
-                                          map_.read_address, map_.read_count, read.data());
-      return take(got, read);
+      status = ask_status(written(Bytes{write_and_read}, runs_.front(), registers, true));
+    } else {
+      std::string first_error;
+      for (const RegisterRun& run : runs_) {
+        if (write(run, registers)) continue;
+        if (!first_error.empty()) continue;
+        first_error = error_;
+        // An exchange that has failed feeds no watchdog.
+        SetPoints rest = set_points;
+        rest.heartbeat = heartbeat_;
+        registers = encode(map_, rest);
+      }
+      if (first_error.empty()) {
+        status = read_status();
+      } else {
+        error_ = first_error;
+      }
     }
-    return write_all(written) ? read_status() : take(-1, {});
+    heartbeat_ = set_points.heartbeat;
+    if (status) {
+      wire_.exchange_was_good();
+      hurried_ = false;
+    }
+    return status;
   }
 
-  std::optional<Status> look() override { return connect() ? read_status() : std::nullopt; }
+  bool write_alone(const SetPoints& set_points, Alone what) override {
+    if (!hurried_) wire_.hurry();
+    hurried_ = true;
+    const auto registers = encode(map_, set_points);
+    const auto runs =
+        what == Alone::lamps ? write_runs(map_, lamp_signals) : write_runs(map_, command_signals);
+    bool all = true;
+    for (const RegisterRun& run : runs) {
+      if (write(run, registers)) continue;
+      // A machine of function 23 may have no other.
+      const bool other = map_.exchange == Exchange::fc23 && wire_.exception() == illegal_function;
+      if (!other || !ask_status(written(Bytes{write_and_read}, run, registers, true))) all = false;
+    }
+    return all;
+  }
+
+  std::optional<Status> look() override {
+    wire_.begin_exchange();
+    return read_status();
+  }
 
   std::string last_error() const override { return error_; }
 
  private:
-  void look_up() {
-    addrinfo hints{};
-    hints.ai_family = AF_UNSPEC;
-    hints.ai_socktype = SOCK_STREAM;
-    addrinfo* found = nullptr;
-    const int code =
-        getaddrinfo(map_.host.c_str(), std::to_string(map_.port).c_str(), &hints, &found);
-    if (code != 0) {
-      throw InputError("modbus", "host",
-                       fmt::format("'{}' is not found: {}", map_.host, gai_strerror(code)));
-    }
-    std::memcpy(&address_, found->ai_addr, found->ai_addrlen);
-    address_size_ = found->ai_addrlen;
-    freeaddrinfo(found);
+  std::uint16_t at(const std::vector<std::uint16_t>& registers, int address) const {
+    return registers[static_cast<std::size_t>(address - map_.write_address)];
   }
 
-  std::optional<Status> read_status() {
-    modbus_flush(context_.get());
-    std::vector<std::uint16_t> read(static_cast<std::size_t>(map_.read_count));
-    const auto ask =
-        map_.exchange == Exchange::fc16_fc4 ? modbus_read_input_registers : modbus_read_registers;
-    return take(ask(context_.get(), map_.read_address, map_.read_count, read.data()), read);
+  /// A request that writes a run, and reads the status where it does both.
+  Bytes written(Bytes request, const RegisterRun& run, const std::vector<std::uint16_t>& registers,
+                bool reads) const {
+    if (reads) {
+      put_word(request, map_.read_address);
+      put_word(request, map_.read_count);
+    }
+    put_word(request, run.address);
+    put_word(request, run.count);
+    request.push_back(static_cast<std::uint8_t>(2 * run.count));
+    for (int i = 0; i < run.count; ++i) put_word(request, at(registers, run.address + i));
+    return request;
   }
 
-  /// What was read, or why not; then the connection is made anew.
-  std::optional<Status> take(int got, const std::vector<std::uint16_t>& read) {
-    if (got != map_.read_count) {
-      fail(got < 0 ? modbus_strerror(errno) : "an answer of the wrong length");
-      return std::nullopt;
-    }
-    failures_ = 0;
-    try {
-      return decode_status(map_, read);
-    } catch (const Error& e) {
-      fail(e.what());
-      return std::nullopt;
-    }
-  }
-  void fail(const std::string& why) {
-    error_ = where() + ": " + why;
-    disconnect();
-  }
-  std::string where() const {
-    return map_.transport == Transport::rtu ? map_.device
-                                            : fmt::format("{}:{}", map_.host, map_.port);
-  }
-
-  /// A request for each run of registers; false, with errno, at the first that fails.
-  bool write_all(const std::vector<std::uint16_t>& written) {
-    for (const RegisterRun& run : runs_) {
-      modbus_flush(context_.get());
-      const int got = modbus_write_registers(context_.get(), run.address, run.count,
-                                             written.data() + (run.address - map_.write_address));
-      if (got == run.count) continue;
-      if (got >= 0) errno = EMBBADDATA;
-      return false;
-    }
-    return true;
-  }
-
-  /// Goes on with connecting; true when connected.
-  bool connect() {
-    if (connected_) return true;
-    if (descriptor_ < 0) {
-      if (skip_ > 0) {
-        --skip_;
-        return false;
-      }
-      skip_ = std::min(most_skipped, failures_ == 0 ? 0 : 1 << std::min(failures_ - 1, 8));
-      ++failures_;
-      if (map_.transport == Transport::rtu) {
-        if (modbus_connect(context_.get()) != 0) {
-          error_ = where() + ": " + modbus_strerror(errno);
-          return false;
-        }
-        return connected_ = true;
-      }
-      descriptor_ =
-          ::socket(address_.ss_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, IPPROTO_TCP);
-      if (descriptor_ < 0) {
-        error_ = std::strerror(errno);
-        return false;
-      }
-      const int on = 1;
-      ::setsockopt(descriptor_, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
-      if (::connect(descriptor_, reinterpret_cast<const sockaddr*>(&address_), address_size_) !=
-              0 &&
-          errno != EINPROGRESS) {
-        return refuse(errno);
-      }
-    }
-    pollfd p{descriptor_, POLLOUT, 0};
-    const int wait_ms =
-        static_cast<int>(std::ceil(std::clamp(limits_.response_timeout_s, 1e-3, 10.0) * 1e3));
-    const int ready = ::poll(&p, 1, wait_ms);
-    if (ready == 0 || (ready < 0 && errno == EINTR)) {
-      // The next exchange looks again, for a while.
-      if (++waited_ > most_skipped) return refuse(ETIMEDOUT);
-      error_ = where() + ": does not take the connection";
-      return false;
-    }
-    int code = 0;
-    socklen_t size = sizeof code;
-    ::getsockopt(descriptor_, SOL_SOCKET, SO_ERROR, &code, &size);
-    if (ready < 0 || code != 0) return refuse(ready < 0 ? errno : code);
-    ::fcntl(descriptor_, F_SETFL, ::fcntl(descriptor_, F_GETFL) & ~O_NONBLOCK);
-    modbus_set_socket(context_.get(), descriptor_);
-    waited_ = 0;
-    return connected_ = true;
-  }
-
-  bool refuse(int code) {
-    error_ = where() + ": " + std::strerror(code);
-    ::close(descriptor_);
-    descriptor_ = -1;
-    waited_ = 0;
+  bool write(const RegisterRun& run, const std::vector<std::uint16_t>& registers) {
+    const Bytes request = written(Bytes{write_registers}, run, registers, false);
+    if (wire_.ask(request, 4)) return true;
+    error_ = fmt::format("{} (writing registers {} to {})", wire_.error(), run.address,
+                         run.address + run.count - 1);
     return false;
   }
 
-  void disconnect() {
-    if (map_.transport == Transport::rtu) {
-      if (connected_) modbus_close(context_.get());
-    } else if (descriptor_ >= 0) {
-      ::close(descriptor_);
-      modbus_set_socket(context_.get(), -1);
+  std::optional<Status> read_status() {
+    Bytes request{map_.exchange == Exchange::fc16_fc4 ? read_input : read_holding};
+    put_word(request, map_.read_address);
+    put_word(request, map_.read_count);
+    return ask_status(request);
+  }
+
+  std::optional<Status> ask_status(const Bytes& request) {
+    const auto bytes = static_cast<std::size_t>(2 * map_.read_count);
+    const auto answer = wire_.ask(request, bytes + 1);
+    if (!answer) {
+      error_ = wire_.error();
+      return std::nullopt;
     }
-    descriptor_ = -1;
-    connected_ = false;
-    waited_ = 0;
-    skip_ = 0;
+    std::vector<std::uint16_t> registers;
+    for (std::size_t i = 1; i + 1 < answer->size(); i += 2) {
+      registers.push_back(static_cast<std::uint16_t>((*answer)[i] << 8 | (*answer)[i + 1]));
+    }
+    try {
+      return decode_status(map_, registers);
+    } catch (const Error& e) {
+      error_ = std::string("answers, but ") + e.what();
+      return std::nullopt;
+    }
   }
 
   const RegisterMap map_;
   const std::vector<RegisterRun> runs_;
-  const Limits limits_;
-  std::unique_ptr<modbus_t, FreeContext> context_;
-  sockaddr_storage address_{};
-  socklen_t address_size_ = 0;
-  int descriptor_ = -1;  ///< of TCP; connecting or connected
-  bool connected_ = false;
-  int failures_ = 0, skip_ = 0, waited_ = 0;
-  std::string error_ = "not connected yet";
+  detail::ModbusWire wire_;
+  std::uint16_t heartbeat_ = 0;  ///< of the exchange before
+  bool hurried_ = false;         ///< since the last good exchange
+  std::string error_ = "was asked nothing";
 };
 
 }  // namespace

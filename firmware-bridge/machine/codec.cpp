@@ -108,9 +108,12 @@ void check_size(const Registers& registers, int count) {
 
 }  // namespace
 
-std::vector<RegisterRun> write_runs(const RegisterMap& map) {
+std::vector<RegisterRun> write_runs(const RegisterMap& map, std::span<const Signal> signals) {
   std::vector<RegisterRun> all;
-  for (const auto& [signal, reg] : map.write) all.push_back({reg.address, reg.registers()});
+  for (const auto& [signal, reg] : map.write) {
+    if (std::find(signals.begin(), signals.end(), signal) == signals.end()) continue;
+    all.push_back({reg.address, reg.registers()});
+  }
   std::sort(all.begin(), all.end(),
             [](const RegisterRun& a, const RegisterRun& b) { return a.address < b.address; });
   std::vector<RegisterRun> runs;
@@ -121,12 +124,31 @@ std::vector<RegisterRun> write_runs(const RegisterMap& map) {
       runs.push_back(next);
     }
   }
-  const int sequence = map.write.at(Signal::sequence).address;
-  const auto last = std::find_if(runs.begin(), runs.end(), [&](const RegisterRun& run) {
-    return sequence >= run.address && sequence < run.address + run.count;
-  });
-  std::rotate(last, last + 1, runs.end());
   return runs;
+}
+
+std::vector<RegisterRun> write_runs(const RegisterMap& map) {
+  std::vector<Signal> signals;
+  for (const auto& [signal, reg] : map.write) signals.push_back(signal);
+  auto runs = write_runs(map, signals);
+  const auto has = [&](const RegisterRun& run, Signal signal) {
+    const auto at = map.write.find(signal);
+    return at != map.write.end() && at->second.address >= run.address &&
+           at->second.address < run.address + run.count;
+  };
+  // What is most dangerous when it is not taken goes first.
+  const auto place = [&](const RegisterRun& run) {
+    if (has(run, Signal::sequence)) return 3;
+    if (has(run, Signal::heartbeat)) return 2;
+    return has(run, Signal::blue_share) || has(run, Signal::uv_mw_cm2) ? 0 : 1;
+  };
+  std::stable_sort(runs.begin(), runs.end(),
+                   [&](const RegisterRun& a, const RegisterRun& b) { return place(a) < place(b); });
+  return runs;
+}
+
+int requests_of(const RegisterMap& map) {
+  return map.exchange == Exchange::fc23 ? 1 : static_cast<int>(write_runs(map).size()) + 1;
 }
 
 Registers encode(const RegisterMap& map, const SetPoints& s) {
@@ -154,6 +176,8 @@ Registers encode(const RegisterMap& map, const SetPoints& s) {
         return s.uv_mw_cm2;
       case Signal::frame:
         return s.frame;
+      case Signal::job:
+        return s.job;
       default:
         return 0;
     }
@@ -202,6 +226,9 @@ SetPoints decode_set_points(const RegisterMap& map, const Registers& registers) 
       case Signal::frame:
         s.frame = static_cast<std::int32_t>(std::lround(value));
         break;
+      case Signal::job:
+        s.job = view.raw(reg) != 0;
+        break;
       default:
         break;
     }
@@ -240,6 +267,10 @@ Registers encode(const RegisterMap& map, const Status& s) {
         return s.over_temperature;
       case Signal::watchdog_tripped:
         return s.watchdog_tripped;
+      case Signal::latched:
+        return s.latched.value_or(false);
+      case Signal::job_kept:
+        return s.job_kept.value_or(false);
       case Signal::machine_time_s:
         return s.machine_time_s.value_or(0);
       default:
@@ -285,6 +316,8 @@ Status decode_status(const RegisterMap& map, const Registers& registers) {
   s.stage_failed = bit(Signal::stage_failed);
   s.over_temperature = bit(Signal::over_temperature);
   s.watchdog_tripped = bit(Signal::watchdog_tripped);
+  if (map.read.contains(Signal::latched)) s.latched = bit(Signal::latched);
+  if (map.read.contains(Signal::job_kept)) s.job_kept = bit(Signal::job_kept);
   return s;
 }
 

@@ -19,6 +19,7 @@ constexpr auto names = std::to_array<SignalName>({
     {Signal::blue_share, "blue_share", true},
     {Signal::uv_mw_cm2, "uv_mw_cm2", true},
     {Signal::frame, "frame", true},
+    {Signal::job, "job", true},
     {Signal::sequence_echo, "sequence_echo", false},
     {Signal::state, "state", false},
     {Signal::stage_um, "stage_um", false},
@@ -32,6 +33,8 @@ constexpr auto names = std::to_array<SignalName>({
     {Signal::stage_failed, "stage_failed", false},
     {Signal::over_temperature, "over_temperature", false},
     {Signal::watchdog_tripped, "watchdog_tripped", false},
+    {Signal::latched, "latched", false},
+    {Signal::job_kept, "job_kept", false},
     {Signal::machine_time_s, "machine_time_s", false},
 });
 

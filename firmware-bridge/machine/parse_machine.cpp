@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cmath>
 
 #include "machine/parse_map.hpp"
@@ -77,22 +78,30 @@ Limits parse_limits(const TomlTable& t) {
   l.heartbeat_timeout_s =
       t.number("heartbeat_timeout_s", 0.02, 10, true).value_or(l.heartbeat_timeout_s);
   l.watchdog_s = t.number("watchdog_s", 0.02, 10, true).value_or(l.watchdog_s);
-  if (l.heartbeat_timeout_s < 2 * l.response_timeout_s) {
-    t.fail("heartbeat_timeout_s",
-           fmt::format("is {:g}; expected at least two response timeouts of {:g} s",
-                       l.heartbeat_timeout_s, l.response_timeout_s));
-  }
-  if (l.watchdog_s < 3 * l.cycle_s || l.watchdog_s < 2 * l.response_timeout_s) {
-    t.fail("watchdog_s", fmt::format("is {:g}; expected at least three cycles of {:g} s and two "
-                                     "response timeouts of {:g} s",
-                                     l.watchdog_s, l.cycle_s, l.response_timeout_s));
-  }
   l.max_late_um = t.number("max_late_um", 0, 1e4).value_or(l.max_late_um);
   l.max_late_frames = t.integer("max_late_frames", 0, 1000000, l.max_late_frames);
   l.display_latency_s = t.number("display_latency_s", 0, 1, true).value_or(l.display_latency_s);
   l.max_temperature_c = t.number("max_temperature_c", 0, 200).value_or(l.max_temperature_c);
   l.ring_frames = t.integer("ring_frames", 8, 1024, l.ring_frames);
   return l;
+}
+
+/// An exchange takes a response timeout for each of its requests, and one may be lost.
+void check_times(const TomlTable& t, const Limits& l, int requests) {
+  const std::string two =
+      requests == 1 ? fmt::format("two response timeouts of {:g} s", l.response_timeout_s)
+                    : fmt::format(
+                          "two exchanges of {} requests (by [modbus]), each with "
+                          "a response timeout of {:g} s: {:g} s",
+                          requests, l.response_timeout_s, 2 * requests * l.response_timeout_s);
+  if (l.heartbeat_timeout_s < 2 * requests * l.response_timeout_s) {
+    t.fail("heartbeat_timeout_s",
+           fmt::format("is {:g}; expected at least {}", l.heartbeat_timeout_s, two));
+  }
+  if (l.watchdog_s < 3 * l.cycle_s || l.watchdog_s < 2 * requests * l.response_timeout_s) {
+    t.fail("watchdog_s", fmt::format("is {:g}; expected at least three cycles of {:g} s and {}",
+                                     l.watchdog_s, l.cycle_s, two));
+  }
 }
 
 constexpr std::array<std::string_view, 4> channel_names{"red", "green", "blue", "all"};
@@ -157,7 +166,34 @@ Machine parse_machine(std::string_view text, const std::string& source) {
     m.projector.blue = Channel::blue;
   }
   if (const auto modbus = root.table("modbus")) m.modbus = detail::parse_map(*modbus, m);
+  const auto bridge = root.table("bridge");
+  check_times(bridge ? *bridge : root, m.limits, m.modbus ? requests_of(*m.modbus) : 1);
   return m;
+}
+
+void Machine::connect_to(const std::string& where) {
+  if (!modbus) {
+    throw InputError(path, "modbus",
+                     "is missing; expected the register map of this printer (docs/bridge.md)");
+  }
+  if (where.empty()) return;
+  const auto colon = where.rfind(':');
+  if (where.starts_with("tcp:") && colon > 4) {
+    int port = 0;
+    const char *const begin = where.data() + colon + 1, *const end = where.data() + where.size();
+    const auto read = std::from_chars(begin, end, port);
+    if (read.ec == std::errc() && read.ptr == end && port >= 1 && port <= 65535) {
+      modbus->transport = Transport::tcp;
+      modbus->host = where.substr(4, colon - 4);
+      modbus->port = port;
+      return;
+    }
+  } else if (where.starts_with("rtu:") && where.size() > 4) {
+    modbus->transport = Transport::rtu;
+    modbus->device = where.substr(4);
+    return;
+  }
+  throw InputError(fmt::format("--modbus is '{}', expected tcp:HOST:PORT or rtu:DEVICE", where));
 }
 
 Machine load_machine(const std::string& name_or_path) {

@@ -58,14 +58,15 @@ Need need_of(Signal signal, const Machine& m) {
       return {0, m.limits.max_temperature_c, 5, false};
     case Signal::machine_time_s:
       return {0, 0, 0, false};
+    case Signal::job:
+    case Signal::job_kept:
+      return {0, 1, 0, true};
     default:
       return {0, 1, 0, false};  // bits
   }
 }
 
-bool is_bit(Signal signal) {
-  return signal >= Signal::door_open && signal <= Signal::watchdog_tripped;
-}
+bool is_bit(Signal signal) { return signal >= Signal::door_open && signal <= Signal::latched; }
 
 void check_range(const TomlTable& table, std::string_view key, const Register& reg,
                  const Need& need) {
@@ -278,6 +279,9 @@ RegisterMap parse_map(const TomlTable& t, const Machine& machine) {
   const TomlTable write = t.required_table("write"), read = t.required_table("read");
   map.write = parse_signals(write, true, machine);
   map.read = parse_signals(read, false, machine);
+  if (map.write.contains(Signal::job) != map.read.contains(Signal::job_kept)) {
+    t.fail("read", "has only one of write.job and read.job_kept; expected both or none");
+  }
   std::multimap<int, Used> used;
   check_overlaps(write, map.write, used);
   // Input registers have addresses of their own.

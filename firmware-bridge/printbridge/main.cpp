@@ -27,7 +27,7 @@ using cli::Console;
 struct Options : PrinterOptions {
   std::string stack, modbus;
   std::vector<std::string> sinks;
-  bool dry_run = false, lockstep = false;
+  bool dry_run = false, lockstep = false, machine_is_clear = false;
 };
 
 void add_printer(CLI::App& app, PrinterOptions& o) {
@@ -35,31 +35,6 @@ void add_printer(CLI::App& app, PrinterOptions& o) {
   app.add_option("--dir", o.dir,
                  "Folder of the printers' states [$SLICECORR_BRIDGE_DIR, or "
                  "~/.local/state/slicecorr/bridge]");
-}
-
-/// The printer file's register map, elsewhere when the command line says so.
-void redirect(Machine& machine, const std::string& where) {
-  if (!machine.modbus) {
-    throw InputError(machine.path, "modbus",
-                     "is missing; expected the register map of this printer (docs/bridge.md)");
-  }
-  if (where.empty()) return;
-  RegisterMap& map = *machine.modbus;
-  const auto colon = where.rfind(':');
-  if (where.starts_with("tcp:") && colon > 4) {
-    const auto port = cli::number_of(where.substr(colon + 1));
-    if (port && *port >= 1 && *port <= 65535 && *port == static_cast<int>(*port)) {
-      map.transport = Transport::tcp;
-      map.host = where.substr(4, colon - 4);
-      map.port = static_cast<int>(*port);
-      return;
-    }
-  } else if (where.starts_with("rtu:") && where.size() > 4) {
-    map.transport = Transport::rtu;
-    map.device = where.substr(4);
-    return;
-  }
-  throw InputError(fmt::format("--modbus is '{}', expected tcp:HOST:PORT or rtu:DEVICE", where));
 }
 
 std::string minutes(double seconds) {
@@ -92,7 +67,7 @@ std::string ramps_in_words(const PrintPlan& plan) {
 
 int print(const Options& o, const Job& job, Console& console) {
   Machine machine = load_machine(o.printer);
-  redirect(machine, o.modbus);
+  machine.connect_to(o.modbus);
   if (o.sinks.empty() && !o.dry_run) {
     throw InputError(
         "no display: expected --sink window, drm, unix:PATH or tcp:HOST:PORT (--sink null shows "
@@ -118,7 +93,11 @@ int print(const Options& o, const Job& job, Console& console) {
       minutes(plan.expected_s)));
 
   const auto link = make_modbus_link(*machine.modbus, machine.limits);
-  check_alone(*link, *make_real_clock(), machine);
+  const Status before = check_alone(*link, *make_real_clock(), machine);
+  // Before anything is sent: the first order to be off makes a stopped machine idle.
+  if (const auto why = against_start(machine, before, o.machine_is_clear); !why.empty()) {
+    throw DeviceError("nothing was sent to the machine: " + why);
+  }
   const auto clock = o.lockstep ? make_step_clock() : make_real_clock();
   const StackInfo& info = stack.info();
   WireHello hello;
@@ -163,11 +142,14 @@ int print(const Options& o, const Job& job, Console& console) {
   const bool reset = end.latched || end.fault == Fault::machine_restarted ||
                      end.fault == Fault::watchdog_tripped || end.fault == Fault::lamp_failed ||
                      end.fault == Fault::stage_failed;
-  const std::string text =
-      fmt::format("{}: {} ({}). State: {}. Journal: {}. To do: {}{}", name_of(end.fault),
-                  end.detail, where_it_was(end.frame, end.stage_um - plan.start_um), end.left,
-                  folder.file("journal.jsonl"), what_to_do(end.fault),
-                  reset ? fmt::format(", then `printbridge reset --printer {}`", o.printer) : "");
+  const std::string left = in_words(end.left);
+  // What must be read first stands first.
+  const bool sure = end.left.confirmed();
+  const std::string text = fmt::format(
+      "{}{}: {} ({}). {}Journal: {}. To do: {}{}", sure ? "" : left + ". ", name_of(end.fault),
+      end.detail, where_it_was(end.frame, end.stage_um - plan.start_um),
+      sure ? "State: " + left + ". " : "", folder.file("journal.jsonl"), what_to_do(end.fault),
+      reset ? fmt::format(", then `printbridge reset --printer {}`", o.printer) : "");
   if (end.fault == Fault::stopped_by_user) {
     fmt::print(stderr, "printbridge: {}\n", text);
     return cli::kInterrupted;
@@ -191,7 +173,7 @@ int request(const Options& o, const std::string& what, Console& console) {
 
 int reset(const Options& o, Console& console) {
   Machine machine = load_machine(o.printer);
-  redirect(machine, o.modbus);
+  machine.connect_to(o.modbus);
   const StateFolder folder = StateFolder::of(o.dir, machine.printer);
   const PrintLock lock(folder);
   const auto latch = read_latch(folder, true);
@@ -199,10 +181,11 @@ int reset(const Options& o, Console& console) {
   const auto clock = make_real_clock();
   const auto link = make_modbus_link(*machine.modbus, machine.limits);
   check_alone(*link, *clock, machine);
-  reset_machine(*link, *clock, machine);
+  const Status after = reset_machine(*link, *clock, machine);
   clear_latch(folder);
   console.say(latch ? fmt::format("reset after {}: {}", name_of(latch->fault), latch->detail)
                     : std::string("reset; nothing was latched"));
+  if (const auto why = against_start(machine, after, false); !why.empty()) console.say(why);
   return cli::kDone;
 }
 
@@ -229,6 +212,10 @@ int main(int argc, char** argv) {
                 "tcp:HOST:PORT or null; repeatable, the first is the display that counts")
       ->take_all()
       ->expected(1);
+  p->add_flag(
+      "--machine-is-clear", o.machine_is_clear,
+      "Somebody has seen that no part is on the machine, where its stage stands as if there "
+      "was one");
   p->add_flag("--lockstep", o.lockstep,
               "Time is that of a simulator, which waits for every exchange");
   add_view_commands([&](const char* name, const char* text, PrinterOptions& options,

@@ -63,6 +63,9 @@ int status(const StatusOptions& o) {
   const Seen seen = seen_in(json);
   const double z_mm = (seen.state.stage_um - seen.facts.start_um) * 1e-3;
   std::string out = fmt::format("printer   {}\n", looker.printer);
+  if (const auto& left = seen.state.left; left && !left->confirmed()) {
+    out += words::printable(in_words(*left)) + "\n";
+  }
   if (seen.running && seen.known) {
     out += fmt::format("phase     {}{}\n", name_of(seen.state.phase),
                        seen.facts.dry_run ? ", without light" : "");
@@ -73,7 +76,11 @@ int status(const StatusOptions& o) {
     if (seen.left_s) out += fmt::format("left      {}\n", words::duration(*seen.left_s));
   } else {
     out += seen.running ? "phase     starting\n" : "phase     no print\n";
-    if (seen.known) out += fmt::format("last      {}\n", live_line(seen));
+    if (seen.known) {
+      Seen last = seen;
+      last.state.left.reset();
+      out += fmt::format("last      {}\n", live_line(last));
+    }
   }
   if (const auto latch = read_latch(looker.folder, false)) {
     out += fmt::format("latched   {}: {} ({}); see the machine, then `printbridge reset`\n",

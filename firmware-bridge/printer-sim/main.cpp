@@ -14,6 +14,7 @@
 #include "sim/modbus_server.hpp"
 #include "sim/timed_model.hpp"
 #include "slicecorr/bridge/model.hpp"
+#include "slicecorr/bridge/run.hpp"
 #include "slicecorr/error.hpp"
 
 namespace {
@@ -24,7 +25,8 @@ using namespace slicecorr::bridge;
 struct Options {
   std::string printer, listen, frames, output, events, stack;
   std::vector<std::string> faults;
-  bool lockstep = false;
+  std::string modbus;
+  bool lockstep = false, check_machine = false;
   double time_rate = 1;
 };
 
@@ -68,7 +70,36 @@ std::string fault_help() {
   return text;
 }
 
+/// A real machine instead of being one.
+int check(const Options& o) {
+  if (o.lockstep || o.time_rate != 1 || !o.listen.empty() || !o.frames.empty() ||
+      !o.output.empty() || !o.events.empty() || !o.stack.empty() || !o.faults.empty()) {
+    throw InputError("--check-machine goes with --printer and --modbus alone");
+  }
+  Machine machine = load_machine(o.printer);
+  machine.connect_to(o.modbus);
+  const auto clock = make_real_clock();
+  int good = 0, bad = 0;
+  check_machine([&] { return make_modbus_link(*machine.modbus, machine.limits); }, *clock, machine,
+                [&](const MachineCheck& c) {
+                  using Found = MachineCheck::Found;
+                  good += c.found == Found::good ? 1 : 0;
+                  bad += c.found == Found::bad ? 1 : 0;
+                  const char* const word = c.found == Found::good  ? "ok        "
+                                           : c.found == Found::bad ? "WRONG     "
+                                                                   : "not tested";
+                  cli::print_result(fmt::format("{}  {}: {}\n", word, c.what, c.detail));
+                });
+  if (bad > 0 || cli::interrupted()) {
+    throw DeviceError(
+        fmt::format("{} of {} things that the machine must do are wrong", bad, good + bad));
+  }
+  return cli::kDone;
+}
+
 int run(const Options& o, const Job& job, cli::Console& console) {
+  if (o.check_machine) return check(o);
+  if (!o.modbus.empty()) throw InputError("--modbus goes with --check-machine");
   if (!o.output.empty()) {
     cli::must_not_replace(o.output, {o.stack});
     if (!o.output.ends_with(".uvj")) {
@@ -161,5 +192,10 @@ int main(int argc, char** argv) {
                 "Time passes by exchanges and images alone: the same print is the same every time");
   app->add_option("--time-rate", o.time_rate, "So many times as fast as real time [1]")
       ->check(cli::number_in(0.001, 1000));
+  app->add_flag("--check-machine", o.check_machine,
+                "Drives a real machine through every command without light, and reports: its "
+                "stage moves by a millimetre");
+  app->add_option("--modbus", o.modbus,
+                  "Where that machine is [as the printer file says]: tcp:HOST:PORT or rtu:DEVICE");
   return program.run(argc, argv);
 }

@@ -130,16 +130,20 @@ struct Journal::Impl {
   explicit Impl(const std::string& path) : writer(path, "") {}
 };
 
+std::string utc_now() {
+  const auto now =
+      std::chrono::time_point_cast<std::chrono::milliseconds>(std::chrono::system_clock::now());
+  const auto ms = now.time_since_epoch().count();
+  return fmt::format("{:%Y-%m-%dT%H:%M:%S}.{:03d}Z",
+                     fmt::gmtime(static_cast<std::time_t>(ms / 1000)), ms % 1000);
+}
+
 Journal::Journal(const std::string& path) : impl_(std::make_unique<Impl>(path)) {}
 Journal::~Journal() = default;
 
 void Journal::add(const Event& event, bool important) {
-  const auto now =
-      std::chrono::time_point_cast<std::chrono::milliseconds>(std::chrono::system_clock::now());
-  const auto ms = now.time_since_epoch().count();
   nlohmann::ordered_json line;
-  line["time"] = fmt::format("{:%Y-%m-%dT%H:%M:%S}.{:03d}Z",
-                             fmt::gmtime(static_cast<std::time_t>(ms / 1000)), ms % 1000);
+  line["time"] = utc_now();
   line["at_s"] = impl_->at_s = std::max(impl_->at_s, event.at_s);
   line["what"] = event.what;
   if (!event.detail.empty()) line["detail"] = event.detail;

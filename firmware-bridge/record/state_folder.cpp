@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "base/temporary.hpp"
+#include "record/left_json.hpp"
 #include "slicecorr/bridge/record.hpp"
 #include "slicecorr/error.hpp"
 
@@ -140,7 +141,7 @@ std::optional<Latch> read_latch(const StateFolder& folder, bool locked) {
     std::ostringstream text;
     text << file.rdbuf();
     Latch latch;
-    const auto json = nlohmann::json::parse(text.str(), nullptr, false);
+    const auto json = nlohmann::ordered_json::parse(text.str(), nullptr, false);
     if (!json.is_object()) {
       latch.fault = Fault::defect;
       latch.detail = "latch.json can't be read";
@@ -152,6 +153,9 @@ std::optional<Latch> read_latch(const StateFolder& folder, bool locked) {
     latch.frame = json.value("frame", -1);
     latch.stage_um = json.value("stage_um", 0.0);
     latch.z_um = json.value("z_um", 0.0);
+    if (const auto left = json.find("after_fault"); left != json.end()) {
+      latch.left = left_in(*left);
+    }
     return latch;
   }
   const JournalEnd end = journal_of(folder);
@@ -161,17 +165,28 @@ std::optional<Latch> read_latch(const StateFolder& folder, bool locked) {
               end.stack,
               end.frame,
               end.stage_um,
-              0};
+              0,
+              {}};
+  latch.left = Left{};
+  latch.left->touched = latch.left->bridge_gone = true;
   // Frames are logged within a second, so that it was there or somewhat further.
   if (const auto row = last_row(folder); row.size() > 2 && row[0] >= latch.frame) {
     latch.frame = static_cast<int>(row[0]);
     latch.z_um = row[2];
+    if (row.size() > 9) {
+      latch.left->measured = true;
+      latch.left->blue_measured = row[9];
+      latch.left->stage_um = latch.stage_um;
+      if (row.size() > 10) latch.left->uv_measured = row[10];
+    }
   }
   return latch;
 }
 
 void write_latch(const StateFolder& folder, const Latch& latch) {
   nlohmann::ordered_json json;
+  // What must be seen first stands first.
+  if (latch.left) json["after_fault"] = left_json(*latch.left);
   json["fault"] = name_of(latch.fault);
   json["detail"] = latch.detail;
   json["stack"] = latch.stack;

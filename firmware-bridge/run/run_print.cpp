@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "record/left_json.hpp"
 #include "run/control_socket.hpp"
 #include "run/images.hpp"
 #include "run/priority.hpp"
@@ -143,12 +144,28 @@ class Run {
     if (step.show >= -1) images_->show(step.show, step.show_at_s);
     for (const Event& event : step.events) journal_->add(event, true);
     for (const FrameRecord& record : step.records) frame_log_->add(record);
+    if (step.lamps_alone || step.command_alone) {
+      const bool lamps = step.lamps_alone && link_.write_alone(step.set_points, Alone::lamps);
+      const bool command = step.command_alone && link_.write_alone(step.set_points, Alone::command);
+      controller_->written_alone(lamps, command);
+    }
     const double asked_s = clock_.now_s();
-    const auto status = link_.exchange(step.set_points);
+    auto status = link_.exchange(step.set_points);
+    const bool taken = status.has_value();
+    double read_s = asked_s;
+    if (!taken && controller_->failing()) {
+      // What is measured is known all the same where set-points are refused.
+      read_s = clock_.now_s();
+      status = link_.look();
+    }
     if (status) {
-      answer_ = Answer{*status, (asked_s + clock_.now_s()) / 2};
+      const double half_s = (clock_.now_s() - read_s) / 2;
+      answer_ = Answer{*status, read_s + half_s, half_s, !taken};
     } else {
       answer_.reset();
+    }
+    if (!taken) {
+      if (!controller_->failing()) lost_by_ = link_.last_error();
       // Only the first of a row: the journal is for people.
       if (!silent_) {
         journal_->add(
@@ -156,7 +173,7 @@ class Run {
             false);
       }
     }
-    silent_ = !status;
+    silent_ = !taken;
     tell(now);
     if (step.finished) return true;
     next_s_ += cycle_s_;
@@ -219,21 +236,25 @@ class Run {
     broken_order_ = true;
     broken_detail_ = what;
     SetPoints out = last_sent_;
-    const auto send = [&] {
-      for (int i = 0; i < 2; ++i) {
+    // Each by itself, so that one that throws keeps no other from being tried.
+    const auto attempt = [](const auto& what) {
+      try {
+        return static_cast<bool>(what());
+      } catch (...) {
+        return false;
+      }
+    };
+    const auto send = [&](Alone alone) {
+      for (int i = 0; i < 3; ++i) {
         ++out.sequence;
-        ++out.heartbeat;
-        try {
-          if (link_.exchange(out)) return;
-        } catch (...) {
-          // Nothing is left to try but the next one.
-        }
+        const bool written = attempt([&] { return link_.write_alone(out, alone); });
+        if (attempt([&] { return link_.exchange(out).has_value(); }) || written) return;
       }
     };
     out.blue_share = out.uv_mw_cm2 = 0;
-    send();
+    send(Alone::lamps);
     out.command = Command::stop;
-    send();
+    send(Alone::command);
   }
 
   Ending end() {
@@ -242,11 +263,13 @@ class Run {
     e.fault = controller_->fault();
     e.detail = controller_->fault_detail();
     e.left = controller_->left();
-    if (e.fault == Fault::heartbeat_lost) e.detail += ": " + link_.last_error();
+    if (e.fault == Fault::heartbeat_lost) e.detail += ": it " + lost_by_;
+    e.left.time = utc_now();
     if (broken_order_) {
       e.fault = Fault::defect;
       e.detail = broken_detail_;
-      e.left = "NOT CONFIRMED that lamps are off and the stage stands: go and look";
+      e.left.touched = true;
+      e.left.heard = false;
     }
     e.frames = static_cast<int>(plan_.frames.size());
     e.frames_shown = controller_->frames_shown();
@@ -261,14 +284,20 @@ class Run {
     try {
       if (e.fault != Fault::none && (controller_->begun() || broken_order_)) {
         write_latch(folder_, {e.fault, e.detail, options_.stack, e.frame, e.stage_um,
-                              e.stage_um - plan_.start_um});
+                              e.stage_um - plan_.start_um, e.left});
         e.latched = true;
         note("latched", std::string(name_of(e.fault)));
+      }
+      if (e.fault != Fault::none) {
+        journal_->add({e.seconds, journal_left, in_words(e.left), controller_->frame(),
+                       controller_->stage_um(), left_json(e.left).dump()},
+                      true);
       }
       PrintState last = state(e.seconds);
       last.phase = e.phase;
       last.fault = e.fault;
       last.detail = e.detail;
+      if (e.fault != Fault::none) last.left = e.left;
       PrintAround around;
       around.seconds = e.seconds;
       around.threads = threads_;
@@ -313,7 +342,7 @@ class Run {
   std::uint64_t told_ = 0;
   int missed_ = 0;
   bool silent_ = false, stopped_ = false, broken_order_ = false;
-  std::string broken_detail_;
+  std::string broken_detail_, lost_by_;
 };
 
 }  // namespace
@@ -324,12 +353,13 @@ Ending run_print(const FrameSource& frames, const PrintPlan& plan, const Machine
   return Run(frames, plan, machine, link, sink, clock, folder, options, job).go();
 }
 
-void check_alone(Link& link, Clock& clock, const Machine& machine) {
+Status check_alone(Link& link, Clock& clock, const Machine& machine) {
   constexpr double wait_s = 3, look_s = 0.1;
   constexpr int looks = 5;
   const double begin_s = clock.now_s();
   std::optional<double> first_s;
   std::uint16_t echo = 0;
+  std::optional<Status> last;
   for (int seen = 0; seen < looks || clock.now_s() < *first_s + look_s;) {
     if (const auto status = link.look()) {
       if (seen > 0 && status->sequence_echo != echo) {
@@ -337,16 +367,18 @@ void check_alone(Link& link, Clock& clock, const Machine& machine) {
                          "takes set-points from somebody else: another bridge is at work with it");
       }
       echo = status->sequence_echo;
+      last = status;
       if (!first_s) first_s = clock.now_s();
       ++seen;
     } else if (clock.now_s() > begin_s + wait_s) {
-      throw DeviceError("the machine does not answer: " + link.last_error());
+      throw DeviceError("the machine " + link.last_error());
     }
     clock.sleep_until(clock.now_s() + 2 * machine.limits.cycle_s);
   }
+  return *last;
 }
 
-void reset_machine(Link& link, Clock& clock, const Machine& machine) {
+Status reset_machine(Link& link, Clock& clock, const Machine& machine) {
   SetPoints out;
   out.watchdog_s = machine.limits.watchdog_s;
   double next_s = clock.now_s();
@@ -366,36 +398,50 @@ void reset_machine(Link& link, Clock& clock, const Machine& machine) {
     }
     return false;
   };
+  // Lamps first, whatever else the machine refuses.
+  link.write_alone(out, Alone::lamps);
   if (!exchange(Command::off, 2, [](const Status&) { return true; })) {
-    throw DeviceError("the machine does not answer: " + link.last_error());
+    if (!status) throw DeviceError("the machine " + link.last_error());
+    throw DeviceError(
+        fmt::format("the machine answers, but does not take set-points over: it gives back "
+                    "sequence number {}, sent was {}",
+                    status->sequence_echo, out.sequence));
   }
-  const auto against = [&](const Status& s) {
-    std::string why;
-    const auto add = [&](bool is, const char* text) {
-      if (is) why += std::string(why.empty() ? "" : ", ") + text;
-    };
-    add(s.door_open, "a door or cover is open");
-    add(s.stop_pressed, "the stop button is pressed");
-    add(s.over_temperature ||
-            (s.temperature_c && *s.temperature_c > machine.limits.max_temperature_c),
-        "it is too hot");
-    return why;
+  const auto refuse = [&](const std::string& why) {
+    if (!why.empty()) {
+      throw DeviceError("the machine can't be reset: " + why + "; see to it, then reset again");
+    }
   };
-  if (const auto why = against(*status); !why.empty()) {
-    throw DeviceError("the machine can't be reset: " + why + "; see to it, then reset again");
-  }
+  refuse(impossible(machine, *status));
+  refuse(interlocks(machine, *status));
+  // Lamps that were on have their time to go dark.
+  const double dark_s = 1 + 5 * std::max(machine.blue.settle_s, machine.uv.settle_s);
+  const auto dark = [&](const Status& s) { return lit(machine, s).empty(); };
+  const auto told_off = [&] {
+    const std::string shines = lit(machine, *status);
+    return shines.empty() ? shines : shines + " that is told to be off: switch the machine off";
+  };
+  if (!exchange(Command::off, dark_s, dark)) refuse(told_off());
   const auto fine = [&](const Status& s) {
-    return s.state == MachineState::idle && against(s).empty() && !s.lamp_failed &&
-           !s.stage_failed && !s.watchdog_tripped;
+    return s.state == MachineState::idle && interlocks(machine, s).empty() && !s.lamp_failed &&
+           !s.stage_failed && !s.watchdog_tripped && !s.latched.value_or(false) &&
+           !s.job_kept.value_or(false);
   };
-  if (exchange(Command::reset, 2, fine) && exchange(Command::off, 1, fine)) return;
+  if (exchange(Command::reset, 2, fine) && exchange(Command::off, 1, fine)) {
+    // A relay that has closed again shows a driver that never obeyed.
+    if (!exchange(Command::off, dark_s, dark)) refuse(told_off());
+    return *status;
+  }
+  const std::string open = interlocks(machine, *status);
   throw DeviceError(
       fmt::format("the machine stays as it is after a reset: {}{}{}; end the cause at "
                   "the machine, then reset again",
                   status->lamp_failed    ? "a lamp failed"
                   : status->stage_failed ? "the stage failed"
-                                         : "not idle",
-                  against(*status).empty() ? "" : ", ", against(*status)));
+                  : status->latched.value_or(false) || status->job_kept.value_or(false)
+                      ? "it still says that a print has failed on it"
+                      : "not idle",
+                  open.empty() ? "" : ", ", open));
 }
 
 }  // namespace slicecorr::bridge

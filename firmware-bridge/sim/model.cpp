@@ -75,6 +75,7 @@ struct PrinterModel::Impl {
   bool wait_for_off = false;  ///< started anew: runs only after an order that is not to run
   double fed_s = 0, watchdog_s = 0, began_s = 0;
   bool watchdog_tripped = false;
+  bool job = false, failed_job = false;  ///< kept over a restart of the controller
   double temperature_c = kRoomTemperature_c;
   Interlock door, button;
   std::vector<Due> faults;
@@ -127,6 +128,7 @@ struct PrinterModel::Impl {
       uv.cut();
     });
     course.moving = false;
+    failed_job = failed_job || job;
     if (state != MachineState::fault) {
       state = MachineState::fault;
       tell("fault");
@@ -319,6 +321,7 @@ struct PrinterModel::Impl {
     if (!heard || s.heartbeat != heartbeat) fed_s = now;
     heard = true;
     heartbeat = s.heartbeat;
+    job = s.job;
     // Nobody talks the machine out of its own limit.
     watchdog_s = s.watchdog_s > 0 ? std::min(s.watchdog_s, machine.limits.watchdog_s)
                                   : machine.limits.watchdog_s;
@@ -333,10 +336,12 @@ struct PrinterModel::Impl {
     if (state == MachineState::fault) {
       if (command == Command::reset && !cause_is_there()) {
         state = MachineState::idle;
-        watchdog_tripped = stage_failed = false;
+        watchdog_tripped = stage_failed = failed_job = false;
       }
       return;
     }
+    if (command == Command::reset) failed_job = false;
+    if (command == Command::stop && job) failed_job = true;
     if (command == Command::run && !wait_for_off) {
       run(s);
     } else {
@@ -444,6 +449,8 @@ Status PrinterModel::status() const {
   s.stage_failed = i.stage_failed;
   s.over_temperature = i.temperature_c > i.machine.limits.max_temperature_c;
   s.watchdog_tripped = i.watchdog_tripped;
+  s.latched = i.failed_job;
+  s.job_kept = i.job;
   return s;
 }
 

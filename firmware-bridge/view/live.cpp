@@ -6,6 +6,7 @@
 #include <cmath>
 #include <filesystem>
 #include <numeric>
+#include <sstream>
 
 #include "program/live_line.hpp"
 #include "program/words.hpp"
@@ -35,6 +36,25 @@ std::string stack_name(const Seen& seen) {
 }
 
 bool failed(const Seen& seen) { return seen.state.fault != Fault::none; }
+
+bool not_confirmed(const Seen& seen) { return seen.state.left && !seen.state.left->confirmed(); }
+
+/// At blanks, in lines of so many columns.
+std::vector<std::string> wrapped(const std::string& text, int columns) {
+  std::vector<std::string> lines(1);
+  std::istringstream in(text);
+  for (std::string word; in >> word;) {
+    std::string& last = lines.back();
+    if (last.empty()) {
+      last = word;
+    } else if (static_cast<int>(last.size() + 1 + word.size()) <= columns) {
+      last += " " + word;
+    } else {
+      lines.push_back(word);
+    }
+  }
+  return lines;
+}
 
 /// "was done in 4 min 05 s", "failed".
 std::string how_it_ended(const Seen& seen) {
@@ -88,6 +108,11 @@ std::string lamp_text(double asked, const std::optional<double>& measured, const
 
 std::string live_line(const Seen& seen) {
   const PrintState& s = seen.state;
+  if (not_confirmed(seen)) {
+    Seen rest = seen;
+    rest.state.left.reset();
+    return words::printable(in_words(*s.left)) + "; " + live_line(rest);
+  }
   if (!seen.running) {
     std::string text = "no print runs";
     if (seen.known) {
@@ -143,6 +168,11 @@ std::vector<std::string> live_frame(const Seen& seen, int columns, int rows, boo
   Line head = line();
   head.put("printbridge  ", Ink::bold).put(words::printable(seen.printer), Ink::dim);
   add(head);
+  if (not_confirmed(seen)) {
+    for (const std::string& part : wrapped(words::printable(in_words(*s.left)), columns)) {
+      add(line().put(part, Ink::bad));
+    }
+  }
   if (!seen.running) {
     add(line().put("no print runs"));
     if (seen.known) {
@@ -195,8 +225,13 @@ std::vector<std::string> live_frame(const Seen& seen, int columns, int rows, boo
       fact("stage", fmt::format("{:.2f} um off now, {:.2f} at most, {:g} borne",
                                 calm(s.stage_error_um), s.worst_stage_error_um, f.tolerance_um));
     }
-    fact("blue lamp", lamp_text(s.blue_share * 100, s.blue_measured * 100, " %", 1));
-    if (f.uv) fact("UV lamp", lamp_text(s.uv_mw_cm2, s.uv_measured, " mW/cm²", 2));
+    // After a fault, only what was measured since.
+    const bool stale = s.left && !s.left->heard;
+    const std::optional<double> blue = stale ? std::nullopt : std::optional(s.blue_measured * 100);
+    fact("blue lamp", lamp_text(s.blue_share * 100, blue, " %", 1));
+    if (f.uv) {
+      fact("UV lamp", lamp_text(s.uv_mw_cm2, stale ? std::nullopt : s.uv_measured, " mW/cm²", 2));
+    }
     if (s.temperature_c) fact("temperature", fmt::format("{:.1f} °C", *s.temperature_c));
     if (seen.around.ready_frames) {
       const int ready = *seen.around.ready_frames;

@@ -136,6 +136,14 @@ std::string tiles(const PrintRecord& r) {
   return html + "</div>";
 }
 
+/// What a person must see before anything else.
+std::string alarm(const PrintRecord& r) {
+  if (!r.left) return {};
+  return fmt::format("<p class=\"holds{}\"{}>{}{}{}</p>", r.left->confirmed() ? "" : " alarm",
+                     r.left->confirmed() ? "" : " role=\"alert\"", r.left->confirmed() ? "" : "<b>",
+                     shown(in_words(*r.left)), r.left->confirmed() ? "" : "</b>");
+}
+
 std::string what_happened(const PrintRecord& r) {
   if (r.end == End::running) {
     return R"(<p class="holds">It prints; this page is of what was recorded so far.</p>)";
@@ -291,7 +299,7 @@ std::string report_body(const PrintRecord& r) {
     for (const std::string& remark : r.remarks) html += fmt::format("<p>{}.</p>", shown(remark));
     return html;
   }
-  std::string html = tiles(r) + what_happened(r) + facts_table(r);
+  std::string html = alarm(r) + tiles(r) + what_happened(r) + facts_table(r);
   const auto charts = detail::charts_of(r);
   if (!charts.empty()) {
     html += "<h2>Frame by frame</h2><div class=\"charts\">";

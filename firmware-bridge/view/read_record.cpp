@@ -9,6 +9,7 @@
 #include <limits>
 #include <utility>
 
+#include "record/left_json.hpp"
 #include "slicecorr/bridge/view.hpp"
 #include "view/state_json.hpp"
 
@@ -171,6 +172,9 @@ void read_journal(const std::string& path, PrintRecord& record, bool& ended, boo
     } else if (what == journal_end) {
       looked_at = e.detail == "reset";  // of a print that was killed
       ended = !looked_at;
+    } else if (what == journal_left) {
+      const auto facts = json.find("facts");
+      if (facts != json.end()) record.left = left_in(*facts);
     } else if (what == "threads") {
       record.threads = e.detail;
     } else if (what.starts_with("fault ") && record.fault == Fault::none) {
@@ -214,6 +218,10 @@ PrintRecord read_record(const StateFolder& folder, bool running, bool previous) 
     if (record.fault != Fault::none || last == name_of(Phase::failed)) record.end = End::failed;
   } else {
     record.end = running && !previous && !looked_at ? End::running : End::cut_off;
+    if (record.end == End::cut_off && !looked_at && !record.left) {
+      record.left = Left{};
+      record.left->touched = record.left->bridge_gone = true;
+    }
   }
   // status.json is written just before the journal's end: else it is of the print before.
   if (ended && !previous) {

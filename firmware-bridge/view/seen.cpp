@@ -1,6 +1,7 @@
 #include <fstream>
 #include <iterator>
 
+#include "record/left_json.hpp"
 #include "slicecorr/bridge/view.hpp"
 #include "view/state_json.hpp"
 
@@ -26,6 +27,7 @@ std::string status_text(const StateFolder& folder, const std::string& printer,
   const auto latch = read_latch(folder, false);
   json["latched"] = latch.has_value();
   if (latch) {
+    if (latch->left) json["after_fault"] = left_json(*latch->left);
     json["fault"] = name_of(latch->fault);
     json["detail"] = latch->detail;
     json["latched_frame"] = latch->frame;

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "record/left_json.hpp"
+
 namespace slicecorr::bridge {
 namespace {
 
@@ -101,6 +103,7 @@ PrintState state_of(const Controller& c, double at_s, int missed_cycles) {
   s.uv_measured = c.status().uv_measured;
   s.temperature_c = c.status().temperature_c;
   s.lateness = c.lateness();
+  if (c.failing()) s.left = c.left();
   return s;
 }
 
@@ -124,6 +127,7 @@ std::string facts_json(const PrintFacts& facts) {
 
 std::string state_json(const PrintFacts& facts, const PrintState& s, const PrintAround& around) {
   Json json;
+  if (s.left) json["after_fault"] = left_json(*s.left);
   json["phase"] = name_of(s.phase);
   json["dry_run"] = facts.dry_run;
   json["stack"] = facts.stack;
@@ -238,6 +242,7 @@ PrintState state_in(const Json& json) {
   Lateness& l = s.lateness;
   read_counts(json, "lateness_um", l.um, l.sum_um, l.worst_um);
   read_counts(json, "lateness_ms", l.ms, l.sum_ms, l.worst_ms);
+  if (const auto left = json.find("after_fault"); left != json.end()) s.left = left_in(*left);
   s.told = static_cast<std::uint64_t>(std::max(0.0, number_in(json, "told", 0)));
   return s;
 }

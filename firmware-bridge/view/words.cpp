@@ -25,6 +25,10 @@ std::string_view what_to_do(Fault fault) {
       return "close it";
     case Fault::stop_pressed:
       return "release it when all is well";
+    case Fault::impossible_measurement:
+      return "look at the machine's sensors, and whether [modbus.read] has the right registers";
+    case Fault::bridge_stopped:
+      return "leave the computer to this print: it must not sleep, nor the program be stopped";
     case Fault::over_temperature:
       return "let it cool, look at its fans";
     default:

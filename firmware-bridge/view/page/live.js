@@ -42,6 +42,9 @@
     document.title = by('title').textContent;
     by('when').textContent = name ? (s.running ? name : 'the last: ' + name) : '';
     const trouble = failed ? `${s.fault}: ${s.detail}. To do: ${s.to_do || ''}${s.latched && !s.running ? ', then printbridge reset' : ''}` : '';
+    const left = s.after_fault && !s.after_fault.confirmed ? s.after_fault.text : '';
+    by('alarm').textContent = left;
+    by('alarm').hidden = !left;
     by('trouble').textContent = trouble;
     by('trouble').hidden = !trouble;
     const share = s.frames > 0 ? (s.frames_shown || 0) / s.frames : 0, whole = by('whole');
@@ -53,8 +56,9 @@
       tiles.push(tile(number(s.z_um / 1000, 3) + ' mm', 'z'));
       if (!layers) tiles.push(tile(number(s.speed_um_s * 3.6, 1), `mm/h, planned ${number(s.planned_speed_um_s * 3.6, 1)}`));
       tiles.push(tile(number(s.stage_error_um, 2) + ' um', `stage error, ${number(s.worst_stage_error_um, 2)} um at most`));
-      tiles.push(tile(number(s.blue_measured * 100, 1) + ' %', `blue light, ${number(s.blue_share * 100, 1)} % asked`));
-      if (s.uv) tiles.push(tile(number(s.uv_measured, 2), `mW/cm² UV light, ${number(s.uv_mw_cm2, 2)} asked`));
+      const stale = s.after_fault && !s.after_fault.heard;
+      tiles.push(tile(stale ? 'not measured' : number(s.blue_measured * 100, 1) + ' %', `blue light, ${number(s.blue_share * 100, 1)} % asked`));
+      if (s.uv) tiles.push(tile(stale ? 'not measured' : number(s.uv_measured, 2), `mW/cm² UV light, ${number(s.uv_mw_cm2, 2)} asked`));
       const l = layers ? s.lateness_ms : s.lateness_um;
       tiles.push(tile(number(l && l.worst, 2) + (layers ? ' ms' : ' um'), layers ? 'longest exposure too long by' : 'latest frame'));
       tiles.push(tile(String(s.late_frames), 'late', s.late_frames > 0 ? 'bad' : ''));

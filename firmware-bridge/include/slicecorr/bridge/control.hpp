@@ -54,6 +54,8 @@ enum class Fault {
   watchdog_tripped,
   display_gone,
   stopped_by_user,
+  impossible_measurement,  ///< it says what can't be
+  bridge_stopped,          ///< the bridge itself did not run for a while
   defect,
 };
 std::string_view name_of(Fault fault);
@@ -102,11 +104,19 @@ struct Lateness {
 struct Answer {
   Status status;
   double at_s = 0;
+  /// Asked so long before `at_s`, and answered so long after: it was true some time between.
+  double within_s = 0;
+  /// Set-points were not all taken, and the status was read by itself: only what is measured
+  /// counts.
+  bool only_read = false;
 };
 
 /// What a cycle asks for.
 struct Step {
   SetPoints set_points;
+  /// To be written by itself before the rest goes out, and told of by `written_alone`: what a fault
+  /// asks for until the machine has answered that it took it.
+  bool lamps_alone = false, command_alone = false;
   /// Frame to show next, and when: its light then begins where it should; -2: nothing new, -1:
   /// black. Each is told of by `shown` before there is another, but for black on a fault.
   int show = -2;
@@ -129,6 +139,34 @@ struct PauseAnswer {
   std::string why;  ///< what physics says against it, or where it will pause
 };
 
+/// What a fault left of lamps and stage, as far as the machine has said so: numbers only.
+struct Left {
+  bool touched = false;      ///< something was moved or lit
+  bool lamps_taken = false;  ///< the machine has answered that it put lamps off
+  bool heard = false;        ///< it has said what it measures since the fault; then:
+  bool dark = false, stands = false;
+  bool bridge_gone = false;  ///< the program that printed was killed, or the power failed
+  /// The last measurement, whenever that was, and how long before `time` where that is known.
+  bool measured = false;
+  std::optional<double> measured_s_ago;
+  double blue_measured = 0, stage_um = 0;
+  std::optional<double> uv_measured;
+  std::string time = {};  ///< UTC, of the end of the print; empty: now
+  bool confirmed() const { return !touched || (heard && dark && stands); }
+};
+/// "NOT CONFIRMED that lamps are off ...": the first thing that somebody must be told.
+std::string in_words(const Left& left);
+
+/// What can't be in a status, in words; empty: nothing.
+std::string impossible(const Machine& machine, const Status& status);
+/// Lamps that are measured lit, in words; empty: dark.
+std::string lit(const Machine& machine, const Status& status);
+/// Interlocks that are open, in words; empty: none.
+std::string interlocks(const Machine& machine, const Status& status);
+/// What a machine that was not told anything yet says against a print on it, and what to do;
+/// empty: nothing. `machine_is_clear`: somebody has seen that there is no part on it.
+std::string against_start(const Machine& machine, const Status& status, bool machine_is_clear);
+
 class Controller {
  public:
   Controller(PrintPlan plan, Machine machine, bool dry_run);
@@ -137,6 +175,10 @@ class Controller {
   /// once; the next call is a cycle later.
   Step step(const std::optional<Answer>& answer, double now_s);
   void shown(const FrameReport& report);
+  /// The machine has answered that it took what the last step wanted written by itself.
+  void written_alone(bool lamps, bool command);
+  /// Whether the order of a fault is being given.
+  bool failing() const;
   /// A fault from outside: display gone or wrong, defect, stop by the user. The first fault counts.
   void fail(Fault fault, const std::string& detail);
   PauseAnswer pause();
@@ -159,8 +201,8 @@ class Controller {
   double worst_stage_error_um() const;
   int frames_shown() const;
   int late_frames() const;
-  /// What a fault left lamps and stage in, as far as the machine has said so.
-  std::string left() const;
+  /// What a fault left of lamps and stage.
+  Left left() const;
   /// Whether anything was moved or lit: a fault before that needs no latch.
   bool begun() const;
 

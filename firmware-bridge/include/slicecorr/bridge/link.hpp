@@ -10,23 +10,32 @@
 
 namespace slicecorr::bridge {
 
+/// What can be written by itself, past whatever else a machine refuses.
+enum class Alone { lamps, command };
+
 /// One exchange after another with a machine: over Modbus, or with a model in the same process.
 class Link {
  public:
   virtual ~Link() = default;
-  /// Sends the set-points and gives the status, or nothing when there was no (right) answer in
-  /// time. A set-point that was not answered may have been taken over all the same. Never blocks
-  /// longer than two response timeouts, never throws for what happens on the wire.
+  /// Sends the set-points and gives the status, or nothing when not all of it was answered
+  /// (rightly) in time. Every request is sent, whatever became of those before it. A set-point that
+  /// was not answered may have been taken over all the same. Blocks for the response timeout of
+  /// each request (`requests_of`) at most, never throws for what happens on the wire.
   virtual std::optional<Status> exchange(const SetPoints& set_points) = 0;
+  /// Writes only the registers of the lamps, or of the command, as these set-points have them,
+  /// before the exchange of the same cycle. True: the machine has answered that they are written.
+  /// The first after a good exchange does not wait for the next attempt to connect.
+  virtual bool write_alone(const SetPoints& set_points, Alone what) = 0;
   /// Only reads the status, as `exchange` does.
   virtual std::optional<Status> look() = 0;
-  /// Why there was no answer, for the journal.
+  /// What the machine did instead of answering as it should, after "it ": "does not answer: ...",
+  /// "answers with exception 4 ...".
   virtual std::string last_error() const = 0;
 };
 
-/// libmodbus with RECOVERY_NONE: input is flushed before each request, every error closes the
-/// connection, which is made anew at the next exchange, without blocking. Throws `InputError` when
-/// the map can't be used.
+/// Modbus: input is flushed before each request; an answer that does not come or can't be trusted
+/// closes a TCP connection, which is made anew without blocking, at growing intervals. Throws
+/// `InputError` when the map can't be used.
 std::unique_ptr<Link> make_modbus_link(const RegisterMap& map, const Limits& limits);
 
 /// Time of a print. In tests and `--lockstep` it only moves when somebody sleeps.

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -40,8 +41,8 @@ struct LampDrive {
 
 /// [bridge]: when to give up. Distances count along the stage's way.
 struct Limits {
-  double cycle_s = 0.01;  ///< between exchanges, 0.001..0.1
-  double response_timeout_s = 0.04;
+  double cycle_s = 0.01;             ///< between exchanges, 0.001..0.1
+  double response_timeout_s = 0.04;  ///< of a request and all of its answer
   double heartbeat_timeout_s = 0.3;  ///< without an answer that long the print has failed
   double watchdog_s = 0.3;           ///< what the machine is told: lamps off without a heartbeat
   double max_late_um = 5;            ///< a frame that begins later is late; largest lateness borne
@@ -78,6 +79,7 @@ enum class Signal {
   blue_share,          ///< * set-point of the blue lamp, 1: as calibrated
   uv_mw_cm2,           ///< set-point of the UV lamp (flood); * where the printer has one
   frame,               ///< number of the frame that is shown, -1: black
+  job,                 ///< 1 from the first motion or light of a print to its good end, else 0
   // read
   sequence_echo,     ///< * of the last set-points that were taken over
   state,             ///< * see MachineState
@@ -92,6 +94,8 @@ enum class Signal {
   stage_failed,
   over_temperature,  ///< bits; 1: so it is
   watchdog_tripped,  ///< bit
+  latched,           ///< bit: a print has failed on it, and nobody has reset it since
+  job_kept,          ///< `job` as it was written last, whoever wrote it
   machine_time_s,    ///< the machine's own clock
 };
 enum class Command { off, run, stop, reset };  ///< off: lamps off, stage holds
@@ -133,6 +137,10 @@ struct Machine {
   Projector projector;
   std::optional<RegisterMap> modbus;
   std::string path;  ///< of the file
+  /// Throws `InputError` where there is no register map. `where`: "tcp:HOST:PORT" or "rtu:DEVICE",
+  /// in place of the file's word; empty: as the file has it. Throws `InputError` for what is
+  /// neither.
+  void connect_to(const std::string& where);
 };
 
 /// Reads a printer file with all of it. Throws `InputError` naming file, line, key and what was
@@ -152,6 +160,7 @@ struct SetPoints {
   double blue_share = 0, uv_mw_cm2 = 0;
   std::int32_t frame = -1;
   double watchdog_s = 0.3;
+  bool job = false;
 };
 
 /// What comes back.
@@ -163,15 +172,21 @@ struct Status {
   double blue_measured = 0;
   bool door_open = false, stop_pressed = false, lamp_failed = false, stage_failed = false,
        over_temperature = false, watchdog_tripped = false;
+  std::optional<bool> latched, job_kept;
 };
 
 /// Registers that lie together.
 struct RegisterRun {
   int address = 0, count = 0;
 };
-/// Those of set-points, that with the sequence number last: a machine that gives it back has taken
-/// all of them over. One where `exchange` is fc23.
+/// Those of set-points: the lamps' first, that with the heartbeat last but one and that with the
+/// sequence number last: a machine that gives it back has taken all of them over. One where
+/// `exchange` is fc23.
 std::vector<RegisterRun> write_runs(const RegisterMap& map);
+/// Those of some signals alone.
+std::vector<RegisterRun> write_runs(const RegisterMap& map, std::span<const Signal> signals);
+/// Requests of an exchange: each has its own response timeout.
+int requests_of(const RegisterMap& map);
 
 /// Registers of a block for set-points, and back; for both ends of the wire. Values beyond what a
 /// register can hold are clamped to it. 32 bits are two registers in the map's word order; never

@@ -38,6 +38,7 @@ struct PrintState {
   double worst_late_um = 0, worst_stage_error_um = 0;
   double blue_share = 0, blue_measured = 0, uv_mw_cm2 = 0;
   std::optional<double> uv_measured, temperature_c;
+  std::optional<Left> left;  ///< once a fault's order is given
   Lateness lateness;
   std::uint64_t told = 0;  ///< how often the control thread has handed this over
 };

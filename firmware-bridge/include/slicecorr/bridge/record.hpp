@@ -84,6 +84,8 @@ struct Latch {
   int frame = -1;
   double stage_um = 0;
   double z_um = 0;  ///< from the first slice's begin
+  /// Of lamps and stage; nothing where the file says nothing of it.
+  std::optional<Left> left = {};
 };
 /// Also found where a print was killed: nobody prints (or `locked`: the caller does, or will), and
 /// the journal has no end.
@@ -95,6 +97,11 @@ void clear_latch(const StateFolder& folder);
 /// What the journal begins and ends with.
 inline constexpr const char* journal_begin = "print begins";
 inline constexpr const char* journal_end = "print ends";
+/// After a fault: what it left of lamps and stage, in words, and as JSON (`facts`).
+inline constexpr const char* journal_left = "lamps and stage";
+
+/// UTC, as the journal has it: "2026-01-02T03:04:05.678Z".
+std::string utc_now();
 
 /// Whole or not at all, on the disk when it returns. Throws `DeviceError`.
 void write_whole(const std::string& path, const std::string& text);

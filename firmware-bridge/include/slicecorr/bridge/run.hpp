@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 
@@ -34,7 +35,7 @@ struct Ending {
   int missed_cycles = 0;  ///< cycles that began more than one cycle late
   Lateness lateness;
   bool latched = false;
-  std::string left;     ///< after a fault: in what state lamps and stage are, as far as is known
+  Left left;            ///< after a fault: in what state lamps and stage are, as far as is known
   std::string trouble;  ///< what could not be recorded
 };
 
@@ -52,11 +53,23 @@ Ending run_print(const FrameSource& frames, const PrintPlan& plan, const Machine
 std::optional<std::string> ask_running(const StateFolder& folder, const std::string& request);
 
 /// Only reads, for some cycles: whether somebody else drives the machine. Throws `InputError` when
-/// so, `DeviceError` when it does not answer.
-void check_alone(Link& link, Clock& clock, const Machine& machine);
+/// so, `DeviceError` when it does not answer. Gives what it said last.
+Status check_alone(Link& link, Clock& clock, const Machine& machine);
 
-/// Tells the machine to reset, when its interlocks are closed. Throws `DeviceError` saying what is
-/// against it.
-void reset_machine(Link& link, Clock& clock, const Machine& machine);
+/// Tells the machine to reset, when its interlocks are closed and its lamps are dark, and sees that
+/// they stay so. Gives its status. Throws `DeviceError` saying what is against it.
+Status reset_machine(Link& link, Clock& clock, const Machine& machine);
+
+/// Something that a controller on the bench should do, and what it did.
+struct MachineCheck {
+  enum class Found { good, bad, not_tested };
+  Found found = Found::good;
+  std::string what, detail;
+};
+using LinkMaker = std::function<std::unique_ptr<Link>()>;
+/// Drives a machine through every command and lets its watchdog trip, without light; its stage
+/// moves by a millimetre at most. Each check is told as it is made. False: one of them was bad.
+bool check_machine(const LinkMaker& connect, Clock& clock, const Machine& machine,
+                   const std::function<void(const MachineCheck&)>& tell);
 
 }  // namespace slicecorr::bridge

@@ -53,6 +53,7 @@ struct PrintRecord {
   std::string detail;    ///< of the fault
   int fault_frame = -1;  ///< on the display when it was found
   double fault_z_um = 0;
+  std::optional<Left> left;          ///< of lamps and stage, after a fault or a kill
   std::string threads;               ///< real-time priority and memory locking
   Lateness lateness;                 ///< of `frames`
   std::vector<std::string> remarks;  ///< what of the record can't be read

@@ -1,0 +1,155 @@
+// What a machine says against a print on it.
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "slicecorr/bridge/control.hpp"
+
+namespace slicecorr::bridge {
+namespace {
+
+/// What no machine of this kind measures: colder than any workshop, hotter than any resin bears,
+/// several times faster or brighter than it can be.
+constexpr double coldest_c = -40, hottest_c = 400, times_faster = 4, times_brighter = 2;
+/// Beyond the ends of its travel a stage may be measured by so many tolerances.
+constexpr double tolerances_beyond = 2;
+
+class Reasons {
+ public:
+  void add(bool is, const std::string& why) {
+    if (is) text_ += (text_.empty() ? "" : ", ") + why;
+  }
+  const std::string& text() const { return text_; }
+
+ private:
+  std::string text_;
+};
+
+}  // namespace
+
+std::string impossible(const Machine& machine, const Status& s) {
+  const Stage& stage = machine.stage;
+  const double beyond = tolerances_beyond * stage.tolerance_um;
+  if (!(s.stage_um >= -beyond) ||
+      (stage.travel_um > 0 && !(s.stage_um <= stage.travel_um + beyond))) {
+    return fmt::format("the stage is said to be at {:.3f} mm, its travel is 0 to {:g} mm",
+                       s.stage_um * 1e-3, stage.travel_um * 1e-3);
+  }
+  const double fastest = times_faster * std::max(stage.max_speed_um_s, stage.lift_speed_um_s);
+  if (s.stage_speed_um_s && fastest > 0 && !(std::abs(*s.stage_speed_um_s) <= fastest)) {
+    return fmt::format("the stage is said to go {:.1f} mm/h, {:g} mm/h is its fastest",
+                       *s.stage_speed_um_s * 3.6, fastest / times_faster * 3.6);
+  }
+  if (s.temperature_c && !(*s.temperature_c >= coldest_c && *s.temperature_c <= hottest_c)) {
+    return fmt::format("it is said to be {:.1f} °C warm", *s.temperature_c);
+  }
+  const auto light = [](double share, double most, double tolerance) {
+    return share >= -tolerance && share <= times_brighter * most + tolerance;
+  };
+  if (!light(s.blue_measured, machine.blue.max_share, machine.blue.tolerance)) {
+    return fmt::format("the blue lamp is said to give {:.1f} % of full light",
+                       s.blue_measured * 100);
+  }
+  const double uv = machine.printer.uv ? machine.printer.uv->max_mw_cm2() : 0;
+  if (uv > 0 && s.uv_measured && !light(*s.uv_measured / uv, 1, machine.uv.tolerance)) {
+    return fmt::format("the UV lamp is said to give {:.1f} mW/cm², {:g} mW/cm² is its most",
+                       *s.uv_measured, uv);
+  }
+  return {};
+}
+
+std::string lit(const Machine& machine, const Status& s) {
+  Reasons reasons;
+  reasons.add(s.blue_measured > machine.blue.tolerance,
+              fmt::format("the blue lamp shines ({:.1f} % of full light)", s.blue_measured * 100));
+  const double uv = machine.printer.uv ? machine.printer.uv->max_mw_cm2() : 0;
+  reasons.add(uv > 0 && s.uv_measured.value_or(0) > machine.uv.tolerance * uv,
+              fmt::format("the UV lamp shines ({:.1f} mW/cm²)", s.uv_measured.value_or(0)));
+  return reasons.text();
+}
+
+std::string interlocks(const Machine& machine, const Status& s) {
+  Reasons reasons;
+  reasons.add(s.door_open, "a door or cover is open");
+  reasons.add(s.stop_pressed, "the stop button is pressed");
+  reasons.add(s.over_temperature ||
+                  (s.temperature_c && *s.temperature_c > machine.limits.max_temperature_c),
+              "it is too hot");
+  return reasons.text();
+}
+
+std::string against_start(const Machine& machine, const Status& s, bool machine_is_clear) {
+  if (const auto wrong = impossible(machine, s); !wrong.empty()) {
+    return wrong + ": see to its sensors, and whether [modbus.read] has the right registers";
+  }
+  Reasons reasons;
+  reasons.add(s.state == MachineState::fault, "the machine is in a fault of its own");
+  reasons.add(s.state == MachineState::stopped, "the machine is stopped");
+  reasons.add(s.state == MachineState::running, "the machine runs, and nobody drives it");
+  reasons.add(s.watchdog_tripped, "its watchdog has switched it off");
+  reasons.add(s.lamp_failed, "it says that a lamp failed");
+  reasons.add(s.stage_failed, "it says that its stage failed");
+  reasons.add(s.latched.value_or(false), "it says that a print has failed on it");
+  reasons.add(s.job_kept.value_or(false), "a print on it has not ended (job)");
+  const std::string shines = lit(machine, s), open = interlocks(machine, s);
+  reasons.add(!shines.empty(), shines);
+  const bool reset = !reasons.text().empty();
+  reasons.add(!open.empty(), open);
+  if (reset) {
+    return reasons.text() +
+           ": see why, whether a part is on it and lamps are off, then `printbridge reset`";
+  }
+  if (!open.empty()) return open + ": see to it";
+  // A machine that remembers prints says so itself.
+  if (machine_is_clear || s.latched || s.job_kept) return {};
+  const Stage& stage = machine.stage;
+  if (s.stage_um <= stage.home_um + stage.tolerance_um ||
+      s.stage_um >= stage.travel_um - stage.tolerance_um) {
+    return {};
+  }
+  return fmt::format(
+      "the stage stands at {:.3f} mm, as after a print that did not end: there may be a part on "
+      "it. "
+      "See that platform and window are clear, then print with --machine-is-clear",
+      s.stage_um * 1e-3);
+}
+
+std::string in_words(const Left& left) {
+  if (!left.touched) return "nothing was moved or lit";
+  std::string text;
+  if (left.heard && !left.dark) {
+    text = "A LAMP STILL SHINES, switch the machine off";
+  } else if (left.heard) {
+    text = "lamps are off";
+  }
+  if (left.heard && left.stands) {
+    text += "; the stage has stopped";
+  } else if (left.heard) {
+    text += "; NOT CONFIRMED that the stage stands: go and look";
+  } else if (left.bridge_gone) {
+    text =
+        "NOT CONFIRMED that lamps are off and the stage stands, the program that printed is gone: "
+        "the machine's watchdog should have seen to it; go and look, and switch it off if not";
+  } else if (left.lamps_taken) {
+    text =
+        "NOT CONFIRMED that lamps are off and the stage stands: the machine took the order to put "
+        "lamps off and has said nothing since; go and look, and switch it off if not";
+  } else {
+    text =
+        "NOT CONFIRMED that lamps are off and the stage stands, the machine did not answer: its "
+        "watchdog should have seen to it; go and look, and switch it off if not";
+  }
+  if (!left.measured) return text + "; nothing was measured";
+  text += "; last measured";
+  if (left.measured_s_ago) {
+    text += left.time.empty() ? fmt::format(" {:.2f} s ago", *left.measured_s_ago)
+                              : fmt::format(" {:.2f} s before {}", *left.measured_s_ago, left.time);
+  }
+  text += fmt::format(": blue light {:.1f} %", left.blue_measured * 100);
+  if (left.uv_measured) text += fmt::format(", UV light {:.1f} mW/cm²", *left.uv_measured);
+  return text + fmt::format(", stage at {:.3f} mm", left.stage_um * 1e-3);
+}
+
+}  // namespace slicecorr::bridge

@@ -1,0 +1,150 @@
+// A machine written in another language from docs/bridge.md alone (docs_machine.py): prints with
+// faults, judged by its own log, and the bench for a controller.
+
+#include <gmock/gmock.h>
+
+#include <filesystem>
+#include <thread>
+
+#include "bridge_fixture.hpp"
+
+namespace slicecorr {
+namespace {
+
+using namespace slicecorr::test;
+using nlohmann::json;
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
+
+const std::string python = "/usr/bin/python3";
+const std::string tests = SLICECORR_SOURCE_DIR "/tests/";
+
+/// Lamps off first, in all; docs_machine_faults.py says what that means.
+void expect_all_hold(const std::string& part) {
+  RunOptions long_one;
+  long_one.timeout = std::chrono::minutes(8);
+  const RunResult r =
+      run_program({python, tests + "docs_machine_faults.py", "--bin", SLICECORR_BIN_DIR,
+                   "--printers", SLICECORR_PRINTERS_DIR, "--part", part},
+                  long_one);
+  std::istringstream lines(r.out);
+  int prints = 0;
+  json last;
+  for (std::string line; std::getline(lines, line);) {
+    last = json::parse(line, nullptr, false);
+    ASSERT_TRUE(last.is_object()) << line << r.err;
+    if (!last.contains("wrong")) continue;
+    ++prints;
+    EXPECT_TRUE(last["wrong"].empty()) << last.dump(1);
+  }
+  EXPECT_EQ(r.exit_code, 0) << r.err;
+  EXPECT_GE(prints, 20);
+  EXPECT_GE(last.value("faults_begun", 0), 20);
+}
+
+bool has_python() { return std::filesystem::exists(python); }
+
+TEST(BridgeOutside, LampsGoOffFirstInEveryFault) {
+  if (!has_python()) GTEST_SKIP() << "python3 is not installed";
+  expect_all_hold("0/2");
+}
+
+TEST(BridgeOutside, LampsGoOffFirstInEveryOtherFault) {
+  if (!has_python()) GTEST_SKIP() << "python3 is not installed";
+  expect_all_hold("1/2");
+}
+
+class BridgeBench : public BridgePrograms {
+ protected:
+  static std::vector<std::pair<std::string, std::string>> limits() {
+    // Real time on a busy computer; two exchanges of five requests.
+    return {{"heartbeat_timeout_s = 0.3", "heartbeat_timeout_s = 1"},
+            {"watchdog_s = 0.3", "watchdog_s = 1"},
+            {"response_timeout_s = 0.04", "response_timeout_s = 0.1"},
+            {"cycle_s = 0.01", "cycle_s = 0.03"},
+            {"tolerance_um = 20", "tolerance_um = 50"},
+            {"acceleration_mm_s2 = 1.0", "acceleration_mm_s2 = 10"},
+            {"travel_mm = 6", "travel_mm = 2"},
+            {"lift_mm = 3", "lift_mm = 1"}};
+  }
+  RunResult check(const std::string& printer, std::vector<std::string> more = {}) {
+    std::vector<std::string> command{program("printer-sim"), "--printer", printer,
+                                     "--check-machine"};
+    command.insert(command.end(), more.begin(), more.end());
+    return run_program(command);
+  }
+  /// The machine from the docs on a bench.
+  RunResult check_outside(const std::string& map, const std::string& fault = "") {
+    const std::string name = map + fault;
+    std::string text = text_of(make_printer(name, limits()));
+    text = text.substr(0, text.find("# Holding registers"));
+    std::vector<std::string> command{python, tests + "docs_machine.py", map};
+    if (!fault.empty()) command.insert(command.end(), {"--fault", fault});
+    Child machine(command, folder / (name + ".err"));
+    const json said = json::parse(machine.line(), nullptr, false);
+    if (!said.is_object()) {
+      ADD_FAILURE() << text_of(folder / (name + ".err"));
+      return {};
+    }
+    const std::string printer = folder / (name + "-outside.toml");
+    write_file(printer, to_bytes(text + said.value("toml", "")));
+    return check(printer);
+  }
+};
+
+TEST_F(BridgeBench, AGoodMachineDoesAllOfIt) {
+  const std::string printer = make_printer("bench", limits());
+  Sim sim = start_sim(printer, false);
+  const RunResult r = check(printer, {"--modbus", address_of(sim.modbus)});
+  EXPECT_EQ(r.exit_code, 0) << r.out << r.err;
+  EXPECT_THAT(r.out, AllOf(HasSubstr("ok          lamps alone"),
+                           HasSubstr("ok          stop alone"), HasSubstr("ok          cable:"),
+                           HasSubstr("not tested  lamps by off"), Not(HasSubstr("WRONG"))));
+  sim.child->end(SIGTERM);
+  const auto events = events_of(sim.events);
+  EXPECT_FALSE(has(events, "blue on"));
+  EXPECT_FALSE(has(events, "uv on"));
+  EXPECT_EQ(std::count(events.begin(), events.end(), "watchdog"), 2);
+  EXPECT_TRUE(has(events, "stage moves"));
+  EXPECT_THAT(check(printer, {"--lockstep"}).err, HasSubstr("alone"));
+}
+
+TEST_F(BridgeBench, TheMachineFromTheDocumentsDoesAllOfIt) {
+  if (!has_python()) GTEST_SKIP() << "python3 is not installed";
+  // Most of it is waiting.
+  std::vector<std::thread> threads;
+  for (const char* map : {"block", "gaps", "inputs", "line"}) {
+    threads.emplace_back([this, map] {
+      const RunResult r = check_outside(map);
+      EXPECT_EQ(r.exit_code, 0) << map << "\n" << r.out << r.err;
+    });
+  }
+  for (auto& t : threads) t.join();
+}
+
+TEST_F(BridgeBench, WhatIsWronglyBuiltIsFound) {
+  if (!has_python()) GTEST_SKIP() << "python3 is not installed";
+  const std::vector<std::pair<const char*, const char*>> cases{
+      {"no-watchdog", "WRONG       heartbeat:"},
+      {"no-stop-alone", "WRONG       stop alone:"},
+      {"forgives", "WRONG       heartbeat, stays off:"},
+      {"stuck-stage", "WRONG       moves:"},
+      {"echo-frozen", "WRONG       sequence:"},
+      {"refuse-uv", "WRONG       lamps alone:"},
+      {"impossible-stage", "WRONG       measures:"},
+      {"door", "WRONG       interlocks:"},
+      {"unknown-state", "WRONG       answers:"}};
+  std::vector<std::thread> threads;
+  for (const auto& [fault, line] : cases) {
+    threads.emplace_back([this, fault = fault, line = line] {
+      const RunResult r = check_outside("gaps", fault);
+      EXPECT_EQ(r.exit_code, 4) << fault << "\n" << r.out << r.err;
+      EXPECT_THAT(r.out, HasSubstr(line)) << fault;
+    });
+  }
+  for (auto& t : threads) t.join();
+}
+
+}  // namespace
+}  // namespace slicecorr

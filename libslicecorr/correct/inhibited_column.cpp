@@ -368,11 +368,12 @@ double InhibitedColumn::Impl::edge_error_um(const Edge& e) const {
   return printed ? 1000.0 : -1000.0;
 }
 
-/// How far a column is from its design, um; infinite as soon as it is beyond `most`. `dips` are
-/// only right when it is not.
+/// How far a column is from its design, um, and whether its edges and voxels are right; infinite as
+/// soon as it is beyond `most`. `dips` are those of levels within it.
 double InhibitedColumn::Impl::score(bool* perfect, double most) {
   double sum = 0;
   *perfect = true;
+  dips.clear();
   for (const Edge& e : edges) {
     const double um = std::abs(edge_error_um(e));
     if (um > plan.tolerance_um) *perfect = false;
@@ -390,7 +391,6 @@ double InhibitedColumn::Impl::score(bool* perfect, double most) {
   if (sum >= most) return std::numeric_limits<double>::infinity();
   look_through();
   for (const Dip& dip : dips) {
-    *perfect = false;
     // Pieces are worse than any edge; a crack is worse the deeper it is.
     sum += (16 + std::min(4.0, 100.0 * (1.0 - dip.least))) * plan.layer_um;
   }
@@ -640,19 +640,18 @@ const std::vector<std::uint8_t>& InhibitedColumn::solve(const std::vector<Covera
     bool is_perfect = false;
     if (attempt(&is_perfect)) perfect = is_perfect;
   }
+  perfect = perfect && s.best_dips.empty();
   s.fine = !s.plan.dark_fine.empty();
-  bool solid = false;
-  for (const double weight : {4e3, 1e5, 1e6}) {
-    if (perfect || solid) break;
+  for (const double weight : {4e3, 1e6}) {
+    if (perfect) break;
     s.dip_weight = weight;
     s.levels = s.best;
     s.rebuild();
     s.polish();
     bool is_perfect = false;
-    const bool better = keep_if_better(&is_perfect);
-    perfect = better && is_perfect;
-    // Light without the samples has no dips to weigh.
-    solid = !s.fine || (better && s.best_dips.empty());
+    keep_if_better(&is_perfect);
+    // Again only where cracks are in the way; light without the samples has none to weigh.
+    if (!s.fine || s.dips.empty()) break;
   }
   s.fine = false;
   return s.best;

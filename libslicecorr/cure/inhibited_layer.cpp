@@ -140,7 +140,7 @@ double InhibitedLayer::crossing(double low, double high, bool rises) const {
 }
 
 /// Samples that decide something are looked at more closely.
-void InhibitedLayer::sharpen() {
+void InhibitedLayer::sharpen(double known) {
   const auto known_well = [](int i) { return i == 0 || i == samples / 2 || i == samples; };
   int least = 0;
   for (int i = 1; i <= samples; ++i) {
@@ -149,7 +149,8 @@ void InhibitedLayer::sharpen() {
     }
     if (dose_[i] < dose_[least]) least = i;
   }
-  if (!known_well(least)) dose_[least] = at(static_cast<double>(least) / samples);
+  if (!known_well(least) && dose_[least] < known)
+    dose_[least] = at(static_cast<double>(least) / samples);
 }
 
 /// The place of a light's front in this layer; below 0 if it has none there.
@@ -272,7 +273,7 @@ void InhibitedLayer::find(double known, InsideLayer& out) {
     out.least = *std::min_element(dose_, dose_ + samples + 1);
     return;
   }
-  sharpen();
+  sharpen(known);
   take_points();
   out.least = std::numeric_limits<double>::infinity();
   for (const Point& p : points_) out.least = std::min(out.least, p.dose);

@@ -61,7 +61,7 @@ class InhibitedLayer {
     double t, dose;
     bool kink = false;
   };
-  void sharpen();
+  void sharpen(double known);
   /// Light of one level for long, and what is left of far light, at the points of a layer.
   struct Steady {
     struct At {

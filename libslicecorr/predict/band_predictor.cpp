@@ -378,6 +378,8 @@ void BandPredictor::look_inside(std::size_t first, std::size_t n, const std::uin
   const double *const lower = dose_->lower() + first, *const middle = dose_->middle() + first,
                       *const upper = dose_->upper() + first;
   const double fall = model_.root_a * (1.0 - Prediction::same_dose);
+  std::size_t last = n;  // looked at
+  double last_known = 0;
   const bool smooth = model_.inhibited && model_.mode == ExposureMode::continuous;
   for (std::size_t i = 0; i < n; ++i) {
     if (!turning[first + i]) continue;
@@ -397,7 +399,16 @@ void BandPredictor::look_inside(std::size_t first, std::size_t n, const std::uin
     }
     const double ends = std::min({lower[i], middle[i], upper[i]});
     if (!passes && low >= std::min(known, ends)) continue;
-    dose_->inside(first + i, known, inside_[i]);
+    // Neighbours with the same design have the same light, and so the same dose.
+    const bool alike = last < n && lower[i] == lower[last] && middle[i] == middle[last] &&
+                       upper[i] == upper[last] && known <= last_known;
+    if (alike) {
+      inside_[i] = inside_[last];
+    } else {
+      dose_->inside(first + i, known, inside_[i]);
+      last_known = known;
+    }
+    last = i;
     looked_ |= std::uint64_t{1} << i;
     passes_inside_ = passes_inside_ || !inside_[i].crossings.empty();
   }

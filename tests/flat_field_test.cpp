@@ -803,6 +803,17 @@ TEST_F(FlatFieldFiles, BadOnesAreRefusedWithFileAndKey) {
                   .flat_field);
   write("square.png", encode_png(GreyImage{100, 100, Values(10000, 200)}));
   EXPECT_THAT(said("flat_field = \"square.png\"\n"), HasSubstr("100 x 100 pixels"));
+  // More than any camera has, told by its header alone: the pixels are not there.
+  auto large = encode_png(GreyImage{128, 80, Values(128 * 80, 77)});
+  for (const auto& [at, size] : {std::pair{16, 16000}, {20, 10000}}) {
+    for (int k = 0; k < 4; ++k) {
+      large[static_cast<std::size_t>(at + k)] = static_cast<std::uint8_t>(size >> (24 - 8 * k));
+    }
+  }
+  write("large.png", large);
+  EXPECT_THAT(said("flat_field = \"large.png\"\n"),
+              AllOf(at_key(6, "flat_field"), HasSubstr("16000 x 10000 pixels"),
+                    HasSubstr("at most 100000000 of them for a display of 128 x 80")));
   write("coarse.png", encode_png(GreyImage{8, 8, Values(64, 200)}));
   EXPECT_TRUE(load_printer(printer("flat_field = \"coarse.png\"\n")).flat_field);
   const std::string good = "flat_field = \"coarse.png\"\n";

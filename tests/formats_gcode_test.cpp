@@ -1,10 +1,12 @@
 // G-code of slices in the dialects of several programs, and what tells zip formats apart.
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include <random>
 
 #include "format_fixture.hpp"
+#include "stack/archive_format.hpp"
 #include "stack/layer_gcode.hpp"
 
 namespace slicecorr::test {
@@ -13,6 +15,7 @@ namespace {
 using detail::chitubox_gcode;
 using detail::cws_gcode;
 using detail::LayerGcode;
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 const auto no_times = [](int) { return std::optional<double>(); };
@@ -58,6 +61,56 @@ TEST(Exposures, AreNotThereWhenALayerHasNone) {
   EXPECT_TRUE(parse("M6054 \"1.png\"\nM106 S9\nM106 S0\n", chitubox_gcode).exposures_s(1).empty());
   EXPECT_TRUE(parse("", chitubox_gcode).exposures_s(1).empty());
   EXPECT_FALSE(parse("M6054 \"2.png\"\nM6054 \"1.png\"\n", chitubox_gcode).shows(2));
+}
+
+/// A number of which only a part would be replaced becomes another one.
+TEST(Exposures, AreWholeNumbersOfMillisecondsOrRefused) {
+  const auto refusal = [](const std::string& wait, const detail::GcodeDialect& dialect) {
+    const std::string text = dialect.first == 1
+                                 ? "M6054 \"1.png\"\nM106 S255\n" + wait + "\nM106 S0\n"
+                                 : ";<Slice> 0\n" + wait + "\n;<Slice> Blank\n";
+    try {
+      return fmt::format("{}", parse(text, dialect).exposures_s(1).at(0));
+    } catch (const InputError& e) {
+      return std::string(e.what());
+    }
+  };
+  for (const char* good :
+       {"G4 P8000", "G4 P8000;", "G4 P8000 ; 8 s", "G4 P 8000.0", "G4 P8000.\r", "G4 P08000"}) {
+    EXPECT_EQ(refusal(good, chitubox_gcode), "8") << good;
+  }
+  for (const char* bad : {"G4 P8e3", "G4 P8_000", "G4 P8 000", "G4 P8,000", "G4 P0x1F40", "G4 S8",
+                          "G4 X8", "G4 P8000S1", "G4 P-8", "G4 P", "G4 P8.5.2"}) {
+    EXPECT_THAT(refusal(bad, chitubox_gcode),
+                AllOf(HasSubstr("run.gcode"), HasSubstr(bad), HasSubstr("expected G4 P")));
+  }
+  for (const char* good : {";<Delay> 8000", ";<Delay> 8000 \r", ";<Delay>8000 ; of light"}) {
+    EXPECT_EQ(refusal(good, cws_gcode), "8") << good;
+  }
+  for (const char* bad :
+       {";<Delay> 8e3", ";<Delay> 8_000", ";<Delay> 0x1F40", ";<Delay> 8 000", ";<Delay> -8"}) {
+    EXPECT_THAT(refusal(bad, cws_gcode), HasSubstr("expected ;<Delay>"));
+  }
+}
+
+TEST(Numbers, AreReadWithTheirUnitsOrNotAtAll) {
+  const auto read = [](const std::string& text) {
+    const auto number = detail::leading_number(text);
+    return number ? fmt::format("{}+{}", number->value, text.substr(number->length)) : "";
+  };
+  EXPECT_EQ(read("8000"), "8000+");
+  EXPECT_EQ(read("8e3"), "8000+");
+  EXPECT_EQ(read("8.5e3 ms )"), "8500+ ms )");
+  EXPECT_EQ(read("4000 ms )"), "4000+ ms )");
+  EXPECT_EQ(read("0.05mm )"), "0.05+mm )");
+  EXPECT_EQ(read("21.16402 px/mm )"), "21.16402+ px/mm )");
+  EXPECT_EQ(read("21.16402px/mm"), "21.16402+px/mm");
+  EXPECT_EQ(read("4000 ) 12"), "4000+ ) 12");
+  EXPECT_EQ(read("-1"), "-1+");
+  for (const char* text : {"8_000", "8,000", "8 000", "8'000", "0x1F40", "8e", "8e+", "8.5.2",
+                           "8-9", "ms", "", "nan", "inf", "1e999"}) {
+    EXPECT_EQ(read(text), "") << text;
+  }
 }
 
 // ---- Changes

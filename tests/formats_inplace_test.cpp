@@ -227,6 +227,78 @@ TEST_P(InPlace, LayersAndTimesAreChangedInTheirPlaces) {
   }
 }
 
+/// Of a time that is written in another way nothing may be left beside the new one.
+TEST(InPlaceTimes, AreReplacedWhole) {
+  TemporaryFolder folder;
+  Foreign f = foreign_archive("cws");
+  std::string config = nova_config(5, 4, 3), gcode = nova_gcode(5, 4, {30000, 2000, 2000});
+  replace(config, "= 2000\n", "= 2e3\n");
+  replace(gcode, "= 2000 ms", "= 2.0e3 ms");
+  entry(f.entries, "slice.conf") = to_bytes(config);
+  entry(f.entries, "cube.gcode") = to_bytes(gcode);
+  const std::string in = folder / "in.zip";
+  const auto write = [&] {
+    make_foreign_zip(in, f.entries);
+    StackFile file(folder / "out.zip");
+    file.format = f.format;
+    file.keep_from = in;
+    StackInfo info = StackReader::read_info(in);
+    info.exposure_s = 3;
+    info.layer_exposure_s.clear();
+    write_file_as(file, f.images, info);
+  };
+  write();
+  Entries after = unzip(folder / "out.zip");
+  EXPECT_THAT(to_text(entry(after, "slice.conf")), HasSubstr("layers_expo_ms          = 3000\n"));
+  EXPECT_THAT(to_text(entry(after, "cube.gcode")), HasSubstr("= 3000 ms"));
+  EXPECT_EQ(StackReader::read_info(folder / "out.zip").exposure_s, 3);
+  for (const char* time : {"0x7D0", "2_000", "2,000", "2 000", "2e", "2.0.0"}) {
+    entry(f.entries, "slice.conf") = to_bytes([&] {
+      std::string other = config;
+      replace(other, "= 2e3\n", "= " + std::string(time) + "\n");
+      return other;
+    }());
+    try {
+      write();
+      ADD_FAILURE() << time;
+    } catch (const InputError& e) {
+      EXPECT_THAT(e.what(), HasSubstr(std::string("layers_expo_ms is ") + time));
+    }
+  }
+}
+
+/// What is written is read back before it takes the archive's name.
+TEST(InPlaceTimes, ThatCantBeWrittenLeaveTheArchiveAsItIs) {
+  TemporaryFolder folder;
+  Foreign f = foreign_archive("chitubox");
+  // Waits of 4 s more in the light of layer 1, which stay: 2 s can't be written.
+  std::string gcode = to_text(entry(f.entries, "run.gcode"));
+  const std::string light = "M106 S255;light on\r\n";
+  const std::size_t at = gcode.find(light, gcode.find("LAYER_START:1")) + light.size();
+  const std::size_t end = gcode.find("\r\n", at) + 2;
+  gcode.insert(end, "G4 P4000;\r\n");
+  entry(f.entries, "run.gcode") = to_bytes(gcode);
+  const std::string in = folder / "in.zip";
+  make_foreign_zip(in, f.entries);
+  const Bytes before = read_file(in);
+  StackFile file(in);
+  file.format = f.format;
+  file.keep_from = in;
+  StackInfo info = StackReader::read_info(in);
+  info.exposure_s = 2;
+  info.layer_exposure_s.clear();
+  try {
+    write_file_as(file, f.images, info);
+    ADD_FAILURE() << "written";
+  } catch (const InputError& e) {
+    EXPECT_THAT(e.what(), HasSubstr("plans 2 s for slice 1, the archive says 4 s"));
+    EXPECT_THAT(e.what(), HasSubstr("is left as it is"));
+    EXPECT_EQ(std::string(e.what()).find(".part"), std::string::npos) << e.what();
+  }
+  EXPECT_EQ(read_file(in), before);
+  EXPECT_EQ(folder.count(), 1);
+}
+
 TEST_P(InPlace, LayersCanBeAddedWithTheirTimes) {
   Images other = random_images(5, 4, 4, 24);
   StackInfo info = info_;

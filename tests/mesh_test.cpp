@@ -415,6 +415,14 @@ TEST_F(MeshTest, RefusesWhatIsNoMeshFile) {
   const std::string packed = write_gz("cut.stl.gz", binary_stl(box(1, 1, 1)));
   fs::resize_file(packed, fs::file_size(packed) / 2);
   expect_error(packed, "can't be unpacked");
+  // Zeros, a thousandth of their size: refused at 256 MiB of them, whatever they would go on to.
+  const std::string zeros = (folder_ / "zeros.stl.gz").string();
+  gzFile file = gzopen(zeros.c_str(), "wb1");
+  const std::string block(std::size_t{1} << 24, '\0');
+  for (int i = 0; i < 17; ++i) gzwrite(file, block.data(), static_cast<unsigned>(block.size()));
+  gzclose(file);
+  ASSERT_LT(fs::file_size(zeros), std::size_t{2} << 20);
+  expect_error(zeros, "unpacks to more than 268435456 bytes, 100 times its size");
 }
 
 TEST_F(MeshTest, RefusesDamagedStl) {
@@ -485,6 +493,9 @@ TEST_F(MeshTest, RefusesDamagedOffAndPly) {
   expect_error(write("g.ply", ply_header("ascii", 3, 0) + "0 0 0\n1 0 0\n0 1 0\n"), "no triangles");
   expect_error(write("h.ply", "ply\nformat ascii 1.0\nend_header\n"), "no element 'vertex'");
   expect_error(write("i.ply", "plump"), "not a PLY");
+  for (const char* start : {"p", "pl", "ply", "ply\n", "ply\r\n", "x", "\n"}) {
+    expect_error(write("start.ply", start), "not a PLY");
+  }
   std::string glued = text;
   glued.erase(glued.find("end_header") + 10, 1);
   expect_error(write("l.ply", glued), "not a PLY");

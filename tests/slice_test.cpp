@@ -16,6 +16,7 @@
 #include <string>
 #include <vector>
 
+#include "slice/bridges.hpp"
 #include "slicecorr/error.hpp"
 
 #ifndef SLICECORR_TEST_DATA
@@ -1080,6 +1081,29 @@ TEST(MeshSlices, DemoFileHasItsArea) {
     EXPECT_NEAR(covered(all[static_cast<std::size_t>(n)]) * 0.0025, 1390.655, bound) << n;
     EXPECT_LT(bound, 0.2);
   }
+}
+
+/// Triangles that lie on each other leave as many loose ends in two places: joined at once, and not
+/// by a look at all pairs, which takes minutes for so many.
+TEST(Bridges, OfManyCoincidentTrianglesAreMadeAtOnce) {
+  detail::LooseEnds loose;
+  constexpr std::size_t many = 60000;
+  loose.ends.assign(many, {1, 1});
+  loose.beginnings.assign(many - 2, {4, 5});
+  // The nearest come first, whatever their number: two of the ends go where it is nearer.
+  loose.beginnings.insert(loose.beginnings.begin() + 7, 2, {1, 2});
+  double longest_mm = 0;
+  const auto begin = std::chrono::steady_clock::now();
+  const auto joints = detail::bridge(loose, 0.5, 1, longest_mm);
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(5));
+  ASSERT_EQ(joints.size(), many);
+  const auto to = [&](double x, double y) {
+    return std::count_if(joints.begin(), joints.end(),
+                         [&](const auto& j) { return j.bx == x && j.by == y; });
+  };
+  EXPECT_EQ(to(1, 2), 2);
+  EXPECT_EQ(to(4, 5), static_cast<std::ptrdiff_t>(many) - 2);
+  EXPECT_DOUBLE_EQ(longest_mm, std::hypot(1.5, 4));
 }
 
 }  // namespace

@@ -183,6 +183,20 @@ TEST(StackSchedule, BadTimesAreNamed) {
   config["Properties"]["Bottom"] = {{"LightOnTime", 30}, {"Count", -2}};
   EXPECT_NE(refused(config).find("Properties.Bottom.Count is -2"), std::string::npos);
 
+  // Layers are objects, and so is what they say of exposure.
+  for (const json& odd : {json(5), json("long"), json(true), json::array({1}), json()}) {
+    config = foreign(2);
+    config["Layers"] = {{{"Exposure", {{"LightOnTime", 1}}}}, odd};
+    EXPECT_NE(refused(config).find("Layers[1] is "), std::string::npos) << odd << refused(config);
+    if (odd.is_null()) continue;  // none
+    config["Layers"][1] = {{"Exposure", odd}};
+    EXPECT_NE(refused(config).find("Layers[1].Exposure is "), std::string::npos)
+        << odd << refused(config);
+  }
+  config = foreign(2);
+  config["Layers"] = {{"a", 1}};
+  EXPECT_NE(refused(config).find("Layers is an object"), std::string::npos) << refused(config);
+
   // Our own block.
   const auto changed = [&](const char* key, const json& value) {
     json block = json::parse(write_uvj_config(corrected(every_field()), 7));

@@ -79,7 +79,7 @@ int worker_command(const RunArguments& a, const slicecorr::Job& job, cli::Consol
   ::dup2(log, STDERR_FILENO);
   ::close(log);
   return do_work(a.folder, job.cancel,
-                 [](const std::string& text) { fmt::print(stderr, "{}\n", text); });
+                 [](const std::string& text) { cli::write_stderr(text + "\n"); });
 }
 
 void add_engine_options(CLI::App& app, RunArguments& a) {

@@ -151,7 +151,7 @@ int print(const Options& o, const Job& job, Console& console) {
       sure ? "State: " + left + ". " : "", folder.file("journal.jsonl"), what_to_do(end.fault),
       reset ? fmt::format(", then `printbridge reset --printer {}`", o.printer) : "");
   if (end.fault == Fault::stopped_by_user) {
-    fmt::print(stderr, "printbridge: {}\n", text);
+    cli::write_stderr(fmt::format("printbridge: {}\n", text));
     return cli::kInterrupted;
   }
   if (end.fault == Fault::defect) throw std::runtime_error(text);

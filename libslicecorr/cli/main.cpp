@@ -97,8 +97,8 @@ int verify(const Arguments& a, const Job& job, Console&) {
   }
   const bool edges = p.height_error_um.count() > 0;
   if (a.max_height_error_um >= 0 && edges && p.height_error_um.greatest() > a.max_height_error_um) {
-    fmt::print(stderr, "slicecorr: largest height error {:.3f} um, allowed are {:g} um\n",
-               p.height_error_um.greatest(), a.max_height_error_um);
+    write_stderr(fmt::format("slicecorr: largest height error {:.3f} um, allowed are {:g} um\n",
+                             p.height_error_um.greatest(), a.max_height_error_um));
     return kMissed;
   }
   return kDone;

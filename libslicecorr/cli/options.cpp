@@ -8,6 +8,7 @@
 #include <numeric>
 
 #include "program/program.hpp"
+#include "program/words.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/units.hpp"
 
@@ -106,7 +107,7 @@ std::string describe_stack(const StackInfo& info) {
   for (const auto& [what, name] :
        {std::pair{"printer", &names.printer}, std::pair{"material", &names.material},
         std::pair{"print", &names.print}}) {
-    if (!name->empty()) text += fmt::format("profile      {}: {}\n", what, *name);
+    if (!name->empty()) text += fmt::format("profile      {}: {}\n", what, words::printable(*name));
   }
   if (info.kind == StackKind::corrected) {
     text += fmt::format("part         {} layers, {:.3f} mm high; {} slices added after its end\n",
@@ -114,13 +115,14 @@ std::string describe_stack(const StackInfo& info) {
                         g.layers - info.target_layers);
   }
   if (info.recording) text += describe_recording(info);
-  if (info.printer) text += fmt::format("printer      {}\n", info.printer->name);
+  if (info.printer) text += fmt::format("printer      {}\n", words::printable(info.printer->name));
   if (info.printer && info.printer->flat_field) {
     text += fmt::format("light        {}, over the display\n", light_in_words(*info.printer));
   }
   if (info.resin) {
-    text += fmt::format("resin        {}, {:g} um base 10, aimed at {}\n", info.resin->name,
-                        info.resin->absorbance_height10_um, dose_in_words(*info.resin));
+    text += fmt::format("resin        {}, {:g} um base 10, aimed at {}\n",
+                        words::printable(info.resin->name), info.resin->absorbance_height10_um,
+                        dose_in_words(*info.resin));
   }
   const bool layerwise = info.process && info.process->mode == ExposureMode::layerwise;
   if (layerwise) {
@@ -152,7 +154,8 @@ std::string describe_stack(const StackInfo& info) {
   if (info.part_volume_mm3 > 0) {
     text += fmt::format("resin volume {:.4f} ml\n", info.part_volume_mm3 * 1e-3);
   }
-  if (!info.program.empty()) text += fmt::format("made by      {}\n", info.program);
+  if (!info.program.empty())
+    text += fmt::format("made by      {}\n", words::printable(info.program));
   if (info.kind != StackKind::foreign && !info.parameters_checked) {
     text += "checksum     of the images alone: nothing tells whether parameters were changed\n";
   }
@@ -242,7 +245,8 @@ std::string info_json(const StackInfo& info, const std::string& path) {
       info.part_volume_mm3 > 0 ? ordered_json(info.part_volume_mm3 * 1e-3) : ordered_json();
   if (!info.program.empty()) j["program"] = info.program;
   if (info.kind != StackKind::foreign) j["parameters_checked"] = info.parameters_checked;
-  return j.dump(2);
+  // Names come from archives, and need not be UTF-8.
+  return j.dump(2, ' ', false, ordered_json::error_handler_t::replace);
 }
 
 }  // namespace slicecorr::cli

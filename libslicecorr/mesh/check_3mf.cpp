@@ -3,15 +3,19 @@
 #include <zip.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <map>
 #include <memory>
 
+#include "base/unpacked_limit.hpp"
 #include "mesh/mesh_parts.hpp"
 
 namespace slicecorr::detail {
 namespace {
 
 constexpr std::uint64_t kMostUnpackedBytes = std::uint64_t{2} << 30;
+/// XML of one triangle after the other packs to a tenth as a rule.
+constexpr std::uint64_t kLargestRatio = 100;
 constexpr std::uint64_t kMostObjects = 1'000'000;  // objects of the build, repeated ones counted
 constexpr int kMostLevels = 64;
 
@@ -141,6 +145,9 @@ void check_3mf(std::string_view bytes, const std::string& path) {
   zip_error_fini(&error);
   const std::unique_ptr<zip_t, void (*)(zip_t*)> archive(opened, zip_discard);
 
+  std::error_code ec;
+  const std::uint64_t packed = std::filesystem::file_size(path, ec);
+  const std::uint64_t most = most_unpacked_bytes(ec ? 0 : packed, kLargestRatio);
   std::vector<zip_stat_t> models;
   std::uint64_t total = 0;
   const zip_int64_t entries = zip_get_num_entries(archive.get(), 0);
@@ -154,6 +161,11 @@ void check_3mf(std::string_view bytes, const std::string& path) {
     }
     if (stat.size > kMostUnpackedBytes || (total += stat.size) > kMostUnpackedBytes) {
       throw InputError(path, "", "would unpack to more than 2 GiB");
+    }
+    if (total > most) {
+      throw InputError(path, "",
+                       "would unpack to more than " + std::to_string(most) + " bytes, " +
+                           std::to_string(kLargestRatio) + " times its size; expected a mesh");
     }
     if (std::string_view(stat.name).ends_with(".model")) models.push_back(stat);
   }

@@ -10,6 +10,7 @@
 #include <filesystem>
 #include <memory>
 
+#include "base/unpacked_limit.hpp"
 #include "mesh/half_edges.hpp"
 #include "mesh/mesh_parts.hpp"
 #include "parallel/silent.hpp"
@@ -20,6 +21,8 @@ namespace {
 
 constexpr std::uint64_t kMostBytes = std::uint64_t{4} << 30;
 constexpr std::uint64_t kMostUnpackedBytes = std::uint64_t{2} << 30;
+/// Meshes get a twentieth of their size at the least, as text of few different numbers.
+constexpr std::uint64_t kLargestRatio = 100;
 /// What a thread reads at once.
 constexpr std::uint64_t kReadBytes = std::uint64_t{4} << 20;
 
@@ -62,6 +65,9 @@ FileBytes unpack_gzip(const std::string& path) {
   const std::unique_ptr<gzFile_s, int (*)(gzFile)> file(gzopen(path.c_str(), "rb"), gzclose_r);
   if (!file) throw InputError(path, "", std::string("can't be opened: ") + std::strerror(errno));
   gzbuffer(file.get(), 1 << 18);
+  std::error_code error;
+  const std::uint64_t packed = std::filesystem::file_size(path, error);
+  const std::uint64_t most = most_unpacked_bytes(error ? 0 : packed, kLargestRatio);
   FileBytes bytes;
   std::size_t size = 0;
   for (;;) {
@@ -73,6 +79,11 @@ FileBytes unpack_gzip(const std::string& path) {
     }
     if (got > 0) size += static_cast<std::size_t>(got);
     if (size > kMostUnpackedBytes) throw_too_large(path, kMostUnpackedBytes);
+    if (size > most) {
+      throw InputError(path, "",
+                       "unpacks to more than " + std::to_string(most) + " bytes, " +
+                           std::to_string(kLargestRatio) + " times its size; expected a mesh");
+    }
     // A file cut in the middle gives its beginning first and the error only at its end.
     int code = Z_OK;
     const std::string message = gzerror(file.get(), &code);

@@ -60,6 +60,9 @@ void parse_property(WordReader& words, std::vector<Element>& elements) {
 
 Header parse_header(std::string_view text, const std::string& path) {
   // The header is text, the rest may not be: lines are only looked for up to "end_header".
+  if (!text.starts_with("ply")) {
+    throw InputError(path, "", "is not a PLY file: expected 'ply' at the start and 'end_header'");
+  }
   const bool crlf = text.substr(3, 2) == "\r\n";
   Header header;
   std::size_t last = text.npos;
@@ -70,7 +73,7 @@ Header parse_header(std::string_view text, const std::string& path) {
     at = std::min(end + (crlf && text.substr(end, 2) == "\r\n" ? 2 : 1), text.size());
     header.body = at;
   }
-  if (text.substr(0, 3) != "ply" || last == text.npos) {
+  if (last == text.npos) {
     throw InputError(path, "", "is not a PLY file: expected 'ply' at the start and 'end_header'");
   }
 

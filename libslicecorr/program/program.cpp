@@ -1,5 +1,6 @@
 #include "program/program.hpp"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -14,7 +15,9 @@
 #include <limits>
 #include <new>
 #include <optional>
+#include <sstream>
 
+#include "program/words.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/version.hpp"
 
@@ -27,6 +30,27 @@ static_assert(std::atomic<bool>::is_always_lock_free, "set from a signal handler
 
 void on_signal(int) { cancelled = true; }
 
+/// Not by stdio: it keeps what could not be written, and tries again.
+void write_all_stderr(std::string_view text) {
+  while (!text.empty()) {
+    const ssize_t n = ::write(STDERR_FILENO, text.data(), text.size());
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) return;
+    text.remove_prefix(static_cast<std::size_t>(n));
+  }
+}
+
+/// Where one of the three is closed, the next file that is opened gets its number, and what is said
+/// would be written into it. What is closed stays without use: stdout still can't be written.
+void occupy_standard_files() {
+  for (const int fd : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
+    if (::fcntl(fd, F_GETFD) != -1 || errno != EBADF) continue;
+    // The lowest number that is free.
+    const int flags = fd == STDERR_FILENO ? O_WRONLY : O_RDONLY;
+    [[maybe_unused]] const int taken = ::open("/dev/null", flags);
+  }
+}
+
 constexpr const char* kFooter =
     "Exit codes: 0 done; 1 a defect of the program; 2 wrong usage or input; 3 physically "
     "infeasible; 4 disk or device failed; 5 a tolerance was missed; 130 interrupted.";
@@ -35,6 +59,8 @@ constexpr const char* kFooter =
 
 bool interrupted() { return cancelled; }
 
+void write_stderr(std::string_view text) { write_all_stderr(words::readable(text)); }
+
 Console::Console(bool quiet) : quiet_(quiet), terminal_(isatty(STDERR_FILENO) == 1) {}
 
 Job Console::job(int threads) {
@@ -42,7 +68,7 @@ Job Console::job(int threads) {
   j.threads = threads;
   j.cancel = &cancelled;
   if (quiet_) return j;
-  j.notice = [this](const std::string& text) { say(text); };
+  j.notice = [this](const std::string& text) { say(words::printable(text)); };
   j.progress = [this](std::string_view stage, double done) { progress(stage, done); };
   return j;
 }
@@ -50,11 +76,11 @@ Job Console::job(int threads) {
 void Console::say(const std::string& text) {
   if (quiet_) return;
   clear();
-  fmt::print(stderr, "{}\n", text);
+  write_stderr(text + "\n");
 }
 
 void Console::clear() {
-  if (line_) fmt::print(stderr, "\r\033[K");
+  if (line_) write_all_stderr("\r\033[K");
   line_ = false;
 }
 
@@ -63,12 +89,11 @@ void Console::progress(std::string_view stage, double done) {
   if (stage == stage_ && percent == percent_) return;
   const bool ended = percent >= 100;
   if (terminal_) {
-    fmt::print(stderr, "\r\033[K{} {:3d} %", stage, percent);
-    std::fflush(stderr);
+    write_all_stderr(fmt::format("\r\033[K{} {:3d} %", words::printable(stage), percent));
     line_ = true;
     if (ended) clear();
   } else if (ended && (stage != stage_ || percent_ < 100)) {
-    fmt::print(stderr, "{}: done\n", stage);
+    write_stderr(fmt::format("{}: done\n", stage));
   }
   stage_ = stage;
   percent_ = percent;
@@ -119,28 +144,34 @@ std::string Program::failure_message(const CLI::Error& e) const {
 
 int Program::run(int argc, char** argv) {
   const auto finish = [&](int code) {
-    if (std::fflush(stdout) != 0 && code == kDone) {
-      fmt::print(stderr, "{}: stdout can't be written\n", app_.get_name());
+    if ((std::fflush(stdout) != 0 || std::ferror(stdout)) && code == kDone) {
+      write_stderr(app_.get_name() + ": stdout can't be written\n");
       return static_cast<int>(kDevice);
     }
     return code;
   };
+  occupy_standard_files();
+  std::signal(SIGXFSZ, SIG_IGN);
   try {
     app_.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
-    return finish(app_.exit(e) == 0 ? kDone : kInput);
+    std::ostringstream out, err;
+    const int code = app_.exit(e, out, err) == 0 ? kDone : kInput;
+    const std::string text = out.str();
+    std::fwrite(text.data(), 1, text.size(), stdout);
+    write_stderr(err.str());
+    return finish(code);
   }
 
   struct sigaction action {};
   action.sa_handler = on_signal;
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
-  std::signal(SIGXFSZ, SIG_IGN);
 
   Console console(quiet_);
   const auto fail = [&](int code, const std::string& text) {
     console.clear();
-    fmt::print(stderr, "{}: {}\n", app_.get_name(), text);
+    write_stderr(fmt::format("{}: {}\n", app_.get_name(), words::printable(text)));
     return code;
   };
   try {
@@ -207,7 +238,11 @@ void must_not_replace(const std::string& output, const std::vector<std::string>&
 }
 
 void print_result(const std::string& text) {
-  if (std::fwrite(text.data(), 1, text.size(), stdout) != text.size() || std::fflush(stdout) != 0) {
+  std::string safe;
+  std::string_view shown = text;
+  if (::isatty(STDOUT_FILENO) == 1) shown = safe = words::readable(text);
+  if (std::fwrite(shown.data(), 1, shown.size(), stdout) != shown.size() ||
+      std::fflush(stdout) != 0) {
     throw DeviceError(fmt::format("stdout can't be written: {}", std::strerror(errno)));
   }
 }

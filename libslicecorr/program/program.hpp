@@ -44,6 +44,10 @@ class Console {
   int percent_ = -1;
 };
 
+/// To stderr, with what could move a terminal's cursor or is no UTF-8 as "?". Where stderr can't be
+/// written (closed, full disk) the text is lost, and nothing else.
+void write_stderr(std::string_view text);
+
 /// Whether SIGINT or SIGTERM came since `Program::run` began.
 bool interrupted();
 
@@ -81,7 +85,8 @@ std::optional<double> number_of(const std::string& text);
 
 /// Throws `InputError` when an output would replace one of the inputs.
 void must_not_replace(const std::string& output, const std::vector<std::string>& inputs);
-/// Writes results; throws `DeviceError` when stdout can't take them.
+/// Writes results; throws `DeviceError` when stdout can't take them. On a terminal what could move
+/// its cursor is "?".
 void print_result(const std::string& text);
 /// Writes to a temporary file beside `path`, then renames it; straight into what is no ordinary
 /// file.

@@ -5,33 +5,14 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/utf8.hpp"
+
 namespace slicecorr::words {
 
 namespace {
 
-constexpr char32_t no_character = 0xFFFFFFFF;
-
-/// The character at `at`, which moves behind it; `no_character` where it is no UTF-8.
-char32_t next_character(std::string_view text, std::size_t& at) {
-  const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
-  const unsigned char first = byte(at++);
-  if (first < 0x80) return first;
-  const int more = first >= 0xF0 && first < 0xF5   ? 3
-                   : first >= 0xE0 && first < 0xF0 ? 2
-                   : first >= 0xC2 && first < 0xE0 ? 1
-                                                   : 0;
-  if (more == 0 || at + static_cast<std::size_t>(more) > text.size()) return no_character;
-  char32_t c = first & (0x3F >> more);
-  for (int i = 0; i < more; ++i) {
-    const unsigned char b = byte(at + static_cast<std::size_t>(i));
-    if ((b & 0xC0) != 0x80) return no_character;
-    c = c << 6 | (b & 0x3F);
-  }
-  const bool overlong = (more == 2 && c < 0x800) || (more == 3 && c < 0x10000);
-  if (overlong || c > 0x10FFFF || (c >= 0xD800 && c < 0xE000)) return no_character;
-  at += static_cast<std::size_t>(more);
-  return c;
-}
+using detail::next_character;
+using detail::no_character;
 
 /// Columns of a character: the blocks that terminals agree on.
 int width_of(char32_t c) {
@@ -78,12 +59,16 @@ std::string count(std::int64_t n) {
   return digits;
 }
 
-std::string printable(std::string_view text) {
+namespace {
+
+std::string shown(std::string_view text, bool keep_lines) {
   std::string out;
   for (std::size_t at = 0; at < text.size();) {
     const std::size_t from = at;
     const char32_t c = next_character(text, at);
-    if (c == '\n' || c == '\t' || c == '\r') {
+    if (keep_lines && (c == '\n' || c == '\t')) {
+      out += static_cast<char>(c);
+    } else if (c == '\n' || c == '\t' || c == '\r') {
       out += ' ';
     } else if (c == no_character || moves_or_turns(c)) {
       out += '?';
@@ -93,6 +78,11 @@ std::string printable(std::string_view text) {
   }
   return out;
 }
+
+}  // namespace
+
+std::string printable(std::string_view text) { return shown(text, false); }
+std::string readable(std::string_view text) { return shown(text, true); }
 
 int columns_of(std::string_view text) {
   int columns = 0;

@@ -19,6 +19,8 @@ std::string count(std::int64_t n);
 /// Names and messages come from files and users: what could move a terminal's cursor, turn the
 /// direction of writing or is no UTF-8 becomes "?" , line ends become spaces.
 std::string printable(std::string_view text);
+/// The same of a text of several lines, whose line ends and tabs stay.
+std::string readable(std::string_view text);
 /// Columns that a printable text takes on a terminal.
 int columns_of(std::string_view text);
 /// At most `columns` wide, cut with "…".

@@ -1,6 +1,7 @@
 #include "slice/bridges.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <unordered_map>
@@ -19,14 +20,53 @@ constexpr std::size_t kAllPairs = 512;
 /// Candidates per end and round of the grid search.
 constexpr std::size_t kCandidates = 32;
 
+/// Places at which nothing else begins or ends, and how many do: what lies over another many times
+/// is looked at once.
+struct Places {
+  std::vector<LooseEnds::Place> at;
+  std::vector<std::size_t> count;
+
+  explicit Places(const std::vector<LooseEnds::Place>& all) {
+    std::unordered_map<std::uint64_t, std::vector<std::uint32_t>> known;
+    const auto bits = [](double v) { return std::bit_cast<std::uint64_t>(v + 0.0); };
+    for (const LooseEnds::Place& place : all) {
+      auto& near = known[bits(place.x) * 0x9E3779B97F4A7C15u ^ bits(place.y)];
+      const auto same = std::find_if(near.begin(), near.end(), [&](std::uint32_t i) {
+        return at[i].x == place.x && at[i].y == place.y;
+      });
+      if (same != near.end()) {
+        ++count[*same];
+        continue;
+      }
+      near.push_back(static_cast<std::uint32_t>(at.size()));
+      at.push_back(place);
+      count.push_back(1);
+    }
+  }
+  std::size_t size() const { return at.size(); }
+  bool empty() const { return at.empty(); }
+  const LooseEnds::Place& operator[](std::size_t i) const { return at[i]; }
+  /// Drops those of which none is left.
+  void drop_used() {
+    std::size_t n = 0;
+    for (std::size_t i = 0; i < at.size(); ++i) {
+      if (count[i] == 0) continue;
+      at[n] = at[i];
+      count[n++] = count[i];
+    }
+    at.resize(n);
+    count.resize(n);
+  }
+};
+
 std::int64_t cell_key(std::int64_t cx, std::int64_t cy) { return cx * 0x9E3779B1LL + cy; }
 
 }  // namespace
 
-std::vector<Segment> bridge(LooseEnds loose, double scale_x, double scale_y, double& longest_mm) {
+std::vector<Segment> bridge(const LooseEnds& loose, double scale_x, double scale_y,
+                            double& longest_mm) {
   std::vector<Segment> joints;
-  auto& ends = loose.ends;
-  auto& beginnings = loose.beginnings;
+  Places ends(loose.ends), beginnings(loose.beginnings);
   std::vector<Pair> pairs;
   const auto distance2 = [&](std::size_t e, std::size_t b) {
     const double dx = (ends[e].x - beginnings[b].x) * scale_x;
@@ -39,26 +79,20 @@ std::vector<Segment> bridge(LooseEnds loose, double scale_x, double scale_y, dou
       if (p.distance2 != q.distance2) return p.distance2 < q.distance2;
       return p.end != q.end ? p.end < q.end : p.beginning < q.beginning;
     });
-    std::vector<bool> end_joined(ends.size()), beginning_joined(beginnings.size());
     for (const Pair& p : pairs) {
-      if (end_joined[p.end] || beginning_joined[p.beginning]) continue;
-      end_joined[p.end] = beginning_joined[p.beginning] = true;
+      const std::size_t n = std::min(ends.count[p.end], beginnings.count[p.beginning]);
+      if (n == 0) continue;
+      ends.count[p.end] -= n;
+      beginnings.count[p.beginning] -= n;
       if (p.distance2 > 0) {
         const auto& e = ends[p.end];
         const auto& b = beginnings[p.beginning];
-        joints.push_back({e.x, e.y, b.x, b.y});
+        joints.insert(joints.end(), n, {e.x, e.y, b.x, b.y});
         longest_mm = std::max(longest_mm, std::sqrt(p.distance2));
       }
     }
-    const auto keep = [](std::vector<LooseEnds::Place>& places, const std::vector<bool>& joined) {
-      std::size_t n = 0;
-      for (std::size_t i = 0; i < places.size(); ++i) {
-        if (!joined[i]) places[n++] = places[i];
-      }
-      places.resize(n);
-    };
-    keep(ends, end_joined);
-    keep(beginnings, beginning_joined);
+    ends.drop_used();
+    beginnings.drop_used();
     pairs.clear();
   };
 
@@ -79,11 +113,11 @@ std::vector<Segment> bridge(LooseEnds loose, double scale_x, double scale_y, dou
               cells.find(cell_key(cell(ends[e].x, scale_x) + dx, cell(ends[e].y, scale_y) + dy));
           if (it == cells.end()) continue;
           for (const std::uint32_t b : it->second) {
+            if (found == kCandidates) break;
             const double d2 = distance2(e, b);
-            if (d2 <= reach_mm * reach_mm && found < kCandidates) {
-              pairs.push_back({d2, e, b});
-              ++found;
-            }
+            if (d2 > reach_mm * reach_mm) continue;
+            pairs.push_back({d2, e, b});
+            ++found;
           }
         }
       }

@@ -19,6 +19,6 @@ struct LooseEnds {
 
 /// Joins every end with a beginning, nearest pairs first (greedily; ties by order). `scale_x`,
 /// `scale_y` turn pixels into mm. Returns the joints that have a length; `longest_mm` is raised.
-std::vector<Segment> bridge(LooseEnds loose, double scale_x, double scale_y, double& longest_mm);
+std::vector<Segment> bridge(const LooseEnds& loose, double scale_x, double scale_y, double& longest_mm);
 
 }  // namespace slicecorr::detail

@@ -272,8 +272,7 @@ void MeshSlices::Impl::close_contours(const Job& job) {
       places.insert(places.end(), static_cast<std::size_t>(std::abs(open[e].surplus)), place);
     }
     double longest = 0;
-    bridges[n] =
-        detail::bridge(std::move(loose), grid.pixel_x_um * 1e-3, grid.pixel_y_um * 1e-3, longest);
+    bridges[n] = detail::bridge(loose, grid.pixel_x_um * 1e-3, grid.pixel_y_um * 1e-3, longest);
     const std::lock_guard lock(mutex);
     report.bridged_slices += !bridges[n].empty();
     report.bridges += bridges[n].size();

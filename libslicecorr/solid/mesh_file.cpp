@@ -204,7 +204,7 @@ void write_3mf(const std::string& path, const Triangles& triangles, const Job& j
       out,
       R"(</triangles></mesh></object></resources><build><item objectid="1"/></build></model>)");
   zip.add("3D/3dmodel.model", std::move(model));
-  zip.finish(job);
+  zip.finish(job, {});
 }
 
 }  // namespace

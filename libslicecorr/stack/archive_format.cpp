@@ -163,6 +163,27 @@ ImageSize image_size(const Container& archive, const std::string& name) {
   return {static_cast<int>(header.width), static_cast<int>(header.height), header.channels()};
 }
 
+std::optional<LeadingNumber> leading_number(std::string_view text) {
+  LeadingNumber number;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number.value);
+  if (error != std::errc() || !std::isfinite(number.value)) return std::nullopt;
+  number.length = static_cast<std::size_t>(end - text.data());
+  const std::string_view rest = text.substr(number.length);
+  // A unit, as far as the next blank or bracket; none begins with the letters of exponents and
+  // other bases.
+  const std::string_view unit = rest.substr(0, rest.find_first_of(" \t\r\n);"));
+  constexpr std::string_view begins_no_unit = "eExXpP", other_than_units = "0123456789_.,'+-";
+  if (!unit.empty() && begins_no_unit.find(unit.front()) != unit.npos && unit != "px" &&
+      !unit.starts_with("px/")) {
+    return std::nullopt;
+  }
+  if (unit.find_first_of(other_than_units) != unit.npos) return std::nullopt;
+  // Thousands that are set apart by blanks.
+  const std::size_t next = rest.find_first_not_of(" \t", unit.size());
+  if (unit.empty() && next != rest.npos && is_digit(rest[next])) return std::nullopt;
+  return number;
+}
+
 KeyValueText::KeyValueText(std::string text, char separator, std::string file, std::string entry,
                            std::string prefix)
     : text_(std::move(text)),

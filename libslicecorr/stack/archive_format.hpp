@@ -114,6 +114,15 @@ struct ImageSize {
 /// Of a PNG, from its header alone.
 ImageSize image_size(const Container& archive, const std::string& name);
 
+/// A number at the beginning of a text that a unit may follow: "8000", "4e3 ms )", "21.16px/mm".
+struct LeadingNumber {
+  double value = 0;
+  std::size_t length = 0;  ///< of the number's text
+};
+/// Nothing where the text begins with none, and where what follows could be a part of it: "8_000",
+/// "8,000", "8 000", "0x1F40", "8e". Whoever changes such a number must not leave half of it.
+std::optional<LeadingNumber> leading_number(std::string_view text);
+
 /// "key = value" or ";key:value" lines: what is before and after `separator`, trimmed.
 class KeyValueText {
  public:
@@ -158,6 +167,10 @@ struct ExposureSummary {
   bool uneven = false;
 };
 ExposureSummary exposure_summary(const StackInfo& info);
+
+/// What the archive says, with our block where its format has no place for it, checked (see
+/// `check_block`).
+ArchiveContents read_contents(const Container& archive);
 
 /// Our block as a file of its own, for formats that have no place for it.
 inline constexpr const char* provenance_entry = "slicecorr.json";

@@ -65,30 +65,6 @@ std::string plan_in_words(const Process& p, double planned_s) {
   return fmt::format("{:.5g} s at {:g} mm/h", planned_s, p.speed_mm_h);
 }
 
-void check_times(const StackInfo& info, const std::string& file) {
-  const auto check = [&](double archive_s, double planned_s, const std::string& of) {
-    if (!differ(archive_s, planned_s)) return;
-    contradicts(file, fmt::format("its process plans {} for {}, the archive says {:.5g} s",
-                                  plan_in_words(*info.process, planned_s), of, archive_s));
-  };
-  if (!info.layer_exposure_s.empty()) {
-    const auto count = std::min(info.layer_exposure_s.size(),
-                                static_cast<std::size_t>(std::max(0, info.grid.layers)));
-    for (std::size_t n = 0; n < count; ++n) {
-      check(info.layer_exposure_s[n], light_on_of_layer(info, static_cast<int>(n)),
-            fmt::format("slice {}", n));
-    }
-    return;
-  }
-  if (!(info.exposure_s > 0)) return;
-  const ExposureSummary plan = exposure_summary(info);
-  check(info.exposure_s, plan.normal_s, "a slice");
-  // Formats without times of single layers can't say those of all schedules.
-  if (info.bottom_layers > 0 && info.bottom_exposure_s > 0 && !plan.uneven) {
-    check(info.bottom_exposure_s, plan.bottom_s, "the first slice");
-  }
-}
-
 void check_images(const StackInfo& info, const std::string& file) {
   const Printer& p = *info.printer;
   const Grid is = info.grid, shown = images_of(p, image_frame(info));
@@ -107,6 +83,32 @@ void check_images(const StackInfo& info, const std::string& file) {
 
 }  // namespace
 
+void check_times(const StackInfo& plan, const StackInfo& says, const std::string& file) {
+  const auto check = [&](double archive_s, double planned_s, const std::string& of) {
+    if (!differ(archive_s, planned_s)) return;
+    contradicts(file, fmt::format("its process plans {} for {}, the archive says {:.5g} s",
+                                  plan_in_words(process_of_times(plan), planned_s), of, archive_s));
+  };
+  if (!says.layer_exposure_s.empty()) {
+    const auto count = std::min(says.layer_exposure_s.size(),
+                                static_cast<std::size_t>(std::max(0, says.grid.layers)));
+    for (std::size_t n = 0; n < count; ++n) {
+      const double planned_s = light_on_of_layer(plan, static_cast<int>(n));
+      if (differ(says.layer_exposure_s[n], planned_s)) {
+        check(says.layer_exposure_s[n], planned_s, fmt::format("slice {}", n));
+      }
+    }
+    return;
+  }
+  if (!(says.exposure_s > 0)) return;
+  const ExposureSummary s = exposure_summary(plan);
+  check(says.exposure_s, s.normal_s, "a slice");
+  // Formats without times of single layers can't say those of all schedules.
+  if (says.bottom_layers > 0 && says.bottom_exposure_s > 0 && !s.uneven) {
+    check(says.bottom_exposure_s, s.bottom_s, "the first slice");
+  }
+}
+
 std::uint32_t block_crc32(const nlohmann::json& block) {
   std::string text;
   append(block, 0, text);
@@ -124,7 +126,7 @@ void check_block(const ArchiveContents& contents, const std::string& file) {
                 fmt::format("its part has {} layers, the archive {}", info.target_layers, layers));
   }
   if (info.printer) check_images(info, file);
-  if (info.process && info.kind != StackKind::target) check_times(info, file);
+  if (info.process && info.kind != StackKind::target) check_times(info, info, file);
   if (contents.block_changed) {
     throw InputError(file, "",
                      "its parameters were changed after the stack was made (checksum): its images "

@@ -23,4 +23,9 @@ std::uint32_t block_crc32(const nlohmann::json& block);
 /// parameters. Sizes of pixels and layers are compared where the block is read.
 void check_block(const ArchiveContents& contents, const std::string& file);
 
+/// Throws `InputError` where the exposure times that an archive says (`exposure_s` and what belongs
+/// to it in `says`) are others than `plan` has, as far as archives can say them: by more than 1 %
+/// and the rounding to milliseconds.
+void check_times(const StackInfo& plan, const StackInfo& says, const std::string& file);
+
 }  // namespace slicecorr::detail

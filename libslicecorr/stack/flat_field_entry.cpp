@@ -30,6 +30,7 @@ void add_flat_field(const StackInfo& info, ContainerOutput& output) {
 void set_flat_field(ArchiveContents& contents, const std::vector<std::uint8_t>& png,
                     const std::string& source, const std::string& place) {
   FlatField& field = *contents.info.printer->flat_field;
+  check_flat_field(field, *contents.info.printer, source + ": " + place);
   GreyImage image = decode_png(png, field.width_px, field.height_px, source, place);
   field.values = std::make_shared<const std::vector<std::uint8_t>>(std::move(image.pixels));
   if (flat_field_crc32(field) != contents.flat_field_crc32 || field.greatest() == 0) {

@@ -211,7 +211,7 @@ class FolderOutput final : public ContainerOutput {
     const TemporaryFolder trial{make_temporary(path_, true)};
   }
 
-  void finish(const Job& job) override;
+  void finish(const Job& job, const Check& check) override;
 
  private:
   /// False when nothing is there; throws when it is no folder.
@@ -272,11 +272,12 @@ void FolderOutput::check_replaceable(const std::string& now_at) const {
   }
 }
 
-void FolderOutput::finish(const Job& job) {
+void FolderOutput::finish(const Job& job, const Check& check) {
   job.check_cancelled();
   TemporaryFolder temporary{make_temporary(path_, true)};
   fill(temporary.path, job);
   if (!keep_from_.empty()) copy_mode(keep_from_, temporary.path);
+  if (check) check(temporary.path);
   job.check_cancelled();
   put_in_place(temporary, job);
   job.report("write", 1);

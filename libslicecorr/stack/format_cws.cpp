@@ -27,22 +27,22 @@ std::optional<double> parameter(const KeyValueText& text, const char* key, doubl
                                 const std::string& file, const std::string& entry) {
   const auto value = text.find(key);
   if (!value) return std::nullopt;
-  double number = NAN;
-  const auto result = std::from_chars(value->data(), value->data() + value->size(), number);
-  if (result.ec != std::errc() || !(number >= 0 && number <= most)) {
+  const auto number = leading_number(*value);
+  if (!number || !(number->value >= 0 && number->value <= most)) {
     throw InputError(file, entry,
                      fmt::format("{} is {}, expected a number from 0 to {:g}",
                                  *key == '(' ? key + 1 : key, shown_name(*value), most));
   }
-  return number;
+  return number->value;
 }
 
 /// Replaces the number, leaving what follows it.
 void set_parameter(KeyValueText& text, const char* key, const std::string& number) {
   const auto value = text.find(key);
   if (!value) return;
-  const std::size_t end = std::min(value->find_first_not_of("0123456789.+-"), value->size());
-  text.set(key, number + value->substr(end));
+  // It was read before, so there is one.
+  const auto old = leading_number(*value);
+  if (old) text.set(key, number + value->substr(old->length));
 }
 
 /// Top-level entries that end like this.

@@ -67,6 +67,20 @@ std::optional<Token> number_at(std::string_view text, std::size_t at) {
   return t;
 }
 
+/// The same where nothing follows that could be a part of it, as an exponent or "_000".
+std::optional<Token> plain_number(std::string_view text, std::size_t at) {
+  auto token = at < text.size() ? number_at(text, at) : std::nullopt;
+  if (!token) return std::nullopt;
+  std::size_t end = token->end;
+  // "4000." is a number, too.
+  if (end < text.size() && text[end] == '.') ++end;
+  const bool ends = end >= text.size() || blanks.find(text[end]) != blanks.npos;
+  const std::size_t next = text.find_first_not_of(blanks, end);
+  if (!ends || (next != text.npos && is_digit(text[next]))) return std::nullopt;
+  token->end = end;
+  return token;
+}
+
 /// All numbers of a line.
 std::vector<Token> numbers_of(std::string_view text, std::size_t begin, std::size_t end) {
   std::vector<Token> found;
@@ -163,15 +177,14 @@ LayerGcode::LayerGcode(std::string text, const GcodeDialect& dialect, std::strin
       }
       if (!lit && switched) done = true;
     } else if (line.starts_with(dialect_.wait) && !done && (switched ? lit : showing)) {
-      const auto numbers = numbers_of(all, at + dialect_.wait.size(), line_end(all, begin));
-      if (numbers.empty()) continue;
-      const Token& ms = numbers.front();
+      const auto wait = wait_of(at);
+      if (!wait) continue;
       if (layer.waits++ == 0) {
-        layer.wait_begin = ms.begin;
-        layer.wait_end = ms.end;
-        layer.wait_ms = ms.value;
+        layer.wait_begin = wait->begin;
+        layer.wait_end = wait->end;
+        layer.wait_ms = wait->ms;
       } else {
-        layer.other_waits_ms += ms.value;
+        layer.other_waits_ms += wait->ms;
       }
     }
   }
@@ -179,6 +192,33 @@ LayerGcode::LayerGcode(std::string text, const GcodeDialect& dialect, std::strin
 
 void LayerGcode::fail(const std::string& message) const {
   throw InputError(file_, entry_, message);
+}
+
+/// Milliseconds of a line that waits; nothing when it says none.
+std::optional<LayerGcode::Wait> LayerGcode::wait_of(std::size_t line) const {
+  const std::string_view all = text_;
+  std::size_t begin = line + dialect_.wait.size();
+  // The comments in which one dialect waits are no comments.
+  const std::size_t end = std::min(line_end(all, line), all.find(';', begin));
+  const auto wrong = [&] {
+    fail(shown_name(all.substr(line, line_end(all, line) - line)) + ": expected " +
+         std::string(dialect_.wait) + (dialect_.wait_word ? " P" : " ") +
+         "and milliseconds, as a plain number");
+  };
+  const auto skip_blanks = [&] {
+    while (begin < end && blanks.find(all[begin]) != blanks.npos) ++begin;
+  };
+  skip_blanks();
+  if (begin == end) return std::nullopt;
+  if (dialect_.wait_word) {
+    // Other words wait for seconds.
+    if (all[begin] != dialect_.wait_word) wrong();
+    ++begin;
+    skip_blanks();
+  }
+  const auto number = plain_number(all.substr(0, end), begin);
+  if (!number || number->value < 0) wrong();
+  return Wait{number->begin, number->end, number->value};
 }
 
 bool LayerGcode::shows(int layers) const {

@@ -22,9 +22,10 @@ struct GcodeDialect {
   std::string_view show;  ///< starts a line that shows an image, whose number follows
   std::string_view wait;  ///< starts a line that waits for the milliseconds that follow
   long first = 0;         ///< number of the first layer's image
+  char wait_word = 0;     ///< before the milliseconds, where there is one
 };
-inline constexpr GcodeDialect chitubox_gcode{"M6054", "G4", 1};
-inline constexpr GcodeDialect cws_gcode{";<Slice>", ";<Delay>", 0};
+inline constexpr GcodeDialect chitubox_gcode{"M6054", "G4", 1, 'P'};
+inline constexpr GcodeDialect cws_gcode{";<Slice>", ";<Delay>", 0, 0};
 
 /// End of the comments at the beginning, which hold settings.
 std::size_t end_of_head(std::string_view text);
@@ -42,7 +43,8 @@ class LayerGcode {
     double exposure_s() const { return (wait_ms + other_waits_ms) / 1000; }
   };
 
-  /// `file` and `entry` are for messages.
+  /// `file` and `entry` are for messages. Throws `InputError` where a wait in light is no plain
+  /// decimal number of milliseconds.
   LayerGcode(std::string text, const GcodeDialect& dialect, std::string file, std::string entry);
 
   const std::string& text() const { return text_; }
@@ -69,7 +71,12 @@ class LayerGcode {
   };
   struct Edit;
 
+  struct Wait {
+    std::size_t begin = 0, end = 0;  ///< of the number
+    double ms = 0;
+  };
   [[noreturn]] void fail(const std::string& message) const;
+  std::optional<Wait> wait_of(std::size_t line) const;
   std::string exposure_text(const Layer& layer, double exposure_s) const;
   std::size_t lead_lines() const;
   Block last_block() const;

@@ -22,7 +22,9 @@ std::uint32_t big_endian(const std::vector<std::uint8_t>& bytes, std::size_t at)
          (std::uint32_t{bytes[at + 2]} << 8) | bytes[at + 3];
 }
 
-GreyImage read_png(const std::string& path) {
+/// `check` sees the size before a pixel is unpacked.
+template <typename Check>
+GreyImage read_png(const std::string& path, const Check& check) {
   const std::string text = read_text_file(path);
   const std::vector<std::uint8_t> bytes(text.begin(), text.end());
   constexpr std::uint8_t signature[] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1A, '\n'};
@@ -37,6 +39,7 @@ GreyImage read_png(const std::string& path) {
                                  "pixels",
                                  width, height));
   }
+  check(static_cast<int>(width), static_cast<int>(height));
   return decode_png(bytes, static_cast<int>(width), static_cast<int>(height), path, "flat-field");
 }
 
@@ -49,6 +52,17 @@ void check_flat_field(const FlatField& field, const Printer& printer, const std:
   } else {
     covered.width_px = printer.width_px;
     covered.height_px = printer.height_px;
+  }
+  // What is finer than pixels is not seen; what cameras take is left to whoever took it.
+  constexpr std::int64_t of_cameras = 100'000'000;
+  const std::int64_t most =
+      std::max(of_cameras, std::int64_t{printer.width_px} * printer.height_px);
+  if (std::int64_t{field.width_px} * field.height_px > most) {
+    throw InputError(
+        path, "",
+        fmt::format("is {} x {} pixels; expected at most {} of them for a display of "
+                    "{} x {}",
+                    field.width_px, field.height_px, most, printer.width_px, printer.height_px));
   }
   const auto along = [](int w, int h) { return (w > h) - (w < h); };
   const int is = along(field.width_px, field.height_px);
@@ -70,17 +84,18 @@ void check_flat_field(const FlatField& field, const Printer& printer, const std:
 
 FlatField load_flat_field(const std::string& path, const Printer& printer, bool of_plate,
                           std::optional<int> reference) {
-  GreyImage image = read_png(path);
   FlatField field;
-  field.width_px = image.width_px;
-  field.height_px = image.height_px;
   field.of_plate = of_plate;
+  GreyImage image = read_png(path, [&](int width_px, int height_px) {
+    field.width_px = width_px;
+    field.height_px = height_px;
+    check_flat_field(field, printer, path);
+  });
   field.values = std::make_shared<const std::vector<std::uint8_t>>(std::move(image.pixels));
   if (field.greatest() == 0) {
     throw InputError(path, "", "is black; expected relative intensity, white the brightest");
   }
   field.reference = reference.value_or(field.greatest());
-  check_flat_field(field, printer, path);
   return field;
 }
 

@@ -17,29 +17,23 @@
 #include "stack/uvj_config.hpp"
 
 namespace slicecorr {
-namespace {
 
-using detail::ArchiveContents;
-using detail::Container;
+namespace detail {
 
-constexpr std::size_t memory_budget = std::size_t{128} << 20;
-
-/// What the archive says, with our block where its format has no place for it.
 ArchiveContents read_contents(const Container& archive) {
-  const detail::ArchiveFormat& format = detail::recognise_format(archive);
+  const ArchiveFormat& format = recognise_format(archive);
   ArchiveContents contents = format.read(archive);
   contents.info.format = format.name();
-  if (archive.has(detail::provenance_entry)) {
+  if (archive.has(provenance_entry)) {
     if (contents.info.kind != StackKind::foreign) {
-      throw InputError(archive.path(), detail::provenance_entry,
+      throw InputError(archive.path(), provenance_entry,
                        "is a second record beside that of the archive; expected one of them");
     }
     const std::uint64_t limit = (std::uint64_t{64} << 20) + 256 * archive.entries().size();
-    detail::read_provenance(archive.text(detail::provenance_entry, limit), archive.path(),
-                            contents);
+    read_provenance(archive.text(provenance_entry, limit), archive.path(), contents);
   }
-  detail::read_flat_field(archive, contents);
-  detail::read_recording(archive, contents);
+  read_flat_field(archive, contents);
+  read_recording(archive, contents);
   StackInfo& info = contents.info;
   // A format that says of no more than mirroring says something where it is mirrored.
   if (info.orientation != Orientation{}) info.orientation_known = true;
@@ -49,7 +43,7 @@ ArchiveContents read_contents(const Container& archive) {
   } else if (!info.for_display) {
     info.orientation_known = true;
   }
-  detail::check_block(contents, archive.path());
+  check_block(contents, archive.path());
   const Grid& grid = info.grid;
   if (grid.layers < 1 || grid.width_px < 1 || grid.height_px < 1 ||
       contents.images.size() != static_cast<std::size_t>(grid.layers)) {
@@ -57,6 +51,15 @@ ArchiveContents read_contents(const Container& archive) {
   }
   return contents;
 }
+
+}  // namespace detail
+
+namespace {
+
+using detail::ArchiveContents;
+using detail::Container;
+
+constexpr std::size_t memory_budget = std::size_t{128} << 20;
 
 /// Entries of images that are not absurdly large.
 std::vector<const Container::Entry*> entries_of(const Container& archive,
@@ -309,7 +312,7 @@ StackReader::StackReader(const std::string& path, const std::string& scratch_fol
     : impl_(std::make_unique<Impl>(path, scratch_folder, job)) {
   Impl& s = *impl_;
   const std::unique_ptr<Container> archive = detail::open_container(path, scratch_folder, job);
-  s.config = read_contents(*archive);
+  s.config = detail::read_contents(*archive);
   take_missing(s.config.info, missing, path);
   s.others = others_of(*archive, s.config);
   const std::vector<std::uint32_t> adlers = s.decode_images(*archive, job);
@@ -397,7 +400,7 @@ void StackReader::read_band(const PixelBox& box, const Sink& sink) const {
 StackInfo StackReader::read_info(const std::string& path) {
   const std::string scratch = std::filesystem::temp_directory_path().string();
   const std::unique_ptr<Container> archive = detail::open_container(path, scratch);
-  ArchiveContents contents = read_contents(*archive);
+  ArchiveContents contents = detail::read_contents(*archive);
   entries_of(*archive, contents.images, contents.info.grid);
   entries_of(*archive, contents.uv_images, contents.info.grid);
   return std::move(contents.info);

@@ -11,6 +11,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
 #include "stack/archive_format.hpp"
+#include "stack/block_check.hpp"
 #include "stack/flat_field_entry.hpp"
 #include "stack/png.hpp"
 #include "stack/png_archive.hpp"
@@ -131,6 +132,7 @@ struct StackWriter::Impl {
   void add_images(const std::vector<std::string>& names, const Images& images);
   std::string stem() const;
   void write_archive(const StackInfo& info, const GreyImage& preview);
+  void check_rewritten(const std::string& written, const StackInfo& info) const;
 };
 
 /// Whoever reads these images is used to their kind.
@@ -293,7 +295,43 @@ void StackWriter::Impl::write_archive(const StackInfo& info, const GreyImage& pr
   }
   if (info.kind != StackKind::foreign) detail::add_flat_field(info, *output);
   detail::add_recording(info, *output);
-  output->finish(job);
+  output->finish(job, kept ? [&](const std::string& written) { check_rewritten(written, info); }
+                           : detail::ContainerOutput::Check{});
+}
+
+/// A rewritten archive says what was meant, or does not get its name: others read it with readers
+/// of their own, and a time that is wrong in it is wrong in the print.
+void StackWriter::Impl::check_rewritten(const std::string& written, const StackInfo& info) const {
+  const auto refuse = [&](const std::string& what) {
+    throw InputError(
+        file.keep_from, "",
+        "can't be changed: read back after writing, it " + what + "; the archive is left as it is");
+  };
+  StackInfo now;
+  try {
+    const auto archive = detail::open_container(written, output->folder());
+    now = detail::read_contents(*archive).info;
+    // Those of corrected stacks are compared while reading.
+    if (info.kind == StackKind::foreign) {
+      detail::check_times(exposures_differ(info, kept_contents.info) ? info : kept_contents.info,
+                          now, written);
+    }
+  } catch (const InputError& e) {
+    std::string text = e.what();
+    if (text.starts_with(written + ": ")) text.erase(0, written.size() + 2);
+    refuse("is no sound archive of its format (" + text + ")");
+  }
+  if (now.grid.layers != info.grid.layers || now.grid.width_px != info.grid.width_px ||
+      now.grid.height_px != info.grid.height_px) {
+    refuse("has " + std::to_string(now.grid.layers) + " slices of " +
+           std::to_string(now.grid.width_px) + " x " + std::to_string(now.grid.height_px) +
+           " pixels, expected " + std::to_string(info.grid.layers) + " of " +
+           std::to_string(info.grid.width_px) + " x " + std::to_string(info.grid.height_px));
+  }
+  if (now.kind != info.kind || now.process != info.process || now.resin != info.resin ||
+      (info.kind != StackKind::foreign && !now.parameters_checked)) {
+    refuse("has another record than was written");
+  }
 }
 
 /// The file's name without the ending that its format gives it.

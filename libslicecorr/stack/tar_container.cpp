@@ -110,11 +110,12 @@ class TarGzOutput final : public ContainerOutput {
     check_new_file(path);
   }
 
-  void finish(const Job& job) override {
+  void finish(const Job& job, const Check& check) override {
     job.check_cancelled();
     Temporary temporary{make_temporary(path_)};
     write(temporary.path, job);
     if (!keep_from_.empty()) copy_mode(keep_from_, temporary.path);
+    if (check) check(temporary.path);
     sync_file(temporary.path);
     job.check_cancelled();
     if (::rename(temporary.path.c_str(), path_.c_str()) != 0) {

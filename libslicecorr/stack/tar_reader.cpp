@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "base/errno_message.hpp"
+#include "base/unpacked_limit.hpp"
 #include "slicecorr/error.hpp"
 #include "stack/container.hpp"
 
@@ -23,9 +24,7 @@ namespace {
 
 constexpr std::size_t block_bytes = std::size_t{256} << 10;
 
-/// What a file may unpack to: slices that are mostly black pack very well, and whoever packs 256
-/// MiB of zeros fills no disk with them.
-constexpr std::uint64_t always_allowed_bytes = std::uint64_t{256} << 20;
+/// What a file may unpack to: slices that are mostly black pack very well.
 constexpr std::uint64_t largest_ratio = 500;
 
 /// Twice a million slices, in visible and in UV light, and some for what else there is.
@@ -44,7 +43,7 @@ class GzipStream {
       throw InputError(message);
     }
     file_bytes_ = static_cast<std::uint64_t>(status.st_size);
-    limit_ = std::max(always_allowed_bytes, largest_ratio * file_bytes_);
+    limit_ = most_unpacked_bytes(file_bytes_, largest_ratio);
     constexpr int gzip_only = 16;
     if (inflateInit2(&state_, MAX_WBITS + gzip_only) != Z_OK) {
       ::close(file_);

@@ -23,29 +23,36 @@ using Node = JsonNode<Json>;
 /// Light-on times of the layers that say one, in order.
 struct LayerTimes {
   std::vector<double> time_s;
-  bool all = true;  ///< every layer says one
+  std::size_t layers = 0;  ///< seen so far
+  bool all = true;         ///< every layer says one
 };
 
 /// Takes what is needed of one layer.
 void read_layer(const Json& layer, const Place& place, LayerTimes& times) {
-  const auto exposure = layer.find("Exposure");
-  if (exposure == layer.end() || !exposure->is_object() || !exposure->contains("LightOnTime")) {
+  const Node node(layer, "Layers[" + std::to_string(times.layers++) + "]", place);
+  // Where there is none, one is added when times are changed.
+  if (!node.has("Exposure") || node["Exposure"].json().is_null() ||
+      !node["Exposure"].has("LightOnTime")) {
     times.all = false;
     return;
   }
-  const std::string path =
-      "Layers[" + std::to_string(times.time_s.size()) + "].Exposure.LightOnTime";
-  times.time_s.push_back(Node((*exposure)["LightOnTime"], path, place).number(0, 1e9));
+  times.time_s.push_back(node["Exposure"]["LightOnTime"].number(0, 1e9));
 }
 
 Json parse_json(std::string_view text, const Place& place, LayerTimes& times) {
   // Byte order marks are common in JSON written on Windows.
   if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);
   // There may be a million layers: each is dropped as soon as its time has been read.
-  bool in_layers = false;
-  const auto keep = [&](int depth, Json::parse_event_t event, Json& value) {
-    if (event == Json::parse_event_t::key && depth == 1) in_layers = value == "Layers";
-    if (!in_layers || depth != 2 || event != Json::parse_event_t::object_end) return true;
+  using Event = Json::parse_event_t;
+  bool in_layers = false, in_list = false;
+  const auto keep = [&](int depth, Event event, Json& value) {
+    if (depth == 1) {
+      if (event == Event::key) in_layers = value == "Layers";
+      in_list = in_layers && event == Event::array_start;
+    }
+    const bool whole =
+        event == Event::object_end || event == Event::array_end || event == Event::value;
+    if (!in_list || depth != 2 || !whole) return true;
     read_layer(value, place, times);
     return false;
   };

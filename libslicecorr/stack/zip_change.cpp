@@ -7,6 +7,7 @@
 #include <unordered_map>
 
 #include "base/errno_message.hpp"
+#include "base/utf8.hpp"
 #include "parallel/silent.hpp"
 #include "slicecorr/error.hpp"
 #include "stack/zip_output.hpp"
@@ -146,6 +147,15 @@ std::string zip_text(zip_error_t* error) {
   return zip_error_strerror(error);
 }
 
+/// Names that continue those of the archive are in its encoding, which need not be UTF-8 and may
+/// not be said; then their bytes are taken as they are.
+zip_flags_t encoding_of(std::string_view name) {
+  const bool as_said = is_utf8(name) && std::none_of(name.begin(), name.end(), [](char c) {
+                         return static_cast<unsigned char>(c) < 32;
+                       });
+  return as_said ? ZIP_FL_ENC_UTF_8 : ZIP_FL_ENC_GUESS;
+}
+
 }  // namespace
 
 void ZipOutput::change(const std::string& temporary, const Job& job) {
@@ -168,6 +178,14 @@ void ZipOutput::change(const std::string& temporary, const Job& job) {
     return zip_set_file_compression(zip, index, packed ? ZIP_CM_DEFLATE : ZIP_CM_STORE,
                                     text_level) == 0;
   };
+  // By the bytes of their names: the library looks for what it takes to be meant by them.
+  std::unordered_map<std::string, zip_uint64_t> index_of;
+  for (zip_int64_t i = 0; i < zip_get_num_entries(zip, 0); ++i) {
+    const auto index = static_cast<zip_uint64_t>(i);
+    if (const char* const name = zip_get_name(zip, index, ZIP_FL_ENC_RAW)) {
+      index_of.emplace(name, index);
+    }
+  }
   ImagePacking images = images_;
   for (const Source& source : sources_) {
     entries.push_back({&writing, entries.size(), false});
@@ -175,9 +193,8 @@ void ZipOutput::change(const std::string& temporary, const Job& job) {
     zip_source_t* const made =
         zip_source_function_create(&ZipWriting::call, &entries.back(), &error);
     if (made == nullptr) fail(&error);
-    const zip_int64_t kept = zip_name_locate(zip, source.name.c_str(), ZIP_FL_ENC_RAW);
-    if (kept >= 0) {
-      const auto index = static_cast<zip_uint64_t>(kept);
+    if (const auto kept = index_of.find(source.name); kept != index_of.end()) {
+      const zip_uint64_t index = kept->second;
       zip_stat_t was;
       if (zip_stat_index(zip, index, 0, &was) != 0) fail(zip_get_error(zip));
       if (zip_file_replace(zip, index, made, 0) != 0) {
@@ -197,7 +214,8 @@ void ZipOutput::change(const std::string& temporary, const Job& job) {
       }
       continue;
     }
-    const zip_int64_t added = zip_file_add(zip, source.name.c_str(), made, ZIP_FL_ENC_UTF_8);
+    const zip_int64_t added =
+        zip_file_add(zip, source.name.c_str(), made, encoding_of(source.name));
     if (added < 0) {
       zip_source_free(made);
       fail(zip_get_error(zip));

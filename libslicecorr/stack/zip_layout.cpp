@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "base/utf8.hpp"
+
 namespace slicecorr::detail {
 namespace {
 
@@ -30,7 +32,7 @@ void put_head(const ZipEntry& entry, bool zip64, std::vector<std::uint8_t>& out)
   const bool ascii = std::all_of(entry.name.begin(), entry.name.end(),
                                  [](char c) { return static_cast<unsigned char>(c) < 128; });
   put(zip64 ? version_zip64 : entry.deflated ? version_deflate : version_plain, 2, out);
-  put(ascii ? 0 : utf8_name, 2, out);
+  put(ascii || !is_utf8(entry.name) ? 0 : utf8_name, 2, out);
   put(entry.deflated ? 8 : 0, 2, out);
   put(0, 2, out);  // midnight
   put(first_of_1980, 2, out);

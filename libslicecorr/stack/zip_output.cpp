@@ -85,7 +85,7 @@ ZipOutput::ZipOutput(const std::string& path, std::string keep_from, ImagePackin
   check_new_file(path);
 }
 
-void ZipOutput::finish(const Job& job) {
+void ZipOutput::finish(const Job& job, const Check& check) {
   job.check_cancelled();
   Temporary temporary{make_temporary(path_)};
   if (keep_from_.empty()) {
@@ -99,6 +99,7 @@ void ZipOutput::finish(const Job& job) {
     job.report("write", 1);
     copy_mode(keep_from_, temporary.path);
   }
+  if (check) check(temporary.path);
   sync_file(temporary.path);
   job.check_cancelled();
   if (::rename(temporary.path.c_str(), path_.c_str()) != 0) {

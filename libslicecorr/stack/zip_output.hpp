@@ -15,7 +15,7 @@ class ZipOutput final : public ContainerOutput {
  public:
   explicit ZipOutput(const std::string& path, std::string keep_from = "",
                      ImagePacking images = ImagePacking::stored);
-  void finish(const Job& job) override;
+  void finish(const Job& job, const Check& check) override;
 
  private:
   friend struct ZipWriting;

@@ -236,8 +236,9 @@ std::string light_in_words(const Printer& printer);
 
 /// A map of pixels must have the display's shape; a few measured places may lie in any raster, but
 /// not turned. Throws `InputError`, naming `path`, when a picture is wider than high where what it
-/// covers is higher than wide, or when both its sides have 64 pixels and more and their proportion
-/// is off by more than 2 %.
+/// covers is higher than wide, when both its sides have 64 pixels and more and their proportion
+/// is off by more than 2 %, or when it has more pixels than the display and than a camera (1e8).
+/// Looks at sizes alone.
 void check_flat_field(const FlatField& field, const Printer& printer, const std::string& path);
 /// Reads the picture of a flat-field: a PNG, colour is averaged. Throws `InputError` when it is
 /// none, black, or does not fit the display.

@@ -1,0 +1,183 @@
+/// What programs say reaches those who can be told, and harms nothing where nobody can be: stderr
+/// closed or full, names that would move a terminal's cursor.
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "ladder.hpp"
+#include "post_fixture.hpp"
+#include "program/words.hpp"
+#include "run_program.hpp"
+#include "stack_fixture.hpp"
+
+namespace slicecorr::test {
+namespace {
+
+using testing::HasSubstr;
+
+class Streams : public PostFolder {
+ protected:
+  Streams() { write_stl(folder_ / "ladder.stl", ladder()); }
+  /// A command of the shell in the folder; `slicecorr` and the others are found.
+  RunResult shell(const std::string& command) const {
+    return run_program({"/bin/sh", "-c", "PATH=" SLICECORR_BIN_DIR ":$PATH; " + command}, options_);
+  }
+};
+
+TEST_F(Streams, AStderrThatCantBeWrittenChangesNothing) {
+  const std::string slice = "slicecorr slice ladder.stl -o {} --layer-um 50 --printer small.toml";
+  ASSERT_EQ(shell(fmt::format(fmt::runtime(slice), "told.uvj")).exit_code, 0);
+  ASSERT_EQ(shell("slicecorr correct told.uvj -o told-part.uvj --printer small.toml --resin "
+                  "figure-2-2 --speed-mm-h 800")
+                .exit_code,
+            0);
+  int count = 0;
+  for (const char* nobody : {"2>&-", "2>/dev/full", "2>&- >&- <&-", "2>/dev/null"}) {
+    SCOPED_TRACE(nobody);
+    const std::string name = fmt::format("n{}", ++count);
+    RunResult r = shell(fmt::format(fmt::runtime(slice), name + ".uvj") + " " + nobody);
+    EXPECT_EQ(r.exit_code, 0);
+    EXPECT_EQ(bytes(name + ".uvj"), bytes("told.uvj")) << "nothing said is in the archive";
+    r =
+        shell(fmt::format("slicecorr correct {0}.uvj -o {0}-part.uvj --printer small.toml --resin "
+                          "figure-2-2 --speed-mm-h 800 {1}",
+                          name, nobody));
+    EXPECT_EQ(r.exit_code, 0);
+    EXPECT_EQ(bytes(name + "-part.uvj"), bytes("told-part.uvj"));
+    // Errors keep their codes, of usage and of input, whatever the program.
+    for (const char* program :
+         {"slicecorr", "slicecorr-post", "resinctl", "slicefarm", "printbridge", "printer-sim"}) {
+      EXPECT_EQ(shell(fmt::format("{} --no-such-option {}", program, nobody)).exit_code, 2)
+          << program;
+    }
+    EXPECT_EQ(shell(fmt::format("slicecorr info missing.uvj {}", nobody)).exit_code, 2);
+    EXPECT_EQ(shell(fmt::format("slicecorr-post missing.uvj {}", nobody)).exit_code, 2);
+    EXPECT_EQ(shell(fmt::format("printbridge print missing.uvj --printer small.toml {}", nobody))
+                  .exit_code,
+              2);
+  }
+  // Limits on files' sizes: the archive can't be written, and that is said with its own code.
+  const RunResult r = shell(
+      "ulimit -f 0; slicecorr slice ladder.stl -o big.uvj --layer-um 50 "
+      "--printer small.toml 2>err.txt");
+  EXPECT_EQ(r.exit_code, 4);
+  EXPECT_FALSE(there("big.uvj"));
+  // A stdout that is closed is told as before.
+  EXPECT_EQ(shell("slicecorr info told.uvj >&-").exit_code, 4);
+  EXPECT_EQ(shell("slicecorr info told.uvj >/dev/full").exit_code, 4);
+  EXPECT_EQ(shell("slicecorr --help >/dev/full").exit_code, 4);
+}
+
+/// Escape sequences, a bell, line ends and bytes that are no UTF-8.
+const std::string kHostile =
+    "a\x1b[2Jb\ac\nd\xff\xc2\x9b"
+    "e\r";
+
+bool is_harmless(const std::string& text, bool lines) {
+  return text == (lines ? words::readable(text) : words::printable(text));
+}
+
+TEST_F(Streams, NamesFromFilesDoNotReachATerminalRaw) {
+  Sl1Options o;
+  o.printer_profile = "Works \x1b[31m\a Two \xff";
+  o.material = "Resin \x1b]0;title\a";
+  make_sl1(folder_ / "part.sl1", o);
+  RunResult r = shell("slicecorr info part.sl1");
+  EXPECT_EQ(r.exit_code, 0) << r.err;
+  EXPECT_TRUE(is_harmless(r.out, true)) << r.out;
+  r = shell("slicecorr info part.sl1 --json -");
+  EXPECT_EQ(r.exit_code, 0) << r.err;
+  EXPECT_TRUE(is_harmless(r.out, true)) << r.out;
+  EXPECT_TRUE(nlohmann::json::accept(r.out));
+  // Entries of archives.
+  Entries entries = unzip(folder_ / "part.sl1");
+  entries.emplace_back("x\x1b[2J/../y", Bytes{1});
+  make_zip(folder_ / "names.sl1", entries);
+  r = shell("slicecorr info names.sl1");
+  EXPECT_EQ(r.exit_code, 2);
+  EXPECT_TRUE(is_harmless(r.err, true)) << r.err;
+  // TOML, its keys and values.
+  write("odd.toml", "name = \"a\\u001b[2Jb\\nslicecorr: all is well\"\n\"k\\u0007\" = 1\n");
+  r = shell("slicecorr slice ladder.stl -o t.uvj --layer-um 50 --printer odd.toml");
+  EXPECT_EQ(r.exit_code, 2);
+  EXPECT_TRUE(is_harmless(r.err, true)) << r.err;
+  std::string named = kSmallPrinter;
+  named.replace(named.find("small"), 5, "a\\u001b[2Jb\\nslicecorr: all is well");
+  write("named.toml", named);
+  r = shell(
+      "slicecorr slice ladder.stl -o t.uvj --layer-um 50 --printer named.toml --center-mm 1,1");
+  EXPECT_EQ(r.exit_code, 2);
+  EXPECT_THAT(r.err, HasSubstr("beyond the display of 'a?[2Jb slicecorr: all is well'"));
+  EXPECT_TRUE(is_harmless(r.err, true)) << r.err;
+  // Files whose own names do it.
+  write_stl(folder_ / "evil\x1b[2J\n\xff.stl", ladder());
+  r = shell("slicecorr slice evil* -o t.uvj --layer-um 50 --printer small.toml");
+  EXPECT_EQ(r.exit_code, 0) << r.err;
+  EXPECT_TRUE(is_harmless(r.err, true)) << r.err;
+  // An OFF with words where numbers belong.
+  write("bad.off", "OFF\n3 1 0\n0 0 \x1b[2J\n");
+  r = shell("slicecorr slice bad.off -o t.uvj --layer-um 50 --printer small.toml");
+  EXPECT_EQ(r.exit_code, 2);
+  EXPECT_TRUE(is_harmless(r.err, true)) << r.err;
+  r = shell("slicecorr \"$(printf 'no\\033[2Jsuch')\"");
+  EXPECT_EQ(r.exit_code, 2);
+  EXPECT_TRUE(is_harmless(r.err, true)) << r.err;
+}
+
+/// Names of images as programs of other places write them, without saying how.
+TEST_F(Streams, ImageNamesInAnyEncodingAreKeptAndContinued) {
+  struct Case {
+    const char *what, *stem;
+  };
+  for (const Case& c : {Case{"CP437",
+                             "\x81"
+                             "berhang"},
+                        {"Latin-1",
+                         "pi\xe8"
+                         "ce"},
+                        {"GBK", "\xc1\xe3\xbc\xfe"},
+                        {"Shift-JIS", "\x95\x94\x95\x69"},
+                        {"UTF-8", "\xc3\xa9t\xc3\xa9"},
+                        {"control", "a\x01z\x1b"}}) {
+    SCOPED_TRACE(c.what);
+    make_sl1(folder_ / (std::string(c.stem) + ".sl1"));
+    std::filesystem::rename(folder_ / (std::string(c.stem) + ".sl1"), folder_ / "part.sl1");
+    const Entries before = unzip(folder_ / "part.sl1");
+    for (const char* command :
+         {"slicecorr correct part.sl1 -o out.sl1", "slicecorr-post part.sl1"}) {
+      const RunResult r = shell(std::string(command) +
+                                " --printer small.toml --resin figure-2-2 --ha-um 110 "
+                                "--speed-mm-h 800");
+      EXPECT_EQ(r.exit_code, 0) << command << r.err;
+      EXPECT_TRUE(is_harmless(r.err, true)) << r.err;
+    }
+    for (const char* name : {"out.sl1", "part.sl1"}) {
+      const StackReader stack(folder_ / name, folder_.path());
+      EXPECT_GT(stack.grid().layers, 50) << "slices were added";
+      // Old names as they were, the added ones after them alike.
+      zip_t* const zip = zip_open((folder_ / name).c_str(), ZIP_RDONLY, nullptr);
+      ASSERT_NE(zip, nullptr);
+      int images = 0;
+      for (zip_int64_t i = 0; i < zip_get_num_entries(zip, 0); ++i) {
+        const std::string raw = zip_get_name(zip, static_cast<zip_uint64_t>(i), ZIP_FL_ENC_RAW);
+        if (is_layer_image(raw)) {
+          EXPECT_TRUE(raw.starts_with(c.stem)) << name;
+          ++images;
+        }
+      }
+      EXPECT_EQ(images, stack.grid().layers);
+      zip_discard(zip);
+    }
+  }
+}
+
+TEST(Words, ReadableKeepsLinesAndNothingThatMoves) {
+  EXPECT_EQ(words::readable("a\tb\nµm \x1b[2J\r\a\xff"), "a\tb\nµm ?[2J ??");
+  EXPECT_EQ(words::printable(kHostile), "a?[2Jb?c d??e ");
+}
+
+}  // namespace
+}  // namespace slicecorr::test

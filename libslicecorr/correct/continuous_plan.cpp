@@ -17,8 +17,10 @@ std::vector<double> distinct(const std::vector<double>& level_phi) {
   return phi;
 }
 
-/// The edge aimed at, um: no printer is better, and no measurement either.
-constexpr double kTarget_um = 0.05;
+/// The tolerance of edges aimed at: no printer is better, and no measurement either; with `kMany`
+/// levels or more no less than this part of what one of them moves an edge by.
+constexpr double kTarget_um = 0.05, kOfStep = 25;
+constexpr int kMany = 128;
 
 }  // namespace
 
@@ -75,8 +77,11 @@ ContinuousPlan::ContinuousPlan(const CureModel& model, const Process& process, i
   cap = std::min(cap, most);
   platform_cap = std::min(platform_cap, most);
 
+  // A small part of a level step, where the edge is: finer ones cost more time than they are worth.
+  const double vernier = count >= kMany ? model.level_step_um() / kOfStep : 0.0;
   const double target =
-      exact ? 1e-13 : std::min(kWidest, std::max(kTarget_um / layer_um, 1.0 / 1000));
+      exact ? 1e-13
+            : std::min(kWidest, std::max(std::max(kTarget_um, vernier) / layer_um, 1.0 / 1000));
   const double first = exact ? 1e-4 : target;
   tolerance[0] = target;
   for (int r = 1; r < kRungs; ++r) {
@@ -84,7 +89,7 @@ ContinuousPlan::ContinuousPlan(const CureModel& model, const Process& process, i
         first * std::pow(kWidest / first, (r - 1) / static_cast<double>(kRungs - 2));
   }
   tolerance.back() = kWidest;
-  together = exact ? 0 : count >= 128 ? 3 : count >= 48 ? 4 : 6;
+  together = exact ? 0 : count >= kMany ? 3 : count >= 48 ? 4 : 6;
   const int kept = std::min(std::max(1, static_cast<int>(std::lround(0.04 * count))), count - 1);
   feature_reserve = exact ? 0 : (levels.phi(kept) - phi_min) * b * together / 2;
   gap_reserve = exact ? 0 : (phi_max - levels.phi(count - 1 - kept)) * b * together / 2;

@@ -401,8 +401,7 @@ void Edges::set_levels(Edge& edge, const Edge* above) const {
   DoseSet from;
   // Between single slices doses have little room on the way down, too.
   const bool singles = above && one && above->slices == 1;
-  bool needed =
-      singles || narrower(edge.at[widest], least) || narrower(edge.inside[widest], least);
+  bool needed = singles || narrower(edge.at[widest], least) || narrower(edge.inside[widest], least);
   if (above && above->has_levels) {
     from = levels_of(*above, one ? 0 : edge.slices - 1, in_slit);
     needed = needed || !wide(from);

@@ -200,8 +200,6 @@ int LevelSearch::gather(const RunAt& start, int n) {
     if (e.endless) run.node = std::min(run.node, s);
   }
   first_edge_ = n - start.node + 1;
-  const Step& at = steps_[0];
-  first_ = static_cast<std::uint8_t>(at.lower | at.slit_below << 1 | at.slit << 2);
   return count_;
 }
 
@@ -250,7 +248,7 @@ bool LevelSearch::aim(const EdgeCorners& at) {
   return true;
 }
 
-bool LevelSearch::depth_first(double below, std::uint8_t* out) {
+bool LevelSearch::depth_first(const Step* steps, double below, std::uint8_t* out) const {
   const ContinuousPlan& p = plan_;
   double dose[kMost + 1];
   LevelRange range[kMost];
@@ -259,16 +257,16 @@ bool LevelSearch::depth_first(double below, std::uint8_t* out) {
   int k = 0;
   dose[0] = below;
   const auto enter = [&](int depth) {
-    const Step& s = steps_[static_cast<std::size_t>(depth)];
+    const Step& s = steps[depth];
     range[depth] = levels(s.light, dose[depth]);
     at[depth] = s.coverage == 0 ? range[depth].first : range[depth].last;
   };
   enter(0);
   while (k >= 0) {
-    const Step& s = steps_[static_cast<std::size_t>(k)];
+    const Step& s = steps[k];
     if (at[k] < range[k].first || at[k] > range[k].last) {
       if (--k < 0) return false;
-      at[k] += steps_[static_cast<std::size_t>(k)].coverage == 0 ? 1 : -1;
+      at[k] += steps[k].coverage == 0 ? 1 : -1;
       continue;
     }
     if (++looks > kLooks) return false;
@@ -337,12 +335,12 @@ bool LevelSearch::survivors(double below, std::uint8_t* out) {
   return true;
 }
 
-bool LevelSearch::search(double below, std::uint8_t* out) {
+bool LevelSearch::search(double below, std::uint8_t* out, std::size_t from) {
   const ContinuousPlan& p = plan_;
-  for (std::size_t t = 0; t < p.ladder.size(); t += 2) {
-    if (!aim(p.ladder[t]) || !depth_first(below, out)) continue;
+  for (std::size_t t = from; t < p.ladder.size(); t += 2) {
+    if (!aim(p.ladder[t]) || !depth_first(steps_.data(), below, out)) continue;
     std::uint8_t better[kMost];
-    if (t > 0 && aim(p.ladder[t - 1]) && depth_first(below, better)) {
+    if (t > 0 && aim(p.ladder[t - 1]) && depth_first(steps_.data(), below, better)) {
       std::memcpy(out, better, static_cast<std::size_t>(count_));
     }
     return true;
@@ -364,34 +362,68 @@ bool LevelSearch::search(double below, std::uint8_t* out) {
   return false;
 }
 
+const LevelSearch::Prepared& LevelSearch::prepared(const RunAt& run, int n) {
+  const auto id = static_cast<std::size_t>(run.edge);
+  if (id >= prepared_.size()) prepared_.resize(id + 1);
+  std::unique_ptr<Prepared>& one = prepared_[id];
+  if (!one) {
+    one = std::make_unique<Prepared>();
+    if (gather(run, n) == plan_.together + 1 && !cut_ && count_ <= Prepared::kSlices &&
+        aim(plan_.ladder[0])) {
+      one->ready = true;
+      std::copy_n(steps_.begin(), count_, one->steps.begin());
+    }
+  }
+  return *one;
+}
+
 int LevelSearch::choose(const RunAt& run, int n, double below, std::uint8_t* out) {
-  if (n - run.node >= plan_.together || gather(run, n) == 0) {
+  const int j = n - run.node;
+  if (j >= plan_.together) {
     out[0] = static_cast<std::uint8_t>(one_slice(run, n, below));
     return 1;
   }
-  const int chosen = cut_ ? first_edge_ : count_;
-  // What is above an edge is the same for all columns that have it.
+  // What is above an edge is the same for all columns that have it; of what is below only this
+  // counts.
+  const bool bottom = n + 1 == run.lower;
+  const auto first = static_cast<std::uint8_t>(
+      !bottom ? 0 : 1 | run.slit_below << 1 | (run.below == kFull) << 2 | (run.below == 0) << 3);
   const auto bits = std::bit_cast<std::uint64_t>(below);
-  const int j = n - run.node;
   const std::uint64_t mixed =
       (bits ^ static_cast<std::uint64_t>(run.edge) << 32 ^ static_cast<std::uint64_t>(j)) *
       0x9E3779B97F4A7C15ULL;
   Known& known = known_[static_cast<std::size_t>(mixed >> 40) % known_.size()];
-  const bool keeps = count_ <= Known::kSlices;
-  if (keeps && known.edge == run.edge && known.j == j && known.bits == bits &&
-      known.first == first_) {
-    std::memcpy(out, known.levels, static_cast<std::size_t>(chosen));
-    return chosen;
+  if (known.edge == run.edge && known.j == j && known.bits == bits && known.first == first) {
+    std::memcpy(out, known.levels, known.count);
+    return known.count;
   }
-  if (search(below, out)) {
-    if (keeps) {
-      known = {bits, run.edge, j, first_, {}};
-      std::memcpy(known.levels, out, static_cast<std::size_t>(count_));
+  int chosen = 0;
+  bool found = false;
+  std::size_t tried = 0;
+  if (j + 1 == plan_.together && !bottom) {
+    const Prepared& usual = prepared(run, n);
+    if (usual.ready) {
+      count_ = chosen = plan_.together + 1;
+      found = depth_first(usual.steps.data(), below, out);
+      tried = 2;
     }
-    return chosen;
   }
-  out[0] = static_cast<std::uint8_t>(one_slice(run, n, below));
-  return 1;
+  if (!found) {
+    if (gather(run, n) == 0) {
+      out[0] = static_cast<std::uint8_t>(one_slice(run, n, below));
+      return 1;
+    }
+    chosen = cut_ ? first_edge_ : count_;
+    if (!search(below, out, tried)) {
+      out[0] = static_cast<std::uint8_t>(one_slice(run, n, below));
+      return 1;
+    }
+  }
+  if (chosen <= Known::kSlices) {
+    known = {bits, run.edge, j, first, static_cast<std::uint8_t>(chosen), {}};
+    std::memcpy(known.levels, out, static_cast<std::size_t>(chosen));
+  }
+  return chosen;
 }
 
 }  // namespace slicecorr::detail

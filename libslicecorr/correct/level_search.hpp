@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "correct/edges.hpp"
@@ -91,8 +92,8 @@ class LevelSearch {
   bool aim(double tolerance);
   bool aim(const EdgeCorners& at);
   /// Levels of the steps at hand; false: none are right.
-  bool search(double below, std::uint8_t* levels);
-  bool depth_first(double below, std::uint8_t* levels);
+  bool search(double below, std::uint8_t* levels, std::size_t from);
+  bool depth_first(const Step* steps, double below, std::uint8_t* levels) const;
   bool survivors(double below, std::uint8_t* levels);
 
   const Edges& edges_;
@@ -101,13 +102,21 @@ class LevelSearch {
   int count_ = 0;
   int first_edge_ = 0;  ///< slices up to the first edge
   bool cut_ = false;
-  std::uint8_t first_ = 0;  ///< of the first step, what depends on the layers below it
+  /// The steps of the usual case, at the tolerance aimed at: slices that begin `together` before an
+  /// edge, with no other edge near.
+  struct Prepared {
+    static constexpr int kSlices = 7;
+    bool ready = false;
+    std::array<Step, static_cast<std::size_t>(kSlices)> steps;
+  };
+  const Prepared& prepared(const RunAt& run, int n);
+  std::vector<std::unique_ptr<Prepared>> prepared_;  ///< by edge
   /// Levels that were found, by what they follow from.
   struct Known {
     static constexpr int kSlices = 8;
     std::uint64_t bits = 0;
     std::int32_t edge = -1, j = 0;
-    std::uint8_t first = 0;
+    std::uint8_t first = 0, count = 0;
     std::uint8_t levels[kSlices] = {};
   };
   std::array<Known, 4096> known_;

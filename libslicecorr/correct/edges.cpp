@@ -379,15 +379,11 @@ DoseSet Edges::levels_back(const LayerRule& rule, const DoseSet& above, DoseRang
 }
 
 DoseSet Edges::levels_of(const Edge& edge, int j, bool slit) const {
-  const ContinuousPlan& p = plan_;
   if (!edge.has_levels) return {doses(edge, j, kRungs - 1, slit)};
   if (j == 0) return slit ? edge.levels_slit : edge.levels_at;
   const int kept = static_cast<int>(edge.levels_below.size());
   if (j <= kept) return edge.levels_below[static_cast<std::size_t>(j - 1)];
-  const double g = p.grown[static_cast<std::size_t>(j - kept)];
-  const DoseRange d = edge.levels_inside;
-  return {common({p.phi_max - (p.phi_max - d.lo) * g, p.phi_min + (d.hi - p.phi_min) * g},
-                 inside_of(edge, kRungs - 1))};
+  return {levels_inside(edge, j)};
 }
 
 void Edges::set_levels(Edge& edge, const Edge* above) const {
@@ -442,27 +438,40 @@ void Edges::set_levels(Edge& edge, const Edge* above) const {
     edge.levels_inside = {d.front().lo, d.back().hi};
   }
   edge.has_levels = true;
-  edge.falls_from = Edge::kNever;
   const int kept = static_cast<int>(edge.levels_below.size());
   const double dark = p.phi_min * p.b;
   const double reached = p.phi_max * p.b + p.a * p.edge_most[kRungs - 1];
-  const auto from_kept = [&](std::int32_t least_j, auto holds) {
-    if (least_j == Edge::kNever) return least_j;
-    for (int j = std::max<int>(least_j, kept + 1); j <= last; ++j) {
-      if (holds(levels_of(edge, j, false)[0])) return static_cast<std::int32_t>(j);
-    }
-    return Edge::kNever;
+  const auto later = [&](std::int32_t from, auto holds) {
+    if (from == Edge::kNever) return from;
+    int j = std::max<int>(from, kept + 1);
+    while (j <= last && !holds(j, levels_inside(edge, j))) ++j;
+    return j <= last ? j : Edge::kNever;
   };
-  if (edge.below == kFull) {
-    edge.bright_from = from_kept(edge.bright_from, [&](auto r) { return r.hi >= p.most; });
-    edge.far = from_kept(edge.far, [&](auto r) {
-      return r.lo <= p.prints && r.hi >= std::min(cap(edge, kRungs - 1), reached);
-    });
-  } else {
-    edge.dark_from = from_kept(edge.dark_from, [&](auto r) { return r.lo <= dark; });
-    edge.far = from_kept(edge.far, [&](auto r) { return r.lo <= dark && r.hi >= p.open; });
-  }
+  edge.levels_until = later(std::max(p.together, 1), [&](int j, DoseRange d) {
+    const DoseRange aimed = doses(edge, j, 0);
+    return d.lo <= aimed.lo && d.hi >= aimed.hi;
+  });
+  const auto after = [&](std::int32_t& from) {
+    if (from != Edge::kNever) from = std::max(from, edge.levels_until);
+  };
+  after(edge.bright_from);
+  after(edge.falls_from);
+  after(edge.dark_from);
+  edge.far = later(edge.far, [&](int, DoseRange d) {
+    return edge.below == kFull
+               ? d.lo <= p.prints && d.hi >= std::min(cap(edge, kRungs - 1), reached)
+               : d.lo <= dark && d.hi >= p.open;
+  });
   if (edge.far != Edge::kNever) ++edge.far;
+}
+
+DoseRange Edges::levels_inside(const Edge& edge, int j) const {
+  const ContinuousPlan& p = plan_;
+  const double g =
+      p.grown[static_cast<std::size_t>(j - static_cast<int>(edge.levels_below.size()))];
+  const DoseRange d = edge.levels_inside;
+  return common({p.phi_max - (p.phi_max - d.lo) * g, p.phi_min + (d.hi - p.phi_min) * g},
+                inside_of(edge, kRungs - 1));
 }
 
 bool Edges::levels_allow_kept(const Edge& edge, int j, double dose, bool slit) const {
@@ -475,11 +484,8 @@ bool Edges::levels_allow_kept(const Edge& edge, int j, double dose, bool slit) c
   if (j == 0) return in(slit ? edge.levels_slit : edge.levels_at);
   const int kept = static_cast<int>(edge.levels_below.size());
   if (j <= kept) return in(edge.levels_below[static_cast<std::size_t>(j - 1)]);
-  const double g = plan_.grown[static_cast<std::size_t>(j - kept)];
-  const DoseRange d = edge.levels_inside;
-  const DoseRange limits = inside_of(edge, kRungs - 1);
-  return dose >= std::max(limits.lo, plan_.phi_max - (plan_.phi_max - d.lo) * g) - slack &&
-         dose <= std::min(limits.hi, plan_.phi_min + (d.hi - plan_.phi_min) * g) + slack;
+  const DoseRange d = levels_inside(edge, j);
+  return dose >= d.lo - slack && dose <= d.hi + slack;
 }
 
 }  // namespace slicecorr::detail

@@ -50,6 +50,8 @@ struct Edge {
   DoseSet levels_at, levels_slit;
   std::vector<DoseSet> levels_below;
   DoseRange levels_inside{};
+  /// From so many slices below on, all doses of rung 0 are among them.
+  std::int32_t levels_until = 0;
 
   static constexpr std::int32_t kNever = std::numeric_limits<std::int32_t>::max();
 };
@@ -132,6 +134,8 @@ class Edges {
   void set_levels(Edge& edge, const Edge* above) const;
   bool levels_allow_kept(const Edge& edge, int j, double dose, bool slit) const;
   DoseSet levels_of(const Edge& edge, int j, bool slit) const;
+  /// The same past the sets that are kept: one interval.
+  DoseRange levels_inside(const Edge& edge, int j) const;
   DoseSet levels_back(const LayerRule& rule, const DoseSet& above, DoseRange within) const;
   bool wide(const DoseSet& doses) const;
   /// Range of doses at nodes inside a run.

@@ -86,7 +86,7 @@ int LevelSearch::one_slice(const RunAt& run, int n, double below) const {
   const Edge& edge = edges_[run.edge];
   const int j = n - run.node;
   // The commonest cases: full light that is not too much yet, black that is enough.
-  if (j >= p.together && j > 0 && !edge.has_levels) {
+  if (j >= p.together && j > 0 && j >= edge.levels_until) {
     if (edge.below == kFull && n + 1 != run.lower &&
         p.phi_max * p.b + p.a * below <= edges_.doses(edge, j, 0).hi) {
       return p.levels.size() - 1;
@@ -163,11 +163,13 @@ double LevelSearch::exact(const RunAt& run, int n, double below) const {
   return std::clamp(phi, p.phi_min, p.phi_max);
 }
 
+bool LevelSearch::is_edge(std::int32_t id) const {
+  const Edge& edge = edges_[id];
+  return !edge.platform && !edge.endless && opposite(edge.above_cover, edge.below);
+}
+
 int LevelSearch::gather(const RunAt& start, int n) {
   const Edge* edge = &edges_[start.edge];
-  if (edge->platform || edge->endless || !opposite(edge->above_cover, edge->below)) {
-    return 0;
-  }
   // The last edge that belongs to these slices.
   int last = start.node;
   cut_ = false;
@@ -379,7 +381,7 @@ const LevelSearch::Prepared& LevelSearch::prepared(const RunAt& run, int n) {
 
 int LevelSearch::choose(const RunAt& run, int n, double below, std::uint8_t* out) {
   const int j = n - run.node;
-  if (j >= plan_.together) {
+  if (j >= plan_.together || !is_edge(run.edge)) {
     out[0] = static_cast<std::uint8_t>(one_slice(run, n, below));
     return 1;
   }
@@ -409,10 +411,7 @@ int LevelSearch::choose(const RunAt& run, int n, double below, std::uint8_t* out
     }
   }
   if (!found) {
-    if (gather(run, n) == 0) {
-      out[0] = static_cast<std::uint8_t>(one_slice(run, n, below));
-      return 1;
-    }
+    gather(run, n);
     chosen = cut_ ? first_edge_ : count_;
     if (!search(below, out, tried)) {
       out[0] = static_cast<std::uint8_t>(one_slice(run, n, below));

@@ -86,7 +86,9 @@ class LevelSearch {
   LayerRule rule_of(const RunAt& run, int n, int rung) const;
   int one_slice(const RunAt& run, int n, double below) const;
   double grey_aim(const RunAt& run, int n, double below) const;
-  /// The slices to choose together from n on; 0: slice n is chosen alone.
+  /// Whether features and gaps meet there.
+  bool is_edge(std::int32_t edge) const;
+  /// The slices to choose together from n on; returns how many.
   int gather(const RunAt& run, int n);
   /// Rules and targets for edges within `tolerance`; false: no light does.
   bool aim(double tolerance);

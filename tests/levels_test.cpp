@@ -3,9 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
+#include <nlohmann/json.hpp>
 #include <random>
 
 #include "models.hpp"
+#include "run_program.hpp"
 #include "slicecorr/predict.hpp"
 
 namespace slicecorr {
@@ -261,6 +264,44 @@ TEST(Levels, PlacesEdgesToAHundredthOfAStep) {
   // Aimed at is 0.05 um; a tolerance that grows does so by a fifth.
   EXPECT_LE(errors[errors.size() / 2], 0.05 * 1.2);
   EXPECT_LE(errors.back(), 2.0);
+}
+
+TEST(Levels, BenchyWithLittleLightToSpare) {
+  // 1.02 and 1.93 times the least light that gels at this speed.
+  const std::string path = std::string(SLICECORR_TEST_DATA) + "/meshes/clean/3DBenchy.stl";
+  if (!std::filesystem::exists(path)) GTEST_SKIP() << "no " << path;
+  namespace fs = std::filesystem;
+  const fs::path folder =
+      fs::path(::testing::TempDir()) / ("slicecorr-levels-" + std::to_string(::getpid()));
+  fs::create_directories(folder);
+  test::RunOptions options;
+  options.folder = folder.string();
+  options.environment = {{"SLICECORR_DB", SLICECORR_DB_DIR}};
+  const auto call = [&](std::vector<std::string> words) {
+    words.insert(words.begin(), {SLICECORR_BIN_DIR "/slicecorr", "--quiet"});
+    return test::run_program(words, options);
+  };
+  const std::vector<std::string> printer = {"--printer", "dual-wavelength-dlp"};
+  ASSERT_EQ(call({"slice", path, "-o", "target.uvj", "--layer-um", "50", "--antialias", "off",
+                  printer[0], printer[1]})
+                .exit_code,
+            0);
+  for (const std::string dose : {"1764", "900"}) {
+    const auto corrected =
+        call({"correct", "target.uvj", "-o", "part.uvj", printer[0], printer[1], "--resin",
+              "benchy-resin", "--speed-mm-h", "2000", "--dc-mj-cm3", dose});
+    ASSERT_EQ(corrected.exit_code, 0) << corrected.err;
+    const auto verified = call({"verify", "part.uvj", "--target", "target.uvj", "--json", "-"});
+    ASSERT_EQ(verified.exit_code, 0) << verified.err;
+    const auto j = nlohmann::json::parse(verified.out);
+    EXPECT_EQ(j["undercure_voxels"], 0) << dose;
+    EXPECT_EQ(j["cure_through_voxels"], 0) << dose;
+    EXPECT_EQ(j["lost_features"], 0) << dose;
+    // What gaps of one slice may cost, and no more.
+    EXPECT_LE(j["height_error_um"]["max_abs"], 50 * kDefaultGapShortfall + 0.01) << dose;
+    EXPECT_LT(j["height_error_um"]["mean_abs"], 0.3) << dose;
+  }
+  fs::remove_all(folder);
 }
 
 }  // namespace

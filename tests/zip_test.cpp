@@ -38,7 +38,7 @@ void write_zip(const std::string& path, const std::vector<std::string>& names, I
   std::vector<std::uint64_t> sizes;
   for (std::size_t i = 0; i < names.size(); ++i) sizes.push_back(contents(i).size());
   output.add_lazily(names, sizes, [](std::size_t i, Bytes& data) { data = contents(i); });
-  output.finish(job);
+  output.finish(job, {});
 }
 
 /// The same by the zip library.
@@ -237,7 +237,7 @@ TEST(Zip, FailuresLeaveTheOldOne) {
                            const Job& job = {}) {
       ZipOutput output(path, "", images);
       output.add_lazily({"1.png", "2.txt", "3.png"}, {10, 3 << 20, last_size}, fill);
-      output.finish(job);
+      output.finish(job, {});
     };
     const auto sound = [](std::size_t i, Bytes& data) {
       data.assign(i == 1 ? 3 << 20 : 10, static_cast<std::uint8_t>(i));

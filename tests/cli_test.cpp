@@ -265,39 +265,41 @@ TEST_F(Cli, LadderCorrected) {
 
 TEST_F(Cli, LadderShowsThePaperSlices) {
   const double step = (phi_max - phi_min) / 255;
+  // The levels before an edge are chosen together and need room to both sides: 4 % of the levels,
+  // on the average of three slices, and one level of rounding.
+  const double room = (0.04 * 256 * 3 / 2 + 1) * step;
   const auto near = [&](const std::vector<Row>& rows, std::size_t n, double phi) {
-    // One level, and the one that carrying the errors further up may cost.
-    EXPECT_NEAR(rows[n].phi, phi, 2 * step) << n;
+    EXPECT_NEAR(rows[n].phi, phi, room) << n;
   };
-  /// phi that lifts the dose really there to `dose` at node n.
-  const auto solve = [](const std::vector<Row>& rows, std::size_t n, double dose) {
-    return (dose - a * rows[n + 1].dose) / (1 - a);
-  };
-  run(setup() + Command{"--omega-max", "1"});
+  json figures = run(setup() + Command{"--omega-max", "1"});
+  EXPECT_LE(figures["height_error_um"]["mean_abs"], 0.4);
   auto rows = probe("out.uvj", rung);
   ASSERT_EQ(rows.size(), 54U);
-  for (const std::size_t n : {21, 41, 42}) EXPECT_EQ(rows[n].phi, phi_max);
+  for (const std::size_t n : {21, 41, 42}) near(rows, n, phi_max);
   near(rows, 22, 1.2778);
   near(rows, 43, 5.9633);
   for (const std::size_t n : {5, 23, 30, 44, 53}) EXPECT_EQ(rows[n].phi, phi_min);
-  for (std::size_t n = 11; n <= 20; ++n) EXPECT_NEAR(rows[n].phi, 1.0, 2 * step);
-
-  run(setup());
-  rows = probe("out.uvj", rung);
-  for (const std::size_t n : {20, 40}) EXPECT_EQ(rows[n].phi, phi_max);
-  for (const std::size_t n : {19, 39}) {
-    near(rows, n, 5.8461);
-    // Down along black to 1 at the upper edge, eight slices on.
-    const double fall = phi_min + (1 - phi_min) * std::pow(10.0, 8 * eta);
-    EXPECT_NEAR(rows[n].phi, solve(rows, n, fall), 1.5 * step) << n;
+  // The cap leaves three level steps of room.
+  for (std::size_t n = 11; n <= 20; ++n) {
+    EXPECT_GE(rows[n].dose, 1.0 - 1e-3);
+    EXPECT_LE(rows[n].dose, 1.0 + 3 * step * (1 - a) + 1e-9);
   }
-  for (std::size_t n = 12; n < 19; ++n) EXPECT_EQ(rows[n].phi, phi_min);
-  EXPECT_NEAR(1 - rows[23].dose, 0.34598, 1e-3);
+
+  figures = run(setup());
+  // A third more than the tolerance aimed at: one step of its ladder, and the step of a level.
+  EXPECT_LE(figures["height_error_um"]["max_abs"], 0.05 * 1.44);
+  rows = probe("out.uvj", rung);
+  for (const std::size_t n : {20, 40}) near(rows, n, phi_max);
+  for (const std::size_t n : {12, 13, 14}) near(rows, n, phi_min);
+  for (const std::size_t n : {16, 17}) EXPECT_EQ(rows[n].phi, phi_min);
+  EXPECT_NEAR(1 - rows[23].dose, 0.34598, 2e-3 + room * (1 - a));
 
   rows = probe("out.uvj", rail);
-  for (std::size_t n = 0; n < 53; ++n) EXPECT_EQ(rows[n].phi, phi_max) << n;
+  for (std::size_t n = 0; n < 50; ++n) EXPECT_EQ(rows[n].phi, phi_max) << n;
+  for (std::size_t n = 50; n < 53; ++n) near(rows, n, phi_max);
   near(rows, 53, 0.18526);
-  EXPECT_GE(rows[50].dose, 1.0);
+  // Its end is within the tolerance of an edge, a thousandth of a slice.
+  EXPECT_GE(rows[50].dose, 1.0 - 1e-3 * ln10 * eta * (phi_max - 1));
 }
 
 // Few and uneven levels: nothing is printed wrong, and no edge is off by more than one step costs.
@@ -326,15 +328,16 @@ TEST_F(Cli, LadderWithCoarseProjectors) {
                        : std::vector<Edge>{{false, 50}};
     for (const Edge& e : edges) {
       const auto node = static_cast<std::size_t>(e.node);
-      ASSERT_GE(rows[node].dose, 1.0) << e.node;
-      // The print ends in the gap layer beside the edge, where Omega(zeta) = 1.
-      const double phi = rows[e.upper ? node - 1 : node].phi;
-      const double below = e.upper ? rows[node].dose : rows[node + 1].dose;
+      // The print ends where Omega(zeta) = 1: in the layer above the node when the node's dose and
+      // that layer's light lie on different sides of it, or else in the layer below.
+      const bool above = (rows[node].dose >= 1) != (rows[node - 1].dose >= 1);
+      const double phi = rows[above ? node - 1 : node].phi;
+      const double below = rows[above ? node : node + 1].dose;
       const double into_layer = std::log10((1 - phi) / (below - phi)) / -eta;
-      const double off_um = (e.upper ? into_layer : 1 - into_layer) * layer_um;
+      const double off_um = (above ? into_layer : 1 - into_layer) * layer_um;
+      // A tenth of what one level step does.
       const double bound = layer_um * step * (1 - a) / (ln10 * eta * std::abs(phi - 1));
-      EXPECT_GE(off_um, 0) << e.node;
-      EXPECT_LE(off_um, 1.05 * bound) << e.node;
+      EXPECT_LE(off_um, 0.1 * bound) << e.node;
     }
   }
 }

@@ -245,6 +245,11 @@ TEST(Formats, EveryArchiveOfOthersIsReadOrRefusedWithAReason) {
       error = e.what();
       EXPECT_EQ(error.rfind(entry.path().string(), 0), 0u) << error;
     }
+    // Formats that no archive of images is, some of them packed once more.
+    if (entry.path().parent_path().filename() == "binary") {
+      EXPECT_FALSE(error.empty()) << name;
+      continue;
+    }
     const auto expected = refused.find(name);
     EXPECT_EQ(error.empty(), expected == refused.end()) << name << ": " << error;
     if (expected != refused.end()) {

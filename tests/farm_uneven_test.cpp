@@ -85,7 +85,7 @@ TEST_F(FarmUneven, APartOnDimPlacesIsRefusedBeforeTheNight) {
   const auto process = how(printer, "700");
   const RunResult refused = submit_mesh(dir / "post.stl", "4,1.6", process);
   EXPECT_EQ(refused.exit_code, 3) << refused.err;
-  EXPECT_THAT(refused.err, HasSubstr("is too uneven for this part: it fails at 400 of its pixels"));
+  EXPECT_THAT(refused.err, HasSubstr("is too weak for this part: it fails at 400 of its pixels"));
   EXPECT_EQ(queued(), 0);
   // With another error it is not physics alone.
   write_file(dir / "jobs.csv", "part,center_mm\npost.stl,4;1.6\nnothing.stl,\n");

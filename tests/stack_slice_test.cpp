@@ -22,7 +22,8 @@ void write_patterned(const StackFile& file, const Images& images) {
   info.printer->name = "p";
   info.printer->width_px = grid.width_px;
   info.printer->height_px = grid.height_px;
-  info.printer->pixel_x_um = info.printer->pixel_y_um = 50;
+  info.printer->pixel_x_um = grid.pixel_x_um;
+  info.printer->pixel_y_um = grid.pixel_y_um;
   info.printer->calibration = {{0, 0}, {255, 9}};
   info.printer->uv = UvLamp{365, true, {{0, 0}, {255, 9}}};
   info.resin = Resin{"r", CureModelKind::jacobs, 1, 100, 20, 0, 0, 1, {}};

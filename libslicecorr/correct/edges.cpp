@@ -8,7 +8,7 @@ namespace slicecorr::detail {
 namespace {
 
 /// Intervals of doses that are kept; of more the widest.
-constexpr std::size_t kMostIntervals = 1024;
+constexpr std::size_t kMostIntervals = 4096;
 /// Edges for which sets of doses for levels are worked out; a part whose columns are noise would
 /// never end otherwise.
 constexpr std::size_t kMostLevelEdges = 8000;
@@ -431,7 +431,6 @@ void Edges::set_levels(Edge& edge, const Edge* above) const {
   }
   if (d.empty() || edge.levels_below.empty()) {
     edge.levels_below.clear();
-    if (edge.levels_slit.empty()) return;
     edge.levels_inside = edge.inside[widest];
     edge.levels_below.push_back({edge.inside[widest]});
   } else {

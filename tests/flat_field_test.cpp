@@ -372,7 +372,7 @@ TEST_F(FlatFieldTest, AllEquallyDimIsADimPrinter) {
 
 TEST_F(FlatFieldTest, ACheckerboardIsTheUnionOfTwoCorrections) {
   Values board(256);
-  for (std::size_t i = 0; i < 256; ++i) board[i] = (i + i / 16) % 2 ? 255 : 250;
+  for (std::size_t i = 0; i < 256; ++i) board[i] = (i + i / 16) % 2 ? 250 : 240;
   const MemorySlices target = random_target(kGrid, 3);
   for (const Mode& mode : modes()) {
     // Black that gives no light: slices after the last lit one change nothing.
@@ -381,11 +381,12 @@ TEST_F(FlatFieldTest, ACheckerboardIsTheUnionOfTwoCorrections) {
     // Under UV light columns are chosen with all slices in sight that will be shown, and the
     // brighter half alone needs fewer: see the next test.
     if (setup.process.uv.kind != UvKind::off) continue;
-    const MemorySlices both{CorrectedSlices(target, with(setup, field_of(16, 16, board)))};
-    Settings dim = setup;
-    dim.printer = dimmed(setup.printer, 250.0 / 255);
+    const MemorySlices both{CorrectedSlices(target, with(setup, field_of(16, 16, board, 255)))};
+    Settings dim = setup, bright = setup;
+    dim.printer = dimmed(setup.printer, 240.0 / 255);
+    bright.printer = dimmed(setup.printer, 250.0 / 255);
     const MemorySlices parts[2] = {MemorySlices(CorrectedSlices(target, dim)),
-                                   MemorySlices(CorrectedSlices(target, setup))};
+                                   MemorySlices(CorrectedSlices(target, bright))};
     // Levels at the end of a part follow from how many slices there are to choose from.
     ASSERT_EQ(both.grid().layers, parts[0].grid().layers);
     ASSERT_EQ(both.grid().layers, parts[1].grid().layers);
@@ -466,8 +467,7 @@ TEST_F(FlatFieldTest, NotKnowingItMovesEdges) {
   values[8 * 16 + 8] = 180;
   const Prediction dim = verify_stack(unaware, target, with(even, field_of(16, 16, values, 200)));
   // The three slices before the edge are not all black: 4 % of the levels are kept for them.
-  EXPECT_NEAR(dim.greatest_shortfall_um, 2000 * std::log10(200.0 / 180),
-              3 * model.level_step_um());
+  EXPECT_NEAR(dim.greatest_shortfall_um, 2000 * std::log10(200.0 / 180), 3 * model.level_step_um());
 }
 
 TEST_F(FlatFieldTest, SameBytesForAnyNumberOfThreads) {

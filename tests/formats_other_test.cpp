@@ -42,7 +42,7 @@ TEST_P(NewArchive, IsReadBackAsItWas) {
     info.kind = kind;
     info.part_volume_mm3 = 4.25;
     if (kind == StackKind::corrected) {
-      info.printer = Printer{"p", 70, 30, 40.5, 1000.0 / 30, 8, 405, {{0, 0}, {255, 9}}, 0, 0, {}};
+      info.printer = Printer{"p", 70, 30, 50, 40.5, 8, 405, {{0, 0}, {255, 9}}, 0, 0, {}};
       info.resin = Resin{"r", CureModelKind::jacobs, 1, 100, 20, 0, 0, 1, {}};
       info.process.emplace();
       info.process->speed_mm_h = 10;
@@ -111,8 +111,17 @@ TEST_P(NewArchive, ImagesInUvLightAreKeptBesideTheSlices) {
   const Images images = stamped_images(40, 50, 3, 5);
   StackInfo info = test::info_of(images.grid);
   info.kind = StackKind::corrected;
-  info.printer = Printer{
-      "p", 40, 50, 50, 50, 8, 405, {{0, 0}, {255, 9}}, 0, 0, UvLamp{365, true, {{0, 0}, {255, 9}}}};
+  info.printer = Printer{"p",
+                         40,
+                         50,
+                         50,
+                         40.5,
+                         8,
+                         405,
+                         {{0, 0}, {255, 9}},
+                         0,
+                         0,
+                         UvLamp{365, true, {{0, 0}, {255, 9}}}};
   info.resin = Resin{"r", CureModelKind::jacobs, 1, 100, 20, 0, 0, 1, {}};
   info.resin->inhibition = Inhibition{0.7, 30, 1, 0};
   info.process.emplace();
@@ -214,7 +223,7 @@ TEST_F(ImageFolder, ChangedOnesKeepTheirNames) {
   before.emplace_back("notes.txt", to_bytes("notes"));
   make(before);
   StackInfo info = test::info_of(images_.grid);
-  info.target_layers = 9;
+  info.target_layers = 11;
   const Images others = like(images_, 11, 42);
   for (const std::string name : {"out", "in"}) {
     test::write_stack(file(folder_ / name, "folder", folder_ / "in"), others, info);

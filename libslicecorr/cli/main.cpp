@@ -67,15 +67,15 @@ int slice(const Arguments& a, const Job& job, Console& console) {
 
 int correct(const Arguments& a, const Job& job, Console& console) {
   StackFile file = a.file();
-  const std::string format = format_of(file);
   must_not_replace(a.output, {a.input});
   const StackInfo times = StackReader::read_info(design(a.input));
+  file.format = format_of(file, times.format);
   const Setup setup = a.setup.resolve(nullptr, &times);
   tell_notices(setup, &times, job);
   // What a slicer wrote besides the slices stays.
-  if (times.kind == StackKind::foreign && times.format == format) file.keep_from = a.input;
+  if (times.kind == StackKind::foreign && times.format == file.format) file.keep_from = a.input;
   const StackReader target = a.open(a.input, folder_of(a.output), job);
-  const FittedSlices fitted = fit_for_output(target, a.file(), setup.printer, job);
+  const FittedSlices fitted = fit_for_output(target, file, setup.printer, job);
   const Correction result = correct_stack(*fitted, setup, file, {.before = !console.quiet()}, job);
   console.say(fmt::format("{}: {} slices\n{}", a.output, result.info.grid.layers,
                           summary(result.after, result.before)));

@@ -335,7 +335,6 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
   info.process = setup.process;
   info.original_sha256 = file.original_sha256;
   scan.fill(info);
-  writer.finish(info, scan.picture());
 
   const auto whole = [&](const Prediction& figures, int slices) {
     return plans.even() ? whole_image(figures, model, grid, slices, bands)
@@ -369,6 +368,8 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
                              ? "kept open"
                              : "kept open, at the cost of the edges beside them"));
   }
+  if (ask.before_writing) ask.before_writing(result);
+  writer.finish(info, scan.picture());
   return result;
 }
 

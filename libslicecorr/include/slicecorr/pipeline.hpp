@@ -6,6 +6,7 @@
 /// compressed.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -61,6 +62,8 @@ struct CorrectionAsk {
   bool before = false;   ///< what the target prints when shown as it is
   int volume_cells = 0;  ///< the reduced volume with at most so many cells a side; 0: none. Implies
                          ///< `before`
+  /// Called when all is computed, before the stack is written: what it throws leaves no stack.
+  std::function<void(const Correction&)> before_writing = {};
 };
 
 /// Corrects `target` for `setup` and writes the stack. Throws `InputError` when the target does not

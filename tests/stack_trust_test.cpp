@@ -349,12 +349,13 @@ TEST_F(TrustedStack, RecordsInOtherFormatsToo) {
   EXPECT_THAT(refused({"info", "two.uvj"}), HasSubstr("second record"));
 }
 
-TEST_F(TrustedStack, HeightsThatAFormatRoundsComeBackFromTheRecord) {
-  // The Ember's archives hold whole micrometres.
+TEST_F(TrustedStack, HeightsThatAFormatRoundsAreNoContradiction) {
+  // The Ember's archives hold whole micrometres, and that is what it prints.
   good({"slice", "ladder.stl", "-o", "fine.uvj", "--layer-um", "12.4", "--printer", "small.toml"});
   correct("fine.uvj", "fine.tar.gz");
-  EXPECT_EQ(StackReader::read_info(folder_ / "fine.tar.gz").grid.layer_um, 12.4);
-  good({"verify", "fine.tar.gz", "--target", "fine.uvj"});
+  EXPECT_EQ(StackReader::read_info(folder_ / "fine.tar.gz").grid.layer_um, 12);
+  EXPECT_THAT(good({"probe", "fine.tar.gz", "--x", "80", "--y", "60"}).err,
+              HasSubstr("the height of layers is 12 um, as the archive rounds the 12.4 um"));
 }
 
 class TrustedTarget : public TrustedStack {

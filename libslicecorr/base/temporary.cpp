@@ -1,6 +1,7 @@
 #include "base/temporary.hpp"
 
 #include <fcntl.h>
+#include <signal.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -8,6 +9,7 @@
 #include <cerrno>
 #include <cstdint>
 #include <cstdlib>
+#include <filesystem>
 #include <vector>
 
 #include "base/errno_message.hpp"
@@ -17,6 +19,8 @@ namespace slicecorr::detail {
 namespace {
 
 constexpr const char* ending = ".part";
+/// Of the file's name: the zip library adds to it, and names have at most 255 bytes.
+constexpr std::size_t most_name_bytes = 200;
 
 void sync(const std::string& path, int flags) {
   const int file = ::open(path.c_str(), flags | O_CLOEXEC);
@@ -38,7 +42,7 @@ struct Descriptor {
 
 void copy_file(const std::string& from, const std::string& to) {
   const Descriptor in{::open(from.c_str(), O_RDONLY | O_CLOEXEC)};
-  if (in.fd < 0) throw DeviceError(errno_message(from, "can't be read"));
+  if (in.fd < 0) throw InputError(errno_message(from, "can't be read"));
   const Descriptor out{::open(to.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600)};
   if (out.fd < 0) throw DeviceError(errno_message(to, "can't be written"));
   std::vector<std::uint8_t> buffer(std::size_t{1} << 20);
@@ -55,6 +59,19 @@ void copy_file(const std::string& from, const std::string& to) {
   }
 }
 
+void remove_left_over(const PlaceOfFile& place) {
+  const std::string file = place.file.substr(0, most_name_bytes);
+  std::error_code error;
+  for (std::filesystem::directory_iterator at(place.folder, error), end; !error && at != end;
+       at.increment(error)) {
+    const TemporaryName name = temporary_name(at->path().filename().string());
+    if (!name.is_one || name.file != file) continue;
+    if (::kill(static_cast<pid_t>(name.pid), 0) == 0 || errno != ESRCH) continue;
+    std::error_code ignored;
+    std::filesystem::remove_all(at->path(), ignored);
+  }
+}
+
 }  // namespace
 
 PlaceOfFile place_of(const std::string& path) {
@@ -66,9 +83,9 @@ PlaceOfFile place_of(const std::string& path) {
 std::string make_temporary(const std::string& path, bool make_folder) {
   static std::atomic<unsigned> counter{0};
   const PlaceOfFile place = place_of(path);
+  remove_left_over(place);
   for (int attempt = 0; attempt < 1000; ++attempt) {
-    // Cut, because the zip library adds to the name and names have at most 255 bytes.
-    const std::string name = place.folder + "/." + place.file.substr(0, 200) + "." +
+    const std::string name = place.folder + "/." + place.file.substr(0, most_name_bytes) + "." +
                              std::to_string(::getpid()) + "-" + std::to_string(counter++) + ending;
     if (make_folder) {
       if (::mkdir(name.c_str(), 0777) == 0) return name;
@@ -110,7 +127,7 @@ TemporaryName temporary_name(const std::string& file) {
   if (end == numbers.c_str() || *end != '-' || pid <= 0) return {};
   const std::string count = end + 1;
   if (count.empty() || count.find_first_not_of("0123456789") != std::string::npos) return {};
-  return {true, pid};
+  return {true, pid, name.substr(1, point - 1)};
 }
 
 void sync_file(const std::string& path) { sync(path, O_WRONLY); }

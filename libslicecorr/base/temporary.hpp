@@ -13,7 +13,8 @@ struct PlaceOfFile {
 PlaceOfFile place_of(const std::string& path);
 
 /// A name beside `path` that nothing else has: ".FILE.PID-N.part". `make_folder`: an empty folder
-/// of that name is made, else an empty file. Throws `DeviceError`.
+/// of that name is made, else an empty file. What processes that are no more (killed, or the power
+/// failed) left there for the same `path` is removed. Throws `DeviceError`.
 std::string make_temporary(const std::string& path, bool make_folder = false);
 
 /// Throws `DeviceError` when no file can be made, or none replaced, at `path`.
@@ -24,6 +25,7 @@ void check_new_file(const std::string& path);
 struct TemporaryName {
   bool is_one = false;
   long pid = 0;
+  std::string file;  ///< that it was to become, its first bytes
 };
 TemporaryName temporary_name(const std::string& file);
 
@@ -43,7 +45,7 @@ struct Temporary {
 void copy_mode(const std::string& from, const std::string& to);
 
 /// A second name for a file's contents: a link where the file system can, else a copy. Throws
-/// `DeviceError`.
+/// `DeviceError`; `InputError` when `from` is no more.
 void link_or_copy(const std::string& from, const std::string& to);
 
 }  // namespace slicecorr::detail

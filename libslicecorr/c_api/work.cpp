@@ -49,6 +49,10 @@ class Images {
     reader_.emplace(stack.path, folder, job, missing_facts(stack, printer));
     check_unchanged(stack, reader_->info());
   }
+  std::optional<std::uint64_t> pixel_sum() const {
+    if (reader_) return reader_->pixel_sum();
+    return std::nullopt;
+  }
   const SliceSource& source() const {
     return slices_ ? static_cast<const SliceSource&>(*slices_) : *reader_;
   }
@@ -187,7 +191,8 @@ Prediction verify(const slicecorr_stack& stack, const slicecorr_stack& target, S
   std::optional<Images> design;
   if (&target != &stack) {
     design.emplace(target, setup.printer, folder, job);
-    check_target(shown.source(), stack.info, design->source(), name_of(target), job);
+    check_target(shown.source(), stack.info, design->source(), name_of(target), design->pixel_sum(),
+                 job);
   }
   if (!design) setup.process = schedule_uv(shown.source(), setup, job);
   const Prediction p =

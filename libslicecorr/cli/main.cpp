@@ -67,15 +67,15 @@ int slice(const Arguments& a, const Job& job, Console& console) {
 
 int correct(const Arguments& a, const Job& job, Console& console) {
   StackFile file = a.file();
-  const std::string format = format_of(file);
   must_not_replace(a.output, {a.input});
   const StackInfo times = StackReader::read_info(design(a.input));
+  file.format = format_of(file, times.format);
   const Setup setup = a.setup.resolve(nullptr, &times);
   tell_notices(setup, &times, job);
   // What a slicer wrote besides the slices stays.
-  if (times.kind == StackKind::foreign && times.format == format) file.keep_from = a.input;
+  if (times.kind == StackKind::foreign && times.format == file.format) file.keep_from = a.input;
   const StackReader target = a.open(a.input, folder_of(a.output), job);
-  const FittedSlices fitted = fit_for_output(target, a.file(), setup.printer, job);
+  const FittedSlices fitted = fit_for_output(target, file, setup.printer, job);
   const Correction result = correct_stack(*fitted, setup, file, {.before = !console.quiet()}, job);
   console.say(fmt::format("{}: {} slices\n{}", a.output, result.info.grid.layers,
                           summary(result.after, result.before)));
@@ -88,7 +88,7 @@ int verify(const Arguments& a, const Job& job, Console&) {
   const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
   const StackReader read = a.open(design(a.target), folder_of(a.target), job);
   const FittedSlices target = FittedSlices::like(stack, read, folder_of(a.target), job);
-  check_target(stack, stack.info(), *target, a.target, job);
+  check_target(stack, stack.info(), *target, a.target, read.pixel_sum(), job);
   const Prediction p = verify_stack(stack, *target, setup, job);
   if (a.json.empty()) {
     print_result(summary(p, std::nullopt));
@@ -112,7 +112,7 @@ int probe(const Arguments& a, const Job& job, Console&) {
   if (!a.target.empty()) {
     read.emplace(design(a.target), folder_of(a.target), job, a.missing());
     target.emplace(FittedSlices::like(stack, *read, folder_of(a.target), job));
-    check_target(stack, stack.info(), **target, a.target, job);
+    check_target(stack, stack.info(), **target, a.target, read->pixel_sum(), job);
   }
   const auto rows = probe_stack(stack, target ? &**target : nullptr, setup, a.x, a.y);
   std::string text =
@@ -142,7 +142,7 @@ int report(const Arguments& a, const Job& job, Console& console) {
   const StackReader read = a.open(design(a.target), folder_of(a.output), job);
   const FittedSlices fitted = FittedSlices::like(stack, read, folder_of(a.output), job);
   const SliceSource& target = *fitted;
-  check_target(stack, stack.info(), target, a.target, job);
+  check_target(stack, stack.info(), target, a.target, read.pixel_sum(), job);
   const Prediction after = verify_stack(stack, target, setup, job);
   const Prediction before = verify_stack(target, target, setup, job);
   const StackInfo& info = stack.info();
@@ -160,7 +160,7 @@ int section(const Arguments& a, const Job& job, Console& console) {
   const StackReader read = a.open(design(a.target), folder_of(a.output), job);
   const FittedSlices fitted = FittedSlices::like(stack, read, folder_of(a.output), job);
   const SliceSource& target = *fitted;
-  check_target(stack, stack.info(), target, a.target, job);
+  check_target(stack, stack.info(), target, a.target, read.pixel_sum(), job);
   const PixelBox box = target.bounds();
   const int row = a.y >= 0 ? a.y : (box.y0 + box.y1) / 2;
   const Grid& g = stack.grid();
@@ -194,7 +194,7 @@ int solid(const Arguments& a, const Job& job, Console& console) {
   if (!a.target.empty()) {
     const StackReader target = a.open(design(a.target), folder_of(a.output), job);
     const FittedSlices fitted = FittedSlices::like(stack, target, folder_of(a.output), job);
-    check_target(stack, stack.info(), *fitted, a.target, job);
+    check_target(stack, stack.info(), *fitted, a.target, target.pixel_sum(), job);
     figures["design_volume_mm3"] = static_cast<double>(target.pixel_sum()) / 255.0 * g.pixel_x_um *
                                    g.pixel_y_um * g.layer_um * 1e-9;
   }

@@ -69,7 +69,7 @@ struct Input {
       given.emplace(design(o.target), folder_of(o.output), job);
       fitted.emplace(FittedSlices::like(stack, *given, folder_of(o.output), job));
       target = &**fitted;
-      check_target(stack, stack.info(), *target, o.target, job);
+      check_target(stack, stack.info(), *target, o.target, given->pixel_sum(), job);
     } else if (stack.info().kind == StackKind::target) {
       target = &stack;  // a target shown as it is
     }

@@ -7,6 +7,7 @@
 #include <mutex>
 #include <numeric>
 
+#include "parallel/silent.hpp"
 #include "pipeline/bands.hpp"
 #include "pipeline/vanished.hpp"
 #include "slicecorr/error.hpp"
@@ -59,7 +60,7 @@ Overlap overlap_of(const SliceSource& stack, const SliceSource& target, const Jo
   Overlap all;
   std::mutex merging;
   const auto bands = detail::bands_of(stack.grid(), stack.bounds().united(target.bounds()));
-  parallel_for(job, "compare", bands.size(), [&](std::size_t i) {
+  parallel_for(detail::silent(job), "", bands.size(), [&](std::size_t i) {
     const PixelBox& band = bands[i];
     std::vector<std::uint8_t> lit(detail::columns_of(band), 0), designed = lit;
     Overlap o;
@@ -80,10 +81,26 @@ Overlap overlap_of(const SliceSource& stack, const SliceSource& target, const Jo
 }  // namespace
 
 void check_target(const SliceSource& stack, const StackInfo& info, const SliceSource& target,
-                  const std::string& name, const Job& job) {
+                  const std::string& name, std::optional<std::uint64_t> pixel_sum, const Job& job) {
   const Grid& grid = target.grid();
   check_same_voxels(stack.grid(), grid);
   refuse_recording(target);
+  const auto volume_of = [&](std::uint64_t sum) {
+    return static_cast<double>(sum) / 255.0 * grid.pixel_x_um * grid.pixel_y_um * grid.layer_um *
+           1e-9;
+  };
+  // The sum of whole numbers times the same sizes.
+  const auto is_its = [&](double volume_mm3) {
+    return info.part_volume_mm3 > 0 &&
+           std::abs(volume_mm3 - info.part_volume_mm3) <= 1e-9 * volume_mm3;
+  };
+  const PixelBox lit = stack.bounds(), designed = target.bounds();
+  const bool inside = lit.x0 >= designed.x0 && lit.x1 <= designed.x1 && lit.y0 >= designed.y0 &&
+                      lit.y1 <= designed.y1;
+  if (info.kind != StackKind::foreign && info.target_layers == grid.layers && inside && pixel_sum &&
+      is_its(volume_of(*pixel_sum))) {
+    return;
+  }
   const Overlap o = overlap_of(stack, target, job);
   if (!o.full) detail::refuse_vanished(target, name);
   const auto refuse = [&](const std::string& what) {
@@ -94,12 +111,9 @@ void check_target(const SliceSource& stack, const StackInfo& info, const SliceSo
 
   const bool corrected = info.kind == StackKind::corrected;
   const bool made_from = corrected || info.kind == StackKind::recorded;
-  const double volume_mm3 = static_cast<double>(o.coverage) / 255.0 * grid.pixel_x_um *
-                            grid.pixel_y_um * grid.layer_um * 1e-9;
+  const double volume_mm3 = volume_of(o.coverage);
   const bool volume_known = made_from && info.part_volume_mm3 > 0;
-  // The sum of whole numbers times the same sizes.
-  const bool same_volume =
-      volume_known && std::abs(volume_mm3 - info.part_volume_mm3) <= 1e-9 * volume_mm3;
+  const bool same_volume = volume_known && is_its(volume_mm3);
 
   // Heights: black slices at the end of a target print nothing.
   if (made_from && info.target_layers > 0) {

@@ -335,7 +335,6 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
   info.process = setup.process;
   info.original_sha256 = file.original_sha256;
   scan.fill(info);
-  writer.finish(info, scan.picture());
 
   const auto whole = [&](const Prediction& figures, int slices) {
     return plans.even() ? whole_image(figures, model, grid, slices, bands)
@@ -372,6 +371,8 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
                                            "features above them",
                                            setup.process.gap_shortfall * model.layer_um)));
   }
+  if (ask.before_writing) ask.before_writing(result);
+  writer.finish(info, scan.picture());
   return result;
 }
 

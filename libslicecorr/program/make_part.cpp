@@ -1,6 +1,9 @@
 #include "program/make_part.hpp"
 
+#include <unistd.h>
+
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "program/program.hpp"
 #include "slicecorr/report.hpp"
@@ -18,20 +21,38 @@ FittedSlices fit_for_output(const SliceSource& slices, const StackFile& file,
 Correction make_part(const SliceSource& target, Setup setup, const StackFile& file,
                      const std::string& base, const std::string& title, const Job& job,
                      const std::function<void()>& corrected) {
-  Correction result =
-      correct_stack(target, setup, file, {.before = true, .volume_cells = kReportCells}, job);
-  if (corrected) corrected();
-  setup.process = *result.info.process;
-  // The proof: the prediction of the stack, with that of the uncorrected part beside it.
-  auto proof = nlohmann::ordered_json::parse(result.after.to_json());
-  proof["uncorrected"] = nlohmann::ordered_json::parse(result.before->to_json());
-  write_text_file(base + ".json", proof.dump(2) + "\n");
-  const CorrectedSlices shown(target, setup, job);
-  write_text_file(base + ".html",
-                  make_report(gather_report(shown, target, setup, result.info, result.after,
-                                            result.before, title, job, result.volume),
-                              job));
-  return result;
+  const std::string proof_path = base + ".json", page_path = base + ".html";
+  std::optional<PendingFile> proof, page;
+  const Correction* result = nullptr;
+  CorrectionAsk ask;
+  ask.before = true;
+  ask.volume_cells = kReportCells;
+  ask.before_writing = [&](const Correction& made) {
+    result = &made;
+    if (corrected) corrected();
+  };
+  // All three are whole before the first of them takes its name, and the old page goes before the
+  // old stack: whenever this is killed, no page is of another stack.
+  StackFile stack = file;
+  stack.before_renaming = [&] {
+    setup.process = *result->info.process;
+    // The proof: the prediction of the stack, with that of the uncorrected part beside it.
+    auto figures = nlohmann::ordered_json::parse(result->after.to_json());
+    figures["uncorrected"] = nlohmann::ordered_json::parse(result->before->to_json());
+    proof.emplace(proof_path, figures.dump(2) + "\n");
+    const CorrectedSlices shown(target, setup, job);
+    page.emplace(page_path,
+                 make_report(gather_report(shown, target, setup, result->info, result->after,
+                                           result->before, title, job, result->volume),
+                             job));
+    job.check_cancelled();
+    ::unlink(page_path.c_str());
+    ::unlink(proof_path.c_str());
+  };
+  Correction done = correct_stack(target, setup, stack, ask, job);
+  proof->publish();
+  page->publish();
+  return done;
 }
 
 }  // namespace slicecorr::cli

@@ -16,7 +16,8 @@ FittedSlices fit_for_output(const SliceSource& slices, const StackFile& file,
 
 /// Corrects `target` into `file`, and writes the figures (BASE.json: the prediction, with that of
 /// the uncorrected part under "uncorrected") and the report (BASE.html), which gets this title.
-/// `corrected` is called, when given, after the stack was written.
+/// `corrected` is called, when given, when all is computed but the report. Of the three files each
+/// appears whole, the stack first; an old page and old figures go before the old stack does.
 Correction make_part(const SliceSource& target, Setup setup, const StackFile& file,
                      const std::string& base, const std::string& title, const Job& job,
                      const std::function<void()>& corrected = {});

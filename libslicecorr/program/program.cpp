@@ -17,6 +17,7 @@
 #include <optional>
 #include <sstream>
 
+#include "base/temporary.hpp"
 #include "program/words.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/version.hpp"
@@ -247,7 +248,7 @@ void print_result(const std::string& text) {
   }
 }
 
-void write_text_file(const std::string& path, const std::string& text) {
+PendingFile::PendingFile(const std::string& path, const std::string& text) : path_(path) {
   const auto fail = [&](int code) {
     throw DeviceError(fmt::format("{}: can't be written: {}", path, std::strerror(code)));
   };
@@ -257,16 +258,29 @@ void write_text_file(const std::string& path, const std::string& text) {
   const bool straight = std::filesystem::exists(status) &&
                         !std::filesystem::is_regular_file(status) &&
                         !std::filesystem::is_directory(status);
-  const std::string part = straight ? path : path + ".part";
-  std::FILE* file = std::fopen(part.c_str(), "wb");
+  if (!straight) {
+    temporary_.reset(new detail::Temporary{detail::make_temporary(path)});
+  }
+  std::FILE* const file = std::fopen((straight ? path : temporary_->path).c_str(), "wb");
   if (!file) fail(errno);
   const bool written = std::fwrite(text.data(), 1, text.size(), file) == text.size();
   const int write_error = errno;
   const bool closed = std::fclose(file) == 0;
-  if (written && closed && (straight || std::rename(part.c_str(), path.c_str()) == 0)) return;
-  const int code = written ? errno : write_error;
-  if (!straight) std::remove(part.c_str());
-  fail(code);
+  if (!written || !closed) fail(written ? errno : write_error);
+}
+
+PendingFile::~PendingFile() = default;
+
+void PendingFile::publish() {
+  if (!temporary_) return;
+  if (std::rename(temporary_->path.c_str(), path_.c_str()) != 0) {
+    throw DeviceError(fmt::format("{}: can't be written: {}", path_, std::strerror(errno)));
+  }
+  temporary_->keep = true;
+}
+
+void write_text_file(const std::string& path, const std::string& text) {
+  PendingFile(path, text).publish();
 }
 
 void print_or_write(const std::string& where, const std::string& text) {

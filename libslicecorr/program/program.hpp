@@ -4,6 +4,7 @@
 
 #include <CLI/CLI.hpp>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -11,6 +12,10 @@
 #include <vector>
 
 #include "slicecorr/parallel.hpp"
+
+namespace slicecorr::detail {
+struct Temporary;
+}
 
 namespace slicecorr::cli {
 
@@ -88,6 +93,20 @@ void must_not_replace(const std::string& output, const std::vector<std::string>&
 /// Writes results; throws `DeviceError` when stdout can't take them. On a terminal what could move
 /// its cursor is "?".
 void print_result(const std::string& text);
+/// A text that is written already, under a temporary name beside its place. Throws `DeviceError`.
+class PendingFile {
+ public:
+  PendingFile(const std::string& path, const std::string& text);
+  ~PendingFile();
+  PendingFile(const PendingFile&) = delete;
+  PendingFile& operator=(const PendingFile&) = delete;
+  /// Gives it its name. Without it nothing is left behind.
+  void publish();
+
+ private:
+  std::string path_;
+  std::unique_ptr<detail::Temporary> temporary_;  ///< null: written straight, see write_text_file
+};
 /// Writes to a temporary file beside `path`, then renames it; straight into what is no ordinary
 /// file.
 void write_text_file(const std::string& path, const std::string& text);

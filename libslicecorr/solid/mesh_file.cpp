@@ -64,8 +64,8 @@ class OutputFile {
     if (::stat(path.c_str(), &status) == 0 && !S_ISREG(status.st_mode)) {
       throw DeviceError(path + ": can't be written: is no ordinary file");
     }
-    part_ = path + "." + std::to_string(::getpid()) + ".part";
-    file_ = ::open(part_.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0666);
+    part_ = make_temporary(path);
+    file_ = ::open(part_.c_str(), O_WRONLY | O_CLOEXEC);
     if (file_ < 0) throw DeviceError(errno_message(path, "can't be written"));
     buffer_.reserve(kBuffer);
   }

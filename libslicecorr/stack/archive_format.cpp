@@ -56,7 +56,8 @@ const ArchiveFormat& recognise_format(const Container& archive) {
                    "is no slice archive of a known format; expected one of " + list_of_formats());
 }
 
-const ArchiveFormat& format_named(const std::string& name, const std::string& path) {
+const ArchiveFormat& format_named(const std::string& name, const std::string& path,
+                                  const std::string& like) {
   const auto& formats = all_archive_formats();
   if (!name.empty()) {
     for (const ArchiveFormat* f : formats) {
@@ -83,6 +84,9 @@ const ArchiveFormat& format_named(const std::string& name, const std::string& pa
   std::error_code error;
   if (fitting.empty() && (path.ends_with('/') || std::filesystem::is_directory(path, error))) {
     return folder_format();
+  }
+  for (const ArchiveFormat* f : fitting) {
+    if (f->name() == like) return *f;
   }
   if (!fitting.empty()) {
     std::string names;
@@ -371,8 +375,8 @@ double light_on_s(const StackInfo& info) {
                     info.grid.layers);
 }
 
-std::string format_of(const StackFile& file) {
-  return std::string(detail::format_named(file.format, file.path).name());
+std::string format_of(const StackFile& file, const std::string& like) {
+  return std::string(detail::format_named(file.format, file.path, like).name());
 }
 
 }  // namespace slicecorr

@@ -89,8 +89,10 @@ const std::vector<const ArchiveFormat*>& all_archive_formats();
 /// Throws `InputError` naming the formats when none recognises the archive, or when it is one that
 /// is known and can't be read as a plain stack.
 const ArchiveFormat& recognise_format(const Container& archive);
-/// By name; by the ending of `path` when `name` is empty. Throws `InputError` naming the choices.
-const ArchiveFormat& format_named(const std::string& name, const std::string& path);
+/// By name; by the ending of `path` when `name` is empty, and by `like` where that fits several.
+/// Throws `InputError` naming the choices.
+const ArchiveFormat& format_named(const std::string& name, const std::string& path,
+                                  const std::string& like = {});
 
 // Helpers that formats share.
 

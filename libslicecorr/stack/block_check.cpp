@@ -56,8 +56,8 @@ void append(const Json& value, int depth, std::string& out) {
 }
 
 /// Archives say hundredths of seconds, some milliseconds.
-bool differ(double archive_s, double planned_s) {
-  return std::abs(archive_s - planned_s) > 0.01 * planned_s + 0.00051;
+bool differ(double archive_s, double planned_s, double rounding) {
+  return std::abs(archive_s - planned_s) > (0.01 + rounding) * planned_s + 0.00051;
 }
 
 std::string plan_in_words(const Process& p, double planned_s) {
@@ -83,9 +83,10 @@ void check_images(const StackInfo& info, const std::string& file) {
 
 }  // namespace
 
-void check_times(const StackInfo& plan, const StackInfo& says, const std::string& file) {
+void check_times(const StackInfo& plan, const StackInfo& says, const std::string& file,
+                 double rounding) {
   const auto check = [&](double archive_s, double planned_s, const std::string& of) {
-    if (!differ(archive_s, planned_s)) return;
+    if (!differ(archive_s, planned_s, rounding)) return;
     contradicts(file, fmt::format("its process plans {} for {}, the archive says {:.5g} s",
                                   plan_in_words(process_of_times(plan), planned_s), of, archive_s));
   };
@@ -94,7 +95,7 @@ void check_times(const StackInfo& plan, const StackInfo& says, const std::string
                                 static_cast<std::size_t>(std::max(0, says.grid.layers)));
     for (std::size_t n = 0; n < count; ++n) {
       const double planned_s = light_on_of_layer(plan, static_cast<int>(n));
-      if (differ(says.layer_exposure_s[n], planned_s)) {
+      if (differ(says.layer_exposure_s[n], planned_s, rounding)) {
         check(says.layer_exposure_s[n], planned_s, fmt::format("slice {}", n));
       }
     }
@@ -117,16 +118,18 @@ std::uint32_t block_crc32(const nlohmann::json& block) {
 
 void check_block(const ArchiveContents& contents, const std::string& file) {
   const StackInfo& info = contents.info;
-  if (info.kind == StackKind::foreign) return;
   const int layers = info.grid.layers;
   const bool added = info.kind == StackKind::corrected;
-  if (info.kind != StackKind::recorded && info.target_layers > 0 &&
+  const bool ours = info.kind == StackKind::target || added;
+  if (ours && info.target_layers > 0 &&
       (added ? info.target_layers > layers : info.target_layers != layers)) {
     contradicts(file,
                 fmt::format("its part has {} layers, the archive {}", info.target_layers, layers));
   }
+  const bool lit = added || info.kind == StackKind::recorded;
   if (info.printer) check_images(info, file);
-  if (info.process && info.kind != StackKind::target) check_times(info, info, file);
+  if (info.process && lit)
+    check_times(info, info, file, 0.5 * contents.layer_step_um / info.grid.layer_um);
   if (contents.block_changed) {
     throw InputError(file, "",
                      "its parameters were changed after the stack was made (checksum): its images "

@@ -25,7 +25,9 @@ void check_block(const ArchiveContents& contents, const std::string& file);
 
 /// Throws `InputError` where the exposure times that an archive says (`exposure_s` and what belongs
 /// to it in `says`) are others than `plan` has, as far as archives can say them: by more than 1 %
-/// and the rounding to milliseconds.
-void check_times(const StackInfo& plan, const StackInfo& says, const std::string& file);
+/// and the rounding to milliseconds. `rounding`: share by which times of slices that pass by follow
+/// from rounded heights.
+void check_times(const StackInfo& plan, const StackInfo& says, const std::string& file,
+                 double rounding = 0);
 
 }  // namespace slicecorr::detail

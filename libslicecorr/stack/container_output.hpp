@@ -35,7 +35,8 @@ class ContainerOutput {
   /// from several threads.
   void add_lazily(const std::vector<std::string>& names, const std::vector<std::uint64_t>& sizes,
                   Fill fill);
-  /// Looks at the archive under its temporary name; what it throws leaves the old one in its place.
+  /// Looks at the archive under its temporary name, as the last step before it is renamed; what it
+  /// throws leaves the old one in its place.
   using Check = std::function<void(const std::string& written)>;
   virtual void finish(const Job& job, const Check& check = {}) = 0;
 

@@ -277,8 +277,8 @@ void FolderOutput::finish(const Job& job, const Check& check) {
   TemporaryFolder temporary{make_temporary(path_, true)};
   fill(temporary.path, job);
   if (!keep_from_.empty()) copy_mode(keep_from_, temporary.path);
-  if (check) check(temporary.path);
   job.check_cancelled();
+  if (check) check(temporary.path);
   put_in_place(temporary, job);
   job.report("write", 1);
 }

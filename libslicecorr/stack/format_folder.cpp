@@ -92,8 +92,7 @@ class Folder final : public ArchiveFormat {
   std::vector<std::string> write(const ArchiveRequest& r, ContainerOutput&) const override {
     if (r.kept != nullptr) return continued_names(r, suffix);
     if (r.info.kind == StackKind::foreign) {
-      warn(r,
-           "images alone say no sizes of pixels and layers and no exposure times: these are lost");
+      warn(r, "a folder of images has no exposure times: these are lost");
     }
     std::vector<std::string> names;
     for (int n = 0; n < r.info.grid.layers; ++n) names.push_back(fmt::format("{:08}.png", n));

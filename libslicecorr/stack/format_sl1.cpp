@@ -229,7 +229,7 @@ class Sl1 final : public ArchiveFormat {
  public:
   std::string_view name() const override { return "sl1"; }
   std::string_view what() const override { return "Prusa SL1 and SL1S, as PrusaSlicer exports it"; }
-  std::vector<std::string_view> endings() const override { return {".sl1", ".sl1s"}; }
+  std::vector<std::string_view> endings() const override { return {".sl1", ".sl1s", ".m1"}; }
   bool recognises(const Container& archive) const override { return archive.has(config_entry); }
 
   ArchiveContents read(const Container& archive) const override {

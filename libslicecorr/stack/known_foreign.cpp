@@ -91,8 +91,9 @@ std::size_t most_images(const Json& print) {
 void refuse_known_foreign(const Container& archive) {
   constexpr std::uint64_t limit = std::uint64_t{16} << 20;
   for (const Container::Entry& entry : archive.entries()) {
-    if (!lower(entry.name).ends_with(".json") || entry.name.find('/') != std::string::npos ||
-        entry.bytes > limit) {
+    // At the top, or in printfile/.
+    if (!lower(entry.name).ends_with(".json") || entry.bytes > limit ||
+        std::count(entry.name.begin(), entry.name.end(), '/') > 1) {
       continue;
     }
     const Json print = Json::parse(archive.text(entry.name, limit), nullptr, false);

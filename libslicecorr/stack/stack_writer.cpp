@@ -288,15 +288,19 @@ void StackWriter::Impl::write_archive(const StackInfo& info, const GreyImage& pr
     for (int n = 0; n < info.grid.layers; ++n) uv_names.push_back(detail::uv_image_name(n));
     add_images(uv_names, *uv);
   }
-  if (&format != &detail::uvj_format() && info.kind != StackKind::foreign) {
+  // A folder says nothing of itself but by our record, and is ours to replace by it.
+  if (&format != &detail::uvj_format() &&
+      (info.kind != StackKind::foreign || &format == &detail::folder_format())) {
     output->add_text(
         detail::provenance_entry,
         detail::write_provenance(info, request.images_crc32, request.uv_images_crc32) + "\n");
   }
   if (info.kind != StackKind::foreign) detail::add_flat_field(info, *output);
   detail::add_recording(info, *output);
-  output->finish(job, kept ? [&](const std::string& written) { check_rewritten(written, info); }
-                           : detail::ContainerOutput::Check{});
+  output->finish(job, [&](const std::string& written) {
+    if (kept) check_rewritten(written, info);
+    if (file.before_renaming) file.before_renaming();
+  });
 }
 
 /// A rewritten archive says what was meant, or does not get its name: others read it with readers

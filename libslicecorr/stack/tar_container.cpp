@@ -115,9 +115,9 @@ class TarGzOutput final : public ContainerOutput {
     Temporary temporary{make_temporary(path_)};
     write(temporary.path, job);
     if (!keep_from_.empty()) copy_mode(keep_from_, temporary.path);
-    if (check) check(temporary.path);
     sync_file(temporary.path);
     job.check_cancelled();
+    if (check) check(temporary.path);
     if (::rename(temporary.path.c_str(), path_.c_str()) != 0) {
       throw DeviceError(errno_message(path_, "can't be written"));
     }

@@ -161,7 +161,8 @@ Json block_json(const StackInfo& info, std::uint32_t crc, std::optional<std::uin
   block["format"] = format;
   block["kind"] = info.kind == StackKind::corrected  ? "corrected"
                   : info.kind == StackKind::recorded ? "recorded"
-                                                     : "target";
+                  : info.kind == StackKind::target   ? "target"
+                                                     : "foreign";
   const bool layerwise = info.process && info.process->mode == ExposureMode::layerwise;
   block["mode"] = layerwise ? "layerwise" : "continuous";
   block["program"] = info.program;
@@ -180,7 +181,8 @@ Json block_json(const StackInfo& info, std::uint32_t crc, std::optional<std::uin
   }
   if (!info.original_sha256.empty()) block["original_sha256"] = info.original_sha256;
   if (info.recording) block["recording"] = recording_json(*info.recording);
-  block["images_crc32"] = crc;
+  // Of other programs' slices nothing is promised.
+  if (info.kind != StackKind::foreign) block["images_crc32"] = crc;
   if (uv_crc) block["uv_images_crc32"] = *uv_crc;
   return block;
 }

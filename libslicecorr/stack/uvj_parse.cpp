@@ -221,18 +221,24 @@ Process read_process(const Node& node, ExposureMode mode, std::int64_t format) {
   return p;
 }
 
-/// Takes the exact value from our block. `step_um`: what the archive rounds to.
-void refine(double& um, const Node& exact, const char* of, double step_um = 0) {
+/// Takes the exact value from our block. Where the archive rounds to `step_um`, its own stays: that
+/// is what its readers print.
+void refine(double& um, const Node& exact, const char* of, std::vector<std::string>& warnings,
+            double step_um = 0) {
   const double value = exact.positive();
   // Sizes of pixels went through divisions by pixels per millimetre; some formats round heights to
   // nanometres.
-  if (std::abs(value - um) > std::max(1e-3 * um, 0.501 * step_um)) {
+  if (std::abs(value - um) <= 1e-3 * um) {
+    um = value;
+  } else if (std::abs(value - um) <= 0.501 * step_um) {
+    warnings.push_back(fmt::format("{} is {} um, as the archive rounds the {} um of the stack", of,
+                                   number_text(um), number_text(value)));
+  } else {
     exact.refuse(fmt::format(
         "contradicts itself: {} is {} um in the block of the stack, {} um in the archive; expected "
         "the stack as `slicecorr` wrote it. For other sizes slice and correct the part again",
         of, number_text(value), number_text(um)));
   }
-  um = value;
 }
 
 RecordingFacts read_recording_facts(const Node& node, int images) {
@@ -253,9 +259,10 @@ void read_block(const Node& block, ArchiveContents& config) {
     block.refuse("made by a newer version of this program: format " + std::to_string(format) +
                  ", this program reads up to " + std::to_string(uvj_block_format));
   }
-  std::vector<std::string> kinds{"target", "corrected"};
+  std::vector<std::string> kinds{"target", "corrected", "foreign"};
   if (format >= 4) kinds.emplace_back("recorded");
-  constexpr StackKind kind_of[]{StackKind::target, StackKind::corrected, StackKind::recorded};
+  constexpr StackKind kind_of[]{StackKind::target, StackKind::corrected, StackKind::foreign,
+                                StackKind::recorded};
   info.kind = kind_of[block["kind"].choice(kinds)];
   const std::vector<std::string> modes = format >= 2
                                              ? std::vector<std::string>{"continuous", "layerwise"}
@@ -267,12 +274,13 @@ void read_block(const Node& block, ArchiveContents& config) {
   info.part_volume_mm3 = block["part_volume_mm3"].number(0, largest);
   if (block.has("grid")) {
     const Node grid = block["grid"];
-    refine(info.grid.pixel_x_um, grid["pixel_x_um"], "the width of pixels");
-    refine(info.grid.pixel_y_um, grid["pixel_y_um"], "the height of pixels");
-    refine(info.grid.layer_um, grid["layer_um"], "the height of layers", config.layer_step_um);
+    refine(info.grid.pixel_x_um, grid["pixel_x_um"], "the width of pixels", config.warnings);
+    refine(info.grid.pixel_y_um, grid["pixel_y_um"], "the height of pixels", config.warnings);
+    refine(info.grid.layer_um, grid["layer_um"], "the height of layers", config.warnings,
+           config.layer_step_um);
   }
   // Whoever reads a corrected stack needs to know what it was corrected for.
-  const bool needed = info.kind != StackKind::target;
+  const bool needed = info.kind == StackKind::corrected || info.kind == StackKind::recorded;
   if (needed || block.has("printer")) info.printer = read_printer(block["printer"]);
   if (info.printer && info.printer->flat_field) {
     config.flat_field_crc32 =
@@ -301,7 +309,9 @@ void read_block(const Node& block, ArchiveContents& config) {
   if (info.kind == StackKind::recorded) {
     config.recording = read_recording_facts(block["recording"], info.grid.layers);
   }
-  config.images_crc32 = static_cast<std::uint32_t>(block["images_crc32"].whole(0, 0xffffffff));
+  if (info.kind != StackKind::foreign) {
+    config.images_crc32 = static_cast<std::uint32_t>(block["images_crc32"].whole(0, 0xffffffff));
+  }
   if (block.has("uv_images_crc32")) {
     config.uv_images_crc32 =
         static_cast<std::uint32_t>(block["uv_images_crc32"].whole(0, 0xffffffff));

@@ -166,6 +166,10 @@ void ZipOutput::change(const std::string& temporary, const Job& job) {
   zip_error_t error;
   int code = 0;
   zip_t* const zip = zip_open(temporary.c_str(), 0, &code);
+  // Read once before: it became another file since.
+  if (zip == nullptr && (code == ZIP_ER_NOZIP || code == ZIP_ER_INCONS)) {
+    throw InputError(keep_from_, "", "was changed while it was read");
+  }
   if (zip == nullptr) throw DeviceError(errno_message(path_, "can't be written"));
   // After the entries: discarding the archive still calls them.
   std::unique_ptr<zip_t, decltype(&zip_discard)> guard(zip, &zip_discard);

@@ -5,6 +5,7 @@
 #include <zip.h>
 
 #include <algorithm>
+#include <fstream>
 #include <memory>
 #include <string_view>
 
@@ -35,6 +36,47 @@ void inflate_all(const std::vector<std::uint8_t>& packed, std::vector<std::uint8
     throw InputError(path, name,
                      "entry does not hold the declared " + std::to_string(out.size()) + " bytes");
   }
+}
+
+/// Whether the directory at the end of a zip has a name with a zero byte, of which the library
+/// makes a blank: rewritten, the entry would have another name.
+bool has_zero_in_name(const std::string& path, std::uint64_t bytes) {
+  std::ifstream file(path, std::ios::binary);
+  std::string text;
+  const auto read = [&](std::uint64_t at, std::uint64_t size) {
+    text.resize(size);
+    file.seekg(static_cast<std::streamoff>(at));
+    return static_cast<bool>(file.read(text.data(), static_cast<std::streamsize>(size)));
+  };
+  const auto number = [&](std::size_t at, int count) {
+    std::uint64_t value = 0;
+    for (int i = count; i-- > 0;) {
+      value = value << 8 | static_cast<unsigned char>(text[at + static_cast<std::size_t>(i)]);
+    }
+    return value;
+  };
+  constexpr std::uint64_t longest_comment = 65535, end_record = 22, locator = 20, end64_record = 56;
+  const std::uint64_t tail = std::min(bytes, longest_comment + end_record + locator);
+  if (!read(bytes - tail, tail)) return false;
+  const std::size_t end = text.rfind("PK\5\6");
+  if (end == text.npos || end + end_record > text.size()) return false;
+  std::uint64_t size = number(end + 12, 4), at = number(end + 16, 4);
+  if ((size == 0xffffffff || at == 0xffffffff) && end >= locator &&
+      text.compare(end - locator, 4, "PK\6\7") == 0) {
+    const std::uint64_t end64 = number(end - locator + 8, 8);
+    if (end64 > bytes || !read(end64, end64_record)) return false;
+    size = number(40, 8);
+    at = number(48, 8);
+  }
+  if (at > bytes || size > bytes - at || !read(at, size)) return false;
+  for (std::size_t entry = 0; entry + 46 <= text.size() && text.compare(entry, 4, "PK\1\2") == 0;) {
+    const std::uint64_t name = number(entry + 28, 2);
+    if (std::string_view(text).substr(entry + 46, name).find('\0') != std::string_view::npos) {
+      return true;
+    }
+    entry += 46 + name + number(entry + 30, 2) + number(entry + 32, 2);
+  }
+  return false;
 }
 
 }  // namespace
@@ -68,6 +110,7 @@ ZipInput::~ZipInput() { zip_discard(zip_); }
 void ZipInput::list_entries(std::uint64_t archive_bytes) {
   const zip_int64_t count = zip_get_num_entries(zip_, 0);
   std::uint64_t packed_sum = 0;
+  bool blanks = false;
   for (zip_int64_t i = 0; i < count; ++i) {
     const auto index = static_cast<std::uint64_t>(i);
     zip_stat_t s;
@@ -81,6 +124,7 @@ void ZipInput::list_entries(std::uint64_t archive_bytes) {
     if (!is_safe_name(name)) {
       throw InputError(path_, shown_name(name), "entry name is absolute or leaves the archive");
     }
+    blanks = blanks || std::string_view(name).find(' ') != std::string_view::npos;
     if (s.encryption_method != ZIP_EM_NONE)
       throw InputError(path_, shown_name(name), "is encrypted");
     packed_sum += s.comp_size;
@@ -90,6 +134,10 @@ void ZipInput::list_entries(std::uint64_t archive_bytes) {
     // Folders.
     if (std::string_view(name).ends_with('/')) continue;
     entries_.push_back({name, index, s.size});
+  }
+  if (blanks && has_zero_in_name(path_, archive_bytes)) {
+    throw InputError(path_, "",
+                     "has an entry whose name holds a zero byte; expected names of text");
   }
   finish_list();
 }

@@ -99,9 +99,9 @@ void ZipOutput::finish(const Job& job, const Check& check) {
     job.report("write", 1);
     copy_mode(keep_from_, temporary.path);
   }
-  if (check) check(temporary.path);
   sync_file(temporary.path);
   job.check_cancelled();
+  if (check) check(temporary.path);
   if (::rename(temporary.path.c_str(), path_.c_str()) != 0) {
     throw DeviceError(errno_message(path_, "can't be written"));
   }

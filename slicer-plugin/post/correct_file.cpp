@@ -130,8 +130,8 @@ void keep_backup(const std::string& real, const std::string& backup, const std::
   if (fs::exists(fs::symlink_status(backup, ec)) && same_contents(real, backup)) return;
   // A folder of the slicer's export may be another than that of the copy we are given.
   std::optional<WorkFolder> beside;
-  const std::string folder = cli::folder_of(backup);
-  if (!fs::equivalent(folder, cli::folder_of(real), ec)) beside.emplace(folder);
+  const std::string folder = detail::place_of(backup).folder;
+  if (!fs::equivalent(folder, detail::place_of(real).folder, ec)) beside.emplace(folder);
   keep_copy(real, backup, how == "replace", beside ? beside->path() : scratch);
 }
 
@@ -205,7 +205,8 @@ Decision preview(const std::string& path, const Context& context) {
 
 Outcome correct_file(const std::string& path, const Context& context, const Job& job) {
   const std::string real = real_path(path);
-  const std::string folder = cli::folder_of(real);
+  // Not where scratch may lie instead: what can't be put in place is not begun.
+  const std::string folder = detail::place_of(real).folder;
   return naming(path, [&] {
     const Lock lock = lock_of(real);
     const auto seen = identity_of(real);
@@ -267,7 +268,7 @@ void undo(const std::string& path, const Context& context, const Job& job) {
     const std::string backup = backup_of(real, context);
     check_belongs(info, real, backup, job);
     rename_file(backup, real);
-    detail::sync_folder(cli::folder_of(real));
+    detail::sync_folder(detail::place_of(real).folder);
   });
 }
 

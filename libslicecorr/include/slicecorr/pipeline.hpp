@@ -6,6 +6,7 @@
 /// compressed.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -61,6 +62,8 @@ struct CorrectionAsk {
   bool before = false;   ///< what the target prints when shown as it is
   int volume_cells = 0;  ///< the reduced volume with at most so many cells a side; 0: none. Implies
                          ///< `before`
+  /// Called when all is computed, before the stack is written: what it throws leaves no stack.
+  std::function<void(const Correction&)> before_writing = {};
 };
 
 /// Corrects `target` for `setup` and writes the stack. Throws `InputError` when the target does not
@@ -77,10 +80,12 @@ void check_same_voxels(const Grid& stack, const Grid& target);
 /// `check_same_voxels`; another height than that of the part that the stack was made from (black
 /// layers at the end do not count); less than half of the pixels or of the volume in common with
 /// it, and with a stack that was not corrected none at all; no voxel of coverage 1. A corrected
-/// stack's target that has another volume is told: it may be the same part, sliced otherwise. Reads
-/// both once.
+/// stack's target that has another volume is told: it may be the same part, sliced otherwise.
+/// `pixel_sum`: of all pixels of the target, where it is known (StackReader); then the target that
+/// a stack was made from is known by it, else both are read once.
 void check_target(const SliceSource& stack, const StackInfo& info, const SliceSource& target,
-                  const std::string& name, const Job& job = {});
+                  const std::string& name, std::optional<std::uint64_t> pixel_sum,
+                  const Job& job = {});
 
 /// Predicts what `stack` prints, against `target`. Throws `InputError` when the two differ in size
 /// or scale.

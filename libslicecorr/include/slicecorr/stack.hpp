@@ -6,6 +6,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -179,10 +180,13 @@ struct StackFile {
   /// Images as small as they get, for stacks that are kept: takes many times longer. The pixels are
   /// the same.
   bool archive = false;
+  /// Called when the archive is whole under its temporary name, just before it takes its own; what
+  /// it throws leaves everything as it was.
+  std::function<void()> before_renaming;
 };
-/// Name of the format that the file is written in. Throws `InputError` when none is named or ends
-/// like this.
-std::string format_of(const StackFile& file);
+/// Name of the format that the file is written in. Where several end like this, `like` is taken
+/// when it is one of them. Throws `InputError` when none is named or ends like this.
+std::string format_of(const StackFile& file, const std::string& like = {});
 
 /// Takes the images of a stack band by band, in any order and from any thread, and writes the
 /// archive at the end: to a temporary file beside its path, renamed when complete. Nothing is left

@@ -8,6 +8,7 @@
 #include <random>
 
 #include "models.hpp"
+#include "printed_column.hpp"
 #include "run_program.hpp"
 #include "slicecorr/predict.hpp"
 
@@ -15,6 +16,9 @@ namespace slicecorr {
 namespace {
 
 using Column = std::vector<std::uint8_t>;
+using test::model_of;
+using test::print;
+using Printed = test::PrintedColumn;
 
 /// The rules of a right print, apart from everything that the solve works with: doses at the lower
 /// node of each layer from which the layers above it have been got right, as intervals.
@@ -96,50 +100,6 @@ class Possible {
   int slices_;
   std::vector<double> phi_;
 };
-
-/// Ic is 1 mW/cm², so that intensities are phi.
-CureModel model_of(double layer_um, double ha_um, double phi_max, double contrast, double gamma,
-                   int bits) {
-  return make_cure_model(test::gamma_printer(phi_max / contrast, phi_max, gamma, bits),
-                         test::resin(36, ha_um), test::process(1000), layer_um);
-}
-
-struct Printed {
-  std::uint64_t undercured = 0, cured_through = 0;
-  double largest_um = 0;      ///< error of edges that are not above a gap of one slice
-  double above_slits_um = 0;  ///< shortfall of those that are
-  double least_contrast = 1;
-};
-
-Printed print(const CureModel& model, const Process& process, const Column& design) {
-  const int layers = static_cast<int>(design.size());
-  const auto plan = test::plan_for(model, process, layers);
-  const auto levels = solve_column(plan, design);
-  const PixelCurve curve = pixel_curve(model);
-  BandPredictor predictor(model, curve, plan.all_layers, 1);
-  Printed printed;
-  predictor.tell_edges([&](std::size_t, int node, bool upper, double um) {
-    const auto n = static_cast<std::size_t>(node);
-    const bool above_slit = !upper && n + 1 < design.size() && design[n + 1] != 0;
-    if (above_slit && um < 0) {
-      printed.above_slits_um = std::max(printed.above_slits_um, -um);
-    } else {
-      printed.largest_um = std::max(printed.largest_um, std::abs(um));
-    }
-  });
-  const int count = static_cast<int>(model.level_phi.size());
-  for (int n = plan.all_layers; n-- > 0;) {
-    const auto k = static_cast<std::size_t>(n);
-    const auto pixel = static_cast<std::uint8_t>(pixel_of_level(levels[k], count));
-    const std::uint8_t cover = n < layers ? design[k] : 0;
-    predictor.add_slice(n, &pixel, &cover);
-  }
-  const Prediction p = predictor.finish(0, 0, 1);
-  printed.undercured = p.undercure_voxels;
-  printed.cured_through = p.cure_through_voxels;
-  if (p.gaps > 0) printed.least_contrast = p.gap_contrast.least();
-  return printed;
-}
 
 Column random_column(std::mt19937& random, unsigned least, unsigned most, std::size_t layers) {
   Column design;

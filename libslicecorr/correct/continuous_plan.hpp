@@ -101,7 +101,6 @@ struct ContinuousPlan {
   }
 
   double step(double phi, double below) const { return phi * b + a * below; }
-  double prints_at(const Corner& c) const { return prints * c.grown; }
 };
 
 }  // namespace slicecorr::detail

@@ -162,31 +162,30 @@ std::int32_t Edges::endless(std::uint8_t coverage, Hidden hidden) {
 
 std::int32_t Edges::next(std::int32_t id, int slices, std::uint8_t below) {
   const Edge& above = (*this)[id];
-  if (is_grey(above.below)) {
+  const std::uint8_t cover = above.below;  // the edge itself may move when others join
+  if (is_grey(cover)) {
     // What a grey layer asks for itself is most often more than what those above it do.
     const bool under_full = slices == 1 && cover_above(id) == kFull && !above.platform;
     const double asked = grey_least_at(id, slices - 1);
-    const std::uint8_t grey = above.below;
-    if ((asked - plan_.phi_max * plan_.b) * plan_.per_a <= grey_least(grey, under_full, below)) {
+    if ((asked - plan_.phi_max * plan_.b) * plan_.per_a <= grey_least(cover, under_full, below)) {
       if (is_grey(below)) {
         endless(below, Hidden::nothing);
-        return kGreyPair | static_cast<std::int32_t>(grey) << 8 | below;
+        return kGreyPair | static_cast<std::int32_t>(cover) << 8 | below;
       }
       // Full layers are the same under all greys.
-      id = endless(below == kFull ? kAnyGrey : grey,
+      id = endless(below == kFull ? kAnyGrey : cover,
                    under_full && below == 0 ? Hidden::under_full : Hidden::nothing);
       slices = 0;
     } else if (id & kGreyPair) {
       const std::uint8_t first = cover_above(id);
-      id = keep({endless(first, Hidden::nothing), 0, grey});
+      id = keep({endless(first, Hidden::nothing), 0, cover});
     }
   } else if (slices >= above.far) {
-    id = endless(above.below,
-                 above.platform && above.below == kFull ? Hidden::platform : Hidden::nothing);
+    id = endless(cover, above.platform && cover == kFull ? Hidden::platform : Hidden::nothing);
     slices = 0;
   }
   if (slices > 0 && edges_.size() >= kMostEdges) {
-    id = endless(above.below, Hidden::nothing);
+    id = endless(cover, Hidden::nothing);
     slices = 0;
   }
   return keep({id, slices, below});

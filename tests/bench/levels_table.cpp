@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "models.hpp"
+#include "printed_column.hpp"
 #include "slicecorr/predict.hpp"
 #include "slicecorr/units.hpp"
 
@@ -55,45 +56,6 @@ Row ladder(const Printer& printer, double cap) {
   return row;
 }
 
-/// What a corrected column prints.
-struct Printed {
-  double largest_um = 0;  ///< of edges that are not above a gap of one slice
-  std::uint64_t wrong = 0;
-  double contrast = 1;
-};
-Printed print(const CureModel& model, const Process& process,
-              const std::vector<std::uint8_t>& design) {
-  const int layers = static_cast<int>(design.size());
-  const auto plan = test::plan_for(model, process, layers);
-  const auto levels = solve_column(plan, design);
-  const PixelCurve curve = pixel_curve(model);
-  BandPredictor predictor(model, curve, plan.all_layers, 1);
-  Printed printed;
-  predictor.tell_edges([&](std::size_t, int node, bool upper, double um) {
-    const auto n = static_cast<std::size_t>(node);
-    const bool above_slit = !upper && n + 1 < design.size() && design[n + 1] != 0;
-    if (!above_slit) printed.largest_um = std::max(printed.largest_um, std::abs(um));
-  });
-  const int count = static_cast<int>(model.level_phi.size());
-  for (int n = plan.all_layers; n-- > 0;) {
-    const auto k = static_cast<std::size_t>(n);
-    const auto pixel = static_cast<std::uint8_t>(pixel_of_level(levels[k], count));
-    const std::uint8_t cover = n < layers ? design[k] : 0;
-    predictor.add_slice(n, &pixel, &cover);
-  }
-  const Prediction p = predictor.finish(0, 0, 1);
-  printed.wrong = p.cure_through_voxels + p.undercure_voxels;
-  if (p.gaps > 0) printed.contrast = p.gap_contrast.least();
-  return printed;
-}
-
-/// Ic is 1 mW/cm², so that intensities are phi.
-CureModel model_of(double layer_um, double ha_um, double phi_max, double contrast, double gamma,
-                   int bits) {
-  return make_cure_model(test::gamma_printer(phi_max / contrast, phi_max, gamma, bits),
-                         test::resin(36, ha_um), test::process(1000), layer_um);
-}
-
 void slits() {
   fmt::print(
       "| phi_max | shortfall, slices | largest other error, um | least contrast | wrong voxels "
@@ -108,9 +70,10 @@ void slits() {
         design.push_back(0);
       }
       design.insert(design.end(), 5, 255);
-      const Printed p = print(model_of(50, 1500, phi_max, 100, 1, 8), process, design);
+      const test::PrintedColumn p =
+          test::print(test::model_of(50, 1500, phi_max, 100, 1, 8), process, design);
       fmt::print("| {:g} | {:g} | {:.3f} | {:.4f} | {} |\n", phi_max, shortfall, p.largest_um,
-                 p.contrast, p.wrong);
+                 p.least_contrast, p.wrong());
     }
   }
 }
@@ -148,10 +111,11 @@ void random_columns() {
              c = static_cast<std::uint8_t>(255 - c)) {
           design.insert(design.end(), kind.least + random() % (most - kind.least + 1), c);
         }
-        const Printed p = print(model_of(layer_um, ha_um, phi_max, contrast, gamma, bits),
-                                test::process(1000), design);
-        wrong += p.wrong;
-        if (p.wrong == 0) errors.push_back(p.largest_um);
+        const test::PrintedColumn p =
+            test::print(test::model_of(layer_um, ha_um, phi_max, contrast, gamma, bits),
+                        test::process(1000), design);
+        wrong += p.wrong();
+        if (p.wrong() == 0) errors.push_back(p.largest_um);
       }
       std::sort(errors.begin(), errors.end());
       fmt::print("| {} | {} | {} of {} | {:.3f} | {:.2f} | {} |\n", kind.words, 1 << bits,

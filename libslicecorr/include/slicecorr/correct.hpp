@@ -3,23 +3,18 @@
 ///
 /// Going from the last slice to the first, slice k decides Omega(k), the dose at its upper node,
 /// from Omega(k + 1), the dose really delivered at its lower one: rounding to levels does not pile
-/// up. What a node is for follows from the coverage of the layers on its two sides:
-///
-///  - inside a feature and at its edges Omega >= 1, at the edges as little above as levels allow;
-///  - inside a feature the dose climbs with full light, up to the cap Omega_max, and stays under
-///  the
-///    curve that falls with black light to 1 at the upper edge; a feature on the platform has none;
-///  - in a gap the least dose: black light, unless full light could not reach 1 at the lower edge
-///  of
-///    the next feature from there (the burst);
-///  - a layer of grey coverage c aims at the relative dose c in its middle.
+/// up. Wanted are, in this order, layers of features that print in their middle, layers of gaps
+/// that don't, and edges within a tolerance of their nodes, to either side; then features as bright
+/// as the cap Omega_max and gaps as dark as that leaves. For this the levels of several slices
+/// before an edge are chosen together, from the doses with which all that lies above can still be
+/// printed (docs/levels.md). A layer of grey coverage c aims at the relative dose c in its middle.
 ///
 /// Layer by layer each slice makes its own layer's far edge reach 1. Under UV light a slice hardly
 /// acts on its own node and is chosen for several nodes above it together (docs/inhibition.md).
 ///
-/// Look-ahead costs no window: a first pass from slice 0 on leaves, per column, the last node that
-/// demands something of the nodes after it, with a log of changes that the solve takes back step by
-/// step. Objects are for one thread at a time; plans are immutable and may be shared.
+/// A first pass from slice 0 on notes, per column, the edges that it passes, in a log that the
+/// solve takes back step by step. Objects are for one thread at a time; plans are immutable and may
+/// be shared.
 #pragma once
 
 #include <cstddef>
@@ -35,7 +30,7 @@ namespace slicecorr {
 namespace detail {
 struct InhibitedPlan;
 struct ContinuousPlan;
-}
+}  // namespace detail
 
 /// What all columns of a correction share.
 struct CorrectionPlan {

@@ -6,8 +6,8 @@
 #include <optional>
 
 #include "post/correct_file.hpp"
-#include "program/figures.hpp"
-#include "program/program.hpp"
+#include "programs/common/figures.hpp"
+#include "programs/common/program.hpp"
 #include "watch/watch.hpp"
 
 namespace slicecorr::post {

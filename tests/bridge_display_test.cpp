@@ -15,7 +15,7 @@
 #include "drm_substitute.hpp"
 #include "frames/wire.hpp"
 #include "models.hpp"
-#include "process/toml_table.hpp"
+#include "support/toml/toml_table.hpp"
 #include "slicecorr/bridge/display.hpp"
 #include "slicecorr/error.hpp"
 

@@ -12,7 +12,7 @@
 
 #include "bridge_fixture.hpp"
 #include "exposition_reader.hpp"
-#include "program/words.hpp"
+#include "support/text/display_text.hpp"
 #include "slicecorr/bridge/view.hpp"
 #include "view/envelope.hpp"
 

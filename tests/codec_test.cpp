@@ -8,10 +8,10 @@
 
 #include "oiio_png.hpp"
 #include "run_program.hpp"
-#include "stack/huffman.hpp"
-#include "stack/png.hpp"
-#include "stack/png_archive.hpp"
-#include "stack/run_deflate.hpp"
+#include "stack/png/huffman.hpp"
+#include "stack/png/png.hpp"
+#include "stack/formats/png_archive.hpp"
+#include "stack/png/run_deflate.hpp"
 #include "stack_fixture.hpp"
 
 namespace slicecorr {

@@ -1,4 +1,4 @@
-#include "stack/container.hpp"
+#include "stack/container/container.hpp"
 
 #include <fcntl.h>
 #include <gmock/gmock.h>
@@ -11,10 +11,10 @@
 #include <functional>
 
 #include "file_size_limit.hpp"
-#include "stack/container_output.hpp"
-#include "stack/folder_container.hpp"
-#include "stack/known_foreign.hpp"
-#include "stack/tar_container.hpp"
+#include "stack/container/container_output.hpp"
+#include "stack/container/folder_container.hpp"
+#include "stack/formats/known_foreign.hpp"
+#include "stack/container/tar_container.hpp"
 #include "tar_fixture.hpp"
 
 namespace slicecorr {

@@ -10,7 +10,7 @@
 
 #include "farm_filled.hpp"
 #include "ladder.hpp"
-#include "program/http/guard.hpp"
+#include "support/http/guard.hpp"
 #include "run_program.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/serve.hpp"

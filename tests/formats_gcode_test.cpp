@@ -6,8 +6,8 @@
 #include <random>
 
 #include "format_fixture.hpp"
-#include "stack/archive_format.hpp"
-#include "stack/layer_gcode.hpp"
+#include "stack/formats/archive_format.hpp"
+#include "stack/formats/layer_gcode.hpp"
 
 namespace slicecorr::test {
 namespace {

@@ -18,7 +18,7 @@
 #include "post/files.hpp"
 #include "post/profiles.hpp"
 #include "post_fixture.hpp"
-#include "program/sha256.hpp"
+#include "support/files/sha256.hpp"
 
 namespace slicecorr::test {
 namespace {

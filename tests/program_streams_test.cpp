@@ -9,7 +9,7 @@
 
 #include "ladder.hpp"
 #include "post_fixture.hpp"
-#include "program/words.hpp"
+#include "support/text/display_text.hpp"
 #include "run_program.hpp"
 #include "stack_fixture.hpp"
 

@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "base/base64.hpp"
+#include "support/text/base64.hpp"
 #include "browser.hpp"
 #include "ladder.hpp"
 #include "lattice.hpp"

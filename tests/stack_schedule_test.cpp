@@ -7,7 +7,7 @@
 #include "layerwise_models.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
-#include "stack/uvj_config.hpp"
+#include "stack/formats/uvj_config.hpp"
 #include "stack_fixture.hpp"
 
 namespace slicecorr {

@@ -14,7 +14,7 @@
 #include "run_program.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "stack/block_check.hpp"
-#include "stack/uvj_config.hpp"
+#include "stack/formats/uvj_config.hpp"
 #include "stack_fixture.hpp"
 
 namespace slicecorr::test {

@@ -9,7 +9,7 @@
 
 #include "base/record_log.hpp"
 #include "base/tile_kernels.hpp"
-#include "base/tile_tape.hpp"
+#include "base/coded_tiles.hpp"
 #include "models.hpp"
 #include "slicecorr/predict.hpp"
 

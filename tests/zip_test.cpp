@@ -9,8 +9,8 @@
 
 #include "file_size_limit.hpp"
 #include "run_program.hpp"
-#include "stack/zip_layout.hpp"
-#include "stack/zip_output.hpp"
+#include "stack/container/zip_layout.hpp"
+#include "stack/container/zip_output.hpp"
 #include "stack_fixture.hpp"
 
 namespace slicecorr {

@@ -7,7 +7,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "base/temporary.hpp"
+#include "support/files/temporary.hpp"
 #include "engine/slurm_tasks.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/queue.hpp"

@@ -18,8 +18,8 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "base/errno_message.hpp"
-#include "base/temporary.hpp"
+#include "support/files/errno_message.hpp"
+#include "support/files/temporary.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/notify.hpp"
 #include "slicecorr/farm/queue.hpp"

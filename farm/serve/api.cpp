@@ -9,9 +9,9 @@
 #include <charconv>
 #include <nlohmann/json.hpp>
 
-#include "program/http/guarded_server.hpp"
+#include "support/http/guarded_server.hpp"
 #include "report/page_parts.hpp"
-#include "report/page_text.hpp"
+#include "support/page/page_style.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/metrics.hpp"
 #include "slicecorr/farm/morning.hpp"

@@ -11,8 +11,8 @@
 #include <string>
 #include <vector>
 
-#include "program/http/answers.hpp"
-#include "program/http/guard.hpp"
+#include "support/http/answers.hpp"
+#include "support/http/guard.hpp"
 #include "slicecorr/farm/read_model.hpp"
 #include "slicecorr/farm/serve.hpp"
 

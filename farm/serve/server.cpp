@@ -1,6 +1,6 @@
 #include <sstream>
 
-#include "program/http/guarded_server.hpp"
+#include "support/http/guarded_server.hpp"
 #include "serve/api.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/serve.hpp"

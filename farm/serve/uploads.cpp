@@ -9,8 +9,8 @@
 #include <chrono>
 #include <filesystem>
 
-#include "base/errno_message.hpp"
-#include "program/http/guard.hpp"
+#include "support/files/errno_message.hpp"
+#include "support/http/guard.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/queue.hpp"
 #include "watch/words.hpp"

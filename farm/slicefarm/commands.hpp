@@ -4,7 +4,7 @@
 #include <memory>
 #include <string>
 
-#include "program/program.hpp"
+#include "programs/common/program.hpp"
 #include "slicecorr/farm/folder.hpp"
 
 namespace slicecorr::farm {

@@ -8,8 +8,8 @@
 #include <memory>
 
 #include "commands.hpp"
-#include "program/http/guard.hpp"
-#include "program/http/run_server.hpp"
+#include "support/http/guard.hpp"
+#include "programs/common/run_server.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/notify.hpp"
 #include "slicecorr/farm/serve.hpp"

@@ -4,8 +4,8 @@
 #include <nlohmann/json.hpp>
 
 #include "commands.hpp"
-#include "program/mesh_options.hpp"
-#include "program/setup_options.hpp"
+#include "programs/common/mesh_options.hpp"
+#include "programs/common/setup_options.hpp"
 #include "slicecorr/farm/submit.hpp"
 #include "slicecorr/farm/work.hpp"
 #include "watch/words.hpp"

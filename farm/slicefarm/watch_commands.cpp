@@ -9,7 +9,7 @@
 #include <memory>
 
 #include "commands.hpp"
-#include "program/terminal.hpp"
+#include "support/terminal/terminal.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/morning.hpp"
 #include "slicecorr/farm/status.hpp"

@@ -10,8 +10,8 @@
 #include <filesystem>
 #include <fstream>
 
-#include "base/errno_message.hpp"
-#include "base/temporary.hpp"
+#include "support/files/errno_message.hpp"
+#include "support/files/temporary.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr::farm {

@@ -12,9 +12,9 @@
 #include <filesystem>
 #include <memory>
 
-#include "base/errno_message.hpp"
-#include "base/temporary.hpp"
-#include "program/sha256.hpp"
+#include "support/files/errno_message.hpp"
+#include "support/files/temporary.hpp"
+#include "support/files/sha256.hpp"
 #include "report/page_parts.hpp"
 #include "store/title.hpp"
 

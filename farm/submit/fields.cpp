@@ -9,8 +9,8 @@
 #include <limits>
 #include <string_view>
 
-#include "base/nearest.hpp"
-#include "program/program.hpp"
+#include "support/text/nearest.hpp"
+#include "programs/common/program.hpp"
 
 namespace slicecorr::farm::detail {
 

@@ -9,7 +9,7 @@
 #include <map>
 #include <set>
 
-#include "program/mesh_options.hpp"
+#include "programs/common/mesh_options.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/service.hpp"
 #include "slicecorr/farm/store.hpp"

@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "program/program.hpp"
+#include "programs/common/program.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/clock.hpp"
 

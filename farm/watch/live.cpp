@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "program/live_line.hpp"
+#include "support/terminal/live_line.hpp"
 #include "slicecorr/farm/status.hpp"
 #include "watch/words.hpp"
 

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "program/exposition.hpp"
+#include "support/metrics/exposition.hpp"
 #include "slicecorr/version.hpp"
 
 namespace slicecorr::farm {

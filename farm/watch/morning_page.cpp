@@ -4,8 +4,8 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "report/chart.hpp"
-#include "report/page_text.hpp"
+#include "support/chart/chart.hpp"
+#include "support/page/page_style.hpp"
 #include "slicecorr/farm/morning.hpp"
 #include "watch/page_text.hpp"
 #include "watch/time_axis.hpp"

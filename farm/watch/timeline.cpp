@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <array>
 
-#include "report/chart.hpp"
+#include "support/chart/chart.hpp"
 #include "slicecorr/farm/morning.hpp"
 #include "watch/time_axis.hpp"
 #include "watch/words.hpp"

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <string>
 
-#include "program/words.hpp"
+#include "support/text/display_text.hpp"
 
 namespace slicecorr::farm::words {
 

@@ -14,9 +14,9 @@
 #include <new>
 #include <system_error>
 
-#include "program/make_part.hpp"
-#include "program/mesh_options.hpp"
-#include "program/program.hpp"
+#include "programs/common/make_part.hpp"
+#include "programs/common/mesh_options.hpp"
+#include "programs/common/program.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/clock.hpp"
 #include "slicecorr/farm/store.hpp"

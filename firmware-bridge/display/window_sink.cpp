@@ -17,7 +17,7 @@
 #include <thread>
 #include <utility>
 
-#include "base/module.hpp"
+#include "support/files/shared_object.hpp"
 #include "display/pixels.hpp"
 #include "slicecorr/bridge/display.hpp"
 #include "slicecorr/error.hpp"

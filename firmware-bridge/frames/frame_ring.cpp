@@ -6,7 +6,7 @@
 #include <mutex>
 #include <thread>
 
-#include "base/vector_state.hpp"
+#include "frames/vector_state.hpp"
 #include "frames/wire.hpp"
 #include "slicecorr/bridge/frames.hpp"
 

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <span>
 
-#include "base/nearest.hpp"
+#include "support/text/nearest.hpp"
 #include "machine/names.hpp"
 
 namespace slicecorr::bridge::detail {

@@ -2,7 +2,7 @@
 
 #include <span>
 
-#include "process/toml_table.hpp"
+#include "support/toml/toml_table.hpp"
 #include "slicecorr/bridge/machine.hpp"
 
 namespace slicecorr::bridge::detail {

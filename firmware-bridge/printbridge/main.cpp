@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "frames/wire.hpp"
-#include "program/program.hpp"
+#include "programs/common/program.hpp"
 #include "slicecorr/bridge/display.hpp"
 #include "slicecorr/bridge/print_state.hpp"
 #include "slicecorr/bridge/run.hpp"

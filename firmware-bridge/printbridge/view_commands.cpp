@@ -11,10 +11,10 @@
 #include <fstream>
 #include <memory>
 
-#include "program/http/guard.hpp"
-#include "program/http/run_server.hpp"
-#include "program/terminal.hpp"
-#include "program/words.hpp"
+#include "support/http/guard.hpp"
+#include "programs/common/run_server.hpp"
+#include "support/terminal/terminal.hpp"
+#include "support/text/display_text.hpp"
 #include "slicecorr/bridge/run.hpp"
 #include "slicecorr/bridge/serve.hpp"
 #include "slicecorr/bridge/view.hpp"

@@ -4,7 +4,7 @@
 #include <functional>
 #include <string>
 
-#include "program/program.hpp"
+#include "programs/common/program.hpp"
 
 namespace slicecorr::bridge {
 

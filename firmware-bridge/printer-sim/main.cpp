@@ -8,7 +8,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "program/program.hpp"
+#include "programs/common/program.hpp"
 #include "recorder.hpp"
 #include "sim/frame_server.hpp"
 #include "sim/modbus_server.hpp"

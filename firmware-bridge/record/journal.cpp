@@ -16,7 +16,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "base/temporary.hpp"
+#include "support/files/temporary.hpp"
 #include "slicecorr/bridge/record.hpp"
 #include "slicecorr/error.hpp"
 

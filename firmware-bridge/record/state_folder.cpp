@@ -13,7 +13,7 @@
 #include <sstream>
 #include <vector>
 
-#include "base/temporary.hpp"
+#include "support/files/temporary.hpp"
 #include "record/left_json.hpp"
 #include "slicecorr/bridge/record.hpp"
 #include "slicecorr/error.hpp"

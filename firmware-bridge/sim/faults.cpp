@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/nearest.hpp"
+#include "support/text/nearest.hpp"
 #include "slicecorr/bridge/model.hpp"
 #include "slicecorr/error.hpp"
 

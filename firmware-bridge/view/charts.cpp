@@ -6,7 +6,7 @@
 #include <cmath>
 #include <functional>
 
-#include "program/words.hpp"
+#include "support/text/display_text.hpp"
 #include "view/envelope.hpp"
 
 namespace slicecorr::bridge::detail {

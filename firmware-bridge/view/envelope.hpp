@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "report/chart.hpp"
+#include "support/chart/chart.hpp"
 
 namespace slicecorr::bridge::detail {
 

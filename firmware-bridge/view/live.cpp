@@ -8,8 +8,8 @@
 #include <numeric>
 #include <sstream>
 
-#include "program/live_line.hpp"
-#include "program/words.hpp"
+#include "support/terminal/live_line.hpp"
+#include "support/text/display_text.hpp"
 #include "slicecorr/bridge/view.hpp"
 #include "view/charts.hpp"
 #include "view/state_json.hpp"

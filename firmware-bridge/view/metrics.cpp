@@ -1,6 +1,6 @@
 #include <cmath>
 
-#include "program/exposition.hpp"
+#include "support/metrics/exposition.hpp"
 #include "slicecorr/bridge/view.hpp"
 #include "slicecorr/version.hpp"
 

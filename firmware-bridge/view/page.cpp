@@ -5,9 +5,9 @@
 #include <cstdio>
 #include <filesystem>
 
-#include "program/words.hpp"
-#include "report/chart.hpp"
-#include "report/page_text.hpp"
+#include "support/text/display_text.hpp"
+#include "support/chart/chart.hpp"
+#include "support/page/page_style.hpp"
 #include "slicecorr/bridge/view.hpp"
 #include "slicecorr/error.hpp"
 #include "view/charts.hpp"

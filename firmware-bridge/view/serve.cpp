@@ -5,11 +5,11 @@
 #include <sstream>
 #include <utility>
 
-#include "program/http/answers.hpp"
-#include "program/http/guard.hpp"
-#include "program/http/guarded_server.hpp"
-#include "report/chart.hpp"
-#include "report/page_text.hpp"
+#include "support/http/answers.hpp"
+#include "support/http/guard.hpp"
+#include "support/http/guarded_server.hpp"
+#include "support/chart/chart.hpp"
+#include "support/page/page_style.hpp"
 #include "slicecorr/bridge/view.hpp"
 #include "slicecorr/error.hpp"
 #include "view/page_text.hpp"

@@ -1,6 +1,6 @@
 #include "base/image_module.hpp"
 
-#include "base/module.hpp"
+#include "support/files/shared_object.hpp"
 
 namespace slicecorr::detail {
 

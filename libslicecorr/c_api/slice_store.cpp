@@ -6,7 +6,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "base/band_tape.hpp"
+#include "base/coded_band.hpp"
 #include "base/run_length.hpp"
 
 namespace slicecorr::c_api {

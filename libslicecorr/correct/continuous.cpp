@@ -5,7 +5,7 @@
 #include <span>
 
 #include "base/record_log.hpp"
-#include "base/tile_tape.hpp"
+#include "base/coded_tiles.hpp"
 #include "correct/band_solvers.hpp"
 #include "correct/level_search.hpp"
 #include "slicecorr/correct.hpp"

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "base/band_tape.hpp"
+#include "base/coded_band.hpp"
 #include "correct/band_solvers.hpp"
 #include "correct/inhibited_column.hpp"
 #include "slicecorr/correct.hpp"

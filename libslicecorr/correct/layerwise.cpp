@@ -4,7 +4,7 @@
 #include <cstring>
 #include <limits>
 
-#include "base/band_tape.hpp"
+#include "base/coded_band.hpp"
 #include "base/kernels.hpp"
 #include "correct/band_solvers.hpp"
 #include "correct/coverage.hpp"

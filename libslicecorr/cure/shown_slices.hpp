@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "base/band_tape.hpp"
+#include "base/coded_band.hpp"
 #include "slicecorr/dose.hpp"
 #include "slicecorr/process.hpp"
 #include "slicecorr/recording.hpp"

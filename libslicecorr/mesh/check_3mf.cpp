@@ -7,7 +7,7 @@
 #include <map>
 #include <memory>
 
-#include "base/unpacked_limit.hpp"
+#include "support/files/unpacked_limit.hpp"
 #include "mesh/mesh_parts.hpp"
 
 namespace slicecorr::detail {

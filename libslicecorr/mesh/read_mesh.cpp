@@ -10,7 +10,7 @@
 #include <filesystem>
 #include <memory>
 
-#include "base/unpacked_limit.hpp"
+#include "support/files/unpacked_limit.hpp"
 #include "mesh/half_edges.hpp"
 #include "mesh/mesh_parts.hpp"
 #include "parallel/silent.hpp"

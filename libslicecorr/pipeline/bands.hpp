@@ -4,7 +4,7 @@
 #include <memory>
 #include <vector>
 
-#include "base/band_tape.hpp"
+#include "base/coded_band.hpp"
 #include "cure/shown_slices.hpp"
 #include "slicecorr/predict.hpp"
 #include "slicecorr/stack.hpp"

@@ -2,7 +2,7 @@
 #include <cmath>
 #include <mutex>
 
-#include "base/band_tape.hpp"
+#include "base/coded_band.hpp"
 #include "pipeline/bands.hpp"
 #include "pipeline/place_plans.hpp"
 #include "pipeline/vanished.hpp"

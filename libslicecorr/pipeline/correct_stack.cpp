@@ -6,7 +6,7 @@
 #include <cstring>
 #include <mutex>
 
-#include "base/band_tape.hpp"
+#include "base/coded_band.hpp"
 #include "pipeline/bands.hpp"
 #include "pipeline/place_plans.hpp"
 #include "pipeline/relief.hpp"

@@ -7,7 +7,7 @@
 #include <mutex>
 #include <vector>
 
-#include "base/band_tape.hpp"
+#include "base/coded_band.hpp"
 #include "cure/shown_slices.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/places.hpp"

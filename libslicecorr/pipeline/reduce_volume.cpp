@@ -1,4 +1,4 @@
-#include "base/band_tape.hpp"
+#include "base/coded_band.hpp"
 #include "pipeline/bands.hpp"
 #include "pipeline/volume_reducer.hpp"
 #include "slicecorr/places.hpp"

@@ -5,7 +5,7 @@
 #include <mutex>
 #include <span>
 
-#include "base/band_tape.hpp"
+#include "base/coded_band.hpp"
 #include "cure/shown_slices.hpp"
 #include "pipeline/bands.hpp"
 #include "pipeline/place_plans.hpp"

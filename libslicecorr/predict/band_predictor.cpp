@@ -2,7 +2,7 @@
 #include <cmath>
 #include <memory>
 
-#include "base/band_tape.hpp"
+#include "base/coded_band.hpp"
 #include "base/kernels.hpp"
 #include "base/tile_kernels.hpp"
 #include "cure/inhibited_layer.hpp"

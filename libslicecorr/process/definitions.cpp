@@ -7,7 +7,7 @@
 #include <sstream>
 
 #include "process/flat_field_keys.hpp"
-#include "process/toml_table.hpp"
+#include "support/toml/toml_table.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/process.hpp"
 #include "slicecorr/units.hpp"

@@ -4,7 +4,7 @@
 #include <optional>
 #include <string>
 
-#include "process/toml_table.hpp"
+#include "support/toml/toml_table.hpp"
 
 namespace slicecorr::detail {
 

@@ -5,10 +5,11 @@
 #include <cmath>
 #include <string_view>
 
-#include "base/base64.hpp"
+#include "support/text/base64.hpp"
 #include "parallel/silent.hpp"
 #include "report/page_parts.hpp"
 #include "report/page_text.hpp"
+#include "support/page/page_style.hpp"
 #include "slicecorr/report.hpp"
 #include "slicecorr/units.hpp"
 

@@ -10,7 +10,7 @@
 #include <new>
 #include <nlohmann/json.hpp>
 
-#include "base/base64.hpp"
+#include "support/text/base64.hpp"
 #include "parallel/silent.hpp"
 #include "report/page_parts.hpp"
 #include "slicecorr/error.hpp"

@@ -5,7 +5,7 @@
 
 namespace slicecorr::detail {
 
-extern const std::string_view page_page_css, page_tiles_css, page_explorer_html, page_data_js,
-    page_sections_js, page_column_js, page_solid_js, page_page_js;
+extern const std::string_view page_explorer_html, page_data_js, page_sections_js, page_column_js,
+    page_solid_js, page_page_js;
 
 }  // namespace slicecorr::detail

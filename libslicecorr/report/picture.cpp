@@ -7,7 +7,7 @@
 #include <new>
 
 #include "slicecorr/report.hpp"
-#include "stack/png.hpp"
+#include "stack/png/png.hpp"
 
 namespace slicecorr {
 

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-#include "report/chart.hpp"
+#include "support/chart/chart.hpp"
 #include "slicecorr/report.hpp"
 
 namespace slicecorr {

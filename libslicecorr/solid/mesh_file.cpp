@@ -12,9 +12,9 @@
 #include <iterator>
 #include <unordered_map>
 
-#include "base/errno_message.hpp"
+#include "support/files/errno_message.hpp"
 #include "slicecorr/error.hpp"
-#include "stack/zip_output.hpp"
+#include "stack/container/zip_output.hpp"
 
 namespace slicecorr::detail {
 

@@ -7,7 +7,7 @@
 #include <limits>
 #include <vector>
 
-#include "base/band_tape.hpp"
+#include "base/coded_band.hpp"
 #include "cure/shown_slices.hpp"
 #include "slicecorr/dose.hpp"
 #include "slicecorr/error.hpp"

@@ -6,7 +6,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
-#include "stack/archive_format.hpp"
+#include "stack/formats/archive_format.hpp"
 
 namespace slicecorr::detail {
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "slicecorr/process.hpp"
-#include "stack/archive_format.hpp"
+#include "stack/formats/archive_format.hpp"
 
 namespace slicecorr::detail {
 

@@ -6,7 +6,7 @@
 #include <filesystem>
 
 #include "process/flat_field_keys.hpp"
-#include "process/toml_table.hpp"
+#include "support/toml/toml_table.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
 

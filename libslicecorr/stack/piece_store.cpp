@@ -7,7 +7,7 @@
 #include <cstring>
 #include <mutex>
 
-#include "base/errno_message.hpp"
+#include "support/files/errno_message.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
 

@@ -6,7 +6,7 @@
 #include <string_view>
 
 #include "slicecorr/recording.hpp"
-#include "stack/archive_format.hpp"
+#include "stack/formats/archive_format.hpp"
 
 namespace slicecorr::detail {
 

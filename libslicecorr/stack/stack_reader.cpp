@@ -9,12 +9,12 @@
 #include "base/run_length.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
-#include "stack/archive_format.hpp"
+#include "stack/formats/archive_format.hpp"
 #include "stack/block_check.hpp"
 #include "stack/flat_field_entry.hpp"
-#include "stack/png.hpp"
+#include "stack/png/png.hpp"
 #include "stack/recording_entry.hpp"
-#include "stack/uvj_config.hpp"
+#include "stack/formats/uvj_config.hpp"
 
 namespace slicecorr {
 

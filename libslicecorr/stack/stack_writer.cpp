@@ -10,13 +10,13 @@
 #include "parallel/silent.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
-#include "stack/archive_format.hpp"
+#include "stack/formats/archive_format.hpp"
 #include "stack/block_check.hpp"
 #include "stack/flat_field_entry.hpp"
-#include "stack/png.hpp"
-#include "stack/png_archive.hpp"
+#include "stack/png/png.hpp"
+#include "stack/formats/png_archive.hpp"
 #include "stack/recording_entry.hpp"
-#include "stack/uvj_config.hpp"
+#include "stack/formats/uvj_config.hpp"
 
 namespace slicecorr {
 namespace {

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "database/schema.hpp"
-#include "process/toml_table.hpp"
+#include "support/toml/toml_table.hpp"
 
 namespace slicecorr::resins {
 

@@ -11,7 +11,7 @@
 #include <system_error>
 #include <utility>
 
-#include "base/errno_message.hpp"
+#include "support/files/errno_message.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr::resins {

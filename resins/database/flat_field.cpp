@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "process/toml_table.hpp"
+#include "support/toml/toml_table.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr::resins {

@@ -7,7 +7,7 @@
 #include <sstream>
 #include <string_view>
 
-#include "base/nearest.hpp"
+#include "support/text/nearest.hpp"
 #include "database/schema.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/database.hpp"

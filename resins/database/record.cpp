@@ -8,7 +8,7 @@
 
 #include "database/record_text.hpp"
 #include "database/schema.hpp"
-#include "process/toml_table.hpp"
+#include "support/toml/toml_table.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr::resins {

@@ -17,7 +17,7 @@
 #include "database/files.hpp"
 #include "database/schema.hpp"
 #include "database/toml_edit.hpp"
-#include "process/toml_table.hpp"
+#include "support/toml/toml_table.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/database.hpp"
 

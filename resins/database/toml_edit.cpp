@@ -7,7 +7,7 @@
 #include <optional>
 #include <utility>
 
-#include "process/toml_table.hpp"
+#include "support/toml/toml_table.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr::resins {

@@ -7,11 +7,11 @@
 #include <cmath>
 #include <filesystem>
 
-#include "base/nearest.hpp"
+#include "support/text/nearest.hpp"
 #include "database/checked_file.hpp"
 #include "database/record_text.hpp"
 #include "database/schema.hpp"
-#include "process/toml_table.hpp"
+#include "support/toml/toml_table.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr::resins {

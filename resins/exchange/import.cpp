@@ -11,7 +11,7 @@
 #include "database/schema.hpp"
 #include "database/toml_edit.hpp"
 #include "exchange/csv.hpp"
-#include "process/toml_table.hpp"
+#include "support/toml/toml_table.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/units.hpp"
 

@@ -10,7 +10,7 @@
 #include "database/toml_edit.hpp"
 #include "exchange/csv.hpp"
 #include "exchange/import.hpp"
-#include "process/toml_table.hpp"
+#include "support/toml/toml_table.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/process.hpp"
 

@@ -8,7 +8,7 @@
 #include "database/record_text.hpp"
 #include "database/toml_edit.hpp"
 #include "exchange/import.hpp"
-#include "process/toml_table.hpp"
+#include "support/toml/toml_table.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/exchange.hpp"
 

@@ -10,7 +10,7 @@
 #include <tuple>
 
 #include "picture/fit_words.hpp"
-#include "report/chart.hpp"
+#include "support/chart/chart.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/plots.hpp"
 

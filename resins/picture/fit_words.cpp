@@ -5,7 +5,7 @@
 #include <cctype>
 #include <cmath>
 
-#include "report/chart.hpp"
+#include "support/chart/chart.hpp"
 
 namespace slicecorr::resins {
 

@@ -6,8 +6,8 @@
 #include <cmath>
 
 #include "picture/fit_words.hpp"
-#include "report/chart.hpp"
-#include "report/page_text.hpp"
+#include "support/chart/chart.hpp"
+#include "support/page/page_style.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/design.hpp"
 #include "slicecorr/resins/plots.hpp"

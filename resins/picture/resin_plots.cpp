@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "picture/fit_words.hpp"
-#include "report/chart.hpp"
+#include "support/chart/chart.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/plots.hpp"
 #include "slicecorr/units.hpp"

@@ -1,7 +1,7 @@
 /// The subcommands of resinctl, by file.
 #pragma once
 
-#include "program/program.hpp"
+#include "programs/common/program.hpp"
 
 namespace slicecorr::resinctl {
 

@@ -8,8 +8,8 @@
 #include <cstdlib>
 #include <filesystem>
 
-#include "base/nearest.hpp"
-#include "process/toml_table.hpp"
+#include "support/text/nearest.hpp"
+#include "support/toml/toml_table.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr::post {

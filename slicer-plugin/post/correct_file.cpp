@@ -8,10 +8,10 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "base/temporary.hpp"
+#include "support/files/temporary.hpp"
 #include "post/files.hpp"
-#include "program/program.hpp"
-#include "program/sha256.hpp"
+#include "programs/common/program.hpp"
+#include "support/files/sha256.hpp"
 #include "slicecorr/report.hpp"
 
 namespace slicecorr::post {

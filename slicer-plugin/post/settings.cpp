@@ -6,8 +6,8 @@
 #include <set>
 #include <vector>
 
-#include "base/nearest.hpp"
-#include "program/program.hpp"
+#include "support/text/nearest.hpp"
+#include "programs/common/program.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr::post {

@@ -6,7 +6,7 @@
 #include <map>
 #include <string>
 
-#include "program/setup_options.hpp"
+#include "programs/common/setup_options.hpp"
 
 namespace slicecorr::post {
 

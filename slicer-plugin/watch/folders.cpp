@@ -13,7 +13,7 @@
 #include <cstddef>
 #include <cstring>
 
-#include "base/errno_message.hpp"
+#include "support/files/errno_message.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr::post {

@@ -10,7 +10,7 @@
 #include <ctime>
 #include <nlohmann/json.hpp>
 
-#include "base/errno_message.hpp"
+#include "support/files/errno_message.hpp"
 
 namespace slicecorr::post {
 

@@ -15,7 +15,7 @@
 #include <optional>
 #include <set>
 
-#include "base/errno_message.hpp"
+#include "support/files/errno_message.hpp"
 #include "post/files.hpp"
 #include "watch/commands.hpp"
 #include "watch/folders.hpp"

@@ -10,8 +10,8 @@
 #include <cstdint>
 #include <new>
 
-#include "base/errno_message.hpp"
-#include "program/program.hpp"
+#include "support/files/errno_message.hpp"
+#include "programs/common/program.hpp"
 
 namespace slicecorr::post {
 

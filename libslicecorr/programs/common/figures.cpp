@@ -1,0 +1,84 @@
+#include "programs/common/figures.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace slicecorr::cli {
+
+std::string figures_table(const std::vector<Figures>& columns) {
+  std::string text;
+  const auto line = [&](const char* name, auto figure) {
+    text += fmt::format("  {:<34}", name);
+    for (const Figures& c : columns) text += fmt::format("{:>18}", figure(*c.prediction));
+    text += "\n";
+  };
+  if (columns.size() > 1) {
+    text += fmt::format("  {:<34}", "");
+    for (const Figures& c : columns) text += fmt::format("{:>18}", c.heading);
+    text += "\n";
+  }
+  const auto edge = [](const Prediction& p, double value) {
+    return p.height_error_um.count() ? fmt::format("{:.3f} um", value) : std::string("-");
+  };
+  line("height error, mean",
+       [&](const Prediction& p) { return edge(p, p.height_error_um.mean()); });
+  line("height error, 95 % within",
+       [&](const Prediction& p) { return edge(p, p.height_error_um.quantile(0.95)); });
+  line("height error, largest",
+       [&](const Prediction& p) { return edge(p, p.height_error_um.greatest()); });
+  line("gap voxels cured through",
+       [](const Prediction& p) { return fmt::format("{}", p.cure_through_voxels); });
+  line("feature voxels undercured",
+       [](const Prediction& p) { return fmt::format("{}", p.undercure_voxels); });
+  line("column features lost",
+       [](const Prediction& p) { return fmt::format("{} of {}", p.lost_features, p.runs); });
+  const bool any_split = std::any_of(columns.begin(), columns.end(), [](const Figures& f) {
+    return f.prediction->split_features > 0;
+  });
+  if (any_split) {
+    line("column features in pieces",
+         [](const Prediction& p) { return fmt::format("{} of {}", p.split_features, p.runs); });
+    line("least dose in features", [](const Prediction& p) {
+      return p.target_voxels ? fmt::format("{:.4f}", p.min_inside_layers) : std::string("-");
+    });
+  }
+  line("column gaps merged",
+       [](const Prediction& p) { return fmt::format("{} of {}", p.merged_features, p.gaps); });
+  line("one-slice gaps", [](const Prediction& p) { return fmt::format("{}", p.one_slice_gaps); });
+  line("overlap with the design",
+       [](const Prediction& p) { return fmt::format("{:.6f}", p.iou()); });
+  return text;
+}
+
+std::string summary(const Prediction& after, const std::optional<Prediction>& before) {
+  std::vector<Figures> columns;
+  if (before) columns.push_back({"uncorrected", &*before});
+  columns.push_back({"corrected", &after});
+  std::string text = figures_table(columns);
+  if (const auto& l = after.layerwise) {
+    text += fmt::format(
+        "  layer by layer: black light alone cures {:.3f} um above a feature{}; the dose within a "
+        "layer varies {:.3f}-fold{}\n",
+        l->cut_through_um,
+        l->max_cut_through_um > l->cut_through_um
+            ? fmt::format(" ({:.3f} um where exposures are longest)", l->max_cut_through_um)
+            : "",
+        l->heterogeneity,
+        l->gels_further_teeth ? "; it is enough to gel layers further up beside their windows"
+                              : "");
+  }
+  if (const auto& zones = after.dead_zones; zones && std::isfinite(zones->least())) {
+    text += fmt::format("  dead zone over lit pixels: {:.3f} to {:.3f} um{}\n", zones->least(),
+                        zones->greatest(),
+                        zones->cured_pixels == 0
+                            ? ""
+                            : fmt::format("; the resin cures to the window at {} pixels, first in "
+                                          "slice {}",
+                                          zones->cured_pixels, zones->cured_slice));
+  }
+  return text;
+}
+
+}  // namespace slicecorr::cli

@@ -1,0 +1,58 @@
+#include "programs/common/make_part.hpp"
+
+#include <unistd.h>
+
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "programs/common/program.hpp"
+#include "slicecorr/report.hpp"
+
+namespace slicecorr::cli {
+
+FittedSlices fit_for_output(const SliceSource& slices, const StackFile& file,
+                            const Printer& printer, const Job& job) {
+  static const Printer unturned;
+  const std::string format = format_of(file);
+  const bool ours = format == "uvj" || format == "folder";
+  return FittedSlices::for_display(slices, ours ? unturned : printer, folder_of(file.path), job);
+}
+
+Correction make_part(const SliceSource& target, Setup setup, const StackFile& file,
+                     const std::string& base, const std::string& title, const Job& job,
+                     const std::function<void()>& corrected) {
+  const std::string proof_path = base + ".json", page_path = base + ".html";
+  std::optional<PendingFile> proof, page;
+  const Correction* result = nullptr;
+  CorrectionAsk ask;
+  ask.before = true;
+  ask.volume_cells = kReportCells;
+  ask.before_writing = [&](const Correction& made) {
+    result = &made;
+    if (corrected) corrected();
+  };
+  // All three are whole before the first of them takes its name, and the old page goes before the
+  // old stack: whenever this is killed, no page is of another stack.
+  StackFile stack = file;
+  stack.before_renaming = [&] {
+    setup.process = *result->info.process;
+    // The proof: the prediction of the stack, with that of the uncorrected part beside it.
+    auto figures = nlohmann::ordered_json::parse(result->after.to_json());
+    figures["uncorrected"] = nlohmann::ordered_json::parse(result->before->to_json());
+    proof.emplace(proof_path, figures.dump(2) + "\n");
+    const CorrectedSlices shown(target, setup, job);
+    page.emplace(page_path,
+                 make_report(gather_report(shown, target, setup, result->info, result->after,
+                                           result->before, title, job, result->volume),
+                             job));
+    job.check_cancelled();
+    ::unlink(page_path.c_str());
+    ::unlink(proof_path.c_str());
+  };
+  Correction done = correct_stack(target, setup, stack, ask, job);
+  proof->publish();
+  page->publish();
+  return done;
+}
+
+}  // namespace slicecorr::cli

@@ -1,0 +1,94 @@
+#include "programs/common/mesh_options.hpp"
+
+#include <fmt/format.h>
+
+#include <utility>
+
+#include "programs/common/program.hpp"
+
+namespace slicecorr::cli {
+
+namespace {
+
+Units units_named(const std::string& name) {
+  if (name == "mm") return Units::mm;
+  if (name == "inch") return Units::inch;
+  if (name == "m") return Units::m;
+  return Units::automatic;
+}
+
+}  // namespace
+
+void MeshOptions::add_to(CLI::App& app) {
+  app.add_option("PART", parts, "Meshes (stl, obj, ply, off, 3mf; also .gz) that share the plate")
+      ->required();
+  app.add_option("--layer-um", layer_um, "Slice height, 1 to 1000")
+      ->required()
+      ->check(number_in(1, 1000));
+  app.add_option("--antialias", antialias, "Area coverage in 256 levels, or the pixel-centre rule")
+      ->check(CLI::IsMember({"on", "off"}))
+      ->capture_default_str();
+  add_placement_to(app);
+}
+
+void MeshOptions::add_placement_to(CLI::App& app) {
+  app.add_option(
+         "--center-mm", center_mm,
+         "X,Y: where the centre of the parts lies on the plate, from its corner at the least "
+         "x and y [the middle]")
+      ->delimiter(',')
+      ->expected(2)
+      ->check(number_in(-1e6, 1e6));
+  app.add_option("--units", units, "Units of the meshes [those of the file, else mm]")
+      ->check(CLI::IsMember({"auto", "mm", "inch", "m"}));
+  app.add_option("--scale", scale, "Factor on all lengths")->capture_default_str();
+  app.add_option("--rotate-deg", rotate_deg, "X,Y,Z: turned about the fixed axes, in this order")
+      ->delimiter(',')
+      ->expected(3)
+      ->check(number_in(-1e6, 1e6));
+}
+
+Placement MeshOptions::placement() const {
+  Placement p;
+  p.units = units_named(units);
+  p.scale = scale;
+  if (!rotate_deg.empty()) p.rotate_deg = {rotate_deg[0], rotate_deg[1], rotate_deg[2]};
+  return p;
+}
+
+SliceOptions MeshOptions::slice_options() const {
+  SliceOptions o;
+  o.layer_um = layer_um;
+  o.antialias = antialias == "on";
+  if (!center_mm.empty()) o.center_mm = {center_mm[0], center_mm[1]};
+  return o;
+}
+
+PlateParts read_parts(const MeshOptions& options, const Job& job) {
+  PlateParts all;
+  for (const std::string& path : options.parts) {
+    job.check_cancelled();
+    TriangleMesh part = read_mesh(path, options.placement(), job);
+    MeshSeams seams;
+    const MeshReport r = inspect(part, job, &seams);
+    job.tell(fmt::format("{}: {} {}, {} {}, {:.3f} x {:.3f} x {:.3f} mm", path, r.triangles,
+                         r.triangles == 1 ? "triangle" : "triangles", r.bodies,
+                         r.bodies == 1 ? "body" : "bodies", r.upper[0] - r.lower[0],
+                         r.upper[1] - r.lower[1], r.upper[2] - r.lower[2]));
+    if (r.defects.any()) job.tell(fmt::format("{}: {}", path, describe(r.defects)));
+    if (all.mesh.triangles.empty()) {
+      all = {std::move(part), std::move(seams)};
+    } else {
+      append(all.seams, all.mesh, seams);
+      append(all.mesh, part);
+    }
+  }
+  return all;
+}
+
+MeshSlices slice_parts(const MeshOptions& options, const Printer& printer, const Job& job) {
+  PlateParts parts = read_parts(options, job);
+  return {std::move(parts.mesh), printer, options.slice_options(), job, &parts.seams};
+}
+
+}  // namespace slicecorr::cli

@@ -1,0 +1,294 @@
+#include "programs/common/program.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <limits>
+#include <new>
+#include <optional>
+#include <sstream>
+
+#include "support/files/temporary.hpp"
+#include "support/text/display_text.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/version.hpp"
+
+namespace slicecorr::cli {
+
+namespace {
+
+std::atomic<bool> cancelled{false};
+static_assert(std::atomic<bool>::is_always_lock_free, "set from a signal handler");
+
+void on_signal(int) { cancelled = true; }
+
+/// Not by stdio: it keeps what could not be written, and tries again.
+void write_all_stderr(std::string_view text) {
+  while (!text.empty()) {
+    const ssize_t n = ::write(STDERR_FILENO, text.data(), text.size());
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) return;
+    text.remove_prefix(static_cast<std::size_t>(n));
+  }
+}
+
+/// Where one of the three is closed, the next file that is opened gets its number, and what is said
+/// would be written into it. What is closed stays without use: stdout still can't be written.
+void occupy_standard_files() {
+  for (const int fd : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
+    if (::fcntl(fd, F_GETFD) != -1 || errno != EBADF) continue;
+    // The lowest number that is free.
+    const int flags = fd == STDERR_FILENO ? O_WRONLY : O_RDONLY;
+    [[maybe_unused]] const int taken = ::open("/dev/null", flags);
+  }
+}
+
+constexpr const char* kFooter =
+    "Exit codes: 0 done; 1 a defect of the program; 2 wrong usage or input; 3 physically "
+    "infeasible; 4 disk or device failed; 5 a tolerance was missed; 130 interrupted.";
+
+}  // namespace
+
+bool interrupted() { return cancelled; }
+
+void write_stderr(std::string_view text) { write_all_stderr(words::readable(text)); }
+
+Console::Console(bool quiet) : quiet_(quiet), terminal_(isatty(STDERR_FILENO) == 1) {}
+
+Job Console::job(int threads) {
+  Job j;
+  j.threads = threads;
+  j.cancel = &cancelled;
+  if (quiet_) return j;
+  j.notice = [this](const std::string& text) { say(words::printable(text)); };
+  j.progress = [this](std::string_view stage, double done) { progress(stage, done); };
+  return j;
+}
+
+void Console::say(const std::string& text) {
+  if (quiet_) return;
+  clear();
+  write_stderr(text + "\n");
+}
+
+void Console::clear() {
+  if (line_) write_all_stderr("\r\033[K");
+  line_ = false;
+}
+
+void Console::progress(std::string_view stage, double done) {
+  const int percent = static_cast<int>(done * 100);
+  if (stage == stage_ && percent == percent_) return;
+  const bool ended = percent >= 100;
+  if (terminal_) {
+    write_all_stderr(fmt::format("\r\033[K{} {:3d} %", words::printable(stage), percent));
+    line_ = true;
+    if (ended) clear();
+  } else if (ended && (stage != stage_ || percent_ < 100)) {
+    write_stderr(fmt::format("{}: done\n", stage));
+  }
+  stage_ = stage;
+  percent_ = percent;
+}
+
+Program::Program(const std::string& name, const std::string& description,
+                 const std::string& example)
+    : app_(description, name), example_(example.empty() ? "" : "Example: " + example + "\n") {
+  app_.set_version_flag("--version", fmt::format("{} {}", name, version));
+  app_.add_option("--threads", threads_, "Number of threads [all cores]")
+      ->check(CLI::Range(0, 4096));
+  app_.add_flag("--quiet", quiet_, "Nothing but errors on stderr");
+  app_.require_subcommand(1);
+  app_.fallthrough();
+  app_.footer(example_ + "Every command takes --threads and --quiet.\n" + kFooter);
+  app_.failure_message([this](const CLI::App*, const CLI::Error& e) { return failure_message(e); });
+}
+
+CLI::App* Program::add(const std::string& name, const std::string& text, Action action) {
+  CLI::App* sub = app_.add_subcommand(name, text);
+  actions_.emplace_back(sub, std::move(action));
+  return sub;
+}
+
+CLI::App* Program::only(Action action) {
+  only_ = std::move(action);
+  app_.require_subcommand(0);
+  app_.footer(example_ + kFooter);
+  return &app_;
+}
+
+std::string Program::failure_message(const CLI::Error& e) const {
+  std::string text = e.what();
+  if (e.get_name() == "RequiredError" && !only_ && app_.get_subcommands().empty()) {
+    std::string names;
+    for (const auto& [command, act] : actions_) {
+      names += (names.empty() ? "" : ", ") + command->get_name();
+    }
+    const auto unknown = app_.remaining();
+    text = unknown.empty()
+               ? "expected a command: " + names
+               : fmt::format("'{}' is no command; expected one of {}", unknown.front(), names);
+  }
+  const auto called = app_.get_subcommands();
+  return fmt::format("{0}: {1}\nSee {0} {2}--help\n", app_.get_name(), text,
+                     called.empty() ? "" : called.front()->get_name() + " ");
+}
+
+int Program::run(int argc, char** argv) {
+  const auto finish = [&](int code) {
+    if ((std::fflush(stdout) != 0 || std::ferror(stdout)) && code == kDone) {
+      write_stderr(app_.get_name() + ": stdout can't be written\n");
+      return static_cast<int>(kDevice);
+    }
+    return code;
+  };
+  occupy_standard_files();
+  std::signal(SIGXFSZ, SIG_IGN);
+  try {
+    app_.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    std::ostringstream out, err;
+    const int code = app_.exit(e, out, err) == 0 ? kDone : kInput;
+    const std::string text = out.str();
+    std::fwrite(text.data(), 1, text.size(), stdout);
+    write_stderr(err.str());
+    return finish(code);
+  }
+
+  struct sigaction action {};
+  action.sa_handler = on_signal;
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+
+  Console console(quiet_);
+  const auto fail = [&](int code, const std::string& text) {
+    console.clear();
+    write_stderr(fmt::format("{}: {}\n", app_.get_name(), words::printable(text)));
+    return code;
+  };
+  try {
+    for (const auto& [command, act] : actions_) {
+      if (command->parsed()) return finish(act(console.job(threads_), console));
+    }
+    return only_ ? finish(only_(console.job(threads_), console)) : kInput;
+  } catch (const Cancelled&) {
+    return fail(kInterrupted, "interrupted; nothing was left half-made");
+  } catch (const InputError& e) {
+    return fail(kInput, e.what());
+  } catch (const InfeasibleError& e) {
+    return fail(kInfeasible, e.what());
+  } catch (const DeviceError& e) {
+    return fail(kDevice, e.what());
+  } catch (const std::bad_alloc&) {
+    return fail(kDevice, "out of memory");
+  } catch (const std::exception& e) {
+    return fail(kDefect, fmt::format("a defect of the program: {}", e.what()));
+  }
+}
+
+std::optional<double> number_of(const std::string& text) {
+  char* end = nullptr;
+  const double value = std::strtod(text.c_str(), &end);
+  if (text.empty() || *end != 0 || !std::isfinite(value)) return std::nullopt;
+  return value;
+}
+
+CLI::Validator number_in(double least, double most, bool above) {
+  const bool open = most >= std::numeric_limits<double>::max();
+  const std::string expected =
+      open ? fmt::format("a number {} {:g}", above ? "above" : "of at least", least)
+           : fmt::format("a number from {:g} to {:g}", least, most);
+  const auto check = [=](std::string& text) -> std::string {
+    const auto value = number_of(text);
+    if (value && *value <= most && (above ? *value > least : *value >= least)) return {};
+    return fmt::format("is {}, expected {}", text, expected);
+  };
+  return {check, "", "number"};
+}
+
+CLI::Validator number_above_zero() {
+  return number_in(0, std::numeric_limits<double>::max(), true);
+}
+
+std::string folder_of(const std::string& path) {
+  const auto parent = std::filesystem::path(path).parent_path();
+  std::string folder = parent.empty() ? "." : parent.string();
+  // Inputs may lie where nothing can be written.
+  if (::access(folder.c_str(), W_OK) == 0) return folder;
+  std::error_code error;
+  const auto temporary = std::filesystem::temp_directory_path(error);
+  return error ? folder : temporary.string();
+}
+
+void must_not_replace(const std::string& output, const std::vector<std::string>& inputs) {
+  for (const std::string& input : inputs) {
+    std::error_code error;
+    if (!input.empty() && std::filesystem::equivalent(output, input, error)) {
+      throw InputError(output, "", "is an input; expected an output of another name");
+    }
+  }
+}
+
+void print_result(const std::string& text) {
+  std::string safe;
+  std::string_view shown = text;
+  if (::isatty(STDOUT_FILENO) == 1) shown = safe = words::readable(text);
+  if (std::fwrite(shown.data(), 1, shown.size(), stdout) != shown.size() ||
+      std::fflush(stdout) != 0) {
+    throw DeviceError(fmt::format("stdout can't be written: {}", std::strerror(errno)));
+  }
+}
+
+PendingFile::PendingFile(const std::string& path, const std::string& text) : path_(path) {
+  const auto fail = [&](int code) {
+    throw DeviceError(fmt::format("{}: can't be written: {}", path, std::strerror(code)));
+  };
+  // A device or pipe is written to: renaming would put a file in its place.
+  std::error_code error;
+  const auto status = std::filesystem::status(path, error);
+  const bool straight = std::filesystem::exists(status) &&
+                        !std::filesystem::is_regular_file(status) &&
+                        !std::filesystem::is_directory(status);
+  if (!straight) {
+    temporary_.reset(new detail::Temporary{detail::make_temporary(path)});
+  }
+  std::FILE* const file = std::fopen((straight ? path : temporary_->path).c_str(), "wb");
+  if (!file) fail(errno);
+  const bool written = std::fwrite(text.data(), 1, text.size(), file) == text.size();
+  const int write_error = errno;
+  const bool closed = std::fclose(file) == 0;
+  if (!written || !closed) fail(written ? errno : write_error);
+}
+
+PendingFile::~PendingFile() = default;
+
+void PendingFile::publish() {
+  if (!temporary_) return;
+  if (std::rename(temporary_->path.c_str(), path_.c_str()) != 0) {
+    throw DeviceError(fmt::format("{}: can't be written: {}", path_, std::strerror(errno)));
+  }
+  temporary_->keep = true;
+}
+
+void write_text_file(const std::string& path, const std::string& text) {
+  PendingFile(path, text).publish();
+}
+
+void print_or_write(const std::string& where, const std::string& text) {
+  if (where == "-") {
+    print_result(text + "\n");
+  } else {
+    write_text_file(where, text + "\n");
+  }
+}
+
+}  // namespace slicecorr::cli

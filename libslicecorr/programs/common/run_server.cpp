@@ -1,0 +1,71 @@
+#include "programs/common/run_server.hpp"
+
+#include <poll.h>
+
+#include <atomic>
+#include <csignal>
+#include <cstdlib>
+#include <thread>
+
+#include "programs/common/program.hpp"
+#include "slicecorr/error.hpp"
+
+namespace slicecorr::http {
+
+namespace {
+
+/// A stop must not take longer, whatever a request is doing. Open transactions are rolled back.
+constexpr int longest_stop_ms = 5000;
+
+volatile std::sig_atomic_t terminated = 0;
+void on_terminate(int) { terminated = 1; }
+
+}  // namespace
+
+std::pair<std::string, int> host_and_port(const std::string& text) {
+  const std::size_t colon = text.rfind(':');
+  const auto wrong = [&] {
+    throw InputError("--listen is '" + text + "', expected HOST:PORT, 0 for a port that is free");
+  };
+  if (colon == std::string::npos || colon == 0) wrong();
+  std::string host = text.substr(0, colon);
+  if (host.starts_with('[') && host.ends_with(']')) host = host.substr(1, host.size() - 2);
+  const auto port = cli::number_of(text.substr(colon + 1));
+  if (!port || *port < 0 || *port > 65535 || *port != static_cast<int>(*port)) wrong();
+  return {host, static_cast<int>(*port)};
+}
+
+void take_sigterm() {
+  struct sigaction action {};
+  action.sa_handler = on_terminate;
+  ::sigaction(SIGTERM, &action, nullptr);
+}
+
+bool ended() { return terminated != 0 || cli::interrupted(); }
+
+int exit_code_of_end() { return terminated ? cli::kDone : cli::kInterrupted; }
+
+int serve_until_ended(const std::function<void()>& run, const std::function<void()>& stop,
+                      const std::function<void()>& before_end) {
+  std::atomic<bool> done{false};
+  std::thread stopper([&] {
+    while (!ended() && !done) ::poll(nullptr, 0, 50);
+    stop();
+    for (int waited = 0; !done; waited += 50) {
+      if (waited >= longest_stop_ms) {
+        // A request waits for the record or the disk: nothing that it did is half-made.
+        std::_Exit(exit_code_of_end());
+      }
+      ::poll(nullptr, 0, 50);
+    }
+  });
+  run();
+  before_end();
+  const bool asked = ended();
+  done = true;
+  stopper.join();
+  if (!asked) throw DeviceError("the server's socket is gone");
+  return exit_code_of_end();
+}
+
+}  // namespace slicecorr::http

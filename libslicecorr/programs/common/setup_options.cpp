@@ -1,0 +1,93 @@
+#include "programs/common/setup_options.hpp"
+
+#include "programs/common/program.hpp"
+
+namespace slicecorr::cli {
+
+void SetupOptions::add_to(CLI::App& app, bool required, bool correcting) {
+  auto* p = app.add_option("--printer", printer, "Printer: a .toml file or a name");
+  auto* r = app.add_option("--resin", resin, "Resin: a .toml file or a name");
+  if (required) {
+    p->required();
+    r->required();
+  }
+  app.add_option("--mode", mode,
+                 "How the printer exposes: while the stage moves, or standing still for each layer "
+                 "[continuous]")
+      ->check(CLI::IsMember({"continuous", "layerwise"}));
+  app.add_option("--speed-mm-h", speed_mm_h, "Print speed (continuous)")
+      ->check(number_above_zero());
+  app.add_option("--exposure-s", exposure_s,
+                 "Exposure of a layer (layerwise) [the times in the archive]")
+      ->check(number_above_zero());
+  app.add_option("--bottom-exposure-s", bottom_exposure_s,
+                 "Exposure of the first layers (layerwise)")
+      ->check(number_above_zero());
+  app.add_option("--bottom-layers", bottom_layers, "Number of these first layers (layerwise)")
+      ->check(CLI::Range(0, 1000000));
+  app.add_option("--fade-layers", fade_layers,
+                 "Layers after them in which the exposure goes to the normal one in equal steps "
+                 "(layerwise)")
+      ->check(CLI::Range(0, 1000000));
+  app.add_option("--dc-mj-cm3", dc_mj_cm3, "Dose to aim at, instead of the resin file's (m = 1)")
+      ->check(number_above_zero());
+  app.add_option("--dose-factor", dose_factor,
+                 "Dose to aim at over the gel dose, instead of the resin file's; of a resin with "
+                 "one dose so many times that")
+      ->check(number_above_zero());
+  app.add_option("--ha-um", ha_um, "Absorbance height, base 10, instead of the resin file's")
+      ->check(number_above_zero());
+  if (correcting) {
+    app.add_option("--omega-max", omega_max,
+                   "Cap of the dose inside features, in critical doses: inf, 1 or more")
+        ->capture_default_str();
+    app.add_option(
+           "--one-slice-gaps", one_slice_gaps,
+           "Gaps one slice high: keep them open (the upper feature loses some height) or merge "
+           "them")
+        ->check(CLI::IsMember({"open", "merge"}))
+        ->capture_default_str();
+    app.add_option("--gap-shortfall", gap_shortfall,
+                   "Open gaps one slice high: how much of a slice the feature above may lose, up "
+                   "to 0.5; the more, the less the gap cures (continuous) [0.18]")
+        ->check(number_above_zero() & CLI::Range(0.0, 0.5));
+    app.add_option("--platform-features", platform_features,
+                   "Whether --omega-max holds for features on the platform, which have nothing "
+                   "behind them to protect")
+        ->check(CLI::IsMember({"capped", "uncapped"}))
+        ->capture_default_str();
+  }
+  app.add_option("--uv-mw-cm2", uv_mw_cm2, "Intensity of inhibiting UV light, the same throughout")
+      ->check(number_above_zero());
+  app.add_option("--dead-zone-um", dead_zone_um,
+                 "Dead zone at the window that the UV light is to hold, in place of --uv-mw-cm2")
+      ->check(number_above_zero());
+  app.add_option("--uv-schedule", uv_schedule,
+                 "How the UV light goes: one intensity; one per slice; one per pixel and slice "
+                 "[constant, or what the lamp can do for --dead-zone-um]")
+      ->check(CLI::IsMember({"constant", "per-slice", "patterned"}));
+  app.add_option("--window-cure", window_cure,
+                 "What to do when the resin would cure to the window, which ruins the vat [refuse]")
+      ->check(CLI::IsMember({"refuse", "allow"}));
+  app.add_option("--ramp", ramp,
+                 "Where the stage speeds up and slows down (continuous): the lamp follows it, or "
+                 "outside of the lit slices [none: not said]")
+      ->check(CLI::IsMember({"none", "lamp-follows", "outside"}));
+  app.add_option("--ramp-mm", ramp_mm, "Distance in which the stage reaches its speed")
+      ->check(number_above_zero());
+}
+
+Setup SetupOptions::resolve(const StackInfo* info, const StackInfo* times) const {
+  return resolve_setup(*this, info, times, ChoiceNames::options);
+}
+
+const std::string& design(const std::string& path) {
+  check_design(StackReader::read_info(path), path);
+  return path;
+}
+
+void tell_notices(const Setup& setup, const StackInfo* times, const Job& job) {
+  for (const std::string& text : setup_notices(setup, times, ChoiceNames::options)) job.tell(text);
+}
+
+}  // namespace slicecorr::cli

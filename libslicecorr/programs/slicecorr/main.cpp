@@ -1,0 +1,480 @@
+// The program `slicecorr`: parses, calls the library and prints.
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <filesystem>
+#include <limits>
+#include <nlohmann/json.hpp>
+
+#include "options.hpp"
+#include "programs/common/make_part.hpp"
+#include "simulate.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/report.hpp"
+#include "slicecorr/solid.hpp"
+#include "slicecorr/turned.hpp"
+#include "slicecorr/version.hpp"
+
+namespace slicecorr::cli {
+namespace {
+
+/// Options of all subcommands; only those of the one called are filled.
+struct Arguments {
+  MeshOptions mesh;
+  SetupOptions setup;
+  SimulateOptions simulate;
+  std::string input, output, format, target, json;
+  double layer_um = 0;
+  int x = -1, y = -1, reduce = 1;
+  double max_height_error_um = -1;
+  bool archive = false;
+
+  StackFile file() const {
+    StackFile f(output);
+    f.format = format;
+    f.archive = archive;
+    return f;
+  }
+  /// What archives that do not say it are told.
+  MissingFacts missing() const {
+    MissingFacts facts;
+    facts.layer_um = layer_um;
+    if (!setup.printer.empty()) {
+      const Printer p = load_printer(setup.printer);
+      facts.pixel_x_um = p.pixel_x_um;
+      facts.pixel_y_um = p.pixel_y_um;
+    }
+    return facts;
+  }
+  StackReader open(const std::string& path, const std::string& scratch, const Job& job) const {
+    return {path, scratch, job, missing()};
+  }
+};
+
+int slice(const Arguments& a, const Job& job, Console& console) {
+  format_of(a.file());
+  must_not_replace(a.output, a.mesh.parts);
+  const Printer printer = load_printer(a.setup.printer);
+  const MeshSlices slices = slice_parts(a.mesh, printer, job);
+  const FittedSlices fitted = fit_for_output(slices, a.file(), printer, job);
+  const StackInfo info = write_target(*fitted, a.file(), job);
+  console.say(fmt::format("{}: {} slices, {:.4f} ml", a.output, info.grid.layers,
+                          info.part_volume_mm3 * 1e-3));
+  return kDone;
+}
+
+int correct(const Arguments& a, const Job& job, Console& console) {
+  StackFile file = a.file();
+  must_not_replace(a.output, {a.input});
+  const StackInfo times = StackReader::read_info(design(a.input));
+  file.format = format_of(file, times.format);
+  const Setup setup = a.setup.resolve(nullptr, &times);
+  tell_notices(setup, &times, job);
+  // What a slicer wrote besides the slices stays.
+  if (times.kind == StackKind::foreign && times.format == file.format) file.keep_from = a.input;
+  const StackReader target = a.open(a.input, folder_of(a.output), job);
+  const FittedSlices fitted = fit_for_output(target, file, setup.printer, job);
+  const Correction result = correct_stack(*fitted, setup, file, {.before = !console.quiet()}, job);
+  console.say(fmt::format("{}: {} slices\n{}", a.output, result.info.grid.layers,
+                          summary(result.after, result.before)));
+  return kDone;
+}
+
+int verify(const Arguments& a, const Job& job, Console&) {
+  must_not_replace(a.json, {a.input, a.target});
+  const StackReader stack = a.open(a.input, folder_of(a.input), job);
+  const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
+  const StackReader read = a.open(design(a.target), folder_of(a.target), job);
+  const FittedSlices target = FittedSlices::like(stack, read, folder_of(a.target), job);
+  check_target(stack, stack.info(), *target, a.target, read.pixel_sum(), job);
+  const Prediction p = verify_stack(stack, *target, setup, job);
+  if (a.json.empty()) {
+    print_result(summary(p, std::nullopt));
+  } else {
+    print_or_write(a.json, p.to_json());
+  }
+  const bool edges = p.height_error_um.count() > 0;
+  if (a.max_height_error_um >= 0 && edges && p.height_error_um.greatest() > a.max_height_error_um) {
+    write_stderr(fmt::format("slicecorr: largest height error {:.3f} um, allowed are {:g} um\n",
+                             p.height_error_um.greatest(), a.max_height_error_um));
+    return kMissed;
+  }
+  return kDone;
+}
+
+int probe(const Arguments& a, const Job& job, Console&) {
+  const StackReader stack = a.open(a.input, folder_of(a.input), job);
+  const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
+  std::optional<StackReader> read;
+  std::optional<FittedSlices> target;
+  if (!a.target.empty()) {
+    read.emplace(design(a.target), folder_of(a.target), job, a.missing());
+    target.emplace(FittedSlices::like(stack, *read, folder_of(a.target), job));
+    check_target(stack, stack.info(), **target, a.target, read->pixel_sum(), job);
+  }
+  const auto rows = probe_stack(stack, target ? &**target : nullptr, setup, a.x, a.y);
+  std::string text =
+      fmt::format("slice,z_um,grey,intensity_mw_cm2,phi,dose{}\n", target ? ",target" : "");
+  for (const ProbeRow& r : rows) {
+    text += fmt::format("{},{},{},{},{},{}", r.slice, r.z_um, r.grey, r.intensity_mw_cm2, r.phi,
+                        r.dose);
+    if (target) text += fmt::format(",{}", r.target);
+    text += "\n";
+  }
+  print_result(text);
+  return kDone;
+}
+
+int simulate_print(const Arguments& a, const Job& job, Console& console) {
+  return simulate(a.simulate, a.setup, job, console);
+}
+
+std::string title_of(const std::string& path) {
+  return std::filesystem::path(path).stem().string();
+}
+
+int report(const Arguments& a, const Job& job, Console& console) {
+  must_not_replace(a.output, {a.input, a.target});
+  const StackReader stack = a.open(a.input, folder_of(a.output), job);
+  const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
+  const StackReader read = a.open(design(a.target), folder_of(a.output), job);
+  const FittedSlices fitted = FittedSlices::like(stack, read, folder_of(a.output), job);
+  const SliceSource& target = *fitted;
+  check_target(stack, stack.info(), target, a.target, read.pixel_sum(), job);
+  const Prediction after = verify_stack(stack, target, setup, job);
+  const Prediction before = verify_stack(target, target, setup, job);
+  const StackInfo& info = stack.info();
+  write_text_file(a.output, make_report(gather_report(stack, target, setup, info, after, before,
+                                                      title_of(a.input), job),
+                                        job));
+  console.say(fmt::format("{}: written\n{}", a.output, summary(after, before)));
+  return kDone;
+}
+
+int section(const Arguments& a, const Job& job, Console& console) {
+  must_not_replace(a.output, {a.input, a.target});
+  const StackReader stack = a.open(a.input, folder_of(a.output), job);
+  const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
+  const StackReader read = a.open(design(a.target), folder_of(a.output), job);
+  const FittedSlices fitted = FittedSlices::like(stack, read, folder_of(a.output), job);
+  const SliceSource& target = *fitted;
+  check_target(stack, stack.info(), target, a.target, read.pixel_sum(), job);
+  const PixelBox box = target.bounds();
+  const int row = a.y >= 0 ? a.y : (box.y0 + box.y1) / 2;
+  const Grid& g = stack.grid();
+  const auto picture = [&](const SliceSource& shown) {
+    return cure_picture(section_of(shown, target, setup, row), g.pixel_x_um, g.layer_um, 640);
+  };
+  const auto png = encode_png(side_by_side(picture(target), picture(stack)));
+  write_text_file(a.output, {png.begin(), png.end()});
+  console.say(
+      fmt::format("{}: section at {}, platform up; left uncorrected, right this "
+                  "stack; grey right, red cured through, blue undercured",
+                  a.output, row_in_words(stack, row)));
+  return kDone;
+}
+
+int solid(const Arguments& a, const Job& job, Console& console) {
+  std::vector<std::string> inputs = a.mesh.parts;
+  inputs.insert(inputs.end(), {a.input, a.target});
+  must_not_replace(a.output, inputs);
+  must_not_replace(a.json, inputs);
+  const StackReader stack = a.open(a.input, folder_of(a.output), job);
+  const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
+  const Grid& g = stack.grid();
+  const PlaceModels models(setup.printer, setup.resin, setup.process, g, stack.frame());
+  std::optional<MeshDistance> design_mesh;
+  if (!a.mesh.parts.empty()) {
+    design_mesh.emplace(
+        on_plate(read_parts(a.mesh, job).mesh, setup.printer, a.mesh.slice_options().center_mm));
+  }
+  nlohmann::ordered_json figures;
+  if (!a.target.empty()) {
+    const StackReader target = a.open(design(a.target), folder_of(a.output), job);
+    const FittedSlices fitted = FittedSlices::like(stack, target, folder_of(a.output), job);
+    check_target(stack, stack.info(), *fitted, a.target, target.pixel_sum(), job);
+    figures["design_volume_mm3"] = static_cast<double>(target.pixel_sum()) / 255.0 * g.pixel_x_um *
+                                   g.pixel_y_um * g.layer_um * 1e-9;
+  }
+  const SolidOptions options{a.reduce, design_mesh ? &*design_mesh : nullptr};
+  const SolidReport r = write_solid(stack, models, a.output, options, job);
+  console.say(
+      fmt::format("{}: {} triangles, {:.4f} mm³, from {:.3f}, {:.3f}, {:.3f} to {:.3f}, "
+                  "{:.3f}, {:.3f} mm",
+                  a.output, r.triangles, r.volume_mm3, r.lower[0], r.lower[1], r.lower[2],
+                  r.upper[0], r.upper[1], r.upper[2]));
+  if (figures.contains("design_volume_mm3")) {
+    console.say(
+        fmt::format("design as sliced: {:.4f} mm³", figures["design_volume_mm3"].get<double>()));
+  }
+  const Histogram& d = r.distance_um;
+  if (d.count()) {
+    console.say(
+        fmt::format("distance to the design: mean {:.3f} um, 95 % within {:.3f} um, "
+                    "largest {:.3f} um, at {} vertices",
+                    d.mean(), d.quantile(0.95), d.greatest(), d.count()));
+  }
+  if (!a.json.empty()) {
+    figures["triangles"] = r.triangles;
+    figures["volume_mm3"] = r.volume_mm3;
+    figures["lower_mm"] = r.lower;
+    figures["upper_mm"] = r.upper;
+    figures["reduce"] = a.reduce;
+    if (d.count()) {
+      figures["distance_um"] = {{"mean_abs", d.mean()},
+                                {"p95_abs", d.quantile(0.95)},
+                                {"max_abs", d.greatest()},
+                                {"vertices", d.count()}};
+    }
+    print_or_write(a.json, figures.dump(2));
+  }
+  return kDone;
+}
+
+int run(const Arguments& a, const Job& job, Console& console) {
+  format_of(a.file());
+  must_not_replace(a.output, a.mesh.parts);
+  const Setup setup = a.setup.resolve(nullptr, nullptr);
+  tell_notices(setup, nullptr, job);
+  const MeshSlices slices = slice_parts(a.mesh, setup.printer, job);
+  const FittedSlices fitted = fit_for_output(slices, a.file(), setup.printer, job);
+  const std::string base =
+      (std::filesystem::path(a.output).parent_path() / title_of(a.output)).string();
+  const Correction result = make_part(*fitted, setup, a.file(), base, title_of(a.output), job);
+  console.say(fmt::format("{3}, {0}.html, {0}.json: {1} slices\n{2}", base, result.info.grid.layers,
+                          summary(result.after, result.before), a.output));
+  return kDone;
+}
+
+/// The comparison as the report shows it.
+ComparisonTable table_of(const std::vector<Figures>& columns) {
+  ComparisonTable table;
+  table.columns = {"Method",     "mean error", "95 % within", "largest", "cured through",
+                   "undercured", "lost",       "merged",      "overlap"};
+  for (const Figures& c : columns) {
+    const Prediction& p = *c.prediction;
+    const auto edge = [&](double um) {
+      return p.height_error_um.count() ? fmt::format("{:.2f} um", um) : std::string("-");
+    };
+    table.rows.push_back(
+        {c.heading, edge(p.height_error_um.mean()), edge(p.height_error_um.quantile(0.95)),
+         edge(p.height_error_um.greatest()), fmt::format("{}", p.cure_through_voxels),
+         fmt::format("{}", p.undercure_voxels), fmt::format("{}", p.lost_features),
+         fmt::format("{}", p.merged_features), fmt::format("{:.5f}", p.iou())});
+  }
+  table.note =
+      "Height errors at designed edges; voxels cured through and undercured; features lost and "
+      "gaps "
+      "merged, by column. Erase: the first N slices next to a gap are left out, with the N that is "
+      "best for this part. Grey table: 25, 15, 10, 5 are taken off where the next four slices are "
+      "lit.";
+  return table;
+}
+
+int compare(const Arguments& a, const Job& job, Console& console) {
+  must_not_replace(a.json, a.mesh.parts);
+  must_not_replace(a.output, a.mesh.parts);
+  Setup setup = a.setup.resolve(nullptr, nullptr);
+  tell_notices(setup, nullptr, job);
+  const MeshSlices target = slice_parts(a.mesh, setup.printer, job);
+  setup.process = schedule_uv(target, setup, job);
+  const Comparison c = compare_methods(target, setup, job);
+  if (!a.json.empty()) {
+    // Only the erase has an N; the key is there for every method.
+    nlohmann::ordered_json json;
+    const auto add = [&](const char* method, const Prediction& p) {
+      json[method] = nlohmann::ordered_json::parse(p.to_json());
+      json[method]["best_n"] = nullptr;
+    };
+    add("uncorrected", c.uncorrected);
+    add("erase", c.erase);
+    add("table", c.table);
+    add("ours", c.ours);
+    json["erase"]["best_n"] = c.best_n;
+    print_or_write(a.json, json.dump(2));
+  }
+  const std::vector<Figures> columns = {{"uncorrected", &c.uncorrected},
+                                        {fmt::format("erase, N = {}", c.best_n), &c.erase},
+                                        {"grey table", &c.table},
+                                        {"corrected", &c.ours}};
+  if (a.json != "-") print_result(figures_table(columns));
+  if (!a.output.empty()) {
+    const CorrectedSlices corrected(target, setup, job);
+    StackInfo info;
+    info.grid = corrected.grid();
+    info.target_layers = target.grid().layers;
+    info.program = std::string("slicecorr ") + version;
+    ReportContent content = gather_report(corrected, target, setup, info, c.ours, c.uncorrected,
+                                          title_of(a.output), job);
+    content.comparison = table_of(columns);
+    write_text_file(a.output, make_report(content, job));
+    console.say(fmt::format("{}: written", a.output));
+  }
+  return kDone;
+}
+
+int convert(const Arguments& a, const Job& job, Console& console) {
+  StackFile file = a.file();
+  const std::string format = format_of(file);
+  must_not_replace(a.output, {a.input});
+  const StackReader stack = a.open(a.input, folder_of(a.output), job);
+  if (stack.info().format == format) file.keep_from = a.input;
+  // For a printer whose display is known the images are turned to it.
+  Printer printer;
+  if (!a.setup.printer.empty()) {
+    printer = load_printer(a.setup.printer);
+  } else if (stack.info().printer) {
+    printer = *stack.info().printer;
+  }
+  const FittedSlices fitted = fit_for_output(stack, a.file(), printer, job);
+  convert_stack(stack, file, job, &*fitted == &stack ? nullptr : &*fitted);
+  console.say(fmt::format("{}: {} slices, format {}", a.output, stack.grid().layers, format));
+  return kDone;
+}
+
+int info(const Arguments& a, const Job& job, Console&) {
+  must_not_replace(a.json, {a.input});
+  StackInfo info = StackReader::read_info(a.input);
+  const bool light = info.kind == StackKind::corrected || info.kind == StackKind::recorded;
+  if (info.part_volume_mm3 == 0 && !light) {
+    // All images are looked at, whatever their size: a damaged archive is not described.
+    const StackReader stack(a.input, folder_of(a.input), job, {1, 1, 1});
+    const Grid& g = info.grid;
+    info.part_volume_mm3 = static_cast<double>(stack.pixel_sum()) / 255.0 * g.pixel_x_um *
+                           g.pixel_y_um * g.layer_um * 1e-9;
+  }
+  if (a.json.empty()) {
+    print_result(describe_stack(info));
+  } else {
+    print_or_write(a.json, info_json(info, a.input));
+  }
+  return kDone;
+}
+
+int run_program(int argc, char** argv) {
+  Arguments a;
+  Program program(
+      "slicecorr",
+      "Makes resin prints come out as designed: slices parts, corrects the slices for light that "
+      "cures through, and predicts what will print.",
+      "slicecorr run part.stl -o part.uvj --layer-um 50 --printer dual-wavelength-dlp --resin "
+      "egg-resin --speed-mm-h 800");
+  using Command = int (*)(const Arguments&, const Job&, Console&);
+  const auto add = [&](const char* name, const char* text, Command command) {
+    return program.add(name, text, [&a, command](const Job& job, Console& console) {
+      return command(a, job, console);
+    });
+  };
+  const auto stack_input = [&](CLI::App* sub, const char* name, const char* text) {
+    sub->add_option(name, a.input, text)->required();
+    if (sub->get_name() == "info") return;
+    sub->add_option("--layer-um", a.layer_um, "Height of the layers, where the archive says none")
+        ->check(number_in(1, 1000));
+  };
+  std::string formats;
+  for (const FormatInfo& f : archive_formats()) formats += (formats.empty() ? "" : ", ") + f.name;
+  const auto stack_output = [&](CLI::App* sub, const char* text) {
+    sub->add_option("-o,--output", a.output, text)->required();
+    sub->add_option("--format", a.format,
+                    "Format of the archive, where its name does not tell: " + formats);
+    sub->add_flag("--archive", a.archive,
+                  "Make the file as small as it gets, which takes longer; the pixels are the same");
+  };
+  CLI::App* sub = add("slice", "Slice meshes into a stack of coverage images", slice);
+  a.mesh.add_to(*sub);
+  sub->add_option("--printer", a.setup.printer, "Printer: a .toml file or a name")->required();
+  stack_output(sub, "Stack to write (.uvj, or another format)");
+
+  sub = add("correct", "Correct a stack for a printer, a resin and a speed", correct);
+  stack_input(sub, "IN", "Stack of coverage images");
+  a.setup.add_to(*sub, true, true);
+  stack_output(sub, "Stack to write (.uvj, or another format)");
+
+  sub = add("verify", "Predict what a stack prints, and measure it against its target", verify);
+  stack_input(sub, "STACK", "Stack to verify");
+  sub->add_option("--target", a.target, "Stack of the design")->required();
+  a.setup.add_to(*sub, false, true);
+  sub->add_option("--json", a.json, "Write all figures as JSON to FILE, or - for stdout");
+  sub->add_option("--max-height-error-um", a.max_height_error_um,
+                  "Exit with 5 when the largest height error is above this")
+      ->check(number_in(0, std::numeric_limits<double>::max()));
+
+  sub = add("probe", "Grey level, intensity and dose along one pixel column, as CSV", probe);
+  stack_input(sub, "STACK", "Stack to look into");
+  sub->add_option("--x", a.x, "Column of the image")->required();
+  sub->add_option("--y", a.y, "Row of the image")->required();
+  sub->add_option("--target", a.target, "Stack of the design");
+  a.setup.add_to(*sub, false, true);
+
+  sub = add("simulate",
+            "Show how a print cures while it is made: one pixel column or an image row of a stack "
+            "against time, or the fronts of a stationary exposure",
+            simulate_print);
+  a.simulate.add_to(*sub);
+  a.setup.add_to(*sub, false, false);
+
+  sub = add("report", "Write a page that shows what a stack prints", report);
+  stack_input(sub, "STACK", "Stack to report on");
+  sub->add_option("--target", a.target, "Stack of the design")->required();
+  a.setup.add_to(*sub, false, true);
+  sub->add_option("-o,--output", a.output, "Page to write (.html)")->required();
+
+  sub = add("section", "Draw what prints along an image row, before and after, as PNG", section);
+  stack_input(sub, "STACK", "Stack to look into");
+  sub->add_option("--target", a.target, "Stack of the design")->required();
+  sub->add_option("--y", a.y, "Row of the image [the middle of the part]")
+      ->check(CLI::NonNegativeNumber);
+  a.setup.add_to(*sub, false, true);
+  sub->add_option("-o,--output", a.output, "Picture to write (.png)")->required();
+
+  sub = add("solid",
+            "Write the surface of what a stack prints as a mesh, to open beside the design", solid);
+  stack_input(sub, "STACK", "Stack to look into");
+  sub->add_option("--target", a.target, "Stack of the design: its volume is told, too");
+  sub->add_option("--design", a.mesh.parts,
+                  "Meshes that were sliced: the distance of the surface to them is measured")
+      ->take_all()
+      ->expected(1, std::numeric_limits<int>::max());
+  a.mesh.add_placement_to(*sub);
+  a.setup.add_to(*sub, false, true);
+  sub->add_option("--reduce", a.reduce, "Take every Nth pixel in x and y, for a smaller file")
+      ->check(CLI::Range(1, 64))
+      ->capture_default_str();
+  sub->add_option("--json", a.json, "Write all figures as JSON to FILE, or - for stdout");
+  sub->add_option("-o,--output", a.output, "Mesh to write (.stl, .ply or .3mf)")->required();
+
+  sub = add("run", "Slice, correct, verify and report: OUT.uvj, OUT.html, OUT.json", run);
+  a.mesh.add_to(*sub);
+  a.setup.add_to(*sub, true, true);
+  stack_output(sub, "Stack to write (.uvj, or another format)");
+
+  sub = add("compare",
+            "Predict a part with the usual compensations and with the correction; writes no stack",
+            compare);
+  a.mesh.add_to(*sub);
+  a.setup.add_to(*sub, true, true);
+  sub->add_option("--json", a.json, "Write all figures as JSON to FILE, or - for stdout");
+  sub->add_option("-o,--output", a.output,
+                  "Write the report, with the comparison, to FILE (.html)");
+
+  sub = add("convert", "Write the slices of an archive in another format", convert);
+  stack_input(sub, "IN", "Archive to convert");
+  stack_output(sub, "Archive to write");
+  sub->add_option(
+      "--printer", a.setup.printer,
+      "Printer to convert for: its display turns images of the plate, its pixel size counts where "
+      "the archive says none");
+
+  sub = add("info", "What a stack says about itself", info);
+  stack_input(sub, "STACK", "Stack to look into");
+  sub->add_option("--json", a.json, "Write as JSON to FILE, or - for stdout");
+
+  return program.run(argc, argv);
+}
+
+}  // namespace
+}  // namespace slicecorr::cli
+
+int main(int argc, char** argv) { return slicecorr::cli::run_program(argc, argv); }

@@ -1,0 +1,252 @@
+#include "options.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <numeric>
+
+#include "programs/common/program.hpp"
+#include "support/text/display_text.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/units.hpp"
+
+namespace slicecorr::cli {
+
+namespace {
+const char* kind_name(StackKind kind) {
+  switch (kind) {
+    case StackKind::target:
+      return "target";
+    case StackKind::corrected:
+      return "corrected";
+    case StackKind::recorded:
+      return "recorded";
+    default:
+      return "foreign";
+  }
+}
+
+/// What a recording says of all its slices.
+struct RecordingFigures {
+  int lit_slices = 0;
+  std::size_t most_images = 0;
+  double least_light = 0, greatest_light = 0;  ///< of slices with light
+  double least_um_s = 0, greatest_um_s = 0, least_uv = 0, greatest_uv = 0;  ///< of lit parts
+};
+
+RecordingFigures figures_of(const StackInfo& info) {
+  RecordingFigures f;
+  const auto widen = [](double value, bool first, double& least, double& greatest) {
+    least = first ? value : std::min(least, value);
+    greatest = first ? value : std::max(greatest, value);
+  };
+  bool first = true;
+  for (int n = 0; n < info.recording->slices(); ++n) {
+    double light = 0;
+    std::vector<int> images;
+    for (const Recording::Part& p : info.recording->of(n)) {
+      if (!(p.light > 0)) continue;
+      light += p.light;
+      images.push_back(p.image);
+      widen(p.speed_um_s, first, f.least_um_s, f.greatest_um_s);
+      widen(p.uv_mw_cm2, first, f.least_uv, f.greatest_uv);
+      first = false;
+    }
+    if (images.empty()) continue;
+    std::sort(images.begin(), images.end());
+    const auto different = std::unique(images.begin(), images.end()) - images.begin();
+    f.most_images = std::max(f.most_images, static_cast<std::size_t>(different));
+    widen(light, f.lit_slices == 0, f.least_light, f.greatest_light);
+    ++f.lit_slices;
+  }
+  return f;
+}
+
+std::string describe_recording(const StackInfo& info) {
+  const RecordingFigures f = figures_of(info);
+  std::string text = fmt::format("part         {} layers, {:.3f} mm high\n", info.target_layers,
+                                 info.target_layers * info.grid.layer_um * 1e-3);
+  text += fmt::format("shown        {} images; {} slices with light, of {} images at most\n",
+                      info.grid.layers, f.lit_slices, f.most_images);
+  if (f.lit_slices > 0) {
+    text += fmt::format("light        {:.4g} to {:.4g} of that of the plan\n", f.least_light,
+                        f.greatest_light);
+    text += fmt::format("speed        {:.4g} to {:.4g} um/s while lit\n", f.least_um_s,
+                        f.greatest_um_s);
+    if (f.greatest_uv > 0) {
+      text += fmt::format("UV measured  {:.4g} to {:.4g} mW/cm²\n", f.least_uv, f.greatest_uv);
+    }
+  }
+  if (!info.recording->other_uv_images.empty()) {
+    text += fmt::format("UV images    {} were others than those of their slices\n",
+                        info.recording->other_uv_images.size());
+  }
+  return text;
+}
+}  // namespace
+
+std::string describe_stack(const StackInfo& info) {
+  const Grid& g = info.grid;
+  const auto or_not_said = [](double um, const std::string& text) {
+    return um > 0 ? text : std::string("not said");
+  };
+  std::string text = fmt::format("kind         {}, format {}\n", kind_name(info.kind), info.format);
+  const int slices = info.recording ? info.recording->slices() : g.layers;
+  text += fmt::format("slices       {} of {}\n", slices,
+                      or_not_said(g.layer_um, fmt::format("{:g} um, {:.3f} mm in all", g.layer_um,
+                                                          slices * g.layer_um * 1e-3)));
+  text += fmt::format(
+      "images       {} x {} pixels of {}\n", g.width_px, g.height_px,
+      or_not_said(g.pixel_x_um, fmt::format("{:g} x {:g} um", g.pixel_x_um, g.pixel_y_um)));
+  if (info.orientation != Orientation{}) {
+    text += "orientation  " + in_words(info.orientation) + "\n";
+  }
+  const ArchiveProfiles& names = info.profiles;
+  for (const auto& [what, name] :
+       {std::pair{"printer", &names.printer}, std::pair{"material", &names.material},
+        std::pair{"print", &names.print}}) {
+    if (!name->empty()) text += fmt::format("profile      {}: {}\n", what, words::printable(*name));
+  }
+  if (info.kind == StackKind::corrected) {
+    text += fmt::format("part         {} layers, {:.3f} mm high; {} slices added after its end\n",
+                        info.target_layers, info.target_layers * g.layer_um * 1e-3,
+                        g.layers - info.target_layers);
+  }
+  if (info.recording) text += describe_recording(info);
+  if (info.printer) text += fmt::format("printer      {}\n", words::printable(info.printer->name));
+  if (info.printer && info.printer->flat_field) {
+    text += fmt::format("light        {}, over the display\n", light_in_words(*info.printer));
+  }
+  if (info.resin) {
+    text += fmt::format("resin        {}, {:g} um base 10, aimed at {}\n",
+                        words::printable(info.resin->name), info.resin->absorbance_height10_um,
+                        dose_in_words(*info.resin));
+  }
+  const bool layerwise = info.process && info.process->mode == ExposureMode::layerwise;
+  if (layerwise) {
+    text += fmt::format("process      layer by layer, {}\n", exposures_in_words(*info.process));
+  } else if (info.process) {
+    text += fmt::format(
+        "process      continuous, {:g} mm/h, dose cap {}\n", info.process->speed_mm_h,
+        info.process->omega_max >= 1e300 ? "none" : fmt::format("{:g}", info.process->omega_max));
+    if (info.process->ramp == Ramp::lamp_follows) {
+      text += fmt::format("ramps        over {:g} mm at both ends, the lamp follows the speed\n",
+                          info.process->ramp_mm);
+    } else if (info.process->ramp == Ramp::outside) {
+      text += "ramps        outside of the lit slices\n";
+    }
+  }
+  if (info.process) {
+    if (const std::string uv = uv_in_words(info.process->uv); !uv.empty()) {
+      text += "UV light     " + uv + "\n";
+    }
+  }
+  if (!info.process && info.exposure_s > 0) {
+    text += "exposure     " + exposures_in_words(process_of_times(info)) + "\n";
+  }
+  if (const double time = light_on_s(info); time > 0) {
+    text += fmt::format(
+        "print time   {:.0f} min {:02.0f} s{}\n", std::floor(time / 60), std::fmod(time, 60.0),
+        layerwise ? " of light; lifts come on top, the stack does not know them" : "");
+  }
+  if (info.part_volume_mm3 > 0) {
+    text += fmt::format("resin volume {:.4f} ml\n", info.part_volume_mm3 * 1e-3);
+  }
+  if (!info.program.empty())
+    text += fmt::format("made by      {}\n", words::printable(info.program));
+  if (info.kind != StackKind::foreign && !info.parameters_checked) {
+    text += "checksum     of the images alone: nothing tells whether parameters were changed\n";
+  }
+  return text;
+}
+
+std::string info_json(const StackInfo& info, const std::string& path) {
+  using nlohmann::ordered_json;
+  const Grid& g = info.grid;
+  ordered_json j;
+  j["file"] = path;
+  j["kind"] = kind_name(info.kind);
+  j["format"] = info.format;
+  const int slices = info.recording ? info.recording->slices() : g.layers;
+  j["layers"] = slices;
+  j["layer_um"] = g.layer_um;
+  j["width_px"] = g.width_px;
+  j["height_px"] = g.height_px;
+  j["pixel_um"] = {g.pixel_x_um, g.pixel_y_um};
+  j["height_mm"] = slices * g.layer_um * 1e-3;
+  j["orientation"] = {{"portrait", info.orientation.portrait},
+                      {"mirror_x", info.orientation.mirror_x},
+                      {"mirror_y", info.orientation.mirror_y}};
+  j["profiles"] = {{"printer", info.profiles.printer},
+                   {"material", info.profiles.material},
+                   {"print", info.profiles.print}};
+  if (info.recording) {
+    const RecordingFigures f = figures_of(info);
+    j["recording"] = {{"images", g.layers},
+                      {"slices", slices},
+                      {"parts", info.recording->parts.size()},
+                      {"lit_slices", f.lit_slices},
+                      {"most_images_in_a_slice", f.most_images},
+                      {"light", {f.least_light, f.greatest_light}},
+                      {"speed_um_s", {f.least_um_s, f.greatest_um_s}},
+                      {"uv_mw_cm2", {f.least_uv, f.greatest_uv}},
+                      {"other_uv_images", info.recording->other_uv_images}};
+  }
+  if (info.target_layers > 0) j["target_layers"] = info.target_layers;
+  if (info.printer) j["printer"] = info.printer->name;
+  if (info.printer && info.printer->flat_field) {
+    const FlatField& f = *info.printer->flat_field;
+    j["flat_field"] = {{"least", 1.0 * f.least() / f.reference},
+                       {"greatest", 1.0 * f.greatest() / f.reference},
+                       {"frame", f.of_plate ? "plate" : "image"}};
+  }
+  if (info.resin) {
+    j["resin"] = info.resin->name;
+    j["absorbance_height10_um"] = info.resin->absorbance_height10_um;
+    j["critical_dose_mj_cm3"] = info.resin->critical_dose_mj_cm3;
+    if (info.resin->critical_dose_prime > 0) {
+      j["critical_dose_prime"] = info.resin->critical_dose_prime;
+    }
+    if (info.resin->gel_dose_mj_cm3 > 0) j["gel_dose_mj_cm3"] = info.resin->gel_dose_mj_cm3;
+  }
+  if (info.process) {
+    if (info.process->mode == ExposureMode::layerwise) {
+      j["mode"] = "layerwise";
+      j["exposure_s"] = info.process->exposure_s;
+      j["bottom_exposure_s"] = layer_exposure_s(*info.process, 0);
+      j["bottom_layers"] = info.process->bottom_layers;
+      j["fade_layers"] = info.process->fade_layers;
+    } else {
+      j["mode"] = "continuous";
+      j["speed_mm_h"] = info.process->speed_mm_h;
+    }
+    if (info.process->omega_max >= 1e300) {
+      j["omega_max"] = "inf";
+    } else {
+      j["omega_max"] = info.process->omega_max;
+    }
+    const UvSchedule& uv = info.process->uv;
+    if (uv.kind != UvKind::off) {
+      j["uv"] = {{"uv_mw_cm2", uv.uv_mw_cm2},
+                 {"dead_zone_um", uv.dead_zone_um},
+                 {"schedule", uv.kind == UvKind::constant    ? "constant"
+                              : uv.kind == UvKind::per_slice ? "per-slice"
+                                                             : "patterned"}};
+    }
+    j["one_slice_gaps"] = info.process->one_slice_gaps == OneSliceGaps::merge ? "merge" : "open";
+    j["gap_shortfall"] = info.process->gap_shortfall;
+    j["platform_features"] = info.process->cap_platform_features ? "capped" : "uncapped";
+  }
+  const double time = light_on_s(info);
+  j["print_time_s"] = time > 0 ? ordered_json(time) : ordered_json();
+  j["resin_volume_ml"] =
+      info.part_volume_mm3 > 0 ? ordered_json(info.part_volume_mm3 * 1e-3) : ordered_json();
+  if (!info.program.empty()) j["program"] = info.program;
+  if (info.kind != StackKind::foreign) j["parameters_checked"] = info.parameters_checked;
+  // Names come from archives, and need not be UTF-8.
+  return j.dump(2, ' ', false, ordered_json::error_handler_t::replace);
+}
+
+}  // namespace slicecorr::cli

@@ -1,0 +1,166 @@
+#include "stack/container/zip_output.hpp"
+
+#include <fcntl.h>
+#include <isa-l.h>
+#include <libdeflate.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <memory>
+#include <new>
+
+#include "support/files/errno_message.hpp"
+#include "support/files/temporary.hpp"
+#include "parallel/silent.hpp"
+#include "slicecorr/error.hpp"
+#include "stack/container/zip_layout.hpp"
+#include "stack/container/zip_pack.hpp"
+
+namespace slicecorr::detail {
+
+namespace {
+
+std::uint32_t crc32_of(const std::vector<std::uint8_t>& data) {
+  return crc32_gzip_refl(0, data.data(), data.size());
+}
+
+/// A file into which all threads write, each at its own place.
+class OpenFile {
+ public:
+  OpenFile(const std::string& file, std::string shown_path)
+      : path_(std::move(shown_path)), fd_(::open(file.c_str(), O_WRONLY | O_CLOEXEC)) {
+    if (fd_ < 0) fail();
+  }
+  ~OpenFile() {
+    if (fd_ >= 0) ::close(fd_);
+  }
+  OpenFile(const OpenFile&) = delete;
+  OpenFile& operator=(const OpenFile&) = delete;
+
+  void write(const std::vector<std::uint8_t>& data, std::uint64_t offset) const {
+    for (std::size_t done = 0; done < data.size();) {
+      const ssize_t n =
+          ::pwrite(fd_, data.data() + done, data.size() - done, static_cast<off_t>(offset + done));
+      if (n < 0 && errno == EINTR) continue;
+      if (n <= 0) fail();
+      done += static_cast<std::size_t>(n);
+    }
+  }
+  /// Begins to move what was written there to the disk: less to wait for at the end.
+  void begin_sync(std::uint64_t from, std::uint64_t to) const {
+    if (from == to) return;  // would be all
+    // Where that can't be done, the end takes longer.
+    [[maybe_unused]] const int result = ::sync_file_range(
+        fd_, static_cast<off_t>(from), static_cast<off_t>(to - from), SYNC_FILE_RANGE_WRITE);
+  }
+  /// Some file systems tell only now that there is no room.
+  void close() {
+    const int fd = std::exchange(fd_, -1);
+    if (::close(fd) != 0) fail();
+  }
+
+ private:
+  [[noreturn]] void fail() const { throw DeviceError(errno_message(path_, "can't be written")); }
+
+  std::string path_;
+  int fd_;
+};
+
+}  // namespace
+
+PackedEntry deflate_entry(const std::vector<std::uint8_t>& data, int level) {
+  const std::unique_ptr<libdeflate_compressor, decltype(&libdeflate_free_compressor)> compressor(
+      libdeflate_alloc_compressor(level), &libdeflate_free_compressor);
+  if (!compressor) throw std::bad_alloc();
+  PackedEntry packed;
+  packed.data.resize(libdeflate_deflate_compress_bound(compressor.get(), data.size()));
+  packed.data.resize(libdeflate_deflate_compress(compressor.get(), data.data(), data.size(),
+                                                 packed.data.data(), packed.data.size()));
+  packed.crc32 = crc32_of(data);
+  return packed;
+}
+
+ZipOutput::ZipOutput(const std::string& path, std::string keep_from, ImagePacking images)
+    : ContainerOutput(path), keep_from_(std::move(keep_from)), images_(images) {
+  check_new_file(path);
+}
+
+void ZipOutput::finish(const Job& job, const Check& check) {
+  job.check_cancelled();
+  Temporary temporary{make_temporary(path_)};
+  if (keep_from_.empty()) {
+    write(temporary.path, job);
+  } else {
+    // The library replaces the file under the temporary name; the original's stays as it is.
+    ::unlink(temporary.path.c_str());
+    link_or_copy(keep_from_, temporary.path);
+    change(temporary.path, job);
+    // The library leaves out the last step when it is a small one.
+    job.report("write", 1);
+    copy_mode(keep_from_, temporary.path);
+  }
+  sync_file(temporary.path);
+  job.check_cancelled();
+  if (check) check(temporary.path);
+  if (::rename(temporary.path.c_str(), path_.c_str()) != 0) {
+    throw DeviceError(errno_message(path_, "can't be written"));
+  }
+  temporary.keep = true;
+  sync_folder(folder_);
+}
+
+void ZipOutput::write(const std::string& temporary, const Job& job) {
+  OpenFile file(temporary, path_);
+  std::vector<ZipEntry> entries(sources_.size());
+  std::uint64_t offset = 0, written = 0, synced = 0;
+  const Job quiet = silent(job);
+  job.report("write", 0);
+  for (std::size_t first = 0, last = 0; first < sources_.size(); first = last) {
+    std::uint64_t bytes = 0;
+    bool deflates = false;
+    for (; last < sources_.size() && bytes < zip_batch_bytes; ++last) {
+      const Source& source = sources_[last];
+      ZipEntry& entry = entries[last];
+      entry.name = source.name;
+      entry.bytes = entry.packed_bytes = source.size;
+      entry.deflated = images_ != ImagePacking::stored && is_zipped_image(source.name);
+      deflates = deflates || entry.deflated;
+      bytes += source.size;
+    }
+    // Where an entry lies is known once those before it are deflated.
+    std::vector<PackedEntry> packed(deflates ? last - first : 0);
+    parallel_for(quiet, "", packed.size(), [&](std::size_t i) {
+      ZipEntry& entry = entries[first + i];
+      if (!entry.deflated) return;
+      std::vector<std::uint8_t> data;
+      sources_[first + i].make(data);
+      packed[i] = deflate_entry(data, zip_image_level(images_));
+      entry.packed_bytes = packed[i].data.size();
+      entry.crc32 = packed[i].crc32;
+    });
+    for (std::size_t i = first; i < last; ++i) {
+      entries[i].offset = offset;
+      offset += local_record_bytes(entries[i]) + entries[i].packed_bytes;
+    }
+    parallel_for(quiet, "", last - first + 1, [&](std::size_t i) {
+      if (i == last - first) return file.begin_sync(synced, written);
+      ZipEntry& entry = entries[first + i];
+      std::vector<std::uint8_t> data, record;
+      if (entry.deflated) {
+        data = std::move(packed[i].data);
+      } else {
+        sources_[first + i].make(data);
+        entry.crc32 = crc32_of(data);
+      }
+      append_local_record(entry, record);
+      file.write(record, entry.offset);
+      file.write(data, entry.offset + record.size());
+    });
+    synced = std::exchange(written, offset);
+    job.report("write", static_cast<double>(last) / static_cast<double>(sources_.size()));
+  }
+  file.write(zip_directory(entries, offset), offset);
+  file.close();
+}
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,195 @@
+/// @file archive_format.hpp
+/// One class per archive format: what is in it, and what a new or changed one says. Images are read
+/// and written by StackReader and StackWriter, alike for all formats.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "slicecorr/stack.hpp"
+#include "stack/container/container.hpp"
+#include "stack/container/container_output.hpp"
+
+namespace slicecorr::detail {
+
+/// What the block of a recorded stack says of its table.
+struct RecordingFacts {
+  int slices = 0, parts = 0;
+  std::uint32_t crc32 = 0;
+  std::vector<int> other_uv_images;
+};
+
+/// What an archive says.
+struct ArchiveContents {
+  /// Without `format`, which the reader sets. Pixel sizes are 0 where the archive does not say
+  /// them; the layer height, too.
+  StackInfo info;
+  std::vector<std::string> images;     ///< entry of each slice; as many as info.grid.layers
+  std::vector<std::string> uv_images;  ///< the same in UV light; empty without
+  /// Three neighbouring pixels lie in one RGB pixel: images are ceil(width / 3) wide.
+  bool packed_rgb = false;
+  bool packed_bgr = false;  ///< and the first of the three is the blue one, not the red one
+  /// Fingerprints that our block holds, see `images_crc32`; absent in foreign archives.
+  std::optional<std::uint32_t> images_crc32, uv_images_crc32;
+  /// The block has a checksum, and it is that of other parameters; see `check_block`.
+  bool block_changed = false;
+  /// The format says layer heights in steps of this, um; 0: exactly.
+  double layer_step_um = 0;
+  /// Of the values of `info.printer`'s flat-field, which is an entry of its own.
+  std::optional<std::uint32_t> flat_field_crc32;
+  std::optional<RecordingFacts> recording;  ///< of a recorded stack
+  std::vector<std::string> warnings;
+};
+
+/// What is to be written besides images.
+struct ArchiveRequest {
+  const StackInfo& info;
+  std::string stem;  ///< file name without its ending
+  std::uint32_t images_crc32 = 0;
+  std::optional<std::uint32_t> uv_images_crc32;
+  const GreyImage& preview;  ///< grey relief of the part; may be empty
+  /// The archive that is changed, and what it says; null for a new one.
+  const Container* kept = nullptr;
+  const ArchiveContents* kept_contents = nullptr;
+  /// Whether the exposure times of `info` are to replace those of the kept archive.
+  bool exposure_changes = true;
+  std::vector<std::string>* warnings = nullptr;  ///< what the format can't say is told here
+};
+
+/// Stateless and thread-safe.
+class ArchiveFormat {
+ public:
+  virtual ~ArchiveFormat() = default;
+  virtual std::string_view name() const = 0;  ///< "sl1"
+  virtual std::string_view what() const = 0;  ///< "Prusa SL1 and SL1S"
+  /// Endings of file names, with the point; the first is the usual one.
+  virtual std::vector<std::string_view> endings() const = 0;
+  virtual ContainerKind container() const { return ContainerKind::zip; }
+  /// Whether images of new archives are RGB-packed.
+  virtual bool packs_rgb() const { return false; }
+  virtual bool packs_bgr() const { return false; }  ///< see ArchiveContents
+
+  /// By names of entries and, where those do not tell, by contents; of archives of the format's
+  /// own container.
+  virtual bool recognises(const Container& archive) const = 0;
+  /// Throws `InputError` on anything damaged, missing, misnamed or absurdly large. Sizes of images
+  /// that the archive does not say are read with `image_size`.
+  virtual ArchiveContents read(const Container& archive) const = 0;
+  /// Adds all entries but the images, and gives the names of the images of slices 0, 1, ...
+  virtual std::vector<std::string> write(const ArchiveRequest& request,
+                                         ContainerOutput& output) const = 0;
+};
+
+/// All formats, in the order in which they are tried.
+const std::vector<const ArchiveFormat*>& all_archive_formats();
+/// Throws `InputError` naming the formats when none recognises the archive, or when it is one that
+/// is known and can't be read as a plain stack.
+const ArchiveFormat& recognise_format(const Container& archive);
+/// By name; by the ending of `path` when `name` is empty, and by `like` where that fits several.
+/// Throws `InputError` naming the choices.
+const ArchiveFormat& format_named(const std::string& name, const std::string& path,
+                                  const std::string& like = {});
+
+// Helpers that formats share.
+
+/// Entries whose names are PREFIX, digits, SUFFIX ("part00012.png"); by their number.
+struct NumberedEntry {
+  long number = 0;
+  const Container::Entry* entry = nullptr;
+};
+std::vector<NumberedEntry> numbered_entries(const Container& archive, std::string_view prefix,
+                                            std::string_view suffix);
+/// Their names when the numbers are `first`, first + 1, ... without a gap; throws `InputError`
+/// naming the first that is missing, or that there are none.
+std::vector<std::string> complete_names(const Container& archive,
+                                        const std::vector<NumberedEntry>& entries, long first,
+                                        std::string_view what);
+
+struct ImageSize {
+  int width_px = 0, height_px = 0;
+  int channels = 1;
+};
+/// Of a PNG, from its header alone.
+ImageSize image_size(const Container& archive, const std::string& name);
+
+/// A number at the beginning of a text that a unit may follow: "8000", "4e3 ms )", "21.16px/mm".
+struct LeadingNumber {
+  double value = 0;
+  std::size_t length = 0;  ///< of the number's text
+};
+/// Nothing where the text begins with none, and where what follows could be a part of it: "8_000",
+/// "8,000", "8 000", "0x1F40", "8e". Whoever changes such a number must not leave half of it.
+std::optional<LeadingNumber> leading_number(std::string_view text);
+
+/// "key = value" or ";key:value" lines: what is before and after `separator`, trimmed.
+class KeyValueText {
+ public:
+  KeyValueText(std::string text, char separator, std::string file, std::string entry,
+               std::string prefix = "");
+  std::optional<std::string> find(std::string_view key) const;
+  /// Throws `InputError` when the value is there and no number from `least` to `most`.
+  std::optional<double> number(std::string_view key, double least, double most) const;
+  /// As above; throws also when it is missing.
+  double need_number(std::string_view key, double least, double most) const;
+  /// Replaces the value in its line, leaving the rest of the text as it is; adds a line at the end
+  /// when the key is not there.
+  void set(std::string_view key, const std::string& value);
+  const std::string& text() const { return text_; }
+
+ private:
+  struct Place {
+    std::size_t begin = 0, end = 0;  ///< of the value
+  };
+  std::optional<Place> place(std::string_view key) const;
+  std::string text_, file_, entry_, prefix_;
+  char separator_;
+};
+
+/// As short as it can be and still read back as the same number.
+std::string number_text(double value);
+
+/// How a layer of the stack is lit: by its process when corrected, else by the archive's times.
+SliceLight light_of_layer(const StackInfo& info, int layer);
+/// Its time alone, s.
+inline double light_on_of_layer(const StackInfo& info, int layer) {
+  return light_of_layer(info, layer).time_s;
+}
+/// Whether two times are the same but for the rounding of archives: hundredths of seconds, and less
+/// for short times, which are written with more digits.
+bool same_time(double a_s, double b_s);
+/// Light-on time of normal layers, of the first layers, and the number of these.
+struct ExposureSummary {
+  double normal_s = 0, bottom_s = 0;
+  int bottom_layers = 0, fade_layers = 0;
+  /// Whether layers differ in another way, which these numbers can't say.
+  bool uneven = false;
+};
+ExposureSummary exposure_summary(const StackInfo& info);
+
+/// What the archive says, with our block where its format has no place for it, checked (see
+/// `check_block`).
+ArchiveContents read_contents(const Container& archive);
+
+/// Our block as a file of its own, for formats that have no place for it.
+inline constexpr const char* provenance_entry = "slicecorr.json";
+
+// One per file format_*.cpp.
+const ArchiveFormat& uvj_format();
+const ArchiveFormat& sl1_format();
+const ArchiveFormat& chitubox_zip_format();
+const ArchiveFormat& generic_zip_format();
+const ArchiveFormat& cws_format();
+const ArchiveFormat& rgb_cws_format();
+const ArchiveFormat& nanodlp_format();
+const ArchiveFormat& rgb_nanodlp_format();
+const ArchiveFormat& vdt_format();
+const ArchiveFormat& vda_format();
+const ArchiveFormat& ember_zip_format();
+const ArchiveFormat& ember_tar_format();
+const ArchiveFormat& folder_format();
+
+}  // namespace slicecorr::detail

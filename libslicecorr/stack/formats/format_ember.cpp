@@ -1,0 +1,341 @@
+// Autodesk Ember: zip and tar.gz.
+
+#include <fmt/format.h>
+
+#include <charconv>
+#include <cmath>
+
+#include "slicecorr/error.hpp"
+#include "stack/formats/archive_format.hpp"
+#include "stack/formats/format_times.hpp"
+#include "stack/formats/json_node.hpp"
+#include "stack/formats/layer_settings.hpp"
+
+namespace slicecorr::detail {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr const char* settings_entry = "printsettings";
+constexpr const char* layers_entry = "layersettings.csv";
+constexpr const char* image_prefix = "slice_";
+constexpr const char* image_suffix = ".png";
+
+// Names of settings in the printer's firmware.
+constexpr const char* root_key = "Settings";
+constexpr const char* layer_um_key = "LayerThicknessMicrons";
+constexpr const char* burn_in_layers_key = "BurnInLayers";
+constexpr const char* first_key = "FirstExposureSec";
+constexpr const char* burn_in_key = "BurnInExposureSec";
+constexpr const char* model_key = "ModelExposureSec";
+
+/// The printer's display: 64 mm x 40 mm.
+constexpr int display_width_px = 1280, display_height_px = 800;
+constexpr double display_pixel_um = 50;
+
+constexpr double most_s = 1e6;
+
+Json parse_settings(const Container& archive) {
+  try {
+    return Json::parse(archive.text(settings_entry));
+  } catch (const Json::exception& error) {
+    throw InputError(archive.path(), settings_entry,
+                     std::string("not valid JSON: ") + error.what());
+  }
+}
+
+/// The first firmware's portal put numbers in quotes, and that firmware read them.
+std::optional<double> number_at(const Json& settings, const char* key, double least, double most,
+                                const JsonPlace& place) {
+  const auto found = settings.find(key);
+  if (found == settings.end()) return std::nullopt;
+  const JsonNode<Json> node(*found, std::string(root_key) + "." + key, place);
+  if (!found->is_string()) return node.number(least, most);
+  const std::string text = found->get<std::string>();
+  double number = NAN;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (error != std::errc() || end != text.data() + text.size() ||
+      !(number >= least && number <= most)) {
+    node.fail("a number from " + number_text(least) + " to " + number_text(most));
+  }
+  return number;
+}
+
+/// Exposures as the firmware knows them: of layer 1, of the burn-in layers after it, of all others.
+struct Exposures {
+  std::optional<double> first_s, burn_in_s, model_s;
+  int burn_in_layers = 0;
+  const std::optional<double>& of_layer(int layer) const {  ///< from 1
+    return layer == 1 ? first_s : layer <= 1 + burn_in_layers ? burn_in_s : model_s;
+  }
+  const char* key_of_layer(int layer) const {
+    return layer == 1 ? first_key : layer <= 1 + burn_in_layers ? burn_in_key : model_key;
+  }
+};
+
+Exposures exposures_of(const Json& settings, const JsonPlace& place) {
+  Exposures e;
+  e.first_s = number_at(settings, first_key, 0, most_s, place);
+  e.burn_in_s = number_at(settings, burn_in_key, 0, most_s, place);
+  e.model_s = number_at(settings, model_key, 0, most_s, place);
+  e.burn_in_layers = whole(number_at(settings, burn_in_layers_key, 0, max_layers, place),
+                           place.file, place.entry, burn_in_layers_key)
+                         .value_or(0);
+  return e;
+}
+
+bool says_exposure(const LayerSettings& table) {
+  return table.has(first_key) || table.has(burn_in_key) || table.has(model_key);
+}
+
+/// Light-on time of each layer, where all are said.
+std::vector<double> layer_times(const Exposures& e, const LayerSettings* table, int layers) {
+  std::vector<double> times_s;
+  for (int n = 1; n <= layers; ++n) {
+    std::optional<double> time_s = e.of_layer(n);
+    if (table != nullptr) {
+      if (const auto own_s = table->number(n, e.key_of_layer(n), most_s)) time_s = own_s;
+    }
+    if (!time_s) return {};
+    times_s.push_back(*time_s);
+  }
+  return times_s;
+}
+
+void read_settings(const Container& archive, ArchiveContents& contents) {
+  StackInfo& info = contents.info;
+  const JsonPlace place{archive.path(), settings_entry};
+  Exposures exposures;
+  if (archive.has(settings_entry)) {
+    const Json json = parse_settings(archive);
+    const JsonNode<Json> root(json, "", place);
+    const JsonNode<Json> settings = root[root_key];
+    settings.has(layer_um_key);  // an object
+    const Json& values = json[root_key];
+    if (const auto um = number_at(values, layer_um_key, 1, 1000, place)) info.grid.layer_um = *um;
+    exposures = exposures_of(values, place);
+    if (settings.has("JobName")) info.profiles.print = settings["JobName"].string();
+  }
+  std::optional<LayerSettings> table;
+  if (archive.has(layers_entry)) {
+    table.emplace(archive.text(layers_entry), archive.path(), layers_entry);
+    for (int n = 1; n <= info.grid.layers; ++n) {
+      const auto um = table->number(n, layer_um_key, 10000);
+      if (!um || *um == info.grid.layer_um) continue;
+      contents.warnings.push_back(
+          fmt::format("{} makes layer {} {:g} um high, others {:g} um: read as if all were",
+                      layers_entry, n, *um, info.grid.layer_um));
+      break;
+    }
+  }
+  info.exposure_s = exposures.model_s.value_or(0);
+  if (exposures.first_s && exposures.first_s != exposures.model_s) {
+    info.bottom_exposure_s = *exposures.first_s;
+    info.bottom_layers = 1;
+    if (exposures.burn_in_s == exposures.first_s) info.bottom_layers += exposures.burn_in_layers;
+  }
+  take_layer_times(layer_times(exposures, table ? &*table : nullptr, info.grid.layers), info);
+}
+
+/// What a stack's exposures are in the printer's settings. `table` is needed where these can't say
+/// them.
+struct NewExposures {
+  Exposures settings;
+  bool table = false;
+};
+
+NewExposures new_exposures(const StackInfo& info) {
+  const ExposureSummary s = exposure_summary(info);
+  NewExposures e;
+  e.settings.model_s = s.normal_s;
+  e.settings.first_s = e.settings.burn_in_s = s.bottom_layers > 0 ? s.bottom_s : s.normal_s;
+  e.settings.burn_in_layers = std::max(0, s.bottom_layers - 1);
+  e.table = s.uneven || s.fade_layers > 0;
+  return e;
+}
+
+/// Whatever the printer takes the layer for.
+void set_times(int layer, double time_s, LayerSettings& table) {
+  for (const char* key : {first_key, burn_in_key, model_key}) {
+    table.set(layer, key, number_text(time_s));
+  }
+}
+
+void fill_table(const StackInfo& info, LayerSettings& table) {
+  for (int n = 0; n < info.grid.layers; ++n) set_times(n + 1, light_on_of_layer(info, n), table);
+}
+
+void set(Json& settings, const char* key, const Json& value, bool& changed) {
+  const auto found = settings.find(key);
+  if (found != settings.end() && *found == value) return;
+  settings[key] = value;
+  changed = true;
+}
+
+void set_exposures(const Exposures& e, Json& settings, bool& changed) {
+  set(settings, first_key, *e.first_s, changed);
+  set(settings, burn_in_layers_key, e.burn_in_layers, changed);
+  set(settings, burn_in_key, *e.burn_in_s, changed);
+  set(settings, model_key, *e.model_s, changed);
+}
+
+std::string dumped(const Json& json) {
+  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+void warn_of_light(const ArchiveRequest& r) {
+  for (int n = 0; n < r.info.grid.layers; ++n) {
+    if (light_of_layer(r.info, n).share == 1) continue;
+    warn(r, "the Ember can't dim single layers, which this stack needs while the stage ramps");
+    return;
+  }
+}
+
+/// Layers that are added to an archive whose times stay, and get others than its settings say.
+void add_rows(const ArchiveRequest& r, ContainerOutput& output) {
+  const int before = r.kept_contents->info.grid.layers;
+  Exposures said;
+  if (r.kept->has(settings_entry)) {
+    said = exposures_of(parse_settings(*r.kept)[root_key], {r.kept->path(), settings_entry});
+  }
+  std::optional<LayerSettings> table;
+  for (int n = before + 1; n <= r.info.grid.layers; ++n) {
+    const double time_s = light_on_of_layer(r.info, n - 1);
+    if (time_s == said.of_layer(n).value_or(0)) continue;
+    if (!table) {
+      table.emplace(r.kept->has(layers_entry) ? r.kept->text(layers_entry) : "Layer\r\n",
+                    r.kept->path(), layers_entry);
+    }
+    set_times(n, time_s, *table);
+  }
+  if (table) output.add_text(layers_entry, table->text());
+}
+
+void change(const ArchiveRequest& r, ContainerOutput& output) {
+  if (!r.exposure_changes) {
+    add_rows(r, output);
+    return;
+  }
+  warn_of_light(r);
+  const NewExposures e = new_exposures(r.info);
+  bool changed = false;
+  Json json = Json::object();
+  if (r.kept->has(settings_entry)) json = parse_settings(*r.kept);
+  set_exposures(e.settings, json[root_key], changed);
+  if (changed) output.add_text(settings_entry, dumped(json));
+  std::optional<LayerSettings> table;
+  std::string before;
+  if (r.kept->has(layers_entry)) {
+    before = r.kept->text(layers_entry);
+    table.emplace(before, r.kept->path(), layers_entry);
+    if (!e.table && !says_exposure(*table)) return;
+  } else if (e.table) {
+    table.emplace(std::vector<std::string>{});
+  }
+  if (!table) return;
+  fill_table(r.info, *table);
+  if (const std::string text = table->text(); text != before) output.add_text(layers_entry, text);
+}
+
+void write_new(const ArchiveRequest& r, ContainerOutput& output) {
+  const StackInfo& info = r.info;
+  const Grid& grid = info.grid;
+  if (grid.width_px != display_width_px || grid.height_px != display_height_px ||
+      grid.pixel_x_um != display_pixel_um || grid.pixel_y_um != display_pixel_um) {
+    warn(r, fmt::format("the Ember shows {} x {} pixels of {:g} um, this stack has {} x {} of {:g} "
+                        "x {:g} um",
+                        display_width_px, display_height_px, display_pixel_um, grid.width_px,
+                        grid.height_px, grid.pixel_x_um, grid.pixel_y_um));
+  }
+  const auto layer_um = static_cast<int>(std::lround(grid.layer_um));
+  if (layer_um != grid.layer_um) {
+    warn(r, fmt::format("the Ember takes whole micrometres: layers of {:g} um become {} um",
+                        grid.layer_um, layer_um));
+  }
+  // The printer refuses settings that it does not know, and takes its own for those that are not
+  // there.
+  Json settings = {{"JobName", r.stem}, {layer_um_key, layer_um}};
+  const NewExposures e = new_exposures(info);
+  bool changed = false;
+  if (*e.settings.model_s > 0) set_exposures(e.settings, settings, changed);
+  Json json;
+  json[root_key] = settings;
+  output.add_text(settings_entry, dumped(json));
+  if (!e.table) return;
+  LayerSettings table(std::vector<std::string>{});
+  fill_table(info, table);
+  output.add_text(layers_entry, table.text());
+  warn_of_light(r);
+}
+
+class Ember final : public ArchiveFormat {
+ public:
+  explicit Ember(ContainerKind kind) : kind_(kind) {}
+  std::string_view name() const override { return is_tar() ? "ember-tar" : "ember"; }
+  std::string_view what() const override {
+    return is_tar() ? "tar.gz of the Autodesk Ember" : "zip of the Autodesk Ember";
+  }
+  std::vector<std::string_view> endings() const override {
+    if (is_tar()) return {".tar.gz", ".tgz"};
+    return {".zip"};
+  }
+  ContainerKind container() const override { return kind_; }
+
+  bool recognises(const Container& archive) const override {
+    return archive.kind() == kind_ &&
+           (archive.has(settings_entry) ||
+            !numbered_entries(archive, image_prefix, image_suffix).empty());
+  }
+
+  ArchiveContents read(const Container& archive) const override {
+    ArchiveContents contents;
+    StackInfo& info = contents.info;
+    contents.images = complete_names(archive, numbered_entries(archive, image_prefix, image_suffix),
+                                     1, "slice_1.png on");
+    if (contents.images.size() > static_cast<std::size_t>(max_layers)) {
+      throw InputError(
+          archive.path(), "",
+          fmt::format("has {} images, expected at most {}", contents.images.size(), max_layers));
+    }
+    info.grid.layers = info.target_layers = static_cast<int>(contents.images.size());
+    take_image_size(archive, {}, {}, "", false, contents);
+    if (info.grid.width_px == display_width_px && info.grid.height_px == display_height_px) {
+      info.grid.pixel_x_um = info.grid.pixel_y_um = display_pixel_um;
+    }
+    read_settings(archive, contents);
+    contents.layer_step_um = 1;
+    return contents;
+  }
+
+  std::vector<std::string> write(const ArchiveRequest& r, ContainerOutput& output) const override {
+    if (r.kept == nullptr || r.exposure_changes) warn_of_mode(r, "Ember");
+    if (r.kept != nullptr) {
+      change(r, output);
+      return continued_names(r, image_suffix);
+    }
+    write_new(r, output);
+    std::vector<std::string> names;
+    for (int n = 1; n <= r.info.grid.layers; ++n) {
+      names.push_back(fmt::format("{}{}{}", image_prefix, n, image_suffix));
+    }
+    return names;
+  }
+
+ private:
+  bool is_tar() const { return kind_ == ContainerKind::tar_gz; }
+  ContainerKind kind_;
+};
+
+}  // namespace
+
+const ArchiveFormat& ember_zip_format() {
+  static const Ember format(ContainerKind::zip);
+  return format;
+}
+
+const ArchiveFormat& ember_tar_format() {
+  static const Ember format(ContainerKind::tar_gz);
+  return format;
+}
+
+}  // namespace slicecorr::detail

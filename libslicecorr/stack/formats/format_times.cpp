@@ -1,0 +1,150 @@
+#include "stack/formats/format_times.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "slicecorr/error.hpp"
+#include "stack/formats/uvj_config.hpp"
+
+namespace slicecorr::detail {
+namespace {
+
+double checked_um(double mm, const Container& archive, const std::string& says, const char* what) {
+  const double um = um_of_mm(mm);
+  if (um == 0) return 0;
+  if (!(um >= 1 && um <= 1000)) {
+    throw InputError(archive.path(), says,
+                     fmt::format("says {} of {:g} um, expected 1 to 1000 um", what, um));
+  }
+  return um;
+}
+
+}  // namespace
+
+double um_of_mm(double mm) { return std::round(mm * 1e9) / 1e6; }
+
+std::optional<int> whole(std::optional<double> value, const std::string& file,
+                         const std::string& entry, const std::string& key) {
+  if (!value) return std::nullopt;
+  if (*value != std::floor(*value) || std::abs(*value) > 1e9) {
+    throw InputError(file, entry, key + " is " + number_text(*value) + ", expected a whole number");
+  }
+  return static_cast<int>(*value);
+}
+
+void take_image_size(const Container& archive, std::optional<int> width_px,
+                     std::optional<int> height_px, const std::string& says, bool may_be_packed,
+                     ArchiveContents& contents) {
+  if (contents.images.size() > max_layers) {
+    throw InputError(
+        archive.path(), "",
+        fmt::format("has {} layers, expected at most {}", contents.images.size(), max_layers));
+  }
+  const std::string& first = contents.images.front();
+  const ImageSize size = image_size(archive, first);
+  const int width = width_px && *width_px > 0 ? *width_px : size.width_px;
+  const int height = height_px && *height_px > 0 ? *height_px : size.height_px;
+  const bool packed = may_be_packed && size.channels == 3 && size.width_px == (width + 2) / 3;
+  if ((size.width_px != width && !packed) || size.height_px != height) {
+    const std::string packing =
+        may_be_packed ? fmt::format(", or {} x {} in RGB", (width + 2) / 3, height) : "";
+    throw InputError(archive.path(), first,
+                     fmt::format("is {} x {} pixels{}, expected {} x {}{}, as {} says",
+                                 size.width_px, size.height_px, size.channels == 3 ? " in RGB" : "",
+                                 width, height, packing, says));
+  }
+  if (width > 65536 || std::int64_t{width} * height > max_image_pixels) {
+    throw InputError(archive.path(), first,
+                     fmt::format("is {} x {} pixels, expected at most {} pixels", width, height,
+                                 max_image_pixels));
+  }
+  contents.packed_rgb = packed;
+  contents.info.grid.width_px = width;
+  contents.info.grid.height_px = height;
+}
+
+double pixel_um(double pixel_mm, const Container& archive, const std::string& says) {
+  return checked_um(pixel_mm, archive, says, "pixels");
+}
+
+double layer_um(double layer_mm, const Container& archive, const std::string& says) {
+  return checked_um(layer_mm, archive, says, "layers");
+}
+
+void take_layer_times(std::vector<double> times_s, StackInfo& info) {
+  if (times_s.empty()) return;
+  if (info.exposure_s == 0) info.exposure_s = times_s.back();
+  const auto layers = static_cast<int>(times_s.size());
+  const int bottom = info.bottom_exposure_s > 0 ? std::min(info.bottom_layers, layers) : 0;
+  const auto fits = [&](int fade) {
+    for (int n = 0; n < layers; ++n) {
+      double expected_s = n < bottom ? info.bottom_exposure_s : info.exposure_s;
+      if (n >= bottom && n < bottom + fade) {
+        expected_s = info.bottom_exposure_s +
+                     (info.exposure_s - info.bottom_exposure_s) * (n - bottom + 1) / (fade + 1);
+      }
+      if (!same_time(times_s[static_cast<std::size_t>(n)], expected_s)) return false;
+    }
+    return true;
+  };
+  if (fits(info.fade_layers)) return;
+  int fade = 0;
+  while (bottom > 0 && bottom + fade < layers &&
+         !same_time(times_s[static_cast<std::size_t>(bottom + fade)], info.exposure_s)) {
+    ++fade;
+  }
+  if (fade > 0 && fits(fade)) {
+    info.fade_layers = fade;
+    return;
+  }
+  info.layer_exposure_s = std::move(times_s);
+}
+
+std::vector<std::string> continued_names(const ArchiveRequest& request, std::string_view suffix) {
+  std::vector<std::string> names = request.kept_contents->images;
+  const auto layers = static_cast<std::size_t>(request.info.grid.layers);
+  if (names.size() > layers) {
+    throw InputError(request.kept->path(), "",
+                     fmt::format("has {} layers, expected at most the {} of the stack that is put "
+                                 "in place",
+                                 names.size(), layers));
+  }
+  if (names.size() == layers) return names;
+  const std::string stem = names.back().substr(0, names.back().size() - suffix.size());
+  const std::size_t digits = stem.find_last_not_of("0123456789") + 1;  // npos + 1 is 0
+  const std::size_t width = stem.size() - digits;
+  const std::string prefix = stem.substr(0, digits);
+  for (long number = std::stol(stem.substr(digits)) + 1; names.size() < layers; ++number) {
+    names.push_back(fmt::format("{}{:0{}}{}", prefix, number, width, suffix));
+    if (request.kept->has(names.back())) {
+      throw InputError(request.kept->path(), names.back(),
+                       "is in the way of a layer that is to be added");
+    }
+  }
+  return names;
+}
+
+void warn(const ArchiveRequest& request, std::string text) {
+  if (request.warnings != nullptr) request.warnings->push_back(std::move(text));
+}
+
+bool lifts(const StackInfo& info) {
+  return !(info.process && info.process->mode == ExposureMode::continuous);
+}
+
+void warn_of_mode(const ArchiveRequest& request, std::string_view format) {
+  const StackInfo& info = request.info;
+  if (!lifts(info)) {
+    warn(request, fmt::format("{} archives can't say that the platform moves while slices are "
+                              "shown: each slice is shown for {:g} s, and nothing is lifted",
+                              format, exposure_summary(info).normal_s));
+  } else if (exposure_summary(info).normal_s == 0) {
+    warn(request,
+         "the stack says no exposure times: 0 s is written, which must be set before "
+         "printing");
+  }
+}
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,288 @@
+#include "stack/formats/uvj_config.hpp"
+
+#include <isa-l.h>
+
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "stack/block_check.hpp"
+#include "stack/flat_field_entry.hpp"
+#include "stack/recording_entry.hpp"
+
+namespace slicecorr::detail {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+std::string dump(const Json& json, int indent) {
+  return json.dump(indent, ' ', false, Json::error_handler_t::replace);
+}
+
+/// Without the noise of the last digits, which would only make the text longer.
+double tidy_mm(double mm) { return std::round(mm * 1e9) / 1e9; }
+
+/// No limit and no lift: the continuous mode pulls without a pause, and lifts between exposures are
+/// the printer's.
+Json exposure_json(double light_on_s, int pwm = 255) {
+  return {{"LightOnTime", light_on_s}, {"LightOffTime", 0}, {"LightPWM", pwm},
+          {"LiftHeight", 0},           {"LiftSpeed", 0},    {"RetractHeight", 0},
+          {"RetractSpeed", 0}};
+}
+
+Json properties_json(const StackInfo& info, double light_on_s, double bottom_s, int bottom_layers) {
+  const Grid& grid = info.grid;
+  Json properties;
+  properties["Size"] = {{"X", grid.width_px},
+                        {"Y", grid.height_px},
+                        {"Millimeter",
+                         {{"X", tidy_mm(grid.width_px * grid.pixel_x_um / 1000)},
+                          {"Y", tidy_mm(grid.height_px * grid.pixel_y_um / 1000)}}},
+                        {"Layers", grid.layers},
+                        {"LayerHeight", tidy_mm(grid.layer_um / 1000)}};
+  properties["Exposure"] = exposure_json(light_on_s);
+  properties["Bottom"] = exposure_json(bottom_s);
+  properties["Bottom"]["Count"] = bottom_layers;
+  properties["AntiAliasLevel"] = 1;
+  return properties;
+}
+
+Json calibration_json(const std::vector<CalibrationPoint>& calibration) {
+  Json points = Json::array();
+  for (const CalibrationPoint& c : calibration) {
+    points.push_back({{"level", c.level}, {"intensity_mw_cm2", c.intensity_mw_cm2}});
+  }
+  return points;
+}
+
+Json orientation_json(const Orientation& o) {
+  return {{"portrait", o.portrait}, {"mirror_x", o.mirror_x}, {"mirror_y", o.mirror_y}};
+}
+
+Json printer_json(const Printer& p) {
+  Json json = {{"name", p.name},
+               {"width_px", p.width_px},
+               {"height_px", p.height_px},
+               {"pixel_x_um", p.pixel_x_um},
+               {"pixel_y_um", p.pixel_y_um},
+               {"bit_depth", p.bit_depth},
+               {"wavelength_nm", p.wavelength_nm},
+               {"calibration", calibration_json(p.calibration)},
+               {"max_speed_mm_h", p.max_speed_mm_h},
+               {"travel_mm", p.travel_mm}};
+  if (p.uv) {
+    json["uv"] = {{"wavelength_nm", p.uv->wavelength_nm},
+                  {"kind", p.uv->patterned ? "patterned" : "flood"},
+                  {"calibration", calibration_json(p.uv->calibration)}};
+  }
+  if (p.orientation) json["orientation"] = orientation_json(*p.orientation);
+  if (p.flat_field) {
+    const FlatField& f = *p.flat_field;
+    json["flat_field"] = {{"file", flat_field_entry}, {"width_px", f.width_px},
+                          {"height_px", f.height_px}, {"frame", f.of_plate ? "plate" : "image"},
+                          {"reference", f.reference}, {"crc32", flat_field_crc32(f)}};
+  }
+  return json;
+}
+
+Json resin_json(const Resin& r) {
+  Json json = {{"name", r.name},
+               {"model", r.model == CureModelKind::kinetic ? "kinetic" : "jacobs"},
+               {"m", r.m},
+               {"absorbance_height10_um", r.absorbance_height10_um},
+               {"critical_dose_mj_cm3", r.critical_dose_mj_cm3},
+               {"critical_dose_prime", r.critical_dose_prime},
+               {"gel_dose_mj_cm3", r.gel_dose_mj_cm3},
+               {"dose_factor", r.dose_factor}};
+  if (r.inhibition) {
+    json["inhibition"] = {{"beta", r.inhibition->beta},
+                          {"absorbance_height10_um", r.inhibition->absorbance_height10_um},
+                          {"m", r.inhibition->m},
+                          {"critical_dose_prime", r.inhibition->critical_dose_prime}};
+  }
+  return json;
+}
+
+/// What the version of our block must be for these parameters.
+int block_format(const Process& p) {
+  Process plain;
+  plain.speed_mm_h = p.speed_mm_h;
+  plain.omega_max = p.omega_max;
+  plain.one_slice_gaps = p.one_slice_gaps;
+  plain.gap_shortfall = p.gap_shortfall;
+  plain.cap_platform_features = p.cap_platform_features;
+  return p == plain ? 1 : 2;
+}
+
+int block_format(const StackInfo& info) {
+  if (info.kind == StackKind::recorded) return 4;
+  if (info.printer && info.printer->flat_field) return 3;
+  return info.process ? block_format(*info.process) : 1;
+}
+
+Json process_json(const Process& p, int format) {
+  Json json;
+  json["speed_mm_h"] = p.speed_mm_h;
+  if (p.omega_max >= 1e300) {
+    json["omega_max"] = "inf";
+  } else {
+    json["omega_max"] = p.omega_max;
+  }
+  json["one_slice_gaps"] = p.one_slice_gaps == OneSliceGaps::merge ? "merge" : "open";
+  if (p.gap_shortfall != kDefaultGapShortfall) json["gap_shortfall"] = p.gap_shortfall;
+  json["platform_features"] = p.cap_platform_features ? "capped" : "uncapped";
+  if (format == 1) return json;
+  json["exposure_s"] = p.exposure_s;
+  json["bottom_exposure_s"] = p.bottom_exposure_s;
+  json["bottom_layers"] = p.bottom_layers;
+  json["fade_layers"] = p.fade_layers;
+  json["layer_exposure_s"] = p.layer_exposure_s;
+  json["uv"] = {{"kind", names_of_uv[static_cast<std::size_t>(p.uv.kind)]},
+                {"uv_mw_cm2", p.uv.uv_mw_cm2},
+                {"dead_zone_um", p.uv.dead_zone_um},
+                {"slice_mw_cm2", p.uv.slice_mw_cm2}};
+  json["ramp"] = names_of_ramps[static_cast<std::size_t>(p.ramp)];
+  json["ramp_mm"] = p.ramp_mm;
+  json["window_cure"] = p.allow_window_cure ? "allow" : "refuse";
+  return json;
+}
+
+Json recording_json(const Recording& recording) {
+  return {{"file", recording_entry},
+          {"slices", recording.slices()},
+          {"parts", recording.parts.size()},
+          {"crc32", recording_crc32(recording_csv(recording))},
+          {"other_uv_images", recording.other_uv_images}};
+}
+
+Json block_json(const StackInfo& info, std::uint32_t crc, std::optional<std::uint32_t> uv_crc) {
+  Json block;
+  const int format = block_format(info);
+  block["format"] = format;
+  block["kind"] = info.kind == StackKind::corrected  ? "corrected"
+                  : info.kind == StackKind::recorded ? "recorded"
+                  : info.kind == StackKind::target   ? "target"
+                                                     : "foreign";
+  const bool layerwise = info.process && info.process->mode == ExposureMode::layerwise;
+  block["mode"] = layerwise ? "layerwise" : "continuous";
+  block["program"] = info.program;
+  block["target_layers"] = info.target_layers;
+  block["part_volume_mm3"] = info.part_volume_mm3;
+  // The sizes in mm above went through a division; these are exact.
+  block["grid"] = {{"pixel_x_um", info.grid.pixel_x_um},
+                   {"pixel_y_um", info.grid.pixel_y_um},
+                   {"layer_um", info.grid.layer_um}};
+  if (info.printer) block["printer"] = printer_json(*info.printer);
+  if (info.resin) block["resin"] = resin_json(*info.resin);
+  if (info.process) block["process"] = process_json(*info.process, format);
+  if (info.for_display) {
+    block["frame"] = {{"images", "display"}};
+    if (info.orientation_known) block["frame"]["orientation"] = orientation_json(info.orientation);
+  }
+  if (!info.original_sha256.empty()) block["original_sha256"] = info.original_sha256;
+  if (info.recording) block["recording"] = recording_json(*info.recording);
+  // Of other programs' slices nothing is promised.
+  if (info.kind != StackKind::foreign) block["images_crc32"] = crc;
+  if (uv_crc) block["uv_images_crc32"] = *uv_crc;
+  return block;
+}
+
+Json checked(Json block) {
+  // Of what is read: texts that are no UTF-8 change when they are written.
+  block[block_crc32_key] = block_crc32(nlohmann::json::parse(dump(block, -1)));
+  return block;
+}
+
+int pwm_of(const SliceLight& light) { return static_cast<int>(std::lround(255 * light.share)); }
+
+}  // namespace
+
+std::string uv_image_name(int slice) {
+  char text[40];
+  std::snprintf(text, sizeof text, "uv/%08d.png", slice);
+  return text;
+}
+
+std::string write_uvj_config(const StackInfo& info, std::uint32_t images_crc32,
+                             std::optional<std::uint32_t> uv_images_crc32) {
+  const ExposureSummary s = exposure_summary(info);
+  std::string text = "{\n\"Properties\": " +
+                     dump(properties_json(info, s.normal_s, s.bottom_s, s.bottom_layers), 2);
+  // One line per layer, joined as text: a tree of a million layers would fill the memory.
+  text += ",\n\"Layers\": [";
+  SliceLight shown{-1, -1};
+  std::string exposure;
+  for (int n = 0; n < info.grid.layers; ++n) {
+    const SliceLight light = light_of_layer(info, n);
+    if (light.time_s != shown.time_s || light.share != shown.share) {
+      exposure = ", \"Exposure\": " + dump(exposure_json(light.time_s, pwm_of(light)), -1) + "}";
+      shown = light;
+    }
+    text += n == 0 ? "\n" : ",\n";
+    text += "{\"Z\": " + dump(tidy_mm((n + 1) * info.grid.layer_um / 1000), -1) + exposure;
+  }
+  text += "\n]";
+  if (info.kind != StackKind::foreign) {
+    text += ",\n\"slicecorr\": " + write_provenance(info, images_crc32, uv_images_crc32);
+  }
+  return text + "\n}\n";
+}
+
+std::string change_uvj_config(const std::string& original, const StackInfo& info,
+                              std::uint32_t images_crc32,
+                              std::optional<std::uint32_t> uv_images_crc32, bool exposure_changes) {
+  std::string_view text = original;
+  if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);
+  Json json = Json::parse(text);
+  const ExposureSummary s = exposure_summary(info);
+  Json& properties = json["Properties"];
+  properties["Size"]["Layers"] = info.grid.layers;
+  if (exposure_changes) {
+    properties["Exposure"]["LightOnTime"] = s.normal_s;
+    if (properties.contains("Bottom") || s.bottom_layers > 0) {
+      properties["Bottom"]["LightOnTime"] = s.bottom_s;
+      properties["Bottom"]["Count"] = s.bottom_layers;
+    }
+  }
+  const auto count = static_cast<std::size_t>(info.grid.layers);
+  const bool lists = json.contains("Layers") && !json["Layers"].empty();
+  if (lists || (exposure_changes && (s.uneven || s.fade_layers > 0))) {
+    Json& layers = json["Layers"];
+    if (!lists) layers = Json::array();
+    const std::size_t before = layers.size();
+    for (std::size_t n = layers.size(); n < count; ++n) {
+      layers.push_back(n > 0 ? layers[n - 1] : Json{{"Exposure", exposure_json(0)}});
+      layers[n]["Z"] = tidy_mm(static_cast<double>(n + 1) * info.grid.layer_um / 1000);
+    }
+    for (std::size_t n = exposure_changes ? 0 : before; n < count; ++n) {
+      const SliceLight light = light_of_layer(info, static_cast<int>(n));
+      layers[n]["Exposure"]["LightOnTime"] = light.time_s;
+      if (light.share != 1) layers[n]["Exposure"]["LightPWM"] = pwm_of(light);
+    }
+  }
+  json.erase("slicecorr");
+  if (info.kind != StackKind::foreign) {
+    json["slicecorr"] = checked(block_json(info, images_crc32, uv_images_crc32));
+  }
+  return dump(json, 2) + "\n";
+}
+
+std::string write_provenance(const StackInfo& info, std::uint32_t images_crc32,
+                             std::optional<std::uint32_t> uv_images_crc32) {
+  return dump(checked(block_json(info, images_crc32, uv_images_crc32)), 2);
+}
+
+std::string setup_block(const StackInfo& info) { return dump(block_json(info, 0, {}), 2); }
+
+std::uint32_t images_crc32(const std::vector<std::uint32_t>& slice_adlers) {
+  std::uint32_t crc = 0;
+  for (const std::uint32_t adler : slice_adlers) {
+    const std::uint8_t bytes[4] = {
+        static_cast<std::uint8_t>(adler >> 24), static_cast<std::uint8_t>(adler >> 16),
+        static_cast<std::uint8_t>(adler >> 8), static_cast<std::uint8_t>(adler)};
+    crc = crc32_gzip_refl(crc, bytes, sizeof bytes);
+  }
+  return crc;
+}
+
+}  // namespace slicecorr::detail

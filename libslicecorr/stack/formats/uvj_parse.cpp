@@ -1,0 +1,380 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "slicecorr/error.hpp"
+#include "stack/block_check.hpp"
+#include "stack/formats/json_node.hpp"
+#include "stack/recording_entry.hpp"
+#include "stack/formats/uvj_config.hpp"
+
+namespace slicecorr::detail {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr double largest = JsonPlace::largest;
+
+using Place = JsonPlace;
+using Node = JsonNode<Json>;
+
+/// Light-on times of the layers that say one, in order.
+struct LayerTimes {
+  std::vector<double> time_s;
+  std::size_t layers = 0;  ///< seen so far
+  bool all = true;         ///< every layer says one
+};
+
+/// Takes what is needed of one layer.
+void read_layer(const Json& layer, const Place& place, LayerTimes& times) {
+  const Node node(layer, "Layers[" + std::to_string(times.layers++) + "]", place);
+  // Where there is none, one is added when times are changed.
+  if (!node.has("Exposure") || node["Exposure"].json().is_null() ||
+      !node["Exposure"].has("LightOnTime")) {
+    times.all = false;
+    return;
+  }
+  times.time_s.push_back(node["Exposure"]["LightOnTime"].number(0, 1e9));
+}
+
+Json parse_json(std::string_view text, const Place& place, LayerTimes& times) {
+  // Byte order marks are common in JSON written on Windows.
+  if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);
+  // There may be a million layers: each is dropped as soon as its time has been read.
+  using Event = Json::parse_event_t;
+  bool in_layers = false, in_list = false;
+  const auto keep = [&](int depth, Event event, Json& value) {
+    if (depth == 1) {
+      if (event == Event::key) in_layers = value == "Layers";
+      in_list = in_layers && event == Event::array_start;
+    }
+    const bool whole =
+        event == Event::object_end || event == Event::array_end || event == Event::value;
+    if (!in_list || depth != 2 || !whole) return true;
+    read_layer(value, place, times);
+    return false;
+  };
+  try {
+    return Json::parse(text.begin(), text.end(), keep);
+  } catch (const Json::exception& error) {
+    throw InputError(place.file, place.entry, std::string("not valid JSON: ") + error.what());
+  }
+}
+
+/// Millimetres to micrometres, without the noise that the division by pixels left.
+double tidy_um(double um) { return std::round(um * 1e6) / 1e6; }
+
+double scale_um(double um, double least, double most, const Node& node) {
+  if (!(um >= least && um <= most)) {
+    const auto text = [](double v) { return std::to_string(static_cast<int>(v)); };
+    node.fail("what makes " + text(least) + " to " + text(most) + " um each");
+  }
+  return um;
+}
+
+void read_properties(const Node& properties, StackInfo& info) {
+  const Node size = properties["Size"];
+  Grid& grid = info.grid;
+  grid.width_px = size["X"].integer(1, 65536);
+  grid.height_px = size["Y"].integer(1, 65536);
+  if (std::int64_t{grid.width_px} * grid.height_px > max_image_pixels) {
+    size["X"].fail("images of at most " + std::to_string(max_image_pixels) + " pixels");
+  }
+  // Millimetre sizes are of the whole image, LayerHeight is of one layer.
+  const Node mm = size["Millimeter"];
+  grid.pixel_x_um = scale_um(tidy_um(mm["X"].positive() / grid.width_px * 1000), 1, 1000, mm["X"]);
+  grid.pixel_y_um = scale_um(tidy_um(mm["Y"].positive() / grid.height_px * 1000), 1, 1000, mm["Y"]);
+  grid.layers = size["Layers"].integer(1, 1000000);
+  const Node height = size["LayerHeight"];
+  grid.layer_um = scale_um(tidy_um(height.positive() * 1000), 1, 1000, height);
+  info.target_layers = grid.layers;
+  if (properties.has("Exposure") && properties["Exposure"].has("LightOnTime")) {
+    info.exposure_s = properties["Exposure"]["LightOnTime"].number(0, 1e9);
+  }
+  if (properties.has("Bottom")) {
+    const Node bottom = properties["Bottom"];
+    const int count = bottom.has("Count") ? bottom["Count"].integer(0, 1000000) : 0;
+    const double time_s = bottom.has("LightOnTime") ? bottom["LightOnTime"].number(0, 1e9) : 0;
+    if (count > 0 && time_s > 0) {
+      info.bottom_layers = count;
+      info.bottom_exposure_s = time_s;
+    }
+  }
+  if (properties.has("AntiAliasLevel")) properties["AntiAliasLevel"].whole(0, 255);
+}
+
+std::vector<CalibrationPoint> read_calibration(const Node& node) {
+  std::vector<CalibrationPoint> points;
+  for (const Node& point : node.list(2, 65536)) {
+    const CalibrationPoint c{point["level"].number(0, largest),
+                             point["intensity_mw_cm2"].number(0, largest)};
+    if (!points.empty() &&
+        (c.level <= points.back().level || c.intensity_mw_cm2 < points.back().intensity_mw_cm2)) {
+      point.fail("a level above and an intensity not below those before it");
+    }
+    points.push_back(c);
+  }
+  return points;
+}
+
+Orientation read_orientation(const Node& node) {
+  return {node["portrait"].flag(), node["mirror_x"].flag(), node["mirror_y"].flag()};
+}
+
+Printer read_printer(const Node& node) {
+  Printer p;
+  p.name = node["name"].string();
+  p.width_px = node["width_px"].integer(1, 65536);
+  p.height_px = node["height_px"].integer(1, 65536);
+  p.pixel_x_um = node["pixel_x_um"].positive();
+  p.pixel_y_um = node["pixel_y_um"].positive();
+  p.bit_depth = node["bit_depth"].integer(1, 8);
+  p.wavelength_nm = node["wavelength_nm"].number(0, largest);
+  p.calibration = read_calibration(node["calibration"]);
+  if (p.calibration.front().level != 0 || p.calibration.back().level != p.levels() - 1) {
+    node["calibration"].fail("points from level 0 to level " + std::to_string(p.levels() - 1));
+  }
+  if (node.has("uv")) {
+    const Node uv = node["uv"];
+    p.uv =
+        UvLamp{uv["wavelength_nm"].number(0, largest),
+               uv["kind"].choice({"flood", "patterned"}) == 1, read_calibration(uv["calibration"])};
+  }
+  if (node.has("orientation")) p.orientation = read_orientation(node["orientation"]);
+  if (node.has("flat_field")) {
+    const Node f = node["flat_field"];
+    FlatField field;
+    field.width_px = f["width_px"].integer(1, 65536);
+    field.height_px = f["height_px"].integer(1, 65536);
+    if (std::int64_t{field.width_px} * field.height_px > max_image_pixels) {
+      f["width_px"].fail("a picture of at most " + std::to_string(max_image_pixels) + " pixels");
+    }
+    field.of_plate = f["frame"].choice({"image", "plate"}) == 1;
+    field.reference = f["reference"].integer(1, 255);
+    p.flat_field = field;
+  }
+  p.max_speed_mm_h = node["max_speed_mm_h"].number(0, largest);
+  p.travel_mm = node["travel_mm"].number(0, largest);
+  return p;
+}
+
+Resin read_resin(const Node& node) {
+  Resin r;
+  r.name = node["name"].string();
+  r.model = node["model"].choice({"jacobs", "kinetic"}) == 1 ? CureModelKind::kinetic
+                                                             : CureModelKind::jacobs;
+  r.m = node["m"].positive(2);
+  r.absorbance_height10_um = node["absorbance_height10_um"].positive();
+  r.critical_dose_mj_cm3 = node["critical_dose_mj_cm3"].number(0, largest);
+  r.critical_dose_prime = node["critical_dose_prime"].number(0, largest);
+  r.gel_dose_mj_cm3 = node["gel_dose_mj_cm3"].number(0, largest);
+  if (r.critical_dose_mj_cm3 == 0 && r.critical_dose_prime == 0) {
+    node["critical_dose_mj_cm3"].fail("a number above 0, or a critical_dose_prime above 0");
+  }
+  if (node.has("dose_factor")) r.dose_factor = node["dose_factor"].positive();
+  if (node.has("inhibition")) {
+    const Node i = node["inhibition"];
+    r.inhibition = Inhibition{i["beta"].positive(), i["absorbance_height10_um"].positive(),
+                              i["m"].positive(2), i["critical_dose_prime"].number(0, largest)};
+  }
+  return r;
+}
+
+std::vector<double> read_numbers(const Node& node, double least) {
+  std::vector<double> numbers;
+  for (const Node& n : node.list(0, 1000000)) numbers.push_back(n.number(least, 1e9));
+  return numbers;
+}
+
+/// What version 2 of the block has besides.
+void read_schedule(const Node& node, Process& p) {
+  const bool layerwise = p.mode == ExposureMode::layerwise;
+  p.exposure_s = layerwise ? node["exposure_s"].positive(1e9) : node["exposure_s"].number(0, 1e9);
+  p.bottom_exposure_s = node["bottom_exposure_s"].number(0, 1e9);
+  p.bottom_layers = node["bottom_layers"].integer(0, 1000000);
+  p.fade_layers = node["fade_layers"].integer(0, 1000000);
+  p.layer_exposure_s = read_numbers(node["layer_exposure_s"], 0);
+  const Node uv = node["uv"];
+  p.uv.kind = static_cast<UvKind>(uv["kind"].choice(names_of_uv));
+  p.uv.uv_mw_cm2 = uv["uv_mw_cm2"].number(0, 1e9);
+  p.uv.dead_zone_um = uv["dead_zone_um"].number(0, 1e9);
+  p.uv.slice_mw_cm2 = read_numbers(uv["slice_mw_cm2"], 0);
+  p.ramp = static_cast<Ramp>(node["ramp"].choice(names_of_ramps));
+  p.ramp_mm = node["ramp_mm"].number(0, 1e9);
+  p.allow_window_cure = node["window_cure"].choice({"refuse", "allow"}) == 1;
+}
+
+Process read_process(const Node& node, ExposureMode mode, std::int64_t format) {
+  Process p;
+  p.mode = mode;
+  p.speed_mm_h = mode == ExposureMode::continuous ? node["speed_mm_h"].positive()
+                                                  : node["speed_mm_h"].number(0, largest);
+  const Node omega = node["omega_max"];
+  p.omega_max = omega.is_text("inf") ? largest : omega.number(1, largest);
+  p.one_slice_gaps = node["one_slice_gaps"].choice({"open", "merge"}) == 1 ? OneSliceGaps::merge
+                                                                           : OneSliceGaps::open;
+  if (node.has("gap_shortfall")) p.gap_shortfall = node["gap_shortfall"].number(0, 0.5);
+  p.cap_platform_features = node["platform_features"].choice({"capped", "uncapped"}) == 0;
+  if (format >= 2) read_schedule(node, p);
+  return p;
+}
+
+/// Takes the exact value from our block. Where the archive rounds to `step_um`, its own stays: that
+/// is what its readers print.
+void refine(double& um, const Node& exact, const char* of, std::vector<std::string>& warnings,
+            double step_um = 0) {
+  const double value = exact.positive();
+  // Sizes of pixels went through divisions by pixels per millimetre; some formats round heights to
+  // nanometres.
+  if (std::abs(value - um) <= 1e-3 * um) {
+    um = value;
+  } else if (std::abs(value - um) <= 0.501 * step_um) {
+    warnings.push_back(fmt::format("{} is {} um, as the archive rounds the {} um of the stack", of,
+                                   number_text(um), number_text(value)));
+  } else {
+    exact.refuse(fmt::format(
+        "contradicts itself: {} is {} um in the block of the stack, {} um in the archive; expected "
+        "the stack as `slicecorr` wrote it. For other sizes slice and correct the part again",
+        of, number_text(value), number_text(um)));
+  }
+}
+
+RecordingFacts read_recording_facts(const Node& node, int images) {
+  RecordingFacts facts;
+  facts.slices = node["slices"].integer(0, max_recorded_slices);
+  facts.parts = node["parts"].integer(0, max_recorded_parts);
+  facts.crc32 = static_cast<std::uint32_t>(node["crc32"].whole(0, 0xffffffff));
+  for (const Node& n : node["other_uv_images"].list(0, 1000000)) {
+    facts.other_uv_images.push_back(n.integer(0, images - 1));
+  }
+  return facts;
+}
+
+void read_block(const Node& block, ArchiveContents& config) {
+  StackInfo& info = config.info;
+  const auto format = block["format"].whole(1, 1000000);
+  if (format > uvj_block_format) {
+    block.refuse("made by a newer version of this program: format " + std::to_string(format) +
+                 ", this program reads up to " + std::to_string(uvj_block_format));
+  }
+  std::vector<std::string> kinds{"target", "corrected", "foreign"};
+  if (format >= 4) kinds.emplace_back("recorded");
+  constexpr StackKind kind_of[]{StackKind::target, StackKind::corrected, StackKind::foreign,
+                                StackKind::recorded};
+  info.kind = kind_of[block["kind"].choice(kinds)];
+  const std::vector<std::string> modes = format >= 2
+                                             ? std::vector<std::string>{"continuous", "layerwise"}
+                                             : std::vector<std::string>{"continuous"};
+  const ExposureMode mode =
+      block["mode"].choice(modes) == 1 ? ExposureMode::layerwise : ExposureMode::continuous;
+  info.program = block["program"].string();
+  info.target_layers = block["target_layers"].integer(0, 1000000);
+  info.part_volume_mm3 = block["part_volume_mm3"].number(0, largest);
+  if (block.has("grid")) {
+    const Node grid = block["grid"];
+    refine(info.grid.pixel_x_um, grid["pixel_x_um"], "the width of pixels", config.warnings);
+    refine(info.grid.pixel_y_um, grid["pixel_y_um"], "the height of pixels", config.warnings);
+    refine(info.grid.layer_um, grid["layer_um"], "the height of layers", config.warnings,
+           config.layer_step_um);
+  }
+  // Whoever reads a corrected stack needs to know what it was corrected for.
+  const bool needed = info.kind == StackKind::corrected || info.kind == StackKind::recorded;
+  if (needed || block.has("printer")) info.printer = read_printer(block["printer"]);
+  if (info.printer && info.printer->flat_field) {
+    config.flat_field_crc32 =
+        static_cast<std::uint32_t>(block["printer"]["flat_field"]["crc32"].whole(0, 0xffffffff));
+  }
+  if (block.has("frame")) {
+    block["frame"]["images"].choice({"display"});
+    info.for_display = true;
+    info.orientation_known = block["frame"].has("orientation");
+    if (info.orientation_known) {
+      info.orientation = read_orientation(block["frame"]["orientation"]);
+    }
+  }
+  if (needed || block.has("resin")) info.resin = read_resin(block["resin"]);
+  if (needed || block.has("process")) {
+    info.process = read_process(block["process"], mode, format);
+  }
+  if (block.has("original_sha256")) {
+    info.original_sha256 = block["original_sha256"].string();
+    const bool hex =
+        info.original_sha256.find_first_not_of("0123456789abcdef") == std::string::npos;
+    if (!hex || info.original_sha256.size() != 64) {
+      block["original_sha256"].fail("64 hex digits, in lower case");
+    }
+  }
+  if (info.kind == StackKind::recorded) {
+    config.recording = read_recording_facts(block["recording"], info.grid.layers);
+  }
+  if (info.kind != StackKind::foreign) {
+    config.images_crc32 = static_cast<std::uint32_t>(block["images_crc32"].whole(0, 0xffffffff));
+  }
+  if (block.has("uv_images_crc32")) {
+    config.uv_images_crc32 =
+        static_cast<std::uint32_t>(block["uv_images_crc32"].whole(0, 0xffffffff));
+  }
+  if (block.has(block_crc32_key)) {
+    const auto crc = static_cast<std::uint32_t>(block[block_crc32_key].whole(0, 0xffffffff));
+    info.parameters_checked = crc == block_crc32(block.json());
+    config.block_changed = !info.parameters_checked;
+  } else {
+    config.warnings.emplace_back(
+        "has no checksum of its parameters: an earlier version of this program made it, or "
+        "it was changed since; what it says is taken as it stands");
+  }
+}
+
+}  // namespace
+
+namespace {
+
+/// The light-on times of single layers count over those of the properties.
+void take_layer_times(LayerTimes times, StackInfo& info) {
+  if (!times.all || static_cast<int>(times.time_s.size()) != info.grid.layers) return;
+  const auto [least, greatest] = std::minmax_element(times.time_s.begin(), times.time_s.end());
+  // Layers of continuous prints without a speed say 0.
+  if (*greatest == 0) return;
+  if (info.exposure_s == 0) info.exposure_s = times.time_s.back();
+  if (*least == info.exposure_s && *greatest == info.exposure_s) return;
+  info.layer_exposure_s = std::move(times.time_s);
+}
+
+}  // namespace
+
+ArchiveContents parse_uvj_config(std::string_view text, const std::string& file) {
+  const Place place{file, "config.json"};
+  LayerTimes times;
+  const Json json = parse_json(text, place, times);
+  const Node root(json, "", place);
+  ArchiveContents config;
+  read_properties(root["Properties"], config.info);
+  if (root.has("Layers")) {
+    root["Layers"].list(0, 1000000);
+    take_layer_times(std::move(times), config.info);
+  }
+  if (root.has("slicecorr")) read_block(root["slicecorr"], config);
+  return config;
+}
+
+void read_provenance(std::string_view text, const std::string& file, ArchiveContents& contents) {
+  const Place place{file, provenance_entry};
+  LayerTimes none;
+  const Json json = parse_json(text, place, none);
+  const Node root(json, "", place);
+  Grid& grid = contents.info.grid;
+  if (root.has("grid")) {
+    // What the archive does not say; what it says counts, see `refine`.
+    const Node exact = root["grid"];
+    if (grid.pixel_x_um == 0) grid.pixel_x_um = exact["pixel_x_um"].positive();
+    if (grid.pixel_y_um == 0) grid.pixel_y_um = exact["pixel_y_um"].positive();
+    if (grid.layer_um == 0) grid.layer_um = exact["layer_um"].positive();
+  }
+  read_block(root, contents);
+  if (!contents.info.process || contents.info.process->uv.kind != UvKind::patterned) return;
+  for (int n = 0; n < grid.layers; ++n) contents.uv_images.push_back(uv_image_name(n));
+}
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,380 @@
+#include "stack/png/run_deflate.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cstring>
+
+#include "base/row_kernels.hpp"
+
+namespace slicecorr::detail {
+namespace {
+
+constexpr std::uint32_t no_value = 256;
+constexpr std::uint32_t least_match = 3, longest_match = 258, farthest = 32768;
+/// No code is longer, so that four literals, or a whole reference, fit between two flushes.
+constexpr unsigned code_limit = 12;
+
+/// Length symbols: code, number of extra bits and least length of each.
+struct LengthTable {
+  std::array<std::uint8_t, longest_match + 1> code{};
+  std::array<std::uint8_t, 29> extra{};
+  std::array<std::uint16_t, 29> base{};
+  constexpr LengthTable() {
+    unsigned length = least_match;
+    for (unsigned c = 0; c < 28; ++c) {
+      extra[c] = static_cast<std::uint8_t>(c < 8 ? 0 : c / 4 - 1);
+      base[c] = static_cast<std::uint16_t>(length);
+      for (unsigned i = 0; i < 1u << extra[c] && length < longest_match; ++i) {
+        code[length++] = static_cast<std::uint8_t>(c);
+      }
+    }
+    code[longest_match] = 28;
+    base[28] = longest_match;
+  }
+};
+constexpr LengthTable lengths;
+
+struct Distance {
+  std::uint32_t symbol, extra_bits, extra;
+};
+Distance distance_of(std::uint32_t distance) {
+  const std::uint32_t d = distance - 1;
+  if (d < 4) return {d, 0, 0};
+  const auto bits = static_cast<std::uint32_t>(std::bit_width(d)) - 2;
+  return {2 * bits + 2 + (d >> bits & 1), bits, d & ((1u << bits) - 1)};
+}
+
+/// Calls `take(length, times)` for references that together have this length.
+template <class Take>
+void split(std::uint32_t length, const Take& take) {
+  if (length <= longest_match) {
+    take(length, 1u);
+    return;
+  }
+  const std::uint32_t times = length / longest_match, rest = length % longest_match;
+  if (rest == 0 || rest >= least_match) {
+    take(longest_match, times);
+    if (rest != 0) take(rest, 1u);
+  } else {
+    if (times > 1) take(longest_match, times - 1);
+    take(longest_match + rest - least_match, 1u);
+    take(least_match, 1u);
+  }
+}
+
+constexpr std::size_t block = kRowWord;
+
+/// Up to eight literals as a number; there are eight readable bytes.
+std::uint64_t load(const std::uint8_t* p, std::uint32_t count) {
+  std::uint64_t v;
+  std::memcpy(&v, p, 8);
+  return count >= 8 ? v : v & ((std::uint64_t{1} << 8 * count) - 1);
+}
+
+constexpr unsigned hash_bits = 11;
+
+}  // namespace
+
+void RunDeflater::clear() {
+  if (written_) std::swap(now_, last_);
+  written_ = false;
+  now_.literal_count = now_.step_count = step_start_ = run_ = 0;
+  value_ = no_value;
+}
+
+/// For `n` more bytes, whatever they are, and what is written beyond the last.
+void RunDeflater::make_room(std::size_t n) {
+  if (now_.literals.size() < now_.literal_count + n + block + 8) {
+    now_.literals.resize(2 * (now_.literal_count + n + block));
+  }
+  if (now_.steps.size() < now_.step_count + n / 4 + 4)
+    now_.steps.resize(2 * (now_.step_count + n / 4 + 4));
+}
+
+void RunDeflater::end_run() {
+  if (run_ >= least_match) {
+    now_.steps[now_.step_count++] = {static_cast<std::uint32_t>(now_.literal_count - step_start_),
+                                     static_cast<std::uint32_t>(run_)};
+    step_start_ = now_.literal_count;
+  } else {
+    now_.literals[now_.literal_count] = now_.literals[now_.literal_count + 1] =
+        static_cast<std::uint8_t>(value_);
+    now_.literal_count += run_;
+  }
+  run_ = 0;
+}
+
+void RunDeflater::start_run(std::uint8_t value) {
+  value_ = value;
+  now_.literals[now_.literal_count++] = value;
+}
+
+void RunDeflater::add_byte(std::uint8_t value) {
+  if (value == value_) {
+    ++run_;
+    return;
+  }
+  make_room(4);
+  end_run();
+  start_run(value);
+}
+
+void RunDeflater::add_zeros(std::size_t n) {
+  if (n == 0) return;
+  add_byte(0);
+  run_ += n - 1;
+}
+
+void RunDeflater::add(const std::uint8_t* bytes, std::size_t n) {
+  if (n == 0) return;
+  add_byte(bytes[0]);
+  make_room(n);
+  const std::size_t blocks = (n - 1) / block;
+  if (changes_.size() <= blocks) changes_.resize(blocks + 1);
+  find_changes(bytes + 1, blocks, changes_.data());
+  std::size_t i = 1;
+  for (std::size_t b = 0; b < blocks; ++b, i += block) {
+    const std::uint64_t starts = changes_[b];
+    if (starts == 0) {
+      run_ += block;
+    } else {
+      add_block(bytes + i, 0, starts);
+    }
+  }
+  if (i < n && n > block) {
+    // The last block overlaps the one before.
+    const std::size_t done = i - (n - block);
+    find_changes(bytes + n - block, 1, changes_.data());
+    add_block(bytes + n - block, done, changes_[0] >> done << done);
+    return;
+  }
+  for (; i < n; ++i) {
+    if (bytes[i] == value_) {
+      ++run_;
+    } else {
+      end_run();
+      start_run(bytes[i]);
+    }
+  }
+}
+
+/// Bytes of a block from the one at `at` on. Bits of `starts`: where another value starts.
+void RunDeflater::add_block(const std::uint8_t* bytes, std::size_t at, std::uint64_t starts) {
+  const std::uint64_t equal = ~starts;
+  // Where a byte and the two after it equal the one before it.
+  const std::uint64_t runs = equal & equal >> 1 & equal >> 2;
+  const auto take_literals = [&](std::size_t n) {
+    std::uint8_t* const to = &now_.literals[now_.literal_count];
+    if (n <= 8 && at + 8 <= block) {
+      std::memcpy(to, bytes + at, 8);
+    } else {
+      std::memcpy(to, bytes + at, n);
+    }
+    now_.literal_count += n;
+  };
+  for (;;) {
+    const auto more = static_cast<std::size_t>(std::countr_one(equal >> at));
+    run_ += more;
+    at += more;
+    if (at == block) return;
+    end_run();
+    const std::uint64_t later = runs >> at;
+    if (later == 0) {
+      // One or two equal bytes at the end may become a run in the next block.
+      const auto tail = static_cast<std::size_t>(std::countl_one(equal));
+      take_literals(block - at - tail);
+      value_ = bytes[block - 1];
+      run_ = tail;
+      return;
+    }
+    const auto n = static_cast<std::size_t>(std::countr_zero(later));
+    take_literals(n);
+    at += n;
+    value_ = bytes[at - 1];
+  }
+}
+
+void RunDeflater::end() {
+  if (value_ == no_value) return;
+  make_room(4);
+  end_run();
+  value_ = no_value;
+}
+
+bool RunDeflater::only_zeros() const {
+  const auto first = now_.literals.begin();
+  return std::all_of(first, first + static_cast<std::ptrdiff_t>(now_.literal_count),
+                     [](std::uint8_t literal) { return literal == 0; });
+}
+
+bool RunDeflater::repeats_last() const {
+  const Steps &a = written_ ? now_ : last_, &b = now_;
+  return a.literal_count == b.literal_count && a.step_count == b.step_count &&
+         std::equal(b.literals.begin(),
+                    b.literals.begin() + static_cast<std::ptrdiff_t>(b.literal_count),
+                    a.literals.begin()) &&
+         std::equal(b.steps.begin(), b.steps.begin() + static_cast<std::ptrdiff_t>(b.step_count),
+                    a.steps.begin());
+}
+
+std::size_t RunDeflater::refer(std::size_t at, std::size_t before) {
+  const std::uint32_t distance = places_[at].raw - places_[before].raw;
+  if (distance > farthest) return 0;
+  std::uint32_t covered = 0, length = 0, steps = 0;
+  for (; at + steps < now_.step_count; ++steps) {
+    const Step& step = now_.steps[at + steps];
+    if (step != now_.steps[before + steps] || length + step.literals > longest_match) break;
+    const std::uint8_t* const a = &now_.literals[places_[at + steps].literal];
+    const std::uint8_t* const b = &now_.literals[places_[before + steps].literal];
+    if (load(a, step.literals) != load(b, step.literals)) break;
+    if (step.literals > 8 && std::memcmp(a, b, step.literals) != 0) break;
+    covered += step.literals;
+    length += step.literals + step.run;
+    if (length >= longest_match) {
+      ++steps;
+      break;
+    }
+  }
+  // A reference takes about as many bits as two or three literals and a run.
+  if (steps == 0 || (steps == 1 && covered < 3)) return 0;
+  // What is left of the last run is a run still.
+  std::uint32_t rest = length > longest_match ? length - longest_match : 0;
+  if (rest != 0 && rest < least_match) rest = least_match;
+  orders_.push_back({0, covered, length - rest, distance});
+  if (rest != 0) orders_.push_back({0, 0, rest, 1});
+  return steps;
+}
+
+void RunDeflater::find_orders() {
+  orders_.clear();
+  if (places_.size() < now_.step_count) places_.resize(now_.steps.size());
+  if (seen_.empty()) seen_.resize(std::size_t{1} << hash_bits);
+  if (first_id_ > 0x7fffffffu) {
+    std::fill(seen_.begin(), seen_.end(), 0u);
+    first_id_ = 1;
+  }
+  std::uint32_t raw = 0, literal = 0;
+  for (std::size_t i = 0; i < now_.step_count; ++i) {
+    places_[i] = {raw, literal};
+    raw += now_.steps[i].literals + now_.steps[i].run;
+    literal += now_.steps[i].literals;
+  }
+  for (std::size_t i = 0; i < now_.step_count;) {
+    const Step& step = now_.steps[i];
+    std::uint64_t h = load(&now_.literals[places_[i].literal], step.literals);
+    h = (h ^ std::uint64_t{step.run} << 40 ^ std::uint64_t{step.literals} << 24) *
+        0x9e3779b97f4a7c15u;
+    std::uint32_t& seen = seen_[h >> (64 - hash_bits)];
+    const std::uint32_t before = seen;
+    seen = first_id_ + static_cast<std::uint32_t>(i);
+    const std::size_t steps = before < first_id_ ? 0 : refer(i, before - first_id_);
+    if (steps == 0) orders_.push_back({step.literals, 0, step.run, 1});
+    i += std::max<std::size_t>(steps, 1);
+  }
+  first_id_ += static_cast<std::uint32_t>(now_.step_count);
+}
+
+void RunDeflater::count_symbols() {
+  literal_frequencies_.fill(0);
+  distance_frequencies_.fill(0);
+  extra_bits_ = 0;
+  // All literals at once, in several tables: counting equal bytes in a row in one would wait for
+  // itself. Those that references cover are taken back.
+  std::array<std::array<std::uint32_t, 256>, 4> counts{};
+  const std::uint8_t* literal = now_.literals.data();
+  std::size_t i = 0;
+  for (; i + 4 <= now_.literal_count; i += 4) {
+    for (std::size_t k = 0; k < 4; ++k) ++counts[k][literal[i + k]];
+  }
+  for (; i < now_.literal_count; ++i) ++counts[0][literal[i]];
+  for (std::size_t v = 0; v < 256; ++v) {
+    literal_frequencies_[v] = counts[0][v] + counts[1][v] + counts[2][v] + counts[3][v];
+  }
+  for (const Order& order : orders_) {
+    literal += order.literals;
+    for (std::uint32_t k = 0; k < order.covered; ++k) --literal_frequencies_[*literal++];
+    const Distance distance = distance_of(order.distance);
+    split(order.length, [&](std::uint32_t length, std::uint32_t times) {
+      const std::uint8_t code = lengths.code[length];
+      literal_frequencies_[first_length + code] += times;
+      distance_frequencies_[distance.symbol] += times;
+      extra_bits_ += std::uint64_t{times} * (lengths.extra[code] + distance.extra_bits);
+    });
+  }
+  literal_frequencies_[end_of_block] = 1;
+}
+
+void RunDeflater::write_orders(BitWriter& out) const {
+  const std::uint8_t* literal = now_.literals.data();
+  const BitString* const codes = literal_code_.data();
+  const auto put_literals = [&](std::size_t n) {
+    for (; n >= 4; n -= 4, literal += 4) {
+      out.put(codes[literal[0]]);
+      out.put(codes[literal[1]]);
+      out.put(codes[literal[2]]);
+      out.put(codes[literal[3]]);
+      out.flush();
+    }
+    for (; n > 0; --n) out.put(codes[*literal++]);
+    out.flush();
+  };
+  std::size_t rest = now_.literal_count;
+  for (const Order& order : orders_) {
+    put_literals(order.literals);
+    literal += order.covered;
+    rest -= order.literals + order.covered;
+    const Distance distance = distance_of(order.distance);
+    const BitString& far = distance_code_[distance.symbol];
+    split(order.length, [&](std::uint32_t length, std::uint32_t times) {
+      const std::uint8_t code = lengths.code[length];
+      const BitString& near = codes[first_length + code];
+      std::uint64_t bits = near.bits;
+      std::uint32_t count = near.count;
+      bits |= std::uint64_t{length - lengths.base[code]} << count;
+      count += lengths.extra[code];
+      bits |= std::uint64_t{far.bits} << count;
+      count += far.count;
+      bits |= std::uint64_t{distance.extra} << count;
+      count += distance.extra_bits;
+      // Long runs: four references of some bits each at once.
+      if (times >= 4 && count <= 14) {
+        std::uint64_t four = bits | bits << count;
+        four |= four << 2 * count;
+        for (; times >= 4; times -= 4) {
+          out.put(four, 4 * count);
+          out.flush();
+        }
+      }
+      for (; times > 0; --times) {
+        out.put(bits, count);
+        out.flush();
+      }
+    });
+  }
+  put_literals(rest);
+  out.put(codes[end_of_block]);
+  out.flush();
+}
+
+void RunDeflater::write(std::vector<std::uint8_t>& out) {
+  written_ = true;
+  find_orders();
+  count_symbols();
+  std::uint64_t bits = extra_bits_ + literal_code_.make(literal_frequencies_, code_limit) +
+                       distance_code_.make(distance_frequencies_, code_limit);
+  header_.make(literal_code_, distance_code_);
+  bits += header_.bit_count();
+  // An empty stored block, whose length starts on a byte, ends the piece.
+  const std::size_t start = out.size(), size = (bits + 3 + 7) / 8 + 4;
+  out.resize(start + size + 8);
+  BitWriter writer(out.data() + start);
+  header_.write(writer);
+  write_orders(writer);
+  writer.put(0, 3);
+  std::uint8_t* const end = writer.finish();
+  constexpr std::uint8_t empty[4] = {0, 0, 255, 255};
+  std::memcpy(end, empty, sizeof empty);
+  out.resize(start + size);
+}
+
+}  // namespace slicecorr::detail

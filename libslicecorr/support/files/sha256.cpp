@@ -1,0 +1,50 @@
+#include "support/files/sha256.hpp"
+
+#include <fmt/format.h>
+#include <openssl/evp.h>
+
+#include <fstream>
+
+#include "slicecorr/error.hpp"
+
+namespace slicecorr::cli {
+
+struct Sha256::Impl {
+  EVP_MD_CTX* context = EVP_MD_CTX_new();
+  ~Impl() { EVP_MD_CTX_free(context); }
+};
+
+Sha256::Sha256() : impl_(std::make_unique<Impl>()) {
+  if (!impl_->context || EVP_DigestInit_ex(impl_->context, EVP_sha256(), nullptr) != 1) {
+    throw DeviceError("SHA-256 is not available");
+  }
+}
+
+Sha256::~Sha256() = default;
+
+void Sha256::add(const void* data, std::size_t size) {
+  EVP_DigestUpdate(impl_->context, data, size);
+}
+
+std::string Sha256::hex() {
+  unsigned char bytes[EVP_MAX_MD_SIZE];
+  unsigned size = 0;
+  EVP_DigestFinal_ex(impl_->context, bytes, &size);
+  std::string text;
+  for (unsigned i = 0; i < size; ++i) text += fmt::format("{:02x}", bytes[i]);
+  return text;
+}
+
+std::string sha256_of_contents(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::string buffer(std::size_t{1} << 20, '\0');
+  Sha256 hash;
+  while (file) {
+    file.read(buffer.data(), static_cast<std::streamsize>(buffer.size()));
+    hash.add(buffer.data(), static_cast<std::size_t>(file.gcount()));
+  }
+  if (!file.eof()) throw InputError(path, "", "can't be read");
+  return hash.hex();
+}
+
+}  // namespace slicecorr::cli

@@ -1,0 +1,11 @@
+/// The style that all pages of the project share: page.css and tiles.css beside this file, embedded
+/// when the library is built (cmake/EmbedText.cmake).
+#pragma once
+
+#include <string_view>
+
+namespace slicecorr::detail {
+
+extern const std::string_view page_page_css, page_tiles_css;
+
+}  // namespace slicecorr::detail

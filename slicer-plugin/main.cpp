@@ -14,30 +14,31 @@ namespace slicecorr::post {
 namespace {
 
 struct Arguments {
-  Settings settings;
+  PostSettings settings;
   std::string file, config, log;
   bool again = false, undo = false, show_rule = false, json_log = false;
   WatchOptions watch;
 };
 
-int correct_one(const Arguments& a, const Context& context, const Job& job, cli::Console& console) {
+int correct_one(const Arguments& a, const PostRequest& request, const ExecutionContext& context,
+                cli::Console& console) {
   if (a.undo) {
-    undo(a.file, context, job);
+    undo(a.file, request, context);
     console.say(fmt::format("{}: is the slicer's file again", a.file));
     return cli::kDone;
   }
   if (a.show_rule) {
-    cli::print_result(describe(preview(a.file, context)));
+    cli::print_result(describe(preview(a.file, request)));
     return cli::kDone;
   }
   // A slicer shows all of stderr when something fails: then the error alone says most.
-  Job quiet = job;
+  ExecutionContext quiet = context;
   std::string remarks;
-  if (context.slicer.by_slicer) {
+  if (request.slicer.by_slicer) {
     quiet.progress = nullptr;
     quiet.notice = [&](const std::string& text) { remarks += text + "\n"; };
   }
-  const Outcome outcome = correct_file(a.file, context, quiet);
+  const PostOutcome outcome = correct_file(a.file, request, quiet);
   if (outcome.left_alone) {
     console.say(fmt::format("{}: left alone, as {} says", a.file,
                             outcome.rule.empty() ? "the command line or [default]" : outcome.rule));
@@ -52,7 +53,8 @@ int correct_one(const Arguments& a, const Context& context, const Job& job, cli:
   return cli::kDone;
 }
 
-int run(const Arguments& a, const CLI::App& app, const Job& job, cli::Console& console) {
+int run(const Arguments& a, const CLI::App& app, const ExecutionContext& context,
+        cli::Console& console) {
   const bool watching = !a.watch.folders.empty();
   if (watching == !a.file.empty()) {
     throw InputError("expected a FILE, as the last argument, or --watch DIR");
@@ -64,16 +66,16 @@ int run(const Arguments& a, const CLI::App& app, const Job& job, cli::Console& c
     throw InputError(
         "--undo, --again and --show-rule are for one FILE; expected it without --watch");
   }
-  Context context;
-  context.config = load_config(a.config);
-  context.given = given_on(app);
-  context.again = a.again;
+  PostRequest request;
+  request.config = load_config(a.config);
+  request.given = given_on(app);
+  request.again = a.again;
   if (!watching) {
-    context.slicer = slicer_call_from_environment();
-    return correct_one(a, context, job, console);
+    request.slicer = slicer_call_from_environment();
+    return correct_one(a, request, context, console);
   }
-  Log log(a.log, a.json_log, !job.notice);
-  const WatchResult result = watch(a.watch, context, log, job);
+  Log log(a.log, a.json_log, !context.notice);
+  const WatchResult result = watch(a.watch, request, log, context);
   return result.failed > 0 ? cli::kInput : cli::kDone;
 }
 
@@ -85,8 +87,9 @@ int run_program(int argc, char** argv) {
       "through; or watches folders and corrects what is exported into them.",
       "slicecorr-post --printer prusa-sl1s --resin benchy-resin --backup part.sl1");
   CLI::App* app = nullptr;
-  app = program.only(
-      [&](const Job& job, cli::Console& console) { return run(a, *app, job, console); });
+  app = program.only([&](const ExecutionContext& context, cli::Console& console) {
+    return run(a, *app, context, console);
+  });
   app->add_option("FILE", a.file, "Archive to correct in place");
   a.settings.add_to(*app);
   app->add_option("--config", a.config,

@@ -277,7 +277,7 @@ TEST(Compare, ThreadsDoNotMatter) {
   setup.printer.width_px = setup.printer.height_px = 100;
   SliceOptions options;
   const MeshSlices target(test::ladder(), setup.printer, options);
-  Job one, four;
+  ExecutionContext one, four;
   one.threads = 1;
   four.threads = 4;
   const Comparison a = compare_methods(target, setup, one);

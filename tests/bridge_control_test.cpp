@@ -126,8 +126,8 @@ TEST(BridgeControl, DosesAreThoseOfTheStack) {
     ASSERT_GE(slices.size(), 40U);
     for (int n = 0; n < 40; ++n) {
       double right = 0, wrong = 0;
-      for (const auto& part : slices[static_cast<std::size_t>(n)].parts) {
-        (part.image == n ? right : wrong) += part.light_s;
+      for (const auto& showing : slices[static_cast<std::size_t>(n)].showings) {
+        (showing.image == n ? right : wrong) += showing.light_s;
       }
       // A ramp of 400 um: the lamp holds its share for a cycle and takes settle_s to it, while the
       // speed changes by up to a * t.
@@ -157,11 +157,11 @@ TEST(BridgeControl, PrintsLayerByLayer) {
   ASSERT_GE(slices.size(), 6U);
   for (int n = 0; n < 6; ++n) {
     double light = 0;
-    for (const auto& part : slices[static_cast<std::size_t>(n)].parts) {
-      if (part.image != n) continue;
-      light += part.light_s;
-      EXPECT_NEAR(part.from_um, (n + 1) * 50.0, 0.5);
-      EXPECT_NEAR(part.speed_um_s, 0, 1e-6);
+    for (const auto& showing : slices[static_cast<std::size_t>(n)].showings) {
+      if (showing.image != n) continue;
+      light += showing.light_s;
+      EXPECT_NEAR(showing.from_um, (n + 1) * 50.0, 0.5);
+      EXPECT_NEAR(showing.speed_um_s, 0, 1e-6);
     }
     EXPECT_NEAR(light, 1.5, 1.5 * 0.011) << n;  // the lamp is within 1 % when it is called settled
   }

@@ -238,8 +238,8 @@ TEST(BridgePause, LampsThatFollowLeaveNoMark) {
         plan.acceleration_um_s2 * (m.limits.cycle_s + m.blue.settle_s) / plan.speed_um_s * slice_s;
     for (int n = 0; n < 40; ++n) {
       double light = 0;
-      for (const auto& part : b.model.exposures()[static_cast<std::size_t>(n)].parts) {
-        if (part.image >= 0) light += part.light_s;
+      for (const auto& showing : b.model.exposures()[static_cast<std::size_t>(n)].showings) {
+        if (showing.image >= 0) light += showing.light_s;
       }
       EXPECT_NEAR(light / slice_s, 1, 0.004 + 2 * lag) << n;
     }
@@ -299,8 +299,8 @@ TEST(BridgePause, InDarkSlices) {
   const double slice_s = plan.layer_um / plan.speed_um_s;
   for (int n = 0; n < 40; ++n) {
     double light = 0;
-    for (const auto& part : b.model.exposures()[static_cast<std::size_t>(n)].parts) {
-      if (part.image >= 0) light += part.light_s;
+    for (const auto& showing : b.model.exposures()[static_cast<std::size_t>(n)].showings) {
+      if (showing.image >= 0) light += showing.light_s;
     }
     if (plan.frames[static_cast<std::size_t>(n)].lit) {
       EXPECT_NEAR(light / slice_s, 1, 0.004) << n;
@@ -318,8 +318,8 @@ TEST(BridgePause, BetweenLayers) {
   EXPECT_GE(b.event_time("phase paused"), 0);
   for (int n = 0; n < 6; ++n) {
     double light = 0;
-    for (const auto& part : b.model.exposures()[static_cast<std::size_t>(n)].parts) {
-      if (part.image >= 0) light += part.light_s;
+    for (const auto& showing : b.model.exposures()[static_cast<std::size_t>(n)].showings) {
+      if (showing.image >= 0) light += showing.light_s;
     }
     EXPECT_NEAR(light, 1.5, 1.5 * 0.011) << n;
   }

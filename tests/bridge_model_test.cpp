@@ -89,7 +89,7 @@ double time_of(const PrinterModel& model, const std::string& what) {
 }
 double light_of(const SliceExposure& slice) {
   double sum = 0;
-  for (const auto& part : slice.parts) sum += part.light_s;
+  for (const auto& showing : slice.showings) sum += showing.light_s;
   return sum;
 }
 
@@ -299,12 +299,12 @@ TEST(Light, OfAConstantSpeedIsTheSameInEverySlice) {
   ASSERT_GE(model.exposures().size(), 58);
   for (std::size_t n = 2; n < 58; ++n) {
     const auto& slice = model.exposures()[n];
-    ASSERT_EQ(slice.parts.size(), 1) << n;
-    EXPECT_NEAR(slice.parts[0].light_s, 10.0 / 200, kExact);
-    EXPECT_NEAR(slice.parts[0].uv_mw_cm2, 150, kExact);
-    EXPECT_NEAR(slice.parts[0].speed_um_s, 200, 1e-6);
-    EXPECT_NEAR(slice.parts[0].from_um, 10.0 * static_cast<double>(n), 1e-6);
-    EXPECT_NEAR(slice.parts[0].to_um, 10.0 * static_cast<double>(n + 1), 1e-6);
+    ASSERT_EQ(slice.showings.size(), 1) << n;
+    EXPECT_NEAR(slice.showings[0].light_s, 10.0 / 200, kExact);
+    EXPECT_NEAR(slice.showings[0].uv_mw_cm2, 150, kExact);
+    EXPECT_NEAR(slice.showings[0].speed_um_s, 200, 1e-6);
+    EXPECT_NEAR(slice.showings[0].from_um, 10.0 * static_cast<double>(n), 1e-6);
+    EXPECT_NEAR(slice.showings[0].to_um, 10.0 * static_cast<double>(n + 1), 1e-6);
   }
 }
 
@@ -372,8 +372,8 @@ TEST(Light, LayerByLayerBelongsToTheLayerThatTheStageStandsFor) {
   }
   ASSERT_EQ(model.exposures().size(), 4);
   for (std::size_t n = 0; n < 4; ++n) {
-    ASSERT_EQ(model.exposures()[n].parts.size(), 1);
-    EXPECT_EQ(model.exposures()[n].parts[0].image, static_cast<int>(n));
+    ASSERT_EQ(model.exposures()[n].showings.size(), 1);
+    EXPECT_EQ(model.exposures()[n].showings[0].image, static_cast<int>(n));
     EXPECT_NEAR(light_of(model.exposures()[n]), 0.5 + 0.1 * static_cast<double>(n), 1e-9);
   }
 }
@@ -400,7 +400,7 @@ TEST(Light, KnowsWhichImageWasLitAndTellsEachOnce) {
   model.show(frame_of(8));
   driver.until(0.5);
   EXPECT_THAT(told, ElementsAre(7, 1008));
-  const auto& parts = model.exposures()[0].parts;
+  const auto& parts = model.exposures()[0].showings;
   ASSERT_EQ(parts.size(), 3);
   EXPECT_EQ(parts[0].image, 0);
   EXPECT_NEAR(parts[0].light_s, 0.2, kExact);
@@ -606,7 +606,7 @@ TEST(Fault, StageSlips) {
   EXPECT_NEAR(p.model.status().stage_um, kHome + 105, 1e-6);
   p.driver.until(2);
   EXPECT_NEAR(p.model.status().stage_um, kHome + 305, 1e-6);
-  EXPECT_EQ(p.model.exposures()[12].parts.size(), 2);  // passed twice
+  EXPECT_EQ(p.model.exposures()[12].showings.size(), 2);  // passed twice
 }
 
 TEST(Fault, StageFails) {

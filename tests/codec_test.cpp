@@ -8,9 +8,9 @@
 
 #include "oiio_png.hpp"
 #include "run_program.hpp"
+#include "stack/formats/png_archive.hpp"
 #include "stack/png/huffman.hpp"
 #include "stack/png/png.hpp"
-#include "stack/formats/png_archive.hpp"
 #include "stack/png/run_deflate.hpp"
 #include "stack_fixture.hpp"
 
@@ -369,12 +369,12 @@ TEST(Codec, BytesDoNotDependOnThreadsNorBoxes) {
       info.exposure_s = 2;
       StackFile file(folder / (std::string("a.") + ending));
       file.archive = archive;
-      Job one;
+      ExecutionContext one;
       one.threads = 1;
       test::write_stack(file, images, info, one);
       const Bytes expected = test::read_file(file.path);
       for (int run = 0; run < 4; ++run) {
-        Job job;
+        ExecutionContext job;
         job.threads = 1 + run;
         test::write_stack(file, images, info, job);
         ASSERT_EQ(test::read_file(file.path), expected) << run;
@@ -408,7 +408,7 @@ TEST(Codec, EqualSlicesAreKeptOnce) {
   std::mt19937 random(11);
   const Bytes pixels = bytes_of_kind(2, 2000 * 64, random);
   int told = 0;
-  Job job;
+  ExecutionContext job;
   job.notice = [&](const std::string&) { ++told; };
   StackWriter writer(folder / "a.uvj", grid, job);
   const int rows = band_rows(grid);

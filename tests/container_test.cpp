@@ -13,8 +13,8 @@
 #include "file_size_limit.hpp"
 #include "stack/container/container_output.hpp"
 #include "stack/container/folder_container.hpp"
-#include "stack/formats/known_foreign.hpp"
 #include "stack/container/tar_container.hpp"
+#include "stack/formats/known_foreign.hpp"
 #include "tar_fixture.hpp"
 
 namespace slicecorr {
@@ -67,7 +67,7 @@ std::string message_of(const std::function<void()>& f) {
 
 class TarGz : public testing::Test {
  protected:
-  std::unique_ptr<Container> open(const std::string& name, const Job& job = {}) {
+  std::unique_ptr<Container> open(const std::string& name, const ExecutionContext& job = {}) {
     return detail::open_tar_gz(folder_ / name, folder_.path(), job);
   }
   std::string refused(const Bytes& bytes) {
@@ -139,7 +139,7 @@ TEST_F(TarGz, LargeOnesGoToScratchAsAnnounced) {
   test::write_file(folder_ / "a.tar.gz",
                    test::gzip(test::make_tar({{"a", large}, {"b", large}}), 1));
   std::vector<std::string> notices;
-  Job job;
+  ExecutionContext job;
   job.notice = [&](const std::string& text) { notices.push_back(text); };
   const auto archive = open("a.tar.gz", job);
   ASSERT_EQ(notices.size(), 1u);
@@ -318,7 +318,7 @@ TEST_F(TarGz, KeepsNamesThatPlainHeadersCantSay) {
 TEST_F(TarGz, FailuresLeaveTheOldOne) {
   test::make_tar_gz(folder_ / "a.tar.gz", {{"a", pattern(100, 1)}});
   const Bytes before = test::read_file(folder_ / "a.tar.gz");
-  const auto write = [&](const ContainerOutput::Fill& fill, const Job& job = {}) {
+  const auto write = [&](const ContainerOutput::Fill& fill, const ExecutionContext& job = {}) {
     const auto output = detail::make_tar_gz_output(folder_ / "a.tar.gz", folder_ / "a.tar.gz");
     output->add_lazily({"a", "b"}, {10, 3 << 20}, fill);
     output->finish(job);
@@ -330,7 +330,7 @@ TEST_F(TarGz, FailuresLeaveTheOldOne) {
                }),
                InputError);
   std::atomic<bool> cancel{false};
-  Job job;
+  ExecutionContext job;
   job.cancel = &cancel;
   EXPECT_THROW(write(
                    [&](std::size_t i, Bytes& data) {
@@ -534,7 +534,7 @@ TEST_F(Folder, OnlyOurOwnAreReplaced) {
 TEST_F(Folder, FailuresLeaveTheOldOne) {
   make("in", {{"1.png", a_}, {"2.png", b_}, {"notes.txt", c_}});
   const auto before = files("in");
-  const auto write_with = [&](const ContainerOutput::Fill& fill, const Job& job = {}) {
+  const auto write_with = [&](const ContainerOutput::Fill& fill, const ExecutionContext& job = {}) {
     const auto output = detail::make_folder_output(folder_ / "in", folder_ / "in");
     output->add_lazily({"1.png", "2.png", "3.png"}, {10, 20, 30}, fill);
     output->finish(job);
@@ -546,7 +546,7 @@ TEST_F(Folder, FailuresLeaveTheOldOne) {
                }),
                InputError);
   std::atomic<bool> cancel{false};
-  Job job;
+  ExecutionContext job;
   job.cancel = &cancel;
   EXPECT_THROW(write_with(
                    [&](std::size_t i, Bytes& data) {

@@ -43,7 +43,7 @@ StackInfo info_with_times(const Grid& grid) {
 
 void put(const TemporaryFolder& folder, const std::string& from, const StackFile& to,
          std::string* told = nullptr) {
-  Job job;
+  ExecutionContext job;
   job.notice = [&](const std::string& text) {
     if (told) *told += text + "\n";
   };
@@ -143,7 +143,7 @@ TEST_P(EveryFormat, CorrectedStacksKeepAllTheirParameters) {
   EXPECT_EQ(verify_stack(stack, target, setup).to_json(), made.after.to_json());
   // Changed by somebody else, it is noticed.
   std::string told;
-  Job job;
+  ExecutionContext job;
   job.notice = [&](const std::string& text) { told += text; };
   const StackReader quiet(file.path, folder.path(), job);
   EXPECT_EQ(told, "");
@@ -235,7 +235,7 @@ TEST(Formats, EveryArchiveOfOthersIsReadOrRefusedWithAReason) {
     if (!entry.is_regular_file()) continue;
     const std::string name = entry.path().filename().string();
     std::string told, error;
-    Job job;
+    ExecutionContext job;
     job.notice = [&](const std::string& text) { told += text; };
     try {
       const StackReader reader(entry.path().string(), scratch.path(), job, {50, 50, 50});

@@ -186,7 +186,7 @@ TEST(UvPattern, IsWrittenBesideTheSlices) {
   }
   // Read back whole, with the same figures; a changed image is told.
   std::vector<std::string> told;
-  Job job;
+  ExecutionContext job;
   job.notice = [&](const std::string& text) { told.push_back(text); };
   const StackReader reader(folder / "a.uvj", folder.path(), job);
   EXPECT_TRUE(told.empty());
@@ -227,7 +227,7 @@ TEST(UvCorrection, SameBytesForAnyNumberOfThreads) {
   const auto s = setup_of(UvKind::constant, 200, 0);
   TemporaryFolder folder;
   for (const int threads : {1, 2, 8}) {
-    Job job;
+    ExecutionContext job;
     job.threads = threads;
     correct_stack(Block(), s, folder / (std::to_string(threads) + ".uvj"), {}, job);
   }

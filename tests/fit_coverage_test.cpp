@@ -128,7 +128,7 @@ TEST(Repeatability, ResultsDoNotDependOnThreads) {
     const Measurements data = test::with_scatter(d, 3);
     std::string first;
     for (const int threads : {1, 2, 5}) {
-      Job job;
+      ExecutionContext job;
       job.threads = threads;
       const std::string json = fit(data, d.model, d.options, job).to_json();
       if (first.empty()) first = json;

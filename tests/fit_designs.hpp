@@ -185,7 +185,7 @@ struct CoverageOf {
   double mean_r2 = 0;
 };
 
-inline CoverageOf measure_coverage(const Design& d, int runs, const Job& job = {}) {
+inline CoverageOf measure_coverage(const Design& d, int runs, const ExecutionContext& job = {}) {
   std::vector<resins::FitResult> results(static_cast<std::size_t>(runs));
   parallel_for(job, "coverage", results.size(), [&](std::size_t i) {
     results[i] = resins::fit(with_scatter(d, static_cast<unsigned>(i) + 1), d.model, d.options);

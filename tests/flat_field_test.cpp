@@ -482,7 +482,7 @@ TEST_F(FlatFieldTest, SameBytesForAnyNumberOfThreads) {
     setup.printer.height_px = 70;
     std::string first, figures, page;
     for (const int threads : {1, 2, 5}) {
-      Job job;
+      ExecutionContext job;
       job.threads = threads;
       const Correction c =
           correct_stack(target, setup, path("t.uvj"), {.before = true, .volume_cells = 12}, job);

@@ -32,7 +32,7 @@ inline void expect_refused(const std::string& path, const std::string& expected)
 /// What a job is told.
 struct Notices {
   std::vector<std::string> texts;
-  Job job;
+  ExecutionContext job;
   Notices() {
     job.notice = [this](const std::string& text) { texts.push_back(text); };
   }

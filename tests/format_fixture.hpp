@@ -111,7 +111,7 @@ inline void make_foreign_zip(const std::string& path, const Entries& entries) {
 }
 
 inline void write_file_as(const StackFile& file, const Images& images, const StackInfo& info,
-                          const Job& job = {}) {
+                          const ExecutionContext& job = {}) {
   const Grid& grid = images.grid;
   StackWriter writer(file, grid, job);
   StackWriter::BandEncoder encoder(writer, 0, grid.height_px);
@@ -124,8 +124,8 @@ inline void write_file_as(const StackFile& file, const Images& images, const Sta
 /// Collects what a job tells.
 struct Told {
   std::vector<std::string> texts;
-  Job job() {
-    Job j;
+  ExecutionContext job() {
+    ExecutionContext j;
     j.notice = [this](const std::string& text) { texts.push_back(text); };
     return j;
   }

@@ -219,7 +219,7 @@ TEST(Sl1, ImagesOfNewArchivesAreDeflatedOnceMore) {
     if (path.ends_with(".zip")) file.format = "generic";
     Bytes first;
     for (const int threads : {1, 2, 8}) {
-      Job job;
+      ExecutionContext job;
       job.threads = threads;
       test::write_stack(file, images, test::info_of(images.grid), job);
       if (threads == 1) first = test::read_file(path);
@@ -338,7 +338,7 @@ TEST(Sl1, OneBitImagesBecomeGreyAndThatIsTold) {
   StackFile file(folder / "out.sl1");
   file.keep_from = folder / "part.sl1";
   std::string told;
-  Job job;
+  ExecutionContext job;
   job.notice = [&](const std::string& text) { told += text; };
   convert_stack(target, file, job);
   EXPECT_NE(told.find("fewer than 8 bits"), std::string::npos) << told;

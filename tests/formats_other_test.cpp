@@ -80,7 +80,7 @@ TEST_P(NewArchive, IsTheSameEachTime) {
     const std::string sub = folder / std::to_string(i);
     std::filesystem::create_directory(sub);
     const std::string path = sub + "/" + GetParam().path;
-    Job job;
+    ExecutionContext job;
     job.threads = 1 + i;
     test::write_stack(file(path, GetParam().format), images, test::info_of(images.grid), job);
     if (std::filesystem::is_directory(path)) {

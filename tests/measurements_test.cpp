@@ -341,7 +341,7 @@ TEST_F(MeasurementFiles, ReadingCanBeCancelled) {
         return rows;
       }());
   const std::atomic<bool> cancel{true};
-  Job job;
+  ExecutionContext job;
   job.cancel = &cancel;
   EXPECT_THROW(read_measurements({path}, job), Cancelled);
 }

@@ -586,27 +586,27 @@ TEST(InspectTest, FlipsTheMinorityOfEachBody) {
   EXPECT_EQ(flipped_triangles(turned), expected);
 }
 
-TEST(InspectTest, SeamsOfPartsAreThoseOfTheWhole) {
+TEST(InspectTest, EdgeDefectsOfPartsAreThoseOfTheWhole) {
   TriangleMesh open = box(1, 1, 1), turned = box(2, 2, 2);
   open.triangles.pop_back();
   std::swap(turned.triangles[4][0], turned.triangles[4][1]);
-  const auto edges_of = [](const MeshSeams& seams) {
+  const auto edges_of = [](const EdgeDefects& edge_defects) {
     std::vector<std::array<std::int64_t, 3>> edges;
-    for (const auto& e : seams.open) edges.push_back({e.low, e.high, e.surplus});
+    for (const auto& e : edge_defects.open) edges.push_back({e.low, e.high, e.surplus});
     return edges;
   };
-  MeshSeams seams, more, joined;
-  inspect(open, {}, &seams);
-  EXPECT_TRUE(seams.flipped.empty());
+  EdgeDefects edge_defects, more, joined;
+  inspect(open, {}, &edge_defects);
+  EXPECT_TRUE(edge_defects.flipped.empty());
   // The three sides of the triangle that is missing, each run along once by its neighbour.
-  ASSERT_EQ(seams.open.size(), 3u);
-  for (const auto& edge : seams.open) EXPECT_EQ(std::abs(edge.surplus), 1);
+  ASSERT_EQ(edge_defects.open.size(), 3u);
+  for (const auto& edge : edge_defects.open) EXPECT_EQ(std::abs(edge.surplus), 1);
   inspect(turned, {}, &more);
   EXPECT_EQ(more.flipped, std::vector<std::uint32_t>{4});
   EXPECT_TRUE(more.open.empty());  // once it is turned
 
   TriangleMesh whole = turned;
-  append(more, whole, seams);
+  append(more, whole, edge_defects);
   append(whole, open);
   inspect(whole, {}, &joined);
   EXPECT_EQ(more.flipped, joined.flipped);

@@ -256,7 +256,7 @@ TEST_F(TurnedSlicesTest, LongStacks) {
 TEST_F(TurnedSlicesTest, CancelledWhileTurning) {
   const MemorySlices source = some_slices(kGrid, kLit, 5);
   std::atomic<bool> stop{true};
-  Job job;
+  ExecutionContext job;
   job.cancel = &stop;
   EXPECT_THROW(TurnedSlices(source, {true, false, false}, folder_, job), Cancelled);
 }

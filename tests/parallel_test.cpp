@@ -15,7 +15,7 @@ namespace {
 TEST(Parallel, CallsEveryItemOnce) {
   for (const int threads : {0, 1, 2, 8}) {
     for (const std::size_t count : {0, 1, 2, 7, 1000}) {
-      Job job;
+      ExecutionContext job;
       job.threads = threads;
       std::vector<std::atomic<int>> calls(count);
       parallel_for(job, "test", count, [&](std::size_t i) { ++calls[i]; });
@@ -26,7 +26,7 @@ TEST(Parallel, CallsEveryItemOnce) {
 
 TEST(Parallel, UsesNoMoreThreadsThanAsked) {
   for (const int threads : {1, 2, 3}) {
-    Job job;
+    ExecutionContext job;
     job.threads = threads;
     std::atomic<int> running{0}, most{0};
     parallel_for(job, "test", 60, [&](std::size_t) {
@@ -40,12 +40,12 @@ TEST(Parallel, UsesNoMoreThreadsThanAsked) {
     EXPECT_LE(most, threads);
     EXPECT_EQ(thread_count(job), threads);
   }
-  EXPECT_GE(thread_count(Job{}), 1);
+  EXPECT_GE(thread_count(ExecutionContext{}), 1);
 }
 
 TEST(Parallel, RethrowsTheExceptionOfABody) {
   for (const int threads : {1, 4}) {
-    Job job;
+    ExecutionContext job;
     job.threads = threads;
     std::atomic<int> calls{0};
     const auto body = [&](std::size_t i) {
@@ -67,7 +67,7 @@ TEST(Parallel, StopsWhenCancelled) {
   for (const int threads : {1, 4}) {
     std::atomic<bool> cancel{false};
     std::atomic<int> calls{0};
-    Job job;
+    ExecutionContext job;
     job.threads = threads;
     job.cancel = &cancel;
     EXPECT_THROW(parallel_for(job, "test", 100000,
@@ -85,7 +85,7 @@ TEST(Parallel, ProgressNeverFallsAndIsNeverCalledTwiceAtOnce) {
   for (const int threads : {1, 8}) {
     std::vector<double> fractions;
     std::atomic<int> inside{0};
-    Job job;
+    ExecutionContext job;
     job.threads = threads;
     job.progress = [&](std::string_view stage, double fraction) {
       EXPECT_EQ(++inside, 1);
@@ -112,7 +112,7 @@ TEST(Parallel, ProgressNeverFallsAndIsNeverCalledTwiceAtOnce) {
 }
 
 TEST(Parallel, LoopsMayBeNested) {
-  Job job;
+  ExecutionContext job;
   job.threads = 4;
   std::atomic<int> calls{0};
   parallel_for(job, "outer", 10,

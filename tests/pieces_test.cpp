@@ -73,19 +73,19 @@ TEST(RunLength, RefusesDamagedCode) {
   EXPECT_THROW(detail::run_length_decode(code.data(), end - 1, data.data(), 100), InputError);
 }
 
-TEST(PieceStore, KeepsPiecesInMemoryAndBeyond) {
+TEST(BlobStore, KeepsPiecesInMemoryAndBeyond) {
   for (const std::size_t budget :
        {std::size_t{0}, std::size_t{1000}, std::size_t{3} << 20, std::size_t{1} << 30}) {
     const TemporaryFolder folder;
     std::atomic<int> notices{0};
-    Job job;
+    ExecutionContext job;
     job.threads = 4;
     job.notice = [&](const std::string& text) {
       ++notices;
       EXPECT_NE(text.find(folder.path()), std::string::npos) << text;
     };
-    PieceStore store(folder.path(), budget, job);
-    std::vector<PieceStore::Piece> pieces(400);
+    BlobStore store(folder.path(), budget, job);
+    std::vector<BlobStore::Blob> blobs(400);
     const auto contents = [](std::size_t i) {
       std::mt19937 random(static_cast<unsigned>(i));
       Bytes data(random() % 30000);
@@ -93,14 +93,14 @@ TEST(PieceStore, KeepsPiecesInMemoryAndBeyond) {
       return data;
     };
     std::size_t sum = 0;
-    for (std::size_t i = 0; i < pieces.size(); ++i) sum += contents(i).size();
-    parallel_for(job, "put", pieces.size(), [&](std::size_t i) {
+    for (std::size_t i = 0; i < blobs.size(); ++i) sum += contents(i).size();
+    parallel_for(job, "put", blobs.size(), [&](std::size_t i) {
       const Bytes data = contents(i);
-      pieces[i] = store.put(data.data(), data.size());
+      blobs[i] = store.put(data.data(), data.size());
     });
-    parallel_for(job, "get", pieces.size(), [&](std::size_t i) {
+    parallel_for(job, "get", blobs.size(), [&](std::size_t i) {
       Bytes data{1, 2};
-      store.get(pieces[i], data);
+      store.get(blobs[i], data);
       Bytes expected{1, 2};
       const Bytes rest = contents(i);
       expected.insert(expected.end(), rest.begin(), rest.end());
@@ -114,8 +114,8 @@ TEST(PieceStore, KeepsPiecesInMemoryAndBeyond) {
   }
 }
 
-TEST(PieceStore, ReportsAMissingFolder) {
-  PieceStore store("/nowhere/at all", 10, {});
+TEST(BlobStore, ReportsAMissingFolder) {
+  BlobStore store("/nowhere/at all", 10, {});
   const Bytes data(11);
   EXPECT_NO_THROW(store.put(data.data(), 10));
   try {
@@ -127,9 +127,9 @@ TEST(PieceStore, ReportsAMissingFolder) {
   }
 }
 
-TEST(PieceStore, ReportsAFullDisk) {
+TEST(BlobStore, ReportsAFullDisk) {
   const TemporaryFolder folder;
-  PieceStore store(folder.path(), 0, {});
+  BlobStore store(folder.path(), 0, {});
   const Bytes data(6000);
   const FileSizeLimit limit(10000);
   store.put(data.data(), data.size());

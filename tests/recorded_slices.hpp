@@ -35,8 +35,8 @@ class RecordedSlices final : public SliceSource {
 inline Recording as_planned(int slices, double uv_mw_cm2 = 0) {
   Recording r;
   for (int n = 0; n < slices; ++n) {
-    const Recording::Part part{n, 1.0, uv_mw_cm2, 0, 0, 0, 1.0};
-    r.add_slice({&part, 1});
+    const Recording::Showing showing{n, 1.0, uv_mw_cm2, 0, 0, 0, 1.0};
+    r.add_slice({&showing, 1});
   }
   return r;
 }
@@ -62,7 +62,7 @@ inline double dose_by_time(const std::vector<Stretch>& history, const Cure& cure
   for (Stretch s : history) {
     if (s.to_um < z_um || (s.to_um == s.from_um && s.from_um < z_um)) continue;
     if (s.from_um < z_um) {
-      // The part before the window has come to the point does not light it.
+      // The showing before the window has come to the point does not light it.
       s.time_s *= (s.to_um - z_um) / (s.to_um - s.from_um);
       s.from_um = z_um;
     }

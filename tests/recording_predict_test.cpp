@@ -24,7 +24,7 @@ using test::Stretch;
 using testing::HasSubstr;
 /// Tests have a Setup of their own.
 using Settings = slicecorr::Setup;
-using Part = Recording::Part;
+using Showing = Recording::Showing;
 
 constexpr Grid kGrid{12, 10, 60, 50, 50, 20};
 constexpr double kSpeed_mm_h = 720, kSpeed_um_s = 200;
@@ -180,13 +180,13 @@ TEST_P(AsPlanned, PartsOfOneImageAreOne) {
   const MemorySlices target = random_slices(kGrid, 7, true), stack = random_slices(kGrid, 8, false);
   Recording cut;
   for (int n = 0; n < kGrid.layers; ++n) {
-    std::vector<Part> parts;
+    std::vector<Showing> showings;
     for (int k = 0; k < 10; ++k) {
-      parts.push_back({n, 0.1, GetParam().uv_mw_cm2, 0, 0, 0, 1});
-      parts.push_back({(n + 7) % kGrid.layers, 0, GetParam().uv_mw_cm2, 0, 0, 0, 0});
-      parts.push_back({-1, 0, 0, 0, 0, 0, 0});
+      showings.push_back({n, 0.1, GetParam().uv_mw_cm2, 0, 0, 0, 1});
+      showings.push_back({(n + 7) % kGrid.layers, 0, GetParam().uv_mw_cm2, 0, 0, 0, 0});
+      showings.push_back({-1, 0, 0, 0, 0, 0, 0});
     }
-    cut.add_slice(parts);
+    cut.add_slice(showings);
   }
   const Section section = section_of(RecordedSlices(stack, cut), target, setup, 4);
   const Section as_stack = section_of(stack, target, setup, 4);
@@ -207,12 +207,12 @@ TEST_P(AsPlanned, DoesNotDependOnThreads) {
   for (int n = 0; n < grid.layers; ++n) {
     const double uv = GetParam().uv_mw_cm2;
     const double z = n * grid.layer_um;
-    const std::vector<Part> parts{{n - 1, 0.25, uv, z, z + 6, 0, 1},
-                                  {n, 0.73, uv * 1.1, z + 6, z + 20, 0, 1}};
-    late.add_slice(parts);
+    const std::vector<Showing> showings{{n - 1, 0.25, uv, z, z + 6, 0, 1},
+                                        {n, 0.73, uv * 1.1, z + 6, z + 20, 0, 1}};
+    late.add_slice(showings);
   }
   const RecordedSlices recorded(random_slices(grid, 10, false), late);
-  Job one, three;
+  ExecutionContext one, three;
   one.threads = 1;
   three.threads = 3;
   const std::string figures = verify_stack(recorded, target, setup, one).to_json();
@@ -249,9 +249,9 @@ std::vector<double> node_doses_of(const SliceSource& s, const Settings& setup) {
 TEST(RecordedColumn, ImagesShareASlice) {
   // Black for 0.3 of the last slice, full light for 0.7; nothing after it.
   Recording r;
-  const std::vector<Part> parts{{0, 0.3, 0, 0, 0, 0, 1}, {1, 0.7, 0, 0, 0, 0, 1}};
+  const std::vector<Showing> showings{{0, 0.3, 0, 0, 0, 0, 1}, {1, 0.7, 0, 0, 0, 0, 1}};
   r.add_slice({});
-  r.add_slice(parts);
+  r.add_slice(showings);
   const RecordedSlices s(column_of({0, 255}), r);
   const auto rows = probe_stack(s, nullptr, figure_2_2(), 0, 0);
   const double phi = 0.3 * 0.0625 + 0.7 * 6.25;
@@ -268,7 +268,7 @@ TEST(RecordedColumn, ImagesShareASlice) {
 TEST(RecordedColumn, BlackIsTheLightOfBlackAndDarknessIsNone) {
   Recording r;
   for (int n = 0; n < 400; ++n) {
-    const Part black{-1, 1, 0, 0, 0, 0, 1}, dark{0, 0, 0, 0, 0, 0, 0};
+    const Showing black{-1, 1, 0, 0, 0, 0, 1}, dark{0, 0, 0, 0, 0, 0, 0};
     r.add_slice({n < 200 ? &black : &dark, 1});
   }
   const auto doses = node_doses_of(RecordedSlices(column_of({255}), r), figure_2_2());
@@ -281,7 +281,7 @@ TEST(RecordedColumn, HalfTheLampIsHalfTheDose) {
   std::vector<std::uint8_t> values;
   for (int n = 0; n < 40; ++n) values.push_back(static_cast<std::uint8_t>(n * 37));
   Recording half = as_planned(40);
-  for (Part& p : half.parts) {
+  for (Showing& p : half.showings) {
     p.light = 0.5;
     p.blue_share = 0.5;
   }
@@ -294,7 +294,7 @@ TEST(RecordedColumn, AnImageThatStaysOnCountsInEverySlice) {
   // An underrun: image 0 for twenty slices.
   Recording r;
   for (int n = 0; n < 20; ++n) {
-    const Part p{0, 1, 0, 0, 0, 0, 1};
+    const Showing p{0, 1, 0, 0, 0, 0, 1};
     r.add_slice({&p, 1});
   }
   const auto doses = node_doses_of(RecordedSlices(column_of({255}), r), figure_2_2());
@@ -312,14 +312,14 @@ TEST(RecordedColumn, LateFramesMoveAnEdgeByTheirLateness) {
   const MemorySlices stack = column_of(values), target = column_of(values);
   Recording late;
   for (int n = 0; n < 40; ++n) {
-    const std::vector<Part> parts{{n == 0 ? 0 : n - 1, q, 0, 0, 0, 0, 1},
-                                  {n, 1 - q, 0, 0, 0, 0, 1}};
-    late.add_slice(parts);
+    const std::vector<Showing> showings{{n == 0 ? 0 : n - 1, q, 0, 0, 0, 0, 1},
+                                        {n, 1 - q, 0, 0, 0, 0, 1}};
+    late.add_slice(showings);
   }
   Recording placed = late;
-  for (std::size_t k = 0; k < placed.parts.size(); ++k) {
+  for (std::size_t k = 0; k < placed.showings.size(); ++k) {
     const double z = 50.0 * static_cast<double>(k / 2);
-    Part& p = placed.parts[k];
+    Showing& p = placed.showings[k];
     p.from_um = k % 2 ? z + 50 * q : z;
     p.to_um = k % 2 ? z + 50 : z + 50 * q;
   }
@@ -328,7 +328,7 @@ TEST(RecordedColumn, LateFramesMoveAnEdgeByTheirLateness) {
   };
   const double before = shortfall(stack), after = shortfall(RecordedSlices(stack, late));
   EXPECT_NEAR(before, -50 * std::log10((phi - 1) / phi) / 0.025, 1e-9);
-  // Where the parts have places it is just that.
+  // Where the showings have places it is just that.
   EXPECT_NEAR(before - shortfall(RecordedSlices(stack, placed)), 50 * q, 1e-9);
   // Spread over the slice: Omega(zeta) = phi + (Omega(30) - phi) a^(30 - zeta), with Omega(30) = q
   // phi (1 - a): 1 at a^(30 - zeta) = (phi - 1) / (phi - Omega(30)).
@@ -352,8 +352,8 @@ TEST(RecordedColumn, AnEdgeInsideASliceIsWhereItsPartEnds) {
   Recording r;
   for (int n = 0; n < 10; ++n) {
     const double z = 50.0 * n;
-    const Part part{n, n == 9 ? 0.3 : 1.0, 0, z, n == 9 ? z + 15 : z + 50, 0, 1};
-    r.add_slice({&part, 1});
+    const Showing showing{n, n == 9 ? 0.3 : 1.0, 0, z, n == 9 ? z + 15 : z + 50, 0, 1};
+    r.add_slice({&showing, 1});
   }
   const double whole = verify_stack(stack, target, setup).greatest_shortfall_um;
   const Prediction p = verify_stack(RecordedSlices(stack, r), target, setup);
@@ -392,26 +392,26 @@ History random_history(unsigned seed, int slices, bool uv) {
   const double shares[] = {0.5, 0.8, 1.0}, uvs[] = {120, 180};
   History history;
   for (int n = 0; n < slices; ++n) {
-    std::vector<Shown> parts;
+    std::vector<Shown> showings;
     for (double at = any(random) < 0.2 ? 0.3 * any(random) : 0; at < 1;) {
       const double end = std::min(1.0, at + 0.1 + any(random));
       const int image = std::max(0, n - static_cast<int>(random() % 3));
-      parts.push_back({image, at, end, shares[random() % 3],
-                       kSpeed_um_s * (0.7 + 0.8 * any(random)), uv ? uvs[random() % 2] : 0});
+      showings.push_back({image, at, end, shares[random() % 3],
+                          kSpeed_um_s * (0.7 + 0.8 * any(random)), uv ? uvs[random() % 2] : 0});
       at = end + (any(random) < 0.2 ? 0.2 * any(random) : 0);
     }
-    history.push_back(parts);
+    history.push_back(showings);
   }
   return history;
 }
 
-/// The same with the parts of each slice taking turns in it `turns` times.
+/// The same with the showings of each slice taking turns in it `turns` times.
 History spread(const History& history, int turns) {
   History out;
-  for (const auto& parts : history) {
+  for (const auto& showings : history) {
     std::vector<Shown> shown;
     for (int k = 0; k < turns; ++k) {
-      for (Shown p : parts) {
+      for (Shown p : showings) {
         p.begin = (k + p.begin) / turns;
         p.end = (k + p.end) / turns;
         shown.push_back(p);
@@ -422,23 +422,24 @@ History spread(const History& history, int turns) {
   return out;
 }
 
-/// `placed`: says where parts lie in their slices; else their light counts as spread over them.
+/// `placed`: says where showings lie in their slices; else their light counts as spread over them.
 Recording recording_of(const History& history, double m, bool placed) {
   Recording r;
   for (std::size_t n = 0; n < history.size(); ++n) {
-    std::vector<Part> parts;
+    std::vector<Showing> showings;
     for (const Shown& s : history[n]) {
       // Time over that of the plan.
       const double time = (s.end - s.begin) * kSpeed_um_s / s.speed_um_s;
       const double z = kGrid.layer_um * static_cast<double>(n);
-      Part part{s.image, std::pow(s.share, m) * time, s.uv_mw_cm2, 0, 0, s.speed_um_s, s.share};
+      Showing showing{s.image, std::pow(s.share, m) * time, s.uv_mw_cm2, 0, 0, s.speed_um_s,
+                      s.share};
       if (placed) {
-        part.from_um = z + s.begin * kGrid.layer_um;
-        part.to_um = z + s.end * kGrid.layer_um;
+        showing.from_um = z + s.begin * kGrid.layer_um;
+        showing.to_um = z + s.end * kGrid.layer_um;
       }
-      parts.push_back(part);
+      showings.push_back(showing);
     }
-    r.add_slice(parts);
+    r.add_slice(showings);
   }
   return r;
 }
@@ -460,14 +461,14 @@ std::vector<Stretch> stretches(const History& history, const MemorySlices& image
 }
 
 /// D of docs/recording.md: integral over the slice of |light density - its mean|, in phi.
-double unevenness(const std::vector<Shown>& parts, const std::vector<double>& phi) {
+double unevenness(const std::vector<Shown>& showings, const std::vector<double>& phi) {
   double sum = 0, dark = 1, uneven = 0;
-  for (std::size_t k = 0; k < parts.size(); ++k) {
+  for (std::size_t k = 0; k < showings.size(); ++k) {
     sum += phi[k];
-    dark -= parts[k].end - parts[k].begin;
+    dark -= showings[k].end - showings[k].begin;
   }
-  for (std::size_t k = 0; k < parts.size(); ++k) {
-    uneven += std::abs(phi[k] - (parts[k].end - parts[k].begin) * sum);
+  for (std::size_t k = 0; k < showings.size(); ++k) {
+    uneven += std::abs(phi[k] - (showings[k].end - showings[k].begin) * sum);
   }
   return uneven + std::max(0.0, dark) * sum;
 }
@@ -515,7 +516,7 @@ TEST(RecordedHistory, ContinuousDosesAreThoseOfTheIntegral) {
           ASSERT_NEAR(row.dose, at_node, bound + 1e-8 * at_node) << n << " " << turns;
           const double in_middle = dose_by_time(list, cure, z + 0.5 * kGrid.layer_um, steps);
           ASSERT_NEAR(row.dose_middle, in_middle, inside + 1e-8 * in_middle) << n;
-          // Where its parts have places nothing is off, unless they are too many.
+          // Where its showings have places nothing is off, unless they are too many.
           if (turns == 1) {
             const ProbeRow& known = exact[static_cast<std::size_t>(n)];
             ASSERT_NEAR(known.dose, at_node, 1e-8 * at_node) << n;
@@ -548,8 +549,8 @@ TEST(RecordedHistory, UnderUvDosesAreThoseOfTheIntegralWithinTheBound) {
         const auto rows = probe_stack(recorded, nullptr, setup, x, y);
         const auto list = stretches(shown, images, x, y, printer);
         for (int n = 0; n < kGrid.layers; n += 3) {
-          // What a part adds lies between the least and the greatest rate over its slice, or over
-          // the part of the slice in which it takes its turn, for the same time.
+          // What a showing adds lies between the least and the greatest rate over its slice, or
+          // over the showing of the slice in which it takes its turn, for the same time.
           double bound = 0;
           for (int k = n; k < kGrid.layers; ++k) {
             for (const Shown& s : history[static_cast<std::size_t>(k)]) {
@@ -596,20 +597,20 @@ TEST(RecordedHistory, LayerByLayerDosesAreExact) {
     Recording recording;
     std::vector<std::vector<Stretch>> columns(2);
     for (int n = 0; n < kGrid.layers; ++n) {
-      std::vector<Part> parts;
+      std::vector<Showing> showings;
       const double window = (n + 1) * kGrid.layer_um, plan = planned_light_s(process, 20, n);
       EXPECT_EQ(plan, layer_exposure_s(process, n));
       for (const Shown& s : history[static_cast<std::size_t>(n)]) {
         const double time_s = plan * (s.end - s.begin);
-        parts.push_back({s.image, std::pow(s.share, resin.m) * time_s / plan, s.uv_mw_cm2, window,
-                         window, 0, s.share});
+        showings.push_back({s.image, std::pow(s.share, resin.m) * time_s / plan, s.uv_mw_cm2,
+                            window, window, 0, s.share});
         for (int k = 0; k < 2; ++k) {
           const double blue = s.share * (1 + 99.0 * images.at(s.image, 3 + 4 * k, 4) / 255.0);
           columns[static_cast<std::size_t>(k)].push_back(
               {window, window, time_s, blue, s.uv_mw_cm2});
         }
       }
-      recording.add_slice(parts);
+      recording.add_slice(showings);
     }
     const RecordedSlices recorded(images, recording);
     for (int k = 0; k < 2; ++k) {
@@ -639,9 +640,9 @@ TEST(RecordedUv, ManyIntensitiesShareTablesAndItIsTold) {
   const Recording even = as_planned(kGrid.layers, 180);
   Recording wavering = even;
   std::mt19937 random(1);
-  for (Part& p : wavering.parts) p.uv_mw_cm2 *= 1 + 0.02 * (random() / 4294967295.0 - 0.5);
+  for (Showing& p : wavering.showings) p.uv_mw_cm2 *= 1 + 0.02 * (random() / 4294967295.0 - 0.5);
   std::vector<std::string> told;
-  Job job;
+  ExecutionContext job;
   job.notice = [&](const std::string& text) { told.push_back(text); };
   verify_stack(RecordedSlices(images, wavering), target, setup, job);
   ASSERT_FALSE(told.empty());
@@ -653,8 +654,8 @@ TEST(RecordedUv, ManyIntensitiesShareTablesAndItIsTold) {
   // The values lie within 2 %, so groups of 32 are at most 0.16 % wide: half of that off.
   const auto a = probe_stack(RecordedSlices(images, wavering), nullptr, setup, 4, 4);
   Recording lower = even, higher = even;
-  for (Part& p : lower.parts) p.uv_mw_cm2 = 180 * 0.99;
-  for (Part& p : higher.parts) p.uv_mw_cm2 = 180 * 1.01;
+  for (Showing& p : lower.showings) p.uv_mw_cm2 = 180 * 0.99;
+  for (Showing& p : higher.showings) p.uv_mw_cm2 = 180 * 1.01;
   const auto most = probe_stack(RecordedSlices(images, lower), nullptr, setup, 4, 4);
   const auto least = probe_stack(RecordedSlices(images, higher), nullptr, setup, 4, 4);
   for (std::size_t n = 0; n < a.size(); ++n) {
@@ -691,7 +692,7 @@ TEST(RecordedUv, HalfTheBlueLightUnderTheSameUvHasTheDeadZoneOfTwiceTheRatio) {
   MemorySlices images(kGrid);
   for (int n = 0; n < kGrid.layers; ++n) images.at(n, 5, 5) = 255;
   Recording half = as_planned(kGrid.layers, 180);
-  for (Part& p : half.parts) p.light = p.blue_share = 0.5;
+  for (Showing& p : half.showings) p.light = p.blue_share = 0.5;
   const Prediction p = verify_stack(RecordedSlices(images, half), images, setup);
   const Cure c = cure_of(setup.resin);
   const double zone = std::log(c.beta * 180 / (0.5 * 100)) / (1 / c.huv_um - 1 / c.hb_um);
@@ -727,9 +728,9 @@ TEST(RecordedRefusals, WhatCantBeDoneIsSaid) {
   EXPECT_THAT(refusal([&] { verify_stack(RecordedSlices(target, other), target, setup); }),
               HasSubstr("UV images"));
   Recording many;
-  std::vector<Part> parts;
-  for (int k = 0; k < 400; ++k) parts.push_back({k, 0.01, 180, 0, 0, 0, 1});
-  many.add_slice(parts);
+  std::vector<Showing> showings;
+  for (int k = 0; k < 400; ++k) showings.push_back({k, 0.01, 180, 0, 0, 0, 1});
+  many.add_slice(showings);
   Grid grid = kGrid;
   grid.layers = 400;
   EXPECT_THAT(

@@ -20,7 +20,7 @@ using test::Bytes;
 using test::Images;
 using test::TemporaryFolder;
 using testing::HasSubstr;
-using Part = Recording::Part;
+using Showing = Recording::Showing;
 
 constexpr const char* kTable = "slicecorr/recording.csv";
 
@@ -55,15 +55,16 @@ Recording late(int images) {
   Recording r;
   for (int n = 0; n < images; ++n) {
     const double z = n * 1000.0 / 30;
-    const std::vector<Part> parts{{n - 1, 0.25 / 3, 0, z, z + 1.0 / 3, 277.7, 1.0 / 3},
-                                  {n, 0.75, 1e-7 * n, z + 1.0 / 3, z + 1000.0 / 30, 277.8, 1}};
-    r.add_slice(parts);
+    const std::vector<Showing> showings{
+        {n - 1, 0.25 / 3, 0, z, z + 1.0 / 3, 277.7, 1.0 / 3},
+        {n, 0.75, 1e-7 * n, z + 1.0 / 3, z + 1000.0 / 30, 277.8, 1}};
+    r.add_slice(showings);
   }
   return r;
 }
 
 void write(const std::string& path, const Images& images, const Recording& recording,
-           const Job& job = {}) {
+           const ExecutionContext& job = {}) {
   RecordingWriter writer(path, print_info(images.grid), job);
   for (std::size_t n = 0; n < images.slices.size(); ++n) {
     EXPECT_EQ(writer.add_image(images.slices[n].data()), static_cast<int>(n));
@@ -96,7 +97,7 @@ TEST(RecordingFile, SaysWhatWasWritten) {
   EXPECT_EQ(info.part_volume_mm3, 1.5);
   EXPECT_EQ(info.grid.layers, 37);
   EXPECT_NEAR(info.grid.layer_um, 1000.0 / 30, 1e-9);
-  // 0.25 / 3 + 0.75 of the plan's time in each of the 37 slices, less the first part of slice 0.
+  // 0.25 / 3 + 0.75 of the plan's time in each of the 37 slices, less the first showing of slice 0.
   EXPECT_NEAR(light_on_s(info), 37 * (0.25 / 3 + 0.75) * 1000 / 30 * 3.6 / 1000, 1e-9);
   // A stack is found to be one without its images, too.
   EXPECT_EQ(*StackReader::read_info(folder / "a.uvj").recording, recording);
@@ -105,7 +106,7 @@ TEST(RecordingFile, SaysWhatWasWritten) {
 TEST(RecordingFile, BytesDoNotDependOnThreads) {
   const TemporaryFolder folder;
   const Images images = test::random_images(90, 101, 50, 8);
-  Job one, four;
+  ExecutionContext one, four;
   one.threads = 1;
   four.threads = 4;
   write(folder / "one.uvj", images, late(50), one);
@@ -117,7 +118,7 @@ TEST(RecordingFile, AStoppedPrintHasARecord) {
   const TemporaryFolder folder;
   const Images images = test::random_images(20, 20, 3, 8);
   std::atomic<bool> stop{true};
-  Job job;
+  ExecutionContext job;
   job.cancel = &stop;
   write(folder / "a.uvj", images, late(3), job);
   EXPECT_EQ(test::read_images(StackReader(folder / "a.uvj", folder.path())), images.slices);
@@ -128,7 +129,7 @@ TEST(RecordingFile, NothingShownIsARecordToo) {
   const Images images = test::random_images(20, 20, 1, 8);
   RecordingWriter writer(folder / "a.uvj", print_info(images.grid));
   Recording dark;
-  const Part nothing{-1, 0, 0, 0, 50, 100, 0};
+  const Showing nothing{-1, 0, 0, 0, 50, 100, 0};
   dark.add_slice({&nothing, 1});
   writer.finish(dark);
   const StackReader reader(folder / "a.uvj", folder.path());
@@ -194,13 +195,13 @@ TEST(RecordingWriterRefuses, WhatCantBeARecord) {
   less.resin.reset();
   EXPECT_THAT(refusal([&] { RecordingWriter(folder / "a.uvj", less); }),
               HasSubstr("expected a corrected stack"));
-  const auto finish = [&](const Part& part) {
+  const auto finish = [&](const Showing& showing) {
     RecordingWriter writer(folder / "a.uvj", info);
     writer.add_image(images.slices[0].data());
     writer.add_image(images.slices[1].data());
     Recording r;
     r.add_slice({});
-    r.add_slice({&part, 1});
+    r.add_slice({&showing, 1});
     return refusal([&] { writer.finish(r); });
   };
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
@@ -225,14 +226,14 @@ class RecordingDamage : public testing::Test {
   }
   std::string table() { return test::to_text(test::entry(entries_, kTable)); }
   /// Puts another table into the archive; the block goes with it where `honest`.
-  std::string read_with(const std::string& table, bool honest, int slices = 5, int parts = 10) {
+  std::string read_with(const std::string& table, bool honest, int slices = 5, int showings = 10) {
     test::Entries entries = entries_;
     test::entry(entries, kTable) = test::to_bytes(table);
     if (honest) {
       json config = json::parse(test::to_text(test::entry(entries, "config.json")));
       json& facts = config["slicecorr"]["recording"];
       facts["slices"] = slices;
-      facts["parts"] = parts;
+      facts["parts"] = showings;
       facts["crc32"] = crc_of(table);
       test::entry(entries, "config.json") = test::to_bytes(config.dump());
     }
@@ -321,7 +322,7 @@ TEST_F(RecordingDamage, TheBlockIsChecked) {
   EXPECT_THAT(facts("other_uv_images", json::array({5})), HasSubstr("other_uv_images"));
   EXPECT_THAT(read_with_block([](json& b) { b.erase("recording"); }), HasSubstr("recording"));
   EXPECT_THAT(read_with_block([](json& b) { b.erase("resin"); }), HasSubstr("resin"));
-  // More parts than the table may have room for.
+  // More showings than the table may have room for.
   EXPECT_THAT(read_with(table() + std::string(10000, ' '), true, 5, 0), HasSubstr(kTable));
 }
 
@@ -375,13 +376,13 @@ class RecordingProgram : public testing::Test {
       stack.read_slice(n, pixels.data());
       writer.add_image(pixels.data());
       const double z = 50.0 * n;
-      const std::vector<Part> parts{{n - 1, 0.1, 0, z, z + 5, 277.8, 1},
-                                    {n, 0.9, 0, z + 5, z + 50, 277.8, 1}};
-      late.add_slice(parts);
+      const std::vector<Showing> showings{{n - 1, 0.1, 0, z, z + 5, 277.8, 1},
+                                          {n, 0.9, 0, z + 5, z + 50, 277.8, 1}};
+      late.add_slice(showings);
     }
     // The end of the last one lies beyond the plan.
     const double z = 50.0 * stack.grid().layers;
-    const Part rest{stack.grid().layers - 1, 0.1, 0, z, z + 5, 277.8, 1};
+    const Showing rest{stack.grid().layers - 1, 0.1, 0, z, z + 5, 277.8, 1};
     late.add_slice({&rest, 1});
     writer.finish(late);
   }

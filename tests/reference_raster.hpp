@@ -14,8 +14,8 @@ namespace slicecorr::test {
 
 using detail::Segment;
 
-/// The plain way to draw a band: pieces of every row are sorted, those that share pixels are cut
-/// into strips in which no two cross, and areas of spans are summed. `Raster` must give the same
+/// The plain way to draw a band: fragments of every row are sorted, those that share pixels are cut
+/// into scanbeams in which no two cross, and areas of spans are summed. `Raster` must give the same
 /// levels.
 class ReferenceRaster {
  public:
@@ -28,13 +28,13 @@ class ReferenceRaster {
   bool draw(std::uint8_t* rows);
 
  private:
-  /// A piece within one row; y from 0 to 1 in the row and y0 < y1. Or a horizontal one, from left
-  /// to right and of winding 0, that only keeps the pieces at its two ends in one cluster.
-  struct Piece {
+  /// A fragment within one row; y from 0 to 1 in the row and y0 < y1. Or a horizontal one, from
+  /// left to right and of winding 0, that only keeps the fragments at its two ends in one cluster.
+  struct EdgeFragment {
     double x0, y0, x1, y1;
     int winding;  ///< +1: the contour goes down here (y grows), -1: up
     double at(double y) const {
-      // Exact at the ends, so that pieces that meet there meet exactly.
+      // Exact at the ends, so that fragments that meet there meet exactly.
       if (y <= y0) return x0;
       if (y >= y1) return x1;
       return x0 + (y - y0) * ((x1 - x0) / (y1 - y0));
@@ -47,26 +47,26 @@ class ReferenceRaster {
     int winding;
   };
   struct Active {
-    const Piece* piece;
-    double x;      ///< at the upper side of the strip
+    const EdgeFragment* fragment;
+    double x;      ///< at the upper side of the scanbeam
     double x_end;  ///< at its lower side
   };
 
-  bool draw_area_row(std::vector<Piece>& pieces, std::uint8_t* row);
+  bool draw_area_row(std::vector<EdgeFragment>& fragments, std::uint8_t* row);
   bool draw_centre_row(std::vector<Crossing>& crossings, std::uint8_t* row) const;
-  void draw_cluster(const Piece* begin, const Piece* end, int winding);
-  void draw_strip(double from, double to, int winding);
+  void draw_cluster(const EdgeFragment* begin, const EdgeFragment* end, int winding);
+  void draw_scanbeam(double from, double to, int winding);
   void accumulate(double xa, double xb, double height);
 
   int x0_, y0_, x1_, y1_;
   bool antialias_;
-  std::vector<std::vector<Piece>> pieces_;        ///< per row
-  std::vector<std::vector<Crossing>> crossings_;  ///< per row
+  std::vector<std::vector<EdgeFragment>> fragments_;  ///< per row
+  std::vector<std::vector<Crossing>> crossings_;      ///< per row
   /// Per pixel: what is to be added to the running sum of areas from the left. All zero between
   /// rows.
   std::vector<double> area_;
   std::vector<double> events_;
-  std::vector<const Piece*> by_start_;
+  std::vector<const EdgeFragment*> by_start_;
   std::vector<Active> active_;
 };
 
@@ -74,7 +74,7 @@ inline ReferenceRaster::ReferenceRaster(int x0, int y0, int x1, int y1, bool ant
     : x0_(x0), y0_(y0), x1_(x1), y1_(y1), antialias_(antialias) {
   const auto rows = static_cast<std::size_t>(y1 - y0);
   if (antialias) {
-    pieces_.resize(rows);
+    fragments_.resize(rows);
     area_.resize(static_cast<std::size_t>(x1 - x0) + 2);
   } else {
     crossings_.resize(rows);
@@ -82,7 +82,7 @@ inline ReferenceRaster::ReferenceRaster(int x0, int y0, int x1, int y1, bool ant
 }
 
 inline void ReferenceRaster::clear() {
-  for (auto& row : pieces_) row.clear();
+  for (auto& row : fragments_) row.clear();
   for (auto& row : crossings_) row.clear();
 }
 
@@ -93,7 +93,7 @@ inline void ReferenceRaster::add(const Segment& s) {
     const double row = std::floor(s.ay);
     if (antialias_ && s.ay != row && row >= y0_ && row < y1_) {
       const double y = s.ay - row;
-      pieces_[static_cast<std::size_t>(static_cast<int>(row) - y0_)].push_back(
+      fragments_[static_cast<std::size_t>(static_cast<int>(row) - y0_)].push_back(
           {std::min(s.ax, s.bx), y, std::max(s.ax, s.bx), y, 0});
     }
     return;
@@ -114,13 +114,13 @@ inline void ReferenceRaster::add(const Segment& s) {
     const int last = std::min(y1_ - 1, static_cast<int>(std::ceil(ly)) - 1);
     for (int row = first; row <= last; ++row) {
       const double top = row, bottom = row + 1;
-      Piece p;
+      EdgeFragment p;
       p.y0 = uy > top ? uy - top : 0.0;
       p.x0 = uy > top ? ux : x_at(top);
       p.y1 = ly < bottom ? ly - top : 1.0;
       p.x1 = ly < bottom ? lx : x_at(bottom);
       p.winding = winding;
-      if (p.y0 < p.y1) pieces_[static_cast<std::size_t>(row - y0_)].push_back(p);
+      if (p.y0 < p.y1) fragments_[static_cast<std::size_t>(row - y0_)].push_back(p);
     }
   } else {
     // Rows whose centre line y satisfies uy <= y < ly: shared ends count once.
@@ -137,8 +137,8 @@ inline bool ReferenceRaster::draw(std::uint8_t* rows) {
   std::memset(rows, 0, width * static_cast<std::size_t>(y1_ - y0_));
   bool lit = false;
   if (antialias_) {
-    for (std::size_t r = 0; r < pieces_.size(); ++r) {
-      if (!pieces_[r].empty()) lit |= draw_area_row(pieces_[r], rows + r * width);
+    for (std::size_t r = 0; r < fragments_.size(); ++r) {
+      if (!fragments_[r].empty()) lit |= draw_area_row(fragments_[r], rows + r * width);
     }
   } else {
     for (std::size_t r = 0; r < crossings_.size(); ++r) {
@@ -172,32 +172,35 @@ inline bool ReferenceRaster::draw_centre_row(std::vector<Crossing>& crossings,
   return lit;
 }
 
-inline bool ReferenceRaster::draw_area_row(std::vector<Piece>& pieces, std::uint8_t* row) {
-  std::stable_sort(pieces.begin(), pieces.end(),
-                   [](const Piece& a, const Piece& b) { return a.left() < b.left(); });
+inline bool ReferenceRaster::draw_area_row(std::vector<EdgeFragment>& fragments,
+                                           std::uint8_t* row) {
+  std::stable_sort(
+      fragments.begin(), fragments.end(),
+      [](const EdgeFragment& a, const EdgeFragment& b) { return a.left() < b.left(); });
   const auto column = [&](double x) {
     return std::clamp(static_cast<int>(std::floor(x)) - x0_, 0, x1_ - x0_ - 1);
   };
   int winding = 0;
   bool lit = false;
   int done = 0;  // pixels before this one are written
-  for (std::size_t i = 0; i < pieces.size();) {
-    // A cluster: pieces that share pixels. Left and right of it the winding is one number per row.
-    const int first = column(pieces[i].left());
-    int last = column(pieces[i].right());
+  for (std::size_t i = 0; i < fragments.size();) {
+    // A cluster: fragments that share pixels. Left and right of it the winding is one number per
+    // row.
+    const int first = column(fragments[i].left());
+    int last = column(fragments[i].right());
     std::size_t end = i + 1;
-    for (; end < pieces.size() && column(pieces[end].left()) <= last; ++end) {
-      last = std::max(last, column(pieces[end].right()));
+    for (; end < fragments.size() && column(fragments[end].left()) <= last; ++end) {
+      last = std::max(last, column(fragments[end].right()));
     }
     if (winding != 0 && first > done) {
       std::memset(row + done, 255, static_cast<std::size_t>(first - done));
       lit = true;
     }
     const bool inside = winding != 0;
-    draw_cluster(pieces.data() + i, pieces.data() + end, winding);
+    draw_cluster(fragments.data() + i, fragments.data() + end, winding);
     double total = 0;
     for (std::size_t k = i; k < end; ++k)
-      total += pieces[k].winding * (pieces[k].y1 - pieces[k].y0);
+      total += fragments[k].winding * (fragments[k].y1 - fragments[k].y0);
     winding += static_cast<int>(std::lround(total));
     double running = inside ? 1.0 : 0.0;
     for (int p = first; p <= last; ++p) {
@@ -215,7 +218,8 @@ inline bool ReferenceRaster::draw_area_row(std::vector<Piece>& pieces, std::uint
   return lit;
 }
 
-inline void ReferenceRaster::draw_cluster(const Piece* begin, const Piece* end, int winding) {
+inline void ReferenceRaster::draw_cluster(const EdgeFragment* begin, const EdgeFragment* end,
+                                          int winding) {
   if (end - begin == 1 && begin->y0 == 0.0 && begin->y1 == 1.0) {
     const int next = winding + begin->winding;
     if ((winding == 0) != (next == 0)) accumulate(begin->x0, begin->x1, winding == 0 ? 1.0 : -1.0);
@@ -223,39 +227,40 @@ inline void ReferenceRaster::draw_cluster(const Piece* begin, const Piece* end, 
   }
   events_.clear();
   by_start_.clear();
-  for (const Piece* p = begin; p != end; ++p) {
+  for (const EdgeFragment* p = begin; p != end; ++p) {
     if (p->winding == 0) continue;
     events_.push_back(p->y0);
     events_.push_back(p->y1);
     by_start_.push_back(p);
   }
-  // Where the row's cluster has no piece the region may still be inside: the strips span all of it.
+  // Where the row's cluster has no fragment the region may still be inside: the scanbeams span all
+  // of it.
   events_.push_back(0.0);
   events_.push_back(1.0);
   std::sort(events_.begin(), events_.end());
   events_.erase(std::unique(events_.begin(), events_.end()), events_.end());
   std::stable_sort(by_start_.begin(), by_start_.end(),
-                   [](const Piece* a, const Piece* b) { return a->y0 < b->y0; });
+                   [](const EdgeFragment* a, const EdgeFragment* b) { return a->y0 < b->y0; });
   active_.clear();
   std::size_t next = 0;
   for (std::size_t e = 0; e + 1 < events_.size(); ++e) {
     const double from = events_[e], to = events_[e + 1];
-    std::erase_if(active_, [&](const Active& a) { return a.piece->y1 <= from; });
+    std::erase_if(active_, [&](const Active& a) { return a.fragment->y1 <= from; });
     for (; next < by_start_.size() && by_start_[next]->y0 <= from; ++next) {
       active_.push_back({by_start_[next], 0, 0});
     }
-    if (!active_.empty()) draw_strip(from, to, winding);
+    if (!active_.empty()) draw_scanbeam(from, to, winding);
   }
 }
 
-inline void ReferenceRaster::draw_strip(double from, double to, int winding) {
-  // No piece begins or ends within a strip; where two cross, it is cut there. Each cut orders at
-  // least one pair for good; the bound only guards against rounding.
+inline void ReferenceRaster::draw_scanbeam(double from, double to, int winding) {
+  // No fragment begins or ends within a scanbeam; where two cross, it is cut there. Each cut orders
+  // at least one pair for good; the bound only guards against rounding.
   for (std::size_t cuts = 0; from < to; ++cuts) {
     double until = to;
     for (Active& a : active_) {
-      a.x = a.piece->at(from);
-      a.x_end = a.piece->at(to);
+      a.x = a.fragment->at(from);
+      a.x_end = a.fragment->at(to);
     }
     if (active_.size() > 1) {
       std::stable_sort(active_.begin(), active_.end(), [](const Active& a, const Active& b) {
@@ -279,9 +284,9 @@ inline void ReferenceRaster::draw_strip(double from, double to, int winding) {
     }
     int w = winding;
     for (const Active& a : active_) {
-      const int next = w + a.piece->winding;
+      const int next = w + a.fragment->winding;
       if ((w == 0) != (next == 0)) {
-        const double x_end = until == to ? a.x_end : a.piece->at(until);
+        const double x_end = until == to ? a.x_end : a.fragment->at(until);
         accumulate(a.x, x_end, w == 0 ? until - from : from - until);
       }
       w = next;

@@ -498,7 +498,7 @@ TEST(Simulate, BadOptions) {
   EXPECT_THROW(simulate_section(source, nullptr, setup, 1, {0.1}), InputError);
   EXPECT_THROW(simulate_column(source, nullptr, setup, 2, 0), InputError);
   std::atomic<bool> cancel{true};
-  Job job;
+  ExecutionContext job;
   job.cancel = &cancel;
   EXPECT_THROW(simulate_column(model, process, pixels, {}, job), Cancelled);
 }

@@ -537,7 +537,7 @@ TEST(MeshSlices, BridgesAMissingSide) {
     const auto at = mesh.triangles.begin() + static_cast<std::ptrdiff_t>(2 * side);
     mesh.triangles.erase(at, at + 2);
     std::vector<std::string> notices;
-    Job job;
+    ExecutionContext job;
     job.notice = [&](const std::string& text) { notices.push_back(text); };
     const MeshSlices slices(mesh, printer(20, 16, 1000, 1000), options, job);
     for (const Bytes& s : read(slices)) {
@@ -703,7 +703,7 @@ TEST(MeshSlices, BytesDoNotDependOnBandsOrCrops) {
 }
 
 TEST(MeshSlices, BytesDoNotDependOnThreadsOrMoves) {
-  Job one, many;
+  ExecutionContext one, many;
   one.threads = 1;
   many.threads = 4;
   const MeshSlices a(messy(), printer(110, 121, 50, 50), layer_of(90), one);
@@ -714,7 +714,7 @@ TEST(MeshSlices, BytesDoNotDependOnThreadsOrMoves) {
   EXPECT_EQ(read(a), read(moved));
 }
 
-TEST(MeshSlices, PortionsOfSlicesAreThoseOfTheBand) {
+TEST(MeshSlices, SliceRangesAreThoseOfTheBand) {
   for (const bool antialias : {true, false}) {
     const MeshSlices slices(messy(), printer(110, 121, 50, 50), layer_of(90, antialias));
     const int layers = slices.grid().layers;
@@ -737,15 +737,15 @@ TEST(MeshSlices, PortionsOfSlicesAreThoseOfTheBand) {
   }
 }
 
-TEST(MeshSlices, SeamsThatAreKnownChangeNothing) {
+TEST(MeshSlices, EdgeDefectsThatAreKnownChangeNothing) {
   TriangleMesh mesh = messy();
   std::swap(mesh.triangles[3][0], mesh.triangles[3][1]);
-  MeshSeams seams;
-  inspect(mesh, {}, &seams);
-  ASSERT_FALSE(seams.flipped.empty());
-  ASSERT_FALSE(seams.open.empty());
+  EdgeDefects edge_defects;
+  inspect(mesh, {}, &edge_defects);
+  ASSERT_FALSE(edge_defects.flipped.empty());
+  ASSERT_FALSE(edge_defects.open.empty());
   const MeshSlices a(mesh, printer(110, 121, 50, 50), layer_of(90));
-  const MeshSlices b(mesh, printer(110, 121, 50, 50), layer_of(90), {}, &seams);
+  const MeshSlices b(mesh, printer(110, 121, 50, 50), layer_of(90), {}, &edge_defects);
   EXPECT_EQ(a.report().turned_triangles, b.report().turned_triangles);
   EXPECT_EQ(a.report().bridges, b.report().bridges);
   EXPECT_EQ(read(a), read(b));
@@ -838,7 +838,7 @@ TEST(MeshSlices, RefusesWhatIsNoMeshOrNoLayer) {
 
 TEST(MeshSlices, CanBeCancelled) {
   const std::atomic<bool> cancel = true;
-  Job job;
+  ExecutionContext job;
   job.cancel = &cancel;
   EXPECT_THROW(MeshSlices(messy(), printer(110, 121, 50, 50), layer_of(90), job), Cancelled);
 }

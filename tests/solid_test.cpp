@@ -174,9 +174,9 @@ TEST(Solid, FilesHoldTheSameSurfaceAndDoNotDependOnThreads) {
   const TemporaryFolder folder;
   const Memory stack = lit_box({60, 90, 30, 50, 50, 50}, {10, 8, 50, 80}, 2, 20);
   const CureModel model = figure_2_2();
-  Job one;
+  ExecutionContext one;
   one.threads = 1;
-  Job four;
+  ExecutionContext four;
   four.threads = 4;
   const SolidReport r = write_solid(stack, model, folder / "a.stl", {}, one);
   write_solid(stack, model, folder / "b.stl", {}, four);

@@ -366,7 +366,7 @@ TEST_F(Damage, Bombs) {
 
 TEST_F(Damage, ChangedImagesAreANoticeOnly) {
   std::vector<std::string> notices;
-  Job job;
+  ExecutionContext job;
   job.notice = [&](const std::string& text) { notices.push_back(text); };
   (void)StackReader(folder_ / "sound.uvj", folder_.path(), job);
   EXPECT_TRUE(notices.empty());

@@ -100,7 +100,8 @@ inline StackInfo info_of(const Grid& grid) {
 }
 
 inline void write_stack(const StackFile& file, const Images& images, const StackInfo& info,
-                        const Job& job = {}, const GreyImage& preview = {2, 1, {7, 9}}) {
+                        const ExecutionContext& job = {},
+                        const GreyImage& preview = {2, 1, {7, 9}}) {
   const Grid& grid = images.grid;
   StackWriter writer(file, grid, job);
   const int rows = band_rows(grid);

@@ -123,7 +123,7 @@ TEST(StackSlice, ChecksumsTellWhichImagesWereChanged) {
     png = encode_png(image);
     test::make_zip(folder / "b.uvj", entries);
     std::vector<std::string> told;
-    Job job;
+    ExecutionContext job;
     job.notice = [&](const std::string& text) { told.push_back(text); };
     const StackReader reader(folder / "b.uvj", folder.path(), job);
     EXPECT_EQ(told.size(), 1u);

@@ -210,7 +210,7 @@ TEST(Stack, BytesDependOnNothingButTheInput) {
   const Images images = test::random_images(333, 201, 25, 6);
   Bytes first;
   for (const int threads : {1, 2, 8}) {
-    Job job;
+    ExecutionContext job;
     job.threads = threads;
     const std::string path = folder / (std::to_string(threads) + ".uvj");
     ::setenv("TZ", threads == 2 ? "Asia/Tokyo" : "America/Denver", 1);

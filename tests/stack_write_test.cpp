@@ -13,7 +13,7 @@ TEST(StackWriting, CancellationLeavesNothing) {
   const Images images = test::random_images(300, 200, 60, 2);
   for (const std::string stage : {"encode", "write"}) {
     std::atomic<bool> cancel{false};
-    Job job;
+    ExecutionContext job;
     job.cancel = &cancel;
     job.progress = [&](std::string_view s, double fraction) {
       if (s == stage && fraction >= (stage == "write" ? 0.3 : 0)) cancel = true;
@@ -24,7 +24,7 @@ TEST(StackWriting, CancellationLeavesNothing) {
   }
   test::write_stack(folder / "a.uvj", images, test::info_of(images.grid));
   std::atomic<bool> cancel{true};
-  Job job;
+  ExecutionContext job;
   job.cancel = &cancel;
   EXPECT_THROW(StackReader(folder / "a.uvj", folder.path(), job), Cancelled);
 }
@@ -32,7 +32,7 @@ TEST(StackWriting, CancellationLeavesNothing) {
 TEST(StackWriting, ErrorsOfCallbacksLeaveNothing) {
   const TemporaryFolder folder;
   const Images images = test::random_images(30, 20, 60, 2);
-  Job job;
+  ExecutionContext job;
   job.progress = [&](std::string_view stage, double fraction) {
     if (stage == "write" && fraction > 0.4) throw InputError("from the callback");
   };

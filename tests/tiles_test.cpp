@@ -7,9 +7,9 @@
 #include <cmath>
 #include <random>
 
+#include "base/coded_tiles.hpp"
 #include "base/record_log.hpp"
 #include "base/tile_kernels.hpp"
-#include "base/coded_tiles.hpp"
 #include "models.hpp"
 #include "slicecorr/predict.hpp"
 
@@ -265,10 +265,10 @@ TEST(RecordLog, GivesBackWhatWasWritten) {
   }
 }
 
-TEST(TileTape, GivesBackWhatWasWritten) {
+TEST(CodedTiles, GivesBackWhatWasWritten) {
   std::mt19937 random(43);
   using detail::kLanes;
-  detail::TileTape tape;
+  detail::CodedTiles coded;
   std::vector<std::pair<int, Column>> tiles;
   constexpr std::size_t stride = 3 * kLanes;
   for (int t = 0; t < 300; ++t) {
@@ -287,17 +287,17 @@ TEST(TileTape, GivesBackWhatWasWritten) {
     }
     detail::LaneMask steady[67], changed[67];
     detail::tile_changes(rows.data() + stride, stride, count - 1, steady, changed);
-    tape.append(rows.data(), stride, count, changed);
+    coded.append(rows.data(), stride, count, changed);
     tiles.emplace_back(count, std::move(tile));
   }
   for (std::size_t t = tiles.size(); t-- > 0;) {
     const auto& [count, tile] = tiles[t];
     Column rows(tile.size(), 0);
-    const bool lit = tape.read(t, count, rows.data());
+    const bool lit = coded.read(t, count, rows.data());
     EXPECT_EQ(rows, tile);
     EXPECT_EQ(lit, std::any_of(tile.begin(), tile.end(), [](auto v) { return v != 0; }));
-    tape.drop_from(t);
-    EXPECT_EQ(tape.tiles(), t);
+    coded.drop_from(t);
+    EXPECT_EQ(coded.tiles(), t);
   }
 }
 

@@ -188,7 +188,7 @@ TEST(Volume, ACorrectionGathersItOnTheWay) {
   for (const int cells : {11, 160}) {
     const ReducedVolume expected = reduce_volume(corrected, target, setup, cells);
     for (const int threads : {1, 2, 5}) {
-      Job job;
+      ExecutionContext job;
       job.threads = threads;
       const Correction c =
           correct_stack(target, setup, path.string(), {.before = true, .volume_cells = cells}, job);
@@ -267,7 +267,7 @@ TEST(Volume, SamePageForAnyNumberOfThreads) {
   const CorrectedSlices corrected(target, setup);
   std::string first;
   for (const int threads : {1, 8}) {
-    Job job;
+    ExecutionContext job;
     job.threads = threads;
     StackInfo info;
     info.grid = corrected.grid();

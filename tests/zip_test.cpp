@@ -33,7 +33,7 @@ Bytes contents(std::size_t i) {
 }
 
 void write_zip(const std::string& path, const std::vector<std::string>& names, ImagePacking images,
-               const Job& job = {}) {
+               const ExecutionContext& job = {}) {
   ZipOutput output(path, "", images);
   std::vector<std::uint64_t> sizes;
   for (std::size_t i = 0; i < names.size(); ++i) sizes.push_back(contents(i).size());
@@ -83,7 +83,7 @@ TEST(Zip, HasTheBytesThatTheZipLibraryWrites) {
 TEST(Zip, SameBytesForAnyNumberOfThreads) {
   const TemporaryFolder folder;
   for (const ImagePacking images : {ImagePacking::stored, ImagePacking::deflated}) {
-    Job job;
+    ExecutionContext job;
     job.threads = 1;
     write_zip(folder / "one.zip", numbered(500), images, job);
     job.threads = 7;
@@ -234,7 +234,7 @@ TEST(Zip, FailuresLeaveTheOldOne) {
     write_zip(path, {"old.png"}, images);
     const Bytes before = test::read_file(path);
     const auto write = [&](std::uint64_t last_size, const ContainerOutput::Fill& fill,
-                           const Job& job = {}) {
+                           const ExecutionContext& job = {}) {
       ZipOutput output(path, "", images);
       output.add_lazily({"1.png", "2.txt", "3.png"}, {10, 3 << 20, last_size}, fill);
       output.finish(job, {});
@@ -250,7 +250,7 @@ TEST(Zip, FailuresLeaveTheOldOne) {
                  InputError);
     EXPECT_THROW(write(11, sound), Error) << "not the promised size";
     std::atomic<bool> cancel{false};
-    Job job;
+    ExecutionContext job;
     job.cancel = &cancel;
     job.threads = 1;
     EXPECT_THROW(write(
@@ -261,7 +261,7 @@ TEST(Zip, FailuresLeaveTheOldOne) {
                      },
                      job),
                  Cancelled);
-    Job angry;
+    ExecutionContext angry;
     angry.progress = [](std::string_view, double) { throw std::runtime_error("no"); };
     EXPECT_THROW(write(10, sound, angry), std::runtime_error);
     try {

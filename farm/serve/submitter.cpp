@@ -88,7 +88,7 @@ std::function<SubmitReply(const std::string&, bool, const std::atomic<bool>&)> m
       for (JobRequest& request : requests) confine(request, rules, errors);
       if (!errors.empty()) return failed(errors);
       Queue queue(rules.folder.database());
-      slicecorr::Job job;
+      ExecutionContext job;
       job.cancel = &stopping;
       const Submission submission =
           prepare(requests, rules.folder, queue, rules.user, !dry_run, job);

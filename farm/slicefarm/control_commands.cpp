@@ -126,9 +126,10 @@ int gc_command(const ControlArguments& a, cli::Console& console) {
 void add_control_commands(cli::Program& program) {
   const auto a = std::make_shared<ControlArguments>();
   const auto add = [&](const char* name, const char* text, auto action) {
-    CLI::App* sub = program.add(
-        name, text,
-        [a, action](const slicecorr::Job&, cli::Console& console) { return action(*a, console); });
+    CLI::App* sub =
+        program.add(name, text, [a, action](const ExecutionContext&, cli::Console& console) {
+          return action(*a, console);
+        });
     a->farm.add_to(*sub);
     return sub;
   };

@@ -30,7 +30,7 @@ std::string own_path() {
 }
 
 std::unique_ptr<Engine> make_engine(RunArguments& a, const FarmFolder& folder,
-                                    const slicecorr::Job& job) {
+                                    const ExecutionContext& job) {
   if (a.local.program.empty()) a.local.program = own_path();
   if (a.engine == "local") {
     a.local.cores = job.threads;
@@ -45,7 +45,7 @@ std::unique_ptr<Engine> make_engine(RunArguments& a, const FarmFolder& folder,
   return make_slurm_engine(a.slurm);
 }
 
-int run_command(RunArguments& a, const slicecorr::Job& job, cli::Console& console) {
+int run_command(RunArguments& a, const ExecutionContext& job, cli::Console& console) {
   const FarmFolder folder = a.farm.open();
   const std::unique_ptr<Engine> engine = make_engine(a, folder, job);
   ServiceOptions options;
@@ -57,7 +57,7 @@ int run_command(RunArguments& a, const slicecorr::Job& job, cli::Console& consol
   return cli::interrupted() ? cli::kInterrupted : cli::kDone;
 }
 
-int nodes_command(RunArguments& a, const slicecorr::Job& job) {
+int nodes_command(RunArguments& a, const ExecutionContext& job) {
   std::string text = fmt::format("{:<20} {:<18} {:>10} {:>17}  {}\n", "node", "state", "cores used",
                                  "memory used, MB", "labels");
   for (const Node& n : make_engine(a, a.farm.existing(), job)->nodes()) {
@@ -70,7 +70,7 @@ int nodes_command(RunArguments& a, const slicecorr::Job& job) {
   return cli::kDone;
 }
 
-int worker_command(const RunArguments& a, const slicecorr::Job& job, cli::Console&) {
+int worker_command(const RunArguments& a, const ExecutionContext& job, cli::Console&) {
   // Whatever the engine does with our output, the log is where the farm looks for it.
   const std::string path = a.folder + "/log.txt";
   const int log = ::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
@@ -95,7 +95,7 @@ void add_engine_options(CLI::App& app, RunArguments& a) {
 void add_run_commands(cli::Program& program) {
   const auto a = std::make_shared<RunArguments>();
   CLI::App* run = program.add("run", "Work: take jobs from the queue until stopped",
-                              [a](const slicecorr::Job& job, cli::Console& console) {
+                              [a](const ExecutionContext& job, cli::Console& console) {
                                 return run_command(*a, job, console);
                               });
   add_engine_options(*run, *a);
@@ -125,13 +125,13 @@ void add_run_commands(cli::Program& program) {
   run->add_option("--worker-program", a->local.program,
                   "Path of slicefarm on the nodes [this one]");
 
-  CLI::App* nodes =
-      program.add("nodes", "The engine's machines, and how busy they are",
-                  [a](const slicecorr::Job& job, cli::Console&) { return nodes_command(*a, job); });
+  CLI::App* nodes = program.add(
+      "nodes", "The engine's machines, and how busy they are",
+      [a](const ExecutionContext& job, cli::Console&) { return nodes_command(*a, job); });
   add_engine_options(*nodes, *a);
 
   CLI::App* worker = program.add("worker", "One attempt, in its folder: what engines start",
-                                 [a](const slicecorr::Job& job, cli::Console& console) {
+                                 [a](const ExecutionContext& job, cli::Console& console) {
                                    return worker_command(*a, job, console);
                                  });
   worker->add_option("FOLDER", a->folder, "Folder of the attempt")->required();

@@ -8,11 +8,11 @@
 #include <memory>
 
 #include "commands.hpp"
-#include "support/http/guard.hpp"
 #include "programs/common/run_server.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/notify.hpp"
 #include "slicecorr/farm/serve.hpp"
+#include "support/http/guard.hpp"
 
 namespace slicecorr::farm {
 
@@ -92,7 +92,7 @@ void add_serve_commands(cli::Program& program) {
     auto o = std::make_shared<ServeCommand>();
     CLI::App* app = program.add(
         "serve", "Serve a page, a REST API and metrics; prints its address",
-        [o](const slicecorr::Job&, cli::Console& console) { return serve(*o, console); });
+        [o](const ExecutionContext&, cli::Console& console) { return serve(*o, console); });
     o->farm.add_to(*app);
     app->add_option("--listen", o->listen, "HOST:PORT; port 0: one that is free [127.0.0.1:8420]");
     app->add_option("--token-file", o->token_file,
@@ -112,7 +112,7 @@ void add_serve_commands(cli::Program& program) {
     auto o = std::make_shared<NotifyCommand>();
     CLI::App* app = program.add(
         "notify", "Send the notifications of DIR/notify.toml until stopped",
-        [o](const slicecorr::Job&, cli::Console& console) { return notify(*o, console); });
+        [o](const ExecutionContext&, cli::Console& console) { return notify(*o, console); });
     o->farm.add_to(*app);
     app->add_flag("--test", o->test, "Send one message to every receiver now, and end");
   }

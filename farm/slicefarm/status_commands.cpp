@@ -92,7 +92,7 @@ void add_status_commands(cli::Program& program) {
   {
     auto o = std::make_shared<StatusOptions>();
     CLI::App* app = program.add("status", "What is queued, running, done and failed",
-                                [o](const slicecorr::Job&, cli::Console&) { return status(*o); });
+                                [o](const ExecutionContext&, cli::Console&) { return status(*o); });
     o->farm.add_to(*app);
     app->add_option("--state", o->states,
                     "Only jobs in these states: queued,running,done,failed,cancelled")
@@ -116,7 +116,7 @@ void add_status_commands(cli::Program& program) {
   {
     auto o = std::make_shared<LogOptions>();
     CLI::App* app = program.add("logs", "What happened to a job, with the logs of its attempts",
-                                [o](const slicecorr::Job&, cli::Console&) { return logs(*o); });
+                                [o](const ExecutionContext&, cli::Console&) { return logs(*o); });
     o->farm.add_to(*app);
     app->add_option("ID", o->id, "Number of the job")->required()->check(cli::number_in(1, 9e15));
     app->add_option("--attempt", o->attempt, "Only the log of this attempt")

@@ -108,7 +108,7 @@ std::string json_of(const Submission& s, const std::vector<JobId>& ids) {
 
 /// What physics alone forbids has an exit code of its own.
 Submission checked(const std::vector<JobRequest>& requests, const FarmFolder& folder, Queue& queue,
-                   const std::string& user, bool store, const slicecorr::Job& job) {
+                   const std::string& user, bool store, const ExecutionContext& job) {
   try {
     return prepare(requests, folder, queue, user, store, job);
   } catch (const SubmitErrors& e) {
@@ -117,7 +117,7 @@ Submission checked(const std::vector<JobRequest>& requests, const FarmFolder& fo
   }
 }
 
-int submit_command(const SubmitArguments& a, const slicecorr::Job& job, cli::Console& console) {
+int submit_command(const SubmitArguments& a, const ExecutionContext& job, cli::Console& console) {
   const FarmFolder folder = a.store.empty() ? a.farm.open() : a.farm.open(a.store);
   Queue queue(folder.database());
   const std::string user = user_name();
@@ -154,7 +154,7 @@ void add_submit_commands(cli::Program& program) {
   const auto a = std::make_shared<SubmitArguments>();
   CLI::App* sub =
       program.add("submit", "Queue parts, or the jobs of a file; checks everything first",
-                  [a](const slicecorr::Job& job, cli::Console& console) {
+                  [a](const ExecutionContext& job, cli::Console& console) {
                     return submit_command(*a, job, console);
                   });
   sub->add_option(

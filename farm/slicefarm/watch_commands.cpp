@@ -9,10 +9,10 @@
 #include <memory>
 
 #include "commands.hpp"
-#include "support/terminal/terminal.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/morning.hpp"
 #include "slicecorr/farm/status.hpp"
+#include "support/terminal/terminal.hpp"
 
 namespace slicecorr::farm {
 
@@ -123,7 +123,7 @@ void add_watch_commands(cli::Program& program) {
   {
     auto o = std::make_shared<WatchOptions>();
     CLI::App* app = program.add("watch", "Follow the farm on the terminal; q quits",
-                                [o](const slicecorr::Job&, cli::Console&) { return watch(*o); });
+                                [o](const ExecutionContext&, cli::Console&) { return watch(*o); });
     o->farm.add_to(*app);
     app->add_option("--interval-s", o->interval_s, "Time between two looks [0.5]")
         ->check(cli::number_in(0.05, 3600));
@@ -137,7 +137,7 @@ void add_watch_commands(cli::Program& program) {
   {
     auto o = std::make_shared<ReportOptions>();
     CLI::App* app = program.add("report", "Write the page of the morning: done, failed, how well",
-                                [o](const slicecorr::Job&, cli::Console&) { return report(*o); });
+                                [o](const ExecutionContext&, cli::Console&) { return report(*o); });
     o->farm.add_to(*app);
     app->add_option("-o,--output", o->output, "The page; - for stdout [DIR/report.html]");
     app->add_option("--json", o->json, "Write JSON to this file; - for stdout");

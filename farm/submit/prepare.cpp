@@ -113,7 +113,7 @@ std::int64_t parse_ready_by(const std::string& text, std::int64_t now_ms) {
 }
 
 /// Asks the physics, of the places that the part is printed at where light is uneven.
-void plan(const SliceSource& slices, const Setup& setup, const slicecorr::Job& job, Checked& c) {
+void plan(const SliceSource& slices, const Setup& setup, const ExecutionContext& job, Checked& c) {
   const Grid& grid = slices.grid();
   const bool uneven = setup.printer.flat_field.has_value();
   const CorrectionPlan plan = uneven ? plan_correction(slices, setup, job)
@@ -123,7 +123,8 @@ void plan(const SliceSource& slices, const Setup& setup, const slicecorr::Job& j
   detail::look_at_light(slices, setup.printer, setup.process, plan, c.memory);
 }
 
-void check_meshes(const JobRequest& r, const Setup& setup, const slicecorr::Job& job, Checked& c) {
+void check_meshes(const JobRequest& r, const Setup& setup, const ExecutionContext& job,
+                  Checked& c) {
   cli::MeshOptions o;
   o.parts = r.parts;
   o.layer_um = r.layer_um;
@@ -135,14 +136,14 @@ void check_meshes(const JobRequest& r, const Setup& setup, const slicecorr::Job&
   cli::PlateParts parts = cli::read_parts(o, job);
   c.memory.triangles = parts.mesh.triangles.size();
   const MeshSlices slices(std::move(parts.mesh), setup.printer, o.slice_options(), job,
-                          &parts.seams);
+                          &parts.edge_defects);
   plan(slices, setup, job, c);
   const PixelBox box = slices.bounds();
   c.memory.voxels = std::int64_t{c.layers} * box.width() * box.height();
 }
 
 void check_archive(const JobRequest& r, const Setup& setup, const std::string& scratch_folder,
-                   const slicecorr::Job& job, Checked& c) {
+                   const ExecutionContext& job, Checked& c) {
   const StackInfo info = StackReader::read_info(r.parts[0]);
   MissingFacts facts;
   facts.layer_um = r.layer_um;
@@ -169,7 +170,7 @@ void check_archive(const JobRequest& r, const Setup& setup, const std::string& s
 
 /// Reads the inputs as a worker will.
 Checked check_inputs(const JobRequest& r, const Resolved& w, const std::string& scratch_folder,
-                     const slicecorr::Job& job) {
+                     const ExecutionContext& job) {
   Checked c;
   try {
     if (w.mesh) {
@@ -221,7 +222,7 @@ bool can_write(const std::string& folder) {
 class Preparation {
  public:
   Preparation(const std::vector<JobRequest>& requests, const FarmFolder& folder, Queue& queue,
-              const std::string& user, const slicecorr::Job& job)
+              const std::string& user, const ExecutionContext& job)
       : requests_(requests), folder_(folder), queue_(queue), user_(user), job_(job) {}
 
   Submission run(bool store) {
@@ -319,7 +320,7 @@ class Preparation {
   void check_all() {
     checked_.resize(distinct_.size());
     // Parts are read side by side; each alone would leave most cores idle.
-    slicecorr::Job one;
+    ExecutionContext one;
     one.threads = 1;
     one.cancel = job_.cancel;
     parallel_for(job_, "checking parts", distinct_.size(), [&](std::size_t n) {
@@ -464,7 +465,7 @@ class Preparation {
   const FarmFolder& folder_;
   Queue& queue_;
   const std::string& user_;
-  const slicecorr::Job& job_;
+  const ExecutionContext& job_;
   std::vector<std::pair<std::ptrdiff_t, SubmitError>> errors_;  ///< with the request's index
   std::vector<Resolved> resolved_;
   std::vector<std::size_t> distinct_;  ///< requests whose inputs are looked at
@@ -476,7 +477,7 @@ class Preparation {
 }  // namespace
 
 Submission prepare(const std::vector<JobRequest>& requests, const FarmFolder& folder, Queue& queue,
-                   const std::string& user, bool store, const slicecorr::Job& job) {
+                   const std::string& user, bool store, const ExecutionContext& job) {
   return Preparation(requests, folder, queue, user, job).run(store);
 }
 

@@ -122,7 +122,7 @@ class Reporter {
 
 /// What the archive that was written says when it is read again: a result is what can be read back.
 void check_stack(const std::string& path, const std::string& scratch, const StackInfo& written,
-                 const Prediction& prediction, const slicecorr::Job& job) {
+                 const Prediction& prediction, const ExecutionContext& job) {
   const auto refuse = [&](const std::string& what) {
     throw InputError(path, "", "read back after writing: " + what);
   };
@@ -182,7 +182,7 @@ class OutputInvalid : public InputError {
 
 /// The work itself; fills in what is known of the result.
 void make_result(const Order& order, const std::string& folder, Reporter& reporter,
-                 const slicecorr::Job& job, Outcome& outcome) {
+                 const ExecutionContext& job, Outcome& outcome) {
   reporter.begin(0);
   const WorkSpec& spec = order.spec;
   FarmFolder farm;
@@ -308,7 +308,7 @@ int do_work(const std::string& folder, const std::atomic<bool>* cancel,
   limit_memory(order.memory_mb, order.threads);
   detail::commit_fault(fault, "start", order);
   Reporter reporter(folder, order, fault);
-  slicecorr::Job job;
+  ExecutionContext job;
   job.threads = order.threads;
   job.cancel = cancel;
   job.notice = [&](const std::string& text) { say(in_names_of_user(text, order)); };

@@ -121,8 +121,9 @@ void StageEstimate::measure(double position_um, const double* speed_um_s, double
 
 double StageEstimate::position_um(double at_s) const {
   if (at_s < measured_at_ && !past_.empty()) {
-    const auto after = std::upper_bound(past_.begin(), past_.end(), at_s,
-                                        [](double t, const Place& p) { return t < p.at_s; });
+    const auto after =
+        std::upper_bound(past_.begin(), past_.end(), at_s,
+                         [](double t, const StagePosition& p) { return t < p.at_s; });
     if (after == past_.begin()) return past_.front().position_um;
     const auto before = std::prev(after);
     if (after == past_.end()) return before->position_um;

@@ -60,10 +60,10 @@ class StageEstimate {
   CommandedMotion motion_;
   double offset_ = 0, drift_ = 0;  ///< estimate less commanded, um, um/s
   double error_ = 0, measured_ = 0, measured_at_ = 0, forgetting_s_ = 2;
-  struct Place {
+  struct StagePosition {
     double at_s, position_um;
   };
-  std::deque<Place> past_;
+  std::deque<StagePosition> past_;
 };
 
 }  // namespace slicecorr::bridge

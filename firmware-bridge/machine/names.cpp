@@ -19,7 +19,7 @@ constexpr auto names = std::to_array<SignalName>({
     {Signal::blue_share, "blue_share", true},
     {Signal::uv_mw_cm2, "uv_mw_cm2", true},
     {Signal::frame, "frame", true},
-    {Signal::job, "job", true},
+    {Signal::context, "job", true},
     {Signal::sequence_echo, "sequence_echo", false},
     {Signal::state, "state", false},
     {Signal::stage_um, "stage_um", false},

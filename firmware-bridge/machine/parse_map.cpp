@@ -6,8 +6,8 @@
 #include <cmath>
 #include <span>
 
-#include "support/text/nearest.hpp"
 #include "machine/names.hpp"
+#include "support/text/nearest.hpp"
 
 namespace slicecorr::bridge::detail {
 
@@ -58,7 +58,7 @@ Need need_of(Signal signal, const Machine& m) {
       return {0, m.limits.max_temperature_c, 5, false};
     case Signal::machine_time_s:
       return {0, 0, 0, false};
-    case Signal::job:
+    case Signal::context:
     case Signal::job_kept:
       return {0, 1, 0, true};
     default:
@@ -279,7 +279,7 @@ RegisterMap parse_map(const TomlTable& t, const Machine& machine) {
   const TomlTable write = t.required_table("write"), read = t.required_table("read");
   map.write = parse_signals(write, true, machine);
   map.read = parse_signals(read, false, machine);
-  if (map.write.contains(Signal::job) != map.read.contains(Signal::job_kept)) {
+  if (map.write.contains(Signal::context) != map.read.contains(Signal::job_kept)) {
     t.fail("read", "has only one of write.job and read.job_kept; expected both or none");
   }
   std::multimap<int, Used> used;

@@ -15,6 +15,7 @@ void check_printer(const StackInfo& info, const std::string& path, const Machine
 /// Speed, ramps, travel: fills in how the stage moves. Throws `InfeasibleError`.
 void plan_motion(PrintPlan& plan, const StackInfo& info, const Machine& machine);
 /// Brightest pixels and UV light of all frames. Throws `InfeasibleError`.
-void plan_light(PrintPlan& plan, const StackReader& stack, const Machine& machine, const Job& job);
+void plan_light(PrintPlan& plan, const StackReader& stack, const Machine& machine,
+                const ExecutionContext& context);
 
 }  // namespace slicecorr::bridge

@@ -61,7 +61,8 @@ void check_black(PrintPlan& plan, const StackInfo& info, const Machine& machine)
 
 }  // namespace
 
-void plan_light(PrintPlan& plan, const StackReader& stack, const Machine& machine, const Job& job) {
+void plan_light(PrintPlan& plan, const StackReader& stack, const Machine& machine,
+                const ExecutionContext& context) {
   const StackInfo& info = stack.info();
   const Process& process = *info.process;
   const Printer& printer = machine.printer;
@@ -121,7 +122,7 @@ void plan_light(PrintPlan& plan, const StackReader& stack, const Machine& machin
   std::mutex failing;
   int first_bad = -1;
   std::string bad;
-  parallel_for(job, "check", plan.frames.size(), [&](std::size_t i) {
+  parallel_for(context, "check", plan.frames.size(), [&](std::size_t i) {
     const int n = static_cast<int>(i);
     FramePlan& frame = plan.frames[i];
     std::vector<std::uint8_t> image(pixels), uv_image;

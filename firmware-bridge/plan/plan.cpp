@@ -17,7 +17,7 @@ double lamp_share(const PrintPlan& plan, const LampDrive& lamp, double speed_um_
 }
 
 PrintPlan plan_print(const StackReader& stack, const std::string& path, const Machine& machine,
-                     const Job& job) {
+                     const ExecutionContext& context) {
   check_kind(stack, path);
   const StackInfo& info = stack.info();
   check_printer(info, path, machine);
@@ -26,7 +26,7 @@ PrintPlan plan_print(const StackReader& stack, const std::string& path, const Ma
   plan.layer_um = info.grid.layer_um;
   plan.frames.resize(static_cast<std::size_t>(info.grid.layers));
   plan_motion(plan, info, machine);
-  plan_light(plan, stack, machine, job);
+  plan_light(plan, stack, machine, context);
   return plan;
 }
 

@@ -65,7 +65,7 @@ std::string ramps_in_words(const PrintPlan& plan) {
                      plan.run_up_um);
 }
 
-int print(const Options& o, const Job& job, Console& console) {
+int print(const Options& o, const ExecutionContext& context, Console& console) {
   Machine machine = load_machine(o.printer);
   machine.connect_to(o.modbus);
   if (o.sinks.empty() && !o.dry_run) {
@@ -83,8 +83,8 @@ int print(const Options& o, const Job& job, Console& console) {
                     machine.printer.name, name_of(latch->fault), latch->detail,
                     where_it_was(latch->frame, latch->z_um), o.printer));
   }
-  const StackReader stack(o.stack, cli::folder_of(o.stack), job);
-  const PrintPlan plan = plan_print(stack, o.stack, machine, job);
+  const StackReader stack(o.stack, cli::folder_of(o.stack), context);
+  const PrintPlan plan = plan_print(stack, o.stack, machine, context);
   console.say(fmt::format(
       "{}: {} slices of {:g} um, {}, about {}", o.stack, plan.frames.size(), plan.layer_um,
       plan.mode == ExposureMode::layerwise
@@ -118,11 +118,11 @@ int print(const Options& o, const Job& job, Console& console) {
   RunOptions run;
   run.dry_run = o.dry_run;
   run.lockstep = o.lockstep;
-  run.threads = job.threads > 0 ? job.threads : 2;
+  run.threads = context.threads > 0 ? context.threads : 2;
   run.stack = std::filesystem::absolute(o.stack).string();
-  run.stop = job.cancel;
+  run.stop = context.cancel;
   keep_report(folder);
-  const Ending end = run_print(*frames, plan, machine, *link, *sink, *clock, folder, run, job);
+  const Ending end = run_print(*frames, plan, machine, *link, *sink, *clock, folder, run, context);
   try {
     write_report(folder, false);
   } catch (const Error& e) {
@@ -203,8 +203,9 @@ int main(int argc, char** argv) {
     add_printer(*app, o);
     return app;
   };
-  auto* const p = add("print", "Print a stack of `slicecorr correct`",
-                      [&](const Job& job, cli::Console& c) { return print(o, job, c); });
+  auto* const p =
+      add("print", "Print a stack of `slicecorr correct`",
+          [&](const ExecutionContext& context, cli::Console& c) { return print(o, context, c); });
   p->add_option("STACK", o.stack, "The corrected stack")->required();
   p->add_flag("--dry-run", o.dry_run, "Move the stage and show images, with lamps off");
   p->add_option("--sink", o.sinks,
@@ -228,10 +229,11 @@ int main(int argc, char** argv) {
        {std::pair{"pause", "Stop where that leaves no mark"}, std::pair{"resume", "Go on"},
         std::pair{"stop", "End the print for good: lamps off, stage stop, black"}}) {
     const std::string what = name;
-    add(name, text, [&o, what](const Job&, cli::Console& c) { return request(o, what, c); });
+    add(name, text,
+        [&o, what](const ExecutionContext&, cli::Console& c) { return request(o, what, c); });
   }
   auto* const r = add("reset", "After a fault: ask the machine whether all is well, and go on",
-                      [&](const Job&, cli::Console& c) { return reset(o, c); });
+                      [&](const ExecutionContext&, cli::Console& c) { return reset(o, c); });
   for (CLI::App* const app : {p, r}) {
     app->add_option("--modbus", o.modbus,
                     "Where the machine is, in place of the printer file's word: tcp:HOST:PORT or "

@@ -11,14 +11,14 @@
 #include <fstream>
 #include <memory>
 
-#include "support/http/guard.hpp"
 #include "programs/common/run_server.hpp"
-#include "support/terminal/terminal.hpp"
-#include "support/text/display_text.hpp"
 #include "slicecorr/bridge/run.hpp"
 #include "slicecorr/bridge/serve.hpp"
 #include "slicecorr/bridge/view.hpp"
 #include "slicecorr/error.hpp"
+#include "support/http/guard.hpp"
+#include "support/terminal/terminal.hpp"
+#include "support/text/display_text.hpp"
 
 namespace slicecorr::bridge {
 namespace {
@@ -240,7 +240,7 @@ int serve(const ServeCommand& o, cli::Console& console) {
 
 /// What only looks is never in the way of what prints.
 cli::Program::Action politely(const std::function<int(cli::Console&)>& action) {
-  return [action](const Job&, cli::Console& console) {
+  return [action](const ExecutionContext&, cli::Console& console) {
     [[maybe_unused]] const int level = ::nice(nice_level);
     return action(console);
   };
@@ -252,7 +252,7 @@ void add_view_commands(const AddCommand& add) {
   {
     auto o = std::make_shared<StatusOptions>();
     auto* const s = add("status", "What the print does, or how the last one ended", o->printer,
-                        [o](const Job&, cli::Console&) { return status(*o); });
+                        [o](const ExecutionContext&, cli::Console&) { return status(*o); });
     s->add_option("--json", o->json, "Write JSON to this file, - for stdout");
   }
   {

@@ -97,7 +97,7 @@ int check(const Options& o) {
   return cli::kDone;
 }
 
-int run(const Options& o, const Job& job, cli::Console& console) {
+int run(const Options& o, const ExecutionContext& context, cli::Console& console) {
   if (o.check_machine) return check(o);
   if (!o.modbus.empty()) throw InputError("--modbus goes with --check-machine");
   if (!o.output.empty()) {
@@ -125,7 +125,7 @@ int run(const Options& o, const Job& job, cli::Console& console) {
   PrinterModel printer(machine, std::move(faults));
   TimedModel model(printer, {o.lockstep, o.time_rate, machine.limits.cycle_s});
   EventLog events(o.events, model);
-  Recorder recorder(o.output, o.stack, machine, model, job);
+  Recorder recorder(o.output, o.stack, machine, model, context);
   ModbusServer modbus(o.listen.empty() ? default_listen(*machine.modbus) : o.listen, machine,
                       model);
   std::unique_ptr<FrameServer> display;
@@ -175,8 +175,9 @@ int main(int argc, char** argv) {
       "demand. Records what was shown and lit as a stack. Ends with SIGTERM.",
       "printer-sim --printer dual-wavelength-dlp --listen 127.0.0.1:0 --frames tcp:127.0.0.1:0 "
       "-o shown.uvj");
-  CLI::App* app =
-      program.only([&](const Job& job, cli::Console& console) { return run(o, job, console); });
+  CLI::App* app = program.only([&](const ExecutionContext& context, cli::Console& console) {
+    return run(o, context, console);
+  });
   app->add_option("--printer", o.printer, "Name or .toml file of the printer, with [modbus]")
       ->required();
   app->add_option("--listen", o.listen,

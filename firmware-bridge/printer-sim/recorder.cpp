@@ -18,8 +18,12 @@ constexpr double kRounding = 1e-9;
 }  // namespace
 
 Recorder::Recorder(std::string path, const std::string& stack, const Machine& machine,
-                   TimedModel& model, const Job& job)
-    : path_(std::move(path)), first_path_(path_), machine_(machine), model_(model), job_(job) {
+                   TimedModel& model, const ExecutionContext& context)
+    : path_(std::move(path)),
+      first_path_(path_),
+      machine_(machine),
+      model_(model),
+      context_(context) {
   if (path_.empty() || stack.empty()) return;
   const StackInfo info = StackReader::read_info(stack);
   if (info.kind != StackKind::corrected || !info.printer || !info.process || !info.resin) {
@@ -40,7 +44,7 @@ Recorder::Recorder(std::string path, const std::string& stack, const Machine& ma
 bool Recorder::lit() const {
   bool light = false;
   model_.with([&](PrinterModel& model) {
-    for (const auto& slice : model.exposures()) light = light || !slice.parts.empty();
+    for (const auto& slice : model.exposures()) light = light || !slice.showings.empty();
   });
   return light;
 }
@@ -81,7 +85,7 @@ void Recorder::begin(const WireHello& hello) {
   layer_um_ = hello.layer_um;
   slices_ = hello.slices;
   writer_.reset();
-  if (!path_.empty()) writer_ = std::make_unique<RecordingWriter>(path_, print, job_);
+  if (!path_.empty()) writer_ = std::make_unique<RecordingWriter>(path_, print, context_);
   model_.with([&](PrinterModel& model) {
     model.record(
         {hello.layer_um, hello.start_um, hello.m, process_.mode == ExposureMode::layerwise});
@@ -99,18 +103,18 @@ Recording Recorder::recording() {
     model.tell_images({});
     const auto& exposures = model.exposures();
     const int slices = std::max(slices_, static_cast<int>(exposures.size()));
-    std::vector<Recording::Part> parts;
+    std::vector<Recording::Showing> showings;
     for (int n = 0; n < slices; ++n) {
-      parts.clear();
+      showings.clear();
       if (n < static_cast<int>(exposures.size())) {
         const double planned_s = planned_light_s(process_, layer_um_, n);
-        for (const auto& p : exposures[static_cast<std::size_t>(n)].parts) {
+        for (const auto& p : exposures[static_cast<std::size_t>(n)].showings) {
           if (p.light_s < kRounding * planned_s) continue;
-          parts.push_back({p.image, p.light_s / planned_s, p.uv_mw_cm2, p.from_um, p.to_um,
-                           p.speed_um_s, p.blue_share});
+          showings.push_back({p.image, p.light_s / planned_s, p.uv_mw_cm2, p.from_um, p.to_um,
+                              p.speed_um_s, p.blue_share});
         }
       }
-      recording.add_slice(parts);
+      recording.add_slice(showings);
     }
   });
   return recording;

@@ -20,7 +20,7 @@ class Recorder {
   /// `path` empty: nothing is recorded. `stack`: the one that will be printed, for bridges that
   /// don't say it; may be empty. Throws `InputError` when it can't be printed.
   Recorder(std::string path, const std::string& stack, const Machine& machine, TimedModel& model,
-           const Job& job);
+           const ExecutionContext& context);
   void begin(const WireHello& hello);
   /// Writes what there is, and gives the files that were written. Throws `DeviceError`.
   std::vector<std::string> finish();
@@ -35,7 +35,7 @@ class Recorder {
   std::vector<std::future<std::string>> written_;
   const Machine& machine_;
   TimedModel& model_;
-  Job job_;
+  ExecutionContext context_;
   Process process_;
   double layer_um_ = 0;
   int slices_ = 0;

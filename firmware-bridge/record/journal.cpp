@@ -16,9 +16,9 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "support/files/temporary.hpp"
 #include "slicecorr/bridge/record.hpp"
 #include "slicecorr/error.hpp"
+#include "support/files/temporary.hpp"
 
 namespace slicecorr::bridge {
 namespace {
@@ -43,7 +43,7 @@ class LineWriter {
  public:
   LineWriter(const std::string& path, const std::string& header)
       : path_(path), file_(begin_file(path)) {
-    detail::sync_folder(detail::place_of(path).folder);
+    detail::sync_folder(detail::path_parts(path).folder);
     thread_ = std::thread([this] { work(); });
     if (!header.empty()) add(header, false);
   }

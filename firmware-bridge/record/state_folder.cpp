@@ -13,10 +13,10 @@
 #include <sstream>
 #include <vector>
 
-#include "support/files/temporary.hpp"
 #include "record/left_json.hpp"
 #include "slicecorr/bridge/record.hpp"
 #include "slicecorr/error.hpp"
+#include "support/files/temporary.hpp"
 
 namespace slicecorr::bridge {
 namespace {
@@ -132,7 +132,7 @@ void write_whole(const std::string& path, const std::string& text) {
     throw DeviceError(fmt::format("{}: can't be written: {}", path, std::strerror(errno)));
   }
   part.keep = true;
-  detail::sync_folder(detail::place_of(path).folder);
+  detail::sync_folder(detail::path_parts(path).folder);
 }
 
 std::optional<Latch> read_latch(const StateFolder& folder, bool locked) {

@@ -266,13 +266,13 @@ class Bench {
   }
 
   void remembers() {
-    if (machine_.modbus->write.contains(Signal::job)) {
-      const auto kept = [](bool job) {
-        return [job](const Status& s) { return s.job_kept == job; };
+    if (machine_.modbus->write.contains(Signal::context)) {
+      const auto kept = [](bool context) {
+        return [context](const Status& s) { return s.job_kept == context; };
       };
-      out_.job = true;
+      out_.context = true;
       const bool on = exchange_until(Command::off, soon_s, kept(true));
-      out_.job = false;
+      out_.context = false;
       say("job", on && exchange_until(Command::reset, soon_s, kept(false)),
           "it keeps the job that is written");
       exchange_until(Command::off, soon_s, is(MachineState::idle));

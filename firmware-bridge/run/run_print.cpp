@@ -27,8 +27,9 @@ constexpr double tell_every_s = 0.25;
 /// hang the print.
 class Teller {
  public:
-  Teller(const Job& job, int frames) : job_(job), frames_(std::max(frames, 1)) {
-    if (job_.progress) thread_ = std::thread([this] { work(); });
+  Teller(const ExecutionContext& context, int frames)
+      : context_(context), frames_(std::max(frames, 1)) {
+    if (context_.progress) thread_ = std::thread([this] { work(); });
   }
   ~Teller() {
     {
@@ -45,11 +46,11 @@ class Teller {
     std::unique_lock lock(mutex_);
     while (!ending_) {
       wake_.wait_for(lock, std::chrono::milliseconds(500));
-      job_.report("print", 1.0 * shown_ / frames_);
+      context_.report("print", 1.0 * shown_ / frames_);
     }
   }
 
-  const Job& job_;
+  const ExecutionContext& context_;
   const int frames_;
   std::atomic<int> shown_{0};
   std::mutex mutex_;
@@ -62,7 +63,7 @@ class Run {
  public:
   Run(const FrameSource& source, const PrintPlan& plan, const Machine& machine, Link& link,
       FrameSink& sink, Clock& clock, const StateFolder& folder, const RunOptions& options,
-      const Job& job)
+      const ExecutionContext& context)
       : plan_(plan),
         machine_(machine),
         link_(link),
@@ -70,7 +71,7 @@ class Run {
         clock_(clock),
         folder_(folder),
         options_(options),
-        teller_(job, source.frames()),
+        teller_(context, source.frames()),
         cycle_s_(machine.limits.cycle_s),
         ring_(source, machine.limits.ring_frames, options.threads) {
     ring_.wait_ready(0, machine.limits.ring_frames);
@@ -349,8 +350,8 @@ class Run {
 
 Ending run_print(const FrameSource& frames, const PrintPlan& plan, const Machine& machine,
                  Link& link, FrameSink& sink, Clock& clock, const StateFolder& folder,
-                 const RunOptions& options, const Job& job) {
-  return Run(frames, plan, machine, link, sink, clock, folder, options, job).go();
+                 const RunOptions& options, const ExecutionContext& context) {
+  return Run(frames, plan, machine, link, sink, clock, folder, options, context).go();
 }
 
 Status check_alone(Link& link, Clock& clock, const Machine& machine) {

@@ -56,16 +56,16 @@ void Exposures::add(const Lit& lit) {
     if (static_cast<std::size_t>(slice) >= slices_.size()) {
       slices_.resize(static_cast<std::size_t>(slice) + 1);
     }
-    auto& parts = slices_[static_cast<std::size_t>(slice)].parts;
-    SliceExposure::Part part;
-    part.image = lit.image;
-    part.from_um = lit.from_um - facts_.start_um;
-    parts.push_back(part);
-    last_ = &parts.back();
+    auto& showings = slices_[static_cast<std::size_t>(slice)].showings;
+    SliceExposure::Showing showing;
+    showing.image = lit.image;
+    showing.from_um = lit.from_um - facts_.start_um;
+    showings.push_back(showing);
+    last_ = &showings.back();
     last_slice_ = slice;
     sums_ = {};
   }
-  SliceExposure::Part& p = *last_;
+  SliceExposure::Showing& p = *last_;
   p.light_s += lit.light_s;
   p.time_s += lit.time_s;
   sums_.blue_s += lit.blue_s;

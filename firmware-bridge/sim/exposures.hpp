@@ -44,7 +44,7 @@ class Exposures {
   SliceFacts facts_;
   long slice_ = 0;
   std::vector<SliceExposure> slices_;
-  SliceExposure::Part* last_ = nullptr;  ///< what was added to last, while it may go on
+  SliceExposure::Showing* last_ = nullptr;  ///< what was added to last, while it may go on
   long last_slice_ = 0;
   Sums sums_;  ///< of the last
 };

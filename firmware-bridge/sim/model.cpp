@@ -75,7 +75,7 @@ struct PrinterModel::Impl {
   bool wait_for_off = false;  ///< started anew: runs only after an order that is not to run
   double fed_s = 0, watchdog_s = 0, began_s = 0;
   bool watchdog_tripped = false;
-  bool job = false, failed_job = false;  ///< kept over a restart of the controller
+  bool context = false, failed_job = false;  ///< kept over a restart of the controller
   double temperature_c = kRoomTemperature_c;
   Interlock door, button;
   std::vector<Due> faults;
@@ -128,7 +128,7 @@ struct PrinterModel::Impl {
       uv.cut();
     });
     course.moving = false;
-    failed_job = failed_job || job;
+    failed_job = failed_job || context;
     if (state != MachineState::fault) {
       state = MachineState::fault;
       tell("fault");
@@ -321,7 +321,7 @@ struct PrinterModel::Impl {
     if (!heard || s.heartbeat != heartbeat) fed_s = now;
     heard = true;
     heartbeat = s.heartbeat;
-    job = s.job;
+    context = s.context;
     // Nobody talks the machine out of its own limit.
     watchdog_s = s.watchdog_s > 0 ? std::min(s.watchdog_s, machine.limits.watchdog_s)
                                   : machine.limits.watchdog_s;
@@ -341,7 +341,7 @@ struct PrinterModel::Impl {
       return;
     }
     if (command == Command::reset) failed_job = false;
-    if (command == Command::stop && job) failed_job = true;
+    if (command == Command::stop && context) failed_job = true;
     if (command == Command::run && !wait_for_off) {
       run(s);
     } else {
@@ -450,7 +450,7 @@ Status PrinterModel::status() const {
   s.over_temperature = i.temperature_c > i.machine.limits.max_temperature_c;
   s.watchdog_tripped = i.watchdog_tripped;
   s.latched = i.failed_job;
-  s.job_kept = i.job;
+  s.job_kept = i.context;
   return s;
 }
 

@@ -21,9 +21,9 @@ inline bool all_zero(const std::uint8_t* p, std::size_t n) {
   return any == 0;
 }
 
-class BandTape {
+class CodedBand {
  public:
-  explicit BandTape(std::size_t columns) : columns_(columns) {}
+  explicit CodedBand(std::size_t columns) : columns_(columns) {}
 
   /// Adds the next slice; null is black.
   void append(const std::uint8_t* rows) {
@@ -32,7 +32,7 @@ class BandTape {
   }
   int slices() const { return static_cast<int>(ends_.size()); }
   bool black(int slice) const { return begin(slice) == ends_[static_cast<std::size_t>(slice)]; }
-  /// Writes a slice to `out`; black outside the tape.
+  /// Writes a slice to `out`; black outside the coded.
   void read(int slice, std::uint8_t* out) const {
     if (slice < 0 || slice >= slices() || black(slice)) {
       std::memset(out, 0, columns_);

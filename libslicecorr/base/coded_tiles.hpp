@@ -13,7 +13,7 @@ namespace slicecorr::detail {
 
 /// A tile is kept as its first row and, for each later row that differs from the one before, the
 /// lanes that do and their bytes: memory goes with the edges of a part.
-class TileTape {
+class CodedTiles {
  public:
   std::size_t tiles() const { return tiles_.size(); }
 

@@ -51,7 +51,7 @@ namespace slicecorr::c_api {
 
 /// The job of the library that does what `handle`, which may be null, says. Uses it: it must live
 /// as long.
-Job job_of(slicecorr_job* handle);
+ExecutionContext job_of(slicecorr_job* handle);
 /// Where scratch files go: what the job says, else the folder of `output`, else the system's.
 std::string scratch_folder(const slicecorr_job* job, const std::string& output = "");
 

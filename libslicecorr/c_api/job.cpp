@@ -21,8 +21,8 @@ auto call_back(Call&& call) {
 
 }  // namespace
 
-Job job_of(slicecorr_job* handle) {
-  Job job;
+ExecutionContext job_of(slicecorr_job* handle) {
+  ExecutionContext job;
   if (!handle) return job;
   job.threads = handle->threads;
   job.cancel = &handle->cancelled;

@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::size_t memory_budget = std::size_t{256} << 20;
 
-/// A piece begins with its columns [x0, x1) and rows [y0, y1) in the image; their code follows.
+/// A blob begins with its columns [x0, x1) and rows [y0, y1) in the image; their code follows.
 struct Head {
   std::int32_t x0, y0, x1, y1;
 };
@@ -48,7 +48,8 @@ struct SliceStore::Scratch {
   std::vector<std::uint8_t> code, pixels;
 };
 
-SliceStore::SliceStore(const Grid& grid, const std::string& scratch_folder, const Job& job)
+SliceStore::SliceStore(const Grid& grid, const std::string& scratch_folder,
+                       const ExecutionContext& job)
     : grid_(grid),
       rows_(band_rows(grid)),
       store_(scratch_folder, memory_budget, job),
@@ -56,9 +57,9 @@ SliceStore::SliceStore(const Grid& grid, const std::string& scratch_folder, cons
   const int bands = (grid.height_px + rows_ - 1) / rows_;
   void* const memory =
       std::calloc(static_cast<std::size_t>(bands) * static_cast<std::size_t>(grid.layers),
-                  sizeof(PieceStore::Piece));
+                  sizeof(BlobStore::Blob));
   if (!memory) throw std::bad_alloc();
-  index_.reset(static_cast<PieceStore::Piece*>(memory));
+  index_.reset(static_cast<BlobStore::Blob*>(memory));
 }
 
 PixelBox SliceStore::bounds() const {
@@ -66,14 +67,14 @@ PixelBox SliceStore::bounds() const {
   return bounds_;
 }
 
-PieceStore::Piece& SliceStore::piece(int band, int slice) const {
+BlobStore::Blob& SliceStore::blob(int band, int slice) const {
   return index_[static_cast<std::size_t>(band) * static_cast<std::size_t>(grid_.layers) +
                 static_cast<std::size_t>(slice)];
 }
 
 void SliceStore::put_rows(int slice, const PixelBox& box, const std::uint8_t* pixels,
                           std::ptrdiff_t stride) {
-  PieceStore::Piece& at = piece(box.y0 / rows_, slice);
+  BlobStore::Blob& at = blob(box.y0 / rows_, slice);
   at = {};
   const PixelBox lit = pixels ? lit_box(box, pixels, stride) : PixelBox{};
   if (lit.empty()) return;
@@ -106,8 +107,8 @@ void SliceStore::put(int slice, const std::uint8_t* pixels, std::ptrdiff_t strid
   }
 }
 
-void SliceStore::copy(const PieceStore::Piece& from, int band, const PixelBox& box,
-                      Scratch& scratch, std::uint8_t* out, std::ptrdiff_t stride) const {
+void SliceStore::copy(const BlobStore::Blob& from, int band, const PixelBox& box, Scratch& scratch,
+                      std::uint8_t* out, std::ptrdiff_t stride) const {
   const int band_end = std::min((band + 1) * rows_, grid_.height_px);
   const PixelBox part{box.x0, std::max(box.y0, band * rows_), box.x1, std::min(box.y1, band_end)};
   for (int y = part.y0; y < part.y1; ++y) {
@@ -138,7 +139,7 @@ void SliceStore::get(int slice, std::uint8_t* pixels, std::ptrdiff_t stride) con
   const PixelBox all{0, 0, grid_.width_px, grid_.height_px};
   Scratch scratch;
   for (int y = 0; y < grid_.height_px; y += rows_) {
-    copy(piece(y / rows_, slice), y / rows_, all, scratch, pixels, stride);
+    copy(blob(y / rows_, slice), y / rows_, all, scratch, pixels, stride);
   }
 }
 
@@ -152,16 +153,17 @@ void SliceStore::read_band(const PixelBox& box, const Sink& sink) const {
   std::vector<std::uint8_t> out(size_of(box));
   for (int slice = 0; slice < grid_.layers; ++slice) {
     bool lit = false;
-    for (int band = first; band < last; ++band) lit |= piece(band, slice).size != 0;
+    for (int band = first; band < last; ++band) lit |= blob(band, slice).size != 0;
     for (int band = first; lit && band < last; ++band) {
-      copy(piece(band, slice), band, box, scratch, out.data(), box.width());
+      copy(blob(band, slice), band, box, scratch, out.data(), box.width());
     }
     sink(slice, lit ? out.data() : nullptr);
   }
 }
 
 std::unique_ptr<SliceStore> keep_slices(const SliceSource& source, const std::string& stage,
-                                        const std::string& scratch_folder, const Job& job) {
+                                        const std::string& scratch_folder,
+                                        const ExecutionContext& job) {
   refuse_recording(source);
   const Grid& grid = source.grid();
   auto store = std::make_unique<SliceStore>(grid, scratch_folder, job);

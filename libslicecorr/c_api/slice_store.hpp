@@ -12,12 +12,12 @@
 
 namespace slicecorr::c_api {
 
-/// Each band of each slice is a piece of its own, run-length coded, in a `PieceStore`: 256 MiB in
+/// Each band of each slice is a blob of its own, run-length coded, in a `BlobStore`: 256 MiB in
 /// memory, the rest in a scratch file. What was never put is black. Different slices, and different
 /// bands of `band_rows(grid)` rows, may be put at once; nothing may be put while others read.
 class SliceStore final : public SliceSource {
  public:
-  SliceStore(const Grid& grid, const std::string& scratch_folder, const Job& job = {});
+  SliceStore(const Grid& grid, const std::string& scratch_folder, const ExecutionContext& job = {});
 
   const Grid& grid() const override { return grid_; }
   PixelBox bounds() const override;
@@ -33,27 +33,28 @@ class SliceStore final : public SliceSource {
   void put_band(int slice, const PixelBox& box, const std::uint8_t* rows);
 
  private:
-  PieceStore::Piece& piece(int band, int slice) const;
+  BlobStore::Blob& blob(int band, int slice) const;
   /// Puts the lit part of rows [y0, y1), columns [x0, x1); `pixels` is at row y0 and column x0.
   void put_rows(int slice, const PixelBox& box, const std::uint8_t* pixels, std::ptrdiff_t stride);
   struct Scratch;
-  /// Copies what the piece has of `box` to `out`, which is at the box's first row and column.
-  void copy(const PieceStore::Piece& piece, int band, const PixelBox& box, Scratch& scratch,
+  /// Copies what the blob has of `box` to `out`, which is at the box's first row and column.
+  void copy(const BlobStore::Blob& blob, int band, const PixelBox& box, Scratch& scratch,
             std::uint8_t* out, std::ptrdiff_t stride) const;
 
   Grid grid_;
   ImageFrame frame_;
   int rows_;
-  PieceStore store_;
+  BlobStore store_;
   /// Band by band; of size 0 where it is black. Zeroed memory of the system, so that black bands
   /// take none.
-  std::unique_ptr<PieceStore::Piece[], decltype(&std::free)> index_;
+  std::unique_ptr<BlobStore::Blob[], decltype(&std::free)> index_;
   PixelBox bounds_;
   mutable std::mutex mutex_;  ///< of bounds
 };
 
 /// Copies all of `source` and how it lies, in parallel.
 std::unique_ptr<SliceStore> keep_slices(const SliceSource& source, const std::string& stage,
-                                        const std::string& scratch_folder, const Job& job);
+                                        const std::string& scratch_folder,
+                                        const ExecutionContext& job);
 
 }  // namespace slicecorr::c_api

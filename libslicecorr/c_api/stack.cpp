@@ -317,7 +317,7 @@ slicecorr_status slicecorr_stack_load(slicecorr_stack* stack, slicecorr_job* han
   return guarded(error_of(handle), [&] {
     slicecorr_stack& s = need(stack, "stack");
     if (s.slices) return;
-    const slicecorr::Job job = job_of(handle);
+    const slicecorr::ExecutionContext job = job_of(handle);
     const std::string folder = scratch_folder(handle);
     const slicecorr::StackReader reader(s.path, folder, job, s.missing);
     check_unchanged(s, reader.info());

@@ -43,7 +43,7 @@ MissingFacts missing_facts(const slicecorr_stack& stack, const Printer& printer)
 class Images {
  public:
   Images(const slicecorr_stack& stack, const Printer& printer, const std::string& folder,
-         const Job& job)
+         const ExecutionContext& job)
       : slices_(stack.slices) {
     if (slices_) return;
     reader_.emplace(stack.path, folder, job, missing_facts(stack, printer));
@@ -65,7 +65,7 @@ class Images {
 /// A source on the way: sums its coverage, stops when the job is cancelled.
 class Watched final : public SliceSource {
  public:
-  Watched(const SliceSource& source, const Job& job) : source_(source), job_(job) {}
+  Watched(const SliceSource& source, const ExecutionContext& job) : source_(source), job_(job) {}
   const Grid& grid() const override { return source_.grid(); }
   PixelBox bounds() const override { return source_.bounds(); }
   ImageFrame frame() const override { return source_.frame(); }
@@ -90,12 +90,12 @@ class Watched final : public SliceSource {
 
  private:
   const SliceSource& source_;
-  const Job& job_;
+  const ExecutionContext& job_;
   mutable std::atomic<std::uint64_t> sum_{0};
   mutable std::atomic<bool> full_{false};
 };
 
-void tell_notices(const Setup& setup, const slicecorr_stack& target, const Job& job) {
+void tell_notices(const Setup& setup, const slicecorr_stack& target, const ExecutionContext& job) {
   for (const std::string& text : setup_notices(setup, &target.info, ChoiceNames::fields)) {
     job.tell(text);
   }
@@ -139,7 +139,7 @@ struct InMemory {
 
 InMemory correct_in_memory(const slicecorr_stack& target, const slicecorr_setup* asked,
                            slicecorr_job* handle, bool with_after) {
-  const Job job = job_of(handle);
+  const ExecutionContext job = job_of(handle);
   const std::string folder = scratch_folder(handle);
   Setup setup = setup_for_target(target, asked);
   tell_notices(setup, target, job);
@@ -185,7 +185,7 @@ InMemory correct_in_memory(const slicecorr_stack& target, const slicecorr_setup*
 /// What `stack` prints; of a target, too, with the UV light that its correction would choose.
 Prediction verify(const slicecorr_stack& stack, const slicecorr_stack& target, Setup setup,
                   slicecorr_job* handle) {
-  const Job job = job_of(handle);
+  const ExecutionContext job = job_of(handle);
   const std::string folder = scratch_folder(handle);
   const Images shown(stack, setup.printer, folder, job);
   std::optional<Images> design;
@@ -211,7 +211,7 @@ slicecorr_status slicecorr_check(const slicecorr_stack* target, const slicecorr_
                                  slicecorr_job* handle) {
   return guarded(error_of(handle), [&] {
     const slicecorr_stack& t = need(target, "target");
-    const slicecorr::Job job = job_of(handle);
+    const slicecorr::ExecutionContext job = job_of(handle);
     const slicecorr::Setup s = setup_for_target(t, setup);
     slicecorr::Grid grid = t.info.grid;
     const slicecorr::MissingFacts missing = missing_facts(t, s.printer);
@@ -244,7 +244,7 @@ slicecorr_status slicecorr_correct(const slicecorr_stack* target, const slicecor
     // Ours hold nothing else.
     const slicecorr::StackFile file =
         output_file(t, path, t.info.kind == slicecorr::StackKind::foreign);
-    const slicecorr::Job job = job_of(handle);
+    const slicecorr::ExecutionContext job = job_of(handle);
     const slicecorr::Setup s = setup_for_target(t, setup);
     tell_notices(s, t, job);
     const Images images(t, s.printer, scratch_folder(handle, file.path), job);
@@ -283,7 +283,7 @@ slicecorr_status slicecorr_correct_slices(const slicecorr_grid* grid, slicecorr_
     if (status == SLICECORR_BAD_INPUT) throw slicecorr::InputError(slicecorr_error_text());
     if (status != SLICECORR_OK) throw BadCall(slicecorr_error_text());
 
-    const slicecorr::Job running = job_of(job);
+    const slicecorr::ExecutionContext running = job_of(job);
     const auto size =
         static_cast<std::size_t>(grid->width_px) * static_cast<std::size_t>(grid->height_px);
     std::vector<std::uint8_t> pixels(size);
@@ -343,7 +343,7 @@ slicecorr_status slicecorr_convert(const slicecorr_stack* stack, const char* pat
   return guarded(error_of(handle), [&] {
     const slicecorr_stack& s = need(stack, "stack");
     const slicecorr::StackFile file = output_file(s, path, !s.path.empty());
-    const slicecorr::Job job = job_of(handle);
+    const slicecorr::ExecutionContext job = job_of(handle);
     if (!s.path.empty()) {
       const slicecorr::StackReader reader(s.path, scratch_folder(handle, file.path), job,
                                           s.missing);

@@ -4,8 +4,8 @@
 #include <limits>
 #include <span>
 
-#include "base/record_log.hpp"
 #include "base/coded_tiles.hpp"
+#include "base/record_log.hpp"
 #include "correct/band_solvers.hpp"
 #include "correct/level_search.hpp"
 #include "slicecorr/correct.hpp"
@@ -78,7 +78,7 @@ class ContinuousSolver final : public BandSolver {
   std::vector<std::uint8_t> rows_;
   std::vector<Upper> upper_;   ///< per column, of the run that the node reached lies in
   std::vector<Upper> before_;  ///< of the run before it, where gaps may be merged
-  TileTape tape_;
+  CodedTiles coded_;
   RecordLog<Change> changes_;  ///< a record per tile
 };
 
@@ -112,12 +112,12 @@ void ContinuousSolver::add_layer(const std::uint8_t* coverage) {
 }
 
 void ContinuousSolver::forward(int count) {
-  const int first = static_cast<int>(tape_.tiles() / blocks_) * kTileSlices;
+  const int first = static_cast<int>(coded_.tiles() / blocks_) * kTileSlices;
   LaneMask steady[kTileSlices], changed[kTileSlices];
   for (std::size_t block = 0; block < blocks_; ++block) {
     const std::uint8_t* const head = rows_.data() + stride_ + block * kLanes;
     tile_changes(head, stride_, count, steady, changed);
-    tape_.append(head, stride_, count, changed + 1);
+    coded_.append(head, stride_, count, changed + 1);
     for (int k = 0; k < count; ++k) {
       const int n = first + k;
       const std::uint8_t* const below = head + static_cast<std::size_t>(k) * stride_;
@@ -184,7 +184,7 @@ void ContinuousSolver::solve(const BandCorrector::Sink& sink,
     for (std::size_t b = 0; b < blocks_; ++b) {
       const std::size_t tile = static_cast<std::size_t>(first / kTileSlices) * blocks_ + b;
       const std::span<const Change> changes = changes_[tile];
-      const TileTape::Even even = tape_.even(tile);
+      const CodedTiles::Even even = coded_.even(tile);
       const std::uint8_t* shown = out;
       const std::uint8_t* rows = tile_rows;
       if ((even.black || even.full) && changes.empty() && solve_still(lanes[b], first, count)) {
@@ -201,7 +201,7 @@ void ContinuousSolver::solve(const BandCorrector::Sink& sink,
           held[b] = holds;
         }
       } else {
-        if (!tape_.read(tile, count, tile_rows)) {
+        if (!coded_.read(tile, count, tile_rows)) {
           std::memset(tile_rows, 0, static_cast<std::size_t>(count) * kLanes);
         }
         solve_tile(lanes[b], first, count, out, changes);
@@ -226,8 +226,8 @@ void ContinuousSolver::solve(const BandCorrector::Sink& sink,
       }
     }
     // What the sinks keep of these slices takes the place of what is known of them.
-    tape_.drop_from(static_cast<std::size_t>(first / kTileSlices) * blocks_);
-    changes_.drop_from(tape_.tiles());
+    coded_.drop_from(static_cast<std::size_t>(first / kTileSlices) * blocks_);
+    changes_.drop_from(coded_.tiles());
     for (int k = count; k-- > 0;) {
       const std::size_t at = static_cast<std::size_t>(k) * stride_;
       sink(first + k, levels.data() + at, tiles ? nullptr : covers.data() + at, !(lit >> k & 1));

@@ -9,11 +9,11 @@
 namespace slicecorr::detail {
 
 InhibitedBand::InhibitedBand(const InhibitedPlan& plan, std::size_t columns)
-    : plan_(plan), columns_(columns), tape_(columns), before_(columns, 0) {}
+    : plan_(plan), columns_(columns), coded_(columns), before_(columns, 0) {}
 
 void InhibitedBand::add_layer(const std::uint8_t* coverage) {
   if (layers_ >= plan_.layers) throw Error("more layers than the plan has");
-  tape_.append(coverage);
+  coded_.append(coverage);
   for (std::size_t i = 0; i < columns_; ++i) {
     const std::uint8_t value = coverage ? coverage[i] : std::uint8_t{0};
     if (value == before_[i]) continue;
@@ -78,8 +78,8 @@ void InhibitedBand::solve(const BandCorrector::Sink& sink, const BandCorrector::
       level = levels[next].value;
       lit -= static_cast<std::size_t>(level == 0);
     }
-    tape_.read(n, coverage.data());
-    sink(n, now.data(), coverage.data(), lit == 0 && (n >= plan_.layers || tape_.black(n)));
+    coded_.read(n, coverage.data());
+    sink(n, now.data(), coverage.data(), lit == 0 && (n >= plan_.layers || coded_.black(n)));
   }
 }
 

@@ -30,7 +30,7 @@ class InhibitedBand final : public BandSolver {
   };
   const InhibitedPlan& plan_;
   std::size_t columns_;
-  BandTape tape_;
+  CodedBand coded_;
   std::vector<std::uint8_t> before_;
   std::vector<Change> changes_;  ///< of coverage, by layer
   int layers_ = 0;

@@ -31,7 +31,7 @@ struct CoverageRun {
 /// setting, with running sums over the distance.
 class ExtraLight {
  public:
-  ExtraLight(const InhibitedKernel& kernel, InhibitedKernel::Place place);
+  ExtraLight(const InhibitedKernel& kernel, InhibitedKernel::LayerPosition place);
   /// What a slice of level l adds j layers above its own.
   double one(int setting, int l, int j) const;
   const double* row(int setting, int j) const {

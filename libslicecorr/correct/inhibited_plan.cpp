@@ -11,7 +11,7 @@ namespace slicecorr::detail {
 /// What nodes inside features demand.
 static constexpr double kInside = 1.003;
 
-ExtraLight::ExtraLight(const InhibitedKernel& kernel, InhibitedKernel::Place place)
+ExtraLight::ExtraLight(const InhibitedKernel& kernel, InhibitedKernel::LayerPosition place)
     : near_(kernel.near()), levels_(kernel.levels()), a_(kernel.a()) {
   for (int s = 0; s < kernel.settings(); ++s) {
     const double* from = kernel.table(s, place);
@@ -96,7 +96,7 @@ InhibitedPlan::InhibitedPlan(const CureModel& model, bool merge, int target_laye
     if (std::find(lags.begin(), lags.end(), at_least) == lags.end()) lags.push_back(at_least);
   }
   const auto count = static_cast<std::size_t>(all_layers);
-  const auto dark = [&](InhibitedKernel::Place place) {
+  const auto dark = [&](InhibitedKernel::LayerPosition place) {
     std::vector<double> dose(count, 0.0);
     double far = 0;  // of slices near or more layers away
     for (int k = all_layers; k-- > 0;) {

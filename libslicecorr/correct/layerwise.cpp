@@ -53,12 +53,12 @@ int layer_level(const CorrectionPlan& plan, std::uint8_t coverage, double ratio,
 
 class LayerwiseSolver final : public BandSolver {
  public:
-  LayerwiseSolver(const CorrectionPlan& plan, std::size_t columns) : plan_(plan), tape_(columns) {
+  LayerwiseSolver(const CorrectionPlan& plan, std::size_t columns) : plan_(plan), coded_(columns) {
     for (auto& entry : cache_) entry.far_edge = std::numeric_limits<double>::quiet_NaN();
   }
   void add_layer(const std::uint8_t* coverage) override {
-    if (tape_.slices() >= plan_.layers) throw Error("more layers than the plan has");
-    tape_.append(coverage);
+    if (coded_.slices() >= plan_.layers) throw Error("more layers than the plan has");
+    coded_.append(coverage);
   }
   void solve(const BandCorrector::Sink& sink, const BandCorrector::TileSink& tiles) override;
 
@@ -81,7 +81,7 @@ class LayerwiseSolver final : public BandSolver {
   }
 
   const CorrectionPlan& plan_;
-  BandTape tape_;
+  CodedBand coded_;
   std::array<Entry, 256> cache_;
 };
 
@@ -92,13 +92,13 @@ void darken(double* far_edge, double dark, double a) {
 }
 
 void LayerwiseSolver::solve(const BandCorrector::Sink& sink, const BandCorrector::TileSink&) {
-  if (tape_.slices() != plan_.layers) throw Error("the plan has more layers");
-  const std::size_t columns = tape_.columns();
+  if (coded_.slices() != plan_.layers) throw Error("the plan has more layers");
+  const std::size_t columns = coded_.columns();
   std::vector<double> far_edge(columns, 0.0);
   std::vector<std::uint8_t> out(columns), below(columns), here(columns), above(columns);
-  tape_.read(plan_.all_layers - 1, here.data());
+  coded_.read(plan_.all_layers - 1, here.data());
   for (int n = plan_.all_layers; n-- > 0;) {
-    tape_.read(n - 1, above.data());
+    coded_.read(n - 1, above.data());
     const double ratio = plan_.model.ratio(n);
     const double dark = plan_.levels.phi(0) * ratio;
     bool all_dark = true;

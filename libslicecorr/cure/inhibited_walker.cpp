@@ -38,26 +38,26 @@ class InhibitedWalker final : public BandDose::Walker {
     sums_.resize(table_.size());
   }
 
-  void add_slice(int slice, std::span<const ShownPart> parts) override {
-    for (const ShownPart& part : parts) prepare(part.setting);
+  void add_slice(int slice, std::span<const ImageShowing> showings) override {
+    for (const ImageShowing& showing : showings) prepare(showing.setting);
     // The slot that comes free holds the slice that leaves the tables' reach.
     const Slot& before = slots_[newest_];
     newest_ = newest_ == 0 ? near_ - 1 : newest_ - 1;
     Slot& slot = slots_[newest_];
     fade(slot);
-    slot.count = std::max<std::size_t>(1, parts.size());
+    slot.count = std::max<std::size_t>(1, showings.size());
     if (slot.shown.size() < slot.count) slot.shown.resize(slot.count);
     const double ratio = model_.ratio(slice);
-    for (std::size_t k = 0; k < parts.size(); ++k) {
-      const ShownPart& part = parts[k];
+    for (std::size_t k = 0; k < showings.size(); ++k) {
+      const ImageShowing& showing = showings[k];
       Shown& shown = slot.shown[k];
-      shown.setting = part.setting;
-      shown.weight = part.light * ratio;
+      shown.setting = showing.setting;
+      shown.weight = showing.light * ratio;
       shown.levels.resize(columns_);
-      for (std::size_t i = 0; i < columns_; ++i) shown.levels[i] = level_of_[part.pixels[i]];
+      for (std::size_t i = 0; i < columns_; ++i) shown.levels[i] = level_of_[showing.pixels[i]];
     }
     Shown& now = slot.shown[0];
-    if (parts.empty()) {
+    if (showings.empty()) {
       now.weight = 0;
       std::fill(now.levels.begin(), now.levels.end(), off());
     }
@@ -131,7 +131,7 @@ class InhibitedWalker final : public BandDose::Walker {
   /// Places whose doses are kept for every layer, with their tails.
   struct Kept {
     int index;
-    InhibitedKernel::Place place;
+    InhibitedKernel::LayerPosition place;
   };
   static constexpr Kept kKept[3] = {{0, InhibitedKernel::lower_end},
                                     {1, InhibitedKernel::middle},

@@ -391,7 +391,7 @@ namespace {
 
 // Tables end where the share of UV light is 1e-6; far inside that is nothing.
 constexpr double kTables = 1e-5;
-/// A part's end is cured by what full light gives beyond black.
+/// A showing's end is cured by what full light gives beyond black.
 constexpr double kEnds = 1.001;
 
 /// Within the lamp's light, with as few digits as stay there and work.

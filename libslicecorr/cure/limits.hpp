@@ -17,9 +17,9 @@ std::vector<double> exposure_ratios(const Process& process, double normal_s);
 struct LitPlace {
   const CureModel* model = nullptr;
   double factor = 1;  ///< of the calibration's light
-  /// Whether the part is lit there: only there must it gel.
+  /// Whether the showing is lit there: only there must it gel.
   bool lit = true;
-  /// Dose that lit pixels must pass: 1, or more where the part's end must come in few slices.
+  /// Dose that lit pixels must pass: 1, or more where the showing's end must come in few slices.
   double needed = 1;
 };
 

@@ -95,48 +95,48 @@ PlaceDose::PlaceDose(const PlaceModels& models, std::vector<LightGroup> groups,
                      std::size_t columns) {
   for (LightGroup& g : groups) {
     const std::size_t size = groups.size() == 1 ? columns : g.columns.size();
-    parts_.push_back({BandDose(models.model(g.value), size), std::move(g.columns)});
+    groups_.push_back({BandDose(models.model(g.value), size), std::move(g.columns)});
   }
-  if (parts_.size() == 1) return;
+  if (groups_.size() == 1) return;
   gathered_.resize(columns);
   for (auto* doses : {&lower_, &middle_, &upper_}) doses->resize(columns);
 }
 
 void PlaceDose::add_slice(int slice, const std::uint8_t* pixels) {
-  if (parts_.size() == 1) return parts_[0].dose.add_slice(slice, pixels);
-  for (Part& part : parts_) {
-    const std::size_t n = part.columns.size();
+  if (groups_.size() == 1) return groups_[0].dose.add_slice(slice, pixels);
+  for (Group& group : groups_) {
+    const std::size_t n = group.columns.size();
     if (pixels) {
-      for (std::size_t k = 0; k < n; ++k) gathered_[k] = pixels[part.columns[k]];
+      for (std::size_t k = 0; k < n; ++k) gathered_[k] = pixels[group.columns[k]];
     }
-    part.dose.add_slice(slice, pixels ? gathered_.data() : nullptr);
-    scatter(part);
+    group.dose.add_slice(slice, pixels ? gathered_.data() : nullptr);
+    scatter(group);
   }
 }
 
-void PlaceDose::add_slice(int slice, std::span<const ShownPart> shown) {
-  if (parts_.size() == 1) return parts_[0].dose.add_slice(slice, shown);
+void PlaceDose::add_slice(int slice, std::span<const ImageShowing> shown) {
+  if (groups_.size() == 1) return groups_[0].dose.add_slice(slice, shown);
   const std::size_t columns = lower_.size();
   gathered_.resize(std::max<std::size_t>(1, shown.size()) * columns);
-  std::vector<ShownPart> of_place(shown.begin(), shown.end());
-  for (Part& part : parts_) {
-    const std::size_t n = part.columns.size();
+  std::vector<ImageShowing> of_place(shown.begin(), shown.end());
+  for (Group& group : groups_) {
+    const std::size_t n = group.columns.size();
     for (std::size_t s = 0; s < shown.size(); ++s) {
       std::uint8_t* const pixels = gathered_.data() + s * columns;
-      for (std::size_t k = 0; k < n; ++k) pixels[k] = shown[s].pixels[part.columns[k]];
+      for (std::size_t k = 0; k < n; ++k) pixels[k] = shown[s].pixels[group.columns[k]];
       of_place[s].pixels = pixels;
     }
-    part.dose.add_slice(slice, of_place);
-    scatter(part);
+    group.dose.add_slice(slice, of_place);
+    scatter(group);
   }
 }
 
-void PlaceDose::scatter(const Part& part) {
-  for (std::size_t k = 0; k < part.columns.size(); ++k) {
-    const std::uint32_t at = part.columns[k];
-    lower_[at] = part.dose.lower()[k];
-    middle_[at] = part.dose.middle()[k];
-    upper_[at] = part.dose.upper()[k];
+void PlaceDose::scatter(const Group& group) {
+  for (std::size_t k = 0; k < group.columns.size(); ++k) {
+    const std::uint32_t at = group.columns[k];
+    lower_[at] = group.dose.lower()[k];
+    middle_[at] = group.dose.middle()[k];
+    upper_[at] = group.dose.upper()[k];
   }
 }
 

@@ -13,19 +13,19 @@ namespace slicecorr::detail {
 
 namespace {
 
-/// UV light that counts in a part. The rate max(0, s I - beta Iuv)^m is s^m times that of full blue
-/// light under Iuv / s: the share goes into `light`, the rest into the setting.
-double setting_of(const Recording::Part& p) {
+/// UV light that counts in a showing. The rate max(0, s I - beta Iuv)^m is s^m times that of full
+/// blue light under Iuv / s: the share goes into `light`, the rest into the setting.
+double setting_of(const Recording::Showing& p) {
   return p.blue_share > 0 ? p.uv_mw_cm2 / p.blue_share : p.uv_mw_cm2;
 }
 
 bool lit_under_uv(const Recording& recording) {
-  return std::any_of(recording.parts.begin(), recording.parts.end(),
+  return std::any_of(recording.showings.begin(), recording.showings.end(),
                      [](const auto& p) { return p.light > 0 && p.uv_mw_cm2 > 0; });
 }
 
-/// Shares of the slice; all of it where a part says no stretch in it.
-std::pair<double, double> place_of(const Recording::Part& p, int slice, double layer_um) {
+/// Shares of the slice; all of it where a showing says no stretch in it.
+std::pair<double, double> place_of(const Recording::Showing& p, int slice, double layer_um) {
   const double begin = slice * layer_um;
   const double from = std::max(0.0, (std::min(p.from_um, p.to_um) - begin) / layer_um);
   const double to = std::min(1.0, (std::max(p.from_um, p.to_um) - begin) / layer_um);
@@ -81,7 +81,7 @@ void ShownSlices::take(const Recording& recording, const Resin& resin, double la
         recording.other_uv_images.size(), recording.other_uv_images.front()));
   }
   std::vector<double> asked;
-  for (const Recording::Part& p : recording.parts) {
+  for (const Recording::Showing& p : recording.showings) {
     if (uv && p.light > 0) asked.push_back(setting_of(p));
   }
   if (uv) make_settings(asked);
@@ -94,36 +94,36 @@ void ShownSlices::take(const Recording& recording, const Resin& resin, double la
     return static_cast<int>((upper ? above : below) - settings.begin());
   };
   for (int n = 0; n < slices_; ++n) {
-    const std::size_t first = parts_.size();
+    const std::size_t first = showings_.size();
     const auto shown = recording.of(n);
     // Under UV light and layer by layer places don't count.
     const bool placed =
         !uv && process_.mode == ExposureMode::continuous && shown.size() <= most_placed;
-    for (const Recording::Part& p : shown) {
+    for (const Recording::Showing& p : shown) {
       if (!(p.light > 0)) continue;
-      Part part{p.image, p.light, uv ? nearest(setting_of(p)) : 0};
-      if (placed) std::tie(part.from, part.to) = place_of(p, n, layer_um);
-      add(part, first);
+      Showing showing{p.image, p.light, uv ? nearest(setting_of(p)) : 0};
+      if (placed) std::tie(showing.from, showing.to) = place_of(p, n, layer_um);
+      add(showing, first);
     }
-    if (parts_.size() - first > most_parts) {
+    if (showings_.size() - first > most_showings) {
       throw InputError(fmt::format("slice {} of the recording shows {} images; expected at most {}",
-                                   n, parts_.size() - first, most_parts));
+                                   n, showings_.size() - first, most_showings));
     }
-    ends_.push_back(parts_.size());
+    ends_.push_back(showings_.size());
   }
 }
 
-/// Joins it with what is the same but for its light, of the slice whose parts begin at `first`.
-void ShownSlices::add(const Part& part, std::size_t first) {
-  for (std::size_t k = first; k < parts_.size(); ++k) {
-    Part& p = parts_[k];
-    if (p.image == part.image && p.setting == part.setting && p.from == part.from &&
-        p.to == part.to) {
-      p.light += part.light;
+/// Joins it with what is the same but for its light, of the slice whose showings begin at `first`.
+void ShownSlices::add(const Showing& showing, std::size_t first) {
+  for (std::size_t k = first; k < showings_.size(); ++k) {
+    Showing& p = showings_[k];
+    if (p.image == showing.image && p.setting == showing.setting && p.from == showing.from &&
+        p.to == showing.to) {
+      p.light += showing.light;
       return;
     }
   }
-  parts_.push_back(part);
+  showings_.push_back(showing);
 }
 
 /// Values of their own as long as they are few, else as close together as it takes.
@@ -151,23 +151,23 @@ void ShownSlices::make_settings(const std::vector<double>& asked) {
   process_.uv.slice_mw_cm2 = std::move(settings);
 }
 
-std::span<const ShownSlices::Part> ShownSlices::of(int slice) const {
+std::span<const ShownSlices::Showing> ShownSlices::of(int slice) const {
   const auto n = static_cast<std::size_t>(slice);
   if (slice < 0 || n >= ends_.size()) return {};
   const std::size_t begin = n ? ends_[n - 1] : 0;
-  return std::span(parts_).subspan(begin, ends_[n] - begin);
+  return std::span(showings_).subspan(begin, ends_[n] - begin);
 }
 
-std::span<const ShownPart> BlackColumn::operator()(int slice) {
-  parts_.clear();
-  for (const ShownSlices::Part& p : slices_.of(slice)) {
-    parts_.push_back({&black_, p.light, p.setting, p.from, p.to});
+std::span<const ImageShowing> BlackColumn::operator()(int slice) {
+  showings_.clear();
+  for (const ShownSlices::Showing& p : slices_.of(slice)) {
+    showings_.push_back({&black_, p.light, p.setting, p.from, p.to});
   }
-  return parts_;
+  return showings_;
 }
 
-ShownBand::ShownBand(const ShownSlices& slices, const BandTape& tape)
-    : slices_(slices), tape_(tape) {}
+ShownBand::ShownBand(const ShownSlices& slices, const CodedBand& coded)
+    : slices_(slices), coded_(coded) {}
 
 const std::uint8_t* ShownBand::pixels_of(int image) {
   for (const auto& kept : kept_) {
@@ -178,18 +178,18 @@ const std::uint8_t* ShownBand::pixels_of(int image) {
   auto free = std::find_if(kept_.begin(), kept_.end(), [](const auto& k) { return !k->used; });
   if (free == kept_.end()) {
     kept_.push_back(std::make_unique<Kept>());
-    kept_.back()->pixels.resize(tape_.columns());
+    kept_.back()->pixels.resize(coded_.columns());
     free = kept_.end() - 1;
   }
   Kept& kept = **free;
   kept.image = image;
   kept.used = true;
-  tape_.read(image, kept.pixels.data());
+  coded_.read(image, kept.pixels.data());
   return kept.pixels.data();
 }
 
-std::span<const ShownPart> ShownBand::of(int slice) {
-  parts_.clear();
+std::span<const ImageShowing> ShownBand::of(int slice) {
+  showings_.clear();
   if (slice < 0 || slice >= slices_.slices()) return {};
   const auto shown = slices_.of(slice);
   // Images of the slice at hand that are there stay; all others may go.
@@ -197,10 +197,10 @@ std::span<const ShownPart> ShownBand::of(int slice) {
     kept->used = std::any_of(shown.begin(), shown.end(),
                              [&](const auto& p) { return p.image == kept->image; });
   }
-  for (const ShownSlices::Part& p : shown) {
-    parts_.push_back({pixels_of(p.image), p.light, p.setting, p.from, p.to});
+  for (const ShownSlices::Showing& p : shown) {
+    showings_.push_back({pixels_of(p.image), p.light, p.setting, p.from, p.to});
   }
-  return parts_;
+  return showings_;
 }
 
 }  // namespace slicecorr::detail

@@ -22,23 +22,23 @@ void refuse_recording_under_uv(const SliceSource& source);
 /// Immutable and thread-safe.
 class ShownSlices {
  public:
-  struct Part {
+  struct Showing {
     int image = -1;  ///< -1: black
     double light = 1;
     int setting = 0;
-    double from = 0, to = 1;  ///< see ShownPart
+    double from = 0, to = 1;  ///< see ImageShowing
   };
 
-  /// Most settings of the UV lamp that have tables of their own, and how many parts a slice may
+  /// Most settings of the UV lamp that have tables of their own, and how many showings a slice may
   /// have.
   static constexpr int most_settings = 32;
-  static constexpr std::size_t most_parts = 256;
-  /// Where a slice has more parts than this, their light is taken as spread over it.
+  static constexpr std::size_t most_showings = 256;
+  /// Where a slice has more showings than this, their light is taken as spread over it.
   static constexpr std::size_t most_placed = 32;
 
   /// Of a stack, recorded or not, that is shown by `printer` and `process`, which for a recording
   /// are those it was made with. Throws `InputError` when a slice of a recording has more than
-  /// `most_parts` images that were lit, or its UV images were others than those of its slices.
+  /// `most_showings` images that were lit, or its UV images were others than those of its slices.
   ShownSlices(const SliceSource& stack, const Printer& printer, const Resin& resin,
               const Process& process);
   /// Without UV light: throws `InputError` when a recording has some.
@@ -49,7 +49,7 @@ class ShownSlices {
   int slices() const { return slices_; }
   /// Parts of a recorded slice that have light, of one image, setting and place each. Of a stack
   /// that is none: image n.
-  std::span<const Part> of(int slice) const;
+  std::span<const Showing> of(int slice) const;
 
   /// With what the models are to be made: those given, but for UV light as it was measured.
   const Printer& printer() const { return printer_; }
@@ -59,12 +59,12 @@ class ShownSlices {
 
  private:
   void take(const Recording& recording, const Resin& resin, double layer_um);
-  void add(const Part& part, std::size_t first);
+  void add(const Showing& showing, std::size_t first);
   void make_settings(const std::vector<double>& asked);
 
   bool recorded_ = false;
   int slices_ = 0;
-  std::vector<Part> parts_;
+  std::vector<Showing> showings_;
   std::vector<std::size_t> ends_;
   Printer printer_;
   Process process_;
@@ -76,22 +76,22 @@ class BlackColumn {
  public:
   explicit BlackColumn(const ShownSlices& slices) : slices_(slices) {}
   /// Valid until the next call.
-  std::span<const ShownPart> operator()(int slice);
+  std::span<const ImageShowing> operator()(int slice);
 
  private:
   const ShownSlices& slices_;
   const std::uint8_t black_ = 0;
-  std::vector<ShownPart> parts_;
+  std::vector<ImageShowing> showings_;
 };
 
 /// The images of a band's slices, ready to be added to a `BandDose`. Keeps the images of the last
-/// slice asked for: as many bytes per column as a slice has parts. For one thread.
+/// slice asked for: as many bytes per column as a slice has showings. For one thread.
 class ShownBand {
  public:
-  /// `tape` holds the images of the band; both must outlive this.
-  ShownBand(const ShownSlices& slices, const BandTape& tape);
+  /// `coded` holds the images of the band; both must outlive this.
+  ShownBand(const ShownSlices& slices, const CodedBand& coded);
   /// Valid until the next call. None after the end: light off.
-  std::span<const ShownPart> of(int slice);
+  std::span<const ImageShowing> of(int slice);
 
  private:
   struct Kept {
@@ -102,9 +102,9 @@ class ShownBand {
   const std::uint8_t* pixels_of(int image);
 
   const ShownSlices& slices_;
-  const BandTape& tape_;
+  const CodedBand& coded_;
   std::vector<std::unique_ptr<Kept>> kept_;
-  std::vector<ShownPart> parts_;
+  std::vector<ImageShowing> showings_;
 };
 
 }  // namespace slicecorr::detail

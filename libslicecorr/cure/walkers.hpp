@@ -17,8 +17,8 @@ std::shared_ptr<const InhibitedKernel> make_inhibited_kernel(
     const Printer& printer, const Resin& resin, const Process& process, double layer_um,
     const std::vector<double>& level_mw_cm2, double brightest);
 
-/// phi of the columns [first, first + n), n of at most a block, from all parts of a slice.
-void block_phi(const PixelCurve& curve, std::span<const ShownPart> parts, std::size_t first,
+/// phi of the columns [first, first + n), n of at most a block, from all showings of a slice.
+void block_phi(const PixelCurve& curve, std::span<const ImageShowing> showings, std::size_t first,
                std::size_t n, double* phi);
 
 /// Doses of a model with an inhibited kernel.

@@ -34,14 +34,14 @@ void throw_invalid(const TriangleMesh& mesh) {
 
 }  // namespace
 
-HalfEdges::HalfEdges(const TriangleMesh& mesh, const Job& job)
+HalfEdges::HalfEdges(const TriangleMesh& mesh, const ExecutionContext& context)
     : mesh_(mesh),
       vertices_per_chunk_(std::bit_ceil(
           std::max(kVerticesPerChunk, (mesh.vertices.size() + kMostChunks - 1) / kMostChunks))) {
   const std::size_t triangles = mesh.triangles.size();
   // Corners are kept with one more bit.
   if (triangles > kNone / 6) throw InputError("the mesh has too many triangles");
-  const Job quiet = silent(job);
+  const ExecutionContext quiet = silent(context);
   const std::size_t chunks = (mesh.vertices.size() + vertices_per_chunk_ - 1) / vertices_per_chunk_;
   const int shift = std::countr_zero(vertices_per_chunk_);
   const std::size_t per_part =
@@ -126,13 +126,13 @@ HalfEdges::Sorted HalfEdges::sorted(std::size_t chunk) const {
   return s;
 }
 
-std::vector<bool> flipped(const HalfEdges& halves, const Job& job) {
+std::vector<bool> flipped(const HalfEdges& halves, const ExecutionContext& context) {
   const std::size_t count = halves.mesh().triangles.size();
   std::vector<bool> turned(count, false);
   // Across edges of two triangles, the side that the other one has.
   std::vector<std::uint32_t> mate(3 * count, kNone);
   std::atomic<bool> any = false;
-  halves.for_each(job, [&](std::size_t, std::uint32_t, std::span<const HalfEdge> sides) {
+  halves.for_each(context, [&](std::size_t, std::uint32_t, std::span<const HalfEdge> sides) {
     std::uint32_t two[2] = {};
     std::size_t n = 0;
     for (const HalfEdge& side : sides) {
@@ -173,24 +173,26 @@ std::vector<bool> flipped(const HalfEdges& halves, const Job& job) {
   return turned;
 }
 
-std::vector<MeshSeams::OpenEdge> open_edges(const HalfEdges& halves,
-                                            const std::vector<bool>& turned, const Job& job) {
-  std::vector<std::vector<MeshSeams::OpenEdge>> found(halves.chunks());
-  halves.for_each(job, [&](std::size_t chunk, std::uint32_t low, std::span<const HalfEdge> sides) {
-    std::int32_t surplus = 0;
-    for (const HalfEdge& side : sides) {
-      const bool turns = !turned.empty() && turned[side.triangle()];
-      surplus += side.rises() != turns ? 1 : -1;
-    }
-    if (surplus != 0) found[chunk].push_back({low, sides[0].high(), surplus});
-  });
+std::vector<EdgeDefects::OpenEdge> open_edges(const HalfEdges& halves,
+                                              const std::vector<bool>& turned,
+                                              const ExecutionContext& context) {
+  std::vector<std::vector<EdgeDefects::OpenEdge>> found(halves.chunks());
+  halves.for_each(context,
+                  [&](std::size_t chunk, std::uint32_t low, std::span<const HalfEdge> sides) {
+                    std::int32_t surplus = 0;
+                    for (const HalfEdge& side : sides) {
+                      const bool turns = !turned.empty() && turned[side.triangle()];
+                      surplus += side.rises() != turns ? 1 : -1;
+                    }
+                    if (surplus != 0) found[chunk].push_back({low, sides[0].high(), surplus});
+                  });
   return joined(found);
 }
 
-MeshSeams seams_of(const TriangleMesh& mesh, const Job& job) {
-  const HalfEdges halves(mesh, job);
-  const std::vector<bool> turned = flipped(halves, job);
-  return {indices_of(turned), open_edges(halves, turned, job)};
+EdgeDefects edge_defects_of(const TriangleMesh& mesh, const ExecutionContext& context) {
+  const HalfEdges halves(mesh, context);
+  const std::vector<bool> turned = flipped(halves, context);
+  return {indices_of(turned), open_edges(halves, turned, context)};
 }
 
 }  // namespace slicecorr::detail

@@ -34,7 +34,7 @@ class HalfEdge {
 /// index is out of range.
 class HalfEdges {
  public:
-  HalfEdges(const TriangleMesh& mesh, const Job& job);
+  HalfEdges(const TriangleMesh& mesh, const ExecutionContext& context);
 
   const TriangleMesh& mesh() const { return mesh_; }
   /// Two corners at the same place: such triangles are no part of the surface.
@@ -51,8 +51,8 @@ class HalfEdges {
   /// also those of degenerate triangles, in the order of their corners. Edges of a chunk come one
   /// after the other and in order; chunks are worked on at once.
   template <class Each>
-  void for_each(const Job& job, const Each& each) const {
-    parallel_for(silent(job), "", chunks(), [&](std::size_t chunk) {
+  void for_each(const ExecutionContext& context, const Each& each) const {
+    parallel_for(silent(context), "", chunks(), [&](std::size_t chunk) {
       const Sorted s = sorted(chunk);
       for (std::size_t v = 0; v + 1 < s.begin.size(); ++v) {
         const auto low = static_cast<std::uint32_t>(chunk * vertices_per_chunk_ + v);
@@ -86,15 +86,16 @@ class HalfEdges {
 };
 
 /// See `flipped_triangles`.
-std::vector<bool> flipped(const HalfEdges& halves, const Job& job);
+std::vector<bool> flipped(const HalfEdges& halves, const ExecutionContext& context);
 
 /// In the order of their vertices; `turned` triangles count as if they ran the other way. None are
 /// turned when it is empty.
-std::vector<MeshSeams::OpenEdge> open_edges(const HalfEdges& halves,
-                                            const std::vector<bool>& turned, const Job& job);
+std::vector<EdgeDefects::OpenEdge> open_edges(const HalfEdges& halves,
+                                              const std::vector<bool>& turned,
+                                              const ExecutionContext& context);
 
 /// What `inspect` finds of them, alone.
-MeshSeams seams_of(const TriangleMesh& mesh, const Job& job);
+EdgeDefects edge_defects_of(const TriangleMesh& mesh, const ExecutionContext& context);
 
 /// Where the marks are true, rising.
 inline std::vector<std::uint32_t> indices_of(const std::vector<bool>& marks) {

@@ -96,7 +96,7 @@ std::size_t count_repeated(const TriangleMesh& mesh, std::span<const HalfEdge> s
 constexpr std::size_t kChunk = 1 << 16;
 
 /// What a chunk of the mesh adds to its report.
-struct Part {
+struct Tally {
   Point3 lower{}, upper{};
   double six_volumes = 0;
   std::size_t bodies = 0;
@@ -105,69 +105,70 @@ struct Part {
 
 }  // namespace
 
-std::vector<bool> flipped_triangles(const TriangleMesh& mesh, const Job& job) {
-  return detail::flipped(HalfEdges(mesh, job), job);
+std::vector<bool> flipped_triangles(const TriangleMesh& mesh, const ExecutionContext& context) {
+  return detail::flipped(HalfEdges(mesh, context), context);
 }
 
-MeshReport inspect(const TriangleMesh& mesh, const Job& job, MeshSeams* seams) {
-  const HalfEdges halves(mesh, job);
-  if (seams) *seams = {};
+MeshReport inspect(const TriangleMesh& mesh, const ExecutionContext& context,
+                   EdgeDefects* edge_defects) {
+  const HalfEdges halves(mesh, context);
+  if (edge_defects) *edge_defects = {};
   MeshReport report;
   report.vertices = mesh.vertices.size();
   report.triangles = mesh.triangles.size();
   if (mesh.triangles.empty()) return report;
 
-  const Job quiet = detail::silent(job);
+  const ExecutionContext quiet = detail::silent(context);
   // Sums are made chunk by chunk, so that they do not depend on threads.
-  std::vector<Part> parts((mesh.triangles.size() + kChunk - 1) / kChunk);
-  const auto in_parts = [&](const auto& each) {
-    parallel_for(quiet, "", parts.size(), [&](std::size_t i) {
-      each(parts[i], i * kChunk, std::min(mesh.triangles.size(), (i + 1) * kChunk));
+  std::vector<Tally> tallies((mesh.triangles.size() + kChunk - 1) / kChunk);
+  const auto in_chunks = [&](const auto& each) {
+    parallel_for(quiet, "", tallies.size(), [&](std::size_t i) {
+      each(tallies[i], i * kChunk, std::min(mesh.triangles.size(), (i + 1) * kChunk));
     });
   };
-  in_parts([&](Part& part, std::size_t begin, std::size_t end) {
-    part.lower = part.upper = mesh.vertices[mesh.triangles[begin][0]];
+  in_chunks([&](Tally& tally, std::size_t begin, std::size_t end) {
+    tally.lower = tally.upper = mesh.vertices[mesh.triangles[begin][0]];
     for (std::size_t t = begin; t < end; ++t) {
       for (const std::uint32_t index : mesh.triangles[t]) {
         for (std::size_t k = 0; k < 3; ++k) {
-          part.lower[k] = std::min(part.lower[k], mesh.vertices[index][k]);
-          part.upper[k] = std::max(part.upper[k], mesh.vertices[index][k]);
+          tally.lower[k] = std::min(tally.lower[k], mesh.vertices[index][k]);
+          tally.upper[k] = std::max(tally.upper[k], mesh.vertices[index][k]);
         }
       }
     }
   });
-  report.lower = parts[0].lower;
-  report.upper = parts[0].upper;
-  for (const Part& part : parts) {
+  report.lower = tallies[0].lower;
+  report.upper = tallies[0].upper;
+  for (const Tally& tally : tallies) {
     for (std::size_t k = 0; k < 3; ++k) {
-      report.lower[k] = std::min(report.lower[k], part.lower[k]);
-      report.upper[k] = std::max(report.upper[k], part.upper[k]);
+      report.lower[k] = std::min(report.lower[k], tally.lower[k]);
+      report.upper[k] = std::max(report.upper[k], tally.upper[k]);
     }
   }
 
   MeshDefects& defects = report.defects;
-  // Tetrahedra from a corner of the box: from the origin, far parts would lose digits.
+  // Tetrahedra from a corner of the box: from the origin, far tallies would lose digits.
   const Point3 apex = report.lower;
-  in_parts([&](Part& part, std::size_t begin, std::size_t end) {
+  in_chunks([&](Tally& tally, std::size_t begin, std::size_t end) {
     for (std::size_t t = begin; t < end; ++t) {
       if (halves.degenerate(t)) {
-        ++part.defects.degenerate_triangles;
+        ++tally.defects.degenerate_triangles;
         continue;
       }
       const Point3& a = mesh.vertices[mesh.triangles[t][0]];
       const Point3& b = mesh.vertices[mesh.triangles[t][1]];
       const Point3& c = mesh.vertices[mesh.triangles[t][2]];
-      if (has_zero_area(a, b, c)) ++part.defects.zero_area_triangles;
+      if (has_zero_area(a, b, c)) ++tally.defects.zero_area_triangles;
       const Point3 normal = cross(minus(b, apex), minus(c, apex));
       const Point3 arm = minus(a, apex);
-      part.six_volumes += arm[0] * normal[0] + arm[1] * normal[1] + arm[2] * normal[2];
+      tally.six_volumes += arm[0] * normal[0] + arm[1] * normal[1] + arm[2] * normal[2];
     }
   });
   double six_volumes = 0;
-  for (const Part& part : parts) {
-    six_volumes += part.six_volumes;
-    defects.degenerate_triangles += part.defects.degenerate_triangles;
-    defects.zero_area_triangles += part.defects.zero_area_triangles;
+  for (const Tally& tally : tallies) {
+    six_volumes += tally.six_volumes;
+    defects.degenerate_triangles += tally.defects.degenerate_triangles;
+    defects.zero_area_triangles += tally.defects.zero_area_triangles;
   }
   report.volume = six_volumes / 6;
 
@@ -177,27 +178,30 @@ MeshReport inspect(const TriangleMesh& mesh, const Job& job, MeshSeams* seams) {
     std::vector<std::uint32_t> thirds;
   };
   std::vector<Scratch> chunks(halves.chunks());
-  std::vector<std::vector<MeshSeams::OpenEdge>> open(halves.chunks());
+  std::vector<std::vector<EdgeDefects::OpenEdge>> open(halves.chunks());
   Bodies bodies(mesh.triangles.size());
-  halves.for_each(job, [&](std::size_t chunk, std::uint32_t low, std::span<const HalfEdge> all) {
-    Scratch& s = chunks[chunk];
-    s.sides.clear();
-    std::int32_t surplus = 0;
-    for (const HalfEdge& side : all) {
-      surplus += side.rises() ? 1 : -1;
-      if (!halves.degenerate(side.triangle())) s.sides.push_back(side);
-    }
-    if (seams && surplus != 0) open[chunk].push_back({low, all[0].high(), surplus});
-    const std::size_t n = s.sides.size();
-    if (n == 1) ++s.defects.open_edges;
-    if (n > 2) ++s.defects.crowded_edges;
-    if (n < 2) return;
-    if (n == 2 && s.sides[0].rises() == s.sides[1].rises()) ++s.defects.misoriented_edges;
-    for (std::size_t i = 1; i < n; ++i) {
-      bodies.unite(s.sides[i].triangle(), s.sides[0].triangle());
-    }
-    s.defects.duplicate_triangles += count_repeated(mesh, s.sides, s.thirds);
-  });
+  halves.for_each(context,
+                  [&](std::size_t chunk, std::uint32_t low, std::span<const HalfEdge> all) {
+                    Scratch& s = chunks[chunk];
+                    s.sides.clear();
+                    std::int32_t surplus = 0;
+                    for (const HalfEdge& side : all) {
+                      surplus += side.rises() ? 1 : -1;
+                      if (!halves.degenerate(side.triangle())) s.sides.push_back(side);
+                    }
+                    if (edge_defects && surplus != 0)
+                      open[chunk].push_back({low, all[0].high(), surplus});
+                    const std::size_t n = s.sides.size();
+                    if (n == 1) ++s.defects.open_edges;
+                    if (n > 2) ++s.defects.crowded_edges;
+                    if (n < 2) return;
+                    if (n == 2 && s.sides[0].rises() == s.sides[1].rises())
+                      ++s.defects.misoriented_edges;
+                    for (std::size_t i = 1; i < n; ++i) {
+                      bodies.unite(s.sides[i].triangle(), s.sides[0].triangle());
+                    }
+                    s.defects.duplicate_triangles += count_repeated(mesh, s.sides, s.thirds);
+                  });
   for (const Scratch& s : chunks) {
     defects.open_edges += s.defects.open_edges;
     defects.crowded_edges += s.defects.crowded_edges;
@@ -205,19 +209,20 @@ MeshReport inspect(const TriangleMesh& mesh, const Job& job, MeshSeams* seams) {
     defects.duplicate_triangles += s.defects.duplicate_triangles;
   }
   if (defects.misoriented_edges > 0) {
-    const std::vector<bool> turned = detail::flipped(halves, job);
+    const std::vector<bool> turned = detail::flipped(halves, context);
     defects.flipped_triangles =
         static_cast<std::size_t>(std::count(turned.begin(), turned.end(), true));
-    if (seams) *seams = {detail::indices_of(turned), detail::open_edges(halves, turned, job)};
-  } else if (seams) {
-    seams->open = detail::joined(open);
+    if (edge_defects)
+      *edge_defects = {detail::indices_of(turned), detail::open_edges(halves, turned, context)};
+  } else if (edge_defects) {
+    edge_defects->open = detail::joined(open);
   }
-  in_parts([&](Part& part, std::size_t begin, std::size_t end) {
+  in_chunks([&](Tally& tally, std::size_t begin, std::size_t end) {
     for (std::size_t t = begin; t < end; ++t) {
-      part.bodies += !halves.degenerate(t) && bodies.is_root(static_cast<std::uint32_t>(t));
+      tally.bodies += !halves.degenerate(t) && bodies.is_root(static_cast<std::uint32_t>(t));
     }
   });
-  for (const Part& part : parts) report.bodies += part.bodies;
+  for (const Tally& tally : tallies) report.bodies += tally.bodies;
   return report;
 }
 
@@ -253,12 +258,12 @@ void append(TriangleMesh& mesh, const TriangleMesh& part) {
   }
 }
 
-void append(MeshSeams& seams, const TriangleMesh& mesh, const MeshSeams& part) {
+void append(EdgeDefects& edge_defects, const TriangleMesh& mesh, const EdgeDefects& part) {
   const auto vertices = static_cast<std::uint32_t>(mesh.vertices.size());
   const auto triangles = static_cast<std::uint32_t>(mesh.triangles.size());
-  for (const std::uint32_t t : part.flipped) seams.flipped.push_back(t + triangles);
-  for (const MeshSeams::OpenEdge& e : part.open) {
-    seams.open.push_back({e.low + vertices, e.high + vertices, e.surplus});
+  for (const std::uint32_t t : part.flipped) edge_defects.flipped.push_back(t + triangles);
+  for (const EdgeDefects::OpenEdge& e : part.open) {
+    edge_defects.open.push_back({e.low + vertices, e.high + vertices, e.surplus});
   }
 }
 

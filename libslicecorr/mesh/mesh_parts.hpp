@@ -38,7 +38,7 @@ class FileBytes {
 
 /// The whole content of a file, unpacked when its name ends in `.gz`. Plain ones are read by all
 /// threads.
-FileBytes read_bytes(const std::string& path, const Job& job);
+FileBytes read_bytes(const std::string& path, const ExecutionContext& context);
 
 /// A finaliser with good avalanche (splitmix64), so that grids of coordinates do not cluster.
 inline std::uint64_t mix(std::uint64_t x) {
@@ -125,7 +125,8 @@ class WordReader {
   bool skips_comments_ = false;
 };
 
-TriangleMesh read_stl(std::string_view bytes, const std::string& path, const Job& job);
+TriangleMesh read_stl(std::string_view bytes, const std::string& path,
+                      const ExecutionContext& context);
 TriangleMesh read_obj(std::string_view bytes, const std::string& path);
 TriangleMesh read_off(std::string_view bytes, const std::string& path);
 TriangleMesh read_ply(std::string_view bytes, const std::string& path);

@@ -10,10 +10,10 @@
 #include <filesystem>
 #include <memory>
 
-#include "support/files/unpacked_limit.hpp"
 #include "mesh/half_edges.hpp"
 #include "mesh/mesh_parts.hpp"
 #include "parallel/silent.hpp"
+#include "support/files/unpacked_limit.hpp"
 
 namespace slicecorr {
 namespace detail {
@@ -119,7 +119,7 @@ Format format_of(const std::string& path) {
 
 }  // namespace
 
-FileBytes read_bytes(const std::string& path, const Job& job) {
+FileBytes read_bytes(const std::string& path, const ExecutionContext& context) {
   std::error_code error;
   const std::filesystem::file_status status = std::filesystem::status(path, error);
   if (!std::filesystem::exists(status)) throw InputError(path, "", "no such file");
@@ -138,7 +138,7 @@ FileBytes read_bytes(const std::string& path, const Job& job) {
   FileBytes bytes;
   bytes.resize(size);
   std::atomic<std::uint64_t> came = 0;
-  parallel_for(silent(job), "", (size + kReadBytes - 1) / kReadBytes, [&](std::size_t i) {
+  parallel_for(silent(context), "", (size + kReadBytes - 1) / kReadBytes, [&](std::size_t i) {
     const std::uint64_t from = i * kReadBytes;
     came += file.read(bytes.data() + from, std::min(kReadBytes, size - from), from);
   });
@@ -197,14 +197,14 @@ SineCosine sine_cosine(double degrees) {
 }
 
 void place(TriangleMesh& mesh, const Placement& placement, double file_unit_mm,
-           const std::string& path, const Job& job) {
+           const std::string& path, const ExecutionContext& context) {
   const double factor = unit_in_mm(placement.units, file_unit_mm) * placement.scale;
   const auto [sx, cx] = sine_cosine(placement.rotate_deg[0]);
   const auto [sy, cy] = sine_cosine(placement.rotate_deg[1]);
   const auto [sz, cz] = sine_cosine(placement.rotate_deg[2]);
   constexpr std::size_t kChunk = 1 << 15;
   const std::size_t count = mesh.vertices.size();
-  parallel_for(detail::silent(job), "", (count + kChunk - 1) / kChunk, [&](std::size_t chunk) {
+  parallel_for(detail::silent(context), "", (count + kChunk - 1) / kChunk, [&](std::size_t chunk) {
     for (std::size_t i = kChunk * chunk; i < std::min(count, kChunk * (chunk + 1)); ++i) {
       Point3& point = mesh.vertices[i];
       const Point3 p{point[0] * factor, point[1] * factor, point[2] * factor};
@@ -219,15 +219,16 @@ void place(TriangleMesh& mesh, const Placement& placement, double file_unit_mm,
 
 }  // namespace
 
-TriangleMesh read_mesh(const std::string& path, const Placement& placement, const Job& job) {
+TriangleMesh read_mesh(const std::string& path, const Placement& placement,
+                       const ExecutionContext& context) {
   check(placement);
   const std::string extension = detail::format_of(path).extension;
-  detail::FileBytes bytes = detail::read_bytes(path, job);
+  detail::FileBytes bytes = detail::read_bytes(path, context);
   if (bytes.size() == 0) throw InputError(path, "", "is empty");
   double file_unit_mm = 1.0;
   TriangleMesh mesh;
   if (extension == ".stl") {
-    mesh = detail::read_stl(bytes.view(), path, job);
+    mesh = detail::read_stl(bytes.view(), path, context);
   } else if (extension == ".obj") {
     mesh = detail::read_obj(bytes.view(), path);
   } else if (extension == ".ply") {
@@ -242,7 +243,7 @@ TriangleMesh read_mesh(const std::string& path, const Placement& placement, cons
                          "', expected .stl, .obj, .ply, .off or .3mf (also with .gz)");
   }
   bytes = {};
-  place(mesh, placement, file_unit_mm, path, job);
+  place(mesh, placement, file_unit_mm, path, context);
   return mesh;
 }
 

@@ -48,12 +48,12 @@ std::uint32_t little_u32(const char* at) {
 }
 
 /// Corners by the place they are at, three floats as they are in the file.
-struct Place {
+struct Corner {
   float x, y, z;
-  bool operator==(const Place&) const = default;
+  bool operator==(const Corner&) const = default;
 };
 
-inline Place place_at(std::string_view bytes, std::size_t corner) {
+inline Corner corner_at(std::string_view bytes, std::size_t corner) {
   const char* at = bytes.data() + kHeader + corner / 3 * kRecord + 12 + 12 * (corner % 3);
   // Adding 0 turns -0 into 0: the same place.
   return {std::bit_cast<float>(little_u32(at)) + 0.0F,
@@ -61,7 +61,7 @@ inline Place place_at(std::string_view bytes, std::size_t corner) {
           std::bit_cast<float>(little_u32(at + 8)) + 0.0F};
 }
 
-std::uint64_t hash_of(const Place& p) {
+std::uint64_t hash_of(const Corner& p) {
   const std::uint64_t xy =
       std::uint64_t{std::bit_cast<std::uint32_t>(p.x)} << 32 | std::bit_cast<std::uint32_t>(p.y);
   return mix(mix(xy + 0x9e3779b97f4a7c15u) ^ std::bit_cast<std::uint32_t>(p.z));
@@ -87,7 +87,7 @@ void in_chunk(std::size_t chunk, std::size_t corners, const Each& each) {
 
 void require_finite_corners(std::string_view bytes, const std::string& path, std::size_t corners) {
   for (std::size_t c = 0; c < corners; ++c) {
-    const Place p = place_at(bytes, c);
+    const Corner p = corner_at(bytes, c);
     require_finite({p.x, p.y, p.z}, path, "triangle " + std::to_string(c / 3 + 1));
   }
 }
@@ -96,30 +96,30 @@ enum class Found { all, too_small, not_finite };
 
 /// For each corner the first one at its place, by a hash table that all threads fill at once: a
 /// slot is taken for good by whoever comes first, and keeps the lowest corner of its place.
-Found find_first(std::string_view bytes, std::size_t corners, std::size_t size, const Job& job,
-                 std::uint32_t* first) {
+Found find_first(std::string_view bytes, std::size_t corners, std::size_t size,
+                 const ExecutionContext& context, std::uint32_t* first) {
   constexpr std::size_t kMostProbes = 4096, kRecent = 4096, kSlotsPerChunk = std::size_t{1} << 18;
   constexpr std::size_t kAhead = 16;
   // Neighbouring triangles share corners: most places were seen a moment ago, and the table is
   // larger than the caches. Whoever was seen in this chunk is not after the corner at hand.
   struct Recent {
-    Place place;
+    Corner place;
     std::uint32_t slot = kFree;
   };
   const auto slots = uncleared(size);
-  parallel_for(job, "", (size + kSlotsPerChunk - 1) / kSlotsPerChunk, [&](std::size_t chunk) {
+  parallel_for(context, "", (size + kSlotsPerChunk - 1) / kSlotsPerChunk, [&](std::size_t chunk) {
     const std::size_t from = kSlotsPerChunk * chunk;
     std::fill_n(slots.get() + from, std::min(kSlotsPerChunk, size - from), kFree);
   });
   std::atomic<Found> result = Found::all;
-  parallel_for(job, "", corner_chunks(corners), [&](std::size_t chunk) {
+  parallel_for(context, "", corner_chunks(corners), [&](std::size_t chunk) {
     const std::size_t end = std::min(corners, kCornersPerChunk * (chunk + 1));
     std::vector<Recent> recent(kRecent);
     // Slots are asked for some corners ahead: the table is far from the processor.
     std::array<std::uint64_t, kAhead> hashes;
     const auto look_ahead = [&](std::size_t c) {
       if (c >= end) return;
-      hashes[c % kAhead] = hash_of(place_at(bytes, c));
+      hashes[c % kAhead] = hash_of(corner_at(bytes, c));
       __builtin_prefetch(&slots[hashes[c % kAhead] & (size - 1)], 1);
     };
     const std::size_t begin = kCornersPerChunk * chunk;
@@ -127,7 +127,7 @@ Found find_first(std::string_view bytes, std::size_t corners, std::size_t size, 
     for (std::size_t c = begin; c < end && result.load(std::memory_order_relaxed) == Found::all;
          ++c) {
       const auto corner = static_cast<std::uint32_t>(c);
-      const Place place = place_at(bytes, c);
+      const Corner place = corner_at(bytes, c);
       const std::uint64_t hash = hashes[c % kAhead];
       look_ahead(c + kAhead);
       Recent& seen = recent[hash >> 32 & (kRecent - 1)];
@@ -146,7 +146,7 @@ Found find_first(std::string_view bytes, std::size_t corners, std::size_t size, 
         if (other == kFree &&
             held.compare_exchange_strong(other, corner, std::memory_order_relaxed))
           break;
-        if (place_at(bytes, other) == place) {
+        if (corner_at(bytes, other) == place) {
           while (corner < other &&
                  !held.compare_exchange_weak(other, corner, std::memory_order_relaxed)) {
           }
@@ -164,7 +164,7 @@ Found find_first(std::string_view bytes, std::size_t corners, std::size_t size, 
     }
   });
   if (result != Found::all) return result;
-  parallel_for(job, "", corner_chunks(corners), [&](std::size_t chunk) {
+  parallel_for(context, "", corner_chunks(corners), [&](std::size_t chunk) {
     in_chunk(chunk, corners, [&](std::size_t c) { first[c] = slots[first[c]]; });
   });
   return Found::all;
@@ -172,11 +172,11 @@ Found find_first(std::string_view bytes, std::size_t corners, std::size_t size, 
 
 /// Equal corners get one index, in the order of first appearance.
 TriangleMesh read_binary(std::string_view bytes, const std::string& path, std::size_t count,
-                         const Job& job) {
+                         const ExecutionContext& context) {
   if (count > std::numeric_limits<std::uint32_t>::max() / 3) {
     throw InputError(path, "", "has more than 1431655765 triangles");
   }
-  const Job quiet = silent(job);
+  const ExecutionContext quiet = silent(context);
   const std::size_t corners = 3 * count, chunks = corner_chunks(corners);
   TriangleMesh mesh;
   mesh.triangles.resize(count);
@@ -202,7 +202,7 @@ TriangleMesh read_binary(std::string_view bytes, const std::string& path, std::s
     std::uint32_t next = vertices[chunk];
     in_chunk(chunk, corners, [&](std::size_t c) {
       if (first[c] != c) return;
-      const Place p = place_at(bytes, c);
+      const Corner p = corner_at(bytes, c);
       mesh.vertices[next] = {p.x, p.y, p.z};
       number[c] = next++;
     });
@@ -280,11 +280,12 @@ TriangleMesh read_ascii(std::string_view bytes, const std::string& path) {
 
 }  // namespace
 
-TriangleMesh read_stl(std::string_view bytes, const std::string& path, const Job& job) {
+TriangleMesh read_stl(std::string_view bytes, const std::string& path,
+                      const ExecutionContext& context) {
   TriangleMesh mesh;
   const std::size_t count = bytes.size() < kHeader ? 0 : little_u32(bytes.data() + 80);
   if (bytes.size() >= kHeader && bytes.size() == kHeader + kRecord * count) {
-    if (count > 0) mesh = read_binary(bytes, path, count, job);
+    if (count > 0) mesh = read_binary(bytes, path, count, context);
   } else if (looks_ascii(bytes)) {
     mesh = read_ascii(bytes, path);
   } else if (bytes.size() < kHeader) {

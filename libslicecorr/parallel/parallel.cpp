@@ -57,29 +57,29 @@ std::recursive_mutex& callback_mutex() {
 /// Counts finished items and reports them now and then.
 class Progress {
  public:
-  Progress(const Job& job, std::string_view stage, std::size_t count)
-      : job_(job), stage_(stage), count_(count) {
-    if (job_.progress) job_.report(stage_, 0);
+  Progress(const ExecutionContext& context, std::string_view stage, std::size_t count)
+      : context_(context), stage_(stage), count_(count) {
+    if (context_.progress) context_.report(stage_, 0);
   }
 
   void item_done() {
-    if (!job_.progress) return;
+    if (!context_.progress) return;
     ++done_;
     // Never wait for a report that is under way: the next item will bring a newer one.
     std::unique_lock lock(mutex_, std::try_to_lock);
     if (!lock || Clock::now() - last_ < progress_interval) return;
     const std::size_t done = done_;
     if (done == count_) return;  // left to finish()
-    job_.report(stage_, static_cast<double>(done) / static_cast<double>(count_));
+    context_.report(stage_, static_cast<double>(done) / static_cast<double>(count_));
     last_ = Clock::now();
   }
 
   void finish() {
-    if (job_.progress) job_.report(stage_, 1);
+    if (context_.progress) context_.report(stage_, 1);
   }
 
  private:
-  const Job& job_;
+  const ExecutionContext& context_;
   std::string_view stage_;
   std::size_t count_;
   std::atomic<std::size_t> done_{0};
@@ -89,36 +89,37 @@ class Progress {
 
 }  // namespace
 
-void Job::check_cancelled() const {
+void ExecutionContext::check_cancelled() const {
   if (cancel != nullptr && cancel->load(std::memory_order_relaxed)) throw Cancelled();
 }
 
-void Job::tell(const std::string& text) const {
+void ExecutionContext::tell(const std::string& text) const {
   if (!notice) return;
   const std::scoped_lock lock(callback_mutex());
   notice(text);
 }
 
-void Job::report(std::string_view stage, double fraction) const {
+void ExecutionContext::report(std::string_view stage, double fraction) const {
   if (!progress) return;
   const std::scoped_lock lock(callback_mutex());
   progress(stage, fraction);
 }
 
-int thread_count(const Job& job) {
-  return job.threads > 0 ? job.threads : std::max(1, tbb::this_task_arena::max_concurrency());
+int thread_count(const ExecutionContext& context) {
+  return context.threads > 0 ? context.threads
+                             : std::max(1, tbb::this_task_arena::max_concurrency());
 }
 
-void parallel_for(const Job& job, std::string_view stage, std::size_t count,
+void parallel_for(const ExecutionContext& context, std::string_view stage, std::size_t count,
                   const std::function<void(std::size_t)>& body) {
-  job.check_cancelled();
-  Progress progress(job, stage, count);
+  context.check_cancelled();
+  Progress progress(context, stage, count);
   const auto item = [&](std::size_t i) {
-    job.check_cancelled();
+    context.check_cancelled();
     body(i);
     progress.item_done();
   };
-  const int threads = thread_count(job);
+  const int threads = thread_count(context);
   if (threads == 1 || count <= 1) {
     for (std::size_t i = 0; i < count; ++i) item(i);
   } else {

@@ -6,10 +6,10 @@
 namespace slicecorr::detail {
 
 /// The same job without callbacks: for steps too short to be told of.
-inline Job silent(const Job& job) {
-  Job quiet;
-  quiet.threads = job.threads;
-  quiet.cancel = job.cancel;
+inline ExecutionContext silent(const ExecutionContext& context) {
+  ExecutionContext quiet;
+  quiet.threads = context.threads;
+  quiet.cancel = context.cancel;
   return quiet;
 }
 

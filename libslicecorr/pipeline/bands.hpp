@@ -27,14 +27,14 @@ inline std::size_t columns_of(const PixelBox& box) {
   return static_cast<std::size_t>(box.width()) * static_cast<std::size_t>(box.height());
 }
 
-inline BandTape tape_of(const SliceSource& source, const PixelBox& band) {
-  BandTape tape(columns_of(band));
-  source.read_band(band, [&](int, const std::uint8_t* rows) { tape.append(rows); });
-  return tape;
+inline CodedBand coded_band_of(const SliceSource& source, const PixelBox& band) {
+  CodedBand coded(columns_of(band));
+  source.read_band(band, [&](int, const std::uint8_t* rows) { coded.append(rows); });
+  return coded;
 }
 
 /// Pixels of the columns of a band.
-inline BandPredictor::Place place_in(const PixelBox& band) {
+inline BandPredictor::PixelOfColumn pixels_of_columns(const PixelBox& band) {
   const auto width = static_cast<std::size_t>(band.width());
   return [band, width](std::size_t column) {
     return Pixel{band.x0 + static_cast<int>(column % width),

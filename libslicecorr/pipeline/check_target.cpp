@@ -39,11 +39,12 @@ struct Overlap {
 };
 
 /// The greatest value of each column of a band; gives 1 more than the last slice not black.
-int greatest_values(const SliceSource& source, const PixelBox& band, const Job& job,
-                    std::vector<std::uint8_t>& most, std::uint64_t* sum) {
+int greatest_values(const SliceSource& source, const PixelBox& band,
+                    const ExecutionContext& context, std::vector<std::uint8_t>& most,
+                    std::uint64_t* sum) {
   int end = 0;
   source.read_band(band, [&](int n, const std::uint8_t* rows) {
-    if ((n & 63) == 0) job.check_cancelled();
+    if ((n & 63) == 0) context.check_cancelled();
     if (!rows) return;
     std::uint8_t any = 0;
     for (std::size_t k = 0; k < most.size(); ++k) {
@@ -56,16 +57,17 @@ int greatest_values(const SliceSource& source, const PixelBox& band, const Job& 
   return end;
 }
 
-Overlap overlap_of(const SliceSource& stack, const SliceSource& target, const Job& job) {
+Overlap overlap_of(const SliceSource& stack, const SliceSource& target,
+                   const ExecutionContext& context) {
   Overlap all;
   std::mutex merging;
   const auto bands = detail::bands_of(stack.grid(), stack.bounds().united(target.bounds()));
-  parallel_for(detail::silent(job), "", bands.size(), [&](std::size_t i) {
+  parallel_for(detail::silent(context), "", bands.size(), [&](std::size_t i) {
     const PixelBox& band = bands[i];
     std::vector<std::uint8_t> lit(detail::columns_of(band), 0), designed = lit;
     Overlap o;
-    o.stack_end = greatest_values(stack, band, job, lit, nullptr);
-    o.target_end = greatest_values(target, band, job, designed, &o.coverage);
+    o.stack_end = greatest_values(stack, band, context, lit, nullptr);
+    o.target_end = greatest_values(target, band, context, designed, &o.coverage);
     for (std::size_t k = 0; k < lit.size(); ++k) {
       o.both += lit[k] && designed[k];
       o.stack_only += lit[k] && !designed[k];
@@ -81,7 +83,8 @@ Overlap overlap_of(const SliceSource& stack, const SliceSource& target, const Jo
 }  // namespace
 
 void check_target(const SliceSource& stack, const StackInfo& info, const SliceSource& target,
-                  const std::string& name, std::optional<std::uint64_t> pixel_sum, const Job& job) {
+                  const std::string& name, std::optional<std::uint64_t> pixel_sum,
+                  const ExecutionContext& context) {
   const Grid& grid = target.grid();
   check_same_voxels(stack.grid(), grid);
   refuse_recording(target);
@@ -101,7 +104,7 @@ void check_target(const SliceSource& stack, const StackInfo& info, const SliceSo
       is_its(volume_of(*pixel_sum))) {
     return;
   }
-  const Overlap o = overlap_of(stack, target, job);
+  const Overlap o = overlap_of(stack, target, context);
   if (!o.full) detail::refuse_vanished(target, name);
   const auto refuse = [&](const std::string& what) {
     throw InputError(name, "",
@@ -146,7 +149,7 @@ void check_target(const SliceSource& stack, const StackInfo& info, const SliceSo
     refuse(fmt::format("it holds {:.6g} mm³, the stack was made from {:.6g} mm³", volume_mm3,
                        info.part_volume_mm3));
   }
-  job.tell(
+  context.tell(
       fmt::format("{}: holds {:.8g} mm³, the stack was made from {:.8g} mm³: it is sliced "
                   "otherwise, or another "
                   "part of the same height and place",

@@ -14,10 +14,10 @@ namespace slicecorr {
 
 using detail::BandReader;
 using detail::bands_of;
-using detail::BandTape;
+using detail::CodedBand;
 using detail::columns_of;
 using detail::GroupedBand;
-using detail::place_in;
+using detail::pixels_of_columns;
 using detail::PlacePlans;
 using detail::whole_image;
 
@@ -25,7 +25,8 @@ namespace {
 
 /// Mean height error with each N up to the last that can be best.
 std::vector<double> erase_errors(const SliceSource& target, const PlacePlans& plans,
-                                 const std::vector<PixelBox>& bands, const Job& job) {
+                                 const std::vector<PixelBox>& bands,
+                                 const ExecutionContext& context) {
   struct Sum {
     unsigned __int128 scaled = 0;
     std::uint64_t edges = 0;
@@ -33,28 +34,28 @@ std::vector<double> erase_errors(const SliceSource& target, const PlacePlans& pl
   const int most = std::min(cure_through_slices(plans.models().brightest()), plans.layers());
   std::vector<Sum> sums(static_cast<std::size_t>(most) + 1);
   std::mutex adding;
-  parallel_for(job, "erase", bands.size(), [&](std::size_t i) {
+  parallel_for(context, "erase", bands.size(), [&](std::size_t i) {
     // Only the columns that are lit somewhere: no other has an edge.
     const GroupedBand grouped(plans.models().map(), bands[i], {[&](const SliceSource::Sink& sink) {
                                 target.read_band(bands[i], sink);
                               }});
     for (const GroupedBand::Group& group : grouped.groups) {
-      const BandTape& tape = group.sources[0];
-      const std::size_t columns = tape.columns();
+      const CodedBand& coded = group.sources[0];
+      const std::size_t columns = coded.columns();
       std::vector<std::uint8_t> rows(columns);
       BandErase erase(columns);
       for (int n = 0; n < plans.layers(); ++n) {
-        tape.read(n, rows.data());
+        coded.read(n, rows.data());
         erase.add_layer(rows.data());
       }
       // One N after the other: the state of a single prediction stays in the cache.
       for (std::size_t k = 0; k < sums.size(); ++k) {
-        job.check_cancelled();
+        context.check_cancelled();
         BandErase::Walk walk(erase, static_cast<int>(k));
         BandPredictor predictor(plans.models().model(group.value),
                                 plans.models().curve(group.value), plans.layers(), columns);
         for (int n = plans.layers(); n-- > 0;) {
-          tape.read(n, rows.data());
+          coded.read(n, rows.data());
           predictor.add_slice(n, walk.next(rows.data()), rows.data());
         }
         const Prediction p = predictor.finish(0, 0, static_cast<int>(columns));
@@ -74,13 +75,14 @@ std::vector<double> erase_errors(const SliceSource& target, const PlacePlans& pl
 
 }  // namespace
 
-Comparison compare_methods(const SliceSource& target, const Setup& setup, const Job& job) {
-  const PlacePlans plans(target, setup, job);
+Comparison compare_methods(const SliceSource& target, const Setup& setup,
+                           const ExecutionContext& context) {
+  const PlacePlans plans(target, setup, context);
   const PlaceModels& models = plans.models();
   const auto bands = bands_of(target.grid(), target.bounds());
 
   Comparison result;
-  result.erase_mean_um = erase_errors(target, plans, bands, job);
+  result.erase_mean_um = erase_errors(target, plans, bands, context);
   const auto least = std::min_element(result.erase_mean_um.begin(), result.erase_mean_um.end());
   result.best_n = static_cast<int>(least - result.erase_mean_um.begin());
 
@@ -92,17 +94,17 @@ Comparison compare_methods(const SliceSource& target, const Setup& setup, const 
   std::array<Prediction, methods> totals;
   detail::LightCounts in_groups{};
   std::mutex merging;
-  parallel_for(job, "compare", bands.size(), [&](std::size_t i) {
+  parallel_for(context, "compare", bands.size(), [&](std::size_t i) {
     const PixelBox& band = bands[i];
     std::array<Prediction, methods> figures;
     // Columns of one value, whose figures go on from those before them.
     const auto compare = [&](std::uint8_t value, std::size_t columns, const BandReader& read,
-                             const BandPredictor::Place& place) {
+                             const BandPredictor::PixelOfColumn& place) {
       const CorrectionPlan& plan = plans.plan(value);
       BandCorrector corrector(plan, columns);
       BandErase erase(columns);
       read([&](int n, const std::uint8_t* rows) {
-        if ((n & 63) == 0) job.check_cancelled();
+        if ((n & 63) == 0) context.check_cancelled();
         corrector.add_layer(rows);
         erase.add_layer(rows);
       });
@@ -116,7 +118,7 @@ Comparison compare_methods(const SliceSource& target, const Setup& setup, const 
         predict.back()->go_on_from(std::move(so_far));
       }
       corrector.solve([&](int n, const std::uint8_t* levels, const std::uint8_t* coverage, bool) {
-        if ((n & 63) == 0) job.check_cancelled();
+        if ((n & 63) == 0) context.check_cancelled();
         for (std::size_t k = 0; k < columns; ++k) pixels[k] = pixel_of[levels[k]];
         predict[ours]->add_slice(n, pixels.data(), coverage);
         // Only the correction shows slices after the part's end.
@@ -130,12 +132,12 @@ Comparison compare_methods(const SliceSource& target, const Setup& setup, const 
     const BandReader read = [&](const SliceSource::Sink& sink) { target.read_band(band, sink); };
     detail::LightCounts counts{};
     if (plans.even()) {
-      compare(models.map().reference(), columns_of(band), read, place_in(band));
+      compare(models.map().reference(), columns_of(band), read, pixels_of_columns(band));
     } else {
       const GroupedBand grouped(models.map(), band, {read});
       for (const GroupedBand::Group& g : grouped.groups) {
         counts[g.value] = g.columns.size();
-        compare(g.value, g.columns.size(), g.reader(0), place_in(band, g.columns));
+        compare(g.value, g.columns.size(), g.reader(0), pixels_of_columns(band, g.columns));
       }
     }
     const std::lock_guard lock(merging);

@@ -31,7 +31,7 @@ void set_uv_images(StackWriter& writer, const CureModel& model, int levels) {
 
 }  // namespace detail
 
-void convert_stack(const StackReader& stack, const StackFile& file, const Job& job,
+void convert_stack(const StackReader& stack, const StackFile& file, const ExecutionContext& context,
                    const SliceSource* turned_slices) {
   const SliceSource& slices = turned_slices ? *turned_slices : stack;
   const Grid& grid = slices.grid();
@@ -46,19 +46,19 @@ void convert_stack(const StackReader& stack, const StackFile& file, const Job& j
     info.part_volume_mm3 = static_cast<double>(stack.pixel_sum()) / 255.0 * grid.pixel_x_um *
                            grid.pixel_y_um * grid.layer_um * 1e-9;
   }
-  StackWriter writer(file, grid, job);
+  StackWriter writer(file, grid, context);
   if (info.printer && info.resin && info.process) {
     const PlaceModels models(*info.printer, *info.resin, *info.process, grid, slices.frame());
     detail::set_uv_images(writer, models.brightest(), info.printer->levels());
   }
   detail::Relief relief(slices.bounds(), grid.layers);
   const auto bands = detail::bands_of(grid, slices.bounds());
-  parallel_for(job, "convert", bands.size(), [&](std::size_t i) {
+  parallel_for(context, "convert", bands.size(), [&](std::size_t i) {
     const PixelBox& band = bands[i];
     StackWriter::BandEncoder encoder(writer, band.y0, band.y1);
     detail::LitColumns lit(detail::columns_of(band));
     slices.read_band(band, [&](int n, const std::uint8_t* rows) {
-      if ((n & 63) == 0) job.check_cancelled();
+      if ((n & 63) == 0) context.check_cancelled();
       encoder.put(n, band.x0, band.x1, rows);
       lit.add(n, rows);
     });
@@ -74,11 +74,11 @@ void convert_stack(const StackReader& stack, const StackFile& file, const Job& j
     }
     if (!lost.empty()) {
       const auto shown = static_cast<std::ptrdiff_t>(std::min<std::size_t>(lost.size(), 4));
-      job.tell(fmt::format("{}: {} left behind: {}{}", file.path,
-                           lost.size() == 1 ? "one other entry is"
-                                            : fmt::format("{} other entries are", lost.size()),
-                           fmt::join(lost.begin(), lost.begin() + shown, ", "),
-                           lost.size() > 4 ? ", ..." : ""));
+      context.tell(fmt::format("{}: {} left behind: {}{}", file.path,
+                               lost.size() == 1 ? "one other entry is"
+                                                : fmt::format("{} other entries are", lost.size()),
+                               fmt::join(lost.begin(), lost.begin() + shown, ", "),
+                               lost.size() > 4 ? ", ..." : ""));
     }
   }
   writer.finish(info, relief.picture());

@@ -22,12 +22,12 @@ namespace slicecorr {
 
 using detail::BandReader;
 using detail::bands_of;
-using detail::BandTape;
+using detail::CodedBand;
 using detail::columns_of;
 using detail::GroupedBand;
 using detail::LightCounts;
 using detail::LitColumns;
-using detail::place_in;
+using detail::pixels_of_columns;
 using detail::PlacePlans;
 using detail::PlaceWindows;
 using detail::Relief;
@@ -42,9 +42,9 @@ struct SliceRange {
   int first, past;
 };
 
-/// The slices of a band in portions that are worked on at once: where there are few bands, the last
+/// The slices of a band in ranges that are worked on at once: where there are few bands, the last
 /// of them would keep one thread busy and leave the others idle.
-std::vector<SliceRange> portions_of(const SliceSource& target, std::size_t bands) {
+std::vector<SliceRange> slice_ranges_of(const SliceSource& target, std::size_t bands) {
   constexpr int kEnough = 64, kLeastSlices = 16;
   const int layers = target.grid().layers;
   int count = 1;
@@ -52,12 +52,12 @@ std::vector<SliceRange> portions_of(const SliceSource& target, std::size_t bands
     const int wanted = (kEnough + static_cast<int>(bands) - 1) / static_cast<int>(bands);
     count = std::clamp(wanted, 1, std::max(1, layers / kLeastSlices));
   }
-  std::vector<SliceRange> portions;
+  std::vector<SliceRange> ranges;
   for (int i = 0; i < count; ++i) {
-    portions.push_back({static_cast<int>(std::int64_t{layers} * i / count),
-                        static_cast<int>(std::int64_t{layers} * (i + 1) / count)});
+    ranges.push_back({static_cast<int>(std::int64_t{layers} * i / count),
+                      static_cast<int>(std::int64_t{layers} * (i + 1) / count)});
   }
-  return portions;
+  return ranges;
 }
 
 /// What the first pass over a target collects besides handing its slices on.
@@ -110,10 +110,10 @@ struct ColumnSinks {
 
 /// Corrects columns and predicts them.
 void correct_columns(const CorrectionPlan& plan, std::size_t columns, const BandReader& read,
-                     const ColumnSinks& out, const Job& job) {
+                     const ColumnSinks& out, const ExecutionContext& context) {
   BandCorrector corrector(plan, columns);
   read([&](int n, const std::uint8_t* rows) {
-    if ((n & 63) == 0) job.check_cancelled();
+    if ((n & 63) == 0) context.check_cancelled();
     corrector.add_layer(rows);
   });
   std::uint8_t pixel_of[256] = {};
@@ -150,14 +150,14 @@ void correct_columns(const CorrectionPlan& plan, std::size_t columns, const Band
     };
     corrector.solve(
         [&](int n, const std::uint8_t* levels, const std::uint8_t*, bool dark) {
-          if ((n & 63) == 0) job.check_cancelled();
+          if ((n & 63) == 0) context.check_cancelled();
           out.put(n, dark ? nullptr : shown(levels));
         },
         look);
     return;
   }
   corrector.solve([&](int n, const std::uint8_t* levels, const std::uint8_t* coverage, bool dark) {
-    if ((n & 63) == 0) job.check_cancelled();
+    if ((n & 63) == 0) context.check_cancelled();
     const std::uint8_t* const lit = shown(levels);
     out.put(n, dark ? nullptr : lit);
     if (out.watch) out.watch->add_slice(n, dark ? nullptr : lit);
@@ -166,17 +166,17 @@ void correct_columns(const CorrectionPlan& plan, std::size_t columns, const Band
   });
 }
 
-/// Joins the columns of groups into rows of a band. Tapes begin with the last slice.
+/// Joins the columns of groups into rows of a band. Coded bands begin with the last slice.
 class Joiner {
  public:
-  Joiner(const GroupedBand& band, std::size_t columns, std::vector<BandTape> tapes)
-      : band_(band), tapes_(std::move(tapes)), rows_(columns, 0), part_(columns) {}
+  Joiner(const GroupedBand& band, std::size_t columns, std::vector<CodedBand> coded_bands)
+      : band_(band), coded_bands_(std::move(coded_bands)), rows_(columns, 0), part_(columns) {}
   /// Null where the slice is black. Valid until the next call.
   const std::uint8_t* at(int index) {
     bool black = true;
-    for (std::size_t g = 0; g < tapes_.size(); ++g) {
-      black = black && tapes_[g].black(index);
-      tapes_[g].read(index, part_.data());
+    for (std::size_t g = 0; g < coded_bands_.size(); ++g) {
+      black = black && coded_bands_[g].black(index);
+      coded_bands_[g].read(index, part_.data());
       const auto& columns = band_.groups[g].columns;
       for (std::size_t k = 0; k < columns.size(); ++k) rows_[columns[k]] = part_[k];
     }
@@ -185,23 +185,24 @@ class Joiner {
 
  private:
   const GroupedBand& band_;
-  std::vector<BandTape> tapes_;
+  std::vector<CodedBand> coded_bands_;
   std::vector<std::uint8_t> rows_, part_;
 };
 
 }  // namespace
 
-StackInfo write_target(const SliceSource& target, const StackFile& file, const Job& job) {
+StackInfo write_target(const SliceSource& target, const StackFile& file,
+                       const ExecutionContext& context) {
   const Grid& grid = target.grid();
-  StackWriter writer(file, grid, job);
+  StackWriter writer(file, grid, context);
   TargetScan scan(target);
   const auto bands = bands_of(grid, target.bounds());
-  const auto portions = portions_of(target, bands.size());
-  parallel_for(job, "slice", bands.size() * portions.size(), [&](std::size_t i) {
-    const PixelBox& band = bands[i / portions.size()];
+  const auto ranges = slice_ranges_of(target, bands.size());
+  parallel_for(context, "slice", bands.size() * ranges.size(), [&](std::size_t i) {
+    const PixelBox& band = bands[i / ranges.size()];
     StackWriter::BandEncoder encoder(writer, band.y0, band.y1);
-    scan.read(band, portions[i % portions.size()], [&](int n, const std::uint8_t* rows) {
-      if ((n & 63) == 0) job.check_cancelled();
+    scan.read(band, ranges[i % ranges.size()], [&](int n, const std::uint8_t* rows) {
+      if ((n & 63) == 0) context.check_cancelled();
       encoder.put(n, band.x0, band.x1, rows);
     });
   });
@@ -214,24 +215,25 @@ StackInfo write_target(const SliceSource& target, const StackFile& file, const J
   return info;
 }
 
-CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup, const Job& job) {
-  const PlacePlans plans(target, setup, job);
+CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup,
+                               const ExecutionContext& context) {
+  const PlacePlans plans(target, setup, context);
   return {plans.models().brightest(), setup.process, plans.layers(), plans.all_layers()};
 }
 
 Correction correct_stack(const SliceSource& target, const Setup& asked, const StackFile& file,
-                         const CorrectionAsk& ask, const Job& job) {
+                         const CorrectionAsk& ask, const ExecutionContext& context) {
   const bool with_volume = ask.volume_cells > 0, with_before = ask.before || with_volume;
   refuse_recording(target);
   Setup setup = asked;
-  setup.process = schedule_uv(target, asked, job);
-  const PlacePlans plans(target, setup, job);
+  setup.process = schedule_uv(target, asked, context);
+  const PlacePlans plans(target, setup, context);
   const PlaceModels& models = plans.models();
   const CureModel& model = models.brightest();
   Grid grid = target.grid();
   grid.layers = plans.all_layers();
 
-  StackWriter writer(file, grid, job);
+  StackWriter writer(file, grid, context);
   detail::set_uv_images(writer, model, plans.levels());
   std::optional<PlaceWindows> window;
   if (model.inhibited) window.emplace(models, plans.all_layers());
@@ -246,12 +248,12 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
   Prediction after, before;
   LightCounts in_groups{};
   std::mutex merging;
-  parallel_for(job, "correct", bands.size(), [&](std::size_t i) {
+  parallel_for(context, "correct", bands.size(), [&](std::size_t i) {
     const PixelBox& band = bands[i];
     const std::size_t columns = columns_of(band);
     std::optional<VolumeReducer::Band> reduced;
     if (volume) reduced.emplace(*volume, band);
-    BandTape design(columns), upwards(columns);  // for the reduced volume; the last slice first
+    CodedBand design(columns), upwards(columns);  // for the reduced volume; the last slice first
     const BandReader read = [&](const SliceSource::Sink& sink) {
       if (!reduced) return scan.read(band, sink);
       scan.read(band, [&](int n, const std::uint8_t* rows) {
@@ -267,7 +269,7 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
     Prediction band_after, band_before;
     // Columns of one value, whose figures go on from those before them.
     const auto correct = [&](std::uint8_t value, const std::vector<std::uint32_t>* of_band,
-                             const BandReader& reader, const BandPredictor::Place& place,
+                             const BandReader& reader, const BandPredictor::PixelOfColumn& place,
                              const auto& put) {
       const std::size_t count = of_band ? of_band->size() : columns;
       const CorrectionPlan& plan = plans.plan(value);
@@ -285,7 +287,7 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
       correct_columns(
           plan, count, reader,
           {put, predict_after, with_before ? &predict_before : nullptr, watch ? &*watch : nullptr},
-          job);
+          context);
       band_after = predict_after.finish(place);
       band_before = predict_before.finish(place);
       if (!watch) return;
@@ -294,15 +296,15 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
     };
     LightCounts counts{};
     if (plans.even()) {
-      correct(models.map().reference(), nullptr, read, place_in(band), put_out);
+      correct(models.map().reference(), nullptr, read, pixels_of_columns(band), put_out);
     } else {
       const GroupedBand grouped(models.map(), band, {read});
-      std::vector<BandTape> corrected;
+      std::vector<CodedBand> corrected;
       for (const GroupedBand::Group& g : grouped.groups) {
         counts[g.value] = g.columns.size();
-        BandTape& tape = corrected.emplace_back(g.columns.size());
-        correct(g.value, &g.columns, g.reader(0), place_in(band, g.columns),
-                [&](int, const std::uint8_t* pixels) { tape.append(pixels); });
+        CodedBand& coded = corrected.emplace_back(g.columns.size());
+        correct(g.value, &g.columns, g.reader(0), pixels_of_columns(band, g.columns),
+                [&](int, const std::uint8_t* pixels) { coded.append(pixels); });
       }
       Joiner joined(grouped, columns, std::move(corrected));
       for (int n = plans.all_layers(); n-- > 0;) {
@@ -345,9 +347,9 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
   result.after = std::move(figures);
   if (with_before) result.before = whole(before, plans.layers());
   const Prediction& p = result.after;
-  detail::tell_nothing_prints(p, job);
+  detail::tell_nothing_prints(p, context);
   if (p.cure_through_voxels + p.undercure_voxels > 0) {
-    job.tell(fmt::format(
+    context.tell(fmt::format(
         "{} voxels will still cure through and {} stay undercured: no choice of the {} grey levels "
         "was "
         "found that avoids it; one level moves an edge by up to {:.3g} um",
@@ -356,29 +358,30 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
   // Printers of this kind want some 20 um of liquid under the part.
   constexpr double kThin_um = 10;
   if (p.dead_zones && setup.process.uv.dead_zone_um == 0 && p.dead_zones->least() < kThin_um) {
-    job.tell(
+    context.tell(
         fmt::format("the dead zone gets as thin as {:.2g} um; UV light chosen for a dead zone, "
                     "in place of an intensity, keeps more of it",
                     p.dead_zones->least()));
   }
   if (p.one_slice_gaps > 0) {
-    job.tell(fmt::format("{} gaps are one slice high: {}", p.one_slice_gaps,
-                         setup.process.one_slice_gaps == OneSliceGaps::merge ? "merged"
-                         : model.mode == ExposureMode::layerwise             ? "kept open"
-                         : setup.process.uv.kind != UvKind::off
-                             ? "kept open, at the cost of the edges beside them"
-                             : fmt::format("kept open, at the cost of up to {:.3g} um of the "
-                                           "features above them",
-                                           setup.process.gap_shortfall * model.layer_um)));
+    context.tell(fmt::format("{} gaps are one slice high: {}", p.one_slice_gaps,
+                             setup.process.one_slice_gaps == OneSliceGaps::merge ? "merged"
+                             : model.mode == ExposureMode::layerwise             ? "kept open"
+                             : setup.process.uv.kind != UvKind::off
+                                 ? "kept open, at the cost of the edges beside them"
+                                 : fmt::format("kept open, at the cost of up to {:.3g} um of the "
+                                               "features above them",
+                                               setup.process.gap_shortfall * model.layer_um)));
   }
   if (ask.before_writing) ask.before_writing(result);
   writer.finish(info, scan.picture());
   return result;
 }
 
-CorrectedSlices::CorrectedSlices(const SliceSource& target, const Setup& setup, const Job& job)
+CorrectedSlices::CorrectedSlices(const SliceSource& target, const Setup& setup,
+                                 const ExecutionContext& context)
     : target_(target),
-      plans_(std::make_unique<const PlacePlans>(target, setup, job)),
+      plans_(std::make_unique<const PlacePlans>(target, setup, context)),
       grid_(target.grid()) {
   grid_.layers = plans_->all_layers();
 }
@@ -394,7 +397,7 @@ void CorrectedSlices::read_band(const PixelBox& band, const Sink& sink) const {
                              const BandReader& reader) {
     BandCorrector corrector(plan, count);
     reader([&](int, const std::uint8_t* rows) { corrector.add_layer(rows); });
-    BandTape upwards(count);
+    CodedBand upwards(count);
     std::vector<std::uint8_t> pixels(count);
     corrector.solve([&](int, const std::uint8_t* levels, const std::uint8_t*, bool) {
       for (std::size_t k = 0; k < count; ++k) {
@@ -405,7 +408,7 @@ void CorrectedSlices::read_band(const PixelBox& band, const Sink& sink) const {
     return upwards;
   };
   if (plans_->even()) {
-    const BandTape upwards = corrected(plans_->plan(), columns, read);
+    const CodedBand upwards = corrected(plans_->plan(), columns, read);
     std::vector<std::uint8_t> pixels(columns);
     for (int n = 0; n < all; ++n) {
       const int at = all - 1 - n;
@@ -415,11 +418,11 @@ void CorrectedSlices::read_band(const PixelBox& band, const Sink& sink) const {
     return;
   }
   const GroupedBand grouped(plans_->models().map(), band, {read});
-  std::vector<BandTape> tapes;
+  std::vector<CodedBand> coded_bands;
   for (const GroupedBand::Group& g : grouped.groups) {
-    tapes.push_back(corrected(plans_->plan(g.value), g.columns.size(), g.reader(0)));
+    coded_bands.push_back(corrected(plans_->plan(g.value), g.columns.size(), g.reader(0)));
   }
-  Joiner joined(grouped, columns, std::move(tapes));
+  Joiner joined(grouped, columns, std::move(coded_bands));
   for (int n = 0; n < all; ++n) sink(n, joined.at(all - 1 - n));
 }
 

@@ -106,16 +106,17 @@ struct LitPlaces {
   }
 };
 
-LitPlaces lit_places(const SliceSource& target, const LightMap& map, const Job& job) {
+LitPlaces lit_places(const SliceSource& target, const LightMap& map,
+                     const ExecutionContext& context) {
   const auto bands = bands_of(target.grid(), target.bounds());
   LitPlaces all;
   std::mutex merging;
-  parallel_for(job, "find lit places", bands.size(), [&](std::size_t i) {
+  parallel_for(context, "find lit places", bands.size(), [&](std::size_t i) {
     const PixelBox& band = bands[i];
     const std::size_t columns = columns_of(band);
     std::vector<std::int32_t> end(columns, 0);
     target.read_band(band, [&](int n, const std::uint8_t* rows) {
-      if ((n & 63) == 0) job.check_cancelled();
+      if ((n & 63) == 0) context.check_cancelled();
       if (!rows) return;
       for (std::size_t k = 0; k < columns; ++k) end[k] = rows[k] ? n + 1 : end[k];
     });
@@ -150,8 +151,8 @@ std::string share_in_words(const LightMap& map, std::uint8_t value) {
 class PlaceCheck {
  public:
   PlaceCheck(const SliceSource& target, const PlaceModels& models, const Setup& setup,
-             const Job& job)
-      : target_(target), models_(models), map_(models.map()), setup_(setup), job_(job) {
+             const ExecutionContext& context)
+      : target_(target), models_(models), map_(models.map()), setup_(setup), context_(context) {
     check_stage_speed(setup.printer, setup.process);
     const Grid& grid = target.grid();
     travel_ = slices_of_travel(setup.printer, grid.layer_um);
@@ -226,7 +227,7 @@ class PlaceCheck {
       lit_->columns[brightest_] = 1;
       lit_->end[brightest_] = target_.grid().layers;
     } else {
-      lit_ = lit_places(target_, map_, job_);
+      lit_ = lit_places(target_, map_, context_);
     }
     return *lit_;
   }
@@ -317,7 +318,7 @@ class PlaceCheck {
   const PlaceModels& models_;
   const LightMap& map_;
   const Setup& setup_;
-  const Job& job_;
+  const ExecutionContext& context_;
   std::optional<int> travel_;
   std::uint8_t brightest_ = 255;
   std::optional<LitPlaces> lit_;
@@ -327,14 +328,15 @@ class PlaceCheck {
 
 }  // namespace
 
-PlacePlans::PlacePlans(const SliceSource& target, const Setup& setup, const Job& job)
+PlacePlans::PlacePlans(const SliceSource& target, const Setup& setup,
+                       const ExecutionContext& context)
     : process_(setup.process),
       models_(fitting(setup.printer, target), setup.resin, setup.process, target.grid(),
               target.frame()),
       layers_(target.grid().layers),
       levels_(setup.printer.levels()) {
   refuse_recording(target);
-  all_layers_ = PlaceCheck(target, models_, setup, job).all_layers();
+  all_layers_ = PlaceCheck(target, models_, setup, context).all_layers();
 }
 
 const CorrectionPlan& PlacePlans::plan(std::uint8_t value) const {
@@ -349,14 +351,14 @@ const CorrectionPlan& PlacePlans::plan(std::uint8_t value) const {
 
 BandReader GroupedBand::Group::reader(std::size_t source) const {
   return [this, source](const SliceSource::Sink& sink) {
-    const BandTape& tape = sources[source];
+    const CodedBand& coded = sources[source];
     std::vector<std::uint8_t> rows(columns.size());
-    for (int n = 0; n < tape.slices(); ++n) {
-      if (tape.black(n)) {
+    for (int n = 0; n < coded.slices(); ++n) {
+      if (coded.black(n)) {
         sink(n, nullptr);
         continue;
       }
-      tape.read(n, rows.data());
+      coded.read(n, rows.data());
       sink(n, rows.data());
     }
   };
@@ -366,23 +368,23 @@ GroupedBand::GroupedBand(const LightMap& map, const PixelBox& band,
                          const std::vector<BandReader>& readers) {
   const std::size_t columns = columns_of(band);
   std::vector<std::uint8_t> lit(columns, 0), rows(columns), gathered(columns);
-  std::vector<BandTape> whole;
+  std::vector<CodedBand> whole;
   for (const BandReader& read : readers) {
-    BandTape tape(columns);
+    CodedBand coded(columns);
     read([&](int, const std::uint8_t* layer) {
-      tape.append(layer);
+      coded.append(layer);
       for (std::size_t k = 0; layer && k < columns; ++k) lit[k] |= layer[k];
     });
-    whole.push_back(std::move(tape));
+    whole.push_back(std::move(coded));
   }
   for (LightGroup& g : light_groups(map, band, lit.data())) {
     groups.push_back({g.value, std::move(g.columns), {}});
   }
-  for (const BandTape& tape : whole) {
+  for (const CodedBand& coded : whole) {
     for (Group& g : groups) g.sources.emplace_back(g.columns.size());
-    for (int n = 0; n < tape.slices(); ++n) {
-      const bool black = tape.black(n);
-      if (!black) tape.read(n, rows.data());
+    for (int n = 0; n < coded.slices(); ++n) {
+      const bool black = coded.black(n);
+      if (!black) coded.read(n, rows.data());
       for (Group& g : groups) {
         if (!black) {
           for (std::size_t k = 0; k < g.columns.size(); ++k) gathered[k] = rows[g.columns[k]];

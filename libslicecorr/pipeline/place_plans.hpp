@@ -19,7 +19,7 @@ class PlacePlans {
  public:
   /// Checks that `setup` can print `target` everywhere; throws as `correct_stack`. Reads the target
   /// once when it is not clear without which of its places are lit.
-  PlacePlans(const SliceSource& target, const Setup& setup, const Job& job);
+  PlacePlans(const SliceSource& target, const Setup& setup, const ExecutionContext& context);
 
   const PlaceModels& models() const { return models_; }
   bool even() const { return models_.even(); }
@@ -48,7 +48,7 @@ struct GroupedBand {
   struct Group {
     std::uint8_t value = 0;
     std::vector<std::uint32_t> columns;  ///< of the band
-    std::vector<BandTape> sources;       ///< rows of these columns, by reader
+    std::vector<CodedBand> sources;      ///< rows of these columns, by reader
     BandReader reader(std::size_t source) const;
   };
   std::vector<Group> groups;
@@ -57,8 +57,8 @@ struct GroupedBand {
 };
 
 /// Pixels of the columns of a group.
-inline BandPredictor::Place place_in(const PixelBox& band,
-                                     const std::vector<std::uint32_t>& columns) {
+inline BandPredictor::PixelOfColumn pixels_of_columns(const PixelBox& band,
+                                                      const std::vector<std::uint32_t>& columns) {
   const auto width = static_cast<std::uint32_t>(band.width());
   return [&columns, band, width](std::size_t k) {
     return Pixel{band.x0 + static_cast<int>(columns[k] % width),

@@ -34,25 +34,26 @@ std::string folder_beside(const std::string& path) {
 struct RecordingWriter::Impl {
   std::string path;
   StackInfo info;
-  Job job;
-  PieceStore store;
+  ExecutionContext context;
+  BlobStore store;
   std::size_t pixels = 0;
-  std::vector<PieceStore::Piece> images;
+  std::vector<BlobStore::Blob> images;
   /// UV pixel value of each pixel value, where the lamp is patterned.
   std::optional<std::array<std::uint8_t, 256>> uv_of_pixel;
   std::vector<int> other_uv_images;
   std::vector<std::uint8_t> code;
 
-  Impl(const std::string& p, const StackInfo& print, const Job& j)
-      : path(p), info(print), job(j), store(folder_beside(p), memory_budget, j) {
+  Impl(const std::string& p, const StackInfo& print, const ExecutionContext& j)
+      : path(p), info(print), context(j), store(folder_beside(p), memory_budget, j) {
     // A print that was stopped has a record, too.
-    job.cancel = nullptr;
+    context.cancel = nullptr;
   }
   bool follows(const std::uint8_t* blue, const std::uint8_t* uv) const;
   void write_images(StackWriter& writer, int count) const;
 };
 
-RecordingWriter::RecordingWriter(const std::string& path, const StackInfo& print, const Job& job) {
+RecordingWriter::RecordingWriter(const std::string& path, const StackInfo& print,
+                                 const ExecutionContext& context) {
   if (!path.ends_with(".uvj")) {
     throw InputError(path, "", "a recording is written as a UVJ archive; expected a name.uvj");
   }
@@ -69,7 +70,7 @@ RecordingWriter::RecordingWriter(const std::string& path, const StackInfo& print
   if (grid.width_px < 1 || grid.height_px < 1 || !(grid.layer_um > 0)) {
     throw std::invalid_argument("a recording needs the size of images and layers");
   }
-  impl_ = std::make_unique<Impl>(path, print, job);
+  impl_ = std::make_unique<Impl>(path, print, context);
   Impl& s = *impl_;
   s.pixels = static_cast<std::size_t>(grid.width_px) * static_cast<std::size_t>(grid.height_px);
   s.info.kind = StackKind::recorded;
@@ -107,7 +108,7 @@ void RecordingWriter::Impl::write_images(StackWriter& writer, int count) const {
   constexpr int at_once = 16;
   const int height = info.grid.height_px;
   const auto groups = static_cast<std::size_t>((count + at_once - 1) / at_once);
-  parallel_for(job, "record", groups, [&](std::size_t g) {
+  parallel_for(context, "record", groups, [&](std::size_t g) {
     StackWriter::BandEncoder encoder(writer, 0, height);
     std::vector<std::uint8_t> packed, image(pixels);
     const int first = static_cast<int>(g) * at_once;
@@ -126,7 +127,7 @@ void RecordingWriter::finish(Recording shown) {
   check_recording(shown, images(), s.path);
   s.info.grid.layers = std::max(1, images());
   s.info.recording = std::make_shared<const Recording>(std::move(shown));
-  StackWriter writer(s.path, s.info.grid, s.job);
+  StackWriter writer(s.path, s.info.grid, s.context);
   if (s.uv_of_pixel) writer.set_uv_pattern(*s.uv_of_pixel);
   if (images() == 0) {
     StackWriter::BandEncoder(writer, 0, s.info.grid.height_px)

@@ -7,7 +7,7 @@
 
 namespace slicecorr {
 
-using detail::BandTape;
+using detail::CodedBand;
 using detail::columns_of;
 
 namespace {
@@ -30,50 +30,50 @@ class PlacePredictor {
   /// Lets `listen(predictor, columns)` know each of them.
   template <class Listen>
   void listen(const Listen& listen) {
-    for (Part& part : parts_) {
-      listen(*part.predictor, part.columns.empty() ? nullptr : &part.columns);
+    for (Group& group : groups_) {
+      listen(*group.predictor, group.columns.empty() ? nullptr : &group.columns);
     }
   }
   void add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage) {
-    for (Part& part : parts_) {
-      const auto& columns = part.columns;
+    for (Group& group : groups_) {
+      const auto& columns = group.columns;
       if (columns.empty()) {
-        part.predictor->add_slice(slice, pixels, coverage);
+        group.predictor->add_slice(slice, pixels, coverage);
         continue;
       }
       for (std::size_t k = 0; k < columns.size(); ++k) {
         if (pixels) pixels_[k] = pixels[columns[k]];
         cover_[k] = coverage[columns[k]];
       }
-      part.predictor->add_slice(slice, pixels ? pixels_.data() : nullptr, cover_.data());
+      group.predictor->add_slice(slice, pixels ? pixels_.data() : nullptr, cover_.data());
     }
   }
   /// Tells the edges at the platform. Figures are not kept.
   void finish() {
-    for (Part& part : parts_) part.predictor->finish(0, 0, 1);
+    for (Group& group : groups_) group.predictor->finish(0, 0, 1);
   }
 
  private:
-  struct Part {
+  struct Group {
     std::unique_ptr<BandPredictor> predictor;
     std::vector<std::uint32_t> columns;  ///< empty: all of the band
   };
   void add(const PlaceModels& models, std::uint8_t value, int layers, std::size_t size,
            std::vector<std::uint32_t> columns) {
-    parts_.reserve(256);  // their columns are referred to
-    parts_.push_back(
+    groups_.reserve(256);  // their columns are referred to
+    groups_.push_back(
         {std::make_unique<BandPredictor>(models.model(value), models.curve(value), layers, size),
          std::move(columns)});
-    parts_.back().predictor->keep_no_histograms();
+    groups_.back().predictor->keep_no_histograms();
   }
-  std::vector<Part> parts_;
+  std::vector<Group> groups_;
   std::vector<std::uint8_t> pixels_, cover_;
 };
 
 }  // namespace
 
 ReducedVolume reduce_volume(const SliceSource& stack, const SliceSource& target, const Setup& setup,
-                            int most_cells, const Job& job) {
+                            int most_cells, const ExecutionContext& context) {
   refuse_recording(stack);
   check_same_voxels(stack.grid(), target.grid());
   const PlaceModels models(setup.printer, setup.resin, setup.process, stack.grid(), stack.frame());
@@ -83,17 +83,17 @@ ReducedVolume reduce_volume(const SliceSource& stack, const SliceSource& target,
   detail::VolumeReducer reducer(models, box, layers, shown_layers, setup.printer.levels(),
                                 most_cells);
   const auto bands = detail::bands_of(stack.grid(), box);
-  parallel_for(job, "look", bands.size(), [&](std::size_t i) {
+  parallel_for(context, "look", bands.size(), [&](std::size_t i) {
     const PixelBox& band = bands[i];
-    const BandTape design = detail::tape_of(target, band);
-    const BandTape shown = detail::tape_of(stack, band);
+    const CodedBand design = detail::coded_band_of(target, band);
+    const CodedBand shown = detail::coded_band_of(stack, band);
     PlacePredictor before(models, all, band), after(models, all, band);
     detail::VolumeReducer::Band reduced(reducer, band);
     before.listen([&](auto&&... p) { reduced.listen_before(p...); });
     after.listen([&](auto&&... p) { reduced.listen_after(p...); });
     std::vector<std::uint8_t> pixels(columns_of(band)), cover(columns_of(band));
     for (int z = all; z-- > 0;) {
-      if ((z & 63) == 0) job.check_cancelled();
+      if ((z & 63) == 0) context.check_cancelled();
       shown.read(z, pixels.data());
       design.read(z, cover.data());
       before.add_slice(z, z < layers ? cover.data() : nullptr, cover.data());

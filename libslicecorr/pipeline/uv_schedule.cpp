@@ -21,28 +21,29 @@ double on_ladder(double uv, double greatest, double least) {
 
 }  // namespace
 
-Process schedule_uv(const SliceSource& target, const Setup& setup, const Job& job) {
+Process schedule_uv(const SliceSource& target, const Setup& setup,
+                    const ExecutionContext& context) {
   Process process = setup.process;
   if (process.uv.kind != UvKind::per_slice || !process.uv.slice_mw_cm2.empty()) return process;
   // First with the lamp that full light needs: what does each slice show at most?
-  const detail::PlacePlans plans(target, setup, job);
+  const detail::PlacePlans plans(target, setup, context);
   const PlaceModels& models = plans.models();
   detail::PlaceWindows total(models, plans.all_layers());
   const auto bands = detail::bands_of(target.grid(), target.bounds());
   std::mutex merging;
-  parallel_for(job, "choose UV", bands.size(), [&](std::size_t i) {
+  parallel_for(context, "choose UV", bands.size(), [&](std::size_t i) {
     const auto watch_columns = [&](std::uint8_t value, std::size_t columns,
                                    const detail::BandReader& read) {
       const CorrectionPlan& plan = plans.plan(value);
       BandCorrector corrector(plan, columns);
       read([&](int n, const std::uint8_t* rows) {
-        if ((n & 63) == 0) job.check_cancelled();
+        if ((n & 63) == 0) context.check_cancelled();
         corrector.add_layer(rows);
       });
       WindowWatch watch(plan.model, plan.all_layers, columns);
       std::vector<std::uint8_t> pixels(columns);
       corrector.solve([&](int n, const std::uint8_t* levels, const std::uint8_t*, bool dark) {
-        if ((n & 63) == 0) job.check_cancelled();
+        if ((n & 63) == 0) context.check_cancelled();
         for (std::size_t k = 0; k < columns; ++k) {
           pixels[k] = static_cast<std::uint8_t>(pixel_of_level(levels[k], plan.levels.size()));
         }

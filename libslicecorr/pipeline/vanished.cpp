@@ -40,10 +40,10 @@ void refuse_vanished(const SliceSource& target, const std::string& name) {
   throw InputError(name, "", message);
 }
 
-void tell_nothing_prints(const Prediction& p, const Job& job) {
+void tell_nothing_prints(const Prediction& p, const ExecutionContext& context) {
   if (p.target_voxels == 0 || p.undercure_voxels < p.target_voxels) return;
-  job.tell(fmt::format("nothing of the part prints: all of its {} voxels stay liquid (overlap 0)",
-                       p.target_voxels));
+  context.tell(fmt::format(
+      "nothing of the part prints: all of its {} voxels stay liquid (overlap 0)", p.target_voxels));
 }
 
 }  // namespace slicecorr::detail

@@ -14,6 +14,6 @@ namespace slicecorr::detail {
 [[noreturn]] void refuse_vanished(const SliceSource& target, const std::string& name = {});
 
 /// Tells it where nothing that is designed prints.
-void tell_nothing_prints(const Prediction& prediction, const Job& job);
+void tell_nothing_prints(const Prediction& prediction, const ExecutionContext& context);
 
 }  // namespace slicecorr::detail

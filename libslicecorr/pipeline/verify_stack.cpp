@@ -17,7 +17,7 @@
 namespace slicecorr {
 
 using detail::bands_of;
-using detail::BandTape;
+using detail::CodedBand;
 using detail::columns_of;
 
 namespace {
@@ -29,30 +29,31 @@ void check_inside(const Grid& grid, int x, int y) {
   }
 }
 
-void tell_settings(const detail::ShownSlices& slices, const Job& job) {
-  job.tell(fmt::format("measured UV light is taken as one of {} intensities, off by up to {:.2g} %",
-                       slices.process().uv.slice_mw_cm2.size(), 100 * slices.setting_deviation()));
+void tell_settings(const detail::ShownSlices& slices, const ExecutionContext& context) {
+  context.tell(
+      fmt::format("measured UV light is taken as one of {} intensities, off by up to {:.2g} %",
+                  slices.process().uv.slice_mw_cm2.size(), 100 * slices.setting_deviation()));
 }
 
 /// Grey values of a recorded slice as they would be at the light of the plan.
-void mix(std::span<const ShownPart> parts, std::size_t columns, std::uint8_t* pixels) {
+void mix(std::span<const ImageShowing> parts, std::size_t columns, std::uint8_t* pixels) {
   for (std::size_t i = 0; i < columns; ++i) {
     double sum = 0;
-    for (const ShownPart& part : parts) sum += part.light * part.pixels[i];
+    for (const ImageShowing& part : parts) sum += part.light * part.pixels[i];
     pixels[i] = static_cast<std::uint8_t>(std::lround(std::min(sum, 255.0)));
   }
 }
 
 /// `layers` slices shown, then no light up to `all_layers`; for plain models.
-void predict_tiles(BandPredictor& predictor, const BandTape& shown, int layers,
-                   const BandTape& design, int all_layers, const Job& job) {
+void predict_tiles(BandPredictor& predictor, const CodedBand& shown, int layers,
+                   const CodedBand& design, int all_layers, const ExecutionContext& context) {
   constexpr std::size_t lanes = BandPredictor::kTileColumns;
   constexpr int most = 64;
   const std::size_t columns = shown.columns();
   std::vector<std::uint8_t> pixels(columns * most), coverage(columns * most);
   std::vector<std::uint8_t> lit(lanes * most, 0), cover(lanes * most, 0);
   for (int end = all_layers; end > 0;) {
-    job.check_cancelled();
+    context.check_cancelled();
     const int begin = std::max({0, end - most, end > layers ? layers : 0});
     const auto count = static_cast<std::size_t>(end - begin);
     for (std::size_t k = 0; k < count; ++k) {
@@ -75,10 +76,10 @@ void predict_tiles(BandPredictor& predictor, const BandTape& shown, int layers,
 
 /// What a recorded slice shows of a column.
 ProbeRow probe_recorded(const CureModel& model, const std::vector<double>& intensity,
-                        std::span<const ShownPart> parts) {
+                        std::span<const ImageShowing> parts) {
   ProbeRow row;
   double most = 0, sum = 0;
-  for (const ShownPart& part : parts) {
+  for (const ImageShowing& part : parts) {
     const int grey = level_of_pixel(*part.pixels, static_cast<int>(intensity.size()));
     const auto level = static_cast<std::size_t>(grey);
     if (part.light > most) row.grey = grey;
@@ -114,13 +115,13 @@ void check_same_voxels(const Grid& stack, const Grid& target) {
 }
 
 Prediction verify_stack(const SliceSource& stack, const SliceSource& target, const Setup& setup,
-                        const Job& job) {
+                        const ExecutionContext& context) {
   const Grid& grid = stack.grid();
   check_same_voxels(grid, target.grid());
   refuse_recording(target);
   const detail::ShownSlices slices(stack, setup.printer, setup.resin, setup.process);
   const detail::ShownSlices* const recorded = slices.recorded() ? &slices : nullptr;
-  if (slices.setting_deviation() > 0) tell_settings(slices, job);
+  if (slices.setting_deviation() > 0) tell_settings(slices, context);
   const PlaceModels models(slices.printer(), setup.resin, slices.process(), grid, stack.frame());
   const CureModel& model = models.brightest();
   const int layers = slices.slices();
@@ -131,18 +132,18 @@ Prediction verify_stack(const SliceSource& stack, const SliceSource& target, con
   std::optional<detail::PlaceWindows> window;
   if (model.inhibited) window.emplace(models, layers);
   std::mutex merging;
-  parallel_for(job, "predict", bands.size(), [&](std::size_t i) {
+  parallel_for(context, "predict", bands.size(), [&](std::size_t i) {
     const PixelBox& band = bands[i];
     Prediction figures;
     // Columns of one value, whose figures go on from those before them.
-    const auto predict = [&](std::uint8_t value, std::size_t columns, const BandTape& shown,
-                             const BandTape& design, const BandPredictor::Place& place) {
+    const auto predict = [&](std::uint8_t value, std::size_t columns, const CodedBand& shown,
+                             const CodedBand& design, const BandPredictor::PixelOfColumn& place) {
       std::vector<std::uint8_t> pixels(columns), coverage(columns);
       BandPredictor predictor(models.model(value), models.curve(value), all_layers, columns,
                               slices.recorded());
       predictor.go_on_from(std::move(figures));
       if (!recorded && models.model(value).is_plain()) {
-        predict_tiles(predictor, shown, layers, design, all_layers, job);
+        predict_tiles(predictor, shown, layers, design, all_layers, context);
         figures = predictor.finish(place);
         return;
       }
@@ -150,10 +151,10 @@ Prediction verify_stack(const SliceSource& stack, const SliceSource& target, con
       if (window) watch.emplace(models.model(value), layers, columns);
       detail::ShownBand band_shown(slices, shown);
       for (int n = all_layers; n-- > 0;) {
-        if ((n & 63) == 0) job.check_cancelled();
+        if ((n & 63) == 0) context.check_cancelled();
         design.read(n, coverage.data());
         if (recorded) {
-          const std::span<const ShownPart> parts = band_shown.of(n);
+          const std::span<const ImageShowing> parts = band_shown.of(n);
           predictor.add_slice(n, parts, coverage.data());
           if (watch && n < layers) watch->add_slice(n, parts);
           continue;
@@ -172,14 +173,14 @@ Prediction verify_stack(const SliceSource& stack, const SliceSource& target, con
     };
     detail::LightCounts counts{};
     if (models.even()) {
-      predict(models.map().reference(), columns_of(band), detail::tape_of(stack, band),
-              detail::tape_of(target, band), detail::place_in(band));
+      predict(models.map().reference(), columns_of(band), detail::coded_band_of(stack, band),
+              detail::coded_band_of(target, band), detail::pixels_of_columns(band));
     } else {
       const detail::GroupedBand grouped(models.map(), band, {reader(stack), reader(target)});
       for (const auto& g : grouped.groups) {
         counts[g.value] = g.columns.size();
         predict(g.value, g.columns.size(), g.sources[0], g.sources[1],
-                detail::place_in(band, g.columns));
+                detail::pixels_of_columns(band, g.columns));
       }
     }
     const std::lock_guard lock(merging);
@@ -189,12 +190,12 @@ Prediction verify_stack(const SliceSource& stack, const SliceSource& target, con
   Prediction p = models.even()
                      ? detail::whole_image(total, model, grid, layers, bands, recorded)
                      : detail::whole_image(total, models, grid, layers, in_groups, recorded);
-  detail::tell_nothing_prints(p, job);
+  detail::tell_nothing_prints(p, context);
   if (window) {
     p.dead_zones = window->result();
     if (p.dead_zones->cured_pixels > 0) {
-      job.tell(fmt::format("the resin cures to the window at {} pixels, first in slice {}",
-                           p.dead_zones->cured_pixels, p.dead_zones->cured_slice));
+      context.tell(fmt::format("the resin cures to the window at {} pixels, first in slice {}",
+                               p.dead_zones->cured_pixels, p.dead_zones->cured_slice));
     }
   }
   return p;
@@ -211,19 +212,19 @@ std::vector<ProbeRow> probe_stack(const SliceSource& stack, const SliceSource* t
   const CureModel& model = models.model_at(x, y);
   const std::vector<double> intensity =
       level_intensities(models.printer_at(models.map().value(x, y)));
-  const BandTape tape = detail::tape_of(stack, pixel);
-  detail::ShownBand shown(slices, tape);
+  const CodedBand coded = detail::coded_band_of(stack, pixel);
+  detail::ShownBand shown(slices, coded);
   std::vector<ProbeRow> rows(static_cast<std::size_t>(slices.slices()));
   BandDose dose(model, 1);
   for (int n = slices.slices(); n-- > 0;) {
     ProbeRow& row = rows[static_cast<std::size_t>(n)];
     if (slices.recorded()) {
-      const std::span<const ShownPart> parts = shown.of(n);
+      const std::span<const ImageShowing> parts = shown.of(n);
       row = probe_recorded(model, intensity, parts);
       dose.add_slice(n, parts);
     } else {
       std::uint8_t value = 0;
-      tape.read(n, &value);
+      coded.read(n, &value);
       row.grey = level_of_pixel(value, setup.printer.levels());
       row.intensity_mw_cm2 = intensity[static_cast<std::size_t>(row.grey)];
       row.phi = model.level_phi[static_cast<std::size_t>(row.grey)];
@@ -272,18 +273,18 @@ Section section_of(const SliceSource& stack, const SliceSource& target, const Se
     };
   };
   target.read_band(row, into(s.coverage));
-  const BandTape tape = detail::tape_of(stack, row);
-  detail::ShownBand shown(slices, tape);
+  const CodedBand coded = detail::coded_band_of(stack, row);
+  detail::ShownBand shown(slices, coded);
   const PlaceModels models(slices.printer(), setup.resin, slices.process(), grid, stack.frame());
   PlaceDose dose(models, row);
   for (int n = s.layers; n-- > 0;) {
     const std::size_t at = static_cast<std::size_t>(n) * width;
     if (slices.recorded()) {
-      const std::span<const ShownPart> parts = shown.of(n);
+      const std::span<const ImageShowing> parts = shown.of(n);
       dose.add_slice(n, parts);
       mix(parts, width, s.pixels.data() + at);
     } else {
-      if (n < grid.layers) tape.read(n, s.pixels.data() + at);
+      if (n < grid.layers) coded.read(n, s.pixels.data() + at);
       dose.add_slice(n, n < grid.layers ? s.pixels.data() + at : nullptr);
     }
     for (std::size_t x = 0; x < width; ++x) s.dose[at + x] = static_cast<float>(dose.middle()[x]);

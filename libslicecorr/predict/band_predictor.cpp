@@ -183,7 +183,7 @@ void lower(double* __restrict least, const double* __restrict dose) {
 BandPredictor::~BandPredictor() = default;
 
 BandPredictor::BandPredictor(const CureModel& model, const PixelCurve& curve, int all_layers,
-                             std::size_t columns, bool in_parts)
+                             std::size_t columns, bool in_showings)
     : model_(model),
       curve_(curve),
       all_layers_(all_layers),
@@ -198,7 +198,7 @@ BandPredictor::BandPredictor(const CureModel& model, const PixelCurve& curve, in
     c.start = all_layers;
     c.lower = all_layers;
   }
-  if (in_parts || !model.is_plain()) dose_ = std::make_unique<BandDose>(model, columns);
+  if (in_showings || !model.is_plain()) dose_ = std::make_unique<BandDose>(model, columns);
   if (dose_) inside_.resize(kBlock);
 }
 
@@ -351,19 +351,19 @@ void BandPredictor::event(std::size_t i, int slice, double below, const LayerDos
 }
 
 void BandPredictor::add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage) {
-  if (!pixels) return add_slice(slice, std::span<const ShownPart>{}, coverage);
+  if (!pixels) return add_slice(slice, std::span<const ImageShowing>{}, coverage);
   const int setting = model_.inhibited ? model_.inhibited->setting_of_slice(slice) : 0;
-  const ShownPart whole{pixels, 1.0, setting};
+  const ImageShowing whole{pixels, 1.0, setting};
   add_slice(slice, {&whole, 1}, coverage);
 }
 
-void BandPredictor::add_slice(int slice, std::span<const ShownPart> parts,
+void BandPredictor::add_slice(int slice, std::span<const ImageShowing> showings,
                               const std::uint8_t* coverage) {
   const std::uint8_t* cover = coverage ? coverage : empty_.data();
   if (dose_) {
-    add_general_slice(slice, parts, cover);
+    add_general_slice(slice, showings, cover);
   } else {
-    add_plain_slice(slice, parts, cover);
+    add_plain_slice(slice, showings, cover);
   }
 }
 
@@ -414,9 +414,9 @@ void BandPredictor::look_inside(std::size_t first, std::size_t n, const std::uin
   }
 }
 
-void BandPredictor::add_general_slice(int slice, std::span<const ShownPart> parts,
+void BandPredictor::add_general_slice(int slice, std::span<const ImageShowing> showings,
                                       const std::uint8_t* cover) {
-  dose_->add_slice(slice, parts);
+  dose_->add_slice(slice, showings);
   BlockSums& sums = *sums_;
   std::uint8_t events[kBlock], tail_cover[kBlock];
   double tail[3][kBlock];
@@ -490,7 +490,7 @@ void BandPredictor::add_general_slice(int slice, std::span<const ShownPart> part
   }
 }
 
-void BandPredictor::add_plain_slice(int slice, std::span<const ShownPart> parts,
+void BandPredictor::add_plain_slice(int slice, std::span<const ImageShowing> showings,
                                     const std::uint8_t* cover) {
   const Factors f{model_.a, model_.one_minus_a, model_.root_a, 1.0 - model_.root_a};
   alignas(64) double phi[kBlock];
@@ -508,7 +508,7 @@ void BandPredictor::add_plain_slice(int slice, std::span<const ShownPart> parts,
       block_cover = tail;
       std::fill_n(phi, kBlock, 0.0);
     }
-    detail::block_phi(curve_, parts, b, n, phi);
+    detail::block_phi(curve_, showings, b, n, phi);
     // A block inside a gap and unprinted, or inside features and printed, has no events.
     Class& block = block_class_[b / kBlock];
     if (block != grey) {
@@ -559,7 +559,7 @@ Prediction BandPredictor::finish(int x0, int y0, int width) {
   });
 }
 
-Prediction BandPredictor::finish(const Place& place) {
+Prediction BandPredictor::finish(const PixelOfColumn& place) {
   for (std::size_t i = 0; i < kBlock; ++i) {
     Prediction& p = prediction_;
     p.target_voxels += static_cast<std::uint64_t>(sums_->run_voxels[i]);
@@ -610,12 +610,12 @@ Prediction BandPredictor::finish(const Place& place) {
 }
 
 Prediction predict_black_columns(const CureModel& model, int slices, std::uint64_t columns,
-                                 const BlackParts& parts) {
+                                 const BlackShowings& showings) {
   Prediction p;
   if (columns == 0) return p;
   BandDose dose(model, 1);
   for (int n = slices; n-- > 0;) {
-    dose.add_slice(n, parts(n));
+    dose.add_slice(n, showings(n));
     p.max_dose_outside = std::max(p.max_dose_outside, *dose.middle());
   }
   return p;
@@ -624,10 +624,10 @@ Prediction predict_black_columns(const CureModel& model, int slices, std::uint64
 Prediction predict_black_columns(const CureModel& model, int slices, std::uint64_t columns) {
   if (!model.is_plain()) {
     const std::uint8_t black = 0;
-    ShownPart whole{&black, 1.0, 0};
+    ImageShowing whole{&black, 1.0, 0};
     return predict_black_columns(model, slices, columns, [&](int n) {
       whole.setting = model.inhibited ? model.inhibited->setting_of_slice(n) : 0;
-      return std::span<const ShownPart>(&whole, 1);
+      return std::span<const ImageShowing>(&whole, 1);
     });
   }
   Prediction p;

@@ -75,53 +75,53 @@ void WindowWatch::add_slice(int slice, const std::uint8_t* pixels) {
     low_[n] = std::min(low_[n], lit.low);
     high_[n] = std::max(high_[n], lit.high);
   }
-  const ShownPart whole{pixels, 1.0, kernel_.setting_of_slice(slice)};
+  const ImageShowing whole{pixels, 1.0, kernel_.setting_of_slice(slice)};
   cure(slice, {&whole, 1});
 }
 
-void WindowWatch::add_slice(int slice, std::span<const ShownPart> parts) {
+void WindowWatch::add_slice(int slice, std::span<const ImageShowing> showings) {
   const auto n = static_cast<std::size_t>(slice);
   if (n >= high_.size()) return cure(slice, {});
   if (least_um_.empty()) {
     least_um_.assign(high_.size(), kNothing);
     greatest_um_.assign(high_.size(), kNothing);
   }
-  for (const ShownPart& part : parts) {
-    const Lit lit = lit_values(part.pixels, columns_);
+  for (const ImageShowing& showing : showings) {
+    const Lit lit = lit_values(showing.pixels, columns_);
     if (lit.high == 0) continue;
     low_[n] = std::min(low_[n], lit.low);
     high_[n] = std::max(high_[n], lit.high);
     const auto zone = [&](std::uint8_t value) {
-      return kernel_.setting_dead_zone_um(part.setting, level_of_pixel(value, kernel_.levels()));
+      return kernel_.setting_dead_zone_um(showing.setting, level_of_pixel(value, kernel_.levels()));
     };
     // fmin and fmax leave NaN aside.
     least_um_[n] = std::fmin(least_um_[n], zone(lit.high));
     greatest_um_[n] = std::fmax(greatest_um_[n], zone(lit.low));
   }
-  cure(slice, parts);
+  cure(slice, showings);
 }
 
 /// Gel dose at the window.
-void WindowWatch::cure(int slice, std::span<const ShownPart> parts) {
+void WindowWatch::cure(int slice, std::span<const ImageShowing> showings) {
   if (dose_.empty()) return;
   struct Level {
     double dose = 0;
     bool no_dead_zone = false;
   };
-  std::vector<std::array<Level, 256>> at_window(parts.size());
-  for (std::size_t k = 0; k < parts.size(); ++k) {
+  std::vector<std::array<Level, 256>> at_window(showings.size());
+  for (std::size_t k = 0; k < showings.size(); ++k) {
     for (int v = 0; v < 256; ++v) {
       const int level = level_of_pixel(v, kernel_.levels());
       at_window[k][static_cast<std::size_t>(v)] = {
-          parts[k].light * kernel_.setting_window_dose(parts[k].setting, level),
-          !kernel_.level_keeps_dead_zone(parts[k].setting, level)};
+          showings[k].light * kernel_.setting_window_dose(showings[k].setting, level),
+          !kernel_.level_keeps_dead_zone(showings[k].setting, level)};
     }
   }
   for (std::size_t i = 0; i < columns_; ++i) {
     double added = 0;
     bool no_dead_zone = false;
-    for (std::size_t k = 0; k < parts.size(); ++k) {
-      const Level& at = at_window[k][parts[k].pixels[i]];
+    for (std::size_t k = 0; k < showings.size(); ++k) {
+      const Level& at = at_window[k][showings[k].pixels[i]];
       added += at.dose;
       no_dead_zone = no_dead_zone || at.no_dead_zone;
     }

@@ -5,13 +5,13 @@
 #include <cmath>
 #include <string_view>
 
-#include "support/text/base64.hpp"
 #include "parallel/silent.hpp"
 #include "report/page_parts.hpp"
 #include "report/page_text.hpp"
-#include "support/page/page_style.hpp"
 #include "slicecorr/report.hpp"
 #include "slicecorr/units.hpp"
+#include "support/page/page_style.hpp"
+#include "support/text/base64.hpp"
 
 namespace slicecorr {
 
@@ -148,7 +148,7 @@ std::string summary(const ReportContent& c) {
 
 }  // namespace
 
-std::string make_report(const ReportContent& c, const Job& job) {
+std::string make_report(const ReportContent& c, const ExecutionContext& context) {
   const Grid& g = c.info.grid;
   const CureModel model =
       make_cure_model(c.setup.printer, c.setup.resin, c.setup.process, g.layer_um);
@@ -175,7 +175,7 @@ std::string make_report(const ReportContent& c, const Job& job) {
     figures.push_back({&s.grey_before, "Uncorrected: grey values shown", {}});
     figures.push_back({&s.grey_after, "This stack: grey values shown", {}});
   }
-  parallel_for(detail::silent(job), "", figures.size(), [&](std::size_t i) {
+  parallel_for(detail::silent(context), "", figures.size(), [&](std::size_t i) {
     figures[i].html = image(*figures[i].picture, figures[i].words);
   });
   for (std::size_t i = 0; i < figures.size(); ++i) {
@@ -204,7 +204,7 @@ std::string make_report(const ReportContent& c, const Job& job) {
                                    c.column_y >= 0 ? c.column_y : (v.box.y0 + v.box.y1) / 2,
                                    v.layers / 2};
     html += R"(<script type="application/json" id="report-data">)";
-    html += detail::page_data(v, model, g, start, job);
+    html += detail::page_data(v, model, g, start, context);
     html += "</script><script>";
     for (const auto& script :
          {detail::page_data_js, detail::page_sections_js, detail::page_column_js,
@@ -230,7 +230,8 @@ std::string row_in_words(const SliceSource& source, int y) {
 ReportContent gather_report(const SliceSource& stack, const SliceSource& target, const Setup& setup,
                             const StackInfo& info, const Prediction& after,
                             const std::optional<Prediction>& before, const std::string& title,
-                            const Job& job, std::shared_ptr<const ReducedVolume> volume) {
+                            const ExecutionContext& context,
+                            std::shared_ptr<const ReducedVolume> volume) {
   ReportContent c;
   c.title = title;
   c.info = info;
@@ -250,7 +251,7 @@ ReportContent gather_report(const SliceSource& stack, const SliceSource& target,
       grey = grey_picture(s, g.pixel_x_um, g.layer_um, kMostPixels);
     };
     // Both at once, where that is not much memory.
-    Job two = detail::silent(job);
+    ExecutionContext two = detail::silent(context);
     if (static_cast<double>(g.width_px) * g.layers >= 32e6) two.threads = 1;
     parallel_for(two, "", 2, [&](std::size_t i) {
       if (i == 0) {
@@ -274,7 +275,7 @@ ReportContent gather_report(const SliceSource& stack, const SliceSource& target,
   // What can be moved through computes with one image per slice.
   if (!volume && !stack.recording()) {
     volume =
-        std::make_shared<ReducedVolume>(reduce_volume(stack, target, setup, kReportCells, job));
+        std::make_shared<ReducedVolume>(reduce_volume(stack, target, setup, kReportCells, context));
   }
   c.volume = std::move(volume);
   return c;

@@ -10,11 +10,11 @@
 #include <new>
 #include <nlohmann/json.hpp>
 
-#include "support/text/base64.hpp"
 #include "parallel/silent.hpp"
 #include "report/page_parts.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/inhibited.hpp"
+#include "support/text/base64.hpp"
 
 namespace slicecorr::detail {
 
@@ -148,7 +148,8 @@ nlohmann::ordered_json kernel_json(const InhibitedKernel& kernel, int layers) {
   std::uint8_t* out = bytes.data();
   for (int setting = 0; setting < kernel.settings(); ++setting) {
     for (int place = 0; place < 3; ++place) {
-      const double* values = kernel.table(setting, static_cast<InhibitedKernel::Place>(place));
+      const double* values =
+          kernel.table(setting, static_cast<InhibitedKernel::LayerPosition>(place));
       for (std::size_t i = 0; i < table; ++i, out += sizeof(float)) {
         const auto value = static_cast<float>(values[i]);
         std::memcpy(out, &value, sizeof value);
@@ -168,12 +169,12 @@ nlohmann::ordered_json kernel_json(const InhibitedKernel& kernel, int layers) {
 }  // namespace
 
 std::string page_data(ReducedVolume v, const CureModel& model, const Grid& grid,
-                      const std::array<int, 3>& start, const Job& job) {
+                      const std::array<int, 3>& start, const ExecutionContext& context) {
   // Makes `count` packed fields; true when they fit together.
   const auto fit = [&](std::size_t most, std::size_t count, Bytes* packed,
                        const std::function<Bytes(std::size_t)>& make) {
     std::atomic<bool> all{true};
-    parallel_for(silent(job), "", count, [&](std::size_t i) {
+    parallel_for(silent(context), "", count, [&](std::size_t i) {
       if (all && !deflate_within(most, make(i), packed[i])) all = false;
     });
     if (!all) return false;

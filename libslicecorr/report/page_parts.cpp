@@ -92,21 +92,21 @@ std::string histogram(const char* title, const char* axis, const std::vector<std
          "</figcaption>" + table + "</tbody></table></div></details></figure>";
 }
 
-struct Place {
+struct ExampleGroup {
   FeatureExample first;
   int last_x;
 };
 
 /// Neighbours in a row with the same slices are one place.
-std::vector<Place> places(const FeatureExamples& examples) {
-  std::vector<Place> list;
+std::vector<ExampleGroup> groups_of(const FeatureExamples& examples) {
+  std::vector<ExampleGroup> list;
   auto sorted = examples.sorted();
   std::stable_sort(sorted.begin(), sorted.end(), [](const auto& a, const auto& b) {
     return std::tie(a.y, a.first, a.last, a.x) < std::tie(b.y, b.first, b.last, b.x);
   });
   for (const FeatureExample& e : sorted) {
     if (!list.empty()) {
-      Place& p = list.back();
+      ExampleGroup& p = list.back();
       if (p.first.y == e.y && p.first.first == e.first && p.first.last == e.last &&
           p.last_x + 1 == e.x) {
         p.last_x = e.x;
@@ -115,7 +115,7 @@ std::vector<Place> places(const FeatureExamples& examples) {
     }
     list.push_back({e, e.x});
   }
-  std::stable_sort(list.begin(), list.end(), [](const Place& a, const Place& b) {
+  std::stable_sort(list.begin(), list.end(), [](const ExampleGroup& a, const ExampleGroup& b) {
     return std::tie(a.first.y, a.first.x, a.first.first) <
            std::tie(b.first.y, b.first.x, b.first.first);
   });
@@ -129,14 +129,14 @@ std::string range(int from, int to) {
 std::string feature_table(const std::string& words, const FeatureExamples& examples,
                           std::uint64_t count, const Grid& grid, bool open) {
   if (count == 0) return fmt::format("<p>{}: none.</p>", words);
-  const auto list = places(examples);
+  const auto list = groups_of(examples);
   std::size_t listed = 0;
-  for (const Place& p : list) listed += static_cast<std::size_t>(p.last_x - p.first.x + 1);
+  for (const ExampleGroup& p : list) listed += static_cast<std::size_t>(p.last_x - p.first.x + 1);
   std::string html = fmt::format(
       R"(<details{}><summary>{}: {}{}</summary><div class="scroll tall" tabindex="0" role="region" aria-label="{}"><table><thead><tr><th scope="col">image columns</th><th scope="col">row</th><th scope="col">slices</th><th scope="col">x, mm</th><th scope="col">y, mm</th><th scope="col">z, mm</th><th scope="col"></th></tr></thead><tbody>)",
       open ? " open" : "", words, count,
       listed < count ? fmt::format(" (the first {} are listed)", listed) : "", words);
-  for (const Place& p : list) {
+  for (const ExampleGroup& p : list) {
     const FeatureExample& e = p.first;
     const double x0 = e.x * grid.pixel_x_um * 1e-3, x1 = (p.last_x + 1) * grid.pixel_x_um * 1e-3;
     const double y = (grid.height_px - e.y - 0.5) * grid.pixel_y_um * 1e-3;

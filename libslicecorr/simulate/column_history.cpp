@@ -286,7 +286,7 @@ class SampledColumn final : public Column {
 
 ColumnHistory simulate_column(const CureModel& model, const Process& process,
                               const std::vector<std::uint8_t>& pixels, const ColumnOptions& options,
-                              const Job& job) {
+                              const ExecutionContext& context) {
   if (pixels.empty()) throw InputError("a column without slices; expected one slice at least");
   if (options.substeps < 0 || options.substeps > 10000) {
     throw InputError(
@@ -337,14 +337,14 @@ ColumnHistory simulate_column(const CureModel& model, const Process& process,
   };
   step_to({0, 0});
   for (int n = 0; n < slices; ++n) {
-    job.check_cancelled();
+    context.check_cancelled();
     for (int i = 1; i < substeps; ++i) step_to({n, static_cast<double>(i) / substeps});
     // Moments inside the slice come before it is finished.
     profiles_to(n, std::nextafter(1.0, 0.0));
     column->finish_slice(n);
     step_to({n, 1.0});
     profiles_to(n, 1.0);
-    job.report("simulate", static_cast<double>(n + 1) / slices);
+    context.report("simulate", static_cast<double>(n + 1) / slices);
   }
   if (model.inhibited) {
     const InhibitedKernel& kernel = *model.inhibited;
@@ -363,7 +363,7 @@ ColumnHistory simulate_column(const CureModel& model, const Process& process,
 
 ColumnHistory simulate_column(const SliceSource& stack, const SliceSource* target,
                               const Setup& setup, int x, int y, const ColumnOptions& options,
-                              const Job& job) {
+                              const ExecutionContext& context) {
   refuse_recording(stack);
   const std::vector<ProbeRow> rows = probe_stack(stack, target, setup, x, y);
   const Grid& grid = stack.grid();
@@ -373,7 +373,7 @@ ColumnHistory simulate_column(const SliceSource& stack, const SliceSource* targe
   for (const ProbeRow& row : rows) {
     pixels.push_back(static_cast<std::uint8_t>(pixel_of_level(row.grey, setup.printer.levels())));
   }
-  ColumnHistory history = simulate_column(model, setup.process, pixels, options, job);
+  ColumnHistory history = simulate_column(model, setup.process, pixels, options, context);
   if (target) {
     for (const ProbeRow& row : rows) history.design.push_back(row.target);
   }

@@ -13,7 +13,7 @@ namespace slicecorr {
 
 SectionHistory simulate_section(const SliceSource& stack, const SliceSource* target,
                                 const Setup& setup, int y, const std::vector<double>& times_s,
-                                const Job& job) {
+                                const ExecutionContext& context) {
   refuse_recording(stack);
   const Grid& grid = stack.grid();
   if (target) check_same_voxels(grid, target->grid());
@@ -55,7 +55,7 @@ SectionHistory simulate_section(const SliceSource& stack, const SliceSource* tar
   const PrintClock clock(setup.process, model.m, grid.layer_um, grid.layers);
   const int levels = static_cast<int>(model.level_phi.size());
   for (const double time_s : times_s) {
-    job.check_cancelled();
+    context.check_cancelled();
     const PrintClock::Moment now = clock.at(time_s);
     SectionHistory::Frame frame;
     frame.time_s = clock.time_s(now);
@@ -71,7 +71,7 @@ SectionHistory simulate_section(const SliceSource& stack, const SliceSource* tar
     PlaceDose dose(models, row);
     const std::uint8_t* shown = pixels.data() + static_cast<std::size_t>(now.slice) * width;
     for (int n = now.slice; n >= 0; --n) {
-      if ((n & 63) == 0) job.check_cancelled();
+      if ((n & 63) == 0) context.check_cancelled();
       const std::size_t at = static_cast<std::size_t>(n) * width;
       dose.add_slice(n, n < complete ? pixels.data() + at : nullptr);
       std::map<std::pair<int, int>, double> added;  // by pixel value and light

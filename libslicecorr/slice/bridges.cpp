@@ -20,16 +20,16 @@ constexpr std::size_t kAllPairs = 512;
 /// Candidates per end and round of the grid search.
 constexpr std::size_t kCandidates = 32;
 
-/// Places at which nothing else begins or ends, and how many do: what lies over another many times
+/// Points at which nothing else begins or ends, and how many do: what lies over another many times
 /// is looked at once.
-struct Places {
-  std::vector<LooseEnds::Place> at;
+struct Points {
+  std::vector<LooseEnds::Point> at;
   std::vector<std::size_t> count;
 
-  explicit Places(const std::vector<LooseEnds::Place>& all) {
+  explicit Points(const std::vector<LooseEnds::Point>& all) {
     std::unordered_map<std::uint64_t, std::vector<std::uint32_t>> known;
     const auto bits = [](double v) { return std::bit_cast<std::uint64_t>(v + 0.0); };
-    for (const LooseEnds::Place& place : all) {
+    for (const LooseEnds::Point& place : all) {
       auto& near = known[bits(place.x) * 0x9E3779B97F4A7C15u ^ bits(place.y)];
       const auto same = std::find_if(near.begin(), near.end(), [&](std::uint32_t i) {
         return at[i].x == place.x && at[i].y == place.y;
@@ -45,7 +45,7 @@ struct Places {
   }
   std::size_t size() const { return at.size(); }
   bool empty() const { return at.empty(); }
-  const LooseEnds::Place& operator[](std::size_t i) const { return at[i]; }
+  const LooseEnds::Point& operator[](std::size_t i) const { return at[i]; }
   /// Drops those of which none is left.
   void drop_used() {
     std::size_t n = 0;
@@ -66,7 +66,7 @@ std::int64_t cell_key(std::int64_t cx, std::int64_t cy) { return cx * 0x9E3779B1
 std::vector<Segment> bridge(const LooseEnds& loose, double scale_x, double scale_y,
                             double& longest_mm) {
   std::vector<Segment> joints;
-  Places ends(loose.ends), beginnings(loose.beginnings);
+  Points ends(loose.ends), beginnings(loose.beginnings);
   std::vector<Pair> pairs;
   const auto distance2 = [&](std::size_t e, std::size_t b) {
     const double dx = (ends[e].x - beginnings[b].x) * scale_x;

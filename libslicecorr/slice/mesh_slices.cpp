@@ -69,8 +69,8 @@ constexpr std::size_t kChunk = 1 << 15;
 std::size_t chunks_of(std::size_t count) { return (count + kChunk - 1) / kChunk; }
 /// Calls `each(chunk, begin, end)` for parts of [0, count), on all threads.
 template <class Each>
-void in_chunks(std::size_t count, const Job& job, const Each& each) {
-  parallel_for(detail::silent(job), "", chunks_of(count), [&](std::size_t chunk) {
+void in_chunks(std::size_t count, const ExecutionContext& context, const Each& each) {
+  parallel_for(detail::silent(context), "", chunks_of(count), [&](std::size_t chunk) {
     each(chunk, chunk * kChunk, std::min(count, (chunk + 1) * kChunk));
   });
 }
@@ -84,20 +84,20 @@ struct MeshSlices::Impl {
   SliceReport report;
   std::vector<Corner> corners;                          ///< in place of the mesh's vertices
   std::vector<std::array<std::uint32_t, 3>> triangles;  ///< turned where needed
-  std::vector<MeshSeams::OpenEdge> open;
+  std::vector<EdgeDefects::OpenEdge> open;
   std::vector<std::vector<Segment>> bridges;  ///< per slice
   int rows_per_bin = 1;
   std::vector<std::size_t> bin_begin;  ///< per bin of rows: where its triangles begin in `binned`
   std::unique_ptr<Entry[]> binned;
 
   void place(TriangleMesh mesh, const Printer& printer, const SliceOptions& options,
-             const Job& job);
-  void close_contours(const Job& job);
-  void bin_triangles(const Job& job);
+             const ExecutionContext& context);
+  void close_contours(const ExecutionContext& context);
+  void bin_triangles(const ExecutionContext& context);
 
   /// Where the edge from corner a to corner b meets slice n. Both triangles of an edge get the same
   /// bits.
-  detail::LooseEnds::Place meet(std::uint32_t a, std::uint32_t b, double n) const {
+  detail::LooseEnds::Point meet(std::uint32_t a, std::uint32_t b, double n) const {
     if (a > b) std::swap(a, b);
     const Corner& p = corners[a];
     const Corner& q = corners[b];
@@ -158,11 +158,11 @@ void MeshSlices::Impl::set_edges(Cut& cut, int slice) const {
 }
 
 void MeshSlices::Impl::place(TriangleMesh mesh, const Printer& printer, const SliceOptions& options,
-                             const Job& job) {
+                             const ExecutionContext& context) {
   Point3 low = mesh.vertices[mesh.triangles[0][0]], high = low;
   bool finite = true;
   std::mutex joining;
-  in_chunks(mesh.triangles.size(), job, [&](std::size_t, std::size_t begin, std::size_t end) {
+  in_chunks(mesh.triangles.size(), context, [&](std::size_t, std::size_t begin, std::size_t end) {
     Point3 its_low = mesh.vertices[mesh.triangles[begin][0]], its_high = its_low;
     bool its_finite = true;
     for (std::size_t i = begin; i < end; ++i) {
@@ -236,7 +236,7 @@ void MeshSlices::Impl::place(TriangleMesh mesh, const Printer& printer, const Sl
   bounds.x1 = std::max(bounds.x1, std::min(bounds.x0 + 1, plate.width_px));
   bounds.y1 = std::max(bounds.y1, std::min(bounds.y0 + 1, plate.height_px));
   corners = std::move(mesh.vertices);
-  in_chunks(corners.size(), job, [&](std::size_t, std::size_t begin, std::size_t end) {
+  in_chunks(corners.size(), context, [&](std::size_t, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const Point3 v = corners[i];
       const double x = std::clamp((v[0] - mid_x + cx) / px, 0.0, 1.0 * plate.width_px);
@@ -249,7 +249,7 @@ void MeshSlices::Impl::place(TriangleMesh mesh, const Printer& printer, const Sl
   triangles = std::move(mesh.triangles);
 }
 
-void MeshSlices::Impl::close_contours(const Job& job) {
+void MeshSlices::Impl::close_contours(const ExecutionContext& context) {
   bridges.resize(static_cast<std::size_t>(grid.layers));
   if (open.empty()) return;
 
@@ -260,7 +260,7 @@ void MeshSlices::Impl::close_contours(const Job& job) {
     for (int n = span.first; n <= span.last; ++n) open_of[static_cast<std::size_t>(n)].push_back(e);
   }
   std::mutex mutex;
-  parallel_for(job, "close contours", bridges.size(), [&](std::size_t n) {
+  parallel_for(context, "close contours", bridges.size(), [&](std::size_t n) {
     if (open_of[n].empty()) return;
     detail::LooseEnds loose;
     for (const std::uint32_t e : open_of[n]) {
@@ -281,7 +281,7 @@ void MeshSlices::Impl::close_contours(const Job& job) {
 }
 
 /// Their numbers rise within a bin.
-void MeshSlices::Impl::bin_triangles(const Job& job) {
+void MeshSlices::Impl::bin_triangles(const ExecutionContext& context) {
   rows_per_bin = band_rows(grid);
   const auto bins = static_cast<std::size_t>((grid.height_px + rows_per_bin - 1) / rows_per_bin);
   bin_begin.assign(bins + 1, 0);
@@ -293,7 +293,7 @@ void MeshSlices::Impl::bin_triangles(const Job& job) {
   const auto bins_by_triangle = std::make_unique_for_overwrite<Bins[]>(triangles.size());
   // Of each chunk and bin: how many, then where they begin.
   std::vector<std::size_t> at(chunks_of(triangles.size()) * bins, 0);
-  in_chunks(triangles.size(), job, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+  in_chunks(triangles.size(), context, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       Bins& its = bins_by_triangle[i];
       its = {1, 0, slices_of(triangles[i])};
@@ -311,7 +311,7 @@ void MeshSlices::Impl::bin_triangles(const Job& job) {
   }
   bin_begin[bins] = sum;
   binned = std::make_unique_for_overwrite<Entry[]>(sum);
-  in_chunks(triangles.size(), job, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+  in_chunks(triangles.size(), context, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const Bins its = bins_by_triangle[i];
       for (std::size_t b = its.first; b <= its.last; ++b) {
@@ -347,31 +347,34 @@ std::vector<Entry> MeshSlices::Impl::entries_of(int y0, int y1, int first, int p
 }
 
 MeshSlices::MeshSlices(TriangleMesh mesh, const Printer& printer, const SliceOptions& options,
-                       const Job& job, const MeshSeams* known_seams)
+                       const ExecutionContext& context, const EdgeDefects* known_defects)
     : impl_(std::make_unique<Impl>()) {
   if (!(options.layer_um >= 1.0) || !(options.layer_um <= 1000.0)) {
     throw InputError(fmt::format("slice height {:g} um; expected 1 to 1000", options.layer_um));
   }
   if (mesh.triangles.empty()) throw InputError("there is no triangle to slice");
   impl_->antialias = options.antialias;
-  const MeshSeams seams = known_seams ? *known_seams : detail::seams_of(mesh, job);
-  impl_->place(std::move(mesh), printer, options, job);
-  for (const std::uint32_t t : seams.flipped) {
+  const EdgeDefects edge_defects =
+      known_defects ? *known_defects : detail::edge_defects_of(mesh, context);
+  impl_->place(std::move(mesh), printer, options, context);
+  for (const std::uint32_t t : edge_defects.flipped) {
     std::swap(impl_->triangles[t][1], impl_->triangles[t][2]);
   }
-  impl_->report.turned_triangles = seams.flipped.size();
-  impl_->open = seams.open;
-  job.check_cancelled();
-  impl_->close_contours(job);
-  impl_->bin_triangles(job);
+  impl_->report.turned_triangles = edge_defects.flipped.size();
+  impl_->open = edge_defects.open;
+  context.check_cancelled();
+  impl_->close_contours(context);
+  impl_->bin_triangles(context);
   const SliceReport& r = impl_->report;
   if (r.turned_triangles) {
-    job.tell(fmt::format("{} triangles face the other way than their neighbours; cut as if turned",
-                         r.turned_triangles));
+    context.tell(
+        fmt::format("{} triangles face the other way than their neighbours; cut as if turned",
+                    r.turned_triangles));
   }
   if (r.bridges) {
-    job.tell(fmt::format("open contours in {} slices closed by {} bridges, the longest {:.3f} mm",
-                         r.bridged_slices, r.bridges, r.longest_bridge_mm));
+    context.tell(
+        fmt::format("open contours in {} slices closed by {} bridges, the longest {:.3f} mm",
+                    r.bridged_slices, r.bridges, r.longest_bridge_mm));
   }
 }
 

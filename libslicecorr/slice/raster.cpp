@@ -14,8 +14,8 @@ namespace slicecorr::detail {
 namespace {
 
 using Reals = double __attribute__((vector_size(32)));
-/// Of a piece over many pixels the second sum is no whole number any more, and not used: without a
-/// sign it may wrap.
+/// Of a fragment over many pixels the second sum is no whole number any more, and not used: without
+/// a sign it may wrap.
 using Wholes = std::uint64_t __attribute__((vector_size(32)));
 using Ints = std::int32_t __attribute__((vector_size(16)));
 constexpr int kLanes = 4;
@@ -112,9 +112,9 @@ Raster::Raster(int x0, int y0, int x1, int y1, bool antialias)
   if (antialias) {
     sums_.resize(rows * (width_ + 1));
     gaps_.resize(words_);
-    tangle_of_.resize((rows + 1) * width_);
-    tangle_row_.resize(rows + kLanes);
-    tangles_near_.resize(rows);
+    span_of_.resize((rows + 1) * width_);
+    span_row_.resize(rows + kLanes);
+    spans_near_.resize(rows);
     columns_.resize(64 * words_ + 8);
     levels_.resize(columns_.size());
     areas_.resize(columns_.size());
@@ -128,7 +128,7 @@ const std::uint8_t* Raster::draw(std::span<const Segment> segments) {
   const Frame f = {x0_, y0_, y1_, x1_ - x0_, words_, width_ + 1};
   segments_ = segments;
   crossing_count_ = 0;
-  tangles_.clear();
+  overlap_spans_.clear();
   if (antialias_) {
     add_areas(f);
   } else {
@@ -146,7 +146,7 @@ const std::uint8_t* Raster::draw(std::span<const Segment> segments) {
       drawn_[row] = 0;
     }
   }
-  if (!tangles_.empty()) lit |= draw_tangles(f) != 0;
+  if (!overlap_spans_.empty()) lit |= draw_overlap_spans(f) != 0;
   return lit ? pixels_.data() : nullptr;
 }
 
@@ -258,7 +258,7 @@ void Raster::add_horizontal(const Segment& s, const Frame& f) {
   touched_[at] = 1;
 }
 
-/// All pixels as if no pieces overlapped, and says where they may.
+/// All pixels as if no fragments overlapped, and says where they may.
 SLICECORR_CLONES
 bool Raster::draw_area_row(int row, const Frame& f) {
   const auto at = static_cast<std::size_t>(row);
@@ -299,7 +299,7 @@ bool Raster::draw_area_row(int row, const Frame& f) {
   columns[count] = 0;  // past the last pixel there is none
   const std::size_t mixed_count = doubts_.size();
 
-  // Runs of marked pixels. No piece leaves a run, so the winding is one number on either side.
+  // Runs of marked pixels. No fragment leaves a run, so the winding is one number on either side.
   std::int64_t* const areas = areas_.data();
   std::int64_t* const begins = begins_.data();
   std::int64_t running = 0, begin = 0;
@@ -315,7 +315,7 @@ bool Raster::draw_area_row(int row, const Frame& f) {
     begins[i] = begin;
     const bool ends = columns[i + 1] != expected;
     gaps[expected / 64] |= static_cast<std::uint64_t>(ends & (running != 0)) << (expected % 64);
-    // Pieces of one direction that change the winding by one: at every height there is just one.
+    // Fragments of one direction that change the winding by one: at every height there is just one.
     const bool more = static_cast<std::uint64_t>(running - begin + kOne) > 2 * kOne;
     if (ends & more) [[unlikely]]
       doubts_.push_back(static_cast<std::uint32_t>(i));
@@ -343,7 +343,7 @@ bool Raster::draw_area_row(int row, const Frame& f) {
   for (std::size_t i = 0; i < count; ++i) pixels[columns[i]] = levels[i];
   if (!doubts_.empty()) {
     if (mixed_count < doubts_.size()) std::sort(doubts_.begin(), doubts_.end());
-    find_tangles(row, count);
+    find_overlap_spans(row, count);
   }
   std::memset(down, 0, 2 * f.words * sizeof *down);
   return lit != 0;

@@ -9,15 +9,15 @@
 
 namespace slicecorr::detail {
 
-/// A directed piece of a contour, in pixels; y grows with the image row.
+/// A directed fragment of a contour, in pixels; y grows with the image row.
 struct Segment {
   double ax, ay, bx, by;
 };
 
-/// What the pieces in a pixel add up to; a whole row of height is 2^46.
+/// What the fragments in a pixel add up to; a whole row of height is 2^46.
 struct PixelSums {
   std::int64_t cover;  ///< their heights; going down (y grows) counts as positive
-  std::int64_t area;   ///< their heights, each times the share of the pixel right of the piece
+  std::int64_t area;   ///< their heights, each times the share of the pixel right of the fragment
 };
 
 /// Draws the segments of one slice into the rows of a band. Reused from slice to slice, so that
@@ -26,9 +26,9 @@ struct PixelSums {
 /// Every segment leaves in the pixels that it crosses by how much the winding grows there (`cover`)
 /// and the share of it right of the segment (`area`), and marks them. Running sums along a row then
 /// give the covered area wherever contours neither overlap nor cross within a pixel: that is known
-/// for certain where neighbouring marked pixels hold pieces of one direction that together change
-/// the winding by one. Elsewhere (tips of contours, walls thinner than a pixel, bodies that
-/// overlap) the pieces of these few pixels are cut into strips in which no two cross.
+/// for certain where neighbouring marked pixels hold fragments of one direction that together
+/// change the winding by one. Elsewhere (tips of contours, walls thinner than a pixel, bodies that
+/// overlap) the fragments of these few pixels are cut into scanbeams in which no two cross.
 ///
 /// Sums are whole numbers, so neither the order of the segments nor the band changes a bit of a
 /// row.
@@ -42,29 +42,29 @@ class Raster {
   const std::uint8_t* draw(std::span<const Segment> segments);
 
  private:
-  /// A piece within one row; y from 0 to 1 in the row and y0 < y1; x from the band's left side.
-  struct Piece {
+  /// A fragment within one row; y from 0 to 1 in the row and y0 < y1; x from the band's left side.
+  struct EdgeFragment {
     double x0, y0, x1, y1;
     double slope;
     int winding;  ///< +1: the contour goes down here, -1: up
     double at(double y) const {
-      // Exact at the ends, so that pieces that meet there meet exactly.
+      // Exact at the ends, so that fragments that meet there meet exactly.
       if (y <= y0) return x0;
       if (y >= y1) return x1;
-      const double x = x0 + (y - y0) * slope;  // rounding must not lead out of the piece
+      const double x = x0 + (y - y0) * slope;  // rounding must not lead out of the fragment
       return x0 < x1 ? std::clamp(x, x0, x1) : std::clamp(x, x1, x0);
     }
   };
   struct Active {
-    const Piece* piece;
-    double x;      ///< at the upper side of the strip; before it is drawn already
+    const EdgeFragment* fragment;
+    double x;      ///< at the upper side of the scanbeam; before it is drawn already
     double x_end;  ///< at its lower side
   };
-  /// A run of marked pixels of a row in which pieces may overlap.
-  struct Tangle {
+  /// A run of marked pixels of a row in which fragments may overlap.
+  struct OverlapSpan {
     int row, first, last;
     int winding;               ///< left of it
-    std::uint32_t begin, end;  ///< its segments in `tangled_`
+    std::uint32_t begin, end;  ///< its segments in `overlap_segments_`
   };
   struct Frame;
   struct Line;
@@ -74,12 +74,12 @@ class Raster {
   void add_horizontal(const Segment& s, const Frame& f);
   bool draw_area_row(int row, const Frame& f);
   bool draw_centre_row(int row, const Frame& f);
-  void find_tangles(int row, std::size_t count);
-  unsigned draw_tangles(const Frame& f);
+  void find_overlap_spans(int row, std::size_t count);
+  unsigned draw_overlap_spans(const Frame& f);
   void find_segments();
-  unsigned draw_tangle(const Tangle& tangle, const Frame& f);
-  void draw_strip(PixelSums* sums, std::uint64_t* marks, double from, double to, int winding,
-                  const Frame& f);
+  unsigned draw_overlap_span(const OverlapSpan& span, const Frame& f);
+  void draw_scanbeam(PixelSums* sums, std::uint64_t* marks, double from, double to, int winding,
+                     const Frame& f);
   bool pairs();
 
   int x0_, y0_, x1_, y1_;
@@ -112,18 +112,18 @@ class Raster {
   std::vector<std::int64_t> begins_;    ///< the running sum where the run of each begins
   std::vector<std::uint64_t> gaps_;     ///< marks where pixels that are inside begin; later unused
   std::vector<std::uint32_t> doubts_;   ///< which marked pixels are to be looked at closely
-  std::vector<Tangle> tangles_;         ///< of this slice
-  /// Rows of columns: which tangle is there + 1; all 0 between slices. The first row stays 0, each
-  /// row that has tangles gets one of the others.
-  std::vector<std::uint32_t> tangle_of_;
-  std::vector<std::uint32_t> tangle_row_;   ///< per row: where its row in `tangle_of_` begins
-  std::vector<std::uint8_t> tangles_near_;  ///< per row: in it or the three below, in this slice
-  struct InTangle {
-    std::uint32_t tangle, segment;
+  std::vector<OverlapSpan> overlap_spans_;  ///< of this slice
+  /// Rows of columns: which span is there + 1; all 0 between slices. The first row stays 0, each
+  /// row that has overlap spans gets one of the others.
+  std::vector<std::uint32_t> span_of_;
+  std::vector<std::uint32_t> span_row_;   ///< per row: where its row in `span_of_` begins
+  std::vector<std::uint8_t> spans_near_;  ///< per row: in it or the three below, in this slice
+  struct SpanSegment {
+    std::uint32_t span, segment;
   };
-  std::vector<InTangle> found_;         ///< segments of all tangles
-  std::vector<std::uint32_t> tangled_;  ///< these, tangle by tangle
-  std::vector<Piece> pieces_;
+  std::vector<SpanSegment> found_;               ///< segments of all overlap spans
+  std::vector<std::uint32_t> overlap_segments_;  ///< these, span by span
+  std::vector<EdgeFragment> fragments_;
   std::vector<double> events_, lower_ends_;
   std::vector<Active> active_;
 };

@@ -1,4 +1,4 @@
-/// What the two halves of the raster share: all rows, and pixels in which pieces overlap.
+/// What the two halves of the raster share: all rows, and pixels in which fragments overlap.
 #pragma once
 
 #include <algorithm>
@@ -100,9 +100,9 @@ SLICECORR_INLINE void mark(std::uint64_t* marks, unsigned first, unsigned last) 
   marks[last >> 6] |= to;
 }
 
-/// Adds a piece from xa to xb to the sums of its row, which go on for one pixel past the last, and
-/// marks its pixels. `height` is a whole number, negative for pieces that go up; `per_pixel` is the
-/// height per pixel of the way along x.
+/// Adds a fragment from xa to xb to the sums of its row, which go on for one pixel past the last,
+/// and marks its pixels. `height` is a whole number, negative for fragments that go up; `per_pixel`
+/// is the height per pixel of the way along x.
 SLICECORR_INLINE void add_piece(PixelSums* sums, std::uint64_t* marks, double xa, double xb,
                                 double height, double per_pixel, int width) {
   const double left = std::min(xa, xb), right = std::max(xa, xb);

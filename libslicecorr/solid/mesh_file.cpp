@@ -12,9 +12,9 @@
 #include <iterator>
 #include <unordered_map>
 
-#include "support/files/errno_message.hpp"
 #include "slicecorr/error.hpp"
 #include "stack/container/zip_output.hpp"
+#include "support/files/errno_message.hpp"
 
 namespace slicecorr::detail {
 
@@ -22,10 +22,10 @@ static_assert(std::endian::native == std::endian::little, "STL and PLY are writt
 
 namespace {
 
-using Place = std::array<float, 3>;
+using Point = std::array<float, 3>;
 
-struct PlaceHash {
-  std::size_t operator()(const Place& p) const {
+struct PointHash {
+  std::size_t operator()(const Point& p) const {
     std::uint64_t h = 0;
     for (const float v : p) {
       h = (h ^ std::bit_cast<std::uint32_t>(v)) * 0x9E3779B97F4A7C15ULL;
@@ -36,19 +36,19 @@ struct PlaceHash {
 };
 
 struct Indexed {
-  std::vector<Place> places;
+  std::vector<Point> points;
   std::vector<std::array<std::uint32_t, 3>> triangles;
 };
 
 Indexed indexed(const Triangles& triangles) {
   Indexed mesh;
-  std::unordered_map<Place, std::uint32_t, PlaceHash> known;
+  std::unordered_map<Point, std::uint32_t, PointHash> known;
   triangles([&](const Triangle& t) {
     std::array<std::uint32_t, 3> corners{};
     for (std::size_t k = 0; k < 3; ++k) {
       const auto [at, fresh] =
-          known.try_emplace(t[k], static_cast<std::uint32_t>(mesh.places.size()));
-      if (fresh) mesh.places.push_back(t[k]);
+          known.try_emplace(t[k], static_cast<std::uint32_t>(mesh.points.size()));
+      if (fresh) mesh.points.push_back(t[k]);
       corners[k] = at->second;
     }
     mesh.triangles.push_back(corners);
@@ -112,7 +112,7 @@ class OutputFile {
   std::vector<char> buffer_;
 };
 
-Place normal_of(const Triangle& t) {
+Point normal_of(const Triangle& t) {
   double u[3], v[3];
   for (std::size_t k = 0; k < 3; ++k) {
     u[k] = static_cast<double>(t[1][k]) - static_cast<double>(t[0][k]);
@@ -127,7 +127,7 @@ Place normal_of(const Triangle& t) {
 }
 
 void write_stl(const std::string& path, std::uint64_t count, const Triangles& triangles,
-               const Job& job) {
+               const ExecutionContext& context) {
   OutputFile file(path);
   char header[84] = "binary STL of slicecorr: the surface of dose 1, mm, z from the platform";
   const auto number = static_cast<std::uint32_t>(count);
@@ -136,29 +136,30 @@ void write_stl(const std::string& path, std::uint64_t count, const Triangles& tr
   std::uint64_t done = 0;
   triangles([&](const Triangle& t) {
     char facet[50] = {};
-    const Place normal = normal_of(t);
+    const Point normal = normal_of(t);
     std::memcpy(facet, normal.data(), sizeof normal);
     std::memcpy(facet + 12, t.data(), sizeof t);
     file.put(facet, sizeof facet);
     if ((++done & 0xFFFF) == 0) {
-      job.check_cancelled();
-      job.report("write", static_cast<double>(done) / static_cast<double>(count));
+      context.check_cancelled();
+      context.report("write", static_cast<double>(done) / static_cast<double>(count));
     }
   });
   file.finish();
 }
 
-void write_ply(const std::string& path, const Triangles& triangles, const Job& job) {
+void write_ply(const std::string& path, const Triangles& triangles,
+               const ExecutionContext& context) {
   OutputFile file(path);
   const Indexed mesh = indexed(triangles);
-  job.check_cancelled();
+  context.check_cancelled();
   const std::string header = fmt::format(
       "ply\nformat binary_little_endian 1.0\ncomment the surface of dose 1, mm, z from the "
       "platform\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\nelement "
       "face {}\nproperty list uchar uint vertex_indices\nend_header\n",
-      mesh.places.size(), mesh.triangles.size());
+      mesh.points.size(), mesh.triangles.size());
   file.put(header.data(), header.size());
-  for (const Place& p : mesh.places) file.put(p.data(), sizeof p);
+  for (const Point& p : mesh.points) file.put(p.data(), sizeof p);
   for (const auto& t : mesh.triangles) {
     char face[13] = {3};
     std::memcpy(face + 1, t.data(), sizeof t);
@@ -167,10 +168,11 @@ void write_ply(const std::string& path, const Triangles& triangles, const Job& j
   file.finish();
 }
 
-void write_3mf(const std::string& path, const Triangles& triangles, const Job& job) {
+void write_3mf(const std::string& path, const Triangles& triangles,
+               const ExecutionContext& context) {
   ZipOutput zip(path);
   const Indexed mesh = indexed(triangles);
-  job.check_cancelled();
+  context.check_cancelled();
   const auto bytes = [](std::string_view text) {
     return std::vector<std::uint8_t>(text.begin(), text.end());
   };
@@ -193,7 +195,7 @@ void write_3mf(const std::string& path, const Triangles& triangles, const Job& j
       R"(<resources><object id="1" type="model"><mesh><vertices>)",
       xml));
   const auto out = std::back_inserter(model);
-  for (const Place& p : mesh.places) {
+  for (const Point& p : mesh.points) {
     fmt::format_to(out, R"(<vertex x="{}" y="{}" z="{}"/>)", p[0], p[1], p[2]);
   }
   fmt::format_to(out, "</vertices><triangles>");
@@ -204,7 +206,7 @@ void write_3mf(const std::string& path, const Triangles& triangles, const Job& j
       out,
       R"(</triangles></mesh></object></resources><build><item objectid="1"/></build></model>)");
   zip.add("3D/3dmodel.model", std::move(model));
-  zip.finish(job, {});
+  zip.finish(context, {});
 }
 
 }  // namespace
@@ -220,7 +222,7 @@ MeshFormat mesh_format(const std::string& path) {
 }
 
 void write_triangles(const std::string& path, MeshFormat format, std::uint64_t count,
-                     const Triangles& triangles, const Job& job) {
+                     const Triangles& triangles, const ExecutionContext& context) {
   if (count > 0x7fffffff) {
     throw InputError(path, "",
                      fmt::format("the surface has {} triangles, a mesh file holds at most {}; take "
@@ -229,19 +231,19 @@ void write_triangles(const std::string& path, MeshFormat format, std::uint64_t c
   }
   switch (format) {
     case MeshFormat::stl:
-      return write_stl(path, count, triangles, job);
+      return write_stl(path, count, triangles, context);
     case MeshFormat::ply:
-      return write_ply(path, triangles, job);
+      return write_ply(path, triangles, context);
     case MeshFormat::three_mf:
-      return write_3mf(path, triangles, job);
+      return write_3mf(path, triangles, context);
   }
 }
 
 TriangleMesh merge_corners(const Triangles& triangles) {
   Indexed merged = indexed(triangles);
   TriangleMesh mesh;
-  mesh.vertices.reserve(merged.places.size());
-  for (const Place& p : merged.places) {
+  mesh.vertices.reserve(merged.points.size());
+  for (const Point& p : merged.points) {
     mesh.vertices.push_back(
         {static_cast<double>(p[0]), static_cast<double>(p[1]), static_cast<double>(p[2])});
   }

@@ -20,7 +20,7 @@ using Triangles = std::function<void(const LevelSurface::Sink&)>;
 
 /// Writes `count` triangles to a temporary file beside `path`, then renames it.
 void write_triangles(const std::string& path, MeshFormat format, std::uint64_t count,
-                     const Triangles& triangles, const Job& job);
+                     const Triangles& triangles, const ExecutionContext& context);
 
 /// Triangles with their corners merged where they are at the same place.
 TriangleMesh merge_corners(const Triangles& triangles);

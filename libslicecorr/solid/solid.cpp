@@ -72,19 +72,19 @@ class OnPlate {
   double height_mm_, plate_x_mm_, plate_y_mm_;
 };
 
-/// The surface cut up into pieces of triangles, in the order of the bands.
+/// The surface cut up into blobs of triangles, in the order of the bands.
 struct Surface {
-  std::unique_ptr<PieceStore> store;
-  std::vector<std::vector<PieceStore::Piece>> bands;
+  std::unique_ptr<BlobStore> store;
+  std::vector<std::vector<BlobStore::Blob>> bands;
   SolidReport report;
 
   detail::Triangles triangles() const {
     return [this](const detail::LevelSurface::Sink& sink) {
       std::vector<std::uint8_t> bytes;
-      for (const auto& pieces : bands) {
-        for (const PieceStore::Piece& piece : pieces) {
+      for (const auto& blobs : bands) {
+        for (const BlobStore::Blob& blob : blobs) {
           bytes.clear();
-          store->get(piece, bytes);
+          store->get(blob, bytes);
           for (std::size_t at = 0; at < bytes.size(); at += sizeof(Triangle)) {
             Triangle t;
             std::memcpy(&t, bytes.data() + at, sizeof t);
@@ -100,7 +100,7 @@ struct Surface {
 class BandSurface {
  public:
   BandSurface(const SliceSource& stack, const PlaceModels& models, const OnPlate& plate,
-              const SolidOptions& options, const Axis& columns, const Axis& rows, PieceStore& store)
+              const SolidOptions& options, const Axis& columns, const Axis& rows, BlobStore& store)
       : stack_(stack),
         models_(models),
         model_(models.brightest()),
@@ -115,10 +115,10 @@ class BandSurface {
   double volume = 0;
   Point3 lower{}, upper{};
   Histogram distance_um;
-  std::vector<PieceStore::Piece> pieces;
+  std::vector<BlobStore::Blob> blobs;
 
   /// Samples rows [row, row + height).
-  void draw(int row, int height, const Job& job) {
+  void draw(int row, int height, const ExecutionContext& context) {
     const auto width = static_cast<std::size_t>(columns_.count);
     const std::size_t samples = width * static_cast<std::size_t>(height);
     const Grid& grid = stack_.grid();
@@ -131,7 +131,7 @@ class BandSurface {
     }
     lower.fill(std::numeric_limits<double>::infinity());
     upper.fill(-std::numeric_limits<double>::infinity());
-    const detail::BandTape tape = read(row, height);
+    const detail::CodedBand coded = read(row, height);
     // Beside the image there is no light at all, in it at least that of black.
     std::vector<double> dark(samples);
     std::vector<const PixelCurve*> curves(samples);
@@ -164,33 +164,33 @@ class BandSurface {
     detail::LevelSurface surface(
         model_, std::move(x_mm), std::move(y_mm), [&](const Triangle& t) { take(t); }, measure);
     if (model_.is_plain()) {
-      draw_plain(surface, tape, dark, curves, job);
+      draw_plain(surface, coded, dark, curves, context);
     } else {
-      draw_general(surface, tape, in_image, pixels, job);
+      draw_general(surface, coded, in_image, pixels, context);
     }
     flush();
   }
 
  private:
-  void draw_plain(detail::LevelSurface& surface, const detail::BandTape& tape,
+  void draw_plain(detail::LevelSurface& surface, const detail::CodedBand& coded,
                   const std::vector<double>& dark, const std::vector<const PixelCurve*>& curves,
-                  const Job& job) const {
+                  const ExecutionContext& context) const {
     std::vector<std::uint8_t> pixels(dark.size());
     std::vector<double> phi(dark), below(dark.size(), 0.0), above(dark.size());
-    detail::ShownBand shown(slices_, tape);
+    detail::ShownBand shown(slices_, coded);
     for (int n = slices_.slices(); n-- > 0;) {
-      if ((n & 63) == 0) job.check_cancelled();
+      if ((n & 63) == 0) context.check_cancelled();
       if (slices_.recorded()) {
         std::fill(phi.begin(), phi.end(), 0.0);
-        for (const ShownPart& part : shown.of(n)) {
+        for (const ImageShowing& part : shown.of(n)) {
           for (std::size_t i = 0; i < dark.size(); ++i) {
             if (curves[i]) phi[i] += part.light * (*curves[i])[part.pixels[i]];
           }
         }
-      } else if (tape.black(n)) {
+      } else if (coded.black(n)) {
         phi = dark;
       } else {
-        tape.read(n, pixels.data());
+        coded.read(n, pixels.data());
         for (std::size_t i = 0; i < dark.size(); ++i) {
           phi[i] = pixels[i] ? (*curves[i])[pixels[i]] : dark[i];
         }
@@ -203,20 +203,20 @@ class BandSurface {
   }
 
   /// `in_image`: 0 for the samples beside the image.
-  void draw_general(detail::LevelSurface& surface, const detail::BandTape& tape,
+  void draw_general(detail::LevelSurface& surface, const detail::CodedBand& coded,
                     const std::vector<std::uint8_t>& in_image, const std::vector<Pixel>& places,
-                    const Job& job) const {
+                    const ExecutionContext& context) const {
     const std::size_t samples = in_image.size();
     std::vector<std::uint8_t> pixels(samples);
     std::vector<double> node(samples, 0.0), lower(samples), upper(samples);
     PlaceDose dose(models_, places);
-    detail::ShownBand shown(slices_, tape);
+    detail::ShownBand shown(slices_, coded);
     for (int n = slices_.slices(); n-- > 0;) {
-      if ((n & 63) == 0) job.check_cancelled();
+      if ((n & 63) == 0) context.check_cancelled();
       if (slices_.recorded()) {
         dose.add_slice(n, shown.of(n));
       } else {
-        tape.read(n, pixels.data());
+        coded.read(n, pixels.data());
         dose.add_slice(n, pixels.data());
       }
       for (std::size_t i = 0; i < samples; ++i) {
@@ -230,19 +230,19 @@ class BandSurface {
     surface.platform(node.data());
   }
 
-  detail::BandTape read(int row, int height) const {
+  detail::CodedBand read(int row, int height) const {
     const auto width = static_cast<std::size_t>(columns_.count);
-    detail::BandTape tape(width * static_cast<std::size_t>(height));
+    detail::CodedBand coded(width * static_cast<std::size_t>(height));
     const PixelBox lit = stack_.bounds();
     const PixelBox box{lit.x0, std::clamp(rows_.pixel(row), lit.y0, lit.y1), lit.x1,
                        std::clamp(rows_.pixel(row + height - 1) + 1, lit.y0, lit.y1)};
     if (box.empty()) {
-      for (int n = 0; n < stack_.grid().layers; ++n) tape.append(nullptr);
-      return tape;
+      for (int n = 0; n < stack_.grid().layers; ++n) coded.append(nullptr);
+      return coded;
     }
     std::vector<std::uint8_t> sampled(width * static_cast<std::size_t>(height));
     stack_.read_band(box, [&](int, const std::uint8_t* pixels) {
-      if (!pixels) return tape.append(nullptr);
+      if (!pixels) return coded.append(nullptr);
       std::uint8_t* out = sampled.data();
       for (int j = 0; j < height; ++j) {
         const int y = rows_.pixel(row + j);
@@ -255,9 +255,9 @@ class BandSurface {
                      : std::uint8_t{0};
         }
       }
-      tape.append(sampled.data());
+      coded.append(sampled.data());
     });
-    return tape;
+    return coded;
   }
 
   void take(Triangle t) {
@@ -280,8 +280,8 @@ class BandSurface {
   }
   void flush() {
     if (waiting_.empty()) return;
-    pieces.push_back(store_.put(reinterpret_cast<const std::uint8_t*>(waiting_.data()),
-                                waiting_.size() * sizeof(Triangle)));
+    blobs.push_back(store_.put(reinterpret_cast<const std::uint8_t*>(waiting_.data()),
+                               waiting_.size() * sizeof(Triangle)));
     waiting_.clear();
   }
 
@@ -293,7 +293,7 @@ class BandSurface {
   const detail::ShownSlices slices_;
   const Axis& columns_;
   const Axis& rows_;
-  PieceStore& store_;
+  BlobStore& store_;
   std::vector<Triangle> waiting_;
 };
 
@@ -318,7 +318,7 @@ bool black_gels(const CureModel& model, const SliceSource& stack) {
 }
 
 Surface surface_of(const SliceSource& stack, const PlaceModels& models, const SolidOptions& options,
-                   const std::string& scratch_folder, const Job& job) {
+                   const std::string& scratch_folder, const ExecutionContext& context) {
   if (options.reduce < 1 || options.reduce > 64) {
     throw InputError(fmt::format("every {}th pixel; expected 1 to 64", options.reduce));
   }
@@ -329,7 +329,7 @@ Surface surface_of(const SliceSource& stack, const PlaceModels& models, const So
   if (black_gels(models.brightest(), stack)) lit = {0, 0, grid.width_px, grid.height_px};
   const OnPlate plate(stack);
   Surface surface;
-  surface.store = std::make_unique<PieceStore>(scratch_folder, kMemoryBudget, job);
+  surface.store = std::make_unique<BlobStore>(scratch_folder, kMemoryBudget, context);
   surface.report.lower.fill(std::numeric_limits<double>::infinity());
   surface.report.upper.fill(-std::numeric_limits<double>::infinity());
   if (!lit.empty()) {
@@ -340,11 +340,11 @@ Surface surface_of(const SliceSource& stack, const PlaceModels& models, const So
     const auto bands = static_cast<std::size_t>((rows.count - 1 + height - 1) / height);
     surface.bands.resize(bands);
     std::vector<SolidReport> reports(bands);
-    parallel_for(job, "surface", bands, [&](std::size_t b) {
+    parallel_for(context, "surface", bands, [&](std::size_t b) {
       const int row = static_cast<int>(b) * height;
       BandSurface band(stack, models, plate, options, columns, rows, *surface.store);
-      band.draw(row, std::min(height + 1, rows.count - row), job);
-      surface.bands[b] = std::move(band.pieces);
+      band.draw(row, std::min(height + 1, rows.count - row), context);
+      surface.bands[b] = std::move(band.blobs);
       reports[b] = {band.triangles, band.volume, band.lower, band.upper,
                     std::move(band.distance_um)};
     });
@@ -371,18 +371,19 @@ Surface surface_of(const SliceSource& stack, const PlaceModels& models, const So
 }  // namespace
 
 SolidReport write_solid(const SliceSource& stack, const PlaceModels& models,
-                        const std::string& path, const SolidOptions& options, const Job& job) {
+                        const std::string& path, const SolidOptions& options,
+                        const ExecutionContext& context) {
   const detail::MeshFormat format = detail::mesh_format(path);
   const std::size_t slash = path.rfind('/');
   const std::string folder = slash == std::string::npos ? "." : path.substr(0, slash + 1);
-  Surface surface = surface_of(stack, models, options, folder, job);
-  detail::write_triangles(path, format, surface.report.triangles, surface.triangles(), job);
+  Surface surface = surface_of(stack, models, options, folder, context);
+  detail::write_triangles(path, format, surface.report.triangles, surface.triangles(), context);
   return std::move(surface.report);
 }
 
 TriangleMesh solid_mesh(const SliceSource& stack, const PlaceModels& models,
-                        const SolidOptions& options, const Job& job) {
-  const Surface surface = surface_of(stack, models, options, ".", job);
+                        const SolidOptions& options, const ExecutionContext& context) {
+  const Surface surface = surface_of(stack, models, options, ".", context);
   return detail::merge_corners(surface.triangles());
 }
 

@@ -7,9 +7,9 @@
 #include <cstring>
 #include <mutex>
 
-#include "support/files/errno_message.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
+#include "support/files/errno_message.hpp"
 
 namespace slicecorr {
 namespace {
@@ -21,12 +21,12 @@ constexpr std::size_t largest_chunk = std::size_t{1} << 20;
 
 }  // namespace
 
-struct PieceStore::Impl {
+struct BlobStore::Impl {
   std::string folder;
-  Job job;
+  ExecutionContext context;
   std::size_t budget = 0;
   std::size_t chunk_size = 0;
-  /// Memory for pieces. The table never grows and its chunks never move, so that bytes are copied
+  /// Memory for blobs. The table never grows and its chunks never move, so that bytes are copied
   /// outside the lock.
   std::vector<std::unique_ptr<std::uint8_t[]>> chunks;
   std::uint64_t memory_used = 0;
@@ -67,29 +67,30 @@ struct PieceStore::Impl {
   }
 };
 
-PieceStore::PieceStore(std::string folder, std::size_t memory_budget_bytes, const Job& job)
+BlobStore::BlobStore(std::string folder, std::size_t memory_budget_bytes,
+                     const ExecutionContext& context)
     : impl_(std::make_unique<Impl>()) {
   impl_->folder = folder.empty() ? "." : std::move(folder);
-  impl_->job = job;
+  impl_->context = context;
   impl_->budget = memory_budget_bytes;
   impl_->chunk_size = std::clamp<std::size_t>(memory_budget_bytes, 1, largest_chunk);
   impl_->chunks.resize((memory_budget_bytes + impl_->chunk_size - 1) / impl_->chunk_size);
 }
 
-PieceStore::~PieceStore() = default;
+BlobStore::~BlobStore() = default;
 
-PieceStore::Piece PieceStore::put(const std::uint8_t* data, std::size_t size) {
+BlobStore::Blob BlobStore::put(const std::uint8_t* data, std::size_t size) {
   Impl& s = *impl_;
-  if (size > 0xffffffffu) throw DeviceError("a piece of an image is larger than 4 GiB");
-  Piece piece;
-  piece.size = static_cast<std::uint32_t>(size);
+  if (size > 0xffffffffu) throw DeviceError("a blob of an image is larger than 4 GiB");
+  Blob blob;
+  blob.size = static_cast<std::uint32_t>(size);
   bool first_in_file = false;
   {
     const std::scoped_lock lock(s.mutex);
     if (s.memory_used + size <= s.budget) {
-      piece.offset = s.memory_used;
+      blob.offset = s.memory_used;
       s.memory_used += size;
-      for (std::size_t i = piece.offset / s.chunk_size; i * s.chunk_size < s.memory_used; ++i) {
+      for (std::size_t i = blob.offset / s.chunk_size; i * s.chunk_size < s.memory_used; ++i) {
         if (!s.chunks[i])
           s.chunks[i] = std::make_unique_for_overwrite<std::uint8_t[]>(s.chunk_size);
       }
@@ -98,22 +99,22 @@ PieceStore::Piece PieceStore::put(const std::uint8_t* data, std::size_t size) {
         s.open_file();
         first_in_file = true;
       }
-      piece.offset = s.file_used | in_file;
+      blob.offset = s.file_used | in_file;
       s.file_used += size;
     }
   }
   if (first_in_file) {
-    s.job.tell("images need more than " + std::to_string(s.budget >> 20) +
-               " MiB: keeping the rest in a scratch file in " + s.folder);
+    s.context.tell("images need more than " + std::to_string(s.budget >> 20) +
+                   " MiB: keeping the rest in a scratch file in " + s.folder);
   }
-  if ((piece.offset & in_file) == 0) {
-    s.for_chunks(piece.offset, size, [&](std::uint8_t* memory, std::size_t done, std::size_t n) {
+  if ((blob.offset & in_file) == 0) {
+    s.for_chunks(blob.offset, size, [&](std::uint8_t* memory, std::size_t done, std::size_t n) {
       std::memcpy(memory, data + done, n);
     });
-    return piece;
+    return blob;
   }
   for (std::size_t done = 0; done < size;) {
-    const auto at = static_cast<off_t>((piece.offset & ~in_file) + done);
+    const auto at = static_cast<off_t>((blob.offset & ~in_file) + done);
     const ssize_t n = ::pwrite(s.file, data + done, size - done, at);
     if (n > 0) {
       done += static_cast<std::size_t>(n);
@@ -122,24 +123,24 @@ PieceStore::Piece PieceStore::put(const std::uint8_t* data, std::size_t size) {
       s.fail("write");
     }
   }
-  return piece;
+  return blob;
 }
 
-void PieceStore::get(const Piece& piece, std::vector<std::uint8_t>& out) const {
+void BlobStore::get(const Blob& blob, std::vector<std::uint8_t>& out) const {
   const Impl& s = *impl_;
   const std::size_t start = out.size();
-  out.resize(start + piece.size);
+  out.resize(start + blob.size);
   std::uint8_t* const data = out.data() + start;
-  if ((piece.offset & in_file) == 0) {
-    s.for_chunks(piece.offset, piece.size,
+  if ((blob.offset & in_file) == 0) {
+    s.for_chunks(blob.offset, blob.size,
                  [&](const std::uint8_t* memory, std::size_t done, std::size_t n) {
                    std::memcpy(data + done, memory, n);
                  });
     return;
   }
-  for (std::size_t done = 0; done < piece.size;) {
-    const auto at = static_cast<off_t>((piece.offset & ~in_file) + done);
-    const ssize_t n = ::pread(s.file, data + done, piece.size - done, at);
+  for (std::size_t done = 0; done < blob.size;) {
+    const auto at = static_cast<off_t>((blob.offset & ~in_file) + done);
+    const ssize_t n = ::pread(s.file, data + done, blob.size - done, at);
     if (n > 0) {
       done += static_cast<std::size_t>(n);
     } else if (n == 0 || errno != EINTR) {
@@ -149,7 +150,7 @@ void PieceStore::get(const Piece& piece, std::vector<std::uint8_t>& out) const {
   }
 }
 
-std::uint64_t PieceStore::scratch_bytes() const {
+std::uint64_t BlobStore::scratch_bytes() const {
   const std::scoped_lock lock(impl_->mutex);
   return impl_->file_used;
 }

@@ -14,30 +14,30 @@
 
 namespace slicecorr {
 
-std::span<const Recording::Part> Recording::of(int slice) const {
+std::span<const Recording::Showing> Recording::of(int slice) const {
   const auto n = static_cast<std::size_t>(slice);
   if (slice < 0 || n >= ends.size()) return {};
   const std::size_t begin = n ? ends[n - 1] : 0;
-  return std::span(parts).subspan(begin, ends[n] - begin);
+  return std::span(showings).subspan(begin, ends[n] - begin);
 }
 
-void Recording::add_slice(std::span<const Part> shown) {
-  parts.insert(parts.end(), shown.begin(), shown.end());
-  ends.push_back(parts.size());
+void Recording::add_slice(std::span<const Showing> shown) {
+  showings.insert(showings.end(), shown.begin(), shown.end());
+  ends.push_back(showings.size());
 }
 
 void check_recording(const Recording& recording, int images, const std::string& source) {
   if (recording.slices() > detail::max_recorded_slices ||
-      recording.parts.size() > static_cast<std::size_t>(detail::max_recorded_parts)) {
-    throw InputError(
-        source, detail::recording_entry,
-        fmt::format("has {} parts in {} slices; expected at most {} in {}", recording.parts.size(),
-                    recording.slices(), detail::max_recorded_parts, detail::max_recorded_slices));
+      recording.showings.size() > static_cast<std::size_t>(detail::max_recorded_showings)) {
+    throw InputError(source, detail::recording_entry,
+                     fmt::format("has {} parts in {} slices; expected at most {} in {}",
+                                 recording.showings.size(), recording.slices(),
+                                 detail::max_recorded_showings, detail::max_recorded_slices));
   }
   // Beyond any print, and small enough for sums of such numbers.
   constexpr double most = 1e12;
   for (int n = 0; n < recording.slices(); ++n) {
-    for (const Recording::Part& p : recording.of(n)) {
+    for (const Recording::Showing& p : recording.of(n)) {
       const auto wrong = [&](const std::string& what) {
         throw InputError(source, detail::recording_entry, fmt::format("slice {}: {}", n, what));
       };
@@ -96,7 +96,7 @@ std::string recording_csv(const Recording& recording) {
   std::string text(head);
   auto out = std::back_inserter(text);
   for (int n = 0; n < recording.slices(); ++n) {
-    for (const Recording::Part& p : recording.of(n)) {
+    for (const Recording::Showing& p : recording.of(n)) {
       fmt::format_to(out, "{},{},{},{},{},{},{},{}\n", n, p.image, p.light, p.uv_mw_cm2, p.from_um,
                      p.to_um, p.speed_um_s, p.blue_share);
     }
@@ -119,7 +119,7 @@ Recording parse_recording(std::string_view csv, int slices, const std::string& f
   }
   csv.remove_prefix(head.size());
   const auto close_to = [&](int slice) {
-    while (recording.slices() < slice) recording.ends.push_back(recording.parts.size());
+    while (recording.slices() < slice) recording.ends.push_back(recording.showings.size());
   };
   while (!csv.empty()) {
     ++line;
@@ -135,7 +135,7 @@ Recording parse_recording(std::string_view csv, int slices, const std::string& f
       row.remove_prefix(k + 1 == columns ? row.size() : comma + 1);
     }
     int slice = 0;
-    Recording::Part p;
+    Recording::Showing p;
     const bool read = read_number(cell[0], slice) && read_number(cell[1], p.image) &&
                       read_number(cell[2], p.light) && read_number(cell[3], p.uv_mw_cm2) &&
                       read_number(cell[4], p.from_um) && read_number(cell[5], p.to_um) &&
@@ -144,7 +144,7 @@ Recording parse_recording(std::string_view csv, int slices, const std::string& f
     if (slice >= slices) wrong(fmt::format("a slice below {}, of which there are", slices));
     if (slice < recording.slices()) wrong("slices that rise");
     close_to(slice);
-    recording.parts.push_back(p);
+    recording.showings.push_back(p);
   }
   close_to(slices);
   return recording;
@@ -162,7 +162,7 @@ void read_recording(const Container& archive, ArchiveContents& contents) {
   }
   // A row is two whole numbers and six of at most 24 digits.
   const std::string csv =
-      archive.text(recording_entry, 4096 + 200 * static_cast<std::uint64_t>(facts.parts));
+      archive.text(recording_entry, 4096 + 200 * static_cast<std::uint64_t>(facts.showings));
   if (recording_crc32(csv) != facts.crc32) {
     throw InputError(archive.path(), recording_entry,
                      "is damaged: it is not what the recording's block says");

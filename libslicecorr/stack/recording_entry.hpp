@@ -12,11 +12,11 @@ namespace slicecorr::detail {
 
 inline constexpr const char* recording_entry = "slicecorr/recording.csv";
 
-/// Most slices and parts of a recording.
+/// Most slices and showings of a recording.
 inline constexpr int max_recorded_slices = 1'000'000;
-inline constexpr int max_recorded_parts = 5'000'000;
+inline constexpr int max_recorded_showings = 5'000'000;
 
-/// One row per part; numbers read back as the same numbers.
+/// One row per showing; numbers read back as the same numbers.
 std::string recording_csv(const Recording& recording);
 std::uint32_t recording_crc32(std::string_view csv);
 /// Throws `InputError` naming the line.

@@ -9,12 +9,12 @@
 #include "base/run_length.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
-#include "stack/formats/archive_format.hpp"
 #include "stack/block_check.hpp"
 #include "stack/flat_field_entry.hpp"
+#include "stack/formats/archive_format.hpp"
+#include "stack/formats/uvj_config.hpp"
 #include "stack/png/png.hpp"
 #include "stack/recording_entry.hpp"
-#include "stack/formats/uvj_config.hpp"
 
 namespace slicecorr {
 
@@ -167,28 +167,28 @@ PixelBox lit_box(const std::uint8_t* raw, int width, int rows) {
 
 }  // namespace
 
-/// A piece in the store is: first and last column + 1 (32 bits each), then the run-length code of
+/// A blob in the store is: first and last column + 1 (32 bits each), then the run-length code of
 /// these columns in all rows of the band.
 struct StackReader::Impl {
   std::string path;
   ArchiveContents config;
   std::vector<std::string> others;
-  PieceStore store;
+  BlobStore store;
   int rows = 0;   ///< of a band
   int bands = 0;  ///< of an image
   /// One per band and slice, band by band; of size 0 where it is black. Zeroed memory of the
   /// system, so that black bands take none.
-  using Index = std::unique_ptr<PieceStore::Piece[], decltype(&std::free)>;
+  using Index = std::unique_ptr<BlobStore::Blob[], decltype(&std::free)>;
   Index index{nullptr, &std::free}, uv_index{nullptr, &std::free};
   bool images_changed = false, uv_images_changed = false;
   PixelBox bounds;
   std::uint64_t sum = 0;
   std::mutex mutex;  ///< of bounds and sum
 
-  Impl(const std::string& p, const std::string& folder, const Job& job)
-      : path(p), store(folder, memory_budget, job) {}
+  Impl(const std::string& p, const std::string& folder, const ExecutionContext& context)
+      : path(p), store(folder, memory_budget, context) {}
 
-  PieceStore::Piece& piece(const Index& of, int band, int slice) const {
+  BlobStore::Blob& blob(const Index& of, int band, int slice) const {
     return of[static_cast<std::size_t>(band) * static_cast<std::size_t>(config.info.grid.layers) +
               static_cast<std::size_t>(slice)];
   }
@@ -199,9 +199,9 @@ struct StackReader::Impl {
     bands = (grid.height_px + rows - 1) / rows;
     void* const memory =
         std::calloc(static_cast<std::size_t>(bands) * static_cast<std::size_t>(grid.layers),
-                    sizeof(PieceStore::Piece));
+                    sizeof(BlobStore::Blob));
     if (memory == nullptr) throw InputError(path, "", "has more slices than the memory can hold");
-    made.reset(static_cast<PieceStore::Piece*>(memory));
+    made.reset(static_cast<BlobStore::Blob*>(memory));
   }
 
   struct Decoded {
@@ -211,15 +211,17 @@ struct StackReader::Impl {
   };
   Decoded decode(const Index& into, int slice, std::span<const std::uint8_t> png,
                  const std::string& name, bool packed_rgb, bool packed_bgr);
-  std::vector<std::uint32_t> decode_images(const Container& archive, const Job& job);
-  std::vector<std::uint32_t> decode_uv_images(const Container& archive, const Job& job);
+  std::vector<std::uint32_t> decode_images(const Container& archive,
+                                           const ExecutionContext& context);
+  std::vector<std::uint32_t> decode_uv_images(const Container& archive,
+                                              const ExecutionContext& context);
   void read_image(const Index& of, int slice, std::uint8_t* out) const;
-  void copy_piece(const PieceStore::Piece& piece, const PixelBox& band, const PixelBox& box,
-                  std::vector<std::uint8_t>& code, std::vector<std::uint8_t>& pixels,
-                  std::uint8_t* out) const;
+  void copy_blob(const BlobStore::Blob& blob, const PixelBox& band, const PixelBox& box,
+                 std::vector<std::uint8_t>& code, std::vector<std::uint8_t>& pixels,
+                 std::uint8_t* out) const;
 };
 
-/// Decodes one image into pieces.
+/// Decodes one image into blobs.
 StackReader::Impl::Decoded StackReader::Impl::decode(const Index& into, int slice,
                                                      std::span<const std::uint8_t> png,
                                                      const std::string& name, bool packed_rgb,
@@ -244,7 +246,7 @@ StackReader::Impl::Decoded StackReader::Impl::decode(const Index& into, int slic
     code.resize(sizeof columns);
     std::memcpy(code.data(), columns, sizeof columns);
     detail::run_length_encode(pixels.data(), pixels.size(), code);
-    piece(into, y0 / rows, slice) = store.put(code.data(), code.size());
+    blob(into, y0 / rows, slice) = store.put(code.data(), code.size());
   };
   decoded.adler = detail::decode_png_bands(png, grid.width_px, grid.height_px, rows, {path, name},
                                            take, packed_rgb, packed_bgr);
@@ -252,12 +254,12 @@ StackReader::Impl::Decoded StackReader::Impl::decode(const Index& into, int slic
 }
 
 std::vector<std::uint32_t> StackReader::Impl::decode_images(const Container& archive,
-                                                            const Job& job) {
+                                                            const ExecutionContext& context) {
   const auto slices = entries_of(archive, config.images, config.info.grid);
-  for (const std::string& warning : config.warnings) job.tell(path + ": " + warning);
+  for (const std::string& warning : config.warnings) context.tell(path + ": " + warning);
   make_index(index);
   std::vector<std::uint32_t> adlers(slices.size());
-  parallel_for(job, "read", slices.size(), [&](std::size_t i) {
+  parallel_for(context, "read", slices.size(), [&](std::size_t i) {
     std::vector<std::uint8_t> png;
     archive.read(*slices[i], slices[i]->bytes, png);
     const Decoded decoded = decode(index, static_cast<int>(i), png, slices[i]->name,
@@ -272,11 +274,11 @@ std::vector<std::uint32_t> StackReader::Impl::decode_images(const Container& arc
 
 /// Nothing is computed from them: they follow from the slices. But the printer shows them.
 std::vector<std::uint32_t> StackReader::Impl::decode_uv_images(const Container& archive,
-                                                               const Job& job) {
+                                                               const ExecutionContext& context) {
   const auto images = entries_of(archive, config.uv_images, config.info.grid);
   make_index(uv_index);
   std::vector<std::uint32_t> adlers(images.size());
-  parallel_for(job, "read UV", images.size(), [&](std::size_t i) {
+  parallel_for(context, "read UV", images.size(), [&](std::size_t i) {
     std::vector<std::uint8_t> png;
     archive.read(*images[i], images[i]->bytes, png);
     // They are plain, whatever the slices are.
@@ -285,12 +287,12 @@ std::vector<std::uint32_t> StackReader::Impl::decode_uv_images(const Container& 
   return adlers;
 }
 
-/// Copies what the piece of `band` has of `box` to `out`, which holds the rows of `box`.
-void StackReader::Impl::copy_piece(const PieceStore::Piece& piece, const PixelBox& band,
-                                   const PixelBox& box, std::vector<std::uint8_t>& code,
-                                   std::vector<std::uint8_t>& pixels, std::uint8_t* out) const {
+/// Copies what the blob of `band` has of `box` to `out`, which holds the rows of `box`.
+void StackReader::Impl::copy_blob(const BlobStore::Blob& blob, const PixelBox& band,
+                                  const PixelBox& box, std::vector<std::uint8_t>& code,
+                                  std::vector<std::uint8_t>& pixels, std::uint8_t* out) const {
   code.clear();
-  store.get(piece, code);
+  store.get(blob, code);
   std::int32_t columns[2];
   std::memcpy(columns, code.data(), sizeof columns);
   const auto stride = static_cast<std::size_t>(columns[1] - columns[0]);
@@ -307,22 +309,22 @@ void StackReader::Impl::copy_piece(const PieceStore::Piece& piece, const PixelBo
   }
 }
 
-StackReader::StackReader(const std::string& path, const std::string& scratch_folder, const Job& job,
-                         const MissingFacts& missing)
-    : impl_(std::make_unique<Impl>(path, scratch_folder, job)) {
+StackReader::StackReader(const std::string& path, const std::string& scratch_folder,
+                         const ExecutionContext& context, const MissingFacts& missing)
+    : impl_(std::make_unique<Impl>(path, scratch_folder, context)) {
   Impl& s = *impl_;
-  const std::unique_ptr<Container> archive = detail::open_container(path, scratch_folder, job);
+  const std::unique_ptr<Container> archive = detail::open_container(path, scratch_folder, context);
   s.config = detail::read_contents(*archive);
   take_missing(s.config.info, missing, path);
   s.others = others_of(*archive, s.config);
-  const std::vector<std::uint32_t> adlers = s.decode_images(*archive, job);
+  const std::vector<std::uint32_t> adlers = s.decode_images(*archive, context);
   s.images_changed =
       s.config.images_crc32 && *s.config.images_crc32 != detail::images_crc32(adlers);
-  if (s.images_changed) job.tell(path + ": images were changed after the stack was made");
+  if (s.images_changed) context.tell(path + ": images were changed after the stack was made");
   if (s.config.uv_images.empty()) return;
   s.uv_images_changed =
-      s.config.uv_images_crc32 != detail::images_crc32(s.decode_uv_images(*archive, job));
-  if (s.uv_images_changed) job.tell(path + ": UV images were changed after the stack was made");
+      s.config.uv_images_crc32 != detail::images_crc32(s.decode_uv_images(*archive, context));
+  if (s.uv_images_changed) context.tell(path + ": UV images were changed after the stack was made");
 }
 
 StackReader::~StackReader() = default;
@@ -354,11 +356,11 @@ void StackReader::Impl::read_image(const Index& of, int slice, std::uint8_t* out
               std::uint8_t{0});
   std::vector<std::uint8_t> code, pixels;
   for (int band = 0; band < bands; ++band) {
-    const PieceStore::Piece& its = piece(of, band, slice);
+    const BlobStore::Blob& its = blob(of, band, slice);
     if (its.size == 0) continue;
     const int y0 = band * rows;
-    copy_piece(its, {0, y0, grid.width_px, std::min(grid.height_px, y0 + rows)}, all, code, pixels,
-               out);
+    copy_blob(its, {0, y0, grid.width_px, std::min(grid.height_px, y0 + rows)}, all, code, pixels,
+              out);
   }
 }
 
@@ -385,13 +387,13 @@ void StackReader::read_band(const PixelBox& box, const Sink& sink) const {
   for (int slice = 0; slice < grid.layers; ++slice) {
     bool lit = false;
     for (int band = first; band < last; ++band) {
-      const PieceStore::Piece& piece = s.piece(s.index, band, slice);
-      if (piece.size == 0) continue;
+      const BlobStore::Blob& blob = s.blob(s.index, band, slice);
+      if (blob.size == 0) continue;
       if (!lit) std::fill(out.begin(), out.end(), std::uint8_t{0});
       lit = true;
       const int y0 = band * s.rows;
       const PixelBox rows{0, y0, grid.width_px, std::min(grid.height_px, y0 + s.rows)};
-      s.copy_piece(piece, rows, box, code, pixels, out.data());
+      s.copy_blob(blob, rows, box, code, pixels, out.data());
     }
     sink(slice, lit ? out.data() : nullptr);
   }

@@ -10,13 +10,13 @@
 #include "parallel/silent.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
-#include "stack/formats/archive_format.hpp"
 #include "stack/block_check.hpp"
 #include "stack/flat_field_entry.hpp"
-#include "stack/png/png.hpp"
+#include "stack/formats/archive_format.hpp"
 #include "stack/formats/png_archive.hpp"
-#include "stack/recording_entry.hpp"
 #include "stack/formats/uvj_config.hpp"
+#include "stack/png/png.hpp"
+#include "stack/recording_entry.hpp"
 
 namespace slicecorr {
 namespace {
@@ -41,7 +41,7 @@ bool exposures_differ(const StackInfo& a, const StackInfo& b) {
 }  // namespace
 
 struct StackWriter::Impl {
-  using Pieces = std::vector<PieceStore::Piece>;
+  using Pieces = std::vector<BlobStore::Blob>;
 
   /// The piece of a band without light, by its number of rows.
   struct Black {
@@ -50,14 +50,14 @@ struct StackWriter::Impl {
   };
 
   Grid grid;
-  Job job;
+  ExecutionContext context;
   StackFile file;
   const ArchiveFormat& format;
   std::unique_ptr<detail::Container> kept;  ///< the archive that is changed; null for a new one
   ArchiveContents kept_contents;
   PixelCode code;
   std::unique_ptr<detail::ContainerOutput> output;
-  PieceStore store;
+  BlobStore store;
   int rows = 0;  ///< of a band
   /// Pieces by slice; of size 0 where black, empty until a band is begun.
   std::vector<Pieces> bands, uv_bands;
@@ -66,9 +66,9 @@ struct StackWriter::Impl {
   std::optional<std::array<std::uint8_t, 256>> uv_of_pixel;
   std::mutex mutex;  ///< of beginning a band
 
-  Impl(const StackFile& f, const Grid& g, const Job& j)
+  Impl(const StackFile& f, const Grid& g, const ExecutionContext& j)
       : grid(g),
-        job(j),
+        context(j),
         file(f),
         format(detail::format_named(f.format, f.path)),
         output(detail::make_container_output(
@@ -137,7 +137,7 @@ struct StackWriter::Impl {
 
 /// Whoever reads these images is used to their kind.
 void StackWriter::Impl::open_kept() {
-  kept = detail::open_container(file.keep_from, output->folder(), job);
+  kept = detail::open_container(file.keep_from, output->folder(), context);
   if (format.container() != kept->kind() || !format.recognises(*kept)) {
     throw InputError(file.keep_from, "",
                      "is no archive of the format " + std::string(format.name()));
@@ -154,8 +154,8 @@ void StackWriter::Impl::open_kept() {
   if (its) {
     code = *its;
   } else {
-    job.tell(file.keep_from +
-             ": images of fewer than 8 bits can't hold grey levels: they become 8-bit grey");
+    context.tell(file.keep_from +
+                 ": images of fewer than 8 bits can't hold grey levels: they become 8-bit grey");
   }
 }
 
@@ -192,7 +192,7 @@ StackWriter::Impl::Images StackWriter::Impl::gather(const std::vector<Pieces>& f
   const bool plain = pixels.is_plain();
   const std::size_t stride = pixels.stride(grid.width_px);
   // A hundred thousand slices of hundreds of bands are not for one thread.
-  parallel_for(detail::silent(job), "", layers, [&](std::size_t slice) {
+  parallel_for(detail::silent(context), "", layers, [&](std::size_t slice) {
     std::uint32_t adler = 1, grey_adler = 1;
     std::uint64_t size = detail::png_frame_bytes;
     for (std::size_t band = 0; band < from.size(); ++band) {
@@ -216,7 +216,7 @@ StackWriter::Impl::Images StackWriter::Impl::gather(const std::vector<Pieces>& f
 void StackWriter::Impl::make_small(Images& images) {
   images.small.resize(images.sizes.size());
   const std::size_t stride = images.code.stride(grid.width_px);
-  parallel_for(job, "pack", images.small.size(), [&](std::size_t slice) {
+  parallel_for(context, "pack", images.small.size(), [&](std::size_t slice) {
     detail::SmallIdat packer;
     std::vector<std::uint8_t> chunk;
     for (std::size_t band = 0; band < images.bands.size(); ++band) {
@@ -280,7 +280,7 @@ void StackWriter::Impl::write_archive(const StackInfo& info, const GreyImage& pr
   };
   if (uv) request.uv_images_crc32 = detail::images_crc32(uv->grey_adlers);
   const std::vector<std::string> names = format.write(request, *output);
-  for (const std::string& warning : warnings) job.tell(file.path + ": " + warning);
+  for (const std::string& warning : warnings) context.tell(file.path + ": " + warning);
   add_images(names, slices);
   if (uv) {
     std::vector<std::string> uv_names;
@@ -297,7 +297,7 @@ void StackWriter::Impl::write_archive(const StackInfo& info, const GreyImage& pr
   }
   if (info.kind != StackKind::foreign) detail::add_flat_field(info, *output);
   detail::add_recording(info, *output);
-  output->finish(job, [&](const std::string& written) {
+  output->finish(context, [&](const std::string& written) {
     if (kept) check_rewritten(written, info);
     if (file.before_renaming) file.before_renaming();
   });
@@ -340,7 +340,7 @@ void StackWriter::Impl::check_rewritten(const std::string& written, const StackI
 
 /// The file's name without the ending that its format gives it.
 std::string StackWriter::Impl::stem() const {
-  std::string name = detail::place_of(file.path).file;
+  std::string name = detail::path_parts(file.path).file;
   for (const std::string_view ending : format.endings()) {
     if (name.size() > ending.size() && name.ends_with(ending)) {
       name.resize(name.size() - ending.size());
@@ -351,11 +351,11 @@ std::string StackWriter::Impl::stem() const {
   return point == std::string::npos || point == 0 ? name : name.substr(0, point);
 }
 
-StackWriter::StackWriter(const StackFile& file, const Grid& grid, const Job& job) {
+StackWriter::StackWriter(const StackFile& file, const Grid& grid, const ExecutionContext& context) {
   if (grid.width_px < 1 || grid.height_px < 1 || grid.layers < 1) {
     throw std::invalid_argument("a stack needs at least one pixel and one slice");
   }
-  impl_ = std::make_unique<Impl>(file, grid, job);
+  impl_ = std::make_unique<Impl>(file, grid, context);
 }
 
 StackWriter::~StackWriter() = default;
@@ -378,7 +378,7 @@ struct StackWriter::BandEncoder::Impl {
   StackWriter::Impl* writer;
   int y0, y1;
   detail::IdatEncoder encoder;
-  PieceStore::Piece last;           ///< what `encoder` made last, of plain images
+  BlobStore::Blob last;             ///< what `encoder` made last, of plain images
   std::vector<std::uint8_t> chunk;  ///< of the slice at hand
   /// Where the bytes of images are others than the grey values: rows of a band with their filter
   /// bytes, black but for the columns at hand; and what they become.
@@ -386,7 +386,7 @@ struct StackWriter::BandEncoder::Impl {
   detail::IdatEncoder uv_encoder;
 
   void put_band(std::size_t band, int slice, const detail::GreyRows& rows);
-  PieceStore::Piece keep(std::uint32_t adler);
+  BlobStore::Blob keep(std::uint32_t adler);
   std::span<const std::uint8_t> make_raw(std::size_t band, const detail::GreyRows& rows);
 };
 
@@ -404,8 +404,8 @@ StackWriter::BandEncoder::~BandEncoder() = default;
 StackWriter::BandEncoder::BandEncoder(BandEncoder&&) noexcept = default;
 
 /// Keeps the chunk of the slice at hand.
-PieceStore::Piece StackWriter::BandEncoder::Impl::keep(std::uint32_t adler) {
-  PieceStore::Piece piece = writer->store.put(chunk.data(), chunk.size());
+BlobStore::Blob StackWriter::BandEncoder::Impl::keep(std::uint32_t adler) {
+  BlobStore::Blob piece = writer->store.put(chunk.data(), chunk.size());
   piece.adler = adler;
   return piece;
 }
@@ -426,7 +426,7 @@ void StackWriter::BandEncoder::Impl::put_band(std::size_t band, int slice,
                                               const detail::GreyRows& rows) {
   using Found = detail::IdatEncoder::Found;
   const auto n = static_cast<std::size_t>(slice);
-  PieceStore::Piece& piece = writer->bands[band][n];
+  BlobStore::Blob& piece = writer->bands[band][n];
   piece = {};
   if (writer->uv_of_pixel) writer->uv_bands[band][n] = {};
   if (rows.pixels == nullptr) return;

@@ -20,11 +20,11 @@ std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 /// The source with rows and columns exchanged. A *strip* is some rows of the source, a *block* its
 /// columns that make up a band of the transposed image; of a block some slices at a time, a
-/// *chunk*, are one piece: slice by slice, in each the rows of the transposed image.
+/// *chunk*, are one blob: slice by slice, in each the rows of the transposed image.
 class TurnedSlices::Transposed {
  public:
-  Transposed(const SliceSource& source, const std::string& folder, const Job& job)
-      : store_(folder, kMemoryBudget, job),
+  Transposed(const SliceSource& source, const std::string& folder, const ExecutionContext& context)
+      : store_(folder, kMemoryBudget, context),
         box_(source.bounds()),
         layers_(source.grid().layers),
         side_(std::max(1, band_rows(source.grid()))) {
@@ -34,9 +34,9 @@ class TurnedSlices::Transposed {
     chunks_ = (layers_ + chunk_ - 1) / chunk_;
     strips_ = (box_.height() + side_ - 1) / side_;
     blocks_ = (box_.width() + side_ - 1) / side_;
-    pieces_.resize(at(strips_) * at(blocks_) * at(chunks_));
-    parallel_for(job, "turn", at(strips_),
-                 [&](std::size_t s) { cut(source, static_cast<int>(s), job); });
+    blobs_.resize(at(strips_) * at(blocks_) * at(chunks_));
+    parallel_for(context, "turn", at(strips_),
+                 [&](std::size_t s) { cut(source, static_cast<int>(s), context); });
   }
 
   /// In pixels of the transposed image.
@@ -53,10 +53,10 @@ class TurnedSlices::Transposed {
       const int slices = std::min(chunk_, layers_ - c * chunk_);
       for (int s = std::max(0, strip0); s <= std::min(strips_ - 1, strip1); ++s) {
         for (int b = std::max(0, block0); b <= std::min(blocks_ - 1, block1); ++b) {
-          const PieceStore::Piece& piece = pieces_[index(s, b, c)];
-          if (piece.size == 0) continue;
+          const BlobStore::Blob& blob = blobs_[index(s, b, c)];
+          if (blob.size == 0) continue;
           code.clear();
-          store_.get(piece, code);
+          store_.get(blob, code);
           const PixelBox from = block_box(s, b);
           block.resize(at(from.width()) * at(from.height()) * at(slices));
           detail::run_length_decode(code.data(), code.data() + code.size(), block.data(),
@@ -96,7 +96,7 @@ class TurnedSlices::Transposed {
   }
 
   /// Reads a strip and keeps its blocks.
-  void cut(const SliceSource& source, int strip, const Job& job) {
+  void cut(const SliceSource& source, int strip, const ExecutionContext& context) {
     const int y0 = box_.y0 + strip * side_;
     const PixelBox band{box_.x0, y0, box_.x1, std::min(y0 + side_, box_.y1)};
     const std::size_t height = at(band.height()), width = at(band.width());
@@ -113,14 +113,14 @@ class TurnedSlices::Transposed {
         if (std::all_of(from, from + size, [](std::uint8_t v) { return v == 0; })) continue;
         code.clear();
         detail::run_length_encode(from, size, code);
-        pieces_[index(strip, b, chunk)] = store_.put(code.data(), code.size());
+        blobs_[index(strip, b, chunk)] = store_.put(code.data(), code.size());
       }
       std::fill(pixels.begin(), pixels.end(), std::uint8_t{0});
       lit = false;
       filled = 0;
     };
     source.read_band(band, [&](int n, const std::uint8_t* rows) {
-      if ((n & 63) == 0) job.check_cancelled();
+      if ((n & 63) == 0) context.check_cancelled();
       if (rows) {
         lit = true;
         for (std::size_t x = 0; x < width; ++x) {
@@ -136,14 +136,14 @@ class TurnedSlices::Transposed {
     });
   }
 
-  PieceStore store_;
+  BlobStore store_;
   PixelBox box_;  ///< of the source
   int layers_, side_, chunk_ = 1, chunks_ = 0, strips_ = 0, blocks_ = 0;
-  std::vector<PieceStore::Piece> pieces_;
+  std::vector<BlobStore::Blob> blobs_;
 };
 
 TurnedSlices::TurnedSlices(const SliceSource& source, const Turn& turn,
-                           const std::string& scratch_folder, const Job& job,
+                           const std::string& scratch_folder, const ExecutionContext& context,
                            const std::optional<ImageFrame>& frame)
     : source_(source),
       turn_(turn),
@@ -151,7 +151,7 @@ TurnedSlices::TurnedSlices(const SliceSource& source, const Turn& turn,
       frame_(frame.value_or(turned(source.frame(), turn))) {
   refuse_recording(source);
   if (turn.swap_axes) {
-    transposed_ = std::make_unique<const Transposed>(source, scratch_folder, job);
+    transposed_ = std::make_unique<const Transposed>(source, scratch_folder, context);
   }
 }
 
@@ -188,24 +188,26 @@ void TurnedSlices::read_band(const PixelBox& band, const Sink& sink) const {
 }
 
 FittedSlices FittedSlices::for_display(const SliceSource& source, const Printer& printer,
-                                       const std::string& scratch_folder, const Job& job) {
+                                       const std::string& scratch_folder,
+                                       const ExecutionContext& context) {
   FittedSlices fitted(source);
   if (source.frame().to_display || !printer.orientation) return fitted;
   fitted.turned_ = std::make_unique<const TurnedSlices>(
-      source, turn_to_display(source.frame(), printer), scratch_folder, job,
+      source, turn_to_display(source.frame(), printer), scratch_folder, context,
       ImageFrame{Turn{}, printer.orientation});
   return fitted;
 }
 
 FittedSlices FittedSlices::like(const SliceSource& other, const SliceSource& source,
-                                const std::string& scratch_folder, const Job& job) {
+                                const std::string& scratch_folder,
+                                const ExecutionContext& context) {
   FittedSlices fitted(source);
   const ImageFrame is = source.frame(), wanted = other.frame();
   if (!is.orientation || !wanted.orientation || *is.orientation == *wanted.orientation) {
     return fitted;
   }
   fitted.turned_ = std::make_unique<const TurnedSlices>(
-      source, turn_between(*is.orientation, *wanted.orientation), scratch_folder, job, wanted);
+      source, turn_between(*is.orientation, *wanted.orientation), scratch_folder, context, wanted);
   return fitted;
 }
 

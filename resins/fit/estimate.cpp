@@ -338,7 +338,7 @@ std::optional<Reciprocity> test_reciprocity(const Setup& s, const Solution& solu
 
 std::vector<std::vector<double>> bootstrap(const Setup& s, const Solution& solution,
                                            const Diagnosis& d, int count, std::uint64_t seed,
-                                           const Job& job) {
+                                           const ExecutionContext& context) {
   const auto& all = s.problem.observations;
   std::array<std::vector<double>, 2> pool;
   std::vector<double> fitted(all.size());
@@ -355,7 +355,7 @@ std::vector<std::vector<double>> bootstrap(const Setup& s, const Solution& solut
     if (residuals.empty()) residuals.push_back(0);
   }
   std::vector<std::vector<double>> found(static_cast<std::size_t>(count));
-  parallel_for(job, "bootstrap", found.size(), [&](std::size_t b) {
+  parallel_for(context, "bootstrap", found.size(), [&](std::size_t b) {
     Random random(seed * 0xD1342543DE82EF95ULL + b);
     Problem resampled = s.problem;
     for (std::size_t i = 0; i < all.size(); ++i) {

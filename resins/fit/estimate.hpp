@@ -37,6 +37,6 @@ std::optional<Reciprocity> test_reciprocity(const Setup& setup, const Solution& 
 /// be drawn within triplicates without making the scatter a third too small.
 std::vector<std::vector<double>> bootstrap(const Setup& setup, const Solution& solution,
                                            const Diagnosis& diagnosis, int count,
-                                           std::uint64_t seed, const Job& job);
+                                           std::uint64_t seed, const ExecutionContext& context);
 
 }  // namespace slicecorr::resins

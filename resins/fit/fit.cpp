@@ -202,9 +202,9 @@ double percentile(const std::vector<double>& sorted, double share) {
 }
 
 void fill_bootstrap(const Setup& s, const Solution& solution, const Diagnosis& d,
-                    const FitOptions& options, const Job& job, FitResult& result) {
+                    const FitOptions& options, const ExecutionContext& context, FitResult& result) {
   if (options.bootstrap == 0 || d.freedom <= 0 || d.singular) return;
-  const auto rows = bootstrap(s, solution, d, options.bootstrap, options.seed, job);
+  const auto rows = bootstrap(s, solution, d, options.bootstrap, options.seed, context);
   const std::size_t lost = static_cast<std::size_t>(options.bootstrap) - rows.size();
   if (lost > 0) {
     result.warnings.push_back(
@@ -233,10 +233,11 @@ void fill_bootstrap(const Setup& s, const Solution& solution, const Diagnosis& d
 
 }  // namespace
 
-FitResult fit(const Measurements& data, FitModel model, const FitOptions& options, const Job& job) {
+FitResult fit(const Measurements& data, FitModel model, const FitOptions& options,
+              const ExecutionContext& context) {
   const auto begin = std::chrono::steady_clock::now();
   Setup setup = set_up(data, model, options);
-  job.check_cancelled();
+  context.check_cancelled();
   Solution solution = estimate(setup, options);
 
   std::vector<std::string> held;
@@ -282,7 +283,7 @@ FitResult fit(const Measurements& data, FitModel model, const FitOptions& option
                     "other parameters; {}, or hold it with --fix",
                     name_of(model), name, why_unknown(setup, name)));
   }
-  job.check_cancelled();
+  context.check_cancelled();
 
   FitResult result;
   result.model = model;
@@ -306,7 +307,7 @@ FitResult fit(const Measurements& data, FitModel model, const FitOptions& option
       result.reciprocity = test_reciprocity(setup, solution, diagnosis, result.points);
     }
   }
-  fill_bootstrap(setup, solution, diagnosis, options, job, result);
+  fill_bootstrap(setup, solution, diagnosis, options, context, result);
   result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return result;
 }

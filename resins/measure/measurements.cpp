@@ -62,13 +62,13 @@ class Table {
   Table(LineReader reader, int source, Measurements& into)
       : reader_(std::move(reader)), source_(source), into_(into) {}
 
-  void read(const Job& job) {
+  void read(const ExecutionContext& context) {
     read_header();
     std::string_view line;
     std::vector<std::string_view> fields;
     int rows = 0;
     while (reader_.next(line)) {
-      if ((reader_.number() & 0xFFF) == 0) job.check_cancelled();
+      if ((reader_.number() & 0xFFF) == 0) context.check_cancelled();
       split_fields(line, reader_, fields);
       if (fields.empty()) continue;
       check_count(fields);
@@ -306,7 +306,8 @@ class Table {
 
 }  // namespace
 
-Measurements read_measurements(const std::vector<std::string>& paths, const Job& job) {
+Measurements read_measurements(const std::vector<std::string>& paths,
+                               const ExecutionContext& context) {
   if (paths.empty()) throw InputError("no file of measurements was given");
   Measurements data;
   for (const std::string& path : paths) {
@@ -319,7 +320,7 @@ Measurements read_measurements(const std::vector<std::string>& paths, const Job&
     }
     const int source = static_cast<int>(data.sources.size());
     data.sources.push_back(path);
-    Table(LineReader::of_file(path), source, data).read(job);
+    Table(LineReader::of_file(path), source, data).read(context);
   }
   return data;
 }

@@ -35,7 +35,7 @@ bool has_intensities(const Measurements& data) {
   return intensities.size() >= 2;
 }
 
-RecordFits fits_of_record(const ResinRecord& record, const Job& job) {
+RecordFits fits_of_record(const ResinRecord& record, const ExecutionContext& context) {
   RecordFits result;
   if (record.measurements.empty()) return result;
   const auto attempt = [&](auto action) {
@@ -51,17 +51,17 @@ RecordFits fits_of_record(const ResinRecord& record, const Job& job) {
     for (const std::string& name : record.measurements) {
       paths.push_back((std::filesystem::path(record.path).parent_path() / name).string());
     }
-    data = read_measurements(paths, job);
+    data = read_measurements(paths, context);
   });
   if (!data.cured.empty()) {
-    attempt([&] { result.fits.push_back(fit(data, FitModel::jacobs, {}, job)); });
+    attempt([&] { result.fits.push_back(fit(data, FitModel::jacobs, {}, context)); });
     if (has_intensities(data)) {
-      attempt([&] { result.fits.push_back(fit(data, FitModel::kinetic, {}, job)); });
+      attempt([&] { result.fits.push_back(fit(data, FitModel::kinetic, {}, context)); });
     }
   }
   if (!data.dead_zones.empty()) {
     attempt([&] {
-      result.fits.push_back(fit(data, dead_zone_model(record), on_resin(record.resin), job));
+      result.fits.push_back(fit(data, dead_zone_model(record), on_resin(record.resin), context));
     });
   }
   return result;

@@ -38,13 +38,13 @@ void tell(const Saved& saved, Console& console) {
   cli::print_result(saved.path + "\n");
 }
 
-int add(const AddArguments& a, const Job& job, Console& console) {
+int add(const AddArguments& a, const ExecutionContext& context, Console& console) {
   const Located at = locate(a.definition);
   Imported d = with_its_files(at.path, at.kind);
   if (!a.data.empty()) {
     if (d.kind != "resin")
       throw InputError(at.path, "", "is a printer; measurements are of resins");
-    for (const std::string& w : read_measurements(a.data, job).warnings) console.say(w);
+    for (const std::string& w : read_measurements(a.data, context).warnings) console.say(w);
   }
   for (const std::string& csv : a.data) {
     std::ifstream in(csv, std::ios::binary);
@@ -125,11 +125,11 @@ int restore(const RestoreArguments& a, Console& console) {
 
 void add_changes(cli::Program& program) {
   const auto a = std::make_shared<AddArguments>();
-  CLI::App* sub =
-      program.add("add",
-                  "Checks a definition and saves it with its measurements in your own database "
-                  "($SLICECORR_DB, else the user's folder); prints the path.",
-                  [a](const Job& job, Console& console) { return add(*a, job, console); });
+  CLI::App* sub = program.add(
+      "add",
+      "Checks a definition and saves it with its measurements in your own database "
+      "($SLICECORR_DB, else the user's folder); prints the path.",
+      [a](const ExecutionContext& context, Console& console) { return add(*a, context, console); });
   sub->add_option("DEFINITION", a->definition,
                   "A .toml file, or the name of a resin that is there: to add measurements, or to "
                   "copy it to your own database")
@@ -141,13 +141,14 @@ void add_changes(cli::Program& program) {
                 "Put it in the place of one of that name, which goes to the history");
 
   const auto h = std::make_shared<std::string>();
-  sub = program.add("history", "All versions of a resin or printer, oldest first.",
-                    [h](const Job&, Console& console) { return show_history(*h, console); });
+  sub = program.add(
+      "history", "All versions of a resin or printer, oldest first.",
+      [h](const ExecutionContext&, Console& console) { return show_history(*h, console); });
   sub->add_option("NAME", *h, "Name, or path of a .toml file")->required();
 
   const auto d = std::make_shared<DiffArguments>();
   sub = program.add("diff", "What differs between two versions, as diff -u prints it.",
-                    [d](const Job&, Console& console) { return diff(*d, console); });
+                    [d](const ExecutionContext&, Console& console) { return diff(*d, console); });
   sub->add_option("NAME", d->name, "Name, or path of a .toml file")->required();
   sub->add_option("OLD", d->old_version, "Version; without it the last but one")
       ->check(CLI::Range(1, 1000000000));
@@ -155,10 +156,11 @@ void add_changes(cli::Program& program) {
       ->check(CLI::Range(1, 1000000000));
 
   const auto r = std::make_shared<RestoreArguments>();
-  sub = program.add("restore",
-                    "Makes an earlier version the present one; what stands there now stays in the "
-                    "history.",
-                    [r](const Job&, Console& console) { return restore(*r, console); });
+  sub =
+      program.add("restore",
+                  "Makes an earlier version the present one; what stands there now stays in the "
+                  "history.",
+                  [r](const ExecutionContext&, Console& console) { return restore(*r, console); });
   sub->add_option("NAME", r->name, "Name, or path of a .toml file")->required();
   sub->add_option("VERSION", r->version, "Its number")
       ->required()

@@ -97,7 +97,7 @@ int list_printers(const ListArguments& a, const std::string& words, Console& con
   return cli::kDone;
 }
 
-int list(const ListArguments& a, const Job&, Console& console) {
+int list(const ListArguments& a, const ExecutionContext&, Console& console) {
   std::string words;
   for (const std::string& word : a.words) words += word + " ";
   if (a.printers) return list_printers(a, words, console);
@@ -128,7 +128,7 @@ struct ShowArguments {
   std::string name, json, html;
 };
 
-int show(const ShowArguments& a, const Job& job, Console& console) {
+int show(const ShowArguments& a, const ExecutionContext& context, Console& console) {
   const Located at = locate(a.name);
   if (at.kind == "printer") {
     if (!a.html.empty()) throw InputError(at.path, "", "is a printer; --html is for resins");
@@ -152,7 +152,7 @@ int show(const ShowArguments& a, const Job& job, Console& console) {
   }
   if (!a.html.empty()) {
     cli::must_not_replace(a.html, {at.path});
-    const RecordFits fits = fits_of_record(record, job);
+    const RecordFits fits = fits_of_record(record, context);
     for (const std::string& problem : fits.problems) console.say(problem);
     cli::write_text_file(a.html, resin_page(record, fits.fits, history(at.path, at.kind)));
     console.say(fmt::format("{}: written", a.html));
@@ -165,7 +165,7 @@ struct ValidateArguments {
   std::string schema;
 };
 
-int validate(const ValidateArguments& a, const Job&, Console& console) {
+int validate(const ValidateArguments& a, const ExecutionContext&, Console& console) {
   if (!a.schema.empty()) {
     if (!a.files.empty()) throw InputError("--schema prints the schema; expected no FILE with it");
     cli::print_result(schema_table(a.schema));
@@ -202,7 +202,9 @@ void add_database(cli::Program& program) {
   const auto l = std::make_shared<ListArguments>();
   CLI::App* sub = program.add(
       "list", "Resins (or printers) of the database, one a line, with gel dose and aim.",
-      [l](const Job& job, Console& console) { return list(*l, job, console); });
+      [l](const ExecutionContext& context, Console& console) {
+        return list(*l, context, console);
+      });
   sub->add_option("WORDS", l->words,
                   "All of them must occur in name, maker, product, chemistry, colour or notes");
   sub->add_option("--maker", l->maker, "Part of the maker's name");
@@ -218,7 +220,9 @@ void add_database(cli::Program& program) {
   sub = program.add("show",
                     "One resin or printer: figures in all units, what correction aims at, where "
                     "the figures come from.",
-                    [s](const Job& job, Console& console) { return show(*s, job, console); });
+                    [s](const ExecutionContext& context, Console& console) {
+                      return show(*s, context, console);
+                    });
   sub->add_option("NAME", s->name, "Name, or path of a .toml file")->required();
   sub->add_option("--json", s->json, "Write JSON to this file, - for stdout");
   sub->add_option("--html", s->html, "Write a page with figures, history and pictures of its fits");
@@ -227,7 +231,9 @@ void add_database(cli::Program& program) {
   sub = program.add("validate",
                     "Checks definition files and prints what is wrong as FILE:LINE: KEY: MESSAGE. "
                     "Exit code 2 when there is an error; warnings alone are no error.",
-                    [v](const Job& job, Console& console) { return validate(*v, job, console); });
+                    [v](const ExecutionContext& context, Console& console) {
+                      return validate(*v, context, console);
+                    });
   sub->add_option("FILE", v->files, "Files or names; without any the whole database");
   sub->add_option("--schema", v->schema, "Print what a resin or printer file may hold")
       ->check(CLI::IsMember({"resin", "printer"}));

@@ -92,7 +92,9 @@ void add_design(cli::Program& program) {
     const auto a = std::make_shared<PredictArguments>();
     CLI::App* app = program.add(
         "predict", "What a light does to a resin: cured height, dead zone, curing fronts, speeds.",
-        [a](const Job&, cli::Console& console) { return predict_command(*a, console); });
+        [a](const ExecutionContext&, cli::Console& console) {
+          return predict_command(*a, console);
+        });
     Question& q = a->question;
     app->add_option("--resin", a->resin, "Resin: a .toml file or a name")->required();
     app->add_option("--blue-mw-cm2", q.blue_mw_cm2, "Curing light at the window")
@@ -125,7 +127,9 @@ void add_design(cli::Program& program) {
   const auto a = std::make_shared<RecommendArguments>();
   CLI::App* app = program.add(
       "recommend", "The absorber that a speed and a tolerance need, with correction and without.",
-      [a](const Job&, cli::Console& console) { return recommend_command(*a, console); });
+      [a](const ExecutionContext&, cli::Console& console) {
+        return recommend_command(*a, console);
+      });
   Wish& w = a->wish;
   app->add_option("--resin", a->resin, "Resin: a .toml file or a name")->required();
   app->add_option("--printer", a->printer, "Printer: a .toml file or a name")->required();

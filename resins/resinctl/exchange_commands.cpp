@@ -90,7 +90,7 @@ void add_exchange(cli::Program& program) {
       "Makes definitions of foreign files and saves them in your own database: profiles of "
       "PrusaSlicer, UVtools and others, Anycubic's resin profiles, tables of Dp and Ec, measured "
       "calibrations and flat-fields of printers. Says what it assumed, also in the files.",
-      [i](const Job&, Console& console) { return import_file(*i, console); });
+      [i](const ExecutionContext&, Console& console) { return import_file(*i, console); });
   sub->add_option("FILE", i->file, "What to import")->required();
   sub->add_option("--format", i->options.format, "What FILE is")
       ->check(CLI::IsMember({"auto", "prusaslicer", "uvtools", "anycubic", "table", "calibration",
@@ -116,8 +116,9 @@ void add_exchange(cli::Program& program) {
   sub->add_flag("--dry-run", i->dry_run, "Print the definitions instead of saving them");
 
   const auto e = std::make_shared<ExportArguments>();
-  sub = program.add("export", "One resin (or printer) for other programs.",
-                    [e](const Job&, Console& console) { return export_definition(*e, console); });
+  sub = program.add(
+      "export", "One resin (or printer) for other programs.",
+      [e](const ExecutionContext&, Console& console) { return export_definition(*e, console); });
   sub->add_option("NAME", e->name, "Name, or path of a .toml file")->required();
   sub->add_option("--format", e->format,
                   "toml, json, csv (a table that import reads), prusaslicer (a material)")

@@ -156,7 +156,7 @@ void write_record(const FitArguments& a, FitResult result, Console& console) {
                                             saved.replaced ? ", the one before is kept" : ""));
 }
 
-int run_fit(const FitArguments& a, const Job& job, Console& console) {
+int run_fit(const FitArguments& a, const ExecutionContext& context, Console& console) {
   const FitModel model = fit_model_named(a.model);
   FitOptions options = options_of(a);
   if (a.one_m && model != FitModel::joint) {
@@ -166,7 +166,7 @@ int run_fit(const FitArguments& a, const Job& job, Console& console) {
     if (!output.empty() && output != "-") cli::must_not_replace(output, a.data);
   }
   take_blue_law(a, model, options, console);
-  const FitResult result = fit(read_measurements(a.data, job), model, options, job);
+  const FitResult result = fit(read_measurements(a.data, context), model, options, context);
   if (!a.output.empty()) write_record(a, result, console);
   if (!a.json.empty()) cli::print_or_write(a.json, result.to_json());
   if (a.json == "-") {
@@ -200,7 +200,9 @@ void add_fit(cli::Program& program) {
       "fit",
       "Fit a cure model to measurements: parameters, intervals, outliers, and what the data "
       "can't tell",
-      [a](const Job& job, Console& console) { return run_fit(*a, job, console); });
+      [a](const ExecutionContext& context, Console& console) {
+        return run_fit(*a, context, console);
+      });
   sub->add_option("DATA", a->data, "Measurements (.csv); several files are fitted together")
       ->required();
   sub->add_option("--model", a->model, "Law to fit")

@@ -69,7 +69,7 @@ struct Subject {
 
 /// The picture of `kind` (empty: what the data are of) from measurements.
 Drawn draw_measurements(const Measurements& data, const Arguments& a, const Subject& subject,
-                        FitModel cure_model, FitModel zone_model, const Job& job) {
+                        FitModel cure_model, FitModel zone_model, const ExecutionContext& context) {
   const bool zones = a.kind == "dead-zone" || (a.kind.empty() && data.cured.empty());
   if (a.kind == "collapse") {
     if (!has_intensities(data)) {
@@ -77,8 +77,8 @@ Drawn draw_measurements(const Measurements& data, const Arguments& a, const Subj
           "a collapse needs cured heights at two intensities or more; expected columns "
           "intensity_mw_cm2,exposure_s,cured_height_um");
     }
-    const FitResult jacobs = fit(data, FitModel::jacobs, {}, job);
-    const FitResult kinetic = fit(data, FitModel::kinetic, {}, job);
+    const FitResult jacobs = fit(data, FitModel::jacobs, {}, context);
+    const FitResult kinetic = fit(data, FitModel::kinetic, {}, context);
     return {collapse_svg(jacobs, kinetic, subject.name), words_of(kinetic)};
   }
   FitModel model = zones ? zone_model : cure_model;
@@ -110,7 +110,7 @@ Drawn draw_measurements(const Measurements& data, const Arguments& a, const Subj
         "a fit of dead zones stands on a resin's blue parameters; expected --resin NAME");
   }
   const FitResult result =
-      fit(data, model, is_dead_zone(model) ? on_resin(*subject.resin) : FitOptions{}, job);
+      fit(data, model, is_dead_zone(model) ? on_resin(*subject.resin) : FitOptions{}, context);
   std::string words = words_of(result);
   if (a.kind.empty() && !data.cured.empty() && !data.dead_zones.empty()) {
     words +=
@@ -121,21 +121,21 @@ Drawn draw_measurements(const Measurements& data, const Arguments& a, const Subj
           words};
 }
 
-Drawn draw_data(const Arguments& a, const Job& job, cli::Console& console) {
+Drawn draw_data(const Arguments& a, const ExecutionContext& context, cli::Console& console) {
   if (a.kind == "fronts" || a.kind == "resin") {
     throw InputError(
         fmt::format("--kind {} is drawn from a resin; expected its name or .toml file", a.kind));
   }
-  const Measurements data = read_measurements(a.inputs, job);
+  const Measurements data = read_measurements(a.inputs, context);
   for (const std::string& w : data.warnings) console.say("warning: " + w);
   std::optional<Resin> resin;
   if (!a.resin.empty()) resin = load_resin(a.resin);
   return draw_measurements(data, a, {resin ? &*resin : nullptr, resin ? resin->name : ""},
                            has_intensities(data) ? FitModel::kinetic : FitModel::jacobs,
-                           FitModel::dead_zone_steady, job);
+                           FitModel::dead_zone_steady, context);
 }
 
-Drawn draw_record(const Arguments& a, const Job& job, cli::Console& console) {
+Drawn draw_record(const Arguments& a, const ExecutionContext& context, cli::Console& console) {
   if (a.inputs.size() != 1) {
     throw InputError(fmt::format(
         "{} inputs; expected one resin, or CSV files of measurements alone", a.inputs.size()));
@@ -146,7 +146,7 @@ Drawn draw_record(const Arguments& a, const Job& job, cli::Console& console) {
   const ResinRecord record = load_record(a.inputs[0]);
   cli::must_not_replace(a.output, {record.path});
   if (has_ending(a.output, ".html")) {
-    const RecordFits fits = fits_of_record(record, job);
+    const RecordFits fits = fits_of_record(record, context);
     for (const std::string& p : fits.problems) console.say("warning: " + p);
     return {resin_page(record, fits.fits), "the resin's page"};
   }
@@ -166,18 +166,18 @@ Drawn draw_record(const Arguments& a, const Job& job, cli::Console& console) {
     paths.push_back(cli::folder_of(record.path) + "/" + name);
   }
   cli::must_not_replace(a.output, paths);
-  const Measurements data = read_measurements(paths, job);
+  const Measurements data = read_measurements(paths, context);
   for (const std::string& w : data.warnings) console.say("warning: " + w);
   return draw_measurements(data, a, {&record.resin, record.name},
                            kinetic && has_intensities(data) ? FitModel::kinetic : FitModel::jacobs,
-                           dead_zone_model(record), job);
+                           dead_zone_model(record), context);
 }
 
-int plot(const Arguments& a, const Job& job, cli::Console& console) {
+int plot(const Arguments& a, const ExecutionContext& context, cli::Console& console) {
   const auto is_csv = [](const std::string& path) { return has_ending(path, ".csv"); };
   const bool data = std::all_of(a.inputs.begin(), a.inputs.end(), is_csv);
   cli::must_not_replace(a.output, a.inputs);
-  const Drawn drawn = data ? draw_data(a, job, console) : draw_record(a, job, console);
+  const Drawn drawn = data ? draw_data(a, context, console) : draw_record(a, context, console);
   cli::write_text_file(a.output, drawn.svg);
   console.say(fmt::format("{}: written; {}", a.output, drawn.words));
   return cli::kDone;
@@ -190,7 +190,9 @@ void add_plot(cli::Program& program) {
   CLI::App* app = program.add(
       "plot",
       "Draws a resin's working curve or what else is known of it, or a fit of measurements.",
-      [a](const Job& job, cli::Console& console) { return plot(*a, job, console); });
+      [a](const ExecutionContext& context, cli::Console& console) {
+        return plot(*a, context, console);
+      });
   app->add_option("INPUT", a->inputs,
                   "A resin (name or .toml file), or CSV files of measurements (see fit)")
       ->required();

@@ -8,9 +8,9 @@
 #include <cstdlib>
 #include <filesystem>
 
+#include "slicecorr/error.hpp"
 #include "support/text/nearest.hpp"
 #include "support/toml/toml_table.hpp"
-#include "slicecorr/error.hpp"
 
 namespace slicecorr::post {
 
@@ -148,7 +148,7 @@ class Reader {
   void check_known(const toml::node& node, const std::string& name, bool in_rule) const {
     CLI::App app;
     app.set_help_flag();
-    Settings settings;
+    PostSettings settings;
     settings.add_to(app);
     std::vector<std::string> known;
     if (in_rule) known.assign(matchers.begin(), matchers.end());
@@ -191,7 +191,7 @@ class Reader {
   /// A rule may leave printer and resin to the archive's profiles; what it says must still go
   /// together.
   void check_together(const Values& rule, unsigned line) const {
-    const Settings settings = settings_of(over(config_.defaults, rule));
+    const PostSettings settings = settings_of(over(config_.defaults, rule));
     if (settings.setup.printer.empty() || settings.setup.resin.empty()) return;
     StackInfo times;
     times.exposure_s = 1;

@@ -8,11 +8,11 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "support/files/temporary.hpp"
 #include "post/files.hpp"
 #include "programs/common/program.hpp"
-#include "support/files/sha256.hpp"
 #include "slicecorr/report.hpp"
+#include "support/files/sha256.hpp"
+#include "support/files/temporary.hpp"
 
 namespace slicecorr::post {
 
@@ -34,12 +34,12 @@ std::string real_path(const std::string& path) {
 }
 
 /// The name that the file has for the user: that of the export, where a slicer hands us a copy.
-std::string name_for_user(const std::string& real, const Context& context) {
-  return context.slicer.output_name.empty() ? real : context.slicer.output_name;
+std::string name_for_user(const std::string& real, const PostRequest& request) {
+  return request.slicer.output_name.empty() ? real : request.slicer.output_name;
 }
 
-std::string backup_of(const std::string& real, const Context& context) {
-  return name_for_user(real, context) + ".orig";
+std::string backup_of(const std::string& real, const PostRequest& request) {
+  return name_for_user(real, request) + ".orig";
 }
 
 /// What the library says of a setup does not tell of which file.
@@ -71,7 +71,7 @@ Lock lock_of(const std::string& path) {
 
 /// Whether `backup` is what `corrected` was made from.
 void check_belongs(const StackInfo& corrected, const std::string& path, const std::string& backup,
-                   const Job& job) {
+                   const ExecutionContext& context) {
   const auto fail = [&](const std::string& why) {
     throw InputError(backup, "", fmt::format("is not what {} was made from: {}", path, why));
   };
@@ -101,7 +101,7 @@ void check_belongs(const StackInfo& corrected, const std::string& path, const st
     facts.pixel_x_um = corrected.printer->pixel_x_um;
     facts.pixel_y_um = corrected.printer->pixel_y_um;
   }
-  const StackReader images(backup, cli::folder_of(backup), job, facts);
+  const StackReader images(backup, cli::folder_of(backup), context, facts);
   const Grid& grid = images.grid();
   const double volume_mm3 = static_cast<double>(images.pixel_sum()) / 255.0 * grid.pixel_x_um *
                             grid.pixel_y_um * grid.layer_um * 1e-9;
@@ -130,8 +130,8 @@ void keep_backup(const std::string& real, const std::string& backup, const std::
   if (fs::exists(fs::symlink_status(backup, ec)) && same_contents(real, backup)) return;
   // A folder of the slicer's export may be another than that of the copy we are given.
   std::optional<WorkFolder> beside;
-  const std::string folder = detail::place_of(backup).folder;
-  if (!fs::equivalent(folder, detail::place_of(real).folder, ec)) beside.emplace(folder);
+  const std::string folder = detail::path_parts(backup).folder;
+  if (!fs::equivalent(folder, detail::path_parts(real).folder, ec)) beside.emplace(folder);
   keep_copy(real, backup, how == "replace", beside ? beside->path() : scratch);
 }
 
@@ -147,7 +147,8 @@ class Reports {
   Reports(const WorkFolder& work, std::string name, std::string kinds)
       : work_(work), name_(std::move(name)), kinds_(std::move(kinds)) {}
 
-  void make(const SliceSource& target, const Outcome& outcome, const Job& job) const {
+  void make(const SliceSource& target, const PostOutcome& outcome,
+            const ExecutionContext& context) const {
     if (wants("html")) {
       const Correction& c = outcome.correction;
       Setup setup = outcome.setup;
@@ -156,8 +157,8 @@ class Reports {
       cli::write_text_file(
           work_.path() + "/html",
           make_report(gather_report(corrected, target, setup, c.info, c.after, c.before,
-                                    fs::path(name_).stem().string(), job, c.volume),
-                      job));
+                                    fs::path(name_).stem().string(), context, c.volume),
+                      context));
     }
     if (wants("json")) cli::write_text_file(work_.path() + "/json", figures_json(outcome));
   }
@@ -177,18 +178,19 @@ class Reports {
 };
 
 /// The archive that is to be corrected: the file, or its backup with --again.
-std::string source_of(const std::string& real, const Context& context, const Job& job) {
-  if (!context.again) return real;
+std::string source_of(const std::string& real, const PostRequest& request,
+                      const ExecutionContext& context) {
+  if (!request.again) return real;
   const StackInfo info = read_archive(real);
   if (info.kind != StackKind::corrected) return real;
-  const std::string backup = backup_of(real, context);
-  check_belongs(info, real, backup, job);
+  const std::string backup = backup_of(real, request);
+  check_belongs(info, real, backup, context);
   return backup;
 }
 
 }  // namespace
 
-std::string figures_json(const Outcome& outcome) {
+std::string figures_json(const PostOutcome& outcome) {
   auto figures = nlohmann::ordered_json::parse(outcome.correction.after.to_json());
   if (outcome.correction.before) {
     figures["uncorrected"] = nlohmann::ordered_json::parse(outcome.correction.before->to_json());
@@ -196,24 +198,25 @@ std::string figures_json(const Outcome& outcome) {
   return figures.dump(2) + "\n";
 }
 
-Decision preview(const std::string& path, const Context& context) {
+Decision preview(const std::string& path, const PostRequest& request) {
   const std::string real = real_path(path);
   return naming(path, [&] {
-    return decide(source_of(real, context, {}), name_for_user(real, context), context);
+    return decide(source_of(real, request, {}), name_for_user(real, request), request);
   });
 }
 
-Outcome correct_file(const std::string& path, const Context& context, const Job& job) {
+PostOutcome correct_file(const std::string& path, const PostRequest& request,
+                         const ExecutionContext& context) {
   const std::string real = real_path(path);
   // Not where scratch may lie instead: what can't be put in place is not begun.
-  const std::string folder = detail::place_of(real).folder;
+  const std::string folder = detail::path_parts(real).folder;
   return naming(path, [&] {
     const Lock lock = lock_of(real);
     const auto seen = identity_of(real);
     WorkFolder::remove_stale(folder);
-    const std::string source = source_of(real, context, job);
-    const Decision decision = decide(source, name_for_user(real, context), context);
-    Outcome outcome;
+    const std::string source = source_of(real, request, context);
+    const Decision decision = decide(source, name_for_user(real, request), request);
+    PostOutcome outcome;
     outcome.rule = decision.rule;
     if (decision.settings.leave_alone) {
       outcome.left_alone = true;
@@ -221,27 +224,27 @@ Outcome correct_file(const std::string& path, const Context& context, const Job&
     }
     // With --again the source is the backup.
     const bool keep = !decision.settings.backup.empty() && source == real;
-    const std::string backup = backup_of(real, context);
+    const std::string backup = backup_of(real, request);
     if (keep) check_backup(real, backup, decision.settings.backup);
-    cli::tell_notices(decision.setup, &decision.info, job);
+    cli::tell_notices(decision.setup, &decision.info, context);
 
     const WorkFolder work(folder);
     note_work(work, real);
     const std::string made = work.path() + "/" + fs::path(real).filename().string();
-    const StackReader target(source, work.path(), job, decision.missing);
+    const StackReader target(source, work.path(), context, decision.missing);
     StackFile file(made);
     file.format = decision.info.format;
     file.keep_from = source;
     file.original_sha256 = cli::sha256_of_contents(source);
     outcome.setup = decision.setup;
-    const Reports reports(work, name_for_user(real, context), decision.settings.report);
+    const Reports reports(work, name_for_user(real, request), decision.settings.report);
     outcome.correction = correct_stack(
         target, decision.setup, file,
-        {.before = true, .volume_cells = reports.wants("html") ? kReportCells : 0}, job);
-    reports.make(target, outcome, job);
+        {.before = true, .volume_cells = reports.wants("html") ? kReportCells : 0}, context);
+    reports.make(target, outcome, context);
     detail::copy_mode(real, made);
 
-    job.check_cancelled();
+    context.check_cancelled();
     if (identity_of(real) != seen) {
       throw InUse(path, "", "was changed while it was being corrected; it is left as it is");
     }
@@ -257,7 +260,7 @@ Outcome correct_file(const std::string& path, const Context& context, const Job&
   });
 }
 
-void undo(const std::string& path, const Context& context, const Job& job) {
+void undo(const std::string& path, const PostRequest& request, const ExecutionContext& context) {
   const std::string real = real_path(path);
   naming(path, [&] {
     const Lock lock = lock_of(real);
@@ -265,10 +268,10 @@ void undo(const std::string& path, const Context& context, const Job& job) {
     if (info.kind != StackKind::corrected) {
       throw InputError(path, "", "is not corrected: there is nothing to undo");
     }
-    const std::string backup = backup_of(real, context);
-    check_belongs(info, real, backup, job);
+    const std::string backup = backup_of(real, request);
+    check_belongs(info, real, backup, context);
     rename_file(backup, real);
-    detail::sync_folder(detail::place_of(real).folder);
+    detail::sync_folder(detail::path_parts(real).folder);
   });
 }
 

@@ -16,7 +16,7 @@ class InUse : public InputError {
   using InputError::InputError;
 };
 
-struct Outcome {
+struct PostOutcome {
   bool left_alone = false;  ///< as a rule says; only `rule` is filled then
   std::string rule;
   Setup setup;
@@ -28,16 +28,17 @@ struct Outcome {
 /// Corrects `path`: at any moment the file is either the old or the new one, whole. Throws
 /// `AlreadyCorrected`, `NotReadable`, `InUse`, `InputError`, `InfeasibleError`, `DeviceError`,
 /// `Cancelled`; the file is as it was then.
-Outcome correct_file(const std::string& path, const Context& context, const Job& job);
+PostOutcome correct_file(const std::string& path, const PostRequest& request,
+                         const ExecutionContext& context);
 
 /// How `correct_file` would go about it. Changes nothing.
-Decision preview(const std::string& path, const Context& context);
+Decision preview(const std::string& path, const PostRequest& request);
 
 /// Puts the backup of a corrected file in its place. Throws `InputError` when there is none, or it
 /// is not what the file was made from.
-void undo(const std::string& path, const Context& context, const Job& job);
+void undo(const std::string& path, const PostRequest& request, const ExecutionContext& context);
 
 /// The figures of an outcome, as reports have them.
-std::string figures_json(const Outcome& outcome);
+std::string figures_json(const PostOutcome& outcome);
 
 }  // namespace slicecorr::post

@@ -60,8 +60,8 @@ void check_fits(const StackInfo& info, const Printer& printer) {
 /// Finds out one thing after the other; each may use those before it.
 class Deciding {
  public:
-  Deciding(const std::string& archive, const std::string& named, const Context& context)
-      : context_(context) {
+  Deciding(const std::string& archive, const std::string& named, const PostRequest& request)
+      : request_(request) {
     decision_.info = read_archive(archive);
     refuse_corrected(decision_.info, archive);
     profiles_ = decision_.info.profiles;
@@ -69,19 +69,19 @@ class Deciding {
     const auto said = [](std::string& name, const std::string& by_slicer) {
       if (!by_slicer.empty()) name = by_slicer;
     };
-    said(profiles_.printer, context.slicer.profiles.printer);
-    said(profiles_.material, context.slicer.profiles.material);
-    rule_ = context.config.match({named, profiles_});
+    said(profiles_.printer, request.slicer.profiles.printer);
+    said(profiles_.material, request.slicer.profiles.material);
+    rule_ = request.config.match({named, profiles_});
   }
 
   Decision decide() {
-    Values values = context_.config.defaults;
+    Values values = request_.config.defaults;
     if (rule_ != nullptr) {
       values = over(values, rule_->values);
       decision_.rule =
-          fmt::format("rule '{}' ({}, line {})", rule_->name, context_.config.path, rule_->line);
+          fmt::format("rule '{}' ({}, line {})", rule_->name, request_.config.path, rule_->line);
     }
-    decision_.settings = settings_of(over(values, context_.given));
+    decision_.settings = settings_of(over(values, request_.given));
     if (decision_.settings.leave_alone) return std::move(decision_);
     find_definitions();
     cli::SetupOptions& setup = decision_.settings.setup;
@@ -94,9 +94,9 @@ class Deciding {
 
  private:
   std::string source_of(const std::string& name) const {
-    if (context_.given.contains(name)) return "the command line";
+    if (request_.given.contains(name)) return "the command line";
     if (rule_ != nullptr && rule_->values.contains(name)) return decision_.rule;
-    return fmt::format("[default] of {}", context_.config.path);
+    return fmt::format("[default] of {}", request_.config.path);
   }
 
   void find_definitions() {
@@ -111,7 +111,7 @@ class Deciding {
           profile.empty()
               ? fmt::format(", and the archive names none")
               : fmt::format(", and none is known for the archive's profile '{}'", profile),
-          context_.config.path.empty() ? "post.toml" : context_.config.path,
+          request_.config.path.empty() ? "post.toml" : request_.config.path,
           profile.empty() ? "" : fmt::format(" with {} = \"{}\"", key, profile)));
     };
     decision_.printer_from =
@@ -151,7 +151,7 @@ class Deciding {
     }
   }
 
-  const Context& context_;
+  const PostRequest& request_;
   Decision decision_;
   ArchiveProfiles profiles_;
   const Rule* rule_ = nullptr;
@@ -188,8 +188,8 @@ StackInfo read_archive(const std::string& path) {
   }
 }
 
-Decision decide(const std::string& archive, const std::string& named, const Context& context) {
-  return Deciding(archive, named, context).decide();
+Decision decide(const std::string& archive, const std::string& named, const PostRequest& request) {
+  return Deciding(archive, named, request).decide();
 }
 
 std::string describe(const Decision& d) {

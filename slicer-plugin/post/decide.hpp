@@ -30,7 +30,7 @@ struct SlicerCall {
 SlicerCall slicer_call_from_environment();
 
 /// What holds for all files of a run.
-struct Context {
+struct PostRequest {
   Config config;
   Values given;  ///< on the command line
   SlicerCall slicer;
@@ -39,7 +39,7 @@ struct Context {
 
 struct Decision {
   StackInfo info;
-  Settings settings;
+  PostSettings settings;
   Setup setup;  ///< not when the file is left alone
   MissingFacts missing;
   std::string rule;  ///< "rule 'x' (post.toml, line 5)"; empty without
@@ -48,7 +48,7 @@ struct Decision {
 
 /// `named`: the path that rules look at. Throws `NotReadable`, `AlreadyCorrected`, and `InputError`
 /// with what is missing or does not fit.
-Decision decide(const std::string& archive, const std::string& named, const Context& context);
+Decision decide(const std::string& archive, const std::string& named, const PostRequest& request);
 
 /// In lines for people.
 std::string describe(const Decision& decision);

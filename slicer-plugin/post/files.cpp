@@ -11,9 +11,9 @@
 #include <filesystem>
 #include <fstream>
 
+#include "slicecorr/error.hpp"
 #include "support/files/errno_message.hpp"
 #include "support/files/temporary.hpp"
-#include "slicecorr/error.hpp"
 
 namespace slicecorr::post {
 
@@ -119,7 +119,7 @@ void keep_copy(const std::string& from, const std::string& to, bool replace,
     if (errno != EINVAL && errno != ENOSYS) fail(to, "can't be made");
     rename_file(made, to);
   }
-  detail::sync_folder(detail::place_of(to).folder);
+  detail::sync_folder(detail::path_parts(to).folder);
 }
 
 bool same_contents(const std::string& a, const std::string& b) {

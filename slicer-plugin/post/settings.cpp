@@ -6,9 +6,9 @@
 #include <set>
 #include <vector>
 
-#include "support/text/nearest.hpp"
 #include "programs/common/program.hpp"
 #include "slicecorr/error.hpp"
+#include "support/text/nearest.hpp"
 
 namespace slicecorr::post {
 
@@ -42,7 +42,7 @@ const std::vector<std::string>& setting_names() {
   static const std::vector<std::string> names = [] {
     CLI::App app;
     app.set_help_flag();
-    Settings settings;
+    PostSettings settings;
     settings.add_to(app);
     return names_in(app);
   }();
@@ -51,7 +51,7 @@ const std::vector<std::string>& setting_names() {
 
 }  // namespace
 
-void Settings::add_to(CLI::App& app) {
+void PostSettings::add_to(CLI::App& app) {
   setup.add_to(app, false, true);
   app.add_option("--layer-um", layer_um, "Layer height of archives that do not say it, 1 to 1000")
       ->check(cli::number_in(1, 1000));
@@ -87,8 +87,8 @@ Values over(Values low, const Values& high) {
   return low;
 }
 
-Settings settings_of(const Values& values) {
-  Settings settings;
+PostSettings settings_of(const Values& values) {
+  PostSettings settings;
   CLI::App app;
   app.set_help_flag();
   settings.add_to(app);

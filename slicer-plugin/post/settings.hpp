@@ -10,7 +10,7 @@
 
 namespace slicecorr::post {
 
-struct Settings {
+struct PostSettings {
   cli::SetupOptions setup;
   double layer_um = 0;  ///< where the archive does not say it; 0: not given
   std::string backup;   ///< empty: none; "keep" or "replace"
@@ -22,12 +22,12 @@ struct Settings {
 /// Settings by the names of their options without dashes in front, as text: "omega-max" -> "2".
 using Values = std::map<std::string, std::string>;
 
-/// Those that were given on a command line; `app` has the options of `Settings`.
+/// Those that were given on a command line; `app` has the options of `PostSettings`.
 Values given_on(const CLI::App& app);
 /// `low` with `high` over it. Ways to say the exposure, and the UV light, replace each other whole:
 /// a speed leaves nothing of the exposure times below it.
 Values over(Values low, const Values& high);
 /// Throws `InputError` when a name is not known (with the nearest one) or a value not allowed.
-Settings settings_of(const Values& values);
+PostSettings settings_of(const Values& values);
 
 }  // namespace slicecorr::post

@@ -13,8 +13,8 @@
 #include <cstddef>
 #include <cstring>
 
-#include "support/files/errno_message.hpp"
 #include "slicecorr/error.hpp"
+#include "support/files/errno_message.hpp"
 
 namespace slicecorr::post {
 
@@ -95,8 +95,8 @@ void Folders::remove_below(const std::string& folder) {
   }
 }
 
-std::vector<Folders::Event> Folders::take() {
-  std::vector<Event> events;
+std::vector<Folders::FileEvent> Folders::take() {
+  std::vector<FileEvent> events;
   alignas(inotify_event) std::array<char, 65536> buffer;
   for (;;) {
     const ssize_t bytes = ::read(inotify_, buffer.data(), buffer.size());
@@ -113,7 +113,7 @@ std::vector<Folders::Event> Folders::take() {
       const char* const name = buffer.data() + at + sizeof event;
       at += static_cast<ssize_t>(sizeof event + event.len);
       if ((event.mask & IN_Q_OVERFLOW) != 0) {
-        events.push_back({Event::Kind::lost, {}});
+        events.push_back({FileEvent::Kind::lost, {}});
         continue;
       }
       const auto found = watched_.find(event.wd);
@@ -121,21 +121,21 @@ std::vector<Folders::Event> Folders::take() {
       const std::string folder = found->second.path;
       if ((event.mask & (IN_DELETE_SELF | IN_MOVE_SELF | IN_IGNORED | IN_UNMOUNT)) != 0) {
         remove_below(folder);
-        events.push_back({Event::Kind::unwatched, folder});
+        events.push_back({FileEvent::Kind::unwatched, folder});
         continue;
       }
       if (event.len == 0) continue;
       const std::string path = (folder == "/" ? "" : folder) + "/" + name;
       if ((event.mask & IN_ISDIR) != 0) {
         if ((event.mask & (IN_CREATE | IN_MOVED_TO)) != 0) {
-          events.push_back({Event::Kind::new_folder, path});
+          events.push_back({FileEvent::Kind::new_folder, path});
         } else if ((event.mask & IN_MOVED_FROM) != 0) {
           remove_below(path);
         }
       } else if ((event.mask & (IN_CLOSE_WRITE | IN_MOVED_TO)) != 0) {
-        events.push_back({Event::Kind::written, path});
+        events.push_back({FileEvent::Kind::written, path});
       } else if ((event.mask & (IN_DELETE | IN_MOVED_FROM)) != 0) {
-        events.push_back({Event::Kind::gone, path});
+        events.push_back({FileEvent::Kind::gone, path});
       }
     }
   }

@@ -12,7 +12,7 @@ namespace slicecorr::post {
 /// thread.
 class Folders {
  public:
-  struct Event {
+  struct FileEvent {
     enum class Kind {
       written,     ///< a file was closed after writing, or moved here
       gone,        ///< a file was removed or moved away
@@ -37,7 +37,7 @@ class Folders {
   /// Readable when there are events.
   int descriptor() const { return inotify_; }
   /// All that there are now, without waiting.
-  std::vector<Event> take();
+  std::vector<FileEvent> take();
 
  private:
   /// Goes with the process, however it ends. Not a lock on the folder: as long as it is open, the

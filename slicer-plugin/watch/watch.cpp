@@ -15,8 +15,8 @@
 #include <optional>
 #include <set>
 
-#include "support/files/errno_message.hpp"
 #include "post/files.hpp"
+#include "support/files/errno_message.hpp"
 #include "watch/commands.hpp"
 #include "watch/folders.hpp"
 #include "watch/workers.hpp"
@@ -55,8 +55,9 @@ std::vector<std::string> endings() {
 
 class Watcher {
  public:
-  Watcher(const WatchOptions& options, const Context& context, Log& log, const Job& job)
-      : options_(options), log_(log), job_(job), workers_(options.jobs, context, job) {}
+  Watcher(const WatchOptions& options, const PostRequest& request, Log& log,
+          const ExecutionContext& context)
+      : options_(options), log_(log), context_(context), workers_(options.jobs, request, context) {}
 
   WatchResult run() {
     // From here on signals only come while waiting, so none is missed between looking and waiting.
@@ -68,10 +69,10 @@ class Watcher {
     ::signal(SIGIO, SIG_IGN);  // a lease that is asked back while we have it
     for (const std::string& folder : options_.folders) add_root(folder);
     while (!idle()) {
-      job_.check_cancelled();
+      context_.check_cancelled();
       wait(before);
-      job_.check_cancelled();
-      for (const Folders::Event& event : folders_.take()) handle(event);
+      context_.check_cancelled();
+      for (const Folders::FileEvent& event : folders_.take()) handle(event);
       for (const Done& done : workers_.take()) finished(done);
       look_at_due();
       commands_.reap();
@@ -185,8 +186,8 @@ class Watcher {
     c.give_up = Clock::now() + patience();
   }
 
-  void handle(const Folders::Event& event) {
-    using Kind = Folders::Event::Kind;
+  void handle(const Folders::FileEvent& event) {
+    using Kind = Folders::FileEvent::Kind;
     switch (event.kind) {
       case Kind::written:
         consider(event.path);
@@ -299,7 +300,7 @@ class Watcher {
 
   const WatchOptions& options_;
   Log& log_;
-  const Job& job_;
+  const ExecutionContext& context_;
   const std::vector<std::string> endings_ = endings();
   Folders folders_;
   Commands commands_;
@@ -312,8 +313,9 @@ class Watcher {
 
 }  // namespace
 
-WatchResult watch(const WatchOptions& options, const Context& context, Log& log, const Job& job) {
-  return Watcher(options, context, log, job).run();
+WatchResult watch(const WatchOptions& options, const PostRequest& request, Log& log,
+                  const ExecutionContext& context) {
+  return Watcher(options, request, log, context).run();
 }
 
 }  // namespace slicecorr::post

@@ -28,9 +28,10 @@ struct WatchResult {
   int corrected = 0, failed = 0;
 };
 
-/// Watches until `job.cancel` is set and a signal comes, then throws `Cancelled`; with `once` until
-/// nothing is left. Failures of files go to the log. Throws `InputError` when a folder is not there
-/// or another watcher has it, `DeviceError` when watching is not possible.
-WatchResult watch(const WatchOptions& options, const Context& context, Log& log, const Job& job);
+/// Watches until `context.cancel` is set and a signal comes, then throws `Cancelled`; with `once`
+/// until nothing is left. Failures of files go to the log. Throws `InputError` when a folder is not
+/// there or another watcher has it, `DeviceError` when watching is not possible.
+WatchResult watch(const WatchOptions& options, const PostRequest& request, Log& log,
+                  const ExecutionContext& context);
 
 }  // namespace slicecorr::post

@@ -10,16 +10,16 @@
 #include <cstdint>
 #include <new>
 
-#include "support/files/errno_message.hpp"
 #include "programs/common/program.hpp"
+#include "support/files/errno_message.hpp"
 
 namespace slicecorr::post {
 
-Workers::Workers(int count, const Context& context, const Job& job)
-    : context_(context), job_(job), event_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
+Workers::Workers(int count, const PostRequest& request, const ExecutionContext& context)
+    : request_(request), context_(context), event_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
   if (event_ < 0) throw DeviceError(detail::errno_message("watching folders", "not possible"));
-  job_.threads = std::max(1, thread_count(job) / count);
-  job_.progress = nullptr;
+  context_.threads = std::max(1, thread_count(context) / count);
+  context_.progress = nullptr;
   // Signals are for the thread that waits for events: it would sleep on otherwise.
   sigset_t all, before;
   sigfillset(&all);
@@ -80,10 +80,10 @@ Done Workers::correct(const std::string& path) const {
     done.message = message;
   };
   try {
-    Job job = job_;
+    ExecutionContext context = context_;
     std::string remarks;
-    job.notice = [&](const std::string& text) { remarks += "; " + text; };
-    const Outcome outcome = correct_file(path, context_, job);
+    context.notice = [&](const std::string& text) { remarks += "; " + text; };
+    const PostOutcome outcome = correct_file(path, request_, context);
     if (outcome.left_alone) {
       became(Kind::left_alone, cli::kDone, outcome.rule);
     } else {

@@ -28,9 +28,9 @@ struct Done {
 /// threads. Signals do not reach the workers. `put` and `take` are for one thread.
 class Workers {
  public:
-  /// `context` must outlive this.
-  Workers(int count, const Context& context, const Job& job);
-  /// Waits for the files in work: `job.cancel` ends them soon.
+  /// `request` must outlive this.
+  Workers(int count, const PostRequest& request, const ExecutionContext& context);
+  /// Waits for the files in work: `context.cancel` ends them soon.
   ~Workers();
   Workers(const Workers&) = delete;
   Workers& operator=(const Workers&) = delete;
@@ -44,8 +44,8 @@ class Workers {
   void work();
   Done correct(const std::string& path) const;
 
-  const Context& context_;
-  Job job_;
+  const PostRequest& request_;
+  ExecutionContext context_;
   int event_;
   std::mutex mutex_;
   std::condition_variable more_;

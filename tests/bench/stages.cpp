@@ -54,14 +54,14 @@ const MeshSlices& target(bool antialias = true) {
 
 double voxels(const Grid& g) { return static_cast<double>(g.width_px) * g.height_px * g.layers; }
 
-Job job_of(const benchmark::State& state) {
-  Job job;
+ExecutionContext job_of(const benchmark::State& state) {
+  ExecutionContext job;
   job.threads = static_cast<int>(state.range(0));
   return job;
 }
 
 /// The limit: every thread copies a part of more memory than caches hold.
-void copy_bytes(const Job& job, const std::vector<char>& from, std::vector<char>& to) {
+void copy_bytes(const ExecutionContext& job, const std::vector<char>& from, std::vector<char>& to) {
   const auto parts = static_cast<std::size_t>(job.threads);
   const std::size_t size = from.size() / parts;
   parallel_for(job, "copy", parts, [&](std::size_t i) {
@@ -75,7 +75,7 @@ double copied_per_s(int threads) {
   if (!added) return entry->second;
   const std::vector<char> from(64 << 20, 1);
   std::vector<char> to(from.size());
-  Job job;
+  ExecutionContext job;
   job.threads = threads;
   std::vector<double> seconds;
   for (int k = 0; k < 16; ++k) {
@@ -102,7 +102,7 @@ void threads(benchmark::internal::Benchmark* b) {
 }
 
 void copy(benchmark::State& state) {
-  const Job job = job_of(state);
+  const ExecutionContext job = job_of(state);
   const std::vector<char> from(64 << 20, 1);
   std::vector<char> to(from.size());
   for (auto _ : state) {
@@ -136,7 +136,7 @@ void slice_with(benchmark::State& state, bool antialias) {
   const int rows = band_rows(t.grid());
   const int first = box.y0 / rows;
   const auto bands = static_cast<std::size_t>((box.y1 + rows - 1) / rows - first);
-  const Job job = job_of(state);
+  const ExecutionContext job = job_of(state);
   for (auto _ : state) {
     std::atomic<std::uint64_t> lit = 0;
     parallel_for(job, "slice", bands, [&](std::size_t i) {
@@ -193,7 +193,7 @@ const std::uint8_t* rows_of(const std::vector<std::uint8_t>& slice) {
 void solve_with(benchmark::State& state, const Setup& how) {
   const CorrectionPlan plan = plan_correction(target(), how);
   const Bands& b = bands();
-  const Job job = job_of(state);
+  const ExecutionContext job = job_of(state);
   for (auto _ : state) {
     parallel_for(job, "solve", b.coverage.size(), [&](std::size_t i) {
       BandCorrector corrector(plan, b.columns);
@@ -217,7 +217,7 @@ void predict_with(benchmark::State& state, const Setup& how) {
   const PixelCurve curve = pixel_curve(model);
   const Bands& b = bands();
   const std::vector<std::uint8_t> black(b.columns);
-  const Job job = job_of(state);
+  const ExecutionContext job = job_of(state);
   for (auto _ : state) {
     parallel_for(job, "predict", b.coverage.size(), [&](std::size_t i) {
       const auto& slices = b.coverage[i];
@@ -244,7 +244,7 @@ class Stack {
       : path_((std::filesystem::temp_directory_path() / name).string()) {}
   ~Stack() { std::filesystem::remove(path_); }
   const std::string& path() const { return path_; }
-  StackReader open(const Job& job) const {
+  StackReader open(const ExecutionContext& job) const {
     return {path_, std::filesystem::temp_directory_path().string(), job};
   }
 
@@ -265,7 +265,7 @@ const Stack& stored_correction() {
 /// From the file to coded bands.
 void decode(benchmark::State& state) {
   const Stack& stored = stored_correction();
-  const Job job = job_of(state);
+  const ExecutionContext job = job_of(state);
   for (auto _ : state) {
     const StackReader stack = stored.open(job);
     if (stack.grid().layers < target().grid().layers) throw Error("slices are missing");
@@ -278,7 +278,7 @@ BENCHMARK(decode)->Apply(threads);
 void encode(benchmark::State& state) {
   const StackReader stack = stored_correction().open({});
   const Stack out("slicecorr-bench.uvj");
-  const Job job = job_of(state);
+  const ExecutionContext job = job_of(state);
   for (auto _ : state) convert_stack(stack, out.path(), job);
   if (light(out.open({})) != light(stack)) throw Error("slices did not come back as they were");
   count(state, voxels(target().grid()));
@@ -289,7 +289,7 @@ BENCHMARK(encode)->Apply(threads);
 void correct(benchmark::State& state) {
   const Stack& stored = stored_target();
   const Stack out("slicecorr-bench.uvj");
-  const Job job = job_of(state);
+  const ExecutionContext job = job_of(state);
   for (auto _ : state) {
     const StackReader stack = stored.open(job);
     const Correction c = correct_stack(stack, setup(), out.path(), {}, job);
@@ -302,7 +302,7 @@ BENCHMARK(correct)->Apply(threads);
 /// The whole job: slice, correct, predict before and after, encode, write.
 void run(benchmark::State& state) {
   const Stack out("slicecorr-bench.uvj");
-  const Job job = job_of(state);
+  const ExecutionContext job = job_of(state);
   for (auto _ : state) {
     const Correction c = correct_stack(target(), setup(), out.path(), {.before = true}, job);
     if (c.after.cure_through_voxels || c.after.undercure_voxels) throw Error("does not verify");
@@ -314,7 +314,7 @@ BENCHMARK(run)->Apply(threads);
 /// Reading a corrected stack back and verifying it.
 void verify(benchmark::State& state) {
   const Stack& stored = stored_correction();
-  const Job job = job_of(state);
+  const ExecutionContext job = job_of(state);
   for (auto _ : state) {
     const StackReader stack = stored.open(job);
     const Prediction p = verify_stack(stack, target(), setup(), job);

@@ -39,16 +39,16 @@ class WindowWatch {
   /// Pixels (0..255) of a slice, in any order of slices that is steadily up or down; null: black.
   void add_slice(int slice, const std::uint8_t* pixels);
   /// The same of several images (dose.hpp); none: black. All slices one way or the other.
-  void add_slice(int slice, std::span<const ShownPart> parts);
+  void add_slice(int slice, std::span<const ImageShowing> showings);
 
  private:
-  void cure(int slice, std::span<const ShownPart> parts);
+  void cure(int slice, std::span<const ImageShowing> showings);
 
   friend class WindowTotal;
   const InhibitedKernel& kernel_;
   std::size_t columns_;
   std::vector<std::uint8_t> low_, high_;  ///< per slice: least and greatest pixel above black
-  /// Of slices given as parts, where more than the level counts: dead zones.
+  /// Of slices given as showings, where more than the level counts: dead zones.
   std::vector<double> least_um_, greatest_um_;
   /// Gel dose at the window from slices that follow each other; empty where no level can cure to
   /// it.

@@ -21,9 +21,9 @@
 namespace slicecorr {
 
 /// One of the images that were shown while the window passed a slice (recording.hpp).
-struct ShownPart {
+struct ImageShowing {
   const std::uint8_t* pixels = nullptr;  ///< 0..255, one per column
-  /// Share of the slice's light: what a slice adds to a dose is the sum over its parts of light
+  /// Share of the slice's light: what a slice adds to a dose is the sum over its showings of light
   /// times what the image alone would add.
   double light = 1;
   int setting = 0;  ///< of UV light, see InhibitedKernel
@@ -53,7 +53,7 @@ class BandDose {
   void add_slice(int slice, const std::uint8_t* pixels);
   /// The same of several images; none: light off. Their pixels must stay until the next slice, for
   /// `crossing`. See docs/recording.md for how exact it is.
-  void add_slice(int slice, std::span<const ShownPart> parts);
+  void add_slice(int slice, std::span<const ImageShowing> showings);
 
   const double* lower() const;   ///< relative dose at the lower end of the layer, per column
   const double* middle() const;  ///< in its middle
@@ -73,7 +73,7 @@ class BandDose {
   class Walker {
    public:
     virtual ~Walker() = default;
-    virtual void add_slice(int slice, std::span<const ShownPart> parts) = 0;
+    virtual void add_slice(int slice, std::span<const ImageShowing> showings) = 0;
     virtual void inside(std::size_t column, double known, InsideLayer& out) const = 0;
     std::vector<double> lower, middle, upper;
     std::vector<std::uint8_t> turning;

@@ -36,7 +36,7 @@ class DeviceError : public Error {
   using Error::Error;
 };
 
-/// The caller asked to stop (`Job::cancel`). Nothing half-made is left behind.
+/// The caller asked to stop (`ExecutionContext::cancel`). Nothing half-made is left behind.
 class Cancelled : public Error {
  public:
   Cancelled() : Error("cancelled") {}

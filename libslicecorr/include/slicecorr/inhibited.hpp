@@ -38,7 +38,7 @@ class InhibitedKernel {
   /// this share.
   static constexpr double tail_share = 1e-6;
   /// Where in a layer a dose is asked for: x = j + place / 4 for the slice j layers below.
-  enum Place { lower_end = 0, quarter = 1, middle = 2, three_quarters = 3, upper_end = 4 };
+  enum LayerPosition { lower_end = 0, quarter = 1, middle = 2, three_quarters = 3, upper_end = 4 };
   static constexpr int places = 5;
   /// Samples of a layer for what happens inside it.
   static constexpr int samples = 16;
@@ -65,7 +65,7 @@ class InhibitedKernel {
 
   /// What a slice of a level adds j layers above its own: table[j * levels() + level], j = 0 ..
   /// near() - 1; layer by layer at the normal exposure.
-  const double* table(int setting, Place place) const {
+  const double* table(int setting, LayerPosition place) const {
     return tables_[static_cast<std::size_t>(setting * places + place)].data();
   }
   /// The same at x = j + (i + 1) / samples: fine[(j * levels() + level) * samples + i]; made when

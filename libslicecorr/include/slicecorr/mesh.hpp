@@ -45,7 +45,7 @@ struct MeshDefects {
 
 /// Where triangles don't fit together: what slicing asks of a mesh besides its triangles, and what
 /// `inspect` finds on its way.
-struct MeshSeams {
+struct EdgeDefects {
   /// An edge that its triangles do not run along equally often both ways, once those of `flipped`
   /// are turned: contours break there.
   struct OpenEdge {
@@ -79,15 +79,16 @@ struct Placement {
 /// Throws `InputError` when the file can't be read, holds no triangle, or a coordinate is not
 /// finite.
 TriangleMesh read_mesh(const std::string& path, const Placement& placement = {},
-                       const Job& job = {});
+                       const ExecutionContext& context = {});
 
-/// Counts triangles, bodies and defects; O(triangles). Writes the mesh's seams to `seams`, when it
-/// is not null.
-MeshReport inspect(const TriangleMesh& mesh, const Job& job = {}, MeshSeams* seams = nullptr);
+/// Counts triangles, bodies and defects; O(triangles). Writes the mesh's edge_defects to
+/// `edge_defects`, when it is not null.
+MeshReport inspect(const TriangleMesh& mesh, const ExecutionContext& context = {},
+                   EdgeDefects* edge_defects = nullptr);
 
 /// For each triangle whether it must be turned so that neighbours over two-triangle edges agree, by
 /// the majority of each body. All false for a well-oriented mesh, also one with cavities.
-std::vector<bool> flipped_triangles(const TriangleMesh& mesh, const Job& job = {});
+std::vector<bool> flipped_triangles(const TriangleMesh& mesh, const ExecutionContext& context = {});
 
 /// One line on the defects in words ("12 open edges, 3 flipped triangles"); empty when there are
 /// none.
@@ -96,7 +97,7 @@ std::string describe(const MeshDefects& defects);
 /// Appends `part` to `mesh`.
 void append(TriangleMesh& mesh, const TriangleMesh& part);
 
-/// Appends the seams of a part to those of the mesh that the part is to be appended to.
-void append(MeshSeams& seams, const TriangleMesh& mesh, const MeshSeams& part);
+/// Appends the edge_defects of a part to those of the mesh that the part is to be appended to.
+void append(EdgeDefects& edge_defects, const TriangleMesh& mesh, const EdgeDefects& part);
 
 }  // namespace slicecorr

@@ -10,9 +10,9 @@
 
 namespace slicecorr {
 
-/// How a long operation runs and whom it tells. A default `Job` uses all cores and tells nobody.
-/// The callbacks may be called from any thread, but never from two at once.
-struct Job {
+/// How a long operation runs and whom it tells. A default `ExecutionContext` uses all cores and
+/// tells nobody. The callbacks may be called from any thread, but never from two at once.
+struct ExecutionContext {
   /// Number of threads; 0 means all cores. Results do not depend on it.
   int threads = 0;
   /// When it becomes true, loops stop before their next item and throw `Cancelled`. May be null.
@@ -30,13 +30,13 @@ struct Job {
   void report(std::string_view stage, double fraction) const;
 };
 
-/// Calls `body(i)` once for every i in [0, count), in any order, on `job.threads` threads.
+/// Calls `body(i)` once for every i in [0, count), in any order, on `context.threads` threads.
 /// Checks for cancellation before every item. The first exception of a body stops the loop and is
 /// rethrown. Bodies must not depend on each other.
-void parallel_for(const Job& job, std::string_view stage, std::size_t count,
+void parallel_for(const ExecutionContext& context, std::string_view stage, std::size_t count,
                   const std::function<void(std::size_t)>& body);
 
-/// The number of threads that `job` will use.
-int thread_count(const Job& job);
+/// The number of threads that `context` will use.
+int thread_count(const ExecutionContext& context);
 
 }  // namespace slicecorr

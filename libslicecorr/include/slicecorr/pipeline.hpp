@@ -34,18 +34,20 @@ struct Setup {
 
 /// Writes a target as a stack of its coverage. Throws `InputError` when no voxel in it is covered
 /// fully: nothing of it would print.
-StackInfo write_target(const SliceSource& target, const StackFile& file, const Job& job = {});
+StackInfo write_target(const SliceSource& target, const StackFile& file,
+                       const ExecutionContext& context = {});
 
 /// Writes the slices of a stack into another archive, with all that both formats can say. `slices`:
 /// the same turned, where they are to lie otherwise; null: as they are. What is lost is told
-/// through `job`.
-void convert_stack(const StackReader& stack, const StackFile& file, const Job& job = {},
-                   const SliceSource* slices = nullptr);
+/// through `context`.
+void convert_stack(const StackReader& stack, const StackFile& file,
+                   const ExecutionContext& context = {}, const SliceSource* slices = nullptr);
 
 /// The process with its UV intensity of each slice, where the schedule asks for one per slice and
 /// does not say them yet: what the brightest pixel of a slice needs for the dead zone, found by a
 /// first correction with the intensity that full light needs. Others come back as they are.
-Process schedule_uv(const SliceSource& target, const Setup& setup, const Job& job = {});
+Process schedule_uv(const SliceSource& target, const Setup& setup,
+                    const ExecutionContext& context = {});
 
 struct ReducedVolume;  // volume.hpp
 
@@ -70,7 +72,7 @@ struct CorrectionAsk {
 /// fit the printer or has no voxel of coverage 1, `InfeasibleError` when physics or the stage's
 /// travel forbid it.
 Correction correct_stack(const SliceSource& target, const Setup& setup, const StackFile& file,
-                         const CorrectionAsk& ask, const Job& job = {});
+                         const CorrectionAsk& ask, const ExecutionContext& context = {});
 
 /// Throws `InputError` when a stack and its target differ in the size of images or voxels.
 void check_same_voxels(const Grid& stack, const Grid& target);
@@ -85,12 +87,12 @@ void check_same_voxels(const Grid& stack, const Grid& target);
 /// a stack was made from is known by it, else both are read once.
 void check_target(const SliceSource& stack, const StackInfo& info, const SliceSource& target,
                   const std::string& name, std::optional<std::uint64_t> pixel_sum,
-                  const Job& job = {});
+                  const ExecutionContext& context = {});
 
 /// Predicts what `stack` prints, against `target`. Throws `InputError` when the two differ in size
 /// or scale.
 Prediction verify_stack(const SliceSource& stack, const SliceSource& target, const Setup& setup,
-                        const Job& job = {});
+                        const ExecutionContext& context = {});
 
 /// What a part prints with each way of showing its slices.
 struct Comparison {
@@ -105,7 +107,8 @@ struct Comparison {
 
 /// Compares the correction with the baselines. The part is cut twice: to find N, and to predict.
 /// Writes nothing. Throws as `correct_stack`.
-Comparison compare_methods(const SliceSource& target, const Setup& setup, const Job& job = {});
+Comparison compare_methods(const SliceSource& target, const Setup& setup,
+                           const ExecutionContext& context = {});
 
 /// One slice in one pixel column.
 struct ProbeRow {
@@ -135,7 +138,8 @@ Section section_of(const SliceSource& stack, const SliceSource& target, const Se
 class CorrectedSlices final : public SliceSource {
  public:
   /// `target` must outlive this. Throws as `correct_stack`.
-  CorrectedSlices(const SliceSource& target, const Setup& setup, const Job& job = {});
+  CorrectedSlices(const SliceSource& target, const Setup& setup,
+                  const ExecutionContext& context = {});
   ~CorrectedSlices() override;
   const Grid& grid() const override { return grid_; }
   PixelBox bounds() const override { return target_.bounds(); }
@@ -152,6 +156,7 @@ class CorrectedSlices final : public SliceSource {
 /// `correct_stack`. Where the printer has a flat-field that is too dim at some places, the slices
 /// are read to find whether the part is lit there; a `GridOnly` is lit nowhere. The plan is that of
 /// the brightest place.
-CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup, const Job& job = {});
+CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup,
+                               const ExecutionContext& context = {});
 
 }  // namespace slicecorr

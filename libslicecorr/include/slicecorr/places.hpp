@@ -125,25 +125,25 @@ class PlaceDose {
   PlaceDose(const PlaceModels& models, const std::vector<Pixel>& pixels);
   void add_slice(int slice, const std::uint8_t* pixels);
   /// As `BandDose`.
-  void add_slice(int slice, std::span<const ShownPart> parts);
+  void add_slice(int slice, std::span<const ImageShowing> parts);
   const double* lower() const {
-    return parts_.size() == 1 ? parts_[0].dose.lower() : lower_.data();
+    return groups_.size() == 1 ? groups_[0].dose.lower() : lower_.data();
   }
   const double* middle() const {
-    return parts_.size() == 1 ? parts_[0].dose.middle() : middle_.data();
+    return groups_.size() == 1 ? groups_[0].dose.middle() : middle_.data();
   }
   const double* upper() const {
-    return parts_.size() == 1 ? parts_[0].dose.upper() : upper_.data();
+    return groups_.size() == 1 ? groups_[0].dose.upper() : upper_.data();
   }
 
  private:
-  struct Part {
+  struct Group {
     BandDose dose;
     std::vector<std::uint32_t> columns;
   };
   PlaceDose(const PlaceModels& models, std::vector<LightGroup> groups, std::size_t columns);
-  std::vector<Part> parts_;
-  void scatter(const Part& part);
+  std::vector<Group> groups_;
+  void scatter(const Group& group);
   std::vector<std::uint8_t> gathered_;
   std::vector<double> lower_, middle_, upper_;
 };

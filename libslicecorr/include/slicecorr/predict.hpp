@@ -16,9 +16,9 @@
 ///
 /// Layer by layer the dose jumps at nodes. An edge is judged by the dose on its gap side: printed
 /// there, the print reaches into the gap up to the end of the stretch that touches the edge. What
-/// gels again further on (teeth beside the windows of later layers) is not part of this reach: it
-/// is counted as teeth, and as cured through where the middle of a layer prints. Sums are kept in
-/// integers, so that no figure depends on the order of the work.
+/// gels again further on (teeth beside the windows of later layers) is not showing of this reach:
+/// it is counted as teeth, and as cured through where the middle of a layer prints. Sums are kept
+/// in integers, so that no figure depends on the order of the work.
 #pragma once
 
 #include <array>
@@ -159,10 +159,10 @@ struct Prediction {
 /// Predicts one band, slices from the last to the first. One object for one thread.
 class BandPredictor {
  public:
-  /// `all_layers` is the greater of the number of slices and of target layers. `in_parts`: slices
-  /// come as parts that have places in them.
+  /// `all_layers` is the greater of the number of slices and of target layers. `in_showings`:
+  /// slices come as showings that have places in them.
   BandPredictor(const CureModel& model, const PixelCurve& curve, int all_layers,
-                std::size_t columns, bool in_parts = false);
+                std::size_t columns, bool in_showings = false);
   ~BandPredictor();
 
   /// Told every designed edge: its column, its node, whether it is the run's edge towards the
@@ -187,17 +187,17 @@ class BandPredictor {
   /// `pixels` null: nothing is shown (light off, after the end of the stack). `coverage` null:
   /// empty.
   void add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage);
-  /// The same of several images, see ShownPart; none: light off.
-  void add_slice(int slice, std::span<const ShownPart> parts, const std::uint8_t* coverage);
+  /// The same of several images, see ImageShowing; none: light off.
+  void add_slice(int slice, std::span<const ImageShowing> showings, const std::uint8_t* coverage);
   /// Several slices of up to `kTileColumns` neighbouring columns at once, in rows of `kTileColumns`
   /// bytes from the first slice on; `pixels` null: nothing is shown. The same figures as by
   /// `add_slice`, and much faster. Each column needs all of its slices from the last to the first;
-  /// columns start at multiples of `kTileColumns`. Only for plain models and without parts.
+  /// columns start at multiples of `kTileColumns`. Only for plain models and without showings.
   static constexpr std::size_t kTileColumns = 64;
   void add_tile(std::size_t first_column, std::size_t columns, int first_slice, int slices,
                 const std::uint8_t* pixels, const std::uint8_t* coverage);
   /// Doses in the middle of the layer that was added last. Only for models that are not plain, or
-  /// for parts.
+  /// for showings.
   const double* middle() const { return dose_->middle(); }
   /// Before the first slice: figures of other columns, with which `finish` joins these.
   void go_on_from(Prediction so_far);
@@ -205,8 +205,8 @@ class BandPredictor {
   /// y0).
   Prediction finish(int x0, int y0, int width);
   /// The same for columns that lie anywhere, the later ones further on in reading order.
-  using Place = std::function<Pixel(std::size_t column)>;
-  Prediction finish(const Place& place);
+  using PixelOfColumn = std::function<Pixel(std::size_t column)>;
+  Prediction finish(const PixelOfColumn& place);
 
  private:
   enum Class : std::uint8_t { gap, run, grey };
@@ -228,8 +228,10 @@ class BandPredictor {
   struct LayerDose {
     double lower, middle, upper, least;
   };
-  void add_plain_slice(int slice, std::span<const ShownPart> parts, const std::uint8_t* cover);
-  void add_general_slice(int slice, std::span<const ShownPart> parts, const std::uint8_t* cover);
+  void add_plain_slice(int slice, std::span<const ImageShowing> showings,
+                       const std::uint8_t* cover);
+  void add_general_slice(int slice, std::span<const ImageShowing> showings,
+                         const std::uint8_t* cover);
   /// `below`: dose on the far side of the layer's lower node; `crossings`: see InsideLayer.
   void event(std::size_t i, int slice, double below, const LayerDose& dose,
              std::span<const double> crossings, std::uint8_t coverage);
@@ -246,7 +248,7 @@ class BandPredictor {
   const CureModel& model_;
   const PixelCurve& curve_;
   int all_layers_;
-  std::unique_ptr<BandDose> dose_;  ///< for models that are not plain, and for parts
+  std::unique_ptr<BandDose> dose_;  ///< for models that are not plain, and for showings
   /// Dose at the upper end of the layer that was added last.
   std::vector<double> omega_;
   /// The least dose since the present gap began, or, in a run, since it did or its print came back.
@@ -275,10 +277,10 @@ class BandPredictor {
 
 /// Counts the columns of an image in which nothing is designed and nothing but black is shown.
 Prediction predict_black_columns(const CureModel& model, int slices, std::uint64_t columns);
-/// The same where slices show several images: `parts` gives what a column without a pixel above
+/// The same where slices show several images: `showings` gives what a column without a pixel above
 /// black sees of a slice.
-using BlackParts = std::function<std::span<const ShownPart>(int slice)>;
+using BlackShowings = std::function<std::span<const ImageShowing>(int slice)>;
 Prediction predict_black_columns(const CureModel& model, int slices, std::uint64_t columns,
-                                 const BlackParts& parts);
+                                 const BlackShowings& showings);
 
 }  // namespace slicecorr

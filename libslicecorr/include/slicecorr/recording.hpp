@@ -5,7 +5,7 @@
 /// archive holds the images in the order in which they appeared, as many as there were, and beside
 /// them which of them were lit while the window passed each slice of the plan, and with how much
 /// light. Whoever predicts from a recorded stack (`verify_stack`, `probe_stack`, ...) sums the
-/// parts of each slice.
+/// showings of each slice.
 #pragma once
 
 #include <cstddef>
@@ -26,7 +26,7 @@ struct StackInfo;
 /// What was shown in each slice of the plan.
 struct Recording {
   /// An image while the window was within one slice.
-  struct Part {
+  struct Showing {
     /// Index of the archive's image; -1: black.
     int image = -1;
     /// Integral of (share of blue light)^m over the time for which the image was shown within the
@@ -42,18 +42,18 @@ struct Recording {
     double from_um = 0, to_um = 0;
     double speed_um_s = 0;  ///< mean
     double blue_share = 0;  ///< mean
-    bool operator==(const Part&) const = default;
+    bool operator==(const Showing&) const = default;
   };
-  std::vector<Part> parts;        ///< slice by slice, in the order in which they were shown
-  std::vector<std::size_t> ends;  ///< of the parts of each slice
+  std::vector<Showing> showings;  ///< slice by slice, in the order in which they were shown
+  std::vector<std::size_t> ends;  ///< of the showings of each slice
   /// Images whose UV image was not the one that follows from the blue one: what they print can't be
   /// predicted. Rising.
   std::vector<int> other_uv_images;
 
   int slices() const { return static_cast<int>(ends.size()); }
-  std::span<const Part> of(int slice) const;
+  std::span<const Showing> of(int slice) const;
   /// Appends a slice.
-  void add_slice(std::span<const Part> shown);
+  void add_slice(std::span<const Showing> shown);
   bool operator==(const Recording&) const = default;
 };
 
@@ -66,8 +66,8 @@ double planned_light_s(const Process& process, double layer_um, int slice);
 /// inhibition.
 double light_exponent(const Resin& resin, const Process& process);
 
-/// Throws `InputError` naming `source`, the slice and what was expected, when a part names an image
-/// that is not there or a number is not finite or negative.
+/// Throws `InputError` naming `source`, the slice and what was expected, when a showing names an
+/// image that is not there or a number is not finite or negative.
 void check_recording(const Recording& recording, int images, const std::string& source);
 
 /// For what works on slices alone: throws `InputError` when `source` is a recording, whose images
@@ -82,7 +82,8 @@ class RecordingWriter {
   /// `print`: what the corrected stack that is printed says of itself, with printer, resin and
   /// process. `path` ends in ".uvj". Throws `InputError` when it does not, its folder is not there,
   /// or `print` says less.
-  RecordingWriter(const std::string& path, const StackInfo& print, const Job& job = {});
+  RecordingWriter(const std::string& path, const StackInfo& print,
+                  const ExecutionContext& context = {});
   ~RecordingWriter();
   RecordingWriter(const RecordingWriter&) = delete;
   RecordingWriter& operator=(const RecordingWriter&) = delete;
@@ -93,7 +94,7 @@ class RecordingWriter {
   int images() const;
 
   /// Writes the archive: complete or not at all. Its `other_uv_images` are filled in here. Goes on
-  /// where `job` is cancelled: a print that was stopped has a record, too. A recording without
+  /// where `context` is cancelled: a print that was stopped has a record, too. A recording without
   /// images gets a black one, since an archive must have one. Throws as `check_recording`, and
   /// `DeviceError`.
   void finish(Recording shown);

@@ -66,7 +66,7 @@ struct ReportContent {
 
 /// One self-contained HTML page: no network. Without scripts it still shows figures and pictures of
 /// sections; with them all sections and columns of `volume`, and the part in the round.
-std::string make_report(const ReportContent& content, const Job& job = {});
+std::string make_report(const ReportContent& content, const ExecutionContext& context = {});
 
 /// Dose and grey level along a column as SVG: design shaded, dose curve exact inside layers. Axes
 /// reach at least to `least_top_dose` and to `slices`, so that plots can be compared.
@@ -100,7 +100,7 @@ inline constexpr int kReportCells = 160;
 ReportContent gather_report(const SliceSource& stack, const SliceSource& target, const Setup& setup,
                             const StackInfo& info, const Prediction& after,
                             const std::optional<Prediction>& before, const std::string& title,
-                            const Job& job = {},
+                            const ExecutionContext& context = {},
                             std::shared_ptr<const ReducedVolume> volume = nullptr);
 
 }  // namespace slicecorr

@@ -100,11 +100,12 @@ inline constexpr int kSamplesPerLayer = 8;
 /// which is 1 there to 1e-3. Throws `InputError` when an option is out of range.
 ColumnHistory simulate_column(const CureModel& model, const Process& process,
                               const std::vector<std::uint8_t>& pixels,
-                              const ColumnOptions& options = {}, const Job& job = {});
+                              const ColumnOptions& options = {},
+                              const ExecutionContext& context = {});
 /// The same of a pixel of a stack. `target` may be null.
 ColumnHistory simulate_column(const SliceSource& stack, const SliceSource* target,
                               const Setup& setup, int x, int y, const ColumnOptions& options = {},
-                              const Job& job = {});
+                              const ExecutionContext& context = {});
 /// Ends of `groups` runs of slices of about equal number, s: moments that show how a dose builds
 /// up.
 std::vector<double> group_times_s(const PrintClock& clock, int groups);
@@ -128,7 +129,7 @@ struct SectionHistory {
 };
 SectionHistory simulate_section(const SliceSource& stack, const SliceSource* target,
                                 const Setup& setup, int y, const std::vector<double>& times_s,
-                                const Job& job = {});
+                                const ExecutionContext& context = {});
 
 /// Both fronts against time over a window that stands still; z is measured from the window.
 struct StationaryFronts {

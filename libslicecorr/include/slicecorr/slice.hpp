@@ -34,13 +34,13 @@ struct SliceReport {
 /// Slices `mesh` (mm, all parts of the plate) for `printer`. The cuts are made when bands are read:
 /// memory is that of the mesh. The mesh's least z is put on the platform; slice n is cut at
 /// (n + 1/2) * layer_um above it.
-/// `seams`: those of the mesh as `inspect` finds them, where they are known already; must fit it.
-/// Throws `InputError` when the part is larger than the display or the stage (naming the excess in
-/// mm) or thinner than half a layer.
+/// `edge_defects`: those of the mesh as `inspect` finds them, where they are known already; must
+/// fit it. Throws `InputError` when the part is larger than the display or the stage (naming the
+/// excess in mm) or thinner than half a layer.
 class MeshSlices final : public SliceSource {
  public:
   MeshSlices(TriangleMesh mesh, const Printer& printer, const SliceOptions& options,
-             const Job& job = {}, const MeshSeams* seams = nullptr);
+             const ExecutionContext& context = {}, const EdgeDefects* edge_defects = nullptr);
   ~MeshSlices() override;
   MeshSlices(MeshSlices&&) noexcept;
   const Grid& grid() const override;

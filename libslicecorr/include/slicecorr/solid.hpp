@@ -65,10 +65,10 @@ struct SolidReport {
 /// threads. Throws `InputError` when nothing prints, or the name ends in something else.
 SolidReport write_solid(const SliceSource& stack, const PlaceModels& models,
                         const std::string& path, const SolidOptions& options = {},
-                        const Job& job = {});
+                        const ExecutionContext& context = {});
 
 /// The same surface in memory.
 TriangleMesh solid_mesh(const SliceSource& stack, const PlaceModels& models,
-                        const SolidOptions& options = {}, const Job& job = {});
+                        const SolidOptions& options = {}, const ExecutionContext& context = {});
 
 }  // namespace slicecorr

@@ -82,23 +82,23 @@ Process process_of_times(const StackInfo& info);
 /// recorded stack the time of full light that gives as much.
 double light_on_s(const StackInfo& info);
 
-/// Keeps compressed pieces of images between the steps that make and take them in different orders.
+/// Keeps compressed blobs of images between the steps that make and take them in different orders.
 /// Holds up to a budget in memory, the rest in an unnamed scratch file in `folder`, which vanishes
 /// with the process. Thread-safe. Throws `DeviceError`.
-class PieceStore {
+class BlobStore {
  public:
-  struct Piece {
+  struct Blob {
     std::uint64_t offset = 0;
     std::uint32_t size = 0;
-    std::uint32_t adler = 1;  ///< Adler-32 of the piece's raw bytes, where the maker sets it
+    std::uint32_t adler = 1;  ///< Adler-32 of the blob's raw bytes, where the maker sets it
   };
-  PieceStore(std::string folder, std::size_t memory_budget_bytes, const Job& job);
-  ~PieceStore();
-  PieceStore(const PieceStore&) = delete;
-  PieceStore& operator=(const PieceStore&) = delete;
-  Piece put(const std::uint8_t* data, std::size_t size);
-  /// Appends the piece to `out`.
-  void get(const Piece& piece, std::vector<std::uint8_t>& out) const;
+  BlobStore(std::string folder, std::size_t memory_budget_bytes, const ExecutionContext& context);
+  ~BlobStore();
+  BlobStore(const BlobStore&) = delete;
+  BlobStore& operator=(const BlobStore&) = delete;
+  Blob put(const std::uint8_t* data, std::size_t size);
+  /// Appends the blob to `out`.
+  void get(const Blob& blob, std::vector<std::uint8_t>& out) const;
   std::uint64_t scratch_bytes() const;
 
  private:
@@ -133,8 +133,8 @@ std::vector<FormatInfo> archive_formats();
 class StackReader final : public SliceSource {
  public:
   /// Scratch, when needed, goes to `scratch_folder`.
-  StackReader(const std::string& path, const std::string& scratch_folder, const Job& job = {},
-              const MissingFacts& missing = {});
+  StackReader(const std::string& path, const std::string& scratch_folder,
+              const ExecutionContext& context = {}, const MissingFacts& missing = {});
   ~StackReader() override;
   const StackInfo& info() const;
   const Grid& grid() const override;
@@ -193,7 +193,7 @@ std::string format_of(const StackFile& file, const std::string& like = {});
 /// behind when the writer is destroyed without `finish`.
 class StackWriter {
  public:
-  StackWriter(const StackFile& file, const Grid& grid, const Job& job);
+  StackWriter(const StackFile& file, const Grid& grid, const ExecutionContext& context);
   ~StackWriter();
   StackWriter(const StackWriter&) = delete;
   StackWriter& operator=(const StackWriter&) = delete;
@@ -202,7 +202,7 @@ class StackWriter {
   /// uv_of_pixel[v], outside of bands, too. To be called before the first encoder is made.
   void set_uv_pattern(const std::array<std::uint8_t, 256>& uv_of_pixel);
 
-  /// Makes the pieces of one band: one object per worker, reused from slice to slice.
+  /// Makes the blobs of one band: one object per worker, reused from slice to slice.
   class BandEncoder {
    public:
     /// Rows [y0, y1): whole bands of `band_rows(grid)` rows, the image's last may be shorter.

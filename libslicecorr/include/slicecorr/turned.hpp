@@ -14,14 +14,14 @@
 namespace slicecorr {
 
 /// The slices of `source`, each turned. Turns that exchange rows and columns read the source once,
-/// when made, and keep it in small blocks, run-length coded, in a `PieceStore` (256 MiB in memory,
+/// when made, and keep it in small blocks, run-length coded, in a `BlobStore` (256 MiB in memory,
 /// the rest in scratch); others read it each time. Thread-safe for reading different bands.
 class TurnedSlices final : public SliceSource {
  public:
   /// `source` must outlive this. `frame`: how the images lie then, where more is known than the
   /// turn says.
   TurnedSlices(const SliceSource& source, const Turn& turn, const std::string& scratch_folder,
-               const Job& job = {}, const std::optional<ImageFrame>& frame = {});
+               const ExecutionContext& context = {}, const std::optional<ImageFrame>& frame = {});
   ~TurnedSlices() override;
   const Grid& grid() const override { return grid_; }
   PixelBox bounds() const override;
@@ -43,10 +43,11 @@ class FittedSlices {
   /// As a printer's display shows them. They stay as they are when they are for a display already,
   /// and when the printer's file does not say how the plate lies in its images.
   static FittedSlices for_display(const SliceSource& source, const Printer& printer,
-                                  const std::string& scratch_folder, const Job& job = {});
+                                  const std::string& scratch_folder,
+                                  const ExecutionContext& context = {});
   /// As the images of `other` lie, where both are known.
   static FittedSlices like(const SliceSource& other, const SliceSource& source,
-                           const std::string& scratch_folder, const Job& job = {});
+                           const std::string& scratch_folder, const ExecutionContext& context = {});
   const SliceSource& operator*() const { return turned_ ? *turned_ : *source_; }
 
  private:

@@ -88,7 +88,7 @@ inline std::uint8_t error_code(double um) {
 /// Reads `stack` and `target` once. The same for any number of threads. Throws `InputError` when
 /// the two differ in size.
 ReducedVolume reduce_volume(const SliceSource& stack, const SliceSource& target, const Setup& setup,
-                            int most_cells, const Job& job = {});
+                            int most_cells, const ExecutionContext& context = {});
 
 /// Every two cells along each side joined into one.
 ReducedVolume coarser(const ReducedVolume& fine);

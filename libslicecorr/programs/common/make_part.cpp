@@ -11,16 +11,17 @@
 namespace slicecorr::cli {
 
 FittedSlices fit_for_output(const SliceSource& slices, const StackFile& file,
-                            const Printer& printer, const Job& job) {
+                            const Printer& printer, const ExecutionContext& context) {
   static const Printer unturned;
   const std::string format = format_of(file);
   const bool ours = format == "uvj" || format == "folder";
-  return FittedSlices::for_display(slices, ours ? unturned : printer, folder_of(file.path), job);
+  return FittedSlices::for_display(slices, ours ? unturned : printer, folder_of(file.path),
+                                   context);
 }
 
 Correction make_part(const SliceSource& target, Setup setup, const StackFile& file,
-                     const std::string& base, const std::string& title, const Job& job,
-                     const std::function<void()>& corrected) {
+                     const std::string& base, const std::string& title,
+                     const ExecutionContext& context, const std::function<void()>& corrected) {
   const std::string proof_path = base + ".json", page_path = base + ".html";
   std::optional<PendingFile> proof, page;
   const Correction* result = nullptr;
@@ -40,16 +41,16 @@ Correction make_part(const SliceSource& target, Setup setup, const StackFile& fi
     auto figures = nlohmann::ordered_json::parse(result->after.to_json());
     figures["uncorrected"] = nlohmann::ordered_json::parse(result->before->to_json());
     proof.emplace(proof_path, figures.dump(2) + "\n");
-    const CorrectedSlices shown(target, setup, job);
+    const CorrectedSlices shown(target, setup, context);
     page.emplace(page_path,
                  make_report(gather_report(shown, target, setup, result->info, result->after,
-                                           result->before, title, job, result->volume),
-                             job));
-    job.check_cancelled();
+                                           result->before, title, context, result->volume),
+                             context));
+    context.check_cancelled();
     ::unlink(page_path.c_str());
     ::unlink(proof_path.c_str());
   };
-  Correction done = correct_stack(target, setup, stack, ask, job);
+  Correction done = correct_stack(target, setup, stack, ask, context);
   proof->publish();
   page->publish();
   return done;

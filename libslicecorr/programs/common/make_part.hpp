@@ -12,14 +12,14 @@ namespace slicecorr::cli {
 /// Slices as they go into the output: archives that printers read have the images of a display,
 /// our own those of the plate. `slices` must outlive the result.
 FittedSlices fit_for_output(const SliceSource& slices, const StackFile& file,
-                            const Printer& printer, const Job& job);
+                            const Printer& printer, const ExecutionContext& context);
 
 /// Corrects `target` into `file`, and writes the figures (BASE.json: the prediction, with that of
 /// the uncorrected part under "uncorrected") and the report (BASE.html), which gets this title.
 /// `corrected` is called, when given, when all is computed but the report. Of the three files each
 /// appears whole, the stack first; an old page and old figures go before the old stack does.
 Correction make_part(const SliceSource& target, Setup setup, const StackFile& file,
-                     const std::string& base, const std::string& title, const Job& job,
-                     const std::function<void()>& corrected = {});
+                     const std::string& base, const std::string& title,
+                     const ExecutionContext& context, const std::function<void()>& corrected = {});
 
 }  // namespace slicecorr::cli

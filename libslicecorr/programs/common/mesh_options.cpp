@@ -64,31 +64,32 @@ SliceOptions MeshOptions::slice_options() const {
   return o;
 }
 
-PlateParts read_parts(const MeshOptions& options, const Job& job) {
+PlateParts read_parts(const MeshOptions& options, const ExecutionContext& context) {
   PlateParts all;
   for (const std::string& path : options.parts) {
-    job.check_cancelled();
-    TriangleMesh part = read_mesh(path, options.placement(), job);
-    MeshSeams seams;
-    const MeshReport r = inspect(part, job, &seams);
-    job.tell(fmt::format("{}: {} {}, {} {}, {:.3f} x {:.3f} x {:.3f} mm", path, r.triangles,
-                         r.triangles == 1 ? "triangle" : "triangles", r.bodies,
-                         r.bodies == 1 ? "body" : "bodies", r.upper[0] - r.lower[0],
-                         r.upper[1] - r.lower[1], r.upper[2] - r.lower[2]));
-    if (r.defects.any()) job.tell(fmt::format("{}: {}", path, describe(r.defects)));
+    context.check_cancelled();
+    TriangleMesh part = read_mesh(path, options.placement(), context);
+    EdgeDefects edge_defects;
+    const MeshReport r = inspect(part, context, &edge_defects);
+    context.tell(fmt::format("{}: {} {}, {} {}, {:.3f} x {:.3f} x {:.3f} mm", path, r.triangles,
+                             r.triangles == 1 ? "triangle" : "triangles", r.bodies,
+                             r.bodies == 1 ? "body" : "bodies", r.upper[0] - r.lower[0],
+                             r.upper[1] - r.lower[1], r.upper[2] - r.lower[2]));
+    if (r.defects.any()) context.tell(fmt::format("{}: {}", path, describe(r.defects)));
     if (all.mesh.triangles.empty()) {
-      all = {std::move(part), std::move(seams)};
+      all = {std::move(part), std::move(edge_defects)};
     } else {
-      append(all.seams, all.mesh, seams);
+      append(all.edge_defects, all.mesh, edge_defects);
       append(all.mesh, part);
     }
   }
   return all;
 }
 
-MeshSlices slice_parts(const MeshOptions& options, const Printer& printer, const Job& job) {
-  PlateParts parts = read_parts(options, job);
-  return {std::move(parts.mesh), printer, options.slice_options(), job, &parts.seams};
+MeshSlices slice_parts(const MeshOptions& options, const Printer& printer,
+                       const ExecutionContext& context) {
+  PlateParts parts = read_parts(options, context);
+  return {std::move(parts.mesh), printer, options.slice_options(), context, &parts.edge_defects};
 }
 
 }  // namespace slicecorr::cli

@@ -28,13 +28,14 @@ struct MeshOptions {
 
 struct PlateParts {
   TriangleMesh mesh;
-  MeshSeams seams;
+  EdgeDefects edge_defects;
 };
 
-/// Reads and places all parts; tells their figures and defects through `job`.
-PlateParts read_parts(const MeshOptions& options, const Job& job);
+/// Reads and places all parts; tells their figures and defects through `context`.
+PlateParts read_parts(const MeshOptions& options, const ExecutionContext& context);
 
 /// Reads all parts to be sliced for this printer.
-MeshSlices slice_parts(const MeshOptions& options, const Printer& printer, const Job& job);
+MeshSlices slice_parts(const MeshOptions& options, const Printer& printer,
+                       const ExecutionContext& context);
 
 }  // namespace slicecorr::cli

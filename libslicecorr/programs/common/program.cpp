@@ -17,10 +17,10 @@
 #include <optional>
 #include <sstream>
 
-#include "support/files/temporary.hpp"
-#include "support/text/display_text.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/version.hpp"
+#include "support/files/temporary.hpp"
+#include "support/text/display_text.hpp"
 
 namespace slicecorr::cli {
 
@@ -64,8 +64,8 @@ void write_stderr(std::string_view text) { write_all_stderr(words::readable(text
 
 Console::Console(bool quiet) : quiet_(quiet), terminal_(isatty(STDERR_FILENO) == 1) {}
 
-Job Console::job(int threads) {
-  Job j;
+ExecutionContext Console::context(int threads) {
+  ExecutionContext j;
   j.threads = threads;
   j.cancel = &cancelled;
   if (quiet_) return j;
@@ -177,9 +177,9 @@ int Program::run(int argc, char** argv) {
   };
   try {
     for (const auto& [command, act] : actions_) {
-      if (command->parsed()) return finish(act(console.job(threads_), console));
+      if (command->parsed()) return finish(act(console.context(threads_), console));
     }
-    return only_ ? finish(only_(console.job(threads_), console)) : kInput;
+    return only_ ? finish(only_(console.context(threads_), console)) : kInput;
   } catch (const Cancelled&) {
     return fail(kInterrupted, "interrupted; nothing was left half-made");
   } catch (const InputError& e) {

@@ -37,7 +37,7 @@ class Console {
   /// Nothing but errors is said.
   bool quiet() const { return quiet_; }
   /// A job that reports here and stops on SIGINT and SIGTERM.
-  Job job(int threads);
+  ExecutionContext context(int threads);
   void say(const std::string& text);
   void clear();
 
@@ -60,7 +60,7 @@ bool interrupted();
 /// too.
 class Program {
  public:
-  using Action = std::function<int(const Job&, Console&)>;
+  using Action = std::function<int(const ExecutionContext&, Console&)>;
   Program(const std::string& name, const std::string& description, const std::string& example);
   Program(const Program&) = delete;
   Program& operator=(const Program&) = delete;

@@ -86,8 +86,9 @@ const std::string& design(const std::string& path) {
   return path;
 }
 
-void tell_notices(const Setup& setup, const StackInfo* times, const Job& job) {
-  for (const std::string& text : setup_notices(setup, times, ChoiceNames::options)) job.tell(text);
+void tell_notices(const Setup& setup, const StackInfo* times, const ExecutionContext& context) {
+  for (const std::string& text : setup_notices(setup, times, ChoiceNames::options))
+    context.tell(text);
 }
 
 }  // namespace slicecorr::cli

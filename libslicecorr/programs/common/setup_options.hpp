@@ -20,6 +20,6 @@ struct SetupOptions : SetupChoices {
 const std::string& design(const std::string& path);
 
 /// Tells what the user should know of a setup; `times` as for `resolve_setup`.
-void tell_notices(const Setup& setup, const StackInfo* times, const Job& job);
+void tell_notices(const Setup& setup, const StackInfo* times, const ExecutionContext& context);
 
 }  // namespace slicecorr::cli

@@ -48,48 +48,50 @@ struct Arguments {
     }
     return facts;
   }
-  StackReader open(const std::string& path, const std::string& scratch, const Job& job) const {
-    return {path, scratch, job, missing()};
+  StackReader open(const std::string& path, const std::string& scratch,
+                   const ExecutionContext& context) const {
+    return {path, scratch, context, missing()};
   }
 };
 
-int slice(const Arguments& a, const Job& job, Console& console) {
+int slice(const Arguments& a, const ExecutionContext& context, Console& console) {
   format_of(a.file());
   must_not_replace(a.output, a.mesh.parts);
   const Printer printer = load_printer(a.setup.printer);
-  const MeshSlices slices = slice_parts(a.mesh, printer, job);
-  const FittedSlices fitted = fit_for_output(slices, a.file(), printer, job);
-  const StackInfo info = write_target(*fitted, a.file(), job);
+  const MeshSlices slices = slice_parts(a.mesh, printer, context);
+  const FittedSlices fitted = fit_for_output(slices, a.file(), printer, context);
+  const StackInfo info = write_target(*fitted, a.file(), context);
   console.say(fmt::format("{}: {} slices, {:.4f} ml", a.output, info.grid.layers,
                           info.part_volume_mm3 * 1e-3));
   return kDone;
 }
 
-int correct(const Arguments& a, const Job& job, Console& console) {
+int correct(const Arguments& a, const ExecutionContext& context, Console& console) {
   StackFile file = a.file();
   must_not_replace(a.output, {a.input});
   const StackInfo times = StackReader::read_info(design(a.input));
   file.format = format_of(file, times.format);
   const Setup setup = a.setup.resolve(nullptr, &times);
-  tell_notices(setup, &times, job);
+  tell_notices(setup, &times, context);
   // What a slicer wrote besides the slices stays.
   if (times.kind == StackKind::foreign && times.format == file.format) file.keep_from = a.input;
-  const StackReader target = a.open(a.input, folder_of(a.output), job);
-  const FittedSlices fitted = fit_for_output(target, file, setup.printer, job);
-  const Correction result = correct_stack(*fitted, setup, file, {.before = !console.quiet()}, job);
+  const StackReader target = a.open(a.input, folder_of(a.output), context);
+  const FittedSlices fitted = fit_for_output(target, file, setup.printer, context);
+  const Correction result =
+      correct_stack(*fitted, setup, file, {.before = !console.quiet()}, context);
   console.say(fmt::format("{}: {} slices\n{}", a.output, result.info.grid.layers,
                           summary(result.after, result.before)));
   return kDone;
 }
 
-int verify(const Arguments& a, const Job& job, Console&) {
+int verify(const Arguments& a, const ExecutionContext& context, Console&) {
   must_not_replace(a.json, {a.input, a.target});
-  const StackReader stack = a.open(a.input, folder_of(a.input), job);
+  const StackReader stack = a.open(a.input, folder_of(a.input), context);
   const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
-  const StackReader read = a.open(design(a.target), folder_of(a.target), job);
-  const FittedSlices target = FittedSlices::like(stack, read, folder_of(a.target), job);
-  check_target(stack, stack.info(), *target, a.target, read.pixel_sum(), job);
-  const Prediction p = verify_stack(stack, *target, setup, job);
+  const StackReader read = a.open(design(a.target), folder_of(a.target), context);
+  const FittedSlices target = FittedSlices::like(stack, read, folder_of(a.target), context);
+  check_target(stack, stack.info(), *target, a.target, read.pixel_sum(), context);
+  const Prediction p = verify_stack(stack, *target, setup, context);
   if (a.json.empty()) {
     print_result(summary(p, std::nullopt));
   } else {
@@ -104,15 +106,15 @@ int verify(const Arguments& a, const Job& job, Console&) {
   return kDone;
 }
 
-int probe(const Arguments& a, const Job& job, Console&) {
-  const StackReader stack = a.open(a.input, folder_of(a.input), job);
+int probe(const Arguments& a, const ExecutionContext& context, Console&) {
+  const StackReader stack = a.open(a.input, folder_of(a.input), context);
   const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
   std::optional<StackReader> read;
   std::optional<FittedSlices> target;
   if (!a.target.empty()) {
-    read.emplace(design(a.target), folder_of(a.target), job, a.missing());
-    target.emplace(FittedSlices::like(stack, *read, folder_of(a.target), job));
-    check_target(stack, stack.info(), **target, a.target, read->pixel_sum(), job);
+    read.emplace(design(a.target), folder_of(a.target), context, a.missing());
+    target.emplace(FittedSlices::like(stack, *read, folder_of(a.target), context));
+    check_target(stack, stack.info(), **target, a.target, read->pixel_sum(), context);
   }
   const auto rows = probe_stack(stack, target ? &**target : nullptr, setup, a.x, a.y);
   std::string text =
@@ -127,40 +129,40 @@ int probe(const Arguments& a, const Job& job, Console&) {
   return kDone;
 }
 
-int simulate_print(const Arguments& a, const Job& job, Console& console) {
-  return simulate(a.simulate, a.setup, job, console);
+int simulate_print(const Arguments& a, const ExecutionContext& context, Console& console) {
+  return simulate(a.simulate, a.setup, context, console);
 }
 
 std::string title_of(const std::string& path) {
   return std::filesystem::path(path).stem().string();
 }
 
-int report(const Arguments& a, const Job& job, Console& console) {
+int report(const Arguments& a, const ExecutionContext& context, Console& console) {
   must_not_replace(a.output, {a.input, a.target});
-  const StackReader stack = a.open(a.input, folder_of(a.output), job);
+  const StackReader stack = a.open(a.input, folder_of(a.output), context);
   const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
-  const StackReader read = a.open(design(a.target), folder_of(a.output), job);
-  const FittedSlices fitted = FittedSlices::like(stack, read, folder_of(a.output), job);
+  const StackReader read = a.open(design(a.target), folder_of(a.output), context);
+  const FittedSlices fitted = FittedSlices::like(stack, read, folder_of(a.output), context);
   const SliceSource& target = *fitted;
-  check_target(stack, stack.info(), target, a.target, read.pixel_sum(), job);
-  const Prediction after = verify_stack(stack, target, setup, job);
-  const Prediction before = verify_stack(target, target, setup, job);
+  check_target(stack, stack.info(), target, a.target, read.pixel_sum(), context);
+  const Prediction after = verify_stack(stack, target, setup, context);
+  const Prediction before = verify_stack(target, target, setup, context);
   const StackInfo& info = stack.info();
   write_text_file(a.output, make_report(gather_report(stack, target, setup, info, after, before,
-                                                      title_of(a.input), job),
-                                        job));
+                                                      title_of(a.input), context),
+                                        context));
   console.say(fmt::format("{}: written\n{}", a.output, summary(after, before)));
   return kDone;
 }
 
-int section(const Arguments& a, const Job& job, Console& console) {
+int section(const Arguments& a, const ExecutionContext& context, Console& console) {
   must_not_replace(a.output, {a.input, a.target});
-  const StackReader stack = a.open(a.input, folder_of(a.output), job);
+  const StackReader stack = a.open(a.input, folder_of(a.output), context);
   const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
-  const StackReader read = a.open(design(a.target), folder_of(a.output), job);
-  const FittedSlices fitted = FittedSlices::like(stack, read, folder_of(a.output), job);
+  const StackReader read = a.open(design(a.target), folder_of(a.output), context);
+  const FittedSlices fitted = FittedSlices::like(stack, read, folder_of(a.output), context);
   const SliceSource& target = *fitted;
-  check_target(stack, stack.info(), target, a.target, read.pixel_sum(), job);
+  check_target(stack, stack.info(), target, a.target, read.pixel_sum(), context);
   const PixelBox box = target.bounds();
   const int row = a.y >= 0 ? a.y : (box.y0 + box.y1) / 2;
   const Grid& g = stack.grid();
@@ -176,30 +178,30 @@ int section(const Arguments& a, const Job& job, Console& console) {
   return kDone;
 }
 
-int solid(const Arguments& a, const Job& job, Console& console) {
+int solid(const Arguments& a, const ExecutionContext& context, Console& console) {
   std::vector<std::string> inputs = a.mesh.parts;
   inputs.insert(inputs.end(), {a.input, a.target});
   must_not_replace(a.output, inputs);
   must_not_replace(a.json, inputs);
-  const StackReader stack = a.open(a.input, folder_of(a.output), job);
+  const StackReader stack = a.open(a.input, folder_of(a.output), context);
   const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
   const Grid& g = stack.grid();
   const PlaceModels models(setup.printer, setup.resin, setup.process, g, stack.frame());
   std::optional<MeshDistance> design_mesh;
   if (!a.mesh.parts.empty()) {
-    design_mesh.emplace(
-        on_plate(read_parts(a.mesh, job).mesh, setup.printer, a.mesh.slice_options().center_mm));
+    design_mesh.emplace(on_plate(read_parts(a.mesh, context).mesh, setup.printer,
+                                 a.mesh.slice_options().center_mm));
   }
   nlohmann::ordered_json figures;
   if (!a.target.empty()) {
-    const StackReader target = a.open(design(a.target), folder_of(a.output), job);
-    const FittedSlices fitted = FittedSlices::like(stack, target, folder_of(a.output), job);
-    check_target(stack, stack.info(), *fitted, a.target, target.pixel_sum(), job);
+    const StackReader target = a.open(design(a.target), folder_of(a.output), context);
+    const FittedSlices fitted = FittedSlices::like(stack, target, folder_of(a.output), context);
+    check_target(stack, stack.info(), *fitted, a.target, target.pixel_sum(), context);
     figures["design_volume_mm3"] = static_cast<double>(target.pixel_sum()) / 255.0 * g.pixel_x_um *
                                    g.pixel_y_um * g.layer_um * 1e-9;
   }
   const SolidOptions options{a.reduce, design_mesh ? &*design_mesh : nullptr};
-  const SolidReport r = write_solid(stack, models, a.output, options, job);
+  const SolidReport r = write_solid(stack, models, a.output, options, context);
   console.say(
       fmt::format("{}: {} triangles, {:.4f} mm³, from {:.3f}, {:.3f}, {:.3f} to {:.3f}, "
                   "{:.3f}, {:.3f} mm",
@@ -233,16 +235,16 @@ int solid(const Arguments& a, const Job& job, Console& console) {
   return kDone;
 }
 
-int run(const Arguments& a, const Job& job, Console& console) {
+int run(const Arguments& a, const ExecutionContext& context, Console& console) {
   format_of(a.file());
   must_not_replace(a.output, a.mesh.parts);
   const Setup setup = a.setup.resolve(nullptr, nullptr);
-  tell_notices(setup, nullptr, job);
-  const MeshSlices slices = slice_parts(a.mesh, setup.printer, job);
-  const FittedSlices fitted = fit_for_output(slices, a.file(), setup.printer, job);
+  tell_notices(setup, nullptr, context);
+  const MeshSlices slices = slice_parts(a.mesh, setup.printer, context);
+  const FittedSlices fitted = fit_for_output(slices, a.file(), setup.printer, context);
   const std::string base =
       (std::filesystem::path(a.output).parent_path() / title_of(a.output)).string();
-  const Correction result = make_part(*fitted, setup, a.file(), base, title_of(a.output), job);
+  const Correction result = make_part(*fitted, setup, a.file(), base, title_of(a.output), context);
   console.say(fmt::format("{3}, {0}.html, {0}.json: {1} slices\n{2}", base, result.info.grid.layers,
                           summary(result.after, result.before), a.output));
   return kDone;
@@ -273,14 +275,14 @@ ComparisonTable table_of(const std::vector<Figures>& columns) {
   return table;
 }
 
-int compare(const Arguments& a, const Job& job, Console& console) {
+int compare(const Arguments& a, const ExecutionContext& context, Console& console) {
   must_not_replace(a.json, a.mesh.parts);
   must_not_replace(a.output, a.mesh.parts);
   Setup setup = a.setup.resolve(nullptr, nullptr);
-  tell_notices(setup, nullptr, job);
-  const MeshSlices target = slice_parts(a.mesh, setup.printer, job);
-  setup.process = schedule_uv(target, setup, job);
-  const Comparison c = compare_methods(target, setup, job);
+  tell_notices(setup, nullptr, context);
+  const MeshSlices target = slice_parts(a.mesh, setup.printer, context);
+  setup.process = schedule_uv(target, setup, context);
+  const Comparison c = compare_methods(target, setup, context);
   if (!a.json.empty()) {
     // Only the erase has an N; the key is there for every method.
     nlohmann::ordered_json json;
@@ -301,25 +303,25 @@ int compare(const Arguments& a, const Job& job, Console& console) {
                                         {"corrected", &c.ours}};
   if (a.json != "-") print_result(figures_table(columns));
   if (!a.output.empty()) {
-    const CorrectedSlices corrected(target, setup, job);
+    const CorrectedSlices corrected(target, setup, context);
     StackInfo info;
     info.grid = corrected.grid();
     info.target_layers = target.grid().layers;
     info.program = std::string("slicecorr ") + version;
     ReportContent content = gather_report(corrected, target, setup, info, c.ours, c.uncorrected,
-                                          title_of(a.output), job);
+                                          title_of(a.output), context);
     content.comparison = table_of(columns);
-    write_text_file(a.output, make_report(content, job));
+    write_text_file(a.output, make_report(content, context));
     console.say(fmt::format("{}: written", a.output));
   }
   return kDone;
 }
 
-int convert(const Arguments& a, const Job& job, Console& console) {
+int convert(const Arguments& a, const ExecutionContext& context, Console& console) {
   StackFile file = a.file();
   const std::string format = format_of(file);
   must_not_replace(a.output, {a.input});
-  const StackReader stack = a.open(a.input, folder_of(a.output), job);
+  const StackReader stack = a.open(a.input, folder_of(a.output), context);
   if (stack.info().format == format) file.keep_from = a.input;
   // For a printer whose display is known the images are turned to it.
   Printer printer;
@@ -328,19 +330,19 @@ int convert(const Arguments& a, const Job& job, Console& console) {
   } else if (stack.info().printer) {
     printer = *stack.info().printer;
   }
-  const FittedSlices fitted = fit_for_output(stack, a.file(), printer, job);
-  convert_stack(stack, file, job, &*fitted == &stack ? nullptr : &*fitted);
+  const FittedSlices fitted = fit_for_output(stack, a.file(), printer, context);
+  convert_stack(stack, file, context, &*fitted == &stack ? nullptr : &*fitted);
   console.say(fmt::format("{}: {} slices, format {}", a.output, stack.grid().layers, format));
   return kDone;
 }
 
-int info(const Arguments& a, const Job& job, Console&) {
+int info(const Arguments& a, const ExecutionContext& context, Console&) {
   must_not_replace(a.json, {a.input});
   StackInfo info = StackReader::read_info(a.input);
   const bool light = info.kind == StackKind::corrected || info.kind == StackKind::recorded;
   if (info.part_volume_mm3 == 0 && !light) {
     // All images are looked at, whatever their size: a damaged archive is not described.
-    const StackReader stack(a.input, folder_of(a.input), job, {1, 1, 1});
+    const StackReader stack(a.input, folder_of(a.input), context, {1, 1, 1});
     const Grid& g = info.grid;
     info.part_volume_mm3 = static_cast<double>(stack.pixel_sum()) / 255.0 * g.pixel_x_um *
                            g.pixel_y_um * g.layer_um * 1e-9;
@@ -361,11 +363,12 @@ int run_program(int argc, char** argv) {
       "cures through, and predicts what will print.",
       "slicecorr run part.stl -o part.uvj --layer-um 50 --printer dual-wavelength-dlp --resin "
       "egg-resin --speed-mm-h 800");
-  using Command = int (*)(const Arguments&, const Job&, Console&);
+  using Command = int (*)(const Arguments&, const ExecutionContext&, Console&);
   const auto add = [&](const char* name, const char* text, Command command) {
-    return program.add(name, text, [&a, command](const Job& job, Console& console) {
-      return command(a, job, console);
-    });
+    return program.add(name, text,
+                       [&a, command](const ExecutionContext& context, Console& console) {
+                         return command(a, context, console);
+                       });
   };
   const auto stack_input = [&](CLI::App* sub, const char* name, const char* text) {
     sub->add_option(name, a.input, text)->required();

@@ -8,9 +8,9 @@
 #include <numeric>
 
 #include "programs/common/program.hpp"
-#include "support/text/display_text.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/units.hpp"
+#include "support/text/display_text.hpp"
 
 namespace slicecorr::cli {
 
@@ -46,7 +46,7 @@ RecordingFigures figures_of(const StackInfo& info) {
   for (int n = 0; n < info.recording->slices(); ++n) {
     double light = 0;
     std::vector<int> images;
-    for (const Recording::Part& p : info.recording->of(n)) {
+    for (const Recording::Showing& p : info.recording->of(n)) {
       if (!(p.light > 0)) continue;
       light += p.light;
       images.push_back(p.image);
@@ -186,7 +186,7 @@ std::string info_json(const StackInfo& info, const std::string& path) {
     const RecordingFigures f = figures_of(info);
     j["recording"] = {{"images", g.layers},
                       {"slices", slices},
-                      {"parts", info.recording->parts.size()},
+                      {"parts", info.recording->showings.size()},
                       {"lit_slices", f.lit_slices},
                       {"most_images_in_a_slice", f.most_images},
                       {"light", {f.least_light, f.greatest_light}},

@@ -62,36 +62,37 @@ struct Input {
   std::optional<FittedSlices> fitted;
   const SliceSource* target = nullptr;
 
-  Input(const SimulateOptions& o, const SetupOptions& options, const Job& job)
-      : stack(o.stack, folder_of(o.output), job),
+  Input(const SimulateOptions& o, const SetupOptions& options, const ExecutionContext& context)
+      : stack(o.stack, folder_of(o.output), context),
         setup(options.resolve(&stack.info(), &stack.info())) {
     if (!o.target.empty()) {
-      given.emplace(design(o.target), folder_of(o.output), job);
-      fitted.emplace(FittedSlices::like(stack, *given, folder_of(o.output), job));
+      given.emplace(design(o.target), folder_of(o.output), context);
+      fitted.emplace(FittedSlices::like(stack, *given, folder_of(o.output), context));
       target = &**fitted;
-      check_target(stack, stack.info(), *target, o.target, given->pixel_sum(), job);
+      check_target(stack, stack.info(), *target, o.target, given->pixel_sum(), context);
     } else if (stack.info().kind == StackKind::target) {
       target = &stack;  // a target shown as it is
     }
     // Intensities of each slice are known only after a correction, and stand in its stack.
     const UvSchedule& uv = setup.process.uv;
     if (uv.kind == UvKind::per_slice && uv.slice_mw_cm2.empty() && target) {
-      setup.process = schedule_uv(*target, setup, job);
+      setup.process = schedule_uv(*target, setup, context);
     }
-    tell_notices(setup, &stack.info(), job);
+    tell_notices(setup, &stack.info(), context);
   }
   Input(const Input&) = delete;
 };
 
-int column(const SimulateOptions& o, const SetupOptions& options, const Job& job,
+int column(const SimulateOptions& o, const SetupOptions& options, const ExecutionContext& context,
            Console& console) {
   const std::string form = form_of(o.output, {".svg", ".csv"});
-  const Input in(o, options, job);
+  const Input in(o, options, context);
   const PrintClock clock = print_clock(in.setup, in.stack.grid());
   ColumnOptions how;
   how.substeps = o.substeps;
   how.profile_times_s = o.times_s.empty() ? group_times_s(clock, 8) : o.times_s;
-  const ColumnHistory history = simulate_column(in.stack, in.target, in.setup, o.x, o.y, how, job);
+  const ColumnHistory history =
+      simulate_column(in.stack, in.target, in.setup, o.x, o.y, how, context);
 
   const bool table = form == ".csv" || !o.csv.empty();
   std::string rows = "time_s,slice,z_window_um,front_um,back_um\n";
@@ -128,9 +129,10 @@ int column(const SimulateOptions& o, const SetupOptions& options, const Job& job
   return kDone;
 }
 
-int row(const SimulateOptions& o, const SetupOptions& options, const Job& job, Console& console) {
+int row(const SimulateOptions& o, const SetupOptions& options, const ExecutionContext& context,
+        Console& console) {
   form_of(o.output, {".png"});
-  const Input in(o, options, job);
+  const Input in(o, options, context);
   const PrintClock clock = print_clock(in.setup, in.stack.grid());
   std::vector<double> times = o.times_s.empty() ? group_times_s(clock, 6) : o.times_s;
   std::sort(times.begin(), times.end());
@@ -138,7 +140,8 @@ int row(const SimulateOptions& o, const SetupOptions& options, const Job& job, C
     wrong(fmt::format("--times-s {:g}: the print ends after {:g} s; expected times up to that",
                       times.back(), clock.total_s()));
   }
-  const SectionHistory history = simulate_section(in.stack, in.target, in.setup, o.row, times, job);
+  const SectionHistory history =
+      simulate_section(in.stack, in.target, in.setup, o.row, times, context);
   std::vector<ColourImage> frames;
   for (std::size_t k = 0; k < history.frames.size(); ++k) {
     frames.push_back(progress_picture(history, k, 400));
@@ -266,7 +269,7 @@ void SimulateOptions::add_to(CLI::App& app) {
       ->required();
 }
 
-int simulate(const SimulateOptions& o, const SetupOptions& setup, const Job& job,
+int simulate(const SimulateOptions& o, const SetupOptions& setup, const ExecutionContext& context,
              Console& console) {
   check_outputs(o);
   if (o.stationary) {
@@ -306,13 +309,13 @@ int simulate(const SimulateOptions& o, const SetupOptions& setup, const Job& job
     if (o.substeps > 0 || !o.csv.empty() || !o.dose_csv.empty()) {
       wrong("--substeps, --csv and --dose-csv are for a column; expected --x and --y with them");
     }
-    return row(o, setup, job, console);
+    return row(o, setup, context, console);
   }
   if (o.x < 0 || o.y < 0) wrong("expected --x and --y for a column, or --row for a section");
   if (o.times_s.size() > 8 && form_of(o.output, {".svg", ".csv"}) == ".svg") {
     wrong("--times-s: a picture shows up to 8 dose curves");
   }
-  return column(o, setup, job, console);
+  return column(o, setup, context, console);
 }
 
 }  // namespace slicecorr::cli

@@ -20,7 +20,7 @@ struct SimulateOptions {
   void add_to(CLI::App& app);
 };
 
-int simulate(const SimulateOptions& options, const SetupOptions& setup, const Job& job,
-             Console& console);
+int simulate(const SimulateOptions& options, const SetupOptions& setup,
+             const ExecutionContext& context, Console& console);
 
 }  // namespace slicecorr::cli

@@ -7,14 +7,14 @@
 #include <algorithm>
 #include <cstring>
 
-#include "support/files/errno_message.hpp"
 #include "slicecorr/error.hpp"
 #include "stack/container/container_output.hpp"
 #include "stack/container/folder_container.hpp"
-#include "stack/formats/known_foreign.hpp"
 #include "stack/container/tar_container.hpp"
 #include "stack/container/zip_input.hpp"
 #include "stack/container/zip_output.hpp"
+#include "stack/formats/known_foreign.hpp"
+#include "support/files/errno_message.hpp"
 
 namespace slicecorr::detail {
 
@@ -82,10 +82,11 @@ ContainerKind container_kind(const std::string& path) {
 }
 
 std::unique_ptr<Container> open_container(const std::string& path,
-                                          const std::string& scratch_folder, const Job& job) {
+                                          const std::string& scratch_folder,
+                                          const ExecutionContext& context) {
   switch (container_kind(path)) {
     case ContainerKind::tar_gz:
-      return open_tar_gz(path, scratch_folder, job);
+      return open_tar_gz(path, scratch_folder, context);
     case ContainerKind::folder:
       return open_folder(path);
     default:
@@ -94,7 +95,7 @@ std::unique_ptr<Container> open_container(const std::string& path,
 }
 
 ContainerOutput::ContainerOutput(const std::string& path) : path_(path) {
-  const PlaceOfFile place = place_of(path);
+  const PathParts place = path_parts(path);
   folder_ = place.folder;
   file_ = place.file;
 }

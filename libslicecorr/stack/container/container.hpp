@@ -54,10 +54,11 @@ class Container {
 /// What a path holds, by its first bytes. Throws `InputError` when it is none of these.
 ContainerKind container_kind(const std::string& path);
 
-/// Opens what is there. Scratch, which a large tar.gz needs, goes to `scratch_folder`, as `job` is
-/// told.
+/// Opens what is there. Scratch, which a large tar.gz needs, goes to `scratch_folder`, as `context`
+/// is told.
 std::unique_ptr<Container> open_container(const std::string& path,
-                                          const std::string& scratch_folder, const Job& job = {});
+                                          const std::string& scratch_folder,
+                                          const ExecutionContext& context = {});
 
 /// Whether an entry's name stays inside the archive: not absolute, no "..", no backslash.
 bool is_safe_name(std::string_view name);

@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "support/files/temporary.hpp"
 #include "slicecorr/parallel.hpp"
 #include "stack/container/container.hpp"
+#include "support/files/temporary.hpp"
 
 namespace slicecorr::detail {
 
@@ -38,7 +38,7 @@ class ContainerOutput {
   /// Looks at the archive under its temporary name, as the last step before it is renamed; what it
   /// throws leaves the old one in its place.
   using Check = std::function<void(const std::string& written)>;
-  virtual void finish(const Job& job, const Check& check = {}) = 0;
+  virtual void finish(const ExecutionContext& context, const Check& check = {}) = 0;
 
  protected:
   friend struct ZipWriting;

@@ -14,10 +14,10 @@
 #include <set>
 #include <system_error>
 
-#include "support/files/errno_message.hpp"
-#include "support/files/temporary.hpp"
 #include "slicecorr/error.hpp"
 #include "stack/formats/archive_format.hpp"
+#include "support/files/errno_message.hpp"
+#include "support/files/temporary.hpp"
 
 namespace slicecorr::detail {
 namespace {
@@ -211,7 +211,7 @@ class FolderOutput final : public ContainerOutput {
     const TemporaryFolder trial{make_temporary(path_, true)};
   }
 
-  void finish(const Job& job, const Check& check) override;
+  void finish(const ExecutionContext& context, const Check& check) override;
 
  private:
   /// False when nothing is there; throws when it is no folder.
@@ -239,8 +239,8 @@ class FolderOutput final : public ContainerOutput {
                      "files, or another folder to write to");
   }
   void check_replaceable(const std::string& now_at) const;
-  void fill(const std::string& temporary, const Job& job);
-  void put_in_place(TemporaryFolder& temporary, const Job& job);
+  void fill(const std::string& temporary, const ExecutionContext& context);
+  void put_in_place(TemporaryFolder& temporary, const ExecutionContext& context);
 
   std::string keep_from_;
   bool keeps_in_place_ = false;
@@ -272,18 +272,18 @@ void FolderOutput::check_replaceable(const std::string& now_at) const {
   }
 }
 
-void FolderOutput::finish(const Job& job, const Check& check) {
-  job.check_cancelled();
+void FolderOutput::finish(const ExecutionContext& context, const Check& check) {
+  context.check_cancelled();
   TemporaryFolder temporary{make_temporary(path_, true)};
-  fill(temporary.path, job);
+  fill(temporary.path, context);
   if (!keep_from_.empty()) copy_mode(keep_from_, temporary.path);
-  job.check_cancelled();
+  context.check_cancelled();
   if (check) check(temporary.path);
-  put_in_place(temporary, job);
-  job.report("write", 1);
+  put_in_place(temporary, context);
+  context.report("write", 1);
 }
 
-void FolderOutput::fill(const std::string& temporary, const Job& job) {
+void FolderOutput::fill(const std::string& temporary, const ExecutionContext& context) {
   std::set<std::string> folders;
   const auto make_folder_of = [&](const std::string& name) {
     const std::size_t slash = name.find('/');
@@ -300,7 +300,7 @@ void FolderOutput::fill(const std::string& temporary, const Job& job) {
     take_kept();
     for (const std::string& folder : kept_.folders) make_folder_of(folder + "/");
     for (const Listing::File& file : kept_.files) {
-      job.check_cancelled();
+      context.check_cancelled();
       if (changed.contains(file.name)) continue;
       const std::string from = keep_from_ + "/" + file.name, to = temporary + "/" + file.name;
       if (keeps_in_place_) {
@@ -314,14 +314,14 @@ void FolderOutput::fill(const std::string& temporary, const Job& job) {
   for (const Source& source : sources_) total += static_cast<double>(source.size);
   std::vector<std::uint8_t> data;
   for (const Source& source : sources_) {
-    job.check_cancelled();
+    context.check_cancelled();
     source.make(data);
     make_folder_of(source.name);
     const std::string to = temporary + "/" + source.name;
     write_file(to, data);
     if (!keep_from_.empty()) copy_mode(keep_from_ + "/" + source.name, to);
     done += static_cast<double>(source.size);
-    job.report("write", done / total);
+    context.report("write", done / total);
   }
   // One call for all files: waiting for thousands of them one by one takes minutes.
   const Descriptor folder{::open(temporary.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)};
@@ -330,7 +330,7 @@ void FolderOutput::fill(const std::string& temporary, const Job& job) {
   }
 }
 
-void FolderOutput::put_in_place(TemporaryFolder& temporary, const Job& job) {
+void FolderOutput::put_in_place(TemporaryFolder& temporary, const ExecutionContext& context) {
   const auto fail = [&](int error) {
     const bool unable = error == EINVAL || error == ENOSYS;
     throw DeviceError(unable ? path_ +
@@ -372,8 +372,8 @@ void FolderOutput::put_in_place(TemporaryFolder& temporary, const Job& job) {
   std::error_code error;
   std::filesystem::remove_all(temporary.path, error);
   if (error) {
-    job.tell(path_ + ": the folder that was there before can't be removed, it is left at " +
-             temporary.path + ": " + error.message());
+    context.tell(path_ + ": the folder that was there before can't be removed, it is left at " +
+                 temporary.path + ": " + error.message());
   }
 }
 

@@ -8,11 +8,11 @@
 #include <cerrno>
 #include <unordered_map>
 
-#include "support/files/errno_message.hpp"
-#include "support/files/temporary.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
 #include "stack/container/tar_reader.hpp"
+#include "support/files/errno_message.hpp"
+#include "support/files/temporary.hpp"
 
 namespace slicecorr::detail {
 namespace {
@@ -22,18 +22,19 @@ constexpr std::size_t piece_bytes = std::size_t{1} << 20;
 
 class TarContainer final : public Container {
  public:
-  TarContainer(const std::string& path, const std::string& scratch_folder, const Job& job)
-      : Container(path), store_(scratch_folder, memory_budget, job) {
+  TarContainer(const std::string& path, const std::string& scratch_folder,
+               const ExecutionContext& context)
+      : Container(path), store_(scratch_folder, memory_budget, context) {
     TarReader tar(path);
     std::vector<std::uint8_t> data(piece_bytes);
     while (tar.next()) {
       if (tar.is_folder()) continue;
-      job.check_cancelled();
+      context.check_cancelled();
       entries_.push_back({tar.name(), first_piece_.size(), tar.bytes()});
-      first_piece_.push_back(pieces_.size());
-      while (const std::size_t n = tar.read(data)) pieces_.push_back(store_.put(data.data(), n));
+      first_piece_.push_back(blobs_.size());
+      while (const std::size_t n = tar.read(data)) blobs_.push_back(store_.put(data.data(), n));
     }
-    first_piece_.push_back(pieces_.size());
+    first_piece_.push_back(blobs_.size());
     finish_list();
   }
 
@@ -49,13 +50,13 @@ class TarContainer final : public Container {
     out.clear();
     out.reserve(entry.bytes);
     for (std::size_t i = first_piece_[entry.index]; i < first_piece_[entry.index + 1]; ++i) {
-      store_.get(pieces_[i], out);
+      store_.get(blobs_[i], out);
     }
   }
 
  private:
-  PieceStore store_;
-  std::vector<PieceStore::Piece> pieces_;
+  BlobStore store_;
+  std::vector<BlobStore::Blob> blobs_;
   std::vector<std::size_t> first_piece_;  ///< of each entry, and the end
 };
 
@@ -110,13 +111,13 @@ class TarGzOutput final : public ContainerOutput {
     check_new_file(path);
   }
 
-  void finish(const Job& job, const Check& check) override {
-    job.check_cancelled();
+  void finish(const ExecutionContext& context, const Check& check) override {
+    context.check_cancelled();
     Temporary temporary{make_temporary(path_)};
-    write(temporary.path, job);
+    write(temporary.path, context);
     if (!keep_from_.empty()) copy_mode(keep_from_, temporary.path);
     sync_file(temporary.path);
-    job.check_cancelled();
+    context.check_cancelled();
     if (check) check(temporary.path);
     if (::rename(temporary.path.c_str(), path_.c_str()) != 0) {
       throw DeviceError(errno_message(path_, "can't be written"));
@@ -126,8 +127,9 @@ class TarGzOutput final : public ContainerOutput {
   }
 
  private:
-  void write(const std::string& file, const Job& job);
-  void write_source(const Source& source, archive_entry* header, TarWriter& tar, const Job& job);
+  void write(const std::string& file, const ExecutionContext& context);
+  void write_source(const Source& source, archive_entry* header, TarWriter& tar,
+                    const ExecutionContext& context);
 
   std::string keep_from_;
   std::vector<std::uint8_t> data_;
@@ -135,17 +137,17 @@ class TarGzOutput final : public ContainerOutput {
 };
 
 void TarGzOutput::write_source(const Source& source, archive_entry* header, TarWriter& tar,
-                               const Job& job) {
-  job.check_cancelled();
+                               const ExecutionContext& context) {
+  context.check_cancelled();
   source.make(data_);
   archive_entry_set_size(header, static_cast<la_int64_t>(source.size));
   tar.begin(header);
   tar.write(data_);
   done_ += static_cast<double>(source.size);
-  job.report("write", std::min(1.0, done_ / total_));
+  context.report("write", std::min(1.0, done_ / total_));
 }
 
-void TarGzOutput::write(const std::string& file, const Job& job) {
+void TarGzOutput::write(const std::string& file, const ExecutionContext& context) {
   total_ = 1;
   for (const Source& source : sources_) total_ += static_cast<double>(source.size);
   std::unordered_map<std::string, std::size_t> by_name;
@@ -156,12 +158,12 @@ void TarGzOutput::write(const std::string& file, const Job& job) {
     TarReader kept(keep_from_);
     std::vector<std::uint8_t> block(piece_bytes);
     while (kept.next()) {
-      job.check_cancelled();
+      context.check_cancelled();
       archive_entry* const header = kept.header();
       archive_entry_sparse_clear(header);
       const auto found = kept.is_folder() ? by_name.end() : by_name.find(kept.name());
       if (found != by_name.end()) {
-        write_source(sources_[found->second], header, tar, job);
+        write_source(sources_[found->second], header, tar, context);
         written[found->second] = true;
         continue;
       }
@@ -180,17 +182,17 @@ void TarGzOutput::write(const std::string& file, const Job& job) {
     archive_entry_set_perm(header.get(), 0644);
     constexpr time_t first_of_1980 = 315532800;  // as in our zips, which know no earlier one
     archive_entry_set_mtime(header.get(), first_of_1980, 0);
-    write_source(sources_[i], header.get(), tar, job);
+    write_source(sources_[i], header.get(), tar, context);
   }
   tar.close();
-  job.report("write", 1);
+  context.report("write", 1);
 }
 
 }  // namespace
 
 std::unique_ptr<Container> open_tar_gz(const std::string& path, const std::string& scratch_folder,
-                                       const Job& job) {
-  return std::make_unique<TarContainer>(path, scratch_folder, job);
+                                       const ExecutionContext& context) {
+  return std::make_unique<TarContainer>(path, scratch_folder, context);
 }
 
 std::unique_ptr<ContainerOutput> make_tar_gz_output(const std::string& path,

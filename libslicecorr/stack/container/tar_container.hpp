@@ -12,10 +12,10 @@
 namespace slicecorr::detail {
 
 /// Unpacks the archive once, as its entries can't be found in it: to memory, and beyond 64 MiB to
-/// an unnamed scratch file in `scratch_folder`, as `job` is told. Refuses archives that unpack to
-/// more than 500 times their size and 256 MiB.
+/// an unnamed scratch file in `scratch_folder`, as `context` is told. Refuses archives that unpack
+/// to more than 500 times their size and 256 MiB.
 std::unique_ptr<Container> open_tar_gz(const std::string& path, const std::string& scratch_folder,
-                                       const Job& job = {});
+                                       const ExecutionContext& context = {});
 
 /// New entries have a fixed time and no owner, and nothing tells where or when the file was packed.
 /// Kept ones keep their place, time, owner and mode, changed or not, and links can't be kept.

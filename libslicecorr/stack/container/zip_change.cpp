@@ -6,18 +6,18 @@
 #include <memory>
 #include <unordered_map>
 
-#include "support/files/errno_message.hpp"
-#include "support/text/utf8.hpp"
 #include "parallel/silent.hpp"
 #include "slicecorr/error.hpp"
 #include "stack/container/zip_output.hpp"
 #include "stack/container/zip_pack.hpp"
+#include "support/files/errno_message.hpp"
+#include "support/text/utf8.hpp"
 
 namespace slicecorr::detail {
 
 /// The entry that is being written. Only one is open at a time, so all share one buffer.
 struct ZipWriting {
-  const Job& job;
+  const ExecutionContext& context;
   const std::vector<ZipOutput::Source>& sources;
   int level = 0;  ///< of images
   std::vector<std::uint8_t> data;
@@ -49,7 +49,7 @@ struct ZipWriting {
       bytes += sources[i].size;
     }
     std::vector<PackedEntry> made(batch.size());
-    parallel_for(silent(job), "", batch.size(), [&](std::size_t i) {
+    parallel_for(silent(context), "", batch.size(), [&](std::size_t i) {
       std::vector<std::uint8_t> contents;
       sources[batch[i]].make(contents);
       made[i] = deflate_entry(contents, level);
@@ -60,13 +60,13 @@ struct ZipWriting {
 
   void report(double fraction) {
     try {
-      job.report("write", std::clamp(fraction, 0.0, 1.0));
+      context.report("write", std::clamp(fraction, 0.0, 1.0));
     } catch (...) {
       error = std::current_exception();
     }
   }
 
-  bool stopped() const { return error || (job.cancel != nullptr && job.cancel->load()); }
+  bool stopped() const { return error || (context.cancel != nullptr && context.cancel->load()); }
 
   static zip_int64_t call(void* state, void* data, zip_uint64_t length, zip_source_cmd_t command) {
     Entry& entry = *static_cast<Entry*>(state);
@@ -158,8 +158,8 @@ zip_flags_t encoding_of(std::string_view name) {
 
 }  // namespace
 
-void ZipOutput::change(const std::string& temporary, const Job& job) {
-  ZipWriting writing{job, sources_, zip_image_level(images_), {}, 0, nullptr, {}, {}};
+void ZipOutput::change(const std::string& temporary, const ExecutionContext& context) {
+  ZipWriting writing{context, sources_, zip_image_level(images_), {}, 0, nullptr, {}, {}};
   std::vector<ZipWriting::Entry>& entries = writing.entries;
   entries.reserve(sources_.size());  // the library keeps pointers
 
@@ -238,7 +238,7 @@ void ZipOutput::change(const std::string& temporary, const Job& job) {
   const auto on_cancel = [](zip_t*, void* state) -> int {
     return static_cast<ZipWriting*>(state)->stopped() ? 1 : 0;
   };
-  if (job.progress) {
+  if (context.progress) {
     zip_register_progress_callback_with_state(zip, 0.01, on_progress, nullptr, &writing);
   }
   zip_register_cancel_callback_with_state(zip, on_cancel, nullptr, &writing);

@@ -9,12 +9,12 @@
 #include <memory>
 #include <new>
 
-#include "support/files/errno_message.hpp"
-#include "support/files/temporary.hpp"
 #include "parallel/silent.hpp"
 #include "slicecorr/error.hpp"
 #include "stack/container/zip_layout.hpp"
 #include "stack/container/zip_pack.hpp"
+#include "support/files/errno_message.hpp"
+#include "support/files/temporary.hpp"
 
 namespace slicecorr::detail {
 
@@ -85,22 +85,22 @@ ZipOutput::ZipOutput(const std::string& path, std::string keep_from, ImagePackin
   check_new_file(path);
 }
 
-void ZipOutput::finish(const Job& job, const Check& check) {
-  job.check_cancelled();
+void ZipOutput::finish(const ExecutionContext& context, const Check& check) {
+  context.check_cancelled();
   Temporary temporary{make_temporary(path_)};
   if (keep_from_.empty()) {
-    write(temporary.path, job);
+    write(temporary.path, context);
   } else {
     // The library replaces the file under the temporary name; the original's stays as it is.
     ::unlink(temporary.path.c_str());
     link_or_copy(keep_from_, temporary.path);
-    change(temporary.path, job);
+    change(temporary.path, context);
     // The library leaves out the last step when it is a small one.
-    job.report("write", 1);
+    context.report("write", 1);
     copy_mode(keep_from_, temporary.path);
   }
   sync_file(temporary.path);
-  job.check_cancelled();
+  context.check_cancelled();
   if (check) check(temporary.path);
   if (::rename(temporary.path.c_str(), path_.c_str()) != 0) {
     throw DeviceError(errno_message(path_, "can't be written"));
@@ -109,12 +109,12 @@ void ZipOutput::finish(const Job& job, const Check& check) {
   sync_folder(folder_);
 }
 
-void ZipOutput::write(const std::string& temporary, const Job& job) {
+void ZipOutput::write(const std::string& temporary, const ExecutionContext& context) {
   OpenFile file(temporary, path_);
   std::vector<ZipEntry> entries(sources_.size());
   std::uint64_t offset = 0, written = 0, synced = 0;
-  const Job quiet = silent(job);
-  job.report("write", 0);
+  const ExecutionContext quiet = silent(context);
+  context.report("write", 0);
   for (std::size_t first = 0, last = 0; first < sources_.size(); first = last) {
     std::uint64_t bytes = 0;
     bool deflates = false;
@@ -157,7 +157,7 @@ void ZipOutput::write(const std::string& temporary, const Job& job) {
       file.write(data, entry.offset + record.size());
     });
     synced = std::exchange(written, offset);
-    job.report("write", static_cast<double>(last) / static_cast<double>(sources_.size()));
+    context.report("write", static_cast<double>(last) / static_cast<double>(sources_.size()));
   }
   file.write(zip_directory(entries, offset), offset);
   file.close();

@@ -15,13 +15,13 @@ class ZipOutput final : public ContainerOutput {
  public:
   explicit ZipOutput(const std::string& path, std::string keep_from = "",
                      ImagePacking images = ImagePacking::stored);
-  void finish(const Job& job, const Check& check) override;
+  void finish(const ExecutionContext& context, const Check& check) override;
 
  private:
   friend struct ZipWriting;
-  void write(const std::string& temporary, const Job& job);
+  void write(const std::string& temporary, const ExecutionContext& context);
   /// What the zip library is for: everything not touched stays as it is.
-  void change(const std::string& temporary, const Job& job);
+  void change(const std::string& temporary, const ExecutionContext& context);
 
   std::string keep_from_;
   ImagePacking images_;

@@ -66,7 +66,7 @@ const ArchiveFormat& format_named(const std::string& name, const std::string& pa
     throw InputError("format " + name + " is not known; expected one of " + list_of_formats());
   }
   // The longest ending counts: .rgb.cws is also .cws.
-  const std::string file = lower(place_of(path).file);
+  const std::string file = lower(path_parts(path).file);
   std::size_t longest = 0;
   std::vector<const ArchiveFormat*> fitting;
   for (const ArchiveFormat* f : formats) {
@@ -196,7 +196,7 @@ KeyValueText::KeyValueText(std::string text, char separator, std::string file, s
       prefix_(std::move(prefix)),
       separator_(separator) {}
 
-std::optional<KeyValueText::Place> KeyValueText::place(std::string_view key) const {
+std::optional<KeyValueText::TextRange> KeyValueText::place(std::string_view key) const {
   const std::string_view all = text_;
   for (std::size_t start = 0; start < all.size();) {
     const std::size_t end = std::min(all.find('\n', start), all.size());
@@ -210,7 +210,7 @@ std::optional<KeyValueText::Place> KeyValueText::place(std::string_view key) con
         const std::size_t begin = value.empty()
                                       ? static_cast<std::size_t>(rest.data() + at + 1 - all.data())
                                       : static_cast<std::size_t>(value.data() - all.data());
-        return Place{begin, begin + value.size()};
+        return TextRange{begin, begin + value.size()};
       }
     }
     start = end + 1;
@@ -367,7 +367,7 @@ double light_on_s(const StackInfo& info) {
     double sum = 0;
     for (int n = 0; n < info.recording->slices(); ++n) {
       const double planned = planned_light_s(*info.process, info.grid.layer_um, n);
-      for (const Recording::Part& p : info.recording->of(n)) sum += p.light * planned;
+      for (const Recording::Showing& p : info.recording->of(n)) sum += p.light * planned;
     }
     return sum;
   }

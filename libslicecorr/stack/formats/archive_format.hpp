@@ -18,7 +18,7 @@ namespace slicecorr::detail {
 
 /// What the block of a recorded stack says of its table.
 struct RecordingFacts {
-  int slices = 0, parts = 0;
+  int slices = 0, showings = 0;
   std::uint32_t crc32 = 0;
   std::vector<int> other_uv_images;
 };
@@ -141,10 +141,10 @@ class KeyValueText {
   const std::string& text() const { return text_; }
 
  private:
-  struct Place {
+  struct TextRange {
     std::size_t begin = 0, end = 0;  ///< of the value
   };
-  std::optional<Place> place(std::string_view key) const;
+  std::optional<TextRange> place(std::string_view key) const;
   std::string text_, file_, entry_, prefix_;
   char separator_;
 };

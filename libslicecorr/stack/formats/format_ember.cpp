@@ -46,7 +46,7 @@ Json parse_settings(const Container& archive) {
 
 /// The first firmware's portal put numbers in quotes, and that firmware read them.
 std::optional<double> number_at(const Json& settings, const char* key, double least, double most,
-                                const JsonPlace& place) {
+                                const JsonSource& place) {
   const auto found = settings.find(key);
   if (found == settings.end()) return std::nullopt;
   const JsonNode<Json> node(*found, std::string(root_key) + "." + key, place);
@@ -73,7 +73,7 @@ struct Exposures {
   }
 };
 
-Exposures exposures_of(const Json& settings, const JsonPlace& place) {
+Exposures exposures_of(const Json& settings, const JsonSource& place) {
   Exposures e;
   e.first_s = number_at(settings, first_key, 0, most_s, place);
   e.burn_in_s = number_at(settings, burn_in_key, 0, most_s, place);
@@ -104,7 +104,7 @@ std::vector<double> layer_times(const Exposures& e, const LayerSettings* table, 
 
 void read_settings(const Container& archive, ArchiveContents& contents) {
   StackInfo& info = contents.info;
-  const JsonPlace place{archive.path(), settings_entry};
+  const JsonSource place{archive.path(), settings_entry};
   Exposures exposures;
   if (archive.has(settings_entry)) {
     const Json json = parse_settings(archive);

@@ -7,8 +7,8 @@
 
 #include "slicecorr/error.hpp"
 #include "stack/formats/archive_format.hpp"
-#include "stack/png/preview.hpp"
 #include "stack/formats/uvj_config.hpp"
+#include "stack/png/preview.hpp"
 
 namespace slicecorr::detail {
 namespace {
@@ -29,7 +29,7 @@ std::optional<std::string> prefix_of(std::string_view name) {
 }
 
 /// The images' common prefix: that of the job, else the only one there is.
-std::string image_prefix(const Container& archive, const std::string& job) {
+std::string image_prefix(const Container& archive, const std::string& context) {
   std::vector<std::string> prefixes;
   for (const Container::Entry& entry : archive.entries()) {
     const auto prefix = prefix_of(entry.name);
@@ -38,12 +38,13 @@ std::string image_prefix(const Container& archive, const std::string& job) {
     }
   }
   if (prefixes.size() == 1) return prefixes.front();
-  if (std::find(prefixes.begin(), prefixes.end(), job) != prefixes.end()) return job;
+  if (std::find(prefixes.begin(), prefixes.end(), context) != prefixes.end()) return context;
   if (prefixes.empty()) {
-    throw InputError(archive.path(), "", "has no layer images, expected " + job + "00000.png on");
+    throw InputError(archive.path(), "",
+                     "has no layer images, expected " + context + "00000.png on");
   }
   throw InputError(archive.path(), config_entry,
-                   "jobDir is " + shown_name(job) + ", but images are named otherwise: " +
+                   "jobDir is " + shown_name(context) + ", but images are named otherwise: " +
                        shown_name(prefixes[0]) + ", " + shown_name(prefixes[1]));
 }
 

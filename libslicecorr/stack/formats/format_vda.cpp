@@ -20,7 +20,7 @@ constexpr unsigned parse_options =
     ~(pugi::parse_eol | pugi::parse_wconv_attribute);
 
 /// Where a manifest stands, for messages.
-struct Place {
+struct XmlSource {
   const Container& archive;
   std::string entry;
 
@@ -41,7 +41,7 @@ const Container::Entry* manifest_of(const Container& archive) {
   return nullptr;
 }
 
-pugi::xml_node parse(const Place& place, const std::string& text, pugi::xml_document& xml) {
+pugi::xml_node parse(const XmlSource& place, const std::string& text, pugi::xml_document& xml) {
   const pugi::xml_parse_result result =
       xml.load_buffer(text.data(), text.size(), parse_options, pugi::encoding_auto);
   if (!result) {
@@ -67,7 +67,7 @@ std::string_view trimmed(std::string_view text) {
 }
 
 double number_of(std::string_view text, double least, double most, const std::string& what,
-                 const Place& place) {
+                 const XmlSource& place) {
   double number = NAN;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
   if (error != std::errc() || end != text.data() + text.size() ||
@@ -80,21 +80,21 @@ double number_of(std::string_view text, double least, double most, const std::st
 }
 
 std::optional<double> number_at(pugi::xml_node parent, const char* key, double least, double most,
-                                const Place& place) {
+                                const XmlSource& place) {
   const pugi::xml_node node = parent.child(key);
   if (!node) return std::nullopt;
   return number_of(trimmed(node.text().get()), least, most, std::string(parent.name()) + "." + key,
                    place);
 }
 
-int layer_count(pugi::xml_node slices, const Place& place) {
+int layer_count(pugi::xml_node slices, const XmlSource& place) {
   const auto count = number_at(slices, "layersCount", 1, max_layers, place);
   if (!count) place.refuse("Slices.layersCount is missing");
   return *whole(count, place.archive.path(), place.entry, "Slices.layersCount");
 }
 
 /// "1920*1080P"
-void read_resolution(pugi::xml_node machines, const Place& place, ArchiveContents& contents) {
+void read_resolution(pugi::xml_node machines, const XmlSource& place, ArchiveContents& contents) {
   std::optional<int> width, height;
   if (const pugi::xml_node node = machines.child("Resolution")) {
     std::string_view text = trimmed(node.text().get());
@@ -116,7 +116,7 @@ void read_resolution(pugi::xml_node machines, const Place& place, ArchiveContent
 /// From "50um", and from the length of the display; the latter counts, as for UVtools, when they
 /// disagree, but is rounded.
 double read_pitch(pugi::xml_node machines, const char* pitch_key, const char* length_key,
-                  int pixels, const Place& place, std::vector<std::string>& warnings) {
+                  int pixels, const XmlSource& place, std::vector<std::string>& warnings) {
   double pitch_um = 0;
   if (const pugi::xml_node node = machines.child(pitch_key)) {
     std::string_view text = trimmed(node.text().get());
@@ -137,7 +137,8 @@ double read_pitch(pugi::xml_node machines, const char* pitch_key, const char* le
 }
 
 /// Where the manifest lists layers, it must list these images in their order.
-void check_list(pugi::xml_node root, const std::vector<std::string>& images, const Place& place) {
+void check_list(pugi::xml_node root, const std::vector<std::string>& images,
+                const XmlSource& place) {
   std::size_t n = 0;
   for (const pugi::xml_node layer : root.child("Layers").children()) {
     const pugi::xml_node name = layer.child("filename");
@@ -158,7 +159,7 @@ ArchiveContents read_vda(const Container& archive) {
   const Container::Entry* const manifest = manifest_of(archive);
   if (manifest == nullptr)
     throw InputError(archive.path(), "", "has no manifest, expected an .xml");
-  const Place place{archive, manifest->name};
+  const XmlSource place{archive, manifest->name};
   const std::string text = load(archive, manifest->name);
   pugi::xml_document xml;
   const pugi::xml_node root = parse(place, text, xml);
@@ -288,7 +289,7 @@ void change(const ArchiveRequest& r, const std::vector<std::string>& names,
             ContainerOutput& output) {
   const int before = r.kept_contents->info.grid.layers;
   if (r.info.grid.layers == before) return;
-  const Place place{*r.kept, manifest_of(*r.kept)->name};
+  const XmlSource place{*r.kept, manifest_of(*r.kept)->name};
   const std::string text = load(*r.kept, place.entry);
   pugi::xml_document xml;
   const pugi::xml_node root = parse(place, text, xml);

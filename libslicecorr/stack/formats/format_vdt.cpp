@@ -36,7 +36,7 @@ struct Layer {
 };
 
 /// There may be a million layers: each is dropped as soon as it has been read.
-Json parse_manifest(const Container& archive, const JsonPlace& place, std::vector<Layer>& layers) {
+Json parse_manifest(const Container& archive, const JsonSource& place, std::vector<Layer>& layers) {
   const std::string text = archive.text(manifest_entry, manifest_limit(archive));
   bool in_layers = false;
   const auto keep = [&](int depth, Json::parse_event_t event, Json& value) {
@@ -118,7 +118,7 @@ void check_layers(const std::vector<Layer>& layers, double layer_um,
 }
 
 ArchiveContents read_vdt(const Container& archive) {
-  const JsonPlace place{archive.path(), manifest_entry};
+  const JsonSource place{archive.path(), manifest_entry};
   std::vector<Layer> layers;
   const Json json = parse_manifest(archive, place, layers);
   const Node root(json, "", place);

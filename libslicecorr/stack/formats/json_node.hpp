@@ -14,7 +14,7 @@
 namespace slicecorr::detail {
 
 /// Where a JSON text stands.
-struct JsonPlace {
+struct JsonSource {
   /// Stands for no limit in the checks of numbers.
   static constexpr double largest = 1e300;
   std::string file, entry;
@@ -25,7 +25,7 @@ struct JsonPlace {
 template <class Json>
 class JsonNode {
  public:
-  JsonNode(const Json& json, std::string path, const JsonPlace& place)
+  JsonNode(const Json& json, std::string path, const JsonSource& place)
       : json_(&json), path_(std::move(path)), place_(&place) {}
 
   [[noreturn]] void fail(const std::string& expected) const {
@@ -53,18 +53,18 @@ class JsonNode {
   double number(double least, double most) const {
     const double value = json_->is_number() ? json_->template get<double>() : NAN;
     if (!(value >= least && value <= most)) {
-      fail(most >= JsonPlace::largest ? "a number of at least " + text(least)
-                                      : "a number from " + text(least) + " to " + text(most));
+      fail(most >= JsonSource::largest ? "a number of at least " + text(least)
+                                       : "a number from " + text(least) + " to " + text(most));
     }
     return value;
   }
 
   /// A number above 0.
-  double positive(double most = JsonPlace::largest) const {
+  double positive(double most = JsonSource::largest) const {
     const double value = json_->is_number() ? json_->template get<double>() : NAN;
     if (!(value > 0 && value <= most)) {
-      fail(most >= JsonPlace::largest ? "a number above 0"
-                                      : "a number above 0 and up to " + text(most));
+      fail(most >= JsonSource::largest ? "a number above 0"
+                                       : "a number above 0 and up to " + text(most));
     }
     return value;
   }
@@ -132,7 +132,7 @@ class JsonNode {
 
   const Json* json_;
   std::string path_;
-  const JsonPlace* place_;
+  const JsonSource* place_;
 };
 
 }  // namespace slicecorr::detail

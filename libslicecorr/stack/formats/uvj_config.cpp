@@ -150,7 +150,7 @@ Json process_json(const Process& p, int format) {
 Json recording_json(const Recording& recording) {
   return {{"file", recording_entry},
           {"slices", recording.slices()},
-          {"parts", recording.parts.size()},
+          {"parts", recording.showings.size()},
           {"crc32", recording_crc32(recording_csv(recording))},
           {"other_uv_images", recording.other_uv_images}};
 }

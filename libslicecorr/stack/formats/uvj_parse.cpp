@@ -7,17 +7,16 @@
 #include "slicecorr/error.hpp"
 #include "stack/block_check.hpp"
 #include "stack/formats/json_node.hpp"
-#include "stack/recording_entry.hpp"
 #include "stack/formats/uvj_config.hpp"
+#include "stack/recording_entry.hpp"
 
 namespace slicecorr::detail {
 namespace {
 
 using Json = nlohmann::json;
 
-constexpr double largest = JsonPlace::largest;
+constexpr double largest = JsonSource::largest;
 
-using Place = JsonPlace;
 using Node = JsonNode<Json>;
 
 /// Light-on times of the layers that say one, in order.
@@ -28,7 +27,7 @@ struct LayerTimes {
 };
 
 /// Takes what is needed of one layer.
-void read_layer(const Json& layer, const Place& place, LayerTimes& times) {
+void read_layer(const Json& layer, const JsonSource& place, LayerTimes& times) {
   const Node node(layer, "Layers[" + std::to_string(times.layers++) + "]", place);
   // Where there is none, one is added when times are changed.
   if (!node.has("Exposure") || node["Exposure"].json().is_null() ||
@@ -39,7 +38,7 @@ void read_layer(const Json& layer, const Place& place, LayerTimes& times) {
   times.time_s.push_back(node["Exposure"]["LightOnTime"].number(0, 1e9));
 }
 
-Json parse_json(std::string_view text, const Place& place, LayerTimes& times) {
+Json parse_json(std::string_view text, const JsonSource& place, LayerTimes& times) {
   // Byte order marks are common in JSON written on Windows.
   if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);
   // There may be a million layers: each is dropped as soon as its time has been read.
@@ -244,7 +243,7 @@ void refine(double& um, const Node& exact, const char* of, std::vector<std::stri
 RecordingFacts read_recording_facts(const Node& node, int images) {
   RecordingFacts facts;
   facts.slices = node["slices"].integer(0, max_recorded_slices);
-  facts.parts = node["parts"].integer(0, max_recorded_parts);
+  facts.showings = node["parts"].integer(0, max_recorded_showings);
   facts.crc32 = static_cast<std::uint32_t>(node["crc32"].whole(0, 0xffffffff));
   for (const Node& n : node["other_uv_images"].list(0, 1000000)) {
     facts.other_uv_images.push_back(n.integer(0, images - 1));
@@ -345,7 +344,7 @@ void take_layer_times(LayerTimes times, StackInfo& info) {
 }  // namespace
 
 ArchiveContents parse_uvj_config(std::string_view text, const std::string& file) {
-  const Place place{file, "config.json"};
+  const JsonSource place{file, "config.json"};
   LayerTimes times;
   const Json json = parse_json(text, place, times);
   const Node root(json, "", place);
@@ -360,7 +359,7 @@ ArchiveContents parse_uvj_config(std::string_view text, const std::string& file)
 }
 
 void read_provenance(std::string_view text, const std::string& file, ArchiveContents& contents) {
-  const Place place{file, provenance_entry};
+  const JsonSource place{file, provenance_entry};
   LayerTimes none;
   const Json json = parse_json(text, place, none);
   const Node root(json, "", place);

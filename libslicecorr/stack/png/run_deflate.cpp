@@ -78,7 +78,7 @@ constexpr unsigned hash_bits = 11;
 void RunDeflater::clear() {
   if (written_) std::swap(now_, last_);
   written_ = false;
-  now_.literal_count = now_.step_count = step_start_ = run_ = 0;
+  now_.literal_count = now_.token_count = token_start_ = run_ = 0;
   value_ = no_value;
 }
 
@@ -87,15 +87,16 @@ void RunDeflater::make_room(std::size_t n) {
   if (now_.literals.size() < now_.literal_count + n + block + 8) {
     now_.literals.resize(2 * (now_.literal_count + n + block));
   }
-  if (now_.steps.size() < now_.step_count + n / 4 + 4)
-    now_.steps.resize(2 * (now_.step_count + n / 4 + 4));
+  if (now_.tokens.size() < now_.token_count + n / 4 + 4)
+    now_.tokens.resize(2 * (now_.token_count + n / 4 + 4));
 }
 
 void RunDeflater::end_run() {
   if (run_ >= least_match) {
-    now_.steps[now_.step_count++] = {static_cast<std::uint32_t>(now_.literal_count - step_start_),
-                                     static_cast<std::uint32_t>(run_)};
-    step_start_ = now_.literal_count;
+    now_.tokens[now_.token_count++] = {
+        static_cast<std::uint32_t>(now_.literal_count - token_start_),
+        static_cast<std::uint32_t>(run_)};
+    token_start_ = now_.literal_count;
   } else {
     now_.literals[now_.literal_count] = now_.literals[now_.literal_count + 1] =
         static_cast<std::uint8_t>(value_);
@@ -208,70 +209,70 @@ bool RunDeflater::only_zeros() const {
 }
 
 bool RunDeflater::repeats_last() const {
-  const Steps &a = written_ ? now_ : last_, &b = now_;
-  return a.literal_count == b.literal_count && a.step_count == b.step_count &&
+  const Tokens &a = written_ ? now_ : last_, &b = now_;
+  return a.literal_count == b.literal_count && a.token_count == b.token_count &&
          std::equal(b.literals.begin(),
                     b.literals.begin() + static_cast<std::ptrdiff_t>(b.literal_count),
                     a.literals.begin()) &&
-         std::equal(b.steps.begin(), b.steps.begin() + static_cast<std::ptrdiff_t>(b.step_count),
-                    a.steps.begin());
+         std::equal(b.tokens.begin(), b.tokens.begin() + static_cast<std::ptrdiff_t>(b.token_count),
+                    a.tokens.begin());
 }
 
-std::size_t RunDeflater::refer(std::size_t at, std::size_t before) {
-  const std::uint32_t distance = places_[at].raw - places_[before].raw;
+std::size_t RunDeflater::find_match(std::size_t at, std::size_t before) {
+  const std::uint32_t distance = token_starts_[at].raw - token_starts_[before].raw;
   if (distance > farthest) return 0;
-  std::uint32_t covered = 0, length = 0, steps = 0;
-  for (; at + steps < now_.step_count; ++steps) {
-    const Step& step = now_.steps[at + steps];
-    if (step != now_.steps[before + steps] || length + step.literals > longest_match) break;
-    const std::uint8_t* const a = &now_.literals[places_[at + steps].literal];
-    const std::uint8_t* const b = &now_.literals[places_[before + steps].literal];
-    if (load(a, step.literals) != load(b, step.literals)) break;
-    if (step.literals > 8 && std::memcmp(a, b, step.literals) != 0) break;
-    covered += step.literals;
-    length += step.literals + step.run;
+  std::uint32_t matched_literals = 0, length = 0, tokens = 0;
+  for (; at + tokens < now_.token_count; ++tokens) {
+    const Token& token = now_.tokens[at + tokens];
+    if (token != now_.tokens[before + tokens] || length + token.literals > longest_match) break;
+    const std::uint8_t* const a = &now_.literals[token_starts_[at + tokens].literal];
+    const std::uint8_t* const b = &now_.literals[token_starts_[before + tokens].literal];
+    if (load(a, token.literals) != load(b, token.literals)) break;
+    if (token.literals > 8 && std::memcmp(a, b, token.literals) != 0) break;
+    matched_literals += token.literals;
+    length += token.literals + token.run;
     if (length >= longest_match) {
-      ++steps;
+      ++tokens;
       break;
     }
   }
   // A reference takes about as many bits as two or three literals and a run.
-  if (steps == 0 || (steps == 1 && covered < 3)) return 0;
+  if (tokens == 0 || (tokens == 1 && matched_literals < 3)) return 0;
   // What is left of the last run is a run still.
   std::uint32_t rest = length > longest_match ? length - longest_match : 0;
   if (rest != 0 && rest < least_match) rest = least_match;
-  orders_.push_back({0, covered, length - rest, distance});
-  if (rest != 0) orders_.push_back({0, 0, rest, 1});
-  return steps;
+  matches_.push_back({0, matched_literals, length - rest, distance});
+  if (rest != 0) matches_.push_back({0, 0, rest, 1});
+  return tokens;
 }
 
-void RunDeflater::find_orders() {
-  orders_.clear();
-  if (places_.size() < now_.step_count) places_.resize(now_.steps.size());
+void RunDeflater::find_matches() {
+  matches_.clear();
+  if (token_starts_.size() < now_.token_count) token_starts_.resize(now_.tokens.size());
   if (seen_.empty()) seen_.resize(std::size_t{1} << hash_bits);
   if (first_id_ > 0x7fffffffu) {
     std::fill(seen_.begin(), seen_.end(), 0u);
     first_id_ = 1;
   }
   std::uint32_t raw = 0, literal = 0;
-  for (std::size_t i = 0; i < now_.step_count; ++i) {
-    places_[i] = {raw, literal};
-    raw += now_.steps[i].literals + now_.steps[i].run;
-    literal += now_.steps[i].literals;
+  for (std::size_t i = 0; i < now_.token_count; ++i) {
+    token_starts_[i] = {raw, literal};
+    raw += now_.tokens[i].literals + now_.tokens[i].run;
+    literal += now_.tokens[i].literals;
   }
-  for (std::size_t i = 0; i < now_.step_count;) {
-    const Step& step = now_.steps[i];
-    std::uint64_t h = load(&now_.literals[places_[i].literal], step.literals);
-    h = (h ^ std::uint64_t{step.run} << 40 ^ std::uint64_t{step.literals} << 24) *
+  for (std::size_t i = 0; i < now_.token_count;) {
+    const Token& token = now_.tokens[i];
+    std::uint64_t h = load(&now_.literals[token_starts_[i].literal], token.literals);
+    h = (h ^ std::uint64_t{token.run} << 40 ^ std::uint64_t{token.literals} << 24) *
         0x9e3779b97f4a7c15u;
     std::uint32_t& seen = seen_[h >> (64 - hash_bits)];
     const std::uint32_t before = seen;
     seen = first_id_ + static_cast<std::uint32_t>(i);
-    const std::size_t steps = before < first_id_ ? 0 : refer(i, before - first_id_);
-    if (steps == 0) orders_.push_back({step.literals, 0, step.run, 1});
-    i += std::max<std::size_t>(steps, 1);
+    const std::size_t tokens = before < first_id_ ? 0 : find_match(i, before - first_id_);
+    if (tokens == 0) matches_.push_back({token.literals, 0, token.run, 1});
+    i += std::max<std::size_t>(tokens, 1);
   }
-  first_id_ += static_cast<std::uint32_t>(now_.step_count);
+  first_id_ += static_cast<std::uint32_t>(now_.token_count);
 }
 
 void RunDeflater::count_symbols() {
@@ -290,11 +291,11 @@ void RunDeflater::count_symbols() {
   for (std::size_t v = 0; v < 256; ++v) {
     literal_frequencies_[v] = counts[0][v] + counts[1][v] + counts[2][v] + counts[3][v];
   }
-  for (const Order& order : orders_) {
-    literal += order.literals;
-    for (std::uint32_t k = 0; k < order.covered; ++k) --literal_frequencies_[*literal++];
-    const Distance distance = distance_of(order.distance);
-    split(order.length, [&](std::uint32_t length, std::uint32_t times) {
+  for (const Match& match : matches_) {
+    literal += match.literals;
+    for (std::uint32_t k = 0; k < match.matched_literals; ++k) --literal_frequencies_[*literal++];
+    const Distance distance = distance_of(match.distance);
+    split(match.length, [&](std::uint32_t length, std::uint32_t times) {
       const std::uint8_t code = lengths.code[length];
       literal_frequencies_[first_length + code] += times;
       distance_frequencies_[distance.symbol] += times;
@@ -304,7 +305,7 @@ void RunDeflater::count_symbols() {
   literal_frequencies_[end_of_block] = 1;
 }
 
-void RunDeflater::write_orders(BitWriter& out) const {
+void RunDeflater::write_matches(BitWriter& out) const {
   const std::uint8_t* literal = now_.literals.data();
   const BitString* const codes = literal_code_.data();
   const auto put_literals = [&](std::size_t n) {
@@ -319,13 +320,13 @@ void RunDeflater::write_orders(BitWriter& out) const {
     out.flush();
   };
   std::size_t rest = now_.literal_count;
-  for (const Order& order : orders_) {
-    put_literals(order.literals);
-    literal += order.covered;
-    rest -= order.literals + order.covered;
-    const Distance distance = distance_of(order.distance);
+  for (const Match& match : matches_) {
+    put_literals(match.literals);
+    literal += match.matched_literals;
+    rest -= match.literals + match.matched_literals;
+    const Distance distance = distance_of(match.distance);
     const BitString& far = distance_code_[distance.symbol];
-    split(order.length, [&](std::uint32_t length, std::uint32_t times) {
+    split(match.length, [&](std::uint32_t length, std::uint32_t times) {
       const std::uint8_t code = lengths.code[length];
       const BitString& near = codes[first_length + code];
       std::uint64_t bits = near.bits;
@@ -358,7 +359,7 @@ void RunDeflater::write_orders(BitWriter& out) const {
 
 void RunDeflater::write(std::vector<std::uint8_t>& out) {
   written_ = true;
-  find_orders();
+  find_matches();
   count_symbols();
   std::uint64_t bits = extra_bits_ + literal_code_.make(literal_frequencies_, code_limit) +
                        distance_code_.make(distance_frequencies_, code_limit);
@@ -369,7 +370,7 @@ void RunDeflater::write(std::vector<std::uint8_t>& out) {
   out.resize(start + size + 8);
   BitWriter writer(out.data() + start);
   header_.write(writer);
-  write_orders(writer);
+  write_matches(writer);
   writer.put(0, 3);
   std::uint8_t* const end = writer.finish();
   constexpr std::uint8_t empty[4] = {0, 0, 255, 255};

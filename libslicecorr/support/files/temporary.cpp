@@ -12,8 +12,8 @@
 #include <filesystem>
 #include <vector>
 
-#include "support/files/errno_message.hpp"
 #include "slicecorr/error.hpp"
+#include "support/files/errno_message.hpp"
 
 namespace slicecorr::detail {
 namespace {
@@ -59,7 +59,7 @@ void copy_file(const std::string& from, const std::string& to) {
   }
 }
 
-void remove_left_over(const PlaceOfFile& place) {
+void remove_left_over(const PathParts& place) {
   const std::string file = place.file.substr(0, most_name_bytes);
   std::error_code error;
   for (std::filesystem::directory_iterator at(place.folder, error), end; !error && at != end;
@@ -74,7 +74,7 @@ void remove_left_over(const PlaceOfFile& place) {
 
 }  // namespace
 
-PlaceOfFile place_of(const std::string& path) {
+PathParts path_parts(const std::string& path) {
   const std::size_t slash = path.rfind('/');
   if (slash == std::string::npos) return {".", path};
   return {slash == 0 ? "/" : path.substr(0, slash), path.substr(slash + 1)};
@@ -82,7 +82,7 @@ PlaceOfFile place_of(const std::string& path) {
 
 std::string make_temporary(const std::string& path, bool make_folder) {
   static std::atomic<unsigned> counter{0};
-  const PlaceOfFile place = place_of(path);
+  const PathParts place = path_parts(path);
   remove_left_over(place);
   for (int attempt = 0; attempt < 1000; ++attempt) {
     const std::string name = place.folder + "/." + place.file.substr(0, most_name_bytes) + "." +
@@ -99,7 +99,7 @@ std::string make_temporary(const std::string& path, bool make_folder) {
 }
 
 void check_new_file(const std::string& path) {
-  const PlaceOfFile place = place_of(path);
+  const PathParts place = path_parts(path);
   struct stat status;
   if (::stat(place.folder.c_str(), &status) != 0) {
     throw DeviceError(errno_message(path, "folder of the output can't be used"));

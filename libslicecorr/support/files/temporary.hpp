@@ -7,10 +7,10 @@
 namespace slicecorr::detail {
 
 /// A path taken apart: "a/b.zip" lies in "a", "b.zip" in ".".
-struct PlaceOfFile {
+struct PathParts {
   std::string folder, file;
 };
-PlaceOfFile place_of(const std::string& path);
+PathParts path_parts(const std::string& path);
 
 /// A name beside `path` that nothing else has: ".FILE.PID-N.part". `make_folder`: an empty folder
 /// of that name is made, else an empty file. What processes that are no more (killed, or the power

@@ -90,7 +90,7 @@ struct Submission {
 /// into the farm; else nothing is written (a dry run). Throws `SubmitErrors` with all that is
 /// wrong.
 Submission prepare(const std::vector<JobRequest>& requests, const FarmFolder& folder, Queue& queue,
-                   const std::string& user, bool store, const slicecorr::Job& job);
+                   const std::string& user, bool store, const ExecutionContext& job);
 
 struct Submitted {
   std::vector<JobId> ids;

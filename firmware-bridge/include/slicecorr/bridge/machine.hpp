@@ -79,7 +79,7 @@ enum class Signal {
   blue_share,          ///< * set-point of the blue lamp, 1: as calibrated
   uv_mw_cm2,           ///< set-point of the UV lamp (flood); * where the printer has one
   frame,               ///< number of the frame that is shown, -1: black
-  job,                 ///< 1 from the first motion or light of a print to its good end, else 0
+  context,             ///< 1 from the first motion or light of a print to its good end, else 0
   // read
   sequence_echo,     ///< * of the last set-points that were taken over
   state,             ///< * see MachineState
@@ -95,7 +95,7 @@ enum class Signal {
   over_temperature,  ///< bits; 1: so it is
   watchdog_tripped,  ///< bit
   latched,           ///< bit: a print has failed on it, and nobody has reset it since
-  job_kept,          ///< `job` as it was written last, whoever wrote it
+  job_kept,          ///< `context` as it was written last, whoever wrote it
   machine_time_s,    ///< the machine's own clock
 };
 enum class Command { off, run, stop, reset };  ///< off: lamps off, stage holds
@@ -160,7 +160,7 @@ struct SetPoints {
   double blue_share = 0, uv_mw_cm2 = 0;
   std::int32_t frame = -1;
   double watchdog_s = 0.3;
-  bool job = false;
+  bool context = false;
 };
 
 /// What comes back.

@@ -47,7 +47,7 @@ struct SimEvent {
 
 /// What was shown while the stage was within one slice.
 struct SliceExposure {
-  struct Part {
+  struct Showing {
     int image = -1;                 ///< which of the images shown, in their order; -1: black
     double light_s = 0;             ///< integral of (share of blue)^m over the time it was shown
     double uv_mw_cm2 = 0;           ///< mean while it was shown
@@ -55,7 +55,7 @@ struct SliceExposure {
     double speed_um_s = 0, blue_share = 0;  ///< means
     double time_s = 0;
   };
-  std::vector<Part> parts;
+  std::vector<Showing> showings;
 };
 
 /// What belongs to which slice.

@@ -59,6 +59,6 @@ double lamp_share(const PrintPlan& plan, const LampDrive& lamp, double speed_um_
 /// than the lamps give, has frames under their UV ratio, or ramps that lamp and UV can't follow:
 /// the message says what would do. Reads all images once. `path` names the stack in messages.
 PrintPlan plan_print(const StackReader& stack, const std::string& path, const Machine& machine,
-                     const Job& job = {});
+                     const ExecutionContext& context = {});
 
 }  // namespace slicecorr::bridge

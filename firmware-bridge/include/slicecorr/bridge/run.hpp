@@ -46,7 +46,7 @@ struct Ending {
 /// what making the first frames throws.
 Ending run_print(const FrameSource& frames, const PrintPlan& plan, const Machine& machine,
                  Link& link, FrameSink& sink, Clock& clock, const StateFolder& folder,
-                 const RunOptions& options, const Job& job);
+                 const RunOptions& options, const ExecutionContext& context);
 
 /// Asks the printbridge that prints now: "status", "pause", "resume" or "stop". Its answer is JSON;
 /// nothing when none prints. Throws `DeviceError` when it does not answer.

@@ -148,7 +148,7 @@ struct FitResult {
 /// says what is missing; what can be fitted but not trusted has a warning. Deterministic for a
 /// seed, whatever the number of threads. Thread-safe.
 FitResult fit(const Measurements& data, FitModel model, const FitOptions& options = {},
-              const Job& job = {});
+              const ExecutionContext& context = {});
 
 /// Time after which a sample reached a state (a conversion, gelation) at an intensity.
 struct TimeToState {

@@ -46,7 +46,8 @@ struct Measurements {
 /// zones. Throws `InputError` with file, line, column and what was expected. A measurement is never
 /// dropped or changed without a warning; one that can't be right (no number, not finite, not above
 /// zero) is an error. Bounded memory: refuses files of more than `max_measurements` rows.
-Measurements read_measurements(const std::vector<std::string>& paths, const Job& job = {});
+Measurements read_measurements(const std::vector<std::string>& paths,
+                               const ExecutionContext& context = {});
 /// The same from text; `source` names it in messages.
 Measurements parse_measurements(const std::string& text, const std::string& source);
 

@@ -42,7 +42,7 @@ struct RecordFits {
 };
 /// Heights: Jacobs, and kinetic where there are several intensities. Dead zones:
 /// `dead_zone_model`, on the record's own blue parameters. Never throws on measurements.
-RecordFits fits_of_record(const ResinRecord& record, const Job& job = {});
+RecordFits fits_of_record(const ResinRecord& record, const ExecutionContext& context = {});
 /// What a dead-zone fit takes from a resin: `options` with its blue law at the gel dose.
 FitOptions on_resin(const Resin& resin, FitOptions options = {});
 /// The one that the record's provenance names; else transient when the record says an exponent or a

@@ -1,4 +1,4 @@
-// Pixels in which pieces may overlap or cross, strip by strip.
+// Pixels in which fragments may overlap or cross, scanbeam by scanbeam.
 #include <algorithm>
 #include <cmath>
 #include <span>
@@ -15,97 +15,96 @@ constexpr std::ptrdiff_t kFew = 48;
 }  // namespace
 
 /// Runs of the marked pixels of a row that are in doubt.
-void Raster::find_tangles(int row, std::size_t count) {
+void Raster::find_overlap_spans(int row, std::size_t count) {
   std::size_t done = 0;
   for (const std::uint32_t i : doubts_) {
     if (i < done) continue;
     std::size_t first = i;
     while (first > 0 && columns_[first - 1] + 1 == columns_[first]) --first;
     for (done = i + 1; done < count && columns_[done - 1] + 1 == columns_[done];) ++done;
-    tangles_.push_back({row, static_cast<int>(columns_[first]),
-                        static_cast<int>(columns_[done - 1]),
-                        static_cast<int>((begins_[i] + kOne / 2) >> kOneBits), 0, 0});
+    overlap_spans_.push_back({row, static_cast<int>(columns_[first]),
+                              static_cast<int>(columns_[done - 1]),
+                              static_cast<int>((begins_[i] + kOne / 2) >> kOneBits), 0, 0});
   }
 }
 
-/// Draws all tangles of a slice again.
-unsigned Raster::draw_tangles(const Frame& f) {
+/// Draws all overlap spans of a slice again.
+unsigned Raster::draw_overlap_spans(const Frame& f) {
   find_segments();
   unsigned lit = 0;
-  for (const Tangle& tangle : tangles_) lit |= draw_tangle(tangle, f);
+  for (const OverlapSpan& span : overlap_spans_) lit |= draw_overlap_span(span, f);
   return lit;
 }
 
-/// Segments of each tangle, by one look at all that cross a row: no piece leaves a run of marked
+/// Segments of each span, by one look at all that cross a row: no fragment leaves a run of marked
 /// pixels, so its left end says which one it is in.
 void Raster::find_segments() {
-  const auto columns_of = [&](const Tangle& tangle) {
-    std::uint32_t* const row =
-        tangle_of_.data() + tangle_row_[static_cast<std::size_t>(tangle.row)];
-    return std::span(row + tangle.first, row + tangle.last + 1);
+  const auto columns_of = [&](const OverlapSpan& span) {
+    std::uint32_t* const row = span_of_.data() + span_row_[static_cast<std::size_t>(span.row)];
+    return std::span(row + span.first, row + span.last + 1);
   };
   std::uint32_t row_begin = 0;
-  for (std::uint32_t k = 0; k < tangles_.size(); ++k) {
-    const Tangle& tangle = tangles_[k];
-    if (k == 0 || tangles_[k - 1].row != tangle.row) {
+  for (std::uint32_t k = 0; k < overlap_spans_.size(); ++k) {
+    const OverlapSpan& span = overlap_spans_[k];
+    if (k == 0 || overlap_spans_[k - 1].row != span.row) {
       row_begin += static_cast<std::uint32_t>(width_);
-      tangle_row_[static_cast<std::size_t>(tangle.row)] = row_begin;
-      for (int row = std::max(0, tangle.row - 3); row <= tangle.row; ++row) {
-        tangles_near_[static_cast<std::size_t>(row)] = 1;
+      span_row_[static_cast<std::size_t>(span.row)] = row_begin;
+      for (int row = std::max(0, span.row - 3); row <= span.row; ++row) {
+        spans_near_[static_cast<std::size_t>(row)] = 1;
       }
     }
-    for (std::uint32_t& column : columns_of(tangle)) column = k + 1;
+    for (std::uint32_t& column : columns_of(span)) column = k + 1;
   }
   const std::size_t most = 4 * crossing_count_ + 1;
   if (found_.size() < most) {
     found_.resize(2 * most);
-    tangled_.resize(2 * most);
+    overlap_segments_.resize(2 * most);
   }
-  // In rows with tangles they are found without a branch that can't be foretold.
+  // In rows with overlap spans they are found without a branch that can't be foretold.
   std::size_t found = 0;
   for (std::size_t i = 0; i < crossing_count_; ++i) {
     const Crossings& c = crossings_[i];
-    if (!tangles_near_[c.row]) continue;
+    if (!spans_near_[c.row]) continue;
     for (int k = 0; k < c.count; ++k) {
-      const std::uint32_t tangle = tangle_of_[tangle_row_[c.row + static_cast<std::size_t>(k)] +
-                                              static_cast<std::size_t>(c.columns[k])];
-      found_[found] = {tangle - 1, c.segment};
-      found += tangle != 0;
+      const std::uint32_t span = span_of_[span_row_[c.row + static_cast<std::size_t>(k)] +
+                                          static_cast<std::size_t>(c.columns[k])];
+      found_[found] = {span - 1, c.segment};
+      found += span != 0;
     }
   }
-  for (std::size_t i = 0; i < found; ++i) ++tangles_[found_[i].tangle].end;
+  for (std::size_t i = 0; i < found; ++i) ++overlap_spans_[found_[i].span].end;
   std::uint32_t sum = 0;
-  for (Tangle& tangle : tangles_) {
-    tangle.begin = sum;
-    sum += tangle.end;
-    tangle.end = tangle.begin;
-    for (std::uint32_t& column : columns_of(tangle)) column = 0;
+  for (OverlapSpan& span : overlap_spans_) {
+    span.begin = sum;
+    sum += span.end;
+    span.end = span.begin;
+    for (std::uint32_t& column : columns_of(span)) column = 0;
   }
-  for (const Tangle& tangle : tangles_) tangle_row_[static_cast<std::size_t>(tangle.row)] = 0;
-  std::fill(tangles_near_.begin(), tangles_near_.end(), std::uint8_t{0});
+  for (const OverlapSpan& span : overlap_spans_) span_row_[static_cast<std::size_t>(span.row)] = 0;
+  std::fill(spans_near_.begin(), spans_near_.end(), std::uint8_t{0});
   for (std::size_t i = 0; i < found; ++i) {
-    tangled_[tangles_[found_[i].tangle].end++] = found_[i].segment;
+    overlap_segments_[overlap_spans_[found_[i].span].end++] = found_[i].segment;
   }
 }
 
-/// Whether at every height of a run there are no pieces, or one that goes down and one that goes
+/// Whether at every height of a run there are no fragments, or one that goes down and one that goes
 /// up, always in the same order. They then bound all that lies between them, and signed areas are
-/// right. The pieces are those of a run, sorted by their upper ends.
+/// right. The fragments are those of a run, sorted by their upper ends.
 bool Raster::pairs() {
   double down_end = 0, up_end = 0, order = 0;
   std::size_t i = 0, k = 0;
-  const std::size_t n = pieces_.size();
+  const std::size_t n = fragments_.size();
   const auto next = [&](std::size_t& at, int winding) {
-    while (at < n && pieces_[at].winding != winding) ++at;
+    while (at < n && fragments_[at].winding != winding) ++at;
     return at < n;
   };
-  for (const Piece& p : pieces_) {
+  for (const EdgeFragment& p : fragments_) {
     double& end = p.winding > 0 ? down_end : up_end;
     if (p.y0 < end) return false;
     end = p.y1;
   }
   while (next(i, 1) && next(k, -1)) {
-    const Piece &down = pieces_[i], &up = pieces_[k];
+    const EdgeFragment &down = fragments_[i], &up = fragments_[k];
     const double from = std::max(down.y0, up.y0), to = std::min(down.y1, up.y1);
     if (from < to) {
       for (const double y : {from, to}) {
@@ -119,14 +118,14 @@ bool Raster::pairs() {
   return true;
 }
 
-/// Left and right of a tangle the winding is one number per row.
-unsigned Raster::draw_tangle(const Tangle& tangle, const Frame& f) {
-  const auto at = static_cast<std::size_t>(tangle.row);
-  const int row = f.y0 + tangle.row;
-  pieces_.clear();
-  for (std::uint32_t i = tangle.begin; i < tangle.end; ++i) {
-    const Line line(segments_[tangled_[i]], f);
-    Piece p;
+/// Left and right of a span the winding is one number per row.
+unsigned Raster::draw_overlap_span(const OverlapSpan& span, const Frame& f) {
+  const auto at = static_cast<std::size_t>(span.row);
+  const int row = f.y0 + span.row;
+  fragments_.clear();
+  for (std::uint32_t i = span.begin; i < span.end; ++i) {
+    const Line line(segments_[overlap_segments_[i]], f);
+    EdgeFragment p;
     p.y0 = line.uy > row ? line.uy - row : 0.0;
     p.x0 = line.uy > row ? line.ux : line.x_at(row);
     p.y1 = line.ly < row + 1 ? line.ly - row : 1.0;
@@ -134,19 +133,19 @@ unsigned Raster::draw_tangle(const Tangle& tangle, const Frame& f) {
     if (!(p.y0 < p.y1)) continue;
     p.slope = (p.x1 - p.x0) / (p.y1 - p.y0);
     p.winding = line.down ? 1 : -1;
-    pieces_.push_back(p);
+    fragments_.push_back(p);
   }
-  // An order that follows from the pieces alone.
-  std::sort(pieces_.begin(), pieces_.end(), [](const Piece& a, const Piece& b) {
+  // An order that follows from the fragments alone.
+  std::sort(fragments_.begin(), fragments_.end(), [](const EdgeFragment& a, const EdgeFragment& b) {
     if (a.y0 != b.y0) return a.y0 < b.y0;
     if (a.x0 != b.x0) return a.x0 < b.x0;
     if (a.x1 != b.x1) return a.x1 < b.x1;
     return a.y1 != b.y1 ? a.y1 < b.y1 : a.winding < b.winding;
   });
   if (pairs()) return 0;  // already drawn
-  // Strips begin and end where pieces do. Lower ends are nearly in the order of upper ones.
+  // Scanbeams begin and end where fragments do. Lower ends are nearly in the order of upper ones.
   lower_ends_.clear();
-  for (const Piece& p : pieces_) {
+  for (const EdgeFragment& p : fragments_) {
     lower_ends_.push_back(p.y1);
     std::size_t k = lower_ends_.size() - 1;
     if (k > 0 && lower_ends_[k - 1] > p.y1) {
@@ -157,8 +156,8 @@ unsigned Raster::draw_tangle(const Tangle& tangle, const Frame& f) {
   events_.clear();
   std::size_t upper = 0, lower = 0;
   while (lower < lower_ends_.size()) {
-    const bool begins = upper < pieces_.size() && pieces_[upper].y0 < lower_ends_[lower];
-    const double y = begins ? pieces_[upper++].y0 : lower_ends_[lower++];
+    const bool begins = upper < fragments_.size() && fragments_[upper].y0 < lower_ends_[lower];
+    const double y = begins ? fragments_[upper++].y0 : lower_ends_[lower++];
     if (events_.empty() || events_.back() != y) events_.push_back(y);
   }
   PixelSums* const sums = sums_.data() + at * f.stride;
@@ -167,16 +166,16 @@ unsigned Raster::draw_tangle(const Tangle& tangle, const Frame& f) {
   std::size_t next = 0;
   for (std::size_t e = 0; e + 1 < events_.size(); ++e) {
     const double from = events_[e], to = events_[e + 1];
-    std::erase_if(active_, [&](const Active& a) { return a.piece->y1 <= from; });
-    for (; next < pieces_.size() && pieces_[next].y0 <= from; ++next) {
-      active_.push_back({&pieces_[next], pieces_[next].x0, 0});
+    std::erase_if(active_, [&](const Active& a) { return a.fragment->y1 <= from; });
+    for (; next < fragments_.size() && fragments_[next].y0 <= from; ++next) {
+      active_.push_back({&fragments_[next], fragments_[next].x0, 0});
     }
-    if (!active_.empty()) draw_strip(sums, marks, from, to, tangle.winding, f);
+    if (!active_.empty()) draw_scanbeam(sums, marks, from, to, span.winding, f);
   }
   unsigned lit = 0;
-  std::int64_t running = tangle.winding ? kOne : 0;
+  std::int64_t running = span.winding ? kOne : 0;
   std::uint8_t* const pixels = pixels_.data() + at * width_;
-  for (int p = tangle.first; p <= tangle.last; ++p) {
+  for (int p = span.first; p <= span.last; ++p) {
     const unsigned level = level_of(std::max<std::int64_t>(running + sums[p].area, 0));
     running += sums[p].cover;
     sums[p] = {0, 0};
@@ -186,18 +185,18 @@ unsigned Raster::draw_tangle(const Tangle& tangle, const Frame& f) {
   return lit;
 }
 
-void Raster::draw_strip(PixelSums* sums, std::uint64_t* marks, double from, double to, int winding,
-                        const Frame& f) {
+void Raster::draw_scanbeam(PixelSums* sums, std::uint64_t* marks, double from, double to,
+                           int winding, const Frame& f) {
   const auto before = [](const Active& a, const Active& b) {
     return a.x != b.x ? a.x < b.x : a.x_end < b.x_end;
   };
-  // No piece begins or ends within a strip; where two cross, it is cut there. Each cut orders at
-  // least one pair for good; the bound only guards against rounding.
-  for (Active& a : active_) a.x_end = a.piece->at(to);
+  // No fragment begins or ends within a scanbeam; where two cross, it is cut there. Each cut orders
+  // at least one pair for good; the bound only guards against rounding.
+  for (Active& a : active_) a.x_end = a.fragment->at(to);
   for (std::size_t cuts = 0; from < to; ++cuts) {
     double until = to;
     if (active_.size() > 1) {
-      // Mostly in order from the strip before.
+      // Mostly in order from the scanbeam before.
       if (static_cast<std::ptrdiff_t>(active_.size()) > kFew) {
         std::stable_sort(active_.begin(), active_.end(), before);
       } else {
@@ -228,16 +227,16 @@ void Raster::draw_strip(PixelSums* sums, std::uint64_t* marks, double from, doub
     const double height = rounded(until * kOneReal) - rounded(from * kOneReal);
     int w = winding;
     for (const Active& a : active_) {
-      const int after = w + a.piece->winding;
+      const int after = w + a.fragment->winding;
       if ((w == 0) != (after == 0)) {
-        const double x_end = until == to ? a.x_end : a.piece->at(until);
+        const double x_end = until == to ? a.x_end : a.fragment->at(until);
         const double change = w == 0 ? height : -height;
         add_piece(sums, marks, a.x, x_end, change, change / std::abs(x_end - a.x), f.width);
       }
       w = after;
     }
     if (until != to) {
-      for (Active& a : active_) a.x = a.piece->at(until);
+      for (Active& a : active_) a.x = a.fragment->at(until);
     }
     from = until;
   }

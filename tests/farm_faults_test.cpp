@@ -10,6 +10,7 @@
 
 #include <cstdlib>
 #include <random>
+#include <regex>
 #include <thread>
 
 #include "farm_fixture.hpp"
@@ -185,7 +186,7 @@ INSTANTIATE_TEST_SUITE_P(Kinds, FarmWorkerFaults,
 
 TEST_F(FarmFaults, AWorkerThatAlwaysCrashesIsGivenUp) {
   submit_parts({make_part(1)});
-  ASSERT_EQ(run_all({{"SLICEFARM_TEST_FAULT", "correct:crash"}}).exit_code, 0);
+  ASSERT_EQ(run_all({{"SLICEFARM_TEST_FAULT", "correct:crash"}}).exit_code, 5);
   EXPECT_EQ(jobs()[0].state, JobState::failed);
   EXPECT_EQ(jobs()[0].reason, Reason::worker_crashed);
   EXPECT_EQ(attempts(1).size(), 3u);
@@ -430,7 +431,7 @@ TEST_F(FarmFaults, WhenTheFarmsOwnCopyGoesTheJobSaysSo) {
                     two = store_input(folder, make_part(2));
   fs::remove(folder.input(one.file));
   write_file(folder.input(two.file), "damaged");
-  ASSERT_EQ(run_all().exit_code, 0);
+  ASSERT_EQ(run_all().exit_code, 5);
   for (const Job& j : jobs()) {
     EXPECT_EQ(j.state, JobState::failed);
     EXPECT_EQ(j.reason, Reason::input_gone);
@@ -558,6 +559,55 @@ TEST_F(FarmFaults, ADiskThatIsFullAgainAndAgainLosesNothing) {
   for (const Job& j : jobs()) EXPECT_EQ(j.attempts, 0) << "a full disk is no fault of the job";
 }
 
+/// The first parts are copied, the last one finds no room: nothing of it stays.
+TEST_F(FarmFaults, ASubmissionThatFindsNoRoomLeavesNoInputs) {
+  const auto inputs = [&] {
+    std::vector<std::string> list;
+    for (const auto& e : fs::recursive_directory_iterator(farm_dir() + "/store/inputs")) {
+      if (e.is_regular_file()) list.push_back(e.path().filename().string());
+    }
+    return list;
+  };
+  submit_parts({make_part(1)});
+  const std::vector<std::string> before = inputs();
+  ASSERT_EQ(before.size(), 1u);
+  // A part that is larger than any file may be, larger than the database.
+  const std::string large = dir / "large.stl";
+  std::vector<BoxMm> boxes;
+  for (int i = 0; i < 2000; ++i) {
+    const auto x = static_cast<float>(i % 20) * 0.1F, y = static_cast<float>(i / 20 % 10) * 0.1F,
+               z = static_cast<float>(i / 200) * 0.1F;
+    boxes.push_back({x, x + 0.1F, y, y + 0.1F, z, z + 0.1F});
+  }
+  write_file(large, stl_of(boxes));
+  std::vector<std::string> arguments = {make_part(1), make_part(2), make_part(3), large};
+  const auto process = process_options();
+  arguments.insert(arguments.end(), process.begin(), process.end());
+  RunOptions o;
+  o.largest_file = 900'000;
+  ASSERT_GT(fs::file_size(large), o.largest_file);
+  ASSERT_LT(fs::file_size(database()), o.largest_file);
+  const RunResult no_room = farm("submit", arguments, o);
+  EXPECT_EQ(no_room.exit_code, 4) << no_room.err;
+  EXPECT_THAT(inputs(), ElementsAre(before[0]));
+  // All are copied, but the record has no room for the jobs.
+  sqlite3* db = nullptr;
+  ASSERT_EQ(sqlite3_open(database().c_str(), &db), SQLITE_OK);
+  ASSERT_EQ(sqlite3_exec(db,
+                         "CREATE TRIGGER full BEFORE INSERT ON jobs BEGIN SELECT RAISE(ABORT, "
+                         "'database or disk is full'); END",
+                         nullptr, nullptr, nullptr),
+            SQLITE_OK);
+  EXPECT_EQ(farm("submit", arguments).exit_code, 4);
+  EXPECT_THAT(inputs(), ElementsAre(before[0]));
+  ASSERT_EQ(sqlite3_exec(db, "DROP TRIGGER full", nullptr, nullptr, nullptr), SQLITE_OK);
+  sqlite3_close(db);
+  // With room again all goes well; what waited meanwhile does, too.
+  EXPECT_EQ(farm("submit", arguments).exit_code, 0);
+  EXPECT_EQ(inputs().size(), 4u);
+  finish_and_check();
+}
+
 TEST_F(FarmFaults, AFullDiskPausesAndLosesNothing) {
   // A disk of its own for the outputs: 8 MB, of which other files take nearly all.
   const std::string disk = dir / "disk";
@@ -584,6 +634,13 @@ TEST_F(FarmFaults, AFullDiskPausesAndLosesNothing) {
   EXPECT_EQ(r.exit_code, 130) << r.err;
   EXPECT_EQ(jobs()[0].state, JobState::queued);
   EXPECT_EQ(jobs()[0].reason, Reason::disk_full);
+  // Two figures that say why, and are not the same.
+  const std::string why = jobs()[0].message.substr(disk.size());
+  std::smatch figures;
+  ASSERT_TRUE(std::regex_match(
+      why, figures, std::regex("(?:: )([0-9.]+ [kM]?B) free, ([0-9.]+ [kM]?B) are wanted")))
+      << why;
+  EXPECT_NE(figures[1], figures[2]);
   EXPECT_EQ(jobs()[0].attempts, 0);
   EXPECT_EQ(jobs()[1].state, JobState::done) << "other disks have room";
   EXPECT_THAT(leftovers(disk), IsEmpty());

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "engine/slurm_tasks.hpp"
 #include "farm_fixture.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/engine.hpp"
@@ -157,7 +158,7 @@ TEST_F(FarmLocal, BadInputIsFoundOutOnceAndSaid) {
   bytes[at + 12] = static_cast<char>(bytes[at + 12] ^ 0x55);
   write_file(target, bytes);
   submit_parts({target}, {"--copies", "2"});
-  ASSERT_EQ(run_all().exit_code, 0);
+  ASSERT_EQ(run_all().exit_code, 5);
   for (const JobId id : {1, 2}) {
     EXPECT_EQ(job(id).state, JobState::failed);
     EXPECT_EQ(job(id).reason, Reason::bad_input);
@@ -257,6 +258,7 @@ TEST_F(FarmLocal, WithTooLittleRoomOnTheDiskNothingStarts) {
     const auto list = ReadModel(database()).services();
     return !list.empty() && list[0].doing.starts_with("disk full");
   }));
+  EXPECT_THAT(ReadModel(database()).services()[0].doing, HasSubstr("B free, 1.0 PB are wanted"));
   EXPECT_EQ(job(1).state, JobState::queued);
   ASSERT_EQ(farm("set", {"min-free-mb=0"}).exit_code, 0);
   EXPECT_EQ(service.wait(), 0);
@@ -283,7 +285,7 @@ TEST_F(FarmLocal, WhatRanOutOfMemoryGetsMore) {
 TEST_F(FarmLocal, WhatNeedsMoreMemoryThanThereIsFails) {
   submit_parts({make_part(1)});
   const RunResult r = run_all({{"SLICEFARM_TEST_FAULT", "correct:memory"}}, {"--memory-mb", "500"});
-  ASSERT_EQ(r.exit_code, 0) << r.err;
+  ASSERT_EQ(r.exit_code, 5) << r.err;
   EXPECT_EQ(job(1).state, JobState::failed);
   EXPECT_THAT(name_of(job(1).reason), testing::AnyOf("too_large", "out_of_memory"));
   for (const Attempt& a : attempts(1)) EXPECT_LE(a.memory_mb, 500);
@@ -299,6 +301,176 @@ TEST_F(FarmLocal, PrioritiesCanBeChangedWhileJobsWait) {
   EXPECT_LE(job(2).started_ms, job(1).started_ms);
 }
 
+/// A batch of Slurm's stays as long as one of its attempts is open.
+TEST_F(FarmLocal, GarbageIsNoBatchThatAnAttemptNeeds) {
+  submit_parts({make_part(1)});
+  const FarmFolder folder = open_folder(farm_dir());
+  Queue queue(folder.database());
+  const auto claim = queue.claim(any_job(queue.start_service("slurm", 1, 1000)));
+  ASSERT_TRUE(claim);
+  const detail::BatchFolder batches(folder.store);
+  const detail::Batch batch{random_token(), {random_token(), claim->token}};
+  batches.write(batch);
+  ASSERT_EQ(farm("gc").exit_code, 0);
+  EXPECT_TRUE(fs::exists(batches.path(batch.token) + "/batch.json"));
+  ASSERT_TRUE(queue.give_up(claim->token, ended(Reason::lease_lost)));
+  ASSERT_EQ(farm("gc").exit_code, 0);
+  EXPECT_FALSE(fs::exists(batches.path(batch.token)));
+}
+
+/// Inputs that no record knows: a submission was killed in the middle of its copies.
+TEST_F(FarmLocal, GarbageIsWhatAKilledSubmissionCopied) {
+  submit_parts({make_part(1)});
+  const FarmFolder folder = open_folder(farm_dir());
+  const std::string needed = folder.input(store_input(folder, make_part(1)).file);
+  const std::string stray = folder.input(store_input(folder, make_part(2)).file);
+  const std::string half = folder.store + "/inputs/.bridge-3.12345.part.aB3dE";
+  write_file(half, "solid");
+  {
+    const InputLock at_work = InputLock::shared(folder);
+    const RunResult r = farm("gc");
+    EXPECT_EQ(r.exit_code, 0) << r.err;
+    EXPECT_THAT(r.err, HasSubstr("0 inputs"));
+    EXPECT_THAT(r.err, HasSubstr("inputs stay while a submission is at work"));
+    EXPECT_TRUE(fs::exists(stray)) << "its jobs may be about to be queued";
+  }
+  EXPECT_THAT(farm("gc", {"--dry-run"}).err, HasSubstr("2 inputs"));
+  EXPECT_TRUE(fs::exists(stray));
+  const RunResult r = farm("gc");
+  EXPECT_EQ(r.exit_code, 0) << r.err;
+  EXPECT_THAT(r.err, HasSubstr("2 inputs"));
+  EXPECT_FALSE(fs::exists(stray));
+  EXPECT_FALSE(fs::exists(half));
+  EXPECT_TRUE(fs::exists(needed));
+  EXPECT_EQ(run_all().exit_code, 0);
+}
+
+/// The commands of docs/farm.md on backup and repair, as somebody would type them.
+TEST_F(FarmLocal, DocsOnBackupAndRepairRun) {
+  if (!fs::exists("/usr/bin/sqlite3")) GTEST_SKIP() << "sqlite3 is not installed";
+  std::vector<std::string> blocks;
+  {
+    std::ifstream page(std::string(SLICECORR_SOURCE_DIR) + "/docs/farm.md");
+    bool here = false, block = false;
+    for (std::string line; std::getline(page, line);) {
+      if (line.starts_with("## ")) here = line == "## Backup and repair";
+      if (!here) continue;
+      const bool indented = line.starts_with("    ");
+      if (indented && !block) blocks.emplace_back();
+      if (indented) blocks.back() += line.substr(4) + "\n";
+      block = indented;
+    }
+  }
+  ASSERT_EQ(blocks.size(), 5u);
+  const std::string &backup = blocks[0], &restore = blocks[1], &look = blocks[2],
+                    &reindex = blocks[3], &save = blocks[4];
+  const auto type = [&](const std::string& script) {
+    RunOptions o;
+    o.environment = {{"DIR", farm_dir()}, {"BACKUP", dir / "backup"}};
+    return run_program({"/bin/sh", "-c", script}, o);
+  };
+  const auto sql = [&](const std::string& text) {
+    return type("sqlite3 \"$DIR/farm.sqlite\" \"" + text + "\"").out;
+  };
+  const auto count = [&](JobState state) {
+    return ReadModel(database()).summary().jobs[static_cast<std::size_t>(state)];
+  };
+  quick_settings();
+  submit_parts({make_part(1), make_part(2)}, {"--out", dir / "out"});
+  ASSERT_EQ(run_all().exit_code, 0);
+  submit_parts({make_part(3), make_part(4)}, {"--out", dir / "out"});
+  {
+    RunningService service(farm_dir(), {"--jobs", "1"},
+                           {{"SLICEFARM_TEST_FAULT", "correct:hang@bridge-3"}});
+    ASSERT_TRUE(comes([&] { return job(3).state == JobState::running; }));
+    for (int i = 0; i < 2; ++i) {  // the second time over the first
+      const RunResult r = type("set -e\n" + backup);
+      ASSERT_EQ(r.exit_code, 0) << r.err;
+    }
+  }
+  // The disk is lost.
+  fs::remove_all(farm_dir());
+  const RunResult restored = type("set -e\n" + restore);
+  ASSERT_EQ(restored.exit_code, 0) << restored.err;
+  EXPECT_EQ(type(look).out, "ok\n");
+  const RunResult worked = run_all();
+  ASSERT_EQ(worked.exit_code, 0) << worked.err;
+  for (int id = 1; id <= 4; ++id) {
+    EXPECT_EQ(job(id).state, JobState::done);
+    expect_same_files(dir / ("out/bridge-" + std::to_string(id)), reference(make_part(id)));
+  }
+  EXPECT_EQ(attempts(2).size(), 1u) << "not done again";
+
+  // An index that misses a row.
+  sql("PRAGMA writable_schema = 1; CREATE TABLE keep AS SELECT * FROM sqlite_master WHERE name = "
+      "'jobs_by_state'; DELETE FROM sqlite_master WHERE name = 'jobs_by_state'");
+  sql("UPDATE jobs SET ended_ms = 5 WHERE id = 2; PRAGMA writable_schema = 1; INSERT INTO "
+      "sqlite_master SELECT * FROM keep; DROP TABLE keep");
+  EXPECT_EQ(type(look).out, "row 2 missing from index jobs_by_state\n");
+  EXPECT_EQ(type(reindex).exit_code, 0);
+  EXPECT_EQ(type(look).out, "ok\n");
+
+  // Pages of events, attempts and an index are lost while a job runs and another one waits.
+  submit_parts({make_part(5), make_part(6)}, {"--out", dir / "out"});
+  EXPECT_EQ(run_all({{"SLICEFARM_TEST_SERVICE_FAULT", "claimed"}}).exit_code, 128 + SIGKILL);
+  EXPECT_EQ(job(5).state, JobState::running);
+  sql("PRAGMA wal_checkpoint(TRUNCATE)");
+  std::istringstream pages(sql(
+      "SELECT rootpage FROM sqlite_master WHERE name IN ('events', 'attempts', 'jobs_by_key')"));
+  {
+    std::fstream file(database(), std::ios::in | std::ios::out | std::ios::binary);
+    for (int page = 0; pages >> page;) {
+      ASSERT_GT(page, 1);
+      file.seekp((page - 1) * 4096L);
+      file << std::string(4096, 'Z');
+    }
+  }
+  EXPECT_THAT(type(look).out, HasSubstr("in database main"));
+  const RunResult refused = run_all();
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_THAT(refused.err, HasSubstr("database disk image is malformed"));
+  const RunResult saved = type("set -e\n" + save);
+  ASSERT_EQ(saved.exit_code, 0) << saved.err;
+  EXPECT_EQ(type(look).out, "ok\n");
+  EXPECT_EQ(count(JobState::done), 4);
+  EXPECT_EQ(count(JobState::queued), 2);
+  EXPECT_EQ(count(JobState::running), 0);
+  const RunResult again = run_all();
+  ASSERT_EQ(again.exit_code, 0) << again.err;
+  for (const int id : {5, 6}) {
+    expect_same_files(dir / ("out/bridge-" + std::to_string(id)), reference(make_part(id)));
+  }
+  EXPECT_EQ(count(JobState::done), 6);
+  EXPECT_TRUE(fs::exists(farm_dir() + "/damaged/farm.sqlite"));
+}
+
+TEST_F(FarmLocal, UntilEmptyTellsByItsExitCodeThatJobsFailed) {
+  submit_parts({make_part(1), make_part(2)});
+  ASSERT_EQ(farm("set", {"max-attempts=1"}).exit_code, 0);
+  const std::map<std::string, std::string> fault = {
+      {"SLICEFARM_TEST_FAULT", "correct:crash@bridge-2"}};
+  const RunResult r = run_all(fault);
+  EXPECT_EQ(r.exit_code, 5) << r.err;
+  EXPECT_THAT(r.err, HasSubstr("1 done, 0 of them from the cache; 1 failed"));
+  // What failed before is no failure of this one.
+  EXPECT_EQ(run_all().exit_code, 0);
+  ASSERT_EQ(farm("retry", {"2"}).exit_code, 0);
+  EXPECT_EQ(run_all(fault).exit_code, 5);
+  ASSERT_EQ(farm("retry", {"2"}).exit_code, 0);
+  EXPECT_EQ(run_all().exit_code, 0);
+  EXPECT_EQ(job(2).state, JobState::done);
+  // Cancelled is what somebody wanted.
+  submit_parts({make_part(3)});
+  ASSERT_EQ(farm("cancel", {"3"}).exit_code, 0);
+  EXPECT_EQ(run_all().exit_code, 0);
+  // A service that is told to end did what it was told.
+  submit_parts({make_part(4)});
+  RunningService service(farm_dir(), {}, {{"SLICEFARM_TEST_FAULT", "correct:crash"}});
+  EXPECT_TRUE(comes([&] { return job(4).state == JobState::failed; }));
+  ASSERT_EQ(farm("drain").exit_code, 0);
+  EXPECT_EQ(service.wait(), 0);
+}
+
 TEST_F(FarmLocal, GarbageGoesAndWhatIsNeededStays) {
   const std::string one = make_part(1), two = make_part(2);
   submit_parts({one, two}, {"--out", dir / "out"});
@@ -311,13 +483,29 @@ TEST_F(FarmLocal, GarbageGoesAndWhatIsNeededStays) {
   again.results_folder = dir / "results/";
   queue.submit({again}, "anna", "test");
   fs::create_directories(folder.store + "/attempts/" + random_token());
+  // What a service that gave work to Slurm and was killed leaves: batches whole, torn and just
+  // made.
+  const detail::BatchFolder batches(folder.store);
+  const detail::Batch whole{random_token(), {random_token(), random_token()}},
+      torn{random_token(), {random_token()}}, fresh{random_token(), {}}, old{random_token(), {}};
+  for (const detail::Batch& b : {whole, torn}) batches.write(b);
+  fs::remove(batches.path(torn.token) + "/batch.json");
+  for (const detail::Batch& b : {fresh, old}) fs::create_directories(batches.path(b.token));
+  fs::last_write_time(batches.path(old.token),
+                      fs::file_time_type::clock::now() - std::chrono::hours(2));
   ASSERT_EQ(farm("gc", {"--older-than-days", "0", "--dry-run"}).exit_code, 0);
+  EXPECT_TRUE(fs::exists(batches.path(whole.token)));
   EXPECT_TRUE(fs::exists(folder.cache_entry(job(2).key)));
   const RunResult r = farm("gc", {"--older-than-days", "0"});
   ASSERT_EQ(r.exit_code, 0) << r.err;
   EXPECT_TRUE(fs::exists(folder.cache_entry(job(1).key))) << "needed by a queued job";
   EXPECT_FALSE(fs::exists(folder.cache_entry(job(2).key)));
   EXPECT_TRUE(fs::is_empty(folder.store + "/attempts"));
+  for (const detail::Batch& b : {whole, torn, old}) {
+    EXPECT_FALSE(fs::exists(fs::symlink_status(batches.path(b.token))));
+  }
+  EXPECT_TRUE(fs::exists(batches.path(fresh.token))) << "somebody may be about to fill it";
+  EXPECT_TRUE(fs::exists(folder.store + "/slurm/farm.id"));
   EXPECT_TRUE(fs::exists(dir / "out/bridge-1.uvj"));
   EXPECT_TRUE(fs::exists(dir / "out/bridge-2.uvj"));
   // Inputs of the last day stay: jobs that need them may be on their way.

@@ -222,12 +222,22 @@ class FarmOnSlurm : public testing::Test {
     // A service that was killed right after it recorded the end leaves a folder to the collector.
     command({"gc", "--older-than-days", "1000"});
     EXPECT_TRUE(fs::is_empty(store() + "/attempts"));
+    EXPECT_THAT(batch_folders(), testing::IsEmpty());
     std::size_t files = 0;
     for (const auto& entry : fs::directory_iterator(out())) {
       EXPECT_FALSE(entry.path().filename().string().starts_with(".")) << entry.path();
       ++files;
     }
     EXPECT_EQ(files, static_cast<std::size_t>(jobs) * 3);
+  }
+
+  /// What the engine keeps of the tasks that it gave to Slurm.
+  std::vector<std::string> batch_folders() const {
+    std::vector<std::string> list;
+    for (const auto& entry : fs::directory_iterator(store() + "/slurm")) {
+      if (entry.is_directory()) list.push_back(entry.path().filename().string());
+    }
+    return list;
   }
 
   std::string squeue(const std::string& format) {

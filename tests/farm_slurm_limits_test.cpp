@@ -82,7 +82,7 @@ TEST_F(FarmOnSlurm, LabelsAskForNodes) {
   submit({part("a", 4, 4, 2)}, {"--label", "customer-7"});
   submit({part("b", 5, 4, 2)}, {"--label", "fast"});
   command({"set", "slurm-label.fast=constraint:nowhere", "max-attempts=1"});
-  EXPECT_EQ(wait_for(start_service()), 0) << services_log();
+  EXPECT_EQ(wait_for(start_service()), 5) << services_log();
   EXPECT_EQ(model().job(1)->state, JobState::done);
   EXPECT_EQ(model().job(2)->state, JobState::failed);
   EXPECT_EQ(model().job(2)->reason, Reason::engine_failed);
@@ -97,6 +97,7 @@ TEST_F(FarmOnSlurm, ArraysKeepWithinTheClustersLimit) {
   start_cluster(2, 2, "MaxArraySize=3");
   submit(small_parts(7));
   EXPECT_EQ(wait_for(start_service()), 0) << services_log();
+  EXPECT_THAT(batch_folders(), testing::IsEmpty()) << "they go without a collector";
   expect_all_done_once(7);
 }
 
@@ -144,6 +145,8 @@ TEST_F(FarmOnSlurm, ItIsToldWhyNothingRuns) {
     return services_log().find("slurm works again\n") != std::string::npos;
   })) << services_log();
   EXPECT_TRUE(eventually([&] { return count(JobState::done) == 1; }));
+  EXPECT_TRUE(eventually([&] { return batch_folders().empty(); }, seconds(10)))
+      << "they go while the service runs";
   ::kill(service, SIGTERM);
   wait_for(service);
   expect_all_done_once(1);

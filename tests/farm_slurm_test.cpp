@@ -59,6 +59,24 @@ TEST_P(KilledTest, LeavesNoProcess) {
 INSTANTIATE_TEST_SUITE_P(Of, KilledTest, testing::Bool(),
                          [](const auto& p) { return p.param ? "TestAndScript" : "Test"; });
 
+/// In a bare root folder, say. Tests that need no cgroups must not need their file system.
+TEST(Cluster, StartsWhereNoCgroupFileSystemIsMounted) {
+  if (!test::has_slurm()) GTEST_SKIP() << "Slurm is not installed (scripts/setup --all)";
+  if (::geteuid() != 0) GTEST_SKIP() << "only root takes file systems away";
+  std::string folder = (fs::temp_directory_path() / "farm-on-slurm-XXXXXX").string();
+  ASSERT_NE(::mkdtemp(folder.data()), nullptr);
+  const test::ReservedPort controller, node;
+  // In a space of mounts of its own; without input it ends as soon as it is ready.
+  const auto r = run_program({"/usr/bin/unshare", "--mount", "/bin/sh", "-c",
+                              "if grep -q ' /sys/fs/cgroup' /proc/mounts; then umount -R "
+                              "/sys/fs/cgroup || exit 77; fi; exec \"$0\" \"$@\"",
+                              SLICECORR_SOURCE_DIR "/tests/slurm_up.sh", folder,
+                              std::to_string(controller.port()), std::to_string(node.port())});
+  fs::remove_all(folder);
+  if (r.exit_code == 77) GTEST_SKIP() << "can't be taken away: " << r.err;
+  EXPECT_EQ(r.out, "READY\n") << r.err;
+}
+
 // --- a night -------------------------------------------------------------------------------------
 
 TEST_F(FarmOnSlurm, ANightInSmallWithBothDaemonsKilledGivesTheBytesOfTheLocalEngine) {

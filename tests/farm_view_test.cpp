@@ -61,6 +61,41 @@ TEST(Words, BytesAndCounts) {
   EXPECT_EQ(words::count(100'000), "100,000");
 }
 
+/// Of two sizes that are compared it shows which one is larger, however little that is.
+TEST(Words, BytesThatAreComparedDiffer) {
+  using Two = std::pair<std::string, std::string>;
+  EXPECT_EQ(words::bytes_apart(3.1e6, 2e9), Two("3.1 MB", "2.0 GB"));
+  EXPECT_EQ(words::bytes_apart(3'140'000, 3'150'000), Two("3.14 MB", "3.15 MB"));
+  EXPECT_EQ(words::bytes_apart(999'949, 999'960), Two("999.9 kB", "1.0 MB"));
+  EXPECT_EQ(words::bytes_apart(5, 5), Two("5 B", "5 B"));
+  EXPECT_EQ(words::bytes_apart(2e6, 2e6), Two("2.0 MB", "2.0 MB"));
+  for (const std::int64_t n :
+       {0LL, 1LL, 998LL, 999LL, 999'949LL, 1'000'000LL, 31LL << 30, 1LL << 50}) {
+    const auto [less, more] =
+        words::bytes_apart(static_cast<double>(n), static_cast<double>(n + 1));
+    EXPECT_NE(less, more) << n;
+  }
+}
+
+TEST(Words, FiguresHaveNoExponents) {
+  EXPECT_EQ(words::figure(0), "0");
+  EXPECT_EQ(words::figure(4323.6), "4,324");
+  EXPECT_EQ(words::figure(1e6), "1,000,000");
+  EXPECT_EQ(words::figure(12.345), "12.3");
+  EXPECT_EQ(words::figure(12), "12");
+  EXPECT_EQ(words::figure(9.999), "10");
+  EXPECT_EQ(words::figure(99.96), "100");
+  EXPECT_EQ(words::figure(999.4), "999");
+  EXPECT_EQ(words::figure(999.5), "1,000");
+  EXPECT_EQ(words::figure(0.001234), "0.00123");
+  EXPECT_EQ(words::figure(-0.5), "-0.5");
+  EXPECT_EQ(words::figure(1e-300), "0");
+  EXPECT_EQ(words::figure(std::nan("")), "-");
+  for (double v = 1e-12; v < 1e15; v *= 1.7) {
+    EXPECT_EQ(words::figure(v).find('e'), std::string::npos) << v;
+  }
+}
+
 TEST(Words, NothingMovesTheTerminal) {
   EXPECT_EQ(words::printable(test::terminal_name), "bad?[2J?]0;title\077?name?");
   EXPECT_EQ(words::printable("a\nb\tc"), "a b c");
@@ -547,6 +582,14 @@ TEST(Morning, AYoungFarmBeginsWithItsFirstEvent) {
   farm.clock.pass(3 * 86'400.0);
   r = read_morning(farm.folder, model, {}, farm.clock);
   EXPECT_EQ(r.until_ms - r.from_ms, 86'400'000);
+}
+
+TEST(Morning, ManyJobsAnHourAreANumber) {
+  MorningReport r;
+  r.done = 432;
+  r.working_s = 360;
+  EXPECT_THAT(morning_page(r, LinkTo{LinkTo::Kind::files, ""}),
+              HasSubstr("<b>4,320</b><span>jobs an hour"));
 }
 
 TEST(Morning, LanesNeverOverlapAndHoldEveryAttempt) {

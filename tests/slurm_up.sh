@@ -113,6 +113,9 @@ END
     printf '%s\n' CgroupPlugin=autodetect IgnoreSystemd=yes ConstrainRAMSpace=yes >"$folder/cgroup.conf"
   else
     printf '%s\n' ProctrackType=proctrack/linuxproc TaskPlugin=task/none
+    # slurmd loads such a plugin even when nothing is to use it. By default it looks for one, and ends where no cgroup
+    # file system is mounted; this one looks for nothing until it is used. (22.05 knows no "disabled".)
+    echo CgroupPlugin=cgroup/v1 >"$folder/cgroup.conf"
   fi
   printf '%s\n' "${SLURM_UP_CONF:-JobAcctGatherType=jobacct_gather/none}"
   for i in "${!node_ports[@]}"; do
@@ -142,6 +145,11 @@ start_node() {
   # What it starts has this, too: the node can be powered off with all that runs on it.
   SLURM_UP_NODE=$1 slurmd -D "${@:2}" -N "$1" -f "$SLURM_CONF" >>"$folder/log/slurmd.$1.out" 2>&1 </dev/null &
   pids[$1]=$!
+}
+
+all_daemons_live() {
+  local pid
+  for pid in "${pids[@]}"; do kill -0 "$pid" 2>/dev/null || return 1; done
 }
 
 # What nobody else does here: nodes that were drained for this wait for somebody to look at them.
@@ -187,7 +195,7 @@ end=$((SECONDS + 30))
 until [[ $(timeout 5 sinfo -h -N -o %T 2>/dev/null | grep -c '^idle$') == "${#node_ports[@]}" ]]; do
   sleep 0.05
   # A daemon ends at once when its port is taken.
-  if ! kill -0 "${pids[@]}" 2>/dev/null || [[ $SECONDS -ge $end ]]; then
+  if ! all_daemons_live || [[ $SECONDS -ge $end ]]; then
     tail -n 5 "$folder"/log/*.out "$folder"/log/*.log >&2 || true
     exit 1
   fi

@@ -199,6 +199,16 @@ class SlurmEngine : public Engine {
     scancel(ids);
   }
 
+  void tidy(bool last) override {
+    std::erase_if(ending_batches_, [this](const std::string& batch) {
+      if (is_submitting(batch)) return false;
+      // One with open attempts is here again when the last of them ends.
+      if (!is_held(batch) && batches_.has_ended(batch)) batches_.remove(batch);
+      return true;
+    });
+    if (last) remove_ended_batches();
+  }
+
   void forget(const std::vector<std::string>& tokens) override {
     for (const std::string& token : tokens) held_.erase(token);
   }
@@ -481,6 +491,7 @@ class SlurmEngine : public Engine {
       if (report) reports.push_back(std::move(*report));
       if (ended) {
         ended_.insert(h.place);
+        ending_batches_.insert(h.place.first);
         at = held_.erase(at);
       } else {
         ++at;
@@ -528,21 +539,35 @@ class SlurmEngine : public Engine {
     scancel(ids);
   }
 
-  /// Folders of batches whose attempts have all ended.
+  bool is_submitting(const std::string& batch) const {
+    return std::any_of(submissions_.begin(), submissions_.end(),
+                       [&](const auto& s) { return s->batch == batch; });
+  }
+
+  bool is_held(const std::string& batch) const {
+    return std::any_of(held_.begin(), held_.end(),
+                       [&](const auto& h) { return h.second.place.first == batch; });
+  }
+
+  /// Folders of batches whose attempts have all ended, those of services that are gone included.
+  void remove_ended_batches() {
+    const auto is_open = [this](const std::string& token) { return batches_.has_attempt(token); };
+    for (const std::string& path : ended_batch_folders(options_.store, is_open)) {
+      batches_.remove(fs::path(path).filename().string());
+    }
+  }
+
+  /// Once in a while: what was not seen to end, and what is remembered of batches that Slurm has
+  /// forgotten.
   void sweep() {
     if (!listed_ || now() < sweep_due_) return;
     sweep_due_ = now() + sweep_interval_ms;
-    for (const Batch& batch : batches_.read_all()) {
-      const bool needed =
-          live_batches_.contains(batch.token) ||
-          std::any_of(submissions_.begin(), submissions_.end(),
-                      [&](const auto& s) { return s->batch == batch.token; }) ||
-          std::any_of(batch.tasks.begin(), batch.tasks.end(),
-                      [&](const std::string& t) { return batches_.has_attempt(t); });
-      if (needed) continue;
-      batches_.remove(batch.token);
-      sizes_.erase(batch.token);
-    }
+    remove_ended_batches();
+    std::erase_if(sizes_, [this](const auto& batch) {
+      std::error_code error;
+      return !live_batches_.contains(batch.first) && !is_submitting(batch.first) &&
+             !fs::exists(batches_.path(batch.first), error) && !error;
+    });
     live_batches_.clear();
     std::erase_if(ended_, [this](const TaskPlace& p) { return !sizes_.contains(p.first); });
   }
@@ -594,6 +619,7 @@ class SlurmEngine : public Engine {
   std::map<std::string, int> sizes_;  ///< of batches
   std::set<TaskPlace> ended_;         ///< what we have reported as ended
   std::set<std::string> live_batches_;
+  std::set<std::string> ending_batches_;      ///< tasks of them have ended, their folders are there
   std::map<TaskPlace, std::int64_t> strays_;  ///< since when, or when last cancelled
   std::vector<TaskReport> failed_;
 

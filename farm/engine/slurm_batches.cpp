@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <chrono>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -38,6 +39,44 @@ void write_whole(const std::string& path, const std::string& text) {
   fs::rename(part, path, error);
   if (error) throw DeviceError(path + ": can't be written: " + error.message());
   guard.keep = true;
+}
+
+std::optional<Batch> read_batch(const std::string& folder, const std::string& token) {
+  if (!is_token(token)) return std::nullopt;
+  std::ifstream in(folder + "/" + token + "/batch.json", std::ios::binary);
+  const auto json = nlohmann::json::parse(in, nullptr, false);
+  if (!json.is_object() || !json.contains("tasks") || !json["tasks"].is_array()) {
+    return std::nullopt;
+  }
+  Batch batch;
+  batch.token = token;
+  for (const auto& task : json["tasks"]) {
+    if (!task.is_string() || !is_token(task.get<std::string>())) return std::nullopt;
+    batch.tasks.push_back(task.get<std::string>());
+  }
+  return batch;
+}
+
+/// What a folder knows of its attempts: a batch that was not written to its end has links to their
+/// logs only.
+std::vector<std::string> tasks_in(const std::string& folder, const std::string& token) {
+  if (auto batch = read_batch(folder, token)) return std::move(batch->tasks);
+  std::vector<std::string> tasks;
+  std::error_code error;
+  for (fs::directory_iterator it(folder + "/" + token, error), end; !error && it != end;
+       it.increment(error)) {
+    std::error_code no_link;
+    const fs::path log = fs::read_symlink(it->path(), no_link);
+    if (!no_link) tasks.push_back(log.parent_path().filename().string());
+  }
+  return tasks;
+}
+
+/// A folder without anything may be about to be filled.
+bool is_young(const fs::path& folder) {
+  std::error_code error;
+  const auto changed = fs::last_write_time(folder, error);
+  return error || fs::file_time_type::clock::now() - changed < std::chrono::hours(1);
 }
 
 }  // namespace
@@ -80,19 +119,7 @@ void BatchFolder::write(const Batch& batch) const {
 }
 
 std::optional<Batch> BatchFolder::read(const std::string& token) const {
-  if (!is_token(token)) return std::nullopt;
-  std::ifstream in(path(token) + "/batch.json", std::ios::binary);
-  const auto json = nlohmann::json::parse(in, nullptr, false);
-  if (!json.is_object() || !json.contains("tasks") || !json["tasks"].is_array()) {
-    return std::nullopt;
-  }
-  Batch batch;
-  batch.token = token;
-  for (const auto& task : json["tasks"]) {
-    if (!task.is_string() || !is_token(task.get<std::string>())) return std::nullopt;
-    batch.tasks.push_back(task.get<std::string>());
-  }
-  return batch;
+  return read_batch(folder_, token);
 }
 
 std::vector<Batch> BatchFolder::read_all() const {
@@ -115,6 +142,28 @@ bool BatchFolder::has_attempt(const std::string& token) const {
   const bool there = fs::exists(store_ + "/attempts/" + token, error);
   // When the file system does not answer, nothing is said.
   return there || error;
+}
+
+bool BatchFolder::has_ended(const std::string& token) const {
+  const std::vector<std::string> tasks = tasks_in(folder_, token);
+  return !tasks.empty() && std::none_of(tasks.begin(), tasks.end(),
+                                        [this](const std::string& t) { return has_attempt(t); });
+}
+
+std::vector<std::string> ended_batch_folders(
+    const std::string& store, const std::function<bool(const std::string& token)>& is_open) {
+  const std::string folder = store + "/slurm";
+  std::vector<std::string> list;
+  std::error_code error;
+  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
+    const std::string token = it->path().filename().string();
+    if (!is_token(token)) continue;
+    const std::vector<std::string> tasks = tasks_in(folder, token);
+    const bool needed =
+        tasks.empty() ? is_young(it->path()) : std::any_of(tasks.begin(), tasks.end(), is_open);
+    if (!needed) list.push_back(it->path());
+  }
+  return list;
 }
 
 }  // namespace slicecorr::farm::detail

@@ -10,6 +10,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -50,10 +51,17 @@ class BatchFolder {
   void remove(const std::string& token) const;
   std::string path(const std::string& token) const { return folder_ + "/" + token; }
   bool has_attempt(const std::string& token) const;
+  /// Whether none of its attempts has a folder any more.
+  bool has_ended(const std::string& token) const;
 
  private:
   std::string store_, folder_, farm_;
 };
+
+/// Folders of batches in a store that no attempt needs any more, those that were not written to
+/// their end included. `is_open`: whether the attempt of a token has not ended.
+std::vector<std::string> ended_batch_folders(
+    const std::string& store, const std::function<bool(const std::string& token)>& is_open);
 
 /// What tasks must have in common to go into one array.
 struct Needs {

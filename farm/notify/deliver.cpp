@@ -152,7 +152,7 @@ std::string run(const NotifyTarget& target, const Notice& notice, int stop_fd) {
     if (stop || Steady::now() >= until) {
       ::kill(-child, SIGKILL);
       ::waitpid(child, &status, 0);
-      return stop ? "the farm stops" : fmt::format("took longer than {:g} s", target.timeout_s);
+      return stop ? "the farm stops" : fmt::format("took longer than {} s", target.timeout_s);
     }
   }
   if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return {};

@@ -102,7 +102,7 @@ std::vector<NotifyTarget> read_notify_file(const std::string& path) {
           const auto v = value.value<double>();
           if (!value.is_number() || !v || !(*v >= least && *v <= most)) {
             wrong(path, value.source(),
-                  fmt::format("{}: expected a number from {:g} to {:g}", what, least, most));
+                  fmt::format("{}: expected a number from {} to {}", what, least, most));
           }
           return *v;
         };

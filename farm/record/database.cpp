@@ -65,7 +65,7 @@ Database::Database(const std::string& path, Mode mode) : path_(path) {
     sqlite3_busy_timeout(db_, busy_timeout_ms);
     execute("PRAGMA foreign_keys = ON");
     if (mode == Mode::create) {
-      execute("PRAGMA journal_mode = WAL");
+      use_wal();
       execute("PRAGMA synchronous = FULL");
     } else {
       execute("PRAGMA query_only = ON");
@@ -81,6 +81,18 @@ Database::Database(const std::string& path, Mode mode) : path_(path) {
 Database::~Database() {
   for (const auto& [sql, s] : statements_) sqlite3_finalize(s);
   sqlite3_close(db_);
+}
+
+void Database::use_wal() {
+  // When several open a new or restored database at once, SQLite refuses all but one of them
+  // without waiting: each would wait for the others' read locks.
+  constexpr int step_ms = 5;
+  for (int waited_ms = 0;; waited_ms += step_ms) {
+    const int code = sqlite3_exec(db_, "PRAGMA journal_mode = WAL", nullptr, nullptr, nullptr);
+    if (code == SQLITE_OK) return;
+    if ((code & 0xFF) != SQLITE_BUSY || waited_ms >= busy_timeout_ms) fail(db_, path_);
+    sqlite3_sleep(step_ms);
+  }
 }
 
 void Database::migrate() {

@@ -90,6 +90,7 @@ class Database {
   void bind(sqlite3_stmt* s, int index, const char* value) {
     bind(s, index, std::string_view(value));
   }
+  void use_wal();
   void migrate();
 
   std::string path_;

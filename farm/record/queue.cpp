@@ -83,7 +83,7 @@ void Queue::relead(const std::string& key) {
 // --- submitting ---------------------------------------------------------------------------------
 
 std::vector<JobId> Queue::submit(const std::vector<NewJob>& jobs, const std::string& user,
-                                 const std::string& source) {
+                                 const std::string& source, const std::vector<InputFile>& inputs) {
   Transaction transaction(*db_);
   const std::int64_t now = clock_->wall_ms();
   const Settings settings = detail::read_settings(*db_);
@@ -145,6 +145,12 @@ std::vector<JobId> Queue::submit(const std::vector<NewJob>& jobs, const std::str
   std::sort(keys.begin(), keys.end());
   keys.erase(std::unique(keys.begin(), keys.end()), keys.end());
   for (const std::string& key : keys) relead(key);
+  for (const InputFile& input : inputs) {
+    db_->run(
+        "INSERT INTO inputs VALUES(?1, ?2, ?3) ON CONFLICT DO UPDATE SET added_ms = "
+        "excluded.added_ms",
+        input.file, input.bytes, now);
+  }
   transaction.commit();
   return ids;
 }
@@ -227,19 +233,29 @@ std::vector<std::string> Queue::unneeded_inputs() {
   return files;
 }
 
-void Queue::record_inputs(const std::vector<std::pair<std::string, std::int64_t>>& inputs) {
-  Transaction transaction(*db_);
-  for (const auto& [file, bytes] : inputs) {
-    db_->run(
-        "INSERT INTO inputs VALUES(?1, ?2, ?3) ON CONFLICT DO UPDATE SET added_ms = "
-        "excluded.added_ms",
-        file, bytes, clock_->wall_ms());
-  }
-  transaction.commit();
+bool Queue::knows_input(const std::string& file) {
+  Rows r = db_->query(
+      "SELECT EXISTS(SELECT 1 FROM inputs WHERE file = ?1) OR EXISTS(SELECT 1 FROM work_inputs i "
+      "JOIN jobs j ON j.key = i.key WHERE i.file = ?1 AND j.state IN ('queued', 'running'))",
+      file);
+  return r.next() && r.integer(0) != 0;
 }
 
 void Queue::forget_input(const std::string& file) {
   db_->run("DELETE FROM inputs WHERE file = ?1", file);
+}
+
+std::int64_t Queue::last_event() {
+  Rows r = db_->query("SELECT coalesce(max(seq), 0) FROM events");
+  return r.next() ? r.integer(0) : 0;
+}
+
+std::int64_t Queue::failed_since(std::int64_t event) {
+  Rows r = db_->query(
+      "SELECT count(*) FROM jobs WHERE state = 'failed' AND id IN (SELECT job FROM events WHERE "
+      "seq > ?1 AND kind = 'failed')",
+      event);
+  return r.next() ? r.integer(0) : 0;
 }
 
 // --- people -------------------------------------------------------------------------------------

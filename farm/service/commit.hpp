@@ -32,4 +32,8 @@ void service_fault(const char* stage);
 /// has a folder, so none of these is about to be used.
 std::vector<std::string> ended_attempt_folders(const FarmFolder& folder, Queue& queue);
 
+/// Files among the stored inputs that the record does not know: a submission failed, or was killed.
+/// To be asked with an `InputLock` of one's own alone.
+std::vector<std::string> stray_inputs(const FarmFolder& folder, Queue& queue);
+
 }  // namespace slicecorr::farm::detail

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "engine/slurm_tasks.hpp"
+#include "support/text/display_text.hpp"
 #include "record/database.hpp"
 #include "service/commit.hpp"
 #include "slicecorr/farm/service.hpp"
@@ -29,7 +31,39 @@ std::int64_t size_of(const std::string& path) {
   return bytes;
 }
 
+/// Only while no submission is at work: what it stores is in the record when its jobs are.
+void collect_inputs(const FarmFolder& folder, Queue& queue, const GcOptions& options,
+                    GcTotals& totals) {
+  const auto lock = InputLock::alone(folder);
+  totals.inputs_in_use = !lock;
+  if (!lock) return;
+  const auto collect = [&](const std::string& path) {
+    ++totals.inputs;
+    totals.bytes += size_of(path);
+    std::error_code error;
+    if (!options.dry_run) fs::remove(path, error);
+  };
+  for (const std::string& file : queue.unneeded_inputs()) {
+    if (!options.dry_run) queue.forget_input(file);
+    collect(folder.input(file));
+  }
+  for (const std::string& path : detail::stray_inputs(folder, queue)) collect(path);
+}
+
 }  // namespace
+
+std::vector<std::string> detail::stray_inputs(const FarmFolder& folder, Queue& queue) {
+  std::vector<std::string> list;
+  std::error_code error;
+  for (fs::recursive_directory_iterator it(folder.store + "/inputs", error), end;
+       !error && it != end; it.increment(error)) {
+    std::error_code no_file;
+    if (!it->is_regular_file(no_file)) continue;
+    // Copies that were being made have names of their own, which no record has.
+    if (!queue.knows_input(it->path().filename().string())) list.push_back(it->path());
+  }
+  return list;
+}
 
 std::vector<std::string> detail::ended_attempt_folders(const FarmFolder& folder, Queue& queue) {
   std::vector<std::string> list;
@@ -62,16 +96,14 @@ GcTotals collect_garbage(const FarmFolder& folder, Queue& queue, const GcOptions
     queue.forget_result(r.key, "");
     remove_from_cache(folder, r.key);
   }
-  for (const std::string& file : queue.unneeded_inputs()) {
-    ++totals.inputs;
-    totals.bytes += size_of(folder.input(file));
-    if (options.dry_run) continue;
-    queue.forget_input(file);
-    std::error_code error;
-    fs::remove(folder.input(file), error);
-  }
-  // Folders of attempts that have ended, and results that a service was killed in the middle of.
+  collect_inputs(folder, queue, options, totals);
+  // Folders of attempts and batches that have ended, and results that a service was killed in the
+  // middle of.
   std::vector<std::string> leftovers = detail::ended_attempt_folders(folder, queue);
+  for (std::string& path : detail::ended_batch_folders(
+           folder.store, [&](const std::string& token) { return queue.attempt_is_open(token); })) {
+    leftovers.push_back(std::move(path));
+  }
   std::error_code error;
   for (fs::recursive_directory_iterator it(folder.store + "/cache", error), end;
        !error && it != end; it.increment(error)) {
@@ -82,13 +114,14 @@ GcTotals collect_garbage(const FarmFolder& folder, Queue& queue, const GcOptions
     if (!queue.attempt_is_open(token)) leftovers.push_back(it->path());
   }
   for (const std::string& path : leftovers) {
-    ++totals.attempts;
+    ++totals.leftovers;
     totals.bytes += size_of(path);
     if (!options.dry_run) fs::remove_all(path, error);
   }
-  if (!options.dry_run && totals.results + totals.inputs + totals.attempts > 0) {
-    queue.add_event("gc", fmt::format("{} results, {} inputs, {} leftovers, {} MB", totals.results,
-                                      totals.inputs, totals.attempts, totals.bytes >> 20));
+  if (!options.dry_run && totals.results + totals.inputs + totals.leftovers > 0) {
+    queue.add_event(
+        "gc", fmt::format("{} results, {} inputs, {} leftovers, {}", totals.results, totals.inputs,
+                          totals.leftovers, words::bytes(static_cast<double>(totals.bytes))));
   }
   return totals;
 }

@@ -34,6 +34,7 @@ ServiceLoop::ServiceLoop(const FarmFolder& folder, Engine& engine, const Service
       clock_(*options.clock),
       queue_(folder.database(), clock_),
       settings_(queue_.settings()),
+      first_event_(queue_.last_event()),
       wake_fd_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
   int cores = 0;
   std::int64_t memory_mb = 0;
@@ -64,6 +65,8 @@ ServiceTotals ServiceLoop::run() {
     drain_wake();
   }
   stop_running();
+  engine_.tidy(true);
+  totals_.failed = queue_.failed_since(first_event_);
   leases_.reset();
   queue_.stop_service(id_);
   return totals_;
@@ -144,7 +147,7 @@ std::string ServiceLoop::why_idle() {
     std::string low;
     for (const std::string& path : {folder_.store, folder_.root}) {
       const std::int64_t free = free_bytes(path);
-      if (free < limit) low = fmt::format("{}: {} MB free", path, free >> 20);
+      if (free < limit) low = too_little_room(path, free, limit);
     }
     if (!low.empty() && disk_low_.empty()) queue_.add_event("disk_low", low);
     if (low.empty() && !disk_low_.empty()) queue_.add_event("disk_ok", "");

@@ -39,6 +39,10 @@ inline AttemptEnd without_result(Reason reason, const std::string& message) {
   return end;
 }
 
+/// "/out: 3.1 MB free, 3.2 MB are wanted".
+std::string too_little_room(const std::string& path, std::int64_t free_bytes,
+                            std::int64_t wanted_bytes);
+
 class ServiceLoop {
  public:
   ServiceLoop(const FarmFolder& folder, Engine& engine, const ServiceOptions& options,
@@ -98,6 +102,7 @@ class ServiceLoop {
   const Clock& clock_;
   Queue queue_;
   Settings settings_;
+  const std::int64_t first_event_;  ///< the last one before this service began
   int wake_fd_;
   std::string id_;
   std::unique_ptr<LeaseKeeper> leases_;

@@ -67,8 +67,8 @@ void ServiceLoop::note_progress() {
     if (!note && !r.started) r.beat_steady_ms = now;  // it waits in the engine
     if (!r.hung && static_cast<double>(now - r.beat_steady_ms) > settings_.hang_s * 1000) {
       r.hung = true;
-      say(fmt::format("job {} {}: no progress for {:g} s; its worker is ended", r.job.id,
-                      r.job.name, settings_.hang_s));
+      say(fmt::format("job {} {}: no progress for {} s; its worker is ended", r.job.id, r.job.name,
+                      settings_.hang_s));
       engine_.cancel({token});
     }
   }
@@ -94,6 +94,7 @@ void ServiceLoop::settle_ended() {
     it = running_.erase(it);
     changed_ = true;
   }
+  engine_.tidy(false);
 }
 
 Settled ServiceLoop::end_of(const Running& r, const TaskReport& report) {
@@ -143,7 +144,7 @@ Settled ServiceLoop::end_of(const Running& r, const TaskReport& report) {
     end.message = "the lease was lost";
   } else if (r.hung) {
     end.reason = Reason::hung;
-    end.message = fmt::format("no progress for {:g} s", settings_.hang_s);
+    end.message = fmt::format("no progress for {} s", settings_.hang_s);
   } else if (stopping_ && !r.cancelled) {
     end.reason = Reason::stopped;
     end.message = "the service was stopped";
@@ -166,7 +167,6 @@ void ServiceLoop::settle(const Running& r, Settled settled) {
       tell("put back");
       break;
     case Settled::failed:
-      ++totals_.failed;
       tell("failed");
       break;
     case Settled::cancelled:

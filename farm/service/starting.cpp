@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "support/text/display_text.hpp"
 #include "service/service_loop.hpp"
 #include "slicecorr/farm/store.hpp"
 
@@ -21,6 +22,13 @@ constexpr std::int64_t overtaking_ms = 120'000;
 constexpr std::int64_t serving_ms = 300;
 
 }  // namespace
+
+std::string too_little_room(const std::string& path, std::int64_t free_bytes,
+                            std::int64_t wanted_bytes) {
+  const auto [free, wanted] =
+      words::bytes_apart(static_cast<double>(free_bytes), static_cast<double>(wanted_bytes));
+  return fmt::format("{}: {} free, {} are wanted", path, free, wanted);
+}
 
 bool ServiceLoop::start_jobs() {
   // Looking for work takes no writing; but without a change there is none.
@@ -87,11 +95,11 @@ bool ServiceLoop::has_disk(const Claim& claim) {
   if (free >= wanted && store >= wanted) return true;
   full_folders_.insert(out);
   settle(running_of(claim),
-         give_up_attempt(folder_, queue_, claim.job, attempt_of(claim),
-                         without_result(Reason::disk_full,
-                                        fmt::format("{}: {} MB free, {} MB are wanted",
-                                                    free < wanted ? out : folder_.store,
-                                                    std::min(free, store) >> 20, wanted >> 20))));
+         give_up_attempt(
+             folder_, queue_, claim.job, attempt_of(claim),
+             without_result(Reason::disk_full,
+                            free < wanted ? too_little_room(out, free, wanted)
+                                          : too_little_room(folder_.store, store, wanted))));
   return false;
 }
 

@@ -4,7 +4,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/queue.hpp"
 #include "slicecorr/farm/service.hpp"
-#include "words.hpp"
+#include "watch/words.hpp"
 
 namespace slicecorr::farm {
 
@@ -115,9 +115,10 @@ int gc_command(const ControlArguments& a, cli::Console& console) {
   const FarmFolder folder = a.farm.existing();
   Queue queue(folder.database());
   const GcTotals t = collect_garbage(folder, queue, a.gc);
-  console.say(fmt::format("{}: {} results, {} inputs, {} leftovers, {}",
+  console.say(fmt::format("{}: {} results, {} inputs, {} leftovers, {}{}",
                           a.gc.dry_run ? "would be removed" : "removed", t.results, t.inputs,
-                          t.attempts, bytes_text(t.bytes)));
+                          t.leftovers, words::bytes(static_cast<double>(t.bytes)),
+                          t.inputs_in_use ? "; inputs stay while a submission is at work" : ""));
   return cli::kDone;
 }
 

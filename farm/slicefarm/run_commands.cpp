@@ -54,7 +54,9 @@ int run_command(RunArguments& a, const ExecutionContext& job, cli::Console& cons
   const ServiceTotals t = run_service(folder, *engine, options, *job.cancel);
   console.say(
       fmt::format("{} done, {} of them from the cache; {} failed", t.done, t.from_cache, t.failed));
-  return cli::interrupted() ? cli::kInterrupted : cli::kDone;
+  if (cli::interrupted()) return cli::kInterrupted;
+  // Without --until-empty a service ends because it was told to, and that is no failure of it.
+  return a.until_empty && t.failed > 0 ? cli::kMissed : cli::kDone;
 }
 
 int nodes_command(RunArguments& a, const ExecutionContext& job) {
@@ -99,7 +101,8 @@ void add_run_commands(cli::Program& program) {
                                 return run_command(*a, job, console);
                               });
   add_engine_options(*run, *a);
-  run->add_flag("--until-empty", a->until_empty, "End when nothing is queued or running");
+  run->add_flag("--until-empty", a->until_empty,
+                "End when nothing is queued or running; exit code 5 when jobs failed meanwhile");
   run->add_option("--jobs", a->local.jobs, "Workers at a time (local) [one per core]")
       ->check(CLI::Range(1, 4096));
   run->add_option("--memory-mb", a->local.memory_mb,

@@ -9,7 +9,6 @@
 #include "slicecorr/farm/submit.hpp"
 #include "slicecorr/farm/work.hpp"
 #include "watch/words.hpp"
-#include "words.hpp"
 
 namespace slicecorr::farm {
 
@@ -67,7 +66,7 @@ std::string table_of(const Submission& s) {
   for (const Estimate& e : s.estimates) {
     const char* note = e.cached ? "from the cache" : e.duplicate ? "with another job" : "";
     rows.push_back({words::clipped(words::printable(e.name), 60), std::to_string(e.layers),
-                    duration_text(e.seconds), bytes_text(e.disk_bytes),
+                    words::duration(e.seconds), words::bytes(static_cast<double>(e.disk_bytes)),
                     fmt::format("{} MB", e.memory_mb), note});
     if (!e.cached && !e.duplicate) seconds += e.seconds;
     bytes += static_cast<double>(e.disk_bytes);
@@ -76,8 +75,8 @@ std::string table_of(const Submission& s) {
   const bool measured = std::all_of(s.estimates.begin(), s.estimates.end(),
                                     [](const Estimate& e) { return e.measured; });
   text += fmt::format("{} {}: {} on one core, {}; {}\n", s.jobs.size(),
-                      s.jobs.size() == 1 ? "job" : "jobs", duration_text(seconds),
-                      bytes_text(static_cast<std::int64_t>(bytes)),
+                      s.jobs.size() == 1 ? "job" : "jobs", words::duration(seconds),
+                      words::bytes(bytes),
                       measured ? "by rates that this farm measured"
                                : "guessed, this farm has measured nothing of the kind yet");
   return text;

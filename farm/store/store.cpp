@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <linux/fs.h>
+#include <sys/file.h>
 #include <sys/ioctl.h>
 #include <sys/stat.h>
 #include <sys/statvfs.h>
@@ -126,6 +127,40 @@ std::string stored_ending(const std::string& path) {
       ending.find_first_not_of(".abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789") ==
           ending.npos;
   return plain ? ending : "";
+}
+
+namespace {
+
+/// The folder of the record, which is on a local disk: locks need no file there, and none is left.
+int lock_folder(const FarmFolder& folder, int kind) {
+  const int fd = ::open(folder.root.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (fd < 0) fail(folder.root, "can't be read");
+  int done = 0;
+  do {
+    done = ::flock(fd, kind);
+  } while (done != 0 && errno == EINTR);
+  if (done == 0) return fd;
+  const int why = errno;
+  ::close(fd);
+  if (why == EWOULDBLOCK) return -1;
+  fail(folder.root, "can't be locked", why);
+}
+
+}  // namespace
+
+InputLock InputLock::shared(const FarmFolder& folder) {
+  return InputLock(lock_folder(folder, LOCK_SH));
+}
+
+std::optional<InputLock> InputLock::alone(const FarmFolder& folder) {
+  const int fd = lock_folder(folder, LOCK_EX | LOCK_NB);
+  if (fd < 0) return std::nullopt;
+  return InputLock(fd);
+}
+
+void InputLock::release() {
+  if (fd_ >= 0) ::close(fd_);
+  fd_ = -1;
 }
 
 StoredInput store_input(const FarmFolder& folder, const std::string& path) {

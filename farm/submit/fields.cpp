@@ -24,7 +24,7 @@ constexpr double most = std::numeric_limits<double>::max();
 std::string shown(const Value& v) {
   struct Show {
     std::string operator()(const std::string& s) const { return "'" + s + "'"; }
-    std::string operator()(double d) const { return fmt::format("{:g}", d); }
+    std::string operator()(double d) const { return fmt::format("{}", d); }
     std::string operator()(bool b) const { return b ? "true" : "false"; }
     std::string operator()(const std::vector<std::string>&) const { return "a list"; }
     std::string operator()(const std::vector<double>&) const { return "a list"; }
@@ -67,10 +67,9 @@ Set number(Member member, double least, double largest, bool above = false) {
   return [=](JobRequest& r, const Value& v) -> std::string {
     const auto d = number_in(v);
     if (!d || *d > largest || (above ? *d <= least : *d < least)) {
-      return expected(v,
-                      largest >= most
-                          ? fmt::format("a number {} {:g}", above ? "above" : "of at least", least)
-                          : fmt::format("a number from {:g} to {:g}", least, largest));
+      return expected(v, largest >= most
+                             ? fmt::format("a number {} {}", above ? "above" : "of at least", least)
+                             : fmt::format("a number from {} to {}", least, largest));
     }
     member(r) = *d;
     return {};

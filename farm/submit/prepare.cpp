@@ -10,6 +10,7 @@
 #include <set>
 
 #include "programs/common/mesh_options.hpp"
+#include "service/commit.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/service.hpp"
 #include "slicecorr/farm/store.hpp"
@@ -219,6 +220,29 @@ bool can_write(const std::string& folder) {
   }
 }
 
+/// When it throws, what was put into the store for it goes again: nothing needs it, and the disk
+/// may be full.
+template <typename Action>
+auto unless_it_fails(const FarmFolder& folder, Queue& queue, InputLock& lock, Action action) {
+  try {
+    return action();
+  } catch (...) {
+    lock.release();
+    try {
+      // Another submission at the same time keeps everything; gc removes it then.
+      if (const auto alone = InputLock::alone(folder)) {
+        for (const std::string& path : detail::stray_inputs(folder, queue)) {
+          std::error_code error;
+          fs::remove(path, error);
+        }
+      }
+    } catch (const Error&) {
+      // What counts is why it failed; gc comes later.
+    }
+    throw;
+  }
+}
+
 class Preparation {
  public:
   Preparation(const std::vector<JobRequest>& requests, const FarmFolder& folder, Queue& queue,
@@ -237,8 +261,25 @@ class Preparation {
       for (auto& [index, error] : errors_) list.push_back(std::move(error));
       throw SubmitErrors(std::move(list));
     }
-    store_inputs(store);
-    return make_jobs();
+    if (!store) {
+      for (const std::string& part : parts()) {
+        job_.check_cancelled();
+        const ResultFile f = sha256_of_file(part);
+        stored_[part] = {f.sha256 + stored_ending(part), f.sha256, f.bytes};
+      }
+      return make_jobs();
+    }
+    const auto lock = std::make_shared<InputLock>(InputLock::shared(folder_));
+    return unless_it_fails(folder_, queue_, *lock, [&] {
+      for (const std::string& part : parts()) {
+        job_.check_cancelled();
+        stored_[part] = store_input(folder_, part);
+      }
+      Submission submission = make_jobs();
+      for (const auto& [part, in] : stored_) submission.inputs.push_back({in.file, in.bytes});
+      submission.lock = lock;
+      return submission;
+    });
   }
 
  private:
@@ -373,22 +414,16 @@ class Preparation {
     }
   }
 
-  void store_inputs(bool store) {
-    std::vector<std::pair<std::string, std::int64_t>> record;
+  /// Each once, in order.
+  std::vector<std::string> parts() const {
+    std::vector<std::string> list;
+    std::set<std::string> seen;
     for (const JobRequest& r : requests_) {
       for (const std::string& part : r.parts) {
-        if (stored_.contains(part)) continue;
-        job_.check_cancelled();
-        if (store) {
-          stored_[part] = store_input(folder_, part);
-        } else {
-          const ResultFile f = sha256_of_file(part);
-          stored_[part] = {f.sha256 + stored_ending(part), f.sha256, f.bytes};
-        }
-        record.emplace_back(stored_[part].file, stored_[part].bytes);
+        if (seen.insert(part).second) list.push_back(part);
       }
     }
-    if (store) queue_.record_inputs(record);
+    return list;
   }
 
   Submission make_jobs() {
@@ -484,7 +519,11 @@ Submission prepare(const std::vector<JobRequest>& requests, const FarmFolder& fo
 Submitted submit(const Submission& submission, const FarmFolder& folder, Queue& queue,
                  const std::string& user, const std::string& source) {
   Submitted result;
-  result.ids = queue.submit(submission.jobs, user, source);
+  const auto queue_all = [&] {
+    return queue.submit(submission.jobs, user, source, submission.inputs);
+  };
+  result.ids =
+      submission.lock ? unless_it_fails(folder, queue, *submission.lock, queue_all) : queue_all();
   std::set<std::string> cached;
   for (std::size_t i = 0; i < submission.jobs.size(); ++i) {
     if (submission.estimates[i].cached) cached.insert(submission.jobs[i].work.key);

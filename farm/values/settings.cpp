@@ -35,7 +35,7 @@ std::int64_t whole(const std::string& name, const std::string& text, std::int64_
 double seconds(const std::string& name, const std::string& text, double least, double most) {
   const auto value = cli::number_of(text);
   if (!value || *value < least || *value > most) {
-    refuse(name, text, fmt::format("seconds from {:g} to {:g}", least, most));
+    refuse(name, text, fmt::format("seconds from {} to {}", least, most));
   }
   return *value;
 }
@@ -97,12 +97,12 @@ const std::vector<Entry>& entries() {
        },
        [](const Settings& s) { return std::to_string(s.max_attempts); }},
       {"hang-s", [](Settings& s, const std::string& t) { s.hang_s = seconds("hang-s", t, 1, 1e7); },
-       [](const Settings& s) { return fmt::format("{:g}", s.hang_s); }},
+       [](const Settings& s) { return fmt::format("{}", s.hang_s); }},
       {"retry-delay-s",
        [](Settings& s, const std::string& t) {
          s.retry_delay_s = seconds("retry-delay-s", t, 0, 600);
        },
-       [](const Settings& s) { return fmt::format("{:g}", s.retry_delay_s); }},
+       [](const Settings& s) { return fmt::format("{}", s.retry_delay_s); }},
       {"cache-max-mb",
        [](Settings& s, const std::string& t) {
          s.cache_max_mb = whole("cache-max-mb", t, 0, many);

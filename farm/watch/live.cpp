@@ -158,7 +158,7 @@ std::vector<std::string> live_frame(const LiveState& state, const FarmFolder& fo
             fmt::format("{}/{}{}", r.attempt.layers_done, r.job.layers, wide ? " layers" : ""),
             wide ? 19 : 12, true));
       }
-      l.put(words::padded(r.layers_per_s > 0 ? fmt::format("{:.3g}/s", r.layers_per_s) : "-",
+      l.put(words::padded(r.layers_per_s > 0 ? words::figure(r.layers_per_s) + "/s" : "-",
                           wide ? 9 : 7, true));
       const std::string left = r.eta_s >= 0 ? words::duration(r.eta_s) : "-";
       l.put(words::padded(left, wide ? 14 : 10, true));

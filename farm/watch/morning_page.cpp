@@ -87,8 +87,7 @@ std::string figures(const MorningReport& r) {
   if (r.cancelled > 0) tile(words::count(r.cancelled), "cancelled");
   tile(words::count(left + running),
        running > 0 ? fmt::format("still to do, {} running", words::count(running)) : "still to do");
-  tile(r.working_s > 0 ? fmt::format("{:.3g}", jobs_per_h(r)) : "-",
-       "jobs an hour while something ran");
+  tile(r.working_s > 0 ? words::figure(jobs_per_h(r)) : "-", "jobs an hour while something ran");
   tile(r.working_s > 0 ? fmt::format("{:.2f}", r.core_s / r.working_s) : "-",
        r.cores > 0 ? fmt::format("of {} {} busy while something ran", r.cores,
                                  r.cores == 1 ? "core" : "cores")
@@ -144,7 +143,7 @@ std::string worst(const MorningReport& r, const LinkTo& links) {
   for (const Job& j : r.worst) {
     const Figures f = j.figures.value_or(Figures{});
     const auto um = [&](double v) {
-      return j.figures ? fmt::format("{:.3g} um", v) : std::string("-");
+      return j.figures ? words::figure(v) + " um" : std::string("-");
     };
     const auto n = [&](std::int64_t v) { return j.figures ? words::count(v) : std::string("-"); };
     html += fmt::format(

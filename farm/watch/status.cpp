@@ -60,8 +60,8 @@ std::string remark(const Job& job, const std::map<JobId, const RunningJob*>& run
     case JobState::done: {
       std::string text = job.from_cache ? "from the cache" : "";
       if (job.figures) {
-        text += fmt::format("{}largest height error {:.3g} um", text.empty() ? "" : ", ",
-                            job.figures->height_max_um);
+        text += fmt::format("{}largest height error {} um", text.empty() ? "" : ", ",
+                            words::figure(job.figures->height_max_um));
         if (job.figures->lost_features > 0) {
           text += fmt::format(", {} lost", words::count(job.figures->lost_features));
         }

@@ -34,7 +34,10 @@ function moment(ms) {
   return Math.abs(Date.now() - ms) < 43200000 ? time : d.toLocaleDateString('en-CA') + ' ' + time.slice(0, 5);
 }
 const minute = (ms) => moment(ms).replace(/:\d\d$/, (s, at, all) => all.length === 8 ? '' : s);
-const um = (v) => Number(v.toPrecision(3)) + ' um';
+// Three digits that count, and never an exponent.
+const figure = (v) => Math.abs(v) >= 999.5 ? count(Math.round(v))
+  : Number(v.toPrecision(3)).toLocaleString('en-US', {maximumFractionDigits: 9});
+const um = (v) => figure(v) + ' um';
 
 async function ask(path) {
   const token = sessionStorage.getItem('token');
@@ -110,7 +113,7 @@ function overview(o) {
     if (a.number > 1) name.append(' ', el('code', 'attempt ' + a.number));
     const words = [a.stage || a.phase, Math.floor(100 * a.fraction) + ' %'];
     if (r.layers) words.push(a.layers_done + ' of ' + r.layers + ' layers');
-    if (r.layers_per_s > 0) words.push(Number(r.layers_per_s.toPrecision(3)) + '/s');
+    if (r.layers_per_s > 0) words.push(figure(r.layers_per_s) + '/s');
     if (r.eta_s !== null) words.push(duration(r.eta_s) + ' left');
     if (r.cancel_wanted) words.push('cancelling');
     row.append(name, bar(a.fraction, words.join(' · ')));

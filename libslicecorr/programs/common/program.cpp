@@ -54,7 +54,8 @@ void occupy_standard_files() {
 
 constexpr const char* kFooter =
     "Exit codes: 0 done; 1 a defect of the program; 2 wrong usage or input; 3 physically "
-    "infeasible; 4 disk or device failed; 5 a tolerance was missed; 130 interrupted.";
+    "infeasible; 4 disk or device failed; 5 a tolerance was missed, or jobs failed; 130 "
+    "interrupted.";
 
 }  // namespace
 
@@ -205,8 +206,8 @@ std::optional<double> number_of(const std::string& text) {
 CLI::Validator number_in(double least, double most, bool above) {
   const bool open = most >= std::numeric_limits<double>::max();
   const std::string expected =
-      open ? fmt::format("a number {} {:g}", above ? "above" : "of at least", least)
-           : fmt::format("a number from {:g} to {:g}", least, most);
+      open ? fmt::format("a number {} {}", above ? "above" : "of at least", least)
+           : fmt::format("a number from {} to {}", least, most);
   const auto check = [=](std::string& text) -> std::string {
     const auto value = number_of(text);
     if (value && *value <= most && (above ? *value > least : *value >= least)) return {};

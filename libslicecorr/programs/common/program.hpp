@@ -26,7 +26,7 @@ enum ExitCode {
   kInput = 2,
   kInfeasible = 3,
   kDevice = 4,
-  kMissed = 5,
+  kMissed = 5,  ///< a tolerance; of a farm that has nothing left to do: jobs failed
   kInterrupted = 130,
 };
 

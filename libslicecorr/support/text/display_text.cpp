@@ -41,15 +41,35 @@ std::string duration(double s) {
   return fmt::format("{} d {:02} h", whole / 86400, whole / 3600 % 24);
 }
 
-std::string bytes(double n) {
-  if (!std::isfinite(n) || n < 0) return "-";
-  static constexpr const char* units[] = {"B", "kB", "MB", "GB", "TB", "PB"};
+namespace {
+
+constexpr const char* byte_units[] = {"B", "kB", "MB", "GB", "TB", "PB"};
+
+std::size_t byte_unit(double n) {
   std::size_t unit = 0;
-  while (n >= 999.95 && unit + 1 < std::size(units)) {
-    n /= 1000;
-    ++unit;
+  for (; n >= 999.95 && unit + 1 < std::size(byte_units); ++unit) n /= 1000;
+  return unit;
+}
+
+std::string bytes_in(double n, std::size_t unit, int decimals) {
+  if (!std::isfinite(n) || n < 0) return "-";
+  return fmt::format("{:.{}f} {}", n / std::pow(1000.0, static_cast<double>(unit)),
+                     unit == 0 ? 0 : decimals, byte_units[unit]);
+}
+
+}  // namespace
+
+std::string bytes(double n) { return bytes_in(n, byte_unit(n), 1); }
+
+std::pair<std::string, std::string> bytes_apart(double a, double b) {
+  if (a == b) return {bytes(a), bytes(b)};
+  for (int decimals = 1;; ++decimals) {
+    std::pair<std::string, std::string> texts{bytes_in(a, byte_unit(a), decimals),
+                                              bytes_in(b, byte_unit(b), decimals)};
+    // A single byte shows with three decimals for each unit.
+    const bool all = decimals >= 3 * static_cast<int>(byte_unit(a));
+    if (texts.first != texts.second || all) return texts;
   }
-  return unit == 0 ? fmt::format("{:.0f} B", n) : fmt::format("{:.1f} {}", n, units[unit]);
 }
 
 std::string count(std::int64_t n) {
@@ -57,6 +77,24 @@ std::string count(std::int64_t n) {
   const std::size_t sign = n < 0 ? 1 : 0;
   for (std::size_t at = digits.size(); at > sign + 3;) digits.insert(at -= 3, 1, ',');
   return digits;
+}
+
+std::string figure(double value) {
+  if (!std::isfinite(value)) return "-";
+  constexpr double all_digits = 999.5, too_small = 5e-10;
+  if (std::abs(value) < too_small) return "0";
+  if (std::abs(value) >= all_digits) {
+    return count(std::llround(std::clamp(value, -9e18, 9e18)));
+  }
+  // Of a number as it is rounded: 9.999 is 10.0.
+  const std::string rounded = fmt::format("{:.2e}", value);
+  const int exponent = std::stoi(rounded.substr(rounded.find('e') + 1));
+  std::string text = fmt::format("{:.{}f}", value, 2 - exponent);
+  if (text.find('.') != text.npos) {
+    text.erase(text.find_last_not_of('0') + 1);
+    if (text.back() == '.') text.pop_back();
+  }
+  return text;
 }
 
 namespace {

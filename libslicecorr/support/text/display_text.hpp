@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace slicecorr::words {
@@ -13,8 +14,14 @@ namespace slicecorr::words {
 std::string duration(double seconds);
 /// "512 B", "1.4 MB", "31.0 GB"; powers of ten.
 std::string bytes(double bytes);
+/// Two sizes that are compared, with as many digits as it takes to tell them apart: "3.1 MB" and
+/// "2.0 GB", "3.14 MB" and "3.15 MB".
+std::pair<std::string, std::string> bytes_apart(double a, double b);
 /// "12,345".
 std::string count(std::int64_t n);
+/// Three digits that count, and never an exponent: "0.0123", "12.3", "4,321"; "-" for what is no
+/// number.
+std::string figure(double value);
 
 /// Names and messages come from files and users: what could move a terminal's cursor, turn the
 /// direction of writing or is no UTF-8 becomes "?" , line ends become spaces.

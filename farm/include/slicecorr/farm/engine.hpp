@@ -96,6 +96,9 @@ class Engine {
   /// Another service looks after these tasks now: what is remembered of them is forgotten, and no
   /// `ended` follows. Only where work outlives its service.
   virtual void forget(const std::vector<std::string>& tokens) { cancel(tokens); }
+  /// The ends that were reported are recorded, and their attempts' folders gone: what the engine
+  /// keeps of them on the disk goes, too. `last`: the service ends.
+  virtual void tidy(bool /*last*/) {}
   /// After a restart: which of these attempts of this engine still wait or run. They are reported
   /// by `poll` from now on; the others are gone.
   virtual std::vector<std::string> adopt(const std::vector<Attempt>& attempts) = 0;

@@ -31,8 +31,14 @@ class Database;
 inline constexpr std::int64_t lease_ms = 60'000;
 inline constexpr std::int64_t lease_renewal_ms = lease_ms / 4;
 
-/// Inputs are stored before the jobs that need them are queued: younger ones are not collected.
+/// Inputs stay for so long after their last submission: jobs that failed may be tried again.
 inline constexpr std::int64_t input_grace_ms = 24 * 3600 * 1000;
+
+/// A file of the store.
+struct InputFile {
+  std::string file;  ///< its name there
+  std::int64_t bytes = 0;
+};
 
 /// Longest delay before a job is tried again.
 inline constexpr std::int64_t longest_delay_ms = 600'000;
@@ -141,8 +147,9 @@ class Queue {
   // --- submitting -------------------------------------------------------------------------------
   /// All or nothing. Gives the ids, in order. Throws `InputError` when a user's limit is exceeded,
   /// or an output of an unfinished job would be written twice.
+  /// `inputs`: those in the store that the jobs need, recorded with them.
   std::vector<JobId> submit(const std::vector<NewJob>& jobs, const std::string& user,
-                            const std::string& source);
+                            const std::string& source, const std::vector<InputFile>& inputs = {});
   Rates rates(const std::string& rate_class);
   /// The unfinished job that will write these outputs; 0: none.
   JobId unfinished_output(const std::string& output_folder, const std::string& name);
@@ -207,9 +214,14 @@ class Queue {
   std::vector<Collectable> results_by_age();
   /// Files of inputs that no unfinished job needs.
   std::vector<std::string> unneeded_inputs();
-  /// Registers stored inputs, so that they are collected later: name in the store, size.
-  void record_inputs(const std::vector<std::pair<std::string, std::int64_t>>& inputs);
+  /// Whether the record has this file of the store, or an unfinished job needs it.
+  bool knows_input(const std::string& file);
   void forget_input(const std::string& file);
+
+  /// Number of the last event.
+  std::int64_t last_event();
+  /// Jobs that failed after this event, whoever did them, and were not tried again since.
+  std::int64_t failed_since(std::int64_t event);
 
   // --- people -----------------------------------------------------------------------------------
   CancelOutcome cancel(JobId id, const std::string& by);

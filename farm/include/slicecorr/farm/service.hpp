@@ -24,7 +24,10 @@ struct ServiceOptions {
 };
 
 struct ServiceTotals {
-  std::int64_t done = 0, failed = 0, from_cache = 0, put_back = 0;
+  std::int64_t done = 0, from_cache = 0, put_back = 0;
+  /// Jobs of the farm that failed since this service began, whoever did them, and were not tried
+  /// again.
+  std::int64_t failed = 0;
 };
 
 /// Runs until `stop` is set (workers of engines that do not outlive it are ended, their jobs go
@@ -48,10 +51,14 @@ struct GcOptions {
   bool dry_run = false;
 };
 struct GcTotals {
-  std::int64_t results = 0, inputs = 0, attempts = 0, bytes = 0;
+  std::int64_t results = 0, inputs = 0, bytes = 0;
+  /// Folders of attempts and of Slurm's batches that have ended, halves of results.
+  std::int64_t leftovers = 0;
+  bool inputs_in_use = false;  ///< a submission was at work: inputs were left alone
 };
-/// Removes results of the cache (least recently used first), inputs and attempts that nothing
-/// needs. Never what a queued or running job needs; outputs that were delivered are never touched.
+/// Removes results of the cache (least recently used first), inputs that no job needs or that the
+/// record does not know, and what attempts left. Never what a queued or running job needs; outputs
+/// that were delivered are never touched.
 GcTotals collect_garbage(const FarmFolder& folder, Queue& queue, const GcOptions& options);
 
 }  // namespace slicecorr::farm

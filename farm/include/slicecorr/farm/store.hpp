@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -34,7 +35,27 @@ struct StoredInput {
 /// The ending under which a file is stored: readers go by it. With what comes before where it is
 /// of two parts (".stl.gz", ".rgb.cws").
 std::string stored_ending(const std::string& path);
+/// Says, across threads and processes, that inputs are being put into the store: they are there
+/// before the record has the jobs that need them. Ends with the object, or with its process.
+class InputLock {
+ public:
+  /// A submission's, from before its first input until its jobs are queued; several may have it.
+  /// Waits while inputs are being collected. Throws `DeviceError`.
+  static InputLock shared(const FarmFolder& folder);
+  /// A collector's. None while any submission has its own.
+  static std::optional<InputLock> alone(const FarmFolder& folder);
+  void release();
+  ~InputLock() { release(); }
+  InputLock(InputLock&& other) noexcept : fd_(other.fd_) { other.fd_ = -1; }
+  InputLock& operator=(InputLock&&) = delete;
+
+ private:
+  explicit InputLock(int fd) : fd_(fd) {}
+  int fd_;
+};
+
 /// Copies a file into the store unless its content is there. The ending is kept: readers go by it.
+/// Under an `InputLock`.
 StoredInput store_input(const FarmFolder& folder, const std::string& path);
 /// Whether the store's copy has the right size (and content, when `thorough`).
 bool check_input(const FarmFolder& folder, const std::string& file, const std::string& sha256,

@@ -3,12 +3,14 @@
 /// is checked before anything is queued, and every error is told, with file and line.
 #pragma once
 
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/folder.hpp"
 #include "slicecorr/farm/queue.hpp"
+#include "slicecorr/farm/store.hpp"
 #include "slicecorr/parallel.hpp"
 #include "slicecorr/setup.hpp"
 
@@ -83,12 +85,15 @@ struct Estimate {
 struct Submission {
   std::vector<NewJob> jobs;
   std::vector<Estimate> estimates;  ///< one for each job
+  std::vector<InputFile> inputs;    ///< in the store
+  /// Keeps the inputs until the jobs are queued; null in a dry run.
+  std::shared_ptr<InputLock> lock;
 };
 
 /// Checks and resolves all requests: reads meshes and archives, resolves printers, resins and
 /// processes, asks the physics, looks for names that are written twice. `store`: inputs are copied
 /// into the farm; else nothing is written (a dry run). Throws `SubmitErrors` with all that is
-/// wrong.
+/// wrong; what was copied until then goes again.
 Submission prepare(const std::vector<JobRequest>& requests, const FarmFolder& folder, Queue& queue,
                    const std::string& user, bool store, const ExecutionContext& job);
 
@@ -96,7 +101,8 @@ struct Submitted {
   std::vector<JobId> ids;
   std::int64_t done_from_cache = 0;
 };
-/// Queues what `prepare` made, and finishes at once what the cache has.
+/// Queues what `prepare` made, and finishes at once what the cache has. When nothing can be queued
+/// the inputs go again.
 Submitted submit(const Submission& submission, const FarmFolder& folder, Queue& queue,
                  const std::string& user, const std::string& source);
 

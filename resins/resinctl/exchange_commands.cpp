@@ -74,7 +74,7 @@ int export_definition(const ExportArguments& a, Console& console) {
   if (a.output == "-") {
     cli::print_result(text);
   } else {
-    cli::must_not_replace(a.output, {at.path});
+    cli::check_output(a.output, {at.path});
     cli::write_text_file(a.output, text);
     console.say(fmt::format("{}: written", a.output));
   }

@@ -343,6 +343,165 @@ TEST_F(Exchange, ScatterOfAMeterIsSmoothedAndSaid) {
   EXPECT_THAT(made[0].text, HasSubstr("greatest change 0.1 mW/cm²"));
 }
 
+/// 256 rows: one value each, or level and value.
+std::string lookup_table(const std::string& header, bool with_levels,
+                         const std::function<double(int)>& light) {
+  std::string text = header;
+  for (int level = 0; level < 256; ++level) {
+    if (with_levels) text += std::to_string(level) + ",";
+    text += fmt::format("{}\n", light(level));
+  }
+  return text;
+}
+
+TEST_F(Exchange, LookupTablesAreTheCalibrationLevelByLevel) {
+  // Any curve that 7 digits hold: level²/1024.
+  const auto light = [](int level) { return level * level / 1024.0; };
+  for (const std::string header : {"", "light\n", "\xEF\xBB\xBF# from the maker\r\nlight\r\n"}) {
+    for (const bool with_levels : {false, true}) {
+      std::string first = header;
+      if (with_levels) {
+        if (const auto at = first.find("light"); at != std::string::npos) {
+          first.insert(at, "level,");
+        }
+      }
+      const std::string path = write("curve.csv", lookup_table(first, with_levels, light));
+      for (const char* format : {"lut", "auto"}) {
+        const auto made =
+            import_definitions(path, {.format = format, .name = "p", .printer = ember()});
+        EXPECT_EQ(wrong_with(made[0]), "");
+        const Printer p = parse_printer(made[0].text, "p.toml");
+        ASSERT_EQ(p.calibration.size(), 256U);
+        for (int level = 0; level < 256; ++level) {
+          const auto& point = p.calibration[static_cast<std::size_t>(level)];
+          EXPECT_EQ(point.level, level);
+          EXPECT_NEAR(point.intensity_mw_cm2, light(level), 5e-7 * light(level));
+        }
+      }
+    }
+  }
+  // The ending says it, too.
+  EXPECT_EQ(
+      import_definitions(write("curve.lut", lookup_table("", false, light)), {.printer = ember()})
+          .size(),
+      1U);
+}
+
+TEST_F(Exchange, RelativeLookupTablesNeedTheFullLight) {
+  const std::string path =
+      write("curve.csv", lookup_table("", false, [](int level) { return level; }));
+  const auto made = import_definitions(path, {.intensity_mw_cm2 = 51, .printer = ember()});
+  const Printer p = parse_printer(made[0].text, "ember.toml");
+  EXPECT_EQ(p.calibration[255].intensity_mw_cm2, 51);
+  EXPECT_EQ(p.calibration[5].intensity_mw_cm2, 1);
+  EXPECT_THAT(made[0].text, HasSubstr("greatest value, 255, was taken for the 51 mW/cm²"));
+  EXPECT_THAT(refusal([&] {
+                import_definitions(write("d.csv", lookup_table("", false, [](int) { return 0; })),
+                                   {.intensity_mw_cm2 = 51, .printer = ember()});
+              }),
+              HasSubstr("dark at every level"));
+}
+
+TEST_F(Exchange, LookupTablesAreRefusedByTheirLine) {
+  const auto rising = [](int level) { return 0.1 * level; };
+  const auto refused = [&](const std::string& text) {
+    return refusal(
+        [&] { import_definitions(write("c.csv", text), {.format = "lut", .printer = ember()}); });
+  };
+  const std::string good = lookup_table("light\n", false, rising);
+  const std::string both = lookup_table("level,light\n", true, rising);
+  const auto with = [](std::string text, const std::string& what, const std::string& instead) {
+    const auto at = text.find(what);
+    EXPECT_NE(at, std::string::npos) << what;
+    return text.replace(at, what.size(), instead);
+  };
+  EXPECT_THAT(refused(good + "25.6\n"),
+              AllOf(HasSubstr("line 258"), HasSubstr("too many"), HasSubstr("expected 256")));
+  EXPECT_THAT(refused(good.substr(0, good.rfind("25.5"))),
+              AllOf(HasSubstr("line 256"), HasSubstr("ends at level 254"), HasSubstr("256 rows")));
+  EXPECT_THAT(refused("light\n"), HasSubstr("256 rows"));
+  EXPECT_THAT(refused(with(good, "\n12.5\n", "\nnan\n")),
+              AllOf(HasSubstr("line 127"), HasSubstr("'nan'")));
+  EXPECT_THAT(refused(with(good, "\n12.5\n", "\ninf\n")), HasSubstr("'inf'"));
+  EXPECT_THAT(refused(with(good, "\n12.5\n", "\n1e999\n")), HasSubstr("'1e999'"));
+  EXPECT_THAT(refused(with(good, "\n12.5\n", "\n-1\n")),
+              AllOf(HasSubstr("line 127"), HasSubstr("at least 0")));
+  EXPECT_THAT(refused(with(good, "\n12.5\n", "\n20\n")),
+              AllOf(HasSubstr("line 127"), HasSubstr("falls"), HasSubstr("level 125")));
+  EXPECT_THAT(refused(with(both, "\n125,", "\n126,")),
+              AllOf(HasSubstr("line 127"), HasSubstr("is level 126; expected 125")));
+  EXPECT_THAT(refused(with(both, "\n125,12.5\n", "\n")), HasSubstr("is level 126; expected 125"));
+  EXPECT_THAT(refused(with(both, "\n125,12.5\n", "\n125,\n")),
+              AllOf(HasSubstr("line 127"), HasSubstr("is empty")));
+  EXPECT_THAT(refused(with(both, "\n125,", "\n125.5,")), HasSubstr("is level 125.5"));
+  EXPECT_THAT(refused("a,b,c\n1,2,3\n"), HasSubstr("has 3 columns"));
+  EXPECT_THAT(refusal([&] {
+                import_definitions(write("c.csv", good),
+                                   {.format = "uv-calibration", .printer = ember()});
+              }),
+              HasSubstr("has 1 column; expected two"));
+  // Of a display of 4 bits, 16 rows.
+  const std::string ember4 =
+      write("ember4.toml",
+            "name = \"ember4\"\n[display]\nwidth_px = 16\nheight_px = 16\npixel_um = "
+            "50\nbit_depth = 4\n[blue]\ncalibration = [[0, 0], [15, 9]]\n");
+  EXPECT_THAT(refusal([&] { import_definitions(write("c.csv", good), {.printer = ember4}); }),
+              AllOf(HasSubstr("line 18"), HasSubstr("expected 16")));
+}
+
+TEST_F(Exchange, CalibrationsMayBeginWithAPointOfEqualNumbers) {
+  const auto made = import_definitions(write("c.csv", "0,0\n255,20\n"), {.printer = ember()});
+  EXPECT_EQ(parse_printer(made[0].text, "ember.toml").calibration,
+            (std::vector<CalibrationPoint>{{0, 0}, {255, 20}}));
+}
+
+TEST_F(Exchange, ReadingsOfAUvMeterAsJson) {
+  // What the firmware of the SL1 writes with its meter of 15 sensors: 3 rows of 5.
+  const auto readings = [](const std::string& values, const std::string& type = "0") {
+    return "{\n  \"uvDateTime\": \"14.10.2019 12:11:43\",\n  \"uvFoundPwm\": 210,\n"
+           "  \"uvSensorData\": [" +
+           values + "],\n  \"uvSensorType\": " + type + "\n}\n";
+  };
+  std::string fifteen;
+  for (int i = 1; i <= 15; ++i) fifteen += fmt::format("{}{}", i > 1 ? ", " : "", i * 17.0);
+  const auto made = import_definitions(write("uv.json", readings(fifteen)), {.printer = ember()});
+  EXPECT_EQ(wrong_with(made[0]), "");
+  EXPECT_THAT(made[0].text,
+              AllOf(HasSubstr("15 sensors of the printer's UV meter, 3 rows of 5"),
+                    HasSubstr("flat_field_least = 0.06667"), HasSubstr("flat_field_mean = 0.5333"),
+                    HasSubstr("uv.json, 5 x 3 values")));
+  ASSERT_EQ(made[0].attachments.size(), 1U);
+  const std::string& png = made[0].attachments[0].bytes;
+  const GreyImage image = decode_png({png.begin(), png.end()}, 5, 3, "made", "flat-field");
+  for (std::size_t i = 0; i < 15; ++i) EXPECT_EQ(image.pixels[i], 17 * (i + 1));
+  // TOML has them, too, and JSON those of 60.
+  EXPECT_EQ(import_definitions(write("uv.toml", "uvSensorData = [" + fifteen + "]\n"),
+                               {.printer = ember()})[0]
+                .attachments[0]
+                .bytes,
+            png);
+  std::string sixty;
+  for (int i = 1; i <= 60; ++i) sixty += fmt::format("{}{}", i > 1 ? ", " : "", i);
+  EXPECT_THAT(import_definitions(write("uv.json", readings(sixty)), {.printer = ember()})[0].text,
+              HasSubstr("60 sensors of the printer's UV meter, 6 rows of 10"));
+  const auto refused = [&](const std::string& text) {
+    return refusal([&] { import_definitions(write("uv.json", text), {.printer = ember()}); });
+  };
+  EXPECT_THAT(refused(readings("1, 2, 3")), AllOf(HasSubstr("has 3 numbers"), HasSubstr("15")));
+  EXPECT_THAT(refused(readings(fifteen + ", 9")), HasSubstr("has 16 numbers"));
+  EXPECT_THAT(refused(readings("1, null" + fifteen.substr(6))), HasSubstr("uvSensorData[1]"));
+  EXPECT_THAT(refused(readings("1, \"2\"" + fifteen.substr(6))), HasSubstr("uvSensorData[1]"));
+  EXPECT_THAT(refused(readings("-1" + fifteen.substr(2))), HasSubstr("uvSensorData[0]"));
+  EXPECT_THAT(refused(readings("1e999" + fifteen.substr(2))), HasSubstr("is not JSON"));
+  EXPECT_THAT(refused(readings("NaN" + fifteen.substr(2))), HasSubstr("is not JSON"));
+  EXPECT_THAT(refused(readings(fifteen, "1")), HasSubstr("uvSensorType: is 1"));
+  EXPECT_THAT(refused("{\"uvSensorData\": null}"), HasSubstr("is no list"));
+  EXPECT_THAT(refused(readings(fifteen).substr(0, 80)), HasSubstr("is not JSON"));
+  std::string dark = "0";
+  for (int i = 1; i < 15; ++i) dark += ", 0";
+  EXPECT_THAT(refused(readings(dark)), HasSubstr("is black"));
+}
+
 TEST_F(Exchange, FlatFields) {
   const auto bytes = encode_png({2, 2, {200, 100, 150, 150}});
   const std::string png = write("f.png", {bytes.begin(), bytes.end()});

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/wait.h>
+#include <unistd.h>
 
 #include <filesystem>
 #include <random>
@@ -217,6 +218,116 @@ TEST_F(WholeFiles, FoldersWhereNothingMayBeWrittenAreNamed) {
   EXPECT_THAT(r.err, AllOf(HasSubstr("closed"), HasSubstr("Permission denied"),
                            Not(HasSubstr("correct: done"))));
   std::filesystem::permissions(folder_ / "closed", std::filesystem::perms(0755));
+}
+
+TEST_F(WholeFiles, OutputsThatMayNotBeWrittenAreRefusedBeforeTheWork) {
+  namespace fs = std::filesystem;
+  make_sl1(folder_ / "part.sl1");
+  write_stl(folder_ / "part.stl", ladder());
+  const Command how = Command{"--speed-mm-h", "800"} + kSmall;
+  sound(Command{"correct", "part.sl1", "-o", "c.sl1"} + how);
+  fs::permissions(folder_.path(), fs::perms(0755));
+  fs::create_directory(folder_ / "closed");
+  // Files that are write-protected in a folder that is not.
+  fs::create_directory(folder_ / "open");
+  fs::permissions(folder_ / "open", fs::perms(0777));
+  const std::vector<std::string> names{"o.uvj",  "o.sl1", "o.tar.gz", "o.html",
+                                       "o.json", "o.png", "o.stl",    "o.svg"};
+  const std::string theirs = "not ours";
+  for (const std::string folder : {"closed", "open"}) {
+    for (const std::string& name : names) {
+      write_file(folder_ / (folder + "/" + name), Bytes(theirs.begin(), theirs.end()));
+      fs::permissions(folder_ / (folder + "/" + name), fs::perms(0444));
+    }
+  }
+  fs::permissions(folder_ / "closed", fs::perms(0555));
+  // As /tmp is: files of others may be written to, but not replaced.
+  fs::create_directory(folder_ / "sticky");
+  fs::permissions(folder_ / "sticky", fs::perms(01777));
+  for (const std::string& name : names) {
+    write_file(folder_ / ("sticky/" + name), Bytes(theirs.begin(), theirs.end()));
+    fs::permissions(folder_ / ("sticky/" + name), fs::perms(0666));
+  }
+  RunOptions options = options_;
+  options.unprivileged = true;
+  const Command slicecorr{SLICECORR_BIN_DIR "/slicecorr"};
+  const Command mesh{"--printer", "small.toml", "--layer-um", "20"};
+  for (const std::string folder : {"closed", "open", "sticky"}) {
+    if (folder == "sticky" && ::geteuid() != 0) continue;  // all files are ours
+    const auto at = [&](const char* name) { return folder + "/" + name; };
+    const Command of_target = Command{"--target", "part.sl1"};
+    for (const auto& [command, named] : std::vector<std::pair<Command, std::string>>{
+             {Command{"slice", "part.stl", "-o", at("o.uvj")} + mesh, at("o.uvj")},
+             {Command{"correct", "part.sl1", "-o", at("o.sl1")} + how, at("o.sl1")},
+             {{"convert", "part.sl1", "-o", at("o.tar.gz")}, at("o.tar.gz")},
+             {{"info", "part.sl1", "--json", at("o.json")}, at("o.json")},
+             {Command{"verify", "c.sl1", "--json", at("o.json")} + of_target, at("o.json")},
+             {Command{"report", "c.sl1", "-o", at("o.html")} + of_target, at("o.html")},
+             {Command{"section", "c.sl1", "-o", at("o.png")} + of_target, at("o.png")},
+             {{"solid", "c.sl1", "-o", at("o.stl")}, at("o.stl")},
+             {{"solid", "c.sl1", "-o", "s.stl", "--json", at("o.json")}, at("o.json")},
+             {Command{"run", "part.stl", "-o", at("new.uvj"), "--layer-um", "20"} + how,
+              folder == "closed" ? at("new.uvj") : ""},
+             {Command{"run", "part.stl", "-o", at("o.uvj"), "--layer-um", "20"} + how, at("o.uvj")},
+         }) {
+      if (named.empty()) continue;
+      SCOPED_TRACE(::testing::PrintToString(command));
+      const RunResult r = run_program(slicecorr + command, options);
+      EXPECT_EQ(r.exit_code, 4) << r.err;
+      EXPECT_THAT(r.err, HasSubstr("slicecorr: " + named + ": can't be "));
+      EXPECT_THAT(r.err, AllOf(Not(HasSubstr(".part")), Not(HasSubstr(": done"))));
+    }
+    // The page of a run that could write its stack.
+    fs::remove(folder_ / (folder + "/o.uvj"));
+    if (folder != "closed") {
+      const RunResult r = run_program(
+          slicecorr + Command{"run", "part.stl", "-o", at("o.uvj"), "--layer-um", "20"} + how,
+          options);
+      EXPECT_EQ(r.exit_code, 4) << r.err;
+      EXPECT_THAT(r.err, AllOf(HasSubstr("slicecorr: " + at("o.html") + ": can't be "),
+                               Not(HasSubstr(": done"))));
+      EXPECT_FALSE(fs::exists(folder_ / (folder + "/o.uvj")));
+    }
+    for (const std::string& name : names) {
+      if (name == "o.uvj") continue;
+      EXPECT_EQ(bytes(folder + "/" + name), Bytes(theirs.begin(), theirs.end())) << name;
+    }
+  }
+  fs::permissions(folder_ / "closed", fs::perms(0755));
+  EXPECT_EQ(left_over(), std::vector<std::string>());
+}
+
+TEST_F(WholeFiles, WriteProtectedArchivesAreNotCorrectedInPlace) {
+  namespace fs = std::filesystem;
+  fs::permissions(folder_.path(), fs::perms(0755));
+  fs::create_directory(folder_ / "open");
+  make_sl1(folder_ / "open/part.sl1");
+  const Bytes before = bytes("open/part.sl1");
+  fs::permissions(folder_ / "open", fs::perms(0777));
+  fs::permissions(folder_ / "open/part.sl1", fs::perms(0444));
+  RunOptions options = options_;
+  options.unprivileged = true;
+  const auto post = [&](const Command& more) {
+    return run_program(
+        Command{SLICECORR_BIN_DIR "/slicecorr-post"} + kSmall + more + Command{"open/part.sl1"},
+        options);
+  };
+  RunResult r = post({});
+  EXPECT_EQ(r.exit_code, 4) << r.err;
+  EXPECT_THAT(r.err, AllOf(HasSubstr("open/part.sl1: can't be written: Permission denied"),
+                           Not(HasSubstr("done")), Not(HasSubstr(".slicecorr-post-"))));
+  EXPECT_EQ(bytes("open/part.sl1"), before);
+  // Nor where its report could not be put in place.
+  fs::permissions(folder_ / "open/part.sl1", fs::perms(0666));
+  write_file(folder_ / "open/part.sl1.html", {});
+  fs::permissions(folder_ / "open/part.sl1.html", fs::perms(0444));
+  r = post({"--report", "html"});
+  EXPECT_EQ(r.exit_code, 4) << r.err;
+  EXPECT_THAT(r.err, AllOf(HasSubstr("part.sl1.html: can't be written"), Not(HasSubstr("done"))));
+  EXPECT_EQ(bytes("open/part.sl1"), before);
+  // One that can't be read is a wrong input.
+  fs::permissions(folder_ / "open/part.sl1", fs::perms(0));
+  EXPECT_EQ(post({}).exit_code, 2);
 }
 
 }  // namespace

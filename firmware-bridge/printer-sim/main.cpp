@@ -101,7 +101,7 @@ int run(const Options& o, const ExecutionContext& context, cli::Console& console
   if (o.check_machine) return check(o);
   if (!o.modbus.empty()) throw InputError("--modbus goes with --check-machine");
   if (!o.output.empty()) {
-    cli::must_not_replace(o.output, {o.stack});
+    cli::check_output(o.output, {o.stack});
     if (!o.output.ends_with(".uvj")) {
       throw InputError(o.output, "", "expected a name that ends with .uvj");
     }

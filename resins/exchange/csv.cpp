@@ -60,7 +60,8 @@ std::optional<double> number_in_text(std::string_view text) {
   return value;
 }
 
-CsvTable::CsvTable(std::string_view text, std::string source) : source_(std::move(source)) {
+CsvTable::CsvTable(std::string_view text, std::string source, Header header)
+    : source_(std::move(source)) {
   if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
   for (int number = 1; !text.empty(); ++number) {
     const std::size_t end = std::min(text.find('\n'), text.size());
@@ -68,6 +69,11 @@ CsvTable::CsvTable(std::string_view text, std::string source) : source_(std::mov
     text.remove_prefix(std::min(end + 1, text.size()));
     if (line.empty() || line[0] == '#') continue;
     Row row{number, cells_of(line)};
+    if (header_.empty() && header == Header::optional &&
+        std::all_of(row.cells.begin(), row.cells.end(),
+                    [](const std::string& cell) { return number_in_text(cell).has_value(); })) {
+      for (std::size_t i = 0; i < row.cells.size(); ++i) header_.push_back(std::to_string(i + 1));
+    }
     if (header_.empty()) {
       for (std::string& name : row.cells) name = lower_case(name);
       header_ = std::move(row.cells);

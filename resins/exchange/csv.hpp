@@ -16,7 +16,10 @@ class CsvTable {
     std::vector<std::string> cells;
   };
   /// Throws `InputError` when there is no header row, a header stands twice, or a row is too long.
-  CsvTable(std::string_view text, std::string source);
+  /// Where the header is `optional`, a first row of numbers alone is data; its columns are then
+  /// called 1, 2, ...
+  enum class Header { required, optional };
+  CsvTable(std::string_view text, std::string source, Header header = Header::required);
 
   const std::vector<std::string>& header() const { return header_; }
   const std::vector<Row>& rows() const { return rows_; }

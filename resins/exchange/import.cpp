@@ -22,9 +22,9 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::uintmax_t most_bytes = 64U << 20;
-constexpr std::array formats = {"auto",           "prusaslicer", "uvtools",
-                                "anycubic",       "table",       "calibration",
-                                "uv-calibration", "flat-field",  "correction-mask"};
+constexpr std::array formats = {"auto",       "prusaslicer",    "uvtools",        "anycubic",
+                                "table",      "calibration",    "uv-calibration", "lut",
+                                "flat-field", "correction-mask"};
 
 /// Which reader a file is for, by what it holds.
 std::string format_of(const ImportSource& source) {
@@ -46,8 +46,11 @@ std::string format_of(const ImportSource& source) {
     throw InputError(source.path, "",
                      "is a resin or printer file already; 'resinctl add' takes it");
   }
-  if (lower_case(fs::path(source.path).extension().string()) == ".csv") {
-    const CsvTable table(text, source.path);
+  const std::string ending = lower_case(fs::path(source.path).extension().string());
+  if (ending == ".lut") return "lut";
+  if (ending == ".csv") {
+    const CsvTable table(text, source.path, CsvTable::Header::optional);
+    if (table.header().size() == 1) return "lut";
     return table.has("dp_um") || table.has("ec_mj_cm2") ? "table" : "calibration";
   }
   return "uvtools";
@@ -223,6 +226,7 @@ std::vector<Imported> import_definitions(const std::string& path, const ImportOp
   if (format == "table") made = import_table(source, options);
   if (format == "calibration") made = import_calibration(source, options, "blue");
   if (format == "uv-calibration") made = import_calibration(source, options, "uv");
+  if (format == "lut") made = import_lookup_table(source, options);
   if (format == "flat-field") made = import_flat_field(source, options, false);
   if (format == "correction-mask") made = import_flat_field(source, options, true);
   if (made.empty()) {

@@ -26,6 +26,9 @@ std::vector<Imported> import_anycubic(const ImportSource& source, const ImportOp
 std::vector<Imported> import_table(const ImportSource& source, const ImportOptions& options);
 std::vector<Imported> import_calibration(const ImportSource& source, const ImportOptions& options,
                                          const char* lamp);
+/// A calibration that has every grey level of the printer once, from 0 on: one value per row, or
+/// level and value.
+std::vector<Imported> import_lookup_table(const ImportSource& source, const ImportOptions& options);
 std::vector<Imported> import_flat_field(const ImportSource& source, const ImportOptions& options,
                                         bool correction_mask);
 

@@ -3,8 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <filesystem>
-#include <sstream>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <utility>
 
 #include "database/flat_field.hpp"
 #include "database/toml_edit.hpp"
@@ -31,17 +34,22 @@ TomlEdit printer_text(const ImportSource& source, const ImportOptions& options, 
   return text;
 }
 
+struct Reading {
+  double level = 0, intensity = 0;
+  int line = 0;  ///< of the file; of the first, where several were averaged
+};
+
 /// Makes intensities rise: neighbours that fall are put to their mean (isotonic least squares).
-/// Returns the greatest change.
-double make_rising(std::vector<CalibrationPoint>& points) {
+/// Returns the reading that this changes most, and by how much.
+std::pair<Reading, double> make_rising(std::vector<Reading>& points) {
   struct Block {
     double sum = 0;
     std::size_t count = 0;
     double mean() const { return sum / static_cast<double>(count); }
   };
   std::vector<Block> blocks;
-  for (const CalibrationPoint& p : points) {
-    blocks.push_back({p.intensity_mw_cm2, 1});
+  for (const Reading& p : points) {
+    blocks.push_back({p.intensity, 1});
     while (blocks.size() > 1 && blocks[blocks.size() - 2].mean() > blocks.back().mean()) {
       const Block last = blocks.back();
       blocks.pop_back();
@@ -49,96 +57,179 @@ double make_rising(std::vector<CalibrationPoint>& points) {
       blocks.back().count += last.count;
     }
   }
+  Reading most_changed;
   double greatest = 0;
   std::size_t i = 0;
   for (const Block& b : blocks) {
     for (std::size_t k = 0; k < b.count; ++k, ++i) {
       // A block of one keeps its number to the last bit.
-      const double value = b.count == 1 ? points[i].intensity_mw_cm2 : b.mean();
-      greatest = std::max(greatest, std::abs(points[i].intensity_mw_cm2 - value));
-      points[i].intensity_mw_cm2 = value;
+      const double value = b.count == 1 ? points[i].intensity : b.mean();
+      const double change = std::abs(points[i].intensity - value);
+      if (change > greatest) {
+        greatest = change;
+        most_changed = points[i];
+      }
+      points[i].intensity = value;
     }
   }
-  return greatest;
+  return {most_changed, greatest};
 }
 
-std::string calibration_array(const std::vector<CalibrationPoint>& points) {
+std::string calibration_array(const std::vector<Reading>& points) {
   std::string out = "[";
   for (std::size_t i = 0; i < points.size(); ++i) {
     out += fmt::format("{}[{:g}, {}],", i % 6 == 0 ? "\n  " : " ", points[i].level,
-                       toml_number(points[i].intensity_mw_cm2));
+                       toml_number(points[i].intensity));
   }
   return out + "\n]";
 }
 
-/// Values of uvSensorData: 60 sensors of the Prusa SL1's UV meter, 6 rows of 10.
-GreyImage sensor_image(const ImportSource& source) {
-  constexpr int columns = 10, rows = 6;
-  const toml::table root = parse_toml(source.text, source.path);
-  const auto* data = root.get("uvSensorData") ? root.get("uvSensorData")->as_array() : nullptr;
-  if (!data || data->size() != columns * rows) {
-    throw InputError(
-        source.path, "uvSensorData",
-        fmt::format("expected {} numbers, {} rows of {}", columns * rows, rows, columns));
-  }
-  std::vector<double> values;
-  for (const auto& node : *data) {
-    const auto value = node.is_number() ? node.value<double>() : std::nullopt;
-    if (!value || !std::isfinite(*value) || *value < 0) {
-      throw InputError(source.path, fmt::format("line {}: uvSensorData", node.source().begin.line),
-                       "expected numbers of at least 0");
+/// The readings of a printer's UV meter, `uvSensorData` in the files of the Prusa SL1's firmware:
+/// TOML by its calibration, JSON by its service menu; the keys are the same. There are meters of
+/// two kinds, and both tell row by row.
+class SensorReadings {
+ public:
+  explicit SensorReadings(const ImportSource& source) : path_(source.path) {
+    const std::size_t first = source.text.find_first_not_of(" \t\r\n");
+    if (first != std::string::npos && source.text[first] == '{') {
+      read_json(source.text);
+    } else {
+      read_toml(source.text);
     }
-    values.push_back(*value);
+    for (const auto& [columns, rows] : {std::pair{10, 6}, std::pair{5, 3}}) {
+      if (values_.size() == static_cast<std::size_t>(columns * rows)) {
+        columns_ = columns;
+        rows_ = rows;
+      }
+    }
+    if (columns_ == 0) fail_count(fmt::format("has {} numbers", values_.size()));
   }
-  const double greatest = *std::max_element(values.begin(), values.end());
-  GreyImage image{columns, rows, {}};
-  for (const double v : values) {
-    image.pixels.push_back(
-        static_cast<std::uint8_t>(greatest > 0 ? std::lround(v / greatest * 255) : 0));
+  int columns() const { return columns_; }
+  int rows() const { return rows_; }
+  /// White is the brightest.
+  GreyImage image() const {
+    const double greatest = *std::max_element(values_.begin(), values_.end());
+    GreyImage image{columns_, rows_, {}};
+    for (const double v : values_) {
+      image.pixels.push_back(
+          static_cast<std::uint8_t>(greatest > 0 ? std::lround(v / greatest * 255) : 0));
+    }
+    return image;
   }
-  return image;
-}
 
-}  // namespace
+ private:
+  [[noreturn]] void fail_count(const std::string& found) const {
+    throw InputError(path_, "uvSensorData",
+                     found + "; expected 60 (6 rows of 10) or 15 (3 rows of 5)");
+  }
+  void add(std::optional<double> value, const std::string& place) {
+    if (!value || !std::isfinite(*value) || *value < 0) {
+      throw InputError(path_, place, "expected numbers of at least 0");
+    }
+    values_.push_back(*value);
+  }
+  void read_toml(const std::string& text) {
+    const toml::table root = parse_toml(text, path_);
+    const auto* data = root.get("uvSensorData") ? root.get("uvSensorData")->as_array() : nullptr;
+    if (!data) fail_count("is no list");
+    for (const auto& node : *data) {
+      add(node.is_number() ? node.value<double>() : std::nullopt,
+          fmt::format("line {}: uvSensorData", node.source().begin.line));
+    }
+  }
+  void read_json(const std::string& text) {
+    nlohmann::json root;
+    try {
+      root = nlohmann::json::parse(text);
+    } catch (const nlohmann::json::exception& e) {
+      const auto* parse = dynamic_cast<const nlohmann::json::parse_error*>(&e);
+      throw InputError(path_, parse ? fmt::format("byte {}", parse->byte) : "", "is not JSON");
+    }
+    // The meter with one sensor in the middle says nothing of how even the light is.
+    const auto type = root.find("uvSensorType");
+    if (type != root.end() && (!type->is_number() || type->get<double>() != 0)) {
+      throw InputError(path_, "uvSensorType",
+                       fmt::format("is {}; expected 0, a meter of many sensors", type->dump()));
+    }
+    const auto data = root.find("uvSensorData");
+    if (data == root.end() || !data->is_array()) fail_count("is no list");
+    for (std::size_t i = 0; i < data->size(); ++i) {
+      const auto& node = (*data)[i];
+      add(node.is_number() ? std::optional(node.get<double>()) : std::nullopt,
+          fmt::format("uvSensorData[{}]", i));
+    }
+  }
 
-std::vector<Imported> import_calibration(const ImportSource& source, const ImportOptions& options,
-                                         const char* lamp) {
-  Imported made;
-  made.kind = "printer";
-  TomlEdit edit = printer_text(source, options, made.name);
-  const CsvTable table(source.text, source.path);
-  if (table.header().size() != 2) {
+  std::string path_;
+  std::vector<double> values_;
+  int columns_ = 0, rows_ = 0;
+};
+
+/// Levels and light as a file has them: two columns, or, for a lookup table, the light alone.
+std::vector<Reading> read_curve(const ImportSource& source, bool every_level, double levels) {
+  const CsvTable table(source.text, source.path, CsvTable::Header::optional);
+  const std::size_t columns = table.header().size();
+  const bool alone = every_level && columns == 1;
+  if (columns != 2 && !alone) {
     throw InputError(
         source.path, "header",
-        fmt::format("has {} columns; expected two: grey level, mW/cm²", table.header().size()));
+        fmt::format("has {} {}; expected two: grey level, mW/cm²{}", columns,
+                    columns == 1 ? "column" : "columns",
+                    every_level ? "; or one: mW/cm², a row for each level from 0 on" : ""));
   }
-  std::vector<CalibrationPoint> points;
-  const auto add = [&](double level, double intensity) { points.push_back({level, intensity}); };
-  // A table of numbers alone has no header: its first row is data.
-  const auto level = number_in_text(table.header()[0]);
-  const auto intensity = number_in_text(table.header()[1]);
-  if (level && intensity) add(*level, *intensity);
+  std::vector<Reading> points;
   for (const CsvTable::Row& row : table.rows()) {
-    const auto l = table.number(row, table.header()[0]), v = table.number(row, table.header()[1]);
-    if (!l || !v) table.fail(row, table.header()[l ? 1 : 0], "is empty; expected a number");
-    if (*v < 0) table.fail(row, table.header()[1], fmt::format("is {:g}; expected at least 0", *v));
-    add(*l, *v);
+    const std::string &first = table.header()[0], &light = table.header()[columns - 1];
+    const double expected = static_cast<double>(points.size());
+    if (every_level && expected >= levels) {
+      table.fail(row, first,
+                 fmt::format("is one row too many; expected {:g}, one for each level of the "
+                             "printer's display",
+                             levels));
+    }
+    const auto level = alone ? std::optional(expected) : table.number(row, first);
+    const auto value = table.number(row, light);
+    if (!level || !value) table.fail(row, level ? light : first, "is empty; expected a number");
+    if (*value < 0) table.fail(row, light, fmt::format("is {:g}; expected at least 0", *value));
+    if (every_level && *level != expected) {
+      table.fail(row, first,
+                 fmt::format("is level {:g}; expected {:g}: every level, once, from 0 "
+                             "on",
+                             *level, expected));
+    }
+    points.push_back({*level, *value, row.line});
+  }
+  if (every_level && static_cast<double>(points.size()) < levels) {
+    throw InputError(source.path, points.empty() ? "" : fmt::format("line {}", points.back().line),
+                     fmt::format("ends at level {}; expected {:g} rows, one for each level of the "
+                                 "printer's display",
+                                 static_cast<std::ptrdiff_t>(points.size()) - 1, levels));
   }
   if (points.size() < 2) {
     throw InputError(source.path, "", "has fewer than two points; expected a curve");
   }
   std::stable_sort(points.begin(), points.end(),
                    [](const auto& a, const auto& b) { return a.level < b.level; });
+  return points;
+}
+
+std::vector<Imported> import_curve(const ImportSource& source, const ImportOptions& options,
+                                   const char* lamp, bool every_level) {
+  Imported made;
+  made.kind = "printer";
+  TomlEdit edit = printer_text(source, options, made.name);
+  const int bit_depth = parse_printer(edit.text(), made.name + ".toml").bit_depth;
+  const std::vector<Reading> points = read_curve(source, every_level, std::exp2(bit_depth));
   const std::size_t read = points.size();
   // Readings of the same level are averaged.
-  std::vector<CalibrationPoint> curve;
+  std::vector<Reading> curve;
   for (std::size_t i = 0; i < points.size();) {
     std::size_t end = i;
     double sum = 0;
     while (end < points.size() && points[end].level == points[i].level) {
-      sum += points[end++].intensity_mw_cm2;
+      sum += points[end++].intensity;
     }
-    curve.push_back({points[i].level, sum / static_cast<double>(end - i)});
+    curve.push_back({points[i].level, sum / static_cast<double>(end - i), points[i].line});
     i = end;
   }
   auto& say = made.assumptions;
@@ -147,17 +238,30 @@ std::vector<Imported> import_calibration(const ImportSource& source, const Impor
                   "line; {} readings at {} levels.",
                   read, curve.size()));
   if (curve.size() < read) say.emplace_back("Readings of the same level were averaged.");
-  const double top = curve.back().intensity_mw_cm2;
-  const double changed = make_rising(curve);
+  if (options.intensity_mw_cm2 > 0) {
+    double greatest = 0;
+    for (const Reading& p : curve) greatest = std::max(greatest, p.intensity);
+    if (greatest == 0) {
+      throw InputError(source.path, "", "is dark at every level; expected light");
+    }
+    for (Reading& p : curve) p.intensity *= options.intensity_mw_cm2 / greatest;
+    say.push_back(
+        fmt::format("Relative light: its greatest value, {:g}, was taken for the {:g} mW/cm² given "
+                    "on the command line.",
+                    greatest, options.intensity_mw_cm2));
+  }
+  const double top = curve.back().intensity;
+  const auto [most_changed, changed] = make_rising(curve);
   if (changed > 0) {
     // What a meter scatters is smoothed; a curve that really falls must be looked at.
     constexpr double most = 0.02;
     if (changed > most * top) {
-      throw InputError(source.path, "",
-                       fmt::format("the curve falls: making it rise would change a reading by {:g} "
-                                   "mW/cm², more than {:g} % of full light; expected a curve that "
-                                   "rises with the grey level",
-                                   changed, most * 100));
+      throw InputError(
+          source.path, fmt::format("line {}", most_changed.line),
+          fmt::format("the curve falls: making it rise would change level {:g} by {:g} "
+                      "mW/cm², more than {:g} % of full light; expected a curve that "
+                      "rises with the grey level",
+                      most_changed.level, changed, most * 100));
     }
     say.push_back(
         fmt::format("Readings that fell were put to the mean of their neighbours; greatest change "
@@ -180,6 +284,18 @@ std::vector<Imported> import_calibration(const ImportSource& source, const Impor
   return {made};
 }
 
+}  // namespace
+
+std::vector<Imported> import_calibration(const ImportSource& source, const ImportOptions& options,
+                                         const char* lamp) {
+  return import_curve(source, options, lamp, false);
+}
+
+std::vector<Imported> import_lookup_table(const ImportSource& source,
+                                          const ImportOptions& options) {
+  return import_curve(source, options, "blue", true);
+}
+
 std::vector<Imported> import_flat_field(const ImportSource& source, const ImportOptions& options,
                                         bool correction_mask) {
   Imported made;
@@ -194,10 +310,12 @@ std::vector<Imported> import_flat_field(const ImportSource& source, const Import
   image.extension = ".png";
   const bool png = source.text.starts_with("\x89PNG");
   if (!png) {
-    field = flat_field_of(sensor_image(source), source.path);
-    say.emplace_back(
-        "60 sensors of the printer's UV meter, 6 rows of 10, scaled to the brightest; "
-        "which corner of the display comes first is not known.");
+    const SensorReadings sensors(source);
+    field = flat_field_of(sensors.image(), source.path);
+    say.push_back(
+        fmt::format("{} sensors of the printer's UV meter, {} rows of {}, scaled to the brightest; "
+                    "which corner of the display comes first is not known.",
+                    sensors.rows() * sensors.columns(), sensors.rows(), sensors.columns()));
   } else {
     field = flat_field_of_png(source.path);
     if (correction_mask) {

@@ -136,14 +136,14 @@ int show(const ShowArguments& a, const ExecutionContext& context, Console& conso
     if (a.json.empty()) {
       cli::print_result(describe_printer(printer, at.path));
     } else {
-      cli::must_not_replace(a.json, {at.path});
+      cli::check_output(a.json, {at.path});
       cli::print_or_write(a.json, printer_json(printer, at.path));
     }
     return cli::kDone;
   }
   const ResinRecord record = load_record(at.path);
   if (!a.json.empty()) {
-    cli::must_not_replace(a.json, {at.path});
+    cli::check_output(a.json, {at.path});
     std::string json = export_record(record, "json", 0, 0);
     json.pop_back();
     cli::print_or_write(a.json, json);
@@ -151,7 +151,7 @@ int show(const ShowArguments& a, const ExecutionContext& context, Console& conso
     cli::print_result(describe_resin(record));
   }
   if (!a.html.empty()) {
-    cli::must_not_replace(a.html, {at.path});
+    cli::check_output(a.html, {at.path});
     const RecordFits fits = fits_of_record(record, context);
     for (const std::string& problem : fits.problems) console.say(problem);
     cli::write_text_file(a.html, resin_page(record, fits.fits, history(at.path, at.kind)));

@@ -74,7 +74,7 @@ int export_definition(const ExportArguments& a, Console& console) {
   if (a.output == "-") {
     cli::print_result(text);
   } else {
-    cli::must_not_replace(a.output, {at.path});
+    cli::check_output(a.output, {at.path});
     cli::write_text_file(a.output, text);
     console.say(fmt::format("{}: written", a.output));
   }
@@ -89,17 +89,19 @@ void add_exchange(cli::Program& program) {
       "import",
       "Makes definitions of foreign files and saves them in your own database: profiles of "
       "PrusaSlicer, UVtools and others, Anycubic's resin profiles, tables of Dp and Ec, measured "
-      "calibrations and flat-fields of printers. Says what it assumed, also in the files.",
+      "calibrations, lookup tables and flat-fields of printers. Says what it assumed, also in the "
+      "files.",
       [i](const ExecutionContext&, Console& console) { return import_file(*i, console); });
   sub->add_option("FILE", i->file, "What to import")->required();
   sub->add_option("--format", i->options.format, "What FILE is")
       ->check(CLI::IsMember({"auto", "prusaslicer", "uvtools", "anycubic", "table", "calibration",
-                             "uv-calibration", "flat-field", "correction-mask"}))
+                             "uv-calibration", "lut", "flat-field", "correction-mask"}))
       ->capture_default_str();
   sub->add_option("--only", i->options.only, "Only presets whose name holds this");
   sub->add_option("--name", i->options.name, "Name of the result, when there is one");
   sub->add_option("--intensity-mw-cm2", i->options.intensity_mw_cm2,
-                  "Of the printer a profile is for, at the window: turns its times into doses")
+                  "Of the printer a profile is for, at the window: turns its times into doses; of "
+                  "full light, where a calibration or lookup table is relative")
       ->check(cli::number_above_zero());
   sub->add_option("--wavelength-nm", i->options.wavelength_nm,
                   "Of the light, where FILE does not say")
@@ -108,7 +110,7 @@ void add_exchange(cli::Program& program) {
                   "Absorbance height, base e, where a profile with one layer height can't give it")
       ->check(cli::number_above_zero());
   sub->add_option("--printer", i->options.printer,
-                  "Printer that a calibration or flat-field belongs to");
+                  "Printer that a calibration, lookup table or flat-field belongs to");
   sub->add_option("-m,--message", i->message, "Why, for the history");
   sub->add_option("-o,--folder", i->folder, "Save into this folder instead");
   sub->add_flag("--replace", i->replace,

@@ -162,9 +162,7 @@ int run_fit(const FitArguments& a, const ExecutionContext& context, Console& con
   if (a.one_m && model != FitModel::joint) {
     throw InputError("--one-m is for --model joint");
   }
-  for (const std::string& output : {a.output, a.json}) {
-    if (!output.empty() && output != "-") cli::must_not_replace(output, a.data);
-  }
+  for (const std::string& output : {a.output, a.json}) cli::check_output(output, a.data);
   take_blue_law(a, model, options, console);
   const FitResult result = fit(read_measurements(a.data, context), model, options, context);
   if (!a.output.empty()) write_record(a, result, console);

@@ -144,7 +144,7 @@ Drawn draw_record(const Arguments& a, const ExecutionContext& context, cli::Cons
     throw InputError("--resin goes with CSV files; here the resin is the input itself");
   }
   const ResinRecord record = load_record(a.inputs[0]);
-  cli::must_not_replace(a.output, {record.path});
+  cli::check_output(a.output, {record.path});
   if (has_ending(a.output, ".html")) {
     const RecordFits fits = fits_of_record(record, context);
     for (const std::string& p : fits.problems) console.say("warning: " + p);
@@ -165,7 +165,7 @@ Drawn draw_record(const Arguments& a, const ExecutionContext& context, cli::Cons
   for (const std::string& name : record.measurements) {
     paths.push_back(cli::folder_of(record.path) + "/" + name);
   }
-  cli::must_not_replace(a.output, paths);
+  cli::check_output(a.output, paths);
   const Measurements data = read_measurements(paths, context);
   for (const std::string& w : data.warnings) console.say("warning: " + w);
   return draw_measurements(data, a, {&record.resin, record.name},
@@ -176,7 +176,7 @@ Drawn draw_record(const Arguments& a, const ExecutionContext& context, cli::Cons
 int plot(const Arguments& a, const ExecutionContext& context, cli::Console& console) {
   const auto is_csv = [](const std::string& path) { return has_ending(path, ".csv"); };
   const bool data = std::all_of(a.inputs.begin(), a.inputs.end(), is_csv);
-  cli::must_not_replace(a.output, a.inputs);
+  cli::check_output(a.output, a.inputs);
   const Drawn drawn = data ? draw_data(a, context, console) : draw_record(a, context, console);
   cli::write_text_file(a.output, drawn.svg);
   console.say(fmt::format("{}: written; {}", a.output, drawn.words));

@@ -60,6 +60,10 @@ auto naming(const std::string& path, const Body& body) {
     throw InputError(named(e.what()));
   } catch (const InfeasibleError& e) {
     throw InfeasibleError(named(e.what()));
+  } catch (const DeviceError& e) {
+    // Work folders have names of their own, which nobody knows.
+    const std::string text = e.what();
+    throw DeviceError(WorkFolder::is_named_in(text) ? path + text.substr(text.find(": ")) : text);
   }
 }
 
@@ -223,6 +227,14 @@ PostOutcome correct_file(const std::string& path, const PostRequest& request,
       return outcome;
     }
     // With --again the source is the backup.
+    // What will be replaced at the end may be.
+    detail::check_may_replace(real);
+    const std::string name = name_for_user(real, context);
+    for (const char* kind : {"html", "json"}) {
+      if (decision.settings.report == kind || decision.settings.report == "both") {
+        detail::check_may_replace(fmt::format("{}.{}", name, kind));
+      }
+    }
     const bool keep = !decision.settings.backup.empty() && source == real;
     const std::string backup = backup_of(real, request);
     if (keep) check_backup(real, backup, decision.settings.backup);

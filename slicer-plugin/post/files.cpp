@@ -41,7 +41,7 @@ std::optional<Lock> Lock::try_take(const std::string& path) {
   const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (file < 0) {
     if (errno == ENOENT) return std::nullopt;
-    fail(path, "can't be read");
+    throw InputError(errno_message(path, "can't be read"));
   }
   Lock lock(file);
   if (::flock(file, LOCK_EX | LOCK_NB) != 0) {
@@ -83,6 +83,11 @@ WorkFolder::~WorkFolder() {
 
 bool WorkFolder::is_one(const std::string& name) { return name.rfind(kPrefix, 0) == 0; }
 
+bool WorkFolder::is_named_in(const std::string& message) {
+  const std::string path = message.substr(0, message.find(": "));
+  return path.find(std::string("/") + kPrefix) != std::string::npos;
+}
+
 std::vector<std::string> WorkFolder::remove_stale(const std::string& folder) {
   std::vector<std::string> in_work;
   std::error_code ec;
@@ -98,7 +103,7 @@ std::vector<std::string> WorkFolder::remove_stale(const std::string& folder) {
       std::ifstream note(entry.path() / "in-work");
       if (std::string name; std::getline(note, name, '\0')) in_work.push_back(name);
       fs::remove_all(entry.path(), no_folder);
-    } catch (const DeviceError&) {
+    } catch (const Error&) {
       continue;  // someone else's
     }
   }

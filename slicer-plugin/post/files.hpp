@@ -53,6 +53,8 @@ class WorkFolder {
   const std::string& path() const { return path_; }
 
   static bool is_one(const std::string& name);
+  /// Whether a message, "PATH: WHAT", is about a path in such a folder.
+  static bool is_named_in(const std::string& message);
   /// Removes those of killed runs in `folder`; gives the names of the files that were in work.
   static std::vector<std::string> remove_stale(const std::string& folder);
 

@@ -230,12 +230,29 @@ std::string folder_of(const std::string& path) {
   return error ? folder : temporary.string();
 }
 
-void must_not_replace(const std::string& output, const std::vector<std::string>& inputs) {
+void check_output(const std::string& output, const std::vector<std::string>& inputs) {
+  if (output.empty() || output == "-") return;
   for (const std::string& input : inputs) {
     std::error_code error;
     if (!input.empty() && std::filesystem::equivalent(output, input, error)) {
       throw InputError(output, "", "is an input; expected an output of another name");
     }
+  }
+  std::string path = output;
+  while (path.size() > 1 && path.back() == '/') path.pop_back();
+  std::error_code error;
+  const auto status = std::filesystem::status(path, error);
+  const bool exists = std::filesystem::exists(status);
+  if (path != output || std::filesystem::is_directory(status)) {
+    // A folder of slices: it is replaced by another beside it.
+    if (exists && !std::filesystem::is_directory(status)) return;  // its writer says what is wrong
+    const detail::Temporary trial{detail::make_temporary(path)};
+  } else if (exists && !std::filesystem::is_regular_file(status)) {
+    if (::access(path.c_str(), W_OK) != 0) {
+      throw DeviceError(fmt::format("{}: can't be written: {}", output, std::strerror(errno)));
+    }
+  } else {
+    detail::check_new_file(path);
   }
 }
 

@@ -88,8 +88,9 @@ CLI::Validator number_above_zero();
 /// The whole text as a finite number.
 std::optional<double> number_of(const std::string& text);
 
-/// Throws `InputError` when an output would replace one of the inputs.
-void must_not_replace(const std::string& output, const std::vector<std::string>& inputs);
+/// Before the work: throws `InputError` when an output would replace one of the inputs, and
+/// `DeviceError` when it can't be written. Empty: none; -: stdout.
+void check_output(const std::string& output, const std::vector<std::string>& inputs);
 /// Writes results; throws `DeviceError` when stdout can't take them. On a terminal what could move
 /// its cursor is "?".
 void print_result(const std::string& text);

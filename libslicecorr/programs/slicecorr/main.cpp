@@ -56,7 +56,7 @@ struct Arguments {
 
 int slice(const Arguments& a, const ExecutionContext& context, Console& console) {
   format_of(a.file());
-  must_not_replace(a.output, a.mesh.parts);
+  check_output(a.output, a.mesh.parts);
   const Printer printer = load_printer(a.setup.printer);
   const MeshSlices slices = slice_parts(a.mesh, printer, context);
   const FittedSlices fitted = fit_for_output(slices, a.file(), printer, context);
@@ -68,7 +68,7 @@ int slice(const Arguments& a, const ExecutionContext& context, Console& console)
 
 int correct(const Arguments& a, const ExecutionContext& context, Console& console) {
   StackFile file = a.file();
-  must_not_replace(a.output, {a.input});
+  check_output(a.output, {a.input});
   const StackInfo times = StackReader::read_info(design(a.input));
   file.format = format_of(file, times.format);
   const Setup setup = a.setup.resolve(nullptr, &times);
@@ -85,7 +85,7 @@ int correct(const Arguments& a, const ExecutionContext& context, Console& consol
 }
 
 int verify(const Arguments& a, const ExecutionContext& context, Console&) {
-  must_not_replace(a.json, {a.input, a.target});
+  check_output(a.json, {a.input, a.target});
   const StackReader stack = a.open(a.input, folder_of(a.input), context);
   const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
   const StackReader read = a.open(design(a.target), folder_of(a.target), context);
@@ -138,7 +138,7 @@ std::string title_of(const std::string& path) {
 }
 
 int report(const Arguments& a, const ExecutionContext& context, Console& console) {
-  must_not_replace(a.output, {a.input, a.target});
+  check_output(a.output, {a.input, a.target});
   const StackReader stack = a.open(a.input, folder_of(a.output), context);
   const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
   const StackReader read = a.open(design(a.target), folder_of(a.output), context);
@@ -156,7 +156,7 @@ int report(const Arguments& a, const ExecutionContext& context, Console& console
 }
 
 int section(const Arguments& a, const ExecutionContext& context, Console& console) {
-  must_not_replace(a.output, {a.input, a.target});
+  check_output(a.output, {a.input, a.target});
   const StackReader stack = a.open(a.input, folder_of(a.output), context);
   const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
   const StackReader read = a.open(design(a.target), folder_of(a.output), context);
@@ -181,8 +181,8 @@ int section(const Arguments& a, const ExecutionContext& context, Console& consol
 int solid(const Arguments& a, const ExecutionContext& context, Console& console) {
   std::vector<std::string> inputs = a.mesh.parts;
   inputs.insert(inputs.end(), {a.input, a.target});
-  must_not_replace(a.output, inputs);
-  must_not_replace(a.json, inputs);
+  check_output(a.output, inputs);
+  check_output(a.json, inputs);
   const StackReader stack = a.open(a.input, folder_of(a.output), context);
   const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
   const Grid& g = stack.grid();
@@ -237,13 +237,14 @@ int solid(const Arguments& a, const ExecutionContext& context, Console& console)
 
 int run(const Arguments& a, const ExecutionContext& context, Console& console) {
   format_of(a.file());
-  must_not_replace(a.output, a.mesh.parts);
+  check_output(a.output, a.mesh.parts);
+  const std::string base =
+      (std::filesystem::path(a.output).parent_path() / title_of(a.output)).string();
+  for (const char* kind : {".html", ".json"}) check_output(base + kind, a.mesh.parts);
   const Setup setup = a.setup.resolve(nullptr, nullptr);
   tell_notices(setup, nullptr, context);
   const MeshSlices slices = slice_parts(a.mesh, setup.printer, context);
   const FittedSlices fitted = fit_for_output(slices, a.file(), setup.printer, context);
-  const std::string base =
-      (std::filesystem::path(a.output).parent_path() / title_of(a.output)).string();
   const Correction result = make_part(*fitted, setup, a.file(), base, title_of(a.output), context);
   console.say(fmt::format("{3}, {0}.html, {0}.json: {1} slices\n{2}", base, result.info.grid.layers,
                           summary(result.after, result.before), a.output));
@@ -276,8 +277,8 @@ ComparisonTable table_of(const std::vector<Figures>& columns) {
 }
 
 int compare(const Arguments& a, const ExecutionContext& context, Console& console) {
-  must_not_replace(a.json, a.mesh.parts);
-  must_not_replace(a.output, a.mesh.parts);
+  check_output(a.json, a.mesh.parts);
+  check_output(a.output, a.mesh.parts);
   Setup setup = a.setup.resolve(nullptr, nullptr);
   tell_notices(setup, nullptr, context);
   const MeshSlices target = slice_parts(a.mesh, setup.printer, context);
@@ -320,7 +321,7 @@ int compare(const Arguments& a, const ExecutionContext& context, Console& consol
 int convert(const Arguments& a, const ExecutionContext& context, Console& console) {
   StackFile file = a.file();
   const std::string format = format_of(file);
-  must_not_replace(a.output, {a.input});
+  check_output(a.output, {a.input});
   const StackReader stack = a.open(a.input, folder_of(a.output), context);
   if (stack.info().format == format) file.keep_from = a.input;
   // For a printer whose display is known the images are turned to it.
@@ -337,7 +338,7 @@ int convert(const Arguments& a, const ExecutionContext& context, Console& consol
 }
 
 int info(const Arguments& a, const ExecutionContext& context, Console&) {
-  must_not_replace(a.json, {a.input});
+  check_output(a.json, {a.input});
   StackInfo info = StackReader::read_info(a.input);
   const bool light = info.kind == StackKind::corrected || info.kind == StackKind::recorded;
   if (info.part_volume_mm3 == 0 && !light) {

@@ -35,7 +35,7 @@ std::string name_of(const std::string& path) { return std::filesystem::path(path
 void check_outputs(const SimulateOptions& o) {
   const std::vector<const std::string*> outputs{&o.output, &o.csv, &o.dose_csv};
   for (std::size_t i = 0; i < outputs.size(); ++i) {
-    must_not_replace(*outputs[i], {o.stack, o.target});
+    check_output(*outputs[i], {o.stack, o.target});
     for (std::size_t k = 0; k < i; ++k) {
       if (!outputs[i]->empty() && *outputs[i] != "-" && *outputs[i] == *outputs[k]) {
         wrong(fmt::format("{} is given as two outputs; expected a name of its own for each",

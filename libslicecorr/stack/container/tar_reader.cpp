@@ -104,7 +104,7 @@ class GzipStream {
       const ssize_t n =
           ::read(file_, packed_.data() + state_.avail_in, packed_.size() - state_.avail_in);
       if (n < 0 && errno == EINTR) continue;
-      if (n < 0) throw DeviceError(errno_message(path_, "can't be read"));
+      if (n < 0) throw InputError(errno_message(path_, "can't be read"));
       file_ended_ = n == 0;
       state_.avail_in += static_cast<uInt>(n);
       taken_ += static_cast<std::uint64_t>(n);

@@ -12,8 +12,8 @@ struct archive_entry;
 namespace slicecorr::detail {
 
 /// Reads the archive once, from its start to its end. Every function throws `InputError` when the
-/// gzip or the tar is damaged, when bytes follow one of them, and when an entry is a link, a device
-/// or named to lie elsewhere; `DeviceError` when the file can't be read any more. Not thread-safe.
+/// gzip or the tar is damaged or can't be read any more, when bytes follow one of them, and when an
+/// entry is a link, a device or named to lie elsewhere. Not thread-safe.
 class TarReader {
  public:
   explicit TarReader(const std::string& path);

@@ -147,6 +147,23 @@ std::string zip_text(zip_error_t* error) {
   return zip_error_strerror(error);
 }
 
+/// Whether what failed is reading: of the archive that is changed, not of what is written.
+bool is_of_reading(int code) {
+  switch (code) {
+    case ZIP_ER_NOZIP:
+    case ZIP_ER_INCONS:
+    case ZIP_ER_READ:
+    case ZIP_ER_SEEK:
+    case ZIP_ER_EOF:
+    case ZIP_ER_CRC:
+    case ZIP_ER_ZLIB:
+    case ZIP_ER_COMPRESSED_DATA:
+      return true;
+    default:
+      return false;
+  }
+}
+
 /// Names that continue those of the archive are in its encoding, which need not be UTF-8 and may
 /// not be said; then their bytes are taken as they are.
 zip_flags_t encoding_of(std::string_view name) {
@@ -167,13 +184,13 @@ void ZipOutput::change(const std::string& temporary, const ExecutionContext& con
   int code = 0;
   zip_t* const zip = zip_open(temporary.c_str(), 0, &code);
   // Read once before: it became another file since.
-  if (zip == nullptr && (code == ZIP_ER_NOZIP || code == ZIP_ER_INCONS)) {
-    throw InputError(keep_from_, "", "was changed while it was read");
-  }
+  const auto changed = [&] { return InputError(keep_from_, "", "was changed while it was read"); };
+  if (zip == nullptr && is_of_reading(code)) throw changed();
   if (zip == nullptr) throw DeviceError(errno_message(path_, "can't be written"));
   // After the entries: discarding the archive still calls them.
   std::unique_ptr<zip_t, decltype(&zip_discard)> guard(zip, &zip_discard);
   const auto fail = [&](zip_error_t* e) {
+    if (is_of_reading(zip_error_code_zip(e))) throw changed();
     throw DeviceError(path_ + ": can't be written: " + zip_text(e));
   };
 

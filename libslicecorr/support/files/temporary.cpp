@@ -49,7 +49,7 @@ void copy_file(const std::string& from, const std::string& to) {
   for (;;) {
     const ssize_t n = ::read(in.fd, buffer.data(), buffer.size());
     if (n == 0) return;
-    if (n < 0) throw DeviceError(errno_message(from, "can't be read"));
+    if (n < 0) throw InputError(errno_message(from, "can't be read"));
     for (ssize_t done = 0; done < n;) {
       const ssize_t written =
           ::write(out.fd, buffer.data() + done, static_cast<std::size_t>(n - done));
@@ -98,6 +98,18 @@ std::string make_temporary(const std::string& path, bool make_folder) {
   throw DeviceError(errno_message(path, "can't be written"));
 }
 
+void check_may_replace(const std::string& path) {
+  struct stat file, folder;
+  if (::stat(path.c_str(), &file) != 0) return;
+  if (::access(path.c_str(), W_OK) != 0) throw DeviceError(errno_message(path, "can't be written"));
+  if (::stat(place_of(path).folder.c_str(), &folder) != 0 || (folder.st_mode & S_ISVTX) == 0)
+    return;
+  const uid_t user = ::geteuid();
+  if (user != 0 && user != file.st_uid && user != folder.st_uid) {
+    throw DeviceError(errno_message(path, "can't be replaced, it belongs to someone else", EPERM));
+  }
+}
+
 void check_new_file(const std::string& path) {
   const PathParts place = path_parts(path);
   struct stat status;
@@ -108,6 +120,7 @@ void check_new_file(const std::string& path) {
   if (place.file.empty() || (taken && !S_ISREG(status.st_mode))) {
     throw DeviceError(path + ": can't be written: is no ordinary file");
   }
+  check_may_replace(path);
   const Temporary trial{make_temporary(path)};
 }
 

@@ -19,6 +19,9 @@ std::string make_temporary(const std::string& path, bool make_folder = false);
 
 /// Throws `DeviceError` when no file can be made, or none replaced, at `path`.
 void check_new_file(const std::string& path);
+/// Throws `DeviceError` when the file at `path` may not be written, or not be replaced because
+/// others own it and the folder keeps names for owners (as /tmp does). Without a file: nothing.
+void check_may_replace(const std::string& path);
 
 /// Whether a name is one that `make_temporary` gives, or that the zip library makes of it: left
 /// over by a process that was killed when that is no more.

@@ -28,15 +28,18 @@ struct Imported {
 
 /// What import takes from the command line, where a file does not say it.
 struct ImportOptions {
-  /// auto, prusaslicer, uvtools, anycubic, table, calibration, uv-calibration, flat-field,
-  /// correction-mask (of a projector that multiplies grey levels by it)
+  /// auto, prusaslicer, uvtools, anycubic, table, calibration, uv-calibration, lut (a calibration
+  /// with every grey level of the printer), flat-field, correction-mask (of a projector that
+  /// multiplies grey levels by it)
   std::string format = "auto";
-  std::string only = "";        ///< substring of the preset names to import; empty: all
-  std::string name = "";        ///< name of the result when the file has one definition
-  double intensity_mw_cm2 = 0;  ///< of the printer that a profile is for; needed to turn s into mJ
+  std::string only = "";  ///< substring of the preset names to import; empty: all
+  std::string name = "";  ///< name of the result when the file has one definition
+  /// Of the printer that a profile is for; needed to turn s into mJ. Of full light, for a
+  /// calibration or lut in other units; 0: it is in mW/cm².
+  double intensity_mw_cm2 = 0;
   double wavelength_nm = 0;
   double height_um = 0;      ///< absorbance height, base e, where a profile can't give it
-  std::string printer = "";  ///< calibration, flat-field: the printer file it belongs to
+  std::string printer = "";  ///< calibration, lut, flat-field: the printer file it belongs to
 };
 
 /// Reads what users have: PrusaSlicer .ini with [sla_material:...] sections (or one exported

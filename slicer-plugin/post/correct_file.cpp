@@ -226,10 +226,9 @@ PostOutcome correct_file(const std::string& path, const PostRequest& request,
       outcome.left_alone = true;
       return outcome;
     }
-    // With --again the source is the backup.
-    // What will be replaced at the end may be.
+    // What is to be replaced at the end must be open to it.
     detail::check_may_replace(real);
-    const std::string name = name_for_user(real, context);
+    const std::string name = name_for_user(real, request);
     for (const char* kind : {"html", "json"}) {
       if (decision.settings.report == kind || decision.settings.report == "both") {
         detail::check_may_replace(fmt::format("{}.{}", name, kind));

@@ -102,7 +102,7 @@ void check_may_replace(const std::string& path) {
   struct stat file, folder;
   if (::stat(path.c_str(), &file) != 0) return;
   if (::access(path.c_str(), W_OK) != 0) throw DeviceError(errno_message(path, "can't be written"));
-  if (::stat(place_of(path).folder.c_str(), &folder) != 0 || (folder.st_mode & S_ISVTX) == 0)
+  if (::stat(path_parts(path).folder.c_str(), &folder) != 0 || (folder.st_mode & S_ISVTX) == 0)
     return;
   const uid_t user = ::geteuid();
   if (user != 0 && user != file.st_uid && user != folder.st_uid) {

@@ -41,6 +41,14 @@ double ExtraLight::sum(int setting, int l, int j) const {
   return s[at] + last * a_ * (1.0 - std::pow(a_, j - near_)) / (1.0 - a_);
 }
 
+int ExtraLight::peak(int setting, int l) const {
+  int peak = 0;
+  for (int j = 1; j < near_; ++j) {
+    if (one(setting, l, j) > one(setting, l, peak)) peak = j;
+  }
+  return peak;
+}
+
 InhibitedPlan::InhibitedPlan(const CureModel& model, bool merge, int target_layers, int all_slices,
                              const InhibitedTuning& numbers)
     : tuning(numbers),
@@ -96,15 +104,10 @@ double InhibitedPlan::ripple() const {
   return sum[samples - 1] / *std::min_element(sum, sum + samples);
 }
 
-/// Lags are shares of the distance at which a slice of the steady level acts most.
 void InhibitedPlan::find_lags() {
-  const int strongest = kernel->strongest_setting();
-  int peak = 0;
-  for (int j = 1; j < near; ++j) {
-    if (node_light.one(strongest, steady, j) > node_light.one(strongest, steady, peak)) peak = j;
-  }
+  const int peak = node_light.peak(kernel->strongest_setting(), steady);
   for (const InhibitedTuning::Share& share : tuning.lag_shares) {
-    const int lag = std::max(share.times * peak / share.over, 1);
+    const int lag = lag_of(share, peak);
     if (std::find(lags.begin(), lags.end(), lag) == lags.end()) lags.push_back(lag);
   }
 }

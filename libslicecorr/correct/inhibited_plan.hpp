@@ -1,6 +1,7 @@
 /// What all columns of a stack share in the correction under inhibiting UV light.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <memory>
 #include <vector>
@@ -28,12 +29,19 @@ class ExtraLight {
     const double all = sum(setting, l, end);
     return first > 0 ? all - sum(setting, l, first) : all;
   }
+  /// The distance at which a slice of level l acts most, in slices.
+  int peak(int setting, int l) const;
 
  private:
   int near_, levels_;
   double a_;
   std::vector<std::vector<double>> tables_, sums_;
 };
+
+/// Slices of a lag that is a share of the kernel's peak.
+inline int lag_of(const InhibitedTuning::Share& share, int peak) {
+  return std::max(share.times * peak / share.over, 1);
+}
 
 /// Immutable once made; may be shared between threads. Doses are relative: 1 gels the resin.
 struct InhibitedPlan {

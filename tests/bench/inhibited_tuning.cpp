@@ -1,5 +1,6 @@
 // Prints the tables of docs/inhibition.md: what happens to corrected columns when one of the
 // numbers of the correction under UV light (correct/inhibited_tuning.hpp) is halved or doubled.
+// Takes the names of numbers to try [all]; about half an hour for all of them.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -264,14 +265,17 @@ void print_row(const std::string& name, const std::string& value, const std::str
   std::fflush(stdout);
 }
 
-void print_table(const CureModel& model, const std::vector<std::vector<Column>>& sets) {
+void print_table(const CureModel& model, const std::vector<std::vector<Column>>& sets,
+                 const std::set<std::string>& only) {
   const InhibitedTuning shipped;
   const Figures before = measure(model, sets, shipped);
   fmt::print(
       "\n| number | value | halved, doubled | mean error (um) | largest (um) | split or lost | "
       "undercured | cured through | time |\n|---|---|---|---|---|---|---|---|---|\n");
   print_row("as shipped", "", "", {before});
+  std::string idle;
   for (const Number& number : numbers()) {
+    if (!only.empty() && !only.contains(number.name)) continue;
     std::vector<Figures> figures;
     std::string tried;
     bool changes = false;
@@ -282,8 +286,13 @@ void print_table(const CureModel& model, const std::vector<std::vector<Column>>&
       tried += (tried.empty() ? "" : ", ") + number.text(tuning);
       changes = changes || figures.back().levels != before.levels;
     }
-    print_row((changes ? "" : "(no level) ") + number.name, number.text(shipped), tried, figures);
+    if (changes) {
+      print_row(number.name, number.text(shipped), tried, figures);
+    } else {
+      idle += (idle.empty() ? "`" : ", `") + number.name + "`";
+    }
   }
+  fmt::print("\nNo level changes with {}.\n", idle);
   fmt::print("{} runs, {} voxels, {:.2f} s\n", before.prints.runs, before.prints.target_voxels,
              before.cpu_s);
 }
@@ -306,7 +315,8 @@ double band_s(const CureModel& model, const SliceSource& part, std::size_t kept_
 
 }  // namespace
 
-int main() {
+int main(int argc, char** argv) {
+  const std::set<std::string> only(argv + 1, argv + argc);
   const Printer printer =
       load_printer(SLICECORR_SOURCE_DIR "/resins/printers/dual-wavelength-dlp.toml");
   const Resin resin = load_resin(SLICECORR_SOURCE_DIR "/resins/db/custom-resin-1.toml");
@@ -322,7 +332,7 @@ int main() {
   process.mode = ExposureMode::layerwise;
   process.exposure_s = 5;
   const CureModel layerwise = make_cure_model(printer, resin, process, kLayerUm);
-  for (const CureModel* model : {&continuous, &layerwise}) print_table(*model, sets);
+  for (const CureModel* model : {&continuous, &layerwise}) print_table(*model, sets, only);
 
   Placement quarter;
   quarter.scale = 0.25;

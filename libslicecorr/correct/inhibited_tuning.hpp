@@ -14,8 +14,9 @@ struct InhibitedTuning {
   // What a column demands of its nodes.
 
   /// Dose at nodes inside features; layer by layer times what the steady dose ripples. Between two
-  /// nodes the dose may dip while the light settles: a reserve of 0.3 % holds that in most columns,
-  /// and a larger one only adds light that reaches into the gaps.
+  /// nodes the dose may dip while the light settles; a reserve of 0.3 % holds that in columns of
+  /// ordinary height, and where it does not, looking through the features finds it. Every reserve
+  /// is light that reaches into the gaps, too.
   double inside_dose = 1.003;
   /// Dose at the node between a gap of one layer and the feature above it. Light for the layers
   /// below passes the gap, so the edge above must give way; 2 % below gelation opens the gap
@@ -28,8 +29,8 @@ struct InhibitedTuning {
   // How levels are chosen for these demands.
 
   /// Lags to try, as shares of the distance at which the kernel has its peak, the likeliest first.
-  /// Short lags keep gaps sharp, long ones suit thin features. Half the peak alone is right for
-  /// most columns, and columns that are right try no other.
+  /// Short lags keep gaps sharp, long ones suit thin features. Columns that are right with one try
+  /// no other, so more of them cost time only in columns that are hard to draw.
   struct Share {
     int times, over;
   };
@@ -50,7 +51,7 @@ struct InhibitedTuning {
 
   // Which levels are kept: the error of a column is a sum over edges, voxels and pieces.
 
-  /// Edges within this of their place are right: nobody prints to 1 um, and every column that is
+  /// Edges within this of their place are right: 1 um is far below a slice, and a column that is
   /// right saves the trials after it.
   double tolerance_um = 1;
   /// What one edge counts at most, in layers, and how far it is looked for. What is further off
@@ -83,7 +84,8 @@ struct InhibitedTuning {
 
   // Polishing: columns with wrong voxels descend on a sum of weighted squares of doses.
 
-  /// Most passes over the column; most columns end earlier, when nothing moves any more.
+  /// Most passes over the column; it ends earlier when nothing moves any more. More passes still
+  /// mend a little, for time in proportion.
   int polish_sweeps = 6;
   /// Steps of one slice's level, up and down: fine ones to settle, coarse ones to leave a valley.
   std::array<int, 5> polish_steps{1, 3, 8, 20, 60};
@@ -100,7 +102,7 @@ struct InhibitedTuning {
   double core_dose = 1.004;
   double core_weight = 400;
   /// Dose from which on the middle of a full layer has too much, and its weight: little, as it does
-  /// no harm by itself, but it keeps light from piling up beside gaps.
+  /// no harm by itself, but of two ways to cure a feature the one with less light is kept.
   double excess_dose = 1.15;
   double excess_weight = 0.02;
   /// Dose that the middles of gaps are to stay below, and the weight of what is above.
@@ -113,7 +115,7 @@ struct InhibitedTuning {
 
   // Memory.
 
-  /// Solved columns that are kept for neighbours that are alike, per band: some megabytes. Changes
+  /// Solved columns that are kept for neighbours that are alike, per band: a few megabytes. Changes
   /// the time, never the levels.
   std::size_t kept_columns = 4096;
 };

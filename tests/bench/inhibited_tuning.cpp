@@ -32,6 +32,7 @@ using Column = std::vector<std::uint8_t>;
 constexpr double kLayerUm = 50;
 constexpr std::size_t kColumnsOfEach = 150;
 constexpr std::array<double, 2> kFactors{0.5, 2.0};
+constexpr std::array kSets{"of these: 4 to 24 slices", "1 to 6 slices", "3DBenchy", "lattice"};
 
 // The numbers, each with what "half" and "double" mean for it.
 
@@ -273,6 +274,9 @@ void print_table(const CureModel& model, const std::vector<std::vector<Column>>&
       "\n| number | value | halved, doubled | mean error (um) | largest (um) | split or lost | "
       "undercured | cured through | time |\n|---|---|---|---|---|---|---|---|---|\n");
   print_row("as shipped", "", "", {before});
+  for (std::size_t i = 0; i < sets.size(); ++i) {
+    print_row(kSets[i], "", "", {measure(model, {sets[i]}, shipped)});
+  }
   std::string idle;
   for (const Number& number : numbers()) {
     if (!only.empty() && !only.contains(number.name)) continue;
@@ -292,7 +296,7 @@ void print_table(const CureModel& model, const std::vector<std::vector<Column>>&
       idle += (idle.empty() ? "`" : ", `") + number.name + "`";
     }
   }
-  fmt::print("\nNo level changes with {}.\n", idle);
+  if (!idle.empty()) fmt::print("\nNo level changes with {}.\n", idle);
   fmt::print("{} runs, {} voxels, {:.2f} s\n", before.prints.runs, before.prints.target_voxels,
              before.cpu_s);
 }

@@ -3,10 +3,26 @@
 #include <algorithm>
 #include <string>
 #include <unordered_map>
+#include <utility>
 
 #include "slicecorr/error.hpp"
 
 namespace slicecorr::detail {
+
+namespace {
+
+/// Equal for columns of equal coverage, and for no others.
+std::string key_of(const std::vector<CoverageRun>& runs) {
+  std::string key;
+  for (const CoverageRun& r : runs) {
+    key.append(reinterpret_cast<const char*>(&r.first), sizeof r.first);
+    key.append(reinterpret_cast<const char*>(&r.end), sizeof r.end);
+    key.push_back(static_cast<char>(r.coverage));
+  }
+  return key;
+}
+
+}  // namespace
 
 InhibitedBand::InhibitedBand(const InhibitedPlan& plan, std::size_t columns)
     : plan_(plan), columns_(columns), coded_(columns), before_(columns, 0) {}
@@ -25,32 +41,27 @@ void InhibitedBand::add_layer(const std::uint8_t* coverage) {
 
 void InhibitedBand::solve(const BandCorrector::Sink& sink, const BandCorrector::TileSink&) {
   if (layers_ != plan_.layers) throw Error("the plan has more layers");
+  const std::vector<Change> levels = solve_columns();
+  show(levels, sink);
+}
+
+/// The levels of all columns, as changes from the last slice on.
+std::vector<InhibitedBand::Change> InhibitedBand::solve_columns() {
   // By column; within a column they stay in the order of layers.
   std::stable_sort(changes_.begin(), changes_.end(),
                    [](const Change& a, const Change& b) { return a.column < b.column; });
   // Neighbours are often alike: a column is solved once.
-  constexpr std::size_t kMostKept = 4096;
   std::unordered_map<std::string, std::vector<Change>> known;
   InhibitedColumn solver(plan_);
-  std::vector<Change> levels;  // what each column shows, from the last slice on
+  std::vector<Change> levels;
   std::vector<CoverageRun> runs;
   for (std::size_t i = 0; i < changes_.size();) {
     const std::uint32_t column = changes_[i].column;
-    runs.clear();
-    for (; i < changes_.size() && changes_[i].column == column; ++i) {
-      const bool more = i + 1 < changes_.size() && changes_[i + 1].column == column;
-      if (changes_[i].value == 0) continue;
-      runs.push_back({changes_[i].at, more ? changes_[i + 1].at : plan_.layers, changes_[i].value});
-    }
-    std::string key;
-    for (const CoverageRun& r : runs) {
-      key.append(reinterpret_cast<const char*>(&r.first), sizeof r.first);
-      key.append(reinterpret_cast<const char*>(&r.end), sizeof r.end);
-      key.push_back(static_cast<char>(r.coverage));
-    }
+    i = read_runs(i, runs);
+    std::string key = key_of(runs);
     auto found = known.find(key);
     if (found == known.end()) {
-      if (known.size() >= kMostKept) known.clear();
+      if (known.size() >= plan_.tuning.kept_columns) known.clear();
       const std::vector<std::uint8_t>& shown = solver.solve(runs);
       std::vector<Change> list;
       std::uint8_t before = 0;
@@ -69,6 +80,23 @@ void InhibitedBand::solve(const BandCorrector::Sink& sink, const BandCorrector::
   changes_ = {};
   std::stable_sort(levels.begin(), levels.end(),
                    [](const Change& a, const Change& b) { return a.at > b.at; });
+  return levels;
+}
+
+/// The runs of the column whose changes begin at `i`; returns where those of the next begin.
+std::size_t InhibitedBand::read_runs(std::size_t i, std::vector<CoverageRun>& runs) const {
+  const std::uint32_t column = changes_[i].column;
+  runs.clear();
+  for (; i < changes_.size() && changes_[i].column == column; ++i) {
+    const bool more = i + 1 < changes_.size() && changes_[i + 1].column == column;
+    if (changes_[i].value == 0) continue;
+    runs.push_back({changes_[i].at, more ? changes_[i + 1].at : plan_.layers, changes_[i].value});
+  }
+  return i;
+}
+
+/// Gives the slices to the sink, from the last to the first.
+void InhibitedBand::show(const std::vector<Change>& levels, const BandCorrector::Sink& sink) {
   std::vector<std::uint8_t> now(columns_, 0), coverage(columns_);
   std::size_t next = 0, lit = 0;
   for (int n = plan_.all_layers; n-- > 0;) {

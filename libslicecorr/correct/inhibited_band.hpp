@@ -28,6 +28,10 @@ class InhibitedBand final : public BandSolver {
     std::int32_t at;
     std::uint8_t value;
   };
+  std::vector<Change> solve_columns();
+  std::size_t read_runs(std::size_t i, std::vector<CoverageRun>& runs) const;
+  void show(const std::vector<Change>& levels, const BandCorrector::Sink& sink);
+
   const InhibitedPlan& plan_;
   std::size_t columns_;
   CodedBand coded_;

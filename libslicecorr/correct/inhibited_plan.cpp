@@ -1,15 +1,12 @@
-// What all columns under UV light share: tables of light, lags and bounds.
+#include "correct/inhibited_plan.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
 #include "correct/band_solvers.hpp"
-#include "correct/inhibited_column.hpp"
 
 namespace slicecorr::detail {
-
-/// What nodes inside features demand.
-static constexpr double kInside = 1.003;
 
 ExtraLight::ExtraLight(const InhibitedKernel& kernel, InhibitedKernel::LayerPosition place)
     : near_(kernel.near()), levels_(kernel.levels()), a_(kernel.a()) {
@@ -44,8 +41,18 @@ double ExtraLight::sum(int setting, int l, int j) const {
   return s[at] + last * a_ * (1.0 - std::pow(a_, j - near_)) / (1.0 - a_);
 }
 
-InhibitedPlan::InhibitedPlan(const CureModel& model, bool merge, int target_layers, int all_slices)
-    : kernel(model.inhibited),
+int ExtraLight::peak(int setting, int l) const {
+  int peak = 0;
+  for (int j = 1; j < near_; ++j) {
+    if (one(setting, l, j) > one(setting, l, peak)) peak = j;
+  }
+  return peak;
+}
+
+InhibitedPlan::InhibitedPlan(const CureModel& model, bool merge, int target_layers, int all_slices,
+                             const InhibitedTuning& numbers)
+    : tuning(numbers),
+      kernel(model.inhibited),
       node_light(*kernel, InhibitedKernel::upper_end),
       middle_light(*kernel, InhibitedKernel::middle),
       near(kernel->near()),
@@ -54,74 +61,88 @@ InhibitedPlan::InhibitedPlan(const CureModel& model, bool merge, int target_laye
       all_layers(all_slices),
       layer_um(model.layer_um),
       merge_one_slice_gaps(merge) {
-  for (int s = 0; s < kernel->settings(); ++s) caps.push_back(kernel->highest_usable_level(s));
-  const int strongest = kernel->strongest_setting();
-  const int cap = caps[static_cast<std::size_t>(strongest)];
-  steady = cap;
-  while (steady > 0 && kernel->steady_dose(strongest, steady - 1) >= 1.0) --steady;
-  // Layer by layer the dose ripples between nodes: the least in a layer is what has to gel.
-  double ripple = 1.0;
-  if (model.mode == ExposureMode::layerwise) {
-    constexpr int samples = InhibitedKernel::samples;
-    const float* const fine = kernel->fine(strongest);
-    double sum[samples] = {};
-    for (int j = 0; j < near; ++j) {
-      for (int i = 0; i < samples; ++i) {
-        const double light = fine[static_cast<std::size_t>(j * levels + steady) * samples +
-                                  static_cast<std::size_t>(i)];
-        sum[i] += j + 1 < near ? light : light / (1.0 - kernel->a());
-      }
-    }
-    ripple = sum[samples - 1] / *std::min_element(sum, sum + samples);
-  }
-  inside = kInside * ripple;
-  holding = steady;
-  while (holding < levels && kernel->steady_dose(strongest, holding) < inside) ++holding;
   for (const double r : model.exposure_ratio) uniform = uniform && r == 1.0;
   uniform = uniform && kernel->settings() == 1;
   if (!uniform) {
     for (int n = 0; n < all_layers; ++n) ratio.push_back(model.ratio(n));
   }
-  const ExtraLight& extra = node_light;
+  find_levels();
+  find_lags();
+  sum_dark(model);
+}
+
+/// The levels that matter: those in use, those that hold a dose, and how far full light reaches.
+void InhibitedPlan::find_levels() {
+  for (int s = 0; s < kernel->settings(); ++s) caps.push_back(kernel->highest_usable_level(s));
+  const int strongest = kernel->strongest_setting();
+  const int cap = caps[static_cast<std::size_t>(strongest)];
+  steady = cap;
+  while (steady > 0 && kernel->steady_dose(strongest, steady - 1) >= 1.0) --steady;
+  inside = tuning.inside_dose * ripple();
+  holding = steady;
+  while (holding < levels && kernel->steady_dose(strongest, holding) < inside) ++holding;
+  // Light that never lifts the dose so far is told of before (check_feasible); here it ends a loop.
+  constexpr int kNeverReaches = 100000;
   reach = 1;
-  while (reach < 100000 && extra.sum(strongest, cap, reach) < 1.0) ++reach;
-  // The distance at which a slice of the steady level acts most, and shorter ones: short lags keep
-  // gaps narrow, long ones suit thin features.
-  int peak = 0;
-  for (int j = 1; j < near; ++j) {
-    if (extra.one(strongest, steady, j) > extra.one(strongest, steady, peak)) peak = j;
-  }
-  for (const int lag : {peak / 2, peak / 3, 2 * peak / 3, peak / 4, peak}) {
-    const int at_least = std::max(lag, 1);
-    if (std::find(lags.begin(), lags.end(), at_least) == lags.end()) lags.push_back(at_least);
-  }
-  const auto count = static_cast<std::size_t>(all_layers);
-  const auto dark = [&](InhibitedKernel::LayerPosition place) {
-    std::vector<double> dose(count, 0.0);
-    double far = 0;  // of slices near or more layers away
-    for (int k = all_layers; k-- > 0;) {
-      far *= kernel->a();
-      if (k + near < all_layers) {
-        const int n = k + near;
-        far += kernel->a() * model.ratio(n) *
-               kernel->table(kernel->setting_of_slice(n), place)[(near - 1) * levels];
-      }
-      double sum = far;
-      for (int j = 0; j < near && k + j < all_layers; ++j) {
-        sum +=
-            model.ratio(k + j) * kernel->table(kernel->setting_of_slice(k + j), place)[j * levels];
-      }
-      dose[static_cast<std::size_t>(k)] = sum;
-      if (place == InhibitedKernel::upper_end) dark_far[static_cast<std::size_t>(k)] = far;
+  while (reach < kNeverReaches && node_light.sum(strongest, cap, reach) < 1.0) ++reach;
+}
+
+/// How far the dose at nodes is above the least between them, as a factor, where the steady level
+/// stands for long. Layer by layer the dose ripples, and the least in a layer is what has to gel.
+double InhibitedPlan::ripple() const {
+  if (!kernel->layer_by_layer()) return 1.0;
+  constexpr int samples = InhibitedKernel::samples;
+  const float* const fine = kernel->fine(kernel->strongest_setting());
+  double sum[samples] = {};
+  for (int j = 0; j < near; ++j) {
+    for (int i = 0; i < samples; ++i) {
+      const double light = fine[static_cast<std::size_t>(j * levels + steady) * samples +
+                                static_cast<std::size_t>(i)];
+      sum[i] += j + 1 < near ? light : light / (1.0 - kernel->a());
     }
-    return dose;
-  };
-  dark_far.resize(count);
-  dark_node = dark(InhibitedKernel::upper_end);
-  dark_middle = dark(InhibitedKernel::middle);
-  if (model.mode != ExposureMode::layerwise) return;
+  }
+  return sum[samples - 1] / *std::min_element(sum, sum + samples);
+}
+
+void InhibitedPlan::find_lags() {
+  const int peak = node_light.peak(kernel->strongest_setting(), steady);
+  for (const InhibitedTuning::Share& share : tuning.lag_shares) {
+    const int lag = lag_of(share, peak);
+    if (std::find(lags.begin(), lags.end(), lag) == lags.end()) lags.push_back(lag);
+  }
+}
+
+void InhibitedPlan::sum_dark(const CureModel& model) {
+  dark_far.resize(static_cast<std::size_t>(all_layers));
+  dark_node = dark_at(model, InhibitedKernel::upper_end);
+  dark_middle = dark_at(model, InhibitedKernel::middle);
+  if (kernel->layer_by_layer()) sample_dark(model);
+}
+
+/// Dose of black slices at one place of each layer.
+std::vector<double> InhibitedPlan::dark_at(const CureModel& model, InhibitedKernel::LayerPosition place) {
+  std::vector<double> dose(static_cast<std::size_t>(all_layers), 0.0);
+  double far = 0;  // of slices near or more layers away
+  for (int k = all_layers; k-- > 0;) {
+    far *= kernel->a();
+    if (k + near < all_layers) {
+      const int n = k + near;
+      far += kernel->a() * model.ratio(n) *
+             kernel->table(kernel->setting_of_slice(n), place)[(near - 1) * levels];
+    }
+    double sum = far;
+    for (int j = 0; j < near && k + j < all_layers; ++j) {
+      sum += model.ratio(k + j) * kernel->table(kernel->setting_of_slice(k + j), place)[j * levels];
+    }
+    dose[static_cast<std::size_t>(k)] = sum;
+    if (place == InhibitedKernel::upper_end) dark_far[static_cast<std::size_t>(k)] = far;
+  }
+  return dose;
+}
+
+void InhibitedPlan::sample_dark(const CureModel& model) {
   constexpr std::size_t samples = InhibitedKernel::samples;
-  dark_fine.resize(count * samples);
+  dark_fine.resize(static_cast<std::size_t>(all_layers) * samples);
   for (int k = 0; k < all_layers; ++k) {
     float* const out = &dark_fine[static_cast<std::size_t>(k) * samples];
     for (std::size_t i = 0; i < samples; ++i) {
@@ -136,10 +157,12 @@ InhibitedPlan::InhibitedPlan(const CureModel& model, bool merge, int target_laye
   }
 }
 
+int InhibitedPlan::slices_for(int target_layers, int last_lit) const {
+  return std::max(target_layers, last_lit + 1 + reach + lags.front() + tuning.spare_slices);
+}
+
 int inhibited_slices(const CureModel& model, int target_layers, int last_lit) {
-  const InhibitedPlan plan(model, false, 1, 1);
-  // Whoever is promised its dose late gets it by light further away.
-  return std::max(target_layers, last_lit + 1 + plan.reach + plan.lags.front() + 2);
+  return InhibitedPlan(model, false, 1, 1).slices_for(target_layers, last_lit);
 }
 
 }  // namespace slicecorr::detail

@@ -3,7 +3,7 @@
 
 #include "correct/band_solvers.hpp"
 #include "correct/continuous_plan.hpp"
-#include "correct/inhibited_column.hpp"
+#include "correct/inhibited_plan.hpp"
 #include "slicecorr/correct.hpp"
 
 namespace slicecorr {

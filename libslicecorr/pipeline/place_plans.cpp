@@ -7,7 +7,7 @@
 #include <limits>
 #include <optional>
 
-#include "correct/inhibited_column.hpp"
+#include "correct/inhibited_plan.hpp"
 #include "cure/limits.hpp"
 #include "pipeline/bands.hpp"
 #include "slicecorr/error.hpp"
@@ -53,16 +53,14 @@ double inhibited_dose_for_end(const CureModel& model, int slices) {
   const InhibitedKernel& kernel = *model.inhibited;
   const int s = kernel.strongest_setting(), cap = kernel.highest_usable_level(s);
   const ExtraLight extra(kernel, InhibitedKernel::upper_end);
+  const InhibitedTuning tuning;
   std::vector<double> doses;
   for (int level = 0; level <= cap; ++level) doses.push_back(kernel.steady_dose(s, level));
   const auto fits = [&](double times) {
     int steady = cap;
     while (steady > 0 && times * doses[static_cast<std::size_t>(steady - 1)] >= 1.0) --steady;
-    int peak = 0;
-    for (int j = 1; j < kernel.near(); ++j) {
-      if (extra.one(s, steady, j) > extra.one(s, steady, peak)) peak = j;
-    }
-    const int full = slices - std::max(peak / 2, 1) - 2;
+    const int lag = lag_of(tuning.lag_shares.front(), extra.peak(s, steady));
+    const int full = slices - lag - tuning.spare_slices;
     return full > 0 && times * extra.sum(s, cap, full) >= 1.0;
   };
   const double lit = doses.back();

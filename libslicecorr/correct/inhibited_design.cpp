@@ -1,0 +1,96 @@
+#include "correct/inhibited_design.hpp"
+
+#include <algorithm>
+
+namespace slicecorr::detail {
+
+ColumnDesign::ColumnDesign(const InhibitedPlan& plan)
+    : demand(static_cast<std::size_t>(plan.all_layers) + 2, 0.0),
+      plan_(plan),
+      coverage_(static_cast<std::size_t>(plan.all_layers) + 1, std::uint8_t{0}) {}
+
+void ColumnDesign::read(const std::vector<CoverageRun>& runs) {
+  take_coverage(runs);
+  std::fill(demand.begin(), demand.end(), 0.0);
+  for (const CoverageRun& run : runs) {
+    for (int k = run.first; k <= run.end; ++k) {
+      double& wanted = demand[static_cast<std::size_t>(k)];
+      wanted = std::max(wanted, demand_at(k));
+    }
+  }
+  find_features();
+  if (!plan_.merge_one_slice_gaps) open_one_slice_gaps();
+  find_edges();
+  last_node = features.empty() ? 0 : features.back().lower;
+}
+
+void ColumnDesign::take_coverage(const std::vector<CoverageRun>& runs) {
+  std::fill(coverage_.begin(), coverage_.end(), std::uint8_t{0});
+  for (const CoverageRun& run : runs) {
+    std::fill(coverage_.begin() + run.first, coverage_.begin() + run.end, run.coverage);
+  }
+  if (!plan_.merge_one_slice_gaps) return;
+  for (int n = 1; n + 1 < plan_.layers; ++n) {
+    if (coverage(n) == 0 && full(n - 1) && full(n + 1)) {
+      coverage_[static_cast<std::size_t>(n)] = 255;
+    }
+  }
+}
+
+/// The relative dose that a node of a feature demands, from the layers on its two sides; see
+/// goal_at() for the same without UV.
+double ColumnDesign::demand_at(int node) const {
+  const int above = coverage(node - 1), below = coverage(node);
+  // Between nodes the dose may dip by a little; edges get just what they need.
+  if (above == 255 && below == 255) return plan_.inside;
+  if (above == 255 || below == 255) return 1.0;
+  if (above != 0 && below != 0) return std::min(above, below) / 255.0;
+  if (above == 0) return 0;
+  // The last grey layer: its middle lies about half way between its two nodes.
+  const double share = above / 255.0;
+  return full(node - 2) ? std::max(0.0, 2.0 * above / 255.0 - 1.0) : share;
+}
+
+void ColumnDesign::find_features() {
+  features.clear();
+  const int nodes = plan_.layers + 1;
+  const auto wanted = [&](int k) { return demand[static_cast<std::size_t>(k)]; };
+  for (int k = 0; k < nodes; ++k) {
+    if (wanted(k) <= 0) continue;
+    Feature feature;
+    feature.upper = k;
+    feature.full = wanted(k) >= 1.0;
+    // A gap of one layer has demands on both of its nodes, and still ends the feature.
+    while (k + 1 < nodes && wanted(k + 1) > 0 && coverage(k) != 0) {
+      ++k;
+      feature.full = feature.full && wanted(k) >= 1.0;
+    }
+    feature.lower = k;
+    feature.platform = feature.upper == 0;
+    feature.lag = plan_.lags.front();
+    features.push_back(feature);
+  }
+}
+
+/// At a gap of one layer the edge of the feature above gives way, while the middle of that
+/// feature's last layer still prints.
+void ColumnDesign::open_one_slice_gaps() {
+  for (int n = 1; n + 1 < plan_.layers; ++n) {
+    if (coverage(n) != 0 || !full(n - 1) || !full(n + 1)) continue;
+    demand[static_cast<std::size_t>(n)] = plan_.tuning.slit_edge_dose;
+    double& inner = demand[static_cast<std::size_t>(n) - 1];
+    inner = std::max(inner, plan_.tuning.slit_inner_dose);
+  }
+}
+
+void ColumnDesign::find_edges() {
+  edges.clear();
+  for (int n = 0; n <= plan_.layers; ++n) {
+    // The platform is no gap: what begins there has no upper edge.
+    const int above = n > 0 ? coverage(n - 1) : -1, below = coverage(n);
+    if (above == 0 && below == 255) edges.push_back({n, true});
+    if (above == 255 && below == 0) edges.push_back({n, false});
+  }
+}
+
+}  // namespace slicecorr::detail

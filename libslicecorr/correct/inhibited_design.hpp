@@ -1,0 +1,60 @@
+/// What one column asks for under inhibiting UV light.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "correct/inhibited_plan.hpp"
+
+namespace slicecorr::detail {
+
+/// Layers [first, end) of a column have this coverage, 1..255.
+struct CoverageRun {
+  std::int32_t first = 0, end = 0;
+  std::uint8_t coverage = 0;
+  bool operator==(const CoverageRun&) const = default;
+};
+
+/// Layer n lies between node n, nearer to the platform, and node n + 1. For one thread.
+class ColumnDesign {
+ public:
+  explicit ColumnDesign(const InhibitedPlan& plan);
+  /// `runs`: what is covered, first layer first.
+  void read(const std::vector<CoverageRun>& runs);
+
+  /// Covered layers that follow each other: nodes upper .. lower have demands.
+  struct Feature {
+    int upper = 0, lower = 0;
+    bool platform = false;  ///< begins at the platform
+    bool full = true;       ///< all of its demands are 1 or more
+    int lag = 1;            ///< slices; see inhibited_column.hpp
+  };
+  /// Where full layers and a gap meet: a node, and whether the gap is on the platform's side of it.
+  struct Edge {
+    int node;
+    bool upper;
+  };
+  /// 0..255; 0 outside of the target.
+  int coverage(int layer) const {
+    return layer >= 0 && layer < plan_.layers ? coverage_[static_cast<std::size_t>(layer)] : 0;
+  }
+  bool full(int layer) const { return coverage(layer) == 255; }
+
+  std::vector<double> demand;  ///< relative dose, per node; 0: none
+  std::vector<Feature> features;
+  std::vector<Edge> edges;
+  int last_node = 0;  ///< highest node with a demand
+
+ private:
+  void take_coverage(const std::vector<CoverageRun>& runs);
+  double demand_at(int node) const;
+  void find_features();
+  void open_one_slice_gaps();
+  void find_edges();
+
+  const InhibitedPlan& plan_;
+  std::vector<std::uint8_t> coverage_;  ///< per layer
+};
+
+}  // namespace slicecorr::detail

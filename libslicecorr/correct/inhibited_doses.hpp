@@ -1,0 +1,92 @@
+/// The levels of one column under inhibiting UV light, and the doses that they give.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "correct/inhibited_plan.hpp"
+
+namespace slicecorr::detail {
+
+/// Doses are relative. Slices nearer than plan.near add what the kernel's tables say. Those further
+/// away are summed in one number per slice, F(n) = D(l_n, near - 1) + a F(n + 1), of which node k
+/// gets a F(k + near). For one thread.
+class ColumnDoses {
+ public:
+  static constexpr int samples = InhibitedKernel::samples;
+
+  explicit ColumnDoses(const InhibitedPlan& plan);
+
+  /// All slices black.
+  void clear();
+  /// Gives slice n its level; slices are added from the last to the first, after clear().
+  void add(int n, int level);
+  /// All of a column's levels. `sampled`: doses inside layers are kept, too, for least_sampled().
+  void take(const std::vector<std::uint8_t>& levels, bool sampled);
+  /// Sums all doses anew, after changes.
+  void rebuild();
+  /// Gives slice n another level. Slices `near` and more layers away learn of it in rebuild().
+  void change(int n, int level) {
+    const auto i = static_cast<std::size_t>(n);
+    move_light(n, levels_[i], level);
+    levels_[i] = static_cast<std::uint8_t>(level);
+  }
+
+  const std::vector<std::uint8_t>& levels() const { return levels_; }
+  int level(int n) const { return levels_[static_cast<std::size_t>(n)]; }
+  bool sampled() const { return sampled_; }
+
+  double node(int k) const {
+    const auto i = static_cast<std::size_t>(k);
+    return plan_.dark_node[i] + near_node_[i] + far_at(far_node_, k);
+  }
+  /// Dose in the middle of layer k.
+  double middle(int k) const {
+    const auto i = static_cast<std::size_t>(k);
+    return plan_.dark_middle[i] + near_middle_[i] + far_at(far_middle_, k);
+  }
+  /// Dose at node k of the slices at least `near` layers away, without black ones.
+  double far(int k) const { return far_at(far_node_, k); }
+  /// Dose at node k of black slices and of the slices after n, as added so far.
+  double so_far(int k, int n) const {
+    if (n - k < plan_.near) return node(k);
+    // All of them lie further away than the tables reach.
+    const int next = n + 1;
+    return plan_.dark_node[static_cast<std::size_t>(k)] +
+           far_node_[static_cast<std::size_t>(next)] *
+               std::pow(plan_.kernel->a(), next - k - plan_.near + 1);
+  }
+  /// The least dose at the samples of layer k; only while sampled().
+  double least_sampled(int k) const {
+    const auto at = static_cast<std::size_t>(k) * samples;
+    const auto beyond = static_cast<float>(far_at(far_node_, k));
+    float least = std::numeric_limits<float>::infinity();
+    for (std::size_t i = 0; i < samples; ++i) {
+      const float dose = plan_.dark_fine[at + i] + near_fine_[at + i] + beyond * fade_[i];
+      least = std::min(least, dose);
+    }
+    return static_cast<double>(least);
+  }
+
+ private:
+  double far_at(const std::vector<double>& f, int k) const {
+    const auto at = static_cast<std::size_t>(k + plan_.near);
+    return at < f.size() ? plan_.kernel->a() * f[at] : 0.0;
+  }
+  void blacken();
+  void move_light(int n, int from, int to);
+
+  const InhibitedPlan& plan_;
+  std::vector<std::uint8_t> levels_;             ///< per slice
+  std::vector<double> near_node_, near_middle_;  ///< per layer, from slices nearer than near
+  std::vector<double> far_node_, far_middle_;    ///< F, per slice
+  std::vector<float> near_fine_;                 ///< per layer and sample, while sampled()
+  bool sampled_ = false;
+  float fade_[samples];  ///< of far light, from a layer's upper end to its samples
+};
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,136 @@
+#include "correct/inhibited_judge.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <limits>
+
+#include "slicecorr/predict.hpp"
+
+namespace slicecorr::detail {
+
+ColumnJudge::Score ColumnJudge::score(double most_um) {
+  const InhibitedTuning& t = plan_.tuning;
+  Score s;
+  dips_.clear();
+  for (const ColumnDesign::Edge& edge : design_.edges) {
+    const double um = edge_error_um(edge);
+    if (um > t.tolerance_um) s.perfect = false;
+    s.um += std::min(um, t.most_edge_layers * plan_.layer_um);
+  }
+  // Grey layers are neither right nor wrong.
+  const int end = std::min(plan_.layers + plan_.reach, plan_.all_layers);
+  for (int n = 0; n < end; ++n) {
+    const int c = design_.coverage(n);
+    if (c != 0 && c != 255) continue;
+    if ((doses_.middle(n) >= 1.0) == (c == 255)) continue;
+    s.perfect = false;
+    s.um += (c == 255 ? t.lost_voxel_layers : t.grown_voxel_layers) * plan_.layer_um;
+  }
+  // Looking through features takes most of the time.
+  if (s.um >= most_um) {
+    s.um = std::numeric_limits<double>::infinity();
+    return s;
+  }
+  look_through();
+  for (const Dip& dip : dips_) {
+    const double depth = t.split_depth_layers * (1.0 - dip.least);
+    s.um += (t.split_layers + std::min(t.most_split_depth_layers, depth)) * plan_.layer_um;
+  }
+  return s;
+}
+
+/// Distance of the printed edge from the designed one, um, by straight lines between nodes and
+/// middles. Infinite when there is none within the distance at which errors stop to count.
+double ColumnJudge::edge_error_um(const ColumnDesign::Edge& edge) const {
+  // In half layers: 2k is node k, 2k + 1 the middle of layer k.
+  const int end = 2 * plan_.all_layers;
+  const auto dose = [&](int h) {
+    if (h % 2) return doses_.middle(h / 2);
+    return h / 2 < plan_.all_layers ? doses_.node(h / 2) : 0.0;
+  };
+  const int start = 2 * edge.node;
+  double value = dose(start);
+  const bool printed = value >= 1.0;
+  // Printed at the edge: follow it into the gap; else look for print inside the feature.
+  const int step = printed == edge.upper ? -1 : 1;
+  for (int h = start + step; h >= 0 && h <= end; h += step) {
+    const int passed = std::abs(h - step - start);
+    if (passed > 2 * plan_.tuning.most_edge_layers) break;
+    const double next = dose(h);
+    if ((next >= 1.0) != printed) {
+      const double t = (1.0 - value) / (next - value);
+      return (passed + t) * 0.5 * plan_.layer_um;
+    }
+    // The gap, or the feature, ends here.
+    const int layer = (h + (step > 0 ? 0 : -1)) / 2;
+    if (h % 2 == 0 && layer >= 0 && layer < plan_.layers) {
+      if ((design_.coverage(layer) != 0) == printed) break;
+    }
+    value = next;
+  }
+  return std::numeric_limits<double>::infinity();
+}
+
+/// Finds the dips of all features; see Prediction::split_features.
+void ColumnJudge::look_through() {
+  dips_.clear();
+  for (int n = plan_.layers; n-- > 0;) {
+    if (design_.full(n)) look_through_feature(n);
+  }
+}
+
+/// Finds the dips of the full layers from `layer` up to the next that is not full, and leaves that
+/// one in `layer`.
+void ColumnJudge::look_through_feature(int& layer) {
+  bool any = false, printed = false;
+  Dip dip{layer, 1.0};
+  const auto turn = [&](bool prints) {
+    if (prints == printed) return;
+    printed = prints;
+    if (!prints) return;
+    if (any && dip.least < 1.0 - Prediction::same_dose) dips_.push_back(dip);
+    any = true;
+    dip.least = 1.0;
+  };
+  for (; design_.full(layer); --layer) {
+    look_inside(layer);
+    // From the layer's lower end up: each crossing turns print on or off.
+    bool prints = (doses_.node(layer) >= 1.0) == (inside_.crossings.size() % 2 == 0);
+    turn(prints);
+    for (std::size_t i = 0; i <= inside_.crossings.size(); ++i) {
+      if (inside_.least < dip.least && (i == 0 || !printed)) dip = {layer, inside_.least};
+      if (i == inside_.crossings.size()) break;
+      prints = !prints;
+      turn(prints);
+    }
+  }
+}
+
+/// Finds the least dose inside layer k of a feature, and where it crosses 1.
+void ColumnJudge::look_inside(int k) {
+  const double above = doses_.node(k), half = doses_.middle(k), below = doses_.node(k + 1);
+  const InhibitedKernel& kernel = *plan_.kernel;
+  const bool steps = kernel.layer_by_layer();
+  inside_.crossings.clear();
+  inside_.least = std::min({below, half, above});
+  if (!steps && SmoothBounds(below, half, above).low >= 1.0) return;
+  const int end = std::min(k + plan_.near, plan_.all_layers);
+  const double beyond = (plan_.dark_far[static_cast<std::size_t>(k)] + doses_.far(k)) / kernel.a();
+  // Near slices that all show one level: the layer's least dose is known from the level alone.
+  const int level = doses_.level(k);
+  bool same = plan_.uniform && inside_.least >= 1.0 && end == k + plan_.near;
+  for (int n = k + 1; n < end && same; ++n) same = doses_.level(n) == level;
+  if (same && layer_.steady_above(0, level, 1.0, beyond, 0.0)) return;
+  layer_.begin(beyond);
+  for (int n = k; n < end; ++n) {
+    layer_.add(n - k, plan_.setting_of(n), doses_.level(n), plan_.ratio_of(n));
+  }
+  // Its own slice adds nothing at the window, unless it cures there.
+  const double own =
+      steps ? plan_.ratio_of(k) * kernel.exact(plan_.setting_of(k), level, 0.0) : 0.0;
+  layer_.sample(below + own, half, above);
+  layer_.find(0.0, inside_);
+}
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,48 @@
+/// How far a column under inhibiting UV light is from its design.
+#pragma once
+
+#include <vector>
+
+#include "correct/inhibited_design.hpp"
+#include "correct/inhibited_doses.hpp"
+#include "cure/inhibited_layer.hpp"
+#include "slicecorr/dose.hpp"
+
+namespace slicecorr::detail {
+
+/// For one thread.
+class ColumnJudge {
+ public:
+  ColumnJudge(const InhibitedPlan& plan, const ColumnDesign& design, const ColumnDoses& doses)
+      : plan_(plan), design_(design), doses_(doses), layer_(*plan.kernel) {}
+
+  struct Score {
+    double um = 0;        ///< the sum of what is wrong, see InhibitedTuning
+    bool perfect = true;  ///< all edges and voxels are right
+  };
+  /// Of the levels as they are; infinite when it is not below `most_um`, and then dips() is of no
+  /// use.
+  Score score(double most_um);
+  /// Where a feature comes apart: the layer in which its dose is least between two printed pieces.
+  struct Dip {
+    int layer;
+    double least;
+  };
+  /// Of the last score().
+  const std::vector<Dip>& dips() const { return dips_; }
+
+ private:
+  double edge_error_um(const ColumnDesign::Edge& edge) const;
+  void look_through();
+  void look_through_feature(int& layer);
+  void look_inside(int k);
+
+  const InhibitedPlan& plan_;
+  const ColumnDesign& design_;
+  const ColumnDoses& doses_;
+  InhibitedLayer layer_;
+  InsideLayer inside_;
+  std::vector<Dip> dips_;
+};
+
+}  // namespace slicecorr::detail

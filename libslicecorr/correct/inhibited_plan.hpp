@@ -1,0 +1,91 @@
+/// What all columns of a stack share in the correction under inhibiting UV light.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <memory>
+#include <vector>
+
+#include "correct/inhibited_tuning.hpp"
+#include "slicecorr/cure.hpp"
+#include "slicecorr/inhibited.hpp"
+
+namespace slicecorr::detail {
+
+/// Light that black does not give: entries of the kernel's tables less those of level 0, per UV
+/// setting, with running sums over the distance.
+class ExtraLight {
+ public:
+  ExtraLight(const InhibitedKernel& kernel, InhibitedKernel::LayerPosition place);
+  /// What a slice of level l adds j layers above its own.
+  double one(int setting, int l, int j) const;
+  const double* row(int setting, int j) const {
+    return tables_[static_cast<std::size_t>(setting)].data() + j * levels_;
+  }
+  /// Sum of one(l, i) over i < j.
+  double sum(int setting, int l, int j) const;
+  /// Sum of one(l, i) over first <= i < end.
+  double sum(int setting, int l, int first, int end) const {
+    const double all = sum(setting, l, end);
+    return first > 0 ? all - sum(setting, l, first) : all;
+  }
+  /// The distance at which a slice of level l acts most, in slices.
+  int peak(int setting, int l) const;
+
+ private:
+  int near_, levels_;
+  double a_;
+  std::vector<std::vector<double>> tables_, sums_;
+};
+
+/// Slices of a lag that is a share of the kernel's peak.
+inline int lag_of(const InhibitedTuning::Share& share, int peak) {
+  return std::max(share.times * peak / share.over, 1);
+}
+
+/// Immutable once made; may be shared between threads. Doses are relative: 1 gels the resin.
+struct InhibitedPlan {
+  InhibitedPlan(const CureModel& model, bool merge_one_slice_gaps, int layers, int all_layers,
+                const InhibitedTuning& tuning = {});
+
+  /// Slices to show for a target whose last lit layer is `last_lit`: the end of a feature that is
+  /// promised its dose late gets it from slices further away.
+  int slices_for(int target_layers, int last_lit) const;
+
+  int setting_of(int slice) const { return uniform ? 0 : kernel->setting_of_slice(slice); }
+  /// Exposure of a slice over the normal one.
+  double ratio_of(int slice) const {
+    return ratio.empty() ? 1.0 : ratio[static_cast<std::size_t>(slice)];
+  }
+  /// Highest level in use in a slice.
+  int cap_of(int slice) const { return caps[static_cast<std::size_t>(setting_of(slice))]; }
+
+  InhibitedTuning tuning;
+  std::shared_ptr<const InhibitedKernel> kernel;
+  ExtraLight node_light, middle_light;
+  std::vector<double> ratio;  ///< per slice; empty: all 1
+  int near, levels, layers, all_layers;
+  std::vector<int> caps;  ///< highest level in use, per setting
+  int steady = 0;         ///< lowest level whose steady dose is at least 1, strongest UV setting
+  double inside = 1;      ///< dose that nodes inside features demand
+  int holding = 0;        ///< lowest level whose steady dose is `inside`
+  int reach = 0;          ///< slices of full light that lift the dose from 0 to 1
+  double layer_um = 0;
+  bool merge_one_slice_gaps = false;
+  bool uniform = true;                         ///< one UV setting and one exposure for all slices
+  std::vector<int> lags;                       ///< slices; to be tried in this order
+  std::vector<double> dark_node, dark_middle;  ///< dose that black slices alone leave, per layer
+  std::vector<double> dark_far;  ///< the part of dark_node from slices `near` and more layers away
+  /// Dose of black slices at InhibitedKernel::samples places of each layer; layer by layer only.
+  std::vector<float> dark_fine;
+
+ private:
+  void find_levels();
+  double ripple() const;
+  void find_lags();
+  void sum_dark(const CureModel& model);
+  std::vector<double> dark_at(const CureModel& model, InhibitedKernel::LayerPosition place);
+  void sample_dark(const CureModel& model);
+};
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,39 @@
+/// Descent on what is wrong in a column under inhibiting UV light, for the columns that the rule
+/// leaves with wrong voxels: features and gaps thinner than the light can draw.
+#pragma once
+
+#include "correct/inhibited_design.hpp"
+#include "correct/inhibited_doses.hpp"
+
+namespace slicecorr::detail {
+
+/// Minimises the sum of weighted squares of what is wrong (InhibitedTuning has the weights and the
+/// doses aimed at) by changing the levels of one or two slices at a time. For one thread.
+class ColumnPolish {
+ public:
+  ColumnPolish(const InhibitedPlan& plan, const ColumnDesign& design, ColumnDoses& doses)
+      : plan_(plan), design_(design), doses_(doses) {}
+
+  /// Changes the levels in the doses. `dip_weight`: what dips inside layers weigh, where the doses
+  /// are sampled.
+  void descend(double dip_weight);
+
+ private:
+  /// Levels of a slice and of the one before it that cost the least of those tried.
+  struct Best {
+    double cost;
+    int level;
+    int previous = -1;  ///< -1: as it is
+  };
+  bool improve(int n);
+  void try_level(int n, int level, Best& best);
+  void try_pair(int n, int level, int previous, Best& best);
+  double cost_around(int n) const;
+
+  const InhibitedPlan& plan_;
+  const ColumnDesign& design_;
+  ColumnDoses& doses_;
+  double dip_weight_ = 0;
+};
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,52 @@
+/// How the levels of a column are chosen under inhibiting UV light: slice by slice, from the last
+/// one on, for several nodes together. inhibited_column.hpp tells the rule and why.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "correct/inhibited_design.hpp"
+#include "correct/inhibited_doses.hpp"
+
+namespace slicecorr::detail {
+
+/// For one thread.
+class LevelRule {
+ public:
+  LevelRule(const InhibitedPlan& plan, const ColumnDesign& design, ColumnDoses& doses)
+      : plan_(plan), design_(design), doses_(doses) {}
+
+  /// Chooses all levels; features know nothing of the light of those nearer to the platform.
+  void choose() { choose_all(false); }
+  /// Chooses all levels again: light that features nearer to the platform will give is expected as
+  /// it was chosen before. Returns whether any node gets such light.
+  bool choose_again() {
+    before_ = doses_.levels();
+    return choose_all(true);
+  }
+
+ private:
+  using Feature = ColumnDesign::Feature;
+  /// What slice n asks for: its level, and whether it lies deep inside a feature.
+  struct Slice {
+    int level = 0;
+    bool deep = false;
+    int deep_until = 0;  ///< no edge comes near before this slice
+  };
+  bool choose_all(bool again);
+  Slice level_of(int n, int first_feature, bool again);
+  int level_for_node(int n, int k, int from, int lag, double need, int level) const;
+  double expected(int n, int k, int from) const;
+  double promised(int n, int level, int k, int from) const;
+  int least_level(int n, int k, double need, int from) const;
+  double can_still_come(int n, int k, int from, int lag) const;
+
+  const InhibitedPlan& plan_;
+  const ColumnDesign& design_;
+  ColumnDoses& doses_;
+  std::vector<std::uint8_t> before_;  ///< levels that choose_again() expects
+  bool other_light_ = false;          ///< a node gets light of a feature nearer to the platform
+};
+
+}  // namespace slicecorr::detail

@@ -14,6 +14,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/slice.hpp"
+#include "slicecorr/load_printer.hpp"
 
 namespace slicecorr {
 namespace {

@@ -16,13 +16,14 @@
 #include "run_program.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/pipeline.hpp"
-#include "slicecorr/places.hpp"
+#include "slicecorr/place_models.hpp"
 #include "slicecorr/report.hpp"
 #include "slicecorr/setup.hpp"
 #include "slicecorr/simulate.hpp"
 #include "slicecorr/solid.hpp"
 #include "slicecorr/units.hpp"
 #include "slicecorr/volume.hpp"
+#include "slicecorr/load_printer.hpp"
 #include "stack_fixture.hpp"
 
 namespace slicecorr::test {

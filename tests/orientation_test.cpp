@@ -16,7 +16,7 @@
 #include "models.hpp"
 #include "run_program.hpp"
 #include "slicecorr/error.hpp"
-#include "slicecorr/places.hpp"
+#include "slicecorr/place_models.hpp"
 #include "slicecorr/solid.hpp"
 #include "slicecorr/turned.hpp"
 

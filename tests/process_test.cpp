@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/load_printer.hpp"
 
 namespace slicecorr {
 namespace {

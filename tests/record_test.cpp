@@ -17,6 +17,7 @@
 #include "slicecorr/kinetics.hpp"
 #include "slicecorr/resins/database.hpp"
 #include "slicecorr/stack.hpp"
+#include "slicecorr/load_printer.hpp"
 
 namespace slicecorr::resins {
 namespace {

@@ -10,6 +10,7 @@
 #include "models.hpp"
 #include "run_program.hpp"
 #include "slicecorr/pipeline.hpp"
+#include "slicecorr/recording_writer.hpp"
 #include "stack_fixture.hpp"
 
 namespace slicecorr {

@@ -5,7 +5,7 @@
 
 #include "slicecorr/correct.hpp"
 #include "slicecorr/inhibited.hpp"
-#include "slicecorr/places.hpp"
+#include "slicecorr/place_models.hpp"
 #include "slicecorr/target.hpp"
 
 namespace slicecorr::farm::detail {

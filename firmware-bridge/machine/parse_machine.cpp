@@ -7,6 +7,7 @@
 
 #include "machine/parse_map.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/load_printer.hpp"
 
 namespace slicecorr::bridge {
 

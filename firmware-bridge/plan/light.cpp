@@ -9,7 +9,7 @@
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/inhibited.hpp"
-#include "slicecorr/places.hpp"
+#include "slicecorr/place_models.hpp"
 
 namespace slicecorr::bridge {
 namespace {

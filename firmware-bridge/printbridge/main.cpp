@@ -17,6 +17,7 @@
 #include "slicecorr/bridge/view.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/kinetics.hpp"
+#include "slicecorr/load_printer.hpp"
 #include "view_commands.hpp"
 
 namespace slicecorr::bridge {

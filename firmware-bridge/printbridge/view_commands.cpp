@@ -16,6 +16,7 @@
 #include "slicecorr/bridge/serve.hpp"
 #include "slicecorr/bridge/view.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/load_printer.hpp"
 #include "support/http/guard.hpp"
 #include "support/terminal/terminal.hpp"
 #include "support/text/display_text.hpp"

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/recording_writer.hpp"
 
 namespace slicecorr::bridge {
 

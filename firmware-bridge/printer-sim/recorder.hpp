@@ -10,6 +10,7 @@
 #include "sim/timed_model.hpp"
 #include "slicecorr/recording.hpp"
 #include "slicecorr/stack.hpp"
+#include "slicecorr/recording_writer.hpp"
 
 namespace slicecorr::bridge {
 

@@ -13,7 +13,7 @@
 #include "slicecorr/dead_zone.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/inhibited.hpp"
-#include "slicecorr/places.hpp"
+#include "slicecorr/place_models.hpp"
 #include "slicecorr/version.hpp"
 
 namespace slicecorr::c_api {

@@ -2,7 +2,7 @@
 #include <cmath>
 
 #include "slicecorr/inhibited.hpp"
-#include "slicecorr/places.hpp"
+#include "slicecorr/place_models.hpp"
 
 namespace slicecorr {
 

@@ -1,4 +1,4 @@
-// Private to the mesh room: what the readers of the single formats share.
+// Private to the module mesh: what the readers of the single formats share.
 #pragma once
 
 #include <array>

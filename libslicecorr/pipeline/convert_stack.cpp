@@ -7,7 +7,7 @@
 #include "pipeline/uv_images.hpp"
 #include "slicecorr/inhibited.hpp"
 #include "slicecorr/pipeline.hpp"
-#include "slicecorr/places.hpp"
+#include "slicecorr/place_models.hpp"
 #include "stack/flat_field_entry.hpp"
 
 namespace slicecorr {

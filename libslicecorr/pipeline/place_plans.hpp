@@ -10,7 +10,7 @@
 #include "base/coded_band.hpp"
 #include "cure/shown_slices.hpp"
 #include "slicecorr/pipeline.hpp"
-#include "slicecorr/places.hpp"
+#include "slicecorr/place_models.hpp"
 
 namespace slicecorr::detail {
 

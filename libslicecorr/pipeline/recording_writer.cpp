@@ -11,10 +11,11 @@
 #include "base/run_length.hpp"
 #include "pipeline/uv_images.hpp"
 #include "slicecorr/error.hpp"
-#include "slicecorr/places.hpp"
+#include "slicecorr/place_models.hpp"
 #include "slicecorr/recording.hpp"
 #include "slicecorr/stack.hpp"
 #include "slicecorr/version.hpp"
+#include "slicecorr/recording_writer.hpp"
 
 namespace slicecorr {
 

@@ -1,7 +1,7 @@
 #include "base/coded_band.hpp"
 #include "pipeline/bands.hpp"
 #include "pipeline/volume_reducer.hpp"
-#include "slicecorr/places.hpp"
+#include "slicecorr/place_models.hpp"
 #include "slicecorr/recording.hpp"
 #include "slicecorr/volume.hpp"
 

@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/load_printer.hpp"
 
 namespace slicecorr {
 

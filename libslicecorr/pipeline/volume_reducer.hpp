@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "slicecorr/places.hpp"
+#include "slicecorr/place_models.hpp"
 #include "slicecorr/predict.hpp"
 #include "slicecorr/volume.hpp"
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "slicecorr/error.hpp"
-#include "slicecorr/places.hpp"
+#include "slicecorr/light_map.hpp"
 
 namespace slicecorr {
 

@@ -11,7 +11,7 @@
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/inhibited.hpp"
-#include "slicecorr/places.hpp"
+#include "slicecorr/place_models.hpp"
 #include "slicecorr/recording.hpp"
 #include "slicecorr/simulate.hpp"
 #include "slicecorr/units.hpp"

@@ -5,7 +5,7 @@
 
 #include "slicecorr/dose.hpp"
 #include "slicecorr/error.hpp"
-#include "slicecorr/places.hpp"
+#include "slicecorr/place_models.hpp"
 #include "slicecorr/recording.hpp"
 #include "slicecorr/simulate.hpp"
 

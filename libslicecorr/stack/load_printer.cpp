@@ -1,4 +1,4 @@
-// Printer files with the picture of their flat-field; here because the room of images is this one.
+// Printer files with the picture of their flat-field; here because images are read in this module.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -9,6 +9,7 @@
 #include "support/toml/toml_table.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
+#include "slicecorr/load_printer.hpp"
 
 namespace slicecorr {
 

@@ -14,6 +14,7 @@
 #include "slicecorr/resins/database.hpp"
 #include "slicecorr/resins/exchange.hpp"
 #include "slicecorr/resins/plots.hpp"
+#include "slicecorr/load_printer.hpp"
 
 namespace slicecorr::resinctl {
 

@@ -7,6 +7,7 @@
 #include "commands.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/design.hpp"
+#include "slicecorr/load_printer.hpp"
 
 namespace slicecorr::resinctl {
 

@@ -8,6 +8,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/database.hpp"
 #include "slicecorr/resins/exchange.hpp"
+#include "slicecorr/load_printer.hpp"
 
 namespace slicecorr::resinctl {
 

@@ -9,6 +9,7 @@
 #include <filesystem>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/load_printer.hpp"
 #include "support/text/nearest.hpp"
 #include "support/toml/toml_table.hpp"
 

@@ -6,6 +6,7 @@
 #include <cstdlib>
 
 #include "post/profiles.hpp"
+#include "slicecorr/load_printer.hpp"
 
 namespace slicecorr::post {
 

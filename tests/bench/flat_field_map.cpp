@@ -10,9 +10,10 @@
 
 #include "models.hpp"
 #include "slicecorr/error.hpp"
-#include "slicecorr/places.hpp"
+#include "slicecorr/place_models.hpp"
 #include "slicecorr/predict.hpp"
 #include "slicecorr/report.hpp"
+#include "slicecorr/load_printer.hpp"
 
 namespace {
 

@@ -22,6 +22,7 @@
 #include "slicecorr/mesh.hpp"
 #include "slicecorr/predict.hpp"
 #include "slicecorr/slice.hpp"
+#include "slicecorr/load_printer.hpp"
 
 namespace {
 

@@ -107,7 +107,7 @@ struct PlaceLight {
 Printer dimmed(const Printer& printer, double factor);
 
 /// The model of a process. `layer_um` is the slice height. Does not ask whether the process is
-/// feasible, nor for the printer's flat-field: `light` says what the place gets (places.hpp).
+/// feasible, nor for the printer's flat-field: `light` says what the place gets (place_models.hpp).
 CureModel make_cure_model(const Printer& printer, const Resin& resin, const Process& process,
                           double layer_um, const PlaceLight& light = {});
 

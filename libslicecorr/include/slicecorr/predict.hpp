@@ -12,7 +12,7 @@
 /// exposure splits a run at a node where its light is too weak, layer by layer exposure in front of
 /// a node, UV light anywhere in a layer. Unprinted stretches at a run's two edges split nothing:
 /// they are height errors; nor is a lost run split. Nor do stretches split whose least dose is 1 to
-/// `Prediction::same_dose`.
+/// `same_dose`.
 ///
 /// Layer by layer the dose jumps at nodes. An edge is judged by the dose on its gap side: printed
 /// there, the print reaches into the gap up to the end of the stretch that touches the edge. What
@@ -112,10 +112,6 @@ std::optional<LayerwiseFigures> layerwise_figures(const CureModel& model);
 
 /// The figures of a prediction.
 struct Prediction {
-  /// Doses nearer than this to 1 are 1 where a run might be split: what doses under UV light are
-  /// right to (InhibitedKernel::tail_share). Rounding, below 1e-9 of the dose, is less.
-  static constexpr double same_dose = 1e-6;
-
   int layers = 0;  ///< slices shown
   double layer_um = 0;
   double pixel_x_um = 0, pixel_y_um = 0;

@@ -224,10 +224,8 @@ std::optional<std::string> kind_of_definition(const std::string& path);
 /// in `definition_folders`.
 std::string find_definition(const std::string& name, std::string_view kind);
 
-Printer load_printer(const std::string& name_or_path);
-/// From the text of a printer file. Other files that it names lie beside `source`.
-Printer complete_printer(std::string_view text, const std::string& source);
-/// The same without the picture of the flat-field, of which only the keys are checked.
+/// A printer from the text of its file, without the picture of the flat-field, of which only the
+/// keys are checked; load_printer.hpp reads that, too.
 Printer parse_printer(std::string_view text, const std::string& source);
 
 /// How evenly a printer's display shines, in words: "80 to 100 % of the calibration"; empty when
@@ -240,11 +238,6 @@ std::string light_in_words(const Printer& printer);
 /// is off by more than 2 %, or when it has more pixels than the display and than a camera (1e8).
 /// Looks at sizes alone.
 void check_flat_field(const FlatField& field, const Printer& printer, const std::string& path);
-/// Reads the picture of a flat-field: a PNG, colour is averaged. Throws `InputError` when it is
-/// none, black, or does not fit the display.
-FlatField load_flat_field(const std::string& path, const Printer& printer, bool of_plate,
-                          std::optional<int> reference);
-
 /// Changes to a resin from the command line.
 struct ResinOverrides {
   std::optional<double> dc_mj_cm3;    ///< dose to aim at; only for m = 1

@@ -74,34 +74,4 @@ void check_recording(const Recording& recording, int images, const std::string& 
 /// are none.
 void refuse_recording(const SliceSource& source);
 
-/// Takes the images of a print as they appear and writes the recorded stack at the end. Memory is
-/// bounded: images are kept compressed, beyond 64 MiB in an unnamed scratch file beside `path`. For
-/// one thread at a time.
-class RecordingWriter {
- public:
-  /// `print`: what the corrected stack that is printed says of itself, with printer, resin and
-  /// process. `path` ends in ".uvj". Throws `InputError` when it does not, its folder is not there,
-  /// or `print` says less.
-  RecordingWriter(const std::string& path, const StackInfo& print,
-                  const ExecutionContext& context = {});
-  ~RecordingWriter();
-  RecordingWriter(const RecordingWriter&) = delete;
-  RecordingWriter& operator=(const RecordingWriter&) = delete;
-
-  /// The next image, as large as the stack's; `uv`: that of a patterned UV lamp, null: none. Gives
-  /// its index, from 0.
-  int add_image(const std::uint8_t* blue, const std::uint8_t* uv = nullptr);
-  int images() const;
-
-  /// Writes the archive: complete or not at all. Its `other_uv_images` are filled in here. Goes on
-  /// where `context` is cancelled: a print that was stopped has a record, too. A recording without
-  /// images gets a black one, since an archive must have one. Throws as `check_recording`, and
-  /// `DeviceError`.
-  void finish(Recording shown);
-
- private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
-};
-
 }  // namespace slicecorr

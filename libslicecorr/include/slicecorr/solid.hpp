@@ -19,7 +19,7 @@
 #include "slicecorr/cure.hpp"
 #include "slicecorr/mesh.hpp"
 #include "slicecorr/parallel.hpp"
-#include "slicecorr/places.hpp"
+#include "slicecorr/place_models.hpp"
 #include "slicecorr/predict.hpp"
 #include "slicecorr/process.hpp"
 #include "slicecorr/target.hpp"

@@ -16,6 +16,7 @@
 #include "slicecorr/solid.hpp"
 #include "slicecorr/turned.hpp"
 #include "slicecorr/version.hpp"
+#include "slicecorr/load_printer.hpp"
 
 namespace slicecorr::cli {
 namespace {

@@ -1,0 +1,90 @@
+/// @file place_models.hpp
+/// Cure models and doses by place, where a display's light is uneven (light_map.hpp).
+///
+/// All columns of one value of light have one cure model: that of a printer whose intensities are
+/// value / reference of the calibration. Models are immutable and thread-safe once made.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <span>
+#include <vector>
+
+#include "slicecorr/cure.hpp"
+#include "slicecorr/dose.hpp"
+#include "slicecorr/light_map.hpp"
+
+namespace slicecorr {
+
+/// The cure models of a process by value of light. Made when asked for. Under UV light models have
+/// large tables: where those of all values together would take more than 256 MiB, neighbouring
+/// values share one (`LightMap::coarsen`).
+class PlaceModels {
+ public:
+  /// Throws as `LightMap`; making models throws as `make_cure_model`.
+  PlaceModels(const Printer& printer, const Resin& resin, const Process& process,
+              const Grid& images, const ImageFrame& frame);
+  /// One model everywhere.
+  PlaceModels(const CureModel& everywhere);
+  ~PlaceModels();
+
+  const LightMap& map() const { return map_; }
+  bool even() const { return map_.even(); }
+  const CureModel& model(std::uint8_t value) const;
+  const PixelCurve& curve(std::uint8_t value) const;
+  /// Of the pixel.
+  const CureModel& model_at(int x, int y) const { return model(map_.value(x, y)); }
+  /// At the brightest place: what black light and level steps do at most. Without a flat-field the
+  /// only one.
+  const CureModel& brightest() const { return model(map_.greatest()); }
+  /// The printer as a place of this value sees it: its calibration times the factor.
+  Printer printer_at(std::uint8_t value) const;
+
+ private:
+  struct Made;
+  Printer printer_;  ///< without its flat-field
+  Resin resin_;
+  Process process_;
+  double layer_um_;
+  LightMap map_;
+  mutable std::array<std::mutex, 256> making_;
+  mutable std::array<std::unique_ptr<Made>, 256> made_;
+};
+
+/// `BandDose` of all columns of a box of pixels, each with the model of its place. Slices from the
+/// last to the first; for one thread at a time.
+class PlaceDose {
+ public:
+  /// `models` must outlive this.
+  PlaceDose(const PlaceModels& models, const PixelBox& box);
+  /// Of single pixels.
+  PlaceDose(const PlaceModels& models, const std::vector<Pixel>& pixels);
+  void add_slice(int slice, const std::uint8_t* pixels);
+  /// As `BandDose`.
+  void add_slice(int slice, std::span<const ImageShowing> parts);
+  const double* lower() const {
+    return groups_.size() == 1 ? groups_[0].dose.lower() : lower_.data();
+  }
+  const double* middle() const {
+    return groups_.size() == 1 ? groups_[0].dose.middle() : middle_.data();
+  }
+  const double* upper() const {
+    return groups_.size() == 1 ? groups_[0].dose.upper() : upper_.data();
+  }
+
+ private:
+  struct Group {
+    BandDose dose;
+    std::vector<std::uint32_t> columns;
+  };
+  PlaceDose(const PlaceModels& models, std::vector<LightGroup> groups, std::size_t columns);
+  std::vector<Group> groups_;
+  void scatter(const Group& group);
+  std::vector<std::uint8_t> gathered_;
+  std::vector<double> lower_, middle_, upper_;
+};
+
+}  // namespace slicecorr

@@ -9,13 +9,12 @@
 #include <charconv>
 #include <nlohmann/json.hpp>
 
-#include "support/http/guarded_server.hpp"
-#include "report/page_parts.hpp"
-#include "support/page/page_style.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/metrics.hpp"
 #include "slicecorr/farm/morning.hpp"
 #include "slicecorr/farm/status.hpp"
+#include "support/http/guarded_server.hpp"
+#include "support/page/page_style.hpp"
 #include "watch/page_text.hpp"
 
 namespace slicecorr::farm::detail {

@@ -107,7 +107,7 @@ TEST(Docs, CommandsOfTheReadmeRun) {
 
 TEST(Docs, LinksLeadSomewhere) {
   std::vector<fs::path> documents = {kSource / "README.md", kSource / "CHANGELOG.md"};
-  for (const auto& entry : fs::directory_iterator(kSource / "docs")) {
+  for (const auto& entry : fs::recursive_directory_iterator(kSource / "docs")) {
     if (entry.path().extension() == ".md") documents.push_back(entry.path());
   }
   ASSERT_GE(documents.size(), 5U);

@@ -4,6 +4,7 @@
 
 #include "base/run_length.hpp"
 #include "file_size_limit.hpp"
+#include "stack/blob_store.hpp"
 #include "stack_fixture.hpp"
 
 namespace slicecorr {

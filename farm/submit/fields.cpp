@@ -9,8 +9,9 @@
 #include <limits>
 #include <string_view>
 
-#include "support/text/nearest.hpp"
 #include "programs/common/program.hpp"
+#include "support/text/ascii.hpp"
+#include "support/text/nearest.hpp"
 
 namespace slicecorr::farm::detail {
 
@@ -237,17 +238,8 @@ void make_paths_absolute(JobRequest& r, const std::string& folder) {
   }
 }
 
-namespace {
-std::string lower(std::string text) {
-  for (char& c : text) {
-    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-  }
-  return text;
-}
-}  // namespace
-
 bool is_mesh(const std::string& path) {
-  fs::path name = lower(fs::path(path).filename().string());
+  fs::path name = lower_case(fs::path(path).filename().string());
   if (name.extension() == ".gz") name = name.stem();
   const std::string ending = name.extension().string();
   return ending == ".stl" || ending == ".obj" || ending == ".ply" || ending == ".off" ||
@@ -256,10 +248,10 @@ bool is_mesh(const std::string& path) {
 
 std::string stem_of(const std::string& path) {
   fs::path name = fs::path(path).filename();
-  const std::string ending = lower(name.extension().string());
+  const std::string ending = lower_case(name.extension().string());
   name = name.stem();
   if (ending == ".gz") name = name.stem();
-  if (lower(name.extension().string()) == ".rgb") name = name.stem();
+  if (lower_case(name.extension().string()) == ".rgb") name = name.stem();
   return name.string();
 }
 

@@ -8,6 +8,7 @@
 
 #include "base/coded_band.hpp"
 #include "base/run_length.hpp"
+#include "stack/blob_store.hpp"
 
 namespace slicecorr::c_api {
 

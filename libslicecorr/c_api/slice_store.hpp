@@ -9,6 +9,7 @@
 #include <string>
 
 #include "slicecorr/stack.hpp"
+#include "stack/blob_store.hpp"
 
 namespace slicecorr::c_api {
 

@@ -34,7 +34,7 @@ void block_phi(const PixelCurve& curve, std::span<const ImageShowing> showings, 
 namespace {
 
 /// (A.32), (A.35).
-class ContinuousWalker final : public BandDose::Walker {
+class ContinuousWalker final : public detail::DoseWalker {
  public:
   ContinuousWalker(const CureModel& model, std::size_t columns)
       : model_(model), curve_(pixel_curve(model)), phi_(columns) {
@@ -140,7 +140,7 @@ void add(double* __restrict near, const double* __restrict far, const double* __
 }
 
 /// Appendix A.6: W(n) = (phi'_n + W(n + 1)) a.
-class LayerwiseWalker final : public BandDose::Walker {
+class LayerwiseWalker final : public detail::DoseWalker {
  public:
   LayerwiseWalker(const CureModel& model, std::size_t columns)
       : model_(model), curve_(pixel_curve(model)) {
@@ -170,7 +170,7 @@ class LayerwiseWalker final : public BandDose::Walker {
   PixelCurve curve_;
 };
 
-std::unique_ptr<BandDose::Walker> make_walker(const CureModel& model, std::size_t columns) {
+std::unique_ptr<detail::DoseWalker> make_walker(const CureModel& model, std::size_t columns) {
   if (model.inhibited) return detail::make_inhibited_walker(model, columns);
   if (model.mode == ExposureMode::layerwise) {
     return std::make_unique<LayerwiseWalker>(model, columns);
@@ -196,6 +196,12 @@ void BandDose::add_slice(int slice, std::span<const ImageShowing> showings) {
 const double* BandDose::lower() const { return walker_->lower.data(); }
 const double* BandDose::middle() const { return walker_->middle.data(); }
 const double* BandDose::upper() const { return walker_->upper.data(); }
+const std::uint8_t* BandDose::turning() const {
+  return walker_->turning.empty() ? nullptr : walker_->turning.data();
+}
+void BandDose::inside(std::size_t column, double known, InsideLayer& out) const {
+  walker_->inside(column, known, out);
+}
 
 ColumnDose column_dose(const CureModel& model, const std::vector<std::uint8_t>& pixels) {
   ColumnDose dose;

@@ -12,7 +12,7 @@ namespace {
 
 /// The sum over the nearest slices from the kernel's tables, with the rest recursed. Most pixels
 /// have shown one level for long: running sums of the tables stand for those slices.
-class InhibitedWalker final : public BandDose::Walker {
+class InhibitedWalker final : public DoseWalker {
  public:
   InhibitedWalker(const CureModel& model, std::size_t columns)
       : model_(model),
@@ -223,8 +223,7 @@ class InhibitedWalker final : public BandDose::Walker {
 
 }  // namespace
 
-std::unique_ptr<BandDose::Walker> make_inhibited_walker(const CureModel& model,
-                                                        std::size_t columns) {
+std::unique_ptr<DoseWalker> make_inhibited_walker(const CureModel& model, std::size_t columns) {
   return std::make_unique<InhibitedWalker>(model, columns);
 }
 

@@ -1,4 +1,4 @@
-/// The workings of doses under UV light, which have files of their own.
+/// What the files of this module share of the doses of a band.
 #pragma once
 
 #include <cstddef>
@@ -21,8 +21,18 @@ std::shared_ptr<const InhibitedKernel> make_inhibited_kernel(
 void block_phi(const PixelCurve& curve, std::span<const ImageShowing> showings, std::size_t first,
                std::size_t n, double* phi);
 
+/// How the doses of a band follow from its slices in one model, slices from the last to the first.
+class DoseWalker {
+ public:
+  virtual ~DoseWalker() = default;
+  virtual void add_slice(int slice, std::span<const ImageShowing> showings) = 0;
+  /// See BandDose::inside.
+  virtual void inside(std::size_t column, double known, InsideLayer& out) const = 0;
+  std::vector<double> lower, middle, upper;  ///< doses of the layer that was added last, per column
+  std::vector<std::uint8_t> turning;         ///< see BandDose::turning; empty: nowhere
+};
+
 /// Doses of a model with an inhibited kernel.
-std::unique_ptr<BandDose::Walker> make_inhibited_walker(const CureModel& model,
-                                                        std::size_t columns);
+std::unique_ptr<DoseWalker> make_inhibited_walker(const CureModel& model, std::size_t columns);
 
 }  // namespace slicecorr::detail

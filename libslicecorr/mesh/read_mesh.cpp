@@ -14,6 +14,7 @@
 #include "mesh/mesh_parts.hpp"
 #include "parallel/silent.hpp"
 #include "support/files/unpacked_limit.hpp"
+#include "support/text/ascii.hpp"
 
 namespace slicecorr {
 namespace detail {
@@ -94,13 +95,6 @@ FileBytes unpack_gzip(const std::string& path) {
   }
   bytes.resize(size);
   return bytes;
-}
-
-std::string lower_case(std::string text) {
-  for (char& c : text) {
-    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-  }
-  return text;
 }
 
 struct Format {

@@ -12,6 +12,7 @@
 
 #include "mesh/mesh_parts.hpp"
 #include "parallel/silent.hpp"
+#include "support/text/ascii.hpp"
 
 namespace slicecorr::detail {
 namespace {
@@ -19,12 +20,10 @@ namespace {
 constexpr std::size_t kHeader = 84, kRecord = 50;
 constexpr std::size_t kCornersPerChunk = 3 << 15;
 
-char lower(char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; }
-
 bool same_word(std::string_view word, std::string_view keyword) {
   if (word.size() != keyword.size()) return false;
   for (std::size_t i = 0; i < word.size(); ++i) {
-    if (lower(word[i]) != keyword[i]) return false;
+    if (lower_case(word[i]) != keyword[i]) return false;
   }
   return true;
 }

@@ -1,3 +1,5 @@
+#include "slicecorr/recording_writer.hpp"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -15,7 +17,7 @@
 #include "slicecorr/recording.hpp"
 #include "slicecorr/stack.hpp"
 #include "slicecorr/version.hpp"
-#include "slicecorr/recording_writer.hpp"
+#include "stack/blob_store.hpp"
 
 namespace slicecorr {
 

@@ -4,7 +4,7 @@
 #include <cstring>
 
 #include "base/kernels.hpp"
-#include "predict/tile_sums.hpp"
+#include "predict/band_state.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/predict.hpp"
 
@@ -16,8 +16,9 @@ using detail::LaneMask;
 
 static_assert(BandPredictor::kTileColumns == kLanes);
 
-void BandPredictor::add_tile(std::size_t first_column, std::size_t columns, int first_slice,
-                             int slices, const std::uint8_t* pixels, const std::uint8_t* coverage) {
+void BandPredictor::State::add_tile(std::size_t first_column, std::size_t columns, int first_slice,
+                                    int slices, const std::uint8_t* pixels,
+                                    const std::uint8_t* coverage) {
   if (dose_) throw Error("only plain models are predicted in tiles");
   while (slices > kTileSlices) {
     const auto skip = static_cast<std::size_t>(slices - kTileSlices) * kLanes;
@@ -26,8 +27,8 @@ void BandPredictor::add_tile(std::size_t first_column, std::size_t columns, int 
     slices -= kTileSlices;
   }
   if (slices <= 0) return;
-  if (!tile_sums_) tile_sums_ = std::make_unique<TileSums>();
-  TileSums& sums = *tile_sums_;
+  if (!tile_sums_) tile_sums_ = std::make_unique<detail::TileSums>();
+  detail::TileSums& sums = *tile_sums_;
 
   LaneMask gaps[kTileSlices], runs[kTileSlices];
   // Lanes whose light is another than in the slice before, slice k's at k.

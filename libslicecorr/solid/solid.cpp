@@ -14,6 +14,7 @@
 #include "slicecorr/stack.hpp"
 #include "solid/level_surface.hpp"
 #include "solid/mesh_file.hpp"
+#include "stack/blob_store.hpp"
 
 namespace slicecorr {
 

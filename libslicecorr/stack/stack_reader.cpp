@@ -9,6 +9,7 @@
 #include "base/run_length.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
+#include "stack/blob_store.hpp"
 #include "stack/block_check.hpp"
 #include "stack/flat_field_entry.hpp"
 #include "stack/formats/archive_format.hpp"

@@ -10,6 +10,7 @@
 #include "parallel/silent.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
+#include "stack/blob_store.hpp"
 #include "stack/block_check.hpp"
 #include "stack/flat_field_entry.hpp"
 #include "stack/formats/archive_format.hpp"

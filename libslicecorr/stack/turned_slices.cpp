@@ -5,6 +5,7 @@
 #include "base/run_length.hpp"
 #include "slicecorr/stack.hpp"
 #include "slicecorr/turned.hpp"
+#include "stack/blob_store.hpp"
 
 namespace slicecorr {
 

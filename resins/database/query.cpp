@@ -7,22 +7,18 @@
 #include <sstream>
 #include <string_view>
 
-#include "support/text/nearest.hpp"
 #include "database/schema.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/database.hpp"
+#include "support/text/ascii.hpp"
+#include "support/text/nearest.hpp"
 
 namespace slicecorr::resins {
 
 namespace {
 
-std::string lower(std::string text) {
-  for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return text;
-}
-
 bool holds(const std::string& text, const std::string& part) {
-  return lower(text).find(lower(part)) != std::string::npos;
+  return lower_case(text).find(lower_case(part)) != std::string::npos;
 }
 
 bool fits(const ResinRecord& r, const Query& q) {

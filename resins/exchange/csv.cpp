@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "slicecorr/error.hpp"
+#include "support/text/ascii.hpp"
 
 namespace slicecorr::resins {
 
@@ -31,26 +32,14 @@ std::vector<std::string> cells_of(std::string_view line) {
       cells.back() += c;
     }
   }
-  for (std::string& cell : cells) cell = trimmed(cell);
+  for (std::string& cell : cells) cell = std::string(trimmed(cell));
   return cells;
 }
 
 }  // namespace
 
-std::string trimmed(std::string_view text) {
-  const auto blank = [](char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\n'; };
-  while (!text.empty() && blank(text.front())) text.remove_prefix(1);
-  while (!text.empty() && blank(text.back())) text.remove_suffix(1);
-  return std::string(text);
-}
-
-std::string lower_case(std::string text) {
-  for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return text;
-}
-
 std::optional<double> number_in_text(std::string_view text) {
-  std::string t = trimmed(text);
+  std::string t(trimmed(text));
   if (!t.empty() && t[0] == '+') t.erase(0, 1);
   double value = 0;
   const auto [end, error] = std::from_chars(t.data(), t.data() + t.size(), value);
@@ -65,7 +54,7 @@ CsvTable::CsvTable(std::string_view text, std::string source, Header header)
   if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
   for (int number = 1; !text.empty(); ++number) {
     const std::size_t end = std::min(text.find('\n'), text.size());
-    const std::string line = trimmed(text.substr(0, end));
+    const std::string line(trimmed(text.substr(0, end)));
     text.remove_prefix(std::min(end + 1, text.size()));
     if (line.empty() || line[0] == '#') continue;
     Row row{number, cells_of(line)};

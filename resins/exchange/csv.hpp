@@ -42,7 +42,5 @@ class CsvTable {
 std::string csv_cell(const std::string& text);
 /// The whole text as a finite number; blanks around it don't count.
 std::optional<double> number_in_text(std::string_view text);
-std::string trimmed(std::string_view text);
-std::string lower_case(std::string text);
 
 }  // namespace slicecorr::resins

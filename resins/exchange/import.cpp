@@ -11,9 +11,10 @@
 #include "database/schema.hpp"
 #include "database/toml_edit.hpp"
 #include "exchange/csv.hpp"
-#include "support/toml/toml_table.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/units.hpp"
+#include "support/text/ascii.hpp"
+#include "support/toml/toml_table.hpp"
 
 namespace slicecorr::resins {
 
@@ -60,7 +61,7 @@ std::string format_of(const ImportSource& source) {
 
 std::string stable_name_of(const std::string& text) {
   std::string name;
-  for (const char c : lower_case(text)) {
+  for (const char c : lower_case(std::string_view(text))) {
     const bool plain = (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9');
     // A point stays inside a number or word only.
     const bool point = (c == '.' || c == '_') && !name.empty() && name.back() != '-';

@@ -9,6 +9,7 @@
 #include "exchange/csv.hpp"
 #include "exchange/import.hpp"
 #include "slicecorr/error.hpp"
+#include "support/text/ascii.hpp"
 
 namespace slicecorr::resins {
 
@@ -28,7 +29,7 @@ void each_line(const std::string& text, std::string_view comments, Take take) {
   int number = 1;
   for (std::size_t at = 0; at < text.size(); ++number) {
     const std::size_t end = std::min(text.find('\n', at), text.size());
-    std::string line = trimmed(std::string_view(text).substr(at, end - at));
+    std::string line(trimmed(std::string_view(text).substr(at, end - at)));
     if (number == 1 && line.starts_with("\xEF\xBB\xBF")) line.erase(0, 3);
     if (!line.empty() && comments.find(line[0]) == std::string_view::npos) take(number, line);
     at = end + 1;
@@ -55,7 +56,7 @@ std::map<std::string, Preset> materials_of(const std::string& text) {
     if (!in_material || equals == std::string::npos) return;
     Preset& preset = presets[section];
     if (preset.line == 0) preset.line = number;
-    preset.values[trimmed(line.substr(0, equals))] = trimmed(line.substr(equals + 1));
+    preset.values[std::string(trimmed(line.substr(0, equals)))] = trimmed(line.substr(equals + 1));
   });
   return presets;
 }
@@ -79,7 +80,7 @@ class Resolver {
     if (inherits != preset.values.end()) rest = inherits->second;
     while (!rest.empty()) {
       const std::size_t end = std::min(rest.find(';'), rest.size());
-      const std::string parent = trimmed(rest.substr(0, end));
+      const std::string parent(trimmed(rest.substr(0, end)));
       rest.remove_prefix(std::min(end + 1, rest.size()));
       if (parent.empty()) continue;
       if (!presets_.contains(parent)) {
@@ -152,7 +153,7 @@ std::vector<Imported> import_prusaslicer(const ImportSource& source, const Impor
     const bool has_height =
         full.size() <= most_characters && std::regex_match(full, parts, at_height);
     const std::string base = has_height ? parts[1].str() : full;
-    const std::string variant = has_height ? trimmed(parts[3].str()) : "";
+    const std::string variant(has_height ? trimmed(parts[3].str()) : "");
     const auto exposure = number_in_text(value_of(values, "exposure_time"));
     const auto [layer_um, said_by] = layer_of(values, has_height ? parts[2].str() : "");
     const std::string place = fmt::format("line {}: preset '{}'", preset.line, full);

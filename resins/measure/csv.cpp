@@ -8,6 +8,7 @@
 #include <cstring>
 
 #include "slicecorr/error.hpp"
+#include "support/text/ascii.hpp"
 
 namespace slicecorr::resins {
 
@@ -16,13 +17,6 @@ namespace {
 constexpr std::size_t chunk_bytes = std::size_t{1} << 18;
 // No row of measurements comes near; a file without line ends must not fill the memory.
 constexpr std::size_t longest_line = std::size_t{1} << 16;
-
-std::string_view trimmed(std::string_view text) {
-  const auto blank = [](char c) { return c == ' ' || c == '\t'; };
-  while (!text.empty() && blank(text.front())) text.remove_prefix(1);
-  while (!text.empty() && blank(text.back())) text.remove_suffix(1);
-  return text;
-}
 
 }  // namespace
 

@@ -11,6 +11,7 @@
 
 #include "measure/csv.hpp"
 #include "slicecorr/error.hpp"
+#include "support/text/ascii.hpp"
 
 namespace slicecorr::resins {
 
@@ -25,12 +26,6 @@ constexpr std::array<std::string_view, kColumns> column_names = {
 constexpr const char* expected_header =
     "a header row with intensity_mw_cm2,exposure_s,cured_height_um or dose_mj_cm2,cured_height_um "
     "or blue_mw_cm2,uv_mw_cm2,exposure_s,dead_zone_um";
-
-std::string lower_case(std::string_view text) {
-  std::string lower(text);
-  for (char& c : lower) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  return lower;
-}
 
 struct Number {
   double value = 0;

@@ -9,6 +9,7 @@
 #include "commands.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/plots.hpp"
+#include "support/text/ascii.hpp"
 
 namespace slicecorr::resinctl {
 
@@ -23,10 +24,7 @@ struct Arguments {
 };
 
 bool has_ending(const std::string& path, const std::string& ending) {
-  if (path.size() < ending.size()) return false;
-  return std::equal(ending.rbegin(), ending.rend(), path.rbegin(), [](char a, char b) {
-    return a == std::tolower(static_cast<unsigned char>(b));
-  });
+  return lower_case(path).ends_with(ending);
 }
 
 bool is_dead_zone(FitModel model) {

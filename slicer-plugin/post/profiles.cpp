@@ -6,9 +6,10 @@
 #include <set>
 #include <vector>
 
-#include "support/toml/toml_table.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/process.hpp"
+#include "support/text/ascii.hpp"
+#include "support/toml/toml_table.hpp"
 
 namespace slicecorr::post {
 
@@ -23,7 +24,7 @@ Words words_of(const std::string& text) {
   for (const char c : text + " ") {
     const auto byte = static_cast<unsigned char>(c);
     if (std::isalnum(byte) != 0 || byte >= 0x80) {
-      word += static_cast<char>(std::tolower(byte));
+      word += lower_case(c);
     } else if (!word.empty()) {
       words.insert(std::move(word));
       word.clear();

@@ -17,6 +17,7 @@
 
 #include "post/files.hpp"
 #include "support/files/errno_message.hpp"
+#include "support/text/ascii.hpp"
 #include "watch/commands.hpp"
 #include "watch/folders.hpp"
 #include "watch/workers.hpp"
@@ -160,10 +161,8 @@ class Watcher {
   }
 
   bool is_archive_name(const std::string& path) const {
-    std::string name = fs::path(path).filename().string();
+    const std::string name = lower_case(fs::path(path).filename().string());
     if (name.empty() || name.front() == '.') return false;
-    std::transform(name.begin(), name.end(), name.begin(),
-                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
     return std::any_of(endings_.begin(), endings_.end(), [&](const std::string& ending) {
       return name.size() > ending.size() && name.ends_with(ending);
     });

@@ -20,6 +20,10 @@
 
 namespace slicecorr {
 
+namespace detail {
+class DoseWalker;
+}  // namespace detail
+
 /// One of the images that were shown while the window passed a slice (recording.hpp).
 struct ImageShowing {
   const std::uint8_t* pixels = nullptr;  ///< 0..255, one per column
@@ -64,28 +68,14 @@ class BandDose {
   const double* upper() const;   ///< at its upper end
   /// Per column, not 0 where the dose may turn inside the layer; null: nowhere, it rises or falls
   /// all through.
-  const std::uint8_t* turning() const {
-    return walker_->turning.empty() ? nullptr : walker_->turning.data();
-  }
+  const std::uint8_t* turning() const;
   /// The layer of one column. Exact without UV light; with it edges are right to 0.01 um, and
   /// `least` to 1e-6. `known`: the least may be too great as long as it is not below this.
-  void inside(std::size_t column, double known, InsideLayer& out) const {
-    walker_->inside(column, known, out);
-  }
-
-  /// The workings of one model.
-  class Walker {
-   public:
-    virtual ~Walker() = default;
-    virtual void add_slice(int slice, std::span<const ImageShowing> showings) = 0;
-    virtual void inside(std::size_t column, double known, InsideLayer& out) const = 0;
-    std::vector<double> lower, middle, upper;
-    std::vector<std::uint8_t> turning;
-  };
+  void inside(std::size_t column, double known, InsideLayer& out) const;
 
  private:
   const CureModel& model_;
-  std::unique_ptr<Walker> walker_;
+  std::unique_ptr<detail::DoseWalker> walker_;
 };
 
 /// Doses along one column whose slices show `pixels`, first slice first.

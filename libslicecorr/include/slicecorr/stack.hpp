@@ -82,30 +82,6 @@ Process process_of_times(const StackInfo& info);
 /// recorded stack the time of full light that gives as much.
 double light_on_s(const StackInfo& info);
 
-/// Keeps compressed blobs of images between the steps that make and take them in different orders.
-/// Holds up to a budget in memory, the rest in an unnamed scratch file in `folder`, which vanishes
-/// with the process. Thread-safe. Throws `DeviceError`.
-class BlobStore {
- public:
-  struct Blob {
-    std::uint64_t offset = 0;
-    std::uint32_t size = 0;
-    std::uint32_t adler = 1;  ///< Adler-32 of the blob's raw bytes, where the maker sets it
-  };
-  BlobStore(std::string folder, std::size_t memory_budget_bytes, const ExecutionContext& context);
-  ~BlobStore();
-  BlobStore(const BlobStore&) = delete;
-  BlobStore& operator=(const BlobStore&) = delete;
-  Blob put(const std::uint8_t* data, std::size_t size);
-  /// Appends the blob to `out`.
-  void get(const Blob& blob, std::vector<std::uint8_t>& out) const;
-  std::uint64_t scratch_bytes() const;
-
- private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
-};
-
 /// Grey picture, 8 bit, row by row.
 struct GreyImage {
   int width_px = 0, height_px = 0;

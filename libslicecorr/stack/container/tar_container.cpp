@@ -10,6 +10,7 @@
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
+#include "stack/blob_store.hpp"
 #include "stack/container/tar_reader.hpp"
 #include "support/files/errno_message.hpp"
 #include "support/files/temporary.hpp"

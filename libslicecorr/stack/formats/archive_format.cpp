@@ -10,23 +10,12 @@
 #include "slicecorr/units.hpp"
 #include "stack/formats/known_foreign.hpp"
 #include "stack/png/png.hpp"
+#include "support/text/ascii.hpp"
 
 namespace slicecorr::detail {
 namespace {
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
-
-std::string lower(std::string text) {
-  for (char& c : text) c = static_cast<char>(c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c);
-  return text;
-}
-
-std::string_view trimmed(std::string_view text) {
-  constexpr std::string_view blanks = " \t\r";
-  const std::size_t first = text.find_first_not_of(blanks);
-  if (first == text.npos) return {};
-  return text.substr(first, text.find_last_not_of(blanks) - first + 1);
-}
 
 std::string list_of_formats() {
   std::string list;
@@ -66,7 +55,7 @@ const ArchiveFormat& format_named(const std::string& name, const std::string& pa
     throw InputError("format " + name + " is not known; expected one of " + list_of_formats());
   }
   // The longest ending counts: .rgb.cws is also .cws.
-  const std::string file = lower(path_parts(path).file);
+  const std::string file = lower_case(path_parts(path).file);
   std::size_t longest = 0;
   std::vector<const ArchiveFormat*> fitting;
   for (const ArchiveFormat* f : formats) {

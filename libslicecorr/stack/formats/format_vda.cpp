@@ -10,6 +10,7 @@
 #include "slicecorr/error.hpp"
 #include "stack/formats/archive_format.hpp"
 #include "stack/formats/format_times.hpp"
+#include "support/text/ascii.hpp"
 
 namespace slicecorr::detail {
 namespace {
@@ -57,13 +58,6 @@ pugi::xml_node parse(const XmlSource& place, const std::string& text, pugi::xml_
 std::string load(const Container& archive, const std::string& entry) {
   // Grows with the layers, which it lists.
   return archive.text(entry, (std::uint64_t{64} << 20) + 512 * archive.entries().size());
-}
-
-std::string_view trimmed(std::string_view text) {
-  constexpr std::string_view blanks = " \t\r\n";
-  const std::size_t first = text.find_first_not_of(blanks);
-  if (first == text.npos) return {};
-  return text.substr(first, text.find_last_not_of(blanks) - first + 1);
 }
 
 double number_of(std::string_view text, double least, double most, const std::string& what,

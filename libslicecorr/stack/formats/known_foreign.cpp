@@ -8,16 +8,12 @@
 #include <nlohmann/json.hpp>
 
 #include "slicecorr/error.hpp"
+#include "support/text/ascii.hpp"
 
 namespace slicecorr::detail {
 namespace {
 
 using Json = nlohmann::json;
-
-std::string lower(std::string text) {
-  for (char& c : text) c = static_cast<char>(c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c);
-  return text;
-}
 
 /// First bytes of binary print files: magic numbers as UVtools reads and writes them.
 struct Magic {
@@ -92,7 +88,7 @@ void refuse_known_foreign(const Container& archive) {
   constexpr std::uint64_t limit = std::uint64_t{16} << 20;
   for (const Container::Entry& entry : archive.entries()) {
     // At the top, or in printfile/.
-    if (!lower(entry.name).ends_with(".json") || entry.bytes > limit ||
+    if (!lower_case(entry.name).ends_with(".json") || entry.bytes > limit ||
         std::count(entry.name.begin(), entry.name.end(), '/') > 1) {
       continue;
     }
@@ -128,7 +124,7 @@ void refuse_known_file(const std::string& path) {
   }
   // Archives are what they are, whatever they are called.
   if (bytes.starts_with("PK") || bytes.starts_with("\x1f\x8b")) return;
-  const std::string name = lower(path.substr(path.rfind('/') + 1));
+  const std::string name = lower_case(path.substr(path.rfind('/') + 1));
   const std::size_t point = name.rfind('.');
   if (point == std::string::npos) return;
   const std::string_view ending = std::string_view(name).substr(point);

@@ -9,16 +9,10 @@
 #include "slicecorr/error.hpp"
 #include "stack/formats/archive_format.hpp"
 #include "stack/formats/format_times.hpp"
+#include "support/text/ascii.hpp"
 
 namespace slicecorr::detail {
 namespace {
-
-std::string_view trimmed(std::string_view text) {
-  constexpr std::string_view blanks = " \t\r\n";
-  const std::size_t first = text.find_first_not_of(blanks);
-  if (first == text.npos) return {};
-  return text.substr(first, text.find_last_not_of(blanks) - first + 1);
-}
 
 std::vector<std::string> cells_of(std::string_view line) {
   std::vector<std::string> cells;

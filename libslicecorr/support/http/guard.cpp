@@ -14,16 +14,11 @@
 #include <string_view>
 
 #include "slicecorr/error.hpp"
+#include "support/text/ascii.hpp"
 
 namespace slicecorr::http {
 
 namespace {
-
-std::string lower(std::string text) {
-  std::transform(text.begin(), text.end(), text.begin(),
-                 [](unsigned char c) { return c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c; });
-  return text;
-}
 
 bool is_ip(const std::string& host) {
   in_addr v4{};
@@ -46,7 +41,7 @@ std::pair<std::string, int> parts_of(const std::string& text) {
     host.resize(colon);
   }
   if (host.starts_with('[') && host.ends_with(']')) host = host.substr(1, host.size() - 2);
-  return {lower(host), port};
+  return {lower_case(host), port};
 }
 
 std::array<unsigned char, SHA256_DIGEST_LENGTH> digest(std::string_view text) {
@@ -77,8 +72,9 @@ void check_headers(const GuardRules& rules, const httplib::Request& request) {
     throw ApiError(403, "host", "the Host header names another server (see --host-name)");
   }
   if (request.has_header("Origin") &&
-      lower(request.get_header_value("Origin")) != "http://" + lower(host_text) &&
-      !(named && lower(request.get_header_value("Origin")) == "https://" + lower(host_text))) {
+      lower_case(request.get_header_value("Origin")) != "http://" + lower_case(host_text) &&
+      !(named &&
+        lower_case(request.get_header_value("Origin")) == "https://" + lower_case(host_text))) {
     throw ApiError(403, "origin", "requests from pages of other origins are refused");
   }
   const std::string site = request.get_header_value("Sec-Fetch-Site");
@@ -98,7 +94,7 @@ void check_access(const GuardRules& rules, const httplib::Request& request, Acce
   constexpr std::string_view scheme = "bearer ";
   const std::string given = request.get_header_value("Authorization");
   const bool bearer = given.size() > scheme.size() &&
-                      lower(given.substr(0, scheme.size())) == scheme &&
+                      lower_case(given.substr(0, scheme.size())) == scheme &&
                       request.get_header_value_count("Authorization") == 1;
   // Hashes have one length, and comparing them takes one time, whatever was sent.
   const auto wanted = digest(rules.token);

@@ -1,3 +1,5 @@
+#include "stack/blob_store.hpp"
+
 #include <fcntl.h>
 #include <unistd.h>
 

@@ -1,0 +1,646 @@
+#include "predict/band_state.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+#include "base/coded_band.hpp"
+#include "base/kernels.hpp"
+#include "base/tile_kernels.hpp"
+#include "cure/inhibited_layer.hpp"
+#include "cure/walkers.hpp"
+#include "slicecorr/predict.hpp"
+
+namespace slicecorr {
+
+using detail::kBlock;
+
+namespace detail {
+
+/// Sums per lane of a block.
+struct BlockSums {
+  BlockSums() {
+    std::fill_n(inside_low, kBlock, std::numeric_limits<double>::infinity());
+    std::fill_n(outside_low, kBlock, std::numeric_limits<double>::infinity());
+    std::fill_n(inside_high, kBlock, -std::numeric_limits<double>::infinity());
+    std::fill_n(outside_high, kBlock, -std::numeric_limits<double>::infinity());
+  }
+  double inside_low[kBlock], inside_high[kBlock], outside_low[kBlock], outside_high[kBlock];
+  std::int64_t run_voxels[kBlock] = {}, run_printed[kBlock] = {}, gap_printed[kBlock] = {};
+};
+
+}  // namespace detail
+
+using detail::BlockSums;
+
+namespace {
+
+constexpr double kNever = std::numeric_limits<double>::infinity();
+
+std::size_t padded(std::size_t columns) {
+  return (columns + detail::kLanes - 1) / detail::kLanes * detail::kLanes;
+}
+
+/// The numbers of the model that the loops need.
+struct Factors {
+  double a, one_minus_a, r, one_minus_r;
+};
+
+/// Steps a block whose columns see `phi` and that has one class. `low`, `high`: least and greatest
+/// dose at mid-layer so far, per lane: no reduction, so that the loops run in vector registers.
+/// False, with nothing but `dose` changed, unless all doses, before and after, lie on one side
+/// of 1.
+SLICECORR_CLONES
+bool step_block(const Factors f, const double* __restrict phi, const double* __restrict omega,
+                double* __restrict dose, double* __restrict low, double* __restrict high,
+                bool below_one) {
+  double middle[kBlock];
+  std::int64_t crossed = 0;
+  for (std::size_t i = 0; i < kBlock; ++i) {
+    dose[i] = phi[i] * f.one_minus_a + f.a * omega[i];
+    middle[i] = phi[i] * f.one_minus_r + f.r * omega[i];
+  }
+  if (below_one) {
+    for (std::size_t i = 0; i < kBlock; ++i) crossed |= (dose[i] >= 1.0) | (omega[i] >= 1.0);
+  } else {
+    for (std::size_t i = 0; i < kBlock; ++i) crossed |= (dose[i] < 1.0) | (omega[i] < 1.0);
+  }
+  if (crossed) return false;
+  for (std::size_t i = 0; i < kBlock; ++i) {
+    low[i] = middle[i] < low[i] ? middle[i] : low[i];
+    high[i] = middle[i] > high[i] ? middle[i] : high[i];
+  }
+  return true;
+}
+
+/// Steps a block of any coverage: sums what can be summed per lane and marks in `events` the
+/// columns whose class changes, whose dose crosses 1, or that are grey.
+SLICECORR_CLONES
+void mixed_block(const Factors f, const double* __restrict phi, const double* __restrict omega,
+                 double* __restrict dose, double* __restrict middle,
+                 const std::uint8_t* __restrict cover, const std::uint8_t* __restrict classes,
+                 double* __restrict least, BlockSums& sums, std::uint8_t* __restrict events) {
+  std::int64_t run[kBlock], gap[kBlock];
+  for (std::size_t i = 0; i < kBlock; ++i) {
+    dose[i] = phi[i] * f.one_minus_a + f.a * omega[i];
+    middle[i] = phi[i] * f.one_minus_r + f.r * omega[i];
+    run[i] = cover[i] == 255;
+    gap[i] = cover[i] == 0;
+  }
+  for (std::size_t i = 0; i < kBlock; ++i) {
+    const std::int64_t printed = middle[i] >= 1.0;
+    sums.run_voxels[i] += run[i];
+    sums.run_printed[i] += run[i] & printed;
+    sums.gap_printed[i] += gap[i] & printed;
+  }
+  for (std::size_t i = 0; i < kBlock; ++i) {
+    const double inside_low = run[i] ? middle[i] : kNever,
+                 inside_high = run[i] ? middle[i] : -kNever;
+    const double outside_high = gap[i] ? middle[i] : -kNever;
+    const std::int64_t now =
+        run[i] + 2 * (1 - run[i] - gap[i]);  // as in BandPredictor::State::Class
+    const double here = (run[i] | gap[i]) & (now == classes[i]) ? dose[i] : kNever;
+    sums.inside_low[i] = inside_low < sums.inside_low[i] ? inside_low : sums.inside_low[i];
+    sums.inside_high[i] = inside_high > sums.inside_high[i] ? inside_high : sums.inside_high[i];
+    sums.outside_high[i] =
+        outside_high > sums.outside_high[i] ? outside_high : sums.outside_high[i];
+    least[i] = here < least[i] ? here : least[i];
+  }
+  for (std::size_t i = 0; i < kBlock; ++i) {
+    const std::int64_t grey = 1 - run[i] - gap[i];
+    const std::int64_t now = run[i] + 2 * grey;
+    const std::int64_t crosses = (omega[i] >= 1.0) != (dose[i] >= 1.0);
+    events[i] = static_cast<std::uint8_t>((now != classes[i]) | crosses | grey);
+  }
+}
+
+/// As `step_block`, of doses that are known: `before` on the far side of the layer's lower node.
+SLICECORR_CLONES
+bool one_sided_block(const double* __restrict before, const double* __restrict lower,
+                     const double* __restrict middle, const double* __restrict upper,
+                     double* __restrict low, double* __restrict high, bool below_one) {
+  std::int64_t crossed = 0;
+  if (below_one) {
+    for (std::size_t i = 0; i < kBlock; ++i) {
+      crossed |= (before[i] >= 1.0) | (lower[i] >= 1.0) | (middle[i] >= 1.0) | (upper[i] >= 1.0);
+    }
+  } else {
+    for (std::size_t i = 0; i < kBlock; ++i) {
+      crossed |= (before[i] < 1.0) | (lower[i] < 1.0) | (middle[i] < 1.0) | (upper[i] < 1.0);
+    }
+  }
+  if (crossed) return false;
+  for (std::size_t i = 0; i < kBlock; ++i) {
+    low[i] = middle[i] < low[i] ? middle[i] : low[i];
+    high[i] = middle[i] > high[i] ? middle[i] : high[i];
+  }
+  return true;
+}
+
+/// As `mixed_block`, of doses that are known.
+SLICECORR_CLONES
+void mixed_known_block(const double* __restrict before, const double* __restrict lower,
+                       const double* __restrict middle, const double* __restrict upper,
+                       const std::uint8_t* __restrict cover, const std::uint8_t* __restrict classes,
+                       double* __restrict least, BlockSums& sums, std::uint8_t* __restrict events) {
+  std::int64_t run[kBlock], gap[kBlock];
+  for (std::size_t i = 0; i < kBlock; ++i) {
+    run[i] = cover[i] == 255;
+    gap[i] = cover[i] == 0;
+  }
+  for (std::size_t i = 0; i < kBlock; ++i) {
+    const std::int64_t printed = middle[i] >= 1.0;
+    sums.run_voxels[i] += run[i];
+    sums.run_printed[i] += run[i] & printed;
+    sums.gap_printed[i] += gap[i] & printed;
+  }
+  for (std::size_t i = 0; i < kBlock; ++i) {
+    const double inside_low = run[i] ? middle[i] : kNever,
+                 inside_high = run[i] ? middle[i] : -kNever;
+    const double outside_high = gap[i] ? middle[i] : -kNever;
+    sums.inside_low[i] = inside_low < sums.inside_low[i] ? inside_low : sums.inside_low[i];
+    sums.inside_high[i] = inside_high > sums.inside_high[i] ? inside_high : sums.inside_high[i];
+    sums.outside_high[i] =
+        outside_high > sums.outside_high[i] ? outside_high : sums.outside_high[i];
+  }
+  for (std::size_t i = 0; i < kBlock; ++i) {
+    const double ends = lower[i] < upper[i] ? lower[i] : upper[i];
+    const std::int64_t now =
+        run[i] + 2 * (1 - run[i] - gap[i]);  // as in BandPredictor::State::Class
+    const bool stays = (run[i] | gap[i]) & (now == classes[i]);
+    const double here = stays ? (middle[i] < ends ? middle[i] : ends) : kNever;
+    least[i] = here < least[i] ? here : least[i];
+  }
+  for (std::size_t i = 0; i < kBlock; ++i) {
+    const std::int64_t grey = 1 - run[i] - gap[i];
+    const std::int64_t now = run[i] + 2 * grey;
+    const std::int64_t crosses = ((before[i] >= 1.0) != (lower[i] >= 1.0)) |
+                                 ((lower[i] >= 1.0) != (upper[i] >= 1.0)) |
+                                 ((middle[i] >= 1.0) != (lower[i] >= 1.0));
+    events[i] = static_cast<std::uint8_t>((now != classes[i]) | crosses | grey);
+  }
+}
+
+SLICECORR_CLONES
+void lower(double* __restrict least, const double* __restrict dose) {
+  for (std::size_t i = 0; i < kBlock; ++i) least[i] = dose[i] < least[i] ? dose[i] : least[i];
+}
+
+}  // namespace
+
+BandPredictor::State::~State() = default;
+
+BandPredictor::State::State(const CureModel& model, const PixelCurve& curve, int all_layers,
+                            std::size_t columns, bool in_showings)
+    : model_(model),
+      curve_(curve),
+      all_layers_(all_layers),
+      omega_(padded(columns), 0.0),
+      least_(padded(columns), kNever),
+      class_(padded(columns), gap),
+      columns_(columns),
+      empty_(padded(columns), 0),
+      block_class_(padded(columns) / kBlock, gap),
+      sums_(std::make_unique<BlockSums>()) {
+  for (Column& c : columns_) {
+    c.start = all_layers;
+    c.lower = all_layers;
+  }
+  if (in_showings || !model.is_plain()) dose_ = std::make_unique<BandDose>(model, columns);
+  if (dose_) inside_.resize(kBlock);
+}
+
+void BandPredictor::State::error(std::size_t i, int node, bool upper, double slices) {
+  const double um = slices * model_.layer_um;
+  if (edge_sink_) edge_sink_(i, node, upper, um);
+  const double size = std::abs(um);
+  if (histograms_) prediction_.height_error_um.add(size);
+  if (um > 0) {
+    prediction_.greatest_overreach_um = std::max(prediction_.greatest_overreach_um, um);
+  } else {
+    prediction_.greatest_shortfall_um = std::max(prediction_.greatest_shortfall_um, -um);
+  }
+  if (size > worst_ || (size == worst_ && i < worst_column_)) {
+    worst_ = size;
+    worst_column_ = i;
+  }
+}
+
+void BandPredictor::State::lose(std::size_t i, int top) {
+  const Column& c = columns_[i];
+  ++prediction_.runs;
+  if (c.split) {
+    ++prediction_.split_features;
+    split_.add({0, static_cast<int>(i), top, c.lower - 1});
+  }
+  if (c.any_printed) return;
+  lost_.add({0, static_cast<int>(i), top, c.lower - 1});
+  ++prediction_.lost_features;
+  if (c.lower - top >= 2) ++prediction_.lost_thick_features;
+}
+
+/// The run, or its present piece, ends here.
+void BandPredictor::State::leave_stretch(std::size_t i) {
+  prediction_.min_inside_layers = std::min(prediction_.min_inside_layers, least_[i]);
+  least_[i] = kNever;
+}
+
+void BandPredictor::State::close_gap(std::size_t i, int top) {
+  Column& c = columns_[i];
+  if (c.run_below && c.gap_seen) {
+    ++prediction_.gaps;
+    prediction_.one_slice_gaps += c.gap_layers == 1;
+    if (histograms_) prediction_.gap_contrast.add(std::max(0.0, 1.0 - least_[i]));
+    if (least_[i] >= 1.0) {
+      ++prediction_.merged_features;
+      merged_.add({0, static_cast<int>(i), top, c.gap_end - 1});
+      if (c.gap_layers >= 2) ++prediction_.merged_thick_gaps;
+    }
+  }
+}
+
+void BandPredictor::State::enter(std::size_t i, int node, Class next, double before, double after) {
+  Column& c = columns_[i];
+  const bool printed_before = before >= 1.0, printed = after >= 1.0;
+  const Class old = class_[i];
+  if (old == run) {
+    if (c.seeks_print) error(i, c.lower, false, -(c.lower - node));
+    c.seeks_print = false;
+    lose(i, node);
+    if (next == gap) {
+      if (printed) {
+        c.seeks_end = true;
+      } else {
+        // Seen from here the print begins where the stretch without it does.
+        error(i, node, true,
+              printed_before ? 0.0 : -(c.any_printed ? c.start - node : c.lower - node));
+      }
+    }
+    c.run_below = true;
+    c.gap_end = node;
+    c.gap_seen = false;
+    c.gap_layers = 0;
+    leave_stretch(i);
+  } else if (old == gap) {
+    c.gap_layers += c.lower - node;
+    if (c.seeks_end) error(i, c.lower, true, c.lower - node);
+    c.seeks_end = false;
+    if (next == run) {
+      if (printed_before) {
+        error(i, node, false, std::min<double>(c.start, c.lower) - node);
+      } else if (printed) {
+        error(i, node, false, 0.0);
+      } else {
+        c.seeks_print = true;
+      }
+    }
+  }
+  c.tooth = false;
+  if (next == run) {
+    close_gap(i, node);
+    least_[i] = kNever;
+    c.any_printed = printed;
+    c.split = false;
+  } else if (next == gap) {
+    c.gap_seen = true;
+  }
+  if (printed != printed_before) c.start = node;
+  c.lower = node;
+  class_[i] = next;
+}
+
+void BandPredictor::State::cross(std::size_t i, double zeta, bool printed, Class now) {
+  Column& c = columns_[i];
+  c.start = zeta;
+  if (printed) {
+    if (now == run) {
+      if (c.any_printed && least_[i] < 1.0 - same_dose) c.split = true;
+      leave_stretch(i);
+      c.any_printed = true;
+      if (c.seeks_print) error(i, c.lower, false, -(c.lower - c.start));
+      c.seeks_print = false;
+    }
+    c.tooth = now == gap && c.run_below;
+    return;
+  }
+  if (c.seeks_end) {
+    error(i, c.lower, true, c.lower - c.start);
+    c.seeks_end = false;
+  }
+  if (c.tooth && now == gap) ++prediction_.gap_teeth;
+  c.tooth = false;
+}
+
+void BandPredictor::State::event(std::size_t i, int slice, double below, const LayerDose& dose,
+                                 std::span<const double> crossings, std::uint8_t coverage) {
+  const Class now = coverage == 0 ? gap : coverage == 255 ? run : grey;
+  if (state_sink_) state_sink_(i, slice, coverage, dose.middle >= 1.0, dose.upper >= 1.0);
+  bool printed = dose.lower >= 1.0;
+  if (now != class_[i]) {
+    enter(i, slice + 1, now, below, dose.lower);
+  } else if ((below >= 1.0) != printed) {
+    cross(i, slice + 1, printed, now);
+  }
+  for (const double crossing : crossings) {
+    if (now != grey) least_[i] = std::min(least_[i], dose.least);
+    printed = !printed;
+    cross(i, slice + 1 - crossing, printed, now);
+  }
+  if (now != grey) {
+    // A print that came back in this layer left behind what was less.
+    const bool back = now == run && !crossings.empty() && printed;
+    least_[i] = std::min(least_[i], back ? dose.upper : dose.least);
+  } else {
+    ++prediction_.grey_voxels;
+    if (histograms_) {
+      prediction_.grey_dose_error.add(std::abs(dose.middle - coverage / 255.0));
+    }
+  }
+}
+
+void BandPredictor::State::add_slice(int slice, const std::uint8_t* pixels,
+                                     const std::uint8_t* coverage) {
+  if (!pixels) return add_slice(slice, std::span<const ImageShowing>{}, coverage);
+  const int setting = model_.inhibited ? model_.inhibited->setting_of_slice(slice) : 0;
+  const ImageShowing whole{pixels, 1.0, setting};
+  add_slice(slice, {&whole, 1}, coverage);
+}
+
+void BandPredictor::State::add_slice(int slice, std::span<const ImageShowing> showings,
+                                     const std::uint8_t* coverage) {
+  const std::uint8_t* cover = coverage ? coverage : empty_.data();
+  if (dose_) {
+    add_general_slice(slice, showings, cover);
+  } else {
+    add_plain_slice(slice, showings, cover);
+  }
+}
+
+/// Looks at the dose inside the layer of a block's columns where it may turn and something depends
+/// on it: whether it passes 1, or is the least so far. Light falls by a in a slice at most, so the
+/// dose at a place bounds the dose before and behind it.
+void BandPredictor::State::look_inside(std::size_t first, std::size_t n,
+                                       const std::uint8_t* cover) {
+  looked_ = 0;
+  passes_inside_ = false;
+  const std::uint8_t* const turning = dose_->turning();
+  if (!turning || detail::all_zero(turning + first, n)) return;
+  const double *const lower = dose_->lower() + first, *const middle = dose_->middle() + first,
+                      *const upper = dose_->upper() + first;
+  const double fall = model_.root_a * (1.0 - same_dose);
+  std::size_t last = n;  // looked at
+  double last_known = 0;
+  const bool smooth = model_.inhibited && model_.mode == ExposureMode::continuous;
+  for (std::size_t i = 0; i < n; ++i) {
+    if (!turning[first + i]) continue;
+    double low = std::min(lower[i], middle[i]) * fall;
+    double high = std::max(middle[i], upper[i]) / fall;
+    if (smooth) {
+      const detail::SmoothBounds bounds(lower[i], middle[i], upper[i]);
+      low = std::max(low, bounds.low);
+      high = std::min(high, bounds.high);
+    }
+    const bool passes = low < 1.0 && high >= 1.0;
+    double known = -kNever;
+    if (cover[i] == 255) {
+      known = prediction_.min_inside_layers;
+    } else if (cover[i] == 0 && (columns_[first + i].run_below || class_[first + i] == run)) {
+      known = class_[first + i] == gap ? least_[first + i] : kNever;
+    }
+    const double ends = std::min({lower[i], middle[i], upper[i]});
+    if (!passes && low >= std::min(known, ends)) continue;
+    // Neighbours with the same design have the same light, and so the same dose.
+    const bool alike = last < n && lower[i] == lower[last] && middle[i] == middle[last] &&
+                       upper[i] == upper[last] && known <= last_known;
+    if (alike) {
+      inside_[i] = inside_[last];
+    } else {
+      dose_->inside(first + i, known, inside_[i]);
+      last_known = known;
+    }
+    last = i;
+    looked_ |= std::uint64_t{1} << i;
+    passes_inside_ = passes_inside_ || !inside_[i].crossings.empty();
+  }
+}
+
+void BandPredictor::State::add_general_slice(int slice, std::span<const ImageShowing> showings,
+                                             const std::uint8_t* cover) {
+  dose_->add_slice(slice, showings);
+  BlockSums& sums = *sums_;
+  std::uint8_t events[kBlock], tail_cover[kBlock];
+  double tail[3][kBlock];
+  for (std::size_t b = 0; b < columns_.size(); b += kBlock) {
+    const std::size_t n = std::min(kBlock, columns_.size() - b);
+    const double* lower_dose = dose_->lower() + b;
+    const double* middle = dose_->middle() + b;
+    const double* upper = dose_->upper() + b;
+    const std::uint8_t* block_cover = cover + b;
+    if (n < kBlock) {
+      // The lanes past the last column stay in a gap of no light; see finish().
+      std::fill(std::copy_n(block_cover, n, tail_cover), tail_cover + kBlock, std::uint8_t{0});
+      block_cover = tail_cover;
+      for (std::size_t k = 0; k < 3; ++k) {
+        const double*& dose = k == 0 ? lower_dose : k == 1 ? middle : upper;
+        std::fill(std::copy_n(dose, n, tail[k]), tail[k] + kBlock, 0.0);
+        dose = tail[k];
+      }
+    }
+    look_inside(b, n, block_cover);
+    const auto looked = [&](std::size_t i) { return (looked_ >> i & 1) != 0; };
+    const auto keep_least = [&] {
+      for (const double* dose : {lower_dose, middle, upper}) lower(&least_[b], dose);
+      for (std::size_t i = 0; i < n; ++i) {
+        if (looked(i)) least_[b + i] = std::min(least_[b + i], inside_[i].least);
+      }
+      std::copy_n(upper, kBlock, &omega_[b]);
+    };
+    Class& block = block_class_[b / kBlock];
+    if (block != grey && !passes_inside_) {
+      const detail::BlockBits bits = detail::block_bits(block_cover);
+      if (block == gap && bits.any == 0) {
+        if (one_sided_block(&omega_[b], lower_dose, middle, upper, sums.outside_low,
+                            sums.outside_high, true)) {
+          keep_least();
+          continue;
+        }
+      } else if (block == run && bits.all == ~std::uint64_t{0}) {
+        if (one_sided_block(&omega_[b], lower_dose, middle, upper, sums.inside_low,
+                            sums.inside_high, false)) {
+          keep_least();
+          prediction_.target_voxels += kBlock;
+          prediction_.printed_voxels += kBlock;
+          continue;
+        }
+      }
+    }
+    mixed_known_block(&omega_[b], lower_dose, middle, upper, block_cover,
+                      reinterpret_cast<const std::uint8_t*>(&class_[b]), &least_[b], sums, events);
+    for (std::size_t i = 0; i < n; ++i) {
+      InsideLayer& inside = inside_[i];
+      if (!events[i]) {
+        if (!looked(i)) continue;
+        if (inside.crossings.empty()) {
+          least_[b + i] = std::min(least_[b + i], inside.least);
+          continue;
+        }
+      }
+      // Where the dose does not turn only its crossing is still to be found.
+      if (!looked(i)) {
+        inside.crossings.clear();
+        inside.least = std::min({lower_dose[i], middle[i], upper[i]});
+        if ((lower_dose[i] >= 1.0) != (upper[i] >= 1.0)) dose_->inside(b + i, -kNever, inside);
+      }
+      event(b + i, slice, omega_[b + i], {lower_dose[i], middle[i], upper[i], inside.least},
+            inside.crossings, block_cover[i]);
+    }
+    std::copy_n(upper, kBlock, &omega_[b]);
+    const bool one_class = detail::uniform(reinterpret_cast<const std::uint8_t*>(&class_[b]));
+    block = one_class ? class_[b] : grey;
+  }
+}
+
+void BandPredictor::State::add_plain_slice(int slice, std::span<const ImageShowing> showings,
+                                           const std::uint8_t* cover) {
+  const Factors f{model_.a, model_.one_minus_a, model_.root_a, 1.0 - model_.root_a};
+  alignas(64) double phi[kBlock];
+  alignas(64) double dose[kBlock];
+  alignas(64) double middle[kBlock];
+  std::uint8_t events[kBlock];
+  BlockSums& sums = *sums_;
+  for (std::size_t b = 0; b < columns_.size(); b += kBlock) {
+    const std::size_t n = std::min(kBlock, columns_.size() - b);
+    std::uint8_t tail[kBlock];
+    const std::uint8_t* block_cover = cover + b;
+    if (n < kBlock) {
+      // The lanes past the last column stay in a gap of no light; see finish().
+      std::fill(std::copy_n(cover + b, n, tail), tail + kBlock, std::uint8_t{0});
+      block_cover = tail;
+      std::fill_n(phi, kBlock, 0.0);
+    }
+    detail::block_phi(curve_, showings, b, n, phi);
+    // A block inside a gap and unprinted, or inside features and printed, has no events.
+    Class& block = block_class_[b / kBlock];
+    if (block != grey) {
+      const detail::BlockBits bits = detail::block_bits(block_cover);
+      if (block == gap && bits.any == 0) {
+        if (step_block(f, phi, &omega_[b], dose, sums.outside_low, sums.outside_high, true)) {
+          std::copy_n(dose, kBlock, &omega_[b]);
+          lower(&least_[b], dose);
+          continue;
+        }
+      } else if (block == run && bits.all == ~std::uint64_t{0}) {
+        if (step_block(f, phi, &omega_[b], dose, sums.inside_low, sums.inside_high, false)) {
+          std::copy_n(dose, kBlock, &omega_[b]);
+          lower(&least_[b], dose);
+          prediction_.target_voxels += kBlock;
+          prediction_.printed_voxels += kBlock;
+          continue;
+        }
+      }
+    }
+    mixed_block(f, phi, &omega_[b], dose, middle, block_cover,
+                reinterpret_cast<const std::uint8_t*>(&class_[b]), &least_[b], sums, events);
+    for (std::size_t i = 0; i < n; ++i) {
+      if (!events[i]) continue;
+      // The dose is steady at nodes.
+      const double below = omega_[b + i];
+      const bool crosses = (below >= 1.0) != (dose[i] >= 1.0);
+      const double crossing = crosses ? model_.crossing(phi[i], below) : 0.0;
+      event(b + i, slice, below, {below, middle[i], dose[i], std::min(below, dose[i])},
+            {&crossing, crosses ? std::size_t{1} : std::size_t{0}}, block_cover[i]);
+    }
+    std::copy_n(dose, kBlock, &omega_[b]);
+    // Grey stands for mixed, too.
+    const bool one_class = detail::uniform(reinterpret_cast<const std::uint8_t*>(&class_[b]));
+    block = one_class ? class_[b] : grey;
+  }
+}
+
+void BandPredictor::State::go_on_from(Prediction so_far) {
+  prediction_ = std::move(so_far);
+  worst_so_far_ = prediction_.worst_x >= 0 ? prediction_.height_error_um.greatest() : -1.0;
+}
+
+Prediction BandPredictor::State::finish(const PixelOfColumn& place) {
+  for (std::size_t i = 0; i < kBlock; ++i) {
+    Prediction& p = prediction_;
+    p.target_voxels += static_cast<std::uint64_t>(sums_->run_voxels[i]);
+    p.printed_voxels += static_cast<std::uint64_t>(sums_->run_printed[i] + sums_->gap_printed[i]);
+    p.cure_through_voxels += static_cast<std::uint64_t>(sums_->gap_printed[i]);
+    p.undercure_voxels += static_cast<std::uint64_t>(sums_->run_voxels[i] - sums_->run_printed[i]);
+    p.min_dose_inside = std::min(p.min_dose_inside, sums_->inside_low[i]);
+    p.max_dose_inside = std::max(p.max_dose_inside, sums_->inside_high[i]);
+    // Dose outside: lanes past the last column give 0, which no real column is below.
+    p.max_dose_outside = std::max(p.max_dose_outside, sums_->outside_high[i]);
+  }
+  if (tile_sums_) tile_sums_->add_to(prediction_);
+  for (std::size_t i = 0; i < columns_.size(); ++i) {
+    Column& c = columns_[i];
+    if (class_[i] == run) {
+      if (c.seeks_print) error(i, c.lower, false, -c.lower);
+      lose(i, 0);
+      leave_stretch(i);
+    } else {
+      if (class_[i] == gap) {
+        if (c.seeks_end) error(i, c.lower, true, c.lower);
+        c.gap_layers += c.lower;
+      }
+      close_gap(i, 0);
+    }
+  }
+  const auto placed = [&](const FeatureExamples& from, FeatureExamples& to) {
+    for (FeatureExample e : from.sorted()) {
+      const Pixel at = place(static_cast<std::size_t>(e.y));
+      e.x = at.x;
+      e.y = at.y;
+      to.add(e);
+    }
+  };
+  placed(lost_, prediction_.lost_examples);
+  placed(merged_, prediction_.merged_examples);
+  placed(split_, prediction_.split_examples);
+  if (worst_ >= 0) {
+    const Pixel at = place(worst_column_);
+    const bool earlier =
+        at.y < prediction_.worst_y || (at.y == prediction_.worst_y && at.x < prediction_.worst_x);
+    if (worst_ > worst_so_far_ || (worst_ == worst_so_far_ && earlier)) {
+      prediction_.worst_x = at.x;
+      prediction_.worst_y = at.y;
+    }
+  }
+  return std::move(prediction_);
+}
+
+Prediction predict_black_columns(const CureModel& model, int slices, std::uint64_t columns,
+                                 const BlackShowings& showings) {
+  Prediction p;
+  if (columns == 0) return p;
+  BandDose dose(model, 1);
+  for (int n = slices; n-- > 0;) {
+    dose.add_slice(n, showings(n));
+    p.max_dose_outside = std::max(p.max_dose_outside, *dose.middle());
+  }
+  return p;
+}
+
+Prediction predict_black_columns(const CureModel& model, int slices, std::uint64_t columns) {
+  if (!model.is_plain()) {
+    const std::uint8_t black = 0;
+    ImageShowing whole{&black, 1.0, 0};
+    return predict_black_columns(model, slices, columns, [&](int n) {
+      whole.setting = model.inhibited ? model.inhibited->setting_of_slice(n) : 0;
+      return std::span<const ImageShowing>(&whole, 1);
+    });
+  }
+  Prediction p;
+  if (columns == 0) return p;
+  double omega = 0;
+  for (int n = slices; n-- > 0;) {
+    p.max_dose_outside = std::max(p.max_dose_outside, model.middle(model.phi_min(), omega));
+    omega = model.step(model.phi_min(), omega);
+  }
+  return p;
+}
+
+}  // namespace slicecorr

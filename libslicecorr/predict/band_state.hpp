@@ -1,0 +1,97 @@
+/// What a prediction knows of a band while slices go past; see BandPredictor.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "predict/tile_sums.hpp"
+#include "slicecorr/dose.hpp"
+#include "slicecorr/predict.hpp"
+
+namespace slicecorr {
+
+namespace detail {
+struct BlockSums;
+}  // namespace detail
+
+struct BandPredictor::State {
+  State(const CureModel& model, const PixelCurve& curve, int all_layers, std::size_t columns,
+        bool in_showings);
+  ~State();
+
+  void add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage);
+  void add_slice(int slice, std::span<const ImageShowing> showings, const std::uint8_t* coverage);
+  void add_tile(std::size_t first_column, std::size_t columns, int first_slice, int slices,
+                const std::uint8_t* pixels, const std::uint8_t* coverage);
+  void go_on_from(Prediction so_far);
+  Prediction finish(const PixelOfColumn& place);
+
+  enum Class : std::uint8_t { gap, run, grey };
+  struct Column {
+    double start = 0;  ///< zeta where the present printed or unprinted stretch begins (lower end)
+    std::int32_t lower = 0;  ///< node where the present class begins (lower end)
+    bool seeks_print =
+        false;  ///< the run's lower edge is unprinted; its first printed point is sought
+    bool seeks_end = false;    ///< the print reaches into this gap from below; its end is sought
+    bool any_printed = false;  ///< of the present run
+    bool split = false;        ///< the present run prints in more than one piece
+    bool run_below = false;    ///< there is a run further down
+    bool gap_seen = false;     ///< a layer of coverage 0 since the run below
+    std::int32_t gap_layers = 0;
+    std::int32_t gap_end = 0;  ///< node of the upper edge of the run below
+    bool tooth = false;        ///< the present printed stretch began inside this gap
+  };
+  /// Doses of a column in a layer; `least`: of all of them inside it.
+  struct LayerDose {
+    double lower, middle, upper, least;
+  };
+  void add_plain_slice(int slice, std::span<const ImageShowing> showings,
+                       const std::uint8_t* cover);
+  void add_general_slice(int slice, std::span<const ImageShowing> showings,
+                         const std::uint8_t* cover);
+  /// `below`: dose on the far side of the layer's lower node; `crossings`: see InsideLayer.
+  void event(std::size_t i, int slice, double below, const LayerDose& dose,
+             std::span<const double> crossings, std::uint8_t coverage);
+  void look_inside(std::size_t first, std::size_t n, const std::uint8_t* cover);
+  void leave_stretch(std::size_t i);
+  /// The dose crosses 1 at `zeta`; from there on upwards it is on the other side.
+  void cross(std::size_t i, double zeta, bool printed, Class now);
+  /// `before`, `after`: dose on the two sides of the node.
+  void enter(std::size_t i, int node, Class next, double before, double after);
+  void close_gap(std::size_t i, int top);
+  void error(std::size_t i, int node, bool upper, double slices);
+  void lose(std::size_t i, int top);
+
+  const CureModel& model_;
+  const PixelCurve& curve_;
+  int all_layers_;
+  std::unique_ptr<BandDose> dose_;  ///< for models that are not plain, and for showings
+  /// Dose at the upper end of the layer that was added last.
+  std::vector<double> omega_;
+  /// The least dose since the present gap began, or, in a run, since it did or its print came back.
+  std::vector<double> least_;
+  /// Columns of the block at hand whose dose was looked for inside the layer, as bits, and what was
+  /// found.
+  std::uint64_t looked_ = 0;
+  bool passes_inside_ = false;  ///< any of these has crossings
+  std::vector<InsideLayer> inside_;
+  std::vector<Class> class_;
+  std::vector<Column> columns_;
+  std::vector<std::uint8_t> empty_;
+  /// Class of all columns of a block of 32; `grey` also when they differ.
+  std::vector<Class> block_class_;
+  std::unique_ptr<detail::BlockSums> sums_;
+  std::unique_ptr<detail::TileSums> tile_sums_;  ///< null before the first tile
+  double worst_ = -1, worst_so_far_ = -1;
+  std::size_t worst_column_ = 0;
+  EdgeSink edge_sink_;
+  StateSink state_sink_;
+  bool histograms_ = true;
+  /// With the index of the column in place of its row, until `finish` knows the place of the band.
+  FeatureExamples lost_, merged_, split_;
+  Prediction prediction_;
+};
+
+}  // namespace slicecorr

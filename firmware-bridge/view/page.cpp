@@ -5,11 +5,11 @@
 #include <cstdio>
 #include <filesystem>
 
-#include "support/text/display_text.hpp"
-#include "support/chart/chart.hpp"
-#include "support/page/page_style.hpp"
 #include "slicecorr/bridge/view.hpp"
 #include "slicecorr/error.hpp"
+#include "support/chart/chart.hpp"
+#include "support/page/page_style.hpp"
+#include "support/text/display_text.hpp"
 #include "view/charts.hpp"
 #include "view/page_text.hpp"
 
@@ -19,7 +19,7 @@ namespace {
 using End = PrintRecord::End;
 
 constexpr int longest_text = 600;
-/// Longer tables of events are scrolled.
+/// Rows that a table of events may have before it is put into a box that scrolls.
 constexpr std::size_t longest_untouched = 60;
 constexpr std::size_t most_events = 600, first_events = 200, most_late = 300;
 

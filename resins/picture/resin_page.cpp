@@ -5,12 +5,12 @@
 #include <algorithm>
 #include <cmath>
 
-#include "picture/fit_words.hpp"
-#include "support/chart/chart.hpp"
-#include "support/page/page_style.hpp"
+#include "picture/fit_text.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/design.hpp"
 #include "slicecorr/resins/plots.hpp"
+#include "support/chart/chart.hpp"
+#include "support/page/page_style.hpp"
 
 namespace slicecorr::resins {
 

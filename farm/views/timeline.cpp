@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <array>
 
-#include "support/chart/chart.hpp"
 #include "slicecorr/farm/morning.hpp"
-#include "watch/time_axis.hpp"
-#include "watch/words.hpp"
+#include "support/chart/chart.hpp"
+#include "views/moment_text.hpp"
+#include "views/time_axis.hpp"
 
 namespace slicecorr::farm {
 

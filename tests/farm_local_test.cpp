@@ -13,6 +13,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/engine.hpp"
 #include "slicecorr/farm/service.hpp"
+#include "slicecorr/farm/token.hpp"
 #include "slicecorr/stack.hpp"
 
 namespace slicecorr::farm {

@@ -524,6 +524,10 @@ TEST(MeshSlices, BridgesAMissingSideTriangle) {
     EXPECT_EQ(slices.report().bridges, 8u);
     EXPECT_EQ(slices.report().bridged_slices, 8u);
     EXPECT_NEAR(slices.report().longest_bridge_mm, side * 15 / 16, 1e-9);
+    // Bridges are 1/16, 3/16, ... of the side; the sum of the squares is 680 / 256.
+    EXPECT_NEAR(slices.report().bridged_volume_mm3,
+                std::numbers::pi / 8 * side * side * 680 / 256 * 0.5, 1e-9);
+    EXPECT_NEAR(slices.report().volume_mm3, 16.4 * 11.7 * 4, 1e-9);
   }
 }
 
@@ -550,8 +554,17 @@ TEST(MeshSlices, BridgesAMissingSide) {
     } else {
       EXPECT_EQ(r.bridges, 8u);
       EXPECT_EQ(r.bridged_slices, 8u);
-      EXPECT_NEAR(r.longest_bridge_mm, side < 4 ? 16.4 : 11.7, 1e-9);
+      const double width = side < 4 ? 16.4 : 11.7;
+      EXPECT_NEAR(r.longest_bridge_mm, width, 1e-9);
+      EXPECT_NEAR(r.bridged_volume_mm3, std::numbers::pi / 8 * width * width * 4, 1e-9);
+      EXPECT_NEAR(r.volume_mm3, 16.4 * 11.7 * 4, 1e-9);
       ASSERT_EQ(notices.size(), 1u);
+      // pi/8 of the square of one side over the product of both: 55 and 28 %.
+      EXPECT_NE(
+          notices[0].find(side < 4 ? "up to 55 % of the volume depends on them: close the mesh"
+                                   : "up to 28 % of the volume depends on them: close the mesh"),
+          std::string::npos)
+          << notices[0];
       EXPECT_NE(notices[0].find("open contours in 8 slices"), std::string::npos) << notices[0];
     }
   }

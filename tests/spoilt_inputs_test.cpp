@@ -95,7 +95,8 @@ TEST_F(SpoiltInputs, Archives) {
   ASSERT_EQ(
       run_program(ours + Command{"convert", "part.sl1", "-o", "part.uvj"}, options_).exit_code, 0);
   for (const std::string input : {"part.sl1", "part.uvj", "part.tar.gz"}) {
-    spoil_everywhere(input, ours + Command{"convert", input, "-o", "o.uvj"}, "o.uvj");
+    spoil_everywhere(
+        input, ours + Command{"convert", input, "-o", "o.uvj", "--printer", "small.toml"}, "o.uvj");
     spoil_everywhere(input, ours + Command{"correct", input, "-o", "o.uvj"} + how, "o.uvj");
     spoil_everywhere(input, ours + Command{"info", input, "--json", "o.json"}, "o.json");
   }

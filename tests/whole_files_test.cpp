@@ -248,6 +248,8 @@ TEST_F(WholeFiles, OutputsThatMayNotBeWrittenAreRefusedBeforeTheWork) {
     write_file(folder_ / ("sticky/" + name), Bytes(theirs.begin(), theirs.end()));
     fs::permissions(folder_ / ("sticky/" + name), fs::perms(0666));
   }
+  fs::create_directory(folder_ / "own");
+  fs::permissions(folder_ / "own", fs::perms(0777));
   RunOptions options = options_;
   options.unprivileged = true;
   const Command slicecorr{SLICECORR_BIN_DIR "/slicecorr"};
@@ -265,7 +267,7 @@ TEST_F(WholeFiles, OutputsThatMayNotBeWrittenAreRefusedBeforeTheWork) {
              {Command{"report", "c.sl1", "-o", at("o.html")} + of_target, at("o.html")},
              {Command{"section", "c.sl1", "-o", at("o.png")} + of_target, at("o.png")},
              {{"solid", "c.sl1", "-o", at("o.stl")}, at("o.stl")},
-             {{"solid", "c.sl1", "-o", "s.stl", "--json", at("o.json")}, at("o.json")},
+             {{"solid", "c.sl1", "-o", "own/s.stl", "--json", at("o.json")}, at("o.json")},
              {Command{"run", "part.stl", "-o", at("new.uvj"), "--layer-um", "20"} + how,
               folder == "closed" ? at("new.uvj") : ""},
              {Command{"run", "part.stl", "-o", at("o.uvj"), "--layer-um", "20"} + how, at("o.uvj")},
@@ -321,7 +323,7 @@ TEST_F(WholeFiles, WriteProtectedArchivesAreNotCorrectedInPlace) {
   fs::permissions(folder_ / "open/part.sl1", fs::perms(0666));
   write_file(folder_ / "open/part.sl1.html", {});
   fs::permissions(folder_ / "open/part.sl1.html", fs::perms(0444));
-  r = post({"--report", "html"});
+  r = post({"--report=html"});
   EXPECT_EQ(r.exit_code, 4) << r.err;
   EXPECT_THAT(r.err, AllOf(HasSubstr("part.sl1.html: can't be written"), Not(HasSubstr("done"))));
   EXPECT_EQ(bytes("open/part.sl1"), before);

@@ -9,7 +9,6 @@
 #include <charconv>
 #include <nlohmann/json.hpp>
 
-#include "report/page_parts.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/metrics.hpp"
 #include "slicecorr/farm/morning.hpp"

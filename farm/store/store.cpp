@@ -13,11 +13,11 @@
 #include <filesystem>
 #include <memory>
 
-#include "support/files/errno_message.hpp"
-#include "support/files/temporary.hpp"
-#include "support/files/sha256.hpp"
-#include "report/page_parts.hpp"
 #include "store/title.hpp"
+#include "support/files/errno_message.hpp"
+#include "support/files/sha256.hpp"
+#include "support/files/temporary.hpp"
+#include "support/text/escape.hpp"
 
 namespace slicecorr::farm {
 
@@ -294,7 +294,7 @@ std::vector<ResultFile> deliver(const FarmFolder& folder, const std::string& key
       });
       if (hash.hex() != f.sha256) damaged(from);
       const std::string stand_in = detail::title_stand_in(key);
-      const std::string title = slicecorr::detail::escape(name);
+      const std::string title = escape_markup(name);
       for (std::size_t at = 0; (at = text.find(stand_in, at)) != text.npos; at += title.size()) {
         text.replace(at, stand_in.size(), title);
       }

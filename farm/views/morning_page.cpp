@@ -7,6 +7,7 @@
 #include "slicecorr/farm/morning.hpp"
 #include "support/chart/chart.hpp"
 #include "support/page/page_style.hpp"
+#include "support/text/escape.hpp"
 #include "views/moment_text.hpp"
 #include "views/page_text.hpp"
 #include "views/time_axis.hpp"
@@ -18,7 +19,7 @@ using Json = nlohmann::ordered_json;
 namespace {
 
 /// What comes from files and users, for the page.
-std::string shown(std::string_view text) { return chart::escape(words::printable(text)); }
+std::string shown(std::string_view text) { return escape_markup(words::printable(text)); }
 
 /// A path as a link: everything but letters, digits and a few marks in percent.
 std::string link_text(const std::string& path) {
@@ -48,7 +49,7 @@ std::string report_link(const Job& job, const LinkTo& links) {
     // A first segment with a colon would read as a scheme.
     if (!links.base.empty()) to = "./" + to;
   }
-  return fmt::format(R"(<a href="{}">{}</a>)", chart::escape(to), name);
+  return fmt::format(R"(<a href="{}">{}</a>)", escape_markup(to), name);
 }
 
 std::string time_of_day(const MorningReport& r, std::int64_t ms) {
@@ -123,7 +124,7 @@ std::string failures(const MorningReport& r) {
     }
     if (!f.log_lines.empty()) {
       html += "<pre class=\"log\">";
-      for (const std::string& line : f.log_lines) html += chart::escape(line) + "\n";
+      for (const std::string& line : f.log_lines) html += escape_markup(line) + "\n";
       html += "</pre>";
     }
     html += "</details>";

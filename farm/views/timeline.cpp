@@ -7,14 +7,13 @@
 
 #include "slicecorr/farm/morning.hpp"
 #include "support/chart/chart.hpp"
+#include "support/text/escape.hpp"
 #include "views/moment_text.hpp"
 #include "views/time_axis.hpp"
 
 namespace slicecorr::farm {
 
 namespace {
-
-using chart::escape;
 
 constexpr double width = 1100, left = 150, right = 16, lane = 26, top = 44;
 constexpr double inner = width - left - right;
@@ -84,7 +83,7 @@ std::string timeline_svg(const MorningReport& r) {
     }
     body += fmt::format(
         R"(<text x="{}" y="{}" text-anchor="end">{}</text>)", left - 8, y + 18.5,
-        escape(words::clipped(words::printable(r.lanes[static_cast<std::size_t>(i)]), 17)));
+        escape_markup(words::clipped(words::printable(r.lanes[static_cast<std::size_t>(i)]), 17)));
   }
   const double bottom = top + std::max(1, lanes) * lane;
   for (const auto& tick : detail::time_ticks(r.from_ms, r.until_ms, 12)) {
@@ -98,7 +97,7 @@ std::string timeline_svg(const MorningReport& r) {
     body += fmt::format(
         R"(<rect class="{}" x="{:.1f}" y="{}" width="{:.1f}" height="{}" rx="1.5"><title>{}</title></rect>)",
         kinds[static_cast<std::size_t>(bar.kind)].style, from, top + bar.lane * lane + 4,
-        std::max(1.2, to - from - 0.6), lane - 8, escape(words::printable(bar.words)));
+        std::max(1.2, to - from - 0.6), lane - 8, escape_markup(words::printable(bar.words)));
   }
   if (lanes == 0) {
     body +=

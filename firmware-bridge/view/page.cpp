@@ -10,6 +10,7 @@
 #include "support/chart/chart.hpp"
 #include "support/page/page_style.hpp"
 #include "support/text/display_text.hpp"
+#include "support/text/escape.hpp"
 #include "view/charts.hpp"
 #include "view/page_text.hpp"
 
@@ -27,7 +28,7 @@ constexpr std::size_t most_events = 600, first_events = 200, most_late = 300;
 std::string shown(std::string_view text) {
   // Cut before it is looked at: a damaged line may be a file long.
   const std::string cut(text.substr(0, 4 * longest_text));
-  return chart::escape(words::clipped(words::printable(cut), longest_text));
+  return escape_markup(words::clipped(words::printable(cut), longest_text));
 }
 
 std::string figure(double value, const char* format_unit, int digits) {

@@ -24,7 +24,7 @@ double CureModel::crossing(double phi, double below) const {
 int CureModel::slices_to_gel() const {
   if (mode == ExposureMode::layerwise) return 0;
   const double slices = std::log10(phi_max() / (phi_max() - 1.0)) / eta;
-  // A showing in 1e9 less than a whole number is that number: the margin of the solve covers it.
+  // A part in 1e9 less than a whole number is that number: the margin of the solve covers it.
   return static_cast<int>(std::ceil(slices - 1e-12));
 }
 

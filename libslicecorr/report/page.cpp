@@ -12,17 +12,17 @@
 #include "slicecorr/units.hpp"
 #include "support/page/page_style.hpp"
 #include "support/text/base64.hpp"
+#include "support/text/escape.hpp"
 
 namespace slicecorr {
 
 using detail::base64;
-using detail::escape;
 
 namespace {
 
 std::string image(const ColourImage& picture, const std::string& words) {
   return fmt::format(R"(<img alt="{}" width="{}" height="{}" src="data:image/png;base64,{}">)",
-                     escape(words), picture.width_px, picture.height_px,
+                     escape_markup(words), picture.width_px, picture.height_px,
                      base64(encode_png(picture)));
 }
 
@@ -130,15 +130,15 @@ std::string summary(const ReportContent& c) {
   }
   html += fmt::format(
       R"x(</p><p class="dim">Printer {} ({} levels, {:g} to {:g} mW/cm²), resin {} (absorbance height {:g} um base 10, dose aimed at {}).)x",
-      escape(c.setup.printer.name), c.setup.printer.levels(),
+      escape_markup(c.setup.printer.name), c.setup.printer.levels(),
       c.setup.printer.calibration.front().intensity_mw_cm2,
-      c.setup.printer.calibration.back().intensity_mw_cm2, escape(c.setup.resin.name),
-      c.setup.resin.absorbance_height10_um, escape(dose_in_words(c.setup.resin)));
+      c.setup.printer.calibration.back().intensity_mw_cm2, escape_markup(c.setup.resin.name),
+      c.setup.resin.absorbance_height10_um, escape_markup(dose_in_words(c.setup.resin)));
   if (const std::string light = light_in_words(c.setup.printer); !light.empty()) {
-    html += " Light over the display: " + escape(light) + ".";
+    html += " Light over the display: " + escape_markup(light) + ".";
   }
   if (const std::string uv = uv_in_words(c.setup.process.uv); !uv.empty()) {
-    html += " UV light: " + escape(uv) + ".";
+    html += " UV light: " + escape_markup(uv) + ".";
   }
   if (layerwise) return html + "</p>";
   const double cap = c.setup.process.omega_max;
@@ -154,7 +154,7 @@ std::string make_report(const ReportContent& c, const ExecutionContext& context)
       make_cure_model(c.setup.printer, c.setup.resin, c.setup.process, g.layer_um);
   std::string html = fmt::format(
       R"(<!doctype html><html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1"><title>{0}</title><style>{1}</style></head><body><main><h1>{0}</h1>)",
-      escape(c.title), detail::page_page_css);
+      escape_markup(c.title), detail::page_page_css);
   html += summary(c);
   html += "<h2>What will print</h2>" + figures_table(c);
   if (c.comparison) html += detail::comparison_table(*c.comparison);
@@ -197,7 +197,7 @@ std::string make_report(const ReportContent& c, const ExecutionContext& context)
         c.column_x, c.column_y, column_svg(c.column_before, model, "Uncorrected", top, slices),
         column_svg(c.column_after, model, "This stack", top, slices));
   }
-  html += fmt::format(R"(<p class="dim">{}</p></main>)", escape(c.info.program));
+  html += fmt::format(R"(<p class="dim">{}</p></main>)", escape_markup(c.info.program));
   if (moving) {
     const ReducedVolume& v = *c.volume;
     const std::array<int, 3> start{c.column_x >= 0 ? c.column_x : (v.box.x0 + v.box.x1) / 2,

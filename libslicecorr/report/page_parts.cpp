@@ -4,30 +4,9 @@
 
 #include <algorithm>
 
-namespace slicecorr::detail {
+#include "support/text/escape.hpp"
 
-std::string escape(std::string_view text) {
-  std::string out;
-  for (const char c : text) {
-    switch (c) {
-      case '<':
-        out += "&lt;";
-        break;
-      case '>':
-        out += "&gt;";
-        break;
-      case '&':
-        out += "&amp;";
-        break;
-      case '"':
-        out += "&quot;";
-        break;
-      default:
-        out += c;
-    }
-  }
-  return out;
-}
+namespace slicecorr::detail {
 
 namespace {
 
@@ -211,20 +190,20 @@ std::string feature_lists(const ReportContent& c) {
 std::string comparison_table(const ComparisonTable& comparison) {
   std::string html = R"(<h2>Compared with other ways</h2><div class="scroll"><table><thead><tr>)";
   for (const std::string& name : comparison.columns) {
-    html += fmt::format(R"(<th scope="col">{}</th>)", escape(name));
+    html += fmt::format(R"(<th scope="col">{}</th>)", escape_markup(name));
   }
   html += "</tr></thead><tbody>";
   for (const auto& row : comparison.rows) {
     html += "<tr>";
     for (std::size_t i = 0; i < row.size(); ++i) {
-      html +=
-          (i == 0 ? R"(<th scope="row">)" : "<td>") + escape(row[i]) + (i == 0 ? "</th>" : "</td>");
+      html += (i == 0 ? R"(<th scope="row">)" : "<td>") + escape_markup(row[i]) +
+              (i == 0 ? "</th>" : "</td>");
     }
     html += "</tr>";
   }
   html += "</tbody></table></div>";
   if (!comparison.note.empty()) {
-    html += fmt::format(R"(<p class="dim">{}</p>)", escape(comparison.note));
+    html += fmt::format(R"(<p class="dim">{}</p>)", escape_markup(comparison.note));
   }
   return html;
 }

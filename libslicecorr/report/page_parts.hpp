@@ -11,8 +11,6 @@
 
 namespace slicecorr::detail {
 
-std::string escape(std::string_view text);
-
 /// Height errors and gap contrasts, before and after.
 std::string histograms(const ReportContent& content);
 /// The lost and merged features with their places.

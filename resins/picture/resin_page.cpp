@@ -11,17 +11,17 @@
 #include "slicecorr/resins/plots.hpp"
 #include "support/chart/chart.hpp"
 #include "support/page/page_style.hpp"
+#include "support/text/escape.hpp"
 
 namespace slicecorr::resins {
 
 namespace {
 
-using chart::escape;
 using chart::figure;
 
 std::string row(const std::string& name, const std::vector<std::string>& cells) {
-  std::string html = fmt::format("<tr><th scope=\"row\">{}</th>", escape(name));
-  for (const std::string& c : cells) html += fmt::format("<td>{}</td>", escape(c));
+  std::string html = fmt::format("<tr><th scope=\"row\">{}</th>", escape_markup(name));
+  for (const std::string& c : cells) html += fmt::format("<td>{}</td>", escape_markup(c));
   return html + "</tr>";
 }
 
@@ -68,7 +68,7 @@ std::string figures_table(const ResinRecord& record) {
 std::string list_of(const char* heading, const std::vector<std::string>& lines) {
   if (lines.empty()) return {};
   std::string html = fmt::format("<h3>{}</h3><ul>", heading);
-  for (const std::string& line : lines) html += fmt::format("<li>{}</li>", escape(line));
+  for (const std::string& line : lines) html += fmt::format("<li>{}</li>", escape_markup(line));
   return html + "</ul>";
 }
 
@@ -90,10 +90,10 @@ std::string title_of(FitModel model) {
 
 std::string fit_section(const FitResult& fit) {
   std::string html = fmt::format("<h3>{}</h3><p>", title_of(fit.model));
-  for (const Parameter& p : fit.parameters) html += escape(parameter_words(p)) + "<br>";
+  for (const Parameter& p : fit.parameters) html += escape_markup(parameter_words(p)) + "<br>";
   html +=
       fmt::format("R² {:.4f}, RMSE {} um, {} measurements</p>", fit.r2, figure(fit.rmse_um), fit.n);
-  if (fit.reciprocity) html += fmt::format("<p>{}</p>", escape(fit.reciprocity->verdict));
+  if (fit.reciprocity) html += fmt::format("<p>{}</p>", escape_markup(fit.reciprocity->verdict));
   std::vector<std::string> outliers;
   for (const Outlier& o : fit.outliers) outliers.push_back(o.reason);
   return html + list_of("Warnings", fit.warnings) + list_of("Outliers", outliers);
@@ -163,7 +163,7 @@ std::string resin_page(const ResinRecord& record, const std::vector<FitResult>& 
       ".words th{{white-space:normal}}.words "
       "td{{white-space:normal;text-align:left;overflow-wrap:anywhere}}"
       "</style></head><body><main><h1>{}</h1>",
-      escape(record.name), detail::page_page_css, escape(record.name));
+      escape_markup(record.name), detail::page_page_css, escape_markup(record.name));
   std::string about;
   for (const std::string& text : {record.maker, record.product, record.chemistry, record.colour}) {
     if (!text.empty()) about += (about.empty() ? "" : ", ") + text;
@@ -172,9 +172,9 @@ std::string resin_page(const ResinRecord& record, const std::vector<FitResult>& 
     about += fmt::format("{}{:g} nm", about.empty() ? "" : ", ", record.wavelength_nm);
   }
   about += fmt::format("{}version {}", about.empty() ? "" : ", ", record.version);
-  html += fmt::format("<p class=\"dim\">{}</p><p><strong>{}</strong></p>", escape(about),
-                      escape(aim_words(record.resin)));
-  if (!record.notes.empty()) html += fmt::format("<p>{}</p>", escape(record.notes));
+  html += fmt::format("<p class=\"dim\">{}</p><p><strong>{}</strong></p>", escape_markup(about),
+                      escape_markup(aim_words(record.resin)));
+  if (!record.notes.empty()) html += fmt::format("<p>{}</p>", escape_markup(record.notes));
   html += figures_table(record);
   if (!fits.empty()) {
     html += "<h2>Fits</h2>";
@@ -203,7 +203,7 @@ std::string resin_page(const ResinRecord& record, const std::vector<FitResult>& 
   }
   if (!record.text.empty()) {
     html += fmt::format("<details><summary>The file</summary><pre>{}</pre></details>",
-                        escape(record.text));
+                        escape_markup(record.text));
   }
   return html + "</main></body></html>\n";
 }

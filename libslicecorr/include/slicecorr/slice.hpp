@@ -28,6 +28,12 @@ struct SliceReport {
   std::size_t bridged_slices = 0;  ///< slices with open contours that had to be closed
   std::size_t bridges = 0;         ///< number of bridges
   double longest_bridge_mm = 0;
+  /// What bridges may have got wrong: half circles over all of them. A bridge is straight; the
+  /// surface that is missing there may have bulged to either side.
+  double bridged_volume_mm3 = 0;
+  /// Volume that the contours enclose with their bridges, counted only where there are some; what
+  /// lies in two bodies counts twice.
+  double volume_mm3 = 0;
   std::size_t turned_triangles = 0;  ///< triangles that were cut as if they faced the other way
 };
 

@@ -1,6 +1,7 @@
 #include <zip.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cstring>
 #include <exception>
 #include <memory>
@@ -148,7 +149,9 @@ std::string zip_text(zip_error_t* error) {
 }
 
 /// Whether what failed is reading: of the archive that is changed, not of what is written.
-bool is_of_reading(int code) {
+/// `system`: the error of the system that the library had, which tells a disk without room.
+bool is_of_reading(int code, int system) {
+  if (system == ENOSPC || system == EDQUOT || system == EFBIG) return false;
   switch (code) {
     case ZIP_ER_NOZIP:
     case ZIP_ER_INCONS:
@@ -185,12 +188,12 @@ void ZipOutput::change(const std::string& temporary, const ExecutionContext& con
   zip_t* const zip = zip_open(temporary.c_str(), 0, &code);
   // Read once before: it became another file since.
   const auto changed = [&] { return InputError(keep_from_, "", "was changed while it was read"); };
-  if (zip == nullptr && is_of_reading(code)) throw changed();
+  if (zip == nullptr && is_of_reading(code, errno)) throw changed();
   if (zip == nullptr) throw DeviceError(errno_message(path_, "can't be written"));
   // After the entries: discarding the archive still calls them.
   std::unique_ptr<zip_t, decltype(&zip_discard)> guard(zip, &zip_discard);
   const auto fail = [&](zip_error_t* e) {
-    if (is_of_reading(zip_error_code_zip(e))) throw changed();
+    if (is_of_reading(zip_error_code_zip(e), zip_error_code_system(e))) throw changed();
     throw DeviceError(path_ + ": can't be written: " + zip_text(e));
   };
 

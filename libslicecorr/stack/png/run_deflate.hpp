@@ -10,13 +10,13 @@
 
 namespace slicecorr::detail {
 
-/// Compresses a piece to deflate blocks that end on a byte, are not the last ones and find_match to
-/// nothing before the piece, so that pieces can be joined in any number. The output follows from
-/// the bytes alone, on every processor. Reusable, not thread-safe.
+/// Compresses a piece to deflate blocks that end on a byte, are not the last ones and match nothing
+/// before the piece, so that pieces can be joined in any number. The output follows from the bytes
+/// alone, on every processor. Reusable, not thread-safe.
 ///
 /// In one pass bytes become tokens: literals, then a run of the last of them; every run of four or
 /// more equal bytes is one, so that tokens don't depend on how the bytes were handed over. Tokens
-/// that have been seen before, literals and run alike, become references of up to 258 bytes: what
+/// that have been seen before, literals and run alike, become matches of up to 258 bytes: what
 /// repeats from row to row and along a row. Then one code is made for the whole piece. Work per
 /// byte is one comparison with its neighbour, everything else is per token.
 class RunDeflater {
@@ -41,7 +41,7 @@ class RunDeflater {
     std::uint32_t run;       ///< ... so many that equal the last of them: 0 or at least 3
     bool operator==(const Token&) const = default;
   };
-  /// Some literals, a reference, and literals that are left out because it covers them.
+  /// Some literals, then literals and a run that are left out, because earlier bytes repeat there.
   struct Match {
     std::uint32_t literals, matched_literals;
     std::uint32_t length, distance;  ///< of any length where the distance is 1
@@ -52,8 +52,8 @@ class RunDeflater {
   void start_run(std::uint8_t value);
   void add_byte(std::uint8_t value);
   void add_block(const std::uint8_t* bytes, std::size_t at, std::uint64_t starts);
-  /// Tokens from `at` on that equal those from `before` on, as far as one reference reaches: as an
-  /// match where it pays. Returns the number of tokens.
+  /// Tokens from `at` on that equal those from `before` on, as far as one match reaches: kept where
+  /// it pays. Returns the number of tokens.
   std::size_t find_match(std::size_t at, std::size_t before);
   void find_matches();
   void count_symbols();

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <sstream>
 
+#include "support/text/escape.hpp"
+
 namespace slicecorr::chart {
 
 namespace {
@@ -135,7 +137,8 @@ std::string marker(double x, double y, int series, const std::string& words) {
       path = fmt::format("M{}L{}M{}L{}", at(-5, -5), at(5, 5), at(-5, 5), at(5, -5));
   }
   const bool open = series / kShapes % 2 == 1;
-  const std::string title = words.empty() ? "" : fmt::format("<title>{}</title>", escape(words));
+  const std::string title =
+      words.empty() ? "" : fmt::format("<title>{}</title>", escape_markup(words));
   return fmt::format(R"(<path class="s{} p{}" d="{}"{})", series % kShapes, open ? " open" : "",
                      path, title.empty() ? "/>" : ">" + title + "</path>");
 }
@@ -185,30 +188,6 @@ int length_of(std::string_view text) {
 }
 
 }  // namespace
-
-std::string escape(std::string_view text) {
-  std::string out;
-  for (const char c : text) {
-    switch (c) {
-      case '<':
-        out += "&lt;";
-        break;
-      case '>':
-        out += "&gt;";
-        break;
-      case '&':
-        out += "&amp;";
-        break;
-      case '"':
-        out += "&quot;";
-        break;
-      default:
-        // Other control characters are no XML.
-        if (static_cast<unsigned char>(c) >= 0x20 || c == '\n' || c == '\t') out += c;
-    }
-  }
-  return out;
-}
 
 std::string figure(double value) {
   if (!std::isfinite(value)) return "-";
@@ -317,7 +296,7 @@ bool Panel::shows(Point p) const {
 
 void Panel::halo(double x, double y, const std::string& text, std::string_view anchor) {
   text_ += fmt::format(R"(<text class="halo" x="{}" y="{}" text-anchor="{}">{}</text>)",
-                       coordinate(x), coordinate(y), anchor, escape(text));
+                       coordinate(x), coordinate(y), anchor, escape_markup(text));
 }
 
 void Panel::line(const std::vector<Point>& points, Style style, int series) {
@@ -437,8 +416,9 @@ std::string Panel::svg(double top) const {
       labels += fmt::format(R"(<text class="tick" x="{}" y="{}" text-anchor="middle">{}</text>)",
                             coordinate(px(t.value)), coordinate(height_ + 20), t.label);
     }
-    labels += fmt::format(R"(<text x="{}" y="{}" text-anchor="middle">{}</text>)",
-                          coordinate(kInner / 2), coordinate(height_ + 43), escape(x_.title));
+    labels +=
+        fmt::format(R"(<text x="{}" y="{}" text-anchor="middle">{}</text>)", coordinate(kInner / 2),
+                    coordinate(height_ + 43), escape_markup(x_.title));
   }
   for (const Tick& t : y_ticks) {
     if (t.label.empty()) continue;
@@ -447,7 +427,7 @@ std::string Panel::svg(double top) const {
   }
   labels += fmt::format(
       R"x(<text transform="translate(-58 {}) rotate(-90)" text-anchor="middle">{}</text>)x",
-      coordinate(height_ / 2), escape(y_.title));
+      coordinate(height_ / 2), escape_markup(y_.title));
   out += lines;
   // A nested svg clips what lies outside of its viewport, without ids that could clash.
   out += fmt::format(R"(<svg width="{}" height="{}">{}</svg>)", coordinate(kInner),
@@ -492,8 +472,8 @@ std::string Picture::svg() const {
   double y = 8;
   for (const std::string& line : wrapped(title_, 60)) {
     y += 23;
-    body +=
-        fmt::format(R"(<text class="head" x="16" y="{}">{}</text>)", coordinate(y), escape(line));
+    body += fmt::format(R"(<text class="head" x="16" y="{}">{}</text>)", coordinate(y),
+                        escape_markup(line));
   }
   double x = 16;
   if (!legend_.empty()) y += 28;
@@ -505,7 +485,7 @@ std::string Picture::svg() const {
       y += 24;
     }
     body += fmt::format(R"x(<g transform="translate({} {})">{}<text x="32">{}</text></g>)x",
-                        coordinate(x), coordinate(y), e.key, escape(e.text));
+                        coordinate(x), coordinate(y), e.key, escape_markup(e.text));
     x += width;
   }
   y += 18;
@@ -516,12 +496,12 @@ std::string Picture::svg() const {
   if (!notes_.empty()) y += 4;
   for (const std::string& line : notes_) {
     y += 21;
-    body += fmt::format(R"(<text x="16" y="{}">{}</text>)", coordinate(y - 5), escape(line));
+    body += fmt::format(R"(<text x="16" y="{}">{}</text>)", coordinate(y - 5), escape_markup(line));
   }
   y += 8;
   return fmt::format(
       R"(<svg xmlns="http://www.w3.org/2000/svg" class="slc-plot" viewBox="0 0 {0} {1}" width="{0}" height="{1}" role="img" aria-label="{2}"><style>{3}</style><rect class="ground" width="{0}" height="{1}"/>{4}</svg>)",
-      coordinate(kWidth), coordinate(y), escape(words_), kStyle, body);
+      coordinate(kWidth), coordinate(y), escape_markup(words_), kStyle, body);
 }
 
 }  // namespace slicecorr::chart

@@ -15,8 +15,6 @@
 
 namespace slicecorr::chart {
 
-/// Text for XML: markup escaped, control characters left out.
-std::string escape(std::string_view text);
 /// Four significant digits, as people write them: 1234, 0.0567, 1.2e-05.
 std::string figure(double value);
 

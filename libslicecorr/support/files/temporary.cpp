@@ -114,7 +114,7 @@ void check_new_file(const std::string& path) {
   const PathParts place = path_parts(path);
   struct stat status;
   if (::stat(place.folder.c_str(), &status) != 0) {
-    throw DeviceError(errno_message(path, "folder of the output can't be used"));
+    throw DeviceError(errno_message(path, "can't be written"));
   }
   const bool taken = ::stat(path.c_str(), &status) == 0;
   if (place.file.empty() || (taken && !S_ISREG(status.st_mode))) {

@@ -9,7 +9,7 @@ namespace slicecorr::cli {
 
 namespace {
 
-std::string escape(const std::string& s) {
+std::string escape_label(const std::string& s) {
   std::string out;
   for (const char c : s) {
     if (c == '\\' || c == '"') out += '\\';
@@ -30,7 +30,7 @@ void Exposition::line(const std::string& name, double v, const Labels& labels) {
   const char* before = "{";
   for (const Labels* const list : {static_cast<const Labels*>(&common_), &labels}) {
     for (const auto& [label, text] : *list) {
-      text_ += fmt::format("{}{}=\"{}\"", before, label, escape(text));
+      text_ += fmt::format("{}{}=\"{}\"", before, label, escape_label(text));
       before = ",";
     }
   }

@@ -1,4 +1,4 @@
-/// @file words.hpp
+/// @file display_text.hpp
 /// Figures and names as people read them, on terminals and pages.
 #pragma once
 

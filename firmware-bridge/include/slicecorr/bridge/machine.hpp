@@ -74,7 +74,7 @@ enum class Exchange { fc23, fc16_fc3, fc16_fc4 };
 enum class Signal {
   // written
   sequence,            ///< * rises with each exchange
-  heartbeat,           ///< * changes with each exchange
+  heartbeat,           ///< * changes after each good answer: the watchdog is fed by it
   command,             ///< * see Command
   watchdog_s,          ///< how long the machine waits for a heartbeat
   target_um,           ///< * where the stage goes
@@ -160,10 +160,10 @@ std::string_view name_of(Signal signal);
 /// What goes out in a cycle. Idempotent: the same set-points twice do the same as once.
 struct SetPoints {
   std::uint16_t sequence = 0;   ///< rises with each exchange, from 65535 to 0
-  std::uint16_t heartbeat = 0;  ///< changes with each exchange
+  std::uint16_t heartbeat = 0;  ///< changes after each good answer
   Command command = Command::off;
   double target_um = 0;                           ///< stage position, above the window
-  double speed_um_s = 0, acceleration_um_s2 = 0;  ///< greatest on the way there, > 0
+  double speed_um_s = 0, acceleration_um_s2 = 0;  ///< greatest on the way there
   double blue_share = 0;                          ///< of the calibration; 0: dark
   double uv_mw_cm2 = 0;                           ///< of the flood lamp; 0: dark
   std::int32_t frame = black_frame;               ///< number of the slice that is shown

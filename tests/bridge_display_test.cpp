@@ -15,9 +15,9 @@
 #include "drm_substitute.hpp"
 #include "frames/wire.hpp"
 #include "models.hpp"
-#include "support/toml/toml_table.hpp"
 #include "slicecorr/bridge/display.hpp"
 #include "slicecorr/error.hpp"
+#include "support/toml/toml_table.hpp"
 
 namespace slicecorr::bridge {
 namespace {
@@ -199,16 +199,16 @@ class SizedFrames final : public FrameSource {
 };
 
 TEST(FrameRingMemory, IsBoundedAndStillHoldsThree) {
-  const auto room = [](std::size_t bytes, int ring) {
-    return FrameRing(SizedFrames(bytes), ring, 1).room();
+  const auto capacity = [](std::size_t bytes, int ring) {
+    return FrameRing(SizedFrames(bytes), ring, 1).capacity();
   };
-  EXPECT_EQ(room(1280 * 800, 16), 16);
-  EXPECT_EQ(room(3840 * 2400, 16), 16);
-  EXPECT_EQ(room(3840 * 2400, 1024), 29);  // 29 * 9,216,000 <= 256 MiB < 30 * 9,216,000
-  EXPECT_EQ(room(11520 * 5120, 16), 4);
-  EXPECT_EQ(room(std::size_t{1} << 30, 16), 3);
-  EXPECT_EQ(room(0, 1000), 1000);
-  EXPECT_EQ(room(std::size_t{1} << 30, 2), 2);
+  EXPECT_EQ(capacity(1280 * 800, 16), 16);
+  EXPECT_EQ(capacity(3840 * 2400, 16), 16);
+  EXPECT_EQ(capacity(3840 * 2400, 1024), 29);  // 29 * 9,216,000 <= 256 MiB < 30 * 9,216,000
+  EXPECT_EQ(capacity(11520 * 5120, 16), 4);
+  EXPECT_EQ(capacity(std::size_t{1} << 30, 16), 3);
+  EXPECT_EQ(capacity(0, 1000), 1000);
+  EXPECT_EQ(capacity(std::size_t{1} << 30, 2), 2);
   // And it works: all frames come through three places.
   const SizedFrames source(std::size_t{1} << 30);
   FrameRing ring(source, 16, 2);
@@ -514,9 +514,9 @@ TEST_F(BridgeDrm, WhatFailsAtTheStartLeavesAllAsItWas) {
 TEST_F(BridgeDrm, APulledCableIsFound) {
   const auto sink = open();
   sink->show(noise(0), 0);
-  EXPECT_NO_THROW(sink->watch());
+  EXPECT_NO_THROW(sink->check());
   card.connectors[1].connected = false;
-  EXPECT_THROW(sink->watch(), DeviceError);
+  EXPECT_THROW(sink->check(), DeviceError);
   EXPECT_THAT(thrown_by([&] { sink->show(noise(1), 0); }), HasSubstr("disconnected"));
 }
 
@@ -548,7 +548,7 @@ class LoggedSink final : public FrameSink {
   void tick(double at_s) override {
     log_.calls.push_back(fmt::format("{} tick {:g}", name_, at_s));
   }
-  void watch() override {
+  void check() override {
     if (log_.gone) throw DeviceError(name_ + " is gone");
   }
   std::string describe() const override { return name_; }
@@ -578,9 +578,9 @@ TEST(SeveralSinks, TheFirstCountsAndAllGetTheSame) {
   for (SinkLog* bad : {&one, &two}) {
     bad->gone = true;
     EXPECT_THROW(sink->show(noise(4), 10), DeviceError);
-    EXPECT_THROW(sink->watch(), DeviceError);
+    EXPECT_THROW(sink->check(), DeviceError);
     bad->gone = false;
-    EXPECT_NO_THROW(sink->watch());
+    EXPECT_NO_THROW(sink->check());
   }
   two.wrong_by = 1;
   EXPECT_THAT(thrown_by([&] { sink->show(noise(4), 10); }), HasSubstr("two image 5"));
@@ -638,7 +638,7 @@ class LoggedWindow final : public detail::Window {
                                    [](std::uint32_t p) { return p == 0xFF000000U; });
     return told(black ? "present black" : "present");
   }
-  std::string watch() override { return log_.news; }
+  std::string check() override { return log_.news; }
 
  private:
   std::string told(const std::string& call) {
@@ -660,7 +660,7 @@ class BridgeWindowCalls : public testing::Test {
         });
   }
   WindowLog log;
-  std::unique_ptr<Clock> clock = make_step_clock();
+  std::unique_ptr<BridgeClock> clock = make_step_clock();
 };
 
 TEST_F(BridgeWindowCalls, BlackComesBeforeTheEnd) {
@@ -691,7 +691,7 @@ TEST_F(BridgeWindowCalls, WhatHappensWhileNothingIsShownIsFound) {
   const auto until = std::chrono::steady_clock::now() + std::chrono::minutes(1);
   std::string says;
   while (says.empty() && std::chrono::steady_clock::now() < until) {
-    says = thrown_by([&] { sink->watch(); });
+    says = thrown_by([&] { sink->check(); });
     std::this_thread::yield();
   }
   EXPECT_THAT(says, HasSubstr("something came between"));

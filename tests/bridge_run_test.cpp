@@ -194,7 +194,7 @@ TEST(FrameWire, AddressesAreChecked) {
 /// A machine in the same process, in the time of a step clock.
 class ModelLink final : public Link {
  public:
-  ModelLink(PrinterModel& model, const Machine& machine, Clock& clock)
+  ModelLink(PrinterModel& model, const Machine& machine, BridgeClock& clock)
       : model_(model), machine_(machine), clock_(clock) {}
   std::optional<Status> exchange(const SetPoints& out) override {
     sent.push_back(out);
@@ -226,7 +226,7 @@ class ModelLink final : public Link {
  private:
   PrinterModel& model_;
   const Machine& machine_;
-  Clock& clock_;
+  BridgeClock& clock_;
 };
 
 class ModelSink final : public FrameSink {
@@ -306,7 +306,7 @@ class RunPrint : public testing::Test {
   StateFolder state;
   RunOptions options;
   std::unique_ptr<PrinterModel> model;
-  std::unique_ptr<Clock> clock;
+  std::unique_ptr<BridgeClock> clock;
   std::unique_ptr<ModelLink> link;
   std::unique_ptr<ModelSink> sink;
 };

@@ -251,7 +251,7 @@ TEST(BridgeLeft, IsSaidInWords) {
 /// A machine in the same process, whose blue lamp may stick.
 class StickingLink final : public Link {
  public:
-  StickingLink(PrinterModel& model, const Machine& machine, Clock& clock)
+  StickingLink(PrinterModel& model, const Machine& machine, BridgeClock& clock)
       : model_(model), machine_(machine), clock_(clock) {}
   std::optional<Status> exchange(const SetPoints& out) override {
     model_.advance(clock_.now_s());
@@ -267,7 +267,7 @@ class StickingLink final : public Link {
  private:
   PrinterModel& model_;
   const Machine& machine_;
-  Clock& clock_;
+  BridgeClock& clock_;
 };
 
 TEST(BridgeReset, IsRefusedWhileALampShinesThatIsToldOff) {
@@ -319,10 +319,10 @@ struct Hand {
     answer = answered ? std::optional(a) : std::nullopt;
     now_s += std::max(machine.limits.cycle_s, early_s + late_s);
     model.advance(now_s);
-    if (step.show >= -1) {
-      if (step.show >= 0) ++shown;
+    if (step.show) {
+      if (*step.show != black_frame) ++shown;
       controller.shown(
-          {step.show, std::max(step.show_at_s, now_s - machine.limits.cycle_s), false});
+          {*step.show, std::max(step.show_at_s, now_s - machine.limits.cycle_s), false});
     }
   }
   Machine machine;

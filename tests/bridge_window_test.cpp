@@ -73,7 +73,7 @@ class BridgeWindow : public testing::Test {
     // Events take their way: what is wrong now is told with a later image at the latest.
     wait_until([&] {
       try {
-        sink.watch();
+        sink.check();
         return false;
       } catch (const DeviceError& e) {
         text = e.what();
@@ -86,7 +86,7 @@ class BridgeWindow : public testing::Test {
 
   std::optional<Xvfb> server;
   Machine machine = machine_of(width_px, height_px);
-  std::unique_ptr<Clock> clock = make_real_clock();
+  std::unique_ptr<BridgeClock> clock = make_real_clock();
 };
 
 TEST_F(BridgeWindow, ShowsEveryPixelAsItIs) {

@@ -88,13 +88,13 @@ class Bench {
       }
       model.advance(now_s);
       const Step step = controller.step(answer_, now_s);
-      for (const Event& e : step.events) events.push_back(e);
+      for (const PrintEvent& e : step.events) events.push_back(e);
       for (const FrameRecord& r : step.records) records.push_back(r);
       sent.push_back(step.set_points);
       answer_ = exchange(step.set_points);
       check_light();
       if (step.finished) return;
-      if (step.show >= -1) due_ = {step.show, step.show_at_s};
+      if (step.show) due_ = {*step.show, step.show_at_s};
       show_due(now_s + cycle);
       if (each) each();
     }
@@ -114,7 +114,7 @@ class Bench {
     return -1;
   }
   double event_time(const std::string& what) const {
-    for (const Event& e : events) {
+    for (const PrintEvent& e : events) {
       if (e.what == what) return e.at_s;
     }
     return -1;
@@ -125,7 +125,7 @@ class Bench {
   bool display_gone = false;
   double early_s = 0;      ///< by which frames appear before their time
   double stage_speed = 1;  ///< share of what it is told at which the stage goes while printing
-  std::vector<Event> events;
+  std::vector<PrintEvent> events;
   std::vector<FrameRecord> records;
   std::vector<SetPoints> sent;
 

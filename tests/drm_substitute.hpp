@@ -194,7 +194,7 @@ class SubstituteDrm final : public DrmCalls {
 };
 
 /// The print's clock beside the card's, of another beginning.
-class CardClock final : public bridge::Clock {
+class CardClock final : public bridge::BridgeClock {
  public:
   explicit CardClock(DrmCard& card) : card_(card), start_s_(card.now_s) {}
   double now_s() const override { return card_.now_s - start_s_; }

@@ -86,12 +86,12 @@ TEST_F(LocalEngineTest, WhatCannotStartIsTold) {
 TEST_F(LocalEngineTest, RoomIsWhatIsLeft) {
   script("exec sleep 1000");
   const auto e = engine(3);
-  const Room before = e->room();
+  const EngineCapacity before = e->capacity();
   EXPECT_EQ(before.tasks, 3);
   EXPECT_EQ(before.cores, 2);
   EXPECT_EQ(before.largest_memory_mb, 1000);
   e->submit({task("a"), task("b")});
-  const Room after = e->room();
+  const EngineCapacity after = e->capacity();
   EXPECT_EQ(after.tasks, 1);
   EXPECT_EQ(after.cores, 0);
   EXPECT_LE(after.memory_mb, 400);
@@ -191,7 +191,7 @@ TEST_F(LocalEngineTest, SurvivorsOfAnotherServiceAreEndedOnlyWhenTheyAreOurs) {
 class HeldEngine final : public Engine {
  public:
   std::string name() const override { return "held"; }
-  Room room() override { return {4, 10000, 10000, 4}; }
+  EngineCapacity capacity() override { return {4, 10000, 10000, 4}; }
   std::vector<std::string> submit(const std::vector<Task>& tasks) override {
     for (const Task& t : tasks) {
       const std::lock_guard lock(mutex);

@@ -93,7 +93,8 @@ class FarmFaults : public FarmPrograms {
       EXPECT_EQ(j.state, JobState::done);
       expect_same_files(j.output_folder + "/" + j.name, reference(j.parts.at(0)));
       int ends = 0;
-      for (const Event& e : ReadModel(database()).events(0, 100000, j.id)) ends += e.kind == "done";
+      for (const FarmEvent& e : ReadModel(database()).events(0, 100000, j.id))
+        ends += e.kind == "done";
       EXPECT_EQ(ends, 1) << "done twice, or never";
       for (const Attempt& a : attempts(j.id)) EXPECT_EQ(a.phase, "ended");
       int successes = 0;
@@ -183,6 +184,25 @@ INSTANTIATE_TEST_SUITE_P(Kinds, FarmWorkerFaults,
                            }
                            return name;
                          });
+
+/// The programs that people get know nothing of faults.
+TEST_F(FarmFaults, TheShippedProgramsHaveNone) {
+  const RunOptions asked{.environment = {{"SLICEFARM_TEST_FAULT", "start:crash"},
+                                         {"SLICEFARM_TEST_SERVICE_FAULT", "claimed"},
+                                         {"USER", "anna"}}};
+  submit_parts({make_part(1)}, {"--out", dir / "out"});
+  const RunResult r = program("slicefarm", {"run", "--dir", farm_dir(), "--until-empty"}, asked);
+  EXPECT_EQ(r.exit_code, 0) << r.err;
+  EXPECT_THAT(reasons(1), ElementsAre(Reason::none));
+  for (const char* name :
+       {"slicecorr", "slicecorr-post", "slicefarm", "resinctl", "printbridge", "printer-sim"}) {
+    const std::string bytes = text_of_file(std::string(SLICECORR_BIN_DIR) + "/" + name);
+    EXPECT_GT(bytes.size(), 100'000u) << name;
+    EXPECT_EQ(bytes.find("_TEST_"), std::string::npos) << name;
+  }
+  EXPECT_NE(text_of_file(SLICECORR_FAULTY_SLICEFARM).find("SLICEFARM_TEST_FAULT"),
+            std::string::npos);
+}
 
 TEST_F(FarmFaults, AWorkerThatAlwaysCrashesIsGivenUp) {
   submit_parts({make_part(1)});
@@ -352,7 +372,7 @@ TEST_F(FarmFaults, AServiceThatWasFrozenEndsTheWorkerOfALostLease) {
 
 /// The wall clock is set to and fro by days while jobs run.
 TEST_F(FarmFaults, AClockThatIsSetAgainAndAgainHarmsNothing) {
-  struct SetClock final : Clock {
+  struct SetClock final : FarmClock {
     std::int64_t wall_ms() const override { return system_clock().wall_ms() + offset_ms; }
     std::int64_t steady_ms() const override { return system_clock().steady_ms(); }
     std::string boot_id() const override { return system_clock().boot_id(); }

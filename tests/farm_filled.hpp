@@ -23,7 +23,7 @@ namespace slicecorr::farm::test {
 
 /// Stands still unless it is moved. Boot and start are the machine's, so that programs which go by
 /// the real clock find the test's own process alive.
-class HandClock : public Clock {
+class HandClock : public FarmClock {
  public:
   explicit HandClock(std::int64_t wall_ms = system_clock().wall_ms()) : wall_ms_(wall_ms) {}
   std::int64_t wall_ms() const override { return wall_ms_; }
@@ -95,7 +95,8 @@ class Farm {
   }
 
   /// The claimed job is done after some seconds of the farm's time.
-  void finish(const Claim& claim, double seconds, const Figures& figures, bool from_cache = false) {
+  void finish(const Claim& claim, double seconds, const ResultFigures& figures,
+              bool from_cache = false) {
     clock.pass(seconds);
     const std::string stem = folder.results(claim.job.id) + "/" + claim.job.name;
     ResultRecord result;
@@ -158,8 +159,8 @@ inline constexpr Reason final_reasons[] = {
     Reason::worker_killed, Reason::worker_crashed, Reason::hung,         Reason::out_of_memory,
     Reason::device_failed, Reason::output_invalid, Reason::engine_failed};
 
-inline Figures figures_with(double max_um, std::int64_t lost = 0) {
-  Figures f;
+inline ResultFigures figures_with(double max_um, std::int64_t lost = 0) {
+  ResultFigures f;
   f.layers = 770;
   f.height_mean_um = max_um / 20;
   f.height_p95_um = max_um / 4;

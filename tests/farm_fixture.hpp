@@ -21,6 +21,7 @@
 #include <vector>
 
 #include "farm_jobs.hpp"
+#include "farm_program.hpp"
 #include "run_program.hpp"
 #include "slicecorr/farm/clock.hpp"
 #include "slicecorr/farm/folder.hpp"
@@ -59,7 +60,7 @@ class FarmFolderOfTest {
 };
 
 /// Stands still until it is set.
-class TestClock final : public farm::Clock {
+class TestClock final : public farm::FarmClock {
  public:
   std::int64_t wall_ms() const override { return wall; }
   std::int64_t steady_ms() const override { return steady; }
@@ -173,8 +174,8 @@ class RunningService {
  public:
   RunningService(const std::string& dir, std::vector<std::string> more = {},
                  const std::map<std::string, std::string>& environment = {}) {
-    std::vector<std::string> arguments = {std::string(SLICECORR_BIN_DIR) + "/slicefarm", "run",
-                                          "--quiet", "--dir", dir};
+    std::vector<std::string> arguments = {slicefarm_for(environment), "run", "--quiet", "--dir",
+                                          dir};
     arguments.insert(arguments.end(), more.begin(), more.end());
     std::vector<char*> argv;
     for (std::string& a : arguments) argv.push_back(a.data());
@@ -242,7 +243,8 @@ class FarmPrograms : public testing::Test {
                  RunOptions options = {}) const {
     arguments.insert(arguments.begin(), {command, "--dir", farm_dir()});
     if (!options.environment.contains("USER")) options.environment["USER"] = "anna";
-    return program("slicefarm", arguments, options);
+    arguments.insert(arguments.begin(), slicefarm_for(options.environment));
+    return run_program(arguments, options);
   }
   RunResult submit_parts(const std::vector<std::string>& parts,
                          const std::vector<std::string>& more = {}) const {

@@ -13,6 +13,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/engine.hpp"
 #include "slicecorr/farm/service.hpp"
+#include "slicecorr/farm/token.hpp"
 #include "slicecorr/stack.hpp"
 
 namespace slicecorr::farm {
@@ -35,7 +36,7 @@ class FarmLocal : public FarmPrograms {
   std::vector<Attempt> attempts(JobId id) { return ReadModel(database()).attempts(id); }
   std::vector<std::string> events(JobId id) {
     std::vector<std::string> kinds;
-    for (const Event& e : ReadModel(database()).events(0, 1000, id)) kinds.push_back(e.kind);
+    for (const FarmEvent& e : ReadModel(database()).events(0, 1000, id)) kinds.push_back(e.kind);
     return kinds;
   }
 };
@@ -264,7 +265,7 @@ TEST_F(FarmLocal, WithTooLittleRoomOnTheDiskNothingStarts) {
   EXPECT_EQ(service.wait(), 0);
   EXPECT_EQ(job(1).state, JobState::done);
   std::vector<std::string> kinds;
-  for (const Event& e : ReadModel(database()).events(0, 1000)) kinds.push_back(e.kind);
+  for (const FarmEvent& e : ReadModel(database()).events(0, 1000)) kinds.push_back(e.kind);
   EXPECT_THAT(kinds, testing::Contains("disk_low"));
   EXPECT_THAT(kinds, testing::Contains("disk_ok"));
 }

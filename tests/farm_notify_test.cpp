@@ -121,7 +121,7 @@ TEST(Notify, WhatIsTold) {
   // And in the record, without the header's secret.
   const auto told = [&] {
     int n = 0;
-    for (const Event& e : farm.model().events(0, 1000)) {
+    for (const FarmEvent& e : farm.model().events(0, 1000)) {
       n += e.kind == "notified";
       EXPECT_EQ(e.text.find("secret"), std::string::npos);
     }

@@ -611,7 +611,7 @@ TEST_F(FarmQueue, SettingsAreCheckedAndKept) {
   Queue q = open();
   q.change_settings({{"night", "20:00-07:00"}, {"min-free-mb", "77"}, {"user-running.x", "3"}},
                     "a");
-  const Settings s = open().settings();
+  const FarmSettings s = open().settings();
   EXPECT_EQ(s.night_from, 20 * 60);
   EXPECT_EQ(s.night_until, 7 * 60);
   EXPECT_EQ(s.min_free_mb, 77);

@@ -10,11 +10,11 @@
 
 #include "farm_filled.hpp"
 #include "ladder.hpp"
-#include "support/http/guard.hpp"
 #include "run_program.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/serve.hpp"
 #include "slicecorr/farm/status.hpp"
+#include "support/http/guard.hpp"
 
 namespace slicecorr::farm {
 namespace {
@@ -363,7 +363,7 @@ TEST(Access, ChangesWithTheToken) {
   EXPECT_EQ(status_of(post("/api/v1/pause?now=1")), 400);
   // Who did it is in the record.
   bool found = false;
-  for (const Event& e : farm.model().events(0, 1000, f.queued)) {
+  for (const FarmEvent& e : farm.model().events(0, 1000, f.queued)) {
     found = found || (e.kind == "cancelled" && e.text.find("api") != std::string::npos);
   }
   EXPECT_TRUE(found);

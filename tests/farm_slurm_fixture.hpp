@@ -16,6 +16,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "farm_program.hpp"
 #include "ladder.hpp"
 #include "run_program.hpp"
 #include "slicecorr/error.hpp"
@@ -153,8 +154,14 @@ class FarmOnSlurm : public testing::Test {
 
   /// A service in the background.
   pid_t start_service(const ServiceRun& run = {}) {
-    std::vector<std::string> a = {slicefarm,  "run",   "--dir",          farm(),
-                                  "--engine", "slurm", "--slurm-poll-s", "0.3"};
+    std::vector<std::string> a = {test::slicefarm_for(run.environment),
+                                  "run",
+                                  "--dir",
+                                  farm(),
+                                  "--engine",
+                                  "slurm",
+                                  "--slurm-poll-s",
+                                  "0.3"};
     if (run.until_empty) a.emplace_back("--until-empty");
     a.insert(a.end(), run.arguments.begin(), run.arguments.end());
     std::vector<char*> argv;
@@ -200,7 +207,7 @@ class FarmOnSlurm : public testing::Test {
     ReadModel m = model();
     EXPECT_EQ(count(JobState::done), jobs);
     std::map<JobId, int> done;
-    for (const Event& e : m.events(0, 100'000)) {
+    for (const FarmEvent& e : m.events(0, 100'000)) {
       if (e.kind == "done") ++done[e.job];
     }
     EXPECT_EQ(done.size(), static_cast<std::size_t>(jobs));

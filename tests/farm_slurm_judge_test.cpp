@@ -237,11 +237,12 @@ class Judge : public testing::Test {
     held_.place = {"ba", 3};
     held_.since_ms = 1000;
   }
-  std::optional<TaskReport> see(const SlurmJob& j, std::int64_t now, Left left = Left::nothing) {
+  std::optional<TaskReport> see(const SlurmJob& j, std::int64_t now,
+                                WorkerTrace left = WorkerTrace::nothing) {
     const Sight sight{j, "57_3"};
     return judge(held_, &sight, left, now, now, patience_);
   }
-  std::optional<TaskReport> miss(std::int64_t now, Left left = Left::nothing) {
+  std::optional<TaskReport> miss(std::int64_t now, WorkerTrace left = WorkerTrace::nothing) {
     return judge(held_, nullptr, left, now, now, patience_);
   }
   HeldTask held_;
@@ -262,18 +263,18 @@ TEST_F(Judge, TellsEachChangeOnce) {
   EXPECT_EQ(r->node, "n1");
   EXPECT_FALSE(see(job(SlurmPhase::running, "RUNNING"), 5000));
   EXPECT_FALSE(see(job(SlurmPhase::ending, "COMPLETING"), 6000));
-  r = see(job(SlurmPhase::ended, "COMPLETED", 0), 7000, Left::result);
+  r = see(job(SlurmPhase::ended, "COMPLETED", 0), 7000, WorkerTrace::result);
   ASSERT_TRUE(r);
   EXPECT_EQ(r->state, TaskState::ended);
   EXPECT_EQ(r->reason, Reason::none);
 }
 
 TEST_F(Judge, AResultIsTheEndWhateverSlurmSays) {
-  auto r = see(job(SlurmPhase::running, "RUNNING"), 2000, Left::result);
+  auto r = see(job(SlurmPhase::running, "RUNNING"), 2000, WorkerTrace::result);
   ASSERT_TRUE(r);
   EXPECT_EQ(r->state, TaskState::ended);
   EXPECT_EQ(r->reason, Reason::none);
-  r = miss(2000, Left::result);
+  r = miss(2000, WorkerTrace::result);
   ASSERT_TRUE(r);
   EXPECT_EQ(r->reason, Reason::none);
 }
@@ -290,8 +291,8 @@ TEST_F(Judge, EndsHaveReasons) {
   const auto reason = [&](const char* state, int exit_code, int signal) {
     HeldTask held = held_;
     const Sight sight{job(SlurmPhase::ended, state, exit_code, signal), "57_3"};
-    auto r = judge(held, &sight, Left::nothing, 2000, 2000, patience_);
-    if (!r) r = judge(held, &sight, Left::nothing, 99'000, 99'000, patience_);
+    auto r = judge(held, &sight, WorkerTrace::nothing, 2000, 2000, patience_);
+    if (!r) r = judge(held, &sight, WorkerTrace::nothing, 99'000, 99'000, patience_);
     return r->reason;
   };
   EXPECT_EQ(reason("NODE_FAIL", -1, 0), Reason::worker_killed);
@@ -328,8 +329,8 @@ TEST_F(Judge, AbsenceCountsOnlyWhenItLasts) {
 TEST_F(Judge, CancelledTasksEndWhenTheyVanish) {
   see(job(SlurmPhase::waiting, "PENDING"), 2000);
   held_.cancelled_ms = 3000;
-  EXPECT_FALSE(judge(held_, nullptr, Left::nothing, 2999, 3100, patience_));
-  const auto r = judge(held_, nullptr, Left::nothing, 3000, 3100, patience_);
+  EXPECT_FALSE(judge(held_, nullptr, WorkerTrace::nothing, 2999, 3100, patience_));
+  const auto r = judge(held_, nullptr, WorkerTrace::nothing, 3000, 3100, patience_);
   ASSERT_TRUE(r);
   EXPECT_EQ(r->reason, Reason::cancelled);
 }
@@ -337,9 +338,9 @@ TEST_F(Judge, CancelledTasksEndWhenTheyVanish) {
 TEST_F(Judge, CancelledTasksEndWithoutSlurmWhenPatienceIsOver) {
   see(job(SlurmPhase::running, "RUNNING"), 2000);
   held_.cancelled_ms = 3000;
-  EXPECT_FALSE(judge(held_, nullptr, Left::nothing, -1, 3100, patience_));
+  EXPECT_FALSE(judge(held_, nullptr, WorkerTrace::nothing, -1, 3100, patience_));
   const std::int64_t late = 3000 + patience_.cancel_ms;
-  EXPECT_TRUE(judge(held_, nullptr, Left::nothing, -1, late, patience_));
+  EXPECT_TRUE(judge(held_, nullptr, WorkerTrace::nothing, -1, late, patience_));
   EXPECT_TRUE(see(job(SlurmPhase::ending, "COMPLETING"), late));
 }
 
@@ -355,9 +356,9 @@ TEST_F(Judge, WithdrawnTasksAreStopped) {
 }
 
 TEST_F(Judge, AskedToStopByOthersWaitsForSlurmsReason) {
-  EXPECT_EQ(see(job(SlurmPhase::ending, "COMPLETING"), 2000, Left::stopped)->state,
+  EXPECT_EQ(see(job(SlurmPhase::ending, "COMPLETING"), 2000, WorkerTrace::stopped)->state,
             TaskState::running);
-  EXPECT_EQ(see(job(SlurmPhase::ended, "TIMEOUT", -1, 15), 2100, Left::stopped)->reason,
+  EXPECT_EQ(see(job(SlurmPhase::ended, "TIMEOUT", -1, 15), 2100, WorkerTrace::stopped)->reason,
             Reason::hung);
 }
 

@@ -15,8 +15,8 @@
 #include "slicecorr/farm/morning.hpp"
 #include "slicecorr/farm/status.hpp"
 #include "terminal_screen.hpp"
-#include "watch/time_axis.hpp"
-#include "watch/words.hpp"
+#include "views/moment_text.hpp"
+#include "views/time_axis.hpp"
 
 namespace slicecorr::farm {
 namespace {

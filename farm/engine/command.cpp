@@ -54,7 +54,7 @@ std::string CommandResult::complaint() const {
 
 Command::Command(const std::vector<std::string>& arguments, std::chrono::milliseconds most,
                  std::string input, const std::vector<std::string>& environment)
-    : input_(std::move(input)), begin_(Clock::now()), most_(most) {
+    : input_(std::move(input)), begin_(SteadyTime::now()), most_(most) {
   // All memory is taken before the fork: the child only makes system calls.
   const std::string program = find_program(arguments.at(0));
   std::vector<char*> argv;
@@ -155,7 +155,7 @@ bool Command::done() {
   give();
   take(out_, result_.out);
   take(err_, result_.err);
-  if (!result_.timed_out && Clock::now() - begin_ > most_) {
+  if (!result_.timed_out && SteadyTime::now() - begin_ > most_) {
     result_.timed_out = true;
     kill_it();
   }
@@ -167,15 +167,15 @@ bool Command::done() {
   take(err_, result_.err);
   if (gone > 0 && WIFEXITED(status)) result_.exit_code = WEXITSTATUS(status);
   for (int* fd : {&in_, &out_, &err_}) close_fd(*fd);
-  end_ = Clock::now();
+  end_ = SteadyTime::now();
   return ended_ = true;
 }
 
 bool Command::wait(std::chrono::milliseconds most) {
-  const auto until = Clock::now() + most;
+  const auto until = SteadyTime::now() + most;
   while (!done()) {
     const auto left =
-        std::chrono::duration_cast<std::chrono::milliseconds>(until - Clock::now()).count();
+        std::chrono::duration_cast<std::chrono::milliseconds>(until - SteadyTime::now()).count();
     if (left <= 0) return false;
     std::vector<pollfd> fds;
     for (const int fd : descriptors()) fds.push_back({fd, POLLIN, 0});
@@ -196,7 +196,7 @@ std::vector<int> Command::descriptors() const {
 }
 
 double Command::seconds() const {
-  return std::chrono::duration<double>((ended_ ? end_ : Clock::now()) - begin_).count();
+  return std::chrono::duration<double>((ended_ ? end_ : SteadyTime::now()) - begin_).count();
 }
 
 CommandResult run_command(const std::vector<std::string>& arguments, std::chrono::milliseconds most,

@@ -46,7 +46,7 @@ class Command {
   double seconds() const;  ///< from start to end, or till now
 
  private:
-  using Clock = std::chrono::steady_clock;
+  using SteadyTime = std::chrono::steady_clock;
   void take(int& descriptor, std::string& text);
   void give();
   void kill_it();
@@ -55,13 +55,13 @@ class Command {
   int in_ = -1, out_ = -1, err_ = -1;
   std::string input_;
   std::size_t given_ = 0;
-  Clock::time_point begin_, end_;
+  SteadyTime::time_point begin_, end_;
   std::chrono::milliseconds most_;
   bool ended_ = false;
   CommandResult result_;
 };
 
-/// Runs one to its end.
+/// Runs a program to its end and gives what it printed.
 CommandResult run_command(const std::vector<std::string>& arguments, std::chrono::milliseconds most,
                           const std::string& input = {},
                           const std::vector<std::string>& environment = {});

@@ -19,9 +19,9 @@
 #include <map>
 #include <thread>
 
-#include "record/rows.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/engine.hpp"
+#include "values/process_mark.hpp"
 
 namespace slicecorr::farm {
 
@@ -101,8 +101,8 @@ class LocalEngine final : public Engine {
   std::string name() const override { return "local"; }
   bool outlives_service() const override { return false; }
 
-  Room room() override {
-    Room room;
+  EngineCapacity capacity() override {
+    EngineCapacity capacity;
     std::int64_t promised = 0, not_taken = 0;
     int threads = 0;
     for (const auto& [token, w] : workers_) {
@@ -110,14 +110,14 @@ class LocalEngine final : public Engine {
       not_taken += std::max<std::int64_t>(0, w.task.memory_mb - resident_mb(w.pid));
       threads += w.task.threads;
     }
-    room.tasks = options_.jobs - static_cast<int>(workers_.size());
-    room.cores = std::max(0, options_.cores - threads);
+    capacity.tasks = options_.jobs - static_cast<int>(workers_.size());
+    capacity.cores = std::max(0, options_.cores - threads);
     // What was free at the start may be in use by others now.
     const auto now = static_cast<std::int64_t>(static_cast<double>(available_memory_mb()) * 0.9);
-    room.memory_mb =
+    capacity.memory_mb =
         std::max<std::int64_t>(0, std::min(options_.memory_mb - promised, now - not_taken));
-    room.largest_memory_mb = options_.memory_mb;
-    return room;
+    capacity.largest_memory_mb = options_.memory_mb;
+    return capacity;
   }
 
   std::vector<std::string> submit(const std::vector<Task>& tasks) override {

@@ -19,7 +19,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/clock.hpp"
 #include "slicecorr/farm/engine.hpp"
-#include "slicecorr/farm/queue.hpp"
+#include "slicecorr/farm/token.hpp"
 #include "slicecorr/farm/work.hpp"
 
 namespace slicecorr::farm {
@@ -39,7 +39,7 @@ constexpr std::int64_t hasty_ms = 250;
 /// After this, a worker that was asked to end is killed.
 constexpr std::int64_t force_ms = 1000;
 constexpr std::int64_t nodes_interval_ms = 15'000;
-/// While no node takes work.
+/// Between two looks at the cluster while no node takes work.
 constexpr std::int64_t no_nodes_interval_ms = 3000;
 /// After a refusal that says "later".
 constexpr std::int64_t refused_ms = 30'000;
@@ -65,8 +65,8 @@ class SlurmEngine : public Engine {
   std::string name() const override { return "slurm"; }
   bool outlives_service() const override { return true; }
 
-  Room room() override {
-    Room r;
+  EngineCapacity capacity() override {
+    EngineCapacity r;
     r.cores = cluster_.idle_cores;
     r.largest_memory_mb = cluster_.largest_memory_mb;
     const int most =
@@ -80,10 +80,10 @@ class SlurmEngine : public Engine {
     return r;
   }
 
-  Share share(const Room& room, std::int64_t waiting, std::int64_t base_memory_mb,
+  Share share(const EngineCapacity& capacity, std::int64_t waiting, std::int64_t base_memory_mb,
               std::int64_t thread_memory_mb) const override {
-    Room one = room;
-    one.memory_mb = room.largest_memory_mb;
+    EngineCapacity one = capacity;
+    one.memory_mb = capacity.largest_memory_mb;
     Share s = Engine::share(one, waiting, base_memory_mb, thread_memory_mb);
     if (s.threads > cluster_.largest_cores) {
       s.threads = std::max(1, cluster_.largest_cores);
@@ -448,17 +448,17 @@ class SlurmEngine : public Engine {
                        [](const auto& h) { return h.second.cancelled_ms != 0; });
   }
 
-  Left left_by(const HeldTask& h) const {
+  WorkerTrace left_by(const HeldTask& h) const {
     // Reading the folder's list makes network file systems look at the server, not at memory.
     std::error_code error;
     bool there = false;
     for (const auto& entry : fs::directory_iterator(h.folder, error)) {
       there = there || entry.path().filename() == "result.json";
     }
-    if (!there) return Left::nothing;
+    if (!there) return WorkerTrace::nothing;
     const auto outcome = read_outcome(h.folder);
-    if (!outcome) return Left::nothing;
-    return outcome->reason == Reason::stopped ? Left::stopped : Left::result;
+    if (!outcome) return WorkerTrace::nothing;
+    return outcome->reason == Reason::stopped ? WorkerTrace::stopped : WorkerTrace::result;
   }
 
   void judge_all(const Sightings* seen, std::vector<TaskReport>& reports) {
@@ -470,10 +470,10 @@ class SlurmEngine : public Engine {
         if (found != seen->tasks.end()) sight = &found->second;
       }
       const bool may_have_run = !sight || sight->job.phase != SlurmPhase::waiting;
-      const Left left = may_have_run ? left_by(h) : Left::nothing;
+      const WorkerTrace left = may_have_run ? left_by(h) : WorkerTrace::nothing;
       const std::string id = h.id;
       std::optional<TaskReport> report;
-      if (seen || left == Left::result || out_of_patience(h)) {
+      if (seen || left == WorkerTrace::result || out_of_patience(h)) {
         // Without an answer "not listed" means nothing.
         const std::int64_t begun = seen ? listing_begun_ : -1;
         report = judge(h, sight, left, begun, now(), patience_);
@@ -484,7 +484,8 @@ class SlurmEngine : public Engine {
       }
       const bool ended = report && report->state == TaskState::ended;
       const bool killed = report && report->reason == Reason::none && report->signal == SIGKILL;
-      if (ended && killed && left == Left::nothing && says_over_memory(h.folder + "/log.txt")) {
+      if (ended && killed && left == WorkerTrace::nothing &&
+          says_over_memory(h.folder + "/log.txt")) {
         report->reason = Reason::out_of_memory;
         report->message = "Slurm job " + h.id + ": over Slurm's memory limit";
       }

@@ -8,10 +8,10 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "support/files/temporary.hpp"
 #include "engine/slurm_tasks.hpp"
 #include "slicecorr/error.hpp"
-#include "slicecorr/farm/queue.hpp"
+#include "slicecorr/farm/token.hpp"
+#include "support/files/temporary.hpp"
 
 namespace slicecorr::farm::detail {
 

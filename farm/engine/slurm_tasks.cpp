@@ -352,7 +352,7 @@ bool says_over_memory(const std::string& log_path) {
   return false;
 }
 
-std::optional<TaskReport> judge(HeldTask& held, const Sight* sight, Left left,
+std::optional<TaskReport> judge(HeldTask& held, const Sight* sight, WorkerTrace left,
                                 std::int64_t begun_ms, std::int64_t now_ms,
                                 const Patience& patience) {
   if (sight) {
@@ -361,9 +361,9 @@ std::optional<TaskReport> judge(HeldTask& held, const Sight* sight, Left left,
     if (!sight->job.node.empty()) held.node = sight->job.node;
   }
   // A worker that has come to its end is done, whatever Slurm knows of it by now.
-  if (left == Left::result) return end_report(held, sight, true);
+  if (left == WorkerTrace::result) return end_report(held, sight, true);
   // One that was asked to stop, and not by us: Slurm says why, when it has cleaned up.
-  if (left == Left::stopped && held.cancelled_ms != 0) return end_report(held, sight, true);
+  if (left == WorkerTrace::stopped && held.cancelled_ms != 0) return end_report(held, sight, true);
   const bool out_of_patience =
       held.cancelled_ms != 0 && now_ms - held.cancelled_ms >= patience.cancel_ms;
   if (!sight) {
@@ -384,10 +384,10 @@ std::optional<TaskReport> judge(HeldTask& held, const Sight* sight, Left left,
     const bool killed =
         job.exit_code < 0 || job.exit_code >= script_no_write || job.state != "COMPLETED";
     const bool by_worker = job.exit_code >= 0 && job.exit_code < script_no_write;
-    const std::int64_t wait_ms = left == Left::stopped ? 0
-                                 : !killed             ? patience.result_ms
-                                 : by_worker           ? patience.failure_ms
-                                                       : 0;
+    const std::int64_t wait_ms = left == WorkerTrace::stopped ? 0
+                                 : !killed                    ? patience.result_ms
+                                 : by_worker                  ? patience.failure_ms
+                                                              : 0;
     if (held.cancelled_ms == 0 && now_ms - held.ended_since_ms < wait_ms) return std::nullopt;
     return end_report(held, sight, false);
   }

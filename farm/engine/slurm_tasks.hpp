@@ -159,11 +159,11 @@ struct Patience {
 bool says_over_memory(const std::string& log_path);
 
 /// What a worker has left in its folder: nothing yet, its result, or that it was asked to stop.
-enum class Left { nothing, result, stopped };
+enum class WorkerTrace { nothing, result, stopped };
 
 /// What a listing (begun at `begun_ms`, judged at `now_ms`) means for a task: a report when there
 /// is news. `sight`: null when it was not listed. Changes `held`.
-std::optional<TaskReport> judge(HeldTask& held, const Sight* sight, Left left,
+std::optional<TaskReport> judge(HeldTask& held, const Sight* sight, WorkerTrace left,
                                 std::int64_t begun_ms, std::int64_t now_ms,
                                 const Patience& patience);
 

@@ -48,7 +48,7 @@ std::string told_url(const std::string& url) {
   return url.substr(0, begin) + url.substr(user ? at + 1 : begin, end - (user ? at + 1 : begin));
 }
 
-Notice make(const std::string& farm, const std::string& kind, const Event& e,
+Notice make(const std::string& farm, const std::string& kind, const FarmEvent& e,
             const std::string& text, Json more) {
   Notice n;
   n.kind = kind;
@@ -168,12 +168,12 @@ Notices notices_since(ReadModel& model, const std::string& farm, std::int64_t af
   const ReadModel::Snapshot snapshot(model);
   Notices found;
   found.seen = after;
-  std::vector<std::pair<Event, Job>> failed;
-  std::map<std::int64_t, Event> batches;  ///< the last event of each that ended a job
-  std::optional<Event> last_end;
+  std::vector<std::pair<FarmEvent, Job>> failed;
+  std::map<std::int64_t, FarmEvent> batches;  ///< the last event of each that ended a job
+  std::optional<FarmEvent> last_end;
   for (bool more = true; more;) {
     more = false;
-    for (const Event& e : model.events(found.seen, events_at_once)) {
+    for (const FarmEvent& e : model.events(found.seen, events_at_once)) {
       more = true;
       found.seen = e.seq;
       if (e.kind == "disk_low") {
@@ -187,7 +187,7 @@ Notices notices_since(ReadModel& model, const std::string& farm, std::int64_t af
       if (e.kind == "failed") failed.emplace_back(e, *job);
     }
   }
-  const auto failure = [&](const Event& e, const Job& job) {
+  const auto failure = [&](const FarmEvent& e, const Job& job) {
     return make(
         farm, "job_failed", e,
         fmt::format("job {} {} failed ({}): {}", job.id, job.name, name_of(e.reason), e.text),

@@ -18,11 +18,12 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "support/files/errno_message.hpp"
-#include "support/files/temporary.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/notify.hpp"
 #include "slicecorr/farm/queue.hpp"
+#include "slicecorr/farm/token.hpp"
+#include "support/files/errno_message.hpp"
+#include "support/files/temporary.hpp"
 
 namespace slicecorr::farm {
 

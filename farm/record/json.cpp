@@ -58,7 +58,7 @@ std::string job_json(const Job& j) {
   json["started_ms"] = time_or_null(j.started_ms);
   json["ended_ms"] = time_or_null(j.ended_ms);
   if (j.figures) {
-    const Figures& f = *j.figures;
+    const ResultFigures& f = *j.figures;
     json["figures"] = {{"layers", f.layers},
                        {"height_error_um",
                         {{"mean_abs", f.height_mean_um},
@@ -100,7 +100,7 @@ std::string attempt_json(const Attempt& a) {
   return dump(json);
 }
 
-std::string event_json(const Event& e) {
+std::string event_json(const FarmEvent& e) {
   Json json;
   json["seq"] = e.seq;
   json["at_ms"] = e.at_ms;
@@ -113,7 +113,7 @@ std::string event_json(const Event& e) {
   return dump(json);
 }
 
-std::string summary_json(const Summary& s, const Settings& settings,
+std::string summary_json(const Summary& s, const FarmSettings& settings,
                          const std::vector<Service>& services) {
   Json json;
   for (int i = 0; i < job_states; ++i) {

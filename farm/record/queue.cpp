@@ -1,12 +1,8 @@
 #include "slicecorr/farm/queue.hpp"
 
 #include <fmt/format.h>
-#include <sys/random.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <climits>
 #include <map>
 
 #include "record/rows.hpp"
@@ -18,20 +14,7 @@ using detail::Database;
 using detail::Rows;
 using detail::Transaction;
 
-std::string random_token() {
-  unsigned char bytes[16];
-  std::size_t have = 0;
-  while (have < sizeof bytes) {
-    const ssize_t n = ::getrandom(bytes + have, sizeof bytes - have, 0);
-    if (n < 0 && errno != EINTR) throw DeviceError("the system gives no random numbers");
-    if (n > 0) have += static_cast<std::size_t>(n);
-  }
-  std::string text;
-  for (const unsigned char b : bytes) text += fmt::format("{:02x}", b);
-  return text;
-}
-
-Queue::Queue(const std::string& path, const Clock& clock)
+Queue::Queue(const std::string& path, const FarmClock& clock)
     : db_(std::make_unique<Database>(path, Database::Mode::create)), clock_(&clock) {}
 Queue::~Queue() = default;
 Queue::Queue(Queue&&) noexcept = default;
@@ -86,7 +69,7 @@ std::vector<JobId> Queue::submit(const std::vector<NewJob>& jobs, const std::str
                                  const std::string& source, const std::vector<InputFile>& inputs) {
   Transaction transaction(*db_);
   const std::int64_t now = clock_->wall_ms();
-  const Settings settings = detail::read_settings(*db_);
+  const FarmSettings settings = detail::read_settings(*db_);
   std::map<std::string, std::int64_t> per_user;
   for (const NewJob& j : jobs) ++per_user[j.user];
   for (const auto& [name, added] : per_user) {
@@ -188,7 +171,7 @@ std::optional<ResultRecord> Queue::cached(const std::string& key) {
   result.files = detail::parse_files(r.text(0));
   result.program = r.text(1);
   result.wall_s = r.number(2);
-  Figures& f = result.figures;
+  ResultFigures& f = result.figures;
   f.layers = static_cast<int>(r.integer(3));
   f.height_mean_um = r.number(4);
   f.height_p95_um = r.number(5);
@@ -349,12 +332,12 @@ bool Queue::set_ready_by(JobId id, std::int64_t ready_by_ms, const std::string& 
   return true;
 }
 
-Settings Queue::settings() { return detail::read_settings(*db_); }
+FarmSettings Queue::settings() { return detail::read_settings(*db_); }
 
 void Queue::change_settings(const std::vector<std::pair<std::string, std::string>>& changes,
                             const std::string& by) {
   Transaction transaction(*db_);
-  Settings settings = detail::read_settings(*db_);
+  FarmSettings settings = detail::read_settings(*db_);
   const auto before = setting_texts(settings);
   for (const auto& [name, text] : changes) set_setting(settings, name, text);
   for (const auto& [name, text] : setting_texts(settings)) {

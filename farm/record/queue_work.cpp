@@ -8,6 +8,8 @@
 
 #include "record/rows.hpp"
 #include "slicecorr/farm/queue.hpp"
+#include "slicecorr/farm/token.hpp"
+#include "values/process_mark.hpp"
 
 namespace slicecorr::farm {
 
@@ -31,7 +33,7 @@ std::string host_name() {
 }
 
 /// The same machine start, and the same space of process numbers.
-std::string boot_text(const Clock& clock, const detail::ProcessMark& mark) {
+std::string boot_text(const FarmClock& clock, const detail::ProcessMark& mark) {
   return clock.boot_id() + " " + mark.space;
 }
 
@@ -69,7 +71,7 @@ std::optional<Claim> Queue::claim(const ClaimRequest& request) {
     if (!any.next()) return std::nullopt;
   }
   Transaction transaction(*db_);
-  const Settings settings = detail::read_settings(*db_);
+  const FarmSettings settings = detail::read_settings(*db_);
   std::vector<std::string> full_users;
   {
     Rows rows =
@@ -277,7 +279,7 @@ bool Queue::finish(const std::string& token, const ResultRecord& result, const A
   } else {
     std::int64_t bytes = 0;
     for (const ResultFile& f : result.files) bytes += f.bytes;
-    const Figures& f = result.figures;
+    const ResultFigures& f = result.figures;
     db_->run(
         "INSERT OR REPLACE INTO results VALUES(?1, 1, ?2, ?3, ?4, ?5, ?5, ?6, ?7, ?8, ?9, ?10, "
         "?11, "
@@ -338,7 +340,7 @@ std::optional<JobState> Queue::give_up(const std::string& token, const AttemptEn
   }
   end_attempt(token, end);
   JobState now_is = JobState::queued;
-  const Settings settings = detail::read_settings(*db_);
+  const FarmSettings settings = detail::read_settings(*db_);
   if (is_counted(end.reason)) ++attempts;
   bool again = is_retried(end.reason) && attempts < settings.max_attempts;
   if (end.reason == Reason::lease_lost && lost >= most_lost_leases) again = false;

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "record/rows.hpp"
+#include "values/process_mark.hpp"
 
 namespace slicecorr::farm {
 
@@ -72,7 +73,7 @@ const char* order_of(JobFilter::Order order) {
 
 }  // namespace
 
-ReadModel::ReadModel(const std::string& path, const Clock& clock)
+ReadModel::ReadModel(const std::string& path, const FarmClock& clock)
     : db_(std::make_unique<Database>(path, Database::Mode::read)), clock_(&clock) {}
 ReadModel::~ReadModel() = default;
 ReadModel::ReadModel(ReadModel&&) noexcept = default;
@@ -169,9 +170,9 @@ std::vector<RunningJob> ReadModel::running() {
   return list;
 }
 
-std::vector<Event> ReadModel::events(std::int64_t after, std::int64_t limit, JobId job) {
+std::vector<FarmEvent> ReadModel::events(std::int64_t after, std::int64_t limit, JobId job) {
   const auto read = [](Rows& rows) {
-    std::vector<Event> list;
+    std::vector<FarmEvent> list;
     while (rows.next()) {
       list.push_back({rows.integer(0), rows.integer(1), rows.integer(2), rows.text(3), rows.text(4),
                       rows.text(6), reason_named(rows.text(5)), rows.text(7)});
@@ -193,7 +194,7 @@ std::vector<Event> ReadModel::events(std::int64_t after, std::int64_t limit, Job
   return read(rows);
 }
 
-std::vector<Event> ReadModel::last_events(std::int64_t limit) {
+std::vector<FarmEvent> ReadModel::last_events(std::int64_t limit) {
   std::int64_t last = 0;
   {
     Rows rows = db_->query("SELECT coalesce(max(seq), 0) FROM events");
@@ -249,7 +250,7 @@ std::vector<Service> ReadModel::services() {
   return list;
 }
 
-Settings ReadModel::settings() { return detail::read_settings(*db_); }
+FarmSettings ReadModel::settings() { return detail::read_settings(*db_); }
 
 std::vector<std::string> ReadModel::users() {
   std::vector<std::string> list;

@@ -1,10 +1,7 @@
 #include "record/rows.hpp"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
-#include <climits>
-#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "slicecorr/error.hpp"
@@ -58,7 +55,7 @@ Job read_job(const Rows& r) {
   j.ended_ms = r.integer(++c);
   j.files = parse_files(r.text(++c));
   if (!r.null(++c)) {
-    Figures f;
+    ResultFigures f;
     f.layers = static_cast<int>(r.integer(c));
     f.height_mean_um = r.number(++c);
     f.height_p95_um = r.number(++c);
@@ -106,8 +103,8 @@ Attempt read_attempt(const Rows& r) {
   return a;
 }
 
-Settings read_settings(Database& db) {
-  Settings settings;
+FarmSettings read_settings(Database& db) {
+  FarmSettings settings;
   Rows rows = db.query("SELECT name, value FROM settings");
   while (rows.next()) set_setting(settings, rows.text(0), rows.text(1));
   return settings;
@@ -136,25 +133,6 @@ std::vector<ResultFile> parse_files(const std::string& json) {
   for (const Json& f : Json::parse(json))
     files.push_back({f.at("ending"), f.at("bytes"), f.at("sha256")});
   return files;
-}
-
-ProcessMark mark_of(long pid) {
-  ProcessMark mark;
-  mark.pid = pid;
-  char space[PATH_MAX];
-  const ssize_t n = ::readlink("/proc/self/ns/pid", space, sizeof space);
-  if (n > 0) mark.space.assign(space, static_cast<std::size_t>(n));
-  std::ifstream file(fmt::format("/proc/{}/stat", pid));
-  std::string line;
-  if (!std::getline(file, line)) return mark;
-  // The name, in parentheses, may hold anything; the start is the 20th field after it, and
-  // `close` + 1 is the space before the first.
-  const std::size_t close = line.rfind(')');
-  if (close == line.npos || close + 2 >= line.size() || line[close + 2] == 'Z') return mark;
-  std::size_t at = close + 1;
-  for (int field = 1; field < 20 && at != line.npos; ++field) at = line.find(' ', at + 1);
-  if (at != line.npos) mark.start = std::atoll(line.c_str() + at);
-  return mark;
 }
 
 }  // namespace slicecorr::farm::detail

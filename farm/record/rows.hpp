@@ -18,19 +18,11 @@ Job read_job(const Rows& row);
 extern const std::string select_attempts;
 Attempt read_attempt(const Rows& row);
 
-Settings read_settings(Database& db);
+FarmSettings read_settings(Database& db);
 
 std::string list_json(const std::vector<std::string>& list);
 std::vector<std::string> parse_list(const std::string& json);
 std::string files_json(const std::vector<ResultFile>& files);
 std::vector<ResultFile> parse_files(const std::string& json);
-
-/// What tells a process from one with the same number before or after it, or elsewhere.
-struct ProcessMark {
-  long pid = 0;
-  std::int64_t start = 0;  ///< clock ticks after the machine's start; 0: there is none
-  std::string space;       ///< of process numbers: containers have their own
-};
-ProcessMark mark_of(long pid);
 
 }  // namespace slicecorr::farm::detail

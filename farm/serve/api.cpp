@@ -15,7 +15,7 @@
 #include "slicecorr/farm/status.hpp"
 #include "support/http/guarded_server.hpp"
 #include "support/page/page_style.hpp"
-#include "watch/page_text.hpp"
+#include "views/page_text.hpp"
 
 namespace slicecorr::farm::detail {
 
@@ -30,7 +30,7 @@ constexpr const char* part_policy =
     "'unsafe-inline'; img-src data: blob:; base-uri 'none'; form-action 'none'; frame-ancestors "
     "'none'";
 
-/// Into a JSON list that is being written.
+/// Adds an item to the text of a JSON list that is not closed yet.
 void add_item(std::string& list, const std::string& item) {
   if (list.back() != '[') list += ',';
   list += item;
@@ -259,10 +259,10 @@ void Api::read(const httplib::Request& request, httplib::Response& response) {
     query.end();
     Reader reader(*this);
     std::string text = R"({"events":[)";
-    const std::vector<Event> events =
+    const std::vector<FarmEvent> events =
         after < 0 && of == 0 ? reader->last_events(limit)
                              : reader->events(std::max<std::int64_t>(0, after), limit, of);
-    for (const Event& e : events) add_item(text, event_json(e));
+    for (const FarmEvent& e : events) add_item(text, event_json(e));
     return send(response, 200, text + "]}", json_type);
   }
   if (what == "report") {

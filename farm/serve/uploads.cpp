@@ -9,11 +9,12 @@
 #include <chrono>
 #include <filesystem>
 
-#include "support/files/errno_message.hpp"
-#include "support/http/guard.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/queue.hpp"
-#include "watch/words.hpp"
+#include "slicecorr/farm/token.hpp"
+#include "support/files/errno_message.hpp"
+#include "support/http/guard.hpp"
+#include "views/moment_text.hpp"
 
 namespace slicecorr::farm::detail {
 

@@ -1,13 +1,10 @@
 #include "service/commit.hpp"
 
-#include <unistd.h>
-
-#include <csignal>
-#include <cstdlib>
 #include <filesystem>
 #include <string>
 
 #include "slicecorr/farm/store.hpp"
+#include "work/stages.hpp"
 
 namespace slicecorr::farm {
 
@@ -25,7 +22,7 @@ std::string keep_log(const FarmFolder& folder, const Attempt& a) {
   return error ? "" : to;
 }
 
-AttemptEnd end_of(const Outcome& o) {
+AttemptEnd end_of(const WorkOutcome& o) {
   AttemptEnd end;
   end.node = o.node;
   end.exit_code = o.exit_code;
@@ -36,19 +33,6 @@ AttemptEnd end_of(const Outcome& o) {
 }
 
 }  // namespace
-
-void detail::service_fault(const char* stage) {
-  static const std::string wanted = [] {
-    const char* text = std::getenv("SLICEFARM_TEST_SERVICE_FAULT");
-    return std::string(text ? text : "");
-  }();
-  if (wanted.empty()) return;
-  static int left = [] {
-    const std::size_t colon = wanted.find(':');
-    return colon == wanted.npos ? 1 : std::atoi(wanted.c_str() + colon + 1);
-  }();
-  if (wanted.substr(0, wanted.find(':')) == stage && --left == 0) ::raise(SIGKILL);
-}
 
 detail::Settled detail::give_up_attempt(const FarmFolder& folder, Queue& queue, const Job& job,
                                         const Attempt& attempt, AttemptEnd end) {
@@ -62,17 +46,17 @@ detail::Settled detail::give_up_attempt(const FarmFolder& folder, Queue& queue, 
 }
 
 detail::Settled detail::commit_result(const FarmFolder& folder, Queue& queue, const Job& job,
-                                      const Attempt& attempt, const Outcome& outcome) {
+                                      const Attempt& attempt, const WorkOutcome& outcome) {
   AttemptEnd end = end_of(outcome);
   if (!queue.begin_commit(attempt.token)) {
     end.reason = Reason::cancelled;
     end.message = "cancelled when it was done";
     return give_up_attempt(folder, queue, job, attempt, end);
   }
-  service_fault("committing");
+  tell_service_stage("committing");
   try {
     put_in_cache(folder, job.key, folder.attempt(attempt.token) + "/out", job.name, outcome.files);
-    service_fault("cached");
+    tell_service_stage("cached");
     ResultRecord result;
     result.figures = outcome.figures;
     result.files = outcome.files;
@@ -80,10 +64,10 @@ detail::Settled detail::commit_result(const FarmFolder& folder, Queue& queue, co
     result.wall_s = outcome.wall_s;
     result.delivered =
         deliver(folder, job.key, outcome.files, job.output_folder, job.name, attempt.token);
-    service_fault("delivered");
+    tell_service_stage("delivered");
     end.log = keep_log(folder, attempt);
     const bool ours = queue.finish(attempt.token, result, end, false);
-    service_fault("finished");
+    tell_service_stage("finished");
     remove_attempt(folder, attempt.token);
     return ours ? Settled::done : Settled::lost;
   } catch (const DiskFull& e) {

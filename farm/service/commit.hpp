@@ -17,16 +17,11 @@ enum class Settled { done, put_back, failed, cancelled, lost };
 /// Commits a success: cache, delivery, record. Without room or with damaged files the attempt is
 /// given up.
 Settled commit_result(const FarmFolder& folder, Queue& queue, const Job& job,
-                      const Attempt& attempt, const Outcome& outcome);
+                      const Attempt& attempt, const WorkOutcome& outcome);
 
 /// Ends an attempt without a result, and clears away what it left.
 Settled give_up_attempt(const FarmFolder& folder, Queue& queue, const Job& job,
                         const Attempt& attempt, AttemptEnd end);
-
-/// SLICEFARM_TEST_SERVICE_FAULT=STAGE[:N]: SIGKILL to the service itself when it comes to this
-/// stage the Nth time. Stages: claimed, ordered, started, ended, committing, cached, delivered,
-/// finished.
-void service_fault(const char* stage);
 
 /// Folders of attempts that have ended, or that nobody knows. An attempt is in the record before it
 /// has a folder, so none of these is about to be used.

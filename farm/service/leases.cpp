@@ -9,7 +9,7 @@
 
 namespace slicecorr::farm::detail {
 
-LeaseKeeper::LeaseKeeper(const std::string& database, const Clock& clock,
+LeaseKeeper::LeaseKeeper(const std::string& database, const FarmClock& clock,
                          const std::string& service, std::int64_t interval_ms, int wake_fd)
     : clock_(clock),
       service_(service),

@@ -18,7 +18,7 @@ namespace slicecorr::farm::detail {
 class LeaseKeeper {
  public:
   /// `wake_fd`: an eventfd that is written to when a lease is lost.
-  LeaseKeeper(const std::string& database, const Clock& clock, const std::string& service,
+  LeaseKeeper(const std::string& database, const FarmClock& clock, const std::string& service,
               std::int64_t interval_ms, int wake_fd);
   ~LeaseKeeper();
   void add(const std::string& token);
@@ -30,7 +30,7 @@ class LeaseKeeper {
  private:
   void run(const std::string& database);
 
-  const Clock& clock_;
+  const FarmClock& clock_;
   std::string service_, doing_;
   std::int64_t interval_ms_, renewed_steady_ms_;
   int wake_fd_;

@@ -72,10 +72,10 @@ class ServiceLoop {
   /// True when a job was started or finished: there may be more to do at once.
   bool start_jobs();
   /// Claims a job into `taken_`.
-  bool take(const Room& room);
+  bool take(const EngineCapacity& capacity);
   bool has_disk(const Claim& claim);
   /// Writes the order; none when the job can't be done here.
-  std::optional<Task> order(const Claim& claim, const Room& room);
+  std::optional<Task> order(const Claim& claim, const EngineCapacity& capacity);
   void hand_over(const std::vector<Task>& tasks);
   void deliver_cached(const Claim& claim);
   /// Jobs that were claimed when something failed, and were not started.
@@ -99,9 +99,9 @@ class ServiceLoop {
   Engine& engine_;
   const ServiceOptions& options_;
   const std::atomic<bool>& stop_;
-  const Clock& clock_;
+  const FarmClock& clock_;
   Queue queue_;
-  Settings settings_;
+  FarmSettings settings_;
   const std::int64_t first_event_;  ///< the last one before this service began
   int wake_fd_;
   std::string id_;

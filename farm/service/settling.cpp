@@ -10,6 +10,7 @@
 #include "service/service_loop.hpp"
 #include "slicecorr/farm/store.hpp"
 #include "slicecorr/farm/work.hpp"
+#include "work/stages.hpp"
 
 namespace slicecorr::farm::detail {
 
@@ -87,7 +88,7 @@ void ServiceLoop::settle_ended() {
       ++it;
       continue;
     }
-    service_fault("ended");
+    tell_service_stage("ended");
     // Forgotten only when it is settled: this may throw, and is tried again then.
     settle(it->second, end_of(it->second, *it->second.end));
     leases_->remove(it->first);

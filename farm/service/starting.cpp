@@ -5,9 +5,10 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "support/text/display_text.hpp"
 #include "service/service_loop.hpp"
 #include "slicecorr/farm/store.hpp"
+#include "support/text/display_text.hpp"
+#include "work/stages.hpp"
 
 namespace slicecorr::farm::detail {
 
@@ -36,20 +37,20 @@ bool ServiceLoop::start_jobs() {
   bool any = false;
   const std::int64_t begin = clock_.steady_ms();
   for (;;) {
-    Room room = engine_.room();
+    EngineCapacity capacity = engine_.capacity();
     std::vector<Task> tasks;
-    while (!stop_ && static_cast<int>(tasks.size()) < room.tasks &&
+    while (!stop_ && static_cast<int>(tasks.size()) < capacity.tasks &&
            clock_.steady_ms() - begin < serving_ms) {
-      if (!take(room)) break;
+      if (!take(capacity)) break;
       any = true;
       const Claim claim = taken_.back();
       if (!has_disk(claim)) {
         // put back
       } else if (claim.cached) {
         deliver_cached(claim);
-      } else if (const auto task = order(claim, room)) {
-        room.memory_mb -= task->memory_mb;
-        room.cores -= task->threads;
+      } else if (const auto task = order(claim, capacity)) {
+        capacity.memory_mb -= task->memory_mb;
+        capacity.cores -= task->threads;
         tasks.push_back(*task);
         continue;  // stays taken until the engine has it
       }
@@ -63,12 +64,12 @@ bool ServiceLoop::start_jobs() {
   return any;
 }
 
-bool ServiceLoop::take(const Room& room) {
+bool ServiceLoop::take(const EngineCapacity& capacity) {
   ClaimRequest request;
   request.service = id_;
   request.engine = engine_.name();
-  request.free_memory_mb = room.memory_mb;
-  request.largest_memory_mb = room.largest_memory_mb;
+  request.free_memory_mb = capacity.memory_mb;
+  request.largest_memory_mb = capacity.largest_memory_mb;
   request.full_folders.assign(full_folders_.begin(), full_folders_.end());
   // While somebody waits too long for memory, nobody overtakes; with nothing running there is
   // nothing to wait for.
@@ -83,7 +84,7 @@ bool ServiceLoop::take(const Room& room) {
   if (!claim) return false;
   taken_.push_back(*claim);
   leases_->add(claim->token);
-  service_fault("claimed");
+  tell_service_stage("claimed");
   return true;
 }
 
@@ -103,7 +104,7 @@ bool ServiceLoop::has_disk(const Claim& claim) {
   return false;
 }
 
-std::optional<Task> ServiceLoop::order(const Claim& claim, const Room& room) {
+std::optional<Task> ServiceLoop::order(const Claim& claim, const EngineCapacity& capacity) {
   const int doublings = std::min(claim.memory_failures, 20);
   const std::int64_t base = claim.base_memory_mb << doublings;
   const std::int64_t each = claim.thread_memory_mb << doublings;
@@ -114,22 +115,23 @@ std::optional<Task> ServiceLoop::order(const Claim& claim, const Room& room) {
   };
   // One that ran out of memory gets more of it, and needs less with one thread.
   const std::int64_t waiting = claim.memory_failures > 0 ? 1 << 20 : queue_.claimable() + 1;
-  Engine::Share share = engine_.share(room, waiting, base, each);
+  Engine::Share share = engine_.share(capacity, waiting, base, each);
   if (claim.memory_failures > 0) {
     share.threads = 1;
     share.memory_mb = std::max(base, claim.last_memory_mb * 2);
-    if (share.memory_mb > room.largest_memory_mb && claim.last_memory_mb < room.largest_memory_mb) {
-      share.memory_mb = room.largest_memory_mb;
+    if (share.memory_mb > capacity.largest_memory_mb &&
+        claim.last_memory_mb < capacity.largest_memory_mb) {
+      share.memory_mb = capacity.largest_memory_mb;
     }
   }
-  if (share.memory_mb > room.largest_memory_mb) {
+  if (share.memory_mb > capacity.largest_memory_mb) {
     return refuse(Reason::too_large,
                   fmt::format("needs {} MB of memory; a worker gets {} MB at most", share.memory_mb,
-                              room.largest_memory_mb));
+                              capacity.largest_memory_mb));
   }
   const std::string attempt_folder = folder_.attempt(claim.token);
   try {
-    Order o;
+    WorkOrder o;
     o.token = claim.token;
     o.job = claim.job.id;
     o.number = claim.number;
@@ -147,7 +149,7 @@ std::optional<Task> ServiceLoop::order(const Claim& claim, const Room& room) {
   } catch (const DeviceError& e) {
     return refuse(Reason::disk_full, e.what());
   }
-  service_fault("ordered");
+  tell_service_stage("ordered");
   Task task;
   task.token = claim.token;
   task.job = claim.job.id;
@@ -164,7 +166,7 @@ std::optional<Task> ServiceLoop::order(const Claim& claim, const Room& room) {
 
 void ServiceLoop::hand_over(const std::vector<Task>& tasks) {
   const std::vector<std::string> ids = engine_.submit(tasks);
-  service_fault("started");
+  tell_service_stage("started");
   for (std::size_t i = 0; i < tasks.size(); ++i) {
     const Task& t = tasks[i];
     const auto claim = std::find_if(taken_.begin(), taken_.end(),

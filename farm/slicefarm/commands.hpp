@@ -24,7 +24,7 @@ void add_submit_commands(cli::Program& program);   ///< submit
 void add_run_commands(cli::Program& program);      ///< run, worker
 void add_control_commands(cli::Program& program);  ///< cancel, retry, set, pause, resume, drain ...
 void add_status_commands(cli::Program& program);   ///< status, logs
-void add_watch_commands(cli::Program& program);    ///< watch, report, serve, notify
+void add_follow_commands(cli::Program& program);   ///< watch, report, serve, notify
 void add_serve_commands(cli::Program& program);    ///< serve, notify
 
 /// Who works here: $USER, else the account's name.

@@ -4,7 +4,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/queue.hpp"
 #include "slicecorr/farm/service.hpp"
-#include "watch/words.hpp"
+#include "views/moment_text.hpp"
 
 namespace slicecorr::farm {
 

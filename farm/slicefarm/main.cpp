@@ -13,7 +13,7 @@ int main(int argc, char** argv) {
   farm::add_submit_commands(program);
   farm::add_run_commands(program);
   farm::add_status_commands(program);
-  farm::add_watch_commands(program);
+  farm::add_follow_commands(program);
   farm::add_control_commands(program);
   return program.run(argc, argv);
 }

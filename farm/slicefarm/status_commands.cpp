@@ -64,7 +64,7 @@ int logs(const LogOptions& o) {
   if (o.attempt == 0) {
     text = fmt::format("job {} {}: {}\n", job->id, job->name, name_of(job->state));
     if (!job->message.empty()) text += job->message + "\n";
-    for (const Event& e : model.events(0, 10'000, o.id)) {
+    for (const FarmEvent& e : model.events(0, 10'000, o.id)) {
       text += fmt::format("{}  {:<13} {}{}{}\n", local_time_text(e.at_ms), e.kind,
                           name_of(e.reason), e.reason == Reason::none ? "" : ": ", e.text);
     }

@@ -8,7 +8,7 @@
 #include "programs/common/setup_options.hpp"
 #include "slicecorr/farm/submit.hpp"
 #include "slicecorr/farm/work.hpp"
-#include "watch/words.hpp"
+#include "views/moment_text.hpp"
 
 namespace slicecorr::farm {
 

@@ -15,7 +15,7 @@ std::int64_t ms_of(clockid_t id) {
   return std::int64_t{t.tv_sec} * 1000 + t.tv_nsec / 1'000'000;
 }
 
-class SystemClock final : public Clock {
+class SystemClock final : public FarmClock {
  public:
   SystemClock() {
     std::ifstream file("/proc/sys/kernel/random/boot_id");
@@ -38,7 +38,7 @@ std::tm local(std::int64_t wall_ms) {
 
 }  // namespace
 
-const Clock& system_clock() {
+const FarmClock& system_clock() {
   static const SystemClock clock;
   return clock;
 }

@@ -46,7 +46,7 @@ bool truth(const std::string& name, const std::string& text) {
   refuse(name, text, "yes or no");
 }
 
-void set_night(Settings& s, const std::string& text) {
+void set_night(FarmSettings& s, const std::string& text) {
   if (text == "off") {
     s.night_from = s.night_until = -1;
     return;
@@ -63,51 +63,54 @@ constexpr std::int64_t many = 1'000'000'000;
 
 struct Entry {
   const char* name;
-  std::function<void(Settings&, const std::string&)> set;
-  std::function<std::string(const Settings&)> text;
+  std::function<void(FarmSettings&, const std::string&)> set;
+  std::function<std::string(const FarmSettings&)> text;
 };
 
 const std::vector<Entry>& entries() {
   static const std::vector<Entry> list = {
-      {"paused", [](Settings& s, const std::string& t) { s.paused = truth("paused", t); },
-       [](const Settings& s) { return s.paused ? "yes" : "no"; }},
-      {"draining", [](Settings& s, const std::string& t) { s.draining = truth("draining", t); },
-       [](const Settings& s) { return s.draining ? "yes" : "no"; }},
+      {"paused", [](FarmSettings& s, const std::string& t) { s.paused = truth("paused", t); },
+       [](const FarmSettings& s) { return s.paused ? "yes" : "no"; }},
+      {"draining", [](FarmSettings& s, const std::string& t) { s.draining = truth("draining", t); },
+       [](const FarmSettings& s) { return s.draining ? "yes" : "no"; }},
       {"night", set_night,
-       [](const Settings& s) {
+       [](const FarmSettings& s) {
          return s.night_from < 0 ? std::string("off")
                                  : minute_text(s.night_from) + "-" + minute_text(s.night_until);
        }},
       {"user-running",
-       [](Settings& s, const std::string& t) {
+       [](FarmSettings& s, const std::string& t) {
          s.user_running = static_cast<int>(whole("user-running", t, 0, many));
        },
-       [](const Settings& s) { return std::to_string(s.user_running); }},
+       [](const FarmSettings& s) { return std::to_string(s.user_running); }},
       {"user-queued",
-       [](Settings& s, const std::string& t) {
+       [](FarmSettings& s, const std::string& t) {
          s.user_queued = static_cast<int>(whole("user-queued", t, 0, many));
        },
-       [](const Settings& s) { return std::to_string(s.user_queued); }},
+       [](const FarmSettings& s) { return std::to_string(s.user_queued); }},
       {"min-free-mb",
-       [](Settings& s, const std::string& t) { s.min_free_mb = whole("min-free-mb", t, 0, many); },
-       [](const Settings& s) { return std::to_string(s.min_free_mb); }},
+       [](FarmSettings& s, const std::string& t) {
+         s.min_free_mb = whole("min-free-mb", t, 0, many);
+       },
+       [](const FarmSettings& s) { return std::to_string(s.min_free_mb); }},
       {"max-attempts",
-       [](Settings& s, const std::string& t) {
+       [](FarmSettings& s, const std::string& t) {
          s.max_attempts = static_cast<int>(whole("max-attempts", t, 1, 100));
        },
-       [](const Settings& s) { return std::to_string(s.max_attempts); }},
-      {"hang-s", [](Settings& s, const std::string& t) { s.hang_s = seconds("hang-s", t, 1, 1e7); },
-       [](const Settings& s) { return fmt::format("{}", s.hang_s); }},
+       [](const FarmSettings& s) { return std::to_string(s.max_attempts); }},
+      {"hang-s",
+       [](FarmSettings& s, const std::string& t) { s.hang_s = seconds("hang-s", t, 1, 1e7); },
+       [](const FarmSettings& s) { return fmt::format("{}", s.hang_s); }},
       {"retry-delay-s",
-       [](Settings& s, const std::string& t) {
+       [](FarmSettings& s, const std::string& t) {
          s.retry_delay_s = seconds("retry-delay-s", t, 0, 600);
        },
-       [](const Settings& s) { return fmt::format("{}", s.retry_delay_s); }},
+       [](const FarmSettings& s) { return fmt::format("{}", s.retry_delay_s); }},
       {"cache-max-mb",
-       [](Settings& s, const std::string& t) {
+       [](FarmSettings& s, const std::string& t) {
          s.cache_max_mb = whole("cache-max-mb", t, 0, many);
        },
-       [](const Settings& s) { return std::to_string(s.cache_max_mb); }},
+       [](const FarmSettings& s) { return std::to_string(s.cache_max_mb); }},
   };
   return list;
 }
@@ -116,7 +119,7 @@ constexpr const char* running_of = "user-running.";
 constexpr const char* queued_of = "user-queued.";
 constexpr std::string_view slurm_label = "slurm-label.";
 
-void set_slurm_label(Settings& settings, const std::string& name, const std::string& text) {
+void set_slurm_label(FarmSettings& settings, const std::string& name, const std::string& text) {
   const std::string label = name.substr(slurm_label.size());
   if (text == "none") {
     // Kept: what is not in the list of texts would not be written over.
@@ -137,7 +140,7 @@ void set_slurm_label(Settings& settings, const std::string& name, const std::str
 
 }  // namespace
 
-void set_setting(Settings& settings, const std::string& name, const std::string& text) {
+void set_setting(FarmSettings& settings, const std::string& name, const std::string& text) {
   for (const Entry& e : entries()) {
     if (name == e.name) return e.set(settings, text);
   }
@@ -161,7 +164,7 @@ void set_setting(Settings& settings, const std::string& name, const std::string&
                   name, names));
 }
 
-std::map<std::string, std::string> setting_texts(const Settings& settings) {
+std::map<std::string, std::string> setting_texts(const FarmSettings& settings) {
   std::map<std::string, std::string> texts;
   for (const Entry& e : entries()) texts[e.name] = e.text(settings);
   for (const auto& [user, limits] : settings.users) {
@@ -174,17 +177,17 @@ std::map<std::string, std::string> setting_texts(const Settings& settings) {
   return texts;
 }
 
-int running_limit(const Settings& s, const std::string& user) {
+int running_limit(const FarmSettings& s, const std::string& user) {
   const auto own = s.users.find(user);
   return own != s.users.end() && own->second.first >= 0 ? own->second.first : s.user_running;
 }
 
-int queued_limit(const Settings& s, const std::string& user) {
+int queued_limit(const FarmSettings& s, const std::string& user) {
   const auto own = s.users.find(user);
   return own != s.users.end() && own->second.second >= 0 ? own->second.second : s.user_queued;
 }
 
-bool in_night_window(const Settings& s, int minute) {
+bool in_night_window(const FarmSettings& s, int minute) {
   if (s.night_from < 0) return true;
   return s.night_from < s.night_until ? minute >= s.night_from && minute < s.night_until
                                       : minute >= s.night_from || minute < s.night_until;

@@ -24,8 +24,8 @@
 #include "slicecorr/setup.hpp"
 #include "slicecorr/version.hpp"
 #include "store/title.hpp"
-#include "work/fault.hpp"
 #include "work/files.hpp"
+#include "work/stages.hpp"
 
 namespace slicecorr::farm {
 
@@ -62,26 +62,25 @@ std::string host_name() {
   return ::gethostname(name, sizeof name - 1) == 0 ? name : "";
 }
 
-/// Tells how far the work is, in its file, and lets tests break in.
+/// Tells how far the work is, in its file, and which stage it has come to.
 class Reporter {
  public:
-  Reporter(const std::string& folder, const Order& order, const std::optional<TestFault>& fault)
-      : folder_(folder), order_(order), fault_(fault) {
+  Reporter(const std::string& folder, const WorkOrder& order) : folder_(folder), order_(order) {
     note_.node = host_name();
   }
   void begin(std::size_t phase) {
     const std::lock_guard lock(mutex_);
     phase_ = phase;
-    broken_ = false;
+    told_correcting_ = false;
     move(0, true);
-    if (phase != correct_phase) detail::commit_fault(fault_, phases[phase].name, order_);
+    if (phase != correct_phase) detail::tell_work_stage(phases[phase].name, order_);
   }
   void progress(double done) {
     const std::lock_guard lock(mutex_);
     move(done, false);
-    if (phase_ == correct_phase && !broken_ && done >= 0.3) {
-      broken_ = true;
-      detail::commit_fault(fault_, phases[phase_].name, order_);
+    if (phase_ == correct_phase && !told_correcting_ && done >= 0.3) {
+      told_correcting_ = true;
+      detail::tell_work_stage(phases[phase_].name, order_);
     }
   }
   void set_layers(int layers) {
@@ -111,11 +110,10 @@ class Reporter {
 
   std::mutex mutex_;
   std::string folder_;
-  const Order& order_;
-  const std::optional<TestFault>& fault_;
+  const WorkOrder& order_;
   ProgressNote note_;
   std::size_t phase_ = 0;
-  bool broken_ = false;
+  bool told_correcting_ = false;
   int layers_ = 0;
   SteadyTime::time_point told_{};
 };
@@ -143,7 +141,7 @@ void check_stack(const std::string& path, const std::string& scratch, const Stac
   if (prediction.target_voxels > 0 && prediction.printed_voxels == 0) refuse("nothing would print");
 }
 
-void fill_figures(Figures& f, const Prediction& p) {
+void fill_figures(ResultFigures& f, const Prediction& p) {
   f.layers = p.layers;
   if (p.height_error_um.count() > 0) {
     f.height_mean_um = p.height_error_um.mean();
@@ -181,8 +179,8 @@ class OutputInvalid : public InputError {
 };
 
 /// The work itself; fills in what is known of the result.
-void make_result(const Order& order, const std::string& folder, Reporter& reporter,
-                 const ExecutionContext& job, Outcome& outcome) {
+void make_result(const WorkOrder& order, const std::string& folder, Reporter& reporter,
+                 const ExecutionContext& job, WorkOutcome& outcome) {
   reporter.begin(0);
   const WorkSpec& spec = order.spec;
   FarmFolder farm;
@@ -253,7 +251,7 @@ void make_result(const Order& order, const std::string& folder, Reporter& report
 }
 
 /// People know files by the names that they submitted, not by those of the farm's copies.
-std::string in_names_of_user(std::string text, const Order& order) {
+std::string in_names_of_user(std::string text, const WorkOrder& order) {
   FarmFolder farm;
   farm.store = order.store;
   for (const WorkSpec::Input& input : order.spec.inputs) {
@@ -287,10 +285,9 @@ void limit_memory(std::int64_t memory_mb, int threads) {
 int do_work(const std::string& folder, const std::atomic<bool>* cancel,
             const std::function<void(const std::string&)>& say) {
   const auto begin = SteadyTime::now();
-  const Order order = read_order(folder);
-  const auto fault = test_fault_from_environment();
+  const WorkOrder order = read_order(folder);
   ::signal(SIGXFSZ, SIG_IGN);
-  Outcome outcome;
+  WorkOutcome outcome;
   outcome.token = order.token;
   outcome.key = order.key;
   outcome.node = host_name();
@@ -306,8 +303,8 @@ int do_work(const std::string& folder, const std::atomic<bool>* cancel,
     say(fmt::format("{}: read from inputs/{}", input.name, input.file));
   }
   limit_memory(order.memory_mb, order.threads);
-  detail::commit_fault(fault, "start", order);
-  Reporter reporter(folder, order, fault);
+  detail::tell_work_stage("start", order);
+  Reporter reporter(folder, order);
   ExecutionContext job;
   job.threads = order.threads;
   job.cancel = cancel;
@@ -343,7 +340,7 @@ int do_work(const std::string& folder, const std::atomic<bool>* cancel,
   } catch (const std::exception& e) {
     end(cli::kDefect, Reason::worker_crashed, fmt::format("a defect of the program: {}", e.what()));
   }
-  detail::commit_fault(fault, "end", order);
+  detail::tell_work_stage("end", order);
   rusage used{};
   ::getrusage(RUSAGE_SELF, &used);
   outcome.cpu_s = static_cast<double>(used.ru_utime.tv_sec + used.ru_stime.tv_sec) +

@@ -12,6 +12,6 @@ namespace slicecorr::farm::detail {
 inline constexpr int order_format = 1;
 
 void write_progress(const std::string& folder, const ProgressNote& progress);
-void write_outcome(const std::string& folder, const Outcome& outcome);
+void write_outcome(const std::string& folder, const WorkOutcome& outcome);
 
 }  // namespace slicecorr::farm::detail

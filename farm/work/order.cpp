@@ -94,7 +94,7 @@ std::string work_key(const WorkSpec& spec, const std::string& setup_json) {
                                     json_of(spec, false).dump(), setup_json));
 }
 
-void write_order(const std::string& folder, const Order& o) {
+void write_order(const std::string& folder, const WorkOrder& o) {
   Json json;
   json["format"] = detail::order_format;
   json["token"] = o.token;
@@ -110,7 +110,7 @@ void write_order(const std::string& folder, const Order& o) {
   replace_file(folder + "/order.json", dump(json));
 }
 
-Order read_order(const std::string& folder) {
+WorkOrder read_order(const std::string& folder) {
   const std::string path = folder + "/order.json";
   const auto text = text_of(path);
   if (!text) throw InputError(path, "", "can't be read; expected the order of an attempt");
@@ -122,7 +122,7 @@ Order read_order(const std::string& folder) {
           path, "",
           fmt::format("has format {}; this program knows {}", format, detail::order_format));
     }
-    Order o;
+    WorkOrder o;
     o.token = json.at("token");
     o.job = json.at("job");
     o.number = json.at("number");
@@ -160,7 +160,7 @@ std::optional<ProgressNote> read_progress(const std::string& folder) {
   }
 }
 
-void detail::write_outcome(const std::string& folder, const Outcome& o) {
+void detail::write_outcome(const std::string& folder, const WorkOutcome& o) {
   Json json;
   json["format"] = detail::order_format;
   json["token"] = o.token;
@@ -170,7 +170,7 @@ void detail::write_outcome(const std::string& folder, const Outcome& o) {
   json["message"] = o.message;
   json["node"] = o.node;
   json["program"] = o.program;
-  const Figures& f = o.figures;
+  const ResultFigures& f = o.figures;
   json["figures"] = {{"layers", f.layers},
                      {"height_mean_um", f.height_mean_um},
                      {"height_p95_um", f.height_p95_um},
@@ -191,12 +191,12 @@ void detail::write_outcome(const std::string& folder, const Outcome& o) {
   replace_file(folder + "/result.json", dump(json));
 }
 
-std::optional<Outcome> read_outcome(const std::string& folder) {
+std::optional<WorkOutcome> read_outcome(const std::string& folder) {
   const auto text = text_of(folder + "/result.json");
   if (!text) return std::nullopt;
   try {
     const Json json = Json::parse(*text);
-    Outcome o;
+    WorkOutcome o;
     o.token = json.at("token");
     o.key = json.at("key");
     o.exit_code = json.at("exit_code");

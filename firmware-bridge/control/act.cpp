@@ -153,7 +153,7 @@ void Controller::Impl::go_connecting() {
     const bool idle = status.state == MachineState::idle;
     if (idle && blue_dark() && uv_dark()) {
       out.target_um = stage.measured_um();
-      show(-1, 0, now_s);
+      show(black_frame, 0, now_s);
       return turn_to(Act::show_first);
     }
     if (in_act_s() > 2) {
@@ -162,7 +162,7 @@ void Controller::Impl::go_connecting() {
     }
     return;
   }
-  if (!displayed(-1)) return;
+  if (!displayed(black_frame)) return;
   lamps_judged = true;
   const bool warm =
       !dry_run && (machine.blue.warm_up_s > 0 || (plan.uv && machine.uv.warm_up_s > 0));
@@ -253,7 +253,8 @@ void Controller::Impl::go_printing() {
       plan_next_frame();
       follow();
       if (pause_wanted) return enter(Phase::pausing);
-      const bool ended = plan.lamps_follow() ? arrived() : next_frame > frames && displayed(-1);
+      const bool ended =
+          plan.lamps_follow() ? arrived() : next_frame > frames && displayed(black_frame);
       if (!ended) return;
       if (next_frame < frames) {
         return fail(Fault::defect, fmt::format("the print ended before frame {}", next_frame));
@@ -274,7 +275,7 @@ void Controller::Impl::plan_next_frame() {
   if (pending) return;
   const bool last = next_frame == frames;
   if (next_frame > frames || (last && plan.lamps_follow())) return;
-  const int number = last ? -1 : next_frame;
+  const int number = last ? black_frame : next_frame;
   const double planned = last ? plan.end_um : plan.frame_um(number);
   // It must be on its way now if it is due before the next but one cycle.
   double early = now_s + limits.display_latency_s;
@@ -350,10 +351,10 @@ void Controller::Impl::go_pausing() {
     case Act::uv_dark:
       if (!uv_went()) return;
       paused_frame = frame;
-      show(-1, 0, now_s);
+      show(black_frame, 0, now_s);
       return turn_to(Act::show);
     default:
-      if (!displayed(-1)) return;
+      if (!displayed(black_frame)) return;
       pause_wanted = resume_wanted = false;
       return enter(Phase::paused);
   }
@@ -407,10 +408,10 @@ void Controller::Impl::go_uv_off() {
   }
   if (act == Act::uv_dark) {
     if (!uv_went()) return;
-    if (!displayed(-1) && !pending) show(-1, 0, now_s);
+    if (!displayed(black_frame) && !pending) show(black_frame, 0, now_s);
     return turn_to(Act::show);
   }
-  if (!displayed(-1)) return;
+  if (!displayed(black_frame)) return;
   enter(Phase::raising);
   go();
 }
@@ -471,7 +472,7 @@ void Controller::Impl::go_fault() {
   if (phase == Phase::blacking) {
     if (act == Act::begin) {
       pending.reset();
-      step.show = -1;
+      step.show = black_frame;
       step.show_at_s = now_s;
       event("black", "asked");
       return turn_to(Act::finish);

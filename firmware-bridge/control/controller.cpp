@@ -73,7 +73,7 @@ Step Controller::step(const std::optional<Answer>& answer, double now_s) {
   s.answered = answer && !answer->only_read;
   if (answer) s.take(*answer);
   s.take_reports();
-  s.watch_time();
+  s.judge_time();
   // Twice: what is found wrong while deciding what comes next still goes out as lamps off.
   for (int pass = 0; pass < 2; ++pass) {
     if (s.fault != Fault::none && !s.failing()) s.enter(Phase::lamps_off, s.fault_detail);

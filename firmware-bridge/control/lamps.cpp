@@ -7,7 +7,7 @@
 
 namespace slicecorr::bridge {
 
-void LampWatch::asked(double share, std::uint64_t count, double at_s) {
+void LampJudge::asked(double share, std::uint64_t count, double at_s) {
   if (!asked_.empty() && asked_.back().share == share) return;
   asked_.push_back({at_s, share, count, false});
   // The last one before the time that matters stays: it was in force then.
@@ -17,7 +17,7 @@ void LampWatch::asked(double share, std::uint64_t count, double at_s) {
   }
 }
 
-void LampWatch::confirmed(std::uint64_t count, double at_s) {
+void LampJudge::confirmed(std::uint64_t count, double at_s) {
   for (auto a = asked_.rbegin(); a != asked_.rend() && !a->confirmed; ++a) {
     if (a->count > count) continue;
     a->confirmed = true;
@@ -25,7 +25,7 @@ void LampWatch::confirmed(std::uint64_t count, double at_s) {
   }
 }
 
-std::pair<double, double> LampWatch::range(double at_s) const {
+std::pair<double, double> LampJudge::range(double at_s) const {
   // Two cycles: an answer tells of set-points, not of what the lamp's driver has made of them.
   const double from_s = at_s - drive_.settle_s - 2 * cycle_s_;
   double least = 0, most = 0;
@@ -40,7 +40,7 @@ std::pair<double, double> LampWatch::range(double at_s) const {
   return {least, most};
 }
 
-std::optional<std::string> LampWatch::judge(double share, double at_s, bool rising) const {
+std::optional<std::string> LampJudge::judge(double share, double at_s, bool rising) const {
   const auto [least, most] = range(at_s);
   if (share <= most + drive_.tolerance && (rising || share >= least - drive_.tolerance)) return {};
   return least == most
@@ -51,12 +51,12 @@ std::optional<std::string> LampWatch::judge(double share, double at_s, bool risi
                    share * 100, least * 100, most * 100, drive_.tolerance * 100);
 }
 
-std::optional<double> LampWatch::confirmed_at_s() const {
+std::optional<double> LampJudge::confirmed_at_s() const {
   if (asked_.empty() || !asked_.back().confirmed) return std::nullopt;
   return asked_.back().at_s;
 }
 
-bool LampWatch::settled_at(double share, double measured, double at_s) const {
+bool LampJudge::settled_at(double share, double measured, double at_s) const {
   const auto [least, most] = range(at_s);
   return least == most && most == share && std::abs(measured - share) <= drive_.tolerance;
 }

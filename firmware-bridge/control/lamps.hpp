@@ -1,4 +1,4 @@
-/// Whether lamps do what they are asked.
+/// Judges whether lamps do what they are asked.
 #pragma once
 
 #include <cstdint>
@@ -12,9 +12,9 @@
 namespace slicecorr::bridge {
 
 /// One lamp's set-points over time, in shares of full light, and what was measured of it.
-class LampWatch {
+class LampJudge {
  public:
-  LampWatch(const LampDrive& drive, double cycle_s) : drive_(drive), cycle_s_(cycle_s) {}
+  LampJudge(const LampDrive& drive, double cycle_s) : drive_(drive), cycle_s_(cycle_s) {}
   /// The `count`-th set-points go out with this share.
   void asked(double share, std::uint64_t count, double at_s);
   /// All set-points up to the `count`-th were taken over by this time: what was asked before holds

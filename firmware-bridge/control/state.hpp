@@ -1,4 +1,4 @@
-/// Inside of the controller. Its parts: `watch.cpp` judges what the machine says, `act.cpp` and
+/// Inside of the controller. Its parts: `judge.cpp` judges what the machine says, `act.cpp` and
 /// `act_layerwise.cpp` say what comes next, `controller.cpp` holds them together.
 #pragma once
 
@@ -82,7 +82,7 @@ struct Controller::Impl {
   double worst_stage_error_um = 0;
 
   // The lamps.
-  LampWatch blue, uv;
+  LampJudge blue, uv;
   bool lamps_judged = false;
   bool rising = false;  ///< waits for a lamp: too little light is no fault yet
   struct Share {
@@ -91,8 +91,8 @@ struct Controller::Impl {
   std::deque<Share> shares;  ///< asked of the blue lamp lately
 
   // The display.
-  int frame = -1;      ///< on it
-  int next_frame = 0;  ///< to come
+  int frame = black_frame;  ///< on it
+  int next_frame = 0;       ///< to come
   struct Pending {
     int number;
     double planned_um, at_s;  ///< `at_s` when its light is to begin
@@ -105,7 +105,7 @@ struct Controller::Impl {
   Lateness lateness;
   std::optional<FrameRecord> exposing;  ///< layer by layer: its row waits for the exposure's end
   double stop_um = 0;                   ///< of a pause
-  int paused_frame = -1;                ///< to be shown again after it
+  int paused_frame = black_frame;       ///< to be shown again after it
 
   // A fault's order.
   int tries = 0;
@@ -129,12 +129,12 @@ struct Controller::Impl {
            uv_share(status.uv_measured.value_or(0)) <= machine.uv.tolerance;
   }
 
-  // watch.cpp
+  // judge.cpp
   void take(const Answer& answer);
   void take_reports();
-  void watch_time();
+  void judge_time();
   void check_sequence(const Answer& answer);
-  /// What was taken by itself.
+  /// The machine has taken what was written by itself.
   void written_alone(bool lamps, bool command);
   void check_measured();
   void check_interlocks();

@@ -39,7 +39,7 @@ struct DrmGamma {
   std::vector<std::uint16_t> red, green, blue;
 };
 
-/// One of a property's words, or a number.
+/// A property of a kernel object: the words that it may take with their values, or a number.
 struct DrmProperty {
   std::uint32_t id = 0;
   std::string name;
@@ -76,7 +76,7 @@ class DrmCalls {
   /// As the kernel last knew it, quickly.
   virtual bool is_connected(std::uint32_t connector) = 0;
   virtual int read_crtc(std::uint32_t crtc, DrmCrtcState& state) = 0;
-  /// Not `on`: switches it off.
+  /// Sets mode and image of a CRTC; switches it off where `state.on` is false.
   virtual int set_crtc(std::uint32_t crtc, const DrmCrtcState& state) = 0;
   virtual int read_gamma(std::uint32_t crtc, DrmGamma& gamma) = 0;
   virtual int set_gamma(std::uint32_t crtc, const DrmGamma& gamma) = 0;

@@ -43,7 +43,7 @@ std::string text_of(int code) { return std::strerror(code); }
 class DrmSink final : public FrameSink {
  public:
   DrmSink(std::unique_ptr<DrmCalls> calls, const std::string& connector, const Machine& machine,
-          Clock& clock)
+          BridgeClock& clock)
       : calls_(std::move(calls)),
         clock_(clock),
         channels_(machine.projector),
@@ -59,12 +59,12 @@ class DrmSink final : public FrameSink {
   ~DrmSink() override { leave(); }
 
   Shown show(const std::shared_ptr<const Frame>& frame, double at_s) override {
-    watch();
+    check();
     DrmBuffer& buffer = buffers_[back_];
     const double start_s = calls_->monotonic_s();
     pack(frame.get(), channels_, width_px_, height_px_, buffer.pixels, buffer.pitch_px);
     Shown shown;
-    shown.number = frame ? frame->number : -1;
+    shown.number = frame ? frame->number : black_frame;
     shown.times.upload_s = calls_->monotonic_s() - start_s;
     // What is handed over half a period before appears at the vertical blank nearest to the time.
     clock_.sleep_until(at_s - period_s() / 2);
@@ -89,7 +89,7 @@ class DrmSink final : public FrameSink {
     }
   }
 
-  void watch() override {
+  void check() override {
     if (!calls_->is_connected(connector_.id)) {
       throw DeviceError(place() + ": the display is disconnected");
     }
@@ -294,7 +294,7 @@ class DrmSink final : public FrameSink {
         return true;
       }
     } catch (const DeviceError&) {
-      // Then the other way.
+      // The mode is set anew instead.
     }
     return set_crtc_to(black_) == 0;
   }
@@ -321,7 +321,7 @@ class DrmSink final : public FrameSink {
   }
 
   std::unique_ptr<DrmCalls> calls_;
-  Clock& clock_;
+  BridgeClock& clock_;
   const Projector channels_;
   const int width_px_, height_px_;
   bool master_ = false, changed_ = false, gamma_changed_ = false;
@@ -344,12 +344,12 @@ class DrmSink final : public FrameSink {
 
 std::unique_ptr<FrameSink> detail::make_drm_sink(std::unique_ptr<DrmCalls> calls,
                                                  const std::string& connector,
-                                                 const Machine& machine, Clock& clock) {
+                                                 const Machine& machine, BridgeClock& clock) {
   return std::make_unique<DrmSink>(std::move(calls), connector, machine, clock);
 }
 
 std::unique_ptr<FrameSink> make_drm_sink(const std::string& card, const std::string& connector,
-                                         const Machine& machine, Clock& clock) {
+                                         const Machine& machine, BridgeClock& clock) {
   return detail::make_drm_sink(open_drm(card), connector, machine, clock);
 }
 

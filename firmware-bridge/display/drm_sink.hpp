@@ -11,6 +11,6 @@ namespace slicecorr::bridge::detail {
 
 std::unique_ptr<FrameSink> make_drm_sink(std::unique_ptr<DrmCalls> calls,
                                          const std::string& connector, const Machine& machine,
-                                         Clock& clock);
+                                         BridgeClock& clock);
 
 }  // namespace slicecorr::bridge::detail

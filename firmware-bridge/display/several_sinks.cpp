@@ -30,8 +30,8 @@ class SeveralSinks final : public FrameSink {
   void tick(double at_s) override {
     for (const auto& sink : sinks_) sink->tick(at_s);
   }
-  void watch() override {
-    for (const auto& sink : sinks_) sink->watch();
+  void check() override {
+    for (const auto& sink : sinks_) sink->check();
   }
   std::string describe() const override {
     std::string all;
@@ -63,7 +63,7 @@ std::unique_ptr<FrameSink> make_several_sinks(std::vector<std::unique_ptr<FrameS
 }
 
 std::unique_ptr<FrameSink> open_sinks(const std::vector<std::string>& names, const Machine& machine,
-                                      const WireHello& hello, Clock& clock) {
+                                      const WireHello& hello, BridgeClock& clock) {
   // What can be said without opening anything, first.
   int windows = 0;
   for (const std::string& name : names) {

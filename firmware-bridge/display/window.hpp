@@ -42,7 +42,7 @@ class Window {
   /// Shows the picture; returns when it is shown, as far as can be told.
   virtual std::string present() = 0;
   /// Looks at what the display server says; to be called often.
-  virtual std::string watch() = 0;
+  virtual std::string check() = 0;
 };
 
 using OpenWindow = std::unique_ptr<Window> (*)(const WindowWanted& wanted, WindowFound& found);

@@ -17,10 +17,10 @@
 #include <thread>
 #include <utility>
 
-#include "support/files/shared_object.hpp"
 #include "display/pixels.hpp"
 #include "slicecorr/bridge/display.hpp"
 #include "slicecorr/error.hpp"
+#include "support/files/shared_object.hpp"
 
 namespace slicecorr::bridge {
 namespace {
@@ -110,7 +110,7 @@ void work(const std::shared_ptr<Desk>& desk, const Open& open, const WindowWante
     std::string wrong;
     try {
       wrong = do_task(task, *window, *desk);
-      if (wrong.empty() && task != Task::end) wrong = window->watch();
+      if (wrong.empty() && task != Task::end) wrong = window->check();
     } catch (const std::exception& e) {
       wrong = e.what();
     }
@@ -127,7 +127,8 @@ void work(const std::shared_ptr<Desk>& desk, const Open& open, const WindowWante
 
 class WindowSink final : public FrameSink {
  public:
-  WindowSink(const std::string& display, const Machine& machine, Clock& clock, const Open& open)
+  WindowSink(const std::string& display, const Machine& machine, BridgeClock& clock,
+             const Open& open)
       : clock_(clock), desk_(std::make_shared<Desk>()) {
     const std::string name = display.empty() ? machine.projector.output : display;
     desk_->channels = machine.projector;
@@ -168,7 +169,7 @@ class WindowSink final : public FrameSink {
     take_priority();
     expect_well();
     Shown shown;
-    shown.number = frame ? frame->number : -1;
+    shown.number = frame ? frame->number : black_frame;
     shown.times.upload_s = run(Task::upload, show_s, frame);
     expect_well();
     clock_.sleep_until(at_s);
@@ -188,7 +189,7 @@ class WindowSink final : public FrameSink {
     }
   }
 
-  void watch() override { expect_well(); }
+  void check() override { expect_well(); }
   std::string describe() const override { return words_; }
 
  private:
@@ -235,7 +236,7 @@ class WindowSink final : public FrameSink {
     std::call_once(once, [] { on_exit(end_without_libraries, nullptr); });
   }
 
-  Clock& clock_;
+  BridgeClock& clock_;
   const std::shared_ptr<Desk> desk_;
   std::thread thread_;
   std::string words_;
@@ -246,13 +247,13 @@ class WindowSink final : public FrameSink {
 }  // namespace
 
 std::unique_ptr<FrameSink> detail::make_window_sink(const std::string& display,
-                                                    const Machine& machine, Clock& clock,
+                                                    const Machine& machine, BridgeClock& clock,
                                                     Open open) {
   return std::make_unique<WindowSink>(display, machine, clock, open);
 }
 
 std::unique_ptr<FrameSink> make_window_sink(const std::string& display, const Machine& machine,
-                                            Clock& clock) {
+                                            BridgeClock& clock) {
   const auto open = reinterpret_cast<OpenWindow>(
       slicecorr::detail::module_entry("slicecorr-window.so", window_module_entry, "opens windows"));
   return detail::make_window_sink(display, machine, clock, open);

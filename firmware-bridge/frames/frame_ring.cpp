@@ -180,6 +180,6 @@ void FrameRing::wait_ready(int number, int count) {
 
 int FrameRing::ready() const { return impl_->ready; }
 
-int FrameRing::room() const { return impl_->most; }
+int FrameRing::capacity() const { return impl_->most; }
 
 }  // namespace slicecorr::bridge

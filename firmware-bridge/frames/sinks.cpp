@@ -9,7 +9,7 @@
 namespace slicecorr::bridge {
 namespace {
 
-/// How long a display may take to answer.
+/// How long a display may take to answer an image, and black.
 constexpr double answer_s = 2, black_s = 1;
 
 /// A display that was started a moment ago is waited for.
@@ -28,22 +28,22 @@ WireSocket connect_patiently(const std::string& address) {
 
 class NullSink final : public FrameSink {
  public:
-  explicit NullSink(Clock& clock) : clock_(clock) {}
+  explicit NullSink(BridgeClock& clock) : clock_(clock) {}
   Shown show(const std::shared_ptr<const Frame>& frame, double at_s) override {
     clock_.sleep_until(at_s);
-    return {frame ? frame->number : -1, std::max(at_s, clock_.now_s()), ++count_, {}};
+    return {frame ? frame->number : black_frame, std::max(at_s, clock_.now_s()), ++count_, {}};
   }
   void black() noexcept override { ++count_; }
   std::string describe() const override { return "nowhere"; }
 
  private:
-  Clock& clock_;
+  BridgeClock& clock_;
   std::int64_t count_ = 0;
 };
 
 class WireSink final : public FrameSink {
  public:
-  WireSink(std::string address, const WireHello& hello, Clock& clock)
+  WireSink(std::string address, const WireHello& hello, BridgeClock& clock)
       : address_(std::move(address)),
         clock_(clock),
         lockstep_(hello.lockstep),
@@ -98,7 +98,7 @@ class WireSink final : public FrameSink {
   }
 
   const std::string address_;
-  Clock& clock_;
+  BridgeClock& clock_;
   const bool lockstep_;
   WireSocket socket_;
   double offset_s_ = 0;  ///< the print's clock less the other end's
@@ -107,12 +107,12 @@ class WireSink final : public FrameSink {
 
 }  // namespace
 
-std::unique_ptr<FrameSink> make_null_sink(Clock& clock) {
+std::unique_ptr<FrameSink> make_null_sink(BridgeClock& clock) {
   return std::make_unique<NullSink>(clock);
 }
 
 std::unique_ptr<FrameSink> make_wire_sink(const std::string& address, const WireHello& hello,
-                                          Clock& clock) {
+                                          BridgeClock& clock) {
   return std::make_unique<WireSink>(address, hello, clock);
 }
 

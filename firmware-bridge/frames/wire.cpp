@@ -117,10 +117,10 @@ void check(const WireMessage& m, std::uint32_t payload_bytes) {
       }
       return;
     case WireKind::frame: {
-      if (m.number < -1) wrong(fmt::format("frame {}", m.number));
+      if (m.number < black_frame) wrong(fmt::format("frame {}", m.number));
       if (m.width_px > most_pixels_across || m.height_px > most_pixels_across ||
-          (m.number == -1) != (m.width_px == 0) || (m.width_px == 0) != (m.height_px == 0) ||
-          (m.flags & ~wire_uv) != 0) {
+          (m.number == black_frame) != (m.width_px == 0) ||
+          (m.width_px == 0) != (m.height_px == 0) || (m.flags & ~wire_uv) != 0) {
         wrong(fmt::format("frame {} of {} x {} pixels, flags {}", m.number, m.width_px, m.height_px,
                           m.flags));
       }

@@ -49,7 +49,7 @@ enum class WireKind : std::uint16_t { hello = 1, frame = 2, tick = 3, answer = 1
 
 struct WireMessage {
   WireKind kind = WireKind::tick;
-  std::int32_t number = -1;
+  std::int32_t number = black_frame;
   std::uint32_t width_px = 0, height_px = 0, flags = 0;
   double at_s = 0;
   std::int64_t count = 0;
@@ -103,7 +103,7 @@ WireMessage message_of(const WireHello& hello);
 WireHello hello_of(const WireMessage& message);
 
 WireMessage message_of(const Frame* frame, double at_s);  ///< null: black
-/// Null: black.
+/// The image that a message carries; null where it says black.
 std::shared_ptr<const Frame> frame_of(WireMessage&& message);
 
 /// CRC-32 of blue, then UV.

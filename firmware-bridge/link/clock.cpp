@@ -14,7 +14,7 @@ double monotonic_s() {
   return static_cast<double>(t.tv_sec) + static_cast<double>(t.tv_nsec) * 1e-9;
 }
 
-class RealClock final : public Clock {
+class RealClock final : public BridgeClock {
  public:
   explicit RealClock(double rate) : start_s_(monotonic_s()), rate_(rate) {}
   double now_s() const override { return (monotonic_s() - start_s_) * rate_; }
@@ -31,7 +31,7 @@ class RealClock final : public Clock {
   double start_s_, rate_;
 };
 
-class StepClock final : public Clock {
+class StepClock final : public BridgeClock {
  public:
   double now_s() const override { return now_s_; }
   void sleep_until(double time_s) override { now_s_ = std::max(now_s_, time_s); }
@@ -42,7 +42,9 @@ class StepClock final : public Clock {
 
 }  // namespace
 
-std::unique_ptr<Clock> make_real_clock(double rate) { return std::make_unique<RealClock>(rate); }
-std::unique_ptr<Clock> make_step_clock() { return std::make_unique<StepClock>(); }
+std::unique_ptr<BridgeClock> make_real_clock(double rate) {
+  return std::make_unique<RealClock>(rate);
+}
+std::unique_ptr<BridgeClock> make_step_clock() { return std::make_unique<StepClock>(); }
 
 }  // namespace slicecorr::bridge

@@ -116,26 +116,26 @@ void ModbusWire::hurry() {
   open_from_ = exchange_;
 }
 
-ModbusWire::Outcome ModbusWire::silent(const std::string& why) {
+ModbusWire::RequestResult ModbusWire::silent(const std::string& why) {
   return fail(fmt::format("does not answer: {}: {}", where(), why));
 }
 
-ModbusWire::Outcome ModbusWire::wrong(const std::string& why) {
+ModbusWire::RequestResult ModbusWire::wrong(const std::string& why) {
   return fail(fmt::format("answers wrongly: {}: {}", where(), why));
 }
 
-ModbusWire::Outcome ModbusWire::fail(const std::string& why) {
+ModbusWire::RequestResult ModbusWire::fail(const std::string& why) {
   error_ = why;
   // A serial line stays: what comes too late is thrown away before the next request.
   if (!serial()) disconnect();
-  return Outcome::failed;
+  return RequestResult::failed;
 }
 
-ModbusWire::Outcome ModbusWire::lost(int code) {
+ModbusWire::RequestResult ModbusWire::lost(int code) {
   error_ = fmt::format("does not answer: {}: {}", where(),
                        code == 0 ? "closes the connection" : std::strerror(code));
   disconnect();
-  return Outcome::closed;
+  return RequestResult::closed;
 }
 
 bool ModbusWire::refuse_connection(int code) {
@@ -232,7 +232,8 @@ bool ModbusWire::send(const Bytes& frame) {
   return true;
 }
 
-ModbusWire::Outcome ModbusWire::receive(Bytes& frame, std::size_t bytes, Time::time_point until) {
+ModbusWire::RequestResult ModbusWire::receive(Bytes& frame, std::size_t bytes,
+                                              Time::time_point until) {
   while (frame.size() < bytes) {
     pollfd p{descriptor_, POLLIN, 0};
     const auto left = until - Time::now();
@@ -254,13 +255,14 @@ ModbusWire::Outcome ModbusWire::receive(Bytes& frame, std::size_t bytes, Time::t
     if (n > 0 || code == EAGAIN || code == EINTR) continue;
     return lost(code);
   }
-  return Outcome::answered;
+  return RequestResult::answered;
 }
 
-ModbusWire::Outcome ModbusWire::receive_tcp(const Bytes& request, std::size_t data_bytes,
-                                            Time::time_point until, Bytes& pdu) {
+ModbusWire::RequestResult ModbusWire::receive_tcp(const Bytes& request, std::size_t data_bytes,
+                                                  Time::time_point until, Bytes& pdu) {
   Bytes frame;
-  if (const auto got = receive(frame, tcp_header + 1, until); got != Outcome::answered) return got;
+  if (const auto got = receive(frame, tcp_header + 1, until); got != RequestResult::answered)
+    return got;
   const bool refused = (frame[7] & exception_bit) != 0;
   const int length = word(frame, 4), expected = refused ? 3 : static_cast<int>(data_bytes) + 2;
   if (word(frame, 0) != transaction_) {
@@ -279,14 +281,14 @@ ModbusWire::Outcome ModbusWire::receive_tcp(const Bytes& request, std::size_t da
     return wrong(fmt::format("an answer of {} bytes, expected {}", length, expected));
   }
   const auto all = tcp_header - 1 + static_cast<std::size_t>(length);
-  if (const auto got = receive(frame, all, until); got != Outcome::answered) return got;
+  if (const auto got = receive(frame, all, until); got != RequestResult::answered) return got;
   pdu.assign(frame.begin() + tcp_header, frame.end());
-  return refused || is_about(request, pdu) ? Outcome::answered
+  return refused || is_about(request, pdu) ? RequestResult::answered
                                            : wrong("an answer about other registers");
 }
 
-ModbusWire::Outcome ModbusWire::receive_line(const Bytes& request, std::size_t data_bytes,
-                                             Time::time_point until, Bytes& pdu) {
+ModbusWire::RequestResult ModbusWire::receive_line(const Bytes& request, std::size_t data_bytes,
+                                                   Time::time_point until, Bytes& pdu) {
   // Nothing on a line says which request an answer belongs to: what is no right one is passed over,
   // so that a late one does not put all that follow out of step.
   Bytes frame;
@@ -296,11 +298,11 @@ ModbusWire::Outcome ModbusWire::receive_line(const Bytes& request, std::size_t d
     frame.erase(frame.begin());
   };
   const auto read = [&](std::size_t bytes) {
-    const Outcome got = receive(frame, bytes, until);
-    return got == Outcome::failed && !why.empty() ? wrong(why) : got;
+    const RequestResult got = receive(frame, bytes, until);
+    return got == RequestResult::failed && !why.empty() ? wrong(why) : got;
   };
   for (;;) {
-    if (const auto got = read(2); got != Outcome::answered) return got;
+    if (const auto got = read(2); got != RequestResult::answered) return got;
     if (frame[0] != map_.unit) {
       pass_over(fmt::format("unit {} answers, asked was {}", frame[0], map_.unit));
       continue;
@@ -311,19 +313,19 @@ ModbusWire::Outcome ModbusWire::receive_line(const Bytes& request, std::size_t d
     }
     const bool refused = (frame[1] & exception_bit) != 0;
     const std::size_t all = refused ? 5 : data_bytes + 4;
-    if (const auto got = read(all); got != Outcome::answered) return got;
+    if (const auto got = read(all); got != RequestResult::answered) return got;
     if (crc16(frame, all - 2) != (frame[all - 1] << 8 | frame[all - 2])) {
       pass_over("an answer with a wrong checksum");
       continue;
     }
     pdu.assign(frame.begin() + 1, frame.begin() + static_cast<std::ptrdiff_t>(all) - 2);
-    if (refused || is_about(request, pdu)) return Outcome::answered;
+    if (refused || is_about(request, pdu)) return RequestResult::answered;
     pass_over("an answer about other registers");
   }
 }
 
-ModbusWire::Outcome ModbusWire::try_once(const Bytes& request, std::size_t data_bytes,
-                                         Time::time_point until, Bytes& data) {
+ModbusWire::RequestResult ModbusWire::try_once(const Bytes& request, std::size_t data_bytes,
+                                               Time::time_point until, Bytes& data) {
   // An answer that comes too late would else be taken for the next one.
   if (!drain()) return lost(0);
   Bytes frame;
@@ -345,16 +347,16 @@ ModbusWire::Outcome ModbusWire::try_once(const Bytes& request, std::size_t data_
   }
   if (!send(frame)) return lost(errno);
   Bytes pdu;
-  const Outcome got = serial() ? receive_line(request, data_bytes, until, pdu)
-                               : receive_tcp(request, data_bytes, until, pdu);
-  if (got != Outcome::answered) return got;
+  const RequestResult got = serial() ? receive_line(request, data_bytes, until, pdu)
+                                     : receive_tcp(request, data_bytes, until, pdu);
+  if (got != RequestResult::answered) return got;
   if ((pdu[0] & exception_bit) != 0) {
     exception_ = pdu[1];
     error_ = fmt::format("answers with {}: {}", exception_in_words(exception_), where());
-    return Outcome::refused;
+    return RequestResult::refused;
   }
   data.assign(pdu.begin() + 1, pdu.end());
-  return Outcome::answered;
+  return RequestResult::answered;
 }
 
 std::optional<Bytes> ModbusWire::ask(const Bytes& request, std::size_t data_bytes) {
@@ -363,12 +365,12 @@ std::optional<Bytes> ModbusWire::ask(const Bytes& request, std::size_t data_byte
   for (int attempt = 0; attempt < 2 && connect(until); ++attempt) {
     Bytes data;
     const bool served = served_;
-    const Outcome outcome = try_once(request, data_bytes, until, data);
-    if (outcome == Outcome::answered) {
+    const RequestResult outcome = try_once(request, data_bytes, until, data);
+    if (outcome == RequestResult::answered) {
       served_ = true;
       return data;
     }
-    if (outcome != Outcome::closed) break;
+    if (outcome != RequestResult::closed) break;
     // Some close after each answer. What is written may be written again; who has served is asked
     // again without an interval.
     if (served) {

@@ -46,7 +46,7 @@ class ModbusWire {
 
  private:
   using Time = std::chrono::steady_clock;
-  enum class Outcome { answered, refused, failed, closed };
+  enum class RequestResult { answered, refused, failed, closed };
 
   void look_up();
   bool connect(Time::time_point until);
@@ -54,21 +54,21 @@ class ModbusWire {
   bool begin_tcp();
   bool refuse_connection(int code);
   void disconnect();
-  Outcome try_once(const Bytes& request, std::size_t data_bytes, Time::time_point until,
-                   Bytes& data);
-  Outcome silent(const std::string& why);
-  Outcome wrong(const std::string& why);
-  Outcome fail(const std::string& why);
-  Outcome lost(int code);
+  RequestResult try_once(const Bytes& request, std::size_t data_bytes, Time::time_point until,
+                         Bytes& data);
+  RequestResult silent(const std::string& why);
+  RequestResult wrong(const std::string& why);
+  RequestResult fail(const std::string& why);
+  RequestResult lost(int code);
   /// Throws away what nobody asked for; false where the other end has closed.
   bool drain();
   bool send(const Bytes& frame);
   /// Reads until there are so many bytes.
-  Outcome receive(Bytes& frame, std::size_t bytes, Time::time_point until);
-  Outcome receive_tcp(const Bytes& request, std::size_t data_bytes, Time::time_point until,
-                      Bytes& pdu);
-  Outcome receive_line(const Bytes& request, std::size_t data_bytes, Time::time_point until,
-                       Bytes& pdu);
+  RequestResult receive(Bytes& frame, std::size_t bytes, Time::time_point until);
+  RequestResult receive_tcp(const Bytes& request, std::size_t data_bytes, Time::time_point until,
+                            Bytes& pdu);
+  RequestResult receive_line(const Bytes& request, std::size_t data_bytes, Time::time_point until,
+                             Bytes& pdu);
   std::string where() const;
   bool serial() const { return map_.transport == Transport::rtu; }
 

@@ -14,9 +14,9 @@
 namespace slicecorr::bridge {
 namespace {
 
-/// Rounding of intensities and dead zones.
+/// Relative difference of intensities and dead zones that comes of rounding.
 constexpr double slack = 1e-6;
-/// Of the dose that gels.
+/// Share of the dose that gels which black may give while the lamp shines around exposures.
 constexpr double most_black_excess = 0.05;
 
 /// UV light of a slice by the schedule: of a lamp that floods the window.

@@ -24,7 +24,7 @@
 namespace slicecorr::bridge {
 namespace {
 
-/// Below everything that prints.
+/// Niceness of commands that only look: everything that prints goes first.
 constexpr int nice_level = 10;
 
 struct Looker {

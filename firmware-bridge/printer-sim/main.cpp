@@ -70,7 +70,7 @@ std::string fault_help() {
   return text;
 }
 
-/// A real machine instead of being one.
+/// Checks a real machine (--check) instead of simulating one.
 int check(const Options& o) {
   if (o.lockstep || o.time_rate != 1 || !o.listen.empty() || !o.frames.empty() ||
       !o.output.empty() || !o.events.empty() || !o.stack.empty() || !o.faults.empty()) {

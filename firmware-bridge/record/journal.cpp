@@ -141,7 +141,7 @@ std::string utc_now() {
 Journal::Journal(const std::string& path) : impl_(std::make_unique<Impl>(path)) {}
 Journal::~Journal() = default;
 
-void Journal::add(const Event& event, bool important) {
+void Journal::add(const PrintEvent& event, bool important) {
   nlohmann::ordered_json line;
   line["time"] = utc_now();
   line["at_s"] = impl_->at_s = std::max(impl_->at_s, event.at_s);

@@ -9,7 +9,7 @@
 namespace slicecorr::bridge {
 
 nlohmann::ordered_json left_json(const Left& left);
-/// Nothing where it is none.
+/// Nothing where the JSON is not what `left_json` writes.
 std::optional<Left> left_in(const nlohmann::ordered_json& json);
 
 }  // namespace slicecorr::bridge

@@ -50,7 +50,7 @@ int open_lock(const StateFolder& folder) {
 struct JournalEnd {
   bool open = false;
   std::string stack, last;
-  int frame = -1;
+  int frame = black_frame;
   double stage_um = 0;
 };
 JournalEnd journal_of(const StateFolder& folder) {
@@ -68,7 +68,7 @@ JournalEnd journal_of(const StateFolder& folder) {
       end.open = false;
     }
     end.last = what;
-    end.frame = json.value("frame", -1);
+    end.frame = json.value("frame", black_frame);
     end.stage_um = json.value("stage_um", 0.0);
   }
   return end;
@@ -150,7 +150,7 @@ std::optional<Latch> read_latch(const StateFolder& folder, bool locked) {
     latch.fault = fault_of(json.value("fault", "")).value_or(Fault::defect);
     latch.detail = json.value("detail", "");
     latch.stack = json.value("stack", "");
-    latch.frame = json.value("frame", -1);
+    latch.frame = json.value("frame", black_frame);
     latch.stage_um = json.value("stage_um", 0.0);
     latch.z_um = json.value("z_um", 0.0);
     if (const auto left = json.find("after_fault"); left != json.end()) {

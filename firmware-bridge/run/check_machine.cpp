@@ -19,7 +19,7 @@ using Found = MachineCheck::Found;
 
 class Bench {
  public:
-  Bench(const LinkMaker& connect, Clock& clock, const Machine& machine,
+  Bench(const LinkMaker& connect, BridgeClock& clock, const Machine& machine,
         const std::function<void(const MachineCheck&)>& tell)
       : connect_(connect), clock_(clock), machine_(machine), tell_(tell), link_(connect()) {
     out_.watchdog_s = machine.limits.watchdog_s;
@@ -289,7 +289,7 @@ class Bench {
   }
 
   const LinkMaker& connect_;
-  Clock& clock_;
+  BridgeClock& clock_;
   const Machine& machine_;
   const std::function<void(const MachineCheck&)>& tell_;
   std::unique_ptr<Link> link_;
@@ -300,7 +300,7 @@ class Bench {
 
 }  // namespace
 
-bool check_machine(const LinkMaker& connect, Clock& clock, const Machine& machine,
+bool check_machine(const LinkMaker& connect, BridgeClock& clock, const Machine& machine,
                    const std::function<void(const MachineCheck&)>& tell) {
   bool good = true;
   const std::function<void(const MachineCheck&)> counting = [&](const MachineCheck& check) {

@@ -11,14 +11,14 @@
 namespace slicecorr::bridge {
 namespace {
 
-/// Below that of the control thread.
+/// Real-time priority of the thread that shows images: below that of the control thread.
 constexpr int image_priority = 40;
 /// Between looks at a display that has nothing new to show.
-constexpr std::chrono::milliseconds watch_every{20};
+constexpr std::chrono::milliseconds check_every{20};
 
 }  // namespace
 
-Images::Images(FrameRing& ring, FrameSink& sink, Clock& clock, bool lockstep)
+Images::Images(FrameRing& ring, FrameSink& sink, BridgeClock& clock, bool lockstep)
     : ring_(ring), sink_(sink), clock_(clock), lockstep_(lockstep) {
   if (!lockstep_) thread_ = std::thread([this] { work(); });
 }
@@ -71,9 +71,9 @@ void Images::work() {
   raise_priority(image_priority);
   std::unique_lock lock(mutex_);
   while (true) {
-    if (!asked_.wait_for(lock, watch_every, [&] { return ending_ || request_; })) {
+    if (!asked_.wait_for(lock, check_every, [&] { return ending_ || request_; })) {
       lock.unlock();
-      watch();
+      check();
       lock.lock();
       continue;
     }
@@ -85,9 +85,9 @@ void Images::work() {
   }
 }
 
-void Images::watch() {
+void Images::check() {
   try {
-    sink_.watch();
+    sink_.check();
   } catch (const DeviceError& e) {
     fault(Fault::display_gone, e.what());
   } catch (const std::exception& e) {

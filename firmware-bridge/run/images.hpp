@@ -25,9 +25,9 @@ struct ImageNews {
 class Images {
  public:
   /// `lockstep`: no thread; images are shown in `show_due`.
-  Images(FrameRing& ring, FrameSink& sink, Clock& clock, bool lockstep);
+  Images(FrameRing& ring, FrameSink& sink, BridgeClock& clock, bool lockstep);
   ~Images();
-  /// The image to show next, -1: black, which goes before all that waits.
+  /// The image to show next, `black_frame`, which goes before all that waits.
   void show(int number, double at_s);
   /// Lockstep: shows what is due before `until_s`.
   void show_due(double until_s);
@@ -43,13 +43,13 @@ class Images {
     double at_s;
   };
   void work();
-  void watch();
+  void check();
   void show_one(const Request& request);
   void fault(Fault what, const std::string& detail);
 
   FrameRing& ring_;
   FrameSink& sink_;
-  Clock& clock_;
+  BridgeClock& clock_;
   const bool lockstep_;
   std::int64_t count_ = -1;  ///< of the display, when last heard of
   std::mutex mutex_;

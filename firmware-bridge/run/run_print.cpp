@@ -62,7 +62,7 @@ class Teller {
 class Run {
  public:
   Run(const FrameSource& source, const PrintPlan& plan, const Machine& machine, Link& link,
-      FrameSink& sink, Clock& clock, const StateFolder& folder, const RunOptions& options,
+      FrameSink& sink, BridgeClock& clock, const StateFolder& folder, const RunOptions& options,
       const ExecutionContext& context)
       : plan_(plan),
         machine_(machine),
@@ -142,8 +142,8 @@ class Run {
     serve();
     const Step step = controller_->step(answer_, now);
     last_sent_ = step.set_points;
-    if (step.show >= -1) images_->show(step.show, step.show_at_s);
-    for (const Event& event : step.events) journal_->add(event, true);
+    if (step.show) images_->show(*step.show, step.show_at_s);
+    for (const PrintEvent& event : step.events) journal_->add(event, true);
     for (const FrameRecord& record : step.records) frame_log_->add(record);
     if (step.lamps_alone || step.command_alone) {
       const bool lamps = step.lamps_alone && link_.write_alone(step.set_points, Alone::lamps);
@@ -323,7 +323,7 @@ class Run {
   const Machine& machine_;
   Link& link_;
   FrameSink& sink_;
-  Clock& clock_;
+  BridgeClock& clock_;
   const StateFolder folder_;
   const RunOptions& options_;
   Teller teller_;
@@ -349,12 +349,12 @@ class Run {
 }  // namespace
 
 Ending run_print(const FrameSource& frames, const PrintPlan& plan, const Machine& machine,
-                 Link& link, FrameSink& sink, Clock& clock, const StateFolder& folder,
+                 Link& link, FrameSink& sink, BridgeClock& clock, const StateFolder& folder,
                  const RunOptions& options, const ExecutionContext& context) {
   return Run(frames, plan, machine, link, sink, clock, folder, options, context).go();
 }
 
-Status check_alone(Link& link, Clock& clock, const Machine& machine) {
+Status check_alone(Link& link, BridgeClock& clock, const Machine& machine) {
   constexpr double wait_s = 3, look_s = 0.1;
   constexpr int looks = 5;
   const double begin_s = clock.now_s();
@@ -379,7 +379,7 @@ Status check_alone(Link& link, Clock& clock, const Machine& machine) {
   return *last;
 }
 
-Status reset_machine(Link& link, Clock& clock, const Machine& machine) {
+Status reset_machine(Link& link, BridgeClock& clock, const Machine& machine) {
   SetPoints out;
   out.watchdog_s = machine.limits.watchdog_s;
   double next_s = clock.now_s();

@@ -133,7 +133,7 @@ struct ModbusServer::Impl {
   bool serve(const Bytes& request, std::size_t header, std::size_t trailer,
              std::optional<Late>& later) {
     const std::span<const std::uint8_t> all(request);
-    const Registers::Outcome outcome =
+    const Registers::Reply outcome =
         registers.carry_out(all.subspan(header, all.size() - header - trailer));
     if (!outcome.fault) return answer(request, outcome.exception);
     const SimFault& fault = *outcome.fault;

@@ -18,6 +18,8 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kRoomTemperature_c = 25;
+/// What is on the display, but not lit since it came.
+constexpr int unlit_image = -2;
 
 bool is_wire(const std::string& what) {
   return what == "late-reply" || what == "wrong-reply" || what == "drop" || what == "disconnect";
@@ -84,7 +86,8 @@ struct PrinterModel::Impl {
   Display display;
   bool frozen = false;
   std::shared_ptr<const Frame> frame, later_frame;
-  int image = -1;  ///< of `frame` in the order of what was lit; -2: not lit yet
+  int image =
+      black_image;  ///< of `frame` in the order of what was lit, `black_image` or `unlit_image`
   int images = 0;
   ImageSink sink;
 
@@ -294,7 +297,7 @@ struct PrinterModel::Impl {
     const double time = next - now;
     detail::Exposures::Lit part;
     if (lit) {
-      if (image == -2) {
+      if (image == unlit_image) {
         image = images++;
         if (sink) sink(image, frame);
       }
@@ -373,7 +376,7 @@ struct PrinterModel::Impl {
 
   void show(const std::shared_ptr<const Frame>& next) {
     happen();
-    const int number = next ? next->number : -1;
+    const int number = next ? next->number : black_frame;
     double late_s = 0;
     for (Due& due : faults) {
       const bool here = is_due(due) || (!due.done && due.fault.at_frame && number >= 0 &&
@@ -402,8 +405,8 @@ struct PrinterModel::Impl {
     const bool same = frame && next && frame->number == next->number &&
                       frame->crc32 == next->crc32 && frame->blue.size() == next->blue.size();
     frame = std::move(next);
-    if (!same) image = frame ? -2 : -1;
-    display.number = frame ? frame->number : -1;
+    if (!same) image = frame ? unlit_image : black_image;
+    display.number = frame ? frame->number : black_frame;
     display.since_s = now;
     ++display.count;
     reached_frame = std::max(reached_frame, display.number);
@@ -422,7 +425,7 @@ void PrinterModel::record(const SliceFacts& facts) {
   impl_->exposures.begin(facts);
   // Images are counted anew, too; what is on the display has not been lit in this record.
   impl_->images = 0;
-  impl_->image = impl_->frame ? -2 : -1;
+  impl_->image = impl_->frame ? unlit_image : black_image;
   impl_->tracked = false;
 }
 void PrinterModel::advance(double time_s) { impl_->advance(time_s); }

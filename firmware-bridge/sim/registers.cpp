@@ -86,7 +86,8 @@ bool Registers::acceptable(const SetPoints& s) const {
          within(Signal::acceleration_um_s2, s.acceleration_um_s2, 0, stage.acceleration_um_s2) &&
          within(Signal::blue_share, s.blue_share, 0, machine_.blue.max_share) &&
          within(Signal::uv_mw_cm2, s.uv_mw_cm2, 0, uv) &&
-         within(Signal::watchdog_s, s.watchdog_s, 0, machine_.limits.watchdog_s) && s.frame >= -1;
+         within(Signal::watchdog_s, s.watchdog_s, 0, machine_.limits.watchdog_s) &&
+         s.frame >= black_frame;
 }
 
 int Registers::write(int address, std::span<const std::uint8_t> values,
@@ -113,8 +114,8 @@ int Registers::write(int address, std::span<const std::uint8_t> values,
   return 0;
 }
 
-Registers::Outcome Registers::carry_out(std::span<const std::uint8_t> r) {
-  Outcome outcome;
+Registers::Reply Registers::carry_out(std::span<const std::uint8_t> r) {
+  Reply outcome;
   const auto refuse = [&](int exception) {
     outcome.exception = exception;
     return outcome;

@@ -14,13 +14,13 @@ class Registers {
  public:
   Registers(const Machine& machine, const RegisterMap& map, TimedModel& model);
 
-  struct Outcome {
+  struct Reply {
     int exception = 0;              ///< of Modbus; 0: carried out
     std::optional<SimFault> fault;  ///< how the wire is to misbehave
   };
   /// Carries out a request, without its address and checks: function code and data. Functions 3, 6,
   /// 16 and 23 are known, and 4 where the map reads by it.
-  Outcome carry_out(std::span<const std::uint8_t> request);
+  Reply carry_out(std::span<const std::uint8_t> request);
 
   /// All of them, from the first on, as they are now; those that nobody has are 0. Input registers
   /// only where the map reads by function 4.

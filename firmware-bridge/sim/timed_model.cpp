@@ -4,13 +4,13 @@
 
 namespace slicecorr::bridge {
 
-TimedModel::TimedModel(PrinterModel& model, const Settings& settings)
-    : model_(model), settings_(settings), began_(std::chrono::steady_clock::now()) {}
+TimedModel::TimedModel(PrinterModel& model, const Pace& pace)
+    : model_(model), pace_(pace), began_(std::chrono::steady_clock::now()) {}
 
 void TimedModel::to_present() {
-  if (settings_.lockstep) return;
+  if (pace_.lockstep) return;
   const std::chrono::duration<double> passed = std::chrono::steady_clock::now() - began_;
-  model_.advance(passed.count() * settings_.rate);
+  model_.advance(passed.count() * pace_.rate);
 }
 
 void TimedModel::tell_new() {
@@ -30,8 +30,8 @@ void TimedModel::with(const std::function<void(PrinterModel&)>& use) {
 void TimedModel::with_exchange(const std::function<void(PrinterModel&)>& use) {
   const std::lock_guard lock(mutex_);
   to_present();
-  if (settings_.lockstep && !ticked_) {
-    model_.advance(cycles_from_s_ + static_cast<double>(++exchanges_) * settings_.cycle_s);
+  if (pace_.lockstep && !ticked_) {
+    model_.advance(cycles_from_s_ + static_cast<double>(++exchanges_) * pace_.cycle_s);
   }
   use(model_);
   tell_new();
@@ -40,7 +40,7 @@ void TimedModel::with_exchange(const std::function<void(PrinterModel&)>& use) {
 void TimedModel::with_at(double at_s, const std::function<void(PrinterModel&)>& use) {
   const std::lock_guard lock(mutex_);
   to_present();
-  if (settings_.lockstep) model_.advance(at_s);
+  if (pace_.lockstep) model_.advance(at_s);
   use(model_);
   tell_new();
 }
@@ -48,7 +48,7 @@ void TimedModel::with_at(double at_s, const std::function<void(PrinterModel&)>& 
 void TimedModel::tick(double at_s) {
   const std::lock_guard lock(mutex_);
   to_present();
-  if (settings_.lockstep) {
+  if (pace_.lockstep) {
     ticked_ = true;
     model_.advance(at_s);
   }
@@ -57,14 +57,14 @@ void TimedModel::tick(double at_s) {
 
 void TimedModel::begin(double cycle_s) {
   const std::lock_guard lock(mutex_);
-  settings_.cycle_s = cycle_s;
+  pace_.cycle_s = cycle_s;
   cycles_from_s_ = model_.now_s();
   exchanges_ = 0;
   ticked_ = false;
 }
 
 std::chrono::duration<double> TimedModel::real(double model_s) const {
-  return std::chrono::duration<double>(model_s / settings_.rate);
+  return std::chrono::duration<double>(model_s / pace_.rate);
 }
 
 void TimedModel::run_out() {

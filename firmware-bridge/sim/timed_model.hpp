@@ -15,12 +15,12 @@ namespace slicecorr::bridge {
 /// them alone.
 class TimedModel {
  public:
-  struct Settings {
+  struct Pace {
     bool lockstep = false;
     double rate = 1;  ///< of real time
     double cycle_s = 0.01;
   };
-  TimedModel(PrinterModel& model, const Settings& settings);
+  TimedModel(PrinterModel& model, const Pace& pace);
 
   /// Calls `use` with the model at the present.
   void with(const std::function<void(PrinterModel&)>& use);
@@ -32,7 +32,7 @@ class TimedModel {
   void tick(double at_s);
   /// A print begins; its exchanges are counted anew from the present.
   void begin(double cycle_s);
-  bool lockstep() const { return settings_.lockstep; }
+  bool lockstep() const { return pace_.lockstep; }
   /// Real time in which `model_s` passes.
   std::chrono::duration<double> real(double model_s) const;
 
@@ -47,7 +47,7 @@ class TimedModel {
   void tell_new();
 
   PrinterModel& model_;
-  Settings settings_;
+  Pace pace_;
   std::mutex mutex_;
   std::chrono::steady_clock::time_point began_;
   double cycles_from_s_ = 0;

@@ -68,7 +68,7 @@ Axis with_room(Axis axis, double fault) {
   return axis;
 }
 
-/// Over z, as far as the print came.
+/// The axis of heights, from the first slice to where the print came.
 Axis z_axis(const PrintRecord& r, const std::vector<Point>& points) {
   return with_room(axis_of("z, mm", {&points}, true, {fault_mm(r)}), fault_mm(r));
 }

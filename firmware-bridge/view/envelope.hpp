@@ -7,7 +7,7 @@
 
 namespace slicecorr::bridge::detail {
 
-/// As many as a panel has pixels across.
+/// Columns that a long series is thinned to: as many as a panel has pixels across.
 inline constexpr int envelope_columns = 560;
 
 /// Of each of `columns` equal pieces of x the first, least, greatest and last point, in their

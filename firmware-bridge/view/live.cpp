@@ -8,9 +8,9 @@
 #include <numeric>
 #include <sstream>
 
+#include "slicecorr/bridge/view.hpp"
 #include "support/terminal/live_line.hpp"
 #include "support/text/display_text.hpp"
-#include "slicecorr/bridge/view.hpp"
 #include "view/charts.hpp"
 #include "view/state_json.hpp"
 
@@ -20,7 +20,7 @@ namespace {
 using cli::Ink;
 using cli::Line;
 
-/// Without "-0.00".
+/// 0 for what would be written as "0.00" or "-0.00" with two decimals.
 double calm(double value) { return std::abs(value) < 0.005 ? 0 : value; }
 
 double height_um(const Seen& seen) { return seen.facts.frames * seen.facts.layer_um; }
@@ -39,7 +39,7 @@ bool failed(const Seen& seen) { return seen.state.fault != Fault::none; }
 
 bool not_confirmed(const Seen& seen) { return seen.state.left && !seen.state.left->confirmed(); }
 
-/// At blanks, in lines of so many columns.
+/// The text broken at blanks into lines of at most `columns` characters.
 std::vector<std::string> wrapped(const std::string& text, int columns) {
   std::vector<std::string> lines(1);
   std::istringstream in(text);
@@ -146,7 +146,7 @@ std::string event_line(const std::string& journal_line) {
   const detail::Json json = detail::Json::parse(journal_line, nullptr, false);
   const std::string what = detail::text_in(json, "what"), more = detail::text_in(json, "detail");
   if (what.empty()) return {};
-  const int frame = detail::whole_in(json, "frame", -1);
+  const int frame = detail::whole_in(json, "frame", black_frame);
   return words::clipped(
       words::printable(fmt::format("{}  {:10.3f} s  {}{}{}", detail::text_in(json, "time"),
                                    detail::number_in(json, "at_s", 0), what,

@@ -20,7 +20,7 @@ namespace {
 using End = PrintRecord::End;
 
 constexpr int longest_text = 600;
-/// Longer tables of events are scrolled.
+/// Rows that a table of events may have before it is put into a box that scrolls.
 constexpr std::size_t longest_untouched = 60;
 constexpr std::size_t most_events = 600, first_events = 200, most_late = 300;
 

@@ -161,7 +161,7 @@ void read_journal(const std::string& path, PrintRecord& record, bool& ended, boo
     e.at_s = detail::number_in(json, "at_s").value_or(unknown);
     e.what = what;
     e.detail = detail::text_in(json, "detail");
-    e.frame = detail::whole_in(json, "frame", -1);
+    e.frame = detail::whole_in(json, "frame", black_frame);
     e.stage_um = detail::number_in(json, "stage_um").value_or(unknown);
     if (what == journal_begin) {
       const auto facts = json.find("facts");

@@ -223,7 +223,7 @@ PrintState state_in(const Json& json) {
   s.phase = phase_of(text_in(json, "phase")).value_or(Phase::connecting);
   s.fault = fault_of(text_in(json, "fault")).value_or(Fault::none);
   s.detail = text_in(json, "detail");
-  s.frame = whole_in(json, "frame", -1);
+  s.frame = whole_in(json, "frame", black_frame);
   s.frames_shown = whole_in(json, "frames_shown", 0);
   s.late_frames = whole_in(json, "late_frames", 0);
   s.missed_cycles = whole_in(json, "missed_cycles", 0);

@@ -15,7 +15,7 @@ using Json = nlohmann::ordered_json;
 
 std::optional<double> number_in(const Json& json, const char* key);
 double number_in(const Json& json, const char* key, double otherwise);
-/// Within what an int holds.
+/// The whole number at `key`, cut to what an int holds; `otherwise` where there is none.
 int whole_in(const Json& json, const char* key, int otherwise);
 bool flag_in(const Json& json, const char* key);
 std::string text_in(const Json& json, const char* key);
@@ -24,7 +24,7 @@ PrintFacts facts_in(const Json& json);
 PrintState state_in(const Json& json);
 PrintAround around_in(const Json& json);
 
-/// With what is no UTF-8 replaced.
+/// The JSON as text; bytes that are no UTF-8 are replaced.
 std::string dumped(const Json& json, int indent = -1);
 
 }  // namespace slicecorr::bridge::detail

@@ -108,7 +108,7 @@ class SdlWindow final : public Window {
     return x11_.sync();
   }
 
-  std::string watch() override {
+  std::string check() override {
     std::string wrong;
     SDL_Event event;
     while (SDL_PollEvent(&event)) {
@@ -219,7 +219,7 @@ class SdlWindow final : public Window {
     SDL_ShowCursor(SDL_DISABLE);
     SDL_EventState(SDL_SYSWMEVENT, SDL_ENABLE);
     // Before it is shown: it tells when it is.
-    x11_.watch_window();
+    x11_.follow_window();
     SDL_ShowWindow(window_);
     // Three: no buffer behind the window has anything else.
     for (int i = 0; i < 3; ++i) {

@@ -110,7 +110,7 @@ void X11::restore() {
   saved_power_ = false;
 }
 
-void X11::watch_window() {
+void X11::follow_window() {
   if (!display_) return;
   Display* const display = display_of(display_);
   const std::string manager = "_NET_WM_CM_S" + std::to_string(DefaultScreen(display));
@@ -118,7 +118,7 @@ void X11::watch_window() {
   XWindowAttributes attributes{};
   if (!XGetWindowAttributes(display, window_, &attributes)) return;
   XSelectInput(display, window_, attributes.your_event_mask | VisibilityChangeMask);
-  watched_ = true;
+  followed_ = true;
 }
 
 std::string X11::judge(const SDL_SysWMmsg* message) {

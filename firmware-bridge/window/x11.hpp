@@ -28,9 +28,9 @@ class X11 {
   void keep_awake();
   void restore();
   /// Asks for events that say whether the window is covered.
-  void watch_window();
+  void follow_window();
   /// Whether such events come: not under a compositor, for which all windows are whole.
-  bool knows_what_covers() const { return watched_ && !composited_; }
+  bool knows_what_covers() const { return followed_ && !composited_; }
   bool unobscured() const { return !knows_what_covers() || unobscured_; }
   std::string judge(const SDL_SysWMmsg* message);
   /// Waits until the server has done all; what it had against it.
@@ -40,7 +40,7 @@ class X11 {
  private:
   void* display_ = nullptr;  ///< Xlib's Display; null: another kind of server
   unsigned long window_ = 0;
-  bool watched_ = false, composited_ = false, unobscured_ = false, saved_power_ = false;
+  bool followed_ = false, composited_ = false, unobscured_ = false, saved_power_ = false;
 };
 
 }  // namespace slicecorr::bridge::detail

@@ -21,10 +21,10 @@ struct Range {
 };
 
 template <typename Of>
-Range range_of(const Setup& setup, bool dead_zones, Of&& of) {
+Range range_of(const PreparedFit& prepared, bool dead_zones, Of&& of) {
   Range range;
   std::vector<double> values;
-  for (const Observation& o : setup.problem.observations) {
+  for (const Observation& o : prepared.problem.observations) {
     if (o.is_dead_zone == dead_zones) values.push_back(of(o.exposure));
   }
   range.count = static_cast<int>(values.size());
@@ -36,20 +36,20 @@ Range range_of(const Setup& setup, bool dead_zones, Of&& of) {
   return range;
 }
 
-Range blue_of(const Setup& s, bool dead_zones) {
+Range blue_of(const PreparedFit& s, bool dead_zones) {
   return range_of(s, dead_zones, [](const Exposure& e) { return e.ln_blue; });
 }
-Range time_of(const Setup& s, bool dead_zones) {
+Range time_of(const PreparedFit& s, bool dead_zones) {
   return range_of(s, dead_zones, [](const Exposure& e) { return e.ln_time; });
 }
-Range dose_of(const Setup& s) {
+Range dose_of(const PreparedFit& s) {
   return range_of(s, false, [](const Exposure& e) { return e.ln_blue + e.ln_time; });
 }
-Range ratio_of(const Setup& s) {
+Range ratio_of(const PreparedFit& s) {
   return range_of(s, true, [](const Exposure& e) { return e.ln_uv - e.ln_blue; });
 }
 
-bool is_free(const Setup& s, Slot slot) {
+bool is_free(const PreparedFit& s, Slot slot) {
   return std::any_of(s.problem.unknowns.begin(), s.problem.unknowns.end(), [&](const Unknown& u) {
     return std::find(u.slots.begin(), u.slots.end(), slot) != u.slots.end();
   });
@@ -73,7 +73,8 @@ std::string lines_of(const FitResult& result, const std::vector<std::size_t>& po
   return text;
 }
 
-void advise_intervals(const Setup& s, const FitResult& result, std::vector<std::string>& out) {
+void advise_intervals(const PreparedFit& s, const FitResult& result,
+                      std::vector<std::string>& out) {
   for (const Parameter& p : result.parameters) {
     if (p.at_bound) {
       std::string text = fmt::format(
@@ -96,7 +97,7 @@ void advise_intervals(const Setup& s, const FitResult& result, std::vector<std::
   }
 }
 
-void advise_cured(const Setup& s, const FitResult& result, const Diagnosis& d,
+void advise_cured(const PreparedFit& s, const FitResult& result, const Diagnosis& d,
                   std::vector<std::string>& out) {
   const Range dose = dose_of(s);
   if (dose.count == 0) return;
@@ -132,7 +133,7 @@ void advise_cured(const Setup& s, const FitResult& result, const Diagnosis& d,
   }
 }
 
-void advise_dead_zones(const Setup& s, const FitResult& result, const Diagnosis& d,
+void advise_dead_zones(const PreparedFit& s, const FitResult& result, const Diagnosis& d,
                        std::vector<std::string>& out) {
   std::vector<std::size_t> liquid, closed, early, contradicted;
   double worst_early = 0, farthest = 0;
@@ -209,7 +210,7 @@ void advise_dead_zones(const Setup& s, const FitResult& result, const Diagnosis&
 /// the database from 2 to 240. A slip of units is a factor of 1000 or 60.
 constexpr double least_gel_dose = 0.05, greatest_gel_dose = 2000;
 
-void advise_units(const Setup& s, const Diagnosis& d, std::vector<std::string>& out) {
+void advise_units(const PreparedFit& s, const Diagnosis& d, std::vector<std::string>& out) {
   const Range blue = blue_of(s, false);
   if (blue.count == 0 || !is_free(s, kDose)) return;
   // I^m t = D'c at the middle intensity; without intensities m is 1.
@@ -236,7 +237,7 @@ double rounding_of(const std::vector<Observation>& all) {
 }
 
 /// Lack of fit against the scatter of replicates.
-void advise_replicates(const Setup& s, const Diagnosis& d, std::vector<std::string>& out) {
+void advise_replicates(const PreparedFit& s, const Diagnosis& d, std::vector<std::string>& out) {
   if (s.problem.loss != Loss::none || d.freedom <= 0) return;
   double pure = 0;
   const auto& all = s.problem.observations;
@@ -273,7 +274,7 @@ void advise_replicates(const Setup& s, const Diagnosis& d, std::vector<std::stri
 
 }  // namespace
 
-std::string why_unknown(const Setup& s, const std::string& name) {
+std::string why_unknown(const PreparedFit& s, const std::string& name) {
   const bool of_uv = name == "beta" || name == "huv_um" || name == "m_uv" ||
                      s.model == FitModel::dead_zone_transient;
   if (!of_uv) {
@@ -325,13 +326,14 @@ std::string why_unknown(const Setup& s, const std::string& name) {
       ratio.factor(), ratio.count);
 }
 
-std::vector<std::string> advise(const Setup& setup, const FitResult& result, const Diagnosis& d) {
+std::vector<std::string> advise(const PreparedFit& prepared, const FitResult& result,
+                                const Diagnosis& d) {
   std::vector<std::string> out;
-  advise_intervals(setup, result, out);
-  advise_units(setup, d, out);
-  advise_cured(setup, result, d, out);
-  advise_dead_zones(setup, result, d, out);
-  advise_replicates(setup, d, out);
+  advise_intervals(prepared, result, out);
+  advise_units(prepared, d, out);
+  advise_cured(prepared, result, d, out);
+  advise_dead_zones(prepared, result, d, out);
+  advise_replicates(prepared, d, out);
   if (d.freedom <= 0) {
     out.push_back(
         fmt::format("there are as many free parameters as measurements ({}): nothing is "
@@ -431,7 +433,7 @@ std::vector<bool> hidden_outliers(const Diagnosis& d) {
 
 }  // namespace
 
-void find_outliers(const Setup& s, const Diagnosis& d, FitResult& result) {
+void find_outliers(const PreparedFit& s, const Diagnosis& d, FitResult& result) {
   const auto& all = s.problem.observations;
   const double n = static_cast<double>(all.size());
   const double p = static_cast<double>(d.active.size());

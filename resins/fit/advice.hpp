@@ -10,15 +10,15 @@
 namespace slicecorr::resins {
 
 /// Why the measurements can't tell a parameter, and what to measure next.
-std::string why_unknown(const Setup& setup, const std::string& name);
+std::string why_unknown(const PreparedFit& prepared, const std::string& name);
 
 /// Warnings about a finished fit: wide intervals, extrapolation, samples that the model does not
 /// see gel, dead zones that are steady or not yet, replicates that the curve misses.
-std::vector<std::string> advise(const Setup& setup, const FitResult& result,
+std::vector<std::string> advise(const PreparedFit& prepared, const FitResult& result,
                                 const Diagnosis& diagnosis);
 
 /// Externally studentised residuals, leverage and Cook's distances into `result.points`, and the
 /// outliers among them.
-void find_outliers(const Setup& setup, const Diagnosis& diagnosis, FitResult& result);
+void find_outliers(const PreparedFit& prepared, const Diagnosis& diagnosis, FitResult& result);
 
 }  // namespace slicecorr::resins

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "fit/setup.hpp"
+#include "fit/prepare.hpp"
 
 namespace slicecorr::resins {
 

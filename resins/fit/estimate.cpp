@@ -7,8 +7,8 @@
 #include <limits>
 #include <numeric>
 
+#include "fit/figure_text.hpp"
 #include "fit/statistics.hpp"
-#include "fit/words.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr::resins {
@@ -35,12 +35,12 @@ double rounding_of(const Problem& problem) {
 
 /// True when least squares have one minimum whatever the start: the law is linear in disguise, and
 /// no bound cuts through.
-bool is_convex(const Setup& s, const FitOptions& options) {
+bool is_convex(const PreparedFit& s, const FitOptions& options) {
   return s.model != FitModel::dead_zone_transient && s.model != FitModel::joint &&
          options.bounds.empty() && options.fixed.empty();
 }
 
-Solution solve_with_loss(Setup& s, const FitOptions& options,
+Solution solve_with_loss(PreparedFit& s, const FitOptions& options,
                          std::vector<std::vector<double>> starts) {
   Problem& problem = s.problem;
   problem.loss = Loss::none;
@@ -118,7 +118,7 @@ KindScatter scatter_of_kinds(const Problem& problem, const Diagnosis& d) {
   return {sigma[0], sigma[1]};
 }
 
-Solution estimate(Setup& s, const FitOptions& options) {
+Solution estimate(PreparedFit& s, const FitOptions& options) {
   Problem& problem = s.problem;
   const bool weigh_kinds = s.model == FitModel::joint && options.weights == Weights::none;
   if (!weigh_kinds) return solve_with_loss(s, options, s.starts(options.starts));
@@ -164,13 +164,13 @@ Solution estimate(Setup& s, const FitOptions& options) {
   return solution;
 }
 
-std::array<double, 2> profile_interval(const Setup& s, const Solution& solution, const Diagnosis& d,
-                                       std::size_t active_index, double t) {
+std::array<double, 2> profile_interval(const PreparedFit& s, const Solution& solution,
+                                       const Diagnosis& d, std::size_t active_index, double t) {
   const std::size_t which = d.active[active_index];
   const Unknown unknown = s.problem.unknowns[which];
   const double best = solution.inner[which], stderr_inner = d.stderr_inner(active_index);
   const auto column = d.unscaled.col(static_cast<Eigen::Index>(active_index));
-  Setup held = s;
+  PreparedFit held = s;
   held.hold(unknown.name, unknown.value(best));
   held.problem.tolerance = std::max(held.problem.tolerance, 1e-7);
   std::vector<double> others = solution.inner, direction;
@@ -244,11 +244,11 @@ std::array<double, 2> profile_interval(const Setup& s, const Solution& solution,
   return {unknown.value(end_towards(-1)), unknown.value(end_towards(1))};
 }
 
-std::optional<Reciprocity> test_reciprocity(const Setup& s, const Solution& solution,
+std::optional<Reciprocity> test_reciprocity(const PreparedFit& s, const Solution& solution,
                                             const Diagnosis& d,
                                             const std::vector<FitPoint>& points) {
   // Both laws on the cured heights, with the weights that the fit came to.
-  Setup kinetic;
+  PreparedFit kinetic;
   kinetic.model = FitModel::kinetic;
   kinetic.problem.tolerance = s.problem.tolerance;
   for (const auto& p : parameters_of(FitModel::kinetic, {})) {
@@ -270,7 +270,7 @@ std::optional<Reciprocity> test_reciprocity(const Setup& s, const Solution& solu
   const double n = static_cast<double>(ln_blue.size());
   if (n < 4 || count_different(ln_blue) < 2) return std::nullopt;
   kinetic.start = d.law;
-  Setup jacobs = kinetic;
+  PreparedFit jacobs = kinetic;
   jacobs.hold("m", 1);
   jacobs.start[kExponent] = 1;
   // One of the two is the fit itself, unless a robust loss bent it.
@@ -336,7 +336,7 @@ std::optional<Reciprocity> test_reciprocity(const Setup& s, const Solution& solu
   return r;
 }
 
-std::vector<std::vector<double>> bootstrap(const Setup& s, const Solution& solution,
+std::vector<std::vector<double>> bootstrap(const PreparedFit& s, const Solution& solution,
                                            const Diagnosis& d, int count, std::uint64_t seed,
                                            const ExecutionContext& context) {
   const auto& all = s.problem.observations;

@@ -28,7 +28,7 @@ struct Doubt {
 };
 
 /// Half an interval wider than 1 says nothing: theory has exponents from 1/2 to 1.
-Doubt unknown_exponent(const Setup& s, const Solution& solution, const FitOptions& options) {
+Doubt unknown_exponent(const PreparedFit& s, const Solution& solution, const FitOptions& options) {
   const Diagnosis d = diagnose(s.problem, solution, true);
   Doubt worst;
   double widest = 1;
@@ -51,9 +51,9 @@ Doubt unknown_exponent(const Setup& s, const Solution& solution, const FitOption
 }
 
 /// F test of one parameter, at 5 %. Both problems are compared with the weights of the larger one.
-bool clearly_worse(const Setup& smaller, const Solution& less, const Setup& larger,
+bool clearly_worse(const PreparedFit& smaller, const Solution& less, const PreparedFit& larger,
                    const Solution& more) {
-  const auto cost_at = [&](const Setup& s, const Solution& at) {
+  const auto cost_at = [&](const PreparedFit& s, const Solution& at) {
     double cost = 0;
     const Slots law = s.problem.law(at.inner);
     for (const Observation& o : larger.problem.observations) {
@@ -69,7 +69,7 @@ bool clearly_worse(const Setup& smaller, const Solution& less, const Setup& larg
   return f_exceedance((held - free) / (free / freedom), 1, freedom) < 0.05;
 }
 
-void fill_parameters(const Setup& s, const Solution& solution, const Diagnosis& d,
+void fill_parameters(const PreparedFit& s, const Solution& solution, const Diagnosis& d,
                      FitResult& result) {
   const double t = d.freedom > 0 ? student_t_quantile(0.975, d.freedom) : unknown_number;
   // Close to the first gel the front's law bends so much that symmetric intervals miss the truth on
@@ -116,28 +116,28 @@ void fill_parameters(const Setup& s, const Solution& solution, const Diagnosis& 
 
 /// A fit before an exponent was held because the measurements hardly tell it.
 struct FreeFit {
-  Setup setup;
+  PreparedFit prepared;
   Solution solution;
 };
 
 /// Whether an exponent is held was decided by the same measurements: intervals that hold for its
 /// value only promise too much. So they reach as far as any value of it that fits allows.
 void widen_intervals(const FreeFit& free, FitResult& result) {
-  if (free.setup.problem.loss != Loss::none) return;
-  const Diagnosis d = diagnose(free.setup.problem, free.solution);
+  if (free.prepared.problem.loss != Loss::none) return;
+  const Diagnosis d = diagnose(free.prepared.problem, free.solution);
   if (d.singular || d.freedom <= 0 || !(d.variance > 0)) return;
   const double t = student_t_quantile(0.975, d.freedom);
   for (Parameter& p : result.parameters) {
     if (p.fixed || !std::isfinite(p.ci95[0])) continue;
     for (std::size_t k = 0; k < d.active.size(); ++k) {
-      if (free.setup.problem.unknowns[d.active[k]].name != p.name) continue;
-      const auto wide = profile_interval(free.setup, free.solution, d, k, t);
+      if (free.prepared.problem.unknowns[d.active[k]].name != p.name) continue;
+      const auto wide = profile_interval(free.prepared, free.solution, d, k, t);
       p.ci95 = {std::min(p.ci95[0], wide[0]), std::max(p.ci95[1], wide[1])};
     }
   }
 }
 
-void fill_points(Setup& s, const Diagnosis& d, FitResult& result) {
+void fill_points(PreparedFit& s, const Diagnosis& d, FitResult& result) {
   result.points = std::move(s.points);
   for (std::size_t i = 0; i < s.problem.observations.size(); ++i) {
     result.points[s.point_of[i]].weight = s.problem.observations[i].weight;
@@ -179,7 +179,7 @@ KindFit summary_of(const FitResult& result, bool dead_zones, bool all) {
   return kind;
 }
 
-void fill_quality(const Setup& s, const Diagnosis& d, FitResult& result) {
+void fill_quality(const PreparedFit& s, const Diagnosis& d, FitResult& result) {
   result.cured = summary_of(result, false, false);
   result.dead_zones = summary_of(result, true, false);
   const double squares = result.cured.squares + result.dead_zones.squares;
@@ -201,7 +201,7 @@ double percentile(const std::vector<double>& sorted, double share) {
   return sorted[below] + (at - std::floor(at)) * (sorted[above] - sorted[below]);
 }
 
-void fill_bootstrap(const Setup& s, const Solution& solution, const Diagnosis& d,
+void fill_bootstrap(const PreparedFit& s, const Solution& solution, const Diagnosis& d,
                     const FitOptions& options, const ExecutionContext& context, FitResult& result) {
   if (options.bootstrap == 0 || d.freedom <= 0 || d.singular) return;
   const auto rows = bootstrap(s, solution, d, options.bootstrap, options.seed, context);
@@ -236,20 +236,20 @@ void fill_bootstrap(const Setup& s, const Solution& solution, const Diagnosis& d
 FitResult fit(const Measurements& data, FitModel model, const FitOptions& options,
               const ExecutionContext& context) {
   const auto begin = std::chrono::steady_clock::now();
-  Setup setup = set_up(data, model, options);
+  PreparedFit prepared = prepare_fit(data, model, options);
   context.check_cancelled();
-  Solution solution = estimate(setup, options);
+  Solution solution = estimate(prepared, options);
 
   std::vector<std::string> held;
   std::optional<FreeFit> free;  // the first that had an exponent more
   for (int round = 0; round < 2; ++round) {
-    const auto [name, certain] = unknown_exponent(setup, solution, options);
+    const auto [name, certain] = unknown_exponent(prepared, solution, options);
     if (name.empty()) break;
     const bool shared_m = model == FitModel::joint && !options.separate_m && name == "m";
     if (shared_m) break;
-    Setup without = setup;
+    PreparedFit without = prepared;
     const double value = model == FitModel::dead_zone_transient ? options.m : 1;
-    without.start = setup.problem.law(solution.inner);
+    without.start = prepared.problem.law(solution.inner);
     if (name == "m_uv") {
       without.share_exponent();
     } else {
@@ -257,31 +257,31 @@ FitResult fit(const Measurements& data, FitModel model, const FitOptions& option
     }
     const Solution simpler = estimate(without, options);
     // A wide interval is no reason to hold what the measurements contradict.
-    if (!certain && clearly_worse(without, simpler, setup, solution)) break;
+    if (!certain && clearly_worse(without, simpler, prepared, solution)) break;
     held.push_back(
         name == "m_uv" ? fmt::format("m_uv can't be known apart from m, so one m serves both: {}",
-                                     why_unknown(setup, name))
+                                     why_unknown(prepared, name))
         : certain
             ? fmt::format("{} can't be known, and was held at {:.4g}: {}. The other parameters and "
                           "their intervals hold for that {} only",
-                          name, value, why_unknown(setup, name), name)
+                          name, value, why_unknown(prepared, name), name)
             : fmt::format("{} can't be known, and was held at {:.4g}: {}. The other parameters "
                           "hold for that {} only; their intervals allow for any that fits",
-                          name, value, why_unknown(setup, name), name));
-    if (!certain && !free) free = FreeFit{setup, solution};
-    setup = std::move(without);
+                          name, value, why_unknown(prepared, name), name));
+    if (!certain && !free) free = FreeFit{prepared, solution};
+    prepared = std::move(without);
     solution = simpler;
   }
-  const Diagnosis diagnosis = diagnose(setup.problem, solution);
+  const Diagnosis diagnosis = diagnose(prepared.problem, solution);
   if (diagnosis.singular) {
     Eigen::Index most = 0;
     diagnosis.null_direction.maxCoeff(&most);
     const std::string& name =
-        setup.problem.unknowns[diagnosis.active[static_cast<std::size_t>(most)]].name;
+        prepared.problem.unknowns[diagnosis.active[static_cast<std::size_t>(most)]].name;
     throw InputError(
         fmt::format("the {} model can't be fitted: {} can't be known apart from the "
                     "other parameters; {}, or hold it with --fix",
-                    name_of(model), name, why_unknown(setup, name)));
+                    name_of(model), name, why_unknown(prepared, name)));
   }
   context.check_cancelled();
 
@@ -293,21 +293,21 @@ FitResult fit(const Measurements& data, FitModel model, const FitOptions& option
   result.m = diagnosis.law[kExponent];
   result.iterations = solution.iterations;
   result.warnings = data.warnings;
-  result.warnings.insert(result.warnings.end(), setup.warnings.begin(), setup.warnings.end());
+  result.warnings.insert(result.warnings.end(), prepared.warnings.begin(), prepared.warnings.end());
   result.warnings.insert(result.warnings.end(), held.begin(), held.end());
-  fill_parameters(setup, solution, diagnosis, result);
+  fill_parameters(prepared, solution, diagnosis, result);
   if (free) widen_intervals(*free, result);
-  fill_points(setup, diagnosis, result);
-  fill_quality(setup, diagnosis, result);
-  find_outliers(setup, diagnosis, result);
-  const auto advice = advise(setup, result, diagnosis);
+  fill_points(prepared, diagnosis, result);
+  fill_quality(prepared, diagnosis, result);
+  find_outliers(prepared, diagnosis, result);
+  const auto advice = advise(prepared, result, diagnosis);
   result.warnings.insert(result.warnings.end(), advice.begin(), advice.end());
   if (model == FitModel::jacobs || model == FitModel::kinetic) {
     if (options.fixed.empty() && options.bounds.empty()) {
-      result.reciprocity = test_reciprocity(setup, solution, diagnosis, result.points);
+      result.reciprocity = test_reciprocity(prepared, solution, diagnosis, result.points);
     }
   }
-  fill_bootstrap(setup, solution, diagnosis, options, context, result);
+  fill_bootstrap(prepared, solution, diagnosis, options, context, result);
   result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return result;
 }

@@ -7,9 +7,9 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "fit/setup.hpp"
+#include "fit/figure_text.hpp"
+#include "fit/prepare.hpp"
 #include "fit/statistics.hpp"
-#include "fit/words.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/fit.hpp"
 

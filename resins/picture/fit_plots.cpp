@@ -9,10 +9,10 @@
 #include <set>
 #include <tuple>
 
-#include "picture/fit_words.hpp"
-#include "support/chart/chart.hpp"
+#include "picture/fit_text.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/plots.hpp"
+#include "support/chart/chart.hpp"
 
 namespace slicecorr::resins {
 

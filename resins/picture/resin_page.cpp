@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "picture/fit_words.hpp"
+#include "picture/fit_text.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/design.hpp"
 #include "slicecorr/resins/plots.hpp"

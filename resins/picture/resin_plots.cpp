@@ -5,11 +5,11 @@
 #include <algorithm>
 #include <cmath>
 
-#include "picture/fit_words.hpp"
-#include "support/chart/chart.hpp"
+#include "picture/fit_text.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/plots.hpp"
 #include "slicecorr/units.hpp"
+#include "support/chart/chart.hpp"
 
 namespace slicecorr::resins {
 

@@ -7,8 +7,8 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "support/toml/toml_table.hpp"
 #include "slicecorr/units.hpp"
+#include "support/toml/toml_table.hpp"
 
 namespace slicecorr::resinctl {
 
@@ -16,7 +16,7 @@ namespace {
 
 using namespace resins;
 
-/// Characters, not bytes.
+/// How many characters a UTF-8 text has.
 std::size_t width_of(const std::string& text) {
   return static_cast<std::size_t>(
       std::count_if(text.begin(), text.end(), [](char c) { return (c & 0xC0) != 0x80; }));

@@ -50,7 +50,7 @@ struct Decision {
 /// with what is missing or does not fit.
 Decision decide(const std::string& archive, const std::string& named, const PostRequest& request);
 
-/// In lines for people.
+/// The decision as lines for people.
 std::string describe(const Decision& decision);
 
 /// "printer 'x', resin 'y', layer by layer, 2.5 s each"

@@ -29,7 +29,7 @@ bool is_below(const std::string& path, const std::string& folder) {
 
 }  // namespace
 
-Folders::Claim::Claim(const std::string& folder) {
+Folders::FolderLock::FolderLock(const std::string& folder) {
   struct stat status;
   if (::stat(folder.c_str(), &status) != 0) return;
   // A name that is no file; only one socket can have it.
@@ -50,7 +50,7 @@ Folders::Claim::Claim(const std::string& folder) {
   }
 }
 
-Folders::Claim::~Claim() {
+Folders::FolderLock::~FolderLock() {
   if (socket_ >= 0) ::close(socket_);
 }
 
@@ -64,8 +64,8 @@ bool Folders::add(const std::string& folder) {
   const bool known = std::any_of(watched_.begin(), watched_.end(),
                                  [&](const auto& w) { return w.second.path == folder; });
   if (known) return true;
-  Claim claim(folder);
-  if (!claim.held()) return false;
+  FolderLock lock(folder);
+  if (!lock.held()) return false;
   const int number = ::inotify_add_watch(inotify_, folder.c_str(), kMask);
   if (number < 0) {
     if (errno == ENOENT || errno == ENOTDIR) return false;
@@ -74,7 +74,7 @@ bool Folders::add(const std::string& folder) {
                                   "(fs.inotify.max_user_watches) is reached"
                                 : "can't be watched"));
   }
-  watched_.insert_or_assign(number, Watched{folder, std::move(claim)});
+  watched_.insert_or_assign(number, Watched{folder, std::move(lock)});
   return true;
 }
 

@@ -42,12 +42,12 @@ class Folders {
  private:
   /// Goes with the process, however it ends. Not a lock on the folder: as long as it is open, the
   /// kernel does not tell that it is gone.
-  class Claim {
+  class FolderLock {
    public:
-    explicit Claim(const std::string& folder);
-    ~Claim();
-    Claim(Claim&& other) noexcept : socket_(std::exchange(other.socket_, -1)) {}
-    Claim& operator=(Claim&& other) noexcept {
+    explicit FolderLock(const std::string& folder);
+    ~FolderLock();
+    FolderLock(FolderLock&& other) noexcept : socket_(std::exchange(other.socket_, -1)) {}
+    FolderLock& operator=(FolderLock&& other) noexcept {
       std::swap(socket_, other.socket_);
       return *this;
     }
@@ -58,7 +58,7 @@ class Folders {
   };
   struct Watched {
     std::string path;
-    Claim claim;
+    FolderLock lock;
   };
   void remove_below(const std::string& folder);
   int inotify_;

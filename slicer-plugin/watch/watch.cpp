@@ -28,10 +28,10 @@ namespace fs = std::filesystem;
 
 namespace {
 
-using Clock = std::chrono::steady_clock;
+using SteadyTime = std::chrono::steady_clock;
 
-Clock::duration seconds(double s) {
-  return std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(s));
+SteadyTime::duration seconds(double s) {
+  return std::chrono::duration_cast<SteadyTime::duration>(std::chrono::duration<double>(s));
 }
 
 /// Whether a program has the file open for writing: the kernel then gives no read lease. Where it
@@ -86,25 +86,25 @@ class Watcher {
   /// A file that is not settled: it waits for its time, or is in work.
   struct Candidate {
     FileIdentity seen;
-    Clock::time_point due;
-    Clock::time_point give_up;  ///< when it is no whole archive until then
+    SteadyTime::time_point due;
+    SteadyTime::time_point give_up;  ///< when it is no whole archive until then
     bool in_work = false;
     bool touched = false;  ///< written again while in work
   };
 
-  Clock::duration patience() const {
+  SteadyTime::duration patience() const {
     return seconds(std::max(options_.settle_s, options_.patience_s));
   }
   bool idle() const { return options_.once && candidates_.empty(); }
 
   void wait(const sigset_t& mask) {
-    std::optional<Clock::time_point> next;
+    std::optional<SteadyTime::time_point> next;
     for (const auto& [path, c] : candidates_) {
       if (!c.in_work && (!next || c.due < *next)) next = c.due;
     }
     timespec timeout{};
     if (next) {
-      const auto left = std::max(Clock::duration::zero(), *next - Clock::now());
+      const auto left = std::max(SteadyTime::duration::zero(), *next - SteadyTime::now());
       const auto ns = std::chrono::duration_cast<std::chrono::nanoseconds>(left).count();
       timeout.tv_sec = static_cast<time_t>(ns / 1000000000);
       timeout.tv_nsec = static_cast<long>(ns % 1000000000);
@@ -181,8 +181,8 @@ class Watcher {
       return;
     }
     c.seen = *identity;
-    c.due = Clock::now() + seconds(options_.settle_s);
-    c.give_up = Clock::now() + patience();
+    c.due = SteadyTime::now() + seconds(options_.settle_s);
+    c.give_up = SteadyTime::now() + patience();
   }
 
   void handle(const Folders::FileEvent& event) {
@@ -208,7 +208,7 @@ class Watcher {
   }
 
   void look_at_due() {
-    const auto now = Clock::now();
+    const auto now = SteadyTime::now();
     for (auto it = candidates_.begin(); it != candidates_.end();) {
       Candidate& c = it->second;
       if (c.in_work || c.due > now) {
@@ -259,11 +259,11 @@ class Watcher {
       return;
     }
     // Perhaps its writer closes it between pieces, or another run is about to end.
-    const bool later = done.kind == Kind::not_readable && Clock::now() < c.give_up;
+    const bool later = done.kind == Kind::not_readable && SteadyTime::now() < c.give_up;
     if (later || done.kind == Kind::in_use) {
       Candidate again = c;
       again.in_work = again.touched = false;
-      again.due = later ? c.give_up : Clock::now() + patience();
+      again.due = later ? c.give_up : SteadyTime::now() + patience();
       candidates_[done.path] = again;
       return;
     }

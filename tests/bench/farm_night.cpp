@@ -105,7 +105,7 @@ void check_record(ReadModel& model, int jobs) {
   if (list.size() != static_cast<std::size_t>(jobs)) throw std::runtime_error("jobs are missing");
   for (const farm::Job& j : list) {
     std::int64_t ends = 0;
-    for (const Event& e : model.events(0, 1000, j.id)) ends += e.kind == "done";
+    for (const FarmEvent& e : model.events(0, 1000, j.id)) ends += e.kind == "done";
     if (ends != 1 || model.attempts(j.id).size() != 1) {
       throw std::runtime_error(fmt::format("{}: done {} times", j.name, ends));
     }

@@ -87,11 +87,12 @@ Names names_of(const Container& archive) {
 }
 
 /// What both texts say of the same things.
-struct Settings {
+struct CwsSettings {
   std::optional<KeyValueText> config, head;
   std::string file, gcode;
 
-  Settings(const Container& archive, const std::string& gcode_entry, const std::string& gcode_text)
+  CwsSettings(const Container& archive, const std::string& gcode_entry,
+              const std::string& gcode_text)
       : file(archive.path()), gcode(gcode_entry) {
     if (archive.has(config_entry)) {
       config.emplace(archive.text(config_entry), '=', file, config_entry);
@@ -124,7 +125,7 @@ ArchiveContents read_cws(const Container& archive) {
   const std::string& path = archive.path();
   const Names names = names_of(archive);
   const std::string text = names.gcode.empty() ? "" : archive.text(names.gcode, max_gcode_bytes);
-  const Settings settings(archive, names.gcode, text);
+  const CwsSettings settings(archive, names.gcode, text);
   ArchiveContents contents;
   StackInfo& info = contents.info;
   Grid& grid = info.grid;
@@ -240,7 +241,7 @@ void change(const ArchiveRequest& r, const std::vector<std::string>& images,
   const int layers = r.info.grid.layers, kept_layers = r.kept_contents->info.grid.layers;
   const Names names = names_of(kept);
   const std::string text = names.gcode.empty() ? "" : kept.text(names.gcode, max_gcode_bytes);
-  Settings settings(kept, names.gcode, text);
+  CwsSettings settings(kept, names.gcode, text);
   const auto exposure_s = [&](int layer) -> std::optional<double> {
     if (!r.exposure_changes) return std::nullopt;
     return light_on_of_layer(r.info, layer);

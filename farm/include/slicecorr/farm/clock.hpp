@@ -1,7 +1,7 @@
 /// @file clock.hpp
 /// The times that the farm goes by. Wall-clock times are only recorded, shown and compared with
 /// windows and deadlines; whatever must not fail when somebody sets the clock (leases, timeouts,
-/// rates) goes by the steady clock.
+/// rates) goes by the steady clock. All is thread-safe.
 #pragma once
 
 #include <cstdint>
@@ -9,10 +9,10 @@
 
 namespace slicecorr::farm {
 
-/// Thread-safe.
-class Clock {
+/// What tells the farm the time; tests have one that they set. Thread-safe.
+class FarmClock {
  public:
-  virtual ~Clock() = default;
+  virtual ~FarmClock() = default;
   /// Milliseconds since 1970, UTC; may jump either way.
   virtual std::int64_t wall_ms() const = 0;
   /// Milliseconds since the machine started, time asleep included; never falls, the same for all
@@ -23,7 +23,7 @@ class Clock {
 };
 
 /// The machine's clocks.
-const Clock& system_clock();
+const FarmClock& system_clock();
 
 /// Minutes since local midnight at a wall-clock time.
 int local_minute(std::int64_t wall_ms);

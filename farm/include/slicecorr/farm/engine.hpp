@@ -6,8 +6,8 @@
 /// farm's store and the program, but never the database. What a worker produced counts only when it
 /// stands in the folder's result.json and the token is still the job's.
 ///
-/// An engine is used from one thread, the service's main one. Functions must not block for long:
-/// a cancellation has to reach a worker within two seconds.
+/// An engine belongs to one thread, the service's main one; making one is thread-safe. Functions
+/// must not block for long: a cancellation has to reach a worker within two seconds.
 #pragma once
 
 #include <chrono>
@@ -59,8 +59,8 @@ struct Node {
   std::vector<std::string> labels;
 };
 
-/// How much more an engine takes now.
-struct Room {
+/// How much more an engine takes at present.
+struct EngineCapacity {
   int tasks = 0;                       ///< to submit at most
   std::int64_t memory_mb = 0;          ///< for the next task
   std::int64_t largest_memory_mb = 0;  ///< that a task could ever get: more is `too_large`
@@ -72,15 +72,15 @@ class Engine {
   virtual ~Engine() = default;
   virtual std::string name() const = 0;
   /// Before each claim.
-  virtual Room room() = 0;
+  virtual EngineCapacity capacity() = 0;
   /// How many threads and how much memory the next task gets. `waiting`: jobs that could start,
   /// this one included. The default shares the free cores among them.
   struct Share {
     int threads = 1;
     std::int64_t memory_mb = 0;
   };
-  virtual Share share(const Room& room, std::int64_t waiting, std::int64_t base_memory_mb,
-                      std::int64_t thread_memory_mb) const;
+  virtual Share share(const EngineCapacity& capacity, std::int64_t waiting,
+                      std::int64_t base_memory_mb, std::int64_t thread_memory_mb) const;
   /// Starts tasks; gives for each what the engine calls it, "" where it could not be started (a
   /// report with `ended` and `engine_failed` follows from `poll`).
   virtual std::vector<std::string> submit(const std::vector<Task>& tasks) = 0;

@@ -8,6 +8,8 @@
 ///       out/ cache/ab/KEY/         results by key: stack.*, report.html, figures.json
 ///     logs/ID-N.txt         logs of attempts that have ended
 ///     results/ID/           outputs of jobs that named no folder
+///
+/// Plain values; all functions are thread-safe, and safe against other processes.
 #pragma once
 
 #include <string>

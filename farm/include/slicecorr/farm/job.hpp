@@ -1,6 +1,6 @@
 /// @file job.hpp
 /// What the farm's record holds of jobs, attempts and results: plain values, as they are read from
-/// the database.
+/// the database; thread-safe as such are. Sizes are bytes or MB (2^20 bytes), as names say.
 #pragma once
 
 #include <cstdint>
@@ -46,13 +46,13 @@ const char* name_of(Reason reason);
 Reason reason_named(std::string_view name);
 /// Whether a job with this reason is tried again by itself.
 bool is_retried(Reason reason);
-/// Whether such an attempt counts against `Settings::max_attempts`.
+/// Whether such an attempt counts against `FarmSettings::max_attempts`.
 bool is_counted(Reason reason);
 
 inline constexpr std::int64_t no_deadline = std::numeric_limits<std::int64_t>::max();
 
 /// Figures of a result, from the contract's `verify --json`; lengths in um.
-struct Figures {
+struct ResultFigures {
   int layers = 0;
   double height_mean_um = 0, height_p95_um = 0, height_max_um = 0;
   std::int64_t lost_features = 0, merged_features = 0;
@@ -95,8 +95,8 @@ struct Job {
   bool cancel_wanted = false;
   bool from_cache = false;  ///< done without work of its own
   std::int64_t submitted_ms = 0, started_ms = 0, ended_ms = 0;
-  std::optional<Figures> figures;  ///< when done
-  std::vector<ResultFile> files;   ///< when done
+  std::optional<ResultFigures> figures;  ///< when done
+  std::vector<ResultFile> files;         ///< when done
 
   /// Path of an output file by its ending, "html"; whether or not it is there.
   std::string output(const std::string& ending) const;
@@ -120,18 +120,18 @@ struct Attempt {
   int layers_done = 0;                        ///< the same as layers
   Reason reason = Reason::none;               ///< none and ended: it succeeded
   std::string message;
-  int exit_code = -1;  ///< -1: not known
-  double wall_s = 0, cpu_s = 0;
-  std::int64_t peak_mb = 0;
-  std::string log;  ///< path of its log
+  int exit_code = -1;            ///< -1: not known
+  double wall_s = 0, cpu_s = 0;  ///< time that passed, processor time of all threads
+  std::int64_t peak_mb = 0;      ///< greatest memory
+  std::string log;               ///< path of its log
 };
 
 /// One line of the append-only record.
-struct Event {
-  std::int64_t seq = 0;
-  std::int64_t at_ms = 0;
-  JobId job = 0;        ///< 0: of the farm
-  std::string attempt;  ///< token or empty
+struct FarmEvent {
+  std::int64_t seq = 0;    ///< number in the record, from 1
+  std::int64_t at_ms = 0;  ///< wall clock, since 1970
+  JobId job = 0;           ///< 0: of the farm
+  std::string attempt;     ///< token or empty
   /// submitted, started, done, failed, cancelled, retried, put_back, reprioritised,
   /// paused, resumed, draining, settings, service_started, service_stopped, service_lost,
   /// disk_low, disk_ok, night_ended, night_began, gc, cache_damaged
@@ -149,8 +149,8 @@ struct Service {
   std::int64_t started_ms = 0, seen_ms = 0, stopped_ms = 0;
   bool alive = false;  ///< its process is there
   std::string doing;   ///< "working", "paused", "draining", "outside the night window", "disk full"
-  int cores = 0;
-  std::int64_t memory_mb = 0;
+  int cores = 0;       ///< that it may use
+  std::int64_t memory_mb = 0;  ///< for all its workers together
 };
 
 }  // namespace slicecorr::farm

@@ -1,5 +1,5 @@
 /// @file metrics.hpp
-/// The farm in the text format of Prometheus, version 0.0.4.
+/// The farm in the text format of Prometheus, version 0.0.4. A model belongs to one thread.
 #pragma once
 
 #include <string>
@@ -12,6 +12,6 @@ namespace slicecorr::farm {
 /// Base units (seconds, bytes), names begin with "slicefarm_". Counters fall only when rows leave
 /// the record, which they never do.
 std::string metrics_text(ReadModel& model, const FarmFolder& folder,
-                         const Clock& clock = system_clock());
+                         const FarmClock& clock = system_clock());
 
 }  // namespace slicecorr::farm

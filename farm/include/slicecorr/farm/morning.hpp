@@ -1,6 +1,8 @@
 /// @file morning.hpp
 /// The page of the morning: what was done, what failed and why, which parts are worst, how busy the
 /// workers were. Everything is read from the record; nothing is changed.
+/// Plain values and thread-safe functions, but that a `ReadModel` belongs to one thread. Times are
+/// ms of the wall clock since 1970.
 #pragma once
 
 #include <cstdint>
@@ -16,9 +18,10 @@ namespace slicecorr::farm {
 struct MorningOptions {
   std::int64_t from_ms =
       0;  ///< 0: a day before the end, or the farm's first event if that is later
-  std::int64_t until_ms = 0;  ///< 0: now
-  std::int64_t batch = 0;     ///< 0: all
-  int most_failures = 100, most_worst = 20, log_lines = 12;
+  std::int64_t until_ms = 0;                 ///< 0: now
+  std::int64_t batch = 0;                    ///< 0: all
+  int most_failures = 100, most_worst = 20;  ///< jobs to list
+  int log_lines = 12;                        ///< of each failure's log
 };
 
 /// A moment as people write it: "20:00" (the last one before `now_ms`), "2026-03-01 20:00" (local),
@@ -61,10 +64,10 @@ struct MorningReport {
     double cores_busy = 0;  ///< mean
   };
   std::vector<Slot> slots;
-  std::int64_t slot_ms = 0;
-  double core_s = 0;     ///< processor time of the attempts, as far as it lies in the time
-  double working_s = 0;  ///< while at least one attempt ran
-  int cores = 0;         ///< of the machines whose services were there in the time
+  std::int64_t slot_ms = 0;  ///< length of each slot
+  double core_s = 0;         ///< processor time of the attempts, as far as it lies in the time
+  double working_s = 0;      ///< while at least one attempt ran
+  int cores = 0;             ///< of the machines whose services were there in the time
 
   std::int64_t delivered_bytes = 0;  ///< files of jobs that were done in the time
   std::int64_t inputs_bytes = 0;     ///< in the store now
@@ -72,7 +75,7 @@ struct MorningReport {
 
 /// With 100,000 jobs in the time this takes a second or two.
 MorningReport read_morning(const FarmFolder& folder, ReadModel& model,
-                           const MorningOptions& options, const Clock& clock = system_clock());
+                           const MorningOptions& options, const FarmClock& clock = system_clock());
 
 /// Where links to the parts' own reports lead.
 struct LinkTo {

@@ -4,7 +4,8 @@
 /// What is to be told follows from the record's events. It is written into DIR/notify.json before
 /// anything is sent, and taken out after it was: each message arrives at least once, with an id
 /// that stays the same, so that receivers can drop what they have had. One process of a farm sends;
-/// others stand by. Sending never waits for, nor holds up, the work.
+/// others stand by. Sending never waits for, nor holds up, the work. Functions are
+/// thread-safe, but that a `ReadModel` belongs to one thread; so does a `Notifier`.
 #pragma once
 
 #include <cstdint>
@@ -40,9 +41,9 @@ std::vector<NotifyTarget> read_notify_file(const std::string& path);
 /// One message.
 struct Notice {
   std::string id, kind;
-  std::int64_t seq = 0;  ///< event that made it
-  std::int64_t at_ms = 0;
-  std::string json;  ///< what is sent
+  std::int64_t seq = 0;    ///< event that made it
+  std::int64_t at_ms = 0;  ///< wall clock, since 1970
+  std::string json;        ///< what is sent
   /// As environment: FARM_KIND, FARM_ID, FARM_TEXT, FARM_JOB ...
   std::vector<std::pair<std::string, std::string>> variables;
 };
@@ -51,7 +52,7 @@ struct Notice {
 /// all ids. Failures of one look beyond twenty are told as one message.
 struct Notices {
   std::vector<Notice> list;
-  std::int64_t seen = 0;
+  std::int64_t seen = 0;  ///< seq of the last event looked at
 };
 Notices notices_since(ReadModel& model, const std::string& farm, std::int64_t after);
 
@@ -61,7 +62,7 @@ std::string deliver(const NotifyTarget& target, const Notice& notice, const int 
 struct NotifyOptions {
   double look_s = 1;         ///< between two looks at the record
   double first_delay_s = 1;  ///< before the second try
-  const Clock* clock = &system_clock();
+  const FarmClock* clock = &system_clock();
 };
 
 /// Looks and sends in threads of its own until it goes out of scope, which takes no longer than a

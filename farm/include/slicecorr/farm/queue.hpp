@@ -36,8 +36,8 @@ inline constexpr std::int64_t input_grace_ms = 24 * 3600 * 1000;
 
 /// A file of the store.
 struct InputFile {
-  std::string file;  ///< its name there
-  std::int64_t bytes = 0;
+  std::string file;        ///< its name there
+  std::int64_t bytes = 0;  ///< its size
 };
 
 /// Longest delay before a job is tried again.
@@ -67,8 +67,8 @@ struct NewJob {
   std::vector<std::string> parts, labels;
   int priority = 0;
   std::int64_t ready_by_ms = no_deadline;
-  double expected_s = 0;
-  std::int64_t expected_bytes = 0;
+  double expected_s = 0;            ///< on one core
+  std::int64_t expected_bytes = 0;  ///< of its outputs
 };
 
 struct ClaimRequest {
@@ -90,10 +90,10 @@ struct ClaimRequest {
 struct Claim {
   Job job;
   std::string token;
-  int number = 0;
+  int number = 0;  ///< of the attempt, from 1
   std::string spec_json, setup_json;
-  std::int64_t base_memory_mb = 0, thread_memory_mb = 0;
-  bool cached = false;  ///< a result with this key is there
+  std::int64_t base_memory_mb = 0, thread_memory_mb = 0;  ///< as in `Work`
+  bool cached = false;                                    ///< a result with this key is there
   /// Times that this job ran out of memory: it gets more each time.
   int memory_failures = 0;
   std::int64_t last_memory_mb = 0;  ///< limit of the attempt before, 0: none
@@ -103,18 +103,18 @@ struct Claim {
 struct AttemptEnd {
   Reason reason = Reason::none;  ///< none: success, by `finish` only
   std::string message, node, log;
-  int exit_code = -1;
-  double wall_s = 0, cpu_s = 0;
-  std::int64_t peak_mb = 0;
+  int exit_code = -1;            ///< -1: not known
+  double wall_s = 0, cpu_s = 0;  ///< time that passed, processor time of all threads
+  std::int64_t peak_mb = 0;      ///< greatest memory
 };
 
 /// What `finish` records of a result.
 struct ResultRecord {
-  Figures figures;
+  ResultFigures figures;
   std::vector<ResultFile> files;      ///< in the cache
   std::vector<ResultFile> delivered;  ///< in the output folder; empty: the same
   std::string program;                ///< name and version that made it
-  double wall_s = 0;
+  double wall_s = 0;                  ///< time that it took
 };
 
 /// A running attempt that some service is to look after.
@@ -134,13 +134,13 @@ inline constexpr double fixed_job_s = 0.3;
 struct Rates {
   double voxels_per_s = 0;  ///< on one core, `fixed_job_s` taken off; 0: never measured
   double bytes_per_voxel = 0;
-  int samples = 0;
+  int samples = 0;  ///< attempts measured
 };
 
 class Queue {
  public:
   /// Opens or makes the database. `clock` must outlive this.
-  explicit Queue(const std::string& database_path, const Clock& clock = system_clock());
+  explicit Queue(const std::string& database_path, const FarmClock& clock = system_clock());
   ~Queue();
   Queue(Queue&&) noexcept;
 
@@ -177,7 +177,7 @@ class Queue {
                                  const std::string& doing);
   struct Progress {
     std::string token, stage, node;
-    double fraction = 0;
+    double fraction = 0;  ///< of the whole work, 0..1
     int layers_done = 0;
   };
   void record_progress(const std::vector<Progress>& progress);
@@ -207,8 +207,8 @@ class Queue {
   void touch_result(const std::string& key);
   struct Collectable {
     std::string key;
-    std::int64_t bytes = 0, used_ms = 0;
-    bool needed = false;  ///< a queued or running job has this key
+    std::int64_t bytes = 0, used_ms = 0;  ///< last used: wall clock, since 1970
+    bool needed = false;                  ///< a queued or running job has this key
   };
   /// Results in the cache, least recently used first.
   std::vector<Collectable> results_by_age();
@@ -229,7 +229,7 @@ class Queue {
   bool retry(JobId id, const std::string& by);
   bool set_priority(JobId id, int priority, const std::string& by);
   bool set_ready_by(JobId id, std::int64_t ready_by_ms, const std::string& by);
-  Settings settings();
+  FarmSettings settings();
   /// Changes settings by name (see settings.hpp), with an event each.
   void change_settings(const std::vector<std::pair<std::string, std::string>>& changes,
                        const std::string& by);
@@ -246,10 +246,7 @@ class Queue {
   std::vector<OwnedAttempt> open_attempts(const std::string& service);
 
   std::unique_ptr<detail::Database> db_;
-  const Clock* clock_;
+  const FarmClock* clock_;
 };
-
-/// 32 hex digits from the system's random source.
-std::string random_token();
 
 }  // namespace slicecorr::farm

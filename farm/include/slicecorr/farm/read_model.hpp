@@ -23,10 +23,10 @@ class Database;
 
 /// Which jobs, and in which order.
 struct JobFilter {
-  std::vector<JobState> states;   ///< empty: all
-  std::string user, label, text;  ///< empty: any; `text` occurs in the name or an input
-  std::int64_t batch = 0;         ///< 0: any
-  std::int64_t ended_since_ms = 0;
+  std::vector<JobState> states;     ///< empty: all
+  std::string user, label, text;    ///< empty: any; `text` occurs in the name or an input
+  std::int64_t batch = 0;           ///< 0: any
+  std::int64_t ended_since_ms = 0;  ///< wall clock, since 1970; 0: at any time
   enum class Order {
     id,           ///< oldest first
     newest,       ///< last submitted first
@@ -34,7 +34,7 @@ struct JobFilter {
     ended,        ///< last ended first
     worst_height  ///< largest height error first (done)
   } order = Order::id;
-  std::int64_t limit = 100, offset = 0;
+  std::int64_t limit = 100, offset = 0;  ///< jobs to give, and to pass over first
 };
 
 /// Counts and sums of the whole farm.
@@ -46,12 +46,12 @@ struct Summary {
   double queued_s = 0;  ///< work left on one core, running jobs' rest included
   int running_threads = 0;
   std::int64_t running_memory_mb = 0;
-  double voxels_done = 0, busy_s = 0;  ///< of all attempts that succeeded
+  double voxels_done = 0, busy_s = 0;  ///< of all attempts that succeeded; wall clock
   double eta_s = 0;       ///< until the queue is empty at the present pace; < 0: not known
   std::int64_t late = 0;  ///< unfinished jobs that will miss their "ready by"
   std::int64_t cache_bytes = 0, cache_entries = 0;
-  std::int64_t first_submitted_ms = 0, last_ended_ms = 0;
-  std::int64_t last_event = 0;  ///< seq
+  std::int64_t first_submitted_ms = 0, last_ended_ms = 0;  ///< wall clock, since 1970
+  std::int64_t last_event = 0;                             ///< seq
 };
 
 /// A running job with what its worker says.
@@ -73,13 +73,13 @@ struct AttemptTotals {
   Reason reason = Reason::none;  ///< none: succeeded
   std::string engine;
   std::int64_t attempts = 0;
-  double wall_s = 0, cpu_s = 0;
+  double wall_s = 0, cpu_s = 0;  ///< sums of all their times
 };
 
 class ReadModel {
  public:
   /// Throws `InputError` when there is no farm, or one of a newer program.
-  explicit ReadModel(const std::string& database_path, const Clock& clock = system_clock());
+  explicit ReadModel(const std::string& database_path, const FarmClock& clock = system_clock());
   ~ReadModel();
   ReadModel(ReadModel&&) noexcept;
 
@@ -100,27 +100,27 @@ class ReadModel {
   std::vector<RunningJob> running();
   std::vector<Attempt> attempts(JobId id);
   /// Events with a seq above `after`, oldest first; `job` 0: of all.
-  std::vector<Event> events(std::int64_t after, std::int64_t limit, JobId job = 0);
+  std::vector<FarmEvent> events(std::int64_t after, std::int64_t limit, JobId job = 0);
   /// The last ones, oldest first.
-  std::vector<Event> last_events(std::int64_t limit);
+  std::vector<FarmEvent> last_events(std::int64_t limit);
   std::vector<Reasons> failures();
   std::vector<AttemptTotals> attempt_totals();
   std::vector<Service> services();
-  Settings settings();
+  FarmSettings settings();
   std::vector<std::string> users();
   /// Changes whenever the database was changed; cheap: ask it before reading again.
   std::int64_t data_version();
 
  private:
   std::unique_ptr<detail::Database> db_;
-  const Clock* clock_;
+  const FarmClock* clock_;
 };
 
 /// What `status --json` and the REST API give.
 std::string job_json(const Job& job);
 std::string attempt_json(const Attempt& attempt);
-std::string event_json(const Event& event);
-std::string summary_json(const Summary& summary, const Settings& settings,
+std::string event_json(const FarmEvent& event);
+std::string summary_json(const Summary& summary, const FarmSettings& settings,
                          const std::vector<Service>& services);
 
 }  // namespace slicecorr::farm

@@ -5,6 +5,9 @@
 /// are checked, changes need a bearer token), names that lead elsewhere (DNS rebinding, paths),
 /// clients that send too much, too slowly or too many at once. It speaks plain HTTP: beyond the
 /// machine it belongs behind a proxy that speaks TLS.
+///
+/// Of a `FarmServer`, `stop` may be called from any thread, the rest from one. Functions are
+/// thread-safe, and so is what `make_submitter` gives.
 #pragma once
 
 #include <atomic>
@@ -22,7 +25,7 @@ namespace slicecorr::farm {
 
 /// What a submission over HTTP gives back.
 struct SubmitReply {
-  int status = 201;
+  int status = 201;  ///< of HTTP
   std::string json;
 };
 
@@ -40,12 +43,12 @@ struct ServeOptions {
   std::int64_t most_uploads_bytes = std::int64_t{8} << 30;  ///< of all parts that were uploaded
   double uploads_kept_s = 24 * 3600;  ///< parts that no submission has taken by then go
   int threads = 16;
-  int most_waiting = 64;  ///< connections that wait for a thread; more are turned away (503)
-  int header_bytes = 16 << 10;
+  int most_waiting = 64;         ///< connections that wait for a thread; more are turned away (503)
+  int header_bytes = 16 << 10;   ///< of a request's headers, at most
   double request_s = 10;         ///< for the request line and headers to come
   double stall_s = 10;           ///< without a byte in either direction
-  double least_bytes_s = 16384;  ///< pace that bodies must keep up on the whole
-  const Clock* clock = &system_clock();
+  double least_bytes_s = 16384;  ///< bytes per s that bodies must keep up on the whole
+  const FarmClock* clock = &system_clock();
 };
 
 class FarmServer {

@@ -1,6 +1,7 @@
 /// @file service.hpp
 /// The service: takes jobs from the queue, has an engine do them, checks and keeps the results.
 /// Several may work on one farm; they share its limits. May be stopped, or killed, at any time.
+/// Functions are thread-safe, but that engines and queues belong to one thread each.
 #pragma once
 
 #include <atomic>
@@ -19,12 +20,12 @@ struct ServiceOptions {
   bool until_empty = false;  ///< ends when nothing is queued or running
   /// Called from the service's main thread, with one line for people.
   std::function<void(const std::string&)> say;
-  const Clock* clock = &system_clock();
-  std::int64_t renewal_ms = lease_renewal_ms;  ///< how often leases are renewed
+  const FarmClock* clock = &system_clock();
+  std::int64_t renewal_ms = lease_renewal_ms;  ///< between two renewals of the leases
 };
 
 struct ServiceTotals {
-  std::int64_t done = 0, from_cache = 0, put_back = 0;
+  std::int64_t done = 0, from_cache = 0, put_back = 0;  ///< jobs; those from the cache are done
   /// Jobs of the farm that failed since this service began, whoever did them, and were not tried
   /// again.
   std::int64_t failed = 0;
@@ -51,7 +52,8 @@ struct GcOptions {
   bool dry_run = false;
 };
 struct GcTotals {
-  std::int64_t results = 0, inputs = 0, bytes = 0;
+  std::int64_t results = 0, inputs = 0;  ///< removed
+  std::int64_t bytes = 0;                ///< of all that was removed
   /// Folders of attempts and of Slurm's batches that have ended, halves of results.
   std::int64_t leftovers = 0;
   bool inputs_in_use = false;  ///< a submission was at work: inputs were left alone

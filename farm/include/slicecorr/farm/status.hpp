@@ -1,5 +1,6 @@
 /// @file status.hpp
-/// The farm at a moment: as text, as JSON, and as a frame of the live view.
+/// The farm at a moment: as text, as JSON, and as a frame of the live view. Plain values
+/// and thread-safe functions, but that a `ReadModel` belongs to one thread.
 #pragma once
 
 #include <cstdint>
@@ -22,28 +23,28 @@ std::vector<DiskState> disk_states(const FarmFolder& folder);
 
 /// All of the farm but its lists of jobs.
 struct Overview {
-  std::int64_t now_ms = 0;
+  std::int64_t now_ms = 0;  ///< wall clock, since 1970
   Summary summary;
-  Settings settings;
+  FarmSettings settings;
   std::vector<Service> services;  ///< those that are alive
   std::vector<RunningJob> running;
   std::vector<DiskState> disks;
 };
 /// From one consistent state of the record.
 Overview read_overview(ReadModel& model, const FarmFolder& folder,
-                       const Clock& clock = system_clock());
+                       const FarmClock& clock = system_clock());
 
 /// What `status` shows.
 struct StatusPage {
   Overview overview;
   std::vector<Job> jobs;
-  std::int64_t total = 0;  ///< jobs that the filter lets through
-  std::int64_t limit = 0, offset = 0;
+  std::int64_t total = 0;              ///< jobs that the filter lets through
+  std::int64_t limit = 0, offset = 0;  ///< the filter's
 };
 /// Without states in the filter: what runs, then what waits in the order in which it will start,
 /// what failed, what was cancelled and what was done last, together `filter.limit` jobs.
 StatusPage read_status(ReadModel& model, const FarmFolder& folder, const JobFilter& filter,
-                       const Clock& clock = system_clock());
+                       const FarmClock& clock = system_clock());
 
 /// For people; lines are cut at `columns` where that is above 0.
 std::string status_text(const StatusPage& page, const FarmFolder& folder, int columns);
@@ -56,16 +57,16 @@ std::string overview_line(const Overview& overview);
 /// A frame of the live view.
 struct LiveState {
   Overview overview;
-  std::vector<Job> next;      ///< in the order in which they will start
-  std::vector<Event> latest;  ///< oldest first
+  std::vector<Job> next;          ///< in the order in which they will start
+  std::vector<FarmEvent> latest;  ///< oldest first
 };
 LiveState read_live(ReadModel& model, const FarmFolder& folder, int rows,
-                    const Clock& clock = system_clock());
+                    const FarmClock& clock = system_clock());
 /// At most `rows` lines of at most `columns`. `colour`: with SGR sequences, which take no columns.
 std::vector<std::string> live_frame(const LiveState& state, const FarmFolder& folder, int columns,
                                     int rows, bool colour);
 /// An event as one line, without its time.
-std::string event_text(const Event& event);
+std::string event_text(const FarmEvent& event);
 
 /// "outside the night window", "paused", "draining", "no service is running", "disk full" or "" :
 /// why nothing starts.

@@ -1,7 +1,8 @@
 /// @file store.hpp
 /// Files of the farm by content: inputs, results, and the way of a result to where the user wants
 /// it. Everything appears by rename; nothing half-written has a final name. Throws `DeviceError`;
-/// full disks as `DiskFull`.
+/// full disks as `DiskFull`. Functions are thread-safe, and safe
+/// against other processes; an `InputLock` belongs to one thread.
 #pragma once
 
 #include <cstdint>
@@ -55,7 +56,7 @@ class InputLock {
 };
 
 /// Copies a file into the store unless its content is there. The ending is kept: readers go by it.
-/// Under an `InputLock`.
+/// The caller holds an `InputLock`.
 StoredInput store_input(const FarmFolder& folder, const std::string& path);
 /// Whether the store's copy has the right size (and content, when `thorough`).
 bool check_input(const FarmFolder& folder, const std::string& file, const std::string& sha256,

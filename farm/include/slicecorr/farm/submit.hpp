@@ -1,6 +1,7 @@
 /// @file submit.hpp
 /// From what people write to jobs in the queue: jobs files, command lines, REST bodies. Everything
 /// is checked before anything is queued, and every error is told, with file and line.
+/// Functions are thread-safe, but that a `Queue` belongs to one thread.
 #pragma once
 
 #include <memory>
@@ -21,7 +22,7 @@ struct JobRequest {
   bool as_options = false;         ///< messages name options of the command line, not keys
   std::string where;               ///< "jobs.toml:12", "jobs.csv:3", "command line", for messages
   std::vector<std::string> parts;  ///< meshes that share a plate, or one archive of slices
-  double layer_um = 0;
+  double layer_um = 0;             ///< 0: the archive says it
   std::string antialias = "on", units = "auto";
   double scale = 1;
   std::vector<double> center_mm, rotate_deg;
@@ -75,11 +76,12 @@ struct Estimate {
   std::string name, where;
   int layers = 0;
   std::int64_t voxels = 0;
-  double seconds = 0;  ///< on one core
-  std::int64_t disk_bytes = 0, memory_mb = 0;
-  bool cached = false;     ///< the result is there already
-  bool duplicate = false;  ///< the same work as an earlier job of this submission
-  bool measured = false;   ///< by rates that this farm measured, else by a guess
+  double seconds = 0;           ///< on one core
+  std::int64_t disk_bytes = 0;  ///< of its outputs
+  std::int64_t memory_mb = 0;   ///< at one thread
+  bool cached = false;          ///< the result is there already
+  bool duplicate = false;       ///< the same work as an earlier job of this submission
+  bool measured = false;        ///< by rates that this farm measured, else by a guess
 };
 
 struct Submission {

@@ -2,11 +2,13 @@
 /// What a worker gets, does and leaves: files in the folder of its attempt, nothing else. A worker
 /// knows neither database nor service, so it runs wherever the farm's store can be seen.
 ///
-///     order.json     what to do (`Order`), before the worker starts
+///     order.json     what to do (`WorkOrder`), before the worker starts
 ///     log.txt        all it says
 ///     progress.json  how far it is, replaced several times a second at most
 ///     out/NAME.uvj   the stack; NAME.html, NAME.json: report and figures, as `slicecorr run`
-///     result.json    the end (`Outcome`), by rename: who finds it finds it whole
+///     result.json    the end (`WorkOutcome`), by rename: who finds it finds it whole
+///
+/// Plain values and thread-safe functions; `do_work` is meant to be all that a process does.
 #pragma once
 
 #include <atomic>
@@ -31,8 +33,8 @@ struct WorkSpec {
   std::vector<Input> inputs;
   double layer_um = 0;  ///< 0: the archive says it
   std::string antialias = "on", units = "auto";
-  double scale = 1;
-  std::vector<double> center_mm, rotate_deg;  ///< empty: not given
+  double scale = 1;                           ///< of the mesh, a factor
+  std::vector<double> center_mm, rotate_deg;  ///< x and y; about x, y and z; empty: not given
   std::string format = "uvj";                 ///< of the archive, and its ending
   std::string ending = "uvj";
   std::string name;  ///< part of the key only where the format writes it into the archive
@@ -42,7 +44,7 @@ WorkSpec parse_spec(const std::string& json);
 /// SHA-256, 64 hex digits, of the canonical text of spec, setup and program version.
 std::string work_key(const WorkSpec& spec, const std::string& setup_json);
 
-struct Order {
+struct WorkOrder {
   std::string token;
   JobId job = 0;
   int number = 1;  ///< of the attempt
@@ -53,46 +55,36 @@ struct Order {
   int threads = 1;
   std::int64_t memory_mb = 0;  ///< limit of the worker's own data; 0: none
 };
-void write_order(const std::string& folder, const Order& order);
-Order read_order(const std::string& folder);
+void write_order(const std::string& folder, const WorkOrder& order);
+WorkOrder read_order(const std::string& folder);
 
 struct ProgressNote {
   std::string stage, node;
-  double fraction = 0;  ///< of the whole work
+  double fraction = 0;  ///< of the whole work, 0..1
   int layers_done = 0;
   std::int64_t beat = 0;  ///< rises with every note
 };
 /// None when there is none (yet), or it is unreadable.
 std::optional<ProgressNote> read_progress(const std::string& folder);
 
-struct Outcome {
+struct WorkOutcome {
   std::string token, key;
   int exit_code = 0;  ///< of the contract
   Reason reason = Reason::none;
   std::string message, node, program;
-  Figures figures;
+  ResultFigures figures;
   std::vector<ResultFile> files;
-  std::int64_t voxels = 0;
-  double wall_s = 0, cpu_s = 0;
-  std::int64_t peak_mb = 0;
+  std::int64_t voxels = 0;       ///< of the part's bounding box
+  double wall_s = 0, cpu_s = 0;  ///< time that passed, processor time of all threads
+  std::int64_t peak_mb = 0;      ///< greatest memory
 };
 /// None when the worker did not come to an end of its own.
-std::optional<Outcome> read_outcome(const std::string& folder);
+std::optional<WorkOutcome> read_outcome(const std::string& folder);
 
 /// Does the order in `folder`, writes result.json, and gives the exit code. Limits the memory of
 /// this process: it is meant to be the only thing that a process does. Every engine runs it as
 /// `slicefarm worker FOLDER`. `say` gets lines for the log.
 int do_work(const std::string& folder, const std::atomic<bool>* cancel,
             const std::function<void(const std::string&)>& say);
-
-/// Faults on demand, for tests: SLICEFARM_TEST_FAULT=STAGE:WHAT[:N], documented in docs/farm.md.
-/// STAGE is start, read, correct, report, check or end; WHAT is crash, segv, kill, hang, memory,
-/// full or exit=N. With ":N" only the first N attempts of a job do so. With "@TEXT" at the end only
-/// jobs whose name contains TEXT.
-struct TestFault {
-  std::string stage, what, only;
-  int attempts = 0;
-};
-std::optional<TestFault> test_fault_from_environment();
 
 }  // namespace slicecorr::farm

@@ -1,6 +1,11 @@
 /// @file control.hpp
 /// The print as a state machine. It knows no thread, no wire and no clock: each cycle it is told
 /// the status and the time and says what goes out. All of the policy is here (docs/safety.md).
+///
+/// Values and functions without an object are thread-safe. A `Controller` belongs to one thread.
+/// Times are s of the print's clock (0 at its start), positions um of the stage above the window
+/// where nothing else is said; light is a share of what the calibration stands for (1: all of it)
+/// for blue, and mW/cm² for UV.
 #pragma once
 
 #include <array>
@@ -62,24 +67,31 @@ std::string_view name_of(Fault fault);
 std::optional<Fault> fault_of(std::string_view name);
 
 /// Something for the journal.
-struct Event {
-  double at_s = 0;
+struct PrintEvent {
+  double at_s = 0;   ///< on the print's clock
   std::string what;  ///< "phase printing", "fault stage_error", "lamps off" ...
   std::string detail;
-  int frame = -1;
-  double stage_um = 0;
-  std::string facts = {};  ///< a JSON object with more of it; empty: none
+  int frame = black_frame;  ///< on the display
+  double stage_um = 0;      ///< measured, above the window
+  std::string facts = {};   ///< a JSON object with more of it; empty: none
 };
 
 /// How a frame was printed: a row of the frame log.
 struct FrameRecord {
-  int frame = 0;
-  double planned_um = 0, stage_um = 0, planned_s = 0, shown_s = 0, speed_um_s = 0, blue_share = 0,
-         uv_mw_cm2 = 0, blue_measured = 0, uv_measured = 0;
+  int frame = 0;              ///< number of the slice
+  double planned_um = 0;      ///< stage position at which its light was to begin
+  double stage_um = 0;        ///< where the stage was when it did
+  double planned_s = 0;       ///< when its light was to begin, on the print's clock
+  double shown_s = 0;         ///< when it did
+  double speed_um_s = 0;      ///< of the stage then
+  double blue_share = 0;      ///< asked of the blue lamp, 1: as calibrated
+  double uv_mw_cm2 = 0;       ///< asked of the UV lamp
+  double blue_measured = 0;   ///< share, as `blue_share`
+  double uv_measured = 0;     ///< mW/cm²; 0 where the machine does not tell
   bool late = false;          ///< counts as late
   double stage_error_um = 0;  ///< measured less commanded
   std::optional<double> temperature_c;
-  /// Layer by layer: exposure asked, and what it was; nothing where it did not end.
+  /// Layer by layer: exposure asked, and what it was, s; nothing where it did not end.
   std::optional<double> exposure_s, exposed_s;
   DisplayTimes display = {};
 };
@@ -92,7 +104,7 @@ struct Lateness {
                                                     5,    10,  20,  50,  100, 200};
   static constexpr std::array<double, 13> bounds_ms{0.1, 0.2, 0.5, 1,   2,   5,   10,
                                                     20,  50,  100, 200, 500, 1000};
-  /// Values up to each bound and above the one before; the last: above all.
+  /// Number of frames with values up to each bound and above the one before; the last: above all.
   std::array<std::uint64_t, bounds_um.size() + 1> um{};
   std::array<std::uint64_t, bounds_ms.size() + 1> ms{};
   double sum_um = 0, sum_ms = 0, worst_um = 0, worst_ms = 0;
@@ -103,7 +115,7 @@ struct Lateness {
 /// A status, and when it was true on the print's clock.
 struct Answer {
   Status status;
-  double at_s = 0;
+  double at_s = 0;  ///< on the print's clock
   /// Asked so long before `at_s`, and answered so long after: it was true some time between.
   double within_s = 0;
   /// Set-points were not all taken, and the status was read by itself: only what is measured
@@ -117,20 +129,20 @@ struct Step {
   /// To be written by itself before the rest goes out, and told of by `written_alone`: what a fault
   /// asks for until the machine has answered that it took it.
   bool lamps_alone = false, command_alone = false;
-  /// Frame to show next, and when: its light then begins where it should; -2: nothing new, -1:
-  /// black. Each is told of by `shown` before there is another, but for black on a fault.
-  int show = -2;
-  double show_at_s = 0;
+  /// Frame to show next, or `black_frame`; nothing: what is on the display stays. Each is told of
+  /// by `Controller::shown` before there is another, but for black on a fault.
+  std::optional<int> show;
+  double show_at_s = 0;  ///< when to show it, on the print's clock: its light then begins in time
   bool finished = false;
-  std::vector<Event> events;
+  std::vector<PrintEvent> events;
   std::vector<FrameRecord> records;
 };
 
 /// Told after a frame was shown, and when one was not ready.
 struct FrameReport {
-  int number = -1;
-  double shown_at_s = 0;
-  bool missing = false;  ///< underrun
+  int number = black_frame;
+  double shown_at_s = 0;  ///< when its light began, on the print's clock
+  bool missing = false;   ///< underrun
   DisplayTimes display = {};
 };
 
@@ -149,9 +161,10 @@ struct Left {
   /// The last measurement, whenever that was, and how long before `time` where that is known.
   bool measured = false;
   std::optional<double> measured_s_ago;
-  double blue_measured = 0, stage_um = 0;
-  std::optional<double> uv_measured;
-  std::string time = {};  ///< UTC, of the end of the print; empty: now
+  double blue_measured = 0;           ///< share, 1: as calibrated
+  double stage_um = 0;                ///< above the window
+  std::optional<double> uv_measured;  ///< mW/cm²; nothing where the machine does not tell
+  std::string time = {};              ///< UTC, of the end of the print; empty: now
   bool confirmed() const { return !touched || (heard && dark && stands); }
 };
 /// "NOT CONFIRMED that lamps are off ...": the first thing that somebody must be told.
@@ -187,7 +200,7 @@ class Controller {
   Phase phase() const;
   Fault fault() const;
   const std::string& fault_detail() const;
-  int frame() const;  ///< shown last
+  int frame() const;  ///< shown last, or `black_frame`
   double stage_um() const;
   double speed_um_s() const;
   double stage_error_um() const;  ///< measured less commanded

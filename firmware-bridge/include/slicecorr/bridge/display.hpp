@@ -1,7 +1,8 @@
 /// @file display.hpp
 /// Displays behind `FrameSink`: a window by way of SDL2, a display's scan-out by way of DRM/KMS,
 /// and several of them at once. Pixels are shown 1:1 or not at all. Each display is black before
-/// its first image and on every way out.
+/// its first image and on every way out. A sink belongs to one thread; sinks may be made by
+/// several.
 #pragma once
 
 #include <memory>
@@ -20,7 +21,7 @@ namespace slicecorr::bridge {
 /// time. Throws `InputError` when the display's mode is not the printer's or it would be scaled,
 /// `DeviceError` when there is none. `clock` must outlive the sink.
 std::unique_ptr<FrameSink> make_window_sink(const std::string& display, const Machine& machine,
-                                            Clock& clock);
+                                            BridgeClock& clock);
 
 /// Page flips of the kernel's own (DRM/KMS), for machines without a desktop. `card`:
 /// "/dev/dri/card0", "card0", "0" or empty, the first one with a display; `connector`: "HDMI-A-1"
@@ -29,7 +30,7 @@ std::unique_ptr<FrameSink> make_window_sink(const std::string& display, const Ma
 /// printer's size, `DeviceError` when another program has the display. `clock` must outlive the
 /// sink.
 std::unique_ptr<FrameSink> make_drm_sink(const std::string& card, const std::string& connector,
-                                         const Machine& machine, Clock& clock);
+                                         const Machine& machine, BridgeClock& clock);
 
 /// The first is the display that counts: its answers are given. The others get the same images
 /// right after it. When one is gone, all count as gone; black goes to all.
@@ -38,6 +39,6 @@ std::unique_ptr<FrameSink> make_several_sinks(std::vector<std::unique_ptr<FrameS
 /// Sinks as they are named on the command line: window[:DISPLAY], drm[:CARD[:CONNECTOR]],
 /// unix:PATH, tcp:HOST:PORT, null. None: as null. Throws `InputError` and `DeviceError`.
 std::unique_ptr<FrameSink> open_sinks(const std::vector<std::string>& names, const Machine& machine,
-                                      const WireHello& hello, Clock& clock);
+                                      const WireHello& hello, BridgeClock& clock);
 
 }  // namespace slicecorr::bridge

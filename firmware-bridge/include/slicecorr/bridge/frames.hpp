@@ -1,5 +1,6 @@
 /// @file frames.hpp
-/// Images: decoded ahead in a ring by threads of their own, and shown by a sink.
+/// Images: decoded ahead in a ring by threads of their own, and shown by a sink. `FrameSource` and
+/// `FrameRing` are thread-safe; a `FrameSink` belongs to one thread.
 #pragma once
 
 #include <cstddef>
@@ -15,7 +16,7 @@ namespace slicecorr::bridge {
 
 /// One image as the display shows it. Black frames have no pixels.
 struct Frame {
-  int number = -1;  ///< slice; -1: black
+  int number = black_frame;  ///< of the slice
   int width_px = 0, height_px = 0;
   std::vector<std::uint8_t> blue, uv;  ///< row by row; uv only where it is patterned
   std::uint32_t crc32 = 0;             ///< of blue, then uv
@@ -25,10 +26,10 @@ struct Frame {
 class FrameSource {
  public:
   virtual ~FrameSource() = default;
-  virtual int frames() const = 0;
+  virtual int frames() const = 0;  ///< how many there are
   /// Thread-safe.
   virtual std::shared_ptr<const Frame> make(int number) const = 0;
-  /// Memory that a frame takes; 0: not known.
+  /// Memory that a frame takes, bytes; 0: not known.
   virtual std::size_t frame_bytes() const { return 0; }
 };
 /// The slices of a stack as the printer's display shows them, turned where they show the plate.
@@ -40,7 +41,7 @@ std::unique_ptr<FrameSource> make_frame_source(const StackReader& stack, const P
 /// fewer where they would take more than `most_bytes`, but three always. Thread-safe.
 class FrameRing {
  public:
-  static constexpr std::size_t most_bytes = 256U << 20;
+  static constexpr std::size_t most_bytes = 256U << 20;  ///< that all frames in it may take
   /// `source` must outlive this.
   FrameRing(const FrameSource& source, int ring, int threads);
   ~FrameRing();
@@ -50,9 +51,9 @@ class FrameRing {
   /// Waits until frame `number` and `count` - 1 after it are ready, or all that are left. Throws
   /// what making them threw.
   void wait_ready(int number, int count);
-  /// Never waits.
+  /// Frames that can be taken now, from the one taken last on. Never waits.
   int ready() const;
-  int room() const;  ///< frames that it holds at most
+  int capacity() const;  ///< frames that it holds at most
 
  private:
   struct Impl;
@@ -61,8 +62,9 @@ class FrameRing {
 
 /// How a display brought an image to light, as far as it knows.
 struct DisplayTimes {
-  /// Number of the vertical blank from which on the image was scanned out; -1: not known.
-  std::int64_t vblank = -1;
+  static constexpr std::int64_t unknown_vblank = -1;
+  /// Number of the vertical blank from which on the image was scanned out.
+  std::int64_t vblank = unknown_vblank;
   int missed_vblanks = 0;  ///< that went by between handing it over and that one
   double upload_s = 0;     ///< pixels into the display's memory
   double present_s = 0;    ///< from there to the light, as far as the display can tell
@@ -70,9 +72,9 @@ struct DisplayTimes {
 
 /// What the display says after a frame was given to it.
 struct Shown {
-  int number = -1;         ///< of the image that is on the display now
-  double at_s = 0;         ///< when it appeared, on the print's clock
-  std::int64_t count = 0;  ///< images that the display has shown so far
+  int number = black_frame;  ///< of the image that is on the display now
+  double at_s = 0;           ///< when it appeared, on the print's clock
+  std::int64_t count = 0;    ///< images that the display has shown so far
   DisplayTimes times;
 };
 
@@ -90,18 +92,18 @@ class FrameSink {
   virtual void tick(double /*at_s*/) {}
   /// Called now and then while nothing is to be shown. Throws as `show` when the display is gone,
   /// covered or moved meanwhile.
-  virtual void watch() {}
+  virtual void check() {}
   virtual std::string describe() const = 0;
 };
 
-/// Counts and forgets.
-std::unique_ptr<FrameSink> make_null_sink(Clock& clock);
+/// Shows nothing: counts the images that it is given and forgets them.
+std::unique_ptr<FrameSink> make_null_sink(BridgeClock& clock);
 
 struct WireHello;
 /// Sends images to printer-sim: "unix:PATH" or "tcp:HOST:PORT" (frames/wire.hpp). Each message is
 /// answered when its image is shown, so that the answer is what really happened. `clock` must
 /// outlive the sink. Throws `InputError` and `DeviceError`.
 std::unique_ptr<FrameSink> make_wire_sink(const std::string& address, const WireHello& hello,
-                                          Clock& clock);
+                                          BridgeClock& clock);
 
 }  // namespace slicecorr::bridge

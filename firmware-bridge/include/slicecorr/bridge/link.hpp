@@ -1,5 +1,6 @@
 /// @file link.hpp
-/// The wire to the machine. One thread owns it.
+/// The wire to the machine, and the time of a print. A `Link` belongs to one thread. The real clock
+/// is thread-safe, the step clock belongs to one thread.
 #pragma once
 
 #include <memory>
@@ -38,16 +39,16 @@ class Link {
 /// `InputError` when the map can't be used.
 std::unique_ptr<Link> make_modbus_link(const RegisterMap& map, const Limits& limits);
 
-/// Time of a print. In tests and `--lockstep` it only moves when somebody sleeps.
-class Clock {
+/// The clock that the bridge goes by. In tests and `--lockstep` it only moves when somebody sleeps.
+class BridgeClock {
  public:
-  virtual ~Clock() = default;
-  virtual double now_s() const = 0;
+  virtual ~BridgeClock() = default;
+  virtual double now_s() const = 0;  ///< since the clock was made
   virtual void sleep_until(double time_s) = 0;
 };
 /// CLOCK_MONOTONIC, from 0 at the start; `rate` times as fast.
-std::unique_ptr<Clock> make_real_clock(double rate = 1.0);
+std::unique_ptr<BridgeClock> make_real_clock(double rate = 1.0);
 /// Moves only by sleeping.
-std::unique_ptr<Clock> make_step_clock();
+std::unique_ptr<BridgeClock> make_step_clock();
 
 }  // namespace slicecorr::bridge

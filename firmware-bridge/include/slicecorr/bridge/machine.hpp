@@ -2,7 +2,7 @@
 /// What the bridge knows of a machine, besides the optics in `Printer`: how its stage moves, what
 /// its lamps can do, how it is spoken to. All of it is data in the printer file, so that another
 /// machine needs no code: tables [stage], [lamps], [bridge],
-/// [projector] and [modbus] (docs/bridge.md).
+/// [projector] and [modbus] (docs/bridge.md). Plain values; all functions are thread-safe.
 #pragma once
 
 #include <cstdint>
@@ -17,6 +17,9 @@
 
 namespace slicecorr::bridge {
 
+/// Number of what the display shows when it shows no slice.
+inline constexpr int black_frame = -1;
+
 /// [stage]. Positions are heights of the platform above the window, up is away from it.
 struct Stage {
   double max_speed_um_s = 0;      ///< from max_speed_mm_h
@@ -26,7 +29,8 @@ struct Stage {
   double home_um = 0;             ///< where prints begin: platform on the window
   /// Layer by layer. Speed of lifting and of every move outside of the print; that of printing when
   /// the file has none.
-  double lift_um = 3000, lift_speed_um_s = 1000, settle_s = 0.5;
+  double lift_um = 3000, lift_speed_um_s = 1000;
+  double settle_s = 0.5;  ///< from the end of a move until light may come
 };
 
 /// A lamp as it is driven: a share of the intensity that the calibration stands for; for UV light,
@@ -70,7 +74,7 @@ enum class Exchange { fc23, fc16_fc3, fc16_fc4 };
 enum class Signal {
   // written
   sequence,            ///< * rises with each exchange
-  heartbeat,           ///< * changes with each exchange
+  heartbeat,           ///< * changes after each good answer: the watchdog is fed by it
   command,             ///< * see Command
   watchdog_s,          ///< how long the machine waits for a heartbeat
   target_um,           ///< * where the stage goes
@@ -78,7 +82,7 @@ enum class Signal {
   acceleration_um_s2,  ///< and how it gets there
   blue_share,          ///< * set-point of the blue lamp, 1: as calibrated
   uv_mw_cm2,           ///< set-point of the UV lamp (flood); * where the printer has one
-  frame,               ///< number of the frame that is shown, -1: black
+  frame,               ///< number of the frame that is shown, or `black_frame`
   context,             ///< 1 from the first motion or light of a print to its good end, else 0
   // read
   sequence_echo,     ///< * of the last set-points that were taken over
@@ -106,8 +110,9 @@ enum class RegisterType { u16, i16, u32, i32, bit };
 struct Register {
   int address = 0;  ///< as on the wire, from 0
   RegisterType type = RegisterType::u16;
-  int bit = 0;  ///< of bit
-  double scale = 1, offset = 0;
+  int bit = 0;                   ///< 0..15, of `RegisterType::bit`
+  double scale = 1, offset = 0;  ///< in the signal's unit (its name, docs/bridge.md)
+  /// How many registers of 16 bits it takes.
   int registers() const { return type == RegisterType::u32 || type == RegisterType::i32 ? 2 : 1; }
 };
 
@@ -116,10 +121,10 @@ struct RegisterMap {
   Transport transport = Transport::tcp;
   std::string host = "127.0.0.1";
   int port = 1502;
-  std::string device;  ///< rtu
-  int baud = 115200;
-  char parity = 'N';
-  int unit = 1;
+  std::string device;  ///< path of the serial line; rtu
+  int baud = 115200;   ///< bits per s; rtu
+  char parity = 'N';   ///< N, E or O; rtu
+  int unit = 1;        ///< the machine's address on the wire
   WordOrder word_order = WordOrder::big;
   Exchange exchange = Exchange::fc23;
   std::map<Signal, Register> write, read;
@@ -154,25 +159,31 @@ std::string_view name_of(Signal signal);
 
 /// What goes out in a cycle. Idempotent: the same set-points twice do the same as once.
 struct SetPoints {
-  std::uint16_t sequence = 0, heartbeat = 0;
+  std::uint16_t sequence = 0;   ///< rises with each exchange, from 65535 to 0
+  std::uint16_t heartbeat = 0;  ///< changes after each good answer
   Command command = Command::off;
-  double target_um = 0, speed_um_s = 0, acceleration_um_s2 = 0;
-  double blue_share = 0, uv_mw_cm2 = 0;
-  std::int32_t frame = -1;
-  double watchdog_s = 0.3;
-  bool context = false;
+  double target_um = 0;                           ///< stage position, above the window
+  double speed_um_s = 0, acceleration_um_s2 = 0;  ///< greatest on the way there
+  double blue_share = 0;                          ///< of the calibration; 0: dark
+  double uv_mw_cm2 = 0;                           ///< of the flood lamp; 0: dark
+  std::int32_t frame = black_frame;               ///< number of the slice that is shown
+  double watchdog_s = 0.3;  ///< so long without a new heartbeat, and the machine puts lamps off
+  bool context = false;     ///< a print is on, from its first motion or light to its good end
 };
 
-/// What comes back.
+/// What a machine answers in a cycle.
 struct Status {
-  std::uint16_t sequence_echo = 0;
+  std::uint16_t sequence_echo = 0;  ///< of the last set-points that were taken over
   MachineState state = MachineState::idle;
-  double stage_um = 0;
-  std::optional<double> stage_speed_um_s, temperature_c, machine_time_s, uv_measured;
-  double blue_measured = 0;
+  double stage_um = 0;  ///< measured, above the window
+  std::optional<double> stage_speed_um_s, temperature_c;
+  std::optional<double> machine_time_s;  ///< on the machine's own clock
+  std::optional<double> uv_measured;     ///< mW/cm²
+  double blue_measured = 0;              ///< share, 1: as calibrated
   bool door_open = false, stop_pressed = false, lamp_failed = false, stage_failed = false,
        over_temperature = false, watchdog_tripped = false;
-  std::optional<bool> latched, job_kept;
+  std::optional<bool> latched;   ///< a print has failed on it, and nobody has reset it since
+  std::optional<bool> job_kept;  ///< `SetPoints::context` as it was written last, by anybody
 };
 
 /// Registers that lie together.
@@ -183,7 +194,7 @@ struct RegisterRun {
 /// sequence number last: a machine that gives it back has taken all of them over. One where
 /// `exchange` is fc23.
 std::vector<RegisterRun> write_runs(const RegisterMap& map);
-/// Those of some signals alone.
+/// Runs of the registers that carry these signals alone.
 std::vector<RegisterRun> write_runs(const RegisterMap& map, std::span<const Signal> signals);
 /// Requests of an exchange: each has its own response timeout.
 int requests_of(const RegisterMap& map);

@@ -1,7 +1,8 @@
 /// @file model.hpp
 /// A printer to test against, without wires: stage, lamps, interlocks and watchdog over time. Its
 /// state follows from closed forms between events, so that nothing depends on how often it is asked
-/// and the light that each slice got is exact.
+/// and the light that each slice got is exact. A `PrinterModel` belongs to one thread at a time
+/// (sim/timed_model.hpp shares one); all else is plain values and thread-safe functions.
 #pragma once
 
 #include <cstdint>
@@ -21,7 +22,7 @@ namespace slicecorr::bridge {
 /// is there from the beginning.
 struct SimFault {
   std::string what;
-  double value = 0;  ///< as given, else the fault's own
+  double value = 0;  ///< in the unit of `SimFaultKind::value`; where not given, the standard one
   std::optional<double> at_s;
   std::optional<int> at_frame;  ///< when this frame, or a later one, is shown
 };
@@ -31,34 +32,37 @@ struct SimFaultKind {
   std::string_view name;
   std::string_view where;  ///< "wire", "machine" or "display"
   std::string_view value;  ///< what VALUE is; empty: it takes none
-  double standard = 0;
-  std::string_view what;
+  double standard = 0;     ///< VALUE where none is given
+  std::string_view what;   ///< in words
 };
 const std::vector<SimFaultKind>& sim_fault_kinds();
 
 /// Something that the machine did, in its order.
 struct SimEvent {
-  double at_s = 0;
+  double at_s = 0;  ///< on the model's clock
   /// "blue on", "blue off", "uv on", "uv off", "stage moves", "stage stops", "frame 17", "black",
   /// "watchdog", "fault", "reset", "run", "off", "stop", and the names of faults as they begin.
   std::string what;
-  double stage_um = 0;
+  double stage_um = 0;  ///< above the window
 };
+
+/// Place of black among the images shown.
+inline constexpr int black_image = -1;
 
 /// What was shown while the stage was within one slice.
 struct SliceExposure {
   struct Showing {
-    int image = -1;                 ///< which of the images shown, in their order; -1: black
+    int image = black_image;        ///< which of the images shown, in their order
     double light_s = 0;             ///< integral of (share of blue)^m over the time it was shown
     double uv_mw_cm2 = 0;           ///< mean while it was shown
     double from_um = 0, to_um = 0;  ///< stage, from the first slice's begin
-    double speed_um_s = 0, blue_share = 0;  ///< means
-    double time_s = 0;
+    double speed_um_s = 0, blue_share = 0;  ///< means while it was shown
+    double time_s = 0;                      ///< how long it was shown
   };
   std::vector<Showing> showings;
 };
 
-/// What belongs to which slice.
+/// How light is told to be of one slice or another.
 struct SliceFacts {
   double layer_um = 0;  ///< 0: nothing is recorded
   double start_um = 0;  ///< stage position of the first slice's begin
@@ -86,8 +90,8 @@ class PrinterModel {
   /// An image appears at the present time, or later by a fault. Null: black.
   void show(const std::shared_ptr<const Frame>& frame);
   struct Display {
-    int number = -1;                ///< on it now
-    double since_s = 0;             ///< when it appeared
+    int number = black_frame;       ///< on it now
+    double since_s = 0;             ///< when it appeared, on the model's clock
     std::int64_t count = 0;         ///< images shown so far, black ones, too
     std::optional<double> later_s;  ///< a late image will appear then
     bool gone = false;              ///< does not answer any more

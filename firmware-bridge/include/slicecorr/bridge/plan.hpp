@@ -1,6 +1,6 @@
 /// @file plan.hpp
 /// What is to be shown where, how bright, and whether this machine can do it: settled before
-/// anything moves.
+/// anything moves. Plain values; all functions are thread-safe.
 #pragma once
 
 #include <cstdint>
@@ -25,7 +25,8 @@ struct FramePlan {
 
 struct PrintPlan {
   ExposureMode mode = ExposureMode::continuous;
-  double layer_um = 0, speed_um_s = 0, m = 1;
+  double layer_um = 0, speed_um_s = 0;
+  double m = 1;  ///< exponent of intensity in the resin's cure law
   Ramp ramp = Ramp::none;
   double acceleration_um_s2 = 0;  ///< of the ramps: at most the stage's
   double ramp_um = 0;             ///< distance in which the stage reaches its speed

@@ -1,6 +1,7 @@
 /// @file print_state.hpp
 /// What is told of a print: facts that stay, and how it stands now. The control thread only copies
-/// numbers; text is made of them by whoever asks.
+/// numbers; text is made of them by whoever asks. Plain values; all functions are thread-safe, but
+/// `state_of`, which belongs to the controller's thread.
 #pragma once
 
 #include <optional>
@@ -17,11 +18,13 @@ namespace slicecorr::bridge {
 struct PrintFacts {
   std::string stack, printer, display;
   bool dry_run = false, layerwise = false, uv = false;
-  int frames = 0;
+  int frames = 0;  ///< slices in the stack
   double layer_um = 0;
   double speed_um_s = 0;                            ///< planned; 0 layer by layer
   double start_um = 0, end_um = 0, expected_s = 0;  ///< as in `PrintPlan`
-  double max_late_um = 0, tolerance_um = 0, cycle_s = 0;
+  double max_late_um = 0;                           ///< as in `Limits`
+  double tolerance_um = 0;                          ///< as in `Stage`
+  double cycle_s = 0;                               ///< as in `Limits`
   int max_late_frames = 0, ring_frames = 0;
 };
 PrintFacts facts_of(const PrintPlan& plan, const Machine& machine);
@@ -30,14 +33,20 @@ PrintFacts facts_of(const PrintPlan& plan, const Machine& machine);
 struct PrintState {
   Phase phase = Phase::connecting;
   Fault fault = Fault::none;
-  std::string detail;  ///< of the fault
-  int frame = -1;      ///< on the display; -1: black
-  int frames_shown = 0, late_frames = 0, missed_cycles = 0;
-  double at_s = 0, phase_since_s = 0;
-  double stage_um = 0, speed_um_s = 0, stage_error_um = 0;
-  double worst_late_um = 0, worst_stage_error_um = 0;
-  double blue_share = 0, blue_measured = 0, uv_mw_cm2 = 0;
-  std::optional<double> uv_measured, temperature_c;
+  std::string detail;                     ///< of the fault
+  int frame = black_frame;                ///< on the display
+  int frames_shown = 0, late_frames = 0;  ///< so far
+  int missed_cycles = 0;                  ///< that began more than one cycle late, so far
+  double at_s = 0, phase_since_s = 0;     ///< on the print's clock
+  double stage_um = 0, speed_um_s = 0;    ///< position above the window, measured
+  double stage_error_um = 0;              ///< measured less commanded
+  double worst_late_um = 0;               ///< so far, along the stage's way
+  double worst_stage_error_um = 0;        ///< so far
+  double blue_share = 0;                  ///< asked
+  double blue_measured = 0;               ///< share, as `blue_share`
+  double uv_mw_cm2 = 0;                   ///< asked
+  std::optional<double> uv_measured;      ///< mW/cm²
+  std::optional<double> temperature_c;
   std::optional<Left> left;  ///< once a fault's order is given
   Lateness lateness;
   std::uint64_t told = 0;  ///< how often the control thread has handed this over
@@ -52,7 +61,7 @@ struct PrintAround {
   std::string threads;                 ///< real-time priority and memory locking, as it was got
 };
 
-/// Until the end of the last slice, at the planned pace; nothing after it and on a fault.
+/// Seconds until the end of the last slice, at the planned pace; nothing after it and on a fault.
 std::optional<double> left_s(const PrintFacts& facts, const PrintState& state);
 
 /// One JSON object (docs/bridge.md). The same text in `status`, in status.json and, the facts

@@ -1,6 +1,7 @@
 /// @file record.hpp
 /// What is left of a print: a journal of events that survives a power cut, a CSV of frames, and the
-/// latch that keeps a failed machine from printing until somebody has looked.
+/// latch that keeps a failed machine from printing until somebody has looked. All is
+/// thread-safe, but that each `PrintLock` belongs to one thread.
 #pragma once
 
 #include <memory>
@@ -20,7 +21,7 @@ class Journal {
   /// An earlier journal is kept beside it as journal.previous.jsonl.
   explicit Journal(const std::string& path);
   ~Journal();
-  void add(const Event& event, bool important);
+  void add(const PrintEvent& event, bool important);
   /// Waits until all is on the disk.
   void flush();
   /// Why something could not be written; empty: all was.
@@ -38,6 +39,7 @@ class Journal {
 /// beside it as frames.previous.csv.
 class FrameLog {
  public:
+  /// `start_um`: stage position of the first slice's begin. Throws `DeviceError`.
   FrameLog(const std::string& path, double start_um);
   ~FrameLog();
   void add(const FrameRecord& record);
@@ -81,9 +83,9 @@ class PrintLock {
 struct Latch {
   Fault fault = Fault::none;
   std::string detail, stack;
-  int frame = -1;
-  double stage_um = 0;
-  double z_um = 0;  ///< from the first slice's begin
+  int frame = black_frame;  ///< on the display when it was found
+  double stage_um = 0;      ///< above the window
+  double z_um = 0;          ///< the same from the first slice's begin
   /// Of lamps and stage; nothing where the file says nothing of it.
   std::optional<Left> left = {};
 };

@@ -1,5 +1,7 @@
 /// @file run.hpp
 /// A print from beginning to end: control thread, image thread, threads that make frames, record.
+/// Functions may be called from any thread, but a link, a clock and a sink belong to one call at a
+/// time.
 #pragma once
 
 #include <atomic>
@@ -30,8 +32,13 @@ struct Ending {
   Phase phase = Phase::failed;
   Fault fault = Fault::none;
   std::string detail;
-  int frames = 0, frames_shown = 0, late_frames = 0, frame = -1;
-  double worst_late_um = 0, worst_stage_error_um = 0, seconds = 0, stage_um = 0;
+  int frames = 0;           ///< in the stack
+  int frames_shown = 0;     ///< of them
+  int late_frames = 0;      ///< of those
+  int frame = black_frame;  ///< on the display when a fault was found, else at the end
+  double worst_late_um = 0, worst_stage_error_um = 0;
+  double seconds = 0;     ///< how long it took, on the print's clock
+  double stage_um = 0;    ///< measured last, above the window
   int missed_cycles = 0;  ///< cycles that began more than one cycle late
   Lateness lateness;
   bool latched = false;
@@ -45,7 +52,7 @@ struct Ending {
 /// for what is wrong before anything was sent: `DeviceError` where nothing can be recorded, and
 /// what making the first frames throws.
 Ending run_print(const FrameSource& frames, const PrintPlan& plan, const Machine& machine,
-                 Link& link, FrameSink& sink, Clock& clock, const StateFolder& folder,
+                 Link& link, FrameSink& sink, BridgeClock& clock, const StateFolder& folder,
                  const RunOptions& options, const ExecutionContext& context);
 
 /// Asks the printbridge that prints now: "status", "pause", "resume" or "stop". Its answer is JSON;
@@ -54,11 +61,11 @@ std::optional<std::string> ask_running(const StateFolder& folder, const std::str
 
 /// Only reads, for some cycles: whether somebody else drives the machine. Throws `InputError` when
 /// so, `DeviceError` when it does not answer. Gives what it said last.
-Status check_alone(Link& link, Clock& clock, const Machine& machine);
+Status check_alone(Link& link, BridgeClock& clock, const Machine& machine);
 
 /// Tells the machine to reset, when its interlocks are closed and its lamps are dark, and sees that
 /// they stay so. Gives its status. Throws `DeviceError` saying what is against it.
-Status reset_machine(Link& link, Clock& clock, const Machine& machine);
+Status reset_machine(Link& link, BridgeClock& clock, const Machine& machine);
 
 /// Something that a controller on the bench should do, and what it did.
 struct MachineCheck {
@@ -69,7 +76,7 @@ struct MachineCheck {
 using LinkMaker = std::function<std::unique_ptr<Link>()>;
 /// Drives a machine through every command and lets its watchdog trip, without light; its stage
 /// moves by a millimetre at most. Each check is told as it is made. False: one of them was bad.
-bool check_machine(const LinkMaker& connect, Clock& clock, const Machine& machine,
+bool check_machine(const LinkMaker& connect, BridgeClock& clock, const Machine& machine,
                    const std::function<void(const MachineCheck&)>& tell);
 
 }  // namespace slicecorr::bridge

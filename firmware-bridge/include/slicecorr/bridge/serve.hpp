@@ -1,6 +1,7 @@
 /// @file serve.hpp
 /// A print over HTTP, for reading only: live page, report, state, metrics. A process of its own,
-/// which asks the print as everybody does.
+/// which asks the print as everybody does. Of a `PrintServer`, `stop` may be called from any
+/// thread, the rest from one.
 #pragma once
 
 #include <functional>

@@ -1,6 +1,7 @@
 /// @file view.hpp
 /// What a person sees of a print: the page after it, the live view, metrics. Nothing here touches
-/// the print: it reads the state folder's files and what the control socket answered.
+/// the print: it reads the state folder's files and what the control socket answered. All functions
+/// are thread-safe, but those that write the same folder's report belong to one thread.
 #pragma once
 
 #include <functional>
@@ -13,23 +14,38 @@
 
 namespace slicecorr::bridge {
 
-/// A row of frames.csv; NaN where something is not known.
+/// A row of frames.csv; NaN where something is not known. What the columns mean is said at
+/// `FrameRecord` and `DisplayTimes`; z is counted from the first slice's begin, times on the
+/// print's clock.
 struct FrameRow {
-  int frame = 0;
-  double planned_z_um = 0, z_um = 0, planned_s = 0, shown_s = 0, late_um = 0, speed_um_s = 0,
-         blue_share = 0, uv_mw_cm2 = 0, blue_measured = 0, uv_measured = 0, stage_error_um = 0,
-         temperature_c = 0, exposure_s = 0, exposed_s = 0, missed_vblanks = 0, upload_s = 0,
-         present_s = 0;
-  bool late = false;
+  int frame = 0;              ///< number of the slice
+  double planned_z_um = 0;    ///< where its light was to begin
+  double z_um = 0;            ///< where it began
+  double planned_s = 0;       ///< when its light was to begin
+  double shown_s = 0;         ///< when it began
+  double late_um = 0;         ///< along the stage's way; below 0: early
+  double speed_um_s = 0;      ///< of the stage
+  double blue_share = 0;      ///< asked, 1: as calibrated
+  double uv_mw_cm2 = 0;       ///< asked
+  double blue_measured = 0;   ///< share, 1: as calibrated
+  double uv_measured = 0;     ///< mW/cm²
+  double stage_error_um = 0;  ///< measured less commanded
+  double temperature_c = 0;
+  double exposure_s = 0;      ///< asked, layer by layer
+  double exposed_s = 0;       ///< as it was, layer by layer
+  double missed_vblanks = 0;  ///< a count
+  double upload_s = 0;        ///< pixels into the display's memory
+  double present_s = 0;       ///< from there to the light
+  bool late = false;          ///< counts as late
 };
 
 /// A line of the journal.
 struct RecordedEvent {
-  std::string time;
-  double at_s = 0;
+  std::string time;  ///< UTC, as `utc_now` writes it
+  double at_s = 0;   ///< on the print's clock
   std::string what, detail;
-  int frame = -1;
-  double stage_um = 0;
+  int frame = black_frame;  ///< on the display
+  double stage_um = 0;      ///< above the window
 };
 
 /// A print as its state folder tells it.
@@ -48,11 +64,11 @@ struct PrintRecord {
   std::vector<RecordedEvent> events;
   std::vector<FrameRow> frames;
   std::optional<PrintState> last;  ///< from status.json, when it is of this print
-  std::optional<double> seconds;
+  std::optional<double> seconds;   ///< how long the print took; it has ended
   Fault fault = Fault::none;
-  std::string detail;    ///< of the fault
-  int fault_frame = -1;  ///< on the display when it was found
-  double fault_z_um = 0;
+  std::string detail;                ///< of the fault
+  int fault_frame = black_frame;     ///< on the display when it was found
+  double fault_z_um = 0;             ///< stage, from the first slice's begin
   std::optional<Left> left;          ///< of lamps and stage, after a fault or a kill
   std::string threads;               ///< real-time priority and memory locking
   Lateness lateness;                 ///< of `frames`
@@ -87,7 +103,7 @@ struct Seen {
   PrintFacts facts;
   PrintState state;
   PrintAround around;
-  std::optional<double> left_s;
+  std::optional<double> left_s;  ///< as `bridge::left_s` gives it
   bool latched = false;
   Fault latched_fault = Fault::none;
   std::string latched_detail;
@@ -99,7 +115,7 @@ Seen seen_in(const std::string& status);
 
 /// A frame of the live view: at most `rows` lines of at most `columns`.
 std::vector<std::string> live_frame(const Seen& seen, int columns, int rows, bool colour);
-/// The same in a line.
+/// What the live view says, in one line.
 std::string live_line(const Seen& seen);
 /// A line of the journal for people; empty for one that can't be read.
 std::string event_line(const std::string& journal_line);

@@ -1,5 +1,6 @@
 /// @file exchange.hpp
 /// Resins and printers from and for other programs. Every conversion says what it assumed.
+/// All functions are thread-safe.
 #pragma once
 
 #include <string>

@@ -1,5 +1,6 @@
 /// @file measurements.hpp
-/// Measurements of resins, read from CSV (contract: "resinctl").
+/// Measurements of resins, read from CSV (contract: "resinctl"). Plain values; all functions are
+/// thread-safe.
 #pragma once
 
 #include <string>

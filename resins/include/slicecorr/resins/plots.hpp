@@ -2,8 +2,8 @@
 /// Pictures of fits and resins: self-contained SVG and HTML, light and dark.
 ///
 /// Each SVG stands alone and may also be put into a page as it is; `name` (a resin's, say) comes
-/// first in its title. All throw `InputError` when
-/// there is nothing to draw: a fit without measurements of the kind, a resin without a dose.
+/// first in its title. All functions are thread-safe and throw `InputError` when there is nothing
+/// to draw: a fit without measurements of the kind, a resin without a dose.
 #pragma once
 
 #include <string>

@@ -1,4 +1,4 @@
-#include "watch/time_axis.hpp"
+#include "views/time_axis.hpp"
 
 #include <algorithm>
 

@@ -1,4 +1,4 @@
-/// @file words.hpp
+/// @file moment_text.hpp
 /// Figures, names and moments as people read them, on terminals and pages.
 #pragma once
 

@@ -2,8 +2,8 @@
 
 #include <cmath>
 
-#include "support/metrics/exposition.hpp"
 #include "slicecorr/version.hpp"
+#include "support/metrics/exposition.hpp"
 
 namespace slicecorr::farm {
 
@@ -13,7 +13,7 @@ constexpr double bytes_per_mb = 1 << 20;
 
 }  // namespace
 
-std::string metrics_text(ReadModel& model, const FarmFolder& folder, const Clock& clock) {
+std::string metrics_text(ReadModel& model, const FarmFolder& folder, const FarmClock& clock) {
   const Overview o = read_overview(model, folder, clock);
   const std::vector<Reasons> failures = model.failures();
   const std::vector<AttemptTotals> totals = model.attempt_totals();

@@ -1,18 +1,33 @@
-// Faults on demand: what tests ask of a worker through SLICEFARM_TEST_FAULT.
-
-#include "work/fault.hpp"
+// Faults on demand for the farm's tests. Linked into `slicefarm-with-faults` alone, which is never
+// installed: the slicefarm that is shipped reads neither variable.
+//
+// SLICEFARM_TEST_FAULT=STAGE:WHAT[:N][@TEXT] breaks workers when they come to a stage
+// (work/stages.hpp): `crash`, `segv`, `kill`, `hang` (deaf to polite requests), `memory`, `full`
+// (no file may grow beyond 4 kB) or `exit=CODE`; with N only in the first N attempts of a job, with
+// TEXT only in jobs whose name has it.
+//
+// SLICEFARM_TEST_SERVICE_FAULT=STAGE[:N] kills the service with SIGKILL when it comes to a stage
+// the Nth time.
 
 #include <sys/resource.h>
 #include <unistd.h>
 
-#include <array>
 #include <csignal>
 #include <cstdlib>
+#include <optional>
+#include <string>
 #include <vector>
 
 #include "slicecorr/error.hpp"
+#include "work/stages.hpp"
 
 namespace slicecorr::farm {
+namespace {
+
+struct TestFault {
+  std::string stage, what, only;
+  int attempts = 0;
+};
 
 std::optional<TestFault> test_fault_from_environment() {
   const char* text = std::getenv("SLICEFARM_TEST_FAULT");
@@ -40,8 +55,8 @@ std::optional<TestFault> test_fault_from_environment() {
   return fault;
 }
 
-void detail::commit_fault(const std::optional<TestFault>& fault, const std::string& stage,
-                          const Order& order) {
+void break_worker(const std::string& stage, const WorkOrder& order) {
+  static const std::optional<TestFault> fault = test_fault_from_environment();
   if (!fault || fault->stage != stage) return;
   if (fault->attempts > 0 && order.number > fault->attempts) return;
   if (!fault->only.empty() && order.name.find(fault->only) == std::string::npos) return;
@@ -72,4 +87,25 @@ void detail::commit_fault(const std::optional<TestFault>& fault, const std::stri
   }
 }
 
+void kill_service(const char* stage) {
+  static const std::string wanted = [] {
+    const char* text = std::getenv("SLICEFARM_TEST_SERVICE_FAULT");
+    return std::string(text ? text : "");
+  }();
+  if (wanted.empty()) return;
+  static int left = [] {
+    const std::size_t colon = wanted.find(':');
+    return colon == wanted.npos ? 1 : std::atoi(wanted.c_str() + colon + 1);
+  }();
+  if (wanted.substr(0, wanted.find(':')) == stage && --left == 0) ::raise(SIGKILL);
+}
+
+/// Before `main`.
+const bool listening = [] {
+  detail::work_stage_listener = break_worker;
+  detail::service_stage_listener = kill_service;
+  return true;
+}();
+
+}  // namespace
 }  // namespace slicecorr::farm

@@ -1,4 +1,4 @@
-/// @file setup.hpp
+/// @file prepare.hpp
 /// From measurements and options to a problem: what is observed, what is unknown, where to start.
 #pragma once
 
@@ -19,7 +19,7 @@ struct ParameterKind {
 std::vector<ParameterKind> parameters_of(FitModel model, const FitOptions& options);
 
 /// A fit that is ready to be solved.
-struct Setup {
+struct PreparedFit {
   FitModel model = FitModel::jacobs;
   std::vector<ParameterKind> parameters;
   Problem problem;
@@ -42,7 +42,7 @@ struct Setup {
 };
 
 /// Throws `InputError` when the measurements can't be fitted by the model at all.
-Setup set_up(const Measurements& data, FitModel model, const FitOptions& options);
+PreparedFit prepare_fit(const Measurements& data, FitModel model, const FitOptions& options);
 
 /// Makes the mean square of all weights 1.
 void normalise_weights(Problem& problem);

@@ -4,9 +4,9 @@
 
 #include <algorithm>
 
-#include "support/terminal/live_line.hpp"
 #include "slicecorr/farm/status.hpp"
-#include "watch/words.hpp"
+#include "support/terminal/live_line.hpp"
+#include "views/moment_text.hpp"
 
 namespace slicecorr::farm {
 
@@ -16,7 +16,7 @@ using cli::Ink;
 using cli::Line;
 using cli::put_bar;
 
-Ink ink_of(const Event& e) {
+Ink ink_of(const FarmEvent& e) {
   if (e.kind == "done") return Ink::good;
   if (e.kind == "failed" || e.kind == "disk_low" || e.kind == "service_lost" ||
       e.kind == "cache_damaged") {
@@ -27,7 +27,7 @@ Ink ink_of(const Event& e) {
 
 }  // namespace
 
-LiveState read_live(ReadModel& model, const FarmFolder& folder, int rows, const Clock& clock) {
+LiveState read_live(ReadModel& model, const FarmFolder& folder, int rows, const FarmClock& clock) {
   LiveState state;
   state.overview = read_overview(model, folder, clock);
   JobFilter queued;
@@ -39,7 +39,7 @@ LiveState read_live(ReadModel& model, const FarmFolder& folder, int rows, const 
   return state;
 }
 
-std::string event_text(const Event& e) {
+std::string event_text(const FarmEvent& e) {
   std::string text;
   if (e.job > 0) text += fmt::format("{} {}  ", e.job, e.name);
   text += e.kind;
@@ -193,7 +193,7 @@ std::vector<std::string> live_frame(const LiveState& state, const FarmFolder& fo
     const int most = std::min(room, static_cast<int>(state.latest.size()));
     for (std::size_t i = state.latest.size() - static_cast<std::size_t>(std::max(0, most));
          i < state.latest.size(); ++i) {
-      const Event& e = state.latest[i];
+      const FarmEvent& e = state.latest[i];
       add(line()
               .put(words::moment(e.at_ms, o.now_ms) + "  ", Ink::dim)
               .put(event_text(e), ink_of(e)));

@@ -1,4 +1,4 @@
-#include "fit/setup.hpp"
+#include "fit/prepare.hpp"
 
 #include <fmt/format.h>
 
@@ -78,12 +78,12 @@ double halton(int index, int base) {
   return value;
 }
 
-[[noreturn]] void refuse(const Setup& setup, const std::string& why) {
-  throw InputError(fmt::format("the {} model can't be fitted: {}", name_of(setup.model), why));
+[[noreturn]] void refuse(const PreparedFit& prepared, const std::string& why) {
+  throw InputError(fmt::format("the {} model can't be fitted: {}", name_of(prepared.model), why));
 }
 
 /// h, m and D'c of cured heights: the law is linear in ln I and ln t.
-void start_cured(Setup& s, bool with_exponent) {
+void start_cured(PreparedFit& s, bool with_exponent) {
   std::vector<double> ln_blue, ln_time, ln_dose, height;
   for (const Observation& o : s.problem.observations) {
     if (o.is_dead_zone) continue;
@@ -116,7 +116,7 @@ void start_cured(Setup& s, bool with_exponent) {
 }
 
 /// beta and huv of dead zones, as if all were steady.
-void start_dead_zones(Setup& s, bool both_free) {
+void start_dead_zones(PreparedFit& s, bool both_free) {
   std::vector<double> ln_ratio, height;
   for (const Observation& o : s.problem.observations) {
     if (!o.is_dead_zone) continue;
@@ -142,7 +142,7 @@ void start_dead_zones(Setup& s, bool both_free) {
 /// For a given exponent the transient law is linear, too: with A = (D'c / t)^(1/m),
 /// z = huv ln beta - huv ln((Ib e^(-z/h) - A) / Iuv). Guesses for exponents over the whole range,
 /// the present one first; where no line can be drawn the steady guess stays.
-void start_transient(Setup& s) {
+void start_transient(PreparedFit& s) {
   const auto guess_for = [&](double m) -> std::optional<Slots> {
     std::vector<double> x, y;
     for (const Observation& o : s.problem.observations) {
@@ -169,7 +169,7 @@ void start_transient(Setup& s) {
 }
 
 /// Standard deviations by column or by replicates: weights are their inverse.
-void weigh_by_scatter(Setup& s, const std::vector<double>& sigma_given) {
+void weigh_by_scatter(PreparedFit& s, const std::vector<double>& sigma_given) {
   // The scatter of three replicates is itself uncertain by half: taken as it is, it would give
   // single groups far too much to say. It is drawn to that of all by what the groups tell.
   auto& all = s.problem.observations;
@@ -221,7 +221,7 @@ void check_number(const std::string& what, double value, bool positive) {
 }
 
 /// Bounds and fixed values as asked for.
-void apply_choices(Setup& s, const FitOptions& options) {
+void apply_choices(PreparedFit& s, const FitOptions& options) {
   std::string names;
   for (const auto& p : s.parameters) names += (names.empty() ? "" : ", ") + p.unknown.name;
   const auto find = [&](const std::string& name) {
@@ -303,7 +303,7 @@ std::vector<ParameterKind> parameters_of(FitModel model, const FitOptions& optio
   return {};
 }
 
-std::vector<double> Setup::inner_of(const Slots& guess) const {
+std::vector<double> PreparedFit::inner_of(const Slots& guess) const {
   std::vector<double> inner;
   for (const Unknown& u : problem.unknowns) {
     inner.push_back(u.inner(std::clamp(guess[u.slots.front()], u.low, u.high)));
@@ -311,7 +311,7 @@ std::vector<double> Setup::inner_of(const Slots& guess) const {
   return inner;
 }
 
-std::vector<std::vector<double>> Setup::starts(int count) const {
+std::vector<std::vector<double>> PreparedFit::starts(int count) const {
   std::vector<std::vector<double>> all = {start_inner()};
   for (const Slots& guess : more_starts) all.push_back(inner_of(guess));
   constexpr std::array<int, 6> bases = {2, 3, 5, 7, 11, 13};
@@ -329,7 +329,7 @@ std::vector<std::vector<double>> Setup::starts(int count) const {
   return all;
 }
 
-void Setup::hold(const std::string& name, double value) {
+void PreparedFit::hold(const std::string& name, double value) {
   for (auto u = problem.unknowns.begin(); u != problem.unknowns.end(); ++u) {
     if (u->name != name) continue;
     for (const Slot s : u->slots) problem.fixed[s] = start[s] = value;
@@ -338,7 +338,7 @@ void Setup::hold(const std::string& name, double value) {
   }
 }
 
-void Setup::share_exponent() {
+void PreparedFit::share_exponent() {
   std::erase_if(parameters, [](const auto& p) { return p.unknown.name == "m_uv"; });
   std::erase_if(problem.unknowns, [](const Unknown& u) { return u.name == "m_uv"; });
   bool free = false;
@@ -395,8 +395,8 @@ std::string place_of(const Origin& origin, const std::vector<std::string>& sourc
   return origin.line > 0 ? fmt::format("{}: line {}", name, origin.line) : name;
 }
 
-Setup set_up(const Measurements& data, FitModel model, const FitOptions& options) {
-  Setup s;
+PreparedFit prepare_fit(const Measurements& data, FitModel model, const FitOptions& options) {
+  PreparedFit s;
   s.model = model;
   s.problem.is_steady = model == FitModel::dead_zone_steady;
   s.problem.tolerance = options.tolerance;

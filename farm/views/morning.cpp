@@ -10,7 +10,7 @@
 
 #include "record/rows.hpp"
 #include "slicecorr/error.hpp"
-#include "watch/words.hpp"
+#include "views/moment_text.hpp"
 
 namespace slicecorr::farm {
 
@@ -286,7 +286,7 @@ std::int64_t moment_of(const std::string& text, std::int64_t now_ms, const std::
 }
 
 MorningReport read_morning(const FarmFolder& folder, ReadModel& model,
-                           const MorningOptions& options, const Clock& clock) {
+                           const MorningOptions& options, const FarmClock& clock) {
   MorningReport r;
   r.root = folder.root;
   r.overview = read_overview(model, folder, clock);

@@ -8,8 +8,8 @@
 #include "slicecorr/farm/morning.hpp"
 #include "support/chart/chart.hpp"
 #include "support/text/escape.hpp"
-#include "watch/time_axis.hpp"
-#include "watch/words.hpp"
+#include "views/moment_text.hpp"
+#include "views/time_axis.hpp"
 
 namespace slicecorr::farm {
 

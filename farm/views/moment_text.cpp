@@ -1,4 +1,4 @@
-#include "watch/words.hpp"
+#include "views/moment_text.hpp"
 
 #include <cstdlib>
 

@@ -6,7 +6,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "watch/words.hpp"
+#include "views/moment_text.hpp"
 
 namespace slicecorr::farm {
 
@@ -18,7 +18,7 @@ std::int64_t count_of(const Summary& s, JobState state) {
   return s.jobs[static_cast<std::size_t>(state)];
 }
 
-std::string night_text(const Settings& s, std::int64_t now_ms) {
+std::string night_text(const FarmSettings& s, std::int64_t now_ms) {
   if (s.night_from < 0) return {};
   return fmt::format("night window {}-{}, {}", minute_text(s.night_from),
                      minute_text(s.night_until),
@@ -85,7 +85,7 @@ std::string joined(const std::vector<std::string>& list) {
 }  // namespace
 
 StatusPage read_status(ReadModel& model, const FarmFolder& folder, const JobFilter& filter,
-                       const Clock& clock) {
+                       const FarmClock& clock) {
   StatusPage page;
   page.limit = filter.limit;
   page.offset = filter.offset;

@@ -1,4 +1,4 @@
-/// @file words.hpp
+/// @file figure_text.hpp
 /// Numbers in sentences.
 #pragma once
 

@@ -1,4 +1,4 @@
-/// The files under watch/page/, embedded when the library is built (cmake/EmbedText.cmake).
+/// The files under views/page/, embedded when the library is built (cmake/EmbedText.cmake).
 #pragma once
 
 #include <string_view>

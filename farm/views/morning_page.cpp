@@ -8,9 +8,9 @@
 #include "support/chart/chart.hpp"
 #include "support/page/page_style.hpp"
 #include "support/text/escape.hpp"
-#include "watch/page_text.hpp"
-#include "watch/time_axis.hpp"
-#include "watch/words.hpp"
+#include "views/moment_text.hpp"
+#include "views/page_text.hpp"
+#include "views/time_axis.hpp"
 
 namespace slicecorr::farm {
 
@@ -142,7 +142,7 @@ std::string worst(const MorningReport& r, const LinkTo& links) {
   std::string html =
       R"(<h2>Height errors, worst first</h2><div class="scroll" tabindex="0" role="region" aria-label="Height errors"><table class="jobs"><thead><tr><th scope="col">Part</th><th scope="col">largest</th><th scope="col">95 % within</th><th scope="col">mean</th><th scope="col">lost</th><th scope="col">merged</th><th scope="col">cured through</th><th scope="col">layers</th><th scope="col">job</th></tr></thead><tbody>)";
   for (const Job& j : r.worst) {
-    const Figures f = j.figures.value_or(Figures{});
+    const ResultFigures f = j.figures.value_or(ResultFigures{});
     const auto um = [&](double v) {
       return j.figures ? words::figure(v) + " um" : std::string("-");
     };

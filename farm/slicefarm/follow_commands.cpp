@@ -57,7 +57,7 @@ int watch_lines(const WatchOptions& o, const FarmFolder& folder, ReadModel& mode
   while (!cli::interrupted()) {
     if (const std::int64_t now = model.data_version(); now != version) {
       version = now;
-      for (const Event& e : model.events(after, 1000)) {
+      for (const FarmEvent& e : model.events(after, 1000)) {
         cli::print_result(fmt::format("{}  {}\n", local_time_text(e.at_ms), event_text(e)));
         after = e.seq;
       }
@@ -119,7 +119,7 @@ int report(ReportOptions& o) {
 
 }  // namespace
 
-void add_watch_commands(cli::Program& program) {
+void add_follow_commands(cli::Program& program) {
   {
     auto o = std::make_shared<WatchOptions>();
     CLI::App* app = program.add("watch", "Follow the farm on the terminal; q quits",

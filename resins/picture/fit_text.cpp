@@ -1,4 +1,4 @@
-#include "picture/fit_words.hpp"
+#include "picture/fit_text.hpp"
 
 #include <fmt/format.h>
 

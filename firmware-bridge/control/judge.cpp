@@ -219,7 +219,7 @@ void Controller::Impl::judge_frame(const FrameReport& report) {
   if (failing()) {
     if (report.number < 0) {
       black_shown = true;
-      frame = -1;
+      frame = black_frame;
     }
     return;
   }
@@ -300,7 +300,7 @@ void Controller::Impl::judge_frame(const FrameReport& report) {
   }
 }
 
-void Controller::Impl::watch_time() {
+void Controller::Impl::judge_time() {
   if (failing() || phase == Phase::done) return;
   const double silent_s = now_s - last_answer_s;
   if (!connected) {

@@ -37,7 +37,7 @@ std::vector<DiskState> disk_states(const FarmFolder& folder) {
   return disks;
 }
 
-Overview read_overview(ReadModel& model, const FarmFolder& folder, const Clock& clock) {
+Overview read_overview(ReadModel& model, const FarmFolder& folder, const FarmClock& clock) {
   Overview o;
   {
     const ReadModel::Snapshot snapshot(model);

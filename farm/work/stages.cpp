@@ -1,0 +1,8 @@
+#include "work/stages.hpp"
+
+namespace slicecorr::farm::detail {
+
+void (*work_stage_listener)(const std::string& stage, const WorkOrder& order) = nullptr;
+void (*service_stage_listener)(const char* stage) = nullptr;
+
+}  // namespace slicecorr::farm::detail

@@ -1,0 +1,17 @@
+/// Which slicefarm a test runs.
+#pragma once
+
+#include <map>
+#include <string>
+
+namespace slicecorr::test {
+
+/// The one that is shipped; where the environment asks for a fault, the one that has faults
+/// (farm_faults.cpp).
+inline std::string slicefarm_for(const std::map<std::string, std::string>& environment) {
+  const bool faulty = environment.contains("SLICEFARM_TEST_FAULT") ||
+                      environment.contains("SLICEFARM_TEST_SERVICE_FAULT");
+  return faulty ? SLICECORR_FAULTY_SLICEFARM : SLICECORR_BIN_DIR "/slicefarm";
+}
+
+}  // namespace slicecorr::test

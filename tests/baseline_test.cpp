@@ -12,9 +12,9 @@
 #include "ladder.hpp"
 #include "models.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/load_printer.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/slice.hpp"
-#include "slicecorr/load_printer.hpp"
 
 namespace slicecorr {
 namespace {

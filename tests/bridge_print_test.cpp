@@ -159,10 +159,9 @@ TEST_F(BridgePrint, PrintsAStackAndWhatWasShownIsWhatWasPlanned) {
   std::ifstream csv(folder / "state/dual-wavelength-dlp/frames.csv");
   std::string line;
   std::getline(csv, line);
-  EXPECT_EQ(line,
-            "frame,planned_z_um,z_um,planned_s,shown_s,late_um,speed_um_s,blue_share,uv_mw_cm2,"
-            "blue_measured,uv_measured,late,stage_error_um,temperature_c,exposure_s,exposed_s,"
-            "vblank,missed_vblanks,upload_s,present_s");
+  EXPECT_EQ(
+      line,
+      "frame,planned_z_um,z_um,planned_s,shown_s,late_um,speed_um_s,blue_share,uv_mw_cm2,blue_measured,uv_measured,late,stage_error_um,temperature_c,exposure_s,exposed_s,vblank,missed_vblanks,upload_s,present_s");
   int rows = 0;
   const StackInfo info = StackReader::read_info(stack);
   while (std::getline(csv, line)) ++rows;

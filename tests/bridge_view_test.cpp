@@ -12,8 +12,8 @@
 
 #include "bridge_fixture.hpp"
 #include "exposition_reader.hpp"
-#include "support/text/display_text.hpp"
 #include "slicecorr/bridge/view.hpp"
+#include "support/text/display_text.hpp"
 #include "view/envelope.hpp"
 
 namespace slicecorr::bridge {
@@ -111,8 +111,7 @@ TEST(Envelope, PeaksCountEverything) {
 // ---- records on disk ----
 
 const std::string header =
-    "frame,planned_z_um,z_um,planned_s,shown_s,late_um,speed_um_s,blue_share,uv_mw_cm2,"
-    "blue_measured,uv_measured,late,stage_error_um,temperature_c,exposure_s,exposed_s\n";
+    "frame,planned_z_um,z_um,planned_s,shown_s,late_um,speed_um_s,blue_share,uv_mw_cm2,blue_measured,uv_measured,late,stage_error_um,temperature_c,exposure_s,exposed_s\n";
 
 std::string row(int frame, double late_um = 0.01, bool late = false) {
   const double z = 10.0 * frame, s = 0.045 * frame;

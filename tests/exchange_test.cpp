@@ -217,10 +217,11 @@ TEST_F(Exchange, AnycubicFilesThatAreWrong) {
               HasSubstr("has no temperature_coefficients"));
   EXPECT_THAT(refused(anycubic("{\"temperature_coefficients\":[{\"temperature\":1}]}", "")),
               HasSubstr("temperature_coefficients/0: has no number x_coefficient"));
-  EXPECT_THAT(refused(anycubic("{\"temperature_coefficients\":[{\"temperature\":1,"
-                               "\"x_coefficient\":0,\"y_compensation\":5}]}",
-                               "")),
-              HasSubstr("which no resin has"));
+  EXPECT_THAT(
+      refused(anycubic(
+          "{\"temperature_coefficients\":[{\"temperature\":1,\"x_coefficient\":0,\"y_compensation\":5}]}",
+          "")),
+      HasSubstr("which no resin has"));
 }
 
 // --- Tables, and round trips
@@ -443,8 +444,8 @@ TEST_F(Exchange, LookupTablesAreRefusedByTheirLine) {
   // Of a display of 4 bits, 16 rows.
   const std::string ember4 =
       write("ember4.toml",
-            "name = \"ember4\"\n[display]\nwidth_px = 16\nheight_px = 16\npixel_um = "
-            "50\nbit_depth = 4\n[blue]\ncalibration = [[0, 0], [15, 9]]\n");
+            "name = \"ember4\"\n[display]\nwidth_px = 16\nheight_px = 16\npixel_um = 50\nbit_depth "
+            "= 4\n[blue]\ncalibration = [[0, 0], [15, 9]]\n");
   EXPECT_THAT(refusal([&] { import_definitions(write("c.csv", good), {.printer = ember4}); }),
               AllOf(HasSubstr("line 18"), HasSubstr("expected 16")));
 }

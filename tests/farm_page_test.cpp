@@ -73,8 +73,8 @@ void fill_night(Farm& farm, int jobs) {
       farm.give_up(claim, 0, Reason::bad_input,
                    claim.job.name + ".stl: 12 triangles expected, the file ends after 7",
                    "reading " + claim.job.name +
-                       ".stl\nsizes: 41.2 x 30.0 x 22.8 mm\nerror: 12 triangles "
-                       "expected, the file ends after 7\n");
+                       ".stl\nsizes: 41.2 x 30.0 x 22.8 mm\nerror: 12 triangles expected, the file "
+                       "ends after 7\n");
     } else if (luck < 0.14) {
       farm.give_up(claim, 0, Reason::worker_killed, "ended by signal 9", "slicing\ncorrecting\n");
     } else {
@@ -130,11 +130,10 @@ class FarmPage : public ::testing::Test {
 /// Lines with SGR sequences as markup.
 std::string terminal_page(const std::vector<std::string>& lines) {
   std::string html =
-      "<!doctype html><meta charset=utf-8><style>body{margin:0;background:#14171a;color:#e6e9ec}"
-      "pre{margin:0;padding:14px;font:14px/1.3 'DejaVu Sans Mono',monospace}"
-      ".c1{font-weight:700}.c2{color:#8b95a0}.c31{color:#ff8a80}.c32{color:#5fd3a8}.c36{color:#"
-      "8ad8f0}"
-      "</style><pre>";
+      "<!doctype html><meta "
+      "charset=utf-8><style>body{margin:0;background:#14171a;color:#e6e9ec}pre{margin:0;padding:14px;font:14px/1.3 "
+      "'DejaVu Sans "
+      "Mono',monospace}.c1{font-weight:700}.c2{color:#8b95a0}.c31{color:#ff8a80}.c32{color:#5fd3a8}.c36{color:#8ad8f0}</style><pre>";
   for (const std::string& line : lines) {
     for (std::size_t i = 0; i < line.size(); ++i) {
       if (line[i] == '\033') {
@@ -260,10 +259,10 @@ TEST_F(LivePage, ReportAndPartOfTheServer) {
   EXPECT_THAT(log_, Not(HasSubstr("Content Security Policy")));
   // A part's page may run its own scripts, and reach nothing of the farm.
   const std::string evil =
-      "<!doctype html><title>t</title><p id=o></p><script>document.getElementById('o').textContent="
-      "'ran "
-      "'+self.origin;fetch('/api/v1/overview').then(()=>document.title='READ',()=>document.title="
-      "'kept out')</script>";
+      "<!doctype html><title>t</title><p "
+      "id=o></p><script>document.getElementById('o').textContent='ran "
+      "'+self.origin;fetch('/api/v1/overview').then(()=>document.title='READ',()=>document.title='kept "
+      "out')</script>";
   NewJob urgent = farm.job("evil");
   urgent.priority = 100;
   farm.submit({urgent});

@@ -689,26 +689,26 @@ TEST_F(FarmQueue, InvariantsHoldForRandomWork) {
     }
     if (step % 10 != 0) continue;
     // A running job has an open attempt, and every open attempt a running job.
-    EXPECT_THAT(rows("SELECT id FROM jobs WHERE state = 'running' AND NOT EXISTS(SELECT 1 FROM "
-                     "attempts a WHERE a.token = jobs.token AND a.phase <> 'ended')"),
+    EXPECT_THAT(rows("SELECT id FROM jobs WHERE state = 'running' AND NOT EXISTS(SELECT 1 "
+                     "FROM attempts a WHERE a.token = jobs.token AND a.phase <> 'ended')"),
                 IsEmpty());
     EXPECT_THAT(rows("SELECT token FROM attempts a WHERE phase <> 'ended' AND NOT EXISTS(SELECT 1 "
                      "FROM jobs j WHERE j.token = a.token AND j.state = 'running')"),
                 IsEmpty());
     // Of the unfinished jobs with a key one leads, unless the result is there.
-    EXPECT_THAT(
-        rows("SELECT key FROM jobs WHERE state IN ('queued', 'running') AND follows = 0 AND "
-             "key NOT IN (SELECT key FROM results WHERE stored) GROUP BY key HAVING count(*) "
-             "> 1 AND sum(state = 'running') <= 1"),
-        IsEmpty());
+    EXPECT_THAT(rows("SELECT key FROM jobs WHERE state IN ('queued', 'running') AND follows = 0 "
+                     "AND key NOT IN (SELECT key FROM results WHERE stored) "
+                     "GROUP BY key HAVING count(*) > 1 AND sum(state = 'running') <= 1"),
+                IsEmpty());
     // Nobody waits for a job that is over, and nobody but queued jobs waits.
-    EXPECT_THAT(rows("SELECT id FROM jobs j WHERE follows <> 0 AND (state <> 'queued' OR NOT "
-                     "EXISTS(SELECT 1 FROM jobs l WHERE l.id = j.follows AND l.key = j.key AND "
-                     "l.state IN ('queued', 'running')))"),
+    EXPECT_THAT(rows("SELECT id FROM jobs j WHERE follows <> 0 "
+                     "AND (state <> 'queued' OR NOT EXISTS(SELECT 1 FROM jobs l "
+                     "WHERE l.id = j.follows AND l.key = j.key "
+                     "AND l.state IN ('queued', 'running')))"),
                 IsEmpty());
     // Kept counts are true.
-    EXPECT_EQ(rows("SELECT user, state, follower, jobs, expected_s, from_cache FROM counts WHERE "
-                   "jobs <> 0 ORDER BY 1, 2, 3"),
+    EXPECT_EQ(rows("SELECT user, state, follower, jobs, expected_s, from_cache FROM counts "
+                   "WHERE jobs <> 0 ORDER BY 1, 2, 3"),
               rows("SELECT user, state, follows <> 0, count(*), sum(expected_s), sum(from_cache) "
                    "FROM jobs GROUP BY 1, 2, 3 ORDER BY 1, 2, 3"));
   }

@@ -627,8 +627,8 @@ TEST(Harm, StopsWhileClientsHoldOn) {
   }
   Raw body(server.port());
   body.send(
-      fmt::format("PUT /api/v1/parts/a.stl HTTP/1.1\r\nHost: 127.0.0.1:{}\r\nAuthorization: "
-                  "Bearer {}\r\nContent-Length: 5000\r\n\r\nsolid",
+      fmt::format("PUT /api/v1/parts/a.stl HTTP/1.1\r\nHost: 127.0.0.1:{}\r\nAuthorization: Bearer "
+                  "{}\r\nContent-Length: 5000\r\n\r\nsolid",
                   server.port(), token));
   // The test's own limit would end a stop that hangs.
   server.stop();

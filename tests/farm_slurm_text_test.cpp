@@ -224,8 +224,8 @@ TEST(Sbatch, RefusalsAreToldApart) {
                        "policy (job submit limit, user's size and/or time limits)"),
             Refusal::later);
   EXPECT_EQ(
-      refusal_of("sbatch: error: Batch job submission failed: Requested node configuration is "
-                 "not available"),
+      refusal_of("sbatch: error: Batch job submission failed: Requested node configuration is not "
+                 "available"),
       Refusal::for_good);
   EXPECT_EQ(refusal_of("sbatch: error: Batch job submission failed: Invalid feature specification"),
             Refusal::for_good);

@@ -140,8 +140,7 @@ TEST(JobsFile, EveryErrorHasItsLine) {
       ElementsAre("jobs.toml: line 3: layer_um is 'fifty', expected a number from 1 to 1000",
                   "jobs.toml: line 4: 'spead_mm_h' is not known; expected speed_mm_h?",
                   "jobs.toml: line 7: copies is 2.5, expected a whole number from 1 to 10000",
-                  "jobs.toml: line 8: mode is 'other', expected one of continuous, "
-                  "layerwise"));
+                  "jobs.toml: line 8: mode is 'other', expected one of continuous, layerwise"));
   EXPECT_THAT(toml_errors("[[job]]\npart = \"a.stl\nx"),
               ElementsAre(HasSubstr("jobs.toml: line 2")));
   EXPECT_THAT(toml_errors("[job]\npart = \"a.stl\"\n"),
@@ -162,8 +161,7 @@ TEST(JobsFile, EveryErrorOfATableHasItsLine) {
                           "jobs.csv: line 4: has 3 fields, expected 2 as in the header",
                           "jobs.csv: line 5: a quoted field has no end"));
   EXPECT_THAT(csv_errors("part,layers_um\n"),
-              ElementsAre("jobs.csv: line 1: column 'layers_um' is not "
-                          "known; expected layer_um?"));
+              ElementsAre("jobs.csv: line 1: column 'layers_um' is not known; expected layer_um?"));
   EXPECT_THAT(csv_errors("part,part\n"), ElementsAre(HasSubstr("is there twice")));
   EXPECT_THAT(csv_errors("part\n"), ElementsAre("jobs.csv: has no jobs below its header"));
   EXPECT_THAT(csv_errors("\n# nothing\n"), ElementsAre(HasSubstr("is empty")));

@@ -396,8 +396,8 @@ TEST(Live, ShowsWhatRunsWaitsAndHappened) {
   const std::string text =
       plain(live_frame(read_live(model, farm.folder, 40, farm.clock), farm.folder, 140, 40, false));
   EXPECT_THAT(text,
-              HasSubstr("1 running · 4 queued (1 wait for the same work) · 8 done · 11 failed "
-                        "· 1 cancelled"));
+              HasSubstr("1 running · 4 queued (1 wait for the same work) · 8 done · 11 failed · 1 "
+                        "cancelled"));
   EXPECT_THAT(text, HasSubstr("462/770 layers"));
   EXPECT_THAT(text, HasSubstr(" 60 %"));
   EXPECT_THAT(text, HasSubstr("77/s"));

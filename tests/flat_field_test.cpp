@@ -15,6 +15,7 @@
 #include "models.hpp"
 #include "run_program.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/load_printer.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/place_models.hpp"
 #include "slicecorr/report.hpp"
@@ -23,7 +24,6 @@
 #include "slicecorr/solid.hpp"
 #include "slicecorr/units.hpp"
 #include "slicecorr/volume.hpp"
-#include "slicecorr/load_printer.hpp"
 #include "stack_fixture.hpp"
 
 namespace slicecorr::test {
@@ -268,11 +268,10 @@ TEST(LightMap, ArchiveAndPrinterThatContradictEachOther) {
   // The printer says nothing: the archive's word counts.
   EXPECT_EQ(LightMap(p, kGrid, mirrored).value(15, 0), 255);
   p.orientation = Orientation{};
-  EXPECT_THAT(refusal([&] { LightMap(p, kGrid, mirrored); }),
-              AllOf(HasSubstr("landscape by the printer"),
-                    HasSubstr("landscape, mirrored in x by "
-                              "the archive"),
-                    HasSubstr("flat_field_frame")));
+  EXPECT_THAT(
+      refusal([&] { LightMap(p, kGrid, mirrored); }),
+      AllOf(HasSubstr("landscape by the printer"),
+            HasSubstr("landscape, mirrored in x by the archive"), HasSubstr("flat_field_frame")));
   // What is measured in images fits the archive's images, whatever they show.
   p.flat_field->of_plate = false;
   EXPECT_EQ(LightMap(p, kGrid, mirrored).value(0, 0), 255);

@@ -351,8 +351,8 @@ TEST(RealFiles, NordinPrintFilesAreRefusedByName) {
   const std::string example = sample("nordin/schema_v5_example.zip");
   if (!std::filesystem::exists(example)) GTEST_SKIP() << "no test data at " << example;
   expect_refused(example,
-                 "example.json: is a JSON print file of the Nordin group (schema version "
-                 "5.0.0): each of its layers is a list of images");
+                 "example.json: is a JSON print file of the Nordin group (schema version 5.0.0): "
+                 "each of its layers is a list of images");
   expect_refused(sample("nordin/190219_mzi_serpentine_v2.zip"),
                  "Nordin group (schema version 0.2)");
 }

@@ -271,16 +271,17 @@ TEST(CreationWorkshop, ManifestListsAddedSlices) {
 /// Some programs say the slicer's settings in options.json.
 TEST(NanoDlp, OptionsStandInForTheSlicer) {
   TemporaryFolder folder;
-  make_zip(folder / "a.nanodlp",
-           {{"meta.json", to_bytes("{\"format_version\":3,\"distro\":\"dragonfruit\"}")},
-            {"slicer.json", to_bytes("{\"mode\":\"v3\"}")},
-            {"options.json", to_bytes("{\"PWidth\":12,\"PHeight\":3,\"XPixelSize\":0.02,"
-                                      "\"YPixelSize\":0.03,\"Thickness\":40,"
-                                      "\"DisplayController\":1,\"DynamicThickness\":null}")},
-            {"plate.json", to_bytes("{\"LayersCount\":1,\"CureTimes\":[4,5]}")},
-            {"profile.json", to_bytes("{\"CureTime\":2.5,\"SupportLayerNumber\":0}")},
-            {"override.json", to_bytes("{\"CureTime\":3.5}")},
-            {"1.png", packed_png(Bytes(36, 9), 12, 3, false)}});
+  make_zip(
+      folder / "a.nanodlp",
+      {{"meta.json", to_bytes("{\"format_version\":3,\"distro\":\"dragonfruit\"}")},
+       {"slicer.json", to_bytes("{\"mode\":\"v3\"}")},
+       {"options.json",
+        to_bytes(
+            "{\"PWidth\":12,\"PHeight\":3,\"XPixelSize\":0.02,\"YPixelSize\":0.03,\"Thickness\":40,\"DisplayController\":1,\"DynamicThickness\":null}")},
+       {"plate.json", to_bytes("{\"LayersCount\":1,\"CureTimes\":[4,5]}")},
+       {"profile.json", to_bytes("{\"CureTime\":2.5,\"SupportLayerNumber\":0}")},
+       {"override.json", to_bytes("{\"CureTime\":3.5}")},
+       {"1.png", packed_png(Bytes(36, 9), 12, 3, false)}});
   Told told;
   const StackReader reader(folder / "a.nanodlp", folder.path(), told.job());
   EXPECT_EQ(reader.info().format, "nanodlp");
@@ -304,8 +305,10 @@ TEST(DamagedTexts, AreReadOrRefused) {
                               "M6054 \"1.png\"\nM106 S255\nG4 P9\nM106 S0\nM6054 \"2.png\"\n")},
        {"1.png", png},
        {"2.png", png}},
-      {{"manifest.uvtools", to_bytes("<?xml version=\"1.0\"?><Manifest><LayerHeight>0.1"
-                                     "</LayerHeight><ResolutionX>4</ResolutionX></Manifest>")},
+      {{"manifest.uvtools",
+        to_bytes(
+            "<?xml "
+            "version=\"1.0\"?><Manifest><LayerHeight>0.1</LayerHeight><ResolutionX>4</ResolutionX></Manifest>")},
        {"1.png", png}},
       {{"a.gcode", to_bytes(";(X Resolution = 4 )\n;(Layer Time = 9 ms )\n;(Pix per mm X = 20 )\n"
                             ";Number of Slices = 1\nG91\n;<Slice> 0\n;<Delay> 9\n;<Slice> Blank")},

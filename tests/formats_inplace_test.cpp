@@ -70,17 +70,21 @@ Foreign foreign_archive(const std::string& format) {
     f.entries.emplace_back("slice.conf", to_bytes(nova_config(5, 4, 3)));
     f.images.grid.layer_um = 50;
   } else {
-    f.entries.emplace_back("plate.json", to_bytes("{\"Path\":\"x\",\"LayersCount\":3,\"Odd\":[1],"
-                                                  "\"CureTimes\":null,\"ZMax\":0.3}"));
+    f.entries.emplace_back(
+        "plate.json",
+        to_bytes("{\"Path\":\"x\",\"LayersCount\":3,\"Odd\":[1],\"CureTimes\":null,\"ZMax\":0.3}"));
     f.entries.emplace_back("profile.json",
                            to_bytes("{\n  \"Title\": \"Clear\",\n  \"Zzz\": 1.50,\n"
                                     "  \"CureTime\": 3.0,\n  \"SupportCureTime\": 10,\n"
                                     "  \"SupportLayerNumber\": 1,\n  \"Aaa\": null\n}"));
-    f.entries.emplace_back("info.json", to_bytes("[{\"AreaCount\":2,\"MaxX\":5},{\"AreaCount\":1,"
-                                                 "\"MaxX\":4},{\"AreaCount\":1,\"MaxX\":4}]"));
-    f.entries.emplace_back("slicer.json",
-                           to_bytes("{\"PWidth\":5,\"PHeight\":4,\"XPixelSize\":0.05,"
-                                    "\"YPixelSize\":0.05,\"Thickness\":100,\"LayerCount\":0}"));
+    f.entries.emplace_back(
+        "info.json",
+        to_bytes(
+            "[{\"AreaCount\":2,\"MaxX\":5},{\"AreaCount\":1,\"MaxX\":4},{\"AreaCount\":1,\"MaxX\":4}]"));
+    f.entries.emplace_back(
+        "slicer.json",
+        to_bytes(
+            "{\"PWidth\":5,\"PHeight\":4,\"XPixelSize\":0.05,\"YPixelSize\":0.05,\"Thickness\":100,\"LayerCount\":0}"));
     f.entries.emplace_back("meta.json", to_bytes("{\"format_version\":2,\"distro\":\"athena\"}"));
   }
   f.entries.emplace_back(f.names[1], png_of(f.images.slices[1], 5, 4, PNG_FORMAT_GRAY));

@@ -383,12 +383,15 @@ TEST_F(Vda, AddedLayersChangeNothingElseInTheManifest) {
   };
   replace("<endHeight>0.15<", "<endHeight>0.25<");
   const std::string layer =
-      "    <VDALayer><Index>2</Index><zvalue>0.15</zvalue><filename>0003.png"
-      "</filename></VDALayer>\r\n";
-  replace(layer, layer +
-                     "    <VDALayer><Index>3</Index><zvalue>0.2</zvalue><filename>0004.png"
-                     "</filename></VDALayer>\r\n    <VDALayer><Index>4</Index><zvalue>0.25</zvalue>"
-                     "<filename>0005.png</filename></VDALayer>\r\n");
+      "    "
+      "<VDALayer><Index>2</Index><zvalue>0.15</zvalue><filename>0003.png</filename></VDALayer>\r\n";
+  replace(
+      layer,
+      layer +
+          "    "
+          "<VDALayer><Index>3</Index><zvalue>0.2</zvalue><filename>0004.png</filename></VDALayer>\r\n "
+          "   "
+          "<VDALayer><Index>4</Index><zvalue>0.25</zvalue><filename>0005.png</filename></VDALayer>\r\n");
   // Readers take both ways to write it alike.
   replace("new='&amp;' />", "new=\"&amp;\"/>");
   EXPECT_EQ(to_text(test::entry(after, "part.xml")), expected);

@@ -665,10 +665,9 @@ TEST_F(LimitsProgram, ResinctlNamesWhatWorks) {
     }
     if (const std::string lamp = text_in(no.err, "lamp of " + std::string(kNumber) + " mW");
         !lamp.empty()) {
-      write("lamp.toml", printer("100.0", "1.0",
-                                 "[uv]\nkind = \"flood\"\ncalibration = [[0, 0.0], "
-                                 "[255, " +
-                                     lamp + "]]\n"));
+      write("lamp.toml",
+            printer("100.0", "1.0",
+                    "[uv]\nkind = \"flood\"\ncalibration = [[0, 0.0], [255, " + lamp + "]]\n"));
       auto follow = wish;
       follow[5] = "lamp.toml";
       EXPECT_EQ(call(follow).exit_code, 0) << lamp;

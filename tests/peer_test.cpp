@@ -375,8 +375,7 @@ TEST_F(Peer, RealMeshesDifferByNoMoreThanTheRasterisersExplain) {
       "| mesh | layers | lit pixels | grey differs | by 1 | by more | greatest (of its bound) | "
       "shared by outlines | off differs | centre on the edge | corners, thin places | furthest, px "
       "| unexplained | coverage, theirs / ours | time, theirs / ours "
-      "|\n|---|---|---|---|---|---|---|"
-      "---|---|---|---|---|---|---|---|\n");
+      "|\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n");
   for (const Model& m : {Model{"3DBenchy", "clean/3DBenchy.stl", 24},
                          Model{"bunny", "clean/stanford_bunny_7k_closed.off", 22},
                          Model{"femur", "clean/cgal_femur.off", 25},
@@ -401,8 +400,8 @@ TEST_F(Peer, RealMeshesDifferByNoMoreThanTheRasterisersExplain) {
     ASSERT_EQ(on.layers[0].size(), static_cast<std::size_t>(kWidth * kHeight));
     const Figures f = compare(mesh, on.layers, off.layers);
     std::printf(
-        "| %s | %d%s | %llu | %llu | %llu | %llu | %d (%.0f %%) | %llu | %llu | %llu | %llu | "
-        "%.3f | %llu | %.6f | %.1f |\n",
+        "| %s | %d%s | %llu | %llu | %llu | %llu | %d (%.0f %%) | %llu | %llu | %llu | %llu | %.3f "
+        "| %llu | %.6f | %.1f |\n",
         m.name, f.layers, f.more ? " + 1" : "", static_cast<unsigned long long>(f.lit),
         static_cast<unsigned long long>(f.grey), static_cast<unsigned long long>(f.one),
         static_cast<unsigned long long>(f.further), f.greatest, 100 * f.ratio,
@@ -441,8 +440,7 @@ TEST_F(Peer, PutsThePartWhereAsked) {
   ASSERT_EQ(told.layers.size(), 10U) << told.says;
   const auto a = middle(own.layers[5]), b = middle(told.layers[5]);
   std::printf(
-      "from the middle of the display, pixels: own arrangement %.4f, %.4f; asked for %.4f, "
-      "%.4f\n",
+      "from the middle of the display, pixels: own arrangement %.4f, %.4f; asked for %.4f, %.4f\n",
       a[0] - kWidth / 2.0, a[1] - kHeight / 2.0, b[0] - kWidth / 2.0, b[1] - kHeight / 2.0);
   EXPECT_NEAR(b[0], kWidth / 2.0, 0.01);
   EXPECT_NEAR(b[1], kHeight / 2.0, 0.01);

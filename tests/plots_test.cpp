@@ -287,13 +287,14 @@ TEST(Page, FitsAPhone) {
   r.provenance["source"] = "https://example.org/" + std::string(120, 'x');
   const Measurements data = heights(0.7, 20);
   std::string html = resin_page(r, {fit(data, FitModel::kinetic)});
-  html.insert(html.find("</body>"),
-              "<script>document.title='width '+document.documentElement.scrollWidth+' '+"
-              "Math.max(...[...document.querySelectorAll('svg svg')].map("
-              "e=>e.parentNode.ownerSVGElement.getBoundingClientRect().right))</script>");
+  html.insert(
+      html.find("</body>"),
+      "<script>document.title='width '+document.documentElement.scrollWidth+' "
+      "'+Math.max(...[...document.querySelectorAll('svg "
+      "svg')].map(e=>e.parentNode.ownerSVGElement.getBoundingClientRect().right))</script>");
   std::ofstream(folder / "frame.html")
-      << "<iframe width=400 height=800 src=page.html onload=\"document.title="
-         "this.contentDocument.title\"></iframe>";
+      << "<iframe width=400 height=800 src=page.html "
+         "onload=\"document.title=this.contentDocument.title\"></iframe>";
   std::ofstream(folder / "page.html") << html;
   test::RunOptions options;
   options.timeout = std::chrono::seconds(60);

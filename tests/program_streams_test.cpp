@@ -9,9 +9,9 @@
 
 #include "ladder.hpp"
 #include "post_fixture.hpp"
-#include "support/text/display_text.hpp"
 #include "run_program.hpp"
 #include "stack_fixture.hpp"
+#include "support/text/display_text.hpp"
 
 namespace slicecorr::test {
 namespace {
@@ -61,8 +61,8 @@ TEST_F(Streams, AStderrThatCantBeWrittenChangesNothing) {
   }
   // Limits on files' sizes: the archive can't be written, and that is said with its own code.
   const RunResult r = shell(
-      "ulimit -f 0; slicecorr slice ladder.stl -o big.uvj --layer-um 50 "
-      "--printer small.toml 2>err.txt");
+      "ulimit -f 0; slicecorr slice ladder.stl -o big.uvj --layer-um 50 --printer small.toml "
+      "2>err.txt");
   EXPECT_EQ(r.exit_code, 4);
   EXPECT_FALSE(there("big.uvj"));
   // A stdout that is closed is told as before.
@@ -149,8 +149,8 @@ TEST_F(Streams, ImageNamesInAnyEncodingAreKeptAndContinued) {
     for (const char* command :
          {"slicecorr correct part.sl1 -o out.sl1", "slicecorr-post part.sl1"}) {
       const RunResult r = shell(std::string(command) +
-                                " --printer small.toml --resin figure-2-2 --ha-um 110 "
-                                "--speed-mm-h 800");
+                                " --printer small.toml --resin figure-2-2 --ha-um 110 --speed-mm-h "
+                                "800");
       EXPECT_EQ(r.exit_code, 0) << command << r.err;
       EXPECT_TRUE(is_harmless(r.err, true)) << r.err;
     }

@@ -15,9 +15,9 @@
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/kinetics.hpp"
+#include "slicecorr/load_printer.hpp"
 #include "slicecorr/resins/database.hpp"
 #include "slicecorr/stack.hpp"
-#include "slicecorr/load_printer.hpp"
 
 namespace slicecorr::resins {
 namespace {
@@ -271,8 +271,8 @@ TEST_F(Files, Printers) {
     return all;
   };
   EXPECT_EQ(check("x", "x"), "");
-  EXPECT_THAT(check("width_px", "widht_px"), HasSubstr(":3: display.widht_px: unknown key; did "
-                                                       "you mean 'width_px'?"));
+  EXPECT_THAT(check("width_px", "widht_px"), HasSubstr(":3: display.widht_px: unknown key; did you "
+                                                       "mean 'width_px'?"));
   EXPECT_THAT(check("= 100\n", "= 0\n"), HasSubstr(":3: display.width_px: is 0; expected 1 to"));
   EXPECT_THAT(check("50.0", "[50.0, -1]"), HasSubstr(":5: display.pixel_um: is -1"));
   EXPECT_THAT(check("[0, 1.0]", "[0, 200.0]"), HasSubstr(":9: blue.calibration: point 2: the curve "

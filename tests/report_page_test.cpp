@@ -7,7 +7,6 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "support/text/base64.hpp"
 #include "browser.hpp"
 #include "ladder.hpp"
 #include "lattice.hpp"
@@ -16,6 +15,7 @@
 #include "run_program.hpp"
 #include "slicecorr/report.hpp"
 #include "slicecorr/slice.hpp"
+#include "support/text/base64.hpp"
 
 namespace slicecorr {
 namespace {

@@ -185,8 +185,8 @@ TEST_F(WholeFiles, AZeroByteInANameIsRefused) {
 TEST_F(WholeFiles, PrintFilesOfTheNordinGroupAreKnownInTheirFolder) {
   Entries entries;
   entries.emplace_back("printfile/print_settings.json",
-                       to_bytes("{\"Header\": {\"Schema version\": \"5.0\"}, "
-                                "\"Default layer settings\": {}, \"Layers\": []}"));
+                       to_bytes("{\"Header\": {\"Schema version\": \"5.0\"}, \"Default layer "
+                                "settings\": {}, \"Layers\": []}"));
   entries.emplace_back("slices/0000.png", encode_png(GreyImage{2, 1, {7, 9}}));
   make_zip(folder_ / "n.zip", entries);
   const RunResult r = slicecorr({"info", "n.zip"});

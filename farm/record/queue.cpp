@@ -58,8 +58,8 @@ void Queue::relead(const std::string& key) {
   }
   db_->run("UPDATE jobs SET follows = 0 WHERE id = ?1 AND follows <> 0", leader);
   db_->run(
-      "UPDATE jobs SET follows = ?2 WHERE key = ?1 AND state = 'queued' AND id <> ?2 AND "
-      "follows <> ?2",
+      "UPDATE jobs SET follows = ?2 WHERE key = ?1 AND state = 'queued' AND id <> ?2 "
+      "AND follows <> ?2",
       key, leader);
 }
 
@@ -75,8 +75,8 @@ std::vector<JobId> Queue::submit(const std::vector<NewJob>& jobs, const std::str
   for (const auto& [name, added] : per_user) {
     const int limit = queued_limit(settings, name);
     Rows rows = db_->query(
-        "SELECT coalesce(sum(jobs), 0) FROM counts WHERE user = ?1 AND state IN ('queued', "
-        "'running')",
+        "SELECT coalesce(sum(jobs), 0) FROM counts WHERE user = ?1 "
+        "AND state IN ('queued', 'running')",
         name);
     const std::int64_t have = rows.next() ? rows.integer(0) : 0;
     if (limit > 0 && have + added > limit) {
@@ -130,8 +130,8 @@ std::vector<JobId> Queue::submit(const std::vector<NewJob>& jobs, const std::str
   for (const std::string& key : keys) relead(key);
   for (const InputFile& input : inputs) {
     db_->run(
-        "INSERT INTO inputs VALUES(?1, ?2, ?3) ON CONFLICT DO UPDATE SET added_ms = "
-        "excluded.added_ms",
+        "INSERT INTO inputs VALUES(?1, ?2, ?3) ON CONFLICT DO UPDATE "
+        "SET added_ms = excluded.added_ms",
         input.file, input.bytes, now);
   }
   transaction.commit();
@@ -140,8 +140,8 @@ std::vector<JobId> Queue::submit(const std::vector<NewJob>& jobs, const std::str
 
 JobId Queue::unfinished_output(const std::string& folder, const std::string& name) {
   Rows rows = db_->query(
-      "SELECT id FROM jobs WHERE output_folder = ?1 AND name = ?2 AND state IN ('queued', "
-      "'running') LIMIT 1",
+      "SELECT id FROM jobs WHERE output_folder = ?1 AND name = ?2 "
+      "AND state IN ('queued', 'running') LIMIT 1",
       folder, name);
   return rows.next() ? rows.integer(0) : 0;
 }
@@ -200,8 +200,8 @@ void Queue::touch_result(const std::string& key) {
 std::vector<Queue::Collectable> Queue::results_by_age() {
   std::vector<Collectable> list;
   Rows r = db_->query(
-      "SELECT key, bytes, used_ms, EXISTS(SELECT 1 FROM jobs j WHERE j.key = results.key AND "
-      "j.state IN ('queued', 'running')) FROM results WHERE stored ORDER BY used_ms, key");
+      "SELECT key, bytes, used_ms, EXISTS(SELECT 1 FROM jobs j WHERE j.key = results.key "
+      "AND j.state IN ('queued', 'running')) FROM results WHERE stored ORDER BY used_ms, key");
   while (r.next()) list.push_back({r.text(0), r.integer(1), r.integer(2), r.integer(3) != 0});
   return list;
 }
@@ -209,8 +209,9 @@ std::vector<Queue::Collectable> Queue::results_by_age() {
 std::vector<std::string> Queue::unneeded_inputs() {
   std::vector<std::string> files;
   Rows r = db_->query(
-      "SELECT file FROM inputs WHERE NOT EXISTS(SELECT 1 FROM work_inputs i JOIN jobs j ON j.key = "
-      "i.key WHERE i.file = inputs.file AND j.state IN ('queued', 'running')) AND added_ms < ?1",
+      "SELECT file FROM inputs WHERE NOT EXISTS(SELECT 1 FROM work_inputs i "
+      "JOIN jobs j ON j.key = i.key WHERE i.file = inputs.file "
+      "AND j.state IN ('queued', 'running')) AND added_ms < ?1",
       clock_->wall_ms() - input_grace_ms);
   while (r.next()) files.push_back(r.text(0));
   return files;
@@ -235,8 +236,8 @@ std::int64_t Queue::last_event() {
 
 std::int64_t Queue::failed_since(std::int64_t event) {
   Rows r = db_->query(
-      "SELECT count(*) FROM jobs WHERE state = 'failed' AND id IN (SELECT job FROM events WHERE "
-      "seq > ?1 AND kind = 'failed')",
+      "SELECT count(*) FROM jobs WHERE state = 'failed' AND id IN (SELECT job FROM events "
+      "WHERE seq > ?1 AND kind = 'failed')",
       event);
   return r.next() ? r.integer(0) : 0;
 }
@@ -248,9 +249,8 @@ CancelOutcome Queue::cancel(JobId id, const std::string& by) {
   std::string state, key, phase;
   {
     Rows r = db_->query(
-        "SELECT j.state, j.key, coalesce(a.phase, '') FROM jobs j LEFT JOIN attempts a ON a.token "
-        "= "
-        "j.token WHERE j.id = ?1",
+        "SELECT j.state, j.key, coalesce(a.phase, '') FROM jobs j "
+        "LEFT JOIN attempts a ON a.token = j.token WHERE j.id = ?1",
         id);
     if (!r.next()) return CancelOutcome::unknown;
     state = r.text(0);
@@ -279,10 +279,8 @@ bool Queue::retry(JobId id, const std::string& by) {
   Transaction transaction(*db_);
   const std::int64_t changed = db_->run(
       "UPDATE jobs SET state = 'queued', reason = '', message = '', attempts = 0, memory_failures "
-      "= "
-      "0, delays = 0, not_before_ms = 0, cancel_wanted = 0, ended_ms = 0 WHERE id = ?1 AND state "
-      "IN "
-      "('failed', 'cancelled')",
+      "= 0, delays = 0, not_before_ms = 0, cancel_wanted = 0, ended_ms = 0 WHERE id = ?1 "
+      "AND state IN ('failed', 'cancelled')",
       id);
   if (changed == 0) return false;
   event("retried", "by " + by, id);

@@ -85,24 +85,23 @@ std::optional<Claim> Queue::claim(const ClaimRequest& request) {
   const auto candidates = [&](const std::string& key) {
     if (!key.empty()) {
       return db_->query(
-          "SELECT j.id, 1, 0 FROM jobs j JOIN works w ON w.key = "
-          "j.key JOIN results r ON r.key = j.key AND r.stored WHERE j.key = ?1 AND j.state = "
-          "'queued' AND j.follows = 0 AND (j.not_before_ms <= ?2 OR j.not_before_ms > ?2 + ?3) "
+          "SELECT j.id, 1, 0 FROM jobs j JOIN works w ON w.key = j.key "
+          "JOIN results r ON r.key = j.key AND r.stored WHERE j.key = ?1 AND j.state = 'queued' "
+          "AND j.follows = 0 AND (j.not_before_ms <= ?2 OR j.not_before_ms > ?2 + ?3) "
           "ORDER BY j.priority DESC, j.ready_by_ms, j.id",
           key, now, longest_delay_ms);
     }
     // In the order of the index, so that the first rows are all that is read of a long queue.
     return db_->query(
         "SELECT j.id, EXISTS(SELECT 1 FROM results r WHERE r.key = j.key AND r.stored), "
-        "CASE j.memory_failures WHEN 0 THEN w.base_memory_mb ELSE "
-        "max(w.base_memory_mb << min(j.memory_failures, 20), 2 * coalesce((SELECT memory_mb FROM "
-        "attempts WHERE job = j.id AND reason = 'out_of_memory' ORDER BY number DESC LIMIT 1), 0)) "
-        "END FROM jobs j INDEXED BY jobs_to_claim CROSS JOIN works w ON w.key = j.key "
-        "WHERE j.state = 'queued' AND j.follows = 0 AND (j.not_before_ms <= ?1 OR j.not_before_ms "
-        "> "
-        "?1 + ?2) AND j.user NOT IN (SELECT value FROM json_each(?3)) AND (?4 = '[]' OR "
-        "j.output_folder NOT IN (SELECT value FROM json_each(?4))) "
-        "ORDER BY j.priority DESC, j.ready_by_ms, j.id",
+        "CASE j.memory_failures WHEN 0 THEN w.base_memory_mb "
+        "ELSE max(w.base_memory_mb << min(j.memory_failures, 20), 2 * coalesce((SELECT memory_mb "
+        "FROM attempts WHERE job = j.id AND reason = 'out_of_memory' ORDER BY number DESC "
+        "LIMIT 1), 0)) END FROM jobs j INDEXED BY jobs_to_claim "
+        "CROSS JOIN works w ON w.key = j.key WHERE j.state = 'queued' AND j.follows = 0 "
+        "AND (j.not_before_ms <= ?1 OR j.not_before_ms > ?1 + ?2) AND j.user NOT IN (SELECT value "
+        "FROM json_each(?3)) AND (?4 = '[]' OR j.output_folder NOT IN (SELECT value "
+        "FROM json_each(?4))) ORDER BY j.priority DESC, j.ready_by_ms, j.id",
         now, longest_delay_ms, detail::list_json(full_users),
         detail::list_json(request.full_folders));
   };
@@ -150,8 +149,8 @@ std::optional<Claim> Queue::claim(const ClaimRequest& request) {
     Rows rows = db_->query(
         "SELECT w.spec, s.json, w.base_memory_mb, w.thread_memory_mb, j.memory_failures, "
         "coalesce((SELECT memory_mb FROM attempts WHERE job = j.id AND reason = 'out_of_memory' "
-        "ORDER BY number DESC LIMIT 1), 0) FROM jobs j JOIN works w ON w.key = j.key JOIN setups s "
-        "ON s.hash = w.setup WHERE j.id = ?1",
+        "ORDER BY number DESC LIMIT 1), 0) FROM jobs j JOIN works w ON w.key = j.key "
+        "JOIN setups s ON s.hash = w.setup WHERE j.id = ?1",
         id);
     rows.next();
     claim.spec_json = rows.text(0);
@@ -169,8 +168,7 @@ std::int64_t Queue::claimable() {
   const std::int64_t now = clock_->wall_ms();
   Rows rows = db_->query(
       "SELECT count(*) FROM (SELECT 1 FROM jobs INDEXED BY jobs_to_claim WHERE state = 'queued' "
-      "AND follows = 0 AND "
-      "(not_before_ms <= ?1 OR not_before_ms > ?1 + ?2) LIMIT 10000)",
+      "AND follows = 0 AND (not_before_ms <= ?1 OR not_before_ms > ?1 + ?2) LIMIT 10000)",
       now, longest_delay_ms);
   return rows.next() ? rows.integer(0) : 0;
 }
@@ -189,8 +187,8 @@ bool Queue::attempt_is_open(const std::string& token) {
 void Queue::record_start(const std::string& token, const std::string& engine_id, int threads,
                          std::int64_t memory_mb) {
   db_->run(
-      "UPDATE attempts SET engine_id = ?2, threads = ?3, memory_mb = ?4 WHERE token = ?1 AND phase "
-      "<> 'ended'",
+      "UPDATE attempts SET engine_id = ?2, threads = ?3, memory_mb = ?4 WHERE token = ?1 "
+      "AND phase <> 'ended'",
       token, engine_id, threads, memory_mb);
 }
 
@@ -202,8 +200,8 @@ std::vector<std::string> Queue::renew(const std::string& service,
   const std::int64_t until = clock_->steady_ms() + lease_ms;
   for (const std::string& token : tokens) {
     const std::int64_t kept = db_->run(
-        "UPDATE attempts SET lease_until_steady_ms = ?3, lease_boot = ?4 WHERE token = ?1 AND "
-        "service = ?2 AND phase <> 'ended'",
+        "UPDATE attempts SET lease_until_steady_ms = ?3, lease_boot = ?4 WHERE token = ?1 "
+        "AND service = ?2 AND phase <> 'ended'",
         token, service, until, clock_->boot_id());
     if (kept == 0) lost.push_back(token);
   }
@@ -218,8 +216,9 @@ void Queue::record_progress(const std::vector<Progress>& progress) {
   Transaction transaction(*db_);
   for (const Progress& p : progress) {
     db_->run(
-        "UPDATE attempts SET stage = ?2, fraction = ?3, layers_done = ?4, node = ?5, phase = CASE "
-        "phase WHEN 'waiting' THEN 'working' ELSE phase END WHERE token = ?1 AND phase <> 'ended'",
+        "UPDATE attempts SET stage = ?2, fraction = ?3, layers_done = ?4, node = ?5, phase = "
+        "CASE phase WHEN 'waiting' THEN 'working' ELSE phase END WHERE token = ?1 "
+        "AND phase <> 'ended'",
         p.token, p.stage, p.fraction, p.layers_done, p.node);
   }
   transaction.commit();
@@ -228,8 +227,9 @@ void Queue::record_progress(const std::vector<Progress>& progress) {
 bool Queue::begin_commit(const std::string& token) {
   Transaction transaction(*db_);
   const std::int64_t changed = db_->run(
-      "UPDATE attempts SET phase = 'committing' WHERE token = ?1 AND phase <> 'ended' AND EXISTS("
-      "SELECT 1 FROM jobs j WHERE j.token = ?1 AND j.state = 'running' AND NOT j.cancel_wanted)",
+      "UPDATE attempts SET phase = 'committing' WHERE token = ?1 AND phase <> 'ended' "
+      "AND EXISTS(SELECT 1 FROM jobs j WHERE j.token = ?1 AND j.state = 'running' "
+      "AND NOT j.cancel_wanted)",
       token);
   transaction.commit();
   return changed > 0;
@@ -238,9 +238,9 @@ bool Queue::begin_commit(const std::string& token) {
 void Queue::end_attempt(const std::string& token, const AttemptEnd& end) {
   db_->run(
       "UPDATE attempts SET phase = 'ended', ended_ms = ?2, reason = ?3, message = ?4, exit_code = "
-      "?5, wall_s = ?6, cpu_s = ?7, peak_mb = ?8, log = ?9, node = CASE ?10 WHEN '' THEN node ELSE "
-      "?10 END, fraction = CASE ?3 WHEN '' THEN 1 ELSE fraction END WHERE token = ?1 AND phase <> "
-      "'ended'",
+      "?5, wall_s = ?6, cpu_s = ?7, peak_mb = ?8, log = ?9, node = CASE ?10 WHEN '' THEN node "
+      "ELSE ?10 END, fraction = CASE ?3 WHEN '' THEN 1 ELSE fraction END WHERE token = ?1 "
+      "AND phase <> 'ended'",
       token, clock_->wall_ms(), name_of(end.reason), end.message, end.exit_code, end.wall_s,
       end.cpu_s, end.peak_mb, end.log, end.node);
 }
@@ -255,10 +255,9 @@ bool Queue::finish(const std::string& token, const ResultRecord& result, const A
   double voxels = 0;
   {
     Rows rows = db_->query(
-        "SELECT j.id, j.key, w.rate_class, a.threads, w.voxels FROM jobs j JOIN works w ON w.key = "
-        "j.key JOIN "
-        "attempts a ON a.token = j.token WHERE j.token = ?1 AND j.state = 'running' AND a.phase = "
-        "'committing'",
+        "SELECT j.id, j.key, w.rate_class, a.threads, w.voxels FROM jobs j "
+        "JOIN works w ON w.key = j.key JOIN attempts a ON a.token = j.token WHERE j.token = ?1 "
+        "AND j.state = 'running' AND a.phase = 'committing'",
         token);
     if (!rows.next()) return false;
     id = rows.integer(0);
@@ -282,18 +281,16 @@ bool Queue::finish(const std::string& token, const ResultRecord& result, const A
     const ResultFigures& f = result.figures;
     db_->run(
         "INSERT OR REPLACE INTO results VALUES(?1, 1, ?2, ?3, ?4, ?5, ?5, ?6, ?7, ?8, ?9, ?10, "
-        "?11, "
-        "?12, ?13, ?14, ?15)",
+        "?11, ?12, ?13, ?14, ?15)",
         key, files, bytes, result.program, now, result.wall_s, f.layers, f.height_mean_um,
         f.height_p95_um, f.height_max_um, f.lost_features, f.merged_features, f.cure_through_voxels,
         f.undercure_voxels, f.target_voxels);
     const double all_s = end.cpu_s > 0 ? end.cpu_s : end.wall_s * std::max(1, threads);
     const double core_s = std::max(all_s - fixed_job_s, 0.05 * all_s);
     db_->run(
-        "INSERT INTO rates VALUES(?1, 1, ?2, ?3, ?4) ON CONFLICT DO UPDATE SET samples = samples + "
-        "1, "
-        "voxels = voxels * ?5 + excluded.voxels, core_s = core_s * ?5 + excluded.core_s, bytes = "
-        "bytes * ?5 + excluded.bytes",
+        "INSERT INTO rates VALUES(?1, 1, ?2, ?3, ?4) ON CONFLICT DO UPDATE "
+        "SET samples = samples + 1, voxels = voxels * ?5 + excluded.voxels, core_s = core_s * ?5 + "
+        "excluded.core_s, bytes = bytes * ?5 + excluded.bytes",
         rate_class, voxels, core_s, static_cast<double>(bytes), fading);
   }
   relead(key);
@@ -316,11 +313,9 @@ std::optional<JobState> Queue::give_up(const std::string& token, const AttemptEn
   std::int64_t lost = 0;
   {
     Rows rows = db_->query(
-        "SELECT j.id, j.key, j.attempts, j.delays, j.cancel_wanted, (SELECT count(*) FROM attempts "
-        "a "
-        "WHERE a.job = j.id AND a.reason = 'lease_lost') FROM jobs j WHERE j.token = ?1 AND "
-        "j.state "
-        "= 'running'",
+        "SELECT j.id, j.key, j.attempts, j.delays, j.cancel_wanted, (SELECT count(*) "
+        "FROM attempts a WHERE a.job = j.id AND a.reason = 'lease_lost') FROM jobs j "
+        "WHERE j.token = ?1 AND j.state = 'running'",
         token);
     if (rows.next()) {
       id = rows.integer(0);
@@ -357,8 +352,7 @@ std::optional<JobState> Queue::give_up(const std::string& token, const AttemptEn
     db_->run(
         "UPDATE jobs SET state = 'queued', token = '', reason = ?2, message = ?3, attempts = ?4, "
         "delays = ?5, not_before_ms = ?6, memory_failures = memory_failures + ?7, cancel_wanted = "
-        "0 "
-        "WHERE id = ?1",
+        "0 WHERE id = ?1",
         id, name_of(end.reason), end.message, attempts, delays, not_before,
         end.reason == Reason::out_of_memory);
     event("put_back", end.message, id, token, end.reason);
@@ -367,8 +361,7 @@ std::optional<JobState> Queue::give_up(const std::string& token, const AttemptEn
     now_is = cancelled ? JobState::cancelled : JobState::failed;
     db_->run(
         "UPDATE jobs SET state = ?2, token = '', reason = ?3, message = ?4, attempts = ?5, "
-        "ended_ms "
-        "= ?6, cancel_wanted = 0 WHERE id = ?1",
+        "ended_ms = ?6, cancel_wanted = 0 WHERE id = ?1",
         id, cancelled ? "cancelled" : "failed", name_of(end.reason), end.message, attempts, now);
     event(cancelled ? "cancelled" : "failed", end.message, id, token, end.reason);
     if (end.reason == Reason::bad_input || end.reason == Reason::infeasible) {
@@ -381,8 +374,7 @@ std::optional<JobState> Queue::give_up(const std::string& token, const AttemptEn
       for (const JobId follower : followers) {
         db_->run(
             "UPDATE jobs SET state = 'failed', follows = 0, reason = ?2, message = ?3, ended_ms = "
-            "?4 "
-            "WHERE id = ?1",
+            "?4 WHERE id = ?1",
             follower, name_of(end.reason), end.message, now);
         event("failed", fmt::format("as job {}: {}", id, end.message), follower, {}, end.reason);
       }
@@ -396,8 +388,8 @@ std::optional<JobState> Queue::give_up(const std::string& token, const AttemptEn
 std::vector<std::string> Queue::cancellations(const std::string& service) {
   std::vector<std::string> tokens;
   Rows rows = db_->query(
-      "SELECT a.token FROM attempts a JOIN jobs j ON j.token = a.token WHERE a.service = ?1 AND "
-      "a.phase <> 'ended' AND j.cancel_wanted",
+      "SELECT a.token FROM attempts a JOIN jobs j ON j.token = a.token WHERE a.service = ?1 "
+      "AND a.phase <> 'ended' AND j.cancel_wanted",
       service);
   while (rows.next()) tokens.push_back(rows.text(0));
   return tokens;
@@ -416,9 +408,8 @@ std::vector<OwnedAttempt> Queue::open_attempts(const std::string& service) {
     Rows rows = db_->query(
         "SELECT a.token, coalesce(s.pid, 0), coalesce(s.process_start, 0), coalesce(s.boot, ''), "
         "a.lease_boot, a.lease_until_steady_ms, coalesce(s.stopped_ms, 1) <> 0 FROM attempts a "
-        "LEFT "
-        "JOIN services s ON s.id = a.service WHERE a.phase <> 'ended' AND (?1 = '' OR a.service = "
-        "?1)",
+        "LEFT JOIN services s ON s.id = a.service WHERE a.phase <> 'ended' "
+        "AND (?1 = '' OR a.service = ?1)",
         service);
     while (rows.next()) {
       Raw r;
@@ -475,8 +466,8 @@ bool Queue::adopt(const std::string& token, const std::string& service) {
                                   [&](const OwnedAttempt& a) { return a.attempt.token == token; });
   if (found == list.end()) return false;
   db_->run(
-      "UPDATE attempts SET service = ?2, lease_boot = ?3, lease_until_steady_ms = ?4 WHERE token = "
-      "?1 AND phase <> 'ended'",
+      "UPDATE attempts SET service = ?2, lease_boot = ?3, lease_until_steady_ms = ?4 "
+      "WHERE token = ?1 AND phase <> 'ended'",
       token, service, clock_->boot_id(), clock_->steady_ms() + lease_ms);
   event("service_lost", "its service is gone; another one looks after it", found->job.id, token);
   transaction.commit();

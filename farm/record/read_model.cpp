@@ -206,8 +206,8 @@ std::vector<FarmEvent> ReadModel::last_events(std::int64_t limit) {
 std::vector<Reasons> ReadModel::failures() {
   std::vector<Reasons> list;
   Rows rows = db_->query(
-      "SELECT reason, count(*) FROM jobs WHERE state = 'failed' GROUP BY reason ORDER BY count(*) "
-      "DESC, reason");
+      "SELECT reason, count(*) FROM jobs WHERE state = 'failed' GROUP BY reason "
+      "ORDER BY count(*) DESC, reason");
   while (rows.next()) list.push_back({reason_named(rows.text(0)), rows.integer(1)});
   return list;
 }
@@ -228,8 +228,7 @@ std::vector<Service> ReadModel::services() {
   std::string boot = clock_->boot_id() + " ";
   Rows rows = db_->query(
       "SELECT id, engine, host, pid, started_ms, seen_ms, stopped_ms, doing, cores, memory_mb, "
-      "boot, "
-      "process_start FROM services ORDER BY stopped_ms = 0 DESC, started_ms DESC LIMIT 100");
+      "boot, process_start FROM services ORDER BY stopped_ms = 0 DESC, started_ms DESC LIMIT 100");
   while (rows.next()) {
     Service s;
     s.id = rows.text(0);
@@ -263,8 +262,8 @@ Summary ReadModel::summary() {
   Summary s;
   {
     Rows rows = db_->query(
-        "SELECT state, follower, sum(jobs), sum(expected_s), sum(from_cache) FROM counts GROUP BY "
-        "state, follower");
+        "SELECT state, follower, sum(jobs), sum(expected_s), sum(from_cache) FROM counts "
+        "GROUP BY state, follower");
     while (rows.next()) {
       const auto state = job_state_named(rows.text(0));
       if (!state) continue;
@@ -299,9 +298,8 @@ Summary ReadModel::summary() {
   {
     Rows rows = db_->query(
         "SELECT sum(a.wall_s * max(a.threads, 1)), sum(j.expected_s) FROM (SELECT id, expected_s "
-        "FROM "
-        "jobs WHERE state = 'done' AND NOT from_cache ORDER BY ended_ms DESC LIMIT ?1) j JOIN "
-        "attempts a ON a.job = j.id AND a.phase = 'ended' AND a.reason = ''",
+        "FROM jobs WHERE state = 'done' AND NOT from_cache ORDER BY ended_ms DESC LIMIT ?1) j "
+        "JOIN attempts a ON a.job = j.id AND a.phase = 'ended' AND a.reason = ''",
         recent_jobs);
     if (rows.next() && rows.number(0) > 0 && rows.number(1) > 0)
       pace = rows.number(0) / rows.number(1);
@@ -336,11 +334,11 @@ Summary ReadModel::summary() {
       }
     };
     look_at(db_->query("SELECT ready_by_ms, expected_s FROM jobs WHERE state = 'running'"));
-    look_at(db_->query(
-        "SELECT ready_by_ms, CASE WHEN follows = 0 THEN expected_s ELSE 0 END FROM jobs INDEXED BY "
-        "jobs_queued WHERE "
-        "state = 'queued' ORDER BY priority DESC, ready_by_ms, id LIMIT ?1",
-        most_for_deadlines));
+    look_at(
+        db_->query("SELECT ready_by_ms, CASE WHEN follows = 0 THEN expected_s ELSE 0 "
+                   "END FROM jobs INDEXED BY jobs_queued WHERE state = 'queued' "
+                   "ORDER BY priority DESC, ready_by_ms, id LIMIT ?1",
+                   most_for_deadlines));
   }
   {
     Rows rows = db_->query("SELECT count(*), coalesce(sum(bytes), 0) FROM results WHERE stored");
@@ -351,8 +349,9 @@ Summary ReadModel::summary() {
   }
   s.first_submitted_ms = one("SELECT coalesce(min(submitted_ms), 0) FROM batches");
   s.last_ended_ms =
-      one("SELECT max(coalesce((SELECT max(ended_ms) FROM jobs WHERE state = 'done'), 0), "
-          "coalesce((SELECT max(ended_ms) FROM jobs WHERE state = 'failed'), 0))");
+      one("SELECT max(coalesce((SELECT max(ended_ms) FROM jobs "
+          "WHERE state = 'done'), 0), coalesce((SELECT max(ended_ms) FROM jobs "
+          "WHERE state = 'failed'), 0))");
   s.last_event = one("SELECT coalesce(max(seq), 0) FROM events");
   return s;
 }

@@ -11,10 +11,10 @@
 #include <string>
 #include <vector>
 
-#include "support/http/answers.hpp"
-#include "support/http/guard.hpp"
 #include "slicecorr/farm/read_model.hpp"
 #include "slicecorr/farm/serve.hpp"
+#include "support/http/answers.hpp"
+#include "support/http/guard.hpp"
 
 namespace slicecorr::farm::detail {
 

@@ -1,9 +1,9 @@
 #include <sstream>
 
-#include "support/http/guarded_server.hpp"
 #include "serve/api.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/serve.hpp"
+#include "support/http/guarded_server.hpp"
 
 namespace slicecorr::farm {
 

@@ -4,11 +4,11 @@
 #include <filesystem>
 
 #include "engine/slurm_tasks.hpp"
-#include "support/text/display_text.hpp"
 #include "record/database.hpp"
 #include "service/commit.hpp"
 #include "slicecorr/farm/service.hpp"
 #include "slicecorr/farm/store.hpp"
+#include "support/text/display_text.hpp"
 
 namespace slicecorr::farm {
 

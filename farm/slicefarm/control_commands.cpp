@@ -156,8 +156,8 @@ void add_control_commands(cli::Program& program) {
   set->add_option("NAME=VALUE", a->settings,
                   "night=20:00-07:00|off, user-running=N, user-queued=N, user-running.NAME=N, "
                   "user-queued.NAME=N, min-free-mb=N, max-attempts=N, hang-s=N, retry-delay-s=N, "
-                  "cache-max-mb=N; 0 is no limit; slurm-label.LABEL=constraint:X|partition:X|"
-                  "gres:X|none");
+                  "cache-max-mb=N; 0 is no limit; "
+                  "slurm-label.LABEL=constraint:X|partition:X|gres:X|none");
   add("pause", "Start nothing; what runs goes on", [](const A& args, C& c) {
     return change(args, true, false, "paused: nothing is started", c);
   });

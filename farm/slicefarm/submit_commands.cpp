@@ -158,8 +158,8 @@ void add_submit_commands(cli::Program& program) {
                   });
   sub->add_option(
          "PART", a->parts,
-         "Meshes (stl, obj, ply, off, 3mf; also .gz) and archives of slices, each a job of "
-         "its own, and jobs files (.toml, .csv)")
+         "Meshes (stl, obj, ply, off, 3mf; also .gz) and archives of slices, each a job of its "
+         "own, and jobs files (.toml, .csv)")
       ->required();
   a->farm.add_to(*sub);
   sub->add_option("--store", a->store,

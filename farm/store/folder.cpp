@@ -10,9 +10,9 @@
 #include <filesystem>
 #include <fstream>
 
+#include "slicecorr/error.hpp"
 #include "support/files/errno_message.hpp"
 #include "support/files/temporary.hpp"
-#include "slicecorr/error.hpp"
 
 namespace slicecorr::farm {
 

@@ -40,10 +40,10 @@ std::vector<Span> read_spans(Database& db, const MorningReport& r) {
   Rows rows = db.query(
       "SELECT a.job, a.started_ms, a.ended_ms, a.reason, a.node, a.engine, j.name, a.number, "
       "a.cpu_s, a.wall_s, a.threads, j.state = 'failed', CASE a.engine WHEN 'local' THEN s.host "
-      "ELSE '' END FROM attempts a JOIN jobs j ON j.id = a.job LEFT JOIN services s ON s.id = "
-      "a.service WHERE a.engine <> 'cache' AND a.started_ms < ?2 AND (a.ended_ms = 0 OR a.ended_ms "
-      "> ?1) AND (?3 = 0 OR "
-      "j.batch = ?3) ORDER BY a.started_ms, a.job",
+      "ELSE '' END FROM attempts a JOIN jobs j ON j.id = a.job "
+      "LEFT JOIN services s ON s.id = a.service WHERE a.engine <> 'cache' AND a.started_ms < ?2 "
+      "AND (a.ended_ms = 0 OR a.ended_ms > ?1) AND (?3 = 0 OR j.batch = ?3) "
+      "ORDER BY a.started_ms, a.job",
       r.from_ms, r.until_ms, r.batch);
   while (rows.next()) {
     Span s;
@@ -192,8 +192,8 @@ void fill_slots(Database& db, const std::vector<Span>& spans, MorningReport& r) 
 /// several shared it or came one after the other.
 int cores_of_services(Database& db, const MorningReport& r) {
   Rows rows = db.query(
-      "SELECT engine, host, max(cores) FROM services WHERE started_ms < ?2 AND max(seen_ms, "
-      "stopped_ms) > ?1 GROUP BY engine, host",
+      "SELECT engine, host, max(cores) FROM services WHERE started_ms < ?2 "
+      "AND max(seen_ms, stopped_ms) > ?1 GROUP BY engine, host",
       r.from_ms, r.until_ms);
   std::map<std::pair<std::string, std::string>, int> machines;
   while (rows.next()) {
@@ -224,8 +224,8 @@ void read_failures(const FarmFolder& folder, Database& db, ReadModel& model,
   std::vector<JobId> ids;
   {
     Rows rows = db.query(
-        "SELECT id FROM jobs WHERE state = 'failed' AND ended_ms >= ?1 AND ended_ms < ?2 AND (?3 = "
-        "0 OR batch = ?3) ORDER BY ended_ms DESC, id DESC LIMIT ?4",
+        "SELECT id FROM jobs WHERE state = 'failed' AND ended_ms >= ?1 AND ended_ms < ?2 "
+        "AND (?3 = 0 OR batch = ?3) ORDER BY ended_ms DESC, id DESC LIMIT ?4",
         r.from_ms, r.until_ms, r.batch, options.most_failures);
     while (rows.next()) ids.push_back(rows.integer(0));
   }
@@ -251,8 +251,9 @@ void read_failures(const FarmFolder& folder, Database& db, ReadModel& model,
 
 void read_worst(Database& db, const MorningOptions& options, MorningReport& r) {
   Rows rows = db.query(detail::select_jobs +
-                           "WHERE j.state = 'done' AND j.ended_ms >= ?1 AND j.ended_ms < ?2 AND "
-                           "(?3 = 0 OR j.batch = ?3) ORDER BY r.height_max_um DESC, j.id LIMIT ?4",
+                           "WHERE j.state = 'done' AND j.ended_ms >= ?1 AND j.ended_ms < ?2 "
+                           "AND (?3 = 0 OR j.batch = ?3) ORDER BY r.height_max_um DESC, j.id "
+                           "LIMIT ?4",
                        r.from_ms, r.until_ms, r.batch, options.most_worst);
   while (rows.next()) r.worst.push_back(detail::read_job(rows));
 }
@@ -301,9 +302,9 @@ MorningReport read_morning(const FarmFolder& folder, ReadModel& model,
   db.execute("BEGIN");
   {
     Rows rows = db.query(
-        "SELECT state, reason, from_cache, count(*) FROM jobs WHERE state IN ('done', 'failed', "
-        "'cancelled') AND ended_ms >= ?1 AND ended_ms < ?2 AND (?3 = 0 OR batch = ?3) GROUP BY "
-        "state, reason, from_cache ORDER BY count(*) DESC",
+        "SELECT state, reason, from_cache, count(*) FROM jobs "
+        "WHERE state IN ('done', 'failed', 'cancelled') AND ended_ms >= ?1 AND ended_ms < ?2 "
+        "AND (?3 = 0 OR batch = ?3) GROUP BY state, reason, from_cache ORDER BY count(*) DESC",
         r.from_ms, r.until_ms, r.batch);
     std::map<Reason, std::int64_t> reasons;
     while (rows.next()) {
@@ -336,9 +337,9 @@ MorningReport read_morning(const FarmFolder& folder, ReadModel& model,
   r.cores = cores_of_services(db, r);
   {
     Rows rows = db.query(
-        "SELECT coalesce(sum(json_extract(f.value, '$.bytes')), 0) FROM jobs j, json_each(j.files) "
-        "f WHERE j.state = 'done' AND j.files <> '' AND j.ended_ms >= ?1 AND j.ended_ms < ?2 AND "
-        "(?3 = 0 OR j.batch = ?3)",
+        "SELECT coalesce(sum(json_extract(f.value, '$.bytes')), 0) "
+        "FROM jobs j, json_each(j.files) f WHERE j.state = 'done' AND j.files <> '' "
+        "AND j.ended_ms >= ?1 AND j.ended_ms < ?2 AND (?3 = 0 OR j.batch = ?3)",
         r.from_ms, r.until_ms, r.batch);
     if (rows.next()) r.delivered_bytes = rows.integer(0);
   }

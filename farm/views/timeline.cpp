@@ -31,29 +31,18 @@ constexpr std::array<KindRow, 5> kinds{{{"done", "done"},
 
 // Literal colours, as in the charts. Bars that are not done differ by their edge as well.
 constexpr const char* style =
-    ".slc-time{max-width:100%;height:auto}"
-    ".slc-time .ground{fill:#fff}"
-    ".slc-time text{font-family:system-ui,sans-serif;font-size:15px;fill:#1b1f24}"
-    ".slc-time .tick{fill:#4a545e}"
-    ".slc-time .grid{stroke:#d5dae0}"
-    ".slc-time .row{fill:#f1f3f5}"
-    ".slc-time .done{fill:#00805f}"
-    ".slc-time .running{fill:#8ab4f8;stroke:#0b57d0;stroke-dasharray:4 3}"
-    ".slc-time .again{fill:#f0b429;stroke:#7a5600}"
-    ".slc-time .failed{fill:#d63031;stroke:#7d0f12;stroke-width:2}"
-    ".slc-time .cancelled{fill:#b0b6bc;stroke:#4a545e}"
-    "@media screen and (prefers-color-scheme:dark){"
-    ".slc-time .ground{fill:#1d2126}"
-    ".slc-time text{fill:#e6e9ec}"
-    ".slc-time .tick{fill:#b4bdc6}"
-    ".slc-time .grid{stroke:#343a41}"
-    ".slc-time .row{fill:#262b31}"
-    ".slc-time .done{fill:#2aa884}"
-    ".slc-time .running{fill:#31486b;stroke:#8ab4f8}"
-    ".slc-time .again{stroke:#ffe08a}"
-    ".slc-time .failed{fill:#ef5350;stroke:#ffb3b1}"
-    ".slc-time .cancelled{fill:#7d8894;stroke:#c4ccd4}"
-    "}";
+    ".slc-time{max-width:100%;height:auto}.slc-time .ground{fill:#fff}.slc-time "
+    "text{font-family:system-ui,sans-serif;font-size:15px;fill:#1b1f24}.slc-time "
+    ".tick{fill:#4a545e}.slc-time .grid{stroke:#d5dae0}.slc-time .row{fill:#f1f3f5}.slc-time "
+    ".done{fill:#00805f}.slc-time .running{fill:#8ab4f8;stroke:#0b57d0;stroke-dasharray:4 "
+    "3}.slc-time .again{fill:#f0b429;stroke:#7a5600}.slc-time "
+    ".failed{fill:#d63031;stroke:#7d0f12;stroke-width:2}.slc-time "
+    ".cancelled{fill:#b0b6bc;stroke:#4a545e}@media screen and "
+    "(prefers-color-scheme:dark){.slc-time .ground{fill:#1d2126}.slc-time "
+    "text{fill:#e6e9ec}.slc-time .tick{fill:#b4bdc6}.slc-time .grid{stroke:#343a41}.slc-time "
+    ".row{fill:#262b31}.slc-time .done{fill:#2aa884}.slc-time "
+    ".running{fill:#31486b;stroke:#8ab4f8}.slc-time .again{stroke:#ffe08a}.slc-time "
+    ".failed{fill:#ef5350;stroke:#ffb3b1}.slc-time .cancelled{fill:#7d8894;stroke:#c4ccd4}}";
 
 }  // namespace
 

@@ -14,14 +14,13 @@ constexpr double reaction_cycles = 4;
 /// Why lamps can't follow the stage to a stop; empty when they can.
 std::string lamps_against(const PrintPlan& plan, const Machine& machine) {
   if (!plan.lamps_follow()) {
-    return "slices are lit and the stack was not made for lamps that follow the stage "
-           "(--ramp lamp-follows): slowing down would cure more";
+    return "slices are lit and the stack was not made for lamps that follow the stage (--ramp "
+           "lamp-follows): slowing down would cure more";
   }
   if (machine.blue.min_share > 0) {
     return fmt::format(
         "slices are lit and the blue lamp can't follow the stage to a stop: it is dark below {:g} "
-        "% "
-        "of its light",
+        "% of its light",
         machine.blue.min_share * 100);
   }
   if (plan.uv &&

@@ -111,8 +111,7 @@ std::string against_start(const Machine& machine, const Status& s, bool machine_
   }
   return fmt::format(
       "the stage stands at {:.3f} mm, as after a print that did not end: there may be a part on "
-      "it. "
-      "See that platform and window are clear, then print with --machine-is-clear",
+      "it. See that platform and window are clear, then print with --machine-is-clear",
       s.stage_um * 1e-3);
 }
 

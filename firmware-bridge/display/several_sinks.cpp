@@ -73,8 +73,8 @@ std::unique_ptr<FrameSink> open_sinks(const std::vector<std::string>& names, con
     const bool drm = parts[0] == "drm" && parts.size() <= 3;
     if (!wire && !window && !drm && name != "null") {
       throw InputError(
-          fmt::format("--sink is '{}', expected window[:DISPLAY], "
-                      "drm[:CARD[:CONNECTOR]], unix:PATH, tcp:HOST:PORT or null",
+          fmt::format("--sink is '{}', expected window[:DISPLAY], drm[:CARD[:CONNECTOR]], "
+                      "unix:PATH, tcp:HOST:PORT or null",
                       name));
     }
     if (window && ++windows > 1) throw InputError("two windows; expected one --sink window");

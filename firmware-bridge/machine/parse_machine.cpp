@@ -92,8 +92,8 @@ void check_times(const TomlTable& t, const Limits& l, int requests) {
   const std::string two =
       requests == 1 ? fmt::format("two response timeouts of {:g} s", l.response_timeout_s)
                     : fmt::format(
-                          "two exchanges of {} requests (by [modbus]), each with "
-                          "a response timeout of {:g} s: {:g} s",
+                          "two exchanges of {} requests (by [modbus]), each with a response "
+                          "timeout of {:g} s: {:g} s",
                           requests, l.response_timeout_s, 2 * requests * l.response_timeout_s);
   if (l.heartbeat_timeout_s < 2 * requests * l.response_timeout_s) {
     t.fail("heartbeat_timeout_s",

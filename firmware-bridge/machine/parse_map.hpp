@@ -2,8 +2,8 @@
 
 #include <span>
 
-#include "support/toml/toml_table.hpp"
 #include "slicecorr/bridge/machine.hpp"
+#include "support/toml/toml_table.hpp"
 
 namespace slicecorr::bridge::detail {
 

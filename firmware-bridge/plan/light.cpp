@@ -167,8 +167,7 @@ void plan_light(PrintPlan& plan, const StackReader& stack, const Machine& machin
     first_bad = n;
     bad = fmt::format(
         "slice {} needs {}{:.4g} mW/cm² of UV light under its brightest pixel{}, the stack has "
-        "{:.4g}: "
-        "resin would cure to the window; correct the part with more UV light",
+        "{:.4g}: resin would cure to the window; correct the part with more UV light",
         n, process.uv.dead_zone_um > 0 ? "" : "more than ", wanted,
         process.uv.dead_zone_um > 0
             ? fmt::format(" for its dead zone of {:g} um", process.uv.dead_zone_um)

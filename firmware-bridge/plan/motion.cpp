@@ -81,8 +81,8 @@ void plan_motion(PrintPlan& plan, const StackInfo& info, const Machine& machine)
   if (slice_s < cycles_per_slice * limits.cycle_s) {
     throw InfeasibleError(
         fmt::format("a slice of {:g} um passes in {:.3g} ms at {:g} mm/h, with exchanges every "
-                    "{:g} ms (cycle_s) it must "
-                    "take {:g} ms; print at {:.5g} mm/h or slower, or with higher slices",
+                    "{:g} ms (cycle_s) it must take {:g} ms; print at {:.5g} mm/h or slower, or "
+                    "with higher slices",
                     plan.layer_um, slice_s * 1e3, process.speed_mm_h, limits.cycle_s * 1e3,
                     cycles_per_slice * limits.cycle_s * 1e3,
                     plan.layer_um / (cycles_per_slice * limits.cycle_s) * mm_h_from_um_s));

@@ -79,8 +79,7 @@ int print(const Options& o, const ExecutionContext& context, Console& console) {
   if (const auto latch = read_latch(folder, true)) {
     throw DeviceError(
         fmt::format("printer '{}' had a fault that nobody has looked at: {}: {} ({}). Look at the "
-                    "machine, then "
-                    "`printbridge reset --printer {}`",
+                    "machine, then `printbridge reset --printer {}`",
                     machine.printer.name, name_of(latch->fault), latch->detail,
                     where_it_was(latch->frame, latch->z_um), o.printer));
   }
@@ -216,8 +215,8 @@ int main(int argc, char** argv) {
       ->expected(1);
   p->add_flag(
       "--machine-is-clear", o.machine_is_clear,
-      "Somebody has seen that no part is on the machine, where its stage stands as if there "
-      "was one");
+      "Somebody has seen that no part is on the machine, where its stage stands as if there was "
+      "one");
   p->add_flag("--lockstep", o.lockstep,
               "Time is that of a simulator, which waits for every exchange");
   add_view_commands([&](const char* name, const char* text, PrinterOptions& options,

@@ -173,8 +173,8 @@ int main(int argc, char** argv) {
       "printer-sim",
       "A printer to test against: Modbus, stage, lamps, interlocks and watchdog, with faults on "
       "demand. Records what was shown and lit as a stack. Ends with SIGTERM.",
-      "printer-sim --printer dual-wavelength-dlp --listen 127.0.0.1:0 --frames tcp:127.0.0.1:0 "
-      "-o shown.uvj");
+      "printer-sim --printer dual-wavelength-dlp --listen 127.0.0.1:0 --frames tcp:127.0.0.1:0 -o "
+      "shown.uvj");
   CLI::App* app = program.only([&](const ExecutionContext& context, cli::Console& console) {
     return run(o, context, console);
   });
@@ -194,8 +194,8 @@ int main(int argc, char** argv) {
   app->add_option("--time-rate", o.time_rate, "So many times as fast as real time [1]")
       ->check(cli::number_in(0.001, 1000));
   app->add_flag("--check-machine", o.check_machine,
-                "Drives a real machine through every command without light, and reports: its "
-                "stage moves by a millimetre");
+                "Drives a real machine through every command without light, and reports: its stage "
+                "moves by a millimetre");
   app->add_option("--modbus", o.modbus,
                   "Where that machine is [as the printer file says]: tcp:HOST:PORT or rtu:DEVICE");
   return program.run(argc, argv);

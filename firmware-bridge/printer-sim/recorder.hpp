@@ -9,8 +9,8 @@
 #include "frames/wire.hpp"
 #include "sim/timed_model.hpp"
 #include "slicecorr/recording.hpp"
-#include "slicecorr/stack.hpp"
 #include "slicecorr/recording_writer.hpp"
+#include "slicecorr/stack.hpp"
 
 namespace slicecorr::bridge {
 

@@ -278,8 +278,8 @@ class Bench {
       exchange_until(Command::off, soon_s, is(MachineState::idle));
     } else {
       leave("job",
-            "the map has no job and no job_kept: the height of the stage must tell whether "
-            "a part is on the machine");
+            "the map has no job and no job_kept: the height of the stage must tell whether a part "
+            "is on the machine");
     }
     trouble_ = shone_;
     say("no light", shone_.empty(), "no lamp was measured lit in all of it");

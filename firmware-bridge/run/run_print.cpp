@@ -435,8 +435,8 @@ Status reset_machine(Link& link, BridgeClock& clock, const Machine& machine) {
   }
   const std::string open = interlocks(machine, *status);
   throw DeviceError(
-      fmt::format("the machine stays as it is after a reset: {}{}{}; end the cause at "
-                  "the machine, then reset again",
+      fmt::format("the machine stays as it is after a reset: {}{}{}; end the cause at the machine, "
+                  "then reset again",
                   status->lamp_failed    ? "a lamp failed"
                   : status->stage_failed ? "the stage failed"
                   : status->latched.value_or(false) || status->job_kept.value_or(false)

@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "support/text/nearest.hpp"
 #include "slicecorr/bridge/model.hpp"
 #include "slicecorr/error.hpp"
+#include "support/text/nearest.hpp"
 
 namespace slicecorr::bridge {
 

@@ -217,8 +217,7 @@ void add_lamps(const PrintRecord& r, std::vector<Chart>& charts) {
   lamp_panel(picture, r, blue_asked, blue, "blue, %", !with_uv);
   if (with_uv) lamp_panel(picture, r, uv_asked, uv, "UV, mW/cm²", true);
   picture.note(
-      "At the moment when each frame was shown; a lamp follows what is asked with its own "
-      "time.");
+      "At the moment when each frame was shown; a lamp follows what is asked with its own time.");
   charts.push_back({"Lamps", picture.svg()});
 }
 

@@ -1,8 +1,8 @@
 #include <cmath>
 
-#include "support/metrics/exposition.hpp"
 #include "slicecorr/bridge/view.hpp"
 #include "slicecorr/version.hpp"
+#include "support/metrics/exposition.hpp"
 
 namespace slicecorr::bridge {
 

@@ -5,13 +5,13 @@
 #include <sstream>
 #include <utility>
 
+#include "slicecorr/bridge/view.hpp"
+#include "slicecorr/error.hpp"
+#include "support/chart/chart.hpp"
 #include "support/http/answers.hpp"
 #include "support/http/guard.hpp"
 #include "support/http/guarded_server.hpp"
-#include "support/chart/chart.hpp"
 #include "support/page/page_style.hpp"
-#include "slicecorr/bridge/view.hpp"
-#include "slicecorr/error.hpp"
 #include "view/page_text.hpp"
 
 namespace slicecorr::bridge {

@@ -80,8 +80,8 @@ class SdlWindow final : public Window {
     const char* asked = SDL_GetHint(SDL_HINT_VIDEODRIVER);
     if (driver != "x11" && driver != "wayland" && !(asked && *asked)) {
       found.wrong =
-          "there is no display server; expected $DISPLAY or $WAYLAND_DISPLAY to name one "
-          "(--sink drm needs none)";
+          "there is no display server; expected $DISPLAY or $WAYLAND_DISPLAY to name one (--sink "
+          "drm needs none)";
       return false;
     }
     return choose(wanted, found) && make_window(found) && make_renderer(found) && settle(found);

@@ -120,7 +120,8 @@ void InhibitedPlan::sum_dark(const CureModel& model) {
 }
 
 /// Dose of black slices at one place of each layer.
-std::vector<double> InhibitedPlan::dark_at(const CureModel& model, InhibitedKernel::LayerPosition place) {
+std::vector<double> InhibitedPlan::dark_at(const CureModel& model,
+                                           InhibitedKernel::LayerPosition place) {
   std::vector<double> dose(static_cast<std::size_t>(all_layers), 0.0);
   double far = 0;  // of slices near or more layers away
   for (int k = all_layers; k-- > 0;) {

@@ -1,8 +1,9 @@
+#include "slicecorr/place_models.hpp"
+
 #include <algorithm>
 #include <cmath>
 
 #include "slicecorr/inhibited.hpp"
-#include "slicecorr/place_models.hpp"
 
 namespace slicecorr {
 

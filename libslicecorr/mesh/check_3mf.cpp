@@ -7,8 +7,8 @@
 #include <map>
 #include <memory>
 
-#include "support/files/unpacked_limit.hpp"
 #include "mesh/mesh_parts.hpp"
+#include "support/files/unpacked_limit.hpp"
 
 namespace slicecorr::detail {
 namespace {

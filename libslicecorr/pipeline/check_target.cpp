@@ -139,8 +139,8 @@ void check_target(const SliceSource& stack, const StackInfo& info, const SliceSo
   const std::uint64_t columns = o.both + o.stack_only + o.full_only;
   if (corrected ? 2 * o.both < columns : o.lit() && o.both == 0) {
     refuse(
-        fmt::format("of {} pixels that are lit in the stack or covered in the target only {} "
-                    "are both: it lies elsewhere, or is another part",
+        fmt::format("of {} pixels that are lit in the stack or covered in the target only {} are "
+                    "both: it lies elsewhere, or is another part",
                     columns, o.both));
   }
   if (!volume_known || same_volume) return;
@@ -151,8 +151,7 @@ void check_target(const SliceSource& stack, const StackInfo& info, const SliceSo
   }
   context.tell(
       fmt::format("{}: holds {:.8g} mm³, the stack was made from {:.8g} mm³: it is sliced "
-                  "otherwise, or another "
-                  "part of the same height and place",
+                  "otherwise, or another part of the same height and place",
                   name, volume_mm3, info.part_volume_mm3));
 }
 

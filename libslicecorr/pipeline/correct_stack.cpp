@@ -351,16 +351,15 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
   if (p.cure_through_voxels + p.undercure_voxels > 0) {
     context.tell(fmt::format(
         "{} voxels will still cure through and {} stay undercured: no choice of the {} grey levels "
-        "was "
-        "found that avoids it; one level moves an edge by up to {:.3g} um",
+        "was found that avoids it; one level moves an edge by up to {:.3g} um",
         p.cure_through_voxels, p.undercure_voxels, plans.levels(), model.level_step_um()));
   }
   // Printers of this kind want some 20 um of liquid under the part.
   constexpr double kThin_um = 10;
   if (p.dead_zones && setup.process.uv.dead_zone_um == 0 && p.dead_zones->least() < kThin_um) {
     context.tell(
-        fmt::format("the dead zone gets as thin as {:.2g} um; UV light chosen for a dead zone, "
-                    "in place of an intensity, keeps more of it",
+        fmt::format("the dead zone gets as thin as {:.2g} um; UV light chosen for a dead zone, in "
+                    "place of an intensity, keeps more of it",
                     p.dead_zones->least()));
   }
   if (p.one_slice_gaps > 0) {

@@ -2,12 +2,12 @@
 
 #include <nlohmann/json.hpp>
 
-#include "support/text/base64.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/setup.hpp"
-#include "stack/formats/archive_format.hpp"
 #include "stack/flat_field_entry.hpp"
+#include "stack/formats/archive_format.hpp"
 #include "stack/formats/uvj_config.hpp"
+#include "support/text/base64.hpp"
 
 namespace slicecorr {
 

@@ -22,15 +22,14 @@ void refuse_vanished(const SliceSource& target, const std::string& name) {
   const std::string found =
       brightest == 0 ? std::string("all slices are empty")
                      : fmt::format(
-                           "no pixel is covered fully, the fullest by {:.3g} % (grey value "
-                           "{} of 255)",
+                           "no pixel is covered fully, the fullest by {:.3g} % (grey value {} of "
+                           "255)",
                            brightest / 2.55, brightest);
   const std::string size =
       box.empty()
           ? std::string()
           : fmt::format(
-                " It lies within {} x {} pixels of {:g} x {:g} um and {} layers of "
-                "{:g} um.",
+                " It lies within {} x {} pixels of {:g} x {:g} um and {} layers of {:g} um.",
                 box.width(), box.height(), g.pixel_x_um, g.pixel_y_um, g.layers, g.layer_um);
   const std::string message =
       "nothing in the part is solid, so nothing would print: " + found + "." + size +

@@ -7,10 +7,10 @@
 #include <sstream>
 
 #include "process/flat_field_keys.hpp"
-#include "support/toml/toml_table.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/process.hpp"
 #include "slicecorr/units.hpp"
+#include "support/toml/toml_table.hpp"
 
 #ifndef SLICECORR_INSTALLED_DB
 #define SLICECORR_INSTALLED_DB "/usr/share/slicecorr/db"
@@ -187,8 +187,7 @@ void check_overrides(const ResinOverrides& overrides) {
   check_override(overrides.dose_factor, "the dose factor", 1e3);
   if (overrides.dc_mj_cm3 && overrides.dose_factor) {
     throw InputError(
-        "a dose to aim at and a dose factor are two ways to set the dose; expected one "
-        "of them");
+        "a dose to aim at and a dose factor are two ways to set the dose; expected one of them");
   }
 }
 

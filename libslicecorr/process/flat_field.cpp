@@ -18,9 +18,7 @@ bool FlatField::operator==(const FlatField& o) const {
          of_plate == o.of_plate && (values == o.values || *values == *o.values);
 }
 
-Grid plate_grid(const Printer& printer) {
-  return images_of(printer, {});
-}
+Grid plate_grid(const Printer& printer) { return images_of(printer, {}); }
 
 std::string light_in_words(const Printer& printer) {
   if (!printer.flat_field) return {};

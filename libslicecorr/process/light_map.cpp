@@ -1,9 +1,10 @@
+#include "slicecorr/light_map.hpp"
+
 #include <fmt/format.h>
 
 #include <algorithm>
 
 #include "slicecorr/error.hpp"
-#include "slicecorr/light_map.hpp"
 
 namespace slicecorr {
 

@@ -103,8 +103,8 @@ std::string figures_table(const ReportContent& c) {
   }
   const CureModel model = brightest_model(c);
   return html + fmt::format(
-                    "</tbody></table></div><p class=\"dim\">One grey level moves the upper "
-                    "edge of a feature by up to {:.3g} um.</p>",
+                    "</tbody></table></div><p class=\"dim\">One grey level moves the upper edge of "
+                    "a feature by up to {:.3g} um.</p>",
                     model.level_step_um());
 }
 

@@ -163,9 +163,8 @@ std::string feature_lists(const ReportContent& c) {
   const Grid& g = c.info.grid;
   std::string html =
       "<h2>Lost and merged features</h2><p class=\"dim\">Counted per pixel column. A feature is "
-      "lost "
-      "when nothing of it prints, in pieces when light too weak leaves a crack inside it, a gap "
-      "merged when nothing of it stays open.</p>";
+      "lost when nothing of it prints, in pieces when light too weak leaves a crack inside it, a "
+      "gap merged when nothing of it stays open.</p>";
   html += feature_table("Lost, this stack", c.after.lost_examples, c.after.lost_features, g, true);
   const bool any_split = c.after.split_features > 0 || (c.before && c.before->split_features > 0);
   if (any_split) {

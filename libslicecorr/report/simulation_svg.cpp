@@ -6,8 +6,8 @@
 #include <cmath>
 #include <limits>
 
-#include "support/chart/chart.hpp"
 #include "slicecorr/report.hpp"
+#include "support/chart/chart.hpp"
 
 namespace slicecorr {
 

@@ -220,8 +220,7 @@ void MeshSlices::Impl::place(TriangleMesh mesh, const Printer& printer, const Sl
     }
     throw InputError(fmt::format(
         "the part of {:.3f} x {:.3f} mm, centred at {:.3f}, {:.3f} mm, reaches{} beyond the "
-        "display of "
-        "'{}' ({:.3f} x {:.3f} mm)",
+        "display of '{}' ({:.3f} x {:.3f} mm)",
         high[0] - low[0], high[1] - low[1], cx, cy, text, printer.name, display_x, display_y));
   }
   const double height = (high[2] - low[2]) / layer_mm;
@@ -233,9 +232,8 @@ void MeshSlices::Impl::place(TriangleMesh mesh, const Printer& printer, const Sl
   }
   if (!(layers >= 1)) {
     throw InputError(
-        fmt::format("the part is {:.6g} mm high, thinner than half a layer of {:g} um; "
-                    "are its units and scale right (metres or inches read as "
-                    "millimetres)?",
+        fmt::format("the part is {:.6g} mm high, thinner than half a layer of {:g} um; are its "
+                    "units and scale right (metres or inches read as millimetres)?",
                     high[2] - low[2], options.layer_um));
   }
   if (layers > 1e6) {

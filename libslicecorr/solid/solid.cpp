@@ -363,8 +363,8 @@ Surface surface_of(const SliceSource& stack, const PlaceModels& models, const So
   }
   if (surface.report.triangles == 0) {
     throw InputError(
-        "nothing of the stack prints: the dose reaches 1 nowhere; expected a stack "
-        "made for this printer, resin and speed");
+        "nothing of the stack prints: the dose reaches 1 nowhere; expected a stack made for this "
+        "printer, resin and speed");
   }
   return surface;
 }

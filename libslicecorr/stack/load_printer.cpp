@@ -1,4 +1,6 @@
 // Printer files with the picture of their flat-field; here because images are read in this module.
+#include "slicecorr/load_printer.hpp"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -6,10 +8,9 @@
 #include <filesystem>
 
 #include "process/flat_field_keys.hpp"
-#include "support/toml/toml_table.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
-#include "slicecorr/load_printer.hpp"
+#include "support/toml/toml_table.hpp"
 
 namespace slicecorr {
 
@@ -61,8 +62,7 @@ void check_flat_field(const FlatField& field, const Printer& printer, const std:
   if (std::int64_t{field.width_px} * field.height_px > most) {
     throw InputError(
         path, "",
-        fmt::format("is {} x {} pixels; expected at most {} of them for a display of "
-                    "{} x {}",
+        fmt::format("is {} x {} pixels; expected at most {} of them for a display of {} x {}",
                     field.width_px, field.height_px, most, printer.width_px, printer.height_px));
   }
   const auto along = [](int w, int h) { return (w > h) - (w < h); };
@@ -76,8 +76,8 @@ void check_flat_field(const FlatField& field, const Printer& printer, const std:
   if (off || is * wanted < 0) {
     throw InputError(
         path, "",
-        fmt::format("is {} x {} pixels; expected a picture in the shape of the {}, {} "
-                    "x {} pixels, that covers all of it",
+        fmt::format("is {} x {} pixels; expected a picture in the shape of the {}, {} x {} pixels, "
+                    "that covers all of it",
                     field.width_px, field.height_px, field.of_plate ? "plate" : "display",
                     covered.width_px, covered.height_px));
   }

@@ -83,8 +83,8 @@ void check_doses(CheckedFile& definition) {
   } else if (gel && factor && std::abs(aim / (*gel * *factor) - 1) > 0.01) {
     definition.add(
         definition.line_of("cure", aim_key), definition.full("cure", aim_key),
-        fmt::format("is {:g} mJ/cm³, but gel dose times dose_factor is {:g}; expected one of "
-                    "them, or the same",
+        fmt::format("is {:g} mJ/cm³, but gel dose times dose_factor is {:g}; expected one of them, "
+                    "or the same",
                     aim, *gel * *factor));
   } else if (!gel && factor) {
     definition.add(definition.line_of("cure", "dose_factor"), "cure.dose_factor",
@@ -195,8 +195,8 @@ void check_projector(CheckedFile& definition) {
     const std::string key = t->contains("uv") ? "uv" : "blue";
     definition.add(
         definition.line_of("projector", key), "projector." + key,
-        fmt::format("puts blue and UV images into the same channel (\"{}\", \"{}\"); expected "
-                    "one of its own for each",
+        fmt::format("puts blue and UV images into the same channel (\"{}\", \"{}\"); expected one "
+                    "of its own for each",
                     blue, uv));
   }
 }

@@ -11,8 +11,8 @@
 #include <system_error>
 #include <utility>
 
-#include "support/files/errno_message.hpp"
 #include "slicecorr/error.hpp"
+#include "support/files/errno_message.hpp"
 
 namespace slicecorr::resins {
 

@@ -6,8 +6,8 @@
 #include <utility>
 #include <vector>
 
-#include "support/toml/toml_table.hpp"
 #include "slicecorr/error.hpp"
+#include "support/toml/toml_table.hpp"
 
 namespace slicecorr::resins {
 

@@ -76,8 +76,8 @@ Located locate(const std::string& name_or_path) {
   const std::vector<std::string_view> known(names.begin(), names.end());
   const std::string near = nearest(name_or_path, known);
   throw InputError(
-      fmt::format("no resin or printer '{}'; {}'resinctl list' and 'resinctl list "
-                  "--printers' show those known",
+      fmt::format("no resin or printer '{}'; {}'resinctl list' and 'resinctl list --printers' show "
+                  "those known",
                   name_or_path, near.empty() ? "" : fmt::format("did you mean '{}'? ", near)));
 }
 

@@ -8,8 +8,8 @@
 
 #include "database/record_text.hpp"
 #include "database/schema.hpp"
-#include "support/toml/toml_table.hpp"
 #include "slicecorr/error.hpp"
+#include "support/toml/toml_table.hpp"
 
 namespace slicecorr::resins {
 

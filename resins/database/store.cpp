@@ -17,9 +17,9 @@
 #include "database/files.hpp"
 #include "database/schema.hpp"
 #include "database/toml_edit.hpp"
-#include "support/toml/toml_table.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/database.hpp"
+#include "support/toml/toml_table.hpp"
 
 namespace slicecorr::resins {
 

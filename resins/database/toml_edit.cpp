@@ -7,8 +7,8 @@
 #include <optional>
 #include <utility>
 
-#include "support/toml/toml_table.hpp"
 #include "slicecorr/error.hpp"
+#include "support/toml/toml_table.hpp"
 
 namespace slicecorr::resins {
 

@@ -7,12 +7,12 @@
 #include <cmath>
 #include <filesystem>
 
-#include "support/text/nearest.hpp"
 #include "database/checked_file.hpp"
 #include "database/record_text.hpp"
 #include "database/schema.hpp"
-#include "support/toml/toml_table.hpp"
 #include "slicecorr/error.hpp"
+#include "support/text/nearest.hpp"
+#include "support/toml/toml_table.hpp"
 
 namespace slicecorr::resins {
 

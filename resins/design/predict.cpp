@@ -68,8 +68,7 @@ void describe_start(const Forecast& f, std::vector<std::string>& s) {
                           figure(k.critical_dose_prime), dose_unit(k.m), q.aim ? "" : known));
   if (!inhibited(f)) {
     s.push_back(
-        fmt::format("First gel: at the window after {} s. Without UV light there is no "
-                    "dead zone.",
+        fmt::format("First gel: at the window after {} s. Without UV light there is no dead zone.",
                     figure(f.first.time_s)));
     return;
   }
@@ -96,8 +95,8 @@ void describe_exposure(const Forecast& f, std::vector<std::string>& s) {
       s.push_back(fmt::format("After {} s nothing has gelled yet.", figure(q.exposure_s)));
     } else if (inhibited(f)) {
       s.push_back(fmt::format(
-          "After {} s: cured from {} um (dead zone) to {} um above the window; without UV light "
-          "it would be {} um high.",
+          "After {} s: cured from {} um (dead zone) to {} um above the window; without UV light it "
+          "would be {} um high.",
           figure(q.exposure_s), figure(f.fronts->front_um), figure(f.fronts->back_um),
           figure(std::max(0.0, f.cured_height_without_uv_um))));
     } else {
@@ -116,13 +115,13 @@ void describe_passing(const Forecast& f, std::vector<std::string>& s) {
   if (!f.passing) return;
   const Passing& p = *f.passing;
   s.push_back(
-      fmt::format("Continuous printing at {} mm/h: phi = {} (dose inside a long part, "
-                  "over the dose used); phi = 1 takes {} mW/cm².",
+      fmt::format("Continuous printing at {} mm/h: phi = {} (dose inside a long part, over the "
+                  "dose used); phi = 1 takes {} mW/cm².",
                   figure(q.speed_mm_h), figure(p.phi), figure(p.critical_intensity_mw_cm2)));
   if (p.phi <= 1) {
     s.push_back(
-        fmt::format("That is too fast: the resin does not gel. With this light {} mm/h "
-                    "is the limit.",
+        fmt::format("That is too fast: the resin does not gel. With this light {} mm/h is the "
+                    "limit.",
                     at_most(p.fastest_mm_h * (1 - kInside))));
   } else {
     s.push_back(fmt::format("Fastest speed with this light: {} mm/h.", figure(p.fastest_mm_h)));

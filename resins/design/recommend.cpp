@@ -306,13 +306,13 @@ std::vector<std::string> ways_out(const Designer& d, const Resin& resin, const P
     std::string text =
         d.keeps_any_dead_zone()
             ? fmt::format(
-                  "the UV lamp's {} mW/cm² do not keep a dead zone of {} um and let full "
-                  "light ({} mW/cm²) gel the resin at {} mm/h",
+                  "the UV lamp's {} mW/cm² do not keep a dead zone of {} um and let full light ({} "
+                  "mW/cm²) gel the resin at {} mm/h",
                   figure(d.lamp()), figure(wish.dead_zone_um), figure(d.blue()),
                   figure(wish.speed_mm_h))
             : fmt::format(
-                  "no dead zone lasts under full blue light ({} mW/cm²) with the UV lamp's "
-                  "{} mW/cm²",
+                  "no dead zone lasts under full blue light ({} mW/cm²) with the UV lamp's {} "
+                  "mW/cm²",
                   figure(d.blue()), figure(d.lamp()));
     const auto with_lamp = [&](double most) {
       Printer p = printer;
@@ -345,8 +345,8 @@ std::vector<std::string> ways_out(const Designer& d, const Resin& resin, const P
     ways.push_back(text);
   } else if (!limits.any()) {
     ways.push_back(fmt::format(
-        "the printer's black ({} mW/cm²) is too bright against its full light ({} mW/cm²), or "
-        "the speed of {} mm/h is beyond every absorbance height of a resin file",
+        "the printer's black ({} mW/cm²) is too bright against its full light ({} mW/cm²), or the "
+        "speed of {} mm/h is beyond every absorbance height of a resin file",
         figure(d.black()), figure(d.blue()), figure(wish.speed_mm_h)));
   } else {
     ways.push_back(fmt::format(
@@ -417,8 +417,8 @@ void describe(const Resin& resin, const Printer& printer, const Wish& wish, Reco
       figure(r.phi_max), figure(r.phi_min), figure(r.fastest_mm_h),
       r.slowest_mm_h > 0 ? fmt::format(", the slowest {} mm/h", figure(r.slowest_mm_h)) : ""));
   r.reasons.push_back(fmt::format(
-      "With correction one grey level moves an edge by {} um at most; one percent more light "
-      "moves an upper edge by {} um.",
+      "With correction one grey level moves an edge by {} um at most; one percent more light moves "
+      "an upper edge by {} um.",
       figure(r.corrected_error_um), figure(r.um_per_percent_of_light)));
   r.reasons.push_back(fmt::format(
       "Without correction, at full light, thick features would reach {} um past their upper edge "
@@ -529,8 +529,7 @@ void describe_places(const Resin& resin, const Printer& printer, const Wish& wis
         100 * places.share_met, 100 * least_met, 100 * greatest_met));
   } else {
     r.warnings.push_back(
-        "the wish is met nowhere on the display: no place gets the light of the "
-        "calibration");
+        "the wish is met nowhere on the display: no place gets the light of the calibration");
   }
 }
 

@@ -142,8 +142,8 @@ std::string to_prusaslicer(const ResinRecord& r, double layer_um, double intensi
       "from the resin.\n",
       first_over_other);
   out +=
-      "# - A file of settings: PrusaSlicer takes it with --load or File > Import > Import "
-      "Config. Layer height is a print setting and not set here.\n";
+      "# - A file of settings: PrusaSlicer takes it with --load or File > Import > Import Config. "
+      "Layer height is a print setting and not set here.\n";
   const auto setting = [&](const char* key, const std::string& value) {
     // A line end would begin another setting.
     std::string line = value;

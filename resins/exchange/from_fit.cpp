@@ -171,8 +171,8 @@ std::string record_text_from_fit(const std::string& name, const std::vector<FitR
                                  const ResinRecord* previous, const std::string& folder) {
   if (!is_stable_name(name)) {
     throw InputError(
-        fmt::format("'{}' is no resin name; expected lower case letters, digits, "
-                    "'-', '.', '_', a letter or digit first",
+        fmt::format("'{}' is no resin name; expected lower case letters, digits, '-', '.', '_', a "
+                    "letter or digit first",
                     name));
   }
   const FitResult *cure = nullptr, *zone = nullptr;
@@ -182,8 +182,8 @@ std::string record_text_from_fit(const std::string& name, const std::vector<FitR
   }
   if (!cure && !(zone && previous)) {
     throw InputError(
-        "a resin file needs a fit of cured heights (jacobs, kinetic or joint), or a "
-        "dead-zone fit of a resin that has one");
+        "a resin file needs a fit of cured heights (jacobs, kinetic or joint), or a dead-zone fit "
+        "of a resin that has one");
   }
   TomlEdit edit(previous ? previous->text : "", name + ".toml");
   edit.set("", "name", toml_text(name));

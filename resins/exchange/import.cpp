@@ -141,13 +141,13 @@ std::string resin_of_exposures(const std::vector<LayerExposure>& exposures,
   if (options.height_um > 0) {
     draft.height_e_um = options.height_um;
     say.push_back(
-        fmt::format("The absorbance height, {:g} um (base e), is the one given on the "
-                    "command line, not the profile's.",
+        fmt::format("The absorbance height, {:g} um (base e), is the one given on the command "
+                    "line, not the profile's.",
                     options.height_um));
   } else if (heights.size() < 2) {
     return fmt::format(
-        "has one layer height only ({:g} um), which says nothing of the absorbance "
-        "height; expected --height-um (base e)",
+        "has one layer height only ({:g} um), which says nothing of the absorbance height; "
+        "expected --height-um (base e)",
         heights.empty() ? 0.0 : *heights.begin());
   } else {
     double mean_x = 0, mean_y = 0, sxx = 0, sxy = 0, syy = 0;
@@ -183,9 +183,8 @@ std::string resin_of_exposures(const std::vector<LayerExposure>& exposures,
                   options.intensity_mw_cm2));
   say.push_back(fmt::format(
       "The dose, {:.4g} mJ/cm² areal, is what the profile gives the far side of a layer. It holds "
-      "a "
-      "margin that nobody wrote down, so it is an upper bound of the gel dose; correction aims at "
-      "it as it is, without a dose_factor.",
+      "a margin that nobody wrote down, so it is an upper bound of the gel dose; correction aims "
+      "at it as it is, without a dose_factor.",
       draft.aim_mj_cm2));
   say.emplace_back("Intensity times time counts (m = 1), and no UV light inhibits.");
   if (options.wavelength_nm > 0) {
@@ -243,8 +242,8 @@ std::vector<Imported> import_definitions(const std::string& path, const ImportOp
     }
     if (!is_stable_name(options.name)) {
       throw InputError(
-          fmt::format("'{}' is no name; expected lower case letters, digits, '-', "
-                      "'.', '_', a letter or digit first",
+          fmt::format("'{}' is no name; expected lower case letters, digits, '-', '.', '_', a "
+                      "letter or digit first",
                       options.name));
     }
   }

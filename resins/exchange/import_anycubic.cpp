@@ -80,8 +80,8 @@ class Reader {
     const auto list = curve.is_object() ? curve.find("temperature_coefficients") : curve.end();
     if (!curve.is_object() || list == curve.end() || !list->is_array()) {
       fail(place,
-           "expected temperature_coefficients: [{temperature, x_coefficient, "
-           "y_compensation}, ...]");
+           "expected temperature_coefficients: [{temperature, x_coefficient, y_compensation}, "
+           "...]");
     }
     if (list->empty()) {
       source_.leave_out(

@@ -13,9 +13,9 @@
 #include "database/toml_edit.hpp"
 #include "exchange/csv.hpp"
 #include "exchange/import.hpp"
-#include "support/toml/toml_table.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/process.hpp"
+#include "support/toml/toml_table.hpp"
 
 namespace slicecorr::resins {
 
@@ -193,9 +193,8 @@ std::vector<Reading> read_curve(const ImportSource& source, bool every_level, do
     if (*value < 0) table.fail(row, light, fmt::format("is {:g}; expected at least 0", *value));
     if (every_level && *level != expected) {
       table.fail(row, first,
-                 fmt::format("is level {:g}; expected {:g}: every level, once, from 0 "
-                             "on",
-                             *level, expected));
+                 fmt::format("is level {:g}; expected {:g}: every level, once, from 0 on", *level,
+                             expected));
     }
     points.push_back({*level, *value, row.line});
   }
@@ -234,8 +233,8 @@ std::vector<Imported> import_curve(const ImportSource& source, const ImportOptio
   }
   auto& say = made.assumptions;
   say.push_back(
-      fmt::format("Intensities are those at the window, mW/cm², between points a straight "
-                  "line; {} readings at {} levels.",
+      fmt::format("Intensities are those at the window, mW/cm², between points a straight line; {} "
+                  "readings at {} levels.",
                   read, curve.size()));
   if (curve.size() < read) say.emplace_back("Readings of the same level were averaged.");
   if (options.intensity_mw_cm2 > 0) {
@@ -258,9 +257,9 @@ std::vector<Imported> import_curve(const ImportSource& source, const ImportOptio
     if (changed > most * top) {
       throw InputError(
           source.path, fmt::format("line {}", most_changed.line),
-          fmt::format("the curve falls: making it rise would change level {:g} by {:g} "
-                      "mW/cm², more than {:g} % of full light; expected a curve that "
-                      "rises with the grey level",
+          fmt::format("the curve falls: making it rise would change level {:g} by {:g} mW/cm², "
+                      "more than {:g} % of full light; expected a curve that rises with the grey "
+                      "level",
                       most_changed.level, changed, most * 100));
     }
     say.push_back(
@@ -331,13 +330,13 @@ std::vector<Imported> import_flat_field(const ImportSource& source, const Import
       }
       field = flat_field_of(std::move(field.image), source.path);
       say.emplace_back(
-          "A correction mask, which multiplies grey levels so that the light becomes "
-          "even: relative intensity was taken as its least value over its value, which "
-          "takes intensity to be proportional to grey level.");
+          "A correction mask, which multiplies grey levels so that the light becomes even: "
+          "relative intensity was taken as its least value over its value, which takes intensity "
+          "to be proportional to grey level.");
     } else {
       say.emplace_back(
-          "Grey levels of the image are relative intensity, white the brightest; the "
-          "image covers the whole display.");
+          "Grey levels of the image are relative intensity, white the brightest; the image covers "
+          "the whole display.");
     }
   }
   if (png && !correction_mask) {

@@ -8,9 +8,9 @@
 #include "database/record_text.hpp"
 #include "database/toml_edit.hpp"
 #include "exchange/import.hpp"
-#include "support/toml/toml_table.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/exchange.hpp"
+#include "support/toml/toml_table.hpp"
 
 namespace slicecorr::resins {
 

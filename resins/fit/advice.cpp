@@ -90,8 +90,8 @@ void advise_intervals(const PreparedFit& s, const FitResult& result,
     const bool exponent = p.name == "m" || p.name == "m_uv";
     if (exponent ? width > 0.5 : p.ci95[1] > 3 * p.ci95[0]) {
       out.push_back(
-          fmt::format("{} is known badly: {:.4g}, but anything from {:.4g} to {:.4g} "
-                      "fits (95 %); {}",
+          fmt::format("{} is known badly: {:.4g}, but anything from {:.4g} to {:.4g} fits (95 %); "
+                      "{}",
                       p.name, p.value, p.ci95[0], p.ci95[1], why_unknown(s, p.name)));
     }
   }
@@ -103,9 +103,9 @@ void advise_cured(const PreparedFit& s, const FitResult& result, const Diagnosis
   if (dose.count == 0) return;
   if (is_free(s, kHeight) && dose.factor() < 2) {
     out.push_back(
-        fmt::format("the doses differ by a factor of {:.3g} only ({:.4g} to {:.4g} "
-                    "mJ/cm2): the slope of the working curve rests on a short piece of "
-                    "it; measure over a factor of 8 or more",
+        fmt::format("the doses differ by a factor of {:.3g} only ({:.4g} to {:.4g} mJ/cm2): the "
+                    "slope of the working curve rests on a short piece of it; measure over a "
+                    "factor of 8 or more",
                     dose.factor(), std::exp(dose.low), std::exp(dose.high)));
   }
   double lowest = std::numeric_limits<double>::infinity();
@@ -115,9 +115,9 @@ void advise_cured(const PreparedFit& s, const FitResult& result, const Diagnosis
   const double h = d.law[kHeight];
   if (is_free(s, kDose) && lowest > 1.6 * h) {
     out.push_back(fmt::format(
-        "all {} cured heights lie far above gel, the lowest at {:.4g} um, "
-        "{:.3g} times the dose of gel: the gel dose is extrapolated; measure "
-        "at doses down to 1.5 times it, about {:.4g} mJ/cm2",
+        "all {} cured heights lie far above gel, the lowest at {:.4g} um, {:.3g} times the dose of "
+        "gel: the gel dose is extrapolated; measure at doses down to 1.5 times it, about {:.4g} "
+        "mJ/cm2",
         dose.count, lowest, std::exp(lowest / h), 1.5 * std::exp(dose.low - lowest / h)));
   }
   std::vector<std::size_t> below;
@@ -127,8 +127,8 @@ void advise_cured(const PreparedFit& s, const FitResult& result, const Diagnosis
   }
   if (!below.empty()) {
     out.push_back(
-        fmt::format("by the fit {} sample(s) should not have gelled at all ({}); look at "
-                    "them, or at the low end of the curve",
+        fmt::format("by the fit {} sample(s) should not have gelled at all ({}); look at them, or "
+                    "at the low end of the curve",
                     below.size(), lines_of(result, below)));
   }
 }
@@ -165,43 +165,43 @@ void advise_dead_zones(const PreparedFit& s, const FitResult& result, const Diag
   }
   if (!liquid.empty()) {
     out.push_back(
-        fmt::format("by the fit nothing had gelled yet at {} measured dead zone(s) ({}); "
-                    "these pull at the fit without being described by it: check D'c of "
-                    "the resin and the exposure times",
+        fmt::format("by the fit nothing had gelled yet at {} measured dead zone(s) ({}); these "
+                    "pull at the fit without being described by it: check D'c of the resin and the "
+                    "exposure times",
                     liquid.size(), lines_of(result, liquid)));
   }
   if (!closed.empty()) {
     out.push_back(
-        fmt::format("by the fit {} measured dead zone(s) had closed ({}); the fit goes "
-                    "on past the window for them and is doubtful there: measure at a "
-                    "higher ratio of UV to blue",
+        fmt::format("by the fit {} measured dead zone(s) had closed ({}); the fit goes on past the "
+                    "window for them and is doubtful there: measure at a higher ratio of UV to "
+                    "blue",
                     closed.size(), lines_of(result, closed)));
   }
   if (!early.empty()) {
     out.push_back(
-        fmt::format("{} dead zone(s) were measured before they were steady, by up to "
-                    "{:.4g} um ({}): beta and huv_um come out wrong; fit with "
-                    "deadzone-transient, or expose longer",
+        fmt::format("{} dead zone(s) were measured before they were steady, by up to {:.4g} um "
+                    "({}): beta and huv_um come out wrong; fit with deadzone-transient, or expose "
+                    "longer",
                     early.size(), worst_early, lines_of(result, early)));
   }
   if (!contradicted.empty()) {
     out.push_back(
-        fmt::format("the fit predicts an open dead zone where {} sample(s) had cured to "
-                    "the window ({}): model and measurements contradict each other there",
+        fmt::format("the fit predicts an open dead zone where {} sample(s) had cured to the window "
+                    "({}): model and measurements contradict each other there",
                     contradicted.size(), lines_of(result, contradicted)));
   }
   const Range ratio = ratio_of(s);
   if (ratio.count > 0 && is_free(s, kUvHeight) && ratio.factor() < 2) {
     out.push_back(
-        fmt::format("the ratios of UV to blue differ by a factor of {:.3g} only; measure "
-                    "over a factor of 4 or more",
+        fmt::format("the ratios of UV to blue differ by a factor of {:.3g} only; measure over a "
+                    "factor of 4 or more",
                     ratio.factor()));
   }
   if (!s.problem.is_steady && is_free(s, kUvExponent) && liquid.empty() && farthest < sigma) {
     out.push_back(
-        fmt::format("all {} dead zones lie within {:.4g} um of the steady ones, less "
-                    "than their scatter of {:.4g} um: the exponent under UV light can't "
-                    "be known from them; measure at shorter exposures",
+        fmt::format("all {} dead zones lie within {:.4g} um of the steady ones, less than their "
+                    "scatter of {:.4g} um: the exponent under UV light can't be known from them; "
+                    "measure at shorter exposures",
                     ratio.count, farthest, sigma));
   }
 }
@@ -264,10 +264,9 @@ void advise_replicates(const PreparedFit& s, const Diagnosis& d, std::vector<std
   const double p = f_exceedance(f, lack_freedom, pure_freedom);
   if (p < 0.01) {
     out.push_back(
-        fmt::format("the curve misses the means of replicates by more than their scatter "
-                    "explains (lack of fit F = {:.3g}, p = {:.2g}): the model is not the "
-                    "whole story, or samples that were made together share an error; "
-                    "intervals are too narrow",
+        fmt::format("the curve misses the means of replicates by more than their scatter explains "
+                    "(lack of fit F = {:.3g}, p = {:.2g}): the model is not the whole story, or "
+                    "samples that were made together share an error; intervals are too narrow",
                     f, p));
   }
 }
@@ -281,20 +280,20 @@ std::string why_unknown(const PreparedFit& s, const std::string& name) {
     const Range blue = blue_of(s, false), time = time_of(s, false);
     if (name == "m" && blue.different == 1) {
       return fmt::format(
-          "all {} measurements have one intensity ({:.4g} mW/cm2); measure at two "
-          "or more intensities that differ by at least a factor of 4",
+          "all {} measurements have one intensity ({:.4g} mW/cm2); measure at two or more "
+          "intensities that differ by at least a factor of 4",
           blue.count, std::exp(blue.low));
     }
     if (name == "m" && time.different == 1) {
       return fmt::format(
-          "all {} measurements have one exposure time ({:.4g} s); measure each "
-          "intensity at several times",
+          "all {} measurements have one exposure time ({:.4g} s); measure each intensity at "
+          "several times",
           time.count, std::exp(time.low));
     }
     if (name == "m" && blue.factor() < 4) {
       return fmt::format(
-          "the intensities differ by a factor of {:.3g} only ({:.4g} to {:.4g} "
-          "mW/cm2); measure at intensities that differ by at least a factor of 4",
+          "the intensities differ by a factor of {:.3g} only ({:.4g} to {:.4g} mW/cm2); measure at "
+          "intensities that differ by at least a factor of 4",
           blue.factor(), std::exp(blue.low), std::exp(blue.high));
     }
     if (name == "m") {
@@ -303,8 +302,7 @@ std::string why_unknown(const PreparedFit& s, const std::string& name) {
     }
     const Range dose = dose_of(s);
     return fmt::format(
-        "measure over a wider range of doses (now a factor of {:.3g}), and more "
-        "often (now {})",
+        "measure over a wider range of doses (now a factor of {:.3g}), and more often (now {})",
         dose.factor(), dose.count);
   }
   const Range ratio = ratio_of(s);
@@ -313,16 +311,16 @@ std::string why_unknown(const PreparedFit& s, const std::string& name) {
     const double dose = std::log(s.start[kDose]);
     if (time.different == 1 && std::abs(time.low - dose) < 0.1) {
       return fmt::format(
-          "all exposures last {:.4g} s, about D'c, where the exponent cancels out; "
-          "measure at other times, shorter ones above all",
+          "all exposures last {:.4g} s, about D'c, where the exponent cancels out; measure at "
+          "other times, shorter ones above all",
           std::exp(time.low));
     }
     return "it shows only before the dead zone is steady; measure at shorter exposures, at several "
            "times and with several blue intensities";
   }
   return fmt::format(
-      "measure over a wider range of ratios of UV to blue (now a factor of {:.3g}), "
-      "and more often (now {})",
+      "measure over a wider range of ratios of UV to blue (now a factor of {:.3g}), and more often "
+      "(now {})",
       ratio.factor(), ratio.count);
 }
 
@@ -336,8 +334,8 @@ std::vector<std::string> advise(const PreparedFit& prepared, const FitResult& re
   advise_replicates(prepared, d, out);
   if (d.freedom <= 0) {
     out.push_back(
-        fmt::format("there are as many free parameters as measurements ({}): nothing is "
-                    "left to tell the scatter, so there are no intervals; measure more",
+        fmt::format("there are as many free parameters as measurements ({}): nothing is left to "
+                    "tell the scatter, so there are no intervals; measure more",
                     result.n));
   }
   return out;
@@ -491,8 +489,8 @@ void find_outliers(const PreparedFit& s, const Diagnosis& d, FitResult& result) 
   }
   if (plain && far_off > 0) {
     result.warnings.push_back(fmt::format(
-        "{} far off and pull{} the whole fit: look at {}, leave out what was a mistake, "
-        "or let a robust loss hold against {} (--loss soft-l1)",
+        "{} far off and pull{} the whole fit: look at {}, leave out what was a mistake, or let a "
+        "robust loss hold against {} (--loss soft-l1)",
         far_off == 1 ? "an outlier lies" : fmt::format("{} outliers lie", far_off),
         far_off == 1 ? "s" : "", far_off == 1 ? "it" : "them", far_off == 1 ? "it" : "them"));
   }

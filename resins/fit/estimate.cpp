@@ -301,8 +301,8 @@ std::optional<Reciprocity> test_reciprocity(const PreparedFit& s, const Solution
   if (half > 0.5) {
     // No reason to doubt it, and none to believe in it.
     r.verdict = fmt::format(
-        "The measurements can't tell whether reciprocity holds: m is {:.3g}, "
-        "but anything from {:.3g} to {:.3g} fits (95 %).",
+        "The measurements can't tell whether reciprocity holds: m is {:.3g}, but anything from "
+        "{:.3g} to {:.3g} fits (95 %).",
         r.m, r.m_ci95[0], r.m_ci95[1]);
     return r;
   }
@@ -318,8 +318,8 @@ std::optional<Reciprocity> test_reciprocity(const PreparedFit& s, const Solution
   }
   if (r.holds) {
     r.verdict = fmt::format(
-        "Reciprocity holds: {} does not differ from 1, and {}. Only the dose "
-        "counts, as in Jacobs' law.",
+        "Reciprocity holds: {} does not differ from 1, and {}. Only the dose counts, as in Jacobs' "
+        "law.",
         figures, by_aic);
     return r;
   }
@@ -329,9 +329,9 @@ std::optional<Reciprocity> test_reciprocity(const PreparedFit& s, const Solution
     worst = std::max(worst, std::abs(by_jacobs - cured_height(seen.law, o.exposure).um));
   }
   r.verdict = fmt::format(
-      "Reciprocity does not hold: {} differs from 1, and {}. At a quarter of "
-      "the intensity the same height needs {:.2f} times the dose; Jacobs' law "
-      "is off by up to {:.3g} um at the doses measured.",
+      "Reciprocity does not hold: {} differs from 1, and {}. At a quarter of the intensity the "
+      "same height needs {:.2f} times the dose; Jacobs' law is off by up to {:.3g} um at the doses "
+      "measured.",
       figures, by_aic, std::pow(0.25, 1 - r.m), worst);
   return r;
 }

@@ -20,8 +20,8 @@ ExponentFit exponent_from_times(const std::vector<TimeToState>& times,
     const double rest = t.time_s - induction_dose_mj_cm2 / t.intensity_mw_cm2;
     if (!(t.intensity_mw_cm2 > 0) || !(t.time_s > 0) || !(rest > 0) || !std::isfinite(rest)) {
       throw InputError(
-          fmt::format("{:g} s at {:g} mW/cm2 is no time after an induction dose of "
-                      "{:g} mJ/cm2; expected numbers above 0 and a longer time",
+          fmt::format("{:g} s at {:g} mW/cm2 is no time after an induction dose of {:g} mJ/cm2; "
+                      "expected numbers above 0 and a longer time",
                       t.time_s, t.intensity_mw_cm2, induction_dose_mj_cm2));
     }
     return std::log(rest);

@@ -208,14 +208,13 @@ void fill_bootstrap(const PreparedFit& s, const Solution& solution, const Diagno
   const std::size_t lost = static_cast<std::size_t>(options.bootstrap) - rows.size();
   if (lost > 0) {
     result.warnings.push_back(
-        fmt::format("{} of {} resampled fits failed and are not in the "
-                    "bootstrap intervals",
-                    lost, options.bootstrap));
+        fmt::format("{} of {} resampled fits failed and are not in the bootstrap intervals", lost,
+                    options.bootstrap));
   }
   if (rows.size() < 20) {
     result.warnings.push_back(
-        fmt::format("{} resampled fits are too few for bootstrap intervals; "
-                    "expected 20 or more, better 1000",
+        fmt::format("{} resampled fits are too few for bootstrap intervals; expected 20 or more, "
+                    "better 1000",
                     rows.size()));
     return;
   }
@@ -279,8 +278,8 @@ FitResult fit(const Measurements& data, FitModel model, const FitOptions& option
     const std::string& name =
         prepared.problem.unknowns[diagnosis.active[static_cast<std::size_t>(most)]].name;
     throw InputError(
-        fmt::format("the {} model can't be fitted: {} can't be known apart from the "
-                    "other parameters; {}, or hold it with --fix",
+        fmt::format("the {} model can't be fitted: {} can't be known apart from the other "
+                    "parameters; {}, or hold it with --fix",
                     name_of(model), name, why_unknown(prepared, name)));
   }
   context.check_cancelled();

@@ -239,15 +239,14 @@ void apply_choices(PreparedFit& s, const FitOptions& options) {
     check_number("the upper bound of " + name, bounds.high, true);
     if (!(bounds.low < bounds.high)) {
       throw InputError(
-          fmt::format("the bounds of {} are {:g} to {:g}; expected the lower one "
-                      "first",
-                      name, bounds.low, bounds.high));
+          fmt::format("the bounds of {} are {:g} to {:g}; expected the lower one first", name,
+                      bounds.low, bounds.high));
     }
     const double limit = u.slots.front() == kUvHeight ? u.high : bounds.high;
     if (!(bounds.low < limit)) {
       throw InputError(
-          fmt::format("the lower bound of {} is {:g}; expected less than the height "
-                      "of the curing light, {:g} um",
+          fmt::format("the lower bound of {} is {:g}; expected less than the height of the curing "
+                      "light, {:g} um",
                       name, bounds.low, limit));
     }
     u.low = bounds.low;
@@ -257,10 +256,8 @@ void apply_choices(PreparedFit& s, const FitOptions& options) {
     const Unknown& u = s.parameters[find(name)].unknown;
     check_number(name, value, true);
     if (u.slots.front() == kUvHeight && !(value < u.high)) {
-      throw InputError(
-          fmt::format("{} is {:g} um; expected less than the height of the curing "
-                      "light",
-                      name, value));
+      throw InputError(fmt::format(
+          "{} is {:g} um; expected less than the height of the curing light", name, value));
     }
     if (options.bounds.contains(name)) {
       throw InputError(fmt::format("{} is both fixed and bounded; expected one of them", name));
@@ -414,8 +411,8 @@ PreparedFit prepare_fit(const Measurements& data, FitModel model, const FitOptio
     const auto need = [&](const char* what, double value) {
       if (std::isfinite(value) && value > 0) return;
       throw InputError(
-          fmt::format("the {} model stands on the blue law of the resin, and {} is "
-                      "{:g}; expected it from --resin",
+          fmt::format("the {} model stands on the blue law of the resin, and {} is {:g}; expected "
+                      "it from --resin",
                       name_of(model), what, value));
     };
     need("its absorbance height hb_um", options.hb_um);

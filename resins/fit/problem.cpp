@@ -286,8 +286,8 @@ Solution solve_best(const Problem& problem, const std::vector<std::vector<double
   }
   if (!best) {
     throw InputError(
-        "no start of the fit led anywhere; expected measurements that the model can describe, "
-        "or --bound and --fix nearer to them");
+        "no start of the fit led anywhere; expected measurements that the model can describe, or "
+        "--bound and --fix nearer to them");
   }
   best->iterations = iterations;
   return *best;

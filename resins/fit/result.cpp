@@ -232,8 +232,7 @@ std::string FitResult::to_text() const {
                       figure(sigma_um));
   if (model == FitModel::joint) {
     text += fmt::format(
-        "  cured heights: {}, R² {:.4f}, RMSE {} um; dead zones: {}, R² {:.4f}, "
-        "RMSE {} um\n",
+        "  cured heights: {}, R² {:.4f}, RMSE {} um; dead zones: {}, R² {:.4f}, RMSE {} um\n",
         cured.n, cured.r2, figure(cured.rmse_um), dead_zones.n, dead_zones.r2,
         figure(dead_zones.rmse_um));
   }

@@ -132,8 +132,8 @@ class Table {
       if (names[0].find('\t') != std::string::npos) separator = "tabs";
       if (separator) {
         fail(
-            fmt::format("columns are separated by {}; expected commas between columns, and "
-                        "decimal points in numbers",
+            fmt::format("columns are separated by {}; expected commas between columns, and decimal "
+                        "points in numbers",
                         separator));
       }
     }

@@ -365,8 +365,8 @@ std::string dead_zone_svg(const FitResult& fit, const std::string& name) {
                                                     : fit.model == FitModel::joint ? "joint"
                                                                                    : "transient")),
       fmt::format(
-          "Height of the dead zone over the ratio of UV to blue intensity: {} measurements, "
-          "fit with its 95 % band, residuals.",
+          "Height of the dead zone over the ratio of UV to blue intensity: {} measurements, fit "
+          "with its 95 % band, residuals.",
           data.points.size()));
   data_legend(picture, data);
   Panel panel(x, y, 300, false);

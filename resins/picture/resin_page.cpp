@@ -157,12 +157,11 @@ std::string resin_page(const ResinRecord& record, const std::vector<FitResult>& 
                        const std::vector<Version>& versions) {
   std::string html = fmt::format(
       "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" "
-      "content=\"width=device-width, initial-scale=1\"><title>{}</title><style>{}"
-      ".slc-plot{{display:block;width:100%;height:auto}}ul{{margin:.3em 0;padding-left:1.3em}}"
-      "pre{{overflow-x:auto;font-size:.85rem}}td{{vertical-align:top}}"
-      ".words th{{white-space:normal}}.words "
-      "td{{white-space:normal;text-align:left;overflow-wrap:anywhere}}"
-      "</style></head><body><main><h1>{}</h1>",
+      "content=\"width=device-width, "
+      "initial-scale=1\"><title>{}</title><style>{}.slc-plot{{display:block;width:100%;height:auto}}ul{{margin:.3em "
+      "0;padding-left:1.3em}}pre{{overflow-x:auto;font-size:.85rem}}td{{vertical-align:top}}.words "
+      "th{{white-space:normal}}.words "
+      "td{{white-space:normal;text-align:left;overflow-wrap:anywhere}}</style></head><body><main><h1>{}</h1>",
       escape_markup(record.name), detail::page_page_css, escape_markup(record.name));
   std::string about;
   for (const std::string& text : {record.maker, record.product, record.chemistry, record.colour}) {

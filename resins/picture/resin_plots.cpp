@@ -110,8 +110,8 @@ std::string fronts_svg(const Kinetics& k, double blue, double uv, double greates
   picture.note(words_of(k));
   if (end <= first.time_s) {
     picture.note(
-        fmt::format("Nothing gels within {} s: the first gel comes after {} s, {} um above "
-                    "the window.",
+        fmt::format("Nothing gels within {} s: the first gel comes after {} s, {} um above the "
+                    "window.",
                     figure(end), figure(first.time_s), figure(first.z_um)));
   } else if (steady > 0) {
     picture.note(fmt::format("The dead zone lasts: {} um in the long run.", figure(steady)));

@@ -127,8 +127,8 @@ void add_changes(cli::Program& program) {
   const auto a = std::make_shared<AddArguments>();
   CLI::App* sub = program.add(
       "add",
-      "Checks a definition and saves it with its measurements in your own database "
-      "($SLICECORR_DB, else the user's folder); prints the path.",
+      "Checks a definition and saves it with its measurements in your own database ($SLICECORR_DB, "
+      "else the user's folder); prints the path.",
       [a](const ExecutionContext& context, Console& console) { return add(*a, context, console); });
   sub->add_option("DEFINITION", a->definition,
                   "A .toml file, or the name of a resin that is there: to add measurements, or to "

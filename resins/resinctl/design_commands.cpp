@@ -6,8 +6,8 @@
 
 #include "commands.hpp"
 #include "slicecorr/error.hpp"
-#include "slicecorr/resins/design.hpp"
 #include "slicecorr/load_printer.hpp"
+#include "slicecorr/resins/design.hpp"
 
 namespace slicecorr::resinctl {
 
@@ -57,8 +57,7 @@ int predict_command(const PredictArguments& a, cli::Console& console) {
   }
   if (q.blue_mw_cm2 <= 0) {
     throw InputError(
-        "the light is not given; expected --blue-mw-cm2, or --printer for its full "
-        "light");
+        "the light is not given; expected --blue-mw-cm2, or --printer for its full light");
   }
   const Forecast f = predict(resin, q);
   if (!a.json.empty()) cli::print_or_write(a.json, f.to_json());

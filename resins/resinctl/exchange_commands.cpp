@@ -6,9 +6,9 @@
 #include "commands.hpp"
 #include "describe.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/load_printer.hpp"
 #include "slicecorr/resins/database.hpp"
 #include "slicecorr/resins/exchange.hpp"
-#include "slicecorr/load_printer.hpp"
 
 namespace slicecorr::resinctl {
 

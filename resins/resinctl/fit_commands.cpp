@@ -87,8 +87,8 @@ void take_blue_law(const FitArguments& a, FitModel model, FitOptions& o, Console
   if (!is_dead_zone_model(model)) return;
   if (a.resin.empty()) {
     throw InputError(
-        fmt::format("--model {} needs --resin: hb and D'c of the resin come from its "
-                    "cure fit (or fit all measurements at once with --model joint)",
+        fmt::format("--model {} needs --resin: hb and D'c of the resin come from its cure fit (or "
+                    "fit all measurements at once with --model joint)",
                     a.model));
   }
   const Resin resin = load_resin(a.resin);
@@ -196,8 +196,8 @@ void add_fit(cli::Program& program) {
   const auto a = std::make_shared<FitArguments>();
   CLI::App* sub = program.add(
       "fit",
-      "Fit a cure model to measurements: parameters, intervals, outliers, and what the data "
-      "can't tell",
+      "Fit a cure model to measurements: parameters, intervals, outliers, and what the data can't "
+      "tell",
       [a](const ExecutionContext& context, Console& console) {
         return run_fit(*a, context, console);
       });

@@ -83,18 +83,16 @@ Drawn draw_measurements(const Measurements& data, const Arguments& a, const Subj
   if (!a.model.empty()) {
     model = fit_model_named(a.model);
     if (is_dead_zone(model) && a.kind == "working-curve") {
-      throw InputError(
-          fmt::format("--model {} has no working curve; expected jacobs, kinetic or "
-                      "joint",
-                      a.model));
+      throw InputError(fmt::format(
+          "--model {} has no working curve; expected jacobs, kinetic or joint", a.model));
     }
   }
   const bool draw_zones = zones || (a.kind.empty() && is_dead_zone(model));
   if (draw_zones ? data.dead_zones.empty() : data.cured.empty()) {
     throw InputError(fmt::format("{}: {}", data.sources.front(),
                                  draw_zones
-                                     ? "no dead zones; expected columns blue_mw_cm2,"
-                                       "uv_mw_cm2,exposure_s,dead_zone_um"
+                                     ? "no dead zones; expected columns "
+                                       "blue_mw_cm2,uv_mw_cm2,exposure_s,dead_zone_um"
                                      : "no cured heights; expected a column cured_height_um"));
   }
   if (draw_zones && (model == FitModel::jacobs || model == FitModel::kinetic)) {

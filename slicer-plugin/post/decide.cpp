@@ -31,8 +31,8 @@ void refuse_corrected(const StackInfo& info, const std::string& path) {
   throw AlreadyCorrected(
       path, "",
       fmt::format(
-          "is already corrected{}{}; expected the slicer's file, or --again, which corrects "
-          "its backup anew",
+          "is already corrected{}{}; expected the slicer's file, or --again, which corrects its "
+          "backup anew",
           how, info.program.empty() ? "" : ", by " + info.program));
 }
 

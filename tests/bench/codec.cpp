@@ -13,8 +13,8 @@
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/target.hpp"
-#include "stack/png/png.hpp"
 #include "stack/formats/png_archive.hpp"
+#include "stack/png/png.hpp"
 
 namespace {
 

@@ -260,9 +260,8 @@ int main(int argc, char** argv) try {
   fmt::print(
       "\nAll done, none twice, every file as recorded and byte for byte as slicecorr writes it.\n"
       "{:.0f} jobs an hour, {:.0f} one after the other: {:.2f} times as many, {:.2f} times with "
-      "the "
-      "submission.\nThe farm costs {:.0f} ms of processor time a job while it runs, and {:.0f} ms "
-      "to submit one.\n",
+      "the submission.\nThe farm costs {:.0f} ms of processor time a job while it runs, and {:.0f} "
+      "ms to submit one.\n",
       3600 * jobs / farmed.wall_s, 3600 * jobs / direct.wall_s, direct.wall_s / farmed.wall_s,
       direct.wall_s / (farmed.wall_s + submitted.wall_s),
       1000 * (farmed.cpu_s - direct.cpu_s) / jobs, 1000 * submitted.cpu_s / jobs);

@@ -10,10 +10,10 @@
 
 #include "models.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/load_printer.hpp"
 #include "slicecorr/place_models.hpp"
 #include "slicecorr/predict.hpp"
 #include "slicecorr/report.hpp"
-#include "slicecorr/load_printer.hpp"
 
 namespace {
 
@@ -90,8 +90,8 @@ int draw(const std::string& printer_name, const std::string& resin_name, double 
   std::ofstream(path, std::ios::binary)
       .write(reinterpret_cast<const char*>(png.data()), static_cast<std::streamsize>(png.size()));
   fmt::print(
-      "light {}\nwithout: mean {:.2f} um, greatest {:.2f} um\nwith: mean {:.2f} um, "
-      "greatest {:.2f} um\n",
+      "light {}\nwithout: mean {:.2f} um, greatest {:.2f} um\nwith: mean {:.2f} um, greatest "
+      "{:.2f} um\n",
       light_in_words(printer), sum_without.mean_um, sum_without.greatest_um, sum_with.mean_um,
       sum_with.greatest_um);
   return 0;

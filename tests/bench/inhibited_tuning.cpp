@@ -19,10 +19,10 @@
 #include "correct/inhibited_column.hpp"
 #include "models.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/load_printer.hpp"
 #include "slicecorr/mesh.hpp"
 #include "slicecorr/predict.hpp"
 #include "slicecorr/slice.hpp"
-#include "slicecorr/load_printer.hpp"
 
 namespace {
 

@@ -17,8 +17,8 @@
 /// Layer by layer (appendix A.6) each slice is shown for a time te while the platform stands still.
 /// phi' = I^m te / D'c is what it adds at the window, W(n) the dose at the far edge of layer n:
 ///
-///     W(n) = (phi'_n + W(n + 1)) a,   W(M) = 0,   in layer n (phi'_n + W(n + 1)) 10^-((n+1-zeta)
-///     eta)
+///     W(n) = (phi'_n + W(n + 1)) a,   W(M) = 0
+///     Omega(zeta) = (phi'_n + W(n + 1)) 10^-((n + 1 - zeta) eta)   in layer n
 ///
 /// so the dose jumps at every node: the sawtooth. Under inhibiting UV light neither recursion holds
 /// near the window: see inhibited.hpp. Everything here is pure and thread-safe.

@@ -34,8 +34,8 @@ void MeshOptions::add_to(CLI::App& app) {
 void MeshOptions::add_placement_to(CLI::App& app) {
   app.add_option(
          "--center-mm", center_mm,
-         "X,Y: where the centre of the parts lies on the plate, from its corner at the least "
-         "x and y [the middle]")
+         "X,Y: where the centre of the parts lies on the plate, from its corner at the least x and "
+         "y [the middle]")
       ->delimiter(',')
       ->expected(2)
       ->check(number_in(-1e6, 1e6));

@@ -12,11 +12,11 @@
 #include "programs/common/make_part.hpp"
 #include "simulate.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/load_printer.hpp"
 #include "slicecorr/report.hpp"
 #include "slicecorr/solid.hpp"
 #include "slicecorr/turned.hpp"
 #include "slicecorr/version.hpp"
-#include "slicecorr/load_printer.hpp"
 
 namespace slicecorr::cli {
 namespace {
@@ -173,8 +173,8 @@ int section(const Arguments& a, const ExecutionContext& context, Console& consol
   const auto png = encode_png(side_by_side(picture(target), picture(stack)));
   write_text_file(a.output, {png.begin(), png.end()});
   console.say(
-      fmt::format("{}: section at {}, platform up; left uncorrected, right this "
-                  "stack; grey right, red cured through, blue undercured",
+      fmt::format("{}: section at {}, platform up; left uncorrected, right this stack; grey right, "
+                  "red cured through, blue undercured",
                   a.output, row_in_words(stack, row)));
   return kDone;
 }
@@ -204,8 +204,8 @@ int solid(const Arguments& a, const ExecutionContext& context, Console& console)
   const SolidOptions options{a.reduce, design_mesh ? &*design_mesh : nullptr};
   const SolidReport r = write_solid(stack, models, a.output, options, context);
   console.say(
-      fmt::format("{}: {} triangles, {:.4f} mm³, from {:.3f}, {:.3f}, {:.3f} to {:.3f}, "
-                  "{:.3f}, {:.3f} mm",
+      fmt::format("{}: {} triangles, {:.4f} mm³, from {:.3f}, {:.3f}, {:.3f} to {:.3f}, {:.3f}, "
+                  "{:.3f} mm",
                   a.output, r.triangles, r.volume_mm3, r.lower[0], r.lower[1], r.lower[2],
                   r.upper[0], r.upper[1], r.upper[2]));
   if (figures.contains("design_volume_mm3")) {
@@ -215,8 +215,8 @@ int solid(const Arguments& a, const ExecutionContext& context, Console& console)
   const Histogram& d = r.distance_um;
   if (d.count()) {
     console.say(
-        fmt::format("distance to the design: mean {:.3f} um, 95 % within {:.3f} um, "
-                    "largest {:.3f} um, at {} vertices",
+        fmt::format("distance to the design: mean {:.3f} um, 95 % within {:.3f} um, largest {:.3f} "
+                    "um, at {} vertices",
                     d.mean(), d.quantile(0.95), d.greatest(), d.count()));
   }
   if (!a.json.empty()) {
@@ -270,10 +270,9 @@ ComparisonTable table_of(const std::vector<Figures>& columns) {
   }
   table.note =
       "Height errors at designed edges; voxels cured through and undercured; features lost and "
-      "gaps "
-      "merged, by column. Erase: the first N slices next to a gap are left out, with the N that is "
-      "best for this part. Grey table: 25, 15, 10, 5 are taken off where the next four slices are "
-      "lit.";
+      "gaps merged, by column. Erase: the first N slices next to a gap are left out, with the N "
+      "that is best for this part. Grey table: 25, 15, 10, 5 are taken off where the next four "
+      "slices are lit.";
   return table;
 }
 

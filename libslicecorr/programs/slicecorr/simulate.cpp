@@ -153,8 +153,8 @@ int row(const SimulateOptions& o, const SetupOptions& options, const ExecutionCo
     when += fmt::format("{}{:.4g}", when.empty() ? "" : ", ", f.time_s);
   }
   console.say(fmt::format(
-      "{}: image row {} after {} s, left to right, then the next line; platform up, the "
-      "black line is the window; {}",
+      "{}: image row {} after {} s, left to right, then the next line; platform up, the black line "
+      "is the window; {}",
       o.output, o.row, when,
       in.target ? "grey gelled, red gelled where nothing is designed; of the design pale blue not "
                   "gelled yet, pale grey still to come, blue never"

@@ -258,8 +258,7 @@ void FolderOutput::check_replaceable(const std::string& now_at) const {
     throw InputError(path_, "",
                      "is there and was not written by slicecorr (it has no " +
                          std::string(provenance_entry) +
-                         "), so it is not replaced; expected a new "
-                         "name");
+                         "), so it is not replaced; expected a new name");
   }
   for (const Listing::File& file : list.files) {
     if (kept_names_.contains(file.name)) continue;
@@ -267,8 +266,8 @@ void FolderOutput::check_replaceable(const std::string& now_at) const {
     throw InputError(path_, shown_name(file.name),
                      keeps_in_place_
                          ? "was added while the folder was written, which is not replaced"
-                         : "was not written by slicecorr, so the folder is not "
-                           "replaced; expected a new name");
+                         : "was not written by slicecorr, so the folder is not replaced; expected "
+                           "a new name");
   }
 }
 

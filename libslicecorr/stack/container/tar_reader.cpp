@@ -14,10 +14,10 @@
 #include <string_view>
 #include <vector>
 
-#include "support/files/errno_message.hpp"
-#include "support/files/unpacked_limit.hpp"
 #include "slicecorr/error.hpp"
 #include "stack/container/container.hpp"
+#include "support/files/errno_message.hpp"
+#include "support/files/unpacked_limit.hpp"
 
 namespace slicecorr::detail {
 namespace {

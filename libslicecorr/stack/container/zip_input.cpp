@@ -9,8 +9,8 @@
 #include <memory>
 #include <string_view>
 
-#include "support/files/errno_message.hpp"
 #include "slicecorr/error.hpp"
+#include "support/files/errno_message.hpp"
 
 namespace slicecorr::detail {
 namespace {

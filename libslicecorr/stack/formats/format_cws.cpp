@@ -177,8 +177,7 @@ ArchiveContents read_cws(const Container& archive) {
       take_layer_times(body.exposures_s(grid.layers), info);
       if (!body.same_light()) {
         contents.warnings.push_back(
-            "layers are lit with different power (M106): all are treated "
-            "as if it were the same");
+            "layers are lit with different power (M106): all are treated as if it were the same");
       }
     }
     if (const auto machine = settings.head->find("(Machine Type")) {

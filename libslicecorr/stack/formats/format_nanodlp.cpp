@@ -126,8 +126,8 @@ void read_exposure(const Profile& p, StackInfo& info, std::vector<std::string>& 
   }
   if (!p.with("DynamicCureTime").string("DynamicCureTime").empty()) {
     warnings.push_back(
-        "the printer computes exposure times with an equation (DynamicCureTime): "
-        "the times of the profile are taken");
+        "the printer computes exposure times with an equation (DynamicCureTime): the times of the "
+        "profile are taken");
   }
 }
 

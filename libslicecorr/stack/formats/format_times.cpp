@@ -142,8 +142,7 @@ void warn_of_mode(const ArchiveRequest& request, std::string_view format) {
                               format, exposure_summary(info).normal_s));
   } else if (exposure_summary(info).normal_s == 0) {
     warn(request,
-         "the stack says no exposure times: 0 s is written, which must be set before "
-         "printing");
+         "the stack says no exposure times: 0 s is written, which must be set before printing");
   }
 }
 

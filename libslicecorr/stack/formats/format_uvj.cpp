@@ -4,8 +4,8 @@
 
 #include "slicecorr/error.hpp"
 #include "stack/formats/archive_format.hpp"
-#include "stack/png/preview.hpp"
 #include "stack/formats/uvj_config.hpp"
+#include "stack/png/preview.hpp"
 
 namespace slicecorr::detail {
 namespace {

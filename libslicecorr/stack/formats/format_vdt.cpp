@@ -111,8 +111,8 @@ void check_layers(const std::vector<Layer>& layers, double layer_um,
   const auto first = std::find_if(layers.begin(), layers.end(), dimmed);
   if (first != layers.end()) {
     warnings.push_back(
-        fmt::format("light_pwm is {} in layer 0 and {} in layer {}: doses are "
-                    "computed as if it were the same in all layers",
+        fmt::format("light_pwm is {} in layer 0 and {} in layer {}: doses are computed as if it "
+                    "were the same in all layers",
                     layers.front().light, first->light, first - layers.begin()));
   }
 }

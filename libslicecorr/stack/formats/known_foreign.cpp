@@ -64,9 +64,9 @@ bool is_photon_workshop(std::string_view ending) {
   throw InputError(
       path, "",
       "is " + std::string(what) +
-          ", whose binary layers can't be read; expected an archive of images: export "
-          "it from the slicer as .sl1, .cws, .nanodlp, .vdt or a zip of PNG images, or "
-          "convert it with UVtools to .uvj");
+          ", whose binary layers can't be read; expected an archive of images: export it from the "
+          "slicer as .sl1, .cws, .nanodlp, .vdt or a zip of PNG images, or convert it with UVtools "
+          "to .uvj");
 }
 
 /// Most images that one layer of a Nordin print file shows.

@@ -321,8 +321,8 @@ void read_block(const Node& block, ArchiveContents& config) {
     config.block_changed = !info.parameters_checked;
   } else {
     config.warnings.emplace_back(
-        "has no checksum of its parameters: an earlier version of this program made it, or "
-        "it was changed since; what it says is taken as it stands");
+        "has no checksum of its parameters: an earlier version of this program made it, or it was "
+        "changed since; what it says is taken as it stands");
   }
 }
 

@@ -19,8 +19,7 @@ inline constexpr const char* metrics_type = "text/plain; version=0.0.4; charset=
 /// Nothing from elsewhere, no frames, no forms; the page's own script and style only.
 inline constexpr const char* shell_policy =
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src blob: data:; connect-src "
-    "'self'; "
-    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+    "'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 inline constexpr const char* bare_policy = "default-src 'none'; frame-ancestors 'none'; sandbox";
 /// " 'sha256-...'" for each style that stands in a page.
 std::string style_hashes(const std::string& html);

@@ -13,8 +13,8 @@
 #include <cstring>
 #include <string_view>
 
-#include "support/http/answers.hpp"
 #include "slicecorr/error.hpp"
+#include "support/http/answers.hpp"
 
 namespace slicecorr::http {
 

@@ -187,9 +187,10 @@ INSTANTIATE_TEST_SUITE_P(Kinds, FarmWorkerFaults,
 
 /// The programs that people get know nothing of faults.
 TEST_F(FarmFaults, TheShippedProgramsHaveNone) {
-  const RunOptions asked{.environment = {{"SLICEFARM_TEST_FAULT", "start:crash"},
-                                         {"SLICEFARM_TEST_SERVICE_FAULT", "claimed"},
-                                         {"USER", "anna"}}};
+  RunOptions asked;
+  asked.environment = {{"SLICEFARM_TEST_FAULT", "start:crash"},
+                       {"SLICEFARM_TEST_SERVICE_FAULT", "claimed"},
+                       {"USER", "anna"}};
   submit_parts({make_part(1)}, {"--out", dir / "out"});
   const RunResult r = program("slicefarm", {"run", "--dir", farm_dir(), "--until-empty"}, asked);
   EXPECT_EQ(r.exit_code, 0) << r.err;

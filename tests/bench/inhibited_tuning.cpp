@@ -73,7 +73,10 @@ std::string text_of(InhibitedTuning::Share share) {
 template <typename T, std::size_t N>
 std::string text_of(const std::array<T, N>& values) {
   std::string text;
-  for (const T& value : values) text += (text.empty() ? "" : " ") + text_of(value);
+  for (const T& value : values) {
+    if (!text.empty()) text += ' ';
+    text += text_of(value);
+  }
   return text;
 }
 

@@ -6,13 +6,12 @@
 
 #include "slicecorr/error.hpp"
 #include "stack/formats/archive_format.hpp"
+#include "support/text/ascii.hpp"
 
 namespace slicecorr::detail {
 namespace {
 
 constexpr std::string_view blanks = " \t\r";
-
-bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
 std::size_t line_end(std::string_view text, std::size_t begin) {
   return std::min(text.find('\n', begin), text.size());

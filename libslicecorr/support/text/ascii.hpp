@@ -6,6 +6,7 @@
 
 namespace slicecorr {
 
+inline bool is_digit(char c) { return c >= '0' && c <= '9'; }
 inline char lower_case(char c) {
   return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
 }

@@ -1,0 +1,109 @@
+#include "stack/formats/exposure_pattern.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "slicecorr/units.hpp"
+
+namespace slicecorr::detail {
+
+SliceLight light_of_layer(const StackInfo& info, int layer) {
+  const double m = info.resin ? info.resin->m : 1.0;
+  if (info.kind == StackKind::recorded && info.process) {
+    // An image is no slice: what the plan gives one.
+    return {planned_light_s(*info.process, info.grid.layer_um, layer), 1};
+  }
+  if (info.kind == StackKind::corrected && info.process) {
+    return slice_light(*info.process, m, info.grid.layer_um, layer, info.grid.layers);
+  }
+  // Without a copy of the whole list for each of its layers.
+  if (const auto& times_s = info.layer_exposure_s; !times_s.empty()) {
+    return {times_s[std::min(static_cast<std::size_t>(layer), times_s.size() - 1)], 1};
+  }
+  return slice_light(process_of_times(info), m, info.grid.layer_um, layer, info.grid.layers);
+}
+
+bool same_time(double a_s, double b_s) {
+  return std::abs(a_s - b_s) <= std::min(0.0051, 0.01 * std::abs(b_s));
+}
+
+namespace {
+
+/// The same time for the first layers, equal steps to the normal one, and that for all others:
+/// whether times of single layers are no more than this.
+bool follows_pattern(const std::vector<double>& times_s, ExposureSummary& s) {
+  Process p;
+  p.mode = ExposureMode::layerwise;
+  p.exposure_s = times_s.back();
+  p.bottom_exposure_s = times_s.front();
+  std::size_t n = 0;
+  while (n < times_s.size() && times_s[n] == times_s.front()) ++n;
+  p.bottom_layers = static_cast<int>(n);
+  while (n < times_s.size() && times_s[n] != times_s.back()) ++n;
+  p.fade_layers = static_cast<int>(n) - p.bottom_layers;
+  for (std::size_t k = 0; k < times_s.size(); ++k) {
+    if (!same_time(times_s[k], layer_exposure_s(p, static_cast<int>(k)))) return false;
+  }
+  s.normal_s = p.exposure_s;
+  s.bottom_s = p.bottom_exposure_s;
+  const bool alike = p.bottom_exposure_s == p.exposure_s;
+  s.bottom_layers = alike ? 0 : p.bottom_layers;
+  s.fade_layers = alike ? 0 : p.fade_layers;
+  return true;
+}
+
+}  // namespace
+
+ExposureSummary exposure_summary(const StackInfo& info) {
+  const Process p = process_of_times(info);
+  ExposureSummary s;
+  if (p.mode == ExposureMode::continuous) {
+    s.normal_s = s.bottom_s = units::slice_time_s(info.grid.layer_um, p.speed_mm_h);
+    s.uneven = p.ramp == Ramp::lamp_follows;
+    if (s.uneven) s.bottom_s = light_of_layer(info, 0).time_s;
+    return s;
+  }
+  s.normal_s = s.bottom_s = p.exposure_s;
+  if (!p.layer_exposure_s.empty()) {
+    s.uneven = !follows_pattern(p.layer_exposure_s, s);
+    if (s.uneven) s.bottom_s = p.layer_exposure_s.front();
+  } else if (p.bottom_exposure_s > 0 && p.bottom_layers + p.fade_layers > 0) {
+    s.bottom_s = p.bottom_exposure_s;
+    s.bottom_layers = p.bottom_layers;
+    s.fade_layers = p.fade_layers;
+  }
+  return s;
+}
+
+}  // namespace slicecorr::detail
+
+namespace slicecorr {
+
+Process process_of_times(const StackInfo& info) {
+  const bool ours = info.kind == StackKind::corrected || info.kind == StackKind::recorded;
+  if (ours && info.process) return *info.process;
+  Process p;
+  p.mode = ExposureMode::layerwise;
+  p.exposure_s = info.exposure_s;
+  p.bottom_exposure_s = info.bottom_exposure_s;
+  p.bottom_layers = info.bottom_layers;
+  p.fade_layers = info.fade_layers;
+  p.layer_exposure_s = info.layer_exposure_s;
+  return p;
+}
+
+double light_on_s(const StackInfo& info) {
+  if (info.recording && info.process) {
+    double sum = 0;
+    for (int n = 0; n < info.recording->slices(); ++n) {
+      const double planned = planned_light_s(*info.process, info.grid.layer_um, n);
+      for (const Recording::Showing& p : info.recording->of(n)) sum += p.light * planned;
+    }
+    return sum;
+  }
+  return light_on_s(process_of_times(info), info.resin ? info.resin->m : 1.0, info.grid.layer_um,
+                    info.grid.layers);
+}
+
+}  // namespace slicecorr

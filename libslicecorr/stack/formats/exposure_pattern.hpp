@@ -1,0 +1,26 @@
+/// The times of an archive's layers as few numbers: bottom layers, a fade, normal layers.
+#pragma once
+
+#include "slicecorr/stack.hpp"
+
+namespace slicecorr::detail {
+
+/// How a layer of the stack is lit: by its process when corrected, else by the archive's times.
+SliceLight light_of_layer(const StackInfo& info, int layer);
+/// Its time alone, s.
+inline double light_on_of_layer(const StackInfo& info, int layer) {
+  return light_of_layer(info, layer).time_s;
+}
+/// Whether two times are the same but for the rounding of archives: hundredths of seconds, and less
+/// for short times, which are written with more digits.
+bool same_time(double a_s, double b_s);
+/// Light-on time of normal layers, of the first layers, and the number of these.
+struct ExposureSummary {
+  double normal_s = 0, bottom_s = 0;
+  int bottom_layers = 0, fade_layers = 0;
+  /// Whether layers differ in another way, which these numbers can't say.
+  bool uneven = false;
+};
+ExposureSummary exposure_summary(const StackInfo& info);
+
+}  // namespace slicecorr::detail

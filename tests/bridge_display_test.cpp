@@ -26,10 +26,10 @@ using namespace slicecorr::test;
 using testing::ElementsAre;
 using testing::HasSubstr;
 
-constexpr int width_px = 40, height_px = 30;
-constexpr double hz = 60, period_s = 1 / hz;
+constexpr int kWidthPx = 40, height_px = 30;
+constexpr double kHz = 60, period_s = 1 / kHz;
 
-Machine machine_of(int width = width_px, int height = height_px) {
+Machine machine_of(int width = kWidthPx, int height = height_px) {
   Machine m;
   m.printer = linear_printer(1, 100);
   m.printer.width_px = width;
@@ -37,7 +37,7 @@ Machine machine_of(int width = width_px, int height = height_px) {
   return m;
 }
 
-std::shared_ptr<const Frame> noise(int number, bool uv = false, int width = width_px,
+std::shared_ptr<const Frame> noise(int number, bool uv = false, int width = kWidthPx,
                                    int height = height_px) {
   std::mt19937 random(static_cast<unsigned>(number) + 1);
   auto frame = std::make_shared<Frame>();
@@ -230,9 +230,9 @@ class BridgeDrm : public testing::Test {
     hdmi.id = 71;
     hdmi.name = "HDMI-A-1";
     hdmi.connected = true;
-    hdmi.modes = {drm_mode(1920, 1080, 60), drm_mode(width_px, height_px, 50),
-                  drm_mode(width_px, height_px, hz), drm_mode(width_px, height_px, 30),
-                  drm_mode(width_px, height_px, 120, true)};
+    hdmi.modes = {drm_mode(1920, 1080, 60), drm_mode(kWidthPx, height_px, 50),
+                  drm_mode(kWidthPx, height_px, kHz), drm_mode(kWidthPx, height_px, 30),
+                  drm_mode(kWidthPx, height_px, 120, true)};
     hdmi.crtcs = {40, 41};
     dp.id = 72;
     dp.name = "DP-1";
@@ -253,14 +253,14 @@ class BridgeDrm : public testing::Test {
     std::vector<std::uint32_t> pixels;
     const auto& all = card.seen();
     for (std::size_t y = 0; y < height_px; ++y) {
-      const auto row = all.begin() + static_cast<std::ptrdiff_t>(y * (width_px + 16));
-      pixels.insert(pixels.end(), row, row + width_px);
+      const auto row = all.begin() + static_cast<std::ptrdiff_t>(y * (kWidthPx + 16));
+      pixels.insert(pixels.end(), row, row + kWidthPx);
     }
     return pixels;
   }
   std::vector<std::uint32_t> picture_of(const Frame* frame) const {
-    std::vector<std::uint32_t> pixels(width_px * height_px);
-    pack(frame, machine.projector, width_px, height_px, pixels.data(), width_px);
+    std::vector<std::uint32_t> pixels(kWidthPx * height_px);
+    pack(frame, machine.projector, kWidthPx, height_px, pixels.data(), kWidthPx);
     return pixels;
   }
 
@@ -455,14 +455,14 @@ TEST_F(BridgeDrm, DoesNotTakeAScanOutFromAnotherDisplay) {
 }
 
 TEST_F(BridgeDrm, RefusesWhatIsNotThePrintersSize) {
-  machine = machine_of(width_px + 1, height_px);
+  machine = machine_of(kWidthPx + 1, height_px);
   std::string says = thrown_by([&] { open(); });
   EXPECT_THAT(says, HasSubstr("41 x 30"));
   EXPECT_THAT(says, HasSubstr("1920 x 1080, 40 x 30"));
   EXPECT_THROW(open(), InputError);
   // Interlaced alone is none.
   machine = machine_of();
-  card.connectors[1].modes = {drm_mode(width_px, height_px, 60, true)};
+  card.connectors[1].modes = {drm_mode(kWidthPx, height_px, 60, true)};
   EXPECT_THROW(open(), InputError);
   card.connectors[1].modes = {};
   EXPECT_THROW(open(), InputError);
@@ -523,7 +523,7 @@ TEST_F(BridgeDrm, APulledCableIsFound) {
 TEST_F(BridgeDrm, AFrameOfAnotherSizeIsNeverShown) {
   const auto sink = open();
   take_calls();
-  EXPECT_THROW(sink->show(noise(1, false, height_px, width_px), 0), Error);
+  EXPECT_THROW(sink->show(noise(1, false, height_px, kWidthPx), 0), Error);
   EXPECT_TRUE(take_calls().empty());
 }
 

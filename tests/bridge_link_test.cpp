@@ -22,16 +22,16 @@
 namespace slicecorr::bridge {
 namespace {
 
+using test::kSmallMachine;
 using test::machine_of;
 using test::replaced;
-using test::small_machine;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using Bytes = std::vector<std::uint8_t>;
 
 /// Runs of registers: 4-9 motion, 40-43 lamps, 60-62 command, watchdog and heartbeat, 80 sequence.
-const std::string gaps = [] {
-  std::string text = small_machine;
+const std::string kGaps = [] {
+  std::string text = kSmallMachine;
   for (const auto& [what, by] : std::vector<std::pair<std::string, std::string>>{
            {"exchange = \"fc23\"", "exchange = \"fc16+fc3\""},
            {"response_timeout_s = 0.04", "response_timeout_s = 0.03"},
@@ -224,7 +224,7 @@ TEST(BridgeLink, LampsGoFirstAndARunThatFailsKeepsNoOtherFromBeingSent) {
   Peer peer([](const Asked& a, const Bytes& right) {
     return Reply{a.address == 4 ? exception(a, 4) : right};
   });
-  Wire w(gaps, peer.port);
+  Wire w(kGaps, peer.port);
   EXPECT_FALSE(w.link->exchange(bright(7)));
   EXPECT_THAT(w.link->last_error(), AllOf(HasSubstr("exception 4"), HasSubstr("registers 4 to 9")));
   EXPECT_THAT(addresses(peer.asked()), ElementsAre(40, 4, 60, 80));
@@ -240,7 +240,7 @@ TEST(BridgeLink, LampsAreWrittenAlone) {
       if (only_23 && a.function == 16) return Reply{exception(a, 1)};
       return Reply{a.count > 4 ? exception(a, 3) : right};
     });
-    Wire w(small_machine, peer.port);
+    Wire w(kSmallMachine, peer.port);
     SetPoints off = bright(9);
     EXPECT_FALSE(w.link->exchange(off));
     off.blue_share = off.uv_mw_cm2 = 0;
@@ -258,7 +258,7 @@ TEST(BridgeLink, LampsAreWrittenAlone) {
   Peer apart([](const Asked& a, const Bytes& right) {
     return Reply{a.address == 42 ? exception(a, 4) : right};
   });
-  Wire w(replaced(replaced(gaps, "blue_share = { address = 40,", "blue_share = { address = 50,"),
+  Wire w(replaced(replaced(kGaps, "blue_share = { address = 40,", "blue_share = { address = 50,"),
                   "response_timeout_s = 0.03", "response_timeout_s = 0.02"),
          apart.port);
   EXPECT_FALSE(w.link->write_alone(SetPoints{}, Alone::lamps));
@@ -271,7 +271,7 @@ TEST(BridgeLink, AMachineThatClosesAfterEachAnswerIsDriven) {
     r.close = true;
     return r;
   });
-  Wire w(gaps, peer.port);
+  Wire w(kGaps, peer.port);
   for (std::uint16_t n = 1; n <= 20; ++n) {
     const auto status = w.link->exchange(bright(n));
     ASSERT_TRUE(status) << w.link->last_error();
@@ -285,7 +285,7 @@ TEST(BridgeLink, AnExchangeThatFailedFeedsNoWatchdog) {
   Peer peer([&](const Asked& a, const Bytes& right) {
     return Reply{refuses && a.address == 4 ? exception(a, 4) : right};
   });
-  Wire w(gaps, peer.port);
+  Wire w(kGaps, peer.port);
   ASSERT_TRUE(w.link->exchange(bright(1)));
   refuses = true;
   peer.forget();
@@ -303,7 +303,7 @@ TEST(BridgeLink, TheTimeoutIsThatOfAWholeAnswer) {
     r.each_byte_s = 0.03;
     return r;
   });
-  Wire w(small_machine, peer.port);
+  Wire w(kSmallMachine, peer.port);
   w.machine.limits.response_timeout_s = 0.05;
   w.link = make_modbus_link(*w.machine.modbus, w.machine.limits);
   using Time = std::chrono::steady_clock;
@@ -331,7 +331,7 @@ TEST(BridgeLink, AnswersOfOthersAreNotTaken) {
       r.pdu = right;
       return r;
     });
-    Wire w(small_machine, peer.port);
+    Wire w(kSmallMachine, peer.port);
     EXPECT_FALSE(w.link->exchange(bright(1)));
     EXPECT_THAT(w.link->last_error(), AllOf(HasSubstr("answers wrongly"), HasSubstr(why)));
     badly = false;
@@ -348,7 +348,7 @@ TEST(BridgeLink, ConnectsAgainAtGrowingIntervals) {
     r.transaction_by = badly ? 1 : 0;
     return r;
   });
-  Wire w(small_machine, peer.port);
+  Wire w(kSmallMachine, peer.port);
   for (std::uint16_t n = 1; n <= 200; ++n) EXPECT_FALSE(w.link->exchange(bright(n)));
   // 0, 0, 1, 2, 4, 8 exchanges between them, then 16.
   EXPECT_LE(peer.connections, 18);
@@ -365,7 +365,7 @@ TEST(BridgeLink, SaysWhatTheMachineDid) {
     unknown[5] = 77;
     return Reply{unknown};
   });
-  Wire w(small_machine, peer.port);
+  Wire w(kSmallMachine, peer.port);
   EXPECT_EQ(w.link->last_error(), "was asked nothing");
   EXPECT_FALSE(w.link->exchange(bright(1)));
   EXPECT_THAT(w.link->last_error(), HasSubstr("answers, but register 101: 77 is no state"));
@@ -374,7 +374,7 @@ TEST(BridgeLink, SaysWhatTheMachineDid) {
 TEST(BridgeLink, TimesCountEachRequest) {
   // 4 to write and one to read, twice, 0.04 s each: 0.4 s.
   const auto with = [](const char* timeout, const char* beat, const char* watchdog) {
-    std::string text = replaced(gaps, "response_timeout_s = 0.03", timeout);
+    std::string text = replaced(kGaps, "response_timeout_s = 0.03", timeout);
     text = replaced(text, "heartbeat_timeout_s = 0.3", beat);
     return replaced(text, "watchdog_s = 0.3\nmax", std::string(watchdog) + "\nmax");
   };

@@ -14,9 +14,9 @@
 namespace slicecorr::bridge {
 namespace {
 
+using test::kSmallMachine;
 using test::machine_of;
 using test::replaced;
-using test::small_machine;
 using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
@@ -42,7 +42,7 @@ int line_of(const std::string& text, const std::string& part) {
 // --- Files
 
 TEST(Machine, HasTheUnitsOfItsMembers) {
-  const Machine m = machine_of(small_machine);
+  const Machine m = machine_of(kSmallMachine);
   EXPECT_DOUBLE_EQ(m.stage.max_speed_um_s, 1000);
   EXPECT_DOUBLE_EQ(m.stage.travel_um, 20000);
   EXPECT_DOUBLE_EQ(m.stage.acceleration_um_s2, 1000);
@@ -62,7 +62,7 @@ TEST(Machine, HasTheUnitsOfItsMembers) {
 }
 
 TEST(Machine, WithoutTheNewTablesIsRefusedByName) {
-  const std::string bare = small_machine.substr(0, small_machine.find("acceleration_mm_s2"));
+  const std::string bare = kSmallMachine.substr(0, kSmallMachine.find("acceleration_mm_s2"));
   EXPECT_THAT(refusal(bare), HasSubstr("stage.acceleration_mm_s2: missing"));
 }
 
@@ -144,7 +144,7 @@ TEST(Machine, ErrorsNameFileLineKeyAndWhatIsExpected) {
        "expected a register, this is no yes or no"},
   };
   for (const Wrong& w : cases) {
-    const std::string text = replaced(small_machine, w.from, w.to);
+    const std::string text = replaced(kSmallMachine, w.from, w.to);
     const std::string message = refusal(text);
     EXPECT_THAT(message, AllOf(HasSubstr("small.toml: line "), HasSubstr(w.message))) << w.to;
     const int line = w.place == "modbus" ? 0 : line_of(text, w.place);
@@ -156,7 +156,7 @@ TEST(Machine, ErrorsNameFileLineKeyAndWhatIsExpected) {
 
 TEST(Machine, CommandsAndStatesHaveTheirOwnValues) {
   const std::string words =
-      small_machine + "[modbus.commands]\noff = 10\nrun = 20\nstop = 30\nreset = 40\n";
+      kSmallMachine + "[modbus.commands]\noff = 10\nrun = 20\nstop = 30\nreset = 40\n";
   EXPECT_EQ(machine_of(words).modbus->commands.at(Command::reset), 40);
   EXPECT_THAT(refusal(replaced(words, "stop = 30", "stop = 20")),
               HasSubstr("modbus.commands.stop: is 20, as is run"));
@@ -171,7 +171,7 @@ TEST(Machine, TheExampleOfTheDocumentsCanBeRead) {
   ASSERT_NE(end, std::string::npos);
   const std::string example = document.substr(begin + 8, end - begin - 8);
   const RegisterMap map =
-      *machine_of(small_machine.substr(0, small_machine.find("[modbus]")) + example).modbus;
+      *machine_of(kSmallMachine.substr(0, kSmallMachine.find("[modbus]")) + example).modbus;
   EXPECT_EQ(map.transport, Transport::rtu);
   EXPECT_EQ(map.write_address, 4096);
   EXPECT_EQ(map.write_count, 9);
@@ -193,7 +193,7 @@ TEST(Machine, TheDocumentsListAllKeysAndSignals) {
   }
   // What the small machine does not say it has in the shipped file.
   for (const std::string& text :
-       {small_machine, test::text_of(SLICECORR_PRINTERS_DIR "/dual-wavelength-dlp.toml")}) {
+       {kSmallMachine, test::text_of(SLICECORR_PRINTERS_DIR "/dual-wavelength-dlp.toml")}) {
     std::istringstream lines(text.substr(text.find("[stage]")));
     for (std::string line; std::getline(lines, line);) {
       const auto is = line.find(" = ");
@@ -207,7 +207,7 @@ TEST(Machine, TheDocumentsListAllKeysAndSignals) {
 // --- Registers
 
 TEST(Registers, AreWhatTheFileSays) {
-  const RegisterMap map = *machine_of(small_machine).modbus;
+  const RegisterMap map = *machine_of(kSmallMachine).modbus;
   SetPoints s;
   s.sequence = 0xabcd;
   s.heartbeat = 7;
@@ -230,7 +230,7 @@ TEST(Registers, AreWhatTheFileSays) {
 TEST(Registers, ThatLieApartAreRunsWithTheSequenceNumberLast) {
   const auto runs_of = [](const std::vector<std::pair<std::string, std::string>>& changes) {
     std::string text =
-        replaced(small_machine, "response_timeout_s = 0.04", "response_timeout_s = 0.02");
+        replaced(kSmallMachine, "response_timeout_s = 0.04", "response_timeout_s = 0.02");
     for (const auto& [what, by] : changes) text = replaced(text, what, by);
     std::vector<std::pair<int, int>> runs;
     for (const RegisterRun& run : write_runs(*machine_of(text).modbus)) {
@@ -253,7 +253,7 @@ TEST(Registers, ThatLieApartAreRunsWithTheSequenceNumberLast) {
 }
 
 TEST(Registers, HoldWhatIsBelowZero) {
-  const RegisterMap map = *machine_of(small_machine).modbus;
+  const RegisterMap map = *machine_of(kSmallMachine).modbus;
   Status s;
   s.stage_um = -0.05;
   s.stage_speed_um_s = -1000;
@@ -269,7 +269,7 @@ TEST(Registers, HoldWhatIsBelowZero) {
 }
 
 TEST(Registers, ClampWhatTheyCanNotHold) {
-  const RegisterMap map = *machine_of(small_machine).modbus;
+  const RegisterMap map = *machine_of(kSmallMachine).modbus;
   SetPoints s;
   s.target_um = -1e300;
   s.speed_um_s = 1e300;
@@ -292,7 +292,7 @@ TEST(Registers, GiveBackWhatWentIn) {
     return std::uniform_real_distribution<>(least, greatest)(random);
   };
   for (const WordOrder order : {WordOrder::big, WordOrder::little}) {
-    RegisterMap map = *machine_of(small_machine).modbus;
+    RegisterMap map = *machine_of(kSmallMachine).modbus;
     map.word_order = order;
     for (int i = 0; i < 2000; ++i) {
       SetPoints s;
@@ -359,7 +359,7 @@ TEST(Registers, GiveBackWhatWentIn) {
 TEST(Registers, OfAnotherMachineMayCountDownFromAnOffset) {
   // Depth below the upper end, in steps of 5 um.
   const std::string text =
-      replaced(small_machine, "stage_um = { address = 102, type = \"i32\", scale = 0.01 }",
+      replaced(kSmallMachine, "stage_um = { address = 102, type = \"i32\", scale = 0.01 }",
                "stage_um = { address = 102, type = \"u16\", scale = -5, offset = 20000 }");
   const RegisterMap map = *machine_of(text).modbus;
   Status s;
@@ -369,7 +369,7 @@ TEST(Registers, OfAnotherMachineMayCountDownFromAnOffset) {
 }
 
 TEST(Registers, ThatAMachineLacksAreNotMadeUp) {
-  std::string text = small_machine;
+  std::string text = kSmallMachine;
   for (const char* line : {"stage_speed_um_s = { address = 104, type = \"i32\", scale = 0.001 }\n",
                            "temperature_c = { address = 110, type = \"i16\", scale = 0.1 }\n",
                            "machine_time_s = { address = 112, type = \"u32\", scale = 0.001 }\n",
@@ -390,7 +390,7 @@ TEST(Registers, ThatAMachineLacksAreNotMadeUp) {
 }
 
 TEST(Registers, ThatMakeNoSenseAreADeviceError) {
-  const RegisterMap map = *machine_of(small_machine).modbus;
+  const RegisterMap map = *machine_of(kSmallMachine).modbus;
   auto status = encode(map, Status{});
   status[1] = 77;
   EXPECT_THROW(decode_status(map, status), DeviceError);

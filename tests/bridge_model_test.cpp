@@ -13,9 +13,9 @@
 namespace slicecorr::bridge {
 namespace {
 
+using test::kSmallMachine;
 using test::machine_of;
 using test::replaced;
-using test::small_machine;
 using testing::Contains;
 using testing::ElementsAre;
 using testing::HasSubstr;
@@ -26,10 +26,10 @@ constexpr double kHome = 1000;  // of the small machine, um
 // Closed forms and sums of a few hundred pieces in double precision.
 constexpr double kExact = 1e-9;
 
-Machine small() { return machine_of(small_machine); }
+Machine small() { return machine_of(kSmallMachine); }
 
 Machine with_lamp(const std::string& settle, const std::string& warm_up) {
-  return machine_of(replaced(small_machine, "settle_s = 0\n[lamps.uv]",
+  return machine_of(replaced(kSmallMachine, "settle_s = 0\n[lamps.uv]",
                              "settle_s = " + settle + "\nwarm_up_s = " + warm_up + "\n[lamps.uv]"));
 }
 
@@ -329,7 +329,7 @@ TEST(Light, OfALampThatFollowsTheRampIsThatOfTheSpeed) {
   // is at most a c² / 8 of way on either side.
   constexpr double a = 1000, v = 200, c = 0.01, layer = 5;
   for (const double m : {1.0, 0.8}) {
-    PrinterModel model(machine_of(replaced(small_machine, "min_share = 0.02", "min_share = 0")), {},
+    PrinterModel model(machine_of(replaced(kSmallMachine, "min_share = 0.02", "min_share = 0")), {},
                        layer, m);
     SetPoints s = run_to(kHome + 1000, v);
     for (int i = 0; i < 100; ++i) {

@@ -17,15 +17,15 @@ using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
 
-const std::string python = "/usr/bin/python3";
-const std::string tests = SLICECORR_SOURCE_DIR "/tests/";
+const std::string kPython = "/usr/bin/python3";
+const std::string kTests = SLICECORR_SOURCE_DIR "/tests/";
 
 /// Lamps off first, in all; docs_machine_faults.py says what that means.
 void expect_all_hold(const std::string& part) {
   RunOptions long_one;
   long_one.timeout = std::chrono::minutes(8);
   const RunResult r =
-      run_program({python, tests + "docs_machine_faults.py", "--bin", SLICECORR_BIN_DIR,
+      run_program({kPython, kTests + "docs_machine_faults.py", "--bin", SLICECORR_BIN_DIR,
                    "--printers", SLICECORR_PRINTERS_DIR, "--part", part},
                   long_one);
   std::istringstream lines(r.out);
@@ -43,7 +43,7 @@ void expect_all_hold(const std::string& part) {
   EXPECT_GE(last.value("faults_begun", 0), 20);
 }
 
-bool has_python() { return std::filesystem::exists(python); }
+bool has_python() { return std::filesystem::exists(kPython); }
 
 TEST(BridgeOutside, LampsGoOffFirstInEveryFault) {
   if (!has_python()) GTEST_SKIP() << "python3 is not installed";
@@ -79,7 +79,7 @@ class BridgeBench : public BridgePrograms {
     const std::string name = map + fault;
     std::string text = text_of(make_printer(name, limits()));
     text = text.substr(0, text.find("# Holding registers"));
-    std::vector<std::string> command{python, tests + "docs_machine.py", map};
+    std::vector<std::string> command{kPython, kTests + "docs_machine.py", map};
     if (!fault.empty()) command.insert(command.end(), {"--fault", fault});
     Child machine(command, folder / (name + ".err"));
     const json said = json::parse(machine.line(), nullptr, false);

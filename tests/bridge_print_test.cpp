@@ -401,7 +401,7 @@ TEST_F(BridgePrint, AWrongStackNeverMovesTheStage) {
   make_zip(folder / "edited.uvj", entries);
   refuse(folder / "edited.uvj", printer, 2, "checksum");
   json words = json::parse(text);
-  words["slicecorr"][detail::block_crc32_key] = detail::block_crc32(words["slicecorr"]);
+  words["slicecorr"][detail::kBlockCrc32Key] = detail::block_crc32(words["slicecorr"]);
   config = to_bytes(words.dump());
   make_zip(folder / "dim.uvj", entries);
   refuse(folder / "dim.uvj", printer, 3, "UV light");

@@ -142,7 +142,7 @@ TEST(FrameWire, RefusesWhatIsWrong) {
   frame.height_px = 2;
   frame.blue = {1, 2, 3, 4};
   // The bytes of a good message, each time with one changed.
-  std::vector<std::uint8_t> bytes(wire_header_bytes + 4);
+  std::vector<std::uint8_t> bytes(kWireHeaderBytes + 4);
   {
     Ends ends;
     send_message(ends.a, message_of(&frame, 0), 1);
@@ -319,8 +319,8 @@ TEST_F(RunPrint, EndsWellAndLeavesItsRecord) {
   EXPECT_FALSE(end.latched);
   EXPECT_EQ(end.trouble, "");
   const auto events = journal();
-  EXPECT_EQ(events.front(), journal_begin);
-  EXPECT_EQ(events.back(), journal_end);
+  EXPECT_EQ(events.front(), kJournalBegin);
+  EXPECT_EQ(events.back(), kJournalEnd);
   EXPECT_FALSE(read_latch(state, false));
   std::ifstream csv(state.file("frames.csv"));
   int rows = -1;
@@ -416,7 +416,7 @@ TEST_F(RunPrint, APrintThatWasKilledLatches) {
   EXPECT_FALSE(read_latch(state, false));
   {
     Journal journal(state.file("journal.jsonl"));
-    journal.add({0, journal_begin, "part.uvj", -1, 0}, true);
+    journal.add({0, kJournalBegin, "part.uvj", -1, 0}, true);
     journal.add({1, "phase printing", "", 3, 200}, true);
   }
   {

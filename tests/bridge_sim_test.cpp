@@ -23,10 +23,10 @@ namespace slicecorr::bridge {
 namespace {
 
 using test::Child;
+using test::kSmallMachine;
 using test::replaced;
 using test::run_program;
 using test::Sim;
-using test::small_machine;
 using test::TemporaryFolder;
 using test::text_of;
 using testing::AllOf;
@@ -46,10 +46,10 @@ std::string in_path(const std::string& program) {
 /// A machine file and what belongs to it.
 class SimTest : public testing::Test {
  protected:
-  SimTest() { test::write_file(printer, test::to_bytes(small_machine)); }
+  SimTest() { test::write_file(printer, test::to_bytes(kSmallMachine)); }
   TemporaryFolder folder;
   std::string printer = folder / "small.toml";
-  RegisterMap map = *test::machine_of(small_machine).modbus;
+  RegisterMap map = *test::machine_of(kSmallMachine).modbus;
 };
 
 /// A client of libmodbus.
@@ -129,7 +129,7 @@ TEST_F(SimTest, SaysWhatIsWrong) {
   refuses({"--printer", printer, "--listen", "127.0.0.1:0", "--frames", "nowhere"},
           "expected unix:PATH or tcp:HOST:PORT");
   const std::string bare = folder / "bare.toml";
-  test::write_file(bare, test::to_bytes(small_machine.substr(0, small_machine.find("[modbus]"))));
+  test::write_file(bare, test::to_bytes(kSmallMachine.substr(0, kSmallMachine.find("[modbus]"))));
   refuses({"--printer", bare, "--listen", "127.0.0.1:0"}, "modbus: missing");
   const auto r = run_program({sim, "--printer", printer, "--listen", "/dev/null/none"});
   EXPECT_EQ(r.exit_code, 4);
@@ -148,7 +148,7 @@ TEST_F(SimTest, ListensOnLoopbackOnlyUnlessTold) {
   Sim sim(printer, {"--listen", "127.0.0.1:0"});
   EXPECT_THAT(sim.modbus, HasSubstr("127.0.0.1:"));
   // The file's own port, on loopback.
-  const std::string text = replaced(small_machine, "port = 0", "port = 0\nhost = \"192.0.2.1\"");
+  const std::string text = replaced(kSmallMachine, "port = 0", "port = 0\nhost = \"192.0.2.1\"");
   test::write_file(printer, test::to_bytes(text));
   Child child({SLICECORR_BIN_DIR "/printer-sim", "--printer", printer, "--quiet"});
   EXPECT_THAT(child.line(), HasSubstr("\"modbus\":\"127.0.0.1:"));
@@ -583,7 +583,7 @@ WireMessage tick(double at_s) {
 }
 
 TEST_F(SimTest, ImagesAppearAtTheirTimeInLockstep) {
-  const Machine machine = test::machine_of(small_machine);
+  const Machine machine = test::machine_of(kSmallMachine);
   for (const std::string& where : {std::string("tcp:127.0.0.1:0"), "unix:" + (folder / "frames")}) {
     Sim sim(printer, {"--lockstep", "--frames", where});
     const WireSocket display = connect_wire(sim.frames);
@@ -610,7 +610,7 @@ TEST_F(SimTest, ImagesAppearAtTheirTimeInLockstep) {
 }
 
 TEST_F(SimTest, WhatIsWrongOnTheFrameWireEndsTheConnectionOnly) {
-  const Machine machine = test::machine_of(small_machine);
+  const Machine machine = test::machine_of(kSmallMachine);
   Sim sim(printer, {"--lockstep", "--frames", "tcp:127.0.0.1:0"});
   const auto port = std::stoi(sim.frames.substr(sim.frames.rfind(':') + 1));
   const WireMessage hello = message_of(hello_for(machine, true));
@@ -659,7 +659,7 @@ TEST_F(SimTest, WhatIsWrongOnTheFrameWireEndsTheConnectionOnly) {
 }
 
 TEST_F(SimTest, FaultsOfTheDisplay) {
-  const Machine machine = test::machine_of(small_machine);
+  const Machine machine = test::machine_of(kSmallMachine);
   Sim sim(printer,
           {"--lockstep", "--frames", "tcp:127.0.0.1:0", "--fault", "late-frame=0.02@frame:1",
            "--fault", "freeze-display@frame:3", "--fault", "display-gone@1s"});
@@ -680,7 +680,7 @@ TEST_F(SimTest, FaultsOfTheDisplay) {
 // --- The record
 
 TEST_F(SimTest, RecordsWhatWasShownAndLit) {
-  const Machine machine = test::machine_of(small_machine);
+  const Machine machine = test::machine_of(kSmallMachine);
   const std::string shown = folder / "shown.uvj", log = folder / "events.jsonl";
   const auto print = [&] {
     Sim sim(printer,

@@ -320,7 +320,7 @@ struct Hand {
     now_s += std::max(machine.limits.cycle_s, early_s + late_s);
     model.advance(now_s);
     if (step.show) {
-      if (*step.show != black_frame) ++shown;
+      if (*step.show != kBlackFrame) ++shown;
       controller.shown(
           {*step.show, std::max(step.show_at_s, now_s - machine.limits.cycle_s), false});
     }

@@ -34,13 +34,13 @@ TEST(LatenessCounts, AValueFallsIntoTheFirstBoundNotBelowIt) {
   }
   EXPECT_EQ(l.um[0], 4U) << "early, in time, at the bound; what is no number is not late";
   EXPECT_EQ(l.um[1], 1U);
-  EXPECT_EQ(l.um[Lateness::bounds_um.size() - 1], 1U);
+  EXPECT_EQ(l.um[Lateness::kBoundsUm.size() - 1], 1U);
   EXPECT_EQ(l.um.back(), 2U);
   EXPECT_EQ(l.worst_um, 1e9);
-  for (std::size_t i = 0; i < Lateness::bounds_ms.size(); ++i) {
+  for (std::size_t i = 0; i < Lateness::kBoundsMs.size(); ++i) {
     Lateness at, above;
-    at.add_ms(Lateness::bounds_ms[i]);
-    above.add_ms(std::nextafter(Lateness::bounds_ms[i], 1e9));
+    at.add_ms(Lateness::kBoundsMs[i]);
+    above.add_ms(std::nextafter(Lateness::kBoundsMs[i], 1e9));
     EXPECT_EQ(at.ms[i], 1U);
     EXPECT_EQ(above.ms[i + 1], 1U);
   }
@@ -60,10 +60,10 @@ TEST(Envelope, KeepsWhatSticksOut) {
     auto shuffled = points;
     std::shuffle(shuffled.begin(), shuffled.end(), random);
     const auto thin = detail::envelope(shuffled);
-    EXPECT_LE(thin.size(), 4U * detail::envelope_columns);
+    EXPECT_LE(thin.size(), 4U * detail::kEnvelopeColumns);
     EXPECT_EQ(thin.empty(), points.empty());
     // Beside each point, within a piece's width, there is one that is as high, and one as low.
-    const double width = n > 1 ? points.back().x / detail::envelope_columns : 1;
+    const double width = n > 1 ? points.back().x / detail::kEnvelopeColumns : 1;
     std::size_t from = 0;
     for (const chart::Point& p : points) {
       while (from < thin.size() && thin[from].x < p.x - 1.001 * width) ++from;
@@ -110,7 +110,7 @@ TEST(Envelope, PeaksCountEverything) {
 
 // ---- records on disk ----
 
-const std::string header =
+const std::string kHeader =
     "frame,planned_z_um,z_um,planned_s,shown_s,late_um,speed_um_s,blue_share,uv_mw_cm2,blue_measured,uv_measured,late,stage_error_um,temperature_c,exposure_s,exposed_s\n";
 
 std::string row(int frame, double late_um = 0.01, bool late = false) {
@@ -161,7 +161,7 @@ class Record : public testing::Test {
             {"dry_run", false}};
   }
   std::string begin(const std::string& stack = "/tmp/part.uvj", int frames = 3) {
-    return event(0, journal_begin, stack, -1, facts(frames)) +
+    return event(0, kJournalBegin, stack, -1, facts(frames)) +
            event(0.01, "threads", "real-time priority 50, memory locked");
   }
   PrintRecord read(bool running = false) { return read_record(state, running); }
@@ -210,8 +210,8 @@ TEST_F(Record, NothingThere) {
 
 TEST_F(Record, AGoodOneAndItsPage) {
   put("journal.jsonl", begin() + event(0.5, "phase printing") + event(2.0, "phase blue_off") +
-                           event(3.0, journal_end, "done"));
-  put("frames.csv", header + row(0) + row(1, 0.3) + row(2));
+                           event(3.0, kJournalEnd, "done"));
+  put("frames.csv", kHeader + row(0) + row(1, 0.3) + row(2));
   PrintState last;
   last.phase = Phase::done;
   last.frames_shown = 3;
@@ -248,7 +248,7 @@ TEST_F(Record, AGoodOneAndItsPage) {
 
 TEST_F(Record, WithoutAnEndItWasCutOffOrRuns) {
   put("journal.jsonl", begin() + event(0.5, "phase printing", "", 1));
-  put("frames.csv", header + row(0) + row(1));
+  put("frames.csv", kHeader + row(0) + row(1));
   // It is of the print before: whatever it says does not belong here.
   put("status.json",
       R"({"phase":"done","stack":"/tmp/part.uvj","frames_shown":99,"fault":"door_open"})");
@@ -277,8 +277,8 @@ TEST_F(Record, TheOrderOfAFaultIsSeen) {
           event(1.0, "phase lamps_off", "80 um off", 1) + event(1.0, "lamps off", "asked", 1) +
           event(1.01, "phase stopping", "", 1) + event(1.02, "phase blacking", "", 1) +
           event(1.03, "phase failed", "80 um off") + event(1.04, "latched", "stage_error") +
-          event(1.05, journal_end, "failed"));
-  put("frames.csv", header + row(0) + row(1));
+          event(1.05, kJournalEnd, "failed"));
+  put("frames.csv", kHeader + row(0) + row(1));
   put("status.json", "{");
   const PrintRecord r = read();
   EXPECT_EQ(r.end, End::failed);
@@ -315,11 +315,11 @@ TEST_F(Record, DamagedRowsAreLeftOutAndSaid) {
                                      ",,,,,\n",
                                      std::string("5,\0,0\n", 7),
                                      std::string(1 << 20, 'x') + "\n"};
-  std::string text = header + row(3);
+  std::string text = kHeader + row(3);
   for (const std::string& line : bad) text += line;
   text += row(3) + row(2) + row(4);  // again, back in time, and on
   text += row(5).substr(0, 20);      // while it is written
-  put("journal.jsonl", begin() + event(1, journal_end, "done"));
+  put("journal.jsonl", begin() + event(1, kJournalEnd, "done"));
   put("frames.csv", text);
   put("status.json", R"({"stack":"/tmp/part.uvj","phase":"done"})");
   const PrintRecord r = read();
@@ -332,7 +332,7 @@ TEST_F(Record, DamagedRowsAreLeftOutAndSaid) {
 }
 
 TEST_F(Record, ColumnsAreFoundByTheirNames) {
-  put("journal.jsonl", begin() + event(1, journal_end, "done"));
+  put("journal.jsonl", begin() + event(1, kJournalEnd, "done"));
   put("status.json", R"({"stack":"/tmp/part.uvj","phase":"done"})");
   // Of a later version, in another order, with less: what is missing is not known.
   put("frames.csv", "vblank_s,late_um,frame,z_um\n0.1,7.5,0,1\n0.2,,1,11\n");
@@ -369,9 +369,9 @@ TEST_F(Record, DamagedJournals) {
           "\n";
   text += R"({"what":"x","at_s":1e308,"frame":1e300,"stage_um":-1e308})"
           "\n";
-  text += event(1, journal_end, "failed").substr(0, 30);
+  text += event(1, kJournalEnd, "failed").substr(0, 30);
   put("journal.jsonl", text);
-  put("frames.csv", header + row(0));
+  put("frames.csv", kHeader + row(0));
   const PrintRecord r = read();
   EXPECT_EQ(r.end, End::cut_off);
   EXPECT_EQ(r.fault, Fault::defect) << "of a version that is not known";
@@ -388,7 +388,7 @@ TEST_F(Record, DamagedJournals) {
   // Every cut of a good one is read without complaint but for what is cut.
   const std::string whole = begin() + event(0.5, "phase printing") +
                             event(0.6, "fault door_open", "open", 2) +
-                            event(1, journal_end, "failed");
+                            event(1, kJournalEnd, "failed");
   for (std::size_t size = 0; size <= whole.size(); size += 7) {
     put("journal.jsonl", whole.substr(0, size));
     EXPECT_LE(read().remarks.size(), 1U);  // status.json, at its end
@@ -403,7 +403,7 @@ TEST_F(Record, WhatOthersWroteIsText) {
   put("journal.jsonl", begin(stack) +
                            event(0.1, "<b>what</b>", "<img src=x onerror=alert(1)>\"&'\033[2J") +
                            event(1, "fault defect", "<img src=x onerror=alert(1)>"));
-  put("frames.csv", header + row(0));
+  put("frames.csv", kHeader + row(0));
   const std::string html = page();
   check_page(html);
   EXPECT_EQ(html.find('\033'), html.npos);
@@ -434,7 +434,7 @@ TEST_F(Record, AHundredThousandFrames) {
   std::normal_distribution<double> noise(0, 0.2);
   std::set<int> late;
   while (late.size() < 400) late.insert(static_cast<int>(random() % frames));
-  std::string text = header;
+  std::string text = kHeader;
   int worst = -1;
   for (int i = 0; i < frames; ++i) {
     const bool is_late = late.contains(i);
@@ -443,7 +443,7 @@ TEST_F(Record, AHundredThousandFrames) {
   }
   std::string journal = begin("/tmp/big.uvj", frames);
   for (int i = 0; i < 20'000; ++i) journal += event(i, "no answer", "connection refused", i);
-  put("journal.jsonl", journal + event(5000, journal_end, "done"));
+  put("journal.jsonl", journal + event(5000, kJournalEnd, "done"));
   put("frames.csv", text);
   put("status.json", R"({"stack":"/tmp/big.uvj","phase":"done"})");
   const std::string html = page();
@@ -484,11 +484,11 @@ TEST_F(Record, FaultsAreCountedInTheJournal) {
 
 TEST_F(Record, PagesOfPrintsThatWereKilledAreMadeLater) {
   put("journal.jsonl", begin("/tmp/first.uvj") + event(0.5, "phase printing"));
-  put("frames.csv", header + row(0));
+  put("frames.csv", kHeader + row(0));
   keep_report(state);
   EXPECT_FALSE(std::filesystem::exists(state.file("report.html")));
   EXPECT_THAT(text_of(state.file("report.previous.html")), HasSubstr("first.uvj: cut off"));
-  put("journal.jsonl", begin("/tmp/second.uvj") + event(1, journal_end, "done"));
+  put("journal.jsonl", begin("/tmp/second.uvj") + event(1, kJournalEnd, "done"));
   write_report(state, false);
   EXPECT_THAT(text_of(state.file("report.html")), HasSubstr("second.uvj: done"));
   keep_report(state);

@@ -26,7 +26,7 @@ using testing::HasSubstr;
 using testing::Not;
 using End = PrintRecord::End;
 
-const std::string of_printer = "{printer=\"dual-wavelength-dlp\"}";
+const std::string kOfPrinter = "{printer=\"dual-wavelength-dlp\"}";
 std::string of_printer_and(const std::string& label, const std::string& value) {
   return "{printer=\"dual-wavelength-dlp\"," + label + "=\"" + value + "\"}";
 }
@@ -149,7 +149,7 @@ TEST_F(BridgeView, PagesOfLateFramesAndOfFaults) {
     }
     const auto m = check_metrics(bridge({"metrics"}, printer).out);
     EXPECT_EQ(m.at("printbridge_faults_total" + of_printer_and("reason", name)), 1);
-    EXPECT_EQ(m.at("printbridge_latched" + of_printer), 1);
+    EXPECT_EQ(m.at("printbridge_latched" + kOfPrinter), 1);
     reset(printer);
   }
 }
@@ -337,10 +337,10 @@ TEST_F(BridgeView, ServesWhileItPrints) {
   ASSERT_EQ(status_of(metrics), 200);
   EXPECT_THAT(metrics->get_header_value("Content-Type"), HasSubstr("version=0.0.4"));
   auto m = check_metrics(metrics->body);
-  EXPECT_EQ(m.at("printbridge_up" + of_printer), 1);
-  EXPECT_GE(m.at("printbridge_frames_shown_total" + of_printer), 1);
-  EXPECT_EQ(m.at("printbridge_frame_lateness_um_count" + of_printer),
-            m.at("printbridge_frames_shown_total" + of_printer));
+  EXPECT_EQ(m.at("printbridge_up" + kOfPrinter), 1);
+  EXPECT_GE(m.at("printbridge_frames_shown_total" + kOfPrinter), 1);
+  EXPECT_EQ(m.at("printbridge_frame_lateness_um_count" + kOfPrinter),
+            m.at("printbridge_frames_shown_total" + kOfPrinter));
   EXPECT_TRUE(promtool_agrees(metrics->body));
   const auto now = client.Get("/status.json");
   ASSERT_EQ(status_of(now), 200);
@@ -375,9 +375,9 @@ TEST_F(BridgeView, ServesWhileItPrints) {
   EXPECT_EQ(r.print->wait(), 130);
   ASSERT_TRUE(wait_until([&] {
     m = check_metrics(client.Get("/metrics")->body);
-    return m.at("printbridge_up" + of_printer) == 0;
+    return m.at("printbridge_up" + kOfPrinter) == 0;
   }));
-  EXPECT_EQ(m.at("printbridge_latched" + of_printer), 1);
+  EXPECT_EQ(m.at("printbridge_latched" + kOfPrinter), 1);
   EXPECT_EQ(m.at("printbridge_faults_total" + of_printer_and("reason", "stopped_by_user")), 1);
   EXPECT_EQ(served.end(SIGTERM), 0);
 }

@@ -20,7 +20,7 @@ namespace {
 using namespace slicecorr::test;
 using testing::HasSubstr;
 
-constexpr int width_px = 200, height_px = 120;
+constexpr int kWidthPx = 200, height_px = 120;
 
 Machine machine_of(int width, int height) {
   Machine m;
@@ -35,10 +35,10 @@ std::shared_ptr<const Frame> noise(int number, bool uv = false) {
   std::mt19937 random(static_cast<unsigned>(number) + 1);
   auto frame = std::make_shared<Frame>();
   frame->number = number;
-  frame->width_px = width_px;
+  frame->width_px = kWidthPx;
   frame->height_px = height_px;
   const auto fill = [&](std::vector<std::uint8_t>& image) {
-    for (int i = 0; i < width_px * height_px; ++i) {
+    for (int i = 0; i < kWidthPx * height_px; ++i) {
       image.push_back(static_cast<std::uint8_t>(random()));
     }
   };
@@ -54,7 +54,7 @@ std::vector<std::uint32_t> grey(const Frame& frame) {
 }
 
 const std::vector<std::uint32_t>& all_black() {
-  static const std::vector<std::uint32_t> pixels(width_px * height_px, 0);
+  static const std::vector<std::uint32_t> pixels(kWidthPx * height_px, 0);
   return pixels;
 }
 
@@ -62,7 +62,7 @@ class BridgeWindow : public testing::Test {
  protected:
   void SetUp() override {
     if (!Xvfb::installed()) GTEST_SKIP() << "Xvfb is not installed";
-    server.emplace(width_px, height_px);
+    server.emplace(kWidthPx, height_px);
   }
   std::unique_ptr<FrameSink> open(const std::string& display = "") {
     return make_window_sink(display, machine, *clock);
@@ -85,7 +85,7 @@ class BridgeWindow : public testing::Test {
   }
 
   std::optional<Xvfb> server;
-  Machine machine = machine_of(width_px, height_px);
+  Machine machine = machine_of(kWidthPx, height_px);
   std::unique_ptr<BridgeClock> clock = make_real_clock();
 };
 
@@ -140,7 +140,7 @@ TEST_F(BridgeWindow, NothingElseIsSeenWhenItIsClosed) {
     sink.reset();
     done = true;
   });
-  const auto white = std::vector<std::uint32_t>(width_px * height_px, 0xFFFFFF);
+  const auto white = std::vector<std::uint32_t>(kWidthPx * height_px, 0xFFFFFF);
   const auto image = grey(*noise(1));
   while (!done) {
     const auto seen = eye.grab();
@@ -156,15 +156,15 @@ TEST_F(BridgeWindow, AFrameOfAnotherSizeIsNeverShown) {
   const auto sink = open();
   auto frame = std::make_shared<Frame>(*noise(1));
   frame->width_px = height_px;
-  frame->height_px = width_px;
+  frame->height_px = kWidthPx;
   EXPECT_THROW(sink->show(frame, 0), Error);
   EXPECT_EQ(eye.grab(), all_black());
 }
 
 TEST_F(BridgeWindow, RefusesADisplayOfAnotherSize) {
   for (const auto& [w, h] :
-       {std::pair{width_px + 1, height_px}, std::pair{width_px, height_px - 1},
-        std::pair{height_px, width_px}, std::pair{2 * width_px, 2 * height_px}}) {
+       {std::pair{kWidthPx + 1, height_px}, std::pair{kWidthPx, height_px - 1},
+        std::pair{height_px, kWidthPx}, std::pair{2 * kWidthPx, 2 * height_px}}) {
     machine = machine_of(w, h);
     try {
       open();
@@ -204,7 +204,7 @@ TEST_F(BridgeWindow, NoServer) {
 
 TEST_F(BridgeWindow, HidesThePointerAndKeepsTheDisplayAwake) {
   Onlooker eye;
-  eye.put_pointer(width_px / 2, height_px / 2);
+  eye.put_pointer(kWidthPx / 2, height_px / 2);
   ASSERT_TRUE(eye.pointer_is_seen());
   const bool can_save = eye.saves_power().has_value();
   if (can_save) eye.save_power();

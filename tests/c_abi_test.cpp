@@ -13,10 +13,10 @@
 namespace slicecorr::test {
 namespace {
 
-const std::string header = SLICECORR_SOURCE_DIR "/libslicecorr/include/slicecorr.h";
+const std::string kHeader = SLICECORR_SOURCE_DIR "/libslicecorr/include/slicecorr.h";
 
 std::set<std::string> declared_functions() {
-  const std::string text = to_text(read_file(header));
+  const std::string text = to_text(read_file(kHeader));
   const std::regex function(R"(SLICECORR_API [^;{]*?\b(slicecorr_\w+)\()");
   std::set<std::string> names;
   for (std::sregex_iterator it(text.begin(), text.end(), function), end; it != end; ++it) {
@@ -32,7 +32,7 @@ TEST(CAbi, HeaderIsC99AndCpp) {
     std::vector<std::string> command = language;
     command.insert(command.begin() + 1,
                    {"-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror", "-fsyntax-only"});
-    command.push_back(header);
+    command.push_back(kHeader);
     const RunResult r = run_program(command);
     EXPECT_EQ(r.exit_code, 0) << language[1] << "\n" << r.err;
   }
@@ -370,7 +370,7 @@ TEST(CAbi, ListsNameWhatThereIs) {
   EXPECT_EQ(list, nullptr);
 
   // Every setting can be set by its name, and stands in the header.
-  const std::string text = to_text(read_file(header));
+  const std::string text = to_text(read_file(kHeader));
   const SetupHandle setup(slicecorr_setup_new());
   for (const std::string& name : names("setting")) {
     EXPECT_EQ(slicecorr_setup_set_text(setup.get(), name.c_str(), nullptr), SLICECORR_OK) << name;

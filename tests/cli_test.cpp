@@ -21,11 +21,11 @@ namespace {
 using nlohmann::json;
 using Command = std::vector<std::string>;
 
-constexpr double ln10 = 2.302585092994046;
+constexpr double kLn10 = 2.302585092994046;
 // Figure 2.2 of the dissertation: 50 um slices, absorbance height 2000 um base 10, 576 mJ/cm³,
 // 1000 mm/h, 1 to 100 mW/cm².
-constexpr double layer_um = 50, eta = 0.025, phi_min = 0.0625, phi_max = 6.25;
-const double a = std::pow(10.0, -eta);
+constexpr double kLayerUm = 50, eta = 0.025, phi_min = 0.0625, phi_max = 6.25;
+const double kA = std::pow(10.0, -eta);
 
 Command operator+(Command left, const Command& right) {
   left.insert(left.end(), right.begin(), right.end());
@@ -70,7 +70,7 @@ const std::vector<Box>& ladder() {
   return boxes;
 }
 // Columns of the ladder: through the rungs (features at slices 11-20 and 31-40), through a rail.
-const Command rung{"--x", "640", "--y", "400"}, rail{"--x", "610", "--y", "400"};
+const Command kRung{"--x", "640", "--y", "400"}, rail{"--x", "610", "--y", "400"};
 
 /// A grid of posts with plates between them, large enough that it takes a while.
 std::vector<Box> lattice(float size, float height) {
@@ -136,7 +136,7 @@ class Cli : public ::testing::Test {
                                      &r.grey, &r.intensity, &r.phi, &r.dose, &r.target);
       EXPECT_EQ(fields, with_target ? 7 : 6) << line;
       EXPECT_EQ(r.slice, static_cast<int>(rows.size()));
-      EXPECT_DOUBLE_EQ(r.z_um, r.slice * layer_um);
+      EXPECT_DOUBLE_EQ(r.z_um, r.slice * kLayerUm);
       rows.push_back(r);
     }
     check_doses(rows);
@@ -219,7 +219,7 @@ void expect_clean(const json& j, double largest_um) {
 
 TEST_F(Cli, LadderUncorrectedIsOneSolidPiece) {
   slice();
-  const auto rows = probe("target.uvj", rung + setup() + Command{"--target", "target.uvj"});
+  const auto rows = probe("target.uvj", kRung + setup() + Command{"--target", "target.uvj"});
   ASSERT_EQ(rows.size(), 50U);
   const std::map<int, double> doses{{0, 1.9512},  {11, 3.6202}, {21, 1.5736},
                                     {31, 2.7496}, {38, 1.0125}, {41, 0.025271}};
@@ -273,7 +273,7 @@ TEST_F(Cli, LadderShowsThePaperSlices) {
   };
   json figures = run(setup() + Command{"--omega-max", "1"});
   EXPECT_LE(figures["height_error_um"]["mean_abs"], 0.4);
-  auto rows = probe("out.uvj", rung);
+  auto rows = probe("out.uvj", kRung);
   ASSERT_EQ(rows.size(), 54U);
   for (const std::size_t n : {21, 41, 42}) near(rows, n, phi_max);
   near(rows, 22, 1.2778);
@@ -282,24 +282,24 @@ TEST_F(Cli, LadderShowsThePaperSlices) {
   // The cap leaves three level steps of room.
   for (std::size_t n = 11; n <= 20; ++n) {
     EXPECT_GE(rows[n].dose, 1.0 - 1e-3);
-    EXPECT_LE(rows[n].dose, 1.0 + 3 * step * (1 - a) + 1e-9);
+    EXPECT_LE(rows[n].dose, 1.0 + 3 * step * (1 - kA) + 1e-9);
   }
 
   figures = run(setup());
   // A third more than the tolerance aimed at: one step of its ladder, and the step of a level.
   EXPECT_LE(figures["height_error_um"]["max_abs"], 0.05 * 1.44);
-  rows = probe("out.uvj", rung);
+  rows = probe("out.uvj", kRung);
   for (const std::size_t n : {20, 40}) near(rows, n, phi_max);
   for (const std::size_t n : {12, 13, 14}) near(rows, n, phi_min);
   for (const std::size_t n : {16, 17}) EXPECT_EQ(rows[n].phi, phi_min);
-  EXPECT_NEAR(1 - rows[23].dose, 0.34598, 2e-3 + room * (1 - a));
+  EXPECT_NEAR(1 - rows[23].dose, 0.34598, 2e-3 + room * (1 - kA));
 
   rows = probe("out.uvj", rail);
   for (std::size_t n = 0; n < 50; ++n) EXPECT_EQ(rows[n].phi, phi_max) << n;
   for (std::size_t n = 50; n < 53; ++n) near(rows, n, phi_max);
   near(rows, 53, 0.18526);
   // Its end is within the tolerance of an edge, a thousandth of a slice.
-  EXPECT_GE(rows[50].dose, 1.0 - 1e-3 * ln10 * eta * (phi_max - 1));
+  EXPECT_GE(rows[50].dose, 1.0 - 1e-3 * kLn10 * eta * (phi_max - 1));
 }
 
 // Few and uneven levels: nothing is printed wrong, and no edge is off by more than one step costs.
@@ -316,7 +316,7 @@ TEST_F(Cli, LadderWithCoarseProjectors) {
   expect_clean(run(setup(coarse)), 25);
   slice();
   const double step = (phi_max - phi_min) / 15;
-  for (const Command& column : {rung, rail}) {
+  for (const Command& column : {kRung, rail}) {
     const auto rows = probe("out.uvj", column + Command{"--target", "target.uvj"});
     ASSERT_EQ(rows.size(), 54U);
     for (const Row& r : rows) {
@@ -324,8 +324,8 @@ TEST_F(Cli, LadderWithCoarseProjectors) {
       EXPECT_LE(r.grey, 15);
     }
     const std::vector<Edge> edges =
-        column == rung ? std::vector<Edge>{{true, 11}, {false, 21}, {true, 31}, {false, 41}}
-                       : std::vector<Edge>{{false, 50}};
+        column == kRung ? std::vector<Edge>{{true, 11}, {false, 21}, {true, 31}, {false, 41}}
+                        : std::vector<Edge>{{false, 50}};
     for (const Edge& e : edges) {
       const auto node = static_cast<std::size_t>(e.node);
       // The print ends where Omega(zeta) = 1: in the layer above the node when the node's dose and
@@ -334,9 +334,9 @@ TEST_F(Cli, LadderWithCoarseProjectors) {
       const double phi = rows[above ? node - 1 : node].phi;
       const double below = rows[above ? node : node + 1].dose;
       const double into_layer = std::log10((1 - phi) / (below - phi)) / -eta;
-      const double off_um = (above ? into_layer : 1 - into_layer) * layer_um;
+      const double off_um = (above ? into_layer : 1 - into_layer) * kLayerUm;
       // A tenth of what one level step does.
-      const double bound = layer_um * step * (1 - a) / (ln10 * eta * std::abs(phi - 1));
+      const double bound = kLayerUm * step * (1 - kA) / (kLn10 * eta * std::abs(phi - 1));
       EXPECT_LE(off_um, 0.1 * bound) << e.node;
     }
   }
@@ -663,7 +663,7 @@ TEST_F(Cli, OutputThatCannotBeWritten) {
   bad(4, {"info", "out.uvj", "--json", "no/x.json"}, {"no/x.json"});
   bad(4, {"info", "out.uvj", "--json", "."}, {".: can't be written"});
 
-  for (const Command& c : {Command{"probe", "out.uvj"} + rung, Command{"info", "out.uvj"},
+  for (const Command& c : {Command{"probe", "out.uvj"} + kRung, Command{"info", "out.uvj"},
                            Command{"verify", "out.uvj", "--target", "target.uvj"},
                            Command{"verify", "out.uvj", "--target", "target.uvj", "--json", "-"}}) {
     RunOptions full = options_;
@@ -786,8 +786,8 @@ class HandMade : public Cli {
  protected:
   enum Kind { grey8, grey16, rgba, palette, grey1 };
 
-  static Bytes png(const Bytes& pixels, int width, Kind kind) {
-    const auto height = static_cast<int>(pixels.size()) / width;
+  static Bytes png(const Bytes& pixels, int kWidth, Kind kind) {
+    const auto height = static_cast<int>(pixels.size()) / kWidth;
     png_structp out = png_create_write_struct(PNG_LIBPNG_VER_STRING, nullptr, nullptr, nullptr);
     png_infop info = png_create_info_struct(out);
     Bytes data;
@@ -801,7 +801,7 @@ class HandMade : public Cli {
     constexpr int colour[] = {PNG_COLOR_TYPE_GRAY, PNG_COLOR_TYPE_GRAY, PNG_COLOR_TYPE_RGBA,
                               PNG_COLOR_TYPE_PALETTE, PNG_COLOR_TYPE_GRAY};
     constexpr int depth[] = {8, 16, 8, 8, 1};
-    png_set_IHDR(out, info, static_cast<png_uint_32>(width), static_cast<png_uint_32>(height),
+    png_set_IHDR(out, info, static_cast<png_uint_32>(kWidth), static_cast<png_uint_32>(height),
                  depth[kind], colour[kind], PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT,
                  PNG_FILTER_TYPE_DEFAULT);
     png_color colours[256];
@@ -814,8 +814,8 @@ class HandMade : public Cli {
     png_write_info(out, info);
     for (int y = 0; y < height; ++y) {
       Bytes row;
-      for (int x = 0; x < width; ++x) {
-        const std::uint8_t v = pixels[static_cast<std::size_t>(y * width + x)];
+      for (int x = 0; x < kWidth; ++x) {
+        const std::uint8_t v = pixels[static_cast<std::size_t>(y * kWidth + x)];
         const auto inverse = static_cast<std::uint8_t>(255 - v);
         if (kind == grey8) row.push_back(v);
         if (kind == grey16) row.insert(row.end(), {v, v});
@@ -835,12 +835,12 @@ class HandMade : public Cli {
 
   /// The slices of figure 2.2 on a small display of `printer()`.
   static Bytes image(int n) {
-    Bytes pixels(static_cast<std::size_t>(width * height));
+    Bytes pixels(static_cast<std::size_t>(kWidth * height));
     const bool lit = (n >= 11 && n <= 20) || (n >= 31 && n <= 40);
     for (int y = 2; y < height - 2; ++y) {
-      for (int x = 3; x < width - 3; ++x) {
-        const bool in_rail = n < 50 && (x < 8 || x >= width - 8);
-        pixels[static_cast<std::size_t>(y * width + x)] = lit || in_rail ? 255 : 0;
+      for (int x = 3; x < kWidth - 3; ++x) {
+        const bool in_rail = n < 50 && (x < 8 || x >= kWidth - 8);
+        pixels[static_cast<std::size_t>(y * kWidth + x)] = lit || in_rail ? 255 : 0;
       }
     }
     return pixels;
@@ -849,10 +849,10 @@ class HandMade : public Cli {
     const std::string config = fmt::format(
         R"({{"Properties": {{"Size": {{"X": {}, "Y": {}, "Millimeter": {{"X": {}, "Y": {}}}, )"
         R"("Layers": {}, "LayerHeight": 0.05}}}}}})",
-        width, height, width * 0.05, height * 0.05, layers);
+        kWidth, height, kWidth * 0.05, height * 0.05, layers);
     Entries entries{{"config.json", to_bytes(config)}};
     for (int n = 0; n < layers; ++n) {
-      entries.emplace_back(fmt::format("slice/{:08}.png", n), png(image(n), width, kind));
+      entries.emplace_back(fmt::format("slice/{:08}.png", n), png(image(n), kWidth, kind));
     }
     make_zip(folder_ / name, entries, deflated);
   }
@@ -860,7 +860,7 @@ class HandMade : public Cli {
     write_text("small.toml", fmt::format("[display]\nwidth_px = {}\nheight_px = {}\n"
                                          "pixel_um = 50\n[blue]\n"
                                          "calibration = [[0, 1.0], [255, 100.0]]\n",
-                                         width, height));
+                                         kWidth, height));
     return setup("small.toml");
   }
   /// Of all slices.
@@ -878,7 +878,7 @@ class HandMade : public Cli {
     return json::parse(good(Command{"verify", stack, "--target", target, "--json", "-"} + small()));
   }
 
-  static constexpr int width = 29, height = 17;
+  static constexpr int kWidth = 29, height = 17;
 };
 
 TEST_F(HandMade, AllKindsOfImagesMeanTheSame) {
@@ -915,9 +915,10 @@ TEST_F(HandMade, FewerAndMoreSlicesThanTheTarget) {
   // The last node that light reaches fully is 45: from there the rails stay behind.
   double dose = 0;
   int top = 45;
-  while (dose < 1) dose = phi_max * (1 - a) + a * dose, --top;
-  const double into = std::log10((1 - phi_max) / ((dose - phi_max * (1 - a)) / a - phi_max)) / -eta;
-  const double short_um = (50 - top - 1 + into) * layer_um;
+  while (dose < 1) dose = phi_max * (1 - kA) + kA * dose, --top;
+  const double into =
+      std::log10((1 - phi_max) / ((dose - phi_max * (1 - kA)) / kA - phi_max)) / -eta;
+  const double short_um = (50 - top - 1 + into) * kLayerUm;
   EXPECT_NEAR(fewer["height_error_um"]["max_shortfall"], short_um, 1e-6);
 
   make("more.uvj", grey8, 60);

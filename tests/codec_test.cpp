@@ -122,7 +122,7 @@ Bytes bytes_of_kind(int kind, std::size_t n, std::mt19937& random) {
   }
   return data;
 }
-constexpr int kinds = 8;
+constexpr int kKinds = 8;
 
 Bytes piece_of(const Bytes& data, RunDeflater& deflater) {
   Bytes piece{42};
@@ -170,7 +170,8 @@ TEST(RunDeflater, IsReadByOthersInPiecesOfAllKinds) {
     Bytes all, stream;
     for (unsigned i = 0; i <= random() % 4; ++i) {
       const auto most = trial % 50 == 0 ? 300000u : trial % 3 == 0 ? 200u : 5000u;
-      const Bytes data = bytes_of_kind(static_cast<int>(random() % kinds), random() % most, random);
+      const Bytes data =
+          bytes_of_kind(static_cast<int>(random() % kKinds), random() % most, random);
       const Bytes piece = piece_of(data, deflater);
       // What can't be packed grows by its codes' header and some bits per byte at most.
       ASSERT_LE(piece.size(), data.size() + data.size() / 50 + 200);
@@ -205,7 +206,7 @@ TEST(RunDeflater, FollowsFromTheBytesAlone) {
   std::mt19937 random(3);
   RunDeflater used;
   for (int trial = 0; trial < 400; ++trial) {
-    const Bytes data = bytes_of_kind(trial % kinds, 1 + random() % 4000, random);
+    const Bytes data = bytes_of_kind(trial % kKinds, 1 + random() % 4000, random);
     RunDeflater fresh;
     const Bytes expected = piece_of(data, fresh);
     ASSERT_EQ(piece_of(data, used), expected) << "what was packed before matters";
@@ -295,7 +296,7 @@ std::vector<Images> images_of_all_kinds() {
            {1, 1}, {1, 300}, {2, 70}, {63, 40}, {64, 33}, {65, 64}, {1280, 100}, {15360, 40}}) {
     Images images{{width, height, 0, 50, 50, 50}, {}};
     const auto size = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
-    for (int kind = 0; kind < kinds; ++kind) {
+    for (int kind = 0; kind < kKinds; ++kind) {
       images.slices.push_back(bytes_of_kind(kind, size, random));
     }
     // Straight up, then black, then the same again; and rows that repeat.

@@ -28,7 +28,7 @@ using test::TarEntry;
 using test::TemporaryFolder;
 using testing::HasSubstr;
 
-constexpr std::uint64_t any_size = ~std::uint64_t{0};
+constexpr std::uint64_t kAnySize = ~std::uint64_t{0};
 
 Bytes pattern(std::size_t size, unsigned seed) {
   std::mt19937 random(seed);
@@ -47,7 +47,7 @@ Bytes read_entry(const Container& archive, const std::string& name) {
   Bytes bytes;
   const Container::Entry* const entry = archive.find(name);
   EXPECT_NE(entry, nullptr) << name;
-  if (entry != nullptr) archive.read(*entry, any_size, bytes);
+  if (entry != nullptr) archive.read(*entry, kAnySize, bytes);
   return bytes;
 }
 
@@ -425,7 +425,7 @@ TEST_F(Folder, WhatChangesAfterOpeningIsRefused) {
   std::filesystem::create_directory_symlink(folder_ / "other", folder_ / "in/uv");
   Bytes out;
   for (const std::string name : {"1.png", "2.png", "3.png", "uv/1.png"}) {
-    EXPECT_THROW(archive->read(*archive->find(name), any_size, out), InputError) << name;
+    EXPECT_THROW(archive->read(*archive->find(name), kAnySize, out), InputError) << name;
   }
 }
 

@@ -76,7 +76,7 @@ TEST(Design, UncorrectedEdgesEqualTheRecursion) {
       const CureModel model = make_cure_model(p, r, test::process(900), 50);
       ASSERT_GT(model.phi_max(), 1);
       // A feature of so many slices that more would change nothing, black above and nothing below.
-      const int gap = 400, slices = static_cast<int>(40 / (model.eta * units::ln10));
+      const int gap = 400, slices = static_cast<int>(40 / (model.eta * units::kLn10));
       std::vector<double> phi(static_cast<std::size_t>(gap), model.phi_min());
       phi.insert(phi.end(), static_cast<std::size_t>(slices), model.phi_max());
       const auto dose = node_doses(model, phi);

@@ -267,7 +267,7 @@ TEST_F(FarmLeases, ALostLeaseEndsTheWorkerAndTheOldAttemptIsNotHeard) {
   // Another service believes the first one frozen: it takes the attempt over and gives it up.
   std::string second;
   ASSERT_TRUE(comes([&] {
-    clock.steady += lease_ms + 1;
+    clock.steady += kLeaseMs + 1;
     const std::string other = queue.start_service("held", 1, 1);
     return queue.adopt(first, other);
   }));

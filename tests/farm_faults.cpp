@@ -101,7 +101,7 @@ void kill_service(const char* stage) {
 }
 
 /// Before `main`.
-const bool listening = [] {
+const bool kListening = [] {
   detail::work_stage_listener = break_worker;
   detail::service_stage_listener = kill_service;
   return true;

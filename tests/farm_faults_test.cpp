@@ -359,7 +359,7 @@ TEST_F(FarmFaults, AServiceThatWasFrozenEndsTheWorkerOfALostLease) {
   ::kill(service.pid(), SIGSTOP);
   TestClock later;
   later.wall = system_clock().wall_ms();
-  later.steady = system_clock().steady_ms() + lease_ms + 1000;
+  later.steady = system_clock().steady_ms() + kLeaseMs + 1000;
   Queue queue(database(), later);
   const std::string token = attempts(1)[0].token;
   ASSERT_TRUE(queue.adopt(token, queue.start_service("local", 1, 1)));

@@ -154,7 +154,7 @@ class Farm {
 };
 
 /// All reasons for which a job can end.
-inline constexpr Reason final_reasons[] = {
+inline constexpr Reason kFinalReasons[] = {
     Reason::bad_input,     Reason::infeasible,     Reason::input_gone,   Reason::too_large,
     Reason::worker_killed, Reason::worker_crashed, Reason::hung,         Reason::out_of_memory,
     Reason::device_failed, Reason::output_invalid, Reason::engine_failed};
@@ -170,13 +170,13 @@ inline ResultFigures figures_with(double max_um, std::int64_t lost = 0) {
   return f;
 }
 
-inline constexpr const char* nasty_name = "<img src=x onerror=alert(1)>&\"'";
+inline constexpr const char* kNastyName = "<img src=x onerror=alert(1)>&\"'";
 /// Clears the screen, sets the title, turns the direction of writing.
-inline constexpr const char* terminal_name = "bad\033[2J\033]0;title\007\u202Ename\x80";
+inline constexpr const char* kTerminalName = "bad\033[2J\033]0;title\007\u202Ename\x80";
 
 /// What a test knows of a filled farm.
 struct Filled {
-  std::vector<JobId> failed;  ///< in the order of `final_reasons`
+  std::vector<JobId> failed;  ///< in the order of `kFinalReasons`
   std::vector<JobId> done;
   JobId cached = 0, running = 0, follower = 0, queued = 0, again = 0, cancelled = 0, nasty = 0,
         terminal = 0;
@@ -186,7 +186,7 @@ struct Filled {
 inline Filled fill(Farm& farm) {
   Filled f;
   farm.set("max-attempts", "1");
-  for (const Reason reason : final_reasons) {
+  for (const Reason reason : kFinalReasons) {
     const std::string name = std::string("fails-") + name_of(reason);
     f.failed.push_back(farm.submit({farm.job(name)})[0]);
     farm.give_up(farm.claim(), 40, reason, fmt::format("what happened: {}", name_of(reason)),
@@ -198,7 +198,7 @@ inline Filled fill(Farm& farm) {
     f.done.push_back(id);
     farm.finish(farm.claim(), 70 + 30 * i, figures_with(3 + 10 * i, i == 5 ? 17 : 0));
   }
-  f.nasty = farm.submit({farm.job(nasty_name)})[0];
+  f.nasty = farm.submit({farm.job(kNastyName)})[0];
   farm.finish(farm.claim(), 30, figures_with(999));
   f.cached = farm.submit({farm.job("gyroid-again", "gyroid-0")})[0];
   farm.finish(farm.claim(), 0.1, figures_with(3), true);
@@ -220,7 +220,7 @@ inline Filled fill(Farm& farm) {
   queued.priority = 5;
   queued.ready_by_ms = farm.clock.wall_ms() + 3600'000;
   f.queued = farm.submit({queued})[0];
-  f.terminal = farm.submit({farm.job(terminal_name)})[0];
+  f.terminal = farm.submit({farm.job(kTerminalName)})[0];
   farm.queue.renew(farm.service, {claim.token}, "working");
   return f;
 }

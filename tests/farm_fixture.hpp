@@ -144,7 +144,7 @@ inline std::string bridge_stl(int n) {
                  {0, wide + 0.6F, 0, 1, high, high + 0.5F}});
 }
 
-constexpr const char* small_printer_toml = R"(
+constexpr const char* kSmallPrinterToml = R"(
 name = "small"
 [display]
 width_px = 96
@@ -159,7 +159,7 @@ max_speed_mm_h = 2000
 travel_mm = 100
 )";
 
-constexpr const char* small_resin_toml = R"(
+constexpr const char* kSmallResinToml = R"(
 name = "clear"
 [cure]
 model = "jacobs"
@@ -222,8 +222,8 @@ bool comes(Condition condition) {
 class FarmPrograms : public testing::Test {
  protected:
   void SetUp() override {
-    write_file(dir / "small.toml", small_printer_toml);
-    write_file(dir / "clear.toml", small_resin_toml);
+    write_file(dir / "small.toml", kSmallPrinterToml);
+    write_file(dir / "clear.toml", kSmallResinToml);
   }
 
   std::vector<std::string> process_options() const {

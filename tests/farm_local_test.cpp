@@ -569,7 +569,7 @@ TEST_F(FarmLocal, EveryDisplayGivesTheBytesOfSlicecorr) {
   std::vector<Expected> all;
   for (const auto& [name, keys] : displays) {
     SCOPED_TRACE(name);
-    std::string toml = small_printer_toml;
+    std::string toml = kSmallPrinterToml;
     toml.insert(toml.find("bit_depth"), keys);
     const std::string printer = dir / (name + ".toml");
     write_file(printer, toml);

@@ -69,8 +69,8 @@ TEST_F(FarmQueue, MoreUrgentJobsComeFirst) {
     j.ready_by_ms = ready_by;
     return submit(q, j);
   };
-  const JobId last = add("a", 0, no_deadline), late = add("b", 0, 2000), soon = add("c", 0, 1000);
-  const JobId high = add("d", 5, no_deadline), low = add("e", -1, 10);
+  const JobId last = add("a", 0, kNoDeadline), late = add("b", 0, 2000), soon = add("c", 0, 1000);
+  const JobId high = add("d", 5, kNoDeadline), low = add("e", -1, 10);
   std::vector<JobId> order;
   while (const auto c = q.claim(any_job(service))) order.push_back(c->job.id);
   EXPECT_THAT(order, ElementsAre(high, soon, late, last, low));
@@ -277,11 +277,11 @@ TEST_F(FarmQueue, ADiskThatStaysFullIsWaitedForLongerAndLonger) {
     q.give_up(c->token, ended(Reason::disk_full));
     const std::int64_t delay = job(id).not_before_ms - clock.wall;
     EXPECT_GE(delay, last);
-    EXPECT_LE(delay, longest_delay_ms);
+    EXPECT_LE(delay, kLongestDelayMs);
     last = delay;
     clock.wall += delay;
   }
-  EXPECT_EQ(last, longest_delay_ms);
+  EXPECT_EQ(last, kLongestDelayMs);
   EXPECT_EQ(job(id).state, JobState::queued);
 }
 
@@ -321,9 +321,9 @@ TEST_F(FarmQueue, LeasesExpireBySteadyTimeOnly) {
     EXPECT_THAT(b.orphans(), IsEmpty());
     EXPECT_FALSE(b.adopt(c->token, two));
   }
-  clock.steady += lease_renewal_ms * 3;
+  clock.steady += kLeaseRenewalMs * 3;
   EXPECT_THAT(a.renew(one, {c->token}, ""), IsEmpty());
-  clock.steady += lease_ms;
+  clock.steady += kLeaseMs;
   EXPECT_THAT(b.orphans(), IsEmpty()) << "renewed until exactly now";
   clock.steady += 1;
   ASSERT_EQ(b.orphans().size(), 1u);
@@ -373,7 +373,7 @@ TEST_F(FarmQueue, OnlyOneOfManyAdoptsAnOrphan) {
   const std::string gone = q.start_service("local", 2, 1000);
   submit(q, job_with_key("k"));
   const auto c = q.claim(any_job(gone));
-  clock.steady += lease_ms + 1;
+  clock.steady += kLeaseMs + 1;
   std::atomic<int> adopted{0};
   std::vector<std::thread> threads;
   for (int i = 0; i < 8; ++i) {
@@ -475,7 +475,7 @@ TEST_F(FarmQueue, WhatRanOutOfMemoryNeedsTwiceAsMuch) {
   auto c = q.claim(any_job(service));
   q.record_start(c->token, "1", 1, 150);
   q.give_up(c->token, ended(Reason::out_of_memory));
-  clock.wall += longest_delay_ms;
+  clock.wall += kLongestDelayMs;
   ClaimRequest r = any_job(service);
   r.free_memory_mb = 299;  // it had 150
   EXPECT_FALSE(q.claim(r));
@@ -493,7 +493,7 @@ TEST_F(FarmQueue, WhatNeedsMoreThanThereEverIsDoesNotWaitForEver) {
   auto c = q.claim(any_job(service));
   q.record_start(c->token, "1", 1, 150);
   q.give_up(c->token, ended(Reason::out_of_memory));
-  clock.wall += longest_delay_ms;
+  clock.wall += kLongestDelayMs;
   ClaimRequest r = any_job(service);
   r.largest_memory_mb = 250;  // less than twice what it had
   r.free_memory_mb = 249;
@@ -598,7 +598,7 @@ TEST_F(FarmQueue, RatesFollowWhatWasMeasured) {
     ASSERT_TRUE(q.begin_commit(c->token));
     AttemptEnd e = ended(Reason::none);
     // First slow, then at 10 million voxels per second besides the fixed part.
-    e.cpu_s = fixed_job_s + (i < 50 ? 10.0 : 0.1);
+    e.cpu_s = kFixedJobS + (i < 50 ? 10.0 : 0.1);
     ASSERT_TRUE(q.finish(c->token, some_result(), e, false));
   }
   // After 250 more what the slow ones weigh: 0.98^250 * 50 * 10 of about 5 s, in seconds.

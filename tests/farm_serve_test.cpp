@@ -29,7 +29,7 @@ using test::Filled;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-const std::string program = std::string(SLICECORR_BIN_DIR) + "/slicefarm";
+const std::string kProgram = std::string(SLICECORR_BIN_DIR) + "/slicefarm";
 const std::string token(64, 'k');
 
 /// A server in this process, on a port of its own.
@@ -143,11 +143,11 @@ TEST(Serve, OverviewJobsEventsLogsFiles) {
   // Every state and reason of the record, one by one.
   for (std::size_t i = 0; i < f.failed.size(); ++i) {
     j = body_of(client.Get(fmt::format("/api/v1/jobs/{}", f.failed[i]).c_str()));
-    EXPECT_EQ(j["reason"], name_of(test::final_reasons[i]));
+    EXPECT_EQ(j["reason"], name_of(test::kFinalReasons[i]));
     ASSERT_EQ(j["tries"].size(), 1U);
     const auto log = client.Get(fmt::format("/api/v1/jobs/{}/log", f.failed[i]).c_str());
     EXPECT_THAT(log->body,
-                HasSubstr(fmt::format("last line of fails-{}", name_of(test::final_reasons[i]))));
+                HasSubstr(fmt::format("last line of fails-{}", name_of(test::kFinalReasons[i]))));
     EXPECT_EQ(log->get_header_value("Content-Type"), "text/plain; charset=utf-8");
   }
   const auto log =
@@ -344,7 +344,7 @@ TEST(Access, ChangesWithTheToken) {
   EXPECT_GT(six, farm.clock.wall_ms());
   EXPECT_EQ(local_minute(six), 6 * 60);
   EXPECT_EQ(body_of(post(priority, R"({"ready_by":"none"})"))["ready_by_ms"], json());
-  EXPECT_EQ(farm.model().job(f.follower)->ready_by_ms, no_deadline);
+  EXPECT_EQ(farm.model().job(f.follower)->ready_by_ms, kNoDeadline);
   // Nothing is changed when one of two is wrong.
   EXPECT_EQ(status_of(post(priority, R"({"priority":9,"ready_by":"soon"})")), 400);
   EXPECT_EQ(farm.model().job(f.follower)->priority, 3);
@@ -774,7 +774,7 @@ TEST(Program, ServesUntilItIsTold) {
       asked = true;
       return true;
     };
-    const auto result = run_program({program, "serve", "--dir", farm.root, "--listen",
+    const auto result = run_program({kProgram, "serve", "--dir", farm.root, "--listen",
                                      "127.0.0.1:0", "--token-file", farm.root + "/token"},
                                     options);
     EXPECT_TRUE(asked);
@@ -789,7 +789,7 @@ TEST(Program, ServesUntilItIsTold) {
 TEST(Program, WrongUsage) {
   Farm farm;
   const auto run = [&](std::vector<std::string> more) {
-    std::vector<std::string> command{program, "serve", "--dir", farm.root};
+    std::vector<std::string> command{kProgram, "serve", "--dir", farm.root};
     command.insert(command.end(), more.begin(), more.end());
     return run_program(command);
   };

@@ -33,7 +33,7 @@ using test::eventually;
 using test::run_program;
 using test::SlurmCluster;
 
-inline const std::string slicefarm = SLICECORR_BIN_DIR "/slicefarm";
+inline const std::string kSlicefarm = SLICECORR_BIN_DIR "/slicefarm";
 
 inline std::string text_of(const std::string& path) {
   std::ifstream in(path, std::ios::binary);
@@ -137,7 +137,7 @@ class FarmOnSlurm : public testing::Test {
   }
 
   void command(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), slicefarm);
+    arguments.insert(arguments.begin(), kSlicefarm);
     arguments.insert(arguments.end(), {"--dir", farm()});
     const auto r = run_program(arguments);
     ASSERT_EQ(r.exit_code, 0) << r.err;

@@ -18,7 +18,7 @@ class FarmOnSlurmWithLimits : public FarmOnSlurm {
     const std::string program = folder_ + "/worker.sh";
     std::ofstream(program) << "#!/bin/sh\nif mkdir " << folder_ << "/once 2>/dev/null\n"
                            << "then head -c 1500M /dev/zero | tail | " << reader << "\n"
-                           << "else exec " << slicefarm << " \"$@\"\nfi\n";
+                           << "else exec " << kSlicefarm << " \"$@\"\nfi\n";
     fs::permissions(program, fs::perms::owner_all);
     ServiceRun run;
     run.arguments = {"--worker-program", program};
@@ -108,12 +108,12 @@ TEST_F(FarmOnSlurm, NodesAreListed) {
                          "reason=to be mended"})
                 .exit_code,
             0);
-  const auto r = run_program({slicefarm, "nodes", "--engine", "slurm", "--dir", farm()});
+  const auto r = run_program({kSlicefarm, "nodes", "--engine", "slurm", "--dir", farm()});
   EXPECT_EQ(r.exit_code, 0) << r.err;
   EXPECT_THAT(r.out, HasSubstr("n1"));
   EXPECT_THAT(r.out, HasSubstr("DRAIN"));
   const auto none = run_program(
-      {slicefarm, "nodes", "--engine", "slurm", "--dir", farm(), "--partition", "nowhere"});
+      {kSlicefarm, "nodes", "--engine", "slurm", "--dir", farm(), "--partition", "nowhere"});
   EXPECT_EQ(none.exit_code, 2);
   EXPECT_THAT(none.err, HasSubstr("nowhere"));
 }

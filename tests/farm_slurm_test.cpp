@@ -100,7 +100,7 @@ TEST_F(FarmOnSlurm, ANightInSmallWithBothDaemonsKilledGivesTheBytesOfTheLocalEng
 
   // The same on this machine, and one of them without any farm.
   const std::string local = folder_ + "/local";
-  std::vector<std::string> a = {slicefarm, "submit"};
+  std::vector<std::string> a = {kSlicefarm, "submit"};
   a.insert(a.end(), parts.begin(), parts.end());
   for (const std::string& o : process_options()) a.push_back(o);
   a.insert(a.end(), {"--out", local, "--dir", folder_ + "/farm2"});
@@ -108,7 +108,7 @@ TEST_F(FarmOnSlurm, ANightInSmallWithBothDaemonsKilledGivesTheBytesOfTheLocalEng
   test::RunOptions patient;
   patient.timeout = seconds(200);
   const auto run =
-      run_program({slicefarm, "run", "--until-empty", "--dir", folder_ + "/farm2"}, patient);
+      run_program({kSlicefarm, "run", "--until-empty", "--dir", folder_ + "/farm2"}, patient);
   ASSERT_EQ(run.exit_code, 0) << run.err;
   std::size_t compared = 0;
   for (const auto& entry : fs::directory_iterator(local)) {

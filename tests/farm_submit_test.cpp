@@ -270,7 +270,7 @@ TEST_F(Prepare, TheKeyIsWhatDecidesTheOutput) {
     r.setup.exposure_s = 0.5;
   });
   differs("printer", [&](JobRequest& r) {
-    std::string text = small_printer_toml;
+    std::string text = kSmallPrinterToml;
     text.replace(text.find("100.0]]"), 7, "100.5]]");
     write_file(dir / "other.toml", text);
     r.setup.printer = dir / "other.toml";
@@ -357,10 +357,10 @@ TEST_F(Prepare, AllThatIsWrongIsToldAndNothingQueued) {
   add("14", part, [](JobRequest& r) { r.parts.clear(); });
   add("15", dir / "small.toml");
   const std::vector<std::string> errors = refused(list);
-  std::vector<std::string> places;
-  for (const std::string& e : errors) places.push_back(e.substr(0, e.find(':')));
-  EXPECT_THAT(places, ElementsAre("2", "3", "4", "5", "6", "7", "8", "9", "10", "11", "12", "13",
-                                  "14", "15"))
+  std::vector<std::string> kPlaces;
+  for (const std::string& e : errors) kPlaces.push_back(e.substr(0, e.find(':')));
+  EXPECT_THAT(kPlaces, ElementsAre("2", "3", "4", "5", "6", "7", "8", "9", "10", "11", "12", "13",
+                                   "14", "15"))
       << fmt::format("{}", fmt::join(errors, "\n"));
   EXPECT_EQ(queue->unfinished(), 0);
   EXPECT_EQ(files_in(folder.store), 0u);
@@ -424,13 +424,13 @@ TEST_F(Prepare, WhatWasMeasuredIsUsedForEstimates) {
   ASSERT_TRUE(c);
   ASSERT_TRUE(queue->begin_commit(c->token));
   AttemptEnd e = ended(Reason::none);
-  e.cpu_s = fixed_job_s + 2;
+  e.cpu_s = kFixedJobS + 2;
   ASSERT_TRUE(queue->finish(c->token, some_result(), e, false));
   const Estimate again = prepared({request(make_part(2))}).estimates.at(0);
   EXPECT_TRUE(again.measured);
   EXPECT_NEAR(again.seconds,
-              fixed_job_s + 2.0 * static_cast<double>(again.voxels) /
-                                static_cast<double>(first.estimates[0].voxels),
+              kFixedJobS + 2.0 * static_cast<double>(again.voxels) /
+                               static_cast<double>(first.estimates[0].voxels),
               1e-9);
 }
 

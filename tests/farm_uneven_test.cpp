@@ -76,8 +76,8 @@ travel_mm = {3}
 };
 
 /// Two thirds of the plate shine as they should, the rest hardly: the part fits into either.
-constexpr int dim_from_px = 64;
-int mostly_bright(int x, int) { return x < dim_from_px ? 255 : 5; }
+constexpr int kDimFromPx = 64;
+int mostly_bright(int x, int) { return x < kDimFromPx ? 255 : 5; }
 
 TEST_F(FarmUneven, APartOnDimPlacesIsRefusedBeforeTheNight) {
   const std::string printer = make_printer("dim", {}, mostly_bright);
@@ -123,7 +123,7 @@ TEST_F(FarmUneven, AnArchiveOnDimPlacesToo) {
 
 /// How far the stage has to go on after the part's end depends on the light of its own places.
 TEST_F(FarmUneven, TheStagesTravelIsThatOfThePartsPlaces) {
-  const auto light = [](int x, int) { return x < dim_from_px ? 255 : 128; };
+  const auto light = [](int x, int) { return x < kDimFromPx ? 255 : 128; };
   write_file(dir / "post.stl", stl_of({{0, 1, 0, 1, 0, 1.5F}}));
   const auto slices_at = [&](const std::string& x_mm) {
     const std::string out = dir / ("at-" + x_mm + ".uvj");
@@ -160,15 +160,15 @@ std::string lattice_stl(float width_mm, float depth_mm, float height_mm) {
 }
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr bool sanitized = true;
+constexpr bool kSanitized = true;
 #else
-constexpr bool sanitized = false;
+constexpr bool kSanitized = false;
 #endif
 
 class MemoryOfLight : public FarmUneven {
  protected:
   void SetUp() override {
-    if (sanitized) GTEST_SKIP() << "sanitizers take memory of their own";
+    if (kSanitized) GTEST_SKIP() << "sanitizers take memory of their own";
     FarmUneven::SetUp();
   }
   /// What the job was given, and what it took.

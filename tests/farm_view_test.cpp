@@ -33,7 +33,7 @@ using test::Filled;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-const std::string program = std::string(SLICECORR_BIN_DIR) + "/slicefarm";
+const std::string kProgram = std::string(SLICECORR_BIN_DIR) + "/slicefarm";
 
 // --- words --------------------------------------------------------------------------------------
 
@@ -97,7 +97,7 @@ TEST(Words, FiguresHaveNoExponents) {
 }
 
 TEST(Words, NothingMovesTheTerminal) {
-  EXPECT_EQ(words::printable(test::terminal_name), "bad?[2J?]0;title\077?name?");
+  EXPECT_EQ(words::printable(test::kTerminalName), "bad?[2J?]0;title\077?name?");
   EXPECT_EQ(words::printable("a\nb\tc"), "a b c");
   EXPECT_EQ(words::printable("日本é"), "日本é");
   // Cut, overlong, surrogate, beyond the last character.
@@ -180,7 +180,7 @@ TEST(Status, EveryStateAndReason) {
   const std::string text = status_text(page, farm.folder, 0);
   EXPECT_THAT(text, HasSubstr("1 running, 4 queued (1 wait for the same work), 8 done (1 from the "
                               "cache), 11 failed, 1 cancelled"));
-  for (const Reason reason : test::final_reasons) {
+  for (const Reason reason : test::kFinalReasons) {
     EXPECT_THAT(text, HasSubstr(fmt::format("{0}: what happened: {0}", name_of(reason))));
   }
   EXPECT_THAT(text, HasSubstr("correct 60 %, 462 of 770 layers, 4.0 s left"));
@@ -288,44 +288,44 @@ TEST(Status, ProgramAndItsErrors) {
   Farm farm;
   fill(farm);
   auto result = run_program(
-      {program, "status", "--dir", farm.root, "--state", "failed,cancelled", "--json", "-"});
+      {kProgram, "status", "--dir", farm.root, "--state", "failed,cancelled", "--json", "-"});
   ASSERT_EQ(result.exit_code, 0) << result.err;
   const json j = json::parse(result.out);
   EXPECT_EQ(j["total"], 12);
   const std::string file = farm.root + "/status.json";
-  result = run_program({program, "status", "--dir", farm.root, "--json", file});
+  result = run_program({kProgram, "status", "--dir", farm.root, "--json", file});
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_THAT(result.out, HasSubstr("STATE"));
   EXPECT_TRUE(fs::exists(file));
-  result = run_program({program, "status", "--dir", farm.root + "/nowhere"});
+  result = run_program({kProgram, "status", "--dir", farm.root + "/nowhere"});
   EXPECT_EQ(result.exit_code, 2);
   EXPECT_THAT(result.err, HasSubstr("is no farm"));
   EXPECT_FALSE(fs::exists(farm.root + "/nowhere"));
-  EXPECT_EQ(run_program({program, "status", "--dir", farm.root, "--state", "dreaming"}).exit_code,
+  EXPECT_EQ(run_program({kProgram, "status", "--dir", farm.root, "--state", "dreaming"}).exit_code,
             2);
-  EXPECT_EQ(run_program({program, "status", "--dir", farm.root, "--limit", "-1"}).exit_code, 2);
+  EXPECT_EQ(run_program({kProgram, "status", "--dir", farm.root, "--limit", "-1"}).exit_code, 2);
   // A database that is none.
   test::write_file(farm.root + "/other/farm.sqlite",
                    "this is no database, but long enough to look");
-  result = run_program({program, "status", "--dir", farm.root + "/other"});
+  result = run_program({kProgram, "status", "--dir", farm.root + "/other"});
   EXPECT_EQ(result.exit_code, 2) << result.err;
 }
 
 TEST(Logs, OfEveryAttempt) {
   Farm farm;
   const Filled f = fill(farm);
-  auto result = run_program({program, "logs", "--dir", farm.root, std::to_string(f.failed[0])});
+  auto result = run_program({kProgram, "logs", "--dir", farm.root, std::to_string(f.failed[0])});
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_THAT(result.out, HasSubstr("last line of fails-bad_input"));
   EXPECT_THAT(result.out, HasSubstr("attempt 1, local on night-owl: bad_input"));
-  result = run_program({program, "logs", "--dir", farm.root, std::to_string(f.running)});
+  result = run_program({kProgram, "logs", "--dir", farm.root, std::to_string(f.running)});
   EXPECT_THAT(result.out, HasSubstr("correcting"));
-  result = run_program({program, "logs", "--dir", farm.root, std::to_string(f.again)});
+  result = run_program({kProgram, "logs", "--dir", farm.root, std::to_string(f.again)});
   EXPECT_THAT(result.out, HasSubstr("half of a log"));
   EXPECT_THAT(result.out, testing::ContainsRegex("put_back +worker_killed: ended by signal 9"));
-  EXPECT_EQ(run_program({program, "logs", "--dir", farm.root, "4711"}).exit_code, 2);
+  EXPECT_EQ(run_program({kProgram, "logs", "--dir", farm.root, "4711"}).exit_code, 2);
   EXPECT_EQ(run_program(
-                {program, "logs", "--dir", farm.root, "--attempt", "7", std::to_string(f.running)})
+                {kProgram, "logs", "--dir", farm.root, "--attempt", "7", std::to_string(f.running)})
                 .exit_code,
             2);
 }
@@ -422,7 +422,7 @@ TEST(Live, ShowsWhatRunsWaitsAndHappened) {
 TEST(Live, OnATerminal) {
   Farm farm;
   const Filled f = fill(farm);
-  Terminal terminal({program, "watch", "--dir", farm.root, "--interval-s", "0.1"}, 120, 36);
+  Terminal terminal({kProgram, "watch", "--dir", farm.root, "--interval-s", "0.1"}, 120, 36);
   ASSERT_TRUE(terminal.until([&] {
     return terminal.screen().find("elephant-40mm") != std::string::npos &&
            terminal.screen().find("q quit") != std::string::npos;
@@ -464,7 +464,7 @@ TEST(Live, GivesTheTerminalBackOnCtrlCAndSignals) {
   Farm farm;
   fill(farm);
   for (const bool key : {true, false}) {
-    Terminal terminal({program, "watch", "--dir", farm.root, "--interval-s", "0.1"}, 80, 24);
+    Terminal terminal({kProgram, "watch", "--dir", farm.root, "--interval-s", "0.1"}, 80, 24);
     ASSERT_TRUE(
         terminal.until([&] { return terminal.screen().find("q quit") != std::string::npos; }));
     if (key) {
@@ -494,7 +494,7 @@ TEST(Live, LinesWithoutATerminal) {
     return false;
   };
   const auto result = run_program(
-      {program, "watch", "--dir", farm.root, "--until-empty", "--interval-s", "0.05"}, options);
+      {kProgram, "watch", "--dir", farm.root, "--until-empty", "--interval-s", "0.05"}, options);
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_THAT(result.out, HasSubstr("one  done  770 layers in 3.0 s"));
   EXPECT_EQ(result.out.find('\033'), std::string::npos);
@@ -631,7 +631,7 @@ TEST(Morning, PageShowsEverythingAndRunsNothing) {
   auto model = farm.model();
   const MorningReport r = read_morning(farm.folder, model, {}, farm.clock);
   const std::string html = morning_page(r, {LinkTo::Kind::files, farm.root});
-  for (const Reason reason : test::final_reasons) {
+  for (const Reason reason : test::kFinalReasons) {
     EXPECT_THAT(html, HasSubstr(fmt::format("<code>{}</code>", name_of(reason))));
     EXPECT_THAT(html, HasSubstr(fmt::format("last line of fails-{}", name_of(reason))));
   }
@@ -663,7 +663,7 @@ TEST(Morning, PageShowsEverythingAndRunsNothing) {
     EXPECT_EQ(times("<" + name + ">") + times("<" + name + " "), times("</" + name + ">")) << tag;
   }
   const json j = json::parse(morning_json(r));
-  EXPECT_EQ(j["failed_reasons"].size(), std::size(test::final_reasons));
+  EXPECT_EQ(j["failed_reasons"].size(), std::size(test::kFinalReasons));
   EXPECT_EQ(j["failures"].size(), 11U);
   EXPECT_EQ(j["failures"][0]["log_tail"].size(), 3U);
   EXPECT_EQ(j["worst"][0]["id"], f.nasty);
@@ -682,13 +682,13 @@ TEST(Morning, AnEmptyFarmHasAPageToo) {
 TEST(Morning, Program) {
   Farm farm;
   fill(farm);
-  auto result = run_program({program, "report", "--dir", farm.root});
+  auto result = run_program({kProgram, "report", "--dir", farm.root});
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_TRUE(fs::exists(farm.root + "/report.html"));
-  result = run_program({program, "report", "--dir", farm.root, "--json", "-", "--since", "2d"});
+  result = run_program({kProgram, "report", "--dir", farm.root, "--json", "-", "--since", "2d"});
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_EQ(json::parse(result.out)["done"], 8);
-  result = run_program({program, "report", "--dir", farm.root, "--since", "soon"});
+  result = run_program({kProgram, "report", "--dir", farm.root, "--since", "soon"});
   EXPECT_EQ(result.exit_code, 2);
   EXPECT_THAT(result.err, HasSubstr("--since is 'soon', expected"));
 }

@@ -159,7 +159,7 @@ TEST_F(FitCommand, ResinFilesAreMadeAndCompleted) {
   EXPECT_NEAR(resin.absorbance_height10_um / (1631 * 2.302585), 1, 0.3);
   EXPECT_FALSE(resin.inhibition);
   // Correction aims at a multiple of what was measured.
-  EXPECT_EQ(resin.dose_factor, default_dose_factor);
+  EXPECT_EQ(resin.dose_factor, kDefaultDoseFactor);
 
   bad({"heights.csv", "--model", "kinetic", "-o", "mine.toml"}, {"mine.toml", "is there already"});
   good({"zones.csv", "--model", "deadzone-transient", "--resin", "mine.toml", "--json", "-", "-o",

@@ -26,7 +26,7 @@ Measurements da2() {
 }
 
 TEST(FitPeer, ScipyFindsTheSameParametersAndCovariances) {
-  if (!test::have_scipy()) GTEST_SKIP() << "no scipy for " << test::python << " (python3-scipy)";
+  if (!test::have_scipy()) GTEST_SKIP() << "no scipy for " << test::kPython << " (python3-scipy)";
   struct Case {
     std::string name;
     FitModel model;

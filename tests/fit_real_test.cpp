@@ -16,12 +16,12 @@
 namespace slicecorr::resins {
 namespace {
 
-const std::string cure = std::string(SLICECORR_TEST_DATA) + "/cure/";
+const std::string kCure = std::string(SLICECORR_TEST_DATA) + "/cure/";
 
 /// Rows of numbers of a table, past comments and header; the first field may be a word.
 std::vector<std::vector<double>> rows_of(const std::string& name,
                                          std::vector<std::string>* words = nullptr) {
-  std::ifstream in(cure + name);
+  std::ifstream in(kCure + name);
   std::vector<std::vector<double>> rows;
   for (std::string line; std::getline(in, line);) {
     if (line.empty() || line[0] == '#') continue;
@@ -47,8 +47,8 @@ std::vector<std::vector<double>> rows_of(const std::string& name,
 class FitReal : public ::testing::Test {
  protected:
   void SetUp() override {
-    if (!std::ifstream(cure + "da2/working_curve_measured.csv")) {
-      GTEST_SKIP() << "no measurements in " << cure;
+    if (!std::ifstream(kCure + "da2/working_curve_measured.csv")) {
+      GTEST_SKIP() << "no measurements in " << kCure;
     }
   }
 };

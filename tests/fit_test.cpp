@@ -19,7 +19,7 @@ namespace {
 
 using testing::HasSubstr;
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 TEST(Statistics, IncompleteBetaHasItsClosedForms) {
   for (const double x : {0.0, 1e-9, 0.1, 0.25, 0.5, 0.77, 0.999, 1.0}) {
@@ -38,8 +38,8 @@ TEST(Statistics, StudentHasItsClosedForms) {
   }
   // Far in the tail of one degree of freedom: 1 / (pi t).
   EXPECT_NEAR(student_t_probability(-1e12, 1) * M_PI * 1e12, 1, 1e-10);
-  EXPECT_EQ(student_t_probability(infinity, 5), 1);
-  EXPECT_EQ(student_t_probability(-infinity, 5), 0);
+  EXPECT_EQ(student_t_probability(kInfinity, 5), 1);
+  EXPECT_EQ(student_t_probability(-kInfinity, 5), 0);
 }
 
 TEST(Statistics, QuantilesAreThoseOfTables) {
@@ -66,7 +66,7 @@ TEST(Statistics, FisherIsStudentSquaredAndThatOfTables) {
   EXPECT_NEAR(f_exceedance(3.2592, 4, 12), 0.05, 1e-5);
   EXPECT_NEAR(f_exceedance(1, 7, 7), 0.5, 1e-14);
   EXPECT_EQ(f_exceedance(0, 1, 3), 1);
-  EXPECT_EQ(f_exceedance(infinity, 1, 3), 0);
+  EXPECT_EQ(f_exceedance(kInfinity, 1, 3), 0);
   for (const double t : {0.1, 1.0, 3.0, 20.0}) {
     EXPECT_NEAR(f_exceedance(t * t, 1, 9) / (2 * student_t_probability(-t, 9)), 1, 1e-12);
   }
@@ -82,7 +82,7 @@ TEST(Statistics, GammaDerivativesHaveTheirKnownValues) {
 TEST(Statistics, VariancesThatAreAlikeArePooledAndOthersAreKept) {
   const std::vector<double> freedoms(40, 2);
   const VariancePrior alike = variance_prior(std::vector<double>(40, 9.0), freedoms);
-  EXPECT_EQ(alike.freedom, infinity);
+  EXPECT_EQ(alike.freedom, kInfinity);
   EXPECT_EQ(alike.variance, 9);
   EXPECT_EQ(alike.moderated(100, 2), 9);
   std::vector<double> different;
@@ -158,8 +158,8 @@ TEST(Heights, GoOnSmoothlyBeforeTheFirstGel) {
   const auto at = [&](double ln_time) {
     return front_height(law, {std::log(100.0), std::log(100.0), ln_time});
   };
-  // The seam lies at s = least_s, m s = ln(t / t0).
-  const double seam = ln_t0 + 1.29 * least_s;
+  // The seam lies at s = kLeastS, m s = ln(t / t0).
+  const double seam = ln_t0 + 1.29 * kLeastS;
   EXPECT_NEAR(at(seam - 1e-9).um, at(seam + 1e-9).um, 1e-4);
   for (std::size_t slot = 0; slot < kSlots; ++slot) {
     const double before = at(seam - 1e-10).by[slot], after = at(seam + 1e-10).by[slot];

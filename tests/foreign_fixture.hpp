@@ -12,7 +12,7 @@
 
 namespace slicecorr::test {
 
-inline constexpr MissingFacts facts{50, 40, 25};
+inline constexpr MissingFacts kFacts{50, 40, 25};
 
 inline Bytes png_of(const Images& images, std::size_t n) {
   return encode_png({images.grid.width_px, images.grid.height_px, images.slices[n]});
@@ -21,7 +21,7 @@ inline Bytes png_of(const Images& images, std::size_t n) {
 inline void expect_refused(const std::string& path, const std::string& expected) {
   SCOPED_TRACE(expected);
   try {
-    const StackReader reader(path, std::filesystem::temp_directory_path(), {}, facts);
+    const StackReader reader(path, std::filesystem::temp_directory_path(), {}, kFacts);
     FAIL() << "read, expected an error with: " << expected;
   } catch (const InputError& error) {
     EXPECT_THAT(error.what(), testing::HasSubstr(path));

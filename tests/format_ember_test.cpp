@@ -14,10 +14,10 @@ namespace {
 using Json = nlohmann::ordered_json;
 using test::Entries;
 using test::expect_refused;
-using test::facts;
 using test::file;
 using test::foreign_info;
 using test::Images;
+using test::kFacts;
 using test::like;
 using test::names_of;
 using test::Notices;
@@ -31,14 +31,14 @@ using testing::HasSubstr;
 
 // ---- Ember ---------------------------------------------------------------------------------
 
-constexpr const char* ember_settings =
+constexpr const char* kEmberSettings =
     "{ \"Settings\": { \"JobName\": \"cube\", \"LayerThicknessMicrons\": 25,\n"
     "  \"FirstExposureSec\": 5.5, \"BurnInLayers\": 2, \"BurnInExposureSec\": 4,\n"
     "  \"ModelExposureSec\": 1.5, \"ModelSeparationRPM\": 12 }, \"Other\": [1] }";
 
 class Ember : public testing::Test {
  protected:
-  Entries foreign(const std::string& settings = ember_settings, int layers = 5) const {
+  Entries foreign(const std::string& settings = kEmberSettings, int layers = 5) const {
     Entries entries{{"notes", to_bytes("mine")}};
     for (int n : {1, 0, 4, 2, 3}) {
       if (n >= layers) continue;
@@ -62,12 +62,12 @@ class Ember : public testing::Test {
 };
 
 TEST_F(Ember, SaysWhatItIs) {
-  const StackReader reader(make(foreign()), folder_.path(), {}, facts);
+  const StackReader reader(make(foreign()), folder_.path(), {}, kFacts);
   const StackInfo& info = reader.info();
   EXPECT_EQ(test::read_images(reader), images_.slices);
   EXPECT_EQ(info.format, "ember");
   EXPECT_EQ(info.grid.layer_um, 25);
-  EXPECT_EQ(info.grid.pixel_x_um, facts.pixel_x_um) << "not the Ember's display";
+  EXPECT_EQ(info.grid.pixel_x_um, kFacts.pixel_x_um) << "not the Ember's display";
   EXPECT_EQ(info.profiles.print, "cube");
   // Layer 1, then two burn-in layers, then the model.
   EXPECT_EQ(info.exposure_s, 1.5);
@@ -113,7 +113,7 @@ TEST_F(Ember, TimesOfSingleLayers) {
     Notices notices;
     Entries entries = foreign();
     entries.emplace_back("layersettings.csv", to_bytes(csv));
-    const StackReader reader(make(entries), folder_.path(), notices.job, facts);
+    const StackReader reader(make(entries), folder_.path(), notices.job, kFacts);
     // Layer 1 is no model layer, so that its ModelExposureSec says nothing.
     EXPECT_THAT(reader.info().layer_exposure_s, ElementsAre(5.5, 4, 4, 1.5, 2.25));
     EXPECT_THAT(notices.all(), HasSubstr("makes layer 5 50 um high, others 25 um"));
@@ -137,7 +137,7 @@ TEST_F(Ember, ImagesReplacedLeaveAllElseAsItWas) {
   }
   EXPECT_EQ(after[7].first, "slice_6.png");
   EXPECT_EQ(after[8].first, "slice_7.png");
-  EXPECT_EQ(test::read_images(StackReader(folder_ / "a.zip", folder_.path(), {}, facts)),
+  EXPECT_EQ(test::read_images(StackReader(folder_ / "a.zip", folder_.path(), {}, kFacts)),
             others.slices);
 }
 
@@ -153,7 +153,7 @@ TEST_F(Ember, AddedLayersGetTheTimeOfTheLast) {
   EXPECT_THAT(StackReader::read_info(folder_ / "b.zip").layer_exposure_s,
               ElementsAre(5.5, 4, 4, 1.5, 3, 3, 3));
   Entries after = test::unzip(folder_ / "b.zip");
-  EXPECT_EQ(to_text(test::entry(after, "printsettings")), ember_settings);
+  EXPECT_EQ(to_text(test::entry(after, "printsettings")), kEmberSettings);
   EXPECT_EQ(to_text(test::entry(after, "layersettings.csv")),
             "Layer,ModelExposureSec,FirstExposureSec,BurnInExposureSec\r\n5,3\r\n6,3,3,3\r\n"
             "7,3,3,3\r\n");
@@ -169,7 +169,7 @@ TEST_F(Ember, OtherExposuresInAKeptArchive) {
   test::write_stack(file(folder_ / "b.zip", "ember", folder_ / "a.zip"), images_, info);
   Entries after = test::unzip(folder_ / "b.zip");
   EXPECT_EQ(names_of(after), names_of(foreign())) << "nothing is added";
-  Json expected = Json::parse(ember_settings);
+  Json expected = Json::parse(kEmberSettings);
   expected["Settings"]["FirstExposureSec"] = 8;
   expected["Settings"]["BurnInExposureSec"] = 8;
   expected["Settings"]["ModelExposureSec"] = 2;
@@ -259,7 +259,7 @@ TEST_F(Ember, TarGzKeepsEverythingElse) {
     }
     EXPECT_EQ(after[i], before[i]) << before[i].name;
   }
-  EXPECT_EQ(test::read_images(StackReader(folder_ / "a.tar.gz", folder_.path(), {}, facts)),
+  EXPECT_EQ(test::read_images(StackReader(folder_ / "a.tar.gz", folder_.path(), {}, kFacts)),
             others.slices);
 }
 
@@ -273,7 +273,7 @@ TEST_F(Ember, Damages) {
   entries = foreign();
   entries.emplace_back("slice_0.png", png_of(images_, 1));
   expect_refused(make(entries), "slice_0.png");
-  expect_refused(make({{"printsettings", to_bytes(ember_settings)}}),
+  expect_refused(make({{"printsettings", to_bytes(kEmberSettings)}}),
                  "has no layer images, expected slice_1.png on");
   const auto refused = [&](const std::string& settings, const std::string& expected) {
     SCOPED_TRACE(settings);

@@ -157,7 +157,7 @@ inline std::string nova_layer(int n, int ms) {
          "\nM106 S0\n;<Slice> Blank\nG1 Z4.000 F100\nG1 Z-3.950 F100\n;<Delay> 6800\n\n";
 }
 
-inline constexpr const char* nova_end = "M18 ;Disable Motors\nM106 SO\nG1 Z80.0\n;<Completed>\n";
+inline constexpr const char* kNovaEnd = "M18 ;Disable Motors\nM106 SO\nG1 Z80.0\n;<Completed>\n";
 
 inline std::string nova_gcode(int width, int height, const std::vector<int>& ms) {
   std::string text =
@@ -174,7 +174,7 @@ inline std::string nova_gcode(int width, int height, const std::vector<int>& ms)
       "G28\nG21 ;Set units to be mm\nG91 ;Relative Positioning\nM17 ;Enable motors\n"
       "<Slice> Blank\nM106 S0\n\n";
   for (std::size_t n = 0; n < ms.size(); ++n) text += nova_layer(static_cast<int>(n), ms[n]);
-  return text + nova_end;
+  return text + kNovaEnd;
 }
 
 }  // namespace slicecorr::test

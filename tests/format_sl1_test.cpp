@@ -17,12 +17,12 @@ using test::Images;
 using test::TemporaryFolder;
 using test::to_bytes;
 
-constexpr const char* config =
+constexpr const char* kConfig =
     "action = print\nexpTime = 3\nexpTimeFirst = 20\nfileCreationTimestamp = 2024-02-08 at "
     "19:52:50 UTC\njobDir = part\nlayerHeight = 0.1\nmaterialName = Grey @0.10\nnumFade = 10\n"
     "numFast = 4\nnumSlow = 2\nprintProfile = 0.1 Fast\nprinterModel = SL1S\nprinterProfile = My "
     "SL1S\n";
-constexpr const char* settings =
+constexpr const char* kSettings =
     "display_height = 4.2\ndisplay_mirror_x = 1\ndisplay_mirror_y = 0\ndisplay_orientation = "
     "portrait\ndisplay_pixels_x = 30\ndisplay_pixels_y = 70\ndisplay_width = 1.5\nexposure_time = "
     "3\nfaded_layers = 10\ninitial_exposure_time = 20\ninitial_layer_height = 0.1\nlayer_height = "
@@ -84,10 +84,10 @@ std::string name_of(int n) {
 /// As a slicer writes it, and with entries that nobody knows, out of order.
 Entries foreign(const Images& images) {
   Entries entries{{"thumbnail/thumbnail400x400.png", to_bytes("no picture at all")},
-                  {"config.ini", to_bytes(config)}};
+                  {"config.ini", to_bytes(kConfig)}};
   for (int n : {3, 0, 5, 1, 2, 4}) entries.push_back({name_of(n), grey_png(images, n)});
   entries.push_back({"notes/of the user.txt", Bytes(3000, 'x')});
-  entries.push_back({"prusaslicer.ini", to_bytes(settings)});
+  entries.push_back({"prusaslicer.ini", to_bytes(kSettings)});
   entries.push_back({"mask.png", to_bytes("another picture")});
   return entries;
 }
@@ -264,7 +264,7 @@ TEST(Sl1, OtherTimesAndAddedSlicesChangeNothingButTheirNumbers) {
   ASSERT_GT(info.grid.layers, 6);
   Entries entries = test::unzip(out);
   // 0.1 mm at 500 mm/h are 0.72 s.
-  std::string expected = config;
+  std::string expected = kConfig;
   const auto replace = [&](const std::string& from, const std::string& to) {
     expected.replace(expected.find(from), from.size(), to);
   };
@@ -273,7 +273,7 @@ TEST(Sl1, OtherTimesAndAddedSlicesChangeNothingButTheirNumbers) {
   replace("numFade = 10", "numFade = 2");
   replace("numFast = 4", "numFast = " + std::to_string(info.grid.layers - 2));
   EXPECT_EQ(test::to_text(test::entry(entries, "config.ini")), expected);
-  expected = settings;
+  expected = kSettings;
   replace("exposure_time = 3\n", "exposure_time = 0.72\n");
   replace("faded_layers = 10", "faded_layers = 2");
   replace("initial_exposure_time = 20", "initial_exposure_time = 0.72");
@@ -472,14 +472,14 @@ TEST(Sl1, ArchivesOfOthers) {
     double pixel_um, layer_um, light_s;
   };
   // Light: by the firmware's rule from the numbers in config.ini.
-  const Sample samples[] = {
+  const Sample kSamples[] = {
       {"UVtools_demo_file.sl1s", 10, 1620, 2560, 50, 100, 115},
       {"layer_change.sl1", 32, 1440, 2560, 47.25, 50, 3.2},
       {"numbers.sl1", 2, 1440, 2560, 47.25, 50, 2},
       // 35 s, 21.25 s, then 18 layers of 7.5 s.
       {"Resin_calibration_linear_object.sl1", 20, 1440, 2560, 47.25, 50, 35 + 21.25 + 18 * 7.5}};
   const TemporaryFolder scratch;
-  for (const Sample& s : samples) {
+  for (const Sample& s : kSamples) {
     const StackReader reader(folder + s.file, scratch.path());
     const StackInfo& info = reader.info();
     EXPECT_EQ(info.grid.layers, s.layers) << s.file;

@@ -12,13 +12,13 @@
 namespace slicecorr::test {
 namespace {
 
-using detail::chitubox_gcode;
-using detail::cws_gcode;
+using detail::kChituboxGcode;
+using detail::kCwsGcode;
 using detail::LayerGcode;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 
-const auto no_times = [](int) { return std::optional<double>(); };
+const auto kNoTimes = [](int) { return std::optional<double>(); };
 
 LayerGcode parse(const std::string& text, const detail::GcodeDialect& dialect) {
   return {text, dialect, "part.zip", "run.gcode"};
@@ -30,7 +30,7 @@ TEST(Exposures, AreTheWaitsInLight) {
   const LayerGcode g = parse(
       "G90\nM6054 \"1.png\"\nG0 Z5 F60\nG0 Z0.05 F60\nG4 P4000\nM106 S255\nG4 P1500\nG4 P500\n"
       "M106 S0\nG4 P700\nM6054 \"2.png\"\nM106 S128\nG4 P2.5\nM106 S0\n",
-      chitubox_gcode);
+      kChituboxGcode);
   EXPECT_TRUE(g.shows(2));
   EXPECT_FALSE(g.shows(3));
   EXPECT_EQ(g.exposures_s(2), (std::vector<double>{2, 0.0025}));
@@ -43,7 +43,7 @@ TEST(Exposures, WithoutSwitchedLightAreTheWaitsWhileShown) {
       ";********** Pre-Slice Start ********\n;<Delay> 99\n;<Slice> 0 \n;<Delay> 15000 \n"
       ";<Slice> Blank \nG4 P1500;\nG1 Z3.0 F100.0\n;<Delay> 5100\n;<Slice> 1 \n;<Delay> 4000 \n"
       ";<Slice> Blank \n;<Delay> 5100\n",
-      cws_gcode);
+      kCwsGcode);
   EXPECT_EQ(g.exposures_s(2), (std::vector<double>{15, 4}));
 }
 
@@ -53,14 +53,14 @@ TEST(Exposures, WaitsBeforeTheLightDoNotCount) {
       ";LAYER_START:0\n;PositionZ:0.05mm\n;<Slice> 0\nG1 Z4 F60\n;<Delay> 04000\nG1 Z-3.95 F60\n"
       ";<Delay> 03950\n;<Delay> 2000\nM106 S255\n;<Delay> 30000\nM106 S0\n;<Slice> Blank\n"
       ";<Delay> 100\n;LAYER_END\n",
-      cws_gcode);
+      kCwsGcode);
   EXPECT_EQ(g.exposures_s(1), (std::vector<double>{30}));
 }
 
 TEST(Exposures, AreNotThereWhenALayerHasNone) {
-  EXPECT_TRUE(parse("M6054 \"1.png\"\nM106 S9\nM106 S0\n", chitubox_gcode).exposures_s(1).empty());
-  EXPECT_TRUE(parse("", chitubox_gcode).exposures_s(1).empty());
-  EXPECT_FALSE(parse("M6054 \"2.png\"\nM6054 \"1.png\"\n", chitubox_gcode).shows(2));
+  EXPECT_TRUE(parse("M6054 \"1.png\"\nM106 S9\nM106 S0\n", kChituboxGcode).exposures_s(1).empty());
+  EXPECT_TRUE(parse("", kChituboxGcode).exposures_s(1).empty());
+  EXPECT_FALSE(parse("M6054 \"2.png\"\nM6054 \"1.png\"\n", kChituboxGcode).shows(2));
 }
 
 /// A number of which only a part would be replaced becomes another one.
@@ -77,19 +77,19 @@ TEST(Exposures, AreWholeNumbersOfMillisecondsOrRefused) {
   };
   for (const char* good :
        {"G4 P8000", "G4 P8000;", "G4 P8000 ; 8 s", "G4 P 8000.0", "G4 P8000.\r", "G4 P08000"}) {
-    EXPECT_EQ(refusal(good, chitubox_gcode), "8") << good;
+    EXPECT_EQ(refusal(good, kChituboxGcode), "8") << good;
   }
   for (const char* bad : {"G4 P8e3", "G4 P8_000", "G4 P8 000", "G4 P8,000", "G4 P0x1F40", "G4 S8",
                           "G4 X8", "G4 P8000S1", "G4 P-8", "G4 P", "G4 P8.5.2"}) {
-    EXPECT_THAT(refusal(bad, chitubox_gcode),
+    EXPECT_THAT(refusal(bad, kChituboxGcode),
                 AllOf(HasSubstr("run.gcode"), HasSubstr(bad), HasSubstr("expected G4 P")));
   }
   for (const char* good : {";<Delay> 8000", ";<Delay> 8000 \r", ";<Delay>8000 ; of light"}) {
-    EXPECT_EQ(refusal(good, cws_gcode), "8") << good;
+    EXPECT_EQ(refusal(good, kCwsGcode), "8") << good;
   }
   for (const char* bad :
        {";<Delay> 8e3", ";<Delay> 8_000", ";<Delay> 0x1F40", ";<Delay> 8 000", ";<Delay> -8"}) {
-    EXPECT_THAT(refusal(bad, cws_gcode), HasSubstr("expected ;<Delay>"));
+    EXPECT_THAT(refusal(bad, kCwsGcode), HasSubstr("expected ;<Delay>"));
   }
 }
 
@@ -117,14 +117,14 @@ TEST(Numbers, AreReadWithTheirUnitsOrNotAtAll) {
 
 TEST(Changes, NothingChangesWhereNothingMust) {
   const std::string text = "M6054 \"1.png\"\nM106 S255\nG4 P 1000.0 ;x\nM106 S0";
-  EXPECT_EQ(parse(text, chitubox_gcode).changed(1, 0.05, no_times), text);
-  EXPECT_EQ(parse(text, chitubox_gcode).changed(1, 0.05, [](int) { return 1.0004; }), text);
-  EXPECT_EQ(parse(text, chitubox_gcode).changed(1, 0.05, [](int) { return 2.0; }),
+  EXPECT_EQ(parse(text, kChituboxGcode).changed(1, 0.05, kNoTimes), text);
+  EXPECT_EQ(parse(text, kChituboxGcode).changed(1, 0.05, [](int) { return 1.0004; }), text);
+  EXPECT_EQ(parse(text, kChituboxGcode).changed(1, 0.05, [](int) { return 2.0; }),
             "M6054 \"1.png\"\nM106 S255\nG4 P 2000 ;x\nM106 S0");
 }
 
 TEST(Changes, OfSeveralWaitsTheFirstTakesTheRest) {
-  EXPECT_EQ(parse("M6054 \"1.png\"\nM106 S255\nG4 P1000\nG4 P300\nM106 S0\n", chitubox_gcode)
+  EXPECT_EQ(parse("M6054 \"1.png\"\nM106 S255\nG4 P1000\nG4 P300\nM106 S0\n", kChituboxGcode)
                 .changed(1, 0.05, [](int) { return 2.0; }),
             "M6054 \"1.png\"\nM106 S255\nG4 P1700\nG4 P300\nM106 S0\n");
 }
@@ -142,10 +142,10 @@ TEST(Changes, AddedLayersCountOnInRelativeMoves) {
   const std::string foot = ";********** Footer Start ********\nM18\n;<Completed>\n";
   const std::string text =
       head + workshop_layer(0, 15000) + workshop_layer(1, 4000) + workshop_layer(2, 4000) + foot;
-  EXPECT_EQ(parse(text, cws_gcode).changed(5, 0.1, no_times),
+  EXPECT_EQ(parse(text, kCwsGcode).changed(5, 0.1, kNoTimes),
             head + workshop_layer(0, 15000) + workshop_layer(1, 4000) + workshop_layer(2, 4000) +
                 workshop_layer(3, 4000) + workshop_layer(4, 4000) + foot);
-  EXPECT_EQ(parse(text, cws_gcode).changed(4, 0.1, [](int n) { return n == 3 ? 7.0 : 4.0; }),
+  EXPECT_EQ(parse(text, kCwsGcode).changed(4, 0.1, [](int n) { return n == 3 ? 7.0 : 4.0; }),
             head + workshop_layer(0, 4000) + workshop_layer(1, 4000) + workshop_layer(2, 4000) +
                 workshop_layer(3, 7000) + foot);
 }
@@ -160,28 +160,28 @@ TEST(Changes, AddedLayersRiseInAbsoluteMoves) {
   const std::string head = ";START_GCODE_BEGIN\nG21;\nG90;\n;END_GCODE_BEGIN\n\n";
   const std::string foot = ";START_GCODE_END\nM106 S0;\nG1 Z150 F100;\n";
   const std::string two = head + layer(0, "5.050", "0.050") + layer(1, "5.100", "0.100");
-  EXPECT_EQ(parse(two + foot, chitubox_gcode).changed(4, 0.05, no_times),
+  EXPECT_EQ(parse(two + foot, kChituboxGcode).changed(4, 0.05, kNoTimes),
             two + layer(2, "5.150", "0.150") + layer(3, "5.200", "0.200") + foot);
   const std::string one = head + layer(0, "5", "1");
-  EXPECT_EQ(parse(one + foot, chitubox_gcode).changed(2, 1, no_times),
+  EXPECT_EQ(parse(one + foot, kChituboxGcode).changed(2, 1, kNoTimes),
             one + layer(1, "6", "2") + foot);
-  EXPECT_EQ(parse(one + foot, chitubox_gcode).changed(2, 0.05, no_times),
+  EXPECT_EQ(parse(one + foot, kChituboxGcode).changed(2, 0.05, kNoTimes),
             one + layer(1, "5.05", "1.05") + foot);
 }
 
 TEST(Changes, AreRefusedWhereTheTextHasNoPlace) {
   const auto message = [](const std::string& text, int layers, auto times) -> std::string {
     try {
-      parse(text, chitubox_gcode).changed(layers, 0.05, times);
+      parse(text, kChituboxGcode).changed(layers, 0.05, times);
     } catch (const InputError& error) {
       return error.what();
     }
     return "";
   };
   const auto two_s = [](int) { return std::optional<double>(2); };
-  EXPECT_THAT(message("G21\n", 1, no_times), HasSubstr("part.zip: run.gcode: shows no images"));
+  EXPECT_THAT(message("G21\n", 1, kNoTimes), HasSubstr("part.zip: run.gcode: shows no images"));
   EXPECT_THAT(message("M6054 \"1.png\"\n", 1, two_s), HasSubstr("has no exposure time of image 1"));
-  EXPECT_THAT(message("M6054 \"1.png\"\nM106 S1\nG4 P5\nM106 S0\nM18", 2, no_times), "");
+  EXPECT_THAT(message("M6054 \"1.png\"\nM106 S1\nG4 P5\nM106 S0\nM18", 2, kNoTimes), "");
 }
 
 // ---- Which format

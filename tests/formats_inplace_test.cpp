@@ -383,7 +383,7 @@ TEST_P(Damaged, IsRefusedByName) {
   }
 }
 
-const Damage damages[] = {
+const Damage kDamages[] = {
     {"chitubox", "2.png", nullptr, nullptr, "3.png: follows a gap: image 2 is missing"},
     {"chitubox", "1.png", nullptr, nullptr, "image 1 is missing"},
     {"chitubox", "3.png", nullptr, nullptr, "run.gcode: totalLayer is 3, but there are 2 images"},
@@ -435,7 +435,7 @@ const Damage damages[] = {
     {"nanodlp", "slicer.json", "\"Thickness\":100", "\"Thickness\":0.1",
      "says layers of 0.1 um, expected 1 to 1000 um"},
 };
-INSTANTIATE_TEST_SUITE_P(Table, Damaged, ::testing::ValuesIn(damages), [](const auto& c) {
+INSTANTIATE_TEST_SUITE_P(Table, Damaged, ::testing::ValuesIn(kDamages), [](const auto& c) {
   return std::string(c.param.format) + "_" + std::to_string(c.index);
 });
 

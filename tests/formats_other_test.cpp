@@ -13,9 +13,9 @@ namespace {
 using test::Bytes;
 using test::Entries;
 using test::expect_refused;
-using test::facts;
 using test::file;
 using test::Images;
+using test::kFacts;
 using test::like;
 using test::Notices;
 using test::png_of;
@@ -193,11 +193,11 @@ TEST_F(ImageFolder, NumbersCountHoweverTheyAreWritten) {
     files.emplace_back("notes.txt", to_bytes("notes"));
     files.emplace_back("cover.png", to_bytes("no slice"));
     files.emplace_back("thumbs/1.png", to_bytes("no slice"));
-    const StackReader reader(make(files), folder_.path(), {}, facts);
+    const StackReader reader(make(files), folder_.path(), {}, kFacts);
     EXPECT_EQ(test::read_images(reader), images_.slices);
     EXPECT_EQ(reader.info().format, "folder");
     EXPECT_EQ(reader.info().kind, StackKind::foreign);
-    EXPECT_EQ(reader.grid().pixel_x_um, facts.pixel_x_um);
+    EXPECT_EQ(reader.grid().pixel_x_um, kFacts.pixel_x_um);
   }
   const StackInfo info = StackReader::read_info(folder_ / "in");
   EXPECT_EQ(info.grid.pixel_x_um, 0);
@@ -209,7 +209,7 @@ TEST_F(ImageFolder, TheLargestSetOfImagesCounts) {
   Entries files = named({"a1.png", "a2.png", "a3.png"});
   files.emplace_back("preview1.png", to_bytes("no slice"));
   files.emplace_back("preview2.png", to_bytes("no slice"));
-  const StackReader reader(make(files), folder_.path(), notices.job, facts);
+  const StackReader reader(make(files), folder_.path(), notices.job, kFacts);
   EXPECT_EQ(reader.grid().layers, 3);
   EXPECT_THAT(notices.all(), HasSubstr("2 images named previewNUMBER.png left out"));
   files.emplace_back("preview3.png", to_bytes("no slice"));

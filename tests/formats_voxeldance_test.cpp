@@ -30,7 +30,7 @@ using testing::HasSubstr;
 
 // ---- VDT -----------------------------------------------------------------------------------
 
-constexpr const char* vdt_manifest = R"({
+constexpr const char* kVdtManifest = R"({
   "application_name": "Tango",
   "application_version": "2.1",
   "create_datetime": "2021-04-09 17:48:46",
@@ -52,7 +52,7 @@ constexpr const char* vdt_manifest = R"({
 
 class Vdt : public testing::Test {
  protected:
-  Entries foreign(const std::string& manifest = vdt_manifest) const {
+  Entries foreign(const std::string& manifest = kVdtManifest) const {
     return {{"Preview_FLT.png", to_bytes("no picture")},
             {"2.png", png_of(images_, 2)},
             {"0.png", png_of(images_, 0)},
@@ -68,7 +68,7 @@ class Vdt : public testing::Test {
   }
   /// The manifest with one piece of text replaced.
   std::string with(const std::string& from, const std::string& to) const {
-    std::string text = vdt_manifest;
+    std::string text = kVdtManifest;
     const std::size_t at = text.find(from);
     EXPECT_NE(at, std::string::npos) << from;
     return text.replace(at, from.size(), to);
@@ -155,7 +155,7 @@ TEST_F(Vdt, AddedLayersAndOtherTimes) {
   EXPECT_EQ(after[8].first, "4.png");
   EXPECT_EQ(after[9].first, "5.png");
   EXPECT_EQ(test::entry(after, "thesis/notes.txt"), Bytes(5000, 'n'));
-  Json expected = Json::parse(vdt_manifest);
+  Json expected = Json::parse(kVdtManifest);
   expected["print"]["exposure_time"] = 3.0;
   expected["print"]["bottom_layers"] = 1;
   for (int n : {1, 2, 3}) expected["layers"][static_cast<std::size_t>(n)]["exposure_time"] = 3.0;
@@ -275,7 +275,7 @@ TEST_F(Vdt, Damages) {
 
 // ---- VDA -----------------------------------------------------------------------------------
 
-constexpr const char* vda_manifest =
+constexpr const char* kVdaManifest =
     "\xef\xbb\xbf<?xml version=\"1.0\" encoding=\"utf-8\"?>\r\n<!-- by hand -->\r\n<root>\r\n"
     "  <FileInfo><Version><Major>1</Major><Minor>2</Minor></Version><Written><By "
     "ApplicationName=\"Additive\" ApplicationVersion=\"4\" new='&amp;' /></Written></FileInfo>\r\n"
@@ -296,7 +296,7 @@ constexpr const char* vda_manifest =
 
 class Vda : public testing::Test {
  protected:
-  Entries foreign(const std::string& manifest = vda_manifest) const {
+  Entries foreign(const std::string& manifest = kVdaManifest) const {
     return {{"0002.png", png_of(images_, 1)},
             {"readme", to_bytes("read me")},
             {"0001.png", png_of(images_, 0)},
@@ -308,7 +308,7 @@ class Vda : public testing::Test {
     return folder_ / "a.zip";
   }
   std::string with(const std::string& from, const std::string& to) const {
-    std::string text = vda_manifest;
+    std::string text = kVdaManifest;
     const std::size_t at = text.find(from);
     EXPECT_NE(at, std::string::npos) << from;
     return text.replace(at, from.size(), to);

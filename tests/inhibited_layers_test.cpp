@@ -168,7 +168,7 @@ class Judge {
     bool on = false;
     for (auto p = points_.lower_bound(from); p != points_.end() && p->first <= to; ++p) {
       const bool now = p->second >= 1;
-      if (now && !on) count += count == 0 || low < 1 - same_dose;
+      if (now && !on) count += count == 0 || low < 1 - kSameDose;
       if (!now) low = on ? p->second : std::min(low, p->second);
       on = now;
     }

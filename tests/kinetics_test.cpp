@@ -15,7 +15,7 @@
 namespace slicecorr {
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// The reference values have five significant digits; each is good to half a unit of the last one.
 void expect_printed(double value, double printed) {
@@ -42,7 +42,7 @@ TEST(Kinetics, Figure34) {
     expect_printed(fronts->front_um, front);
     expect_printed(fronts->back_um, back);
   }
-  EXPECT_EQ(window_time_s(k, 100, 200), infinity);
+  EXPECT_EQ(window_time_s(k, 100, 200), kInfinity);
 }
 
 TEST(Kinetics, CustomResins) {
@@ -72,12 +72,12 @@ TEST(Kinetics, CuredHeightsOfBlueAlone) {
   expect_printed(cured_height_um({he, 1, 13, 0, 0}, 15, 10), 2124.3);
   const double gel_v = units::volumetric_from_areal(13, he);
   EXPECT_NEAR(cured_height_um({he, 1, 13, 0, 0}, 15, 10),
-              2000 * std::log10(150 * units::ln10 / (gel_v * 2000e-4)), 1e-9);
+              2000 * std::log10(150 * units::kLn10 / (gel_v * 2000e-4)), 1e-9);
 }
 
 /// Where D' has reached D'c, found by walking through z: uses the rate alone.
 struct Walked {
-  double first_z = -1, first_time = infinity, front = -1, back = -1;
+  double first_z = -1, first_time = kInfinity, front = -1, back = -1;
 };
 Walked walk(const Kinetics& k, double blue, double uv, double time, double step_um) {
   Walked w;
@@ -162,7 +162,7 @@ TEST(Kinetics, WeakUvCuresToTheWindow) {
   const Kinetics k = figure_3_4();
   EXPECT_GT(steady_dead_zone_um(k, 100, 100.001), 0);
   EXPECT_EQ(steady_dead_zone_um(k, 100, 100), 0);
-  EXPECT_EQ(window_time_s(k, 100, 100), infinity);  // in the limit, but never
+  EXPECT_EQ(window_time_s(k, 100, 100), kInfinity);  // in the limit, but never
   EXPECT_EQ(steady_dead_zone_um(k, 100, 90), 0);
   EXPECT_NEAR(window_time_s(k, 100, 90), 10, 1e-12);
   const Kinetics two = resin_2();
@@ -211,12 +211,12 @@ TEST(Kinetics, FrontsMeetAtTheFirstGel) {
 
 TEST(Kinetics, NoBlueLightNeverGels) {
   const Kinetics k = figure_3_4();
-  EXPECT_EQ(steady_dead_zone_um(k, 0, 50), infinity);
-  EXPECT_EQ(first_gel(k, 0, 50).time_s, infinity);
+  EXPECT_EQ(steady_dead_zone_um(k, 0, 50), kInfinity);
+  EXPECT_EQ(first_gel(k, 0, 50).time_s, kInfinity);
   EXPECT_FALSE(curing_fronts(k, 0, 50, 100));
   EXPECT_FALSE(curing_fronts(k, 100, 200, 0));
-  EXPECT_EQ(window_time_s(k, 0, 50), infinity);
-  EXPECT_EQ(cured_height_um(k, 0, 10), -infinity);
+  EXPECT_EQ(window_time_s(k, 0, 50), kInfinity);
+  EXPECT_EQ(cured_height_um(k, 0, 10), -kInfinity);
   EXPECT_EQ(passing_dose_prime(k, 0, 50, 1000), 0);
 }
 
@@ -225,7 +225,7 @@ TEST(Kinetics, ExponentsOtherThanOneBreakReciprocity) {
   for (const double m : {0.76, 1.0, 1.29}) {
     const Kinetics k{200, m, 20, 0, 0};
     EXPECT_NEAR(cured_height_um(k, 100, 1) - cured_height_um(k, 10, 10),
-                200 / m * (m - 1) * units::ln10, 1e-9);
+                200 / m * (m - 1) * units::kLn10, 1e-9);
   }
 }
 
@@ -345,7 +345,7 @@ TEST(KineticUnits, DosesAndHeightsAgreeAcrossBases) {
               1e-12);
   // Dc,V = Dc,A ln10 / ha10 = Dc,A / he.
   EXPECT_NEAR(units::volumetric_from_areal(65, units::height_e_from_10(2000)),
-              65 * units::ln10 / 2000e-4, 1e-10);
+              65 * units::kLn10 / 2000e-4, 1e-10);
   // Light at one height: 1/e in base e, 1/10 in base 10.
   const double he = 123;
   EXPECT_NEAR(std::exp(-50 / he), std::pow(10, -50 / units::height10_from_e(he)), 1e-15);

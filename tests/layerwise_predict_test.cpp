@@ -331,7 +331,7 @@ TEST(LayerwisePredict, CorrectedColumnsComeOutAsDesigned) {
         }
       }
       // A gap one slice high stays open where a level step and black light leave room for it.
-      const double most = 1 + m.level_step_um() * m.eta * units::ln10 / m.layer_um +
+      const double most = 1 + m.level_step_um() * m.eta * units::kLn10 / m.layer_um +
                           m.phi_min() * m.greatest_ratio();
       if (most * m.a < 1) {
         ASSERT_EQ(p.figures.merged_features, 0U);

@@ -37,7 +37,7 @@ constexpr const char* kUvLamp = "[uv]\nkind = \"flood\"\ncalibration = [[0, 0.0]
 const Command kResin{"--printer", "small.toml", "--resin", "figure-2-2", "--ha-um", "110"};
 const Command kLayerwise{"--mode", "layerwise"};
 const Command kRung{"--x", "80", "--y", "60"};
-const double a = std::pow(10.0, -50.0 / 110);
+const double kA = std::pow(10.0, -50.0 / 110);
 
 class Layerwise : public ::testing::Test {
  protected:
@@ -116,7 +116,7 @@ TEST_F(Layerwise, LadderFromSlicesToFigures) {
     EXPECT_NEAR(row.phi, row.intensity * 0.07837 * std::log(10) / (576 * 110e-4), 1e-9);
     double sum = 0;
     for (std::size_t k = n; k < 50; ++k) {
-      sum += rows[k].phi * std::pow(a, static_cast<double>(k - n + 1));
+      sum += rows[k].phi * std::pow(kA, static_cast<double>(k - n + 1));
     }
     EXPECT_NEAR(row.dose, sum, 1e-9) << n;
     EXPECT_EQ(row.target, (n >= 11 && n <= 20) || (n >= 31 && n <= 40) ? 1 : 0) << n;

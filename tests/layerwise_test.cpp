@@ -65,7 +65,7 @@ TEST(LayerwiseModel, FurtherTeethGelFromTheirLimitOn) {
 TEST(LayerwiseModel, ArealVolumetricAndKineticDosesAgree) {
   Resin areal = test::resin(576, 110);
   areal.model = CureModelKind::kinetic;
-  areal.critical_dose_prime = 576 * 110e-4 / units::ln10;
+  areal.critical_dose_prime = 576 * 110e-4 / units::kLn10;
   const CureModel volumetric = figure_a_7(2),
                   kinetic = make_cure_model(linear_printer(1, 100), areal, layerwise(2), 50);
   EXPECT_NEAR(kinetic.phi_max(), volumetric.phi_max(), 1e-12 * volumetric.phi_max());
@@ -235,7 +235,7 @@ TEST(LayerwiseDose, EqualsTheDirectSum) {
       pixels.push_back(static_cast<std::uint8_t>(pixel_of_level(level, any.printer.levels())));
     }
     const std::vector<double> intensity = level_intensities(any.printer);
-    const double he_um = any.resin.absorbance_height10_um / units::ln10;
+    const double he_um = any.resin.absorbance_height10_um / units::kLn10;
     const double prime = any.resin.critical_dose_prime > 0
                              ? any.resin.critical_dose_prime
                              : any.resin.critical_dose_mj_cm3 * he_um * 1e-4;

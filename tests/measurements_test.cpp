@@ -22,8 +22,8 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
-const std::string cured = "intensity_mw_cm2,exposure_s,cured_height_um\n";
-const std::string zones = "blue_mw_cm2,uv_mw_cm2,exposure_s,dead_zone_um\n";
+const std::string kCured = "intensity_mw_cm2,exposure_s,cured_height_um\n";
+const std::string kZones = "blue_mw_cm2,uv_mw_cm2,exposure_s,dead_zone_um\n";
 
 std::string refusal(const std::string& text) {
   try {
@@ -37,7 +37,7 @@ std::string refusal(const std::string& text) {
 }
 
 TEST(Measurements, CuredHeightsWithIntensityAndTime) {
-  const Measurements m = parse_measurements(cured + "20,4,60.5\n10,8,61\n", "a.csv");
+  const Measurements m = parse_measurements(kCured + "20,4,60.5\n10,8,61\n", "a.csv");
   ASSERT_EQ(m.cured.size(), 2U);
   EXPECT_TRUE(m.dead_zones.empty());
   EXPECT_EQ(m.cured[0].blue_mw_cm2, 20);
@@ -74,7 +74,7 @@ TEST(Measurements, TwoOfIntensityTimeAndDoseGiveTheThird) {
 }
 
 TEST(Measurements, DeadZonesAndZeroAmongThem) {
-  const Measurements m = parse_measurements(zones + "100,200,30,16.7\n200,100,30,0\n", "a.csv");
+  const Measurements m = parse_measurements(kZones + "100,200,30,16.7\n200,100,30,0\n", "a.csv");
   ASSERT_EQ(m.dead_zones.size(), 2U);
   EXPECT_EQ(m.dead_zones[0].uv_mw_cm2, 200);
   EXPECT_EQ(m.dead_zones[0].dead_zone_um, 16.7);
@@ -82,17 +82,18 @@ TEST(Measurements, DeadZonesAndZeroAmongThem) {
 }
 
 TEST(Measurements, HandledSilently) {
-  const Measurements plain = parse_measurements(cured + "20,4,60.5\n10,8,61\n", "a.csv");
+  const Measurements plain = parse_measurements(kCured + "20,4,60.5\n10,8,61\n", "a.csv");
   const std::string header = " Exposure_s , CURED_HEIGHT_UM,intensity_mw_cm2 ";
   for (const std::string& text : std::vector<std::string>{
-           "\xEF\xBB\xBF" + cured + "20,4,60.5\n10,8,61\n",
-           cured + "20,4,60.5\r\n10,8,61\r\n",
+           "\xEF\xBB\xBF" + kCured + "20,4,60.5\n10,8,61\n",
+           kCured + "20,4,60.5\r\n10,8,61\r\n",
            "intensity_mw_cm2,exposure_s,cured_height_um\r20,4,60.5\r10,8,61\r",
-           cured + "20,4,60.5\n10,8,61",
-           "# by hand\n\n" + cured + "\n20, 4 ,6.05e1 # a note, with a comma\n\n+10,8,61.000\n,,\n",
+           kCured + "20,4,60.5\n10,8,61",
+           "# by hand\n\n" + kCured +
+               "\n20, 4 ,6.05e1 # a note, with a comma\n\n+10,8,61.000\n,,\n",
            header + "\n4,60.5,20\n8,61,10\n",
-           cured + "\"20\",\"4\",\" 60.5 \"\n10,8,61\n",
-           cured + "20,4,60.5,,\n10,8,61\n",
+           kCured + "\"20\",\"4\",\" 60.5 \"\n10,8,61\n",
+           kCured + "20,4,60.5,,\n10,8,61\n",
        }) {
     const Measurements m = parse_measurements(text, "a.csv");
     EXPECT_THAT(m.warnings, IsEmpty()) << text;
@@ -126,7 +127,7 @@ TEST(Measurements, ScatterOfAMeasurement) {
 }
 
 TEST(Measurements, MillimetresAreSuspected) {
-  const Measurements m = parse_measurements(cured + "20,4,0.244\n20,8,0.4\n", "a.csv");
+  const Measurements m = parse_measurements(kCured + "20,4,0.244\n20,8,0.4\n", "a.csv");
   EXPECT_THAT(m.warnings, ElementsAre(HasSubstr("are the heights in mm?")));
 }
 
@@ -137,7 +138,7 @@ struct Bad {
 
 TEST(Measurements, WrongNumbersAreRefusedWithTheirPlace) {
   const std::string place = "a.csv: line 3, column 3 (cured_height_um)";
-  const std::string good = cured + "20,4,60\n";
+  const std::string good = kCured + "20,4,60\n";
   for (const auto& [text, words] : std::vector<Bad>{
            {good + "20,4,sixty\n", {place, "'sixty'", "no number"}},
            {good + "20,4,60 um\n", {place, "'60 um'", "no number"}},
@@ -156,11 +157,11 @@ TEST(Measurements, WrongNumbersAreRefusedWithTheirPlace) {
            {good + "0,4,60\n", {"line 3, column 1 (intensity_mw_cm2)", "above 0"}},
            {good + "20,-4,60\n", {"line 3, column 2 (exposure_s)", "is -4"}},
            {good + "1e200,1e200,60\n", {"line 3", "overflows"}},
-           {zones + "0,200,30,16\n", {"line 2, column 1 (blue_mw_cm2)"}},
-           {zones + "100,0,30,16\n", {"line 2, column 2 (uv_mw_cm2)", "no dead zone"}},
-           {zones + "100,200,0,16\n", {"line 2, column 3 (exposure_s)"}},
-           {zones + "100,200,30,-1\n", {"line 2, column 4 (dead_zone_um)", "is -1"}},
-           {zones + "100,200,30,nan\n", {"line 2, column 4 (dead_zone_um)", "not finite"}},
+           {kZones + "0,200,30,16\n", {"line 2, column 1 (blue_mw_cm2)"}},
+           {kZones + "100,0,30,16\n", {"line 2, column 2 (uv_mw_cm2)", "no dead zone"}},
+           {kZones + "100,200,0,16\n", {"line 2, column 3 (exposure_s)"}},
+           {kZones + "100,200,30,-1\n", {"line 2, column 4 (dead_zone_um)", "is -1"}},
+           {kZones + "100,200,30,nan\n", {"line 2, column 4 (dead_zone_um)", "not finite"}},
        }) {
     const std::string message = refusal(text);
     for (const std::string& word : words) EXPECT_THAT(message, HasSubstr(word)) << text;
@@ -172,8 +173,8 @@ TEST(Measurements, WrongTablesAreRefused) {
            {"", {"a.csv", "no table", "cured_height_um"}},
            {"\n  \n# only a comment\n", {"a.csv", "no table"}},
            {"\xEF\xBB\xBF", {"a.csv", "no table"}},
-           {cured, {"a.csv", "header row", "no measurements"}},
-           {cured + "# nothing\n\n,,\n", {"no measurements"}},
+           {kCured, {"a.csv", "header row", "no measurements"}},
+           {kCured + "# nothing\n\n,,\n", {"no measurements"}},
            {"20,4,60\n10,8,61\n", {"line 1", "names of columns"}},
            {"intensity,exposure_s,cured_height_um\n20,4,60\n",
             {"line 1", "intensity_mw_cm2 is missing", "intensity, exposure_s"}},
@@ -187,17 +188,17 @@ TEST(Measurements, WrongTablesAreRefused) {
            {"intensity_mw_cm2;exposure_s;cured_height_um\n20;4;60,5\n",
             {"line 1", "semicolons", "commas", "decimal points"}},
            {"intensity_mw_cm2\texposure_s\tcured_height_um\n20\t4\t60\n", {"line 1", "tabs"}},
-           {cured + "20,4,60\n20,4\n", {"line 3", "2 fields", "3 columns"}},
-           {cured + "20,4,60,5\n", {"line 2", "4 fields", "decimal comma"}},
+           {kCured + "20,4,60\n20,4\n", {"line 3", "2 fields", "3 columns"}},
+           {kCured + "20,4,60,5\n", {"line 2", "4 fields", "decimal comma"}},
            {"dose_mj_cm2,cured_height_um\n8,5,244,2\n", {"line 2", "decimal comma"}},
-           {cured + "20;4;60\n", {"line 2", "semicolons"}},
-           {cured + "20,4,\"60\n20,8,70\n", {"line 2", "not closed"}},
-           {cured + "20,4,\"60\"5\n", {"line 2", "closing quote"}},
+           {kCured + "20;4;60\n", {"line 2", "semicolons"}},
+           {kCured + "20,4,\"60\n20,8,70\n", {"line 2", "not closed"}},
+           {kCured + "20,4,\"60\"5\n", {"line 2", "closing quote"}},
            {"dose_mj_cm2,uv_mw_cm2,cured_height_um\n80,5,60\n",
             {"column 2 (uv_mw_cm2)", "without UV"}},
            {std::string("PK\x03\x04rubbish", 11), {"workbook"}},
            {std::string("\xFF\xFEi\0n\0", 6), {"UTF-16"}},
-           {cured + std::string("20,4,6\0\n", 8), {"line 2", "0x00"}},
+           {kCured + std::string("20,4,6\0\n", 8), {"line 2", "0x00"}},
            {std::string(200000, 'x'), {"line 1", "longer than"}},
        }) {
     const std::string message = refusal(text);
@@ -209,7 +210,7 @@ TEST(Measurements, WrongTablesAreRefused) {
 // Whatever the bytes, there is an error or measurements that could be right: nothing else.
 TEST(Measurements, RubbishNeverBecomesMeasurements) {
   std::mt19937 random(1);
-  const std::string valid = cured + "20,4,60.5\r\n10,8,61 # x\n\"5\",16,6.2e1\n";
+  const std::string valid = kCured + "20,4,60.5\r\n10,8,61 # x\n\"5\",16,6.2e1\n";
   int refused = 0;
   for (int round = 0; round < 20000; ++round) {
     std::string text = valid;
@@ -258,8 +259,8 @@ class MeasurementFiles : public ::testing::Test {
 };
 
 TEST_F(MeasurementFiles, SeveralFilesOfBothKinds) {
-  const std::string a = write("a.csv", cured + "20,4,60\n");
-  const std::string b = write("b.csv", zones + "100,200,30,16\n");
+  const std::string a = write("a.csv", kCured + "20,4,60\n");
+  const std::string b = write("b.csv", kZones + "100,200,30,16\n");
   const std::string c = write("c.csv", "dose_mj_cm2,cured_height_um\n90,70\n");
   const Measurements m = read_measurements({a, b, c});
   EXPECT_THAT(m.sources, ElementsAre(a, b, c));
@@ -270,7 +271,7 @@ TEST_F(MeasurementFiles, SeveralFilesOfBothKinds) {
 }
 
 TEST_F(MeasurementFiles, TheSameFileTwiceIsRefused) {
-  const std::string a = write("a.csv", cured + "20,4,60\n");
+  const std::string a = write("a.csv", kCured + "20,4,60\n");
   EXPECT_THROW(read_measurements({a, a}), InputError);
   EXPECT_THROW(read_measurements({a, folder_ / "./a.csv"}), InputError);
   EXPECT_THROW(read_measurements({}), InputError);
@@ -312,18 +313,18 @@ TEST_F(MeasurementFiles, MillionsOfRows) {
   std::string block;
   for (int i = 0; i < 10000; ++i) block += "20.125,4.0625,160.25\n";
   std::ofstream out(path, std::ios::binary);
-  out << cured;
-  for (int i = 0; i < max_measurements / 10000; ++i) out << block;
+  out << kCured;
+  for (int i = 0; i < kMaxMeasurements / 10000; ++i) out << block;
   out.close();
   const auto begin = std::chrono::steady_clock::now();
-  EXPECT_EQ(read_measurements({path}).cured.size(), static_cast<std::size_t>(max_measurements));
+  EXPECT_EQ(read_measurements({path}).cured.size(), static_cast<std::size_t>(kMaxMeasurements));
   const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - begin;
   RecordProperty("seconds_for_a_million_rows", fmt::format("{:.3f}", seconds.count()));
   // Some 0.2 s; a sanitizer may take ten times that.
   EXPECT_LT(seconds.count(), 5);
 
   std::ofstream more(path, std::ios::binary | std::ios::app);
-  for (int i = 0; i < 9 * max_measurements / 10000; ++i) more << block;
+  for (int i = 0; i < 9 * kMaxMeasurements / 10000; ++i) more << block;
   more.close();
   try {
     read_measurements({path});
@@ -335,7 +336,7 @@ TEST_F(MeasurementFiles, MillionsOfRows) {
 
 TEST_F(MeasurementFiles, ReadingCanBeCancelled) {
   const std::string path = write(
-      "a.csv", cured + [] {
+      "a.csv", kCured + [] {
         std::string rows;
         for (int i = 0; i < 10000; ++i) rows += "20,4,60\n";
         return rows;

@@ -12,10 +12,10 @@
 namespace slicecorr::test {
 
 /// Debian's interpreter: the one that its package python3-scipy serves.
-inline constexpr const char* python = "/usr/bin/python3";
+inline constexpr const char* kPython = "/usr/bin/python3";
 
 inline bool have_scipy() {
-  return run_program({"/bin/sh", "-c", std::string(python) + " -c 'import scipy.optimize' 2>&1"})
+  return run_program({"/bin/sh", "-c", std::string(kPython) + " -c 'import scipy.optimize' 2>&1"})
              .exit_code == 0;
 }
 
@@ -59,7 +59,7 @@ inline nlohmann::json run_scipy(const nlohmann::json& tasks, const std::string& 
   options.environment = {{"OMP_NUM_THREADS", "1"}, {"OPENBLAS_NUM_THREADS", "1"}};
   const RunResult r =
       run_program({"/bin/sh", "-c",
-                   std::string(python) + " '" + source + "/tests/curve_fit.py' < '" + input + "'"},
+                   std::string(kPython) + " '" + source + "/tests/curve_fit.py' < '" + input + "'"},
                   options);
   if (r.exit_code != 0) throw std::runtime_error("curve_fit.py failed: " + r.err);
   return nlohmann::json::parse(r.out);

@@ -15,7 +15,7 @@
 namespace slicecorr::test {
 
 /// 16 x 8 pixels; round figures: 1000 um/s² reach 200 um/s in 0.2 s and 20 um.
-inline const std::string small_machine = R"(name = "small"
+inline const std::string kSmallMachine = R"(name = "small"
 [display]
 width_px = 16
 height_px = 8

@@ -100,14 +100,14 @@ TEST(BlockChecksum, IsOfTheWordsAndNotOfTheirLayout) {
 TEST(BlockChecksum, FindsEveryChange) {
   const json block = json::parse(detail::write_provenance(corrected_info(), 7, 9));
   const std::uint32_t crc = detail::block_crc32(block);
-  EXPECT_EQ(block[detail::block_crc32_key], crc);
+  EXPECT_EQ(block[detail::kBlockCrc32Key], crc);
   int leaves = 0;
   const json flat = block.flatten();
   for (const auto& [path, value] : flat.items()) {
     json other = block;
     json& leaf = other[json::json_pointer(path)];
     leaf = changed(leaf);
-    if (path == std::string("/") + detail::block_crc32_key) {
+    if (path == std::string("/") + detail::kBlockCrc32Key) {
       EXPECT_EQ(detail::block_crc32(other), crc);
       continue;
     }

@@ -14,11 +14,11 @@ namespace slicecorr::test {
 
 class Xvfb {
  public:
-  static constexpr const char* path = "/usr/bin/Xvfb";
-  static bool installed() { return ::access(path, X_OK) == 0; }
+  static constexpr const char* kPath = "/usr/bin/Xvfb";
+  static bool installed() { return ::access(kPath, X_OK) == 0; }
   /// On a free display number, which $DISPLAY then names.
   Xvfb(int width_px, int height_px, int depth = 24)
-      : server_({path, "-displayfd", "1", "-screen", "0",
+      : server_({kPath, "-displayfd", "1", "-screen", "0",
                  std::to_string(width_px) + "x" + std::to_string(height_px) + "x" +
                      std::to_string(depth),
                  "-nolisten", "tcp", "-noreset"}) {

@@ -24,7 +24,7 @@ using test::Bytes;
 using test::TemporaryFolder;
 using testing::HasSubstr;
 
-constexpr std::uint64_t gib = std::uint64_t{1} << 30;
+constexpr std::uint64_t kGib = std::uint64_t{1} << 30;
 
 Bytes contents(std::size_t i) {
   Bytes data(i % (i < 1000 ? 977 : 13) + 1);
@@ -202,7 +202,7 @@ TEST(Zip, EntriesBeyondFourGib) {
   const TemporaryFolder folder;
   // Around the last offset that 32 bits can say, which is one less than their largest number.
   for (const std::uint64_t gap :
-       {4 * gib - 31 - 1000 - 2, 4 * gib - 31 - 1000 - 1, 4 * gib - 31 - 1000, 9 * gib}) {
+       {4 * kGib - 31 - 1000 - 2, 4 * kGib - 31 - 1000 - 1, 4 * kGib - 31 - 1000, 9 * kGib}) {
     const SparseZip zip(folder / "far.zip", 1000, gap);
     EXPECT_EQ(zip.entries[1].offset, gap + 1031);
     expect_read(folder / "far.zip", 1000);
@@ -212,7 +212,7 @@ TEST(Zip, EntriesBeyondFourGib) {
 
 TEST(Zip, EntriesOfFourGib) {
   const TemporaryFolder folder;
-  for (const std::uint64_t bytes : {4 * gib - 2, 4 * gib - 1, 4 * gib, 5 * gib + 3}) {
+  for (const std::uint64_t bytes : {4 * kGib - 2, 4 * kGib - 1, 4 * kGib, 5 * kGib + 3}) {
     const SparseZip zip(folder / "large.zip", bytes, 0);
     expect_read(folder / "large.zip", bytes);
   }

@@ -141,7 +141,7 @@ void Command::take(int& descriptor, std::string& text) {
     if (n < 0 && errno == EINTR) continue;
     if (n < 0 && errno == EAGAIN) return;
     if (n <= 0) return close_fd(descriptor);
-    if (text.size() + static_cast<std::size_t>(n) > longest_output) {
+    if (text.size() + static_cast<std::size_t>(n) > kLongestOutput) {
       result_.too_long = true;
       kill_it();
       return close_fd(descriptor);

@@ -14,7 +14,7 @@ struct CommandResult {
   int exit_code = -1;  ///< -1: a signal ended it, or it could not be started
   bool started = true;
   bool timed_out = false;
-  bool too_long = false;  ///< it printed more than `Command::longest_output`
+  bool too_long = false;  ///< it printed more than `Command::kLongestOutput`
   std::string out, err;
   bool ok() const { return exit_code == 0 && !timed_out && !too_long; }
   /// For messages: the last line of stderr, else how it ended.
@@ -26,7 +26,7 @@ struct CommandResult {
 class Command {
  public:
   /// What one may print, on either stream: far more than any answer that is used.
-  static constexpr std::size_t longest_output = std::size_t{256} << 20;
+  static constexpr std::size_t kLongestOutput = std::size_t{256} << 20;
 
   /// `arguments[0]` is found in $PATH. `environment`: "NAME=value", put in the place of what this
   /// process has. `input` is its stdin.

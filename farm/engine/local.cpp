@@ -30,13 +30,13 @@ namespace {
 using SteadyTime = std::chrono::steady_clock;
 
 /// What is left to the rest of the machine: caches, and whoever else works on it.
-constexpr double share_of_free_memory = 0.8;
+constexpr double kShareOfFreeMemory = 0.8;
 
 /// A worker that was asked to end gets this long.
-constexpr auto patience = std::chrono::milliseconds(800);
+constexpr auto kPatience = std::chrono::milliseconds(800);
 
 /// Waits no longer at a time where the kernel can't tell of ends by itself.
-constexpr auto blind_wait = std::chrono::milliseconds(50);
+constexpr auto kBlindWait = std::chrono::milliseconds(50);
 
 std::int64_t number_in(const std::string& path) {
   std::ifstream file(path);
@@ -86,7 +86,7 @@ class LocalEngine final : public Engine {
     if (options_.jobs <= 0) options_.jobs = options_.cores;
     if (options_.memory_mb <= 0) {
       options_.memory_mb = static_cast<std::int64_t>(static_cast<double>(available_memory_mb()) *
-                                                     share_of_free_memory);
+                                                     kShareOfFreeMemory);
     }
   }
   ~LocalEngine() override {
@@ -172,11 +172,11 @@ class LocalEngine final : public Engine {
       if (w.pidfd >= 0) {
         waits.push_back({w.pidfd, POLLIN, 0});
       } else {
-        most = std::min(most, blind_wait);
+        most = std::min(most, kBlindWait);
       }
       if (w.asked) {
         most = std::min(most, std::chrono::duration_cast<std::chrono::milliseconds>(
-                                  std::max(w.force_at - now, SteadyTime::duration(blind_wait))));
+                                  std::max(w.force_at - now, SteadyTime::duration(kBlindWait))));
       }
     }
     if (!failed_.empty()) return;
@@ -188,7 +188,7 @@ class LocalEngine final : public Engine {
       const auto found = workers_.find(token);
       if (found == workers_.end() || found->second.asked) continue;
       found->second.asked = true;
-      found->second.force_at = SteadyTime::now() + patience;
+      found->second.force_at = SteadyTime::now() + kPatience;
       ::kill(-found->second.pid, SIGTERM);
     }
   }

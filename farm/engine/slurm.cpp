@@ -31,23 +31,23 @@ using std::chrono::milliseconds;
 namespace {
 
 /// Slurm's commands give up by themselves, by default after MessageTimeout (10 s) and some tries.
-constexpr milliseconds command_limit{60'000};
+constexpr milliseconds kCommandLimit{60'000};
 /// How long a submission is waited for; it goes on when it takes longer.
-constexpr milliseconds submit_patience{1000};
+constexpr milliseconds kSubmitPatience{1000};
 /// Between listings while something is being cancelled: a user waits for it.
-constexpr std::int64_t hasty_ms = 250;
+constexpr std::int64_t kHastyMs = 250;
 /// After this, a worker that was asked to end is killed.
-constexpr std::int64_t force_ms = 1000;
-constexpr std::int64_t nodes_interval_ms = 15'000;
+constexpr std::int64_t kForceMs = 1000;
+constexpr std::int64_t kNodesIntervalMs = 15'000;
 /// Between two looks at the cluster while no node takes work.
-constexpr std::int64_t no_nodes_interval_ms = 3000;
+constexpr std::int64_t kNoNodesIntervalMs = 3000;
 /// After a refusal that says "later".
-constexpr std::int64_t refused_ms = 30'000;
+constexpr std::int64_t kRefusedMs = 30'000;
 /// A job that nobody waits for is cancelled after this.
-constexpr std::int64_t stray_ms = 10'000;
-constexpr std::int64_t sweep_interval_ms = 60'000;
+constexpr std::int64_t kStrayMs = 10'000;
+constexpr std::int64_t kSweepIntervalMs = 60'000;
 /// Arrays are kept handy, whatever MaxArraySize allows.
-constexpr int largest_array = 500;
+constexpr int kLargestArray = 500;
 
 class SlurmEngine : public Engine {
  public:
@@ -94,7 +94,7 @@ class SlurmEngine : public Engine {
 
   std::vector<std::string> submit(const std::vector<Task>& tasks) override {
     std::vector<std::string> ids(tasks.size());
-    const auto until = now() + submit_patience.count();
+    const auto until = now() + kSubmitPatience.count();
     // Among equal priorities Slurm goes by the order of submission, and so do we.
     std::vector<std::pair<Needs, std::vector<std::size_t>>> groups;
     for (std::size_t i = 0; i < tasks.size(); ++i) {
@@ -264,7 +264,7 @@ class SlurmEngine : public Engine {
   struct Submission {
     Submission(std::string batch_token, const std::vector<std::string>& arguments,
                const std::string& script)
-        : batch(std::move(batch_token)), command(arguments, command_limit, script) {}
+        : batch(std::move(batch_token)), command(arguments, kCommandLimit, script) {}
     std::string batch;
     Command command;
   };
@@ -286,18 +286,18 @@ class SlurmEngine : public Engine {
 
   /// At the start: without a cluster there is no use in going on.
   void ask_cluster() {
-    const CommandResult config = run_command({"scontrol", "show", "config"}, command_limit);
-    const CommandResult nodes = run_command(nodes_command(), command_limit);
+    const CommandResult config = run_command({"scontrol", "show", "config"}, kCommandLimit);
+    const CommandResult nodes = run_command(nodes_command(), kCommandLimit);
     for (const CommandResult* r : {&config, &nodes}) {
       if (!r->ok()) throw DeviceError("scontrol: " + r->complaint());
     }
     const auto values = parse_config(config.out);
     if (const auto at = values.find("MaxArraySize"); at != values.end()) {
       // Numbers of tasks are less than it.
-      array_limit_ = std::clamp(std::atoi(at->second.c_str()), 1, largest_array);
+      array_limit_ = std::clamp(std::atoi(at->second.c_str()), 1, kLargestArray);
     }
     cluster_ = cluster_of(parse_nodes(nodes.out), options_.partition);
-    nodes_due_ = now() + no_nodes_interval_ms;
+    nodes_due_ = now() + kNoNodesIntervalMs;
   }
 
   void take_nodes() {
@@ -309,10 +309,10 @@ class SlurmEngine : public Engine {
         // The last ones hold until there are others.
       }
       node_listing_.reset();
-      nodes_due_ = now() + (cluster_.cores > 0 ? nodes_interval_ms : no_nodes_interval_ms);
+      nodes_due_ = now() + (cluster_.cores > 0 ? kNodesIntervalMs : kNoNodesIntervalMs);
     }
     if (!node_listing_ && now() >= nodes_due_) {
-      node_listing_ = std::make_unique<Command>(nodes_command(), command_limit);
+      node_listing_ = std::make_unique<Command>(nodes_command(), kCommandLimit);
     }
   }
 
@@ -360,7 +360,7 @@ class SlurmEngine : public Engine {
       }
       judge_submission(**at);
       at = submissions_.erase(at);
-      listing_due_ = std::min(listing_due_, now() + hasty_ms);
+      listing_due_ = std::min(listing_due_, now() + kHastyMs);
     }
   }
 
@@ -378,7 +378,7 @@ class SlurmEngine : public Engine {
       complaint = r.complaint();
     }
     const Refusal refusal = id != 0 ? Refusal::unsure : refusal_of(complaint);
-    if (id == 0 && refusal != Refusal::for_good) refused_until_ = now() + refused_ms;
+    if (id == 0 && refusal != Refusal::for_good) refused_until_ = now() + kRefusedMs;
     std::vector<std::string> cancelled;
     for (auto h = held_.begin(); h != held_.end();) {
       if (h->second.place.first != s.batch) {
@@ -413,7 +413,7 @@ class SlurmEngine : public Engine {
     listing_begun_ = now();
     // All jobs in one question. By default squeue cuts lists of tasks at 64 characters.
     listing_ = std::make_unique<Command>(
-        std::vector<std::string>{"squeue", "--json", "--states=all", "--me"}, command_limit, "",
+        std::vector<std::string>{"squeue", "--json", "--states=all", "--me"}, kCommandLimit, "",
         std::vector<std::string>{"SLURM_BITSTR_LEN=0"});
   }
 
@@ -424,7 +424,7 @@ class SlurmEngine : public Engine {
     // A controller that is slow is asked less often: at most a twentieth of its time is ours.
     const std::int64_t rest =
         std::max({static_cast<std::int64_t>(options_.poll_s * 1000), 19 * took_ms});
-    listing_due_ = now() + (any_cancelled() ? std::min(rest, hasty_ms) : rest);
+    listing_due_ = now() + (any_cancelled() ? std::min(rest, kHastyMs) : rest);
     try {
       if (!done->result().ok()) throw DeviceError("squeue: " + done->result().complaint());
       const Sightings seen = sightings(parse_squeue(done->result().out), batches_.farm(), sizes_);
@@ -433,7 +433,7 @@ class SlurmEngine : public Engine {
       judge_all(&seen, reports);
       end_strays(seen);
       listed_ = true;
-      idle_listing_due_ = now() + (strays_.empty() ? sweep_interval_ms : rest);
+      idle_listing_due_ = now() + (strays_.empty() ? kSweepIntervalMs : rest);
     } catch (const DeviceError& e) {
       // No answer says nothing of any task, but workers may have come to their ends.
       answers_ = false;
@@ -530,7 +530,7 @@ class SlurmEngine : public Engine {
       // Slurm takes a moment to see that a worker has ended by itself.
       const auto before = strays_.find(place);
       std::int64_t since = before == strays_.end() ? now() : before->second;
-      if (now() - since >= stray_ms) {
+      if (now() - since >= kStrayMs) {
         ids.push_back(sight.id);
         since = now();
       }
@@ -562,7 +562,7 @@ class SlurmEngine : public Engine {
   /// forgotten.
   void sweep() {
     if (!listed_ || now() < sweep_due_) return;
-    sweep_due_ = now() + sweep_interval_ms;
+    sweep_due_ = now() + kSweepIntervalMs;
     remove_ended_batches();
     std::erase_if(sizes_, [this](const auto& batch) {
       std::error_code error;
@@ -580,12 +580,12 @@ class SlurmEngine : public Engine {
     for (auto& [token, h] : held_) {
       if (h.cancelled_ms == 0 || h.id.empty()) continue;
       const std::int64_t since = now() - h.cancelled_ms;
-      if (h.signalled && !h.forced && since >= force_ms) {
+      if (h.signalled && !h.forced && since >= kForceMs) {
         h.forced = true;
         kill.push_back(h.id);
       }
       // Whatever it was that was signalled.
-      if (h.signalled && since >= 2 * force_ms) {
+      if (h.signalled && since >= 2 * kForceMs) {
         h.signalled = false;
         end.push_back(h.id);
       }
@@ -609,7 +609,7 @@ class SlurmEngine : public Engine {
       const std::size_t end = std::min(ids.size(), at + at_a_time);
       arguments.insert(arguments.end(), ids.begin() + static_cast<long>(at),
                        ids.begin() + static_cast<long>(end));
-      orders_.push_back(std::make_unique<Command>(arguments, command_limit));
+      orders_.push_back(std::make_unique<Command>(arguments, kCommandLimit));
     }
   }
 

@@ -57,7 +57,7 @@ struct StateRow {
   SlurmPhase phase;
 };
 // squeue(1), "JOB STATE CODES".
-constexpr std::array<StateRow, 27> states{{
+constexpr std::array<StateRow, 27> kStates{{
     {"PENDING", SlurmPhase::waiting},       {"CONFIGURING", SlurmPhase::waiting},
     {"REQUEUED", SlurmPhase::waiting},      {"REQUEUE_HOLD", SlurmPhase::waiting},
     {"REQUEUE_FED", SlurmPhase::waiting},   {"SPECIAL_EXIT", SlurmPhase::waiting},
@@ -75,7 +75,7 @@ constexpr std::array<StateRow, 27> states{{
 }};
 
 SlurmPhase phase_of(const std::string& state) {
-  for (const StateRow& row : states) {
+  for (const StateRow& row : kStates) {
     if (state == row.name) return row.phase;
   }
   // A state of a newer Slurm. As running, neither given up nor believed to be done.

@@ -17,8 +17,8 @@ using Json = nlohmann::ordered_json;
 
 namespace {
 
-constexpr std::int64_t events_at_once = 10'000;
-constexpr std::size_t most_single_failures = 20;
+constexpr std::int64_t kEventsAtOnce = 10'000;
+constexpr std::size_t kMostSingleFailures = 20;
 
 [[noreturn]] void wrong(const std::string& path, const toml::source_region& where,
                         const std::string& message) {
@@ -109,8 +109,8 @@ std::vector<NotifyTarget> read_notify_file(const std::string& path) {
         if (what == "on") {
           t.kinds = texts(path, value, what);
           for (const std::string& kind : t.kinds) {
-            if (std::find(std::begin(notice_kinds), std::end(notice_kinds), kind) ==
-                std::end(notice_kinds)) {
+            if (std::find(std::begin(kNoticeKinds), std::end(kNoticeKinds), kind) ==
+                std::end(kNoticeKinds)) {
               wrong(path, value.source(),
                     "on: expected job_failed, batch_done, queue_empty or disk_low");
             }
@@ -173,7 +173,7 @@ Notices notices_since(ReadModel& model, const std::string& farm, std::int64_t af
   std::optional<FarmEvent> last_end;
   for (bool more = true; more;) {
     more = false;
-    for (const FarmEvent& e : model.events(found.seen, events_at_once)) {
+    for (const FarmEvent& e : model.events(found.seen, kEventsAtOnce)) {
       more = true;
       found.seen = e.seq;
       if (e.kind == "disk_low") {
@@ -199,11 +199,11 @@ Notices notices_since(ReadModel& model, const std::string& farm, std::int64_t af
          {"batch", job.batch},
          {"labels", job.labels}});
   };
-  if (failed.size() <= most_single_failures) {
+  if (failed.size() <= kMostSingleFailures) {
     for (const auto& [e, job] : failed) found.list.push_back(failure(e, job));
   } else {
     Json ids = Json::array();
-    for (std::size_t i = 0; i < most_single_failures; ++i) ids.push_back(failed[i].second.id);
+    for (std::size_t i = 0; i < kMostSingleFailures; ++i) ids.push_back(failed[i].second.id);
     found.list.push_back(make(farm, "job_failed", failed.back().first,
                               fmt::format("{} jobs failed", failed.size()),
                               {{"jobs_failed", failed.size()}, {"first_jobs", ids}}));

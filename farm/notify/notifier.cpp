@@ -33,9 +33,9 @@ using slicecorr::detail::errno_message;
 
 namespace {
 
-constexpr double longest_delay_s = 600;
+constexpr double kLongestDelayS = 600;
 /// Nobody reads a million messages at once; the oldest are dropped, and the record says so.
-constexpr std::size_t most_pending = 10'000;
+constexpr std::size_t kMostPending = 10'000;
 
 /// One message for one receiver.
 struct Pending {
@@ -179,9 +179,9 @@ struct Notifier::Parts {
         if (wants(t, n.kind)) outbox->list.push_back({n, t.name, 0, 0, false});
       }
     }
-    if (outbox->list.size() > most_pending) {
+    if (outbox->list.size() > kMostPending) {
       outbox->list.erase(outbox->list.begin(),
-                         outbox->list.end() - static_cast<std::ptrdiff_t>(most_pending));
+                         outbox->list.end() - static_cast<std::ptrdiff_t>(kMostPending));
     }
     outbox->set_seen(found.seen);
     // Looked at again after a crash, events that gave nothing give nothing.
@@ -261,7 +261,7 @@ struct Notifier::Parts {
               outbox->list.erase(p);
             } else {
               const double delay_s =
-                  std::min(longest_delay_s, options.first_delay_s * std::pow(2.0, tries - 1));
+                  std::min(kLongestDelayS, options.first_delay_s * std::pow(2.0, tries - 1));
               p->on_its_way = false;
               p->due_steady_ms =
                   options.clock->steady_ms() + static_cast<std::int64_t>(delay_s * 1000);

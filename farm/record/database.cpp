@@ -11,7 +11,7 @@ namespace slicecorr::farm::detail {
 namespace {
 
 /// Longer than any transaction of ours, a submission of 100,000 jobs included.
-constexpr int busy_timeout_ms = 60'000;
+constexpr int kBusyTimeoutMs = 60'000;
 
 [[noreturn]] void fail(sqlite3* db, const std::string& path) {
   const int code = db ? sqlite3_extended_errcode(db) : SQLITE_NOMEM;
@@ -62,7 +62,7 @@ Database::Database(const std::string& path, Mode mode) : path_(path) {
   }
   try {
     sqlite3_extended_result_codes(db_, 1);
-    sqlite3_busy_timeout(db_, busy_timeout_ms);
+    sqlite3_busy_timeout(db_, kBusyTimeoutMs);
     execute("PRAGMA foreign_keys = ON");
     if (mode == Mode::create) {
       use_wal();
@@ -90,7 +90,7 @@ void Database::use_wal() {
   for (int waited_ms = 0;; waited_ms += step_ms) {
     const int code = sqlite3_exec(db_, "PRAGMA journal_mode = WAL", nullptr, nullptr, nullptr);
     if (code == SQLITE_OK) return;
-    if ((code & 0xFF) != SQLITE_BUSY || waited_ms >= busy_timeout_ms) fail(db_, path_);
+    if ((code & 0xFF) != SQLITE_BUSY || waited_ms >= kBusyTimeoutMs) fail(db_, path_);
     sqlite3_sleep(step_ms);
   }
 }
@@ -104,14 +104,14 @@ void Database::migrate() {
     const std::int64_t version = pragma("PRAGMA user_version");
     const std::int64_t id = pragma("PRAGMA application_id");
     if (version == 0 && id == 0) return false;
-    if (id != application_id) {
+    if (id != kApplicationId) {
       throw InputError(path_, "", "is a database of another program; expected one of a farm");
     }
-    if (version > schema_version) {
+    if (version > kSchemaVersion) {
       throw InputError(path_, "",
                        fmt::format("made by a newer version of this program: schema {}, this "
                                    "program knows up to {}",
-                                   version, schema_version));
+                                   version, kSchemaVersion));
     }
     return true;
   };
@@ -124,9 +124,9 @@ void Database::migrate() {
   }
   Transaction transaction(*this);
   if (check()) return;  // another process was faster
-  execute(schema);
-  execute(fmt::format("PRAGMA application_id = {}", application_id).c_str());
-  execute(fmt::format("PRAGMA user_version = {}", schema_version).c_str());
+  execute(kSchema);
+  execute(fmt::format("PRAGMA application_id = {}", kApplicationId).c_str());
+  execute(fmt::format("PRAGMA user_version = {}", kSchemaVersion).c_str());
   transaction.commit();
 }
 

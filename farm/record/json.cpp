@@ -37,7 +37,7 @@ std::string job_json(const Job& j) {
   json["user"] = j.user;
   json["labels"] = j.labels;
   json["priority"] = j.priority;
-  json["ready_by_ms"] = j.ready_by_ms == no_deadline ? Json(nullptr) : Json(j.ready_by_ms);
+  json["ready_by_ms"] = j.ready_by_ms == kNoDeadline ? Json(nullptr) : Json(j.ready_by_ms);
   json["kind"] = j.kind;
   json["parts"] = j.parts;
   json["printer"] = j.printer;
@@ -116,7 +116,7 @@ std::string event_json(const FarmEvent& e) {
 std::string summary_json(const Summary& s, const FarmSettings& settings,
                          const std::vector<Service>& services) {
   Json json;
-  for (int i = 0; i < job_states; ++i) {
+  for (int i = 0; i < kJobStates; ++i) {
     json["jobs"][name_of(static_cast<JobState>(i))] = s.jobs[static_cast<std::size_t>(i)];
   }
   json["followers"] = s.followers;

@@ -212,7 +212,7 @@ std::vector<std::string> Queue::unneeded_inputs() {
       "SELECT file FROM inputs WHERE NOT EXISTS(SELECT 1 FROM work_inputs i "
       "JOIN jobs j ON j.key = i.key WHERE i.file = inputs.file "
       "AND j.state IN ('queued', 'running')) AND added_ms < ?1",
-      clock_->wall_ms() - input_grace_ms);
+      clock_->wall_ms() - kInputGraceMs);
   while (r.next()) files.push_back(r.text(0));
   return files;
 }
@@ -321,7 +321,7 @@ bool Queue::set_ready_by(JobId id, std::int64_t ready_by_ms, const std::string& 
   }
   db_->run("UPDATE jobs SET ready_by_ms = ?2 WHERE id = ?1", id, ready_by_ms);
   event("reprioritised",
-        ready_by_ms == no_deadline
+        ready_by_ms == kNoDeadline
             ? "no deadline, by " + by
             : fmt::format("ready by {}, by {}", local_time_text(ready_by_ms), by),
         id);

@@ -19,13 +19,13 @@ using detail::Transaction;
 namespace {
 
 /// A job that took its service with it so often takes the next one, too.
-constexpr std::int64_t most_lost_leases = 20;
+constexpr std::int64_t kMostLostLeases = 20;
 
 /// Jobs passed over at most for want of memory: a claim must stay short.
-constexpr int most_overtaken = 64;
+constexpr int kMostOvertaken = 64;
 
 /// Older measurements count less: by 2 % with each new one.
-constexpr double fading = 0.98;
+constexpr double kFading = 0.98;
 
 std::string host_name() {
   char name[HOST_NAME_MAX + 1] = {};
@@ -89,7 +89,7 @@ std::optional<Claim> Queue::claim(const ClaimRequest& request) {
           "JOIN results r ON r.key = j.key AND r.stored WHERE j.key = ?1 AND j.state = 'queued' "
           "AND j.follows = 0 AND (j.not_before_ms <= ?2 OR j.not_before_ms > ?2 + ?3) "
           "ORDER BY j.priority DESC, j.ready_by_ms, j.id",
-          key, now, longest_delay_ms);
+          key, now, kLongestDelayMs);
     }
     // In the order of the index, so that the first rows are all that is read of a long queue.
     return db_->query(
@@ -102,14 +102,14 @@ std::optional<Claim> Queue::claim(const ClaimRequest& request) {
         "AND (j.not_before_ms <= ?1 OR j.not_before_ms > ?1 + ?2) AND j.user NOT IN (SELECT value "
         "FROM json_each(?3)) AND (?4 = '[]' OR j.output_folder NOT IN (SELECT value "
         "FROM json_each(?4))) ORDER BY j.priority DESC, j.ready_by_ms, j.id",
-        now, longest_delay_ms, detail::list_json(full_users),
+        now, kLongestDelayMs, detail::list_json(full_users),
         detail::list_json(request.full_folders));
   };
   JobId id = 0;
   bool cached = false;
   {
     Rows rows = candidates(request.cached_key);
-    for (int passed = 0; passed < most_overtaken && rows.next(); ++passed) {
+    for (int passed = 0; passed < kMostOvertaken && rows.next(); ++passed) {
       cached = rows.integer(1) != 0;
       std::int64_t needed_mb = rows.integer(2);
       if (request.largest_memory_mb > 0) needed_mb = std::min(needed_mb, request.largest_memory_mb);
@@ -138,7 +138,7 @@ std::optional<Claim> Queue::claim(const ClaimRequest& request) {
       "INSERT INTO attempts(token, job, number, engine, service, phase, lease_boot, "
       "lease_until_steady_ms, started_ms) VALUES(?1, ?2, ?3, ?4, ?5, 'waiting', ?6, ?7, ?8)",
       claim.token, id, claim.number, engine, request.service, clock_->boot_id(),
-      clock_->steady_ms() + lease_ms, now);
+      clock_->steady_ms() + kLeaseMs, now);
   event("started", fmt::format("attempt {}, {}", claim.number, engine), id, claim.token);
   {
     Rows rows = db_->query(detail::select_jobs + "WHERE j.id = ?1", id);
@@ -169,7 +169,7 @@ std::int64_t Queue::claimable() {
   Rows rows = db_->query(
       "SELECT count(*) FROM (SELECT 1 FROM jobs INDEXED BY jobs_to_claim WHERE state = 'queued' "
       "AND follows = 0 AND (not_before_ms <= ?1 OR not_before_ms > ?1 + ?2) LIMIT 10000)",
-      now, longest_delay_ms);
+      now, kLongestDelayMs);
   return rows.next() ? rows.integer(0) : 0;
 }
 
@@ -197,7 +197,7 @@ std::vector<std::string> Queue::renew(const std::string& service,
                                       const std::string& doing) {
   std::vector<std::string> lost;
   Transaction transaction(*db_);
-  const std::int64_t until = clock_->steady_ms() + lease_ms;
+  const std::int64_t until = clock_->steady_ms() + kLeaseMs;
   for (const std::string& token : tokens) {
     const std::int64_t kept = db_->run(
         "UPDATE attempts SET lease_until_steady_ms = ?3, lease_boot = ?4 WHERE token = ?1 "
@@ -286,12 +286,12 @@ bool Queue::finish(const std::string& token, const ResultRecord& result, const A
         f.height_p95_um, f.height_max_um, f.lost_features, f.merged_features, f.cure_through_voxels,
         f.undercure_voxels, f.target_voxels);
     const double all_s = end.cpu_s > 0 ? end.cpu_s : end.wall_s * std::max(1, threads);
-    const double core_s = std::max(all_s - fixed_job_s, 0.05 * all_s);
+    const double core_s = std::max(all_s - kFixedJobS, 0.05 * all_s);
     db_->run(
         "INSERT INTO rates VALUES(?1, 1, ?2, ?3, ?4) ON CONFLICT DO UPDATE "
         "SET samples = samples + 1, voxels = voxels * ?5 + excluded.voxels, core_s = core_s * ?5 + "
         "excluded.core_s, bytes = bytes * ?5 + excluded.bytes",
-        rate_class, voxels, core_s, static_cast<double>(bytes), fading);
+        rate_class, voxels, core_s, static_cast<double>(bytes), kFading);
   }
   relead(key);
   event("done",
@@ -338,7 +338,7 @@ std::optional<JobState> Queue::give_up(const std::string& token, const AttemptEn
   const FarmSettings settings = detail::read_settings(*db_);
   if (is_counted(end.reason)) ++attempts;
   bool again = is_retried(end.reason) && attempts < settings.max_attempts;
-  if (end.reason == Reason::lease_lost && lost >= most_lost_leases) again = false;
+  if (end.reason == Reason::lease_lost && lost >= kMostLostLeases) again = false;
   if (again) {
     double delay_ms = 0;
     if (end.reason == Reason::disk_full) {
@@ -348,7 +348,7 @@ std::optional<JobState> Queue::give_up(const std::string& token, const AttemptEn
       delay_ms = settings.retry_delay_s * 1000.0 * (1 << std::min(attempts - 1, 16));
     }
     const auto not_before =
-        delay_ms > 0 ? now + std::min(static_cast<std::int64_t>(delay_ms), longest_delay_ms) : 0;
+        delay_ms > 0 ? now + std::min(static_cast<std::int64_t>(delay_ms), kLongestDelayMs) : 0;
     db_->run(
         "UPDATE jobs SET state = 'queued', token = '', reason = ?2, message = ?3, attempts = ?4, "
         "delays = ?5, not_before_ms = ?6, memory_failures = memory_failures + ?7, cancel_wanted = "
@@ -468,7 +468,7 @@ bool Queue::adopt(const std::string& token, const std::string& service) {
   db_->run(
       "UPDATE attempts SET service = ?2, lease_boot = ?3, lease_until_steady_ms = ?4 "
       "WHERE token = ?1 AND phase <> 'ended'",
-      token, service, clock_->boot_id(), clock_->steady_ms() + lease_ms);
+      token, service, clock_->boot_id(), clock_->steady_ms() + kLeaseMs);
   event("service_lost", "its service is gone; another one looks after it", found->job.id, token);
   transaction.commit();
   return true;

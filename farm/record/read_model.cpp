@@ -17,9 +17,9 @@ using Json = nlohmann::ordered_json;
 namespace {
 
 /// Jobs looked at for deadlines: a queue of 100,000 must not slow a status down.
-constexpr std::int64_t most_for_deadlines = 10'000;
+constexpr std::int64_t kMostForDeadlines = 10'000;
 /// Jobs whose real and expected times are compared.
-constexpr int recent_jobs = 50;
+constexpr int kRecentJobs = 50;
 
 struct Condition {
   std::string sql;
@@ -300,7 +300,7 @@ Summary ReadModel::summary() {
         "SELECT sum(a.wall_s * max(a.threads, 1)), sum(j.expected_s) FROM (SELECT id, expected_s "
         "FROM jobs WHERE state = 'done' AND NOT from_cache ORDER BY ended_ms DESC LIMIT ?1) j "
         "JOIN attempts a ON a.job = j.id AND a.phase = 'ended' AND a.reason = ''",
-        recent_jobs);
+        kRecentJobs);
     if (rows.next() && rows.number(0) > 0 && rows.number(1) > 0)
       pace = rows.number(0) / rows.number(1);
   }
@@ -328,7 +328,7 @@ Summary ReadModel::summary() {
       while (rows.next()) {
         work_s += rows.number(1) * pace;
         const std::int64_t ready_by = rows.integer(0);
-        if (ready_by == no_deadline) continue;
+        if (ready_by == kNoDeadline) continue;
         const double end_ms = static_cast<double>(now) + 1000 * work_s / std::max(1, cores);
         if (now > ready_by || end_ms > static_cast<double>(ready_by)) ++s.late;
       }
@@ -338,7 +338,7 @@ Summary ReadModel::summary() {
         db_->query("SELECT ready_by_ms, CASE WHEN follows = 0 THEN expected_s ELSE 0 "
                    "END FROM jobs INDEXED BY jobs_queued WHERE state = 'queued' "
                    "ORDER BY priority DESC, ready_by_ms, id LIMIT ?1",
-                   most_for_deadlines));
+                   kMostForDeadlines));
   }
   {
     Rows rows = db_->query("SELECT count(*), coalesce(sum(bytes), 0) FROM results WHERE stored");

@@ -10,7 +10,7 @@ namespace slicecorr::farm::detail {
 
 using Json = nlohmann::json;
 
-const std::string select_jobs =
+const std::string kSelectJobs =
     "SELECT j.id, j.batch, j.state, j.reason, j.message, j.name, j.user, j.labels, j.priority, "
     "j.ready_by_ms, j.key, j.follows, j.parts, w.kind, w.printer, w.resin, w.format, "
     "j.output_folder, w.layers, w.voxels, j.expected_s, j.expected_bytes, j.attempts, "
@@ -70,7 +70,7 @@ Job read_job(const Rows& r) {
   return j;
 }
 
-const std::string select_attempts =
+const std::string kSelectAttempts =
     "SELECT a.token, a.job, a.number, a.engine, a.engine_id, a.service, a.node, a.threads, "
     "a.memory_mb, a.started_ms, a.ended_ms, a.phase, a.stage, a.fraction, a.layers_done, a.reason, "
     "a.message, a.exit_code, a.wall_s, a.cpu_s, a.peak_mb, a.log FROM attempts a ";

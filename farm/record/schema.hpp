@@ -5,12 +5,12 @@
 namespace slicecorr::farm::detail {
 
 /// PRAGMA user_version. A database with a higher number is refused; a lower one is brought up.
-inline constexpr int schema_version = 1;
+inline constexpr int kSchemaVersion = 1;
 
-/// PRAGMA application_id, "SCFM": not every SQLite file is a farm.
-inline constexpr int application_id = 0x5343464d;
+/// PRAGMA kApplicationId, "SCFM": not every SQLite file is a farm.
+inline constexpr int kApplicationId = 0x5343464d;
 
-inline constexpr const char* schema = R"sql(
+inline constexpr const char* kSchema = R"sql(
 -- Printer, resin and process as stacks record them, once for all jobs that share them.
 CREATE TABLE setups(hash TEXT PRIMARY KEY, json TEXT NOT NULL) WITHOUT ROWID;
 

@@ -25,7 +25,7 @@ namespace {
 
 /// A part's own report has scripts in it, and lies where users write: it gets an origin of its own,
 /// from which it can ask for nothing.
-constexpr const char* part_policy =
+constexpr const char* kPartPolicy =
     "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline'; style-src "
     "'unsafe-inline'; img-src data: blob:; base-uri 'none'; form-action 'none'; frame-ancestors "
     "'none'";
@@ -188,9 +188,9 @@ void Api::read(const httplib::Request& request, httplib::Response& response) {
   const std::string& path = request.path;
   const auto shell = [&](std::string_view text, const char* type) {
     send(response, 200, std::string(text), type);
-    response.set_header("Content-Security-Policy", shell_policy);
+    response.set_header("Content-Security-Policy", kShellPolicy);
   };
-  if (path == "/") return shell(page_live_html, html_type);
+  if (path == "/") return shell(page_live_html, kHtmlType);
   if (path == "/live.js") return shell(page_live_js, "text/javascript; charset=utf-8");
   if (path == "/live.css") {
     return shell(std::string(slicecorr::detail::page_page_css) +
@@ -198,7 +198,7 @@ void Api::read(const httplib::Request& request, httplib::Response& response) {
                      std::string(page_live_css),
                  "text/css; charset=utf-8");
   }
-  if (path == "/healthz") return send(response, 200, "ok\n", text_type);
+  if (path == "/healthz") return send(response, 200, "ok\n", kTextType);
 
   check_access(rules_, request, Access::read);
   Query query(request);
@@ -220,7 +220,7 @@ void Api::read(const httplib::Request& request, httplib::Response& response) {
       return morning_page(morning(), {LinkTo::Kind::server, ""});
     });
     response.set_header("Content-Security-Policy", policy_for_styles(html));
-    return send(response, 200, html, html_type);
+    return send(response, 200, html, kHtmlType);
   }
 
   const std::vector<std::string> parts = segments_of(path);
@@ -239,7 +239,7 @@ void Api::read(const httplib::Request& request, httplib::Response& response) {
       Reader reader(*this);
       return overview_json(read_overview(*reader, folder_, *options_.clock));
     }),
-                json_type);
+                kJsonType);
   }
   if (what == "jobs") {
     const JobFilter filter = filter_of(query);
@@ -249,7 +249,7 @@ void Api::read(const httplib::Request& request, httplib::Response& response) {
     std::string text = fmt::format(R"({{"total":{},"limit":{},"offset":{},"jobs":[)",
                                    reader->count(filter), filter.limit, filter.offset);
     for (const Job& j : reader->jobs(filter)) add_item(text, job_json(j));
-    return send(response, 200, text + "]}", json_type);
+    return send(response, 200, text + "]}", kJsonType);
   }
   if (what == "events") {
     const std::int64_t most = std::int64_t{1} << 53;
@@ -263,12 +263,12 @@ void Api::read(const httplib::Request& request, httplib::Response& response) {
         after < 0 && of == 0 ? reader->last_events(limit)
                              : reader->events(std::max<std::int64_t>(0, after), limit, of);
     for (const FarmEvent& e : events) add_item(text, event_json(e));
-    return send(response, 200, text + "]}", json_type);
+    return send(response, 200, text + "]}", kJsonType);
   }
   if (what == "report") {
     query.end();
     return send(response, 200, report_json_.get([&] { return morning_json(morning()); }),
-                json_type);
+                kJsonType);
   }
   if (what == "timeline.svg") {
     query.end();
@@ -293,7 +293,7 @@ void Api::job(JobId id, const std::vector<std::string>& rest, const httplib::Req
     query.end();
     std::string text = job_json(*job);
     text.pop_back();
-    return send(response, 200, text + R"(,"tries":)" + attempts_text() + "}", json_type);
+    return send(response, 200, text + R"(,"tries":)" + attempts_text() + "}", kJsonType);
   }
   if (rest.size() == 1 && rest[0] == "log") {
     const std::int64_t number = query.number("attempt", 0, 1, 1'000'000);
@@ -305,7 +305,7 @@ void Api::job(JobId id, const std::vector<std::string>& rest, const httplib::Req
                            : std::find_if(attempts.begin(), attempts.end(),
                                           [&](const Attempt& a) { return a.number == number; });
     if (found == attempts.end()) throw ApiError(404, "not_found", "there is no such attempt");
-    return send(response, 200, log_tail(folder_, *found, bytes), text_type);
+    return send(response, 200, log_tail(folder_, *found, bytes), kTextType);
   }
   if (rest.size() == 2 && rest[0] == "files") {
     query.end();
@@ -331,7 +331,7 @@ void Api::file(const Job& job, const std::string& ending, httplib::Response& res
     delete f;
   });
   const bool page = ending == "html";
-  response.set_header("Content-Security-Policy", page ? part_policy : bare_policy);
+  response.set_header("Content-Security-Policy", page ? kPartPolicy : kBarePolicy);
   if (!page && ending != "json") {
     std::string name;
     for (const char c : job.name + "." + ending) {
@@ -343,7 +343,7 @@ void Api::file(const Job& job, const std::string& ending, httplib::Response& res
     response.set_header("Content-Disposition", "attachment; filename*=UTF-8''" + name);
   }
   const auto size = static_cast<std::size_t>(s.st_size);
-  const char* type = page ? html_type : ending == "json" ? json_type : "application/octet-stream";
+  const char* type = page ? kHtmlType : ending == "json" ? kJsonType : "application/octet-stream";
   if (size == 0) return response.set_content("", type);
   response.set_content_provider(
       size, type, [handle](std::size_t at, std::size_t left, httplib::DataSink& sink) {

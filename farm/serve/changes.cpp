@@ -17,12 +17,12 @@ using Json = nlohmann::ordered_json;
 
 namespace {
 
-constexpr const char* json_type = "application/json; charset=utf-8";
-constexpr const char* by = "api";
+constexpr const char* kJsonType = "application/json; charset=utf-8";
+constexpr const char* kBy = "api";
 
 void send_json(httplib::Response& response, int status, const Json& json) {
   send(response, status, json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n",
-       json_type);
+       kJsonType);
 }
 
 Json parsed(const std::string& text) {
@@ -115,7 +115,7 @@ void Api::submit(const httplib::Request& request, httplib::Response& response,
   std::unique_lock lock(submit_mutex_, std::try_to_lock);
   if (!lock.owns_lock()) throw ApiError(503, "busy", "another submission is being checked");
   SubmitReply reply = options_.submit(text, dry_run, stopping_);
-  send(response, reply.status, std::move(reply.json), json_type);
+  send(response, reply.status, std::move(reply.json), kJsonType);
 }
 
 void Api::steer(const std::vector<std::string>& path, const httplib::Request& request,
@@ -128,7 +128,7 @@ void Api::steer(const std::vector<std::string>& path, const httplib::Request& re
     const bool pause = path[2] == "pause";
     std::vector<std::pair<std::string, std::string>> changes{{"paused", pause ? "yes" : "no"}};
     if (!pause) changes.emplace_back("draining", "no");
-    queue.change_settings(changes, by);
+    queue.change_settings(changes, kBy);
     return send_json(response, 200, {{"paused", pause}});
   }
   if (path.size() != 5 || path[2] != "jobs") not_there();
@@ -143,7 +143,7 @@ void Api::steer(const std::vector<std::string>& path, const httplib::Request& re
     return name_of(job->state);
   };
   if (what == "cancel") {
-    switch (queue.cancel(id, by)) {
+    switch (queue.cancel(id, kBy)) {
       case CancelOutcome::cancelled:
         return send_json(response, 200, {{"id", id}, {"state", "cancelled"}});
       case CancelOutcome::asked:
@@ -155,7 +155,7 @@ void Api::steer(const std::vector<std::string>& path, const httplib::Request& re
     }
   }
   if (what == "retry") {
-    if (!queue.retry(id, by)) {
+    if (!queue.retry(id, kBy)) {
       throw ApiError(409, "state", "the job is " + state_of() + ", expected failed or cancelled");
     }
     return send_json(response, 200, {{"id", id}, {"state", "queued"}});
@@ -172,20 +172,20 @@ void Api::steer(const std::vector<std::string>& path, const httplib::Request& re
                    "whole number N");
   }
   // Both are checked before one is changed.
-  std::int64_t ready_by_ms = no_deadline;
+  std::int64_t ready_by_ms = kNoDeadline;
   if (has_time && *ready_by != "none") {
     const int minute = parse_minute(ready_by->get<std::string>());
     if (minute < 0) throw ApiError(400, "json", "ready_by: expected \"HH:MM\" or \"none\"");
     ready_by_ms = next_local_minute(options_.clock->wall_ms(), minute);
   }
-  if ((has_priority && !queue.set_priority(id, priority->get<int>(), by)) ||
-      (has_time && !queue.set_ready_by(id, ready_by_ms, by))) {
+  if ((has_priority && !queue.set_priority(id, priority->get<int>(), kBy)) ||
+      (has_time && !queue.set_ready_by(id, ready_by_ms, kBy))) {
     throw ApiError(409, "state", "the job is " + state_of() + ", expected queued");
   }
   Json answer = {{"id", id}};
   if (has_priority) answer["priority"] = priority->get<int>();
   if (has_time) {
-    answer["ready_by_ms"] = ready_by_ms == no_deadline ? Json(nullptr) : Json(ready_by_ms);
+    answer["ready_by_ms"] = ready_by_ms == kNoDeadline ? Json(nullptr) : Json(ready_by_ms);
   }
   send_json(response, 200, answer);
 }

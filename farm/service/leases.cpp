@@ -77,7 +77,7 @@ void LeaseKeeper::run(const std::string& database) {
     lock.lock();
     if (renewed) {
       renewed_steady_ms_ = before;
-    } else if (before - renewed_steady_ms_ > lease_ms - interval_ms_) {
+    } else if (before - renewed_steady_ms_ > kLeaseMs - interval_ms_) {
       // Others may take these attempts any moment: as good as lost.
       lost = tokens;
     }

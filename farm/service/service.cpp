@@ -16,12 +16,12 @@ namespace detail {
 namespace {
 
 /// How long the service sleeps at most: a cancellation or a setting is seen within this time.
-constexpr auto longest_wait = std::chrono::milliseconds(200);
-constexpr std::int64_t orphan_interval_ms = 5000;
-constexpr std::int64_t disk_interval_ms = 2000;
-constexpr std::int64_t gc_interval_ms = 600'000;
+constexpr auto kLongestWait = std::chrono::milliseconds(200);
+constexpr std::int64_t kOrphanIntervalMs = 5000;
+constexpr std::int64_t kDiskIntervalMs = 2000;
+constexpr std::int64_t kGcIntervalMs = 600'000;
 /// Disks and databases may fail for so long before the service gives up.
-constexpr std::int64_t longest_trouble_ms = 600'000;
+constexpr std::int64_t kLongestTroubleMs = 600'000;
 
 }  // namespace
 
@@ -61,7 +61,7 @@ ServiceTotals ServiceLoop::run() {
     } catch (const DeviceError& e) {
       endure(e);
     }
-    if (!started) engine_.wait(longest_wait, wake_fd_);
+    if (!started) engine_.wait(kLongestWait, wake_fd_);
     drain_wake();
   }
   stop_running();
@@ -79,7 +79,7 @@ bool ServiceLoop::round(bool& started) {
   end_cancelled();
   settle_ended();
   note_progress();
-  if (due(orphans_at_, orphan_interval_ms)) recover();
+  if (due(orphans_at_, kOrphanIntervalMs)) recover();
   settle_adopted();
   const std::string doing = why_idle();
   const std::string trouble = doing.empty() ? engine_.trouble() : "";
@@ -104,7 +104,7 @@ void ServiceLoop::endure(const DeviceError& e) {
   if (trouble_since_ms_ == 0) {
     trouble_since_ms_ = now;
     say(fmt::format("{}; trying on", e.what()));
-  } else if (now - trouble_since_ms_ > longest_trouble_ms) {
+  } else if (now - trouble_since_ms_ > kLongestTroubleMs) {
     throw e;
   }
   engine_.wait(std::chrono::seconds(1), -1);
@@ -141,7 +141,7 @@ std::string ServiceLoop::why_idle() {
   if (!in_night_window(settings_, local_minute(clock_.wall_ms()))) {
     return "outside the night window";
   }
-  if (due(disk_at_, disk_interval_ms)) {
+  if (due(disk_at_, kDiskIntervalMs)) {
     full_folders_.clear();
     const std::int64_t limit = settings_.min_free_mb << 20;
     std::string low;
@@ -172,7 +172,7 @@ void ServiceLoop::tell_trouble(const std::string& trouble) {
 }
 
 void ServiceLoop::collect() {
-  if (settings_.cache_max_mb <= 0 || !due(gc_at_, gc_interval_ms)) return;
+  if (settings_.cache_max_mb <= 0 || !due(gc_at_, kGcIntervalMs)) return;
   GcOptions o;
   o.max_mb = settings_.cache_max_mb;
   collect_garbage(folder_, queue_, o);

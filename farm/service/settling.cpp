@@ -18,10 +18,10 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr std::int64_t progress_interval_ms = 1000;
-constexpr std::int64_t followers_at_once = 10;
+constexpr std::int64_t kProgressIntervalMs = 1000;
+constexpr std::int64_t kFollowersAtOnce = 10;
 /// Workers that are asked to end with the service get this long.
-constexpr std::int64_t stop_patience_ms = 3000;
+constexpr std::int64_t kStopPatienceMs = 3000;
 
 }  // namespace
 
@@ -55,7 +55,7 @@ void ServiceLoop::end_cancelled() {
 }
 
 void ServiceLoop::note_progress() {
-  if (!due(progress_at_, progress_interval_ms)) return;
+  if (!due(progress_at_, kProgressIntervalMs)) return;
   std::vector<Queue::Progress> list;
   const std::int64_t now = clock_.steady_ms();
   for (auto& [token, r] : running_) {
@@ -178,7 +178,7 @@ void ServiceLoop::settle(const Running& r, Settled settled) {
       break;
   }
   if (settled == Settled::done) {
-    const std::int64_t more = serve_from_cache(folder_, queue_, id_, r.job.key, followers_at_once);
+    const std::int64_t more = serve_from_cache(folder_, queue_, id_, r.job.key, kFollowersAtOnce);
     totals_.done += more;
     totals_.from_cache += more;
     if (more > 0) say(fmt::format("{} more with the same work: done, from the cache", more));
@@ -245,7 +245,7 @@ void ServiceLoop::stop_running() {
   std::vector<std::string> tokens;
   for (const auto& [token, r] : running_) tokens.push_back(token);
   engine_.cancel(tokens);
-  const std::int64_t until = clock_.steady_ms() + stop_patience_ms;
+  const std::int64_t until = clock_.steady_ms() + kStopPatienceMs;
   while (!running_.empty() && clock_.steady_ms() < until) {
     engine_.wait(std::chrono::milliseconds(50), -1);
     settle_ended();

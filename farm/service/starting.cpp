@@ -18,9 +18,9 @@ namespace {
 
 /// A job that needs more memory than is free waits so long for others to end before it stops them
 /// from overtaking it.
-constexpr std::int64_t overtaking_ms = 120'000;
+constexpr std::int64_t kOvertakingMs = 120'000;
 /// Cache hits and followers are served for so long at a time, so that nothing else has to wait.
-constexpr std::int64_t serving_ms = 300;
+constexpr std::int64_t kServingMs = 300;
 
 }  // namespace
 
@@ -40,7 +40,7 @@ bool ServiceLoop::start_jobs() {
     EngineCapacity capacity = engine_.capacity();
     std::vector<Task> tasks;
     while (!stop_ && static_cast<int>(tasks.size()) < capacity.tasks &&
-           clock_.steady_ms() - begin < serving_ms) {
+           clock_.steady_ms() - begin < kServingMs) {
       if (!take(capacity)) break;
       any = true;
       const Claim claim = taken_.back();
@@ -74,7 +74,7 @@ bool ServiceLoop::take(const EngineCapacity& capacity) {
   // While somebody waits too long for memory, nobody overtakes; with nothing running there is
   // nothing to wait for.
   request.may_overtake = waiting_since_ms_ == 0 ||
-                         clock_.steady_ms() - waiting_since_ms_ < overtaking_ms || running_.empty();
+                         clock_.steady_ms() - waiting_since_ms_ < kOvertakingMs || running_.empty();
   const auto claim = queue_.claim(request);
   if (claim) {
     waiting_since_ms_ = 0;

@@ -65,7 +65,7 @@ int retry_command(const ControlArguments& a, cli::Console& console) {
 int priority_command(const ControlArguments& a, bool has_priority, cli::Console& console) {
   if (!has_priority && a.ready_by.empty()) throw InputError("expected --to N or --ready-by HH:MM");
   Queue queue = queue_of(a);
-  std::int64_t ready_by = no_deadline;
+  std::int64_t ready_by = kNoDeadline;
   if (!a.ready_by.empty() && a.ready_by != "none") {
     const int minute = parse_minute(a.ready_by);
     if (minute < 0) {

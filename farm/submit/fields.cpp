@@ -19,7 +19,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr double most = std::numeric_limits<double>::max();
+constexpr double kMost = std::numeric_limits<double>::max();
 
 /// How a value reads in a message.
 std::string shown(const Value& v) {
@@ -68,7 +68,7 @@ Set number(Member member, double least, double largest, bool above = false) {
   return [=](JobRequest& r, const Value& v) -> std::string {
     const auto d = number_in(v);
     if (!d || *d > largest || (above ? *d <= least : *d < least)) {
-      return expected(v, largest >= most
+      return expected(v, largest >= kMost
                              ? fmt::format("a number {} {}", above ? "above" : "of at least", least)
                              : fmt::format("a number from {} to {}", least, largest));
     }
@@ -169,29 +169,29 @@ const std::map<std::string, Set, std::less<>>& fields() {
       {"layer_um", number(SLICEFARM_FIELD(layer_um), 1, 1000)},
       {"antialias", word(SLICEFARM_FIELD(antialias), {"on", "off"})},
       {"units", word(SLICEFARM_FIELD(units), {"auto", "mm", "inch", "m"})},
-      {"scale", number(SLICEFARM_FIELD(scale), 0, most, true)},
+      {"scale", number(SLICEFARM_FIELD(scale), 0, kMost, true)},
       {"center_mm", numbers(SLICEFARM_FIELD(center_mm), 2)},
       {"rotate_deg", numbers(SLICEFARM_FIELD(rotate_deg), 3)},
       {"mode", word(SLICEFARM_FIELD(setup.mode), {"continuous", "layerwise"})},
-      {"speed_mm_h", number(SLICEFARM_FIELD(setup.speed_mm_h), 0, most, true)},
-      {"exposure_s", number(SLICEFARM_FIELD(setup.exposure_s), 0, most, true)},
-      {"bottom_exposure_s", number(SLICEFARM_FIELD(setup.bottom_exposure_s), 0, most, true)},
+      {"speed_mm_h", number(SLICEFARM_FIELD(setup.speed_mm_h), 0, kMost, true)},
+      {"exposure_s", number(SLICEFARM_FIELD(setup.exposure_s), 0, kMost, true)},
+      {"bottom_exposure_s", number(SLICEFARM_FIELD(setup.bottom_exposure_s), 0, kMost, true)},
       {"bottom_layers", whole(SLICEFARM_FIELD(setup.bottom_layers), 0, 1000000)},
       {"fade_layers", whole(SLICEFARM_FIELD(setup.fade_layers), 0, 1000000)},
-      {"uv_mw_cm2", number(SLICEFARM_FIELD(setup.uv_mw_cm2), 0, most, true)},
-      {"dead_zone_um", number(SLICEFARM_FIELD(setup.dead_zone_um), 0, most, true)},
+      {"uv_mw_cm2", number(SLICEFARM_FIELD(setup.uv_mw_cm2), 0, kMost, true)},
+      {"dead_zone_um", number(SLICEFARM_FIELD(setup.dead_zone_um), 0, kMost, true)},
       {"uv_schedule",
        word(SLICEFARM_FIELD(setup.uv_schedule), {"constant", "per-slice", "patterned"})},
       {"window_cure", word(SLICEFARM_FIELD(setup.window_cure), {"refuse", "allow"})},
       {"ramp", word(SLICEFARM_FIELD(setup.ramp), {"none", "lamp-follows", "outside"})},
-      {"ramp_mm", number(SLICEFARM_FIELD(setup.ramp_mm), 0, most, true)},
+      {"ramp_mm", number(SLICEFARM_FIELD(setup.ramp_mm), 0, kMost, true)},
       {"omega_max", set_omega_max},
       {"one_slice_gaps", word(SLICEFARM_FIELD(setup.one_slice_gaps), {"open", "merge"})},
       {"gap_shortfall", number(SLICEFARM_FIELD(setup.gap_shortfall), 0, 0.5, true)},
       {"platform_features", word(SLICEFARM_FIELD(setup.platform_features), {"capped", "uncapped"})},
-      {"dc_mj_cm3", number(SLICEFARM_FIELD(setup.dc_mj_cm3), 0, most, true)},
+      {"dc_mj_cm3", number(SLICEFARM_FIELD(setup.dc_mj_cm3), 0, kMost, true)},
       {"dose_factor", number(SLICEFARM_FIELD(setup.dose_factor), 0, 1e3, true)},
-      {"ha_um", number(SLICEFARM_FIELD(setup.ha_um), 0, most, true)},
+      {"ha_um", number(SLICEFARM_FIELD(setup.ha_um), 0, kMost, true)},
       {"name", text(SLICEFARM_FIELD(name), "a file name without its ending")},
       {"format", text(SLICEFARM_FIELD(format), "a format of archives, or its ending")},
       {"out", text(SLICEFARM_FIELD(out), "a folder")},

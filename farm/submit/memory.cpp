@@ -12,46 +12,46 @@ namespace slicecorr::farm::detail {
 
 namespace {
 
-constexpr double mb = 1 << 20;
+constexpr double kMb = 1 << 20;
 
 /// Of any job: 31 are the cells of the report.
-constexpr double program_mb = 70;
+constexpr double kProgramMb = 70;
 
 /// Curves of the plans of one value of light, beside its levels: 2 of 8 bytes a slice.
-constexpr double plan_bytes = 16 * 1024, plan_bytes_per_slice = 16;
+constexpr double kPlanBytes = 16 * 1024, plan_bytes_per_slice = 16;
 /// A band's columns are taken apart by their light: slices before and after, run-length coded, for
 /// each value. Seen: 250 bytes with 156 values side by side in all bands.
-constexpr double light_bytes_per_slice = 256;
+constexpr double kLightBytesPerSlice = 256;
 /// Two sets of models are in use while the report is made. One of them has plans, whose own tables
 /// are 4 for each 5 of the model.
-constexpr double table_sets = 2.8;
+constexpr double kTableSets = 2.8;
 /// In each thread, the doses before and after of the columns of a band that are drawn have tables
 /// of their own for each value: as many as the model, and their running sums.
-constexpr double table_sets_per_thread = 4;
+constexpr double kTableSetsPerThread = 4;
 /// Lamps that change by themselves from slice to slice take so few settings, mostly.
-constexpr int lamp_settings = 30;
+constexpr int kLampSettings = 30;
 
 /// Tables of all models of a display: `PlaceModels` lets up to 64 neighbouring values share one
 /// where they would take more than 256 MiB.
 double all_tables_bytes(const MemoryFacts& f) {
   const double least = std::ceil(f.lights / 64.0) * f.tables_bytes;
-  return std::min(f.lights * f.tables_bytes, std::max(256 * mb, least) + f.tables_bytes);
+  return std::min(f.lights * f.tables_bytes, std::max(256 * kMb, least) + f.tables_bytes);
 }
 
 }  // namespace
 
 MemoryNeeds memory_needs(const MemoryFacts& f) {
-  const double mesh = 100.0 * static_cast<double>(f.triangles) / mb;
-  const double pieces = std::min(64.0, 0.2 * static_cast<double>(f.voxels) / mb);
-  double thread = 16 + 32.0 * f.width_px * 100 / mb + 8192.0 * f.slices / mb;
-  const double tables = all_tables_bytes(f) / mb;
-  double models = table_sets * tables;
-  thread += table_sets_per_thread * tables;
+  const double mesh = 100.0 * static_cast<double>(f.triangles) / kMb;
+  const double pieces = std::min(64.0, 0.2 * static_cast<double>(f.voxels) / kMb);
+  double thread = 16 + 32.0 * f.width_px * 100 / kMb + 8192.0 * f.slices / kMb;
+  const double tables = all_tables_bytes(f) / kMb;
+  double models = kTableSets * tables;
+  thread += kTableSetsPerThread * tables;
   if (f.lights > 1) {
-    models += 2 * f.lights * (plan_bytes + plan_bytes_per_slice * f.slices) / mb;
-    thread += f.lights * light_bytes_per_slice * f.slices / mb;
+    models += 2 * f.lights * (kPlanBytes + plan_bytes_per_slice * f.slices) / kMb;
+    thread += f.lights * kLightBytesPerSlice * f.slices / kMb;
   }
-  return {static_cast<std::int64_t>(1.5 * (program_mb + mesh + pieces + models + thread)),
+  return {static_cast<std::int64_t>(1.5 * (kProgramMb + mesh + pieces + models + thread)),
           static_cast<std::int64_t>(1.5 * thread)};
 }
 
@@ -68,7 +68,7 @@ void look_at_light(const SliceSource& slices, const Printer& printer, const Proc
   facts.tables_bytes = plan.model.inhibited->table_bytes();
   const UvSchedule& uv = process.uv;
   if (uv.kind == UvKind::per_slice && uv.slice_mw_cm2.empty()) {
-    facts.tables_bytes *= std::min(lamp_settings, facts.slices);
+    facts.tables_bytes *= std::min(kLampSettings, facts.slices);
   }
 }
 

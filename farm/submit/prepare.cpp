@@ -26,12 +26,12 @@ namespace fs = std::filesystem;
 namespace {
 
 /// Before the farm has measured any: cautious for parts of 10 to 100 million voxels.
-constexpr double guessed_voxels_per_s = 60e6;
-constexpr double guessed_bytes_per_voxel = 0.02;
-constexpr double report_bytes = 2e6;
+constexpr double kGuessedVoxelsPerS = 60e6;
+constexpr double kGuessedBytesPerVoxel = 0.02;
+constexpr double kReportBytes = 2e6;
 
 /// Longest name of an output: endings, tokens and dots are added to it.
-constexpr std::size_t longest_name = 150;
+constexpr std::size_t kLongestName = 150;
 
 /// What is found out of inputs that are worked on in the same way.
 struct Checked {
@@ -47,7 +47,7 @@ struct Resolved {
   Setup setup;
   std::string setup_json, setup_hash;
   WorkSpec spec;  ///< without inputs
-  std::int64_t ready_by_ms = no_deadline;
+  std::int64_t ready_by_ms = kNoDeadline;
   std::size_t checked = 0;  ///< index
 };
 
@@ -97,7 +97,7 @@ void choose_format(const JobRequest& r, const std::string& input_format, WorkSpe
 }
 
 std::int64_t parse_ready_by(const std::string& text, std::int64_t now_ms) {
-  if (text.empty()) return no_deadline;
+  if (text.empty()) return kNoDeadline;
   if (const int minute = parse_minute(text); minute >= 0) return next_local_minute(now_ms, minute);
   std::tm t{};
   const char* end = strptime(text.c_str(), "%Y-%m-%d %H:%M", &t);
@@ -200,7 +200,7 @@ std::string rate_class_of(const Resolved& w) {
 
 std::string problem_of_name(const std::string& name) {
   if (name.empty() || name == "." || name == "..") return "is no file name";
-  if (name.size() > longest_name) return fmt::format("has more than {} bytes", longest_name);
+  if (name.size() > kLongestName) return fmt::format("has more than {} bytes", kLongestName);
   for (const char c : name) {
     if (c == '/' || static_cast<unsigned char>(c) < 0x20)
       return "has a slash or a control character";
@@ -458,11 +458,11 @@ class Preparation {
       const bool measured = rate->second.voxels_per_s > 0;
       const auto voxels = static_cast<double>(c.memory.voxels);
       j.expected_s =
-          fixed_job_s + voxels / (measured ? rate->second.voxels_per_s : guessed_voxels_per_s);
+          kFixedJobS + voxels / (measured ? rate->second.voxels_per_s : kGuessedVoxelsPerS);
       // The cache's copy and the delivered one.
-      j.expected_bytes = static_cast<std::int64_t>(
-          2 * (measured ? voxels * rate->second.bytes_per_voxel
-                        : voxels * guessed_bytes_per_voxel + report_bytes));
+      j.expected_bytes =
+          static_cast<std::int64_t>(2 * (measured ? voxels * rate->second.bytes_per_voxel
+                                                  : voxels * kGuessedBytesPerVoxel + kReportBytes));
       j.user = r.user.empty() ? user_ : r.user;
       j.output_folder = r.out;
       j.results_folder = folder_.root + "/results/";

@@ -9,7 +9,7 @@ namespace slicecorr::farm {
 
 namespace {
 
-constexpr std::array<const char*, job_states> state_names{"queued", "running", "done", "failed",
+constexpr std::array<const char*, kJobStates> kStateNames{"queued", "running", "done", "failed",
                                                           "cancelled"};
 
 struct ReasonRow {
@@ -17,7 +17,7 @@ struct ReasonRow {
   const char* name;
   bool retried, counted;
 };
-constexpr ReasonRow reasons[] = {
+constexpr ReasonRow kReasons[] = {
     {Reason::none, "", false, false},
     {Reason::bad_input, "bad_input", false, true},
     {Reason::infeasible, "infeasible", false, true},
@@ -37,17 +37,17 @@ constexpr ReasonRow reasons[] = {
 };
 
 const ReasonRow& row_of(Reason reason) {
-  return *std::find_if(std::begin(reasons), std::end(reasons),
+  return *std::find_if(std::begin(kReasons), std::end(kReasons),
                        [&](const ReasonRow& r) { return r.reason == reason; });
 }
 
 }  // namespace
 
-const char* name_of(JobState state) { return state_names[static_cast<std::size_t>(state)]; }
+const char* name_of(JobState state) { return kStateNames[static_cast<std::size_t>(state)]; }
 
 std::optional<JobState> job_state_named(std::string_view name) {
-  for (std::size_t i = 0; i < state_names.size(); ++i) {
-    if (name == state_names[i]) return static_cast<JobState>(i);
+  for (std::size_t i = 0; i < kStateNames.size(); ++i) {
+    if (name == kStateNames[i]) return static_cast<JobState>(i);
   }
   return std::nullopt;
 }
@@ -55,7 +55,7 @@ std::optional<JobState> job_state_named(std::string_view name) {
 const char* name_of(Reason reason) { return row_of(reason).name; }
 
 Reason reason_named(std::string_view name) {
-  for (const ReasonRow& r : reasons) {
+  for (const ReasonRow& r : kReasons) {
     if (name == r.name) return r.reason;
   }
   return Reason::none;

@@ -59,7 +59,7 @@ void set_night(FarmSettings& s, const std::string& text) {
   s.night_until = until;
 }
 
-constexpr std::int64_t many = 1'000'000'000;
+constexpr std::int64_t kMany = 1'000'000'000;
 
 struct Entry {
   const char* name;
@@ -80,17 +80,17 @@ const std::vector<Entry>& entries() {
        }},
       {"user-running",
        [](FarmSettings& s, const std::string& t) {
-         s.user_running = static_cast<int>(whole("user-running", t, 0, many));
+         s.user_running = static_cast<int>(whole("user-running", t, 0, kMany));
        },
        [](const FarmSettings& s) { return std::to_string(s.user_running); }},
       {"user-queued",
        [](FarmSettings& s, const std::string& t) {
-         s.user_queued = static_cast<int>(whole("user-queued", t, 0, many));
+         s.user_queued = static_cast<int>(whole("user-queued", t, 0, kMany));
        },
        [](const FarmSettings& s) { return std::to_string(s.user_queued); }},
       {"min-free-mb",
        [](FarmSettings& s, const std::string& t) {
-         s.min_free_mb = whole("min-free-mb", t, 0, many);
+         s.min_free_mb = whole("min-free-mb", t, 0, kMany);
        },
        [](const FarmSettings& s) { return std::to_string(s.min_free_mb); }},
       {"max-attempts",
@@ -108,19 +108,19 @@ const std::vector<Entry>& entries() {
        [](const FarmSettings& s) { return fmt::format("{}", s.retry_delay_s); }},
       {"cache-max-mb",
        [](FarmSettings& s, const std::string& t) {
-         s.cache_max_mb = whole("cache-max-mb", t, 0, many);
+         s.cache_max_mb = whole("cache-max-mb", t, 0, kMany);
        },
        [](const FarmSettings& s) { return std::to_string(s.cache_max_mb); }},
   };
   return list;
 }
 
-constexpr const char* running_of = "user-running.";
-constexpr const char* queued_of = "user-queued.";
-constexpr std::string_view slurm_label = "slurm-label.";
+constexpr const char* kRunningOf = "user-running.";
+constexpr const char* kQueuedOf = "user-queued.";
+constexpr std::string_view kSlurmLabel = "slurm-label.";
 
 void set_slurm_label(FarmSettings& settings, const std::string& name, const std::string& text) {
-  const std::string label = name.substr(slurm_label.size());
+  const std::string label = name.substr(kSlurmLabel.size());
   if (text == "none") {
     // Kept: what is not in the list of texts would not be written over.
     settings.slurm_labels[label] = text;
@@ -145,15 +145,15 @@ void set_setting(FarmSettings& settings, const std::string& name, const std::str
     if (name == e.name) return e.set(settings, text);
   }
   for (const bool running : {true, false}) {
-    const std::string prefix = running ? running_of : queued_of;
+    const std::string prefix = running ? kRunningOf : kQueuedOf;
     if (!name.starts_with(prefix) || name.size() == prefix.size()) continue;
-    const auto value = static_cast<int>(whole(name, text, 0, many));
+    const auto value = static_cast<int>(whole(name, text, 0, kMany));
     // A user's other number stays that of everybody until it is set, too.
     const auto [limits, added] = settings.users.try_emplace(name.substr(prefix.size()), -1, -1);
     (running ? limits->second.first : limits->second.second) = value;
     return;
   }
-  if (name.starts_with(slurm_label) && name.size() > slurm_label.size()) {
+  if (name.starts_with(kSlurmLabel) && name.size() > kSlurmLabel.size()) {
     return set_slurm_label(settings, name, text);
   }
   std::string names;
@@ -168,11 +168,11 @@ std::map<std::string, std::string> setting_texts(const FarmSettings& settings) {
   std::map<std::string, std::string> texts;
   for (const Entry& e : entries()) texts[e.name] = e.text(settings);
   for (const auto& [user, limits] : settings.users) {
-    if (limits.first >= 0) texts[running_of + user] = std::to_string(limits.first);
-    if (limits.second >= 0) texts[queued_of + user] = std::to_string(limits.second);
+    if (limits.first >= 0) texts[kRunningOf + user] = std::to_string(limits.first);
+    if (limits.second >= 0) texts[kQueuedOf + user] = std::to_string(limits.second);
   }
   for (const auto& [label, text] : settings.slurm_labels) {
-    texts[std::string(slurm_label) + label] = text;
+    texts[std::string(kSlurmLabel) + label] = text;
   }
   return texts;
 }

@@ -179,7 +179,7 @@ std::vector<std::string> live_frame(const LiveState& state, const FarmFolder& fo
       l.put(words::padded(words::printable(j.name), std::clamp(columns / 5, 8, 32)) + " ");
       l.put(words::padded(words::printable(j.user), 10) + " ", Ink::dim);
       if (j.priority != 0) l.put(fmt::format("priority {}  ", j.priority));
-      if (j.ready_by_ms != no_deadline) {
+      if (j.ready_by_ms != kNoDeadline) {
         l.put("by " + words::to_the_minute(j.ready_by_ms, o.now_ms) + "  ");
       }
       if (j.follows > 0) l.put(fmt::format("waits for {}  ", j.follows), Ink::dim);

@@ -9,7 +9,7 @@ namespace slicecorr::farm {
 
 namespace {
 
-constexpr double bytes_per_mb = 1 << 20;
+constexpr double kBytesPerMb = 1 << 20;
 
 }  // namespace
 
@@ -22,7 +22,7 @@ std::string metrics_text(ReadModel& model, const FarmFolder& folder, const FarmC
   t.begin("build_info", "gauge", "Version of the program.");
   t.value(1, {{"version", version}});
   t.begin("jobs", "gauge", "Jobs by state.");
-  for (int i = 0; i < job_states; ++i) {
+  for (int i = 0; i < kJobStates; ++i) {
     t.value(static_cast<double>(s.jobs[static_cast<std::size_t>(i)]),
             {{"state", name_of(static_cast<JobState>(i))}});
   }
@@ -57,7 +57,7 @@ std::string metrics_text(ReadModel& model, const FarmFolder& folder, const FarmC
         s.eta_s >= 0 ? s.eta_s : std::nan(""));
   t.one("running_threads", "gauge", "Threads of running jobs.", s.running_threads);
   t.one("running_memory_bytes", "gauge", "Memory that running jobs may take.",
-        bytes_per_mb * static_cast<double>(s.running_memory_mb));
+        kBytesPerMb * static_cast<double>(s.running_memory_mb));
   t.one("cache_results", "gauge", "Results in the cache.", static_cast<double>(s.cache_entries));
   t.one("cache_bytes", "gauge", "Size of the results in the cache.",
         static_cast<double>(s.cache_bytes));
@@ -66,7 +66,7 @@ std::string metrics_text(ReadModel& model, const FarmFolder& folder, const FarmC
     t.value(static_cast<double>(d.free_bytes), {{"disk", d.what}});
   }
   t.one("disk_needed_bytes", "gauge", "Nothing starts when a disk has less free room.",
-        bytes_per_mb * static_cast<double>(o.settings.min_free_mb));
+        kBytesPerMb * static_cast<double>(o.settings.min_free_mb));
   t.begin("service_cores", "gauge", "Cores of each service that is alive.");
   for (const Service& v : o.services) {
     t.value(v.cores, {{"service", v.id}, {"engine", v.engine}, {"host", v.host}});

@@ -20,9 +20,9 @@ using detail::Rows;
 namespace {
 
 /// Bars closer than this share of the time are drawn as one.
-constexpr double merged_share = 1.0 / 1500;
-constexpr int most_lanes = 64;
-constexpr std::int64_t most_log_bytes = 16 << 10;
+constexpr double kMergedShare = 1.0 / 1500;
+constexpr int kMostLanes = 64;
+constexpr std::int64_t kMostLogBytes = 16 << 10;
 
 /// An attempt as the timeline needs it.
 struct Span {
@@ -87,14 +87,14 @@ void fill_lanes(const std::vector<Span>& spans, MorningReport& r) {
   };
   std::map<std::string, std::vector<Lane>> places;
   const auto near_ms =
-      static_cast<std::int64_t>(merged_share * static_cast<double>(r.until_ms - r.from_ms));
+      static_cast<std::int64_t>(kMergedShare * static_cast<double>(r.until_ms - r.from_ms));
   int lanes = 0;
   for (const Span& s : spans) {
     std::vector<Lane>& here = places[s.place];
     auto lane = std::find_if(here.begin(), here.end(),
                              [&](const Lane& l) { return l.free_ms <= s.start_ms; });
     if (lane == here.end()) {
-      if (lanes >= most_lanes && !here.empty()) {
+      if (lanes >= kMostLanes && !here.empty()) {
         lane = std::prev(here.end());
       } else {
         ++lanes;
@@ -234,7 +234,7 @@ void read_failures(const FarmFolder& folder, Database& db, ReadModel& model,
     if (auto job = model.job(id)) f.job = std::move(*job);
     f.attempts = model.attempts(id);
     if (!f.attempts.empty()) {
-      const std::string log = log_tail(folder, f.attempts.back(), most_log_bytes);
+      const std::string log = log_tail(folder, f.attempts.back(), kMostLogBytes);
       for (std::size_t at = 0; at < log.size();) {
         const std::size_t end = std::min(log.find('\n', at), log.size());
         f.log_lines.push_back(words::printable(log.substr(at, end - at)));

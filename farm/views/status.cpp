@@ -170,7 +170,7 @@ std::string status_text(const StatusPage& page, const FarmFolder& folder, int co
         {std::to_string(j.id), name_of(j.state), words::clipped(words::printable(j.name), 28),
          words::clipped(words::printable(j.user), 12), words::clipped(joined(j.labels), 16),
          std::to_string(j.priority),
-         j.ready_by_ms == no_deadline ? "" : words::to_the_minute(j.ready_by_ms, o.now_ms),
+         j.ready_by_ms == kNoDeadline ? "" : words::to_the_minute(j.ready_by_ms, o.now_ms),
          words::moment(at, o.now_ms), remark(j, running, o.now_ms)});
   }
   line("");

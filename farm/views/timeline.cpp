@@ -15,22 +15,22 @@ namespace slicecorr::farm {
 
 namespace {
 
-constexpr double width = 1100, left = 150, right = 16, lane = 26, top = 44;
-constexpr double inner = width - left - right;
+constexpr double kWidth = 1100, left = 150, right = 16, lane = 26, top = 44;
+constexpr double kInner = kWidth - left - right;
 
 struct KindRow {
-  const char* style;
+  const char* kStyle;
   const char* words;
 };
 /// In the order of `MorningReport::BarKind`.
-constexpr std::array<KindRow, 5> kinds{{{"done", "done"},
-                                        {"running", "runs"},
-                                        {"again", "ended, tried again"},
-                                        {"failed", "failed"},
-                                        {"cancelled", "cancelled"}}};
+constexpr std::array<KindRow, 5> kKinds{{{"done", "done"},
+                                         {"running", "runs"},
+                                         {"again", "ended, tried again"},
+                                         {"failed", "failed"},
+                                         {"cancelled", "cancelled"}}};
 
 // Literal colours, as in the charts. Bars that are not done differ by their edge as well.
-constexpr const char* style =
+constexpr const char* kStyle =
     ".slc-time{max-width:100%;height:auto}.slc-time .ground{fill:#fff}.slc-time "
     "text{font-family:system-ui,sans-serif;font-size:15px;fill:#1b1f24}.slc-time "
     ".tick{fill:#4a545e}.slc-time .grid{stroke:#d5dae0}.slc-time .row{fill:#f1f3f5}.slc-time "
@@ -51,24 +51,24 @@ std::string timeline_svg(const MorningReport& r) {
   const double height = top + std::max(1, lanes) * lane + 34;
   const double span = static_cast<double>(r.until_ms - r.from_ms);
   const auto x = [&](std::int64_t ms) {
-    return left + std::clamp(static_cast<double>(ms - r.from_ms) / span, 0.0, 1.0) * inner;
+    return left + std::clamp(static_cast<double>(ms - r.from_ms) / span, 0.0, 1.0) * kInner;
   };
   std::string body;
   double at = left;
-  std::array<bool, kinds.size()> used{};
+  std::array<bool, kKinds.size()> used{};
   for (const auto& bar : r.bars) used[static_cast<std::size_t>(bar.kind)] = true;
-  for (std::size_t i = 0; i < kinds.size(); ++i) {
+  for (std::size_t i = 0; i < kKinds.size(); ++i) {
     if (!used[i]) continue;
     body += fmt::format(
         R"(<rect class="{}" x="{:.0f}" y="12" width="22" height="14"/><text x="{:.0f}" y="25">{}</text>)",
-        kinds[i].style, at, at + 30, kinds[i].words);
-    at += 52 + 8.6 * static_cast<double>(std::string_view(kinds[i].words).size());
+        kKinds[i].style, at, at + 30, kKinds[i].words);
+    at += 52 + 8.6 * static_cast<double>(std::string_view(kKinds[i].words).size());
   }
   for (int i = 0; i < lanes; ++i) {
     const double y = top + i * lane;
     if (i % 2 == 0) {
       body += fmt::format(R"(<rect class="row" x="{}" y="{}" width="{}" height="{}"/>)", left, y,
-                          inner, lane);
+                          kInner, lane);
     }
     body += fmt::format(
         R"(<text x="{}" y="{}" text-anchor="end">{}</text>)", left - 8, y + 18.5,
@@ -85,7 +85,7 @@ std::string timeline_svg(const MorningReport& r) {
     // Nothing is too short to be seen.
     body += fmt::format(
         R"(<rect class="{}" x="{:.1f}" y="{}" width="{:.1f}" height="{}" rx="1.5"><title>{}</title></rect>)",
-        kinds[static_cast<std::size_t>(bar.kind)].style, from, top + bar.lane * lane + 4,
+        kKinds[static_cast<std::size_t>(bar.kind)].style, from, top + bar.lane * lane + 4,
         std::max(1.2, to - from - 0.6), lane - 8, escape_markup(words::printable(bar.words)));
   }
   if (lanes == 0) {
@@ -94,7 +94,7 @@ std::string timeline_svg(const MorningReport& r) {
   }
   return fmt::format(
       R"(<svg xmlns="http://www.w3.org/2000/svg" class="slc-time" viewBox="0 0 {0} {1}" width="{0}" height="{1}" role="img" aria-label="Workers from {2} to {3}: {4} attempts"><style>{5}</style><rect class="ground" width="{0}" height="{1}"/>{6}</svg>)",
-      width, height, local_time_text(r.from_ms), local_time_text(r.until_ms), r.attempts, style,
+      kWidth, height, local_time_text(r.from_ms), local_time_text(r.until_ms), r.attempts, kStyle,
       body);
 }
 

@@ -39,10 +39,10 @@ struct Phase {
   const char* name;
   double from, until;
 };
-constexpr Phase phases[] = {
+constexpr Phase kPhases[] = {
     {"read", 0, 0.05}, {"correct", 0.05, 0.75}, {"report", 0.75, 0.88}, {"check", 0.88, 1}};
 
-constexpr auto progress_interval = std::chrono::milliseconds(300);
+constexpr auto kProgressInterval = std::chrono::milliseconds(300);
 
 /// Full disks, by what the library's messages say of them.
 bool says_full(const std::string& text) {
@@ -73,14 +73,14 @@ class Reporter {
     phase_ = phase;
     told_correcting_ = false;
     move(0, true);
-    if (phase != correct_phase) detail::tell_work_stage(phases[phase].name, order_);
+    if (phase != kCorrectPhase) detail::tell_work_stage(kPhases[phase].name, order_);
   }
   void progress(double done) {
     const std::lock_guard lock(mutex_);
     move(done, false);
-    if (phase_ == correct_phase && !told_correcting_ && done >= 0.3) {
+    if (phase_ == kCorrectPhase && !told_correcting_ && done >= 0.3) {
       told_correcting_ = true;
-      detail::tell_work_stage(phases[phase_].name, order_);
+      detail::tell_work_stage(kPhases[phase_].name, order_);
     }
   }
   void set_layers(int layers) {
@@ -89,16 +89,16 @@ class Reporter {
   }
 
  private:
-  static constexpr std::size_t correct_phase = 1;
+  static constexpr std::size_t kCorrectPhase = 1;
 
   void move(double done, bool always) {
-    const Phase& p = phases[phase_];
+    const Phase& p = kPhases[phase_];
     note_.stage = p.name;
     note_.fraction =
         std::max(note_.fraction, p.from + (p.until - p.from) * std::clamp(done, 0.0, 1.0));
     note_.layers_done = static_cast<int>(layers_ * note_.fraction);
     const auto now = SteadyTime::now();
-    if (!always && now - told_ < progress_interval) return;
+    if (!always && now - told_ < kProgressInterval) return;
     told_ = now;
     ++note_.beat;
     try {

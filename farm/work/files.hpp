@@ -9,7 +9,7 @@
 namespace slicecorr::farm::detail {
 
 /// Of order.json and result.json: a worker of another version says so instead of guessing.
-inline constexpr int order_format = 1;
+inline constexpr int kOrderFormat = 1;
 
 void write_progress(const std::string& folder, const ProgressNote& progress);
 void write_outcome(const std::string& folder, const WorkOutcome& outcome);

@@ -21,7 +21,7 @@ using Json = nlohmann::ordered_json;
 namespace {
 
 /// Changes when the same spec gives other bytes though the program's version is the same.
-constexpr int key_format = 1;
+constexpr int kKeyFormat = 1;
 
 Json json_of(const WorkSpec& s, bool with_names) {
   Json json;
@@ -90,13 +90,13 @@ WorkSpec parse_spec(const std::string& json) {
 }
 
 std::string work_key(const WorkSpec& spec, const std::string& setup_json) {
-  return sha256_of_text(fmt::format("slicefarm {}\nslicecorr {}\n{}\n{}", key_format, version,
+  return sha256_of_text(fmt::format("slicefarm {}\nslicecorr {}\n{}\n{}", kKeyFormat, version,
                                     json_of(spec, false).dump(), setup_json));
 }
 
 void write_order(const std::string& folder, const WorkOrder& o) {
   Json json;
-  json["format"] = detail::order_format;
+  json["format"] = detail::kOrderFormat;
   json["token"] = o.token;
   json["job"] = o.job;
   json["number"] = o.number;
@@ -117,10 +117,10 @@ WorkOrder read_order(const std::string& folder) {
   try {
     const Json json = Json::parse(*text);
     const int format = json.at("format");
-    if (format != detail::order_format) {
+    if (format != detail::kOrderFormat) {
       throw InputError(
           path, "",
-          fmt::format("has format {}; this program knows {}", format, detail::order_format));
+          fmt::format("has format {}; this program knows {}", format, detail::kOrderFormat));
     }
     WorkOrder o;
     o.token = json.at("token");
@@ -162,7 +162,7 @@ std::optional<ProgressNote> read_progress(const std::string& folder) {
 
 void detail::write_outcome(const std::string& folder, const WorkOutcome& o) {
   Json json;
-  json["format"] = detail::order_format;
+  json["format"] = detail::kOrderFormat;
   json["token"] = o.token;
   json["key"] = o.key;
   json["exit_code"] = o.exit_code;

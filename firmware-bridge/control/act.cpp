@@ -11,7 +11,7 @@ namespace slicecorr::bridge {
 namespace {
 
 /// In which a stage that arrives somewhat off comes to rest.
-constexpr double rest_s = 0.2;
+constexpr double kRestS = 0.2;
 
 }  // namespace
 
@@ -84,7 +84,7 @@ bool Controller::Impl::arrived() const {
   // Near by at once; further off, as it may be, when it has had time to come to rest.
   const double off = std::abs(status.stage_um - stage.commanded().target_um());
   const double near_um = std::max(1.0, machine.stage.tolerance_um / 4);
-  return off <= near_um || (off <= machine.stage.tolerance_um && now_s - *stands_since_s >= rest_s);
+  return off <= near_um || (off <= machine.stage.tolerance_um && now_s - *stands_since_s >= kRestS);
 }
 
 void Controller::Impl::show(int number, double planned_um, double light_at_s) {
@@ -153,7 +153,7 @@ void Controller::Impl::go_connecting() {
     const bool idle = status.state == MachineState::idle;
     if (idle && blue_dark() && uv_dark()) {
       out.target_um = stage.measured_um();
-      show(black_frame, 0, now_s);
+      show(kBlackFrame, 0, now_s);
       return turn_to(Act::show_first);
     }
     if (in_act_s() > 2) {
@@ -162,7 +162,7 @@ void Controller::Impl::go_connecting() {
     }
     return;
   }
-  if (!displayed(black_frame)) return;
+  if (!displayed(kBlackFrame)) return;
   lamps_judged = true;
   const bool warm =
       !dry_run && (machine.blue.warm_up_s > 0 || (plan.uv && machine.uv.warm_up_s > 0));
@@ -254,7 +254,7 @@ void Controller::Impl::go_printing() {
       follow();
       if (pause_wanted) return enter(Phase::pausing);
       const bool ended =
-          plan.lamps_follow() ? arrived() : next_frame > frames && displayed(black_frame);
+          plan.lamps_follow() ? arrived() : next_frame > frames && displayed(kBlackFrame);
       if (!ended) return;
       if (next_frame < frames) {
         return fail(Fault::defect, fmt::format("the print ended before frame {}", next_frame));
@@ -275,7 +275,7 @@ void Controller::Impl::plan_next_frame() {
   if (pending) return;
   const bool last = next_frame == frames;
   if (next_frame > frames || (last && plan.lamps_follow())) return;
-  const int number = last ? black_frame : next_frame;
+  const int number = last ? kBlackFrame : next_frame;
   const double planned = last ? plan.end_um : plan.frame_um(number);
   // It must be on its way now if it is due before the next but one cycle.
   double early = now_s + limits.display_latency_s;
@@ -351,10 +351,10 @@ void Controller::Impl::go_pausing() {
     case Act::uv_dark:
       if (!uv_went()) return;
       paused_frame = frame;
-      show(black_frame, 0, now_s);
+      show(kBlackFrame, 0, now_s);
       return turn_to(Act::show);
     default:
-      if (!displayed(black_frame)) return;
+      if (!displayed(kBlackFrame)) return;
       pause_wanted = resume_wanted = false;
       return enter(Phase::paused);
   }
@@ -408,10 +408,10 @@ void Controller::Impl::go_uv_off() {
   }
   if (act == Act::uv_dark) {
     if (!uv_went()) return;
-    if (!displayed(black_frame) && !pending) show(black_frame, 0, now_s);
+    if (!displayed(kBlackFrame) && !pending) show(kBlackFrame, 0, now_s);
     return turn_to(Act::show);
   }
-  if (!displayed(black_frame)) return;
+  if (!displayed(kBlackFrame)) return;
   enter(Phase::raising);
   go();
 }
@@ -472,7 +472,7 @@ void Controller::Impl::go_fault() {
   if (phase == Phase::blacking) {
     if (act == Act::begin) {
       pending.reset();
-      step.show = black_frame;
+      step.show = kBlackFrame;
       step.show_at_s = now_s;
       event("black", "asked");
       return turn_to(Act::finish);

@@ -80,7 +80,7 @@ void Controller::Impl::go_layers() {
       const double until_s = shown_at_s + plan.frames[static_cast<std::size_t>(n)].exposure_s;
       if (frame == n) {
         if (!pending && until_s <= now_s + limits.display_latency_s + 2 * limits.cycle_s) {
-          show(black_frame, plan.frame_um(n), until_s);
+          show(kBlackFrame, plan.frame_um(n), until_s);
         }
         return;
       }

@@ -90,7 +90,7 @@ Step Controller::step(const std::optional<Answer>& answer, double now_s) {
   // An exchange that failed feeds no watchdog: the machine's own acts while nobody knows what it
   // takes.
   if (s.answered) ++out.heartbeat;
-  out.context = s.begun && s.phase != Phase::done;
+  out.job = s.begun && s.phase != Phase::done;
   out.watchdog_s = s.limits.watchdog_s;
   out.frame = s.frame;
   ++s.sent_count;

@@ -12,9 +12,9 @@ namespace slicecorr::bridge {
 namespace {
 
 /// Longest wait for a machine that was never heard of.
-constexpr double connect_s = 5;
+constexpr double kConnectS = 5;
 /// In which the stage must have followed its commanded motion to the end.
-constexpr double late_arrival_s = 2;
+constexpr double kLateArrivalS = 2;
 
 /// Two figures with as many digits as tell one from the other.
 std::pair<std::string, std::string> told_apart(double a, double b) {
@@ -219,7 +219,7 @@ void Controller::Impl::judge_frame(const FrameReport& report) {
   if (failing()) {
     if (report.number < 0) {
       black_shown = true;
-      frame = black_frame;
+      frame = kBlackFrame;
     }
     return;
   }
@@ -304,15 +304,15 @@ void Controller::Impl::judge_time() {
   if (failing() || phase == Phase::done) return;
   const double silent_s = now_s - last_answer_s;
   if (!connected) {
-    if (now_s - phase_since_s > connect_s) {
+    if (now_s - phase_since_s > kConnectS) {
       if (status_at_s && *status_at_s > now_s - 1) {
         return fail(Fault::machine_restarted,
                     fmt::format("the machine answers, but does not take set-points over: it gives "
                                 "back sequence number {} since {:g} s",
-                                status.sequence_echo, connect_s));
+                                status.sequence_echo, kConnectS));
       }
       fail(Fault::heartbeat_lost,
-           fmt::format("the machine has not answered for {:g} s", connect_s));
+           fmt::format("the machine has not answered for {:g} s", kConnectS));
     }
     return;
   }
@@ -321,7 +321,7 @@ void Controller::Impl::judge_time() {
                 fmt::format("no right answer for {:.0f} ms, {:.0f} ms are borne", silent_s * 1e3,
                             limits.heartbeat_timeout_s * 1e3));
   }
-  const bool stands = stands_since_s && now_s - *stands_since_s > late_arrival_s;
+  const bool stands = stands_since_s && now_s - *stands_since_s > kLateArrivalS;
   if (move_limit_s > 0 && (stands || now_s > move_limit_s)) {
     move_limit_s = 0;
     return fail(Fault::stage_error, fmt::format("the stage is at {:.1f} um and has not come to "

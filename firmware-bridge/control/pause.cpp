@@ -9,7 +9,7 @@ namespace slicecorr::bridge {
 namespace {
 
 /// Cycles between a request and the stage doing it, at most.
-constexpr double reaction_cycles = 4;
+constexpr double kReactionCycles = 4;
 
 /// Why lamps can't follow the stage to a stop; empty when they can.
 std::string lamps_against(const PrintPlan& plan, const Machine& machine) {
@@ -36,7 +36,7 @@ std::string lamps_against(const PrintPlan& plan, const Machine& machine) {
 PausePlace pause_place(const PrintPlan& plan, const Machine& machine, double stage_um,
                        bool dry_run) {
   PausePlace place;
-  const double reaction_um = reaction_cycles * machine.limits.cycle_s * plan.speed_um_s;
+  const double reaction_um = kReactionCycles * machine.limits.cycle_s * plan.speed_um_s;
   const std::string against = dry_run ? "" : lamps_against(plan, machine);
   if (against.empty()) {
     place.stop_um = stage_um + reaction_um + plan.ramp_um;

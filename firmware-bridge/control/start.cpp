@@ -12,9 +12,9 @@ namespace {
 
 /// What no machine of this kind measures: colder than any workshop, hotter than any resin bears,
 /// several times faster or brighter than it can be.
-constexpr double coldest_c = -40, hottest_c = 400, times_faster = 4, times_brighter = 2;
+constexpr double kColdestC = -40, hottest_c = 400, times_faster = 4, times_brighter = 2;
 /// Beyond the ends of its travel a stage may be measured by so many tolerances.
-constexpr double tolerances_beyond = 2;
+constexpr double kTolerancesBeyond = 2;
 
 class Reasons {
  public:
@@ -31,7 +31,7 @@ class Reasons {
 
 std::string impossible(const Machine& machine, const Status& s) {
   const Stage& stage = machine.stage;
-  const double beyond = tolerances_beyond * stage.tolerance_um;
+  const double beyond = kTolerancesBeyond * stage.tolerance_um;
   if (!(s.stage_um >= -beyond) ||
       (stage.travel_um > 0 && !(s.stage_um <= stage.travel_um + beyond))) {
     return fmt::format("the stage is said to be at {:.3f} mm, its travel is 0 to {:g} mm",
@@ -42,7 +42,7 @@ std::string impossible(const Machine& machine, const Status& s) {
     return fmt::format("the stage is said to go {:.1f} mm/h, {:g} mm/h is its fastest",
                        *s.stage_speed_um_s * 3.6, fastest / times_faster * 3.6);
   }
-  if (s.temperature_c && !(*s.temperature_c >= coldest_c && *s.temperature_c <= hottest_c)) {
+  if (s.temperature_c && !(*s.temperature_c >= kColdestC && *s.temperature_c <= hottest_c)) {
     return fmt::format("it is said to be {:.1f} °C warm", *s.temperature_c);
   }
   const auto light = [](double share, double most, double tolerance) {

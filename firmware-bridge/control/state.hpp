@@ -91,7 +91,7 @@ struct Controller::Impl {
   std::deque<Share> shares;  ///< asked of the blue lamp lately
 
   // The display.
-  int frame = black_frame;  ///< on it
+  int frame = kBlackFrame;  ///< on it
   int next_frame = 0;       ///< to come
   struct Pending {
     int number;
@@ -105,7 +105,7 @@ struct Controller::Impl {
   Lateness lateness;
   std::optional<FrameRecord> exposing;  ///< layer by layer: its row waits for the exposure's end
   double stop_um = 0;                   ///< of a pause
-  int paused_frame = black_frame;       ///< to be shown again after it
+  int paused_frame = kBlackFrame;       ///< to be shown again after it
 
   // A fault's order.
   int tries = 0;

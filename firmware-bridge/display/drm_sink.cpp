@@ -22,14 +22,14 @@ namespace {
 using namespace detail;
 
 /// How long a flip may take: some vertical blanks, and no less than what a busy kernel does.
-constexpr double flip_periods = 10, least_flip_s = 0.25, black_s = 0.5;
+constexpr double kFlipPeriods = 10, least_flip_s = 0.25, black_s = 0.5;
 
 /// Settings of a connector that change what a pixel's number becomes as light, and how they are
 /// wanted. The first that there is of a line's words counts.
 struct Setting {
   const char *property, *word, *other_word;
 };
-constexpr std::array<Setting, 6> settings{{
+constexpr std::array<Setting, 6> kSettings{{
     {"DPMS", "On", nullptr},
     {"Broadcast RGB", "Full", nullptr},  // else 16 to 235
     {"scaling mode", "None", nullptr},
@@ -64,12 +64,12 @@ class DrmSink final : public FrameSink {
     const double start_s = calls_->monotonic_s();
     pack(frame.get(), channels_, width_px_, height_px_, buffer.pixels, buffer.pitch_px);
     Shown shown;
-    shown.number = frame ? frame->number : black_frame;
+    shown.number = frame ? frame->number : kBlackFrame;
     shown.times.upload_s = calls_->monotonic_s() - start_s;
     // What is handed over half a period before appears at the vertical blank nearest to the time.
     clock_.sleep_until(at_s - period_s() / 2);
     const double handed_s = calls_->monotonic_s();
-    const DrmFlip flip = flip_to(buffer, std::max(flip_periods * period_s(), least_flip_s));
+    const DrmFlip flip = flip_to(buffer, std::max(kFlipPeriods * period_s(), least_flip_s));
     back_ = 1 - back_;
     const double now_s = calls_->monotonic_s();
     const bool timed = flip.at_s > 0 && flip.at_s >= handed_s - period_s() && flip.at_s <= now_s;
@@ -226,7 +226,7 @@ class DrmSink final : public FrameSink {
       gamma_changed_ = true;
     }
     for (const DrmProperty& property : calls_->properties(connector_.id)) {
-      for (const Setting& setting : settings) {
+      for (const Setting& setting : kSettings) {
         if (property.name != setting.property) continue;
         const auto word =
             std::find_if(property.words.begin(), property.words.end(),

@@ -9,7 +9,7 @@
 namespace slicecorr::bridge {
 namespace {
 
-constexpr std::uint32_t opaque = 0xFF000000U;
+constexpr std::uint32_t kOpaque = 0xFF000000U;
 
 template <Channel channel>
 constexpr std::uint32_t in(std::uint8_t grey) {
@@ -24,12 +24,12 @@ constexpr std::uint32_t in(std::uint8_t grey) {
 
 template <Channel blue>
 void pack_row(const std::uint8_t* b, std::size_t width, std::uint32_t* out) {
-  for (std::size_t x = 0; x < width; ++x) out[x] = opaque | in<blue>(b[x]);
+  for (std::size_t x = 0; x < width; ++x) out[x] = kOpaque | in<blue>(b[x]);
 }
 
 template <Channel blue, Channel uv>
 void pack_row(const std::uint8_t* b, const std::uint8_t* u, std::size_t width, std::uint32_t* out) {
-  for (std::size_t x = 0; x < width; ++x) out[x] = opaque | in<blue>(b[x]) | in<uv>(u[x]);
+  for (std::size_t x = 0; x < width; ++x) out[x] = kOpaque | in<blue>(b[x]) | in<uv>(u[x]);
 }
 
 struct Picture {
@@ -74,7 +74,7 @@ void pack(const Frame* frame, const Projector& channels, int width_px, int heigh
   const auto width = static_cast<std::size_t>(width_px),
              height = static_cast<std::size_t>(height_px);
   if (frame == nullptr || frame->number < 0) {
-    for (std::size_t y = 0; y < height; ++y) std::fill_n(out + y * pitch_px, width, opaque);
+    for (std::size_t y = 0; y < height; ++y) std::fill_n(out + y * pitch_px, width, kOpaque);
     return;
   }
   if (frame->width_px != width_px || frame->height_px != height_px ||

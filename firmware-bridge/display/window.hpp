@@ -48,6 +48,6 @@ class Window {
 using OpenWindow = std::unique_ptr<Window> (*)(const WindowWanted& wanted, WindowFound& found);
 
 /// Name of the module's function, an `OpenWindow`.
-inline constexpr const char* window_module_entry = "slicecorr_open_window";
+inline constexpr const char* kWindowModuleEntry = "slicecorr_open_window";
 
 }  // namespace slicecorr::bridge::detail

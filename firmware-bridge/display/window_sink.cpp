@@ -30,8 +30,8 @@ using SteadyClock = std::chrono::steady_clock;
 using std::chrono::duration;
 
 /// For opening, showing and black; how often the window is looked at meanwhile.
-constexpr double open_s = 10, show_s = 2, black_s = 1;
-constexpr std::chrono::milliseconds look_every{10};
+constexpr double kOpenS = 10, show_s = 2, black_s = 1;
+constexpr std::chrono::milliseconds kLookEvery{10};
 
 double seconds_since(SteadyClock::time_point start) {
   return duration<double>(SteadyClock::now() - start).count();
@@ -103,7 +103,7 @@ void work(const std::shared_ptr<Desk>& desk, const Open& open, const WindowWante
   while (window) {
     desk->busy = false;
     desk->done.notify_all();
-    desk->asked.wait_for(lock, look_every, [&] { return desk->task != Task::none; });
+    desk->asked.wait_for(lock, kLookEvery, [&] { return desk->task != Task::none; });
     const Task task = std::exchange(desk->task, Task::none);
     lock.unlock();
     const auto start = SteadyClock::now();
@@ -141,7 +141,7 @@ class WindowSink final : public FrameSink {
     };
     thread_ = std::thread([desk = desk_, open, wanted] { work(desk, open, wanted); });
     std::unique_lock lock(desk_->mutex);
-    desk_->done.wait_for(lock, duration<double>(open_s),
+    desk_->done.wait_for(lock, duration<double>(kOpenS),
                          [&] { return !desk_->busy || desk_->dead; });
     words_ = desk_->found.words;
     const std::string named = "window" + (name.empty() ? "" : ":" + name);
@@ -169,7 +169,7 @@ class WindowSink final : public FrameSink {
     take_priority();
     expect_well();
     Shown shown;
-    shown.number = frame ? frame->number : black_frame;
+    shown.number = frame ? frame->number : kBlackFrame;
     shown.times.upload_s = run(Task::upload, show_s, frame);
     expect_well();
     clock_.sleep_until(at_s);
@@ -255,7 +255,7 @@ std::unique_ptr<FrameSink> detail::make_window_sink(const std::string& display,
 std::unique_ptr<FrameSink> make_window_sink(const std::string& display, const Machine& machine,
                                             BridgeClock& clock) {
   const auto open = reinterpret_cast<OpenWindow>(
-      slicecorr::detail::module_entry("slicecorr-window.so", window_module_entry, "opens windows"));
+      slicecorr::detail::module_entry("slicecorr-window.so", kWindowModuleEntry, "opens windows"));
   return detail::make_window_sink(display, machine, clock, open);
 }
 

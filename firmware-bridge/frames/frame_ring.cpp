@@ -100,7 +100,7 @@ struct FrameRing::Impl {
   static int room_for(std::size_t frame_bytes, int ring) {
     constexpr int least = 3;
     if (frame_bytes == 0 || ring <= least) return ring;
-    const auto fit = FrameRing::most_bytes / frame_bytes;
+    const auto fit = FrameRing::kMostBytes / frame_bytes;
     return static_cast<int>(std::clamp<std::size_t>(fit, least, static_cast<std::size_t>(ring)));
   }
 

@@ -10,7 +10,7 @@ namespace slicecorr::bridge {
 namespace {
 
 /// How long a display may take to answer an image, and black.
-constexpr double answer_s = 2, black_s = 1;
+constexpr double kAnswerS = 2, black_s = 1;
 
 /// A display that was started a moment ago is waited for.
 WireSocket connect_patiently(const std::string& address) {
@@ -31,7 +31,7 @@ class NullSink final : public FrameSink {
   explicit NullSink(BridgeClock& clock) : clock_(clock) {}
   Shown show(const std::shared_ptr<const Frame>& frame, double at_s) override {
     clock_.sleep_until(at_s);
-    return {frame ? frame->number : black_frame, std::max(at_s, clock_.now_s()), ++count_, {}};
+    return {frame ? frame->number : kBlackFrame, std::max(at_s, clock_.now_s()), ++count_, {}};
   }
   void black() noexcept override { ++count_; }
   std::string describe() const override { return "nowhere"; }
@@ -49,7 +49,7 @@ class WireSink final : public FrameSink {
         lockstep_(hello.lockstep),
         socket_(connect_patiently(address_)) {
     const double before = clock_.now_s();
-    const WireMessage answer = ask(message_of(hello), answer_s);
+    const WireMessage answer = ask(message_of(hello), kAnswerS);
     // The other end has a clock of its own.
     offset_s_ = (before + clock_.now_s()) / 2 - answer.at_s;
   }
@@ -58,7 +58,7 @@ class WireSink final : public FrameSink {
     const WireMessage message = message_of(frame.get(), at_s - offset_s_);
     if (!lockstep_) clock_.sleep_until(at_s);
     const double before = clock_.now_s();
-    const WireMessage answer = ask(message, answer_s);
+    const WireMessage answer = ask(message, kAnswerS);
     Shown shown{answer.number, answer.at_s + offset_s_, answer.count, {}};
     if (!lockstep_) shown.at_s = std::clamp(shown.at_s, before, clock_.now_s());
     return shown;
@@ -69,7 +69,7 @@ class WireSink final : public FrameSink {
     WireMessage message;
     message.kind = WireKind::tick;
     message.at_s = at_s - offset_s_;
-    ask(message, answer_s);
+    ask(message, kAnswerS);
   }
 
   void black() noexcept override {

@@ -22,8 +22,8 @@ namespace slicecorr::bridge {
 namespace {
 
 using Time = std::chrono::steady_clock;
-constexpr std::uint32_t most_pixels_across = 65536;
-constexpr std::uint32_t most_hello_bytes = 64u << 20;  // the picture of a flat-field is in it
+constexpr std::uint32_t kMostPixelsAcross = 65536;
+constexpr std::uint32_t kMostHelloBytes = 64u << 20;  // the picture of a flat-field is in it
 
 template <class T>
 void put(std::uint8_t* out, T value) {
@@ -45,7 +45,7 @@ std::uint32_t crc(const std::vector<std::uint8_t>& bytes, std::uint32_t start = 
   return static_cast<std::uint32_t>(::crc32_z(start, bytes.data(), bytes.size()));
 }
 
-std::uint32_t crc(const std::uint8_t (&header)[wire_header_bytes]) {
+std::uint32_t crc(const std::uint8_t (&header)[kWireHeaderBytes]) {
   return static_cast<std::uint32_t>(::crc32_z(0, header, sizeof header));
 }
 
@@ -112,20 +112,20 @@ void check(const WireMessage& m, std::uint32_t payload_bytes) {
   switch (m.kind) {
     case WireKind::hello:
       if (payload_bytes == 0) wrong("a hello without facts");
-      if (payload_bytes > most_hello_bytes) {
+      if (payload_bytes > kMostHelloBytes) {
         wrong(fmt::format("a hello of {} bytes", payload_bytes));
       }
       return;
     case WireKind::frame: {
-      if (m.number < black_frame) wrong(fmt::format("frame {}", m.number));
-      if (m.width_px > most_pixels_across || m.height_px > most_pixels_across ||
-          (m.number == black_frame) != (m.width_px == 0) ||
-          (m.width_px == 0) != (m.height_px == 0) || (m.flags & ~wire_uv) != 0) {
+      if (m.number < kBlackFrame) wrong(fmt::format("frame {}", m.number));
+      if (m.width_px > kMostPixelsAcross || m.height_px > kMostPixelsAcross ||
+          (m.number == kBlackFrame) != (m.width_px == 0) ||
+          (m.width_px == 0) != (m.height_px == 0) || (m.flags & ~kWireUv) != 0) {
         wrong(fmt::format("frame {} of {} x {} pixels, flags {}", m.number, m.width_px, m.height_px,
                           m.flags));
       }
       const std::uint64_t expected =
-          std::uint64_t{m.width_px} * m.height_px * ((m.flags & wire_uv) != 0 ? 2 : 1);
+          std::uint64_t{m.width_px} * m.height_px * ((m.flags & kWireUv) != 0 ? 2 : 1);
       if (payload_bytes != expected) {
         wrong(fmt::format("frame {} has {} bytes, expected {}", m.number, payload_bytes, expected));
       }
@@ -155,10 +155,10 @@ WireSocket& WireSocket::operator=(WireSocket&& other) noexcept {
 }
 
 void send_message(const WireSocket& socket, const WireMessage& m, double timeout_s) {
-  if (m.payload.size() > wire_max_payload) wrong("an image too large for the wire");
-  std::uint8_t header[wire_header_bytes];
-  put(header, wire_magic);
-  put(header + 4, wire_version);
+  if (m.payload.size() > kWireMaxPayload) wrong("an image too large for the wire");
+  std::uint8_t header[kWireHeaderBytes];
+  put(header, kWireMagic);
+  put(header + 4, kWireVersion);
   put(header + 6, static_cast<std::uint16_t>(m.kind));
   put(header + 8, static_cast<std::uint32_t>(m.number));
   put(header + 12, m.width_px);
@@ -175,17 +175,17 @@ void send_message(const WireSocket& socket, const WireMessage& m, double timeout
 }
 
 bool receive_message(const WireSocket& socket, WireMessage& m, double timeout_s) {
-  std::uint8_t header[wire_header_bytes];
+  std::uint8_t header[kWireHeaderBytes];
   std::optional<Time::time_point> until;
   if (timeout_s >= 0) until = in(timeout_s);
   if (!read_all(socket.get(), header, 1, until)) return false;
   // Who has begun a message must end it.
   if (!until) until = in(10);
   if (!read_all(socket.get(), header + 1, sizeof header - 1, until)) wrong("half a message");
-  if (get<std::uint32_t>(header) != wire_magic) wrong("the other end speaks something else");
+  if (get<std::uint32_t>(header) != kWireMagic) wrong("the other end speaks something else");
   const auto version = get<std::uint16_t>(header + 4);
-  if (version != wire_version) {
-    wrong(fmt::format("version {}, expected {}", version, wire_version));
+  if (version != kWireVersion) {
+    wrong(fmt::format("version {}, expected {}", version, kWireVersion));
   }
   m.kind = static_cast<WireKind>(get<std::uint16_t>(header + 6));
   m.number = static_cast<std::int32_t>(get<std::uint32_t>(header + 8));
@@ -197,7 +197,7 @@ bool receive_message(const WireSocket& socket, WireMessage& m, double timeout_s)
   const auto expected_crc = get<std::uint32_t>(header + 40);
   put(header + 40, std::uint32_t{0});
   const auto size = get<std::uint32_t>(header + 44);
-  if (size > wire_max_payload) wrong(fmt::format("a message of {} bytes", size));
+  if (size > kWireMaxPayload) wrong(fmt::format("a message of {} bytes", size));
   check(m, size);
   m.payload.resize(size);
   if (size > 0 && !read_all(socket.get(), m.payload.data(), size, until)) wrong("half a message");
@@ -208,7 +208,7 @@ bool receive_message(const WireSocket& socket, WireMessage& m, double timeout_s)
 
 WireMessage message_of(const WireHello& hello) {
   nlohmann::ordered_json json;
-  json["version"] = wire_version;
+  json["version"] = kWireVersion;
   json["setup"] = nlohmann::ordered_json::parse(setup_json(hello.setup));
   json["layer_um"] = hello.layer_um;
   json["target_layers"] = hello.target_layers;
@@ -230,9 +230,9 @@ WireHello hello_of(const WireMessage& message) {
   WireHello hello;
   try {
     const auto json = nlohmann::ordered_json::parse(message.payload.begin(), message.payload.end());
-    if (json.at("version") != wire_version) {
+    if (json.at("version") != kWireVersion) {
       wrong(
-          fmt::format("hello of version {}, expected {}", json.at("version").dump(), wire_version));
+          fmt::format("hello of version {}, expected {}", json.at("version").dump(), kWireVersion));
     }
     hello.setup = parse_setup_json(json.at("setup").dump(), "frame wire");
     hello.layer_um = json.at("layer_um").get<double>();
@@ -265,7 +265,7 @@ WireMessage message_of(const Frame* frame, double at_s) {
   m.height_px = static_cast<std::uint32_t>(frame->height_px);
   m.payload = frame->blue;
   if (!frame->uv.empty()) {
-    m.flags |= wire_uv;
+    m.flags |= kWireUv;
     m.payload.insert(m.payload.end(), frame->uv.begin(), frame->uv.end());
   }
   return m;
@@ -279,7 +279,7 @@ std::shared_ptr<const Frame> frame_of(WireMessage&& m) {
   frame->width_px = static_cast<int>(m.width_px);
   frame->height_px = static_cast<int>(m.height_px);
   const std::size_t pixels = std::size_t{m.width_px} * m.height_px;
-  if ((m.flags & wire_uv) != 0) {
+  if ((m.flags & kWireUv) != 0) {
     frame->uv.assign(m.payload.begin() + static_cast<std::ptrdiff_t>(pixels), m.payload.end());
     m.payload.resize(pixels);
   }

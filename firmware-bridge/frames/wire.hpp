@@ -14,7 +14,7 @@
 /// - *hello* comes first, once. Payload: JSON, see `WireHello`. Answer: `at_s` is the machine's
 ///   clock.
 /// - *frame*: image `number` of the stack as the display shows it: payload is width * height bytes
-///   of blue, then as many of UV where `wire_uv` is among the flags. `number` -1 is black: no
+///   of blue, then as many of UV where `kWireUv` is among the flags. `number` -1 is black: no
 ///   payload, width and height 0. It is to appear at `at_s` of the machine's clock: the bridge has
 ///   waited for that time in real time, so it appears on arrival; in lockstep time first passes up
 ///   to `at_s`. Answer: `number` of the image that is on the display now, `at_s` when it appeared
@@ -39,17 +39,17 @@
 
 namespace slicecorr::bridge {
 
-inline constexpr std::uint32_t wire_magic = 0x57464353;  // "SCFW"
-inline constexpr std::uint16_t wire_version = 1;
-inline constexpr std::size_t wire_header_bytes = 48;
-inline constexpr std::uint32_t wire_uv = 1;  ///< flag: the image has UV pixels
-inline constexpr std::uint32_t wire_max_payload = 1u << 30;
+inline constexpr std::uint32_t kWireMagic = 0x57464353;  // "SCFW"
+inline constexpr std::uint16_t kWireVersion = 1;
+inline constexpr std::size_t kWireHeaderBytes = 48;
+inline constexpr std::uint32_t kWireUv = 1;  ///< flag: the image has UV pixels
+inline constexpr std::uint32_t kWireMaxPayload = 1u << 30;
 
 enum class WireKind : std::uint16_t { hello = 1, frame = 2, tick = 3, answer = 128 };
 
 struct WireMessage {
   WireKind kind = WireKind::tick;
-  std::int32_t number = black_frame;
+  std::int32_t number = kBlackFrame;
   std::uint32_t width_px = 0, height_px = 0, flags = 0;
   double at_s = 0;
   std::int64_t count = 0;

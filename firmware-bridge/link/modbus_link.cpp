@@ -15,10 +15,10 @@ namespace {
 
 using detail::Bytes;
 
-constexpr std::uint8_t read_holding = 3, read_input = 4, write_registers = 16, write_and_read = 23;
-constexpr int illegal_function = 1;
-constexpr std::array lamp_signals{Signal::blue_share, Signal::uv_mw_cm2};
-constexpr std::array command_signals{Signal::command};
+constexpr std::uint8_t kReadHolding = 3, read_input = 4, write_registers = 16, write_and_read = 23;
+constexpr int kIllegalFunction = 1;
+constexpr std::array kLampSignals{Signal::blue_share, Signal::uv_mw_cm2};
+constexpr std::array kCommandSignals{Signal::command};
 
 void put_word(Bytes& bytes, int value) {
   bytes.push_back(static_cast<std::uint8_t>(value >> 8));
@@ -66,12 +66,12 @@ class ModbusLink final : public Link {
     hurried_ = true;
     const auto registers = encode(map_, set_points);
     const auto runs =
-        what == Alone::lamps ? write_runs(map_, lamp_signals) : write_runs(map_, command_signals);
+        what == Alone::lamps ? write_runs(map_, kLampSignals) : write_runs(map_, kCommandSignals);
     bool all = true;
     for (const RegisterRun& run : runs) {
       if (write(run, registers)) continue;
       // A machine of function 23 may have no other.
-      const bool other = map_.exchange == Exchange::fc23 && wire_.exception() == illegal_function;
+      const bool other = map_.exchange == Exchange::fc23 && wire_.exception() == kIllegalFunction;
       if (!other || !ask_status(written(Bytes{write_and_read}, run, registers, true))) all = false;
     }
     return all;
@@ -112,7 +112,7 @@ class ModbusLink final : public Link {
   }
 
   std::optional<Status> read_status() {
-    Bytes request{map_.exchange == Exchange::fc16_fc4 ? read_input : read_holding};
+    Bytes request{map_.exchange == Exchange::fc16_fc4 ? read_input : kReadHolding};
     put_word(request, map_.read_address);
     put_word(request, map_.read_count);
     return ask_status(request);

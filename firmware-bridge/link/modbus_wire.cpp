@@ -20,11 +20,11 @@ namespace slicecorr::bridge::detail {
 namespace {
 
 /// Greatest interval between two attempts to connect, and longest wait for one, in exchanges.
-constexpr int longest_interval = 16;
+constexpr int kLongestInterval = 16;
 /// Attempts in a row that follow each other without an interval.
-constexpr int free_attempts = 2;
-constexpr std::size_t tcp_header = 7;  // transaction, protocol, length, unit
-constexpr std::uint8_t exception_bit = 0x80, write_registers = 16;
+constexpr int kFreeAttempts = 2;
+constexpr std::size_t kTcpHeader = 7;  // transaction, protocol, length, unit
+constexpr std::uint8_t kExceptionBit = 0x80, write_registers = 16;
 
 std::uint16_t crc16(const Bytes& bytes, std::size_t count) {
   std::uint16_t crc = 0xffff;
@@ -168,8 +168,8 @@ bool ModbusWire::connect(Time::time_point until) {
   if (connected_) return true;
   if (descriptor_ < 0) {
     if (exchange_ < open_from_) return false;
-    const int doublings = std::min(opened_in_vain_ - free_attempts, 8);
-    open_from_ = exchange_ + 1 + (doublings < 0 ? 0 : std::min(longest_interval, 1 << doublings));
+    const int doublings = std::min(opened_in_vain_ - kFreeAttempts, 8);
+    open_from_ = exchange_ + 1 + (doublings < 0 ? 0 : std::min(kLongestInterval, 1 << doublings));
     ++opened_in_vain_;
     served_ = false;
     waited_ = 0;
@@ -183,7 +183,7 @@ bool ModbusWire::connect(Time::time_point until) {
   const int ready = ::ppoll(&p, 1, &wait, nullptr);
   if (ready == 0 || (ready < 0 && errno == EINTR)) {
     // The next exchange looks again, for a while.
-    if (++waited_ > longest_interval) return refuse_connection(ETIMEDOUT);
+    if (++waited_ > kLongestInterval) return refuse_connection(ETIMEDOUT);
     error_ = fmt::format("does not answer: {}: does not take the connection", where());
     return false;
   }
@@ -261,9 +261,9 @@ ModbusWire::RequestResult ModbusWire::receive(Bytes& frame, std::size_t bytes,
 ModbusWire::RequestResult ModbusWire::receive_tcp(const Bytes& request, std::size_t data_bytes,
                                                   Time::time_point until, Bytes& pdu) {
   Bytes frame;
-  if (const auto got = receive(frame, tcp_header + 1, until); got != RequestResult::answered)
+  if (const auto got = receive(frame, kTcpHeader + 1, until); got != RequestResult::answered)
     return got;
-  const bool refused = (frame[7] & exception_bit) != 0;
+  const bool refused = (frame[7] & kExceptionBit) != 0;
   const int length = word(frame, 4), expected = refused ? 3 : static_cast<int>(data_bytes) + 2;
   if (word(frame, 0) != transaction_) {
     return wrong(fmt::format("answers request {}, asked was {}", word(frame, 0), transaction_));
@@ -274,15 +274,15 @@ ModbusWire::RequestResult ModbusWire::receive_tcp(const Bytes& request, std::siz
   if (frame[6] != map_.unit) {
     return wrong(fmt::format("unit {} answers, asked was {}", frame[6], map_.unit));
   }
-  if ((frame[7] & ~exception_bit) != request[0]) {
+  if ((frame[7] & ~kExceptionBit) != request[0]) {
     return wrong(fmt::format("answers function {}, asked was {}", frame[7], request[0]));
   }
   if (length != expected) {
     return wrong(fmt::format("an answer of {} bytes, expected {}", length, expected));
   }
-  const auto all = tcp_header - 1 + static_cast<std::size_t>(length);
+  const auto all = kTcpHeader - 1 + static_cast<std::size_t>(length);
   if (const auto got = receive(frame, all, until); got != RequestResult::answered) return got;
-  pdu.assign(frame.begin() + tcp_header, frame.end());
+  pdu.assign(frame.begin() + kTcpHeader, frame.end());
   return refused || is_about(request, pdu) ? RequestResult::answered
                                            : wrong("an answer about other registers");
 }
@@ -307,11 +307,11 @@ ModbusWire::RequestResult ModbusWire::receive_line(const Bytes& request, std::si
       pass_over(fmt::format("unit {} answers, asked was {}", frame[0], map_.unit));
       continue;
     }
-    if ((frame[1] & ~exception_bit) != request[0]) {
+    if ((frame[1] & ~kExceptionBit) != request[0]) {
       pass_over(fmt::format("answers function {}, asked was {}", frame[1], request[0]));
       continue;
     }
-    const bool refused = (frame[1] & exception_bit) != 0;
+    const bool refused = (frame[1] & kExceptionBit) != 0;
     const std::size_t all = refused ? 5 : data_bytes + 4;
     if (const auto got = read(all); got != RequestResult::answered) return got;
     if (crc16(frame, all - 2) != (frame[all - 1] << 8 | frame[all - 2])) {
@@ -350,7 +350,7 @@ ModbusWire::RequestResult ModbusWire::try_once(const Bytes& request, std::size_t
   const RequestResult got = serial() ? receive_line(request, data_bytes, until, pdu)
                                      : receive_tcp(request, data_bytes, until, pdu);
   if (got != RequestResult::answered) return got;
-  if ((pdu[0] & exception_bit) != 0) {
+  if ((pdu[0] & kExceptionBit) != 0) {
     exception_ = pdu[1];
     error_ = fmt::format("answers with {}: {}", exception_in_words(exception_), where());
     return RequestResult::refused;

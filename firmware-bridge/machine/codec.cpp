@@ -176,8 +176,8 @@ Registers encode(const RegisterMap& map, const SetPoints& s) {
         return s.uv_mw_cm2;
       case Signal::frame:
         return s.frame;
-      case Signal::context:
-        return s.context;
+      case Signal::job:
+        return s.job;
       default:
         return 0;
     }
@@ -226,8 +226,8 @@ SetPoints decode_set_points(const RegisterMap& map, const Registers& registers) 
       case Signal::frame:
         s.frame = static_cast<std::int32_t>(std::lround(value));
         break;
-      case Signal::context:
-        s.context = view.raw(reg) != 0;
+      case Signal::job:
+        s.job = view.raw(reg) != 0;
         break;
       default:
         break;

@@ -8,7 +8,7 @@ namespace detail {
 
 namespace {
 
-constexpr auto names = std::to_array<SignalName>({
+constexpr auto kNames = std::to_array<SignalName>({
     {Signal::sequence, "sequence", true},
     {Signal::heartbeat, "heartbeat", true},
     {Signal::command, "command", true},
@@ -19,7 +19,7 @@ constexpr auto names = std::to_array<SignalName>({
     {Signal::blue_share, "blue_share", true},
     {Signal::uv_mw_cm2, "uv_mw_cm2", true},
     {Signal::frame, "frame", true},
-    {Signal::context, "job", true},
+    {Signal::job, "job", true},
     {Signal::sequence_echo, "sequence_echo", false},
     {Signal::state, "state", false},
     {Signal::stage_um, "stage_um", false},
@@ -40,7 +40,7 @@ constexpr auto names = std::to_array<SignalName>({
 
 }  // namespace
 
-std::span<const SignalName> signal_names() { return names; }
+std::span<const SignalName> signal_names() { return kNames; }
 
 double least_raw(const Register& reg) {
   switch (reg.type) {

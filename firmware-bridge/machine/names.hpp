@@ -17,8 +17,8 @@ struct SignalName {
 /// All signals, those written first.
 std::span<const SignalName> signal_names();
 
-inline constexpr std::array<std::string_view, 4> command_names{"off", "run", "stop", "reset"};
-inline constexpr std::array<std::string_view, 4> state_names{"idle", "running", "stopped", "fault"};
+inline constexpr std::array<std::string_view, 4> kCommandNames{"off", "run", "stop", "reset"};
+inline constexpr std::array<std::string_view, 4> kStateNames{"idle", "running", "stopped", "fault"};
 
 /// Least and greatest raw value.
 double least_raw(const Register& reg);

@@ -105,17 +105,17 @@ void check_times(const TomlTable& t, const Limits& l, int requests) {
   }
 }
 
-constexpr std::array<std::string_view, 4> channel_names{"red", "green", "blue", "all"};
+constexpr std::array<std::string_view, 4> kChannelNames{"red", "green", "blue", "all"};
 
 Channel parse_channel(const TomlTable& t, std::string_view key, Channel fallback, bool all) {
   const std::string name = t.text(key, std::string(name_of(fallback)));
-  const auto end = all ? channel_names.end() : channel_names.end() - 1;
-  const auto found = std::find(channel_names.begin(), end, name);
+  const auto end = all ? kChannelNames.end() : kChannelNames.end() - 1;
+  const auto found = std::find(kChannelNames.begin(), end, name);
   if (found == end) {
     t.fail(key, fmt::format("is '{}'; expected \"red\", \"green\"{} \"blue\"{}", name,
                             all ? "," : " or", all ? " or \"all\"" : ""));
   }
-  return static_cast<Channel>(found - channel_names.begin());
+  return static_cast<Channel>(found - kChannelNames.begin());
 }
 
 Projector parse_projector(const TomlTable& t, bool patterned) {
@@ -140,7 +140,7 @@ Projector parse_projector(const TomlTable& t, bool patterned) {
 }  // namespace
 
 std::string_view name_of(Channel channel) {
-  return channel_names[static_cast<std::size_t>(channel)];
+  return kChannelNames[static_cast<std::size_t>(channel)];
 }
 
 Machine parse_machine(std::string_view text, const std::string& source) {

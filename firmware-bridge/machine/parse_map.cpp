@@ -58,7 +58,7 @@ Need need_of(Signal signal, const Machine& m) {
       return {0, m.limits.max_temperature_c, 5, false};
     case Signal::machine_time_s:
       return {0, 0, 0, false};
-    case Signal::context:
+    case Signal::job:
     case Signal::job_kept:
       return {0, 1, 0, true};
     default:
@@ -279,7 +279,7 @@ RegisterMap parse_map(const TomlTable& t, const Machine& machine) {
   const TomlTable write = t.required_table("write"), read = t.required_table("read");
   map.write = parse_signals(write, true, machine);
   map.read = parse_signals(read, false, machine);
-  if (map.write.contains(Signal::context) != map.read.contains(Signal::job_kept)) {
+  if (map.write.contains(Signal::job) != map.read.contains(Signal::job_kept)) {
     t.fail("read", "has only one of write.job and read.job_kept; expected both or none");
   }
   std::multimap<int, Used> used;
@@ -295,8 +295,8 @@ RegisterMap parse_map(const TomlTable& t, const Machine& machine) {
                                map.read_count, map.read_address,
                                map.read_address + map.read_count - 1, kMostRead));
   }
-  map.commands = parse_words<Command>(t, "commands", command_names, map.write.at(Signal::command));
-  map.states = parse_words<MachineState>(t, "states", state_names, map.read.at(Signal::state));
+  map.commands = parse_words<Command>(t, "commands", kCommandNames, map.write.at(Signal::command));
+  map.states = parse_words<MachineState>(t, "states", kStateNames, map.read.at(Signal::state));
   return map;
 }
 

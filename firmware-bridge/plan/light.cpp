@@ -15,9 +15,9 @@ namespace slicecorr::bridge {
 namespace {
 
 /// Relative difference of intensities and dead zones that comes of rounding.
-constexpr double slack = 1e-6;
+constexpr double kSlack = 1e-6;
 /// Share of the dose that gels which black may give while the lamp shines around exposures.
-constexpr double most_black_excess = 0.05;
+constexpr double kMostBlackExcess = 0.05;
 
 /// UV light of a slice by the schedule: of a lamp that floods the window.
 double flood_mw_cm2(const UvSchedule& uv, const Kinetics& kinetics, double full_mw_cm2, int n) {
@@ -51,12 +51,12 @@ void check_black(PrintPlan& plan, const StackInfo& info, const Machine& machine)
   const Kinetics k = make_kinetics(*info.resin, false, true);
   plan.black_excess = std::pow(plan.black_mw_cm2, k.m) * time_s / k.critical_dose_prime /
                       -std::expm1(-k.m * plan.layer_um / k.hb_um);
-  if (plan.black_excess <= most_black_excess) return;
+  if (plan.black_excess <= kMostBlackExcess) return;
   throw InfeasibleError(fmt::format(
       "the lamp of printer '{}' shines behind black for {:.0f} ms more in each layer (cycle_s{}), "
       "which adds up to {:.1f} % of the dose that gels; {:g} % are borne",
       machine.printer.name, time_s * 1e3, machine.blue.warm_up_s > 0 ? ", warm_up_s" : "",
-      plan.black_excess * 100, most_black_excess * 100));
+      plan.black_excess * 100, kMostBlackExcess * 100));
 }
 
 }  // namespace
@@ -89,10 +89,10 @@ void plan_light(PrintPlan& plan, const StackReader& stack, const Machine& machin
   }
 
   const LightMap light(printer, grid, stack.frame());
-  std::vector<std::uint8_t> places;
+  std::vector<std::uint8_t> kPlaces;
   if (plan.uv && !light.even()) {
-    places.resize(pixels);
-    light.values({0, 0, grid.width_px, grid.height_px}, places.data());
+    kPlaces.resize(pixels);
+    light.values({0, 0, grid.width_px, grid.height_px}, kPlaces.data());
   }
   std::array<int, 256> level{};
   for (int v = 0; v < 256; ++v)
@@ -142,13 +142,13 @@ void plan_light(PrintPlan& plan, const StackReader& stack, const Machine& machin
     }
     const auto at = [&](std::size_t p) {
       double value = intensity_of(image[p]);
-      if (!places.empty()) value *= light.factor(places[p]);
+      if (!kPlaces.empty()) value *= light.factor(kPlaces[p]);
       if (plan.uv_patterned) {
         value /= std::max(uv_intensity[uv_image[p]] / plan.uv_max_mw_cm2, 1e-12);
       }
       return value;
     };
-    if (places.empty() && !plan.uv_patterned) {
+    if (kPlaces.empty() && !plan.uv_patterned) {
       ratio = intensity_of(most);
     } else {
       for (std::size_t p = 0; p < pixels; ++p) {
@@ -159,7 +159,7 @@ void plan_light(PrintPlan& plan, const StackReader& stack, const Machine& machin
     const double wanted = uv_for_dead_zone(*kinetics, ratio, process.uv.dead_zone_um);
     // Without a dead zone asked for any will do, but for none.
     const bool held = process.uv.dead_zone_um > 0
-                          ? wanted <= frame.uv_mw_cm2 * (1 + slack)
+                          ? wanted <= frame.uv_mw_cm2 * (1 + kSlack)
                           : keeps_dead_zone(*kinetics, ratio, frame.uv_mw_cm2);
     if (held) return;
     const std::scoped_lock lock(failing);
@@ -179,8 +179,8 @@ void plan_light(PrintPlan& plan, const StackReader& stack, const Machine& machin
   const auto [least, greatest] = std::minmax_element(
       plan.frames.begin(), plan.frames.end(),
       [](const FramePlan& a, const FramePlan& b) { return a.uv_mw_cm2 < b.uv_mw_cm2; });
-  if (greatest->uv_mw_cm2 > plan.uv_max_mw_cm2 * (1 + slack) ||
-      least->uv_mw_cm2 < uv_least_share * plan.uv_max_mw_cm2 * (1 - slack)) {
+  if (greatest->uv_mw_cm2 > plan.uv_max_mw_cm2 * (1 + kSlack) ||
+      least->uv_mw_cm2 < uv_least_share * plan.uv_max_mw_cm2 * (1 - kSlack)) {
     throw InfeasibleError(fmt::format(
         "the stack asks for {:.4g} to {:.4g} mW/cm² of UV light, the lamp of printer '{}' gives "
         "{:.4g} to {:.4g}",

@@ -10,15 +10,15 @@
 namespace slicecorr::bridge {
 namespace {
 
-constexpr double mm_h_from_um_s = 3.6;
+constexpr double kMmHFromUmS = 3.6;
 /// Control cycles in which a slice must pass at least: its place is predicted from the one before,
 /// its image sent in the next, and what became of it is known in the third.
-constexpr double cycles_per_slice = 3;
+constexpr double kCyclesPerSlice = 3;
 /// From the command to move to knowing of it.
-constexpr double reaction_cycles = 4;
+constexpr double kReactionCycles = 4;
 /// Where nobody asked for ramps outside, the platform may be this share of the absorbance height
 /// (base 10) above the window when the first slice comes: the dose there is 11 % less.
-constexpr double unasked_run_up = 0.05;
+constexpr double kUnaskedRunUp = 0.05;
 
 void check_travel(const PrintPlan& plan, const Machine& machine, double top_um) {
   const double travel = machine.stage.travel_um;
@@ -57,11 +57,11 @@ void plan_motion(PrintPlan& plan, const StackInfo& info, const Machine& machine)
                               : 0;
     for (std::size_t n = 0; n < plan.frames.size(); ++n) {
       const double exposure_s = layer_exposure_s(process, static_cast<int>(n));
-      if (exposure_s < cycles_per_slice * limits.cycle_s) {
+      if (exposure_s < kCyclesPerSlice * limits.cycle_s) {
         throw InfeasibleError(
             fmt::format("layer {} is exposed for {:g} s, with exchanges every {:g} s at least {:g} "
                         "s can be timed",
-                        n, exposure_s, limits.cycle_s, cycles_per_slice * limits.cycle_s));
+                        n, exposure_s, limits.cycle_s, kCyclesPerSlice * limits.cycle_s));
       }
       plan.frames[n].exposure_s = exposure_s;
       plan.expected_s += exposure_s + stage.settle_s + (n > 0 ? lift_s : 0);
@@ -69,23 +69,23 @@ void plan_motion(PrintPlan& plan, const StackInfo& info, const Machine& machine)
     return;
   }
 
-  plan.speed_um_s = process.speed_mm_h / mm_h_from_um_s;
+  plan.speed_um_s = process.speed_mm_h / kMmHFromUmS;
   const double v = plan.speed_um_s;
   if (stage.max_speed_um_s > 0 && v > stage.max_speed_um_s * (1 + 1e-9)) {
     throw InfeasibleError(fmt::format(
         "the stack is printed at {:g} mm/h, the stage of printer '{}' reaches {:g} mm/h; correct "
         "the part for at most that speed",
-        process.speed_mm_h, machine.printer.name, stage.max_speed_um_s * mm_h_from_um_s));
+        process.speed_mm_h, machine.printer.name, stage.max_speed_um_s * kMmHFromUmS));
   }
   const double slice_s = plan.layer_um / v;
-  if (slice_s < cycles_per_slice * limits.cycle_s) {
+  if (slice_s < kCyclesPerSlice * limits.cycle_s) {
     throw InfeasibleError(
         fmt::format("a slice of {:g} um passes in {:.3g} ms at {:g} mm/h, with exchanges every "
                     "{:g} ms (cycle_s) it must take {:g} ms; print at {:.5g} mm/h or slower, or "
                     "with higher slices",
                     plan.layer_um, slice_s * 1e3, process.speed_mm_h, limits.cycle_s * 1e3,
-                    cycles_per_slice * limits.cycle_s * 1e3,
-                    plan.layer_um / (cycles_per_slice * limits.cycle_s) * mm_h_from_um_s));
+                    kCyclesPerSlice * limits.cycle_s * 1e3,
+                    plan.layer_um / (kCyclesPerSlice * limits.cycle_s) * kMmHFromUmS));
   }
 
   plan.ramp_um = v * v / (2 * stage.acceleration_um_s2);
@@ -110,9 +110,9 @@ void plan_motion(PrintPlan& plan, const StackInfo& info, const Machine& machine)
         light_on_s(process, plan.m, plan.layer_um, static_cast<int>(plan.frames.size()));
     return;
   }
-  plan.run_up_um = plan.ramp_um + reaction_cycles * limits.cycle_s * v;
+  plan.run_up_um = plan.ramp_um + kReactionCycles * limits.cycle_s * v;
   if (process.ramp == Ramp::none &&
-      plan.run_up_um > unasked_run_up * info.resin->absorbance_height10_um) {
+      plan.run_up_um > kUnaskedRunUp * info.resin->absorbance_height10_um) {
     throw InfeasibleError(fmt::format(
         "the stage of printer '{}' takes {:.0f} um to reach {:g} mm/h, and the stack does not say "
         "what happens meanwhile; correct the part with --ramp lamp-follows --ramp-mm {:.4g}, or "

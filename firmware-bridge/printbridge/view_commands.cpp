@@ -25,7 +25,7 @@ namespace slicecorr::bridge {
 namespace {
 
 /// Niceness of commands that only look: everything that prints goes first.
-constexpr int nice_level = 10;
+constexpr int kNiceLevel = 10;
 
 struct Looker {
   explicit Looker(const PrinterOptions& o) {
@@ -242,7 +242,7 @@ int serve(const ServeCommand& o, cli::Console& console) {
 /// What only looks is never in the way of what prints.
 cli::Program::Action politely(const std::function<int(cli::Console&)>& action) {
   return [action](const ExecutionContext&, cli::Console& console) {
-    [[maybe_unused]] const int level = ::nice(nice_level);
+    [[maybe_unused]] const int level = ::nice(kNiceLevel);
     return action(console);
   };
 }

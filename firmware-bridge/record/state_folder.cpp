@@ -50,7 +50,7 @@ int open_lock(const StateFolder& folder) {
 struct JournalEnd {
   bool open = false;
   std::string stack, last;
-  int frame = black_frame;
+  int frame = kBlackFrame;
   double stage_um = 0;
 };
 JournalEnd journal_of(const StateFolder& folder) {
@@ -61,14 +61,14 @@ JournalEnd journal_of(const StateFolder& folder) {
     const auto json = nlohmann::json::parse(line, nullptr, false);
     if (!json.is_object()) continue;  // halved by a power cut
     const std::string what = json.value("what", "");
-    if (what == journal_begin) {
+    if (what == kJournalBegin) {
       end.open = true;
       end.stack = json.value("detail", "");
-    } else if (what == journal_end) {
+    } else if (what == kJournalEnd) {
       end.open = false;
     }
     end.last = what;
-    end.frame = json.value("frame", black_frame);
+    end.frame = json.value("frame", kBlackFrame);
     end.stage_um = json.value("stage_um", 0.0);
   }
   return end;
@@ -150,7 +150,7 @@ std::optional<Latch> read_latch(const StateFolder& folder, bool locked) {
     latch.fault = fault_of(json.value("fault", "")).value_or(Fault::defect);
     latch.detail = json.value("detail", "");
     latch.stack = json.value("stack", "");
-    latch.frame = json.value("frame", black_frame);
+    latch.frame = json.value("frame", kBlackFrame);
     latch.stage_um = json.value("stage_um", 0.0);
     latch.z_um = json.value("z_um", 0.0);
     if (const auto left = json.find("after_fault"); left != json.end()) {
@@ -200,7 +200,7 @@ void clear_latch(const StateFolder& folder) {
   if (journal_of(folder).open) {
     std::ofstream file(folder.file("journal.jsonl"), std::ios::app);
     // A line of its own also where the last one was halved.
-    file << "\n{\"what\":\"" << journal_end << "\",\"detail\":\"reset\"}\n";
+    file << "\n{\"what\":\"" << kJournalEnd << "\",\"detail\":\"reset\"}\n";
     file.flush();
     if (!file) throw DeviceError(folder.file("journal.jsonl") + ": can't be written");
     file.close();

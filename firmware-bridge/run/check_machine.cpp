@@ -12,8 +12,8 @@ namespace slicecorr::bridge {
 namespace {
 
 /// Longer than it takes any controller to do what it is told, besides moving.
-constexpr double soon_s = 1, hold_s = 0.3;
-constexpr double most_way_um = 1000, calm_speed_um_s = 500;
+constexpr double kSoonS = 1, hold_s = 0.3;
+constexpr double kMostWayUm = 1000, calm_speed_um_s = 500;
 
 using Found = MachineCheck::Found;
 
@@ -43,7 +43,7 @@ class Bench {
       link_ = connect_();
     });
     remembers();
-    say("at the end", exchange_until(Command::off, soon_s, is(MachineState::idle)), "off, idle");
+    say("at the end", exchange_until(Command::off, kSoonS, is(MachineState::idle)), "off, idle");
     return true;
   }
 
@@ -57,7 +57,7 @@ class Bench {
     const double fastest = machine_.stage.max_speed_um_s;
     return fastest > 0 ? std::min(calm_speed_um_s, fastest) : calm_speed_um_s;
   }
-  double watchdog_within_s() const { return 2 * machine_.limits.watchdog_s + soon_s; }
+  double watchdog_within_s() const { return 2 * machine_.limits.watchdog_s + kSoonS; }
 
   void say(const std::string& what, bool good, const std::string& detail) {
     tell_({good ? Found::good : Found::bad, what,
@@ -133,15 +133,15 @@ class Bench {
   }
 
   bool take_off() {
-    const bool taken = exchange_until(Command::off, soon_s, [](const Status&) { return true; });
+    const bool taken = exchange_until(Command::off, kSoonS, [](const Status&) { return true; });
     say("sequence", taken, "it gives back the sequence number of what it took over");
     if (status_->state != MachineState::idle) {
-      exchange_until(Command::reset, soon_s, is(MachineState::idle));
+      exchange_until(Command::reset, kSoonS, is(MachineState::idle));
     }
-    say("off", exchange_until(Command::off, soon_s, is(MachineState::idle)), "off makes it idle");
+    say("off", exchange_until(Command::off, kSoonS, is(MachineState::idle)), "off makes it idle");
     // The same set-points twice.
     const bool again = link_->exchange(out_).has_value() &&
-                       exchange_until(Command::off, soon_s, is(MachineState::idle));
+                       exchange_until(Command::off, kSoonS, is(MachineState::idle));
     say("twice", again, "the same set-points twice do no harm");
     return taken;
   }
@@ -154,7 +154,7 @@ class Bench {
 
   void run_and_hold() {
     out_.target_um = status_->stage_um;
-    say("run", exchange_until(Command::run, soon_s, is(MachineState::running)), "run makes it run");
+    say("run", exchange_until(Command::run, kSoonS, is(MachineState::running)), "run makes it run");
     const double at_um = status_->stage_um, near_um = machine_.stage.tolerance_um;
     say("holds",
         exchange_while(hold_s,
@@ -177,7 +177,7 @@ class Bench {
 
   void moves() {
     const double from_um = status_->stage_um;
-    const double way_um = std::min(most_way_um, machine_.stage.travel_um / 4);
+    const double way_um = std::min(kMostWayUm, machine_.stage.travel_um / 4);
     const double to_um =
         from_um + way_um <= machine_.stage.travel_um ? from_um + way_um : from_um - way_um;
     const bool went = go_to(to_um);
@@ -189,7 +189,7 @@ class Bench {
     exchange_until(Command::run, 30, [&](const Status& s) {
       return std::abs(s.stage_um - to_um) >= std::abs(half_um - to_um);
     });
-    const bool stopped = exchange_until(Command::stop, soon_s, is(MachineState::stopped));
+    const bool stopped = exchange_until(Command::stop, kSoonS, is(MachineState::stopped));
     say("stop", stopped, "stop makes it stopped");
     const double brakes_s = 1.5 * speed() / std::max(out_.acceleration_um_s2, 1.0);
     exchange_while(brakes_s + hold_s, [](const Status&) { return true; });
@@ -200,16 +200,16 @@ class Bench {
     const bool short_of = std::abs(rest_um - from_um) > machine_.stage.tolerance_um;
     if (rests && !short_of) trouble_ = "it went on to where it was going";
     say("stands", rests && short_of, "and its stage stands, where it came to");
-    say("off after stop", exchange_until(Command::off, soon_s, is(MachineState::idle)),
+    say("off after stop", exchange_until(Command::off, kSoonS, is(MachineState::idle)),
         "off makes a stopped machine idle");
     out_.target_um = status_->stage_um;
-    const bool runs = exchange_until(Command::run, soon_s, is(MachineState::running));
+    const bool runs = exchange_until(Command::run, kSoonS, is(MachineState::running));
     say("back", runs && go_to(from_um), "and it goes back");
   }
 
   void stops_alone() {
     out_.target_um = status_->stage_um;
-    exchange_until(Command::run, soon_s, is(MachineState::running));
+    exchange_until(Command::run, kSoonS, is(MachineState::running));
     out_.command = Command::stop;
     const bool written = link_->write_alone(out_, Alone::command);
     if (!written) trouble_ = "it " + link_->last_error();
@@ -222,7 +222,7 @@ class Bench {
     }
     say("stop alone", stopped,
         "a stop that is written by itself counts at once, without a sequence number");
-    exchange_until(Command::off, soon_s, is(MachineState::idle));
+    exchange_until(Command::off, kSoonS, is(MachineState::idle));
   }
 
   void stand_still() {
@@ -235,7 +235,7 @@ class Bench {
   void watchdog(const std::string& what, const std::string& text,
                 const std::function<void()>& neglect) {
     out_.target_um = status_->stage_um;
-    const bool ran = exchange_until(Command::run, soon_s, is(MachineState::running)) &&
+    const bool ran = exchange_until(Command::run, kSoonS, is(MachineState::running)) &&
                      exchange_while(1.5 * machine_.limits.watchdog_s, is(MachineState::running));
     say(what + ", fed", ran, "it runs as long as the heartbeat changes");
     neglect();
@@ -250,7 +250,7 @@ class Bench {
     const bool off = status_->state != MachineState::running;
     say(what, ran && off, text);
     if (!off) {
-      exchange_until(Command::off, soon_s, is(MachineState::idle));
+      exchange_until(Command::off, kSoonS, is(MachineState::idle));
       return;
     }
     if (machine_.modbus->read.contains(Signal::watchdog_tripped)) {
@@ -260,22 +260,22 @@ class Bench {
     say(what + ", stays off",
         exchange_while(hold_s, [](const Status& s) { return s.state != MachineState::running; }),
         "it does not run again before it is reset");
-    const bool reset = exchange_until(Command::reset, soon_s, is(MachineState::idle)) &&
-                       exchange_until(Command::off, soon_s, is(MachineState::idle));
+    const bool reset = exchange_until(Command::reset, kSoonS, is(MachineState::idle)) &&
+                       exchange_until(Command::off, kSoonS, is(MachineState::idle));
     say(what + ", reset", reset && !status_->watchdog_tripped, "reset makes it idle");
   }
 
   void remembers() {
-    if (machine_.modbus->write.contains(Signal::context)) {
-      const auto kept = [](bool context) {
-        return [context](const Status& s) { return s.job_kept == context; };
+    if (machine_.modbus->write.contains(Signal::job)) {
+      const auto kept = [](bool job) {
+        return [job](const Status& s) { return s.job_kept == job; };
       };
-      out_.context = true;
-      const bool on = exchange_until(Command::off, soon_s, kept(true));
-      out_.context = false;
-      say("job", on && exchange_until(Command::reset, soon_s, kept(false)),
+      out_.job = true;
+      const bool on = exchange_until(Command::off, kSoonS, kept(true));
+      out_.job = false;
+      say("job", on && exchange_until(Command::reset, kSoonS, kept(false)),
           "it keeps the job that is written");
-      exchange_until(Command::off, soon_s, is(MachineState::idle));
+      exchange_until(Command::off, kSoonS, is(MachineState::idle));
     } else {
       leave("job",
             "the map has no job and no job_kept: the height of the stage must tell whether a part "

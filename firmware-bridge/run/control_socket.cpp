@@ -18,7 +18,7 @@
 namespace slicecorr::bridge {
 namespace {
 
-constexpr std::size_t longest_request = 4096, longest_answer = 1 << 20;
+constexpr std::size_t kLongestRequest = 4096, longest_answer = 1 << 20;
 
 /// The socket's address by way of its folder's descriptor: paths of folders may be longer than
 /// what fits in an address.
@@ -150,7 +150,7 @@ void ControlSocket::work() {
 }
 
 void ControlSocket::serve(int client) {
-  const auto request = read_line(client, longest_request, 1000);
+  const auto request = read_line(client, kLongestRequest, 1000);
   if (!request) return;
   if (*request == "status") {
     const auto state = counter_.state();

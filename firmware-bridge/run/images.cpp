@@ -12,9 +12,9 @@ namespace slicecorr::bridge {
 namespace {
 
 /// Real-time priority of the thread that shows images: below that of the control thread.
-constexpr int image_priority = 40;
+constexpr int kImagePriority = 40;
 /// Between looks at a display that has nothing new to show.
-constexpr std::chrono::milliseconds check_every{20};
+constexpr std::chrono::milliseconds kCheckEvery{20};
 
 }  // namespace
 
@@ -68,10 +68,10 @@ void Images::fault(Fault what, const std::string& detail) {
 }
 
 void Images::work() {
-  raise_priority(image_priority);
+  raise_priority(kImagePriority);
   std::unique_lock lock(mutex_);
   while (true) {
-    if (!asked_.wait_for(lock, check_every, [&] { return ending_ || request_; })) {
+    if (!asked_.wait_for(lock, kCheckEvery, [&] { return ending_ || request_; })) {
       lock.unlock();
       check();
       lock.lock();

@@ -27,7 +27,7 @@ class Images {
   /// `lockstep`: no thread; images are shown in `show_due`.
   Images(FrameRing& ring, FrameSink& sink, BridgeClock& clock, bool lockstep);
   ~Images();
-  /// The image to show next, `black_frame`, which goes before all that waits.
+  /// The image to show next, `kBlackFrame`, which goes before all that waits.
   void show(int number, double at_s);
   /// Lockstep: shows what is due before `until_s`.
   void show_due(double until_s);

@@ -20,8 +20,8 @@
 namespace slicecorr::bridge {
 namespace {
 
-constexpr int control_priority = 50;
-constexpr double tell_every_s = 0.25;
+constexpr int kControlPriority = 50;
+constexpr double kTellEveryS = 0.25;
 
 /// Tells the user how far the print is, from a thread of its own: a terminal that hangs must not
 /// hang the print.
@@ -94,13 +94,13 @@ class Run {
   }
 
   Ending go() {
-    journal_->add({clock_.now_s(), journal_begin, options_.stack, controller_->frame(),
+    journal_->add({clock_.now_s(), kJournalBegin, options_.stack, controller_->frame(),
                    controller_->stage_um(), facts_json(facts_)},
                   true);
     journal_->flush();
     if (const auto trouble = journal_->trouble(); !trouble.empty()) throw DeviceError(trouble);
     if (!options_.lockstep) {
-      threads_ = raise_priority(control_priority) + ", " + lock_memory();
+      threads_ = raise_priority(kControlPriority) + ", " + lock_memory();
       note("threads", threads_);
     }
     next_s_ = clock_.now_s();
@@ -223,7 +223,7 @@ class Run {
 
   /// Whoever asks or watches: numbers only, their text is made by the thread that is asked.
   void tell(double now) {
-    if (now < told_s_ + tell_every_s) return;
+    if (now < told_s_ + kTellEveryS) return;
     PrintState state = this->state(now);
     ++state.told;
     if (!counter_.offer(state)) return;  // with the next cycle
@@ -290,7 +290,7 @@ class Run {
         note("latched", std::string(name_of(e.fault)));
       }
       if (e.fault != Fault::none) {
-        journal_->add({e.seconds, journal_left, in_words(e.left), controller_->frame(),
+        journal_->add({e.seconds, kJournalLeft, in_words(e.left), controller_->frame(),
                        controller_->stage_um(), left_json(e.left).dump()},
                       true);
       }
@@ -313,7 +313,7 @@ class Run {
       note("not recorded", trouble);
       e.trouble = trouble;
     }
-    note(journal_end, std::string(name_of(e.phase)));
+    note(kJournalEnd, std::string(name_of(e.phase)));
     journal_->flush();
     if (const auto trouble = journal_->trouble(); !trouble.empty()) e.trouble = trouble;
     return e;

@@ -25,7 +25,7 @@ class Exposures {
   void cross(const Motion& stage);
 
   struct Lit {
-    int image = black_image;
+    int image = kBlackImage;
     double time_s = 0, light_s = 0;
     double blue_s = 0, uv_s = 0;  ///< integrals of blue's share and of UV, mW/cm²
     double from_um = 0, to_um = 0;

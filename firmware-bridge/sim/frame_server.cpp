@@ -120,7 +120,7 @@ WireMessage FrameServer::answer(WireMessage&& message, bool& greeted) {
 WireMessage FrameServer::show(WireMessage&& message) {
   const Printer& printer = machine_.printer;
   const bool patterned = printer.uv && printer.uv->patterned;
-  const bool has_uv = (message.flags & wire_uv) != 0;
+  const bool has_uv = (message.flags & kWireUv) != 0;
   if (message.number >= 0 &&
       (static_cast<int>(message.width_px) != printer.width_px ||
        static_cast<int>(message.height_px) != printer.height_px || has_uv != patterned)) {

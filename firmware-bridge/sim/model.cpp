@@ -19,7 +19,7 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kRoomTemperature_c = 25;
 /// What is on the display, but not lit since it came.
-constexpr int unlit_image = -2;
+constexpr int kUnlitImage = -2;
 
 bool is_wire(const std::string& what) {
   return what == "late-reply" || what == "wrong-reply" || what == "drop" || what == "disconnect";
@@ -77,7 +77,7 @@ struct PrinterModel::Impl {
   bool wait_for_off = false;  ///< started anew: runs only after an order that is not to run
   double fed_s = 0, watchdog_s = 0, began_s = 0;
   bool watchdog_tripped = false;
-  bool context = false, failed_job = false;  ///< kept over a restart of the controller
+  bool job = false, failed_job = false;  ///< kept over a restart of the controller
   double temperature_c = kRoomTemperature_c;
   Interlock door, button;
   std::vector<Due> faults;
@@ -87,7 +87,7 @@ struct PrinterModel::Impl {
   bool frozen = false;
   std::shared_ptr<const Frame> frame, later_frame;
   int image =
-      black_image;  ///< of `frame` in the order of what was lit, `black_image` or `unlit_image`
+      kBlackImage;  ///< of `frame` in the order of what was lit, `kBlackImage` or `kUnlitImage`
   int images = 0;
   ImageSink sink;
 
@@ -131,7 +131,7 @@ struct PrinterModel::Impl {
       uv.cut();
     });
     course.moving = false;
-    failed_job = failed_job || context;
+    failed_job = failed_job || job;
     if (state != MachineState::fault) {
       state = MachineState::fault;
       tell("fault");
@@ -297,7 +297,7 @@ struct PrinterModel::Impl {
     const double time = next - now;
     detail::Exposures::Lit part;
     if (lit) {
-      if (image == unlit_image) {
+      if (image == kUnlitImage) {
         image = images++;
         if (sink) sink(image, frame);
       }
@@ -324,7 +324,7 @@ struct PrinterModel::Impl {
     if (!heard || s.heartbeat != heartbeat) fed_s = now;
     heard = true;
     heartbeat = s.heartbeat;
-    context = s.context;
+    job = s.job;
     // Nobody talks the machine out of its own limit.
     watchdog_s = s.watchdog_s > 0 ? std::min(s.watchdog_s, machine.limits.watchdog_s)
                                   : machine.limits.watchdog_s;
@@ -344,7 +344,7 @@ struct PrinterModel::Impl {
       return;
     }
     if (command == Command::reset) failed_job = false;
-    if (command == Command::stop && context) failed_job = true;
+    if (command == Command::stop && job) failed_job = true;
     if (command == Command::run && !wait_for_off) {
       run(s);
     } else {
@@ -376,7 +376,7 @@ struct PrinterModel::Impl {
 
   void show(const std::shared_ptr<const Frame>& next) {
     happen();
-    const int number = next ? next->number : black_frame;
+    const int number = next ? next->number : kBlackFrame;
     double late_s = 0;
     for (Due& due : faults) {
       const bool here = is_due(due) || (!due.done && due.fault.at_frame && number >= 0 &&
@@ -405,8 +405,8 @@ struct PrinterModel::Impl {
     const bool same = frame && next && frame->number == next->number &&
                       frame->crc32 == next->crc32 && frame->blue.size() == next->blue.size();
     frame = std::move(next);
-    if (!same) image = frame ? unlit_image : black_image;
-    display.number = frame ? frame->number : black_frame;
+    if (!same) image = frame ? kUnlitImage : kBlackImage;
+    display.number = frame ? frame->number : kBlackFrame;
     display.since_s = now;
     ++display.count;
     reached_frame = std::max(reached_frame, display.number);
@@ -425,7 +425,7 @@ void PrinterModel::record(const SliceFacts& facts) {
   impl_->exposures.begin(facts);
   // Images are counted anew, too; what is on the display has not been lit in this record.
   impl_->images = 0;
-  impl_->image = impl_->frame ? unlit_image : black_image;
+  impl_->image = impl_->frame ? kUnlitImage : kBlackImage;
   impl_->tracked = false;
 }
 void PrinterModel::advance(double time_s) { impl_->advance(time_s); }
@@ -453,7 +453,7 @@ Status PrinterModel::status() const {
   s.over_temperature = i.temperature_c > i.machine.limits.max_temperature_c;
   s.watchdog_tripped = i.watchdog_tripped;
   s.latched = i.failed_job;
-  s.job_kept = i.context;
+  s.job_kept = i.job;
   return s;
 }
 

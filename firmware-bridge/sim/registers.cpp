@@ -87,7 +87,7 @@ bool Registers::acceptable(const SetPoints& s) const {
          within(Signal::blue_share, s.blue_share, 0, machine_.blue.max_share) &&
          within(Signal::uv_mw_cm2, s.uv_mw_cm2, 0, uv) &&
          within(Signal::watchdog_s, s.watchdog_s, 0, machine_.limits.watchdog_s) &&
-         s.frame >= black_frame;
+         s.frame >= kBlackFrame;
 }
 
 int Registers::write(int address, std::span<const std::uint8_t> values,

@@ -18,7 +18,7 @@ using chart::Picture;
 using chart::Point;
 using chart::Style;
 
-constexpr double panel_height = 170, half_height = 120;
+constexpr double kPanelHeight = 170, half_height = 120;
 
 using Of = std::function<double(const FrameRow&)>;
 
@@ -85,7 +85,7 @@ Panel histogram(const Bounds& bounds, const Counts& counts, const char* unit, in
     x.ticks.push_back({static_cast<double>(i) + 0.5, i < bounds.size() ? names[i] : ">"});
   }
   const double high = std::pow(10.0, std::ceil(std::log10(static_cast<double>(most)) + 0.35));
-  Panel panel(std::move(x), Axis{"frames", true, 0.5, std::max(10.0, high)}, panel_height);
+  Panel panel(std::move(x), Axis{"frames", true, 0.5, std::max(10.0, high)}, kPanelHeight);
   for (std::size_t i = 0; i < counts.size(); ++i) {
     if (counts[i] == 0) continue;
     const double left = static_cast<double>(i) + 0.1, right = left + 0.8;
@@ -109,9 +109,9 @@ void add_histograms(const PrintRecord& r, std::vector<Chart>& charts) {
   if (!um && !ms) return;
   Picture picture("How late frames were",
                   "Numbers of frames by how late they were, on a logarithmic axis");
-  if (um) picture.add(histogram(Lateness::bounds_um, r.lateness.um, "um of the stage's way", 0));
+  if (um) picture.add(histogram(Lateness::kBoundsUm, r.lateness.um, "um of the stage's way", 0));
   if (ms) {
-    picture.add(histogram(Lateness::bounds_ms, r.lateness.ms,
+    picture.add(histogram(Lateness::kBoundsMs, r.lateness.ms,
                           r.facts.layerwise ? "ms of exposure" : "ms", 2));
   }
   picture.note("What is early counts as in time, in the first bar.");
@@ -134,7 +134,7 @@ void add_lateness(const PrintRecord& r, std::vector<Chart>& charts) {
       layers ? "Exposures, longer than asked" : "Lateness of each frame",
       fmt::format("Lateness in {} over the number of the frame; {} of {} frames are late", unit,
                   late_ones.size(), r.frames.size()));
-  std::vector<double> more{0, layers ? Lateness::bounds_ms[0] : Lateness::bounds_um[0]};
+  std::vector<double> more{0, layers ? Lateness::kBoundsMs[0] : Lateness::kBoundsUm[0]};
   const bool limited = !layers && r.facts.max_late_um > 0;
   double worst = 0, earliest = 0;
   for (const Point& p : all) {
@@ -146,7 +146,7 @@ void add_lateness(const PrintRecord& r, std::vector<Chart>& charts) {
   if (limited && worst > r.facts.max_late_um / 20) more.push_back(r.facts.max_late_um);
   Panel panel(with_room(axis_of(layers ? "layer" : "frame", {&all}, true, {fault_frame(r)}),
                         fault_frame(r)),
-              axis_of(fmt::format("late, {}", unit), {&all}, false, more), panel_height);
+              axis_of(fmt::format("late, {}", unit), {&all}, false, more), kPanelHeight);
   if (limited) panel.horizontal(r.facts.max_late_um, "more counts as late");
   if (limited && earliest < -r.facts.max_late_um / 2) {
     panel.horizontal(-r.facts.max_late_um, "so does what is earlier", true);

@@ -8,13 +8,13 @@
 namespace slicecorr::bridge::detail {
 
 /// Columns that a long series is thinned to: as many as a panel has pixels across.
-inline constexpr int envelope_columns = 560;
+inline constexpr int kEnvelopeColumns = 560;
 
 /// Of each of `columns` equal pieces of x the first, least, greatest and last point, in their
 /// order: drawn as a line it looks as the whole. Points that are not finite are left out; order of
 /// x is not needed.
 std::vector<chart::Point> envelope(std::vector<chart::Point> points,
-                                   int columns = envelope_columns);
+                                   int columns = kEnvelopeColumns);
 
 /// Of each piece the point furthest from 0, and how many there are.
 struct Peak {
@@ -23,6 +23,6 @@ struct Peak {
   int count = 0;
 };
 std::vector<Peak> peaks(const std::vector<chart::Point>& points,
-                        int columns = envelope_columns / 4);
+                        int columns = kEnvelopeColumns / 4);
 
 }  // namespace slicecorr::bridge::detail

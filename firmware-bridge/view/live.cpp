@@ -146,7 +146,7 @@ std::string event_line(const std::string& journal_line) {
   const detail::Json json = detail::Json::parse(journal_line, nullptr, false);
   const std::string what = detail::text_in(json, "what"), more = detail::text_in(json, "detail");
   if (what.empty()) return {};
-  const int frame = detail::whole_in(json, "frame", black_frame);
+  const int frame = detail::whole_in(json, "frame", kBlackFrame);
   return words::clipped(
       words::printable(fmt::format("{}  {:10.3f} s  {}{}{}", detail::text_in(json, "time"),
                                    detail::number_in(json, "at_s", 0), what,
@@ -251,9 +251,9 @@ std::vector<std::string> live_frame(const Seen& seen, int columns, int rows, boo
     if (room > 0) {
       lines.emplace_back();
       if (f.layerwise) {
-        put_histogram(lines, columns, colour, room, Lateness::bounds_ms, l.ms, "ms");
+        put_histogram(lines, columns, colour, room, Lateness::kBoundsMs, l.ms, "ms");
       } else {
-        put_histogram(lines, columns, colour, room, Lateness::bounds_um, l.um, "um");
+        put_histogram(lines, columns, colour, room, Lateness::kBoundsUm, l.um, "um");
       }
     }
   }

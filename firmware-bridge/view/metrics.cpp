@@ -34,13 +34,13 @@ std::string metrics_text(const Seen& seen, const FaultCounts& faults) {
   const Lateness& l = s.lateness;
   if (!f.layerwise) {
     t.histogram("frame_lateness_um", "How late frames began, along the stage's way.",
-                Lateness::bounds_um, l.um, l.sum_um);
+                Lateness::kBoundsUm, l.um, l.sum_um);
     t.one("frame_lateness_worst_um", "gauge", "Latest frame, along the stage's way.",
           std::fmax(l.worst_um, s.worst_late_um));
   }
-  std::array<double, Lateness::bounds_ms.size()> seconds{};
+  std::array<double, Lateness::kBoundsMs.size()> seconds{};
   for (std::size_t i = 0; i < seconds.size(); ++i) {
-    seconds[i] = Lateness::bounds_ms[i] / 1e3;
+    seconds[i] = Lateness::kBoundsMs[i] / 1e3;
   }
   t.histogram("frame_lateness_seconds",
               "How late frames began; layer by layer how much too long exposures were.", seconds,

@@ -19,16 +19,16 @@ namespace {
 
 using End = PrintRecord::End;
 
-constexpr int longest_text = 600;
+constexpr int kLongestText = 600;
 /// Rows that a table of events may have before it is put into a box that scrolls.
-constexpr std::size_t longest_untouched = 60;
-constexpr std::size_t most_events = 600, first_events = 200, most_late = 300;
+constexpr std::size_t kLongestUntouched = 60;
+constexpr std::size_t kMostEvents = 600, first_events = 200, most_late = 300;
 
 /// What comes from files and machines, for the page.
 std::string shown(std::string_view text) {
   // Cut before it is looked at: a damaged line may be a file long.
-  const std::string cut(text.substr(0, 4 * longest_text));
-  return escape_markup(words::clipped(words::printable(cut), longest_text));
+  const std::string cut(text.substr(0, 4 * kLongestText));
+  return escape_markup(words::clipped(words::printable(cut), kLongestText));
 }
 
 std::string figure(double value, const char* format_unit, int digits) {
@@ -161,7 +161,7 @@ std::string what_happened(const PrintRecord& r) {
     const RecordedEvent& last = r.events.back();
     return fmt::format(
         R"(<p class="holds">The program was killed, or the power failed: the journal has no end. Its last line of the print is <code>{}</code> at {}. Look at the machine before the next print.</p>)",
-        shown(last.what == journal_end && r.events.size() > 1 ? r.events[r.events.size() - 2].what
+        shown(last.what == kJournalEnd && r.events.size() > 1 ? r.events[r.events.size() - 2].what
                                                               : last.what),
         figure(last.at_s, " s", 3));
   }
@@ -243,11 +243,11 @@ std::string late_table(const PrintRecord& r) {
 }
 
 bool of_the_fault(const RecordedEvent& e) {
-  static constexpr const char* order[] = {"phase lamps_off", "phase stopping", "phase blacking",
-                                          "phase failed",    "lamps off",      "stage stop",
-                                          "black",           "latched",        "light"};
+  static constexpr const char* kOrder[] = {"phase lamps_off", "phase stopping", "phase blacking",
+                                           "phase failed",    "lamps off",      "stage stop",
+                                           "black",           "latched",        "light"};
   return e.what.starts_with("fault ") ||
-         std::any_of(std::begin(order), std::end(order),
+         std::any_of(std::begin(kOrder), std::end(kOrder),
                      [&](const char* what) { return e.what == what; });
 }
 
@@ -259,12 +259,12 @@ std::string event_table(const PrintRecord& r) {
       R"(<h2>What happened</h2>{}<div class="scroll{}" tabindex="0" role="region" aria-label="Events"><table class="events"><thead><tr><th scope="col">at, s</th>{}<th scope="col" class="words">what</th><th scope="col" class="words">detail</th><th scope="col">frame</th><th scope="col">z, mm</th></tr></thead><tbody>)",
       fault ? "<p class=\"dim\">Marked: the fault and its order: lamps off, stage stop, black.</p>"
             : "",
-      r.events.size() > longest_untouched ? " tall" : "",
+      r.events.size() > kLongestUntouched ? " tall" : "",
       fault ? "<th scope=\"col\">since the fault, ms</th>" : "");
   for (std::size_t i = 0; i < r.events.size(); ++i) {
     // Of many, how it began and how it ended.
-    if (r.events.size() > most_events && i == first_events) {
-      const std::size_t left_out = r.events.size() - most_events;
+    if (r.events.size() > kMostEvents && i == first_events) {
+      const std::size_t left_out = r.events.size() - kMostEvents;
       html += fmt::format(
           R"(<tr><th scope="row">…</th><td colspan="{}">{} lines are left out</td></tr>)",
           fault ? 5 : 4, words::count(static_cast<std::int64_t>(left_out)));
@@ -310,8 +310,8 @@ std::string report_body(const PrintRecord& r) {
     html += "</div>";
     html += fmt::format(
         R"(<details><summary>Numbers of the histogram</summary><div class="scroll"><table><tbody>{}{}</tbody></table></div></details>)",
-        r.facts.layerwise ? "" : counts_row("um", Lateness::bounds_um, r.lateness.um),
-        counts_row("ms", Lateness::bounds_ms, r.lateness.ms));
+        r.facts.layerwise ? "" : counts_row("um", Lateness::kBoundsUm, r.lateness.um),
+        counts_row("ms", Lateness::kBoundsMs, r.lateness.ms));
   }
   return html + late_table(r) + event_table(r);
 }

@@ -18,32 +18,32 @@ namespace {
 
 using detail::Json;
 
-constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 /// Beyond it a number is none of a print: 1000 km, or 30,000 years.
-constexpr double most = 1e12;
-constexpr std::size_t most_frames = 2'000'000, most_events = 200'000;
+constexpr double kMost = 1e12;
+constexpr std::size_t kMostFrames = 2'000'000, most_events = 200'000;
 
 struct Column {
   const char* name;
   double FrameRow::*value;
 };
-constexpr Column columns[] = {{"planned_z_um", &FrameRow::planned_z_um},
-                              {"z_um", &FrameRow::z_um},
-                              {"planned_s", &FrameRow::planned_s},
-                              {"shown_s", &FrameRow::shown_s},
-                              {"late_um", &FrameRow::late_um},
-                              {"speed_um_s", &FrameRow::speed_um_s},
-                              {"blue_share", &FrameRow::blue_share},
-                              {"uv_mw_cm2", &FrameRow::uv_mw_cm2},
-                              {"blue_measured", &FrameRow::blue_measured},
-                              {"uv_measured", &FrameRow::uv_measured},
-                              {"stage_error_um", &FrameRow::stage_error_um},
-                              {"temperature_c", &FrameRow::temperature_c},
-                              {"exposure_s", &FrameRow::exposure_s},
-                              {"exposed_s", &FrameRow::exposed_s},
-                              {"missed_vblanks", &FrameRow::missed_vblanks},
-                              {"upload_s", &FrameRow::upload_s},
-                              {"present_s", &FrameRow::present_s}};
+constexpr Column kColumns[] = {{"planned_z_um", &FrameRow::planned_z_um},
+                               {"z_um", &FrameRow::z_um},
+                               {"planned_s", &FrameRow::planned_s},
+                               {"shown_s", &FrameRow::shown_s},
+                               {"late_um", &FrameRow::late_um},
+                               {"speed_um_s", &FrameRow::speed_um_s},
+                               {"blue_share", &FrameRow::blue_share},
+                               {"uv_mw_cm2", &FrameRow::uv_mw_cm2},
+                               {"blue_measured", &FrameRow::blue_measured},
+                               {"uv_measured", &FrameRow::uv_measured},
+                               {"stage_error_um", &FrameRow::stage_error_um},
+                               {"temperature_c", &FrameRow::temperature_c},
+                               {"exposure_s", &FrameRow::exposure_s},
+                               {"exposed_s", &FrameRow::exposed_s},
+                               {"missed_vblanks", &FrameRow::missed_vblanks},
+                               {"upload_s", &FrameRow::upload_s},
+                               {"present_s", &FrameRow::present_s}};
 
 std::vector<std::string_view> cells_of(std::string_view line) {
   std::vector<std::string_view> cells;
@@ -58,7 +58,7 @@ std::vector<std::string_view> cells_of(std::string_view line) {
 std::optional<double> number_of(std::string_view text) {
   double value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || end != text.data() + text.size() || !(std::abs(value) <= most)) {
+  if (error != std::errc{} || end != text.data() + text.size() || !(std::abs(value) <= kMost)) {
     return std::nullopt;
   }
   return value;
@@ -74,7 +74,7 @@ class FrameReader {
     for (std::size_t i = 0; i < names.size(); ++i) {
       if (names[i] == "frame") frame_ = i;
       if (names[i] == "late") late_ = i;
-      for (const Column& c : columns) {
+      for (const Column& c : kColumns) {
         if (names[i] == c.name) places_.emplace_back(i, c.value);
       }
     }
@@ -84,7 +84,7 @@ class FrameReader {
     const auto cells = cells_of(line);
     if (cells.size() != width_) return std::nullopt;
     FrameRow row;
-    for (const Column& c : columns) row.*c.value = unknown;
+    for (const Column& c : kColumns) row.*c.value = kUnknown;
     const auto frame = number_of(cells[frame_]);
     if (!frame || *frame < 0 || *frame > 1e9 || *frame != std::floor(*frame)) return std::nullopt;
     row.frame = static_cast<int>(*frame);
@@ -131,9 +131,9 @@ void read_frames(const std::string& path, PrintRecord& record) {
       ++broken;
       continue;
     }
-    if (record.frames.size() == most_frames) {
+    if (record.frames.size() == kMostFrames) {
       record.remarks.push_back(
-          fmt::format("frames.csv: only the first {} rows are shown", most_frames));
+          fmt::format("frames.csv: only the first {} rows are shown", kMostFrames));
       break;
     }
     record.frames.push_back(*row);
@@ -158,21 +158,21 @@ void read_journal(const std::string& path, PrintRecord& record, bool& ended, boo
     }
     RecordedEvent e;
     e.time = detail::text_in(json, "time");
-    e.at_s = detail::number_in(json, "at_s").value_or(unknown);
+    e.at_s = detail::number_in(json, "at_s").value_or(kUnknown);
     e.what = what;
     e.detail = detail::text_in(json, "detail");
-    e.frame = detail::whole_in(json, "frame", black_frame);
-    e.stage_um = detail::number_in(json, "stage_um").value_or(unknown);
-    if (what == journal_begin) {
+    e.frame = detail::whole_in(json, "frame", kBlackFrame);
+    e.stage_um = detail::number_in(json, "stage_um").value_or(kUnknown);
+    if (what == kJournalBegin) {
       const auto facts = json.find("facts");
       record.facts_known = facts != json.end() && facts->is_object();
       if (record.facts_known) record.facts = detail::facts_in(*facts);
       record.facts.stack = e.detail;
       ended = looked_at = false;
-    } else if (what == journal_end) {
+    } else if (what == kJournalEnd) {
       looked_at = e.detail == "reset";  // of a print that was killed
       ended = !looked_at;
-    } else if (what == journal_left) {
+    } else if (what == kJournalLeft) {
       const auto facts = json.find("facts");
       if (facts != json.end()) record.left = left_in(*facts);
     } else if (what == "threads") {

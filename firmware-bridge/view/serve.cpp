@@ -61,7 +61,7 @@ void PrintServer::Parts::read(const httplib::Request& request, httplib::Response
     http::send(response, 200, std::move(text), type);
     response.set_header("Content-Security-Policy", policy);
   };
-  if (path == "/") return shell(std::string(detail::page_live_html), http::html_type);
+  if (path == "/") return shell(std::string(detail::page_live_html), http::kHtmlType);
   if (path == "/live.js") {
     return shell(std::string(detail::page_live_js), "text/javascript; charset=utf-8");
   }
@@ -71,24 +71,24 @@ void PrintServer::Parts::read(const httplib::Request& request, httplib::Response
                      std::string(detail::page_print_css),
                  "text/css; charset=utf-8");
   }
-  if (path == "/healthz") return http::send(response, 200, "ok\n", http::text_type);
+  if (path == "/healthz") return http::send(response, 200, "ok\n", http::kTextType);
 
   http::check_access(rules, request, http::Access::read);
   if (path == "/status.json") {
-    return http::send(response, 200, status() + "\n", http::json_type);
+    return http::send(response, 200, status() + "\n", http::kJsonType);
   }
   if (path == "/metrics") {
     return http::send(response, 200, metrics_text(seen_in(status()), count_faults(folder)),
-                      http::metrics_type);
+                      http::kMetricsType);
   }
   if (path == "/record") {
     const std::string html = kept_record.get([this] { return report_body(record()); });
-    return http::send(response, 200, html, http::html_type);
+    return http::send(response, 200, html, http::kHtmlType);
   }
   if (path == "/report") {
     const std::string html = kept_report.get([this] { return report_page(record()); });
     response.set_header("Content-Security-Policy", http::policy_for_styles(html));
-    return http::send(response, 200, html, http::html_type);
+    return http::send(response, 200, html, http::kHtmlType);
   }
   throw http::ApiError(404, "not_found", "there is nothing at this path");
 }

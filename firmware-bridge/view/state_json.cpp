@@ -155,9 +155,9 @@ std::string state_json(const PrintFacts& facts, const PrintState& s, const Print
   json["temperature_c"] = or_null(s.temperature_c);
   json["left_s"] = or_null(left_s(facts, s));
   json["lateness_um"] =
-      counts_json(Lateness::bounds_um, s.lateness.um, s.lateness.sum_um, s.lateness.worst_um);
+      counts_json(Lateness::kBoundsUm, s.lateness.um, s.lateness.sum_um, s.lateness.worst_um);
   json["lateness_ms"] =
-      counts_json(Lateness::bounds_ms, s.lateness.ms, s.lateness.sum_ms, s.lateness.worst_ms);
+      counts_json(Lateness::kBoundsMs, s.lateness.ms, s.lateness.sum_ms, s.lateness.worst_ms);
   json["threads"] = around.threads;
   put_facts(json, facts);
   json["told"] = s.told;
@@ -223,7 +223,7 @@ PrintState state_in(const Json& json) {
   s.phase = phase_of(text_in(json, "phase")).value_or(Phase::connecting);
   s.fault = fault_of(text_in(json, "fault")).value_or(Fault::none);
   s.detail = text_in(json, "detail");
-  s.frame = whole_in(json, "frame", black_frame);
+  s.frame = whole_in(json, "frame", kBlackFrame);
   s.frames_shown = whole_in(json, "frames_shown", 0);
   s.late_frames = whole_in(json, "late_frames", 0);
   s.missed_cycles = whole_in(json, "missed_cycles", 0);

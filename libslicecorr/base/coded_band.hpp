@@ -32,7 +32,7 @@ class CodedBand {
   }
   int slices() const { return static_cast<int>(ends_.size()); }
   bool black(int slice) const { return begin(slice) == ends_[static_cast<std::size_t>(slice)]; }
-  /// Writes a slice to `out`; black outside the coded.
+  /// Writes a slice to `out`; black outside the columns that are coded.
   void read(int slice, std::uint8_t* out) const {
     if (slice < 0 || slice >= slices() || black(slice)) {
       std::memset(out, 0, columns_);

@@ -7,7 +7,7 @@ namespace slicecorr::detail {
 const ImageFunctions& image_functions() {
   static const ImageFunctions* const functions =
       reinterpret_cast<const ImageFunctions* (*)()>(module_entry(
-          "slicecorr-images.so", image_module_entry, "reads and makes images of this kind"))();
+          "slicecorr-images.so", kImageModuleEntry, "reads and makes images of this kind"))();
   return *functions;
 }
 

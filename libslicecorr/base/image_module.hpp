@@ -23,6 +23,6 @@ struct ImageFunctions {
 const ImageFunctions& image_functions();
 
 /// Name of the function by which the module gives its functions.
-inline constexpr const char* image_module_entry = "slicecorr_image_functions";
+inline constexpr const char* kImageModuleEntry = "slicecorr_image_functions";
 
 }  // namespace slicecorr::detail

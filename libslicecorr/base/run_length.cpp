@@ -14,8 +14,8 @@ static_assert(std::endian::native == std::endian::little, "bytes are found by co
 enum Kind : std::uint8_t { zeros = 0, ones = 1, repeated = 2, plain = 3 };
 
 /// Shorter runs stay among the plain bytes, so that a run always pays for the headers around it.
-constexpr std::size_t min_run = 9;
-constexpr std::size_t long_length = 64;
+constexpr std::size_t kMinRun = 9;
+constexpr std::size_t kLongLength = 64;
 
 std::uint64_t load(const std::uint8_t* p) {
   std::uint64_t v;
@@ -40,9 +40,9 @@ std::size_t run_end(const std::uint8_t* data, std::size_t i, std::size_t n) {
   return i;
 }
 
-/// Start of the next run of at least `min_run` bytes at or after `i`, or n.
+/// Start of the next run of at least `kMinRun` bytes at or after `i`, or n.
 std::size_t next_run(const std::uint8_t* data, std::size_t i, std::size_t n) {
-  while (i + min_run <= n) {
+  while (i + kMinRun <= n) {
     const std::uint64_t difference = load(data + i) ^ load(data + i + 1);
     if (difference == 0) return i;
     // No run can reach over the last pair of neighbours that differ.
@@ -52,10 +52,10 @@ std::size_t next_run(const std::uint8_t* data, std::size_t i, std::size_t n) {
 }
 
 void put_header(Kind kind, std::size_t length, std::vector<std::uint8_t>& out) {
-  const std::size_t low = std::min(length, long_length) - 1;
+  const std::size_t low = std::min(length, kLongLength) - 1;
   out.push_back(static_cast<std::uint8_t>(kind << 6 | low));
-  if (length < long_length) return;
-  std::size_t rest = length - long_length;
+  if (length < kLongLength) return;
+  std::size_t rest = length - kLongLength;
   for (; rest >= 128; rest >>= 7) out.push_back(static_cast<std::uint8_t>(rest | 128));
   out.push_back(static_cast<std::uint8_t>(rest));
 }
@@ -86,7 +86,7 @@ const std::uint8_t* run_length_decode(const std::uint8_t* in, const std::uint8_t
     if (in == end) corrupt();
     const std::uint8_t header = *in++;
     std::size_t length = (header & 63u) + 1u;
-    if (length == long_length) {
+    if (length == kLongLength) {
       for (int shift = 0;; shift += 7) {
         if (in == end || shift > 42) corrupt();
         const std::uint8_t byte = *in++;

@@ -14,7 +14,7 @@ namespace slicecorr::c_api {
 
 namespace {
 
-constexpr std::size_t memory_budget = std::size_t{256} << 20;
+constexpr std::size_t kMemoryBudget = std::size_t{256} << 20;
 
 /// A blob begins with its columns [x0, x1) and rows [y0, y1) in the image; their code follows.
 struct Head {
@@ -53,7 +53,7 @@ SliceStore::SliceStore(const Grid& grid, const std::string& scratch_folder,
                        const ExecutionContext& job)
     : grid_(grid),
       rows_(band_rows(grid)),
-      store_(scratch_folder, memory_budget, job),
+      store_(scratch_folder, kMemoryBudget, job),
       index_(nullptr, &std::free) {
   const int bands = (grid.height_px + rows_ - 1) / rows_;
   void* const memory =

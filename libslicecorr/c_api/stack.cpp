@@ -21,7 +21,7 @@ struct NumberProperty {
   double (*value)(const slicecorr_stack&);
 };
 
-const NumberProperty numbers[] = {
+const NumberProperty kNumbers[] = {
     {"width_px", "columns of a slice",
      [](const slicecorr_stack& s) { return double(s.info.grid.width_px); }},
     {"height_px", "rows of a slice",
@@ -94,7 +94,7 @@ struct TextProperty {
   const char* (*value)(const slicecorr_stack&);
 };
 
-const TextProperty texts[] = {
+const TextProperty kTexts[] = {
     {"path", "of the archive", [](const slicecorr_stack& s) { return s.path.c_str(); }},
     {"format", "of the archive", [](const slicecorr_stack& s) { return s.info.format.c_str(); }},
     {"kind", "target, corrected or foreign",
@@ -128,7 +128,7 @@ struct ListProperty {
   std::vector<double> (*values)(const slicecorr_stack&);
 };
 
-const ListProperty lists[] = {
+const ListProperty kLists[] = {
     {"layer_exposure_s", "light-on time of each layer",
      [](const slicecorr_stack& s) {
        const bool layerwise = s.info.process && s.info.process->mode == ExposureMode::layerwise;
@@ -257,9 +257,9 @@ void check_unchanged(const slicecorr_stack& stack, const StackInfo& now) {
 
 Names property_names() {
   Names names;
-  for (const auto& p : numbers) names.emplace_back(p.name, p.what);
-  for (const auto& p : lists) names.emplace_back(p.name, p.what);
-  for (const auto& p : texts) names.emplace_back(p.name, p.what);
+  for (const auto& p : kNumbers) names.emplace_back(p.name, p.what);
+  for (const auto& p : kLists) names.emplace_back(p.name, p.what);
+  for (const auto& p : kTexts) names.emplace_back(p.name, p.what);
   return names;
 }
 
@@ -349,7 +349,7 @@ slicecorr_status slicecorr_stack_number(const slicecorr_stack* stack, const char
                                         double* value) {
   return guarded(nullptr, [&] {
     const slicecorr_stack& s = need(stack, "stack");
-    need(value, "value") = property(slicecorr::c_api::numbers, name).value(s);
+    need(value, "value") = property(slicecorr::c_api::kNumbers, name).value(s);
   });
 }
 
@@ -358,7 +358,7 @@ slicecorr_status slicecorr_stack_numbers(const slicecorr_stack* stack, const cha
   return guarded(nullptr, [&] {
     const slicecorr_stack& s = need(stack, "stack");
     need(count, "count") = 0;
-    const auto list = property(slicecorr::c_api::lists, name).values(s);
+    const auto list = property(slicecorr::c_api::kLists, name).values(s);
     if (capacity > 0) {
       need(values, "values");
       std::copy_n(list.begin(), std::min(capacity, list.size()), values);
@@ -369,7 +369,7 @@ slicecorr_status slicecorr_stack_numbers(const slicecorr_stack* stack, const cha
 
 const char* slicecorr_stack_text(const slicecorr_stack* stack, const char* name) {
   if (!stack || !name) return nullptr;
-  for (const auto& p : slicecorr::c_api::texts) {
+  for (const auto& p : slicecorr::c_api::kTexts) {
     if (std::strcmp(p.name, name) == 0) return p.value(*stack);
   }
   return nullptr;

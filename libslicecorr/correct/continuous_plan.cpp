@@ -99,7 +99,7 @@ ContinuousPlan::ContinuousPlan(const CureModel& model, const Process& process, i
   // Out of exp, not by repeated division: entry j must not depend on how many come before it.
   grown.resize(static_cast<std::size_t>(slices) + 2);
   for (std::size_t j = 0; j < grown.size(); ++j) {
-    grown[j] = std::exp(static_cast<double>(j) * model.eta * units::ln10);
+    grown[j] = std::exp(static_cast<double>(j) * model.eta * units::kLn10);
   }
   middle = corner(0.5);
   for (double t = target; !exact; t *= 1.2) {

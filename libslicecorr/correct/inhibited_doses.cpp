@@ -9,9 +9,9 @@ ColumnDoses::ColumnDoses(const InhibitedPlan& plan) : plan_(plan) {
   near_middle_.resize(count);
   far_node_.resize(count + 1);
   far_middle_.resize(count + 1);
-  for (int i = 0; i < samples; ++i) {
+  for (int i = 0; i < kSamples; ++i) {
     fade_[i] =
-        static_cast<float>(std::pow(plan.kernel->a(), static_cast<double>(i + 1) / samples - 1.0));
+        static_cast<float>(std::pow(plan.kernel->a(), static_cast<double>(i + 1) / kSamples - 1.0));
   }
 }
 
@@ -20,7 +20,7 @@ void ColumnDoses::blacken() {
   std::fill(near_middle_.begin(), near_middle_.end(), 0.0);
   std::fill(far_node_.begin(), far_node_.end(), 0.0);
   std::fill(far_middle_.begin(), far_middle_.end(), 0.0);
-  if (sampled_) near_fine_.assign(levels_.size() * samples, 0.0F);
+  if (sampled_) near_fine_.assign(levels_.size() * kSamples, 0.0F);
 }
 
 void ColumnDoses::clear() {
@@ -68,10 +68,10 @@ void ColumnDoses::move_light(int n, int from, int to) {
   if (!sampled_) return;
   const float* const table = plan_.kernel->fine(s);
   for (int j = 0; j < end; ++j) {
-    const float* const more = table + static_cast<std::size_t>(j * plan_.levels + to) * samples;
-    const float* const less = table + static_cast<std::size_t>(j * plan_.levels + from) * samples;
-    float* const out = &near_fine_[static_cast<std::size_t>(n - j) * samples];
-    for (int i = 0; i < samples; ++i) out[i] += static_cast<float>(r) * (more[i] - less[i]);
+    const float* const more = table + static_cast<std::size_t>(j * plan_.levels + to) * kSamples;
+    const float* const less = table + static_cast<std::size_t>(j * plan_.levels + from) * kSamples;
+    float* const out = &near_fine_[static_cast<std::size_t>(n - j) * kSamples];
+    for (int i = 0; i < kSamples; ++i) out[i] += static_cast<float>(r) * (more[i] - less[i]);
   }
 }
 

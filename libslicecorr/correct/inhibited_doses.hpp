@@ -17,7 +17,7 @@ namespace slicecorr::detail {
 /// gets a F(k + near). For one thread.
 class ColumnDoses {
  public:
-  static constexpr int samples = InhibitedKernel::samples;
+  static constexpr int kSamples = InhibitedKernel::kSamples;
 
   explicit ColumnDoses(const InhibitedPlan& plan);
 
@@ -62,10 +62,10 @@ class ColumnDoses {
   }
   /// The least dose at the samples of layer k; only while sampled().
   double least_sampled(int k) const {
-    const auto at = static_cast<std::size_t>(k) * samples;
+    const auto at = static_cast<std::size_t>(k) * kSamples;
     const auto beyond = static_cast<float>(far_at(far_node_, k));
     float least = std::numeric_limits<float>::infinity();
-    for (std::size_t i = 0; i < samples; ++i) {
+    for (std::size_t i = 0; i < kSamples; ++i) {
       const float dose = plan_.dark_fine[at + i] + near_fine_[at + i] + beyond * fade_[i];
       least = std::min(least, dose);
     }
@@ -86,7 +86,7 @@ class ColumnDoses {
   std::vector<double> far_node_, far_middle_;    ///< F, per slice
   std::vector<float> near_fine_;                 ///< per layer and sample, while sampled()
   bool sampled_ = false;
-  float fade_[samples];  ///< of far light, from a layer's upper end to its samples
+  float fade_[kSamples];  ///< of far light, from a layer's upper end to its samples
 };
 
 }  // namespace slicecorr::detail

@@ -89,7 +89,7 @@ void ColumnJudge::look_through_feature(int& layer) {
     if (prints == printed) return;
     printed = prints;
     if (!prints) return;
-    if (any && dip.least < 1.0 - same_dose) dips_.push_back(dip);
+    if (any && dip.least < 1.0 - kSameDose) dips_.push_back(dip);
     any = true;
     dip.least = 1.0;
   };

@@ -91,17 +91,17 @@ void InhibitedPlan::find_levels() {
 /// stands for long. Layer by layer the dose ripples, and the least in a layer is what has to gel.
 double InhibitedPlan::ripple() const {
   if (!kernel->layer_by_layer()) return 1.0;
-  constexpr int samples = InhibitedKernel::samples;
+  constexpr int kSamples = InhibitedKernel::kSamples;
   const float* const fine = kernel->fine(kernel->strongest_setting());
-  double sum[samples] = {};
+  double sum[kSamples] = {};
   for (int j = 0; j < near; ++j) {
-    for (int i = 0; i < samples; ++i) {
-      const double light = fine[static_cast<std::size_t>(j * levels + steady) * samples +
+    for (int i = 0; i < kSamples; ++i) {
+      const double light = fine[static_cast<std::size_t>(j * levels + steady) * kSamples +
                                 static_cast<std::size_t>(i)];
       sum[i] += j + 1 < near ? light : light / (1.0 - kernel->a());
     }
   }
-  return sum[samples - 1] / *std::min_element(sum, sum + samples);
+  return sum[kSamples - 1] / *std::min_element(sum, sum + kSamples);
 }
 
 void InhibitedPlan::find_lags() {
@@ -142,16 +142,17 @@ std::vector<double> InhibitedPlan::dark_at(const CureModel& model,
 }
 
 void InhibitedPlan::sample_dark(const CureModel& model) {
-  constexpr std::size_t samples = InhibitedKernel::samples;
-  dark_fine.resize(static_cast<std::size_t>(all_layers) * samples);
+  constexpr std::size_t kSamples = InhibitedKernel::kSamples;
+  dark_fine.resize(static_cast<std::size_t>(all_layers) * kSamples);
   for (int k = 0; k < all_layers; ++k) {
-    float* const out = &dark_fine[static_cast<std::size_t>(k) * samples];
-    for (std::size_t i = 0; i < samples; ++i) {
-      const double t = static_cast<double>(i + 1) / samples;
+    float* const out = &dark_fine[static_cast<std::size_t>(k) * kSamples];
+    for (std::size_t i = 0; i < kSamples; ++i) {
+      const double t = static_cast<double>(i + 1) / kSamples;
       double sum = dark_far[static_cast<std::size_t>(k)] * std::pow(kernel->a(), t - 1.0);
       for (int j = 0; j < near && k + j < all_layers; ++j) {
-        sum += model.ratio(k + j) * kernel->fine(kernel->setting_of_slice(
-                                        k + j))[static_cast<std::size_t>(j * levels) * samples + i];
+        sum +=
+            model.ratio(k + j) * kernel->fine(kernel->setting_of_slice(
+                                     k + j))[static_cast<std::size_t>(j * levels) * kSamples + i];
       }
       out[i] = static_cast<float>(sum);
     }

@@ -69,7 +69,7 @@ class ContinuousWalker final : public detail::DoseWalker {
       const double above = phi * thin->one_minus_a + thin->a * below;
       out.least = std::min(out.least, above);
       if ((above >= 1.0) != (below >= 1.0)) {
-        const double d = -std::log1p((1.0 - below) / (below - phi)) / (model_.eta * units::ln10);
+        const double d = -std::log1p((1.0 - below) / (below - phi)) / (model_.eta * units::kLn10);
         out.crossings.push_back(1.0 - thin->to + std::clamp(d, 0.0, thin->to - thin->from));
       }
       below = above;
@@ -93,7 +93,7 @@ class ContinuousWalker final : public detail::DoseWalker {
     std::sort(ends.begin(), ends.end());
     ends.erase(std::unique(ends.begin(), ends.end()), ends.end());
     for (std::size_t k = 0; k + 1 < ends.size(); ++k) {
-      const double exponent = -(ends[k + 1] - ends[k]) * model_.eta * units::ln10;
+      const double exponent = -(ends[k + 1] - ends[k]) * model_.eta * units::kLn10;
       ThinSlice thin{ends[k], ends[k + 1], std::exp(exponent), -std::expm1(exponent), {}};
       for (const ImageShowing& p : showings) {
         if (p.from > thin.from || p.to < thin.to) continue;
@@ -160,7 +160,7 @@ class LayerwiseWalker final : public detail::DoseWalker {
     out.crossings.clear();
     out.least = upper[i];
     if (lower[i] >= 1.0 && upper[i] < 1.0) {
-      const double d = std::log(lower[i]) / (model_.eta * units::ln10);
+      const double d = std::log(lower[i]) / (model_.eta * units::kLn10);
       out.crossings.push_back(std::clamp(d, 0.0, 1.0));
     }
   }

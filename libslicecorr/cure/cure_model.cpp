@@ -17,7 +17,7 @@ double CureModel::phi(double intensity_mw_cm2) const {
 double CureModel::crossing(double phi, double below) const {
   // Omega = 1 in (A.35): 10^-(d eta) = (1 - phi) / (below - phi), written so that equal doses are
   // safe.
-  const double d = -std::log1p((1.0 - below) / (below - phi)) / (eta * units::ln10);
+  const double d = -std::log1p((1.0 - below) / (below - phi)) / (eta * units::kLn10);
   return std::clamp(d, 0.0, 1.0);
 }
 
@@ -51,12 +51,12 @@ double CureModel::level_step_um() const {
     for (std::size_t l = 1; l < level_phi.size() && level_phi[l - 1] * ratio * a < 1.0; ++l) {
       step = std::max(step, level_phi[l] - level_phi[l - 1]);
     }
-    return layer_um * step * ratio * a / (units::ln10 * eta);
+    return layer_um * step * ratio * a / (units::kLn10 * eta);
   }
   for (std::size_t l = 1; l < level_phi.size() && level_phi[l - 1] < 1.0; ++l) {
     step = std::max(step, level_phi[l] - level_phi[l - 1]);
   }
-  return layer_um * step * one_minus_a / (units::ln10 * eta * (1.0 - phi_min()));
+  return layer_um * step * one_minus_a / (units::kLn10 * eta * (1.0 - phi_min()));
 }
 
 namespace {
@@ -125,9 +125,9 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
   model.layer_um = layer_um;
   model.m = resin.m;
   model.eta = resin.m * layer_um / resin.absorbance_height10_um;
-  model.a = std::exp(-model.eta * units::ln10);
-  model.one_minus_a = -std::expm1(-model.eta * units::ln10);
-  model.root_a = std::exp(-0.5 * model.eta * units::ln10);
+  model.a = std::exp(-model.eta * units::kLn10);
+  model.one_minus_a = -std::expm1(-model.eta * units::kLn10);
+  model.root_a = std::exp(-0.5 * model.eta * units::kLn10);
   model.mode = process.mode;
   const double s = units::cm_s_from_mm_h(process.speed_mm_h);
   if (process.mode == ExposureMode::layerwise) {
@@ -154,8 +154,8 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
     model.m = kernel.kinetics().m;
     model.eta = model.m * layer_um / resin.absorbance_height10_um;
     model.a = kernel.a();
-    model.one_minus_a = -std::expm1(-model.eta * units::ln10);
-    model.root_a = std::exp(-0.5 * model.eta * units::ln10);
+    model.one_minus_a = -std::expm1(-model.eta * units::kLn10);
+    model.root_a = std::exp(-0.5 * model.eta * units::kLn10);
     model.critical_intensity_mw_cm2 = kernel.critical_intensity_mw_cm2(0);
     for (int level = 0; level < kernel.levels(); ++level) {
       model.level_phi[static_cast<std::size_t>(level)] = kernel.steady_dose(0, level);

@@ -9,20 +9,20 @@ namespace {
 
 /// Gauss-Legendre nodes and weights on [-1, 1].
 struct Gauss {
-  static constexpr int n = 24;
-  std::array<double, n> x{}, w{};
+  static constexpr int kN = 24;
+  std::array<double, kN> x{}, w{};
   Gauss() {
     constexpr double pi = 3.14159265358979323846;
-    for (int i = 0; i < n; ++i) {
-      double t = std::cos(pi * (i + 0.75) / (n + 0.5)), slope = 1;
+    for (int i = 0; i < kN; ++i) {
+      double t = std::cos(pi * (i + 0.75) / (kN + 0.5)), slope = 1;
       for (int round = 0; round < 100; ++round) {
         double p = 1, before = 0;
-        for (int k = 1; k <= n; ++k) {
+        for (int k = 1; k <= kN; ++k) {
           const double next = ((2.0 * k - 1.0) * t * p - (k - 1.0) * before) / k;
           before = p;
           p = next;
         }
-        slope = n * (t * p - before) / (t * t - 1.0);
+        slope = kN * (t * p - before) / (t * t - 1.0);
         const double step = p / slope;
         t -= step;
         if (std::abs(step) < 1e-15) break;
@@ -63,7 +63,7 @@ FrontProfile::FrontProfile(const Kinetics& k)
   /// From 0 to y by y t^3, which makes the beginning smooth.
   const auto from_front = [&](double y) {
     double sum = 0;
-    for (std::size_t i = 0; i < Gauss::n; ++i) {
+    for (std::size_t i = 0; i < Gauss::kN; ++i) {
       const double t = 0.5 * (gauss.x[i] + 1.0);
       sum += gauss.w[i] * at(y * t * t * t) * 3.0 * t * t;
     }
@@ -71,7 +71,7 @@ FrontProfile::FrontProfile(const Kinetics& k)
   };
   const auto between = [&](double from, double to) {
     double sum = 0;
-    for (std::size_t i = 0; i < Gauss::n; ++i) {
+    for (std::size_t i = 0; i < Gauss::kN; ++i) {
       sum += gauss.w[i] * at(0.5 * (from + to + (to - from) * gauss.x[i]));
     }
     return 0.5 * (to - from) * sum;

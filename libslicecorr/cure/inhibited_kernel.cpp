@@ -115,8 +115,8 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
   // A place without light has nothing to lose.
   const double share = blue_.back() > 0 ? kinetics_.beta * strongest / blue_.back() : 0;
   const double slope = 1.0 / kinetics_.huv_um - 1.0 / kinetics_.hb_um;
-  near_ = share > tail_share
-              ? 2 + static_cast<int>(std::ceil(std::log(share / tail_share) / (slope * layer_um)))
+  near_ = share > kTailShare
+              ? 2 + static_cast<int>(std::ceil(std::log(share / kTailShare) / (slope * layer_um)))
               : 2;
   profile_ = std::make_shared<const detail::FrontProfile>(kinetics_);
   for (int s = 0; s < settings(); ++s) {
@@ -128,7 +128,7 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
   }
   fine_.resize(static_cast<std::size_t>(settings()));
   fine_made_ = std::make_unique<std::once_flag[]>(fine_.size());
-  tables_.resize(static_cast<std::size_t>(settings() * places));
+  tables_.resize(static_cast<std::size_t>(settings() * kPlaces));
   for (int s = 0; s < settings(); ++s) tabulate(s);
 }
 
@@ -152,9 +152,9 @@ int InhibitedKernel::setting_of_slice(int slice) const {
 
 void InhibitedKernel::tabulate(int setting) {
   const auto rows = static_cast<std::size_t>(near_), count = blue_.size();
-  double* at[places];
-  for (int place = 0; place < places; ++place) {
-    auto& table = tables_[static_cast<std::size_t>(setting * places + place)];
+  double* at[kPlaces];
+  for (int place = 0; place < kPlaces; ++place) {
+    auto& table = tables_[static_cast<std::size_t>(setting * kPlaces + place)];
     table.assign(rows * count, 0.0);
     at[place] = table.data();
   }
@@ -186,16 +186,16 @@ const float* InhibitedKernel::fine(int setting) const {
   std::vector<float>& table = fine_[static_cast<std::size_t>(setting)];
   std::call_once(fine_made_[static_cast<std::size_t>(setting)], [&] {
     const auto rows = static_cast<std::size_t>(near_), count = blue_.size();
-    table.resize(rows * count * samples);
-    const double step = layer_um_ / samples;
+    table.resize(rows * count * kSamples);
+    const double step = layer_um_ / kSamples;
     for (std::size_t l = 0; l < count; ++l) {
       const Source& from = source(setting, static_cast<int>(l));
-      double last[samples];
-      std::fill_n(last, samples, profile_->rest(-from.front_um));
+      double last[kSamples];
+      std::fill_n(last, kSamples, profile_->rest(-from.front_um));
       for (std::size_t j = 0; j < rows; ++j) {
-        float* const out = &table[(j * count + l) * samples];
-        for (std::size_t i = 0; i < samples; ++i) {
-          const double y = static_cast<double>(j * samples + i + 1) * step - from.front_um;
+        float* const out = &table[(j * count + l) * kSamples];
+        for (std::size_t i = 0; i < kSamples; ++i) {
+          const double y = static_cast<double>(j * kSamples + i + 1) * step - from.front_um;
           if (layer_by_layer()) {
             out[i] = static_cast<float>(from.amount * profile_->rate(y));
             continue;

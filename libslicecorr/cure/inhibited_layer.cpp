@@ -22,7 +22,7 @@ InhibitedLayer::InhibitedLayer(const InhibitedKernel& kernel)
       fall_(-std::log(kernel.a())),
       precision_(std::min(kPrecisionUm / kernel.layer_um(), 1e-3)) {
   steady_.resize(static_cast<std::size_t>(kernel.settings()));
-  for (int i = 0; i < samples; ++i) fade_[i] = std::exp(-fall_ * (i + 1) / samples);
+  for (int i = 0; i < kSamples; ++i) fade_[i] = std::exp(-fall_ * (i + 1) / kSamples);
 }
 
 void InhibitedLayer::begin(double far) {
@@ -66,20 +66,20 @@ double InhibitedLayer::at(double t) const {
 }
 
 void InhibitedLayer::sample(double lower, double middle, double upper) {
-  float sum[samples] = {};
+  float sum[kSamples] = {};
   const int levels = kernel_.levels();
   for (const Light& light : lights_) {
     const float* const fine = kernel_.fine(light.setting);
     const auto weight = static_cast<float>(light.weight);
     for (int j = light.first; j <= light.last; ++j) {
-      const float* const row = fine + static_cast<std::size_t>(j * levels + light.level) * samples;
-      for (int i = 0; i < samples; ++i) sum[i] += weight * row[i];
+      const float* const row = fine + static_cast<std::size_t>(j * levels + light.level) * kSamples;
+      for (int i = 0; i < kSamples; ++i) sum[i] += weight * row[i];
     }
   }
-  for (int i = 0; i < samples; ++i) dose_[i + 1] = static_cast<double>(sum[i]) + far_ * fade_[i];
+  for (int i = 0; i < kSamples; ++i) dose_[i + 1] = static_cast<double>(sum[i]) + far_ * fade_[i];
   dose_[0] = lower;
-  dose_[samples / 2] = middle;
-  dose_[samples] = upper;
+  dose_[kSamples / 2] = middle;
+  dose_[kSamples] = upper;
 }
 
 /// Where between two places the dose has its turn. There is no kink between them: parabolas.
@@ -141,16 +141,16 @@ double InhibitedLayer::crossing(double low, double high, bool rises) const {
 
 /// Samples that decide something are looked at more closely.
 void InhibitedLayer::sharpen(double known) {
-  const auto known_well = [](int i) { return i == 0 || i == samples / 2 || i == samples; };
+  const auto known_well = [](int i) { return i == 0 || i == kSamples / 2 || i == kSamples; };
   int least = 0;
-  for (int i = 1; i <= samples; ++i) {
+  for (int i = 1; i <= kSamples; ++i) {
     if (!known_well(i) && std::abs(dose_[i] - 1.0) < 2.0 * kSampleError) {
-      dose_[i] = at(static_cast<double>(i) / samples);
+      dose_[i] = at(static_cast<double>(i) / kSamples);
     }
     if (dose_[i] < dose_[least]) least = i;
   }
   if (!known_well(least) && dose_[least] < known)
-    dose_[least] = at(static_cast<double>(least) / samples);
+    dose_[least] = at(static_cast<double>(least) / kSamples);
 }
 
 /// The place of a light's front in this layer; below 0 if it has none there.
@@ -162,40 +162,40 @@ double InhibitedLayer::front(const Light& light) const {
 /// Marks the cells between samples in which something may happen: the dose passes 1, or is less
 /// than `known`. False if there are none.
 bool InhibitedLayer::mark_cells(double known) {
-  const double least = std::min(known, *std::min_element(dose_, dose_ + samples + 1));
+  const double least = std::min(known, *std::min_element(dose_, dose_ + kSamples + 1));
   // How far into a cell its last kink lies: up to there light falls by a in a slice at most.
-  double kink[samples] = {};
+  double kink[kSamples] = {};
   if (kernel_.layer_by_layer()) {
     for (const Light& light : lights_) {
       const double t = front(light);
       if (t < 0) continue;
       const int i = cell(t);
-      kink[i] = std::max(kink[i], t - static_cast<double>(i) / samples + 1e-9);
+      kink[i] = std::max(kink[i], t - static_cast<double>(i) / kSamples + 1e-9);
     }
   }
   const auto rise = [&](int i) { return dose_[i + 1] - dose_[i]; };
-  const auto straight = [&](int i) { return i >= 0 && i < samples && kink[i] == 0; };
+  const auto straight = [&](int i) { return i >= 0 && i < kSamples && kink[i] == 0; };
   // How far a stretch of the length of a cell may bend beside cell i, from the two cells there.
   const auto bend = [&](int i, int step) {
     return straight(i + step) && straight(i + 2 * step)
                ? 2.0 * std::abs(rise(i + step) - rise(i + 2 * step))
-               : fall_ / samples * std::max(dose_[i], dose_[i + 1]);
+               : fall_ / kSamples * std::max(dose_[i], dose_[i + 1]);
   };
   bool any = false;
-  for (int i = 0; i < samples; ++i) {
+  for (int i = 0; i < kSamples; ++i) {
     const double a = dose_[i], b = dose_[i + 1];
     const double error = kSampleError * (a + b);
     double low = std::min(a, b), high = std::max(a, b);
     bool turns = true;
     if (kink[i] > 0) {
       // Up to its kink the dose goes on as before, behind it as after.
-      const double share = kink[i] * samples;
+      const double share = kink[i] * kSamples;
       double least_there = a * (1.0 - fall_ * kink[i]);
       if (straight(i - 1)) {
         least_there = std::max(least_there, a + share * (rise(i - 1) - bend(i, -1)));
       }
       low = std::min(low, least_there) - bend(i, 1) - error;
-      high += fall_ / samples * high + error;
+      high += fall_ / kSamples * high + error;
     } else {
       const bool before = straight(i - 1), after = straight(i + 1);
       const double bends =
@@ -203,7 +203,7 @@ bool InhibitedLayer::mark_cells(double known) {
               ? (before && after ? 1.0 : 2.0) * ((before ? std::abs(rise(i) - rise(i - 1)) : 0.0) +
                                                  (after ? std::abs(rise(i + 1) - rise(i)) : 0.0)) +
                     error
-              : fall_ / samples * high;
+              : fall_ / kSamples * high;
       turns = std::abs(b - a) <= bends;
       if (turns) {
         low -= bends;
@@ -221,8 +221,8 @@ bool InhibitedLayer::mark_cells(double known) {
 /// dose has kinks there.
 void InhibitedLayer::take_points() {
   points_.clear();
-  for (int i = 0; i <= samples; ++i) {
-    points_.push_back({static_cast<double>(i) / samples, dose_[i], false});
+  for (int i = 0; i <= kSamples; ++i) {
+    points_.push_back({static_cast<double>(i) / kSamples, dose_[i], false});
   }
   if (!kernel_.layer_by_layer()) return;
   for (const Light& light : lights_) {
@@ -247,7 +247,7 @@ bool InhibitedLayer::steady_above(int setting, int level, double weight, double 
     begin(0);
     add(0, kernel_.near() - 1, setting, level, 1.0);
     sample(at(0), at(0.5), at(1));
-    std::fill_n(marked_, samples, true);
+    std::fill_n(marked_, kSamples, true);
     take_points();
     double bend = 0;
     for (std::size_t i = 1; i + 1 < points_.size(); ++i) {
@@ -255,22 +255,22 @@ bool InhibitedLayer::steady_above(int setting, int level, double weight, double 
       if (q.kink) continue;
       const double before = (q.dose - p.dose) / (q.t - p.t),
                    after = (r.dose - q.dose) / (r.t - q.t);
-      bend = std::max(bend, std::abs(after - before) / samples);
+      bend = std::max(bend, std::abs(after - before) / kSamples);
     }
-    steady.slack = bend + kSampleError * dose_[samples];
+    steady.slack = bend + kSampleError * dose_[kSamples];
     for (const Point& p : points_) steady.points.push_back({p.dose, std::exp(-fall_ * p.t)});
   }
   double low = std::numeric_limits<double>::infinity();
   for (const auto& [light, fade] : steady.points) low = std::min(low, weight * light + far * fade);
   // What fades bends by the square of its fall in a cell.
-  const double slack = weight * steady.slack + far * fall_ * fall_ / (samples * samples);
+  const double slack = weight * steady.slack + far * fall_ * fall_ / (kSamples * kSamples);
   return low - slack >= std::max(1.0, known);
 }
 
 void InhibitedLayer::find(double known, InsideLayer& out) {
   out.crossings.clear();
   if (!mark_cells(known)) {
-    out.least = *std::min_element(dose_, dose_ + samples + 1);
+    out.least = *std::min_element(dose_, dose_ + kSamples + 1);
     return;
   }
   sharpen(known);

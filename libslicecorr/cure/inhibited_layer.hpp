@@ -30,7 +30,7 @@ struct SmoothBounds {
 /// For one thread. Places are distances from the layer's lower end, in slices, 0..1.
 class InhibitedLayer {
  public:
-  static constexpr int samples = InhibitedKernel::samples;
+  static constexpr int kSamples = InhibitedKernel::kSamples;
 
   explicit InhibitedLayer(const InhibitedKernel& kernel);
 
@@ -70,7 +70,7 @@ class InhibitedLayer {
     std::vector<At> points;
     double slack = 0;  ///< by which light may be less between the points
   };
-  static int cell(double t) { return std::min(static_cast<int>(t * samples), samples - 1); }
+  static int cell(double t) { return std::min(static_cast<int>(t * kSamples), kSamples - 1); }
   double front(const Light& light) const;
   bool mark_cells(double known);
   void take_points();
@@ -82,11 +82,11 @@ class InhibitedLayer {
   const double precision_;  ///< of crossings, in slices
   double far_ = 0;
   std::vector<Light> lights_;
-  double dose_[samples + 1] = {};
-  bool marked_[samples] = {};
+  double dose_[kSamples + 1] = {};
+  bool marked_[kSamples] = {};
   std::vector<std::vector<Steady>> steady_;  ///< [setting][level], made when it is asked for
   std::vector<Point> points_;
-  double fade_[samples];  ///< of what comes from far
+  double fade_[kSamples];  ///< of what comes from far
 };
 
 }  // namespace slicecorr::detail

@@ -34,7 +34,7 @@ class InhibitedWalker final : public DoseWalker {
     }
     for (Slot& slot : slots_)
       slot.shown.push_back({0, 0, std::vector<std::uint16_t>(columns, off())});
-    table_.resize(static_cast<std::size_t>(kernel_.settings() * InhibitedKernel::places));
+    table_.resize(static_cast<std::size_t>(kernel_.settings() * InhibitedKernel::kPlaces));
     sums_.resize(table_.size());
   }
 
@@ -158,7 +158,7 @@ class InhibitedWalker final : public DoseWalker {
     }
   }
   std::size_t index(int setting, int place) const {
-    return static_cast<std::size_t>(setting * InhibitedKernel::places + place);
+    return static_cast<std::size_t>(setting * InhibitedKernel::kPlaces + place);
   }
   const double* table(int setting, int place) const { return table_[index(setting, place)].data(); }
 

@@ -12,7 +12,7 @@ namespace slicecorr {
 
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// Net intensity at z; m-th power of it is the rate.
 double net_intensity(const Kinetics& k, double blue, double uv, double z_um) {
@@ -124,14 +124,14 @@ bool keeps_dead_zone(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2) {
 }
 
 double steady_dead_zone_um(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2) {
-  if (blue_mw_cm2 <= 0) return infinity;
+  if (blue_mw_cm2 <= 0) return kInfinity;
   if (!keeps_dead_zone(k, blue_mw_cm2, uv_mw_cm2)) return 0;
   return std::log(k.beta * uv_mw_cm2 / blue_mw_cm2) / slope(k);
 }
 
 FirstGel first_gel(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2) {
   FirstGel first;
-  if (blue_mw_cm2 <= 0) return {infinity, infinity};
+  if (blue_mw_cm2 <= 0) return {kInfinity, kInfinity};
   if (is_inhibited(k, uv_mw_cm2)) {
     const double ratio = k.beta * uv_mw_cm2 * k.hb_um / (blue_mw_cm2 * k.huv_um);
     first.z_um = std::max(0.0, std::log(ratio) / slope(k));
@@ -140,7 +140,7 @@ FirstGel first_gel(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2) {
   const double net = first.z_um > 0
                          ? blue_mw_cm2 * std::exp(-first.z_um / k.hb_um) * (1 - k.huv_um / k.hb_um)
                          : net_intensity(k, blue_mw_cm2, uv_mw_cm2, 0);
-  first.time_s = net > 0 ? k.critical_dose_prime / std::pow(net, k.m) : infinity;
+  first.time_s = net > 0 ? k.critical_dose_prime / std::pow(net, k.m) : kInfinity;
   return first;
 }
 
@@ -167,7 +167,7 @@ std::optional<CuringFronts> curing_fronts(const Kinetics& k, double blue_mw_cm2,
 
 double window_time_s(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2) {
   const double net = net_intensity(k, blue_mw_cm2, uv_mw_cm2, 0);
-  return net > 0 ? k.critical_dose_prime / std::pow(net, k.m) : infinity;
+  return net > 0 ? k.critical_dose_prime / std::pow(net, k.m) : kInfinity;
 }
 
 double passing_dose_prime(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2,

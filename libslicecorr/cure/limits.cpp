@@ -17,7 +17,7 @@ namespace {
 
 using detail::LitPlace;
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
 /// Limits are computed another way than models are made: this far inside both agree.
 constexpr double kInside = 1e-9;
 
@@ -182,14 +182,14 @@ Process cut(Process p, double most_s) {
 /// The longest exposure at which black leaves the resin liquid, whatever the layers beside it get;
 /// `normal_s` is what the model's phi' stands for. Infinite without light of black.
 double longest_alike_s(const CureModel& model, double normal_s) {
-  return model.phi_min() > 0 ? normal_s * model.one_minus_a / model.phi_min() : infinity;
+  return model.phi_min() > 0 ? normal_s * model.one_minus_a / model.phi_min() : kInfinity;
 }
 
 /// The same for exposures of `process` that are cut to it: few layers may be exposed for longer
 /// than all may.
 double longest_for_black_s(const CureModel& model, const Process& process, double normal_s) {
   const double alike_s = longest_alike_s(model, normal_s);
-  if (!std::isfinite(alike_s)) return infinity;
+  if (!std::isfinite(alike_s)) return kInfinity;
   const auto fits = [&](double most_s) {
     return most_black(model, detail::exposure_ratios(cut(process, most_s), normal_s)).dose < 1.0;
   };
@@ -212,14 +212,14 @@ struct Failing {
 
 /// Speeds, mm/h, or exposures, s, at which all places print.
 struct Paces {
-  double least = 0, greatest = infinity;
+  double least = 0, greatest = kInfinity;
   bool any() const { return least <= greatest && greatest > 0; }
 };
 
-Paces speeds(const std::vector<LitPlace>& places, const Printer& printer, const Process& process) {
+Paces speeds(const std::vector<LitPlace>& kPlaces, const Printer& printer, const Process& process) {
   // Every dose is inversely proportional to the speed.
   Paces p;
-  for (const LitPlace& place : places) {
+  for (const LitPlace& place : kPlaces) {
     const Doses d = doses_of(*place.model);
     if (place.lit) p.greatest = std::min(p.greatest, process.speed_mm_h * d.lit / place.needed);
     p.least = std::max(p.least, process.speed_mm_h * d.black);
@@ -230,18 +230,18 @@ Paces speeds(const std::vector<LitPlace>& places, const Printer& printer, const 
   return p;
 }
 
-Paces exposures(const std::vector<LitPlace>& places, const Process& process,
+Paces exposures(const std::vector<LitPlace>& kPlaces, const Process& process,
                 const Failing& failing) {
   Paces p;
-  for (const LitPlace& place : places) {
+  for (const LitPlace& place : kPlaces) {
     const double dose = doses_of(*place.model).lit;
     const double shortest_s = is_plain_layerwise(*place.model)
                                   ? layer_exposure_s(process, weakest_layer(*place.model))
                                   : process.exposure_s;
     if (place.lit) p.least = std::max(p.least, shortest_s * place.needed / dose * (1 + kInside));
   }
-  if (!std::isfinite(p.least)) return {infinity, 0};
-  for (const LitPlace& place : places) {
+  if (!std::isfinite(p.least)) return {kInfinity, 0};
+  for (const LitPlace& place : kPlaces) {
     const CureModel& model = *place.model;
     const double longest_s = !is_plain_layerwise(model) ? process.exposure_s / doses_of(model).black
                              : failing.lit
@@ -258,7 +258,7 @@ struct PaceWords {
 };
 std::optional<PaceWords> in_words(const Paces& p) {
   if (!p.any()) return std::nullopt;
-  for (int digits = limit_digits; digits <= 15; digits += 2) {
+  for (int digits = kLimitDigits; digits <= 15; digits += 2) {
     if (rounded_up(p.least, digits) <= rounded_down(p.greatest, digits)) {
       return PaceWords{p.least > 0 ? at_least(p.least, digits) : "",
                        std::isfinite(p.greatest) ? at_most(p.greatest, digits) : ""};
@@ -267,9 +267,9 @@ std::optional<PaceWords> in_words(const Paces& p) {
   return std::nullopt;
 }
 
-Failing failing_of(const std::vector<LitPlace>& places) {
+Failing failing_of(const std::vector<LitPlace>& kPlaces) {
   Failing f;
-  for (const LitPlace& p : places) {
+  for (const LitPlace& p : kPlaces) {
     const Doses d = doses_of(*p.model);
     f.lit = f.lit || (p.lit && (!gels(*p.model, d.lit) || d.lit < p.needed));
     f.black = f.black || d.black >= 1.0;
@@ -277,12 +277,12 @@ Failing failing_of(const std::vector<LitPlace>& places) {
   return f;
 }
 
-std::string speed_way(const std::vector<LitPlace>& places, const Printer& printer,
+std::string speed_way(const std::vector<LitPlace>& kPlaces, const Printer& printer,
                       const Process& process, const Failing& failing) {
-  const Paces paces = speeds(places, printer, process);
+  const Paces paces = speeds(kPlaces, printer, process);
   const auto words = in_words(paces);
   if (!words) {
-    const bool no_travel = std::any_of(places.begin(), places.end(), [](const LitPlace& p) {
+    const bool no_travel = std::any_of(kPlaces.begin(), kPlaces.end(), [](const LitPlace& p) {
       return p.lit && !std::isfinite(p.needed);
     });
     if (no_travel)
@@ -304,9 +304,9 @@ std::string speed_way(const std::vector<LitPlace>& places, const Printer& printe
                      : fmt::format("print {} and {}", faster, slower);
 }
 
-std::string exposure_way(const std::vector<LitPlace>& places, const Process& process,
+std::string exposure_way(const std::vector<LitPlace>& kPlaces, const Process& process,
                          const Failing& failing) {
-  const Paces paces = exposures(places, process, failing);
+  const Paces paces = exposures(kPlaces, process, failing);
   const auto words = in_words(paces);
   if (!words) {
     return std::isfinite(paces.least)
@@ -320,7 +320,7 @@ std::string exposure_way(const std::vector<LitPlace>& places, const Process& pro
   }
   // What is too long as a rule is too long for the first layers, too.
   const char* which = "";
-  for (const LitPlace& p : places) {
+  for (const LitPlace& p : kPlaces) {
     const CureModel& model = *p.model;
     if (model.exposure_ratio.empty() || model.inhibited || doses_of(model).black < 1.0) continue;
     which = black_as_a_rule(model)             ? "all layers "
@@ -332,10 +332,10 @@ std::string exposure_way(const std::vector<LitPlace>& places, const Process& pro
 
 /// Intensities of full light and of black at which all places print as fast as they shall. Without
 /// UV light: with it a dead zone has a say.
-std::string light_way(const std::vector<LitPlace>& places, const Printer& printer,
+std::string light_way(const std::vector<LitPlace>& kPlaces, const Printer& printer,
                       const Failing& failing) {
-  double full = 0, black = infinity;
-  for (const LitPlace& p : places) {
+  double full = 0, black = kInfinity;
+  for (const LitPlace& p : kPlaces) {
     const Doses d = doses_of(*p.model);
     if (p.lit) full = std::max(full, std::pow(p.needed / d.lit, 1.0 / p.model->m));
     black = std::min(black, std::pow(1.0 / d.black, 1.0 / p.model->m));
@@ -344,7 +344,7 @@ std::string light_way(const std::vector<LitPlace>& places, const Printer& printe
   black *= printer.calibration.front().intensity_mw_cm2 * (1 - kInside);
   std::string text;
   if (failing.lit && std::isfinite(full)) {
-    const bool reaches = is_plain_layerwise(*places.front().model);
+    const bool reaches = is_plain_layerwise(*kPlaces.front().model);
     text = fmt::format("with {} {} mW/cm²{}", reaches ? "at least" : "more than", at_least(full),
                        failing.black ? " of full light" : "");
   }
@@ -368,17 +368,17 @@ detail::Verdict detail::verdict(const LitPlace& place, const Printer& printer,
   return v;
 }
 
-std::string detail::ways_out(const std::vector<LitPlace>& places, const Printer& printer,
+std::string detail::ways_out(const std::vector<LitPlace>& kPlaces, const Printer& printer,
                              const Process& process) {
-  const Failing failing = failing_of(places);
-  std::string text = is_continuous(process) ? speed_way(places, printer, process, failing)
-                                            : exposure_way(places, process, failing);
-  if (!places.front().model->inhibited) {
-    if (const std::string light = light_way(places, printer, failing); !light.empty()) {
+  const Failing failing = failing_of(kPlaces);
+  std::string text = is_continuous(process) ? speed_way(kPlaces, printer, process, failing)
+                                            : exposure_way(kPlaces, process, failing);
+  if (!kPlaces.front().model->inhibited) {
+    if (const std::string light = light_way(kPlaces, printer, failing); !light.empty()) {
       text += ", or " + light;
     }
-  } else if (places.size() == 1) {
-    const LitPlace& p = places.front();
+  } else if (kPlaces.size() == 1) {
+    const LitPlace& p = kPlaces.front();
     if (const auto uv = working_uv(p.model->inhibited->kinetics(), p.model->layer_um,
                                    level_intensities(printer), *printer.uv, process, p.needed)) {
       text += fmt::format(", or with {} mW/cm² of UV light", *uv);
@@ -397,7 +397,7 @@ constexpr double kEnds = 1.001;
 /// Within the lamp's light, with as few digits as stay there and work.
 std::optional<double> typed_uv(double holds, bool up, const UvLamp& lamp,
                                const std::function<bool(double)>& works) {
-  for (int digits = limit_digits; digits <= 15; digits += 2) {
+  for (int digits = kLimitDigits; digits <= 15; digits += 2) {
     const double typed = up ? rounded_up(holds, digits) : rounded_down(holds, digits);
     if (typed >= lamp.min_mw_cm2() && typed <= lamp.max_mw_cm2() && works(typed)) return typed;
   }

@@ -98,16 +98,16 @@ void ShownSlices::take(const Recording& recording, const Resin& resin, double la
     const auto shown = recording.of(n);
     // Under UV light and layer by layer places don't count.
     const bool placed =
-        !uv && process_.mode == ExposureMode::continuous && shown.size() <= most_placed;
+        !uv && process_.mode == ExposureMode::continuous && shown.size() <= kMostPlaced;
     for (const Recording::Showing& p : shown) {
       if (!(p.light > 0)) continue;
       Showing showing{p.image, p.light, uv ? nearest(setting_of(p)) : 0};
       if (placed) std::tie(showing.from, showing.to) = place_of(p, n, layer_um);
       add(showing, first);
     }
-    if (showings_.size() - first > most_showings) {
+    if (showings_.size() - first > kMostShowings) {
       throw InputError(fmt::format("slice {} of the recording shows {} images; expected at most {}",
-                                   n, showings_.size() - first, most_showings));
+                                   n, showings_.size() - first, kMostShowings));
     }
     ends_.push_back(showings_.size());
   }
@@ -134,7 +134,7 @@ void ShownSlices::make_settings(const std::vector<double>& asked) {
   if (values.empty()) values.push_back(0);
   double share = 0;
   std::vector<std::size_t> ends = group_ends(values, share);
-  for (share = 1e-4; ends.size() > most_settings; share *= 2) ends = group_ends(values, share);
+  for (share = 1e-4; ends.size() > kMostSettings; share *= 2) ends = group_ends(values, share);
   std::vector<double> settings;
   std::size_t first = 0;
   for (const std::size_t end : ends) {

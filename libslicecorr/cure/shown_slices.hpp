@@ -31,14 +31,14 @@ class ShownSlices {
 
   /// Most settings of the UV lamp that have tables of their own, and how many showings a slice may
   /// have.
-  static constexpr int most_settings = 32;
-  static constexpr std::size_t most_showings = 256;
+  static constexpr int kMostSettings = 32;
+  static constexpr std::size_t kMostShowings = 256;
   /// Where a slice has more showings than this, their light is taken as spread over it.
-  static constexpr std::size_t most_placed = 32;
+  static constexpr std::size_t kMostPlaced = 32;
 
   /// Of a stack, recorded or not, that is shown by `printer` and `process`, which for a recording
   /// are those it was made with. Throws `InputError` when a slice of a recording has more than
-  /// `most_showings` images that were lit, or its UV images were others than those of its slices.
+  /// `kMostShowings` images that were lit, or its UV images were others than those of its slices.
   ShownSlices(const SliceSource& stack, const Printer& printer, const Resin& resin,
               const Process& process);
   /// Without UV light: throws `InputError` when a recording has some.

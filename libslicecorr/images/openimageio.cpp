@@ -43,12 +43,12 @@ std::string decode_png(std::span<const std::uint8_t> png, int width, int height,
   return "";
 }
 
-constexpr ImageFunctions functions{decode_png};
+constexpr ImageFunctions kFunctions{decode_png};
 
 }  // namespace
 }  // namespace slicecorr::detail
 
 extern "C" __attribute__((visibility("default"))) const slicecorr::detail::ImageFunctions*
 slicecorr_image_functions() {
-  return &slicecorr::detail::functions;
+  return &slicecorr::detail::kFunctions;
 }

@@ -45,7 +45,7 @@ class LoopOrder {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr auto progress_interval = std::chrono::milliseconds(50);
+constexpr auto kProgressInterval = std::chrono::milliseconds(50);
 
 /// One lock for all callbacks, because progress and notices must not come at once either.
 /// Recursive, so that a callback may use the library.
@@ -67,7 +67,7 @@ class Progress {
     ++done_;
     // Never wait for a report that is under way: the next item will bring a newer one.
     std::unique_lock lock(mutex_, std::try_to_lock);
-    if (!lock || Clock::now() - last_ < progress_interval) return;
+    if (!lock || Clock::now() - last_ < kProgressInterval) return;
     const std::size_t done = done_;
     if (done == count_) return;  // left to finish()
     context_.report(stage_, static_cast<double>(done) / static_cast<double>(count_));

@@ -68,7 +68,7 @@ void convert_stack(const StackReader& stack, const StackFile& file, const Execut
     std::vector<std::string> lost;
     for (const std::string& name : stack.other_entries()) {
       // What they say is carried over, or of the archive's own kind.
-      if (!name.ends_with(".ini") && !name.ends_with(".json") && name != detail::flat_field_entry) {
+      if (!name.ends_with(".ini") && !name.ends_with(".json") && name != detail::kFlatFieldEntry) {
         lost.push_back(name);
       }
     }

@@ -77,7 +77,7 @@ double dose_for_end(const CureModel& model, int slices) {
   if (model.mode == ExposureMode::layerwise && !model.inhibited) return 1.0;
   if (slices < 1) return std::numeric_limits<double>::infinity();
   if (model.inhibited) return inhibited_dose_for_end(model, slices);
-  return -1.0 / std::expm1(-slices * model.eta * units::ln10);
+  return -1.0 / std::expm1(-slices * model.eta * units::kLn10);
 }
 
 /// What of each value is lit, and up to which layer.
@@ -185,7 +185,7 @@ class PlaceCheck {
       }
     }
     if (travel_ && all > *travel_) refuse_travel(all);
-    if (all - layers > longest_) {
+    if (all - layers > kLongest) {
       throw InfeasibleError(fmt::format(
           "the part's end does not cure: light of black comes too close to full light for any "
           "number of slices after it; {}",
@@ -231,7 +231,7 @@ class PlaceCheck {
   }
 
   /// The brightest place and all that are lit, with what they need to end within the travel.
-  std::vector<LitPlace> places() {
+  std::vector<LitPlace> kPlaces() {
     const LitPlaces& lit = lit_now();
     const bool none = std::all_of(lit.columns.begin(), lit.columns.end(),
                                   [](std::uint64_t columns) { return columns == 0; });
@@ -241,13 +241,13 @@ class PlaceCheck {
       if (lit.columns[v] == 0 && value != brightest_) continue;
       LitPlace p{&models_.model(value), map_.factor(value), none || lit.columns[v] > 0};
       // Without an end of travel a part's end may still not take for ever.
-      const int most = travel_ ? *travel_ - lit.end[v] : longest_;
+      const int most = travel_ ? *travel_ - lit.end[v] : kLongest;
       if (p.lit) p.needed = dose_for_end(*p.model, most);
       all.push_back(p);
     }
     return all;
   }
-  std::string ways() { return ways_out(places(), setup_.printer, setup_.process); }
+  std::string ways() { return ways_out(kPlaces(), setup_.printer, setup_.process); }
 
   [[noreturn]] void refuse() {
     const LitPlaces& lit = lit_now();
@@ -321,7 +321,7 @@ class PlaceCheck {
   std::uint8_t brightest_ = 255;
   std::optional<LitPlaces> lit_;
   /// Slices after a part's end that are as good as endless.
-  static constexpr int longest_ = 90000;
+  static constexpr int kLongest = 90000;
 };
 
 }  // namespace

@@ -23,7 +23,7 @@ namespace slicecorr {
 
 namespace {
 
-constexpr std::size_t memory_budget = std::size_t{64} << 20;
+constexpr std::size_t kMemoryBudget = std::size_t{64} << 20;
 
 std::string folder_beside(const std::string& path) {
   const std::string folder = std::filesystem::path(path).parent_path().string();
@@ -47,7 +47,7 @@ struct RecordingWriter::Impl {
   std::vector<std::uint8_t> code;
 
   Impl(const std::string& p, const StackInfo& print, const ExecutionContext& j)
-      : path(p), info(print), context(j), store(folder_beside(p), memory_budget, j) {
+      : path(p), info(print), context(j), store(folder_beside(p), kMemoryBudget, j) {
     // A print that was stopped has a record, too.
     context.cancel = nullptr;
   }

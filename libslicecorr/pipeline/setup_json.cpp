@@ -12,7 +12,7 @@
 namespace slicecorr {
 
 namespace {
-constexpr const char* picture_key = "flat_field_png";
+constexpr const char* kPictureKey = "flat_field_png";
 }
 
 std::string setup_json(const Setup& setup) {
@@ -27,7 +27,7 @@ std::string setup_json(const Setup& setup) {
   const std::string block = detail::setup_block(info);
   if (!setup.printer.flat_field) return block;
   auto json = nlohmann::ordered_json::parse(block);
-  json[picture_key] = detail::base64(detail::flat_field_png(*setup.printer.flat_field));
+  json[kPictureKey] = detail::base64(detail::flat_field_png(*setup.printer.flat_field));
   return json.dump();
 }
 
@@ -37,12 +37,12 @@ Setup parse_setup_json(std::string_view json, const std::string& source) {
   detail::read_provenance(json, source, contents);
   if (contents.info.printer && contents.info.printer->flat_field) {
     const auto block = nlohmann::json::parse(json);
-    const auto picture = block.find(picture_key);
+    const auto picture = block.find(kPictureKey);
     const auto png = picture != block.end() && picture->is_string()
                          ? detail::from_base64(picture->get_ref<const std::string&>())
                          : std::nullopt;
-    if (!png) throw InputError(source, picture_key, "is missing; expected a PNG in base 64");
-    detail::set_flat_field(contents, *png, source, picture_key);
+    if (!png) throw InputError(source, kPictureKey, "is missing; expected a PNG in base 64");
+    detail::set_flat_field(contents, *png, source, kPictureKey);
   }
   const StackInfo& info = contents.info;
   if (!info.printer || !info.resin || !info.process) {

@@ -314,7 +314,7 @@ void BandPredictor::State::cross(std::size_t i, double zeta, bool printed, Class
   c.start = zeta;
   if (printed) {
     if (now == run) {
-      if (c.any_printed && least_[i] < 1.0 - same_dose) c.split = true;
+      if (c.any_printed && least_[i] < 1.0 - kSameDose) c.split = true;
       leave_stretch(i);
       c.any_printed = true;
       if (c.seeks_print) error(i, c.lower, false, -(c.lower - c.start));
@@ -387,7 +387,7 @@ void BandPredictor::State::look_inside(std::size_t first, std::size_t n,
   if (!turning || detail::all_zero(turning + first, n)) return;
   const double *const lower = dose_->lower() + first, *const middle = dose_->middle() + first,
                       *const upper = dose_->upper() + first;
-  const double fall = model_.root_a * (1.0 - same_dose);
+  const double fall = model_.root_a * (1.0 - kSameDose);
   std::size_t last = n;  // looked at
   double last_known = 0;
   const bool smooth = model_.inhibited && model_.mode == ExposureMode::continuous;

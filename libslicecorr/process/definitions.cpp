@@ -161,7 +161,7 @@ void resolve_dose(const TomlTable& cure, std::optional<double> dose_override, Re
         units::volumetric_from_areal(resin.critical_dose_prime, height_e_um);
   } else if (gel) {
     // Correcting with the gel dose itself loses features (dissertation §2.3.2).
-    resin.critical_dose_mj_cm3 = *gel * factor.value_or(default_dose_factor);
+    resin.critical_dose_mj_cm3 = *gel * factor.value_or(kDefaultDoseFactor);
   } else {
     cure.fail("critical_dose_mj_cm3",
               "missing; expected a critical dose, or gel_dose_mj_cm3 with its dose_factor");

@@ -54,7 +54,7 @@ double added_dose(const CureModel& model, const PrintClock::Moment& moment, int 
            kernel.exact(kernel.setting_of_slice(moment.slice), level, x, f);
   }
   const double phi = model.level_phi[static_cast<std::size_t>(level)];
-  const double fall = model.eta * units::ln10;
+  const double fall = model.eta * units::kLn10;
   if (model.mode == ExposureMode::layerwise) {
     return f * phi * model.ratio(moment.slice) * std::exp(-x * fall);
   }

@@ -130,7 +130,7 @@ class ClosedColumn final : public Column {
 
  private:
   bool moving() const { return model_.mode == ExposureMode::continuous; }
-  double fall() const { return model_.eta * units::ln10; }
+  double fall() const { return model_.eta * units::kLn10; }
   double phi(int n) const { return phi_[static_cast<std::size_t>(n)]; }
   double shown(int n, const Moment& now) const {
     return n < now.slice || now.share >= 1.0 ? phi(n) : phi(n) * now.share;

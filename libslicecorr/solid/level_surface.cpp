@@ -97,7 +97,7 @@ double LevelSurface::crossing(const Cell& cell, int a, int b) const {
   const double below_a = cell.below[from], below_b = cell.below[to];
   if (phi_a == phi_b && below_a == below_b) return 1.0 - model_.crossing(phi_b, below_b);
   const auto excess = [&](double d) {
-    const double left = std::exp(-d * model_.eta * units::ln10);
+    const double left = std::exp(-d * model_.eta * units::kLn10);
     return d * (phi_a + (below_a - phi_a) * left) + (1.0 - d) * (phi_b + (below_b - phi_b) * left) -
            1.0;
   };

@@ -17,9 +17,9 @@ namespace slicecorr {
 namespace {
 
 /// Marks offsets that count from the start of the scratch file.
-constexpr std::uint64_t in_file = std::uint64_t{1} << 63;
+constexpr std::uint64_t kInFile = std::uint64_t{1} << 63;
 
-constexpr std::size_t largest_chunk = std::size_t{1} << 20;
+constexpr std::size_t kLargestChunk = std::size_t{1} << 20;
 
 }  // namespace
 
@@ -75,7 +75,7 @@ BlobStore::BlobStore(std::string folder, std::size_t memory_budget_bytes,
   impl_->folder = folder.empty() ? "." : std::move(folder);
   impl_->context = context;
   impl_->budget = memory_budget_bytes;
-  impl_->chunk_size = std::clamp<std::size_t>(memory_budget_bytes, 1, largest_chunk);
+  impl_->chunk_size = std::clamp<std::size_t>(memory_budget_bytes, 1, kLargestChunk);
   impl_->chunks.resize((memory_budget_bytes + impl_->chunk_size - 1) / impl_->chunk_size);
 }
 
@@ -101,7 +101,7 @@ BlobStore::Blob BlobStore::put(const std::uint8_t* data, std::size_t size) {
         s.open_file();
         first_in_file = true;
       }
-      blob.offset = s.file_used | in_file;
+      blob.offset = s.file_used | kInFile;
       s.file_used += size;
     }
   }
@@ -109,14 +109,14 @@ BlobStore::Blob BlobStore::put(const std::uint8_t* data, std::size_t size) {
     s.context.tell("images need more than " + std::to_string(s.budget >> 20) +
                    " MiB: keeping the rest in a scratch file in " + s.folder);
   }
-  if ((blob.offset & in_file) == 0) {
+  if ((blob.offset & kInFile) == 0) {
     s.for_chunks(blob.offset, size, [&](std::uint8_t* memory, std::size_t done, std::size_t n) {
       std::memcpy(memory, data + done, n);
     });
     return blob;
   }
   for (std::size_t done = 0; done < size;) {
-    const auto at = static_cast<off_t>((blob.offset & ~in_file) + done);
+    const auto at = static_cast<off_t>((blob.offset & ~kInFile) + done);
     const ssize_t n = ::pwrite(s.file, data + done, size - done, at);
     if (n > 0) {
       done += static_cast<std::size_t>(n);
@@ -133,7 +133,7 @@ void BlobStore::get(const Blob& blob, std::vector<std::uint8_t>& out) const {
   const std::size_t start = out.size();
   out.resize(start + blob.size);
   std::uint8_t* const data = out.data() + start;
-  if ((blob.offset & in_file) == 0) {
+  if ((blob.offset & kInFile) == 0) {
     s.for_chunks(blob.offset, blob.size,
                  [&](const std::uint8_t* memory, std::size_t done, std::size_t n) {
                    std::memcpy(data + done, memory, n);
@@ -141,7 +141,7 @@ void BlobStore::get(const Blob& blob, std::vector<std::uint8_t>& out) const {
     return;
   }
   for (std::size_t done = 0; done < blob.size;) {
-    const auto at = static_cast<off_t>((blob.offset & ~in_file) + done);
+    const auto at = static_cast<off_t>((blob.offset & ~kInFile) + done);
     const ssize_t n = ::pread(s.file, data + done, blob.size - done, at);
     if (n > 0) {
       done += static_cast<std::size_t>(n);

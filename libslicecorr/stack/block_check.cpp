@@ -15,14 +15,14 @@ namespace {
 using Json = nlohmann::json;
 
 /// Ours has four levels; what lies deeper is not ours.
-constexpr int deepest = 16;
+constexpr int kDeepest = 16;
 
 std::string text_of(const Json& text) {
   return text.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
 void append(const Json& value, int depth, std::string& out) {
-  if (depth > deepest) {
+  if (depth > kDeepest) {
     out += '?';
   } else if (value.is_number()) {
     const double number = value.get<double>();
@@ -30,7 +30,7 @@ void append(const Json& value, int depth, std::string& out) {
   } else if (value.is_object()) {
     out += '{';
     for (const auto& [key, member] : value.items()) {
-      if (depth == 0 && key == block_crc32_key) continue;
+      if (depth == 0 && key == kBlockCrc32Key) continue;
       out += text_of(key) + ':';
       append(member, depth + 1, out);
       out += ',';

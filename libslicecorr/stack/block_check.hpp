@@ -11,7 +11,7 @@
 namespace slicecorr::detail {
 
 /// Key of our block with its checksum.
-inline constexpr const char* block_crc32_key = "block_crc32";
+inline constexpr const char* kBlockCrc32Key = "block_crc32";
 
 /// CRC-32 of what the block says but for the checksum: of its JSON without white space, keys in the
 /// order of their bytes, numbers as the shortest text of the same double. So it is the same for

@@ -24,7 +24,7 @@ std::vector<std::uint8_t> flat_field_png(const FlatField& field) {
 
 void add_flat_field(const StackInfo& info, ContainerOutput& output) {
   if (!info.printer || !info.printer->flat_field) return;
-  output.add(flat_field_entry, flat_field_png(*info.printer->flat_field));
+  output.add(kFlatFieldEntry, flat_field_png(*info.printer->flat_field));
 }
 
 void set_flat_field(ArchiveContents& contents, const std::vector<std::uint8_t>& png,
@@ -41,14 +41,14 @@ void set_flat_field(ArchiveContents& contents, const std::vector<std::uint8_t>& 
 void read_flat_field(const Container& archive, ArchiveContents& contents) {
   if (!contents.info.printer || !contents.info.printer->flat_field) return;
   const FlatField& field = *contents.info.printer->flat_field;
-  const Container::Entry* const entry = archive.find(flat_field_entry);
-  if (entry == nullptr) throw InputError(archive.path(), flat_field_entry, "is missing");
+  const Container::Entry* const entry = archive.find(kFlatFieldEntry);
+  if (entry == nullptr) throw InputError(archive.path(), kFlatFieldEntry, "is missing");
   const std::uint64_t limit = 2 * std::uint64_t{static_cast<unsigned>(field.width_px)} *
                                   static_cast<unsigned>(field.height_px) +
                               (1 << 20);
   std::vector<std::uint8_t> png;
   archive.read(*entry, limit, png);
-  set_flat_field(contents, png, archive.path(), flat_field_entry);
+  set_flat_field(contents, png, archive.path(), kFlatFieldEntry);
 }
 
 }  // namespace slicecorr::detail

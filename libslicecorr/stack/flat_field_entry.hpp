@@ -1,4 +1,4 @@
-/// @file flat_field_entry.hpp
+/// @file kFlatFieldEntry.hpp
 /// The picture of a printer's flat-field in the archives of stacks that were corrected with it.
 #pragma once
 
@@ -11,7 +11,7 @@
 
 namespace slicecorr::detail {
 
-inline constexpr const char* flat_field_entry = "slicecorr/flat-field.png";
+inline constexpr const char* kFlatFieldEntry = "slicecorr/flat-field.png";
 
 /// CRC-32 of the values, row by row.
 std::uint32_t flat_field_crc32(const FlatField& field);

@@ -27,19 +27,19 @@ void Recording::add_slice(std::span<const Showing> shown) {
 }
 
 void check_recording(const Recording& recording, int images, const std::string& source) {
-  if (recording.slices() > detail::max_recorded_slices ||
-      recording.showings.size() > static_cast<std::size_t>(detail::max_recorded_showings)) {
-    throw InputError(source, detail::recording_entry,
+  if (recording.slices() > detail::kMaxRecordedSlices ||
+      recording.showings.size() > static_cast<std::size_t>(detail::kMaxRecordedShowings)) {
+    throw InputError(source, detail::kRecordingEntry,
                      fmt::format("has {} parts in {} slices; expected at most {} in {}",
                                  recording.showings.size(), recording.slices(),
-                                 detail::max_recorded_showings, detail::max_recorded_slices));
+                                 detail::kMaxRecordedShowings, detail::kMaxRecordedSlices));
   }
   // Beyond any print, and small enough for sums of such numbers.
   constexpr double most = 1e12;
   for (int n = 0; n < recording.slices(); ++n) {
     for (const Recording::Showing& p : recording.of(n)) {
       const auto wrong = [&](const std::string& what) {
-        throw InputError(source, detail::recording_entry, fmt::format("slice {}: {}", n, what));
+        throw InputError(source, detail::kRecordingEntry, fmt::format("slice {}: {}", n, what));
       };
       if (p.image < -1 || p.image >= images) {
         wrong(fmt::format("image {}; expected -1 (black) to {}", p.image, images - 1));
@@ -79,9 +79,9 @@ namespace detail {
 
 namespace {
 
-constexpr std::string_view head =
+constexpr std::string_view kHead =
     "slice,image,light,uv_mw_cm2,from_um,to_um,speed_um_s,blue_share\n";
-constexpr std::size_t columns = 8;
+constexpr std::size_t kColumns = 8;
 
 template <typename Number>
 bool read_number(std::string_view text, Number& value) {
@@ -93,7 +93,7 @@ bool read_number(std::string_view text, Number& value) {
 }  // namespace
 
 std::string recording_csv(const Recording& recording) {
-  std::string text(head);
+  std::string text(kHead);
   auto out = std::back_inserter(text);
   for (int n = 0; n < recording.slices(); ++n) {
     for (const Recording::Showing& p : recording.of(n)) {
@@ -112,12 +112,12 @@ Recording parse_recording(std::string_view csv, int slices, const std::string& f
   Recording recording;
   int line = 1;
   const auto wrong = [&](const std::string& expected) {
-    throw InputError(file, recording_entry, fmt::format("line {}: expected {}", line, expected));
+    throw InputError(file, kRecordingEntry, fmt::format("line {}: expected {}", line, expected));
   };
-  if (!csv.starts_with(head)) {
-    wrong("the columns " + std::string(head.substr(0, head.size() - 1)));
+  if (!csv.starts_with(kHead)) {
+    wrong("the columns " + std::string(kHead.substr(0, kHead.size() - 1)));
   }
-  csv.remove_prefix(head.size());
+  csv.remove_prefix(kHead.size());
   const auto close_to = [&](int slice) {
     while (recording.slices() < slice) recording.ends.push_back(recording.showings.size());
   };
@@ -127,12 +127,12 @@ Recording parse_recording(std::string_view csv, int slices, const std::string& f
     if (end == std::string_view::npos) wrong("a whole line");
     std::string_view row = csv.substr(0, end);
     csv.remove_prefix(end + 1);
-    std::array<std::string_view, columns> cell;
-    for (std::size_t k = 0; k < columns; ++k) {
+    std::array<std::string_view, kColumns> cell;
+    for (std::size_t k = 0; k < kColumns; ++k) {
       const std::size_t comma = row.find(',');
-      if ((comma == std::string_view::npos) != (k + 1 == columns)) wrong("8 columns");
+      if ((comma == std::string_view::npos) != (k + 1 == kColumns)) wrong("8 columns");
       cell[k] = row.substr(0, comma);
-      row.remove_prefix(k + 1 == columns ? row.size() : comma + 1);
+      row.remove_prefix(k + 1 == kColumns ? row.size() : comma + 1);
     }
     int slice = 0;
     Recording::Showing p;
@@ -151,20 +151,20 @@ Recording parse_recording(std::string_view csv, int slices, const std::string& f
 }
 
 void add_recording(const StackInfo& info, ContainerOutput& output) {
-  if (info.recording) output.add_text(recording_entry, recording_csv(*info.recording));
+  if (info.recording) output.add_text(kRecordingEntry, recording_csv(*info.recording));
 }
 
 void read_recording(const Container& archive, ArchiveContents& contents) {
   if (!contents.recording) return;
   const RecordingFacts& facts = *contents.recording;
-  if (archive.find(recording_entry) == nullptr) {
-    throw InputError(archive.path(), recording_entry, "is missing");
+  if (archive.find(kRecordingEntry) == nullptr) {
+    throw InputError(archive.path(), kRecordingEntry, "is missing");
   }
   // A row is two whole numbers and six of at most 24 digits.
   const std::string csv =
-      archive.text(recording_entry, 4096 + 200 * static_cast<std::uint64_t>(facts.showings));
+      archive.text(kRecordingEntry, 4096 + 200 * static_cast<std::uint64_t>(facts.showings));
   if (recording_crc32(csv) != facts.crc32) {
-    throw InputError(archive.path(), recording_entry,
+    throw InputError(archive.path(), kRecordingEntry,
                      "is damaged: it is not what the recording's block says");
   }
   Recording recording = parse_recording(csv, facts.slices, archive.path());

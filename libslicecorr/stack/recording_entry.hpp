@@ -1,4 +1,4 @@
-/// @file recording_entry.hpp
+/// @file kRecordingEntry.hpp
 /// The table of a recorded stack: which image was lit in which slice, and how much.
 #pragma once
 
@@ -10,11 +10,11 @@
 
 namespace slicecorr::detail {
 
-inline constexpr const char* recording_entry = "slicecorr/recording.csv";
+inline constexpr const char* kRecordingEntry = "slicecorr/recording.csv";
 
 /// Most slices and showings of a recording.
-inline constexpr int max_recorded_slices = 1'000'000;
-inline constexpr int max_recorded_showings = 5'000'000;
+inline constexpr int kMaxRecordedSlices = 1'000'000;
+inline constexpr int kMaxRecordedShowings = 5'000'000;
 
 /// One row per showing; numbers read back as the same numbers.
 std::string recording_csv(const Recording& recording);

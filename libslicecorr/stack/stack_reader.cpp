@@ -25,13 +25,13 @@ ArchiveContents read_contents(const Container& archive) {
   const ArchiveFormat& format = recognise_format(archive);
   ArchiveContents contents = format.read(archive);
   contents.info.format = format.name();
-  if (archive.has(provenance_entry)) {
+  if (archive.has(kProvenanceEntry)) {
     if (contents.info.kind != StackKind::foreign) {
-      throw InputError(archive.path(), provenance_entry,
+      throw InputError(archive.path(), kProvenanceEntry,
                        "is a second record beside that of the archive; expected one of them");
     }
     const std::uint64_t limit = (std::uint64_t{64} << 20) + 256 * archive.entries().size();
-    read_provenance(archive.text(provenance_entry, limit), archive.path(), contents);
+    read_provenance(archive.text(kProvenanceEntry, limit), archive.path(), contents);
   }
   read_flat_field(archive, contents);
   read_recording(archive, contents);
@@ -60,7 +60,7 @@ namespace {
 using detail::ArchiveContents;
 using detail::Container;
 
-constexpr std::size_t memory_budget = std::size_t{128} << 20;
+constexpr std::size_t kMemoryBudget = std::size_t{128} << 20;
 
 /// Entries of images that are not absurdly large.
 std::vector<const Container::Entry*> entries_of(const Container& archive,
@@ -187,7 +187,7 @@ struct StackReader::Impl {
   std::mutex mutex;  ///< of bounds and sum
 
   Impl(const std::string& p, const std::string& folder, const ExecutionContext& context)
-      : path(p), store(folder, memory_budget, context) {}
+      : path(p), store(folder, kMemoryBudget, context) {}
 
   BlobStore::Blob& blob(const Index& of, int band, int slice) const {
     return of[static_cast<std::size_t>(band) * static_cast<std::size_t>(config.info.grid.layers) +

@@ -28,7 +28,7 @@ using detail::PixelCode;
 using detail::raw_stride;
 
 /// Of all pieces together. Beyond it a piece costs two calls of the system, some microseconds.
-constexpr std::size_t memory_budget = std::size_t{64} << 20;
+constexpr std::size_t kMemoryBudget = std::size_t{64} << 20;
 
 /// Whether the layers of both are lit for other times.
 bool exposures_differ(const StackInfo& a, const StackInfo& b) {
@@ -78,7 +78,7 @@ struct StackWriter::Impl {
             f.archive                          ? detail::ImagePacking::smallest
             : &format == &detail::uvj_format() ? detail::ImagePacking::stored
                                                : detail::ImagePacking::deflated)),
-        store(output->folder(), memory_budget, j),
+        store(output->folder(), kMemoryBudget, j),
         rows(band_rows(g)),
         bands(static_cast<std::size_t>((g.height_px + rows - 1) / rows)) {
     if (!file.keep_from.empty()) {
@@ -195,7 +195,7 @@ StackWriter::Impl::Images StackWriter::Impl::gather(const std::vector<Pieces>& f
   // A hundred thousand slices of hundreds of bands are not for one thread.
   parallel_for(detail::silent(context), "", layers, [&](std::size_t slice) {
     std::uint32_t adler = 1, grey_adler = 1;
-    std::uint64_t size = detail::png_frame_bytes;
+    std::uint64_t size = detail::kPngFrameBytes;
     for (std::size_t band = 0; band < from.size(); ++band) {
       const Black& b = images.black.at(rows_of(band));
       const bool is_lit = images.lit(band, slice);
@@ -233,7 +233,7 @@ void StackWriter::Impl::make_small(Images& images) {
     chunk.clear();
     packer.finish(images.adlers[slice], chunk);
     images.small[slice] = store.put(chunk.data(), chunk.size());
-    images.sizes[slice] = detail::png_frame_bytes_of_one + chunk.size();
+    images.sizes[slice] = detail::kPngFrameBytesOfOne + chunk.size();
   });
 }
 
@@ -293,7 +293,7 @@ void StackWriter::Impl::write_archive(const StackInfo& info, const GreyImage& pr
   if (&format != &detail::uvj_format() &&
       (info.kind != StackKind::foreign || &format == &detail::folder_format())) {
     output->add_text(
-        detail::provenance_entry,
+        detail::kProvenanceEntry,
         detail::write_provenance(info, request.images_crc32, request.uv_images_crc32) + "\n");
   }
   if (info.kind != StackKind::foreign) detail::add_flat_field(info, *output);

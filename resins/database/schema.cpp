@@ -13,7 +13,7 @@ namespace {
 
 using enum KeyType;
 
-constexpr std::array resin_rules = std::to_array<KeyRule>({
+constexpr std::array kResinRules = std::to_array<KeyRule>({
     {.key = "name", .what = "stable name, that of the file"},
     {.key = "version",
      .type = whole,
@@ -127,7 +127,7 @@ constexpr std::array resin_rules = std::to_array<KeyRule>({
      .what = "component and its share, wt%"},
 });
 
-constexpr std::array printer_rules = std::to_array<KeyRule>({
+constexpr std::array kPrinterRules = std::to_array<KeyRule>({
     {.key = "name", .what = "stable name, that of the file"},
     {.key = "version",
      .type = whole,
@@ -440,8 +440,8 @@ std::string expected_of(const KeyRule& r) {
 }  // namespace
 
 std::span<const KeyRule> schema(std::string_view kind) {
-  if (kind == "printer") return printer_rules;
-  return resin_rules;
+  if (kind == "printer") return kPrinterRules;
+  return kResinRules;
 }
 
 std::string schema_table(std::string_view kind) {

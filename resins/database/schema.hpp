@@ -50,6 +50,6 @@ std::vector<Finding> validate_text(const std::string& text, const std::string& p
 bool is_stable_name(std::string_view name);
 
 /// A definition has at most so many bytes: a file beyond is something else.
-inline constexpr std::size_t most_definition_bytes = 4U << 20;
+inline constexpr std::size_t kMostDefinitionBytes = 4U << 20;
 
 }  // namespace slicecorr::resins

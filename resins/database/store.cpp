@@ -27,7 +27,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int greatest_version = 1000000000;
+constexpr int kGreatestVersion = 1000000000;
 
 /// Version that a text says it is; 1 when it says nothing, nothing when it can't be read.
 std::optional<int> version_in(const std::string& text) {
@@ -36,7 +36,7 @@ std::optional<int> version_in(const std::string& text) {
     const toml::node* node = root.get("version");
     if (!node) return 1;
     const auto* whole = node->as_integer();
-    if (!whole || **whole < 1 || **whole > greatest_version) return std::nullopt;
+    if (!whole || **whole < 1 || **whole > kGreatestVersion) return std::nullopt;
     return static_cast<int>(**whole);
   } catch (const toml::parse_error&) {
     return std::nullopt;

@@ -400,9 +400,9 @@ std::vector<Finding> validate_definition(const std::string& path) {
   std::error_code ec;
   if (!fs::is_regular_file(path, ec)) return one("is not a file that can be read");
   const auto size = fs::file_size(path, ec);
-  if (!ec && size > most_definition_bytes) {
+  if (!ec && size > kMostDefinitionBytes) {
     return one(fmt::format("has {:.1f} MiB; expected a definition of at most {} MiB",
-                           static_cast<double>(size) / (1U << 20), most_definition_bytes >> 20));
+                           static_cast<double>(size) / (1U << 20), kMostDefinitionBytes >> 20));
   }
   try {
     return validate_text(read_text_file(path), path);

@@ -15,7 +15,7 @@ namespace slicecorr::resins {
 
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
 /// Limits are named this far inside: what is typed back goes another way to its answer.
 constexpr double kInside = 1e-9;
 
@@ -217,7 +217,7 @@ Forecast predict(const Resin& resin, const Question& q) {
   }
   if (q.height_um > 0) {
     const double rate = dose_prime_at(k, q.blue_mw_cm2, q.uv_mw_cm2, q.height_um, 1);
-    f.exposure_for_height_s = rate > 0 ? k.critical_dose_prime / rate : infinity;
+    f.exposure_for_height_s = rate > 0 ? k.critical_dose_prime / rate : kInfinity;
     if (!std::isfinite(f.exposure_for_height_s)) {
       f.unanswered = fmt::format(
           "resin {} um above the window never gels: it lies in the dead zone of {} um; expected a "

@@ -25,9 +25,9 @@ Process continuous(double speed_mm_h) {
   return process;
 }
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
 /// The absorbance heights that definitions may have (base 10, um), as base e.
-constexpr double kGreatestHeightE = 1e7 / units::ln10;
+constexpr double kGreatestHeightE = 1e7 / units::kLn10;
 /// Gaps are judged by the shortest one of which both edges can be right.
 constexpr int kGapSlices = 2;
 /// The recommended height keeps this factor from the ends of the range.
@@ -46,7 +46,7 @@ double boundary(double low, double high, bool at_low, const std::function<bool(d
 /// How far one grey level moves an upper and a lower edge at most, beside gaps that keep half the
 /// contrast.
 struct EdgeSteps {
-  double upper_um = infinity, lower_um = infinity;
+  double upper_um = kInfinity, lower_um = kInfinity;
 };
 
 EdgeSteps edge_steps(const CureModel& model) {
@@ -61,7 +61,7 @@ EdgeSteps edge_steps(const CureModel& model) {
   // half the critical one. A burst of one slice is no brighter than it must be.
   const double contrast = std::min(model.phi_max() - 0.5, 0.5 / model.one_minus_a);
   return {model.level_step_um(), model.layer_um * step * model.one_minus_a /
-                                     (model.a * units::ln10 * model.eta * contrast)};
+                                     (model.a * units::kLn10 * model.eta * contrast)};
 }
 
 /// All that a recommendation is found from, at one speed.
@@ -84,7 +84,7 @@ class Designer {
   double ratio() const { return ratio_; }
   /// Height at which full light just reaches the critical intensity, and black light does.
   double speed_limit() const { return limit_; }
-  double black_limit() const { return ratio_ > 0 ? limit_ / ratio_ : infinity; }
+  double black_limit() const { return ratio_ > 0 ? limit_ / ratio_ : kInfinity; }
   double phi_max(double he) const { return he / limit_; }
   double phi_min(double he) const { return ratio_ * he / limit_; }
 
@@ -115,7 +115,7 @@ class Designer {
   /// Interval of heights that gel, keep gaps liquid and keep the dead zone; with what sets its
   /// ends.
   struct Limits {
-    double low = 0, high = infinity;
+    double low = 0, high = kInfinity;
     std::string low_because, high_because;
     bool any() const { return low * (1 + 1e-9) < high; }
   };
@@ -144,7 +144,7 @@ class Designer {
     // The stronger the blue light reaches, the more UV light the dead zone takes.
     const double longest =
         1 / huv() - std::log(resin_.inhibition->beta * lamp() / blue_) / wish_.dead_zone_um;
-    const double high = !keeps_any_dead_zone() ? 0.0 : longest > 0 ? 1 / longest : infinity;
+    const double high = !keeps_any_dead_zone() ? 0.0 : longest > 0 ? 1 / longest : kInfinity;
     if (high < l.high) {
       l.high = high;
       l.high_because = fmt::format(
@@ -168,7 +168,7 @@ class Designer {
   /// Heights within `l` at which no edge moves by more than the tolerance; the longest stretch.
   /// `least_error` takes the least error there is.
   std::optional<Limits> within_tolerance(const Limits& l, double& least_error) const {
-    least_error = infinity;
+    least_error = kInfinity;
     if (!l.any()) return std::nullopt;
     // Between heights at which a grey level passes phi = 1 the error of upper edges rises with the
     // height, that of lower edges falls. So each piece holds one stretch at most.
@@ -483,7 +483,7 @@ void describe_places(const Resin& resin, const Printer& printer, const Wish& wis
   Recommendation::Places places;
   places.greatest_light = greatest;
   places.least_light = greatest;
-  double met = 0, least_met = infinity, greatest_met = 0;
+  double met = 0, least_met = kInfinity, greatest_met = 0;
   for (int v = 255; v > 0; --v) {
     const std::uint64_t count = pixels[static_cast<std::size_t>(v)];
     if (count == 0) continue;
@@ -538,9 +538,9 @@ void describe_places(const Resin& resin, const Printer& printer, const Wish& wis
 UncorrectedEdges uncorrected_edges(double phi, double phi_min, double effective_um) {
   UncorrectedEdges e;
   e.over_um = phi > 1 && phi_min < 1 ? effective_um * std::log((phi - phi_min) / (1 - phi_min))
-              : phi > 1              ? infinity
+              : phi > 1              ? kInfinity
                                      : 0;
-  e.under_um = phi > 1 ? -effective_um * std::log1p(-1 / phi) : infinity;
+  e.under_um = phi > 1 ? -effective_um * std::log1p(-1 / phi) : kInfinity;
   return e;
 }
 
@@ -579,7 +579,7 @@ Recommendation recommend(const Resin& resin, const Printer& printer, const Wish&
   r.best_uncorrected_height10_um = units::height10_from_e(d.best_uncorrected());
   r.best_uncorrected_error_um = d.uncorrected_error(d.best_uncorrected());
   const Designer::Limits limits = d.limits();
-  double least_error = infinity;
+  double least_error = kInfinity;
   const auto found = d.within_tolerance(limits, least_error);
   if (!found) {
     r.ways_out = ways_out(d, resin, printer, wish, limits, least_error);
@@ -615,7 +615,7 @@ Recommendation recommend(const Resin& resin, const Printer& printer, const Wish&
   const double more = 1.01;
   r.um_per_percent_of_light =
       more * r.phi_min < 1 ? effective * std::log(more * (1 - r.phi_min) / (1 - more * r.phi_min))
-                           : infinity;
+                           : kInfinity;
   r.uncorrected = uncorrected_edges(r.phi_max, r.phi_min, effective);
   r.burst_um = r.uncorrected.under_um;
   r.gap_um = d.gap_um();

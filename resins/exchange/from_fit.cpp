@@ -103,7 +103,7 @@ void write_cure(TomlEdit& edit, const FitResult& fit) {
   } else {
     number("critical_dose_prime", required(fit, "critical_dose_prime"));
   }
-  if (!edit.has("cure", "dose_factor")) number("dose_factor", default_dose_factor);
+  if (!edit.has("cure", "dose_factor")) number("dose_factor", kDefaultDoseFactor);
 }
 
 void write_inhibition(TomlEdit& edit, const FitResult& fit) {

@@ -22,10 +22,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::uintmax_t most_bytes = 64U << 20;
-constexpr std::array formats = {"auto",       "prusaslicer",    "uvtools",        "anycubic",
-                                "table",      "calibration",    "uv-calibration", "lut",
-                                "flat-field", "correction-mask"};
+constexpr std::uintmax_t kMostBytes = 64U << 20;
+constexpr std::array kFormats = {"auto",       "prusaslicer",    "uvtools",        "anycubic",
+                                 "table",      "calibration",    "uv-calibration", "lut",
+                                 "flat-field", "correction-mask"};
 
 /// Which reader a file is for, by what it holds.
 std::string format_of(const ImportSource& source) {
@@ -203,17 +203,17 @@ std::string resin_of_exposures(const std::vector<LayerExposure>& exposures,
 
 std::vector<Imported> import_definitions(const std::string& path, const ImportOptions& options,
                                          std::vector<std::string>* left_out) {
-  if (std::find(formats.begin(), formats.end(), options.format) == formats.end()) {
+  if (std::find(kFormats.begin(), kFormats.end(), options.format) == kFormats.end()) {
     std::string known;
-    for (const char* f : formats) known += fmt::format("{}{}", known.empty() ? "" : ", ", f);
+    for (const char* f : kFormats) known += fmt::format("{}{}", known.empty() ? "" : ", ", f);
     throw InputError(
         fmt::format("'{}' is no format to import; expected one of {}", options.format, known));
   }
   std::error_code ec;
-  if (const auto size = fs::file_size(path, ec); !ec && size > most_bytes) {
+  if (const auto size = fs::file_size(path, ec); !ec && size > kMostBytes) {
     throw InputError(path, "",
                      fmt::format("has {} MiB; expected a profile of at most {} MiB", size >> 20,
-                                 most_bytes >> 20));
+                                 kMostBytes >> 20));
   }
   std::vector<std::string> reasons;
   const ImportSource source{path, fs::path(path).filename().string(), read_text_file(path),

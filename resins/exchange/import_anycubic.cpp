@@ -134,7 +134,7 @@ class Reader {
     d.notes = text(property, "type");
     d.height_e_um = c.x;
     d.gel_mj_cm2 = dose_mj_cm2;
-    d.dose_factor = default_dose_factor;
+    d.dose_factor = kDefaultDoseFactor;
     d.wavelength_nm = options_.wavelength_nm;
     const double intensity = curve.value("light_intensity", 0.0);
     const double safety = curve.value("safety_coefficient", 0.0);
@@ -149,7 +149,7 @@ class Reader {
     d.assumptions.push_back(fmt::format(
         "Correction aims at {:g} times that dose, the default; the profile's own margin "
         "(safety_coefficient {:g}) multiplies exposure times and is not used.",
-        default_dose_factor, safety));
+        kDefaultDoseFactor, safety));
     d.assumptions.emplace_back("Intensity times time counts (m = 1).");
     d.provenance.emplace_back(
         "source", fmt::format("{}, depth_penetration_curve of '{}'", source_.file, title));

@@ -21,7 +21,7 @@ struct Preset {
 };
 
 /// Regular expressions need stack for every character: no setting is as long as this.
-constexpr std::size_t most_characters = 1000;
+constexpr std::size_t kMostCharacters = 1000;
 
 /// Lines of a text that are not empty and begin with none of `comments`, numbered from 1.
 template <typename Take>
@@ -119,7 +119,7 @@ std::pair<double, std::string> layer_of(const std::map<std::string, std::string>
   static const std::regex condition(R"(layer_height\s*==\s*([0-9.]+))");
   std::smatch found;
   const std::string prints = value_of(values, "compatible_prints_condition");
-  if (prints.size() <= most_characters && std::regex_search(prints, found, condition)) {
+  if (prints.size() <= kMostCharacters && std::regex_search(prints, found, condition)) {
     if (const auto v = number_in_text(found[1].str())) {
       return {*v * 1000, "compatible_prints_condition"};
     }
@@ -151,7 +151,7 @@ std::vector<Imported> import_prusaslicer(const ImportSource& source, const Impor
     if (full.find(options.only) == std::string::npos) continue;
     std::smatch parts;
     const bool has_height =
-        full.size() <= most_characters && std::regex_match(full, parts, at_height);
+        full.size() <= kMostCharacters && std::regex_match(full, parts, at_height);
     const std::string base = has_height ? parts[1].str() : full;
     const std::string variant(has_height ? trimmed(parts[3].str()) : "");
     const auto exposure = number_in_text(value_of(values, "exposure_time"));
@@ -219,7 +219,7 @@ std::vector<Imported> import_key_values(const ImportSource& source, const Import
   ResinDraft draft;
   const auto take_line = [&](int number, const std::string& line) {
     std::smatch found;
-    if (line.size() > most_characters || !std::regex_match(line, found, pair)) return;
+    if (line.size() > kMostCharacters || !std::regex_match(line, found, pair)) return;
     std::string key, value = found[2].str();
     for (const char c : lower_case(found[1].str())) {
       if ((c >= 'a' && c <= 'z') || (c >= '0' && c <= '9')) key += c;

@@ -51,13 +51,13 @@ std::vector<Imported> import_table(const ImportSource& source, const ImportOptio
       d.model = "kinetic";
       d.m = *m;
       d.critical_dose_prime = *prime;
-      d.dose_factor = number("dose_factor").value_or(default_dose_factor);
+      d.dose_factor = number("dose_factor").value_or(kDefaultDoseFactor);
     } else if (aim) {
       d.gel_mj_cm2 = dose.value_or(0);
       d.aim_mj_cm2 = *aim;
     } else {
       d.gel_mj_cm2 = *dose;
-      d.dose_factor = number("dose_factor").value_or(default_dose_factor);
+      d.dose_factor = number("dose_factor").value_or(kDefaultDoseFactor);
     }
     d.beta = number("beta").value_or(0);
     d.huv_um = number("huv_um").value_or(0);

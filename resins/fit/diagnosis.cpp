@@ -13,7 +13,7 @@ using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMaj
 
 // Columns are scaled to length 1 first. Rounding in the Jacobian is some 1e-14; a combination this
 // flat would have an interval a million times that of a single parameter.
-constexpr double least_singular_ratio = 1e-7;
+constexpr double kLeastSingularRatio = 1e-7;
 
 }  // namespace
 
@@ -65,7 +65,7 @@ Diagnosis diagnose(const Problem& problem, const Solution& solution, bool count_
     const Eigen::MatrixXd r = qr.matrixQR().topRows(std::min(n, p)).triangularView<Eigen::Upper>();
     const Eigen::JacobiSVD<Eigen::MatrixXd> svd(r, Eigen::ComputeFullU | Eigen::ComputeFullV);
     const auto& values = svd.singularValues();
-    d.singular = n < p || !(values(values.size() - 1) > least_singular_ratio * values(0));
+    d.singular = n < p || !(values(values.size() - 1) > kLeastSingularRatio * values(0));
     d.null_direction = svd.matrixV().col(p - 1).cwiseAbs();
     if (!d.singular) {
       // J = Q R, so inverse J'J = R^-1 R^-T, and the hat matrix is Q Q'.

@@ -17,7 +17,7 @@ namespace slicecorr::resins {
 
 namespace {
 
-constexpr double unknown_number = std::numeric_limits<double>::quiet_NaN();
+constexpr double kUnknownNumber = std::numeric_limits<double>::quiet_NaN();
 
 bool is_exponent(const std::string& name) { return name == "m" || name == "m_uv"; }
 
@@ -71,7 +71,7 @@ bool clearly_worse(const PreparedFit& smaller, const Solution& less, const Prepa
 
 void fill_parameters(const PreparedFit& s, const Solution& solution, const Diagnosis& d,
                      FitResult& result) {
-  const double t = d.freedom > 0 ? student_t_quantile(0.975, d.freedom) : unknown_number;
+  const double t = d.freedom > 0 ? student_t_quantile(0.975, d.freedom) : kUnknownNumber;
   // Close to the first gel the front's law bends so much that symmetric intervals miss the truth on
   // one side. Other laws are linear in disguise.
   const bool bent = s.problem.loss == Loss::none &&
@@ -81,8 +81,8 @@ void fill_parameters(const PreparedFit& s, const Solution& solution, const Diagn
     p.name = kind.unknown.name;
     p.unit = kind.unit;
     p.value = d.law[kind.unknown.slots.front()];
-    p.stderr_ = unknown_number;
-    p.ci95 = {unknown_number, unknown_number};
+    p.stderr_ = kUnknownNumber;
+    p.ci95 = {kUnknownNumber, kUnknownNumber};
     p.fixed = true;
     for (std::size_t i = 0; i < s.problem.unknowns.size(); ++i) {
       if (s.problem.unknowns[i].name != p.name) continue;
@@ -102,7 +102,7 @@ void fill_parameters(const PreparedFit& s, const Solution& solution, const Diagn
   // Of all free parameters; what stands at a bound has no variance that could be given.
   const std::size_t width = s.problem.unknowns.size();
   result.free_parameters = static_cast<int>(width);
-  result.covariance.assign(width * width, unknown_number);
+  result.covariance.assign(width * width, kUnknownNumber);
   for (std::size_t i = 0; i < d.active.size() && !d.singular && d.freedom > 0; ++i) {
     for (std::size_t j = 0; j < d.active.size(); ++j) {
       const std::size_t a = d.active[i], b = d.active[j];
@@ -174,7 +174,7 @@ KindFit summary_of(const FitResult& result, bool dead_zones, bool all) {
   }
   kind.squares = squares;
   kind.total = total;
-  kind.r2 = total > 0 ? 1 - squares / total : unknown_number;
+  kind.r2 = total > 0 ? 1 - squares / total : kUnknownNumber;
   kind.rmse_um = std::sqrt(squares / kind.n);
   return kind;
 }
@@ -186,9 +186,9 @@ void fill_quality(const PreparedFit& s, const Diagnosis& d, FitResult& result) {
   // Each kind about its own mean: the difference between the kinds is no success of the fit.
   const double total = result.cured.total + result.dead_zones.total;
   result.n = result.cured.n + result.dead_zones.n;
-  result.r2 = total > 0 ? 1 - squares / total : unknown_number;
+  result.r2 = total > 0 ? 1 - squares / total : kUnknownNumber;
   result.rmse_um = std::sqrt(squares / result.n);
-  result.sigma_um = d.freedom > 0 ? std::sqrt(squares / d.freedom) : unknown_number;
+  result.sigma_um = d.freedom > 0 ? std::sqrt(squares / d.freedom) : kUnknownNumber;
   const KindScatter scatter = scatter_of_kinds(s.problem, d);
   result.cured.sigma_um = scatter.cured_um;
   result.dead_zones.sigma_um = scatter.dead_zone_um;

@@ -89,10 +89,10 @@ Height front_height(const Slots& law, const Exposure& e) {
   s_by[kUvExponent] = -excess / (m * m);
   s_by[kDose] = -1 / (m * law[kDose]);
 
-  const Root root = front_root(std::max(s, least_s), q);
+  const Root root = front_root(std::max(s, kLeastS), q);
   Height z;
   z.gels = s >= 0;
-  const double beyond = std::min(0.0, s - least_s);
+  const double beyond = std::min(0.0, s - kLeastS);
   const double w = root.w + root.by_s * beyond;
   const double w_by_q = root.by_q + root.by_s_by_q * beyond;
   z.um = z0.um + huv * w;

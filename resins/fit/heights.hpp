@@ -43,11 +43,11 @@ Height steady_height(const Slots& law, const Exposure& e);
 ///     (e^(-q w) - q e^(-w)) / (1 - q) = e^(-s)
 ///
 /// which depends on q and s alone; w(s, q) and its derivatives follow by the implicit function
-/// theorem. At s = 0 the root ends with an infinite slope, so below s = `least_s` the tangent is
+/// theorem. At s = 0 the root ends with an infinite slope, so below s = `kLeastS` the tangent is
 /// taken instead: the height grows with ln(t0 / t), finite and smooth.
 /// Needs huv < h.
 Height front_height(const Slots& law, const Exposure& e);
-inline constexpr double least_s = 1e-3;
+inline constexpr double kLeastS = 1e-3;
 
 /// Where the first resin gels, um; may be negative.
 double first_gel_height(const Slots& law, const Exposure& e);

@@ -14,7 +14,7 @@ namespace slicecorr::resins {
 namespace {
 
 // Squares and their sums must stay finite.
-constexpr double greatest_number = 1e100;
+constexpr double kGreatestNumber = 1e100;
 
 /// All residuals of a problem as one block. A robust loss is taken inside, as residuals whose
 /// squares are rho: one block stays cheap for a million points.
@@ -210,14 +210,14 @@ bool Problem::residuals(const double* inner, double* residual, double* jacobian)
     if (o.is_dead_zone && !(law[kUvHeight] < law[kHeight])) return false;
     const Height z = predict(law, o);
     residual[i] = o.weight * (o.measured_um - z.um);
-    if (!(std::abs(residual[i]) < greatest_number)) return false;
+    if (!(std::abs(residual[i]) < kGreatestNumber)) return false;
     // Derivatives are checked even when nobody asks: Ceres stops with a message on stderr when they
     // fail at a point where the residuals did not.
     for (std::size_t k = 0; k < width; ++k) {
       double by = 0;
       for (const Slot slot : unknowns[k].slots) by += z.by[slot];
       by *= -o.weight * unknowns[k].stretch(law[unknowns[k].slots.front()]);
-      if (!(std::abs(by) < greatest_number)) return false;
+      if (!(std::abs(by) < kGreatestNumber)) return false;
       if (jacobian) jacobian[i * width + k] = by;
     }
   }

@@ -20,7 +20,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 // A table for a program to draw, not an archive: larger ones would be hundreds of megabytes.
-constexpr std::size_t most_points_in_json = 20000;
+constexpr std::size_t kMostPointsInJson = 20000;
 
 /// JSON knows no NaN and no infinity.
 Json number(double value) { return std::isfinite(value) ? Json(value) : Json(); }
@@ -178,7 +178,7 @@ std::string FitResult::to_json() const {
   }
   j["covariance"] = {{"names", std::move(free)}, {"matrix", std::move(rows)}};
   j["sources"] = sources;
-  if (points.size() <= most_points_in_json) {
+  if (points.size() <= kMostPointsInJson) {
     Json& list = j["points"] = Json::array();
     for (const FitPoint& p : points) {
       Json q{{"kind", p.is_dead_zone ? "dead_zone" : "cured_height"}};

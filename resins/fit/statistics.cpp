@@ -8,7 +8,7 @@ namespace slicecorr::resins {
 
 namespace {
 
-constexpr double pi = 3.14159265358979323846;
+constexpr double kPi = 3.14159265358979323846;
 
 /// log Gamma without the global sign that std::lgamma writes to: safe in threads.
 double log_gamma(double x) {
@@ -135,7 +135,7 @@ double student_t_quantile(double probability, double freedom) {
   }
   double t = 0.5 * (low + high);
   const double log_scale =
-      log_gamma(0.5 * (freedom + 1)) - log_gamma(0.5 * freedom) - 0.5 * std::log(freedom * pi);
+      log_gamma(0.5 * (freedom + 1)) - log_gamma(0.5 * freedom) - 0.5 * std::log(freedom * kPi);
   for (int i = 0; i < 200 && low < high; ++i) {
     const double excess = upper_tail(t, freedom) - tail;
     if (excess == 0) break;

@@ -14,9 +14,9 @@ namespace slicecorr::resins {
 
 namespace {
 
-constexpr std::size_t chunk_bytes = std::size_t{1} << 18;
+constexpr std::size_t kChunkBytes = std::size_t{1} << 18;
 // No row of measurements comes near; a file without line ends must not fill the memory.
-constexpr std::size_t longest_line = std::size_t{1} << 16;
+constexpr std::size_t kLongestLine = std::size_t{1} << 16;
 
 }  // namespace
 
@@ -48,10 +48,10 @@ void LineReader::fill() {
   buffer_.erase(0, at_);
   at_ = 0;
   const std::size_t kept = buffer_.size();
-  buffer_.resize(kept + chunk_bytes);
-  const std::size_t n = std::fread(buffer_.data() + kept, 1, chunk_bytes, file_.get());
+  buffer_.resize(kept + kChunkBytes);
+  const std::size_t n = std::fread(buffer_.data() + kept, 1, kChunkBytes, file_.get());
   buffer_.resize(kept + n);
-  if (n < chunk_bytes) {
+  if (n < kChunkBytes) {
     if (std::ferror(file_.get())) {
       throw DeviceError(fmt::format("{}: reading failed: {}", source_, std::strerror(errno)));
     }
@@ -80,17 +80,17 @@ bool LineReader::next(std::string_view& line) {
     // What follows a CR must be known before its line ends.
     const bool found =
         end != std::string::npos && (buffer_[end] == '\n' || end + 1 < buffer_.size() || ended_);
-    if (found || ended_ || buffer_.size() - at_ > longest_line) break;
+    if (found || ended_ || buffer_.size() - at_ > kLongestLine) break;
     from = (end == std::string::npos ? buffer_.size() : end) - at_;
     fill();
   }
   if (end == std::string::npos) end = buffer_.size();
   if (at_ == buffer_.size()) return false;
   ++number_;
-  if (end - at_ > longest_line) {
+  if (end - at_ > kLongestLine) {
     throw InputError(
         source_, place(),
-        fmt::format("is longer than {} bytes; expected a row of measurements", longest_line));
+        fmt::format("is longer than {} bytes; expected a row of measurements", kLongestLine));
   }
   line = std::string_view(buffer_).substr(at_, end - at_);
   at_ = end;

@@ -19,11 +19,11 @@ namespace {
 
 /// Columns that mean something to us, and their index in `Row`.
 enum Column { kIntensity, kExposure, kDose, kHeight, kBlue, kUv, kDeadZone, kSigma, kColumns };
-constexpr std::array<std::string_view, kColumns> column_names = {
+constexpr std::array<std::string_view, kColumns> kColumnNames = {
     "intensity_mw_cm2", "exposure_s", "dose_mj_cm2",  "cured_height_um",
     "blue_mw_cm2",      "uv_mw_cm2",  "dead_zone_um", "sigma_um"};
 
-constexpr const char* expected_header =
+constexpr const char* kExpectedHeader =
     "a header row with intensity_mw_cm2,exposure_s,cured_height_um or dose_mj_cm2,cured_height_um "
     "or blue_mw_cm2,uv_mw_cm2,exposure_s,dead_zone_um";
 
@@ -68,11 +68,11 @@ class Table {
       if (fields.empty()) continue;
       check_count(fields);
       if (into_.cured.size() + into_.dead_zones.size() >=
-          static_cast<std::size_t>(max_measurements)) {
+          static_cast<std::size_t>(kMaxMeasurements)) {
         fail(
             fmt::format("is measurement number {}; at most {} can be fitted together: take "
                         "averages, or a part of them",
-                        max_measurements + 1, max_measurements));
+                        kMaxMeasurements + 1, kMaxMeasurements));
       }
       is_dead_zone_ ? add_dead_zone(fields) : add_cured(fields);
       ++rows;
@@ -101,7 +101,7 @@ class Table {
     const int at = *columns_[column];
     throw InputError(
         reader_.source(),
-        fmt::format("{}, column {} ({})", reader_.place(), at + 1, column_names[column]), message);
+        fmt::format("{}, column {} ({})", reader_.place(), at + 1, kColumnNames[column]), message);
   }
   void warn(const std::string& text) { into_.warnings.push_back(reader_.source() + ": " + text); }
   bool has(Column column) const { return columns_[column].has_value(); }
@@ -112,7 +112,7 @@ class Table {
     while (fields.empty()) {
       if (!reader_.next(line)) {
         throw InputError(reader_.source(), "",
-                         fmt::format("holds no table; expected {}", expected_header));
+                         fmt::format("holds no table; expected {}", kExpectedHeader));
       }
       split_fields(line, reader_, fields);
     }
@@ -124,7 +124,7 @@ class Table {
     });
     if (numbers) {
       fail(fmt::format("holds numbers where names of columns should be; expected {}",
-                       expected_header));
+                       kExpectedHeader));
     }
     if (width_ == 1) {
       const char* separator = nullptr;
@@ -143,9 +143,9 @@ class Table {
         fail(fmt::format("column {} and column {} are both named '{}'; expected each name once",
                          same - names.begin() + 1, i + 1, shown(fields[i])));
       }
-      const auto known = std::find(column_names.begin(), column_names.end(), names[i]);
-      if (known != column_names.end()) {
-        columns_[static_cast<std::size_t>(known - column_names.begin())] = static_cast<int>(i);
+      const auto known = std::find(kColumnNames.begin(), kColumnNames.end(), names[i]);
+      if (known != kColumnNames.end()) {
+        columns_[static_cast<std::size_t>(known - kColumnNames.begin())] = static_cast<int>(i);
       }
     }
     choose_kind(fields);
@@ -173,7 +173,7 @@ class Table {
     std::string missing;
     const auto need = [&](Column column) {
       if (!has(column))
-        missing += fmt::format("{}{}", missing.empty() ? "" : ", ", column_names[column]);
+        missing += fmt::format("{}{}", missing.empty() ? "" : ", ", kColumnNames[column]);
     };
     if (is_dead_zone_) {
       for (const Column c : {kBlue, kUv, kExposure}) need(c);
@@ -192,7 +192,7 @@ class Table {
       present += fmt::format("{}{}", present.empty() ? "" : ", ", shown(field));
     }
     fail(fmt::format("column {} is missing among {}; expected {}", missing, present,
-                     expected_header));
+                     kExpectedHeader));
   }
 
   void check_count(const std::vector<std::string_view>& fields) const {

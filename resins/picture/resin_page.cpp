@@ -129,7 +129,7 @@ std::string pictures(const ResinRecord& record, const std::vector<FitResult>& fi
     }
   };
   const ResinFigures figures = figures_of(record.resin);
-  const double factor = figures.dose_factor > 1 ? figures.dose_factor : default_dose_factor;
+  const double factor = figures.dose_factor > 1 ? figures.dose_factor : kDefaultDoseFactor;
   const FitResult *jacobs = nullptr, *kinetic = nullptr;
   for (const FitResult& f : fits) {
     if (f.model == FitModel::jacobs) jacobs = &f;

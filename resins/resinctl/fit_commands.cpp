@@ -175,7 +175,7 @@ int run_fit(const FitArguments& a, const ExecutionContext& context, Console& con
   return cli::kDone;
 }
 
-constexpr const char* footer =
+constexpr const char* kFooter =
     "Models and their columns (a header row names them; any order; # starts a comment):\n"
     "  jacobs              dose_mj_cm2,cured_height_um, or as for kinetic\n"
     "  kinetic             intensity_mw_cm2,exposure_s,cured_height_um\n"
@@ -243,7 +243,7 @@ void add_fit(cli::Program& program) {
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   sub->add_flag("--one-m", a->one_m, "joint: one exponent with and without UV light");
-  sub->footer(footer);
+  sub->footer(kFooter);
 }
 
 }  // namespace slicecorr::resinctl

@@ -61,7 +61,7 @@ struct Subject {
   const Resin* resin = nullptr;
   std::string name;
   double aim_over_gel() const {
-    return resin && resin->dose_factor > 1 ? resin->dose_factor : default_dose_factor;
+    return resin && resin->dose_factor > 1 ? resin->dose_factor : kDefaultDoseFactor;
   }
 };
 

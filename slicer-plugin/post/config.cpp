@@ -19,8 +19,8 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr std::array<std::string_view, 5> matchers = {"name", "folder", "file", "printer_profile",
-                                                      "material_profile"};
+constexpr std::array<std::string_view, 5> kMatchers = {"name", "folder", "file", "printer_profile",
+                                                       "material_profile"};
 
 /// Keys are written with _ in TOML files, options with -.
 std::string option_name(std::string key) {
@@ -130,7 +130,7 @@ class Reader {
   void read_values(const toml::table& table, bool in_rule, Values& values) const {
     for (const auto& [key, node] : table) {
       const std::string name(key.str());
-      const bool matcher = std::find(matchers.begin(), matchers.end(), name) != matchers.end();
+      const bool matcher = std::find(kMatchers.begin(), kMatchers.end(), name) != kMatchers.end();
       if (in_rule && matcher) continue;
       const std::string option = option_name(name);
       const std::string value = value_text(node, name, option);
@@ -152,7 +152,7 @@ class Reader {
     PostSettings settings;
     settings.add_to(app);
     std::vector<std::string> known;
-    if (in_rule) known.assign(matchers.begin(), matchers.end());
+    if (in_rule) known.assign(kMatchers.begin(), kMatchers.end());
     for (const CLI::Option* option : app.get_options()) {
       known.push_back(key_name(option->get_lnames().front()));
     }

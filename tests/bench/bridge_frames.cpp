@@ -38,10 +38,10 @@ struct Size {
   int width_px, height_px;
   int cells_x, cells_y;  ///< of the lattice that fills most of the display
 };
-constexpr std::array<Size, 2> sizes{{{1280, 800, 11, 7}, {3840, 2400, 36, 22}}};
+constexpr std::array<Size, 2> kSizes{{{1280, 800, 11, 7}, {3840, 2400, 36, 22}}};
 
 const Size& size_of(const benchmark::State& state) {
-  return sizes.at(static_cast<std::size_t>(state.range(0)));
+  return kSizes.at(static_cast<std::size_t>(state.range(0)));
 }
 
 Machine machine_of(const Size& size) {

@@ -22,11 +22,11 @@ using namespace slicecorr;
 using Bytes = std::vector<std::uint8_t>;
 
 enum Kind { binary, corrected, noisy, upright };
-constexpr std::array<const char*, 4> kind_names = {"binary", "corrected", "noisy", "upright"};
+constexpr std::array<const char*, 4> kKindNames = {"binary", "corrected", "noisy", "upright"};
 struct Size {
   int width_px, height_px;
 };
-constexpr std::array<Size, 3> sizes = {{{1280, 800}, {2560, 1440}, {11520, 5120}}};
+constexpr std::array<Size, 3> kSizes = {{{1280, 800}, {2560, 1440}, {11520, 5120}}};
 
 /// A slice of a gyroid lattice in the middle two thirds of a display, its cells some 120 pixels.
 /// Corrected: grey at edges, and levels that fall towards surfaces. Noisy: such a slice for an
@@ -71,7 +71,7 @@ const Slice& slice_for(const benchmark::State& state) {
   const auto found = made.find(key);
   if (found != made.end()) return found->second;
   Slice& s = made[key];
-  s.size = sizes[static_cast<std::size_t>(key.second)];
+  s.size = kSizes[static_cast<std::size_t>(key.second)];
   s.pixels = slice_of(static_cast<Kind>(key.first), s.size);
   s.rows = band_rows({s.size.width_px, s.size.height_px, 1000, 50, 50, 50});
   const int x0 = s.size.width_px / 6, x1 = s.size.width_px * 5 / 6;
@@ -89,7 +89,7 @@ const Slice& slice_for(const benchmark::State& state) {
 }
 
 void count(benchmark::State& state, const Slice& s, std::size_t packed_bytes) {
-  state.SetLabel(std::string(kind_names[static_cast<std::size_t>(state.range(0))]) + " " +
+  state.SetLabel(std::string(kKindNames[static_cast<std::size_t>(state.range(0))]) + " " +
                  std::to_string(s.size.width_px) + " x " + std::to_string(s.size.height_px));
   state.counters["MB/s"] = benchmark::Counter(
       static_cast<double>(s.pixels.size()) / 1e6 * static_cast<double>(state.iterations()),
@@ -246,7 +246,7 @@ void encode_archive(benchmark::State& state) {
                  detail::raw_stride(s.size.width_px) * static_cast<std::size_t>(s.bands[i].rows));
     }
     packer.finish(adler, out);
-    size = out.size() + detail::png_frame_bytes_of_one;
+    size = out.size() + detail::kPngFrameBytesOfOne;
   }
   count(state, s, size);
 }

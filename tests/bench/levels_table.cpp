@@ -46,7 +46,7 @@ Row ladder(const Printer& printer, double cap) {
                           model.level_phi[static_cast<std::size_t>(level) - 1];
       const double into = upper ? model.level_phi[levels[k - 1]] : model.level_phi[levels[k]];
       row.bound_um = std::max(row.bound_um, 50 * step * model.one_minus_a /
-                                                (units::ln10 * model.eta * std::abs(into - 1)));
+                                                (units::kLn10 * model.eta * std::abs(into - 1)));
     }
     sum.merge(predictor.finish(0, 0, 1));
   }

@@ -10,7 +10,7 @@
 
 namespace {
 
-const char* const printer_toml = R"(name = "outside"
+const char* const kPrinterToml = R"(name = "outside"
 [display]
 width_px = 1280
 height_px = 800
@@ -38,7 +38,7 @@ int main() {
       slicecorr::units::volumetric_from_areal(15.0, slicecorr::units::height_e_from_10(1500.0));
   ok &= check(std::abs(dc - 230.2585) < 1e-3, "areal to volumetric dose");
 
-  const slicecorr::Printer printer = slicecorr::parse_printer(printer_toml, "outside.toml");
+  const slicecorr::Printer printer = slicecorr::parse_printer(kPrinterToml, "outside.toml");
   ok &= check(printer.name == "outside", "name of the printer");
   ok &= check(printer.width_px == 1280 && printer.height_px == 800, "size of the display");
   ok &= check(printer.levels() == 256, "levels of the projector");

@@ -9,7 +9,7 @@
 ///     layer by layer   the rate at d = x hs, times the exposure te
 ///
 /// The nearest `near()` slices are taken from tables of these values; beyond, where the share of UV
-/// has fallen below `tail_share`, each slice further adds a = 10^-eta times the one before, which
+/// has fallen below `kTailShare`, each slice further adds a = 10^-eta times the one before, which
 /// is the recursion without UV (A.32).
 ///
 /// The kernel is 0 nearer than the dead zone and greatest at z0: a slice hardly acts on its own
@@ -36,12 +36,12 @@ class InhibitedKernel {
  public:
   /// Share of UV in the rate at full light below which slices are recursed: the dose is right to
   /// this share.
-  static constexpr double tail_share = 1e-6;
+  static constexpr double kTailShare = 1e-6;
   /// Where in a layer a dose is asked for: x = j + place / 4 for the slice j layers below.
   enum LayerPosition { lower_end = 0, quarter = 1, middle = 2, three_quarters = 3, upper_end = 4 };
-  static constexpr int places = 5;
+  static constexpr int kPlaces = 5;
   /// Samples of a layer for what happens inside it.
-  static constexpr int samples = 16;
+  static constexpr int kSamples = 16;
 
   /// `kinetics` with the dose to aim at, `gel` with that of gelation (for the window);
   /// `level_mw_cm2`: blue intensity of each grey level; `brightest_mw_cm2`: at the brightest place
@@ -66,14 +66,14 @@ class InhibitedKernel {
   /// What a slice of a level adds j layers above its own: table[j * levels() + level], j = 0 ..
   /// near() - 1; layer by layer at the normal exposure.
   const double* table(int setting, LayerPosition place) const {
-    return tables_[static_cast<std::size_t>(setting * places + place)].data();
+    return tables_[static_cast<std::size_t>(setting * kPlaces + place)].data();
   }
   /// The same at x = j + (i + 1) / samples: fine[(j * levels() + level) * samples + i]; made when
   /// it is first asked for.
   const float* fine(int setting) const;
   /// Of all tables together.
   double table_bytes() const {
-    return (8.0 * places + 4.0 * samples) * near() * levels() * settings();
+    return (8.0 * kPlaces + 4.0 * kSamples) * near() * levels() * settings();
   }
   /// A slice j >= near() layers away adds a() times what it adds one layer nearer.
   double a() const { return a_; }

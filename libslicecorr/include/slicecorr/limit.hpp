@@ -10,15 +10,15 @@
 namespace slicecorr {
 
 /// Digits of limits in messages.
-inline constexpr int limit_digits = 5;
+inline constexpr int kLimitDigits = 5;
 
 /// The greatest number of so many significant digits at or below `value`, and the least at or above
 /// it; 0, infinities and NaN as they are. digits: 1..17.
-double rounded_down(double value, int digits = limit_digits);
-double rounded_up(double value, int digits = limit_digits);
+double rounded_down(double value, int digits = kLimitDigits);
+double rounded_up(double value, int digits = kLimitDigits);
 
 /// The same as text that reads back as just that number.
-std::string at_most(double limit, int digits = limit_digits);
-std::string at_least(double limit, int digits = limit_digits);
+std::string at_most(double limit, int digits = kLimitDigits);
+std::string at_least(double limit, int digits = kLimitDigits);
 
 }  // namespace slicecorr

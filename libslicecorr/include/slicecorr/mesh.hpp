@@ -81,8 +81,8 @@ struct Placement {
 TriangleMesh read_mesh(const std::string& path, const Placement& placement = {},
                        const ExecutionContext& context = {});
 
-/// Counts triangles, bodies and defects; O(triangles). Writes the mesh's edge_defects to
-/// `edge_defects`, when it is not null.
+/// Counts triangles, bodies and defects; O(triangles). Writes where edges are open
+/// or turned to `edge_defects`, when it is not null.
 MeshReport inspect(const TriangleMesh& mesh, const ExecutionContext& context = {},
                    EdgeDefects* edge_defects = nullptr);
 
@@ -97,7 +97,7 @@ std::string describe(const MeshDefects& defects);
 /// Appends `part` to `mesh`.
 void append(TriangleMesh& mesh, const TriangleMesh& part);
 
-/// Appends the edge_defects of a part to those of the mesh that the part is to be appended to.
+/// Appends the edge defects of a part to those of the mesh that the part is to be appended to.
 void append(EdgeDefects& edge_defects, const TriangleMesh& mesh, const EdgeDefects& part);
 
 }  // namespace slicecorr

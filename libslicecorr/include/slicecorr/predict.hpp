@@ -12,7 +12,7 @@
 /// exposure splits a run at a node where its light is too weak, layer by layer exposure in front of
 /// a node, UV light anywhere in a layer. Unprinted stretches at a run's two edges split nothing:
 /// they are height errors; nor is a lost run split. Nor do stretches split whose least dose is 1 to
-/// `same_dose`.
+/// `kSameDose`.
 ///
 /// Layer by layer the dose jumps at nodes. An edge is judged by the dose on its gap side: printed
 /// there, the print reaches into the gap up to the end of the stretch that touches the edge. What

@@ -87,7 +87,7 @@ enum class CureModelKind { jacobs, kinetic };
 
 /// What the correction aims at, over the gel dose, where nothing else is said (dissertation
 /// §2.3.2).
-inline constexpr double default_dose_factor = 5.0;
+inline constexpr double kDefaultDoseFactor = 5.0;
 
 /// How UV light keeps resin liquid near the window (dissertation chapter III).
 struct Inhibition {

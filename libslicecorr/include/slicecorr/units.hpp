@@ -8,12 +8,12 @@
 
 namespace slicecorr::units {
 
-inline constexpr double ln10 = 2.302585092994045684;
+inline constexpr double kLn10 = 2.302585092994045684;
 
 /// Absorbance height, base e to base 10: intensity falls to 1/e over the one, to 1/10 over the
 /// other.
-inline double height10_from_e(double height_e_um) { return height_e_um * ln10; }
-inline double height_e_from_10(double height10_um) { return height10_um / ln10; }
+inline double height10_from_e(double height_e_um) { return height_e_um * kLn10; }
+inline double height_e_from_10(double height10_um) { return height10_um / kLn10; }
 /// Volumetric dose at the window of an areal dose, for m = 1: Dc,V = Dc,A / he.
 inline double volumetric_from_areal(double dose_mj_cm2, double height_e_um) {
   return dose_mj_cm2 / (height_e_um * 1e-4);
@@ -37,7 +37,7 @@ inline double areal_beta_from_volumetric(double beta, double hb_um, double huv_u
 }
 /// Absorbance of a film (base 10) and the absorbance height (base e) of its resin.
 inline double height_e_from_absorbance(double film_um, double absorbance) {
-  return film_um / (ln10 * absorbance);
+  return film_um / (kLn10 * absorbance);
 }
 inline double cm_s_from_mm_h(double speed_mm_h) { return speed_mm_h / 36000.0; }
 inline double mm_h_from_cm_s(double speed_cm_s) { return speed_cm_s * 36000.0; }

@@ -15,7 +15,7 @@ namespace slicecorr::http {
 namespace {
 
 /// A stop must not take longer, whatever a request is doing. Open transactions are rolled back.
-constexpr int longest_stop_ms = 5000;
+constexpr int kLongestStopMs = 5000;
 
 volatile std::sig_atomic_t terminated = 0;
 void on_terminate(int) { terminated = 1; }
@@ -52,7 +52,7 @@ int serve_until_ended(const std::function<void()>& run, const std::function<void
     while (!ended() && !done) ::poll(nullptr, 0, 50);
     stop();
     for (int waited = 0; !done; waited += 50) {
-      if (waited >= longest_stop_ms) {
+      if (waited >= kLongestStopMs) {
         // A request waits for the record or the disk: nothing that it did is half-made.
         std::_Exit(exit_code_of_end());
       }

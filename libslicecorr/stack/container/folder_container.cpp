@@ -253,11 +253,11 @@ void FolderOutput::check_replaceable(const std::string& now_at) const {
   const Listing list = list_of(now_at);
   refuse_others(list, path_);
   if (list.files.empty() && list.folders.empty()) return;
-  const auto is_ours = [](const Listing::File& file) { return file.name == provenance_entry; };
+  const auto is_ours = [](const Listing::File& file) { return file.name == kProvenanceEntry; };
   if (!keeps_in_place_ && std::none_of(list.files.begin(), list.files.end(), is_ours)) {
     throw InputError(path_, "",
                      "is there and was not written by slicecorr (it has no " +
-                         std::string(provenance_entry) +
+                         std::string(kProvenanceEntry) +
                          "), so it is not replaced; expected a new name");
   }
   for (const Listing::File& file : list.files) {

@@ -18,16 +18,16 @@
 namespace slicecorr::detail {
 namespace {
 
-constexpr std::size_t memory_budget = std::size_t{64} << 20;
-constexpr std::size_t piece_bytes = std::size_t{1} << 20;
+constexpr std::size_t kMemoryBudget = std::size_t{64} << 20;
+constexpr std::size_t kPieceBytes = std::size_t{1} << 20;
 
 class TarContainer final : public Container {
  public:
   TarContainer(const std::string& path, const std::string& scratch_folder,
                const ExecutionContext& context)
-      : Container(path), store_(scratch_folder, memory_budget, context) {
+      : Container(path), store_(scratch_folder, kMemoryBudget, context) {
     TarReader tar(path);
-    std::vector<std::uint8_t> data(piece_bytes);
+    std::vector<std::uint8_t> data(kPieceBytes);
     while (tar.next()) {
       if (tar.is_folder()) continue;
       context.check_cancelled();
@@ -157,7 +157,7 @@ void TarGzOutput::write(const std::string& file, const ExecutionContext& context
   if (!keep_from_.empty()) {
     for (std::size_t i = 0; i < sources_.size(); ++i) by_name.emplace(sources_[i].name, i);
     TarReader kept(keep_from_);
-    std::vector<std::uint8_t> block(piece_bytes);
+    std::vector<std::uint8_t> block(kPieceBytes);
     while (kept.next()) {
       context.check_cancelled();
       archive_entry* const header = kept.header();

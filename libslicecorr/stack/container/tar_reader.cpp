@@ -22,19 +22,19 @@
 namespace slicecorr::detail {
 namespace {
 
-constexpr std::size_t block_bytes = std::size_t{256} << 10;
+constexpr std::size_t kBlockBytes = std::size_t{256} << 10;
 
 /// What a file may unpack to: slices that are mostly black pack very well.
-constexpr std::uint64_t largest_ratio = 500;
+constexpr std::uint64_t kLargestRatio = 500;
 
 /// Twice a million slices, in visible and in UV light, and some for what else there is.
-constexpr std::uint64_t most_entries = 2'100'000;
+constexpr std::uint64_t kMostEntries = 2'100'000;
 
 /// The inflated bytes of a gzip file, which may have several parts. zlib checks length and checksum
 /// of each; libarchive's own filter would look at neither, nor at what follows them.
 class GzipStream {
  public:
-  explicit GzipStream(const std::string& path) : path_(path), packed_(block_bytes) {
+  explicit GzipStream(const std::string& path) : path_(path), packed_(kBlockBytes) {
     file_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
     struct stat status;
     if (file_ < 0 || ::fstat(file_, &status) != 0) {
@@ -43,7 +43,7 @@ class GzipStream {
       throw InputError(message);
     }
     file_bytes_ = static_cast<std::uint64_t>(status.st_size);
-    limit_ = most_unpacked_bytes(file_bytes_, largest_ratio);
+    limit_ = most_unpacked_bytes(file_bytes_, kLargestRatio);
     constexpr int gzip_only = 16;
     if (inflateInit2(&state_, MAX_WBITS + gzip_only) != Z_OK) {
       ::close(file_);
@@ -84,7 +84,7 @@ class GzipStream {
     if (unpacked_ > limit_) {
       throw InputError(path_, "",
                        "unpacks to more than " + std::to_string(limit_) + " bytes, " +
-                           std::to_string(largest_ratio) + " times its size");
+                           std::to_string(kLargestRatio) + " times its size");
     }
     return n;
   }
@@ -157,7 +157,7 @@ struct TarReader::Impl {
   bool folder = false;
   std::uint64_t entries = 0, bytes = 0, bytes_read = 0;
 
-  explicit Impl(const std::string& p) : path(p), gzip(p), block(block_bytes) {}
+  explicit Impl(const std::string& p) : path(p), gzip(p), block(kBlockBytes) {}
 
   /// Fills `block` and remembers where its zeros begin.
   std::size_t fill() {
@@ -216,7 +216,7 @@ bool TarReader::next() {
   Impl& s = *impl_;
   if (s.header != nullptr && s.bytes_read != bytes() && !is_folder()) {
     // What is passed over must be whole, too.
-    std::vector<std::uint8_t> rest(block_bytes);
+    std::vector<std::uint8_t> rest(kBlockBytes);
     while (read(rest) > 0) {
     }
   }
@@ -238,10 +238,10 @@ bool TarReader::next() {
   }
   s.name = clean_name(name);
   const std::string shown = shown_name(name);
-  if (++s.entries > most_entries) {
+  if (++s.entries > kMostEntries) {
     throw InputError(
         s.path, shown,
-        "is more than the " + std::to_string(most_entries) + " entries that an archive may have");
+        "is more than the " + std::to_string(kMostEntries) + " entries that an archive may have");
   }
   if (archive_entry_hardlink(s.header) != nullptr || archive_entry_filetype(s.header) == AE_IFLNK) {
     throw InputError(s.path, shown, "is a link, expected files only");

@@ -43,7 +43,7 @@ struct ZipWriting {
     if (found != packed.end()) return found->second;
     std::vector<std::size_t> batch;
     std::uint64_t bytes = 0;
-    for (std::size_t i = place; i < entries.size() && bytes < zip_batch_bytes; ++i) {
+    for (std::size_t i = place; i < entries.size() && bytes < kZipBatchBytes; ++i) {
       const Entry& entry = entries[i];
       if (i != place && (!entry.deflate_here || entry.done || packed.contains(i))) continue;
       batch.push_back(i);
@@ -138,7 +138,7 @@ struct ZipWriting {
 
 namespace {
 
-constexpr zip_uint32_t text_level = 9;
+constexpr zip_uint32_t kTextLevel = 9;
 
 std::string zip_text(zip_error_t* error) {
   // The text of the system alone says more to the user than with the library's in front.
@@ -200,7 +200,7 @@ void ZipOutput::change(const std::string& temporary, const ExecutionContext& con
   const auto set_packed = [&](const std::string& name, zip_uint64_t index, bool packed) {
     entries.back().deflate_here = packed && is_zipped_image(name);
     return zip_set_file_compression(zip, index, packed ? ZIP_CM_DEFLATE : ZIP_CM_STORE,
-                                    text_level) == 0;
+                                    kTextLevel) == 0;
   };
   // By the bytes of their names: the library looks for what it takes to be meant by them.
   std::unordered_map<std::string, zip_uint64_t> index_of;

@@ -16,7 +16,7 @@ namespace slicecorr::detail {
 namespace {
 
 /// Deflate makes at most 1032 bytes of one.
-constexpr std::uint64_t largest_ratio = 1032;
+constexpr std::uint64_t kLargestRatio = 1032;
 
 void inflate_all(const std::vector<std::uint8_t>& packed, std::vector<std::uint8_t>& out,
                  const std::string& path, const std::string& name) {
@@ -158,7 +158,7 @@ void ZipInput::read(const Entry& entry, std::uint64_t limit, std::vector<std::ui
     }
     read_packed(entry, out);
   } else if (p.method == ZIP_CM_DEFLATE) {
-    if (entry.bytes > largest_ratio * (p.bytes + 1)) {
+    if (entry.bytes > kLargestRatio * (p.bytes + 1)) {
       throw InputError(path_, name, "entry declares more than its compressed data can hold");
     }
     std::vector<std::uint8_t> packed;

@@ -8,14 +8,14 @@
 namespace slicecorr::detail {
 namespace {
 
-constexpr std::uint64_t max16 = 0xffff, max32 = 0xffffffff;
-constexpr std::uint64_t version_plain = 10, version_deflate = 20, version_zip64 = 45;
+constexpr std::uint64_t kMax16 = 0xffff, max32 = 0xffffffff;
+constexpr std::uint64_t kVersionPlain = 10, version_deflate = 20, version_zip64 = 45;
 /// Made on Unix, after version 6.3 of the format.
-constexpr std::uint64_t made_by = 3 << 8 | 63;
-constexpr std::uint64_t ordinary_file = std::uint64_t{0100666} << 16;
-constexpr std::uint64_t first_of_1980 = 1 << 5 | 1;
-constexpr std::uint64_t utf8_name = 1 << 11;
-constexpr std::uint64_t zip64_tag = 1;
+constexpr std::uint64_t kMadeBy = 3 << 8 | 63;
+constexpr std::uint64_t kOrdinaryFile = std::uint64_t{0100666} << 16;
+constexpr std::uint64_t kFirstOf1980 = 1 << 5 | 1;
+constexpr std::uint64_t kUtf8Name = 1 << 11;
+constexpr std::uint64_t kZip64Tag = 1;
 
 /// `count` bytes, lowest first.
 void put(std::uint64_t value, int count, std::vector<std::uint8_t>& out) {
@@ -31,17 +31,17 @@ bool is_large(const ZipEntry& entry) { return std::max(entry.bytes, entry.packed
 void put_head(const ZipEntry& entry, bool zip64, std::vector<std::uint8_t>& out) {
   const bool ascii = std::all_of(entry.name.begin(), entry.name.end(),
                                  [](char c) { return static_cast<unsigned char>(c) < 128; });
-  put(zip64 ? version_zip64 : entry.deflated ? version_deflate : version_plain, 2, out);
-  put(ascii || !is_utf8(entry.name) ? 0 : utf8_name, 2, out);
+  put(zip64 ? version_zip64 : entry.deflated ? version_deflate : kVersionPlain, 2, out);
+  put(ascii || !is_utf8(entry.name) ? 0 : kUtf8Name, 2, out);
   put(entry.deflated ? 8 : 0, 2, out);
   put(0, 2, out);  // midnight
-  put(first_of_1980, 2, out);
+  put(kFirstOf1980, 2, out);
   put(entry.crc32, 4, out);
 }
 
 /// Sizes and the length of the name.
 void put_sizes(const ZipEntry& entry, std::vector<std::uint8_t>& out) {
-  if (entry.name.size() > max16) throw std::invalid_argument("the name of an entry is too long");
+  if (entry.name.size() > kMax16) throw std::invalid_argument("the name of an entry is too long");
   put(is_large(entry) ? max32 : entry.packed_bytes, 4, out);
   put(is_large(entry) ? max32 : entry.bytes, 4, out);
   put(entry.name.size(), 2, out);
@@ -50,7 +50,7 @@ void put_sizes(const ZipEntry& entry, std::vector<std::uint8_t>& out) {
 void put_directory_record(const ZipEntry& entry, std::vector<std::uint8_t>& out) {
   const bool large = is_large(entry), far = entry.offset >= max32;
   put(0x02014b50, 4, out);
-  put(made_by, 2, out);
+  put(kMadeBy, 2, out);
   put_head(entry, large || far, out);
   put_sizes(entry, out);
   const std::uint64_t zip64_bytes = (large ? 16 : 0) + (far ? 8 : 0);
@@ -58,11 +58,11 @@ void put_directory_record(const ZipEntry& entry, std::vector<std::uint8_t>& out)
   put(0, 2, out);  // no comment
   put(0, 2, out);  // on the first disk
   put(0, 2, out);  // not known to be text
-  put(ordinary_file, 4, out);
+  put(kOrdinaryFile, 4, out);
   put(or_ones(entry.offset, max32), 4, out);
   out.insert(out.end(), entry.name.begin(), entry.name.end());
   if (zip64_bytes == 0) return;
-  put(zip64_tag, 2, out);
+  put(kZip64Tag, 2, out);
   put(zip64_bytes, 2, out);
   if (large) {
     put(entry.bytes, 8, out);
@@ -81,7 +81,7 @@ void append_local_record(const ZipEntry& entry, std::vector<std::uint8_t>& out) 
   put(large ? 20 : 0, 2, out);
   out.insert(out.end(), entry.name.begin(), entry.name.end());
   if (!large) return;
-  put(zip64_tag, 2, out);
+  put(kZip64Tag, 2, out);
   put(16, 2, out);
   put(entry.bytes, 8, out);
   put(entry.packed_bytes, 8, out);
@@ -95,7 +95,7 @@ std::vector<std::uint8_t> zip_directory(std::span<const ZipEntry> entries, std::
   std::vector<std::uint8_t> out;
   for (const ZipEntry& entry : entries) put_directory_record(entry, out);
   const std::uint64_t bytes = out.size(), count = entries.size();
-  if (count >= max16 || bytes >= max32 || offset >= max32) {
+  if (count >= kMax16 || bytes >= max32 || offset >= max32) {
     put(0x06064b50, 4, out);
     put(44, 8, out);  // bytes of this record that follow
     put(version_zip64, 2, out);
@@ -114,8 +114,8 @@ std::vector<std::uint8_t> zip_directory(std::span<const ZipEntry> entries, std::
   put(0x06054b50, 4, out);
   put(0, 2, out);
   put(0, 2, out);
-  put(or_ones(count, max16), 2, out);
-  put(or_ones(count, max16), 2, out);
+  put(or_ones(count, kMax16), 2, out);
+  put(or_ones(count, kMax16), 2, out);
   put(or_ones(bytes, max32), 4, out);
   put(or_ones(offset, max32), 4, out);
   put(0, 2, out);  // no comment

@@ -118,7 +118,7 @@ void ZipOutput::write(const std::string& temporary, const ExecutionContext& cont
   for (std::size_t first = 0, last = 0; first < sources_.size(); first = last) {
     std::uint64_t bytes = 0;
     bool deflates = false;
-    for (; last < sources_.size() && bytes < zip_batch_bytes; ++last) {
+    for (; last < sources_.size() && bytes < kZipBatchBytes; ++last) {
       const Source& source = sources_[last];
       ZipEntry& entry = entries[last];
       entry.name = source.name;

@@ -23,6 +23,6 @@ inline bool is_zipped_image(const std::string& name) { return name.ends_with(".p
 inline int zip_image_level(ImagePacking images) { return images == ImagePacking::smallest ? 9 : 1; }
 
 /// Of entries that are deflated together.
-constexpr std::uint64_t zip_batch_bytes = std::uint64_t{16} << 20;
+constexpr std::uint64_t kZipBatchBytes = std::uint64_t{16} << 20;
 
 }  // namespace slicecorr::detail

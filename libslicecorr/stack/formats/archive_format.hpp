@@ -123,7 +123,7 @@ ImageSize image_size(const Container& archive, const std::string& name);
 ArchiveContents read_contents(const Container& archive);
 
 /// Our block as a file of its own, for formats that have no place for it.
-inline constexpr const char* provenance_entry = "slicecorr.json";
+inline constexpr const char* kProvenanceEntry = "slicecorr.json";
 
 // One per file format_*.cpp.
 const ArchiveFormat& uvj_format();

@@ -13,15 +13,15 @@
 namespace slicecorr::detail {
 namespace {
 
-constexpr const char* gcode_entry = "run.gcode";
-constexpr const char* cws_entry = "slice.conf";  ///< such an archive has G-code of another kind
+constexpr const char* kGcodeEntry = "run.gcode";
+constexpr const char* kCwsEntry = "slice.conf";  ///< such an archive has G-code of another kind
 
 std::string file_text(const Container& archive) {
-  return archive.text(gcode_entry, max_gcode_bytes);
+  return archive.text(kGcodeEntry, kMaxGcodeBytes);
 }
 
 KeyValueText head_of(const std::string& text, const std::string& path) {
-  return {text.substr(0, end_of_head(text)), ':', path, gcode_entry, ";"};
+  return {text.substr(0, end_of_head(text)), ':', path, kGcodeEntry, ";"};
 }
 
 /// The value under the key that is written today, else under the one that old versions wrote.
@@ -40,15 +40,15 @@ void change(const ArchiveRequest& r, ContainerOutput& output) {
   const int kept_layers = r.kept_contents->info.grid.layers;
   const std::string text = file_text(*r.kept);
   KeyValueText head = head_of(text, r.kept->path());
-  const LayerGcode body(text.substr(end_of_head(text)), chitubox_gcode, r.kept->path(),
-                        gcode_entry);
+  const LayerGcode body(text.substr(end_of_head(text)), kChituboxGcode, r.kept->path(),
+                        kGcodeEntry);
   const auto exposure_s = [&](int layer) -> std::optional<double> {
     if (!r.exposure_changes) return std::nullopt;
     return light_on_of_layer(r.info, layer);
   };
   if (layers == kept_layers && (!r.exposure_changes || body.says(layers, exposure_s))) return;
   if (!body.shows(kept_layers)) {
-    throw InputError(r.kept->path(), gcode_entry,
+    throw InputError(r.kept->path(), kGcodeEntry,
                      fmt::format("does not show images 1 to {} in this order, so that neither "
                                  "layers nor times can be changed",
                                  kept_layers));
@@ -65,18 +65,18 @@ void change(const ArchiveRequest& r, ContainerOutput& output) {
       set_where_there(head, key, count);
     }
   }
-  output.add_text(gcode_entry,
+  output.add_text(kGcodeEntry,
                   head.text() + body.changed(layers, r.info.grid.layer_um * 1e-3, exposure_s));
 }
 
 /// Movements of a printer that says none: slow enough for any, as Chitubox proposes them.
-constexpr double lift_mm = 5, lift_mm_min = 60, drop_mm_min = 150;
+constexpr double kLiftMm = 5, lift_mm_min = 60, drop_mm_min = 150;
 
 std::string new_gcode(const ArchiveRequest& r) {
   const StackInfo& info = r.info;
   const Grid& g = info.grid;
   const ExposureSummary s = exposure_summary(info);
-  const double up_mm = lifts(info) ? lift_mm : 0;
+  const double up_mm = lifts(info) ? kLiftMm : 0;
   const auto or_else = [](const std::string& text, const std::string& other) {
     return text.empty() ? other : text;
   };
@@ -84,7 +84,7 @@ std::string new_gcode(const ArchiveRequest& r) {
   const double layer_mm = g.layer_um * 1e-3;
   const double build_mm = info.printer && info.printer->travel_mm > 0
                               ? info.printer->travel_mm
-                              : std::ceil(g.layers * layer_mm + lift_mm);
+                              : std::ceil(g.layers * layer_mm + kLiftMm);
   std::string body = ";START_GCODE_BEGIN\nG21;\nG90;\nM106 S0;\nG28 Z0;\n\n;START_GCODE_END\n\n";
   double total_s = 0;
   bool rounded = false;
@@ -149,7 +149,7 @@ class ChituboxZip final : public ArchiveFormat {
   std::string_view what() const override { return "zip of Chitubox, with run.gcode"; }
   std::vector<std::string_view> endings() const override { return {".zip"}; }
   bool recognises(const Container& archive) const override {
-    return archive.has(gcode_entry) && !archive.has(cws_entry) &&
+    return archive.has(kGcodeEntry) && !archive.has(kCwsEntry) &&
            numbered_entries(archive, "run", ".png").empty();
   }
 
@@ -158,42 +158,42 @@ class ChituboxZip final : public ArchiveFormat {
     const std::string text = file_text(archive);
     const KeyValueText head = head_of(text, path);
     const auto count = [&](const char* key, double most) {
-      return whole(head.number(key, 0, most), path, gcode_entry, key);
+      return whole(head.number(key, 0, most), path, kGcodeEntry, key);
     };
     ArchiveContents contents;
     StackInfo& info = contents.info;
     Grid& grid = info.grid;
     contents.images =
         complete_names(archive, numbered_entries(archive, "", ".png"), 1, "1.png, 2.png, ...");
-    const auto total = count("totalLayer", max_layers);
+    const auto total = count("totalLayer", kMaxLayers);
     if (total && *total > 0 && static_cast<std::size_t>(*total) != contents.images.size()) {
       throw InputError(
-          path, gcode_entry,
+          path, kGcodeEntry,
           fmt::format("totalLayer is {}, but there are {} images", *total, contents.images.size()));
     }
     grid.layers = info.target_layers = static_cast<int>(contents.images.size());
-    take_image_size(archive, count("resolutionX", 65536), count("resolutionY", 65536), gcode_entry,
+    take_image_size(archive, count("resolutionX", 65536), count("resolutionY", 65536), kGcodeEntry,
                     false, contents);
     const double width_mm = head.number("machineX", 0, 1e5).value_or(0);
     const double height_mm = head.number("machineY", 0, 1e5).value_or(0);
-    grid.pixel_x_um = pixel_um(width_mm / grid.width_px, archive, gcode_entry);
-    grid.pixel_y_um = pixel_um(height_mm / grid.height_px, archive, gcode_entry);
-    grid.layer_um = layer_um(head.number("layerHeight", 0, 1e5).value_or(0), archive, gcode_entry);
+    grid.pixel_x_um = pixel_um(width_mm / grid.width_px, archive, kGcodeEntry);
+    grid.pixel_y_um = pixel_um(height_mm / grid.height_px, archive, kGcodeEntry);
+    grid.layer_um = layer_um(head.number("layerHeight", 0, 1e5).value_or(0), archive, kGcodeEntry);
     info.orientation.mirror_x = head.number("mirror", 0, 255).value_or(0) != 0;
     info.exposure_s = head.number("normalExposureTime", 0, 1e6).value_or(0);
     const double bottom_s =
         number_of(head, "bottomLayerExposureTime", "bottomLayExposureTime", 1e6).value_or(0);
-    const auto bottom = whole(number_of(head, "bottomLayerCount", "bottomLayCount", max_layers),
-                              path, gcode_entry, "bottomLayerCount");
+    const auto bottom = whole(number_of(head, "bottomLayerCount", "bottomLayCount", kMaxLayers),
+                              path, kGcodeEntry, "bottomLayerCount");
     if (bottom_s > 0 && bottom.value_or(0) > 0) {
       info.bottom_exposure_s = bottom_s;
       info.bottom_layers = *bottom;
     }
-    const LayerGcode body(text.substr(end_of_head(text)), chitubox_gcode, path, gcode_entry);
+    const LayerGcode body(text.substr(end_of_head(text)), kChituboxGcode, path, kGcodeEntry);
     if (!body.shows(grid.layers)) {
       contents.warnings.push_back(
           fmt::format("{} does not show images 1 to {} in this order: times are those of its head",
-                      gcode_entry, grid.layers));
+                      kGcodeEntry, grid.layers));
     } else {
       take_layer_times(body.exposures_s(grid.layers), info);
       if (!body.same_light()) {
@@ -213,7 +213,7 @@ class ChituboxZip final : public ArchiveFormat {
       change(r, output);
       return names;
     }
-    output.add_text(gcode_entry, new_gcode(r));
+    output.add_text(kGcodeEntry, new_gcode(r));
     if (!r.preview.pixels.empty()) {
       output.add("preview.png", encode_png(framed(r.preview, 954, 850)));
       output.add("preview_cropping.png", encode_png(framed(r.preview, 168, 150)));

@@ -19,8 +19,8 @@
 namespace slicecorr::detail {
 namespace {
 
-constexpr const char* config_entry = "slice.conf";
-constexpr const char* manifest_entry = "manifest.xml";
+constexpr const char* kConfigEntry = "slice.conf";
+constexpr const char* kManifestEntry = "manifest.xml";
 
 /// What the text says of a key, as far as it is a number: "4000 ms )" is 4000.
 std::optional<double> parameter(const KeyValueText& text, const char* key, double most,
@@ -94,8 +94,8 @@ struct CwsSettings {
   CwsSettings(const Container& archive, const std::string& gcode_entry,
               const std::string& gcode_text)
       : file(archive.path()), gcode(gcode_entry) {
-    if (archive.has(config_entry)) {
-      config.emplace(archive.text(config_entry), '=', file, config_entry);
+    if (archive.has(kConfigEntry)) {
+      config.emplace(archive.text(kConfigEntry), '=', file, kConfigEntry);
     }
     if (!gcode_entry.empty()) {
       head.emplace(gcode_text.substr(0, end_of_head(gcode_text)), '=', file, gcode_entry, ";");
@@ -104,17 +104,17 @@ struct CwsSettings {
   /// `slice.conf` counts; a key that only one of them has may be null.
   std::optional<double> number(const char* config_key, const char* head_key, double most) const {
     std::optional<double> value;
-    if (config && config_key) value = parameter(*config, config_key, most, file, config_entry);
+    if (config && config_key) value = parameter(*config, config_key, most, file, kConfigEntry);
     if (!value && head && head_key) value = parameter(*head, head_key, most, file, gcode);
     return value;
   }
   std::optional<int> count(const char* config_key, const char* head_key, double most) const {
-    return whole(number(config_key, head_key, most), file, config ? config_entry : gcode,
+    return whole(number(config_key, head_key, most), file, config ? kConfigEntry : gcode,
                  config_key);
   }
   double size_um(const char* config_key, const char* head_key, const char* display_key, int pixels,
                  const Container& archive) const {
-    const std::string says = config ? config_entry : gcode;
+    const std::string says = config ? kConfigEntry : gcode;
     const double per_mm = number(config_key, head_key, 1e5).value_or(0);
     if (per_mm > 0) return pixel_um(1 / per_mm, archive, says);
     return pixel_um(number(nullptr, display_key, 1e5).value_or(0) / pixels, archive, says);
@@ -124,7 +124,7 @@ struct CwsSettings {
 ArchiveContents read_cws(const Container& archive) {
   const std::string& path = archive.path();
   const Names names = names_of(archive);
-  const std::string text = names.gcode.empty() ? "" : archive.text(names.gcode, max_gcode_bytes);
+  const std::string text = names.gcode.empty() ? "" : archive.text(names.gcode, kMaxGcodeBytes);
   const CwsSettings settings(archive, names.gcode, text);
   ArchiveContents contents;
   StackInfo& info = contents.info;
@@ -132,9 +132,9 @@ ArchiveContents read_cws(const Container& archive) {
   contents.images = complete_names(archive, numbered_entries(archive, names.prefix, ".png"), 0,
                                    shown_name(names.prefix) + "0000.png on");
   grid.layers = info.target_layers = static_cast<int>(contents.images.size());
-  const int said = settings.count("layers_num", "Number of Slices", max_layers).value_or(0);
+  const int said = settings.count("layers_num", "Number of Slices", kMaxLayers).value_or(0);
   if (said > 0 && said < grid.layers) {
-    throw InputError(path, settings.config ? config_entry : names.gcode,
+    throw InputError(path, settings.config ? kConfigEntry : names.gcode,
                      fmt::format("says {} slices, but there are {} images", said, grid.layers));
   }
   if (said > grid.layers) {
@@ -144,14 +144,14 @@ ArchiveContents read_cws(const Container& archive) {
   }
   take_image_size(archive, settings.count("xres", "(X Resolution", 65536),
                   settings.count("yres", "(Y Resolution", 65536),
-                  settings.config ? config_entry : names.gcode, true, contents);
+                  settings.config ? kConfigEntry : names.gcode, true, contents);
   contents.packed_bgr = contents.packed_rgb;
   grid.pixel_x_um =
       settings.size_um("xppm", "(Pix per mm X", "(Platform X Size", grid.width_px, archive);
   grid.pixel_y_um =
       settings.size_um("yppm", "(Pix per mm Y", "(Platform Y Size", grid.height_px, archive);
   grid.layer_um = layer_um(settings.number("thickness", "(Layer Thickness", 1e5).value_or(0),
-                           archive, settings.config ? config_entry : names.gcode);
+                           archive, settings.config ? kConfigEntry : names.gcode);
   const auto is_true = [&](const char* key) {
     const auto value = settings.head ? settings.head->find(key) : std::nullopt;
     return value && value->starts_with("True");
@@ -162,13 +162,13 @@ ArchiveContents read_cws(const Container& archive) {
   const double bottom_s =
       settings.number("head_layers_expo_ms", "(Bottom Layers Time", 1e9).value_or(0) / 1000;
   const int bottom =
-      settings.count("head_layers_num", "(Number of Bottom Layers", max_layers).value_or(0);
+      settings.count("head_layers_num", "(Number of Bottom Layers", kMaxLayers).value_or(0);
   if (bottom_s > 0 && bottom > 0) {
     info.bottom_exposure_s = bottom_s;
     info.bottom_layers = bottom;
   }
   if (!names.gcode.empty()) {
-    const LayerGcode body(text.substr(end_of_head(text)), cws_gcode, path, names.gcode);
+    const LayerGcode body(text.substr(end_of_head(text)), kCwsGcode, path, names.gcode);
     if (!body.shows(grid.layers)) {
       contents.warnings.push_back(
           fmt::format("{} does not show slices 0 to {} in this order: times are those of its head",
@@ -207,7 +207,7 @@ std::string xml_text(const std::string& text) {
 /// Lists the added slices after the others, in copies of the last one; all other bytes stay.
 void change_manifest(const ArchiveRequest& r, const std::vector<std::string>& names,
                      ContainerOutput& output) {
-  std::string text = r.kept->text(manifest_entry);
+  std::string text = r.kept->text(kManifestEntry);
   pugi::xml_document document;
   const bool is_xml = document.load_buffer(text.data(), text.size());
   pugi::xml_node slice;
@@ -218,7 +218,7 @@ void change_manifest(const ArchiveRequest& r, const std::vector<std::string>& na
   const auto from = static_cast<std::size_t>(std::max<std::ptrdiff_t>(element, 0));
   const std::size_t end = text.find(end_tag, from);
   if (!is_xml || element < 1 || name <= element || end == text.npos) {
-    throw InputError(r.kept->path(), manifest_entry,
+    throw InputError(r.kept->path(), kManifestEntry,
                      "lists no slices, expected manifest/Slices/Slice/name");
   }
   // With the white space before it.
@@ -231,7 +231,7 @@ void change_manifest(const ArchiveRequest& r, const std::vector<std::string>& na
   for (std::size_t n = r.kept_contents->images.size(); n < names.size(); ++n) {
     added += before_name + xml_text(names[n]) + after_name;
   }
-  output.add_text(manifest_entry, text.insert(after, added));
+  output.add_text(kManifestEntry, text.insert(after, added));
 }
 
 void change(const ArchiveRequest& r, const std::vector<std::string>& images,
@@ -239,13 +239,13 @@ void change(const ArchiveRequest& r, const std::vector<std::string>& images,
   const Container& kept = *r.kept;
   const int layers = r.info.grid.layers, kept_layers = r.kept_contents->info.grid.layers;
   const Names names = names_of(kept);
-  const std::string text = names.gcode.empty() ? "" : kept.text(names.gcode, max_gcode_bytes);
+  const std::string text = names.gcode.empty() ? "" : kept.text(names.gcode, kMaxGcodeBytes);
   CwsSettings settings(kept, names.gcode, text);
   const auto exposure_s = [&](int layer) -> std::optional<double> {
     if (!r.exposure_changes) return std::nullopt;
     return light_on_of_layer(r.info, layer);
   };
-  const LayerGcode body(text.substr(end_of_head(text)), cws_gcode, kept.path(), names.gcode);
+  const LayerGcode body(text.substr(end_of_head(text)), kCwsGcode, kept.path(), names.gcode);
   const bool same_times = !r.exposure_changes || names.gcode.empty() ||
                           body.says(std::min(layers, kept_layers), exposure_s);
   if (layers == kept_layers && same_times) return;
@@ -266,7 +266,7 @@ void change(const ArchiveRequest& r, const std::vector<std::string>& images,
     if (r.exposure_changes) {
       set_times(config, s, "layers_expo_ms", "head_layers_expo_ms", "head_layers_num");
     }
-    if (config.text() != before) output.add_text(config_entry, config.text());
+    if (config.text() != before) output.add_text(kConfigEntry, config.text());
   }
   if (settings.head) {
     KeyValueText& head = *settings.head;
@@ -280,23 +280,23 @@ void change(const ArchiveRequest& r, const std::vector<std::string>& images,
         head.text() + body.changed(layers, r.info.grid.layer_um * 1e-3, exposure_s);
     if (changed != text) output.add_text(names.gcode, changed);
   }
-  if (layers != kept_layers && kept.has(manifest_entry)) change_manifest(r, images, output);
+  if (layers != kept_layers && kept.has(kManifestEntry)) change_manifest(r, images, output);
 }
 
 /// Movements as NovaMaker proposes them.
-constexpr double lift_mm = 4, lift_mm_min = 120;
+constexpr double kLiftMm = 4, lift_mm_min = 120;
 
 /// As NovaMaker writes them, which the printer itself reads.
 void make_new(const ArchiveRequest& r, const std::string& name, ContainerOutput& output) {
   const StackInfo& info = r.info;
   const Grid& g = info.grid;
   const ExposureSummary s = exposure_summary(info);
-  const double up_mm = lifts(info) ? lift_mm : 0;
+  const double up_mm = lifts(info) ? kLiftMm : 0;
   const auto mm = [](double value) { return number_text(std::round(value * 1e6) / 1e6); };
   const double layer_mm = g.layer_um * 1e-3;
   const double build_mm = info.printer && info.printer->travel_mm > 0
                               ? info.printer->travel_mm
-                              : std::ceil(g.layers * layer_mm + lift_mm);
+                              : std::ceil(g.layers * layer_mm + kLiftMm);
   const std::string xppm = number_text(1e3 / g.pixel_x_um), yppm = number_text(1e3 / g.pixel_y_um);
   std::string config = fmt::format("# slicecorr {}\n# conf version 1.0\n\n", version);
   const auto say = [&](const char* key, const std::string& value) {
@@ -316,7 +316,7 @@ void make_new(const ArchiveRequest& r, const std::string& name, ContainerOutput&
   say("lift_up_speed", number_text(lift_mm_min));
   say("lift_down_speed", number_text(lift_mm_min));
   say("lift_when_finished", "80");
-  output.add_text(config_entry, config);
+  output.add_text(kConfigEntry, config);
 
   std::string text =
       fmt::format("; slicecorr {}\n;(****Build and Slicing Parameters****)\n", version);
@@ -427,10 +427,10 @@ class Cws final : public ArchiveFormat {
  private:
   /// G-code alone has other formats, too: there the words in it tell.
   static bool is_cws(const Container& archive) {
-    if (archive.has(config_entry)) return true;
+    if (archive.has(kConfigEntry)) return true;
     const std::vector<std::string> gcodes = names_ending(archive, ".gcode");
     return std::any_of(gcodes.begin(), gcodes.end(), [&](const std::string& gcode) {
-      return archive.text(gcode, max_gcode_bytes).find(cws_gcode.show) != std::string::npos;
+      return archive.text(gcode, kMaxGcodeBytes).find(kCwsGcode.show) != std::string::npos;
     });
   }
 

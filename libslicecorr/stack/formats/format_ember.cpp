@@ -16,30 +16,30 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr const char* settings_entry = "printsettings";
-constexpr const char* layers_entry = "layersettings.csv";
-constexpr const char* image_prefix = "slice_";
-constexpr const char* image_suffix = ".png";
+constexpr const char* kSettingsEntry = "printsettings";
+constexpr const char* kLayersEntry = "layersettings.csv";
+constexpr const char* kImagePrefix = "slice_";
+constexpr const char* kImageSuffix = ".png";
 
 // Names of settings in the printer's firmware.
-constexpr const char* root_key = "Settings";
-constexpr const char* layer_um_key = "LayerThicknessMicrons";
-constexpr const char* burn_in_layers_key = "BurnInLayers";
-constexpr const char* first_key = "FirstExposureSec";
-constexpr const char* burn_in_key = "BurnInExposureSec";
-constexpr const char* model_key = "ModelExposureSec";
+constexpr const char* kRootKey = "Settings";
+constexpr const char* kLayerUmKey = "LayerThicknessMicrons";
+constexpr const char* kBurnInLayersKey = "BurnInLayers";
+constexpr const char* kFirstKey = "FirstExposureSec";
+constexpr const char* kBurnInKey = "BurnInExposureSec";
+constexpr const char* kModelKey = "ModelExposureSec";
 
 /// The printer's display: 64 mm x 40 mm.
-constexpr int display_width_px = 1280, display_height_px = 800;
-constexpr double display_pixel_um = 50;
+constexpr int kDisplayWidthPx = 1280, display_height_px = 800;
+constexpr double kDisplayPixelUm = 50;
 
-constexpr double most_s = 1e6;
+constexpr double kMostS = 1e6;
 
 Json parse_settings(const Container& archive) {
   try {
-    return Json::parse(archive.text(settings_entry));
+    return Json::parse(archive.text(kSettingsEntry));
   } catch (const Json::exception& error) {
-    throw InputError(archive.path(), settings_entry,
+    throw InputError(archive.path(), kSettingsEntry,
                      std::string("not valid JSON: ") + error.what());
   }
 }
@@ -49,7 +49,7 @@ std::optional<double> number_at(const Json& settings, const char* key, double le
                                 const JsonSource& place) {
   const auto found = settings.find(key);
   if (found == settings.end()) return std::nullopt;
-  const JsonNode<Json> node(*found, std::string(root_key) + "." + key, place);
+  const JsonNode<Json> node(*found, std::string(kRootKey) + "." + key, place);
   if (!found->is_string()) return node.number(least, most);
   const std::string text = found->get<std::string>();
   double number = NAN;
@@ -69,23 +69,23 @@ struct Exposures {
     return layer == 1 ? first_s : layer <= 1 + burn_in_layers ? burn_in_s : model_s;
   }
   const char* key_of_layer(int layer) const {
-    return layer == 1 ? first_key : layer <= 1 + burn_in_layers ? burn_in_key : model_key;
+    return layer == 1 ? kFirstKey : layer <= 1 + burn_in_layers ? kBurnInKey : kModelKey;
   }
 };
 
 Exposures exposures_of(const Json& settings, const JsonSource& place) {
   Exposures e;
-  e.first_s = number_at(settings, first_key, 0, most_s, place);
-  e.burn_in_s = number_at(settings, burn_in_key, 0, most_s, place);
-  e.model_s = number_at(settings, model_key, 0, most_s, place);
-  e.burn_in_layers = whole(number_at(settings, burn_in_layers_key, 0, max_layers, place),
-                           place.file, place.entry, burn_in_layers_key)
+  e.first_s = number_at(settings, kFirstKey, 0, kMostS, place);
+  e.burn_in_s = number_at(settings, kBurnInKey, 0, kMostS, place);
+  e.model_s = number_at(settings, kModelKey, 0, kMostS, place);
+  e.burn_in_layers = whole(number_at(settings, kBurnInLayersKey, 0, kMaxLayers, place), place.file,
+                           place.entry, kBurnInLayersKey)
                          .value_or(0);
   return e;
 }
 
 bool says_exposure(const LayerSettings& table) {
-  return table.has(first_key) || table.has(burn_in_key) || table.has(model_key);
+  return table.has(kFirstKey) || table.has(kBurnInKey) || table.has(kModelKey);
 }
 
 /// Light-on time of each layer, where all are said.
@@ -94,7 +94,7 @@ std::vector<double> layer_times(const Exposures& e, const LayerSettings* table, 
   for (int n = 1; n <= layers; ++n) {
     std::optional<double> time_s = e.of_layer(n);
     if (table != nullptr) {
-      if (const auto own_s = table->number(n, e.key_of_layer(n), most_s)) time_s = own_s;
+      if (const auto own_s = table->number(n, e.key_of_layer(n), kMostS)) time_s = own_s;
     }
     if (!time_s) return {};
     times_s.push_back(*time_s);
@@ -104,27 +104,27 @@ std::vector<double> layer_times(const Exposures& e, const LayerSettings* table, 
 
 void read_settings(const Container& archive, ArchiveContents& contents) {
   StackInfo& info = contents.info;
-  const JsonSource place{archive.path(), settings_entry};
+  const JsonSource place{archive.path(), kSettingsEntry};
   Exposures exposures;
-  if (archive.has(settings_entry)) {
+  if (archive.has(kSettingsEntry)) {
     const Json json = parse_settings(archive);
     const JsonNode<Json> root(json, "", place);
-    const JsonNode<Json> settings = root[root_key];
-    settings.has(layer_um_key);  // an object
-    const Json& values = json[root_key];
-    if (const auto um = number_at(values, layer_um_key, 1, 1000, place)) info.grid.layer_um = *um;
+    const JsonNode<Json> settings = root[kRootKey];
+    settings.has(kLayerUmKey);  // an object
+    const Json& values = json[kRootKey];
+    if (const auto um = number_at(values, kLayerUmKey, 1, 1000, place)) info.grid.layer_um = *um;
     exposures = exposures_of(values, place);
     if (settings.has("JobName")) info.profiles.print = settings["JobName"].string();
   }
   std::optional<LayerSettings> table;
-  if (archive.has(layers_entry)) {
-    table.emplace(archive.text(layers_entry), archive.path(), layers_entry);
+  if (archive.has(kLayersEntry)) {
+    table.emplace(archive.text(kLayersEntry), archive.path(), kLayersEntry);
     for (int n = 1; n <= info.grid.layers; ++n) {
-      const auto um = table->number(n, layer_um_key, 10000);
+      const auto um = table->number(n, kLayerUmKey, 10000);
       if (!um || *um == info.grid.layer_um) continue;
       contents.warnings.push_back(
           fmt::format("{} makes layer {} {:g} um high, others {:g} um: read as if all were",
-                      layers_entry, n, *um, info.grid.layer_um));
+                      kLayersEntry, n, *um, info.grid.layer_um));
       break;
     }
   }
@@ -156,7 +156,7 @@ NewExposures new_exposures(const StackInfo& info) {
 
 /// Whatever the printer takes the layer for.
 void set_times(int layer, double time_s, LayerSettings& table) {
-  for (const char* key : {first_key, burn_in_key, model_key}) {
+  for (const char* key : {kFirstKey, kBurnInKey, kModelKey}) {
     table.set(layer, key, number_text(time_s));
   }
 }
@@ -173,10 +173,10 @@ void set(Json& settings, const char* key, const Json& value, bool& changed) {
 }
 
 void set_exposures(const Exposures& e, Json& settings, bool& changed) {
-  set(settings, first_key, *e.first_s, changed);
-  set(settings, burn_in_layers_key, e.burn_in_layers, changed);
-  set(settings, burn_in_key, *e.burn_in_s, changed);
-  set(settings, model_key, *e.model_s, changed);
+  set(settings, kFirstKey, *e.first_s, changed);
+  set(settings, kBurnInLayersKey, e.burn_in_layers, changed);
+  set(settings, kBurnInKey, *e.burn_in_s, changed);
+  set(settings, kModelKey, *e.model_s, changed);
 }
 
 std::string dumped(const Json& json) {
@@ -195,20 +195,20 @@ void warn_of_light(const ArchiveRequest& r) {
 void add_rows(const ArchiveRequest& r, ContainerOutput& output) {
   const int before = r.kept_contents->info.grid.layers;
   Exposures said;
-  if (r.kept->has(settings_entry)) {
-    said = exposures_of(parse_settings(*r.kept)[root_key], {r.kept->path(), settings_entry});
+  if (r.kept->has(kSettingsEntry)) {
+    said = exposures_of(parse_settings(*r.kept)[kRootKey], {r.kept->path(), kSettingsEntry});
   }
   std::optional<LayerSettings> table;
   for (int n = before + 1; n <= r.info.grid.layers; ++n) {
     const double time_s = light_on_of_layer(r.info, n - 1);
     if (time_s == said.of_layer(n).value_or(0)) continue;
     if (!table) {
-      table.emplace(r.kept->has(layers_entry) ? r.kept->text(layers_entry) : "Layer\r\n",
-                    r.kept->path(), layers_entry);
+      table.emplace(r.kept->has(kLayersEntry) ? r.kept->text(kLayersEntry) : "Layer\r\n",
+                    r.kept->path(), kLayersEntry);
     }
     set_times(n, time_s, *table);
   }
-  if (table) output.add_text(layers_entry, table->text());
+  if (table) output.add_text(kLayersEntry, table->text());
 }
 
 void change(const ArchiveRequest& r, ContainerOutput& output) {
@@ -220,31 +220,31 @@ void change(const ArchiveRequest& r, ContainerOutput& output) {
   const NewExposures e = new_exposures(r.info);
   bool changed = false;
   Json json = Json::object();
-  if (r.kept->has(settings_entry)) json = parse_settings(*r.kept);
-  set_exposures(e.settings, json[root_key], changed);
-  if (changed) output.add_text(settings_entry, dumped(json));
+  if (r.kept->has(kSettingsEntry)) json = parse_settings(*r.kept);
+  set_exposures(e.settings, json[kRootKey], changed);
+  if (changed) output.add_text(kSettingsEntry, dumped(json));
   std::optional<LayerSettings> table;
   std::string before;
-  if (r.kept->has(layers_entry)) {
-    before = r.kept->text(layers_entry);
-    table.emplace(before, r.kept->path(), layers_entry);
+  if (r.kept->has(kLayersEntry)) {
+    before = r.kept->text(kLayersEntry);
+    table.emplace(before, r.kept->path(), kLayersEntry);
     if (!e.table && !says_exposure(*table)) return;
   } else if (e.table) {
     table.emplace(std::vector<std::string>{});
   }
   if (!table) return;
   fill_table(r.info, *table);
-  if (const std::string text = table->text(); text != before) output.add_text(layers_entry, text);
+  if (const std::string text = table->text(); text != before) output.add_text(kLayersEntry, text);
 }
 
 void write_new(const ArchiveRequest& r, ContainerOutput& output) {
   const StackInfo& info = r.info;
   const Grid& grid = info.grid;
-  if (grid.width_px != display_width_px || grid.height_px != display_height_px ||
-      grid.pixel_x_um != display_pixel_um || grid.pixel_y_um != display_pixel_um) {
+  if (grid.width_px != kDisplayWidthPx || grid.height_px != display_height_px ||
+      grid.pixel_x_um != kDisplayPixelUm || grid.pixel_y_um != kDisplayPixelUm) {
     warn(r, fmt::format("the Ember shows {} x {} pixels of {:g} um, this stack has {} x {} of {:g} "
                         "x {:g} um",
-                        display_width_px, display_height_px, display_pixel_um, grid.width_px,
+                        kDisplayWidthPx, display_height_px, kDisplayPixelUm, grid.width_px,
                         grid.height_px, grid.pixel_x_um, grid.pixel_y_um));
   }
   const auto layer_um = static_cast<int>(std::lround(grid.layer_um));
@@ -254,17 +254,17 @@ void write_new(const ArchiveRequest& r, ContainerOutput& output) {
   }
   // The printer refuses settings that it does not know, and takes its own for those that are not
   // there.
-  Json settings = {{"JobName", r.stem}, {layer_um_key, layer_um}};
+  Json settings = {{"JobName", r.stem}, {kLayerUmKey, layer_um}};
   const NewExposures e = new_exposures(info);
   bool changed = false;
   if (*e.settings.model_s > 0) set_exposures(e.settings, settings, changed);
   Json json;
-  json[root_key] = settings;
-  output.add_text(settings_entry, dumped(json));
+  json[kRootKey] = settings;
+  output.add_text(kSettingsEntry, dumped(json));
   if (!e.table) return;
   LayerSettings table(std::vector<std::string>{});
   fill_table(info, table);
-  output.add_text(layers_entry, table.text());
+  output.add_text(kLayersEntry, table.text());
   warn_of_light(r);
 }
 
@@ -283,24 +283,24 @@ class Ember final : public ArchiveFormat {
 
   bool recognises(const Container& archive) const override {
     return archive.kind() == kind_ &&
-           (archive.has(settings_entry) ||
-            !numbered_entries(archive, image_prefix, image_suffix).empty());
+           (archive.has(kSettingsEntry) ||
+            !numbered_entries(archive, kImagePrefix, kImageSuffix).empty());
   }
 
   ArchiveContents read(const Container& archive) const override {
     ArchiveContents contents;
     StackInfo& info = contents.info;
-    contents.images = complete_names(archive, numbered_entries(archive, image_prefix, image_suffix),
+    contents.images = complete_names(archive, numbered_entries(archive, kImagePrefix, kImageSuffix),
                                      1, "slice_1.png on");
-    if (contents.images.size() > static_cast<std::size_t>(max_layers)) {
+    if (contents.images.size() > static_cast<std::size_t>(kMaxLayers)) {
       throw InputError(
           archive.path(), "",
-          fmt::format("has {} images, expected at most {}", contents.images.size(), max_layers));
+          fmt::format("has {} images, expected at most {}", contents.images.size(), kMaxLayers));
     }
     info.grid.layers = info.target_layers = static_cast<int>(contents.images.size());
     take_image_size(archive, {}, {}, "", false, contents);
-    if (info.grid.width_px == display_width_px && info.grid.height_px == display_height_px) {
-      info.grid.pixel_x_um = info.grid.pixel_y_um = display_pixel_um;
+    if (info.grid.width_px == kDisplayWidthPx && info.grid.height_px == display_height_px) {
+      info.grid.pixel_x_um = info.grid.pixel_y_um = kDisplayPixelUm;
     }
     read_settings(archive, contents);
     contents.layer_step_um = 1;
@@ -311,12 +311,12 @@ class Ember final : public ArchiveFormat {
     if (r.kept == nullptr || r.exposure_changes) warn_of_mode(r, "Ember");
     if (r.kept != nullptr) {
       change(r, output);
-      return continued_names(r, image_suffix);
+      return continued_names(r, kImageSuffix);
     }
     write_new(r, output);
     std::vector<std::string> names;
     for (int n = 1; n <= r.info.grid.layers; ++n) {
-      names.push_back(fmt::format("{}{}{}", image_prefix, n, image_suffix));
+      names.push_back(fmt::format("{}{}{}", kImagePrefix, n, kImageSuffix));
     }
     return names;
   }

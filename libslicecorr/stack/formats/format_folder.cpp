@@ -12,12 +12,12 @@
 namespace slicecorr::detail {
 namespace {
 
-constexpr std::string_view suffix = ".png";
+constexpr std::string_view kSuffix = ".png";
 
 /// What an image's name is before its digits; nothing when it is no name of an image.
 std::optional<std::string> prefix_of(std::string_view name) {
-  if (!name.ends_with(suffix) || name.find('/') != name.npos) return std::nullopt;
-  name.remove_suffix(suffix.size());
+  if (!name.ends_with(kSuffix) || name.find('/') != name.npos) return std::nullopt;
+  name.remove_suffix(kSuffix.size());
   const std::size_t digits = name.find_last_not_of("0123456789") + 1;  // npos + 1 is 0
   if (digits == name.size()) return std::nullopt;
   return std::string(name.substr(0, digits));
@@ -70,11 +70,11 @@ class Folder final : public ArchiveFormat {
   ArchiveContents read(const Container& archive) const override {
     ArchiveContents contents;
     const std::string prefix = image_prefix(archive, contents.warnings);
-    const auto entries = numbered_entries(archive, prefix, suffix);
-    if (entries.size() > static_cast<std::size_t>(max_layers)) {
+    const auto entries = numbered_entries(archive, prefix, kSuffix);
+    if (entries.size() > static_cast<std::size_t>(kMaxLayers)) {
       throw InputError(
           archive.path(), "",
-          fmt::format("has {} images, expected at most {}", entries.size(), max_layers));
+          fmt::format("has {} images, expected at most {}", entries.size(), kMaxLayers));
     }
     const long first = entries.empty() ? 0 : entries.front().number;
     if (first > 1) {
@@ -90,7 +90,7 @@ class Folder final : public ArchiveFormat {
   }
 
   std::vector<std::string> write(const ArchiveRequest& r, ContainerOutput&) const override {
-    if (r.kept != nullptr) return continued_names(r, suffix);
+    if (r.kept != nullptr) return continued_names(r, kSuffix);
     if (r.info.kind == StackKind::foreign) {
       warn(r, "a folder of images has no exposure times: these are lost");
     }

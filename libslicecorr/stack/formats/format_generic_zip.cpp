@@ -15,40 +15,40 @@
 namespace slicecorr::detail {
 namespace {
 
-constexpr const char* manifest_entry = "manifest.uvtools";
+constexpr const char* kManifestEntry = "manifest.uvtools";
 
 /// Number of an element that may be missing or empty.
 std::optional<double> number_of(const pugi::xml_node& root, const char* key, double most,
                                 const std::string& file) {
   const pugi::xml_node node = root.child(key);
   if (!node) return std::nullopt;
-  KeyValueText value(fmt::format("{}={}", key, node.text().get()), '=', file, manifest_entry);
+  KeyValueText value(fmt::format("{}={}", key, node.text().get()), '=', file, kManifestEntry);
   return value.number(key, 0, most);
 }
 
 void read_manifest(const Container& archive, ArchiveContents& contents) {
   const std::string& path = archive.path();
-  const std::string text = archive.text(manifest_entry);
+  const std::string text = archive.text(kManifestEntry);
   pugi::xml_document document;
   const pugi::xml_parse_result result = document.load_buffer(text.data(), text.size());
   if (!result) {
-    throw InputError(path, manifest_entry,
+    throw InputError(path, kManifestEntry,
                      fmt::format("is no XML: {} at byte {}", result.description(), result.offset));
   }
   const pugi::xml_node root = document.child("Manifest");
-  if (!root) throw InputError(path, manifest_entry, "has no element Manifest");
+  if (!root) throw InputError(path, kManifestEntry, "has no element Manifest");
   const auto number = [&](const char* key, double most) {
     return number_of(root, key, most, path);
   };
-  take_image_size(archive, whole(number("ResolutionX", 65536), path, manifest_entry, "ResolutionX"),
-                  whole(number("ResolutionY", 65536), path, manifest_entry, "ResolutionY"),
-                  manifest_entry, false, contents);
+  take_image_size(archive, whole(number("ResolutionX", 65536), path, kManifestEntry, "ResolutionX"),
+                  whole(number("ResolutionY", 65536), path, kManifestEntry, "ResolutionY"),
+                  kManifestEntry, false, contents);
   Grid& grid = contents.info.grid;
-  grid.layer_um = layer_um(number("LayerHeight", 1e5).value_or(0), archive, manifest_entry);
+  grid.layer_um = layer_um(number("LayerHeight", 1e5).value_or(0), archive, kManifestEntry);
   grid.pixel_x_um =
-      pixel_um(number("DisplayWidth", 1e5).value_or(0) / grid.width_px, archive, manifest_entry);
+      pixel_um(number("DisplayWidth", 1e5).value_or(0) / grid.width_px, archive, kManifestEntry);
   grid.pixel_y_um =
-      pixel_um(number("DisplayHeight", 1e5).value_or(0) / grid.height_px, archive, manifest_entry);
+      pixel_um(number("DisplayHeight", 1e5).value_or(0) / grid.height_px, archive, kManifestEntry);
 }
 
 /// As UVtools writes it, without its dates.
@@ -92,10 +92,10 @@ class GenericZip final : public ArchiveFormat {
   std::vector<std::string_view> endings() const override { return {".zip"}; }
   /// Without its manifest nothing else may tell the images of another format.
   bool recognises(const Container& archive) const override {
-    if (archive.has(manifest_entry)) return true;
+    if (archive.has(kManifestEntry)) return true;
     const auto foreign = [](const Container::Entry& e) {
       const std::string_view name = e.name;
-      return name != provenance_entry &&
+      return name != kProvenanceEntry &&
              (name.ends_with(".gcode") || name.ends_with(".json") || name.ends_with(".xml") ||
               name.ends_with(".ini") || name.ends_with(".conf"));
     };
@@ -109,7 +109,7 @@ class GenericZip final : public ArchiveFormat {
         complete_names(archive, numbered_entries(archive, "", ".png"), 1, "1.png, 2.png, ...");
     contents.info.grid.layers = contents.info.target_layers =
         static_cast<int>(contents.images.size());
-    if (archive.has(manifest_entry)) {
+    if (archive.has(kManifestEntry)) {
       read_manifest(archive, contents);
     } else {
       take_image_size(archive, {}, {}, "", false, contents);
@@ -135,7 +135,7 @@ class GenericZip final : public ArchiveFormat {
       output.add("preview.png", encode_png(framed(r.preview, 854, 480)));
       output.add("preview_cropping.png", encode_png(framed(r.preview, 472, 240)));
     }
-    output.add_text(manifest_entry, new_manifest(r));
+    output.add_text(kManifestEntry, new_manifest(r));
     std::vector<std::string> names;
     for (int n = 1; n <= r.info.grid.layers; ++n) names.push_back(std::to_string(n) + ".png");
     return names;

@@ -18,16 +18,16 @@ namespace {
 /// Keeps the order of keys, and those that we know nothing of.
 using Json = nlohmann::ordered_json;
 
-constexpr const char* meta_entry = "meta.json";
-constexpr const char* plate_entry = "plate.json";
-constexpr const char* profile_entry = "profile.json";
-constexpr const char* override_entry = "override.json";  ///< its keys count over the profile's
-constexpr const char* slicer_entry = "slicer.json";
-constexpr const char* options_entry = "options.json";  ///< some programs say the slicer's here
-constexpr const char* info_entry = "info.json";
+constexpr const char* kMetaEntry = "meta.json";
+constexpr const char* kPlateEntry = "plate.json";
+constexpr const char* kProfileEntry = "profile.json";
+constexpr const char* kOverrideEntry = "override.json";  ///< its keys count over the profile's
+constexpr const char* kSlicerEntry = "slicer.json";
+constexpr const char* kOptionsEntry = "options.json";  ///< some programs say the slicer's here
+constexpr const char* kInfoEntry = "info.json";
 
 /// Lists of a million layers.
-constexpr std::uint64_t max_json_bytes = std::uint64_t{256} << 20;
+constexpr std::uint64_t kMaxJsonBytes = std::uint64_t{256} << 20;
 
 struct Document {
   std::string file, entry;
@@ -74,13 +74,13 @@ struct Document {
 };
 
 Document open(const Container& archive, const char* entry) {
-  Document d{archive.path(), entry, archive.text(entry, max_json_bytes), {}};
+  Document d{archive.path(), entry, archive.text(entry, kMaxJsonBytes), {}};
   try {
     d.json = Json::parse(d.text);
   } catch (const Json::exception& error) {
     d.fail(std::string("is no JSON: ") + error.what());
   }
-  const bool is_list = std::string_view(entry) == info_entry;
+  const bool is_list = std::string_view(entry) == kInfoEntry;
   if (is_list ? !d.json.is_array() : !d.json.is_object()) {
     d.fail(is_list ? "is no list" : "is no object");
   }
@@ -94,9 +94,9 @@ std::optional<Document> open_optional(const Container& archive, const char* entr
 
 /// The slicer's settings: of `slicer.json`, or of `options.json` where that holds something else.
 std::optional<Document> open_slicer(const Container& archive) {
-  std::optional<Document> slicer = open_optional(archive, slicer_entry);
+  std::optional<Document> slicer = open_optional(archive, kSlicerEntry);
   if (slicer && slicer->has("PWidth")) return slicer;
-  std::optional<Document> options = open_optional(archive, options_entry);
+  std::optional<Document> options = open_optional(archive, kOptionsEntry);
   return options && options->has("PWidth") ? options : slicer;
 }
 
@@ -106,7 +106,7 @@ struct Profile {
   std::optional<Document> over;
 
   explicit Profile(const Container& archive)
-      : profile(open(archive, profile_entry)), over(open_optional(archive, override_entry)) {}
+      : profile(open(archive, kProfileEntry)), over(open_optional(archive, kOverrideEntry)) {}
   Document& with(const char* key) { return over && over->has(key) ? *over : profile; }
   const Document& with(const char* key) const { return over && over->has(key) ? *over : profile; }
 };
@@ -114,7 +114,7 @@ struct Profile {
 void read_exposure(const Profile& p, StackInfo& info, std::vector<std::string>& warnings) {
   const auto number = [&](const char* key, double most) { return p.with(key).number(key, most); };
   const auto count = [&](const char* key) {
-    return p.with(key).count(key, max_layers).value_or(0);
+    return p.with(key).count(key, kMaxLayers).value_or(0);
   };
   info.exposure_s = number("CureTime", 1e6).value_or(0);
   const double bottom_s = number("SupportCureTime", 1e6).value_or(0);
@@ -132,7 +132,7 @@ void read_exposure(const Profile& p, StackInfo& info, std::vector<std::string>& 
 }
 
 ArchiveContents read_nanodlp(const Container& archive) {
-  const Document meta = open(archive, meta_entry), plate = open(archive, plate_entry);
+  const Document meta = open(archive, kMetaEntry), plate = open(archive, kPlateEntry);
   const std::optional<Document> slicer = open_slicer(archive);
   const Profile profile(archive);
   ArchiveContents contents;
@@ -141,14 +141,14 @@ ArchiveContents read_nanodlp(const Container& archive) {
   contents.images =
       complete_names(archive, numbered_entries(archive, "", ".png"), 1, "1.png, 2.png, ...");
   grid.layers = info.target_layers = static_cast<int>(contents.images.size());
-  const int said = plate.count("LayersCount", max_layers).value_or(0);
+  const int said = plate.count("LayersCount", kMaxLayers).value_or(0);
   if (said > 0 && said != grid.layers) {
     plate.fail(fmt::format("LayersCount is {}, but there are {} images", said, grid.layers));
   }
   const auto size_of = [&](const char* key) {
     return slicer ? slicer->count(key, 65536) : std::optional<int>();
   };
-  const std::string says = slicer ? slicer->entry : plate_entry;
+  const std::string says = slicer ? slicer->entry : kPlateEntry;
   take_image_size(archive, size_of("PWidth"), size_of("PHeight"), says, true, contents);
   if (slicer) {
     grid.pixel_x_um = pixel_um(slicer->number("XPixelSize", 1e5).value_or(0), archive, says);
@@ -158,7 +158,7 @@ ArchiveContents read_nanodlp(const Container& archive) {
   }
   if (grid.layer_um == 0) {
     grid.layer_um =
-        layer_um(profile.profile.number("Depth", 1e5).value_or(0) * 1e-3, archive, profile_entry);
+        layer_um(profile.profile.number("Depth", 1e5).value_or(0) * 1e-3, archive, kProfileEntry);
   }
   const std::vector<double> heights = plate.numbers("DynamicThickness");
   if (std::any_of(heights.begin(), heights.end(), [&](double h) { return h != heights[0]; })) {
@@ -204,7 +204,7 @@ void change(const ArchiveRequest& r, ContainerOutput& output) {
   const auto add_if_changed = [&](const Document& d, const Json& before) {
     if (d.json != before) output.add_text(d.entry, d.dump());
   };
-  Document plate = open(kept, plate_entry);
+  Document plate = open(kept, kPlateEntry);
   const Json plate_before = plate.json;
   const bool has_times = plate.numbers("CureTimes").size() == static_cast<std::size_t>(kept_layers);
   set_where_there(plate, "LayersCount", layers);
@@ -215,7 +215,7 @@ void change(const ArchiveRequest& r, ContainerOutput& output) {
         lengthen(plate.json[key], kept_layers, layers, Json(plate.json[key].back()));
       }
     }
-    if (auto info = open_optional(kept, info_entry)) {
+    if (auto info = open_optional(kept, kInfoEntry)) {
       const Json before = info->json;
       Json empty = before.empty() ? Json() : before.back();
       for (Json& value : empty) {
@@ -277,14 +277,14 @@ void make_new(const ArchiveRequest& r, bool packed, ContainerOutput& output) {
   const auto add = [&](const char* entry, const Json& json) {
     output.add_text(entry, json.dump(2) + "\n");
   };
-  add(meta_entry, {{"format_version", 2},
+  add(kMetaEntry, {{"format_version", 2},
                    {"distro", info.profiles.printer.empty() ? "generic" : info.profiles.printer},
                    {"program", "slicecorr"},
                    {"version", version},
                    {"os", ""},
                    {"arch", ""},
                    {"profile", false}});
-  add(slicer_entry, {{"Type", "stl"},
+  add(kSlicerEntry, {{"Type", "stl"},
                      {"PWidth", g.width_px},
                      {"PHeight", g.height_px},
                      {"StartLayer", 0},
@@ -311,10 +311,10 @@ void make_new(const ArchiveRequest& r, bool packed, ContainerOutput& output) {
   if (s.uneven) {
     for (int n = 0; n < g.layers; ++n) plate["CureTimes"].push_back(light_on_of_layer(info, n));
   }
-  add(plate_entry, plate);
+  add(kPlateEntry, plate);
   std::string material = info.profiles.material;
   if (material.empty() && info.resin) material = info.resin->name;
-  add(profile_entry, {{"ResinID", 0},
+  add(kProfileEntry, {{"ResinID", 0},
                       {"ProfileID", 0},
                       {"Title", material.empty() ? "slicecorr" : material},
                       {"Depth", g.layer_um},
@@ -350,7 +350,7 @@ class NanoDlp final : public ArchiveFormat {
   bool packs_rgb() const override { return !rgb_; }
 
   bool recognises(const Container& archive) const override {
-    if (!archive.has(meta_entry) || !archive.has(plate_entry)) return false;
+    if (!archive.has(kMetaEntry) || !archive.has(kPlateEntry)) return false;
     if (!rgb_) return true;
     try {
       return is_rgb(archive);

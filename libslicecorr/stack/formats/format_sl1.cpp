@@ -13,19 +13,19 @@
 namespace slicecorr::detail {
 namespace {
 
-constexpr const char* config_entry = "config.ini";
-constexpr const char* settings_entry = "prusaslicer.ini";
-constexpr int name_digits = 5;
+constexpr const char* kConfigEntry = "config.ini";
+constexpr const char* kSettingsEntry = "prusaslicer.ini";
+constexpr int kNameDigits = 5;
 
 /// What an image's name is before its digits; nothing when it is no name of an image.
 std::optional<std::string> prefix_of(std::string_view name) {
   constexpr std::string_view ending = ".png";
   if (!name.ends_with(ending) || name.find('/') != name.npos) return std::nullopt;
   name.remove_suffix(ending.size());
-  if (name.size() < name_digits) return std::nullopt;
-  const std::string_view digits = name.substr(name.size() - name_digits);
+  if (name.size() < kNameDigits) return std::nullopt;
+  const std::string_view digits = name.substr(name.size() - kNameDigits);
   if (digits.find_first_not_of("0123456789") != digits.npos) return std::nullopt;
-  return std::string(name.substr(0, name.size() - name_digits));
+  return std::string(name.substr(0, name.size() - kNameDigits));
 }
 
 /// The images' common prefix: that of the job, else the only one there is.
@@ -43,7 +43,7 @@ std::string image_prefix(const Container& archive, const std::string& context) {
     throw InputError(archive.path(), "",
                      "has no layer images, expected " + context + "00000.png on");
   }
-  throw InputError(archive.path(), config_entry,
+  throw InputError(archive.path(), kConfigEntry,
                    "jobDir is " + shown_name(context) + ", but images are named otherwise: " +
                        shown_name(prefixes[0]) + ", " + shown_name(prefixes[1]));
 }
@@ -58,7 +58,7 @@ struct Model {
   int width_px, height_px;
   double pixel_um;
 };
-constexpr Model models[] = {
+constexpr Model kModels[] = {
     {"SL1", 1440, 2560, 47.25}, {"SL1S", 1620, 2560, 50}, {"M1", 1620, 2560, 50}};
 
 void read_display(const KeyValueText& config, const std::optional<KeyValueText>& settings,
@@ -83,14 +83,14 @@ void read_display(const KeyValueText& config, const std::optional<KeyValueText>&
       const double across = turned ? *y_px : *x_px, down = turned ? *x_px : *y_px;
       if (grid.width_px != across || grid.height_px != down) {
         contents.warnings.push_back(fmt::format("images are {} x {} pixels, {} says {:g} x {:g}",
-                                                grid.width_px, grid.height_px, settings_entry,
+                                                grid.width_px, grid.height_px, kSettingsEntry,
                                                 across, down));
       }
       return;
     }
   }
   const std::string model = config.find("printerModel").value_or("");
-  for (const Model& m : models) {
+  for (const Model& m : kModels) {
     if (model != m.name || grid.width_px != m.width_px || grid.height_px != m.height_px) continue;
     grid.pixel_x_um = grid.pixel_y_um = m.pixel_um;
     info.orientation = {true, true, false};
@@ -134,7 +134,7 @@ Times times_of(const ArchiveRequest& r) {
 
 void change(const ArchiveRequest& r, ContainerOutput& output) {
   const std::string path = r.kept->path();
-  KeyValueText config(r.kept->text(config_entry), '=', path, config_entry);
+  KeyValueText config(r.kept->text(kConfigEntry), '=', path, kConfigEntry);
   const std::string before = config.text();
   const int layers = r.info.grid.layers;
   if (layers != r.kept_contents->info.grid.layers) {
@@ -147,15 +147,15 @@ void change(const ArchiveRequest& r, ContainerOutput& output) {
     config.set("expTime", number_text(t.normal_s));
     config.set("expTimeFirst", number_text(t.first_s));
     config.set("numFade", std::to_string(t.fade));
-    if (r.kept->has(settings_entry)) {
-      KeyValueText settings(r.kept->text(settings_entry), '=', path, settings_entry);
+    if (r.kept->has(kSettingsEntry)) {
+      KeyValueText settings(r.kept->text(kSettingsEntry), '=', path, kSettingsEntry);
       settings.set("exposure_time", number_text(t.normal_s));
       settings.set("initial_exposure_time", number_text(t.first_s));
       settings.set("faded_layers", std::to_string(t.fade));
-      output.add_text(settings_entry, settings.text());
+      output.add_text(kSettingsEntry, settings.text());
     }
   }
-  if (config.text() != before) output.add_text(config_entry, config.text());
+  if (config.text() != before) output.add_text(kConfigEntry, config.text());
 }
 
 /// A printer takes what it knows: names of profiles, sizes, times. Sorted, as PrusaSlicer does.
@@ -174,7 +174,7 @@ void make_new(const ArchiveRequest& r, ContainerOutput& output) {
   const double height_mm = std::round(y_px * y_um * 1e6) / 1e9;
   const std::string layer_mm = number_text(std::round(g.layer_um * 1e6) / 1e9);
   std::string model = "SL1";
-  for (const Model& m : models) {
+  for (const Model& m : kModels) {
     if (m.width_px == g.width_px && m.height_px == g.height_px) {
       model = m.name;
       break;
@@ -188,7 +188,7 @@ void make_new(const ArchiveRequest& r, ContainerOutput& output) {
   double light_s = 0;
   for (int n = 0; n < g.layers; ++n) light_s += light_on_of_layer(info, n);
   output.add_text(
-      config_entry,
+      kConfigEntry,
       fmt::format("action = print\nexpTime = {}\nexpTimeFirst = {}\nexpUserProfile = 0\n"
                   // No clock time: the same stack gives the same bytes.
                   "fileCreationTimestamp = 1980-01-01 at 00:00:00 UTC\nhollow = 0\njobDir = {}\n"
@@ -201,7 +201,7 @@ void make_new(const ArchiveRequest& r, ContainerOutput& output) {
   const std::string bed =
       fmt::format("0x0,{0}x0,{0}x{1},0x{1}", number_text(width_mm), number_text(height_mm));
   output.add_text(
-      settings_entry,
+      kSettingsEntry,
       fmt::format(
           "absolute_correction = 0\narea_fill = 50\nbed_shape = {}\ndisplay_height = {}\n"
           "display_mirror_x = {}\ndisplay_mirror_y = {}\ndisplay_orientation = {}\n"
@@ -231,14 +231,14 @@ class Sl1 final : public ArchiveFormat {
   std::string_view name() const override { return "sl1"; }
   std::string_view what() const override { return "Prusa SL1 and SL1S, as PrusaSlicer exports it"; }
   std::vector<std::string_view> endings() const override { return {".sl1", ".sl1s", ".m1"}; }
-  bool recognises(const Container& archive) const override { return archive.has(config_entry); }
+  bool recognises(const Container& archive) const override { return archive.has(kConfigEntry); }
 
   ArchiveContents read(const Container& archive) const override {
     const std::string& path = archive.path();
-    const KeyValueText config(archive.text(config_entry), '=', path, config_entry);
+    const KeyValueText config(archive.text(kConfigEntry), '=', path, kConfigEntry);
     std::optional<KeyValueText> settings;
-    if (archive.has(settings_entry)) {
-      settings.emplace(archive.text(settings_entry), '=', path, settings_entry);
+    if (archive.has(kSettingsEntry)) {
+      settings.emplace(archive.text(kSettingsEntry), '=', path, kSettingsEntry);
     }
     ArchiveContents contents;
     StackInfo& info = contents.info;
@@ -255,10 +255,10 @@ class Sl1 final : public ArchiveFormat {
       const int counted = static_cast<int>(*slow + *fast);
       if (counted > info.grid.layers) {
         throw InputError(path, image_name(prefix, info.grid.layers),
-                         fmt::format("is missing: {} has {} layers", config_entry, counted));
+                         fmt::format("is missing: {} has {} layers", kConfigEntry, counted));
       }
       contents.warnings.push_back(fmt::format("{} says {} layers, there are {} images",
-                                              config_entry, counted, info.grid.layers));
+                                              kConfigEntry, counted, info.grid.layers));
     }
     const ImageSize size = image_size(archive, contents.images.front());
     info.grid.width_px = size.width_px;

@@ -37,10 +37,10 @@ std::optional<int> whole(std::optional<double> value, const std::string& file,
 void take_image_size(const Container& archive, std::optional<int> width_px,
                      std::optional<int> height_px, const std::string& says, bool may_be_packed,
                      ArchiveContents& contents) {
-  if (contents.images.size() > max_layers) {
+  if (contents.images.size() > kMaxLayers) {
     throw InputError(
         archive.path(), "",
-        fmt::format("has {} layers, expected at most {}", contents.images.size(), max_layers));
+        fmt::format("has {} layers, expected at most {}", contents.images.size(), kMaxLayers));
   }
   const std::string& first = contents.images.front();
   const ImageSize size = image_size(archive, first);
@@ -55,10 +55,10 @@ void take_image_size(const Container& archive, std::optional<int> width_px,
                                  size.width_px, size.height_px, size.channels == 3 ? " in RGB" : "",
                                  width, height, packing, says));
   }
-  if (width > 65536 || std::int64_t{width} * height > max_image_pixels) {
+  if (width > 65536 || std::int64_t{width} * height > kMaxImagePixels) {
     throw InputError(archive.path(), first,
                      fmt::format("is {} x {} pixels, expected at most {} pixels", width, height,
-                                 max_image_pixels));
+                                 kMaxImagePixels));
   }
   contents.packed_rgb = packed;
   contents.info.grid.width_px = width;

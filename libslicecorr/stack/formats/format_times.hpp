@@ -10,7 +10,7 @@
 
 namespace slicecorr::detail {
 
-inline constexpr int max_layers = 1'000'000;
+inline constexpr int kMaxLayers = 1'000'000;
 
 /// Millimetres to micrometres, without the noise of a division by pixels.
 double um_of_mm(double mm);

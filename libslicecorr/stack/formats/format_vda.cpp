@@ -16,7 +16,7 @@ namespace slicecorr::detail {
 namespace {
 
 /// All that is in the file stays as it is written: blanks, comments and ends of lines, too.
-constexpr unsigned parse_options =
+constexpr unsigned kParseOptions =
     (pugi::parse_full | pugi::parse_ws_pcdata | pugi::parse_fragment) &
     ~(pugi::parse_eol | pugi::parse_wconv_attribute);
 
@@ -44,7 +44,7 @@ const Container::Entry* manifest_of(const Container& archive) {
 
 pugi::xml_node parse(const XmlSource& place, const std::string& text, pugi::xml_document& xml) {
   const pugi::xml_parse_result result =
-      xml.load_buffer(text.data(), text.size(), parse_options, pugi::encoding_auto);
+      xml.load_buffer(text.data(), text.size(), kParseOptions, pugi::encoding_auto);
   if (!result) {
     place.refuse(fmt::format("not valid XML: {} at byte {}", result.description(), result.offset));
   }
@@ -82,7 +82,7 @@ std::optional<double> number_at(pugi::xml_node parent, const char* key, double l
 }
 
 int layer_count(pugi::xml_node slices, const XmlSource& place) {
-  const auto count = number_at(slices, "layersCount", 1, max_layers, place);
+  const auto count = number_at(slices, "layersCount", 1, kMaxLayers, place);
   if (!count) place.refuse("Slices.layersCount is missing");
   return *whole(count, place.archive.path(), place.entry, "Slices.layersCount");
 }

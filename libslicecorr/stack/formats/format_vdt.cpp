@@ -17,8 +17,8 @@ namespace {
 using Json = nlohmann::ordered_json;
 using Node = JsonNode<Json>;
 
-constexpr const char* manifest_entry = "manifest.json";
-constexpr int full_light = 255;
+constexpr const char* kManifestEntry = "manifest.json";
+constexpr int kFullLight = 255;
 
 /// Grows with the layers, which it lists with some 15 values each.
 std::uint64_t manifest_limit(const Container& archive) {
@@ -26,18 +26,18 @@ std::uint64_t manifest_limit(const Container& archive) {
 }
 
 [[noreturn]] void refuse_json(const Container& archive, const Json::exception& error) {
-  throw InputError(archive.path(), manifest_entry, std::string("not valid JSON: ") + error.what());
+  throw InputError(archive.path(), kManifestEntry, std::string("not valid JSON: ") + error.what());
 }
 
 /// What is needed of the layers, each nothing where the manifest does not say it.
 struct Layer {
   std::optional<double> height_mm, time_s;
-  int light = full_light;
+  int light = kFullLight;
 };
 
 /// There may be a million layers: each is dropped as soon as it has been read.
 Json parse_manifest(const Container& archive, const JsonSource& place, std::vector<Layer>& layers) {
-  const std::string text = archive.text(manifest_entry, manifest_limit(archive));
+  const std::string text = archive.text(kManifestEntry, manifest_limit(archive));
   bool in_layers = false;
   const auto keep = [&](int depth, Json::parse_event_t event, Json& value) {
     if (event == Json::parse_event_t::key && depth == 1) in_layers = value == "layers";
@@ -46,7 +46,7 @@ Json parse_manifest(const Container& archive, const JsonSource& place, std::vect
     Layer layer;
     if (node.has("height")) layer.height_mm = node["height"].number(0, 1e6);
     if (node.has("exposure_time")) layer.time_s = node["exposure_time"].number(0, 1e9);
-    if (node.has("light_pwm")) layer.light = node["light_pwm"].integer(0, full_light);
+    if (node.has("light_pwm")) layer.light = node["light_pwm"].integer(0, kFullLight);
     layers.push_back(layer);
     return false;
   };
@@ -72,25 +72,25 @@ void read_machine(const Container& archive, const Node& machine, ArchiveContents
   StackInfo& info = contents.info;
   Grid& grid = info.grid;
   take_image_size(archive, integer_at(machine, "resolution_x", 65536),
-                  integer_at(machine, "resolution_y", 65536), manifest_entry, false, contents);
+                  integer_at(machine, "resolution_y", 65536), kManifestEntry, false, contents);
   grid.pixel_x_um =
-      pixel_um(number_at(machine, "lcd_width", 1e5) / grid.width_px, archive, manifest_entry);
+      pixel_um(number_at(machine, "lcd_width", 1e5) / grid.width_px, archive, kManifestEntry);
   grid.pixel_y_um =
-      pixel_um(number_at(machine, "lcd_height", 1e5) / grid.height_px, archive, manifest_entry);
+      pixel_um(number_at(machine, "lcd_height", 1e5) / grid.height_px, archive, kManifestEntry);
   info.orientation.mirror_x = flag_at(machine, "x_mirror");
   info.orientation.mirror_y = flag_at(machine, "y_mirror");
   info.profiles.printer = text_at(machine, "name");
 }
 
 void read_print(const Container& archive, const Node& print, StackInfo& info) {
-  info.grid.layer_um = layer_um(number_at(print, "layer_thickness", 1e3), archive, manifest_entry);
+  info.grid.layer_um = layer_um(number_at(print, "layer_thickness", 1e3), archive, kManifestEntry);
   info.exposure_s = number_at(print, "exposure_time", 1e9);
   const double bottom_s = number_at(print, "bottom_exposure_time", 1e9);
-  const int bottom = integer_at(print, "bottom_layers", max_layers);
+  const int bottom = integer_at(print, "bottom_layers", kMaxLayers);
   if (bottom > 0 && bottom_s > 0) {
     info.bottom_exposure_s = bottom_s;
     info.bottom_layers = bottom;
-    info.fade_layers = integer_at(print, "transition_layer", max_layers);
+    info.fade_layers = integer_at(print, "transition_layer", kMaxLayers);
   }
 }
 
@@ -118,12 +118,12 @@ void check_layers(const std::vector<Layer>& layers, double layer_um,
 }
 
 ArchiveContents read_vdt(const Container& archive) {
-  const JsonSource place{archive.path(), manifest_entry};
+  const JsonSource place{archive.path(), kManifestEntry};
   std::vector<Layer> layers;
   const Json json = parse_manifest(archive, place, layers);
   const Node root(json, "", place);
   // What is left of the list is no layer.
-  if (!root["layers"].list(0, max_layers).empty()) {
+  if (!root["layers"].list(0, kMaxLayers).empty()) {
     root["layers"].refuse("layers holds a value that is no object");
   }
   ArchiveContents contents;
@@ -133,8 +133,8 @@ ArchiveContents read_vdt(const Container& archive) {
     root.refuse(fmt::format("lists {} layers, but there are {} images", layers.size(),
                             contents.images.size()));
   }
-  if (layers.size() > static_cast<std::size_t>(max_layers)) {
-    root.refuse(fmt::format("lists {} layers, expected at most {}", layers.size(), max_layers));
+  if (layers.size() > static_cast<std::size_t>(kMaxLayers)) {
+    root.refuse(fmt::format("lists {} layers, expected at most {}", layers.size(), kMaxLayers));
   }
   read_machine(archive, root["machine"], contents);
   read_print(archive, root["print"], info);
@@ -218,8 +218,8 @@ std::string new_manifest(const ArchiveRequest& r) {
                     {{"antialasing_level", 1},
                      {"grey_level", 0},
                      {"image_blur_level", 0},
-                     {"bottom_light_pwm", full_light},
-                     {"light_pwm", full_light},
+                     {"bottom_light_pwm", kFullLight},
+                     {"light_pwm", kFullLight},
                      {"beam_compensation", 0}}},
                    {"resin",
                     {{"name", info.resin ? info.resin->name : info.profiles.material},
@@ -242,7 +242,7 @@ std::string new_manifest(const ArchiveRequest& r) {
     Json layer = {{"height", height_mm(info, n)}, {"exposure_time", light.time_s}};
     add_waits(layer, "");
     add_lifts(layer, "", !lifts(info));
-    layer["light_pwm"] = std::lround(full_light * light.share);
+    layer["light_pwm"] = std::lround(kFullLight * light.share);
     text += (n == 0 ? "\n    " : ",\n    ") + layer.dump();
   }
   return text + "\n  ]\n}\n";
@@ -253,7 +253,7 @@ class Change {
  public:
   Change(const ArchiveRequest& r) : r_(r) {
     try {
-      json_ = Json::parse(r.kept->text(manifest_entry, manifest_limit(*r.kept)));
+      json_ = Json::parse(r.kept->text(kManifestEntry, manifest_limit(*r.kept)));
     } catch (const Json::exception& error) {
       refuse_json(*r.kept, error);
     }
@@ -296,12 +296,12 @@ class Change {
     set(print, "bottom_exposure_time", s.bottom_s);
     set(print, "bottom_layers", s.bottom_layers);
     set(print, "transition_layer", s.fade_layers);
-    int full = full_light;
+    int full = kFullLight;
     if (const auto found = json_.find("advanced_parameters");
         found != json_.end() && found->is_object() && found->contains("light_pwm") &&
         (*found)["light_pwm"].is_number()) {
       full = static_cast<int>(
-          std::clamp((*found)["light_pwm"].get<double>(), 0.0, double{full_light}));
+          std::clamp((*found)["light_pwm"].get<double>(), 0.0, double{kFullLight}));
     }
     Json& layers = json_["layers"];
     for (int n = 0; n < r_.info.grid.layers; ++n) {
@@ -324,7 +324,7 @@ class Vdt final : public ArchiveFormat {
   std::vector<std::string_view> endings() const override { return {".vdt"}; }
 
   bool recognises(const Container& archive) const override {
-    return archive.kind() == ContainerKind::zip && archive.has(manifest_entry) &&
+    return archive.kind() == ContainerKind::zip && archive.has(kManifestEntry) &&
            (archive.path().ends_with(".vdt") || archive.has("0.png"));
   }
 
@@ -334,7 +334,7 @@ class Vdt final : public ArchiveFormat {
     warn_of_mode(r, "VDT");
     if (r.kept != nullptr) {
       const Change change(r);
-      if (change.changed()) output.add_text(manifest_entry, change.text());
+      if (change.changed()) output.add_text(kManifestEntry, change.text());
       return continued_names(r, ".png");
     }
     if (lifts(r.info)) {
@@ -342,7 +342,7 @@ class Vdt final : public ArchiveFormat {
            "the stack says nothing of lifts between layers: whoever opens the archive takes its "
            "own");
     }
-    output.add_text(manifest_entry, new_manifest(r));
+    output.add_text(kManifestEntry, new_manifest(r));
     if (!r.preview.pixels.empty()) {
       output.add("Preview_FLT.png", encode_png(framed(r.preview, 200, 200)));
       output.add("Preview_FLT_48.png", encode_png(framed(r.preview, 48, 48)));

@@ -16,7 +16,7 @@ namespace slicecorr::detail {
 /// Where a JSON text stands.
 struct JsonSource {
   /// Stands for no limit in the checks of numbers.
-  static constexpr double largest = 1e300;
+  static constexpr double kLargest = 1e300;
   std::string file, entry;
 };
 
@@ -53,18 +53,18 @@ class JsonNode {
   double number(double least, double most) const {
     const double value = json_->is_number() ? json_->template get<double>() : NAN;
     if (!(value >= least && value <= most)) {
-      fail(most >= JsonSource::largest ? "a number of at least " + text(least)
-                                       : "a number from " + text(least) + " to " + text(most));
+      fail(most >= JsonSource::kLargest ? "a number of at least " + text(least)
+                                        : "a number from " + text(least) + " to " + text(most));
     }
     return value;
   }
 
   /// A number above 0.
-  double positive(double most = JsonSource::largest) const {
+  double positive(double most = JsonSource::kLargest) const {
     const double value = json_->is_number() ? json_->template get<double>() : NAN;
     if (!(value > 0 && value <= most)) {
-      fail(most >= JsonSource::largest ? "a number above 0"
-                                       : "a number above 0 and up to " + text(most));
+      fail(most >= JsonSource::kLargest ? "a number above 0"
+                                        : "a number above 0 and up to " + text(most));
     }
     return value;
   }

@@ -20,7 +20,7 @@ struct Magic {
   std::string_view bytes, what;
 };
 using namespace std::string_view_literals;
-constexpr Magic magics[] = {
+constexpr Magic kMagics[] = {
     {"\x19\x00\xfd\x12"sv, "a .cbddlp or .photon file (Chitubox)"},
     {"\x86\x00\xfd\x12"sv, "a .ctb file (Chitubox)"},
     {"\x06\x01\xfd\x12"sv, "a .ctb file (Chitubox, version 4)"},
@@ -37,7 +37,7 @@ constexpr Magic magics[] = {
 struct Ending {
   std::string_view ending, what;
 };
-constexpr Ending endings[] = {
+constexpr Ending kEndings[] = {
     {".cbddlp", "a .cbddlp file (Chitubox)"},
     {".photon", "a .photon file (Anycubic)"},
     {".ctb", "a .ctb file (Chitubox)"},
@@ -119,7 +119,7 @@ void refuse_known_file(const std::string& path) {
   const ssize_t n = ::read(file, start, sizeof start);
   ::close(file);
   const std::string_view bytes(start, n > 0 ? static_cast<std::size_t>(n) : 0);
-  for (const Magic& magic : magics) {
+  for (const Magic& magic : kMagics) {
     if (bytes.starts_with(magic.bytes)) refuse(path, magic.what);
   }
   // Archives are what they are, whatever they are called.
@@ -130,7 +130,7 @@ void refuse_known_file(const std::string& path) {
   const std::string_view ending = std::string_view(name).substr(point);
   if (is_photon_workshop(ending))
     refuse(path, "a Photon Workshop file (" + std::string(ending) + ")");
-  for (const Ending& known : endings) {
+  for (const Ending& known : kEndings) {
     if (ending == known.ending) refuse(path, known.what);
   }
 }

@@ -11,7 +11,7 @@
 namespace slicecorr::detail {
 namespace {
 
-constexpr std::string_view blanks = " \t\r";
+constexpr std::string_view kBlanks = " \t\r";
 
 std::size_t line_end(std::string_view text, std::size_t begin) {
   return std::min(text.find('\n', begin), text.size());
@@ -33,7 +33,7 @@ std::size_t next_line(std::string_view text, std::size_t begin) {
 }
 
 std::string_view without_indent(std::string_view line) {
-  const std::size_t first = line.find_first_not_of(blanks);
+  const std::size_t first = line.find_first_not_of(kBlanks);
   return first == line.npos ? std::string_view{} : line.substr(first);
 }
 
@@ -73,8 +73,8 @@ std::optional<Token> plain_number(std::string_view text, std::size_t at) {
   std::size_t end = token->end;
   // "4000." is a number, too.
   if (end < text.size() && text[end] == '.') ++end;
-  const bool ends = end >= text.size() || blanks.find(text[end]) != blanks.npos;
-  const std::size_t next = text.find_first_not_of(blanks, end);
+  const bool ends = end >= text.size() || kBlanks.find(text[end]) != kBlanks.npos;
+  const std::size_t next = text.find_first_not_of(kBlanks, end);
   if (!ends || (next != text.npos && is_digit(text[next]))) return std::nullopt;
   token->end = end;
   return token;
@@ -95,7 +95,7 @@ std::vector<Token> numbers_of(std::string_view text, std::size_t begin, std::siz
 std::optional<Token> word_of(std::string_view text, std::size_t begin, char word) {
   const std::size_t end = std::min(text.find(';', begin), line_end(text, begin));
   for (std::size_t i = begin; i + 1 < end; ++i) {
-    if (text[i] == word && i > begin && blanks.find(text[i - 1]) != blanks.npos) {
+    if (text[i] == word && i > begin && kBlanks.find(text[i - 1]) != kBlanks.npos) {
       return number_at(text.substr(0, end), i + 1);
     }
   }
@@ -205,7 +205,7 @@ std::optional<LayerGcode::Wait> LayerGcode::wait_of(std::size_t line) const {
          "and milliseconds, as a plain number");
   };
   const auto skip_blanks = [&] {
-    while (begin < end && blanks.find(all[begin]) != blanks.npos) ++begin;
+    while (begin < end && kBlanks.find(all[begin]) != kBlanks.npos) ++begin;
   };
   skip_blanks();
   if (begin == end) return std::nullopt;

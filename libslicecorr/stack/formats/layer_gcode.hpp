@@ -14,7 +14,7 @@
 namespace slicecorr::detail {
 
 /// G-code of a million layers takes some 200 MB.
-inline constexpr std::uint64_t max_gcode_bytes = std::uint64_t{1} << 29;
+inline constexpr std::uint64_t kMaxGcodeBytes = std::uint64_t{1} << 29;
 
 /// How a printer's G-code shows images. Light is "M106 S" in all; a layer's exposure is the sum of
 /// the waits while it is on, or, where it is never switched, while the image is shown.
@@ -24,8 +24,8 @@ struct GcodeDialect {
   long first = 0;         ///< number of the first layer's image
   char wait_word = 0;     ///< before the milliseconds, where there is one
 };
-inline constexpr GcodeDialect chitubox_gcode{"M6054", "G4", 1, 'P'};
-inline constexpr GcodeDialect cws_gcode{";<Slice>", ";<Delay>", 0, 0};
+inline constexpr GcodeDialect kChituboxGcode{"M6054", "G4", 1, 'P'};
+inline constexpr GcodeDialect kCwsGcode{";<Slice>", ";<Delay>", 0, 0};
 
 /// End of the comments at the beginning, which hold settings.
 std::size_t end_of_head(std::string_view text);

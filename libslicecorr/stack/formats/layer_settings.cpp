@@ -29,7 +29,7 @@ int layer_of(std::string_view cell) {
   const std::string_view text = trimmed(cell);
   int layer = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), layer);
-  return error == std::errc() && layer >= 1 && layer <= max_layers ? layer : 0;
+  return error == std::errc() && layer >= 1 && layer <= kMaxLayers ? layer : 0;
 }
 
 }  // namespace

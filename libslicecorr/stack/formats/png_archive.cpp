@@ -12,7 +12,7 @@
 namespace slicecorr::detail {
 namespace {
 
-constexpr std::uint8_t last_block[] = {3, 0};  // with nothing in it
+constexpr std::uint8_t kLastBlock[] = {3, 0};  // with nothing in it
 
 }  // namespace
 
@@ -57,7 +57,7 @@ void SmallIdat::add(std::span<const std::uint8_t> chunk, std::size_t raw_bytes) 
   Impl& s = *impl_;
   // Without length, type and checksum; ended, so that it stands for itself.
   s.piece.assign(chunk.begin() + 8, chunk.end() - 4);
-  s.piece.insert(s.piece.end(), std::begin(last_block), std::end(last_block));
+  s.piece.insert(s.piece.end(), std::begin(kLastBlock), std::end(kLastBlock));
   s.raw.resize(raw_bytes);
   if (libdeflate_deflate_decompress(s.inflater, s.piece.data(), s.piece.size(), s.raw.data(),
                                     s.raw.size(), nullptr) != LIBDEFLATE_SUCCESS) {
@@ -75,7 +75,7 @@ void SmallIdat::finish(std::uint32_t adler, std::vector<std::uint8_t>& out) {
   std::vector<std::uint8_t> runs;
   s.by_runs.end();
   s.by_runs.write(runs);
-  runs.insert(runs.end(), std::begin(last_block), std::end(last_block));
+  runs.insert(runs.end(), std::begin(kLastBlock), std::end(kLastBlock));
   const std::vector<std::uint8_t>& smaller = runs.size() < s.by_zlib.size() ? runs : s.by_zlib;
   const std::size_t chunk = begin_chunk("IDAT", out);
   out.insert(out.end(), {0x78, 0xda});

@@ -78,7 +78,7 @@ Json printer_json(const Printer& p) {
   if (p.orientation) json["orientation"] = orientation_json(*p.orientation);
   if (p.flat_field) {
     const FlatField& f = *p.flat_field;
-    json["flat_field"] = {{"file", flat_field_entry}, {"width_px", f.width_px},
+    json["flat_field"] = {{"file", kFlatFieldEntry},  {"width_px", f.width_px},
                           {"height_px", f.height_px}, {"frame", f.of_plate ? "plate" : "image"},
                           {"reference", f.reference}, {"crc32", flat_field_crc32(f)}};
   }
@@ -137,18 +137,18 @@ Json process_json(const Process& p, int format) {
   json["bottom_layers"] = p.bottom_layers;
   json["fade_layers"] = p.fade_layers;
   json["layer_exposure_s"] = p.layer_exposure_s;
-  json["uv"] = {{"kind", names_of_uv[static_cast<std::size_t>(p.uv.kind)]},
+  json["uv"] = {{"kind", kNamesOfUv[static_cast<std::size_t>(p.uv.kind)]},
                 {"uv_mw_cm2", p.uv.uv_mw_cm2},
                 {"dead_zone_um", p.uv.dead_zone_um},
                 {"slice_mw_cm2", p.uv.slice_mw_cm2}};
-  json["ramp"] = names_of_ramps[static_cast<std::size_t>(p.ramp)];
+  json["ramp"] = kNamesOfRamps[static_cast<std::size_t>(p.ramp)];
   json["ramp_mm"] = p.ramp_mm;
   json["window_cure"] = p.allow_window_cure ? "allow" : "refuse";
   return json;
 }
 
 Json recording_json(const Recording& recording) {
-  return {{"file", recording_entry},
+  return {{"file", kRecordingEntry},
           {"slices", recording.slices()},
           {"parts", recording.showings.size()},
           {"crc32", recording_crc32(recording_csv(recording))},
@@ -189,7 +189,7 @@ Json block_json(const StackInfo& info, std::uint32_t crc, std::optional<std::uin
 
 Json checked(Json block) {
   // Of what is read: texts that are no UTF-8 change when they are written.
-  block[block_crc32_key] = block_crc32(nlohmann::json::parse(dump(block, -1)));
+  block[kBlockCrc32Key] = block_crc32(nlohmann::json::parse(dump(block, -1)));
   return block;
 }
 

@@ -16,14 +16,14 @@ namespace slicecorr::detail {
 /// Newest version of our block that this program reads. Stacks say 1 as long as they hold nothing
 /// else: continuous exposure at one speed, without UV light. 2 has exposure schedules of any kind,
 /// 3 a flat-field, 4 is a recorded stack.
-inline constexpr int uvj_block_format = 4;
+inline constexpr int kUvjBlockFormat = 4;
 
 /// Words of the block, in the order of UvKind and Ramp.
-inline const std::vector<std::string> names_of_uv{"off", "constant", "per_slice", "patterned"};
-inline const std::vector<std::string> names_of_ramps{"none", "lamp_follows", "outside"};
+inline const std::vector<std::string> kNamesOfUv{"off", "constant", "per_slice", "patterned"};
+inline const std::vector<std::string> kNamesOfRamps{"none", "lamp_follows", "outside"};
 
 /// Largest image of a stack.
-inline constexpr std::int64_t max_image_pixels = 1'000'000'000;
+inline constexpr std::int64_t kMaxImagePixels = 1'000'000'000;
 
 std::string write_uvj_config(const StackInfo& info, std::uint32_t images_crc32,
                              std::optional<std::uint32_t> uv_images_crc32 = std::nullopt);
@@ -38,7 +38,7 @@ std::string change_uvj_config(const std::string& original, const StackInfo& info
 ArchiveContents parse_uvj_config(std::string_view text, const std::string& file);
 
 /// Our block alone, with its checksum, for formats that have no place for it; see
-/// `provenance_entry`.
+/// `kProvenanceEntry`.
 std::string write_provenance(const StackInfo& info, std::uint32_t images_crc32,
                              std::optional<std::uint32_t> uv_images_crc32);
 /// The same of a setup alone, without a checksum: texts that carry it have their own.

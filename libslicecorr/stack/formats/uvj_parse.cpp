@@ -15,7 +15,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr double largest = JsonSource::largest;
+constexpr double kLargest = JsonSource::kLargest;
 
 using Node = JsonNode<Json>;
 
@@ -78,8 +78,8 @@ void read_properties(const Node& properties, StackInfo& info) {
   Grid& grid = info.grid;
   grid.width_px = size["X"].integer(1, 65536);
   grid.height_px = size["Y"].integer(1, 65536);
-  if (std::int64_t{grid.width_px} * grid.height_px > max_image_pixels) {
-    size["X"].fail("images of at most " + std::to_string(max_image_pixels) + " pixels");
+  if (std::int64_t{grid.width_px} * grid.height_px > kMaxImagePixels) {
+    size["X"].fail("images of at most " + std::to_string(kMaxImagePixels) + " pixels");
   }
   // Millimetre sizes are of the whole image, LayerHeight is of one layer.
   const Node mm = size["Millimeter"];
@@ -107,8 +107,8 @@ void read_properties(const Node& properties, StackInfo& info) {
 std::vector<CalibrationPoint> read_calibration(const Node& node) {
   std::vector<CalibrationPoint> points;
   for (const Node& point : node.list(2, 65536)) {
-    const CalibrationPoint c{point["level"].number(0, largest),
-                             point["intensity_mw_cm2"].number(0, largest)};
+    const CalibrationPoint c{point["level"].number(0, kLargest),
+                             point["intensity_mw_cm2"].number(0, kLargest)};
     if (!points.empty() &&
         (c.level <= points.back().level || c.intensity_mw_cm2 < points.back().intensity_mw_cm2)) {
       point.fail("a level above and an intensity not below those before it");
@@ -130,7 +130,7 @@ Printer read_printer(const Node& node) {
   p.pixel_x_um = node["pixel_x_um"].positive();
   p.pixel_y_um = node["pixel_y_um"].positive();
   p.bit_depth = node["bit_depth"].integer(1, 8);
-  p.wavelength_nm = node["wavelength_nm"].number(0, largest);
+  p.wavelength_nm = node["wavelength_nm"].number(0, kLargest);
   p.calibration = read_calibration(node["calibration"]);
   if (p.calibration.front().level != 0 || p.calibration.back().level != p.levels() - 1) {
     node["calibration"].fail("points from level 0 to level " + std::to_string(p.levels() - 1));
@@ -138,7 +138,7 @@ Printer read_printer(const Node& node) {
   if (node.has("uv")) {
     const Node uv = node["uv"];
     p.uv =
-        UvLamp{uv["wavelength_nm"].number(0, largest),
+        UvLamp{uv["wavelength_nm"].number(0, kLargest),
                uv["kind"].choice({"flood", "patterned"}) == 1, read_calibration(uv["calibration"])};
   }
   if (node.has("orientation")) p.orientation = read_orientation(node["orientation"]);
@@ -147,15 +147,15 @@ Printer read_printer(const Node& node) {
     FlatField field;
     field.width_px = f["width_px"].integer(1, 65536);
     field.height_px = f["height_px"].integer(1, 65536);
-    if (std::int64_t{field.width_px} * field.height_px > max_image_pixels) {
-      f["width_px"].fail("a picture of at most " + std::to_string(max_image_pixels) + " pixels");
+    if (std::int64_t{field.width_px} * field.height_px > kMaxImagePixels) {
+      f["width_px"].fail("a picture of at most " + std::to_string(kMaxImagePixels) + " pixels");
     }
     field.of_plate = f["frame"].choice({"image", "plate"}) == 1;
     field.reference = f["reference"].integer(1, 255);
     p.flat_field = field;
   }
-  p.max_speed_mm_h = node["max_speed_mm_h"].number(0, largest);
-  p.travel_mm = node["travel_mm"].number(0, largest);
+  p.max_speed_mm_h = node["max_speed_mm_h"].number(0, kLargest);
+  p.travel_mm = node["travel_mm"].number(0, kLargest);
   return p;
 }
 
@@ -166,9 +166,9 @@ Resin read_resin(const Node& node) {
                                                              : CureModelKind::jacobs;
   r.m = node["m"].positive(2);
   r.absorbance_height10_um = node["absorbance_height10_um"].positive();
-  r.critical_dose_mj_cm3 = node["critical_dose_mj_cm3"].number(0, largest);
-  r.critical_dose_prime = node["critical_dose_prime"].number(0, largest);
-  r.gel_dose_mj_cm3 = node["gel_dose_mj_cm3"].number(0, largest);
+  r.critical_dose_mj_cm3 = node["critical_dose_mj_cm3"].number(0, kLargest);
+  r.critical_dose_prime = node["critical_dose_prime"].number(0, kLargest);
+  r.gel_dose_mj_cm3 = node["gel_dose_mj_cm3"].number(0, kLargest);
   if (r.critical_dose_mj_cm3 == 0 && r.critical_dose_prime == 0) {
     node["critical_dose_mj_cm3"].fail("a number above 0, or a critical_dose_prime above 0");
   }
@@ -176,7 +176,7 @@ Resin read_resin(const Node& node) {
   if (node.has("inhibition")) {
     const Node i = node["inhibition"];
     r.inhibition = Inhibition{i["beta"].positive(), i["absorbance_height10_um"].positive(),
-                              i["m"].positive(2), i["critical_dose_prime"].number(0, largest)};
+                              i["m"].positive(2), i["critical_dose_prime"].number(0, kLargest)};
   }
   return r;
 }
@@ -196,11 +196,11 @@ void read_schedule(const Node& node, Process& p) {
   p.fade_layers = node["fade_layers"].integer(0, 1000000);
   p.layer_exposure_s = read_numbers(node["layer_exposure_s"], 0);
   const Node uv = node["uv"];
-  p.uv.kind = static_cast<UvKind>(uv["kind"].choice(names_of_uv));
+  p.uv.kind = static_cast<UvKind>(uv["kind"].choice(kNamesOfUv));
   p.uv.uv_mw_cm2 = uv["uv_mw_cm2"].number(0, 1e9);
   p.uv.dead_zone_um = uv["dead_zone_um"].number(0, 1e9);
   p.uv.slice_mw_cm2 = read_numbers(uv["slice_mw_cm2"], 0);
-  p.ramp = static_cast<Ramp>(node["ramp"].choice(names_of_ramps));
+  p.ramp = static_cast<Ramp>(node["ramp"].choice(kNamesOfRamps));
   p.ramp_mm = node["ramp_mm"].number(0, 1e9);
   p.allow_window_cure = node["window_cure"].choice({"refuse", "allow"}) == 1;
 }
@@ -209,9 +209,9 @@ Process read_process(const Node& node, ExposureMode mode, std::int64_t format) {
   Process p;
   p.mode = mode;
   p.speed_mm_h = mode == ExposureMode::continuous ? node["speed_mm_h"].positive()
-                                                  : node["speed_mm_h"].number(0, largest);
+                                                  : node["speed_mm_h"].number(0, kLargest);
   const Node omega = node["omega_max"];
-  p.omega_max = omega.is_text("inf") ? largest : omega.number(1, largest);
+  p.omega_max = omega.is_text("inf") ? kLargest : omega.number(1, kLargest);
   p.one_slice_gaps = node["one_slice_gaps"].choice({"open", "merge"}) == 1 ? OneSliceGaps::merge
                                                                            : OneSliceGaps::open;
   if (node.has("gap_shortfall")) p.gap_shortfall = node["gap_shortfall"].number(0, 0.5);
@@ -242,8 +242,8 @@ void refine(double& um, const Node& exact, const char* of, std::vector<std::stri
 
 RecordingFacts read_recording_facts(const Node& node, int images) {
   RecordingFacts facts;
-  facts.slices = node["slices"].integer(0, max_recorded_slices);
-  facts.showings = node["parts"].integer(0, max_recorded_showings);
+  facts.slices = node["slices"].integer(0, kMaxRecordedSlices);
+  facts.showings = node["parts"].integer(0, kMaxRecordedShowings);
   facts.crc32 = static_cast<std::uint32_t>(node["crc32"].whole(0, 0xffffffff));
   for (const Node& n : node["other_uv_images"].list(0, 1000000)) {
     facts.other_uv_images.push_back(n.integer(0, images - 1));
@@ -254,9 +254,9 @@ RecordingFacts read_recording_facts(const Node& node, int images) {
 void read_block(const Node& block, ArchiveContents& config) {
   StackInfo& info = config.info;
   const auto format = block["format"].whole(1, 1000000);
-  if (format > uvj_block_format) {
+  if (format > kUvjBlockFormat) {
     block.refuse("made by a newer version of this program: format " + std::to_string(format) +
-                 ", this program reads up to " + std::to_string(uvj_block_format));
+                 ", this program reads up to " + std::to_string(kUvjBlockFormat));
   }
   std::vector<std::string> kinds{"target", "corrected", "foreign"};
   if (format >= 4) kinds.emplace_back("recorded");
@@ -270,7 +270,7 @@ void read_block(const Node& block, ArchiveContents& config) {
       block["mode"].choice(modes) == 1 ? ExposureMode::layerwise : ExposureMode::continuous;
   info.program = block["program"].string();
   info.target_layers = block["target_layers"].integer(0, 1000000);
-  info.part_volume_mm3 = block["part_volume_mm3"].number(0, largest);
+  info.part_volume_mm3 = block["part_volume_mm3"].number(0, kLargest);
   if (block.has("grid")) {
     const Node grid = block["grid"];
     refine(info.grid.pixel_x_um, grid["pixel_x_um"], "the width of pixels", config.warnings);
@@ -315,8 +315,8 @@ void read_block(const Node& block, ArchiveContents& config) {
     config.uv_images_crc32 =
         static_cast<std::uint32_t>(block["uv_images_crc32"].whole(0, 0xffffffff));
   }
-  if (block.has(block_crc32_key)) {
-    const auto crc = static_cast<std::uint32_t>(block[block_crc32_key].whole(0, 0xffffffff));
+  if (block.has(kBlockCrc32Key)) {
+    const auto crc = static_cast<std::uint32_t>(block[kBlockCrc32Key].whole(0, 0xffffffff));
     info.parameters_checked = crc == block_crc32(block.json());
     config.block_changed = !info.parameters_checked;
   } else {
@@ -359,7 +359,7 @@ ArchiveContents parse_uvj_config(std::string_view text, const std::string& file)
 }
 
 void read_provenance(std::string_view text, const std::string& file, ArchiveContents& contents) {
-  const JsonSource place{file, provenance_entry};
+  const JsonSource place{file, kProvenanceEntry};
   LayerTimes none;
   const Json json = parse_json(text, place, none);
   const Node root(json, "", place);

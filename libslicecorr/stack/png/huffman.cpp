@@ -7,7 +7,7 @@
 namespace slicecorr::detail {
 namespace {
 
-constexpr unsigned longest = 15;
+constexpr unsigned kLongest = 15;
 
 std::uint16_t reversed(std::uint32_t bits, unsigned count) {
   bits = (bits & 0x5555u) << 1 | (bits >> 1 & 0x5555u);
@@ -68,7 +68,7 @@ void sort_keys(const std::uint32_t* keys, std::size_t n, std::uint32_t* sorted) 
 std::uint64_t HuffmanCode::make(std::span<const std::uint32_t> frequencies, unsigned limit) {
   // Frequency and symbol in one number: sorted, ties have an order. Sums stay below 2^32.
   constexpr std::uint32_t symbol_mask = 511;
-  std::array<std::uint32_t, most_symbols> keys, sorted{}, depth;
+  std::array<std::uint32_t, kMostSymbols> keys, sorted{}, depth;
   std::size_t n = 0;
   for (std::size_t i = 0; i < frequencies.size(); ++i) {
     if (frequencies[i] == 0) continue;
@@ -86,7 +86,7 @@ std::uint64_t HuffmanCode::make(std::span<const std::uint32_t> frequencies, unsi
 
   // Where codes are too long: cut them off, then make others longer until all fit. Only how many
   // there are of each length matters.
-  std::array<std::uint32_t, longest + 1> counts{};
+  std::array<std::uint32_t, kLongest + 1> counts{};
   for (std::size_t i = 0; i < n; ++i) ++counts[std::min(depth[i], limit)];
   std::uint32_t space = 0;
   for (unsigned l = 1; l <= limit; ++l) space += counts[l] << (limit - l);
@@ -105,7 +105,7 @@ std::uint64_t HuffmanCode::make(std::span<const std::uint32_t> frequencies, unsi
     }
   }
   // Canonical: by length, then by symbol.
-  std::array<std::uint32_t, longest + 1> next{};
+  std::array<std::uint32_t, kLongest + 1> next{};
   for (std::size_t l = 1; l <= limit; ++l) {
     next[l] = (next[l - 1] + (l == 1 ? 0 : counts[l - 1])) << 1;
   }
@@ -124,7 +124,7 @@ void DynamicHeader::make(const HuffmanCode& literals, const HuffmanCode& distanc
   size_ = 0;
   bit_count_ = 0;
   const std::span<const std::uint8_t> near = literals.bit_counts(), far = distances.bit_counts();
-  std::array<std::uint8_t, literal_symbols + distance_symbols + 8> lengths;
+  std::array<std::uint8_t, kLiteralSymbols + distance_symbols + 8> lengths;
   std::copy(near.begin(), near.end(), lengths.begin());
   std::copy(far.begin(), far.end(), lengths.begin() + static_cast<std::ptrdiff_t>(near.size()));
   const std::size_t n = near.size() + far.size();
@@ -134,7 +134,7 @@ void DynamicHeader::make(const HuffmanCode& literals, const HuffmanCode& distanc
     std::uint8_t symbol, extra_bits;
     std::uint32_t extra;
   };
-  std::array<Word, literal_symbols + distance_symbols> words;
+  std::array<Word, kLiteralSymbols + distance_symbols> words;
   std::array<std::uint32_t, 19> frequencies{};
   std::size_t word_count = 0;
   const auto word = [&](std::uint8_t symbol, std::uint8_t extra_bits, std::size_t extra) {

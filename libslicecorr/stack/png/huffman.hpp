@@ -18,8 +18,8 @@ struct BitString {
 };
 
 /// Literals, the end of the block (256) and lengths; distances.
-inline constexpr std::size_t literal_symbols = 286, distance_symbols = 30;
-inline constexpr std::size_t end_of_block = 256, first_length = 257;
+inline constexpr std::size_t kLiteralSymbols = 286, distance_symbols = 30;
+inline constexpr std::size_t kEndOfBlock = 256, first_length = 257;
 
 /// A code for symbols that occur with known frequencies, and nothing for those that don't.
 class HuffmanCode {
@@ -34,9 +34,9 @@ class HuffmanCode {
   std::span<const std::uint8_t> bit_counts() const { return {bit_counts_.data(), size_}; }
 
  private:
-  static constexpr std::size_t most_symbols = 288;
-  std::array<BitString, most_symbols> strings_;
-  std::array<std::uint8_t, most_symbols> bit_counts_;
+  static constexpr std::size_t kMostSymbols = 288;
+  std::array<BitString, kMostSymbols> strings_;
+  std::array<std::uint8_t, kMostSymbols> bit_counts_;
   std::size_t size_ = 0;
 };
 
@@ -83,7 +83,7 @@ class DynamicHeader {
     parts_[size_++] = {static_cast<std::uint16_t>(bits), static_cast<std::uint16_t>(count)};
     bit_count_ += count;
   }
-  std::array<BitString, 4 + 19 + literal_symbols + distance_symbols> parts_;
+  std::array<BitString, 4 + 19 + kLiteralSymbols + distance_symbols> parts_;
   std::size_t size_ = 0;
   std::uint64_t bit_count_ = 0;
 };

@@ -110,7 +110,7 @@ void PixelCode::expand(std::span<const std::uint8_t> grey_rows, int width_px,
 
 void append_png_header(int width_px, int height_px, const PixelCode& code,
                        std::vector<std::uint8_t>& out) {
-  out.insert(out.end(), std::begin(png_signature), std::end(png_signature));
+  out.insert(out.end(), std::begin(kPngSignature), std::end(kPngSignature));
   const std::size_t chunk = begin_chunk("IHDR", out);
   append_u32(static_cast<std::uint32_t>(code.png_width(width_px)), out);
   append_u32(static_cast<std::uint32_t>(height_px), out);

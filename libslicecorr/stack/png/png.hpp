@@ -86,7 +86,7 @@ class IdatEncoder {
 };
 
 /// Bytes that `append_png_header` and `append_png_iend` add together.
-inline constexpr std::size_t png_frame_bytes_of_one = 8 + 25 + 12;
+inline constexpr std::size_t kPngFrameBytesOfOne = 8 + 25 + 12;
 /// Signature and IHDR; IEND. What is between is one zlib stream in IDAT chunks.
 void append_png_header(int width_px, int height_px, const PixelCode& code,
                        std::vector<std::uint8_t>& out);
@@ -94,7 +94,7 @@ void append_png_iend(std::vector<std::uint8_t>& out);
 
 /// The same around chunks of `IdatEncoder`: with the start of the zlib stream in an IDAT of its
 /// own, and its end with the Adler-32 of all raw bytes.
-inline constexpr std::size_t png_frame_bytes = png_frame_bytes_of_one + (12 + 2) + (12 + 6);
+inline constexpr std::size_t kPngFrameBytes = kPngFrameBytesOfOne + (12 + 2) + (12 + 6);
 void append_png_start(int width_px, int height_px, const PixelCode& code,
                       std::vector<std::uint8_t>& out);
 void append_png_end(std::uint32_t adler, std::vector<std::uint8_t>& out);

@@ -77,7 +77,7 @@ void check_stream(const PngLayout& layout, const PngName& name) {
 /// The PNG without ancillary chunks: colour profiles and gamma must not touch light levels, and a
 /// chunk that is not needed can't be wrong.
 std::vector<std::uint8_t> core_png(const PngLayout& layout) {
-  std::vector<std::uint8_t> png(std::begin(png_signature), std::end(png_signature));
+  std::vector<std::uint8_t> png(std::begin(kPngSignature), std::end(kPngSignature));
   for (const Bytes chunk : layout.core) png.insert(png.end(), chunk.begin(), chunk.end());
   return png;
 }

@@ -16,7 +16,7 @@ using Bytes = std::span<const std::uint8_t>;
 
 /// Of an image that is inflated as a whole. The C library keeps blocks of up to 32 MiB for the next
 /// image; fresh memory for larger ones would take longer than inflating band by band does.
-constexpr std::uint64_t most_at_once = std::uint64_t{31} << 20;
+constexpr std::uint64_t kMostAtOnce = std::uint64_t{31} << 20;
 
 /// Fills `out` and takes all of `in`, or returns false.
 class Inflater {
@@ -35,11 +35,11 @@ class Inflater {
 };
 
 /// What is before and behind the deflate blocks of a zlib stream.
-constexpr std::size_t zlib_start = 2, zlib_end = 4;
+constexpr std::size_t kZlibStart = 2, zlib_end = 4;
 
 bool is_zlib_start(Bytes b) {
   // Deflate with a window of up to 32 KiB, and no dictionary.
-  return b.size() >= zlib_start && (b[0] & 15) == 8 && b[0] >> 4 <= 7 && (b[1] & 32) == 0 &&
+  return b.size() >= kZlibStart && (b[0] & 15) == 8 && b[0] >> 4 <= 7 && (b[1] & 32) == 0 &&
          (b[0] * 256 + b[1]) % 31 == 0;
 }
 
@@ -135,7 +135,7 @@ bool decode_pieces(const PngLayout& layout, Inflater& inflater, GreyBands& bands
   constexpr std::array<std::uint8_t, 4> mark = {0, 0, 255, 255};  // ends an empty stored block
   constexpr std::array<std::uint8_t, 2> last_block = {3, 0};      // with nothing in it
   if (chunks.size() != static_cast<std::size_t>(bands.count()) + 2 ||
-      chunks.front().size() != zlib_start || !is_zlib_start(chunks.front()) ||
+      chunks.front().size() != kZlibStart || !is_zlib_start(chunks.front()) ||
       chunks.back().size() != last_block.size() + zlib_end ||
       !std::equal(last_block.begin(), last_block.end(), chunks.back().begin())) {
     return false;
@@ -181,13 +181,13 @@ Bytes join(const PngLayout& layout, std::vector<std::uint8_t>& joined) {
 
 /// The whole zlib stream but for its checksum.
 bool inflate_all(Bytes stream, Inflater& inflater, std::span<std::uint8_t> out) {
-  return stream.size() > zlib_start + zlib_end && is_zlib_start(stream) &&
-         inflater.fill(stream.subspan(zlib_start, stream.size() - zlib_start - zlib_end), out);
+  return stream.size() > kZlibStart + zlib_end && is_zlib_start(stream) &&
+         inflater.fill(stream.subspan(kZlibStart, stream.size() - kZlibStart - zlib_end), out);
 }
 
 bool decode_whole(const PngLayout& layout, Inflater& inflater, GreyBands& bands) {
   const std::uint64_t size = layout.raw_bytes();
-  if (size > most_at_once) return false;
+  if (size > kMostAtOnce) return false;
   std::vector<std::uint8_t> joined;
   const Bytes stream = join(layout, joined);
   const auto image = std::make_unique_for_overwrite<std::uint8_t[]>(size);
@@ -217,7 +217,7 @@ void decode_stream(const PngLayout& layout, const PngName& name, GreyBands& band
 }
 
 /// The pixels of each byte of a 1-bit image.
-constexpr auto pixels_of_byte = [] {
+constexpr auto kPixelsOfByte = [] {
   std::array<std::array<std::uint8_t, 8>, 256> table{};
   for (unsigned byte = 0; byte < 256; ++byte) {
     for (unsigned i = 0; i < 8; ++i) table[byte][i] = (byte >> (7 - i) & 1) != 0 ? 255 : 0;
@@ -308,7 +308,7 @@ std::uint32_t decode_bits(const PngLayout& layout, int rows, const PngName& name
       out[0] = 0;
       // Up to seven bytes too many: the next row, or nothing, is written there.
       for (std::size_t i = 0; i < bytes; ++i) {
-        std::memcpy(out + 1 + 8 * i, pixels_of_byte[row[1 + i]].data(), 8);
+        std::memcpy(out + 1 + 8 * i, kPixelsOfByte[row[1 + i]].data(), 8);
       }
     }
     const std::size_t size = stride * static_cast<std::size_t>(y1 - y0);

@@ -14,7 +14,7 @@ namespace {
 using Bytes = std::span<const std::uint8_t>;
 
 /// Deflate makes at most 1032 bytes of one.
-constexpr std::uint64_t largest_ratio = 1032;
+constexpr std::uint64_t kLargestRatio = 1032;
 
 std::uint32_t load_u32(const std::uint8_t* p) {
   return std::uint32_t{p[0]} << 24 | std::uint32_t{p[1]} << 16 | std::uint32_t{p[2]} << 8 | p[3];
@@ -73,7 +73,7 @@ void read_header(Bytes data, int width_px, int height_px, const PngName& name, P
 }  // namespace
 
 PngHeader read_png_header(Bytes png, const PngName& name) {
-  if (png.size() < 33 || std::memcmp(png.data(), png_signature, 8) != 0 ||
+  if (png.size() < 33 || std::memcmp(png.data(), kPngSignature, 8) != 0 ||
       std::memcmp(png.data() + 12, "IHDR", 4) != 0) {
     bad_png(name, "not a PNG image");
   }
@@ -105,10 +105,10 @@ std::vector<PngLayout::Rows> PngLayout::rows() const {
     if (w > 0 && h > 0) rows.push_back({h, 1 + (w * bits + 7) / 8});
   };
   // The passes of Adam7: first column and row, and the steps between.
-  static constexpr unsigned passes[7][4] = {{0, 0, 8, 8}, {4, 0, 8, 8}, {0, 4, 4, 8}, {2, 0, 4, 4},
-                                            {0, 2, 2, 4}, {1, 0, 2, 2}, {0, 1, 1, 2}};
+  static constexpr unsigned kPasses[7][4] = {{0, 0, 8, 8}, {4, 0, 8, 8}, {0, 4, 4, 8}, {2, 0, 4, 4},
+                                             {0, 2, 2, 4}, {1, 0, 2, 2}, {0, 1, 1, 2}};
   if (!interlaced) add(width, height);
-  for (const auto& [x, y, dx, dy] : passes) {
+  for (const auto& [x, y, dx, dy] : kPasses) {
     if (interlaced && x < width && y < height) {
       add((width - x + dx - 1) / dx, (height - y + dy - 1) / dy);
     }
@@ -123,7 +123,7 @@ std::uint64_t PngLayout::raw_bytes() const {
 }
 
 PngLayout read_png_layout(Bytes png, int width_px, int height_px, const PngName& name) {
-  if (png.size() < 8 || std::memcmp(png.data(), png_signature, 8) != 0) {
+  if (png.size() < 8 || std::memcmp(png.data(), kPngSignature, 8) != 0) {
     bad_png(name, "not a PNG image");
   }
   PngLayout layout;
@@ -179,7 +179,7 @@ PngLayout read_png_layout(Bytes png, int width_px, int height_px, const PngName&
     at += length + std::size_t{12};
   }
   if (at != png.size()) bad_png(name, "PNG has bytes behind its end");
-  if (layout.raw_bytes() > largest_ratio * (layout.idat_bytes + 1)) {
+  if (layout.raw_bytes() > kLargestRatio * (layout.idat_bytes + 1)) {
     bad_png(name, "PNG holds too little data for " + size_text(layout.width, layout.height));
   }
   return layout;

@@ -9,10 +9,10 @@
 namespace slicecorr::detail {
 namespace {
 
-constexpr std::uint32_t no_value = 256;
-constexpr std::uint32_t least_match = 3, longest_match = 258, farthest = 32768;
+constexpr std::uint32_t kNoValue = 256;
+constexpr std::uint32_t kLeastMatch = 3, longest_match = 258, farthest = 32768;
 /// No code is longer, so that four literals, or a whole reference, fit between two flushes.
-constexpr unsigned code_limit = 12;
+constexpr unsigned kCodeLimit = 12;
 
 /// Length symbols: code, number of extra bits and least length of each.
 struct LengthTable {
@@ -20,7 +20,7 @@ struct LengthTable {
   std::array<std::uint8_t, 29> extra{};
   std::array<std::uint16_t, 29> base{};
   constexpr LengthTable() {
-    unsigned length = least_match;
+    unsigned length = kLeastMatch;
     for (unsigned c = 0; c < 28; ++c) {
       extra[c] = static_cast<std::uint8_t>(c < 8 ? 0 : c / 4 - 1);
       base[c] = static_cast<std::uint16_t>(length);
@@ -52,17 +52,17 @@ void split(std::uint32_t length, const Take& take) {
     return;
   }
   const std::uint32_t times = length / longest_match, rest = length % longest_match;
-  if (rest == 0 || rest >= least_match) {
+  if (rest == 0 || rest >= kLeastMatch) {
     take(longest_match, times);
     if (rest != 0) take(rest, 1u);
   } else {
     if (times > 1) take(longest_match, times - 1);
-    take(longest_match + rest - least_match, 1u);
-    take(least_match, 1u);
+    take(longest_match + rest - kLeastMatch, 1u);
+    take(kLeastMatch, 1u);
   }
 }
 
-constexpr std::size_t block = kRowWord;
+constexpr std::size_t kBlock = kRowWord;
 
 /// Up to eight literals as a number; there are eight readable bytes.
 std::uint64_t load(const std::uint8_t* p, std::uint32_t count) {
@@ -71,7 +71,7 @@ std::uint64_t load(const std::uint8_t* p, std::uint32_t count) {
   return count >= 8 ? v : v & ((std::uint64_t{1} << 8 * count) - 1);
 }
 
-constexpr unsigned hash_bits = 11;
+constexpr unsigned kHashBits = 11;
 
 }  // namespace
 
@@ -79,20 +79,20 @@ void RunDeflater::clear() {
   if (written_) std::swap(now_, last_);
   written_ = false;
   now_.literal_count = now_.token_count = token_start_ = run_ = 0;
-  value_ = no_value;
+  value_ = kNoValue;
 }
 
 /// For `n` more bytes, whatever they are, and what is written beyond the last.
 void RunDeflater::make_room(std::size_t n) {
-  if (now_.literals.size() < now_.literal_count + n + block + 8) {
-    now_.literals.resize(2 * (now_.literal_count + n + block));
+  if (now_.literals.size() < now_.literal_count + n + kBlock + 8) {
+    now_.literals.resize(2 * (now_.literal_count + n + kBlock));
   }
   if (now_.tokens.size() < now_.token_count + n / 4 + 4)
     now_.tokens.resize(2 * (now_.token_count + n / 4 + 4));
 }
 
 void RunDeflater::end_run() {
-  if (run_ >= least_match) {
+  if (run_ >= kLeastMatch) {
     now_.tokens[now_.token_count++] = {
         static_cast<std::uint32_t>(now_.literal_count - token_start_),
         static_cast<std::uint32_t>(run_)};
@@ -130,23 +130,23 @@ void RunDeflater::add(const std::uint8_t* bytes, std::size_t n) {
   if (n == 0) return;
   add_byte(bytes[0]);
   make_room(n);
-  const std::size_t blocks = (n - 1) / block;
+  const std::size_t blocks = (n - 1) / kBlock;
   if (changes_.size() <= blocks) changes_.resize(blocks + 1);
   find_changes(bytes + 1, blocks, changes_.data());
   std::size_t i = 1;
-  for (std::size_t b = 0; b < blocks; ++b, i += block) {
+  for (std::size_t b = 0; b < blocks; ++b, i += kBlock) {
     const std::uint64_t starts = changes_[b];
     if (starts == 0) {
-      run_ += block;
+      run_ += kBlock;
     } else {
       add_block(bytes + i, 0, starts);
     }
   }
-  if (i < n && n > block) {
+  if (i < n && n > kBlock) {
     // The last block overlaps the one before.
-    const std::size_t done = i - (n - block);
-    find_changes(bytes + n - block, 1, changes_.data());
-    add_block(bytes + n - block, done, changes_[0] >> done << done);
+    const std::size_t done = i - (n - kBlock);
+    find_changes(bytes + n - kBlock, 1, changes_.data());
+    add_block(bytes + n - kBlock, done, changes_[0] >> done << done);
     return;
   }
   for (; i < n; ++i) {
@@ -166,7 +166,7 @@ void RunDeflater::add_block(const std::uint8_t* bytes, std::size_t at, std::uint
   const std::uint64_t runs = equal & equal >> 1 & equal >> 2;
   const auto take_literals = [&](std::size_t n) {
     std::uint8_t* const to = &now_.literals[now_.literal_count];
-    if (n <= 8 && at + 8 <= block) {
+    if (n <= 8 && at + 8 <= kBlock) {
       std::memcpy(to, bytes + at, 8);
     } else {
       std::memcpy(to, bytes + at, n);
@@ -177,14 +177,14 @@ void RunDeflater::add_block(const std::uint8_t* bytes, std::size_t at, std::uint
     const auto more = static_cast<std::size_t>(std::countr_one(equal >> at));
     run_ += more;
     at += more;
-    if (at == block) return;
+    if (at == kBlock) return;
     end_run();
     const std::uint64_t later = runs >> at;
     if (later == 0) {
       // One or two equal bytes at the end may become a run in the next block.
       const auto tail = static_cast<std::size_t>(std::countl_one(equal));
-      take_literals(block - at - tail);
-      value_ = bytes[block - 1];
+      take_literals(kBlock - at - tail);
+      value_ = bytes[kBlock - 1];
       run_ = tail;
       return;
     }
@@ -196,10 +196,10 @@ void RunDeflater::add_block(const std::uint8_t* bytes, std::size_t at, std::uint
 }
 
 void RunDeflater::end() {
-  if (value_ == no_value) return;
+  if (value_ == kNoValue) return;
   make_room(4);
   end_run();
-  value_ = no_value;
+  value_ = kNoValue;
 }
 
 bool RunDeflater::only_zeros() const {
@@ -240,7 +240,7 @@ std::size_t RunDeflater::find_match(std::size_t at, std::size_t before) {
   if (tokens == 0 || (tokens == 1 && matched_literals < 3)) return 0;
   // What is left of the last run is a run still.
   std::uint32_t rest = length > longest_match ? length - longest_match : 0;
-  if (rest != 0 && rest < least_match) rest = least_match;
+  if (rest != 0 && rest < kLeastMatch) rest = kLeastMatch;
   matches_.push_back({0, matched_literals, length - rest, distance});
   if (rest != 0) matches_.push_back({0, 0, rest, 1});
   return tokens;
@@ -249,7 +249,7 @@ std::size_t RunDeflater::find_match(std::size_t at, std::size_t before) {
 void RunDeflater::find_matches() {
   matches_.clear();
   if (token_starts_.size() < now_.token_count) token_starts_.resize(now_.tokens.size());
-  if (seen_.empty()) seen_.resize(std::size_t{1} << hash_bits);
+  if (seen_.empty()) seen_.resize(std::size_t{1} << kHashBits);
   if (first_id_ > 0x7fffffffu) {
     std::fill(seen_.begin(), seen_.end(), 0u);
     first_id_ = 1;
@@ -265,7 +265,7 @@ void RunDeflater::find_matches() {
     std::uint64_t h = load(&now_.literals[token_starts_[i].literal], token.literals);
     h = (h ^ std::uint64_t{token.run} << 40 ^ std::uint64_t{token.literals} << 24) *
         0x9e3779b97f4a7c15u;
-    std::uint32_t& seen = seen_[h >> (64 - hash_bits)];
+    std::uint32_t& seen = seen_[h >> (64 - kHashBits)];
     const std::uint32_t before = seen;
     seen = first_id_ + static_cast<std::uint32_t>(i);
     const std::size_t tokens = before < first_id_ ? 0 : find_match(i, before - first_id_);
@@ -302,7 +302,7 @@ void RunDeflater::count_symbols() {
       extra_bits_ += std::uint64_t{times} * (lengths.extra[code] + distance.extra_bits);
     });
   }
-  literal_frequencies_[end_of_block] = 1;
+  literal_frequencies_[kEndOfBlock] = 1;
 }
 
 void RunDeflater::write_matches(BitWriter& out) const {
@@ -353,7 +353,7 @@ void RunDeflater::write_matches(BitWriter& out) const {
     });
   }
   put_literals(rest);
-  out.put(codes[end_of_block]);
+  out.put(codes[kEndOfBlock]);
   out.flush();
 }
 
@@ -361,8 +361,8 @@ void RunDeflater::write(std::vector<std::uint8_t>& out) {
   written_ = true;
   find_matches();
   count_symbols();
-  std::uint64_t bits = extra_bits_ + literal_code_.make(literal_frequencies_, code_limit) +
-                       distance_code_.make(distance_frequencies_, code_limit);
+  std::uint64_t bits = extra_bits_ + literal_code_.make(literal_frequencies_, kCodeLimit) +
+                       distance_code_.make(distance_frequencies_, kCodeLimit);
   header_.make(literal_code_, distance_code_);
   bits += header_.bit_count();
   // An empty stored block, whose length starts on a byte, ends the piece.

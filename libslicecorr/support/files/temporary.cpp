@@ -18,9 +18,9 @@
 namespace slicecorr::detail {
 namespace {
 
-constexpr const char* ending = ".part";
+constexpr const char* kEnding = ".part";
 /// Of the file's name: the zip library adds to it, and names have at most 255 bytes.
-constexpr std::size_t most_name_bytes = 200;
+constexpr std::size_t kMostNameBytes = 200;
 
 void sync(const std::string& path, int flags) {
   const int file = ::open(path.c_str(), flags | O_CLOEXEC);
@@ -60,7 +60,7 @@ void copy_file(const std::string& from, const std::string& to) {
 }
 
 void remove_left_over(const PathParts& place) {
-  const std::string file = place.file.substr(0, most_name_bytes);
+  const std::string file = place.file.substr(0, kMostNameBytes);
   std::error_code error;
   for (std::filesystem::directory_iterator at(place.folder, error), end; !error && at != end;
        at.increment(error)) {
@@ -85,8 +85,8 @@ std::string make_temporary(const std::string& path, bool make_folder) {
   const PathParts place = path_parts(path);
   remove_left_over(place);
   for (int attempt = 0; attempt < 1000; ++attempt) {
-    const std::string name = place.folder + "/." + place.file.substr(0, most_name_bytes) + "." +
-                             std::to_string(::getpid()) + "-" + std::to_string(counter++) + ending;
+    const std::string name = place.folder + "/." + place.file.substr(0, kMostNameBytes) + "." +
+                             std::to_string(::getpid()) + "-" + std::to_string(counter++) + kEnding;
     if (make_folder) {
       if (::mkdir(name.c_str(), 0777) == 0) return name;
     } else {
@@ -127,9 +127,9 @@ void check_new_file(const std::string& path) {
 TemporaryName temporary_name(const std::string& file) {
   std::string name = file;
   // The zip library adds a point and six characters.
-  const std::size_t at = name.rfind(ending);
+  const std::size_t at = name.rfind(kEnding);
   if (at == std::string::npos || name.empty() || name.front() != '.') return {};
-  const std::size_t rest = name.size() - at - std::string(ending).size();
+  const std::size_t rest = name.size() - at - std::string(kEnding).size();
   if (rest != 0 && !(rest == 7 && name[name.size() - 7] == '.')) return {};
   name.resize(at);
   const std::size_t point = name.rfind('.');

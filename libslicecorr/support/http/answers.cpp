@@ -52,7 +52,7 @@ void send_error(httplib::Response& response, int status, const char* code,
       {"error", {{"status", status}, {"code", code}, {"message", message}}}};
   send(response, status,
        json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n",
-       json_type);
+       kJsonType);
   if (status == 401) response.set_header("WWW-Authenticate", "Bearer");
   if (status == 405 && !response.has_header("Allow"))
     response.set_header("Allow", "GET, HEAD, POST, PUT");
@@ -74,7 +74,7 @@ void finish(httplib::Response& response) {
   const auto otherwise = [&](const char* name, const char* value) {
     if (!response.has_header(name)) response.set_header(name, value);
   };
-  otherwise("Content-Security-Policy", bare_policy);
+  otherwise("Content-Security-Policy", kBarePolicy);
   otherwise("X-Content-Type-Options", "nosniff");
   otherwise("X-Frame-Options", "DENY");
   otherwise("Referrer-Policy", "no-referrer");

@@ -11,16 +11,16 @@
 
 namespace slicecorr::http {
 
-inline constexpr const char* json_type = "application/json; charset=utf-8";
-inline constexpr const char* text_type = "text/plain; charset=utf-8";
-inline constexpr const char* html_type = "text/html; charset=utf-8";
-inline constexpr const char* metrics_type = "text/plain; version=0.0.4; charset=utf-8";
+inline constexpr const char* kJsonType = "application/json; charset=utf-8";
+inline constexpr const char* kTextType = "text/plain; charset=utf-8";
+inline constexpr const char* kHtmlType = "text/html; charset=utf-8";
+inline constexpr const char* kMetricsType = "text/plain; version=0.0.4; charset=utf-8";
 
 /// Nothing from elsewhere, no frames, no forms; the page's own script and style only.
-inline constexpr const char* shell_policy =
+inline constexpr const char* kShellPolicy =
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src blob: data:; connect-src "
     "'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
-inline constexpr const char* bare_policy = "default-src 'none'; frame-ancestors 'none'; sandbox";
+inline constexpr const char* kBarePolicy = "default-src 'none'; frame-ancestors 'none'; sandbox";
 /// " 'sha256-...'" for each style that stands in a page.
 std::string style_hashes(const std::string& html);
 /// Allows exactly the styles that stand in a page.

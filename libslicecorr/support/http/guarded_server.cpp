@@ -23,7 +23,7 @@ namespace {
 thread_local GuardedStream* stream_here = nullptr;
 thread_local bool turned_away_here = false;
 
-constexpr std::size_t buffer_bytes = 16 << 10;
+constexpr std::size_t kBufferBytes = 16 << 10;
 
 std::chrono::steady_clock::duration seconds(double s) {
   return std::chrono::duration_cast<std::chrono::steady_clock::duration>(
@@ -74,7 +74,7 @@ GuardedStream::GuardedStream(int socket, int stop_fd, const ConnectionLimits& li
       limits_(limits),
       left_(limits.header_bytes),
       read_until_(Steady::now() + seconds(limits.request_s)),
-      buffer_(buffer_bytes) {
+      buffer_(kBufferBytes) {
   stream_here = this;
 }
 

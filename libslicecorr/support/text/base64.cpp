@@ -5,7 +5,7 @@
 namespace slicecorr::detail {
 
 namespace {
-constexpr std::string_view digits =
+constexpr std::string_view kDigits =
     "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
 }
 
@@ -17,20 +17,20 @@ std::string base64(const std::vector<std::uint8_t>& bytes) {
         static_cast<std::uint32_t>(bytes[i]) << 16 |
         (i + 1 < bytes.size() ? static_cast<std::uint32_t>(bytes[i + 1]) << 8 : 0) |
         (i + 2 < bytes.size() ? bytes[i + 2] : 0);
-    out += digits[b >> 18];
-    out += digits[b >> 12 & 63];
-    out += i + 1 < bytes.size() ? digits[b >> 6 & 63] : '=';
-    out += i + 2 < bytes.size() ? digits[b & 63] : '=';
+    out += kDigits[b >> 18];
+    out += kDigits[b >> 12 & 63];
+    out += i + 1 < bytes.size() ? kDigits[b >> 6 & 63] : '=';
+    out += i + 2 < bytes.size() ? kDigits[b & 63] : '=';
   }
   return out;
 }
 
 std::optional<std::vector<std::uint8_t>> from_base64(std::string_view text) {
-  static constexpr auto values = [] {
+  static constexpr auto kValues = [] {
     std::array<std::int8_t, 256> v{};
     v.fill(-1);
-    for (std::size_t i = 0; i < digits.size(); ++i) {
-      v[static_cast<std::uint8_t>(digits[i])] = static_cast<std::int8_t>(i);
+    for (std::size_t i = 0; i < kDigits.size(); ++i) {
+      v[static_cast<std::uint8_t>(kDigits[i])] = static_cast<std::int8_t>(i);
     }
     return v;
   }();
@@ -42,7 +42,7 @@ std::optional<std::vector<std::uint8_t>> from_base64(std::string_view text) {
   std::uint32_t b = 0;
   int bits = 0;
   for (const char c : text) {
-    const std::int8_t value = values[static_cast<std::uint8_t>(c)];
+    const std::int8_t value = kValues[static_cast<std::uint8_t>(c)];
     if (value < 0) return std::nullopt;
     b = b << 6 | static_cast<std::uint32_t>(value);
     bits += 6;

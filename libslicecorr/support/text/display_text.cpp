@@ -11,8 +11,8 @@ namespace slicecorr::words {
 
 namespace {
 
+using detail::kNoCharacter;
 using detail::next_character;
-using detail::no_character;
 
 /// Columns of a character: the blocks that terminals agree on.
 int width_of(char32_t c) {
@@ -43,18 +43,18 @@ std::string duration(double s) {
 
 namespace {
 
-constexpr const char* byte_units[] = {"B", "kB", "MB", "GB", "TB", "PB"};
+constexpr const char* kByteUnits[] = {"B", "kB", "MB", "GB", "TB", "PB"};
 
 std::size_t byte_unit(double n) {
   std::size_t unit = 0;
-  for (; n >= 999.95 && unit + 1 < std::size(byte_units); ++unit) n /= 1000;
+  for (; n >= 999.95 && unit + 1 < std::size(kByteUnits); ++unit) n /= 1000;
   return unit;
 }
 
 std::string bytes_in(double n, std::size_t unit, int decimals) {
   if (!std::isfinite(n) || n < 0) return "-";
   return fmt::format("{:.{}f} {}", n / std::pow(1000.0, static_cast<double>(unit)),
-                     unit == 0 ? 0 : decimals, byte_units[unit]);
+                     unit == 0 ? 0 : decimals, kByteUnits[unit]);
 }
 
 }  // namespace
@@ -108,7 +108,7 @@ std::string shown(std::string_view text, bool keep_lines) {
       out += static_cast<char>(c);
     } else if (c == '\n' || c == '\t' || c == '\r') {
       out += ' ';
-    } else if (c == no_character || moves_or_turns(c)) {
+    } else if (c == kNoCharacter || moves_or_turns(c)) {
       out += '?';
     } else {
       out += text.substr(from, at - from);
@@ -150,13 +150,13 @@ std::string padded(std::string_view text, int columns, bool right) {
 }
 
 std::string bar(double fraction, int columns) {
-  static constexpr const char* eighths[] = {" ", "▏", "▎", "▍", "▌", "▋", "▊", "▉"};
+  static constexpr const char* kEighths[] = {" ", "▏", "▎", "▍", "▌", "▋", "▊", "▉"};
   const double f = std::isfinite(fraction) ? std::clamp(fraction, 0.0, 1.0) : 0;
   const int filled = static_cast<int>(std::floor(f * columns * 8 + 1e-9));
   std::string out;
   for (int i = 0; i < columns; ++i) {
     const int here = filled - i * 8;
-    out += here >= 8 ? "█" : eighths[std::max(0, here)];
+    out += here >= 8 ? "█" : kEighths[std::max(0, here)];
   }
   return out;
 }

@@ -10,22 +10,22 @@ char32_t next_character(std::string_view text, std::size_t& at) {
                    : first >= 0xE0 && first < 0xF0 ? 2
                    : first >= 0xC2 && first < 0xE0 ? 1
                                                    : 0;
-  if (more == 0 || at + static_cast<std::size_t>(more) > text.size()) return no_character;
+  if (more == 0 || at + static_cast<std::size_t>(more) > text.size()) return kNoCharacter;
   char32_t c = first & (0x3F >> more);
   for (int i = 0; i < more; ++i) {
     const unsigned char b = byte(at + static_cast<std::size_t>(i));
-    if ((b & 0xC0) != 0x80) return no_character;
+    if ((b & 0xC0) != 0x80) return kNoCharacter;
     c = c << 6 | (b & 0x3F);
   }
   const bool overlong = (more == 2 && c < 0x800) || (more == 3 && c < 0x10000);
-  if (overlong || c > 0x10FFFF || (c >= 0xD800 && c < 0xE000)) return no_character;
+  if (overlong || c > 0x10FFFF || (c >= 0xD800 && c < 0xE000)) return kNoCharacter;
   at += static_cast<std::size_t>(more);
   return c;
 }
 
 bool is_utf8(std::string_view text) {
   for (std::size_t at = 0; at < text.size();) {
-    if (next_character(text, at) == no_character) return false;
+    if (next_character(text, at) == kNoCharacter) return false;
   }
   return true;
 }

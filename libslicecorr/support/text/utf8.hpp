@@ -6,9 +6,9 @@
 
 namespace slicecorr::detail {
 
-inline constexpr char32_t no_character = 0xFFFFFFFF;
+inline constexpr char32_t kNoCharacter = 0xFFFFFFFF;
 
-/// The character at `at`, which moves behind it; `no_character`, and one byte on, where it is no
+/// The character at `at`, which moves behind it; `kNoCharacter`, and one byte on, where it is no
 /// UTF-8.
 char32_t next_character(std::string_view text, std::size_t& at);
 

@@ -28,7 +28,7 @@ struct Task {
   int threads = 1;
   std::int64_t memory_mb = 0;  ///< the worker limits itself to this; the engine may, too
   int priority = 0;
-  std::int64_t ready_by_ms = no_deadline;
+  std::int64_t ready_by_ms = kNoDeadline;
   double expected_s = 0;  ///< on one core; 0: not known
   std::vector<std::string> labels;
 };

@@ -17,7 +17,7 @@ using JobId = std::int64_t;
 /// queued -> running -> done | failed | cancelled; running -> queued when an attempt is given up
 /// and may be tried again; failed, cancelled -> queued by `retry` only.
 enum class JobState { queued, running, done, failed, cancelled };
-inline constexpr int job_states = 5;
+inline constexpr int kJobStates = 5;
 /// "queued" and so on.
 const char* name_of(JobState state);
 std::optional<JobState> job_state_named(std::string_view name);
@@ -49,7 +49,7 @@ bool is_retried(Reason reason);
 /// Whether such an attempt counts against `FarmSettings::max_attempts`.
 bool is_counted(Reason reason);
 
-inline constexpr std::int64_t no_deadline = std::numeric_limits<std::int64_t>::max();
+inline constexpr std::int64_t kNoDeadline = std::numeric_limits<std::int64_t>::max();
 
 /// Figures of a result, from the contract's `verify --json`; lengths in um.
 struct ResultFigures {
@@ -77,7 +77,7 @@ struct Job {
   std::string user;
   std::vector<std::string> labels;
   int priority = 0;                        ///< larger comes first
-  std::int64_t ready_by_ms = no_deadline;  ///< among equal priorities the earlier comes first
+  std::int64_t ready_by_ms = kNoDeadline;  ///< among equal priorities the earlier comes first
   std::string key;                         ///< of its work: the same key, the same output
   JobId follows = 0;               ///< the queued or running job that does the same; 0: none
   std::vector<std::string> parts;  ///< inputs as they were submitted

@@ -20,7 +20,7 @@
 namespace slicecorr::farm {
 
 /// What can be told.
-inline constexpr const char* notice_kinds[] = {"job_failed", "batch_done", "queue_empty",
+inline constexpr const char* kNoticeKinds[] = {"job_failed", "batch_done", "queue_empty",
                                                "disk_low"};
 
 /// Who is told.

@@ -28,11 +28,11 @@ class Database;
 }
 
 /// How long a lease lasts, and how often it is renewed.
-inline constexpr std::int64_t lease_ms = 60'000;
-inline constexpr std::int64_t lease_renewal_ms = lease_ms / 4;
+inline constexpr std::int64_t kLeaseMs = 60'000;
+inline constexpr std::int64_t kLeaseRenewalMs = kLeaseMs / 4;
 
 /// Inputs stay for so long after their last submission: jobs that failed may be tried again.
-inline constexpr std::int64_t input_grace_ms = 24 * 3600 * 1000;
+inline constexpr std::int64_t kInputGraceMs = 24 * 3600 * 1000;
 
 /// A file of the store.
 struct InputFile {
@@ -41,7 +41,7 @@ struct InputFile {
 };
 
 /// Longest delay before a job is tried again.
-inline constexpr std::int64_t longest_delay_ms = 600'000;
+inline constexpr std::int64_t kLongestDelayMs = 600'000;
 
 /// What has to be done, shared by all jobs with the same key.
 struct Work {
@@ -66,7 +66,7 @@ struct NewJob {
   std::string results_folder;  ///< "/DIR/results/"
   std::vector<std::string> parts, labels;
   int priority = 0;
-  std::int64_t ready_by_ms = no_deadline;
+  std::int64_t ready_by_ms = kNoDeadline;
   double expected_s = 0;            ///< on one core
   std::int64_t expected_bytes = 0;  ///< of its outputs
 };
@@ -128,11 +128,11 @@ struct OwnedAttempt {
 enum class CancelOutcome { cancelled, asked, too_late, unknown };
 
 /// Of every job besides its voxels: start of the program, reading, archive, report's frame.
-inline constexpr double fixed_job_s = 0.3;
+inline constexpr double kFixedJobS = 0.3;
 
 /// Measured rates, for estimates of the same class of work.
 struct Rates {
-  double voxels_per_s = 0;  ///< on one core, `fixed_job_s` taken off; 0: never measured
+  double voxels_per_s = 0;  ///< on one core, `kFixedJobS` taken off; 0: never measured
   double bytes_per_voxel = 0;
   int samples = 0;  ///< attempts measured
 };

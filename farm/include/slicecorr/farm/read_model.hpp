@@ -39,7 +39,7 @@ struct JobFilter {
 
 /// Counts and sums of the whole farm.
 struct Summary {
-  std::array<std::int64_t, job_states> jobs{};  ///< by JobState
+  std::array<std::int64_t, kJobStates> jobs{};  ///< by JobState
   std::int64_t followers = 0;   ///< queued, waiting for another job with the same key
   std::int64_t from_cache = 0;  ///< done without work of their own
   std::int64_t attempts = 0, attempts_failed = 0;

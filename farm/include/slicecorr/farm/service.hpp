@@ -21,7 +21,7 @@ struct ServiceOptions {
   /// Called from the service's main thread, with one line for people.
   std::function<void(const std::string&)> say;
   const FarmClock* clock = &system_clock();
-  std::int64_t renewal_ms = lease_renewal_ms;  ///< between two renewals of the leases
+  std::int64_t renewal_ms = kLeaseRenewalMs;  ///< between two renewals of the leases
 };
 
 struct ServiceTotals {

@@ -71,7 +71,7 @@ struct PrintEvent {
   double at_s = 0;   ///< on the print's clock
   std::string what;  ///< "phase printing", "fault stage_error", "lamps off" ...
   std::string detail;
-  int frame = black_frame;  ///< on the display
+  int frame = kBlackFrame;  ///< on the display
   double stage_um = 0;      ///< measured, above the window
   std::string facts = {};   ///< a JSON object with more of it; empty: none
 };
@@ -100,13 +100,13 @@ struct FrameRecord {
 /// along the stage's way and in time. Layer by layer: how much longer than asked an exposure was,
 /// in time alone. What is early counts as in time.
 struct Lateness {
-  static constexpr std::array<double, 12> bounds_um{0.05, 0.1, 0.2, 0.5, 1,   2,
+  static constexpr std::array<double, 12> kBoundsUm{0.05, 0.1, 0.2, 0.5, 1,   2,
                                                     5,    10,  20,  50,  100, 200};
-  static constexpr std::array<double, 13> bounds_ms{0.1, 0.2, 0.5, 1,   2,   5,   10,
+  static constexpr std::array<double, 13> kBoundsMs{0.1, 0.2, 0.5, 1,   2,   5,   10,
                                                     20,  50,  100, 200, 500, 1000};
   /// Number of frames with values up to each bound and above the one before; the last: above all.
-  std::array<std::uint64_t, bounds_um.size() + 1> um{};
-  std::array<std::uint64_t, bounds_ms.size() + 1> ms{};
+  std::array<std::uint64_t, kBoundsUm.size() + 1> um{};
+  std::array<std::uint64_t, kBoundsMs.size() + 1> ms{};
   double sum_um = 0, sum_ms = 0, worst_um = 0, worst_ms = 0;
   void add_um(double late_um);
   void add_ms(double late_ms);
@@ -129,7 +129,7 @@ struct Step {
   /// To be written by itself before the rest goes out, and told of by `written_alone`: what a fault
   /// asks for until the machine has answered that it took it.
   bool lamps_alone = false, command_alone = false;
-  /// Frame to show next, or `black_frame`; nothing: what is on the display stays. Each is told of
+  /// Frame to show next, or `kBlackFrame`; nothing: what is on the display stays. Each is told of
   /// by `Controller::shown` before there is another, but for black on a fault.
   std::optional<int> show;
   double show_at_s = 0;  ///< when to show it, on the print's clock: its light then begins in time
@@ -140,7 +140,7 @@ struct Step {
 
 /// Told after a frame was shown, and when one was not ready.
 struct FrameReport {
-  int number = black_frame;
+  int number = kBlackFrame;
   double shown_at_s = 0;  ///< when its light began, on the print's clock
   bool missing = false;   ///< underrun
   DisplayTimes display = {};
@@ -200,7 +200,7 @@ class Controller {
   Phase phase() const;
   Fault fault() const;
   const std::string& fault_detail() const;
-  int frame() const;  ///< shown last, or `black_frame`
+  int frame() const;  ///< shown last, or `kBlackFrame`
   double stage_um() const;
   double speed_um_s() const;
   double stage_error_um() const;  ///< measured less commanded

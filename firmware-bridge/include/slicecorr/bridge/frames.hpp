@@ -16,7 +16,7 @@ namespace slicecorr::bridge {
 
 /// One image as the display shows it. Black frames have no pixels.
 struct Frame {
-  int number = black_frame;  ///< of the slice
+  int number = kBlackFrame;  ///< of the slice
   int width_px = 0, height_px = 0;
   std::vector<std::uint8_t> blue, uv;  ///< row by row; uv only where it is patterned
   std::uint32_t crc32 = 0;             ///< of blue, then uv
@@ -38,10 +38,10 @@ std::unique_ptr<FrameSource> make_frame_source(const StackReader& stack, const P
                                                bool uv_patterned);
 
 /// Makes frames in order, at most `ring` ahead of the one taken last, with threads of its own;
-/// fewer where they would take more than `most_bytes`, but three always. Thread-safe.
+/// fewer where they would take more than `kMostBytes`, but three always. Thread-safe.
 class FrameRing {
  public:
-  static constexpr std::size_t most_bytes = 256U << 20;  ///< that all frames in it may take
+  static constexpr std::size_t kMostBytes = 256U << 20;  ///< that all frames in it may take
   /// `source` must outlive this.
   FrameRing(const FrameSource& source, int ring, int threads);
   ~FrameRing();
@@ -62,9 +62,9 @@ class FrameRing {
 
 /// How a display brought an image to light, as far as it knows.
 struct DisplayTimes {
-  static constexpr std::int64_t unknown_vblank = -1;
+  static constexpr std::int64_t kUnknownVblank = -1;
   /// Number of the vertical blank from which on the image was scanned out.
-  std::int64_t vblank = unknown_vblank;
+  std::int64_t vblank = kUnknownVblank;
   int missed_vblanks = 0;  ///< that went by between handing it over and that one
   double upload_s = 0;     ///< pixels into the display's memory
   double present_s = 0;    ///< from there to the light, as far as the display can tell
@@ -72,7 +72,7 @@ struct DisplayTimes {
 
 /// What the display says after a frame was given to it.
 struct Shown {
-  int number = black_frame;  ///< of the image that is on the display now
+  int number = kBlackFrame;  ///< of the image that is on the display now
   double at_s = 0;           ///< when it appeared, on the print's clock
   std::int64_t count = 0;    ///< images that the display has shown so far
   DisplayTimes times;

@@ -18,7 +18,7 @@
 namespace slicecorr::bridge {
 
 /// Number of what the display shows when it shows no slice.
-inline constexpr int black_frame = -1;
+inline constexpr int kBlackFrame = -1;
 
 /// [stage]. Positions are heights of the platform above the window, up is away from it.
 struct Stage {
@@ -82,8 +82,8 @@ enum class Signal {
   acceleration_um_s2,  ///< and how it gets there
   blue_share,          ///< * set-point of the blue lamp, 1: as calibrated
   uv_mw_cm2,           ///< set-point of the UV lamp (flood); * where the printer has one
-  frame,               ///< number of the frame that is shown, or `black_frame`
-  context,             ///< 1 from the first motion or light of a print to its good end, else 0
+  frame,               ///< number of the frame that is shown, or `kBlackFrame`
+  job,                 ///< 1 from the first motion or light of a print to its good end, else 0
   // read
   sequence_echo,     ///< * of the last set-points that were taken over
   state,             ///< * see MachineState
@@ -99,7 +99,7 @@ enum class Signal {
   over_temperature,  ///< bits; 1: so it is
   watchdog_tripped,  ///< bit
   latched,           ///< bit: a print has failed on it, and nobody has reset it since
-  job_kept,          ///< `context` as it was written last, whoever wrote it
+  job_kept,          ///< `job` as it was written last, whoever wrote it
   machine_time_s,    ///< the machine's own clock
 };
 enum class Command { off, run, stop, reset };  ///< off: lamps off, stage holds
@@ -166,9 +166,9 @@ struct SetPoints {
   double speed_um_s = 0, acceleration_um_s2 = 0;  ///< greatest on the way there
   double blue_share = 0;                          ///< of the calibration; 0: dark
   double uv_mw_cm2 = 0;                           ///< of the flood lamp; 0: dark
-  std::int32_t frame = black_frame;               ///< number of the slice that is shown
+  std::int32_t frame = kBlackFrame;               ///< number of the slice that is shown
   double watchdog_s = 0.3;  ///< so long without a new heartbeat, and the machine puts lamps off
-  bool context = false;     ///< a print is on, from its first motion or light to its good end
+  bool job = false;         ///< a print is on, from its first motion or light to its good end
 };
 
 /// What a machine answers in a cycle.
@@ -183,7 +183,7 @@ struct Status {
   bool door_open = false, stop_pressed = false, lamp_failed = false, stage_failed = false,
        over_temperature = false, watchdog_tripped = false;
   std::optional<bool> latched;   ///< a print has failed on it, and nobody has reset it since
-  std::optional<bool> job_kept;  ///< `SetPoints::context` as it was written last, by anybody
+  std::optional<bool> job_kept;  ///< `SetPoints::job` as it was written last, by anybody
 };
 
 /// Registers that lie together.

@@ -47,12 +47,12 @@ struct SimEvent {
 };
 
 /// Place of black among the images shown.
-inline constexpr int black_image = -1;
+inline constexpr int kBlackImage = -1;
 
 /// What was shown while the stage was within one slice.
 struct SliceExposure {
   struct Showing {
-    int image = black_image;        ///< which of the images shown, in their order
+    int image = kBlackImage;        ///< which of the images shown, in their order
     double light_s = 0;             ///< integral of (share of blue)^m over the time it was shown
     double uv_mw_cm2 = 0;           ///< mean while it was shown
     double from_um = 0, to_um = 0;  ///< stage, from the first slice's begin
@@ -90,7 +90,7 @@ class PrinterModel {
   /// An image appears at the present time, or later by a fault. Null: black.
   void show(const std::shared_ptr<const Frame>& frame);
   struct Display {
-    int number = black_frame;       ///< on it now
+    int number = kBlackFrame;       ///< on it now
     double since_s = 0;             ///< when it appeared, on the model's clock
     std::int64_t count = 0;         ///< images shown so far, black ones, too
     std::optional<double> later_s;  ///< a late image will appear then

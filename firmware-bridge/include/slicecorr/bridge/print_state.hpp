@@ -34,7 +34,7 @@ struct PrintState {
   Phase phase = Phase::connecting;
   Fault fault = Fault::none;
   std::string detail;                     ///< of the fault
-  int frame = black_frame;                ///< on the display
+  int frame = kBlackFrame;                ///< on the display
   int frames_shown = 0, late_frames = 0;  ///< so far
   int missed_cycles = 0;                  ///< that began more than one cycle late, so far
   double at_s = 0, phase_since_s = 0;     ///< on the print's clock

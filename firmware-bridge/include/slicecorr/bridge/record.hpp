@@ -83,7 +83,7 @@ class PrintLock {
 struct Latch {
   Fault fault = Fault::none;
   std::string detail, stack;
-  int frame = black_frame;  ///< on the display when it was found
+  int frame = kBlackFrame;  ///< on the display when it was found
   double stage_um = 0;      ///< above the window
   double z_um = 0;          ///< the same from the first slice's begin
   /// Of lamps and stage; nothing where the file says nothing of it.
@@ -97,10 +97,10 @@ void write_latch(const StateFolder& folder, const Latch& latch);
 void clear_latch(const StateFolder& folder);
 
 /// What the journal begins and ends with.
-inline constexpr const char* journal_begin = "print begins";
-inline constexpr const char* journal_end = "print ends";
+inline constexpr const char* kJournalBegin = "print begins";
+inline constexpr const char* kJournalEnd = "print ends";
 /// After a fault: what it left of lamps and stage, in words, and as JSON (`facts`).
-inline constexpr const char* journal_left = "lamps and stage";
+inline constexpr const char* kJournalLeft = "lamps and stage";
 
 /// UTC, as the journal has it: "2026-01-02T03:04:05.678Z".
 std::string utc_now();

@@ -35,7 +35,7 @@ struct Ending {
   int frames = 0;           ///< in the stack
   int frames_shown = 0;     ///< of them
   int late_frames = 0;      ///< of those
-  int frame = black_frame;  ///< on the display when a fault was found, else at the end
+  int frame = kBlackFrame;  ///< on the display when a fault was found, else at the end
   double worst_late_um = 0, worst_stage_error_um = 0;
   double seconds = 0;     ///< how long it took, on the print's clock
   double stage_um = 0;    ///< measured last, above the window

@@ -44,7 +44,7 @@ struct RecordedEvent {
   std::string time;  ///< UTC, as `utc_now` writes it
   double at_s = 0;   ///< on the print's clock
   std::string what, detail;
-  int frame = black_frame;  ///< on the display
+  int frame = kBlackFrame;  ///< on the display
   double stage_um = 0;      ///< above the window
 };
 
@@ -67,7 +67,7 @@ struct PrintRecord {
   std::optional<double> seconds;   ///< how long the print took; it has ended
   Fault fault = Fault::none;
   std::string detail;                ///< of the fault
-  int fault_frame = black_frame;     ///< on the display when it was found
+  int fault_frame = kBlackFrame;     ///< on the display when it was found
   double fault_z_um = 0;             ///< stage, from the first slice's begin
   std::optional<Left> left;          ///< of lamps and stage, after a fault or a kill
   std::string threads;               ///< real-time priority and memory locking

@@ -46,12 +46,12 @@ struct Measurements {
 /// Reads one or several files, each with its own header row; a file holds cured heights or dead
 /// zones. Throws `InputError` with file, line, column and what was expected. A measurement is never
 /// dropped or changed without a warning; one that can't be right (no number, not finite, not above
-/// zero) is an error. Bounded memory: refuses files of more than `max_measurements` rows.
+/// zero) is an error. Bounded memory: refuses files of more than `kMaxMeasurements` rows.
 Measurements read_measurements(const std::vector<std::string>& paths,
                                const ExecutionContext& context = {});
 /// The same from text; `source` names it in messages.
 Measurements parse_measurements(const std::string& text, const std::string& source);
 
-inline constexpr int max_measurements = 1000000;
+inline constexpr int kMaxMeasurements = 1000000;
 
 }  // namespace slicecorr::resins

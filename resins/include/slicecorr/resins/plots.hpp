@@ -19,7 +19,7 @@ namespace slicecorr::resins {
 /// Working curve on a logarithmic axis of dose (Jacobs) or dose analogue (kinetic, joint): data by
 /// intensity, fit, 95 % band, gel dose and the dose that correction aims at, residuals below
 /// (figure 3.7a). `dose_factor`: aim over gel dose.
-std::string working_curve_svg(const FitResult& fit, double dose_factor = default_dose_factor,
+std::string working_curve_svg(const FitResult& fit, double dose_factor = kDefaultDoseFactor,
                               const std::string& name = {});
 /// Height against D and against D' one above the other (figure 3.3): shows whether the data
 /// collapse.

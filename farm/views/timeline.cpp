@@ -19,7 +19,7 @@ constexpr double kWidth = 1100, left = 150, right = 16, lane = 26, top = 44;
 constexpr double kInner = kWidth - left - right;
 
 struct KindRow {
-  const char* kStyle;
+  const char* style;
   const char* words;
 };
 /// In the order of `MorningReport::BarKind`.

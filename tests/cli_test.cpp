@@ -786,8 +786,8 @@ class HandMade : public Cli {
  protected:
   enum Kind { grey8, grey16, rgba, palette, grey1 };
 
-  static Bytes png(const Bytes& pixels, int kWidth, Kind kind) {
-    const auto height = static_cast<int>(pixels.size()) / kWidth;
+  static Bytes png(const Bytes& pixels, int width, Kind kind) {
+    const auto height = static_cast<int>(pixels.size()) / width;
     png_structp out = png_create_write_struct(PNG_LIBPNG_VER_STRING, nullptr, nullptr, nullptr);
     png_infop info = png_create_info_struct(out);
     Bytes data;
@@ -801,7 +801,7 @@ class HandMade : public Cli {
     constexpr int colour[] = {PNG_COLOR_TYPE_GRAY, PNG_COLOR_TYPE_GRAY, PNG_COLOR_TYPE_RGBA,
                               PNG_COLOR_TYPE_PALETTE, PNG_COLOR_TYPE_GRAY};
     constexpr int depth[] = {8, 16, 8, 8, 1};
-    png_set_IHDR(out, info, static_cast<png_uint_32>(kWidth), static_cast<png_uint_32>(height),
+    png_set_IHDR(out, info, static_cast<png_uint_32>(width), static_cast<png_uint_32>(height),
                  depth[kind], colour[kind], PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT,
                  PNG_FILTER_TYPE_DEFAULT);
     png_color colours[256];
@@ -814,8 +814,8 @@ class HandMade : public Cli {
     png_write_info(out, info);
     for (int y = 0; y < height; ++y) {
       Bytes row;
-      for (int x = 0; x < kWidth; ++x) {
-        const std::uint8_t v = pixels[static_cast<std::size_t>(y * kWidth + x)];
+      for (int x = 0; x < width; ++x) {
+        const std::uint8_t v = pixels[static_cast<std::size_t>(y * width + x)];
         const auto inverse = static_cast<std::uint8_t>(255 - v);
         if (kind == grey8) row.push_back(v);
         if (kind == grey16) row.insert(row.end(), {v, v});

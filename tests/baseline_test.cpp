@@ -11,6 +11,7 @@
 
 #include "ladder.hpp"
 #include "models.hpp"
+#include "real_files.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/pipeline.hpp"
@@ -291,17 +292,35 @@ TEST(Compare, ThreadsDoNotMatter) {
   EXPECT_EQ(a.ours.to_json(), b.ours.to_json());
 }
 
-TEST(Compare, BenchyIsFarBetter) {
-  const std::string path = std::string(SLICECORR_TEST_DATA) + "/meshes/clean/3DBenchy.stl";
-  if (!std::filesystem::exists(path)) GTEST_SKIP() << "no " << path;
+Comparison benchy_compared(const std::string& path, double scale) {
   slicecorr::Setup setup;  // gtest has a Setup too
   setup.printer = load_printer(SLICECORR_PRINTERS_DIR "/dual-wavelength-dlp.toml");
   setup.resin = load_resin(SLICECORR_DB_DIR "/benchy-resin.toml");
   setup.process = process(800);
   SliceOptions options;
   options.antialias = false;
-  const MeshSlices target(read_mesh(path), setup.printer, options);
-  const Comparison c = compare_methods(target, setup);
+  Placement placement;
+  placement.scale = scale;
+  const MeshSlices target(read_mesh(path, placement), setup.printer, options);
+  return compare_methods(target, setup);
+}
+
+TEST(Compare, SmallBenchyIsFarBetter) {
+  const std::string path = test::real_file("meshes/clean/3DBenchy.stl");
+  SLICECORR_NEEDS_FILE(path);
+  const Comparison c = benchy_compared(path, 0.3);
+  const double ours = c.ours.height_error_um.mean();
+  EXPECT_LT(ours, 0.5);
+  EXPECT_GT(c.erase.height_error_um.mean(), 100 * ours);
+  EXPECT_GT(c.table.height_error_um.mean(), 100 * ours);
+  EXPECT_EQ(c.ours.lost_features, 0U);
+  EXPECT_GT(c.erase.lost_features, 1000U);
+}
+
+TEST(CompareNight, BenchyIsFarBetter) {
+  const std::string path = test::real_file("meshes/clean/3DBenchy.stl");
+  SLICECORR_NEEDS_FILE(path);
+  const Comparison c = benchy_compared(path, 1);
   const double ours = c.ours.height_error_um.mean();
   const double erase = c.erase.height_error_um.mean(), table = c.table.height_error_um.mean();
   // 0.066 um against 171.22 um (N = 40) and 776.56 um.

@@ -12,6 +12,7 @@
 #include <filesystem>
 
 #include "bridge_fixture.hpp"
+#include "real_files.hpp"
 #include "stack/block_check.hpp"
 
 namespace slicecorr {
@@ -670,8 +671,8 @@ TEST_F(BridgePrint, NobodyThere) {
 }
 
 TEST_F(BridgePrint, ABenchyIsPrintedAsItWasPlanned) {
-  const std::string mesh = SLICECORR_TEST_DATA "/meshes/clean/3DBenchy.stl";
-  if (!std::filesystem::exists(mesh)) GTEST_SKIP() << mesh << " is not there";
+  const std::string mesh = test::real_file("meshes/clean/3DBenchy.stl");
+  SLICECORR_NEEDS_FILE(mesh);
   // 4 mm high at a twelfth of its size: 400 slices of 10 um.
   const std::string printer = make_printer(
       "benchy", {{"width_px = 96", "width_px = 128"}, {"height_px = 64", "height_px = 80"}});

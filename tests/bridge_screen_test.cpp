@@ -13,6 +13,7 @@
 #include <set>
 #include <thread>
 
+#include "real_files.hpp"
 #include "slicecorr/stack.hpp"
 #include "xvfb.hpp"
 
@@ -91,6 +92,7 @@ class BridgeScreen : public BridgePrograms {
     }
     return least;
   }
+  void expect_every_frame_seen(const std::string& mesh, bool all_of_it);
   std::vector<std::string> with_window(std::vector<std::string> command) {
     // The window is the display that counts, before what the fixture names.
     const auto sink = std::find(command.begin(), command.end(), "--sink");
@@ -99,12 +101,7 @@ class BridgeScreen : public BridgePrograms {
   }
 };
 
-TEST_F(BridgeScreen, EveryFrameIsSeenOnceInOrderAndAsItIs) {
-  const std::string mesh = SLICECORR_TEST_DATA "/meshes/clean/3DBenchy.stl";
-  if (!std::filesystem::exists(mesh)) GTEST_SKIP() << mesh << " is not there";
-  // All of its 4800 slices take 216 s: SLICECORR_WHOLE_BENCHY=1.
-  const char* whole = std::getenv("SLICECORR_WHOLE_BENCHY");
-  const bool all_of_it = whole != nullptr && *whole == '1';
+void BridgeScreen::expect_every_frame_seen(const std::string& mesh, bool all_of_it) {
   std::string part = mesh;
   if (!all_of_it) {
     // Pressed to 4 mm, so that 400 slices come through all of it.
@@ -238,6 +235,21 @@ TEST_F(BridgeScreen, EveryFrameIsSeenOnceInOrderAndAsItIs) {
   RecordProperty("grabs_that_could_only_be_one", sure);
   EXPECT_GE(lit, 10);
   EXPECT_GE(images.size(), 10U);
+}
+
+TEST_F(BridgeScreen, EveryFrameIsSeenOnceInOrderAndAsItIs) {
+  const std::string mesh = test::real_file("meshes/clean/3DBenchy.stl");
+  SLICECORR_NEEDS_FILE(mesh);
+  expect_every_frame_seen(mesh, false);
+}
+
+/// All of its 4800 slices: 216 s.
+class BridgeScreenNight : public BridgeScreen {};
+
+TEST_F(BridgeScreenNight, EveryFrameOfAWholeBenchyIsSeen) {
+  const std::string mesh = test::real_file("meshes/clean/3DBenchy.stl");
+  SLICECORR_NEEDS_FILE(mesh);
+  expect_every_frame_seen(mesh, true);
 }
 
 // One of those involved is killed in the middle.

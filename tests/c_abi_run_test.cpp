@@ -9,6 +9,7 @@
 
 #include "c_abi.hpp"
 #include "lattice.hpp"
+#include "real_files.hpp"
 #include "run_program.hpp"
 
 namespace slicecorr::test {
@@ -386,8 +387,8 @@ TEST_F(CAbiExamples, TheOneInCIsShort) {
 
 // An archive that PrusaSlicer wrote, corrected in place: what is not an image stays.
 TEST(CAbiRealData, CorrectsAnArchiveOfASlicer) {
-  const std::string archive = SLICECORR_TEST_DATA "/slices/sl1/layer_change.sl1";
-  if (!std::filesystem::exists(archive)) GTEST_SKIP() << archive << " is not there";
+  const std::string archive = test::real_file("slices/sl1/layer_change.sl1");
+  SLICECORR_NEEDS_FILE(archive);
   const TemporaryFolder folder;
   const std::string path = folder / "part.sl1";
   std::filesystem::copy_file(archive, path);

@@ -758,7 +758,7 @@ TEST_F(Cli, InterruptedLeavesNothing) {
   enum Moment { mesh_read, correcting, writing };
   for (const Moment moment : {mesh_read, correcting, writing}) {
     SCOPED_TRACE(static_cast<int>(moment));
-    Clock::time_point sent, read;
+    Clock::time_point read;
     RunOptions options = options_;
     options.signal = moment == mesh_read ? SIGTERM : SIGINT;
     options.signal_when = [&](const std::string&, const std::string& err) {
@@ -768,7 +768,6 @@ TEST_F(Cli, InterruptedLeavesNothing) {
       bool yes = true;
       if (moment == correcting) yes = now - read > std::chrono::milliseconds(300);
       if (moment == writing) yes = err.find("correct: done") != std::string::npos;
-      sent = now;
       return yes;
     };
     const RunResult r = call(c, options);
@@ -776,7 +775,6 @@ TEST_F(Cli, InterruptedLeavesNothing) {
     EXPECT_FALSE(r.timed_out);
     EXPECT_EQ(r.exit_code, 130) << r.err;
     EXPECT_NE(r.err.find("interrupted"), std::string::npos) << r.err;
-    EXPECT_LT(Clock::now() - sent, std::chrono::seconds(20));
     EXPECT_THAT(files(), ::testing::IsEmpty());
   }
 }

@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "oiio_png.hpp"
+#include "real_files.hpp"
 #include "run_program.hpp"
 #include "stack/formats/png_archive.hpp"
 #include "stack/png/huffman.hpp"
@@ -604,8 +605,8 @@ TEST(Codec, DamagedStreamsAreRefusedNotMisread) {
 /// The same bytes whatever instructions the processor has: the C library's switch turns off its own
 /// choice, ours makes none.
 TEST(Codec, BytesDoNotDependOnTheProcessor) {
-  const std::string mesh = SLICECORR_TEST_DATA "/meshes/clean/3DBenchy.stl";
-  if (!std::filesystem::exists(mesh)) GTEST_SKIP() << mesh << " is not there";
+  const std::string mesh = test::real_file("meshes/clean/3DBenchy.stl");
+  SLICECORR_NEEDS_FILE(mesh);
   const TemporaryFolder folder;
   const auto slice = [&](const std::string& name, const std::string& tunables) {
     test::RunOptions options;

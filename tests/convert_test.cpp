@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "real_files.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/turned.hpp"
 #include "stack_fixture.hpp"
@@ -100,7 +101,7 @@ TEST_P(EveryFormat, TheSameInputGivesTheSameBytes) {
     if (std::filesystem::is_directory(file.path)) {
       std::map<std::string, Bytes> files;
       for (const auto& entry : std::filesystem::directory_iterator(file.path)) {
-        files[entry.path().filename().string()] = test::read_file(entry.path().string());
+        files[path.filename().string()] = test::read_file(path.string());
       }
       for (const auto& [name, data] : files) {
         bytes.insert(bytes.end(), name.begin(), name.end());
@@ -219,8 +220,6 @@ TEST(Formats, AreNamedByTheirEndings) {
 }
 
 TEST(Formats, EveryArchiveOfOthersIsReadOrRefusedWithAReason) {
-  const std::filesystem::path root = std::string(SLICECORR_TEST_DATA) + "/slices";
-  if (!std::filesystem::exists(root)) GTEST_SKIP() << root << " is not here";
   const std::map<std::string, std::string> refused = {{"corrupt.zip", "zip"},
                                                       {"print_naming_gap.zip", "slice_3.png"},
                                                       {"print_no_slices.zip", "slice_1.png"},
@@ -231,22 +230,21 @@ TEST(Formats, EveryArchiveOfOthersIsReadOrRefusedWithAReason) {
                                                       {"test_nolayer.sl1", "no layer images"}};
   const TemporaryFolder scratch;
   int read = 0;
-  for (const auto& entry : std::filesystem::recursive_directory_iterator(root)) {
-    if (!entry.is_regular_file()) continue;
-    const std::string name = entry.path().filename().string();
+  for (const std::filesystem::path path : test::real_files("slices")) {
+    const std::string name = path.filename().string();
     std::string told, error;
     ExecutionContext job;
     job.notice = [&](const std::string& text) { told += text; };
     try {
-      const StackReader reader(entry.path().string(), scratch.path(), job, {50, 50, 50});
+      const StackReader reader(path.string(), scratch.path(), job, {50, 50, 50});
       EXPECT_GT(reader.pixel_sum(), 0u) << name;
       ++read;
     } catch (const InputError& e) {
       error = e.what();
-      EXPECT_EQ(error.rfind(entry.path().string(), 0), 0u) << error;
+      EXPECT_EQ(error.rfind(path.string(), 0), 0u) << error;
     }
     // Formats that no archive of images is, some of them packed once more.
-    if (entry.path().parent_path().filename() == "binary") {
+    if (path.parent_path().filename() == "binary") {
       EXPECT_FALSE(error.empty()) << name;
       continue;
     }
@@ -260,7 +258,8 @@ TEST(Formats, EveryArchiveOfOthersIsReadOrRefusedWithAReason) {
                                  name == "Resin_calibration_linear_object.sl1")
         << name << ": " << told;
   }
-  EXPECT_EQ(read, 9);
+  // One of them lies in tests/data.
+  EXPECT_EQ(read, std::filesystem::exists(SLICECORR_TEST_DATA) ? 9 : 1);
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <random>
 
 #include "models.hpp"
+#include "rounds.hpp"
 
 namespace slicecorr {
 namespace {
@@ -133,7 +134,7 @@ RandomProcess random_process(std::mt19937& random, double gamma = 1, int bits = 
 
 TEST(CorrectExactly, RandomColumnsMeetAllConstraints) {
   std::mt19937 random(11);
-  for (int round = 0; round < 4000; ++round) {
+  for (int round = 0; round < test::rounds(4000); ++round) {
     const auto [model, cap] = random_process(random);
     const auto design = random_column(random);
     const int layers = static_cast<int>(design.size());
@@ -171,7 +172,7 @@ TEST(CorrectExactly, RandomColumnsMeetAllConstraints) {
 TEST(CorrectToLevels, RandomColumnsHaveNoWrongVoxel) {
   std::mt19937 random(12);
   int solvable = 0;
-  for (int round = 0; round < 12000; ++round) {
+  for (int round = 0; round < test::rounds(12000); ++round) {
     const double gamma = round % 2 ? 1.0 : 3.0;
     const auto [model, cap] = random_process(random, gamma, round % 3 ? 8 : 6);
     const auto design = random_column(random);
@@ -259,7 +260,7 @@ TEST(CorrectToLevels, AnyPatternOfSlicesPrintsVoxelForVoxel) {
   const CureModel linear = figure_2_2();
   const CureModel gamma =
       make_cure_model(test::gamma_printer(1, 100, 3), test::resin(576, 2000), process(1000), 50);
-  for (int round = 0; round < 6000; ++round) {
+  for (int round = 0; round < test::rounds(6000); ++round) {
     const auto longest = 1 + static_cast<unsigned>(random() % 6);
     const auto design = random_pattern(random, longest);
     const Process p = process(1000, round % 3 ? kNoCap : 1.0);

@@ -19,6 +19,7 @@
 #include <thread>
 #include <vector>
 
+#include "rounds.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr::resins {
@@ -342,7 +343,7 @@ TEST(Difference, LeadsFromTheOldTextToTheNew) {
     for (unsigned i = 0; i < lines; ++i) text += std::string(1, char('a' + random() % 5)) + "\n";
     return text;
   };
-  for (int i = 0; i < 500; ++i) {
+  for (int i = 0; i < test::rounds(500); ++i) {
     const std::string a = make(), b = make();
     std::string joined;
     for (const std::string& l : patched(a, difference(a, b, "x", "y"))) joined += l + "\n";

@@ -14,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include "real_files.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/kinetics.hpp"
 #include "slicecorr/stack.hpp"
@@ -127,8 +128,8 @@ TEST_F(Exchange, ProfilesThatCannotGiveAHeight) {
 }
 
 TEST_F(Exchange, TheMakersWholeBundle) {
-  const fs::path data = fs::path(SLICECORR_TEST_DATA) / "profiles" / "PrusaResearchSLA_1.0.4.ini";
-  if (!fs::exists(data)) GTEST_SKIP() << "no test data";
+  const fs::path data = test::real_file("profiles/PrusaResearchSLA_1.0.4.ini");
+  SLICECORR_NEEDS_FILE(data.string());
   std::vector<std::string> left_out;
   const auto made = import_definitions(data.string(), {.intensity_mw_cm2 = 4}, &left_out);
   // 101 resins with three layer heights or more, one of which does not rise, and those with two.
@@ -529,8 +530,8 @@ TEST_F(Exchange, FlatFields) {
 }
 
 TEST_F(Exchange, RealFlatFields) {
-  const fs::path data = fs::path(SLICECORR_TEST_DATA) / "projector";
-  if (!fs::exists(data)) GTEST_SKIP() << "no test data";
+  const fs::path data = test::real_file("projector");
+  SLICECORR_NEEDS_FILE(data.string());
   const auto sl1 =
       import_definitions((data / "sl1_uv_calibration_60pt.toml").string(), {.printer = ember()});
   EXPECT_EQ(wrong_with(sl1[0]), "");

@@ -14,6 +14,7 @@
 #include <thread>
 
 #include "farm_fixture.hpp"
+#include "rounds.hpp"
 #include "slicecorr/farm/engine.hpp"
 #include "slicecorr/farm/service.hpp"
 
@@ -33,11 +34,6 @@ class FarmFaults : public FarmPrograms {
   void SetUp() override {
     FarmPrograms::SetUp();
     quick_settings();
-  }
-  /// Rounds of the tests that kill at random places: more by SLICECORR_FARM_ROUNDS.
-  static int rounds(int few) {
-    const char* text = std::getenv("SLICECORR_FARM_ROUNDS");
-    return text ? std::max(few, std::atoi(text)) : few;
   }
   std::vector<Job> jobs() {
     JobFilter f;
@@ -271,7 +267,7 @@ TEST_F(FarmFaults, BrokenAtRandomPlacesNothingIsLost) {
   const char* places[] = {"claimed",    "ordered", "started",   "ended",
                           "committing", "cached",  "delivered", "finished"};
   int killed = 0;
-  for (int round = 0; round < rounds(12); ++round) {
+  for (int round = 0; round < test::rounds(12); ++round) {
     std::map<std::string, std::string> environment;
     RunOptions o;
     // One of: a worker, the service, both.
@@ -301,7 +297,7 @@ TEST_F(FarmFaults, BrokenAtRandomPlacesNothingIsLost) {
       submit_parts({make_part(8 + round)}, {"--out", dir / "out"});
     }
   }
-  EXPECT_GE(killed, rounds(12) / 2);
+  EXPECT_GE(killed, test::rounds(12) / 2);
   finish_and_check();
 }
 
@@ -311,7 +307,7 @@ TEST_F(FarmFaults, KilledAtRandomMomentsNothingIsLost) {
   const auto pick = [&](int n) { return static_cast<int>(random() % static_cast<unsigned>(n)); };
   ASSERT_EQ(farm("set", {"max-attempts=100"}).exit_code, 0);
   int next = 0, killed_workers = 0, killed_services = 0;
-  for (int round = 0; round < rounds(9); ++round) {
+  for (int round = 0; round < test::rounds(9); ++round) {
     SCOPED_TRACE(round);
     if (all_over()) {
       submit_parts({make_part(next), make_part(next + 1), make_part(next + 2)},
@@ -339,8 +335,8 @@ TEST_F(FarmFaults, KilledAtRandomMomentsNothingIsLost) {
     }
     expect_whole_outputs();
   }
-  EXPECT_GE(killed_workers, rounds(9) / 3);
-  EXPECT_GE(killed_services, rounds(9) / 3);
+  EXPECT_GE(killed_workers, test::rounds(9) / 3);
+  EXPECT_GE(killed_services, test::rounds(9) / 3);
   finish_and_check();
   for (const Job& j : jobs()) {
     EXPECT_THAT(reasons(j.id), Each(AnyOf(Reason::none, Reason::lease_lost, Reason::stopped,
@@ -416,7 +412,7 @@ TEST_F(FarmFaults, AClockThatIsSetAgainAndAgainHarmsNothing) {
 TEST_F(FarmFaults, InputsMayGoOnceTheyAreSubmitted) {
   std::mt19937 random(17);
   std::vector<std::string> parts;
-  for (int i = 0; i < rounds(8); ++i) {
+  for (int i = 0; i < test::rounds(8); ++i) {
     parts.push_back(make_part(i));
     reference(parts.back());
   }
@@ -501,7 +497,7 @@ TEST_F(FarmFaults, ALockedDatabaseIsWaitedFor) {
 /// Another process writes to the database for long moments, and dies in the middle of one.
 TEST_F(FarmFaults, ADatabaseThatIsLockedAgainAndAgainIsWaitedFor) {
   std::vector<std::string> parts;
-  for (int i = 0; i < rounds(20); ++i) parts.push_back(make_part(i));
+  for (int i = 0; i < test::rounds(20); ++i) parts.push_back(make_part(i));
   submit_parts({parts[0]}, {"--out", dir / "out"});
   const std::string path = database(), count = dir / "locks";
   const pid_t other = ::fork();
@@ -545,7 +541,7 @@ TEST_F(FarmFaults, ADiskThatIsFullAgainAndAgainLosesNothing) {
   const auto pick = [&](int n) { return static_cast<int>(random() % static_cast<unsigned>(n)); };
   const std::string filler = farm_dir() + "/filler";
   int next = 0, filled = 0;
-  for (int round = 0; round < rounds(6); ++round) {
+  for (int round = 0; round < test::rounds(6); ++round) {
     SCOPED_TRACE(round);
     if (all_over()) {
       submit_parts({make_part(next), make_part(next + 1)}, {"--out", farm_dir() + "/out"});
@@ -571,7 +567,7 @@ TEST_F(FarmFaults, ADiskThatIsFullAgainAndAgainLosesNothing) {
     fs::remove(filler);
     expect_whole_outputs();
   }
-  EXPECT_EQ(filled, rounds(6));
+  EXPECT_EQ(filled, test::rounds(6));
   without_delays();
   const RunResult r = run_all();
   ASSERT_EQ(r.exit_code, 0) << r.err;
@@ -676,7 +672,7 @@ TEST_F(FarmFaults, AFullDiskPausesAndLosesNothing) {
 TEST_F(FarmFaults, AServiceThatCannotWriteItsFolderEndsWithoutHarm) {
   // No file may grow beyond some kB: neither database, orders, logs nor results.
   const rlim_t limits[] = {2048, 512, 20'000, 70'000, 110'000, 200'000};
-  for (int round = 0; round < rounds(4); ++round) {
+  for (int round = 0; round < test::rounds(4); ++round) {
     SCOPED_TRACE(limits[round % 6]);
     submit_parts({make_part(round)}, {"--out", dir / "out"});
     RunOptions o;

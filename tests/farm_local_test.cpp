@@ -10,6 +10,7 @@
 
 #include "engine/slurm_tasks.hpp"
 #include "farm_fixture.hpp"
+#include "real_files.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/engine.hpp"
 #include "slicecorr/farm/service.hpp"
@@ -618,9 +619,8 @@ TEST_F(FarmLocal, EveryDisplayGivesTheBytesOfSlicecorr) {
 }
 
 TEST_F(FarmLocal, RealMeshes) {
-  const std::string mesh =
-      std::string(SLICECORR_TEST_DATA) + "/meshes/clean/photonic3d_lenscap-36mm.stl";
-  if (!fs::exists(mesh)) GTEST_SKIP() << mesh << " is not there";
+  const std::string mesh = test::real_file("meshes/clean/photonic3d_lenscap-36mm.stl");
+  SLICECORR_NEEDS_FILE(mesh);
   const std::vector<std::string> process = {
       "--printer", "dual-wavelength-dlp", "--resin", "benchy-resin", "--layer-um",
       "100",       "--speed-mm-h",        "800"};

@@ -79,7 +79,9 @@ TEST(Cluster, StartsWhereNoCgroupFileSystemIsMounted) {
 
 // --- a night -------------------------------------------------------------------------------------
 
-TEST_F(FarmOnSlurm, ANightInSmallWithBothDaemonsKilledGivesTheBytesOfTheLocalEngine) {
+class FarmOnSlurmNight : public FarmOnSlurm {};
+
+TEST_F(FarmOnSlurmNight, BothDaemonsKilledGivesTheBytesOfTheLocalEngine) {
   constexpr int jobs = 24;
   start_cluster(2);
   // Begins first, and runs while daemons are killed.
@@ -279,7 +281,6 @@ TEST_F(FarmOnSlurm, RunningAndWaitingJobsAreCancelled) {
     const double s =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
     RecordProperty(what + "_cancelled_ms", static_cast<int>(s * 1000));
-    std::cout << what << ": cancelled in " << s << " s\n";
   };
   // One core: the first runs, the others wait in Slurm.
   ASSERT_TRUE(eventually([&] {

@@ -8,6 +8,7 @@
 #include <random>
 
 #include "fit_designs.hpp"
+#include "rounds.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr::resins {
@@ -394,7 +395,7 @@ TEST(Choices, NoMeasurementsAreTooOdd) {
   };
   int fitted = 0, refused = 0;
   testing::internal::CaptureStderr();
-  for (int round = 0; round < 600; ++round) {
+  for (int round = 0; round < test::rounds(600); ++round) {
     Measurements data;
     const double wide = number(1, 1e4);
     const std::size_t rows = 1 + below(9);

@@ -10,18 +10,17 @@
 #include <map>
 #include <sstream>
 
+#include "real_files.hpp"
 #include "slicecorr/resins/fit.hpp"
 #include "slicecorr/units.hpp"
 
 namespace slicecorr::resins {
 namespace {
 
-const std::string kCure = std::string(SLICECORR_TEST_DATA) + "/cure/";
-
 /// Rows of numbers of a table, past comments and header; the first field may be a word.
 std::vector<std::vector<double>> rows_of(const std::string& name,
                                          std::vector<std::string>* words = nullptr) {
-  std::ifstream in(kCure + name);
+  std::ifstream in(test::real_file("cure/" + name));
   std::vector<std::vector<double>> rows;
   for (std::string line; std::getline(in, line);) {
     if (line.empty() || line[0] == '#') continue;
@@ -47,9 +46,7 @@ std::vector<std::vector<double>> rows_of(const std::string& name,
 class FitReal : public ::testing::Test {
  protected:
   void SetUp() override {
-    if (!std::ifstream(kCure + "da2/working_curve_measured.csv")) {
-      GTEST_SKIP() << "no measurements in " << kCure;
-    }
+    SLICECORR_NEEDS_FILE(test::real_file("cure/da2/working_curve_measured.csv"));
   }
 };
 
@@ -59,7 +56,6 @@ TEST_F(FitReal, WorkingCurveOfDa2) {
     csv += fmt::format("{},{}\n", row.at(0), 1000 * row.at(1));
   }
   const FitResult r = fit(parse_measurements(csv, "da2"), FitModel::jacobs);
-  std::printf("%s\n", r.to_text().c_str());
   EXPECT_EQ(r.n, 13);
   // The same least squares, as printed beside the data.
   EXPECT_NEAR(r.value("h_um"), 527.4, 0.05);
@@ -100,12 +96,6 @@ TEST_F(FitReal, ExponentOfBisEma) {
     if (row.at(1) == 0.1) at_ten.push_back(times.back());
   }
   ASSERT_EQ(times.size(), 20U);
-  for (const double induction : {0.0, 4.93}) {
-    const ExponentFit all = exponent_from_times(times, induction);
-    std::printf("Bis-EMA, induction %.2f mJ/cm2: m %.3f (%.3f to %.3f); at 10 %% conversion %.3f\n",
-                induction, all.m, all.ci95[0], all.ci95[1],
-                exponent_from_times(at_ten, induction).m);
-  }
   EXPECT_NEAR(exponent_from_times(at_ten).m, 0.93, 0.005);
   EXPECT_NEAR(exponent_from_times(at_ten, 4.93).m, 0.79, 0.005);
   // The authors' 0.76 is the mean over all conversions of their own reduction.
@@ -131,7 +121,7 @@ double at(const std::vector<std::vector<double>>& table, double x) {
   return NAN;
 }
 
-TEST_F(FitReal, HeightsFromSpectra) {
+TEST(FitSpectra, HeightsFromSpectra) {
   std::vector<std::string> names;
   const auto published = rows_of("spectra/penetration_depth_from_absorbance.csv", &names);
   ASSERT_EQ(published.size(), 11U);

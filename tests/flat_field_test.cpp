@@ -13,6 +13,7 @@
 #include "ladder.hpp"
 #include "memory_slices.hpp"
 #include "models.hpp"
+#include "real_files.hpp"
 #include "run_program.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/load_printer.hpp"
@@ -832,8 +833,8 @@ TEST_F(FlatFieldFiles, BadOnesAreRefusedWithFileAndKey) {
 
 // Real flat-fields through the programs: import, then a part in one go.
 TEST_F(FlatFieldFiles, RealOnesThroughThePrograms) {
-  const fs::path data = fs::path(SLICECORR_TEST_DATA) / "projector";
-  if (!fs::exists(data)) GTEST_SKIP() << data << " is not there";
+  const fs::path data = test::real_file("projector");
+  SLICECORR_NEEDS_FILE(data.string());
   const std::string bin = SLICECORR_BIN_DIR;
   RunOptions options;
   options.environment["SLICECORR_DB"] = folder_.string();

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "foreign_fixture.hpp"
+#include "real_files.hpp"
 #include "tar_fixture.hpp"
 
 namespace slicecorr {
@@ -303,14 +304,10 @@ TEST_F(Ember, Damages) {
   table_refused("Layer,ModelExposureSec\n4,-2\n", "ModelExposureSec of layer 4 is -2");
 }
 
-std::string sample(const std::string& name) {
-  return std::string(SLICECORR_TEST_DATA) + "/slices/" + name;
-}
+std::string sample(const std::string& name) { return test::real_file("slices/" + name); }
 
 TEST(RealFiles, EmberArchives) {
-  if (!std::filesystem::exists(sample("ember/print.zip"))) {
-    GTEST_SKIP() << "no test data at " << sample("ember/print.zip");
-  }
+  SLICECORR_NEEDS_FILE(sample("ember/print.zip"));
   const TemporaryFolder folder;
   const StackReader zip(sample("ember/print.zip"), folder.path());
   EXPECT_EQ(zip.info().format, "ember");
@@ -349,7 +346,7 @@ TEST(RealFiles, EmberArchives) {
 
 TEST(RealFiles, NordinPrintFilesAreRefusedByName) {
   const std::string example = sample("nordin/schema_v5_example.zip");
-  if (!std::filesystem::exists(example)) GTEST_SKIP() << "no test data at " << example;
+  SLICECORR_NEEDS_FILE(example);
   expect_refused(example,
                  "example.json: is a JSON print file of the Nordin group (schema version 5.0.0): "
                  "each of its layers is a list of images");

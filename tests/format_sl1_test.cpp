@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "real_files.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "stack_fixture.hpp"
 
@@ -464,8 +465,8 @@ TEST(Sl1, DamagedArchivesAreNamedAndStay) {
 }
 
 TEST(Sl1, ArchivesOfOthers) {
-  const std::string folder = std::string(SLICECORR_TEST_DATA) + "/slices/sl1/";
-  if (!std::filesystem::exists(folder)) GTEST_SKIP() << folder << " is not here";
+  const std::string folder = test::real_file("slices/sl1") + "/";
+  SLICECORR_NEEDS_FILE(folder);
   struct Sample {
     const char* file;
     int layers, width_px, height_px;

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "format_fixture.hpp"
+#include "real_files.hpp"
 
 namespace slicecorr::test {
 namespace {
@@ -322,11 +323,11 @@ TEST_P(Packed, OfOtherProgramsAreReadAndKept) {
 
 // ---- Real archives
 
-std::string real(const std::string& name) { return SLICECORR_TEST_DATA "/slices/" + name; }
+std::string real(const std::string& name) { return test::real_file("slices/" + name); }
 
 TEST(RealArchives, CreationWorkshopWithoutItsLastSlice) {
   const std::string path = real("cws/diagrid_creation_workshop.zip");
-  if (!std::filesystem::exists(path)) GTEST_SKIP() << "no " << path;
+  SLICECORR_NEEDS_FILE(path);
   TemporaryFolder folder;
   Told told;
   const StackReader reader(path, folder.path(), told.job());
@@ -370,7 +371,7 @@ TEST(RealArchives, CreationWorkshopWithoutItsLastSlice) {
 
 TEST(RealArchives, NanoDlpInGrey) {
   const std::string path = real("nanodlp/resinsim_mini_SYNTHETIC.nanodlp");
-  if (!std::filesystem::exists(path)) GTEST_SKIP() << "no " << path;
+  SLICECORR_NEEDS_FILE(path);
   TemporaryFolder folder;
   const StackReader reader(path, folder.path());
   const StackInfo& info = reader.info();

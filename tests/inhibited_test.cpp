@@ -9,6 +9,7 @@
 #include <random>
 
 #include "models.hpp"
+#include "rounds.hpp"
 #include "slicecorr/correct.hpp"
 #include "slicecorr/dose.hpp"
 #include "slicecorr/error.hpp"
@@ -247,7 +248,7 @@ TEST(InhibitedCorrection, RandomColumns) {
   std::mt19937 random(17);
   const Process process = uv_process(1000, 200);
   const CureModel model = model_of(resin_1(), process, 50);
-  for (int round = 0; round < 200; ++round) {
+  for (int round = 0; round < test::rounds(200); ++round) {
     std::vector<std::pair<int, int>> runs;
     int n = static_cast<int>(random() % 6);
     if (n > 0) n += 4;

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "layerwise_models.hpp"
+#include "rounds.hpp"
 #include "slicecorr/baseline.hpp"
 #include "slicecorr/dose.hpp"
 #include "slicecorr/predict.hpp"
@@ -179,7 +180,7 @@ Sampled sample(const CureModel& m, const Bytes& pixels, const Bytes& coverage) {
 TEST(LayerwisePredict, EqualsFineSamplingOfTheDose) {
   std::mt19937 random(11);
   std::uint64_t teeth = 0, merged = 0, lost = 0, over = 0, short_of = 0;
-  for (int trial = 0; trial < 1500; ++trial) {
+  for (int trial = 0; trial < test::rounds(1500); ++trial) {
     AnyLayerwise any = any_layerwise(random, 8);
     // From far too little to far too much light, black included: every case there is.
     const double more = std::exp(std::uniform_real_distribution(-1.5, 1.5)(random));
@@ -306,7 +307,7 @@ TEST(LayerwisePredict, CorrectedColumnsComeOutAsDesigned) {
   // towards the window exact, all others within the least possible and one level step.
   std::mt19937 random(13);
   for (int bits = 1; bits <= 8; ++bits) {
-    for (int trial = 0; trial < 150; ++trial) {
+    for (int trial = 0; trial < test::rounds(150); ++trial) {
       const AnyLayerwise any = any_layerwise(random, bits);
       const CureModel m = any.model();
       const Bytes coverage = random_column(random, 40, false);

@@ -10,6 +10,7 @@
 
 #include "ladder.hpp"
 #include "layerwise_models.hpp"
+#include "real_files.hpp"
 #include "run_program.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/slice.hpp"
@@ -395,8 +396,8 @@ TEST(LayerwiseSolid, IsClosedOnAnyStackAndHasTheTeeth) {
 }
 
 TEST(LayerwiseReal, BenchyComesOutAsDesigned) {
-  const std::string path = SLICECORR_TEST_DATA "/meshes/clean/3DBenchy.stl";
-  if (!std::filesystem::exists(path)) GTEST_SKIP() << path << " is not there";
+  const std::string path = test::real_file("meshes/clean/3DBenchy.stl");
+  SLICECORR_NEEDS_FILE(path);
   slicecorr::Setup setup{linear_printer(1, 100), resin(576, 110), layerwise(0.16)};
   setup.printer.width_px = 1280;
   setup.printer.height_px = 800;

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "layerwise_models.hpp"
+#include "rounds.hpp"
 #include "slicecorr/dose.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/predict.hpp"
@@ -225,7 +226,7 @@ TEST(LayerwiseDose, EqualsTheDirectSum) {
   // Every slice with its own exposure and Beer's law: no recursion. All terms are positive, so each
   // step of the recursion adds a few relative roundings: 60 of them, 1e-13 is four times that.
   std::mt19937 random(1);
-  for (int trial = 0; trial < 200; ++trial) {
+  for (int trial = 0; trial < test::rounds(200); ++trial) {
     const AnyLayerwise any = any_layerwise(random, 1 + trial % 8);
     const CureModel m = any.model();
     const int layers = 60;
@@ -288,7 +289,7 @@ TEST(LayerwiseSolve, IdealIsTheLeastDoseThatGelsEveryLayerThrough) {
   // Whatever other intensities gel all full layers up to their far edges, they leave no less dose
   // anywhere: so the cure-through above each feature is the least possible.
   std::mt19937 random(2);
-  for (int trial = 0; trial < 300; ++trial) {
+  for (int trial = 0; trial < test::rounds(300); ++trial) {
     const AnyLayerwise any = any_layerwise(random, 8);
     const CureModel m = any.model();
     const Bytes coverage = random_column(random, 30, false);

@@ -9,6 +9,8 @@
 
 #include "models.hpp"
 #include "printed_column.hpp"
+#include "real_files.hpp"
+#include "rounds.hpp"
 #include "run_program.hpp"
 #include "slicecorr/predict.hpp"
 
@@ -127,7 +129,7 @@ TEST(Levels, SequencesByTrialAndBySetsOfDosesAreTheSame) {
   // What the tests below rely on.
   std::mt19937 random(3);
   int possible = 0;
-  for (int round = 0; round < 150; ++round) {
+  for (int round = 0; round < test::rounds(150); ++round) {
     const CureModel model = random_model(random, 2);
     const Column design = random_column(random, 1, 3, 6);
     const int slices = std::min(slices_with_burst(model, static_cast<int>(design.size()),
@@ -145,7 +147,7 @@ TEST(Levels, SequencesByTrialAndBySetsOfDosesAreTheSame) {
 TEST(Levels, NoVoxelIsWrongWhereSomeSequenceHasNoneAndFeaturesNeverAre) {
   std::mt19937 random(5);
   int possible = 0, impossible = 0;
-  for (int round = 0; round < 300; ++round) {
+  for (int round = 0; round < test::rounds(300); ++round) {
     const int bits = 4 + static_cast<int>(random() % 5);
     const CureModel model = random_model(random, bits);
     const unsigned longest[] = {1, 2, 4, 12, 25};
@@ -228,8 +230,8 @@ TEST(Levels, PlacesEdgesToAHundredthOfAStep) {
 
 TEST(Levels, BenchyWithLittleLightToSpare) {
   // 1.02 and 1.93 times the least light that gels at this speed.
-  const std::string path = std::string(SLICECORR_TEST_DATA) + "/meshes/clean/3DBenchy.stl";
-  if (!std::filesystem::exists(path)) GTEST_SKIP() << "no " << path;
+  const std::string path = test::real_file("meshes/clean/3DBenchy.stl");
+  SLICECORR_NEEDS_FILE(path);
   namespace fs = std::filesystem;
   const fs::path folder =
       fs::path(::testing::TempDir()) / ("slicecorr-levels-" + std::to_string(::getpid()));

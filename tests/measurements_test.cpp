@@ -316,12 +316,7 @@ TEST_F(MeasurementFiles, MillionsOfRows) {
   out << kCured;
   for (int i = 0; i < kMaxMeasurements / 10000; ++i) out << block;
   out.close();
-  const auto begin = std::chrono::steady_clock::now();
   EXPECT_EQ(read_measurements({path}).cured.size(), static_cast<std::size_t>(kMaxMeasurements));
-  const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - begin;
-  RecordProperty("seconds_for_a_million_rows", fmt::format("{:.3f}", seconds.count()));
-  // Some 0.2 s; a sanitizer may take ten times that.
-  EXPECT_LT(seconds.count(), 5);
 
   std::ofstream more(path, std::ios::binary | std::ios::app);
   for (int i = 0; i < 9 * kMaxMeasurements / 10000; ++i) more << block;

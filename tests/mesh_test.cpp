@@ -16,11 +16,8 @@
 #include <sstream>
 #include <thread>
 
+#include "real_files.hpp"
 #include "slicecorr/error.hpp"
-
-#ifndef SLICECORR_TEST_DATA
-#define SLICECORR_TEST_DATA "no-test-data"
-#endif
 
 namespace slicecorr {
 namespace {
@@ -729,42 +726,41 @@ const Expected kExpected[] = {
     {"dirty/trimesh_wallhole.obj", 66, 0, 1, 0, 0, 0, 11, 1, 0, {10, 15, 10}},
 };
 
-class RealMeshTest : public MeshTest {
- protected:
-  void SetUp() override {
-    MeshTest::SetUp();
-    if (!fs::exists(meshes_)) GTEST_SKIP() << "no test data at " << meshes_;
-  }
-  const std::string meshes_ = std::string(SLICECORR_TEST_DATA) + "/meshes/";
-};
+std::string real_mesh(const std::string& name) { return test::real_file("meshes/" + name); }
 
-TEST_F(RealMeshTest, CountsAreThoseOfTheTable) {
-  for (const Expected& expected : kExpected) {
-    SCOPED_TRACE(expected.file);
-    const MeshReport report = inspect(read_mesh(meshes_ + expected.file));
-    const MeshDefects& defects = report.defects;
-    EXPECT_EQ(report.triangles, expected.triangles);
-    EXPECT_EQ(defects.open_edges, expected.open);
-    EXPECT_EQ(defects.crowded_edges, expected.crowded);
-    EXPECT_EQ(defects.misoriented_edges, expected.misoriented);
-    EXPECT_EQ(defects.flipped_triangles, expected.flipped);
-    EXPECT_EQ(defects.degenerate_triangles, expected.degenerate);
-    EXPECT_EQ(defects.zero_area_triangles, expected.zero_area);
-    EXPECT_EQ(report.bodies, expected.bodies);
-    // The table gives 3 decimals, and 6 digits of what is larger.
-    if (expected.volume != 0) {
-      EXPECT_NEAR(report.volume, expected.volume, 0.0006 + 5e-6 * expected.volume);
-    }
-    for (int k = 0; k < 3; ++k) {
-      EXPECT_NEAR(report.upper[k] - report.lower[k], expected.size[k], 0.0051);
-    }
+class RealMesh : public testing::TestWithParam<Expected> {};
+INSTANTIATE_TEST_SUITE_P(Table, RealMesh, testing::ValuesIn(kExpected),
+                         [](const auto& test) { return test::name_of(test.param.file); });
+
+TEST_P(RealMesh, CountsAreThoseOfTheTable) {
+  const Expected& expected = GetParam();
+  const std::string path = real_mesh(expected.file);
+  SLICECORR_NEEDS_FILE(path);
+  const MeshReport report = inspect(read_mesh(path));
+  const MeshDefects& defects = report.defects;
+  EXPECT_EQ(report.triangles, expected.triangles);
+  EXPECT_EQ(defects.open_edges, expected.open);
+  EXPECT_EQ(defects.crowded_edges, expected.crowded);
+  EXPECT_EQ(defects.misoriented_edges, expected.misoriented);
+  EXPECT_EQ(defects.flipped_triangles, expected.flipped);
+  EXPECT_EQ(defects.degenerate_triangles, expected.degenerate);
+  EXPECT_EQ(defects.zero_area_triangles, expected.zero_area);
+  EXPECT_EQ(report.bodies, expected.bodies);
+  // The table gives 3 decimals, and 6 digits of what is larger.
+  if (expected.volume != 0) {
+    EXPECT_NEAR(report.volume, expected.volume, 0.0006 + 5e-6 * expected.volume);
+  }
+  for (int k = 0; k < 3; ++k) {
+    EXPECT_NEAR(report.upper[k] - report.lower[k], expected.size[k], 0.0051);
   }
 }
 
-TEST_F(RealMeshTest, TurningTheFlippedTrianglesMendsTheMesh) {
+TEST(RealMeshes, TurningTheFlippedTrianglesMendsTheMesh) {
   for (const char* file : {"dirty/admesh_block_normal-directions-bad.stl",
                            "dirty/cgal_blobby-shuffled.off", "dirty/trimesh_multibody.stl"}) {
-    TriangleMesh mesh = read_mesh(meshes_ + file);
+    const std::string path = real_mesh(file);
+    SLICECORR_NEEDS_FILE(path);
+    TriangleMesh mesh = read_mesh(path);
     const std::vector<bool> flipped = flipped_triangles(mesh);
     for (std::size_t t = 0; t < flipped.size(); ++t) {
       if (flipped[t]) std::swap(mesh.triangles[t][1], mesh.triangles[t][2]);
@@ -773,15 +769,16 @@ TEST_F(RealMeshTest, TurningTheFlippedTrianglesMendsTheMesh) {
   }
 }
 
-TEST_F(RealMeshTest, BrokenFilesAreRefused) {
-  expect_error(meshes_ + "dirty/assimp_malformed.obj", "vertex index");
-  expect_error(meshes_ + "dirty/trimesh_stl_empty_ascii.stl", "holds no triangles");
-  expect_error(meshes_ + "dirty/trimesh_stl_empty_bin.stl", "holds no triangles");
+TEST_F(MeshTest, BrokenRealFilesAreRefused) {
+  expect_error(real_mesh("dirty/assimp_malformed.obj"), "vertex index");
+  expect_error(real_mesh("dirty/trimesh_stl_empty_ascii.stl"), "holds no triangles");
+  expect_error(real_mesh("dirty/trimesh_stl_empty_bin.stl"), "holds no triangles");
 }
 
-TEST_F(RealMeshTest, ReadsTheSameEveryTime) {
-  const TriangleMesh a = read_mesh(meshes_ + "clean/UVtools_demo_file.3mf");
-  const TriangleMesh b = read_mesh(meshes_ + "clean/UVtools_demo_file.3mf");
+TEST(RealMeshes, ReadsTheSameEveryTime) {
+  const std::string path = real_mesh("clean/UVtools_demo_file.3mf");
+  SLICECORR_NEEDS_FILE(path);
+  const TriangleMesh a = read_mesh(path), b = read_mesh(path);
   EXPECT_EQ(a.vertices, b.vertices);
   EXPECT_EQ(a.triangles, b.triangles);
 }

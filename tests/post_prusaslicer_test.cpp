@@ -9,6 +9,7 @@
 
 #include "ladder.hpp"
 #include "post_fixture.hpp"
+#include "real_files.hpp"
 
 namespace slicecorr::test {
 namespace {
@@ -154,8 +155,8 @@ TEST_F(PrusaSlicer, LadderInPlace) {
 
 TEST_F(PrusaSlicer, BenchyInPlaceAndBack) {
   if (!installed()) GTEST_SKIP() << "prusa-slicer is not installed";
-  const std::string benchy = SLICECORR_TEST_DATA "/meshes/clean/3DBenchy.stl";
-  if (!fs::exists(benchy)) GTEST_SKIP() << benchy << " is not there";
+  const std::string benchy = test::real_file("meshes/clean/3DBenchy.stl");
+  SLICECORR_NEEDS_FILE(benchy);
   const RunResult made = export_sl1(benchy, "0.2", "benchy.sl1");
   ASSERT_EQ(made.exit_code, 0) << made.err;
   fs::copy_file(folder_ / "benchy.sl1", folder_ / "before.sl1");

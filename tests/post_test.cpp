@@ -18,6 +18,7 @@
 #include "post/files.hpp"
 #include "post/profiles.hpp"
 #include "post_fixture.hpp"
+#include "rounds.hpp"
 #include "support/files/sha256.hpp"
 
 namespace slicecorr::test {
@@ -529,7 +530,7 @@ TEST_F(Post, KilledAtAnyMomentItIsTheOldOrTheNewFile) {
 
   std::mt19937 random(1);
   int killed = 0;
-  for (int i = 0; i < 100; ++i) {
+  for (int i = 0; i < rounds(50); ++i) {
     write_file(folder_ / "part.sl1", old_file);
     fs::remove(folder_ / "part.sl1.orig");
     // Half of the moments in the last third, where files change their places.

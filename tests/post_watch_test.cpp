@@ -18,6 +18,7 @@
 #include <thread>
 
 #include "post_fixture.hpp"
+#include "rounds.hpp"
 
 namespace slicecorr::test {
 namespace {
@@ -388,7 +389,7 @@ TEST_F(Watch, KilledAtAnyMomentNothingIsLost) {
 
   std::mt19937 random(1);
   int killed = 0;
-  for (int i = 0; i < 100; ++i) {
+  for (int i = 0; i < rounds(40); ++i) {
     for (std::size_t k = 0; k < parts.size(); ++k) write_file(folder_ / parts[k], old_files[k]);
     const auto at = std::chrono::microseconds(static_cast<long>(
         static_cast<double>(random()) / 4294967296.0 * static_cast<double>(whole_us)));

@@ -9,6 +9,7 @@
 #include <random>
 
 #include "models.hpp"
+#include "rounds.hpp"
 
 namespace slicecorr {
 namespace {
@@ -147,7 +148,7 @@ TEST(Predict, RandomColumnsAgreeWithTheIntervals) {
   const CureModel m = figure_2_2();
   const PixelCurve curve = pixel_curve(m);
   std::uint64_t all_split = 0;
-  for (int round = 0; round < 400; ++round) {
+  for (int round = 0; round < test::rounds(400); ++round) {
     const std::size_t columns = 1 + random() % 70;
     const int all = 2 + static_cast<int>(random() % 60);
     const bool greys = random() % 2;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "reference_raster.hpp"
+#include "rounds.hpp"
 #include "slice/raster.hpp"
 
 namespace slicecorr {
@@ -101,7 +102,7 @@ constexpr Box kBoxes[] = {{0, 0, 200, 40}, {17, 5, 81, 37}, {1000, 700, 1300, 70
 
 TEST(RasterReference, RandomRings) {
   Random random(11);
-  for (int i = 0; i < 400; ++i) {
+  for (int i = 0; i < test::rounds(400); ++i) {
     const Box& box = kBoxes[static_cast<std::size_t>(i) % std::size(kBoxes)];
     const Segments segments = rings(random, box, 1 + i % 12);
     for (const bool antialias : {true, false}) {
@@ -115,7 +116,7 @@ TEST(RasterReference, RandomRings) {
 TEST(RasterReference, OnAGrid) {
   Random random(12);
   std::size_t count = 0, pixels = 0;
-  for (int i = 0; i < 600; ++i) {
+  for (int i = 0; i < test::rounds(600); ++i) {
     const Box& box = kBoxes[static_cast<std::size_t>(i) % std::size(kBoxes)];
     Segments segments = rings(random, box, 1 + i % 12);
     snap(segments, 1 << (i / 100));

@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "real_files.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/kinetics.hpp"
 #include "slicecorr/load_printer.hpp"
@@ -377,8 +378,9 @@ TEST(Shipped, TheDissertationsResinsGiveItsCheckValues) {
 }
 
 TEST(Shipped, PublishedCurvesAreThoseOfTheTable) {
-  std::ifstream in(fs::path(SLICECORR_TEST_DATA) / "cure" / "resin_parameters.csv");
-  if (!in) GTEST_SKIP() << "no test data";
+  const std::string table = test::real_file("cure/resin_parameters.csv");
+  SLICECORR_NEEDS_FILE(table);
+  std::ifstream in(table);
   std::map<std::string, std::pair<double, double>> shipped_curves;
   for (const fs::path& path : shipped(SLICECORR_DB_DIR)) {
     const ResinRecord r = load_record(path.string());

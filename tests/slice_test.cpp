@@ -16,12 +16,9 @@
 #include <string>
 #include <vector>
 
+#include "real_files.hpp"
 #include "slice/bridges.hpp"
 #include "slicecorr/error.hpp"
-
-#ifndef SLICECORR_TEST_DATA
-#define SLICECORR_TEST_DATA "no-test-data"
-#endif
 
 namespace slicecorr {
 namespace {
@@ -858,7 +855,7 @@ TEST(MeshSlices, CanBeCancelled) {
 
 // --- Real meshes
 
-fs::path meshes() { return fs::path(SLICECORR_TEST_DATA) / "meshes"; }
+fs::path real_mesh(const std::string& name) { return test::real_file("meshes/" + name); }
 
 /// Signed area of a mesh's cut, straight from its triangles, and the number of pixels the cut
 /// touches; `z` in mm of the mesh. Without overlaps that is the covered area.
@@ -982,31 +979,22 @@ double shadow(const TriangleMesh& mesh) {
   return sum;
 }
 
-std::vector<std::string> files_in(const char* folder) {
-  std::vector<std::string> names;
-  std::error_code ec;
-  for (const auto& entry : fs::directory_iterator(meshes() / folder, ec)) {
-    names.push_back(entry.path().filename().string());
-  }
-  std::sort(names.begin(), names.end());
-  if (names.empty()) names.push_back("absent");
-  return names;
-}
-
 std::string test_name(const testing::TestParamInfo<std::string>& info) {
-  std::string name = info.param;
-  for (char& c : name) {
-    if (!std::isalnum(static_cast<unsigned char>(c))) c = '_';
-  }
-  return name;
+  return test::name_of(info.param);
 }
 
 class CleanMesh : public testing::TestWithParam<std::string> {};
-INSTANTIATE_TEST_SUITE_P(Data, CleanMesh, testing::ValuesIn(files_in("clean")), test_name);
+INSTANTIATE_TEST_SUITE_P(Data, CleanMesh,
+                         testing::Values("3DBenchy.3mf", "3DBenchy.stl", "UVtools_demo_file.3mf",
+                                         "UVtools_demo_file.stl", "benchy_plate_x5_1.1M.ply.gz",
+                                         "cgal_femur.off", "cgal_turbine.off", "ksr_fdmtest_v4.stl",
+                                         "photonic3d_lenscap-36mm.stl",
+                                         "stanford_bunny_7k_closed.off", "tpms_diamond_51.stl"),
+                         test_name);
 
 TEST_P(CleanMesh, HasTheVolumeOfItsSlices) {
-  const fs::path file = meshes() / "clean" / GetParam();
-  if (!fs::exists(file)) GTEST_SKIP() << "no meshes in " << meshes();
+  const fs::path file = real_mesh("clean/" + GetParam());
+  SLICECORR_NEEDS_FILE(file.string());
   TriangleMesh mesh = read_mesh(file.string());
   scale_to(mesh, 20);
   const double layer_mm = 0.1, pixel_mm2 = 0.0025;
@@ -1033,30 +1021,78 @@ TEST_P(CleanMesh, HasTheVolumeOfItsSlices) {
   EXPECT_NEAR(volume, report.volume, bound);
 }
 
-class DirtyMesh : public testing::TestWithParam<std::string> {};
-INSTANTIATE_TEST_SUITE_P(Data, DirtyMesh, testing::ValuesIn(files_in("dirty")), test_name);
+/// What becomes of a damaged mesh: a reason to refuse it, or how many gaps of outlines are bridged
+/// and how many triangles turned.
+struct Dirty {
+  const char* file;
+  const char* refused;
+  std::uint64_t bridges, turned;
+};
+void PrintTo(const Dirty& d, std::ostream* out) { *out << d.file; }
+
+class DirtyMesh : public testing::TestWithParam<Dirty> {};
+INSTANTIATE_TEST_SUITE_P(
+    Data, DirtyMesh,
+    testing::Values(Dirty{"admesh_block_fill-holes-bad.stl", nullptr, 0, 0},
+                    Dirty{"admesh_block_normal-directions-bad.stl", nullptr, 0, 0},
+                    Dirty{"admesh_hourglass_normal-directions-bad.stl", nullptr, 0, 0},
+                    Dirty{"assimp_3DSMaxExport.STL", nullptr, 0, 0},
+                    Dirty{"assimp_malformed.obj", "vertex index", 0, 0},
+                    Dirty{"assimp_sphereWithHole.stl", nullptr, 0, 0},
+                    Dirty{"assimp_triangle_with_two_solids.stl", nullptr, 0, 0},
+                    Dirty{"cgal_blobby-shuffled.off", nullptr, 0, 0},
+                    Dirty{"cgal_elephant-with-holes.off", nullptr, 0, 0},
+                    Dirty{"draco_bunny_open_base.stl", nullptr, 0, 0},
+                    Dirty{"manifold_self_intersectA.obj", nullptr, 0, 0},
+                    Dirty{"prusa_20mmbox-CR.stl", nullptr, 0, 0},
+                    Dirty{"prusa_20mmbox-CRLF.stl", nullptr, 0, 0},
+                    Dirty{"pymfcad_microfluidic_void_channels.stl", nullptr, 0, 0},
+                    Dirty{"trimesh_cycloidal_touching_bodies.ply", nullptr, 0, 0},
+                    Dirty{"trimesh_multibody.stl", nullptr, 0, 0},
+                    Dirty{"trimesh_soup.stl", nullptr, 0, 0},
+                    Dirty{"trimesh_stl_empty_ascii.stl", "holds no triangles", 0, 0},
+                    Dirty{"trimesh_stl_empty_bin.stl", "holds no triangles", 0, 0},
+                    Dirty{"trimesh_wallhole.obj", nullptr, 0, 0}),
+    [](const auto& info) { return test::name_of(info.param.file); });
 
 TEST_P(DirtyMesh, IsSlicedOrRefusedWithAReason) {
-  const fs::path file = meshes() / "dirty" / GetParam();
-  if (!fs::exists(file)) GTEST_SKIP() << "no meshes in " << meshes();
-  const auto start = std::chrono::steady_clock::now();
-  try {
-    TriangleMesh mesh = read_mesh(file.string());
-    scale_to(mesh, 20);
-    const MeshSlices slices(mesh, printer(410, 410, 50, 50), layer_of(100));
-    const PixelBox b = slices.bounds();
-    double most = 0;
-    slices.read_band({0, 0, 410, 410}, [&](int, const std::uint8_t* rows) {
-      if (rows) most = std::max(most, covered(Bytes(rows, rows + 410 * 410)));
-    });
-    EXPECT_LE(most, b.width() * b.height());
-    RecordProperty("bridges", static_cast<int>(slices.report().bridges));
-  } catch (const InputError& e) {
-    EXPECT_GT(std::string(e.what()).size(), 20u);
-    RecordProperty("refused", e.what());
+  const Dirty& d = GetParam();
+  const std::string path = real_mesh(std::string("dirty/") + d.file).string();
+  SLICECORR_NEEDS_FILE(path);
+  if (d.refused) {
+    try {
+      const MeshSlices slices(read_mesh(path), printer(410, 410, 50, 50), layer_of(100));
+      ADD_FAILURE() << "was sliced";
+    } catch (const InputError& e) {
+      EXPECT_THAT(e.what(), testing::HasSubstr(d.refused));
+    }
+    return;
   }
-  const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
-  EXPECT_LT(took.count(), 30) << "seconds";  // a second or two where nothing slows it down
+  TriangleMesh mesh = read_mesh(path);
+  scale_to(mesh, 20);
+  const MeshSlices slices(mesh, printer(410, 410, 50, 50), layer_of(100));
+  EXPECT_EQ(slices.report().bridges, d.bridges);
+  EXPECT_EQ(slices.report().turned_triangles, d.turned);
+  // Every slice that the surface goes through in more than a line shows something, and nothing
+  // beyond the mesh's box.
+  const PixelBox b = slices.bounds();
+  const MeshReport report = inspect(mesh);
+  Cutter cutter(mesh, report, slices.grid());
+  slices.read_band({0, 0, 410, 410}, [&](int n, const std::uint8_t* rows) {
+    const double lit = rows ? covered(Bytes(rows, rows + 410 * 410)) : 0;
+    EXPECT_LE(lit, b.width() * b.height());
+    if (cutter.at(n).touched > 100) {
+      EXPECT_GT(lit, 0) << "slice " << n;
+    }
+    if (rows) {
+      for (int i = 0; i < 410 * 410; ++i) {
+        const int x = i % 410, y = i / 410;
+        if (x < b.x0 || x >= b.x1 || y < b.y0 || y >= b.y1) {
+          ASSERT_EQ(rows[i], 0) << "slice " << n << " at " << x << ", " << y;
+        }
+      }
+    }
+  });
 }
 
 // A cube that lacks one of its triangles, one whose triangles face both ways and plain ones.
@@ -1064,8 +1100,8 @@ TEST(MeshSlices, RealBoxesAreFull) {
   for (const char* name :
        {"admesh_block_fill-holes-bad.stl", "admesh_block_normal-directions-bad.stl",
         "prusa_20mmbox-CR.stl", "prusa_20mmbox-CRLF.stl"}) {
-    const fs::path file = meshes() / "dirty" / name;
-    if (!fs::exists(file)) GTEST_SKIP() << "no meshes in " << meshes();
+    const fs::path file = real_mesh(std::string("dirty/") + name);
+    SLICECORR_NEEDS_FILE(file.string());
     TriangleMesh mesh = read_mesh(file.string());
     scale_to(mesh, 20);
     const MeshReport r = inspect(mesh);
@@ -1080,8 +1116,8 @@ TEST(MeshSlices, RealBoxesAreFull) {
 }
 
 TEST(MeshSlices, DemoFileHasItsArea) {
-  const fs::path file = meshes() / "clean" / "UVtools_demo_file.stl";
-  if (!fs::exists(file)) GTEST_SKIP() << "no meshes in " << meshes();
+  const fs::path file = real_mesh("clean/UVtools_demo_file.stl");
+  SLICECORR_NEEDS_FILE(file.string());
   const TriangleMesh mesh = read_mesh(file.string());
   const MeshSlices slices(mesh, printer(2560, 1620, 50, 50), layer_of(100));
   ASSERT_EQ(slices.grid().layers, 10);
@@ -1097,18 +1133,16 @@ TEST(MeshSlices, DemoFileHasItsArea) {
 }
 
 /// Triangles that lie on each other leave as many loose ends in two places: joined at once, and not
-/// by a look at all pairs, which takes minutes for so many.
+/// by a look at all pairs, which takes hours for so many: the test would not end in time.
 TEST(Bridges, OfManyCoincidentTrianglesAreMadeAtOnce) {
   detail::LooseEnds loose;
-  constexpr std::size_t many = 60000;
+  constexpr std::size_t many = 600000;
   loose.ends.assign(many, {1, 1});
   loose.beginnings.assign(many - 2, {4, 5});
   // The nearest come first, whatever their number: two of the ends go where it is nearer.
   loose.beginnings.insert(loose.beginnings.begin() + 7, 2, {1, 2});
   double longest_mm = 0;
-  const auto begin = std::chrono::steady_clock::now();
   const auto joints = detail::bridge(loose, 0.5, 1, longest_mm);
-  EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(5));
   ASSERT_EQ(joints.size(), many);
   const auto to = [&](double x, double y) {
     return std::count_if(joints.begin(), joints.end(),

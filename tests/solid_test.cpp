@@ -11,6 +11,7 @@
 
 #include "ladder.hpp"
 #include "models.hpp"
+#include "real_files.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/slice.hpp"
 #include "stack_fixture.hpp"
@@ -300,8 +301,8 @@ TEST(Solid, DistanceToTheDesignTellsCorrectedFromUncorrected) {
 }
 
 TEST(Solid, Benchy) {
-  const std::string path = SLICECORR_TEST_DATA "/meshes/clean/3DBenchy.stl";
-  if (!std::filesystem::exists(path)) GTEST_SKIP() << path << " is not there";
+  const std::string path = test::real_file("meshes/clean/3DBenchy.stl");
+  SLICECORR_NEEDS_FILE(path);
   const slicecorr::Setup setup = small_setup();
   Placement placement;
   placement.scale = 0.25;
@@ -317,8 +318,6 @@ TEST(Solid, Benchy) {
   EXPECT_EQ(m.defects.misoriented_edges, 0U);
   EXPECT_LT(r.distance_um.mean(), 25);
   EXPECT_NEAR(r.volume_mm3, 15550.5 / 64, 0.05 * 15550.5 / 64);
-  std::printf("Benchy at 0.25: %zu triangles, %.2f mm3, mean %.2f um, largest %.1f um\n",
-              m.triangles, m.volume, r.distance_um.mean(), r.distance_um.greatest());
 }
 
 }  // namespace

@@ -140,9 +140,7 @@ TEST_F(Damage, FlippedBytesInsideOfImages) {
 }
 
 TEST_F(Damage, ReferenceArchive) {
-  if (!std::filesystem::exists(test::reference_uvj())) {
-    GTEST_SKIP() << "no test data at " << test::reference_uvj();
-  }
+  SLICECORR_NEEDS_FILE(test::reference_uvj());
   const Bytes bytes = test::read_file(test::reference_uvj());
   const auto sound = test::read_images(StackReader(test::reference_uvj(), folder_.path()));
   std::mt19937 random(1);

@@ -15,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "real_files.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
 
@@ -173,6 +174,6 @@ inline Bytes& entry(Entries& entries, const std::string& name) {
   return entries.front().second;
 }
 
-inline const char* reference_uvj() { return SLICECORR_TEST_DATA "/slices/uvj/reference.uvj"; }
+inline std::string reference_uvj() { return real_file("slices/uvj/reference.uvj"); }
 
 }  // namespace slicecorr::test

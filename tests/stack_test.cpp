@@ -310,9 +310,7 @@ TEST(Stack, KeepsAllItsParametersExactly) {
 }
 
 TEST(Stack, ReadsTheReferenceArchive) {
-  if (!std::filesystem::exists(test::reference_uvj())) {
-    GTEST_SKIP() << "no test data at " << test::reference_uvj();
-  }
+  SLICECORR_NEEDS_FILE(test::reference_uvj());
   const TemporaryFolder folder;
   const StackReader reader(test::reference_uvj(), folder.path());
   EXPECT_EQ(reader.info().kind, StackKind::foreign);

@@ -11,6 +11,7 @@
 
 #include "ladder.hpp"
 #include "post_fixture.hpp"
+#include "rounds.hpp"
 #include "run_program.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "stack_fixture.hpp"
@@ -69,7 +70,7 @@ TEST_F(WholeFiles, AKilledRunLeavesNoPageOfAnotherStack) {
   std::string now = "b";
   std::mt19937 random(3);
   int killed = 0;
-  for (int round = 0; round < 40; ++round) {
+  for (int round = 0; round < test::rounds(40); ++round) {
     const std::string next = now == "a" ? "b" : "a";
     std::uniform_real_distribution<double> share(0.3, 1.1);
     const RunResult r =

@@ -101,7 +101,7 @@ TEST_P(EveryFormat, TheSameInputGivesTheSameBytes) {
     if (std::filesystem::is_directory(file.path)) {
       std::map<std::string, Bytes> files;
       for (const auto& entry : std::filesystem::directory_iterator(file.path)) {
-        files[path.filename().string()] = test::read_file(path.string());
+        files[entry.path().filename().string()] = test::read_file(entry.path().string());
       }
       for (const auto& [name, data] : files) {
         bytes.insert(bytes.end(), name.begin(), name.end());

@@ -1,5 +1,6 @@
 #include "slicecorr/slice.hpp"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>

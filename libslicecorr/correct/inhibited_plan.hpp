@@ -76,7 +76,7 @@ struct InhibitedPlan {
   std::vector<int> lags;                       ///< slices; to be tried in this order
   std::vector<double> dark_node, dark_middle;  ///< dose that black slices alone leave, per layer
   std::vector<double> dark_far;  ///< the part of dark_node from slices `near` and more layers away
-  /// Dose of black slices at InhibitedKernel::samples places of each layer; layer by layer only.
+  /// Dose of black slices at InhibitedKernel::kSamples places of each layer; layer by layer only.
   std::vector<float> dark_fine;
 
  private:

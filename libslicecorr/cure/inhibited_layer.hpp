@@ -40,8 +40,8 @@ class InhibitedLayer {
   void add(int j, int setting, int level, double weight) { add(j, j, setting, level, weight); }
   /// The same of slices first..last.
   void add(int first, int last, int setting, int level, double weight);
-  /// After the last `add`. Samples of the dose at (i + 1) / samples; the ends are the caller's, as
-  /// is the middle: known better than by the samples.
+  /// After the last `add`. Samples the dose at (i + 1) / kSamples. The doses at the ends and in the
+  /// middle are the caller's: it knows them better than samples do.
   void sample(double lower, double middle, double upper);
   /// The least dose of the layer, as far as it is below `known` or 1, and where it crosses 1.
   void find(double known, InsideLayer& out);

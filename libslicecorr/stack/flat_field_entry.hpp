@@ -1,4 +1,4 @@
-/// @file kFlatFieldEntry.hpp
+/// @file flat_field_entry.hpp
 /// The picture of a printer's flat-field in the archives of stacks that were corrected with it.
 #pragma once
 

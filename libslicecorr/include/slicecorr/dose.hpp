@@ -38,7 +38,7 @@ struct ImageShowing {
 };
 
 /// Doses nearer than this to 1 are 1 where a run might be split: what doses under UV light are
-/// right to (InhibitedKernel::tail_share). Rounding, below 1e-9 of the dose, is less.
+/// right to (InhibitedKernel::kTailShare). Rounding, below 1e-9 of the dose, is less.
 inline constexpr double kSameDose = 1e-6;
 
 /// What the dose does between the two ends of a layer.

@@ -37,7 +37,7 @@ class InhibitedKernel {
   /// Share of UV in the rate at full light below which slices are recursed: the dose is right to
   /// this share.
   static constexpr double kTailShare = 1e-6;
-  /// Where in a layer a dose is asked for: x = j + place / 4 for the slice j layers below.
+  /// Where in a layer a dose is asked for: x = j + position / 4 for the slice j layers below.
   enum LayerPosition { lower_end = 0, quarter = 1, middle = 2, three_quarters = 3, upper_end = 4 };
   static constexpr int kPlaces = 5;
   /// Samples of a layer for what happens inside it.
@@ -68,8 +68,8 @@ class InhibitedKernel {
   const double* table(int setting, LayerPosition place) const {
     return tables_[static_cast<std::size_t>(setting * kPlaces + place)].data();
   }
-  /// The same at x = j + (i + 1) / samples: fine[(j * levels() + level) * samples + i]; made when
-  /// it is first asked for.
+  /// The same at x = j + (i + 1) / kSamples: fine[(j * levels() + level) * kSamples + i]; made
+  /// when it is first asked for.
   const float* fine(int setting) const;
   /// Of all tables together.
   double table_bytes() const {
@@ -145,7 +145,7 @@ class InhibitedKernel {
   std::vector<double> setting_share_;  ///< patterned: of what the lamp's calibration says
   std::vector<int> uv_levels_;
   std::vector<std::uint16_t> slice_setting_;
-  std::vector<std::vector<double>> tables_;  ///< [setting * places + place]
+  std::vector<std::vector<double>> tables_;  ///< [setting * kPlaces + position]
   std::shared_ptr<const detail::FrontProfile> profile_;
   std::vector<Source> sources_;  ///< [setting * levels + level]
   mutable std::vector<std::vector<float>> fine_;

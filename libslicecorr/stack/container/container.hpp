@@ -14,8 +14,8 @@ namespace slicecorr::detail {
 
 enum class ContainerKind { zip, tar_gz, folder };
 
-/// Opened for reading, distrusted: doubled, encrypted, overlapping or strangely named entries are
-/// refused with `InputError`. Entries of folders are not listed.
+/// An archive opened for reading. Doubled, encrypted, overlapping or strangely named entries are
+/// refused with `InputError`. Folders are not listed as entries.
 class Container {
  public:
   struct Entry {

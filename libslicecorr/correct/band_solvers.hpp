@@ -25,11 +25,11 @@ class BandSolver {
   virtual bool has_tiles() const { return false; }
 };
 
-/// For plain models.
+/// The solver of plain models.
 std::unique_ptr<BandSolver> make_continuous_solver(const CorrectionPlan& plan, std::size_t columns);
 
 std::unique_ptr<BandSolver> make_layerwise_solver(const CorrectionPlan& plan, std::size_t columns);
-/// For models with an inhibited kernel, in both modes.
+/// The solver of models with an inhibited kernel, in both modes.
 std::unique_ptr<BandSolver> make_inhibited_solver(const CorrectionPlan& plan, std::size_t columns);
 
 /// The same for one column: levels, and intensities before rounding to levels.

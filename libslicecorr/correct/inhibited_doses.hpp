@@ -21,7 +21,7 @@ class ColumnDoses {
 
   explicit ColumnDoses(const InhibitedPlan& plan);
 
-  /// All slices black.
+  /// Makes all slices black.
   void clear();
   /// Gives slice n its level; slices are added from the last to the first, after clear().
   void add(int n, int level);

@@ -10,7 +10,7 @@
 
 namespace slicecorr::detail {
 
-/// For one thread.
+/// Judges the levels of a column. For one thread.
 class ColumnJudge {
  public:
   ColumnJudge(const InhibitedPlan& plan, const ColumnDesign& design, const ColumnDoses& doses)

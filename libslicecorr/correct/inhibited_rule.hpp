@@ -11,7 +11,7 @@
 
 namespace slicecorr::detail {
 
-/// For one thread.
+/// Chooses the levels of a column by the rule. For one thread.
 class LevelRule {
  public:
   LevelRule(const InhibitedPlan& plan, const ColumnDesign& design, ColumnDoses& doses)

@@ -93,7 +93,7 @@ class Raster {
   std::vector<std::uint64_t> marks_;
   std::vector<PixelSums> sums_;  ///< per pixel; all 0 between slices
   std::vector<std::int32_t>
-      steps_;  ///< per pixel, how the winding changes before its centre; ditto
+      steps_;  ///< per pixel, how the winding changes before its centre; all 0 between slices
 
   std::span<const Segment> segments_;  ///< of this slice
   /// A segment in some rows.
@@ -105,7 +105,7 @@ class Raster {
   };
   std::vector<Crossings> crossings_;  ///< all of this slice: the first crossing_count_
   std::size_t crossing_count_ = 0;
-  // Of the row that is drawn.
+  // What is known of the row that is being drawn.
   std::vector<std::uint32_t> columns_;  ///< of marked pixels
   std::vector<std::uint8_t> levels_;    ///< of these
   std::vector<std::int64_t> areas_;     ///< of these, when nothing overlaps

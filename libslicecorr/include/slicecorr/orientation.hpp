@@ -78,7 +78,7 @@ struct ImageFrame {
   std::optional<Orientation> orientation = Orientation{};
   bool operator==(const ImageFrame&) const = default;
 };
-/// Of images turned.
+/// The frame of images after a turn.
 ImageFrame turned(const ImageFrame& frame, const Turn& turn);
 
 }  // namespace slicecorr

@@ -30,7 +30,7 @@ class PlaceModels {
   /// Throws as `LightMap`; making models throws as `make_cure_model`.
   PlaceModels(const Printer& printer, const Resin& resin, const Process& process,
               const Grid& images, const ImageFrame& frame);
-  /// One model everywhere.
+  /// The same model at every place.
   PlaceModels(const CureModel& everywhere);
   ~PlaceModels();
 

@@ -30,7 +30,7 @@ class Container {
 
   virtual ContainerKind kind() const { return ContainerKind::zip; }
   const std::string& path() const { return path_; }
-  /// Sorted by name.
+  /// All entries, sorted by name.
   const std::vector<Entry>& entries() const { return entries_; }
   const Entry* find(std::string_view name) const;
   bool has(std::string_view name) const { return find(name) != nullptr; }

@@ -38,7 +38,7 @@ struct NotifyTarget {
 /// Reads DIR/notify.toml; none when there is no such file. Throws `InputError` with the line.
 std::vector<NotifyTarget> read_notify_file(const std::string& path);
 
-/// One message.
+/// One message to be sent.
 struct Notice {
   std::string id, kind;
   std::int64_t seq = 0;    ///< event that made it

@@ -66,7 +66,7 @@ class FarmServer {
   std::string address() const;
   /// Serves until `stop`; then open requests are cut off.
   void run();
-  /// From any thread.
+  /// Ends `run`. May be called from any thread.
   void stop();
 
  private:

@@ -35,7 +35,7 @@ class PrintServer {
   std::string address() const;
   /// Serves until `stop`; then open requests are cut off.
   void run();
-  /// From any thread.
+  /// Ends `run`. May be called from any thread.
   void stop();
 
  private:

@@ -144,7 +144,7 @@ struct FitResult {
   double value(std::string_view name) const;
   /// Keys of the contract and more (covariance, points, reciprocity).
   std::string to_json() const;
-  /// For people.
+  /// The result as a text for people.
   std::string to_text() const;
 };
 

@@ -217,10 +217,10 @@ struct Paces {
   bool any() const { return least <= greatest && greatest > 0; }
 };
 
-Paces speeds(const std::vector<LitPlace>& kPlaces, const Printer& printer, const Process& process) {
+Paces speeds(const std::vector<LitPlace>& places, const Printer& printer, const Process& process) {
   // Every dose is inversely proportional to the speed.
   Paces p;
-  for (const LitPlace& place : kPlaces) {
+  for (const LitPlace& place : places) {
     const Doses d = doses_of(*place.model);
     if (place.lit) p.greatest = std::min(p.greatest, process.speed_mm_h * d.lit / place.needed);
     p.least = std::max(p.least, process.speed_mm_h * d.black);
@@ -231,10 +231,10 @@ Paces speeds(const std::vector<LitPlace>& kPlaces, const Printer& printer, const
   return p;
 }
 
-Paces exposures(const std::vector<LitPlace>& kPlaces, const Process& process,
+Paces exposures(const std::vector<LitPlace>& places, const Process& process,
                 const Failing& failing) {
   Paces p;
-  for (const LitPlace& place : kPlaces) {
+  for (const LitPlace& place : places) {
     const double dose = doses_of(*place.model).lit;
     const double shortest_s = is_plain_layerwise(*place.model)
                                   ? layer_exposure_s(process, weakest_layer(*place.model))
@@ -242,7 +242,7 @@ Paces exposures(const std::vector<LitPlace>& kPlaces, const Process& process,
     if (place.lit) p.least = std::max(p.least, shortest_s * place.needed / dose * (1 + kInside));
   }
   if (!std::isfinite(p.least)) return {kInfinity, 0};
-  for (const LitPlace& place : kPlaces) {
+  for (const LitPlace& place : places) {
     const CureModel& model = *place.model;
     const double longest_s = !is_plain_layerwise(model) ? process.exposure_s / doses_of(model).black
                              : failing.lit
@@ -268,9 +268,9 @@ std::optional<PaceWords> in_words(const Paces& p) {
   return std::nullopt;
 }
 
-Failing failing_of(const std::vector<LitPlace>& kPlaces) {
+Failing failing_of(const std::vector<LitPlace>& places) {
   Failing f;
-  for (const LitPlace& p : kPlaces) {
+  for (const LitPlace& p : places) {
     const Doses d = doses_of(*p.model);
     f.lit = f.lit || (p.lit && (!gels(*p.model, d.lit) || d.lit < p.needed));
     f.black = f.black || d.black >= 1.0;
@@ -278,12 +278,12 @@ Failing failing_of(const std::vector<LitPlace>& kPlaces) {
   return f;
 }
 
-std::string speed_way(const std::vector<LitPlace>& kPlaces, const Printer& printer,
+std::string speed_way(const std::vector<LitPlace>& places, const Printer& printer,
                       const Process& process, const Failing& failing) {
-  const Paces paces = speeds(kPlaces, printer, process);
+  const Paces paces = speeds(places, printer, process);
   const auto words = in_words(paces);
   if (!words) {
-    const bool no_travel = std::any_of(kPlaces.begin(), kPlaces.end(), [](const LitPlace& p) {
+    const bool no_travel = std::any_of(places.begin(), places.end(), [](const LitPlace& p) {
       return p.lit && !std::isfinite(p.needed);
     });
     if (no_travel)
@@ -305,9 +305,9 @@ std::string speed_way(const std::vector<LitPlace>& kPlaces, const Printer& print
                      : fmt::format("print {} and {}", faster, slower);
 }
 
-std::string exposure_way(const std::vector<LitPlace>& kPlaces, const Process& process,
+std::string exposure_way(const std::vector<LitPlace>& places, const Process& process,
                          const Failing& failing) {
-  const Paces paces = exposures(kPlaces, process, failing);
+  const Paces paces = exposures(places, process, failing);
   const auto words = in_words(paces);
   if (!words) {
     return std::isfinite(paces.least)
@@ -321,7 +321,7 @@ std::string exposure_way(const std::vector<LitPlace>& kPlaces, const Process& pr
   }
   // A normal exposure that is too long is so for the first layers, too.
   const char* which = "";
-  for (const LitPlace& p : kPlaces) {
+  for (const LitPlace& p : places) {
     const CureModel& model = *p.model;
     if (model.exposure_ratio.empty() || model.inhibited || doses_of(model).black < 1.0) continue;
     which = black_as_a_rule(model)             ? "all layers "
@@ -333,10 +333,10 @@ std::string exposure_way(const std::vector<LitPlace>& kPlaces, const Process& pr
 
 /// What intensities of full light and of black would make all places print at the speed or exposure
 /// asked for. Only without UV light, whose dead zone would matter, too.
-std::string light_way(const std::vector<LitPlace>& kPlaces, const Printer& printer,
+std::string light_way(const std::vector<LitPlace>& places, const Printer& printer,
                       const Failing& failing) {
   double full = 0, black = kInfinity;
-  for (const LitPlace& p : kPlaces) {
+  for (const LitPlace& p : places) {
     const Doses d = doses_of(*p.model);
     if (p.lit) full = std::max(full, std::pow(p.needed / d.lit, 1.0 / p.model->m));
     black = std::min(black, std::pow(1.0 / d.black, 1.0 / p.model->m));
@@ -345,7 +345,7 @@ std::string light_way(const std::vector<LitPlace>& kPlaces, const Printer& print
   black *= printer.calibration.front().intensity_mw_cm2 * (1 - kInside);
   std::string text;
   if (failing.lit && std::isfinite(full)) {
-    const bool reaches = is_plain_layerwise(*kPlaces.front().model);
+    const bool reaches = is_plain_layerwise(*places.front().model);
     text = fmt::format("with {} {} mW/cm²{}", reaches ? "at least" : "more than", at_least(full),
                        failing.black ? " of full light" : "");
   }
@@ -369,17 +369,17 @@ detail::Verdict detail::verdict(const LitPlace& place, const Printer& printer,
   return v;
 }
 
-std::string detail::ways_out(const std::vector<LitPlace>& kPlaces, const Printer& printer,
+std::string detail::ways_out(const std::vector<LitPlace>& places, const Printer& printer,
                              const Process& process) {
-  const Failing failing = failing_of(kPlaces);
-  std::string text = is_continuous(process) ? speed_way(kPlaces, printer, process, failing)
-                                            : exposure_way(kPlaces, process, failing);
-  if (!kPlaces.front().model->inhibited) {
-    if (const std::string light = light_way(kPlaces, printer, failing); !light.empty()) {
+  const Failing failing = failing_of(places);
+  std::string text = is_continuous(process) ? speed_way(places, printer, process, failing)
+                                            : exposure_way(places, process, failing);
+  if (!places.front().model->inhibited) {
+    if (const std::string light = light_way(places, printer, failing); !light.empty()) {
       text += ", or " + light;
     }
-  } else if (kPlaces.size() == 1) {
-    const LitPlace& p = kPlaces.front();
+  } else if (places.size() == 1) {
+    const LitPlace& p = places.front();
     if (const auto uv = working_uv(p.model->inhibited->kinetics(), p.model->layer_um,
                                    level_intensities(printer), *printer.uv, process, p.needed)) {
       text += fmt::format(", or with {} mW/cm² of UV light", *uv);

@@ -356,8 +356,8 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
   }
   // Printers with a dead zone need some 20 um of liquid resin under the part; below half of that
   // the user is told.
-  constexpr double kThin_um = 10;
-  if (p.dead_zones && setup.process.uv.dead_zone_um == 0 && p.dead_zones->least() < kThin_um) {
+  constexpr double kThinUm = 10;
+  if (p.dead_zones && setup.process.uv.dead_zone_um == 0 && p.dead_zones->least() < kThinUm) {
     context.tell(
         fmt::format("the dead zone gets as thin as {:.2g} um; UV light chosen for a dead zone, in "
                     "place of an intensity, keeps more of it",

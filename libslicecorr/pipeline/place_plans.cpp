@@ -231,7 +231,7 @@ class PlaceCheck {
   }
 
   /// The brightest place and all that are lit, with what they need to end within the travel.
-  std::vector<LitPlace> kPlaces() {
+  std::vector<LitPlace> places() {
     const LitPlaces& lit = lit_now();
     const bool none = std::all_of(lit.columns.begin(), lit.columns.end(),
                                   [](std::uint64_t columns) { return columns == 0; });
@@ -247,7 +247,7 @@ class PlaceCheck {
     }
     return all;
   }
-  std::string ways() { return ways_out(kPlaces(), setup_.printer, setup_.process); }
+  std::string ways() { return ways_out(places(), setup_.printer, setup_.process); }
 
   [[noreturn]] void refuse() {
     const LitPlaces& lit = lit_now();

@@ -238,10 +238,10 @@ void VolumeReducer::Band::follow(std::vector<Chosen>& chosen, const Reader& show
                                  const Reader& design) const {
   const ReducedVolume& v = volume_.volume_;
   const LightMap& map = volume_.models_.map();
-  std::vector<Pixel> kPlaces;
+  std::vector<Pixel> places;
   std::vector<std::uint32_t> columns;
   for (Chosen& c : chosen) {
-    kPlaces.push_back({c.column.x, c.column.y});
+    places.push_back({c.column.x, c.column.y});
     columns.push_back(static_cast<std::uint32_t>(c.at));
     c.column.light = map.factor(map.value(c.column.x, c.column.y));
     for (auto* codes : {&c.dose_before, &c.dose_after, &c.grey_before, &c.grey_after}) {
@@ -253,7 +253,7 @@ void VolumeReducer::Band::follow(std::vector<Chosen>& chosen, const Reader& show
     itself[p] = static_cast<std::uint8_t>(p);
     level_of[p] = static_cast<std::uint8_t>(level_of_pixel(static_cast<int>(p), volume_.levels_));
   }
-  PlaceDose dose_before(volume_.models_, kPlaces), dose_after(volume_.models_, kPlaces);
+  PlaceDose dose_before(volume_.models_, places), dose_after(volume_.models_, places);
   std::vector<std::uint8_t> rows(cells_.size());
   const std::size_t size = chosen.size();
   std::vector<std::uint8_t> pixels(size), cover(size), pixels_below(size), cover_below(size);

@@ -542,7 +542,7 @@ TEST_F(SimTest, NoRequestBringsItDown) {
 
 // --- The frame wire
 
-constexpr double kWait_s = 20;
+constexpr double kWaitS = 20;
 
 WireHello hello_for(const Machine& machine, bool lockstep) {
   WireHello hello;
@@ -568,8 +568,8 @@ std::shared_ptr<Frame> frame_of(int number) {
 std::optional<WireMessage> ask(const WireSocket& socket, const WireMessage& message) {
   WireMessage answer;
   try {
-    send_message(socket, message, kWait_s);
-    if (!receive_message(socket, answer, kWait_s)) return std::nullopt;
+    send_message(socket, message, kWaitS);
+    if (!receive_message(socket, answer, kWaitS)) return std::nullopt;
   } catch (const DeviceError&) {
     return std::nullopt;  // reset while we spoke
   }

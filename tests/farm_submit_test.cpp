@@ -357,10 +357,10 @@ TEST_F(Prepare, AllThatIsWrongIsToldAndNothingQueued) {
   add("14", part, [](JobRequest& r) { r.parts.clear(); });
   add("15", dir / "small.toml");
   const std::vector<std::string> errors = refused(list);
-  std::vector<std::string> kPlaces;
-  for (const std::string& e : errors) kPlaces.push_back(e.substr(0, e.find(':')));
-  EXPECT_THAT(kPlaces, ElementsAre("2", "3", "4", "5", "6", "7", "8", "9", "10", "11", "12", "13",
-                                   "14", "15"))
+  std::vector<std::string> places;
+  for (const std::string& e : errors) places.push_back(e.substr(0, e.find(':')));
+  EXPECT_THAT(places, ElementsAre("2", "3", "4", "5", "6", "7", "8", "9", "10", "11", "12", "13",
+                                  "14", "15"))
       << fmt::format("{}", fmt::join(errors, "\n"));
   EXPECT_EQ(queue->unfinished(), 0);
   EXPECT_EQ(files_in(folder.store), 0u);

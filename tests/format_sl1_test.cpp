@@ -473,14 +473,14 @@ TEST(Sl1, ArchivesOfOthers) {
     double pixel_um, layer_um, light_s;
   };
   // Light: by the firmware's rule from the numbers in config.ini.
-  const Sample kSamples[] = {
+  const Sample samples[] = {
       {"UVtools_demo_file.sl1s", 10, 1620, 2560, 50, 100, 115},
       {"layer_change.sl1", 32, 1440, 2560, 47.25, 50, 3.2},
       {"numbers.sl1", 2, 1440, 2560, 47.25, 50, 2},
       // 35 s, 21.25 s, then 18 layers of 7.5 s.
       {"Resin_calibration_linear_object.sl1", 20, 1440, 2560, 47.25, 50, 35 + 21.25 + 18 * 7.5}};
   const TemporaryFolder scratch;
-  for (const Sample& s : kSamples) {
+  for (const Sample& s : samples) {
     const StackReader reader(folder + s.file, scratch.path());
     const StackInfo& info = reader.info();
     EXPECT_EQ(info.grid.layers, s.layers) << s.file;

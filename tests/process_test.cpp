@@ -342,17 +342,17 @@ Resin resin_of(const std::string& doses, const ResinOverrides& overrides = {}) {
 }
 
 // Over he um the areal dose is the volumetric dose times he.
-constexpr double kHeightE_cm = 2000e-4 / kLn10;
+constexpr double kHeightECm = 2000e-4 / kLn10;
 
 TEST(ResinFile, ArealAndVolumetricDoses) {
-  EXPECT_NEAR(resin_of("critical_dose_mj_cm2 = 15").critical_dose_mj_cm3, 15 / kHeightE_cm, 1e-9);
-  EXPECT_NEAR(15 / kHeightE_cm, 172.69, 0.005);  // as the dissertation's egg resin says
+  EXPECT_NEAR(resin_of("critical_dose_mj_cm2 = 15").critical_dose_mj_cm3, 15 / kHeightECm, 1e-9);
+  EXPECT_NEAR(15 / kHeightECm, 172.69, 0.005);  // as the dissertation's egg resin says
   const Resin gel = resin_of("gel_dose_mj_cm3 = 149.6\ndose_factor = 5.0");
   EXPECT_EQ(gel.gel_dose_mj_cm3, 149.6);
   EXPECT_EQ(gel.critical_dose_mj_cm3, 748);
   const Resin areal = resin_of("gel_dose_mj_cm2 = 13\ndose_factor = 2");
-  EXPECT_NEAR(areal.gel_dose_mj_cm3, 13 / kHeightE_cm, 1e-9);
-  EXPECT_NEAR(areal.critical_dose_mj_cm3, 26 / kHeightE_cm, 1e-9);
+  EXPECT_NEAR(areal.gel_dose_mj_cm3, 13 / kHeightECm, 1e-9);
+  EXPECT_NEAR(areal.critical_dose_mj_cm3, 26 / kHeightECm, 1e-9);
   // In base e the height itself is the one that counts.
   const Resin base_e = parse_resin(
       "[cure]\nabsorbance_height_um = 500\nabsorbance_base = \"e\"\ncritical_dose_mj_cm2 = 10\n",
@@ -384,7 +384,7 @@ TEST(ResinFile, KineticModels) {
   // A linear one is both: (mW/cm²) s = mJ/cm².
   const Resin linear = parse_resin(kinetic("m = 1", "critical_dose_prime = 15"), "r.toml");
   EXPECT_EQ(linear.critical_dose_prime, 15);
-  EXPECT_NEAR(linear.critical_dose_mj_cm3, 15 / kHeightE_cm, 1e-9);
+  EXPECT_NEAR(linear.critical_dose_mj_cm3, 15 / kHeightECm, 1e-9);
   const Resin volumetric = parse_resin(kinetic("m = 1.0", "critical_dose_mj_cm3 = 15"), "r.toml");
   EXPECT_EQ(volumetric.critical_dose_mj_cm3, 15);
   EXPECT_EQ(volumetric.critical_dose_prime, 0);
@@ -442,8 +442,8 @@ TEST(ResinFile, Overrides) {
   EXPECT_EQ(r.absorbance_height10_um, 2000);
   // The gel dose is a measurement and stays.
   EXPECT_EQ(resin_of("gel_dose_mj_cm3 = 10\ndose_factor = 5", o).gel_dose_mj_cm3, 10);
-  EXPECT_NEAR(resin_of("gel_dose_mj_cm2 = 10\ndose_factor = 5", o).gel_dose_mj_cm3,
-              10 / kHeightE_cm, 1e-9);
+  EXPECT_NEAR(resin_of("gel_dose_mj_cm2 = 10\ndose_factor = 5", o).gel_dose_mj_cm3, 10 / kHeightECm,
+              1e-9);
   EXPECT_EQ(resin_of("gel_dose_mj_cm3 = 10\ndose_factor = 5", o).critical_dose_mj_cm3, 99);
   // With a dose from outside the file needs none.
   EXPECT_EQ(resin_of("", o).critical_dose_mj_cm3, 99);

@@ -27,7 +27,7 @@ using Settings = slicecorr::Setup;
 using Showing = Recording::Showing;
 
 constexpr Grid kGrid{12, 10, 60, 50, 50, 20};
-constexpr double kSpeed_mm_h = 720, kSpeed_um_s = 200;
+constexpr double kSpeedMmH = 720, kSpeedUmS = 200;
 
 Printer uv_printer(bool patterned = false) {
   Printer p = test::linear_printer(1, 100);
@@ -61,7 +61,7 @@ Cure cure_of(const Resin& r) {
   return c;
 }
 
-Process continuous() { return test::process(kSpeed_mm_h); }
+Process continuous() { return test::process(kSpeedMmH); }
 Process layerwise() {
   Process p;
   p.mode = ExposureMode::layerwise;
@@ -397,7 +397,7 @@ History random_history(unsigned seed, int slices, bool uv) {
       const double end = std::min(1.0, at + 0.1 + any(random));
       const int image = std::max(0, n - static_cast<int>(random() % 3));
       showings.push_back({image, at, end, shares[random() % 3],
-                          kSpeed_um_s * (0.7 + 0.8 * any(random)), uv ? uvs[random() % 2] : 0});
+                          kSpeedUmS * (0.7 + 0.8 * any(random)), uv ? uvs[random() % 2] : 0});
       at = end + (any(random) < 0.2 ? 0.2 * any(random) : 0);
     }
     history.push_back(showings);
@@ -429,7 +429,7 @@ Recording recording_of(const History& history, double m, bool placed) {
     std::vector<Showing> showings;
     for (const Shown& s : history[n]) {
       // Time over that of the plan.
-      const double time = (s.end - s.begin) * kSpeed_um_s / s.speed_um_s;
+      const double time = (s.end - s.begin) * kSpeedUmS / s.speed_um_s;
       const double z = kGrid.layer_um * static_cast<double>(n);
       Showing showing{s.image, std::pow(s.share, m) * time, s.uv_mw_cm2, 0, 0, s.speed_um_s,
                       s.share};
@@ -501,8 +501,8 @@ TEST(RecordedHistory, ContinuousDosesAreThoseOfTheIntegral) {
           for (const Shown& s : history[static_cast<std::size_t>(n)]) {
             // phi = I^m hb / (m s D'c) at the plan's speed.
             const double blue = 1 + 99.0 * images.at(s.image, x, y) / 255.0;
-            phi.push_back((s.end - s.begin) / s.speed_um_s * kSpeed_um_s *
-                          std::pow(s.share * blue, m) * cure.hb_um / (m * kSpeed_um_s) /
+            phi.push_back((s.end - s.begin) / s.speed_um_s * kSpeedUmS *
+                          std::pow(s.share * blue, m) * cure.hb_um / (m * kSpeedUmS) /
                           cure.dose_prime);
           }
           const double d = unevenness(history[static_cast<std::size_t>(n)], phi);

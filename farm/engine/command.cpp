@@ -73,7 +73,8 @@ Command::Command(const std::vector<std::string>& arguments, std::chrono::millise
   envp.push_back(nullptr);
 
   std::array<int, 2> in{-1, -1}, out{-1, -1}, err{-1, -1};
-  // A socket for stdin: writing to a program that has ended must not raise SIGPIPE.
+  // A socket instead of a pipe for stdin, since writing to a program that has ended must not raise
+  // SIGPIPE.
   const bool piped = !program.empty() &&
                      ::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, in.data()) == 0 &&
                      ::pipe2(out.data(), O_CLOEXEC) == 0 && ::pipe2(err.data(), O_CLOEXEC) == 0;
@@ -118,7 +119,8 @@ Command::~Command() {
 }
 
 void Command::kill_it() {
-  // The group, for what it may have started; itself, in case it has not made its group yet.
+  // Kills its group, for what it may have started; and itself, in case it has not made its group
+  // yet.
   ::kill(-pid_, SIGKILL);
   ::kill(pid_, SIGKILL);
 }
@@ -180,7 +182,7 @@ bool Command::wait(std::chrono::milliseconds most) {
     std::vector<pollfd> fds;
     for (const int fd : descriptors()) fds.push_back({fd, POLLIN, 0});
     if (in_ >= 0) fds.push_back({in_, POLLOUT, 0});
-    // What closes its outputs and lives on, and time limits, are noticed by looking again.
+    // Time limits, and programs that close their outputs and live on, are noticed by looking again.
     ::poll(fds.data(), fds.size(),
            static_cast<int>(std::min<long long>(left, fds.empty() ? 2 : 20)));
   }

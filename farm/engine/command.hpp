@@ -25,7 +25,7 @@ struct CommandResult {
 /// when this process ends. An object belongs to one thread, that which made it.
 class Command {
  public:
-  /// What one may print, on either stream: far more than any answer that is used.
+  /// Most bytes that a program may print on either stream: far more than any answer that is used.
   static constexpr std::size_t kLongestOutput = std::size_t{256} << 20;
 
   /// `arguments[0]` is found in $PATH. `environment`: "NAME=value", put in the place of what this
@@ -36,9 +36,10 @@ class Command {
   Command(const Command&) = delete;
   Command& operator=(const Command&) = delete;
 
-  /// Takes what there is to take; true when it has ended and `result` is whole. Does not block.
+  /// Takes what the program has printed; true when it has ended and `result` is whole. Does not
+  /// block.
   bool done();
-  /// The same, waiting for it up to `most`.
+  /// The same, but waits for the end up to `most`.
   bool wait(std::chrono::milliseconds most);
   const CommandResult& result() const { return result_; }
   /// Descriptors that become readable when there is something to take; for poll(2).

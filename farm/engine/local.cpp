@@ -29,13 +29,13 @@ namespace {
 
 using SteadyTime = std::chrono::steady_clock;
 
-/// What is left to the rest of the machine: caches, and whoever else works on it.
+/// Share of the free memory that workers get; the rest is for caches and other programs.
 constexpr double kShareOfFreeMemory = 0.8;
 
 /// A worker that was asked to end gets this long.
 constexpr auto kPatience = std::chrono::milliseconds(800);
 
-/// Waits no longer at a time where the kernel can't tell of ends by itself.
+/// Longest wait at a time where the kernel can't tell of the ends of processes.
 constexpr auto kBlindWait = std::chrono::milliseconds(50);
 
 std::int64_t number_in(const std::string& path) {
@@ -155,7 +155,7 @@ class LocalEngine final : public Engine {
         r.reason = Reason::engine_failed;
         r.message = fmt::format("the worker can't be waited for: {}", std::strerror(errno));
       }
-      // Nothing of its group may stay behind.
+      // No process of its group may stay behind.
       ::kill(-w.pid, SIGKILL);
       if (w.pidfd >= 0) ::close(w.pidfd);
       reports.push_back(std::move(r));
@@ -265,7 +265,8 @@ class LocalEngine final : public Engine {
     const pid_t child = ::fork();
     if (child == 0) {
       ::setpgid(0, 0);
-      // Nothing survives the service unnoticed. It may be gone already.
+      // The worker dies with the service; the service may be gone already, which is asked after
+      // this.
       ::prctl(PR_SET_PDEATHSIG, SIGKILL);
       if (::getppid() != parent) ::_exit(127);
       sigset_t none;
@@ -274,7 +275,7 @@ class LocalEngine final : public Engine {
       ::dup2(nothing, STDIN_FILENO);
       ::dup2(log, STDOUT_FILENO);
       ::dup2(log, STDERR_FILENO);
-      // Of all processes the kernel should take a worker when memory runs out.
+      // When memory runs out the kernel should kill a worker first.
       const int oom = ::open("/proc/self/oom_score_adj", O_WRONLY | O_CLOEXEC);
       if (oom >= 0) {
         [[maybe_unused]] const ssize_t n = ::write(oom, "500", 3);
@@ -285,7 +286,7 @@ class LocalEngine final : public Engine {
     ::close(log);
     ::close(nothing);
     if (child < 0) return fail("no process");
-    ::setpgid(child, child);  // whoever is first
+    ::setpgid(child, child);  // parent and child both do it: one of them is first
     Worker w;
     w.task = task;
     w.pid = child;

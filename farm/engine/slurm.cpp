@@ -34,19 +34,19 @@ namespace {
 constexpr milliseconds kCommandLimit{60'000};
 /// How long a submission is waited for; it goes on when it takes longer.
 constexpr milliseconds kSubmitPatience{1000};
-/// Between listings while something is being cancelled: a user waits for it.
+/// Time between listings while something is being cancelled, since a user waits for it.
 constexpr std::int64_t kHastyMs = 250;
 /// After this, a worker that was asked to end is killed.
 constexpr std::int64_t kForceMs = 1000;
 constexpr std::int64_t kNodesIntervalMs = 15'000;
-/// Between two looks at the cluster while no node takes work.
+/// Time between two looks at the cluster while no node takes work.
 constexpr std::int64_t kNoNodesIntervalMs = 3000;
-/// After a refusal that says "later".
+/// Time without submissions after a refusal that says "later".
 constexpr std::int64_t kRefusedMs = 30'000;
-/// A job that nobody waits for is cancelled after this.
+/// A job in Slurm that no service waits for is cancelled after this time.
 constexpr std::int64_t kStrayMs = 10'000;
 constexpr std::int64_t kSweepIntervalMs = 60'000;
-/// Arrays are kept handy, whatever MaxArraySize allows.
+/// Most tasks in an array, whatever MaxArraySize allows.
 constexpr int kLargestArray = 500;
 
 class SlurmEngine : public Engine {
@@ -71,7 +71,7 @@ class SlurmEngine : public Engine {
     r.largest_memory_mb = cluster_.largest_memory_mb;
     const int most =
         options_.queue_ahead > 0 ? options_.queue_ahead : 2 * std::max(1, cluster_.cores);
-    // Who does not answer gets nothing more.
+    // A cluster that does not answer gets no more tasks.
     if (answers_ && now() >= refused_until_) {
       r.tasks = std::max(0, most - static_cast<int>(held_.size()));
     }
@@ -136,7 +136,7 @@ class SlurmEngine : public Engine {
     take_submissions();
     std::erase_if(orders_, [this](const std::unique_ptr<Command>& c) {
       if (!c->done()) return false;
-      listing_due_ = 0;  // see what came of it
+      listing_due_ = 0;  // list at once, to see what came of it
       return true;
     });
     take_nodes();
@@ -153,7 +153,7 @@ class SlurmEngine : public Engine {
     const auto add = [&](const Command* c) {
       if (!c) return;
       for (const int fd : c->descriptors()) fds.push_back({fd, POLLIN, 0});
-      // Closed its outputs, and ends any moment.
+      // A command that has closed its outputs ends any moment.
       if (c->descriptors().empty()) most = std::min(most, milliseconds(2));
     };
     if (wake_fd >= 0) fds.push_back({wake_fd, POLLIN, 0});
@@ -189,8 +189,8 @@ class SlurmEngine : public Engine {
   void withdraw() override {
     std::vector<std::string> ids;
     for (auto& [token, h] : held_) {
-      // Only what Slurm said to be waiting. One that starts this very moment is stopped, and comes
-      // again.
+      // Only tasks that Slurm said to be waiting. One that starts this very moment is stopped, and
+      // queued again.
       if (!h.told || h.state != TaskState::waiting || h.cancelled_ms != 0 || h.id.empty()) continue;
       h.cancelled_ms = now();
       h.withdrawn = true;
@@ -202,7 +202,7 @@ class SlurmEngine : public Engine {
   void tidy(bool last) override {
     std::erase_if(ending_batches_, [this](const std::string& batch) {
       if (is_submitting(batch)) return false;
-      // One with open attempts is here again when the last of them ends.
+      // A batch with open attempts is looked at again when the last of them ends.
       if (!is_held(batch) && batches_.has_ended(batch)) batches_.remove(batch);
       return true;
     });
@@ -224,7 +224,7 @@ class SlurmEngine : public Engine {
     std::vector<std::string> known;
     for (const Attempt& a : attempts) {
       const auto place = places.find(a.token);
-      // It never came to Slurm, or its end was recorded.
+      // The attempt never came to Slurm, or its end was recorded.
       if (place == places.end()) continue;
       HeldTask h;
       h.token = a.token;
@@ -284,7 +284,7 @@ class SlurmEngine : public Engine {
 
   static std::vector<std::string> nodes_command() { return {"scontrol", "-o", "show", "node"}; }
 
-  /// At the start: without a cluster there is no use in going on.
+  /// Asks for the cluster at the start; throws when it does not answer, as nothing can run then.
   void ask_cluster() {
     const CommandResult config = run_command({"scontrol", "show", "config"}, kCommandLimit);
     const CommandResult nodes = run_command(nodes_command(), kCommandLimit);
@@ -293,7 +293,7 @@ class SlurmEngine : public Engine {
     }
     const auto values = parse_config(config.out);
     if (const auto at = values.find("MaxArraySize"); at != values.end()) {
-      // Numbers of tasks are less than it.
+      // MaxArraySize is 1 more than the greatest number of a task.
       array_limit_ = std::clamp(std::atoi(at->second.c_str()), 1, kLargestArray);
     }
     cluster_ = cluster_of(parse_nodes(nodes.out), options_.partition);
@@ -306,7 +306,7 @@ class SlurmEngine : public Engine {
       try {
         if (r.ok()) cluster_ = cluster_of(parse_nodes(r.out), options_.partition);
       } catch (const Error&) {
-        // The last ones hold until there are others.
+        // The nodes that were told last hold until there is another answer.
       }
       node_listing_.reset();
       nodes_due_ = now() + (cluster_.cores > 0 ? kNodesIntervalMs : kNoNodesIntervalMs);
@@ -386,7 +386,7 @@ class SlurmEngine : public Engine {
         continue;
       }
       if (id != 0 || refusal == Refusal::unsure) {
-        // Without an answer it may be there or not: listings will tell.
+        // Without an answer the batch may be in Slurm or not: listings will tell.
         h->second.since_ms = now();
         if (id != 0) h->second.id = fmt::format("{}_{}", id, h->second.place.second);
         if (id != 0 && h->second.cancelled_ms != 0) cancelled.push_back(h->second.id);
@@ -478,7 +478,7 @@ class SlurmEngine : public Engine {
         const std::int64_t begun = seen ? listing_begun_ : -1;
         report = judge(h, sight, left, begun, now(), patience_);
       }
-      // Only now is it known what to cancel.
+      // The task was to be cancelled before its id in Slurm was known; now it is.
       if (sight && id.empty() && h.cancelled_ms != 0 && sight->job.phase != SlurmPhase::ended) {
         scancel({h.id});
       }
@@ -558,8 +558,8 @@ class SlurmEngine : public Engine {
     }
   }
 
-  /// Once in a while: what was not seen to end, and what is remembered of batches that Slurm has
-  /// forgotten.
+  /// Done once in a while: removes batches that were not seen to end, and forgets what is
+  /// remembered of batches that Slurm has forgotten.
   void sweep() {
     if (!listed_ || now() < sweep_due_) return;
     sweep_due_ = now() + kSweepIntervalMs;
@@ -584,7 +584,7 @@ class SlurmEngine : public Engine {
         h.forced = true;
         kill.push_back(h.id);
       }
-      // Whatever it was that was signalled.
+      // The signal has not helped, whatever process got it.
       if (h.signalled && since >= 2 * kForceMs) {
         h.signalled = false;
         end.push_back(h.id);
@@ -617,7 +617,7 @@ class SlurmEngine : public Engine {
   BatchFolder batches_;
   Patience patience_;
   std::map<std::string, HeldTask> held_;
-  std::map<std::string, int> sizes_;  ///< of batches
+  std::map<std::string, int> sizes_;  ///< number of tasks by batch
   std::set<TaskPlace> ended_;         ///< what we have reported as ended
   std::set<std::string> live_batches_;
   std::set<std::string> ending_batches_;      ///< tasks of them have ended, their folders are there

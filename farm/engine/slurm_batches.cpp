@@ -72,7 +72,7 @@ std::vector<std::string> tasks_in(const std::string& folder, const std::string& 
   return tasks;
 }
 
-/// A folder without anything may be about to be filled.
+/// Whether a folder is so new that it may be about to be filled.
 bool is_young(const fs::path& folder) {
   std::error_code error;
   const auto changed = fs::last_write_time(folder, error);
@@ -92,7 +92,7 @@ BatchFolder::BatchFolder(std::string store) : store_(std::move(store)), folder_(
     return is_token(farm_);
   };
   if (read()) return;
-  // Of two that start at the same time, the first to link gives the name.
+  // Of two services that start at the same time, the first to link gives the name.
   const std::string part = slicecorr::detail::make_temporary(path);
   const slicecorr::detail::Temporary guard{part};
   std::ofstream(part) << random_token() << "\n";

@@ -45,7 +45,8 @@ Mapping parse_label(const std::string& text) {
   return m;
 }
 
-/// Longer than any estimate is wrong by, in steps, so that jobs of like length share an array.
+/// Slurm's time limit, min: estimate times `factor`, rounded up to steps so that jobs of like
+/// length share an array; 0: none.
 int time_limit_min(double expected_s, double factor) {
   if (factor <= 0 || expected_s <= 0) return 0;
   const double minutes = expected_s * factor / 60;
@@ -110,7 +111,7 @@ Cluster cluster_of(const std::vector<SlurmNode>& nodes, const std::string& parti
     const auto& p = n.partitions;
     if (!partition.empty() && std::find(p.begin(), p.end(), partition) == p.end()) continue;
     c.nodes.push_back(n);
-    // The other way round than in `needs_of`.
+    // Undoes what `needs_of` adds to the worker's own limit.
     const std::int64_t worker_mb = (n.memory_mb - kSpareMb - kGrainMb) * 16 / 17;
     c.largest_memory_mb = std::max(c.largest_memory_mb, worker_mb);
     if (!n.usable) continue;
@@ -131,7 +132,7 @@ std::string no_node_works(const Cluster& cluster) {
   for (std::size_t i = 0; i < std::min(most, cluster.nodes.size()); ++i) {
     const SlurmNode& n = cluster.nodes[i];
     text += fmt::format("{}{} is {}", i == 0 ? "" : "; ", n.name, n.state);
-    // Who said so and when is of no use here.
+    // Leaves out who said so and when.
     if (!n.reason.empty()) text += fmt::format(" ({})", n.reason.substr(0, n.reason.find(" [")));
   }
   if (cluster.nodes.size() > most) text += fmt::format("; {} more", cluster.nodes.size() - most);
@@ -221,7 +222,7 @@ std::string job_script(const Batch& batch, const std::string& store, const std::
 Sightings sightings(const std::vector<SlurmJob>& jobs, const std::string& farm,
                     const std::map<std::string, int>& sizes) {
   Sightings seen;
-  // The better one of two of the same task.
+  // Of two records of the same task the one of higher rank is kept.
   const auto rank = [](const SlurmJob& j) {
     switch (j.phase) {
       case SlurmPhase::running:
@@ -239,7 +240,7 @@ Sightings sightings(const std::vector<SlurmJob>& jobs, const std::string& farm,
     Sight sight{job, fmt::format("{}_{}", job.array, task)};
     const auto [at, added] = seen.tasks.try_emplace({batch, task}, sight);
     if (added) return;
-    // An array's own record and that of its task are no doubles.
+    // The record of an array and that of one of its tasks have the same id: these are no doubles.
     const bool same = at->second.id == sight.id;
     const bool better = rank(job) > rank(at->second.job);
     const Sight& worse = better ? at->second : sight;
@@ -251,7 +252,7 @@ Sightings sightings(const std::vector<SlurmJob>& jobs, const std::string& farm,
     if (batch.empty() || job.array == 0) continue;
     for (const int task : job.tasks) add(batch, task, job);
   }
-  // Lists that were cut short: whatever has no record of its own may still be waiting.
+  // Of a list that was cut short, tasks without a record of their own may still be waiting.
   for (const SlurmJob& job : jobs) {
     const std::string batch = batch_of(job.comment, farm);
     const auto size = sizes.find(batch);
@@ -362,7 +363,8 @@ std::optional<TaskReport> judge(HeldTask& held, const Sight* sight, WorkerTrace 
   }
   // A worker that has come to its end is done, whatever Slurm knows of it by now.
   if (left == WorkerTrace::result) return end_report(held, sight, true);
-  // One that was asked to stop, and not by us: Slurm says why, when it has cleaned up.
+  // A worker that was asked to stop by somebody else is judged later: Slurm says why when it has
+  // cleaned up.
   if (left == WorkerTrace::stopped && held.cancelled_ms != 0) return end_report(held, sight, true);
   const bool out_of_patience =
       held.cancelled_ms != 0 && now_ms - held.cancelled_ms >= patience.cancel_ms;
@@ -380,7 +382,7 @@ std::optional<TaskReport> judge(HeldTask& held, const Sight* sight, WorkerTrace 
   const SlurmJob& job = sight->job;
   if (job.phase == SlurmPhase::ended) {
     if (held.ended_since_ms == 0) held.ended_since_ms = now_ms;
-    // Whether a result is to come: not after a signal, nor from the script itself.
+    // Whether a result may still come: not after a signal, nor when the script itself has failed.
     const bool killed =
         job.exit_code < 0 || job.exit_code >= script_no_write || job.state != "COMPLETED";
     const bool by_worker = job.exit_code >= 0 && job.exit_code < script_no_write;

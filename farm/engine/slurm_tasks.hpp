@@ -107,7 +107,7 @@ std::string comment_of(const std::string& farm, const std::string& batch);
 /// The batch of a job of this farm; empty: it is none.
 std::string batch_of(const std::string& comment, const std::string& farm);
 
-/// What Slurm says of one task.
+/// What a listing of Slurm says of one task.
 struct Sight {
   SlurmJob job;
   std::string id;  ///< for scancel: "57_3"

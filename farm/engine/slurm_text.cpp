@@ -78,7 +78,7 @@ SlurmPhase phase_of(const std::string& state) {
   for (const StateRow& row : kStates) {
     if (state == row.name) return row.phase;
   }
-  // A state of a newer Slurm. As running, neither given up nor believed to be done.
+  // A state of a newer Slurm counts as running: neither given up nor believed to be done.
   return SlurmPhase::running;
 }
 
@@ -250,7 +250,7 @@ Refusal refusal_of(const std::string& complaint) {
 }
 
 std::map<std::string, std::string> parse_fields(const std::string& line) {
-  // Where fields begin: after a space, a name, an equals sign.
+  // Finds where fields begin: a space, a name, an equals sign.
   const auto in_name = [](char c) {
     return std::isalnum(static_cast<unsigned char>(c)) ||
            std::string_view(":/[]_-").find(c) != std::string_view::npos;
@@ -303,7 +303,8 @@ std::vector<SlurmNode> parse_nodes(const std::string& text) {
     node.features = split(fields["ActiveFeatures"], ',');
     node.gres = split(fields["Gres"], ',');
     node.reason = fields["Reason"];
-    // A star: it does not answer. Nodes that are powered down start when they are needed.
+    // A star means that the node does not answer. Powered down nodes are usable: Slurm starts them
+    // when they are needed.
     for (const char* bad :
          {"DOWN", "DRAIN", "FAIL", "NOT_RESPONDING", "MAINT", "*", "UNKNOWN", "FUTURE", "REBOOT"}) {
       if (node.state.find(bad) != node.state.npos) node.usable = false;

@@ -2,8 +2,8 @@
 /// What Slurm's commands print, read strictly: an answer that is not whole or not understood is no
 /// answer. All functions throw `DeviceError` then, naming the command.
 ///
-/// `squeue --json` gives exit code 0 and an empty list of jobs when no controller answers: only its
-/// list of errors tells (seen with 22.05). Who took that list for the truth would believe that
+/// `squeue --json` gives exit code 0 and an empty list of jobs when no controller answers; only its
+/// list of errors tells (seen with 22.05). Taken for the truth, that empty list would mean that
 /// everything has ended.
 #pragma once
 

@@ -12,7 +12,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-/// The log leaves the attempt's folder before that goes.
+/// Moves the log out of the attempt's folder, which will be removed; gives its new path.
 std::string keep_log(const FarmFolder& folder, const Attempt& a) {
   const std::string from = folder.attempt(a.token) + "/log.txt";
   const std::string to = folder.log(a.job, a.number);

@@ -28,7 +28,7 @@ Settled give_up_attempt(const FarmFolder& folder, Queue& queue, const Job& job,
 std::vector<std::string> ended_attempt_folders(const FarmFolder& folder, Queue& queue);
 
 /// Files among the stored inputs that the record does not know: a submission failed, or was killed.
-/// To be asked with an `InputLock` of one's own alone.
+/// The caller must hold an exclusive `InputLock` (`InputLock::alone`).
 std::vector<std::string> stray_inputs(const FarmFolder& folder, Queue& queue);
 
 }  // namespace slicecorr::farm::detail

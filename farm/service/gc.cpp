@@ -31,7 +31,8 @@ std::int64_t size_of(const std::string& path) {
   return bytes;
 }
 
-/// Only while no submission is at work: what it stores is in the record when its jobs are.
+/// Collects inputs, but only while no submission is at work: what a submission has stored comes
+/// into the record with its jobs.
 void collect_inputs(const FarmFolder& folder, Queue& queue, const GcOptions& options,
                     GcTotals& totals) {
   const auto lock = InputLock::alone(folder);
@@ -59,7 +60,7 @@ std::vector<std::string> detail::stray_inputs(const FarmFolder& folder, Queue& q
        !error && it != end; it.increment(error)) {
     std::error_code no_file;
     if (!it->is_regular_file(no_file)) continue;
-    // Copies that were being made have names of their own, which no record has.
+    // Copies that were not finished have temporary names, which are in no record.
     if (!queue.knows_input(it->path().filename().string())) list.push_back(it->path());
   }
   return list;
@@ -92,7 +93,8 @@ GcTotals collect_garbage(const FarmFolder& folder, Queue& queue, const GcOptions
     ++totals.results;
     totals.bytes += r.bytes;
     if (options.dry_run) continue;
-    // The record first: an entry without a record is garbage, a record without an entry is a lie.
+    // The record goes first: an entry without a record is just garbage, but a record without an
+    // entry would promise a result that is not there.
     queue.forget_result(r.key, "");
     remove_from_cache(folder, r.key);
   }

@@ -72,16 +72,16 @@ void LeaseKeeper::run(const std::string& database) {
       lost = queue->renew(service_, tokens, doing);
       renewed = true;
     } catch (const Error&) {
-      // Another try follows; what counts is how old the last success gets.
+      // The next try follows soon; only the age of the last success counts.
     }
     lock.lock();
     if (renewed) {
       renewed_steady_ms_ = before;
     } else if (before - renewed_steady_ms_ > kLeaseMs - interval_ms_) {
-      // Others may take these attempts any moment: as good as lost.
+      // Other services may take these attempts over any moment: they count as lost.
       lost = tokens;
     }
-    // What was finished meanwhile has no lease any more, and that is right.
+    // An attempt that was finished meanwhile has no lease, which is no loss.
     for (const std::string& token : lost) {
       if (tokens_.erase(token) > 0) lost_.push_back(token);
     }

@@ -51,10 +51,10 @@ class ServiceLoop {
   ServiceTotals run();
 
  private:
-  /// One look at everything. False: there is nothing more to do.
+  /// One round of the loop over all there is to do. False: there is nothing more to do.
   bool round(bool& started);
-  /// A full disk or a locked database must not end the night: what was begun is kept in mind and
-  /// tried again. After too long it is no passing trouble.
+  /// Bears a full disk or a locked database, which must not end the night: what was begun is
+  /// remembered and tried again. Rethrows when it lasts longer than `kLongestTroubleMs`.
   void endure(const DeviceError& e);
   void say(const std::string& text);
   /// True once per interval of steady time.
@@ -64,14 +64,15 @@ class ServiceLoop {
   /// Why nothing may start now; empty: it may.
   std::string why_idle();
   void tell_change(const std::string& doing);
-  /// The engine's: nothing is taken back for it, it may be over any moment.
+  /// Tells a trouble of the engine. Tasks are not taken back for it, since it may be over any
+  /// moment.
   void tell_trouble(const std::string& trouble);
   void collect();
 
   // starting.cpp
   /// True when a job was started or finished: there may be more to do at once.
   bool start_jobs();
-  /// Claims a job into `taken_`.
+  /// Claims a job and puts it into `taken_`; false: there is none.
   bool take(const EngineCapacity& capacity);
   bool has_disk(const Claim& claim);
   /// Writes the order; none when the job can't be done here.

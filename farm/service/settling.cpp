@@ -30,8 +30,8 @@ void ServiceLoop::end_lost() {
     const auto found = running_.find(token);
     if (found == running_.end()) continue;
     if (engine_.outlives_service()) {
-      // Either somebody else looks after the same work now, or it was given up: then the engine
-      // finds it as a stray.
+      // Either another service looks after the attempt now, or it was given up: then the engine
+      // finds its task as a stray.
       say(fmt::format("job {} {}: lease lost; left to whoever has it", found->second.job.id,
                       found->second.job.name));
       engine_.forget({token});
@@ -65,7 +65,7 @@ void ServiceLoop::note_progress() {
       r.beat_steady_ms = now;
       list.push_back({token, note->stage, note->node, note->fraction, note->layers_done});
     }
-    if (!note && !r.started) r.beat_steady_ms = now;  // it waits in the engine
+    if (!note && !r.started) r.beat_steady_ms = now;  // waits in the engine: does not hang
     if (!r.hung && static_cast<double>(now - r.beat_steady_ms) > settings_.hang_s * 1000) {
       r.hung = true;
       say(fmt::format("job {} {}: no progress for {} s; its worker is ended", r.job.id, r.job.name,
@@ -89,7 +89,7 @@ void ServiceLoop::settle_ended() {
       continue;
     }
     tell_service_stage("ended");
-    // Forgotten only when it is settled: this may throw, and is tried again then.
+    // Removed from `running_` only after this, which may throw and is then tried again.
     settle(it->second, end_of(it->second, *it->second.end));
     leases_->remove(it->first);
     it = running_.erase(it);
@@ -118,7 +118,7 @@ Settled ServiceLoop::end_of(const Running& r, const TaskReport& report) {
     end.exit_code = outcome->exit_code;
     end.reason = outcome->reason;
     end.message = outcome->message;
-    // Somebody else asked it to stop.
+    // Stopped, though not by this service: somebody else asked the worker to stop.
     if (end.reason == Reason::stopped && !stopping_) {
       end.reason = report.reason != Reason::none ? report.reason : Reason::worker_killed;
       if (!report.message.empty()) end.message = report.message;
@@ -132,7 +132,7 @@ Settled ServiceLoop::end_of(const Running& r, const TaskReport& report) {
     end.reason = ended_from_outside ? Reason::worker_killed : Reason::worker_crashed;
     end.message = fmt::format("the worker was ended by signal {}", report.signal);
   } else if (report.exit_code == 4) {
-    // It had no room for its result, or not even for its log.
+    // The worker had no room for its result, or not even for its log.
     end.reason = Reason::disk_full;
     end.message = "the worker could not write its result";
   } else {
@@ -187,7 +187,8 @@ void ServiceLoop::settle(const Running& r, Settled settled) {
 
 void ServiceLoop::recover() {
   if (!std::exchange(swept_, true)) {
-    // Of services that were killed between their last change of the record and tidying up.
+    // Folders that services left which were killed between their last change of the record and
+    // tidying up.
     for (const std::string& path : ended_attempt_folders(folder_, queue_)) {
       std::error_code error;
       fs::remove_all(path, error);
@@ -250,7 +251,7 @@ void ServiceLoop::stop_running() {
     engine_.wait(std::chrono::milliseconds(50), -1);
     settle_ended();
   }
-  // Whoever is still there dies with us; the jobs go back all the same.
+  // Workers that are still there end with this process; their jobs go back into the queue.
   for (const auto& [token, r] : running_) {
     give_up_attempt(folder_, queue_, r.job, r.attempt,
                     without_result(Reason::stopped, "the service was stopped"));

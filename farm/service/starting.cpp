@@ -32,7 +32,7 @@ std::string too_little_room(const std::string& path, std::int64_t free_bytes,
 }
 
 bool ServiceLoop::start_jobs() {
-  // Looking for work takes no writing; but without a change there is none.
+  // Without a change of the record there is no new work: looks at most twice a second then.
   if (!changed_ && !due(retry_at_, 500)) return false;
   bool any = false;
   const std::int64_t begin = clock_.steady_ms();
@@ -45,14 +45,14 @@ bool ServiceLoop::start_jobs() {
       any = true;
       const Claim claim = taken_.back();
       if (!has_disk(claim)) {
-        // put back
+        // it was put back into the queue
       } else if (claim.cached) {
         deliver_cached(claim);
       } else if (const auto task = order(claim, capacity)) {
         capacity.memory_mb -= task->memory_mb;
         capacity.cores -= task->threads;
         tasks.push_back(*task);
-        continue;  // stays taken until the engine has it
+        continue;  // the claim stays in `taken_` until the engine has the task
       }
       leases_->remove(claim.token);
       std::erase_if(taken_, [&](const Claim& c) { return c.token == claim.token; });
@@ -71,8 +71,8 @@ bool ServiceLoop::take(const EngineCapacity& capacity) {
   request.free_memory_mb = capacity.memory_mb;
   request.largest_memory_mb = capacity.largest_memory_mb;
   request.full_folders.assign(full_folders_.begin(), full_folders_.end());
-  // While somebody waits too long for memory, nobody overtakes; with nothing running there is
-  // nothing to wait for.
+  // While a job has waited too long for memory, no other may overtake it, unless nothing runs: then
+  // no memory will come free by waiting.
   request.may_overtake = waiting_since_ms_ == 0 ||
                          clock_.steady_ms() - waiting_since_ms_ < kOvertakingMs || running_.empty();
   const auto claim = queue_.claim(request);
@@ -113,7 +113,7 @@ std::optional<Task> ServiceLoop::order(const Claim& claim, const EngineCapacity&
                                               without_result(reason, message)));
     return std::nullopt;
   };
-  // One that ran out of memory gets more of it, and needs less with one thread.
+  // A job that ran out of memory gets more of it, and only one thread, so that it needs less.
   const std::int64_t waiting = claim.memory_failures > 0 ? 1 << 20 : queue_.claimable() + 1;
   Engine::Share share = engine_.share(capacity, waiting, base, each);
   if (claim.memory_failures > 0) {

@@ -10,7 +10,8 @@
 namespace slicecorr::bridge {
 namespace {
 
-/// In which a stage that arrives somewhat off comes to rest.
+/// A stage that arrives off its target, but within its tolerance, gets this long to come to rest,
+/// s.
 constexpr double kRestS = 0.2;
 
 }  // namespace
@@ -56,7 +57,7 @@ void Controller::Impl::command_move(double target_um, double speed_um_s,
   out.target_um = target_um;
   out.speed_um_s = speed_um_s;
   out.acceleration_um_s2 = acceleration_um_s2;
-  // What registers make of it is what the machine does.
+  // The motion as registers can express it, because the machine will do that.
   SetPoints told = out;
   if (machine.modbus) told = decode_set_points(*machine.modbus, encode(*machine.modbus, out));
   if (!machine.modbus || !machine.modbus->write.contains(Signal::acceleration_um_s2)) {
@@ -81,7 +82,8 @@ void Controller::Impl::hold() {
 
 bool Controller::Impl::arrived() const {
   if (move || !stands_since_s) return false;
-  // Near by at once; further off, as it may be, when it has had time to come to rest.
+  // Very near its target the stage has arrived at once; elsewhere within its tolerance only after
+  // it has had time to come to rest.
   const double off = std::abs(status.stage_um - stage.commanded().target_um());
   const double near_um = std::max(1.0, machine.stage.tolerance_um / 4);
   return off <= near_um || (off <= machine.stage.tolerance_um && now_s - *stands_since_s >= kRestS);
@@ -227,7 +229,7 @@ void Controller::Impl::go_uv_on() {
 
 double Controller::Impl::print_target_um() const {
   if (plan.lamps_follow()) return plan.end_um;
-  // Far enough for the ramp, and for the lamp to go off before it.
+  // Beyond the print's end by the ramp, and by the way in which the lamp goes off before the ramp.
   const double target = plan.end_um + plan.ramp_um + 4 * limits.cycle_s * plan.speed_um_s;
   return machine.stage.travel_um > 0 ? std::min(target, machine.stage.travel_um) : target;
 }
@@ -236,10 +238,10 @@ void Controller::Impl::go_printing() {
   switch (act) {
     case Act::begin:
       if (plan.lamps_follow()) {
-        show(0, plan.start_um, now_s);  // dark still: the lamp begins with the stage
+        show(0, plan.start_um, now_s);  // the lamp is still dark: it begins with the stage
         return turn_to(Act::show_first);
       }
-      out.blue_share = 1;  // behind black
+      out.blue_share = 1;  // while the display shows black
       rising = true;
       return turn_to(Act::blue_settle);
     case Act::blue_settle:
@@ -277,7 +279,7 @@ void Controller::Impl::plan_next_frame() {
   if (next_frame > frames || (last && plan.lamps_follow())) return;
   const int number = last ? kBlackFrame : next_frame;
   const double planned = last ? plan.end_um : plan.frame_um(number);
-  // It must be on its way now if it is due before the next but one cycle.
+  // The frame is sent to the display in this cycle if it is due before the next cycle but one.
   double early = now_s + limits.display_latency_s;
   double late = early + 2 * limits.cycle_s;
   if (stage.position_um(late) < planned) return;
@@ -299,18 +301,18 @@ void Controller::Impl::follow() {
   };
   const bool run_up = !plan.lamps_follow() && phase == Phase::printing && frame < 0 &&
                       next_frame <= 1 && stage.position_um(now_s) < plan.start_um;
-  // Half a cycle ahead: the middle of the time for which it holds.
+  // Half a cycle ahead: the middle of the time for which the set-point holds.
   const double share = run_up ? 1 : share_at(now_s + limits.cycle_s / 2);
   out.blue_share = share;
   if (!plan.uv) return;
-  // UV light goes with it, so that the dose stays the same; ahead of it on the way up and behind it
-  // on the way down, so that the window stays clear.
+  // UV light follows blue light, so that the dose stays the same: it rises earlier and falls later,
+  // so that resin at the window never cures.
   shares.push_back({now_s, share});
   while (shares.size() > 1 &&
          shares.front().at_s < now_s - machine.blue.settle_s - limits.cycle_s) {
     shares.pop_front();
   }
-  // While blue is dark UV light stays as it is: on before it, and off after it.
+  // While blue is dark UV light stays as it is: it is on before blue, and goes off after it.
   if (share <= 0) return;
   double uv_follows = run_up ? 1 : share_at(now_s + 2 * limits.cycle_s);
   for (const Share& s : shares) uv_follows = std::max(uv_follows, s.share);
@@ -431,7 +433,7 @@ void Controller::Impl::go_raising() {
 
 void Controller::Impl::go_done() {
   out.command = Command::off;
-  // The answer to it, or two tries: everything is dark and stands.
+  // Waits for the machine's answer, for two tries at most: everything is dark and stands already.
   if (act == Act::begin) {
     tries = 1;
     return turn_to(Act::finish);
@@ -443,14 +445,15 @@ void Controller::Impl::go_fault() {
   out.blue_share = out.uv_mw_cm2 = 0;
   if (phase == Phase::lamps_off) {
     if (act == Act::begin) {
-      // The stage goes on: a stop would come before the lamps are off.
+      // The stage is not stopped yet: it would stand before the lamps are off.
       fault_at_s = now_s;
       lamps_taken = stop_taken = false;
       tries = 1;
       event("lamps off", "asked");
       return turn_to(Act::finish);
     }
-    // Where nobody answers, the machine's own watchdog, which nobody feeds, has had its time.
+    // Where the machine does not answer, waits until its own watchdog, which gets no heartbeat, has
+    // had time to put the lamps off.
     ++tries;
     if (!lamps_taken && (tries <= 2 || in_act_s() < limits.watchdog_s)) return;
     event("lamps off", lamps_taken ? "answered" : "not answered");
@@ -482,10 +485,10 @@ void Controller::Impl::go_fault() {
     enter(Phase::failed, fault_detail);
     return go_fault();
   }
-  // It goes on being asked, until the machine's own watchdog must long have acted.
+  // Lamps off and stop are asked for again, until the machine's own watchdog must long have acted.
   const double since_s = now_s - fault_at_s;
   if ((!lamps_taken || !stop_taken) && since_s <= 2 * limits.watchdog_s) return;
-  // Until lamps have had their time to go dark.
+  // Waits until lamps have had their time to go dark.
   const bool bright = begun && !(heard_since() && measured_dark());
   if (bright && (lamps_taken || heard_since()) &&
       since_s < 1 + machine.blue.settle_s + machine.uv.settle_s) {

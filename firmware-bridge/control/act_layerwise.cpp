@@ -10,8 +10,9 @@ namespace slicecorr::bridge {
 
 void Controller::Impl::go_layers() {
   const int n = next_frame;
-  // Black gives light, too: the image comes before the lamp, and the lamp times the begin of the
-  // exposure and the display its end; but for lamps that take long to come to their light.
+  // Black pixels give light, too. So the image is shown before the lamp is lit: the lamp begins the
+  // exposure, and the display ends it with black. Lamps that warm up slowly are lit before the
+  // image.
   const bool lamp_first = machine.blue.warm_up_s > 0;
   switch (act) {
     case Act::begin: {
@@ -23,7 +24,8 @@ void Controller::Impl::go_layers() {
         enter(Phase::pausing);
         return go();
       }
-      // The part comes off the window before it goes to its next place; the platform has none.
+      // The part is lifted off the window before it goes to its next place. Before the first layer
+      // there is no part.
       const bool lift = n > 0 && machine.stage.lift_um > 0;
       const double top = std::min(plan.frame_um(n - 1) + machine.stage.lift_um,
                                   machine.stage.travel_um > 0 ? machine.stage.travel_um : 1e300);
@@ -67,7 +69,7 @@ void Controller::Impl::go_layers() {
       out.blue_share = 1;
       return turn_to(Act::light);
     case Act::light: {
-      // The exposure begins when the machine has taken the lamp over.
+      // The exposure begins when the machine has answered that it took the lamp's set-point over.
       const auto lit_s = dry_run ? std::optional(now_s) : blue.confirmed_at_s();
       if (!lit_s) return;
       shown_at_s = *lit_s + machine.blue.settle_s / std::log(100.0);

@@ -16,7 +16,8 @@ Controller::Impl::Impl(PrintPlan p, Machine m, bool dry)
       frames(static_cast<int>(plan.frames.size())),
       blue(machine.blue, machine.limits.cycle_s),
       uv(machine.uv, machine.limits.cycle_s) {
-  // A stage that stands still must not be forgotten to be expected further on.
+  // Forgetting must be so slow that a stage that stands still falls behind its commanded motion by
+  // more than the tolerance, and is noticed.
   if (plan.speed_um_s > 0) {
     stage.set_forgetting_s(std::max(2.0, 3 * machine.stage.tolerance_um / plan.speed_um_s));
   }
@@ -52,7 +53,7 @@ Controller::~Controller() = default;
 
 Step Controller::step(const std::optional<Answer>& answer, double now_s) {
   Impl& s = *impl_;
-  // What was told between cycles stays in: events of `fail`.
+  // Keeps what was added between cycles: events of `fail`.
   Step kept = std::exchange(s.step, Step{});
   s.step.events = std::move(kept.events);
   const double gap_s = s.started ? now_s - s.now_s : 0;
@@ -62,7 +63,7 @@ Step Controller::step(const std::optional<Answer>& answer, double now_s) {
     s.last_answer_s = now_s;
     s.enter(Phase::connecting);
   }
-  // Else the machine would be blamed for what it did not hear.
+  // Noticed first, or the machine would be blamed for what it was not sent.
   if (gap_s > std::min(s.limits.heartbeat_timeout_s, s.limits.watchdog_s) && !s.failing() &&
       s.phase != Phase::done) {
     s.fail(Fault::bridge_stopped,
@@ -74,21 +75,22 @@ Step Controller::step(const std::optional<Answer>& answer, double now_s) {
   if (answer) s.take(*answer);
   s.take_reports();
   s.judge_time();
-  // Twice: what is found wrong while deciding what comes next still goes out as lamps off.
+  // Two passes: a fault that go() finds still turns the lamps off in this cycle.
   for (int pass = 0; pass < 2; ++pass) {
     if (s.fault != Fault::none && !s.failing()) s.enter(Phase::lamps_off, s.fault_detail);
     s.go();
     if (s.fault == Fault::none || s.failing()) break;
   }
-  // Its exposure has no end that is known of.
+  // On a fault the row of a running exposure is written without its end, which nobody knows.
   if (s.failing() && s.exposing) s.step.records.push_back(*std::exchange(s.exposing, {}));
   SetPoints& out = s.out;
   if (s.dry_run || s.failing()) out.blue_share = out.uv_mw_cm2 = 0;
   out.sequence = s.next_sequence;
   s.next_sequence = static_cast<std::uint16_t>(s.next_sequence + 1);
-  if (s.next_sequence == 0) s.next_sequence = 1;  // 0 is what a machine says that has just begun
-  // An exchange that failed feeds no watchdog: the machine's own acts while nobody knows what it
-  // takes.
+  if (s.next_sequence == 0)
+    s.next_sequence = 1;  // 0 is what a machine echoes that has just started
+  // The heartbeat changes after good exchanges only. While it is not known what the machine takes
+  // over, its own watchdog is to act.
   if (s.answered) ++out.heartbeat;
   out.job = s.begun && s.phase != Phase::done;
   out.watchdog_s = s.limits.watchdog_s;

@@ -11,12 +11,12 @@
 namespace slicecorr::bridge {
 namespace {
 
-/// Longest wait for a machine that was never heard of.
+/// Longest wait for the first answer of a machine, s.
 constexpr double kConnectS = 5;
-/// In which the stage must have followed its commanded motion to the end.
+/// After its commanded motion has ended the stage must have arrived within this time, s.
 constexpr double kLateArrivalS = 2;
 
-/// Two figures with as many digits as tell one from the other.
+/// Two figures as texts, with so many digits that they differ.
 std::pair<std::string, std::string> told_apart(double a, double b) {
   for (int digits = 3; digits < 17; ++digits) {
     auto one = fmt::format("{:.{}g}", a, digits), other = fmt::format("{:.{}g}", b, digits);
@@ -72,12 +72,13 @@ void Controller::Impl::check_sequence(const Answer& answer) {
     fail(Fault::machine_restarted,
          fmt::format("it has not taken over set-points for {:.0f} ms", age_s * 1e3));
   }
-  // The motion counts from when the machine knows of it.
+  // The commanded motion begins when the machine has taken it over.
   if (move) {
     const auto moved = std::find_if(sent.begin(), sent.end(),
                                     [&](const Sent& s) { return s.sequence == move->sequence; });
     if (moved != sent.end() && moved <= found.base() - 1) {
-      // Some time between its sending and this answer: answers before it may have been lost.
+      // That was some time between sending it and this answer, since earlier answers may have been
+      // lost.
       const double last_s = answer.at_s + answer.within_s;
       move_within_s = std::max(0.0, last_s - moved->at_s) / 2;
       stage.command(move->target_um, move->speed_um_s, move->acceleration_um_s2,
@@ -140,7 +141,7 @@ void Controller::Impl::check_state() {
   }
   if (!not_running_since_s) not_running_since_s = status_at_s;
   const bool at_once = state != MachineState::idle || seen_running;
-  // It may take over the command to run with the next exchange only.
+  // A machine that was idle may take the command to run over with the next exchange only.
   if (at_once || *status_at_s - *not_running_since_s > limits.heartbeat_timeout_s) {
     fail(Fault::machine_restarted, fmt::format("the machine is {}, expected running",
                                                state == MachineState::fault     ? "in a fault"
@@ -153,7 +154,7 @@ void Controller::Impl::check_stage() {
   if (phase == Phase::connecting || phase == Phase::done || move) return;
   const double error = std::abs(stage.error_um());
   worst_stage_error_um = std::max(worst_stage_error_um, error);
-  // Two cycles of its way: when exactly a command was taken over is not known better.
+  // Allows the way of two cycles, since it is not known better when a command was taken over.
   const double allowed = machine.stage.tolerance_um + (2 * limits.cycle_s + move_within_s) *
                                                           std::abs(stage.commanded().speed_um_s());
   if (error > allowed) {
@@ -197,7 +198,7 @@ void Controller::Impl::check_lamps() {
     return;
   }
   if (!uv_short_since_s) uv_short_since_s = status_at_s;
-  // While lamps settle one may be ahead of the other.
+  // While lamps settle, one may be ahead of the other: too little UV light is borne for so long, s.
   const double borne = std::max(machine.blue.settle_s, machine.uv.settle_s) + 2 * limits.cycle_s;
   if (*status_at_s - *uv_short_since_s > borne) {
     const auto [has, needs] = told_apart(measured, least);
@@ -241,14 +242,14 @@ void Controller::Impl::judge_frame(const FrameReport& report) {
     worst_late_um = std::max(worst_late_um, late);
   } else if (plan.mode == ExposureMode::layerwise && phase == Phase::printing &&
              act == Act::expose && report.number < 0) {
-    // What counts here is for how long the layer was exposed.
+    // Black after a layer: what counts is how much too long the layer was exposed, ms.
     late = (light_at_s - asked.at_s) * 1e3;
     borne =
         std::max(limits.cycle_s, 0.01 * plan.frames[static_cast<std::size_t>(frame)].exposure_s) *
         1e3;
     unit = "ms";
   }
-  // Too early is as wrong as too late.
+  // Along the stage's way too early is as wrong as too late.
   const char* const side = late < 0 ? "early" : "late";
   const double off = moving ? std::abs(late) : late;
   const bool is_late = off > borne;
@@ -330,7 +331,7 @@ void Controller::Impl::judge_time() {
   }
   if (!pending) return;
   if (act == Act::move && plan.mode == ExposureMode::continuous && phase == Phase::printing) {
-    // It may have appeared two cycles ago without having been told of.
+    // The frame may have appeared up to two cycles ago and not have been reported yet.
     const double passed = stage.position_um(now_s - 2 * limits.cycle_s) - pending->planned_um;
     const double borne = limits.max_late_um * (limits.max_late_frames > 0 ? 10 : 1);
     if (passed > borne) {

@@ -10,7 +10,7 @@ namespace slicecorr::bridge {
 void LampJudge::asked(double share, std::uint64_t count, double at_s) {
   if (!asked_.empty() && asked_.back().share == share) return;
   asked_.push_back({at_s, share, count, false});
-  // The last one before the time that matters stays: it was in force then.
+  // Of the set-points before the time that matters the last one is kept: it was in force then.
   while (asked_.size() > 2 && asked_[1].confirmed &&
          asked_[1].at_s < at_s - drive_.settle_s - 10 * cycle_s_ - 1) {
     asked_.pop_front();
@@ -26,7 +26,8 @@ void LampJudge::confirmed(std::uint64_t count, double at_s) {
 }
 
 std::pair<double, double> LampJudge::range(double at_s) const {
-  // Two cycles: an answer tells of set-points, not of what the lamp's driver has made of them.
+  // Two cycles more, because an answer confirms set-points, not what the lamp's driver makes of
+  // them.
   const double from_s = at_s - drive_.settle_s - 2 * cycle_s_;
   double least = 0, most = 0;
   bool first = true;

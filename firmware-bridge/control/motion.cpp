@@ -23,7 +23,8 @@ void CommandedMotion::advance(double time_s) {
   double left = time_s - time_;
   if (!(left > 0)) return;
   time_ = time_s;
-  // Pieces of constant acceleration: at most turning round, speeding up, going, slowing down.
+  // Pieces of constant acceleration, of which there are at most: stop to turn round, speed up, go
+  // at constant speed, slow down.
   for (int piece = 0; piece < 8 && left > 0; ++piece) {
     const double way = target_ - position_;
     if (way == 0 && speed_ == 0) return;
@@ -35,14 +36,14 @@ void CommandedMotion::advance(double time_s) {
       rate = a;
       time = -v / a;
     } else if (v > 0 && d <= braking * (1 + 1e-12)) {
-      // What is needed to stop at the target; more than `a` when it was moved nearer.
+      // The rate that stops at the target; more than `a` where the target was moved nearer.
       rate = d > 0 ? -v * v / (2 * d) : -a;
       time = v / -rate;
     } else if (v > most_) {
       rate = -a;
       time = (v - most_) / a;
     } else if (v < most_) {
-      // Up to the speed, or to where braking begins.
+      // Speed up to the speed asked for, or to where braking begins.
       rate = a;
       const double peak = std::sqrt(a * d + v * v / 2);
       time = (std::min(most_, peak) - v) / a;
@@ -59,7 +60,7 @@ void CommandedMotion::advance(double time_s) {
     position_ += side * (v * t + rate * t * t / 2);
     speed_ = side * (v + rate * t);
     left -= t;
-    // Ends of pieces are exact, so that rounding leaves nothing to chase.
+    // Ends of pieces are set exactly, so that rounding leaves no rest of the way.
     if (t == time && rate < 0 && v <= most_ * (1 + 1e-12) && d <= braking * (1 + 1e-9)) {
       position_ = target_;
       speed_ = 0;
@@ -101,14 +102,15 @@ void StageEstimate::measure(double position_um, const double* speed_um_s, double
   if (dt > 0) {
     offset_ += drift_ * dt;
     const double rest = beyond(off - offset_);
-    // With a measured speed positions say little about it; without, they are all there is.
+    // The drift follows the measured speed where there is one, else the positions alone.
     offset_ += 0.3 * rest;
     if (speed_um_s != nullptr) {
       drift_ += 0.5 * (*speed_um_s - motion_.speed_um_s() - drift_);
     } else {
       drift_ += 0.05 * rest / dt;
     }
-    // While it speeds up or slows down a shift would change how it goes on.
+    // Only at constant speed: while the motion speeds up or slows down a shift would change its
+    // course.
     const double forget = motion_.cruises() ? error_ * std::min(1.0, dt / forgetting_s_) : 0;
     motion_.shift(forget);
     offset_ -= forget;
@@ -131,7 +133,7 @@ double StageEstimate::position_um(double at_s) const {
     return before->position_um + share * (after->position_um - before->position_um);
   }
   const CommandedMotion then = motion_.at(at_s);
-  // A stage that stands does not drift away.
+  // A stage that has arrived does not drift.
   const double drift = then.arrived() ? 0 : drift_;
   return then.position_um() + offset_ + drift * (at_s - measured_at_);
 }

@@ -9,12 +9,12 @@ namespace slicecorr::bridge {
 /// The motion that was commanded: constant acceleration up to a speed, then down to a target.
 class CommandedMotion {
  public:
-  /// There, standing or going.
+  /// Puts the motion there, standing or going at a speed.
   void place(double position_um, double at_s, double speed_um_s = 0);
   void move(double target_um, double speed_um_s, double acceleration_um_s2, double at_s);
   /// Lets the motion go on; never back in time.
   void advance(double time_s);
-  /// The whole motion is a bit further: the slow part of what is measured.
+  /// Moves the whole motion on: for differences from the measured stage that last.
   void shift(double by_um) { position_ += by_um; }
   double position_um() const { return position_; }
   double speed_um_s() const { return speed_; }
@@ -34,26 +34,28 @@ class CommandedMotion {
   double target_ = 0, most_ = 0, acceleration_ = 1;
 };
 
-/// Follows the measured positions: their difference from the commanded motion, and how fast it
-/// changes. Ramps are the commanded motion's, so that they need no settling here.
+/// Estimates where the stage is: the commanded motion plus an offset, which follows the measured
+/// positions, and a drift of the offset. Ramps are part of the commanded motion, so the estimate
+/// need not settle after them.
 class StageEstimate {
  public:
   void start(double position_um, double at_s);
-  /// A new motion, from where the stage is and as fast as it goes.
+  /// Begins a new motion from the estimated position and speed.
   void command(double target_um, double speed_um_s, double acceleration_um_s2, double at_s);
-  /// A measurement of some time within `within_s` of `at_s`: what the stage may have gone in that
-  /// time is no difference. `speed_um_s` null where the machine has none.
+  /// Takes a measurement that was true some time within `within_s` of `at_s`: the way that the
+  /// stage may go in that time does not count as a difference. `speed_um_s`: null where none is
+  /// measured.
   void measure(double position_um, const double* speed_um_s, double at_s, double within_s = 0);
   /// Position and speed at a time, past (as far as is remembered) or to come.
   double position_um(double at_s) const;
   double speed_um_s(double at_s) const;
-  /// Measured less commanded.
+  /// Measured less commanded position.
   double error_um() const { return error_; }
   double measured_um() const { return measured_; }
   double measured_at_s() const { return measured_at_; }
   const CommandedMotion& commanded() const { return motion_; }
-  /// Over what time a lasting difference counts as the stage's own idea of its speed. Frames and
-  /// lamps follow the measured stage, so that it does no harm.
+  /// Time over which a lasting difference is taken into the commanded motion: a stage whose speed
+  /// is a little off. That does no harm, since frames and lamps follow the measured stage.
   void set_forgetting_s(double s) { forgetting_s_ = s; }
 
  private:

@@ -8,7 +8,7 @@
 namespace slicecorr::bridge {
 namespace {
 
-/// Cycles between a request and the stage doing it, at most.
+/// Most cycles from a request until the stage begins to do it.
 constexpr double kReactionCycles = 4;
 
 /// Why lamps can't follow the stage to a stop; empty when they can.
@@ -47,7 +47,8 @@ PausePlace pause_place(const PrintPlan& plan, const Machine& machine, double sta
     }
     return place;
   }
-  // A stretch of dark slices in which the stage stops, and reaches its speed again.
+  // The stretch of dark slices that is needed for the stage to stop and to reach its speed again,
+  // um.
   const double way_um = 2 * plan.ramp_um + reaction_um;
   const int slices = static_cast<int>(plan.frames.size());
   const int present =

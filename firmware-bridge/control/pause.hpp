@@ -10,7 +10,7 @@ namespace slicecorr::bridge {
 struct PausePlace {
   bool possible = false;
   double stop_um = 0;  ///< where the stage stops
-  std::string why;     ///< why not, and where next
+  std::string why;     ///< why it can't stop now, and where it could next
 };
 
 /// Continuous: the stage is at `stage_um` with the print's speed; `shown` is the frame on the

@@ -10,10 +10,10 @@
 namespace slicecorr::bridge {
 namespace {
 
-/// What no machine of this kind measures: colder than any workshop, hotter than any resin bears,
-/// several times faster or brighter than it can be.
+/// Limits of what a machine can measure: a workshop is not colder and no resin bears to be hotter,
+/// °C; and how many times faster or brighter than possible counts as wrong.
 constexpr double kColdestC = -40, kHottestC = 400, kTimesFaster = 4, kTimesBrighter = 2;
-/// Beyond the ends of its travel a stage may be measured by so many tolerances.
+/// A stage may be measured beyond the ends of its travel by so many times its tolerance.
 constexpr double kTolerancesBeyond = 2;
 
 class Reasons {
@@ -102,7 +102,7 @@ std::string against_start(const Machine& machine, const Status& s, bool machine_
            ": see why, whether a part is on it and lamps are off, then `printbridge reset`";
   }
   if (!open.empty()) return open + ": see to it";
-  // A machine that remembers prints says so itself.
+  // A machine that remembers failed or unfinished prints would say so; then home is not checked.
   if (machine_is_clear || s.latched || s.job_kept) return {};
   const Stage& stage = machine.stage;
   if (s.stage_um <= stage.home_um + stage.tolerance_um ||

@@ -70,15 +70,15 @@ struct Controller::Impl {
   // The stage.
   StageEstimate stage;
   struct Move {
-    std::uint16_t sequence;  ///< with which it goes out first
+    std::uint16_t sequence;  ///< of the set-points with which it goes out first
     double target_um, speed_um_s, acceleration_um_s2;
   };
-  std::optional<Move> move;  ///< commanded, but not yet seen to be taken over
+  std::optional<Move> move;  ///< commanded, but not known to be taken over yet
   double move_limit_s = 0;   ///< when it must have arrived
-  double move_within_s = 0;  ///< by which it is not known when the last one was taken over
+  double move_within_s = 0;  ///< how far off the time may be at which the last one was taken over
   /// Since when the commanded motion is at its end.
   std::optional<double> stands_since_s;
-  double highest_um = 0;  ///< while printing
+  double highest_um = 0;  ///< stage position reached so far while printing
   double worst_stage_error_um = 0;
 
   // The lamps.
@@ -88,24 +88,24 @@ struct Controller::Impl {
   struct Share {
     double at_s, share;
   };
-  std::deque<Share> shares;  ///< asked of the blue lamp lately
+  std::deque<Share> shares;  ///< asked of the blue lamp within its settling time
 
   // The display.
-  int frame = kBlackFrame;  ///< on it
-  int next_frame = 0;       ///< to come
+  int frame = kBlackFrame;  ///< on the display
+  int next_frame = 0;       ///< to be shown next
   struct Pending {
     int number;
-    double planned_um, at_s;  ///< `at_s` when its light is to begin
+    double planned_um, at_s;  ///< where and when its light is to begin
   };
   std::optional<Pending> pending;
   std::vector<FrameReport> reports;
-  double shown_at_s = 0;  ///< the frame on it, its light
+  double shown_at_s = 0;  ///< when the light of the frame on the display began
   int frames_shown = 0, late_frames = 0;
   double worst_late_um = 0;
   Lateness lateness;
   std::optional<FrameRecord> exposing;  ///< layer by layer: its row waits for the exposure's end
-  double stop_um = 0;                   ///< of a pause
-  int paused_frame = kBlackFrame;       ///< to be shown again after it
+  double stop_um = 0;                   ///< where the stage stops for a pause
+  int paused_frame = kBlackFrame;       ///< to be shown again after the pause
 
   // A fault's order.
   int tries = 0;
@@ -123,7 +123,7 @@ struct Controller::Impl {
   bool failing() const { return phase >= Phase::lamps_off; }
   /// The machine has said something since the fault.
   bool heard_since() const { return status_at_s && *status_at_s >= fault_at_s; }
-  /// Measured, whatever was asked.
+  /// Whether the lamps are measured dark, whatever was asked for.
   bool measured_dark() const {
     return status.blue_measured <= machine.blue.tolerance &&
            uv_share(status.uv_measured.value_or(0)) <= machine.uv.tolerance;
@@ -169,14 +169,14 @@ struct Controller::Impl {
   bool displayed(int number) const { return !pending && frame == number; }
   void plan_next_frame();
   void follow();
-  /// UV light of the frame, and the share at which it is asked now.
+  /// UV intensity that the plan asks for with a frame, mW/cm².
   double uv_of(int number) const;
   bool uv_settled() const;
   bool blue_settled() const;
   bool blue_dark() const;
   bool uv_dark() const;
   void lamp_limit(double limit_s, const char* what);
-  /// Whether the lamp is as asked; a fault when it takes too long within this act.
+  /// Whether the lamp gives what was asked for; it is a fault when that takes too long in this act.
   bool uv_came();
   bool blue_came();
   bool uv_went();

@@ -89,10 +89,10 @@ void plan_light(PrintPlan& plan, const StackReader& stack, const Machine& machin
   }
 
   const LightMap light(printer, grid, stack.frame());
-  std::vector<std::uint8_t> kPlaces;
+  std::vector<std::uint8_t> places;
   if (plan.uv && !light.even()) {
-    kPlaces.resize(pixels);
-    light.values({0, 0, grid.width_px, grid.height_px}, kPlaces.data());
+    places.resize(pixels);
+    light.values({0, 0, grid.width_px, grid.height_px}, places.data());
   }
   std::array<int, 256> level{};
   for (int v = 0; v < 256; ++v)
@@ -142,13 +142,13 @@ void plan_light(PrintPlan& plan, const StackReader& stack, const Machine& machin
     }
     const auto at = [&](std::size_t p) {
       double value = intensity_of(image[p]);
-      if (!kPlaces.empty()) value *= light.factor(kPlaces[p]);
+      if (!places.empty()) value *= light.factor(places[p]);
       if (plan.uv_patterned) {
         value /= std::max(uv_intensity[uv_image[p]] / plan.uv_max_mw_cm2, 1e-12);
       }
       return value;
     };
-    if (kPlaces.empty() && !plan.uv_patterned) {
+    if (places.empty() && !plan.uv_patterned) {
       ratio = intensity_of(most);
     } else {
       for (std::size_t p = 0; p < pixels; ++p) {

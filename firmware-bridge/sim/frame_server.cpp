@@ -11,13 +11,13 @@ namespace slicecorr::bridge {
 
 namespace {
 
-constexpr int kLook_ms = 20;
-constexpr double kWhole_s = 5;         ///< a message that has begun must be whole by then
-constexpr double kMostAhead_s = 3600;  ///< nobody asks for more time at once
+constexpr int kLookMs = 20;
+constexpr double kWholeS = 5;         ///< a message that has begun must be whole by then
+constexpr double kMostAheadS = 3600;  ///< nobody asks for more time at once
 
 bool wait_for_input(int descriptor) {
   pollfd p{descriptor, POLLIN, 0};
-  return ::poll(&p, 1, kLook_ms) > 0;
+  return ::poll(&p, 1, kLookMs) > 0;
 }
 
 }  // namespace
@@ -61,12 +61,12 @@ void FrameServer::serve(const WireSocket& socket) {
   WireMessage message;
   while (!stop_) {
     if (!wait_for_input(socket.get())) continue;
-    if (!receive_message(socket, message, kWhole_s)) return;
+    if (!receive_message(socket, message, kWholeS)) return;
     const WireMessage reply = answer(std::move(message), greeted);
     bool gone = false;
     model_.with([&](PrinterModel& model) { gone = model.display().gone; });
     if (gone) return;
-    send_message(socket, reply, kWhole_s);
+    send_message(socket, reply, kWholeS);
   }
 }
 
@@ -86,7 +86,7 @@ WireMessage FrameServer::answer(WireMessage&& message, bool& greeted) {
   }
   if (model_.lockstep() && message.kind != WireKind::hello) {
     now();
-    if (message.at_s > reply.at_s + kMostAhead_s) {
+    if (message.at_s > reply.at_s + kMostAheadS) {
       throw DeviceError(
           fmt::format("frame wire: asks for {:g} s at {:g} s", message.at_s, reply.at_s));
     }

@@ -9,9 +9,9 @@ namespace slicecorr::bridge::detail {
 
 namespace {
 
-constexpr double kColdLight = 0.8, kDriftTime_s = 1;
+constexpr double kColdLight = 0.8, kDriftTimeS = 1;
 constexpr double kSettled = 1e-12;  ///< nearer than this the level is what was asked
-constexpr double kMoment_s = 1e-9;  ///< shorter times to go are over: they would not move a clock
+constexpr double kMomentS = 1e-9;   ///< shorter times to go are over: they would not move a clock
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // Gauss-Legendre, 8 points: positive nodes and their weights.
@@ -61,7 +61,7 @@ double Lamp::warmth_at(double time_s) const {
 }
 
 double Lamp::drift_at(double time_s) const {
-  return 1 + drift_ * std::min(1.0, (drifting_s_ + time_s) / kDriftTime_s);
+  return 1 + drift_ * std::min(1.0, (drifting_s_ + time_s) / kDriftTimeS);
 }
 
 double Lamp::light_at(double time_s) const {
@@ -73,19 +73,19 @@ double Lamp::light_at(double time_s) const {
 
 double Lamp::steady_for_s() const {
   double time = kInfinity;
-  if (drift_ != 0 && drifting_s_ < kDriftTime_s) time = std::min(time, kDriftTime_s - drifting_s_);
+  if (drift_ != 0 && drifting_s_ < kDriftTimeS) time = std::min(time, kDriftTimeS - drifting_s_);
   if (asked_ == 0) return time;
   if (!settled()) {
     time = std::min(time, time_constant_s_ * std::log(std::abs(level_ - asked_) / kSettled));
   }
   if (lit_s_ < drive_.warm_up_s) time = std::min(time, drive_.warm_up_s - lit_s_);
-  return std::max(time, kMoment_s);
+  return std::max(time, kMomentS);
 }
 
 double Lamp::integral(double time_s, double m) const {
   if (failed_ || asked_ == 0 || time_s <= 0) return 0;
   const bool warm = drive_.warm_up_s <= lit_s_;
-  const bool even = drift_ == 0 || drifting_s_ >= kDriftTime_s;
+  const bool even = drift_ == 0 || drifting_s_ >= kDriftTimeS;
   if (settled() && warm && even) return std::pow(light_at(0), m) * time_s;
   if (warm && even && m == 1) {
     const double gone = -std::expm1(-time_s / time_constant_s_);
@@ -113,9 +113,9 @@ void Lamp::advance(double time_s) {
     if (std::abs(level_ - asked_) <= kSettled * 1.01) level_ = asked_;
   }
   lit_s_ = std::clamp(lit_s_ + (asked_ > 0 ? time_s : -time_s), 0.0, drive_.warm_up_s);
-  if (drive_.warm_up_s - lit_s_ < kMoment_s) lit_s_ = drive_.warm_up_s;
+  if (drive_.warm_up_s - lit_s_ < kMomentS) lit_s_ = drive_.warm_up_s;
   if (drift_ != 0) drifting_s_ += time_s;
-  if (kDriftTime_s - drifting_s_ < kMoment_s) drifting_s_ = kDriftTime_s;
+  if (kDriftTimeS - drifting_s_ < kMomentS) drifting_s_ = kDriftTimeS;
 }
 
 }  // namespace slicecorr::bridge::detail

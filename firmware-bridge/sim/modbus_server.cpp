@@ -30,7 +30,7 @@ namespace {
 using Time = std::chrono::steady_clock;
 using Bytes = std::vector<std::uint8_t>;
 
-constexpr int kIdle_ms = 5;
+constexpr int kIdleMs = 5;
 constexpr std::size_t kMostClients = 32;
 constexpr std::size_t kTcpHeader = 7;  // transaction, protocol, length, unit
 
@@ -219,7 +219,7 @@ struct ModbusServer::Impl {
     while (idle()) {
       waiting.assign(1, {listener.get(), POLLIN, 0});
       for (const Client& c : clients) waiting.push_back({c.socket.get(), POLLIN, 0});
-      ::poll(waiting.data(), waiting.size(), kIdle_ms);
+      ::poll(waiting.data(), waiting.size(), kIdleMs);
       std::size_t i = 1;
       for (auto c = clients.begin(); c != clients.end(); ++i) {
         bool good = waiting[i].revents == 0 || read(*c);
@@ -236,7 +236,7 @@ struct ModbusServer::Impl {
     constexpr std::size_t checksum = 2;
     while (idle()) {
       pollfd line{modbus_get_socket(context.get()), POLLIN, 0};
-      const int ready = ::poll(&line, 1, kIdle_ms);
+      const int ready = ::poll(&line, 1, kIdleMs);
       if (late && late->at <= Time::now()) {
         const Late due = std::move(*late);
         late.reset();

@@ -17,7 +17,7 @@ namespace slicecorr::bridge {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kRoomTemperature_c = 25;
+constexpr double kRoomTemperatureC = 25;
 /// What is on the display, but not lit since it came.
 constexpr int kUnlitImage = -2;
 
@@ -78,7 +78,7 @@ struct PrinterModel::Impl {
   double fed_s = 0, watchdog_s = 0, began_s = 0;
   bool watchdog_tripped = false;
   bool job = false, failed_job = false;  ///< kept over a restart of the controller
-  double temperature_c = kRoomTemperature_c;
+  double temperature_c = kRoomTemperatureC;
   Interlock door, button;
   std::vector<Due> faults;
   int reached_frame = -1;

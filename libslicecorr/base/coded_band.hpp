@@ -1,4 +1,4 @@
-/// The slices of one band, run-length coded: written from the first on, read in any order.
+/// The slices of one band, run-length coded: appended one after the other, read in any order.
 #pragma once
 
 #include <algorithm>

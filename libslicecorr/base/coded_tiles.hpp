@@ -1,4 +1,4 @@
-/// The tiles of a band, coded: written from the first slices on, read in any order.
+/// The tiles of a band, coded: appended from the first slices on, read in any order.
 #pragma once
 
 #include <bit>
@@ -11,8 +11,8 @@
 
 namespace slicecorr::detail {
 
-/// A tile is kept as its first row and, for each later row that differs from the one before, the
-/// lanes that do and their bytes: memory goes with the edges of a part.
+/// A tile is kept as its first row and, for each later row that differs from the one before it, the
+/// lanes that differ and their bytes: memory grows with the edges of a part.
 class CodedTiles {
  public:
   std::size_t tiles() const { return tiles_.size(); }

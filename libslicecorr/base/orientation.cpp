@@ -15,7 +15,8 @@ std::string in_words(const Orientation& o) {
 }
 
 Turn turn_from_plate(const Orientation& o) {
-  // Counter-clockwise: the row becomes the column, the column the row from below.
+  // Portrait is a turn counter-clockwise: the row becomes the column, and the column becomes the
+  // row, counted from below.
   return {o.portrait, o.mirror_x, o.mirror_y != o.portrait};
 }
 

@@ -13,15 +13,15 @@
 
 namespace slicecorr::detail {
 
-/// Values of a record lie side by side. Nothing that is written ever moves to make room for more,
-/// as it would in one vector, which needs three times the memory whenever it grows.
+/// Values of a record lie side by side. Finished records never move: in one vector they would, and
+/// whenever it grew it would need three times the memory.
 template <class T>
 class RecordLog {
   static_assert(std::is_trivially_copyable_v<T> && std::is_trivially_destructible_v<T>);
   static_assert(alignof(T) <= __STDCPP_DEFAULT_NEW_ALIGNMENT__);
 
  public:
-  /// Adds to the record at hand.
+  /// Adds a value to the present record.
   void push(const T& value) {
     if (at_ == end_) make_room(1);
     std::construct_at(at_++, value);
@@ -30,7 +30,7 @@ class RecordLog {
     if (static_cast<std::size_t>(end_ - at_) < count) make_room(count);
     at_ = std::uninitialized_copy_n(values, count, at_);
   }
-  /// Ends the record at hand; what is pushed from now on belongs to the next one.
+  /// Ends the present record; what is pushed from now on belongs to the next one.
   void end_record() {
     records_.push_back({begin_, static_cast<std::uint32_t>(at_ - begin_),
                         static_cast<std::uint32_t>(blocks_.size())});
@@ -40,7 +40,7 @@ class RecordLog {
   std::span<const T> operator[](std::size_t record) const {
     return {records_[record].begin, records_[record].size};
   }
-  /// Gives back all records from `first` on, and the one at hand.
+  /// Drops all records from `first` on, and the present one.
   void drop_from(std::size_t first) {
     records_.resize(std::min(first, records_.size()));
     blocks_.resize(records_.empty() ? 0 : records_.back().blocks);
@@ -61,7 +61,7 @@ class RecordLog {
   /// Bytes of a block. Small logs stay small: there may be hundreds of them.
   static constexpr std::size_t kLeast = 4096, kMost = std::size_t{256} << 10;
 
-  /// Lets `count` values follow the record at hand, which begins the next block for that.
+  /// Makes room for `count` more values of the present record, which moves to a new block for that.
   void make_room(std::size_t count) {
     const auto open = static_cast<std::size_t>(at_ - begin_);
     const std::size_t bytes =
@@ -76,7 +76,7 @@ class RecordLog {
 
   std::vector<Block> blocks_;
   std::vector<Record> records_;
-  T *begin_ = nullptr, *at_ = nullptr, *end_ = nullptr;  ///< of the record at hand; of its block
+  T *begin_ = nullptr, *at_ = nullptr, *end_ = nullptr;  ///< of the present record; of its block
   std::size_t bytes_ = 0;                                ///< of all blocks so far
 };
 

@@ -17,8 +17,8 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 using Bytes = hn::CappedTag<std::uint8_t, kRowWord>;
 
-/// Lanes of a mask as the low bits of a number. Read back as wide as they were written, or the
-/// processor waits for the store.
+/// Lanes of a mask as the low bits of a number. They are read back in the width in which they were
+/// written, or the processor would wait for the store.
 template <class M>
 std::uint64_t bits_of(Bytes d, M mask) {
   constexpr std::size_t size = (hn::MaxLanes(Bytes()) + 7) / 8;

@@ -1,4 +1,4 @@
-/// What is asked of all pixels of a row, 64 at a time, in the widest registers there are.
+/// Questions to all pixels of a row, answered 64 at a time in the widest registers there are.
 #pragma once
 
 #include <cstddef>
@@ -6,11 +6,11 @@
 
 namespace slicecorr::detail {
 
-/// Pixels, or columns, that share a word of bits.
+/// Number of pixels, or columns, whose bits make a word.
 inline constexpr std::size_t kRowWord = 64;
 
-/// Bit i of word w: whether pixels[64 w + i] differs from the one before. There is one before the
-/// first.
+/// Bit i of word w: whether pixels[64 w + i] differs from the pixel before it. pixels[-1] must be
+/// readable.
 void find_changes(const std::uint8_t* pixels, std::size_t words, std::uint64_t* changes);
 
 /// Bit i of word w: whether pixels[64 w + i] is not 0. Returns the sum of all of them.

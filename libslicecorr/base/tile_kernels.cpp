@@ -19,8 +19,8 @@ namespace hn = hwy::HWY_NAMESPACE;
 using Bytes = hn::CappedTag<std::uint8_t, kLanes>;
 using Doubles = hn::CappedTag<double, 8>;
 
-/// Lanes of a mask as the low bits of a number. Read back as wide as they were written, or the
-/// processor waits for the store.
+/// Lanes of a mask as the low bits of a number. They are read back in the width in which they were
+/// written, or the processor would wait for the store.
 template <class D, class M>
 LaneMask bits_of(D d, M mask) {
   constexpr std::size_t size = (hn::MaxLanes(D()) + 7) / 8;
@@ -83,7 +83,7 @@ void StepMany(const double* add, double a, double* dose, int slices) {
   const Doubles d;
   const std::size_t n = hn::Lanes(d);
   const auto factor = hn::Set(d, a);
-  // Eight chains of operations at once, or each would wait for its own last result.
+  // Eight chains of operations at once: a single one would wait for its own last result.
   for (std::size_t l = 0; l < kLanes; l += 8 * n) {
     double* const at = dose + l;
     const double* const plus = add + l;
@@ -95,7 +95,7 @@ void StepMany(const double* add, double a, double* dose, int slices) {
                p2 = hn::LoadU(d, plus + 2 * n), p3 = hn::LoadU(d, plus + 3 * n),
                p4 = hn::LoadU(d, plus + 4 * n), p5 = hn::LoadU(d, plus + 5 * n),
                p6 = hn::LoadU(d, plus + 6 * n), p7 = hn::LoadU(d, plus + 7 * n);
-    // Long after the last change of light doses stay what they are, to the last bit.
+    // Long after the last change of light doses stay the same, to the last bit.
     const auto stays = [&](auto v, auto p) {
       return hn::AllTrue(d, hn::Eq(hn::Add(p, hn::Mul(factor, v)), v));
     };
@@ -153,7 +153,7 @@ PrintedLanes Predict(const PredictStep& s) {
   const Doubles d;
   const auto one = hn::Set(d, 1.0);
   const auto a = hn::Set(d, s.a), root = hn::Set(d, s.root_a);
-  // Stores to doubles might change what `s` points to, for all that the compiler knows.
+  // Copied, because the compiler must assume that stores to doubles change members of `s`.
   const double *const add = s.add, *const add_middle = s.add_middle, *const before = s.from;
   double *const to = s.to, *const inside_low = s.inside_low, *const inside_high = s.inside_high,
                 *const outside_high = s.outside_high, *const stretch_low = s.stretch_low;

@@ -15,8 +15,8 @@ inline constexpr std::size_t kLanes = 64;
 inline constexpr int kTileSlices = 64;
 using LaneMask = std::uint64_t;
 
-/// What happens from each of `count` rows to the row before it, which must be there for the first,
-/// too. `steady`: lanes that are 0 in both, or 255 in both. `changed`: lanes that differ.
+/// Compares each of `count` rows with the row before it; there must be one before the first, too.
+/// `steady`: lanes that are 0 in both, or 255 in both. `changed`: lanes that differ.
 void tile_changes(const std::uint8_t* rows, std::size_t stride, int count, LaneMask* steady,
                   LaneMask* changed);
 
@@ -26,13 +26,13 @@ void tile_classes(const std::uint8_t* rows, std::size_t stride, int count, LaneM
 
 /// to = add + a * from.
 void step_lanes(const double* add, double a, const double* from, double* to);
-/// The same `slices` times, in place. No step is made where doses stay as they are.
+/// The same `slices` times, in place; it ends early once doses stay the same.
 void step_lanes(const double* add, double a, double* dose, int slices);
 
-/// Lanes of at least 1.
+/// Lanes whose dose is at least 1.
 LaneMask printed_lanes(const double* dose);
 
-/// Lanes whose number is above `slice`; `greatest`: the greatest of the others.
+/// Lanes whose `until` is above `slice`; `greatest`: set to the greatest `until` of the others.
 LaneMask later_lanes(const std::int32_t* until, std::int32_t slice, std::int32_t* greatest);
 
 /// One slice of a prediction.
@@ -44,8 +44,8 @@ struct PredictStep {
   LaneMask run, gap;
   LaneMask stays;  ///< lanes in runs and gaps that were in the same one a slice before
   double* to;
-  /// Least and greatest doses at mid-layer in runs, the greatest in gaps, the least at nodes while
-  /// in `stays`.
+  /// Per lane: least and greatest dose at mid-layer in runs, greatest in gaps, and least at nodes
+  /// of lanes in `stays`.
   double *inside_low, *inside_high, *outside_high, *stretch_low;
 };
 struct PrintedLanes {
@@ -55,10 +55,10 @@ struct PrintedLanes {
   bool operator==(const PrintedLanes&) const = default;
 };
 PrintedLanes predict_lanes(const PredictStep& step);
-/// Whether lanes print at the upper node and in the middle as `is` says. Nothing is written.
+/// Whether lanes print at the upper node and in the middle just as `is` says. Nothing is written.
 bool prints_alike(const PredictStep& step, const PrintedLanes& is);
 
-/// 64 numbers. Compilers make slow code of copies of this size.
+/// Copies 64 numbers. Compilers make slow code of a plain copy of this size.
 void copy_lanes(const double* from, double* to);
 
 }  // namespace slicecorr::detail

@@ -10,26 +10,26 @@
 
 namespace slicecorr::detail {
 
-/// Added to an edge's dose of 1. The recursion loses at most about two roundings per node, which
-/// decay with a: 2^-52 * Omega / (1 - a) in all, below 1e-10 for a layer of 1e-5 absorbance
-/// heights.
+/// Added to an edge's relative dose of 1, so that rounding can't leave it below. The recursion
+/// loses at most about two roundings per node, and they fade by a per slice: 2^-52 * Omega / (1 -
+/// a) in all, below 1e-10 for layers of 1e-5 absorbance heights.
 inline constexpr double kMargin = 1e-9;
 
-/// What `BandCorrector` hands its calls to.
+/// The solve behind a `BandCorrector`, which passes its calls on.
 class BandSolver {
  public:
   virtual ~BandSolver() = default;
   virtual void add_layer(const std::uint8_t* coverage) = 0;
-  /// `tiles` may be empty, and is where `has_tiles` is false.
+  /// `tiles` may be empty; where `has_tiles` is false it must be.
   virtual void solve(const BandCorrector::Sink& sink, const BandCorrector::TileSink& tiles) = 0;
   virtual bool has_tiles() const { return false; }
 };
 
-/// For plain models.
+/// The solver of plain models.
 std::unique_ptr<BandSolver> make_continuous_solver(const CorrectionPlan& plan, std::size_t columns);
 
 std::unique_ptr<BandSolver> make_layerwise_solver(const CorrectionPlan& plan, std::size_t columns);
-/// For models with an inhibited kernel, in both modes.
+/// The solver of models with an inhibited kernel, in both modes.
 std::unique_ptr<BandSolver> make_inhibited_solver(const CorrectionPlan& plan, std::size_t columns);
 
 /// The same for one column: levels, and intensities before rounding to levels.

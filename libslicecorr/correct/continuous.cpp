@@ -15,10 +15,10 @@ namespace slicecorr::detail {
 
 namespace {
 
-/// The row before the ones at hand, and these.
+/// Rows that are kept at once: those of a tile, and the one before them.
 constexpr int kRows = 1 + kTileSlices;
 
-/// The upper end of a column's run.
+/// The upper end of a column's run: its edge in Edges, and its node.
 struct Upper {
   std::int32_t edge = 0, node = 0;
   bool operator==(const Upper&) const = default;
@@ -36,7 +36,8 @@ class ContinuousSolver final : public BandSolver {
         search_(edges_),
         columns_(columns),
         blocks_((columns + kLanes - 1) / kLanes),
-        // Rows whose distance is a multiple of a page would fall on the same lines of the cache.
+        // An odd number of blocks: rows whose distance is a multiple of a page would compete for
+        // the same lines of the cache.
         stride_((blocks_ | 1) * kLanes),
         rows_(stride_ * kRows, 0),
         upper_(stride_, Upper{edges_.platform(0), 0}),
@@ -47,13 +48,14 @@ class ContinuousSolver final : public BandSolver {
   bool has_tiles() const override { return true; }
 
  private:
-  /// The upper end of the run above an edge, which a lane gets when the solve has passed the edge.
+  /// An edge that the first pass met in a lane, before row `row` of the tile. `was`: the upper end
+  /// of the run above the edge, to which the lane returns when the solve has passed the edge.
   struct Change {
     std::uint8_t row, lane;
     Upper was;
   };
   struct Lanes;
-  /// Columns of a tile all of whose first `rows` rows are alike.
+  /// What the first `rows` rows of a block hold, where all of their bytes are the same.
   struct Even {
     std::uint8_t level, cover;
     int rows;
@@ -61,12 +63,12 @@ class ContinuousSolver final : public BandSolver {
   };
 
   std::uint8_t* row(int k) { return rows_.data() + static_cast<std::size_t>(k) * stride_; }
-  /// First pass over the `count` rows at hand.
+  /// First pass over the `count` rows that are kept.
   void forward(int count);
   void solve_tile(Lanes& lanes, int first_slice, int count, std::uint8_t* out,
                   std::span<const Change> changes);
-  /// A tile in which no lane's run ends, if nothing else changes: true, and its lanes are stepped;
-  /// all of them get black light, or all full light.
+  /// Steps a whole tile at once if no lane needs a decision in it and all of them get black light,
+  /// or all of them full light. False: nothing was done.
   bool solve_still(Lanes& lanes, int first_slice, int count);
 
   const CorrectionPlan& plan_;
@@ -76,8 +78,8 @@ class ContinuousSolver final : public BandSolver {
   std::size_t columns_, blocks_, stride_;
   int layers_ = 0, rows_at_hand_ = 0;
   std::vector<std::uint8_t> rows_;
-  std::vector<Upper> upper_;   ///< per column, of the run that the node reached lies in
-  std::vector<Upper> before_;  ///< of the run before it, where gaps may be merged
+  std::vector<Upper> upper_;   ///< per column, of the run that the pass has come to
+  std::vector<Upper> before_;  ///< the same of the run above it; only where gaps may be merged
   CodedTiles coded_;
   RecordLog<Change> changes_;  ///< a record per tile
 };
@@ -86,16 +88,16 @@ class ContinuousSolver final : public BandSolver {
 struct ContinuousSolver::Lanes {
   alignas(64) double omega[kLanes] = {};
   RunAt run[kLanes];
-  /// Quiet lanes: their light is certain down to this slice. Of others any number above the slice
-  /// that the solve has come to, or one that costs no more than a look.
+  /// Of quiet lanes: the lowest slice whose light is certain. Of other lanes it has no meaning.
   std::int32_t until[kLanes] = {};
   LaneMask quiet = 0, bright = 0;
-  /// Lanes with levels that are chosen already, `left` of `count` by index of the plan's levels.
+  /// Lanes for which levels of the next slices are chosen already: `count` were chosen, `left` of
+  /// them are still to be used. `levels` holds them by index of the plan's levels.
   LaneMask chosen = 0;
   std::uint8_t left[kLanes] = {}, count[kLanes] = {};
   std::uint8_t levels[kLanes][LevelSearch::kMost];
   std::int32_t wake =
-      std::numeric_limits<std::int32_t>::min();  ///< no quiet lane's `until` is above
+      std::numeric_limits<std::int32_t>::min();  ///< at least the greatest `until` of quiet lanes
   bool begun = false;
 };
 
@@ -134,7 +136,7 @@ void ContinuousSolver::forward(int count) {
           Upper& before = before_[block * kLanes + static_cast<std::size_t>(i)];
           if (below[i] == kFull && was.node == n - 1 && edge.below == 0 &&
               edge.above_cover == kFull) {
-            // A gap to be merged: the feature above it goes on. What was noted at the gap's upper
+            // A gap that is merged: the feature above it goes on. What was noted at the gap's upper
             // end leads to the same run.
             upper = before;
             continue;
@@ -254,10 +256,10 @@ void ContinuousSolver::solve_tile(Lanes& lanes, int first_slice, int count, std:
   }
   LaneMask quiet = lanes.quiet;
   int now = 0;
-  // The last slice that needs a look at `until`: not above the greatest of quiet lanes.
+  // In slices below this one some quiet lane may end: only then `until` is looked at.
   int wake = lanes.wake;
 
-  // What is certain of a lane from slice n upwards, `w` being its dose below.
+  // Makes lane i quiet if its light is certain from slice n on. `w`: its dose at the lower node.
   const auto settle = [&](int i, int n, double w) {
     const RunAt& run = lanes.run[i];
     const Edge& edge = edges_[run.edge];

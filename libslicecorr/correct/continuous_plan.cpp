@@ -8,7 +8,7 @@ namespace slicecorr::detail {
 
 namespace {
 
-/// Each phi of a model once, the lowest level of it.
+/// Each phi of a model once, rising.
 std::vector<double> distinct(const std::vector<double>& level_phi) {
   std::vector<double> phi;
   for (const double p : level_phi) {
@@ -17,10 +17,10 @@ std::vector<double> distinct(const std::vector<double>& level_phi) {
   return phi;
 }
 
-/// The tolerance of edges aimed at: no printer is better, and no measurement either; with `kMany`
-/// levels or more no less than this part of what one of them moves an edge by, up to a hundredth of
-/// a slice.
-constexpr double kTarget_um = 0.05, kOfStep = 25;
+/// The tolerance of edges aimed at is `kTargetUm`, which is finer than any printer or measurement.
+/// With `kMany` levels or more it is at least 1 / `kOfStep` of what a level step moves an edge by,
+/// but for that no more than a hundredth of a slice.
+constexpr double kTargetUm = 0.05, kOfStep = 25;
 constexpr int kMany = 128;
 
 }  // namespace
@@ -69,7 +69,7 @@ ContinuousPlan::ContinuousPlan(const CureModel& model, const Process& process, i
   cap = process.omega_max;
   least_cap = 0;
   if (!exact) {
-    // With less room no level holds a dose.
+    // With a lower cap no level could hold a dose between 1 and the cap.
     const double step = (phi_max - phi_min) / std::max(1, count - 1);
     cap = std::max(cap, 1.0 + 3.0 * b * step);
     platform_cap = std::max(platform_cap, 1.0 + 3.0 * b * step);
@@ -78,12 +78,13 @@ ContinuousPlan::ContinuousPlan(const CureModel& model, const Process& process, i
   cap = std::min(cap, most);
   platform_cap = std::min(platform_cap, most);
 
-  // A small part of a level step, where the edge is: finer ones cost more time than they are worth.
+  // A small part of what a level step moves an edge by: a finer tolerance costs more time than it
+  // gains.
   const double vernier =
       count >= kMany ? std::min(model.level_step_um() / kOfStep, layer_um / 100) : 0.0;
   const double target =
       exact ? 1e-13
-            : std::min(kWidest, std::max(std::max(kTarget_um, vernier) / layer_um, 1.0 / 1000));
+            : std::min(kWidest, std::max(std::max(kTargetUm, vernier) / layer_um, 1.0 / 1000));
   const double first = exact ? 1e-4 : target;
   tolerance[0] = target;
   for (int r = 1; r < kRungs; ++r) {
@@ -96,7 +97,7 @@ ContinuousPlan::ContinuousPlan(const CureModel& model, const Process& process, i
   feature_reserve = exact ? 0 : (levels.phi(kept) - phi_min) * b * together / 2;
   gap_reserve = exact ? 0 : (phi_max - levels.phi(count - 1 - kept)) * b * together / 2;
 
-  // Out of exp, not by repeated division: entry j must not depend on how many come before it.
+  // By exp, not by repeated division: entry j must be the same however long the table is.
   grown.resize(static_cast<std::size_t>(slices) + 2);
   for (std::size_t j = 0; j < grown.size(); ++j) {
     grown[j] = std::exp(static_cast<double>(j) * model.eta * units::kLn10);

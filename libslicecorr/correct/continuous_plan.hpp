@@ -17,32 +17,32 @@
 
 namespace slicecorr::detail {
 
-/// Doses from `lo` to `hi`.
+/// Relative doses from `lo` to `hi`; empty where lo > hi.
 struct DoseRange {
   double lo = 0, hi = 0;
   bool operator==(const DoseRange&) const = default;
 };
 
-/// What a point of a layer asks for, at a distance from its lower node.
+/// The corner (see above) of a point at a distance from its layer's lower node.
 struct Corner {
   double grown = 1;   ///< A = a^-f, f the distance in slices
   double excess = 0;  ///< A - 1
   double per_excess = 0;
 };
 
-/// A layer as its light is chosen.
+/// What a layer asks of its light and doses.
 struct LayerRule {
   std::uint8_t coverage = 0;
   int corners = 0;
   std::array<Corner, 3> corner;
 };
 
-/// Tolerances of edges, from the one aimed at to nearly half a slice.
+/// Number of rungs: tolerances of edges, from the one aimed at to nearly half a slice.
 inline constexpr int kRungs = 8;
-/// With this tolerance of edges only the middle of layers counts.
+/// The widest tolerance of edges, in slices: with it only the middles of layers count.
 inline constexpr double kWidest = 0.4999;
 
-/// Where edges may lie.
+/// Corners that keep edges within a tolerance of their nodes.
 struct EdgeCorners {
   Corner upper, lower, slit;  ///< at upper ends of layers, lower ones, and above gaps of one slice
   double tolerance;           ///< in slices
@@ -58,36 +58,37 @@ struct ContinuousPlan {
   double layer_um;
   bool exact;
   bool merge;         ///< gaps of one slice count as full
-  double shortfall;   ///< of edges above gaps of one slice, in slices
+  double shortfall;   ///< `Process::gap_shortfall`, in slices
   LevelTable levels;  ///< each phi once: by index, not by grey level
   std::vector<std::uint8_t> level_of;
   double largest_step;  ///< of dose at a node, between two neighbouring levels
-  double close;         ///< this much below a dose, only black stays below it
+  double close;         ///< this near below a dose, no level but black stays below it
 
-  /// Doses that print and that don't, with the margin for rounding; checks of choices leave out
-  /// half of it.
+  /// A dose of `prints` or more prints, one of `open` or less does not: 1 with a margin for
+  /// rounding. Checks of a choice allow doses to be off by `slack`, half of that margin.
   double prints, open, slack;
-  double most;  ///< no dose is above
-  double cap;   ///< of features
+  double most;  ///< no dose can be above it
+  double cap;   ///< greatest dose in features
   double platform_cap;
-  double least_cap;                      ///< where a lower one would cost voxels
+  double least_cap;  ///< least cap of thin features, since a lower one would cost voxels
   std::array<double, kRungs> tolerance;  ///< in slices, rising; the first two are the same
   /// Before an edge the levels of this many slices are chosen together.
   int together;
-  /// What rung 0 keeps free at that distance, so that these levels can go both ways.
+  /// Range of dose that rung 0 keeps free `together` slices before an edge, so that the levels
+  /// after that can raise the dose as well as lower it.
   double feature_reserve, gap_reserve;
-  std::vector<double> grown;  ///< a^-j
+  std::vector<double> grown;  ///< a^-j, by j
 
   Corner corner(double f) const;
   Corner middle;
   std::array<Corner, kRungs> near_lower, near_upper, slit_lower;  ///< per rung
   /// Tolerances from the one aimed at upwards, each 1.2 times the one before.
   std::vector<EdgeCorners> ladder;
-  /// Most that the dose at the lower edge of a feature can be, per rung.
+  /// Greatest dose that the lower edge of a feature may have, per rung.
   std::array<double, kRungs> edge_most;
   /// Range of doses of a full layer's node beside a grey one, per rung.
   std::array<double, kRungs> grey_edge_most;
-  int grey_rung;  ///< the first of them in which a step of levels near 1 fits
+  int grey_rung;  ///< first rung whose `grey_edge_most` leaves room for a level step near 1
 
   /// Whether edges of a rung lie at their nodes to the last bit.
   bool at_nodes(int rung) const { return exact && rung == 0; }

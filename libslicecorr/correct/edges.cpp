@@ -7,12 +7,12 @@ namespace slicecorr::detail {
 
 namespace {
 
-/// Intervals of doses that are kept; of more the widest.
+/// Most intervals of doses that are kept per node; of more the widest are kept.
 constexpr std::size_t kMostIntervals = 4096;
-/// Edges for which sets of doses for levels are worked out; a part whose columns are noise would
-/// never end otherwise.
+/// Most edges of a band for which sets of doses for levels are worked out: a part whose columns are
+/// noise would take for ever otherwise.
 constexpr std::size_t kMostLevelEdges = 8000;
-/// Different edges of a band; in noise, runs past that count as endless.
+/// Most different edges of a band; beyond them, which happens in noise only, runs count as endless.
 constexpr std::size_t kMostEdges = std::size_t{1} << 17;
 
 bool narrower(DoseRange d, double width) { return d.hi - d.lo < width; }
@@ -21,7 +21,7 @@ DoseRange common(DoseRange a, DoseRange b) { return {std::max(a.lo, b.lo), std::
 
 bool is_grey(std::uint8_t coverage) { return coverage != 0 && coverage != kFull; }
 
-/// Stands for all greys above full layers.
+/// The grey that stands for all greys above full layers.
 constexpr std::uint8_t kAnyGrey = 128;
 
 }  // namespace
@@ -292,7 +292,8 @@ void Edges::set_inside(Edge& edge) const {
     }
   }
 
-  // All of these only become true with distance.
+  // Each of these conditions stays true from some distance on, so that the first such is found by
+  // halving.
   const auto first_of = [&](int from, auto holds) {
     int low = from, high = last + 1;
     while (low < high) {

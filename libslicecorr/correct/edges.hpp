@@ -25,32 +25,34 @@ using DoseSet = std::vector<DoseRange>;
 struct Edge {
   static constexpr std::int32_t kNone = -1;
   std::int32_t above = kNone;  ///< the next edge above
-  /// Slices from there to here; 0: so many that nothing above matters.
+  /// Slices from the next edge above to this one; 0: so many that nothing above matters.
   std::int32_t slices = 0;
   std::uint8_t above_cover = 0, below = 0;  ///< coverage on both sides
   bool platform = false;                    ///< the run below lies on the platform: node 0
-  bool endless = false;  ///< no edge but the inside of a run so long that its upper end is far
-  /// Doses at the edge, per rung; and where the run below is a gap of one slice.
+  bool endless = false;  ///< no real edge: the inside of a run whose upper end is too far to matter
+  /// Doses at the edge, per rung; `at_slit`: where the run below is a gap of one slice.
   std::array<DoseRange, kRungs> at{}, at_slit{};
-  /// One node further down, where the run below goes on.
+  /// Doses one node further down, where the run below goes on, per rung.
   std::array<DoseRange, kRungs> inside{};
   /// Rung 0 from `together` nodes further down on: the greatest dose of a feature, the least of a
   /// gap there.
   double reserved = 0;
   bool has_reserve = false;
   double cap = 0;        ///< of the run below, if it is a feature
-  std::int32_t far = 0;  ///< a run below of so many slices hides this edge from all below it
-  /// From so many slices below on: full light always fits; black light does while it keeps the dose
-  /// close to the falling curve; black light always does. None: `kNever`.
+  std::int32_t far = 0;  ///< if the run below has so many slices, nothing below it depends on this
+  /// Slices below the edge from which on full light always fits (`bright_from`), black light fits
+  /// while it keeps the dose close to the falling curve (`falls_from`), and black light always fits
+  /// (`dark_from`). `kNever`: nowhere.
   std::int32_t bright_from = kNever, falls_from = kNever, dark_from = kNever;
-  std::int32_t capped_from = kNever;  ///< the falling curve is above the cap
-  /// With levels, where the rungs are narrow: the doses at the edge, at the slit, and at the nodes
-  /// further down until they are one interval again, which is `levels_inside`.
+  std::int32_t capped_from = kNever;  ///< from there on the falling curve is above the cap
+  /// Where rungs are so narrow that levels matter: the doses from which some sequence of levels
+  /// leads on, at the edge, at the edge above a gap of one slice, and at the nodes further down
+  /// until they are one interval again, which is `levels_inside`.
   bool has_levels = false;
   DoseSet levels_at, levels_slit;
   std::vector<DoseSet> levels_below;
   DoseRange levels_inside{};
-  /// From so many slices below on, all doses of rung 0 are among them.
+  /// From so many slices below on, all doses of rung 0 are among these.
   std::int32_t levels_until = 0;
 
   static constexpr std::int32_t kNever = std::numeric_limits<std::int32_t>::max();
@@ -65,8 +67,8 @@ class Edges {
   std::int32_t platform(std::uint8_t below);
   /// The edge `slices` below another, with this coverage on its lower side.
   std::int32_t next(std::int32_t edge, int slices, std::uint8_t below);
-  /// Where greys follow greys only the two of them matter: the id says which, and the edge is the
-  /// inside of the lower one.
+  /// An edge between two greys depends on these two alone: its id says which they are, and the edge
+  /// stands for the inside of the lower one.
   const Edge& operator[](std::int32_t id) const {
     const std::int32_t kept = id & kGreyPair ? endless_[0][id & 255] : id;
     return edges_[static_cast<std::size_t>(kept)];
@@ -81,20 +83,22 @@ class Edges {
     return doses((*this)[id], j, 0).lo;
   }
 
-  /// Doses `j` nodes below an edge, in its run; `slit`: for j = 0, the run is a gap of one slice.
+  /// Doses `j` nodes below an edge, in the run below it; `slit`: j is 0 and that run is a gap of
+  /// one slice.
   DoseRange doses(const Edge& edge, int j, int rung, bool slit = false) const;
   /// Greatest dose inside the run below an edge, a feature. The last rung has room for the levels
   /// of thin features: voxels come before the cap.
   double cap(const Edge& edge, int rung) const {
     return rung + 1 < kRungs ? edge.cap : std::max(edge.cap, plan_.least_cap);
   }
-  /// Whether some sequence of levels prints everything above from `dose` there. True where that
-  /// follows from `doses`.
+  /// Whether some sequence of levels prints everything above, given `dose` at the node `j` below
+  /// the edge. True also where `doses` alone ensures it.
   bool levels_allow(const Edge& edge, int j, double dose, bool slit = false) const {
     return !edge.has_levels || levels_allow_kept(edge, j, dose, slit);
   }
 
-  /// The rule of a layer: `upper`, `lower`: it borders on the opposite there, within these corners.
+  /// The rule of a layer. `upper`, `lower`: corners of its ends at which a feature meets a gap;
+  /// null: none does.
   LayerRule rule(std::uint8_t coverage, const Corner* upper, const Corner* lower) const;
   /// Doses at the lower node of a layer from which some light leads into `above` at its upper one;
   /// false: none.
@@ -103,7 +107,7 @@ class Edges {
   const ContinuousPlan& plan() const { return plan_; }
 
  private:
-  /// As back(), where not all layers above can be right: those of features are, gaps may close.
+  /// As back(), where not all layers above can print as designed: features do, gaps may close.
   DoseRange for_features(LayerRule layer, DoseRange above, DoseRange limits) const;
   struct Key {
     std::int32_t edge, slices;
@@ -120,21 +124,21 @@ class Edges {
     }
   };
   static constexpr std::int32_t kGreyPair = 1 << 30;
-  /// What is above an endless run.
+  /// What an endless run had above it.
   enum class Hidden { nothing, platform, under_full };
   std::int32_t endless(std::uint8_t coverage, Hidden hidden);
-  /// Least dose at the lower node of a grey run for its own sake.
+  /// Least dose at the lower node of a grey run that its own layers ask for.
   double grey_least(std::uint8_t grey, bool under_full, std::uint8_t below) const;
   std::int32_t keep(const Key& key);
   std::int32_t make(const Edge& above, std::int32_t above_id, int slices, std::uint8_t below);
-  /// `at` and `at_slit` of an edge below `above`.
+  /// Fills `at` and `at_slit` of an edge below `above`.
   void set_edge(Edge& edge, const Edge& above) const;
-  /// All that follows from `at`.
+  /// Fills all that follows from `at`.
   void set_inside(Edge& edge) const;
   void set_levels(Edge& edge, const Edge* above) const;
   bool levels_allow_kept(const Edge& edge, int j, double dose, bool slit) const;
   DoseSet levels_of(const Edge& edge, int j, bool slit) const;
-  /// The same past the sets that are kept: one interval.
+  /// levels_allow() further down than sets are kept: the doses are one interval there.
   DoseRange levels_inside(const Edge& edge, int j) const;
   DoseSet levels_back(const LayerRule& rule, const DoseSet& above, DoseRange within) const;
   bool wide(const DoseSet& doses) const;

@@ -50,7 +50,7 @@ std::vector<InhibitedBand::Change> InhibitedBand::solve_columns() {
   // By column; within a column they stay in the order of layers.
   std::stable_sort(changes_.begin(), changes_.end(),
                    [](const Change& a, const Change& b) { return a.column < b.column; });
-  // Neighbours are often alike: a column is solved once.
+  // Neighbours are often alike: of columns that are alike one is solved.
   std::unordered_map<std::string, std::vector<Change>> known;
   InhibitedColumn solver(plan_);
   std::vector<Change> levels;
@@ -135,7 +135,7 @@ std::vector<std::uint8_t> solve_inhibited_column(const CorrectionPlan& plan,
 
 std::vector<double> solve_inhibited_column_exactly(const CorrectionPlan& plan,
                                                    const std::vector<std::uint8_t>& coverage) {
-  // The rule is one for levels; their steady doses stand for them.
+  // The rule is about levels: each is told by its steady dose.
   std::vector<double> phi;
   for (const std::uint8_t level : solve_inhibited_column(plan, coverage)) {
     phi.push_back(plan.model.level_phi[level]);

@@ -1,4 +1,5 @@
-/// Correction of one band under inhibiting UV light: column by column, kept as changes.
+/// Correction of one band under inhibiting UV light, column by column. Coverage and levels are kept
+/// as their changes along columns.
 #pragma once
 
 #include <cstddef>
@@ -17,12 +18,12 @@ namespace slicecorr::detail {
 class InhibitedBand final : public BandSolver {
  public:
   InhibitedBand(const InhibitedPlan& plan, std::size_t columns);
-  /// Null: an empty layer.
+  /// Coverage of the next layer; null: an empty layer.
   void add_layer(const std::uint8_t* coverage) override;
   void solve(const BandCorrector::Sink& sink, const BandCorrector::TileSink& tiles) override;
 
  private:
-  /// From this layer or slice on, in the order of the list, a column has this value.
+  /// A column has this value from this layer (or slice) on, in the order in which the list goes.
   struct Change {
     std::uint32_t column;
     std::int32_t at;

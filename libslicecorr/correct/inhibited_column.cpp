@@ -18,10 +18,10 @@ struct InhibitedColumn::Impl {
         judge(p, design, doses),
         polish(p, design, doses) {}
 
-  /// What became of levels that were tried.
+  /// What came of levels that were tried.
   struct Outcome {
     bool better = false;   ///< than all before; they are kept
-    bool perfect = false;  ///< and all of their edges and voxels are right
+    bool perfect = false;  ///< all of their edges and voxels are right
   };
   Outcome keep_if_better();
   Outcome try_lags();
@@ -58,7 +58,7 @@ InhibitedColumn::Impl::Outcome InhibitedColumn::Impl::keep_if_better() {
 /// Chooses levels with the lags that the features have.
 InhibitedColumn::Impl::Outcome InhibitedColumn::Impl::try_lags() {
   rule.choose();
-  // Features that light each other: twice more, knowing what the others show.
+  // Features that light each other are chosen twice more, knowing what the others show.
   if (design.features.size() > 1 && rule.choose_again()) {
     const Outcome second = keep_if_better();
     rule.choose_again();
@@ -96,7 +96,7 @@ void InhibitedColumn::Impl::try_a_lag_for_each() {
   }
 }
 
-/// Features that come apart: the nodes around their dips demand more, until they hold.
+/// Where features come apart, has the nodes around their dips demand more, until they hold.
 void InhibitedColumn::Impl::raise_demands() {
   const InhibitedTuning& t = plan.tuning;
   for (int round = 0; round < t.raise_rounds && !best_dips.empty(); ++round) {
@@ -130,7 +130,7 @@ void InhibitedColumn::Impl::polish_best() {
     doses.take(best, sampled);
     polish.descend(weight);
     keep_if_better();
-    // Again only where cracks are in the way; light without the samples has none to weigh.
+    // A second time only where features still have dips, which only sampled doses can show.
     if (!sampled || judge.dips().empty()) return;
   }
 }

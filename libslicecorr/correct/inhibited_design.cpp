@@ -60,7 +60,7 @@ void ColumnDesign::find_features() {
     Feature feature;
     feature.upper = k;
     feature.full = wanted(k) >= 1.0;
-    // A gap of one layer has demands on both of its nodes, and still ends the feature.
+    // A gap of one layer ends the feature, although both of its nodes have demands.
     while (k + 1 < nodes && wanted(k + 1) > 0 && coverage(k) != 0) {
       ++k;
       feature.full = feature.full && wanted(k) >= 1.0;
@@ -86,7 +86,7 @@ void ColumnDesign::open_one_slice_gaps() {
 void ColumnDesign::find_edges() {
   edges.clear();
   for (int n = 0; n <= plan_.layers; ++n) {
-    // The platform is no gap: what begins there has no upper edge.
+    // The platform is no gap: a feature that begins there has no upper edge.
     const int above = n > 0 ? coverage(n - 1) : -1, below = coverage(n);
     if (above == 0 && below == 255) edges.push_back({n, true});
     if (above == 255 && below == 0) edges.push_back({n, false});

@@ -35,7 +35,7 @@ class ColumnDesign {
     int node;
     bool upper;
   };
-  /// 0..255; 0 outside of the target.
+  /// Coverage of a layer, 0..255; 0 outside of the target.
   int coverage(int layer) const {
     return layer >= 0 && layer < plan_.layers ? coverage_[static_cast<std::size_t>(layer)] : 0;
   }

@@ -53,7 +53,8 @@ void ColumnDoses::add(int n, int level) {
   move_light(n, 0, level);
 }
 
-/// Takes the light of level `from` in slice n off the layers within the tables, adds that of `to`.
+/// Replaces the light that slice n gives the layers within reach of the tables: that of level
+/// `from` by that of level `to`.
 void ColumnDoses::move_light(int n, int from, int to) {
   const int s = plan_.setting_of(n);
   const double r = plan_.ratio_of(n);

@@ -21,7 +21,7 @@ class ColumnDoses {
 
   explicit ColumnDoses(const InhibitedPlan& plan);
 
-  /// All slices black.
+  /// Makes all slices black.
   void clear();
   /// Gives slice n its level; slices are added from the last to the first, after clear().
   void add(int n, int level);
@@ -29,7 +29,7 @@ class ColumnDoses {
   void take(const std::vector<std::uint8_t>& levels, bool sampled);
   /// Sums all doses anew, after changes.
   void rebuild();
-  /// Gives slice n another level. Slices `near` and more layers away learn of it in rebuild().
+  /// Gives slice n another level. Doses of layers `near` and more away change only in rebuild().
   void change(int n, int level) {
     const auto i = static_cast<std::size_t>(n);
     move_light(n, levels_[i], level);
@@ -54,7 +54,7 @@ class ColumnDoses {
   /// Dose at node k of black slices and of the slices after n, as added so far.
   double so_far(int k, int n) const {
     if (n - k < plan_.near) return node(k);
-    // All of them lie further away than the tables reach.
+    // All of these slices lie further away than the tables reach.
     const int next = n + 1;
     return plan_.dark_node[static_cast<std::size_t>(k)] +
            far_node_[static_cast<std::size_t>(next)] *

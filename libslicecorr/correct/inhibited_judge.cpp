@@ -18,7 +18,7 @@ ColumnJudge::Score ColumnJudge::score(double most_um) {
     if (um > t.tolerance_um) s.perfect = false;
     s.um += std::min(um, t.most_edge_layers * plan_.layer_um);
   }
-  // Grey layers are neither right nor wrong.
+  // Grey layers count neither as right nor as wrong.
   const int end = std::min(plan_.layers + plan_.reach, plan_.all_layers);
   for (int n = 0; n < end; ++n) {
     const int c = design_.coverage(n);
@@ -27,7 +27,7 @@ ColumnJudge::Score ColumnJudge::score(double most_um) {
     s.perfect = false;
     s.um += (c == 255 ? t.lost_voxel_layers : t.grown_voxel_layers) * plan_.layer_um;
   }
-  // Looking through features takes most of the time.
+  // Looking through features takes most of the time: not for levels that are worse already.
   if (s.um >= most_um) {
     s.um = std::numeric_limits<double>::infinity();
     return s;
@@ -62,7 +62,7 @@ double ColumnJudge::edge_error_um(const ColumnDesign::Edge& edge) const {
       const double t = (1.0 - value) / (next - value);
       return (passed + t) * 0.5 * plan_.layer_um;
     }
-    // The gap, or the feature, ends here.
+    // Stop where the gap or the feature that is searched ends.
     const int layer = (h + (step > 0 ? 0 : -1)) / 2;
     if (h % 2 == 0 && layer >= 0 && layer < plan_.layers) {
       if ((design_.coverage(layer) != 0) == printed) break;
@@ -117,7 +117,7 @@ void ColumnJudge::look_inside(int k) {
   if (!steps && SmoothBounds(below, half, above).low >= 1.0) return;
   const int end = std::min(k + plan_.near, plan_.all_layers);
   const double beyond = (plan_.dark_far[static_cast<std::size_t>(k)] + doses_.far(k)) / kernel.a();
-  // Near slices that all show one level: the layer's least dose is known from the level alone.
+  // Where all near slices show one level, the layer's least dose follows from that level alone.
   const int level = doses_.level(k);
   bool same = plan_.uniform && inside_.least >= 1.0 && end == k + plan_.near;
   for (int n = k + 1; n < end && same; ++n) same = doses_.level(n) == level;
@@ -126,7 +126,7 @@ void ColumnJudge::look_inside(int k) {
   for (int n = k; n < end; ++n) {
     layer_.add(n - k, plan_.setting_of(n), doses_.level(n), plan_.ratio_of(n));
   }
-  // Its own slice adds nothing at the window, unless it cures there.
+  // The layer's own slice adds nothing at the window, unless resin cures there.
   const double own =
       steps ? plan_.ratio_of(k) * kernel.exact(plan_.setting_of(k), level, 0.0) : 0.0;
   layer_.sample(below + own, half, above);

@@ -10,7 +10,7 @@
 
 namespace slicecorr::detail {
 
-/// For one thread.
+/// Judges the levels of a column. For one thread.
 class ColumnJudge {
  public:
   ColumnJudge(const InhibitedPlan& plan, const ColumnDesign& design, const ColumnDoses& doses)
@@ -20,15 +20,15 @@ class ColumnJudge {
     double um = 0;        ///< the sum of what is wrong, see InhibitedTuning
     bool perfect = true;  ///< all edges and voxels are right
   };
-  /// Of the levels as they are; infinite when it is not below `most_um`, and then dips() is of no
-  /// use.
+  /// The score of the present levels. Where it would not be below `most_um`, `um` is infinite and
+  /// dips() means nothing.
   Score score(double most_um);
   /// Where a feature comes apart: the layer in which its dose is least between two printed pieces.
   struct Dip {
     int layer;
     double least;
   };
-  /// Of the last score().
+  /// The dips that the last score() found.
   const std::vector<Dip>& dips() const { return dips_; }
 
  private:

@@ -71,7 +71,7 @@ InhibitedPlan::InhibitedPlan(const CureModel& model, bool merge, int target_laye
   sum_dark(model);
 }
 
-/// The levels that matter: those in use, those that hold a dose, and how far full light reaches.
+/// Finds the levels that may be used, those that hold a dose, and how far full light reaches.
 void InhibitedPlan::find_levels() {
   for (int s = 0; s < kernel->settings(); ++s) caps.push_back(kernel->highest_usable_level(s));
   const int strongest = kernel->strongest_setting();
@@ -81,7 +81,7 @@ void InhibitedPlan::find_levels() {
   inside = tuning.inside_dose * ripple();
   holding = steady;
   while (holding < levels && kernel->steady_dose(strongest, holding) < inside) ++holding;
-  // Light that never lifts the dose so far is told of before (check_feasible); here it ends a loop.
+  // check_feasible() refuses light that never lifts the dose to 1; this only ends the loop.
   constexpr int kNeverReaches = 100000;
   reach = 1;
   while (reach < kNeverReaches && node_light.sum(strongest, cap, reach) < 1.0) ++reach;

@@ -38,7 +38,7 @@ class ExtraLight {
   std::vector<std::vector<double>> tables_, sums_;
 };
 
-/// Slices of a lag that is a share of the kernel's peak.
+/// A lag in slices, from a share of the distance of the kernel's peak.
 inline int lag_of(const InhibitedTuning::Share& share, int peak) {
   return std::max(share.times * peak / share.over, 1);
 }
@@ -68,7 +68,7 @@ struct InhibitedPlan {
   std::vector<int> caps;  ///< highest level in use, per setting
   int steady = 0;         ///< lowest level whose steady dose is at least 1, strongest UV setting
   double inside = 1;      ///< dose that nodes inside features demand
-  int holding = 0;        ///< lowest level whose steady dose is `inside`
+  int holding = 0;        ///< lowest level whose steady dose is at least `inside`
   int reach = 0;          ///< slices of full light that lift the dose from 0 to 1
   double layer_um = 0;
   bool merge_one_slice_gaps = false;
@@ -76,7 +76,7 @@ struct InhibitedPlan {
   std::vector<int> lags;                       ///< slices; to be tried in this order
   std::vector<double> dark_node, dark_middle;  ///< dose that black slices alone leave, per layer
   std::vector<double> dark_far;  ///< the part of dark_node from slices `near` and more layers away
-  /// Dose of black slices at InhibitedKernel::samples places of each layer; layer by layer only.
+  /// Dose of black slices at InhibitedKernel::kSamples places of each layer; layer by layer only.
   std::vector<float> dark_fine;
 
  private:

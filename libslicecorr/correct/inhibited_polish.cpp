@@ -17,8 +17,8 @@ void ColumnPolish::descend(double dip_weight) {
   }
 }
 
-/// Gives slice n, or it and the one before it, the levels that cost least; false if those that it
-/// has are kept.
+/// Gives slice n, or slices n and n - 1, the levels that cost least; false if they stay as they
+/// are.
 bool ColumnPolish::improve(int n) {
   const InhibitedTuning& t = plan_.tuning;
   const int level = doses_.level(n);
@@ -64,8 +64,8 @@ void ColumnPolish::try_pair(int n, int level, int previous, Best& best) {
   if (cost < best.cost) best = {cost, level, previous};
 }
 
-/// The weighted squares of what is wrong in the layers that lie within the tables of slice n, where
-/// its light counts most.
+/// The weighted squares of what is wrong in the layers within reach of slice n's tables, where the
+/// light of the slice counts most.
 double ColumnPolish::cost_around(int n) const {
   const InhibitedTuning& t = plan_.tuning;
   const int low = n - plan_.near + 1, high = n + 1;

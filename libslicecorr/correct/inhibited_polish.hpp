@@ -14,8 +14,8 @@ class ColumnPolish {
   ColumnPolish(const InhibitedPlan& plan, const ColumnDesign& design, ColumnDoses& doses)
       : plan_(plan), design_(design), doses_(doses) {}
 
-  /// Changes the levels in the doses. `dip_weight`: what dips inside layers weigh, where the doses
-  /// are sampled.
+  /// Changes the levels of the doses that it was made with. `dip_weight`: weight of dips inside
+  /// layers; counts only where the doses are sampled.
   void descend(double dip_weight);
 
  private:
@@ -23,7 +23,7 @@ class ColumnPolish {
   struct Best {
     double cost;
     int level;
-    int previous = -1;  ///< -1: as it is
+    int previous = -1;  ///< level of the slice before; -1: it keeps its own
   };
   bool improve(int n);
   void try_level(int n, int level, Best& best);

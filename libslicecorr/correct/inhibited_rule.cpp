@@ -13,13 +13,13 @@ bool LevelRule::choose_all(bool again) {
   int before = 0, same = 0, deep_until = plan_.all_layers;
   const int settled = plan_.tuning.settled_lengths * plan_.near;
   for (int n = plan_.all_layers; n-- > 0;) {
-    // Nothing changes any more until the upper edge comes near. A level that is too dim by itself
+    // A settled level stays until the upper edge comes near. But a level that is too dim by itself
     // may stand for long on the light of a burst, and must be looked at all the same.
     if (deep_until < n && same > settled && before >= plan_.holding) {
       doses_.add(n, before);
       continue;
     }
-    // Features that can ask for light of this slice: their nodes lie above it, within reach.
+    // The features that can ask for light of this slice have nodes above it, within reach.
     while (first_feature >= 0 &&
            design_.features[static_cast<std::size_t>(first_feature)].upper > n) {
       --first_feature;

@@ -11,16 +11,17 @@
 
 namespace slicecorr::detail {
 
-/// For one thread.
+/// Chooses the levels of a column by the rule. For one thread.
 class LevelRule {
  public:
   LevelRule(const InhibitedPlan& plan, const ColumnDesign& design, ColumnDoses& doses)
       : plan_(plan), design_(design), doses_(doses) {}
 
-  /// Chooses all levels; features know nothing of the light of those nearer to the platform.
+  /// Chooses all levels. The light that a feature will get from features nearer to the platform is
+  /// not known yet, and taken for none.
   void choose() { choose_all(false); }
-  /// Chooses all levels again: light that features nearer to the platform will give is expected as
-  /// it was chosen before. Returns whether any node gets such light.
+  /// Chooses all levels again, and takes it that features nearer to the platform give the light
+  /// that was chosen for them before. Returns whether any node gets such light.
   bool choose_again() {
     before_ = doses_.levels();
     return choose_all(true);

@@ -71,7 +71,7 @@ struct InhibitedTuning {
 
   // Features that come apart: the nodes around the dip demand more, round by round.
 
-  /// Most rounds.
+  /// Most rounds in which demands are raised.
   int raise_rounds = 10;
   /// Rounds in which only nodes inside the feature demand more. After them edges give way too: a
   /// solid feature comes before the place of its edges.

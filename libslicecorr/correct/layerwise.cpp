@@ -15,28 +15,29 @@ namespace slicecorr::detail {
 
 namespace {
 
-/// Coverage that a layer is solved for: a gap one slice high that is to be merged counts as full.
+/// The coverage for which a layer is solved: a gap of one slice that is merged counts as full.
 std::uint8_t solved_for(const CorrectionPlan& plan, std::uint8_t above, std::uint8_t here,
                         std::uint8_t below) {
   const bool merged = plan.merge_one_slice_gaps && here == 0 && above == kFull && below == kFull;
   return merged ? kFull : here;
 }
 
-/// The grey level of a layer of which `far_edge` = W(n + 1) is left at its window. Full: the lowest
-/// whose dose at the layer's far edge reaches `edge`. Grey: the one whose dose in the middle is
-/// nearest to the coverage, but below 1. Where neither can be, the nearest to it.
+/// The grey level of a layer. `far_edge`: W(n + 1), the dose that later slices leave at its window.
+/// For a full layer the lowest level whose dose at the layer's far edge reaches `edge`; for a grey
+/// one the level whose dose in the middle is nearest to the coverage, but below 1. Where no level
+/// does so, the one that comes nearest.
 int layer_level(const CorrectionPlan& plan, std::uint8_t coverage, double ratio, double far_edge,
                 double edge) {
   if (coverage == 0) return 0;
   const LevelTable& levels = plan.levels;
   const CureModel& model = plan.model;
-  // As BandDose does it, to the last bit.
+  // Computed just as BandDose does, to the last bit.
   const auto near = [&](int level) { return levels.phi(level) * ratio + far_edge; };
   if (coverage == kFull) {
     const auto reached = [&](int level) { return near(level) * model.a; };
     if (reached(0) >= edge) return 0;
     int level = levels.at_least((edge / model.a - far_edge) / ratio);
-    // Solving for phi and stepping forward round differently: the dose delivered is what counts.
+    // Solving for phi rounds differently from stepping forward: what counts is the dose delivered.
     while (level < levels.highest() && reached(level) < edge) {
       level = levels.at_least(std::nextafter(levels.phi(level), 1e308));
     }
@@ -63,7 +64,7 @@ class LayerwiseSolver final : public BandSolver {
   void solve(const BandCorrector::Sink& sink, const BandCorrector::TileSink& tiles) override;
 
  private:
-  /// Most columns of a part have the dose of their neighbour: levels found are kept.
+  /// Levels that were found, by what they follow from: most columns have the dose of a neighbour.
   struct Entry {
     double far_edge;
     int slice = -1;

@@ -11,11 +11,12 @@ namespace {
 
 /// Edges further up than this are not chosen together with the slice at hand.
 constexpr int kFarthest = 40;
-/// Looks at levels before depth first gives up.
+/// Levels that the search in depth looks at before it gives up.
 constexpr int kLooks = 200;
-/// Doses kept per node, one in each part of its range; levels tried from them.
+/// Survivors per node, at most one in each of `kCells` parts of its range of doses; levels that are
+/// tried from all survivors of the node before together, and from each of them at least.
 constexpr int kCells = 128, kTries = 1024, kLeastTries = 16;
-/// Tolerances are as good when they differ by less than this factor.
+/// Tolerances that differ by less than this factor count as equally good.
 constexpr double kSameTolerance = 1.2;
 
 bool is_grey(std::uint8_t coverage) { return coverage != 0 && coverage != kFull; }
@@ -85,7 +86,7 @@ int LevelSearch::one_slice(const RunAt& run, int n, double below) const {
   const ContinuousPlan& p = plan_;
   const Edge& edge = edges_[run.edge];
   const int j = n - run.node;
-  // The commonest cases: full light that is not too much yet, black that is enough.
+  // The commonest cases first: full light does not exceed the doses allowed yet, or black suffices.
   if (j >= p.together && j > 0 && j >= edge.levels_until) {
     if (edge.below == kFull && n + 1 != run.lower &&
         p.phi_max * p.b + p.a * below <= edges_.doses(edge, j, 0).hi) {
@@ -94,7 +95,7 @@ int LevelSearch::one_slice(const RunAt& run, int n, double below) const {
     if (edge.below == 0 && p.phi_min * p.b + p.a * below >= edges_.doses(edge, j, 0).lo) return 0;
   }
   if (j == 0 && edge.below == kFull && !edge.platform && is_grey(edge.above_cover)) {
-    // As little as this layer needs: what is above is grey.
+    // Only as much light as this layer needs itself, because the layer above is grey.
     const LayerRule rule = rule_of(run, n, kRungs - 1);
     return p.levels.at_least(light_rule(rule, {p.prints, p.most}).at(below).least);
   }
@@ -104,7 +105,7 @@ int LevelSearch::one_slice(const RunAt& run, int n, double below) const {
     return edges_.levels_allow(edge, j, p.step(p.levels.phi(level), below), slit);
   };
   if (is_grey(edge.below)) {
-    // The nearest to what it aims at that leaves enough for what is above.
+    // The level nearest to the dose aimed at, among those that leave enough for the layers above.
     const double least = (edges_.grey_least_at(run.edge, j) - p.a * below) * p.per_b;
     const double aim = (grey_aim(run, n, below) - p.a * below) * p.per_b;
     if (aim <= least) return p.levels.at_least(least);
@@ -127,7 +128,7 @@ int LevelSearch::one_slice(const RunAt& run, int n, double below) const {
       }
     }
   }
-  // A voxel will be wrong. Those of features come first: a gap gets the light that the features
+  // Some voxel will be wrong. Voxels of features come first: a gap gets the light that the features
   // above it need.
   const LayerRule rule = rule_of(run, n, kRungs - 1);
   const DoseRange target = edges_.doses(edge, j, kRungs - 1, slit);
@@ -152,7 +153,7 @@ double LevelSearch::exact(const RunAt& run, int n, double below) const {
     l = light_rule(rule_of(run, n, r), edges_.doses(edge, j, r, slit)).at(below);
     if (l.least <= l.most && l.most >= p.phi_min && l.least <= p.phi_max) break;
   }
-  // Without the slack, which is for rounding.
+  // Leave out the slack, which is kept for rounding.
   l.least += p.slack * p.per_b;
   l.most -= p.slack * p.per_b;
   double phi = edge.below == 0 ? l.least : l.most;
@@ -170,7 +171,7 @@ bool LevelSearch::is_edge(std::int32_t id) const {
 
 int LevelSearch::gather(const RunAt& start, int n) {
   const Edge* edge = &edges_[start.edge];
-  // The last edge that belongs to these slices.
+  // Find the last edge whose slices are chosen together with these.
   int last = start.node;
   cut_ = false;
   while (edge->slices > 0 && edge->slices <= plan_.together + 1) {
@@ -198,7 +199,7 @@ int LevelSearch::gather(const RunAt& start, int n) {
     step.slit_below = run.slit_below;
     step.slit = s == run.node && e.below == 0 && run.lower - run.node == 1 && run.below == kFull &&
                 e.above_cover == kFull;
-    // A long run's length is not known.
+    // The true length of an endless run is not known.
     if (e.endless) run.node = std::min(run.node, s);
   }
   first_edge_ = n - start.node + 1;
@@ -385,8 +386,8 @@ int LevelSearch::choose(const RunAt& run, int n, double below, std::uint8_t* out
     out[0] = static_cast<std::uint8_t>(one_slice(run, n, below));
     return 1;
   }
-  // What is above an edge is the same for all columns that have it; of what is below only this
-  // counts.
+  // All columns with the same edge have the same above it; of what lies below, only whether the
+  // run ends with this slice, and on what, counts.
   const bool bottom = n + 1 == run.lower;
   const auto first = static_cast<std::uint8_t>(
       !bottom ? 0 : 1 | run.slit_below << 1 | (run.below == kFull) << 2 | (run.below == 0) << 3);

@@ -11,14 +11,14 @@
 
 namespace slicecorr::detail {
 
-/// Where a column's walk from the last slice to the first has come to: the run that the slice lies
-/// in, and what lies below it.
+/// Where a column's walk from the last slice to the first stands: the run in which the present
+/// slice lies, and what lies below that run.
 struct RunAt {
   std::int32_t edge = 0;    ///< its upper end, in Edges; its coverage is that edge's `below`
-  std::int32_t node = 0;    ///< the same as a node
+  std::int32_t node = 0;    ///< node of its upper end
   std::int32_t lower = 0;   ///< node of its lower end
-  std::uint8_t below = 0;   ///< coverage there
-  bool slit_below = false;  ///< what lies there is a gap of one slice between full layers
+  std::uint8_t below = 0;   ///< coverage below its lower end
+  bool slit_below = false;  ///< below it lies a gap of one slice between full layers
 };
 
 /// The run above, with `node` as its lower end.
@@ -34,15 +34,15 @@ class LevelSearch {
   /// Writes the levels of slice n and of those after it (n - 1, ...) that were chosen with it;
   /// returns how many. `below`: Omega(n + 1) as delivered.
   int choose(const RunAt& run, int n, double below, std::uint8_t* levels);
-  /// The light of slice n where any can be shown.
+  /// The phi of slice n when every intensity may be shown.
   double exact(const RunAt& run, int n, double below) const;
 
  private:
   struct Light {
     double least, most;
   };
-  /// The light that a layer allows, of the dose w at its lower node: on one side `own.at - own.per
-  /// w`, on the other the narrowest of four such bounds.
+  /// Bounds of the light that a layer allows, given the dose w at its lower node: on one side
+  /// `own.at - own.per w`, on the other the narrowest of four of that form.
   struct Bound {
     double at, per;
   };
@@ -59,7 +59,7 @@ class LevelSearch {
       return {one, std::min(std::min(other(0), other(1)), std::min(other(2), other(3)))};
     }
   };
-  /// A slice of those that are chosen together.
+  /// One of the slices that are chosen together.
   struct Step {
     std::int32_t edge;
     int j;  ///< nodes below that edge
@@ -81,19 +81,19 @@ class LevelSearch {
 
   LightRule light_rule(const LayerRule& rule, DoseRange target) const;
   LevelRange levels(const LightRule& rule, double below) const;
-  /// Whether levels() has any.
+  /// Whether levels() finds any.
   bool any_level(const LightRule& rule, double below) const;
   LayerRule rule_of(const RunAt& run, int n, int rung) const;
   int one_slice(const RunAt& run, int n, double below) const;
   double grey_aim(const RunAt& run, int n, double below) const;
-  /// Whether features and gaps meet there.
+  /// Whether a feature and a gap meet at this edge.
   bool is_edge(std::int32_t edge) const;
-  /// The slices to choose together from n on; returns how many.
+  /// Gathers the slices that are chosen together from n on; returns how many.
   int gather(const RunAt& run, int n);
-  /// Rules and targets for edges within `tolerance`; false: no light does.
+  /// Sets rules and targets for edges within `tolerance`; false: no light meets them.
   bool aim(double tolerance);
   bool aim(const EdgeCorners& at);
-  /// Levels of the steps at hand; false: none are right.
+  /// Finds levels of the gathered slices; false: no sequence of levels is right.
   bool search(double below, std::uint8_t* levels, std::size_t from);
   bool depth_first(const Step* steps, double below, std::uint8_t* levels) const;
   bool survivors(double below, std::uint8_t* levels);

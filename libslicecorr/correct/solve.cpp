@@ -31,7 +31,8 @@ void walk_column(const CorrectionPlan& plan, detail::Edges& edges,
   detail::RunAt run;
   run.edge = edges.platform(solved.front());
   run.lower = all;
-  // What is above an edge knows no edges behind a long run: a column keeps its own.
+  // Edges beyond an endless run can't be found from the edge below it: the column keeps its own
+  // list.
   std::vector<std::pair<std::int32_t, std::int32_t>> passed;
   for (int n = 1; n < all; ++n) {
     const std::uint8_t c = solved[static_cast<std::size_t>(n)];

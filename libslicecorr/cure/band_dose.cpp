@@ -18,7 +18,7 @@ void block_phi(const PixelCurve& curve, std::span<const ImageShowing> showings, 
   bool begun = false;
   for (const ImageShowing& showing : showings) {
     const std::uint8_t* const pixels = showing.pixels + first;
-    // Most blocks show one value.
+    // Most blocks show a single value, which needs one look-up.
     const bool one = n == kBlock && uniform(pixels);
     for (std::size_t i = 0; i < n; ++i) {
       const double added = showing.light * curve[pixels[one ? 0 : i]];
@@ -33,7 +33,7 @@ void block_phi(const PixelCurve& curve, std::span<const ImageShowing> showings, 
 
 namespace {
 
-/// (A.32), (A.35).
+/// Continuous exposure without UV light, by (A.32) and (A.35).
 class ContinuousWalker final : public detail::DoseWalker {
  public:
   ContinuousWalker(const CureModel& model, std::size_t columns)
@@ -83,7 +83,8 @@ class ContinuousWalker final : public detail::DoseWalker {
     std::vector<ImageShowing> lit;
   };
 
-  /// Into thin slices with one phi each, none where all showings are spread over the slice.
+  /// Cuts the slice into thin slices with one phi each; none where all showings are spread over the
+  /// slice.
   void cut(std::span<const ImageShowing> showings) {
     thin_slices_.clear();
     const auto spread = [](const ImageShowing& p) { return p.from <= 0 && p.to >= 1; };
@@ -139,7 +140,7 @@ void add(double* __restrict near, const double* __restrict far, const double* __
   for (std::size_t i = 0; i < n; ++i) near[i] = phi[i] * ratio + far[i];
 }
 
-/// Appendix A.6: W(n) = (phi'_n + W(n + 1)) a.
+/// Layer by layer exposure, by appendix A.6: W(n) = (phi'_n + W(n + 1)) a.
 class LayerwiseWalker final : public detail::DoseWalker {
  public:
   LayerwiseWalker(const CureModel& model, std::size_t columns)

@@ -102,7 +102,7 @@ std::vector<double> detail::exposure_ratios(const Process& process, double norma
           : process.layer_exposure_s.size();
   std::vector<double> ratios;
   bool normal = true;
-  // One more than the special ones: the last holds for all layers after it.
+  // One more than the layers with times of their own: the last holds for all layers after it.
   for (std::size_t n = 0; n <= special; ++n) {
     ratios.push_back(layer_exposure_s(process, static_cast<int>(n)) / normal_s);
     normal = normal && ratios.back() == 1.0;

@@ -33,9 +33,10 @@ struct Gauss {
   }
 };
 
-/// Share of UV light in the rate that is left out beyond the table.
+/// The table ends where the share of UV light in the rate falls to this; beyond it is left out.
 constexpr double kShare = 1e-9;
-/// Where there is no UV light: as if there were this share of the blue one.
+/// Least inhibiting light over blue light that is computed with, so that the logarithm is finite
+/// where there is no UV light.
 constexpr double kLeastUv = 1e-15;
 
 }  // namespace
@@ -60,7 +61,7 @@ FrontProfile::FrontProfile(const Kinetics& k)
   static const Gauss gauss;
   const auto net = [&](double y) { return std::exp(-y / hb_) * -std::expm1(-slope_ * y); };
   const auto at = [&](double y) { return std::pow(net(y), m_); };
-  /// From 0 to y by y t^3, which makes the beginning smooth.
+  /// Integral of the rate from 0 to y. With y t^3 for the distance the integrand begins smoothly.
   const auto from_front = [&](double y) {
     double sum = 0;
     for (std::size_t i = 0; i < Gauss::kN; ++i) {

@@ -24,14 +24,14 @@ class FrontProfile {
   explicit FrontProfile(const Kinetics& kinetics);
 
   /// Where the front of these intensities lies, um above the window; below 0 when it lies behind
-  /// it. Of no UV light at all: so far behind that it takes no share.
+  /// the window, without UV light so far behind that UV takes no share of the rate.
   double front_um(double blue_mw_cm2, double inhibiting_mw_cm2) const;
   /// The factor of `rate` and `rest` for a front at `front_um`.
   double amount(double blue_mw_cm2, double front_um) const {
     return blue_mw_cm2 > 0 ? std::pow(blue_mw_cm2, m_) * std::exp(-m_ * front_um / hb_) : 0.0;
   }
 
-  /// Right to 1e-8 of the greatest.
+  /// The rate at `y_um` above the front, right to 1e-8 of the greatest rate.
   double rate(double y_um) const {
     if (y_um <= 0) return 0;
     if (y_um >= end_) return std::exp(-m_ * y_um / hb_);

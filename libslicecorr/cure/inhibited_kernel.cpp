@@ -71,7 +71,7 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
     }
     case UvKind::per_slice: {
       if (uv.slice_mw_cm2.empty()) {
-        // Until the slices are known: what full light needs.
+        // Until the slices are known, the UV light that full blue light needs.
         const double asked =
             uv.dead_zone_um > 0 ? uv_for_dead_zone(kinetics_, full, uv.dead_zone_um) : uv.uv_mw_cm2;
         check(asked, fmt::format("a dead zone of {:g} um under full light", uv.dead_zone_um));
@@ -87,7 +87,7 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
       check(uv_for_dead_zone(kinetics_, full, uv.dead_zone_um),
             fmt::format("a dead zone of {:g} um under full light", uv.dead_zone_um));
       for (const double blue : held) {
-        // The next level up: the dead zone is held at least.
+        // The next level up, so that the dead zone is no thinner than asked for.
         uv_levels_.push_back(
             lamp.at_least(uv_for_dead_zone(kinetics_, blue, uv.dead_zone_um) * (1 - 1e-12)));
         level_uv_.push_back(lamp.phi(uv_levels_.back()));
@@ -112,7 +112,7 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
     gel_scale_ = layer_um / (speed_um_s * gel_.critical_dose_prime);
   }
   const double strongest = *std::max_element(setting_uv_.begin(), setting_uv_.end());
-  // A place without light has nothing to lose.
+  // A place without blue light loses nothing to UV light.
   const double share = blue_.back() > 0 ? kinetics_.beta * strongest / blue_.back() : 0;
   const double slope = 1.0 / kinetics_.huv_um - 1.0 / kinetics_.hb_um;
   near_ = share > kTailShare
@@ -259,7 +259,7 @@ int InhibitedKernel::highest_usable_level(int setting) const {
   if (allow_window_cure_) return level;
   for (; level > 0; --level) {
     const double blue = blue_[static_cast<std::size_t>(level)], uv = uv_of(setting, level);
-    // A pattern is made for its dead zone: rounding must not count against it.
+    // A pattern is made for just its dead zone: rounding must not make it fail.
     if (keeps_dead_zone(kinetics_, blue, uv) &&
         steady_dead_zone_um(kinetics_, blue, uv) >= wanted_um_ * (1 - 1e-9)) {
       break;

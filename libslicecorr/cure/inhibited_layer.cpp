@@ -10,7 +10,7 @@ namespace slicecorr::detail {
 
 namespace {
 
-/// Crossings are found to this.
+/// Crossings are found to this distance, um.
 constexpr double kPrecisionUm = 0.002;
 /// Samples are single numbers: they are right to this share of the dose.
 constexpr double kSampleError = 1e-6;
@@ -82,7 +82,8 @@ void InhibitedLayer::sample(double lower, double middle, double upper) {
   dose_[kSamples] = upper;
 }
 
-/// Where between two places the dose has its turn. There is no kink between them: parabolas.
+/// Where between two places the dose has its least (or greatest) value, by parabolas: there must be
+/// no kink between them.
 double InhibitedLayer::turn(double from, double to, bool least) const {
   const double sign = least ? 1.0 : -1.0;
   double x[3] = {from, 0.5 * (from + to), to};
@@ -90,13 +91,13 @@ double InhibitedLayer::turn(double from, double to, bool least) const {
   for (int step = 0; step < 5; ++step) {
     const double left = (y[1] - y[0]) / (x[1] - x[0]), right = (y[2] - y[1]) / (x[2] - x[1]);
     if (!(right > left)) break;
-    // Where the slope between the middles of the two stretches is 0.
+    // The place t where the slope, linear between the middles of the two stretches, is 0.
     const double a = 0.5 * (x[0] + x[1]), b = 0.5 * (x[1] + x[2]);
     const double edge = 0.05 * (x[2] - x[0]);
     const double t = std::clamp(a - left * (b - a) / (right - left), x[0] + edge, x[2] - edge);
     if (std::abs(t - x[1]) < precision_) break;
     const double dose = sign * at(t);
-    // The middle one of three stays the least.
+    // Keep three places of which the middle one is the least.
     const int place = t < x[1] ? 0 : 2;
     if (dose < y[1]) {
       x[2 - place] = x[1];
@@ -112,14 +113,14 @@ double InhibitedLayer::turn(double from, double to, bool least) const {
 }
 
 double InhibitedLayer::crossing(double low, double high, bool rises) const {
-  // Regula falsi, halving what stays behind.
+  // Regula falsi (Illinois): the value of an end that stays twice is halved.
   double y_low = at(low) - 1.0, y_high = at(high) - 1.0;
   int side = 0;
   while (high - low > precision_) {
     double t = 0.5 * (low + high);
     if ((y_low < 0) != (y_high < 0)) {
       t = (low * y_high - high * y_low) / (y_high - y_low);
-      // Not so near an end that the other one would never come.
+      // Not too near an end, or the other end would never move.
       const double edge = 0.25 * precision_;
       t = std::clamp(t, low + edge, high - edge);
     }
@@ -139,7 +140,8 @@ double InhibitedLayer::crossing(double low, double high, bool rises) const {
   return 0.5 * (low + high);
 }
 
-/// Samples that decide something are looked at more closely.
+/// Computes anew, from the integral, the samples that decide something: those near 1, and the
+/// least.
 void InhibitedLayer::sharpen(double known) {
   const auto known_well = [](int i) { return i == 0 || i == kSamples / 2 || i == kSamples; };
   int least = 0;
@@ -163,7 +165,8 @@ double InhibitedLayer::front(const Light& light) const {
 /// than `known`. False if there are none.
 bool InhibitedLayer::mark_cells(double known) {
   const double least = std::min(known, *std::min_element(dose_, dose_ + kSamples + 1));
-  // How far into a cell its last kink lies: up to there light falls by a in a slice at most.
+  // How far into a cell its last kink lies, in slices; before it light falls by a in a slice at
+  // most.
   double kink[kSamples] = {};
   if (kernel_.layer_by_layer()) {
     for (const Light& light : lights_) {
@@ -175,7 +178,7 @@ bool InhibitedLayer::mark_cells(double known) {
   }
   const auto rise = [&](int i) { return dose_[i + 1] - dose_[i]; };
   const auto straight = [&](int i) { return i >= 0 && i < kSamples && kink[i] == 0; };
-  // How far a stretch of the length of a cell may bend beside cell i, from the two cells there.
+  // How far the dose may bend in cell i, judged by the two cells beside it.
   const auto bend = [&](int i, int step) {
     return straight(i + step) && straight(i + 2 * step)
                ? 2.0 * std::abs(rise(i + step) - rise(i + 2 * step))
@@ -188,7 +191,7 @@ bool InhibitedLayer::mark_cells(double known) {
     double low = std::min(a, b), high = std::max(a, b);
     bool turns = true;
     if (kink[i] > 0) {
-      // Up to its kink the dose goes on as before, behind it as after.
+      // Before the kink the dose goes on as in the cell before, behind it as in the cell after.
       const double share = kink[i] * kSamples;
       double least_there = a * (1.0 - fall_ * kink[i]);
       if (straight(i - 1)) {
@@ -217,8 +220,8 @@ bool InhibitedLayer::mark_cells(double known) {
   return any;
 }
 
-/// The samples, and where the fronts of lights lie in cells that are marked: layer by layer the
-/// dose has kinks there.
+/// Takes as points the samples and, in marked cells, the fronts of lights: layer by layer the dose
+/// has kinks there.
 void InhibitedLayer::take_points() {
   points_.clear();
   for (int i = 0; i <= kSamples; ++i) {
@@ -230,7 +233,7 @@ void InhibitedLayer::take_points() {
     if (t < 0 || !marked_[cell(t)]) continue;
     const auto after = std::lower_bound(points_.begin(), points_.end(), t,
                                         [](const Point& p, double place) { return p.t < place; });
-    // Rounding may put it on the wrong side of a sample; that near it changes nothing.
+    // Rounding may put a front on the wrong side of a sample; so near to one it changes nothing.
     if (after == points_.begin() || after == points_.end() || after->t - t < precision_ ||
         t - std::prev(after)->t < precision_) {
       continue;
@@ -262,7 +265,8 @@ bool InhibitedLayer::steady_above(int setting, int level, double weight, double 
   }
   double low = std::numeric_limits<double>::infinity();
   for (const auto& [light, fade] : steady.points) low = std::min(low, weight * light + far * fade);
-  // What fades bends by the square of its fall in a cell.
+  // Far light fades exponentially: between points it is off a line by the square of its fall in a
+  // cell.
   const double slack = weight * steady.slack + far * fall_ * fall_ / (kSamples * kSamples);
   return low - slack >= std::max(1.0, known);
 }
@@ -291,8 +295,8 @@ void InhibitedLayer::find(double known, InsideLayer& out) {
       here = after;
       continue;
     }
-    // The neighbours' straight lines meet no further from the chord than they bend from it; beyond
-    // a kink they say nothing. Without any, light falls by a in a slice at most.
+    // The dose is off the chord by no more than the lines through the neighbouring points are;
+    // lines beyond a kink say nothing. Where there are none, light falls by a in a slice at most.
     const bool has_before = c > 0 && !points_[c].kink;
     const bool has_after = c + 1 < cells && !points_[c + 1].kink;
     const double bends = has_before || has_after

@@ -14,8 +14,8 @@
 
 namespace slicecorr::detail {
 
-/// Between which doses a layer under continuous exposure stays, from those at its ends and in its
-/// middle. The dose is smooth there: it bends no more than twice as far as the three say.
+/// Bounds of the dose inside a layer under continuous exposure, from the doses at its ends and in
+/// its middle. The dose is smooth: it bends no more than twice as far as these three show.
 struct SmoothBounds {
   double low, high;
   SmoothBounds(double lower, double middle, double upper)
@@ -34,14 +34,15 @@ class InhibitedLayer {
 
   explicit InhibitedLayer(const InhibitedKernel& kernel);
 
-  /// A new layer; `far`: dose at its lower end of slices `near()` and more layers away.
+  /// Begins a layer; `far`: dose at its lower end from slices `near()` and more layers away.
   void begin(double far);
-  /// `weight` times what a slice of a level adds that lies `j` layers further; j never falls.
+  /// Adds `weight` times the light of a slice of a level whose layer lies `j` layers further down;
+  /// j must not fall from call to call.
   void add(int j, int setting, int level, double weight) { add(j, j, setting, level, weight); }
   /// The same of slices first..last.
   void add(int first, int last, int setting, int level, double weight);
-  /// After the last `add`. Samples of the dose at (i + 1) / samples; the ends are the caller's, as
-  /// is the middle: known better than by the samples.
+  /// After the last `add`. Samples the dose at (i + 1) / kSamples. The doses at the ends and in the
+  /// middle are the caller's: it knows them better than samples do.
   void sample(double lower, double middle, double upper);
   /// The least dose of the layer, as far as it is below `known` or 1, and where it crosses 1.
   void find(double known, InsideLayer& out);
@@ -62,13 +63,13 @@ class InhibitedLayer {
     bool kink = false;
   };
   void sharpen(double known);
-  /// Light of one level for long, and what is left of far light, at the points of a layer.
+  /// What one level gives at the points of a layer when all near slices show it.
   struct Steady {
     struct At {
       double light, fade;
     };
     std::vector<At> points;
-    double slack = 0;  ///< by which light may be less between the points
+    double slack = 0;  ///< by how much less the light may be between the points
   };
   static int cell(double t) { return std::min(static_cast<int>(t * kSamples), kSamples - 1); }
   double front(const Light& light) const;

@@ -10,8 +10,9 @@ namespace slicecorr::detail {
 
 namespace {
 
-/// The sum over the nearest slices from the kernel's tables, with the rest recursed. Most pixels
-/// have shown one level for long: running sums of the tables stand for those slices.
+/// The dose as the sum over the nearest slices by the kernel's tables; slices further away are
+/// recursed. Most pixels have shown one level for long: running sums of the tables stand for these
+/// slices.
 class InhibitedWalker final : public DoseWalker {
  public:
   InhibitedWalker(const CureModel& model, std::size_t columns)
@@ -61,7 +62,7 @@ class InhibitedWalker final : public DoseWalker {
       now.weight = 0;
       std::fill(now.levels.begin(), now.levels.end(), off());
     }
-    // Running sums hold while nothing but the level of one image counts.
+    // Running sums hold only while each slice shows one image with the same setting and weight.
     const Shown& last = before.shown[0];
     const bool jump = !any_ || slot.count > 1 || before.count > 1 || now.setting != last.setting ||
                       now.weight != last.weight;
@@ -69,8 +70,8 @@ class InhibitedWalker final : public DoseWalker {
       const bool same = !jump && now.levels[i] == last.levels[i];
       same_[i] = same ? static_cast<std::uint16_t>(std::min<std::size_t>(same_[i] + 1U, near_))
                       : std::uint16_t{1};
-      // After the same light for long nothing of the UV is left in what changes: continuous
-      // exposure approaches its steady dose, and without light all that there is fades.
+      // After the same light for `near_` slices the dose can't turn: continuous exposure only
+      // approaches its steady dose, and without light the dose only fades.
       turning[i] =
           same_[i] < near_ || (model_.mode == ExposureMode::layerwise && now.levels[i] != off());
     }
@@ -128,7 +129,7 @@ class InhibitedWalker final : public DoseWalker {
     std::vector<Shown> shown;
     std::size_t count = 1;  ///< images in use; more are kept for their memory
   };
-  /// Places whose doses are kept for every layer, with their tails.
+  /// The positions in a layer whose doses are kept, each with the recursed rest of its own.
   struct Kept {
     int index;
     InhibitedKernel::LayerPosition place;
@@ -139,7 +140,7 @@ class InhibitedWalker final : public DoseWalker {
 
   std::uint16_t off() const { return static_cast<std::uint16_t>(stride_ - 1); }
 
-  /// Tables with a level more, for light off, and their running sums.
+  /// Makes the tables of a setting, with one more level for light off, and their running sums.
   void prepare(int setting) {
     if (!table_[index(setting, InhibitedKernel::upper_end)].empty()) return;
     for (const Kept& kept : kKept) {

@@ -14,14 +14,15 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-/// Net intensity at z; m-th power of it is the rate.
+/// Net intensity at z, mW/cm², >= 0; its m-th power is the rate.
 double net_intensity(const Kinetics& k, double blue, double uv, double z_um) {
   return blue * std::exp(-z_um / k.hb_um) -
          (k.beta > 0 ? k.beta * uv * std::exp(-z_um / k.huv_um) : 0.0);
 }
 
-/// z in [low, high] at which the net intensity is `level`; it rises over the interval, or falls.
-/// The end nearest to a crossing when rounding hides it: right at the first gel.
+/// z in [low, high] at which the net intensity is `level`; over the interval it only rises
+/// (`rises`) or only falls. Where rounding hides the crossing, right at the first gel, the end
+/// nearest to it.
 double crossing(const Kinetics& k, double blue, double uv, double level, bool rises, double low,
                 double high) {
   // Bisection to the last bit: some 60 steps, and nothing to go wrong.
@@ -57,7 +58,7 @@ double beta_series(double x, double p, double q) {
 double inhibited_integral_um(const Kinetics& k, double ratio) {
   const double p = k.m / (k.hb_um * slope(k));
   if (ratio <= 0.9) return beta_series(ratio, p, -k.m) / slope(k);
-  // Near 1 and above: the whole function less the rest, which converges fast there.
+  // A ratio near 1 or above: the whole function less the rest, whose series converges fast there.
   double beta = std::beta(p, k.m + 1);
   if (ratio < 1) {
     beta -= std::pow(1 - ratio, k.m + 1) * beta_series(1 - ratio, k.m + 1, 1 - p);
@@ -104,7 +105,7 @@ Kinetics make_kinetics(const Resin& resin, bool inhibited, bool aim) {
 }
 
 double cured_height_um(const Kinetics& k, double blue_mw_cm2, double exposure_s) {
-  // Logarithms apart: the product may overflow where the height does not.
+  // Sum of logarithms: the product of their arguments may overflow where the height does not.
   return k.hb_um * std::log(blue_mw_cm2) +
          k.hb_um / k.m * (std::log(exposure_s) - std::log(k.critical_dose_prime));
 }

@@ -18,7 +18,8 @@ namespace {
 using detail::LitPlace;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-/// Limits are computed another way than models are made: this far inside both agree.
+/// Limits are computed in another way than models are made. So far inside a limit (a share of it)
+/// both agree.
 constexpr double kInside = 1e-9;
 
 bool is_continuous(const Process& process) { return process.mode == ExposureMode::continuous; }
@@ -28,7 +29,7 @@ std::string pace_in_words(const Process& process) {
                                 : fmt::format("exposed for {:g} s", process.exposure_s);
 }
 
-/// The layer with the shortest exposure: what helps it helps all.
+/// The layer with the shortest exposure: if it gels, all do.
 int weakest_layer(const CureModel& model) {
   int weakest = 0;
   for (int n = 1; n < static_cast<int>(model.exposure_ratio.size()); ++n) {
@@ -37,8 +38,8 @@ int weakest_layer(const CureModel& model) {
   return weakest;
 }
 
-/// The most that black light adds up to at a window, and in which layer; that after all of `ratios`
-/// stands for normal ones.
+/// The greatest dose that black light adds up to at a window, and the layer there; the layer after
+/// all of `ratios` stands for normal ones.
 struct BlackLight {
   double dose = 0;
   int layer = 0;
@@ -63,7 +64,7 @@ struct Doses {
 Doses doses_of(const CureModel& model) {
   if (model.inhibited) {
     const InhibitedKernel& kernel = *model.inhibited;
-    // Lamps that change from slice to slice do so because the slice needs less.
+    // A lamp that changes from slice to slice is weaker where a slice needs less.
     const int s = kernel.strongest_setting();
     return {kernel.steady_dose(s, kernel.highest_usable_level(s)), kernel.steady_dose(0, 0)};
   }
@@ -78,8 +79,8 @@ bool is_plain_layerwise(const CureModel& model) {
   return model.mode == ExposureMode::layerwise && !model.inhibited;
 }
 
-/// Whether the lit dose is enough. Layer by layer full light for just the least time is feasible,
-/// rounding or not.
+/// Whether the dose of lit pixels is enough. Layer by layer an exposure of just the least time is
+/// feasible, so rounding is allowed for.
 bool gels(const CureModel& model, double lit_dose) {
   return is_plain_layerwise(model) ? lit_dose >= 1.0 - 1e-12 : lit_dose > 1.0;
 }
@@ -92,7 +93,7 @@ std::string failing_layer(const CureModel& model, const Process& process, int la
              : fmt::format("layer {}, exposed for {:.5g} s,", layer, exposure);
 }
 
-/// The rule for all layers is too long, not only the exposure of some.
+/// Whether black gels by the normal exposure already, not only by the longer ones of some layers.
 bool black_as_a_rule(const CureModel& model) {
   const auto rule = static_cast<int>(model.exposure_ratio.size());
   return model.phi_min() * model.ratio(rule) / model.one_minus_a >= 1.0;
@@ -179,14 +180,14 @@ Process cut(Process p, double most_s) {
   return p;
 }
 
-/// The longest exposure at which black leaves the resin liquid, whatever the layers beside it get;
-/// `normal_s` is what the model's phi' stands for. Infinite without light of black.
+/// The longest exposure, s, that all layers may get so that black leaves the resin liquid.
+/// `normal_s`: the exposure that the model's phi' stands for. Infinite without light of black.
 double longest_alike_s(const CureModel& model, double normal_s) {
   return model.phi_min() > 0 ? normal_s * model.one_minus_a / model.phi_min() : kInfinity;
 }
 
-/// The same for exposures of `process` that are cut to it: few layers may be exposed for longer
-/// than all may.
+/// The same for the exposures of `process`, each cut to the result: a few layers may be exposed for
+/// longer than all of them may.
 double longest_for_black_s(const CureModel& model, const Process& process, double normal_s) {
   const double alike_s = longest_alike_s(model, normal_s);
   if (!std::isfinite(alike_s)) return kInfinity;
@@ -216,10 +217,10 @@ struct Paces {
   bool any() const { return least <= greatest && greatest > 0; }
 };
 
-Paces speeds(const std::vector<LitPlace>& kPlaces, const Printer& printer, const Process& process) {
+Paces speeds(const std::vector<LitPlace>& places, const Printer& printer, const Process& process) {
   // Every dose is inversely proportional to the speed.
   Paces p;
-  for (const LitPlace& place : kPlaces) {
+  for (const LitPlace& place : places) {
     const Doses d = doses_of(*place.model);
     if (place.lit) p.greatest = std::min(p.greatest, process.speed_mm_h * d.lit / place.needed);
     p.least = std::max(p.least, process.speed_mm_h * d.black);
@@ -230,10 +231,10 @@ Paces speeds(const std::vector<LitPlace>& kPlaces, const Printer& printer, const
   return p;
 }
 
-Paces exposures(const std::vector<LitPlace>& kPlaces, const Process& process,
+Paces exposures(const std::vector<LitPlace>& places, const Process& process,
                 const Failing& failing) {
   Paces p;
-  for (const LitPlace& place : kPlaces) {
+  for (const LitPlace& place : places) {
     const double dose = doses_of(*place.model).lit;
     const double shortest_s = is_plain_layerwise(*place.model)
                                   ? layer_exposure_s(process, weakest_layer(*place.model))
@@ -241,7 +242,7 @@ Paces exposures(const std::vector<LitPlace>& kPlaces, const Process& process,
     if (place.lit) p.least = std::max(p.least, shortest_s * place.needed / dose * (1 + kInside));
   }
   if (!std::isfinite(p.least)) return {kInfinity, 0};
-  for (const LitPlace& place : kPlaces) {
+  for (const LitPlace& place : places) {
     const CureModel& model = *place.model;
     const double longest_s = !is_plain_layerwise(model) ? process.exposure_s / doses_of(model).black
                              : failing.lit
@@ -252,7 +253,7 @@ Paces exposures(const std::vector<LitPlace>& kPlaces, const Process& process,
   return p;
 }
 
-/// Both ends rounded inwards, with as many digits as leave room between them.
+/// Both ends as text, rounded inwards with as many digits as leave room between them.
 struct PaceWords {
   std::string least, greatest;
 };
@@ -267,9 +268,9 @@ std::optional<PaceWords> in_words(const Paces& p) {
   return std::nullopt;
 }
 
-Failing failing_of(const std::vector<LitPlace>& kPlaces) {
+Failing failing_of(const std::vector<LitPlace>& places) {
   Failing f;
-  for (const LitPlace& p : kPlaces) {
+  for (const LitPlace& p : places) {
     const Doses d = doses_of(*p.model);
     f.lit = f.lit || (p.lit && (!gels(*p.model, d.lit) || d.lit < p.needed));
     f.black = f.black || d.black >= 1.0;
@@ -277,12 +278,12 @@ Failing failing_of(const std::vector<LitPlace>& kPlaces) {
   return f;
 }
 
-std::string speed_way(const std::vector<LitPlace>& kPlaces, const Printer& printer,
+std::string speed_way(const std::vector<LitPlace>& places, const Printer& printer,
                       const Process& process, const Failing& failing) {
-  const Paces paces = speeds(kPlaces, printer, process);
+  const Paces paces = speeds(places, printer, process);
   const auto words = in_words(paces);
   if (!words) {
-    const bool no_travel = std::any_of(kPlaces.begin(), kPlaces.end(), [](const LitPlace& p) {
+    const bool no_travel = std::any_of(places.begin(), places.end(), [](const LitPlace& p) {
       return p.lit && !std::isfinite(p.needed);
     });
     if (no_travel)
@@ -304,9 +305,9 @@ std::string speed_way(const std::vector<LitPlace>& kPlaces, const Printer& print
                      : fmt::format("print {} and {}", faster, slower);
 }
 
-std::string exposure_way(const std::vector<LitPlace>& kPlaces, const Process& process,
+std::string exposure_way(const std::vector<LitPlace>& places, const Process& process,
                          const Failing& failing) {
-  const Paces paces = exposures(kPlaces, process, failing);
+  const Paces paces = exposures(places, process, failing);
   const auto words = in_words(paces);
   if (!words) {
     return std::isfinite(paces.least)
@@ -318,9 +319,9 @@ std::string exposure_way(const std::vector<LitPlace>& kPlaces, const Process& pr
     if (!words->greatest.empty()) text += fmt::format(" and for less than {} s", words->greatest);
     return text;
   }
-  // What is too long as a rule is too long for the first layers, too.
+  // A normal exposure that is too long is so for the first layers, too.
   const char* which = "";
-  for (const LitPlace& p : kPlaces) {
+  for (const LitPlace& p : places) {
     const CureModel& model = *p.model;
     if (model.exposure_ratio.empty() || model.inhibited || doses_of(model).black < 1.0) continue;
     which = black_as_a_rule(model)             ? "all layers "
@@ -330,12 +331,12 @@ std::string exposure_way(const std::vector<LitPlace>& kPlaces, const Process& pr
   return fmt::format("expose {}for less than {} s", which, words->greatest);
 }
 
-/// Intensities of full light and of black at which all places print as fast as they shall. Without
-/// UV light: with it a dead zone has a say.
-std::string light_way(const std::vector<LitPlace>& kPlaces, const Printer& printer,
+/// What intensities of full light and of black would make all places print at the speed or exposure
+/// asked for. Only without UV light, whose dead zone would matter, too.
+std::string light_way(const std::vector<LitPlace>& places, const Printer& printer,
                       const Failing& failing) {
   double full = 0, black = kInfinity;
-  for (const LitPlace& p : kPlaces) {
+  for (const LitPlace& p : places) {
     const Doses d = doses_of(*p.model);
     if (p.lit) full = std::max(full, std::pow(p.needed / d.lit, 1.0 / p.model->m));
     black = std::min(black, std::pow(1.0 / d.black, 1.0 / p.model->m));
@@ -344,7 +345,7 @@ std::string light_way(const std::vector<LitPlace>& kPlaces, const Printer& print
   black *= printer.calibration.front().intensity_mw_cm2 * (1 - kInside);
   std::string text;
   if (failing.lit && std::isfinite(full)) {
-    const bool reaches = is_plain_layerwise(*kPlaces.front().model);
+    const bool reaches = is_plain_layerwise(*places.front().model);
     text = fmt::format("with {} {} mW/cm²{}", reaches ? "at least" : "more than", at_least(full),
                        failing.black ? " of full light" : "");
   }
@@ -368,17 +369,17 @@ detail::Verdict detail::verdict(const LitPlace& place, const Printer& printer,
   return v;
 }
 
-std::string detail::ways_out(const std::vector<LitPlace>& kPlaces, const Printer& printer,
+std::string detail::ways_out(const std::vector<LitPlace>& places, const Printer& printer,
                              const Process& process) {
-  const Failing failing = failing_of(kPlaces);
-  std::string text = is_continuous(process) ? speed_way(kPlaces, printer, process, failing)
-                                            : exposure_way(kPlaces, process, failing);
-  if (!kPlaces.front().model->inhibited) {
-    if (const std::string light = light_way(kPlaces, printer, failing); !light.empty()) {
+  const Failing failing = failing_of(places);
+  std::string text = is_continuous(process) ? speed_way(places, printer, process, failing)
+                                            : exposure_way(places, process, failing);
+  if (!places.front().model->inhibited) {
+    if (const std::string light = light_way(places, printer, failing); !light.empty()) {
       text += ", or " + light;
     }
-  } else if (kPlaces.size() == 1) {
-    const LitPlace& p = kPlaces.front();
+  } else if (places.size() == 1) {
+    const LitPlace& p = places.front();
     if (const auto uv = working_uv(p.model->inhibited->kinetics(), p.model->layer_um,
                                    level_intensities(printer), *printer.uv, process, p.needed)) {
       text += fmt::format(", or with {} mW/cm² of UV light", *uv);
@@ -391,10 +392,11 @@ namespace {
 
 // Tables end where the share of UV light is 1e-6; far inside that is nothing.
 constexpr double kTables = 1e-5;
-/// A showing's end is cured by what full light gives beyond black.
+/// Factor on the dose that is needed for a print's end, which is cured by what full light gives
+/// beyond black.
 constexpr double kEnds = 1.001;
 
-/// Within the lamp's light, with as few digits as stay there and work.
+/// The intensity rounded to as few digits as leave it within the lamp's range and working.
 std::optional<double> typed_uv(double holds, bool up, const UvLamp& lamp,
                                const std::function<bool(double)>& works) {
   for (int digits = kLimitDigits; digits <= 15; digits += 2) {
@@ -447,7 +449,7 @@ std::optional<double> detail::working_dead_zone_um(const Kinetics& k, double lay
                                                    const std::vector<double>& blue,
                                                    double brightest_mw_cm2, const UvLamp& lamp,
                                                    const Process& process) {
-  // A pattern has levels: its UV light is a little stronger than it must be.
+  // A pattern has levels, so its UV light is a little stronger than needed: room for that.
   constexpr double kGels = 1.02;
   const auto works = [&](double zone_um) {
     const double uv = uv_for_dead_zone(k, brightest_mw_cm2, zone_um);

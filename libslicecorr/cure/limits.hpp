@@ -1,4 +1,4 @@
-/// What light can print, and what would make it: the words of refusals.
+/// What light can print, and what would make it print: the words of refusals.
 #pragma once
 
 #include <optional>
@@ -17,14 +17,15 @@ std::vector<double> exposure_ratios(const Process& process, double normal_s);
 struct LitPlace {
   const CureModel* model = nullptr;
   double factor = 1;  ///< of the calibration's light
-  /// Whether the showing is lit there: only there must it gel.
+  /// Whether the part is lit there: only then must lit pixels gel.
   bool lit = true;
-  /// Dose that lit pixels must pass: 1, or more where the showing's end must come in few slices.
+  /// Relative dose that lit pixels must exceed: 1, or more where a part's end must cure within few
+  /// slices.
   double needed = 1;
 };
 
-/// Why the place can't print; empty when it can, `needed` left aside. `printer` as the place sees
-/// it.
+/// Why a place can't print; empty texts when it can. `needed` is not looked at. `printer`: as the
+/// place sees it (`dimmed`).
 struct Verdict {
   std::string weak;   ///< lit pixels don't gel
   std::string black;  ///< black ones do
@@ -36,13 +37,13 @@ void check_stage_speed(const Printer& printer, const Process& process);
 
 /// What would make all `places` print, each number such that it works when it is typed back: "print
 /// slower than 118.49 mm/h and faster than 2.3 mm/h, or with more than 84.4 mW/cm² of full light".
-/// `printer` with the calibration that places get their factor of.
+/// `printer`: with the calibration of which each place gets its factor.
 std::string ways_out(const std::vector<LitPlace>& places, const Printer& printer,
                      const Process& process);
 
-/// An intensity of UV light, of a lamp with one for all slices, under which a place whose levels
-/// give `blue_mw_cm2` prints: the nearest to that of the process. Nothing when the lamp has none,
-/// or UV light is not asked for as an intensity.
+/// For a UV lamp of one intensity: the intensity, mW/cm², nearest to that of the process under
+/// which a place whose levels give `blue_mw_cm2` prints. Nothing when the lamp has no such
+/// intensity, or the process does not ask for an intensity.
 std::optional<double> working_uv(const Kinetics& kinetics, double layer_um,
                                  const std::vector<double>& blue_mw_cm2, const UvLamp& lamp,
                                  const Process& process, double needed = 1);

@@ -67,7 +67,7 @@ namespace {
 
 std::vector<LightGroup> groups_of(const LightMap& map, const PixelBox& box) {
   if (!map.even()) return light_groups(map, box, nullptr);
-  // One group whose columns nobody asks for.
+  // A single group: its list of columns is not used.
   return {{map.reference(), {}}};
 }
 

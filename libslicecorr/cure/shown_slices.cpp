@@ -13,8 +13,9 @@ namespace slicecorr::detail {
 
 namespace {
 
-/// UV light that counts in a showing. The rate max(0, s I - beta Iuv)^m is s^m times that of full
-/// blue light under Iuv / s: the share goes into `light`, the rest into the setting.
+/// UV intensity of the setting that a showing needs. With a share s of blue light the rate
+/// max(0, s I - beta Iuv)^m is s^m times that of full blue light under Iuv / s: s^m is part of
+/// `light`, Iuv / s is the setting.
 double setting_of(const Recording::Showing& p) {
   return p.blue_share > 0 ? p.uv_mw_cm2 / p.blue_share : p.uv_mw_cm2;
 }
@@ -24,7 +25,8 @@ bool lit_under_uv(const Recording& recording) {
                      [](const auto& p) { return p.light > 0 && p.uv_mw_cm2 > 0; });
 }
 
-/// Shares of the slice; all of it where a showing says no stretch in it.
+/// From where to where in the slice a showing was lit, 0..1; all of it where the showing does not
+/// say.
 std::pair<double, double> place_of(const Recording::Showing& p, int slice, double layer_um) {
   const double begin = slice * layer_um;
   const double from = std::max(0.0, (std::min(p.from_um, p.to_um) - begin) / layer_um);
@@ -34,7 +36,7 @@ std::pair<double, double> place_of(const Recording::Showing& p, int slice, doubl
   return {from < least ? 0.0 : from, to > 1.0 - least ? 1.0 : to};
 }
 
-/// Groups of neighbours in a rising list that differ by no more than a share.
+/// Ends of groups of neighbours in a rising list that differ by no more than a share.
 std::vector<std::size_t> group_ends(const std::vector<double>& values, double share) {
   std::vector<std::size_t> ends;
   for (std::size_t first = 0; first < values.size();) {
@@ -70,7 +72,7 @@ ShownSlices::ShownSlices(const SliceSource& stack, const Printer& printer, const
 void ShownSlices::take(const Recording& recording, const Resin& resin, double layer_um) {
   recorded_ = true;
   slices_ = recording.slices();
-  // A lamp that shone although nobody asked for it counts all the same, where the resin heeds it.
+  // A UV lamp that shone although it was not asked for counts, too, if UV light inhibits the resin.
   const bool stray =
       process_.uv.kind == UvKind::off && lit_under_uv(recording) && resin.inhibition && printer_.uv;
   const bool uv = process_.uv.kind != UvKind::off || stray;
@@ -96,7 +98,7 @@ void ShownSlices::take(const Recording& recording, const Resin& resin, double la
   for (int n = 0; n < slices_; ++n) {
     const std::size_t first = showings_.size();
     const auto shown = recording.of(n);
-    // Under UV light and layer by layer places don't count.
+    // Under UV light and layer by layer the place within the slice does not count.
     const bool placed =
         !uv && process_.mode == ExposureMode::continuous && shown.size() <= kMostPlaced;
     for (const Recording::Showing& p : shown) {
@@ -113,7 +115,8 @@ void ShownSlices::take(const Recording& recording, const Resin& resin, double la
   }
 }
 
-/// Joins it with what is the same but for its light, of the slice whose showings begin at `first`.
+/// Adds a showing to the slice whose showings begin at `first`; one that differs from an earlier
+/// one in nothing but its light is joined with that.
 void ShownSlices::add(const Showing& showing, std::size_t first) {
   for (std::size_t k = first; k < showings_.size(); ++k) {
     Showing& p = showings_[k];
@@ -126,7 +129,8 @@ void ShownSlices::add(const Showing& showing, std::size_t first) {
   showings_.push_back(showing);
 }
 
-/// Values of their own as long as they are few, else as close together as it takes.
+/// Makes settings for the UV intensities asked for: one for each as long as they are few, else
+/// groups of similar intensities share one.
 void ShownSlices::make_settings(const std::vector<double>& asked) {
   std::vector<double> values = asked;
   std::sort(values.begin(), values.end());
@@ -143,7 +147,7 @@ void ShownSlices::make_settings(const std::vector<double>& asked) {
     if (low > 0) deviation_ = std::max(deviation_, std::sqrt(high / low) - 1.0);
     first = end;
   }
-  // What was measured is so, whatever the lamp's calibration says it can.
+  // Measured intensities hold even where the lamp's calibration says that they can't be.
   if (process_.uv.kind != UvKind::patterned) {
     process_.uv.kind = UvKind::per_slice;
     printer_.uv->calibration = {{0, 0}, {1, std::max(1.0, settings.back())}};
@@ -192,7 +196,7 @@ std::span<const ImageShowing> ShownBand::of(int slice) {
   showings_.clear();
   if (slice < 0 || slice >= slices_.slices()) return {};
   const auto shown = slices_.of(slice);
-  // Images of the slice at hand that are there stay; all others may go.
+  // Keep images of this slice that are decoded already; all others may be overwritten.
   for (const auto& kept : kept_) {
     kept->used = std::any_of(shown.begin(), shown.end(),
                              [&](const auto& p) { return p.image == kept->image; });

@@ -16,7 +16,8 @@
 
 namespace slicecorr::detail {
 
-/// Throws `InputError` when `source` is a recording: for what does not follow measured UV light.
+/// Throws `InputError` when `source` is a recording under UV light: for what does not compute with
+/// measured UV light.
 void refuse_recording_under_uv(const SliceSource& source);
 
 /// Immutable and thread-safe.
@@ -33,7 +34,7 @@ class ShownSlices {
   /// have.
   static constexpr int kMostSettings = 32;
   static constexpr std::size_t kMostShowings = 256;
-  /// Where a slice has more showings than this, their light is taken as spread over it.
+  /// Where a slice has more showings than this, their light is taken as spread over the slice.
   static constexpr std::size_t kMostPlaced = 32;
 
   /// Of a stack, recorded or not, that is shown by `printer` and `process`, which for a recording
@@ -45,13 +46,13 @@ class ShownSlices {
   explicit ShownSlices(const SliceSource& stack);
 
   bool recorded() const { return recorded_; }
-  /// Slices that are shown.
+  /// Number of slices that are shown.
   int slices() const { return slices_; }
-  /// Parts of a recorded slice that have light, of one image, setting and place each. Of a stack
-  /// that is none: image n.
+  /// The showings of a recorded slice that have light, one for each image, setting and place. Of a
+  /// stack that is no recording: one showing of image n.
   std::span<const Showing> of(int slice) const;
 
-  /// With what the models are to be made: those given, but for UV light as it was measured.
+  /// Printer and process for making the models: those given, but with UV light as it was measured.
   const Printer& printer() const { return printer_; }
   const Process& process() const { return process_; }
   /// UV intensities differ from those of their settings by up to this share.
@@ -71,7 +72,7 @@ class ShownSlices {
   double deviation_ = 0;
 };
 
-/// Says what a column without a pixel above black sees of each slice of a recording.
+/// The showings of each slice of a recording as a column without a pixel above black sees them.
 class BlackColumn {
  public:
   explicit BlackColumn(const ShownSlices& slices) : slices_(slices) {}

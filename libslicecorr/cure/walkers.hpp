@@ -1,4 +1,4 @@
-/// What the files of this module share of the doses of a band.
+/// The walker interface behind `BandDose`, shared by the files of this module.
 #pragma once
 
 #include <cstddef>

@@ -33,7 +33,7 @@ inline CodedBand coded_band_of(const SliceSource& source, const PixelBox& band) 
   return coded;
 }
 
-/// Pixels of the columns of a band.
+/// Gives the pixel of each column of a band.
 inline BandPredictor::PixelOfColumn pixels_of_columns(const PixelBox& band) {
   const auto width = static_cast<std::size_t>(band.width());
   return [band, width](std::size_t column) {
@@ -68,7 +68,7 @@ inline Prediction whole_image(const Prediction& in_bands, const CureModel& model
   return sum;
 }
 
-/// A stack lies like the slices it is made from.
+/// Sets orientation and frame of a stack to those of the slices that it is made from.
 inline void set_frame(StackInfo& info, const SliceSource& slices) {
   const ImageFrame frame = slices.frame();
   info.for_display = frame.to_display.has_value();

@@ -17,7 +17,7 @@ namespace slicecorr {
 
 namespace {
 
-/// What two sources show where, column by column.
+/// How the columns of a stack and a target overlap.
 struct Overlap {
   std::uint64_t both = 0;             ///< columns lit in the stack in which something is designed
   std::uint64_t stack_only = 0;       ///< lit, with nothing designed
@@ -92,7 +92,7 @@ void check_target(const SliceSource& stack, const StackInfo& info, const SliceSo
     return static_cast<double>(sum) / 255.0 * grid.pixel_x_um * grid.pixel_y_um * grid.layer_um *
            1e-9;
   };
-  // The sum of whole numbers times the same sizes.
+  // A sum of whole numbers times the same sizes: equal to the last bits if it is the same part.
   const auto is_its = [&](double volume_mm3) {
     return info.part_volume_mm3 > 0 &&
            std::abs(volume_mm3 - info.part_volume_mm3) <= 1e-9 * volume_mm3;
@@ -118,7 +118,7 @@ void check_target(const SliceSource& stack, const StackInfo& info, const SliceSo
   const bool volume_known = made_from && info.part_volume_mm3 > 0;
   const bool same_volume = volume_known && is_its(volume_mm3);
 
-  // Heights: black slices at the end of a target print nothing.
+  // Compare heights; black slices at the end of a target print nothing and don't count.
   if (made_from && info.target_layers > 0) {
     const bool black_more = grid.layers > info.target_layers && o.target_end <= info.target_layers;
     if (grid.layers != info.target_layers && !same_volume && !black_more) {
@@ -135,7 +135,8 @@ void check_target(const SliceSource& stack, const StackInfo& info, const SliceSo
     }
   }
 
-  // Places. Where a target is sliced otherwise (anti-aliased or not), pixels at its rim differ.
+  // Compare places. Where a target is sliced otherwise (anti-aliased or not), pixels at its rim
+  // differ.
   const std::uint64_t columns = o.both + o.stack_only + o.full_only;
   if (corrected ? 2 * o.both < columns : o.lit() && o.both == 0) {
     refuse(

@@ -35,7 +35,7 @@ std::vector<double> erase_errors(const SliceSource& target, const PlacePlans& pl
   std::vector<Sum> sums(static_cast<std::size_t>(most) + 1);
   std::mutex adding;
   parallel_for(context, "erase", bands.size(), [&](std::size_t i) {
-    // Only the columns that are lit somewhere: no other has an edge.
+    // Only columns that are lit somewhere have edges.
     const GroupedBand grouped(plans.models().map(), bands[i], {[&](const SliceSource::Sink& sink) {
                                 target.read_band(bands[i], sink);
                               }});
@@ -48,7 +48,7 @@ std::vector<double> erase_errors(const SliceSource& target, const PlacePlans& pl
         coded.read(n, rows.data());
         erase.add_layer(rows.data());
       }
-      // One N after the other: the state of a single prediction stays in the cache.
+      // One N after the other, so that the state of its prediction stays in the cache.
       for (std::size_t k = 0; k < sums.size(); ++k) {
         context.check_cancelled();
         BandErase::Walk walk(erase, static_cast<int>(k));
@@ -97,7 +97,7 @@ Comparison compare_methods(const SliceSource& target, const Setup& setup,
   parallel_for(context, "compare", bands.size(), [&](std::size_t i) {
     const PixelBox& band = bands[i];
     std::array<Prediction, methods> figures;
-    // Columns of one value, whose figures go on from those before them.
+    // Compares the columns of one value of light; figures are added to those of values before.
     const auto compare = [&](std::uint8_t value, std::size_t columns, const BandReader& read,
                              const BandPredictor::PixelOfColumn& place) {
       const CorrectionPlan& plan = plans.plan(value);

@@ -67,7 +67,7 @@ void convert_stack(const StackReader& stack, const StackFile& file, const Execut
   if (file.keep_from.empty()) {
     std::vector<std::string> lost;
     for (const std::string& name : stack.other_entries()) {
-      // What they say is carried over, or of the archive's own kind.
+      // Not told of as lost: what these files say is carried over, or concerns their format alone.
       if (!name.ends_with(".ini") && !name.ends_with(".json") && name != detail::kFlatFieldEntry) {
         lost.push_back(name);
       }

@@ -42,8 +42,8 @@ struct SliceRange {
   int first, past;
 };
 
-/// The slices of a band in ranges that are worked on at once: where there are few bands, the last
-/// of them would keep one thread busy and leave the others idle.
+/// The slice ranges of a band that are read in parallel: where there are few bands, the last of
+/// them would keep one thread busy and leave the others idle.
 std::vector<SliceRange> slice_ranges_of(const SliceSource& target, std::size_t bands) {
   constexpr int kEnough = 64, kLeastSlices = 16;
   const int layers = target.grid().layers;
@@ -99,7 +99,7 @@ class TargetScan {
   std::atomic<bool> full_{false};  ///< a voxel of coverage 1 was seen
 };
 
-/// What becomes of columns that share a plan.
+/// Where the slices and figures of columns that share a plan go.
 struct ColumnSinks {
   /// Pixels of every slice, from the last to the first; null: black.
   std::function<void(int slice, const std::uint8_t* pixels)> put;
@@ -141,7 +141,7 @@ void correct_columns(const CorrectionPlan& plan, std::size_t columns, const Band
       }
       out.after.add_tile(t.first_column, t.columns, t.first_slice, t.slices, lit, t.coverage);
       if (!out.before) return;
-      // Slices after the part's end are the correction's alone.
+      // Slices after the part's end belong to the correction, not to the target.
       const int inside = std::clamp(plan.layers - t.first_slice, 0, t.slices);
       out.before->add_tile(t.first_column, t.columns, t.first_slice + inside, t.slices - inside,
                            nullptr, t.coverage + static_cast<std::size_t>(inside) * Tile::kStride);
@@ -267,7 +267,7 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
       if (reduced) upwards.append(pixels);
     };
     Prediction band_after, band_before;
-    // Columns of one value, whose figures go on from those before them.
+    // Corrects the columns of one value of light; figures are added to those of values before.
     const auto correct = [&](std::uint8_t value, const std::vector<std::uint32_t>* of_band,
                              const BandReader& reader, const BandPredictor::PixelOfColumn& place,
                              const auto& put) {
@@ -354,9 +354,10 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
         "was found that avoids it; one level moves an edge by up to {:.3g} um",
         p.cure_through_voxels, p.undercure_voxels, plans.levels(), model.level_step_um()));
   }
-  // Printers of this kind want some 20 um of liquid under the part.
-  constexpr double kThin_um = 10;
-  if (p.dead_zones && setup.process.uv.dead_zone_um == 0 && p.dead_zones->least() < kThin_um) {
+  // Printers with a dead zone need some 20 um of liquid resin under the part; below half of that
+  // the user is told.
+  constexpr double kThinUm = 10;
+  if (p.dead_zones && setup.process.uv.dead_zone_um == 0 && p.dead_zones->least() < kThinUm) {
     context.tell(
         fmt::format("the dead zone gets as thin as {:.2g} um; UV light chosen for a dead zone, in "
                     "place of an intensity, keeps more of it",

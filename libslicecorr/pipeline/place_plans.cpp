@@ -47,8 +47,8 @@ std::optional<int> slices_of_travel(const Printer& printer, double layer_um) {
   return slices;
 }
 
-/// The same under UV light: what is added after the end goes by the level that keeps the dose, and
-/// with it by the dose itself (`inhibited_slices`), so the least one is looked for.
+/// dose_for_end() under UV light. There the slices added after the end depend on the level that
+/// holds the dose, and so on the dose itself (`inhibited_slices`): the least dose is searched.
 double inhibited_dose_for_end(const CureModel& model, int slices) {
   const InhibitedKernel& kernel = *model.inhibited;
   const int s = kernel.strongest_setting(), cap = kernel.highest_usable_level(s);
@@ -80,7 +80,7 @@ double dose_for_end(const CureModel& model, int slices) {
   return -1.0 / std::expm1(-slices * model.eta * units::kLn10);
 }
 
-/// What of each value is lit, and up to which layer.
+/// Per value of light: which columns the part lights, and up to which layer.
 struct LitPlaces {
   LightCounts columns{};
   std::array<std::int32_t, 256> end;  ///< 1 more than the last lit layer
@@ -145,7 +145,7 @@ std::string share_in_words(const LightMap& map, std::uint8_t value) {
   return fmt::format("{:.4g} of the light of the calibration", map.factor(value));
 }
 
-/// What is found of a target and a display: refuses, naming what would do for all places.
+/// Checks whether a target can be printed on a display; refuses with what would do for all places.
 class PlaceCheck {
  public:
   PlaceCheck(const SliceSource& target, const PlaceModels& models, const Setup& setup,
@@ -170,7 +170,7 @@ class PlaceCheck {
                       layers * target_.grid().layer_um * 1e-3, setup_.printer.name,
                       at_most(setup_.printer.travel_mm, 12)));
     }
-    // Everywhere, lit or not, black must leave the resin liquid; where it does not is brightest.
+    // Black must leave the resin liquid everywhere, lit or not; the brightest place fails first.
     if (!fine(brightest_)) refuse();
     int all = slices_with_burst(models_.model(brightest_), layers, layers - 1);
     if (!alike(all)) {
@@ -231,7 +231,7 @@ class PlaceCheck {
   }
 
   /// The brightest place and all that are lit, with what they need to end within the travel.
-  std::vector<LitPlace> kPlaces() {
+  std::vector<LitPlace> places() {
     const LitPlaces& lit = lit_now();
     const bool none = std::all_of(lit.columns.begin(), lit.columns.end(),
                                   [](std::uint64_t columns) { return columns == 0; });
@@ -240,14 +240,14 @@ class PlaceCheck {
       const auto value = static_cast<std::uint8_t>(v);
       if (lit.columns[v] == 0 && value != brightest_) continue;
       LitPlace p{&models_.model(value), map_.factor(value), none || lit.columns[v] > 0};
-      // Without an end of travel a part's end may still not take for ever.
+      // Without a limit of travel a part's end must still cure within some number of slices.
       const int most = travel_ ? *travel_ - lit.end[v] : kLongest;
       if (p.lit) p.needed = dose_for_end(*p.model, most);
       all.push_back(p);
     }
     return all;
   }
-  std::string ways() { return ways_out(kPlaces(), setup_.printer, setup_.process); }
+  std::string ways() { return ways_out(places(), setup_.printer, setup_.process); }
 
   [[noreturn]] void refuse() {
     const LitPlaces& lit = lit_now();
@@ -290,7 +290,7 @@ class PlaceCheck {
       }
       text += black;
     }
-    // Nothing is lit where light is too weak: but at the brightest place something might be.
+    // Where no lit place is too weak, the brightest place itself is: nothing could be lit there.
     if (text.empty()) text = verdict_at(brightest_, true).weak;
     throw InfeasibleError(text + "; " + ways());
   }
@@ -303,7 +303,7 @@ class PlaceCheck {
         "curing the part's end takes {} slices after it, {:.3f} mm in all; the stage of '{}' "
         "travels {} mm; {}",
         slices - grid.layers, travel_mm, printer.name, at_most(printer.travel_mm, 12), ways());
-    // Each layer less is a slice less.
+    // Each layer less needs one slice less.
     const int less = slices - *travel_;
     if (less < grid.layers) {
       const double lower_mm = std::ceil(less * grid.layer_um - 1e-6) * 1e-3;
@@ -320,7 +320,7 @@ class PlaceCheck {
   std::optional<int> travel_;
   std::uint8_t brightest_ = 255;
   std::optional<LitPlaces> lit_;
-  /// Slices after a part's end that are as good as endless.
+  /// Most slices after a part's end where the stage's travel sets no limit.
   static constexpr int kLongest = 90000;
 };
 
@@ -395,7 +395,7 @@ GroupedBand::GroupedBand(const LightMap& map, const PixelBox& band,
 
 Prediction whole_image(const Prediction& in_groups, const PlaceModels& models, const Grid& grid,
                        int slices, const LightCounts& in_all_groups, const ShownSlices* recorded) {
-  // Columns without light of the part get that of black: only the brightest matters.
+  // Columns that the part does not light get black light alone: only the brightest of them matter.
   const LightCounts display = models.map().counts({0, 0, grid.width_px, grid.height_px});
   Prediction sum;
   for (std::size_t v = 256; v-- > 0;) {

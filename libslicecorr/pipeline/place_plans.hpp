@@ -27,9 +27,9 @@ class PlacePlans {
   /// Slices that will be shown: as many as the dimmest lit place needs.
   int all_layers() const { return all_layers_; }
   int levels() const { return levels_; }
-  /// Of a value that occurs in a lit column.
+  /// The plan of a value of light that occurs in a lit column.
   const CorrectionPlan& plan(std::uint8_t value) const;
-  /// Of a display whose light is even, or of a place that gets the light of the calibration.
+  /// The plan of places that get the light of the calibration: of all where light is even.
   const CorrectionPlan& plan() const { return plan(models_.map().reference()); }
 
  private:
@@ -43,7 +43,7 @@ class PlacePlans {
 /// Gives the rows of a band's slices, first slice first, to a sink.
 using BandReader = std::function<void(const SliceSource::Sink&)>;
 
-/// A band read once and taken apart: columns that are lit in any of its sources, by value of light.
+/// A band read once and divided: the columns that are lit in any of its sources, by value of light.
 struct GroupedBand {
   struct Group {
     std::uint8_t value = 0;
@@ -56,7 +56,7 @@ struct GroupedBand {
   GroupedBand(const LightMap& map, const PixelBox& band, const std::vector<BandReader>& readers);
 };
 
-/// Pixels of the columns of a group.
+/// Gives the pixel of each column of a group.
 inline BandPredictor::PixelOfColumn pixels_of_columns(const PixelBox& band,
                                                       const std::vector<std::uint32_t>& columns) {
   const auto width = static_cast<std::uint32_t>(band.width());
@@ -66,7 +66,7 @@ inline BandPredictor::PixelOfColumn pixels_of_columns(const PixelBox& band,
   };
 }
 
-/// Columns of each value.
+/// Number of columns of each value of light.
 using LightCounts = std::array<std::uint64_t, 256>;
 
 /// What all bands print together with the columns that are in none of their groups.
@@ -74,7 +74,7 @@ Prediction whole_image(const Prediction& in_groups, const PlaceModels& models, c
                        int slices, const LightCounts& in_all_groups,
                        const ShownSlices* recorded = nullptr);
 
-/// Windows of several models together; see WindowTotal. For one thread at a time.
+/// The window under places of several models together; see WindowTotal. For one thread at a time.
 class PlaceWindows {
  public:
   PlaceWindows(const PlaceModels& models, int slices) : models_(models), slices_(slices) {}

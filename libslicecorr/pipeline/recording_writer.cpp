@@ -60,7 +60,7 @@ RecordingWriter::RecordingWriter(const std::string& path, const StackInfo& print
   if (!path.ends_with(".uvj")) {
     throw InputError(path, "", "a recording is written as a UVJ archive; expected a name.uvj");
   }
-  // Not only when the print is over.
+  // Checked now, not only when the print is over.
   if (!std::filesystem::is_directory(folder_beside(path)) || std::filesystem::is_directory(path)) {
     throw InputError(path, "", "can't be written: expected a new file in a folder that is there");
   }

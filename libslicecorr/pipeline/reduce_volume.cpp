@@ -27,7 +27,7 @@ class PlacePredictor {
     pixels_.resize(columns_of(band));
     cover_.resize(columns_of(band));
   }
-  /// Lets `listen(predictor, columns)` know each of them.
+  /// Calls `listen(predictor, columns)` for each of its predictors.
   template <class Listen>
   void listen(const Listen& listen) {
     for (Group& group : groups_) {
@@ -48,7 +48,7 @@ class PlacePredictor {
       group.predictor->add_slice(slice, pixels ? pixels_.data() : nullptr, cover_.data());
     }
   }
-  /// Tells the edges at the platform. Figures are not kept.
+  /// Ends all predictors, which tell their edges at the platform. Figures are not kept.
   void finish() {
     for (Group& group : groups_) group.predictor->finish(0, 0, 1);
   }

@@ -28,7 +28,7 @@ void LitColumns::end(std::size_t word, std::uint64_t bits) {
 
 void LitColumns::add(int slice, const std::uint8_t* rows) {
   if (next_ != slice || rows == nullptr) {
-    // Black now, or in slices that were not given.
+    // Columns that were lit before end here: this slice is black, or slices were left out.
     for (std::size_t w = 0; lit_ && w < lit_now_.size(); ++w) end(w, lit_now_[w]);
     if (lit_) std::fill(lit_now_.begin(), lit_now_.end(), 0);
     lit_ = false;

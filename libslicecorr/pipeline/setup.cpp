@@ -15,7 +15,7 @@ namespace {
 
 [[noreturn]] void wrong(const std::string& message) { throw InputError(message); }
 
-/// Without the repeated end: the last entry holds for later layers.
+/// The times without a repeated end: the last entry holds for later layers.
 std::vector<double> trimmed(std::vector<double> times) {
   while (times.size() > 1 && times.back() == times[times.size() - 2]) times.pop_back();
   return times;
@@ -107,7 +107,7 @@ void Resolver::resolve_exposure(Process& process, const StackInfo* times) const 
   }
   const ExposureMode now = layerwise ? ExposureMode::layerwise : ExposureMode::continuous;
   if (now != process.mode) {
-    // Nothing of the other schedule holds.
+    // Nothing of the schedule that it had before holds.
     process.speed_mm_h = process.exposure_s = process.bottom_exposure_s = process.ramp_mm = 0;
     process.bottom_layers = process.fade_layers = 0;
     process.layer_exposure_s.clear();
@@ -246,7 +246,8 @@ void Resolver::resolve_uv(Setup& setup) const {
   uv.dead_zone_um = c_.dead_zone_um;
 }
 
-/// What was shown was shown by one printer in one way; its light is relative to that.
+/// Throws `InputError` when another printer, process or exponent is chosen for a recording: it was
+/// shown by one printer in one way, and its light is relative to that.
 void check_recorded(const Setup& setup, const StackInfo& info) {
   Process process = *info.process;
   process.allow_window_cure = setup.process.allow_window_cure;

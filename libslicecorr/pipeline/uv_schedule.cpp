@@ -11,8 +11,8 @@ namespace slicecorr {
 
 namespace {
 
-/// Intensities that follow each other by 5 % down from the greatest: so few that each can have its
-/// tables.
+/// `uv` rounded up to a ladder of intensities, each 5 % below the one before, down from `greatest`:
+/// so few that each can have tables of its own.
 double on_ladder(double uv, double greatest, double least) {
   if (uv >= greatest) return greatest;
   const double steps = std::floor(std::log(greatest / std::max(uv, 1e-9)) / std::log(1.05) + 1e-9);
@@ -25,7 +25,8 @@ Process schedule_uv(const SliceSource& target, const Setup& setup,
                     const ExecutionContext& context) {
   Process process = setup.process;
   if (process.uv.kind != UvKind::per_slice || !process.uv.slice_mw_cm2.empty()) return process;
-  // First with the lamp that full light needs: what does each slice show at most?
+  // A first correction, with the UV light that full light needs, shows what the brightest pixel of
+  // each slice is.
   const detail::PlacePlans plans(target, setup, context);
   const PlaceModels& models = plans.models();
   detail::PlaceWindows total(models, plans.all_layers());

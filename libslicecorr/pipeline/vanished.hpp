@@ -13,7 +13,7 @@ namespace slicecorr::detail {
 /// what it has instead. `name`: of the target, may be empty.
 [[noreturn]] void refuse_vanished(const SliceSource& target, const std::string& name = {});
 
-/// Tells it where nothing that is designed prints.
+/// Tells the user where nothing that is designed prints.
 void tell_nothing_prints(const Prediction& prediction, const ExecutionContext& context);
 
 }  // namespace slicecorr::detail

@@ -74,7 +74,7 @@ void predict_tiles(BandPredictor& predictor, const CodedBand& shown, int layers,
   }
 }
 
-/// What a recorded slice shows of a column.
+/// The row of a probe for a recorded slice.
 ProbeRow probe_recorded(const CureModel& model, const std::vector<double>& intensity,
                         std::span<const ImageShowing> parts) {
   ProbeRow row;
@@ -88,7 +88,8 @@ ProbeRow probe_recorded(const CureModel& model, const std::vector<double>& inten
     row.phi += part.light * (model.inhibited ? model.inhibited->steady_dose(part.setting, grey)
                                              : model.level_phi[level]);
   }
-  // One image with the light of the plan needs no power, and is as in a stack that is no recording.
+  // One image with the planned light: computed without a power, so that it is the same as in a
+  // stack that is no recording.
   row.intensity_mw_cm2 = parts.size() == 1 && most == 1
                              ? intensity[static_cast<std::size_t>(row.grey)]
                              : std::pow(sum, 1.0 / model.m);
@@ -135,7 +136,7 @@ Prediction verify_stack(const SliceSource& stack, const SliceSource& target, con
   parallel_for(context, "predict", bands.size(), [&](std::size_t i) {
     const PixelBox& band = bands[i];
     Prediction figures;
-    // Columns of one value, whose figures go on from those before them.
+    // Predicts the columns of one value of light; figures are added to those of values before.
     const auto predict = [&](std::uint8_t value, std::size_t columns, const CodedBand& shown,
                              const CodedBand& design, const BandPredictor::PixelOfColumn& place) {
       std::vector<std::uint8_t> pixels(columns), coverage(columns);

@@ -12,7 +12,7 @@
 namespace slicecorr::detail {
 namespace {
 
-/// States of a voxel: its design, and whether it prints.
+/// Flags of a voxel: its design, and whether it prints.
 constexpr std::uint8_t kPrints = 1, kDesign = 2, kFull = 4, kGrey = 8;
 
 std::uint8_t state_of(std::uint8_t coverage, bool prints) {
@@ -194,7 +194,7 @@ void VolumeReducer::Band::mark_error(Print& print, std::size_t column, int node,
   const ReducedVolume& v = volume_.volume_;
   const double printed = node + (upper ? -um : um) / volume_.models_.brightest().layer_um;
   const std::uint8_t code = error_code(um);
-  // The layer of the run beside the edge, and on to where the print ends.
+  // From the layer of the run beside the edge on to where the print ends.
   const int inside = upper ? node : node - 1;
   const int to = std::clamp(static_cast<int>(printed), 0, v.layers - 1);
   const auto [low, high] = std::minmax(inside, to);
@@ -233,15 +233,15 @@ std::vector<VolumeReducer::Band::Chosen> VolumeReducer::Band::choose() const {
   return chosen;
 }
 
-/// Takes their slices and doses.
+/// Fills in the slices and doses of the chosen pixels.
 void VolumeReducer::Band::follow(std::vector<Chosen>& chosen, const Reader& shown,
                                  const Reader& design) const {
   const ReducedVolume& v = volume_.volume_;
   const LightMap& map = volume_.models_.map();
-  std::vector<Pixel> kPlaces;
+  std::vector<Pixel> places;
   std::vector<std::uint32_t> columns;
   for (Chosen& c : chosen) {
-    kPlaces.push_back({c.column.x, c.column.y});
+    places.push_back({c.column.x, c.column.y});
     columns.push_back(static_cast<std::uint32_t>(c.at));
     c.column.light = map.factor(map.value(c.column.x, c.column.y));
     for (auto* codes : {&c.dose_before, &c.dose_after, &c.grey_before, &c.grey_after}) {
@@ -253,7 +253,7 @@ void VolumeReducer::Band::follow(std::vector<Chosen>& chosen, const Reader& show
     itself[p] = static_cast<std::uint8_t>(p);
     level_of[p] = static_cast<std::uint8_t>(level_of_pixel(static_cast<int>(p), volume_.levels_));
   }
-  PlaceDose dose_before(volume_.models_, kPlaces), dose_after(volume_.models_, kPlaces);
+  PlaceDose dose_before(volume_.models_, places), dose_after(volume_.models_, places);
   std::vector<std::uint8_t> rows(cells_.size());
   const std::size_t size = chosen.size();
   std::vector<std::uint8_t> pixels(size), cover(size), pixels_below(size), cover_below(size);
@@ -261,7 +261,8 @@ void VolumeReducer::Band::follow(std::vector<Chosen>& chosen, const Reader& show
     from(z, rows.data());
     for (std::size_t m = 0; m < size; ++m) values[m] = rows[columns[m]];
   };
-  // For now a run's slices are the number of the slice where it begins, seen from the last slice.
+  // Until the end `slices` of a run holds the slice at which the run begins, seen from the last
+  // one.
   using Runs = ReducedVolume::Runs;
   const auto note = [&](int z, bool first, Runs ReducedVolume::Column::*runs,
                         const std::array<std::uint8_t, 256>& code,

@@ -18,7 +18,7 @@ struct CellRank {
   auto operator<=>(const CellRank&) const = default;
 };
 
-/// Bands may be gathered on different threads and in any order: the volume is the same.
+/// Bands may be gathered on different threads and in any order, and give the same volume.
 class VolumeReducer {
  public:
   /// `target_layers` and `stack_layers`: slices that each of the two shows. `levels`: grey levels
@@ -26,10 +26,10 @@ class VolumeReducer {
   VolumeReducer(const PlaceModels& models, const PixelBox& box, int target_layers, int stack_layers,
                 int levels, int most_cells);
 
-  /// One band, on one thread.
+  /// Gathers one band; for one thread.
   class Band;
 
-  /// After all bands, which must cover the box.
+  /// The volume; to be called after all bands, which must cover the box.
   ReducedVolume take() { return std::move(volume_); }
 
  private:
@@ -45,7 +45,7 @@ class VolumeReducer {
   struct CellRow {
     std::mutex mutex;
     int pixel_rows_left = 0;
-    /// By column and height, as in bands. One cell has fewer than 2^32 voxels.
+    /// Voxels by column and height of cells. One cell has fewer than 2^32 of them.
     std::vector<std::uint32_t> designed, printed_before, printed_after;
   };
   /// Makes flags of the counts of row `j`.
@@ -74,7 +74,7 @@ class VolumeReducer::Band {
 
   /// Writes the band's pixels of a slice; black beyond its last.
   using Reader = std::function<void(int slice, std::uint8_t* pixels)>;
-  /// Once, after all predictors: joins the band into the volume.
+  /// Joins the band into the volume; to be called once, after all predictors.
   void finish(const Reader& shown, const Reader& design);
 
  private:
@@ -83,7 +83,7 @@ class VolumeReducer::Band {
   struct Counts {
     std::vector<std::uint32_t> partly, filled;
     void add(const VolumeReducer& volume, std::size_t column, int low, int high);
-    /// Into counts per cell.
+    /// Turns the noted beginnings and ends into counts per cell.
     void sum(std::size_t column, int nz, std::uint32_t step);
   };
   struct Print {

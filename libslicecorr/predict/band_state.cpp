@@ -46,9 +46,9 @@ struct Factors {
   double a, one_minus_a, r, one_minus_r;
 };
 
-/// Steps a block whose columns see `phi` and that has one class. `low`, `high`: least and greatest
-/// dose at mid-layer so far, per lane: no reduction, so that the loops run in vector registers.
-/// False, with nothing but `dose` changed, unless all doses, before and after, lie on one side
+/// Steps a block whose columns see `phi` and all have the same class. `low`, `high`: least and
+/// greatest dose at mid-layer so far, kept per lane so that the loops run in vector registers.
+/// Returns false, and changes nothing but `dose`, unless all doses before and after lie on one side
 /// of 1.
 SLICECORR_CLONES
 bool step_block(const Factors f, const double* __restrict phi, const double* __restrict omega,
@@ -114,7 +114,8 @@ void mixed_block(const Factors f, const double* __restrict phi, const double* __
   }
 }
 
-/// As `step_block`, of doses that are known: `before` on the far side of the layer's lower node.
+/// As `step_block`, for doses that are computed already; `before`: on the far side of the layer's
+/// lower node.
 SLICECORR_CLONES
 bool one_sided_block(const double* __restrict before, const double* __restrict lower,
                      const double* __restrict middle, const double* __restrict upper,
@@ -137,7 +138,7 @@ bool one_sided_block(const double* __restrict before, const double* __restrict l
   return true;
 }
 
-/// As `mixed_block`, of doses that are known.
+/// As `mixed_block`, for doses that are computed already.
 SLICECORR_CLONES
 void mixed_known_block(const double* __restrict before, const double* __restrict lower,
                        const double* __restrict middle, const double* __restrict upper,
@@ -239,7 +240,7 @@ void BandPredictor::State::lose(std::size_t i, int top) {
   if (c.lower - top >= 2) ++prediction_.lost_thick_features;
 }
 
-/// The run, or its present piece, ends here.
+/// Takes up the least dose of the run, or of its present piece, which ends here.
 void BandPredictor::State::leave_stretch(std::size_t i) {
   prediction_.min_inside_layers = std::min(prediction_.min_inside_layers, least_[i]);
   least_[i] = kNever;
@@ -271,7 +272,7 @@ void BandPredictor::State::enter(std::size_t i, int node, Class next, double bef
       if (printed) {
         c.seeks_end = true;
       } else {
-        // Seen from here the print begins where the stretch without it does.
+        // Seen from the edge, the print begins where the unprinted stretch beside the edge ends.
         error(i, node, true,
               printed_before ? 0.0 : -(c.any_printed ? c.start - node : c.lower - node));
       }
@@ -347,7 +348,7 @@ void BandPredictor::State::event(std::size_t i, int slice, double below, const L
     cross(i, slice + 1 - crossing, printed, now);
   }
   if (now != grey) {
-    // A print that came back in this layer left behind what was less.
+    // Where print came back in this layer, its new piece has nothing of the lower doses before.
     const bool back = now == run && !crossings.empty() && printed;
     least_[i] = std::min(least_[i], back ? dose.upper : dose.least);
   } else {
@@ -376,9 +377,9 @@ void BandPredictor::State::add_slice(int slice, std::span<const ImageShowing> sh
   }
 }
 
-/// Looks at the dose inside the layer of a block's columns where it may turn and something depends
-/// on it: whether it passes 1, or is the least so far. Light falls by a in a slice at most, so the
-/// dose at a place bounds the dose before and behind it.
+/// Looks inside the layer of those columns of a block whose dose may turn there and where it
+/// matters: the dose may pass 1, or be the least so far. Light falls by a in a slice at most, so
+/// the dose at a place bounds the doses beside it.
 void BandPredictor::State::look_inside(std::size_t first, std::size_t n,
                                        const std::uint8_t* cover) {
   looked_ = 0;
@@ -409,7 +410,7 @@ void BandPredictor::State::look_inside(std::size_t first, std::size_t n,
     }
     const double ends = std::min({lower[i], middle[i], upper[i]});
     if (!passes && low >= std::min(known, ends)) continue;
-    // Neighbours with the same design have the same light, and so the same dose.
+    // A neighbour with the same doses at both ends and in the middle has had the same light.
     const bool alike = last < n && lower[i] == lower[last] && middle[i] == middle[last] &&
                        upper[i] == upper[last] && known <= last_known;
     if (alike) {
@@ -485,7 +486,7 @@ void BandPredictor::State::add_general_slice(int slice, std::span<const ImageSho
           continue;
         }
       }
-      // Where the dose does not turn only its crossing is still to be found.
+      // Where the dose does not turn inside the layer, only its crossing is to be found.
       if (!looked(i)) {
         inside.crossings.clear();
         inside.least = std::min({lower_dose[i], middle[i], upper[i]});
@@ -543,7 +544,7 @@ void BandPredictor::State::add_plain_slice(int slice, std::span<const ImageShowi
                 reinterpret_cast<const std::uint8_t*>(&class_[b]), &least_[b], sums, events);
     for (std::size_t i = 0; i < n; ++i) {
       if (!events[i]) continue;
-      // The dose is steady at nodes.
+      // The dose has no jump at nodes.
       const double below = omega_[b + i];
       const bool crosses = (below >= 1.0) != (dose[i] >= 1.0);
       const double crossing = crosses ? model_.crossing(phi[i], below) : 0.0;
@@ -551,7 +552,7 @@ void BandPredictor::State::add_plain_slice(int slice, std::span<const ImageShowi
             {&crossing, crosses ? std::size_t{1} : std::size_t{0}}, block_cover[i]);
     }
     std::copy_n(dose, kBlock, &omega_[b]);
-    // Grey stands for mixed, too.
+    // Grey stands for blocks of several classes, too.
     const bool one_class = detail::uniform(reinterpret_cast<const std::uint8_t*>(&class_[b]));
     block = one_class ? class_[b] : grey;
   }

@@ -70,9 +70,10 @@ struct BandPredictor::State {
   std::unique_ptr<BandDose> dose_;  ///< for models that are not plain, and for showings
   /// Dose at the upper end of the layer that was added last.
   std::vector<double> omega_;
-  /// The least dose since the present gap began, or, in a run, since it did or its print came back.
+  /// Per column: in a gap the least dose since it began; in a run since it began or, where print
+  /// came back in it, since then.
   std::vector<double> least_;
-  /// Columns of the block at hand whose dose was looked for inside the layer, as bits, and what was
+  /// Columns of the present block whose dose was looked at inside the layer, as bits, and what was
   /// found.
   std::uint64_t looked_ = 0;
   bool passes_inside_ = false;  ///< any of these has crossings
@@ -89,7 +90,8 @@ struct BandPredictor::State {
   EdgeSink edge_sink_;
   StateSink state_sink_;
   bool histograms_ = true;
-  /// With the index of the column in place of its row, until `finish` knows the place of the band.
+  /// Examples whose y is the index of the column (x is 0), until `finish` knows where the band
+  /// lies.
   FeatureExamples lost_, merged_, split_;
   Prediction prediction_;
 };

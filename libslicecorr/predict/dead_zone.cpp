@@ -57,7 +57,7 @@ struct Lit {
 Lit lit_values(const std::uint8_t* pixels, std::size_t n) {
   Lit lit;
   for (std::size_t i = 0; i < n; ++i) {
-    // 0 becomes 255: black pixels don't count.
+    // Less 1, black becomes 255, so that it never is the least.
     lit.low = std::min(lit.low, static_cast<std::uint8_t>(pixels[i] - 1));
     lit.high = std::max(lit.high, pixels[i]);
   }
@@ -101,7 +101,7 @@ void WindowWatch::add_slice(int slice, std::span<const ImageShowing> showings) {
   cure(slice, showings);
 }
 
-/// Gel dose at the window.
+/// Adds a slice's gel dose at the window, and notes the columns that cure to it.
 void WindowWatch::cure(int slice, std::span<const ImageShowing> showings) {
   if (dose_.empty()) return;
   struct Level {
@@ -125,7 +125,7 @@ void WindowWatch::cure(int slice, std::span<const ImageShowing> showings) {
       added += at.dose;
       no_dead_zone = no_dead_zone || at.no_dead_zone;
     }
-    // Fresh resin comes in once the dead zone is back.
+    // Once a dead zone is back, fresh resin flows in, and its dose begins at 0.
     dose_[i] = no_dead_zone ? static_cast<float>(dose_[i] + added) : 0.0F;
     if (dose_[i] < 1.0F) continue;
     if (!cured_[i]) ++count_;

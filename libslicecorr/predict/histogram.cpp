@@ -8,7 +8,8 @@ namespace slicecorr {
 
 void Histogram::add(double value) {
   if (low_.empty()) low_.resize((kGreatestExponent - kLeastExponent) * kBinsPerOctave + 1);
-  // Both by the bits of the number: frexp, ldexp and llround take most of a prediction's time.
+  // Exponent and bin come from the bits of the number: frexp, ldexp and llround would take most of
+  // a prediction's time.
   const auto bits = std::bit_cast<std::uint64_t>(value);
   const int exponent = static_cast<int>(bits >> 52 & 2047) - 1022;  // of a mantissa in [0.5, 1)
   std::size_t bin = 0;

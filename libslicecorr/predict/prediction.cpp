@@ -55,7 +55,7 @@ void Prediction::merge(const Prediction& o) {
   one_slice_gaps += o.one_slice_gaps;
   merged_features += o.merged_features;
   merged_thick_gaps += o.merged_thick_gaps;
-  // The first of equals in reading order: merging from the top down keeps it.
+  // Of equal errors the first in reading order counts: merging from the top down keeps it.
   if (o.worst_x >= 0) {
     const double mine = worst_x >= 0 ? height_error_um.greatest() : -1.0;
     const double theirs = o.height_error_um.greatest();

@@ -31,7 +31,7 @@ void BandPredictor::State::add_tile(std::size_t first_column, std::size_t column
   detail::TileSums& sums = *tile_sums_;
 
   LaneMask gaps[kTileSlices], runs[kTileSlices];
-  // Lanes whose light is another than in the slice before, slice k's at k.
+  // changed[k]: lanes whose light in slice k differs from that in the slice before.
   LaneMask changed[kTileSlices], unused[kTileSlices];
   const auto same_rows = [&](const std::uint8_t* rows) {
     return std::memcmp(rows, rows + kLanes, static_cast<std::size_t>(slices - 1) * kLanes) == 0;
@@ -129,7 +129,7 @@ void BandPredictor::State::add_tile(std::size_t first_column, std::size_t column
     const LaneMask crosses = is.node ^ printed;
     for (LaneMask m = (entered | crosses | grey_lanes) & valid; m; m &= m - 1) {
       const auto i = static_cast<std::size_t>(std::countr_zero(m));
-      // The dose is steady at nodes.
+      // The dose has no jump at nodes.
       const double below = dose[now][i], upper = dose[1 - now][i];
       const double middle = add_middle[i] + model_.root_a * below;
       if (!((entered | crosses) >> i & 1)) {

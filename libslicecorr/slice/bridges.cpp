@@ -20,8 +20,8 @@ constexpr std::size_t kAllPairs = 512;
 /// Candidates per end and round of the grid search.
 constexpr std::size_t kCandidates = 32;
 
-/// Points at which nothing else begins or ends, and how many do: what lies over another many times
-/// is looked at once.
+/// Different points with how many loose ends lie at each: points that lie over each other are
+/// looked at once.
 struct Points {
   std::vector<LooseEnds::Point> at;
   std::vector<std::size_t> count;
@@ -46,7 +46,7 @@ struct Points {
   std::size_t size() const { return at.size(); }
   bool empty() const { return at.empty(); }
   const LooseEnds::Point& operator[](std::size_t i) const { return at[i]; }
-  /// Drops those of which none is left.
+  /// Drops points at which no loose end is left.
   void drop_used() {
     std::size_t n = 0;
     for (std::size_t i = 0; i < at.size(); ++i) {

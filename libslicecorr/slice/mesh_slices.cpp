@@ -21,13 +21,14 @@ using detail::Segment;
 
 namespace {
 
-/// Counted in layers, a part is not thicker for what rounding adds to its height.
+/// In layers: what rounding may add to a part's height without adding a slice.
 constexpr double kLayerTolerance = 1e-6;
-/// Counted in pixels: a part that fills the display exactly fits.
+/// In pixels: how far a part may reach over the display by rounding, so that one that fills it
+/// fits.
 constexpr double kPixelTolerance = 1e-3;
 
-/// Share of the volume from which on missing surface shows in the print: a side that is off by 1 %
-/// of a part 50 pixels wide is off by half a pixel.
+/// Share of the volume from which on missing surface shows in the print: 1 % of a part 50 pixels
+/// wide is half a pixel on one side.
 constexpr double kMuch = 0.01;
 
 /// A corner of the mesh on the printer: x and y in pixels of the image, z in layers so that slice n
@@ -44,7 +45,7 @@ struct Entry {
   Span span;  ///< the slices that cut it
 };
 
-/// A triangle while slices cut it: the edge that rises through the slice, and the one that falls.
+/// A triangle while slices cut it: its edge that rises through the slice, and the one that falls.
 struct Cut {
   double x[2], y[2], z[2];     ///< where they begin
   double dx[2], dy[2], dz[2];  ///< from there to their ends
@@ -63,7 +64,8 @@ struct Cut {
   }
 };
 
-/// Slices that cut something between these heights: z < n counts as below, z >= n as above.
+/// Slices that cut something between these heights, in layers: z < n counts as below slice n,
+/// z >= n as above.
 Span cut_by(double z_low, double z_high, int layers) {
   const double first = std::floor(z_low) + 1;
   const double last = std::floor(z_high);
@@ -71,7 +73,7 @@ Span cut_by(double z_low, double z_high, int layers) {
           static_cast<int>(std::clamp(last, -1.0, static_cast<double>(layers - 1)))};
 }
 
-/// How far the volume can be trusted where surface is missing.
+/// In words how far the volume can be trusted where surface is missing; empty: it can.
 std::string doubt_of(const SliceReport& r) {
   const double share = r.bridged_volume_mm3 / r.volume_mm3;
   if (!(share < 1)) return "so much surface is missing that the volume is a guess";
@@ -133,7 +135,7 @@ struct MeshSlices::Impl {
     const auto [low, high] = std::minmax({corners[t[0]][kZ], corners[t[1]][kZ], corners[t[2]][kZ]});
     return cut_by(low, high, grid.layers);
   }
-  /// Those of `all` that may cut the triangle in rows [y0, y1).
+  /// Those slices of `all` that may cut the triangle in rows [y0, y1).
   Span slices_of(const std::array<std::uint32_t, 3>& t, const Span& all, double y0,
                  double y1) const {
     double low = std::numeric_limits<double>::infinity(), high = -low;
@@ -146,7 +148,7 @@ struct MeshSlices::Impl {
         see(a[kZ] + (y - a[kY]) / (b[kY] - a[kY]) * (b[kZ] - a[kZ]));
       }
     }
-    // What rounding may hide: a slice more on either side.
+    // One slice more on either side, which rounding may have hidden.
     const Span inside = cut_by(low - 1, high + 1, grid.layers);
     return {std::max(all.first, inside.first), std::min(all.last, inside.last)};
   }
@@ -295,8 +297,8 @@ void MeshSlices::Impl::close_contours(const ExecutionContext& context) {
   if (report.bridges) measure_bridges();
 }
 
-/// Area within a contour is the integral of x dy along it. Over the height of a triangle that is
-/// its mean x times its area as seen along x.
+/// The volume that contours enclose: the area within a contour is the integral of x dy along it, so
+/// a triangle contributes its mean x times its area as seen along x.
 void MeshSlices::Impl::measure_bridges() {
   double volume = 0, half_circles = 0;
   for (const auto& t : triangles) {
@@ -317,18 +319,18 @@ void MeshSlices::Impl::measure_bridges() {
   report.bridged_volume_mm3 = half_circles * grid.layer_um * 1e-3;
 }
 
-/// Their numbers rise within a bin.
+/// Sorts the triangles into bins of rows; their numbers rise within a bin.
 void MeshSlices::Impl::bin_triangles(const ExecutionContext& context) {
   rows_per_bin = band_rows(grid);
   const auto bins = static_cast<std::size_t>((grid.height_px + rows_per_bin - 1) / rows_per_bin);
   bin_begin.assign(bins + 1, 0);
-  /// Those of a triangle, none where the first is after the last, and the slices that cut it.
+  /// The bins of a triangle (none where the first is after the last), and the slices that cut it.
   struct Bins {
     std::uint32_t first, last;
     Span span;
   };
   const auto bins_by_triangle = std::make_unique_for_overwrite<Bins[]>(triangles.size());
-  // Of each chunk and bin: how many, then where they begin.
+  // For each chunk and bin: the number of triangles, later where they begin.
   std::vector<std::size_t> at(chunks_of(triangles.size()) * bins, 0);
   in_chunks(triangles.size(), context, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
@@ -428,8 +430,8 @@ void MeshSlices::read_band(const PixelBox& band, const Sink& sink) const {
 void MeshSlices::read_slices(const PixelBox& band, int first, int past, const Sink& sink) const {
   const Impl& s = *impl_;
   const std::vector<Entry> entries = s.entries_of(band.y0, band.y1, first, past);
-  // Drawn over the part's full width, as the winding comes from the left, and cropped if less is
-  // asked.
+  // Drawn over the part's full width, because windings are summed from the left, and cropped where
+  // less is asked for.
   const PixelBox full = {s.bounds.x0, band.y0, s.bounds.x1, band.y1};
   detail::Raster raster(full.x0, full.y0, full.x1, full.y1, s.antialias);
   std::vector<std::uint8_t> cropped;

@@ -14,20 +14,20 @@ namespace slicecorr::detail {
 namespace {
 
 using Reals = double __attribute__((vector_size(32)));
-/// Of a fragment over many pixels the second sum is no whole number any more, and not used: without
-/// a sign it may wrap.
+/// Unsigned: for a fragment over many pixels the second sum may overflow. It is not used then, and
+/// wrapping is allowed only without a sign.
 using Wholes = std::uint64_t __attribute__((vector_size(32)));
 using Ints = std::int32_t __attribute__((vector_size(16)));
 constexpr int kLanes = 4;
 
 /// Writes 64 pixels, or the first `count` of them: 255 for every bit that is set, else 0.
 SLICECORR_INLINE void spread(std::uint64_t bits, std::uint8_t* pixels, std::size_t count) {
-  // Registers of 32 bytes: what is wider is taken to single bytes where there is no AVX-512.
+  // Vectors of 32 bytes: wider ones are taken apart into single bytes where there is no AVX-512.
   using Bits = std::uint32_t __attribute__((vector_size(32)));
   using Words = std::uint64_t __attribute__((vector_size(32)));
   using Bytes = std::uint8_t __attribute__((vector_size(32)));
-  // The byte of eight bits that each pixel finds its own in: within 16 bytes, which are shuffled
-  // for themselves; all of them repeat the same four.
+  // For each pixel the byte that holds its bit. Shuffles work within 16 bytes, each of which
+  // repeats the same four bytes.
   constexpr Bytes kByte = {0,  0,  0,  0,  0,  0,  0,  0,  1,  1,  1,  1,  1,  1,  1,  1,
                            18, 18, 18, 18, 18, 18, 18, 18, 19, 19, 19, 19, 19, 19, 19, 19};
   const Bytes own = reinterpret_cast<Bytes>(Words{} + 0x8040201008040201u);
@@ -72,7 +72,7 @@ struct Lines {
     const Reals rest = upper_x < lower_x ? lower_x : upper_x;
     const Reals ones = down ? Reals{} + kOneReal : Reals{} - kOneReal;
     const Reals per_pixels = ones * ((lower_y - upper_y) / (rest - left));
-    // Bounded before they are made whole; rows below y0 are not negative.
+    // Clamped before they become whole numbers, so that no row is below y0.
     Reals top = upper_y > y0 ? upper_y : Reals{} + y0;
     Reals bottom = lower_y < y1 ? lower_y : Reals{} + y1;
     top = top < y1 ? top : Reals{} + y1;
@@ -194,7 +194,7 @@ void Raster::add_areas(const Frame& f) {
         last_i = last_i < last_column ? last_i : last_column;
         const Reals column = __builtin_convertvector(first_i, Reals);
         const Reals side = column + 1.0, nearer = right < side ? right : side;
-        // Of the first pixel, and of the second one, if there is any.
+        // Cover of the first pixel and, where the fragment reaches it, of the second.
         Reals cover = (per_pixel * (nearer - left) + shift) - shift;
         cover = column == __builtin_convertvector(last_i, Reals) ? height : cover;
         const Reals area = cover * (side - 0.5 * (left + nearer));
@@ -242,8 +242,8 @@ void Raster::add_areas(const Frame& f) {
   }
 }
 
-/// A horizontal segment turns nothing, but its pixels are covered partly: they can't be filled by
-/// one winding. Marked both ways they are looked at closely.
+/// A horizontal segment changes no winding, but its pixels are partly covered and can't be filled
+/// by one winding. Marked as crossed both ways, they are looked at closely.
 void Raster::add_horizontal(const Segment& s, const Frame& f) {
   if (!(s.ay > f.y0) || !(s.ay < f.y1)) return;
   const int row = static_cast<int>(s.ay);
@@ -258,7 +258,7 @@ void Raster::add_horizontal(const Segment& s, const Frame& f) {
   touched_[at] = 1;
 }
 
-/// All pixels as if no fragments overlapped, and says where they may.
+/// Draws all pixels as if no fragments overlapped, and notes where they may overlap.
 SLICECORR_CLONES
 bool Raster::draw_area_row(int row, const Frame& f) {
   const auto at = static_cast<std::size_t>(row);
@@ -267,7 +267,7 @@ bool Raster::draw_area_row(int row, const Frame& f) {
   std::uint64_t* const down = marks_.data() + 2 * at * f.words;
   std::uint64_t* const up = down + f.words;
   std::uint64_t* const gaps = gaps_.data();  // later: where pixels that are inside begin
-  // Marked pixels as a list, and where those crossed in different directions meet.
+  // List the marked pixels, and where pixels that are crossed in different directions meet.
   std::uint32_t* const columns = columns_.data();
   std::size_t count = 0;
   std::uint64_t down_before = 0, up_before = 0;
@@ -284,7 +284,7 @@ bool Raster::draw_area_row(int row, const Frame& f) {
                           static_cast<std::uint32_t>(std::popcount((d | u) & before)));
         mixed &= mixed - 1;
       }
-    // Four at once, also where there are fewer: what is too much is overwritten.
+    // Always four at once; where there are fewer, what is too much is overwritten later.
     std::uint64_t left = d | u;
     std::uint32_t* column = columns + count;
     count += static_cast<std::size_t>(std::popcount(left));
@@ -296,7 +296,7 @@ bool Raster::draw_area_row(int row, const Frame& f) {
       column += 4;
     } while (left);
   }
-  columns[count] = 0;  // past the last pixel there is none
+  columns[count] = 0;  // ends the list
   const std::size_t mixed_count = doubts_.size();
 
   // Runs of marked pixels. No fragment leaves a run, so the winding is one number on either side.
@@ -315,7 +315,7 @@ bool Raster::draw_area_row(int row, const Frame& f) {
     begins[i] = begin;
     const bool ends = columns[i + 1] != expected;
     gaps[expected / 64] |= static_cast<std::uint64_t>(ends & (running != 0)) << (expected % 64);
-    // Fragments of one direction that change the winding by one: at every height there is just one.
+    // Fragments of one direction that change the winding by one in all: just one at every height.
     const bool more = static_cast<std::uint64_t>(running - begin + kOne) > 2 * kOne;
     if (ends & more) [[unlikely]]
       doubts_.push_back(static_cast<std::uint32_t>(i));
@@ -332,7 +332,7 @@ bool Raster::draw_area_row(int row, const Frame& f) {
 
   std::uint64_t inside = 0;
   for (std::size_t w = 0; 64 * w < width_; ++w) {
-    // Ones that are added run through all unmarked pixels up to the next marked one.
+    // The carry of an added one runs through all unmarked pixels up to the next marked one.
     const std::uint64_t free = ~(down[w] | up[w]), begins = gaps[w] | inside >> 63;
     inside = free & ~(free + (free & begins));
     const std::size_t pixels_left = width_ - 64 * w;
@@ -364,7 +364,7 @@ void Raster::add_centres(const Frame& f) {
       Reals x = line.ux + ((lane + base) - line.uy) * line.slope;
       x = x > line.least ? x : Reals{} + line.least;
       x = x < line.most ? x : Reals{} + line.most;
-      // The first pixel whose centre is not left of the line: one past the last turns nothing.
+      // The first pixel whose centre is not left of the line; one past the last changes no winding.
       x -= 0.5;
       Ints column = __builtin_convertvector(x, Ints);
       column -= __builtin_convertvector(x > __builtin_convertvector(column, Reals), Ints);

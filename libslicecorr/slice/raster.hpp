@@ -9,7 +9,7 @@
 
 namespace slicecorr::detail {
 
-/// A directed fragment of a contour, in pixels; y grows with the image row.
+/// A directed piece of a contour, in pixels; y grows with the image row.
 struct Segment {
   double ax, ay, bx, by;
 };
@@ -93,7 +93,7 @@ class Raster {
   std::vector<std::uint64_t> marks_;
   std::vector<PixelSums> sums_;  ///< per pixel; all 0 between slices
   std::vector<std::int32_t>
-      steps_;  ///< per pixel, how the winding changes before its centre; ditto
+      steps_;  ///< per pixel, how the winding changes before its centre; all 0 between slices
 
   std::span<const Segment> segments_;  ///< of this slice
   /// A segment in some rows.
@@ -105,19 +105,21 @@ class Raster {
   };
   std::vector<Crossings> crossings_;  ///< all of this slice: the first crossing_count_
   std::size_t crossing_count_ = 0;
-  // Of the row that is drawn.
+  // What is known of the row that is being drawn.
   std::vector<std::uint32_t> columns_;  ///< of marked pixels
   std::vector<std::uint8_t> levels_;    ///< of these
   std::vector<std::int64_t> areas_;     ///< of these, when nothing overlaps
   std::vector<std::int64_t> begins_;    ///< the running sum where the run of each begins
   std::vector<std::uint64_t> gaps_;     ///< marks where pixels that are inside begin; later unused
-  std::vector<std::uint32_t> doubts_;   ///< which marked pixels are to be looked at closely
+  std::vector<std::uint32_t>
+      doubts_;  ///< marked pixels that are to be looked at closely, by index in `columns_`
   std::vector<OverlapSpan> overlap_spans_;  ///< of this slice
-  /// Rows of columns: which span is there + 1; all 0 between slices. The first row stays 0, each
-  /// row that has overlap spans gets one of the others.
+  /// Per column 1 more than the index of the overlap span there, 0: none; one such row for each
+  /// image row with overlap spans. The first stays 0, for rows without. All 0 between slices.
   std::vector<std::uint32_t> span_of_;
-  std::vector<std::uint32_t> span_row_;   ///< per row: where its row in `span_of_` begins
-  std::vector<std::uint8_t> spans_near_;  ///< per row: in it or the three below, in this slice
+  std::vector<std::uint32_t> span_row_;  ///< per row: where its row in `span_of_` begins
+  std::vector<std::uint8_t>
+      spans_near_;  ///< per row: whether it or one of the three below has overlap spans
   struct SpanSegment {
     std::uint32_t span, segment;
   };

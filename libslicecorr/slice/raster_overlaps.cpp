@@ -9,12 +9,12 @@
 namespace slicecorr::detail {
 namespace {
 
-/// Up to here insertion sorts are quick enough.
+/// Up to so many elements an insertion sort is quick enough.
 constexpr std::ptrdiff_t kFew = 48;
 
 }  // namespace
 
-/// Runs of the marked pixels of a row that are in doubt.
+/// Makes overlap spans of the runs of marked pixels of a row that are to be looked at closely.
 void Raster::find_overlap_spans(int row, std::size_t count) {
   std::size_t done = 0;
   for (const std::uint32_t i : doubts_) {
@@ -36,8 +36,8 @@ unsigned Raster::draw_overlap_spans(const Frame& f) {
   return lit;
 }
 
-/// Segments of each span, by one look at all that cross a row: no fragment leaves a run of marked
-/// pixels, so its left end says which one it is in.
+/// Finds the segments of each span by one look at all that cross a row: no fragment leaves a run of
+/// marked pixels, so its left end says in which run it lies.
 void Raster::find_segments() {
   const auto columns_of = [&](const OverlapSpan& span) {
     std::uint32_t* const row = span_of_.data() + span_row_[static_cast<std::size_t>(span.row)];
@@ -60,7 +60,7 @@ void Raster::find_segments() {
     found_.resize(2 * most);
     overlap_segments_.resize(2 * most);
   }
-  // In rows with overlap spans they are found without a branch that can't be foretold.
+  // In rows with overlap spans without a branch, which the processor could not predict.
   std::size_t found = 0;
   for (std::size_t i = 0; i < crossing_count_; ++i) {
     const Crossings& c = crossings_[i];
@@ -118,7 +118,7 @@ bool Raster::pairs() {
   return true;
 }
 
-/// Left and right of a span the winding is one number per row.
+/// Draws an overlap span scanbeam by scanbeam. Left and right of it each row has one winding.
 unsigned Raster::draw_overlap_span(const OverlapSpan& span, const Frame& f) {
   const auto at = static_cast<std::size_t>(span.row);
   const int row = f.y0 + span.row;
@@ -135,7 +135,7 @@ unsigned Raster::draw_overlap_span(const OverlapSpan& span, const Frame& f) {
     p.winding = line.down ? 1 : -1;
     fragments_.push_back(p);
   }
-  // An order that follows from the fragments alone.
+  // Sort so that the order follows from the fragments alone.
   std::sort(fragments_.begin(), fragments_.end(), [](const EdgeFragment& a, const EdgeFragment& b) {
     if (a.y0 != b.y0) return a.y0 < b.y0;
     if (a.x0 != b.x0) return a.x0 < b.x0;
@@ -161,7 +161,7 @@ unsigned Raster::draw_overlap_span(const OverlapSpan& span, const Frame& f) {
     if (events_.empty() || events_.back() != y) events_.push_back(y);
   }
   PixelSums* const sums = sums_.data() + at * f.stride;
-  std::uint64_t* const marks = gaps_.data();  // nobody asks for them
+  std::uint64_t* const marks = gaps_.data();  // not used any more
   active_.clear();
   std::size_t next = 0;
   for (std::size_t e = 0; e + 1 < events_.size(); ++e) {
@@ -196,7 +196,7 @@ void Raster::draw_scanbeam(PixelSums* sums, std::uint64_t* marks, double from, d
   for (std::size_t cuts = 0; from < to; ++cuts) {
     double until = to;
     if (active_.size() > 1) {
-      // Mostly in order from the scanbeam before.
+      // The order of the scanbeam before is mostly right.
       if (static_cast<std::ptrdiff_t>(active_.size()) > kFew) {
         std::stable_sort(active_.begin(), active_.end(), before);
       } else {

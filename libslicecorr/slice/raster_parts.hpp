@@ -1,4 +1,4 @@
-/// What the two halves of the raster share: all rows, and pixels in which fragments overlap.
+/// What raster.cpp (all rows) and raster_overlaps.cpp (pixels in which fragments overlap) share.
 #pragma once
 
 #include <algorithm>
@@ -18,8 +18,8 @@ struct Raster::Frame {
   std::size_t stride;  ///< sums per row
 };
 
-/// A segment from its upper end to its lower one, whichever way the contour goes: neighbours then
-/// round alike. x is counted from the band's left side.
+/// A segment from its upper end to its lower one, whichever way the contour goes, so that
+/// neighbours round alike. x is counted from the band's left side.
 struct Raster::Line {
   double ux, uy, lx, ly;
   double slope, least, most;
@@ -67,7 +67,7 @@ SLICECORR_INLINE int column_of(double x, int width) {
 using Pair = double __attribute__((vector_size(16)));
 using WholePair = std::int64_t __attribute__((vector_size(16)));
 
-/// Whole numbers up to 2^51 added to this have them in their lowest bits, rounded.
+/// Added to a number up to 2^51, it leaves that number rounded to a whole one in the lowest bits.
 constexpr double kShift = 0x1.8p52;
 
 SLICECORR_INLINE double rounded(double v) { return (v + kShift) - kShift; }

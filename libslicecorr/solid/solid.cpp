@@ -121,7 +121,7 @@ class BandSurface {
   /// Samples rows [row, row + height).
   void draw(int row, int height, const ExecutionContext& context) {
     const auto width = static_cast<std::size_t>(columns_.count);
-    const std::size_t kSamples = width * static_cast<std::size_t>(height);
+    const std::size_t samples = width * static_cast<std::size_t>(height);
     const Grid& grid = stack_.grid();
     std::vector<double> x_mm, y_mm;
     for (int i = 0; i < columns_.count; ++i) {
@@ -134,10 +134,10 @@ class BandSurface {
     upper.fill(-std::numeric_limits<double>::infinity());
     const detail::CodedBand coded = read(row, height);
     // Beside the image there is no light at all, in it at least that of black.
-    std::vector<double> dark(kSamples);
-    std::vector<const PixelCurve*> curves(kSamples);
-    std::vector<Pixel> pixels(kSamples);
-    std::vector<std::uint8_t> in_image(kSamples, 1);
+    std::vector<double> dark(samples);
+    std::vector<const PixelCurve*> curves(samples);
+    std::vector<Pixel> pixels(samples);
+    std::vector<std::uint8_t> in_image(samples, 1);
     for (int j = 0; j < height; ++j) {
       for (int i = 0; i < columns_.count; ++i) {
         const std::size_t at = static_cast<std::size_t>(j) * width + static_cast<std::size_t>(i);
@@ -205,12 +205,12 @@ class BandSurface {
 
   /// `in_image`: 0 for the samples beside the image.
   void draw_general(detail::LevelSurface& surface, const detail::CodedBand& coded,
-                    const std::vector<std::uint8_t>& in_image, const std::vector<Pixel>& kPlaces,
+                    const std::vector<std::uint8_t>& in_image, const std::vector<Pixel>& places,
                     const ExecutionContext& context) const {
-    const std::size_t kSamples = in_image.size();
-    std::vector<std::uint8_t> pixels(kSamples);
-    std::vector<double> node(kSamples, 0.0), lower(kSamples), upper(kSamples);
-    PlaceDose dose(models_, kPlaces);
+    const std::size_t samples = in_image.size();
+    std::vector<std::uint8_t> pixels(samples);
+    std::vector<double> node(samples, 0.0), lower(samples), upper(samples);
+    PlaceDose dose(models_, places);
     detail::ShownBand shown(slices_, coded);
     for (int n = slices_.slices(); n-- > 0;) {
       if ((n & 63) == 0) context.check_cancelled();
@@ -220,7 +220,7 @@ class BandSurface {
         coded.read(n, pixels.data());
         dose.add_slice(n, pixels.data());
       }
-      for (std::size_t i = 0; i < kSamples; ++i) {
+      for (std::size_t i = 0; i < samples; ++i) {
         lower[i] = in_image[i] ? dose.lower()[i] : 0.0;
         upper[i] = in_image[i] ? dose.upper()[i] : 0.0;
       }

@@ -14,7 +14,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-/// Ours has four levels; what lies deeper is not ours.
+/// Our block has four levels; JSON that is deeper than this is not ours.
 constexpr int kDeepest = 16;
 
 std::string text_of(const Json& text) {
@@ -55,7 +55,8 @@ void append(const Json& value, int depth, std::string& out) {
                        "the part again");
 }
 
-/// Archives say hundredths of seconds, some milliseconds.
+/// Whether two times differ by more than archives round: some to hundredths of seconds, some to
+/// milliseconds.
 bool differ(double archive_s, double planned_s, double rounding) {
   return std::abs(archive_s - planned_s) > (0.01 + rounding) * planned_s + 0.00051;
 }
@@ -104,7 +105,7 @@ void check_times(const StackInfo& plan, const StackInfo& says, const std::string
   if (!(says.exposure_s > 0)) return;
   const ExposureSummary s = exposure_summary(plan);
   check(says.exposure_s, s.normal_s, "a slice");
-  // Formats without times of single layers can't say those of all schedules.
+  // Formats without times of single layers can't express every schedule.
   if (says.bottom_layers > 0 && says.bottom_exposure_s > 0 && !s.uneven) {
     check(says.bottom_exposure_s, s.bottom_s, "the first slice");
   }

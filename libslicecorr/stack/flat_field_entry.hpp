@@ -1,4 +1,4 @@
-/// @file kFlatFieldEntry.hpp
+/// @file flat_field_entry.hpp
 /// The picture of a printer's flat-field in the archives of stacks that were corrected with it.
 #pragma once
 
@@ -15,7 +15,7 @@ inline constexpr const char* kFlatFieldEntry = "slicecorr/flat-field.png";
 
 /// CRC-32 of the values, row by row.
 std::uint32_t flat_field_crc32(const FlatField& field);
-/// Its values as a grey picture.
+/// The values of the flat-field as a grey PNG.
 std::vector<std::uint8_t> flat_field_png(const FlatField& field);
 /// Adds the entry when the stack's printer has a flat-field.
 void add_flat_field(const StackInfo& info, ContainerOutput& output);

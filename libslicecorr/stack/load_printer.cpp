@@ -24,7 +24,7 @@ std::uint32_t big_endian(const std::vector<std::uint8_t>& bytes, std::size_t at)
          (std::uint32_t{bytes[at + 2]} << 8) | bytes[at + 3];
 }
 
-/// `check` sees the size before a pixel is unpacked.
+/// Reads a picture; `check` is called with its size before a pixel is unpacked.
 template <typename Check>
 GreyImage read_png(const std::string& path, const Check& check) {
   const std::string text = read_text_file(path);
@@ -55,7 +55,8 @@ void check_flat_field(const FlatField& field, const Printer& printer, const std:
     covered.width_px = printer.width_px;
     covered.height_px = printer.height_px;
   }
-  // What is finer than pixels is not seen; what cameras take is left to whoever took it.
+  // More pixels than the display has are of no use, but pictures as large as cameras take are
+  // borne.
   constexpr std::int64_t of_cameras = 100'000'000;
   const std::int64_t most =
       std::max(of_cameras, std::int64_t{printer.width_px} * printer.height_px);

@@ -34,7 +34,7 @@ void check_recording(const Recording& recording, int images, const std::string& 
                                  recording.showings.size(), recording.slices(),
                                  detail::kMaxRecordedShowings, detail::kMaxRecordedSlices));
   }
-  // Beyond any print, and small enough for sums of such numbers.
+  // More than any print has, and small enough that sums of such numbers are finite.
   constexpr double most = 1e12;
   for (int n = 0; n < recording.slices(); ++n) {
     for (const Recording::Showing& p : recording.of(n)) {

@@ -1,4 +1,4 @@
-/// @file kRecordingEntry.hpp
+/// @file recording_entry.hpp
 /// The table of a recorded stack: which image was lit in which slice, and how much.
 #pragma once
 

@@ -36,9 +36,9 @@ ArchiveContents read_contents(const Container& archive) {
   read_flat_field(archive, contents);
   read_recording(archive, contents);
   StackInfo& info = contents.info;
-  // A format that says of no more than mirroring says something where it is mirrored.
+  // Some formats can say mirroring only: the orientation is known where they say that.
   if (info.orientation != Orientation{}) info.orientation_known = true;
-  // What other programs make is made for a display.
+  // Archives of other programs are made for a display.
   if (info.kind == StackKind::foreign) {
     info.for_display = true;
   } else if (!info.for_display) {
@@ -118,7 +118,7 @@ std::uint64_t load(const std::uint8_t* p) {
 
 std::uint64_t sum_of(const std::uint8_t* p, std::size_t n) {
   std::uint64_t sum = 0;
-  // 32 bits hold the sum of so many, and vectors more of them than of 64.
+  // A sum of so many pixels fits 32 bits, of which a vector holds twice as many as of 64.
   constexpr std::size_t most = std::size_t{1} << 24;
   for (std::size_t at = 0; at < n; at += most) {
     std::uint32_t part = 0;
@@ -273,7 +273,8 @@ std::vector<std::uint32_t> StackReader::Impl::decode_images(const Container& arc
   return adlers;
 }
 
-/// Nothing is computed from them: they follow from the slices. But the printer shows them.
+/// UV images follow from the slices, and nothing is computed from them. But the printer shows them,
+/// so they are checked and kept.
 std::vector<std::uint32_t> StackReader::Impl::decode_uv_images(const Container& archive,
                                                                const ExecutionContext& context) {
   const auto images = entries_of(archive, config.uv_images, config.info.grid);
@@ -282,7 +283,7 @@ std::vector<std::uint32_t> StackReader::Impl::decode_uv_images(const Container& 
   parallel_for(context, "read UV", images.size(), [&](std::size_t i) {
     std::vector<std::uint8_t> png;
     archive.read(*images[i], images[i]->bytes, png);
-    // They are plain, whatever the slices are.
+    // UV images are plain grey, whatever the slices are.
     adlers[i] = decode(uv_index, static_cast<int>(i), png, images[i]->name, false, false).adler;
   });
   return adlers;

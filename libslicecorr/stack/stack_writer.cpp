@@ -27,10 +27,11 @@ using detail::ArchiveFormat;
 using detail::PixelCode;
 using detail::raw_stride;
 
-/// Of all pieces together. Beyond it a piece costs two calls of the system, some microseconds.
+/// Memory for all pieces together, bytes. Beyond it a piece costs two system calls, some
+/// microseconds.
 constexpr std::size_t kMemoryBudget = std::size_t{64} << 20;
 
-/// Whether the layers of both are lit for other times.
+/// Whether layers of the two are lit for different times.
 bool exposures_differ(const StackInfo& a, const StackInfo& b) {
   const int layers = std::min(a.grid.layers, b.grid.layers);
   for (int n = 0; n < layers; ++n) {
@@ -62,7 +63,7 @@ struct StackWriter::Impl {
   int rows = 0;  ///< of a band
   /// Pieces by slice; of size 0 where black, empty until a band is begun.
   std::vector<Pieces> bands, uv_bands;
-  /// Adler-32 of the pieces' grey rows, where the PNGs' bytes are others.
+  /// Adler-32 of the pieces' grey rows, where the bytes in the PNG are not the grey values.
   std::vector<std::vector<std::uint32_t>> grey_adlers;
   std::optional<std::array<std::uint8_t, 256>> uv_of_pixel;
   std::mutex mutex;  ///< of beginning a band
@@ -74,7 +75,7 @@ struct StackWriter::Impl {
         format(detail::format_named(f.format, f.path)),
         output(detail::make_container_output(
             f.path, format.container(), f.keep_from,
-            // Ours are read slice by slice, at any place, as fast as it goes.
+            // Our own archives are read slice by slice, in any order, and should be read fast.
             f.archive                          ? detail::ImagePacking::smallest
             : &format == &detail::uvj_format() ? detail::ImagePacking::stored
                                                : detail::ImagePacking::deflated)),
@@ -136,7 +137,8 @@ struct StackWriter::Impl {
   void check_rewritten(const std::string& written, const StackInfo& info) const;
 };
 
-/// Whoever reads these images is used to their kind.
+/// Opens the archive that is changed. New images get the pixel code of those that it has, since its
+/// readers expect that.
 void StackWriter::Impl::open_kept() {
   kept = detail::open_container(file.keep_from, output->folder(), context);
   if (format.container() != kept->kind() || !format.recognises(*kept)) {
@@ -192,7 +194,7 @@ StackWriter::Impl::Images StackWriter::Impl::gather(const std::vector<Pieces>& f
                 {}};
   const bool plain = pixels.is_plain();
   const std::size_t stride = pixels.stride(grid.width_px);
-  // A hundred thousand slices of hundreds of bands are not for one thread.
+  // In parallel: there may be a hundred thousand slices of hundreds of bands.
   parallel_for(detail::silent(context), "", layers, [&](std::size_t slice) {
     std::uint32_t adler = 1, grey_adler = 1;
     std::uint64_t size = detail::kPngFrameBytes;
@@ -289,7 +291,7 @@ void StackWriter::Impl::write_archive(const StackInfo& info, const GreyImage& pr
     for (int n = 0; n < info.grid.layers; ++n) uv_names.push_back(detail::uv_image_name(n));
     add_images(uv_names, *uv);
   }
-  // A folder says nothing of itself but by our record, and is ours to replace by it.
+  // Only our record in a folder says what the stack is, and that the folder may be replaced.
   if (&format != &detail::uvj_format() &&
       (info.kind != StackKind::foreign || &format == &detail::folder_format())) {
     output->add_text(
@@ -304,8 +306,8 @@ void StackWriter::Impl::write_archive(const StackInfo& info, const GreyImage& pr
   });
 }
 
-/// A rewritten archive says what was meant, or does not get its name: others read it with readers
-/// of their own, and a time that is wrong in it is wrong in the print.
+/// Reads a rewritten archive back before it gets its name, and throws unless it says what was
+/// meant: a time that is wrong in it would be wrong in the print.
 void StackWriter::Impl::check_rewritten(const std::string& written, const StackInfo& info) const {
   const auto refuse = [&](const std::string& what) {
     throw InputError(
@@ -316,7 +318,7 @@ void StackWriter::Impl::check_rewritten(const std::string& written, const StackI
   try {
     const auto archive = detail::open_container(written, output->folder());
     now = detail::read_contents(*archive).info;
-    // Those of corrected stacks are compared while reading.
+    // Times of corrected stacks were compared while reading.
     if (info.kind == StackKind::foreign) {
       detail::check_times(exposures_differ(info, kept_contents.info) ? info : kept_contents.info,
                           now, written);
@@ -379,10 +381,10 @@ struct StackWriter::BandEncoder::Impl {
   StackWriter::Impl* writer;
   int y0, y1;
   detail::IdatEncoder encoder;
-  BlobStore::Blob last;             ///< what `encoder` made last, of plain images
-  std::vector<std::uint8_t> chunk;  ///< of the slice at hand
-  /// Where the bytes of images are others than the grey values: rows of a band with their filter
-  /// bytes, black but for the columns at hand; and what they become.
+  BlobStore::Blob last;             ///< what `encoder` made last, for images without a UV pattern
+  std::vector<std::uint8_t> chunk;  ///< of the present slice
+  /// Where the bytes of images are not the grey values: rows of a band with their filter bytes,
+  /// black but for the columns that were put; and the same in the image's pixel code.
   std::vector<std::uint8_t> raw, changed;
   detail::IdatEncoder uv_encoder;
 
@@ -404,7 +406,7 @@ StackWriter::BandEncoder::BandEncoder(StackWriter& writer, int y0, int y1)
 StackWriter::BandEncoder::~BandEncoder() = default;
 StackWriter::BandEncoder::BandEncoder(BandEncoder&&) noexcept = default;
 
-/// Keeps the chunk of the slice at hand.
+/// Puts the chunk of the present slice into the store.
 BlobStore::Blob StackWriter::BandEncoder::Impl::keep(std::uint32_t adler) {
   BlobStore::Blob piece = writer->store.put(chunk.data(), chunk.size());
   piece.adler = adler;
@@ -434,7 +436,7 @@ void StackWriter::BandEncoder::Impl::put_band(std::size_t band, int slice,
   const Found found = encoder.take(rows);
   if (found == Found::black) return;
   if (writer->code.is_plain()) {
-    // Parts that go straight up have the same slice many times: it is kept once.
+    // Parts that go straight up repeat a slice many times: its chunk is kept once.
     if (found == Found::other) {
       chunk.clear();
       encoder.make(chunk);

@@ -164,7 +164,7 @@ PixelBox TurnedSlices::bounds() const {
 }
 
 void TurnedSlices::read_band(const PixelBox& band, const Sink& sink) const {
-  // Once axes are exchanged only flips are left.
+  // After the exchange of axes only flips are left.
   const Turn flips{false, turn_.flip_x, turn_.flip_y};
   const PixelBox from = turned(band, flips, grid_.width_px, grid_.height_px);
   const auto width = at(band.width()), height = at(band.height());

@@ -6,11 +6,14 @@
 ///    each run of lit slices behind a gap loses its first N slices, those next to the gap. N is one
 ///    number for the whole part; runs of N slices or fewer vanish. The run on the platform is
 ///    whole.
-///  - *Fixed grey table*: a pixel is darkened by 25, 15, 10 and 5 when the next, the second, third
-///    and fourth slice after it is lit there.
+///  - *Fixed grey table*: a pixel is darkened by 25, 15, 10 and 5 grey values of 255 when the next,
+///    the second, third and fourth slice after it is lit there.
 ///
 /// A pixel is lit when it is not 0. Both go through the slices of a band from the last to the
-/// first, as predictions do, and need no slices of their own. Objects are for one thread at a time.
+/// first, as predictions do, and need no slices of their own.
+///
+/// Objects are for one thread at a time, but walks over one `BandErase` may run side by side;
+/// `cure_through_slices` is thread-safe. Nothing here throws anything of its own.
 #pragma once
 
 #include <array>
@@ -22,7 +25,7 @@
 
 namespace slicecorr {
 
-/// What a band remembers of its runs for the erase: where they begin, as a log of their ends.
+/// What a band remembers of its runs for the erase: where each begins, noted where it ends.
 class BandErase {
  public:
   explicit BandErase(std::size_t columns);
@@ -58,7 +61,7 @@ class BandErase {
   std::vector<std::size_t> ends_end_;  ///< per layer: ends of runs that lie right before it
 };
 
-/// What the table subtracts for the four slices after a pixel, the nearest first.
+/// What the table subtracts for the four slices after a pixel, the nearest first; grey values.
 inline constexpr std::array<std::uint8_t, 4> kGreyTable{25, 15, 10, 5};
 
 class BandGreyTable {

@@ -13,8 +13,10 @@
 /// acts on its own node and is chosen for several nodes above it together (docs/inhibition.md).
 ///
 /// A first pass from slice 0 on notes, per column, the edges that it passes, in a log that the
-/// solve takes back step by step. Objects are for one thread at a time; plans are immutable and may
-/// be shared.
+/// solve takes back step by step.
+///
+/// Plans are immutable and may be shared between threads; a `BandCorrector` is for one thread at a
+/// time; functions are thread-safe. Calls in the wrong order or number throw `Error`.
 #pragma once
 
 #include <cstddef>
@@ -40,9 +42,9 @@ struct CorrectionPlan {
   CureModel model;
   LevelTable levels;
   Process process;
-  bool merge_one_slice_gaps;
-  int layers;      ///< layers of the target, N
-  int all_layers;  ///< slices that will be shown, M >= N
+  bool merge_one_slice_gaps;  ///< gaps of one slice count as full
+  int layers;                 ///< layers of the target, N
+  int all_layers;             ///< slices that will be shown, M >= N
   /// What the columns share under UV light, and what they share in continuous exposure without it;
   /// null for other models.
   std::shared_ptr<const detail::InhibitedPlan> inhibited;
@@ -75,10 +77,10 @@ class BandCorrector {
   /// on.
   struct Tile {
     static constexpr std::size_t kStride = 64;
-    std::size_t first_column, columns;
-    int first_slice, slices;
-    const std::uint8_t* levels;
-    const std::uint8_t* coverage;
+    std::size_t first_column, columns;  ///< of the band; columns: 1..kStride
+    int first_slice, slices;            ///< slices: 1 or more
+    const std::uint8_t* levels;         ///< grey levels, slices * kStride bytes
+    const std::uint8_t* coverage;       ///< of the layers, 0..255, as many bytes
   };
   using TileSink = std::function<void(const Tile&)>;
   /// The same for plain models (continuous exposure, no UV light), for those who also look at what

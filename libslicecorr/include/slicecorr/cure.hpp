@@ -21,7 +21,10 @@
 ///     Omega(zeta) = (phi'_n + W(n + 1)) 10^-((n + 1 - zeta) eta)   in layer n
 ///
 /// so the dose jumps at every node: the sawtooth. Under inhibiting UV light neither recursion holds
-/// near the window: see inhibited.hpp. Everything here is pure and thread-safe.
+/// near the window: see inhibited.hpp.
+///
+/// Models and tables are immutable once made and may be shared between threads; functions are pure
+/// and thread-safe. What throws says so.
 #pragma once
 
 #include <array>
@@ -38,12 +41,12 @@ class InhibitedKernel;
 /// A printer, a resin and an exposure schedule in dimensionless form.
 struct CureModel {
   ExposureMode mode = ExposureMode::continuous;
-  double layer_um = 0;                   ///< hs
-  double eta = 0;                        ///< hs / ha, base 10, with m
+  double layer_um = 0;                   ///< hs, > 0
+  double eta = 0;                        ///< m hs / ha, base 10, > 0
   double a = 0;                          ///< 10^-eta: what is left of a dose one node further up
   double one_minus_a = 0;                ///< 1 - a, without cancellation
   double root_a = 0;                     ///< 10^(-eta/2): half a layer
-  double m = 1;                          ///< exponent of intensity
+  double m = 1;                          ///< exponent of intensity, 0 < m <= 2
   double critical_intensity_mw_cm2 = 0;  ///< Ic: the intensity of phi = 1
   /// phi of each grey level, never falling; layer by layer phi' at the normal exposure.
   std::vector<double> level_phi;
@@ -54,6 +57,7 @@ struct CureModel {
   std::shared_ptr<const InhibitedKernel> inhibited;
   /// Whether the recursion (A.32) describes the dose.
   bool is_plain() const { return mode == ExposureMode::continuous && !inhibited; }
+  /// Layer by layer: exposure of a slice over the normal one; 1 in other modes.
   double ratio(int slice) const {
     if (exposure_ratio.empty()) return 1.0;
     const auto n = static_cast<std::size_t>(slice);
@@ -98,9 +102,9 @@ struct CureModel {
 
 /// The light at a place on a display that does not shine evenly.
 struct PlaceLight {
-  double factor = 1;  ///< of the calibration's intensities
-  /// The same at the brightest place: a UV lamp or pattern, which is one for the whole window, is
-  /// set for that.
+  double factor = 1;  ///< share of the calibration's intensities that the place gets, >= 0
+  /// The share at the brightest place. UV light is set for that place: there is one UV lamp or
+  /// pattern for the whole window.
   double brightest = 1;
 };
 /// The printer as a place sees it that gets `factor` of its curing light.
@@ -108,6 +112,8 @@ Printer dimmed(const Printer& printer, double factor);
 
 /// The model of a process. `layer_um` is the slice height. Does not ask whether the process is
 /// feasible, nor for the printer's flat-field: `light` says what the place gets (place_models.hpp).
+/// Throws `InputError` as `make_kinetics` and where an exposure or a UV lamp is missing, and
+/// `InfeasibleError` as `InhibitedKernel`.
 CureModel make_cure_model(const Printer& printer, const Resin& resin, const Process& process,
                           double layer_um, const PlaceLight& light = {});
 
@@ -118,7 +124,8 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
 /// alike phi'_min >= 1 - a), naming the layer, the exposure and the intensity that would do.
 void check_feasible(const CureModel& model, const Printer& printer, const Process& process);
 
-/// Intensity of every grey level of a printer, linear between the points of its calibration.
+/// Intensity of every grey level of a printer, mW/cm², linear between the points of its
+/// calibration.
 std::vector<double> level_intensities(const Printer& printer);
 
 /// The same of a patterned UV lamp; throws `InputError` when the printer has none.
@@ -132,7 +139,8 @@ using PixelCurve = std::array<double, 256>;
 
 /// Pixel values stand for levels of the printer: value v is level round(v * (levels - 1) / 255).
 PixelCurve pixel_curve(const CureModel& model);
-/// The level that a pixel value stands for, and the pixel value that stands for a level.
+/// The level that a pixel value (0..255) stands for, and the pixel value that stands for a level;
+/// `levels`: how many the printer has, 2..256.
 int level_of_pixel(int value, int levels);
 int pixel_of_level(int level, int levels);
 
@@ -145,17 +153,17 @@ class LevelTable {
   const double* data() const { return phi_.data(); }
   /// Lowest level of the greatest phi.
   int highest() const { return steps_.back().here; }
-  /// Lowest level of at least `phi`; the last level when there is none. The lowest of a plateau.
+  /// Lowest level whose phi is at least `phi`; the lowest of the brightest when there is none.
   int at_least(double phi) const { return around(phi).at_least; }
   /// Lowest level of the greatest phi that is at most `phi`; 0 when there is none.
   int at_most(double phi) const { return around(phi).at_most; }
-  /// Both.
+  /// at_most() and at_least() by one look.
   struct Around {
     int at_most, at_least;
   };
   Around around(double phi) const {
     int level = start_[bucket(phi)];
-    // Most often one step or none; past the last level is a bound that no phi is above.
+    // Most often one step or none. The bound past the last level is infinite: no phi is above it.
     while (bounds_[static_cast<std::size_t>(level)] < phi) ++level;
     const Steps steps = steps_[static_cast<std::size_t>(level)];
     const bool exact = bounds_[static_cast<std::size_t>(level)] <= phi;
@@ -167,14 +175,15 @@ class LevelTable {
   static constexpr std::size_t kBuckets = 1024;
   std::size_t bucket(double phi) const {
     const double x = (phi - phi_.front()) * scale_;
-    // Choices, not branches: levels come in no order that a processor could foresee.
+    // Written without branches: the order of levels is nothing that a processor could predict.
     const double low = x > 0 ? x : 0;
     return static_cast<std::size_t>(static_cast<std::int32_t>(low < kBuckets ? low : kBuckets));
   }
   std::vector<double> phi_;
   std::vector<double> bounds_;  ///< phi of each level, and infinity
-  /// Of a level and of one past the last: the lowest of its plateau and of the one before it; one
-  /// past the last stands for the last, the first for the one before it.
+  /// For each level: the lowest level of the same phi (`here`), and that of the level before it
+  /// (`before`; of the first level, itself). One entry more, for phi above all levels, has the last
+  /// level's `here` as both.
   struct Steps {
     std::int32_t before, here;
   };

@@ -4,6 +4,9 @@
 /// Steady dead zone of a pixel: zf = ln(beta Iuv / Ib) / (1/huv - 1/hb) (3.25). Where beta Iuv <=
 /// Ib the front reaches the window when the resin there has got its gel dose, after D'c / (Ib -
 /// beta Iuv)^m (physics.md §4) in slices that follow each other.
+///
+/// `DeadZones` are plain values, `check_window` is thread-safe, objects are for one thread at a
+/// time. Nothing but `check_window` throws.
 #pragma once
 
 #include <cstddef>
@@ -17,21 +20,21 @@
 
 namespace slicecorr {
 
-/// What a print's dead zone does. Merging does not depend on the order.
+/// What a print's dead zone does.
 struct DeadZones {
   /// Per slice: least and greatest steady dead zone over pixels brighter than black, um; both NaN
   /// in slices without such pixels. A slice whose brightest pixel would cure to the window has 0.
   std::vector<double> least_um, greatest_um;
   std::uint64_t cured_pixels = 0;  ///< columns that cure to the window
-  int cured_slice = -1;            ///< the first slice in which one does, in the order of printing
-  double least() const;            ///< over all slices; NaN without light
+  int cured_slice = -1;            ///< the first printed slice in which one does; -1: none
+  double least() const;            ///< um, over all slices; NaN without light
   double greatest() const;
 };
 
 /// Throws `InfeasibleError` where the resin cures to the window and the process does not allow it.
 void check_window(const DeadZones& zones, const Process& process);
 
-/// Watches the window under one band. For one thread.
+/// Watches the window under one band.
 class WindowWatch {
  public:
   /// `model.inhibited` must be there and outlive this.
@@ -48,7 +51,7 @@ class WindowWatch {
   const InhibitedKernel& kernel_;
   std::size_t columns_;
   std::vector<std::uint8_t> low_, high_;  ///< per slice: least and greatest pixel above black
-  /// Of slices given as showings, where more than the level counts: dead zones.
+  /// Per slice given as showings: least and greatest dead zone, as it depends on more than levels.
   std::vector<double> least_um_, greatest_um_;
   /// Gel dose at the window from slices that follow each other; empty where no level can cure to
   /// it.
@@ -58,7 +61,7 @@ class WindowWatch {
   int first_ = -1;
 };
 
-/// All bands together; `merge` is for one thread at a time.
+/// All bands together; the order of merging does not matter.
 class WindowTotal {
  public:
   WindowTotal(const CureModel& model, int slices);

@@ -6,8 +6,11 @@
 /// Continuous exposure is steady across nodes; layer by layer the dose jumps there, so that the
 /// upper end of layer n and the lower end of layer n - 1 differ (the sawtooth). Without UV light
 /// the dose rises or falls all through a layer, so that its ends bound it; under UV light, and
-/// where several images share a slice, it has peaks and dips inside. Objects are for one thread at
-/// a time.
+/// where several images share a slice, it has peaks and dips inside. Doses are relative: 1 gels the
+/// resin.
+///
+/// Objects are for one thread at a time; `column_dose` is thread-safe. Nothing here throws anything
+/// of its own.
 #pragma once
 
 #include <cstddef>
@@ -30,22 +33,22 @@ struct ImageShowing {
   /// Share of the slice's light: what a slice adds to a dose is the sum over its showings of light
   /// times what the image alone would add.
   double light = 1;
-  int setting = 0;  ///< of UV light, see InhibitedKernel
+  int setting = 0;  ///< of UV light, 0..settings() - 1, see InhibitedKernel
   /// Where in the slice it was lit, from its end towards the platform (0) to the other (1).
   /// Continuous exposure without UV light takes its light as spread over that stretch, all other
   /// models as spread over the slice, or as given where the window stands.
   double from = 0, to = 1;
 };
 
-/// Doses nearer than this to 1 are 1 where a run might be split: what doses under UV light are
-/// right to (InhibitedKernel::tail_share). Rounding, below 1e-9 of the dose, is less.
+/// A relative dose that differs from 1 by less counts as 1 where a run might be split. Doses under
+/// UV light are right to this (InhibitedKernel::kTailShare); rounding is below 1e-9 of the dose.
 inline constexpr double kSameDose = 1e-6;
 
 /// What the dose does between the two ends of a layer.
 struct InsideLayer {
   double least = 0;  ///< the least dose, both ends included
   /// Where the dose passes 1, as distances from the layer's lower end in slices, 0..1, ascending:
-  /// there and back again, or once if the ends lie on different sides of 1.
+  /// an even number of them where both ends lie on one side of 1, else an odd number.
   std::vector<double> crossings;
 };
 
@@ -60,7 +63,7 @@ class BandDose {
   /// after the end of a stack. Slices follow each other downwards in number.
   void add_slice(int slice, const std::uint8_t* pixels);
   /// The same of several images; none: light off. Their pixels must stay until the next slice, for
-  /// `crossing`. See docs/recording.md for how exact it is.
+  /// `inside`. See docs/recording.md for how exact it is.
   void add_slice(int slice, std::span<const ImageShowing> showings);
 
   const double* lower() const;   ///< relative dose at the lower end of the layer, per column
@@ -70,7 +73,8 @@ class BandDose {
   /// all through.
   const std::uint8_t* turning() const;
   /// The layer of one column. Exact without UV light; with it edges are right to 0.01 um, and
-  /// `least` to 1e-6. `known`: the least may be too great as long as it is not below this.
+  /// `least` to 1e-6. `known`: where the layer's least dose is not below this, `least` may be any
+  /// dose not below it.
   void inside(std::size_t column, double known, InsideLayer& out) const;
 
  private:

@@ -1,6 +1,7 @@
 /// @file error.hpp
 /// The exceptions of the library. Nothing in the library prints, exits or aborts: it throws one of
 /// these. Every message says what happened, where (file and place) and what was expected instead.
+/// Plain values, thread-safe as such are. Memory that is not to be had is `std::bad_alloc`.
 #pragma once
 
 #include <stdexcept>

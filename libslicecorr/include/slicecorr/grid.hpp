@@ -4,6 +4,8 @@
 /// Frame: z is measured from the build platform towards the window and grows downwards in the part.
 /// Plane k * layer_um is node k; layer n lies between nodes n and n + 1 and is shown by slice n.
 /// Image row 0 is at the largest y, column 0 at the smallest x.
+///
+/// Plain values; nothing here throws, and const functions are thread-safe.
 #pragma once
 
 #include <algorithm>
@@ -16,9 +18,9 @@ struct Grid {
   int width_px = 0;       ///< columns of an image, 1..65536
   int height_px = 0;      ///< rows of an image, 1..65536
   int layers = 0;         ///< number of slices, 1..1000000
-  double pixel_x_um = 0;  ///< width of a pixel on the window
-  double pixel_y_um = 0;  ///< height of a pixel on the window
-  double layer_um = 0;    ///< slice height hs
+  double pixel_x_um = 0;  ///< width of a pixel on the window; 0: not known
+  double pixel_y_um = 0;  ///< height of a pixel on the window; 0: not known
+  double layer_um = 0;    ///< slice height hs; 0: not known
 };
 
 /// Half-open box of pixels [x0, x1) x [y0, y1).

@@ -13,8 +13,9 @@
 /// is the recursion without UV (A.32).
 ///
 /// The kernel is 0 nearer than the dead zone and greatest at z0: a slice hardly acts on its own
-/// layer. See correct.hpp for what that means for the correction. Immutable; may be shared between
-/// threads.
+/// layer. See correct.hpp for what that means for the correction.
+///
+/// Immutable and thread-safe once made. Only the constructor throws.
 #pragma once
 
 #include <cstddef>
@@ -37,7 +38,7 @@ class InhibitedKernel {
   /// Share of UV in the rate at full light below which slices are recursed: the dose is right to
   /// this share.
   static constexpr double kTailShare = 1e-6;
-  /// Where in a layer a dose is asked for: x = j + place / 4 for the slice j layers below.
+  /// Where in a layer a dose is asked for: x = j + position / 4 for the slice j layers below.
   enum LayerPosition { lower_end = 0, quarter = 1, middle = 2, three_quarters = 3, upper_end = 4 };
   static constexpr int kPlaces = 5;
   /// Samples of a layer for what happens inside it.
@@ -52,10 +53,12 @@ class InhibitedKernel {
                   const std::vector<double>& brightest_mw_cm2 = {});
 
   const Kinetics& kinetics() const { return kinetics_; }
+  /// Slices whose doses come from the tables.
   int near() const { return near_; }
   int levels() const { return static_cast<int>(blue_.size()); }
   /// UV settings that have tables of their own: 1 unless the lamp changes from slice to slice.
   int settings() const { return static_cast<int>(setting_uv_.size()); }
+  /// 0..settings() - 1; the last slice's for slices after it.
   int setting_of_slice(int slice) const;
   /// UV intensity over a pixel of a grey level in a slice.
   double uv_mw_cm2(int slice, int level) const { return uv_of(setting_of_slice(slice), level); }
@@ -68,10 +71,10 @@ class InhibitedKernel {
   const double* table(int setting, LayerPosition place) const {
     return tables_[static_cast<std::size_t>(setting * kPlaces + place)].data();
   }
-  /// The same at x = j + (i + 1) / samples: fine[(j * levels() + level) * samples + i]; made when
-  /// it is first asked for.
+  /// The same at x = j + (i + 1) / kSamples: fine[(j * levels() + level) * kSamples + i]; made
+  /// when it is first asked for.
   const float* fine(int setting) const;
-  /// Of all tables together.
+  /// Memory of all tables together, bytes.
   double table_bytes() const {
     return (8.0 * kPlaces + 4.0 * kSamples) * near() * levels() * settings();
   }
@@ -80,9 +83,9 @@ class InhibitedKernel {
   /// The same at any distance x > 0 slices, from the integral itself. `share`: what of the slice
   /// has been shown so far, 0..1.
   double exact(int setting, int level, double x, double share = 1.0) const;
-  /// The cured front that a level would leave in the long run, and the factor of
-  /// detail::FrontProfile that turns its light into relative dose: per exposure layer by layer, per
-  /// um that the window moves else.
+  /// `front_um`: height above the window of the cured front that a level would leave in the long
+  /// run. `amount`: the factor of detail::FrontProfile that turns its light into relative dose: per
+  /// exposure layer by layer, else per um that the window moves.
   struct Source {
     double amount = 0, front_um = 0;
   };
@@ -135,7 +138,7 @@ class InhibitedKernel {
   Kinetics kinetics_, gel_;
   ExposureMode mode_;
   bool allow_window_cure_ = false;
-  double wanted_um_ = 0;  ///< dead zone
+  double wanted_um_ = 0;  ///< dead zone that the schedule asks for; 0: none
   double layer_um_ = 0;
   double scale_ = 0;      ///< from the integral over um, or the rate, to relative dose
   double gel_scale_ = 0;  ///< from the rate at the window to relative gel dose in one slice
@@ -145,15 +148,15 @@ class InhibitedKernel {
   std::vector<double> setting_share_;  ///< patterned: of what the lamp's calibration says
   std::vector<int> uv_levels_;
   std::vector<std::uint16_t> slice_setting_;
-  std::vector<std::vector<double>> tables_;  ///< [setting * places + place]
+  std::vector<std::vector<double>> tables_;  ///< [setting * kPlaces + position]
   std::shared_ptr<const detail::FrontProfile> profile_;
   std::vector<Source> sources_;  ///< [setting * levels + level]
   mutable std::vector<std::vector<float>> fine_;
   std::unique_ptr<std::once_flag[]> fine_made_;
 };
 
-/// UV intensity that holds a steady dead zone over blue light: Iuv = Ib / beta e^(zf (1/huv -
-/// 1/hb)).
+/// UV intensity, mW/cm², that holds a steady dead zone over blue light:
+/// Iuv = Ib / beta e^(zf (1/huv - 1/hb)).
 double uv_for_dead_zone(const Kinetics& kinetics, double blue_mw_cm2, double dead_zone_um);
 
 }  // namespace slicecorr

@@ -7,7 +7,8 @@
 ///     dD'/dt = max(0, Ib e^(-z/hb) - beta Iuv e^(-z/huv))^m,   gelled where D' >= D'c     (3.22)
 ///
 /// Without UV that is zc = (hb/m) ln(Ib^m t / D'c) (3.15), and with m = 1 Jacobs' working curve.
-/// All functions are pure and thread-safe. Intensities in mW/cm² at the window, >= 0; times in s.
+/// All functions are pure and thread-safe. Intensities in mW/cm² at the window, >= 0; times in s;
+/// heights in um. Only `make_kinetics` throws.
 #pragma once
 
 #include <limits>
@@ -46,7 +47,7 @@ bool keeps_dead_zone(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2);
 /// resin never gels anywhere.
 double steady_dead_zone_um(const Kinetics& k, double blue_mw_cm2, double uv_mw_cm2);
 
-/// Where and when the first resin gels (B.11): z0 >= 0, t0.
+/// Where and when the first resin gels (B.11): z0 >= 0, t0; both infinite without blue light.
 struct FirstGel {
   double z_um = 0;
   double time_s = 0;

@@ -3,7 +3,10 @@
 ///
 /// Columns of pixels are independent of each other, so a flat-field is a set of classes of columns,
 /// one per value of 0 to 255 that occurs. Everything is exact in integers, so that it is the same
-/// on all machines. Immutable and thread-safe once made.
+/// on all machines.
+///
+/// Immutable and thread-safe once made (and coarsened); `light_groups` is thread-safe. Only the
+/// constructor throws.
 #pragma once
 
 #include <array>
@@ -24,14 +27,15 @@ class LightMap {
   /// flat-field is one of the plate, and printer and images contradict each other about how that
   /// lies; or when images and display differ in size.
   LightMap(const Printer& printer, const Grid& images, const ImageFrame& frame);
-  /// Even.
+  /// A display whose light is even.
   LightMap() = default;
 
   /// Every pixel gets the light of the calibration: there is no flat-field, or one that is flat.
   bool even() const { return even_; }
-  /// Share of the calibration's light that a value stands for.
+  /// Share of the calibration's light that a value stands for; above 1 where the value is greater
+  /// than the reference.
   double factor(std::uint8_t value) const { return 1.0 * value / reference_; }
-  /// What stands for the calibration itself; where light is even the value of all pixels.
+  /// The value that stands for the calibration itself, 1..255; where light is even, of all pixels.
   std::uint8_t reference() const { return static_cast<std::uint8_t>(reference_); }
   /// The greatest value of the flat-field.
   std::uint8_t greatest() const { return greatest_; }
@@ -40,8 +44,9 @@ class LightMap {
   /// that are off by up to step / 2 / reference. No light stays no light.
   void coarsen(int step) { step_ = step; }
 
+  /// Value of the pixel in column x of row y, which must lie in the image.
   std::uint8_t value(int x, int y) const;
-  /// Values of the pixels in `box`, row by row.
+  /// Values of the pixels in `box`, row by row: width() * height() bytes.
   void values(const PixelBox& box, std::uint8_t* out) const;
   /// How many pixels of a box have each value.
   std::array<std::uint64_t, 256> counts(const PixelBox& box) const;

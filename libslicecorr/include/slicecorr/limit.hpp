@@ -2,7 +2,7 @@
 /// Limits as messages name them: whoever types the number back gets what works.
 ///
 /// A limit that is rounded to the nearest digits fails every other time. Pure functions,
-/// thread-safe.
+/// thread-safe; none throws.
 #pragma once
 
 #include <string>

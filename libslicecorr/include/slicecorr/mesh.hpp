@@ -2,10 +2,13 @@
 /// Reading meshes, reporting their defects, placing them. Lengths are mm unless a name says
 /// otherwise.
 ///
-/// Supported: STL (ascii and binary, any line ending, several solids in a file), OBJ, PLY, OFF
-/// through OpenMesh; 3MF through lib3mf with its units, components and transforms; each also
-/// gzip-compressed (name ends in `.gz`). Polygons are split into triangles as fans. All functions
-/// are thread-safe on different objects; they throw `InputError`.
+/// Supported: STL (ascii and binary, any line ending, several solids in a file) and OBJ by readers
+/// of our own; PLY and OFF through OpenMesh; 3MF through lib3mf with its units, components and
+/// transforms; each also gzip-compressed (name ends in `.gz`). Polygons are split into triangles as
+/// fans.
+///
+/// Plain values; all functions are thread-safe on different objects. What can't be read or used
+/// throws `InputError`, a cancelled `context` `Cancelled`.
 #pragma once
 
 #include <array>
@@ -71,8 +74,8 @@ enum class Units { automatic, mm, inch, m };  ///< `automatic`: the file's own, 
 /// z (fixed axes, in that order, degrees).
 struct Placement {
   Units units = Units::automatic;
-  double scale = 1.0;
-  Point3 rotate_deg{};
+  double scale = 1.0;   ///< a factor, > 0
+  Point3 rotate_deg{};  ///< about x, y and z
 };
 
 /// Reads one file and applies `placement`. The result is in mm, at the place the file says.
@@ -81,8 +84,8 @@ struct Placement {
 TriangleMesh read_mesh(const std::string& path, const Placement& placement = {},
                        const ExecutionContext& context = {});
 
-/// Counts triangles, bodies and defects; O(triangles). Writes where edges are open
-/// or turned to `edge_defects`, when it is not null.
+/// Counts triangles, bodies and defects; O(triangles). Writes to `edge_defects`, when it is not
+/// null, which edges are open and which triangles are turned.
 MeshReport inspect(const TriangleMesh& mesh, const ExecutionContext& context = {},
                    EdgeDefects* edge_defects = nullptr);
 

@@ -4,7 +4,7 @@
 ///
 /// Plate: x to the right, y up, the corner 00 at the least of both. The *plate's image*, as `slice`
 /// makes it, has column 0 at the smallest x and row 0 at the largest y. Everything here is exact in
-/// whole pixels, pure and thread-safe.
+/// whole pixels, pure and thread-safe, and throws nothing.
 #pragma once
 
 #include <optional>
@@ -50,7 +50,7 @@ Turn turn_between(const Orientation& from, const Orientation& to);
 Orientation turned(const Orientation& orientation, const Turn& turn);
 
 struct Pixel {
-  int x = 0, y = 0;
+  int x = 0, y = 0;  ///< column and row, from 0
   bool operator==(const Pixel&) const = default;
 };
 /// Where a pixel of an image of `width_px` x `height_px` comes to lie. Pixels outside stay outside.
@@ -78,7 +78,7 @@ struct ImageFrame {
   std::optional<Orientation> orientation = Orientation{};
   bool operator==(const ImageFrame&) const = default;
 };
-/// Of images turned.
+/// The frame of images after a turn.
 ImageFrame turned(const ImageFrame& frame, const Turn& turn);
 
 }  // namespace slicecorr

@@ -1,5 +1,7 @@
 /// @file parallel.hpp
-/// The thin layer over TBB: loops over independent items, cancellation and progress.
+/// The thin layer over TBB: loops over independent items, cancellation and progress. All functions
+/// are thread-safe, and several loops may run with the same context. Cancelled work throws
+/// `Cancelled`.
 #pragma once
 
 #include <atomic>
@@ -13,7 +15,7 @@ namespace slicecorr {
 /// How a long operation runs and whom it tells. A default `ExecutionContext` uses all cores and
 /// tells nobody. The callbacks may be called from any thread, but never from two at once.
 struct ExecutionContext {
-  /// Number of threads; 0 means all cores. Results do not depend on it.
+  /// Number of threads, >= 0; 0 means all cores. Results do not depend on it.
   int threads = 0;
   /// When it becomes true, loops stop before their next item and throw `Cancelled`. May be null.
   const std::atomic<bool>* cancel = nullptr;
@@ -36,7 +38,7 @@ struct ExecutionContext {
 void parallel_for(const ExecutionContext& context, std::string_view stage, std::size_t count,
                   const std::function<void(std::size_t)>& body);
 
-/// The number of threads that `context` will use.
+/// The number of threads that `context` will use, 1 or more.
 int thread_count(const ExecutionContext& context);
 
 }  // namespace slicecorr

@@ -1,9 +1,15 @@
 /// @file pipeline.hpp
-/// The main job: the steps put together, band by band, fused where they follow each other.
+/// From a target to a stack and its figures: the steps of a correction put together band by band,
+/// so that a band passes through all of them while it is in memory.
 ///
 /// Every function works on bands in parallel and gives the same bytes and figures for any number of
 /// threads. Memory: per thread a band's state and its run-length coded slices; images wait
 /// compressed.
+///
+/// All functions are thread-safe as long as no two write the same file; sources are only read. A
+/// `CorrectedSlices` is immutable and thread-safe for reading different bands. What can't be read
+/// or does not fit throws `InputError`, what physics forbids `InfeasibleError`, a failing disk
+/// `DeviceError`, a cancelled `context` `Cancelled`.
 #pragma once
 
 #include <functional>
@@ -61,9 +67,9 @@ struct Correction {
 
 /// What a correction is to find out besides the stack and its prediction.
 struct CorrectionAsk {
-  bool before = false;   ///< what the target prints when shown as it is
-  int volume_cells = 0;  ///< the reduced volume with at most so many cells a side; 0: none. Implies
-                         ///< `before`
+  bool before = false;  ///< what the target prints when shown as it is
+  /// The reduced volume with at most so many cells a side, >= 0; 0: none. Implies `before`.
+  int volume_cells = 0;
   /// Called when all is computed, before the stack is written: what it throws leaves no stack.
   std::function<void(const Correction&)> before_writing = {};
 };
@@ -100,7 +106,7 @@ struct Comparison {
   Prediction erase;  ///< whole-layer erase (baseline.hpp) of `best_n` layers
   Prediction table;  ///< fixed grey table
   Prediction ours;   ///< as `correct_stack`
-  int best_n = 0;    ///< the N of the least mean height error of all that could be; the least such
+  int best_n = 0;    ///< layers; the N with the least mean height error, the least one of equals
   /// Mean height error with each N from 0 on, in um: what `best_n` was chosen from.
   std::vector<double> erase_mean_um;
 };
@@ -113,24 +119,26 @@ Comparison compare_methods(const SliceSource& target, const Setup& setup,
 /// One slice in one pixel column.
 struct ProbeRow {
   int slice = 0;
-  double z_um = 0;  ///< of node `slice`
-  int grey = 0;     ///< level
-  double intensity_mw_cm2 = 0;
-  double phi = 0;          ///< layer by layer phi' of this slice, with its own exposure
-  double dose = 0;         ///< Omega at node `slice`, seen from inside the layer
-  double dose_middle = 0;  ///< in the middle of the layer
-  double dose_lower = 0;   ///< at node `slice` + 1, seen from inside the layer
-  double target = -1;      ///< coverage 0..1 of the layer; -1 without a target
+  double z_um = 0;              ///< of node `slice`, from the platform
+  int grey = 0;                 ///< level, 0..levels - 1
+  double intensity_mw_cm2 = 0;  ///< of blue light at the window
+  double phi = 0;               ///< layer by layer phi' of this slice, with its own exposure
+  double dose = 0;              ///< Omega at node `slice`, seen from inside the layer; 1 gels
+  double dose_middle = 0;       ///< in the middle of the layer
+  double dose_lower = 0;        ///< at node `slice` + 1, seen from inside the layer
+  double target = -1;           ///< coverage 0..1 of the layer; -1 without a target
 };
+/// The slices of the pixel in column `x` of row `y`, first slice first. `target`: null without one.
+/// Throws `InputError` when the pixel is outside the image.
 std::vector<ProbeRow> probe_stack(const SliceSource& stack, const SliceSource* target,
                                   const Setup& setup, int x, int y);
 
 /// A vertical section along one image row, through all slices; data are slice by slice.
 struct Section {
-  int y = 0, x0 = 0, width = 0, layers = 0;  ///< columns [x0, x0 + width)
-  std::vector<std::uint8_t> coverage;
-  std::vector<std::uint8_t> pixels;  ///< shown; black after the end of the stack
-  std::vector<float> dose;           ///< at mid-layer
+  int y = 0, x0 = 0, width = 0, layers = 0;  ///< row; columns [x0, x0 + width)
+  std::vector<std::uint8_t> coverage;        ///< of the target, 0..255
+  std::vector<std::uint8_t> pixels;          ///< shown, 0..255; black after the end of the stack
+  std::vector<float> dose;                   ///< relative, at mid-layer; 1 gels
 };
 Section section_of(const SliceSource& stack, const SliceSource& target, const Setup& setup, int y);
 

@@ -2,7 +2,10 @@
 /// Cure models and doses by place, where a display's light is uneven (light_map.hpp).
 ///
 /// All columns of one value of light have one cure model: that of a printer whose intensities are
-/// value / reference of the calibration. Models are immutable and thread-safe once made.
+/// value / reference of the calibration.
+///
+/// `PlaceModels` is thread-safe: models are made when they are first asked for, and never change. A
+/// `PlaceDose` is for one thread at a time.
 #pragma once
 
 #include <array>
@@ -27,7 +30,7 @@ class PlaceModels {
   /// Throws as `LightMap`; making models throws as `make_cure_model`.
   PlaceModels(const Printer& printer, const Resin& resin, const Process& process,
               const Grid& images, const ImageFrame& frame);
-  /// One model everywhere.
+  /// The same model at every place.
   PlaceModels(const CureModel& everywhere);
   ~PlaceModels();
 
@@ -35,10 +38,10 @@ class PlaceModels {
   bool even() const { return map_.even(); }
   const CureModel& model(std::uint8_t value) const;
   const PixelCurve& curve(std::uint8_t value) const;
-  /// Of the pixel.
+  /// The model of the pixel in column x of row y.
   const CureModel& model_at(int x, int y) const { return model(map_.value(x, y)); }
-  /// At the brightest place: what black light and level steps do at most. Without a flat-field the
-  /// only one.
+  /// The model of the brightest place, where black gives most dose and a level step moves edges
+  /// furthest. Without a flat-field it is the only model.
   const CureModel& brightest() const { return model(map_.greatest()); }
   /// The printer as a place of this value sees it: its calibration times the factor.
   Printer printer_at(std::uint8_t value) const;
@@ -55,15 +58,15 @@ class PlaceModels {
 };
 
 /// `BandDose` of all columns of a box of pixels, each with the model of its place. Slices from the
-/// last to the first; for one thread at a time.
+/// last to the first.
 class PlaceDose {
  public:
   /// `models` must outlive this.
   PlaceDose(const PlaceModels& models, const PixelBox& box);
-  /// Of single pixels.
+  /// The same for single pixels, a column for each in this order.
   PlaceDose(const PlaceModels& models, const std::vector<Pixel>& pixels);
+  /// This and the functions below: as those of `BandDose`.
   void add_slice(int slice, const std::uint8_t* pixels);
-  /// As `BandDose`.
   void add_slice(int slice, std::span<const ImageShowing> parts);
   const double* lower() const {
     return groups_.size() == 1 ? groups_[0].dose.lower() : lower_.data();

@@ -19,6 +19,10 @@
 /// gels again further on (teeth beside the windows of later layers) is not showing of this reach:
 /// it is counted as teeth, and as cured through where the middle of a layer prints. Sums are kept
 /// in integers, so that no figure depends on the order of the work.
+///
+/// Plain values; a `BandPredictor` is for one thread at a time; functions are thread-safe. Doses
+/// are relative: 1 gels the resin. Nothing throws, but `add_tile` where it may not be called:
+/// `Error`.
 #pragma once
 
 #include <array>
@@ -45,6 +49,7 @@ namespace slicecorr {
 /// of samples in bounded memory.
 class Histogram {
  public:
+  /// `value` >= 0 and finite.
   void add(double value);
   void merge(const Histogram& other);
   std::uint64_t count() const { return count_; }
@@ -79,7 +84,7 @@ class Histogram {
   double greatest_ = -std::numeric_limits<double>::infinity();
 };
 
-/// Where a feature is lost or a gap merged: slices [first, last] of one pixel.
+/// Where a feature is lost or a gap merged: slices [first, last] of the pixel in column x, row y.
 struct FeatureExample {
   int x = 0, y = 0, first = 0, last = 0;
   auto operator<=>(const FeatureExample& o) const {
@@ -102,25 +107,25 @@ class FeatureExamples {
 
 /// What layer by layer exposure itself does to a print; see CureModel.
 struct LayerwiseFigures {
-  double cut_through_um = 0;      ///< zCT of layers with the normal exposure
-  double max_cut_through_um = 0;  ///< of those with the longest one
-  double heterogeneity = 0;       ///< greatest over least dose in a layer
-  bool gels_further_teeth = false;
+  double cut_through_um = 0;        ///< zCT of layers with the normal exposure
+  double max_cut_through_um = 0;    ///< of those with the longest one
+  double heterogeneity = 0;         ///< greatest over least dose in a layer, >= 1
+  bool gels_further_teeth = false;  ///< see CureModel::gels_further_teeth
 };
 /// None for other models.
 std::optional<LayerwiseFigures> layerwise_figures(const CureModel& model);
 
 /// The figures of a prediction.
 struct Prediction {
-  int layers = 0;  ///< slices shown
-  double layer_um = 0;
-  double pixel_x_um = 0, pixel_y_um = 0;
+  int layers = 0;                         ///< slices shown
+  double layer_um = 0;                    ///< slice height
+  double pixel_x_um = 0, pixel_y_um = 0;  ///< width and height of a pixel
   std::uint64_t target_voxels = 0;        ///< coverage 1
   std::uint64_t printed_voxels = 0;       ///< printed, of coverage 0 or 1
   std::uint64_t cure_through_voxels = 0;  ///< printed, of coverage 0
   std::uint64_t undercure_voxels = 0;     ///< not printed, of coverage 1
   std::uint64_t grey_voxels = 0;          ///< coverage between 0 and 1, in none of the counts above
-  std::uint64_t runs = 0, gaps = 0;
+  std::uint64_t runs = 0, gaps = 0;       ///< see the head of this file
   std::uint64_t lost_features = 0;        ///< runs with nothing printed in them
   std::uint64_t lost_thick_features = 0;  ///< of these, runs of two slices or more
   std::uint64_t one_slice_gaps = 0;       ///< gaps one slice high: they can't have both edges right
@@ -128,17 +133,18 @@ struct Prediction {
   std::uint64_t merged_features = 0;      ///< gaps with nothing unprinted in them
   std::uint64_t merged_thick_gaps = 0;    ///< of these, gaps of two slices or more
   FeatureExamples lost_examples, merged_examples, split_examples;
-  Histogram height_error_um;         ///< absolute values
+  Histogram height_error_um;         ///< absolute values, one per designed edge
   double greatest_overreach_um = 0;  ///< furthest that the print reaches into a gap
   double greatest_shortfall_um = 0;  ///< furthest that an edge stays behind in its run
-  Histogram gap_contrast;
+  Histogram gap_contrast;            ///< 1 less the least dose of each gap, at least 0
   std::uint64_t gap_teeth = 0;  ///< printed stretches in gaps that touch neither of their edges
   std::optional<LayerwiseFigures> layerwise;
   std::optional<DeadZones> dead_zones;  ///< under UV light; not merged, set for whole stacks
   Histogram grey_dose_error;            ///< absolute difference of mid-layer dose and coverage
+  /// Least and greatest dose at mid-layer in layers of coverage 1, the greatest in those of
+  /// coverage 0; infinite without such layers. `min_inside_layers`: the least at any place in
+  /// layers of coverage 1.
   double min_dose_inside = std::numeric_limits<double>::infinity();
-  /// The least dose at any place in layers of coverage 1; the other figures of dose are those of
-  /// mid-layers.
   double min_inside_layers = std::numeric_limits<double>::infinity();
   double max_dose_inside = -std::numeric_limits<double>::infinity();
   double max_dose_outside = -std::numeric_limits<double>::infinity();
@@ -152,7 +158,7 @@ struct Prediction {
   std::string to_json() const;
 };
 
-/// Predicts one band, slices from the last to the first. One object for one thread.
+/// Predicts one band, slices from the last to the first.
 class BandPredictor {
  public:
   /// `all_layers` is the greater of the number of slices and of target layers. `in_showings`:
@@ -165,10 +171,11 @@ class BandPredictor {
   /// platform, and its signed height error.
   using EdgeSink = std::function<void(std::size_t column, int node, bool upper, double um)>;
   void tell_edges(EdgeSink sink);
-  /// Told where a column's voxels become others on the way from the last slice to the first: the
-  /// slice, its coverage, whether it prints in its middle, and at its upper node. Voxels of slices
-  /// that are not told have the coverage of the one told before, and print as its upper node does.
-  /// Grey voxels are all told. Before the first: coverage 0, unprinted.
+  /// Told of the voxels of a column at which something changes on the way from the last slice to
+  /// the first, and of all grey ones: the slice, its coverage, whether it prints in its middle, and
+  /// whether it prints at its upper node. A voxel that is not told has the coverage of the one told
+  /// before it, and prints if that one's upper node does. Before the first told voxel: coverage 0,
+  /// unprinted.
   using StateSink = std::function<void(std::size_t column, int slice, std::uint8_t coverage,
                                        bool prints, bool prints_above)>;
   void tell_states(StateSink sink);
@@ -191,12 +198,12 @@ class BandPredictor {
   /// Doses in the middle of the layer that was added last. Only for models that are not plain, or
   /// for showings.
   const double* middle() const;
-  /// Before the first slice: figures of other columns, with which `finish` joins these.
+  /// Called before the first slice: `finish` adds the figures of this band to `so_far`.
   void go_on_from(Prediction so_far);
-  /// After slice 0: closes what is open at the platform. Columns are `width` to a row, from (x0,
-  /// y0).
+  /// Called after slice 0: closes what is open at the platform and gives the figures. Columns are
+  /// `width` to a row, from (x0, y0).
   Prediction finish(int x0, int y0, int width);
-  /// The same for columns that lie anywhere, the later ones further on in reading order.
+  /// The same for columns that lie anywhere; `place` must rise in reading order with the column.
   using PixelOfColumn = std::function<Pixel(std::size_t column)>;
   Prediction finish(const PixelOfColumn& place);
 

@@ -1,8 +1,9 @@
 /// @file process.hpp
 /// The printer, the resin and how they are run: read from TOML, checked, and kept with every stack.
 ///
-/// All `load_*` and `parse_*` functions throw `InputError` naming file, line, key and what was
-/// expected.
+/// Plain values; all functions are thread-safe (while nobody changes the environment). All `load_*`
+/// and `parse_*` functions throw `InputError` naming file, line, key and what was expected; of the
+/// others those that throw say so.
 #pragma once
 
 #include <cstdint>
@@ -19,8 +20,8 @@ namespace slicecorr {
 
 /// One measured point of a projector: grey level and intensity at the window.
 struct CalibrationPoint {
-  double level = 0;
-  double intensity_mw_cm2 = 0;
+  double level = 0;             ///< grey level or the lamp's control value, >= 0
+  double intensity_mw_cm2 = 0;  ///< at the window, >= 0
   bool operator==(const CalibrationPoint&) const = default;
 };
 
@@ -85,7 +86,7 @@ Grid images_of(const Printer& printer, const ImageFrame& frame);
 
 enum class CureModelKind { jacobs, kinetic };
 
-/// What the correction aims at, over the gel dose, where nothing else is said (dissertation
+/// Dose that the correction aims at over the gel dose, where nothing else is said (dissertation
 /// §2.3.2).
 inline constexpr double kDefaultDoseFactor = 5.0;
 
@@ -150,19 +151,19 @@ enum class Ramp {
 /// (mW/cm²)^0.99·s, 5 times its gel dose".
 std::string dose_in_words(const Resin& resin);
 
-/// As figure 2.2 of the dissertation: a gap of one slice without light costs the feature above it
-/// 0.17 of a slice there.
+/// The default of `Process::gap_shortfall`, slices. In figure 2.2 of the dissertation a gap of one
+/// slice without light costs the feature above it 0.17 of a slice: such gaps may stay dark.
 inline constexpr double kDefaultGapShortfall = 0.18;
 
 /// How a stack is exposed and corrected.
 struct Process {
   double speed_mm_h = 0;  ///< print speed, > 0 in continuous mode
-  double omega_max =
-      1e300;  ///< cap of the relative dose inside features, >= 1; >= 1e300 means none
+  /// Cap of the relative dose inside features, >= 1; >= 1e300 means none.
+  double omega_max = 1e300;
   OneSliceGaps one_slice_gaps = OneSliceGaps::open;
   /// Continuous: how much of the feature above an open gap of one slice may stay unprinted at its
-  /// lower edge, in slices, 0 to 0.5: the more, the darker the gap. More than it says is given up
-  /// only where no light does otherwise.
+  /// lower edge, in slices, 0 to 0.5: the more, the darker the gap. More stays unprinted only where
+  /// no sequence of grey levels avoids it.
   double gap_shortfall = kDefaultGapShortfall;
   /// Whether the cap holds for features on the platform, too. Nothing lies behind them to protect,
   /// so they may be exposed fully whatever the cap: the dissertation's own choice for its rails.
@@ -170,9 +171,10 @@ struct Process {
   ExposureMode mode = ExposureMode::continuous;
   double exposure_s = 0;         ///< layerwise: of normal layers, > 0
   double bottom_exposure_s = 0;  ///< layerwise: of the first `bottom_layers`; 0: as normal
-  int bottom_layers = 0;
+  int bottom_layers = 0;         ///< layerwise: how many layers get `bottom_exposure_s`, >= 0
   /// Layers after the bottom ones over which the exposure goes linearly from theirs to the normal
-  /// one: the k-th of F layers is k / (F + 1) of the way, so that none of them has either end.
+  /// one, >= 0: the k-th of F layers is k / (F + 1) of the way, so that none of them has the
+  /// exposure of the bottom or of normal layers.
   int fade_layers = 0;
   /// layerwise: exposure of each layer, in place of the bottom's; the last holds for later layers.
   std::vector<double> layer_exposure_s;
@@ -194,8 +196,8 @@ std::string exposures_in_words(const Process& process);
 
 /// How long a slice is shown, and with what share of the intensity that its grey levels stand for.
 struct SliceLight {
-  double time_s = 0;
-  double share = 1;
+  double time_s = 0;  ///< > 0
+  double share = 1;   ///< 0..1
 };
 /// Layer by layer the exposure, at full light. Continuous the time in which the stage passes the
 /// slice; where the lamp follows the ramp, with constant acceleration v_n / v = sqrt(z / ramp), z
@@ -221,7 +223,7 @@ std::vector<Definition> list_definitions(std::string_view kind);
 /// "printer" or "resin" by what the file holds; nothing when it is neither or can't be read.
 std::optional<std::string> kind_of_definition(const std::string& path);
 /// Path of a printer or resin: `name` is a path to a .toml file, or a name looked up as NAME.toml
-/// in `definition_folders`.
+/// in `definition_folders`. Throws `InputError` with what is known when there is none.
 std::string find_definition(const std::string& name, std::string_view kind);
 
 /// A printer from the text of its file, without the picture of the flat-field, of which only the
@@ -244,7 +246,7 @@ struct ResinOverrides {
   std::optional<double> ha_um;        ///< base 10
   std::optional<double> dose_factor;  ///< as `Resin::dose_factor`; for all resins
 };
-/// The same of a resin that is known already, as a stack records it. Throws `InputError` when a
+/// The resin with these changes. Throws `InputError` when a
 /// value is out of range, two of them set the dose, or a dose in mJ/cm³ is given for an m other
 /// than 1.
 Resin with_overrides(Resin resin, const ResinOverrides& overrides);

@@ -6,6 +6,8 @@
 /// them which of them were lit while the window passed each slice of the plan, and with how much
 /// light. Whoever predicts from a recorded stack (`verify_stack`, `probe_stack`, ...) sums the
 /// showings of each slice.
+///
+/// Plain values, thread-safe for reading; all functions are thread-safe.
 #pragma once
 
 #include <cstddef>
@@ -27,30 +29,31 @@ struct StackInfo;
 struct Recording {
   /// An image while the window was within one slice.
   struct Showing {
-    /// Index of the archive's image; -1: black.
+    /// Index of the archive's image, from 0; -1: black.
     int image = -1;
     /// Integral of (share of blue light)^m over the time for which the image was shown within the
     /// slice, over the time that the process plans for the slice (`planned_light_s`); m is
     /// `light_exponent`. 1: as planned; 0: dark. The share is that of what the calibration stands
     /// for.
     double light = 0;
-    /// Mean of the UV lamp, where it is patterned over a fully lit pixel. Counts as far as there is
-    /// light.
+    /// Mean intensity of the UV lamp while the image was shown, >= 0; of a patterned lamp that over
+    /// a fully lit pixel. Without `light` it has no effect.
     double uv_mw_cm2 = 0;
-    /// Measured, along the print from the platform; the same: its light counts as spread over the
-    /// slice.
+    /// Measured positions of the window between which the image was shown, from the platform; where
+    /// both are the same, its light counts as spread over the slice.
     double from_um = 0, to_um = 0;
-    double speed_um_s = 0;  ///< mean
-    double blue_share = 0;  ///< mean
+    double speed_um_s = 0;  ///< mean speed of the stage
+    double blue_share = 0;  ///< mean share of blue light, 1: as calibrated
     bool operator==(const Showing&) const = default;
   };
   std::vector<Showing> showings;  ///< slice by slice, in the order in which they were shown
-  std::vector<std::size_t> ends;  ///< of the showings of each slice
+  std::vector<std::size_t> ends;  ///< per slice: index in `showings` after its last one
   /// Images whose UV image was not the one that follows from the blue one: what they print can't be
   /// predicted. Rising.
   std::vector<int> other_uv_images;
 
   int slices() const { return static_cast<int>(ends.size()); }
+  /// The showings of a slice, 0..slices() - 1.
   std::span<const Showing> of(int slice) const;
   /// Appends a slice.
   void add_slice(std::span<const Showing> shown);
@@ -70,8 +73,8 @@ double light_exponent(const Resin& resin, const Process& process);
 /// image that is not there or a number is not finite or negative.
 void check_recording(const Recording& recording, int images, const std::string& source);
 
-/// For what works on slices alone: throws `InputError` when `source` is a recording, whose images
-/// are none.
+/// Throws `InputError` when `source` is a recording: for what needs slices, which a recording's
+/// images are not.
 void refuse_recording(const SliceSource& source);
 
 }  // namespace slicecorr

@@ -14,12 +14,12 @@ namespace slicecorr {
 
 /// Takes the images of a print as they appear and writes the recorded stack at the end. Memory is
 /// bounded: images are kept compressed, beyond 64 MiB in an unnamed scratch file beside `path`. For
-/// one thread at a time.
+/// one thread at a time. Throws `DeviceError` when a disk fails.
 class RecordingWriter {
  public:
   /// `print`: what the corrected stack that is printed says of itself, with printer, resin and
   /// process. `path` ends in ".uvj". Throws `InputError` when it does not, its folder is not there,
-  /// or `print` says less.
+  /// or `print` lacks one of the three.
   RecordingWriter(const std::string& path, const StackInfo& print,
                   const ExecutionContext& context = {});
   ~RecordingWriter();

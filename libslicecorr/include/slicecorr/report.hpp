@@ -1,5 +1,8 @@
 /// @file report.hpp
 /// The page that shows a correction: figures, sections before and after, a column's dose curve.
+///
+/// Plain values; all functions are thread-safe. Those that draw values throw nothing of their own;
+/// `gather_report` throws as `verify_stack`, and `Cancelled`.
 #pragma once
 
 #include <cstdint>
@@ -16,8 +19,8 @@ namespace slicecorr {
 
 /// 8-bit RGB picture, row by row.
 struct ColourImage {
-  int width_px = 0, height_px = 0;
-  std::vector<std::uint8_t> rgb;
+  int width_px = 0, height_px = 0;  ///< >= 0
+  std::vector<std::uint8_t> rgb;    ///< 3 * width_px * height_px values: red, green, blue
 };
 
 /// What prints along a section, platform up: grey where it is right, red where light cures a gap,
@@ -35,6 +38,7 @@ ColourImage grey_picture(const Section& section, double pixel_x_um, double layer
 /// Two pictures of the same height on white, with a gap between them.
 ColourImage side_by_side(const ColourImage& left, const ColourImage& right);
 
+/// The picture as a PNG file.
 std::vector<std::uint8_t> encode_png(const ColourImage& image);
 
 /// A table of this correction beside other ways to do it.
@@ -57,7 +61,7 @@ struct ReportContent {
     ColourImage cure_before, cure_after, grey_before, grey_after;
   };
   std::vector<SectionPictures> sections;
-  int column_x = -1, column_y = -1;  ///< pixel of the columns below
+  int column_x = -1, column_y = -1;  ///< pixel of the columns below; -1: there is none
   std::vector<ProbeRow> column_before, column_after;
   /// What can be moved through; null: still pictures only.
   std::shared_ptr<const ReducedVolume> volume;
@@ -79,8 +83,8 @@ std::string column_svg(const std::vector<ProbeRow>& column, const CureModel& mod
 /// to the next, at most eight of them.
 std::string column_history_svg(const ColumnHistory& history, const std::string& title);
 
-/// Both curing fronts of stationary exposures against time, as SVG. `note`: a line below; may be
-/// empty.
+/// Both curing fronts of stationary exposures from 0 to `time_s`, as SVG. `note`: a line below; may
+/// be empty.
 std::string stationary_svg(const std::vector<StationaryFronts>& exposures, double time_s,
                            const std::string& title, const std::string& note = {});
 

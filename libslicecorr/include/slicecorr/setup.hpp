@@ -1,6 +1,8 @@
 /// @file setup.hpp
 /// From what a user says to a complete `Setup`: one set of rules for the program and the C
 /// interface.
+///
+/// Plain values; all functions are thread-safe. Errors are `InputError`.
 #pragma once
 
 #include <string>
@@ -11,8 +13,8 @@
 
 namespace slicecorr {
 
-/// What a user says of printer, resin and process. Texts that are empty and numbers that are not
-/// above 0 (counts: below 0) are not said.
+/// What a user says of printer, resin and process. An empty text, a number of 0 or less and a count
+/// below 0 mean that nothing was said. Ranges are those of `Process`.
 struct SetupChoices {
   std::string printer, resin;            ///< names, or paths of .toml files
   std::string printer_toml, resin_toml;  ///< texts of such files, in place of the names
@@ -47,8 +49,8 @@ ResinOverrides resin_overrides(const SetupChoices& choices);
 
 /// What is chosen, over what `info` brings; `times`: an archive whose exposure times count where
 /// none are given, and whose first exposure stays where it is longer than the one chosen. Both may
-/// be null. Words are taken as they are checked by the caller. Throws
-/// `InputError` naming what is missing, or what does not go together.
+/// be null. The caller has checked that words are among those listed above. Throws `InputError`
+/// naming what is missing, or what does not go together.
 Setup resolve_setup(const SetupChoices& choices, const StackInfo* info, const StackInfo* times,
                     ChoiceNames names);
 

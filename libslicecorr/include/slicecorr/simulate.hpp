@@ -13,6 +13,9 @@
 /// those of the dose that the correction aims at, as everywhere else. At the end of the last slice
 /// all of it equals `column_dose`. Time is the time for which slices are shown: layer by layer the
 /// lifts between them are not in it.
+///
+/// Plain values, immutable clocks; all functions are thread-safe. What is out of range throws
+/// `InputError`, a cancelled `context` `Cancelled`.
 #pragma once
 
 #include <cstdint>
@@ -45,8 +48,9 @@ class PrintClock {
   std::vector<double> start_s_;  ///< of each slice, and the end of the last
 };
 
-/// What the slice at a moment has added so far at a point `x` slices above the window's place at
-/// its end, x = slice + 1 - zeta > 0. `level`: of the pixel.
+/// Relative dose that the slice at a moment has added so far at a point that lies `x` slices above
+/// where the window stands at the slice's end: x = slice + 1 - zeta > 0. `level`: grey level of the
+/// pixel.
 double added_dose(const CureModel& model, const PrintClock::Moment& moment, int level, double x);
 
 /// A gelled stretch of a column. z is measured from the platform.
@@ -56,9 +60,9 @@ struct GelledInterval {
 };
 
 struct HistoryStep {
-  double time_s = 0;
-  int slice = 0;
-  double share = 0;        ///< of the slice that has been shown
+  double time_s = 0;       ///< since the first slice's begin
+  int slice = 0;           ///< that is being shown
+  double share = 0;        ///< of the slice that has been shown, 0..1
   double z_window_um = 0;  ///< layer by layer the lower end of the layer that is exposed
   std::vector<GelledInterval> gelled;  ///< from the platform to the window
 };
@@ -66,16 +70,16 @@ struct HistoryStep {
 /// Relative dose along a column at one moment, from the platform to the window. Layer by layer the
 /// dose jumps at nodes: these are there twice, seen from the layer before and from the one after.
 struct DoseProfile {
-  double time_s = 0;
+  double time_s = 0;  ///< as in HistoryStep, like the next two
   int slice = 0;
   double share = 0;
-  std::vector<double> z_um, dose;
+  std::vector<double> z_um, dose;  ///< from the platform; relative
 };
 
 struct ColumnHistory {
   ExposureMode mode = ExposureMode::continuous;
   double layer_um = 0;
-  double total_s = 0;
+  double total_s = 0;  ///< for which slices are shown
   std::vector<HistoryStep> steps;
   std::vector<DoseProfile> profiles;
   /// Coverage 0..1 of the design per layer; empty when there is none.
@@ -116,9 +120,9 @@ PrintClock print_clock(const Setup& setup, const Grid& grid);
 struct SectionHistory {
   int y = 0, x0 = 0, width = 0, layers = 0;  ///< columns [x0, x0 + width)
   double pixel_x_um = 0, layer_um = 0;
-  std::vector<std::uint8_t> coverage;  ///< of the design; empty when there is none
+  std::vector<std::uint8_t> coverage;  ///< of the design, 0..255; empty when there is none
   struct Frame {
-    double time_s = 0;
+    double time_s = 0;  ///< this and the next three: as in HistoryStep
     int slice = 0;
     double share = 0;
     double z_window_um = 0;

@@ -1,5 +1,8 @@
 /// @file slice.hpp
 /// Mesh to slices: plane cuts at mid-layer height, non-zero winding rule, area coverage per pixel.
+///
+/// `MeshSlices` is immutable and thread-safe once made; all else is plain values. Only making one
+/// throws: `InputError`, and `Cancelled`.
 #pragma once
 
 #include <array>
@@ -16,8 +19,8 @@ namespace slicecorr {
 
 struct SliceOptions {
   double layer_um = 50;  ///< slice height hs, 1..1000
-  bool antialias =
-      true;  ///< exact area coverage in 256 levels; off: lit where the pixel centre is inside
+  /// Exact area coverage in 256 levels; off: a pixel is lit where its centre is inside.
+  bool antialias = true;
   /// Where the centre of the parts' bounding box lands on the plate, mm from its corner at the
   /// smallest x and y; the middle of the display when not given.
   std::optional<std::array<double, 2>> center_mm;
@@ -27,9 +30,9 @@ struct SliceOptions {
 struct SliceReport {
   std::size_t bridged_slices = 0;  ///< slices with open contours that had to be closed
   std::size_t bridges = 0;         ///< number of bridges
-  double longest_bridge_mm = 0;
-  /// What bridges may have got wrong: half circles over all of them. A bridge is straight; the
-  /// surface that is missing there may have bulged to either side.
+  double longest_bridge_mm = 0;    ///< 0 without bridges
+  /// Volume that bridges may have got wrong. A bridge is straight, while the surface that is
+  /// missing there may have bulged to either side: a half circle over each bridge is counted.
   double bridged_volume_mm3 = 0;
   /// Volume that the contours enclose with their bridges, counted only where there are some; what
   /// lies in two bodies counts twice.

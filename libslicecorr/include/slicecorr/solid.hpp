@@ -4,10 +4,13 @@
 /// Frame of the mesh: mm, x and y of the plate from its corner 00, z from the platform (0) towards
 /// the window: the frame in which `slice` places its parts. Images that are turned or mirrored are
 /// put the right way round as far as their archive says how they lie; else they are taken for those
-/// of `slice`. Doses are
-/// known at pixel centres and nodes. Between nodes of one column the surface is exact, from the
-/// closed form of the dose inside a layer; between neighbouring columns the dose is linear. Space
-/// is cut into tetrahedra, so there are no ambiguous cases, and the surface is always closed.
+/// of `slice`. Doses are known at pixel centres and nodes. Between nodes of one column the surface
+/// is exact, from the closed form of the dose inside a layer; between neighbouring columns the dose
+/// is linear. Space is cut into tetrahedra, so there are no ambiguous cases, and the surface is
+/// always closed.
+///
+/// All functions are thread-safe as long as no two write the same file. What does not fit throws
+/// `InputError`, a failing disk `DeviceError`, a cancelled `context` `Cancelled`.
 #pragma once
 
 #include <array>
@@ -53,7 +56,7 @@ struct SolidOptions {
 
 struct SolidReport {
   std::uint64_t triangles = 0;
-  double volume_mm3 = 0;    ///< enclosed
+  double volume_mm3 = 0;    ///< enclosed by the surface, >= 0
   Point3 lower{}, upper{};  ///< bounding box, mm
   /// From the surface's vertices (without those on the platform) to the design; empty without one.
   Histogram distance_um;

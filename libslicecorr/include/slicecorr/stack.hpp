@@ -1,6 +1,12 @@
 /// @file stack.hpp
 /// Slice archives: the native UVJ zip with our block and the formats of other programs, streamed
 /// both ways (docs/formats.md).
+///
+/// A `StackReader` is immutable and thread-safe once made. A `StackWriter` is used from several
+/// threads only through its encoders, each of which is for one thread at a time. All else is plain
+/// values and thread-safe functions. What can't be read or does not fit throws `InputError`, a
+/// failing disk `DeviceError`, a cancelled `context` `Cancelled`; calls that a caller could have
+/// known to be wrong throw `std::invalid_argument` or `std::out_of_range`.
 #pragma once
 
 #include <array>
@@ -56,7 +62,7 @@ struct StackInfo {
   /// number of images.
   std::shared_ptr<const Recording> recording;
   int target_layers = 0;       ///< layers of the part; grid.layers has the added slices too
-  double part_volume_mm3 = 0;  ///< volume of the target's coverage; 0 when not known
+  double part_volume_mm3 = 0;  ///< volume of the target's coverage, >= 0; 0 when not known
   std::string program;         ///< name and version of the program that wrote it
   /// Of stacks of ours that were read: their parameters have a checksum, and it is right. Those of
   /// earlier versions have none; those whose checksum is wrong are not read at all.
@@ -67,9 +73,9 @@ struct StackInfo {
   double exposure_s = 0;
   /// Light-on time of the first `bottom_layers`, s; 0 when the archive says nothing of them.
   double bottom_exposure_s = 0;
-  int bottom_layers = 0;
-  int fade_layers = 0;  ///< layers after them that lead to the normal time, see Process
-  /// Light-on time of each layer, when the archive lists them and they are not all `exposure_s`.
+  int bottom_layers = 0;  ///< layers, >= 0
+  int fade_layers = 0;    ///< layers after them that lead to the normal time, see Process
+  /// Light-on time of each layer, s, when the archive lists them and they are not all `exposure_s`.
   std::vector<double> layer_exposure_s;
 };
 
@@ -90,14 +96,15 @@ struct GreyImage {
 
 /// What a program can be told about an archive that the archive does not say itself.
 struct MissingFacts {
-  double pixel_x_um = 0, pixel_y_um = 0, layer_um = 0;
+  double pixel_x_um = 0, pixel_y_um = 0, layer_um = 0;  ///< 0: not told
 };
 
 /// A format of archives.
 struct FormatInfo {
-  std::string name, what;
-  std::vector<std::string> endings;
+  std::string name, what;            ///< "sl1"; "Prusa SL1 and SL1S"
+  std::vector<std::string> endings;  ///< of file names, ".sl1"; the usual one first
 };
+/// All formats, in the order in which they are tried.
 std::vector<FormatInfo> archive_formats();
 
 /// An archive of any known format opened for reading. Each image is decoded once, in parallel, and
@@ -118,14 +125,14 @@ class StackReader final : public SliceSource {
   ImageFrame frame() const override;
   const Recording* recording() const override;
   void read_band(const PixelBox& band, const Sink& sink) const override;
-  /// The whole image of one slice, row by row, into width_px * height_px bytes. Thread-safe. Throws
+  /// The whole image of one slice, row by row, into width_px * height_px bytes. Throws
   /// `std::out_of_range` when there is no such slice.
   void read_slice(int slice, std::uint8_t* pixels) const;
   /// Whether there is a second image per slice, for a patterned UV lamp, and that image.
   bool has_uv_images() const;
   void read_uv_slice(int slice, std::uint8_t* pixels) const;
-  /// Whether the stack's block says checksums of images, as that of every stack of ours does; and
-  /// whether the images are other ones. UV images without a checksum count as changed.
+  /// Whether the stack's block has checksums of images, as that of every stack of ours does; and
+  /// whether the images (UV images) contradict them. UV images without a checksum count as changed.
   bool has_checksums() const;
   bool images_changed() const;
   bool uv_images_changed() const;
@@ -134,7 +141,8 @@ class StackReader final : public SliceSource {
   /// Names of the entries that are no slices, sorted.
   const std::vector<std::string>& other_entries() const;
 
-  /// Only the metadata, without decoding images. Sizes that the archive does not say stay 0.
+  /// Only the metadata, without decoding images. Sizes that the archive does not say stay 0. Throws
+  /// `InputError` as the constructor, for what is looked at.
   static StackInfo read_info(const std::string& path);
 
  private:
@@ -206,9 +214,10 @@ class StackWriter {
 /// PNG of a grey picture, filter 0.
 std::vector<std::uint8_t> encode_png(const GreyImage& image);
 
-/// Decodes any PNG to 8-bit grey (8-bit grey through ISA-L, everything else through OpenImageIO;
-/// colour is averaged, transparent is black). Throws `InputError` when damaged or not of the
-/// expected size. `what` names the image in messages.
+/// Decodes any PNG to 8-bit grey; colour is averaged, transparent is black. Plain grey of 8 bits or
+/// 1 bit is inflated by libdeflate, or band by band by ISA-L where it is too large or damaged; all
+/// other kinds are decoded by OpenImageIO. Throws `InputError` when damaged or not of the expected
+/// size. `file` and `what` name the archive and the image in messages.
 GreyImage decode_png(const std::vector<std::uint8_t>& png, int expected_width_px,
                      int expected_height_px, const std::string& file, const std::string& what);
 

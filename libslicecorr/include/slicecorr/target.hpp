@@ -3,6 +3,9 @@
 ///
 /// A *band* is a range of image rows through all slices. Columns are independent, so bands are
 /// worked on in parallel with nothing shared, and no result depends on the number of threads.
+///
+/// All is thread-safe once made. Reading throws what the source throws: `InputError` where it is
+/// damaged, `DeviceError` where a disk fails, and what the sink throws.
 #pragma once
 
 #include <cstdint>
@@ -17,8 +20,7 @@ namespace slicecorr {
 
 struct Recording;
 
-/// A source of slices: a sliced mesh, or an archive. Thread-safe for reading different bands at
-/// once.
+/// A source of slices: a sliced mesh, or an archive. Several threads may read bands at once.
 class SliceSource {
  public:
   virtual ~SliceSource() = default;
@@ -46,7 +48,7 @@ class SliceSource {
   virtual bool reads_any_slices() const { return false; }
 };
 
-/// Size, scale and frame without images: for what asks nothing of voxels.
+/// Size, scale and frame without images: for functions that do not look at voxels.
 class GridOnly final : public SliceSource {
  public:
   GridOnly(const Grid& grid, const ImageFrame& frame) : grid_(grid), frame_(frame) {}
@@ -60,7 +62,8 @@ class GridOnly final : public SliceSource {
   ImageFrame frame_;
 };
 
-/// Rows of a band for this grid. Depends on the grid alone, so that files do not depend on threads.
+/// Rows of a band for this grid, 1 or more. Depends on the grid alone, so that files do not depend
+/// on threads.
 int band_rows(const Grid& grid);
 
 }  // namespace slicecorr

@@ -1,5 +1,8 @@
 /// @file turned.hpp
 /// Slices seen turned or mirrored, band by band.
+///
+/// Objects are immutable and thread-safe once made. Making one that reads its source throws as the
+/// source does, and `DeviceError` when scratch can't be written.
 #pragma once
 
 #include <memory>
@@ -15,7 +18,7 @@ namespace slicecorr {
 
 /// The slices of `source`, each turned. Turns that exchange rows and columns read the source once,
 /// when made, and keep it in small blocks, run-length coded, in a `BlobStore` (256 MiB in memory,
-/// the rest in scratch); others read it each time. Thread-safe for reading different bands.
+/// the rest in scratch); others read it each time.
 class TurnedSlices final : public SliceSource {
  public:
   /// `source` must outlive this. `frame`: how the images lie then, where more is known than the

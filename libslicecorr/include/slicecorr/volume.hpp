@@ -5,6 +5,8 @@
 /// Each column of cells has a pixel that stands for it: the one with the most wrong voxels of the
 /// stack, then of the target shown as it is, then the one nearest the middle. Its slices are kept
 /// exactly.
+///
+/// Plain values; all functions are thread-safe.
 #pragma once
 
 #include <array>
@@ -28,21 +30,23 @@ enum CellState : std::uint8_t {
 
 /// One of the two prints: the target shown as it is, or the stack.
 struct ReducedPrint {
-  std::vector<std::uint8_t> state;  ///< flags
-  std::vector<std::uint8_t> dose;   ///< of the pixel that stands, mid-layer in the middle slice
-  std::vector<std::uint8_t> grey;   ///< its pixel value there
-  std::vector<std::uint8_t> error;  ///< the greatest height error of edges in the cell
+  std::vector<std::uint8_t> state;  ///< flags of CellState
+  /// `dose_code` of the pixel that stands for the column, at mid-layer in the cell's middle slice.
+  std::vector<std::uint8_t> dose;
+  std::vector<std::uint8_t> grey;   ///< pixel value there, 0..255
+  std::vector<std::uint8_t> error;  ///< `error_code` of the greatest height error in the cell
   bool operator==(const ReducedPrint&) const = default;
 };
 
 struct ReducedVolume {
   PixelBox box;                            ///< pixels covered
-  int layers = 0;                          ///< slices covered
-  int step_x = 1, step_y = 1, step_z = 1;  ///< voxels of a cell
-  int nx = 0, ny = 0, nz = 0;
-  ReducedPrint before, after;  ///< cell (i, j, k) is element (k * ny + j) * nx + i
+  int layers = 0;                          ///< slices covered, at most kMostLayers
+  int step_x = 1, step_y = 1, step_z = 1;  ///< voxels of a cell along each axis, >= 1
+  int nx = 0, ny = 0, nz = 0;              ///< cells along each axis
+  ReducedPrint before, after;              ///< cell (i, j, k) is element (k * ny + j) * nx + i
 
-  /// A value and for how many slices. Small, because parts with many edges have millions of them.
+  /// A value (0..255) and for how many slices it holds. Small, because parts with many edges have
+  /// millions of them.
   struct Run {
     std::uint32_t value : 8;
     std::uint32_t slices : 24;
@@ -50,11 +54,12 @@ struct ReducedVolume {
   };
   static constexpr int kMostLayers = (1 << 24) - 1;
   using Runs = std::vector<Run>;  ///< from slice 0 on
+  /// The pixel that stands for a column of cells.
   struct Column {
-    int x = -1, y = -1;
-    double light = 1;  ///< share of the calibration's light that the pixel gets
-    Runs coverage;     ///< of the target
-    Runs levels;       ///< of the stack; ends where the stack ends
+    int x = -1, y = -1;  ///< column and row in the image
+    double light = 1;    ///< share of the calibration's light that the pixel gets
+    Runs coverage;       ///< of the target
+    Runs levels;         ///< grey levels of the stack; ends where the stack ends
     bool operator==(const Column&) const = default;
   };
   std::vector<Column> columns;  ///< j * nx + i
@@ -72,13 +77,14 @@ struct ReducedVolume {
   }
 };
 
-/// Dose in a byte: 128 and more is gelled.
+/// A relative dose >= 0 in a byte: 128 and more is gelled.
 inline std::uint8_t dose_code(double dose) {
   return static_cast<std::uint8_t>(
       dose / (1.0 + dose) * 256.0 < 255.0 ? std::floor(dose / (1.0 + dose) * 256.0) : 255.0);
 }
 
-/// Height error in a byte: 0 no edge, 128 none, more is too far, less too short; logarithmic.
+/// A height error in a byte, in logarithmic steps: 128 is no error, above it the print reaches too
+/// far, below it not far enough. The cells' 0 stands for no edge at all.
 inline std::uint8_t error_code(double um) {
   const double size = std::round(7.0 * std::log2(1.0 + 4.0 * std::abs(um)));
   const int steps = size < 127.0 ? static_cast<int>(size) : 127;

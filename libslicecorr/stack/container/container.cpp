@@ -118,7 +118,7 @@ void ContainerOutput::add_text(std::string name, const std::string& text) {
 
 void ContainerOutput::add_lazily(const std::vector<std::string>& names,
                                  const std::vector<std::uint64_t>& sizes, Fill fill) {
-  // Shared: a million copies of a function would not be small.
+  // Shared by all entries: a million copies of the function would take much memory.
   const auto shared = std::make_shared<Fill>(std::move(fill));
   for (std::size_t i = 0; i < sizes.size(); ++i) {
     sources_.push_back(

@@ -14,8 +14,8 @@ namespace slicecorr::detail {
 
 enum class ContainerKind { zip, tar_gz, folder };
 
-/// Opened for reading, distrusted: doubled, encrypted, overlapping or strangely named entries are
-/// refused with `InputError`. Entries of folders are not listed.
+/// An archive opened for reading. Doubled, encrypted, overlapping or strangely named entries are
+/// refused with `InputError`. Folders are not listed as entries.
 class Container {
  public:
   struct Entry {
@@ -30,7 +30,7 @@ class Container {
 
   virtual ContainerKind kind() const { return ContainerKind::zip; }
   const std::string& path() const { return path_; }
-  /// Sorted by name.
+  /// All entries, sorted by name.
   const std::vector<Entry>& entries() const { return entries_; }
   const Entry* find(std::string_view name) const;
   bool has(std::string_view name) const { return find(name) != nullptr; }

@@ -116,7 +116,7 @@ class FolderContainer final : public Container {
     const Descriptor inner{deeper ? ::openat(folder_.fd, entry.name.substr(0, slash).c_str(),
                                              O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC)
                                   : -1};
-    // Not to wait for a pipe that took the file's place.
+    // Non-blocking, so that a pipe that took the file's place is not waited for.
     const Descriptor file{::openat(deeper ? inner.fd : folder_.fd,
                                    entry.name.c_str() + (deeper ? slash + 1 : 0),
                                    O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC)};
@@ -338,7 +338,8 @@ void FolderOutput::put_in_place(TemporaryFolder& temporary, const ExecutionConte
                              : errno_message(path_, "can't be written", error));
   };
   if (!exists()) {
-    // Where the file system knows no such promise, rename replaces an empty folder at the most.
+    // Where the file system can't rename like this, a plain rename replaces an empty folder at
+    // most.
     int result =
         ::renameat2(AT_FDCWD, temporary.path.c_str(), AT_FDCWD, path_.c_str(), RENAME_NOREPLACE);
     if (result != 0 && (errno == EINVAL || errno == ENOSYS)) {
@@ -385,7 +386,7 @@ std::unique_ptr<Container> open_folder(const std::string& path) {
 std::unique_ptr<ContainerOutput> make_folder_output(const std::string& path,
                                                     const std::string& keep_from) {
   std::string place = without_slashes(path);
-  // A link is not to be replaced, but what it leads to.
+  // Of a link what it leads to is replaced, not the link.
   struct stat status;
   if (::lstat(place.c_str(), &status) == 0 && S_ISLNK(status.st_mode)) {
     if (char* const real = ::realpath(place.c_str(), nullptr)) {

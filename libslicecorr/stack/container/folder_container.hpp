@@ -16,7 +16,7 @@ std::unique_ptr<Container> open_folder(const std::string& path);
 
 /// Makes the folder beside `path` under a temporary name. A folder that is there is exchanged with
 /// it in one step and removed after; only these are replaced: `keep_from` itself, an empty folder,
-/// and one that this program wrote (it holds `provenance_entry`) and that holds nothing else than
+/// and one that this program wrote (it holds `kProvenanceEntry`) and that holds nothing else than
 /// images and what `keep_from` has, too. All others, and whatever holds links or deeper folders,
 /// are refused with `InputError`, and stay as they are whatever happens.
 ///

@@ -96,7 +96,7 @@ class GzipStream {
   }
 
  private:
-  /// Keeps what is left in front.
+  /// Reads more of the file behind the bytes that are left, which move to the front.
   void refill() {
     if (state_.avail_in > 0) std::memmove(packed_.data(), state_.next_in, state_.avail_in);
     state_.next_in = packed_.data();
@@ -215,7 +215,7 @@ TarReader::~TarReader() = default;
 bool TarReader::next() {
   Impl& s = *impl_;
   if (s.header != nullptr && s.bytes_read != bytes() && !is_folder()) {
-    // What is passed over must be whole, too.
+    // Contents that are passed over are read, too: they must be whole.
     std::vector<std::uint8_t> rest(kBlockBytes);
     while (read(rest) > 0) {
     }

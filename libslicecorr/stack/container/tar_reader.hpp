@@ -26,9 +26,9 @@ class TarReader {
   /// What stands before the contents; valid until `next`, and may be changed.
   archive_entry* header() const;
   bool is_folder() const;
-  /// Without "./" in front.
+  /// The entry's name, without "./" in front.
   const std::string& name() const;
-  /// Contents as declared.
+  /// Bytes of the contents, as the header declares them.
   std::uint64_t bytes() const;
   /// The next bytes of the contents: as many as fit, fewer only at their end, where it is 0.
   std::size_t read(std::span<std::uint8_t> out);

@@ -167,8 +167,8 @@ bool is_of_reading(int code, int system) {
   }
 }
 
-/// Names that continue those of the archive are in its encoding, which need not be UTF-8 and may
-/// not be said; then their bytes are taken as they are.
+/// Names that continue those of the archive are in its encoding, which need not be UTF-8 and may be
+/// unknown: then their bytes are taken as they are.
 zip_flags_t encoding_of(std::string_view name) {
   const bool as_said = is_utf8(name) && std::none_of(name.begin(), name.end(), [](char c) {
                          return static_cast<unsigned char>(c) < 32;
@@ -186,7 +186,7 @@ void ZipOutput::change(const std::string& temporary, const ExecutionContext& con
   zip_error_t error;
   int code = 0;
   zip_t* const zip = zip_open(temporary.c_str(), 0, &code);
-  // Read once before: it became another file since.
+  // The archive was read before: if it can't be read now, it became another file since.
   const auto changed = [&] { return InputError(keep_from_, "", "was changed while it was read"); };
   if (zip == nullptr && is_of_reading(code, errno)) throw changed();
   if (zip == nullptr) throw DeviceError(errno_message(path_, "can't be written"));
@@ -202,7 +202,7 @@ void ZipOutput::change(const std::string& temporary, const ExecutionContext& con
     return zip_set_file_compression(zip, index, packed ? ZIP_CM_DEFLATE : ZIP_CM_STORE,
                                     kTextLevel) == 0;
   };
-  // By the bytes of their names: the library looks for what it takes to be meant by them.
+  // Entries by the bytes of their names: the library itself would compare converted names.
   std::unordered_map<std::string, zip_uint64_t> index_of;
   for (zip_int64_t i = 0; i < zip_get_num_entries(zip, 0); ++i) {
     const auto index = static_cast<zip_uint64_t>(i);

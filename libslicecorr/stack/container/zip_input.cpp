@@ -131,7 +131,7 @@ void ZipInput::list_entries(std::uint64_t archive_bytes) {
     const bool fits = s.comp_size <= archive_bytes && packed_sum <= archive_bytes;
     if (!fits) throw InputError(path_, shown_name(name), "entries overlap in the archive");
     packed_.push_back({s.comp_size, s.crc, s.comp_method});
-    // Folders.
+    // A name that ends in a slash is a folder's, and no entry.
     if (std::string_view(name).ends_with('/')) continue;
     entries_.push_back({name, index, s.size});
   }

@@ -48,12 +48,12 @@ class OpenFile {
   }
   /// Begins to move what was written there to the disk: less to wait for at the end.
   void begin_sync(std::uint64_t from, std::uint64_t to) const {
-    if (from == to) return;  // would be all
-    // Where that can't be done, the end takes longer.
+    if (from == to) return;  // a length of 0 would mean all of the file
+    // If this fails, syncing at the end just takes longer.
     [[maybe_unused]] const int result = ::sync_file_range(
         fd_, static_cast<off_t>(from), static_cast<off_t>(to - from), SYNC_FILE_RANGE_WRITE);
   }
-  /// Some file systems tell only now that there is no room.
+  /// Closes the file; some file systems tell only then that there is no room.
   void close() {
     const int fd = std::exchange(fd_, -1);
     if (::close(fd) != 0) fail();

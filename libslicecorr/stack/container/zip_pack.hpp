@@ -19,10 +19,10 @@ PackedEntry deflate_entry(const std::vector<std::uint8_t>& data, int level);
 
 inline bool is_zipped_image(const std::string& name) { return name.ends_with(".png"); }
 
-/// More takes more time for images and hardly makes them smaller.
+/// Deflate level of images: higher ones take more time and hardly make them smaller.
 inline int zip_image_level(ImagePacking images) { return images == ImagePacking::smallest ? 9 : 1; }
 
-/// Of entries that are deflated together.
+/// Bytes of entries that are deflated together.
 constexpr std::uint64_t kZipBatchBytes = std::uint64_t{16} << 20;
 
 }  // namespace slicecorr::detail

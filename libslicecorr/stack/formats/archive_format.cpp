@@ -67,7 +67,7 @@ const ArchiveFormat& format_named(const std::string& name, const std::string& pa
     }
   }
   if (fitting.size() == 1) return *fitting.front();
-  // Not every name without an ending: it may have been forgotten.
+  // Not for every name without an ending: the ending may have been forgotten.
   std::error_code error;
   if (fitting.empty() && (path.ends_with('/') || std::filesystem::is_directory(path, error))) {
     return folder_format();
@@ -107,7 +107,7 @@ std::vector<NumberedEntry> numbered_entries(const Container& archive, std::strin
       continue;
     }
     name = name.substr(prefix.size(), name.size() - prefix.size() - suffix.size());
-    // More digits than any number of layers has.
+    // Names with more digits than any number of layers has are not numbered images.
     if (name.size() > 9 || !std::all_of(name.begin(), name.end(), is_digit)) continue;
     long number = 0;
     std::from_chars(name.data(), name.data() + name.size(), number);

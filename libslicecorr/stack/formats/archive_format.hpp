@@ -41,7 +41,7 @@ struct ArchiveContents {
   bool block_changed = false;
   /// The format says layer heights in steps of this, um; 0: exactly.
   double layer_step_um = 0;
-  /// Of the values of `info.printer`'s flat-field, which is an entry of its own.
+  /// CRC-32 of the values of `info.printer`'s flat-field, whose picture is an entry of its own.
   std::optional<std::uint32_t> flat_field_crc32;
   std::optional<RecordingFacts> recording;  ///< of a recorded stack
   std::vector<std::string> warnings;
@@ -75,8 +75,8 @@ class ArchiveFormat {
   virtual bool packs_rgb() const { return false; }
   virtual bool packs_bgr() const { return false; }  ///< see ArchiveContents
 
-  /// By names of entries and, where those do not tell, by contents; of archives of the format's
-  /// own container.
+  /// Whether the archive is of this format, by the names of its entries and, where those do not
+  /// tell, by contents. Called only for archives in the format's own kind of container.
   virtual bool recognises(const Container& archive) const = 0;
   /// Throws `InputError` on anything damaged, missing, misnamed or absurdly large. Sizes of images
   /// that the archive does not say are read with `image_size`.
@@ -91,8 +91,8 @@ const std::vector<const ArchiveFormat*>& all_archive_formats();
 /// Throws `InputError` naming the formats when none recognises the archive, or when it is one that
 /// is known and can't be read as a plain stack.
 const ArchiveFormat& recognise_format(const Container& archive);
-/// By name; by the ending of `path` when `name` is empty, and by `like` where that fits several.
-/// Throws `InputError` naming the choices.
+/// The format of this name; when `name` is empty, that of the ending of `path`, and where several
+/// have this ending, `like` if it is one of them. Throws `InputError` naming the choices.
 const ArchiveFormat& format_named(const std::string& name, const std::string& path,
                                   const std::string& like = {});
 
@@ -115,7 +115,7 @@ struct ImageSize {
   int width_px = 0, height_px = 0;
   int channels = 1;
 };
-/// Of a PNG, from its header alone.
+/// Size of a PNG, from its header alone.
 ImageSize image_size(const Container& archive, const std::string& name);
 
 /// What the archive says, with our block where its format has no place for it, checked (see

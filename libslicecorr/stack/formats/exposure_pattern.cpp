@@ -11,13 +11,13 @@ namespace slicecorr::detail {
 SliceLight light_of_layer(const StackInfo& info, int layer) {
   const double m = info.resin ? info.resin->m : 1.0;
   if (info.kind == StackKind::recorded && info.process) {
-    // An image is no slice: what the plan gives one.
+    // Images of a recording are no slices: the light that the process plans for a slice.
     return {planned_light_s(*info.process, info.grid.layer_um, layer), 1};
   }
   if (info.kind == StackKind::corrected && info.process) {
     return slice_light(*info.process, m, info.grid.layer_um, layer, info.grid.layers);
   }
-  // Without a copy of the whole list for each of its layers.
+  // Looked up here, because a Process would copy the whole list for each of its layers.
   if (const auto& times_s = info.layer_exposure_s; !times_s.empty()) {
     return {times_s[std::min(static_cast<std::size_t>(layer), times_s.size() - 1)], 1};
   }
@@ -30,8 +30,8 @@ bool same_time(double a_s, double b_s) {
 
 namespace {
 
-/// The same time for the first layers, equal steps to the normal one, and that for all others:
-/// whether times of single layers are no more than this.
+/// Whether the times of layers follow the pattern: one time for the first layers, equal steps to
+/// the normal time, and the normal time for all others. Fills `s` then.
 bool follows_pattern(const std::vector<double>& times_s, ExposureSummary& s) {
   Process p;
   p.mode = ExposureMode::layerwise;

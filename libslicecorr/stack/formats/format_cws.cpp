@@ -221,7 +221,7 @@ void change_manifest(const ArchiveRequest& r, const std::vector<std::string>& na
     throw InputError(r.kept->path(), kManifestEntry,
                      "lists no slices, expected manifest/Slices/Slice/name");
   }
-  // With the white space before it.
+  // The element with the white space before it.
   const std::size_t begin = text.rfind('>', from - 1) + 1;
   const auto name_begin = static_cast<std::size_t>(name);
   const std::size_t name_end = text.find('<', name_begin), after = end + end_tag.size();
@@ -286,7 +286,7 @@ void change(const ArchiveRequest& r, const std::vector<std::string>& images,
 /// Movements as NovaMaker proposes them.
 constexpr double kLiftMm = 4, kLiftMmMin = 120;
 
-/// As NovaMaker writes them, which the printer itself reads.
+/// Makes a new archive as NovaMaker writes it, which is what the printer reads.
 void make_new(const ArchiveRequest& r, const std::string& name, ContainerOutput& output) {
   const StackInfo& info = r.info;
   const Grid& g = info.grid;
@@ -393,7 +393,7 @@ class Cws final : public ArchiveFormat {
     try {
       return read_cws(archive).packed_rgb;
     } catch (const InputError&) {
-      // The plain format says what is wrong.
+      // Not recognised here: the plain format then says what is wrong.
       return false;
     }
   }
@@ -425,7 +425,7 @@ class Cws final : public ArchiveFormat {
   }
 
  private:
-  /// G-code alone has other formats, too: there the words in it tell.
+  /// Other formats have G-code, too: where an archive has nothing else, the words in it tell.
   static bool is_cws(const Container& archive) {
     if (archive.has(kConfigEntry)) return true;
     const std::vector<std::string> gcodes = names_ending(archive, ".gcode");

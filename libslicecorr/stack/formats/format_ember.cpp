@@ -154,7 +154,7 @@ NewExposures new_exposures(const StackInfo& info) {
   return e;
 }
 
-/// Whatever the printer takes the layer for.
+/// Sets the time of a layer, whichever of the kinds the printer takes the layer for.
 void set_times(int layer, double time_s, LayerSettings& table) {
   for (const char* key : {kFirstKey, kBurnInKey, kModelKey}) {
     table.set(layer, key, number_text(time_s));

@@ -51,7 +51,7 @@ void read_manifest(const Container& archive, ArchiveContents& contents) {
       pixel_um(number("DisplayHeight", 1e5).value_or(0) / grid.height_px, archive, kManifestEntry);
 }
 
-/// As UVtools writes it, without its dates.
+/// The manifest as UVtools writes it, without dates.
 std::string new_manifest(const ArchiveRequest& r) {
   const Grid& g = r.info.grid;
   const auto mm = [](double value) { return number_text(std::round(value * 1e6) / 1e6); };
@@ -90,7 +90,7 @@ class GenericZip final : public ArchiveFormat {
   std::string_view name() const override { return "generic"; }
   std::string_view what() const override { return "zip of numbered images, Phrozen's and others'"; }
   std::vector<std::string_view> endings() const override { return {".zip"}; }
-  /// Without its manifest nothing else may tell the images of another format.
+  /// Either there is the manifest, or nothing in the archive that belongs to another format.
   bool recognises(const Container& archive) const override {
     if (archive.has(kManifestEntry)) return true;
     const auto foreign = [](const Container::Entry& e) {
@@ -129,7 +129,7 @@ class GenericZip final : public ArchiveFormat {
                                                       s.bottom_s, s.bottom_layers)
                                         : ""));
     }
-    // The manifest says nothing of what can change.
+    // The manifest says nothing that a changed stack could change.
     if (r.kept != nullptr) return continued_names(r, ".png");
     if (!r.preview.pixels.empty()) {
       output.add("preview.png", encode_png(framed(r.preview, 854, 480)));

@@ -26,7 +26,7 @@ constexpr const char* kSlicerEntry = "slicer.json";
 constexpr const char* kOptionsEntry = "options.json";  ///< some programs say the slicer's here
 constexpr const char* kInfoEntry = "info.json";
 
-/// Lists of a million layers.
+/// Most bytes of a JSON file: room for lists of a million layers.
 constexpr std::uint64_t kMaxJsonBytes = std::uint64_t{256} << 20;
 
 struct Document {
@@ -69,7 +69,7 @@ struct Document {
   std::string string(const char* key) const {
     return has(key) && json[key].is_string() ? json[key].get<std::string>() : "";
   }
-  /// In the manner of the text that was read.
+  /// The document as text, indented if the text that was read was.
   std::string dump() const { return json.dump(text.find('\n') == text.npos ? -1 : 2); }
 };
 
@@ -238,7 +238,7 @@ void change(const ArchiveRequest& r, ContainerOutput& output) {
     const Json before = p.profile.json, over_before = p.over ? p.over->json : Json();
     const auto set = [&](const char* key, const Json& value) {
       Document& d = p.with(key);
-      // 2 and 2.0 are the same.
+      // Left as it is written where it is the same number: 2 and 2.0.
       if (d.has(key) && d.json[key].is_number() && d.json[key].get<double>() == value.get<double>())
         return;
       d.json[key] = value;
@@ -262,7 +262,7 @@ void change(const ArchiveRequest& r, ContainerOutput& output) {
   add_if_changed(plate, plate_before);
 }
 
-/// What NanoDLP itself and others that write its plates say, as far as we know it.
+/// Makes a new plate that says what NanoDLP and other writers of plates say, as far as we know it.
 void make_new(const ArchiveRequest& r, bool packed, ContainerOutput& output) {
   const StackInfo& info = r.info;
   const Grid& g = info.grid;
@@ -355,7 +355,7 @@ class NanoDlp final : public ArchiveFormat {
     try {
       return is_rgb(archive);
     } catch (const InputError&) {
-      // The usual kind says what is wrong.
+      // Not recognised here: the usual kind then says what is wrong.
       return false;
     }
   }

@@ -98,8 +98,8 @@ void read_display(const KeyValueText& config, const std::optional<KeyValueText>&
   }
 }
 
-/// The printer's firmware: the first layer as the first time, from layer fade - 1 on the normal
-/// one, equal steps between.
+/// Reads exposures as the printer's firmware does: the first layer has the first time, layers from
+/// fade - 1 on the normal one, those between in equal steps.
 void read_exposure(const KeyValueText& config, StackInfo& info) {
   info.exposure_s = config.number("expTime", 0, 1e6).value_or(0);
   const double first_s = config.number("expTimeFirst", 0, 1e6).value_or(0);

@@ -15,7 +15,8 @@
 namespace slicecorr::detail {
 namespace {
 
-/// All that is in the file stays as it is written: blanks, comments and ends of lines, too.
+/// Parses so that all of the file is kept as it is written: blanks, comments and ends of lines,
+/// too.
 constexpr unsigned kParseOptions =
     (pugi::parse_full | pugi::parse_ws_pcdata | pugi::parse_fragment) &
     ~(pugi::parse_eol | pugi::parse_wconv_attribute);
@@ -107,8 +108,8 @@ void read_resolution(pugi::xml_node machines, const XmlSource& place, ArchiveCon
   take_image_size(place.archive, width, height, place.entry, false, contents);
 }
 
-/// From "50um", and from the length of the display; the latter counts, as for UVtools, when they
-/// disagree, but is rounded.
+/// Pixel size from a text like "50um", and from the length of the display, which is rounded. Where
+/// the two disagree the length counts, as for UVtools.
 double read_pitch(pugi::xml_node machines, const char* pitch_key, const char* length_key,
                   int pixels, const XmlSource& place, std::vector<std::string>& warnings) {
   double pitch_um = 0;
@@ -184,7 +185,7 @@ ArchiveContents read_vda(const Container& archive) {
   return contents;
 }
 
-/// Without the noise of the last digits.
+/// Rounded to 1e-9 mm: without the noise of the last digits.
 double tidy(double mm) { return std::round(mm * 1e9) / 1e9; }
 
 double height_mm(const StackInfo& info, int layers) {

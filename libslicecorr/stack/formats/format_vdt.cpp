@@ -20,7 +20,7 @@ using Node = JsonNode<Json>;
 constexpr const char* kManifestEntry = "manifest.json";
 constexpr int kFullLight = 255;
 
-/// Grows with the layers, which it lists with some 15 values each.
+/// Most bytes of the manifest: it lists every layer, with some 15 values each.
 std::uint64_t manifest_limit(const Container& archive) {
   return (std::uint64_t{64} << 20) + 1024 * archive.entries().size();
 }
@@ -29,7 +29,7 @@ std::uint64_t manifest_limit(const Container& archive) {
   throw InputError(archive.path(), kManifestEntry, std::string("not valid JSON: ") + error.what());
 }
 
-/// What is needed of the layers, each nothing where the manifest does not say it.
+/// What is needed of a layer; nothing where the manifest does not say it.
 struct Layer {
   std::optional<double> height_mm, time_s;
   int light = kFullLight;
@@ -122,7 +122,7 @@ ArchiveContents read_vdt(const Container& archive) {
   std::vector<Layer> layers;
   const Json json = parse_manifest(archive, place, layers);
   const Node root(json, "", place);
-  // What is left of the list is no layer.
+  // Entries of the list that were not taken as layers are none.
   if (!root["layers"].list(0, kMaxLayers).empty()) {
     root["layers"].refuse("layers holds a value that is no object");
   }
@@ -148,7 +148,7 @@ ArchiveContents read_vdt(const Container& archive) {
   for (const Layer& layer : layers) {
     if (layer.time_s) times_s.push_back(*layer.time_s);
   }
-  // Of continuous prints without a speed all say 0.
+  // In continuous prints without a speed all layers say 0.
   const bool said = times_s.size() == layers.size() &&
                     std::any_of(times_s.begin(), times_s.end(), [](double t) { return t > 0; });
   if (said) take_layer_times(std::move(times_s), info);
@@ -163,8 +163,8 @@ double height_mm(const StackInfo& info, int layer) {
   return tidy_mm((layer + 1) * info.grid.layer_um);
 }
 
-/// Without lifts in continuous mode; else the reader's own ones, which only the printer's owner
-/// knows.
+/// No lifts in continuous mode; else the reader's defaults, since only the printer's owner knows
+/// them.
 void add_lifts(Json& json, std::string_view prefix, bool still) {
   if (!still) return;
   for (const char* key : {"lift_distance", "lift_speed", "lift_distance2", "lift_speed2",
@@ -273,7 +273,7 @@ class Change {
     changed_ = true;
   }
 
-  /// Those after the last one are like it.
+  /// Adds the layers that are missing, each like the last one.
   void add_layers() {
     Json& layers = json_["layers"];
     const double layer_um = r_.kept_contents->info.grid.layer_um > 0

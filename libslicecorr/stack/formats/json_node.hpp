@@ -1,5 +1,5 @@
 /// @file json_node.hpp
-/// Distrustful reading of JSON: every value is checked, and messages name the way to it.
+/// Reading JSON that may be wrong: every value is checked, and messages name the way to it.
 #pragma once
 
 #include <algorithm>

@@ -26,7 +26,7 @@ std::optional<LeadingNumber> leading_number(std::string_view text) {
     return std::nullopt;
   }
   if (unit.find_first_of(other_than_units) != unit.npos) return std::nullopt;
-  // Thousands that are set apart by blanks.
+  // Digits after a blank are thousands that are set apart.
   const std::size_t next = rest.find_first_not_of(" \t", unit.size());
   if (unit.empty() && next != rest.npos && is_digit(rest[next])) return std::nullopt;
   return number;

@@ -33,7 +33,7 @@ constexpr Magic kMagics[] = {
      "a .goo file (Elegoo)"},
 };
 
-/// The same by name, for versions whose first bytes are not known.
+/// Binary print files by their endings, for versions whose first bytes are not known.
 struct Ending {
   std::string_view ending, what;
 };
@@ -122,7 +122,7 @@ void refuse_known_file(const std::string& path) {
   for (const Magic& magic : kMagics) {
     if (bytes.starts_with(magic.bytes)) refuse(path, magic.what);
   }
-  // Archives are what they are, whatever they are called.
+  // Zip and gzip archives are recognised by their contents, whatever their names end in.
   if (bytes.starts_with("PK") || bytes.starts_with("\x1f\x8b")) return;
   const std::string name = lower_case(path.substr(path.rfind('/') + 1));
   const std::size_t point = name.rfind('.');

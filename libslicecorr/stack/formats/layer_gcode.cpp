@@ -66,7 +66,7 @@ std::optional<Token> number_at(std::string_view text, std::size_t at) {
   return t;
 }
 
-/// The same where nothing follows that could be a part of it, as an exponent or "_000".
+/// The number at `at`, unless what follows could be a part of it, like an exponent or "_000".
 std::optional<Token> plain_number(std::string_view text, std::size_t at) {
   auto token = at < text.size() ? number_at(text, at) : std::nullopt;
   if (!token) return std::nullopt;
@@ -122,7 +122,7 @@ bool is_move(std::string_view line) {
          line.starts_with("G01 ");
 }
 
-/// A time that is right to the millisecond stays as it is written.
+/// Whether two times are the same to the millisecond: such a time stays as it is written.
 bool is_same(double a_s, double b_s) { return std::abs(a_s - b_s) < 0.0005; }
 
 }  // namespace
@@ -168,7 +168,7 @@ LayerGcode::LayerGcode(std::string text, const GcodeDialect& dialect, std::strin
       const auto power = word_of(all, at, 'S');
       lit = power && power->value > 0;
       if (lit && !switched) {
-        // What was waited for before is no exposure.
+        // Waits before the image is shown are no exposure.
         layer.waits = 0;
         layer.wait_ms = layer.other_waits_ms = 0;
         layer.light = power->value;
@@ -197,7 +197,7 @@ void LayerGcode::fail(const std::string& message) const {
 std::optional<LayerGcode::Wait> LayerGcode::wait_of(std::size_t line) const {
   const std::string_view all = text_;
   std::size_t begin = line + dialect_.wait.size();
-  // The comments in which one dialect waits are no comments.
+  // In one dialect lines that wait look like comments: they are read all the same.
   const std::size_t end = std::min(line_end(all, line), all.find(';', begin));
   const auto wrong = [&] {
     fail(shown_name(all.substr(line, line_end(all, line) - line)) + ": expected " +
@@ -210,7 +210,7 @@ std::optional<LayerGcode::Wait> LayerGcode::wait_of(std::size_t line) const {
   skip_blanks();
   if (begin == end) return std::nullopt;
   if (dialect_.wait_word) {
-    // Other words wait for seconds.
+    // With another word the line waits for seconds.
     if (all[begin] != dialect_.wait_word) wrong();
     ++begin;
     skip_blanks();
@@ -269,8 +269,8 @@ std::string LayerGcode::exposure_text(const Layer& layer, double exposure_s) con
   return number_text(std::max(0.0, std::round(exposure_s * 1000 - layer.other_waits_ms)));
 }
 
-/// Lines that come before the one that shows the image and belong to the layer: those alike before
-/// the first two layers.
+/// Number of lines before the one that shows the image that belong to the layer: so many are alike
+/// before the first and the second layer.
 std::size_t LayerGcode::lead_lines() const {
   const std::string_view all = text_;
   std::size_t count = 0;

@@ -1,5 +1,5 @@
 /// @file png_archive.hpp
-/// Images for stacks that are kept: small instead of fast.
+/// Images for stacks that are kept for long: packed as small as possible, which takes time.
 #pragma once
 
 #include <cstdint>

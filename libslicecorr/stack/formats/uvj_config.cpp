@@ -19,11 +19,11 @@ std::string dump(const Json& json, int indent) {
   return json.dump(indent, ' ', false, Json::error_handler_t::replace);
 }
 
-/// Without the noise of the last digits, which would only make the text longer.
+/// Rounded to 1e-9 mm: without the noise of the last digits, which would only make the text longer.
 double tidy_mm(double mm) { return std::round(mm * 1e9) / 1e9; }
 
-/// No limit and no lift: the continuous mode pulls without a pause, and lifts between exposures are
-/// the printer's.
+/// Exposure without lifts: in continuous mode there are none, and layer by layer they are the
+/// printer's own.
 Json exposure_json(double light_on_s, int pwm = 255) {
   return {{"LightOnTime", light_on_s}, {"LightOffTime", 0}, {"LightPWM", pwm},
           {"LiftHeight", 0},           {"LiftSpeed", 0},    {"RetractHeight", 0},
@@ -181,7 +181,7 @@ Json block_json(const StackInfo& info, std::uint32_t crc, std::optional<std::uin
   }
   if (!info.original_sha256.empty()) block["original_sha256"] = info.original_sha256;
   if (info.recording) block["recording"] = recording_json(*info.recording);
-  // Of other programs' slices nothing is promised.
+  // Slices of other programs get no checksums.
   if (info.kind != StackKind::foreign) block["images_crc32"] = crc;
   if (uv_crc) block["uv_images_crc32"] = *uv_crc;
   return block;

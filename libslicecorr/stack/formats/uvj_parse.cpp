@@ -29,7 +29,7 @@ struct LayerTimes {
 /// Takes what is needed of one layer.
 void read_layer(const Json& layer, const JsonSource& place, LayerTimes& times) {
   const Node node(layer, "Layers[" + std::to_string(times.layers++) + "]", place);
-  // Where there is none, one is added when times are changed.
+  // A layer may have no exposure; it gets one when times are changed.
   if (!node.has("Exposure") || node["Exposure"].json().is_null() ||
       !node["Exposure"].has("LightOnTime")) {
     times.all = false;
@@ -187,7 +187,7 @@ std::vector<double> read_numbers(const Node& node, double least) {
   return numbers;
 }
 
-/// What version 2 of the block has besides.
+/// Reads what the block has from version 2 on: schedules of exposure, UV light, ramps.
 void read_schedule(const Node& node, Process& p) {
   const bool layerwise = p.mode == ExposureMode::layerwise;
   p.exposure_s = layerwise ? node["exposure_s"].positive(1e9) : node["exposure_s"].number(0, 1e9);
@@ -365,7 +365,7 @@ void read_provenance(std::string_view text, const std::string& file, ArchiveCont
   const Node root(json, "", place);
   Grid& grid = contents.info.grid;
   if (root.has("grid")) {
-    // What the archive does not say; what it says counts, see `refine`.
+    // Exact values for what the archive does not say; what it says counts, see `refine`.
     const Node exact = root["grid"];
     if (grid.pixel_x_um == 0) grid.pixel_x_um = exact["pixel_x_um"].positive();
     if (grid.pixel_y_um == 0) grid.pixel_y_um = exact["pixel_y_um"].positive();

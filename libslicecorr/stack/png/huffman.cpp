@@ -20,7 +20,7 @@ std::uint16_t reversed(std::uint32_t bits, unsigned count) {
 /// Turns `a`, rising frequencies of n >= 2 symbols, into depths in their Huffman tree, in place:
 /// Moffat and Katajainen, "In-place calculation of minimum-redundancy codes" (1995).
 void depths(std::uint32_t* a, int n) {
-  // Left to right: inner nodes, whose place takes their parent.
+  // Left to right: makes the inner nodes; the place of each then holds its parent.
   a[0] += a[1];
   int root = 0, leaf = 2;
   for (int next = 1; next < n - 1; ++next) {
@@ -48,8 +48,9 @@ void depths(std::uint32_t* a, int n) {
   }
 }
 
-/// Keys are frequencies above 9 bits of symbols, and rise with the symbol where frequencies are the
-/// same. Most frequencies are small: those are counted, the others sorted.
+/// Sorts keys: a frequency above the 9 bits of its symbol, so that equal frequencies come in the
+/// order of symbols. Most frequencies are small: those are sorted by counting, the others by
+/// comparing.
 void sort_keys(const std::uint32_t* keys, std::size_t n, std::uint32_t* sorted) {
   constexpr std::uint32_t large = 128;
   const auto bucket = [](std::uint32_t key) { return key >> 9 < large ? key >> 9 : large; };
@@ -74,8 +75,8 @@ std::uint64_t HuffmanCode::make(std::span<const std::uint32_t> frequencies, unsi
     if (frequencies[i] == 0) continue;
     keys[n++] = std::min(frequencies[i], (1u << 22) - 1) << 9 | static_cast<std::uint32_t>(i);
   }
-  // A code of one symbol needs no bits in principle, but deflate's do; and some readers don't like
-  // a code with ends that nothing uses.
+  // Deflate needs one bit even for a code of a single symbol, and some readers refuse a code in
+  // which not all bit strings are used: other symbols are added.
   for (std::uint32_t i = 0; n < 2; ++i) {
     if (frequencies[i] == 0) keys[n++] = 1u << 9 | i;
   }
@@ -84,8 +85,8 @@ std::uint64_t HuffmanCode::make(std::span<const std::uint32_t> frequencies, unsi
   for (std::size_t i = 0; i < n; ++i) depth[i] = sorted[i] >> 9;
   depths(depth.data(), static_cast<int>(n));
 
-  // Where codes are too long: cut them off, then make others longer until all fit. Only how many
-  // there are of each length matters.
+  // Codes that are too long are cut off, then others made longer until all fit. Only the number of
+  // codes of each length matters for that.
   std::array<std::uint32_t, kLongest + 1> counts{};
   for (std::size_t i = 0; i < n; ++i) ++counts[std::min(depth[i], limit)];
   std::uint32_t space = 0;
@@ -104,7 +105,7 @@ std::uint64_t HuffmanCode::make(std::span<const std::uint32_t> frequencies, unsi
       bit_counts_[sorted[at++] & symbol_mask] = static_cast<std::uint8_t>(l);
     }
   }
-  // Canonical: by length, then by symbol.
+  // Canonical codes rise with their length, then with the symbol.
   std::array<std::uint32_t, kLongest + 1> next{};
   for (std::size_t l = 1; l <= limit; ++l) {
     next[l] = (next[l - 1] + (l == 1 ? 0 : counts[l - 1])) << 1;

@@ -17,11 +17,11 @@ struct BitString {
   std::uint16_t count = 0;
 };
 
-/// Literals, the end of the block (256) and lengths; distances.
+/// Numbers of symbols: literals, the end of the block (256) and lengths; distances.
 inline constexpr std::size_t kLiteralSymbols = 286, kDistanceSymbols = 30;
 inline constexpr std::size_t kEndOfBlock = 256, kFirstLength = 257;
 
-/// A code for symbols that occur with known frequencies, and nothing for those that don't.
+/// A code for the symbols that occur; the others have none.
 class HuffmanCode {
  public:
   /// Makes the shortest code of at most `limit` bits each. Of less than two symbols others get a

@@ -141,7 +141,8 @@ std::uint32_t adler_of(std::span<const std::uint8_t> bytes) {
 }
 
 std::uint32_t adler_after_zeros(std::uint32_t adler, std::uint64_t count) {
-  // The low half is 1 and the sum of the bytes, the high half the sum of all low halves on the way.
+  // The low half of an Adler-32 is 1 plus the sum of the bytes, the high half the sum of the low
+  // halves after each byte.
   constexpr std::uint32_t modulus = 65521;
   const std::uint64_t low = adler & 0xffff;
   const std::uint64_t high = (adler >> 16) + count % modulus * low;
@@ -192,7 +193,7 @@ GreyImage decode_png(const std::vector<std::uint8_t>& png, int expected_width_px
   GreyImage image{expected_width_px, expected_height_px, {}};
   const std::size_t stride = detail::raw_stride(expected_width_px);
   const auto take = [&](int y0, int y1, const std::uint8_t* raw) {
-    // Made late: only once the image has shown that it is as large as expected.
+    // Allocated only once the image has proved to be as large as expected.
     image.pixels.resize((stride - 1) * static_cast<std::size_t>(expected_height_px));
     if (raw == nullptr) return;
     for (int y = y0; y < y1; ++y) {

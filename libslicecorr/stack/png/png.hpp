@@ -38,13 +38,13 @@ struct PixelCode {
               std::vector<std::uint8_t>& out) const;
 };
 
-/// What the header of a PNG says, without the rest being looked at.
+/// What the header of a PNG says; nothing else of it is looked at.
 struct PngHeader {
   std::uint32_t width = 0, height = 0;
   std::uint8_t bit_depth = 0, colour = 0;
   int channels() const;
-  /// The code that keeps depth and colour; nothing for palettes and fewer than 8 bits, which can't
-  /// hold every grey value.
+  /// The pixel code for writing images of the same depth and colour; nothing for palettes and fewer
+  /// than 8 bits, which can't hold every grey value.
   std::optional<PixelCode> code() const;
 };
 PngHeader read_png_header(std::span<const std::uint8_t> png, const struct PngName& name);
@@ -85,7 +85,7 @@ class IdatEncoder {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Bytes that `append_png_header` and `append_png_iend` add together.
+/// Bytes that `append_png_header` and `append_png_iend` add, both together.
 inline constexpr std::size_t kPngFrameBytesOfOne = 8 + 25 + 12;
 /// Signature and IHDR; IEND. What is between is one zlib stream in IDAT chunks.
 void append_png_header(int width_px, int height_px, const PixelCode& code,
@@ -104,7 +104,7 @@ std::size_t begin_chunk(const char* type, std::vector<std::uint8_t>& out);
 void end_chunk(std::size_t start, std::vector<std::uint8_t>& out);
 
 std::uint32_t adler_of(std::span<const std::uint8_t> bytes);
-/// Of rows with their filter bytes, 0.
+/// Adler-32 of rows, each with a filter byte of 0 in front.
 std::uint32_t adler_of(const GreyRows& rows);
 /// Adler-32 after `count` more bytes of 0.
 std::uint32_t adler_after_zeros(std::uint32_t adler, std::uint64_t count);

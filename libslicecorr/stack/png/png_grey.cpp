@@ -14,8 +14,9 @@ namespace {
 
 using Bytes = std::span<const std::uint8_t>;
 
-/// Of an image that is inflated as a whole. The C library keeps blocks of up to 32 MiB for the next
-/// image; fresh memory for larger ones would take longer than inflating band by band does.
+/// Most bytes of an image that is inflated as a whole. The C library keeps freed blocks of up to
+/// 32 MiB for the next image; fresh memory for larger ones would cost more time than inflating band
+/// by band.
 constexpr std::uint64_t kMostAtOnce = std::uint64_t{31} << 20;
 
 /// Fills `out` and takes all of `in`, or returns false.
@@ -34,7 +35,7 @@ class Inflater {
   std::unique_ptr<libdeflate_decompressor, decltype(&libdeflate_free_decompressor)> state_;
 };
 
-/// What is before and behind the deflate blocks of a zlib stream.
+/// Bytes before and after the deflate blocks of a zlib stream.
 constexpr std::size_t kZlibStart = 2, kZlibEnd = 4;
 
 bool is_zlib_start(Bytes b) {
@@ -71,8 +72,8 @@ class GreyBands {
   }
   int count() const { return (height_ + rows_ - 1) / rows_; }
 
-  /// The next band as it is stored. Its last step, `check`, comes before the sink: what is wrong
-  /// with the whole must not be found only after the last band was used.
+  /// Takes the next band as it is stored. `check` is called before the band goes to the sink: after
+  /// the last band nothing may be found wrong with the whole any more.
   template <class Check>
   bool take(std::uint8_t* band, const Check& check) {
     const int y1 = std::min(height_, y_ + rows_);
@@ -95,7 +96,7 @@ class GreyBands {
     std::copy_n(above, stride, last_.data());
     return pass_on(y1, band, check);
   }
-  /// The next band where it is stored as zeros.
+  /// Takes a next band whose stored bytes are all zeros.
   template <class Check>
   bool take_black(const Check& check) {
     stored_adler_ = adler_after_zeros(stored_adler_, next_bytes());
@@ -128,8 +129,8 @@ class GreyBands {
 };
 
 /// Our own images: a chunk for the start of the stream, one per band that ends on a byte and refers
-/// to nothing before it, and one for the end. What looks like it but is something else is found by
-/// size and checksum. Returns false when it is, or when anything is wrong.
+/// to nothing before it, and one for the end. Images that only look like it are found by size and
+/// checksum. Returns false for these, and when anything is wrong.
 bool decode_pieces(const PngLayout& layout, Inflater& inflater, GreyBands& bands) {
   const std::vector<Bytes>& chunks = layout.idat;
   constexpr std::array<std::uint8_t, 4> mark = {0, 0, 255, 255};  // ends an empty stored block
@@ -159,7 +160,7 @@ bool decode_pieces(const PngLayout& layout, Inflater& inflater, GreyBands& bands
     piece.assign(chunk.begin(), chunk.end());
     piece.insert(piece.end(), last_block.begin(), last_block.end());
     if (!inflater.fill(piece, {band.data(), size})) return false;
-    // Only long runs make so few bytes.
+    // Only long runs pack so well, so it is worth asking whether all bytes are zeros.
     if (chunk.size() < size / 256 && all_zero(band.data(), size)) {
       black = chunk;
       black_bytes = size;

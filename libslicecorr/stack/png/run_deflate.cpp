@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::uint32_t kNoValue = 256;
 constexpr std::uint32_t kLeastMatch = 3, kLongestMatch = 258, kFarthest = 32768;
-/// No code is longer, so that four literals, or a whole reference, fit between two flushes.
+/// Longest code, bits: four literals, or a whole match, then fit between two flushes.
 constexpr unsigned kCodeLimit = 12;
 
 /// Length symbols: code, number of extra bits and least length of each.
@@ -44,7 +44,7 @@ Distance distance_of(std::uint32_t distance) {
   return {2 * bits + 2 + (d >> bits & 1), bits, d & ((1u << bits) - 1)};
 }
 
-/// Calls `take(length, times)` for references that together have this length.
+/// Calls `take(length, times)` for matches that together have this length.
 template <class Take>
 void split(std::uint32_t length, const Take& take) {
   if (length <= kLongestMatch) {
@@ -82,7 +82,7 @@ void RunDeflater::clear() {
   value_ = kNoValue;
 }
 
-/// For `n` more bytes, whatever they are, and what is written beyond the last.
+/// Makes room for `n` more bytes, whatever they are, and for what is written beyond the last.
 void RunDeflater::make_room(std::size_t n) {
   if (now_.literals.size() < now_.literal_count + n + kBlock + 8) {
     now_.literals.resize(2 * (now_.literal_count + n + kBlock));
@@ -236,9 +236,9 @@ std::size_t RunDeflater::find_match(std::size_t at, std::size_t before) {
       break;
     }
   }
-  // A reference takes about as many bits as two or three literals and a run.
+  // A match takes about as many bits as two or three literals and a run: fewer don't pay.
   if (tokens == 0 || (tokens == 1 && matched_literals < 3)) return 0;
-  // What is left of the last run is a run still.
+  // The rest of the last run, beyond the longest match, stays a run.
   std::uint32_t rest = length > kLongestMatch ? length - kLongestMatch : 0;
   if (rest != 0 && rest < kLeastMatch) rest = kLeastMatch;
   matches_.push_back({0, matched_literals, length - rest, distance});
@@ -279,8 +279,8 @@ void RunDeflater::count_symbols() {
   literal_frequencies_.fill(0);
   distance_frequencies_.fill(0);
   extra_bits_ = 0;
-  // All literals at once, in several tables: counting equal bytes in a row in one would wait for
-  // itself. Those that references cover are taken back.
+  // Counts all literals, then takes back those that matches hold. Several tables, because counting
+  // equal bytes in one would wait for its own last store.
   std::array<std::array<std::uint32_t, 256>, 4> counts{};
   const std::uint8_t* literal = now_.literals.data();
   std::size_t i = 0;
@@ -337,7 +337,7 @@ void RunDeflater::write_matches(BitWriter& out) const {
       count += far.count;
       bits |= std::uint64_t{distance.extra} << count;
       count += distance.extra_bits;
-      // Long runs: four references of some bits each at once.
+      // Long runs: four matches of a few bits each at once.
       if (times >= 4 && count <= 14) {
         std::uint64_t four = bits | bits << count;
         four |= four << 2 * count;

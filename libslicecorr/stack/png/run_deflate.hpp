@@ -26,7 +26,7 @@ class RunDeflater {
   /// The piece's next bytes: zeros, or those given.
   void add_zeros(std::size_t n);
   void add(const std::uint8_t* bytes, std::size_t n);
-  /// Ends the piece, before anything that follows here.
+  /// Ends the piece; to be called before any of the functions below.
   void end();
   /// Whether the piece is nothing but zeros.
   bool only_zeros() const;
@@ -41,7 +41,8 @@ class RunDeflater {
     std::uint32_t run;       ///< ... so many that equal the last of them: 0 or at least 3
     bool operator==(const Token&) const = default;
   };
-  /// Some literals, then literals and a run that are left out, because earlier bytes repeat there.
+  /// Literals that are written, then a match: tokens that are left out because they repeat earlier
+  /// bytes.
   struct Match {
     std::uint32_t literals, matched_literals;
     std::uint32_t length, distance;  ///< of any length where the distance is 1
@@ -52,8 +53,8 @@ class RunDeflater {
   void start_run(std::uint8_t value);
   void add_byte(std::uint8_t value);
   void add_block(const std::uint8_t* bytes, std::size_t at, std::uint64_t starts);
-  /// Tokens from `at` on that equal those from `before` on, as far as one match reaches: kept where
-  /// it pays. Returns the number of tokens.
+  /// Compares the tokens from `at` on with those from `before` on, and keeps a match where it pays.
+  /// Returns the number of tokens that it replaces; 0: none.
   std::size_t find_match(std::size_t at, std::size_t before);
   void find_matches();
   void count_symbols();
@@ -67,10 +68,10 @@ class RunDeflater {
   };
   Tokens now_, last_;  ///< of this piece, and of the last that was written
   bool written_ = false;
-  std::size_t token_start_ = 0;         ///< first literal of the token at hand
-  std::uint32_t value_ = 0;             ///< of the run at hand; above 255: none
+  std::size_t token_start_ = 0;         ///< first literal of the present token
+  std::uint32_t value_ = 0;             ///< of the present run; above 255: none
   std::size_t run_ = 0;                 ///< its length, without the first byte
-  std::vector<std::uint64_t> changes_;  ///< of the bytes at hand, 64 a word
+  std::vector<std::uint64_t> changes_;  ///< of the bytes being added, 64 a word
 
   struct TokenStart {
     std::uint32_t raw, literal;  ///< where a token starts, in the piece and among the literals

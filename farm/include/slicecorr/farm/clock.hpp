@@ -1,7 +1,7 @@
 /// @file clock.hpp
 /// The times that the farm goes by. Wall-clock times are only recorded, shown and compared with
 /// windows and deadlines; whatever must not fail when somebody sets the clock (leases, timeouts,
-/// rates) goes by the steady clock. All is thread-safe.
+/// rates) goes by the steady clock. All is thread-safe, and nothing throws.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,7 @@
 
 namespace slicecorr::farm {
 
-/// What tells the farm the time; tests have one that they set. Thread-safe.
+/// What tells the farm the time; tests have one that they set.
 class FarmClock {
  public:
   virtual ~FarmClock() = default;
@@ -25,7 +25,7 @@ class FarmClock {
 /// The machine's clocks.
 const FarmClock& system_clock();
 
-/// Minutes since local midnight at a wall-clock time.
+/// Minutes since local midnight at a wall-clock time, 0..1439.
 int local_minute(std::int64_t wall_ms);
 /// The first moment after `wall_ms` at which local clocks show this minute of the day.
 std::int64_t next_local_minute(std::int64_t wall_ms, int minute);

@@ -7,7 +7,9 @@
 /// stands in the folder's result.json and the token is still the job's.
 ///
 /// An engine belongs to one thread, the service's main one; making one is thread-safe. Functions
-/// must not block for long: a cancellation has to reach a worker within two seconds.
+/// must not block for long: a cancellation has to reach a worker within two seconds. Making one
+/// throws `InputError` or `DeviceError` where it can't work; after that what fails is a report or
+/// `trouble`, and only a failing disk throws `DeviceError`.
 #pragma once
 
 #include <chrono>
@@ -21,15 +23,15 @@
 namespace slicecorr::farm {
 
 struct Task {
-  std::string token;
+  std::string token;  ///< of the attempt
   JobId job = 0;
-  std::string name;    ///< of the job, for people
-  std::string folder;  ///< attempts/TOKEN, with order.json in it
-  int threads = 1;
+  std::string name;            ///< of the job, for people
+  std::string folder;          ///< attempts/TOKEN, with order.json in it
+  int threads = 1;             ///< >= 1
   std::int64_t memory_mb = 0;  ///< the worker limits itself to this; the engine may, too
-  int priority = 0;
-  std::int64_t ready_by_ms = kNoDeadline;
-  double expected_s = 0;  ///< on one core; 0: not known
+  int priority = 0;            ///< larger comes first
+  std::int64_t ready_by_ms = kNoDeadline;  ///< wall clock, since 1970
+  double expected_s = 0;                   ///< on one core; 0: not known
   std::vector<std::string> labels;
 };
 
@@ -37,17 +39,17 @@ enum class TaskState { waiting, running, ended };
 
 /// What the engine knows of a task.
 struct TaskReport {
-  std::string token;
+  std::string token;  ///< of the attempt
   TaskState state = TaskState::waiting;
-  std::string node;
+  std::string node;    ///< where it runs; empty: not known
   int exit_code = -1;  ///< ended: as the worker gave it; -1: not known
   int signal = 0;      ///< ended by this signal; 0: not by one
   /// What the engine itself says of the end, where it knows better than the exit code: out of
   /// memory by its limit, node lost (`worker_killed`), never started (`engine_failed`).
   Reason reason = Reason::none;
   std::string message;
-  double cpu_s = 0;          ///< 0: not known
-  std::int64_t peak_mb = 0;  ///< 0: not known
+  double cpu_s = 0;          ///< processor time of all threads; 0: not known
+  std::int64_t peak_mb = 0;  ///< greatest memory; 0: not known
 };
 
 struct Node {
@@ -61,8 +63,8 @@ struct Node {
 
 /// How much more an engine takes at present.
 struct EngineCapacity {
-  int tasks = 0;                       ///< to submit at most
-  std::int64_t memory_mb = 0;          ///< for the next task
+  int tasks = 0;                       ///< that may be submitted now, at most
+  std::int64_t memory_mb = 0;          ///< for the next task, at most
   std::int64_t largest_memory_mb = 0;  ///< that a task could ever get: more is `too_large`
   int cores = 0;                       ///< free, for the choice of threads
 };
@@ -70,8 +72,8 @@ struct EngineCapacity {
 class Engine {
  public:
   virtual ~Engine() = default;
-  virtual std::string name() const = 0;
-  /// Before each claim.
+  virtual std::string name() const = 0;  ///< "local", "slurm"
+  /// What it takes now; asked before each claim.
   virtual EngineCapacity capacity() = 0;
   /// How many threads and how much memory the next task gets. `waiting`: jobs that could start,
   /// this one included. The default shares the free cores among them.
@@ -102,6 +104,7 @@ class Engine {
   /// After a restart: which of these attempts of this engine still wait or run. They are reported
   /// by `poll` from now on; the others are gone.
   virtual std::vector<std::string> adopt(const std::vector<Attempt>& attempts) = 0;
+  /// The machines on which tasks run.
   virtual std::vector<Node> nodes() = 0;
   /// Why nothing can run now, in words for people: nobody answers, no node takes work. Empty: it
   /// can.
@@ -116,6 +119,7 @@ struct LocalEngineOptions {
   int cores = 0;               ///< 0: all that this process may use
   std::int64_t memory_mb = 0;  ///< for all workers together; 0: most of what is free
 };
+/// Workers as processes of this machine.
 std::unique_ptr<Engine> make_local_engine(const LocalEngineOptions& options);
 
 struct SlurmEngineOptions {
@@ -123,7 +127,7 @@ struct SlurmEngineOptions {
   std::string store;    ///< the farm's, as this machine and all nodes see it
   std::string partition, account, qos;
   int queue_ahead = 0;  ///< tasks in Slurm at a time; 0: twice the cores of the partition
-  int throttle = 0;     ///< of an array's tasks, run at a time at most; 0: any number
+  int throttle = 0;     ///< tasks of one array that run at a time at most; 0: any number
   /// "LABEL=constraint:X", "LABEL=partition:X" or "LABEL=gres:X": what is asked of Slurm for jobs
   /// with this label. Other labels mean nothing to it.
   std::vector<std::string> label_map;
@@ -132,6 +136,8 @@ struct SlurmEngineOptions {
   double poll_s = 2;  ///< between two listings; more when Slurm takes long to answer
   std::vector<std::string> sbatch_arguments;  ///< added as they are
 };
+/// Workers as tasks of a Slurm cluster. Throws `InputError` for options that can't be,
+/// `DeviceError` when the cluster does not answer.
 std::unique_ptr<Engine> make_slurm_engine(const SlurmEngineOptions& options);
 
 }  // namespace slicecorr::farm

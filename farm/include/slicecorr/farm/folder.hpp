@@ -20,6 +20,8 @@ struct FarmFolder {
   std::string root;   ///< absolute
   std::string store;  ///< absolute
   std::string database() const { return root + "/farm.sqlite"; }
+  /// Paths of what belongs to the token of an attempt, the key of a result, the name of an input,
+  /// and the id of a job with the number of its attempt.
   std::string attempt(const std::string& token) const { return store + "/attempts/" + token; }
   std::string cache_entry(const std::string& key) const;
   std::string input(const std::string& file) const;

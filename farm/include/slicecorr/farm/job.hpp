@@ -1,6 +1,7 @@
 /// @file job.hpp
 /// What the farm's record holds of jobs, attempts and results: plain values, as they are read from
-/// the database; thread-safe as such are. Sizes are bytes or MB (2^20 bytes), as names say.
+/// the database. Values are thread-safe as such are, functions always; nothing throws. Sizes are
+/// bytes or MB (2^20 bytes), as names say; times `_ms` are of the wall clock, since 1970.
 #pragma once
 
 #include <cstdint>
@@ -51,10 +52,10 @@ bool is_counted(Reason reason);
 
 inline constexpr std::int64_t kNoDeadline = std::numeric_limits<std::int64_t>::max();
 
-/// Figures of a result, from the contract's `verify --json`; lengths in um.
+/// Figures of a result, from the contract's `verify --json`.
 struct ResultFigures {
-  int layers = 0;
-  double height_mean_um = 0, height_p95_um = 0, height_max_um = 0;
+  int layers = 0;                                                   ///< slices of the stack
+  double height_mean_um = 0, height_p95_um = 0, height_max_um = 0;  ///< height errors, >= 0
   std::int64_t lost_features = 0, merged_features = 0;
   std::int64_t cure_through_voxels = 0, undercure_voxels = 0, target_voxels = 0;
 };
@@ -69,7 +70,7 @@ struct ResultFile {
 /// A row of the table of jobs, with what belongs to its work. Times are wall-clock ms, 0: not yet.
 struct Job {
   JobId id = 0;
-  std::int64_t batch = 0;
+  std::int64_t batch = 0;  ///< number of the submission that it came with
   JobState state = JobState::queued;
   Reason reason = Reason::none;  ///< of the last attempt that failed, or why it waits
   std::string message;           ///< in words
@@ -85,13 +86,13 @@ struct Job {
   std::string printer, resin;
   std::string format;  ///< of the archive to write: its ending
   std::string output_folder;
-  int layers = 0;
-  std::int64_t voxels = 0;  ///< of the part's bounding box: what time goes with
-  double expected_s = 0;    ///< on one core, when it was submitted
-  std::int64_t expected_bytes = 0;
-  int attempts = 0;  ///< those that count
-  std::int64_t not_before_ms = 0;
-  std::string token;  ///< of the present attempt; empty: none
+  int layers = 0;                   ///< slices of the part
+  std::int64_t voxels = 0;          ///< of the part's bounding box: the time goes with them
+  double expected_s = 0;            ///< on one core, when it was submitted
+  std::int64_t expected_bytes = 0;  ///< of its outputs
+  int attempts = 0;                 ///< those that count (`is_counted`)
+  std::int64_t not_before_ms = 0;   ///< it may start from then on
+  std::string token;                ///< of the present attempt; empty: none
   bool cancel_wanted = false;
   bool from_cache = false;  ///< done without work of its own
   std::int64_t submitted_ms = 0, started_ms = 0, ended_ms = 0;
@@ -106,18 +107,18 @@ struct Job {
 struct Attempt {
   std::string token;  ///< random, 32 hex digits; also the name of its folder
   JobId job = 0;
-  int number = 0;         ///< of this job, from 1
-  std::string engine;     ///< "local", "slurm", "cache"
-  std::string engine_id;  ///< what the engine calls it: a process, a Slurm job
-  std::string service;    ///< id of the service that looks after it
-  std::string node;       ///< where it ran
-  int threads = 0;
+  int number = 0;                             ///< of this job, from 1
+  std::string engine;                         ///< "local", "slurm", "cache"
+  std::string engine_id;                      ///< what the engine calls it: a process, a Slurm job
+  std::string service;                        ///< id of the service that looks after it
+  std::string node;                           ///< where it ran
+  int threads = 0;                            ///< that it was given
   std::int64_t memory_mb = 0;                 ///< the limit it was given
   std::int64_t started_ms = 0, ended_ms = 0;  ///< 0: it has not ended
   std::string phase;                          ///< "waiting", "working", "committing", "ended"
   std::string stage;                          ///< of the work, as `slicecorr` names it
   double fraction = 0;                        ///< of the whole work done, 0..1
-  int layers_done = 0;                        ///< the same as layers
+  int layers_done = 0;                        ///< that share of all layers
   Reason reason = Reason::none;               ///< none and ended: it succeeded
   std::string message;
   int exit_code = -1;            ///< -1: not known
@@ -145,11 +146,11 @@ struct FarmEvent {
 struct Service {
   std::string id;
   std::string engine, host;
-  long pid = 0;
-  std::int64_t started_ms = 0, seen_ms = 0, stopped_ms = 0;
-  bool alive = false;  ///< its process is there
-  std::string doing;   ///< "working", "paused", "draining", "outside the night window", "disk full"
-  int cores = 0;       ///< that it may use
+  long pid = 0;                                              ///< of its process
+  std::int64_t started_ms = 0, seen_ms = 0, stopped_ms = 0;  ///< 0: not yet
+  bool alive = false;                                        ///< its process is there
+  std::string doing;  ///< "working", "paused", "draining", "outside the night window", "disk full"
+  int cores = 0;      ///< that it may use
   std::int64_t memory_mb = 0;  ///< for all its workers together
 };
 

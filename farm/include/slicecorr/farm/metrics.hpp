@@ -1,5 +1,6 @@
 /// @file metrics.hpp
-/// The farm in the text format of Prometheus, version 0.0.4. A model belongs to one thread.
+/// The farm in the text format of Prometheus, version 0.0.4. Functions are thread-safe, but a
+/// model belongs to one thread. Throws `DeviceError` as `ReadModel`.
 #pragma once
 
 #include <string>

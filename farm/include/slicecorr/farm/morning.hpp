@@ -1,8 +1,10 @@
 /// @file morning.hpp
 /// The page of the morning: what was done, what failed and why, which parts are worst, how busy the
 /// workers were. Everything is read from the record; nothing is changed.
-/// Plain values and thread-safe functions, but that a `ReadModel` belongs to one thread. Times are
-/// ms of the wall clock since 1970.
+///
+/// Plain values and thread-safe functions, but a `ReadModel` belongs to one thread. Reading throws
+/// `InputError` for a time that ends before it begins, `DeviceError` as `ReadModel`. Times are ms
+/// of the wall clock since 1970.
 #pragma once
 
 #include <cstdint>
@@ -16,8 +18,8 @@
 namespace slicecorr::farm {
 
 struct MorningOptions {
-  std::int64_t from_ms =
-      0;  ///< 0: a day before the end, or the farm's first event if that is later
+  /// 0: a day before the end, or the farm's first event if that is later.
+  std::int64_t from_ms = 0;
   std::int64_t until_ms = 0;                 ///< 0: now
   std::int64_t batch = 0;                    ///< 0: all
   int most_failures = 100, most_worst = 20;  ///< jobs to list
@@ -49,19 +51,19 @@ struct MorningReport {
   std::vector<Reasons> attempt_reasons;  ///< of those that ended without a result
   enum class BarKind { done, running, again, failed, cancelled };
   struct Bar {
-    int lane = 0;
+    int lane = 0;  ///< index in `lanes`
     std::int64_t start_ms = 0, end_ms = 0;
     BarKind kind = BarKind::done;
-    JobId job = 0;  ///< the first, where several are drawn as one
-    std::int64_t jobs = 1;
-    std::string words;
+    JobId job = 0;          ///< the first, where several are drawn as one
+    std::int64_t jobs = 1;  ///< how many are drawn as one
+    std::string words;      ///< what the bar's hint says
   };
   std::vector<std::string> lanes;  ///< names of workers: node and slot
   std::vector<Bar> bars;           ///< by lane and start; close ones drawn as one
   struct Slot {
     std::int64_t from_ms = 0;
     double done = 0;        ///< jobs that were done in it
-    double cores_busy = 0;  ///< mean
+    double cores_busy = 0;  ///< mean number of cores that work
   };
   std::vector<Slot> slots;
   std::int64_t slot_ms = 0;  ///< length of each slot

@@ -5,7 +5,7 @@
 /// anything is sent, and taken out after it was: each message arrives at least once, with an id
 /// that stays the same, so that receivers can drop what they have had. One process of a farm sends;
 /// others stand by. Sending never waits for, nor holds up, the work. Functions are
-/// thread-safe, but that a `ReadModel` belongs to one thread; so does a `Notifier`.
+/// thread-safe, but a `ReadModel` belongs to one thread; so does a `Notifier`. What throws says so.
 #pragma once
 
 #include <cstdint>
@@ -31,14 +31,14 @@ struct NotifyTarget {
   std::vector<std::string> headers;  ///< of a webhook, "Name: value"
   std::string ca_file;  ///< PEM that signs a webhook's certificate; empty: the system's
   std::vector<std::string> command;  ///< program and arguments, run without a shell
-  double timeout_s = 10;
-  int most_tries = 12;  ///< with delays of 1, 2, 4 ... s, ten minutes at most
+  double timeout_s = 10;             ///< of one try, > 0
+  int most_tries = 12;               ///< with delays of 1, 2, 4 ... s, ten minutes at most
 };
 
 /// Reads DIR/notify.toml; none when there is no such file. Throws `InputError` with the line.
 std::vector<NotifyTarget> read_notify_file(const std::string& path);
 
-/// One message.
+/// One message to be sent.
 struct Notice {
   std::string id, kind;
   std::int64_t seq = 0;    ///< event that made it
@@ -56,7 +56,8 @@ struct Notices {
 };
 Notices notices_since(ReadModel& model, const std::string& farm, std::int64_t after);
 
-/// Sends one message; gives an empty text when it was taken, else why not.
+/// Sends one message; gives an empty text when it was taken, else why not. Gives up when `stop_fd`
+/// becomes readable (-1: never). Does not throw.
 std::string deliver(const NotifyTarget& target, const Notice& notice, const int stop_fd);
 
 struct NotifyOptions {

@@ -3,8 +3,8 @@
 ///
 /// Any number of processes may use the same farm, each with its own `Queue`; an object belongs to
 /// one thread at a time. A change is on the disk when its function returns. Functions wait up to a
-/// minute for other writers, then throw `DeviceError` ("database is locked"). A database of a newer
-/// program is refused with `InputError`.
+/// minute for other writers, then throw `DeviceError` ("database is locked"), as when the disk
+/// fails. A database of a newer or another program is refused with `InputError`.
 ///
 /// The rule that keeps results single: an attempt is named by a random token, and every change that
 /// an attempt makes says "where the job's token is still mine". Who lost the token changes nothing.
@@ -52,10 +52,10 @@ struct Work {
   std::string kind, printer, resin, format;
   std::string rate_class;                ///< work of the same class takes the same time per voxel
   std::vector<std::string> input_files;  ///< names in the store
-  int layers = 0;
-  std::int64_t voxels = 0;            ///< of the bounding box
-  std::int64_t base_memory_mb = 0;    ///< at one thread
-  std::int64_t thread_memory_mb = 0;  ///< for each further one
+  int layers = 0;                        ///< slices of the part
+  std::int64_t voxels = 0;               ///< of the bounding box
+  std::int64_t base_memory_mb = 0;       ///< at one thread
+  std::int64_t thread_memory_mb = 0;     ///< for each further one
 };
 
 /// A job to queue.
@@ -65,10 +65,10 @@ struct NewJob {
   std::string output_folder;   ///< empty: `results_folder` and the id
   std::string results_folder;  ///< "/DIR/results/"
   std::vector<std::string> parts, labels;
-  int priority = 0;
-  std::int64_t ready_by_ms = kNoDeadline;
-  double expected_s = 0;            ///< on one core
-  std::int64_t expected_bytes = 0;  ///< of its outputs
+  int priority = 0;                        ///< larger comes first
+  std::int64_t ready_by_ms = kNoDeadline;  ///< wall clock, since 1970
+  double expected_s = 0;                   ///< on one core
+  std::int64_t expected_bytes = 0;         ///< of its outputs
 };
 
 struct ClaimRequest {
@@ -94,7 +94,7 @@ struct Claim {
   std::string spec_json, setup_json;
   std::int64_t base_memory_mb = 0, thread_memory_mb = 0;  ///< as in `Work`
   bool cached = false;                                    ///< a result with this key is there
-  /// Times that this job ran out of memory: it gets more each time.
+  /// How often this job ran out of memory; it gets more each time.
   int memory_failures = 0;
   std::int64_t last_memory_mb = 0;  ///< limit of the attempt before, 0: none
 };
@@ -132,9 +132,9 @@ inline constexpr double kFixedJobS = 0.3;
 
 /// Measured rates, for estimates of the same class of work.
 struct Rates {
-  double voxels_per_s = 0;  ///< on one core, `kFixedJobS` taken off; 0: never measured
-  double bytes_per_voxel = 0;
-  int samples = 0;  ///< attempts measured
+  double voxels_per_s = 0;     ///< on one core, `kFixedJobS` taken off; 0: never measured
+  double bytes_per_voxel = 0;  ///< of outputs; 0: never measured
+  int samples = 0;             ///< attempts measured
 };
 
 class Queue {
@@ -235,7 +235,7 @@ class Queue {
                        const std::string& by);
   void add_event(const std::string& kind, const std::string& text, JobId job = 0);
 
-  /// Changes whenever another connection changed the database; cheap.
+  /// A number that changes whenever another connection changed the database; cheap.
   std::int64_t data_version();
 
  private:

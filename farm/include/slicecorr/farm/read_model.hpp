@@ -1,7 +1,10 @@
 /// @file read_model.hpp
 /// All that status, live view, pages, metrics and notifications read, and nothing that changes
-/// anything. Opens the database read-only; never blocks a writer. One object for one thread. Each
-/// function sees one consistent state; `snapshot` keeps the same state for several calls.
+/// anything. Opens the database read-only; never blocks a writer. Each function sees one consistent
+/// state; a `Snapshot` keeps the same state for several calls.
+///
+/// A `ReadModel` is for one thread; functions that only take values are thread-safe. A database
+/// that can't be read throws `DeviceError`.
 #pragma once
 
 #include <array>
@@ -43,9 +46,9 @@ struct Summary {
   std::int64_t followers = 0;   ///< queued, waiting for another job with the same key
   std::int64_t from_cache = 0;  ///< done without work of their own
   std::int64_t attempts = 0, attempts_failed = 0;
-  double queued_s = 0;  ///< work left on one core, running jobs' rest included
-  int running_threads = 0;
-  std::int64_t running_memory_mb = 0;
+  double queued_s = 0;                 ///< work left on one core, running jobs' rest included
+  int running_threads = 0;             ///< of all running jobs
+  std::int64_t running_memory_mb = 0;  ///< limits of all running jobs
   double voxels_done = 0, busy_s = 0;  ///< of all attempts that succeeded; wall clock
   double eta_s = 0;       ///< until the queue is empty at the present pace; < 0: not known
   std::int64_t late = 0;  ///< unfinished jobs that will miss their "ready by"
@@ -58,9 +61,9 @@ struct Summary {
 struct RunningJob {
   Job job;
   Attempt attempt;
-  double seconds = 0;  ///< since its start
-  double layers_per_s = 0;
-  double eta_s = -1;  ///< < 0: not known yet
+  double seconds = 0;       ///< since its start
+  double layers_per_s = 0;  ///< mean since its start; 0: not known yet
+  double eta_s = -1;        ///< until its end; < 0: not known yet
 };
 
 struct Reasons {
@@ -108,7 +111,7 @@ class ReadModel {
   std::vector<Service> services();
   FarmSettings settings();
   std::vector<std::string> users();
-  /// Changes whenever the database was changed; cheap: ask it before reading again.
+  /// A number that changes whenever the database was changed; cheap: ask it before reading again.
   std::int64_t data_version();
 
  private:

@@ -7,7 +7,8 @@
 /// machine it belongs behind a proxy that speaks TLS.
 ///
 /// Of a `FarmServer`, `stop` may be called from any thread, the rest from one. Functions are
-/// thread-safe, and so is what `make_submitter` gives.
+/// thread-safe, and so is what `make_submitter` gives. Only making a server throws; what is wrong
+/// with a request is its answer.
 #pragma once
 
 #include <atomic>
@@ -31,7 +32,7 @@ struct SubmitReply {
 
 struct ServeOptions {
   std::string host = "127.0.0.1";
-  int port = 0;            ///< 0: the system chooses
+  int port = 0;            ///< 0..65535; 0: the system chooses
   std::string token;       ///< empty: nothing can be changed, and only loopback is served
   std::string host_names;  ///< further names in Host headers that are ours, separated by commas
   /// Takes the body of POST /api/v1/jobs. Empty: submissions are refused.
@@ -42,12 +43,12 @@ struct ServeOptions {
   std::int64_t most_upload_bytes = 512 << 20;               ///< of one part
   std::int64_t most_uploads_bytes = std::int64_t{8} << 30;  ///< of all parts that were uploaded
   double uploads_kept_s = 24 * 3600;  ///< parts that no submission has taken by then go
-  int threads = 16;
+  int threads = 16;                   ///< that serve requests, >= 1
   int most_waiting = 64;         ///< connections that wait for a thread; more are turned away (503)
   int header_bytes = 16 << 10;   ///< of a request's headers, at most
   double request_s = 10;         ///< for the request line and headers to come
   double stall_s = 10;           ///< without a byte in either direction
-  double least_bytes_s = 16384;  ///< bytes per s that bodies must keep up on the whole
+  double least_bytes_s = 16384;  ///< bytes per s with which a body must come on average
   const FarmClock* clock = &system_clock();
 };
 
@@ -65,7 +66,7 @@ class FarmServer {
   std::string address() const;
   /// Serves until `stop`; then open requests are cut off.
   void run();
-  /// From any thread.
+  /// Ends `run`. May be called from any thread.
   void stop();
 
  private:

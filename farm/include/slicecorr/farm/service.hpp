@@ -1,7 +1,8 @@
 /// @file service.hpp
 /// The service: takes jobs from the queue, has an engine do them, checks and keeps the results.
 /// Several may work on one farm; they share its limits. May be stopped, or killed, at any time.
-/// Functions are thread-safe, but that engines and queues belong to one thread each.
+/// Functions are thread-safe, but engines and queues belong to one thread each. Functions throw
+/// `DeviceError` when a disk or the database fails; `run_service` bears it for ten minutes first.
 #pragma once
 
 #include <atomic>

@@ -1,7 +1,7 @@
 /// @file settings.hpp
 /// What a shop sets for its farm: kept in the database, so that it holds for every service and
 /// outlives them. Services take up a change within a second. Plain values; functions are
-/// thread-safe.
+/// thread-safe. Only `set_setting` throws.
 #pragma once
 
 #include <cstdint>
@@ -19,7 +19,7 @@ struct FarmSettings {
   int night_from = -1, night_until = -1;
   int user_running = 0;  ///< jobs of one user that run at a time; 0: any number
   int user_queued = 0;   ///< unfinished jobs one user may have; more are refused; 0: any number
-  /// Of these users instead of the two numbers above: running, queued; -1: not said.
+  /// For these users instead of the two numbers above: running, queued; -1: not said.
   std::map<std::string, std::pair<int, int>> users;
   std::int64_t min_free_mb = 1024;  ///< nothing starts when a disk it writes to has less
   int max_attempts = 3;             ///< of a job; those that count, see `is_counted`

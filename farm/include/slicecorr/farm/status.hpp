@@ -1,6 +1,7 @@
 /// @file status.hpp
-/// The farm at a moment: as text, as JSON, and as a frame of the live view. Plain values
-/// and thread-safe functions, but that a `ReadModel` belongs to one thread.
+/// The farm at a moment: as text, as JSON, and as a frame of the live view. Plain values and
+/// thread-safe functions, but a `ReadModel` belongs to one thread. What reads the record throws
+/// `DeviceError` as `ReadModel`; nothing else throws.
 #pragma once
 
 #include <cstdint>
@@ -62,14 +63,15 @@ struct LiveState {
 };
 LiveState read_live(ReadModel& model, const FarmFolder& folder, int rows,
                     const FarmClock& clock = system_clock());
-/// At most `rows` lines of at most `columns`. `colour`: with SGR sequences, which take no columns.
+/// At most `rows` lines of at most `columns` characters. `colour`: with SGR sequences, which take
+/// no columns.
 std::vector<std::string> live_frame(const LiveState& state, const FarmFolder& folder, int columns,
                                     int rows, bool colour);
 /// An event as one line, without its time.
 std::string event_text(const FarmEvent& event);
 
-/// "outside the night window", "paused", "draining", "no service is running", "disk full" or "" :
-/// why nothing starts.
+/// Why nothing starts: "outside the night window", "paused", "draining", "no service is running" or
+/// "disk full"; empty: nothing is in the way.
 std::string what_holds(const Overview& overview);
 
 /// The end of an attempt's log, whole lines of at most `most_bytes`; empty when there is none.

@@ -1,8 +1,8 @@
 /// @file store.hpp
 /// Files of the farm by content: inputs, results, and the way of a result to where the user wants
-/// it. Everything appears by rename; nothing half-written has a final name. Throws `DeviceError`;
-/// full disks as `DiskFull`. Functions are thread-safe, and safe
-/// against other processes; an `InputLock` belongs to one thread.
+/// it. Everything appears by rename; nothing half-written has a final name. Throws `DeviceError`,
+/// for a full disk `DiskFull`. Functions are thread-safe, and safe against other processes; an
+/// `InputLock` belongs to one thread.
 #pragma once
 
 #include <cstdint>
@@ -33,8 +33,8 @@ struct StoredInput {
   std::string sha256;
   std::int64_t bytes = 0;
 };
-/// The ending under which a file is stored: readers go by it. With what comes before where it is
-/// of two parts (".stl.gz", ".rgb.cws").
+/// The ending under which a file is stored, since readers go by it; of two parts where the name has
+/// such a one (".stl.gz", ".rgb.cws").
 std::string stored_ending(const std::string& path);
 /// Says, across threads and processes, that inputs are being put into the store: they are there
 /// before the record has the jobs that need them. Ends with the object, or with its process.

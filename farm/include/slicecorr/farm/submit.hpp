@@ -1,7 +1,9 @@
 /// @file submit.hpp
 /// From what people write to jobs in the queue: jobs files, command lines, REST bodies. Everything
 /// is checked before anything is queued, and every error is told, with file and line.
-/// Functions are thread-safe, but that a `Queue` belongs to one thread.
+///
+/// Functions are thread-safe, but a `Queue` belongs to one thread. Wrong requests throw
+/// `SubmitErrors`, failing disks and databases `DeviceError`.
 #pragma once
 
 #include <memory>
@@ -24,14 +26,15 @@ struct JobRequest {
   std::vector<std::string> parts;  ///< meshes that share a plate, or one archive of slices
   double layer_um = 0;             ///< 0: the archive says it
   std::string antialias = "on", units = "auto";
-  double scale = 1;
+  double scale = 1;  ///< of the mesh, a factor > 0
+  /// x and y on the plate; about x, y and z; empty: not given.
   std::vector<double> center_mm, rotate_deg;
   SetupChoices setup;
-  std::string name;    ///< of the outputs; empty: the first part's
-  std::string format;  ///< of the archive: a name or ending; empty: uvj
-  std::string out;     ///< output folder; empty: results/ID of the farm
-  int copies = 1;      ///< name, name-2, name-3 ...
-  int priority = 0;
+  std::string name;      ///< of the outputs; empty: the first part's
+  std::string format;    ///< of the archive: a name or ending; empty: uvj
+  std::string out;       ///< output folder; empty: results/ID of the farm
+  int copies = 1;        ///< >= 1: name, name-2, name-3 ...
+  int priority = 0;      ///< larger comes first
   std::string ready_by;  ///< "07:00", the next time clocks show it; or "2026-03-01 07:00"
   std::vector<std::string> labels;
   std::string user;  ///< empty: who submits
@@ -74,8 +77,8 @@ std::vector<JobRequest> parse_jobs_json(const std::string& text, const std::stri
 /// What a job will be and cost.
 struct Estimate {
   std::string name, where;
-  int layers = 0;
-  std::int64_t voxels = 0;
+  int layers = 0;               ///< slices of the part
+  std::int64_t voxels = 0;      ///< of its bounding box
   double seconds = 0;           ///< on one core
   std::int64_t disk_bytes = 0;  ///< of its outputs
   std::int64_t memory_mb = 0;   ///< at one thread

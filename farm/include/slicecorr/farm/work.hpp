@@ -8,7 +8,9 @@
 ///     out/NAME.uvj   the stack; NAME.html, NAME.json: report and figures, as `slicecorr run`
 ///     result.json    the end (`WorkOutcome`), by rename: who finds it finds it whole
 ///
-/// Plain values and thread-safe functions; `do_work` is meant to be all that a process does.
+/// Plain values and thread-safe functions; `do_work` is meant to be all that a process does. What
+/// can't be read throws `InputError`, what can't be written `DeviceError`; `do_work` gives exit
+/// codes instead.
 #pragma once
 
 #include <atomic>
@@ -33,7 +35,7 @@ struct WorkSpec {
   std::vector<Input> inputs;
   double layer_um = 0;  ///< 0: the archive says it
   std::string antialias = "on", units = "auto";
-  double scale = 1;                           ///< of the mesh, a factor
+  double scale = 1;                           ///< of the mesh, a factor > 0
   std::vector<double> center_mm, rotate_deg;  ///< x and y; about x, y and z; empty: not given
   std::string format = "uvj";                 ///< of the archive, and its ending
   std::string ending = "uvj";
@@ -47,12 +49,12 @@ std::string work_key(const WorkSpec& spec, const std::string& setup_json);
 struct WorkOrder {
   std::string token;
   JobId job = 0;
-  int number = 1;  ///< of the attempt
+  int number = 1;  ///< of the attempt, from 1
   std::string key, name;
   WorkSpec spec;
   std::string setup_json;
-  std::string store;  ///< the farm's store, for inputs
-  int threads = 1;
+  std::string store;           ///< the farm's store, for inputs
+  int threads = 1;             ///< >= 1
   std::int64_t memory_mb = 0;  ///< limit of the worker's own data; 0: none
 };
 void write_order(const std::string& folder, const WorkOrder& order);
@@ -60,8 +62,8 @@ WorkOrder read_order(const std::string& folder);
 
 struct ProgressNote {
   std::string stage, node;
-  double fraction = 0;  ///< of the whole work, 0..1
-  int layers_done = 0;
+  double fraction = 0;    ///< of the whole work, 0..1
+  int layers_done = 0;    ///< that share of all layers
   std::int64_t beat = 0;  ///< rises with every note
 };
 /// None when there is none (yet), or it is unreadable.

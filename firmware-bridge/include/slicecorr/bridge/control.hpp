@@ -3,9 +3,9 @@
 /// the status and the time and says what goes out. All of the policy is here (docs/safety.md).
 ///
 /// Values and functions without an object are thread-safe. A `Controller` belongs to one thread.
-/// Times are s of the print's clock (0 at its start), positions um of the stage above the window
-/// where nothing else is said; light is a share of what the calibration stands for (1: all of it)
-/// for blue, and mW/cm² for UV.
+/// Nothing here throws: what is wrong becomes a fault. Times are s of the print's clock (0 at its
+/// start), positions um of the stage above the window where nothing else is said; light is a share
+/// of what the calibration stands for (1: all of it) for blue, and mW/cm² for UV.
 #pragma once
 
 #include <array>
@@ -63,7 +63,9 @@ enum class Fault {
   bridge_stopped,          ///< the bridge itself did not run for a while
   defect,
 };
+/// "stage_error" and so on.
 std::string_view name_of(Fault fault);
+/// Nothing when no fault has this name.
 std::optional<Fault> fault_of(std::string_view name);
 
 /// Something for the journal.
@@ -76,22 +78,24 @@ struct PrintEvent {
   std::string facts = {};   ///< a JSON object with more of it; empty: none
 };
 
-/// How a frame was printed: a row of the frame log.
+/// How a frame was printed: a row of the frame log. What is asked and measured is as it was when
+/// the frame was shown; of blue light layer by layer, when its exposure ended.
 struct FrameRecord {
-  int frame = 0;              ///< number of the slice
-  double planned_um = 0;      ///< stage position at which its light was to begin
-  double stage_um = 0;        ///< where the stage was when it did
-  double planned_s = 0;       ///< when its light was to begin, on the print's clock
-  double shown_s = 0;         ///< when it did
-  double speed_um_s = 0;      ///< of the stage then
-  double blue_share = 0;      ///< asked of the blue lamp, 1: as calibrated
-  double uv_mw_cm2 = 0;       ///< asked of the UV lamp
-  double blue_measured = 0;   ///< share, as `blue_share`
-  double uv_measured = 0;     ///< mW/cm²; 0 where the machine does not tell
-  bool late = false;          ///< counts as late
-  double stage_error_um = 0;  ///< measured less commanded
-  std::optional<double> temperature_c;
-  /// Layer by layer: exposure asked, and what it was, s; nothing where it did not end.
+  int frame = 0;                        ///< number of the slice, from 0
+  double planned_um = 0;                ///< stage position at which its light was to begin
+  double stage_um = 0;                  ///< stage position at which its light began
+  double planned_s = 0;                 ///< when its light was to begin, on the print's clock
+  double shown_s = 0;                   ///< when its light began, on the print's clock
+  double speed_um_s = 0;                ///< of the stage; above 0: away from the window
+  double blue_share = 0;                ///< asked of the blue lamp, >= 0; 1: as calibrated
+  double uv_mw_cm2 = 0;                 ///< asked of the UV lamp, >= 0
+  double blue_measured = 0;             ///< share, as `blue_share`
+  double uv_measured = 0;               ///< mW/cm²; 0 where the machine does not tell
+  bool late = false;                    ///< further off its place (or exposed longer) than borne
+  double stage_error_um = 0;            ///< measured less commanded
+  std::optional<double> temperature_c;  ///< nothing where the machine does not tell
+  /// Layer by layer: the exposure asked for and the one that was given, s, > 0; nothing in
+  /// continuous prints, and for `exposed_s` where the exposure did not end.
   std::optional<double> exposure_s, exposed_s;
   DisplayTimes display = {};
 };
@@ -107,7 +111,8 @@ struct Lateness {
   /// Number of frames with values up to each bound and above the one before; the last: above all.
   std::array<std::uint64_t, kBoundsUm.size() + 1> um{};
   std::array<std::uint64_t, kBoundsMs.size() + 1> ms{};
-  double sum_um = 0, sum_ms = 0, worst_um = 0, worst_ms = 0;
+  double sum_um = 0, sum_ms = 0;      ///< of all values
+  double worst_um = 0, worst_ms = 0;  ///< the greatest
   void add_um(double late_um);
   void add_ms(double late_ms);
 };
@@ -116,33 +121,34 @@ struct Lateness {
 struct Answer {
   Status status;
   double at_s = 0;  ///< on the print's clock
-  /// Asked so long before `at_s`, and answered so long after: it was true some time between.
+  /// Half the time from question to answer, >= 0: the status was true some time within so much of
+  /// `at_s`.
   double within_s = 0;
-  /// Set-points were not all taken, and the status was read by itself: only what is measured
-  /// counts.
+  /// The exchange failed, and the status was read by itself after it: what it measures counts, but
+  /// it confirms no set-points.
   bool only_read = false;
 };
 
 /// What a cycle asks for.
 struct Step {
   SetPoints set_points;
-  /// To be written by itself before the rest goes out, and told of by `written_alone`: what a fault
-  /// asks for until the machine has answered that it took it.
+  /// Lamps off, or the command to stop, are to be written by themselves before the rest goes out: a
+  /// fault asks for it until the machine has answered that it took them (`written_alone`).
   bool lamps_alone = false, command_alone = false;
-  /// Frame to show next, or `kBlackFrame`; nothing: what is on the display stays. Each is told of
-  /// by `Controller::shown` before there is another, but for black on a fault.
+  /// Frame to show next, from 0, or `kBlackFrame`; nothing: what is on the display stays. There is
+  /// no next one until `Controller::shown` has been told of it, except black on a fault.
   std::optional<int> show;
-  double show_at_s = 0;  ///< when to show it, on the print's clock: its light then begins in time
-  bool finished = false;
+  double show_at_s = 0;   ///< when to show it, on the print's clock: its light then begins in time
+  bool finished = false;  ///< the print has ended, well or not: there is no further step
   std::vector<PrintEvent> events;
   std::vector<FrameRecord> records;
 };
 
-/// Told after a frame was shown, and when one was not ready.
+/// What the controller is told after a frame was shown, and when one was not ready.
 struct FrameReport {
-  int number = kBlackFrame;
-  double shown_at_s = 0;  ///< when its light began, on the print's clock
-  bool missing = false;   ///< underrun
+  int number = kBlackFrame;  ///< of the slice, from 0, or black
+  double shown_at_s = 0;     ///< when its light began, on the print's clock
+  bool missing = false;      ///< underrun
   DisplayTimes display = {};
 };
 
@@ -155,19 +161,22 @@ struct PauseAnswer {
 struct Left {
   bool touched = false;      ///< something was moved or lit
   bool lamps_taken = false;  ///< the machine has answered that it put lamps off
-  bool heard = false;        ///< it has said what it measures since the fault; then:
-  bool dark = false, stands = false;
+  bool heard = false;        ///< it has told what it measures since the fault; then hold:
+  bool dark = false;         ///< lamps are measured dark
+  bool stands = false;       ///< the stage stands still
   bool bridge_gone = false;  ///< the program that printed was killed, or the power failed
-  /// The last measurement, whenever that was, and how long before `time` where that is known.
+  /// Whether anything was ever measured, and how long before `time`, s, where that is known; the
+  /// fields below are of that measurement.
   bool measured = false;
   std::optional<double> measured_s_ago;
   double blue_measured = 0;           ///< share, 1: as calibrated
   double stage_um = 0;                ///< above the window
   std::optional<double> uv_measured;  ///< mW/cm²; nothing where the machine does not tell
   std::string time = {};              ///< UTC, of the end of the print; empty: now
+  /// Nothing was touched, or lamps and stage are known to be off and still.
   bool confirmed() const { return !touched || (heard && dark && stands); }
 };
-/// "NOT CONFIRMED that lamps are off ...": the first thing that somebody must be told.
+/// "NOT CONFIRMED that lamps are off ...": what somebody must be told first.
 std::string in_words(const Left& left);
 
 /// What can't be in a status, in words; empty: nothing.
@@ -182,6 +191,7 @@ std::string against_start(const Machine& machine, const Status& status, bool mac
 
 class Controller {
  public:
+  /// `dry_run`: lamps stay off.
   Controller(PrintPlan plan, Machine machine, bool dry_run);
   ~Controller();
   /// One cycle: the last exchange (nothing: no answer) and the time now. The set-points go out at
@@ -204,11 +214,11 @@ class Controller {
   double stage_um() const;
   double speed_um_s() const;
   double stage_error_um() const;  ///< measured less commanded
-  /// The last answer, and what was asked last.
+  /// The machine's last status, and the set-points that went out last.
   const Status& status() const;
   const SetPoints& set_points() const;
   const Lateness& lateness() const;
-  double phase_since_s() const;
+  double phase_since_s() const;  ///< when the phase began, on the print's clock
   /// Largest lateness and position error so far.
   double worst_late_um() const;
   double worst_stage_error_um() const;

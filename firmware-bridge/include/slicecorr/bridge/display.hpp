@@ -16,9 +16,9 @@ namespace slicecorr::bridge {
 /// A borderless window that covers a display, for X11, Wayland and Xvfb ($SDL_VIDEODRIVER counts).
 /// `display`: its number from 0 or its name, "HDMI-1"; empty: that of [projector], else the first.
 /// SDL lives in a thread of its own, which takes over the priority of who calls `show`. The window
-/// may not be closed, hidden, covered or moved: `DeviceError`. A display server that dies is one,
-/// too, and the process lives on; but it can't open another window. One window to a process at a
-/// time. Throws `InputError` when the display's mode is not the printer's or it would be scaled,
+/// may not be closed, hidden, covered or moved: `DeviceError`. So is a display server that dies:
+/// the process lives on, but it can't open another window. One window to a process at a time.
+/// Throws `InputError` when the display's mode is not the printer's or it would be scaled,
 /// `DeviceError` when there is none. `clock` must outlive the sink.
 std::unique_ptr<FrameSink> make_window_sink(const std::string& display, const Machine& machine,
                                             BridgeClock& clock);
@@ -32,12 +32,12 @@ std::unique_ptr<FrameSink> make_window_sink(const std::string& display, const Ma
 std::unique_ptr<FrameSink> make_drm_sink(const std::string& card, const std::string& connector,
                                          const Machine& machine, BridgeClock& clock);
 
-/// The first is the display that counts: its answers are given. The others get the same images
-/// right after it. When one is gone, all count as gone; black goes to all.
+/// The answers are those of the first sink, of which there must be one. The others get the same
+/// images right after it. When one display is gone, all count as gone; black goes to all.
 std::unique_ptr<FrameSink> make_several_sinks(std::vector<std::unique_ptr<FrameSink>> sinks);
 
 /// Sinks as they are named on the command line: window[:DISPLAY], drm[:CARD[:CONNECTOR]],
-/// unix:PATH, tcp:HOST:PORT, null. None: as null. Throws `InputError` and `DeviceError`.
+/// unix:PATH, tcp:HOST:PORT, null. No names mean null. Throws `InputError` and `DeviceError`.
 std::unique_ptr<FrameSink> open_sinks(const std::vector<std::string>& names, const Machine& machine,
                                       const WireHello& hello, BridgeClock& clock);
 

@@ -1,6 +1,6 @@
 /// @file frames.hpp
 /// Images: decoded ahead in a ring by threads of their own, and shown by a sink. `FrameSource` and
-/// `FrameRing` are thread-safe; a `FrameSink` belongs to one thread.
+/// `FrameRing` are thread-safe; a `FrameSink` belongs to one thread. Functions are thread-safe.
 #pragma once
 
 #include <cstddef>
@@ -16,9 +16,9 @@ namespace slicecorr::bridge {
 
 /// One image as the display shows it. Black frames have no pixels.
 struct Frame {
-  int number = kBlackFrame;  ///< of the slice
+  int number = kBlackFrame;  ///< of the slice, from 0
   int width_px = 0, height_px = 0;
-  std::vector<std::uint8_t> blue, uv;  ///< row by row; uv only where it is patterned
+  std::vector<std::uint8_t> blue, uv;  ///< 0..255, row by row; uv only where it is patterned
   std::uint32_t crc32 = 0;             ///< of blue, then uv
 };
 
@@ -27,7 +27,8 @@ class FrameSource {
  public:
   virtual ~FrameSource() = default;
   virtual int frames() const = 0;  ///< how many there are
-  /// Thread-safe.
+  /// Frame `number`, 0..frames() - 1. Thread-safe. Throws `InputError` or `DeviceError` when its
+  /// image can't be read.
   virtual std::shared_ptr<const Frame> make(int number) const = 0;
   /// Memory that a frame takes, bytes; 0: not known.
   virtual std::size_t frame_bytes() const { return 0; }
@@ -42,7 +43,7 @@ std::unique_ptr<FrameSource> make_frame_source(const StackReader& stack, const P
 class FrameRing {
  public:
   static constexpr std::size_t kMostBytes = 256U << 20;  ///< that all frames in it may take
-  /// `source` must outlive this.
+  /// `source` must outlive this. `ring`: frames, 1 or more; `threads`: 1 or more.
   FrameRing(const FrameSource& source, int ring, int threads);
   ~FrameRing();
   /// Frame `number` when it is ready, else null: an underrun, for the caller to judge. Frames
@@ -65,9 +66,10 @@ struct DisplayTimes {
   static constexpr std::int64_t kUnknownVblank = -1;
   /// Number of the vertical blank from which on the image was scanned out.
   std::int64_t vblank = kUnknownVblank;
-  int missed_vblanks = 0;  ///< that went by between handing it over and that one
-  double upload_s = 0;     ///< pixels into the display's memory
-  double present_s = 0;    ///< from there to the light, as far as the display can tell
+  /// Vertical blanks, >= 0, that went by between handing the image over and that one.
+  int missed_vblanks = 0;
+  double upload_s = 0;   ///< time to bring the pixels into the display's memory; 0: not known
+  double present_s = 0;  ///< from there to the light, as far as the display can tell; 0: not known
 };
 
 /// What the display says after a frame was given to it.
@@ -78,7 +80,7 @@ struct Shown {
   DisplayTimes times;
 };
 
-/// Where images go: a display, a simulator, nowhere. One thread calls it.
+/// Where images go: a display, a simulator, nowhere.
 class FrameSink {
  public:
   virtual ~FrameSink() = default;

@@ -1,6 +1,6 @@
 /// @file link.hpp
 /// The wire to the machine, and the time of a print. A `Link` belongs to one thread. The real clock
-/// is thread-safe, the step clock belongs to one thread.
+/// is thread-safe, the step clock belongs to one thread. Nothing throws but where it says so.
 #pragma once
 
 #include <memory>
@@ -11,7 +11,7 @@
 
 namespace slicecorr::bridge {
 
-/// What can be written by itself, past whatever else a machine refuses.
+/// What can be written by itself, so that it gets through where a machine refuses other registers.
 enum class Alone { lamps, command };
 
 /// One exchange after another with a machine: over Modbus, or with a model in the same process.
@@ -44,9 +44,10 @@ class BridgeClock {
  public:
   virtual ~BridgeClock() = default;
   virtual double now_s() const = 0;  ///< since the clock was made
+  /// Returns at once when `time_s` of this clock is over.
   virtual void sleep_until(double time_s) = 0;
 };
-/// CLOCK_MONOTONIC, from 0 at the start; `rate` times as fast.
+/// CLOCK_MONOTONIC, from 0 at the start; `rate` (> 0) times as fast.
 std::unique_ptr<BridgeClock> make_real_clock(double rate = 1.0);
 /// Moves only by sleeping.
 std::unique_ptr<BridgeClock> make_step_clock();

@@ -1,8 +1,8 @@
 /// @file machine.hpp
 /// What the bridge knows of a machine, besides the optics in `Printer`: how its stage moves, what
 /// its lamps can do, how it is spoken to. All of it is data in the printer file, so that another
-/// machine needs no code: tables [stage], [lamps], [bridge],
-/// [projector] and [modbus] (docs/bridge.md). Plain values; all functions are thread-safe.
+/// machine needs no code: tables [stage], [lamps], [bridge], [projector] and [modbus]
+/// (docs/bridge.md has the ranges). Plain values; all functions are thread-safe.
 #pragma once
 
 #include <cstdint>
@@ -22,38 +22,38 @@ inline constexpr int kBlackFrame = -1;
 
 /// [stage]. Positions are heights of the platform above the window, up is away from it.
 struct Stage {
-  double max_speed_um_s = 0;      ///< from max_speed_mm_h
-  double travel_um = 0;           ///< from travel_mm
+  double max_speed_um_s = 0;      ///< from max_speed_mm_h, > 0
+  double travel_um = 0;           ///< from travel_mm, > 0
   double acceleration_um_s2 = 0;  ///< of ramps, > 0
-  double tolerance_um = 20;       ///< largest difference of commanded and measured position
-  double home_um = 0;             ///< where prints begin: platform on the window
+  double tolerance_um = 20;       ///< > 0: largest difference of commanded and measured position
+  double home_um = 0;             ///< >= 0: where prints begin, the platform on the window
   /// Layer by layer. Speed of lifting and of every move outside of the print; that of printing when
   /// the file has none.
   double lift_um = 3000, lift_speed_um_s = 1000;
-  double settle_s = 0.5;  ///< from the end of a move until light may come
+  double settle_s = 0.5;  ///< 0..600: from the end of a move until light may come
 };
 
 /// A lamp as it is driven: a share of the intensity that the calibration stands for; for UV light,
 /// of the greatest in its calibration.
 struct LampDrive {
-  double min_share = 0;     ///< below it the lamp is dark; 0: any share
-  double max_share = 1;     ///< >= 1
-  double tolerance = 0.05;  ///< largest difference of asked and measured share, of full light
+  double min_share = 0;     ///< 0..1: below it the lamp is dark; 0: any share
+  double max_share = 1;     ///< 1..10
+  double tolerance = 0.05;  ///< largest difference of asked and measured share, up to 0.5
   double settle_s = 0.05;   ///< until light is within 1 % of a step of what is asked, when warm
-  double warm_up_s = 0;     ///< lit that long, it gives all its light
+  double warm_up_s = 0;     ///< 0..3600: after so long the lit lamp gives all its light
 };
 
 /// [bridge]: when to give up. Distances count along the stage's way.
 struct Limits {
   double cycle_s = 0.01;             ///< between exchanges, 0.001..0.1
-  double response_timeout_s = 0.04;  ///< of a request and all of its answer
-  double heartbeat_timeout_s = 0.3;  ///< without an answer that long the print has failed
+  double response_timeout_s = 0.04;  ///< of a request and all of its answer, 0.005..1
+  double heartbeat_timeout_s = 0.3;  ///< 0.02..10: without an answer that long the print has failed
   double watchdog_s = 0.3;           ///< what the machine is told: lamps off without a heartbeat
-  double max_late_um = 5;            ///< a frame that begins later is late; largest lateness borne
+  double max_late_um = 5;            ///< > 0: a frame that is further off its place is late
   int max_late_frames = 0;           ///< late frames borne (each within ten times max_late_um)
-  double display_latency_s = 0;      ///< from showing a frame to its light
-  double max_temperature_c = 60;
-  int ring_frames = 16;  ///< decoded ahead, at least 8, as far as memory goes (`FrameRing`)
+  double display_latency_s = 0;      ///< from showing a frame to its light, 0..1
+  double max_temperature_c = 60;     ///< up to 200: above it a print fails
+  int ring_frames = 16;  ///< decoded ahead, 8..1024, as far as memory goes (`FrameRing`)
 };
 
 /// [projector]: which channel of the display's colours carries which light.
@@ -96,7 +96,7 @@ enum class Signal {
   stop_pressed,
   lamp_failed,
   stage_failed,
-  over_temperature,  ///< bits; 1: so it is
+  over_temperature,  ///< this and the four before: bits; 1: so it is
   watchdog_tripped,  ///< bit
   latched,           ///< bit: a print has failed on it, and nobody has reset it since
   job_kept,          ///< `job` as it was written last, whoever wrote it
@@ -108,7 +108,7 @@ enum class MachineState { idle, running, stopped, fault };
 enum class RegisterType { u16, i16, u32, i32, bit };
 /// Where a signal lives: value = raw * scale + offset.
 struct Register {
-  int address = 0;  ///< as on the wire, from 0
+  int address = 0;  ///< as on the wire, 0..65535
   RegisterType type = RegisterType::u16;
   int bit = 0;                   ///< 0..15, of `RegisterType::bit`
   double scale = 1, offset = 0;  ///< in the signal's unit (its name, docs/bridge.md)
@@ -124,7 +124,7 @@ struct RegisterMap {
   std::string device;  ///< path of the serial line; rtu
   int baud = 115200;   ///< bits per s; rtu
   char parity = 'N';   ///< N, E or O; rtu
-  int unit = 1;        ///< the machine's address on the wire
+  int unit = 1;        ///< the machine's address on the wire; tcp: from 0, rtu: from 1
   WordOrder word_order = WordOrder::big;
   Exchange exchange = Exchange::fc23;
   std::map<Signal, Register> write, read;
@@ -142,9 +142,8 @@ struct Machine {
   Projector projector;
   std::optional<RegisterMap> modbus;
   std::string path;  ///< of the file
-  /// Throws `InputError` where there is no register map. `where`: "tcp:HOST:PORT" or "rtu:DEVICE",
-  /// in place of the file's word; empty: as the file has it. Throws `InputError` for what is
-  /// neither.
+  /// Sets where the machine is reached: `where` is "tcp:HOST:PORT" or "rtu:DEVICE"; empty: as the
+  /// file has it. Throws `InputError` for anything else, and where there is no register map.
   void connect_to(const std::string& where);
 };
 
@@ -152,6 +151,7 @@ struct Machine {
 /// expected: signals that are missing or overlap, blocks beyond the limits of Modbus (121 written,
 /// 125 read), values out of range.
 Machine load_machine(const std::string& name_or_path);
+/// The same from the text of a file; `source` names it in messages.
 Machine parse_machine(std::string_view text, const std::string& source);
 
 /// Name of a signal as in printer files: "stage_um".
@@ -163,11 +163,11 @@ struct SetPoints {
   std::uint16_t heartbeat = 0;  ///< changes after each good answer
   Command command = Command::off;
   double target_um = 0;                           ///< stage position, above the window
-  double speed_um_s = 0, acceleration_um_s2 = 0;  ///< greatest on the way there
-  double blue_share = 0;                          ///< of the calibration; 0: dark
-  double uv_mw_cm2 = 0;                           ///< of the flood lamp; 0: dark
+  double speed_um_s = 0, acceleration_um_s2 = 0;  ///< greatest on the way there, >= 0
+  double blue_share = 0;                          ///< of the calibration, >= 0; 0: dark
+  double uv_mw_cm2 = 0;                           ///< of the flood lamp, >= 0; 0: dark
   std::int32_t frame = kBlackFrame;               ///< number of the slice that is shown
-  double watchdog_s = 0.3;  ///< so long without a new heartbeat, and the machine puts lamps off
+  double watchdog_s = 0.3;  ///< after so long without a new heartbeat the machine puts lamps off
   bool job = false;         ///< a print is on, from its first motion or light to its good end
 };
 
@@ -176,9 +176,10 @@ struct Status {
   std::uint16_t sequence_echo = 0;  ///< of the last set-points that were taken over
   MachineState state = MachineState::idle;
   double stage_um = 0;  ///< measured, above the window
+  /// Nothing where the machine does not tell: speed (above 0: up), and temperature.
   std::optional<double> stage_speed_um_s, temperature_c;
-  std::optional<double> machine_time_s;  ///< on the machine's own clock
-  std::optional<double> uv_measured;     ///< mW/cm²
+  std::optional<double> machine_time_s;  ///< on the machine's own clock; nothing: it tells none
+  std::optional<double> uv_measured;     ///< mW/cm²; nothing: it does not tell
   double blue_measured = 0;              ///< share, 1: as calibrated
   bool door_open = false, stop_pressed = false, lamp_failed = false, stage_failed = false,
        over_temperature = false, watchdog_tripped = false;
@@ -190,13 +191,13 @@ struct Status {
 struct RegisterRun {
   int address = 0, count = 0;
 };
-/// Those of set-points: the lamps' first, that with the heartbeat last but one and that with the
-/// sequence number last: a machine that gives it back has taken all of them over. One where
-/// `exchange` is fc23.
+/// Runs of the registers of set-points, in the order in which they are written: the lamps' first,
+/// the heartbeat's last but one, the sequence number's last. So a machine that gives the sequence
+/// number back has taken all of them over. A single run where `exchange` is fc23.
 std::vector<RegisterRun> write_runs(const RegisterMap& map);
 /// Runs of the registers that carry these signals alone.
 std::vector<RegisterRun> write_runs(const RegisterMap& map, std::span<const Signal> signals);
-/// Requests of an exchange: each has its own response timeout.
+/// Number of requests in an exchange; each has its own response timeout.
 int requests_of(const RegisterMap& map);
 
 /// Registers of a block for set-points, and back; for both ends of the wire. Values beyond what a

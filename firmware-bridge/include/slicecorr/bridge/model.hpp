@@ -2,7 +2,8 @@
 /// A printer to test against, without wires: stage, lamps, interlocks and watchdog over time. Its
 /// state follows from closed forms between events, so that nothing depends on how often it is asked
 /// and the light that each slice got is exact. A `PrinterModel` belongs to one thread at a time
-/// (sim/timed_model.hpp shares one); all else is plain values and thread-safe functions.
+/// (sim/timed_model.hpp shares one); all else is plain values and thread-safe functions. Only
+/// `parse_sim_fault` throws.
 #pragma once
 
 #include <cstdint>
@@ -23,8 +24,8 @@ namespace slicecorr::bridge {
 struct SimFault {
   std::string what;
   double value = 0;  ///< in the unit of `SimFaultKind::value`; where not given, the standard one
-  std::optional<double> at_s;
-  std::optional<int> at_frame;  ///< when this frame, or a later one, is shown
+  std::optional<double> at_s;   ///< on the model's clock
+  std::optional<int> at_frame;  ///< when this frame, or a later one, is shown; from 0
 };
 /// Throws `InputError` naming what is known.
 SimFault parse_sim_fault(const std::string& text);
@@ -46,23 +47,23 @@ struct SimEvent {
   double stage_um = 0;  ///< above the window
 };
 
-/// Place of black among the images shown.
+/// Stands for black where an image is named by its place in the order shown.
 inline constexpr int kBlackImage = -1;
 
 /// What was shown while the stage was within one slice.
 struct SliceExposure {
   struct Showing {
-    int image = kBlackImage;        ///< which of the images shown, in their order
+    int image = kBlackImage;        ///< which of the lit images, in their order from 0
     double light_s = 0;             ///< integral of (share of blue)^m over the time it was shown
-    double uv_mw_cm2 = 0;           ///< mean while it was shown
-    double from_um = 0, to_um = 0;  ///< stage, from the first slice's begin
+    double uv_mw_cm2 = 0;           ///< mean intensity while it was shown
+    double from_um = 0, to_um = 0;  ///< stage positions, from the first slice's begin
     double speed_um_s = 0, blue_share = 0;  ///< means while it was shown
     double time_s = 0;                      ///< how long it was shown
   };
   std::vector<Showing> showings;
 };
 
-/// How light is told to be of one slice or another.
+/// What decides of which slice light is.
 struct SliceFacts {
   double layer_um = 0;  ///< 0: nothing is recorded
   double start_um = 0;  ///< stage position of the first slice's begin
@@ -77,7 +78,7 @@ class PrinterModel {
   /// Time begins at 0, the stage stands at its home. Lamps are cold and dark.
   PrinterModel(Machine machine, std::vector<SimFault> faults, double layer_um = 0, double m = 1);
   ~PrinterModel();
-  /// From now on; forgets what was recorded.
+  /// Records exposures from now on; forgets what was recorded.
   void record(const SliceFacts& facts);
   /// Lets time pass to `time_s`; a time before now does nothing.
   void advance(double time_s);
@@ -105,7 +106,7 @@ class PrinterModel {
   /// Told every image that was lit, once, with its place in the order; for recorders.
   using ImageSink = std::function<void(int image, const std::shared_ptr<const Frame>&)>;
   void tell_images(ImageSink sink);
-  /// By slice. What was lit before the first slice is with the first.
+  /// Per slice. What was lit before the first slice is counted with the first.
   const std::vector<SliceExposure>& exposures() const;
   bool lamps_dark() const;
   bool at_rest() const;  ///< the drive of the stage does not move

@@ -1,6 +1,6 @@
 /// @file plan.hpp
 /// What is to be shown where, how bright, and whether this machine can do it: settled before
-/// anything moves. Plain values; all functions are thread-safe.
+/// anything moves. Plain values; all functions are thread-safe. Only `plan_print` throws.
 #pragma once
 
 #include <cstdint>
@@ -16,32 +16,33 @@ namespace slicecorr::bridge {
 /// One slice of the stack as it is printed.
 struct FramePlan {
   bool lit = false;      ///< some pixel is above black
-  double uv_mw_cm2 = 0;  ///< flood: of the lamp
-  /// What keeps resin at the window from curing under this frame's brightest pixel; patterned: of
-  /// the lamp's full light. 0: nothing is asked.
+  double uv_mw_cm2 = 0;  ///< asked of the UV lamp, >= 0; patterned: of its full light
+  /// Least UV light that keeps resin at the window from curing under this frame's brightest pixel,
+  /// at full blue light; patterned: of the lamp's full light. 0: nothing is asked.
   double least_uv_mw_cm2 = 0;
-  double exposure_s = 0;  ///< layer by layer
+  double exposure_s = 0;  ///< layer by layer, > 0; else 0
 };
 
 struct PrintPlan {
   ExposureMode mode = ExposureMode::continuous;
-  double layer_um = 0, speed_um_s = 0;
-  double m = 1;  ///< exponent of intensity in the resin's cure law
+  double layer_um = 0, speed_um_s = 0;  ///< slice height, > 0; print speed, 0 layer by layer
+  double m = 1;                         ///< exponent of intensity in the resin's cure law
   Ramp ramp = Ramp::none;
   double acceleration_um_s2 = 0;  ///< of the ramps: at most the stage's
   double ramp_um = 0;             ///< distance in which the stage reaches its speed
   /// Where ramps lie outside: way before the first slice, in which the stage reaches its speed and
   /// is seen to do so.
   double run_up_um = 0;
-  bool uv = false, uv_patterned = false;
+  bool uv = false, uv_patterned = false;  ///< UV light is on; it has an image per slice
   std::vector<FramePlan> frames;
   double start_um = 0, end_um = 0;  ///< stage positions of the first slice's begin, the last's end
-  double expected_s = 0;            ///< from start to end
+  double expected_s = 0;            ///< time that it takes from start to end
   double black_mw_cm2 = 0;          ///< what the projector gives with the lamp on and black shown
   double uv_max_mw_cm2 = 0;         ///< of the UV lamp at full share
   /// Layer by layer: what black gives while the lamp shines before and after the exposures, in all,
   /// as a share of the dose that gels. It is in no stack.
   double black_excess = 0;
+  /// Whether the lamps follow the stage's speed on its ramps.
   bool lamps_follow() const {
     return mode == ExposureMode::continuous && ramp == Ramp::lamp_follows;
   }
@@ -57,8 +58,9 @@ double lamp_share(const PrintPlan& plan, const LampDrive& lamp, double speed_um_
 /// Throws `InputError` (exit 2) when the stack is damaged (checksums of images, entries, sizes), is
 /// no corrected stack, or was made for another printer (name, display, calibration); and
 /// `InfeasibleError` (exit 3) when it is too fast or too long for the stage, asks for more light
-/// than the lamps give, has frames under their UV ratio, or ramps that lamp and UV can't follow:
-/// the message says what would do. Reads all images once. `path` names the stack in messages.
+/// than the lamps give, has frames with too little UV light for their blue light, or ramps that
+/// the lamps can't follow: the message says what would do. Reads all images once. `path` names the
+/// stack in messages.
 PrintPlan plan_print(const StackReader& stack, const std::string& path, const Machine& machine,
                      const ExecutionContext& context = {});
 

@@ -1,7 +1,7 @@
 /// @file print_state.hpp
 /// What is told of a print: facts that stay, and how it stands now. The control thread only copies
 /// numbers; text is made of them by whoever asks. Plain values; all functions are thread-safe, but
-/// `state_of`, which belongs to the controller's thread.
+/// `state_of`, which belongs to the controller's thread. Nothing here throws.
 #pragma once
 
 #include <optional>
@@ -18,14 +18,14 @@ namespace slicecorr::bridge {
 struct PrintFacts {
   std::string stack, printer, display;
   bool dry_run = false, layerwise = false, uv = false;
-  int frames = 0;  ///< slices in the stack
-  double layer_um = 0;
+  int frames = 0;                                   ///< slices in the stack
+  double layer_um = 0;                              ///< slice height
   double speed_um_s = 0;                            ///< planned; 0 layer by layer
   double start_um = 0, end_um = 0, expected_s = 0;  ///< as in `PrintPlan`
   double max_late_um = 0;                           ///< as in `Limits`
   double tolerance_um = 0;                          ///< as in `Stage`
   double cycle_s = 0;                               ///< as in `Limits`
-  int max_late_frames = 0, ring_frames = 0;
+  int max_late_frames = 0, ring_frames = 0;         ///< as in `Limits`
 };
 PrintFacts facts_of(const PrintPlan& plan, const Machine& machine);
 
@@ -42,12 +42,12 @@ struct PrintState {
   double stage_error_um = 0;              ///< measured less commanded
   double worst_late_um = 0;               ///< so far, along the stage's way
   double worst_stage_error_um = 0;        ///< so far
-  double blue_share = 0;                  ///< asked
+  double blue_share = 0;                  ///< asked of the blue lamp, 1: as calibrated
   double blue_measured = 0;               ///< share, as `blue_share`
-  double uv_mw_cm2 = 0;                   ///< asked
-  std::optional<double> uv_measured;      ///< mW/cm²
-  std::optional<double> temperature_c;
-  std::optional<Left> left;  ///< once a fault's order is given
+  double uv_mw_cm2 = 0;                   ///< asked of the UV lamp
+  std::optional<double> uv_measured;      ///< mW/cm²; nothing: the machine does not tell
+  std::optional<double> temperature_c;    ///< nothing: the machine does not tell
+  std::optional<Left> left;               ///< once a fault's order is given
   Lateness lateness;
   std::uint64_t told = 0;  ///< how often the control thread has handed this over
 };
@@ -55,9 +55,9 @@ PrintState state_of(const Controller& controller, double at_s, int missed_cycles
 
 /// What is not known of the state by the control thread, or costs something to know.
 struct PrintAround {
-  std::optional<int> ready_frames;     ///< decoded ahead
+  std::optional<int> ready_frames;     ///< frames decoded ahead
   std::optional<std::uint64_t> asked;  ///< questions that were answered so far
-  std::optional<double> seconds;       ///< how long the print took; it has ended
+  std::optional<double> seconds;       ///< how long the print took; nothing: it goes on
   std::string threads;                 ///< real-time priority and memory locking, as it was got
 };
 

@@ -1,7 +1,8 @@
 /// @file record.hpp
 /// What is left of a print: a journal of events that survives a power cut, a CSV of frames, and the
-/// latch that keeps a failed machine from printing until somebody has looked. All is
-/// thread-safe, but that each `PrintLock` belongs to one thread.
+/// latch that keeps a failed machine from printing until somebody has looked. All is thread-safe,
+/// but each `PrintLock` belongs to one thread. Where a disk fails while a print goes on nothing is
+/// thrown: `trouble` says it.
 #pragma once
 
 #include <memory>
@@ -21,6 +22,7 @@ class Journal {
   /// An earlier journal is kept beside it as journal.previous.jsonl.
   explicit Journal(const std::string& path);
   ~Journal();
+  /// Never waits, and never throws for the disk.
   void add(const PrintEvent& event, bool important);
   /// Waits until all is on the disk.
   void flush();
@@ -89,11 +91,12 @@ struct Latch {
   /// Of lamps and stage; nothing where the file says nothing of it.
   std::optional<Left> left = {};
 };
-/// Also found where a print was killed: nobody prints (or `locked`: the caller does, or will), and
-/// the journal has no end.
+/// The latch of the folder; nothing: there is none. A print that was killed counts as latched, too:
+/// its journal has no end, and no other process prints (`locked`: the caller holds the lock).
 std::optional<Latch> read_latch(const StateFolder& folder, bool locked);
 /// On the disk when it returns. Throws `DeviceError`.
 void write_latch(const StateFolder& folder, const Latch& latch);
+/// Throws `DeviceError` when it can't be removed.
 void clear_latch(const StateFolder& folder);
 
 /// What the journal begins and ends with.
@@ -105,7 +108,7 @@ inline constexpr const char* kJournalLeft = "lamps and stage";
 /// UTC, as the journal has it: "2026-01-02T03:04:05.678Z".
 std::string utc_now();
 
-/// Whole or not at all, on the disk when it returns. Throws `DeviceError`.
+/// Writes a file whole or not at all; it is on the disk when this returns. Throws `DeviceError`.
 void write_whole(const std::string& path, const std::string& text);
 
 }  // namespace slicecorr::bridge

@@ -1,7 +1,7 @@
 /// @file run.hpp
 /// A print from beginning to end: control thread, image thread, threads that make frames, record.
 /// Functions may be called from any thread, but a link, a clock and a sink belong to one call at a
-/// time.
+/// time. What throws says so.
 #pragma once
 
 #include <atomic>
@@ -22,28 +22,29 @@ struct RunOptions {
   /// Image and control in one thread, one after the other: with a step clock the print does not
   /// depend on the machine that runs it.
   bool lockstep = false;
-  int threads = 2;    ///< that make frames
+  int threads = 2;    ///< that make frames, >= 1
   std::string stack;  ///< its path, for the record
   /// Set by signals: the print fails with `stopped_by_user`.
   const std::atomic<bool>* stop = nullptr;
 };
 
+/// How a print ended.
 struct Ending {
   Phase phase = Phase::failed;
   Fault fault = Fault::none;
-  std::string detail;
-  int frames = 0;           ///< in the stack
-  int frames_shown = 0;     ///< of them
-  int late_frames = 0;      ///< of those
+  std::string detail;       ///< of the fault, in words
+  int frames = 0;           ///< slices in the stack
+  int frames_shown = 0;     ///< slices that were shown
+  int late_frames = 0;      ///< shown ones that were late
   int frame = kBlackFrame;  ///< on the display when a fault was found, else at the end
-  double worst_late_um = 0, worst_stage_error_um = 0;
-  double seconds = 0;     ///< how long it took, on the print's clock
-  double stage_um = 0;    ///< measured last, above the window
+  double worst_late_um = 0, worst_stage_error_um = 0;  ///< greatest, >= 0
+  double seconds = 0;                                  ///< how long it took, on the print's clock
+  double stage_um = 0;                                 ///< measured last, above the window
   int missed_cycles = 0;  ///< cycles that began more than one cycle late
   Lateness lateness;
-  bool latched = false;
-  Left left;            ///< after a fault: in what state lamps and stage are, as far as is known
-  std::string trouble;  ///< what could not be recorded
+  bool latched = false;  ///< a latch was written
+  Left left;             ///< after a fault: in what state lamps and stage are, as far as is known
+  std::string trouble;   ///< what could not be recorded
 };
 
 /// Takes status, pause, resume and stop over the state folder's socket while it runs. Whatever

@@ -14,7 +14,7 @@ namespace slicecorr::bridge {
 
 struct ServeOptions {
   std::string host = "127.0.0.1";
-  int port = 0;            ///< 0: the system chooses
+  int port = 0;            ///< 0..65535; 0: the system chooses
   std::string token;       ///< what reading needs beyond loopback
   std::string host_names;  ///< further names in Host headers that are ours, separated by commas
   /// The JSON of `printbridge status`. Called by several threads.
@@ -35,7 +35,7 @@ class PrintServer {
   std::string address() const;
   /// Serves until `stop`; then open requests are cut off.
   void run();
-  /// From any thread.
+  /// Ends `run`. May be called from any thread.
   void stop();
 
  private:

@@ -1,7 +1,8 @@
 /// @file view.hpp
 /// What a person sees of a print: the page after it, the live view, metrics. Nothing here touches
 /// the print: it reads the state folder's files and what the control socket answered. All functions
-/// are thread-safe, but those that write the same folder's report belong to one thread.
+/// are thread-safe, but those that write the same folder's report belong to one thread. Only
+/// `write_report` throws.
 #pragma once
 
 #include <functional>
@@ -14,29 +15,29 @@
 
 namespace slicecorr::bridge {
 
-/// A row of frames.csv; NaN where something is not known. What the columns mean is said at
-/// `FrameRecord` and `DisplayTimes`; z is counted from the first slice's begin, times on the
-/// print's clock.
+/// A row of frames.csv, as `FrameLog` writes it of a `FrameRecord`. A number is NaN where its
+/// column is missing or its cell empty. z is the stage's position from the first slice's begin;
+/// times are on the print's clock.
 struct FrameRow {
-  int frame = 0;              ///< number of the slice
-  double planned_z_um = 0;    ///< where its light was to begin
-  double z_um = 0;            ///< where it began
+  int frame = 0;              ///< number of the slice, from 0
+  double planned_z_um = 0;    ///< z at which its light was to begin
+  double z_um = 0;            ///< z at which its light began
   double planned_s = 0;       ///< when its light was to begin
-  double shown_s = 0;         ///< when it began
-  double late_um = 0;         ///< along the stage's way; below 0: early
-  double speed_um_s = 0;      ///< of the stage
-  double blue_share = 0;      ///< asked, 1: as calibrated
-  double uv_mw_cm2 = 0;       ///< asked
-  double blue_measured = 0;   ///< share, 1: as calibrated
-  double uv_measured = 0;     ///< mW/cm²
+  double shown_s = 0;         ///< when its light began
+  double late_um = 0;         ///< z_um less planned_z_um; below 0: early
+  double speed_um_s = 0;      ///< of the stage; above 0: away from the window
+  double blue_share = 0;      ///< asked of the blue lamp, >= 0; 1: as calibrated
+  double uv_mw_cm2 = 0;       ///< asked of the UV lamp, >= 0
+  double blue_measured = 0;   ///< share, as `blue_share`
+  double uv_measured = 0;     ///< mW/cm²; 0 where the machine does not tell
   double stage_error_um = 0;  ///< measured less commanded
-  double temperature_c = 0;
-  double exposure_s = 0;      ///< asked, layer by layer
-  double exposed_s = 0;       ///< as it was, layer by layer
-  double missed_vblanks = 0;  ///< a count
-  double upload_s = 0;        ///< pixels into the display's memory
-  double present_s = 0;       ///< from there to the light
-  bool late = false;          ///< counts as late
+  double temperature_c = 0;   ///< NaN where the machine does not tell
+  double exposure_s = 0;      ///< layer by layer: asked; else NaN
+  double exposed_s = 0;       ///< layer by layer: given, NaN where it did not end; else NaN
+  double missed_vblanks = 0;  ///< a whole number, see DisplayTimes
+  double upload_s = 0;        ///< see DisplayTimes
+  double present_s = 0;       ///< see DisplayTimes
+  bool late = false;          ///< see FrameRecord
 };
 
 /// A line of the journal.
@@ -94,7 +95,7 @@ void keep_report(const StateFolder& folder);
 /// Writes report.html into the folder. Throws `DeviceError`.
 void write_report(const StateFolder& folder, bool running);
 
-/// What the printer does now, or how the last print ended: of the JSON of `status`.
+/// What the printer does now, or how the last print ended, as the JSON of `status` says it.
 struct Seen {
   std::string printer;
   bool running = false;
@@ -113,7 +114,7 @@ std::string status_text(const StateFolder& folder, const std::string& printer,
                         const std::optional<std::string>& running);
 Seen seen_in(const std::string& status);
 
-/// A frame of the live view: at most `rows` lines of at most `columns`.
+/// A frame of the live view: at most `rows` lines of at most `columns` characters.
 std::vector<std::string> live_frame(const Seen& seen, int columns, int rows, bool colour);
 /// What the live view says, in one line.
 std::string live_line(const Seen& seen);

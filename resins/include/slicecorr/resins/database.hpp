@@ -3,7 +3,9 @@
 ///
 /// A folder holds NAME.toml and, for every earlier version, .history/NAME/VERSION.toml. Changes
 /// take the folder's lock, are written beside and renamed: concurrent changes come one after the
-/// other, and a kill leaves the old file or the new one. Thread- and process-safe.
+/// other, and a kill leaves the old file or the new one. Functions are thread-safe, and safe
+/// against other processes. Names and texts that can't be used throw `InputError`, failing disks
+/// `DeviceError`.
 #pragma once
 
 #include <optional>
@@ -17,8 +19,8 @@ namespace slicecorr::resins {
 
 /// What `resinctl list` can ask for; empty and unset fields ask for nothing.
 struct Query {
-  std::string words =
-      "";  ///< all of them must occur in name, maker, product, chemistry, colour or notes
+  /// Words that must all occur in name, maker, product, chemistry, colour or notes.
+  std::string words = "";
   std::string maker = "", chemistry = "";
   std::optional<double> wavelength_nm = std::nullopt;  ///< within 10 nm
   /// Absorbance height, base e.
@@ -43,7 +45,7 @@ std::string writable_folder();
 
 /// A version of a record that is kept.
 struct Version {
-  int number = 0;
+  int number = 0;       ///< from 1
   std::string date;     ///< when it was saved: ISO 8601, UTC; empty when it came without
   std::string message;  ///< why, as given; "changed by hand" for a text found past this library
   std::string path;

@@ -22,13 +22,13 @@ std::string aim_words(const Resin& resin);
 
 /// An exposure to foretell. Fields that are 0 are not asked for.
 struct Question {
-  double blue_mw_cm2 = 0;  ///< > 0
-  double uv_mw_cm2 = 0;
-  bool aim = false;       ///< with the dose that correction aims at, instead of the gel dose
-  double exposure_s = 0;  ///< of a stationary exposure
-  double height_um = 0;   ///< when does the resin gel this far above the window?
-  double speed_mm_h = 0;  ///< of continuous printing
-  double layer_um = 50;
+  double blue_mw_cm2 = 0;   ///< > 0
+  double uv_mw_cm2 = 0;     ///< >= 0
+  bool aim = false;         ///< with the dose that correction aims at, instead of the gel dose
+  double exposure_s = 0;    ///< of a stationary exposure
+  double height_um = 0;     ///< when does the resin gel this far above the window?
+  double speed_mm_h = 0;    ///< of continuous printing
+  double layer_um = 50;     ///< > 0
   double black_mw_cm2 = 0;  ///< light of a black pixel: for the slowest speed
   /// What places of the display get of this light, by its flat-field; > 0.
   double least_light = 1, greatest_light = 1;
@@ -41,9 +41,9 @@ struct Question {
 struct Passing {
   double phi = 0;                        ///< dose in critical doses
   double critical_intensity_mw_cm2 = 0;  ///< blue that gives phi = 1, with the UV light asked for
-  double fastest_mm_h = 0;               ///< phi is 1 there
-  double slowest_mm_h = 0;               ///< black gels at and below; 0 without light of black
-  double slice_time_s = 0;
+  double fastest_mm_h = 0;               ///< the speed at which phi is 1
+  double slowest_mm_h = 0;               ///< at it and below black gels; 0 without light of black
+  double slice_time_s = 0;               ///< in which the window passes a slice
   /// Slices of this light that lift the dose from 0 to 1, without UV; 0 when it never does.
   int slices_to_gel = 0;
 };
@@ -56,7 +56,7 @@ struct Forecast {
   /// window and the back the cured height.
   std::optional<CuringFronts> fronts;
   double cured_height_without_uv_um = 0;  ///< below 0 when nothing gels
-  double steady_dead_zone_um = 0;
+  double steady_dead_zone_um = 0;         ///< 0: none lasts; infinite: nothing ever gels
   FirstGel first;
   double window_time_s = 0;          ///< infinite while a dead zone lasts
   double exposure_for_height_s = 0;  ///< infinite: never
@@ -106,15 +106,15 @@ struct Recommendation {
 
   // At the height to formulate for: the one of the range with the greatest contrast in gaps.
   double height_e_um = 0, height10_um = 0;
-  double absorber_factor = 1;  ///< absorbance over that of the resin now
-  double phi_max = 0, phi_min = 0;
-  double fastest_mm_h = 0, slowest_mm_h = 0;
-  double corrected_error_um = 0;       ///< most that one grey level moves an edge
-  double um_per_percent_of_light = 0;  ///< how far an upper edge moves
-  UncorrectedEdges uncorrected;        ///< of slices shown as they are, at full light
-  double burst_um = 0;                 ///< full light needed below a feature
-  double gap_um = 0, gap_contrast = 0;
-  double uv_needed_mw_cm2 = 0, phi_with_uv = 0;
+  double absorber_factor = 1;                 ///< absorbance over that of the resin now
+  double phi_max = 0, phi_min = 0;            ///< of full light and of black
+  double fastest_mm_h = 0, slowest_mm_h = 0;  ///< speeds at which it prints
+  double corrected_error_um = 0;              ///< most that one grey level moves an edge
+  double um_per_percent_of_light = 0;   ///< way of an upper edge when the light changes by 1 %
+  UncorrectedEdges uncorrected;         ///< of slices shown as they are, at full light
+  double burst_um = 0;                  ///< full light needed below a feature
+  double gap_um = 0, gap_contrast = 0;  ///< a gap's height, and 1 less its least dose
+  double uv_needed_mw_cm2 = 0, phi_with_uv = 0;  ///< for the dead zone; full light under it
 
   double best_uncorrected_error_um = 0;  ///< of all absorbers, at this speed
   double best_uncorrected_height10_um = 0;

@@ -1,6 +1,8 @@
 /// @file exchange.hpp
 /// Resins and printers from and for other programs. Every conversion says what it assumed.
-/// All functions are thread-safe.
+///
+/// All functions are thread-safe. What can't be read or made throws `InputError`, failing disks
+/// `DeviceError`.
 #pragma once
 
 #include <string>

@@ -13,6 +13,9 @@
 ///
 /// Residuals are measured minus predicted height. Least squares with Ceres; analytic derivatives,
 /// that of the front by the implicit function theorem.
+///
+/// Plain values; all functions are thread-safe. Errors are `InputError`, and `Cancelled` where a
+/// `context` is cancelled.
 #pragma once
 
 #include <array>
@@ -31,13 +34,14 @@ namespace slicecorr::resins {
 enum class FitModel { jacobs, kinetic, dead_zone_steady, dead_zone_transient, joint };
 /// "jacobs", "kinetic", "deadzone-steady", "deadzone-transient", "joint".
 std::string_view name_of(FitModel model);
+/// Throws `InputError` when no model has this name.
 FitModel fit_model_named(const std::string& name);
 
 enum class Loss { none, soft_l1, cauchy };
 enum class Weights { none, scatter };
 
 struct Bounds {
-  double low = 0, high = 0;
+  double low = 0, high = 0;  ///< in the parameter's unit, low < high
 };
 
 struct FitOptions {
@@ -64,9 +68,9 @@ struct FitOptions {
 };
 
 struct Parameter {
-  std::string name;  ///< contract's name
-  std::string unit;  ///< for people: "um", "mJ/cm²", ""
-  double value = 0;
+  std::string name;    ///< contract's name
+  std::string unit;    ///< for people: "um", "mJ/cm²", ""
+  double value = 0;    ///< in `unit`, as the next ones
   double stderr_ = 0;  ///< from the covariance; NaN when it can't be known
   /// value -+ t(0.975, n - p) stderr, in log for scale parameters (all but exponents); of
   /// dead_zone_transient and joint without robust loss from the likelihood profile, so asymmetric.
@@ -85,9 +89,9 @@ struct FitPoint {
   double predicted_um = 0;  ///< as `predict_um`
   /// 1 / sigma of the residual, relative: mean square 1. 0: left out of the fit (a dead zone of 0).
   double weight = 1;
-  double leverage = 0;     ///< diagonal of the hat matrix, 0..1
-  double studentised = 0;  ///< externally studentised residual
-  double cooks_distance = 0;
+  double leverage = 0;        ///< diagonal of the hat matrix, 0..1
+  double studentised = 0;     ///< externally studentised residual
+  double cooks_distance = 0;  ///< >= 0
   Origin origin;
 };
 
@@ -110,8 +114,8 @@ struct Reciprocity {
 struct KindFit {
   int n = 0;
   double squares = 0, total = 0;  ///< SSres, and SStot about the mean of the kind, um²
-  double r2 = 0, rmse_um = 0;
-  double sigma_um = 0;  ///< sqrt(SSres / (n - summed leverage))
+  double r2 = 0, rmse_um = 0;     ///< 1 - SSres / SStot; sqrt(SSres / n)
+  double sigma_um = 0;            ///< sqrt(SSres / (n - summed leverage))
 };
 
 struct FitResult {
@@ -121,9 +125,9 @@ struct FitResult {
   std::vector<double> covariance;
   /// 1 - SSres / SStot, heights about their mean, unweighted (joint: each kind about its own).
   double r2 = 0;
-  double rmse_um = 0;   ///< sqrt(SSres / n)
-  double sigma_um = 0;  ///< sqrt(SSres / (n - p)): what the fit says of the scatter
-  int n = 0, free_parameters = 0;
+  double rmse_um = 0;              ///< sqrt(SSres / n)
+  double sigma_um = 0;             ///< sqrt(SSres / (n - p)): what the fit says of the scatter
+  int n = 0, free_parameters = 0;  ///< measurements fitted; parameters that were not held
   KindFit cured, dead_zones;
   std::vector<FitPoint> points;
   std::vector<Outlier> outliers;
@@ -140,13 +144,13 @@ struct FitResult {
   double value(std::string_view name) const;
   /// Keys of the contract and more (covariance, points, reciprocity).
   std::string to_json() const;
-  /// For people.
+  /// The result as a text for people.
   std::string to_text() const;
 };
 
 /// Fits; throws `InputError` when the data can't be fitted at all (too few points, wrong kind) and
 /// says what is missing; what can be fitted but not trusted has a warning. Deterministic for a
-/// seed, whatever the number of threads. Thread-safe.
+/// seed, whatever the number of threads.
 FitResult fit(const Measurements& data, FitModel model, const FitOptions& options = {},
               const ExecutionContext& context = {});
 
@@ -162,8 +166,8 @@ struct TimeToState {
 /// a time ends within its induction.
 struct ExponentFit {
   double m = 0, stderr_ = 0;
-  std::array<double, 2> ci95{};
-  int n = 0, states = 0;
+  std::array<double, 2> ci95{};  ///< of m
+  int n = 0, states = 0;         ///< times, and different states among them
 };
 ExponentFit exponent_from_times(const std::vector<TimeToState>& times,
                                 double induction_dose_mj_cm2 = 0);

@@ -1,6 +1,6 @@
 /// @file measurements.hpp
 /// Measurements of resins, read from CSV (contract: "resinctl"). Plain values; all functions are
-/// thread-safe.
+/// thread-safe and throw `InputError`.
 #pragma once
 
 #include <string>
@@ -32,7 +32,7 @@ struct DeadZone {
   double uv_mw_cm2 = 0;     ///< > 0
   double exposure_s = 0;    ///< > 0
   double dead_zone_um = 0;  ///< >= 0
-  double sigma_um = 0;
+  double sigma_um = 0;      ///< as of CuredHeight
   Origin origin;
 };
 

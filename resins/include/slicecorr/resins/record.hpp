@@ -1,7 +1,7 @@
 /// @file record.hpp
 /// A resin as the shop keeps it: all that a resin file holds, more than the cure model needs.
 ///
-/// Thread-safe; functions throw `InputError` with file, line and key.
+/// Plain values; all functions are thread-safe and throw `InputError` with file, line and key.
 #pragma once
 
 #include <map>
@@ -49,12 +49,12 @@ ResinRecord parse_record(std::string_view text, const std::string& source);
 
 /// All areal/volumetric and base 10/base e forms of a resin's figures, for showing.
 struct ResinFigures {
-  double height_e_um = 0, height10_um = 0;
+  double height_e_um = 0, height10_um = 0;         ///< absorbance height of the curing light
   double gel_mj_cm2 = 0, gel_mj_cm3 = 0;           ///< m = 1; 0 when there is none
   double aim_mj_cm2 = 0, aim_mj_cm3 = 0;           ///< what correction aims at
   double gel_prime = 0, gel_prime_volumetric = 0;  ///< D'c areal, and over hb^m
-  double aim_prime = 0, aim_prime_volumetric = 0;
-  double dose_factor = 1;
+  double aim_prime = 0, aim_prime_volumetric = 0;  ///< the same of the dose aimed at
+  double dose_factor = 1;                          ///< dose aimed at over gel dose
   double huv_e_um = 0, huv10_um = 0, beta = 0, beta_volumetric = 0;  ///< 0 without inhibition
 };
 ResinFigures figures_of(const Resin& resin);

@@ -32,9 +32,9 @@ struct Case {
 };
 void PrintTo(const Case& c, std::ostream* out) { *out << c.format; }
 
-class NewArchive : public testing::TestWithParam<Case> {};
+class NewOtherArchive : public testing::TestWithParam<Case> {};
 
-TEST_P(NewArchive, IsReadBackAsItWas) {
+TEST_P(NewOtherArchive, IsReadBackAsItWas) {
   const TemporaryFolder folder;
   const Images images = test::random_images(70, 30, 12, 3);
   for (const StackKind kind : {StackKind::target, StackKind::corrected}) {
@@ -72,7 +72,7 @@ TEST_P(NewArchive, IsReadBackAsItWas) {
   }
 }
 
-TEST_P(NewArchive, IsTheSameEachTime) {
+TEST_P(NewOtherArchive, IsTheSameEachTime) {
   const TemporaryFolder folder;
   const Images images = test::random_images(40, 50, 5, 4);
   std::vector<Bytes> written[2];
@@ -96,7 +96,7 @@ TEST_P(NewArchive, IsTheSameEachTime) {
   EXPECT_EQ(written[0], written[1]);
 }
 
-INSTANTIATE_TEST_SUITE_P(Formats, NewArchive,
+INSTANTIATE_TEST_SUITE_P(Formats, NewOtherArchive,
                          testing::Values(Case{"vdt", "a.vdt"}, Case{"vda", "a.zip"},
                                          Case{"ember", "a.zip"}, Case{"ember-tar", "a.tar.gz"},
                                          Case{"folder", "a"}),
@@ -106,7 +106,7 @@ INSTANTIATE_TEST_SUITE_P(Formats, NewArchive,
                            return name;
                          });
 
-TEST_P(NewArchive, ImagesInUvLightAreKeptBesideTheSlices) {
+TEST_P(NewOtherArchive, ImagesInUvLightAreKeptBesideTheSlices) {
   const TemporaryFolder folder;
   const Images images = stamped_images(40, 50, 3, 5);
   StackInfo info = test::info_of(images.grid);

@@ -142,6 +142,20 @@ struct Controller::Impl {
   void check_stage();
   void check_lamps();
   void judge_frame(const FrameReport& report);
+  /// How far off a frame came: where the stage moves in um, at the end of an exposure in ms, else 0.
+  /// Notes the worst of moving frames.
+  struct Punctuality {
+    double off, borne;
+    const char* unit;
+    bool early;
+    bool late() const { return off > borne; }
+  };
+  Punctuality punctuality(const FrameReport& report, const Pending& asked, double light_at_s,
+                          double at_um);
+  /// Of a layer whose black has come.
+  void end_exposure(double light_at_s, bool is_late);
+  void tell_late(int number, const Punctuality& p);
+  void record_frame(const FrameReport& report, const Pending& asked, double at_um, bool is_late);
 
   // act.cpp
   void go();

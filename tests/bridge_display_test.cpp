@@ -26,10 +26,10 @@ using namespace slicecorr::test;
 using testing::ElementsAre;
 using testing::HasSubstr;
 
-constexpr int kWidthPx = 40, height_px = 30;
-constexpr double kHz = 60, period_s = 1 / kHz;
+constexpr int kWidthPx = 40, kHeightPx = 30;
+constexpr double kHz = 60, kPeriodS = 1 / kHz;
 
-Machine machine_of(int width = kWidthPx, int height = height_px) {
+Machine machine_of(int width = kWidthPx, int height = kHeightPx) {
   Machine m;
   m.printer = linear_printer(1, 100);
   m.printer.width_px = width;
@@ -38,7 +38,7 @@ Machine machine_of(int width = kWidthPx, int height = height_px) {
 }
 
 std::shared_ptr<const Frame> noise(int number, bool uv = false, int width = kWidthPx,
-                                   int height = height_px) {
+                                   int height = kHeightPx) {
   std::mt19937 random(static_cast<unsigned>(number) + 1);
   auto frame = std::make_shared<Frame>();
   frame->number = number;
@@ -230,9 +230,9 @@ class BridgeDrm : public testing::Test {
     hdmi.id = 71;
     hdmi.name = "HDMI-A-1";
     hdmi.connected = true;
-    hdmi.modes = {drm_mode(1920, 1080, 60), drm_mode(kWidthPx, height_px, 50),
-                  drm_mode(kWidthPx, height_px, kHz), drm_mode(kWidthPx, height_px, 30),
-                  drm_mode(kWidthPx, height_px, 120, true)};
+    hdmi.modes = {drm_mode(1920, 1080, 60), drm_mode(kWidthPx, kHeightPx, 50),
+                  drm_mode(kWidthPx, kHeightPx, kHz), drm_mode(kWidthPx, kHeightPx, 30),
+                  drm_mode(kWidthPx, kHeightPx, 120, true)};
     hdmi.crtcs = {40, 41};
     dp.id = 72;
     dp.name = "DP-1";
@@ -252,15 +252,15 @@ class BridgeDrm : public testing::Test {
   std::vector<std::uint32_t> seen() const {
     std::vector<std::uint32_t> pixels;
     const auto& all = card.seen();
-    for (std::size_t y = 0; y < height_px; ++y) {
+    for (std::size_t y = 0; y < kHeightPx; ++y) {
       const auto row = all.begin() + static_cast<std::ptrdiff_t>(y * (kWidthPx + 16));
       pixels.insert(pixels.end(), row, row + kWidthPx);
     }
     return pixels;
   }
   std::vector<std::uint32_t> picture_of(const Frame* frame) const {
-    std::vector<std::uint32_t> pixels(kWidthPx * height_px);
-    pack(frame, machine.projector, kWidthPx, height_px, pixels.data(), kWidthPx);
+    std::vector<std::uint32_t> pixels(kWidthPx * kHeightPx);
+    pack(frame, machine.projector, kWidthPx, kHeightPx, pixels.data(), kWidthPx);
     return pixels;
   }
 
@@ -305,17 +305,17 @@ TEST_F(BridgeDrm, TimesAreThoseOfTheVerticalBlank) {
   std::int64_t last = -1;
   for (int n = 0; n < 200; ++n) {
     // Every phase against the blanks, one image in three periods.
-    const double at_s = clock.now_s() + (2.5 + n / 200.0) * period_s;
+    const double at_s = clock.now_s() + (2.5 + n / 200.0) * kPeriodS;
     const Shown shown = sink->show(noise(n), at_s);
-    const double blank = (shown.at_s + 1000 - card.vblank0_s) / period_s;
+    const double blank = (shown.at_s + 1000 - card.vblank0_s) / kPeriodS;
     EXPECT_NEAR(blank, std::round(blank), 1e-6) << "on a blank";
     EXPECT_NEAR(shown.times.vblank, 5000 + std::llround(blank), 0);
     // The nearest one.
-    EXPECT_LE(std::abs(shown.at_s - at_s), period_s / 2 + 1e-9);
+    EXPECT_LE(std::abs(shown.at_s - at_s), kPeriodS / 2 + 1e-9);
     EXPECT_EQ(shown.times.missed_vblanks, 0);
     EXPECT_GT(shown.times.vblank, last);
     EXPECT_GE(shown.times.present_s, 0);
-    EXPECT_LE(shown.times.present_s, period_s + 1e-9);
+    EXPECT_LE(shown.times.present_s, kPeriodS + 1e-9);
     EXPECT_EQ(shown.count, n + 1);
     last = shown.times.vblank;
   }
@@ -343,7 +343,7 @@ TEST_F(BridgeDrm, LateFlipsAreCounted) {
     last = shown.times.vblank;
   }
   // Waiting until a time is no miss.
-  EXPECT_EQ(sink->show(noise(1), clock.now_s() + 10 * period_s).times.missed_vblanks, 0);
+  EXPECT_EQ(sink->show(noise(1), clock.now_s() + 10 * kPeriodS).times.missed_vblanks, 0);
 }
 
 TEST_F(BridgeDrm, SequenceNumbersWrap) {
@@ -455,14 +455,14 @@ TEST_F(BridgeDrm, DoesNotTakeAScanOutFromAnotherDisplay) {
 }
 
 TEST_F(BridgeDrm, RefusesWhatIsNotThePrintersSize) {
-  machine = machine_of(kWidthPx + 1, height_px);
+  machine = machine_of(kWidthPx + 1, kHeightPx);
   std::string says = thrown_by([&] { open(); });
   EXPECT_THAT(says, HasSubstr("41 x 30"));
   EXPECT_THAT(says, HasSubstr("1920 x 1080, 40 x 30"));
   EXPECT_THROW(open(), InputError);
   // Interlaced alone is none.
   machine = machine_of();
-  card.connectors[1].modes = {drm_mode(kWidthPx, height_px, 60, true)};
+  card.connectors[1].modes = {drm_mode(kWidthPx, kHeightPx, 60, true)};
   EXPECT_THROW(open(), InputError);
   card.connectors[1].modes = {};
   EXPECT_THROW(open(), InputError);
@@ -523,7 +523,7 @@ TEST_F(BridgeDrm, APulledCableIsFound) {
 TEST_F(BridgeDrm, AFrameOfAnotherSizeIsNeverShown) {
   const auto sink = open();
   take_calls();
-  EXPECT_THROW(sink->show(noise(1, false, height_px, kWidthPx), 0), Error);
+  EXPECT_THROW(sink->show(noise(1, false, kHeightPx, kWidthPx), 0), Error);
   EXPECT_TRUE(take_calls().empty());
 }
 

@@ -20,7 +20,7 @@ namespace {
 using namespace slicecorr::test;
 using testing::HasSubstr;
 
-constexpr int kWidthPx = 200, height_px = 120;
+constexpr int kWidthPx = 200, kHeightPx = 120;
 
 Machine machine_of(int width, int height) {
   Machine m;
@@ -36,9 +36,9 @@ std::shared_ptr<const Frame> noise(int number, bool uv = false) {
   auto frame = std::make_shared<Frame>();
   frame->number = number;
   frame->width_px = kWidthPx;
-  frame->height_px = height_px;
+  frame->height_px = kHeightPx;
   const auto fill = [&](std::vector<std::uint8_t>& image) {
-    for (int i = 0; i < kWidthPx * height_px; ++i) {
+    for (int i = 0; i < kWidthPx * kHeightPx; ++i) {
       image.push_back(static_cast<std::uint8_t>(random()));
     }
   };
@@ -54,7 +54,7 @@ std::vector<std::uint32_t> grey(const Frame& frame) {
 }
 
 const std::vector<std::uint32_t>& all_black() {
-  static const std::vector<std::uint32_t> pixels(kWidthPx * height_px, 0);
+  static const std::vector<std::uint32_t> pixels(kWidthPx * kHeightPx, 0);
   return pixels;
 }
 
@@ -62,7 +62,7 @@ class BridgeWindow : public testing::Test {
  protected:
   void SetUp() override {
     if (!Xvfb::installed()) GTEST_SKIP() << "Xvfb is not installed";
-    server.emplace(kWidthPx, height_px);
+    server.emplace(kWidthPx, kHeightPx);
   }
   std::unique_ptr<FrameSink> open(const std::string& display = "") {
     return make_window_sink(display, machine, *clock);
@@ -85,7 +85,7 @@ class BridgeWindow : public testing::Test {
   }
 
   std::optional<Xvfb> server;
-  Machine machine = machine_of(kWidthPx, height_px);
+  Machine machine = machine_of(kWidthPx, kHeightPx);
   std::unique_ptr<BridgeClock> clock = make_real_clock();
 };
 
@@ -140,7 +140,7 @@ TEST_F(BridgeWindow, NothingElseIsSeenWhenItIsClosed) {
     sink.reset();
     done = true;
   });
-  const auto white = std::vector<std::uint32_t>(kWidthPx * height_px, 0xFFFFFF);
+  const auto white = std::vector<std::uint32_t>(kWidthPx * kHeightPx, 0xFFFFFF);
   const auto image = grey(*noise(1));
   while (!done) {
     const auto seen = eye.grab();
@@ -155,7 +155,7 @@ TEST_F(BridgeWindow, AFrameOfAnotherSizeIsNeverShown) {
   Onlooker eye;
   const auto sink = open();
   auto frame = std::make_shared<Frame>(*noise(1));
-  frame->width_px = height_px;
+  frame->width_px = kHeightPx;
   frame->height_px = kWidthPx;
   EXPECT_THROW(sink->show(frame, 0), Error);
   EXPECT_EQ(eye.grab(), all_black());
@@ -163,8 +163,8 @@ TEST_F(BridgeWindow, AFrameOfAnotherSizeIsNeverShown) {
 
 TEST_F(BridgeWindow, RefusesADisplayOfAnotherSize) {
   for (const auto& [w, h] :
-       {std::pair{kWidthPx + 1, height_px}, std::pair{kWidthPx, height_px - 1},
-        std::pair{height_px, kWidthPx}, std::pair{2 * kWidthPx, 2 * height_px}}) {
+       {std::pair{kWidthPx + 1, kHeightPx}, std::pair{kWidthPx, kHeightPx - 1},
+        std::pair{kHeightPx, kWidthPx}, std::pair{2 * kWidthPx, 2 * kHeightPx}}) {
     machine = machine_of(w, h);
     try {
       open();
@@ -204,7 +204,7 @@ TEST_F(BridgeWindow, NoServer) {
 
 TEST_F(BridgeWindow, HidesThePointerAndKeepsTheDisplayAwake) {
   Onlooker eye;
-  eye.put_pointer(kWidthPx / 2, height_px / 2);
+  eye.put_pointer(kWidthPx / 2, kHeightPx / 2);
   ASSERT_TRUE(eye.pointer_is_seen());
   const bool can_save = eye.saves_power().has_value();
   if (can_save) eye.save_power();

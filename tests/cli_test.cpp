@@ -24,8 +24,8 @@ using Command = std::vector<std::string>;
 constexpr double kLn10 = 2.302585092994046;
 // Figure 2.2 of the dissertation: 50 um slices, absorbance height 2000 um base 10, 576 mJ/cm³,
 // 1000 mm/h, 1 to 100 mW/cm².
-constexpr double kLayerUm = 50, eta = 0.025, phi_min = 0.0625, phi_max = 6.25;
-const double kA = std::pow(10.0, -eta);
+constexpr double kLayerUm = 50, kEta = 0.025, kPhiMin = 0.0625, kPhiMax = 6.25;
+const double kA = std::pow(10.0, -kEta);
 
 Command operator+(Command left, const Command& right) {
   left.insert(left.end(), right.begin(), right.end());
@@ -149,7 +149,7 @@ class Cli : public ::testing::Test {
       double sum = 0;
       for (std::size_t n = rows.size(); n-- > k;) {
         const auto d = static_cast<double>(n - k);
-        sum += rows[n].phi * (std::pow(10.0, -d * eta) - std::pow(10.0, -(d + 1) * eta));
+        sum += rows[n].phi * (std::pow(10.0, -d * kEta) - std::pow(10.0, -(d + 1) * kEta));
       }
       ASSERT_NEAR(rows[k].dose, sum, 1e-12) << "node " << k;
     }
@@ -160,7 +160,7 @@ class Cli : public ::testing::Test {
     if (n >= rows.size()) return 0;
     const double below = n + 1 < rows.size() ? rows[n + 1].dose : 0;
     return rows[n].phi +
-           (below - rows[n].phi) * std::pow(10.0, -(static_cast<double>(n) + 1 - zeta) * eta);
+           (below - rows[n].phi) * std::pow(10.0, -(static_cast<double>(n) + 1 - zeta) * kEta);
   }
 
   std::string write_text(const std::string& name, const std::string& text) const {
@@ -231,7 +231,7 @@ TEST_F(Cli, LadderUncorrectedIsOneSolidPiece) {
     EXPECT_EQ(r.grey, lit ? 255 : 0);
     EXPECT_EQ(r.target, lit ? 1.0 : 0.0);
     EXPECT_EQ(r.intensity, lit ? 100.0 : 1.0);
-    EXPECT_EQ(r.phi, lit ? phi_max : phi_min);
+    EXPECT_EQ(r.phi, lit ? kPhiMax : kPhiMin);
   }
   // The lower printed edge, 1902.1 um from the platform.
   EXPECT_GT(dose_at(rows, 38.041), 1.0);
@@ -256,15 +256,15 @@ TEST_F(Cli, LadderCorrected) {
       SCOPED_TRACE(fmt::format("{} {}", printer, cap));
       const json j = run(setup(printer) + Command{"--omega-max", cap});
       expect_clean(j, linear ? 2.0 : 3.0);
-      const double step = linear ? (phi_max - phi_min) / 255 : 0.08;
-      const double peak = std::string(cap) == "inf" ? phi_max : std::stod(cap);
+      const double step = linear ? (kPhiMax - kPhiMin) / 255 : 0.08;
+      const double peak = std::string(cap) == "inf" ? kPhiMax : std::stod(cap);
       EXPECT_LE(j["dose"]["max_inside"], peak + step);
     }
   }
 }
 
 TEST_F(Cli, LadderShowsThePaperSlices) {
-  const double step = (phi_max - phi_min) / 255;
+  const double step = (kPhiMax - kPhiMin) / 255;
   // The levels before an edge are chosen together and need room to both sides: 4 % of the levels,
   // on the average of three slices, and one level of rounding.
   const double room = (0.04 * 256 * 3 / 2 + 1) * step;
@@ -275,10 +275,10 @@ TEST_F(Cli, LadderShowsThePaperSlices) {
   EXPECT_LE(figures["height_error_um"]["mean_abs"], 0.4);
   auto rows = probe("out.uvj", kRung);
   ASSERT_EQ(rows.size(), 54U);
-  for (const std::size_t n : {21, 41, 42}) near(rows, n, phi_max);
+  for (const std::size_t n : {21, 41, 42}) near(rows, n, kPhiMax);
   near(rows, 22, 1.2778);
   near(rows, 43, 5.9633);
-  for (const std::size_t n : {5, 23, 30, 44, 53}) EXPECT_EQ(rows[n].phi, phi_min);
+  for (const std::size_t n : {5, 23, 30, 44, 53}) EXPECT_EQ(rows[n].phi, kPhiMin);
   // The cap leaves three level steps of room.
   for (std::size_t n = 11; n <= 20; ++n) {
     EXPECT_GE(rows[n].dose, 1.0 - 1e-3);
@@ -289,17 +289,17 @@ TEST_F(Cli, LadderShowsThePaperSlices) {
   // A third more than the tolerance aimed at: one step of its ladder, and the step of a level.
   EXPECT_LE(figures["height_error_um"]["max_abs"], 0.05 * 1.44);
   rows = probe("out.uvj", kRung);
-  for (const std::size_t n : {20, 40}) near(rows, n, phi_max);
-  for (const std::size_t n : {12, 13, 14}) near(rows, n, phi_min);
-  for (const std::size_t n : {16, 17}) EXPECT_EQ(rows[n].phi, phi_min);
+  for (const std::size_t n : {20, 40}) near(rows, n, kPhiMax);
+  for (const std::size_t n : {12, 13, 14}) near(rows, n, kPhiMin);
+  for (const std::size_t n : {16, 17}) EXPECT_EQ(rows[n].phi, kPhiMin);
   EXPECT_NEAR(1 - rows[23].dose, 0.34598, 2e-3 + room * (1 - kA));
 
   rows = probe("out.uvj", rail);
-  for (std::size_t n = 0; n < 50; ++n) EXPECT_EQ(rows[n].phi, phi_max) << n;
-  for (std::size_t n = 50; n < 53; ++n) near(rows, n, phi_max);
+  for (std::size_t n = 0; n < 50; ++n) EXPECT_EQ(rows[n].phi, kPhiMax) << n;
+  for (std::size_t n = 50; n < 53; ++n) near(rows, n, kPhiMax);
   near(rows, 53, 0.18526);
   // Its end is within the tolerance of an edge, a thousandth of a slice.
-  EXPECT_GE(rows[50].dose, 1.0 - 1e-3 * kLn10 * eta * (phi_max - 1));
+  EXPECT_GE(rows[50].dose, 1.0 - 1e-3 * kLn10 * kEta * (kPhiMax - 1));
 }
 
 // Few and uneven levels: nothing is printed wrong, and no edge is off by more than one step costs.
@@ -315,12 +315,12 @@ TEST_F(Cli, LadderWithCoarseProjectors) {
   const std::string coarse = printer("coarse.toml", "[[0, 1.0], [15, 100.0]]", "bit_depth = 4");
   expect_clean(run(setup(coarse)), 25);
   slice();
-  const double step = (phi_max - phi_min) / 15;
+  const double step = (kPhiMax - kPhiMin) / 15;
   for (const Command& column : {kRung, rail}) {
     const auto rows = probe("out.uvj", column + Command{"--target", "target.uvj"});
     ASSERT_EQ(rows.size(), 54U);
     for (const Row& r : rows) {
-      EXPECT_NEAR(r.phi, phi_min + r.grey * step, 1e-12);
+      EXPECT_NEAR(r.phi, kPhiMin + r.grey * step, 1e-12);
       EXPECT_LE(r.grey, 15);
     }
     const std::vector<Edge> edges =
@@ -333,10 +333,10 @@ TEST_F(Cli, LadderWithCoarseProjectors) {
       const bool above = (rows[node].dose >= 1) != (rows[node - 1].dose >= 1);
       const double phi = rows[above ? node - 1 : node].phi;
       const double below = rows[above ? node : node + 1].dose;
-      const double into_layer = std::log10((1 - phi) / (below - phi)) / -eta;
+      const double into_layer = std::log10((1 - phi) / (below - phi)) / -kEta;
       const double off_um = (above ? into_layer : 1 - into_layer) * kLayerUm;
       // A tenth of what one level step does.
-      const double bound = kLayerUm * step * (1 - kA) / (kLn10 * eta * std::abs(phi - 1));
+      const double bound = kLayerUm * step * (1 - kA) / (kLn10 * kEta * std::abs(phi - 1));
       EXPECT_LE(off_um, 0.1 * bound) << e.node;
     }
   }
@@ -786,8 +786,8 @@ class HandMade : public Cli {
  protected:
   enum Kind { grey8, grey16, rgba, palette, grey1 };
 
-  static Bytes png(const Bytes& pixels, int kWidth, Kind kind) {
-    const auto height = static_cast<int>(pixels.size()) / kWidth;
+  static Bytes png(const Bytes& pixels, int width, Kind kind) {
+    const auto height = static_cast<int>(pixels.size()) / width;
     png_structp out = png_create_write_struct(PNG_LIBPNG_VER_STRING, nullptr, nullptr, nullptr);
     png_infop info = png_create_info_struct(out);
     Bytes data;
@@ -801,7 +801,7 @@ class HandMade : public Cli {
     constexpr int colour[] = {PNG_COLOR_TYPE_GRAY, PNG_COLOR_TYPE_GRAY, PNG_COLOR_TYPE_RGBA,
                               PNG_COLOR_TYPE_PALETTE, PNG_COLOR_TYPE_GRAY};
     constexpr int depth[] = {8, 16, 8, 8, 1};
-    png_set_IHDR(out, info, static_cast<png_uint_32>(kWidth), static_cast<png_uint_32>(height),
+    png_set_IHDR(out, info, static_cast<png_uint_32>(width), static_cast<png_uint_32>(height),
                  depth[kind], colour[kind], PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT,
                  PNG_FILTER_TYPE_DEFAULT);
     png_color colours[256];
@@ -814,8 +814,8 @@ class HandMade : public Cli {
     png_write_info(out, info);
     for (int y = 0; y < height; ++y) {
       Bytes row;
-      for (int x = 0; x < kWidth; ++x) {
-        const std::uint8_t v = pixels[static_cast<std::size_t>(y * kWidth + x)];
+      for (int x = 0; x < width; ++x) {
+        const std::uint8_t v = pixels[static_cast<std::size_t>(y * width + x)];
         const auto inverse = static_cast<std::uint8_t>(255 - v);
         if (kind == grey8) row.push_back(v);
         if (kind == grey16) row.insert(row.end(), {v, v});
@@ -835,9 +835,9 @@ class HandMade : public Cli {
 
   /// The slices of figure 2.2 on a small display of `printer()`.
   static Bytes image(int n) {
-    Bytes pixels(static_cast<std::size_t>(kWidth * height));
+    Bytes pixels(static_cast<std::size_t>(kWidth * kHeight));
     const bool lit = (n >= 11 && n <= 20) || (n >= 31 && n <= 40);
-    for (int y = 2; y < height - 2; ++y) {
+    for (int y = 2; y < kHeight - 2; ++y) {
       for (int x = 3; x < kWidth - 3; ++x) {
         const bool in_rail = n < 50 && (x < 8 || x >= kWidth - 8);
         pixels[static_cast<std::size_t>(y * kWidth + x)] = lit || in_rail ? 255 : 0;
@@ -849,7 +849,7 @@ class HandMade : public Cli {
     const std::string config = fmt::format(
         R"({{"Properties": {{"Size": {{"X": {}, "Y": {}, "Millimeter": {{"X": {}, "Y": {}}}, )"
         R"("Layers": {}, "LayerHeight": 0.05}}}}}})",
-        kWidth, height, kWidth * 0.05, height * 0.05, layers);
+        kWidth, kHeight, kWidth * 0.05, kHeight * 0.05, layers);
     Entries entries{{"config.json", to_bytes(config)}};
     for (int n = 0; n < layers; ++n) {
       entries.emplace_back(fmt::format("slice/{:08}.png", n), png(image(n), kWidth, kind));
@@ -860,7 +860,7 @@ class HandMade : public Cli {
     write_text("small.toml", fmt::format("[display]\nwidth_px = {}\nheight_px = {}\n"
                                          "pixel_um = 50\n[blue]\n"
                                          "calibration = [[0, 1.0], [255, 100.0]]\n",
-                                         kWidth, height));
+                                         kWidth, kHeight));
     return setup("small.toml");
   }
   /// Of all slices.
@@ -878,7 +878,7 @@ class HandMade : public Cli {
     return json::parse(good(Command{"verify", stack, "--target", target, "--json", "-"} + small()));
   }
 
-  static constexpr int kWidth = 29, height = 17;
+  static constexpr int kWidth = 29, kHeight = 17;
 };
 
 TEST_F(HandMade, AllKindsOfImagesMeanTheSame) {
@@ -915,9 +915,9 @@ TEST_F(HandMade, FewerAndMoreSlicesThanTheTarget) {
   // The last node that light reaches fully is 45: from there the rails stay behind.
   double dose = 0;
   int top = 45;
-  while (dose < 1) dose = phi_max * (1 - kA) + kA * dose, --top;
+  while (dose < 1) dose = kPhiMax * (1 - kA) + kA * dose, --top;
   const double into =
-      std::log10((1 - phi_max) / ((dose - phi_max * (1 - kA)) / kA - phi_max)) / -eta;
+      std::log10((1 - kPhiMax) / ((dose - kPhiMax * (1 - kA)) / kA - kPhiMax)) / -kEta;
   const double short_um = (50 - top - 1 + into) * kLayerUm;
   EXPECT_NEAR(fewer["height_error_um"]["max_shortfall"], short_um, 1e-6);
 

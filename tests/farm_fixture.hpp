@@ -191,8 +191,10 @@ class RunningService {
     if (child_ > 0) end(SIGKILL);
   }
   pid_t pid() const { return child_; }
-  /// Sends the signal and waits; gives the exit code, or 128 + signal.
+  /// Sends the signal and waits; gives the exit code, or 128 + signal. SIGTERM is sent when the
+  /// service is up: before it handles the signal, there is nothing to end in good order.
   int end(int signal) {
+    while (signal == SIGTERM && !handles(signal) && running()) ::poll(nullptr, 0, 2);
     ::kill(child_, signal);
     return wait();
   }
@@ -204,6 +206,23 @@ class RunningService {
   }
 
  private:
+  /// A line of /proc/PID/status, after its name; empty when the process is gone.
+  std::string status(const std::string& name) const {
+    std::ifstream file("/proc/" + std::to_string(child_) + "/status");
+    for (std::string line; std::getline(file, line);) {
+      if (line.starts_with(name + ":\t")) return line.substr(name.size() + 2);
+    }
+    return {};
+  }
+  bool handles(int signal) const {
+    const std::string caught = status("SigCgt");
+    return !caught.empty() && (std::stoull(caught, nullptr, 16) >> (signal - 1) & 1) != 0;
+  }
+  bool running() const {
+    const std::string state = status("State");
+    return !state.empty() && !state.starts_with('Z');
+  }
+
   pid_t child_ = 0;
 };
 

@@ -50,14 +50,14 @@ CuredHeight height(double blue, double time, double um) {
 }
 
 TEST(Advice, GoodMeasurementsGetNone) {
-  const FitResult r = fit(test::with_scatter(kKinetic, 1), FitModel::kKinetic);
+  const FitResult r = fit(test::with_scatter(kKinetic, 1), FitModel::kinetic);
   EXPECT_THAT(r.warnings, IsEmpty());
   EXPECT_THAT(r.outliers, IsEmpty());
 }
 
 TEST(Advice, OneIntensityCannotTellM) {
   const auto one = rows_of(kKinetic, 1, [](const auto& c) { return c.blue_mw_cm2 == 20; });
-  const FitResult r = fit(one, FitModel::kKinetic);
+  const FitResult r = fit(one, FitModel::kinetic);
   EXPECT_THAT(r.warnings,
               Contains(AllOf(HasSubstr("m can't be known"),
                              HasSubstr("all 18 measurements have one intensity (20 mW/cm2)"),
@@ -79,7 +79,7 @@ TEST(Advice, IntensitiesThatHardlyDifferCannotTellM) {
   for (std::size_t i = 0; i < one.cured.size(); ++i) {
     one.cured[i].blue_mw_cm2 *= 1 + 0.001 * static_cast<double>(i % 5);
   }
-  const FitResult r = fit(one, FitModel::kKinetic);
+  const FitResult r = fit(one, FitModel::kinetic);
   EXPECT_THAT(r.warnings,
               Contains(AllOf(HasSubstr("m can't be known"), HasSubstr("factor of 1 only"))));
   EXPECT_EQ(r.value("m"), 1);
@@ -96,7 +96,7 @@ TEST(Advice, UnitsOfAnotherSizeAreSuspected) {
     }
     return m;
   };
-  for (const FitModel model : {FitModel::jacobs, FitModel::kKinetic}) {
+  for (const FitModel model : {FitModel::jacobs, FitModel::kinetic}) {
     for (const Measurements& m : {scaled(1000, 1), scaled(1, 1000), scaled(1000, 1000)}) {
       EXPECT_THAT(fit(m, model).warnings, Contains(AllOf(HasSubstr("the dose of gel comes out at"),
                                                          HasSubstr("in ms"), HasSubstr("uW"))));
@@ -126,14 +126,14 @@ TEST(Advice, OneTimeOrOneDoseCannotTellM) {
       data.cured.push_back(height(blue, 10, 170 * std::log(blue * 10 / 69) + off));
     }
   }
-  const FitResult r = fit(data, FitModel::kKinetic);
+  const FitResult r = fit(data, FitModel::kinetic);
   EXPECT_THAT(r.warnings, Contains(AllOf(HasSubstr("m can't be known"),
                                          HasSubstr("one exposure time (10 s)"))));
   for (CuredHeight& c : data.cured) {
     c.exposure_s = 400 / c.blue_mw_cm2;
     c.dose_mj_cm2 = 400;
   }
-  for (const FitModel model : {FitModel::jacobs, FitModel::kKinetic}) {
+  for (const FitModel model : {FitModel::jacobs, FitModel::kinetic}) {
     EXPECT_THAT(refusal(data, model), HasSubstr("all 12 cured heights have one dose (400 mJ/cm2)"));
   }
 }
@@ -153,7 +153,7 @@ TEST(Advice, MeasurementsThatAreNoWorkingCurveAreRefused) {
     falling.cured.push_back(height(20, time, 300 - 10 * time));
   }
   EXPECT_THAT(refusal(falling, FitModel::jacobs), HasSubstr("do not grow with the dose"));
-  EXPECT_THAT(refusal(falling, FitModel::kKinetic), HasSubstr("do not grow with the dose"));
+  EXPECT_THAT(refusal(falling, FitModel::kinetic), HasSubstr("do not grow with the dose"));
   Measurements one;
   one.cured.push_back(height(20, 4, 60));
   EXPECT_THAT(refusal(one, FitModel::jacobs), AllOf(HasSubstr("1 measurements are fewer")));
@@ -164,7 +164,7 @@ TEST(Advice, MeasurementsThatAreNoWorkingCurveAreRefused) {
     doses.cured.push_back(height(0, 0, 100 * std::log(d / 50)));
     doses.cured.back().dose_mj_cm2 = d;
   }
-  EXPECT_THAT(refusal(doses, FitModel::kKinetic), HasSubstr("a dose is enough for jacobs"));
+  EXPECT_THAT(refusal(doses, FitModel::kinetic), HasSubstr("a dose is enough for jacobs"));
   EXPECT_NEAR(fit(doses, FitModel::jacobs).value("dc_mj_cm2"), 50, 1e-6);
 }
 
@@ -296,7 +296,7 @@ TEST(Outliers, ThatHideEachOtherAreAllNamed) {
       Measurements data = test::with_scatter(kKinetic, 2);
       data.sources = {"lab.csv"};
       for (const std::size_t i : places) data.cured[i].height_um += by * kKinetic.cured_sigma_um;
-      const FitResult r = fit(data, FitModel::kKinetic);
+      const FitResult r = fit(data, FitModel::kinetic);
       std::vector<std::size_t> named;
       for (const Outlier& o : r.outliers) named.push_back(o.point);
       EXPECT_EQ(named, places) << by;
@@ -307,7 +307,7 @@ TEST(Outliers, ThatHideEachOtherAreAllNamed) {
   robust.loss = Loss::soft_l1;
   Measurements data = test::with_scatter(kKinetic, 2);
   data.cured[20].height_um += 40 * kKinetic.cured_sigma_um;
-  EXPECT_THAT(fit(data, FitModel::kKinetic, robust).warnings, Not(Contains(HasSubstr("--loss"))));
+  EXPECT_THAT(fit(data, FitModel::kinetic, robust).warnings, Not(Contains(HasSubstr("--loss"))));
 }
 
 // Of clean data one fit in twenty at most names any: the limit is Bonferroni's at 5 %. 400 seeded
@@ -315,7 +315,7 @@ TEST(Outliers, ThatHideEachOtherAreAllNamed) {
 TEST(Outliers, AreSeldomNamedInCleanData) {
   int named = 0;
   for (unsigned seed = 1; seed <= 400; ++seed) {
-    const FitResult r = fit(test::with_scatter(kKinetic, seed), FitModel::kKinetic);
+    const FitResult r = fit(test::with_scatter(kKinetic, seed), FitModel::kinetic);
     named += r.outliers.empty() ? 0 : 1;
   }
   EXPECT_LE(named, 34);
@@ -324,15 +324,15 @@ TEST(Outliers, AreSeldomNamedInCleanData) {
 // A robust loss keeps near to what the others say; least squares do not.
 TEST(Outliers, CountLittleWithARobustLoss) {
   Measurements data = test::with_scatter(kKinetic, 2);
-  const double clean = fit(data, FitModel::kKinetic).value("m");
-  const double stderr_m = fit(data, FitModel::kKinetic).find("m")->stderr_;
+  const double clean = fit(data, FitModel::kinetic).value("m");
+  const double stderr_m = fit(data, FitModel::kinetic).find("m")->stderr_;
   for (std::size_t i = 0; i < 54; i += 17) data.cured[i].height_um += 25 * kKinetic.cured_sigma_um;
-  const double drawn = fit(data, FitModel::kKinetic).value("m");
+  const double drawn = fit(data, FitModel::kinetic).value("m");
   EXPECT_GT(std::abs(drawn - clean), 3 * stderr_m);
   for (const Loss loss : {Loss::soft_l1, Loss::cauchy}) {
     FitOptions options;
     options.loss = loss;
-    EXPECT_LT(std::abs(fit(data, FitModel::kKinetic, options).value("m") - clean), 2 * stderr_m);
+    EXPECT_LT(std::abs(fit(data, FitModel::kinetic, options).value("m") - clean), 2 * stderr_m);
   }
 }
 
@@ -372,13 +372,13 @@ TEST(Weights, ReplicatesThatScatterMoreCountLess) {
   for (std::size_t i = 0; i < 18; ++i) data.cured[i].height_um += 250 * normal();
   FitOptions options;
   options.weights = Weights::scatter;
-  const FitResult r = fit(data, FitModel::kKinetic, options);
+  const FitResult r = fit(data, FitModel::kinetic, options);
   double loud = 0, quiet = 0;
   for (std::size_t i = 0; i < r.points.size(); ++i) {
     (i < 18 ? loud : quiet) += r.points[i].weight / (i < 18 ? 18 : 36);
   }
   EXPECT_GT(quiet, 4 * loud);
-  EXPECT_LT(r.find("h_um")->stderr_, 0.5 * fit(data, FitModel::kKinetic).find("h_um")->stderr_);
+  EXPECT_LT(r.find("h_um")->stderr_, 0.5 * fit(data, FitModel::kinetic).find("h_um")->stderr_);
   // Nothing to weigh by.
   Measurements single;
   single.cured = {height(20, 4, 30), height(20, 8, 130), height(20, 16, 260)};
@@ -443,7 +443,7 @@ TEST(Choices, BoundsAndFixedValuesAreKept) {
   const Measurements data = test::with_scatter(kKinetic, 1);
   FitOptions options;
   options.fixed["m"] = 0.8;
-  const FitResult held = fit(data, FitModel::kKinetic, options);
+  const FitResult held = fit(data, FitModel::kinetic, options);
   EXPECT_EQ(held.value("m"), 0.8);
   EXPECT_TRUE(held.find("m")->fixed);
   EXPECT_EQ(held.free_parameters, 2);
@@ -451,7 +451,7 @@ TEST(Choices, BoundsAndFixedValuesAreKept) {
 
   options.fixed.clear();
   options.bounds["m"] = {0.5, 0.9};
-  const FitResult bounded = fit(data, FitModel::kKinetic, options);
+  const FitResult bounded = fit(data, FitModel::kinetic, options);
   EXPECT_NEAR(bounded.value("m"), 0.9, 1e-12);
   EXPECT_TRUE(bounded.find("m")->at_bound);
   EXPECT_TRUE(std::isnan(bounded.find("m")->stderr_));
@@ -459,13 +459,13 @@ TEST(Choices, BoundsAndFixedValuesAreKept) {
   // At the bound the others are those of a fit with it held there.
   options.bounds.clear();
   options.fixed["m"] = 0.9;
-  const FitResult there = fit(data, FitModel::kKinetic, options);
+  const FitResult there = fit(data, FitModel::kinetic, options);
   EXPECT_NEAR(bounded.value("h_um") / there.value("h_um"), 1, 1e-7);
   EXPECT_NEAR(bounded.find("h_um")->stderr_ / there.find("h_um")->stderr_, 1, 1e-6);
 
   FitOptions all;
   all.fixed = {{"h_um", 168}, {"m", 0.99}, {"critical_dose_prime", 67}};
-  const FitResult nothing_free = fit(data, FitModel::kKinetic, all);
+  const FitResult nothing_free = fit(data, FitModel::kinetic, all);
   EXPECT_EQ(nothing_free.free_parameters, 0);
   EXPECT_NEAR(nothing_free.rmse_um, kKinetic.cured_sigma_um, 0.3 * kKinetic.cured_sigma_um);
 }
@@ -477,7 +477,7 @@ TEST(Choices, SeveralBoundsGiveTheBestThatTheyAllow) {
       {"h_um", {100, 140}}, {"m", {0.5, 0.93}}, {"critical_dose_prime", {60, 90}}};
   FitOptions bounded;
   bounded.bounds = bounds;
-  const FitResult r = fit(data, FitModel::kKinetic, bounded);
+  const FitResult r = fit(data, FitModel::kinetic, bounded);
   double best = 1e300;
   for (int way = 0; way < 27; ++way) {
     FitOptions held;
@@ -487,7 +487,7 @@ TEST(Choices, SeveralBoundsGiveTheBestThatTheyAllow) {
       if (rest % 3 == 2) held.fixed[name] = range.high;
       rest /= 3;
     }
-    const FitResult tried = fit(data, FitModel::kKinetic, held);
+    const FitResult tried = fit(data, FitModel::kinetic, held);
     bool inside = true;
     for (const auto& [name, range] : bounds) {
       inside = inside && tried.value(name) >= range.low && tried.value(name) <= range.high;
@@ -502,7 +502,7 @@ TEST(Choices, WrongOnesAreRefused) {
   const auto with = [&](auto&& change) {
     FitOptions options;
     change(options);
-    return refusal(data, FitModel::kKinetic, options);
+    return refusal(data, FitModel::kinetic, options);
   };
   EXPECT_THAT(
       with([](auto& o) { o.fixed["beta"] = 1; }),

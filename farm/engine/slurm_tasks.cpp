@@ -56,7 +56,7 @@ int time_limit_min(double expected_s, double factor) {
 
 /// The worker's own limit is on its data; Slurm's counts stacks, libraries and cached files, too.
 /// In steps, so that jobs of like size share an array.
-constexpr std::int64_t kSpareMb = 128, grain_mb = 64;
+constexpr std::int64_t kSpareMb = 128, kGrainMb = 64;
 
 /// Reasons to wait that time does not mend; squeue(1), "JOB REASON CODES".
 bool is_never(const std::string& reason) {
@@ -76,7 +76,7 @@ Needs needs_of(const Task& task, const SlurmEngineOptions& options) {
   n.threads = std::max(1, task.threads);
   if (task.memory_mb > 0) {
     const std::int64_t mb = task.memory_mb + task.memory_mb / 16 + kSpareMb;
-    n.memory_mb = (mb + grain_mb - 1) / grain_mb * grain_mb;
+    n.memory_mb = (mb + kGrainMb - 1) / kGrainMb * kGrainMb;
   }
   n.time_min = time_limit_min(task.expected_s, options.time_factor);
   // Users may only be nicer than the default, so the default has room on either side: priorities
@@ -111,7 +111,7 @@ Cluster cluster_of(const std::vector<SlurmNode>& nodes, const std::string& parti
     if (!partition.empty() && std::find(p.begin(), p.end(), partition) == p.end()) continue;
     c.nodes.push_back(n);
     // The other way round than in `needs_of`.
-    const std::int64_t worker_mb = (n.memory_mb - kSpareMb - grain_mb) * 16 / 17;
+    const std::int64_t worker_mb = (n.memory_mb - kSpareMb - kGrainMb) * 16 / 17;
     c.largest_memory_mb = std::max(c.largest_memory_mb, worker_mb);
     if (!n.usable) continue;
     c.cores += n.cores;

@@ -167,7 +167,7 @@ std::optional<Claim> Queue::claim(const ClaimRequest& request) {
       clock_->steady_ms() + kLeaseMs, now);
   event("started", fmt::format("attempt {}, {}", claim.number, engine), id, claim.token);
   {
-    Rows rows = db_->query(detail::select_jobs + "WHERE j.id = ?1", id);
+    Rows rows = db_->query(detail::kSelectJobs + "WHERE j.id = ?1", id);
     rows.next();
     claim.job = detail::read_job(rows);
   }
@@ -438,12 +438,12 @@ std::vector<OwnedAttempt> Queue::open_attempts(const std::string& service) {
   std::vector<OwnedAttempt> list;
   for (Raw& r : raw) {
     {
-      Rows rows = db_->query(detail::select_attempts + "WHERE a.token = ?1", r.owned.attempt.token);
+      Rows rows = db_->query(detail::kSelectAttempts + "WHERE a.token = ?1", r.owned.attempt.token);
       if (!rows.next()) continue;
       r.owned.attempt = detail::read_attempt(rows);
     }
     {
-      Rows rows = db_->query(detail::select_jobs + "WHERE j.id = ?1", r.owned.attempt.job);
+      Rows rows = db_->query(detail::kSelectJobs + "WHERE j.id = ?1", r.owned.attempt.job);
       if (!rows.next()) continue;
       r.owned.job = detail::read_job(rows);
     }

@@ -211,14 +211,14 @@ std::int64_t ReadModel::count(const JobFilter& filter) {
 }
 
 std::optional<Job> ReadModel::job(JobId id) {
-  Rows rows = db_->query(detail::select_jobs + "WHERE j.id = ?1", id);
+  Rows rows = db_->query(detail::kSelectJobs + "WHERE j.id = ?1", id);
   if (!rows.next()) return std::nullopt;
   return detail::read_job(rows);
 }
 
 std::vector<Attempt> ReadModel::attempts(JobId id) {
   std::vector<Attempt> list;
-  Rows rows = db_->query(detail::select_attempts + "WHERE a.job = ?1 ORDER BY a.number", id);
+  Rows rows = db_->query(detail::kSelectAttempts + "WHERE a.job = ?1 ORDER BY a.number", id);
   while (rows.next()) list.push_back(detail::read_attempt(rows));
   return list;
 }
@@ -227,12 +227,12 @@ std::vector<RunningJob> ReadModel::running() {
   std::vector<RunningJob> list;
   {
     Rows rows =
-        db_->query(detail::select_jobs + "WHERE j.state = 'running' ORDER BY j.started_ms, j.id");
+        db_->query(detail::kSelectJobs + "WHERE j.state = 'running' ORDER BY j.started_ms, j.id");
     while (rows.next()) list.push_back({detail::read_job(rows), {}, 0, 0, -1});
   }
   const std::int64_t now = clock_->wall_ms();
   for (RunningJob& r : list) {
-    Rows rows = db_->query(detail::select_attempts + "WHERE a.token = ?1", r.job.token);
+    Rows rows = db_->query(detail::kSelectAttempts + "WHERE a.token = ?1", r.job.token);
     if (!rows.next()) continue;
     r.attempt = detail::read_attempt(rows);
     r.seconds = std::max<double>(0, static_cast<double>(now - r.attempt.started_ms) / 1000);

@@ -12,10 +12,10 @@
 namespace slicecorr::farm::detail {
 
 /// "SELECT ... FROM jobs j ..." up to where conditions begin.
-extern const std::string select_jobs;
+extern const std::string kSelectJobs;
 Job read_job(const Rows& row);
 
-extern const std::string select_attempts;
+extern const std::string kSelectAttempts;
 Attempt read_attempt(const Rows& row);
 
 FarmSettings read_settings(Database& db);

@@ -18,7 +18,7 @@ constexpr double kMb = 1 << 20;
 constexpr double kProgramMb = 70;
 
 /// Curves of the plans of one value of light, beside its levels: 2 of 8 bytes a slice.
-constexpr double kPlanBytes = 16 * 1024, plan_bytes_per_slice = 16;
+constexpr double kPlanBytes = 16 * 1024, kPlanBytesPerSlice = 16;
 /// A band's columns are taken apart by their light: slices before and after, run-length coded, for
 /// each value. Seen: 250 bytes with 156 values side by side in all bands.
 constexpr double kLightBytesPerSlice = 256;
@@ -48,7 +48,7 @@ MemoryNeeds memory_needs(const MemoryFacts& f) {
   double models = kTableSets * tables;
   thread += kTableSetsPerThread * tables;
   if (f.lights > 1) {
-    models += 2 * f.lights * (kPlanBytes + plan_bytes_per_slice * f.slices) / kMb;
+    models += 2 * f.lights * (kPlanBytes + kPlanBytesPerSlice * f.slices) / kMb;
     thread += f.lights * kLightBytesPerSlice * f.slices / kMb;
   }
   return {static_cast<std::int64_t>(1.5 * (kProgramMb + mesh + pieces + models + thread)),

@@ -250,7 +250,7 @@ void read_failures(const FarmFolder& folder, Database& db, ReadModel& model,
 }
 
 void read_worst(Database& db, const MorningOptions& options, MorningReport& r) {
-  Rows rows = db.query(detail::select_jobs +
+  Rows rows = db.query(detail::kSelectJobs +
                            "WHERE j.state = 'done' AND j.ended_ms >= ?1 AND j.ended_ms < ?2 "
                            "AND (?3 = 0 OR j.batch = ?3) ORDER BY r.height_max_um DESC, j.id "
                            "LIMIT ?4",

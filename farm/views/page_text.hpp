@@ -5,6 +5,9 @@
 
 namespace slicecorr::farm::detail {
 
+// Each is named after its file.
+// NOLINTBEGIN(readability-identifier-naming)
 extern const std::string_view page_farm_css, page_live_html, page_live_css, page_live_js;
+// NOLINTEND(readability-identifier-naming)
 
 }  // namespace slicecorr::farm::detail

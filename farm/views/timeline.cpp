@@ -15,11 +15,11 @@ namespace slicecorr::farm {
 
 namespace {
 
-constexpr double kWidth = 1100, left = 150, right = 16, lane = 26, top = 44;
-constexpr double kInner = kWidth - left - right;
+constexpr double kWidth = 1100, kLeft = 150, kRight = 16, kLane = 26, kTop = 44;
+constexpr double kInner = kWidth - kLeft - kRight;
 
 struct KindRow {
-  const char* kStyle;
+  const char* style;
   const char* words;
 };
 /// In the order of `MorningReport::BarKind`.
@@ -48,13 +48,13 @@ constexpr const char* kStyle =
 
 std::string timeline_svg(const MorningReport& r) {
   const int lanes = static_cast<int>(r.lanes.size());
-  const double height = top + std::max(1, lanes) * lane + 34;
+  const double height = kTop + std::max(1, lanes) * kLane + 34;
   const double span = static_cast<double>(r.until_ms - r.from_ms);
   const auto x = [&](std::int64_t ms) {
-    return left + std::clamp(static_cast<double>(ms - r.from_ms) / span, 0.0, 1.0) * kInner;
+    return kLeft + std::clamp(static_cast<double>(ms - r.from_ms) / span, 0.0, 1.0) * kInner;
   };
   std::string body;
-  double at = left;
+  double at = kLeft;
   std::array<bool, kKinds.size()> used{};
   for (const auto& bar : r.bars) used[static_cast<std::size_t>(bar.kind)] = true;
   for (std::size_t i = 0; i < kKinds.size(); ++i) {
@@ -65,32 +65,32 @@ std::string timeline_svg(const MorningReport& r) {
     at += 52 + 8.6 * static_cast<double>(std::string_view(kKinds[i].words).size());
   }
   for (int i = 0; i < lanes; ++i) {
-    const double y = top + i * lane;
+    const double y = kTop + i * kLane;
     if (i % 2 == 0) {
-      body += fmt::format(R"(<rect class="row" x="{}" y="{}" width="{}" height="{}"/>)", left, y,
-                          kInner, lane);
+      body += fmt::format(R"(<rect class="row" x="{}" y="{}" width="{}" height="{}"/>)", kLeft, y,
+                          kInner, kLane);
     }
     body += fmt::format(
-        R"(<text x="{}" y="{}" text-anchor="end">{}</text>)", left - 8, y + 18.5,
+        R"(<text x="{}" y="{}" text-anchor="end">{}</text>)", kLeft - 8, y + 18.5,
         escape_markup(words::clipped(words::printable(r.lanes[static_cast<std::size_t>(i)]), 17)));
   }
-  const double bottom = top + std::max(1, lanes) * lane;
+  const double bottom = kTop + std::max(1, lanes) * kLane;
   for (const auto& tick : detail::time_ticks(r.from_ms, r.until_ms, 12)) {
     body += fmt::format(
         R"(<path class="grid" d="M{0:.1f} {1}V{2}"/><text class="tick" x="{0:.1f}" y="{3}" text-anchor="middle">{4}</text>)",
-        x(tick.ms), lanes == 0 ? bottom - 4 : top, bottom, bottom + 20, tick.label);
+        x(tick.ms), lanes == 0 ? bottom - 4 : kTop, bottom, bottom + 20, tick.label);
   }
   for (const auto& bar : r.bars) {
     const double from = x(bar.start_ms), to = x(bar.end_ms);
     // Nothing is too short to be seen.
     body += fmt::format(
         R"(<rect class="{}" x="{:.1f}" y="{}" width="{:.1f}" height="{}" rx="1.5"><title>{}</title></rect>)",
-        kKinds[static_cast<std::size_t>(bar.kind)].style, from, top + bar.lane * lane + 4,
-        std::max(1.2, to - from - 0.6), lane - 8, escape_markup(words::printable(bar.words)));
+        kKinds[static_cast<std::size_t>(bar.kind)].style, from, kTop + bar.lane * kLane + 4,
+        std::max(1.2, to - from - 0.6), kLane - 8, escape_markup(words::printable(bar.words)));
   }
   if (lanes == 0) {
     body +=
-        fmt::format(R"(<text x="{}" y="{}">no worker ran in this time</text>)", left, top + 18.5);
+        fmt::format(R"(<text x="{}" y="{}">no worker ran in this time</text>)", kLeft, kTop + 18.5);
   }
   return fmt::format(
       R"(<svg xmlns="http://www.w3.org/2000/svg" class="slc-time" viewBox="0 0 {0} {1}" width="{0}" height="{1}" role="img" aria-label="Workers from {2} to {3}: {4} attempts"><style>{5}</style><rect class="ground" width="{0}" height="{1}"/>{6}</svg>)",

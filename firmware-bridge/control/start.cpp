@@ -12,7 +12,7 @@ namespace {
 
 /// What no machine of this kind measures: colder than any workshop, hotter than any resin bears,
 /// several times faster or brighter than it can be.
-constexpr double kColdestC = -40, hottest_c = 400, times_faster = 4, times_brighter = 2;
+constexpr double kColdestC = -40, kHottestC = 400, kTimesFaster = 4, kTimesBrighter = 2;
 /// Beyond the ends of its travel a stage may be measured by so many tolerances.
 constexpr double kTolerancesBeyond = 2;
 
@@ -37,16 +37,16 @@ std::string impossible(const Machine& machine, const Status& s) {
     return fmt::format("the stage is said to be at {:.3f} mm, its travel is 0 to {:g} mm",
                        s.stage_um * 1e-3, stage.travel_um * 1e-3);
   }
-  const double fastest = times_faster * std::max(stage.max_speed_um_s, stage.lift_speed_um_s);
+  const double fastest = kTimesFaster * std::max(stage.max_speed_um_s, stage.lift_speed_um_s);
   if (s.stage_speed_um_s && fastest > 0 && !(std::abs(*s.stage_speed_um_s) <= fastest)) {
     return fmt::format("the stage is said to go {:.1f} mm/h, {:g} mm/h is its fastest",
-                       *s.stage_speed_um_s * 3.6, fastest / times_faster * 3.6);
+                       *s.stage_speed_um_s * 3.6, fastest / kTimesFaster * 3.6);
   }
-  if (s.temperature_c && !(*s.temperature_c >= kColdestC && *s.temperature_c <= hottest_c)) {
+  if (s.temperature_c && !(*s.temperature_c >= kColdestC && *s.temperature_c <= kHottestC)) {
     return fmt::format("it is said to be {:.1f} °C warm", *s.temperature_c);
   }
   const auto light = [](double share, double most, double tolerance) {
-    return share >= -tolerance && share <= times_brighter * most + tolerance;
+    return share >= -tolerance && share <= kTimesBrighter * most + tolerance;
   };
   if (!light(s.blue_measured, machine.blue.max_share, machine.blue.tolerance)) {
     return fmt::format("the blue lamp is said to give {:.1f} % of full light",

@@ -22,7 +22,7 @@ namespace {
 using namespace detail;
 
 /// How long a flip may take: some vertical blanks, and no less than what a busy kernel does.
-constexpr double kFlipPeriods = 10, least_flip_s = 0.25, black_s = 0.5;
+constexpr double kFlipPeriods = 10, kLeastFlipS = 0.25, kBlackS = 0.5;
 
 /// Settings of a connector that change what a pixel's number becomes as light, and how they are
 /// wanted. The first that there is of a line's words counts.
@@ -69,7 +69,7 @@ class DrmSink final : public FrameSink {
     // What is handed over half a period before appears at the vertical blank nearest to the time.
     clock_.sleep_until(at_s - period_s() / 2);
     const double handed_s = calls_->monotonic_s();
-    const DrmFlip flip = flip_to(buffer, std::max(kFlipPeriods * period_s(), least_flip_s));
+    const DrmFlip flip = flip_to(buffer, std::max(kFlipPeriods * period_s(), kLeastFlipS));
     back_ = 1 - back_;
     const double now_s = calls_->monotonic_s();
     const bool timed = flip.at_s > 0 && flip.at_s >= handed_s - period_s() && flip.at_s <= now_s;
@@ -290,7 +290,7 @@ class DrmSink final : public FrameSink {
     if (!changed_) return false;
     try {
       if (!pending_) {
-        flip_to(black_, black_s);
+        flip_to(black_, kBlackS);
         return true;
       }
     } catch (const DeviceError&) {

@@ -30,7 +30,7 @@ using SteadyClock = std::chrono::steady_clock;
 using std::chrono::duration;
 
 /// For opening, showing and black; how often the window is looked at meanwhile.
-constexpr double kOpenS = 10, show_s = 2, black_s = 1;
+constexpr double kOpenS = 10, kShowS = 2, kBlackS = 1;
 constexpr std::chrono::milliseconds kLookEvery{10};
 
 double seconds_since(SteadyClock::time_point start) {
@@ -158,7 +158,7 @@ class WindowSink final : public FrameSink {
   }
   ~WindowSink() override {
     try {
-      run(Task::end, black_s);
+      run(Task::end, kBlackS);
     } catch (...) {
       // Lamps are off by now; black is what there still was to try.
     }
@@ -170,10 +170,10 @@ class WindowSink final : public FrameSink {
     expect_well();
     Shown shown;
     shown.number = frame ? frame->number : kBlackFrame;
-    shown.times.upload_s = run(Task::upload, show_s, frame);
+    shown.times.upload_s = run(Task::upload, kShowS, frame);
     expect_well();
     clock_.sleep_until(at_s);
-    shown.times.present_s = run(Task::present, show_s);
+    shown.times.present_s = run(Task::present, kShowS);
     expect_well();
     shown.at_s = std::max(at_s, clock_.now_s());
     shown.count = ++count_;
@@ -182,7 +182,7 @@ class WindowSink final : public FrameSink {
 
   void black() noexcept override {
     try {
-      run(Task::black, black_s);
+      run(Task::black, kBlackS);
       ++count_;
     } catch (...) {
       // Lamps are off by now, and the display may be what failed.

@@ -10,7 +10,7 @@ namespace slicecorr::bridge {
 namespace {
 
 /// How long a display may take to answer an image, and black.
-constexpr double kAnswerS = 2, black_s = 1;
+constexpr double kAnswerS = 2, kBlackS = 1;
 
 /// A display that was started a moment ago is waited for.
 WireSocket connect_patiently(const std::string& address) {
@@ -74,7 +74,7 @@ class WireSink final : public FrameSink {
 
   void black() noexcept override {
     try {
-      ask(message_of(nullptr, clock_.now_s() - offset_s_), black_s);
+      ask(message_of(nullptr, clock_.now_s() - offset_s_), kBlackS);
     } catch (...) {
       // Lamps are off by now, and the display may be what failed.
     }

@@ -15,7 +15,7 @@ namespace {
 
 using detail::Bytes;
 
-constexpr std::uint8_t kReadHolding = 3, read_input = 4, write_registers = 16, write_and_read = 23;
+constexpr std::uint8_t kReadHolding = 3, kReadInput = 4, kWriteRegisters = 16, kWriteAndRead = 23;
 constexpr int kIllegalFunction = 1;
 constexpr std::array kLampSignals{Signal::blue_share, Signal::uv_mw_cm2};
 constexpr std::array kCommandSignals{Signal::command};
@@ -35,7 +35,7 @@ class ModbusLink final : public Link {
     auto registers = encode(map_, set_points);
     std::optional<Status> status;
     if (map_.exchange == Exchange::fc23) {
-      status = ask_status(written(Bytes{write_and_read}, runs_.front(), registers, true));
+      status = ask_status(written(Bytes{kWriteAndRead}, runs_.front(), registers, true));
     } else {
       std::string first_error;
       for (const RegisterRun& run : runs_) {
@@ -72,7 +72,7 @@ class ModbusLink final : public Link {
       if (write(run, registers)) continue;
       // A machine of function 23 may have no other.
       const bool other = map_.exchange == Exchange::fc23 && wire_.exception() == kIllegalFunction;
-      if (!other || !ask_status(written(Bytes{write_and_read}, run, registers, true))) all = false;
+      if (!other || !ask_status(written(Bytes{kWriteAndRead}, run, registers, true))) all = false;
     }
     return all;
   }
@@ -104,7 +104,7 @@ class ModbusLink final : public Link {
   }
 
   bool write(const RegisterRun& run, const std::vector<std::uint16_t>& registers) {
-    const Bytes request = written(Bytes{write_registers}, run, registers, false);
+    const Bytes request = written(Bytes{kWriteRegisters}, run, registers, false);
     if (wire_.ask(request, 4)) return true;
     error_ = fmt::format("{} (writing registers {} to {})", wire_.error(), run.address,
                          run.address + run.count - 1);
@@ -112,7 +112,7 @@ class ModbusLink final : public Link {
   }
 
   std::optional<Status> read_status() {
-    Bytes request{map_.exchange == Exchange::fc16_fc4 ? read_input : kReadHolding};
+    Bytes request{map_.exchange == Exchange::fc16_fc4 ? kReadInput : kReadHolding};
     put_word(request, map_.read_address);
     put_word(request, map_.read_count);
     return ask_status(request);

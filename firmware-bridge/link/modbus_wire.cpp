@@ -24,7 +24,7 @@ constexpr int kLongestInterval = 16;
 /// Attempts in a row that follow each other without an interval.
 constexpr int kFreeAttempts = 2;
 constexpr std::size_t kTcpHeader = 7;  // transaction, protocol, length, unit
-constexpr std::uint8_t kExceptionBit = 0x80, write_registers = 16;
+constexpr std::uint8_t kExceptionBit = 0x80, kWriteRegisters = 16;
 
 std::uint16_t crc16(const Bytes& bytes, std::size_t count) {
   std::uint16_t crc = 0xffff;
@@ -41,7 +41,7 @@ int word(const Bytes& bytes, std::size_t at) { return bytes[at] << 8 | bytes[at 
 
 /// What is written comes back by address and number; what is read by its number of bytes.
 bool is_about(const Bytes& request, const Bytes& pdu) {
-  if (pdu[0] == write_registers) return std::equal(pdu.begin() + 1, pdu.end(), request.begin() + 1);
+  if (pdu[0] == kWriteRegisters) return std::equal(pdu.begin() + 1, pdu.end(), request.begin() + 1);
   return pdu[1] + 2U == pdu.size();
 }
 

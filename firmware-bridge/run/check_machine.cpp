@@ -12,8 +12,8 @@ namespace slicecorr::bridge {
 namespace {
 
 /// Longer than it takes any controller to do what it is told, besides moving.
-constexpr double kSoonS = 1, hold_s = 0.3;
-constexpr double kMostWayUm = 1000, calm_speed_um_s = 500;
+constexpr double kSoonS = 1, kHoldS = 0.3;
+constexpr double kMostWayUm = 1000, kCalmSpeedUmS = 500;
 
 using Found = MachineCheck::Found;
 
@@ -55,7 +55,7 @@ class Bench {
   }
   double speed() const {
     const double fastest = machine_.stage.max_speed_um_s;
-    return fastest > 0 ? std::min(calm_speed_um_s, fastest) : calm_speed_um_s;
+    return fastest > 0 ? std::min(kCalmSpeedUmS, fastest) : kCalmSpeedUmS;
   }
   double watchdog_within_s() const { return 2 * machine_.limits.watchdog_s + kSoonS; }
 
@@ -157,7 +157,7 @@ class Bench {
     say("run", exchange_until(Command::run, kSoonS, is(MachineState::running)), "run makes it run");
     const double at_um = status_->stage_um, near_um = machine_.stage.tolerance_um;
     say("holds",
-        exchange_while(hold_s,
+        exchange_while(kHoldS,
                        [&](const Status& s) {
                          return s.state == MachineState::running &&
                                 std::abs(s.stage_um - at_um) <= near_um;
@@ -192,9 +192,9 @@ class Bench {
     const bool stopped = exchange_until(Command::stop, kSoonS, is(MachineState::stopped));
     say("stop", stopped, "stop makes it stopped");
     const double brakes_s = 1.5 * speed() / std::max(out_.acceleration_um_s2, 1.0);
-    exchange_while(brakes_s + hold_s, [](const Status&) { return true; });
+    exchange_while(brakes_s + kHoldS, [](const Status&) { return true; });
     const double rest_um = status_->stage_um;
-    const bool rests = exchange_while(hold_s, [&](const Status& s) {
+    const bool rests = exchange_while(kHoldS, [&](const Status& s) {
       return std::abs(s.stage_um - rest_um) <= std::max(1.0, machine_.stage.tolerance_um / 4);
     });
     const bool short_of = std::abs(rest_um - from_um) > machine_.stage.tolerance_um;
@@ -258,7 +258,7 @@ class Bench {
     }
     out_.command = Command::run;
     say(what + ", stays off",
-        exchange_while(hold_s, [](const Status& s) { return s.state != MachineState::running; }),
+        exchange_while(kHoldS, [](const Status& s) { return s.state != MachineState::running; }),
         "it does not run again before it is reset");
     const bool reset = exchange_until(Command::reset, kSoonS, is(MachineState::idle)) &&
                        exchange_until(Command::off, kSoonS, is(MachineState::idle));

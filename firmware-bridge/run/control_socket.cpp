@@ -18,7 +18,7 @@
 namespace slicecorr::bridge {
 namespace {
 
-constexpr std::size_t kLongestRequest = 4096, longest_answer = 1 << 20;
+constexpr std::size_t kLongestRequest = 4096, kLongestAnswer = 1 << 20;
 
 /// The socket's address by way of its folder's descriptor: paths of folders may be longer than
 /// what fits in an address.
@@ -173,7 +173,7 @@ std::optional<std::string> ask_running(const StateFolder& folder, const std::str
   }
   send_line(s, request);
   bool closed = false;
-  const auto answer = read_line(s, longest_answer, 5000, &closed);
+  const auto answer = read_line(s, kLongestAnswer, 5000, &closed);
   ::close(s);
   if (closed) return {};  // the print has just ended
   if (!answer) throw DeviceError(folder.file("control.sock") + ": the print does not answer");

@@ -18,7 +18,7 @@ using chart::Picture;
 using chart::Point;
 using chart::Style;
 
-constexpr double kPanelHeight = 170, half_height = 120;
+constexpr double kPanelHeight = 170, kHalfHeight = 120;
 
 using Of = std::function<double(const FrameRow&)>;
 
@@ -178,7 +178,7 @@ void add_stage(const PrintRecord& r, std::vector<Chart>& charts) {
   if (worst > tolerance / 20) more.insert(more.end(), {-tolerance, tolerance});
   Picture picture("Where the stage was, measured less commanded",
                   fmt::format("The stage's error over z, at most {:.2f} um", worst));
-  Panel panel(z_axis(r, error), axis_of("error, um", {&error}, false, more), half_height);
+  Panel panel(z_axis(r, error), axis_of("error, um", {&error}, false, more), kHalfHeight);
   if (tolerance > 0) {
     panel.horizontal(tolerance, "tolerance", true);
     panel.horizontal(-tolerance, "");
@@ -192,7 +192,7 @@ void add_stage(const PrintRecord& r, std::vector<Chart>& charts) {
 /// Asked and measured of one lamp.
 void lamp_panel(Picture& picture, const PrintRecord& r, const std::vector<Point>& asked,
                 const std::vector<Point>& measured, const char* title, bool x_labels) {
-  Panel panel(z_axis(r, asked), axis_of(title, {&asked, &measured}, false, {0}, true), half_height,
+  Panel panel(z_axis(r, asked), axis_of(title, {&asked, &measured}, false, {0}, true), kHalfHeight,
               x_labels);
   panel.line(envelope(measured), Style::series, 0);
   panel.line(envelope(asked), Style::reference);
@@ -230,7 +230,7 @@ void add_speed(const PrintRecord& r, std::vector<Chart>& charts) {
     picture.legend_line(Style::series, "as it was", 0);
     picture.legend_line(Style::reference, "asked");
     Panel panel(axis_of("layer", {&asked}, true), axis_of("s", {&asked, &was}, false, {0}, true),
-                half_height);
+                kHalfHeight);
     panel.line(envelope(was), Style::series, 0);
     panel.line(envelope(asked), Style::reference);
     picture.add(panel);
@@ -241,7 +241,7 @@ void add_speed(const PrintRecord& r, std::vector<Chart>& charts) {
   if (!any(speed)) return;
   Picture picture("Speed", "Measured speed of the stage over z");
   Panel panel(z_axis(r, speed), axis_of("mm/h", {&speed}, false, {r.facts.speed_um_s * 3.6}, true),
-              half_height);
+              kHalfHeight);
   if (r.facts.speed_um_s > 0) panel.horizontal(r.facts.speed_um_s * 3.6, "planned", true);
   panel.line(envelope(speed), Style::series, 0);
   mark_fault(panel, r, fault_mm(r), 3);
@@ -264,7 +264,7 @@ void add_display(const PrintRecord& r, std::vector<Chart>& charts) {
   picture.legend_line(Style::series, "pixels into its memory", 0);
   picture.legend_line(Style::series, "from there to light", 1);
   Panel panel(axis_of("frame", {&upload}, true),
-              axis_of("ms", {&upload, &present}, false, {0}, true), half_height);
+              axis_of("ms", {&upload, &present}, false, {0}, true), kHalfHeight);
   panel.line(envelope(present), Style::series, 1);
   panel.line(envelope(upload), Style::series, 0);
   picture.add(panel);
@@ -276,7 +276,7 @@ void add_temperature(const PrintRecord& r, std::vector<Chart>& charts) {
   const auto t = series(r, height_mm, [](const FrameRow& f) { return f.temperature_c; });
   if (!any(t)) return;
   Picture picture("Temperature", "Temperature that the machine measured, over z");
-  Panel panel(z_axis(r, t), axis_of("°C", {&t}, false), half_height);
+  Panel panel(z_axis(r, t), axis_of("°C", {&t}, false), kHalfHeight);
   panel.line(envelope(t), Style::series, 1);
   picture.add(panel);
   charts.push_back({"Temperature", picture.svg()});

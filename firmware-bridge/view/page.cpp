@@ -22,7 +22,7 @@ using End = PrintRecord::End;
 constexpr int kLongestText = 600;
 /// Rows that a table of events may have before it is put into a box that scrolls.
 constexpr std::size_t kLongestUntouched = 60;
-constexpr std::size_t kMostEvents = 600, first_events = 200, most_late = 300;
+constexpr std::size_t kMostEvents = 600, kFirstEvents = 200, kMostLate = 300;
 
 /// What comes from files and machines, for the page.
 std::string shown(std::string_view text) {
@@ -227,7 +227,7 @@ std::string late_table(const PrintRecord& r) {
   std::string html = fmt::format(
       R"(<h2>Late frames, the worst first</h2><div class="scroll tall" tabindex="0" role="region" aria-label="Late frames"><table><thead><tr><th scope="col">frame</th><th scope="col">z, mm</th><th scope="col">late, {}</th><th scope="col">late, ms</th><th scope="col">shown at, s</th></tr></thead><tbody>)",
       r.facts.layerwise ? "ms of exposure" : "um");
-  for (std::size_t i = 0; i < std::min(late.size(), most_late); ++i) {
+  for (std::size_t i = 0; i < std::min(late.size(), kMostLate); ++i) {
     const FrameRow& f = *late[i];
     html += fmt::format(
         "<tr><th scope=\"row\">{}</th><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>", f.frame,
@@ -235,9 +235,9 @@ std::string late_table(const PrintRecord& r) {
         figure((f.shown_s - f.planned_s) * 1e3, "", 2), figure(f.shown_s, "", 3));
   }
   html += "</tbody></table></div>";
-  if (late.size() > most_late) {
+  if (late.size() > kMostLate) {
     html += fmt::format("<p class=\"dim\">The worst {} of {}; all are in frames.csv.</p>",
-                        most_late, words::count(static_cast<std::int64_t>(late.size())));
+                        kMostLate, words::count(static_cast<std::int64_t>(late.size())));
   }
   return html;
 }
@@ -263,7 +263,7 @@ std::string event_table(const PrintRecord& r) {
       fault ? "<th scope=\"col\">since the fault, ms</th>" : "");
   for (std::size_t i = 0; i < r.events.size(); ++i) {
     // Of many, how it began and how it ended.
-    if (r.events.size() > kMostEvents && i == first_events) {
+    if (r.events.size() > kMostEvents && i == kFirstEvents) {
       const std::size_t left_out = r.events.size() - kMostEvents;
       html += fmt::format(
           R"(<tr><th scope="row">…</th><td colspan="{}">{} lines are left out</td></tr>)",

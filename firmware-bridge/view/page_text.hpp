@@ -5,6 +5,9 @@
 
 namespace slicecorr::bridge::detail {
 
+// Each is named after its file.
+// NOLINTBEGIN(readability-identifier-naming)
 extern const std::string_view page_print_css, page_live_html, page_live_js;
+// NOLINTEND(readability-identifier-naming)
 
 }  // namespace slicecorr::bridge::detail

@@ -21,7 +21,7 @@ using detail::Json;
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 /// Beyond it a number is none of a print: 1000 km, or 30,000 years.
 constexpr double kMost = 1e12;
-constexpr std::size_t kMostFrames = 2'000'000, most_events = 200'000;
+constexpr std::size_t kMostFrames = 2'000'000, kMostEvents = 200'000;
 
 struct Column {
   const char* name;
@@ -183,7 +183,7 @@ void read_journal(const std::string& path, PrintRecord& record, bool& ended, boo
       record.fault_frame = e.frame;
       record.fault_z_um = e.stage_um;
     }
-    if (record.events.size() == most_events) {
+    if (record.events.size() == kMostEvents) {
       ++left_out;
     } else {
       record.events.push_back(std::move(e));

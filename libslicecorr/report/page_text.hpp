@@ -5,7 +5,10 @@
 
 namespace slicecorr::detail {
 
+// Each is named after its file.
+// NOLINTBEGIN(readability-identifier-naming)
 extern const std::string_view page_explorer_html, page_data_js, page_sections_js, page_column_js,
     page_solid_js, page_page_js;
+// NOLINTEND(readability-identifier-naming)
 
 }  // namespace slicecorr::detail

@@ -208,7 +208,7 @@ void advise_dead_zones(const PreparedFit& s, const FitResult& result, const Diag
 
 /// The dose of gel, in mJ/cm² at the intensities measured, and where resins have theirs: those of
 /// the database from 2 to 240. A slip of units is a factor of 1000 or 60.
-constexpr double kLeastGelDose = 0.05, greatest_gel_dose = 2000;
+constexpr double kLeastGelDose = 0.05, kGreatestGelDose = 2000;
 
 void advise_units(const PreparedFit& s, const Diagnosis& d, std::vector<std::string>& out) {
   const Range blue = blue_of(s, false);
@@ -216,7 +216,7 @@ void advise_units(const PreparedFit& s, const Diagnosis& d, std::vector<std::str
   // I^m t = D'c at the middle intensity; without intensities m is 1.
   const double middle = 0.5 * (blue.low + blue.high);
   const double dose = d.law[kDose] * std::exp((1 - d.law[kExponent]) * middle);
-  if (dose > greatest_gel_dose) {
+  if (dose > kGreatestGelDose) {
     out.push_back(
         fmt::format("the dose of gel comes out at {:.0f} mJ/cm2; resins gel at some 1 to 500: are "
                     "the exposures in ms, or the intensities in uW/cm2?",

@@ -16,7 +16,7 @@ namespace slicecorr::resins {
 namespace {
 
 // Efficiency 95 % against normal scatter (Holland and Welsch 1977).
-constexpr double kSoftL1Tuning = 1.345, cauchy_tuning = 2.385;
+constexpr double kSoftL1Tuning = 1.345, kCauchyTuning = 2.385;
 
 std::vector<double> residuals_at(const Problem& problem, const std::vector<double>& inner) {
   std::vector<double> residual(problem.observations.size());
@@ -48,7 +48,7 @@ Solution solve_with_loss(PreparedFit& s, const FitOptions& options,
   Solution plain = solve_best(problem, starts);
   if (options.loss == Loss::none) return plain;
 
-  const double tuning = options.loss == Loss::cauchy ? cauchy_tuning : kSoftL1Tuning;
+  const double tuning = options.loss == Loss::cauchy ? kCauchyTuning : kSoftL1Tuning;
   const auto scale_at = [&](const Solution& at) {
     const double sigma = robust_sigma(residuals_at(problem, at.inner), problem.unknowns.size());
     return std::max(sigma, 1e3 * rounding_of(problem));

@@ -16,11 +16,11 @@ namespace slicecorr::resins {
 namespace {
 
 // Wide enough for any resin; they only keep the solver's numbers finite.
-constexpr double kLeastHeight = 1e-3, greatest_height = 1e9;
-constexpr double kLeastDose = 1e-12, greatest_dose = 1e15;
-constexpr double kLeastBeta = 1e-6, greatest_beta = 1e6;
+constexpr double kLeastHeight = 1e-3, kGreatestHeight = 1e9;
+constexpr double kLeastDose = 1e-12, kGreatestDose = 1e15;
+constexpr double kLeastBeta = 1e-6, kGreatestBeta = 1e6;
 // A resin file takes exponents up to 2; theory has 1/2 to 1.
-constexpr double kLeastExponent = 0.05, greatest_exponent = 2;
+constexpr double kLeastExponent = 0.05, kGreatestExponent = 2;
 
 bool uses_cured(FitModel m) {
   return m == FitModel::jacobs || m == FitModel::kinetic || m == FitModel::joint;
@@ -443,14 +443,14 @@ void choose_starts(PreparedFit& s, const FitOptions& options) {
 }  // namespace
 
 std::vector<ParameterKind> parameters_of(FitModel model, const FitOptions& options) {
-  const ParameterKind h{{"h_um", {kHeight}, true, kLeastHeight, greatest_height}, "um"};
-  const ParameterKind dc{{"dc_mj_cm2", {kDose}, true, kLeastDose, greatest_dose}, "mJ/cm²"};
-  const ParameterKind prime{{"critical_dose_prime", {kDose}, true, kLeastDose, greatest_dose},
+  const ParameterKind h{{"h_um", {kHeight}, true, kLeastHeight, kGreatestHeight}, "um"};
+  const ParameterKind dc{{"dc_mj_cm2", {kDose}, true, kLeastDose, kGreatestDose}, "mJ/cm²"};
+  const ParameterKind prime{{"critical_dose_prime", {kDose}, true, kLeastDose, kGreatestDose},
                             "(mW/cm²)^m·s"};
-  const ParameterKind beta{{"beta", {kBeta}, true, kLeastBeta, greatest_beta}, ""};
-  ParameterKind huv{{"huv_um", {kUvHeight}, true, kLeastHeight, greatest_height}, "um"};
+  const ParameterKind beta{{"beta", {kBeta}, true, kLeastBeta, kGreatestBeta}, ""};
+  ParameterKind huv{{"huv_um", {kUvHeight}, true, kLeastHeight, kGreatestHeight}, "um"};
   const auto exponent = [](const char* name, std::vector<Slot> slots) {
-    return ParameterKind{{name, std::move(slots), false, kLeastExponent, greatest_exponent}, ""};
+    return ParameterKind{{name, std::move(slots), false, kLeastExponent, kGreatestExponent}, ""};
   };
   // The front has no place to stand unless UV light is absorbed more than blue light.
   const double below_hb = options.hb_um * (1 - 1e-6);

@@ -8,8 +8,8 @@
 namespace slicecorr::detail {
 namespace {
 
-constexpr std::uint64_t kMax16 = 0xffff, max32 = 0xffffffff;
-constexpr std::uint64_t kVersionPlain = 10, version_deflate = 20, version_zip64 = 45;
+constexpr std::uint64_t kMax16 = 0xffff, kMax32 = 0xffffffff;
+constexpr std::uint64_t kVersionPlain = 10, kVersionDeflate = 20, kVersionZip64 = 45;
 /// Made on Unix, after version 6.3 of the format.
 constexpr std::uint64_t kMadeBy = 3 << 8 | 63;
 constexpr std::uint64_t kOrdinaryFile = std::uint64_t{0100666} << 16;
@@ -25,13 +25,13 @@ void put(std::uint64_t value, int count, std::vector<std::uint8_t>& out) {
 /// A number in the place for it, or all ones, and then it is in the ZIP64 record.
 std::uint64_t or_ones(std::uint64_t value, std::uint64_t ones) { return std::min(value, ones); }
 
-bool is_large(const ZipEntry& entry) { return std::max(entry.bytes, entry.packed_bytes) >= max32; }
+bool is_large(const ZipEntry& entry) { return std::max(entry.bytes, entry.packed_bytes) >= kMax32; }
 
 /// From the version needed to the CRC: the same in both records.
 void put_head(const ZipEntry& entry, bool zip64, std::vector<std::uint8_t>& out) {
   const bool ascii = std::all_of(entry.name.begin(), entry.name.end(),
                                  [](char c) { return static_cast<unsigned char>(c) < 128; });
-  put(zip64 ? version_zip64 : entry.deflated ? version_deflate : kVersionPlain, 2, out);
+  put(zip64 ? kVersionZip64 : entry.deflated ? kVersionDeflate : kVersionPlain, 2, out);
   put(ascii || !is_utf8(entry.name) ? 0 : kUtf8Name, 2, out);
   put(entry.deflated ? 8 : 0, 2, out);
   put(0, 2, out);  // midnight
@@ -42,13 +42,13 @@ void put_head(const ZipEntry& entry, bool zip64, std::vector<std::uint8_t>& out)
 /// Sizes and the length of the name.
 void put_sizes(const ZipEntry& entry, std::vector<std::uint8_t>& out) {
   if (entry.name.size() > kMax16) throw std::invalid_argument("the name of an entry is too long");
-  put(is_large(entry) ? max32 : entry.packed_bytes, 4, out);
-  put(is_large(entry) ? max32 : entry.bytes, 4, out);
+  put(is_large(entry) ? kMax32 : entry.packed_bytes, 4, out);
+  put(is_large(entry) ? kMax32 : entry.bytes, 4, out);
   put(entry.name.size(), 2, out);
 }
 
 void put_directory_record(const ZipEntry& entry, std::vector<std::uint8_t>& out) {
-  const bool large = is_large(entry), far = entry.offset >= max32;
+  const bool large = is_large(entry), far = entry.offset >= kMax32;
   put(0x02014b50, 4, out);
   put(kMadeBy, 2, out);
   put_head(entry, large || far, out);
@@ -59,7 +59,7 @@ void put_directory_record(const ZipEntry& entry, std::vector<std::uint8_t>& out)
   put(0, 2, out);  // on the first disk
   put(0, 2, out);  // not known to be text
   put(kOrdinaryFile, 4, out);
-  put(or_ones(entry.offset, max32), 4, out);
+  put(or_ones(entry.offset, kMax32), 4, out);
   out.insert(out.end(), entry.name.begin(), entry.name.end());
   if (zip64_bytes == 0) return;
   put(kZip64Tag, 2, out);
@@ -95,11 +95,11 @@ std::vector<std::uint8_t> zip_directory(std::span<const ZipEntry> entries, std::
   std::vector<std::uint8_t> out;
   for (const ZipEntry& entry : entries) put_directory_record(entry, out);
   const std::uint64_t bytes = out.size(), count = entries.size();
-  if (count >= kMax16 || bytes >= max32 || offset >= max32) {
+  if (count >= kMax16 || bytes >= kMax32 || offset >= kMax32) {
     put(0x06064b50, 4, out);
     put(44, 8, out);  // bytes of this record that follow
-    put(version_zip64, 2, out);
-    put(version_zip64, 2, out);
+    put(kVersionZip64, 2, out);
+    put(kVersionZip64, 2, out);
     put(0, 4, out);
     put(0, 4, out);
     put(count, 8, out);
@@ -116,8 +116,8 @@ std::vector<std::uint8_t> zip_directory(std::span<const ZipEntry> entries, std::
   put(0, 2, out);
   put(or_ones(count, kMax16), 2, out);
   put(or_ones(count, kMax16), 2, out);
-  put(or_ones(bytes, max32), 4, out);
-  put(or_ones(offset, max32), 4, out);
+  put(or_ones(bytes, kMax32), 4, out);
+  put(or_ones(offset, kMax32), 4, out);
   put(0, 2, out);  // no comment
   return out;
 }

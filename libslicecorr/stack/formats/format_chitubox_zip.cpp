@@ -70,7 +70,7 @@ void change(const ArchiveRequest& r, ContainerOutput& output) {
 }
 
 /// Movements of a printer that says none: slow enough for any, as Chitubox proposes them.
-constexpr double kLiftMm = 5, lift_mm_min = 60, drop_mm_min = 150;
+constexpr double kLiftMm = 5, kLiftMmMin = 60, kDropMmMin = 150;
 
 std::string new_gcode(const ArchiveRequest& r) {
   const StackInfo& info = r.info;
@@ -94,12 +94,12 @@ std::string new_gcode(const ArchiveRequest& r) {
     rounded = rounded || std::abs(light_ms - std::round(light_ms)) > 1e-6;
     body += fmt::format(";LAYER_START:{}\n;currPos:{}\nM6054 \"{}.png\";show Image\n", n, mm(z_mm),
                         n + 1);
-    if (up_mm > 0) body += fmt::format("G0 Z{} F{:g};\n", mm(z_mm + up_mm), lift_mm_min);
+    if (up_mm > 0) body += fmt::format("G0 Z{} F{:g};\n", mm(z_mm + up_mm), kLiftMmMin);
     body += fmt::format(
         "G0 Z{} F{:g};\nG4 P0;\nM106 S255;light on\nG4 P{:.0f};\nM106 S0; light "
         "off\n\n;LAYER_END\n\n",
-        mm(z_mm), drop_mm_min, light_ms);
-    total_s += light_ms / 1e3 + 60 * up_mm * (1 / lift_mm_min + 1 / drop_mm_min);
+        mm(z_mm), kDropMmMin, light_ms);
+    total_s += light_ms / 1e3 + 60 * up_mm * (1 / kLiftMmMin + 1 / kDropMmMin);
   }
   body += fmt::format(";END_GCODE_BEGIN\nM106 S0;\nG1 Z{} F25;\nM18;\n\n;END_GCODE_END\n",
                       mm(build_mm));
@@ -125,16 +125,16 @@ std::string new_gcode(const ArchiveRequest& r) {
   add("normalExposureTime", number_text(s.normal_s));
   add("bottomLayExposureTime", number_text(s.bottom_s));
   add("bottomLayerExposureTime", number_text(s.bottom_s));
-  add("normalDropSpeed", number_text(drop_mm_min));
+  add("normalDropSpeed", number_text(kDropMmMin));
   add("normalLayerLiftHeight", number_text(up_mm));
   add("zSlowUpDistance", "0");
-  add("normalLayerLiftSpeed", number_text(lift_mm_min));
+  add("normalLayerLiftSpeed", number_text(kLiftMmMin));
   add("bottomLayCount", std::to_string(s.bottom_layers));
   add("bottomLayerCount", std::to_string(s.bottom_layers));
   add("mirror", info.orientation.mirror_x ? "1" : "0");
   add("totalLayer", std::to_string(g.layers));
   add("bottomLayerLiftHeight", number_text(up_mm));
-  add("bottomLayerLiftSpeed", number_text(lift_mm_min));
+  add("bottomLayerLiftSpeed", number_text(kLiftMmMin));
   add("bottomLightOffTime", "0");
   add("lightOffTime", "0");
   add("bottomPWMLight", "255");

@@ -284,7 +284,7 @@ void change(const ArchiveRequest& r, const std::vector<std::string>& images,
 }
 
 /// Movements as NovaMaker proposes them.
-constexpr double kLiftMm = 4, lift_mm_min = 120;
+constexpr double kLiftMm = 4, kLiftMmMin = 120;
 
 /// As NovaMaker writes them, which the printer itself reads.
 void make_new(const ArchiveRequest& r, const std::string& name, ContainerOutput& output) {
@@ -313,8 +313,8 @@ void make_new(const ArchiveRequest& r, const std::string& name, ContainerOutput&
   say("head_layers_expo_ms", milliseconds(s.bottom_s));
   say("wait_before_expo_ms", "0");
   say("lift_distance", number_text(up_mm));
-  say("lift_up_speed", number_text(lift_mm_min));
-  say("lift_down_speed", number_text(lift_mm_min));
+  say("lift_up_speed", number_text(kLiftMmMin));
+  say("lift_down_speed", number_text(kLiftMmMin));
   say("lift_when_finished", "80");
   output.add_text(kConfigEntry, config);
 
@@ -338,9 +338,9 @@ void make_new(const ArchiveRequest& r, const std::string& name, ContainerOutput&
   add("Anti Aliasing", "True");
   add("Use Mainlift GCode Tab", "False");
   add("Anti Aliasing Value", "2.0");
-  add("Z Lift Feed Rate", number_text(lift_mm_min) + " mm/s");
-  add("Z Bottom Lift Feed Rate", number_text(lift_mm_min) + " mm/s");
-  add("Z Lift Retract Rate", number_text(lift_mm_min) + " mm/s");
+  add("Z Lift Feed Rate", number_text(kLiftMmMin) + " mm/s");
+  add("Z Bottom Lift Feed Rate", number_text(kLiftMmMin) + " mm/s");
+  add("Z Lift Retract Rate", number_text(kLiftMmMin) + " mm/s");
   add("Flip X", info.orientation.mirror_x ? "True" : "False");
   add("Flip Y", info.orientation.mirror_y ? "True" : "False");
   text += fmt::format(";Number of Slices         = {}\n", g.layers);
@@ -363,9 +363,9 @@ void make_new(const ArchiveRequest& r, const std::string& name, ContainerOutput&
     rounded = rounded || std::abs(light_ms - std::round(light_ms)) > 1e-6;
     text += fmt::format(";<Slice> {}\nM106 S255\n;<Delay> {:.0f}\nM106 S0\n;<Slice> Blank\n", n,
                         light_ms);
-    if (up_mm > 0) text += fmt::format("G1 Z{} F{:g}\n", mm(up_mm), lift_mm_min);
-    text += fmt::format("G1 Z{} F{:g}\n;<Delay> {:.0f}\n\n", mm(layer_mm - up_mm), lift_mm_min,
-                        std::ceil(travel_mm / lift_mm_min * 60e3));
+    if (up_mm > 0) text += fmt::format("G1 Z{} F{:g}\n", mm(up_mm), kLiftMmMin);
+    text += fmt::format("G1 Z{} F{:g}\n;<Delay> {:.0f}\n\n", mm(layer_mm - up_mm), kLiftMmMin,
+                        std::ceil(travel_mm / kLiftMmMin * 60e3));
   }
   text += "M18 ;Disable Motors\nM106 S0\nG1 Z80\n;<Completed>\n";
   output.add_text(name + ".gcode", text);

@@ -30,7 +30,7 @@ constexpr const char* kBurnInKey = "BurnInExposureSec";
 constexpr const char* kModelKey = "ModelExposureSec";
 
 /// The printer's display: 64 mm x 40 mm.
-constexpr int kDisplayWidthPx = 1280, display_height_px = 800;
+constexpr int kDisplayWidthPx = 1280, kDisplayHeightPx = 800;
 constexpr double kDisplayPixelUm = 50;
 
 constexpr double kMostS = 1e6;
@@ -240,11 +240,11 @@ void change(const ArchiveRequest& r, ContainerOutput& output) {
 void write_new(const ArchiveRequest& r, ContainerOutput& output) {
   const StackInfo& info = r.info;
   const Grid& grid = info.grid;
-  if (grid.width_px != kDisplayWidthPx || grid.height_px != display_height_px ||
+  if (grid.width_px != kDisplayWidthPx || grid.height_px != kDisplayHeightPx ||
       grid.pixel_x_um != kDisplayPixelUm || grid.pixel_y_um != kDisplayPixelUm) {
     warn(r, fmt::format("the Ember shows {} x {} pixels of {:g} um, this stack has {} x {} of {:g} "
                         "x {:g} um",
-                        kDisplayWidthPx, display_height_px, kDisplayPixelUm, grid.width_px,
+                        kDisplayWidthPx, kDisplayHeightPx, kDisplayPixelUm, grid.width_px,
                         grid.height_px, grid.pixel_x_um, grid.pixel_y_um));
   }
   const auto layer_um = static_cast<int>(std::lround(grid.layer_um));
@@ -299,7 +299,7 @@ class Ember final : public ArchiveFormat {
     }
     info.grid.layers = info.target_layers = static_cast<int>(contents.images.size());
     take_image_size(archive, {}, {}, "", false, contents);
-    if (info.grid.width_px == kDisplayWidthPx && info.grid.height_px == display_height_px) {
+    if (info.grid.width_px == kDisplayWidthPx && info.grid.height_px == kDisplayHeightPx) {
       info.grid.pixel_x_um = info.grid.pixel_y_um = kDisplayPixelUm;
     }
     read_settings(archive, contents);

@@ -124,7 +124,7 @@ void DynamicHeader::make(const HuffmanCode& literals, const HuffmanCode& distanc
   size_ = 0;
   bit_count_ = 0;
   const std::span<const std::uint8_t> near = literals.bit_counts(), far = distances.bit_counts();
-  std::array<std::uint8_t, kLiteralSymbols + distance_symbols + 8> lengths;
+  std::array<std::uint8_t, kLiteralSymbols + kDistanceSymbols + 8> lengths;
   std::copy(near.begin(), near.end(), lengths.begin());
   std::copy(far.begin(), far.end(), lengths.begin() + static_cast<std::ptrdiff_t>(near.size()));
   const std::size_t n = near.size() + far.size();
@@ -134,7 +134,7 @@ void DynamicHeader::make(const HuffmanCode& literals, const HuffmanCode& distanc
     std::uint8_t symbol, extra_bits;
     std::uint32_t extra;
   };
-  std::array<Word, kLiteralSymbols + distance_symbols> words;
+  std::array<Word, kLiteralSymbols + kDistanceSymbols> words;
   std::array<std::uint32_t, 19> frequencies{};
   std::size_t word_count = 0;
   const auto word = [&](std::uint8_t symbol, std::uint8_t extra_bits, std::size_t extra) {
@@ -173,7 +173,7 @@ void DynamicHeader::make(const HuffmanCode& literals, const HuffmanCode& distanc
   std::size_t code_count = order.size();
   while (code_count > 4 && code[order[code_count - 1]].count == 0) --code_count;
   add(2 << 1, 3);  // not the last block; codes of its own
-  add(near.size() - first_length, 5);
+  add(near.size() - kFirstLength, 5);
   add(far.size() - 1, 5);
   add(code_count - 4, 4);
   for (std::size_t i = 0; i < code_count; ++i) add(code[order[i]].count, 3);

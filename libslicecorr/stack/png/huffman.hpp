@@ -18,8 +18,8 @@ struct BitString {
 };
 
 /// Literals, the end of the block (256) and lengths; distances.
-inline constexpr std::size_t kLiteralSymbols = 286, distance_symbols = 30;
-inline constexpr std::size_t kEndOfBlock = 256, first_length = 257;
+inline constexpr std::size_t kLiteralSymbols = 286, kDistanceSymbols = 30;
+inline constexpr std::size_t kEndOfBlock = 256, kFirstLength = 257;
 
 /// A code for symbols that occur with known frequencies, and nothing for those that don't.
 class HuffmanCode {
@@ -83,7 +83,7 @@ class DynamicHeader {
     parts_[size_++] = {static_cast<std::uint16_t>(bits), static_cast<std::uint16_t>(count)};
     bit_count_ += count;
   }
-  std::array<BitString, 4 + 19 + kLiteralSymbols + distance_symbols> parts_;
+  std::array<BitString, 4 + 19 + kLiteralSymbols + kDistanceSymbols> parts_;
   std::size_t size_ = 0;
   std::uint64_t bit_count_ = 0;
 };

@@ -35,7 +35,7 @@ class Inflater {
 };
 
 /// What is before and behind the deflate blocks of a zlib stream.
-constexpr std::size_t kZlibStart = 2, zlib_end = 4;
+constexpr std::size_t kZlibStart = 2, kZlibEnd = 4;
 
 bool is_zlib_start(Bytes b) {
   // Deflate with a window of up to 32 KiB, and no dictionary.
@@ -136,7 +136,7 @@ bool decode_pieces(const PngLayout& layout, Inflater& inflater, GreyBands& bands
   constexpr std::array<std::uint8_t, 2> last_block = {3, 0};      // with nothing in it
   if (chunks.size() != static_cast<std::size_t>(bands.count()) + 2 ||
       chunks.front().size() != kZlibStart || !is_zlib_start(chunks.front()) ||
-      chunks.back().size() != last_block.size() + zlib_end ||
+      chunks.back().size() != last_block.size() + kZlibEnd ||
       !std::equal(last_block.begin(), last_block.end(), chunks.back().begin())) {
     return false;
   }
@@ -181,8 +181,8 @@ Bytes join(const PngLayout& layout, std::vector<std::uint8_t>& joined) {
 
 /// The whole zlib stream but for its checksum.
 bool inflate_all(Bytes stream, Inflater& inflater, std::span<std::uint8_t> out) {
-  return stream.size() > kZlibStart + zlib_end && is_zlib_start(stream) &&
-         inflater.fill(stream.subspan(kZlibStart, stream.size() - kZlibStart - zlib_end), out);
+  return stream.size() > kZlibStart + kZlibEnd && is_zlib_start(stream) &&
+         inflater.fill(stream.subspan(kZlibStart, stream.size() - kZlibStart - kZlibEnd), out);
 }
 
 bool decode_whole(const PngLayout& layout, Inflater& inflater, GreyBands& bands) {
@@ -193,7 +193,7 @@ bool decode_whole(const PngLayout& layout, Inflater& inflater, GreyBands& bands)
   const auto image = std::make_unique_for_overwrite<std::uint8_t[]>(size);
   if (!inflate_all(stream, inflater, {image.get(), size})) return false;
   const auto check = [&] {
-    return bands.stored_adler() == load_u32(stream.data() + stream.size() - zlib_end);
+    return bands.stored_adler() == load_u32(stream.data() + stream.size() - kZlibEnd);
   };
   for (std::uint8_t* at = image.get(); !bands.done();) {
     const std::size_t n = bands.next_bytes();
@@ -288,7 +288,7 @@ std::uint32_t decode_bits(const PngLayout& layout, int rows, const PngName& name
   Inflater inflater;
   if (!inflate_all(stream, inflater, image) ||
       isal_adler32(1, image.data(), image.size()) !=
-          load_u32(stream.data() + stream.size() - zlib_end)) {
+          load_u32(stream.data() + stream.size() - kZlibEnd)) {
     IdatStream slow(layout, name);
     slow.read(image);
     slow.finish();

@@ -10,13 +10,13 @@ namespace slicecorr::detail {
 namespace {
 
 constexpr std::uint32_t kNoValue = 256;
-constexpr std::uint32_t kLeastMatch = 3, longest_match = 258, farthest = 32768;
+constexpr std::uint32_t kLeastMatch = 3, kLongestMatch = 258, kFarthest = 32768;
 /// No code is longer, so that four literals, or a whole reference, fit between two flushes.
 constexpr unsigned kCodeLimit = 12;
 
 /// Length symbols: code, number of extra bits and least length of each.
 struct LengthTable {
-  std::array<std::uint8_t, longest_match + 1> code{};
+  std::array<std::uint8_t, kLongestMatch + 1> code{};
   std::array<std::uint8_t, 29> extra{};
   std::array<std::uint16_t, 29> base{};
   constexpr LengthTable() {
@@ -24,12 +24,12 @@ struct LengthTable {
     for (unsigned c = 0; c < 28; ++c) {
       extra[c] = static_cast<std::uint8_t>(c < 8 ? 0 : c / 4 - 1);
       base[c] = static_cast<std::uint16_t>(length);
-      for (unsigned i = 0; i < 1u << extra[c] && length < longest_match; ++i) {
+      for (unsigned i = 0; i < 1u << extra[c] && length < kLongestMatch; ++i) {
         code[length++] = static_cast<std::uint8_t>(c);
       }
     }
-    code[longest_match] = 28;
-    base[28] = longest_match;
+    code[kLongestMatch] = 28;
+    base[28] = kLongestMatch;
   }
 };
 constexpr LengthTable lengths;
@@ -47,17 +47,17 @@ Distance distance_of(std::uint32_t distance) {
 /// Calls `take(length, times)` for references that together have this length.
 template <class Take>
 void split(std::uint32_t length, const Take& take) {
-  if (length <= longest_match) {
+  if (length <= kLongestMatch) {
     take(length, 1u);
     return;
   }
-  const std::uint32_t times = length / longest_match, rest = length % longest_match;
+  const std::uint32_t times = length / kLongestMatch, rest = length % kLongestMatch;
   if (rest == 0 || rest >= kLeastMatch) {
-    take(longest_match, times);
+    take(kLongestMatch, times);
     if (rest != 0) take(rest, 1u);
   } else {
-    if (times > 1) take(longest_match, times - 1);
-    take(longest_match + rest - kLeastMatch, 1u);
+    if (times > 1) take(kLongestMatch, times - 1);
+    take(kLongestMatch + rest - kLeastMatch, 1u);
     take(kLeastMatch, 1u);
   }
 }
@@ -220,18 +220,18 @@ bool RunDeflater::repeats_last() const {
 
 std::size_t RunDeflater::find_match(std::size_t at, std::size_t before) {
   const std::uint32_t distance = token_starts_[at].raw - token_starts_[before].raw;
-  if (distance > farthest) return 0;
+  if (distance > kFarthest) return 0;
   std::uint32_t matched_literals = 0, length = 0, tokens = 0;
   for (; at + tokens < now_.token_count; ++tokens) {
     const Token& token = now_.tokens[at + tokens];
-    if (token != now_.tokens[before + tokens] || length + token.literals > longest_match) break;
+    if (token != now_.tokens[before + tokens] || length + token.literals > kLongestMatch) break;
     const std::uint8_t* const a = &now_.literals[token_starts_[at + tokens].literal];
     const std::uint8_t* const b = &now_.literals[token_starts_[before + tokens].literal];
     if (load(a, token.literals) != load(b, token.literals)) break;
     if (token.literals > 8 && std::memcmp(a, b, token.literals) != 0) break;
     matched_literals += token.literals;
     length += token.literals + token.run;
-    if (length >= longest_match) {
+    if (length >= kLongestMatch) {
       ++tokens;
       break;
     }
@@ -239,7 +239,7 @@ std::size_t RunDeflater::find_match(std::size_t at, std::size_t before) {
   // A reference takes about as many bits as two or three literals and a run.
   if (tokens == 0 || (tokens == 1 && matched_literals < 3)) return 0;
   // What is left of the last run is a run still.
-  std::uint32_t rest = length > longest_match ? length - longest_match : 0;
+  std::uint32_t rest = length > kLongestMatch ? length - kLongestMatch : 0;
   if (rest != 0 && rest < kLeastMatch) rest = kLeastMatch;
   matches_.push_back({0, matched_literals, length - rest, distance});
   if (rest != 0) matches_.push_back({0, 0, rest, 1});
@@ -297,7 +297,7 @@ void RunDeflater::count_symbols() {
     const Distance distance = distance_of(match.distance);
     split(match.length, [&](std::uint32_t length, std::uint32_t times) {
       const std::uint8_t code = lengths.code[length];
-      literal_frequencies_[first_length + code] += times;
+      literal_frequencies_[kFirstLength + code] += times;
       distance_frequencies_[distance.symbol] += times;
       extra_bits_ += std::uint64_t{times} * (lengths.extra[code] + distance.extra_bits);
     });
@@ -328,7 +328,7 @@ void RunDeflater::write_matches(BitWriter& out) const {
     const BitString& far = distance_code_[distance.symbol];
     split(match.length, [&](std::uint32_t length, std::uint32_t times) {
       const std::uint8_t code = lengths.code[length];
-      const BitString& near = codes[first_length + code];
+      const BitString& near = codes[kFirstLength + code];
       std::uint64_t bits = near.bits;
       std::uint32_t count = near.count;
       bits |= std::uint64_t{length - lengths.base[code]} << count;

@@ -82,7 +82,7 @@ class RunDeflater {
   std::uint32_t first_id_ = 1;
 
   std::array<std::uint32_t, kLiteralSymbols> literal_frequencies_;
-  std::array<std::uint32_t, distance_symbols> distance_frequencies_;
+  std::array<std::uint32_t, kDistanceSymbols> distance_frequencies_;
   std::uint64_t extra_bits_ = 0;
   HuffmanCode literal_code_, distance_code_;
   DynamicHeader header_;

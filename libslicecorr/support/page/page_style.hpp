@@ -6,6 +6,9 @@
 
 namespace slicecorr::detail {
 
+// Each is named after its file.
+// NOLINTBEGIN(readability-identifier-naming)
 extern const std::string_view page_page_css, page_tiles_css;
+// NOLINTEND(readability-identifier-naming)
 
 }  // namespace slicecorr::detail

@@ -142,14 +142,15 @@ struct Controller::Impl {
   void check_stage();
   void check_lamps();
   void judge_frame(const FrameReport& report);
-  /// How far off a frame came: where the stage moves in um, at the end of an exposure in ms, else 0.
-  /// Notes the worst of moving frames.
+  /// How far off a frame came: where the stage moves in um, at the end of an exposure in ms, else
+  /// 0.
   struct Punctuality {
     double off, borne;
     const char* unit;
     bool early;
     bool late() const { return off > borne; }
   };
+  /// Notes the worst of frames that come while the stage moves.
   Punctuality punctuality(const FrameReport& report, const Pending& asked, double light_at_s,
                           double at_um);
   /// Of a layer whose black has come.

@@ -53,7 +53,8 @@ struct LampCheck {
   }
 };
 
-/// Slices above the window in which UV light still takes more than `InhibitedKernel::kTailShare` of the dose.
+/// Slices above the window in which UV light still takes more than
+/// `InhibitedKernel::kTailShare` of the dose.
 int slices_near_window(const Kinetics& kinetics, double uv_mw_cm2, double blue_mw_cm2,
                        double layer_um) {
   // A place without light has nothing to lose.

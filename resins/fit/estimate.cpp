@@ -107,8 +107,8 @@ double greatest_difference(const Problem& problem, const Slots& a, const Slots& 
   return worst_um;
 }
 
-/// `half`: of the confidence interval of m, `error`: its standard error; `worst_um`: how far Jacobs'
-/// law is off.
+/// `half`: of the confidence interval of m, `error`: its standard error; `worst_um`: how far
+/// Jacobs' law is off.
 std::string verdict_of(const Reciprocity& r, double half, double error, double worst_um) {
   if (half > 0.5) {
     // No reason to doubt it, and none to believe in it.

@@ -174,6 +174,10 @@ struct Controller::Impl {
   void go_fault();
   void go_done();
   void go_layers();
+  /// Moves to the place of layer `n`, or on to what comes after the last one.
+  void begin_layer(int n);
+  /// Shows black when the exposure of layer `n` is over, then puts the lamp out.
+  void expose_layer(int n);
   double print_target_um() const;
 
   void command_move(double target_um, double speed_um_s, double acceleration_um_s2);

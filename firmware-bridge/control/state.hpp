@@ -142,6 +142,21 @@ struct Controller::Impl {
   void check_stage();
   void check_lamps();
   void judge_frame(const FrameReport& report);
+  /// How far off a frame came: where the stage moves in um, at the end of an exposure in ms, else
+  /// 0.
+  struct Punctuality {
+    double off, borne;
+    const char* unit;
+    bool early;
+    bool late() const { return off > borne; }
+  };
+  /// Notes the worst of frames that come while the stage moves.
+  Punctuality punctuality(const FrameReport& report, const Pending& asked, double light_at_s,
+                          double at_um);
+  /// Of a layer whose black has come.
+  void end_exposure(double light_at_s, bool is_late);
+  void tell_late(int number, const Punctuality& p);
+  void record_frame(const FrameReport& report, const Pending& asked, double at_um, bool is_late);
 
   // act.cpp
   void go();
@@ -159,6 +174,10 @@ struct Controller::Impl {
   void go_fault();
   void go_done();
   void go_layers();
+  /// Moves to the place of layer `n`, or on to what comes after the last one.
+  void begin_layer(int n);
+  /// Shows black when the exposure of layer `n` is over, then puts the lamp out.
+  void expose_layer(int n);
   double print_target_um() const;
 
   void command_move(double target_um, double speed_um_s, double acceleration_um_s2);

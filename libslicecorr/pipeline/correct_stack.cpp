@@ -416,8 +416,8 @@ void StackCorrection::tell_shortcomings(const Prediction& p) const {
         p.cure_through_voxels, p.undercure_voxels, plans_.levels(), model().level_step_um()));
   }
   // Printers of this kind want some 20 um of liquid under the part.
-  constexpr double kThin_um = 10;
-  if (p.dead_zones && setup_.process.uv.dead_zone_um == 0 && p.dead_zones->least() < kThin_um) {
+  constexpr double kThinUm = 10;
+  if (p.dead_zones && setup_.process.uv.dead_zone_um == 0 && p.dead_zones->least() < kThinUm) {
     context_.tell(
         fmt::format("the dead zone gets as thin as {:.2g} um; UV light chosen for a dead zone, in "
                     "place of an intensity, keeps more of it",

@@ -7,6 +7,7 @@
 
 #include "process/flat_field_keys.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/image_size.hpp"
 #include "slicecorr/process.hpp"
 #include "slicecorr/units.hpp"
 #include "support/text/ascii.hpp"
@@ -319,8 +320,8 @@ Printer parse_printer(std::string_view text, const std::string& source) {
   Printer printer;
   printer.name = root.text("name", fs::path(source).stem().string());
   const TomlTable display = root.required_table("display");
-  printer.width_px = display.required_integer("width_px", 1, 65536);
-  printer.height_px = display.required_integer("height_px", 1, 65536);
+  printer.width_px = display.required_integer("width_px", 1, kMostPixelsAcross);
+  printer.height_px = display.required_integer("height_px", 1, kMostPixelsAcross);
   printer.bit_depth = display.integer("bit_depth", 1, 8, 8);
   if (const toml::node* pixel = display.node("pixel_um"); pixel && pixel->is_array()) {
     const auto* pair = pixel->as_array();

@@ -12,6 +12,7 @@
 #include <memory>
 
 #include "programs/common/run_server.hpp"
+#include "programs/common/watch.hpp"
 #include "slicecorr/bridge/run.hpp"
 #include "slicecorr/bridge/serve.hpp"
 #include "slicecorr/bridge/view.hpp"
@@ -94,32 +95,9 @@ int status(const StatusOptions& o) {
   return cli::kDone;
 }
 
-struct WatchOptions {
+struct WatchOptions : cli::WatchOptions {
   PrinterOptions printer;
-  double interval_s = 0.5;
-  bool once = false, until_end = false;
-  int columns = 100, rows = 30;
 };
-
-int watch_terminal(const WatchOptions& o, const Looker& looker) {
-  const char* const plain = std::getenv("NO_COLOR");
-  const bool colour = plain == nullptr || *plain == 0;
-  cli::FrameTerminal terminal;
-  while (!cli::interrupted()) {
-    const Seen seen = looker.seen();
-    terminal.show(live_frame(seen, terminal.columns(), terminal.rows(), colour));
-    if (o.until_end && !seen.running) return cli::kDone;
-    switch (terminal.wait(static_cast<int>(o.interval_s * 1000))) {
-      case cli::FrameTerminal::Key::quit:
-        return cli::kDone;
-      case cli::FrameTerminal::Key::interrupt:
-        return cli::kInterrupted;
-      case cli::FrameTerminal::Key::none:
-        break;
-    }
-  }
-  return cli::kInterrupted;
-}
 
 /// New lines of the journal, also of the next print's.
 class JournalTail {
@@ -180,15 +158,12 @@ int watch_lines(const WatchOptions& o, const Looker& looker) {
 
 int watch(const WatchOptions& o) {
   const Looker looker(o.printer);
-  if (o.once) {
-    std::string text;
-    for (const std::string& line : live_frame(looker.seen(), o.columns, o.rows, false)) {
-      text += line + "\n";
-    }
-    cli::print_result(text);
-    return cli::kDone;
-  }
-  return cli::FrameTerminal::possible() ? watch_terminal(o, looker) : watch_lines(o, looker);
+  const auto frame = [&](int columns, int rows, bool colour) {
+    const Seen seen = looker.seen();
+    return cli::WatchFrame{live_frame(seen, columns, rows, colour), !seen.running};
+  };
+  if (o.once) return cli::print_frame(o, frame);
+  return cli::FrameTerminal::possible() ? cli::watch_terminal(o, frame) : watch_lines(o, looker);
 }
 
 struct OutputOptions {
@@ -260,14 +235,7 @@ void add_view_commands(const AddCommand& add) {
     auto o = std::make_shared<WatchOptions>();
     auto* const w = add("watch", "Follow the print on the terminal; q quits", o->printer,
                         politely([o](cli::Console&) { return watch(*o); }));
-    w->add_option("--interval-s", o->interval_s, "Time between two looks [0.5]")
-        ->check(cli::number_in(0.05, 3600));
-    w->add_flag("--until-end", o->until_end, "End when no print runs");
-    w->add_flag("--once", o->once, "Print one frame and end");
-    w->add_option("--columns", o->columns, "Width of a frame with --once [100]")
-        ->check(CLI::Range(20, 1000));
-    w->add_option("--rows", o->rows, "Height of a frame with --once [30]")
-        ->check(CLI::Range(5, 1000));
+    o->add_to(*w, "--until-end", "End when no print runs");
   }
   {
     auto o = std::make_shared<OutputOptions>();

@@ -12,6 +12,7 @@
 #include <pugixml.hpp>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/image_size.hpp"
 #include "slicecorr/version.hpp"
 #include "stack/formats/format_times.hpp"
 #include "stack/formats/layer_gcode.hpp"
@@ -142,8 +143,8 @@ ArchiveContents read_cws(const Container& archive) {
         fmt::format("has {} of {} slices, the last ones are missing: those that are there are read",
                     grid.layers, said));
   }
-  take_image_size(archive, settings.count("xres", "(X Resolution", 65536),
-                  settings.count("yres", "(Y Resolution", 65536),
+  take_image_size(archive, settings.count("xres", "(X Resolution", kMostPixelsAcross),
+                  settings.count("yres", "(Y Resolution", kMostPixelsAcross),
                   settings.config ? kConfigEntry : names.gcode, true, contents);
   contents.packed_bgr = contents.packed_rgb;
   grid.pixel_x_um =

@@ -84,23 +84,23 @@ void LiveFrame::put_title() {
   const Overview& o = state_.overview;
   add(line()
           .put("slicefarm  ", Ink::bold)
-          .put(words::printable(folder_.root), Ink::dim)
+          .put(text::printable(folder_.root), Ink::dim)
           .to_the_right(local_time_text(o.now_ms).substr(11), Ink::dim));
 }
 
 void LiveFrame::put_counts() {
   const Summary& s = state_.overview.summary;
   Line l = line();
-  l.put(words::count(number(JobState::running)) + " running", Ink::busy);
-  l.put(fmt::format(" · {} queued", words::count(number(JobState::queued))));
+  l.put(text::count(number(JobState::running)) + " running", Ink::busy);
+  l.put(fmt::format(" · {} queued", text::count(number(JobState::queued))));
   if (s.followers > 0) {
-    l.put(fmt::format(" ({} wait for the same work)", words::count(s.followers)), Ink::dim);
+    l.put(fmt::format(" ({} wait for the same work)", text::count(s.followers)), Ink::dim);
   }
-  l.put(" · ").put(words::count(number(JobState::done)) + " done", Ink::good);
-  l.put(" · ").put(words::count(number(JobState::failed)) + " failed",
+  l.put(" · ").put(text::count(number(JobState::done)) + " done", Ink::good);
+  l.put(" · ").put(text::count(number(JobState::failed)) + " failed",
                    number(JobState::failed) > 0 ? Ink::bad : Ink::plain);
   if (number(JobState::cancelled) > 0) {
-    l.put(fmt::format(" · {} cancelled", words::count(number(JobState::cancelled))));
+    l.put(fmt::format(" · {} cancelled", text::count(number(JobState::cancelled))));
   }
   add(l);
 }
@@ -121,10 +121,10 @@ void LiveFrame::put_progress() {
   if (number(JobState::running) + number(JobState::queued) > 0) {
     if (s.eta_s >= 0) {
       l.put(fmt::format(
-          "  {} left, about {}", words::duration(s.eta_s),
-          words::moment(o.now_ms + static_cast<std::int64_t>(1000 * s.eta_s), o.now_ms)));
+          "  {} left, about {}", text::duration(s.eta_s),
+          text::moment(o.now_ms + static_cast<std::int64_t>(1000 * s.eta_s), o.now_ms)));
     }
-    if (s.late > 0) l.put(fmt::format("  {} late", words::count(s.late)), Ink::bad);
+    if (s.late > 0) l.put(fmt::format("  {} late", text::count(s.late)), Ink::bad);
   }
   add(l);
 }
@@ -144,10 +144,9 @@ void LiveFrame::put_holds() {
                       minute_text(o.settings.night_until)));
   }
   for (const DiskState& d : o.disks) {
-    l.put(
-        fmt::format("{} disk {} free  ", d.what, words::bytes(static_cast<double>(d.free_bytes))));
+    l.put(fmt::format("{} disk {} free  ", d.what, text::bytes(static_cast<double>(d.free_bytes))));
   }
-  l.put(fmt::format("cache {}", words::bytes(static_cast<double>(s.cache_bytes))), Ink::dim);
+  l.put(fmt::format("cache {}", text::bytes(static_cast<double>(s.cache_bytes))), Ink::dim);
   add(l);
 }
 
@@ -157,11 +156,11 @@ void LiveFrame::put_services() {
   for (std::size_t i = 0; i < o.services.size() && i < 3; ++i) {
     const Service& v = o.services[i];
     add(line().put(
-        words::printable(fmt::format(
+        text::printable(fmt::format(
             "{} on {}: {}, {} of {} cores, {} of memory", v.engine, v.host,
             v.doing.empty() ? "working" : v.doing,
             o.services.size() == 1 ? std::to_string(s.running_threads) : std::string("-"), v.cores,
-            words::bytes(1048576.0 * static_cast<double>(s.running_memory_mb)))),
+            text::bytes(1048576.0 * static_cast<double>(s.running_memory_mb)))),
         Ink::dim));
   }
 }
@@ -172,23 +171,23 @@ Line LiveFrame::running_line(const RunningJob& r) const {
   const int name_columns = std::clamp(columns_ / 5, 8, 32);
   const int figures = 7 + 1 + 6 + (wide ? 11 + 19 + 9 + 14 : 12 + 7 + 10);
   Line l = line();
-  l.put(words::padded(std::to_string(r.job.id), 6, true) + " ", Ink::dim);
-  l.put(words::padded(words::printable(r.job.name), name_columns) + " ");
+  l.put(text::padded(std::to_string(r.job.id), 6, true) + " ", Ink::dim);
+  l.put(text::padded(text::printable(r.job.name), name_columns) + " ");
   if (wide) {
     const std::string& stage = r.attempt.stage.empty() ? r.attempt.phase : r.attempt.stage;
-    l.put(words::padded(words::printable(stage), 10) + " ", Ink::dim);
+    l.put(text::padded(text::printable(stage), 10) + " ", Ink::dim);
   }
   put_bar(l, r.attempt.fraction, std::clamp(columns_ - name_columns - figures, 6, 40), Ink::busy);
   l.put(fmt::format(" {:3.0f} %", 100 * r.attempt.fraction));
   if (r.job.layers > 0) {
-    l.put(words::padded(
+    l.put(text::padded(
         fmt::format("{}/{}{}", r.attempt.layers_done, r.job.layers, wide ? " layers" : ""),
         wide ? 19 : 12, true));
   }
-  l.put(words::padded(r.layers_per_s > 0 ? words::figure(r.layers_per_s) + "/s" : "-", wide ? 9 : 7,
-                      true));
-  const std::string left = r.eta_s >= 0 ? words::duration(r.eta_s) : "-";
-  l.put(words::padded(left, wide ? 14 : 10, true));
+  l.put(text::padded(r.layers_per_s > 0 ? text::figure(r.layers_per_s) + "/s" : "-", wide ? 9 : 7,
+                     true));
+  const std::string left = r.eta_s >= 0 ? text::duration(r.eta_s) : "-";
+  l.put(text::padded(left, wide ? 14 : 10, true));
   if (r.attempt.number > 1) l.put(fmt::format(" attempt {}", r.attempt.number), Ink::bad);
   if (r.job.cancel_wanted) l.put(" cancelling", Ink::bad);
   return l;
@@ -214,12 +213,12 @@ void LiveFrame::put_next() {
   for (int i = 0; i < most && i < static_cast<int>(state_.next.size()); ++i) {
     const Job& j = state_.next[static_cast<std::size_t>(i)];
     Line l = line();
-    l.put(words::padded(std::to_string(j.id), 6, true) + " ", Ink::dim);
-    l.put(words::padded(words::printable(j.name), std::clamp(columns_ / 5, 8, 32)) + " ");
-    l.put(words::padded(words::printable(j.user), 10) + " ", Ink::dim);
+    l.put(text::padded(std::to_string(j.id), 6, true) + " ", Ink::dim);
+    l.put(text::padded(text::printable(j.name), std::clamp(columns_ / 5, 8, 32)) + " ");
+    l.put(text::padded(text::printable(j.user), 10) + " ", Ink::dim);
     if (j.priority != 0) l.put(fmt::format("priority {}  ", j.priority));
     if (j.ready_by_ms != kNoDeadline) {
-      l.put("by " + words::to_the_minute(j.ready_by_ms, o.now_ms) + "  ");
+      l.put("by " + text::to_the_minute(j.ready_by_ms, o.now_ms) + "  ");
     }
     if (j.follows > 0) l.put(fmt::format("waits for {}  ", j.follows), Ink::dim);
     if (j.reason != Reason::none) l.put(fmt::format("after {}", name_of(j.reason)), Ink::bad);
@@ -235,9 +234,7 @@ void LiveFrame::put_latest() {
   for (std::size_t i = state_.latest.size() - static_cast<std::size_t>(std::max(0, most));
        i < state_.latest.size(); ++i) {
     const FarmEvent& e = state_.latest[i];
-    add(line()
-            .put(words::moment(e.at_ms, o.now_ms) + "  ", Ink::dim)
-            .put(event_text(e), ink_of(e)));
+    add(line().put(text::moment(e.at_ms, o.now_ms) + "  ", Ink::dim).put(event_text(e), ink_of(e)));
   }
 }
 
@@ -261,7 +258,7 @@ std::string event_text(const FarmEvent& e) {
   text += e.kind;
   if (e.reason != Reason::none) text += fmt::format(" ({})", name_of(e.reason));
   if (!e.text.empty()) text += "  " + e.text;
-  return words::printable(text);
+  return text::printable(text);
 }
 
 std::vector<std::string> live_frame(const LiveState& state, const FarmFolder& folder, int columns,

@@ -37,7 +37,7 @@ struct Controller::Impl {
 
   const PrintPlan plan;
   const Machine machine;
-  const Limits& limits;
+  const MachineLimits& limits;
   const bool dry_run;
   const int frames;
 
@@ -85,10 +85,10 @@ struct Controller::Impl {
   LampJudge blue, uv;
   bool lamps_judged = false;
   bool rising = false;  ///< waits for a lamp: too little light is no fault yet
-  struct Share {
+  struct AskedLight {
     double at_s, share;
   };
-  std::deque<Share> shares;  ///< asked of the blue lamp within its settling time
+  std::deque<AskedLight> shares;  ///< asked of the blue lamp within its settling time
 
   // The display.
   int frame = kBlackFrame;  ///< on the display
@@ -113,7 +113,7 @@ struct Controller::Impl {
   bool lamps_taken = false, stop_taken = false;  ///< the machine has answered that it took them
   bool black_shown = false;
 
-  Step step;
+  ControlStep step;
 
   void event(const std::string& what, const std::string& detail = {});
   void enter(Phase next, const std::string& detail = {});

@@ -41,7 +41,7 @@ void check_travel(const PrintPlan& plan, const Machine& machine, double top_um) 
 
 void plan_layers(PrintPlan& plan, const Process& process, const Machine& machine) {
   const Stage& stage = machine.stage;
-  const Limits& limits = machine.limits;
+  const MachineLimits& limits = machine.limits;
   plan.speed_um_s = stage.lift_speed_um_s;
   plan.end_um = plan.start_um + height_um(plan);
   check_travel(plan, machine, plan.end_um);
@@ -64,7 +64,7 @@ void plan_layers(PrintPlan& plan, const Process& process, const Machine& machine
 /// Whether the stage and the exchanges with the machine can keep up.
 void check_speed(const PrintPlan& plan, const Process& process, const Machine& machine) {
   const Stage& stage = machine.stage;
-  const Limits& limits = machine.limits;
+  const MachineLimits& limits = machine.limits;
   const double v = plan.speed_um_s;
   if (stage.max_speed_um_s > 0 && v > stage.max_speed_um_s * (1 + 1e-9)) {
     throw InfeasibleError(fmt::format(

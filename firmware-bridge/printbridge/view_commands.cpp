@@ -66,7 +66,7 @@ int status(const StatusOptions& o) {
   const double z_mm = (seen.state.stage_um - seen.facts.start_um) * 1e-3;
   std::string out = fmt::format("printer   {}\n", looker.printer);
   if (const auto& left = seen.state.left; left && !left->confirmed()) {
-    out += words::printable(in_words(*left)) + "\n";
+    out += text::printable(in_words(*left)) + "\n";
   }
   if (seen.running && seen.known) {
     out += fmt::format("phase     {}{}\n", name_of(seen.state.phase),
@@ -75,7 +75,7 @@ int status(const StatusOptions& o) {
                        z_mm);
     out += fmt::format("late      {} frames, at most {:.2f} um\n", seen.state.late_frames,
                        seen.state.lateness.worst_um);
-    if (seen.left_s) out += fmt::format("left      {}\n", words::duration(*seen.left_s));
+    if (seen.left_s) out += fmt::format("left      {}\n", text::duration(*seen.left_s));
   } else {
     out += seen.running ? "phase     starting\n" : "phase     no print\n";
     if (seen.known) {
@@ -86,7 +86,7 @@ int status(const StatusOptions& o) {
   }
   if (const auto latch = read_latch(looker.folder, false)) {
     out += fmt::format("latched   {}: {} ({}); see the machine, then `printbridge reset`\n",
-                       name_of(latch->fault), words::printable(latch->detail),
+                       name_of(latch->fault), text::printable(latch->detail),
                        latch->frame < 0 ? std::string("before the first frame")
                                         : fmt::format("frame {}, z = {:.3f} mm", latch->frame,
                                                       latch->z_um * 1e-3));

@@ -32,7 +32,7 @@ double done(const Seen& seen) {
 }
 
 std::string stack_name(const Seen& seen) {
-  return words::printable(std::filesystem::path(seen.facts.stack).filename().string());
+  return text::printable(std::filesystem::path(seen.facts.stack).filename().string());
 }
 
 bool failed(const Seen& seen) { return seen.state.fault != Fault::none; }
@@ -59,8 +59,7 @@ std::vector<std::string> wrapped(const std::string& text, int columns) {
 /// "was done in 4 min 05 s", "failed".
 std::string how_it_ended(const Seen& seen) {
   if (seen.state.phase == Phase::done && !failed(seen)) {
-    return seen.around.seconds ? "was done in " + words::duration(*seen.around.seconds)
-                               : "was done";
+    return seen.around.seconds ? "was done in " + text::duration(*seen.around.seconds) : "was done";
   }
   return failed(seen) ? fmt::format("ended with {}", name_of(seen.state.fault))
                       : std::string("was cut off");
@@ -82,17 +81,17 @@ void put_histogram(std::vector<std::string>& lines, int columns, bool colour, in
   for (std::size_t i = first; i <= last && static_cast<int>(i - first) < room; ++i) {
     Line line(columns, colour);
     const bool beyond = i + 1 == counts.size();
-    line.put(words::padded(beyond ? fmt::format("over {:g} {}", bounds.back(), unit)
-                                  : fmt::format("up to {} {}", names[i], unit),
-                           14, true) +
+    line.put(text::padded(beyond ? fmt::format("over {:g} {}", bounds.back(), unit)
+                                 : fmt::format("up to {} {}", names[i], unit),
+                          14, true) +
                  " ",
              Ink::dim);
     // Logarithmic: one late frame among ten thousand is seen.
     const double share = counts[i] == 0 ? 0
                                         : (1 + std::log10(static_cast<double>(counts[i]))) /
                                               (1 + std::log10(static_cast<double>(most)));
-    line.put(words::bar(share, std::clamp(columns - 30, 4, 40)) + " ", Ink::busy);
-    line.put(words::count(static_cast<std::int64_t>(counts[i])));
+    line.put(text::bar(share, std::clamp(columns - 30, 4, 40)) + " ", Ink::busy);
+    line.put(text::count(static_cast<std::int64_t>(counts[i])));
     lines.push_back(line.text());
   }
 }
@@ -130,7 +129,7 @@ class LiveFrame {
   Line line() const { return Line(columns_, colour_); }
   void add(const Line& l) { lines_.push_back(l.text()); }
   void fact(const char* name, const std::string& text, Ink ink = Ink::plain) {
-    add(line().put(words::padded(name, 13), Ink::dim).put(text, ink));
+    add(line().put(text::padded(name, 13), Ink::dim).put(text, ink));
   }
   int rest() const { return rows_ - static_cast<int>(lines_.size()); }
 
@@ -156,10 +155,10 @@ void LiveFrame::put_head() {
   const PrintFacts& f = seen_.facts;
   const PrintState& s = seen_.state;
   Line head = line();
-  head.put("printbridge  ", Ink::bold).put(words::printable(seen_.printer), Ink::dim);
+  head.put("printbridge  ", Ink::bold).put(text::printable(seen_.printer), Ink::dim);
   add(head);
   if (not_confirmed(seen_)) {
-    for (const std::string& part : wrapped(words::printable(in_words(*s.left)), columns_)) {
+    for (const std::string& part : wrapped(text::printable(in_words(*s.left)), columns_)) {
       add(line().put(part, Ink::bad));
     }
   }
@@ -176,7 +175,7 @@ void LiveFrame::put_head() {
   } else {
     add(line()
             .put(std::string(name_of(s.phase)), failed(seen_) ? Ink::bad : Ink::busy)
-            .put(fmt::format(" for {}  ", words::duration(s.at_s - s.phase_since_s)), Ink::dim)
+            .put(fmt::format(" for {}  ", text::duration(s.at_s - s.phase_since_s)), Ink::dim)
             .put(stack_name(seen_), Ink::bold)
             .put(f.dry_run ? "  without light" : "", Ink::bad));
   }
@@ -189,8 +188,8 @@ void LiveFrame::put_bar() {
                failed(seen_) ? Ink::bad : Ink::good);
   bar.put(fmt::format(" {:3d} %  ", static_cast<int>(100 * done(seen_) + 1e-9)));
   if (seen_.running) {
-    bar.put(words::duration(s.at_s) + " elapsed");
-    if (seen_.left_s) bar.put(", " + words::duration(*seen_.left_s) + " left");
+    bar.put(text::duration(s.at_s) + " elapsed");
+    if (seen_.left_s) bar.put(", " + text::duration(*seen_.left_s) + " left");
   }
   add(bar);
 }
@@ -200,7 +199,7 @@ void LiveFrame::put_fault() {
   const Fault fault = failed(seen_) ? s.fault : seen_.latched_fault;
   const std::string& detail = failed(seen_) ? s.detail : seen_.latched_detail;
   lines_.emplace_back();
-  add(line().put(fmt::format("{}: {}", name_of(fault), words::printable(detail)), Ink::bad));
+  add(line().put(fmt::format("{}: {}", name_of(fault), text::printable(detail)), Ink::bad));
   add(line().put(fmt::format("to do: {}{}", what_to_do(fault),
                              seen_.latched && !seen_.running ? ", then `printbridge reset`" : ""),
                  Ink::bold));
@@ -209,7 +208,7 @@ void LiveFrame::put_fault() {
 void LiveFrame::put_motion() {
   const PrintFacts& f = seen_.facts;
   const PrintState& s = seen_.state;
-  fact("frame", fmt::format("{} of {}{}", words::count(s.frames_shown), words::count(f.frames),
+  fact("frame", fmt::format("{} of {}{}", text::count(s.frames_shown), text::count(f.frames),
                             s.frame < 0 && seen_.running ? ", black is shown" : ""));
   fact("z", fmt::format("{:.3f} of {:.3f} mm", z_um(seen_) * 1e-3, height_um(seen_) * 1e-3));
   if (f.layerwise) {
@@ -246,8 +245,8 @@ void LiveFrame::put_timing() {
          low ? Ink::bad : Ink::plain);
   }
   fact("missed",
-       fmt::format("{} cycles of {:g} ms", words::count(s.missed_cycles), f.cycle_s * 1e3));
-  fact("late", fmt::format("{} frames", words::count(s.late_frames)),
+       fmt::format("{} cycles of {:g} ms", text::count(s.missed_cycles), f.cycle_s * 1e3));
+  fact("late", fmt::format("{} frames", text::count(s.late_frames)),
        s.late_frames > 0 ? Ink::bad : Ink::plain);
   const Lateness& l = s.lateness;
   fact("worst", f.layerwise ? fmt::format("exposure {:.2f} ms too long", l.worst_ms)
@@ -282,7 +281,7 @@ std::string live_line(const Seen& seen) {
   if (not_confirmed(seen)) {
     Seen rest = seen;
     rest.state.left.reset();
-    return words::printable(in_words(*s.left)) + "; " + live_line(rest);
+    return text::printable(in_words(*s.left)) + "; " + live_line(rest);
   }
   if (!seen.running) {
     std::string text = "no print runs";
@@ -292,7 +291,7 @@ std::string live_line(const Seen& seen) {
     }
     if (seen.latched) {
       text += fmt::format("; latched: {}: {}; to do: {}, then printbridge reset",
-                          name_of(seen.latched_fault), words::printable(seen.latched_detail),
+                          name_of(seen.latched_fault), text::printable(seen.latched_detail),
                           what_to_do(seen.latched_fault));
     }
     return text;
@@ -301,7 +300,7 @@ std::string live_line(const Seen& seen) {
   std::string text = fmt::format("{}, frame {} of {}, z {:.3f} mm", name_of(s.phase),
                                  s.frames_shown, seen.facts.frames, z_um(seen) * 1e-3);
   if (failed(seen)) {
-    return text + fmt::format(", {}: {}; to do: {}", name_of(s.fault), words::printable(s.detail),
+    return text + fmt::format(", {}: {}; to do: {}", name_of(s.fault), text::printable(s.detail),
                               what_to_do(s.fault));
   }
   text += seen.facts.layerwise
@@ -309,7 +308,7 @@ std::string live_line(const Seen& seen) {
               : fmt::format(", {:.1f} mm/h, worst {:.2f} um late", s.speed_um_s * 3.6,
                             std::max(s.worst_late_um, s.lateness.worst_um));
   text += fmt::format(", {} late", s.late_frames);
-  if (seen.left_s) text += ", " + words::duration(*seen.left_s) + " left";
+  if (seen.left_s) text += ", " + text::duration(*seen.left_s) + " left";
   return text;
 }
 
@@ -318,11 +317,11 @@ std::string event_line(const std::string& journal_line) {
   const std::string what = detail::text_in(json, "what"), more = detail::text_in(json, "detail");
   if (what.empty()) return {};
   const int frame = detail::whole_in(json, "frame", kBlackFrame);
-  return words::clipped(
-      words::printable(fmt::format("{}  {:10.3f} s  {}{}{}", detail::text_in(json, "time"),
-                                   detail::number_in(json, "at_s", 0), what,
-                                   frame < 0 ? "" : fmt::format(" (frame {})", frame),
-                                   more.empty() ? "" : ": " + more)),
+  return text::clipped(
+      text::printable(fmt::format("{}  {:10.3f} s  {}{}{}", detail::text_in(json, "time"),
+                                  detail::number_in(json, "at_s", 0), what,
+                                  frame < 0 ? "" : fmt::format(" (frame {})", frame),
+                                  more.empty() ? "" : ": " + more)),
       500);
 }
 

@@ -318,11 +318,11 @@ slicecorr_status slicecorr_stack_load(slicecorr_stack* stack, slicecorr_job* han
   return guarded(error_of(handle), [&] {
     slicecorr_stack& s = need(stack, "stack");
     if (s.slices) return;
-    const slicecorr::ExecutionContext job = job_of(handle);
+    const slicecorr::ExecutionContext context = job_of(handle);
     const std::string folder = scratch_folder(handle);
-    const slicecorr::StackReader reader(s.path, folder, job, s.missing);
+    const slicecorr::StackReader reader(s.path, folder, context, s.missing);
     check_unchanged(s, reader.info());
-    auto slices = keep_slices(reader, "keep", folder, job);
+    auto slices = keep_slices(reader, "keep", folder, context);
     s.info = reader.info();
     s.missing = {};
     s.slices = std::move(slices);

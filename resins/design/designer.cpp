@@ -87,7 +87,7 @@ bool Designer::keeps_any_dead_zone() const {
 }
 
 Designer::Limits Designer::limits() const {
-  Limits l{limit_, std::min(black_limit(), kGreatestHeightE), {}, {}};
+  HeightRange l{limit_, std::min(black_limit(), kGreatestHeightE), {}, {}};
   l.low_because = fmt::format("full light ({} mW/cm²) gels the resin at {} mm/h above it",
                               figure(blue_), figure(speed_));
   l.high_because =

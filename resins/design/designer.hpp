@@ -51,12 +51,12 @@ class Designer {
 
   /// Interval of heights that gel, keep gaps liquid and keep the dead zone; with what sets its
   /// ends.
-  struct Limits {
+  struct HeightRange {
     double low = 0, high = kInfinity;
     std::string low_because, high_because;
     bool any() const { return low * (1 + 1e-9) < high; }
   };
-  Limits limits() const;
+  HeightRange limits() const;
 
   /// Where the falling error of lower edges and the rising one of upper edges meet, or the end
   /// nearest to that.

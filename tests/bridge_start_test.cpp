@@ -328,7 +328,7 @@ struct Hand {
   Machine machine;
   PrinterModel model;
   Controller controller;
-  Step step;
+  ControlStep step;
   std::optional<Answer> answer;
   double now_s = 0;
   int shown = 0;

@@ -689,7 +689,7 @@ TEST(Live, FitsEveryWindow) {
           const auto bare = live_frame(seen, columns, rows, false);
           ASSERT_EQ(bare.size(), static_cast<std::size_t>(rows));
           for (std::size_t i = 0; i < bare.size(); ++i) {
-            EXPECT_LE(words::columns_of(bare[i]), columns) << bare[i];
+            EXPECT_LE(text::columns_of(bare[i]), columns) << bare[i];
             EXPECT_EQ(std::regex_replace(coloured[i], std::regex("\033\\[[0-9;]*m"), ""), bare[i]);
           }
         }

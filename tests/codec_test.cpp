@@ -376,9 +376,9 @@ TEST(Codec, BytesDoNotDependOnThreadsNorBoxes) {
       test::write_stack(file, images, info, one);
       const Bytes expected = test::read_file(file.path);
       for (int run = 0; run < 4; ++run) {
-        ExecutionContext job;
-        job.threads = 1 + run;
-        test::write_stack(file, images, info, job);
+        ExecutionContext context;
+        context.threads = 1 + run;
+        test::write_stack(file, images, info, context);
         ASSERT_EQ(test::read_file(file.path), expected) << run;
       }
       // Only the columns that may be lit, from the last slice to the first.
@@ -410,9 +410,9 @@ TEST(Codec, EqualSlicesAreKeptOnce) {
   std::mt19937 random(11);
   const Bytes pixels = bytes_of_kind(2, 2000 * 64, random);
   int told = 0;
-  ExecutionContext job;
-  job.notice = [&](const std::string&) { ++told; };
-  StackWriter writer(folder / "a.uvj", grid, job);
+  ExecutionContext context;
+  context.notice = [&](const std::string&) { ++told; };
+  StackWriter writer(folder / "a.uvj", grid, context);
   const int rows = band_rows(grid);
   for (int y0 = 0; y0 < grid.height_px; y0 += rows) {
     StackWriter::BandEncoder band(writer, y0, std::min(grid.height_px, y0 + rows));

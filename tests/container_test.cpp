@@ -67,8 +67,8 @@ std::string message_of(const std::function<void()>& f) {
 
 class TarGz : public testing::Test {
  protected:
-  std::unique_ptr<Container> open(const std::string& name, const ExecutionContext& job = {}) {
-    return detail::open_tar_gz(folder_ / name, folder_.path(), job);
+  std::unique_ptr<Container> open(const std::string& name, const ExecutionContext& context = {}) {
+    return detail::open_tar_gz(folder_ / name, folder_.path(), context);
   }
   std::string refused(const Bytes& bytes) {
     test::write_file(folder_ / "bad.tar.gz", bytes);
@@ -139,9 +139,9 @@ TEST_F(TarGz, LargeOnesGoToScratchAsAnnounced) {
   test::write_file(folder_ / "a.tar.gz",
                    test::gzip(test::make_tar({{"a", large}, {"b", large}}), 1));
   std::vector<std::string> notices;
-  ExecutionContext job;
-  job.notice = [&](const std::string& text) { notices.push_back(text); };
-  const auto archive = open("a.tar.gz", job);
+  ExecutionContext context;
+  context.notice = [&](const std::string& text) { notices.push_back(text); };
+  const auto archive = open("a.tar.gz", context);
   ASSERT_EQ(notices.size(), 1u);
   EXPECT_THAT(notices[0], HasSubstr("scratch"));
   EXPECT_EQ(folder_.count(), 1) << "scratch has a name";
@@ -318,10 +318,10 @@ TEST_F(TarGz, KeepsNamesThatPlainHeadersCantSay) {
 TEST_F(TarGz, FailuresLeaveTheOldOne) {
   test::make_tar_gz(folder_ / "a.tar.gz", {{"a", pattern(100, 1)}});
   const Bytes before = test::read_file(folder_ / "a.tar.gz");
-  const auto write = [&](const ContainerOutput::Fill& fill, const ExecutionContext& job = {}) {
+  const auto write = [&](const ContainerOutput::Fill& fill, const ExecutionContext& context = {}) {
     const auto output = detail::make_tar_gz_output(folder_ / "a.tar.gz", folder_ / "a.tar.gz");
     output->add_lazily({"a", "b"}, {10, 3 << 20}, fill);
-    output->finish(job);
+    output->finish(context);
   };
   const auto sound = [](std::size_t i, Bytes& data) { data = pattern(i == 0 ? 10 : 3 << 20, 2); };
   EXPECT_THROW(write([&](std::size_t i, Bytes& data) {
@@ -330,14 +330,14 @@ TEST_F(TarGz, FailuresLeaveTheOldOne) {
                }),
                InputError);
   std::atomic<bool> cancel{false};
-  ExecutionContext job;
-  job.cancel = &cancel;
+  ExecutionContext context;
+  context.cancel = &cancel;
   EXPECT_THROW(write(
                    [&](std::size_t i, Bytes& data) {
                      cancel = true;
                      sound(i, data);
                    },
-                   job),
+                   context),
                Cancelled);
   {
     const test::FileSizeLimit limit(1 << 20);
@@ -534,10 +534,11 @@ TEST_F(Folder, OnlyOurOwnAreReplaced) {
 TEST_F(Folder, FailuresLeaveTheOldOne) {
   make("in", {{"1.png", a_}, {"2.png", b_}, {"notes.txt", c_}});
   const auto before = files("in");
-  const auto write_with = [&](const ContainerOutput::Fill& fill, const ExecutionContext& job = {}) {
+  const auto write_with = [&](const ContainerOutput::Fill& fill,
+                              const ExecutionContext& context = {}) {
     const auto output = detail::make_folder_output(folder_ / "in", folder_ / "in");
     output->add_lazily({"1.png", "2.png", "3.png"}, {10, 20, 30}, fill);
-    output->finish(job);
+    output->finish(context);
   };
   const auto sound = [](std::size_t i, Bytes& data) { data = pattern(10 * (i + 1), 7); };
   EXPECT_THROW(write_with([&](std::size_t i, Bytes& data) {
@@ -546,14 +547,14 @@ TEST_F(Folder, FailuresLeaveTheOldOne) {
                }),
                InputError);
   std::atomic<bool> cancel{false};
-  ExecutionContext job;
-  job.cancel = &cancel;
+  ExecutionContext context;
+  context.cancel = &cancel;
   EXPECT_THROW(write_with(
                    [&](std::size_t i, Bytes& data) {
                      cancel = i == 2;
                      sound(i, data);
                    },
-                   job),
+                   context),
                Cancelled);
   EXPECT_EQ(files("in"), before);
   EXPECT_EQ(folder_.count(), 1);

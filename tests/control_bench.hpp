@@ -87,7 +87,7 @@ class Bench {
         return;
       }
       model.advance(now_s);
-      const Step step = controller.step(answer_, now_s);
+      const ControlStep step = controller.step(answer_, now_s);
       for (const PrintEvent& e : step.events) events.push_back(e);
       for (const FrameRecord& r : step.records) records.push_back(r);
       sent.push_back(step.set_points);

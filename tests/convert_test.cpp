@@ -44,11 +44,11 @@ StackInfo info_with_times(const Grid& grid) {
 
 void put(const TemporaryFolder& folder, const std::string& from, const StackFile& to,
          std::string* told = nullptr) {
-  ExecutionContext job;
-  job.notice = [&](const std::string& text) {
+  ExecutionContext context;
+  context.notice = [&](const std::string& text) {
     if (told) *told += text + "\n";
   };
-  convert_stack(StackReader(from, folder.path(), {}, {50, 50, 50}), to, job);
+  convert_stack(StackReader(from, folder.path(), {}, {50, 50, 50}), to, context);
 }
 
 TEST_P(EveryFormat, ThereAndBackIsTheSame) {
@@ -144,9 +144,9 @@ TEST_P(EveryFormat, CorrectedStacksKeepAllTheirParameters) {
   EXPECT_EQ(verify_stack(stack, target, setup).to_json(), made.after.to_json());
   // Changed by somebody else, it is noticed.
   std::string told;
-  ExecutionContext job;
-  job.notice = [&](const std::string& text) { told += text; };
-  const StackReader quiet(file.path, folder.path(), job);
+  ExecutionContext context;
+  context.notice = [&](const std::string& text) { told += text; };
+  const StackReader quiet(file.path, folder.path(), context);
   EXPECT_EQ(told, "");
 }
 
@@ -233,10 +233,10 @@ TEST(Formats, EveryArchiveOfOthersIsReadOrRefusedWithAReason) {
   for (const std::filesystem::path path : test::real_files("slices")) {
     const std::string name = path.filename().string();
     std::string told, error;
-    ExecutionContext job;
-    job.notice = [&](const std::string& text) { told += text; };
+    ExecutionContext context;
+    context.notice = [&](const std::string& text) { told += text; };
     try {
-      const StackReader reader(path.string(), scratch.path(), job, {50, 50, 50});
+      const StackReader reader(path.string(), scratch.path(), context, {50, 50, 50});
       EXPECT_GT(reader.pixel_sum(), 0u) << name;
       ++read;
     } catch (const InputError& e) {

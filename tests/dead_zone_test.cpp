@@ -186,15 +186,15 @@ TEST(UvPattern, IsWrittenBesideTheSlices) {
   }
   // Read back whole, with the same figures; a changed image is told.
   std::vector<std::string> told;
-  ExecutionContext job;
-  job.notice = [&](const std::string& text) { told.push_back(text); };
-  const StackReader reader(folder / "a.uvj", folder.path(), job);
+  ExecutionContext context;
+  context.notice = [&](const std::string& text) { told.push_back(text); };
+  const StackReader reader(folder / "a.uvj", folder.path(), context);
   EXPECT_TRUE(told.empty());
   EXPECT_EQ(verify_stack(reader, Block(), s).to_json(), c.after.to_json());
   auto changed = entries;
   at(changed, "uv/00000003.png") = at(entries, "uv/00000061.png");
   test::make_zip(folder / "b.uvj", changed);
-  const StackReader other(folder / "b.uvj", folder.path(), job);
+  const StackReader other(folder / "b.uvj", folder.path(), context);
   ASSERT_EQ(told.size(), 1U);
   EXPECT_THAT(told[0], HasSubstr("UV images were changed"));
   std::erase_if(changed, [](auto& e) { return e.first == "uv/00000004.png"; });
@@ -227,9 +227,9 @@ TEST(UvCorrection, SameBytesForAnyNumberOfThreads) {
   const auto s = setup_of(UvKind::constant, 200, 0);
   TemporaryFolder folder;
   for (const int threads : {1, 2, 8}) {
-    ExecutionContext job;
-    job.threads = threads;
-    correct_stack(Block(), s, folder / (std::to_string(threads) + ".uvj"), {}, job);
+    ExecutionContext context;
+    context.threads = threads;
+    correct_stack(Block(), s, folder / (std::to_string(threads) + ".uvj"), {}, context);
   }
   EXPECT_EQ(test::read_file(folder / "1.uvj"), test::read_file(folder / "2.uvj"));
   EXPECT_EQ(test::read_file(folder / "1.uvj"), test::read_file(folder / "8.uvj"));

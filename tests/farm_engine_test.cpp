@@ -218,7 +218,7 @@ class HeldEngine final : public Engine {
     }
   }
   std::vector<std::string> adopt(const std::vector<Attempt>&) override { return {}; }
-  std::vector<Node> nodes() override { return {}; }
+  std::vector<FarmNode> nodes() override { return {}; }
   bool outlives_service() const override { return false; }
 
   std::mutex mutex;

@@ -38,77 +38,76 @@ const std::string kProgram = std::string(SLICECORR_BIN_DIR) + "/slicefarm";
 // --- words --------------------------------------------------------------------------------------
 
 TEST(Words, Durations) {
-  EXPECT_EQ(words::duration(-1), "-");
-  EXPECT_EQ(words::duration(std::nan("")), "-");
-  EXPECT_EQ(words::duration(0), "0.0 s");
-  EXPECT_EQ(words::duration(59.4), "59 s");
-  EXPECT_EQ(words::duration(59.6), "1 min 00 s");
-  EXPECT_EQ(words::duration(3599.6), "1 h 00 min");
-  EXPECT_EQ(words::duration(11400), "3 h 10 min");
-  EXPECT_EQ(words::duration(187200), "2 d 04 h");
-  EXPECT_EQ(words::duration(1e300).back(), 'h');
+  EXPECT_EQ(text::duration(-1), "-");
+  EXPECT_EQ(text::duration(std::nan("")), "-");
+  EXPECT_EQ(text::duration(0), "0.0 s");
+  EXPECT_EQ(text::duration(59.4), "59 s");
+  EXPECT_EQ(text::duration(59.6), "1 min 00 s");
+  EXPECT_EQ(text::duration(3599.6), "1 h 00 min");
+  EXPECT_EQ(text::duration(11400), "3 h 10 min");
+  EXPECT_EQ(text::duration(187200), "2 d 04 h");
+  EXPECT_EQ(text::duration(1e300).back(), 'h');
 }
 
 TEST(Words, BytesAndCounts) {
-  EXPECT_EQ(words::bytes(0), "0 B");
-  EXPECT_EQ(words::bytes(999), "999 B");
-  EXPECT_EQ(words::bytes(999'960), "1.0 MB");
-  EXPECT_EQ(words::bytes(31e9), "31.0 GB");
-  EXPECT_EQ(words::bytes(-1), "-");
-  EXPECT_EQ(words::count(0), "0");
-  EXPECT_EQ(words::count(999), "999");
-  EXPECT_EQ(words::count(-1234), "-1,234");
-  EXPECT_EQ(words::count(100'000), "100,000");
+  EXPECT_EQ(text::bytes(0), "0 B");
+  EXPECT_EQ(text::bytes(999), "999 B");
+  EXPECT_EQ(text::bytes(999'960), "1.0 MB");
+  EXPECT_EQ(text::bytes(31e9), "31.0 GB");
+  EXPECT_EQ(text::bytes(-1), "-");
+  EXPECT_EQ(text::count(0), "0");
+  EXPECT_EQ(text::count(999), "999");
+  EXPECT_EQ(text::count(-1234), "-1,234");
+  EXPECT_EQ(text::count(100'000), "100,000");
 }
 
 /// Of two sizes that are compared it shows which one is larger, however little that is.
 TEST(Words, BytesThatAreComparedDiffer) {
   using Two = std::pair<std::string, std::string>;
-  EXPECT_EQ(words::bytes_apart(3.1e6, 2e9), Two("3.1 MB", "2.0 GB"));
-  EXPECT_EQ(words::bytes_apart(3'140'000, 3'150'000), Two("3.14 MB", "3.15 MB"));
-  EXPECT_EQ(words::bytes_apart(999'949, 999'960), Two("999.9 kB", "1.0 MB"));
-  EXPECT_EQ(words::bytes_apart(5, 5), Two("5 B", "5 B"));
-  EXPECT_EQ(words::bytes_apart(2e6, 2e6), Two("2.0 MB", "2.0 MB"));
+  EXPECT_EQ(text::bytes_apart(3.1e6, 2e9), Two("3.1 MB", "2.0 GB"));
+  EXPECT_EQ(text::bytes_apart(3'140'000, 3'150'000), Two("3.14 MB", "3.15 MB"));
+  EXPECT_EQ(text::bytes_apart(999'949, 999'960), Two("999.9 kB", "1.0 MB"));
+  EXPECT_EQ(text::bytes_apart(5, 5), Two("5 B", "5 B"));
+  EXPECT_EQ(text::bytes_apart(2e6, 2e6), Two("2.0 MB", "2.0 MB"));
   for (const std::int64_t n :
        {0LL, 1LL, 998LL, 999LL, 999'949LL, 1'000'000LL, 31LL << 30, 1LL << 50}) {
-    const auto [less, more] =
-        words::bytes_apart(static_cast<double>(n), static_cast<double>(n + 1));
+    const auto [less, more] = text::bytes_apart(static_cast<double>(n), static_cast<double>(n + 1));
     EXPECT_NE(less, more) << n;
   }
 }
 
 TEST(Words, FiguresHaveNoExponents) {
-  EXPECT_EQ(words::figure(0), "0");
-  EXPECT_EQ(words::figure(4323.6), "4,324");
-  EXPECT_EQ(words::figure(1e6), "1,000,000");
-  EXPECT_EQ(words::figure(12.345), "12.3");
-  EXPECT_EQ(words::figure(12), "12");
-  EXPECT_EQ(words::figure(9.999), "10");
-  EXPECT_EQ(words::figure(99.96), "100");
-  EXPECT_EQ(words::figure(999.4), "999");
-  EXPECT_EQ(words::figure(999.5), "1,000");
-  EXPECT_EQ(words::figure(0.001234), "0.00123");
-  EXPECT_EQ(words::figure(-0.5), "-0.5");
-  EXPECT_EQ(words::figure(1e-300), "0");
-  EXPECT_EQ(words::figure(std::nan("")), "-");
+  EXPECT_EQ(text::figure(0), "0");
+  EXPECT_EQ(text::figure(4323.6), "4,324");
+  EXPECT_EQ(text::figure(1e6), "1,000,000");
+  EXPECT_EQ(text::figure(12.345), "12.3");
+  EXPECT_EQ(text::figure(12), "12");
+  EXPECT_EQ(text::figure(9.999), "10");
+  EXPECT_EQ(text::figure(99.96), "100");
+  EXPECT_EQ(text::figure(999.4), "999");
+  EXPECT_EQ(text::figure(999.5), "1,000");
+  EXPECT_EQ(text::figure(0.001234), "0.00123");
+  EXPECT_EQ(text::figure(-0.5), "-0.5");
+  EXPECT_EQ(text::figure(1e-300), "0");
+  EXPECT_EQ(text::figure(std::nan("")), "-");
   for (double v = 1e-12; v < 1e15; v *= 1.7) {
-    EXPECT_EQ(words::figure(v).find('e'), std::string::npos) << v;
+    EXPECT_EQ(text::figure(v).find('e'), std::string::npos) << v;
   }
 }
 
 TEST(Words, NothingMovesTheTerminal) {
-  EXPECT_EQ(words::printable(test::kTerminalName), "bad?[2J?]0;title\077?name?");
-  EXPECT_EQ(words::printable("a\nb\tc"), "a b c");
-  EXPECT_EQ(words::printable("日本é"), "日本é");
+  EXPECT_EQ(text::printable(test::kTerminalName), "bad?[2J?]0;title\077?name?");
+  EXPECT_EQ(text::printable("a\nb\tc"), "a b c");
+  EXPECT_EQ(text::printable("日本é"), "日本é");
   // Cut, overlong, surrogate, beyond the last character.
   for (const char* bad : {"\xE6\x97", "\xC0\xAF", "\xED\xA0\x80", "\xF4\x90\x80\x80", "\xFF"}) {
-    for (const char c : words::printable(bad)) EXPECT_EQ(c, '?') << bad;
+    for (const char c : text::printable(bad)) EXPECT_EQ(c, '?') << bad;
   }
   // Every byte alone and every pair give text without control characters.
   for (int a = 0; a < 256; ++a) {
     for (int b = 0; b < 256; ++b) {
       const std::string text{static_cast<char>(a), static_cast<char>(b)};
-      for (const char c : words::printable(text)) {
+      for (const char c : text::printable(text)) {
         ASSERT_FALSE(static_cast<unsigned char>(c) < 0x20 || c == 0x7F) << a << " " << b;
       }
     }
@@ -116,22 +115,22 @@ TEST(Words, NothingMovesTheTerminal) {
 }
 
 TEST(Words, WidthsAreKept) {
-  EXPECT_EQ(words::columns_of("日本"), 4);
-  EXPECT_EQ(words::columns_of("e\u0301"), 1);
+  EXPECT_EQ(text::columns_of("日本"), 4);
+  EXPECT_EQ(text::columns_of("e\u0301"), 1);
   for (const std::string text : {"benchy", "日本語の部品", "e\u0301e\u0301e\u0301", ""}) {
     for (int width = 0; width < 14; ++width) {
-      EXPECT_LE(words::columns_of(words::clipped(text, width)), width) << text;
-      EXPECT_EQ(words::columns_of(words::padded(text, width)), width) << text;
-      EXPECT_EQ(words::columns_of(words::padded(text, width, true)), width) << text;
+      EXPECT_LE(text::columns_of(text::clipped(text, width)), width) << text;
+      EXPECT_EQ(text::columns_of(text::padded(text, width)), width) << text;
+      EXPECT_EQ(text::columns_of(text::padded(text, width, true)), width) << text;
     }
   }
   for (int eighth = 0; eighth <= 80; ++eighth) {
-    EXPECT_EQ(words::columns_of(words::bar(eighth / 80.0, 10)), 10);
+    EXPECT_EQ(text::columns_of(text::bar(eighth / 80.0, 10)), 10);
   }
-  EXPECT_EQ(words::bar(1, 3), "███");
-  EXPECT_EQ(words::bar(0.5, 3), "█▌ ");
-  EXPECT_EQ(words::bar(std::nan(""), 2), "  ");
-  EXPECT_EQ(words::bar(7, 2), "██");
+  EXPECT_EQ(text::bar(1, 3), "███");
+  EXPECT_EQ(text::bar(0.5, 3), "█▌ ");
+  EXPECT_EQ(text::bar(std::nan(""), 2), "  ");
+  EXPECT_EQ(text::bar(7, 2), "██");
 }
 
 TEST(TimeAxis, RoundTimesInsideTheRange) {
@@ -196,7 +195,7 @@ TEST(Status, EveryStateAndReason) {
   EXPECT_LT(text.find("benchy-日本"), text.find("fails-bad_input"));
   // Cut for a terminal: no line is wider.
   std::istringstream lines(status_text(page, farm.folder, 60));
-  for (std::string line; std::getline(lines, line);) EXPECT_LE(words::columns_of(line), 60) << line;
+  for (std::string line; std::getline(lines, line);) EXPECT_LE(text::columns_of(line), 60) << line;
 }
 
 TEST(Status, JsonHasAllOfAJob) {
@@ -380,7 +379,7 @@ TEST(Live, FitsEveryWindow) {
       const auto bare = live_frame(state, farm.folder, columns, rows, false);
       ASSERT_EQ(coloured.size(), static_cast<std::size_t>(rows));
       for (std::size_t i = 0; i < coloured.size(); ++i) {
-        EXPECT_LE(words::columns_of(bare[i]), columns) << bare[i];
+        EXPECT_LE(text::columns_of(bare[i]), columns) << bare[i];
         EXPECT_EQ(without_colour(coloured[i]), bare[i]);
         EXPECT_EQ(bare[i].find('\033'), std::string::npos);
       }
@@ -450,7 +449,7 @@ TEST(Live, OnATerminal) {
   int last = 0, row = 0;
   for (std::string line; std::getline(lines, line);) {
     ++row;
-    EXPECT_LE(words::columns_of(line), 60) << line;
+    EXPECT_LE(text::columns_of(line), 60) << line;
     if (!line.empty()) last = row;
   }
   EXPECT_EQ(last, 14);

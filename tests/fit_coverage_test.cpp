@@ -128,9 +128,9 @@ TEST(Repeatability, ResultsDoNotDependOnThreads) {
     const Measurements data = test::with_scatter(d, 3);
     std::string first;
     for (const int threads : {1, 2, 5}) {
-      ExecutionContext job;
-      job.threads = threads;
-      const std::string json = fit(data, d.model, d.options, job).to_json();
+      ExecutionContext context;
+      context.threads = threads;
+      const std::string json = fit(data, d.model, d.options, context).to_json();
       if (first.empty()) first = json;
       EXPECT_EQ(json, first) << threads << " threads";
     }

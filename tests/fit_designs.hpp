@@ -185,9 +185,10 @@ struct CoverageOf {
   double mean_r2 = 0;
 };
 
-inline CoverageOf measure_coverage(const Design& d, int runs, const ExecutionContext& job = {}) {
+inline CoverageOf measure_coverage(const Design& d, int runs,
+                                   const ExecutionContext& context = {}) {
   std::vector<resins::FitResult> results(static_cast<std::size_t>(runs));
-  parallel_for(job, "coverage", results.size(), [&](std::size_t i) {
+  parallel_for(context, "coverage", results.size(), [&](std::size_t i) {
     results[i] = resins::fit(with_scatter(d, static_cast<unsigned>(i) + 1), d.model, d.options);
   });
   CoverageOf c;

@@ -483,19 +483,20 @@ TEST_F(FlatFieldTest, SameBytesForAnyNumberOfThreads) {
     setup.printer.height_px = 70;
     std::string first, figures, page;
     for (const int threads : {1, 2, 5}) {
-      ExecutionContext job;
-      job.threads = threads;
-      const Correction c =
-          correct_stack(target, setup, path("t.uvj"), {.before = true, .volume_cells = 12}, job);
+      ExecutionContext context;
+      context.threads = threads;
+      const Correction c = correct_stack(target, setup, path("t.uvj"),
+                                         {.before = true, .volume_cells = 12}, context);
       if (first.empty()) {
         first = bytes(path("t.uvj"));
         figures = c.after.to_json() + c.before->to_json();
       }
       EXPECT_EQ(bytes(path("t.uvj")), first) << mode.name;
       EXPECT_EQ(c.after.to_json() + c.before->to_json(), figures) << mode.name;
-      const StackReader stack(path("t.uvj"), folder_.string(), job);
-      EXPECT_EQ(verify_stack(stack, target, setup, job).to_json(), c.after.to_json()) << mode.name;
-      EXPECT_TRUE(*c.volume == reduce_volume(stack, target, setup, 12, job)) << mode.name;
+      const StackReader stack(path("t.uvj"), folder_.string(), context);
+      EXPECT_EQ(verify_stack(stack, target, setup, context).to_json(), c.after.to_json())
+          << mode.name;
+      EXPECT_TRUE(*c.volume == reduce_volume(stack, target, setup, 12, context)) << mode.name;
     }
   }
 }

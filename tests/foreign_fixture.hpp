@@ -32,9 +32,9 @@ inline void expect_refused(const std::string& path, const std::string& expected)
 /// What a job is told.
 struct Notices {
   std::vector<std::string> texts;
-  ExecutionContext job;
+  ExecutionContext context;
   Notices() {
-    job.notice = [this](const std::string& text) { texts.push_back(text); };
+    context.notice = [this](const std::string& text) { texts.push_back(text); };
   }
   std::string all() const {
     std::string all;

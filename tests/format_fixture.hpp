@@ -111,9 +111,9 @@ inline void make_foreign_zip(const std::string& path, const Entries& entries) {
 }
 
 inline void write_file_as(const StackFile& file, const Images& images, const StackInfo& info,
-                          const ExecutionContext& job = {}) {
+                          const ExecutionContext& context = {}) {
   const Grid& grid = images.grid;
-  StackWriter writer(file, grid, job);
+  StackWriter writer(file, grid, context);
   StackWriter::BandEncoder encoder(writer, 0, grid.height_px);
   for (int n = 0; n < grid.layers; ++n) {
     encoder.put(n, 0, grid.width_px, images.slices[static_cast<std::size_t>(n)].data());
@@ -124,7 +124,7 @@ inline void write_file_as(const StackFile& file, const Images& images, const Sta
 /// Collects what a job tells.
 struct Told {
   std::vector<std::string> texts;
-  ExecutionContext job() {
+  ExecutionContext context() {
     ExecutionContext j;
     j.notice = [this](const std::string& text) { texts.push_back(text); };
     return j;

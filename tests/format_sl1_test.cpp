@@ -220,9 +220,9 @@ TEST(Sl1, ImagesOfNewArchivesAreDeflatedOnceMore) {
     if (path.ends_with(".zip")) file.format = "generic";
     Bytes first;
     for (const int threads : {1, 2, 8}) {
-      ExecutionContext job;
-      job.threads = threads;
-      test::write_stack(file, images, test::info_of(images.grid), job);
+      ExecutionContext context;
+      context.threads = threads;
+      test::write_stack(file, images, test::info_of(images.grid), context);
       if (threads == 1) first = test::read_file(path);
       EXPECT_EQ(test::read_file(path), first) << threads;
     }
@@ -339,9 +339,9 @@ TEST(Sl1, OneBitImagesBecomeGreyAndThatIsTold) {
   StackFile file(folder / "out.sl1");
   file.keep_from = folder / "part.sl1";
   std::string told;
-  ExecutionContext job;
-  job.notice = [&](const std::string& text) { told += text; };
-  convert_stack(target, file, job);
+  ExecutionContext context;
+  context.notice = [&](const std::string& text) { told += text; };
+  convert_stack(target, file, context);
   EXPECT_NE(told.find("fewer than 8 bits"), std::string::npos) << told;
   EXPECT_EQ(test::read_images(StackReader(file.path, folder.path())), test::read_images(target));
 }

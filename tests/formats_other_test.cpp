@@ -80,9 +80,9 @@ TEST_P(NewOtherArchive, IsTheSameEachTime) {
     const std::string sub = folder / std::to_string(i);
     std::filesystem::create_directory(sub);
     const std::string path = sub + "/" + GetParam().path;
-    ExecutionContext job;
-    job.threads = 1 + i;
-    test::write_stack(file(path, GetParam().format), images, test::info_of(images.grid), job);
+    ExecutionContext context;
+    context.threads = 1 + i;
+    test::write_stack(file(path, GetParam().format), images, test::info_of(images.grid), context);
     if (std::filesystem::is_directory(path)) {
       std::vector<std::string> files;
       for (const auto& e : std::filesystem::directory_iterator(path)) files.push_back(e.path());

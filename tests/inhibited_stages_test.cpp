@@ -186,7 +186,7 @@ TEST(InhibitedPolish, MendsVoxels) {
 TEST(InhibitedTuning, ReachesTheSolve) {
   // Lags are shares of the kernel's peak; what is kept of them decides the slices to be shown.
   InhibitedTuning longer;
-  for (InhibitedTuning::Share& share : longer.lag_shares) share.times *= 4;
+  for (InhibitedTuning::Fraction& share : longer.lag_shares) share.times *= 4;
   longer.spare_slices += 3;
   const Stages shipped(continuous()), changed(continuous(), false, longer);
   EXPECT_GT(changed.plan.lags.front(), shipped.plan.lags.front());

@@ -337,9 +337,9 @@ TEST_F(MeasurementFiles, ReadingCanBeCancelled) {
         return rows;
       }());
   const std::atomic<bool> cancel{true};
-  ExecutionContext job;
-  job.cancel = &cancel;
-  EXPECT_THROW(read_measurements({path}, job), Cancelled);
+  ExecutionContext context;
+  context.cancel = &cancel;
+  EXPECT_THROW(read_measurements({path}, context), Cancelled);
 }
 
 }  // namespace

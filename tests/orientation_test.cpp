@@ -256,9 +256,9 @@ TEST_F(TurnedSlicesTest, LongStacks) {
 TEST_F(TurnedSlicesTest, CancelledWhileTurning) {
   const MemorySlices source = some_slices(kGrid, kLit, 5);
   std::atomic<bool> stop{true};
-  ExecutionContext job;
-  job.cancel = &stop;
-  EXPECT_THROW(TurnedSlices(source, {true, false, false}, folder_, job), Cancelled);
+  ExecutionContext context;
+  context.cancel = &stop;
+  EXPECT_THROW(TurnedSlices(source, {true, false, false}, folder_, context), Cancelled);
 }
 
 // A right-handed part: three arms of different lengths. Its print has them in the same places and

@@ -15,10 +15,10 @@ namespace {
 TEST(Parallel, CallsEveryItemOnce) {
   for (const int threads : {0, 1, 2, 8}) {
     for (const std::size_t count : {0, 1, 2, 7, 1000}) {
-      ExecutionContext job;
-      job.threads = threads;
+      ExecutionContext context;
+      context.threads = threads;
       std::vector<std::atomic<int>> calls(count);
-      parallel_for(job, "test", count, [&](std::size_t i) { ++calls[i]; });
+      parallel_for(context, "test", count, [&](std::size_t i) { ++calls[i]; });
       for (const auto& c : calls) EXPECT_EQ(c, 1);
     }
   }
@@ -26,10 +26,10 @@ TEST(Parallel, CallsEveryItemOnce) {
 
 TEST(Parallel, UsesNoMoreThreadsThanAsked) {
   for (const int threads : {1, 2, 3}) {
-    ExecutionContext job;
-    job.threads = threads;
+    ExecutionContext context;
+    context.threads = threads;
     std::atomic<int> running{0}, most{0};
-    parallel_for(job, "test", 60, [&](std::size_t) {
+    parallel_for(context, "test", 60, [&](std::size_t) {
       const int now = ++running;
       int seen = most;
       while (seen < now && !most.compare_exchange_weak(seen, now)) {
@@ -38,15 +38,15 @@ TEST(Parallel, UsesNoMoreThreadsThanAsked) {
       --running;
     });
     EXPECT_LE(most, threads);
-    EXPECT_EQ(thread_count(job), threads);
+    EXPECT_EQ(thread_count(context), threads);
   }
   EXPECT_GE(thread_count(ExecutionContext{}), 1);
 }
 
 TEST(Parallel, RethrowsTheExceptionOfABody) {
   for (const int threads : {1, 4}) {
-    ExecutionContext job;
-    job.threads = threads;
+    ExecutionContext context;
+    context.threads = threads;
     std::atomic<int> calls{0};
     const auto body = [&](std::size_t i) {
       ++calls;
@@ -54,7 +54,7 @@ TEST(Parallel, RethrowsTheExceptionOfABody) {
       std::this_thread::sleep_for(std::chrono::microseconds(100));
     };
     try {
-      parallel_for(job, "test", 10000, body);
+      parallel_for(context, "test", 10000, body);
       FAIL() << "nothing thrown";
     } catch (const InputError& error) {
       EXPECT_STREQ(error.what(), "three");
@@ -67,17 +67,17 @@ TEST(Parallel, StopsWhenCancelled) {
   for (const int threads : {1, 4}) {
     std::atomic<bool> cancel{false};
     std::atomic<int> calls{0};
-    ExecutionContext job;
-    job.threads = threads;
-    job.cancel = &cancel;
-    EXPECT_THROW(parallel_for(job, "test", 100000,
+    ExecutionContext context;
+    context.threads = threads;
+    context.cancel = &cancel;
+    EXPECT_THROW(parallel_for(context, "test", 100000,
                               [&](std::size_t) {
                                 if (++calls == 20) cancel = true;
                               }),
                  Cancelled);
     EXPECT_LT(calls, 20 + threads);
-    EXPECT_THROW(parallel_for(job, "test", 0, [](std::size_t) {}), Cancelled);
-    EXPECT_THROW(job.check_cancelled(), Cancelled);
+    EXPECT_THROW(parallel_for(context, "test", 0, [](std::size_t) {}), Cancelled);
+    EXPECT_THROW(context.check_cancelled(), Cancelled);
   }
 }
 
@@ -85,23 +85,23 @@ TEST(Parallel, ProgressNeverFallsAndIsNeverCalledTwiceAtOnce) {
   for (const int threads : {1, 8}) {
     std::vector<double> fractions;
     std::atomic<int> inside{0};
-    ExecutionContext job;
-    job.threads = threads;
-    job.progress = [&](std::string_view stage, double fraction) {
+    ExecutionContext context;
+    context.threads = threads;
+    context.progress = [&](std::string_view stage, double fraction) {
       EXPECT_EQ(++inside, 1);
       EXPECT_EQ(stage, "test");
       fractions.push_back(fraction);
       std::this_thread::sleep_for(std::chrono::milliseconds(2));
       --inside;
     };
-    job.notice = [&](const std::string&) {
+    context.notice = [&](const std::string&) {
       EXPECT_EQ(++inside, 1);
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
       --inside;
     };
-    parallel_for(job, "test", 300, [&](std::size_t i) {
+    parallel_for(context, "test", 300, [&](std::size_t i) {
       std::this_thread::sleep_for(std::chrono::milliseconds(4));
-      if (i % 50 == 0) job.tell("note");
+      if (i % 50 == 0) context.tell("note");
     });
     ASSERT_GE(fractions.size(), 3u);
     EXPECT_LE(fractions.size(), 100u);
@@ -112,11 +112,12 @@ TEST(Parallel, ProgressNeverFallsAndIsNeverCalledTwiceAtOnce) {
 }
 
 TEST(Parallel, LoopsMayBeNested) {
-  ExecutionContext job;
-  job.threads = 4;
+  ExecutionContext context;
+  context.threads = 4;
   std::atomic<int> calls{0};
-  parallel_for(job, "outer", 10,
-               [&](std::size_t) { parallel_for(job, "inner", 10, [&](std::size_t) { ++calls; }); });
+  parallel_for(context, "outer", 10, [&](std::size_t) {
+    parallel_for(context, "inner", 10, [&](std::size_t) { ++calls; });
+  });
   EXPECT_EQ(calls, 100);
 }
 

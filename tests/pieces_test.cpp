@@ -79,13 +79,13 @@ TEST(BlobStore, KeepsPiecesInMemoryAndBeyond) {
        {std::size_t{0}, std::size_t{1000}, std::size_t{3} << 20, std::size_t{1} << 30}) {
     const TemporaryFolder folder;
     std::atomic<int> notices{0};
-    ExecutionContext job;
-    job.threads = 4;
-    job.notice = [&](const std::string& text) {
+    ExecutionContext context;
+    context.threads = 4;
+    context.notice = [&](const std::string& text) {
       ++notices;
       EXPECT_NE(text.find(folder.path()), std::string::npos) << text;
     };
-    BlobStore store(folder.path(), budget, job);
+    BlobStore store(folder.path(), budget, context);
     std::vector<BlobStore::Blob> blobs(400);
     const auto contents = [](std::size_t i) {
       std::mt19937 random(static_cast<unsigned>(i));
@@ -95,11 +95,11 @@ TEST(BlobStore, KeepsPiecesInMemoryAndBeyond) {
     };
     std::size_t sum = 0;
     for (std::size_t i = 0; i < blobs.size(); ++i) sum += contents(i).size();
-    parallel_for(job, "put", blobs.size(), [&](std::size_t i) {
+    parallel_for(context, "put", blobs.size(), [&](std::size_t i) {
       const Bytes data = contents(i);
       blobs[i] = store.put(data.data(), data.size());
     });
-    parallel_for(job, "get", blobs.size(), [&](std::size_t i) {
+    parallel_for(context, "get", blobs.size(), [&](std::size_t i) {
       Bytes data{1, 2};
       store.get(blobs[i], data);
       Bytes expected{1, 2};

@@ -77,7 +77,7 @@ const std::string kHostile =
     "e\r";
 
 bool is_harmless(const std::string& text, bool lines) {
-  return text == (lines ? words::readable(text) : words::printable(text));
+  return text == (lines ? text::readable(text) : text::printable(text));
 }
 
 TEST_F(Streams, NamesFromFilesDoNotReachATerminalRaw) {
@@ -175,8 +175,8 @@ TEST_F(Streams, ImageNamesInAnyEncodingAreKeptAndContinued) {
 }
 
 TEST(Words, ReadableKeepsLinesAndNothingThatMoves) {
-  EXPECT_EQ(words::readable("a\tb\nµm \x1b[2J\r\a\xff"), "a\tb\nµm ?[2J ??");
-  EXPECT_EQ(words::printable(kHostile), "a?[2Jb?c d??e ");
+  EXPECT_EQ(text::readable("a\tb\nµm \x1b[2J\r\a\xff"), "a\tb\nµm ?[2J ??");
+  EXPECT_EQ(text::printable(kHostile), "a?[2Jb?c d??e ");
 }
 
 }  // namespace

@@ -642,13 +642,13 @@ TEST(RecordedUv, ManyIntensitiesShareTablesAndItIsTold) {
   std::mt19937 random(1);
   for (Showing& p : wavering.showings) p.uv_mw_cm2 *= 1 + 0.02 * (random() / 4294967295.0 - 0.5);
   std::vector<std::string> told;
-  ExecutionContext job;
-  job.notice = [&](const std::string& text) { told.push_back(text); };
-  verify_stack(RecordedSlices(images, wavering), target, setup, job);
+  ExecutionContext context;
+  context.notice = [&](const std::string& text) { told.push_back(text); };
+  verify_stack(RecordedSlices(images, wavering), target, setup, context);
   ASSERT_FALSE(told.empty());
   EXPECT_THAT(told[0], HasSubstr("measured UV light is taken as one of"));
   told.clear();
-  verify_stack(RecordedSlices(images, even), target, setup, job);
+  verify_stack(RecordedSlices(images, even), target, setup, context);
   for (const std::string& text : told)
     EXPECT_THAT(text, testing::Not(HasSubstr("taken as one of")));
   // The values lie within 2 %, so groups of 32 are at most 0.16 % wide: half of that off.

@@ -65,8 +65,8 @@ Recording late(int images) {
 }
 
 void write(const std::string& path, const Images& images, const Recording& recording,
-           const ExecutionContext& job = {}) {
-  RecordingWriter writer(path, print_info(images.grid), job);
+           const ExecutionContext& context = {}) {
+  RecordingWriter writer(path, print_info(images.grid), context);
   for (std::size_t n = 0; n < images.slices.size(); ++n) {
     EXPECT_EQ(writer.add_image(images.slices[n].data()), static_cast<int>(n));
   }
@@ -119,9 +119,9 @@ TEST(RecordingFile, AStoppedPrintHasARecord) {
   const TemporaryFolder folder;
   const Images images = test::random_images(20, 20, 3, 8);
   std::atomic<bool> stop{true};
-  ExecutionContext job;
-  job.cancel = &stop;
-  write(folder / "a.uvj", images, late(3), job);
+  ExecutionContext context;
+  context.cancel = &stop;
+  write(folder / "a.uvj", images, late(3), context);
   EXPECT_EQ(test::read_images(StackReader(folder / "a.uvj", folder.path())), images.slices);
 }
 

@@ -498,9 +498,9 @@ TEST(Simulate, BadOptions) {
   EXPECT_THROW(simulate_section(source, nullptr, setup, 1, {0.1}), InputError);
   EXPECT_THROW(simulate_column(source, nullptr, setup, 2, 0), InputError);
   std::atomic<bool> cancel{true};
-  ExecutionContext job;
-  job.cancel = &cancel;
-  EXPECT_THROW(simulate_column(model, process, pixels, {}, job), Cancelled);
+  ExecutionContext context;
+  context.cancel = &cancel;
+  EXPECT_THROW(simulate_column(model, process, pixels, {}, context), Cancelled);
 }
 
 TEST(SimulatePictures, AreTheSameForTheSameInput) {

@@ -539,9 +539,9 @@ TEST(MeshSlices, BridgesAMissingSide) {
     const auto at = mesh.triangles.begin() + static_cast<std::ptrdiff_t>(2 * side);
     mesh.triangles.erase(at, at + 2);
     std::vector<std::string> notices;
-    ExecutionContext job;
-    job.notice = [&](const std::string& text) { notices.push_back(text); };
-    const MeshSlices slices(mesh, printer(20, 16, 1000, 1000), options, job);
+    ExecutionContext context;
+    context.notice = [&](const std::string& text) { notices.push_back(text); };
+    const MeshSlices slices(mesh, printer(20, 16, 1000, 1000), options, context);
     for (const Bytes& s : read(slices)) {
       expect_areas(s, [&](int x, int y) { return full.in(x, y, 16); });
     }
@@ -849,9 +849,9 @@ TEST(MeshSlices, RefusesWhatIsNoMeshOrNoLayer) {
 
 TEST(MeshSlices, CanBeCancelled) {
   const std::atomic<bool> cancel = true;
-  ExecutionContext job;
-  job.cancel = &cancel;
-  EXPECT_THROW(MeshSlices(messy(), printer(110, 121, 50, 50), layer_of(90), job), Cancelled);
+  ExecutionContext context;
+  context.cancel = &cancel;
+  EXPECT_THROW(MeshSlices(messy(), printer(110, 121, 50, 50), layer_of(90), context), Cancelled);
 }
 
 // --- Real meshes

@@ -364,14 +364,14 @@ TEST_F(Damage, Bombs) {
 
 TEST_F(Damage, ChangedImagesAreANoticeOnly) {
   std::vector<std::string> notices;
-  ExecutionContext job;
-  job.notice = [&](const std::string& text) { notices.push_back(text); };
-  (void)StackReader(folder_ / "sound.uvj", folder_.path(), job);
+  ExecutionContext context;
+  context.notice = [&](const std::string& text) { notices.push_back(text); };
+  (void)StackReader(folder_ / "sound.uvj", folder_.path(), context);
   EXPECT_TRUE(notices.empty());
   Entries entries = entries_;
   test::entry(entries, "slice/00000003.png") = encode_png({40, 50, Bytes(2000, 77)});
   test::make_zip(folder_ / "changed.uvj", entries);
-  const StackReader reader(folder_ / "changed.uvj", folder_.path(), job);
+  const StackReader reader(folder_ / "changed.uvj", folder_.path(), context);
   EXPECT_EQ(test::read_images(reader)[3], Bytes(2000, 77));
   ASSERT_EQ(notices.size(), 1u);
   EXPECT_NE(notices[0].find("images were changed"), std::string::npos);

@@ -101,13 +101,13 @@ inline StackInfo info_of(const Grid& grid) {
 }
 
 inline void write_stack(const StackFile& file, const Images& images, const StackInfo& info,
-                        const ExecutionContext& job = {},
+                        const ExecutionContext& context = {},
                         const GreyImage& preview = {2, 1, {7, 9}}) {
   const Grid& grid = images.grid;
-  StackWriter writer(file, grid, job);
+  StackWriter writer(file, grid, context);
   const int rows = band_rows(grid);
   const auto bands = static_cast<std::size_t>((grid.height_px + rows - 1) / rows);
-  parallel_for(job, "encode", bands, [&](std::size_t band) {
+  parallel_for(context, "encode", bands, [&](std::size_t band) {
     const int y0 = static_cast<int>(band) * rows, y1 = std::min(grid.height_px, y0 + rows);
     StackWriter::BandEncoder encoder(writer, y0, y1);
     for (int n = 0; n < grid.layers; ++n) {

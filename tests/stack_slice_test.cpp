@@ -123,9 +123,9 @@ TEST(StackSlice, ChecksumsTellWhichImagesWereChanged) {
     png = encode_png(image);
     test::make_zip(folder / "b.uvj", entries);
     std::vector<std::string> told;
-    ExecutionContext job;
-    job.notice = [&](const std::string& text) { told.push_back(text); };
-    const StackReader reader(folder / "b.uvj", folder.path(), job);
+    ExecutionContext context;
+    context.notice = [&](const std::string& text) { told.push_back(text); };
+    const StackReader reader(folder / "b.uvj", folder.path(), context);
     EXPECT_EQ(told.size(), 1u);
     Bytes pixels(61 * 70);
     reader.read_uv_slice(2, pixels.data());

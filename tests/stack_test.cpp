@@ -210,16 +210,16 @@ TEST(Stack, BytesDependOnNothingButTheInput) {
   const Images images = test::random_images(333, 201, 25, 6);
   Bytes first;
   for (const int threads : {1, 2, 8}) {
-    ExecutionContext job;
-    job.threads = threads;
+    ExecutionContext context;
+    context.threads = threads;
     const std::string path = folder / (std::to_string(threads) + ".uvj");
     ::setenv("TZ", threads == 2 ? "Asia/Tokyo" : "America/Denver", 1);
     ::tzset();
-    test::write_stack(path, images, test::info_of(images.grid), job);
+    test::write_stack(path, images, test::info_of(images.grid), context);
     const Bytes bytes = test::read_file(path);
     if (first.empty()) first = bytes;
     EXPECT_EQ(bytes, first) << threads;
-    const StackReader reader(path, folder.path(), job);
+    const StackReader reader(path, folder.path(), context);
     EXPECT_EQ(test::read_images(reader), images.slices);
   }
   ::unsetenv("TZ");

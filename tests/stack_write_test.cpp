@@ -13,30 +13,30 @@ TEST(StackWriting, CancellationLeavesNothing) {
   const Images images = test::random_images(300, 200, 60, 2);
   for (const std::string stage : {"encode", "write"}) {
     std::atomic<bool> cancel{false};
-    ExecutionContext job;
-    job.cancel = &cancel;
-    job.progress = [&](std::string_view s, double fraction) {
+    ExecutionContext context;
+    context.cancel = &cancel;
+    context.progress = [&](std::string_view s, double fraction) {
       if (s == stage && fraction >= (stage == "write" ? 0.3 : 0)) cancel = true;
     };
-    EXPECT_THROW(test::write_stack(folder / "a.uvj", images, test::info_of(images.grid), job),
+    EXPECT_THROW(test::write_stack(folder / "a.uvj", images, test::info_of(images.grid), context),
                  Cancelled);
     EXPECT_EQ(folder.count(), 0) << stage;
   }
   test::write_stack(folder / "a.uvj", images, test::info_of(images.grid));
   std::atomic<bool> cancel{true};
-  ExecutionContext job;
-  job.cancel = &cancel;
-  EXPECT_THROW(StackReader(folder / "a.uvj", folder.path(), job), Cancelled);
+  ExecutionContext context;
+  context.cancel = &cancel;
+  EXPECT_THROW(StackReader(folder / "a.uvj", folder.path(), context), Cancelled);
 }
 
 TEST(StackWriting, ErrorsOfCallbacksLeaveNothing) {
   const TemporaryFolder folder;
   const Images images = test::random_images(30, 20, 60, 2);
-  ExecutionContext job;
-  job.progress = [&](std::string_view stage, double fraction) {
+  ExecutionContext context;
+  context.progress = [&](std::string_view stage, double fraction) {
     if (stage == "write" && fraction > 0.4) throw InputError("from the callback");
   };
-  EXPECT_THROW(test::write_stack(folder / "a.uvj", images, test::info_of(images.grid), job),
+  EXPECT_THROW(test::write_stack(folder / "a.uvj", images, test::info_of(images.grid), context),
                InputError);
   { const StackWriter unfinished(folder / "b.uvj", images.grid, {}); }
   EXPECT_EQ(folder.count(), 0);

@@ -188,10 +188,10 @@ TEST(Volume, ACorrectionGathersItOnTheWay) {
   for (const int cells : {11, 160}) {
     const ReducedVolume expected = reduce_volume(corrected, target, setup, cells);
     for (const int threads : {1, 2, 5}) {
-      ExecutionContext job;
-      job.threads = threads;
-      const Correction c =
-          correct_stack(target, setup, path.string(), {.before = true, .volume_cells = cells}, job);
+      ExecutionContext context;
+      context.threads = threads;
+      const Correction c = correct_stack(target, setup, path.string(),
+                                         {.before = true, .volume_cells = cells}, context);
       ASSERT_TRUE(c.volume);
       EXPECT_TRUE(*c.volume == expected) << cells << " cells, " << threads << " threads";
     }
@@ -267,14 +267,14 @@ TEST(Volume, SamePageForAnyNumberOfThreads) {
   const CorrectedSlices corrected(target, setup);
   std::string first;
   for (const int threads : {1, 8}) {
-    ExecutionContext job;
-    job.threads = threads;
+    ExecutionContext context;
+    context.threads = threads;
     StackInfo info;
     info.grid = corrected.grid();
-    const Prediction after = verify_stack(corrected, target, setup, job);
-    const Prediction before = verify_stack(target, target, setup, job);
-    const std::string page =
-        make_report(gather_report(corrected, target, setup, info, after, before, "lattice", job));
+    const Prediction after = verify_stack(corrected, target, setup, context);
+    const Prediction before = verify_stack(target, target, setup, context);
+    const std::string page = make_report(
+        gather_report(corrected, target, setup, info, after, before, "lattice", context));
     if (first.empty()) first = page;
     EXPECT_TRUE(page == first) << threads;
   }

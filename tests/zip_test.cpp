@@ -33,12 +33,12 @@ Bytes contents(std::size_t i) {
 }
 
 void write_zip(const std::string& path, const std::vector<std::string>& names, ImagePacking images,
-               const ExecutionContext& job = {}) {
+               const ExecutionContext& context = {}) {
   ZipOutput output(path, "", images);
   std::vector<std::uint64_t> sizes;
   for (std::size_t i = 0; i < names.size(); ++i) sizes.push_back(contents(i).size());
   output.add_lazily(names, sizes, [](std::size_t i, Bytes& data) { data = contents(i); });
-  output.finish(job, {});
+  output.finish(context, {});
 }
 
 /// The same by the zip library.
@@ -83,11 +83,11 @@ TEST(Zip, HasTheBytesThatTheZipLibraryWrites) {
 TEST(Zip, SameBytesForAnyNumberOfThreads) {
   const TemporaryFolder folder;
   for (const ImagePacking images : {ImagePacking::stored, ImagePacking::deflated}) {
-    ExecutionContext job;
-    job.threads = 1;
-    write_zip(folder / "one.zip", numbered(500), images, job);
-    job.threads = 7;
-    write_zip(folder / "seven.zip", numbered(500), images, job);
+    ExecutionContext context;
+    context.threads = 1;
+    write_zip(folder / "one.zip", numbered(500), images, context);
+    context.threads = 7;
+    write_zip(folder / "seven.zip", numbered(500), images, context);
     EXPECT_EQ(test::read_file(folder / "one.zip"), test::read_file(folder / "seven.zip"));
   }
 }
@@ -234,10 +234,10 @@ TEST(Zip, FailuresLeaveTheOldOne) {
     write_zip(path, {"old.png"}, images);
     const Bytes before = test::read_file(path);
     const auto write = [&](std::uint64_t last_size, const ContainerOutput::Fill& fill,
-                           const ExecutionContext& job = {}) {
+                           const ExecutionContext& context = {}) {
       ZipOutput output(path, "", images);
       output.add_lazily({"1.png", "2.txt", "3.png"}, {10, 3 << 20, last_size}, fill);
-      output.finish(job, {});
+      output.finish(context, {});
     };
     const auto sound = [](std::size_t i, Bytes& data) {
       data.assign(i == 1 ? 3 << 20 : 10, static_cast<std::uint8_t>(i));
@@ -250,16 +250,16 @@ TEST(Zip, FailuresLeaveTheOldOne) {
                  InputError);
     EXPECT_THROW(write(11, sound), Error) << "not the promised size";
     std::atomic<bool> cancel{false};
-    ExecutionContext job;
-    job.cancel = &cancel;
-    job.threads = 1;
+    ExecutionContext context;
+    context.cancel = &cancel;
+    context.threads = 1;
     EXPECT_THROW(write(
                      10,
                      [&](std::size_t i, Bytes& data) {
                        cancel = true;
                        sound(i, data);
                      },
-                     job),
+                     context),
                  Cancelled);
     ExecutionContext angry;
     angry.progress = [](std::string_view, double) { throw std::runtime_error("no"); };

@@ -209,8 +209,8 @@ class LocalEngine final : public Engine {
     return {};
   }
 
-  std::vector<Node> nodes() override {
-    Node node;
+  std::vector<FarmNode> nodes() override {
+    FarmNode node;
     char name[256] = {};
     ::gethostname(name, sizeof name - 1);
     node.name = name;

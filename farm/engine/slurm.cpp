@@ -80,11 +80,11 @@ class SlurmEngine : public Engine {
     return r;
   }
 
-  Share share(const EngineCapacity& capacity, std::int64_t waiting, std::int64_t base_memory_mb,
-              std::int64_t thread_memory_mb) const override {
+  TaskSize share(const EngineCapacity& capacity, std::int64_t waiting, std::int64_t base_memory_mb,
+                 std::int64_t thread_memory_mb) const override {
     EngineCapacity one = capacity;
     one.memory_mb = capacity.largest_memory_mb;
-    Share s = Engine::share(one, waiting, base_memory_mb, thread_memory_mb);
+    TaskSize s = Engine::share(one, waiting, base_memory_mb, thread_memory_mb);
     if (s.threads > cluster_.largest_cores) {
       s.threads = std::max(1, cluster_.largest_cores);
       s.memory_mb = base_memory_mb + (s.threads - 1) * thread_memory_mb;
@@ -242,10 +242,10 @@ class SlurmEngine : public Engine {
     return answers_ ? no_node_works(cluster_) : "no answer from Slurm: " + complaint_;
   }
 
-  std::vector<Node> nodes() override {
-    std::vector<Node> list;
+  std::vector<FarmNode> nodes() override {
+    std::vector<FarmNode> list;
     for (const SlurmNode& n : cluster_.nodes) {
-      Node node;
+      FarmNode node;
       node.name = n.name;
       node.state = n.state;
       node.usable = n.usable;

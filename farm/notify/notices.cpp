@@ -71,6 +71,72 @@ Notice make(const std::string& farm, const std::string& kind, const FarmEvent& e
   return n;
 }
 
+/// One key of a [[webhook]] or [[command]], `group`.
+void take_key(const std::string& path, const std::string& group, const toml::key& name,
+              const toml::node& value, NotifyTarget& t) {
+  const std::string what(name.str());
+  const auto number = [&](double least, double most) {
+    const auto v = value.value<double>();
+    if (!value.is_number() || !v || !(*v >= least && *v <= most)) {
+      wrong(path, value.source(),
+            fmt::format("{}: expected a number from {} to {}", what, least, most));
+    }
+    return *v;
+  };
+  if (what == "on") {
+    t.kinds = texts(path, value, what);
+    for (const std::string& kind : t.kinds) {
+      if (std::find(std::begin(kNoticeKinds), std::end(kNoticeKinds), kind) ==
+          std::end(kNoticeKinds)) {
+        wrong(path, value.source(), "on: expected job_failed, batch_done, queue_empty or disk_low");
+      }
+    }
+  } else if (what == "timeout_s") {
+    t.timeout_s = number(0.1, 3600);
+  } else if (what == "most_tries") {
+    t.most_tries = static_cast<int>(number(1, 1000));
+  } else if (group == "webhook" && what == "url" && value.is_string()) {
+    t.url = value.as_string()->get();
+    if (!t.url.starts_with("http://") && !t.url.starts_with("https://")) {
+      wrong(path, value.source(), "url: expected http:// or https://");
+    }
+  } else if (group == "webhook" && what == "ca_file" && value.is_string()) {
+    t.ca_file = value.as_string()->get();
+  } else if (group == "webhook" && what == "headers") {
+    t.headers = texts(path, value, what);
+    for (const std::string& h : t.headers) {
+      const std::size_t colon = h.find(": ");
+      if (colon == 0 || colon == std::string::npos ||
+          h.find_first_of("\r\n") != std::string::npos) {
+        wrong(path, value.source(), "headers: expected \"Name: value\"");
+      }
+    }
+  } else if (group == "command" && what == "run") {
+    t.command = texts(path, value, what);
+    if (t.command.empty() || !t.command[0].starts_with('/')) {
+      wrong(path, value.source(), "run: expected a program with its whole path, and its arguments");
+    }
+  } else {
+    wrong(path, value.source(),
+          fmt::format("{} is not known in [[{}]], or of another kind; expected {}, on, "
+                      "timeout_s, most_tries",
+                      what, group, group == "webhook" ? "url, headers, ca_file" : "run"));
+  }
+}
+
+NotifyTarget read_target(const std::string& path, const std::string& group,
+                         const toml::node& node) {
+  const toml::table* entry = node.as_table();
+  if (entry == nullptr) wrong(path, node.source(), "expected [[webhook]] or [[command]]");
+  NotifyTarget t;
+  for (const auto& [name, value] : *entry) take_key(path, group, name, value, t);
+  if (t.url.empty() && t.command.empty()) {
+    wrong(path, node.source(), group == "webhook" ? "expected a url" : "expected run = [...]");
+  }
+  t.name = t.url.empty() ? "command " + t.command[0] : "webhook " + told_url(t.url);
+  return t;
+}
+
 }  // namespace
 
 std::vector<NotifyTarget> read_notify_file(const std::string& path) {
@@ -93,65 +159,7 @@ std::vector<NotifyTarget> read_notify_file(const std::string& path) {
       wrong(path, node.source(), "expected [[webhook]] or [[command]]");
     }
     for (const toml::node& each : *list) {
-      const toml::table* entry = each.as_table();
-      if (entry == nullptr) wrong(path, each.source(), "expected [[webhook]] or [[command]]");
-      NotifyTarget t;
-      for (const auto& [name, value] : *entry) {
-        const std::string what(name.str());
-        const auto number = [&](double least, double most) {
-          const auto v = value.value<double>();
-          if (!value.is_number() || !v || !(*v >= least && *v <= most)) {
-            wrong(path, value.source(),
-                  fmt::format("{}: expected a number from {} to {}", what, least, most));
-          }
-          return *v;
-        };
-        if (what == "on") {
-          t.kinds = texts(path, value, what);
-          for (const std::string& kind : t.kinds) {
-            if (std::find(std::begin(kNoticeKinds), std::end(kNoticeKinds), kind) ==
-                std::end(kNoticeKinds)) {
-              wrong(path, value.source(),
-                    "on: expected job_failed, batch_done, queue_empty or disk_low");
-            }
-          }
-        } else if (what == "timeout_s") {
-          t.timeout_s = number(0.1, 3600);
-        } else if (what == "most_tries") {
-          t.most_tries = static_cast<int>(number(1, 1000));
-        } else if (group == "webhook" && what == "url" && value.is_string()) {
-          t.url = value.as_string()->get();
-          if (!t.url.starts_with("http://") && !t.url.starts_with("https://")) {
-            wrong(path, value.source(), "url: expected http:// or https://");
-          }
-        } else if (group == "webhook" && what == "ca_file" && value.is_string()) {
-          t.ca_file = value.as_string()->get();
-        } else if (group == "webhook" && what == "headers") {
-          t.headers = texts(path, value, what);
-          for (const std::string& h : t.headers) {
-            const std::size_t colon = h.find(": ");
-            if (colon == 0 || colon == std::string::npos ||
-                h.find_first_of("\r\n") != std::string::npos) {
-              wrong(path, value.source(), "headers: expected \"Name: value\"");
-            }
-          }
-        } else if (group == "command" && what == "run") {
-          t.command = texts(path, value, what);
-          if (t.command.empty() || !t.command[0].starts_with('/')) {
-            wrong(path, value.source(),
-                  "run: expected a program with its whole path, and its arguments");
-          }
-        } else {
-          wrong(path, value.source(),
-                fmt::format("{} is not known in [[{}]], or of another kind; expected {}, on, "
-                            "timeout_s, most_tries",
-                            what, group, group == "webhook" ? "url, headers, ca_file" : "run"));
-        }
-      }
-      if (t.url.empty() && t.command.empty()) {
-        wrong(path, each.source(), group == "webhook" ? "expected a url" : "expected run = [...]");
-      }
-      t.name = t.url.empty() ? "command " + t.command[0] : "webhook " + told_url(t.url);
+      NotifyTarget t = read_target(path, group, each);
       // Names tell messages on their way apart.
       const auto same = std::count_if(targets.begin(), targets.end(), [&](const NotifyTarget& x) {
         return x.name == t.name || x.name.starts_with(t.name + " (");

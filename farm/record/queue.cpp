@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <map>
+#include <optional>
 
 #include "record/rows.hpp"
 #include "slicecorr/error.hpp"
@@ -294,38 +295,39 @@ bool Queue::retry(JobId id, const std::string& by) {
   return true;
 }
 
+namespace {
+
+/// The key of a job that has not ended.
+std::optional<std::string> key_of_unfinished(detail::Database& db, JobId id) {
+  Rows r = db.query("SELECT key FROM jobs WHERE id = ?1 AND state IN ('queued', 'running')", id);
+  if (!r.next()) return std::nullopt;
+  return r.text(0);
+}
+
+}  // namespace
+
 bool Queue::set_priority(JobId id, int priority, const std::string& by) {
   Transaction transaction(*db_);
-  std::string key;
-  {
-    Rows r =
-        db_->query("SELECT key FROM jobs WHERE id = ?1 AND state IN ('queued', 'running')", id);
-    if (!r.next()) return false;
-    key = r.text(0);
-  }
+  const auto key = key_of_unfinished(*db_, id);
+  if (!key) return false;
   db_->run("UPDATE jobs SET priority = ?2 WHERE id = ?1", id, priority);
   event("reprioritised", fmt::format("priority {} by {}", priority, by), id);
-  relead(key);
+  relead(*key);
   transaction.commit();
   return true;
 }
 
 bool Queue::set_ready_by(JobId id, std::int64_t ready_by_ms, const std::string& by) {
   Transaction transaction(*db_);
-  std::string key;
-  {
-    Rows r =
-        db_->query("SELECT key FROM jobs WHERE id = ?1 AND state IN ('queued', 'running')", id);
-    if (!r.next()) return false;
-    key = r.text(0);
-  }
+  const auto key = key_of_unfinished(*db_, id);
+  if (!key) return false;
   db_->run("UPDATE jobs SET ready_by_ms = ?2 WHERE id = ?1", id, ready_by_ms);
   event("reprioritised",
         ready_by_ms == kNoDeadline
             ? "no deadline, by " + by
             : fmt::format("ready by {}, by {}", local_time_text(ready_by_ms), by),
         id);
-  relead(key);
+  relead(*key);
   transaction.commit();
   return true;
 }

@@ -13,6 +13,7 @@
 
 namespace slicecorr::farm {
 
+using detail::Database;
 using detail::Rows;
 using detail::Transaction;
 
@@ -35,6 +36,79 @@ std::string host_name() {
 /// The same machine start, and the same space of process numbers.
 std::string boot_text(const FarmClock& clock, const detail::ProcessMark& mark) {
   return clock.boot_id() + " " + mark.space;
+}
+
+/// Users who have as many jobs running as they may.
+std::vector<std::string> users_at_limit(Database& db) {
+  const FarmSettings settings = detail::read_settings(db);
+  std::vector<std::string> full_users;
+  Rows rows = db.query("SELECT user, sum(jobs) FROM counts WHERE state = 'running' GROUP BY user");
+  while (rows.next()) {
+    const int limit = running_limit(settings, rows.text(0));
+    if (limit > 0 && rows.integer(1) >= limit) full_users.push_back(rows.text(0));
+  }
+  return full_users;
+}
+
+/// Jobs that may be claimed, the most urgent first: id, whether the result is there, memory, MB. A
+/// clock that was set back must not hold a job longer than its delay can be.
+Rows jobs_to_claim(Database& db, const ClaimRequest& request, std::int64_t now) {
+  if (!request.cached_key.empty()) {
+    return db.query(
+        "SELECT j.id, 1, 0 FROM jobs j JOIN works w ON w.key = j.key "
+        "JOIN results r ON r.key = j.key AND r.stored WHERE j.key = ?1 AND j.state = 'queued' "
+        "AND j.follows = 0 AND (j.not_before_ms <= ?2 OR j.not_before_ms > ?2 + ?3) "
+        "ORDER BY j.priority DESC, j.ready_by_ms, j.id",
+        request.cached_key, now, kLongestDelayMs);
+  }
+  // In the order of the index, so that the first rows are all that is read of a long queue.
+  return db.query(
+      "SELECT j.id, EXISTS(SELECT 1 FROM results r WHERE r.key = j.key AND r.stored), "
+      "CASE j.memory_failures WHEN 0 THEN w.base_memory_mb "
+      "ELSE max(w.base_memory_mb << min(j.memory_failures, 20), 2 * coalesce((SELECT memory_mb "
+      "FROM attempts WHERE job = j.id AND reason = 'out_of_memory' ORDER BY number DESC "
+      "LIMIT 1), 0)) END FROM jobs j INDEXED BY jobs_to_claim "
+      "CROSS JOIN works w ON w.key = j.key WHERE j.state = 'queued' AND j.follows = 0 "
+      "AND (j.not_before_ms <= ?1 OR j.not_before_ms > ?1 + ?2) AND j.user NOT IN (SELECT value "
+      "FROM json_each(?3)) AND (?4 = '[]' OR j.output_folder NOT IN (SELECT value "
+      "FROM json_each(?4))) ORDER BY j.priority DESC, j.ready_by_ms, j.id",
+      now, kLongestDelayMs, detail::list_json(users_at_limit(db)),
+      detail::list_json(request.full_folders));
+}
+
+struct ChosenJob {
+  JobId id = 0;
+  bool cached = false;  ///< its result is there
+};
+
+/// The most urgent job that fits into the memory that is free; id 0: none.
+ChosenJob choose_job(Database& db, const ClaimRequest& request, std::int64_t now) {
+  Rows rows = jobs_to_claim(db, request, now);
+  for (int passed = 0; passed < kMostOvertaken && rows.next(); ++passed) {
+    const bool cached = rows.integer(1) != 0;
+    std::int64_t needed_mb = rows.integer(2);
+    if (request.largest_memory_mb > 0) needed_mb = std::min(needed_mb, request.largest_memory_mb);
+    if (cached || needed_mb <= request.free_memory_mb) return {rows.integer(0), cached};
+    if (!request.may_overtake) break;
+  }
+  return {};
+}
+
+/// What is to be done, and the memory that it takes.
+void read_work(Database& db, JobId id, Claim& claim) {
+  Rows rows = db.query(
+      "SELECT w.spec, s.json, w.base_memory_mb, w.thread_memory_mb, j.memory_failures, "
+      "coalesce((SELECT memory_mb FROM attempts WHERE job = j.id AND reason = 'out_of_memory' "
+      "ORDER BY number DESC LIMIT 1), 0) FROM jobs j JOIN works w ON w.key = j.key "
+      "JOIN setups s ON s.hash = w.setup WHERE j.id = ?1",
+      id);
+  rows.next();
+  claim.spec_json = rows.text(0);
+  claim.setup_json = rows.text(1);
+  claim.base_memory_mb = rows.integer(2);
+  claim.thread_memory_mb = rows.integer(3);
+  claim.memory_failures = static_cast<int>(rows.integer(4));
+  claim.last_memory_mb = rows.integer(5);
 }
 
 }  // namespace
@@ -71,55 +145,7 @@ std::optional<Claim> Queue::claim(const ClaimRequest& request) {
     if (!any.next()) return std::nullopt;
   }
   Transaction transaction(*db_);
-  const FarmSettings settings = detail::read_settings(*db_);
-  std::vector<std::string> full_users;
-  {
-    Rows rows =
-        db_->query("SELECT user, sum(jobs) FROM counts WHERE state = 'running' GROUP BY user");
-    while (rows.next()) {
-      const int limit = running_limit(settings, rows.text(0));
-      if (limit > 0 && rows.integer(1) >= limit) full_users.push_back(rows.text(0));
-    }
-  }
-  // A clock that was set back must not hold a job longer than its delay can be.
-  const auto candidates = [&](const std::string& key) {
-    if (!key.empty()) {
-      return db_->query(
-          "SELECT j.id, 1, 0 FROM jobs j JOIN works w ON w.key = j.key "
-          "JOIN results r ON r.key = j.key AND r.stored WHERE j.key = ?1 AND j.state = 'queued' "
-          "AND j.follows = 0 AND (j.not_before_ms <= ?2 OR j.not_before_ms > ?2 + ?3) "
-          "ORDER BY j.priority DESC, j.ready_by_ms, j.id",
-          key, now, kLongestDelayMs);
-    }
-    // In the order of the index, so that the first rows are all that is read of a long queue.
-    return db_->query(
-        "SELECT j.id, EXISTS(SELECT 1 FROM results r WHERE r.key = j.key AND r.stored), "
-        "CASE j.memory_failures WHEN 0 THEN w.base_memory_mb "
-        "ELSE max(w.base_memory_mb << min(j.memory_failures, 20), 2 * coalesce((SELECT memory_mb "
-        "FROM attempts WHERE job = j.id AND reason = 'out_of_memory' ORDER BY number DESC "
-        "LIMIT 1), 0)) END FROM jobs j INDEXED BY jobs_to_claim "
-        "CROSS JOIN works w ON w.key = j.key WHERE j.state = 'queued' AND j.follows = 0 "
-        "AND (j.not_before_ms <= ?1 OR j.not_before_ms > ?1 + ?2) AND j.user NOT IN (SELECT value "
-        "FROM json_each(?3)) AND (?4 = '[]' OR j.output_folder NOT IN (SELECT value "
-        "FROM json_each(?4))) ORDER BY j.priority DESC, j.ready_by_ms, j.id",
-        now, kLongestDelayMs, detail::list_json(full_users),
-        detail::list_json(request.full_folders));
-  };
-  JobId id = 0;
-  bool cached = false;
-  {
-    Rows rows = candidates(request.cached_key);
-    for (int passed = 0; passed < kMostOvertaken && rows.next(); ++passed) {
-      cached = rows.integer(1) != 0;
-      std::int64_t needed_mb = rows.integer(2);
-      if (request.largest_memory_mb > 0) needed_mb = std::min(needed_mb, request.largest_memory_mb);
-      if (cached || needed_mb <= request.free_memory_mb) {
-        id = rows.integer(0);
-        break;
-      }
-      if (!request.may_overtake) break;
-    }
-  }
+  const auto [id, cached] = choose_job(*db_, request, now);
   if (id == 0) return std::nullopt;
   Claim claim;
   claim.token = random_token();
@@ -145,21 +171,7 @@ std::optional<Claim> Queue::claim(const ClaimRequest& request) {
     rows.next();
     claim.job = detail::read_job(rows);
   }
-  {
-    Rows rows = db_->query(
-        "SELECT w.spec, s.json, w.base_memory_mb, w.thread_memory_mb, j.memory_failures, "
-        "coalesce((SELECT memory_mb FROM attempts WHERE job = j.id AND reason = 'out_of_memory' "
-        "ORDER BY number DESC LIMIT 1), 0) FROM jobs j JOIN works w ON w.key = j.key "
-        "JOIN setups s ON s.hash = w.setup WHERE j.id = ?1",
-        id);
-    rows.next();
-    claim.spec_json = rows.text(0);
-    claim.setup_json = rows.text(1);
-    claim.base_memory_mb = rows.integer(2);
-    claim.thread_memory_mb = rows.integer(3);
-    claim.memory_failures = static_cast<int>(rows.integer(4));
-    claim.last_memory_mb = rows.integer(5);
-  }
+  read_work(*db_, id, claim);
   transaction.commit();
   return claim;
 }

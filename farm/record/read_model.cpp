@@ -71,6 +71,80 @@ const char* order_of(JobFilter::Order order) {
   }
 }
 
+void count_jobs(Database& db, Summary& s) {
+  Rows rows = db.query(
+      "SELECT state, follower, sum(jobs), sum(expected_s), sum(from_cache) FROM counts "
+      "GROUP BY state, follower");
+  while (rows.next()) {
+    const auto state = job_state_named(rows.text(0));
+    if (!state) continue;
+    s.jobs[static_cast<std::size_t>(*state)] += rows.integer(2);
+    s.from_cache += rows.integer(4);
+    if (*state != JobState::queued) continue;
+    if (rows.integer(1)) {
+      s.followers += rows.integer(2);
+    } else {
+      s.queued_s += std::max(0.0, rows.number(3));
+    }
+  }
+}
+
+void sum_attempts(Database& db, Summary& s) {
+  Rows rows = db.query(
+      "SELECT sum(attempts), coalesce(sum(CASE WHEN reason <> '' THEN attempts END), 0), "
+      "coalesce(sum(CASE WHEN reason = '' THEN wall_s END), 0), coalesce(sum(CASE WHEN reason = "
+      "'' THEN voxels END), 0) FROM attempt_totals WHERE engine <> 'cache'");
+  if (rows.next()) {
+    s.attempts = rows.integer(0);
+    s.attempts_failed = rows.integer(1);
+    s.busy_s = rows.number(2);
+    s.voxels_done = rows.number(3);
+  }
+}
+
+/// What the latest jobs really took, against what was expected of them.
+double pace_of_latest(Database& db) {
+  Rows rows = db.query(
+      "SELECT sum(a.wall_s * max(a.threads, 1)), sum(j.expected_s) FROM (SELECT id, expected_s "
+      "FROM jobs WHERE state = 'done' AND NOT from_cache ORDER BY ended_ms DESC LIMIT ?1) j "
+      "JOIN attempts a ON a.job = j.id AND a.phase = 'ended' AND a.reason = ''",
+      kRecentJobs);
+  if (rows.next() && rows.number(0) > 0 && rows.number(1) > 0)
+    return rows.number(0) / rows.number(1);
+  return 1;
+}
+
+/// Jobs that will miss their deadlines. They are looked at in the order in which they start: each
+/// ends when the work before it is done.
+std::int64_t count_late(Database& db, double pace, int cores, std::int64_t now) {
+  std::int64_t late = 0;
+  double work_s = 0;
+  const auto look_at = [&](Rows rows) {
+    while (rows.next()) {
+      work_s += rows.number(1) * pace;
+      const std::int64_t ready_by = rows.integer(0);
+      if (ready_by == kNoDeadline) continue;
+      const double end_ms = static_cast<double>(now) + 1000 * work_s / std::max(1, cores);
+      if (now > ready_by || end_ms > static_cast<double>(ready_by)) ++late;
+    }
+  };
+  look_at(db.query("SELECT ready_by_ms, expected_s FROM jobs WHERE state = 'running'"));
+  look_at(
+      db.query("SELECT ready_by_ms, CASE WHEN follows = 0 THEN expected_s ELSE 0 "
+               "END FROM jobs INDEXED BY jobs_queued WHERE state = 'queued' "
+               "ORDER BY priority DESC, ready_by_ms, id LIMIT ?1",
+               kMostForDeadlines));
+  return late;
+}
+
+void measure_cache(Database& db, Summary& s) {
+  Rows rows = db.query("SELECT count(*), coalesce(sum(bytes), 0) FROM results WHERE stored");
+  if (rows.next()) {
+    s.cache_entries = rows.integer(0);
+    s.cache_bytes = rows.integer(1);
+  }
+}
+
 }  // namespace
 
 ReadModel::ReadModel(const std::string& path, const FarmClock& clock)
@@ -260,50 +334,9 @@ std::vector<std::string> ReadModel::users() {
 
 Summary ReadModel::summary() {
   Summary s;
-  {
-    Rows rows = db_->query(
-        "SELECT state, follower, sum(jobs), sum(expected_s), sum(from_cache) FROM counts "
-        "GROUP BY state, follower");
-    while (rows.next()) {
-      const auto state = job_state_named(rows.text(0));
-      if (!state) continue;
-      s.jobs[static_cast<std::size_t>(*state)] += rows.integer(2);
-      s.from_cache += rows.integer(4);
-      if (*state != JobState::queued) continue;
-      if (rows.integer(1)) {
-        s.followers += rows.integer(2);
-      } else {
-        s.queued_s += std::max(0.0, rows.number(3));
-      }
-    }
-  }
-  const auto one = [&](const char* sql) {
-    Rows rows = db_->query(sql);
-    return rows.next() ? rows.integer(0) : 0;
-  };
-  {
-    Rows rows = db_->query(
-        "SELECT sum(attempts), coalesce(sum(CASE WHEN reason <> '' THEN attempts END), 0), "
-        "coalesce(sum(CASE WHEN reason = '' THEN wall_s END), 0), coalesce(sum(CASE WHEN reason = "
-        "'' THEN voxels END), 0) FROM attempt_totals WHERE engine <> 'cache'");
-    if (rows.next()) {
-      s.attempts = rows.integer(0);
-      s.attempts_failed = rows.integer(1);
-      s.busy_s = rows.number(2);
-      s.voxels_done = rows.number(3);
-    }
-  }
-  // What the latest jobs really took, against what was expected of them.
-  double pace = 1;
-  {
-    Rows rows = db_->query(
-        "SELECT sum(a.wall_s * max(a.threads, 1)), sum(j.expected_s) FROM (SELECT id, expected_s "
-        "FROM jobs WHERE state = 'done' AND NOT from_cache ORDER BY ended_ms DESC LIMIT ?1) j "
-        "JOIN attempts a ON a.job = j.id AND a.phase = 'ended' AND a.reason = ''",
-        kRecentJobs);
-    if (rows.next() && rows.number(0) > 0 && rows.number(1) > 0)
-      pace = rows.number(0) / rows.number(1);
-  }
+  count_jobs(*db_, s);
+  sum_attempts(*db_, s);
+  const double pace = pace_of_latest(*db_);
   for (const RunningJob& r : running()) {
     s.running_threads += r.attempt.threads;
     s.running_memory_mb += r.attempt.memory_mb;
@@ -318,35 +351,12 @@ Summary ReadModel::summary() {
                         s.jobs[static_cast<std::size_t>(JobState::running)] ==
                     0;
   s.eta_s = idle ? 0 : cores > 0 ? s.queued_s / cores : -1;
-
-  // Jobs with deadlines, in the order in which they start: each ends when the work before it is
-  // done.
-  if (!idle) {
-    const std::int64_t now = clock_->wall_ms();
-    double work_s = 0;
-    const auto look_at = [&](Rows rows) {
-      while (rows.next()) {
-        work_s += rows.number(1) * pace;
-        const std::int64_t ready_by = rows.integer(0);
-        if (ready_by == kNoDeadline) continue;
-        const double end_ms = static_cast<double>(now) + 1000 * work_s / std::max(1, cores);
-        if (now > ready_by || end_ms > static_cast<double>(ready_by)) ++s.late;
-      }
-    };
-    look_at(db_->query("SELECT ready_by_ms, expected_s FROM jobs WHERE state = 'running'"));
-    look_at(
-        db_->query("SELECT ready_by_ms, CASE WHEN follows = 0 THEN expected_s ELSE 0 "
-                   "END FROM jobs INDEXED BY jobs_queued WHERE state = 'queued' "
-                   "ORDER BY priority DESC, ready_by_ms, id LIMIT ?1",
-                   kMostForDeadlines));
-  }
-  {
-    Rows rows = db_->query("SELECT count(*), coalesce(sum(bytes), 0) FROM results WHERE stored");
-    if (rows.next()) {
-      s.cache_entries = rows.integer(0);
-      s.cache_bytes = rows.integer(1);
-    }
-  }
+  if (!idle) s.late = count_late(*db_, pace, cores, clock_->wall_ms());
+  measure_cache(*db_, s);
+  const auto one = [&](const char* sql) {
+    Rows rows = db_->query(sql);
+    return rows.next() ? rows.integer(0) : 0;
+  };
   s.first_submitted_ms = one("SELECT coalesce(min(submitted_ms), 0) FROM batches");
   s.last_ended_ms =
       one("SELECT max(coalesce((SELECT max(ended_ms) FROM jobs "

@@ -74,6 +74,8 @@ JobFilter filter_of(Query& query) {
   return f;
 }
 
+[[noreturn]] void not_there() { throw ApiError(404, "not_found", "there is nothing at this path"); }
+
 }  // namespace
 
 // --- helpers ------------------------------------------------------------------------------------
@@ -184,11 +186,11 @@ bool Api::before_body(const httplib::Request& request, httplib::Response& respon
   return true;
 }
 
-void Api::read(const httplib::Request& request, httplib::Response& response) {
-  const std::string& path = request.path;
+bool Api::read_shell(const std::string& path, httplib::Response& response) const {
   const auto shell = [&](std::string_view text, const char* type) {
     send(response, 200, std::string(text), type);
     response.set_header("Content-Security-Policy", kShellPolicy);
+    return true;
   };
   if (path == "/") return shell(page_live_html, kHtmlType);
   if (path == "/live.js") return shell(page_live_js, "text/javascript; charset=utf-8");
@@ -198,6 +200,12 @@ void Api::read(const httplib::Request& request, httplib::Response& response) {
                      std::string(page_live_css),
                  "text/css; charset=utf-8");
   }
+  return false;
+}
+
+void Api::read(const httplib::Request& request, httplib::Response& response) {
+  const std::string& path = request.path;
+  if (read_shell(path, response)) return;
   if (path == "/healthz") return send(response, 200, "ok\n", kTextType);
 
   check_access(rules_, request, Access::read);
@@ -210,10 +218,6 @@ void Api::read(const httplib::Request& request, httplib::Response& response) {
     }),
                 "text/plain; version=0.0.4; charset=utf-8");
   }
-  const auto morning = [&] {
-    Reader reader(*this);
-    return read_morning(folder_, *reader, {}, *options_.clock);
-  };
   if (path == "/report") {
     query.end();
     const std::string html = report_.get([&] {
@@ -222,9 +226,7 @@ void Api::read(const httplib::Request& request, httplib::Response& response) {
     response.set_header("Content-Security-Policy", policy_for_styles(html));
     return send(response, 200, html, kHtmlType);
   }
-
   const std::vector<std::string> parts = segments_of(path);
-  const auto not_there = [] { throw ApiError(404, "not_found", "there is nothing at this path"); };
   if (parts.size() < 3 || parts[0] != "api" || parts[1] != "v1") not_there();
   const std::string& what = parts[2];
   if (what == "jobs" && parts.size() > 3) {
@@ -233,6 +235,10 @@ void Api::read(const httplib::Request& request, httplib::Response& response) {
     return job(id, {parts.begin() + 4, parts.end()}, request, response);
   }
   if (parts.size() > 3) not_there();
+  read_farm(what, query, response);
+}
+
+void Api::read_farm(const std::string& what, Query& query, httplib::Response& response) {
   if (what == "overview") {
     query.end();
     return send(response, 200, overview_.get([&] {
@@ -241,30 +247,8 @@ void Api::read(const httplib::Request& request, httplib::Response& response) {
     }),
                 kJsonType);
   }
-  if (what == "jobs") {
-    const JobFilter filter = filter_of(query);
-    query.end();
-    Reader reader(*this);
-    const ReadModel::Snapshot snapshot(*reader);
-    std::string text = fmt::format(R"({{"total":{},"limit":{},"offset":{},"jobs":[)",
-                                   reader->count(filter), filter.limit, filter.offset);
-    for (const Job& j : reader->jobs(filter)) add_item(text, job_json(j));
-    return send(response, 200, text + "]}", kJsonType);
-  }
-  if (what == "events") {
-    const std::int64_t most = std::int64_t{1} << 53;
-    const std::int64_t after = query.number("after", -1, 0, most);
-    const std::int64_t limit = query.number("limit", 100, 1, 1000);
-    const JobId of = query.number("job", 0, 1, most);
-    query.end();
-    Reader reader(*this);
-    std::string text = R"({"events":[)";
-    const std::vector<FarmEvent> events =
-        after < 0 && of == 0 ? reader->last_events(limit)
-                             : reader->events(std::max<std::int64_t>(0, after), limit, of);
-    for (const FarmEvent& e : events) add_item(text, event_json(e));
-    return send(response, 200, text + "]}", kJsonType);
-  }
+  if (what == "jobs") return list_jobs(query, response);
+  if (what == "events") return list_events(query, response);
   if (what == "report") {
     query.end();
     return send(response, 200, report_json_.get([&] { return morning_json(morning()); }),
@@ -276,6 +260,37 @@ void Api::read(const httplib::Request& request, httplib::Response& response) {
                 "image/svg+xml");
   }
   not_there();
+}
+
+MorningReport Api::morning() {
+  Reader reader(*this);
+  return read_morning(folder_, *reader, {}, *options_.clock);
+}
+
+void Api::list_jobs(Query& query, httplib::Response& response) {
+  const JobFilter filter = filter_of(query);
+  query.end();
+  Reader reader(*this);
+  const ReadModel::Snapshot snapshot(*reader);
+  std::string text = fmt::format(R"({{"total":{},"limit":{},"offset":{},"jobs":[)",
+                                 reader->count(filter), filter.limit, filter.offset);
+  for (const Job& j : reader->jobs(filter)) add_item(text, job_json(j));
+  return send(response, 200, text + "]}", kJsonType);
+}
+
+void Api::list_events(Query& query, httplib::Response& response) {
+  const std::int64_t most = std::int64_t{1} << 53;
+  const std::int64_t after = query.number("after", -1, 0, most);
+  const std::int64_t limit = query.number("limit", 100, 1, 1000);
+  const JobId of = query.number("job", 0, 1, most);
+  query.end();
+  Reader reader(*this);
+  std::string text = R"({"events":[)";
+  const std::vector<FarmEvent> events =
+      after < 0 && of == 0 ? reader->last_events(limit)
+                           : reader->events(std::max<std::int64_t>(0, after), limit, of);
+  for (const FarmEvent& e : events) add_item(text, event_json(e));
+  return send(response, 200, text + "]}", kJsonType);
 }
 
 void Api::job(JobId id, const std::vector<std::string>& rest, const httplib::Request& request,

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "slicecorr/farm/morning.hpp"
 #include "slicecorr/farm/read_model.hpp"
 #include "slicecorr/farm/serve.hpp"
 #include "support/http/answers.hpp"
@@ -63,6 +64,13 @@ class Api {
     std::unique_ptr<ReadModel> model_;
   };
   void read(const httplib::Request& request, httplib::Response& response);
+  /// The live page, which holds nothing of the farm; false: `path` is not of it.
+  bool read_shell(const std::string& path, httplib::Response& response) const;
+  /// What is at /api/v1/`what`, but for single jobs.
+  void read_farm(const std::string& what, Query& query, httplib::Response& response);
+  void list_jobs(Query& query, httplib::Response& response);
+  void list_events(Query& query, httplib::Response& response);
+  MorningReport morning();
   void job(JobId id, const std::vector<std::string>& rest, const httplib::Request& request,
            httplib::Response& response);
   void file(const Job& job, const std::string& ending, httplib::Response& response);

@@ -88,10 +88,10 @@ std::function<SubmitReply(const std::string&, bool, const std::atomic<bool>&)> m
       for (JobRequest& request : requests) confine(request, rules, errors);
       if (!errors.empty()) return failed(errors);
       Queue queue(rules.folder.database());
-      ExecutionContext job;
-      job.cancel = &stopping;
+      ExecutionContext context;
+      context.cancel = &stopping;
       const Submission submission =
-          prepare(requests, rules.folder, queue, rules.user, !dry_run, job);
+          prepare(requests, rules.folder, queue, rules.user, !dry_run, context);
       Json estimates = Json::array();
       for (const Estimate& e : submission.estimates) {
         estimates.push_back({{"name", e.name},

@@ -32,7 +32,7 @@ bool is_token(const std::string& text) {
 
 bool is_file_name(const std::string& name) {
   return !name.empty() && name.size() <= 200 && name[0] != '.' && name[0] != '-' &&
-         name.find_first_of("/\\") == std::string::npos && words::printable(name) == name;
+         name.find_first_of("/\\") == std::string::npos && text::printable(name) == name;
 }
 
 std::string upload_path(const FarmFolder& folder, const std::string& part) {

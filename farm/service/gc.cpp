@@ -123,7 +123,7 @@ GcTotals collect_garbage(const FarmFolder& folder, Queue& queue, const GcOptions
   if (!options.dry_run && totals.results + totals.inputs + totals.leftovers > 0) {
     queue.add_event(
         "gc", fmt::format("{} results, {} inputs, {} leftovers, {}", totals.results, totals.inputs,
-                          totals.leftovers, words::bytes(static_cast<double>(totals.bytes))));
+                          totals.leftovers, text::bytes(static_cast<double>(totals.bytes))));
   }
   return totals;
 }

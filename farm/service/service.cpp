@@ -38,7 +38,7 @@ ServiceLoop::ServiceLoop(const FarmFolder& folder, Engine& engine, const Service
       wake_fd_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
   int cores = 0;
   std::int64_t memory_mb = 0;
-  for (const Node& n : engine_.nodes()) {
+  for (const FarmNode& n : engine_.nodes()) {
     if (!n.usable) continue;
     cores += n.cores;
     memory_mb += n.memory_mb;

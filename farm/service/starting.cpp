@@ -27,7 +27,7 @@ constexpr std::int64_t kServingMs = 300;
 std::string too_little_room(const std::string& path, std::int64_t free_bytes,
                             std::int64_t wanted_bytes) {
   const auto [free, wanted] =
-      words::bytes_apart(static_cast<double>(free_bytes), static_cast<double>(wanted_bytes));
+      text::bytes_apart(static_cast<double>(free_bytes), static_cast<double>(wanted_bytes));
   return fmt::format("{}: {} free, {} are wanted", path, free, wanted);
 }
 
@@ -115,7 +115,7 @@ std::optional<Task> ServiceLoop::order(const Claim& claim, const EngineCapacity&
   };
   // A job that ran out of memory gets more of it, and only one thread, so that it needs less.
   const std::int64_t waiting = claim.memory_failures > 0 ? 1 << 20 : queue_.claimable() + 1;
-  Engine::Share share = engine_.share(capacity, waiting, base, each);
+  Engine::TaskSize share = engine_.share(capacity, waiting, base, each);
   if (claim.memory_failures > 0) {
     share.threads = 1;
     share.memory_mb = std::max(base, claim.last_memory_mb * 2);

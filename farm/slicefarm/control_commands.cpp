@@ -117,7 +117,7 @@ int gc_command(const ControlArguments& a, cli::Console& console) {
   const GcTotals t = collect_garbage(folder, queue, a.gc);
   console.say(fmt::format("{}: {} results, {} inputs, {} leftovers, {}{}",
                           a.gc.dry_run ? "would be removed" : "removed", t.results, t.inputs,
-                          t.leftovers, words::bytes(static_cast<double>(t.bytes)),
+                          t.leftovers, text::bytes(static_cast<double>(t.bytes)),
                           t.inputs_in_use ? "; inputs stay while a submission is at work" : ""));
   return cli::kDone;
 }

@@ -9,6 +9,7 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "programs/common/watch.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/morning.hpp"
 #include "slicecorr/farm/status.hpp"
@@ -18,36 +19,13 @@ namespace slicecorr::farm {
 
 namespace {
 
-struct WatchOptions {
+struct WatchOptions : cli::WatchOptions {
   FarmOptions farm;
-  double interval_s = 0.5;
-  bool once = false, until_empty = false;
-  int columns = 100, rows = 30;
 };
 
 bool is_empty(const Overview& o) {
   return o.summary.jobs[static_cast<std::size_t>(JobState::queued)] == 0 &&
          o.summary.jobs[static_cast<std::size_t>(JobState::running)] == 0;
-}
-
-int watch_terminal(const WatchOptions& o, const FarmFolder& folder, ReadModel& model) {
-  const char* plain = std::getenv("NO_COLOR");
-  const bool colour = plain == nullptr || *plain == 0;
-  cli::FrameTerminal terminal;
-  while (!cli::interrupted()) {
-    const LiveState state = read_live(model, folder, terminal.rows());
-    terminal.show(live_frame(state, folder, terminal.columns(), terminal.rows(), colour));
-    if (o.until_empty && is_empty(state.overview)) return cli::kDone;
-    switch (terminal.wait(static_cast<int>(o.interval_s * 1000))) {
-      case cli::FrameTerminal::Key::quit:
-        return cli::kDone;
-      case cli::FrameTerminal::Key::interrupt:
-        return cli::kInterrupted;
-      case cli::FrameTerminal::Key::none:
-        break;
-    }
-  }
-  return cli::kInterrupted;
 }
 
 /// Each event as a line, and how far the running jobs are every ten seconds.
@@ -63,14 +41,14 @@ int watch_lines(const WatchOptions& o, const FarmFolder& folder, ReadModel& mode
       }
     }
     const std::int64_t now_ms = system_clock().steady_ms();
-    if (now_ms - told_ms >= between_lines_ms || o.until_empty) {
+    if (now_ms - told_ms >= between_lines_ms || o.until_end) {
       const Overview overview = read_overview(model, folder);
       if (now_ms - told_ms >= between_lines_ms) {
         told_ms = now_ms;
         cli::print_result(overview_line(overview) + "\n");
       }
       // What happened meanwhile has been told when no event is left.
-      if (o.until_empty && is_empty(overview) && overview.summary.last_event <= after) break;
+      if (o.until_end && is_empty(overview) && overview.summary.last_event <= after) break;
     }
     ::poll(nullptr, 0, static_cast<int>(o.interval_s * 1000));
   }
@@ -80,16 +58,13 @@ int watch_lines(const WatchOptions& o, const FarmFolder& folder, ReadModel& mode
 int watch(const WatchOptions& o) {
   const FarmFolder folder = o.farm.existing();
   ReadModel model(folder.database());
-  if (o.once) {
-    std::string text;
-    const LiveState state = read_live(model, folder, o.rows);
-    for (const std::string& line : live_frame(state, folder, o.columns, o.rows, false)) {
-      text += line + "\n";
-    }
-    cli::print_result(text);
-    return cli::kDone;
-  }
-  return cli::FrameTerminal::possible() ? watch_terminal(o, folder, model)
+  const auto frame = [&](int columns, int rows, bool colour) {
+    const LiveState state = read_live(model, folder, rows);
+    return cli::WatchFrame{live_frame(state, folder, columns, rows, colour),
+                           is_empty(state.overview)};
+  };
+  if (o.once) return cli::print_frame(o, frame);
+  return cli::FrameTerminal::possible() ? cli::watch_terminal(o, frame)
                                         : watch_lines(o, folder, model);
 }
 
@@ -125,14 +100,7 @@ void add_follow_commands(cli::Program& program) {
     CLI::App* app = program.add("watch", "Follow the farm on the terminal; q quits",
                                 [o](const ExecutionContext&, cli::Console&) { return watch(*o); });
     o->farm.add_to(*app);
-    app->add_option("--interval-s", o->interval_s, "Time between two looks [0.5]")
-        ->check(cli::number_in(0.05, 3600));
-    app->add_flag("--until-empty", o->until_empty, "End when nothing is queued or running");
-    app->add_flag("--once", o->once, "Print one frame and end");
-    app->add_option("--columns", o->columns, "Width of a frame with --once [100]")
-        ->check(CLI::Range(20, 1000));
-    app->add_option("--rows", o->rows, "Height of a frame with --once [30]")
-        ->check(CLI::Range(5, 1000));
+    o->add_to(*app, "--until-empty", "End when nothing is queued or running");
   }
   {
     auto o = std::make_shared<ReportOptions>();

@@ -30,10 +30,10 @@ std::string own_path() {
 }
 
 std::unique_ptr<Engine> make_engine(RunArguments& a, const FarmFolder& folder,
-                                    const ExecutionContext& job) {
+                                    const ExecutionContext& context) {
   if (a.local.program.empty()) a.local.program = own_path();
   if (a.engine == "local") {
-    a.local.cores = job.threads;
+    a.local.cores = context.threads;
     return make_local_engine(a.local);
   }
   a.slurm.program = std::filesystem::absolute(a.local.program).string();
@@ -45,13 +45,13 @@ std::unique_ptr<Engine> make_engine(RunArguments& a, const FarmFolder& folder,
   return make_slurm_engine(a.slurm);
 }
 
-int run_command(RunArguments& a, const ExecutionContext& job, cli::Console& console) {
+int run_command(RunArguments& a, const ExecutionContext& context, cli::Console& console) {
   const FarmFolder folder = a.farm.open();
-  const std::unique_ptr<Engine> engine = make_engine(a, folder, job);
+  const std::unique_ptr<Engine> engine = make_engine(a, folder, context);
   ServiceOptions options;
   options.until_empty = a.until_empty;
   options.say = [&](const std::string& text) { console.say(text); };
-  const ServiceTotals t = run_service(folder, *engine, options, *job.cancel);
+  const ServiceTotals t = run_service(folder, *engine, options, *context.cancel);
   console.say(
       fmt::format("{} done, {} of them from the cache; {} failed", t.done, t.from_cache, t.failed));
   if (cli::interrupted()) return cli::kInterrupted;
@@ -59,10 +59,10 @@ int run_command(RunArguments& a, const ExecutionContext& job, cli::Console& cons
   return a.until_empty && t.failed > 0 ? cli::kMissed : cli::kDone;
 }
 
-int nodes_command(RunArguments& a, const ExecutionContext& job) {
+int nodes_command(RunArguments& a, const ExecutionContext& context) {
   std::string text = fmt::format("{:<20} {:<18} {:>10} {:>17}  {}\n", "node", "state", "cores used",
                                  "memory used, MB", "labels");
-  for (const Node& n : make_engine(a, a.farm.existing(), job)->nodes()) {
+  for (const FarmNode& n : make_engine(a, a.farm.existing(), context)->nodes()) {
     text +=
         fmt::format("{:<20} {:<18} {:>10} {:>17}  {}\n", n.name, n.state,
                     fmt::format("{}/{}", n.cores_used, n.cores),
@@ -72,7 +72,7 @@ int nodes_command(RunArguments& a, const ExecutionContext& job) {
   return cli::kDone;
 }
 
-int worker_command(const RunArguments& a, const ExecutionContext& job, cli::Console&) {
+int worker_command(const RunArguments& a, const ExecutionContext& context, cli::Console&) {
   // Whatever the engine does with our output, the log is where the farm looks for it.
   const std::string path = a.folder + "/log.txt";
   const int log = ::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
@@ -80,7 +80,7 @@ int worker_command(const RunArguments& a, const ExecutionContext& job, cli::Cons
     throw InputError(a.folder, "", "can't be written; expected the folder of an attempt");
   ::dup2(log, STDERR_FILENO);
   ::close(log);
-  return do_work(a.folder, job.cancel,
+  return do_work(a.folder, context.cancel,
                  [](const std::string& text) { cli::write_stderr(text + "\n"); });
 }
 
@@ -97,8 +97,8 @@ void add_engine_options(CLI::App& app, RunArguments& a) {
 void add_run_commands(cli::Program& program) {
   const auto a = std::make_shared<RunArguments>();
   CLI::App* run = program.add("run", "Work: take jobs from the queue until stopped",
-                              [a](const ExecutionContext& job, cli::Console& console) {
-                                return run_command(*a, job, console);
+                              [a](const ExecutionContext& context, cli::Console& console) {
+                                return run_command(*a, context, console);
                               });
   add_engine_options(*run, *a);
   run->add_flag("--until-empty", a->until_empty,
@@ -130,12 +130,12 @@ void add_run_commands(cli::Program& program) {
 
   CLI::App* nodes = program.add(
       "nodes", "The engine's machines, and how busy they are",
-      [a](const ExecutionContext& job, cli::Console&) { return nodes_command(*a, job); });
+      [a](const ExecutionContext& context, cli::Console&) { return nodes_command(*a, context); });
   add_engine_options(*nodes, *a);
 
   CLI::App* worker = program.add("worker", "One attempt, in its folder: what engines start",
-                                 [a](const ExecutionContext& job, cli::Console& console) {
-                                   return worker_command(*a, job, console);
+                                 [a](const ExecutionContext& context, cli::Console& console) {
+                                   return worker_command(*a, context, console);
                                  });
   worker->add_option("FOLDER", a->folder, "Folder of the attempt")->required();
   worker->group("");  // not for people

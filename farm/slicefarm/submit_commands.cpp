@@ -65,20 +65,20 @@ std::string table_of(const Submission& s) {
   double seconds = 0, bytes = 0;
   for (const Estimate& e : s.estimates) {
     const char* note = e.cached ? "from the cache" : e.duplicate ? "with another job" : "";
-    rows.push_back({words::clipped(words::printable(e.name), 60), std::to_string(e.layers),
-                    words::duration(e.seconds), words::bytes(static_cast<double>(e.disk_bytes)),
+    rows.push_back({text::clipped(text::printable(e.name), 60), std::to_string(e.layers),
+                    text::duration(e.seconds), text::bytes(static_cast<double>(e.disk_bytes)),
                     fmt::format("{} MB", e.memory_mb), note});
     if (!e.cached && !e.duplicate) seconds += e.seconds;
     bytes += static_cast<double>(e.disk_bytes);
   }
-  std::string text = words::table({"job", ">layers", ">time", ">disk", ">memory", ""}, rows, 0);
+  std::string text = text::table({"job", ">layers", ">time", ">disk", ">memory", ""}, rows, 0);
   const bool measured = std::all_of(s.estimates.begin(), s.estimates.end(),
                                     [](const Estimate& e) { return e.measured; });
-  text += fmt::format("{} {}: {} on one core, {}; {}\n", s.jobs.size(),
-                      s.jobs.size() == 1 ? "job" : "jobs", words::duration(seconds),
-                      words::bytes(bytes),
-                      measured ? "by rates that this farm measured"
-                               : "guessed, this farm has measured nothing of the kind yet");
+  text +=
+      fmt::format("{} {}: {} on one core, {}; {}\n", s.jobs.size(),
+                  s.jobs.size() == 1 ? "job" : "jobs", text::duration(seconds), text::bytes(bytes),
+                  measured ? "by rates that this farm measured"
+                           : "guessed, this farm has measured nothing of the kind yet");
   return text;
 }
 
@@ -107,21 +107,22 @@ std::string json_of(const Submission& s, const std::vector<JobId>& ids) {
 
 /// What physics alone forbids has an exit code of its own.
 Submission checked(const std::vector<JobRequest>& requests, const FarmFolder& folder, Queue& queue,
-                   const std::string& user, bool store, const ExecutionContext& job) {
+                   const std::string& user, bool store, const ExecutionContext& context) {
   try {
-    return prepare(requests, folder, queue, user, store, job);
+    return prepare(requests, folder, queue, user, store, context);
   } catch (const SubmitErrors& e) {
     if (e.all_infeasible()) throw InfeasibleError(e.what());
     throw;
   }
 }
 
-int submit_command(const SubmitArguments& a, const ExecutionContext& job, cli::Console& console) {
+int submit_command(const SubmitArguments& a, const ExecutionContext& context,
+                   cli::Console& console) {
   const FarmFolder folder = a.store.empty() ? a.farm.open() : a.farm.open(a.store);
   Queue queue(folder.database());
   const std::string user = user_name();
   const std::vector<JobRequest> requests = requests_of(a);
-  const Submission submission = checked(requests, folder, queue, user, !a.dry_run, job);
+  const Submission submission = checked(requests, folder, queue, user, !a.dry_run, context);
   if (a.dry_run) {
     if (a.json.empty()) {
       cli::print_result(table_of(submission));
@@ -153,8 +154,8 @@ void add_submit_commands(cli::Program& program) {
   const auto a = std::make_shared<SubmitArguments>();
   CLI::App* sub =
       program.add("submit", "Queue parts, or the jobs of a file; checks everything first",
-                  [a](const ExecutionContext& job, cli::Console& console) {
-                    return submit_command(*a, job, console);
+                  [a](const ExecutionContext& context, cli::Console& console) {
+                    return submit_command(*a, context, console);
                   });
   sub->add_option(
          "PART", a->parts,

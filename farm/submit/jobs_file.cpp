@@ -12,6 +12,7 @@
 #include <toml++/toml.h>
 
 #include "submit/fields.hpp"
+#include "support/text/csv.hpp"
 
 namespace slicecorr::farm {
 
@@ -81,66 +82,23 @@ void set_table(JobRequest& request, const toml::table& table, const std::string&
   }
 }
 
-/// The rows of comma-separated text: fields may stand in double quotes, # begins a comment line.
-struct CsvRow {
-  int line = 0;
-  std::vector<std::string> fields;
-  std::string error;
-};
-
-std::vector<CsvRow> csv_rows(const std::string& text) {
+std::vector<CsvRow> csv_rows(const std::string& text, const std::string& source) {
+  CsvReader reader = CsvReader::of_text(text, source, {.lines_in_quotes = true});
   std::vector<CsvRow> rows;
-  std::size_t at = text.starts_with("\xef\xbb\xbf") ? 3 : 0;
-  int line = 1;
-  while (at < text.size()) {
-    CsvRow row;
-    row.line = line;
-    bool ended = false, quoted_any = false;
-    while (!ended) {
-      std::string field;
-      while (at < text.size() && (text[at] == ' ' || text[at] == '\t')) ++at;
-      if (at < text.size() && text[at] == '"') {
-        quoted_any = true;
-        ++at;
-        for (;; ++at) {
-          if (at >= text.size()) {
-            row.error = "a quoted field has no end";
-            break;
-          }
-          if (text[at] == '\n') ++line;
-          if (text[at] != '"') {
-            field += text[at];
-          } else if (at + 1 < text.size() && text[at + 1] == '"') {
-            field += text[at++];
-          } else {
-            ++at;
-            break;
-          }
-        }
-        while (at < text.size() && (text[at] == ' ' || text[at] == '\t')) ++at;
-        if (at < text.size() && text[at] != ',' && text[at] != '\n' && text[at] != '\r') {
-          row.error = "text after a quoted field";
-        }
-      }
-      while (at < text.size() && text[at] != ',' && text[at] != '\n' && text[at] != '\r') {
-        field += text[at++];
-      }
-      field.erase(field.find_last_not_of(" \t") + 1);
-      row.fields.push_back(field);
-      if (at < text.size() && text[at] == ',') {
-        ++at;
-        continue;
-      }
-      ended = true;
-    }
-    if (at < text.size() && text[at] == '\r') ++at;
-    if (at < text.size() && text[at] == '\n') ++at;
-    ++line;
-    const bool blank = row.fields.size() == 1 && row.fields[0].empty() && !quoted_any;
-    const bool comment = !quoted_any && row.fields[0].starts_with("#");
-    if (!blank && !comment) rows.push_back(std::move(row));
-  }
+  for (CsvRow row; reader.next(row);) rows.push_back(std::move(row));
   return rows;
+}
+
+/// What is wrong with how a row is written; empty where nothing is.
+const char* fault_text(const CsvRow& row) {
+  switch (row.fault) {
+    case CsvRow::Fault::open_quote:
+      return "a quoted field has no end";
+    case CsvRow::Fault::text_after_quote:
+      return "text after a quoted field";
+    default:
+      return "";
+  }
 }
 
 std::string text_of(const std::string& path) {
@@ -206,10 +164,10 @@ std::vector<JobRequest> parse_jobs_toml(const std::string& text, const std::stri
 
 std::vector<JobRequest> parse_jobs_csv(const std::string& text, const std::string& source,
                                        const JobRequest& defaults) {
-  const std::vector<CsvRow> rows = csv_rows(text);
+  const std::vector<CsvRow> rows = csv_rows(text, source);
   if (rows.empty()) throw SubmitErrors({{source, "is empty; expected a header row and jobs"}});
   std::vector<SubmitError> errors;
-  const std::vector<std::string>& header = rows[0].fields;
+  const std::vector<std::string>& header = rows[0].cells;
   const std::vector<std::string> known = detail::field_names();
   for (std::size_t i = 0; i < header.size(); ++i) {
     const std::string where = line_text(source, rows[0].line);
@@ -225,25 +183,27 @@ std::vector<JobRequest> parse_jobs_csv(const std::string& text, const std::strin
       errors.push_back({where, "column '" + header[i] + "' is there twice"});
     }
   }
-  if (!rows[0].error.empty()) errors.push_back({line_text(source, rows[0].line), rows[0].error});
+  if (rows[0].fault != CsvRow::Fault::none) {
+    errors.push_back({line_text(source, rows[0].line), fault_text(rows[0])});
+  }
   if (!errors.empty()) throw SubmitErrors(std::move(errors));
   std::vector<JobRequest> requests;
   for (std::size_t n = 1; n < rows.size(); ++n) {
     const CsvRow& row = rows[n];
     JobRequest request = defaults;
     request.where = line_text(source, row.line);
-    if (!row.error.empty()) {
-      errors.push_back({request.where, row.error});
+    if (row.fault != CsvRow::Fault::none) {
+      errors.push_back({request.where, fault_text(row)});
       continue;
     }
-    if (row.fields.size() != header.size()) {
+    if (row.cells.size() != header.size()) {
       errors.push_back({request.where, fmt::format("has {} fields, expected {} as in the header",
-                                                   row.fields.size(), header.size())});
+                                                   row.cells.size(), header.size())});
       continue;
     }
     for (std::size_t i = 0; i < header.size(); ++i) {
-      if (row.fields[i].empty()) continue;  // not said
-      Value v{row.fields[i], true, request.where};
+      if (row.cells[i].empty()) continue;  // not said
+      Value v{row.cells[i], true, request.where};
       if (const std::string error = set_field(request, header[i], v); !error.empty()) {
         errors.push_back({request.where, error});
       }

@@ -114,17 +114,19 @@ std::int64_t parse_ready_by(const std::string& text, std::int64_t now_ms) {
 }
 
 /// Asks the physics, of the places that the part is printed at where light is uneven.
-void plan(const SliceSource& slices, const Setup& setup, const ExecutionContext& job, Checked& c) {
+void plan(const SliceSource& slices, const Setup& setup, const ExecutionContext& context,
+          Checked& c) {
   const Grid& grid = slices.grid();
   const bool uneven = setup.printer.flat_field.has_value();
-  const CorrectionPlan plan = uneven ? plan_correction(slices, setup, job)
-                                     : plan_correction(GridOnly(grid, slices.frame()), setup, job);
+  const CorrectionPlan plan = uneven
+                                  ? plan_correction(slices, setup, context)
+                                  : plan_correction(GridOnly(grid, slices.frame()), setup, context);
   c.layers = grid.layers;
   c.memory.width_px = grid.width_px;
   detail::look_at_light(slices, setup.printer, setup.process, plan, c.memory);
 }
 
-void check_meshes(const JobRequest& r, const Setup& setup, const ExecutionContext& job,
+void check_meshes(const JobRequest& r, const Setup& setup, const ExecutionContext& context,
                   Checked& c) {
   cli::MeshOptions o;
   o.parts = r.parts;
@@ -134,17 +136,17 @@ void check_meshes(const JobRequest& r, const Setup& setup, const ExecutionContex
   o.units = r.units;
   o.scale = r.scale;
   o.rotate_deg = r.rotate_deg;
-  cli::PlateParts parts = cli::read_parts(o, job);
+  cli::PlateParts parts = cli::read_parts(o, context);
   c.memory.triangles = parts.mesh.triangles.size();
-  const MeshSlices slices(std::move(parts.mesh), setup.printer, o.slice_options(), job,
+  const MeshSlices slices(std::move(parts.mesh), setup.printer, o.slice_options(), context,
                           &parts.edge_defects);
-  plan(slices, setup, job, c);
+  plan(slices, setup, context, c);
   const PixelBox box = slices.bounds();
   c.memory.voxels = std::int64_t{c.layers} * box.width() * box.height();
 }
 
 void check_archive(const JobRequest& r, const Setup& setup, const std::string& scratch_folder,
-                   const ExecutionContext& job, Checked& c) {
+                   const ExecutionContext& context, Checked& c) {
   const StackInfo info = StackReader::read_info(r.parts[0]);
   MissingFacts facts;
   facts.layer_um = r.layer_um;
@@ -162,22 +164,22 @@ void check_archive(const JobRequest& r, const Setup& setup, const std::string& s
     grid.pixel_y_um = facts.pixel_y_um;
   }
   if (setup.printer.flat_field) {
-    plan(StackReader(r.parts[0], scratch_folder, job, facts), setup, job, c);
+    plan(StackReader(r.parts[0], scratch_folder, context, facts), setup, context, c);
   } else {
-    plan(GridOnly(grid, image_frame(info)), setup, job, c);
+    plan(GridOnly(grid, image_frame(info)), setup, context, c);
   }
   c.memory.voxels = std::int64_t{grid.layers} * grid.width_px * grid.height_px;
 }
 
 /// Reads the inputs as a worker will.
 Checked check_inputs(const JobRequest& r, const Resolved& w, const std::string& scratch_folder,
-                     const ExecutionContext& job) {
+                     const ExecutionContext& context) {
   Checked c;
   try {
     if (w.mesh) {
-      check_meshes(r, w.setup, job, c);
+      check_meshes(r, w.setup, context, c);
     } else {
-      check_archive(r, w.setup, scratch_folder, job, c);
+      check_archive(r, w.setup, scratch_folder, context, c);
     }
   } catch (const Cancelled&) {
     throw;
@@ -246,8 +248,8 @@ auto unless_it_fails(const FarmFolder& folder, Queue& queue, InputLock& lock, Ac
 class Preparation {
  public:
   Preparation(const std::vector<JobRequest>& requests, const FarmFolder& folder, Queue& queue,
-              const std::string& user, const ExecutionContext& job)
-      : requests_(requests), folder_(folder), queue_(queue), user_(user), job_(job) {}
+              const std::string& user, const ExecutionContext& context)
+      : requests_(requests), folder_(folder), queue_(queue), user_(user), context_(context) {}
 
   Submission run(bool store) {
     resolve_all();
@@ -263,7 +265,7 @@ class Preparation {
     }
     if (!store) {
       for (const std::string& part : parts()) {
-        job_.check_cancelled();
+        context_.check_cancelled();
         const ResultFile f = sha256_of_file(part);
         stored_[part] = {f.sha256 + stored_ending(part), f.sha256, f.bytes};
       }
@@ -272,7 +274,7 @@ class Preparation {
     const auto lock = std::make_shared<InputLock>(InputLock::shared(folder_));
     return unless_it_fails(folder_, queue_, *lock, [&] {
       for (const std::string& part : parts()) {
-        job_.check_cancelled();
+        context_.check_cancelled();
         stored_[part] = store_input(folder_, part);
       }
       Submission submission = make_jobs();
@@ -292,7 +294,7 @@ class Preparation {
     resolved_.resize(requests_.size());
     const std::int64_t now = system_clock().wall_ms();
     for (std::size_t i = 0; i < requests_.size(); ++i) {
-      job_.check_cancelled();
+      context_.check_cancelled();
       const JobRequest& r = requests_[i];
       Resolved& w = resolved_[i];
       if (r.parts.empty()) {
@@ -363,8 +365,8 @@ class Preparation {
     // Parts are read side by side; each alone would leave most cores idle.
     ExecutionContext one;
     one.threads = 1;
-    one.cancel = job_.cancel;
-    parallel_for(job_, "checking parts", distinct_.size(), [&](std::size_t n) {
+    one.cancel = context_.cancel;
+    parallel_for(context_, "checking parts", distinct_.size(), [&](std::size_t n) {
       const std::size_t i = distinct_[n];
       checked_[n] = check_inputs(requests_[i], resolved_[i], folder_.store, one);
     });
@@ -500,7 +502,7 @@ class Preparation {
   const FarmFolder& folder_;
   Queue& queue_;
   const std::string& user_;
-  const ExecutionContext& job_;
+  const ExecutionContext& context_;
   std::vector<std::pair<std::ptrdiff_t, SubmitError>> errors_;  ///< with the request's index
   std::vector<Resolved> resolved_;
   std::vector<std::size_t> distinct_;  ///< requests whose inputs are looked at
@@ -512,8 +514,8 @@ class Preparation {
 }  // namespace
 
 Submission prepare(const std::vector<JobRequest>& requests, const FarmFolder& folder, Queue& queue,
-                   const std::string& user, bool store, const ExecutionContext& job) {
-  return Preparation(requests, folder, queue, user, job).run(store);
+                   const std::string& user, bool store, const ExecutionContext& context) {
+  return Preparation(requests, folder, queue, user, context).run(store);
 }
 
 Submitted submit(const Submission& submission, const FarmFolder& folder, Queue& queue,

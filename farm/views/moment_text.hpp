@@ -9,7 +9,7 @@
 
 namespace slicecorr::farm::words {
 
-using namespace slicecorr::words;
+using namespace slicecorr::text;
 
 /// Local time without the date where it is within half a day of `now_ms`.
 std::string moment(std::int64_t ms, std::int64_t now_ms);

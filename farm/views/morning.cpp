@@ -122,7 +122,7 @@ void fill_lanes(const std::vector<Span>& spans, MorningReport& r) {
                             !s.ended                   ? "running"
                             : s.reason == Reason::none ? "done"
                                                        : name_of(s.reason));
-    bar.words += ", " + words::duration(static_cast<double>(s.end_ms - s.start_ms) / 1000);
+    bar.words += ", " + text::duration(static_cast<double>(s.end_ms - s.start_ms) / 1000);
     lane->bars.push_back(std::move(bar));
   }
   for (auto& [place, here] : places) {
@@ -237,7 +237,7 @@ void read_failures(const FarmFolder& folder, Database& db, ReadModel& model,
       const std::string log = log_tail(folder, f.attempts.back(), kMostLogBytes);
       for (std::size_t at = 0; at < log.size();) {
         const std::size_t end = std::min(log.find('\n', at), log.size());
-        f.log_lines.push_back(words::printable(log.substr(at, end - at)));
+        f.log_lines.push_back(text::printable(log.substr(at, end - at)));
         at = end + 1;
       }
       const auto most = static_cast<std::size_t>(std::max(0, options.log_lines));

@@ -19,7 +19,7 @@ using Json = nlohmann::ordered_json;
 namespace {
 
 /// What comes from files and users, for the page.
-std::string shown(std::string_view text) { return escape_markup(words::printable(text)); }
+std::string shown(std::string_view text) { return escape_markup(text::printable(text)); }
 
 /// A path as a link: everything but letters, digits and a few marks in percent.
 std::string link_text(const std::string& path) {
@@ -53,13 +53,13 @@ std::string report_link(const Job& job, const LinkTo& links) {
 }
 
 std::string time_of_day(const MorningReport& r, std::int64_t ms) {
-  return words::moment(ms, r.until_ms);
+  return text::moment(ms, r.until_ms);
 }
 
 std::string reason_list(const std::vector<Reasons>& reasons) {
   std::string text;
   for (const Reasons& r : reasons) {
-    text += fmt::format("{}{} <code>{}</code>", text.empty() ? "" : ", ", words::count(r.jobs),
+    text += fmt::format("{}{} <code>{}</code>", text.empty() ? "" : ", ", text::count(r.jobs),
                         name_of(r.reason));
   }
   return text;
@@ -80,20 +80,20 @@ std::string figures(const MorningReport& r) {
     html +=
         fmt::format(R"(<div class="tile {}"><b>{}</b><span>{}</span></div>)", kind, value, what);
   };
-  tile(words::count(r.done),
-       r.from_cache > 0 ? fmt::format("done, {} of them from the cache", words::count(r.from_cache))
+  tile(text::count(r.done),
+       r.from_cache > 0 ? fmt::format("done, {} of them from the cache", text::count(r.from_cache))
                         : "done",
        r.done > 0 ? "good" : "");
-  tile(words::count(r.failed), "failed", r.failed > 0 ? "bad" : "");
-  if (r.cancelled > 0) tile(words::count(r.cancelled), "cancelled");
-  tile(words::count(left + running),
-       running > 0 ? fmt::format("still to do, {} running", words::count(running)) : "still to do");
-  tile(r.working_s > 0 ? words::figure(jobs_per_h(r)) : "-", "jobs an hour while something ran");
+  tile(text::count(r.failed), "failed", r.failed > 0 ? "bad" : "");
+  if (r.cancelled > 0) tile(text::count(r.cancelled), "cancelled");
+  tile(text::count(left + running),
+       running > 0 ? fmt::format("still to do, {} running", text::count(running)) : "still to do");
+  tile(r.working_s > 0 ? text::figure(jobs_per_h(r)) : "-", "jobs an hour while something ran");
   tile(r.working_s > 0 ? fmt::format("{:.2f}", r.core_s / r.working_s) : "-",
        r.cores > 0 ? fmt::format("of {} {} busy while something ran", r.cores,
                                  r.cores == 1 ? "core" : "cores")
                    : "cores busy while something ran");
-  tile(words::bytes(static_cast<double>(r.delivered_bytes)), "written");
+  tile(text::bytes(static_cast<double>(r.delivered_bytes)), "written");
   return html + "</div>";
 }
 
@@ -132,7 +132,7 @@ std::string failures(const MorningReport& r) {
   const auto more = r.failed - static_cast<std::int64_t>(r.failures.size());
   if (more > 0) {
     html += fmt::format("<p>and {} more: <code>slicefarm status --state failed</code></p>",
-                        words::count(more));
+                        text::count(more));
   }
   return html;
 }
@@ -144,9 +144,9 @@ std::string worst(const MorningReport& r, const LinkTo& links) {
   for (const Job& j : r.worst) {
     const ResultFigures f = j.figures.value_or(ResultFigures{});
     const auto um = [&](double v) {
-      return j.figures ? words::figure(v) + " um" : std::string("-");
+      return j.figures ? text::figure(v) + " um" : std::string("-");
     };
-    const auto n = [&](std::int64_t v) { return j.figures ? words::count(v) : std::string("-"); };
+    const auto n = [&](std::int64_t v) { return j.figures ? text::count(v) : std::string("-"); };
     html += fmt::format(
         R"(<tr><th scope="row">{}</th><td>{}</td><td>{}</td><td>{}</td><td{}>{}</td><td{}>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>)",
         report_link(j, links), um(f.height_max_um), um(f.height_p95_um), um(f.height_mean_um),
@@ -157,7 +157,7 @@ std::string worst(const MorningReport& r, const LinkTo& links) {
   html += "</tbody></table></div>";
   if (r.done > static_cast<std::int64_t>(r.worst.size())) {
     html += fmt::format("<p class=\"dim\">The worst {} of {}.</p>", r.worst.size(),
-                        words::count(r.done));
+                        text::count(r.done));
   }
   return html;
 }
@@ -185,7 +185,7 @@ std::string charts(const MorningReport& r) {
   }
   chart::Picture picture("Jobs done and cores busy",
                          fmt::format("Jobs done an hour and mean cores busy, in slots of {}",
-                                     words::duration(static_cast<double>(r.slot_ms) / 1000)));
+                                     text::duration(static_cast<double>(r.slot_ms) / 1000)));
   chart::Panel jobs(time, chart::axis_over("jobs an hour", false, done_values, true), 130, false);
   jobs.band(floor, done, chart::Style::series, 2);
   jobs.line(done, chart::Style::series, 2);
@@ -207,14 +207,14 @@ std::string disk(const MorningReport& r) {
     html += fmt::format("<tr><th scope=\"row\">{}</th><td>{}</td></tr>", what, value);
   };
   const Summary& s = r.overview.summary;
-  row("Written by jobs of this time", words::bytes(static_cast<double>(r.delivered_bytes)));
-  row(fmt::format("Cache, {} results", words::count(s.cache_entries)),
-      words::bytes(static_cast<double>(s.cache_bytes)));
-  row("Copies of inputs", words::bytes(static_cast<double>(r.inputs_bytes)));
+  row("Written by jobs of this time", text::bytes(static_cast<double>(r.delivered_bytes)));
+  row(fmt::format("Cache, {} results", text::count(s.cache_entries)),
+      text::bytes(static_cast<double>(s.cache_bytes)));
+  row("Copies of inputs", text::bytes(static_cast<double>(r.inputs_bytes)));
   for (const DiskState& d : r.overview.disks) {
     row(fmt::format("Free where the {} is, of {}", d.what,
-                    words::bytes(static_cast<double>(d.total_bytes))),
-        words::bytes(static_cast<double>(d.free_bytes)));
+                    text::bytes(static_cast<double>(d.total_bytes))),
+        text::bytes(static_cast<double>(d.free_bytes)));
   }
   return html + "</tbody></table></div>";
 }
@@ -235,14 +235,14 @@ std::string morning_page(const MorningReport& r, const LinkTo& links) {
   }
   if (r.overview.summary.late > 0) {
     html += fmt::format("<p class=\"holds\">{} unfinished jobs will miss their time.</p>",
-                        words::count(r.overview.summary.late));
+                        text::count(r.overview.summary.late));
   }
   html += fmt::format(
       R"(<h2>Workers</h2><div class="scroll" tabindex="0" role="region" aria-label="Workers over time"><figure class="wide">{}</figure></div>)",
       timeline_svg(r));
   if (!r.attempt_reasons.empty()) {
     html += fmt::format("<p>Attempts that ended without a result: {}. {} attempts in all.</p>",
-                        reason_list(r.attempt_reasons), words::count(r.attempts));
+                        reason_list(r.attempt_reasons), text::count(r.attempts));
   }
   html += failures(r);
   html += worst(r, links);

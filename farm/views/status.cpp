@@ -28,7 +28,7 @@ std::string night_text(const FarmSettings& s, std::int64_t now_ms) {
 /// What a job's line says besides its state: how far it is, or why it is where it is.
 std::string remark(const Job& job, const std::map<JobId, const RunningJob*>& running,
                    std::int64_t now_ms) {
-  using words::printable;
+  using text::printable;
   switch (job.state) {
     case JobState::running: {
       const auto found = running.find(job.id);
@@ -40,7 +40,7 @@ std::string remark(const Job& job, const std::map<JobId, const RunningJob*>& run
       if (job.layers > 0) {
         text += fmt::format(", {} of {} layers", r.attempt.layers_done, job.layers);
       }
-      if (r.eta_s >= 0) text += ", " + words::duration(r.eta_s) + " left";
+      if (r.eta_s >= 0) text += ", " + text::duration(r.eta_s) + " left";
       if (r.attempt.number > 1) text += fmt::format(", attempt {}", r.attempt.number);
       if (job.cancel_wanted) text += ", to be cancelled";
       return printable(text);
@@ -53,7 +53,7 @@ std::string remark(const Job& job, const std::map<JobId, const RunningJob*>& run
                             printable(job.message));
       }
       if (job.not_before_ms > now_ms) {
-        text += fmt::format(" (not before {})", words::moment(job.not_before_ms, now_ms));
+        text += fmt::format(" (not before {})", text::moment(job.not_before_ms, now_ms));
       }
       return text;
     }
@@ -61,9 +61,9 @@ std::string remark(const Job& job, const std::map<JobId, const RunningJob*>& run
       std::string text = job.from_cache ? "from the cache" : "";
       if (job.figures) {
         text += fmt::format("{}largest height error {} um", text.empty() ? "" : ", ",
-                            words::figure(job.figures->height_max_um));
+                            text::figure(job.figures->height_max_um));
         if (job.figures->lost_features > 0) {
-          text += fmt::format(", {} lost", words::count(job.figures->lost_features));
+          text += fmt::format(", {} lost", text::count(job.figures->lost_features));
         }
       }
       return text;
@@ -79,7 +79,7 @@ std::string remark(const Job& job, const std::map<JobId, const RunningJob*>& run
 std::string joined(const std::vector<std::string>& list) {
   std::string text;
   for (const std::string& s : list) text += (text.empty() ? "" : ",") + s;
-  return words::printable(text);
+  return text::printable(text);
 }
 
 }  // namespace
@@ -118,29 +118,29 @@ std::string status_text(const StatusPage& page, const FarmFolder& folder, int co
   const Summary& s = o.summary;
   std::string text;
   const auto line = [&](const std::string& words) {
-    text += (columns > 0 ? words::clipped(words, columns) : words) + "\n";
+    text += (columns > 0 ? text::clipped(words, columns) : words) + "\n";
   };
-  line(words::printable(folder.root));
+  line(text::printable(folder.root));
   line(fmt::format(
       "{} running, {} queued{}, {} done{}, {} failed, {} cancelled",
-      words::count(count_of(s, JobState::running)), words::count(count_of(s, JobState::queued)),
-      s.followers > 0 ? fmt::format(" ({} wait for the same work)", words::count(s.followers)) : "",
-      words::count(count_of(s, JobState::done)),
-      s.from_cache > 0 ? fmt::format(" ({} from the cache)", words::count(s.from_cache)) : "",
-      words::count(count_of(s, JobState::failed)), words::count(count_of(s, JobState::cancelled))));
+      text::count(count_of(s, JobState::running)), text::count(count_of(s, JobState::queued)),
+      s.followers > 0 ? fmt::format(" ({} wait for the same work)", text::count(s.followers)) : "",
+      text::count(count_of(s, JobState::done)),
+      s.from_cache > 0 ? fmt::format(" ({} from the cache)", text::count(s.from_cache)) : "",
+      text::count(count_of(s, JobState::failed)), text::count(count_of(s, JobState::cancelled))));
   if (count_of(s, JobState::running) + count_of(s, JobState::queued) > 0) {
-    std::string left = "work left: " + words::duration(s.queued_s) + " on one core";
+    std::string left = "work left: " + text::duration(s.queued_s) + " on one core";
     if (s.eta_s >= 0) {
       left += ", done about " +
-              words::moment(o.now_ms + static_cast<std::int64_t>(1000 * s.eta_s), o.now_ms);
+              text::moment(o.now_ms + static_cast<std::int64_t>(1000 * s.eta_s), o.now_ms);
     }
-    if (s.late > 0) left += fmt::format("; {} will miss their time", words::count(s.late));
+    if (s.late > 0) left += fmt::format("; {} will miss their time", text::count(s.late));
     line(left);
   }
   for (const Service& v : o.services) {
-    line(words::printable(fmt::format("service: {} on {}, process {}, {} cores: {}", v.engine,
-                                      v.host, v.pid, v.cores,
-                                      v.doing.empty() ? "working" : v.doing)));
+    line(
+        text::printable(fmt::format("service: {} on {}, process {}, {} cores: {}", v.engine, v.host,
+                                    v.pid, v.cores, v.doing.empty() ? "working" : v.doing)));
   }
   if (const std::string holds = what_holds(o); !holds.empty()) {
     line(count_of(s, JobState::queued) > 0 ? "nothing starts: " + holds : holds);
@@ -149,10 +149,10 @@ std::string status_text(const StatusPage& page, const FarmFolder& folder, int co
   for (const DiskState& d : o.disks) {
     if (!disk.empty()) disk += "; ";
     disk +=
-        fmt::format("free for the {}: {}", d.what, words::bytes(static_cast<double>(d.free_bytes)));
+        fmt::format("free for the {}: {}", d.what, text::bytes(static_cast<double>(d.free_bytes)));
   }
-  line(fmt::format("{}; cache: {} results, {}", disk, words::count(s.cache_entries),
-                   words::bytes(static_cast<double>(s.cache_bytes))));
+  line(fmt::format("{}; cache: {} results, {}", disk, text::count(s.cache_entries),
+                   text::bytes(static_cast<double>(s.cache_bytes))));
 
   if (page.jobs.empty()) {
     line("");
@@ -167,19 +167,19 @@ std::string status_text(const StatusPage& page, const FarmFolder& folder, int co
                             : j.started_ms > 0 ? j.started_ms
                                                : j.submitted_ms;
     rows.push_back(
-        {std::to_string(j.id), name_of(j.state), words::clipped(words::printable(j.name), 28),
-         words::clipped(words::printable(j.user), 12), words::clipped(joined(j.labels), 16),
+        {std::to_string(j.id), name_of(j.state), text::clipped(text::printable(j.name), 28),
+         text::clipped(text::printable(j.user), 12), text::clipped(joined(j.labels), 16),
          std::to_string(j.priority),
-         j.ready_by_ms == kNoDeadline ? "" : words::to_the_minute(j.ready_by_ms, o.now_ms),
-         words::moment(at, o.now_ms), remark(j, running, o.now_ms)});
+         j.ready_by_ms == kNoDeadline ? "" : text::to_the_minute(j.ready_by_ms, o.now_ms),
+         text::moment(at, o.now_ms), remark(j, running, o.now_ms)});
   }
   line("");
-  text += words::table(
-      {">ID", "STATE", "NAME", "USER", "LABELS", ">PRI", "READY BY", "SINCE", "REMARK"}, rows,
-      columns);
+  text +=
+      text::table({">ID", "STATE", "NAME", "USER", "LABELS", ">PRI", "READY BY", "SINCE", "REMARK"},
+                  rows, columns);
   if (page.total > static_cast<std::int64_t>(page.jobs.size())) {
-    line(fmt::format("{} of {} jobs", words::count(static_cast<std::int64_t>(page.jobs.size())),
-                     words::count(page.total)));
+    line(fmt::format("{} of {} jobs", text::count(static_cast<std::int64_t>(page.jobs.size())),
+                     text::count(page.total)));
   }
   return text;
 }
@@ -187,12 +187,12 @@ std::string status_text(const StatusPage& page, const FarmFolder& folder, int co
 std::string overview_line(const Overview& o) {
   const Summary& s = o.summary;
   std::string text = fmt::format(
-      "{} running, {} queued, {} done, {} failed", words::count(count_of(s, JobState::running)),
-      words::count(count_of(s, JobState::queued)), words::count(count_of(s, JobState::done)),
-      words::count(count_of(s, JobState::failed)));
-  if (s.eta_s > 0) text += "; " + words::duration(s.eta_s) + " left";
+      "{} running, {} queued, {} done, {} failed", text::count(count_of(s, JobState::running)),
+      text::count(count_of(s, JobState::queued)), text::count(count_of(s, JobState::done)),
+      text::count(count_of(s, JobState::failed)));
+  if (s.eta_s > 0) text += "; " + text::duration(s.eta_s) + " left";
   for (const RunningJob& r : o.running) {
-    text += fmt::format("; {} {} {:.0f} %", r.job.id, words::printable(r.job.name),
+    text += fmt::format("; {} {} {:.0f} %", r.job.id, text::printable(r.job.name),
                         100 * r.attempt.fraction);
   }
   return text;

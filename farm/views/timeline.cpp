@@ -72,7 +72,7 @@ std::string timeline_svg(const MorningReport& r) {
     }
     body += fmt::format(
         R"(<text x="{}" y="{}" text-anchor="end">{}</text>)", kLeft - 8, y + 18.5,
-        escape_markup(words::clipped(words::printable(r.lanes[static_cast<std::size_t>(i)]), 17)));
+        escape_markup(text::clipped(text::printable(r.lanes[static_cast<std::size_t>(i)]), 17)));
   }
   const double bottom = kTop + std::max(1, lanes) * kLane;
   for (const auto& tick : detail::time_ticks(r.from_ms, r.until_ms, 12)) {
@@ -86,7 +86,7 @@ std::string timeline_svg(const MorningReport& r) {
     body += fmt::format(
         R"(<rect class="{}" x="{:.1f}" y="{}" width="{:.1f}" height="{}" rx="1.5"><title>{}</title></rect>)",
         kKinds[static_cast<std::size_t>(bar.kind)].style, from, kTop + bar.lane * kLane + 4,
-        std::max(1.2, to - from - 0.6), kLane - 8, escape_markup(words::printable(bar.words)));
+        std::max(1.2, to - from - 0.6), kLane - 8, escape_markup(text::printable(bar.words)));
   }
   if (lanes == 0) {
     body +=

@@ -120,7 +120,7 @@ class Reporter {
 
 /// What the archive that was written says when it is read again: a result is what can be read back.
 void check_stack(const std::string& path, const std::string& scratch, const StackInfo& written,
-                 const Prediction& prediction, const ExecutionContext& job) {
+                 const Prediction& prediction, const ExecutionContext& context) {
   const auto refuse = [&](const std::string& what) {
     throw InputError(path, "", "read back after writing: " + what);
   };
@@ -128,7 +128,7 @@ void check_stack(const std::string& path, const std::string& scratch, const Stac
   facts.layer_um = written.grid.layer_um;
   facts.pixel_x_um = written.grid.pixel_x_um;
   facts.pixel_y_um = written.grid.pixel_y_um;
-  const StackReader stack(path, scratch, job, facts);
+  const StackReader stack(path, scratch, context, facts);
   const Grid& g = stack.grid();
   if (g.layers != written.grid.layers) {
     refuse(fmt::format("{} slices, expected {}", g.layers, written.grid.layers));
@@ -180,7 +180,7 @@ class OutputInvalid : public InputError {
 
 /// The work itself; fills in what is known of the result.
 void make_result(const WorkOrder& order, const std::string& folder, Reporter& reporter,
-                 const ExecutionContext& job, WorkOutcome& outcome) {
+                 const ExecutionContext& context, WorkOutcome& outcome) {
   reporter.begin(0);
   const WorkSpec& spec = order.spec;
   FarmFolder farm;
@@ -196,7 +196,7 @@ void make_result(const WorkOrder& order, const std::string& folder, Reporter& re
   }
   const Setup setup = parse_setup_json(order.setup_json, "the job's setup");
   for (const std::string& text : setup_notices(setup, nullptr, ChoiceNames::options)) {
-    job.tell(text);
+    context.tell(text);
   }
   const std::string out = folder + "/out";
   // Not the folder around it: when that is gone, so is the attempt.
@@ -209,7 +209,7 @@ void make_result(const WorkOrder& order, const std::string& folder, Reporter& re
   std::optional<MeshSlices> mesh;
   std::optional<StackReader> archive;
   if (spec.kind == "run") {
-    mesh.emplace(cli::slice_parts(mesh_options(spec, paths), setup.printer, job));
+    mesh.emplace(cli::slice_parts(mesh_options(spec, paths), setup.printer, context));
   } else {
     const StackInfo info = StackReader::read_info(paths.at(0));
     check_design(info, spec.inputs.at(0).name);
@@ -219,11 +219,11 @@ void make_result(const WorkOrder& order, const std::string& folder, Reporter& re
     facts.layer_um = spec.layer_um;
     facts.pixel_x_um = setup.printer.pixel_x_um;
     facts.pixel_y_um = setup.printer.pixel_y_um;
-    archive.emplace(paths[0], folder, job, facts);
+    archive.emplace(paths[0], folder, context, facts);
   }
   const SliceSource& slices =
       mesh ? static_cast<const SliceSource&>(*mesh) : static_cast<const SliceSource&>(*archive);
-  const FittedSlices fitted = cli::fit_for_output(slices, file, setup.printer, job);
+  const FittedSlices fitted = cli::fit_for_output(slices, file, setup.printer, context);
   const SliceSource& target = *fitted;
   const Grid& g = target.grid();
   reporter.set_layers(g.layers);
@@ -232,14 +232,14 @@ void make_result(const WorkOrder& order, const std::string& folder, Reporter& re
 
   reporter.begin(1);
   const Correction result =
-      cli::make_part(target, setup, file, base, title, job, [&] { reporter.begin(2); });
+      cli::make_part(target, setup, file, base, title, context, [&] { reporter.begin(2); });
   fill_figures(outcome.figures, result.after);
   mesh.reset();
   archive.reset();
 
   reporter.begin(3);
   try {
-    check_stack(file.path, folder, result.info, result.after, job);
+    check_stack(file.path, folder, result.info, result.after, context);
   } catch (const InputError& e) {
     throw OutputInvalid(e.what());
   }
@@ -305,13 +305,13 @@ int do_work(const std::string& folder, const std::atomic<bool>* cancel,
   limit_memory(order.memory_mb, order.threads);
   detail::tell_work_stage("start", order);
   Reporter reporter(folder, order);
-  ExecutionContext job;
-  job.threads = order.threads;
-  job.cancel = cancel;
-  job.notice = [&](const std::string& text) { say(in_names_of_user(text, order)); };
-  job.progress = [&](std::string_view, double done) { reporter.progress(done); };
+  ExecutionContext context;
+  context.threads = order.threads;
+  context.cancel = cancel;
+  context.notice = [&](const std::string& text) { say(in_names_of_user(text, order)); };
+  context.progress = [&](std::string_view, double done) { reporter.progress(done); };
   try {
-    make_result(order, folder, reporter, job, outcome);
+    make_result(order, folder, reporter, context, outcome);
   } catch (const Cancelled&) {
     end(cli::kInterrupted, Reason::stopped, "asked to stop");
   } catch (const InputGone& e) {

@@ -315,7 +315,7 @@ void Controller::Impl::follow() {
   // While blue is dark UV light stays as it is: it is on before blue, and goes off after it.
   if (share <= 0) return;
   double uv_follows = run_up ? 1 : share_at(now_s + 2 * limits.cycle_s);
-  for (const Share& s : shares) uv_follows = std::max(uv_follows, s.share);
+  for (const AskedLight& s : shares) uv_follows = std::max(uv_follows, s.share);
   double level = uv_of(frame < 0 ? 0 : frame);
   if (pending && pending->number >= 0) {
     const auto next = static_cast<std::size_t>(pending->number);

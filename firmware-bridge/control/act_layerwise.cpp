@@ -8,6 +8,39 @@
 
 namespace slicecorr::bridge {
 
+void Controller::Impl::begin_layer(int n) {
+  if (n >= frames) {
+    enter(Phase::blue_off);
+    return go();
+  }
+  if (pause_wanted) {
+    enter(Phase::pausing);
+    return go();
+  }
+  // The part comes off the window before it goes to its next place; the platform has none.
+  const bool lift = n > 0 && machine.stage.lift_um > 0;
+  const double top = std::min(plan.frame_um(n - 1) + machine.stage.lift_um,
+                              machine.stage.travel_um > 0 ? machine.stage.travel_um : 1e300);
+  command_move(lift ? std::max(top, plan.frame_um(n)) : plan.frame_um(n),
+               machine.stage.lift_speed_um_s, machine.stage.acceleration_um_s2);
+  return turn_to(lift ? Act::move : Act::arrive);
+}
+
+void Controller::Impl::expose_layer(int n) {
+  const bool lit = std::abs(status.blue_measured - out.blue_share) <= machine.blue.tolerance;
+  if (rising && (dry_run || lit)) rising = false;
+  const double until_s = shown_at_s + plan.frames[static_cast<std::size_t>(n)].exposure_s;
+  if (frame == n) {
+    if (!pending && until_s <= now_s + limits.display_latency_s + 2 * limits.cycle_s) {
+      show(kBlackFrame, plan.frame_um(n), until_s);
+    }
+    return;
+  }
+  if (rising) return fail(Fault::lamp_mismatch, "the blue lamp did not come to its light");
+  out.blue_share = 0;
+  return turn_to(Act::blue_dark);
+}
+
 void Controller::Impl::go_layers() {
   const int n = next_frame;
   // Black pixels give light, too. So the image is shown before the lamp is lit: the lamp begins the
@@ -15,24 +48,8 @@ void Controller::Impl::go_layers() {
   // image.
   const bool lamp_first = machine.blue.warm_up_s > 0;
   switch (act) {
-    case Act::begin: {
-      if (n >= frames) {
-        enter(Phase::blue_off);
-        return go();
-      }
-      if (pause_wanted) {
-        enter(Phase::pausing);
-        return go();
-      }
-      // The part is lifted off the window before it goes to its next place. Before the first layer
-      // there is no part.
-      const bool lift = n > 0 && machine.stage.lift_um > 0;
-      const double top = std::min(plan.frame_um(n - 1) + machine.stage.lift_um,
-                                  machine.stage.travel_um > 0 ? machine.stage.travel_um : 1e300);
-      command_move(lift ? std::max(top, plan.frame_um(n)) : plan.frame_um(n),
-                   machine.stage.lift_speed_um_s, machine.stage.acceleration_um_s2);
-      return turn_to(lift ? Act::move : Act::arrive);
-    }
+    case Act::begin:
+      return begin_layer(n);
     case Act::move:
       if (!arrived()) return;
       command_move(plan.frame_um(n), machine.stage.lift_speed_um_s,
@@ -76,20 +93,8 @@ void Controller::Impl::go_layers() {
       turn_to(Act::expose);
       [[fallthrough]];
     }
-    case Act::expose: {
-      const bool lit = std::abs(status.blue_measured - out.blue_share) <= machine.blue.tolerance;
-      if (rising && (dry_run || lit)) rising = false;
-      const double until_s = shown_at_s + plan.frames[static_cast<std::size_t>(n)].exposure_s;
-      if (frame == n) {
-        if (!pending && until_s <= now_s + limits.display_latency_s + 2 * limits.cycle_s) {
-          show(kBlackFrame, plan.frame_um(n), until_s);
-        }
-        return;
-      }
-      if (rising) return fail(Fault::lamp_mismatch, "the blue lamp did not come to its light");
-      out.blue_share = 0;
-      return turn_to(Act::blue_dark);
-    }
+    case Act::expose:
+      return expose_layer(n);
     default:
       if (!blue_went()) return;
       ++next_frame;

@@ -51,10 +51,10 @@ Controller::Controller(PrintPlan plan, Machine machine, bool dry_run)
     : impl_(std::make_unique<Impl>(std::move(plan), std::move(machine), dry_run)) {}
 Controller::~Controller() = default;
 
-Step Controller::step(const std::optional<Answer>& answer, double now_s) {
+ControlStep Controller::step(const std::optional<Answer>& answer, double now_s) {
   Impl& s = *impl_;
   // Keeps what was added between cycles: events of `fail`.
-  Step kept = std::exchange(s.step, Step{});
+  ControlStep kept = std::exchange(s.step, ControlStep{});
   s.step.events = std::move(kept.events);
   const double gap_s = s.started ? now_s - s.now_s : 0;
   s.now_s = now_s;
@@ -103,7 +103,7 @@ Step Controller::step(const std::optional<Answer>& answer, double now_s) {
   s.step.set_points = out;
   s.step.lamps_alone = s.failing() && !s.lamps_taken;
   s.step.command_alone = s.phase >= Phase::stopping && !s.stop_taken;
-  return std::exchange(s.step, Step{});
+  return std::exchange(s.step, ControlStep{});
 }
 
 void Controller::shown(const FrameReport& report) { impl_->reports.push_back(report); }

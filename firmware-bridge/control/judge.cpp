@@ -232,72 +232,84 @@ void Controller::Impl::judge_frame(const FrameReport& report) {
   pending.reset();
   const double light_at_s = report.shown_at_s + limits.display_latency_s;
   const double at_um = stage.position_um(light_at_s);
-  const bool moving = plan.mode == ExposureMode::continuous &&
-                      (phase == Phase::printing || phase == Phase::pausing) &&
-                      (act == Act::move || act == Act::arrive);
-  double late = 0, borne = limits.max_late_um;
-  const char* unit = "um";
-  if (moving) {
-    late = at_um - asked.planned_um;
-    worst_late_um = std::max(worst_late_um, late);
-  } else if (plan.mode == ExposureMode::layerwise && phase == Phase::printing &&
-             act == Act::expose && report.number < 0) {
-    // Black after a layer: what counts is how much too long the layer was exposed, ms.
-    late = (light_at_s - asked.at_s) * 1e3;
-    borne =
-        std::max(limits.cycle_s, 0.01 * plan.frames[static_cast<std::size_t>(frame)].exposure_s) *
-        1e3;
-    unit = "ms";
-  }
-  // Along the stage's way too early is as wrong as too late.
-  const char* const side = late < 0 ? "early" : "late";
-  const double off = moving ? std::abs(late) : late;
-  const bool is_late = off > borne;
-  if (exposing && report.number < 0) {
-    exposing->late = is_late;
-    exposing->shown_s = shown_at_s;
-    exposing->blue_share = out.blue_share;
-    exposing->blue_measured = status.blue_measured;
-    exposing->exposed_s = light_at_s - shown_at_s;
-    lateness.add_ms((*exposing->exposed_s - *exposing->exposure_s) * 1e3);
-    step.records.push_back(*std::exchange(exposing, {}));
-  }
-  if (is_late) {
-    ++late_frames;
-    event("late frame", fmt::format("{}: {:.1f} {} {}", report.number, off, unit, side));
-    if (late_frames > limits.max_late_frames || off > 10 * borne) {
-      fail(Fault::late_frame, fmt::format("frame {} began {:.1f} {} {}, {:g} {} is borne",
-                                          report.number, off, unit, side, borne, unit));
-    }
-  }
+  const Punctuality p = punctuality(report, asked, light_at_s, at_um);
+  if (exposing && report.number < 0) end_exposure(light_at_s, p.late());
+  if (p.late()) tell_late(report.number, p);
   frame = report.number;
   shown_at_s = light_at_s;
   if (frame >= frames_shown) {
     frames_shown = frame + 1;
-    const FrameRecord record{frame,
-                             asked.planned_um,
-                             at_um,
-                             asked.at_s,
-                             light_at_s,
-                             stage.speed_um_s(now_s),
-                             out.blue_share,
-                             out.uv_mw_cm2,
-                             status.blue_measured,
-                             status.uv_measured.value_or(0),
-                             is_late,
-                             stage.error_um(),
-                             status.temperature_c,
-                             {},
-                             {},
-                             report.display};
-    if (plan.mode == ExposureMode::layerwise) {
-      exposing = record;
-      exposing->exposure_s = plan.frames[static_cast<std::size_t>(frame)].exposure_s;
-    } else {
-      lateness.add_um(at_um - asked.planned_um);
-      lateness.add_ms((light_at_s - asked.at_s) * 1e3);
-      step.records.push_back(record);
-    }
+    record_frame(report, asked, at_um, p.late());
+  }
+}
+
+Controller::Impl::Punctuality Controller::Impl::punctuality(const FrameReport& report,
+                                                            const Pending& asked, double light_at_s,
+                                                            double at_um) {
+  const bool moving = plan.mode == ExposureMode::continuous &&
+                      (phase == Phase::printing || phase == Phase::pausing) &&
+                      (act == Act::move || act == Act::arrive);
+  // Too early is as wrong as too late.
+  if (moving) {
+    const double late_um = at_um - asked.planned_um;
+    worst_late_um = std::max(worst_late_um, late_um);
+    return {std::abs(late_um), limits.max_late_um, "um", late_um < 0};
+  }
+  if (plan.mode == ExposureMode::layerwise && phase == Phase::printing && act == Act::expose &&
+      report.number < 0) {
+    // What counts here is for how long the layer was exposed.
+    const double late_ms = (light_at_s - asked.at_s) * 1e3;
+    const double exposure_s = plan.frames[static_cast<std::size_t>(frame)].exposure_s;
+    return {late_ms, std::max(limits.cycle_s, 0.01 * exposure_s) * 1e3, "ms", late_ms < 0};
+  }
+  return {0, limits.max_late_um, "um", false};
+}
+
+void Controller::Impl::end_exposure(double light_at_s, bool is_late) {
+  exposing->late = is_late;
+  exposing->shown_s = shown_at_s;
+  exposing->blue_share = out.blue_share;
+  exposing->blue_measured = status.blue_measured;
+  exposing->exposed_s = light_at_s - shown_at_s;
+  lateness.add_ms((*exposing->exposed_s - *exposing->exposure_s) * 1e3);
+  step.records.push_back(*std::exchange(exposing, {}));
+}
+
+void Controller::Impl::tell_late(int number, const Punctuality& p) {
+  const char* const side = p.early ? "early" : "late";
+  ++late_frames;
+  event("late frame", fmt::format("{}: {:.1f} {} {}", number, p.off, p.unit, side));
+  if (late_frames > limits.max_late_frames || p.off > 10 * p.borne) {
+    fail(Fault::late_frame, fmt::format("frame {} began {:.1f} {} {}, {:g} {} is borne", number,
+                                        p.off, p.unit, side, p.borne, p.unit));
+  }
+}
+
+void Controller::Impl::record_frame(const FrameReport& report, const Pending& asked, double at_um,
+                                    bool is_late) {
+  const FrameRecord record{frame,
+                           asked.planned_um,
+                           at_um,
+                           asked.at_s,
+                           shown_at_s,
+                           stage.speed_um_s(now_s),
+                           out.blue_share,
+                           out.uv_mw_cm2,
+                           status.blue_measured,
+                           status.uv_measured.value_or(0),
+                           is_late,
+                           stage.error_um(),
+                           status.temperature_c,
+                           {},
+                           {},
+                           report.display};
+  if (plan.mode == ExposureMode::layerwise) {
+    exposing = record;
+    exposing->exposure_s = plan.frames[static_cast<std::size_t>(frame)].exposure_s;
+  } else {
+    lateness.add_um(at_um - asked.planned_um);
+    lateness.add_ms((shown_at_s - asked.at_s) * 1e3);
+    step.records.push_back(record);
   }
 }
 

@@ -37,7 +37,7 @@ struct Controller::Impl {
 
   const PrintPlan plan;
   const Machine machine;
-  const Limits& limits;
+  const MachineLimits& limits;
   const bool dry_run;
   const int frames;
 
@@ -85,10 +85,10 @@ struct Controller::Impl {
   LampJudge blue, uv;
   bool lamps_judged = false;
   bool rising = false;  ///< waits for a lamp: too little light is no fault yet
-  struct Share {
+  struct AskedLight {
     double at_s, share;
   };
-  std::deque<Share> shares;  ///< asked of the blue lamp within its settling time
+  std::deque<AskedLight> shares;  ///< asked of the blue lamp within its settling time
 
   // The display.
   int frame = kBlackFrame;  ///< on the display
@@ -113,7 +113,7 @@ struct Controller::Impl {
   bool lamps_taken = false, stop_taken = false;  ///< the machine has answered that it took them
   bool black_shown = false;
 
-  Step step;
+  ControlStep step;
 
   void event(const std::string& what, const std::string& detail = {});
   void enter(Phase next, const std::string& detail = {});
@@ -142,6 +142,21 @@ struct Controller::Impl {
   void check_stage();
   void check_lamps();
   void judge_frame(const FrameReport& report);
+  /// How far off a frame came: where the stage moves in um, at the end of an exposure in ms, else
+  /// 0.
+  struct Punctuality {
+    double off, borne;
+    const char* unit;
+    bool early;
+    bool late() const { return off > borne; }
+  };
+  /// Notes the worst of frames that come while the stage moves.
+  Punctuality punctuality(const FrameReport& report, const Pending& asked, double light_at_s,
+                          double at_um);
+  /// Of a layer whose black has come.
+  void end_exposure(double light_at_s, bool is_late);
+  void tell_late(int number, const Punctuality& p);
+  void record_frame(const FrameReport& report, const Pending& asked, double at_um, bool is_late);
 
   // act.cpp
   void go();
@@ -159,6 +174,10 @@ struct Controller::Impl {
   void go_fault();
   void go_done();
   void go_layers();
+  /// Moves to the place of layer `n`, or on to what comes after the last one.
+  void begin_layer(int n);
+  /// Shows black when the exposure of layer `n` is over, then puts the lamp out.
+  void expose_layer(int n);
   double print_target_um() const;
 
   void command_move(double target_um, double speed_um_s, double acceleration_um_s2);

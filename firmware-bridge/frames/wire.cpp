@@ -16,13 +16,13 @@
 #include <utility>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/image_size.hpp"
 #include "slicecorr/setup.hpp"
 
 namespace slicecorr::bridge {
 namespace {
 
 using Time = std::chrono::steady_clock;
-constexpr std::uint32_t kMostPixelsAcross = 65536;
 constexpr std::uint32_t kMostHelloBytes = 64u << 20;  // the picture of a flat-field is in it
 
 template <class T>
@@ -118,7 +118,8 @@ void check(const WireMessage& m, std::uint32_t payload_bytes) {
       return;
     case WireKind::frame: {
       if (m.number < kBlackFrame) wrong(fmt::format("frame {}", m.number));
-      if (m.width_px > kMostPixelsAcross || m.height_px > kMostPixelsAcross ||
+      if (m.width_px > std::uint32_t{kMostPixelsAcross} ||
+          m.height_px > std::uint32_t{kMostPixelsAcross} ||
           (m.number == kBlackFrame) != (m.width_px == 0) ||
           (m.width_px == 0) != (m.height_px == 0) || (m.flags & ~kWireUv) != 0) {
         wrong(fmt::format("frame {} of {} x {} pixels, flags {}", m.number, m.width_px, m.height_px,

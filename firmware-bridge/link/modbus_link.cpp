@@ -27,7 +27,7 @@ void put_word(Bytes& bytes, int value) {
 
 class ModbusLink final : public Link {
  public:
-  ModbusLink(const RegisterMap& map, const Limits& limits)
+  ModbusLink(const RegisterMap& map, const MachineLimits& limits)
       : map_(map), runs_(write_runs(map)), wire_(map, limits.response_timeout_s) {}
 
   std::optional<Status> exchange(const SetPoints& set_points) override {
@@ -147,7 +147,7 @@ class ModbusLink final : public Link {
 
 }  // namespace
 
-std::unique_ptr<Link> make_modbus_link(const RegisterMap& map, const Limits& limits) {
+std::unique_ptr<Link> make_modbus_link(const RegisterMap& map, const MachineLimits& limits) {
   return std::make_unique<ModbusLink>(map, limits);
 }
 

@@ -67,12 +67,12 @@ LampDrive parse_lamp(const TomlTable& lamps, std::string_view key, bool shares) 
   return lamp;
 }
 
-Limits parse_limits(const TomlTable& t) {
+MachineLimits parse_limits(const TomlTable& t) {
   constexpr std::array<std::string_view, 9> known{
       "cycle_s",         "response_timeout_s", "heartbeat_timeout_s", "watchdog_s", "max_late_um",
       "max_late_frames", "display_latency_s",  "max_temperature_c",   "ring_frames"};
   detail::only_keys(t, known);
-  Limits l;
+  MachineLimits l;
   l.cycle_s = t.number("cycle_s", 0.001, 0.1, true).value_or(l.cycle_s);
   l.response_timeout_s =
       t.number("response_timeout_s", 0.005, 1, true).value_or(l.response_timeout_s);
@@ -88,7 +88,7 @@ Limits parse_limits(const TomlTable& t) {
 }
 
 /// An exchange takes a response timeout for each of its requests, and one may be lost.
-void check_times(const TomlTable& t, const Limits& l, int requests) {
+void check_times(const TomlTable& t, const MachineLimits& l, int requests) {
   const std::string two =
       requests == 1 ? fmt::format("two response timeouts of {:g} s", l.response_timeout_s)
                     : fmt::format(

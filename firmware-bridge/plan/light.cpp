@@ -59,6 +59,140 @@ void check_black(PrintPlan& plan, const StackInfo& info, const Machine& machine)
       plan.black_excess * 100, kMostBlackExcess * 100));
 }
 
+/// The blue lamp warms up behind black, which may give light, too.
+void check_warm_up(const PrintPlan& plan, const StackInfo& info, const Machine& machine) {
+  if (!(plan.black_mw_cm2 > 0) || plan.uv || !(machine.blue.warm_up_s > 0)) return;
+  // At the window the resin gains dose fastest.
+  const Kinetics k = make_kinetics(*info.resin, false, false);
+  const double dose =
+      std::pow(plan.black_mw_cm2, k.m) * machine.blue.warm_up_s / k.critical_dose_prime;
+  if (dose > 0.5) {
+    throw InfeasibleError(fmt::format(
+        "the blue lamp warms up for {:g} s behind black, which still gives {:g} mW/cm²: {:.0f} % "
+        "of the dose that gels the resin; 50 % are borne",
+        machine.blue.warm_up_s, plan.black_mw_cm2, dose * 100));
+  }
+}
+
+/// UV light that the lamp gives. `least_share`: of its greatest intensity.
+void check_uv_range(const PrintPlan& plan, const Machine& machine, double least_share) {
+  const auto [least, greatest] = std::minmax_element(
+      plan.frames.begin(), plan.frames.end(),
+      [](const FramePlan& a, const FramePlan& b) { return a.uv_mw_cm2 < b.uv_mw_cm2; });
+  if (greatest->uv_mw_cm2 > plan.uv_max_mw_cm2 * (1 + kSlack) ||
+      least->uv_mw_cm2 < least_share * plan.uv_max_mw_cm2 * (1 - kSlack)) {
+    throw InfeasibleError(fmt::format(
+        "the stack asks for {:.4g} to {:.4g} mW/cm² of UV light, the lamp of printer '{}' gives "
+        "{:.4g} to {:.4g}",
+        least->uv_mw_cm2, greatest->uv_mw_cm2, machine.printer.name,
+        least_share * plan.uv_max_mw_cm2, plan.uv_max_mw_cm2));
+  }
+}
+
+/// What a frame says of light: whether it is lit, its UV light, and whether that keeps resin off
+/// the window. Frames may be planned on any threads at once.
+class FrameLight {
+ public:
+  FrameLight(const PrintPlan& plan, const StackReader& stack, const Printer& printer);
+
+  /// Fills in `frame`, the n-th. What is wrong with it in words, else empty.
+  std::string plan_frame(int n, FramePlan& frame) const;
+
+ private:
+  using Image = std::vector<std::uint8_t>;
+  /// The greatest blue light over UV light, which counts as a share of the lamp's; `most`: the
+  /// image's greatest pixel.
+  double greatest_ratio(int n, const Image& image, std::uint8_t most) const;
+  double intensity_of(std::uint8_t pixel) const {
+    return blue_[static_cast<std::size_t>(level_[pixel])];
+  }
+
+  const PrintPlan& plan_;
+  const StackReader& stack_;
+  const Process& process_;
+  const LightMap light_;
+  const std::size_t pixels_;
+  const std::vector<double> blue_;  ///< mW/cm², by level
+  std::array<int, 256> level_{};    ///< by pixel value
+  Image places_;                    ///< values of the light map, where they count
+  std::optional<Kinetics> kinetics_;
+  std::array<double, 256> uv_intensity_{};  ///< mW/cm², by pixel value of patterned UV light
+};
+
+FrameLight::FrameLight(const PrintPlan& plan, const StackReader& stack, const Printer& printer)
+    : plan_(plan),
+      stack_(stack),
+      process_(*stack.info().process),
+      light_(printer, stack.info().grid, stack.frame()),
+      pixels_(static_cast<std::size_t>(stack.info().grid.width_px) *
+              static_cast<std::size_t>(stack.info().grid.height_px)),
+      blue_(level_intensities(printer)) {
+  for (int v = 0; v < 256; ++v) {
+    level_[static_cast<std::size_t>(v)] = level_of_pixel(v, printer.levels());
+  }
+  if (!plan.uv) return;
+  kinetics_ = make_kinetics(*stack.info().resin, true, true);
+  if (!light_.even()) {
+    places_.resize(pixels_);
+    light_.values({0, 0, stack.info().grid.width_px, stack.info().grid.height_px}, places_.data());
+  }
+  if (!plan.uv_patterned) return;
+  const auto levels = uv_level_intensities(printer);
+  for (int v = 0; v < 256; ++v) {
+    uv_intensity_[static_cast<std::size_t>(v)] =
+        levels[static_cast<std::size_t>(level_of_pixel(v, static_cast<int>(levels.size())))];
+  }
+}
+
+double FrameLight::greatest_ratio(int n, const Image& image, std::uint8_t most) const {
+  if (places_.empty() && !plan_.uv_patterned) return intensity_of(most);
+  Image uv_image;
+  if (plan_.uv_patterned) {
+    uv_image.resize(pixels_);
+    stack_.read_uv_slice(n, uv_image.data());
+  }
+  double ratio = 0;
+  for (std::size_t p = 0; p < pixels_; ++p) {
+    if (level_[image[p]] <= 0) continue;
+    double value = intensity_of(image[p]);
+    if (!places_.empty()) value *= light_.factor(places_[p]);
+    if (plan_.uv_patterned) {
+      value /= std::max(uv_intensity_[uv_image[p]] / plan_.uv_max_mw_cm2, 1e-12);
+    }
+    ratio = std::max(ratio, value);
+  }
+  return ratio;
+}
+
+std::string FrameLight::plan_frame(int n, FramePlan& frame) const {
+  Image image(pixels_);
+  stack_.read_slice(n, image.data());
+  const std::uint8_t most = *std::max_element(image.begin(), image.end());
+  frame.lit = level_[most] > 0;
+  if (!plan_.uv) return {};
+  const double brightest = light_.factor(light_.greatest());
+  frame.uv_mw_cm2 = plan_.uv_patterned
+                        ? plan_.uv_max_mw_cm2
+                        : flood_mw_cm2(process_.uv, *kinetics_, blue_.back() * brightest, n);
+  if (!frame.lit || process_.allow_window_cure) return {};
+  const double ratio = greatest_ratio(n, image, most);
+  frame.least_uv_mw_cm2 = uv_for_dead_zone(*kinetics_, ratio, 0);
+  const double wanted = uv_for_dead_zone(*kinetics_, ratio, process_.uv.dead_zone_um);
+  // Without a dead zone asked for any will do, but for none.
+  const bool held = process_.uv.dead_zone_um > 0
+                        ? wanted <= frame.uv_mw_cm2 * (1 + kSlack)
+                        : keeps_dead_zone(*kinetics_, ratio, frame.uv_mw_cm2);
+  if (held) return {};
+  return fmt::format(
+      "slice {} needs {}{:.4g} mW/cm² of UV light under its brightest pixel{}, the stack has "
+      "{:.4g}: resin would cure to the window; correct the part with more UV light",
+      n, process_.uv.dead_zone_um > 0 ? "" : "more than ", wanted,
+      process_.uv.dead_zone_um > 0
+          ? fmt::format(" for its dead zone of {:g} um", process_.uv.dead_zone_um)
+          : std::string(),
+      frame.uv_mw_cm2);
+}
+
 }  // namespace
 
 void plan_light(PrintPlan& plan, const StackReader& stack, const Machine& machine,
@@ -66,127 +200,32 @@ void plan_light(PrintPlan& plan, const StackReader& stack, const Machine& machin
   const StackInfo& info = stack.info();
   const Process& process = *info.process;
   const Printer& printer = machine.printer;
-  const Grid& grid = info.grid;
-  const auto pixels =
-      static_cast<std::size_t>(grid.width_px) * static_cast<std::size_t>(grid.height_px);
-  const std::vector<double> blue = level_intensities(printer);
-  plan.black_mw_cm2 = blue.front();
+  plan.black_mw_cm2 = level_intensities(printer).front();
   plan.uv = process.uv.kind != UvKind::off;
   plan.uv_patterned = process.uv.kind == UvKind::patterned;
   if (printer.uv) plan.uv_max_mw_cm2 = printer.uv->max_mw_cm2();
 
-  if (plan.black_mw_cm2 > 0 && !plan.uv && machine.blue.warm_up_s > 0) {
-    // At the window the resin gains dose fastest.
-    const Kinetics k = make_kinetics(*info.resin, false, false);
-    const double dose =
-        std::pow(plan.black_mw_cm2, k.m) * machine.blue.warm_up_s / k.critical_dose_prime;
-    if (dose > 0.5) {
-      throw InfeasibleError(fmt::format(
-          "the blue lamp warms up for {:g} s behind black, which still gives {:g} mW/cm²: {:.0f} % "
-          "of the dose that gels the resin; 50 % are borne",
-          machine.blue.warm_up_s, plan.black_mw_cm2, dose * 100));
-    }
-  }
-
-  const LightMap light(printer, grid, stack.frame());
-  std::vector<std::uint8_t> places;
-  if (plan.uv && !light.even()) {
-    places.resize(pixels);
-    light.values({0, 0, grid.width_px, grid.height_px}, places.data());
-  }
-  std::array<int, 256> level{};
-  for (int v = 0; v < 256; ++v)
-    level[static_cast<std::size_t>(v)] = level_of_pixel(v, printer.levels());
-  const auto intensity_of = [&](std::uint8_t pixel) {
-    return blue[static_cast<std::size_t>(level[pixel])];
-  };
-
-  std::optional<Kinetics> kinetics;
-  std::array<double, 256> uv_intensity{};
-  double uv_least_share = 0;
-  if (plan.uv) {
-    kinetics = make_kinetics(*info.resin, true, true);
-    uv_least_share = std::max(machine.uv.min_share, printer.uv->min_mw_cm2() / plan.uv_max_mw_cm2);
-    if (plan.uv_patterned) {
-      const auto levels = uv_level_intensities(printer);
-      for (int v = 0; v < 256; ++v) {
-        uv_intensity[static_cast<std::size_t>(v)] =
-            levels[static_cast<std::size_t>(level_of_pixel(v, static_cast<int>(levels.size())))];
-      }
-    }
-  }
+  check_warm_up(plan, info, machine);
+  const FrameLight light(plan, stack, printer);
+  const double uv_least_share =
+      plan.uv ? std::max(machine.uv.min_share, printer.uv->min_mw_cm2() / plan.uv_max_mw_cm2) : 0;
   check_ramps(plan, machine, uv_least_share);
   check_black(plan, info, machine);
 
-  const double brightest = light.factor(light.greatest());
   std::mutex failing;
   int first_bad = -1;
   std::string bad;
   parallel_for(context, "check", plan.frames.size(), [&](std::size_t i) {
     const int n = static_cast<int>(i);
-    FramePlan& frame = plan.frames[i];
-    std::vector<std::uint8_t> image(pixels), uv_image;
-    stack.read_slice(n, image.data());
-    const std::uint8_t most = *std::max_element(image.begin(), image.end());
-    frame.lit = level[most] > 0;
-    if (!plan.uv) return;
-    frame.uv_mw_cm2 = plan.uv_patterned
-                          ? plan.uv_max_mw_cm2
-                          : flood_mw_cm2(process.uv, *kinetics, blue.back() * brightest, n);
-    if (!frame.lit || process.allow_window_cure) return;
-    // Blue light over UV light where that is greatest; UV light as a share of the lamp's.
-    double ratio = 0;
-    if (plan.uv_patterned) {
-      uv_image.resize(pixels);
-      stack.read_uv_slice(n, uv_image.data());
-    }
-    const auto at = [&](std::size_t p) {
-      double value = intensity_of(image[p]);
-      if (!places.empty()) value *= light.factor(places[p]);
-      if (plan.uv_patterned) {
-        value /= std::max(uv_intensity[uv_image[p]] / plan.uv_max_mw_cm2, 1e-12);
-      }
-      return value;
-    };
-    if (places.empty() && !plan.uv_patterned) {
-      ratio = intensity_of(most);
-    } else {
-      for (std::size_t p = 0; p < pixels; ++p) {
-        if (level[image[p]] > 0) ratio = std::max(ratio, at(p));
-      }
-    }
-    frame.least_uv_mw_cm2 = uv_for_dead_zone(*kinetics, ratio, 0);
-    const double wanted = uv_for_dead_zone(*kinetics, ratio, process.uv.dead_zone_um);
-    // Without a dead zone asked for any will do, but for none.
-    const bool held = process.uv.dead_zone_um > 0
-                          ? wanted <= frame.uv_mw_cm2 * (1 + kSlack)
-                          : keeps_dead_zone(*kinetics, ratio, frame.uv_mw_cm2);
-    if (held) return;
+    const std::string wrong = light.plan_frame(n, plan.frames[i]);
+    if (wrong.empty()) return;
     const std::scoped_lock lock(failing);
     if (first_bad >= 0 && first_bad < n) return;
     first_bad = n;
-    bad = fmt::format(
-        "slice {} needs {}{:.4g} mW/cm² of UV light under its brightest pixel{}, the stack has "
-        "{:.4g}: resin would cure to the window; correct the part with more UV light",
-        n, process.uv.dead_zone_um > 0 ? "" : "more than ", wanted,
-        process.uv.dead_zone_um > 0
-            ? fmt::format(" for its dead zone of {:g} um", process.uv.dead_zone_um)
-            : std::string(),
-        frame.uv_mw_cm2);
+    bad = wrong;
   });
   if (first_bad >= 0) throw InfeasibleError(bad);
-  if (!plan.uv) return;
-  const auto [least, greatest] = std::minmax_element(
-      plan.frames.begin(), plan.frames.end(),
-      [](const FramePlan& a, const FramePlan& b) { return a.uv_mw_cm2 < b.uv_mw_cm2; });
-  if (greatest->uv_mw_cm2 > plan.uv_max_mw_cm2 * (1 + kSlack) ||
-      least->uv_mw_cm2 < uv_least_share * plan.uv_max_mw_cm2 * (1 - kSlack)) {
-    throw InfeasibleError(fmt::format(
-        "the stack asks for {:.4g} to {:.4g} mW/cm² of UV light, the lamp of printer '{}' gives "
-        "{:.4g} to {:.4g}",
-        least->uv_mw_cm2, greatest->uv_mw_cm2, printer.name, uv_least_share * plan.uv_max_mw_cm2,
-        plan.uv_max_mw_cm2));
-  }
+  if (plan.uv) check_uv_range(plan, machine, uv_least_share);
 }
 
 }  // namespace slicecorr::bridge

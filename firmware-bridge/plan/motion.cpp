@@ -20,6 +20,10 @@ constexpr double kReactionCycles = 4;
 /// (base 10) above the window when the first slice comes: the dose there is 11 % less.
 constexpr double kUnaskedRunUp = 0.05;
 
+double height_um(const PrintPlan& plan) {
+  return static_cast<double>(plan.frames.size()) * plan.layer_um;
+}
+
 void check_travel(const PrintPlan& plan, const Machine& machine, double top_um) {
   const double travel = machine.stage.travel_um;
   if (travel > 0 && top_um > travel) {
@@ -35,41 +39,32 @@ void check_travel(const PrintPlan& plan, const Machine& machine, double top_um) 
   }
 }
 
-}  // namespace
-
-void plan_motion(PrintPlan& plan, const StackInfo& info, const Machine& machine) {
-  const Process& process = *info.process;
+void plan_layers(PrintPlan& plan, const Process& process, const Machine& machine) {
   const Stage& stage = machine.stage;
-  const Limits& limits = machine.limits;
-  const auto slices = static_cast<double>(plan.frames.size());
-  const double height = slices * plan.layer_um;
-  plan.m = make_kinetics(*info.resin, process.uv.kind != UvKind::off, true).m;
-  plan.acceleration_um_s2 = stage.acceleration_um_s2;
-  plan.start_um = stage.home_um;
-
-  if (plan.mode == ExposureMode::layerwise) {
-    plan.speed_um_s = stage.lift_speed_um_s;
-    plan.end_um = plan.start_um + height;
-    check_travel(plan, machine, plan.end_um);
-    const double lift_s = stage.lift_um > 0
-                              ? 2 * stage.lift_um / stage.lift_speed_um_s +
-                                    2 * stage.lift_speed_um_s / stage.acceleration_um_s2
-                              : 0;
-    for (std::size_t n = 0; n < plan.frames.size(); ++n) {
-      const double exposure_s = layer_exposure_s(process, static_cast<int>(n));
-      if (exposure_s < kCyclesPerSlice * limits.cycle_s) {
-        throw InfeasibleError(
-            fmt::format("layer {} is exposed for {:g} s, with exchanges every {:g} s at least {:g} "
-                        "s can be timed",
-                        n, exposure_s, limits.cycle_s, kCyclesPerSlice * limits.cycle_s));
-      }
-      plan.frames[n].exposure_s = exposure_s;
-      plan.expected_s += exposure_s + stage.settle_s + (n > 0 ? lift_s : 0);
+  const MachineLimits& limits = machine.limits;
+  plan.speed_um_s = stage.lift_speed_um_s;
+  plan.end_um = plan.start_um + height_um(plan);
+  check_travel(plan, machine, plan.end_um);
+  const double lift_s = stage.lift_um > 0 ? 2 * stage.lift_um / stage.lift_speed_um_s +
+                                                2 * stage.lift_speed_um_s / stage.acceleration_um_s2
+                                          : 0;
+  for (std::size_t n = 0; n < plan.frames.size(); ++n) {
+    const double exposure_s = layer_exposure_s(process, static_cast<int>(n));
+    if (exposure_s < kCyclesPerSlice * limits.cycle_s) {
+      throw InfeasibleError(
+          fmt::format("layer {} is exposed for {:g} s, with exchanges every {:g} s at least {:g} "
+                      "s can be timed",
+                      n, exposure_s, limits.cycle_s, kCyclesPerSlice * limits.cycle_s));
     }
-    return;
+    plan.frames[n].exposure_s = exposure_s;
+    plan.expected_s += exposure_s + stage.settle_s + (n > 0 ? lift_s : 0);
   }
+}
 
-  plan.speed_um_s = process.speed_mm_h / kMmHFromUmS;
+/// Whether the stage and the exchanges with the machine can keep up.
+void check_speed(const PrintPlan& plan, const Process& process, const Machine& machine) {
+  const Stage& stage = machine.stage;
+  const MachineLimits& limits = machine.limits;
   const double v = plan.speed_um_s;
   if (stage.max_speed_um_s > 0 && v > stage.max_speed_um_s * (1 + 1e-9)) {
     throw InfeasibleError(fmt::format(
@@ -87,7 +82,11 @@ void plan_motion(PrintPlan& plan, const StackInfo& info, const Machine& machine)
                     kCyclesPerSlice * limits.cycle_s * 1e3,
                     plan.layer_um / (kCyclesPerSlice * limits.cycle_s) * kMmHFromUmS));
   }
+}
 
+void plan_ramps(PrintPlan& plan, const Process& process, const Machine& machine) {
+  const Stage& stage = machine.stage;
+  const double v = plan.speed_um_s;
   plan.ramp_um = v * v / (2 * stage.acceleration_um_s2);
   const double asked_um = process.ramp_mm * 1e3;
   if (process.ramp_mm > 0 && asked_um < plan.ramp_um * (1 - 1e-9)) {
@@ -102,15 +101,29 @@ void plan_motion(PrintPlan& plan, const StackInfo& info, const Machine& machine)
     plan.ramp_um = asked_um;
     plan.acceleration_um_s2 = v * v / (2 * asked_um);
   }
-  plan.expected_s = height / v;
+}
+
+}  // namespace
+
+void plan_motion(PrintPlan& plan, const StackInfo& info, const Machine& machine) {
+  const Process& process = *info.process;
+  plan.m = make_kinetics(*info.resin, process.uv.kind != UvKind::off, true).m;
+  plan.acceleration_um_s2 = machine.stage.acceleration_um_s2;
+  plan.start_um = machine.stage.home_um;
+  if (plan.mode == ExposureMode::layerwise) return plan_layers(plan, process, machine);
+
+  plan.speed_um_s = process.speed_mm_h / kMmHFromUmS;
+  check_speed(plan, process, machine);
+  plan_ramps(plan, process, machine);
+  plan.expected_s = height_um(plan) / plan.speed_um_s;
   if (plan.lamps_follow()) {
-    plan.end_um = plan.start_um + height;
+    plan.end_um = plan.start_um + height_um(plan);
     check_travel(plan, machine, plan.end_um);
     plan.expected_s =
         light_on_s(process, plan.m, plan.layer_um, static_cast<int>(plan.frames.size()));
     return;
   }
-  plan.run_up_um = plan.ramp_um + kReactionCycles * limits.cycle_s * v;
+  plan.run_up_um = plan.ramp_um + kReactionCycles * machine.limits.cycle_s * plan.speed_um_s;
   if (process.ramp == Ramp::none &&
       plan.run_up_um > kUnaskedRunUp * info.resin->absorbance_height10_um) {
     throw InfeasibleError(fmt::format(
@@ -120,7 +133,7 @@ void plan_motion(PrintPlan& plan, const StackInfo& info, const Machine& machine)
         machine.printer.name, plan.run_up_um, process.speed_mm_h, plan.ramp_um * 1e-3));
   }
   plan.start_um += plan.run_up_um;
-  plan.end_um = plan.start_um + height;
+  plan.end_um = plan.start_um + height_um(plan);
   check_travel(plan, machine, plan.end_um + plan.ramp_um);
 }
 

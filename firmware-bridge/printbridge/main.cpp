@@ -66,6 +66,55 @@ std::string ramps_in_words(const PrintPlan& plan) {
                      plan.run_up_um);
 }
 
+/// Refuses to print after a fault that nobody has looked at.
+void check_latch(const Options& o, const StateFolder& folder, const Machine& machine) {
+  if (const auto latch = read_latch(folder, true)) {
+    throw DeviceError(
+        fmt::format("printer '{}' had a fault that nobody has looked at: {}: {} ({}). Look at the "
+                    "machine, then `printbridge reset --printer {}`",
+                    machine.printer.name, name_of(latch->fault), latch->detail,
+                    where_it_was(latch->frame, latch->z_um), o.printer));
+  }
+}
+
+WireHello hello_of(const Options& o, const StackInfo& info, const PrintPlan& plan,
+                   const Machine& machine) {
+  WireHello hello;
+  hello.setup = Setup{*info.printer, *info.resin, *info.process};
+  hello.layer_um = plan.layer_um;
+  hello.target_layers = info.target_layers;
+  hello.slices = info.grid.layers;
+  hello.start_um = plan.start_um;
+  hello.m = plan.m;
+  hello.cycle_s = machine.limits.cycle_s;
+  hello.lockstep = o.lockstep;
+  hello.dry_run = o.dry_run;
+  return hello;
+}
+
+/// Says where and why the print ended; throws but where the user stopped it.
+int tell_fault(const Options& o, const Ending& end, const PrintPlan& plan,
+               const StateFolder& folder) {
+  // Where the machine is in a fault of its own it has to be reset even if nothing was moved.
+  const bool reset = end.latched || end.fault == Fault::machine_restarted ||
+                     end.fault == Fault::watchdog_tripped || end.fault == Fault::lamp_failed ||
+                     end.fault == Fault::stage_failed;
+  const std::string left = in_words(end.left);
+  // What must be read first stands first.
+  const bool sure = end.left.confirmed();
+  const std::string text = fmt::format(
+      "{}{}: {} ({}). {}Journal: {}. To do: {}{}", sure ? "" : left + ". ", name_of(end.fault),
+      end.detail, where_it_was(end.frame, end.stage_um - plan.start_um),
+      sure ? "State: " + left + ". " : "", folder.file("journal.jsonl"), what_to_do(end.fault),
+      reset ? fmt::format(", then `printbridge reset --printer {}`", o.printer) : "");
+  if (end.fault == Fault::stopped_by_user) {
+    cli::write_stderr(fmt::format("printbridge: {}\n", text));
+    return cli::kInterrupted;
+  }
+  if (end.fault == Fault::defect) throw std::runtime_error(text);
+  throw DeviceError(text);
+}
+
 int print(const Options& o, const ExecutionContext& context, Console& console) {
   Machine machine = load_machine(o.printer);
   machine.connect_to(o.modbus);
@@ -76,13 +125,7 @@ int print(const Options& o, const ExecutionContext& context, Console& console) {
   }
   const StateFolder folder = StateFolder::of(o.dir, machine.printer);
   const PrintLock lock(folder);
-  if (const auto latch = read_latch(folder, true)) {
-    throw DeviceError(
-        fmt::format("printer '{}' had a fault that nobody has looked at: {}: {} ({}). Look at the "
-                    "machine, then `printbridge reset --printer {}`",
-                    machine.printer.name, name_of(latch->fault), latch->detail,
-                    where_it_was(latch->frame, latch->z_um), o.printer));
-  }
+  check_latch(o, folder, machine);
   const StackReader stack(o.stack, cli::folder_of(o.stack), context);
   const PrintPlan plan = plan_print(stack, o.stack, machine, context);
   console.say(fmt::format(
@@ -99,17 +142,7 @@ int print(const Options& o, const ExecutionContext& context, Console& console) {
     throw DeviceError("nothing was sent to the machine: " + why);
   }
   const auto clock = o.lockstep ? make_step_clock() : make_real_clock();
-  const StackInfo& info = stack.info();
-  WireHello hello;
-  hello.setup = Setup{*info.printer, *info.resin, *info.process};
-  hello.layer_um = plan.layer_um;
-  hello.target_layers = info.target_layers;
-  hello.slices = info.grid.layers;
-  hello.start_um = plan.start_um;
-  hello.m = plan.m;
-  hello.cycle_s = machine.limits.cycle_s;
-  hello.lockstep = o.lockstep;
-  hello.dry_run = o.dry_run;
+  const WireHello hello = hello_of(o, stack.info(), plan, machine);
   const auto sink = open_sinks(o.sinks, machine, hello, *clock);
   const auto frames = make_frame_source(stack, machine.printer, plan.uv_patterned);
 
@@ -138,24 +171,7 @@ int print(const Options& o, const ExecutionContext& context, Console& console) {
         folder.file("report.html")));
     return cli::kDone;
   }
-  // Where the machine is in a fault of its own it has to be reset even if nothing was moved.
-  const bool reset = end.latched || end.fault == Fault::machine_restarted ||
-                     end.fault == Fault::watchdog_tripped || end.fault == Fault::lamp_failed ||
-                     end.fault == Fault::stage_failed;
-  const std::string left = in_words(end.left);
-  // What must be read first stands first.
-  const bool sure = end.left.confirmed();
-  const std::string text = fmt::format(
-      "{}{}: {} ({}). {}Journal: {}. To do: {}{}", sure ? "" : left + ". ", name_of(end.fault),
-      end.detail, where_it_was(end.frame, end.stage_um - plan.start_um),
-      sure ? "State: " + left + ". " : "", folder.file("journal.jsonl"), what_to_do(end.fault),
-      reset ? fmt::format(", then `printbridge reset --printer {}`", o.printer) : "");
-  if (end.fault == Fault::stopped_by_user) {
-    cli::write_stderr(fmt::format("printbridge: {}\n", text));
-    return cli::kInterrupted;
-  }
-  if (end.fault == Fault::defect) throw std::runtime_error(text);
-  throw DeviceError(text);
+  return tell_fault(o, end, plan, folder);
 }
 
 StateFolder folder_of(const Options& o) { return StateFolder::of(o.dir, load_printer(o.printer)); }

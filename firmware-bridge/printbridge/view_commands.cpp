@@ -12,6 +12,7 @@
 #include <memory>
 
 #include "programs/common/run_server.hpp"
+#include "programs/common/watch.hpp"
 #include "slicecorr/bridge/run.hpp"
 #include "slicecorr/bridge/serve.hpp"
 #include "slicecorr/bridge/view.hpp"
@@ -65,7 +66,7 @@ int status(const StatusOptions& o) {
   const double z_mm = (seen.state.stage_um - seen.facts.start_um) * 1e-3;
   std::string out = fmt::format("printer   {}\n", looker.printer);
   if (const auto& left = seen.state.left; left && !left->confirmed()) {
-    out += words::printable(in_words(*left)) + "\n";
+    out += text::printable(in_words(*left)) + "\n";
   }
   if (seen.running && seen.known) {
     out += fmt::format("phase     {}{}\n", name_of(seen.state.phase),
@@ -74,7 +75,7 @@ int status(const StatusOptions& o) {
                        z_mm);
     out += fmt::format("late      {} frames, at most {:.2f} um\n", seen.state.late_frames,
                        seen.state.lateness.worst_um);
-    if (seen.left_s) out += fmt::format("left      {}\n", words::duration(*seen.left_s));
+    if (seen.left_s) out += fmt::format("left      {}\n", text::duration(*seen.left_s));
   } else {
     out += seen.running ? "phase     starting\n" : "phase     no print\n";
     if (seen.known) {
@@ -85,7 +86,7 @@ int status(const StatusOptions& o) {
   }
   if (const auto latch = read_latch(looker.folder, false)) {
     out += fmt::format("latched   {}: {} ({}); see the machine, then `printbridge reset`\n",
-                       name_of(latch->fault), words::printable(latch->detail),
+                       name_of(latch->fault), text::printable(latch->detail),
                        latch->frame < 0 ? std::string("before the first frame")
                                         : fmt::format("frame {}, z = {:.3f} mm", latch->frame,
                                                       latch->z_um * 1e-3));
@@ -94,32 +95,9 @@ int status(const StatusOptions& o) {
   return cli::kDone;
 }
 
-struct WatchOptions {
+struct WatchOptions : cli::WatchOptions {
   PrinterOptions printer;
-  double interval_s = 0.5;
-  bool once = false, until_end = false;
-  int columns = 100, rows = 30;
 };
-
-int watch_terminal(const WatchOptions& o, const Looker& looker) {
-  const char* const plain = std::getenv("NO_COLOR");
-  const bool colour = plain == nullptr || *plain == 0;
-  cli::FrameTerminal terminal;
-  while (!cli::interrupted()) {
-    const Seen seen = looker.seen();
-    terminal.show(live_frame(seen, terminal.columns(), terminal.rows(), colour));
-    if (o.until_end && !seen.running) return cli::kDone;
-    switch (terminal.wait(static_cast<int>(o.interval_s * 1000))) {
-      case cli::FrameTerminal::Key::quit:
-        return cli::kDone;
-      case cli::FrameTerminal::Key::interrupt:
-        return cli::kInterrupted;
-      case cli::FrameTerminal::Key::none:
-        break;
-    }
-  }
-  return cli::kInterrupted;
-}
 
 /// New lines of the journal, also of the next print's.
 class JournalTail {
@@ -180,15 +158,12 @@ int watch_lines(const WatchOptions& o, const Looker& looker) {
 
 int watch(const WatchOptions& o) {
   const Looker looker(o.printer);
-  if (o.once) {
-    std::string text;
-    for (const std::string& line : live_frame(looker.seen(), o.columns, o.rows, false)) {
-      text += line + "\n";
-    }
-    cli::print_result(text);
-    return cli::kDone;
-  }
-  return cli::FrameTerminal::possible() ? watch_terminal(o, looker) : watch_lines(o, looker);
+  const auto frame = [&](int columns, int rows, bool colour) {
+    const Seen seen = looker.seen();
+    return cli::WatchFrame{live_frame(seen, columns, rows, colour), !seen.running};
+  };
+  if (o.once) return cli::print_frame(o, frame);
+  return cli::FrameTerminal::possible() ? cli::watch_terminal(o, frame) : watch_lines(o, looker);
 }
 
 struct OutputOptions {
@@ -260,14 +235,7 @@ void add_view_commands(const AddCommand& add) {
     auto o = std::make_shared<WatchOptions>();
     auto* const w = add("watch", "Follow the print on the terminal; q quits", o->printer,
                         politely([o](cli::Console&) { return watch(*o); }));
-    w->add_option("--interval-s", o->interval_s, "Time between two looks [0.5]")
-        ->check(cli::number_in(0.05, 3600));
-    w->add_flag("--until-end", o->until_end, "End when no print runs");
-    w->add_flag("--once", o->once, "Print one frame and end");
-    w->add_option("--columns", o->columns, "Width of a frame with --once [100]")
-        ->check(CLI::Range(20, 1000));
-    w->add_option("--rows", o->rows, "Height of a frame with --once [30]")
-        ->check(CLI::Range(5, 1000));
+    o->add_to(*w, "--until-end", "End when no print runs");
   }
   {
     auto o = std::make_shared<OutputOptions>();

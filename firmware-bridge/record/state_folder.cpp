@@ -3,7 +3,6 @@
 #include <sys/file.h>
 #include <unistd.h>
 
-#include <cctype>
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
@@ -17,6 +16,8 @@
 #include "slicecorr/bridge/record.hpp"
 #include "slicecorr/error.hpp"
 #include "support/files/temporary.hpp"
+#include "support/text/ascii.hpp"
+#include "support/text/csv.hpp"
 
 namespace slicecorr::bridge {
 namespace {
@@ -81,13 +82,12 @@ std::vector<double> last_row(const StateFolder& folder) {
   std::string line;
   while (std::getline(file, line) && !file.eof()) {  // halved where it has no end
     std::vector<double> row;
-    std::istringstream cells(line);
-    for (std::string cell; std::getline(cells, cell, ',');) {
-      char* end = nullptr;
-      row.push_back(std::strtod(cell.c_str(), &end));
-      if (end == cell.c_str()) break;
+    for (const std::string_view cell : comma_separated(line)) {
+      const auto number = number_in_text(cell);
+      row.push_back(number.value_or(0));
+      if (!number) break;
     }
-    if (row.size() > 2 && std::isdigit(static_cast<unsigned char>(line[0])) != 0) last = row;
+    if (row.size() > 2 && is_digit(line[0])) last = row;
   }
   return last;
 }

@@ -140,7 +140,7 @@ class Run {
     for (const FrameReport& report : news.reports) controller_->shown(report);
     if (news.fault != Fault::none) controller_->fail(news.fault, news.detail);
     serve();
-    const Step step = controller_->step(answer_, now);
+    const ControlStep step = controller_->step(answer_, now);
     last_sent_ = step.set_points;
     if (step.show) images_->show(*step.show, step.show_at_s);
     for (const PrintEvent& event : step.events) journal_->add(event, true);

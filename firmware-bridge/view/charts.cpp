@@ -93,7 +93,7 @@ Panel histogram(const Bounds& bounds, const Counts& counts, const char* unit, in
     const std::vector<Point> floor{{left, 0.5}, {right, 0.5}}, top{{left, n}, {right, n}};
     panel.band(floor, top, Style::series, colour);
     panel.line({{left, 0.5}, {left, n}, {right, n}, {right, 0.5}}, Style::series, colour);
-    panel.words({left + 0.4, n}, words::count(static_cast<std::int64_t>(counts[i])), 0, -5,
+    panel.words({left + 0.4, n}, text::count(static_cast<std::int64_t>(counts[i])), 0, -5,
                 "middle");
   }
   return panel;

@@ -32,7 +32,7 @@ double done(const Seen& seen) {
 }
 
 std::string stack_name(const Seen& seen) {
-  return words::printable(std::filesystem::path(seen.facts.stack).filename().string());
+  return text::printable(std::filesystem::path(seen.facts.stack).filename().string());
 }
 
 bool failed(const Seen& seen) { return seen.state.fault != Fault::none; }
@@ -59,8 +59,7 @@ std::vector<std::string> wrapped(const std::string& text, int columns) {
 /// "was done in 4 min 05 s", "failed".
 std::string how_it_ended(const Seen& seen) {
   if (seen.state.phase == Phase::done && !failed(seen)) {
-    return seen.around.seconds ? "was done in " + words::duration(*seen.around.seconds)
-                               : "was done";
+    return seen.around.seconds ? "was done in " + text::duration(*seen.around.seconds) : "was done";
   }
   return failed(seen) ? fmt::format("ended with {}", name_of(seen.state.fault))
                       : std::string("was cut off");
@@ -82,17 +81,17 @@ void put_histogram(std::vector<std::string>& lines, int columns, bool colour, in
   for (std::size_t i = first; i <= last && static_cast<int>(i - first) < room; ++i) {
     Line line(columns, colour);
     const bool beyond = i + 1 == counts.size();
-    line.put(words::padded(beyond ? fmt::format("over {:g} {}", bounds.back(), unit)
-                                  : fmt::format("up to {} {}", names[i], unit),
-                           14, true) +
+    line.put(text::padded(beyond ? fmt::format("over {:g} {}", bounds.back(), unit)
+                                 : fmt::format("up to {} {}", names[i], unit),
+                          14, true) +
                  " ",
              Ink::dim);
     // Logarithmic: one late frame among ten thousand is seen.
     const double share = counts[i] == 0 ? 0
                                         : (1 + std::log10(static_cast<double>(counts[i]))) /
                                               (1 + std::log10(static_cast<double>(most)));
-    line.put(words::bar(share, std::clamp(columns - 30, 4, 40)) + " ", Ink::busy);
-    line.put(words::count(static_cast<std::int64_t>(counts[i])));
+    line.put(text::bar(share, std::clamp(columns - 30, 4, 40)) + " ", Ink::busy);
+    line.put(text::count(static_cast<std::int64_t>(counts[i])));
     lines.push_back(line.text());
   }
 }
@@ -104,6 +103,177 @@ std::string lamp_text(double asked, const std::optional<double>& measured, const
       measured ? fmt::format("{:.{}f}{}", *measured, digits, unit) : std::string("not"));
 }
 
+/// The lines of a live view, from the head down.
+class LiveFrame {
+ public:
+  LiveFrame(const Seen& seen, int columns, int rows, bool colour)
+      : seen_(seen), columns_(columns), rows_(rows), colour_(colour) {}
+
+  std::vector<std::string> lines() {
+    put_head();
+    if (seen_.known) put_bar();
+    // What is wrong comes before all figures.
+    if (seen_.latched || failed(seen_)) put_fault();
+    if (seen_.known) {
+      lines_.emplace_back();
+      put_motion();
+      put_lamps();
+      put_timing();
+      put_lateness();
+    }
+    put_foot();
+    return std::move(lines_);
+  }
+
+ private:
+  Line line() const { return Line(columns_, colour_); }
+  void add(const Line& l) { lines_.push_back(l.text()); }
+  void fact(const char* name, const std::string& text, Ink ink = Ink::plain) {
+    add(line().put(text::padded(name, 13), Ink::dim).put(text, ink));
+  }
+  int rest() const { return rows_ - static_cast<int>(lines_.size()); }
+
+  /// Whose printer, and what it prints.
+  void put_head();
+  void put_bar();
+  void put_fault();
+  /// Frames, z, speed, and how far the stage is off.
+  void put_motion();
+  void put_lamps();
+  /// What may come too late, and what did.
+  void put_timing();
+  void put_lateness();
+  void put_foot();
+
+  const Seen& seen_;
+  const int columns_, rows_;
+  const bool colour_;
+  std::vector<std::string> lines_;
+};
+
+void LiveFrame::put_head() {
+  const PrintFacts& f = seen_.facts;
+  const PrintState& s = seen_.state;
+  Line head = line();
+  head.put("printbridge  ", Ink::bold).put(text::printable(seen_.printer), Ink::dim);
+  add(head);
+  if (not_confirmed(seen_)) {
+    for (const std::string& part : wrapped(text::printable(in_words(*s.left)), columns_)) {
+      add(line().put(part, Ink::bad));
+    }
+  }
+  if (!seen_.running) {
+    add(line().put("no print runs"));
+    if (seen_.known) {
+      add(line()
+              .put("the last, ")
+              .put(stack_name(seen_), Ink::bold)
+              .put(", " + how_it_ended(seen_), failed(seen_) ? Ink::bad : Ink::good));
+    }
+  } else if (!seen_.known) {
+    add(line().put("a print begins"));
+  } else {
+    add(line()
+            .put(std::string(name_of(s.phase)), failed(seen_) ? Ink::bad : Ink::busy)
+            .put(fmt::format(" for {}  ", text::duration(s.at_s - s.phase_since_s)), Ink::dim)
+            .put(stack_name(seen_), Ink::bold)
+            .put(f.dry_run ? "  without light" : "", Ink::bad));
+  }
+}
+
+void LiveFrame::put_bar() {
+  const PrintState& s = seen_.state;
+  Line bar = line();
+  cli::put_bar(bar, done(seen_), std::clamp(columns_ - 48, 8, 60),
+               failed(seen_) ? Ink::bad : Ink::good);
+  bar.put(fmt::format(" {:3d} %  ", static_cast<int>(100 * done(seen_) + 1e-9)));
+  if (seen_.running) {
+    bar.put(text::duration(s.at_s) + " elapsed");
+    if (seen_.left_s) bar.put(", " + text::duration(*seen_.left_s) + " left");
+  }
+  add(bar);
+}
+
+void LiveFrame::put_fault() {
+  const PrintState& s = seen_.state;
+  const Fault fault = failed(seen_) ? s.fault : seen_.latched_fault;
+  const std::string& detail = failed(seen_) ? s.detail : seen_.latched_detail;
+  lines_.emplace_back();
+  add(line().put(fmt::format("{}: {}", name_of(fault), text::printable(detail)), Ink::bad));
+  add(line().put(fmt::format("to do: {}{}", what_to_do(fault),
+                             seen_.latched && !seen_.running ? ", then `printbridge reset`" : ""),
+                 Ink::bold));
+}
+
+void LiveFrame::put_motion() {
+  const PrintFacts& f = seen_.facts;
+  const PrintState& s = seen_.state;
+  fact("frame", fmt::format("{} of {}{}", text::count(s.frames_shown), text::count(f.frames),
+                            s.frame < 0 && seen_.running ? ", black is shown" : ""));
+  fact("z", fmt::format("{:.3f} of {:.3f} mm", z_um(seen_) * 1e-3, height_um(seen_) * 1e-3));
+  if (f.layerwise) {
+    fact("stage", fmt::format("{:.2f} um off now, {:.2f} at most", calm(s.stage_error_um),
+                              s.worst_stage_error_um));
+  } else {
+    fact("speed",
+         fmt::format("{:.1f} mm/h, planned {:.1f}", s.speed_um_s * 3.6, f.speed_um_s * 3.6));
+    fact("stage", fmt::format("{:.2f} um off now, {:.2f} at most, {:g} borne",
+                              calm(s.stage_error_um), s.worst_stage_error_um, f.tolerance_um));
+  }
+}
+
+void LiveFrame::put_lamps() {
+  const PrintFacts& f = seen_.facts;
+  const PrintState& s = seen_.state;
+  // After a fault, only what was measured since.
+  const bool stale = s.left && !s.left->heard;
+  const std::optional<double> blue = stale ? std::nullopt : std::optional(s.blue_measured * 100);
+  fact("blue lamp", lamp_text(s.blue_share * 100, blue, " %", 1));
+  if (f.uv) {
+    fact("UV lamp", lamp_text(s.uv_mw_cm2, stale ? std::nullopt : s.uv_measured, " mW/cm²", 2));
+  }
+  if (s.temperature_c) fact("temperature", fmt::format("{:.1f} °C", *s.temperature_c));
+}
+
+void LiveFrame::put_timing() {
+  const PrintFacts& f = seen_.facts;
+  const PrintState& s = seen_.state;
+  if (seen_.around.ready_frames) {
+    const int ready = *seen_.around.ready_frames;
+    const bool low = ready < std::min(f.ring_frames / 2, f.frames - s.frames_shown);
+    fact("frames ready", fmt::format("{} of {}", ready, f.ring_frames),
+         low ? Ink::bad : Ink::plain);
+  }
+  fact("missed",
+       fmt::format("{} cycles of {:g} ms", text::count(s.missed_cycles), f.cycle_s * 1e3));
+  fact("late", fmt::format("{} frames", text::count(s.late_frames)),
+       s.late_frames > 0 ? Ink::bad : Ink::plain);
+  const Lateness& l = s.lateness;
+  fact("worst", f.layerwise ? fmt::format("exposure {:.2f} ms too long", l.worst_ms)
+                            : fmt::format("{:.2f} um late, {:.2f} ms",
+                                          std::max(l.worst_um, s.worst_late_um), l.worst_ms));
+}
+
+void LiveFrame::put_lateness() {
+  const PrintFacts& f = seen_.facts;
+  const Lateness& l = seen_.state.lateness;
+  const int room = rest() - 2;
+  if (room > 0) {
+    lines_.emplace_back();
+    if (f.layerwise) {
+      put_histogram(lines_, columns_, colour_, room, Lateness::kBoundsMs, l.ms, "ms");
+    } else {
+      put_histogram(lines_, columns_, colour_, room, Lateness::kBoundsUm, l.um, "um");
+    }
+  }
+}
+
+void LiveFrame::put_foot() {
+  while (rest() > 1) lines_.emplace_back();
+  if (rest() > 0) add(line().put("q quit; the print goes on without this view", Ink::dim));
+  if (rest() < 0) lines_.resize(static_cast<std::size_t>(std::max(0, rows_)));
+}
+
 }  // namespace
 
 std::string live_line(const Seen& seen) {
@@ -111,7 +281,7 @@ std::string live_line(const Seen& seen) {
   if (not_confirmed(seen)) {
     Seen rest = seen;
     rest.state.left.reset();
-    return words::printable(in_words(*s.left)) + "; " + live_line(rest);
+    return text::printable(in_words(*s.left)) + "; " + live_line(rest);
   }
   if (!seen.running) {
     std::string text = "no print runs";
@@ -121,7 +291,7 @@ std::string live_line(const Seen& seen) {
     }
     if (seen.latched) {
       text += fmt::format("; latched: {}: {}; to do: {}, then printbridge reset",
-                          name_of(seen.latched_fault), words::printable(seen.latched_detail),
+                          name_of(seen.latched_fault), text::printable(seen.latched_detail),
                           what_to_do(seen.latched_fault));
     }
     return text;
@@ -130,7 +300,7 @@ std::string live_line(const Seen& seen) {
   std::string text = fmt::format("{}, frame {} of {}, z {:.3f} mm", name_of(s.phase),
                                  s.frames_shown, seen.facts.frames, z_um(seen) * 1e-3);
   if (failed(seen)) {
-    return text + fmt::format(", {}: {}; to do: {}", name_of(s.fault), words::printable(s.detail),
+    return text + fmt::format(", {}: {}; to do: {}", name_of(s.fault), text::printable(s.detail),
                               what_to_do(s.fault));
   }
   text += seen.facts.layerwise
@@ -138,7 +308,7 @@ std::string live_line(const Seen& seen) {
               : fmt::format(", {:.1f} mm/h, worst {:.2f} um late", s.speed_um_s * 3.6,
                             std::max(s.worst_late_um, s.lateness.worst_um));
   text += fmt::format(", {} late", s.late_frames);
-  if (seen.left_s) text += ", " + words::duration(*seen.left_s) + " left";
+  if (seen.left_s) text += ", " + text::duration(*seen.left_s) + " left";
   return text;
 }
 
@@ -147,121 +317,16 @@ std::string event_line(const std::string& journal_line) {
   const std::string what = detail::text_in(json, "what"), more = detail::text_in(json, "detail");
   if (what.empty()) return {};
   const int frame = detail::whole_in(json, "frame", kBlackFrame);
-  return words::clipped(
-      words::printable(fmt::format("{}  {:10.3f} s  {}{}{}", detail::text_in(json, "time"),
-                                   detail::number_in(json, "at_s", 0), what,
-                                   frame < 0 ? "" : fmt::format(" (frame {})", frame),
-                                   more.empty() ? "" : ": " + more)),
+  return text::clipped(
+      text::printable(fmt::format("{}  {:10.3f} s  {}{}{}", detail::text_in(json, "time"),
+                                  detail::number_in(json, "at_s", 0), what,
+                                  frame < 0 ? "" : fmt::format(" (frame {})", frame),
+                                  more.empty() ? "" : ": " + more)),
       500);
 }
 
 std::vector<std::string> live_frame(const Seen& seen, int columns, int rows, bool colour) {
-  std::vector<std::string> lines;
-  const auto line = [&] { return Line(columns, colour); };
-  const auto add = [&](const Line& l) { lines.push_back(l.text()); };
-  const PrintFacts& f = seen.facts;
-  const PrintState& s = seen.state;
-  const auto fact = [&](const char* name, const std::string& text, Ink ink = Ink::plain) {
-    add(line().put(words::padded(name, 13), Ink::dim).put(text, ink));
-  };
-
-  Line head = line();
-  head.put("printbridge  ", Ink::bold).put(words::printable(seen.printer), Ink::dim);
-  add(head);
-  if (not_confirmed(seen)) {
-    for (const std::string& part : wrapped(words::printable(in_words(*s.left)), columns)) {
-      add(line().put(part, Ink::bad));
-    }
-  }
-  if (!seen.running) {
-    add(line().put("no print runs"));
-    if (seen.known) {
-      add(line()
-              .put("the last, ")
-              .put(stack_name(seen), Ink::bold)
-              .put(", " + how_it_ended(seen), failed(seen) ? Ink::bad : Ink::good));
-    }
-  } else if (!seen.known) {
-    add(line().put("a print begins"));
-  } else {
-    add(line()
-            .put(std::string(name_of(s.phase)), failed(seen) ? Ink::bad : Ink::busy)
-            .put(fmt::format(" for {}  ", words::duration(s.at_s - s.phase_since_s)), Ink::dim)
-            .put(stack_name(seen), Ink::bold)
-            .put(f.dry_run ? "  without light" : "", Ink::bad));
-  }
-  if (seen.known) {
-    Line bar = line();
-    cli::put_bar(bar, done(seen), std::clamp(columns - 48, 8, 60),
-                 failed(seen) ? Ink::bad : Ink::good);
-    bar.put(fmt::format(" {:3d} %  ", static_cast<int>(100 * done(seen) + 1e-9)));
-    if (seen.running) {
-      bar.put(words::duration(s.at_s) + " elapsed");
-      if (seen.left_s) bar.put(", " + words::duration(*seen.left_s) + " left");
-    }
-    add(bar);
-  }
-  // What is wrong comes before all figures.
-  if (seen.latched || failed(seen)) {
-    const Fault fault = failed(seen) ? s.fault : seen.latched_fault;
-    const std::string& detail = failed(seen) ? s.detail : seen.latched_detail;
-    lines.emplace_back();
-    add(line().put(fmt::format("{}: {}", name_of(fault), words::printable(detail)), Ink::bad));
-    add(line().put(fmt::format("to do: {}{}", what_to_do(fault),
-                               seen.latched && !seen.running ? ", then `printbridge reset`" : ""),
-                   Ink::bold));
-  }
-  if (seen.known) {
-    lines.emplace_back();
-    fact("frame", fmt::format("{} of {}{}", words::count(s.frames_shown), words::count(f.frames),
-                              s.frame < 0 && seen.running ? ", black is shown" : ""));
-    fact("z", fmt::format("{:.3f} of {:.3f} mm", z_um(seen) * 1e-3, height_um(seen) * 1e-3));
-    if (f.layerwise) {
-      fact("stage", fmt::format("{:.2f} um off now, {:.2f} at most", calm(s.stage_error_um),
-                                s.worst_stage_error_um));
-    } else {
-      fact("speed",
-           fmt::format("{:.1f} mm/h, planned {:.1f}", s.speed_um_s * 3.6, f.speed_um_s * 3.6));
-      fact("stage", fmt::format("{:.2f} um off now, {:.2f} at most, {:g} borne",
-                                calm(s.stage_error_um), s.worst_stage_error_um, f.tolerance_um));
-    }
-    // After a fault, only what was measured since.
-    const bool stale = s.left && !s.left->heard;
-    const std::optional<double> blue = stale ? std::nullopt : std::optional(s.blue_measured * 100);
-    fact("blue lamp", lamp_text(s.blue_share * 100, blue, " %", 1));
-    if (f.uv) {
-      fact("UV lamp", lamp_text(s.uv_mw_cm2, stale ? std::nullopt : s.uv_measured, " mW/cm²", 2));
-    }
-    if (s.temperature_c) fact("temperature", fmt::format("{:.1f} °C", *s.temperature_c));
-    if (seen.around.ready_frames) {
-      const int ready = *seen.around.ready_frames;
-      const bool low = ready < std::min(f.ring_frames / 2, f.frames - s.frames_shown);
-      fact("frames ready", fmt::format("{} of {}", ready, f.ring_frames),
-           low ? Ink::bad : Ink::plain);
-    }
-    fact("missed",
-         fmt::format("{} cycles of {:g} ms", words::count(s.missed_cycles), f.cycle_s * 1e3));
-    fact("late", fmt::format("{} frames", words::count(s.late_frames)),
-         s.late_frames > 0 ? Ink::bad : Ink::plain);
-    const Lateness& l = s.lateness;
-    fact("worst", f.layerwise ? fmt::format("exposure {:.2f} ms too long", l.worst_ms)
-                              : fmt::format("{:.2f} um late, {:.2f} ms",
-                                            std::max(l.worst_um, s.worst_late_um), l.worst_ms));
-    const int room = rows - static_cast<int>(lines.size()) - 2;
-    if (room > 0) {
-      lines.emplace_back();
-      if (f.layerwise) {
-        put_histogram(lines, columns, colour, room, Lateness::kBoundsMs, l.ms, "ms");
-      } else {
-        put_histogram(lines, columns, colour, room, Lateness::kBoundsUm, l.um, "um");
-      }
-    }
-  }
-  const auto rest = [&] { return rows - static_cast<int>(lines.size()); };
-  while (rest() > 1) lines.emplace_back();
-  if (rest() > 0) add(line().put("q quit; the print goes on without this view", Ink::dim));
-  if (rest() < 0) lines.resize(static_cast<std::size_t>(std::max(0, rows)));
-  return lines;
+  return LiveFrame(seen, columns, rows, colour).lines();
 }
 
 }  // namespace slicecorr::bridge

@@ -28,7 +28,7 @@ constexpr std::size_t kMostEvents = 600, kFirstEvents = 200, kMostLate = 300;
 std::string shown(std::string_view text) {
   // Cut before it is looked at: a damaged line may be a file long.
   const std::string cut(text.substr(0, 4 * kLongestText));
-  return escape_markup(words::clipped(words::printable(cut), kLongestText));
+  return escape_markup(text::clipped(text::printable(cut), kLongestText));
 }
 
 std::string figure(double value, const char* format_unit, int digits) {
@@ -37,7 +37,7 @@ std::string figure(double value, const char* format_unit, int digits) {
 }
 
 /// Tenths, where two times are to be compared.
-std::string seconds(double s) { return s < 600 ? fmt::format("{:.1f} s", s) : words::duration(s); }
+std::string seconds(double s) { return s < 600 ? fmt::format("{:.1f} s", s) : text::duration(s); }
 
 const char* word_of(End end) {
   switch (end) {
@@ -101,12 +101,12 @@ std::string tiles(const PrintRecord& r) {
        : bad              ? "bad"
                           : "");
   const int count = r.last ? r.last->frames_shown : static_cast<int>(r.frames.size());
-  tile(words::count(count),
-       r.facts.frames > 0 ? fmt::format("of {} frames shown", words::count(r.facts.frames))
+  tile(text::count(count),
+       r.facts.frames > 0 ? fmt::format("of {} frames shown", text::count(r.facts.frames))
                           : "frames shown",
        r.facts.frames > 0 && count < r.facts.frames && bad ? "bad" : "");
   const int late = late_frames(r);
-  tile(words::count(late), "late", late > 0 ? "bad" : "");
+  tile(text::count(late), "late", late > 0 ? "bad" : "");
   if (!r.frames.empty()) {
     const Lateness& l = r.lateness;
     if (r.facts.layerwise) {
@@ -184,7 +184,7 @@ std::string facts_table(const PrintRecord& r) {
                            f.layerwise ? std::string("layer by layer")
                                        : fmt::format("continuous at {:g} mm/h", f.speed_um_s * 3.6),
                            f.uv ? ", under UV light" : "", f.dry_run ? ", without light" : "",
-                           words::count(f.frames), f.layer_um));
+                           text::count(f.frames), f.layer_um));
     row("What is borne",
         fmt::format("frames {:g} um late, and {} of them later; the stage {:g} um off",
                     f.max_late_um, f.max_late_frames, f.tolerance_um));
@@ -193,7 +193,7 @@ std::string facts_table(const PrintRecord& r) {
   row("Control thread", shown(r.threads));
   if (r.last) {
     row("Cycles missed",
-        fmt::format("{} (of {:g} ms)", words::count(r.last->missed_cycles), f.cycle_s * 1e3));
+        fmt::format("{} (of {:g} ms)", text::count(r.last->missed_cycles), f.cycle_s * 1e3));
   }
   for (const std::string& remark : r.remarks) row("Not readable", shown(remark));
   return html + "</tbody></table></div>";
@@ -205,7 +205,7 @@ std::string counts_row(const char* unit, const Bounds& bounds, const Counts& cou
   const auto names = detail::bound_names(bounds.data(), bounds.size());
   for (std::size_t i = 0; i < counts.size(); ++i) {
     head += fmt::format("<th scope=\"col\">{}</th>", names[i]);
-    row += fmt::format("<td>{}</td>", words::count(static_cast<std::int64_t>(counts[i])));
+    row += fmt::format("<td>{}</td>", text::count(static_cast<std::int64_t>(counts[i])));
   }
   return head + "</tr><tr><th scope=\"row\">frames</th>" + row + "</tr>";
 }
@@ -237,7 +237,7 @@ std::string late_table(const PrintRecord& r) {
   html += "</tbody></table></div>";
   if (late.size() > kMostLate) {
     html += fmt::format("<p class=\"dim\">The worst {} of {}; all are in frames.csv.</p>",
-                        kMostLate, words::count(static_cast<std::int64_t>(late.size())));
+                        kMostLate, text::count(static_cast<std::int64_t>(late.size())));
   }
   return html;
 }
@@ -267,7 +267,7 @@ std::string event_table(const PrintRecord& r) {
       const std::size_t left_out = r.events.size() - kMostEvents;
       html += fmt::format(
           R"(<tr><th scope="row">…</th><td colspan="{}">{} lines are left out</td></tr>)",
-          fault ? 5 : 4, words::count(static_cast<std::int64_t>(left_out)));
+          fault ? 5 : 4, text::count(static_cast<std::int64_t>(left_out)));
       i += left_out;
     }
     const RecordedEvent& e = r.events[i];

@@ -11,6 +11,7 @@
 
 #include "record/left_json.hpp"
 #include "slicecorr/bridge/view.hpp"
+#include "support/text/csv.hpp"
 #include "view/state_json.hpp"
 
 namespace slicecorr::bridge {
@@ -45,16 +46,6 @@ constexpr Column kColumns[] = {{"planned_z_um", &FrameRow::planned_z_um},
                                {"upload_s", &FrameRow::upload_s},
                                {"present_s", &FrameRow::present_s}};
 
-std::vector<std::string_view> cells_of(std::string_view line) {
-  std::vector<std::string_view> cells;
-  for (std::size_t at = 0;;) {
-    const std::size_t comma = line.find(',', at);
-    cells.push_back(line.substr(at, comma - at));
-    if (comma == std::string_view::npos) return cells;
-    at = comma + 1;
-  }
-}
-
 std::optional<double> number_of(std::string_view text) {
   double value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
@@ -69,7 +60,7 @@ std::optional<double> number_of(std::string_view text) {
 class FrameReader {
  public:
   explicit FrameReader(std::string_view header) {
-    const auto names = cells_of(header);
+    const auto names = comma_separated(header);
     width_ = names.size();
     for (std::size_t i = 0; i < names.size(); ++i) {
       if (names[i] == "frame") frame_ = i;
@@ -81,7 +72,7 @@ class FrameReader {
   }
   bool usable() const { return frame_ < width_; }
   std::optional<FrameRow> row(std::string_view line) const {
-    const auto cells = cells_of(line);
+    const auto cells = comma_separated(line);
     if (cells.size() != width_) return std::nullopt;
     FrameRow row;
     for (const Column& c : kColumns) row.*c.value = kUnknown;

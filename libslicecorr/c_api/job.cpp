@@ -22,12 +22,12 @@ auto call_back(Call&& call) {
 }  // namespace
 
 ExecutionContext job_of(slicecorr_job* handle) {
-  ExecutionContext job;
-  if (!handle) return job;
-  job.threads = handle->threads;
-  job.cancel = &handle->cancelled;
+  ExecutionContext context;
+  if (!handle) return context;
+  context.threads = handle->threads;
+  context.cancel = &handle->cancelled;
   if (handle->progress) {
-    job.progress = [handle](std::string_view stage, double fraction) {
+    context.progress = [handle](std::string_view stage, double fraction) {
       const std::string name(stage);
       const int stop = call_back(
           [&] { return handle->progress(handle->progress_user, name.c_str(), fraction); });
@@ -35,11 +35,11 @@ ExecutionContext job_of(slicecorr_job* handle) {
     };
   }
   if (handle->notice) {
-    job.notice = [handle](const std::string& text) {
+    context.notice = [handle](const std::string& text) {
       call_back([&] { handle->notice(handle->notice_user, text.c_str()); });
     };
   }
-  return job;
+  return context;
 }
 
 std::string scratch_folder(const slicecorr_job* job, const std::string& output) {

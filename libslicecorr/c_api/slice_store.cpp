@@ -50,10 +50,10 @@ struct SliceStore::Scratch {
 };
 
 SliceStore::SliceStore(const Grid& grid, const std::string& scratch_folder,
-                       const ExecutionContext& job)
+                       const ExecutionContext& context)
     : grid_(grid),
       rows_(band_rows(grid)),
-      store_(scratch_folder, kMemoryBudget, job),
+      store_(scratch_folder, kMemoryBudget, context),
       index_(nullptr, &std::free) {
   const int bands = (grid.height_px + rows_ - 1) / rows_;
   void* const memory =
@@ -164,20 +164,20 @@ void SliceStore::read_band(const PixelBox& box, const Sink& sink) const {
 
 std::unique_ptr<SliceStore> keep_slices(const SliceSource& source, const std::string& stage,
                                         const std::string& scratch_folder,
-                                        const ExecutionContext& job) {
+                                        const ExecutionContext& context) {
   refuse_recording(source);
   const Grid& grid = source.grid();
-  auto store = std::make_unique<SliceStore>(grid, scratch_folder, job);
+  auto store = std::make_unique<SliceStore>(grid, scratch_folder, context);
   store->set_frame(source.frame());
   const PixelBox lit = source.bounds();
   const int rows = band_rows(grid);
   const int first = lit.empty() ? 0 : lit.y0 / rows;
   const int last = lit.empty() ? 0 : (lit.y1 + rows - 1) / rows;
-  parallel_for(job, stage, static_cast<std::size_t>(last - first), [&](std::size_t i) {
+  parallel_for(context, stage, static_cast<std::size_t>(last - first), [&](std::size_t i) {
     const int y = (first + static_cast<int>(i)) * rows;
     const PixelBox band{lit.x0, y, lit.x1, std::min(y + rows, grid.height_px)};
     source.read_band(band, [&](int slice, const std::uint8_t* pixels) {
-      if ((slice & 63) == 0) job.check_cancelled();
+      if ((slice & 63) == 0) context.check_cancelled();
       store->put_band(slice, band, pixels);
     });
   });

@@ -18,7 +18,8 @@ namespace slicecorr::c_api {
 /// bands of `band_rows(grid)` rows, may be put at once; nothing may be put while others read.
 class SliceStore final : public SliceSource {
  public:
-  SliceStore(const Grid& grid, const std::string& scratch_folder, const ExecutionContext& job = {});
+  SliceStore(const Grid& grid, const std::string& scratch_folder,
+             const ExecutionContext& context = {});
 
   const Grid& grid() const override { return grid_; }
   PixelBox bounds() const override;
@@ -56,6 +57,6 @@ class SliceStore final : public SliceSource {
 /// Copies all of `source` and how it lies, in parallel.
 std::unique_ptr<SliceStore> keep_slices(const SliceSource& source, const std::string& stage,
                                         const std::string& scratch_folder,
-                                        const ExecutionContext& job);
+                                        const ExecutionContext& context);
 
 }  // namespace slicecorr::c_api

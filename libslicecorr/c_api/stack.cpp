@@ -8,6 +8,7 @@
 
 #include "c_api/handles.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/image_size.hpp"
 #include "slicecorr/version.hpp"
 
 namespace slicecorr::c_api {
@@ -171,8 +172,8 @@ Grid grid_of(const slicecorr_grid& given) {
     if (value >= least && value <= most) return;
     throw InputError(fmt::format("{} is {:g}; expected {:g} to {:g}", name, value, least, most));
   };
-  check("width_px", given.width_px, 1, 65536);
-  check("height_px", given.height_px, 1, 65536);
+  check("width_px", given.width_px, 1, kMostPixelsAcross);
+  check("height_px", given.height_px, 1, kMostPixelsAcross);
   check("layers", given.layers, 1, 1000000);
   check("pixel_x_um", given.pixel_x_um, 0.001, 10000);
   check("pixel_y_um", given.pixel_y_um, 0.001, 10000);
@@ -317,11 +318,11 @@ slicecorr_status slicecorr_stack_load(slicecorr_stack* stack, slicecorr_job* han
   return guarded(error_of(handle), [&] {
     slicecorr_stack& s = need(stack, "stack");
     if (s.slices) return;
-    const slicecorr::ExecutionContext job = job_of(handle);
+    const slicecorr::ExecutionContext context = job_of(handle);
     const std::string folder = scratch_folder(handle);
-    const slicecorr::StackReader reader(s.path, folder, job, s.missing);
+    const slicecorr::StackReader reader(s.path, folder, context, s.missing);
     check_unchanged(s, reader.info());
-    auto slices = keep_slices(reader, "keep", folder, job);
+    auto slices = keep_slices(reader, "keep", folder, context);
     s.info = reader.info();
     s.missing = {};
     s.slices = std::move(slices);

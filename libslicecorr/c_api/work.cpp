@@ -43,10 +43,10 @@ MissingFacts missing_facts(const slicecorr_stack& stack, const Printer& printer)
 class Images {
  public:
   Images(const slicecorr_stack& stack, const Printer& printer, const std::string& folder,
-         const ExecutionContext& job)
+         const ExecutionContext& context)
       : slices_(stack.slices) {
     if (slices_) return;
-    reader_.emplace(stack.path, folder, job, missing_facts(stack, printer));
+    reader_.emplace(stack.path, folder, context, missing_facts(stack, printer));
     check_unchanged(stack, reader_->info());
   }
   std::optional<std::uint64_t> pixel_sum() const {
@@ -65,7 +65,8 @@ class Images {
 /// A source on the way: sums its coverage, stops when the job is cancelled.
 class Watched final : public SliceSource {
  public:
-  Watched(const SliceSource& source, const ExecutionContext& job) : source_(source), job_(job) {}
+  Watched(const SliceSource& source, const ExecutionContext& context)
+      : source_(source), context_(context) {}
   const Grid& grid() const override { return source_.grid(); }
   PixelBox bounds() const override { return source_.bounds(); }
   ImageFrame frame() const override { return source_.frame(); }
@@ -75,7 +76,7 @@ class Watched final : public SliceSource {
         static_cast<std::size_t>(band.width()) * static_cast<std::size_t>(band.height());
     std::uint64_t sum = 0;
     source_.read_band(band, [&](int n, const std::uint8_t* rows) {
-      if ((n & 63) == 0) job_.check_cancelled();
+      if ((n & 63) == 0) context_.check_cancelled();
       if (rows) sum = std::accumulate(rows, rows + size, sum);
       if (rows && !full_ && std::memchr(rows, 255, size)) full_ = true;
       sink(n, rows);
@@ -90,14 +91,15 @@ class Watched final : public SliceSource {
 
  private:
   const SliceSource& source_;
-  const ExecutionContext& job_;
+  const ExecutionContext& context_;
   mutable std::atomic<std::uint64_t> sum_{0};
   mutable std::atomic<bool> full_{false};
 };
 
-void tell_notices(const Setup& setup, const slicecorr_stack& target, const ExecutionContext& job) {
+void tell_notices(const Setup& setup, const slicecorr_stack& target,
+                  const ExecutionContext& context) {
   for (const std::string& text : setup_notices(setup, &target.info, ChoiceNames::fields)) {
-    job.tell(text);
+    context.tell(text);
   }
 }
 
@@ -139,26 +141,26 @@ struct InMemory {
 
 InMemory correct_in_memory(const slicecorr_stack& target, const slicecorr_setup* asked,
                            slicecorr_job* handle, bool with_after) {
-  const ExecutionContext job = job_of(handle);
+  const ExecutionContext context = job_of(handle);
   const std::string folder = scratch_folder(handle);
   Setup setup = setup_for_target(target, asked);
-  tell_notices(setup, target, job);
-  const Images images(target, setup.printer, folder, job);
+  tell_notices(setup, target, context);
+  const Images images(target, setup.printer, folder, context);
   const SliceSource& source = images.source();
-  setup.process = schedule_uv(source, setup, job);
-  Watched watched(source, job);
-  const CorrectedSlices corrected(watched, setup, job);
+  setup.process = schedule_uv(source, setup, context);
+  Watched watched(source, context);
+  const CorrectedSlices corrected(watched, setup, context);
   watched.begin();
   InMemory result;
   result.stack = std::make_unique<slicecorr_stack>();
   slicecorr_stack& stack = *result.stack;
-  stack.slices = keep_slices(corrected, "correct", folder, job);
+  stack.slices = keep_slices(corrected, "correct", folder, context);
   if (!watched.full()) slicecorr::detail::refuse_vanished(source);
   const PlaceModels models(setup.printer, setup.resin, setup.process, source.grid(),
                            source.frame());
   const CureModel& model = models.brightest();
   if (with_after || model.inhibited) {
-    const Prediction p = verify_stack(*stack.slices, source, setup, job);
+    const Prediction p = verify_stack(*stack.slices, source, setup, context);
     if (p.dead_zones) check_window(*p.dead_zones, setup.process);
     if (with_after) result.after = figures_of(p);
   }
@@ -178,26 +180,26 @@ InMemory correct_in_memory(const slicecorr_stack& target, const slicecorr_setup*
   stack.info.printer = std::move(setup.printer);
   stack.info.resin = std::move(setup.resin);
   stack.info.process = std::move(setup.process);
-  job.check_cancelled();
+  context.check_cancelled();
   return result;
 }
 
 /// What `stack` prints; of a target, too, with the UV light that its correction would choose.
 Prediction verify(const slicecorr_stack& stack, const slicecorr_stack& target, Setup setup,
                   slicecorr_job* handle) {
-  const ExecutionContext job = job_of(handle);
+  const ExecutionContext context = job_of(handle);
   const std::string folder = scratch_folder(handle);
-  const Images shown(stack, setup.printer, folder, job);
+  const Images shown(stack, setup.printer, folder, context);
   std::optional<Images> design;
   if (&target != &stack) {
-    design.emplace(target, setup.printer, folder, job);
+    design.emplace(target, setup.printer, folder, context);
     check_target(shown.source(), stack.info, design->source(), name_of(target), design->pixel_sum(),
-                 job);
+                 context);
   }
-  if (!design) setup.process = schedule_uv(shown.source(), setup, job);
+  if (!design) setup.process = schedule_uv(shown.source(), setup, context);
   const Prediction p =
-      verify_stack(shown.source(), design ? design->source() : shown.source(), setup, job);
-  job.check_cancelled();
+      verify_stack(shown.source(), design ? design->source() : shown.source(), setup, context);
+  context.check_cancelled();
   return p;
 }
 
@@ -211,7 +213,7 @@ slicecorr_status slicecorr_check(const slicecorr_stack* target, const slicecorr_
                                  slicecorr_job* handle) {
   return guarded(error_of(handle), [&] {
     const slicecorr_stack& t = need(target, "target");
-    const slicecorr::ExecutionContext job = job_of(handle);
+    const slicecorr::ExecutionContext context = job_of(handle);
     const slicecorr::Setup s = setup_for_target(t, setup);
     slicecorr::Grid grid = t.info.grid;
     const slicecorr::MissingFacts missing = missing_facts(t, s.printer);
@@ -223,14 +225,15 @@ slicecorr_status slicecorr_check(const slicecorr_stack* target, const slicecorr_
                                   "the archive does not say it; expected "
                                   "slicecorr_stack_set_number()");
     }
-    tell_notices(s, t, job);
+    tell_notices(s, t, context);
     if (!s.printer.flat_field) {
-      slicecorr::plan_correction(slicecorr::GridOnly(grid, slicecorr::image_frame(t.info)), s, job);
+      slicecorr::plan_correction(slicecorr::GridOnly(grid, slicecorr::image_frame(t.info)), s,
+                                 context);
       return;
     }
     // Which places of an uneven display are lit is in the images alone.
-    const Images images(t, s.printer, scratch_folder(handle), job);
-    slicecorr::plan_correction(images.source(), s, job);
+    const Images images(t, s.printer, scratch_folder(handle), context);
+    slicecorr::plan_correction(images.source(), s, context);
   });
 }
 
@@ -244,12 +247,12 @@ slicecorr_status slicecorr_correct(const slicecorr_stack* target, const slicecor
     // Ours hold nothing else.
     const slicecorr::StackFile file =
         output_file(t, path, t.info.kind == slicecorr::StackKind::foreign);
-    const slicecorr::ExecutionContext job = job_of(handle);
+    const slicecorr::ExecutionContext context = job_of(handle);
     const slicecorr::Setup s = setup_for_target(t, setup);
-    tell_notices(s, t, job);
-    const Images images(t, s.printer, scratch_folder(handle, file.path), job);
+    tell_notices(s, t, context);
+    const Images images(t, s.printer, scratch_folder(handle, file.path), context);
     const slicecorr::Correction done =
-        slicecorr::correct_stack(images.source(), s, file, {.before = before != nullptr}, job);
+        slicecorr::correct_stack(images.source(), s, file, {.before = before != nullptr}, context);
     auto figures_after = after ? figures_of(done.after) : nullptr;
     if (before) *before = figures_of(*done.before).release();
     if (after) *after = figures_after.release();
@@ -343,13 +346,13 @@ slicecorr_status slicecorr_convert(const slicecorr_stack* stack, const char* pat
   return guarded(error_of(handle), [&] {
     const slicecorr_stack& s = need(stack, "stack");
     const slicecorr::StackFile file = output_file(s, path, !s.path.empty());
-    const slicecorr::ExecutionContext job = job_of(handle);
+    const slicecorr::ExecutionContext context = job_of(handle);
     if (!s.path.empty()) {
-      const slicecorr::StackReader reader(s.path, scratch_folder(handle, file.path), job,
+      const slicecorr::StackReader reader(s.path, scratch_folder(handle, file.path), context,
                                           s.missing);
-      slicecorr::convert_stack(reader, file, job);
+      slicecorr::convert_stack(reader, file, context);
     } else if (s.info.kind == slicecorr::StackKind::target) {
-      slicecorr::write_target(*s.slices, file, job);
+      slicecorr::write_target(*s.slices, file, context);
     } else {
       throw BadCall("a stack corrected in memory has no archive; expected slicecorr_correct()");
     }

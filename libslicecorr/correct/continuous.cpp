@@ -55,11 +55,11 @@ class ContinuousSolver final : public BandSolver {
     Upper was;
   };
   struct Lanes;
-  /// What the first `rows` rows of a block hold, where all of their bytes are the same.
-  struct Even {
-    std::uint8_t level, cover;
-    int rows;
-    bool operator==(const Even&) const = default;
+  class SliceRows;
+  /// Light that is certain of a lane's run from slice `from` of the run upwards.
+  struct Certain {
+    int from = Edge::kNever;
+    bool shine = false;  ///< full light, else black
   };
 
   std::uint8_t* row(int k) { return rows_.data() + static_cast<std::size_t>(k) * stride_; }
@@ -67,8 +67,14 @@ class ContinuousSolver final : public BandSolver {
   void forward(int count);
   void solve_tile(Lanes& lanes, int first_slice, int count, std::uint8_t* out,
                   std::span<const Change> changes);
-  /// Steps a whole tile at once if no lane needs a decision in it and all of them get black light,
-  /// or all of them full light. False: nothing was done.
+  /// What is certain at slice `n`, `dose` being the one below it.
+  Certain certain_light(const RunAt& run, int n, double dose) const;
+  /// Level of a lane that is not quiet; `dose`: below slice `n`.
+  std::uint8_t next_level(Lanes& lanes, int lane, int n, double dose);
+  /// Lanes whose run ends at `row` or above it go on in the run above; takes their changes off.
+  void pass_upper_ends(Lanes& lanes, int row, std::span<const Change>& changes);
+  /// A tile in which no lane's run ends, if nothing else changes: true, and its lanes are stepped;
+  /// all of them get black light, or all full light.
   bool solve_still(Lanes& lanes, int first_slice, int count);
 
   const CorrectionPlan& plan_;
@@ -99,6 +105,67 @@ struct ContinuousSolver::Lanes {
   std::int32_t wake =
       std::numeric_limits<std::int32_t>::min();  ///< at least the greatest `until` of quiet lanes
   bool begun = false;
+};
+
+/// The slices of a row of tiles, as the sinks take them: tile beside tile.
+class ContinuousSolver::SliceRows {
+ public:
+  SliceRows(std::size_t blocks, std::size_t stride, bool with_covers)
+      : stride_(stride),
+        levels_(stride * kTileSlices),
+        covers_(with_covers ? levels_.size() : 0),
+        held_(blocks, Even{0, 0, kTileSlices}) {}
+
+  void begin() { lit_ = 0; }
+  /// A tile all of whose rows have one level and one coverage.
+  void put_even(std::size_t block, std::uint8_t level, std::uint8_t cover, int count) {
+    if (level != 0 || cover != 0) lit_ = ~std::uint64_t{0};
+    const Even holds{level, cover, count};
+    if (held_[block] == holds) return;
+    for (int k = 0; k < count; ++k) {
+      const std::size_t to = static_cast<std::size_t>(k) * stride_ + block * kLanes;
+      std::memset(levels_.data() + to, level, kLanes);
+      if (!covers_.empty()) std::memset(covers_.data() + to, cover, kLanes);
+    }
+    held_[block] = holds;
+  }
+  void put(std::size_t block, const std::uint8_t* levels, const std::uint8_t* covers, int count) {
+    held_[block].rows = 0;
+    for (int k = 0; k < count; ++k) {
+      const std::size_t at = static_cast<std::size_t>(k) * kLanes;
+      const std::size_t to = static_cast<std::size_t>(k) * stride_ + block * kLanes;
+      std::uint64_t any = 0;
+      for (std::size_t i = 0; i < kLanes; i += 8) {
+        std::uint64_t light, design;
+        std::memcpy(&light, levels + at + i, 8);
+        std::memcpy(&design, covers + at + i, 8);
+        any |= light | design;
+      }
+      lit_ |= static_cast<std::uint64_t>(any != 0) << k;
+      std::memcpy(levels_.data() + to, levels + at, kLanes);
+      if (!covers_.empty()) std::memcpy(covers_.data() + to, covers + at, kLanes);
+    }
+  }
+  /// Gives the slices from `first` on to the sink, the last one first.
+  void give(const BandCorrector::Sink& sink, int first, int count) const {
+    for (int k = count; k-- > 0;) {
+      const std::size_t at = static_cast<std::size_t>(k) * stride_;
+      sink(first + k, levels_.data() + at, covers_.empty() ? nullptr : covers_.data() + at,
+           !(lit_ >> k & 1));
+    }
+  }
+
+ private:
+  /// Columns of a tile all of whose first `rows` rows are alike.
+  struct Even {
+    std::uint8_t level, cover;
+    int rows;
+    bool operator==(const Even&) const = default;
+  };
+  std::size_t stride_;
+  std::vector<std::uint8_t> levels_, covers_;  ///< no covers where tiles have been given
+  std::vector<Even> held_;                     ///< per tile: what is there already
+  std::uint64_t lit_ = 0;                      ///< rows with light or design
 };
 
 void ContinuousSolver::add_layer(const std::uint8_t* coverage) {
@@ -174,15 +241,13 @@ void ContinuousSolver::solve(const BandCorrector::Sink& sink,
     }
   }
   const std::uint8_t highest = shared_.level_of.back();
-  std::vector<std::uint8_t> levels(stride_ * kTileSlices), covers(tiles ? 0 : levels.size());
-  // What a tile's columns of `levels` and `covers` hold already, where they are even.
-  std::vector<Even> held(blocks_, Even{0, 0, kTileSlices});
+  SliceRows slices(blocks_, stride_, !tiles);
   constexpr std::size_t size = kTileSlices * kLanes;
   alignas(64) std::uint8_t tile_rows[size], out[size];
   const std::vector<std::uint8_t> black(size, 0), full(size, kFull), bright(size, highest);
   for (int first = (all - 1) / kTileSlices * kTileSlices; first >= 0; first -= kTileSlices) {
     const int count = std::min(kTileSlices, all - first);
-    std::uint64_t lit = 0;  // rows
+    slices.begin();
     for (std::size_t b = 0; b < blocks_; ++b) {
       const std::size_t tile = static_cast<std::size_t>(first / kTileSlices) * blocks_ + b;
       const std::span<const Change> changes = changes_[tile];
@@ -192,36 +257,13 @@ void ContinuousSolver::solve(const BandCorrector::Sink& sink,
       if ((even.black || even.full) && changes.empty() && solve_still(lanes[b], first, count)) {
         shown = lanes[b].bright ? bright.data() : black.data();
         rows = even.full ? full.data() : black.data();
-        if (even.full || lanes[b].bright) lit = ~std::uint64_t{0};
-        const Even holds{shown[0], rows[0], count};
-        if (held[b] != holds) {
-          for (int k = 0; k < count; ++k) {
-            const std::size_t to = static_cast<std::size_t>(k) * stride_ + b * kLanes;
-            std::memset(levels.data() + to, shown[0], kLanes);
-            if (!tiles) std::memset(covers.data() + to, rows[0], kLanes);
-          }
-          held[b] = holds;
-        }
+        slices.put_even(b, shown[0], rows[0], count);
       } else {
         if (!coded_.read(tile, count, tile_rows)) {
           std::memset(tile_rows, 0, static_cast<std::size_t>(count) * kLanes);
         }
         solve_tile(lanes[b], first, count, out, changes);
-        held[b].rows = 0;
-        for (int k = 0; k < count; ++k) {
-          const std::size_t at = static_cast<std::size_t>(k) * kLanes;
-          const std::size_t to = static_cast<std::size_t>(k) * stride_ + b * kLanes;
-          std::uint64_t any = 0;
-          for (std::size_t i = 0; i < kLanes; i += 8) {
-            std::uint64_t light, design;
-            std::memcpy(&light, out + at + i, 8);
-            std::memcpy(&design, rows + at + i, 8);
-            any |= light | design;
-          }
-          lit |= static_cast<std::uint64_t>(any != 0) << k;
-          std::memcpy(levels.data() + to, out + at, kLanes);
-          if (!tiles) std::memcpy(covers.data() + to, rows + at, kLanes);
-        }
+        slices.put(b, out, tile_rows, count);
       }
       if (tiles) {
         tiles({b * kLanes, std::min(kLanes, columns_ - b * kLanes), first, count, shown, rows});
@@ -230,10 +272,48 @@ void ContinuousSolver::solve(const BandCorrector::Sink& sink,
     // What the sinks keep of these slices takes the place of what is known of them.
     coded_.drop_from(static_cast<std::size_t>(first / kTileSlices) * blocks_);
     changes_.drop_from(coded_.tiles());
-    for (int k = count; k-- > 0;) {
-      const std::size_t at = static_cast<std::size_t>(k) * stride_;
-      sink(first + k, levels.data() + at, tiles ? nullptr : covers.data() + at, !(lit >> k & 1));
-    }
+    slices.give(sink, first, count);
+  }
+}
+
+ContinuousSolver::Certain ContinuousSolver::certain_light(const RunAt& run, int n,
+                                                          double dose) const {
+  const ContinuousPlan& p = shared_;
+  const Edge& edge = edges_[run.edge];
+  const int j = n - run.node;
+  if (edge.below == 0) return {edge.dark_from, false};
+  if (edge.below != kFull) return {};
+  if (edge.platform) return edge.cap < p.most ? Certain{} : Certain{0, true};
+  if (j >= edge.bright_from) return {edge.bright_from, true};
+  if (j >= edge.falls_from && j < edge.capped_from && n != run.lower - 1) {
+    const double darkest = p.phi_min * p.b + p.a * dose;
+    const double room = edges_.doses(edge, j, 0).hi - darkest;
+    if (darkest >= p.prints && room >= 0 && room < p.close) return {edge.falls_from, false};
+  }
+  return {};
+}
+
+std::uint8_t ContinuousSolver::next_level(Lanes& lanes, int lane, int n, double dose) {
+  const LaneMask bit = LaneMask{1} << lane;
+  if (!(lanes.chosen & bit)) {
+    const int together = search_.choose(lanes.run[lane], n, dose, lanes.levels[lane]);
+    lanes.left[lane] = lanes.count[lane] = static_cast<std::uint8_t>(together);
+    lanes.chosen |= bit;
+  }
+  const std::uint8_t level = lanes.levels[lane][lanes.count[lane] - lanes.left[lane]];
+  if (--lanes.left[lane] == 0) lanes.chosen &= ~bit;
+  return level;
+}
+
+void ContinuousSolver::pass_upper_ends(Lanes& lanes, int row, std::span<const Change>& changes) {
+  for (; !changes.empty() && changes.back().row >= row;
+       changes = changes.first(changes.size() - 1)) {
+    RunAt& run = lanes.run[changes.back().lane];
+    const Upper was = changes.back().was;
+    if (was.node == run.node) continue;  // a gap that was merged
+    run = run_above(edges_, run);
+    run.edge = was.edge;
+    run.node = was.node;
   }
 }
 
@@ -259,32 +339,11 @@ void ContinuousSolver::solve_tile(Lanes& lanes, int first_slice, int count, std:
   // In slices below this one some quiet lane may end: only then `until` is looked at.
   int wake = lanes.wake;
 
-  // Makes lane i quiet if its light is certain from slice n on. `w`: its dose at the lower node.
+  // Makes lane i quiet where its light is certain at slice n, `w` being its dose below.
   const auto settle = [&](int i, int n, double w) {
     const RunAt& run = lanes.run[i];
-    const Edge& edge = edges_[run.edge];
-    const int j = n - run.node;
-    bool shine = false;
-    int from = Edge::kNever;
-    if (edge.below == 0) {
-      from = edge.dark_from;
-    } else if (edge.below == kFull) {
-      if (edge.platform) {
-        if (edge.cap < p.most) return;
-        from = 0;
-        shine = true;
-      } else if (j >= edge.bright_from) {
-        from = edge.bright_from;
-        shine = true;
-      } else if (j >= edge.falls_from && j < edge.capped_from && n != run.lower - 1) {
-        const double darkest = dark + p.a * w;
-        const double room = edges_.doses(edge, j, 0).hi - darkest;
-        if (darkest >= p.prints && room >= 0 && room < p.close) {
-          from = edge.falls_from;
-        }
-      }
-    }
-    if (j < from) return;
+    const auto [from, shine] = certain_light(run, n, w);
+    if (n - run.node < from) return;
     const LaneMask bit = LaneMask{1} << i;
     quiet |= bit;
     lanes.until[i] = run.node + from;
@@ -298,7 +357,6 @@ void ContinuousSolver::solve_tile(Lanes& lanes, int first_slice, int count, std:
     for (int i = 0; i < static_cast<int>(kLanes); ++i) settle(i, first_slice + count - 1, 0.0);
   }
 
-  std::size_t left = changes.size();
   for (int k = count; k-- > 0;) {
     const int n = first_slice + k;
     if (n < wake) quiet &= ~later_lanes(lanes.until, n, &wake);
@@ -321,26 +379,12 @@ void ContinuousSolver::solve_tile(Lanes& lanes, int first_slice, int count, std:
     now = 1 - now;
     for (LaneMask m = active; m; m &= m - 1) {
       const int i = std::countr_zero(m);
-      const LaneMask bit = LaneMask{1} << i;
-      if (!(lanes.chosen & bit)) {
-        const int together = search_.choose(lanes.run[i], n, from[i], lanes.levels[i]);
-        lanes.left[i] = lanes.count[i] = static_cast<std::uint8_t>(together);
-        lanes.chosen |= bit;
-      }
-      const std::uint8_t level = lanes.levels[i][lanes.count[i] - lanes.left[i]];
-      if (--lanes.left[i] == 0) lanes.chosen &= ~bit;
+      const std::uint8_t level = next_level(lanes, i, n, from[i]);
       shown[i] = p.level_of[level];
       to[i] = p.step(p.levels.phi(level), from[i]);
     }
     // At upper ends of merged gaps lanes may have been quiet.
-    for (; left > 0 && changes[left - 1].row >= k; --left) {
-      RunAt& run = lanes.run[changes[left - 1].lane];
-      const Upper was = changes[left - 1].was;
-      if (was.node == run.node) continue;  // a gap that was merged
-      run = run_above(edges_, run);
-      run.edge = was.edge;
-      run.node = was.node;
-    }
+    pass_upper_ends(lanes, k, changes);
     if (k == 0 && first_slice == 0) break;
     for (LaneMask m = active & ~lanes.chosen; m; m &= m - 1) {
       const int i = std::countr_zero(m);

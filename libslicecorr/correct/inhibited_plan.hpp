@@ -39,7 +39,7 @@ class ExtraLight {
 };
 
 /// A lag in slices, from a share of the distance of the kernel's peak.
-inline int lag_of(const InhibitedTuning::Share& share, int peak) {
+inline int lag_of(const InhibitedTuning::Fraction& share, int peak) {
   return std::max(share.times * peak / share.over, 1);
 }
 

@@ -31,10 +31,10 @@ struct InhibitedTuning {
   /// Lags to try, as shares of the distance at which the kernel has its peak, the likeliest first.
   /// Short lags keep gaps sharp, long ones suit thin features. Columns that are right with one try
   /// no other, so more of them cost time only in columns that are hard to draw.
-  struct Share {
+  struct Fraction {
     int times, over;
   };
-  std::array<Share, 5> lag_shares{{{1, 2}, {1, 3}, {2, 3}, {1, 4}, {1, 1}}};
+  std::array<Fraction, 5> lag_shares{{{1, 2}, {1, 3}, {2, 3}, {1, 4}, {1, 1}}};
   /// Slices by which the last slice that a node may ask for lies beyond reach and lag together,
   /// since both are rounded to whole slices.
   int spare_slices = 2;

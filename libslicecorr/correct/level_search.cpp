@@ -190,7 +190,7 @@ int LevelSearch::gather(const RunAt& start, int n) {
   for (int s = n; s >= end; --s) {
     if (s < run.node) run = run_above(edges_, run);
     const Edge& e = edges_[run.edge];
-    Step& step = steps_[static_cast<std::size_t>(count_++)];
+    SearchStep& step = steps_[static_cast<std::size_t>(count_++)];
     step.edge = run.edge;
     step.j = s - run.node;
     step.coverage = e.below;
@@ -216,7 +216,7 @@ bool LevelSearch::aim(const EdgeCorners& at) {
   const Corner &upper = at.upper, &lower = at.lower, &slit = at.slit;
   const double tolerance = at.tolerance;
   for (int k = count_; k-- > 0;) {
-    Step& s = steps_[static_cast<std::size_t>(k)];
+    SearchStep& s = steps_[static_cast<std::size_t>(k)];
     s.rule = edges_.rule(s.coverage, s.upper ? &upper : nullptr,
                          !s.lower                              ? nullptr
                          : s.slit_below && s.coverage == kFull ? &slit
@@ -235,7 +235,7 @@ bool LevelSearch::aim(const EdgeCorners& at) {
       s.light = light_rule(s.rule, s.target);
       continue;
     }
-    const Step& above = steps_[static_cast<std::size_t>(k + 1)];
+    const SearchStep& above = steps_[static_cast<std::size_t>(k + 1)];
     if (!edges_.back(above.rule, above.target, s.target)) return false;
     if (s.j > 0) {
       const DoseRange limits =
@@ -251,7 +251,7 @@ bool LevelSearch::aim(const EdgeCorners& at) {
   return true;
 }
 
-bool LevelSearch::depth_first(const Step* steps, double below, std::uint8_t* out) const {
+bool LevelSearch::depth_first(const SearchStep* steps, double below, std::uint8_t* out) const {
   const ContinuousPlan& p = plan_;
   double dose[kMost + 1];
   LevelRange range[kMost];
@@ -260,13 +260,13 @@ bool LevelSearch::depth_first(const Step* steps, double below, std::uint8_t* out
   int k = 0;
   dose[0] = below;
   const auto enter = [&](int depth) {
-    const Step& s = steps[depth];
+    const SearchStep& s = steps[depth];
     range[depth] = levels(s.light, dose[depth]);
     at[depth] = s.coverage == 0 ? range[depth].first : range[depth].last;
   };
   enter(0);
   while (k >= 0) {
-    const Step& s = steps[k];
+    const SearchStep& s = steps[k];
     if (at[k] < range[k].first || at[k] > range[k].last) {
       if (--k < 0) return false;
       at[k] += steps[k].coverage == 0 ? 1 : -1;
@@ -292,7 +292,7 @@ bool LevelSearch::survivors(double below, std::uint8_t* out) {
   kept_.assign(1, {below, -1, 0});
   begin_.assign(1, 0);
   for (int k = 0; k < count_; ++k) {
-    const Step& s = steps_[static_cast<std::size_t>(k)];
+    const SearchStep& s = steps_[static_cast<std::size_t>(k)];
     const Edge& edge = edges_[s.edge];
     const auto first = static_cast<std::size_t>(begin_.back());
     const std::size_t last = kept_.size();
@@ -318,7 +318,7 @@ bool LevelSearch::survivors(double below, std::uint8_t* out) {
         if (taken[cell / 64] >> (cell % 64) & 1) continue;
         if (!edges_.levels_allow(edge, s.j, dose, s.slit)) continue;
         if (k + 1 < count_) {
-          const Step& next = steps_[static_cast<std::size_t>(k + 1)];
+          const SearchStep& next = steps_[static_cast<std::size_t>(k + 1)];
           if (!any_level(next.light, dose)) continue;
         }
         taken[cell / 64] |= std::uint64_t{1} << (cell % 64);

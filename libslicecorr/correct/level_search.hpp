@@ -60,7 +60,7 @@ class LevelSearch {
     }
   };
   /// One of the slices that are chosen together.
-  struct Step {
+  struct SearchStep {
     std::int32_t edge;
     int j;  ///< nodes below that edge
     std::uint8_t coverage;
@@ -95,12 +95,12 @@ class LevelSearch {
   bool aim(const EdgeCorners& at);
   /// Finds levels of the gathered slices; false: no sequence of levels is right.
   bool search(double below, std::uint8_t* levels, std::size_t from);
-  bool depth_first(const Step* steps, double below, std::uint8_t* levels) const;
+  bool depth_first(const SearchStep* steps, double below, std::uint8_t* levels) const;
   bool survivors(double below, std::uint8_t* levels);
 
   const Edges& edges_;
   const ContinuousPlan& plan_;
-  std::array<Step, kMost> steps_;
+  std::array<SearchStep, kMost> steps_;
   int count_ = 0;
   int first_edge_ = 0;  ///< slices up to the first edge
   bool cut_ = false;
@@ -109,7 +109,7 @@ class LevelSearch {
   struct Prepared {
     static constexpr int kSlices = 7;
     bool ready = false;
-    std::array<Step, static_cast<std::size_t>(kSlices)> steps;
+    std::array<SearchStep, static_cast<std::size_t>(kSlices)> steps;
   };
   const Prepared& prepared(const RunAt& run, int n);
   std::vector<std::unique_ptr<Prepared>> prepared_;  ///< by edge

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <numbers>
 
 namespace slicecorr::detail {
 
@@ -12,9 +13,8 @@ struct Gauss {
   static constexpr int kN = 24;
   std::array<double, kN> x{}, w{};
   Gauss() {
-    constexpr double pi = 3.14159265358979323846;
     for (int i = 0; i < kN; ++i) {
-      double t = std::cos(pi * (i + 0.75) / (kN + 0.5)), slope = 1;
+      double t = std::cos(std::numbers::pi * (i + 0.75) / (kN + 0.5)), slope = 1;
       for (int round = 0; round < 100; ++round) {
         double p = 1, before = 0;
         for (int k = 1; k <= kN; ++k) {

@@ -20,6 +20,54 @@ double uv_for_dead_zone(const Kinetics& k, double blue_mw_cm2, double dead_zone_
   return blue_mw_cm2 / k.beta * std::exp(dead_zone_um * (1.0 / k.huv_um - 1.0 / k.hb_um));
 }
 
+namespace {
+
+/// Throws where the lamp can't give an intensity, with what would work.
+struct LampCheck {
+  const Kinetics& kinetics;
+  double layer_um;
+  const std::vector<double>& blue_mw_cm2;  ///< by level
+  double full_mw_cm2;                      ///< the brightest that dead zones are held against
+  const Printer& printer;
+  const Process& process;
+
+  void operator()(double intensity, const std::string& what) const {
+    const double least = printer.uv->min_mw_cm2(), most = printer.uv->max_mw_cm2();
+    if (intensity <= most * (1 + 1e-9) && intensity >= least * (1 - 1e-9)) return;
+    std::string text = fmt::format(
+        "{} needs {:.4g} mW/cm² of UV light; the lamp of printer '{}' gives {} to {} mW/cm²", what,
+        intensity, printer.name, at_least(least, 12), at_most(most, 12));
+    const auto works = [&](const std::optional<double>& value, const char* words) {
+      text += value ? fmt::format(fmt::runtime(words), *value)
+                    : std::string("; none of its intensities works here");
+    };
+    if (process.uv.dead_zone_um > 0) {
+      works(detail::working_dead_zone_um(kinetics, layer_um, blue_mw_cm2, full_mw_cm2, *printer.uv,
+                                         process),
+            "; a dead zone of {} um works");
+    } else if (process.uv.kind == UvKind::constant) {
+      works(detail::working_uv(kinetics, layer_um, blue_mw_cm2, *printer.uv, process),
+            "; UV light of {} mW/cm² works");
+    }
+    throw InfeasibleError(text);
+  }
+};
+
+/// Slices above the window in which UV light still takes more than
+/// `InhibitedKernel::kTailShare` of the dose.
+int slices_near_window(const Kinetics& kinetics, double uv_mw_cm2, double blue_mw_cm2,
+                       double layer_um) {
+  // A place without light has nothing to lose.
+  const double share = blue_mw_cm2 > 0 ? kinetics.beta * uv_mw_cm2 / blue_mw_cm2 : 0;
+  const double slope = 1.0 / kinetics.huv_um - 1.0 / kinetics.hb_um;
+  return share > InhibitedKernel::kTailShare
+             ? 2 + static_cast<int>(std::ceil(std::log(share / InhibitedKernel::kTailShare) /
+                                              (slope * layer_um)))
+             : 2;
+}
+
+}  // namespace
+
 InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
                                  const Printer& printer, const Process& process, double layer_um,
                                  std::vector<double> level_mw_cm2,
@@ -36,27 +84,10 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
   }
   const UvSchedule& uv = process.uv;
   wanted_um_ = uv.dead_zone_um;
-  const double least = printer.uv->min_mw_cm2(), most = printer.uv->max_mw_cm2();
+  const double most = printer.uv->max_mw_cm2();
   const std::vector<double>& held = brightest_mw_cm2.empty() ? blue_ : brightest_mw_cm2;
   const double full = held.back();
-  const auto check = [&](double intensity, const std::string& what) {
-    if (intensity <= most * (1 + 1e-9) && intensity >= least * (1 - 1e-9)) return;
-    std::string text = fmt::format(
-        "{} needs {:.4g} mW/cm² of UV light; the lamp of printer '{}' gives {} to {} mW/cm²", what,
-        intensity, printer.name, at_least(least, 12), at_most(most, 12));
-    const auto works = [&](const std::optional<double>& value, const char* words) {
-      text += value ? fmt::format(fmt::runtime(words), *value)
-                    : std::string("; none of its intensities works here");
-    };
-    if (uv.dead_zone_um > 0) {
-      works(detail::working_dead_zone_um(kinetics_, layer_um, blue_, full, *printer.uv, process),
-            "; a dead zone of {} um works");
-    } else if (uv.kind == UvKind::constant) {
-      works(detail::working_uv(kinetics_, layer_um, blue_, *printer.uv, process),
-            "; UV light of {} mW/cm² works");
-    }
-    throw InfeasibleError(text);
-  };
+  const LampCheck check{kinetics_, layer_um, blue_, full, printer, process};
   switch (uv.kind) {
     case UvKind::off:
       throw InputError("UV light is off in this schedule; expected an intensity or a dead zone");
@@ -112,12 +143,7 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
     gel_scale_ = layer_um / (speed_um_s * gel_.critical_dose_prime);
   }
   const double strongest = *std::max_element(setting_uv_.begin(), setting_uv_.end());
-  // A place without blue light loses nothing to UV light.
-  const double share = blue_.back() > 0 ? kinetics_.beta * strongest / blue_.back() : 0;
-  const double slope = 1.0 / kinetics_.huv_um - 1.0 / kinetics_.hb_um;
-  near_ = share > kTailShare
-              ? 2 + static_cast<int>(std::ceil(std::log(share / kTailShare) / (slope * layer_um)))
-              : 2;
+  near_ = slices_near_window(kinetics_, strongest, blue_.back(), layer_um);
   profile_ = std::make_shared<const detail::FrontProfile>(kinetics_);
   for (int s = 0; s < settings(); ++s) {
     for (int l = 0; l < levels(); ++l) {

@@ -103,6 +103,162 @@ struct Tally {
   MeshDefects defects;
 };
 
+/// The report of a mesh that has triangles, made in passes over its triangles and its edges.
+class Inspection {
+ public:
+  Inspection(const TriangleMesh& mesh, const HalfEdges& halves, const ExecutionContext& context)
+      : mesh_(mesh),
+        halves_(halves),
+        context_(context),
+        quiet_(detail::silent(context)),
+        tallies_((mesh.triangles.size() + kChunk - 1) / kChunk),
+        bodies_(mesh.triangles.size()) {
+    report_.vertices = mesh.vertices.size();
+    report_.triangles = mesh.triangles.size();
+  }
+
+  void find_box();
+  /// After `find_box`: the volume, and triangles without area.
+  void measure_triangles();
+  /// Defects of edges and the bodies that they join; `edge_defects` may be null.
+  void check_edges(EdgeDefects* edge_defects);
+  /// After `check_edges`.
+  void count_bodies();
+  const MeshReport& report() const { return report_; }
+
+ private:
+  /// What a chunk of the edges adds to the report, and memory for one edge at a time.
+  struct EdgeTally {
+    MeshDefects defects;
+    std::vector<EdgeDefects::OpenEdge> open;
+    std::vector<HalfEdge> sides;
+    std::vector<std::uint32_t> thirds;
+  };
+
+  // Sums are made chunk by chunk, so that they do not depend on threads.
+  template <typename Each>
+  void in_chunks(const Each& each) {
+    parallel_for(quiet_, "", tallies_.size(), [&](std::size_t i) {
+      each(tallies_[i], i * kChunk, std::min(mesh_.triangles.size(), (i + 1) * kChunk));
+    });
+  }
+  /// `all`: sides of the edge from vertex `low`. Joins the bodies of its triangles.
+  void check_edge(EdgeTally& tally, std::uint32_t low, std::span<const HalfEdge> all,
+                  bool keep_open);
+
+  const TriangleMesh& mesh_;
+  const HalfEdges& halves_;
+  const ExecutionContext& context_;
+  const ExecutionContext quiet_;
+  std::vector<Tally> tallies_;
+  Bodies bodies_;
+  MeshReport report_;
+};
+
+void Inspection::find_box() {
+  in_chunks([&](Tally& tally, std::size_t begin, std::size_t end) {
+    tally.lower = tally.upper = mesh_.vertices[mesh_.triangles[begin][0]];
+    for (std::size_t t = begin; t < end; ++t) {
+      for (const std::uint32_t index : mesh_.triangles[t]) {
+        for (std::size_t k = 0; k < 3; ++k) {
+          tally.lower[k] = std::min(tally.lower[k], mesh_.vertices[index][k]);
+          tally.upper[k] = std::max(tally.upper[k], mesh_.vertices[index][k]);
+        }
+      }
+    }
+  });
+  report_.lower = tallies_[0].lower;
+  report_.upper = tallies_[0].upper;
+  for (const Tally& tally : tallies_) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      report_.lower[k] = std::min(report_.lower[k], tally.lower[k]);
+      report_.upper[k] = std::max(report_.upper[k], tally.upper[k]);
+    }
+  }
+}
+
+void Inspection::measure_triangles() {
+  // Tetrahedra from a corner of the box: from the origin, far tallies would lose digits.
+  const Point3 apex = report_.lower;
+  in_chunks([&](Tally& tally, std::size_t begin, std::size_t end) {
+    for (std::size_t t = begin; t < end; ++t) {
+      if (halves_.degenerate(t)) {
+        ++tally.defects.degenerate_triangles;
+        continue;
+      }
+      const Point3& a = mesh_.vertices[mesh_.triangles[t][0]];
+      const Point3& b = mesh_.vertices[mesh_.triangles[t][1]];
+      const Point3& c = mesh_.vertices[mesh_.triangles[t][2]];
+      if (has_zero_area(a, b, c)) ++tally.defects.zero_area_triangles;
+      const Point3 normal = cross(minus(b, apex), minus(c, apex));
+      const Point3 arm = minus(a, apex);
+      tally.six_volumes += arm[0] * normal[0] + arm[1] * normal[1] + arm[2] * normal[2];
+    }
+  });
+  double six_volumes = 0;
+  for (const Tally& tally : tallies_) {
+    six_volumes += tally.six_volumes;
+    report_.defects.degenerate_triangles += tally.defects.degenerate_triangles;
+    report_.defects.zero_area_triangles += tally.defects.zero_area_triangles;
+  }
+  report_.volume = six_volumes / 6;
+}
+
+void Inspection::check_edge(EdgeTally& tally, std::uint32_t low, std::span<const HalfEdge> all,
+                            bool keep_open) {
+  std::vector<HalfEdge>& sides = tally.sides;
+  sides.clear();
+  std::int32_t surplus = 0;
+  for (const HalfEdge& side : all) {
+    surplus += side.rises() ? 1 : -1;
+    if (!halves_.degenerate(side.triangle())) sides.push_back(side);
+  }
+  if (keep_open && surplus != 0) tally.open.push_back({low, all[0].high(), surplus});
+  const std::size_t n = sides.size();
+  if (n == 1) ++tally.defects.open_edges;
+  if (n > 2) ++tally.defects.crowded_edges;
+  if (n < 2) return;
+  if (n == 2 && sides[0].rises() == sides[1].rises()) ++tally.defects.misoriented_edges;
+  for (std::size_t i = 1; i < n; ++i) bodies_.unite(sides[i].triangle(), sides[0].triangle());
+  tally.defects.duplicate_triangles += count_repeated(mesh_, sides, tally.thirds);
+}
+
+void Inspection::check_edges(EdgeDefects* edge_defects) {
+  std::vector<EdgeTally> tallies(halves_.chunks());
+  halves_.for_each(context_,
+                   [&](std::size_t chunk, std::uint32_t low, std::span<const HalfEdge> all) {
+                     check_edge(tallies[chunk], low, all, edge_defects != nullptr);
+                   });
+  MeshDefects& defects = report_.defects;
+  for (const EdgeTally& tally : tallies) {
+    defects.open_edges += tally.defects.open_edges;
+    defects.crowded_edges += tally.defects.crowded_edges;
+    defects.misoriented_edges += tally.defects.misoriented_edges;
+    defects.duplicate_triangles += tally.defects.duplicate_triangles;
+  }
+  if (defects.misoriented_edges > 0) {
+    const std::vector<bool> turned = detail::flipped(halves_, context_);
+    defects.flipped_triangles =
+        static_cast<std::size_t>(std::count(turned.begin(), turned.end(), true));
+    if (edge_defects) {
+      *edge_defects = {detail::indices_of(turned), detail::open_edges(halves_, turned, context_)};
+    }
+  } else if (edge_defects) {
+    std::vector<std::vector<EdgeDefects::OpenEdge>> open;
+    for (EdgeTally& tally : tallies) open.push_back(std::move(tally.open));
+    edge_defects->open = detail::joined(open);
+  }
+}
+
+void Inspection::count_bodies() {
+  in_chunks([&](Tally& tally, std::size_t begin, std::size_t end) {
+    for (std::size_t t = begin; t < end; ++t) {
+      tally.bodies += !halves_.degenerate(t) && bodies_.is_root(static_cast<std::uint32_t>(t));
+    }
+  });
+  for (const Tally& tally : tallies_) report_.bodies += tally.bodies;
+}
+
 }  // namespace
 
 std::vector<bool> flipped_triangles(const TriangleMesh& mesh, const ExecutionContext& context) {
@@ -113,117 +269,17 @@ MeshReport inspect(const TriangleMesh& mesh, const ExecutionContext& context,
                    EdgeDefects* edge_defects) {
   const HalfEdges halves(mesh, context);
   if (edge_defects) *edge_defects = {};
-  MeshReport report;
-  report.vertices = mesh.vertices.size();
-  report.triangles = mesh.triangles.size();
-  if (mesh.triangles.empty()) return report;
-
-  const ExecutionContext quiet = detail::silent(context);
-  // Sums are made chunk by chunk, so that they do not depend on threads.
-  std::vector<Tally> tallies((mesh.triangles.size() + kChunk - 1) / kChunk);
-  const auto in_chunks = [&](const auto& each) {
-    parallel_for(quiet, "", tallies.size(), [&](std::size_t i) {
-      each(tallies[i], i * kChunk, std::min(mesh.triangles.size(), (i + 1) * kChunk));
-    });
-  };
-  in_chunks([&](Tally& tally, std::size_t begin, std::size_t end) {
-    tally.lower = tally.upper = mesh.vertices[mesh.triangles[begin][0]];
-    for (std::size_t t = begin; t < end; ++t) {
-      for (const std::uint32_t index : mesh.triangles[t]) {
-        for (std::size_t k = 0; k < 3; ++k) {
-          tally.lower[k] = std::min(tally.lower[k], mesh.vertices[index][k]);
-          tally.upper[k] = std::max(tally.upper[k], mesh.vertices[index][k]);
-        }
-      }
-    }
-  });
-  report.lower = tallies[0].lower;
-  report.upper = tallies[0].upper;
-  for (const Tally& tally : tallies) {
-    for (std::size_t k = 0; k < 3; ++k) {
-      report.lower[k] = std::min(report.lower[k], tally.lower[k]);
-      report.upper[k] = std::max(report.upper[k], tally.upper[k]);
-    }
+  if (mesh.triangles.empty()) {
+    MeshReport report;
+    report.vertices = mesh.vertices.size();
+    return report;
   }
-
-  MeshDefects& defects = report.defects;
-  // Tetrahedra from a corner of the box: from the origin, far tallies would lose digits.
-  const Point3 apex = report.lower;
-  in_chunks([&](Tally& tally, std::size_t begin, std::size_t end) {
-    for (std::size_t t = begin; t < end; ++t) {
-      if (halves.degenerate(t)) {
-        ++tally.defects.degenerate_triangles;
-        continue;
-      }
-      const Point3& a = mesh.vertices[mesh.triangles[t][0]];
-      const Point3& b = mesh.vertices[mesh.triangles[t][1]];
-      const Point3& c = mesh.vertices[mesh.triangles[t][2]];
-      if (has_zero_area(a, b, c)) ++tally.defects.zero_area_triangles;
-      const Point3 normal = cross(minus(b, apex), minus(c, apex));
-      const Point3 arm = minus(a, apex);
-      tally.six_volumes += arm[0] * normal[0] + arm[1] * normal[1] + arm[2] * normal[2];
-    }
-  });
-  double six_volumes = 0;
-  for (const Tally& tally : tallies) {
-    six_volumes += tally.six_volumes;
-    defects.degenerate_triangles += tally.defects.degenerate_triangles;
-    defects.zero_area_triangles += tally.defects.zero_area_triangles;
-  }
-  report.volume = six_volumes / 6;
-
-  struct Scratch {
-    MeshDefects defects;
-    std::vector<HalfEdge> sides;
-    std::vector<std::uint32_t> thirds;
-  };
-  std::vector<Scratch> chunks(halves.chunks());
-  std::vector<std::vector<EdgeDefects::OpenEdge>> open(halves.chunks());
-  Bodies bodies(mesh.triangles.size());
-  halves.for_each(context,
-                  [&](std::size_t chunk, std::uint32_t low, std::span<const HalfEdge> all) {
-                    Scratch& s = chunks[chunk];
-                    s.sides.clear();
-                    std::int32_t surplus = 0;
-                    for (const HalfEdge& side : all) {
-                      surplus += side.rises() ? 1 : -1;
-                      if (!halves.degenerate(side.triangle())) s.sides.push_back(side);
-                    }
-                    if (edge_defects && surplus != 0)
-                      open[chunk].push_back({low, all[0].high(), surplus});
-                    const std::size_t n = s.sides.size();
-                    if (n == 1) ++s.defects.open_edges;
-                    if (n > 2) ++s.defects.crowded_edges;
-                    if (n < 2) return;
-                    if (n == 2 && s.sides[0].rises() == s.sides[1].rises())
-                      ++s.defects.misoriented_edges;
-                    for (std::size_t i = 1; i < n; ++i) {
-                      bodies.unite(s.sides[i].triangle(), s.sides[0].triangle());
-                    }
-                    s.defects.duplicate_triangles += count_repeated(mesh, s.sides, s.thirds);
-                  });
-  for (const Scratch& s : chunks) {
-    defects.open_edges += s.defects.open_edges;
-    defects.crowded_edges += s.defects.crowded_edges;
-    defects.misoriented_edges += s.defects.misoriented_edges;
-    defects.duplicate_triangles += s.defects.duplicate_triangles;
-  }
-  if (defects.misoriented_edges > 0) {
-    const std::vector<bool> turned = detail::flipped(halves, context);
-    defects.flipped_triangles =
-        static_cast<std::size_t>(std::count(turned.begin(), turned.end(), true));
-    if (edge_defects)
-      *edge_defects = {detail::indices_of(turned), detail::open_edges(halves, turned, context)};
-  } else if (edge_defects) {
-    edge_defects->open = detail::joined(open);
-  }
-  in_chunks([&](Tally& tally, std::size_t begin, std::size_t end) {
-    for (std::size_t t = begin; t < end; ++t) {
-      tally.bodies += !halves.degenerate(t) && bodies.is_root(static_cast<std::uint32_t>(t));
-    }
-  });
-  for (const Tally& tally : tallies) report.bodies += tally.bodies;
-  return report;
+  Inspection inspection(mesh, halves, context);
+  inspection.find_box();
+  inspection.measure_triangles();
+  inspection.check_edges(edge_defects);
+  inspection.count_bodies();
+  return inspection.report();
 }
 
 std::string describe(const MeshDefects& defects) {

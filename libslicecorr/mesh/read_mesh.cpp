@@ -9,6 +9,7 @@
 #include <cstring>
 #include <filesystem>
 #include <memory>
+#include <numbers>
 
 #include "mesh/half_edges.hpp"
 #include "mesh/mesh_parts.hpp"
@@ -186,7 +187,7 @@ SineCosine sine_cosine(double degrees) {
   if (rest == 90) return {1, 0};
   if (rest == -90) return {-1, 0};
   if (std::abs(rest) == 180) return {0, -1};
-  const double radians = rest * (3.14159265358979323846 / 180.0);
+  const double radians = rest * (std::numbers::pi / 180.0);
   return {std::sin(radians), std::cos(radians)};
 }
 

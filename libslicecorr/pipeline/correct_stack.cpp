@@ -189,6 +189,252 @@ class Joiner {
   std::vector<std::uint8_t> rows_, part_;
 };
 
+Grid with_layers(Grid grid, int layers) {
+  grid.layers = layers;
+  return grid;
+}
+
+/// The setup with the UV light over z that it asks for.
+Setup with_scheduled_uv(const SliceSource& target, Setup setup, const ExecutionContext& context) {
+  refuse_recording(target);
+  setup.process = schedule_uv(target, setup, context);
+  return setup;
+}
+
+/// One run of correct_stack: what the bands share, and what they add up to.
+class StackCorrection {
+ public:
+  StackCorrection(const SliceSource& target, const Setup& asked, const StackFile& file,
+                  const CorrectionAsk& ask, const ExecutionContext& context);
+
+  /// Corrects, predicts and encodes every band.
+  void correct_bands();
+  /// Once, after all bands: the figures, and what the stack says of itself.
+  Correction result();
+  /// Tells what the user may want to change, by the figures of the corrected stack.
+  void tell_shortcomings(const Prediction& p) const;
+  void write(const StackInfo& info) { writer_.finish(info, scan_.picture()); }
+
+ private:
+  class Band;
+
+  const CureModel& model() const { return plans_.models().brightest(); }
+  Prediction of_whole_image(const Prediction& in_bands, int slices) const {
+    return plans_.even() ? whole_image(in_bands, model(), grid_, slices, bands_)
+                         : whole_image(in_bands, plans_.models(), grid_, slices, grouped_columns_);
+  }
+
+  const SliceSource& target_;
+  const StackFile& file_;
+  const ExecutionContext& context_;
+  const bool with_before_;
+  const Setup setup_;
+  const PlacePlans plans_;
+  Grid grid_;  ///< of the corrected stack
+  StackWriter writer_;
+  TargetScan scan_;
+  const std::vector<PixelBox> bands_;
+  std::optional<PlaceWindows> window_;   ///< where UV light keeps a dead zone
+  std::optional<VolumeReducer> volume_;  ///< where the reduced volume is asked for
+
+  // Merging does not depend on the order of bands, and a band's histograms are large.
+  std::mutex merging_;
+  Prediction after_, before_;
+  LightCounts grouped_columns_{};  ///< where the display's light is uneven
+};
+
+/// A band on its way through the correction.
+class StackCorrection::Band {
+ public:
+  Band(StackCorrection& whole, const PixelBox& box)
+      : whole_(whole),
+        box_(box),
+        columns_(columns_of(box)),
+        design_(columns_),
+        upwards_(columns_),
+        encoder_(whole.writer_, box.y0, box.y1) {
+    if (whole.volume_) reduced_.emplace(*whole.volume_, box);
+  }
+
+  /// All columns get the same light.
+  void correct_even() {
+    correct(
+        whole_.plans_.models().map().reference(), nullptr,
+        [this](const SliceSource::Sink& sink) { read(sink); }, pixels_of_columns(box_),
+        [this](int n, const std::uint8_t* pixels) { put(n, pixels); });
+  }
+  /// Columns of equal light are corrected together, then joined.
+  void correct_by_light();
+  /// Adds the band's figures to those of the whole.
+  void finish();
+
+ private:
+  using PutPixels = std::function<void(int slice, const std::uint8_t* pixels)>;
+
+  void read(const SliceSource::Sink& sink) {
+    if (!reduced_) return whole_.scan_.read(box_, sink);
+    whole_.scan_.read(box_, [&](int n, const std::uint8_t* rows) {
+      design_.append(rows);
+      sink(n, rows);
+    });
+  }
+  void put(int n, const std::uint8_t* pixels) {
+    encoder_.put(n, box_.x0, box_.x1, pixels);
+    if (reduced_) upwards_.append(pixels);
+  }
+  /// Columns of one value of light, null for all of the band. Their figures go on from those
+  /// before them.
+  void correct(std::uint8_t value, const std::vector<std::uint32_t>* of_band,
+               const BandReader& reader, const BandPredictor::PixelOfColumn& place,
+               const PutPixels& put_pixels);
+
+  StackCorrection& whole_;
+  const PixelBox& box_;
+  const std::size_t columns_;
+  std::optional<VolumeReducer::Band> reduced_;
+  CodedBand design_, upwards_;  ///< for the reduced volume; `upwards_` has the last slice first
+  StackWriter::BandEncoder encoder_;
+  Prediction after_, before_;
+  LightCounts counts_{};
+};
+
+StackCorrection::StackCorrection(const SliceSource& target, const Setup& asked,
+                                 const StackFile& file, const CorrectionAsk& ask,
+                                 const ExecutionContext& context)
+    : target_(target),
+      file_(file),
+      context_(context),
+      with_before_(ask.before || ask.volume_cells > 0),
+      setup_(with_scheduled_uv(target, asked, context)),
+      plans_(target, setup_, context),
+      grid_(with_layers(target.grid(), plans_.all_layers())),
+      writer_(file, grid_, context),
+      scan_(target),
+      bands_(bands_of(grid_, target.bounds())) {
+  detail::set_uv_images(writer_, model(), plans_.levels());
+  if (model().inhibited) window_.emplace(plans_.models(), plans_.all_layers());
+  if (ask.volume_cells > 0) {
+    volume_.emplace(plans_.models(), target.bounds(), plans_.layers(), plans_.all_layers(),
+                    plans_.levels(), ask.volume_cells);
+  }
+}
+
+void StackCorrection::Band::correct(std::uint8_t value, const std::vector<std::uint32_t>* of_band,
+                                    const BandReader& reader,
+                                    const BandPredictor::PixelOfColumn& place,
+                                    const PutPixels& put_pixels) {
+  const int slices = whole_.plans_.all_layers();
+  const std::size_t count = of_band ? of_band->size() : columns_;
+  const CorrectionPlan& plan = whole_.plans_.plan(value);
+  const PixelCurve& curve = whole_.plans_.models().curve(value);
+  BandPredictor predict_after(plan.model, curve, slices, count);
+  BandPredictor predict_before(plan.model, curve, slices, count);
+  predict_after.go_on_from(std::move(after_));
+  predict_before.go_on_from(std::move(before_));
+  if (reduced_) {
+    reduced_->listen_after(predict_after, of_band);
+    reduced_->listen_before(predict_before, of_band);
+  }
+  std::optional<WindowWatch> watch;
+  if (whole_.window_) watch.emplace(plan.model, slices, count);
+  correct_columns(plan, count, reader,
+                  {put_pixels, predict_after, whole_.with_before_ ? &predict_before : nullptr,
+                   watch ? &*watch : nullptr},
+                  whole_.context_);
+  after_ = predict_after.finish(place);
+  before_ = predict_before.finish(place);
+  if (!watch) return;
+  const std::lock_guard lock(whole_.merging_);
+  whole_.window_->merge(value, *watch);
+}
+
+void StackCorrection::Band::correct_by_light() {
+  const BandReader reader = [this](const SliceSource::Sink& sink) { read(sink); };
+  const GroupedBand grouped(whole_.plans_.models().map(), box_, {reader});
+  std::vector<CodedBand> corrected;
+  for (const GroupedBand::Group& g : grouped.groups) {
+    counts_[g.value] = g.columns.size();
+    CodedBand& coded = corrected.emplace_back(g.columns.size());
+    correct(g.value, &g.columns, g.reader(0), pixels_of_columns(box_, g.columns),
+            [&](int, const std::uint8_t* pixels) { coded.append(pixels); });
+  }
+  Joiner joined(grouped, columns_, std::move(corrected));
+  const int slices = whole_.plans_.all_layers();
+  for (int n = slices; n-- > 0;) put(n, joined.at(slices - 1 - n));
+}
+
+void StackCorrection::Band::finish() {
+  if (reduced_) {
+    const int all = whole_.plans_.all_layers();
+    reduced_->finish([&](int n, std::uint8_t* out) { upwards_.read(all - 1 - n, out); },
+                     [&](int n, std::uint8_t* out) { design_.read(n, out); });
+  }
+  const std::lock_guard lock(whole_.merging_);
+  whole_.after_.merge(after_);
+  if (whole_.with_before_) whole_.before_.merge(before_);
+  for (std::size_t v = 0; v < counts_.size(); ++v) whole_.grouped_columns_[v] += counts_[v];
+}
+
+void StackCorrection::correct_bands() {
+  parallel_for(context_, "correct", bands_.size(), [&](std::size_t i) {
+    Band band(*this, bands_[i]);
+    plans_.even() ? band.correct_even() : band.correct_by_light();
+    band.finish();
+  });
+}
+
+Correction StackCorrection::result() {
+  Correction result;
+  if (volume_) result.volume = std::make_shared<ReducedVolume>(volume_->take());
+  std::optional<DeadZones> dead_zones;
+  if (window_) {
+    dead_zones = window_->result();
+    check_window(*dead_zones, setup_.process);
+  }
+  StackInfo& info = result.info;
+  info.grid = grid_;
+  detail::set_frame(info, target_);
+  info.kind = StackKind::corrected;
+  info.printer = setup_.printer;
+  info.resin = setup_.resin;
+  info.process = setup_.process;
+  info.original_sha256 = file_.original_sha256;
+  scan_.fill(info);
+
+  result.after = of_whole_image(after_, plans_.all_layers());
+  result.after.dead_zones = std::move(dead_zones);
+  if (with_before_) result.before = of_whole_image(before_, plans_.layers());
+  return result;
+}
+
+void StackCorrection::tell_shortcomings(const Prediction& p) const {
+  detail::tell_nothing_prints(p, context_);
+  if (p.cure_through_voxels + p.undercure_voxels > 0) {
+    context_.tell(fmt::format(
+        "{} voxels will still cure through and {} stay undercured: no choice of the {} grey levels "
+        "was found that avoids it; one level moves an edge by up to {:.3g} um",
+        p.cure_through_voxels, p.undercure_voxels, plans_.levels(), model().level_step_um()));
+  }
+  // Printers of this kind want some 20 um of liquid under the part.
+  constexpr double kThinUm = 10;
+  if (p.dead_zones && setup_.process.uv.dead_zone_um == 0 && p.dead_zones->least() < kThinUm) {
+    context_.tell(
+        fmt::format("the dead zone gets as thin as {:.2g} um; UV light chosen for a dead zone, in "
+                    "place of an intensity, keeps more of it",
+                    p.dead_zones->least()));
+  }
+  if (p.one_slice_gaps > 0) {
+    context_.tell(fmt::format("{} gaps are one slice high: {}", p.one_slice_gaps,
+                              setup_.process.one_slice_gaps == OneSliceGaps::merge ? "merged"
+                              : model().mode == ExposureMode::layerwise            ? "kept open"
+                              : setup_.process.uv.kind != UvKind::off
+                                  ? "kept open, at the cost of the edges beside them"
+                                  : fmt::format("kept open, at the cost of up to {:.3g} um of the "
+                                                "features above them",
+                                                setup_.process.gap_shortfall * model().layer_um)));
+  }
+}
+
 }  // namespace
 
 StackInfo write_target(const SliceSource& target, const StackFile& file,
@@ -223,158 +469,12 @@ CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup,
 
 Correction correct_stack(const SliceSource& target, const Setup& asked, const StackFile& file,
                          const CorrectionAsk& ask, const ExecutionContext& context) {
-  const bool with_volume = ask.volume_cells > 0, with_before = ask.before || with_volume;
-  refuse_recording(target);
-  Setup setup = asked;
-  setup.process = schedule_uv(target, asked, context);
-  const PlacePlans plans(target, setup, context);
-  const PlaceModels& models = plans.models();
-  const CureModel& model = models.brightest();
-  Grid grid = target.grid();
-  grid.layers = plans.all_layers();
-
-  StackWriter writer(file, grid, context);
-  detail::set_uv_images(writer, model, plans.levels());
-  std::optional<PlaceWindows> window;
-  if (model.inhibited) window.emplace(models, plans.all_layers());
-  TargetScan scan(target);
-  const auto bands = bands_of(grid, target.bounds());
-  std::optional<VolumeReducer> volume;
-  if (with_volume) {
-    volume.emplace(models, target.bounds(), plans.layers(), plans.all_layers(), plans.levels(),
-                   ask.volume_cells);
-  }
-  // Merging does not depend on the order of bands, and a band's histograms are large.
-  Prediction after, before;
-  LightCounts in_groups{};
-  std::mutex merging;
-  parallel_for(context, "correct", bands.size(), [&](std::size_t i) {
-    const PixelBox& band = bands[i];
-    const std::size_t columns = columns_of(band);
-    std::optional<VolumeReducer::Band> reduced;
-    if (volume) reduced.emplace(*volume, band);
-    CodedBand design(columns), upwards(columns);  // for the reduced volume; the last slice first
-    const BandReader read = [&](const SliceSource::Sink& sink) {
-      if (!reduced) return scan.read(band, sink);
-      scan.read(band, [&](int n, const std::uint8_t* rows) {
-        design.append(rows);
-        sink(n, rows);
-      });
-    };
-    StackWriter::BandEncoder encoder(writer, band.y0, band.y1);
-    const auto put_out = [&](int n, const std::uint8_t* pixels) {
-      encoder.put(n, band.x0, band.x1, pixels);
-      if (reduced) upwards.append(pixels);
-    };
-    Prediction band_after, band_before;
-    // Corrects the columns of one value of light; figures are added to those of values before.
-    const auto correct = [&](std::uint8_t value, const std::vector<std::uint32_t>* of_band,
-                             const BandReader& reader, const BandPredictor::PixelOfColumn& place,
-                             const auto& put) {
-      const std::size_t count = of_band ? of_band->size() : columns;
-      const CorrectionPlan& plan = plans.plan(value);
-      const PixelCurve& curve = models.curve(value);
-      BandPredictor predict_after(plan.model, curve, plans.all_layers(), count);
-      BandPredictor predict_before(plan.model, curve, plans.all_layers(), count);
-      predict_after.go_on_from(std::move(band_after));
-      predict_before.go_on_from(std::move(band_before));
-      if (reduced) {
-        reduced->listen_after(predict_after, of_band);
-        reduced->listen_before(predict_before, of_band);
-      }
-      std::optional<WindowWatch> watch;
-      if (window) watch.emplace(plan.model, plans.all_layers(), count);
-      correct_columns(
-          plan, count, reader,
-          {put, predict_after, with_before ? &predict_before : nullptr, watch ? &*watch : nullptr},
-          context);
-      band_after = predict_after.finish(place);
-      band_before = predict_before.finish(place);
-      if (!watch) return;
-      const std::lock_guard lock(merging);
-      window->merge(value, *watch);
-    };
-    LightCounts counts{};
-    if (plans.even()) {
-      correct(models.map().reference(), nullptr, read, pixels_of_columns(band), put_out);
-    } else {
-      const GroupedBand grouped(models.map(), band, {read});
-      std::vector<CodedBand> corrected;
-      for (const GroupedBand::Group& g : grouped.groups) {
-        counts[g.value] = g.columns.size();
-        CodedBand& coded = corrected.emplace_back(g.columns.size());
-        correct(g.value, &g.columns, g.reader(0), pixels_of_columns(band, g.columns),
-                [&](int, const std::uint8_t* pixels) { coded.append(pixels); });
-      }
-      Joiner joined(grouped, columns, std::move(corrected));
-      for (int n = plans.all_layers(); n-- > 0;) {
-        put_out(n, joined.at(plans.all_layers() - 1 - n));
-      }
-    }
-    if (reduced) {
-      const int all = plans.all_layers();
-      reduced->finish([&](int n, std::uint8_t* out) { upwards.read(all - 1 - n, out); },
-                      [&](int n, std::uint8_t* out) { design.read(n, out); });
-    }
-    const std::lock_guard lock(merging);
-    after.merge(band_after);
-    if (with_before) before.merge(band_before);
-    for (std::size_t v = 0; v < counts.size(); ++v) in_groups[v] += counts[v];
-  });
-
-  Correction result;
-  if (volume) result.volume = std::make_shared<ReducedVolume>(volume->take());
-  if (window) {
-    result.after.dead_zones = window->result();
-    check_window(*result.after.dead_zones, setup.process);
-  }
-  StackInfo& info = result.info;
-  info.grid = grid;
-  detail::set_frame(info, target);
-  info.kind = StackKind::corrected;
-  info.printer = setup.printer;
-  info.resin = setup.resin;
-  info.process = setup.process;
-  info.original_sha256 = file.original_sha256;
-  scan.fill(info);
-
-  const auto whole = [&](const Prediction& figures, int slices) {
-    return plans.even() ? whole_image(figures, model, grid, slices, bands)
-                        : whole_image(figures, models, grid, slices, in_groups);
-  };
-  Prediction figures = whole(after, plans.all_layers());
-  figures.dead_zones.swap(result.after.dead_zones);
-  result.after = std::move(figures);
-  if (with_before) result.before = whole(before, plans.layers());
-  const Prediction& p = result.after;
-  detail::tell_nothing_prints(p, context);
-  if (p.cure_through_voxels + p.undercure_voxels > 0) {
-    context.tell(fmt::format(
-        "{} voxels will still cure through and {} stay undercured: no choice of the {} grey levels "
-        "was found that avoids it; one level moves an edge by up to {:.3g} um",
-        p.cure_through_voxels, p.undercure_voxels, plans.levels(), model.level_step_um()));
-  }
-  // Printers with a dead zone need some 20 um of liquid resin under the part; below half of that
-  // the user is told.
-  constexpr double kThinUm = 10;
-  if (p.dead_zones && setup.process.uv.dead_zone_um == 0 && p.dead_zones->least() < kThinUm) {
-    context.tell(
-        fmt::format("the dead zone gets as thin as {:.2g} um; UV light chosen for a dead zone, in "
-                    "place of an intensity, keeps more of it",
-                    p.dead_zones->least()));
-  }
-  if (p.one_slice_gaps > 0) {
-    context.tell(fmt::format("{} gaps are one slice high: {}", p.one_slice_gaps,
-                             setup.process.one_slice_gaps == OneSliceGaps::merge ? "merged"
-                             : model.mode == ExposureMode::layerwise             ? "kept open"
-                             : setup.process.uv.kind != UvKind::off
-                                 ? "kept open, at the cost of the edges beside them"
-                                 : fmt::format("kept open, at the cost of up to {:.3g} um of the "
-                                               "features above them",
-                                               setup.process.gap_shortfall * model.layer_um)));
-  }
+  StackCorrection correction(target, asked, file, ask, context);
+  correction.correct_bands();
+  Correction result = correction.result();
+  correction.tell_shortcomings(result.after);
   if (ask.before_writing) ask.before_writing(result);
-  writer.finish(info, scan.picture());
+  correction.write(result.info);
   return result;
 }
 

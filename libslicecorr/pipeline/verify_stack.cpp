@@ -74,7 +74,117 @@ void predict_tiles(BandPredictor& predictor, const CodedBand& shown, int layers,
   }
 }
 
-/// The row of a probe for a recorded slice.
+/// One run of verify_stack: what the bands share, and what they add up to.
+class Verification {
+ public:
+  Verification(const SliceSource& stack, const SliceSource& target,
+               const detail::ShownSlices& slices, const Resin& resin,
+               const ExecutionContext& context)
+      : stack_(stack),
+        target_(target),
+        context_(context),
+        slices_(slices),
+        recorded_(slices.recorded() ? &slices : nullptr),
+        models_(slices.printer(), resin, slices.process(), stack.grid(), stack.frame()),
+        layers_(slices.slices()),
+        all_layers_(std::max(layers_, target.grid().layers)),
+        bands_(bands_of(stack.grid(), stack.bounds().united(target.bounds()))) {
+    if (models_.brightest().inhibited) window_.emplace(models_, layers_);
+  }
+
+  void predict_bands() {
+    parallel_for(context_, "predict", bands_.size(),
+                 [&](std::size_t i) { predict_band(bands_[i]); });
+  }
+  /// After all bands: what the whole image prints.
+  Prediction result() const {
+    const Grid& grid = stack_.grid();
+    Prediction p =
+        models_.even()
+            ? detail::whole_image(total_, models_.brightest(), grid, layers_, bands_, recorded_)
+            : detail::whole_image(total_, models_, grid, layers_, grouped_columns_, recorded_);
+    if (window_) p.dead_zones = window_->result();
+    return p;
+  }
+
+ private:
+  void predict_band(const PixelBox& band);
+  /// Columns of one value of light, whose figures go on from those before them.
+  void predict(std::uint8_t value, const CodedBand& shown, const CodedBand& design,
+               const BandPredictor::PixelOfColumn& place, Prediction& figures);
+
+  const SliceSource& stack_;
+  const SliceSource& target_;
+  const ExecutionContext& context_;
+  const detail::ShownSlices& slices_;
+  const detail::ShownSlices* const recorded_;  ///< null: one image per slice
+  const PlaceModels models_;
+  const int layers_, all_layers_;
+  const std::vector<PixelBox> bands_;
+  std::optional<detail::PlaceWindows> window_;  ///< where UV light keeps a dead zone
+
+  std::mutex merging_;
+  Prediction total_;
+  detail::LightCounts grouped_columns_{};  ///< where the display's light is uneven
+};
+
+void Verification::predict(std::uint8_t value, const CodedBand& shown, const CodedBand& design,
+                           const BandPredictor::PixelOfColumn& place, Prediction& figures) {
+  const std::size_t columns = shown.columns();
+  const CureModel& model = models_.model(value);
+  BandPredictor predictor(model, models_.curve(value), all_layers_, columns, slices_.recorded());
+  predictor.go_on_from(std::move(figures));
+  if (!recorded_ && model.is_plain()) {
+    predict_tiles(predictor, shown, layers_, design, all_layers_, context_);
+    figures = predictor.finish(place);
+    return;
+  }
+  std::vector<std::uint8_t> pixels(columns), coverage(columns);
+  std::optional<WindowWatch> watch;
+  if (window_) watch.emplace(model, layers_, columns);
+  detail::ShownBand band_shown(slices_, shown);
+  for (int n = all_layers_; n-- > 0;) {
+    if ((n & 63) == 0) context_.check_cancelled();
+    design.read(n, coverage.data());
+    if (recorded_) {
+      const std::span<const ImageShowing> parts = band_shown.of(n);
+      predictor.add_slice(n, parts, coverage.data());
+      if (watch && n < layers_) watch->add_slice(n, parts);
+      continue;
+    }
+    shown.read(n, pixels.data());
+    predictor.add_slice(n, n < layers_ ? pixels.data() : nullptr, coverage.data());
+    if (watch && n < layers_) watch->add_slice(n, pixels.data());
+  }
+  figures = predictor.finish(place);
+  if (!watch) return;
+  const std::lock_guard lock(merging_);
+  window_->merge(value, *watch);
+}
+
+void Verification::predict_band(const PixelBox& band) {
+  Prediction figures;
+  detail::LightCounts counts{};
+  if (models_.even()) {
+    predict(models_.map().reference(), detail::coded_band_of(stack_, band),
+            detail::coded_band_of(target_, band), detail::pixels_of_columns(band), figures);
+  } else {
+    const auto reader = [&](const SliceSource& source) {
+      return [&](const SliceSource::Sink& sink) { source.read_band(band, sink); };
+    };
+    const detail::GroupedBand grouped(models_.map(), band, {reader(stack_), reader(target_)});
+    for (const auto& g : grouped.groups) {
+      counts[g.value] = g.columns.size();
+      predict(g.value, g.sources[0], g.sources[1], detail::pixels_of_columns(band, g.columns),
+              figures);
+    }
+  }
+  const std::lock_guard lock(merging_);
+  total_.merge(figures);
+  for (std::size_t v = 0; v < counts.size(); ++v) grouped_columns_[v] += counts[v];
+}
+
+/// What a recorded slice shows of a column.
 ProbeRow probe_recorded(const CureModel& model, const std::vector<double>& intensity,
                         std::span<const ImageShowing> parts) {
   ProbeRow row;
@@ -117,87 +227,17 @@ void check_same_voxels(const Grid& stack, const Grid& target) {
 
 Prediction verify_stack(const SliceSource& stack, const SliceSource& target, const Setup& setup,
                         const ExecutionContext& context) {
-  const Grid& grid = stack.grid();
-  check_same_voxels(grid, target.grid());
+  check_same_voxels(stack.grid(), target.grid());
   refuse_recording(target);
   const detail::ShownSlices slices(stack, setup.printer, setup.resin, setup.process);
-  const detail::ShownSlices* const recorded = slices.recorded() ? &slices : nullptr;
   if (slices.setting_deviation() > 0) tell_settings(slices, context);
-  const PlaceModels models(slices.printer(), setup.resin, slices.process(), grid, stack.frame());
-  const CureModel& model = models.brightest();
-  const int layers = slices.slices();
-  const int all_layers = std::max(layers, target.grid().layers);
-  const auto bands = bands_of(grid, stack.bounds().united(target.bounds()));
-  Prediction total;
-  detail::LightCounts in_groups{};
-  std::optional<detail::PlaceWindows> window;
-  if (model.inhibited) window.emplace(models, layers);
-  std::mutex merging;
-  parallel_for(context, "predict", bands.size(), [&](std::size_t i) {
-    const PixelBox& band = bands[i];
-    Prediction figures;
-    // Predicts the columns of one value of light; figures are added to those of values before.
-    const auto predict = [&](std::uint8_t value, std::size_t columns, const CodedBand& shown,
-                             const CodedBand& design, const BandPredictor::PixelOfColumn& place) {
-      std::vector<std::uint8_t> pixels(columns), coverage(columns);
-      BandPredictor predictor(models.model(value), models.curve(value), all_layers, columns,
-                              slices.recorded());
-      predictor.go_on_from(std::move(figures));
-      if (!recorded && models.model(value).is_plain()) {
-        predict_tiles(predictor, shown, layers, design, all_layers, context);
-        figures = predictor.finish(place);
-        return;
-      }
-      std::optional<WindowWatch> watch;
-      if (window) watch.emplace(models.model(value), layers, columns);
-      detail::ShownBand band_shown(slices, shown);
-      for (int n = all_layers; n-- > 0;) {
-        if ((n & 63) == 0) context.check_cancelled();
-        design.read(n, coverage.data());
-        if (recorded) {
-          const std::span<const ImageShowing> parts = band_shown.of(n);
-          predictor.add_slice(n, parts, coverage.data());
-          if (watch && n < layers) watch->add_slice(n, parts);
-          continue;
-        }
-        shown.read(n, pixels.data());
-        predictor.add_slice(n, n < layers ? pixels.data() : nullptr, coverage.data());
-        if (watch && n < layers) watch->add_slice(n, pixels.data());
-      }
-      figures = predictor.finish(place);
-      if (!watch) return;
-      const std::lock_guard lock(merging);
-      window->merge(value, *watch);
-    };
-    const auto reader = [&](const SliceSource& source) {
-      return [&](const SliceSource::Sink& sink) { source.read_band(band, sink); };
-    };
-    detail::LightCounts counts{};
-    if (models.even()) {
-      predict(models.map().reference(), columns_of(band), detail::coded_band_of(stack, band),
-              detail::coded_band_of(target, band), detail::pixels_of_columns(band));
-    } else {
-      const detail::GroupedBand grouped(models.map(), band, {reader(stack), reader(target)});
-      for (const auto& g : grouped.groups) {
-        counts[g.value] = g.columns.size();
-        predict(g.value, g.columns.size(), g.sources[0], g.sources[1],
-                detail::pixels_of_columns(band, g.columns));
-      }
-    }
-    const std::lock_guard lock(merging);
-    total.merge(figures);
-    for (std::size_t v = 0; v < counts.size(); ++v) in_groups[v] += counts[v];
-  });
-  Prediction p = models.even()
-                     ? detail::whole_image(total, model, grid, layers, bands, recorded)
-                     : detail::whole_image(total, models, grid, layers, in_groups, recorded);
+  Verification verification(stack, target, slices, setup.resin, context);
+  verification.predict_bands();
+  Prediction p = verification.result();
   detail::tell_nothing_prints(p, context);
-  if (window) {
-    p.dead_zones = window->result();
-    if (p.dead_zones->cured_pixels > 0) {
-      context.tell(fmt::format("the resin cures to the window at {} pixels, first in slice {}",
-                               p.dead_zones->cured_pixels, p.dead_zones->cured_slice));
-    }
+  if (p.dead_zones && p.dead_zones->cured_pixels > 0) {
+    context.tell(fmt::format("the resin cures to the window at {} pixels, first in slice {}",
+                             p.dead_zones->cured_pixels, p.dead_zones->cured_slice));
   }
   return p;
 }

@@ -33,6 +33,19 @@ std::uint8_t worse_error(std::uint8_t a, std::uint8_t b) {
   return size(a) != size(b) ? (size(a) > size(b) ? a : b) : std::max(a, b);
 }
 
+/// Turns runs, noted from the last slice down by the slice where each begins, into runs from the
+/// first slice up with the number of their slices.
+void count_slices(ReducedVolume::Runs& runs) {
+  std::reverse(runs.begin(), runs.end());
+  std::uint32_t begin = 0;
+  for (ReducedVolume::Run& run : runs) {
+    const std::uint32_t end = run.slices + 1;
+    run.slices = end - begin;
+    begin = end;
+  }
+  runs.shrink_to_fit();
+}
+
 }  // namespace
 
 VolumeReducer::VolumeReducer(const PlaceModels& models, const PixelBox& box, int target_layers,
@@ -306,16 +319,8 @@ void VolumeReducer::Band::follow(std::vector<Chosen>& chosen, const Reader& show
     }
   }
   for (Chosen& c : chosen) {
-    for (Runs* runs : {&c.column.coverage, &c.column.levels}) {
-      std::reverse(runs->begin(), runs->end());
-      std::uint32_t begin = 0;
-      for (ReducedVolume::Run& run : *runs) {
-        const std::uint32_t end = run.slices + 1;
-        run.slices = end - begin;
-        begin = end;
-      }
-      runs->shrink_to_fit();
-    }
+    count_slices(c.column.coverage);
+    count_slices(c.column.levels);
   }
 }
 

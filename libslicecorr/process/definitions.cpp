@@ -4,12 +4,14 @@
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
-#include <sstream>
 
 #include "process/flat_field_keys.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/image_size.hpp"
 #include "slicecorr/process.hpp"
 #include "slicecorr/units.hpp"
+#include "support/text/ascii.hpp"
+#include "support/text/csv.hpp"
 #include "support/toml/toml_table.hpp"
 
 #ifndef SLICECORR_INSTALLED_DB
@@ -33,21 +35,17 @@ std::vector<CalibrationPoint> calibration_from_csv(const TomlTable& table,
   if (!fs::is_regular_file(path, ec)) {
     table.fail("calibration", fmt::format("{} is not a file that can be read", path.string()));
   }
-  std::istringstream lines(read_text_file(path.string()));
   std::vector<CalibrationPoint> points;
-  std::string line;
-  for (int number = 1; std::getline(lines, line); ++number) {
-    if (!line.empty() && line.back() == '\r') line.pop_back();
-    if (line.find_first_not_of(" \t") == std::string::npos || line[0] == '#') continue;
-    double level = 0, intensity = 0;
-    char comma = 0, rest = 0;
-    std::istringstream fields(line);
-    if (!(fields >> level >> comma >> intensity) || comma != ',' || fields >> rest) {
-      if (points.empty() && line.find_first_of("0123456789") != 0) continue;  // header row
-      throw InputError(path.string(), fmt::format("line {}", number),
-                       "expected 'grey level, mW/cm²'");
+  CsvReader reader = CsvReader::of_text(read_text_file(path.string()), path.string());
+  for (CsvRow row; reader.next(row);) {
+    const auto level = number_in_text(row.cells.front());
+    const auto intensity = number_in_text(row.cells.back());
+    if (row.cells.size() != 2 || !level || !intensity || row.fault != CsvRow::Fault::none) {
+      if (points.empty() && (row.cells.front().empty() || !is_digit(row.cells.front()[0])))
+        continue;  // header row
+      throw InputError(path.string(), reader.place(), "expected 'grey level, mW/cm²'");
     }
-    points.push_back({level, intensity});
+    points.push_back({*level, *intensity});
   }
   return points;
 }
@@ -322,8 +320,8 @@ Printer parse_printer(std::string_view text, const std::string& source) {
   Printer printer;
   printer.name = root.text("name", fs::path(source).stem().string());
   const TomlTable display = root.required_table("display");
-  printer.width_px = display.required_integer("width_px", 1, 65536);
-  printer.height_px = display.required_integer("height_px", 1, 65536);
+  printer.width_px = display.required_integer("width_px", 1, kMostPixelsAcross);
+  printer.height_px = display.required_integer("height_px", 1, kMostPixelsAcross);
   printer.bit_depth = display.integer("bit_depth", 1, 8, 8);
   if (const toml::node* pixel = display.node("pixel_um"); pixel && pixel->is_array()) {
     const auto* pair = pixel->as_array();

@@ -92,6 +92,98 @@ void in_chunks(std::size_t count, const ExecutionContext& context, const Each& e
   });
 }
 
+/// The box around the corners of the part's triangles, mm.
+struct PartBox {
+  Point3 low, high;
+  double size(std::size_t k) const { return high[k] - low[k]; }
+  double middle(std::size_t k) const { return 0.5 * (low[k] + high[k]); }
+};
+
+PartBox box_of(const TriangleMesh& mesh, const ExecutionContext& context) {
+  Point3 low = mesh.vertices[mesh.triangles[0][0]], high = low;
+  bool finite = true;
+  std::mutex joining;
+  in_chunks(mesh.triangles.size(), context, [&](std::size_t, std::size_t begin, std::size_t end) {
+    Point3 its_low = mesh.vertices[mesh.triangles[begin][0]], its_high = its_low;
+    bool its_finite = true;
+    for (std::size_t i = begin; i < end; ++i) {
+      for (const std::uint32_t v : mesh.triangles[i]) {
+        for (std::size_t k = 0; k < 3; ++k) {
+          its_low[k] = std::min(its_low[k], mesh.vertices[v][k]);
+          its_high[k] = std::max(its_high[k], mesh.vertices[v][k]);
+          its_finite &= std::isfinite(mesh.vertices[v][k]);
+        }
+      }
+    }
+    const std::lock_guard lock(joining);
+    finite &= its_finite;
+    for (std::size_t k = 0; k < 3; ++k) {
+      low[k] = std::min(low[k], its_low[k]);
+      high[k] = std::max(high[k], its_high[k]);
+    }
+  });
+  if (!finite) throw InputError("a corner of the part is not at a finite place");
+  return {low, high};
+}
+
+/// Where the middle of the part lies on the display, whose size is also given, mm.
+struct Placing {
+  double display_x, display_y, cx, cy;
+};
+
+Placing placing_of(const Grid& plate, const SliceOptions& options) {
+  const double display_x = plate.width_px * (plate.pixel_x_um * 1e-3);
+  const double display_y = plate.height_px * (plate.pixel_y_um * 1e-3);
+  const double cx = options.center_mm ? (*options.center_mm)[0] : display_x / 2;
+  const double cy = options.center_mm ? (*options.center_mm)[1] : display_y / 2;
+  if (!std::isfinite(cx) || !std::isfinite(cy)) {
+    throw InputError(fmt::format("centre {:g}, {:g} mm; expected finite numbers", cx, cy));
+  }
+  return {display_x, display_y, cx, cy};
+}
+
+/// Throws where the part reaches over the display.
+void check_fits(const PartBox& box, const Placing& at, const Grid& plate, const Printer& printer) {
+  const double px = plate.pixel_x_um * 1e-3, py = plate.pixel_y_um * 1e-3;
+  const auto [display_x, display_y, cx, cy] = at;
+  const double half_x = 0.5 * box.size(0), half_y = 0.5 * box.size(1);
+  const double excess_x = std::max(half_x - cx, cx + half_x - display_x);
+  const double excess_y = std::max(half_y - cy, cy + half_y - display_y);
+  if (excess_x > kPixelTolerance * px || excess_y > kPixelTolerance * py) {
+    std::string text;
+    if (excess_x > kPixelTolerance * px) text += fmt::format(" {:.3f} mm in x", excess_x);
+    if (excess_y > kPixelTolerance * py) {
+      text += fmt::format("{} {:.3f} mm in y", text.empty() ? "" : " and", excess_y);
+    }
+    throw InputError(fmt::format(
+        "the part of {:.3f} x {:.3f} mm, centred at {:.3f}, {:.3f} mm, reaches{} beyond the "
+        "display of '{}' ({:.3f} x {:.3f} mm)",
+        box.size(0), box.size(1), cx, cy, text, printer.name, display_x, display_y));
+  }
+}
+
+/// Slices of the part. Throws where they are none or too many, or beyond the stage's travel.
+int layers_of(const PartBox& box, const Printer& printer, const SliceOptions& options) {
+  const double layer_mm = options.layer_um * 1e-3;
+  const double height = box.size(2) / layer_mm;
+  const double layers = std::ceil(height - 0.5 - kLayerTolerance);
+  if (printer.travel_mm > 0 && box.size(2) > printer.travel_mm + kLayerTolerance * layer_mm) {
+    throw InputError(fmt::format(
+        "the part is {:.3f} mm high, {:.3f} mm more than the stage of '{}' travels ({:g} mm)",
+        box.size(2), box.size(2) - printer.travel_mm, printer.name, printer.travel_mm));
+  }
+  if (!(layers >= 1)) {
+    throw InputError(
+        fmt::format("the part is {:.6g} mm high, thinner than half a layer of {:g} um; are its "
+                    "units and scale right (metres or inches read as millimetres)?",
+                    box.size(2), options.layer_um));
+  }
+  if (layers > 1e6) {
+    throw InputError(fmt::format("the part needs {:.0f} slices; expected at most 1000000", layers));
+  }
+  return static_cast<int>(layers);
+}
+
 }  // namespace
 
 struct MeshSlices::Impl {
@@ -177,73 +269,19 @@ void MeshSlices::Impl::set_edges(Cut& cut, int slice) const {
 
 void MeshSlices::Impl::place(TriangleMesh mesh, const Printer& printer, const SliceOptions& options,
                              const ExecutionContext& context) {
-  Point3 low = mesh.vertices[mesh.triangles[0][0]], high = low;
-  bool finite = true;
-  std::mutex joining;
-  in_chunks(mesh.triangles.size(), context, [&](std::size_t, std::size_t begin, std::size_t end) {
-    Point3 its_low = mesh.vertices[mesh.triangles[begin][0]], its_high = its_low;
-    bool its_finite = true;
-    for (std::size_t i = begin; i < end; ++i) {
-      for (const std::uint32_t v : mesh.triangles[i]) {
-        for (std::size_t k = 0; k < 3; ++k) {
-          its_low[k] = std::min(its_low[k], mesh.vertices[v][k]);
-          its_high[k] = std::max(its_high[k], mesh.vertices[v][k]);
-          its_finite &= std::isfinite(mesh.vertices[v][k]);
-        }
-      }
-    }
-    const std::lock_guard lock(joining);
-    finite &= its_finite;
-    for (std::size_t k = 0; k < 3; ++k) {
-      low[k] = std::min(low[k], its_low[k]);
-      high[k] = std::max(high[k], its_high[k]);
-    }
-  });
-  if (!finite) throw InputError("a corner of the part is not at a finite place");
+  const PartBox box = box_of(mesh, context);
   const Grid plate = plate_grid(printer);
-  const double px = plate.pixel_x_um * 1e-3, py = plate.pixel_y_um * 1e-3;
-  const double layer_mm = options.layer_um * 1e-3;
-  const double display_x = plate.width_px * px, display_y = plate.height_px * py;
-  const double cx = options.center_mm ? (*options.center_mm)[0] : display_x / 2;
-  const double cy = options.center_mm ? (*options.center_mm)[1] : display_y / 2;
-  if (!std::isfinite(cx) || !std::isfinite(cy)) {
-    throw InputError(fmt::format("centre {:g}, {:g} mm; expected finite numbers", cx, cy));
-  }
-  const double mid_x = 0.5 * (low[0] + high[0]), mid_y = 0.5 * (low[1] + high[1]);
-
-  const double half_x = 0.5 * (high[0] - low[0]), half_y = 0.5 * (high[1] - low[1]);
-  const double excess_x = std::max(half_x - cx, cx + half_x - display_x);
-  const double excess_y = std::max(half_y - cy, cy + half_y - display_y);
-  if (excess_x > kPixelTolerance * px || excess_y > kPixelTolerance * py) {
-    std::string text;
-    if (excess_x > kPixelTolerance * px) text += fmt::format(" {:.3f} mm in x", excess_x);
-    if (excess_y > kPixelTolerance * py) {
-      text += fmt::format("{} {:.3f} mm in y", text.empty() ? "" : " and", excess_y);
-    }
-    throw InputError(fmt::format(
-        "the part of {:.3f} x {:.3f} mm, centred at {:.3f}, {:.3f} mm, reaches{} beyond the "
-        "display of '{}' ({:.3f} x {:.3f} mm)",
-        high[0] - low[0], high[1] - low[1], cx, cy, text, printer.name, display_x, display_y));
-  }
-  const double height = (high[2] - low[2]) / layer_mm;
-  const double layers = std::ceil(height - 0.5 - kLayerTolerance);
-  if (printer.travel_mm > 0 && high[2] - low[2] > printer.travel_mm + kLayerTolerance * layer_mm) {
-    throw InputError(fmt::format(
-        "the part is {:.3f} mm high, {:.3f} mm more than the stage of '{}' travels ({:g} mm)",
-        high[2] - low[2], high[2] - low[2] - printer.travel_mm, printer.name, printer.travel_mm));
-  }
-  if (!(layers >= 1)) {
-    throw InputError(
-        fmt::format("the part is {:.6g} mm high, thinner than half a layer of {:g} um; are its "
-                    "units and scale right (metres or inches read as millimetres)?",
-                    high[2] - low[2], options.layer_um));
-  }
-  if (layers > 1e6) {
-    throw InputError(fmt::format("the part needs {:.0f} slices; expected at most 1000000", layers));
-  }
-  grid = {plate.width_px,   plate.height_px,  static_cast<int>(layers),
+  const Placing at = placing_of(plate, options);
+  check_fits(box, at, plate, printer);
+  const int layers = layers_of(box, printer, options);
+  grid = {plate.width_px,   plate.height_px,  layers,
           plate.pixel_x_um, plate.pixel_y_um, options.layer_um};
 
+  const double px = plate.pixel_x_um * 1e-3, py = plate.pixel_y_um * 1e-3;
+  const double layer_mm = options.layer_um * 1e-3;
+  const double cx = at.cx, cy = at.cy, display_y = at.display_y;
+  const double mid_x = box.middle(0), mid_y = box.middle(1);
+  const double half_x = 0.5 * box.size(0), half_y = 0.5 * box.size(1);
   const auto inside = [](double v, int most) { return std::clamp(static_cast<int>(v), 0, most); };
   bounds = {inside(std::floor((cx - half_x) / px + 1e-9), plate.width_px),
             inside(std::floor((display_y - cy - half_y) / py + 1e-9), plate.height_px),
@@ -259,7 +297,7 @@ void MeshSlices::Impl::place(TriangleMesh mesh, const Printer& printer, const Sl
       const double y = std::clamp((mid_y - v[1] + display_y - cy) / py, 0.0, 1.0 * plate.height_px);
       corners[i] = {std::clamp(x, static_cast<double>(bounds.x0), static_cast<double>(bounds.x1)),
                     std::clamp(y, static_cast<double>(bounds.y0), static_cast<double>(bounds.y1)),
-                    (v[2] - low[2]) / layer_mm - 0.5};
+                    (v[2] - box.low[2]) / layer_mm - 0.5};
     }
   });
   triangles = std::move(mesh.triangles);

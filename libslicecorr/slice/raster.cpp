@@ -125,7 +125,7 @@ Raster::Raster(int x0, int y0, int x1, int y1, bool antialias)
 }
 
 const std::uint8_t* Raster::draw(std::span<const Segment> segments) {
-  const Frame f = {x0_, y0_, y1_, x1_ - x0_, words_, width_ + 1};
+  const BandLayout f = {x0_, y0_, y1_, x1_ - x0_, words_, width_ + 1};
   segments_ = segments;
   crossing_count_ = 0;
   overlap_spans_.clear();
@@ -152,7 +152,7 @@ const std::uint8_t* Raster::draw(std::span<const Segment> segments) {
 
 /// Rows of a segment are worked on four at a time.
 SLICECORR_CLONES
-void Raster::add_areas(const Frame& f) {
+void Raster::add_areas(const BandLayout& f) {
   const Reals shift = Reals{} + kShift, lane = {0, 1, 2, 3};
   const Ints last_column = Ints{} + (f.width - 1);
   if (crossings_.size() < segments_.size()) crossings_.resize(2 * segments_.size());
@@ -244,7 +244,7 @@ void Raster::add_areas(const Frame& f) {
 
 /// A horizontal segment changes no winding, but its pixels are partly covered and can't be filled
 /// by one winding. Marked as crossed both ways, they are looked at closely.
-void Raster::add_horizontal(const Segment& s, const Frame& f) {
+void Raster::add_horizontal(const Segment& s, const BandLayout& f) {
   if (!(s.ay > f.y0) || !(s.ay < f.y1)) return;
   const int row = static_cast<int>(s.ay);
   if (row == s.ay) return;
@@ -260,7 +260,7 @@ void Raster::add_horizontal(const Segment& s, const Frame& f) {
 
 /// Draws all pixels as if no fragments overlapped, and notes where they may overlap.
 SLICECORR_CLONES
-bool Raster::draw_area_row(int row, const Frame& f) {
+bool Raster::draw_area_row(int row, const BandLayout& f) {
   const auto at = static_cast<std::size_t>(row);
   std::uint8_t* const pixels = pixels_.data() + at * width_;
   PixelSums* const sums = sums_.data() + at * f.stride;
@@ -350,7 +350,7 @@ bool Raster::draw_area_row(int row, const Frame& f) {
 }
 
 SLICECORR_CLONES
-void Raster::add_centres(const Frame& f) {
+void Raster::add_centres(const BandLayout& f) {
   const Reals lane = {0.5, 1.5, 2.5, 3.5};
   for (const Segment& s : segments_) {
     if (s.ay == s.by) continue;
@@ -382,7 +382,7 @@ void Raster::add_centres(const Frame& f) {
 }
 
 SLICECORR_CLONES
-bool Raster::draw_centre_row(int row, const Frame& f) {
+bool Raster::draw_centre_row(int row, const BandLayout& f) {
   const auto at = static_cast<std::size_t>(row);
   std::uint8_t* const pixels = pixels_.data() + at * width_;
   std::int32_t* const steps = steps_.data() + at * f.stride;

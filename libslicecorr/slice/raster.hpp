@@ -66,20 +66,20 @@ class Raster {
     int winding;               ///< left of it
     std::uint32_t begin, end;  ///< its segments in `overlap_segments_`
   };
-  struct Frame;
+  struct BandLayout;
   struct Line;
 
-  void add_areas(const Frame& f);
-  void add_centres(const Frame& f);
-  void add_horizontal(const Segment& s, const Frame& f);
-  bool draw_area_row(int row, const Frame& f);
-  bool draw_centre_row(int row, const Frame& f);
+  void add_areas(const BandLayout& f);
+  void add_centres(const BandLayout& f);
+  void add_horizontal(const Segment& s, const BandLayout& f);
+  bool draw_area_row(int row, const BandLayout& f);
+  bool draw_centre_row(int row, const BandLayout& f);
   void find_overlap_spans(int row, std::size_t count);
-  unsigned draw_overlap_spans(const Frame& f);
+  unsigned draw_overlap_spans(const BandLayout& f);
   void find_segments();
-  unsigned draw_overlap_span(const OverlapSpan& span, const Frame& f);
+  unsigned draw_overlap_span(const OverlapSpan& span, const BandLayout& f);
   void draw_scanbeam(PixelSums* sums, std::uint64_t* marks, double from, double to, int winding,
-                     const Frame& f);
+                     const BandLayout& f);
   bool pairs();
 
   int x0_, y0_, x1_, y1_;

@@ -29,7 +29,7 @@ void Raster::find_overlap_spans(int row, std::size_t count) {
 }
 
 /// Draws all overlap spans of a slice again.
-unsigned Raster::draw_overlap_spans(const Frame& f) {
+unsigned Raster::draw_overlap_spans(const BandLayout& f) {
   find_segments();
   unsigned lit = 0;
   for (const OverlapSpan& span : overlap_spans_) lit |= draw_overlap_span(span, f);
@@ -119,7 +119,7 @@ bool Raster::pairs() {
 }
 
 /// Draws an overlap span scanbeam by scanbeam. Left and right of it each row has one winding.
-unsigned Raster::draw_overlap_span(const OverlapSpan& span, const Frame& f) {
+unsigned Raster::draw_overlap_span(const OverlapSpan& span, const BandLayout& f) {
   const auto at = static_cast<std::size_t>(span.row);
   const int row = f.y0 + span.row;
   fragments_.clear();
@@ -186,7 +186,7 @@ unsigned Raster::draw_overlap_span(const OverlapSpan& span, const Frame& f) {
 }
 
 void Raster::draw_scanbeam(PixelSums* sums, std::uint64_t* marks, double from, double to,
-                           int winding, const Frame& f) {
+                           int winding, const BandLayout& f) {
   const auto before = [](const Active& a, const Active& b) {
     return a.x != b.x ? a.x < b.x : a.x_end < b.x_end;
   };

@@ -11,7 +11,7 @@
 
 namespace slicecorr::detail {
 
-struct Raster::Frame {
+struct Raster::BandLayout {
   int x0, y0, y1;
   int width;
   std::size_t words;   ///< 64 marks each
@@ -25,7 +25,7 @@ struct Raster::Line {
   double slope, least, most;
   bool down;
 
-  SLICECORR_INLINE Line(const Segment& s, const Frame& f) {
+  SLICECORR_INLINE Line(const Segment& s, const BandLayout& f) {
     down = s.ay < s.by;
     const double right = f.width;
     ux = std::min(std::max((down ? s.ax : s.bx) - f.x0, 0.0), right);
@@ -39,10 +39,10 @@ struct Raster::Line {
   SLICECORR_INLINE double x_at(double y) const {
     return std::min(std::max(ux + (y - uy) * slope, least), most);
   }
-  SLICECORR_INLINE int first_row(const Frame& f) const {
+  SLICECORR_INLINE int first_row(const BandLayout& f) const {
     return uy > f.y0 ? static_cast<int>(uy) : f.y0;
   }
-  SLICECORR_INLINE int last_row(const Frame& f) const {
+  SLICECORR_INLINE int last_row(const BandLayout& f) const {
     if (ly >= f.y1) return f.y1 - 1;
     const int row = static_cast<int>(ly);
     return row < ly ? row : row - 1;

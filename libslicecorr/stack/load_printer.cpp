@@ -9,6 +9,7 @@
 
 #include "process/flat_field_keys.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/image_size.hpp"
 #include "slicecorr/stack.hpp"
 #include "support/toml/toml_table.hpp"
 
@@ -24,9 +25,10 @@ std::uint32_t big_endian(const std::vector<std::uint8_t>& bytes, std::size_t at)
          (std::uint32_t{bytes[at + 2]} << 8) | bytes[at + 3];
 }
 
-/// Reads a picture; `check` is called with its size before a pixel is unpacked.
-template <typename Check>
-GreyImage read_png(const std::string& path, const Check& check) {
+}  // namespace
+
+GreyImage read_flat_field_png(const std::string& path,
+                              const std::function<void(int width_px, int height_px)>& check) {
   const std::string text = read_text_file(path);
   const std::vector<std::uint8_t> bytes(text.begin(), text.end());
   constexpr std::uint8_t signature[] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1A, '\n'};
@@ -34,18 +36,15 @@ GreyImage read_png(const std::string& path, const Check& check) {
     throw InputError(path, "", "is no PNG image");
   }
   const std::uint32_t width = big_endian(bytes, 16), height = big_endian(bytes, 20);
-  if (width < 1 || height < 1 || width > 65536 || height > 65536 ||
-      std::uint64_t{width} * height > 1'000'000'000) {
+  if (!is_image_size(width, height)) {
     throw InputError(path, "",
-                     fmt::format("is {} x {} pixels; expected sides of 1 to 65536 and at most 1e9 "
+                     fmt::format("is {} x {} pixels; expected sides of 1 to {} and at most {} "
                                  "pixels",
-                                 width, height));
+                                 width, height, kMostPixelsAcross, kMostPixels));
   }
-  check(static_cast<int>(width), static_cast<int>(height));
+  if (check) check(static_cast<int>(width), static_cast<int>(height));
   return decode_png(bytes, static_cast<int>(width), static_cast<int>(height), path, "flat-field");
 }
-
-}  // namespace
 
 void check_flat_field(const FlatField& field, const Printer& printer, const std::string& path) {
   Grid covered;
@@ -88,7 +87,7 @@ FlatField load_flat_field(const std::string& path, const Printer& printer, bool 
                           std::optional<int> reference) {
   FlatField field;
   field.of_plate = of_plate;
-  GreyImage image = read_png(path, [&](int width_px, int height_px) {
+  GreyImage image = read_flat_field_png(path, [&](int width_px, int height_px) {
     field.width_px = width_px;
     field.height_px = height_px;
     check_flat_field(field, printer, path);

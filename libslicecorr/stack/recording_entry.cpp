@@ -4,13 +4,13 @@
 #include <isa-l.h>
 
 #include <algorithm>
-#include <array>
 #include <charconv>
 #include <cmath>
 #include <iterator>
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/units.hpp"
+#include "support/text/csv.hpp"
 
 namespace slicecorr {
 
@@ -125,15 +125,9 @@ Recording parse_recording(std::string_view csv, int slices, const std::string& f
     ++line;
     const std::size_t end = csv.find('\n');
     if (end == std::string_view::npos) wrong("a whole line");
-    std::string_view row = csv.substr(0, end);
+    const std::vector<std::string_view> cell = comma_separated(csv.substr(0, end));
     csv.remove_prefix(end + 1);
-    std::array<std::string_view, kColumns> cell;
-    for (std::size_t k = 0; k < kColumns; ++k) {
-      const std::size_t comma = row.find(',');
-      if ((comma == std::string_view::npos) != (k + 1 == kColumns)) wrong("8 columns");
-      cell[k] = row.substr(0, comma);
-      row.remove_prefix(k + 1 == kColumns ? row.size() : comma + 1);
-    }
+    if (cell.size() != kColumns) wrong("8 columns");
     int slice = 0;
     Recording::Showing p;
     const bool read = read_number(cell[0], slice) && read_number(cell[1], p.image) &&

@@ -6,6 +6,7 @@
 #include <array>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/image_size.hpp"
 
 namespace slicecorr::resins {
 
@@ -141,14 +142,14 @@ constexpr std::array kPrinterRules = std::to_array<KeyRule>({
      .key = "width_px",
      .type = whole,
      .low = 1,
-     .high = 65536,
+     .high = kMostPixelsAcross,
      .required = true,
      .what = "pixels along x"},
     {.table = "display",
      .key = "height_px",
      .type = whole,
      .low = 1,
-     .high = 65536,
+     .high = kMostPixelsAcross,
      .required = true,
      .what = "pixels along y"},
     {.table = "display",

@@ -3,61 +3,18 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cctype>
-#include <charconv>
-#include <cmath>
 #include <utility>
 
 #include "slicecorr/error.hpp"
 #include "support/text/ascii.hpp"
+#include "support/text/csv.hpp"
 
 namespace slicecorr::resins {
 
-namespace {
-
-/// Cells of one line; a quote inside quotes is written twice.
-std::vector<std::string> cells_of(std::string_view line) {
-  std::vector<std::string> cells(1);
-  bool quoted = false;
-  for (std::size_t i = 0; i < line.size(); ++i) {
-    const char c = line[i];
-    if (c == '"' && quoted && i + 1 < line.size() && line[i + 1] == '"') {
-      cells.back() += '"';
-      ++i;
-    } else if (c == '"') {
-      quoted = !quoted;
-    } else if (c == ',' && !quoted) {
-      cells.emplace_back();
-    } else {
-      cells.back() += c;
-    }
-  }
-  for (std::string& cell : cells) cell = std::string(trimmed(cell));
-  return cells;
-}
-
-}  // namespace
-
-std::optional<double> number_in_text(std::string_view text) {
-  std::string t(trimmed(text));
-  if (!t.empty() && t[0] == '+') t.erase(0, 1);
-  double value = 0;
-  const auto [end, error] = std::from_chars(t.data(), t.data() + t.size(), value);
-  if (error != std::errc() || end != t.data() + t.size() || !std::isfinite(value)) {
-    return std::nullopt;
-  }
-  return value;
-}
-
 CsvTable::CsvTable(std::string_view text, std::string source, Header header)
     : source_(std::move(source)) {
-  if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
-  for (int number = 1; !text.empty(); ++number) {
-    const std::size_t end = std::min(text.find('\n'), text.size());
-    const std::string line(trimmed(text.substr(0, end)));
-    text.remove_prefix(std::min(end + 1, text.size()));
-    if (line.empty() || line[0] == '#') continue;
-    Row row{number, cells_of(line)};
+  CsvReader reader = CsvReader::of_text(text, source_, {.quotes_inside_cells = true});
+  for (CsvRow row; reader.next(row);) {
     if (header_.empty() && header == Header::optional &&
         std::all_of(row.cells.begin(), row.cells.end(),
                     [](const std::string& cell) { return number_in_text(cell).has_value(); })) {
@@ -68,19 +25,19 @@ CsvTable::CsvTable(std::string_view text, std::string source, Header header)
       header_ = std::move(row.cells);
       for (std::size_t i = 0; i < header_.size(); ++i) {
         if (std::count(header_.begin(), header_.end(), header_[i]) > 1) {
-          throw InputError(source_, fmt::format("line {}", number),
+          throw InputError(source_, reader.place(),
                            fmt::format("column '{}' stands twice in the header", header_[i]));
         }
       }
       continue;
     }
     if (row.cells.size() > header_.size()) {
-      throw InputError(source_, fmt::format("line {}", number),
+      throw InputError(source_, reader.place(),
                        fmt::format("has {} cells; expected the {} of the header", row.cells.size(),
                                    header_.size()));
     }
     row.cells.resize(header_.size());
-    rows_.push_back(std::move(row));
+    rows_.push_back({row.line, std::move(row.cells)});
   }
   if (header_.empty()) throw InputError(source_, "", "is empty; expected a header row");
 }
@@ -105,16 +62,6 @@ std::optional<double> CsvTable::number(const Row& row, std::string_view column) 
 
 void CsvTable::fail(const Row& row, std::string_view column, const std::string& message) const {
   throw InputError(source_, fmt::format("line {}: column {}", row.line, column), message);
-}
-
-std::string csv_cell(const std::string& text) {
-  if (text.find_first_of(",\"\n#") == std::string::npos) return text;
-  std::string out = "\"";
-  for (const char c : text) {
-    if (c == '"') out += '"';
-    out += c == '\n' ? ' ' : c;
-  }
-  return out + "\"";
 }
 
 }  // namespace slicecorr::resins

@@ -1,4 +1,4 @@
-/// Tables as text: commas, quotes, a header row, # for comments.
+/// Tables with a header row, by the names of their columns.
 #pragma once
 
 #include <optional>
@@ -37,10 +37,5 @@ class CsvTable {
   std::vector<std::string> header_;
   std::vector<Row> rows_;
 };
-
-/// A cell, in quotes where it needs them.
-std::string csv_cell(const std::string& text);
-/// The whole text as a finite number; blanks around it don't count.
-std::optional<double> number_in_text(std::string_view text);
 
 }  // namespace slicecorr::resins

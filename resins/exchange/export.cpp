@@ -3,11 +3,11 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "exchange/csv.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/kinetics.hpp"
 #include "slicecorr/resins/exchange.hpp"
 #include "slicecorr/units.hpp"
+#include "support/text/csv.hpp"
 
 namespace slicecorr::resins {
 

@@ -69,6 +69,43 @@ class Reader {
     return at->get<double>();
   }
 
+  std::vector<Curve> curves_of(const json& list, const std::string& place) const {
+    std::vector<Curve> curves;
+    for (std::size_t i = 0; i < list.size(); ++i) {
+      const std::string at = fmt::format("{}/temperature_coefficients/{}", place, i);
+      const json& c = list[i];
+      if (!c.is_object()) fail(at, "expected {temperature, x_coefficient, y_compensation}");
+      curves.push_back({number(c, "temperature", at), number(c, "x_coefficient", at),
+                        number(c, "y_compensation", at)});
+    }
+    return curves;
+  }
+
+  struct Chosen {
+    std::size_t curve = 0;
+    bool selected = false;  ///< by the profile's selector
+  };
+  /// The selector counts where it points at one; else the curve nearest to the target temperature.
+  static Chosen choose(const std::vector<Curve>& curves, const json& curve, double target) {
+    const auto selector_at = curve.find("current_tempcurve_selector");
+    const int selector = selector_at != curve.end() && selector_at->is_number_integer()
+                             ? selector_at->get<int>()
+                             : -1;
+    std::size_t chosen = 0;
+    const bool selected = selector >= 0 && static_cast<std::size_t>(selector) < curves.size();
+    if (selected) {
+      chosen = static_cast<std::size_t>(selector);
+    } else {
+      for (std::size_t i = 1; i < curves.size(); ++i) {
+        if (std::abs(curves[i].temperature - target) <
+            std::abs(curves[chosen].temperature - target)) {
+          chosen = i;
+        }
+      }
+    }
+    return {chosen, selected};
+  }
+
   void take(const json& resin, const json& curve, const std::string& place) {
     const auto property_at = resin.find("property");
     const json property =
@@ -88,34 +125,11 @@ class Reader {
           fmt::format("{}: resin '{}' has no temperature_coefficients", place, title));
       return;
     }
-    std::vector<Curve> curves;
-    for (std::size_t i = 0; i < list->size(); ++i) {
-      const std::string at = fmt::format("{}/temperature_coefficients/{}", place, i);
-      const json& c = (*list)[i];
-      if (!c.is_object()) fail(at, "expected {temperature, x_coefficient, y_compensation}");
-      curves.push_back({number(c, "temperature", at), number(c, "x_coefficient", at),
-                        number(c, "y_compensation", at)});
-    }
-    // The selector counts where it points at one; else the curve nearest to the target temperature.
-    const auto selector_at = curve.find("current_tempcurve_selector");
-    const int selector = selector_at != curve.end() && selector_at->is_number_integer()
-                             ? selector_at->get<int>()
-                             : -1;
+    const std::vector<Curve> curves = curves_of(*list, place);
     const auto target_at = property.find("target_temperature");
     const double target =
         target_at != property.end() && target_at->is_number() ? target_at->get<double>() : 25.0;
-    std::size_t chosen = 0;
-    const bool selected = selector >= 0 && static_cast<std::size_t>(selector) < curves.size();
-    if (selected) {
-      chosen = static_cast<std::size_t>(selector);
-    } else {
-      for (std::size_t i = 1; i < curves.size(); ++i) {
-        if (std::abs(curves[i].temperature - target) <
-            std::abs(curves[chosen].temperature - target)) {
-          chosen = i;
-        }
-      }
-    }
+    const auto [chosen, selected] = choose(curves, curve, target);
     const Curve& c = curves[chosen];
     const double dose_mj_cm2 = std::exp(c.y / c.x) * 1e-3;
     if (!(c.x > 0) || !(c.x < 1e4) || !(dose_mj_cm2 > 1e-4) || !(dose_mj_cm2 < 1e5)) {

@@ -283,6 +283,46 @@ std::vector<Imported> import_curve(const ImportSource& source, const ImportOptio
   return {made};
 }
 
+/// The light that a correction mask makes even.
+FlatField light_behind(GreyImage mask, const std::string& path) {
+  std::uint8_t least = 255;
+  for (const std::uint8_t v : mask.pixels) least = std::min(least, v);
+  if (least == 0) {
+    throw InputError(path, "",
+                     "has black pixels: as a correction that would mean endless light there; "
+                     "expected a mask above 0");
+  }
+  for (std::uint8_t& v : mask.pixels) {
+    v = static_cast<std::uint8_t>(std::lround(255.0 * least / v));
+  }
+  return flat_field_of(std::move(mask), path);
+}
+
+/// Maps that lie across a portrait display can only be maps of the plate.
+void set_frame(TomlEdit& edit, const GreyImage& image, const std::string& path, Imported& made) {
+  const Printer printer = parse_printer(edit.text(), made.name + ".toml");
+  edit.remove("display", "flat_field_reference");
+  slicecorr::FlatField map;
+  map.width_px = image.width_px;
+  map.height_px = image.height_px;
+  try {
+    check_flat_field(map, printer, path);
+    edit.remove("display", "flat_field_frame");
+  } catch (const InputError&) {
+    map.of_plate = true;
+    try {
+      check_flat_field(map, printer, path);
+    } catch (const InputError&) {
+      map.of_plate = false;
+    }
+    if (!map.of_plate) throw;
+    edit.set("display", "flat_field_frame", toml_text("plate"));
+    made.assumptions.emplace_back(
+        "It lies across the images of the display, which are portrait: it was taken for one of the "
+        "plate, its first row at the largest y, its first column at the smallest x.");
+  }
+}
+
 }  // namespace
 
 std::vector<Imported> import_calibration(const ImportSource& source, const ImportOptions& options,
@@ -318,17 +358,7 @@ std::vector<Imported> import_flat_field(const ImportSource& source, const Import
   } else {
     field = flat_field_of_png(source.path);
     if (correction_mask) {
-      std::uint8_t least = 255;
-      for (const std::uint8_t v : field.image.pixels) least = std::min(least, v);
-      if (least == 0) {
-        throw InputError(source.path, "",
-                         "has black pixels: as a correction that would mean endless light there; "
-                         "expected a mask above 0");
-      }
-      for (std::uint8_t& v : field.image.pixels) {
-        v = static_cast<std::uint8_t>(std::lround(255.0 * least / v));
-      }
-      field = flat_field_of(std::move(field.image), source.path);
+      field = light_behind(std::move(field.image), source.path);
       say.emplace_back(
           "A correction mask, which multiplies grey levels so that the light becomes even: "
           "relative intensity was taken as its least value over its value, which takes intensity "
@@ -348,28 +378,7 @@ std::vector<Imported> import_flat_field(const ImportSource& source, const Import
   say.emplace_back(
       "Its brightest place is taken to get the intensities of the calibration; where they were "
       "measured elsewhere, write the picture's value there as flat_field_reference (1 to 255).");
-  // Maps that lie across a portrait display can only be maps of the plate.
-  const Printer printer = parse_printer(edit.text(), made.name + ".toml");
-  edit.remove("display", "flat_field_reference");
-  slicecorr::FlatField map;
-  map.width_px = field.image.width_px;
-  map.height_px = field.image.height_px;
-  try {
-    check_flat_field(map, printer, source.path);
-    edit.remove("display", "flat_field_frame");
-  } catch (const InputError&) {
-    map.of_plate = true;
-    try {
-      check_flat_field(map, printer, source.path);
-    } catch (const InputError&) {
-      map.of_plate = false;
-    }
-    if (!map.of_plate) throw;
-    edit.set("display", "flat_field_frame", toml_text("plate"));
-    say.emplace_back(
-        "It lies across the images of the display, which are portrait: it was taken for one of the "
-        "plate, its first row at the largest y, its first column at the smallest x.");
-  }
+  set_frame(edit, field.image, source.path, made);
   edit.set("display", "flat_field", toml_text(image.stem + image.extension));
   std::string comment = fmt::format("# Relative intensity over the display, from {}.", source.file);
   for (const std::string& a : say) comment += "\n# - " + a;

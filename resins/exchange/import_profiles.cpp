@@ -6,10 +6,10 @@
 #include <regex>
 #include <set>
 
-#include "exchange/csv.hpp"
 #include "exchange/import.hpp"
 #include "slicecorr/error.hpp"
 #include "support/text/ascii.hpp"
+#include "support/text/csv.hpp"
 
 namespace slicecorr::resins {
 

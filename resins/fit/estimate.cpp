@@ -97,6 +97,48 @@ double aicc(double squares, double n, double parameters) {
   return n * std::log(squares / n) + 2 * k + 2 * k * (k + 1) / (n - k - 1);
 }
 
+/// Between the cured heights that two laws give for the observations, um.
+double greatest_difference(const Problem& problem, const Slots& a, const Slots& b) {
+  double worst_um = 0;
+  for (const Observation& o : problem.observations) {
+    worst_um = std::max(worst_um,
+                        std::abs(cured_height(a, o.exposure).um - cured_height(b, o.exposure).um));
+  }
+  return worst_um;
+}
+
+/// `half`: of the confidence interval of m, `error`: its standard error; `worst_um`: how far
+/// Jacobs' law is off.
+std::string verdict_of(const Reciprocity& r, double half, double error, double worst_um) {
+  if (half > 0.5) {
+    // No reason to doubt it, and none to believe in it.
+    return fmt::format(
+        "The measurements can't tell whether reciprocity holds: m is {:.3g}, but anything from "
+        "{:.3g} to {:.3g} fits (95 %).",
+        r.m, r.m_ci95[0], r.m_ci95[1]);
+  }
+  const std::string figures =
+      fmt::format("m = {} ({} to {}; F = {:.3g}, p = {:.2g})", figure(r.m, error),
+                  figure(r.m_ci95[0], error), figure(r.m_ci95[1], error), r.f, r.p_value);
+  const double gain = r.aic_jacobs - r.aic_kinetic;
+  std::string by_aic = "samples are too few for AICc";
+  if (std::isfinite(gain)) {
+    by_aic = fmt::format("AICc prefers {} by {:.3g}", gain > 0 ? "the kinetic law" : "Jacobs' law",
+                         std::abs(gain));
+  }
+  if (r.holds) {
+    return fmt::format(
+        "Reciprocity holds: {} does not differ from 1, and {}. Only the dose counts, as in Jacobs' "
+        "law.",
+        figures, by_aic);
+  }
+  return fmt::format(
+      "Reciprocity does not hold: {} differs from 1, and {}. At a quarter of the intensity the "
+      "same height needs {:.2f} times the dose; Jacobs' law is off by up to {:.3g} um at the doses "
+      "measured.",
+      figures, by_aic, std::pow(0.25, 1 - r.m), worst_um);
+}
+
 }  // namespace
 
 KindScatter scatter_of_kinds(const Problem& problem, const Diagnosis& d) {
@@ -298,41 +340,9 @@ std::optional<Reciprocity> test_reciprocity(const PreparedFit& s, const Solution
   const double half = student_t_quantile(0.975, seen.freedom) * seen.stderr_inner(1);
   r.m_ci95 = {r.m - half, r.m + half};
   r.holds = r.p_value >= 0.05;
-  if (half > 0.5) {
-    // No reason to doubt it, and none to believe in it.
-    r.verdict = fmt::format(
-        "The measurements can't tell whether reciprocity holds: m is {:.3g}, but anything from "
-        "{:.3g} to {:.3g} fits (95 %).",
-        r.m, r.m_ci95[0], r.m_ci95[1]);
-    return r;
-  }
-  const double error = seen.stderr_inner(1);
-  const std::string figures =
-      fmt::format("m = {} ({} to {}; F = {:.3g}, p = {:.2g})", figure(r.m, error),
-                  figure(r.m_ci95[0], error), figure(r.m_ci95[1], error), r.f, r.p_value);
-  const double gain = r.aic_jacobs - r.aic_kinetic;
-  std::string by_aic = "samples are too few for AICc";
-  if (std::isfinite(gain)) {
-    by_aic = fmt::format("AICc prefers {} by {:.3g}", gain > 0 ? "the kinetic law" : "Jacobs' law",
-                         std::abs(gain));
-  }
-  if (r.holds) {
-    r.verdict = fmt::format(
-        "Reciprocity holds: {} does not differ from 1, and {}. Only the dose counts, as in Jacobs' "
-        "law.",
-        figures, by_aic);
-    return r;
-  }
-  double worst = 0;
-  for (const Observation& o : kinetic.problem.observations) {
-    const double by_jacobs = cured_height(jacobs.problem.law(straight->inner), o.exposure).um;
-    worst = std::max(worst, std::abs(by_jacobs - cured_height(seen.law, o.exposure).um));
-  }
-  r.verdict = fmt::format(
-      "Reciprocity does not hold: {} differs from 1, and {}. At a quarter of the intensity the "
-      "same height needs {:.2f} times the dose; Jacobs' law is off by up to {:.3g} um at the doses "
-      "measured.",
-      figures, by_aic, std::pow(0.25, 1 - r.m), worst);
+  const double worst_um =
+      greatest_difference(kinetic.problem, jacobs.problem.law(straight->inner), seen.law);
+  r.verdict = verdict_of(r, half, seen.stderr_inner(1), worst_um);
   return r;
 }
 

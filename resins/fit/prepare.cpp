@@ -266,6 +266,180 @@ void apply_choices(PreparedFit& s, const FitOptions& options) {
   for (const auto& p : s.parameters) s.problem.unknowns.push_back(p.unknown);
 }
 
+/// What is wrong with the options whatever was measured.
+void check_options(FitModel model, const FitOptions& options) {
+  if (!(options.tolerance > 0 && options.tolerance < 1)) {
+    throw InputError(
+        fmt::format("the tolerance is {:g}; expected a number between 0 and 1", options.tolerance));
+  }
+  if (options.starts < 1) {
+    throw InputError(fmt::format("starts is {}; expected 1 or more", options.starts));
+  }
+  if (options.bootstrap < 0) {
+    throw InputError(fmt::format("bootstrap is {}; expected 0 or more", options.bootstrap));
+  }
+  if (model == FitModel::dead_zone_steady || model == FitModel::dead_zone_transient) {
+    const auto need = [&](const char* what, double value) {
+      if (std::isfinite(value) && value > 0) return;
+      throw InputError(
+          fmt::format("the {} model stands on the blue law of the resin, and {} is {:g}; expected "
+                      "it from --resin",
+                      name_of(model), what, value));
+    };
+    need("its absorbance height hb_um", options.hb_um);
+    if (model == FitModel::dead_zone_transient) {
+      need("its gel dose D'c", options.critical_dose_prime);
+      need("its exponent m", options.m);
+    }
+  }
+}
+
+/// What the rows of measurements give besides the observations.
+struct Rows {
+  std::size_t cured = 0, dead = 0;     ///< that became observations
+  int without_intensity = 0;           ///< cured heights with a dose alone
+  std::vector<std::string> saturated;  ///< places of dead zones of 0
+  std::vector<double> sigma_um;        ///< per observation, 0: not given
+};
+
+void take_cured_heights(PreparedFit& s, const Measurements& data, Rows& rows) {
+  for (const CuredHeight& c : data.cured) {
+    FitPoint p;
+    p.blue_mw_cm2 = c.blue_mw_cm2;
+    p.exposure_s = c.exposure_s;
+    p.dose_mj_cm2 = c.dose_mj_cm2;
+    p.measured_um = c.height_um;
+    p.origin = c.origin;
+    Observation o;
+    o.measured_um = c.height_um;
+    const bool known = c.blue_mw_cm2 > 0 && c.exposure_s > 0;
+    rows.without_intensity += known ? 0 : 1;
+    o.exposure.ln_blue = known ? std::log(c.blue_mw_cm2) : 0;
+    o.exposure.ln_time = known ? std::log(c.exposure_s) : std::log(c.dose_mj_cm2);
+    s.point_of.push_back(s.points.size());
+    s.points.push_back(p);
+    s.problem.observations.push_back(o);
+    rows.sigma_um.push_back(c.sigma_um);
+  }
+  rows.cured = data.cured.size();
+}
+
+void take_dead_zones(PreparedFit& s, const Measurements& data, Rows& rows) {
+  for (const DeadZone& d : data.dead_zones) {
+    FitPoint p;
+    p.is_dead_zone = true;
+    p.blue_mw_cm2 = d.blue_mw_cm2;
+    p.uv_mw_cm2 = d.uv_mw_cm2;
+    p.exposure_s = d.exposure_s;
+    p.dose_mj_cm2 = d.blue_mw_cm2 * d.exposure_s;
+    p.measured_um = d.dead_zone_um;
+    p.origin = d.origin;
+    if (d.dead_zone_um <= 0) {
+      // Such a sample says only that the front has arrived, not when: no residual can be given.
+      p.weight = 0;
+      rows.saturated.push_back(place_of(d.origin, data.sources));
+      s.points.push_back(p);
+      continue;
+    }
+    Observation o;
+    o.is_dead_zone = true;
+    o.measured_um = d.dead_zone_um;
+    o.exposure = {std::log(d.blue_mw_cm2), std::log(d.uv_mw_cm2), std::log(d.exposure_s)};
+    s.point_of.push_back(s.points.size());
+    s.points.push_back(p);
+    s.problem.observations.push_back(o);
+    rows.sigma_um.push_back(d.sigma_um);
+  }
+  rows.dead = data.dead_zones.size() - rows.saturated.size();
+}
+
+/// Points and observations of all measurements that the model uses.
+Rows take_measurements(PreparedFit& s, const Measurements& data) {
+  Rows rows;
+  const bool cured = uses_cured(s.model), dead = uses_dead_zones(s.model);
+  const std::size_t most = (cured ? data.cured.size() : 0) + (dead ? data.dead_zones.size() : 0);
+  s.points.reserve(most);
+  s.point_of.reserve(most);
+  s.problem.observations.reserve(most);
+  rows.sigma_um.reserve(most);
+  if (cured) take_cured_heights(s, data, rows);
+  if (dead) take_dead_zones(s, data, rows);
+  return rows;
+}
+
+/// Throws where the measurements are not enough for the model.
+void check_enough(const PreparedFit& s, const Measurements& data, const FitOptions& options,
+                  const Rows& rows) {
+  if (uses_cured(s.model) && rows.cured == 0) {
+    refuse(s, fmt::format("there are no cured heights among the measurements ({} dead zones); "
+                          "expected intensity_mw_cm2,exposure_s,cured_height_um",
+                          data.dead_zones.size()));
+  }
+  if (uses_dead_zones(s.model) && rows.dead == 0) {
+    refuse(s, rows.saturated.empty()
+                  ? fmt::format("there are no dead zones among the measurements ({} cured "
+                                "heights); expected blue_mw_cm2,uv_mw_cm2,exposure_s,dead_zone_um",
+                                data.cured.size())
+                  : fmt::format("all {} dead zones are 0: the resin cured to the window each time; "
+                                "expected more UV or less blue light, or shorter exposures",
+                                rows.saturated.size()));
+  }
+  if (rows.without_intensity > 0 && s.model != FitModel::jacobs) {
+    refuse(s, fmt::format("{} of {} cured heights come with a dose alone; expected "
+                          "intensity_mw_cm2 and exposure_s (a dose is enough for jacobs)",
+                          rows.without_intensity, rows.cured));
+  }
+  std::size_t free = 0;
+  for (const Unknown& u : s.problem.unknowns) free += options.fixed.contains(u.name) ? 0 : 1;
+  if (s.problem.observations.size() < free) {
+    refuse(s, fmt::format("{} measurements are fewer than its {} free parameters; expected at "
+                          "least {}, better 3 times as many",
+                          s.problem.observations.size(), free, free + 1));
+  }
+}
+
+void warn_of_unused(PreparedFit& s, const Measurements& data, const Rows& rows) {
+  if (!uses_cured(s.model) && !data.cured.empty()) {
+    s.warnings.push_back(fmt::format("{} cured heights are not used by the {} model",
+                                     data.cured.size(), name_of(s.model)));
+  }
+  if (!uses_dead_zones(s.model) && !data.dead_zones.empty()) {
+    s.warnings.push_back(fmt::format("{} dead zones are not used by the {} model",
+                                     data.dead_zones.size(), name_of(s.model)));
+  }
+  if (!rows.saturated.empty()) {
+    std::string lines;
+    for (std::size_t i = 0; i < std::min<std::size_t>(rows.saturated.size(), 5); ++i) {
+      lines += (i ? ", " : "") + rows.saturated[i];
+    }
+    if (rows.saturated.size() > 5) lines += ", ...";
+    s.warnings.push_back(
+        fmt::format("{} of {} dead zones are 0, cured to the window ({}): that says only that the "
+                    "dead zone had closed, so the fit leaves them out; measure with more UV or "
+                    "less blue light, or shorter",
+                    rows.saturated.size(), rows.saturated.size() + rows.dead, lines));
+  }
+}
+
+/// First values of all parameters, from the observations and from what is fixed.
+void choose_starts(PreparedFit& s, const FitOptions& options) {
+  for (const auto& [name, value] : options.fixed) {
+    if (name == "h_um") s.start[kHeight] = value;
+  }
+  if (uses_cured(s.model)) start_cured(s, s.model != FitModel::jacobs);
+  for (const auto& [name, value] : options.fixed) {
+    for (const auto& p : s.parameters) {
+      if (p.unknown.name != name) continue;
+      for (const Slot slot : p.unknown.slots) s.start[slot] = value;
+    }
+  }
+  if (uses_dead_zones(s.model)) {
+    if (s.model == FitModel::joint) s.start[kUvExponent] = s.start[kExponent];
+    start_dead_zones(s, !options.fixed.contains("beta") && !options.fixed.contains("huv_um"));
+    if (!s.problem.is_steady) start_transient(s);
+  }
+}
+
 }  // namespace
 
 std::vector<ParameterKind> parameters_of(FitModel model, const FitOptions& options) {
@@ -393,34 +567,11 @@ std::string place_of(const Origin& origin, const std::vector<std::string>& sourc
 }
 
 PreparedFit prepare_fit(const Measurements& data, FitModel model, const FitOptions& options) {
+  check_options(model, options);
   PreparedFit s;
   s.model = model;
   s.problem.is_steady = model == FitModel::dead_zone_steady;
   s.problem.tolerance = options.tolerance;
-  if (!(options.tolerance > 0 && options.tolerance < 1)) {
-    throw InputError(
-        fmt::format("the tolerance is {:g}; expected a number between 0 and 1", options.tolerance));
-  }
-  if (options.starts < 1) {
-    throw InputError(fmt::format("starts is {}; expected 1 or more", options.starts));
-  }
-  if (options.bootstrap < 0) {
-    throw InputError(fmt::format("bootstrap is {}; expected 0 or more", options.bootstrap));
-  }
-  if (model == FitModel::dead_zone_steady || model == FitModel::dead_zone_transient) {
-    const auto need = [&](const char* what, double value) {
-      if (std::isfinite(value) && value > 0) return;
-      throw InputError(
-          fmt::format("the {} model stands on the blue law of the resin, and {} is {:g}; expected "
-                      "it from --resin",
-                      name_of(model), what, value));
-    };
-    need("its absorbance height hb_um", options.hb_um);
-    if (model == FitModel::dead_zone_transient) {
-      need("its gel dose D'c", options.critical_dose_prime);
-      need("its exponent m", options.m);
-    }
-  }
   s.parameters = parameters_of(model, options);
   apply_choices(s, options);
   s.problem.fixed[kHeight] = s.start[kHeight] = options.hb_um;
@@ -429,127 +580,12 @@ PreparedFit prepare_fit(const Measurements& data, FitModel model, const FitOptio
   s.problem.fixed[kDose] = s.start[kDose] = options.critical_dose_prime;
   s.start[kBeta] = s.start[kUvHeight] = 1;
 
-  std::vector<double> sigma;
-  const std::size_t rows = (uses_cured(model) ? data.cured.size() : 0) +
-                           (uses_dead_zones(model) ? data.dead_zones.size() : 0);
-  s.points.reserve(rows);
-  s.point_of.reserve(rows);
-  s.problem.observations.reserve(rows);
-  sigma.reserve(rows);
-  int without_intensity = 0;
-  std::vector<std::string> saturated;
-  for (const CuredHeight& c : data.cured) {
-    if (!uses_cured(model)) break;
-    FitPoint p;
-    p.blue_mw_cm2 = c.blue_mw_cm2;
-    p.exposure_s = c.exposure_s;
-    p.dose_mj_cm2 = c.dose_mj_cm2;
-    p.measured_um = c.height_um;
-    p.origin = c.origin;
-    Observation o;
-    o.measured_um = c.height_um;
-    const bool known = c.blue_mw_cm2 > 0 && c.exposure_s > 0;
-    without_intensity += known ? 0 : 1;
-    o.exposure.ln_blue = known ? std::log(c.blue_mw_cm2) : 0;
-    o.exposure.ln_time = known ? std::log(c.exposure_s) : std::log(c.dose_mj_cm2);
-    s.point_of.push_back(s.points.size());
-    s.points.push_back(p);
-    s.problem.observations.push_back(o);
-    sigma.push_back(c.sigma_um);
-  }
-  const std::size_t cured = s.problem.observations.size();
-  for (const DeadZone& d : data.dead_zones) {
-    if (!uses_dead_zones(model)) break;
-    FitPoint p;
-    p.is_dead_zone = true;
-    p.blue_mw_cm2 = d.blue_mw_cm2;
-    p.uv_mw_cm2 = d.uv_mw_cm2;
-    p.exposure_s = d.exposure_s;
-    p.dose_mj_cm2 = d.blue_mw_cm2 * d.exposure_s;
-    p.measured_um = d.dead_zone_um;
-    p.origin = d.origin;
-    if (d.dead_zone_um <= 0) {
-      // Such a sample says only that the front has arrived, not when: no residual can be given.
-      p.weight = 0;
-      saturated.push_back(place_of(d.origin, data.sources));
-      s.points.push_back(p);
-      continue;
-    }
-    Observation o;
-    o.is_dead_zone = true;
-    o.measured_um = d.dead_zone_um;
-    o.exposure = {std::log(d.blue_mw_cm2), std::log(d.uv_mw_cm2), std::log(d.exposure_s)};
-    s.point_of.push_back(s.points.size());
-    s.points.push_back(p);
-    s.problem.observations.push_back(o);
-    sigma.push_back(d.sigma_um);
-  }
-  const std::size_t dead = s.problem.observations.size() - cured;
-
-  if (uses_cured(model) && cured == 0) {
-    refuse(s, fmt::format("there are no cured heights among the measurements ({} dead zones); "
-                          "expected intensity_mw_cm2,exposure_s,cured_height_um",
-                          data.dead_zones.size()));
-  }
-  if (uses_dead_zones(model) && dead == 0) {
-    refuse(s, saturated.empty()
-                  ? fmt::format("there are no dead zones among the measurements ({} cured "
-                                "heights); expected blue_mw_cm2,uv_mw_cm2,exposure_s,dead_zone_um",
-                                data.cured.size())
-                  : fmt::format("all {} dead zones are 0: the resin cured to the window each time; "
-                                "expected more UV or less blue light, or shorter exposures",
-                                saturated.size()));
-  }
-  if (without_intensity > 0 && model != FitModel::jacobs) {
-    refuse(s, fmt::format("{} of {} cured heights come with a dose alone; expected "
-                          "intensity_mw_cm2 and exposure_s (a dose is enough for jacobs)",
-                          without_intensity, cured));
-  }
-  if (!uses_cured(model) && !data.cured.empty()) {
-    s.warnings.push_back(fmt::format("{} cured heights are not used by the {} model",
-                                     data.cured.size(), name_of(model)));
-  }
-  if (!uses_dead_zones(model) && !data.dead_zones.empty()) {
-    s.warnings.push_back(fmt::format("{} dead zones are not used by the {} model",
-                                     data.dead_zones.size(), name_of(model)));
-  }
-  if (!saturated.empty()) {
-    std::string lines;
-    for (std::size_t i = 0; i < std::min<std::size_t>(saturated.size(), 5); ++i) {
-      lines += (i ? ", " : "") + saturated[i];
-    }
-    if (saturated.size() > 5) lines += ", ...";
-    s.warnings.push_back(
-        fmt::format("{} of {} dead zones are 0, cured to the window ({}): that says only that the "
-                    "dead zone had closed, so the fit leaves them out; measure with more UV or "
-                    "less blue light, or shorter",
-                    saturated.size(), saturated.size() + dead, lines));
-  }
-  std::size_t free = 0;
-  for (const Unknown& u : s.problem.unknowns) free += options.fixed.contains(u.name) ? 0 : 1;
-  if (s.problem.observations.size() < free) {
-    refuse(s, fmt::format("{} measurements are fewer than its {} free parameters; expected at "
-                          "least {}, better 3 times as many",
-                          s.problem.observations.size(), free, free + 1));
-  }
-
-  for (const auto& [name, value] : options.fixed) {
-    if (name == "h_um") s.start[kHeight] = value;
-  }
-  if (uses_cured(model)) start_cured(s, model != FitModel::jacobs);
-  for (const auto& [name, value] : options.fixed) {
-    for (const auto& p : s.parameters) {
-      if (p.unknown.name != name) continue;
-      for (const Slot slot : p.unknown.slots) s.start[slot] = value;
-    }
-  }
-  if (uses_dead_zones(model)) {
-    if (model == FitModel::joint) s.start[kUvExponent] = s.start[kExponent];
-    start_dead_zones(s, !options.fixed.contains("beta") && !options.fixed.contains("huv_um"));
-    if (!s.problem.is_steady) start_transient(s);
-  }
+  const Rows rows = take_measurements(s, data);
+  check_enough(s, data, options, rows);
+  warn_of_unused(s, data, rows);
+  choose_starts(s, options);
   for (const auto& [name, value] : options.fixed) s.hold(name, value);
-  if (options.weights == Weights::scatter) weigh_by_scatter(s, sigma);
+  if (options.weights == Weights::scatter) weigh_by_scatter(s, rows.sigma_um);
   normalise_weights(s.problem);
   return s;
 }

@@ -62,6 +62,55 @@ Height predict(const FitResult& r, double blue, double uv, double exposure) {
   return r.model == FitModel::dead_zone_steady ? steady_height(law, e) : front_height(law, e);
 }
 
+Json kind_json(const KindFit& k) {
+  return Json{{"n", k.n},
+              {"r2", number(k.r2)},
+              {"rmse_um", number(k.rmse_um)},
+              {"sigma_um", number(k.sigma_um)}};
+}
+
+Json outlier_json(const FitResult& r, const Outlier& o) {
+  const FitPoint& p = r.points[o.point];
+  const auto source = static_cast<std::size_t>(p.origin.source);
+  return Json{{"point", o.point},
+              {"file", source < r.sources.size() ? Json(r.sources[source]) : Json()},
+              {"line", p.origin.line},
+              {"measured_um", number(p.measured_um)},
+              {"predicted_um", number(p.predicted_um)},
+              {"studentised", number(p.studentised)},
+              {"leverage", number(p.leverage)},
+              {"cooks_distance", number(p.cooks_distance)},
+              {"reason", o.reason}};
+}
+
+Json point_json(const FitPoint& p) {
+  Json q{{"kind", p.is_dead_zone ? "dead_zone" : "cured_height"}};
+  if (p.blue_mw_cm2 > 0) q["blue_mw_cm2"] = p.blue_mw_cm2;
+  if (p.is_dead_zone) q["uv_mw_cm2"] = p.uv_mw_cm2;
+  if (p.exposure_s > 0) q["exposure_s"] = p.exposure_s;
+  q["dose_mj_cm2"] = number(p.dose_mj_cm2);
+  q["measured_um"] = number(p.measured_um);
+  q["predicted_um"] = number(p.predicted_um);
+  q["weight"] = number(p.weight);
+  q["leverage"] = number(p.leverage);
+  q["studentised"] = number(p.studentised);
+  q["cooks_distance"] = number(p.cooks_distance);
+  q["source"] = p.origin.source;
+  q["line"] = p.origin.line;
+  return q;
+}
+
+/// A matrix of `width` rows.
+Json square_json(const std::vector<double>& values, std::size_t width) {
+  Json rows = Json::array();
+  for (std::size_t i = 0; i < width; ++i) {
+    Json row = Json::array();
+    for (std::size_t k = 0; k < width; ++k) row.push_back(number(values[i * width + k]));
+    rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
 }  // namespace
 
 const Parameter* FitResult::find(std::string_view name) const {
@@ -130,14 +179,8 @@ std::string FitResult::to_json() const {
   j["sigma_um"] = number(sigma_um);
   j["n"] = n;
   j["free_parameters"] = free_parameters;
-  const auto summary = [](const KindFit& k) {
-    return Json{{"n", k.n},
-                {"r2", number(k.r2)},
-                {"rmse_um", number(k.rmse_um)},
-                {"sigma_um", number(k.sigma_um)}};
-  };
-  if (cured.n > 0) j["cured_heights"] = summary(cured);
-  if (dead_zones.n > 0) j["dead_zones"] = summary(dead_zones);
+  if (cured.n > 0) j["cured_heights"] = kind_json(cured);
+  if (dead_zones.n > 0) j["dead_zones"] = kind_json(dead_zones);
   if (has_dead_zones(model)) {
     j["blue_law"] = {{"hb_um", number(hb_um)},
                      {"critical_dose_prime", number(critical_dose_prime)},
@@ -145,17 +188,7 @@ std::string FitResult::to_json() const {
   }
   Json& apart = j["outliers"] = Json::array();
   for (const Outlier& o : outliers) {
-    const FitPoint& p = points[o.point];
-    const auto source = static_cast<std::size_t>(p.origin.source);
-    apart.push_back({{"point", o.point},
-                     {"file", source < sources.size() ? Json(sources[source]) : Json()},
-                     {"line", p.origin.line},
-                     {"measured_um", number(p.measured_um)},
-                     {"predicted_um", number(p.predicted_um)},
-                     {"studentised", number(p.studentised)},
-                     {"leverage", number(p.leverage)},
-                     {"cooks_distance", number(p.cooks_distance)},
-                     {"reason", o.reason}});
+    apart.push_back(outlier_json(*this, o));
   }
   j["warnings"] = warnings;
   if (reciprocity) {
@@ -169,33 +202,12 @@ std::string FitResult::to_json() const {
                         {"aicc_kinetic", number(r.aic_kinetic)},
                         {"verdict", r.verdict}};
   }
-  Json rows = Json::array();
-  const std::size_t width = free.size();
-  for (std::size_t i = 0; i < width; ++i) {
-    Json row = Json::array();
-    for (std::size_t k = 0; k < width; ++k) row.push_back(number(covariance[i * width + k]));
-    rows.push_back(std::move(row));
-  }
+  Json rows = square_json(covariance, free.size());
   j["covariance"] = {{"names", std::move(free)}, {"matrix", std::move(rows)}};
   j["sources"] = sources;
   if (points.size() <= kMostPointsInJson) {
     Json& list = j["points"] = Json::array();
-    for (const FitPoint& p : points) {
-      Json q{{"kind", p.is_dead_zone ? "dead_zone" : "cured_height"}};
-      if (p.blue_mw_cm2 > 0) q["blue_mw_cm2"] = p.blue_mw_cm2;
-      if (p.is_dead_zone) q["uv_mw_cm2"] = p.uv_mw_cm2;
-      if (p.exposure_s > 0) q["exposure_s"] = p.exposure_s;
-      q["dose_mj_cm2"] = number(p.dose_mj_cm2);
-      q["measured_um"] = number(p.measured_um);
-      q["predicted_um"] = number(p.predicted_um);
-      q["weight"] = number(p.weight);
-      q["leverage"] = number(p.leverage);
-      q["studentised"] = number(p.studentised);
-      q["cooks_distance"] = number(p.cooks_distance);
-      q["source"] = p.origin.source;
-      q["line"] = p.origin.line;
-      list.push_back(std::move(q));
-    }
+    for (const FitPoint& p : points) list.push_back(point_json(p));
   }
   return j.dump(2, ' ', false, Json::error_handler_t::replace);
 }

@@ -1,7 +1,8 @@
 /// @file statistics.hpp
-/// Student's t and Fisher's F, through the regularised incomplete beta function.
+/// Student's t and Fisher's F, the way that fits ask for them, by Boost.Math.
 ///
-/// Relative error of probabilities about 1e-13, also far in the tails. Pure functions.
+/// Relative error of probabilities about 1e-13, also far in the tails. Outside of a domain the
+/// answer is NaN; nothing throws. Pure functions.
 #pragma once
 
 #include <vector>

@@ -9,9 +9,9 @@
 #include <filesystem>
 #include <optional>
 
-#include "measure/csv.hpp"
 #include "slicecorr/error.hpp"
 #include "support/text/ascii.hpp"
+#include "support/text/csv.hpp"
 
 namespace slicecorr::resins {
 
@@ -26,6 +26,23 @@ constexpr std::array<std::string_view, kColumns> kColumnNames = {
 constexpr const char* kExpectedHeader =
     "a header row with intensity_mw_cm2,exposure_s,cured_height_um or dose_mj_cm2,cured_height_um "
     "or blue_mw_cm2,uv_mw_cm2,exposure_s,dead_zone_um";
+
+// No row of measurements comes near.
+constexpr std::size_t kLongestLine = std::size_t{1} << 16;
+
+constexpr CsvRules kRules = {.comments_behind_cells = true,
+                             .skip_empty_rows = true,
+                             .control_bytes_are_faults = true,
+                             .longest_line_bytes = kLongestLine};
+
+/// A field as it may stand in a message: short, on one line, printable.
+std::string shown(std::string_view field) {
+  constexpr std::size_t longest = 40;
+  std::string text(field.substr(0, longest));
+  std::replace_if(
+      text.begin(), text.end(), [](char c) { return c < 0x20 || c == 0x7F; }, '?');
+  return field.size() > longest ? text + "..." : text;
+}
 
 struct Number {
   double value = 0;
@@ -54,18 +71,15 @@ Number parse_number(std::string_view field) {
 /// Reads one table.
 class Table {
  public:
-  Table(LineReader reader, int source, Measurements& into)
+  Table(CsvReader reader, int source, Measurements& into)
       : reader_(std::move(reader)), source_(source), into_(into) {}
 
   void read(const ExecutionContext& context) {
     read_header();
-    std::string_view line;
-    std::vector<std::string_view> fields;
     int rows = 0;
-    while (reader_.next(line)) {
-      if ((reader_.number() & 0xFFF) == 0) context.check_cancelled();
-      split_fields(line, reader_, fields);
-      if (fields.empty()) continue;
+    while (next_row()) {
+      const std::vector<std::string>& fields = row_.cells;
+      if ((rows & 0xFFF) == 0) context.check_cancelled();
       check_count(fields);
       if (into_.cured.size() + into_.dead_zones.size() >=
           static_cast<std::size_t>(kMaxMeasurements)) {
@@ -106,16 +120,33 @@ class Table {
   void warn(const std::string& text) { into_.warnings.push_back(reader_.source() + ": " + text); }
   bool has(Column column) const { return columns_[column].has_value(); }
 
-  void read_header() {
-    std::string_view line;
-    std::vector<std::string_view> fields;
-    while (fields.empty()) {
-      if (!reader_.next(line)) {
-        throw InputError(reader_.source(), "",
-                         fmt::format("holds no table; expected {}", kExpectedHeader));
-      }
-      split_fields(line, reader_, fields);
+  /// Reads a row into `row_`; false at the end.
+  bool next_row() {
+    if (!reader_.next(row_)) return false;
+    switch (row_.fault) {
+      case CsvRow::Fault::none:
+        break;
+      case CsvRow::Fault::open_quote:
+        fail(fmt::format("the quote before '{}' is not closed on its line", shown(row_.at_fault)));
+      case CsvRow::Fault::text_after_quote:
+        fail(fmt::format("'{}' follows a closing quote; expected a comma", shown(row_.at_fault)));
+      case CsvRow::Fault::control_byte:
+        fail(
+            fmt::format("holds a byte that is no text (0x{:02x}); expected a CSV file of "
+                        "measurements",
+                        static_cast<unsigned char>(row_.at_fault[0])));
+      case CsvRow::Fault::long_line:
+        fail(fmt::format("is longer than {} bytes; expected a row of measurements", kLongestLine));
     }
+    return true;
+  }
+
+  void read_header() {
+    if (!next_row()) {
+      throw InputError(reader_.source(), "",
+                       fmt::format("holds no table; expected {}", kExpectedHeader));
+    }
+    const std::vector<std::string>& fields = row_.cells;
     width_ = fields.size();
     std::vector<std::string> names;
     for (const auto& field : fields) names.push_back(lower_case(field));
@@ -165,7 +196,7 @@ class Table {
     return of_dead_zones == is_dead_zone_;
   }
 
-  void choose_kind(const std::vector<std::string_view>& fields) {
+  void choose_kind(const std::vector<std::string>& fields) {
     if (has(kHeight) && has(kDeadZone)) {
       fail("has cured_height_um and dead_zone_um; expected one kind of measurement in a file");
     }
@@ -195,7 +226,7 @@ class Table {
                      kExpectedHeader));
   }
 
-  void check_count(const std::vector<std::string_view>& fields) const {
+  void check_count(const std::vector<std::string>& fields) const {
     if (fields.size() == width_) return;
     const bool more = fields.size() > width_;
     const bool rest_is_empty =
@@ -203,8 +234,8 @@ class Table {
                             [](std::string_view f) { return f.empty(); });
     if (rest_is_empty) return;
     const bool semicolons =
-        fields.size() < width_ && std::any_of(fields.begin(), fields.end(), [](auto f) {
-          return f.find(';') != std::string_view::npos;
+        fields.size() < width_ && std::any_of(fields.begin(), fields.end(), [](const auto& f) {
+          return f.find(';') != std::string::npos;
         });
     const char* hint = "";
     if (semicolons) hint = "; columns must be separated by commas, not semicolons";
@@ -213,13 +244,13 @@ class Table {
                      hint));
   }
 
-  double number(const std::vector<std::string_view>& fields, Column column) const {
+  double number(const std::vector<std::string>& fields, Column column) const {
     const std::string_view field = fields[static_cast<std::size_t>(*columns_[column])];
     const Number n = parse_number(field);
     if (n.wrong) fail(column, fmt::format("'{}' {}", shown(field), n.wrong));
     return n.value;
   }
-  double above_zero(const std::vector<std::string_view>& fields, Column column,
+  double above_zero(const std::vector<std::string>& fields, Column column,
                     const char* hint = "") const {
     const double value = number(fields, column);
     if (!(value > 0)) {
@@ -227,14 +258,14 @@ class Table {
     }
     return value;
   }
-  double sigma(const std::vector<std::string_view>& fields) const {
+  double sigma(const std::vector<std::string>& fields) const {
     if (!has(kSigma) || fields[static_cast<std::size_t>(*columns_[kSigma])].empty()) return 0;
     return above_zero(fields, kSigma, ", or an empty field where the scatter is not known");
   }
 
-  void add_cured(const std::vector<std::string_view>& fields) {
+  void add_cured(const std::vector<std::string>& fields) {
     CuredHeight c;
-    c.origin = {source_, reader_.number()};
+    c.origin = {source_, row_.line};
     if (has(kIntensity)) c.blue_mw_cm2 = above_zero(fields, kIntensity);
     if (has(kExposure)) c.exposure_s = above_zero(fields, kExposure);
     if (has(kDose)) c.dose_mj_cm2 = above_zero(fields, kDose);
@@ -271,9 +302,9 @@ class Table {
     into_.cured.push_back(c);
   }
 
-  void add_dead_zone(const std::vector<std::string_view>& fields) {
+  void add_dead_zone(const std::vector<std::string>& fields) {
     DeadZone d;
-    d.origin = {source_, reader_.number()};
+    d.origin = {source_, row_.line};
     d.blue_mw_cm2 = above_zero(fields, kBlue);
     d.uv_mw_cm2 = above_zero(fields, kUv,
                              ": without UV light there is no dead zone (cured heights: "
@@ -290,7 +321,8 @@ class Table {
     into_.dead_zones.push_back(d);
   }
 
-  LineReader reader_;
+  CsvReader reader_;
+  CsvRow row_;
   int source_;
   Measurements& into_;
   std::array<std::optional<int>, kColumns> columns_;
@@ -315,7 +347,11 @@ Measurements read_measurements(const std::vector<std::string>& paths,
     }
     const int source = static_cast<int>(data.sources.size());
     data.sources.push_back(path);
-    Table(LineReader::of_file(path), source, data).read(context);
+    std::error_code error;
+    if (std::filesystem::is_directory(path, error)) {
+      throw InputError(path, "", "is a folder; expected a CSV file of measurements");
+    }
+    Table(CsvReader::of_file(path, kRules), source, data).read(context);
   }
   return data;
 }
@@ -323,7 +359,7 @@ Measurements read_measurements(const std::vector<std::string>& paths,
 Measurements parse_measurements(const std::string& text, const std::string& source) {
   Measurements data;
   data.sources.push_back(source);
-  Table(LineReader::of_text(text, source), 0, data).read({});
+  Table(CsvReader::of_text(text, source, kRules), 0, data).read({});
   return data;
 }
 

@@ -29,6 +29,32 @@ std::string words_of(const Kinetics& k) {
   return text + " (heights base e, doses areal)";
 }
 
+/// Heights against time, s and um.
+struct FrontCurves {
+  std::vector<Point> front, back;
+  std::vector<Point> without;  ///< cured height without UV light
+};
+
+FrontCurves curves_of(const Kinetics& k, double blue, double uv, double first_s, double end_s) {
+  FrontCurves curves;
+  constexpr int kPoints = 240;
+  for (int i = 0; i <= kPoints && end_s > first_s; ++i) {
+    // Close together at first: both fronts start off vertically.
+    const double u = static_cast<double>(i) / kPoints;
+    const double t = i == 0 ? first_s : first_s + (end_s - first_s) * u * u * u;
+    if (const auto f = curing_fronts(k, blue, uv, t)) {
+      curves.front.push_back({t, f->front_um});
+      curves.back.push_back({t, f->back_um});
+    }
+  }
+  for (int i = 1; i <= kPoints; ++i) {
+    const double t = end_s * i / kPoints;
+    const double z = cured_height_um(k, blue, t);
+    if (z >= 0) curves.without.push_back({t, z});
+  }
+  return curves;
+}
+
 }  // namespace
 
 std::string fronts_svg(const Kinetics& k, double blue, double uv, double greatest_time_s,
@@ -42,22 +68,8 @@ std::string fronts_svg(const Kinetics& k, double blue, double uv, double greates
   const double window = window_time_s(k, blue, uv);
   const bool inhibited = k.beta > 0 && uv > 0;
 
-  std::vector<Point> front, back, without;
-  constexpr int kPoints = 240;
-  for (int i = 0; i <= kPoints && end > first.time_s; ++i) {
-    // Close together at first: both fronts start off vertically.
-    const double u = static_cast<double>(i) / kPoints;
-    const double t = i == 0 ? first.time_s : first.time_s + (end - first.time_s) * u * u * u;
-    if (const auto f = curing_fronts(k, blue, uv, t)) {
-      front.push_back({t, f->front_um});
-      back.push_back({t, f->back_um});
-    }
-  }
-  for (int i = 1; i <= kPoints; ++i) {
-    const double t = end * i / kPoints;
-    const double z = cured_height_um(k, blue, t);
-    if (z >= 0) without.push_back({t, z});
-  }
+  const FrontCurves curves = curves_of(k, blue, uv, first.time_s, end);
+  const std::vector<Point>&front = curves.front, &back = curves.back, &without = curves.without;
 
   const std::string light = inhibited
                                 ? fmt::format("Ib {}, Iuv {} mW/cm²", figure(blue), figure(uv))

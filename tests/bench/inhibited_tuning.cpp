@@ -50,9 +50,9 @@ int scaled(int value, double factor) {
 std::size_t scaled(std::size_t value, double factor) {
   return static_cast<std::size_t>(static_cast<double>(value) * factor);
 }
-InhibitedTuning::Share scaled(InhibitedTuning::Share share, double factor) {
-  return factor < 1 ? InhibitedTuning::Share{share.times, 2 * share.over}
-                    : InhibitedTuning::Share{2 * share.times, share.over};
+InhibitedTuning::Fraction scaled(InhibitedTuning::Fraction share, double factor) {
+  return factor < 1 ? InhibitedTuning::Fraction{share.times, 2 * share.over}
+                    : InhibitedTuning::Fraction{2 * share.times, share.over};
 }
 template <typename T, std::size_t N>
 std::array<T, N> scaled(std::array<T, N> values, double factor) {
@@ -65,7 +65,7 @@ std::string text_of(const T& value) {
   return fmt::format("{}", value);
 }
 std::string text_of(double value) { return fmt::format("{:g}", value); }
-std::string text_of(InhibitedTuning::Share share) {
+std::string text_of(InhibitedTuning::Fraction share) {
   const int common = share.times % 2 == 0 && share.over % 2 == 0 ? 2 : 1;
   if (share.over == common) return fmt::format("{}", share.times / common);
   return fmt::format("{}/{}", share.times / common, share.over / common);

@@ -55,16 +55,17 @@ const MeshSlices& target(bool antialias = true) {
 double voxels(const Grid& g) { return static_cast<double>(g.width_px) * g.height_px * g.layers; }
 
 ExecutionContext job_of(const benchmark::State& state) {
-  ExecutionContext job;
-  job.threads = static_cast<int>(state.range(0));
-  return job;
+  ExecutionContext context;
+  context.threads = static_cast<int>(state.range(0));
+  return context;
 }
 
 /// The limit: every thread copies a part of more memory than caches hold.
-void copy_bytes(const ExecutionContext& job, const std::vector<char>& from, std::vector<char>& to) {
-  const auto parts = static_cast<std::size_t>(job.threads);
+void copy_bytes(const ExecutionContext& context, const std::vector<char>& from,
+                std::vector<char>& to) {
+  const auto parts = static_cast<std::size_t>(context.threads);
   const std::size_t size = from.size() / parts;
-  parallel_for(job, "copy", parts, [&](std::size_t i) {
+  parallel_for(context, "copy", parts, [&](std::size_t i) {
     std::memcpy(to.data() + i * size, from.data() + i * size, size);
   });
 }
@@ -75,12 +76,12 @@ double copied_per_s(int threads) {
   if (!added) return entry->second;
   const std::vector<char> from(64 << 20, 1);
   std::vector<char> to(from.size());
-  ExecutionContext job;
-  job.threads = threads;
+  ExecutionContext context;
+  context.threads = threads;
   std::vector<double> seconds;
   for (int k = 0; k < 16; ++k) {
     const auto start = std::chrono::steady_clock::now();
-    copy_bytes(job, from, to);
+    copy_bytes(context, from, to);
     seconds.push_back(
         std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
   }
@@ -102,11 +103,11 @@ void threads(benchmark::internal::Benchmark* b) {
 }
 
 void copy(benchmark::State& state) {
-  const ExecutionContext job = job_of(state);
+  const ExecutionContext context = job_of(state);
   const std::vector<char> from(64 << 20, 1);
   std::vector<char> to(from.size());
   for (auto _ : state) {
-    copy_bytes(job, from, to);
+    copy_bytes(context, from, to);
     benchmark::DoNotOptimize(to.data());
   }
   count(state, static_cast<double>(from.size()));
@@ -136,10 +137,10 @@ void slice_with(benchmark::State& state, bool antialias) {
   const int rows = band_rows(t.grid());
   const int first = box.y0 / rows;
   const auto bands = static_cast<std::size_t>((box.y1 + rows - 1) / rows - first);
-  const ExecutionContext job = job_of(state);
+  const ExecutionContext context = job_of(state);
   for (auto _ : state) {
     std::atomic<std::uint64_t> lit = 0;
-    parallel_for(job, "slice", bands, [&](std::size_t i) {
+    parallel_for(context, "slice", bands, [&](std::size_t i) {
       const int y = (first + static_cast<int>(i)) * rows;
       std::uint64_t here = 0;
       t.read_band({box.x0, y, box.x1, std::min(y + rows, t.grid().height_px)},
@@ -193,9 +194,9 @@ const std::uint8_t* rows_of(const std::vector<std::uint8_t>& slice) {
 void solve_with(benchmark::State& state, const Setup& how) {
   const CorrectionPlan plan = plan_correction(target(), how);
   const Bands& b = bands();
-  const ExecutionContext job = job_of(state);
+  const ExecutionContext context = job_of(state);
   for (auto _ : state) {
-    parallel_for(job, "solve", b.coverage.size(), [&](std::size_t i) {
+    parallel_for(context, "solve", b.coverage.size(), [&](std::size_t i) {
       BandCorrector corrector(plan, b.columns);
       for (const auto& slice : b.coverage[i]) corrector.add_layer(rows_of(slice));
       int lit = 0;
@@ -217,9 +218,9 @@ void predict_with(benchmark::State& state, const Setup& how) {
   const PixelCurve curve = pixel_curve(model);
   const Bands& b = bands();
   const std::vector<std::uint8_t> black(b.columns);
-  const ExecutionContext job = job_of(state);
+  const ExecutionContext context = job_of(state);
   for (auto _ : state) {
-    parallel_for(job, "predict", b.coverage.size(), [&](std::size_t i) {
+    parallel_for(context, "predict", b.coverage.size(), [&](std::size_t i) {
       const auto& slices = b.coverage[i];
       BandPredictor predictor(model, curve, static_cast<int>(slices.size()), b.columns);
       for (std::size_t n = slices.size(); n-- > 0;) {
@@ -244,8 +245,8 @@ class Stack {
       : path_((std::filesystem::temp_directory_path() / name).string()) {}
   ~Stack() { std::filesystem::remove(path_); }
   const std::string& path() const { return path_; }
-  StackReader open(const ExecutionContext& job) const {
-    return {path_, std::filesystem::temp_directory_path().string(), job};
+  StackReader open(const ExecutionContext& context) const {
+    return {path_, std::filesystem::temp_directory_path().string(), context};
   }
 
  private:
@@ -265,9 +266,9 @@ const Stack& stored_correction() {
 /// From the file to coded bands.
 void decode(benchmark::State& state) {
   const Stack& stored = stored_correction();
-  const ExecutionContext job = job_of(state);
+  const ExecutionContext context = job_of(state);
   for (auto _ : state) {
-    const StackReader stack = stored.open(job);
+    const StackReader stack = stored.open(context);
     if (stack.grid().layers < target().grid().layers) throw Error("slices are missing");
   }
   count(state, voxels(target().grid()));
@@ -278,8 +279,8 @@ BENCHMARK(decode)->Apply(threads);
 void encode(benchmark::State& state) {
   const StackReader stack = stored_correction().open({});
   const Stack out("slicecorr-bench.uvj");
-  const ExecutionContext job = job_of(state);
-  for (auto _ : state) convert_stack(stack, out.path(), job);
+  const ExecutionContext context = job_of(state);
+  for (auto _ : state) convert_stack(stack, out.path(), context);
   if (light(out.open({})) != light(stack)) throw Error("slices did not come back as they were");
   count(state, voxels(target().grid()));
 }
@@ -289,10 +290,10 @@ BENCHMARK(encode)->Apply(threads);
 void correct(benchmark::State& state) {
   const Stack& stored = stored_target();
   const Stack out("slicecorr-bench.uvj");
-  const ExecutionContext job = job_of(state);
+  const ExecutionContext context = job_of(state);
   for (auto _ : state) {
-    const StackReader stack = stored.open(job);
-    const Correction c = correct_stack(stack, setup(), out.path(), {}, job);
+    const StackReader stack = stored.open(context);
+    const Correction c = correct_stack(stack, setup(), out.path(), {}, context);
     if (c.after.cure_through_voxels || c.after.undercure_voxels) throw Error("does not verify");
   }
   count(state, voxels(target().grid()));
@@ -302,9 +303,9 @@ BENCHMARK(correct)->Apply(threads);
 /// The whole job: slice, correct, predict before and after, encode, write.
 void run(benchmark::State& state) {
   const Stack out("slicecorr-bench.uvj");
-  const ExecutionContext job = job_of(state);
+  const ExecutionContext context = job_of(state);
   for (auto _ : state) {
-    const Correction c = correct_stack(target(), setup(), out.path(), {.before = true}, job);
+    const Correction c = correct_stack(target(), setup(), out.path(), {.before = true}, context);
     if (c.after.cure_through_voxels || c.after.undercure_voxels) throw Error("does not verify");
   }
   count(state, voxels(target().grid()));
@@ -314,10 +315,10 @@ BENCHMARK(run)->Apply(threads);
 /// Reading a corrected stack back and verifying it.
 void verify(benchmark::State& state) {
   const Stack& stored = stored_correction();
-  const ExecutionContext job = job_of(state);
+  const ExecutionContext context = job_of(state);
   for (auto _ : state) {
-    const StackReader stack = stored.open(job);
-    const Prediction p = verify_stack(stack, target(), setup(), job);
+    const StackReader stack = stored.open(context);
+    const Prediction p = verify_stack(stack, target(), setup(), context);
     if (p.cure_through_voxels || p.undercure_voxels || p.target_voxels == 0) {
       throw Error("does not verify");
     }

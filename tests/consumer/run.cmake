@@ -24,6 +24,10 @@ run("${consumer}")
 if(NOT output MATCHES "slicecorr ${VERSION}")
   message(FATAL_ERROR "the consumer printed:\n${output}\nexpected version ${VERSION}")
 endif()
+find_program(same_bits same-bits NO_DEFAULT_PATH PATHS "${WORK_DIR}/build" "${WORK_DIR}/build/${CONFIG}")
+if(same_bits)
+  run("${same_bits}")
+endif()
 
 # The C interface, as a package of CMake and through pkg-config.
 run("${CMAKE_COMMAND}" -S "${SOURCE_DIR}/c" -B "${WORK_DIR}/build-c" -G "${GENERATOR}"

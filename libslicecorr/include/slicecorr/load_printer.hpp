@@ -3,6 +3,7 @@
 /// read. Thread-safe. All throw `InputError`, which names file, line and key.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -11,10 +12,17 @@
 
 namespace slicecorr {
 
+struct GreyImage;
+
 /// By a path to a .toml file, or by a name that `find_definition` finds.
 Printer load_printer(const std::string& name_or_path);
 /// From the text of a printer file. Other files that it names lie beside `source`.
 Printer complete_printer(std::string_view text, const std::string& source);
+
+/// The grey pixels of a PNG file; colour is averaged. `check` sees width and height before a pixel
+/// is unpacked. Throws `InputError` when the file is no PNG, or larger than `is_image_size` has it.
+GreyImage read_flat_field_png(const std::string& path,
+                              const std::function<void(int width_px, int height_px)>& check = {});
 
 /// Reads the picture of a flat-field: a PNG, colour is averaged. Throws `InputError` when it is
 /// none, black, or does not fit the display.

@@ -61,7 +61,7 @@ constexpr const char* kFooter =
 
 bool interrupted() { return cancelled; }
 
-void write_stderr(std::string_view text) { write_all_stderr(words::readable(text)); }
+void write_stderr(std::string_view text) { write_all_stderr(text::readable(text)); }
 
 Console::Console(bool quiet) : quiet_(quiet), terminal_(isatty(STDERR_FILENO) == 1) {}
 
@@ -70,7 +70,7 @@ ExecutionContext Console::context(int threads) {
   j.threads = threads;
   j.cancel = &cancelled;
   if (quiet_) return j;
-  j.notice = [this](const std::string& text) { say(words::printable(text)); };
+  j.notice = [this](const std::string& text) { say(text::printable(text)); };
   j.progress = [this](std::string_view stage, double done) { progress(stage, done); };
   return j;
 }
@@ -91,7 +91,7 @@ void Console::progress(std::string_view stage, double done) {
   if (stage == stage_ && percent == percent_) return;
   const bool ended = percent >= 100;
   if (terminal_) {
-    write_all_stderr(fmt::format("\r\033[K{} {:3d} %", words::printable(stage), percent));
+    write_all_stderr(fmt::format("\r\033[K{} {:3d} %", text::printable(stage), percent));
     line_ = true;
     if (ended) clear();
   } else if (ended && (stage != stage_ || percent_ < 100)) {
@@ -173,7 +173,7 @@ int Program::run(int argc, char** argv) {
   Console console(quiet_);
   const auto fail = [&](int code, const std::string& text) {
     console.clear();
-    write_stderr(fmt::format("{}: {}\n", app_.get_name(), words::printable(text)));
+    write_stderr(fmt::format("{}: {}\n", app_.get_name(), text::printable(text)));
     return code;
   };
   try {
@@ -259,7 +259,7 @@ void check_output(const std::string& output, const std::vector<std::string>& inp
 void print_result(const std::string& text) {
   std::string safe;
   std::string_view shown = text;
-  if (::isatty(STDOUT_FILENO) == 1) shown = safe = words::readable(text);
+  if (::isatty(STDOUT_FILENO) == 1) shown = safe = text::readable(text);
   if (std::fwrite(shown.data(), 1, shown.size(), stdout) != shown.size() ||
       std::fflush(stdout) != 0) {
     throw DeviceError(fmt::format("stdout can't be written: {}", std::strerror(errno)));

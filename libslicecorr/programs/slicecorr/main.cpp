@@ -85,14 +85,30 @@ int correct(const Arguments& a, const ExecutionContext& context, Console& consol
   return kDone;
 }
 
+/// A stack and the target that it was made for, in the stack's grid: checked against each other.
+/// Unpacks in the folders that it is given.
+struct StackAndDesign {
+  StackAndDesign(const Arguments& a, const std::string& folder, const std::string& target_folder,
+                 const ExecutionContext& context)
+      : stack(a.open(a.input, folder, context)),
+        setup(a.setup.resolve(&stack.info(), &stack.info())),
+        read(a.open(design(a.target), target_folder, context)),
+        target(FittedSlices::like(stack, read, target_folder, context)) {
+    check_target(stack, stack.info(), *target, a.target, read.pixel_sum(), context);
+  }
+  StackAndDesign(const StackAndDesign&) = delete;
+  StackAndDesign& operator=(const StackAndDesign&) = delete;
+
+  const StackReader stack;
+  const Setup setup;
+  const StackReader read;
+  const FittedSlices target;
+};
+
 int verify(const Arguments& a, const ExecutionContext& context, Console&) {
   check_output(a.json, {a.input, a.target});
-  const StackReader stack = a.open(a.input, folder_of(a.input), context);
-  const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
-  const StackReader read = a.open(design(a.target), folder_of(a.target), context);
-  const FittedSlices target = FittedSlices::like(stack, read, folder_of(a.target), context);
-  check_target(stack, stack.info(), *target, a.target, read.pixel_sum(), context);
-  const Prediction p = verify_stack(stack, *target, setup, context);
+  const StackAndDesign given(a, folder_of(a.input), folder_of(a.target), context);
+  const Prediction p = verify_stack(given.stack, *given.target, given.setup, context);
   if (a.json.empty()) {
     print_result(summary(p, std::nullopt));
   } else {
@@ -140,17 +156,14 @@ std::string title_of(const std::string& path) {
 
 int report(const Arguments& a, const ExecutionContext& context, Console& console) {
   check_output(a.output, {a.input, a.target});
-  const StackReader stack = a.open(a.input, folder_of(a.output), context);
-  const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
-  const StackReader read = a.open(design(a.target), folder_of(a.output), context);
-  const FittedSlices fitted = FittedSlices::like(stack, read, folder_of(a.output), context);
-  const SliceSource& target = *fitted;
-  check_target(stack, stack.info(), target, a.target, read.pixel_sum(), context);
-  const Prediction after = verify_stack(stack, target, setup, context);
-  const Prediction before = verify_stack(target, target, setup, context);
+  const StackAndDesign given(a, folder_of(a.output), folder_of(a.output), context);
+  const StackReader& stack = given.stack;
+  const SliceSource& target = *given.target;
+  const Prediction after = verify_stack(stack, target, given.setup, context);
+  const Prediction before = verify_stack(target, target, given.setup, context);
   const StackInfo& info = stack.info();
-  write_text_file(a.output, make_report(gather_report(stack, target, setup, info, after, before,
-                                                      title_of(a.input), context),
+  write_text_file(a.output, make_report(gather_report(stack, target, given.setup, info, after,
+                                                      before, title_of(a.input), context),
                                         context));
   console.say(fmt::format("{}: written\n{}", a.output, summary(after, before)));
   return kDone;
@@ -158,17 +171,14 @@ int report(const Arguments& a, const ExecutionContext& context, Console& console
 
 int section(const Arguments& a, const ExecutionContext& context, Console& console) {
   check_output(a.output, {a.input, a.target});
-  const StackReader stack = a.open(a.input, folder_of(a.output), context);
-  const Setup setup = a.setup.resolve(&stack.info(), &stack.info());
-  const StackReader read = a.open(design(a.target), folder_of(a.output), context);
-  const FittedSlices fitted = FittedSlices::like(stack, read, folder_of(a.output), context);
-  const SliceSource& target = *fitted;
-  check_target(stack, stack.info(), target, a.target, read.pixel_sum(), context);
+  const StackAndDesign given(a, folder_of(a.output), folder_of(a.output), context);
+  const StackReader& stack = given.stack;
+  const SliceSource& target = *given.target;
   const PixelBox box = target.bounds();
   const int row = a.y >= 0 ? a.y : (box.y0 + box.y1) / 2;
   const Grid& g = stack.grid();
   const auto picture = [&](const SliceSource& shown) {
-    return cure_picture(section_of(shown, target, setup, row), g.pixel_x_um, g.layer_um, 640);
+    return cure_picture(section_of(shown, target, given.setup, row), g.pixel_x_um, g.layer_um, 640);
   };
   const auto png = encode_png(side_by_side(picture(target), picture(stack)));
   write_text_file(a.output, {png.begin(), png.end()});

@@ -107,7 +107,7 @@ std::string describe_stack(const StackInfo& info) {
   for (const auto& [what, name] :
        {std::pair{"printer", &names.printer}, std::pair{"material", &names.material},
         std::pair{"print", &names.print}}) {
-    if (!name->empty()) text += fmt::format("profile      {}: {}\n", what, words::printable(*name));
+    if (!name->empty()) text += fmt::format("profile      {}: {}\n", what, text::printable(*name));
   }
   if (info.kind == StackKind::corrected) {
     text += fmt::format("part         {} layers, {:.3f} mm high; {} slices added after its end\n",
@@ -115,13 +115,13 @@ std::string describe_stack(const StackInfo& info) {
                         g.layers - info.target_layers);
   }
   if (info.recording) text += describe_recording(info);
-  if (info.printer) text += fmt::format("printer      {}\n", words::printable(info.printer->name));
+  if (info.printer) text += fmt::format("printer      {}\n", text::printable(info.printer->name));
   if (info.printer && info.printer->flat_field) {
     text += fmt::format("light        {}, over the display\n", light_in_words(*info.printer));
   }
   if (info.resin) {
     text += fmt::format("resin        {}, {:g} um base 10, aimed at {}\n",
-                        words::printable(info.resin->name), info.resin->absorbance_height10_um,
+                        text::printable(info.resin->name), info.resin->absorbance_height10_um,
                         dose_in_words(*info.resin));
   }
   const bool layerwise = info.process && info.process->mode == ExposureMode::layerwise;
@@ -155,7 +155,7 @@ std::string describe_stack(const StackInfo& info) {
     text += fmt::format("resin volume {:.4f} ml\n", info.part_volume_mm3 * 1e-3);
   }
   if (!info.program.empty())
-    text += fmt::format("made by      {}\n", words::printable(info.program));
+    text += fmt::format("made by      {}\n", text::printable(info.program));
   if (info.kind != StackKind::foreign && !info.parameters_checked) {
     text += "checksum     of the images alone: nothing tells whether parameters were changed\n";
   }

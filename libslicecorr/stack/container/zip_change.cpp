@@ -176,6 +176,33 @@ zip_flags_t encoding_of(std::string_view name) {
   return as_said ? ZIP_FL_ENC_UTF_8 : ZIP_FL_ENC_GUESS;
 }
 
+/// Where the entries are, by the bytes of their names: the library looks for what it takes to be
+/// meant by them.
+std::unordered_map<std::string, zip_uint64_t> indices_of(zip_t* zip) {
+  std::unordered_map<std::string, zip_uint64_t> index_of;
+  for (zip_int64_t i = 0; i < zip_get_num_entries(zip, 0); ++i) {
+    const auto index = static_cast<zip_uint64_t>(i);
+    if (const char* const name = zip_get_name(zip, index, ZIP_FL_ENC_RAW)) {
+      index_of.emplace(name, index);
+    }
+  }
+  return index_of;
+}
+
+/// Has the library report to `writing` and ask it whether to stop.
+void listen(zip_t* zip, const ExecutionContext& context, ZipWriting& writing) {
+  const auto on_progress = [](zip_t*, double fraction, void* state) {
+    static_cast<ZipWriting*>(state)->report(fraction);
+  };
+  const auto on_cancel = [](zip_t*, void* state) -> int {
+    return static_cast<ZipWriting*>(state)->stopped() ? 1 : 0;
+  };
+  if (context.progress) {
+    zip_register_progress_callback_with_state(zip, 0.01, on_progress, nullptr, &writing);
+  }
+  zip_register_cancel_callback_with_state(zip, on_cancel, nullptr, &writing);
+}
+
 }  // namespace
 
 void ZipOutput::change(const std::string& temporary, const ExecutionContext& context) {
@@ -202,14 +229,7 @@ void ZipOutput::change(const std::string& temporary, const ExecutionContext& con
     return zip_set_file_compression(zip, index, packed ? ZIP_CM_DEFLATE : ZIP_CM_STORE,
                                     kTextLevel) == 0;
   };
-  // Entries by the bytes of their names: the library itself would compare converted names.
-  std::unordered_map<std::string, zip_uint64_t> index_of;
-  for (zip_int64_t i = 0; i < zip_get_num_entries(zip, 0); ++i) {
-    const auto index = static_cast<zip_uint64_t>(i);
-    if (const char* const name = zip_get_name(zip, index, ZIP_FL_ENC_RAW)) {
-      index_of.emplace(name, index);
-    }
-  }
+  const auto index_of = indices_of(zip);
   ImagePacking images = images_;
   for (const Source& source : sources_) {
     entries.push_back({&writing, entries.size(), false});
@@ -252,16 +272,7 @@ void ZipOutput::change(const std::string& temporary, const ExecutionContext& con
       fail(zip_get_error(zip));
     }
   }
-  const auto on_progress = [](zip_t*, double fraction, void* state) {
-    static_cast<ZipWriting*>(state)->report(fraction);
-  };
-  const auto on_cancel = [](zip_t*, void* state) -> int {
-    return static_cast<ZipWriting*>(state)->stopped() ? 1 : 0;
-  };
-  if (context.progress) {
-    zip_register_progress_callback_with_state(zip, 0.01, on_progress, nullptr, &writing);
-  }
-  zip_register_cancel_callback_with_state(zip, on_cancel, nullptr, &writing);
+  listen(zip, context, writing);
   if (zip_close(zip) != 0) {
     if (writing.error) std::rethrow_exception(writing.error);
     if (zip_error_code_zip(zip_get_error(zip)) == ZIP_ER_CANCELLED) throw Cancelled();

@@ -7,6 +7,7 @@
 #include <filesystem>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/image_size.hpp"
 #include "slicecorr/units.hpp"
 #include "stack/formats/known_foreign.hpp"
 #include "stack/png/png.hpp"
@@ -146,10 +147,12 @@ ImageSize image_size(const Container& archive, const std::string& name) {
   std::vector<std::uint8_t> png;
   archive.read(*entry, std::uint64_t{1} << 32, png);
   const PngHeader header = read_png_header(png, {archive.path(), name});
-  if (header.width > 3 * 65536 || header.height > 65536) {
+  if (!is_image_size(header.width, header.height)) {
     throw InputError(archive.path(), shown_name(name),
                      "is " + std::to_string(header.width) + " x " + std::to_string(header.height) +
-                         " pixels, expected at most 65536 x 65536");
+                         " pixels, expected at most " + std::to_string(kMostPixelsAcross) + " x " +
+                         std::to_string(kMostPixelsAcross) + " and " + std::to_string(kMostPixels) +
+                         " in all");
   }
   return {static_cast<int>(header.width), static_cast<int>(header.height), header.channels()};
 }

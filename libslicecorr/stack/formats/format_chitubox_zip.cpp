@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/image_size.hpp"
 #include "stack/formats/format_times.hpp"
 #include "stack/formats/layer_gcode.hpp"
 #include "stack/png/preview.hpp"
@@ -172,8 +173,8 @@ class ChituboxZip final : public ArchiveFormat {
           fmt::format("totalLayer is {}, but there are {} images", *total, contents.images.size()));
     }
     grid.layers = info.target_layers = static_cast<int>(contents.images.size());
-    take_image_size(archive, count("resolutionX", 65536), count("resolutionY", 65536), kGcodeEntry,
-                    false, contents);
+    take_image_size(archive, count("resolutionX", kMostPixelsAcross),
+                    count("resolutionY", kMostPixelsAcross), kGcodeEntry, false, contents);
     const double width_mm = head.number("machineX", 0, 1e5).value_or(0);
     const double height_mm = head.number("machineY", 0, 1e5).value_or(0);
     grid.pixel_x_um = pixel_um(width_mm / grid.width_px, archive, kGcodeEntry);

@@ -12,6 +12,7 @@
 #include <pugixml.hpp>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/image_size.hpp"
 #include "slicecorr/version.hpp"
 #include "stack/formats/format_times.hpp"
 #include "stack/formats/layer_gcode.hpp"
@@ -142,8 +143,8 @@ ArchiveContents read_cws(const Container& archive) {
         fmt::format("has {} of {} slices, the last ones are missing: those that are there are read",
                     grid.layers, said));
   }
-  take_image_size(archive, settings.count("xres", "(X Resolution", 65536),
-                  settings.count("yres", "(Y Resolution", 65536),
+  take_image_size(archive, settings.count("xres", "(X Resolution", kMostPixelsAcross),
+                  settings.count("yres", "(Y Resolution", kMostPixelsAcross),
                   settings.config ? kConfigEntry : names.gcode, true, contents);
   contents.packed_bgr = contents.packed_rgb;
   grid.pixel_x_um =
@@ -286,54 +287,58 @@ void change(const ArchiveRequest& r, const std::vector<std::string>& images,
 /// Movements as NovaMaker proposes them.
 constexpr double kLiftMm = 4, kLiftMmMin = 120;
 
-/// Makes a new archive as NovaMaker writes it, which is what the printer reads.
-void make_new(const ArchiveRequest& r, const std::string& name, ContainerOutput& output) {
-  const StackInfo& info = r.info;
+std::string mm_text(double value) { return number_text(std::round(value * 1e6) / 1e6); }
+
+/// How far the platform is lifted off the window between layers.
+double lift_mm(const StackInfo& info) { return lifts(info) ? kLiftMm : 0; }
+
+std::string new_config(const StackInfo& info) {
   const Grid& g = info.grid;
   const ExposureSummary s = exposure_summary(info);
-  const double up_mm = lifts(info) ? kLiftMm : 0;
-  const auto mm = [](double value) { return number_text(std::round(value * 1e6) / 1e6); };
-  const double layer_mm = g.layer_um * 1e-3;
-  const double build_mm = info.printer && info.printer->travel_mm > 0
-                              ? info.printer->travel_mm
-                              : std::ceil(g.layers * layer_mm + kLiftMm);
-  const std::string xppm = number_text(1e3 / g.pixel_x_um), yppm = number_text(1e3 / g.pixel_y_um);
   std::string config = fmt::format("# slicecorr {}\n# conf version 1.0\n\n", version);
   const auto say = [&](const char* key, const std::string& value) {
     config += fmt::format("{:<24}= {}\n", key, value);
   };
-  say("xppm", xppm);
-  say("yppm", yppm);
+  say("xppm", number_text(1e3 / g.pixel_x_um));
+  say("yppm", number_text(1e3 / g.pixel_y_um));
   say("xres", std::to_string(g.width_px));
   say("yres", std::to_string(g.height_px));
-  say("thickness", mm(layer_mm));
+  say("thickness", mm_text(g.layer_um * 1e-3));
   say("layers_num", std::to_string(g.layers));
   say("head_layers_num", std::to_string(s.bottom_layers));
   say("layers_expo_ms", milliseconds(s.normal_s));
   say("head_layers_expo_ms", milliseconds(s.bottom_s));
   say("wait_before_expo_ms", "0");
-  say("lift_distance", number_text(up_mm));
+  say("lift_distance", number_text(lift_mm(info)));
   say("lift_up_speed", number_text(kLiftMmMin));
   say("lift_down_speed", number_text(kLiftMmMin));
   say("lift_when_finished", "80");
-  output.add_text(kConfigEntry, config);
+  return config;
+}
 
+/// The comments and commands before the first layer.
+std::string new_gcode_head(const StackInfo& info) {
+  const Grid& g = info.grid;
+  const ExposureSummary s = exposure_summary(info);
+  const double build_mm = info.printer && info.printer->travel_mm > 0
+                              ? info.printer->travel_mm
+                              : std::ceil(g.layers * (g.layer_um * 1e-3) + kLiftMm);
   std::string text =
       fmt::format("; slicecorr {}\n;(****Build and Slicing Parameters****)\n", version);
   const auto add = [&](const char* key, const std::string& value) {
     text += fmt::format(";({:<24}= {} )\n", key, value);
   };
-  add("Pix per mm X", xppm);
-  add("Pix per mm Y", yppm);
+  add("Pix per mm X", number_text(1e3 / g.pixel_x_um));
+  add("Pix per mm Y", number_text(1e3 / g.pixel_y_um));
   add("X Resolution", std::to_string(g.width_px));
   add("Y Resolution", std::to_string(g.height_px));
-  add("Layer Thickness", mm(layer_mm) + " mm");
+  add("Layer Thickness", mm_text(g.layer_um * 1e-3) + " mm");
   add("Layer Time", milliseconds(s.normal_s) + " ms");
   add("Bottom Layers Time", milliseconds(s.bottom_s) + " ms");
   add("Number of Bottom Layers", std::to_string(s.bottom_layers));
   add("Blanking Layer Time", "0 ms");
   add("Build Direction", "Bottom_Up");
-  add("Lift Distance", number_text(up_mm) + " mm");
+  add("Lift Distance", number_text(lift_mm(info)) + " mm");
   add("Slide/Tilt Value", "0");
   add("Anti Aliasing", "True");
   add("Use Mainlift GCode Tab", "False");
@@ -345,9 +350,9 @@ void make_new(const ArchiveRequest& r, const std::string& name, ContainerOutput&
   add("Flip Y", info.orientation.mirror_y ? "True" : "False");
   text += fmt::format(";Number of Slices         = {}\n", g.layers);
   text += ";(****Machine Configuration ******)\n";
-  add("Platform X Size", mm(g.width_px * g.pixel_x_um * 1e-3) + "mm");
-  add("Platform Y Size", mm(g.height_px * g.pixel_y_um * 1e-3) + "mm");
-  add("Platform Z Size", mm(build_mm) + "mm");
+  add("Platform X Size", mm_text(g.width_px * g.pixel_x_um * 1e-3) + "mm");
+  add("Platform Y Size", mm_text(g.height_px * g.pixel_y_um * 1e-3) + "mm");
+  add("Platform Z Size", mm_text(build_mm) + "mm");
   add("Max X Feedrate", "200mm/s");
   add("Max Y Feedrate", "200mm/s");
   add("Max Z Feedrate", "200mm/s");
@@ -355,16 +360,25 @@ void make_new(const ArchiveRequest& r, const std::string& name, ContainerOutput&
   text +=
       "\nG28\nG21 ;Set units to be mm\nG91 ;Relative Positioning\nM17 ;Enable motors\n"
       "<Slice> Blank\nM106 S0\n\n";
+  return text;
+}
+
+/// As NovaMaker writes them, which the printer itself reads.
+void make_new(const ArchiveRequest& r, const std::string& name, ContainerOutput& output) {
+  const StackInfo& info = r.info;
+  const double up_mm = lift_mm(info), layer_mm = info.grid.layer_um * 1e-3;
+  output.add_text(kConfigEntry, new_config(info));
+  std::string text = new_gcode_head(info);
   bool rounded = false;
   // The printer does not wait for its movements.
   const double travel_mm = up_mm > 0 ? 2 * up_mm - layer_mm : layer_mm;
-  for (int n = 0; n < g.layers; ++n) {
+  for (int n = 0; n < info.grid.layers; ++n) {
     const double light_ms = light_on_of_layer(info, n) * 1e3;
     rounded = rounded || std::abs(light_ms - std::round(light_ms)) > 1e-6;
     text += fmt::format(";<Slice> {}\nM106 S255\n;<Delay> {:.0f}\nM106 S0\n;<Slice> Blank\n", n,
                         light_ms);
-    if (up_mm > 0) text += fmt::format("G1 Z{} F{:g}\n", mm(up_mm), kLiftMmMin);
-    text += fmt::format("G1 Z{} F{:g}\n;<Delay> {:.0f}\n\n", mm(layer_mm - up_mm), kLiftMmMin,
+    if (up_mm > 0) text += fmt::format("G1 Z{} F{:g}\n", mm_text(up_mm), kLiftMmMin);
+    text += fmt::format("G1 Z{} F{:g}\n;<Delay> {:.0f}\n\n", mm_text(layer_mm - up_mm), kLiftMmMin,
                         std::ceil(travel_mm / kLiftMmMin * 60e3));
   }
   text += "M18 ;Disable Motors\nM106 S0\nG1 Z80\n;<Completed>\n";

@@ -8,6 +8,7 @@
 #include <pugixml.hpp>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/image_size.hpp"
 #include "slicecorr/version.hpp"
 #include "stack/formats/format_times.hpp"
 #include "stack/png/preview.hpp"
@@ -40,9 +41,10 @@ void read_manifest(const Container& archive, ArchiveContents& contents) {
   const auto number = [&](const char* key, double most) {
     return number_of(root, key, most, path);
   };
-  take_image_size(archive, whole(number("ResolutionX", 65536), path, kManifestEntry, "ResolutionX"),
-                  whole(number("ResolutionY", 65536), path, kManifestEntry, "ResolutionY"),
-                  kManifestEntry, false, contents);
+  take_image_size(
+      archive, whole(number("ResolutionX", kMostPixelsAcross), path, kManifestEntry, "ResolutionX"),
+      whole(number("ResolutionY", kMostPixelsAcross), path, kManifestEntry, "ResolutionY"),
+      kManifestEntry, false, contents);
   Grid& grid = contents.info.grid;
   grid.layer_um = layer_um(number("LayerHeight", 1e5).value_or(0), archive, kManifestEntry);
   grid.pixel_x_um =

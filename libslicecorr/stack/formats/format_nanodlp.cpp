@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/image_size.hpp"
 #include "slicecorr/version.hpp"
 #include "stack/formats/format_times.hpp"
 #include "stack/png/preview.hpp"
@@ -146,7 +147,7 @@ ArchiveContents read_nanodlp(const Container& archive) {
     plate.fail(fmt::format("LayersCount is {}, but there are {} images", said, grid.layers));
   }
   const auto size_of = [&](const char* key) {
-    return slicer ? slicer->count(key, 65536) : std::optional<int>();
+    return slicer ? slicer->count(key, kMostPixelsAcross) : std::optional<int>();
   };
   const std::string says = slicer ? slicer->entry : kPlateEntry;
   take_image_size(archive, size_of("PWidth"), size_of("PHeight"), says, true, contents);

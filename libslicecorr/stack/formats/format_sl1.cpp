@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/image_size.hpp"
 #include "stack/formats/archive_format.hpp"
 #include "stack/formats/uvj_config.hpp"
 #include "stack/png/preview.hpp"
@@ -68,8 +69,8 @@ void read_display(const KeyValueText& config, const std::optional<KeyValueText>&
   if (settings) {
     const auto width_mm = settings->number("display_width", 0, 1e5);
     const auto height_mm = settings->number("display_height", 0, 1e5);
-    const auto x_px = settings->number("display_pixels_x", 1, 65536);
-    const auto y_px = settings->number("display_pixels_y", 1, 65536);
+    const auto x_px = settings->number("display_pixels_x", 1, kMostPixelsAcross);
+    const auto y_px = settings->number("display_pixels_y", 1, kMostPixelsAcross);
     info.orientation_known = settings->find("display_orientation").has_value();
     info.orientation.portrait = settings->find("display_orientation") == "portrait";
     info.orientation.mirror_x = settings->find("display_mirror_x") == "1";

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/image_size.hpp"
 #include "stack/formats/uvj_config.hpp"
 
 namespace slicecorr::detail {
@@ -55,10 +56,10 @@ void take_image_size(const Container& archive, std::optional<int> width_px,
                                  size.width_px, size.height_px, size.channels == 3 ? " in RGB" : "",
                                  width, height, packing, says));
   }
-  if (width > 65536 || std::int64_t{width} * height > kMaxImagePixels) {
-    throw InputError(archive.path(), first,
-                     fmt::format("is {} x {} pixels, expected at most {} pixels", width, height,
-                                 kMaxImagePixels));
+  if (!is_image_size(width, height)) {
+    throw InputError(
+        archive.path(), first,
+        fmt::format("is {} x {} pixels, expected at most {} pixels", width, height, kMostPixels));
   }
   contents.packed_rgb = packed;
   contents.info.grid.width_px = width;

@@ -8,6 +8,7 @@
 #include <pugixml.hpp>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/image_size.hpp"
 #include "stack/formats/archive_format.hpp"
 #include "stack/formats/format_times.hpp"
 #include "support/text/ascii.hpp"
@@ -99,7 +100,7 @@ void read_resolution(pugi::xml_node machines, const XmlSource& place, ArchiveCon
       place.refuse("Machines.Resolution is " + shown_name(text) + ", expected WIDTH*HEIGHTP");
     }
     const auto pixels = [&](std::string_view number) {
-      return whole(number_of(trimmed(number), 1, 65536, "Machines.Resolution", place),
+      return whole(number_of(trimmed(number), 1, kMostPixelsAcross, "Machines.Resolution", place),
                    place.archive.path(), place.entry, "Machines.Resolution");
     };
     width = pixels(text.substr(0, star));

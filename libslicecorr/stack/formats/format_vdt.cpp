@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/image_size.hpp"
 #include "stack/formats/archive_format.hpp"
 #include "stack/formats/format_times.hpp"
 #include "stack/formats/json_node.hpp"
@@ -71,8 +72,9 @@ bool flag_at(const Node& object, const char* key) { return object.has(key) && ob
 void read_machine(const Container& archive, const Node& machine, ArchiveContents& contents) {
   StackInfo& info = contents.info;
   Grid& grid = info.grid;
-  take_image_size(archive, integer_at(machine, "resolution_x", 65536),
-                  integer_at(machine, "resolution_y", 65536), kManifestEntry, false, contents);
+  take_image_size(archive, integer_at(machine, "resolution_x", kMostPixelsAcross),
+                  integer_at(machine, "resolution_y", kMostPixelsAcross), kManifestEntry, false,
+                  contents);
   grid.pixel_x_um =
       pixel_um(number_at(machine, "lcd_width", 1e5) / grid.width_px, archive, kManifestEntry);
   grid.pixel_y_um =

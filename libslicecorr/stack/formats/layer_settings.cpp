@@ -10,19 +10,10 @@
 #include "stack/formats/archive_format.hpp"
 #include "stack/formats/format_times.hpp"
 #include "support/text/ascii.hpp"
+#include "support/text/csv.hpp"
 
 namespace slicecorr::detail {
 namespace {
-
-std::vector<std::string> cells_of(std::string_view line) {
-  std::vector<std::string> cells;
-  for (std::size_t start = 0; start <= line.size();) {
-    const std::size_t end = std::min(line.find(',', start), line.size());
-    cells.emplace_back(line.substr(start, end - start));
-    start = end + 1;
-  }
-  return cells;
-}
 
 /// The layer that a row is for; 0 for a comment.
 int layer_of(std::string_view cell) {
@@ -40,7 +31,8 @@ LayerSettings::LayerSettings(std::string_view text, const std::string& file,
   // Lines end with CR, LF or both.
   for (std::size_t start = 0; start < text.size();) {
     const std::size_t end = std::min(text.find_first_of("\r\n", start), text.size());
-    rows_.push_back(cells_of(text.substr(start, end - start)));
+    const auto cells = comma_separated(text.substr(start, end - start));
+    rows_.emplace_back(cells.begin(), cells.end());
     start = end + (text.substr(end, 2) == "\r\n" ? 2 : 1);
   }
   if (rows_.empty()) rows_.push_back({"Layer"});

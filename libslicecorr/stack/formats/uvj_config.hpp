@@ -22,9 +22,6 @@ inline constexpr int kUvjBlockFormat = 4;
 inline const std::vector<std::string> kNamesOfUv{"off", "constant", "per_slice", "patterned"};
 inline const std::vector<std::string> kNamesOfRamps{"none", "lamp_follows", "outside"};
 
-/// Largest image of a stack.
-inline constexpr std::int64_t kMaxImagePixels = 1'000'000'000;
-
 std::string write_uvj_config(const StackInfo& info, std::uint32_t images_crc32,
                              std::optional<std::uint32_t> uv_images_crc32 = std::nullopt);
 

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/image_size.hpp"
 #include "stack/block_check.hpp"
 #include "stack/formats/json_node.hpp"
 #include "stack/formats/uvj_config.hpp"
@@ -76,10 +77,10 @@ double scale_um(double um, double least, double most, const Node& node) {
 void read_properties(const Node& properties, StackInfo& info) {
   const Node size = properties["Size"];
   Grid& grid = info.grid;
-  grid.width_px = size["X"].integer(1, 65536);
-  grid.height_px = size["Y"].integer(1, 65536);
-  if (std::int64_t{grid.width_px} * grid.height_px > kMaxImagePixels) {
-    size["X"].fail("images of at most " + std::to_string(kMaxImagePixels) + " pixels");
+  grid.width_px = size["X"].integer(1, kMostPixelsAcross);
+  grid.height_px = size["Y"].integer(1, kMostPixelsAcross);
+  if (!is_image_size(grid.width_px, grid.height_px)) {
+    size["X"].fail("images of at most " + std::to_string(kMostPixels) + " pixels");
   }
   // Millimetre sizes are of the whole image, LayerHeight is of one layer.
   const Node mm = size["Millimeter"];
@@ -125,8 +126,8 @@ Orientation read_orientation(const Node& node) {
 Printer read_printer(const Node& node) {
   Printer p;
   p.name = node["name"].string();
-  p.width_px = node["width_px"].integer(1, 65536);
-  p.height_px = node["height_px"].integer(1, 65536);
+  p.width_px = node["width_px"].integer(1, kMostPixelsAcross);
+  p.height_px = node["height_px"].integer(1, kMostPixelsAcross);
   p.pixel_x_um = node["pixel_x_um"].positive();
   p.pixel_y_um = node["pixel_y_um"].positive();
   p.bit_depth = node["bit_depth"].integer(1, 8);
@@ -145,10 +146,10 @@ Printer read_printer(const Node& node) {
   if (node.has("flat_field")) {
     const Node f = node["flat_field"];
     FlatField field;
-    field.width_px = f["width_px"].integer(1, 65536);
-    field.height_px = f["height_px"].integer(1, 65536);
-    if (std::int64_t{field.width_px} * field.height_px > kMaxImagePixels) {
-      f["width_px"].fail("a picture of at most " + std::to_string(kMaxImagePixels) + " pixels");
+    field.width_px = f["width_px"].integer(1, kMostPixelsAcross);
+    field.height_px = f["height_px"].integer(1, kMostPixelsAcross);
+    if (!is_image_size(field.width_px, field.height_px)) {
+      f["width_px"].fail("a picture of at most " + std::to_string(kMostPixels) + " pixels");
     }
     field.of_plate = f["frame"].choice({"image", "plate"}) == 1;
     field.reference = f["reference"].integer(1, 255);

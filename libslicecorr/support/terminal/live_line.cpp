@@ -27,20 +27,20 @@ const char* sequence(Ink ink) {
 }  // namespace
 
 Line& Line::put(const std::string& text, Ink ink) {
-  const std::string shown = words::clipped(text, left_);
-  left_ -= words::columns_of(shown);
+  const std::string shown = text::clipped(text, left_);
+  left_ -= text::columns_of(shown);
   const bool ink_seen = colour_ && ink != Ink::plain && !shown.empty();
   text_ += ink_seen ? sequence(ink) + shown + "\033[0m" : shown;
   return *this;
 }
 
 Line& Line::to_the_right(const std::string& text, Ink ink) {
-  const int room = left_ - words::columns_of(text);
+  const int room = left_ - text::columns_of(text);
   return room > 0 ? put(std::string(static_cast<std::size_t>(room), ' ')).put(text, ink) : *this;
 }
 
 void put_bar(Line& line, double fraction, int columns, Ink ink) {
-  std::string bar = words::bar(fraction, columns);
+  std::string bar = text::bar(fraction, columns);
   const std::size_t end = bar.find_last_not_of(' ') + 1;
   std::string track;
   for (std::size_t i = end; i < bar.size(); ++i) track += "░";

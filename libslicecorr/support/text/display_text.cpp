@@ -7,7 +7,7 @@
 
 #include "support/text/utf8.hpp"
 
-namespace slicecorr::words {
+namespace slicecorr::text {
 
 namespace {
 
@@ -191,4 +191,4 @@ std::string table(const std::vector<std::string>& headings,
   return out;
 }
 
-}  // namespace slicecorr::words
+}  // namespace slicecorr::text

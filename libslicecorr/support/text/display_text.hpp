@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-namespace slicecorr::words {
+namespace slicecorr::text {
 
 /// "7.3 s", "4 min 05 s", "3 h 10 min", "2 d 04 h"; "-" below 0 and for what is no number.
 std::string duration(double seconds);
@@ -43,4 +43,4 @@ std::string bar(double fraction, int columns);
 std::string table(const std::vector<std::string>& headings,
                   const std::vector<std::vector<std::string>>& rows, int most_columns);
 
-}  // namespace slicecorr::words
+}  // namespace slicecorr::text

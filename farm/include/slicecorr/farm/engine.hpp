@@ -52,7 +52,7 @@ struct TaskReport {
   std::int64_t peak_mb = 0;  ///< greatest memory; 0: not known
 };
 
-struct Node {
+struct FarmNode {
   std::string name;
   std::string state;  ///< "idle", "busy", "down" or what the engine says
   bool usable = true;
@@ -77,12 +77,12 @@ class Engine {
   virtual EngineCapacity capacity() = 0;
   /// How many threads and how much memory the next task gets. `waiting`: jobs that could start,
   /// this one included. The default shares the free cores among them.
-  struct Share {
+  struct TaskSize {
     int threads = 1;
     std::int64_t memory_mb = 0;
   };
-  virtual Share share(const EngineCapacity& capacity, std::int64_t waiting,
-                      std::int64_t base_memory_mb, std::int64_t thread_memory_mb) const;
+  virtual TaskSize share(const EngineCapacity& capacity, std::int64_t waiting,
+                         std::int64_t base_memory_mb, std::int64_t thread_memory_mb) const;
   /// Starts tasks; gives for each what the engine calls it, "" where it could not be started (a
   /// report with `ended` and `engine_failed` follows from `poll`).
   virtual std::vector<std::string> submit(const std::vector<Task>& tasks) = 0;
@@ -105,7 +105,7 @@ class Engine {
   /// by `poll` from now on; the others are gone.
   virtual std::vector<std::string> adopt(const std::vector<Attempt>& attempts) = 0;
   /// The machines on which tasks run.
-  virtual std::vector<Node> nodes() = 0;
+  virtual std::vector<FarmNode> nodes() = 0;
   /// Why nothing can run now, in words for people: nobody answers, no node takes work. Empty: it
   /// can.
   virtual std::string trouble() const { return {}; }

@@ -100,7 +100,7 @@ struct Submission {
 /// into the farm; else nothing is written (a dry run). Throws `SubmitErrors` with all that is
 /// wrong; what was copied until then goes again.
 Submission prepare(const std::vector<JobRequest>& requests, const FarmFolder& folder, Queue& queue,
-                   const std::string& user, bool store, const ExecutionContext& job);
+                   const std::string& user, bool store, const ExecutionContext& context);
 
 struct Submitted {
   std::vector<JobId> ids;

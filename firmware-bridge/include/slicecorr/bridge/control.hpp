@@ -130,7 +130,7 @@ struct Answer {
 };
 
 /// What a cycle asks for.
-struct Step {
+struct ControlStep {
   SetPoints set_points;
   /// Lamps off, or the command to stop, are to be written by themselves before the rest goes out: a
   /// fault asks for it until the machine has answered that it took them (`written_alone`).
@@ -196,7 +196,7 @@ class Controller {
   ~Controller();
   /// One cycle: the last exchange (nothing: no answer) and the time now. The set-points go out at
   /// once; the next call is a cycle later.
-  Step step(const std::optional<Answer>& answer, double now_s);
+  ControlStep step(const std::optional<Answer>& answer, double now_s);
   void shown(const FrameReport& report);
   /// The machine has answered that it took what the last step wanted written by itself.
   void written_alone(bool lamps, bool command);

@@ -37,7 +37,7 @@ class Link {
 /// Modbus: input is flushed before each request; an answer that does not come or can't be trusted
 /// closes a TCP connection, which is made anew without blocking, at growing intervals. Throws
 /// `InputError` when the map can't be used.
-std::unique_ptr<Link> make_modbus_link(const RegisterMap& map, const Limits& limits);
+std::unique_ptr<Link> make_modbus_link(const RegisterMap& map, const MachineLimits& limits);
 
 /// The clock that the bridge goes by. In tests and `--lockstep` it only moves when somebody sleeps.
 class BridgeClock {

@@ -44,7 +44,7 @@ struct LampDrive {
 };
 
 /// [bridge]: when to give up. Distances count along the stage's way.
-struct Limits {
+struct MachineLimits {
   double cycle_s = 0.01;             ///< between exchanges, 0.001..0.1
   double response_timeout_s = 0.04;  ///< of a request and all of its answer, 0.005..1
   double heartbeat_timeout_s = 0.3;  ///< 0.02..10: without an answer that long the print has failed
@@ -138,7 +138,7 @@ struct Machine {
   Printer printer;
   Stage stage;
   LampDrive blue, uv;
-  Limits limits;
+  MachineLimits limits;
   Projector projector;
   std::optional<RegisterMap> modbus;
   std::string path;  ///< of the file

@@ -76,7 +76,10 @@ inline RunResult run_program(const std::vector<std::string>& command,
     }
     constexpr uid_t nobody = 65534;
     if (options.unprivileged && ::geteuid() == 0) {
-      ready = ready && ::setgid(nobody) == 0 && ::setuid(nobody) == 0;
+      // Opened while we may: nobody can't enter root's home, where the program may lie.
+      const int program = ::open(argv[0], O_RDONLY | O_CLOEXEC);
+      ready = ready && program >= 0 && ::setgid(nobody) == 0 && ::setuid(nobody) == 0;
+      if (ready) ::fexecve(program, argv.data(), envp.data());
     }
     if (ready) ::execve(argv[0], argv.data(), envp.data());
     ::_exit(127);

@@ -25,6 +25,9 @@ struct BandPredictor::State {
   void add_slice(int slice, std::span<const ImageShowing> showings, const std::uint8_t* coverage);
   void add_tile(std::size_t first_column, std::size_t columns, int first_slice, int slices,
                 const std::uint8_t* pixels, const std::uint8_t* coverage);
+  struct TileSlice;
+  /// Columns of a tile's slice that are grey, come into another class, or cross dose 1.
+  void add_lanes(const TileSlice& s);
   void go_on_from(Prediction so_far);
   Prediction finish(const PixelOfColumn& place);
 

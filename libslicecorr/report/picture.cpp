@@ -103,7 +103,7 @@ ColourImage side_by_side(const ColourImage& left, const ColourImage& right) {
 }
 
 ColourImage progress_picture(const SectionHistory& h, std::size_t frame, int most_px) {
-  const SectionHistory::Snapshot& f = h.frames[frame];
+  const SectionHistory::Still& f = h.frames[frame];
   Section s;
   s.width = h.width;
   s.layers = h.layers;

@@ -57,7 +57,7 @@ SectionHistory simulate_section(const SliceSource& stack, const SliceSource* tar
   for (const double time_s : times_s) {
     context.check_cancelled();
     const PrintClock::Moment now = clock.at(time_s);
-    SectionHistory::Snapshot frame;
+    SectionHistory::Still frame;
     frame.time_s = clock.time_s(now);
     frame.slice = now.slice;
     frame.share = now.share;

@@ -121,7 +121,7 @@ struct SectionHistory {
   int y = 0, x0 = 0, width = 0, layers = 0;  ///< columns [x0, x0 + width)
   double pixel_x_um = 0, layer_um = 0;
   std::vector<std::uint8_t> coverage;  ///< of the design, 0..255; empty when there is none
-  struct Snapshot {
+  struct Still {
     double time_s = 0;  ///< this and the next three: as in HistoryStep
     int slice = 0;
     double share = 0;
@@ -129,7 +129,7 @@ struct SectionHistory {
     bool ended = false;                ///< all slices have been shown
     std::vector<std::uint8_t> gelled;  ///< 1 where the middle of the layer has gelled
   };
-  std::vector<Snapshot> frames;
+  std::vector<Still> frames;
 };
 SectionHistory simulate_section(const SliceSource& stack, const SliceSource* target,
                                 const Setup& setup, int y, const std::vector<double>& times_s,

@@ -64,7 +64,7 @@ class Designer {
 
   /// Heights within `l` at which no edge moves by more than the tolerance; the longest stretch.
   /// `least_error` takes the least error there is.
-  std::optional<Limits> within_tolerance(const Limits& l, double& least_error) const;
+  std::optional<HeightRange> within_tolerance(const HeightRange& l, double& least_error) const;
 
   /// Error of both edges at the best single intensity up to full light, without correction.
   double uncorrected_error(double he) const;

@@ -86,8 +86,8 @@ bool Designer::keeps_any_dead_zone() const {
   return keeps_dead_zone(make_kinetics(resin_, true, true), blue_, lamp());
 }
 
-Designer::HeightRange Designer::limits() const {
-  HeightRange l{limit_, std::min(black_limit(), kGreatestHeightE), {}, {}};
+Designer::HeightLimits Designer::limits() const {
+  HeightLimits l{limit_, std::min(black_limit(), kGreatestHeightE), {}, {}};
   l.low_because = fmt::format("full light ({} mW/cm²) gels the resin at {} mm/h above it",
                               figure(blue_), figure(speed_));
   l.high_because =
@@ -130,8 +130,8 @@ double Designer::least_of_piece(double start, double end) const {
   return rising(end) ? boundary(start, end, false, rising) : end;
 }
 
-std::optional<Designer::HeightRange> Designer::within_tolerance(const HeightRange& l,
-                                                                double& least_error) const {
+std::optional<Designer::HeightLimits> Designer::within_tolerance(const HeightLimits& l,
+                                                                 double& least_error) const {
   least_error = kInfinity;
   if (!l.any()) return std::nullopt;
   // Between heights at which a grey level passes phi = 1 the error of upper edges rises with the
@@ -144,7 +144,7 @@ std::optional<Designer::HeightRange> Designer::within_tolerance(const HeightRang
   }
   std::sort(cuts.begin(), cuts.end());
   const auto fits = [&](double he) { return error(he) <= wish_.tolerance_um; };
-  std::optional<HeightRange> best, open;
+  std::optional<HeightLimits> best, open;
   const auto close = [&] {
     if (open && (!best || open->high / open->low > best->high / best->low)) best = open;
     open.reset();
@@ -162,9 +162,9 @@ std::optional<Designer::HeightRange> Designer::within_tolerance(const HeightRang
     }
     if (!fits(start)) {
       close();
-      open = HeightRange{boundary(start, bottom, false, fits), 0, tolerance, {}};
+      open = HeightLimits{boundary(start, bottom, false, fits), 0, tolerance, {}};
     } else if (!open) {
-      open = HeightRange{i == 0 ? l.low : start, 0, i == 0 ? l.low_because : tolerance, {}};
+      open = HeightLimits{i == 0 ? l.low : start, 0, i == 0 ? l.low_because : tolerance, {}};
     }
     if (fits(end)) {
       open->high = i + 2 == cuts.size() ? l.high : end;

@@ -51,12 +51,12 @@ class Designer {
 
   /// Interval of heights that gel, keep gaps liquid and keep the dead zone; with what sets its
   /// ends.
-  struct HeightRange {
+  struct HeightLimits {
     double low = 0, high = kInfinity;
     std::string low_because, high_because;
     bool any() const { return low * (1 + 1e-9) < high; }
   };
-  HeightRange limits() const;
+  HeightLimits limits() const;
 
   /// Where the falling error of lower edges and the rising one of upper edges meet, or the end
   /// nearest to that.
@@ -64,7 +64,7 @@ class Designer {
 
   /// Heights within `l` at which no edge moves by more than the tolerance; the longest stretch.
   /// `least_error` takes the least error there is.
-  std::optional<HeightRange> within_tolerance(const HeightRange& l, double& least_error) const;
+  std::optional<HeightLimits> within_tolerance(const HeightLimits& l, double& least_error) const;
 
   /// Error of both edges at the best single intensity up to full light, without correction.
   double uncorrected_error(double he) const;

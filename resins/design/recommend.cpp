@@ -53,7 +53,7 @@ std::string first_that_works(double now, double end, const std::function<bool(do
 }
 
 std::vector<std::string> ways_out(const Designer& d, const Resin& resin, const Printer& printer,
-                                  const Wish& wish, const Designer::HeightRange& limits,
+                                  const Wish& wish, const Designer::HeightLimits& limits,
                                   double least_error) {
   std::vector<std::string> ways;
   const auto with_speed = [&](double speed) {
@@ -146,7 +146,7 @@ Recommendation recommend(const Resin& resin, const Printer& printer, const Wish&
   r.range_uncorrected = d.uncorrected_range();
   r.best_uncorrected_height10_um = units::height10_from_e(d.best_uncorrected());
   r.best_uncorrected_error_um = d.uncorrected_error(d.best_uncorrected());
-  const Designer::HeightRange limits = d.limits();
+  const Designer::HeightLimits limits = d.limits();
   double least_error = kInfinity;
   const auto found = d.within_tolerance(limits, least_error);
   if (!found) {

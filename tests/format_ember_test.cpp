@@ -114,7 +114,7 @@ TEST_F(Ember, TimesOfSingleLayers) {
     Notices notices;
     Entries entries = foreign();
     entries.emplace_back("layersettings.csv", to_bytes(csv));
-    const StackReader reader(make(entries), folder_.path(), notices.job, kFacts);
+    const StackReader reader(make(entries), folder_.path(), notices.context, kFacts);
     // Layer 1 is no model layer, so that its ModelExposureSec says nothing.
     EXPECT_THAT(reader.info().layer_exposure_s, ElementsAre(5.5, 4, 4, 1.5, 2.25));
     EXPECT_THAT(notices.all(), HasSubstr("makes layer 5 50 um high, others 25 um"));
@@ -201,8 +201,8 @@ TEST_F(Ember, NewOnesSayOnlyWhatThePrinterKnows) {
     return i;
   }();
   Notices notices;
-  test::write_stack(file(folder_ / "my part.tar.gz", ""), images, info, notices.job);
-  test::write_stack(file(folder_ / "my part.zip", "ember"), images, info, notices.job);
+  test::write_stack(file(folder_ / "my part.tar.gz", ""), images, info, notices.context);
+  test::write_stack(file(folder_ / "my part.zip", "ember"), images, info, notices.context);
   EXPECT_EQ(notices.all(), "") << "all of it can be said";
   Entries zip = test::unzip(folder_ / "my part.zip");
   // The printer counts all PNGs of a tar.gz, so there may be no preview.
@@ -233,7 +233,7 @@ TEST_F(Ember, NewOnesTellWhatIsLost) {
   info.exposure_s = 2;
   info.layer_exposure_s = {8, 6, 4, 3, 5};
   Notices notices;
-  test::write_stack(file(folder_ / "a.tar.gz", ""), like(images_, 5, 35), info, notices.job);
+  test::write_stack(file(folder_ / "a.tar.gz", ""), like(images_, 5, 35), info, notices.context);
   EXPECT_THAT(notices.all(), HasSubstr("1280 x 800 pixels of 50 um, this stack has 70 x 30"));
   EXPECT_THAT(notices.all(), HasSubstr("33.3 um become 33 um"));
   EXPECT_THAT(StackReader::read_info(folder_ / "a.tar.gz").layer_exposure_s,

@@ -224,7 +224,7 @@ TEST(Recognition, GcodeWithOtherPowerOrOrderIsToldOf) {
   const auto told_of = [&](const std::string& gcode) {
     make_zip(folder / "part.zip", {{"1.png", png}, {"2.png", png}, {"run.gcode", to_bytes(gcode)}});
     Told told;
-    StackReader(folder / "part.zip", folder.path(), told.job(), {50, 50, 50});
+    StackReader(folder / "part.zip", folder.path(), told.context(), {50, 50, 50});
     return told.all();
   };
   const std::string one = "G90\nM6054 \"1.png\"\nM106 S255\nG4 P9\nM106 S0\n";
@@ -283,7 +283,7 @@ TEST(NanoDlp, OptionsStandInForTheSlicer) {
        {"override.json", to_bytes("{\"CureTime\":3.5}")},
        {"1.png", packed_png(Bytes(36, 9), 12, 3, false)}});
   Told told;
-  const StackReader reader(folder / "a.nanodlp", folder.path(), told.job());
+  const StackReader reader(folder / "a.nanodlp", folder.path(), told.context());
   EXPECT_EQ(reader.info().format, "nanodlp");
   EXPECT_NEAR(reader.grid().pixel_x_um, 20, 1e-9);
   EXPECT_NEAR(reader.grid().pixel_y_um, 30, 1e-9);

@@ -336,7 +336,7 @@ TEST_P(InPlace, TimesOfSingleLayersAreHeldOrTold) {
   info.bottom_exposure_s = info.bottom_layers = 0;
   info.exposure_s = 2;
   Told told;
-  write_file_as(file(), random_images(5, 4, 3, 26), info, told.job());
+  write_file_as(file(), random_images(5, 4, 3, 26), info, told.context());
   const StackInfo read = StackReader::read_info(out_);
   if (foreign_.format == "generic") {
     EXPECT_THAT(told.all(), HasSubstr("can't show layers for different times"));

@@ -141,7 +141,7 @@ TEST_P(NewOtherArchive, ImagesInUvLightAreKeptBesideTheSlices) {
     writer.finish(info, {});
   }
   Notices notices;
-  const StackReader reader(path, folder.path(), notices.job);
+  const StackReader reader(path, folder.path(), notices.context);
   EXPECT_EQ(test::read_images(reader), images.slices);
   EXPECT_EQ(reader.info().process->uv, info.process->uv);
   EXPECT_EQ(notices.all().find("UV images were changed"), std::string::npos) << notices.all();
@@ -209,7 +209,7 @@ TEST_F(ImageFolder, TheLargestSetOfImagesCounts) {
   Entries files = named({"a1.png", "a2.png", "a3.png"});
   files.emplace_back("preview1.png", to_bytes("no slice"));
   files.emplace_back("preview2.png", to_bytes("no slice"));
-  const StackReader reader(make(files), folder_.path(), notices.job, kFacts);
+  const StackReader reader(make(files), folder_.path(), notices.context, kFacts);
   EXPECT_EQ(reader.grid().layers, 3);
   EXPECT_THAT(notices.all(), HasSubstr("2 images named previewNUMBER.png left out"));
   files.emplace_back("preview3.png", to_bytes("no slice"));

@@ -117,11 +117,11 @@ TEST_F(Vdt, TimesOfSingleLayers) {
 TEST_F(Vdt, TellsWhatItCantTakeIn) {
   Notices notices;
   make(foreign(with("\"height\": 0.15", "\"height\": 0.18")));
-  (void)StackReader(folder_ / "a.vdt", folder_.path(), notices.job);
+  (void)StackReader(folder_ / "a.vdt", folder_.path(), notices.context);
   EXPECT_THAT(notices.all(), HasSubstr("layer 2 is 80 um high, others 50 um"));
   notices.texts.clear();
   make(foreign(with("\"exposure_time\": 2.5, \"light_pwm\": 200", "\"light_pwm\": 100")));
-  (void)StackReader(folder_ / "a.vdt", folder_.path(), notices.job);
+  (void)StackReader(folder_ / "a.vdt", folder_.path(), notices.context);
   EXPECT_THAT(notices.all(), HasSubstr("light_pwm is 200 in layer 0 and 100 in layer 2"));
 }
 
@@ -212,7 +212,7 @@ TEST_F(Vdt, ContinuousOnesNeitherLiftNorStayBrightOnRamps) {
   info.process->ramp = Ramp::lamp_follows;
   info.process->ramp_mm = 0.1;
   Notices notices;
-  test::write_stack(folder_ / "part.vdt", like(images_, 4, 15), info, notices.job);
+  test::write_stack(folder_ / "part.vdt", like(images_, 4, 15), info, notices.context);
   EXPECT_THAT(notices.all(), HasSubstr("platform moves"));
   Entries entries = test::unzip(folder_ / "part.vdt");
   const Json json = Json::parse(to_text(test::entry(entries, "manifest.json")));
@@ -341,7 +341,7 @@ TEST_F(Vda, SaysWhatItIs) {
 TEST_F(Vda, LengthCountsWhenTheyDisagree) {
   Notices notices;
   make(foreign(with("47.25um", "50um")));
-  const StackReader reader(folder_ / "a.zip", folder_.path(), notices.job);
+  const StackReader reader(folder_ / "a.zip", folder_.path(), notices.context);
   EXPECT_NEAR(reader.grid().pixel_x_um, 3310.0 / 70, 1e-6);
   EXPECT_THAT(notices.all(), HasSubstr("PixelXSize 50 um"));
   make(foreign(with("<PixelXSize>47.25um</PixelXSize>", "")));
@@ -403,7 +403,7 @@ TEST_F(Vda, NewOnesAreWhatUvtoolsWrites) {
   info.exposure_s = 3;
   info.orientation.mirror_x = true;
   Notices notices;
-  test::write_stack(file(folder_ / "part 1.zip", "vda"), like(images_, 3, 24), info, notices.job);
+  test::write_stack(file(folder_ / "part 1.zip", "vda"), like(images_, 3, 24), info, notices.context);
   EXPECT_THAT(notices.all(), HasSubstr("no exposure times: the printer must be set to 3 s"));
   EXPECT_THAT(notices.all(), HasSubstr("mirrored"));
   Entries entries = test::unzip(folder_ / "part 1.zip");

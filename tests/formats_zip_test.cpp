@@ -135,7 +135,7 @@ TEST_P(NewArchive, HoldsOrTellsTimesOfLayers) {
   info.exposure_s = 3;
   info.layer_exposure_s = {3, 4.5, 0.25, 3};
   Told told;
-  write_file_as(file(), images, info, told.job());
+  write_file_as(file(), images, info, told.context());
   const StackInfo read = read_as_foreign();
   if (GetParam().layer_times) {
     EXPECT_EQ(read.layer_exposure_s, info.layer_exposure_s);
@@ -166,7 +166,7 @@ TEST_P(NewArchive, TellsThatItKnowsNoMovingPlatform) {
   // 33.333 um in 0.2 s.
   info.process->speed_mm_h = images.grid.layer_um * 1e-3 / 0.2 * 3600;
   Told told;
-  write_file_as(file(), images, info, told.job());
+  write_file_as(file(), images, info, told.context());
   EXPECT_THAT(told.all(), HasSubstr("can't say that the platform moves while slices are shown: "
                                     "each slice is shown for 0.2 s"));
   EXPECT_EQ(StackReader::read_info(path_).process->speed_mm_h, info.process->speed_mm_h);
@@ -267,7 +267,7 @@ TEST_P(Packed, PixelsStandInTheChannelsOfTheFormat) {
   Told told;
   StackInfo info = info_of(images.grid);
   info.exposure_s = 1;
-  write_file_as(path, images, info, told.job());
+  write_file_as(path, images, info, told.context());
   EXPECT_EQ(told.all().find("no multiple of three") != std::string::npos, width % 3 != 0);
   EXPECT_EQ(read_images(StackReader(path, folder.path())), images.slices);
   Entries entries = unzip(path);
@@ -330,7 +330,7 @@ TEST(RealArchives, CreationWorkshopWithoutItsLastSlice) {
   SLICECORR_NEEDS_FILE(path);
   TemporaryFolder folder;
   Told told;
-  const StackReader reader(path, folder.path(), told.job());
+  const StackReader reader(path, folder.path(), told.context());
   const StackInfo& info = reader.info();
   EXPECT_EQ(info.format, "cws");
   EXPECT_EQ(info.grid.width_px, 1920);
@@ -364,7 +364,7 @@ TEST(RealArchives, CreationWorkshopWithoutItsLastSlice) {
   EXPECT_EQ(after.front(), before.front());
   EXPECT_EQ(after.back().name, "diagrid_s0065.png");
   Told second;
-  const StackReader again(file.path, folder.path(), second.job());
+  const StackReader again(file.path, folder.path(), second.context());
   EXPECT_EQ(second.all(), "");
   EXPECT_EQ(again.pixel_sum(), std::uint64_t{66} * 1920 * 1080 * 200);
 }

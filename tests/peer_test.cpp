@@ -39,7 +39,7 @@ TEST_F(Peer, PutsThePartWhereAsked) {
   const PeerResult told = slice_with_peer(folder_ / "part.stl", folder_.path(), true);
   ASSERT_EQ(own.layers.size(), 10U) << own.says;
   ASSERT_EQ(told.layers.size(), 10U) << told.says;
-  const auto a = middle(own.layers[5]), b = middle(told.layers[5]);
+  const auto b = middle(told.layers[5]);
   EXPECT_NEAR(b[0], kWidth / 2.0, 0.01);
   EXPECT_NEAR(b[1], kHeight / 2.0, 0.01);
 }

@@ -4,7 +4,7 @@
 
 #include "slicecorr/farm/clock.hpp"
 
-namespace slicecorr::farm::words {
+namespace slicecorr::farm::text {
 
 std::string moment(std::int64_t ms, std::int64_t now_ms) {
   if (ms <= 0) return "-";
@@ -18,4 +18,4 @@ std::string to_the_minute(std::int64_t ms, std::int64_t now_ms) {
   return text.size() == 8 ? text.substr(0, 5) : text;
 }
 
-}  // namespace slicecorr::farm::words
+}  // namespace slicecorr::farm::text

@@ -7,7 +7,7 @@
 
 #include "support/text/display_text.hpp"
 
-namespace slicecorr::farm::words {
+namespace slicecorr::farm::text {
 
 using namespace slicecorr::text;
 
@@ -16,4 +16,4 @@ std::string moment(std::int64_t ms, std::int64_t now_ms);
 /// The same without seconds.
 std::string to_the_minute(std::int64_t ms, std::int64_t now_ms);
 
-}  // namespace slicecorr::farm::words
+}  // namespace slicecorr::farm::text

@@ -163,8 +163,10 @@ std::vector<Column> part_columns(const std::string& name, double scale, const Pr
   slices.read_band(box, [&](int n, const std::uint8_t* rows) {
     for (std::size_t i = 0; rows && i < pixels; ++i) all[i][static_cast<std::size_t>(n)] = rows[i];
   });
-  const std::set<Column> different(all.begin(), all.end());
-  const std::vector<Column> list(different.begin(), different.end());
+  std::set<std::string> different;  // compared byte by byte, as columns are
+  for (const Column& c : all) different.emplace(c.begin(), c.end());
+  std::vector<Column> list;
+  for (const std::string& c : different) list.emplace_back(c.begin(), c.end());
   if (list.size() < kColumnsOfEach) throw Error("too few different columns in " + path);
   std::vector<Column> picked;
   for (std::size_t i = 0; i < kColumnsOfEach; ++i) {

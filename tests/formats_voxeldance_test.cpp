@@ -403,7 +403,8 @@ TEST_F(Vda, NewOnesAreWhatUvtoolsWrites) {
   info.exposure_s = 3;
   info.orientation.mirror_x = true;
   Notices notices;
-  test::write_stack(file(folder_ / "part 1.zip", "vda"), like(images_, 3, 24), info, notices.context);
+  test::write_stack(file(folder_ / "part 1.zip", "vda"), like(images_, 3, 24), info,
+                    notices.context);
   EXPECT_THAT(notices.all(), HasSubstr("no exposure times: the printer must be set to 3 s"));
   EXPECT_THAT(notices.all(), HasSubstr("mirrored"));
   Entries entries = test::unzip(folder_ / "part 1.zip");

@@ -61,13 +61,13 @@ extern "C" {
 typedef int slicecorr_status;
 enum {
   SLICECORR_OK = 0,
-  SLICECORR_DEFECT = 1,       /**< a defect of the library; please report its text */
-  SLICECORR_BAD_INPUT = 2,    /**< an input that can't be read, is out of range or does not fit */
-  SLICECORR_INFEASIBLE = 3,   /**< physics forbids it; the text says what would make it feasible */
-  SLICECORR_DEVICE = 4,       /**< disk full or unwritable, out of memory */
-  SLICECORR_MISSED = 5,       /**< a figure is beyond the limit that was asked for */
-  SLICECORR_CANCELLED = 130,  /**< the caller stopped it; nothing half-made is left */
-  SLICECORR_BAD_CALL = 200,   /**< the calling program is wrong: NULL, a struct of no known size */
+  SLICECORR_DEFECT = 1,        /**< a defect of the library; please report its text */
+  SLICECORR_BAD_INPUT = 2,     /**< an input that can't be read, is out of range or does not fit */
+  SLICECORR_INFEASIBLE = 3,    /**< physics forbids it; the text says what would make it feasible */
+  SLICECORR_DEVICE = 4,        /**< disk full or unwritable, out of memory */
+  SLICECORR_MISSED = 5,        /**< a figure is beyond the limit that was asked for */
+  SLICECORR_CANCELLED = 130,   /**< the caller stopped it; nothing half-made is left */
+  SLICECORR_BAD_CALL = 200,    /**< the calling program is wrong: NULL, a struct of no known size */
   SLICECORR_UNKNOWN_NAME = 201 /**< a name that this version does not know */
 };
 
@@ -239,8 +239,8 @@ SLICECORR_API slicecorr_status slicecorr_stack_set_number(slicecorr_stack* stack
  *  parameters_checked    1 when the archive has a checksum of its parameters; where it is wrong,
  *                        opening fails
  *  in_memory             1 when its images are in memory, else 0 */
-SLICECORR_API slicecorr_status slicecorr_stack_number(const slicecorr_stack* stack, const char* name,
-                                                      double* value);
+SLICECORR_API slicecorr_status slicecorr_stack_number(const slicecorr_stack* stack,
+                                                      const char* name, double* value);
 /** A list of numbers: layer_exposure_s (light-on time of each layer), uv_slice_mw_cm2 (UV intensity
  *  of each slice), uv_of_pixel (256: UV pixel value to each pixel value of a patterned stack). Writes
  *  at most `capacity` of them and sets `count` to how many there are; 0 when it does not say. */
@@ -319,10 +319,10 @@ typedef int (*slicecorr_slice_source)(void* user, int slice, uint8_t* pixels);
 typedef int (*slicecorr_slice_sink)(void* user, int slice, int slices, const uint8_t* pixels);
 
 /** slicecorr_correct_in_memory() for slices that callbacks give and take. */
-SLICECORR_API slicecorr_status slicecorr_correct_slices(
-    const slicecorr_grid* grid, slicecorr_slice_source source, void* source_user,
-    const slicecorr_setup* setup, slicecorr_job* job, slicecorr_slice_sink sink, void* sink_user,
-    slicecorr_figures** after);
+SLICECORR_API slicecorr_status
+slicecorr_correct_slices(const slicecorr_grid* grid, slicecorr_slice_source source,
+                         void* source_user, const slicecorr_setup* setup, slicecorr_job* job,
+                         slicecorr_slice_sink sink, void* sink_user, slicecorr_figures** after);
 
 /** Predicts what `stack` prints, against `target`. `setup` may be NULL for a corrected stack, which
  *  says how it is printed; what a setup says counts before that. */

@@ -19,8 +19,6 @@ using test::replaced;
 using testing::Contains;
 using testing::ElementsAre;
 using testing::HasSubstr;
-using testing::IsEmpty;
-using testing::Not;
 
 constexpr double kHome = 1000;  // of the small machine, um
 // Closed forms and sums of a few hundred pieces in double precision.

@@ -32,7 +32,6 @@ using test::text_of;
 using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
-using testing::Not;
 
 constexpr double kHome = 1000;
 

@@ -313,7 +313,7 @@ TEST_F(Record, DamagedRowsAreLeftOutAndSaid) {
                                      "5,0,0,0,0,0,0,0,0,0,0,0,0,0,,,\n",
                                      "\n",
                                      ",,,,,\n",
-                                     std::string("5,\0,0\n", 7),
+                                     std::string("5,\0,0\n", 6),
                                      std::string(1 << 20, 'x') + "\n"};
   std::string text = kHeader + row(3);
   for (const std::string& line : bad) text += line;

@@ -70,7 +70,7 @@ const std::vector<Box>& ladder() {
   return boxes;
 }
 // Columns of the ladder: through the rungs (features at slices 11-20 and 31-40), through a rail.
-const Command kRung{"--x", "640", "--y", "400"}, rail{"--x", "610", "--y", "400"};
+const Command kRung{"--x", "640", "--y", "400"}, kRail{"--x", "610", "--y", "400"};
 
 /// A grid of posts with plates between them, large enough that it takes a while.
 std::vector<Box> lattice(float size, float height) {
@@ -294,7 +294,7 @@ TEST_F(Cli, LadderShowsThePaperSlices) {
   for (const std::size_t n : {16, 17}) EXPECT_EQ(rows[n].phi, kPhiMin);
   EXPECT_NEAR(1 - rows[23].dose, 0.34598, 2e-3 + room * (1 - kA));
 
-  rows = probe("out.uvj", rail);
+  rows = probe("out.uvj", kRail);
   for (std::size_t n = 0; n < 50; ++n) EXPECT_EQ(rows[n].phi, kPhiMax) << n;
   for (std::size_t n = 50; n < 53; ++n) near(rows, n, kPhiMax);
   near(rows, 53, 0.18526);
@@ -316,7 +316,7 @@ TEST_F(Cli, LadderWithCoarseProjectors) {
   expect_clean(run(setup(coarse)), 25);
   slice();
   const double step = (kPhiMax - kPhiMin) / 15;
-  for (const Command& column : {kRung, rail}) {
+  for (const Command& column : {kRung, kRail}) {
     const auto rows = probe("out.uvj", column + Command{"--target", "target.uvj"});
     ASSERT_EQ(rows.size(), 54U);
     for (const Row& r : rows) {

@@ -22,7 +22,6 @@ namespace fs = std::filesystem;
 using nlohmann::json;
 using testing::AllOf;
 using testing::HasSubstr;
-using testing::Not;
 
 class Resinctl : public testing::Test {
  protected:

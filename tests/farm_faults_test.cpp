@@ -26,7 +26,6 @@ using testing::AnyOf;
 using testing::Contains;
 using testing::Each;
 using testing::ElementsAre;
-using testing::HasSubstr;
 using testing::IsEmpty;
 
 class FarmFaults : public FarmPrograms {

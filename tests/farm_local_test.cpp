@@ -25,7 +25,6 @@ using nlohmann::json;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
-using testing::Not;
 
 class FarmLocal : public FarmPrograms {
  protected:

@@ -20,7 +20,6 @@ using namespace slicecorr::test;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
-using testing::UnorderedElementsAre;
 
 std::string keyed(int n) { return fmt::format("k{}", n); }
 

@@ -30,7 +30,7 @@ using ::testing::HasSubstr;
 using ::testing::Not;
 
 const std::string kProgram = std::string(SLICECORR_BIN_DIR) + "/slicefarm";
-const std::string token(64, 'k');
+const std::string kToken(64, 'k');
 
 /// A server in this process, on a port of its own.
 class Served {
@@ -52,7 +52,7 @@ class Served {
   }
   httplib::Client authorised() const {
     httplib::Client c = client();
-    c.set_default_headers({{"Authorization", "Bearer " + token}});
+    c.set_default_headers({{"Authorization", "Bearer " + kToken}});
     return c;
   }
   int port = 0;
@@ -64,7 +64,7 @@ class Served {
 
 ServeOptions with_token() {
   ServeOptions options;
-  options.token = token;
+  options.token = kToken;
   return options;
 }
 
@@ -285,9 +285,9 @@ TEST(Access, ChangesNeedTheToken) {
                                          fmt::format("/api/v1/jobs/{}/retry", f.failed[0]),
                                          fmt::format("/api/v1/jobs/{}/priority", f.queued)};
   for (const std::string& given :
-       {std::string(), "Bearer " + token.substr(1), "Bearer " + token + "k", std::string("Bearer "),
-        std::string("Bearer"), "Basic " + token, token, "Bearer  " + token,
-        std::string("Bearer ") + std::string(5000, 'k')}) {
+       {std::string(), "Bearer " + kToken.substr(1), "Bearer " + kToken + "k",
+        std::string("Bearer "), std::string("Bearer"), "Basic " + kToken, kToken,
+        "Bearer  " + kToken, std::string("Bearer ") + std::string(5000, 'k')}) {
     auto client = served.client();
     if (!given.empty()) client.set_default_headers({{"Authorization", given}});
     for (const std::string& path : changes) {
@@ -306,7 +306,7 @@ TEST(Access, ChangesNeedTheToken) {
   // Twice the header is no header.
   Raw raw(served.port);
   raw.send("POST /api/v1/pause HTTP/1.1\r\n" + host_line(served) + "Authorization: Bearer " +
-           token + "\r\nAuthorization: Bearer " + token + "\r\nContent-Length: 0\r\n\r\n");
+           kToken + "\r\nAuthorization: Bearer " + kToken + "\r\nContent-Length: 0\r\n\r\n");
   EXPECT_THAT(raw.rest(), HasSubstr("HTTP/1.1 401"));
   // Without a token nothing can be changed at all.
   const Served reading(farm);
@@ -402,7 +402,7 @@ TEST(Access, OtherHostsAndOrigins) {
        {"http://evil.example", "null", "https://127.0.0.1", "file://", "http://localhost"}) {
     EXPECT_EQ(get(ours + "Origin: " + origin + "\r\n"), "HTTP/1.1 403") << origin;
     // With the right token, too: a page elsewhere must not use it.
-    EXPECT_EQ(get(ours + "Authorization: Bearer " + token + "\r\nOrigin: " + origin +
+    EXPECT_EQ(get(ours + "Authorization: Bearer " + kToken + "\r\nOrigin: " + origin +
                       "\r\nContent-Length: 0\r\n",
                   "POST"),
               "HTTP/1.1 403");
@@ -420,7 +420,7 @@ TEST(Access, BeyondTheMachineReadingNeedsTheToken) {
   ServeOptions options;
   options.host = "0.0.0.0";
   EXPECT_THROW(FarmServer(farm.folder, options), InputError);
-  options.token = token;
+  options.token = kToken;
   const Served served(farm, options);
   auto client = served.client();
   EXPECT_EQ(status_of(client.Get("/")), 200);
@@ -443,15 +443,15 @@ TEST(Access, TokenFiles) {
     fs::permissions(path, static_cast<fs::perms>(mode));
     return http::read_token_file(path);
   };
-  EXPECT_EQ(with(token + "\n", 0600), token);
-  EXPECT_EQ(with(token + "\r\nsecond line\n", 0400), token);
+  EXPECT_EQ(with(kToken + "\n", 0600), kToken);
+  EXPECT_EQ(with(kToken + "\r\nsecond line\n", 0400), kToken);
   fs::permissions(path, static_cast<fs::perms>(0600));
   for (const unsigned mode : {0644U, 0640U, 0604U, 0660U, 0620U}) {
-    EXPECT_THROW(with(token, mode), InputError) << mode;
+    EXPECT_THROW(with(kToken, mode), InputError) << mode;
   }
   for (const std::string& text :
        {std::string(), std::string("short"), std::string(31, 'a'), std::string(513, 'a'),
-        token + " " + token, token + "\x01", "\n" + token}) {
+        kToken + " " + kToken, kToken + "\x01", "\n" + kToken}) {
     EXPECT_THROW(with(text, 0600), InputError) << text;
   }
   EXPECT_THROW(http::read_token_file(farm.root), InputError);
@@ -473,7 +473,7 @@ TEST(Harm, BodiesThatAreTooLargeOrLie) {
   const auto send = [&](const std::string& line, const std::string& headers,
                         const std::string& body) {
     Raw raw(served.port);
-    raw.send(line + " HTTP/1.1\r\n" + host_line(served) + "Authorization: Bearer " + token +
+    raw.send(line + " HTTP/1.1\r\n" + host_line(served) + "Authorization: Bearer " + kToken +
              "\r\n" + headers + "\r\n" + body);
     return raw.rest().substr(0, 12);
   };
@@ -506,7 +506,7 @@ TEST(Harm, BodiesThatAreTooLargeOrLie) {
   // A second request behind the first is not one: no smuggling.
   EXPECT_EQ(send("POST /api/v1/resume", "Content-Length: 0\r\n",
                  "POST /api/v1/pause HTTP/1.1\r\n" + host_line(served) + "Authorization: Bearer " +
-                     token + "\r\nContent-Length: 0\r\n\r\n"),
+                     kToken + "\r\nContent-Length: 0\r\n\r\n"),
             "HTTP/1.1 200");
   EXPECT_FALSE(farm.model().settings().paused);
   // Malformed JSON.
@@ -581,7 +581,7 @@ TEST(Harm, SlowManyAndEndless) {
     // A body that is announced and never comes.
     Raw body(served.port);
     body.send("PUT /api/v1/parts/a.stl HTTP/1.1\r\n" + host_line(served) +
-              "Authorization: Bearer " + token + "\r\nContent-Length: 5000\r\n\r\nsolid");
+              "Authorization: Bearer " + kToken + "\r\nContent-Length: 5000\r\n\r\nsolid");
     EXPECT_THAT(body.rest(), HasSubstr("HTTP/1.1 400"));
     EXPECT_TRUE(!fs::exists(farm.root + "/uploads") || fs::is_empty(farm.root + "/uploads"));
   }
@@ -629,7 +629,7 @@ TEST(Harm, StopsWhileClientsHoldOn) {
   body.send(
       fmt::format("PUT /api/v1/parts/a.stl HTTP/1.1\r\nHost: 127.0.0.1:{}\r\nAuthorization: Bearer "
                   "{}\r\nContent-Length: 5000\r\n\r\nsolid",
-                  server.port(), token));
+                  server.port(), kToken));
   // The test's own limit would end a stop that hangs.
   server.stop();
   thread.join();
@@ -731,7 +731,7 @@ TEST(Docs, CurlExamplesRun) {
   Farm farm;
   const Filled f = fill(farm);
   slicecorr::test::write_stl(farm.root + "/part.stl", slicecorr::test::ladder());
-  test::write_file(farm.root + "/token", token + "\n");
+  test::write_file(farm.root + "/token", kToken + "\n");
   ServeOptions options = with_token();
   options.submit = make_submitter({farm.folder, {}, "web"});
   const Served served(farm, options);
@@ -759,7 +759,7 @@ TEST(Docs, CurlExamplesRun) {
 TEST(Program, ServesUntilItIsTold) {
   Farm farm;
   fill(farm);
-  test::write_file(farm.root + "/token", token + "\n");
+  test::write_file(farm.root + "/token", kToken + "\n");
   fs::permissions(farm.root + "/token", fs::perms::owner_read | fs::perms::owner_write);
   for (const int signal : {SIGTERM, SIGINT}) {
     RunOptions options;
@@ -769,7 +769,7 @@ TEST(Program, ServesUntilItIsTold) {
       if (out.find('\n') == std::string::npos) return false;
       httplib::Client client(out.substr(0, out.find('\n')));
       EXPECT_EQ(status_of(client.Get("/api/v1/overview")), 200);
-      client.set_default_headers({{"Authorization", "Bearer " + token}});
+      client.set_default_headers({{"Authorization", "Bearer " + kToken}});
       EXPECT_EQ(status_of(client.Post("/api/v1/pause", "", "application/json")), 200);
       asked = true;
       return true;
@@ -781,7 +781,7 @@ TEST(Program, ServesUntilItIsTold) {
     EXPECT_FALSE(result.timed_out);
     EXPECT_EQ(result.exit_code, signal == SIGTERM ? 0 : 130) << result.err;
     EXPECT_EQ(result.out.rfind("http://127.0.0.1:", 0), 0U);
-    EXPECT_THAT(result.out + result.err, Not(HasSubstr(token)));
+    EXPECT_THAT(result.out + result.err, Not(HasSubstr(kToken)));
   }
   EXPECT_TRUE(farm.model().settings().paused);
 }
@@ -798,7 +798,7 @@ TEST(Program, WrongUsage) {
     const auto result = run({"--listen", listen});
     EXPECT_EQ(result.exit_code, 2) << listen << result.err;
   }
-  test::write_file(farm.root + "/token", token);
+  test::write_file(farm.root + "/token", kToken);
   fs::permissions(farm.root + "/token", static_cast<fs::perms>(0644));
   auto result = run({"--listen", "127.0.0.1:0", "--token-file", farm.root + "/token"});
   EXPECT_EQ(result.exit_code, 2);

@@ -24,7 +24,6 @@ using std::chrono::milliseconds;
 using test::captured;
 using test::Folder;
 using testing::ElementsAre;
-using testing::EndsWith;
 using testing::HasSubstr;
 
 // --- submitting ---------------------------------------------------------------------------------

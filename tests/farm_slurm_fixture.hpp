@@ -75,9 +75,7 @@ struct ServiceRun {
 class FarmOnSlurm : public testing::Test {
  protected:
   void SetUp() override {
-    if (!test::has_slurm()) {
-      GTEST_SKIP() << "slurmctld, slurmd or munged is not installed (scripts/setup --all)";
-    }
+    if (const std::string why = test::no_slurm(); !why.empty()) GTEST_SKIP() << why;
     std::string path = (fs::temp_directory_path() / "farm-on-slurm-XXXXXX").string();
     folder_ = ::mkdtemp(path.data());
     ::setenv("SLICECORR_DB", SLICECORR_DB_DIR, 1);

@@ -523,7 +523,7 @@ TEST_F(Post, KilledAtAnyMomentItIsTheOldOrTheNewFile) {
                           Command{"--backup", "--threads", "1", "part.sl1"};
   const auto start = std::chrono::steady_clock::now();
   ASSERT_EQ(run_program(command, options_).exit_code, 0);
-  const auto whole = std::chrono::duration_cast<std::chrono::microseconds>(
+  auto whole = std::chrono::duration_cast<std::chrono::microseconds>(
       std::chrono::steady_clock::now() - start);
   const Bytes new_file = bytes("part.sl1");
   ASSERT_NE(old_file, new_file);
@@ -536,8 +536,11 @@ TEST_F(Post, KilledAtAnyMomentItIsTheOldOrTheNewFile) {
     // Half of the moments in the last third, where files change their places.
     const double from = i % 2 == 0 ? 0.0 : 0.66;
     const double at = from + (1.02 - from) * static_cast<double>(random()) / 4294967296.0;
-    killed += killed_after(command, options_,
-                           std::chrono::microseconds(static_cast<long>(at * whole.count())));
+    const bool hit = killed_after(command, options_,
+                                  std::chrono::microseconds(static_cast<long>(at * whole.count())));
+    killed += hit;
+    // On a busy machine the first run took longer than the others do.
+    if (!hit) whole -= whole / 10;
     const Bytes left = bytes("part.sl1");
     ASSERT_TRUE(left == old_file || left == new_file) << "kill " << i << " at " << at;
     if (there("part.sl1.orig")) {
@@ -549,7 +552,7 @@ TEST_F(Post, KilledAtAnyMomentItIsTheOldOrTheNewFile) {
     ASSERT_EQ(bytes("part.sl1"), new_file);
     ASSERT_EQ(names().size(), 5U) << ::testing::PrintToString(names());
   }
-  EXPECT_GT(killed, 20) << "of 100 that should have been killed while they ran";
+  EXPECT_GE(killed, rounds(50) / 5) << "of those that should have been killed while they ran";
 }
 
 TEST_F(Post, TwoRunsOnOneFileDoItOnce) {

@@ -5,6 +5,7 @@
 
 #include <arpa/inet.h>
 #include <fcntl.h>
+#include <netdb.h>
 #include <poll.h>
 #include <signal.h>
 #include <sys/socket.h>
@@ -38,6 +39,17 @@ inline bool has_slurm() {
     if (!found) return false;
   }
   return true;
+}
+
+/// Why no cluster can be started here; empty: it can.
+inline std::string no_slurm() {
+  if (!has_slurm()) return "Slurm is not installed (scripts/setup --all)";
+  addrinfo* found = nullptr;
+  if (::getaddrinfo("localhost", nullptr, nullptr, &found) != 0) {
+    return "localhost has no address here (/etc/hosts), which Slurm's daemons need";
+  }
+  ::freeaddrinfo(found);
+  return {};
 }
 
 /// Waits until something holds; false when it does not in this time.

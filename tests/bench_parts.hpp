@@ -86,7 +86,7 @@ inline TriangleMesh level_set(const std::array<int, 3>& cells, double step_mm,
       face(a, c, d);
     }
   };
-  constexpr int kPaths[6][2] = {{1, 3}, {3, 2}, {2, 6}, {6, 4}, {4, 5}, {5, 1}};
+  constexpr int paths[6][2] = {{1, 3}, {3, 2}, {2, 6}, {6, 4}, {4, 5}, {5, 1}};
   fill(0, lower);
   for (int z = 0; z < cells[2]; ++z) {
     fill(z + 1, upper);
@@ -100,7 +100,7 @@ inline TriangleMesh level_set(const std::array<int, 3>& cells, double step_mm,
                                             (cz == z ? lower : upper)[at],
                                             {cx * step_mm, cy * step_mm, cz * step_mm}};
         }
-        for (const auto& [i, j] : kPaths) {
+        for (const auto& [i, j] : paths) {
           march({c[0], c[static_cast<std::size_t>(i)], c[static_cast<std::size_t>(j)], c[7]},
                 false);
         }

@@ -29,7 +29,7 @@ inline void expect_refused(const std::string& path, const std::string& expected)
   }
 }
 
-/// What a job is told.
+/// What a context is told.
 struct Notices {
   std::vector<std::string> texts;
   ExecutionContext context;

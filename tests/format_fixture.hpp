@@ -121,13 +121,13 @@ inline void write_file_as(const StackFile& file, const Images& images, const Sta
   writer.finish(info, {2, 1, {7, 9}});
 }
 
-/// Collects what a job tells.
+/// Collects what a context is told.
 struct Told {
   std::vector<std::string> texts;
   ExecutionContext context() {
-    ExecutionContext j;
-    j.notice = [this](const std::string& text) { texts.push_back(text); };
-    return j;
+    ExecutionContext context;
+    context.notice = [this](const std::string& text) { texts.push_back(text); };
+    return context;
   }
   std::string all() const {
     std::string list;

@@ -91,7 +91,7 @@ const std::uint8_t* BandGreyTable::next(const std::uint8_t* coverage) {
 }
 
 int cure_through_slices(const CureModel& model) {
-  constexpr int kMost = 1'000'000;
+  constexpr int most = 1'000'000;
   if (!model.is_plain()) {
     // What a long feature leaves, until black light of one more slice gels nothing. Layers with the
     // longest exposure stand for all.
@@ -99,16 +99,16 @@ int cure_through_slices(const CureModel& model) {
     longest.level_phi.front() *= model.greatest_ratio();
     longest.level_phi.back() *= model.greatest_ratio();
     longest.exposure_ratio.clear();
-    const int high = std::min(kMost, static_cast<int>(std::ceil(16.0 / model.eta)) + 1);
+    const int high = std::min(most, static_cast<int>(std::ceil(16.0 / model.eta)) + 1);
     const std::uint8_t full = 255, black = 0;
     BandDose dose(longest, 1);
-    int slice = high + kMost;
-    while (slice-- > kMost) dose.add_slice(slice, &full);
-    for (int n = 0; n < kMost; ++n) {
-      dose.add_slice(kMost - 1 - n, &black);
+    int slice = high + most;
+    while (slice-- > most) dose.add_slice(slice, &full);
+    for (int n = 0; n < most; ++n) {
+      dose.add_slice(most - 1 - n, &black);
       if (*dose.lower() < 1.0) return n;
     }
-    return kMost;
+    return most;
   }
   // The dose of a high feature is phi_max, and falls towards phi_min in the dark above it.
   const double fall = (model.phi_max() - model.phi_min()) / (1.0 - model.phi_min());

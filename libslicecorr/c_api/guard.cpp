@@ -68,8 +68,8 @@ slicecorr_status failed(std::string* own) noexcept {
 
 void check_struct_size(std::size_t size, std::size_t first_version, const char* type) {
   // No version will be as large as this: the caller forgot to set it.
-  constexpr std::size_t kAbsurd = 4096;
-  if (size >= first_version && size <= kAbsurd) return;
+  constexpr std::size_t absurd = 4096;
+  if (size >= first_version && size <= absurd) return;
   throw BadCall(std::string(type) + ".struct_size is " + std::to_string(size) +
                 "; expected sizeof(" + type + "), at least " + std::to_string(first_version));
 }

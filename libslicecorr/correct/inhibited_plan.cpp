@@ -82,26 +82,26 @@ void InhibitedPlan::find_levels() {
   holding = steady;
   while (holding < levels && kernel->steady_dose(strongest, holding) < inside) ++holding;
   // check_feasible() refuses light that never lifts the dose to 1; this only ends the loop.
-  constexpr int kNeverReaches = 100000;
+  constexpr int never_reaches = 100000;
   reach = 1;
-  while (reach < kNeverReaches && node_light.sum(strongest, cap, reach) < 1.0) ++reach;
+  while (reach < never_reaches && node_light.sum(strongest, cap, reach) < 1.0) ++reach;
 }
 
 /// How far the dose at nodes is above the least between them, as a factor, where the steady level
 /// stands for long. Layer by layer the dose ripples, and the least in a layer is what has to gel.
 double InhibitedPlan::ripple() const {
   if (!kernel->layer_by_layer()) return 1.0;
-  constexpr int kSamples = InhibitedKernel::kSamples;
+  constexpr int samples = InhibitedKernel::kSamples;
   const float* const fine = kernel->fine(kernel->strongest_setting());
-  double sum[kSamples] = {};
+  double sum[samples] = {};
   for (int j = 0; j < near; ++j) {
-    for (int i = 0; i < kSamples; ++i) {
-      const double light = fine[static_cast<std::size_t>(j * levels + steady) * kSamples +
+    for (int i = 0; i < samples; ++i) {
+      const double light = fine[static_cast<std::size_t>(j * levels + steady) * samples +
                                 static_cast<std::size_t>(i)];
       sum[i] += j + 1 < near ? light : light / (1.0 - kernel->a());
     }
   }
-  return sum[kSamples - 1] / *std::min_element(sum, sum + kSamples);
+  return sum[samples - 1] / *std::min_element(sum, sum + samples);
 }
 
 void InhibitedPlan::find_lags() {
@@ -142,17 +142,16 @@ std::vector<double> InhibitedPlan::dark_at(const CureModel& model,
 }
 
 void InhibitedPlan::sample_dark(const CureModel& model) {
-  constexpr std::size_t kSamples = InhibitedKernel::kSamples;
-  dark_fine.resize(static_cast<std::size_t>(all_layers) * kSamples);
+  constexpr std::size_t samples = InhibitedKernel::kSamples;
+  dark_fine.resize(static_cast<std::size_t>(all_layers) * samples);
   for (int k = 0; k < all_layers; ++k) {
-    float* const out = &dark_fine[static_cast<std::size_t>(k) * kSamples];
-    for (std::size_t i = 0; i < kSamples; ++i) {
-      const double t = static_cast<double>(i + 1) / kSamples;
+    float* const out = &dark_fine[static_cast<std::size_t>(k) * samples];
+    for (std::size_t i = 0; i < samples; ++i) {
+      const double t = static_cast<double>(i + 1) / samples;
       double sum = dark_far[static_cast<std::size_t>(k)] * std::pow(kernel->a(), t - 1.0);
       for (int j = 0; j < near && k + j < all_layers; ++j) {
-        sum +=
-            model.ratio(k + j) * kernel->fine(kernel->setting_of_slice(
-                                     k + j))[static_cast<std::size_t>(j * levels) * kSamples + i];
+        sum += model.ratio(k + j) * kernel->fine(kernel->setting_of_slice(
+                                        k + j))[static_cast<std::size_t>(j * levels) * samples + i];
       }
       out[i] = static_cast<float>(sum);
     }

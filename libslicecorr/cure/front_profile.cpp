@@ -52,8 +52,8 @@ FrontProfile::FrontProfile(const Kinetics& k)
   // fourth power of what the exponents fall by per um: 1e-8 of the rate.
   const double fall = std::max(slope_, 1.0 / hb_) * std::max(1.0, m_);
   const double cell = 1.0 / (20.0 * fall);
-  constexpr double kMostCells = 1 << 16;
-  const double cells = std::min(std::ceil(-std::log(kShare) / (slope_ * cell)), kMostCells);
+  constexpr double most_cells = 1 << 16;
+  const double cells = std::min(std::ceil(-std::log(kShare) / (slope_ * cell)), most_cells);
   const auto count = std::max<std::size_t>(static_cast<std::size_t>(cells), kBegin + 1);
   per_um_ = 1.0 / cell;
   end_ = static_cast<double>(count) * cell;

@@ -427,10 +427,10 @@ std::optional<double> detail::working_uv(const Kinetics& k, double layer_um,
   const double now = std::clamp(process.uv.uv_mw_cm2, least, most);
   if (now != process.uv.uv_mw_cm2 && works(now)) return typed_uv(now, now == least, lamp, works);
   for (const double end : {most, std::max(least, now / 1e4)}) {
-    constexpr int kSteps = 100;
+    constexpr int steps = 100;
     double fails = now;
-    for (int i = 1; i <= kSteps && end != now; ++i) {
-      double holds = now * std::pow(end / now, static_cast<double>(i) / kSteps);
+    for (int i = 1; i <= steps && end != now; ++i) {
+      double holds = now * std::pow(end / now, static_cast<double>(i) / steps);
       if (!works(holds)) {
         fails = holds;
         continue;
@@ -450,13 +450,13 @@ std::optional<double> detail::working_dead_zone_um(const Kinetics& k, double lay
                                                    double brightest_mw_cm2, const UvLamp& lamp,
                                                    const Process& process) {
   // A pattern has levels, so its UV light is a little stronger than needed: room for that.
-  constexpr double kGels = 1.02;
+  constexpr double gels = 1.02;
   const auto works = [&](double zone_um) {
     const double uv = uv_for_dead_zone(k, brightest_mw_cm2, zone_um);
     const auto dose = [&](double at) { return steady_dose_under_uv(k, process, layer_um, at, uv); };
     const double black = dose(blue.front());
-    return uv >= lamp.min_mw_cm2() && uv <= lamp.max_mw_cm2() &&
-           dose(blue.back()) - black > kGels && black < 1 - kTables;
+    return uv >= lamp.min_mw_cm2() && uv <= lamp.max_mw_cm2() && dose(blue.back()) - black > gels &&
+           black < 1 - kTables;
   };
   double fails = process.uv.dead_zone_um, holds = fails;
   for (int i = 0; i < 200; ++i) {

@@ -154,9 +154,9 @@ void check_3mf(std::string_view bytes, const std::string& path) {
   for (zip_int64_t i = 0; i < entries; ++i) {
     zip_stat_t stat;
     zip_stat_init(&stat);
-    constexpr zip_uint64_t kNeeded = ZIP_STAT_NAME | ZIP_STAT_INDEX | ZIP_STAT_SIZE;
+    constexpr zip_uint64_t needed = ZIP_STAT_NAME | ZIP_STAT_INDEX | ZIP_STAT_SIZE;
     if (zip_stat_index(archive.get(), static_cast<zip_uint64_t>(i), 0, &stat) != 0 ||
-        (stat.valid & kNeeded) != kNeeded) {
+        (stat.valid & needed) != needed) {
       throw InputError(path, "entry " + std::to_string(i + 1), "the zip directory is damaged");
     }
     if (stat.size > kMostUnpackedBytes || (total += stat.size) > kMostUnpackedBytes) {

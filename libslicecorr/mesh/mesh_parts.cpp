@@ -76,8 +76,8 @@ TriangleMesh PolygonMesh::finish() {
   TriangleMesh mesh;
   mesh.triangles.reserve(first_corner_.size());
   VertexPool pool(vertices_.size());
-  constexpr std::uint32_t kUnused = std::numeric_limits<std::uint32_t>::max();
-  std::vector<std::uint32_t> merged(vertices_.size(), kUnused);
+  constexpr std::uint32_t unused = std::numeric_limits<std::uint32_t>::max();
+  std::vector<std::uint32_t> merged(vertices_.size(), unused);
   first_corner_.push_back(corners_.size());
   for (std::size_t face = 0; face + 1 < first_corner_.size(); ++face) {
     const std::size_t begin = first_corner_[face], end = first_corner_[face + 1];
@@ -97,7 +97,7 @@ TriangleMesh PolygonMesh::finish() {
                              "range, the file has " + std::to_string(vertices_.size()) +
                              " vertices");
       }
-      if (merged[index] == kUnused) merged[index] = pool.index(vertices_[index]);
+      if (merged[index] == unused) merged[index] = pool.index(vertices_[index]);
     }
     for (std::size_t k = begin + 1; k + 1 < end; ++k) {
       mesh.triangles.push_back(

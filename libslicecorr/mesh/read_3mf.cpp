@@ -115,7 +115,7 @@ class Reader {
   // What lib3mf only warns of, but which may leave out or misplace material. Its other warnings are
   // about attributes, metadata and thumbnails.
   void refuse_warnings(const Handle& reader) const {
-    constexpr DWORD kInvalidUnit = 0x801E, kExtensionRequired = 0x8092, kUnknownElement = 0x80A6;
+    constexpr DWORD invalid_unit = 0x801E, extension_required = 0x8092, unknown_element = 0x80A6;
     DWORD count = 0;
     check(NMR::lib3mf_reader_getwarningcount(reader.get(), &count), reader);
     for (DWORD i = 0; i < count; ++i) {
@@ -123,7 +123,7 @@ class Reader {
       ULONG needed = 0;
       char text[512] = "";
       NMR::lib3mf_reader_getwarningutf8(reader.get(), i, &code, text, sizeof text, &needed);
-      if (code != kInvalidUnit && code != kExtensionRequired && code != kUnknownElement) continue;
+      if (code != invalid_unit && code != extension_required && code != unknown_element) continue;
       throw InputError(path_, "",
                        std::string("lib3mf: ") + text + " (" + std::to_string(code) + ")");
     }
@@ -189,8 +189,8 @@ class Reader {
     check(NMR::lib3mf_meshobject_gettriangleindices(object.get(), triangles.data(), triangle_count,
                                                     &got),
           object);
-    constexpr std::uint32_t kUnused = std::numeric_limits<std::uint32_t>::max();
-    std::vector<std::uint32_t> merged(vertex_count, kUnused);
+    constexpr std::uint32_t unused = std::numeric_limits<std::uint32_t>::max();
+    std::vector<std::uint32_t> merged(vertex_count, unused);
     const bool mirrored = transform.determinant() < 0;  // turns the inside out
     for (DWORD t = 0; t < triangle_count; ++t) {
       std::array<std::uint32_t, 3> triangle;
@@ -200,7 +200,7 @@ class Reader {
           throw InputError(path_, "triangle " + std::to_string(t + 1),
                            "vertex index " + std::to_string(index) + " is out of range");
         }
-        if (merged[index] == kUnused) {
+        if (merged[index] == unused) {
           const FLOAT* at = vertices[index].m_fPosition;
           const Point3 point = transform.apply({at[0], at[1], at[2]});
           require_finite(point, path_, "vertex " + std::to_string(index + 1));

@@ -197,19 +197,21 @@ void place(TriangleMesh& mesh, const Placement& placement, double file_unit_mm,
   const auto [sx, cx] = sine_cosine(placement.rotate_deg[0]);
   const auto [sy, cy] = sine_cosine(placement.rotate_deg[1]);
   const auto [sz, cz] = sine_cosine(placement.rotate_deg[2]);
-  constexpr std::size_t kChunk = 1 << 15;
+  constexpr std::size_t chunk_vertices = 1 << 15;
   const std::size_t count = mesh.vertices.size();
-  parallel_for(detail::silent(context), "", (count + kChunk - 1) / kChunk, [&](std::size_t chunk) {
-    for (std::size_t i = kChunk * chunk; i < std::min(count, kChunk * (chunk + 1)); ++i) {
-      Point3& point = mesh.vertices[i];
-      const Point3 p{point[0] * factor, point[1] * factor, point[2] * factor};
-      const Point3 a{p[0], cx * p[1] - sx * p[2], sx * p[1] + cx * p[2]};
-      const Point3 b{cy * a[0] + sy * a[2], a[1], cy * a[2] - sy * a[0]};
-      // Adding 0.0 turns -0.0 into 0.0.
-      point = {cz * b[0] - sz * b[1] + 0.0, sz * b[0] + cz * b[1] + 0.0, b[2] + 0.0};
-      detail::require_finite(point, path, "scaled vertex");
-    }
-  });
+  parallel_for(detail::silent(context), "", (count + chunk_vertices - 1) / chunk_vertices,
+               [&](std::size_t chunk) {
+                 for (std::size_t i = chunk_vertices * chunk;
+                      i < std::min(count, chunk_vertices * (chunk + 1)); ++i) {
+                   Point3& point = mesh.vertices[i];
+                   const Point3 p{point[0] * factor, point[1] * factor, point[2] * factor};
+                   const Point3 a{p[0], cx * p[1] - sx * p[2], sx * p[1] + cx * p[2]};
+                   const Point3 b{cy * a[0] + sy * a[2], a[1], cy * a[2] - sy * a[0]};
+                   // Adding 0.0 turns -0.0 into 0.0.
+                   point = {cz * b[0] - sz * b[1] + 0.0, sz * b[0] + cz * b[1] + 0.0, b[2] + 0.0};
+                   detail::require_finite(point, path, "scaled vertex");
+                 }
+               });
 }
 
 }  // namespace

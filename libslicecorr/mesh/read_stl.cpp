@@ -97,8 +97,9 @@ enum class Found { all, too_small, not_finite };
 /// slot is taken for good by whoever comes first, and keeps the lowest corner of its place.
 Found find_first(std::string_view bytes, std::size_t corners, std::size_t size,
                  const ExecutionContext& context, std::uint32_t* first) {
-  constexpr std::size_t kMostProbes = 4096, kRecent = 4096, kSlotsPerChunk = std::size_t{1} << 18;
-  constexpr std::size_t kAhead = 16;
+  constexpr std::size_t most_probes = 4096, recent_corners = 4096,
+                        slots_per_chunk = std::size_t{1} << 18;
+  constexpr std::size_t ahead_corners = 16;
   // Neighbouring triangles share corners: most places were seen a moment ago, and the table is
   // larger than the caches. Whoever was seen in this chunk is not after the corner at hand.
   struct Recent {
@@ -106,30 +107,30 @@ Found find_first(std::string_view bytes, std::size_t corners, std::size_t size,
     std::uint32_t slot = kFree;
   };
   const auto slots = uncleared(size);
-  parallel_for(context, "", (size + kSlotsPerChunk - 1) / kSlotsPerChunk, [&](std::size_t chunk) {
-    const std::size_t from = kSlotsPerChunk * chunk;
-    std::fill_n(slots.get() + from, std::min(kSlotsPerChunk, size - from), kFree);
+  parallel_for(context, "", (size + slots_per_chunk - 1) / slots_per_chunk, [&](std::size_t chunk) {
+    const std::size_t from = slots_per_chunk * chunk;
+    std::fill_n(slots.get() + from, std::min(slots_per_chunk, size - from), kFree);
   });
   std::atomic<Found> result = Found::all;
   parallel_for(context, "", corner_chunks(corners), [&](std::size_t chunk) {
     const std::size_t end = std::min(corners, kCornersPerChunk * (chunk + 1));
-    std::vector<Recent> recent(kRecent);
+    std::vector<Recent> recent(recent_corners);
     // Slots are asked for some corners ahead: the table is far from the processor.
-    std::array<std::uint64_t, kAhead> hashes;
+    std::array<std::uint64_t, ahead_corners> hashes;
     const auto look_ahead = [&](std::size_t c) {
       if (c >= end) return;
-      hashes[c % kAhead] = hash_of(corner_at(bytes, c));
-      __builtin_prefetch(&slots[hashes[c % kAhead] & (size - 1)], 1);
+      hashes[c % ahead_corners] = hash_of(corner_at(bytes, c));
+      __builtin_prefetch(&slots[hashes[c % ahead_corners] & (size - 1)], 1);
     };
     const std::size_t begin = kCornersPerChunk * chunk;
-    for (std::size_t c = begin; c < begin + kAhead; ++c) look_ahead(c);
+    for (std::size_t c = begin; c < begin + ahead_corners; ++c) look_ahead(c);
     for (std::size_t c = begin; c < end && result.load(std::memory_order_relaxed) == Found::all;
          ++c) {
       const auto corner = static_cast<std::uint32_t>(c);
       const Corner place = corner_at(bytes, c);
-      const std::uint64_t hash = hashes[c % kAhead];
-      look_ahead(c + kAhead);
-      Recent& seen = recent[hash >> 32 & (kRecent - 1)];
+      const std::uint64_t hash = hashes[c % ahead_corners];
+      look_ahead(c + ahead_corners);
+      Recent& seen = recent[hash >> 32 & (recent_corners - 1)];
       if (seen.slot != kFree && seen.place == place) {
         first[c] = seen.slot;
         continue;
@@ -151,7 +152,7 @@ Found find_first(std::string_view bytes, std::size_t corners, std::size_t size,
           }
           break;
         }
-        if (++probes == kMostProbes) {
+        if (++probes == most_probes) {
           // What is not finite is said, also where the table is full.
           Found none = Found::all;
           result.compare_exchange_strong(none, Found::too_small);

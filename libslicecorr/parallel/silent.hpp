@@ -5,7 +5,7 @@
 
 namespace slicecorr::detail {
 
-/// The same job without callbacks: for steps too short to be told of.
+/// The same context without callbacks: for steps too short to be told of.
 inline ExecutionContext silent(const ExecutionContext& context) {
   ExecutionContext quiet;
   quiet.threads = context.threads;

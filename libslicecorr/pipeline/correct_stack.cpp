@@ -45,12 +45,12 @@ struct SliceRange {
 /// The slice ranges of a band that are read in parallel: where there are few bands, the last of
 /// them would keep one thread busy and leave the others idle.
 std::vector<SliceRange> slice_ranges_of(const SliceSource& target, std::size_t bands) {
-  constexpr int kEnough = 64, kLeastSlices = 16;
+  constexpr int enough = 64, least_slices = 16;
   const int layers = target.grid().layers;
   int count = 1;
   if (target.reads_any_slices() && bands > 0) {
-    const int wanted = (kEnough + static_cast<int>(bands) - 1) / static_cast<int>(bands);
-    count = std::clamp(wanted, 1, std::max(1, layers / kLeastSlices));
+    const int wanted = (enough + static_cast<int>(bands) - 1) / static_cast<int>(bands);
+    count = std::clamp(wanted, 1, std::max(1, layers / least_slices));
   }
   std::vector<SliceRange> ranges;
   for (int i = 0; i < count; ++i) {
@@ -416,8 +416,8 @@ void StackCorrection::tell_shortcomings(const Prediction& p) const {
         p.cure_through_voxels, p.undercure_voxels, plans_.levels(), model().level_step_um()));
   }
   // Printers of this kind want some 20 um of liquid under the part.
-  constexpr double kThinUm = 10;
-  if (p.dead_zones && setup_.process.uv.dead_zone_um == 0 && p.dead_zones->least() < kThinUm) {
+  constexpr double thin_um = 10;
+  if (p.dead_zones && setup_.process.uv.dead_zone_um == 0 && p.dead_zones->least() < thin_um) {
     context_.tell(
         fmt::format("the dead zone gets as thin as {:.2g} um; UV light chosen for a dead zone, in "
                     "place of an intensity, keeps more of it",

@@ -281,9 +281,9 @@ void VolumeReducer::Band::follow(std::vector<Chosen>& chosen, const Reader& show
                         const std::array<std::uint8_t, 256>& code,
                         const std::vector<std::uint8_t>& now,
                         const std::vector<std::uint8_t>& below) {
-    constexpr std::size_t kAtOnce = 32;
-    for (std::size_t b = 0; b < size; b += kAtOnce) {
-      const std::size_t end = std::min(b + kAtOnce, size);
+    constexpr std::size_t at_once = 32;
+    for (std::size_t b = 0; b < size; b += at_once) {
+      const std::size_t end = std::min(b + at_once, size);
       if (!first && std::memcmp(&now[b], &below[b], end - b) == 0) continue;
       for (std::size_t m = b; m < end; ++m) {
         const std::uint8_t value = code[now[m]];

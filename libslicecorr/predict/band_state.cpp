@@ -5,33 +5,19 @@
 #include <memory>
 
 #include "base/coded_band.hpp"
-#include "base/kernels.hpp"
 #include "base/tile_kernels.hpp"
 #include "cure/inhibited_layer.hpp"
 #include "cure/walkers.hpp"
+#include "predict/block_kernels.hpp"
 #include "slicecorr/predict.hpp"
 
 namespace slicecorr {
 
-using detail::kBlock;
-
-namespace detail {
-
-/// Sums per lane of a block.
-struct BlockSums {
-  BlockSums() {
-    std::fill_n(inside_low, kBlock, std::numeric_limits<double>::infinity());
-    std::fill_n(outside_low, kBlock, std::numeric_limits<double>::infinity());
-    std::fill_n(inside_high, kBlock, -std::numeric_limits<double>::infinity());
-    std::fill_n(outside_high, kBlock, -std::numeric_limits<double>::infinity());
-  }
-  double inside_low[kBlock], inside_high[kBlock], outside_low[kBlock], outside_high[kBlock];
-  std::int64_t run_voxels[kBlock] = {}, run_printed[kBlock] = {}, gap_printed[kBlock] = {};
-};
-
-}  // namespace detail
-
 using detail::BlockSums;
+using detail::Factors;
+using detail::kBlock;
+using detail::one_sided_block;
+using detail::take_least;
 
 namespace {
 
@@ -39,146 +25,6 @@ constexpr double kNever = std::numeric_limits<double>::infinity();
 
 std::size_t padded(std::size_t columns) {
   return (columns + detail::kLanes - 1) / detail::kLanes * detail::kLanes;
-}
-
-/// The numbers of the model that the loops need.
-struct Factors {
-  double a, one_minus_a, r, one_minus_r;
-};
-
-/// Takes in a layer of a block that has one class, from its doses: `before` the lower node, at it,
-/// at mid-layer, at the upper node. `steady`: the dose is the same on both sides of nodes and
-/// turns nowhere; `before` is `lower` then. `low`, `high`: least and greatest dose at mid-layer so far,
-/// per lane: no reduction, so that the loops run in vector registers. False, with nothing changed,
-/// unless all doses lie on one side of 1.
-template <bool steady>
-[[gnu::always_inline]] inline bool one_sided(const double* __restrict before,
-                                             const double* __restrict lower,
-                                             const double* __restrict middle,
-                                             const double* __restrict upper, double* __restrict low,
-                                             double* __restrict high, bool below_one) {
-  std::int64_t crossed = 0;
-  if (below_one) {
-    for (std::size_t i = 0; i < kBlock; ++i) {
-      crossed |= (lower[i] >= 1.0) | (upper[i] >= 1.0);
-      if constexpr (!steady) crossed |= (before[i] >= 1.0) | (middle[i] >= 1.0);
-    }
-  } else {
-    for (std::size_t i = 0; i < kBlock; ++i) {
-      crossed |= (lower[i] < 1.0) | (upper[i] < 1.0);
-      if constexpr (!steady) crossed |= (before[i] < 1.0) | (middle[i] < 1.0);
-    }
-  }
-  if (crossed) return false;
-  for (std::size_t i = 0; i < kBlock; ++i) {
-    low[i] = middle[i] < low[i] ? middle[i] : low[i];
-    high[i] = middle[i] > high[i] ? middle[i] : high[i];
-  }
-  return true;
-}
-
-/// Takes in a layer of a block of any coverage: sums what can be summed per lane and marks in `events` the
-/// columns whose class changes, whose dose crosses 1, or that are grey.
-template <bool steady>
-[[gnu::always_inline]] inline void mixed(
-    const double* __restrict before, const double* __restrict lower,
-    const double* __restrict middle, const double* __restrict upper,
-    const std::uint8_t* __restrict cover, const std::uint8_t* __restrict classes,
-    double* __restrict least, BlockSums& sums, std::uint8_t* __restrict events) {
-  std::int64_t run[kBlock], gap[kBlock];
-  for (std::size_t i = 0; i < kBlock; ++i) {
-    run[i] = cover[i] == 255;
-    gap[i] = cover[i] == 0;
-  }
-  for (std::size_t i = 0; i < kBlock; ++i) {
-    const std::int64_t printed = middle[i] >= 1.0;
-    sums.run_voxels[i] += run[i];
-    sums.run_printed[i] += run[i] & printed;
-    sums.gap_printed[i] += gap[i] & printed;
-  }
-  for (std::size_t i = 0; i < kBlock; ++i) {
-    const double inside_low = run[i] ? middle[i] : kNever,
-                 inside_high = run[i] ? middle[i] : -kNever;
-    const double outside_high = gap[i] ? middle[i] : -kNever;
-    sums.inside_low[i] = inside_low < sums.inside_low[i] ? inside_low : sums.inside_low[i];
-    sums.inside_high[i] = inside_high > sums.inside_high[i] ? inside_high : sums.inside_high[i];
-    sums.outside_high[i] =
-        outside_high > sums.outside_high[i] ? outside_high : sums.outside_high[i];
-  }
-  for (std::size_t i = 0; i < kBlock; ++i) {
-    double dose = upper[i];  // a steady dose was looked at below the lower node already
-    if constexpr (!steady) {
-      dose = lower[i] < dose ? lower[i] : dose;
-      dose = middle[i] < dose ? middle[i] : dose;
-    }
-    const std::int64_t now =
-        run[i] + 2 * (1 - run[i] - gap[i]);  // as in BandPredictor::State::Class
-    const double here = (run[i] | gap[i]) & (now == classes[i]) ? dose : kNever;
-    least[i] = here < least[i] ? here : least[i];
-  }
-  for (std::size_t i = 0; i < kBlock; ++i) {
-    const std::int64_t grey = 1 - run[i] - gap[i];
-    const std::int64_t now = run[i] + 2 * grey;
-    std::int64_t crosses = (lower[i] >= 1.0) != (upper[i] >= 1.0);
-    if constexpr (!steady) {
-      crosses |=
-          ((before[i] >= 1.0) != (lower[i] >= 1.0)) | ((middle[i] >= 1.0) != (lower[i] >= 1.0));
-    }
-    events[i] = static_cast<std::uint8_t>((now != classes[i]) | crosses | grey);
-  }
-}
-
-/// Doses above a slice that shows `phi`, and at mid-layer.
-[[gnu::always_inline]] inline void step(const Factors f, const double* __restrict phi,
-                                        const double* __restrict omega, double* __restrict dose,
-                                        double* __restrict middle) {
-  for (std::size_t i = 0; i < kBlock; ++i) {
-    dose[i] = phi[i] * f.one_minus_a + f.a * omega[i];
-    middle[i] = phi[i] * f.one_minus_r + f.r * omega[i];
-  }
-}
-
-/// Steps a block whose columns see `phi`, with doses `omega` below it, and that has one class: see
-/// `one_sided`. `dose` is what stands above it.
-SLICECORR_CLONES
-bool step_block(const Factors f, const double* __restrict phi, const double* __restrict omega,
-                double* __restrict dose, double* __restrict low, double* __restrict high,
-                bool below_one) {
-  double middle[kBlock];
-  step(f, phi, omega, dose, middle);
-  return one_sided<true>(omega, omega, middle, dose, low, high, below_one);
-}
-
-/// The same of any coverage: see `mixed`.
-SLICECORR_CLONES
-void mixed_block(const Factors f, const double* __restrict phi, const double* __restrict omega,
-                 double* __restrict dose, double* __restrict middle,
-                 const std::uint8_t* __restrict cover, const std::uint8_t* __restrict classes,
-                 double* __restrict least, BlockSums& sums, std::uint8_t* __restrict events) {
-  step(f, phi, omega, dose, middle);
-  mixed<true>(omega, omega, middle, dose, cover, classes, least, sums, events);
-}
-
-/// As `step_block`, of doses that are known.
-SLICECORR_CLONES
-bool one_sided_block(const double* __restrict before, const double* __restrict lower,
-                     const double* __restrict middle, const double* __restrict upper,
-                     double* __restrict low, double* __restrict high, bool below_one) {
-  return one_sided<false>(before, lower, middle, upper, low, high, below_one);
-}
-
-/// As `mixed_block`, for doses that are computed already.
-SLICECORR_CLONES
-void mixed_known_block(const double* __restrict before, const double* __restrict lower,
-                       const double* __restrict middle, const double* __restrict upper,
-                       const std::uint8_t* __restrict cover, const std::uint8_t* __restrict classes,
-                       double* __restrict least, BlockSums& sums, std::uint8_t* __restrict events) {
-  mixed<false>(before, lower, middle, upper, cover, classes, least, sums, events);
-}
-
-SLICECORR_CLONES
-void lower(double* __restrict least, const double* __restrict dose) {
-  for (std::size_t i = 0; i < kBlock; ++i) least[i] = dose[i] < least[i] ? dose[i] : least[i];
 }
 
 }  // namespace
@@ -444,7 +290,7 @@ void BandPredictor::State::add_general_slice(int slice, std::span<const ImageSho
     look_inside(b, n, block_cover);
     const auto looked = [&](std::size_t i) { return (looked_ >> i & 1) != 0; };
     const auto keep_least = [&] {
-      for (const double* dose : {lower_dose, middle, upper}) lower(&least_[b], dose);
+      for (const double* dose : {lower_dose, middle, upper}) take_least(&least_[b], dose);
       for (std::size_t i = 0; i < n; ++i) {
         if (looked(i)) least_[b + i] = std::min(least_[b + i], inside_[i].least);
       }
@@ -521,13 +367,13 @@ void BandPredictor::State::add_plain_slice(int slice, std::span<const ImageShowi
       if (block == gap && bits.any == 0) {
         if (step_block(f, phi, &omega_[b], dose, sums.outside_low, sums.outside_high, true)) {
           std::copy_n(dose, kBlock, &omega_[b]);
-          lower(&least_[b], dose);
+          take_least(&least_[b], dose);
           continue;
         }
       } else if (block == run && bits.all == ~std::uint64_t{0}) {
         if (step_block(f, phi, &omega_[b], dose, sums.inside_low, sums.inside_high, false)) {
           std::copy_n(dose, kBlock, &omega_[b]);
-          lower(&least_[b], dose);
+          take_least(&least_[b], dose);
           prediction_.target_voxels += kBlock;
           prediction_.printed_voxels += kBlock;
           continue;

@@ -241,14 +241,14 @@ ReportContent gather_report(const SliceSource& stack, const SliceSource& target,
   const PixelBox box = target.bounds();
   // One section at a time: those of long prints on wide displays are large.
   const auto add_section = [&](int y) {
-    constexpr int kMostPixels = 900;
+    constexpr int most_pixels = 900;
     const Grid& g = stack.grid();
     ReportContent::SectionPictures pictures;
     pictures.place = row_in_words(stack, y);
     const auto draw = [&](const SliceSource& shown, ColourImage& cure, ColourImage& grey) {
       const Section s = section_of(shown, target, setup, y);
-      cure = cure_picture(s, g.pixel_x_um, g.layer_um, kMostPixels);
-      grey = grey_picture(s, g.pixel_x_um, g.layer_um, kMostPixels);
+      cure = cure_picture(s, g.pixel_x_um, g.layer_um, most_pixels);
+      grey = grey_picture(s, g.pixel_x_um, g.layer_um, most_pixels);
     };
     // Both at once, where that is not much memory.
     ExecutionContext two = detail::silent(context);

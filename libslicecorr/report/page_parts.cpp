@@ -19,7 +19,7 @@ double share(std::uint64_t part, std::uint64_t all) {
 /// Bars of shares, before hatched and after filled, and the same as a table.
 std::string histogram(const char* title, const char* axis, const std::vector<std::string>& names,
                       const Counts* before, const Counts& after) {
-  constexpr double kWidth = 520, kHeight = 240, kLeft = 46, kTop = 34, kFloor = 190;
+  constexpr double width = 520, height = 240, left = 46, ceiling = 34, floor = 190;
   const auto total = [](const Counts& c) {
     std::uint64_t sum = 0;
     for (const std::uint64_t n : c) sum += n;
@@ -31,38 +31,38 @@ std::string histogram(const char* title, const char* axis, const std::vector<std
     most = std::max(most, share(after[i], all_after));
     if (before) most = std::max(most, share((*before)[i], all_before));
   }
-  const double slot = (kWidth - kLeft - 8) / static_cast<double>(names.size());
-  const auto y = [&](double percent) { return kFloor - percent / most * (kFloor - kTop); };
+  const double slot = (width - left - 8) / static_cast<double>(names.size());
+  const auto y = [&](double percent) { return floor - percent / most * (floor - ceiling); };
   std::string svg = fmt::format(
       R"(<figure><div class="scroll"><svg viewBox="0 0 {} {}" class="plot small" role="img" aria-label="{}; the numbers are in the table below"><text x="{}" y="18" class="h">{}</text>)",
-      kWidth, kHeight, title, kLeft, title);
+      width, height, title, left, title);
   for (const double percent : {0.0, most / 2, most}) {
     svg += fmt::format(
         R"(<text x="{}" y="{:.1f}" class="tick" text-anchor="end">{:.3g} %</text><line class="grid" x1="{}" x2="{}" y1="{:.1f}" y2="{:.1f}"/>)",
-        kLeft - 5, y(percent) + 4, percent, kLeft, kWidth - 8, y(percent), y(percent));
+        left - 5, y(percent) + 4, percent, left, width - 8, y(percent), y(percent));
   }
   std::string table = fmt::format(
       R"(<details><summary>Numbers</summary><div class="scroll"><table><thead><tr><th scope="col">{}</th>{}<th scope="col">this stack</th></tr></thead><tbody>)",
       axis, before ? R"(<th scope="col">uncorrected</th>)" : "");
   for (std::size_t i = 0; i < names.size(); ++i) {
-    const double x = kLeft + slot * static_cast<double>(i);
+    const double x = left + slot * static_cast<double>(i);
     const auto bar = [&](const char* kind, double at, double percent) {
       if (percent <= 0) return;
-      const double top = std::min(y(percent), kFloor - 1.5);  // rare ones are seen, too
+      const double top = std::min(y(percent), floor - 1.5);  // rare ones are seen, too
       svg +=
           fmt::format(R"(<rect class="{}" x="{:.1f}" y="{:.1f}" width="{:.1f}" height="{:.1f}"/>)",
-                      kind, at, top, slot * 0.4, kFloor - top);
+                      kind, at, top, slot * 0.4, floor - top);
     };
     if (before) bar("bar-before", x + slot * 0.08, share((*before)[i], all_before));
     bar("bar-after", x + slot * (before ? 0.5 : 0.3), share(after[i], all_after));
     svg += fmt::format(R"(<text x="{:.1f}" y="{}" class="tick" text-anchor="middle">{}</text>)",
-                       x + slot / 2, kFloor + 15, names[i]);
+                       x + slot / 2, floor + 15, names[i]);
     table += fmt::format(R"(<tr><th scope="row">{}</th>)", names[i]);
     if (before) table += fmt::format("<td>{}</td>", (*before)[i]);
     table += fmt::format("<td>{}</td></tr>", after[i]);
   }
   svg += fmt::format(R"(<text x="{}" y="{}" class="tick" text-anchor="middle">{}</text>)",
-                     (kLeft + kWidth) / 2, kFloor + 34, axis);
+                     (left + width) / 2, floor + 34, axis);
   return svg + R"(</svg></div><figcaption>)" +
          (before
               ? R"(<span class="key"><b><i class="swatch-before"></i>uncorrected (outlined)</b> )"

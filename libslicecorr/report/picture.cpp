@@ -85,9 +85,9 @@ ColourImage grey_picture(const Section& s, double pixel_x_um, double layer_um, i
 }
 
 ColourImage side_by_side(const ColourImage& left, const ColourImage& right) {
-  constexpr int kGap = 24;
+  constexpr int gap = 24;
   ColourImage both{
-      left.width_px + kGap + right.width_px, std::max(left.height_px, right.height_px), {}};
+      left.width_px + gap + right.width_px, std::max(left.height_px, right.height_px), {}};
   both.rgb.assign(
       static_cast<std::size_t>(both.width_px) * static_cast<std::size_t>(both.height_px) * 3, 255);
   const auto paste = [&](const ColourImage& part, int x) {
@@ -98,7 +98,7 @@ ColourImage side_by_side(const ColourImage& left, const ColourImage& right) {
     }
   };
   paste(left, 0);
-  paste(right, left.width_px + kGap);
+  paste(right, left.width_px + gap);
   return both;
 }
 
@@ -131,18 +131,18 @@ ColourImage progress_picture(const SectionHistory& h, std::size_t frame, int mos
 }
 
 ColourImage tiled(const std::vector<ColourImage>& pictures, int columns) {
-  constexpr int kGap = 24;
+  constexpr int gap = 24;
   ColourImage all;
   if (pictures.empty()) return all;
   const int width = pictures[0].width_px, height = pictures[0].height_px;
   const int count = static_cast<int>(pictures.size());
   const int across = std::clamp(columns, 1, count), rows = (count + across - 1) / across;
-  all.width_px = across * width + (across - 1) * kGap;
-  all.height_px = rows * height + (rows - 1) * kGap;
+  all.width_px = across * width + (across - 1) * gap;
+  all.height_px = rows * height + (rows - 1) * gap;
   all.rgb.assign(
       static_cast<std::size_t>(all.width_px) * static_cast<std::size_t>(all.height_px) * 3, 255);
   for (int i = 0; i < count; ++i) {
-    const int x = i % across * (width + kGap), top = i / across * (height + kGap);
+    const int x = i % across * (width + gap), top = i / across * (height + gap);
     const ColourImage& part = pictures[static_cast<std::size_t>(i)];
     for (int y = 0; y < height; ++y) {
       std::copy_n(part.rgb.begin() + static_cast<std::ptrdiff_t>(y) * width * 3,

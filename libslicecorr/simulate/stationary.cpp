@@ -16,14 +16,14 @@ StationaryFronts simulate_stationary(const Kinetics& kinetics, double blue_mw_cm
   const double start = fronts.first.time_s;
   if (!(start <= time_s)) return fronts;
 
-  constexpr int kSteps = 200;
+  constexpr int steps = 200;
   std::vector<double> times{start};
-  for (int i = 1; i <= kSteps; ++i) {
-    const double t = i < kSteps ? time_s * i / kSteps : time_s;
+  for (int i = 1; i <= steps; ++i) {
+    const double t = i < steps ? time_s * i / steps : time_s;
     if (t > start) times.push_back(t);
     // Close together at first: both fronts start off vertically.
-    const double u = static_cast<double>(i) / kSteps;
-    if (i < kSteps / 2) times.push_back(start + (time_s - start) * u * u * u);
+    const double u = static_cast<double>(i) / steps;
+    if (i < steps / 2) times.push_back(start + (time_s - start) * u * u * u);
   }
   // The front meets the window at an angle.
   if (fronts.window_s > start && fronts.window_s < time_s) times.push_back(fronts.window_s);

@@ -28,13 +28,13 @@ SLICECORR_INLINE void spread(std::uint64_t bits, std::uint8_t* pixels, std::size
   using Bytes = std::uint8_t __attribute__((vector_size(32)));
   // For each pixel the byte that holds its bit. Shuffles work within 16 bytes, each of which
   // repeats the same four bytes.
-  constexpr Bytes kByte = {0,  0,  0,  0,  0,  0,  0,  0,  1,  1,  1,  1,  1,  1,  1,  1,
-                           18, 18, 18, 18, 18, 18, 18, 18, 19, 19, 19, 19, 19, 19, 19, 19};
+  constexpr Bytes byte_of_pixel = {0,  0,  0,  0,  0,  0,  0,  0,  1,  1,  1,  1,  1,  1,  1,  1,
+                                   18, 18, 18, 18, 18, 18, 18, 18, 19, 19, 19, 19, 19, 19, 19, 19};
   const Bytes own = reinterpret_cast<Bytes>(Words{} + 0x8040201008040201u);
   const Bytes low = reinterpret_cast<Bytes>(Bits{} + static_cast<std::uint32_t>(bits));
   const Bytes high = reinterpret_cast<Bytes>(Bits{} + static_cast<std::uint32_t>(bits >> 32));
-  const auto lit_low = (__builtin_shuffle(low, kByte) & own) == own;
-  const auto lit_high = (__builtin_shuffle(high, kByte) & own) == own;
+  const auto lit_low = (__builtin_shuffle(low, byte_of_pixel) & own) == own;
+  const auto lit_high = (__builtin_shuffle(high, byte_of_pixel) & own) == own;
   if (count >= 64) [[likely]] {
     std::memcpy(pixels, &lit_low, 32);
     std::memcpy(pixels + 32, &lit_high, 32);

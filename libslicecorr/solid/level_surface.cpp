@@ -215,7 +215,7 @@ void LevelSurface::cells(int n, Inside kind, const double* phi, const double* be
 void LevelSurface::platform(const double* dose) {
   const std::size_t width = x_.size();
   // The faces of the tetrahedra in this plane, seen from the platform.
-  constexpr int kFaces[2][3] = {{0, 1, 3}, {0, 3, 2}};
+  constexpr int faces[2][3] = {{0, 1, 3}, {0, 3, 2}};
   const VertexSink measured = std::move(vertex_);
   vertex_ = nullptr;
   Cell cell;
@@ -230,7 +230,7 @@ void LevelSurface::platform(const double* dose) {
         if (cell.dose[c] >= 1.0) cell.inside |= 1U << c;
       }
       if (cell.inside == 0) continue;
-      for (const auto& face : kFaces) {
+      for (const auto& face : faces) {
         std::array<float, 3> polygon[4];
         int corners = 0;
         for (int i = 0; i < 3; ++i) {

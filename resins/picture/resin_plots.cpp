@@ -37,18 +37,18 @@ struct FrontCurves {
 
 FrontCurves curves_of(const Kinetics& k, double blue, double uv, double first_s, double end_s) {
   FrontCurves curves;
-  constexpr int kPoints = 240;
-  for (int i = 0; i <= kPoints && end_s > first_s; ++i) {
+  constexpr int points = 240;
+  for (int i = 0; i <= points && end_s > first_s; ++i) {
     // Close together at first: both fronts start off vertically.
-    const double u = static_cast<double>(i) / kPoints;
+    const double u = static_cast<double>(i) / points;
     const double t = i == 0 ? first_s : first_s + (end_s - first_s) * u * u * u;
     if (const auto f = curing_fronts(k, blue, uv, t)) {
       curves.front.push_back({t, f->front_um});
       curves.back.push_back({t, f->back_um});
     }
   }
-  for (int i = 1; i <= kPoints; ++i) {
-    const double t = end_s * i / kPoints;
+  for (int i = 1; i <= points; ++i) {
+    const double t = end_s * i / points;
     const double z = cured_height_um(k, blue, t);
     if (z >= 0) curves.without.push_back({t, z});
   }

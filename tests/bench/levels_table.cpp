@@ -88,7 +88,7 @@ void random_columns() {
   const std::vector<Kind> kinds = {{"3 to 25", 3, {25}, 40},
                                    {"1 to 2, 4, 12 or 25", 1, {2, 4, 12, 25}, 40},
                                    {"the same, phi_max to 2.5", 1, {2, 4, 12, 25}, 2.5}};
-  constexpr int kColumns = 40, kLayers = 60;
+  constexpr int columns = 40, layers = 60;
   fmt::print(
       "| runs, slices | levels | columns without a wrong voxel | their largest error, median, um | "
       "90 % | wrong voxels of the others |\n|---|---|---|---|---|---|\n");
@@ -100,14 +100,14 @@ void random_columns() {
       };
       std::vector<double> errors;
       std::uint64_t wrong = 0;
-      for (int i = 0; i < kColumns; ++i) {
+      for (int i = 0; i < columns; ++i) {
         const double phi_max = between(1.02, kind.brightest);
         const double layer_um = between(10, 100), ha_um = between(100, 5000);
         const double contrast = std::max(between(20, 1000), 1.2 * phi_max);
         const double gamma = between(0.6, 3);
         std::vector<std::uint8_t> design;
         const unsigned most = kind.most[random() % kind.most.size()];
-        for (std::uint8_t c = random() % 2 ? 255 : 0; design.size() < kLayers;
+        for (std::uint8_t c = random() % 2 ? 255 : 0; design.size() < layers;
              c = static_cast<std::uint8_t>(255 - c)) {
           design.insert(design.end(), kind.least + random() % (most - kind.least + 1), c);
         }
@@ -119,7 +119,7 @@ void random_columns() {
       }
       std::sort(errors.begin(), errors.end());
       fmt::print("| {} | {} | {} of {} | {:.3f} | {:.2f} | {} |\n", kind.words, 1 << bits,
-                 errors.size(), kColumns, errors[errors.size() / 2], errors[errors.size() * 9 / 10],
+                 errors.size(), columns, errors[errors.size() / 2], errors[errors.size() * 9 / 10],
                  wrong);
     }
   }

@@ -167,14 +167,14 @@ struct Bands {
 };
 const Bands& bands() {
   static const Bands found = [] {
-    constexpr int kBands = 8;
+    constexpr int bands = 8;
     Bands b;
     const PixelBox all = target().bounds();
     const int rows = band_rows(target().grid());
-    const int y = ((all.y0 + all.y1) / 2 / rows - kBands / 2) * rows;
+    const int y = ((all.y0 + all.y1) / 2 / rows - bands / 2) * rows;
     b.box = {all.x0, y, all.x1, y + rows};
     b.columns = static_cast<std::size_t>(b.box.width()) * static_cast<std::size_t>(rows);
-    for (int k = 0; k < kBands; ++k) {
+    for (int k = 0; k < bands; ++k) {
       auto& slices = b.coverage.emplace_back();
       target().read_band({all.x0, y + k * rows, all.x1, y + (k + 1) * rows},
                          [&](int, const std::uint8_t* r) {

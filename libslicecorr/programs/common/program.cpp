@@ -66,13 +66,13 @@ void write_stderr(std::string_view text) { write_all_stderr(text::readable(text)
 Console::Console(bool quiet) : quiet_(quiet), terminal_(isatty(STDERR_FILENO) == 1) {}
 
 ExecutionContext Console::context(int threads) {
-  ExecutionContext j;
-  j.threads = threads;
-  j.cancel = &cancelled;
-  if (quiet_) return j;
-  j.notice = [this](const std::string& text) { say(text::printable(text)); };
-  j.progress = [this](std::string_view stage, double done) { progress(stage, done); };
-  return j;
+  ExecutionContext context;
+  context.threads = threads;
+  context.cancel = &cancelled;
+  if (quiet_) return context;
+  context.notice = [this](const std::string& text) { say(text::printable(text)); };
+  context.progress = [this](std::string_view stage, double done) { progress(stage, done); };
+  return context;
 }
 
 void Console::say(const std::string& text) {

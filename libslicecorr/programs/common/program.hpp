@@ -36,7 +36,7 @@ class Console {
   explicit Console(bool quiet);
   /// Nothing but errors is said.
   bool quiet() const { return quiet_; }
-  /// A job that reports here and stops on SIGINT and SIGTERM.
+  /// A context that reports here and stops on SIGINT and SIGTERM.
   ExecutionContext context(int threads);
   void say(const std::string& text);
   void clear();

@@ -2,8 +2,8 @@
 // and broken ones, with several resins and speeds, by slicefarm and one after the other by
 // slicecorr; then the same jobs again. Fails when a job fails, is done twice, is not what the
 // record says, or differs from what slicecorr wrote. With slurm, the work runs on two virtual nodes
-// of one core each, and daemons of Slurm are killed in the middle of it. Exit code 77: the meshes
-// are not there.
+// of one core each, and daemons of Slurm are killed in the middle of it. Where the folder of real
+// data is not there, the meshes in tests/data are all.
 
 #include <fmt/format.h>
 #include <stdlib.h>
@@ -19,6 +19,7 @@
 #include <stdexcept>
 #include <thread>
 
+#include "../real_files.hpp"
 #include "../run_program.hpp"
 #include "../slurm_cluster.hpp"
 #include "slicecorr/farm/read_model.hpp"
@@ -126,7 +127,6 @@ int main(int argc, char** argv) try {
   const double size_mm = argc > 2 ? std::atof(argv[2]) : 5;
   const bool slurm = argc > 3 && std::string(argv[3]) == "slurm";
   const std::string bin = fs::read_symlink("/proc/self/exe").parent_path().string() + "/";
-  const std::string meshes = std::string(SLICECORR_TEST_DATA) + "/meshes/";
   std::vector<Part> parts;
   // The broken ones have holes, turned triangles, bodies that cut or touch each other.
   for (const char* name :
@@ -138,14 +138,12 @@ int main(int argc, char** argv) try {
         "dirty/cgal_elephant-with-holes.off", "dirty/manifold_self_intersectA.obj",
         "dirty/trimesh_cycloidal_touching_bodies.ply", "dirty/trimesh_multibody.stl",
         "dirty/trimesh_wallhole.obj"}) {
-    if (!fs::exists(meshes + name)) {
-      fmt::print("{}{} is not there: nothing was tried\n", meshes, name);
-      return 77;
-    }
-    const MeshReport r = inspect(read_mesh(meshes + name));
+    const std::string mesh = test::real_file(std::string("meshes/") + name);
+    if (!fs::exists(mesh) && !fs::exists(SLICECORR_TEST_DATA)) continue;
+    const MeshReport r = inspect(read_mesh(mesh));
     const double longest =
         std::max({r.upper[0] - r.lower[0], r.upper[1] - r.lower[1], r.upper[2] - r.lower[2]});
-    parts.push_back({meshes + name, size_mm / longest});
+    parts.push_back({mesh, size_mm / longest});
   }
   // Resins and speeds that can print at all on this printer.
   const std::string printer = "dual-wavelength-dlp", layer = "50";

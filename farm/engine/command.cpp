@@ -31,7 +31,8 @@ std::string find_program(const std::string& name) {
   const std::string path = text ? text : "/usr/local/bin:/usr/bin:/bin";
   for (std::size_t at = 0; at <= path.size();) {
     const std::size_t colon = std::min(path.find(':', at), path.size());
-    const std::string file = path.substr(at, colon - at) + "/" + name;
+    std::string file = path.substr(at, colon - at);
+    file.append("/").append(name);
     if (colon > at && ::access(file.c_str(), X_OK) == 0) return file;
     at = colon + 1;
   }
@@ -58,6 +59,7 @@ Command::Command(const std::vector<std::string>& arguments, std::chrono::millise
   // All memory is taken before the fork: the child only makes system calls.
   const std::string program = find_program(arguments.at(0));
   std::vector<char*> argv;
+  argv.reserve(arguments.size() + 1);
   for (const std::string& s : arguments) argv.push_back(const_cast<char*>(s.c_str()));
   argv.push_back(nullptr);
   std::vector<char*> envp;

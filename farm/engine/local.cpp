@@ -122,6 +122,7 @@ class LocalEngine final : public Engine {
 
   std::vector<std::string> submit(const std::vector<Task>& tasks) override {
     std::vector<std::string> ids;
+    ids.reserve(tasks.size());
     for (const Task& task : tasks) ids.push_back(start(task));
     return ids;
   }
@@ -256,7 +257,7 @@ class LocalEngine final : public Engine {
     const int log = ::open(log_path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
     const int nothing = ::open("/dev/null", O_RDONLY | O_CLOEXEC);
     if (log < 0 || nothing < 0) {
-      const std::string id = fail(log_path + ": can't be written");
+      std::string id = fail(log_path + ": can't be written");
       if (log >= 0) ::close(log);
       if (nothing >= 0) ::close(nothing);
       return id;
@@ -292,7 +293,7 @@ class LocalEngine final : public Engine {
     w.pid = child;
     w.pidfd = static_cast<int>(::syscall(SYS_pidfd_open, child, 0));
     if (w.pidfd >= 0) ::fcntl(w.pidfd, F_SETFD, FD_CLOEXEC);
-    const std::string id = fmt::format("{}.{}", child, detail::mark_of(child).start);
+    std::string id = fmt::format("{}.{}", child, detail::mark_of(child).start);
     workers_.emplace(task.token, std::move(w));
     return id;
   }

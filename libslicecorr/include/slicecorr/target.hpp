@@ -4,6 +4,9 @@
 /// A *band* is a range of image rows through all slices. Columns are independent, so bands are
 /// worked on in parallel with nothing shared, and no result depends on the number of threads.
 ///
+/// Slices are stairs. Where a target knows how high the design's own surface lies beside a node, it
+/// says so for that edge of the column: its *edge height*, a byte per edge (`edge_height_slices`).
+///
 /// All is thread-safe once made. Reading throws what the source throws: `InputError` where it is
 /// damaged, `DeviceError` where a disk fails, and what the sink throws.
 #pragma once
@@ -46,7 +49,22 @@ class SliceSource {
   }
   /// Whether `read_slices` takes no longer than its slices do.
   virtual bool reads_any_slices() const { return false; }
+  /// The edge heights of a target, or null where edges lie at nodes: one image per node, 0 to
+  /// `grid().layers`, of the same size and frame; 0 where no edge is or it has no height of its own.
+  /// Lives as long as the source.
+  virtual const SliceSource* edge_heights() const { return nullptr; }
 };
+
+/// How far an edge lies below its node, away from the platform, in slices: -1/2..1/2. `byte`: its
+/// edge height, 1..255.
+constexpr double edge_height_slices(std::uint8_t byte) { return (byte - 128) / 254.0; }
+/// The byte of an edge `slices` below its node, the nearest in range.
+constexpr std::uint8_t edge_height_byte(double slices) {
+  const double v = 128.0 + 254.0 * slices;
+  return v < 1.0     ? std::uint8_t{1}
+         : v > 255.0 ? std::uint8_t{255}
+                     : static_cast<std::uint8_t>(v + 0.5);
+}
 
 /// Size, scale and frame without images: for functions that do not look at voxels.
 class GridOnly final : public SliceSource {

@@ -19,7 +19,7 @@ inline constexpr double kMargin = 1e-9;
 class BandSolver {
  public:
   virtual ~BandSolver() = default;
-  virtual void add_layer(const std::uint8_t* coverage) = 0;
+  virtual void add_layer(const std::uint8_t* coverage, const std::uint8_t* heights) = 0;
   /// `tiles` may be empty; where `has_tiles` is false it must be.
   virtual void solve(const BandCorrector::Sink& sink, const BandCorrector::TileSink& tiles) = 0;
   virtual bool has_tiles() const { return false; }
@@ -34,13 +34,17 @@ std::unique_ptr<BandSolver> make_inhibited_solver(const CorrectionPlan& plan, st
 
 /// The same for one column: levels, and intensities before rounding to levels.
 std::vector<std::uint8_t> solve_layerwise_column(const CorrectionPlan& plan,
-                                                 const std::vector<std::uint8_t>& coverage);
+                                                 const std::vector<std::uint8_t>& coverage,
+                                                 const std::vector<std::uint8_t>& heights);
 std::vector<double> solve_layerwise_column_exactly(const CorrectionPlan& plan,
-                                                   const std::vector<std::uint8_t>& coverage);
+                                                   const std::vector<std::uint8_t>& coverage,
+                                                   const std::vector<std::uint8_t>& heights);
 std::vector<std::uint8_t> solve_inhibited_column(const CorrectionPlan& plan,
-                                                 const std::vector<std::uint8_t>& coverage);
+                                                 const std::vector<std::uint8_t>& coverage,
+                                                 const std::vector<std::uint8_t>& heights);
 std::vector<double> solve_inhibited_column_exactly(const CorrectionPlan& plan,
-                                                   const std::vector<std::uint8_t>& coverage);
+                                                   const std::vector<std::uint8_t>& coverage,
+                                                   const std::vector<std::uint8_t>& heights);
 
 /// Slices to show for a target whose last lit layer is `last_lit`, with an inhibited kernel.
 int inhibited_slices(const CureModel& model, int target_layers, int last_lit);

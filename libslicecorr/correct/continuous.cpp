@@ -43,7 +43,7 @@ class ContinuousSolver final : public BandSolver {
         upper_(stride_, Upper{edges_.platform(0), 0}),
         before_(shared_.merge ? stride_ : 0) {}
 
-  void add_layer(const std::uint8_t* coverage) override;
+  void add_layer(const std::uint8_t* coverage, const std::uint8_t* heights) override;
   void solve(const BandCorrector::Sink& sink, const BandCorrector::TileSink& tiles) override;
   bool has_tiles() const override { return true; }
 
@@ -52,6 +52,7 @@ class ContinuousSolver final : public BandSolver {
   /// of the run above the edge, to which the lane returns when the solve has passed the edge.
   struct Change {
     std::uint8_t row, lane;
+    std::uint8_t height;  ///< of the edge
     Upper was;
   };
   struct Lanes;
@@ -82,9 +83,17 @@ class ContinuousSolver final : public BandSolver {
   Edges edges_;
   LevelSearch search_;
   std::size_t columns_, blocks_, stride_;
+  /// Takes up a layer; null: empty, and without edge heights.
+  void append(const std::uint8_t* coverage, const std::uint8_t* heights);
+  /// Writes the edge heights of a tile's slices into rows; false: there are none.
+  static bool read_heights(std::span<const Change> changes, int count, std::uint8_t* out);
+
   int layers_ = 0, rows_at_hand_ = 0;
   std::vector<std::uint8_t> rows_;
-  std::vector<Upper> upper_;   ///< per column, of the run that the pass has come to
+  std::vector<std::uint8_t> heights_;  ///< rows of edge heights of the kept rows; empty: none yet
+  LaneMask with_heights_ = 0;          ///< which of the kept rows have some
+  std::vector<std::uint8_t> last_heights_;  ///< of the node after the last layer; empty: none
+  std::vector<Upper> upper_;                ///< per column, of the run that the pass has come to
   std::vector<Upper> before_;  ///< the same of the run above it; only where gaps may be merged
   CodedTiles coded_;
   RecordLog<Change> changes_;  ///< a record per tile
@@ -168,16 +177,40 @@ class ContinuousSolver::SliceRows {
   std::uint64_t lit_ = 0;                      ///< rows with light or design
 };
 
-void ContinuousSolver::add_layer(const std::uint8_t* coverage) {
+void ContinuousSolver::add_layer(const std::uint8_t* coverage, const std::uint8_t* heights) {
+  if (layers_ == plan_.layers && !coverage && last_heights_.empty()) {
+    if (heights) last_heights_.assign(heights, heights + columns_);
+    return;
+  }
   if (layers_ >= plan_.layers) throw Error("more layers than the plan has");
   ++layers_;
+  append(coverage, heights);
+}
+
+void ContinuousSolver::append(const std::uint8_t* coverage, const std::uint8_t* heights) {
   std::uint8_t* const to = row(1 + rows_at_hand_);
   if (coverage) {
     std::memcpy(to, coverage, columns_);
   } else {
     std::memset(to, 0, columns_);
   }
+  if (heights) {
+    if (heights_.empty()) heights_.resize(stride_ * kTileSlices, 0);
+    std::memcpy(&heights_[static_cast<std::size_t>(rows_at_hand_) * stride_], heights, columns_);
+    with_heights_ |= LaneMask{1} << rows_at_hand_;
+  }
   if (++rows_at_hand_ == kTileSlices) forward(kTileSlices);
+}
+
+bool ContinuousSolver::read_heights(std::span<const Change> changes, int count, std::uint8_t* out) {
+  bool any = false;
+  for (const Change& change : changes) {
+    if (change.height == kAtNode) continue;
+    if (!any) std::memset(out, 0, static_cast<std::size_t>(count) * kLanes);
+    any = true;
+    out[static_cast<std::size_t>(change.row) * kLanes + change.lane] = change.height;
+  }
+  return any;
 }
 
 void ContinuousSolver::forward(int count) {
@@ -210,14 +243,21 @@ void ContinuousSolver::forward(int count) {
           }
           before = was;
         }
-        upper = {edges_.next(was.edge, n - was.node, below[i]), n};
-        changes_.push({static_cast<std::uint8_t>(k), static_cast<std::uint8_t>(i), was});
+        std::uint8_t height = kAtNode;
+        if (with_heights_ >> k & 1) {
+          const std::size_t column = block * kLanes + static_cast<std::size_t>(i);
+          const std::uint8_t told = heights_[static_cast<std::size_t>(k) * stride_ + column];
+          if (told != 0 && opposite(edges_[was.edge].below, below[i])) height = told;
+        }
+        upper = {edges_.next(was.edge, n - was.node, below[i], height), n};
+        changes_.push({static_cast<std::uint8_t>(k), static_cast<std::uint8_t>(i), height, was});
       }
     }
     changes_.end_record();
   }
   std::memcpy(row(0), row(count), stride_);
   rows_at_hand_ = 0;
+  with_heights_ = 0;
 }
 
 void ContinuousSolver::solve(const BandCorrector::Sink& sink,
@@ -226,24 +266,23 @@ void ContinuousSolver::solve(const BandCorrector::Sink& sink,
   if (layers_ != plan_.layers) throw Error("the plan has more layers");
   if (all <= 0) return;
   for (int n = layers_; n < all; ++n) {
-    std::memset(row(1 + rows_at_hand_), 0, stride_);
-    if (++rows_at_hand_ == kTileSlices) forward(kTileSlices);
+    append(nullptr, n == layers_ && !last_heights_.empty() ? last_heights_.data() : nullptr);
   }
   if (rows_at_hand_ > 0) forward(rows_at_hand_);
-  rows_.clear();
-  rows_.shrink_to_fit();
+  rows_ = {};
+  heights_ = {};
 
   std::vector<Lanes> lanes(blocks_);
   for (std::size_t b = 0; b < blocks_; ++b) {
     for (std::size_t i = 0; i < kLanes; ++i) {
       const Upper upper = upper_[b * kLanes + i];
-      lanes[b].run[i] = {upper.edge, upper.node, all, 0, false};
+      lanes[b].run[i] = {upper.edge, upper.node, all, 0, false, kAtNode};
     }
   }
   const std::uint8_t highest = shared_.level_of.back();
   SliceRows slices(blocks_, stride_, !tiles);
   constexpr std::size_t size = kTileSlices * kLanes;
-  alignas(64) std::uint8_t tile_rows[size], out[size];
+  alignas(64) std::uint8_t tile_rows[size], out[size], tile_heights[size];
   const std::vector<std::uint8_t> black(size, 0), full(size, kFull), bright(size, highest);
   for (int first = (all - 1) / kTileSlices * kTileSlices; first >= 0; first -= kTileSlices) {
     const int count = std::min(kTileSlices, all - first);
@@ -266,7 +305,9 @@ void ContinuousSolver::solve(const BandCorrector::Sink& sink,
         slices.put(b, out, tile_rows, count);
       }
       if (tiles) {
-        tiles({b * kLanes, std::min(kLanes, columns_ - b * kLanes), first, count, shown, rows});
+        const bool has_heights = read_heights(changes, count, tile_heights);
+        tiles({b * kLanes, std::min(kLanes, columns_ - b * kLanes), first, count, shown, rows,
+               has_heights ? tile_heights : nullptr});
       }
     }
     // What the sinks keep of these slices takes the place of what is known of them.
@@ -281,6 +322,7 @@ ContinuousSolver::Certain ContinuousSolver::certain_light(const RunAt& run, int 
   const ContinuousPlan& p = shared_;
   const Edge& edge = edges_[run.edge];
   const int j = n - run.node;
+  if (n + 1 == run.lower && run.ends_inside()) return {};
   if (edge.below == 0) return {edge.dark_from, false};
   if (edge.below != kFull) return {};
   if (edge.platform) return edge.cap < p.most ? Certain{} : Certain{0, true};

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "slicecorr/target.hpp"
 #include "slicecorr/units.hpp"
 
 namespace slicecorr::detail {
@@ -23,6 +24,10 @@ std::vector<double> distinct(const std::vector<double>& level_phi) {
 constexpr double kTargetUm = 0.05, kOfStep = 25;
 constexpr int kMany = 128;
 
+/// Corners nearer to a lower node than this, in slices, would divide by nearly nothing: the layer
+/// below that node has them.
+constexpr double kNearNode = 1e-4;
+
 }  // namespace
 
 Corner ContinuousPlan::corner(double f) const {
@@ -32,6 +37,61 @@ Corner ContinuousPlan::corner(double f) const {
   c.excess = std::expm1(exponent);
   c.per_excess = 1.0 / c.excess;
   return c;
+}
+
+namespace {
+
+Corner corner_of(double grown) {
+  const double excess = grown - 1.0;
+  return {grown, excess, 1.0 / excess};
+}
+
+}  // namespace
+
+EdgeCorners ContinuousPlan::corners_of(double t) const {
+  const double slit = std::max(t, std::min(shortfall, kWidest));
+  return {corner(1.0 - t), corner(t), corner(slit), t, slit};
+}
+
+EdgeAsk ContinuousPlan::ask(std::uint8_t height, const EdgeCorners& at, bool slit) const {
+  EdgeAsk ask;
+  const Corner& up = slit ? at.slit : at.lower;  // a^-(tolerance upwards)
+  if (height == kAtNode) {
+    ask.above = {true, false, up, {}};
+    ask.below = {true, false, at.upper, {}};
+    return ask;
+  }
+  // The edge may lie from `first` to `last` below its node. Beyond the middles of the layers these
+  // two ask enough themselves.
+  const double d = edge_height_slices(height);
+  const double first = d - (slit ? at.slit_tolerance : at.tolerance), last = d + at.tolerance;
+  const double grown_d = height_grown_[height];
+  const double first_grown = grown_d / up.grown, last_grown = grown_d * at.lower.grown;
+  if (first > -kNearNode) {
+    ask.below.other = true;
+    ask.below.of_other = corner_of(per_a / std::max(first_grown, 1.0));
+  } else if (first > -kWidest) {
+    ask.above.own = true;
+    ask.above.of_own = corner_of(1.0 / first_grown);
+  }
+  if (last < -kNearNode) {
+    ask.above.other = true;
+    ask.above.of_other = corner_of(1.0 / last_grown);
+  } else if (last < kWidest) {
+    ask.below.own = true;
+    ask.below.of_own = corner_of(per_a / std::max(last_grown, 1.0));
+  }
+  return ask;
+}
+
+double ContinuousPlan::most_at_edge(std::uint8_t height, int rung) const {
+  const auto r = static_cast<std::size_t>(rung);
+  if (height == kAtNode) return edge_most[r];
+  const double open_at = edge_height_slices(height) + tolerance[r];
+  if (open_at <= 0) return open;
+  // From there on down, a^(open_at).
+  const double left = 1.0 / (height_grown_[height] * near[r].lower.grown);
+  return left + phi_max * (1.0 - left) + 1e-8;
 }
 
 ContinuousPlan::ContinuousPlan(const CureModel& model, const Process& process, int slices,
@@ -102,19 +162,20 @@ ContinuousPlan::ContinuousPlan(const CureModel& model, const Process& process, i
   for (std::size_t j = 0; j < grown.size(); ++j) {
     grown[j] = std::exp(static_cast<double>(j) * model.eta * units::kLn10);
   }
+  for (std::size_t h = 0; h < height_grown_.size(); ++h) {
+    const double d = edge_height_slices(static_cast<std::uint8_t>(h));
+    height_grown_[h] = std::exp(d * model.eta * units::kLn10);
+  }
   middle = corner(0.5);
   for (double t = target; !exact; t *= 1.2) {
-    ladder.push_back(
-        {corner(1.0 - t), corner(t), corner(std::max(t, std::min(shortfall, kWidest))), t});
+    ladder.push_back(corners_of(t));
     if (t * 1.2 >= kWidest) break;
   }
   for (std::size_t r = 0; r < kRungs; ++r) {
-    near_lower[r] = corner(tolerance[r]);
-    near_upper[r] = corner(1.0 - tolerance[r]);
-    slit_lower[r] = corner(std::max(tolerance[r], std::min(shortfall, kWidest)));
-    const double left = 1.0 / near_lower[r].grown;  // a^eps
+    near[r] = corners_of(tolerance[r]);
+    const double left = 1.0 / near[r].lower.grown;  // a^eps
     edge_most[r] = left + phi_max * (1.0 - left) + 1e-8;
-    grey_edge_most[r] = prints + near_lower[r].excess * (1.0 - phi_min);
+    grey_edge_most[r] = prints + near[r].lower.excess * (1.0 - phi_min);
   }
   const LevelTable::Around one = levels.around(1.0);
   const int next = std::min(one.at_least + 1, count - 1);

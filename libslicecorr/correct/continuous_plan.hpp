@@ -4,6 +4,9 @@
 /// Omega(n) = phi b + a w with b = 1 - a, and at the fraction f from the lower node
 /// Omega = phi + (w - phi) a^f. So "at least T at f" is w >= T A - phi (A - 1) with A = a^-f, a
 /// *corner* of the doses and lights that a layer allows, and "less than T" the same the other way.
+///
+/// An edge lies at its node, or where its edge height says (target.hpp): then one of the two layers
+/// beside it has a piece of the other run in it, and corners of both kinds.
 #pragma once
 
 #include <array>
@@ -35,17 +38,34 @@ struct LayerRule {
   std::uint8_t coverage = 0;
   int corners = 0;
   std::array<Corner, 3> corner;
+  /// Where edges lie inside the layer: corners of the other kind, of the runs beyond them.
+  int opposites = 0;
+  std::array<Corner, 2> opposite;
 };
+
+/// What an edge asks of the layer on one side of it.
+struct SideAsk {
+  bool own = false, other = false;
+  Corner of_own;    ///< of the layer's own kind
+  Corner of_other;  ///< of the kind beyond the edge, where that reaches into the layer
+};
+/// What an edge asks of both layers beside it.
+struct EdgeAsk {
+  SideAsk above, below;
+};
+/// The edge height of an edge at its node.
+inline constexpr std::uint8_t kAtNode = 128;
 
 /// Number of rungs: tolerances of edges, from the one aimed at to nearly half a slice.
 inline constexpr int kRungs = 8;
 /// The widest tolerance of edges, in slices: with it only the middles of layers count.
 inline constexpr double kWidest = 0.4999;
 
-/// Corners that keep edges within a tolerance of their nodes.
+/// Corners that keep edges within a tolerance of where they belong.
 struct EdgeCorners {
   Corner upper, lower, slit;  ///< at upper ends of layers, lower ones, and above gaps of one slice
   double tolerance;           ///< in slices
+  double slit_tolerance;      ///< upwards, of edges above gaps of one slice
 };
 
 struct ContinuousPlan {
@@ -81,7 +101,8 @@ struct ContinuousPlan {
 
   Corner corner(double f) const;
   Corner middle;
-  std::array<Corner, kRungs> near_lower, near_upper, slit_lower;  ///< per rung
+  EdgeCorners corners_of(double at_most) const;
+  std::array<EdgeCorners, kRungs> near;  ///< per rung
   /// Tolerances from the one aimed at upwards, each 1.2 times the one before.
   std::vector<EdgeCorners> ladder;
   /// Greatest dose that the lower edge of a feature may have, per rung.
@@ -90,18 +111,19 @@ struct ContinuousPlan {
   std::array<double, kRungs> grey_edge_most;
   int grey_rung;  ///< first rung whose `grey_edge_most` leaves room for a level step near 1
 
-  /// Whether edges of a rung lie at their nodes to the last bit.
-  bool at_nodes(int rung) const { return exact && rung == 0; }
-  /// Corners of layers whose upper or lower node is an edge; null where the node says it all.
-  const Corner* upper_corner(int rung) const {
-    return at_nodes(rung) ? nullptr : &near_upper[static_cast<std::size_t>(rung)];
-  }
-  const Corner* lower_corner(int rung, bool above_slit) const {
-    const auto r = static_cast<std::size_t>(rung);
-    return above_slit ? &slit_lower[r] : at_nodes(rung) ? nullptr : &near_lower[r];
+  /// What an edge of this height asks. `slit`: below it lies a gap of one slice.
+  EdgeAsk ask(std::uint8_t height, const EdgeCorners& at, bool slit) const;
+  /// Greatest dose at the node of the lower edge of a feature, so that the gap below opens in time.
+  double most_at_edge(std::uint8_t height, int rung) const;
+  /// Whether an edge of this height and rung lies at its node to the last bit: the node says it all.
+  bool at_node(std::uint8_t height, int rung) const {
+    return exact && rung == 0 && height == kAtNode;
   }
 
   double step(double phi, double below) const { return phi * b + a * below; }
+
+ private:
+  std::array<double, 256> height_grown_;  ///< a^-d by edge height, d in slices
 };
 
 }  // namespace slicecorr::detail

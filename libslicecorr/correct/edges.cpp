@@ -30,18 +30,22 @@ Edges::Edges(const ContinuousPlan& plan) : plan_(plan) {
   for (auto& kind : endless_) kind.fill(Edge::kNone);
 }
 
-LayerRule Edges::rule(std::uint8_t coverage, const Corner* upper, const Corner* lower) const {
+LayerRule Edges::rule(std::uint8_t coverage, const SideAsk* upper, const SideAsk* lower) const {
   LayerRule rule;
   rule.coverage = coverage;
   if (coverage != 0 && coverage != kFull) return rule;
   rule.corner[0] = plan_.middle;
   rule.corners = 1;
-  if (upper) rule.corner[static_cast<std::size_t>(rule.corners++)] = *upper;
-  if (lower) rule.corner[static_cast<std::size_t>(rule.corners++)] = *lower;
+  for (const SideAsk* ask : {upper, lower}) {
+    if (!ask) continue;
+    if (ask->own) rule.corner[static_cast<std::size_t>(rule.corners++)] = ask->of_own;
+    if (ask->other) rule.opposite[static_cast<std::size_t>(rule.opposites++)] = ask->of_other;
+  }
   return rule;
 }
 
 bool Edges::back(const LayerRule& rule, DoseRange above, DoseRange& below) const {
+  if (rule.opposites > 0) return back_both_ways(rule, above, below);
   const ContinuousPlan& p = plan_;
   if (rule.coverage == kFull) {
     double x = p.phi_max;
@@ -80,8 +84,50 @@ bool Edges::back(const LayerRule& rule, DoseRange above, DoseRange& below) const
   return true;
 }
 
+bool Edges::back_both_ways(const LayerRule& rule, DoseRange above, DoseRange& below) const {
+  const ContinuousPlan& p = plan_;
+  // Bounds of phi, each at - per w, in w = Omega(n + 1). There is a phi between them where every
+  // bound from below lies under every bound from above, which bounds w in turn.
+  struct Line {
+    double at, per;
+  };
+  std::array<Line, 7> least, most;
+  std::size_t leasts = 0, mosts = 0;
+  least[leasts++] = {p.phi_min, 0.0};
+  most[mosts++] = {p.phi_max, 0.0};
+  least[leasts++] = {above.lo * p.per_b, p.a * p.per_b};
+  most[mosts++] = {above.hi * p.per_b, p.a * p.per_b};
+  const auto add = [&](const Corner& c, bool prints) {
+    if (prints) {
+      least[leasts++] = {p.prints * c.grown * c.per_excess, c.per_excess};
+    } else {
+      most[mosts++] = {p.open * c.grown * c.per_excess, c.per_excess};
+    }
+  };
+  const bool feature = rule.coverage == kFull;
+  for (int k = 0; k < rule.corners; ++k) add(rule.corner[static_cast<std::size_t>(k)], feature);
+  for (int k = 0; k < rule.opposites; ++k)
+    add(rule.opposite[static_cast<std::size_t>(k)], !feature);
+  below = {0.0, p.most};
+  for (std::size_t i = 0; i < leasts; ++i) {
+    for (std::size_t j = 0; j < mosts; ++j) {
+      const double rise = most[j].per - least[i].per, room = most[j].at - least[i].at;
+      if (rise > 0) {
+        below.hi = std::min(below.hi, room / rise);
+      } else if (rise < 0) {
+        below.lo = std::max(below.lo, room / rise);
+      } else if (room < -p.slack) {
+        return false;
+      }
+    }
+  }
+  if (below.lo > below.hi + p.slack) return false;
+  below.hi = std::max(below.hi, below.lo);
+  return true;
+}
+
 DoseRange Edges::for_features(LayerRule layer, DoseRange above, DoseRange limits) const {
-  if (layer.coverage == 0) layer.corners = 0;
+  (layer.coverage == 0 ? layer.corners : layer.opposites) = 0;
   DoseRange below{0.0, plan_.most};
   back(layer, {above.lo, plan_.most}, below);
   below.lo = std::max(below.lo, limits.lo);
@@ -128,7 +174,7 @@ double Edges::grey_least(std::uint8_t grey, bool under_full, std::uint8_t below)
 }
 
 std::int32_t Edges::platform(std::uint8_t below) {
-  const Key key{Edge::kNone, 0, below};
+  const Key key{Edge::kNone, 0, below, kAtNode};
   const auto found = ids_.find(key);
   if (found != ids_.end()) return found->second;
   Edge edge;
@@ -160,7 +206,7 @@ std::int32_t Edges::endless(std::uint8_t coverage, Hidden hidden) {
   return known = static_cast<std::int32_t>(edges_.size() - 1);
 }
 
-std::int32_t Edges::next(std::int32_t id, int slices, std::uint8_t below) {
+std::int32_t Edges::next(std::int32_t id, int slices, std::uint8_t below, std::uint8_t height) {
   const Edge& above = (*this)[id];
   const std::uint8_t cover = above.below;  // the edge itself may move when others join
   if (is_grey(cover)) {
@@ -178,7 +224,7 @@ std::int32_t Edges::next(std::int32_t id, int slices, std::uint8_t below) {
       slices = 0;
     } else if (id & kGreyPair) {
       const std::uint8_t first = cover_above(id);
-      id = keep({endless(first, Hidden::nothing), 0, cover});
+      id = keep({endless(first, Hidden::nothing), 0, cover, kAtNode});
     }
   } else if (slices >= above.far) {
     id = endless(cover, above.platform && cover == kFull ? Hidden::platform : Hidden::nothing);
@@ -188,29 +234,29 @@ std::int32_t Edges::next(std::int32_t id, int slices, std::uint8_t below) {
     id = endless(cover, Hidden::nothing);
     slices = 0;
   }
-  return keep({id, slices, below});
+  return keep({id, slices, below, opposite(cover, below) ? height : kAtNode});
 }
 
 std::int32_t Edges::keep(const Key& key) {
   Recent& recent = recent_[Hash()(key) % recent_.size()];
   if (recent.key == key) return recent.id;
   const auto found = ids_.find(key);
-  recent = {key, found != ids_.end() ? found->second
-                                     : make((*this)[key.edge], key.edge, key.slices, key.below)};
+  recent = {key, found != ids_.end() ? found->second : make((*this)[key.edge], key)};
   if (found == ids_.end()) ids_.emplace(key, recent.id);
   return recent.id;
 }
 
-std::int32_t Edges::make(const Edge& above, std::int32_t above_id, int slices, std::uint8_t below) {
+std::int32_t Edges::make(const Edge& above, const Key& key) {
   Edge edge;
-  edge.above = above_id;
-  edge.slices = slices;
+  edge.above = key.edge;
+  edge.slices = key.slices;
   edge.above_cover = above.below;
-  edge.below = below;
+  edge.below = key.below;
+  edge.height = key.height;
   edge.cap = plan_.cap;
   set_edge(edge, above);
   set_inside(edge);
-  if (!plan_.exact && opposite(edge.above_cover, below))
+  if (!plan_.exact && opposite(edge.above_cover, edge.below))
     set_levels(edge, above.endless ? nullptr : &above);
   edges_.push_back(std::move(edge));
   return static_cast<std::int32_t>(edges_.size() - 1);
@@ -238,11 +284,10 @@ void Edges::set_edge(Edge& edge, const Edge& above) const {
       if ((grey_above && edge.below == kFull) || (above.below == kFull && grey_below)) {
         limits = {p.prints, p.grey_edge_most[r]};
       }
-      if (has_slit) limits.hi = std::min(limits.hi, p.edge_most[r]);
-      const LayerRule layer = rule(above.below, one_upper ? &p.near_upper[r] : nullptr,
-                                   !lower ? nullptr
-                                   : slit ? &p.slit_lower[r]
-                                          : &p.near_lower[r]);
+      if (has_slit) limits.hi = std::min(limits.hi, p.most_at_edge(edge.height, rung));
+      const EdgeAsk upper_ask = one_upper ? p.ask(above.height, p.near[r], in_slit) : EdgeAsk{};
+      const EdgeAsk lower_ask = lower ? p.ask(edge.height, p.near[r], slit != 0) : EdgeAsk{};
+      const LayerRule layer = rule(above.below, &upper_ask.below, &lower_ask.above);
       const DoseRange from = doses(above, one ? 0 : edge.slices - 1, rung, in_slit);
       DoseRange to{};
       bool any = back(layer, from, to);
@@ -264,8 +309,9 @@ void Edges::set_inside(Edge& edge) const {
   const bool upper = !edge.platform && opposite(edge.above_cover, edge.below);
   for (std::size_t r = kRungs; r-- > 0;) {
     const DoseRange limits = inside_of(edge, static_cast<int>(r));
-    const LayerRule layer =
-        rule(edge.below, upper ? p.upper_corner(static_cast<int>(r)) : nullptr, nullptr);
+    const bool asks = upper && !p.at_node(edge.height, static_cast<int>(r));
+    const EdgeAsk ask = asks ? p.ask(edge.height, p.near[r], false) : EdgeAsk{};
+    const LayerRule layer = rule(edge.below, &ask.below, nullptr);
     DoseRange to{};
     bool any = back(layer, edge.at[r], to);
     to = common(to, limits);
@@ -352,6 +398,14 @@ DoseSet Edges::levels_back(const LayerRule& rule, const DoseSet& above, DoseRang
         limits.hi = std::min(limits.hi, p.open * c.grown - phi * c.excess);
       }
     }
+    for (int k = 0; k < rule.opposites; ++k) {
+      const Corner& c = rule.opposite[static_cast<std::size_t>(k)];
+      if (rule.coverage == kFull) {
+        limits.hi = std::min(limits.hi, p.open * c.grown - phi * c.excess);
+      } else {
+        limits.lo = std::max(limits.lo, p.prints * c.grown - phi * c.excess);
+      }
+    }
     for (const DoseRange& d : above) {
       const DoseRange w =
           common({(d.lo - phi * p.b) * p.per_a, (d.hi - phi * p.b) * p.per_a}, limits);
@@ -408,17 +462,20 @@ void Edges::set_levels(Edge& edge, const Edge* above) const {
   if (!needed || ids_.size() > kMostLevelEdges) return;
   const bool one_upper =
       above && one && !above->platform && opposite(above->above_cover, above->below);
-  const auto upper = one_upper ? &p.near_upper[widest] : nullptr;
-  edge.levels_at =
-      levels_back(rule(edge.above_cover, upper, &p.near_lower[widest]), from, edge.at[widest]);
-  if (has_slit) {
-    edge.levels_slit = levels_back(rule(edge.above_cover, upper, &p.slit_lower[widest]), from,
-                                   edge.at_slit[widest]);
-  }
+  const EdgeCorners& near = p.near[widest];
+  const SideAsk upper = one_upper ? p.ask(above->height, near, in_slit).below : SideAsk{};
+  const auto at_edge = [&](bool slit) {
+    const SideAsk lower = p.ask(edge.height, near, slit).above;
+    return levels_back(rule(edge.above_cover, &upper, &lower), from,
+                       (slit ? edge.at_slit : edge.at)[widest]);
+  };
+  edge.levels_at = at_edge(false);
+  if (has_slit) edge.levels_slit = at_edge(true);
   if (edge.levels_at.empty() && edge.levels_slit.empty()) return;  // a voxel will be wrong
   const DoseRange limits = inside_of(edge, kRungs - 1);
   const LayerRule plain = rule(edge.below, nullptr, nullptr);
-  LayerRule layer = rule(edge.below, &p.near_upper[widest], nullptr);
+  const SideAsk own_upper = p.ask(edge.height, near, false).below;
+  LayerRule layer = rule(edge.below, &own_upper, nullptr);
   DoseSet d = edge.levels_at;
   const int last = static_cast<int>(p.grown.size()) - 1;
   for (int j = 1; j <= last; ++j) {

@@ -28,6 +28,7 @@ struct Edge {
   /// Slices from the next edge above to this one; 0: so many that nothing above matters.
   std::int32_t slices = 0;
   std::uint8_t above_cover = 0, below = 0;  ///< coverage on both sides
+  std::uint8_t height = kAtNode;            ///< its edge height
   bool platform = false;                    ///< the run below lies on the platform: node 0
   bool endless = false;  ///< no real edge: the inside of a run whose upper end is too far to matter
   /// Doses at the edge, per rung; `at_slit`: where the run below is a gap of one slice.
@@ -65,8 +66,9 @@ class Edges {
 
   /// The platform above a run of this coverage.
   std::int32_t platform(std::uint8_t below);
-  /// The edge `slices` below another, with this coverage on its lower side.
-  std::int32_t next(std::int32_t edge, int slices, std::uint8_t below);
+  /// The edge `slices` below another, with this coverage on its lower side, and this edge height.
+  std::int32_t next(std::int32_t edge, int slices, std::uint8_t below,
+                    std::uint8_t height = kAtNode);
   /// An edge between two greys depends on these two alone: its id says which they are, and the edge
   /// stands for the inside of the lower one.
   const Edge& operator[](std::int32_t id) const {
@@ -97,9 +99,9 @@ class Edges {
     return !edge.has_levels || levels_allow_kept(edge, j, dose, slit);
   }
 
-  /// The rule of a layer. `upper`, `lower`: corners of its ends at which a feature meets a gap;
-  /// null: none does.
-  LayerRule rule(std::uint8_t coverage, const Corner* upper, const Corner* lower) const;
+  /// The rule of a layer. `upper`, `lower`: what the edges at its ends ask of it, at which a feature
+  /// meets a gap; null: none does.
+  LayerRule rule(std::uint8_t coverage, const SideAsk* upper, const SideAsk* lower) const;
   /// Doses at the lower node of a layer from which some light leads into `above` at its upper one;
   /// false: none.
   bool back(const LayerRule& rule, DoseRange above, DoseRange& below) const;
@@ -111,14 +113,14 @@ class Edges {
   DoseRange for_features(LayerRule layer, DoseRange above, DoseRange limits) const;
   struct Key {
     std::int32_t edge, slices;
-    std::uint8_t below;
+    std::uint8_t below, height;
     bool operator==(const Key&) const = default;
   };
   struct Hash {
     std::size_t operator()(const Key& k) const {
       std::uint64_t x = (static_cast<std::uint64_t>(static_cast<std::uint32_t>(k.edge)) << 32) ^
                         (static_cast<std::uint64_t>(static_cast<std::uint32_t>(k.slices)) << 8) ^
-                        k.below;
+                        k.below ^ (static_cast<std::uint64_t>(k.height ^ kAtNode) << 24);
       x *= 0x9E3779B97F4A7C15ULL;
       return static_cast<std::size_t>(x ^ (x >> 29));
     }
@@ -130,7 +132,9 @@ class Edges {
   /// Least dose at the lower node of a grey run that its own layers ask for.
   double grey_least(std::uint8_t grey, bool under_full, std::uint8_t below) const;
   std::int32_t keep(const Key& key);
-  std::int32_t make(const Edge& above, std::int32_t above_id, int slices, std::uint8_t below);
+  std::int32_t make(const Edge& above, const Key& key);
+  /// back() of a layer with corners of both kinds.
+  bool back_both_ways(const LayerRule& rule, DoseRange above, DoseRange& below) const;
   /// Fills `at` and `at_slit` of an edge below `above`.
   void set_edge(Edge& edge, const Edge& above) const;
   /// Fills all that follows from `at`.
@@ -150,7 +154,7 @@ class Edges {
   std::unordered_map<Key, std::int32_t, Hash> ids_;
   std::array<std::array<std::int32_t, 256>, 3> endless_;
   struct Recent {
-    Key key{-2, 0, 0};
+    Key key{-2, 0, 0, 0};
     std::int32_t id = 0;
   };
   std::array<Recent, 1024> recent_;

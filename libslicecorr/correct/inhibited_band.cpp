@@ -11,13 +11,15 @@ namespace slicecorr::detail {
 
 namespace {
 
-/// Equal for columns of equal coverage, and for no others.
+/// Equal for columns of equal coverage and edge heights, and for no others.
 std::string key_of(const std::vector<CoverageRun>& runs) {
   std::string key;
   for (const CoverageRun& r : runs) {
     key.append(reinterpret_cast<const char*>(&r.first), sizeof r.first);
     key.append(reinterpret_cast<const char*>(&r.end), sizeof r.end);
-    key.push_back(static_cast<char>(r.coverage));
+    for (const std::uint8_t byte : {r.coverage, r.upper_height, r.lower_height}) {
+      key.push_back(static_cast<char>(byte));
+    }
   }
   return key;
 }
@@ -25,15 +27,24 @@ std::string key_of(const std::vector<CoverageRun>& runs) {
 }  // namespace
 
 InhibitedBand::InhibitedBand(const InhibitedPlan& plan, std::size_t columns)
-    : plan_(plan), columns_(columns), coded_(columns), before_(columns, 0) {}
+    : plan_(plan),
+      columns_(columns),
+      coded_(columns),
+      before_(columns, 0),
+      last_heights_(columns, 0) {}
 
-void InhibitedBand::add_layer(const std::uint8_t* coverage) {
+void InhibitedBand::add_layer(const std::uint8_t* coverage, const std::uint8_t* heights) {
+  if (layers_ == plan_.layers && !coverage) {
+    if (heights) last_heights_.assign(heights, heights + columns_);
+    return;
+  }
   if (layers_ >= plan_.layers) throw Error("more layers than the plan has");
   coded_.append(coverage);
   for (std::size_t i = 0; i < columns_; ++i) {
     const std::uint8_t value = coverage ? coverage[i] : std::uint8_t{0};
     if (value == before_[i]) continue;
-    changes_.push_back({static_cast<std::uint32_t>(i), layers_, value});
+    const std::uint8_t height = heights ? heights[i] : std::uint8_t{0};
+    changes_.push_back({static_cast<std::uint32_t>(i), layers_, value, height});
     before_[i] = value;
   }
   ++layers_;
@@ -90,7 +101,8 @@ std::size_t InhibitedBand::read_runs(std::size_t i, std::vector<CoverageRun>& ru
   for (; i < changes_.size() && changes_[i].column == column; ++i) {
     const bool more = i + 1 < changes_.size() && changes_[i + 1].column == column;
     if (changes_[i].value == 0) continue;
-    runs.push_back({changes_[i].at, more ? changes_[i + 1].at : plan_.layers, changes_[i].value});
+    runs.push_back({changes_[i].at, more ? changes_[i + 1].at : plan_.layers, changes_[i].value,
+                    changes_[i].height, more ? changes_[i + 1].height : last_heights_[column]});
   }
   return i;
 }
@@ -116,7 +128,11 @@ std::unique_ptr<BandSolver> make_inhibited_solver(const CorrectionPlan& plan, st
 }
 
 std::vector<std::uint8_t> solve_inhibited_column(const CorrectionPlan& plan,
-                                                 const std::vector<std::uint8_t>& coverage) {
+                                                 const std::vector<std::uint8_t>& coverage,
+                                                 const std::vector<std::uint8_t>& heights) {
+  const auto height = [&](std::size_t node) {
+    return node < heights.size() ? heights[node] : std::uint8_t{0};
+  };
   std::vector<CoverageRun> runs;
   for (std::size_t n = 0; n < coverage.size(); ++n) {
     if (coverage[n] == 0) continue;
@@ -124,8 +140,9 @@ std::vector<std::uint8_t> solve_inhibited_column(const CorrectionPlan& plan,
     if (!runs.empty() && runs.back().end == at && runs.back().coverage == coverage[n]) {
       ++runs.back().end;
     } else {
-      runs.push_back({at, at + 1, coverage[n]});
+      runs.push_back({at, at + 1, coverage[n], height(n), 0});
     }
+    runs.back().lower_height = height(n + 1);
   }
   InhibitedColumn column(*plan.inhibited);
   std::vector<std::uint8_t> levels = column.solve(runs);
@@ -134,10 +151,11 @@ std::vector<std::uint8_t> solve_inhibited_column(const CorrectionPlan& plan,
 }
 
 std::vector<double> solve_inhibited_column_exactly(const CorrectionPlan& plan,
-                                                   const std::vector<std::uint8_t>& coverage) {
+                                                   const std::vector<std::uint8_t>& coverage,
+                                                   const std::vector<std::uint8_t>& heights) {
   // The rule is about levels: each is told by its steady dose.
   std::vector<double> phi;
-  for (const std::uint8_t level : solve_inhibited_column(plan, coverage)) {
+  for (const std::uint8_t level : solve_inhibited_column(plan, coverage, heights)) {
     phi.push_back(plan.model.level_phi[level]);
   }
   return phi;

@@ -19,15 +19,16 @@ class InhibitedBand final : public BandSolver {
  public:
   InhibitedBand(const InhibitedPlan& plan, std::size_t columns);
   /// Coverage of the next layer; null: an empty layer.
-  void add_layer(const std::uint8_t* coverage) override;
+  void add_layer(const std::uint8_t* coverage, const std::uint8_t* heights) override;
   void solve(const BandCorrector::Sink& sink, const BandCorrector::TileSink& tiles) override;
 
  private:
-  /// A column has this value from this layer (or slice) on, in the order in which the list goes.
+  /// A column has this value from this layer (or slice) on, in the order in which the list goes. Of
+  /// coverage: with the edge height of the node there.
   struct Change {
     std::uint32_t column;
     std::int32_t at;
-    std::uint8_t value;
+    std::uint8_t value, height = 0;
   };
   std::vector<Change> solve_columns();
   std::size_t read_runs(std::size_t i, std::vector<CoverageRun>& runs) const;
@@ -37,7 +38,8 @@ class InhibitedBand final : public BandSolver {
   std::size_t columns_;
   CodedBand coded_;
   std::vector<std::uint8_t> before_;
-  std::vector<Change> changes_;  ///< of coverage, by layer
+  std::vector<std::uint8_t> last_heights_;  ///< edge heights of the node after the last layer
+  std::vector<Change> changes_;             ///< of coverage, by layer
   int layers_ = 0;
 };
 

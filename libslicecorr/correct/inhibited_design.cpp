@@ -1,16 +1,21 @@
 #include "correct/inhibited_design.hpp"
 
 #include <algorithm>
+#include <cmath>
+
+#include "slicecorr/target.hpp"
 
 namespace slicecorr::detail {
 
 ColumnDesign::ColumnDesign(const InhibitedPlan& plan)
     : demand(static_cast<std::size_t>(plan.all_layers) + 2, 0.0),
       plan_(plan),
-      coverage_(static_cast<std::size_t>(plan.all_layers) + 1, std::uint8_t{0}) {}
+      coverage_(static_cast<std::size_t>(plan.all_layers) + 1, std::uint8_t{0}),
+      heights_(static_cast<std::size_t>(plan.all_layers) + 2, std::uint8_t{0}) {}
 
 void ColumnDesign::read(const std::vector<CoverageRun>& runs) {
   take_coverage(runs);
+  take_heights(runs);
   std::fill(demand.begin(), demand.end(), 0.0);
   for (const CoverageRun& run : runs) {
     for (int k = run.first; k <= run.end; ++k) {
@@ -37,13 +42,26 @@ void ColumnDesign::take_coverage(const std::vector<CoverageRun>& runs) {
   }
 }
 
+void ColumnDesign::take_heights(const std::vector<CoverageRun>& runs) {
+  std::fill(heights_.begin(), heights_.end(), std::uint8_t{0});
+  for (const CoverageRun& run : runs) {
+    heights_[static_cast<std::size_t>(run.first)] = run.upper_height;
+    heights_[static_cast<std::size_t>(run.end)] = run.lower_height;
+  }
+}
+
 /// The relative dose that a node of a feature demands, from the layers on its two sides; see
 /// goal_at() for the same without UV.
 double ColumnDesign::demand_at(int node) const {
   const int above = coverage(node - 1), below = coverage(node);
   // Between nodes the dose may dip by a little; edges get just what they need.
   if (above == 255 && below == 255) return plan_.inside;
-  if (above == 255 || below == 255) return 1.0;
+  if (above == 255 || below == 255) {
+    // Above a feature nothing is lit: light from below falls by a in a slice.
+    const std::uint8_t height = heights_[static_cast<std::size_t>(node)];
+    if (above == 0 && height != 0) return std::pow(plan_.kernel->a(), edge_height_slices(height));
+    return 1.0;
+  }
   if (above != 0 && below != 0) return std::min(above, below) / 255.0;
   if (above == 0) return 0;
   // The last grey layer: its middle lies about half way between its two nodes.
@@ -88,8 +106,10 @@ void ColumnDesign::find_edges() {
   for (int n = 0; n <= plan_.layers; ++n) {
     // The platform is no gap: a feature that begins there has no upper edge.
     const int above = n > 0 ? coverage(n - 1) : -1, below = coverage(n);
-    if (above == 0 && below == 255) edges.push_back({n, true});
-    if (above == 255 && below == 0) edges.push_back({n, false});
+    const std::uint8_t height = heights_[static_cast<std::size_t>(n)];
+    const double down = height != 0 ? edge_height_slices(height) : 0.0;
+    if (above == 0 && below == 255) edges.push_back({n, true, down});
+    if (above == 255 && below == 0) edges.push_back({n, false, down});
   }
 }
 

@@ -9,10 +9,11 @@
 
 namespace slicecorr::detail {
 
-/// Layers [first, end) of a column have this coverage, 1..255.
+/// Layers [first, end) of a column have this coverage, 1..255, between nodes of these edge heights.
 struct CoverageRun {
   std::int32_t first = 0, end = 0;
   std::uint8_t coverage = 0;
+  std::uint8_t upper_height = 0, lower_height = 0;
   bool operator==(const CoverageRun&) const = default;
 };
 
@@ -30,10 +31,12 @@ class ColumnDesign {
     bool full = true;       ///< all of its demands are 1 or more
     int lag = 1;            ///< slices; see inhibited_column.hpp
   };
-  /// Where full layers and a gap meet: a node, and whether the gap is on the platform's side of it.
+  /// Where full layers and a gap meet: a node, whether the gap is on the platform's side of it, and
+  /// how far below the node the edge belongs, in slices (target.hpp).
   struct Edge {
     int node;
     bool upper;
+    double below = 0;
   };
   /// Coverage of a layer, 0..255; 0 outside of the target.
   int coverage(int layer) const {
@@ -48,6 +51,7 @@ class ColumnDesign {
 
  private:
   void take_coverage(const std::vector<CoverageRun>& runs);
+  void take_heights(const std::vector<CoverageRun>& runs);
   double demand_at(int node) const;
   void find_features();
   void open_one_slice_gaps();
@@ -55,6 +59,7 @@ class ColumnDesign {
 
   const InhibitedPlan& plan_;
   std::vector<std::uint8_t> coverage_;  ///< per layer
+  std::vector<std::uint8_t> heights_;   ///< edge heights per node
 };
 
 }  // namespace slicecorr::detail

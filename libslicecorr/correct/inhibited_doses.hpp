@@ -49,6 +49,13 @@ class ColumnDoses {
     const auto i = static_cast<std::size_t>(k);
     return plan_.dark_middle[i] + near_middle_[i] + far_at(far_middle_, k);
   }
+  /// Dose `below` slices below node k, at most half a slice to either side: by a straight line from
+  /// the node to the middle there.
+  double beside(int k, double below) const {
+    const double at_node = node(k);
+    if (below == 0) return at_node;
+    return at_node + (middle(below > 0 ? k : k - 1) - at_node) * 2.0 * std::abs(below);
+  }
   /// Dose at node k of the slices at least `near` layers away, without black ones.
   double far(int k) const { return far_at(far_node_, k); }
   /// Dose at node k of black slices and of the slices after n, as added so far.

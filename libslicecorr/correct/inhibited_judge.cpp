@@ -49,18 +49,20 @@ double ColumnJudge::edge_error_um(const ColumnDesign::Edge& edge) const {
     if (h % 2) return doses_.middle(h / 2);
     return h / 2 < plan_.all_layers ? doses_.node(h / 2) : 0.0;
   };
-  const int start = 2 * edge.node;
-  double value = dose(start);
+  const double start = 2 * (edge.node + edge.below);
+  double value = doses_.beside(edge.node, edge.below);
   const bool printed = value >= 1.0;
   // Printed at the edge: follow it into the gap; else look for print inside the feature.
   const int step = printed == edge.upper ? -1 : 1;
-  for (int h = start + step; h >= 0 && h <= end; h += step) {
-    const int passed = std::abs(h - step - start);
+  double at = start;
+  int h = static_cast<int>(step > 0 ? std::floor(start) + 1 : std::ceil(start) - 1);
+  for (; h >= 0 && h <= end; h += step) {
+    const double passed = std::abs(at - start);
     if (passed > 2 * plan_.tuning.most_edge_layers) break;
     const double next = dose(h);
     if ((next >= 1.0) != printed) {
       const double t = (1.0 - value) / (next - value);
-      return (passed + t) * 0.5 * plan_.layer_um;
+      return (passed + t * std::abs(h - at)) * 0.5 * plan_.layer_um;
     }
     // Stop where the gap or the feature that is searched ends.
     const int layer = (h + (step > 0 ? 0 : -1)) / 2;
@@ -68,6 +70,7 @@ double ColumnJudge::edge_error_um(const ColumnDesign::Edge& edge) const {
       if ((design_.coverage(layer) != 0) == printed) break;
     }
     value = next;
+    at = h;
   }
   return std::numeric_limits<double>::infinity();
 }

@@ -27,7 +27,7 @@ RunAt run_above(const Edges& edges, const RunAt& run) {
   const Edge& edge = edges[run.edge];
   const bool slit = edge.below == 0 && run.lower - run.node == 1 && run.below == kFull &&
                     edge.above_cover == kFull;
-  return {edge.above, run.node - edge.slices, run.node, edge.below, slit};
+  return {edge.above, run.node - edge.slices, run.node, edge.below, slit, edge.height};
 }
 
 LevelSearch::LevelSearch(const Edges& edges) : edges_(edges), plan_(edges.plan()) {}
@@ -44,6 +44,12 @@ LevelSearch::LightRule LevelSearch::light_rule(const LayerRule& rule, DoseRange 
   for (std::size_t k = 0; k < static_cast<std::size_t>(rule.corners); ++k) {
     const Corner& c = rule.corner[k];
     light.others[k + 1] = {dose * c.grown * c.per_excess, c.per_excess};
+  }
+  const double beyond = light.feature ? p.open + 0.5 * p.slack : p.prints - 0.5 * p.slack;
+  light.opposites = rule.opposites;
+  for (std::size_t k = 0; k < static_cast<std::size_t>(rule.opposites); ++k) {
+    const Corner& c = rule.opposite[k];
+    light.opposite[k] = {beyond * c.grown * c.per_excess, c.per_excess};
   }
   return light;
 }
@@ -66,8 +72,17 @@ LayerRule LevelSearch::rule_of(const RunAt& run, int n, int rung) const {
   const Edge& edge = edges_[run.edge];
   const bool upper = n == run.node && !edge.platform && opposite(edge.above_cover, edge.below);
   const bool lower = n == run.lower - 1 && opposite(edge.below, run.below);
-  return edges_.rule(edge.below, upper ? plan_.upper_corner(rung) : nullptr,
-                     lower ? plan_.lower_corner(rung, run.slit_below) : nullptr);
+  if (!upper && !lower) return edges_.rule(edge.below, nullptr, nullptr);
+  const EdgeCorners& near = plan_.near[static_cast<std::size_t>(rung)];
+  const bool slit = edge.below == 0 && run.lower - run.node == 1;
+  SideAsk at_upper, at_lower;
+  if (upper && !plan_.at_node(edge.height, rung)) {
+    at_upper = plan_.ask(edge.height, near, slit).below;
+  }
+  if (lower && (run.slit_below || !plan_.at_node(run.lower_height, rung))) {
+    at_lower = plan_.ask(run.lower_height, near, run.slit_below).above;
+  }
+  return edges_.rule(edge.below, &at_upper, &at_lower);
 }
 
 double LevelSearch::grey_aim(const RunAt& run, int n, double below) const {
@@ -92,7 +107,10 @@ int LevelSearch::one_slice(const RunAt& run, int n, double below) const {
         p.phi_max * p.b + p.a * below <= edges_.doses(edge, j, 0).hi) {
       return p.levels.size() - 1;
     }
-    if (edge.below == 0 && p.phi_min * p.b + p.a * below >= edges_.doses(edge, j, 0).lo) return 0;
+    if (edge.below == 0 && !(n + 1 == run.lower && run.ends_inside()) &&
+        p.phi_min * p.b + p.a * below >= edges_.doses(edge, j, 0).lo) {
+      return 0;
+    }
   }
   if (j == 0 && edge.below == kFull && !edge.platform && is_grey(edge.above_cover)) {
     // Only as much light as this layer needs itself, because the layer above is grey.
@@ -199,6 +217,8 @@ int LevelSearch::gather(const RunAt& start, int n) {
     step.slit_below = run.slit_below;
     step.slit = s == run.node && e.below == 0 && run.lower - run.node == 1 && run.below == kFull &&
                 e.above_cover == kFull;
+    step.upper_height = e.height;
+    step.lower_height = run.lower_height;
     // The true length of an endless run is not known.
     if (e.endless) run.node = std::min(run.node, s);
   }
@@ -206,21 +226,17 @@ int LevelSearch::gather(const RunAt& start, int n) {
   return count_;
 }
 
-bool LevelSearch::aim(double tolerance) {
-  return aim({plan_.corner(1.0 - tolerance), plan_.corner(tolerance),
-              plan_.corner(std::max(tolerance, std::min(plan_.shortfall, kWidest))), tolerance});
-}
+bool LevelSearch::aim(double tolerance) { return aim(plan_.corners_of(tolerance)); }
 
 bool LevelSearch::aim(const EdgeCorners& at) {
   const ContinuousPlan& p = plan_;
-  const Corner &upper = at.upper, &lower = at.lower, &slit = at.slit;
   const double tolerance = at.tolerance;
   for (int k = count_; k-- > 0;) {
     SearchStep& s = steps_[static_cast<std::size_t>(k)];
-    s.rule = edges_.rule(s.coverage, s.upper ? &upper : nullptr,
-                         !s.lower                              ? nullptr
-                         : s.slit_below && s.coverage == kFull ? &slit
-                                                               : &lower);
+    const EdgeAsk upper = s.upper ? p.ask(s.upper_height, at, s.slit) : EdgeAsk{};
+    const EdgeAsk lower =
+        s.lower ? p.ask(s.lower_height, at, s.slit_below && s.coverage == kFull) : EdgeAsk{};
+    s.rule = edges_.rule(s.coverage, &upper.below, &lower.above);
     const Edge& edge = edges_[s.edge];
     if (k + 1 == count_) {
       // Under a grey layer a level step must fit, as it is given where no edge is near.
@@ -391,12 +407,14 @@ int LevelSearch::choose(const RunAt& run, int n, double below, std::uint8_t* out
   const bool bottom = n + 1 == run.lower;
   const auto first = static_cast<std::uint8_t>(
       !bottom ? 0 : 1 | run.slit_below << 1 | (run.below == kFull) << 2 | (run.below == 0) << 3);
+  const std::uint8_t height = bottom ? run.lower_height : kAtNode;
   const auto bits = std::bit_cast<std::uint64_t>(below);
   const std::uint64_t mixed =
       (bits ^ static_cast<std::uint64_t>(run.edge) << 32 ^ static_cast<std::uint64_t>(j)) *
       0x9E3779B97F4A7C15ULL;
   Known& known = known_[static_cast<std::size_t>(mixed >> 40) % known_.size()];
-  if (known.edge == run.edge && known.j == j && known.bits == bits && known.first == first) {
+  if (known.edge == run.edge && known.j == j && known.bits == bits && known.first == first &&
+      known.height == height) {
     std::memcpy(out, known.levels, known.count);
     return known.count;
   }
@@ -420,7 +438,7 @@ int LevelSearch::choose(const RunAt& run, int n, double below, std::uint8_t* out
     }
   }
   if (chosen <= Known::kSlices) {
-    known = {bits, run.edge, j, first, static_cast<std::uint8_t>(chosen), {}};
+    known = {bits, run.edge, j, first, height, static_cast<std::uint8_t>(chosen), {}};
     std::memcpy(known.levels, out, static_cast<std::size_t>(chosen));
   }
   return chosen;

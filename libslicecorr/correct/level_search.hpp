@@ -19,6 +19,10 @@ struct RunAt {
   std::int32_t lower = 0;   ///< node of its lower end
   std::uint8_t below = 0;   ///< coverage below its lower end
   bool slit_below = false;  ///< below it lies a gap of one slice between full layers
+  std::uint8_t lower_height = kAtNode;  ///< edge height of its lower end
+
+  /// Whether the edge at its lower end lies inside its last slice.
+  bool ends_inside() const { return lower_height < kAtNode; }
 };
 
 /// The run above, with `node` as its lower end.
@@ -50,8 +54,14 @@ class LevelSearch {
     bool feature;
     Bound own;
     std::array<Bound, 4> others;
+    int opposites = 0;  ///< where edges lie inside the layer: more bounds on the side of `own`
+    std::array<Bound, 2> opposite;
     Light at(double w) const {
-      const double one = own.at - own.per * w;
+      double one = own.at - own.per * w;
+      for (int k = 0; k < opposites; ++k) {
+        const Bound& b = opposite[static_cast<std::size_t>(k)];
+        one = feature ? std::min(one, b.at - b.per * w) : std::max(one, b.at - b.per * w);
+      }
       const auto other = [&](std::size_t k) { return others[k].at - others[k].per * w; };
       if (feature) {
         return {std::max(std::max(other(0), other(1)), std::max(other(2), other(3))), one};
@@ -65,6 +75,7 @@ class LevelSearch {
     int j;  ///< nodes below that edge
     std::uint8_t coverage;
     bool upper, lower, slit_below, slit;
+    std::uint8_t upper_height, lower_height;
     LayerRule rule;
     DoseRange target;  ///< of its upper node
     LightRule light;
@@ -118,7 +129,7 @@ class LevelSearch {
     static constexpr int kSlices = 8;
     std::uint64_t bits = 0;
     std::int32_t edge = -1, j = 0;
-    std::uint8_t first = 0, count = 0;
+    std::uint8_t first = 0, height = kAtNode, count = 0;
     std::uint8_t levels[kSlices] = {};
   };
   std::array<Known, 4096> known_;

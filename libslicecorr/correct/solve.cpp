@@ -16,7 +16,8 @@ namespace {
 /// it decided, `step(n, below)` the dose at the upper node of each.
 template <typename Choose, typename Step>
 void walk_column(const CorrectionPlan& plan, detail::Edges& edges,
-                 const std::vector<std::uint8_t>& coverage, Choose choose, Step step) {
+                 const std::vector<std::uint8_t>& coverage,
+                 const std::vector<std::uint8_t>& heights, Choose choose, Step step) {
   using detail::kFull;
   const int all = plan.all_layers;
   std::vector<std::uint8_t> solved(static_cast<std::size_t>(std::max(all, 0)), 0);
@@ -38,7 +39,9 @@ void walk_column(const CorrectionPlan& plan, detail::Edges& edges,
     const std::uint8_t c = solved[static_cast<std::size_t>(n)];
     if (c == solved[static_cast<std::size_t>(n - 1)]) continue;
     passed.emplace_back(run.edge, run.node);
-    run.edge = edges.next(run.edge, n - run.node, c);
+    const auto node = static_cast<std::size_t>(n);
+    const std::uint8_t height = node < heights.size() ? heights[node] : std::uint8_t{0};
+    run.edge = edges.next(run.edge, n - run.node, c, height != 0 ? height : detail::kAtNode);
     run.node = n;
   }
   double omega = 0;
@@ -73,7 +76,9 @@ BandCorrector::BandCorrector(const CorrectionPlan& plan, std::size_t columns)
     : impl_(std::make_unique<Impl>(make_solver(plan, columns))) {}
 BandCorrector::~BandCorrector() = default;
 BandCorrector::BandCorrector(BandCorrector&&) noexcept = default;
-void BandCorrector::add_layer(const std::uint8_t* coverage) { impl_->solver->add_layer(coverage); }
+void BandCorrector::add_layer(const std::uint8_t* coverage, const std::uint8_t* heights) {
+  impl_->solver->add_layer(coverage, heights);
+}
 void BandCorrector::solve(const Sink& sink) { impl_->solver->solve(sink, {}); }
 void BandCorrector::solve(const Sink& sink, const TileSink& tiles) {
   if (!impl_->solver->has_tiles()) throw Error("only plain models are solved in tiles");
@@ -81,9 +86,10 @@ void BandCorrector::solve(const Sink& sink, const TileSink& tiles) {
 }
 
 std::vector<std::uint8_t> solve_column(const CorrectionPlan& plan,
-                                       const std::vector<std::uint8_t>& coverage) {
-  if (plan.model.inhibited) return detail::solve_inhibited_column(plan, coverage);
-  if (!plan.model.is_plain()) return detail::solve_layerwise_column(plan, coverage);
+                                       const std::vector<std::uint8_t>& coverage,
+                                       const std::vector<std::uint8_t>& heights) {
+  if (plan.model.inhibited) return detail::solve_inhibited_column(plan, coverage, heights);
+  if (!plan.model.is_plain()) return detail::solve_layerwise_column(plan, coverage, heights);
   std::vector<std::uint8_t> levels(static_cast<std::size_t>(plan.all_layers));
   const detail::ContinuousPlan& p = *plan.continuous;
   detail::Edges edges(p);
@@ -91,7 +97,7 @@ std::vector<std::uint8_t> solve_column(const CorrectionPlan& plan,
   std::uint8_t chosen[detail::LevelSearch::kMost];
   int first = 0;
   walk_column(
-      plan, edges, coverage,
+      plan, edges, coverage, heights,
       [&](const detail::RunAt& run, int n, double below) {
         first = n;
         return search.choose(run, n, below, chosen);
@@ -105,15 +111,17 @@ std::vector<std::uint8_t> solve_column(const CorrectionPlan& plan,
 }
 
 std::vector<double> solve_column_exactly(const CorrectionPlan& plan,
-                                         const std::vector<std::uint8_t>& coverage) {
-  if (plan.model.inhibited) return detail::solve_inhibited_column_exactly(plan, coverage);
-  if (!plan.model.is_plain()) return detail::solve_layerwise_column_exactly(plan, coverage);
+                                         const std::vector<std::uint8_t>& coverage,
+                                         const std::vector<std::uint8_t>& heights) {
+  if (plan.model.inhibited) return detail::solve_inhibited_column_exactly(plan, coverage, heights);
+  if (!plan.model.is_plain())
+    return detail::solve_layerwise_column_exactly(plan, coverage, heights);
   std::vector<double> phi(static_cast<std::size_t>(plan.all_layers));
   const detail::ContinuousPlan p(plan.model, plan.process, plan.all_layers, true);
   detail::Edges edges(p);
   const detail::LevelSearch search(edges);
   walk_column(
-      plan, edges, coverage,
+      plan, edges, coverage, heights,
       [&](const detail::RunAt& run, int n, double below) {
         phi[static_cast<std::size_t>(n)] = search.exact(run, n, below);
         return 1;

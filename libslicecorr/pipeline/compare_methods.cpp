@@ -90,7 +90,7 @@ Comparison compare_methods(const SliceSource& target, const Setup& setup,
   for (int level = 0; level < plans.levels(); ++level) {
     pixel_of[level] = static_cast<std::uint8_t>(pixel_of_level(level, plans.levels()));
   }
-  enum Method { uncorrected, erased, darkened, ours, methods };
+  enum Method { uncorrected, erased, darkened, ours, to_slices, methods };
   std::array<Prediction, methods> totals;
   detail::LightCounts in_groups{};
   std::mutex merging;
@@ -99,18 +99,44 @@ Comparison compare_methods(const SliceSource& target, const Setup& setup,
     std::array<Prediction, methods> figures;
     // Compares the columns of one value of light; figures are added to those of values before.
     const auto compare = [&](std::uint8_t value, std::size_t columns, const BandReader& read,
+                             const CodedBand* edge_heights,
                              const BandPredictor::PixelOfColumn& place) {
       const CorrectionPlan& plan = plans.plan(value);
-      BandCorrector corrector(plan, columns);
       BandErase erase(columns);
-      read([&](int n, const std::uint8_t* rows) {
-        if ((n & 63) == 0) context.check_cancelled();
-        corrector.add_layer(rows);
-        erase.add_layer(rows);
-      });
+      CodedBand target_rows(columns);
+      const BandReader kept = [&](const SliceSource::Sink& sink) {
+        read([&](int n, const std::uint8_t* rows) {
+          if ((n & 63) == 0) context.check_cancelled();
+          erase.add_layer(rows);
+          target_rows.append(rows);
+          sink(n, rows);
+        });
+      };
+      const detail::CodedDesign design(columns, kept, edge_heights);
+      std::vector<std::uint8_t> rows(columns), heights(columns), pixels(columns);
+      // Where the target has edge heights, its slices alone are corrected, too.
+      CodedBand upwards(columns);
+      if (edge_heights) {
+        BandCorrector alone(plan, columns);
+        for (int n = 0; n < plan.layers; ++n) {
+          target_rows.read(n, rows.data());
+          alone.add_layer(rows.data());
+        }
+        alone.solve([&](int, const std::uint8_t* levels, const std::uint8_t*, bool) {
+          for (std::size_t k = 0; k < columns; ++k) pixels[k] = pixel_of[levels[k]];
+          upwards.append(pixels.data());
+        });
+      }
+      BandCorrector corrector(plan, columns);
+      for (int n = 0; n < plan.layers; ++n) {
+        design.coverage.read(n, rows.data());
+        corrector.add_layer(rows.data(), design.heights_at(n, heights.data()));
+      }
+      if (edge_heights) {
+        corrector.add_layer(nullptr, design.heights_at(plan.layers, heights.data()));
+      }
       BandErase::Walk walk(erase, result.best_n);
       BandGreyTable table(columns);
-      std::vector<std::uint8_t> pixels(columns);
       std::vector<std::unique_ptr<BandPredictor>> predict;
       for (Prediction& so_far : figures) {
         predict.push_back(std::make_unique<BandPredictor>(plan.model, models.curve(value),
@@ -120,24 +146,39 @@ Comparison compare_methods(const SliceSource& target, const Setup& setup,
       corrector.solve([&](int n, const std::uint8_t* levels, const std::uint8_t* coverage, bool) {
         if ((n & 63) == 0) context.check_cancelled();
         for (std::size_t k = 0; k < columns; ++k) pixels[k] = pixel_of[levels[k]];
-        predict[ours]->add_slice(n, pixels.data(), coverage);
+        const std::uint8_t* const its_heights = design.heights_at(n, heights.data());
+        predict[ours]->add_slice(n, pixels.data(), coverage, its_heights);
+        if (edge_heights) {
+          upwards.read(plan.all_layers - 1 - n, pixels.data());
+          predict[to_slices]->add_slice(n, pixels.data(), coverage, its_heights);
+        }
         // Only the correction shows slices after the part's end.
         const bool shown = n < plan.layers;
-        predict[uncorrected]->add_slice(n, shown ? coverage : nullptr, coverage);
-        predict[erased]->add_slice(n, shown ? walk.next(coverage) : nullptr, coverage);
-        predict[darkened]->add_slice(n, shown ? table.next(coverage) : nullptr, coverage);
+        target_rows.read(n, rows.data());
+        const std::uint8_t* const lit = rows.data();
+        predict[uncorrected]->add_slice(n, shown ? lit : nullptr, coverage, its_heights);
+        predict[erased]->add_slice(n, shown ? walk.next(lit) : nullptr, coverage, its_heights);
+        predict[darkened]->add_slice(n, shown ? table.next(lit) : nullptr, coverage, its_heights);
       });
       for (std::size_t m = 0; m < methods; ++m) figures[m] = predict[m]->finish(place);
     };
-    const BandReader read = [&](const SliceSource::Sink& sink) { target.read_band(band, sink); };
+    const auto reader = [&](const SliceSource& source) -> BandReader {
+      return [&](const SliceSource::Sink& sink) { source.read_band(band, sink); };
+    };
+    const SliceSource* const heights = target.edge_heights();
     detail::LightCounts counts{};
     if (plans.even()) {
-      compare(models.map().reference(), columns_of(band), read, pixels_of_columns(band));
+      const auto coded = detail::edge_heights_of(target, band);
+      compare(models.map().reference(), columns_of(band), reader(target), coded ? &*coded : nullptr,
+              pixels_of_columns(band));
     } else {
-      const GroupedBand grouped(models.map(), band, {read});
+      std::vector<BandReader> readers = {reader(target)};
+      if (heights) readers.push_back(reader(*heights));
+      const GroupedBand grouped(models.map(), band, readers);
       for (const GroupedBand::Group& g : grouped.groups) {
         counts[g.value] = g.columns.size();
-        compare(g.value, g.columns.size(), g.reader(0), pixels_of_columns(band, g.columns));
+        compare(g.value, g.columns.size(), g.reader(0), heights ? &g.sources[1] : nullptr,
+                pixels_of_columns(band, g.columns));
       }
     }
     const std::lock_guard lock(merging);
@@ -154,6 +195,7 @@ Comparison compare_methods(const SliceSource& target, const Setup& setup,
   result.erase = whole(erased, plans.layers());
   result.table = whole(darkened, plans.layers());
   result.ours = whole(ours, plans.all_layers());
+  if (target.edge_heights()) result.to_slices = whole(to_slices, plans.all_layers());
   return result;
 }
 

@@ -8,6 +8,7 @@
 
 #include "base/coded_band.hpp"
 #include "pipeline/bands.hpp"
+#include "pipeline/design_band.hpp"
 #include "pipeline/place_plans.hpp"
 #include "pipeline/relief.hpp"
 #include "pipeline/uv_images.hpp"
@@ -24,6 +25,7 @@ using detail::BandReader;
 using detail::bands_of;
 using detail::CodedBand;
 using detail::columns_of;
+using detail::DesignReader;
 using detail::GroupedBand;
 using detail::LightCounts;
 using detail::LitColumns;
@@ -108,13 +110,16 @@ struct ColumnSinks {
   WindowWatch* watch;     ///< the same
 };
 
-/// Corrects columns and predicts them.
-void correct_columns(const CorrectionPlan& plan, std::size_t columns, const BandReader& read,
+/// Corrects columns and predicts them. Slices that would be shown uncorrected have the greys of
+/// gentle slopes, which a design with edge heights has not: those are predicted apart.
+void correct_columns(const CorrectionPlan& plan, std::size_t columns, const DesignReader& read,
                      const ColumnSinks& out, const ExecutionContext& context) {
   BandCorrector corrector(plan, columns);
-  read([&](int n, const std::uint8_t* rows) {
+  CodedBand heights(columns);
+  read([&](int n, const std::uint8_t* rows, const std::uint8_t* its_heights) {
     if ((n & 63) == 0) context.check_cancelled();
-    corrector.add_layer(rows);
+    corrector.add_layer(rows, its_heights);
+    if (!plan.model.is_plain()) heights.append(its_heights);
   });
   std::uint8_t pixel_of[256] = {};
   for (int level = 0; level < plan.levels.size(); ++level) {
@@ -139,7 +144,8 @@ void correct_columns(const CorrectionPlan& plan, std::size_t columns, const Band
         for (std::size_t k = 0; k < size; ++k) tile_pixels[k] = pixel_of[t.levels[k]];
         lit = tile_pixels.data();
       }
-      out.after.add_tile(t.first_column, t.columns, t.first_slice, t.slices, lit, t.coverage);
+      out.after.add_tile(t.first_column, t.columns, t.first_slice, t.slices, lit, t.coverage,
+                         t.heights);
       if (!out.before) return;
       // Slices after the part's end belong to the correction, not to the target.
       const int inside = std::clamp(plan.layers - t.first_slice, 0, t.slices);
@@ -156,12 +162,15 @@ void correct_columns(const CorrectionPlan& plan, std::size_t columns, const Band
         look);
     return;
   }
+  std::vector<std::uint8_t> height_rows(columns);
   corrector.solve([&](int n, const std::uint8_t* levels, const std::uint8_t* coverage, bool dark) {
     if ((n & 63) == 0) context.check_cancelled();
     const std::uint8_t* const lit = shown(levels);
     out.put(n, dark ? nullptr : lit);
     if (out.watch) out.watch->add_slice(n, dark ? nullptr : lit);
-    out.after.add_slice(n, lit, coverage);
+    const bool has_heights = n < heights.slices() && !heights.black(n);
+    if (has_heights) heights.read(n, height_rows.data());
+    out.after.add_slice(n, lit, coverage, has_heights ? height_rows.data() : nullptr);
     if (out.before) out.before->add_slice(n, n < plan.layers ? coverage : nullptr, coverage);
   });
 }
@@ -258,10 +267,11 @@ class StackCorrection::Band {
 
   /// All columns get the same light.
   void correct_even() {
+    const auto heights = detail::edge_heights_of(whole_.target_, box_);
     correct(
         whole_.plans_.models().map().reference(), nullptr,
-        [this](const SliceSource::Sink& sink) { read(sink); }, pixels_of_columns(box_),
-        [this](int n, const std::uint8_t* pixels) { put(n, pixels); });
+        [this](const SliceSource::Sink& sink) { read(sink); }, heights ? &*heights : nullptr,
+        pixels_of_columns(box_), [this](int n, const std::uint8_t* pixels) { put(n, pixels); });
   }
   /// Columns of equal light are corrected together, then joined.
   void correct_by_light();
@@ -285,8 +295,11 @@ class StackCorrection::Band {
   /// Columns of one value of light, null for all of the band. Their figures go on from those
   /// before them.
   void correct(std::uint8_t value, const std::vector<std::uint32_t>* of_band,
-               const BandReader& reader, const BandPredictor::PixelOfColumn& place,
-               const PutPixels& put_pixels);
+               const BandReader& reader, const CodedBand* heights,
+               const BandPredictor::PixelOfColumn& place, const PutPixels& put_pixels);
+
+  void predict_shown(const CorrectionPlan& plan, BandPredictor& predictor, const CodedBand& shown,
+                     const CodedBand& heights, int slices) const;
 
   StackCorrection& whole_;
   const PixelBox& box_;
@@ -320,7 +333,7 @@ StackCorrection::StackCorrection(const SliceSource& target, const Setup& asked,
 }
 
 void StackCorrection::Band::correct(std::uint8_t value, const std::vector<std::uint32_t>* of_band,
-                                    const BandReader& reader,
+                                    const BandReader& reader, const CodedBand* heights,
                                     const BandPredictor::PixelOfColumn& place,
                                     const PutPixels& put_pixels) {
   const int slices = whole_.plans_.all_layers();
@@ -337,10 +350,24 @@ void StackCorrection::Band::correct(std::uint8_t value, const std::vector<std::u
   }
   std::optional<WindowWatch> watch;
   if (whole_.window_) watch.emplace(plan.model, slices, count);
-  correct_columns(plan, count, reader,
-                  {put_pixels, predict_after, whole_.with_before_ ? &predict_before : nullptr,
-                   watch ? &*watch : nullptr},
-                  whole_.context_);
+  std::optional<CodedBand> as_shown;
+  if (heights && whole_.with_before_) as_shown.emplace(count);
+  const BandReader kept = [&](const SliceSource::Sink& sink) {
+    reader([&](int n, const std::uint8_t* rows) {
+      if (as_shown) as_shown->append(rows);
+      sink(n, rows);
+    });
+  };
+  const DesignReader design = [&](const detail::DesignSink& sink) {
+    detail::read_design(kept, heights, sink);
+  };
+  const bool before_apart = as_shown.has_value();
+  correct_columns(
+      plan, count, design,
+      {put_pixels, predict_after, whole_.with_before_ && !before_apart ? &predict_before : nullptr,
+       watch ? &*watch : nullptr},
+      whole_.context_);
+  if (before_apart) predict_shown(plan, predict_before, *as_shown, *heights, slices);
   after_ = predict_after.finish(place);
   before_ = predict_before.finish(place);
   if (!watch) return;
@@ -348,14 +375,48 @@ void StackCorrection::Band::correct(std::uint8_t value, const std::vector<std::u
   whole_.window_->merge(value, *watch);
 }
 
+/// What the slices of the target print when they are shown as they are.
+void StackCorrection::Band::predict_shown(const CorrectionPlan& plan, BandPredictor& predictor,
+                                          const CodedBand& shown, const CodedBand& heights,
+                                          int slices) const {
+  const std::size_t columns = shown.columns();
+  std::vector<std::uint8_t> pixels(columns), coverage(columns), height_rows(columns);
+  const detail::CodedDesign design(
+      columns,
+      [&](const SliceSource::Sink& sink) {
+        for (int n = 0; n < shown.slices(); ++n) {
+          shown.read(n, pixels.data());
+          sink(n, shown.black(n) ? nullptr : pixels.data());
+        }
+      },
+      &heights);
+  if (plan.model.is_plain()) {
+    predict_tiles(predictor, shown, plan.layers, design, slices, whole_.context_);
+    return;
+  }
+  for (int n = slices; n-- > 0;) {
+    shown.read(n, pixels.data());
+    design.coverage.read(n, coverage.data());
+    predictor.add_slice(n, n < plan.layers ? pixels.data() : nullptr, coverage.data(),
+                        design.heights_at(n, height_rows.data()));
+  }
+}
+
 void StackCorrection::Band::correct_by_light() {
   const BandReader reader = [this](const SliceSource::Sink& sink) { read(sink); };
-  const GroupedBand grouped(whole_.plans_.models().map(), box_, {reader});
+  std::vector<BandReader> readers = {reader};
+  const SliceSource* const heights = whole_.target_.edge_heights();
+  const bool has_heights = heights != nullptr;
+  if (has_heights) {
+    readers.emplace_back([&](const SliceSource::Sink& sink) { heights->read_band(box_, sink); });
+  }
+  const GroupedBand grouped(whole_.plans_.models().map(), box_, readers);
   std::vector<CodedBand> corrected;
   for (const GroupedBand::Group& g : grouped.groups) {
     counts_[g.value] = g.columns.size();
     CodedBand& coded = corrected.emplace_back(g.columns.size());
-    correct(g.value, &g.columns, g.reader(0), pixels_of_columns(box_, g.columns),
+    correct(g.value, &g.columns, g.reader(0), has_heights ? &g.sources[1] : nullptr,
+            pixels_of_columns(box_, g.columns),
             [&](int, const std::uint8_t* pixels) { coded.append(pixels); });
   }
   Joiner joined(grouped, columns_, std::move(corrected));
@@ -494,9 +555,12 @@ void CorrectedSlices::read_band(const PixelBox& band, const Sink& sink) const {
   const BandReader read = [&](const Sink& take) { target_.read_band(band, take); };
   // The solve gives the last slice first.
   const auto corrected = [&](const CorrectionPlan& plan, std::size_t count,
-                             const BandReader& reader) {
+                             const BandReader& reader, const CodedBand* heights) {
     BandCorrector corrector(plan, count);
-    reader([&](int, const std::uint8_t* rows) { corrector.add_layer(rows); });
+    detail::read_design(reader, heights,
+                        [&](int, const std::uint8_t* rows, const std::uint8_t* its_heights) {
+                          corrector.add_layer(rows, its_heights);
+                        });
     CodedBand upwards(count);
     std::vector<std::uint8_t> pixels(count);
     corrector.solve([&](int, const std::uint8_t* levels, const std::uint8_t*, bool) {
@@ -508,7 +572,9 @@ void CorrectedSlices::read_band(const PixelBox& band, const Sink& sink) const {
     return upwards;
   };
   if (plans_->even()) {
-    const CodedBand upwards = corrected(plans_->plan(), columns, read);
+    const auto heights = detail::edge_heights_of(target_, band);
+    const CodedBand upwards =
+        corrected(plans_->plan(), columns, read, heights ? &*heights : nullptr);
     std::vector<std::uint8_t> pixels(columns);
     for (int n = 0; n < all; ++n) {
       const int at = all - 1 - n;
@@ -517,10 +583,16 @@ void CorrectedSlices::read_band(const PixelBox& band, const Sink& sink) const {
     }
     return;
   }
-  const GroupedBand grouped(plans_->models().map(), band, {read});
+  std::vector<BandReader> readers = {read};
+  const SliceSource* const edge_heights = target_.edge_heights();
+  if (edge_heights) {
+    readers.emplace_back([&](const Sink& take) { edge_heights->read_band(band, take); });
+  }
+  const GroupedBand grouped(plans_->models().map(), band, readers);
   std::vector<CodedBand> coded_bands;
   for (const GroupedBand::Group& g : grouped.groups) {
-    coded_bands.push_back(corrected(plans_->plan(g.value), g.columns.size(), g.reader(0)));
+    coded_bands.push_back(corrected(plans_->plan(g.value), g.columns.size(), g.reader(0),
+                                    edge_heights ? &g.sources[1] : nullptr));
   }
   Joiner joined(grouped, columns, std::move(coded_bands));
   for (int n = 0; n < all; ++n) sink(n, joined.at(all - 1 - n));

@@ -185,6 +185,9 @@ class PlaceCheck {
       }
     }
     if (travel_ && all > *travel_) refuse_travel(all);
+    // The part's end may lie half a slice below its last node.
+    const bool ends_below = target_.edge_heights() && models_.brightest().is_plain();
+    if (ends_below && !(travel_ && all + 1 > *travel_)) ++all;
     if (all - layers > kLongest) {
       throw InfeasibleError(fmt::format(
           "the part's end does not cure: light of black comes too close to full light for any "

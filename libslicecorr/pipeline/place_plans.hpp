@@ -9,6 +9,7 @@
 
 #include "base/coded_band.hpp"
 #include "cure/shown_slices.hpp"
+#include "pipeline/design_band.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/place_models.hpp"
 
@@ -39,9 +40,6 @@ class PlacePlans {
   mutable std::array<std::mutex, 256> making_;
   mutable std::array<std::unique_ptr<const CorrectionPlan>, 256> plans_;
 };
-
-/// Gives the rows of a band's slices, first slice first, to a sink.
-using BandReader = std::function<void(const SliceSource::Sink&)>;
 
 /// A band read once and divided: the columns that are lit in any of its sources, by value of light.
 struct GroupedBand {

@@ -8,6 +8,7 @@
 #include "base/coded_band.hpp"
 #include "cure/shown_slices.hpp"
 #include "pipeline/bands.hpp"
+#include "pipeline/design_band.hpp"
 #include "pipeline/place_plans.hpp"
 #include "pipeline/vanished.hpp"
 #include "slicecorr/dead_zone.hpp"
@@ -18,6 +19,7 @@ namespace slicecorr {
 
 using detail::bands_of;
 using detail::CodedBand;
+using detail::CodedDesign;
 using detail::columns_of;
 
 namespace {
@@ -44,36 +46,6 @@ void mix(std::span<const ImageShowing> parts, std::size_t columns, std::uint8_t*
   }
 }
 
-/// `layers` slices shown, then no light up to `all_layers`; for plain models.
-void predict_tiles(BandPredictor& predictor, const CodedBand& shown, int layers,
-                   const CodedBand& design, int all_layers, const ExecutionContext& context) {
-  constexpr std::size_t lanes = BandPredictor::kTileColumns;
-  constexpr int most = 64;
-  const std::size_t columns = shown.columns();
-  std::vector<std::uint8_t> pixels(columns * most), coverage(columns * most);
-  std::vector<std::uint8_t> lit(lanes * most, 0), cover(lanes * most, 0);
-  for (int end = all_layers; end > 0;) {
-    context.check_cancelled();
-    const int begin = std::max({0, end - most, end > layers ? layers : 0});
-    const auto count = static_cast<std::size_t>(end - begin);
-    for (std::size_t k = 0; k < count; ++k) {
-      const int n = begin + static_cast<int>(k);
-      shown.read(n, &pixels[k * columns]);
-      design.read(n, &coverage[k * columns]);
-    }
-    for (std::size_t b = 0; b < columns; b += lanes) {
-      const std::size_t width = std::min(lanes, columns - b);
-      for (std::size_t k = 0; k < count; ++k) {
-        std::copy_n(&pixels[k * columns + b], width, &lit[k * lanes]);
-        std::copy_n(&coverage[k * columns + b], width, &cover[k * lanes]);
-      }
-      predictor.add_tile(b, width, begin, end - begin, end > layers ? nullptr : lit.data(),
-                         cover.data());
-    }
-    end = begin;
-  }
-}
-
 /// One run of verify_stack: what the bands share, and what they add up to.
 class Verification {
  public:
@@ -87,7 +59,7 @@ class Verification {
         recorded_(slices.recorded() ? &slices : nullptr),
         models_(slices.printer(), resin, slices.process(), stack.grid(), stack.frame()),
         layers_(slices.slices()),
-        all_layers_(std::max(layers_, target.grid().layers)),
+        all_layers_(std::max(layers_, target.grid().layers + (target.edge_heights() ? 1 : 0))),
         bands_(bands_of(stack.grid(), stack.bounds().united(target.bounds()))) {
     if (models_.brightest().inhibited) window_.emplace(models_, layers_);
   }
@@ -110,7 +82,7 @@ class Verification {
  private:
   void predict_band(const PixelBox& band);
   /// Columns of one value of light, whose figures go on from those before them.
-  void predict(std::uint8_t value, const CodedBand& shown, const CodedBand& design,
+  void predict(std::uint8_t value, const CodedBand& shown, const CodedDesign& design,
                const BandPredictor::PixelOfColumn& place, Prediction& figures);
 
   const SliceSource& stack_;
@@ -128,32 +100,33 @@ class Verification {
   detail::LightCounts grouped_columns_{};  ///< where the display's light is uneven
 };
 
-void Verification::predict(std::uint8_t value, const CodedBand& shown, const CodedBand& design,
+void Verification::predict(std::uint8_t value, const CodedBand& shown, const CodedDesign& design,
                            const BandPredictor::PixelOfColumn& place, Prediction& figures) {
   const std::size_t columns = shown.columns();
   const CureModel& model = models_.model(value);
   BandPredictor predictor(model, models_.curve(value), all_layers_, columns, slices_.recorded());
   predictor.go_on_from(std::move(figures));
   if (!recorded_ && model.is_plain()) {
-    predict_tiles(predictor, shown, layers_, design, all_layers_, context_);
+    detail::predict_tiles(predictor, shown, layers_, design, all_layers_, context_);
     figures = predictor.finish(place);
     return;
   }
-  std::vector<std::uint8_t> pixels(columns), coverage(columns);
+  std::vector<std::uint8_t> pixels(columns), coverage(columns), height_rows(columns);
   std::optional<WindowWatch> watch;
   if (window_) watch.emplace(model, layers_, columns);
   detail::ShownBand band_shown(slices_, shown);
   for (int n = all_layers_; n-- > 0;) {
     if ((n & 63) == 0) context_.check_cancelled();
-    design.read(n, coverage.data());
+    design.coverage.read(n, coverage.data());
+    const std::uint8_t* const heights = design.heights_at(n, height_rows.data());
     if (recorded_) {
       const std::span<const ImageShowing> parts = band_shown.of(n);
-      predictor.add_slice(n, parts, coverage.data());
+      predictor.add_slice(n, parts, coverage.data(), heights);
       if (watch && n < layers_) watch->add_slice(n, parts);
       continue;
     }
     shown.read(n, pixels.data());
-    predictor.add_slice(n, n < layers_ ? pixels.data() : nullptr, coverage.data());
+    predictor.add_slice(n, n < layers_ ? pixels.data() : nullptr, coverage.data(), heights);
     if (watch && n < layers_) watch->add_slice(n, pixels.data());
   }
   figures = predictor.finish(place);
@@ -165,18 +138,24 @@ void Verification::predict(std::uint8_t value, const CodedBand& shown, const Cod
 void Verification::predict_band(const PixelBox& band) {
   Prediction figures;
   detail::LightCounts counts{};
+  const auto reader = [&](const SliceSource& source) -> detail::BandReader {
+    return [&](const SliceSource::Sink& sink) { source.read_band(band, sink); };
+  };
   if (models_.even()) {
-    predict(models_.map().reference(), detail::coded_band_of(stack_, band),
-            detail::coded_band_of(target_, band), detail::pixels_of_columns(band), figures);
+    const auto heights = detail::edge_heights_of(target_, band);
+    const CodedDesign design(columns_of(band), reader(target_), heights ? &*heights : nullptr);
+    predict(models_.map().reference(), detail::coded_band_of(stack_, band), design,
+            detail::pixels_of_columns(band), figures);
   } else {
-    const auto reader = [&](const SliceSource& source) {
-      return [&](const SliceSource::Sink& sink) { source.read_band(band, sink); };
-    };
-    const detail::GroupedBand grouped(models_.map(), band, {reader(stack_), reader(target_)});
+    std::vector<detail::BandReader> readers = {reader(stack_), reader(target_)};
+    const bool has_heights = target_.edge_heights() != nullptr;
+    if (has_heights) readers.push_back(reader(*target_.edge_heights()));
+    const detail::GroupedBand grouped(models_.map(), band, readers);
     for (const auto& g : grouped.groups) {
       counts[g.value] = g.columns.size();
-      predict(g.value, g.sources[0], g.sources[1], detail::pixels_of_columns(band, g.columns),
-              figures);
+      const CodedDesign design(g.columns.size(), g.reader(1),
+                               has_heights ? &g.sources[2] : nullptr);
+      predict(g.value, g.sources[0], design, detail::pixels_of_columns(band, g.columns), figures);
     }
   }
   const std::lock_guard lock(merging_);

@@ -12,16 +12,18 @@ void BandPredictor::tell_edges(EdgeSink sink) { state_->edge_sink_ = std::move(s
 void BandPredictor::tell_states(StateSink sink) { state_->state_sink_ = std::move(sink); }
 void BandPredictor::keep_no_histograms() { state_->histograms_ = false; }
 
-void BandPredictor::add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage) {
-  state_->add_slice(slice, pixels, coverage);
+void BandPredictor::add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage,
+                              const std::uint8_t* heights) {
+  state_->add_slice(slice, pixels, coverage, heights);
 }
 void BandPredictor::add_slice(int slice, std::span<const ImageShowing> showings,
-                              const std::uint8_t* coverage) {
-  state_->add_slice(slice, showings, coverage);
+                              const std::uint8_t* coverage, const std::uint8_t* heights) {
+  state_->add_slice(slice, showings, coverage, heights);
 }
 void BandPredictor::add_tile(std::size_t first_column, std::size_t columns, int first_slice,
-                             int slices, const std::uint8_t* pixels, const std::uint8_t* coverage) {
-  state_->add_tile(first_column, columns, first_slice, slices, pixels, coverage);
+                             int slices, const std::uint8_t* pixels, const std::uint8_t* coverage,
+                             const std::uint8_t* heights) {
+  state_->add_tile(first_column, columns, first_slice, slices, pixels, coverage, heights);
 }
 const double* BandPredictor::middle() const { return state_->dose_->middle(); }
 void BandPredictor::go_on_from(Prediction so_far) { state_->go_on_from(std::move(so_far)); }

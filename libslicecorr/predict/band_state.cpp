@@ -10,6 +10,7 @@
 #include "cure/walkers.hpp"
 #include "predict/block_kernels.hpp"
 #include "slicecorr/predict.hpp"
+#include "slicecorr/target.hpp"
 
 namespace slicecorr {
 
@@ -40,6 +41,7 @@ BandPredictor::State::State(const CureModel& model, const PixelCurve& curve, int
       least_(padded(columns), kNever),
       class_(padded(columns), gap),
       columns_(columns),
+      lower_heights_(padded(columns), 0),
       empty_(padded(columns), 0),
       block_class_(padded(columns) / kBlock, gap),
       sums_(std::make_unique<BlockSums>()) {
@@ -51,9 +53,15 @@ BandPredictor::State::State(const CureModel& model, const PixelCurve& curve, int
   if (dose_) inside_.resize(kBlock);
 }
 
-void BandPredictor::State::error(std::size_t i, int node, bool upper, double slices) {
+void BandPredictor::State::error(std::size_t i, int node, std::uint8_t height, bool upper,
+                                 double slices) {
   const double um = slices * model_.layer_um;
   if (edge_sink_) edge_sink_(i, node, upper, um);
+  if (height != 0 && histograms_) {
+    const double below = edge_height_slices(height);
+    const double from_surface = upper ? slices + below : slices - below;
+    prediction_.surface_error_um.add(std::abs(from_surface * model_.layer_um));
+  }
   const double size = std::abs(um);
   if (histograms_) prediction_.height_error_um.add(size);
   if (um > 0) {
@@ -100,12 +108,13 @@ void BandPredictor::State::close_gap(std::size_t i, int top) {
   }
 }
 
-void BandPredictor::State::enter(std::size_t i, int node, Class next, double before, double after) {
+void BandPredictor::State::enter(std::size_t i, int node, std::uint8_t height, Class next,
+                                 double before, double after) {
   Column& c = columns_[i];
   const bool printed_before = before >= 1.0, printed = after >= 1.0;
   const Class old = class_[i];
   if (old == run) {
-    if (c.seeks_print) error(i, c.lower, false, -(c.lower - node));
+    if (c.seeks_print) error(i, c.lower, c.lower_height, false, -(c.lower - node));
     c.seeks_print = false;
     lose(i, node);
     if (next == gap) {
@@ -113,7 +122,7 @@ void BandPredictor::State::enter(std::size_t i, int node, Class next, double bef
         c.seeks_end = true;
       } else {
         // Seen from the edge, the print begins where the unprinted stretch beside the edge ends.
-        error(i, node, true,
+        error(i, node, height, true,
               printed_before ? 0.0 : -(c.any_printed ? c.start - node : c.lower - node));
       }
     }
@@ -124,13 +133,13 @@ void BandPredictor::State::enter(std::size_t i, int node, Class next, double bef
     leave_stretch(i);
   } else if (old == gap) {
     c.gap_layers += c.lower - node;
-    if (c.seeks_end) error(i, c.lower, true, c.lower - node);
+    if (c.seeks_end) error(i, c.lower, c.lower_height, true, c.lower - node);
     c.seeks_end = false;
     if (next == run) {
       if (printed_before) {
-        error(i, node, false, std::min<double>(c.start, c.lower) - node);
+        error(i, node, height, false, std::min<double>(c.start, c.lower) - node);
       } else if (printed) {
-        error(i, node, false, 0.0);
+        error(i, node, height, false, 0.0);
       } else {
         c.seeks_print = true;
       }
@@ -147,6 +156,7 @@ void BandPredictor::State::enter(std::size_t i, int node, Class next, double bef
   }
   if (printed != printed_before) c.start = node;
   c.lower = node;
+  c.lower_height = height;
   class_[i] = next;
 }
 
@@ -158,14 +168,14 @@ void BandPredictor::State::cross(std::size_t i, double zeta, bool printed, Class
       if (c.any_printed && least_[i] < 1.0 - kSameDose) c.split = true;
       leave_stretch(i);
       c.any_printed = true;
-      if (c.seeks_print) error(i, c.lower, false, -(c.lower - c.start));
+      if (c.seeks_print) error(i, c.lower, c.lower_height, false, -(c.lower - c.start));
       c.seeks_print = false;
     }
     c.tooth = now == gap && c.run_below;
     return;
   }
   if (c.seeks_end) {
-    error(i, c.lower, true, c.lower - c.start);
+    error(i, c.lower, c.lower_height, true, c.lower - c.start);
     c.seeks_end = false;
   }
   if (c.tooth && now == gap) ++prediction_.gap_teeth;
@@ -173,12 +183,13 @@ void BandPredictor::State::cross(std::size_t i, double zeta, bool printed, Class
 }
 
 void BandPredictor::State::event(std::size_t i, int slice, double below, const LayerDose& dose,
-                                 std::span<const double> crossings, std::uint8_t coverage) {
+                                 std::span<const double> crossings, std::uint8_t coverage,
+                                 std::uint8_t height) {
   const Class now = coverage == 0 ? gap : coverage == 255 ? run : grey;
   if (state_sink_) state_sink_(i, slice, coverage, dose.middle >= 1.0, dose.upper >= 1.0);
   bool printed = dose.lower >= 1.0;
   if (now != class_[i]) {
-    enter(i, slice + 1, now, below, dose.lower);
+    enter(i, slice + 1, height, now, below, dose.lower);
   } else if ((below >= 1.0) != printed) {
     cross(i, slice + 1, printed, now);
   }
@@ -200,21 +211,22 @@ void BandPredictor::State::event(std::size_t i, int slice, double below, const L
 }
 
 void BandPredictor::State::add_slice(int slice, const std::uint8_t* pixels,
-                                     const std::uint8_t* coverage) {
-  if (!pixels) return add_slice(slice, std::span<const ImageShowing>{}, coverage);
+                                     const std::uint8_t* coverage, const std::uint8_t* heights) {
+  if (!pixels) return add_slice(slice, std::span<const ImageShowing>{}, coverage, heights);
   const int setting = model_.inhibited ? model_.inhibited->setting_of_slice(slice) : 0;
   const ImageShowing whole{pixels, 1.0, setting};
-  add_slice(slice, {&whole, 1}, coverage);
+  add_slice(slice, {&whole, 1}, coverage, heights);
 }
 
 void BandPredictor::State::add_slice(int slice, std::span<const ImageShowing> showings,
-                                     const std::uint8_t* coverage) {
+                                     const std::uint8_t* coverage, const std::uint8_t* heights) {
   const std::uint8_t* cover = coverage ? coverage : empty_.data();
   if (dose_) {
     add_general_slice(slice, showings, cover);
   } else {
     add_plain_slice(slice, showings, cover);
   }
+  std::copy_n(heights ? heights : empty_.data(), columns_.size(), lower_heights_.begin());
 }
 
 /// Looks inside the layer of those columns of a block whose dose may turn there and where it
@@ -333,7 +345,7 @@ void BandPredictor::State::add_general_slice(int slice, std::span<const ImageSho
         if ((lower_dose[i] >= 1.0) != (upper[i] >= 1.0)) dose_->inside(b + i, -kNever, inside);
       }
       event(b + i, slice, omega_[b + i], {lower_dose[i], middle[i], upper[i], inside.least},
-            inside.crossings, block_cover[i]);
+            inside.crossings, block_cover[i], lower_heights_[b + i]);
     }
     std::copy_n(upper, kBlock, &omega_[b]);
     const bool one_class = detail::uniform(reinterpret_cast<const std::uint8_t*>(&class_[b]));
@@ -389,7 +401,8 @@ void BandPredictor::State::add_plain_slice(int slice, std::span<const ImageShowi
       const bool crosses = (below >= 1.0) != (dose[i] >= 1.0);
       const double crossing = crosses ? model_.crossing(phi[i], below) : 0.0;
       event(b + i, slice, below, {below, middle[i], dose[i], std::min(below, dose[i])},
-            {&crossing, crosses ? std::size_t{1} : std::size_t{0}}, block_cover[i]);
+            {&crossing, crosses ? std::size_t{1} : std::size_t{0}}, block_cover[i],
+            lower_heights_[b + i]);
     }
     std::copy_n(dose, kBlock, &omega_[b]);
     // Grey stands for blocks of several classes, too.
@@ -419,12 +432,12 @@ Prediction BandPredictor::State::finish(const PixelOfColumn& place) {
   for (std::size_t i = 0; i < columns_.size(); ++i) {
     Column& c = columns_[i];
     if (class_[i] == run) {
-      if (c.seeks_print) error(i, c.lower, false, -c.lower);
+      if (c.seeks_print) error(i, c.lower, c.lower_height, false, -c.lower);
       lose(i, 0);
       leave_stretch(i);
     } else {
       if (class_[i] == gap) {
-        if (c.seeks_end) error(i, c.lower, true, c.lower);
+        if (c.seeks_end) error(i, c.lower, c.lower_height, true, c.lower);
         c.gap_layers += c.lower;
       }
       close_gap(i, 0);

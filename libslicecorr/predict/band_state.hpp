@@ -21,10 +21,13 @@ struct BandPredictor::State {
         bool in_showings);
   ~State();
 
-  void add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage);
-  void add_slice(int slice, std::span<const ImageShowing> showings, const std::uint8_t* coverage);
+  void add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage,
+                 const std::uint8_t* heights);
+  void add_slice(int slice, std::span<const ImageShowing> showings, const std::uint8_t* coverage,
+                 const std::uint8_t* heights);
   void add_tile(std::size_t first_column, std::size_t columns, int first_slice, int slices,
-                const std::uint8_t* pixels, const std::uint8_t* coverage);
+                const std::uint8_t* pixels, const std::uint8_t* coverage,
+                const std::uint8_t* heights);
   struct TileSlice;
   /// Columns of a tile's slice that are grey, come into another class, or cross dose 1.
   void add_lanes(const TileSlice& s);
@@ -34,7 +37,8 @@ struct BandPredictor::State {
   enum Class : std::uint8_t { gap, run, grey };
   struct Column {
     double start = 0;  ///< zeta where the present printed or unprinted stretch begins (lower end)
-    std::int32_t lower = 0;  ///< node where the present class begins (lower end)
+    std::int32_t lower = 0;         ///< node where the present class begins (lower end)
+    std::uint8_t lower_height = 0;  ///< edge height of that node
     bool seeks_print =
         false;  ///< the run's lower edge is unprinted; its first printed point is sought
     bool seeks_end = false;    ///< the print reaches into this gap from below; its end is sought
@@ -54,17 +58,18 @@ struct BandPredictor::State {
                        const std::uint8_t* cover);
   void add_general_slice(int slice, std::span<const ImageShowing> showings,
                          const std::uint8_t* cover);
-  /// `below`: dose on the far side of the layer's lower node; `crossings`: see InsideLayer.
+  /// `below`: dose on the far side of the layer's lower node; `crossings`: see InsideLayer;
+  /// `height`: edge height of the lower node.
   void event(std::size_t i, int slice, double below, const LayerDose& dose,
-             std::span<const double> crossings, std::uint8_t coverage);
+             std::span<const double> crossings, std::uint8_t coverage, std::uint8_t height);
   void look_inside(std::size_t first, std::size_t n, const std::uint8_t* cover);
   void leave_stretch(std::size_t i);
   /// The dose crosses 1 at `zeta`; from there on upwards it is on the other side.
   void cross(std::size_t i, double zeta, bool printed, Class now);
-  /// `before`, `after`: dose on the two sides of the node.
-  void enter(std::size_t i, int node, Class next, double before, double after);
+  /// `before`, `after`: dose on the two sides of the node; `height`: its edge height.
+  void enter(std::size_t i, int node, std::uint8_t height, Class next, double before, double after);
   void close_gap(std::size_t i, int top);
-  void error(std::size_t i, int node, bool upper, double slices);
+  void error(std::size_t i, int node, std::uint8_t height, bool upper, double slices);
   void lose(std::size_t i, int top);
 
   const CureModel& model_;
@@ -83,6 +88,7 @@ struct BandPredictor::State {
   std::vector<InsideLayer> inside_;
   std::vector<Class> class_;
   std::vector<Column> columns_;
+  std::vector<std::uint8_t> lower_heights_;  ///< edge heights of the next slice's lower node
   std::vector<std::uint8_t> empty_;
   /// Class of all columns of a block of 32; `grey` also when they differ.
   std::vector<Class> block_class_;

@@ -69,6 +69,7 @@ void Prediction::merge(const Prediction& o) {
   merged_examples.merge(o.merged_examples);
   split_examples.merge(o.split_examples);
   height_error_um.merge(o.height_error_um);
+  surface_error_um.merge(o.surface_error_um);
   greatest_overreach_um = std::max(greatest_overreach_um, o.greatest_overreach_um);
   greatest_shortfall_um = std::max(greatest_shortfall_um, o.greatest_shortfall_um);
   gap_contrast.merge(o.gap_contrast);
@@ -106,6 +107,11 @@ std::string Prediction::to_json() const {
                           {"edges", height_error_um.count()},
                           {"max_overreach", or_null(edges, greatest_overreach_um)},
                           {"max_shortfall", or_null(edges, greatest_shortfall_um)}};
+  const bool surface = surface_error_um.count() > 0;
+  j["surface_error_um"] = {{"mean_abs", or_null(surface, surface_error_um.mean())},
+                           {"p95_abs", or_null(surface, surface_error_um.quantile(0.95))},
+                           {"max_abs", or_null(surface, surface_error_um.greatest())},
+                           {"edges", surface_error_um.count()}};
   j["runs"] = runs;
   j["gaps"] = gaps;
   j["lost_features"] = lost_features;

@@ -96,6 +96,7 @@ struct BandPredictor::State::TileSlice {
   std::size_t first_column;
   int n;
   const std::uint8_t *cover, *shown;  ///< rows; shown: null when it is dark
+  const std::uint8_t* lower_heights;  ///< edge heights of its lower node; null: none
   LaneMask grey, entered, crosses;    ///< lanes in grey, in another class than before, at dose 1
   const double *below, *upper, *add_middle;
 };
@@ -119,18 +120,19 @@ void BandPredictor::State::add_lanes(const TileSlice& s) {
     const bool passes = s.crosses >> i & 1;
     if (passes) crossing = model_.crossing(s.shown ? curve_[s.shown[i]] : 0.0, below);
     event(s.first_column + i, s.n, below, {below, middle, upper, std::min(below, upper)},
-          {&crossing, passes ? std::size_t{1} : std::size_t{0}}, s.cover[i]);
+          {&crossing, passes ? std::size_t{1} : std::size_t{0}}, s.cover[i],
+          s.lower_heights ? s.lower_heights[i] : std::uint8_t{0});
   }
 }
 
 void BandPredictor::State::add_tile(std::size_t first_column, std::size_t columns, int first_slice,
                                     int slices, const std::uint8_t* pixels,
-                                    const std::uint8_t* coverage) {
+                                    const std::uint8_t* coverage, const std::uint8_t* heights) {
   if (dose_) throw Error("only plain models are predicted in tiles");
   while (slices > kTileSlices) {
     const auto skip = static_cast<std::size_t>(slices - kTileSlices) * kLanes;
     add_tile(first_column, columns, first_slice + slices - kTileSlices, kTileSlices,
-             pixels ? pixels + skip : nullptr, coverage + skip);
+             pixels ? pixels + skip : nullptr, coverage + skip, heights ? heights + skip : nullptr);
     slices -= kTileSlices;
   }
   if (slices <= 0) return;
@@ -196,8 +198,13 @@ void BandPredictor::State::add_tile(std::size_t first_column, std::size_t column
     const LaneMask entered = ((in_run ^ was_run) | (in_gap ^ was_gap)) & valid;
     const LaneMask crosses = (is.node ^ printed) & valid;
     if ((entered | crosses | grey_lanes) != 0) {
-      add_lanes({first_column, n, cover, pixels ? pixels + (cover - coverage) : nullptr, grey_lanes,
-                 entered, crosses, dose[now], dose[1 - now], light.add_middle});
+      const std::uint8_t* lower_heights = &lower_heights_[first_column];
+      if (k + 1 < slices) {
+        lower_heights = heights ? heights + static_cast<std::size_t>(k + 1) * kLanes : nullptr;
+      }
+      add_lanes({first_column, n, cover, pixels ? pixels + (cover - coverage) : nullptr,
+                 lower_heights, grey_lanes, entered, crosses, dose[now], dose[1 - now],
+                 light.add_middle});
     }
     was_run = in_run;
     was_gap = in_gap;
@@ -225,6 +232,7 @@ void BandPredictor::State::add_tile(std::size_t first_column, std::size_t column
     count(more);
     k -= more;
   }
+  std::memcpy(&lower_heights_[first_column], heights ? heights : empty_.data(), kLanes);
   detail::copy_lanes(dose[now], omega);
   for (LaneMask m = (was_run ^ first.run) | (was_gap ^ first.gap); m; m &= m - 1) {
     const auto i = static_cast<std::size_t>(std::countr_zero(m));

@@ -4,8 +4,8 @@
 /// Going from the last slice to the first, slice k decides Omega(k), the dose at its upper node,
 /// from Omega(k + 1), the dose really delivered at its lower one: rounding to levels does not pile
 /// up. Wanted are, in this order, layers of features that print in their middle, layers of gaps
-/// that don't, and edges within a tolerance of their nodes, to either side; then features as bright
-/// as the cap Omega_max and gaps as dark as that leaves. For this the levels of several slices
+/// that don't, and edges within a tolerance of their nodes, or of the design's own surface where the
+/// target knows it (edge heights), to either side; then features as bright as the cap Omega_max and gaps as dark as that leaves. For this the levels of several slices
 /// before an edge are chosen together, from the doses with which all that lies above can still be
 /// printed (docs/levels.md). A layer of grey coverage c aims at the relative dose c in its middle.
 ///
@@ -63,8 +63,10 @@ class BandCorrector {
   BandCorrector(BandCorrector&&) noexcept;
 
   /// Coverage 0..255 of the next layer, one byte per column; null for an empty layer. To be called
-  /// `plan.layers` times.
-  void add_layer(const std::uint8_t* coverage);
+  /// `plan.layers` times. `heights`: the edge heights of its upper node (target.hpp), null where it
+  /// has none; those between a full and an empty layer count. Where the node after the last layer
+  /// has some, too, it is called once more, with null for coverage.
+  void add_layer(const std::uint8_t* coverage, const std::uint8_t* heights = nullptr);
 
   /// Gives every slice from the last to the first: its grey levels (0..levels - 1) and the coverage
   /// of its layer; the pointers are valid during the call. `dark` says that the slice is all level
@@ -81,6 +83,7 @@ class BandCorrector {
     int first_slice, slices;            ///< slices: 1 or more
     const std::uint8_t* levels;         ///< grey levels, slices * kStride bytes
     const std::uint8_t* coverage;       ///< of the layers, 0..255, as many bytes
+    const std::uint8_t* heights;        ///< of their upper nodes, as many bytes; null: all 0
   };
   using TileSink = std::function<void(const Tile&)>;
   /// The same for plain models (continuous exposure, no UV light), for those who also look at what
@@ -95,13 +98,16 @@ class BandCorrector {
 };
 
 /// The intensities phi(0..M-1) of one column before rounding to levels: every intensity between
-/// phi_min and phi_max may be shown. For checks and drawings; `coverage` has `plan.layers` bytes.
+/// phi_min and phi_max may be shown. For checks and drawings; `coverage` has `plan.layers` bytes,
+/// `heights`, the edge heights of the nodes, one more or none.
 std::vector<double> solve_column_exactly(const CorrectionPlan& plan,
-                                         const std::vector<std::uint8_t>& coverage);
+                                         const std::vector<std::uint8_t>& coverage,
+                                         const std::vector<std::uint8_t>& heights = {});
 
 /// The grey levels of one column: the definition that `BandCorrector` equals, without its short
 /// cuts.
 std::vector<std::uint8_t> solve_column(const CorrectionPlan& plan,
-                                       const std::vector<std::uint8_t>& coverage);
+                                       const std::vector<std::uint8_t>& coverage,
+                                       const std::vector<std::uint8_t>& heights = {});
 
 }  // namespace slicecorr

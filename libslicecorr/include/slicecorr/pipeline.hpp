@@ -106,7 +106,9 @@ struct Comparison {
   Prediction erase;  ///< whole-layer erase (baseline.hpp) of `best_n` layers
   Prediction table;  ///< fixed grey table
   Prediction ours;   ///< as `correct_stack`
-  int best_n = 0;    ///< layers; the N with the least mean height error, the least one of equals
+  /// The same for a target with edge heights whose slices alone are corrected, judged by the heights.
+  std::optional<Prediction> to_slices;
+  int best_n = 0;  ///< layers; the N with the least mean height error, the least one of equals
   /// Mean height error with each N from 0 on, in um: what `best_n` was chosen from.
   std::vector<double> erase_mean_um;
 };

@@ -3,7 +3,8 @@
 ///
 /// Voxel: one pixel in one layer, printed when the dose at mid-layer reaches 1. Run: consecutive
 /// layers of coverage 1 in a column. Gap: the layers of coverage 0 between two runs, or between the
-/// platform and a run. Edges are exact, from the closed form of the dose inside a layer (A.35);
+/// platform and a run. Height errors are measured from nodes, surface errors from where the design's
+/// own surface passes near them, which slices hide. Edges are exact, from the closed form of the dose inside a layer (A.35);
 /// under UV light they are found in the dose itself, to 0.01 um.
 ///
 /// A feature is solid when it is solid throughout, not at the middles of its layers alone. The
@@ -133,7 +134,9 @@ struct Prediction {
   std::uint64_t merged_features = 0;      ///< gaps with nothing unprinted in them
   std::uint64_t merged_thick_gaps = 0;    ///< of these, gaps of two slices or more
   FeatureExamples lost_examples, merged_examples, split_examples;
-  Histogram height_error_um;         ///< absolute values, one per designed edge
+  Histogram height_error_um;  ///< absolute values, one per designed edge
+  /// The same from the design's own surface, of edges whose height the target knows (target.hpp).
+  Histogram surface_error_um;
   double greatest_overreach_um = 0;  ///< furthest that the print reaches into a gap
   double greatest_shortfall_um = 0;  ///< furthest that an edge stays behind in its run
   Histogram gap_contrast;            ///< 1 less the least dose of each gap, at least 0
@@ -185,16 +188,20 @@ class BandPredictor {
 
   /// `pixels` null: nothing is shown (light off, after the end of the stack). `coverage` null:
   /// empty.
-  void add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage);
+  /// `heights`: edge heights of the slice's upper node (target.hpp); null: none.
+  void add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage,
+                 const std::uint8_t* heights = nullptr);
   /// The same of several images, see ImageShowing; none: light off.
-  void add_slice(int slice, std::span<const ImageShowing> showings, const std::uint8_t* coverage);
+  void add_slice(int slice, std::span<const ImageShowing> showings, const std::uint8_t* coverage,
+                 const std::uint8_t* heights = nullptr);
   /// Several slices of up to `kTileColumns` neighbouring columns at once, in rows of `kTileColumns`
   /// bytes from the first slice on; `pixels` null: nothing is shown. The same figures as by
   /// `add_slice`, and much faster. Each column needs all of its slices from the last to the first;
   /// columns start at multiples of `kTileColumns`. Only for plain models and without showings.
   static constexpr std::size_t kTileColumns = 64;
   void add_tile(std::size_t first_column, std::size_t columns, int first_slice, int slices,
-                const std::uint8_t* pixels, const std::uint8_t* coverage);
+                const std::uint8_t* pixels, const std::uint8_t* coverage,
+                const std::uint8_t* heights = nullptr);
   /// Doses in the middle of the layer that was added last. Only for models that are not plain, or
   /// for showings.
   const double* middle() const;

@@ -1,0 +1,47 @@
+#include "pipeline/design_band.hpp"
+
+#include <algorithm>
+#include <cstring>
+#include <vector>
+
+namespace slicecorr::detail {
+
+void predict_tiles(BandPredictor& predictor, const CodedBand& shown, int layers,
+                   const CodedDesign& design, int all_layers, const ExecutionContext& context) {
+  constexpr std::size_t lanes = BandPredictor::kTileColumns;
+  constexpr int most = 64;
+  const std::size_t columns = shown.columns();
+  std::vector<std::uint8_t> pixels(columns * most), coverage(columns * most), heights;
+  std::vector<std::uint8_t> lit(lanes * most, 0), cover(lanes * most, 0), edges;
+  if (design.heights) {
+    heights.resize(columns * most);
+    edges.resize(lanes * most, 0);
+  }
+  for (int end = all_layers; end > 0;) {
+    context.check_cancelled();
+    const int begin = std::max({0, end - most, end > layers ? layers : 0});
+    const auto count = static_cast<std::size_t>(end - begin);
+    bool any_heights = false;
+    for (std::size_t k = 0; k < count; ++k) {
+      const int n = begin + static_cast<int>(k);
+      shown.read(n, &pixels[k * columns]);
+      design.coverage.read(n, &coverage[k * columns]);
+      if (!design.heights) continue;
+      design.heights->read(n, &heights[k * columns]);
+      any_heights = any_heights || (n < design.heights->slices() && !design.heights->black(n));
+    }
+    for (std::size_t b = 0; b < columns; b += lanes) {
+      const std::size_t width = std::min(lanes, columns - b);
+      for (std::size_t k = 0; k < count; ++k) {
+        std::copy_n(&pixels[k * columns + b], width, &lit[k * lanes]);
+        std::copy_n(&coverage[k * columns + b], width, &cover[k * lanes]);
+        if (any_heights) std::copy_n(&heights[k * columns + b], width, &edges[k * lanes]);
+      }
+      predictor.add_tile(b, width, begin, end - begin, end > layers ? nullptr : lit.data(),
+                         cover.data(), any_heights ? edges.data() : nullptr);
+    }
+    end = begin;
+  }
+}
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,67 @@
+/// A band of a target as corrections and predictions see it: coverage, and where it has edge
+/// heights, these, with gentle slopes made sharp (base/sharp_edges.hpp).
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <utility>
+
+#include "base/coded_band.hpp"
+#include "base/sharp_edges.hpp"
+#include "pipeline/bands.hpp"
+#include "slicecorr/target.hpp"
+
+namespace slicecorr::detail {
+
+/// Gives the rows of a band's slices, first slice first, to a sink.
+using BandReader = std::function<void(const SliceSource::Sink&)>;
+/// The same with the edge heights of each slice's upper node, null without; of a target with edge
+/// heights once more after the last slice, without coverage, for the node there.
+using DesignSink = SharpEdges::Sink;
+using DesignReader = std::function<void(const DesignSink&)>;
+
+/// The edge heights of a band; nothing where the target has none.
+inline std::optional<CodedBand> edge_heights_of(const SliceSource& target, const PixelBox& band) {
+  if (!target.edge_heights()) return std::nullopt;
+  return coded_band_of(*target.edge_heights(), band);
+}
+
+/// `heights`: null without.
+inline void read_design(const BandReader& coverage, const CodedBand* heights,
+                        const DesignSink& sink) {
+  if (!heights) {
+    coverage([&](int n, const std::uint8_t* rows) { sink(n, rows, nullptr); });
+    return;
+  }
+  SharpEdges edges(*heights, sink);
+  coverage([&](int, const std::uint8_t* rows) { edges.add(rows); });
+  edges.finish();
+}
+
+/// A design kept to be read in any order.
+struct CodedDesign {
+  CodedBand coverage;
+  std::optional<CodedBand> heights;  ///< one row more
+
+  CodedDesign(std::size_t columns, const BandReader& reader, const CodedBand* edge_heights)
+      : coverage(columns) {
+    if (edge_heights) heights.emplace(columns);
+    read_design(reader, edge_heights,
+                [&](int, const std::uint8_t* rows, const std::uint8_t* its_heights) {
+                  coverage.append(rows);
+                  if (heights) heights->append(its_heights);
+                });
+  }
+  /// Null: none at this node. `out`: room for a row.
+  const std::uint8_t* heights_at(int node, std::uint8_t* out) const {
+    if (!heights || node >= heights->slices() || heights->black(node)) return nullptr;
+    heights->read(node, out);
+    return out;
+  }
+};
+
+/// `layers` slices shown, then no light up to `all_layers`; for plain models.
+void predict_tiles(BandPredictor& predictor, const CodedBand& shown, int layers,
+                   const CodedDesign& design, int all_layers, const ExecutionContext& context);
+
+}  // namespace slicecorr::detail

@@ -128,7 +128,9 @@ TEST_F(EdgeArchive, BytesDoNotDependOnThreads) {
       if (first.empty()) first = bytes;
       EXPECT_EQ(bytes, first) << threads;
     }
-    if (!archive) EXPECT_EQ(first, test::read_file(path_));
+    if (!archive) {
+      EXPECT_EQ(first, test::read_file(path_));
+    }
     const StackReader reader(folder_ / "again.uvj", folder_.path());
     EXPECT_EQ(MemorySlices(*reader.edge_heights()), MemorySlices(*slices_.edge_heights()));
   }

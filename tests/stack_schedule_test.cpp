@@ -200,7 +200,7 @@ TEST(StackSchedule, BadTimesAreNamed) {
 
   // Our own block.
   const auto changed = [&](const char* key, const json& value) {
-    json block = json::parse(write_uvj_config(corrected(every_field()), 7));
+    json block = json::parse(write_uvj_config(corrected(every_field()), {7}));
     block["slicecorr"]["process"][key] = value;
     return refused(block);
   };
@@ -221,7 +221,7 @@ TEST(StackSchedule, BadTimesAreNamed) {
         << changed(key, value);
   }
   // Version 1 knows one mode only.
-  json block = json::parse(write_uvj_config(corrected(every_field()), 7));
+  json block = json::parse(write_uvj_config(corrected(every_field()), {7}));
   block["slicecorr"]["format"] = 1;
   EXPECT_NE(refused(block).find("slicecorr.mode"), std::string::npos);
 }

@@ -12,9 +12,13 @@
 
 namespace slicecorr::detail {
 
-/// The first row or column whose centre, (i + 1/2), lies beyond `at`. What goes from a to b crosses
-/// the centres [first_centre(a), first_centre(b)): pieces that share an end share no centre.
-int first_centre(double at);
+/// The first row or column whose centre, i + 1/2, lies beyond `at`, which is not negative. What goes
+/// from a to b crosses the centres [first_centre(a), first_centre(b)): pieces that share an end share
+/// no centre.
+inline int first_centre(double at) {
+  const int i = static_cast<int>(at);
+  return i + (at - i >= 0.5 ? 1 : 0);
+}
 
 /// A mesh on the printer: x and y in pixels of the image, z in layers so that slice n is cut at
 /// z = n. No corner lies below the platform, z = -1/2.

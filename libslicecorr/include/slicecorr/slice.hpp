@@ -23,11 +23,11 @@ struct SliceOptions {
   double layer_um = 50;  ///< slice height hs, 1..1000
   /// Exact area coverage in 256 levels; off: a pixel is lit where its centre is inside.
   bool antialias = true;
-  /// Whether there are `MeshSlices::edge_heights`. Slices are the same with and without.
-  bool edge_heights = true;
   /// Where the centre of the parts' bounding box lands on the plate, mm from its corner at the
   /// smallest x and y; the middle of the display when not given.
   std::optional<std::array<double, 2>> center_mm;
+  /// Whether there are `MeshSlices::edge_heights`. Slices are the same with and without.
+  bool edge_heights = true;
 };
 
 /// Figures of the slicing itself.

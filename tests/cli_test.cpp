@@ -437,6 +437,38 @@ TEST_F(Cli, SameInputGivesTheSameBytes) {
   for (std::size_t i = 1; i < all.size(); ++i) EXPECT_EQ(all[i] == all[0], true) << i;
 }
 
+TEST_F(Cli, SurfaceChoosesEdgeHeights) {
+  const auto slice_to = [&](const std::string& to, const Command& more) {
+    good(Command{"slice", "ladder.stl", "-o", to, "--layer-um", "70", "--printer",
+                 "dual-wavelength-dlp"} +
+         more);
+    return json::parse(good({"info", to, "--json", "-"}));
+  };
+  EXPECT_EQ(slice_to("a.uvj", {})["edge_heights"], true);
+  EXPECT_EQ(slice_to("mesh.uvj", {"--surface", "mesh"})["edge_heights"], true);
+  EXPECT_EQ(slice_to("slices.uvj", {"--surface", "slices"})["edge_heights"], false);
+  EXPECT_EQ(bytes("a.uvj"), bytes("mesh.uvj"));
+  EXPECT_THAT(good({"info", "a.uvj"}), testing::HasSubstr("heights of the mesh"));
+  EXPECT_THAT(good({"info", "slices.uvj"}), testing::HasSubstr("heights of the slices"));
+  bad(2,
+      {"slice", "ladder.stl", "-o", "b.uvj", "--layer-um", "70", "--printer", "dual-wavelength-dlp",
+       "--surface", "up"},
+      {"--surface"});
+
+  // Other formats lose them, and that is said once.
+  const RunResult lost = call({"convert", "a.uvj", "-o", "a.nanodlp"});
+  EXPECT_EQ(lost.exit_code, 0);
+  EXPECT_THAT(lost.err, testing::HasSubstr("edge heights"));
+  EXPECT_EQ(json::parse(good({"info", "a.nanodlp", "--json", "-"}))["edge_heights"], false);
+  const RunResult kept = call({"convert", "a.uvj", "-o", "b.uvj"});
+  EXPECT_EQ(kept.exit_code, 0);
+  EXPECT_THAT(kept.err, testing::Not(testing::HasSubstr("edge heights")));
+  EXPECT_EQ(json::parse(good({"info", "b.uvj", "--json", "-"}))["edge_heights"], true);
+  // A corrected stack is no target: nothing of it has a surface beside its slices.
+  good(Command{"correct", "a.uvj", "-o", "c.uvj"} + setup());
+  EXPECT_FALSE(json::parse(good({"info", "c.uvj", "--json", "-"})).contains("edge_heights"));
+}
+
 TEST_F(Cli, HelpAndVersion) {
   for (const char* command :
        {"", "slice", "correct", "verify", "probe", "report", "section", "solid", "run", "info"}) {

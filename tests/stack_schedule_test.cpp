@@ -58,7 +58,7 @@ TEST(StackSchedule, EveryFieldComesBackToTheLastBit) {
         p.mode = mode;
         p.uv.kind = uv;
         p.ramp = ramp;
-        const std::string text = write_uvj_config(corrected(p), 7);
+        const std::string text = write_uvj_config(corrected(p), {7});
         EXPECT_EQ(json::parse(text)["slicecorr"]["format"], 2);
         EXPECT_EQ(parse_uvj_config(text, "x.uvj").info.process, p);
       }
@@ -69,11 +69,12 @@ TEST(StackSchedule, EveryFieldComesBackToTheLastBit) {
 TEST(StackSchedule, FormatIsOneAsLongAsNothingNewIsUsed) {
   const Process plain = test::process(1000, 5);
   const auto format = [](const Process& p) {
-    return json::parse(write_uvj_config(corrected(p), 7))["slicecorr"]["format"].get<int>();
+    return json::parse(write_uvj_config(corrected(p), {7}))["slicecorr"]["format"].get<int>();
   };
   EXPECT_EQ(format(plain), 1);
-  EXPECT_FALSE(json::parse(write_uvj_config(corrected(plain), 7))["slicecorr"]["process"].contains(
-      "exposure_s"));
+  EXPECT_FALSE(
+      json::parse(write_uvj_config(corrected(plain), {7}))["slicecorr"]["process"].contains(
+          "exposure_s"));
   for (int field = 0; field < 4; ++field) {
     Process p = plain;
     if (field == 0) p.mode = ExposureMode::layerwise;
@@ -89,7 +90,7 @@ TEST(StackSchedule, LayersSayTheirExposure) {
   p.bottom_exposure_s = 14;
   p.bottom_layers = 1;
   p.fade_layers = 2;
-  const json config = json::parse(write_uvj_config(corrected(p), 7));
+  const json config = json::parse(write_uvj_config(corrected(p), {7}));
   EXPECT_EQ(config["Properties"]["Exposure"]["LightOnTime"], 2);
   EXPECT_EQ(config["Properties"]["Bottom"]["LightOnTime"], 14);
   EXPECT_EQ(config["Properties"]["Bottom"]["Count"], 1);
@@ -107,7 +108,7 @@ TEST(StackSchedule, RampsChangeTimeAndLightOfTheSlicesInThem) {
   Process p = test::process(1000);
   p.ramp = Ramp::lamp_follows;
   p.ramp_mm = 0.1;
-  const json ramped = json::parse(write_uvj_config(corrected(p), 7));
+  const json ramped = json::parse(write_uvj_config(corrected(p), {7}));
   // Middles at 25, 75, 125 um from the ends; the ramp is 100 um.
   const double slice_s = 50 * 3.6 / 1000;
   for (const std::size_t n : {0U, 1U, 2U, 3U, 4U, 5U}) {
@@ -118,7 +119,7 @@ TEST(StackSchedule, RampsChangeTimeAndLightOfTheSlicesInThem) {
     EXPECT_EQ(exposure["LightPWM"], static_cast<int>(std::lround(255 * speed))) << n;
   }
   p.ramp = Ramp::outside;
-  for (const json& layer : json::parse(write_uvj_config(corrected(p), 7))["Layers"]) {
+  for (const json& layer : json::parse(write_uvj_config(corrected(p), {7}))["Layers"]) {
     EXPECT_EQ(layer["Exposure"]["LightPWM"], 255);
     EXPECT_EQ(layer["Exposure"]["LightOnTime"], slice_s);
   }
@@ -199,7 +200,7 @@ TEST(StackSchedule, BadTimesAreNamed) {
 
   // Our own block.
   const auto changed = [&](const char* key, const json& value) {
-    json block = json::parse(write_uvj_config(corrected(every_field()), 7));
+    json block = json::parse(write_uvj_config(corrected(every_field()), {7}));
     block["slicecorr"]["process"][key] = value;
     return refused(block);
   };
@@ -220,7 +221,7 @@ TEST(StackSchedule, BadTimesAreNamed) {
         << changed(key, value);
   }
   // Version 1 knows one mode only.
-  json block = json::parse(write_uvj_config(corrected(every_field()), 7));
+  json block = json::parse(write_uvj_config(corrected(every_field()), {7}));
   block["slicecorr"]["format"] = 1;
   EXPECT_NE(refused(block).find("slicecorr.mode"), std::string::npos);
 }

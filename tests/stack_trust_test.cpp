@@ -65,7 +65,7 @@ json changed(const json& value) {
 }
 
 TEST(BlockChecksum, IsOfTheWordsAndNotOfTheirLayout) {
-  const std::string text = detail::write_uvj_config(corrected_info(), 7);
+  const std::string text = detail::write_uvj_config(corrected_info(), {7});
   const auto read = [](const std::string& config) {
     return detail::parse_uvj_config(config, "f.uvj");
   };
@@ -98,7 +98,7 @@ TEST(BlockChecksum, IsOfTheWordsAndNotOfTheirLayout) {
 }
 
 TEST(BlockChecksum, FindsEveryChange) {
-  const json block = json::parse(detail::write_provenance(corrected_info(), 7, 9));
+  const json block = json::parse(detail::write_provenance(corrected_info(), {7, 9}));
   const std::uint32_t crc = detail::block_crc32(block);
   EXPECT_EQ(block[detail::kBlockCrc32Key], crc);
   int leaves = 0;

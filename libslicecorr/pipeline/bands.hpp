@@ -6,6 +6,7 @@
 
 #include "base/coded_band.hpp"
 #include "cure/shown_slices.hpp"
+#include "slicecorr/parallel.hpp"
 #include "slicecorr/predict.hpp"
 #include "slicecorr/stack.hpp"
 #include "slicecorr/target.hpp"
@@ -66,6 +67,16 @@ inline Prediction whole_image(const Prediction& in_bands, const CureModel& model
   sum.pixel_y_um = grid.pixel_y_um;
   sum.merge(in_bands);
   return sum;
+}
+
+/// Puts the band's edge heights where `edges` is not null.
+inline void put_edge_heights(const SliceSource* edges, const PixelBox& band,
+                             StackWriter::BandEncoder& encoder, const ExecutionContext& context) {
+  if (edges == nullptr) return;
+  edges->read_band(band, [&](int n, const std::uint8_t* rows) {
+    if ((n & 63) == 0) context.check_cancelled();
+    encoder.put_edge_heights(n, band.x0, band.x1, rows);
+  });
 }
 
 /// Sets orientation and frame of a stack to those of the slices that it is made from.

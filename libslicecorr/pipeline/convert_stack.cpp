@@ -51,6 +51,8 @@ void convert_stack(const StackReader& stack, const StackFile& file, const Execut
     const PlaceModels models(*info.printer, *info.resin, *info.process, grid, slices.frame());
     detail::set_uv_images(writer, models.brightest(), info.printer->levels());
   }
+  const SliceSource* edges = slices.edge_heights();
+  if (edges != nullptr && !writer.keep_edge_heights()) edges = nullptr;
   detail::Relief relief(slices.bounds(), grid.layers);
   const auto bands = detail::bands_of(grid, slices.bounds());
   parallel_for(context, "convert", bands.size(), [&](std::size_t i) {
@@ -62,6 +64,7 @@ void convert_stack(const StackReader& stack, const StackFile& file, const Execut
       encoder.put(n, band.x0, band.x1, rows);
       lit.add(n, rows);
     });
+    detail::put_edge_heights(edges, band, encoder, context);
     relief.add(band, lit.finish());
   });
   if (file.keep_from.empty()) {

@@ -502,6 +502,8 @@ StackInfo write_target(const SliceSource& target, const StackFile& file,
                        const ExecutionContext& context) {
   const Grid& grid = target.grid();
   StackWriter writer(file, grid, context);
+  const SliceSource* edges = target.edge_heights();
+  if (edges != nullptr && !writer.keep_edge_heights()) edges = nullptr;
   TargetScan scan(target);
   const auto bands = bands_of(grid, target.bounds());
   const auto ranges = slice_ranges_of(target, bands.size());
@@ -512,11 +514,13 @@ StackInfo write_target(const SliceSource& target, const StackFile& file,
       if ((n & 63) == 0) context.check_cancelled();
       encoder.put(n, band.x0, band.x1, rows);
     });
+    if (i % ranges.size() == 0) detail::put_edge_heights(edges, band, encoder, context);
   });
   StackInfo info;
   info.grid = grid;
   detail::set_frame(info, target);
   info.kind = StackKind::target;
+  info.has_edge_heights = edges != nullptr;
   scan.fill(info);
   writer.finish(info, scan.picture());
   return info;

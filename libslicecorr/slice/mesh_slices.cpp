@@ -11,6 +11,7 @@
 #include "mesh/half_edges.hpp"
 #include "parallel/silent.hpp"
 #include "slice/bridges.hpp"
+#include "slice/edge_heights.hpp"
 #include "slice/raster.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/slice.hpp"
@@ -42,7 +43,7 @@ struct Span {
 
 struct Entry {
   std::uint32_t triangle;
-  Span span;  ///< the slices that cut it
+  Span span;  ///< the slices that cut it; none (the first after the last) where edges need it
 };
 
 /// A triangle while slices cut it: its edge that rises through the slice, and the one that falls.
@@ -189,6 +190,7 @@ int layers_of(const PartBox& box, const Printer& printer, const SliceOptions& op
 struct MeshSlices::Impl {
   Grid grid;
   bool antialias = true;
+  std::unique_ptr<const Heights> heights;  ///< null: not asked for
   PixelBox bounds;
   SliceReport report;
   std::vector<Corner> corners;                          ///< in place of the mesh's vertices
@@ -223,6 +225,11 @@ struct MeshSlices::Impl {
     const auto [low, high] = std::minmax({corners[t[0]][kY], corners[t[1]][kY], corners[t[2]][kY]});
     return {bin_of(low), bin_of(high)};
   }
+  /// Whether the centres of some row lie on the triangle, as seen along x.
+  bool meets_centres(const std::array<std::uint32_t, 3>& t) const {
+    const auto [low, high] = std::minmax({corners[t[0]][kY], corners[t[1]][kY], corners[t[2]][kY]});
+    return detail::first_centre(low) < detail::first_centre(high);
+  }
   Span slices_of(const std::array<std::uint32_t, 3>& t) const {
     const auto [low, high] = std::minmax({corners[t[0]][kZ], corners[t[1]][kZ], corners[t[2]][kZ]});
     return cut_by(low, high, grid.layers);
@@ -245,6 +252,33 @@ struct MeshSlices::Impl {
     return {std::max(all.first, inside.first), std::min(all.last, inside.last)};
   }
   std::vector<Entry> entries_of(int y0, int y1, int first, int past) const;
+  detail::BandEdges edges_of(const PixelBox& band) const;
+};
+
+/// The edge heights of all columns. Lies beside the slices that it belongs to.
+class MeshSlices::Heights final : public SliceSource {
+ public:
+  explicit Heights(const Impl& slices) : slices_(slices), grid_(slices.grid) { ++grid_.layers; }
+  const Grid& grid() const override { return grid_; }
+  PixelBox bounds() const override { return slices_.bounds; }
+  void read_band(const PixelBox& band, const Sink& sink) const override {
+    read_slices(band, 0, grid_.layers, sink);
+  }
+  void read_slices(const PixelBox& band, int first, int past, const Sink& sink) const override {
+    const detail::BandEdges edges = slices_.edges_of(band);
+    std::vector<std::uint8_t> rows(band.empty() ? 0
+                                                : static_cast<std::size_t>(band.width()) *
+                                                      static_cast<std::size_t>(band.height()));
+    for (int n = first; n < past; ++n) {
+      for (const auto& e : edges.at(n)) rows[e.column] = e.height;
+      sink(n, edges.at(n).empty() ? nullptr : rows.data());
+      for (const auto& e : edges.at(n)) rows[e.column] = 0;
+    }
+  }
+
+ private:
+  const Impl& slices_;
+  Grid grid_;
 };
 
 /// The two edges of a triangle that this slice cuts. Edges begin at the corner with the lower
@@ -374,7 +408,7 @@ void MeshSlices::Impl::bin_triangles(const ExecutionContext& context) {
     for (std::size_t i = begin; i < end; ++i) {
       Bins& its = bins_by_triangle[i];
       its = {1, 0, slices_of(triangles[i])};
-      if (its.span.first > its.span.last) continue;
+      if (its.span.first > its.span.last && !(heights && meets_centres(triangles[i]))) continue;
       const auto [first, last] = bins_of(triangles[i]);
       its.first = static_cast<std::uint32_t>(first);
       its.last = static_cast<std::uint32_t>(last);
@@ -423,6 +457,23 @@ std::vector<Entry> MeshSlices::Impl::entries_of(int y0, int y1, int first, int p
   return sorted;
 }
 
+/// The edges of a band's columns; rows that no bin has are empty.
+detail::BandEdges MeshSlices::Impl::edges_of(const PixelBox& band) const {
+  std::vector<std::uint32_t> candidates;
+  if (!band.empty()) {
+    const std::size_t first_bin = bin_of(band.y0), last_bin = bin_of(band.y1 - 1);
+    candidates.reserve(bin_begin[last_bin + 1] - bin_begin[first_bin]);
+    for (std::size_t b = first_bin; b <= last_bin; ++b) {
+      for (std::size_t i = bin_begin[b]; i < bin_begin[b + 1]; ++i) {
+        const std::uint32_t t = binned[i].triangle;
+        if (b > first_bin && bins_of(triangles[t]).first < b) continue;  // found in an earlier bin
+        candidates.push_back(t);
+      }
+    }
+  }
+  return detail::edges_of_columns({corners, triangles, grid.layers}, candidates, band);
+}
+
 MeshSlices::MeshSlices(TriangleMesh mesh, const Printer& printer, const SliceOptions& options,
                        const ExecutionContext& context, const EdgeDefects* known_defects)
     : impl_(std::make_unique<Impl>()) {
@@ -441,6 +492,7 @@ MeshSlices::MeshSlices(TriangleMesh mesh, const Printer& printer, const SliceOpt
   impl_->open = edge_defects.open;
   context.check_cancelled();
   impl_->close_contours(context);
+  if (options.edge_heights) impl_->heights = std::make_unique<const Heights>(*impl_);
   impl_->bin_triangles(context);
   const SliceReport& r = impl_->report;
   if (r.turned_triangles) {
@@ -460,6 +512,35 @@ MeshSlices::MeshSlices(MeshSlices&&) noexcept = default;
 const Grid& MeshSlices::grid() const { return impl_->grid; }
 PixelBox MeshSlices::bounds() const { return impl_->bounds; }
 const SliceReport& MeshSlices::report() const { return impl_->report; }
+const SliceSource* MeshSlices::edge_heights() const { return impl_->heights.get(); }
+
+ThinFeatures MeshSlices::thin_features(const ExecutionContext& context) const {
+  const Impl& s = *impl_;
+  ThinFeatures sum;
+  if (!s.heights) return sum;
+  const int rows = s.rows_per_bin;
+  const int first = s.bounds.y0 / rows;
+  const auto bands = static_cast<std::size_t>((s.bounds.y1 + rows - 1) / rows - first);
+  // Added up in order: sums of doubles depend on it.
+  std::vector<detail::BandEdges> of_bands(bands);
+  parallel_for(context, "thin features", bands, [&](std::size_t i) {
+    const int y0 = (first + static_cast<int>(i)) * rows;
+    detail::BandEdges edges =
+        s.edges_of({s.bounds.x0, y0, s.bounds.x1, std::min(y0 + rows, s.grid.height_px)});
+    edges.edges = {};
+    edges.begin = {};
+    of_bands[i] = std::move(edges);
+  });
+  double slices = 0, thickest_slices = 0;
+  for (const detail::BandEdges& edges : of_bands) {
+    sum.columns += edges.thin_columns;
+    slices += edges.thin_slices;
+    thickest_slices = std::max(thickest_slices, edges.thickest_slices);
+  }
+  sum.volume_mm3 = slices * s.grid.pixel_x_um * s.grid.pixel_y_um * s.grid.layer_um * 1e-9;
+  sum.thickest_um = thickest_slices * s.grid.layer_um;
+  return sum;
+}
 
 void MeshSlices::read_band(const PixelBox& band, const Sink& sink) const {
   read_slices(band, 0, impl_->grid.layers, sink);

@@ -88,6 +88,7 @@ std::vector<const Container::Entry*> entries_of(const Container& archive,
 std::vector<std::string> others_of(const Container& archive, const ArchiveContents& contents) {
   std::vector<std::string> images = contents.images, others;
   images.insert(images.end(), contents.uv_images.begin(), contents.uv_images.end());
+  images.insert(images.end(), contents.edge_images.begin(), contents.edge_images.end());
   std::sort(images.begin(), images.end());
   for (const Container::Entry& entry : archive.entries()) {
     if (!std::binary_search(images.begin(), images.end(), entry.name)) others.push_back(entry.name);
@@ -177,32 +178,36 @@ struct StackReader::Impl {
   BlobStore store;
   int rows = 0;   ///< of a band
   int bands = 0;  ///< of an image
-  /// One per band and slice, band by band; of size 0 where it is black. Zeroed memory of the
-  /// system, so that black bands take none.
-  using Index = std::unique_ptr<BlobStore::Blob[], decltype(&std::free)>;
-  Index index{nullptr, &std::free}, uv_index{nullptr, &std::free};
-  bool images_changed = false, uv_images_changed = false;
-  PixelBox bounds;
+  /// A set of images: a blob per band and image, band by band; of size 0 where it is black.
+  struct Index {
+    /// Zeroed memory of the system, so that black bands take none.
+    std::unique_ptr<BlobStore::Blob[], decltype(&std::free)> blobs{nullptr, &std::free};
+    int images = 0;
+    PixelBox lit;  ///< no pixel outside is lit in any image
+  };
+  Index index, uv_index, edge_index;
+  bool images_changed = false, uv_images_changed = false, edge_heights_changed = false;
+  std::unique_ptr<const EdgeHeights> edge_heights;
   std::uint64_t sum = 0;
-  std::mutex mutex;  ///< of bounds and sum
+  std::mutex mutex;  ///< of what images add up to
 
   Impl(const std::string& p, const std::string& folder, const ExecutionContext& context)
       : path(p), store(folder, kMemoryBudget, context) {}
 
   BlobStore::Blob& blob(const Index& of, int band, int slice) const {
-    return of[static_cast<std::size_t>(band) * static_cast<std::size_t>(config.info.grid.layers) +
-              static_cast<std::size_t>(slice)];
+    return of.blobs[static_cast<std::size_t>(band) * static_cast<std::size_t>(of.images) +
+                    static_cast<std::size_t>(slice)];
   }
 
-  void make_index(Index& made) {
+  void make_index(Index& made, std::size_t images) {
     const Grid& grid = config.info.grid;
     rows = band_rows(grid);
     bands = (grid.height_px + rows - 1) / rows;
     void* const memory =
-        std::calloc(static_cast<std::size_t>(bands) * static_cast<std::size_t>(grid.layers),
-                    sizeof(BlobStore::Blob));
+        std::calloc(static_cast<std::size_t>(bands) * images, sizeof(BlobStore::Blob));
     if (memory == nullptr) throw InputError(path, "", "has more slices than the memory can hold");
-    made.reset(static_cast<BlobStore::Blob*>(memory));
+    made.blobs.reset(static_cast<BlobStore::Blob*>(memory));
+    made.images = static_cast<int>(images);
   }
 
   struct Decoded {
@@ -214,12 +219,32 @@ struct StackReader::Impl {
                  const std::string& name, bool packed_rgb, bool packed_bgr);
   std::vector<std::uint32_t> decode_images(const Container& archive,
                                            const ExecutionContext& context);
-  std::vector<std::uint32_t> decode_uv_images(const Container& archive,
-                                              const ExecutionContext& context);
+  std::vector<std::uint32_t> decode_grey(Index& into, const std::vector<std::string>& names,
+                                         const Container& archive, const std::string& stage,
+                                         const ExecutionContext& context);
+  void read_band(const Index& of, const PixelBox& box, const Sink& sink) const;
   void read_image(const Index& of, int slice, std::uint8_t* out) const;
   void copy_blob(const BlobStore::Blob& blob, const PixelBox& band, const PixelBox& box,
                  std::vector<std::uint8_t>& code, std::vector<std::uint8_t>& pixels,
                  std::uint8_t* out) const;
+};
+
+/// The edge heights of the stack that it belongs to.
+class StackReader::EdgeHeights final : public SliceSource {
+ public:
+  explicit EdgeHeights(const Impl& stack) : stack_(stack), grid_(stack.config.info.grid) {
+    ++grid_.layers;
+  }
+  const Grid& grid() const override { return grid_; }
+  PixelBox bounds() const override { return stack_.edge_index.lit; }
+  ImageFrame frame() const override { return image_frame(stack_.config.info); }
+  void read_band(const PixelBox& band, const Sink& sink) const override {
+    stack_.read_band(stack_.edge_index, band, sink);
+  }
+
+ private:
+  const Impl& stack_;
+  Grid grid_;
 };
 
 /// Decodes one image into blobs.
@@ -258,7 +283,7 @@ std::vector<std::uint32_t> StackReader::Impl::decode_images(const Container& arc
                                                             const ExecutionContext& context) {
   const auto slices = entries_of(archive, config.images, config.info.grid);
   for (const std::string& warning : config.warnings) context.tell(path + ": " + warning);
-  make_index(index);
+  make_index(index, slices.size());
   std::vector<std::uint32_t> adlers(slices.size());
   parallel_for(context, "read", slices.size(), [&](std::size_t i) {
     std::vector<std::uint8_t> png;
@@ -267,24 +292,30 @@ std::vector<std::uint32_t> StackReader::Impl::decode_images(const Container& arc
                                    config.packed_rgb, config.packed_bgr);
     adlers[i] = decoded.adler;
     const std::scoped_lock lock(mutex);
-    bounds = bounds.united(decoded.lit);
+    index.lit = index.lit.united(decoded.lit);
     sum += decoded.sum;
   });
   return adlers;
 }
 
-/// UV images follow from the slices, and nothing is computed from them. But the printer shows them,
-/// so they are checked and kept.
-std::vector<std::uint32_t> StackReader::Impl::decode_uv_images(const Container& archive,
-                                                               const ExecutionContext& context) {
-  const auto images = entries_of(archive, config.uv_images, config.info.grid);
-  make_index(uv_index);
+/// Decodes a second set of images, which are plain grey, whatever the slices are. UV images follow
+/// from the slices, and nothing is computed from them. But the printer shows them, so they are
+/// checked and kept.
+std::vector<std::uint32_t> StackReader::Impl::decode_grey(Index& into,
+                                                          const std::vector<std::string>& names,
+                                                          const Container& archive,
+                                                          const std::string& stage,
+                                                          const ExecutionContext& context) {
+  const auto images = entries_of(archive, names, config.info.grid);
+  make_index(into, images.size());
   std::vector<std::uint32_t> adlers(images.size());
-  parallel_for(context, "read UV", images.size(), [&](std::size_t i) {
+  parallel_for(context, stage, images.size(), [&](std::size_t i) {
     std::vector<std::uint8_t> png;
     archive.read(*images[i], images[i]->bytes, png);
-    // UV images are plain grey, whatever the slices are.
-    adlers[i] = decode(uv_index, static_cast<int>(i), png, images[i]->name, false, false).adler;
+    const Decoded decoded = decode(into, static_cast<int>(i), png, images[i]->name, false, false);
+    adlers[i] = decoded.adler;
+    const std::scoped_lock lock(mutex);
+    into.lit = into.lit.united(decoded.lit);
   });
   return adlers;
 }
@@ -323,17 +354,30 @@ StackReader::StackReader(const std::string& path, const std::string& scratch_fol
   s.images_changed =
       s.config.images_crc32 && *s.config.images_crc32 != detail::images_crc32(adlers);
   if (s.images_changed) context.tell(path + ": images were changed after the stack was made");
-  if (s.config.uv_images.empty()) return;
-  s.uv_images_changed =
-      s.config.uv_images_crc32 != detail::images_crc32(s.decode_uv_images(*archive, context));
-  if (s.uv_images_changed) context.tell(path + ": UV images were changed after the stack was made");
+  if (!s.config.uv_images.empty()) {
+    s.uv_images_changed = s.config.uv_images_crc32 !=
+                          detail::images_crc32(s.decode_grey(s.uv_index, s.config.uv_images,
+                                                             *archive, "read UV", context));
+    if (s.uv_images_changed) {
+      context.tell(path + ": UV images were changed after the stack was made");
+    }
+  }
+  if (!s.config.edge_images.empty()) {
+    s.edge_heights_changed = s.config.edge_images_crc32 !=
+                             detail::images_crc32(s.decode_grey(s.edge_index, s.config.edge_images,
+                                                                *archive, "read edges", context));
+    if (s.edge_heights_changed) {
+      context.tell(path + ": edge heights were changed after the stack was made");
+    }
+    s.edge_heights = std::make_unique<const EdgeHeights>(s);
+  }
 }
 
 StackReader::~StackReader() = default;
 
 const StackInfo& StackReader::info() const { return impl_->config.info; }
 const Grid& StackReader::grid() const { return impl_->config.info.grid; }
-PixelBox StackReader::bounds() const { return impl_->bounds; }
+PixelBox StackReader::bounds() const { return impl_->index.lit; }
 const Recording* StackReader::recording() const { return impl_->config.info.recording.get(); }
 ImageFrame StackReader::frame() const { return image_frame(impl_->config.info); }
 ImageFrame image_frame(const StackInfo& info) {
@@ -349,6 +393,8 @@ bool StackReader::has_uv_images() const { return !impl_->config.uv_images.empty(
 bool StackReader::has_checksums() const { return impl_->config.images_crc32.has_value(); }
 bool StackReader::images_changed() const { return impl_->images_changed; }
 bool StackReader::uv_images_changed() const { return impl_->uv_images_changed; }
+const SliceSource* StackReader::edge_heights() const { return impl_->edge_heights.get(); }
+bool StackReader::edge_heights_changed() const { return impl_->edge_heights_changed; }
 
 void StackReader::Impl::read_image(const Index& of, int slice, std::uint8_t* out) const {
   const Grid& grid = config.info.grid;
@@ -376,26 +422,29 @@ void StackReader::read_uv_slice(int slice, std::uint8_t* pixels) const {
 }
 
 void StackReader::read_band(const PixelBox& box, const Sink& sink) const {
-  const Impl& s = *impl_;
-  const Grid& grid = s.config.info.grid;
+  impl_->read_band(impl_->index, box, sink);
+}
+
+void StackReader::Impl::read_band(const Index& of, const PixelBox& box, const Sink& sink) const {
+  const Grid& grid = config.info.grid;
   if (box.x0 < 0 || box.y0 < 0 || box.x1 > grid.width_px || box.y1 > grid.height_px) {
     throw std::out_of_range("band reaches over the image");
   }
-  const int first = box.empty() ? 0 : box.y0 / s.rows;
-  const int last = box.empty() ? 0 : (box.y1 + s.rows - 1) / s.rows;
+  const int first = box.empty() ? 0 : box.y0 / rows;
+  const int last = box.empty() ? 0 : (box.y1 + rows - 1) / rows;
   std::vector<std::uint8_t> code, pixels;
   std::vector<std::uint8_t> out(static_cast<std::size_t>(box.width()) *
                                 static_cast<std::size_t>(box.height()));
-  for (int slice = 0; slice < grid.layers; ++slice) {
+  for (int slice = 0; slice < of.images; ++slice) {
     bool lit = false;
     for (int band = first; band < last; ++band) {
-      const BlobStore::Blob& blob = s.blob(s.index, band, slice);
+      const BlobStore::Blob& blob = this->blob(of, band, slice);
       if (blob.size == 0) continue;
       if (!lit) std::fill(out.begin(), out.end(), std::uint8_t{0});
       lit = true;
-      const int y0 = band * s.rows;
-      const PixelBox rows{0, y0, grid.width_px, std::min(grid.height_px, y0 + s.rows)};
-      s.copy_blob(blob, rows, box, code, pixels, out.data());
+      const int y0 = band * rows;
+      const PixelBox its_rows{0, y0, grid.width_px, std::min(grid.height_px, y0 + rows)};
+      copy_blob(blob, its_rows, box, code, pixels, out.data());
     }
     sink(slice, lit ? out.data() : nullptr);
   }
@@ -407,6 +456,7 @@ StackInfo StackReader::read_info(const std::string& path) {
   ArchiveContents contents = detail::read_contents(*archive);
   entries_of(*archive, contents.images, contents.info.grid);
   entries_of(*archive, contents.uv_images, contents.info.grid);
+  entries_of(*archive, contents.edge_images, contents.info.grid);
   return std::move(contents.info);
 }
 

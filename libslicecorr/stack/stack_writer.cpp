@@ -63,6 +63,7 @@ struct StackWriter::Impl {
   int rows = 0;  ///< of a band
   /// Pieces by slice; of size 0 where black, empty until a band is begun.
   std::vector<Pieces> bands, uv_bands;
+  std::vector<Pieces> edge_bands;  ///< edge heights by node; empty where the archive keeps none
   /// Adler-32 of the pieces' grey rows, where the bytes in the PNG are not the grey values.
   std::vector<std::vector<std::uint32_t>> grey_adlers;
   std::optional<std::array<std::uint8_t, 256>> uv_of_pixel;
@@ -105,6 +106,9 @@ struct StackWriter::Impl {
     }
     if (uv_of_pixel && uv_bands[band].empty()) {
       uv_bands[band].resize(static_cast<std::size_t>(grid.layers));
+    }
+    if (!edge_bands.empty() && edge_bands[band].empty()) {
+      edge_bands[band].resize(static_cast<std::size_t>(grid.layers) + 1);
     }
   }
   /// Pixels of `value`, rows with their filter bytes.
@@ -260,43 +264,48 @@ void StackWriter::Impl::add_images(const std::vector<std::string>& names, const 
   });
 }
 
-void StackWriter::Impl::write_archive(const StackInfo& info, const GreyImage& preview) {
+void StackWriter::Impl::write_archive(const StackInfo& its_info, const GreyImage& preview) {
+  StackInfo info = its_info;
+  info.has_edge_heights = !edge_bands.empty();
   const auto layers = static_cast<std::size_t>(info.grid.layers);
   Images slices = gather(bands, 0, layers, code);
-  std::optional<Images> uv;
+  std::optional<Images> uv, edges;
   if (uv_of_pixel) uv.emplace(gather(uv_bands, (*uv_of_pixel)[0], layers, {}));
+  if (info.has_edge_heights) edges.emplace(gather(edge_bands, 0, layers + 1, {}));
   if (file.archive) {
     make_small(slices);
     if (uv) make_small(*uv);
+    if (edges) make_small(*edges);
   }
   std::vector<std::string> warnings;
   detail::ArchiveRequest request{
       .info = info,
       .stem = stem(),
-      .images_crc32 = detail::images_crc32(slices.grey_adlers),
-      .uv_images_crc32 = {},
+      .checksums = {.slices = detail::images_crc32(slices.grey_adlers)},
       .preview = preview,
       .kept = kept.get(),
       .kept_contents = kept ? &kept_contents : nullptr,
       .exposure_changes = kept == nullptr || exposures_differ(info, kept_contents.info),
       .warnings = &warnings,
   };
-  if (uv) request.uv_images_crc32 = detail::images_crc32(uv->grey_adlers);
+  if (uv) request.checksums.uv = detail::images_crc32(uv->grey_adlers);
+  if (edges) request.checksums.edges = detail::images_crc32(edges->grey_adlers);
   const std::vector<std::string> names = format.write(request, *output);
   for (const std::string& warning : warnings) context.tell(file.path + ": " + warning);
   add_images(names, slices);
-  if (uv) {
-    std::vector<std::string> uv_names;
-    uv_names.reserve(layers);
-    for (int n = 0; n < info.grid.layers; ++n) uv_names.push_back(detail::uv_image_name(n));
-    add_images(uv_names, *uv);
-  }
+  const auto add_more = [&](const Images& images, std::string (*name_of)(int)) {
+    std::vector<std::string> more_names(images.sizes.size());
+    for (std::size_t n = 0; n < more_names.size(); ++n)
+      more_names[n] = name_of(static_cast<int>(n));
+    add_images(more_names, images);
+  };
+  if (uv) add_more(*uv, detail::uv_image_name);
+  if (edges) add_more(*edges, detail::edge_image_name);
   // Only our record in a folder says what the stack is, and that the folder may be replaced.
   if (&format != &detail::uvj_format() &&
       (info.kind != StackKind::foreign || &format == &detail::folder_format())) {
-    output->add_text(
-        detail::kProvenanceEntry,
-        detail::write_provenance(info, request.images_crc32, request.uv_images_crc32) + "\n");
+    output->add_text(detail::kProvenanceEntry,
+                     detail::write_provenance(info, request.checksums) + "\n");
   }
   if (info.kind != StackKind::foreign) detail::add_flat_field(info, *output);
   detail::add_recording(info, *output);
@@ -368,6 +377,17 @@ void StackWriter::set_uv_pattern(const std::array<std::uint8_t, 256>& uv_of_pixe
   impl_->uv_bands.resize(impl_->bands.size());
 }
 
+bool StackWriter::keep_edge_heights() {
+  Impl& s = *impl_;
+  if (&s.format == &detail::uvj_format()) {
+    s.edge_bands.resize(s.bands.size());
+    return true;
+  }
+  s.context.tell(s.file.path +
+                 ": only UVJ archives have a place for edge heights: edges lie at nodes here");
+  return false;
+}
+
 void StackWriter::finish(const StackInfo& info, const GreyImage& preview) {
   const Grid& grid = impl_->grid;
   if (info.grid.width_px != grid.width_px || info.grid.height_px != grid.height_px ||
@@ -378,17 +398,27 @@ void StackWriter::finish(const StackInfo& info, const GreyImage& preview) {
 }
 
 struct StackWriter::BandEncoder::Impl {
+  /// Makes the pieces of plain grey images that have much in common.
+  struct Plain {
+    detail::IdatEncoder encoder;
+    BlobStore::Blob last;  ///< what `encoder` made last
+  };
+
   StackWriter::Impl* writer;
   int y0, y1;
-  detail::IdatEncoder encoder;
-  BlobStore::Blob last;             ///< what `encoder` made last, for images without a UV pattern
+  Plain slices, edges;
   std::vector<std::uint8_t> chunk;  ///< of the present slice
   /// Where the bytes of images are not the grey values: rows of a band with their filter bytes,
   /// black but for the columns that were put; and the same in the image's pixel code.
   std::vector<std::uint8_t> raw, changed;
   detail::IdatEncoder uv_encoder;
 
+  BlobStore::Blob piece_of(Plain& images, detail::IdatEncoder::Found found,
+                           const detail::GreyRows& rows);
   void put_band(std::size_t band, int slice, const detail::GreyRows& rows);
+  void put_edges(std::size_t band, int node, const detail::GreyRows& rows);
+  template <class Put>
+  void put_bands(int x0, int x1, const std::uint8_t* rows, const Put& put);
   BlobStore::Blob keep(std::uint32_t adler);
   std::span<const std::uint8_t> make_raw(std::size_t band, const detail::GreyRows& rows);
 };
@@ -425,6 +455,28 @@ std::span<const std::uint8_t> StackWriter::BandEncoder::Impl::make_raw(
   return raw;
 }
 
+/// The piece of what `images.encoder` took last. Parts that go straight up repeat a slice many
+/// times: its chunk is kept once.
+BlobStore::Blob StackWriter::BandEncoder::Impl::piece_of(Plain& images,
+                                                         detail::IdatEncoder::Found found,
+                                                         const detail::GreyRows& rows) {
+  if (found == detail::IdatEncoder::Found::other) {
+    chunk.clear();
+    images.encoder.make(chunk);
+    images.last = keep(detail::adler_of(rows));
+  }
+  return images.last;
+}
+
+void StackWriter::BandEncoder::Impl::put_edges(std::size_t band, int node,
+                                               const detail::GreyRows& rows) {
+  BlobStore::Blob& piece = writer->edge_bands[band][static_cast<std::size_t>(node)];
+  piece = {};
+  if (rows.pixels == nullptr) return;
+  const detail::IdatEncoder::Found found = edges.encoder.take(rows);
+  if (found != detail::IdatEncoder::Found::black) piece = piece_of(edges, found, rows);
+}
+
 void StackWriter::BandEncoder::Impl::put_band(std::size_t band, int slice,
                                               const detail::GreyRows& rows) {
   using Found = detail::IdatEncoder::Found;
@@ -433,22 +485,16 @@ void StackWriter::BandEncoder::Impl::put_band(std::size_t band, int slice,
   piece = {};
   if (writer->uv_of_pixel) writer->uv_bands[band][n] = {};
   if (rows.pixels == nullptr) return;
-  const Found found = encoder.take(rows);
+  const Found found = slices.encoder.take(rows);
   if (found == Found::black) return;
   if (writer->code.is_plain()) {
-    // Parts that go straight up repeat a slice many times: its chunk is kept once.
-    if (found == Found::other) {
-      chunk.clear();
-      encoder.make(chunk);
-      last = keep(detail::adler_of(rows));
-    }
-    piece = last;
+    piece = piece_of(slices, found, rows);
   } else {
     const std::span<const std::uint8_t> grey = make_raw(band, rows);
     writer->grey_adlers[band][n] = detail::adler_of(grey);
     writer->code.expand(grey, rows.width_px, changed);
     chunk.clear();
-    const std::uint32_t adler = encoder.encode(changed, chunk);
+    const std::uint32_t adler = slices.encoder.encode(changed, chunk);
     piece = keep(adler);
   }
   if (!writer->uv_of_pixel) return;
@@ -462,20 +508,39 @@ void StackWriter::BandEncoder::Impl::put_band(std::size_t band, int slice,
   writer->uv_bands[band][n] = keep(adler);
 }
 
+/// Calls `put` for each band of the rows, with what is in it.
+template <class Put>
+void StackWriter::BandEncoder::Impl::put_bands(int x0, int x1, const std::uint8_t* rows,
+                                               const Put& put) {
+  const Grid& grid = writer->grid;
+  if (x0 < 0 || x1 > grid.width_px) throw std::invalid_argument("columns outside of the stack");
+  x1 = std::max(x0, x1);
+  for (int y = y0; y < y1; y += writer->rows) {
+    const auto band = static_cast<std::size_t>(y / writer->rows);
+    const std::size_t offset = static_cast<std::size_t>(y - y0) * static_cast<unsigned>(x1 - x0);
+    put(band, detail::GreyRows{grid.width_px, x0, x1, writer->rows_of(band),
+                               rows == nullptr ? nullptr : rows + offset});
+  }
+}
+
 void StackWriter::BandEncoder::put(int slice, int x0, int x1, const std::uint8_t* rows) {
   Impl& s = *impl_;
-  const Grid& grid = s.writer->grid;
-  if (slice < 0 || slice >= grid.layers || x0 < 0 || x1 > grid.width_px) {
-    throw std::invalid_argument("slice or columns outside of the stack");
+  if (slice < 0 || slice >= s.writer->grid.layers) {
+    throw std::invalid_argument("slice outside of the stack");
   }
-  x1 = std::max(x0, x1);
-  for (int y = s.y0; y < s.y1; y += s.writer->rows) {
-    const auto band = static_cast<std::size_t>(y / s.writer->rows);
-    const std::size_t offset = static_cast<std::size_t>(y - s.y0) * static_cast<unsigned>(x1 - x0);
-    s.put_band(band, slice,
-               {grid.width_px, x0, x1, s.writer->rows_of(band),
-                rows == nullptr ? nullptr : rows + offset});
+  s.put_bands(x0, x1, rows,
+              [&](std::size_t band, const detail::GreyRows& its) { s.put_band(band, slice, its); });
+}
+
+void StackWriter::BandEncoder::put_edge_heights(int node, int x0, int x1,
+                                                const std::uint8_t* rows) {
+  Impl& s = *impl_;
+  if (s.writer->edge_bands.empty()) return;
+  if (node < 0 || node > s.writer->grid.layers) {
+    throw std::invalid_argument("node outside of the stack");
   }
+  s.put_bands(x0, x1, rows,
+              [&](std::size_t band, const detail::GreyRows& its) { s.put_edges(band, node, its); });
 }
 
 }  // namespace slicecorr

@@ -154,6 +154,10 @@ TurnedSlices::TurnedSlices(const SliceSource& source, const Turn& turn,
   if (turn.swap_axes) {
     transposed_ = std::make_unique<const Transposed>(source, scratch_folder, context);
   }
+  if (const SliceSource* edges = source.edge_heights()) {
+    edge_heights_ =
+        std::make_unique<const TurnedSlices>(*edges, turn, scratch_folder, context, frame_);
+  }
 }
 
 TurnedSlices::~TurnedSlices() = default;

@@ -131,8 +131,7 @@ std::uint64_t light(const SliceSource& source) {
 }
 
 /// Slicing alone: every band of the part's box, nothing kept.
-void slice_with(benchmark::State& state, bool antialias) {
-  const MeshSlices& t = target(antialias);
+void slice_with(benchmark::State& state, const SliceSource& t) {
   const PixelBox box = t.bounds();
   const int rows = band_rows(t.grid());
   const int first = box.y0 / rows;
@@ -151,10 +150,12 @@ void slice_with(benchmark::State& state, bool antialias) {
   }
   count(state, voxels(t.grid()));
 }
-void slice(benchmark::State& state) { slice_with(state, true); }
+void slice(benchmark::State& state) { slice_with(state, target()); }
 BENCHMARK(slice)->Apply(threads);
-void slice_centres(benchmark::State& state) { slice_with(state, false); }
+void slice_centres(benchmark::State& state) { slice_with(state, target(false)); }
 BENCHMARK(slice_centres)->Apply(threads);
+void edge_heights(benchmark::State& state) { slice_with(state, *target().edge_heights()); }
+BENCHMARK(edge_heights)->Apply(threads);
 
 /// Some bands from the middle of the part, their coverage at hand.
 struct Bands {

@@ -38,7 +38,8 @@ struct Setup {
   Process process;
 };
 
-/// Writes a target as a stack of its coverage. Throws `InputError` when no voxel in it is covered
+/// Writes a target as a stack of its coverage, with its edge heights where it has some; of archives
+/// that have no place for these that is told. Throws `InputError` when no voxel in it is covered
 /// fully: nothing of it would print.
 StackInfo write_target(const SliceSource& target, const StackFile& file,
                        const ExecutionContext& context = {});

@@ -1,5 +1,6 @@
 /// @file slice.hpp
-/// Mesh to slices: plane cuts at mid-layer height, non-zero winding rule, area coverage per pixel.
+/// Mesh to slices: plane cuts at mid-layer height, non-zero winding rule, area coverage per pixel;
+/// and the heights at which the mesh's own surface crosses the centres of pixels.
 ///
 /// `MeshSlices` is immutable and thread-safe once made; all else is plain values. Only making one
 /// throws: `InputError`, and `Cancelled`.
@@ -7,6 +8,7 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <optional>
 
@@ -24,6 +26,8 @@ struct SliceOptions {
   /// Where the centre of the parts' bounding box lands on the plate, mm from its corner at the
   /// smallest x and y; the middle of the display when not given.
   std::optional<std::array<double, 2>> center_mm;
+  /// Whether there are `MeshSlices::edge_heights`. Slices are the same with and without.
+  bool edge_heights = true;
 };
 
 /// Figures of the slicing itself.
@@ -40,9 +44,24 @@ struct SliceReport {
   std::size_t turned_triangles = 0;  ///< triangles that were cut as if they faced the other way
 };
 
+/// What of a part lies between two neighbouring mid-layers without reaching either, over pixel
+/// centres: sliced, it prints nothing.
+struct ThinFeatures {
+  std::uint64_t columns = 0;  ///< places: pixel columns, each as often as it has such a feature
+  double volume_mm3 = 0;
+  double thickest_um = 0;  ///< height of the thickest of them, less than a slice
+};
+
 /// Slices `mesh` (mm, all parts of the plate) for `printer`. The cuts are made when bands are read:
 /// memory is that of the mesh. The mesh's least z is put on the platform; slice n is cut at
 /// (n + 1/2) * layer_um above it.
+///
+/// Edge heights are those of the line through the pixel's centre, by the same winding rule: where
+/// it is solid at one of the middles of two neighbouring layers and not at the other, the edge
+/// between them has the height of the crossing, or, of several, the one that keeps the solid length
+/// between the two middles. What stands on the platform has no height there, and columns that pass
+/// through a hole of the mesh have none at all.
+///
 /// `edge_defects`: those of the mesh as `inspect` finds them, where they are known already; must
 /// fit it. Throws `InputError` when the part is larger than the display or the stage (naming the
 /// excess in mm) or thinner than half a layer.
@@ -57,9 +76,16 @@ class MeshSlices final : public SliceSource {
   void read_band(const PixelBox& band, const Sink& sink) const override;
   void read_slices(const PixelBox& band, int first, int past, const Sink& sink) const override;
   bool reads_any_slices() const override { return true; }
+  /// Null when `SliceOptions::edge_heights` is off. Found for all nodes whenever a band is read;
+  /// lives as long as the slices, also where these are moved to.
+  const SliceSource* edge_heights() const override;
   const SliceReport& report() const;
+  /// Looks at all columns of the part, on all threads; nothing is found where there are no edge
+  /// heights. Throws `Cancelled`.
+  ThinFeatures thin_features(const ExecutionContext& context = {}) const;
 
  private:
+  class Heights;
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };

@@ -61,6 +61,8 @@ struct StackInfo {
   /// Which image was lit in which slice; null but in recorded stacks, where `grid.layers` is the
   /// number of images.
   std::shared_ptr<const Recording> recording;
+  /// Of targets of ours: whether the archive holds edge heights (target.hpp).
+  bool has_edge_heights = false;
   int target_layers = 0;       ///< layers of the part; grid.layers has the added slices too
   double part_volume_mm3 = 0;  ///< volume of the target's coverage, >= 0; 0 when not known
   std::string program;         ///< name and version of the program that wrote it
@@ -136,6 +138,10 @@ class StackReader final : public SliceSource {
   bool has_checksums() const;
   bool images_changed() const;
   bool uv_images_changed() const;
+  /// The edge heights of a target of ours that has some, else null; and whether they contradict
+  /// their checksum.
+  const SliceSource* edge_heights() const override;
+  bool edge_heights_changed() const;
   /// Sum of all pixel values.
   std::uint64_t pixel_sum() const;
   /// Names of the entries that are no slices, sorted.
@@ -146,6 +152,7 @@ class StackReader final : public SliceSource {
   static StackInfo read_info(const std::string& path);
 
  private:
+  class EdgeHeights;
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
@@ -185,6 +192,10 @@ class StackWriter {
   /// A second image per slice, uv/%08d.png, made from the first: pixel value v becomes
   /// uv_of_pixel[v], outside of bands, too. To be called before the first encoder is made.
   void set_uv_pattern(const std::array<std::uint8_t, 256>& uv_of_pixel);
+  /// Edge heights beside the slices (target.hpp), for encoders to put. Returns whether the archive
+  /// has a place for them: if not, that is told, and what is put is dropped. To be called before
+  /// the first encoder is made; of a target only.
+  bool keep_edge_heights();
 
   /// Makes the blobs of one band: one object per worker, reused from slice to slice.
   class BandEncoder {
@@ -196,6 +207,8 @@ class StackWriter {
     /// Columns [x0, x1) of the band's rows in `slice`; all other pixels are 0. Null: the band is
     /// black.
     void put(int slice, int x0, int x1, const std::uint8_t* rows);
+    /// The same of the edge heights at `node`, 0 to the number of slices.
+    void put_edge_heights(int node, int x0, int x1, const std::uint8_t* rows);
 
    private:
     struct Impl;

@@ -16,7 +16,7 @@
 
 namespace slicecorr {
 
-/// The slices of `source`, each turned. Turns that exchange rows and columns read the source once,
+/// The slices of `source`, each turned, and its edge heights where it has some. Turns that exchange rows and columns read the source once,
 /// when made, and keep it in small blocks, run-length coded, in a `BlobStore` (256 MiB in memory,
 /// the rest in scratch); others read it each time.
 class TurnedSlices final : public SliceSource {
@@ -30,6 +30,7 @@ class TurnedSlices final : public SliceSource {
   PixelBox bounds() const override;
   ImageFrame frame() const override { return frame_; }
   void read_band(const PixelBox& band, const Sink& sink) const override;
+  const SliceSource* edge_heights() const override { return edge_heights_.get(); }
 
  private:
   class Transposed;
@@ -38,6 +39,7 @@ class TurnedSlices final : public SliceSource {
   Grid grid_;
   ImageFrame frame_;
   std::unique_ptr<const Transposed> transposed_;
+  std::unique_ptr<const TurnedSlices> edge_heights_;
 };
 
 /// A source as it is, or turned where that is needed.

@@ -48,6 +48,13 @@ void MeshOptions::add_placement_to(CLI::App& app) {
       ->check(number_in(-1e6, 1e6));
 }
 
+void MeshOptions::add_surface_to(CLI::App& app) {
+  app.add_option("--surface", surface,
+                 "Where edges lie: at the heights of the mesh, or at those of the slices")
+      ->check(CLI::IsMember({"slices", "mesh"}))
+      ->capture_default_str();
+}
+
 Placement MeshOptions::placement() const {
   Placement p;
   p.units = units_named(units);
@@ -60,6 +67,7 @@ SliceOptions MeshOptions::slice_options() const {
   SliceOptions o;
   o.layer_um = layer_um;
   o.antialias = antialias == "on";
+  o.edge_heights = surface == "mesh";
   if (!center_mm.empty()) o.center_mm = {center_mm[0], center_mm[1]};
   return o;
 }

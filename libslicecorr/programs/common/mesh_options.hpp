@@ -15,6 +15,7 @@ struct MeshOptions {
   std::vector<std::string> parts;
   double layer_um = 0;
   std::string antialias = "on";
+  std::string surface = "mesh";
   std::vector<double> center_mm;
   std::string units = "auto";
   double scale = 1.0;
@@ -22,6 +23,8 @@ struct MeshOptions {
   void add_to(CLI::App& app);
   /// Only how meshes are turned, scaled and placed; `add_to` has these, too.
   void add_placement_to(CLI::App& app);
+  /// Whether targets have edge heights.
+  void add_surface_to(CLI::App& app);
   Placement placement() const;
   SliceOptions slice_options() const;
 };

@@ -398,6 +398,7 @@ int run_program(int argc, char** argv) {
   };
   CLI::App* sub = add("slice", "Slice meshes into a stack of coverage images", slice);
   a.mesh.add_to(*sub);
+  a.mesh.add_surface_to(*sub);
   sub->add_option("--printer", a.setup.printer, "Printer: a .toml file or a name")->required();
   stack_output(sub, "Stack to write (.uvj, or another format)");
 

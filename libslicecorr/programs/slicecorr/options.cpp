@@ -154,6 +154,11 @@ std::string describe_stack(const StackInfo& info) {
   if (info.part_volume_mm3 > 0) {
     text += fmt::format("resin volume {:.4f} ml\n", info.part_volume_mm3 * 1e-3);
   }
+  if (info.kind == StackKind::target) {
+    text += fmt::format("edges        {}\n", info.has_edge_heights
+                                                 ? "at the heights of the mesh (edge heights)"
+                                                 : "at the heights of the slices");
+  }
   if (!info.program.empty())
     text += fmt::format("made by      {}\n", text::printable(info.program));
   if (info.kind != StackKind::foreign && !info.parameters_checked) {
@@ -243,6 +248,7 @@ std::string info_json(const StackInfo& info, const std::string& path) {
   j["print_time_s"] = time > 0 ? ordered_json(time) : ordered_json();
   j["resin_volume_ml"] =
       info.part_volume_mm3 > 0 ? ordered_json(info.part_volume_mm3 * 1e-3) : ordered_json();
+  if (info.kind == StackKind::target) j["edge_heights"] = info.has_edge_heights;
   if (!info.program.empty()) j["program"] = info.program;
   if (info.kind != StackKind::foreign) j["parameters_checked"] = info.parameters_checked;
   // Names come from archives, and need not be UTF-8.

@@ -30,13 +30,14 @@ struct ArchiveContents {
   /// Without `format`, which the reader sets. Pixel sizes are 0 where the archive does not say
   /// them; the layer height, too.
   StackInfo info;
-  std::vector<std::string> images;     ///< entry of each slice; as many as info.grid.layers
-  std::vector<std::string> uv_images;  ///< the same in UV light; empty without
+  std::vector<std::string> images;       ///< entry of each slice; as many as info.grid.layers
+  std::vector<std::string> uv_images;    ///< the same in UV light; empty without
+  std::vector<std::string> edge_images;  ///< edge heights, one more than layers; empty without
   /// Three neighbouring pixels lie in one RGB pixel: images are ceil(width / 3) wide.
   bool packed_rgb = false;
   bool packed_bgr = false;  ///< and the first of the three is the blue one, not the red one
   /// Fingerprints that our block holds, see `images_crc32`; absent in foreign archives.
-  std::optional<std::uint32_t> images_crc32, uv_images_crc32;
+  std::optional<std::uint32_t> images_crc32, uv_images_crc32, edge_images_crc32;
   /// The block has a checksum, and it is that of other parameters; see `check_block`.
   bool block_changed = false;
   /// The format says layer heights in steps of this, um; 0: exactly.
@@ -47,12 +48,18 @@ struct ArchiveContents {
   std::vector<std::string> warnings;
 };
 
+/// Fingerprints of a stack's sets of images, see `images_crc32`; of UV images and edge heights
+/// where there are some.
+struct ImageChecksums {
+  std::uint32_t slices = 0;
+  std::optional<std::uint32_t> uv{}, edges{};
+};
+
 /// What is to be written besides images.
 struct ArchiveRequest {
   const StackInfo& info;
   std::string stem;  ///< file name without its ending
-  std::uint32_t images_crc32 = 0;
-  std::optional<std::uint32_t> uv_images_crc32;
+  ImageChecksums checksums;
   const GreyImage& preview;  ///< grey relief of the part; may be empty
   /// The archive that is changed, and what it says; null for a new one.
   const Container* kept = nullptr;

@@ -16,9 +16,10 @@ std::string slice_name(int slice) {
   return text;
 }
 
-/// The names of a folder's images in order; checks that there are exactly as many as layers.
+/// The names of a folder's images in order; checks that there are exactly `count`: as many as
+/// layers, or as nodes.
 std::vector<std::string> list_images(const Container& archive, const std::string& folder,
-                                     std::string (*name_of)(int), int layers) {
+                                     std::string (*name_of)(int), int count, int layers) {
   std::vector<std::string> names;
   for (const Container::Entry& entry : archive.entries()) {
     if (!entry.name.starts_with(folder)) continue;
@@ -30,14 +31,15 @@ std::vector<std::string> list_images(const Container& archive, const std::string
                        gap ? std::string("is missing")
                            : "is no name of a slice, expected " + name_of(0) + " on");
     }
-    if (static_cast<int>(names.size()) == layers) {
-      throw InputError(
-          archive.path(), entry.name,
-          "is one slice too many: config.json has " + std::to_string(layers) + " layers");
+    if (static_cast<int>(names.size()) == count) {
+      throw InputError(archive.path(), entry.name,
+                       (count > layers ? "is one node too many: config.json has "
+                                       : "is one slice too many: config.json has ") +
+                           std::to_string(layers) + " layers");
     }
     names.push_back(entry.name);
   }
-  if (static_cast<int>(names.size()) != layers) {
+  if (static_cast<int>(names.size()) != count) {
     throw InputError(archive.path(), name_of(static_cast<int>(names.size())),
                      "is missing: config.json has " + std::to_string(layers) + " layers");
   }
@@ -63,9 +65,14 @@ class Uvj final : public ArchiveFormat {
     const std::uint64_t limit = (std::uint64_t{64} << 20) + 256 * archive.entries().size();
     ArchiveContents contents = parse_uvj_config(archive.text("config.json", limit), archive.path());
     const StackInfo& info = contents.info;
-    contents.images = list_images(archive, "slice/", slice_name, info.grid.layers);
+    const int layers = info.grid.layers;
+    contents.images = list_images(archive, "slice/", slice_name, layers, layers);
     if (info.process && info.process->uv.kind == UvKind::patterned) {
-      contents.uv_images = list_images(archive, "uv/", uv_image_name, info.grid.layers);
+      contents.uv_images = list_images(archive, "uv/", uv_image_name, layers, layers);
+    }
+    if (info.has_edge_heights) {
+      contents.edge_images =
+          list_images(archive, "slicecorr/surface/", edge_image_name, layers + 1, layers);
     }
     return contents;
   }
@@ -73,11 +80,10 @@ class Uvj final : public ArchiveFormat {
   std::vector<std::string> write(const ArchiveRequest& r, ContainerOutput& output) const override {
     if (r.kept != nullptr) {
       const std::uint64_t limit = (std::uint64_t{64} << 20) + 256 * r.kept->entries().size();
-      output.add_text("config.json",
-                      change_uvj_config(r.kept->text("config.json", limit), r.info, r.images_crc32,
-                                        r.uv_images_crc32, r.exposure_changes));
+      output.add_text("config.json", change_uvj_config(r.kept->text("config.json", limit), r.info,
+                                                       r.checksums, r.exposure_changes));
     } else {
-      output.add_text("config.json", write_uvj_config(r.info, r.images_crc32, r.uv_images_crc32));
+      output.add_text("config.json", write_uvj_config(r.info, r.checksums));
       if (!r.preview.pixels.empty()) {
         constexpr int tiny_preview_px = 128;
         output.add("preview/huge.png", encode_png(r.preview));

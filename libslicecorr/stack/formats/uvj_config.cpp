@@ -115,6 +115,7 @@ int block_format(const Process& p) {
 }
 
 int block_format(const StackInfo& info) {
+  if (info.has_edge_heights) return 5;
   if (info.kind == StackKind::recorded) return 4;
   if (info.printer && info.printer->flat_field) return 3;
   return info.process ? block_format(*info.process) : 1;
@@ -155,7 +156,7 @@ Json recording_json(const Recording& recording) {
           {"other_uv_images", recording.other_uv_images}};
 }
 
-Json block_json(const StackInfo& info, std::uint32_t crc, std::optional<std::uint32_t> uv_crc) {
+Json block_json(const StackInfo& info, const ImageChecksums& checksums) {
   Json block;
   const int format = block_format(info);
   block["format"] = format;
@@ -182,8 +183,9 @@ Json block_json(const StackInfo& info, std::uint32_t crc, std::optional<std::uin
   if (!info.original_sha256.empty()) block["original_sha256"] = info.original_sha256;
   if (info.recording) block["recording"] = recording_json(*info.recording);
   // Slices of other programs get no checksums.
-  if (info.kind != StackKind::foreign) block["images_crc32"] = crc;
-  if (uv_crc) block["uv_images_crc32"] = *uv_crc;
+  if (info.kind != StackKind::foreign) block["images_crc32"] = checksums.slices;
+  if (checksums.uv) block["uv_images_crc32"] = *checksums.uv;
+  if (checksums.edges) block["edge_images_crc32"] = *checksums.edges;
   return block;
 }
 
@@ -203,8 +205,13 @@ std::string uv_image_name(int slice) {
   return text;
 }
 
-std::string write_uvj_config(const StackInfo& info, std::uint32_t images_crc32,
-                             std::optional<std::uint32_t> uv_images_crc32) {
+std::string edge_image_name(int node) {
+  char text[50];
+  std::snprintf(text, sizeof text, "slicecorr/surface/%08d.png", node);
+  return text;
+}
+
+std::string write_uvj_config(const StackInfo& info, const ImageChecksums& checksums) {
   const ExposureSummary s = exposure_summary(info);
   std::string text = "{\n\"Properties\": " +
                      dump(properties_json(info, s.normal_s, s.bottom_s, s.bottom_layers), 2);
@@ -223,14 +230,13 @@ std::string write_uvj_config(const StackInfo& info, std::uint32_t images_crc32,
   }
   text += "\n]";
   if (info.kind != StackKind::foreign) {
-    text += ",\n\"slicecorr\": " + write_provenance(info, images_crc32, uv_images_crc32);
+    text += ",\n\"slicecorr\": " + write_provenance(info, checksums);
   }
   return text + "\n}\n";
 }
 
 std::string change_uvj_config(const std::string& original, const StackInfo& info,
-                              std::uint32_t images_crc32,
-                              std::optional<std::uint32_t> uv_images_crc32, bool exposure_changes) {
+                              const ImageChecksums& checksums, bool exposure_changes) {
   std::string_view text = original;
   if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);
   Json json = Json::parse(text);
@@ -262,17 +268,16 @@ std::string change_uvj_config(const std::string& original, const StackInfo& info
   }
   json.erase("slicecorr");
   if (info.kind != StackKind::foreign) {
-    json["slicecorr"] = checked(block_json(info, images_crc32, uv_images_crc32));
+    json["slicecorr"] = checked(block_json(info, checksums));
   }
   return dump(json, 2) + "\n";
 }
 
-std::string write_provenance(const StackInfo& info, std::uint32_t images_crc32,
-                             std::optional<std::uint32_t> uv_images_crc32) {
-  return dump(checked(block_json(info, images_crc32, uv_images_crc32)), 2);
+std::string write_provenance(const StackInfo& info, const ImageChecksums& checksums) {
+  return dump(checked(block_json(info, checksums)), 2);
 }
 
-std::string setup_block(const StackInfo& info) { return dump(block_json(info, 0, {}), 2); }
+std::string setup_block(const StackInfo& info) { return dump(block_json(info, {}), 2); }
 
 std::uint32_t images_crc32(const std::vector<std::uint32_t>& slice_adlers) {
   std::uint32_t crc = 0;

@@ -15,29 +15,26 @@ namespace slicecorr::detail {
 
 /// Newest version of our block that this program reads. Stacks say 1 as long as they hold nothing
 /// else: continuous exposure at one speed, without UV light. 2 has exposure schedules of any kind,
-/// 3 a flat-field, 4 is a recorded stack.
-inline constexpr int kUvjBlockFormat = 4;
+/// 3 a flat-field, 4 is a recorded stack, 5 a target with edge heights.
+inline constexpr int kUvjBlockFormat = 5;
 
 /// Words of the block, in the order of UvKind and Ramp.
 inline const std::vector<std::string> kNamesOfUv{"off", "constant", "per_slice", "patterned"};
 inline const std::vector<std::string> kNamesOfRamps{"none", "lamp_follows", "outside"};
 
-std::string write_uvj_config(const StackInfo& info, std::uint32_t images_crc32,
-                             std::optional<std::uint32_t> uv_images_crc32 = std::nullopt);
+std::string write_uvj_config(const StackInfo& info, const ImageChecksums& checksums);
 
 /// The same changed to what `info` says of layers, with our block; of exposures only when
 /// `exposure_changes`. All else that `original` holds stays.
 std::string change_uvj_config(const std::string& original, const StackInfo& info,
-                              std::uint32_t images_crc32,
-                              std::optional<std::uint32_t> uv_images_crc32, bool exposure_changes);
+                              const ImageChecksums& checksums, bool exposure_changes);
 
 /// Throws `InputError` naming the key and what was expected. Names of images are not filled in.
 ArchiveContents parse_uvj_config(std::string_view text, const std::string& file);
 
 /// Our block alone, with its checksum, for formats that have no place for it; see
 /// `kProvenanceEntry`.
-std::string write_provenance(const StackInfo& info, std::uint32_t images_crc32,
-                             std::optional<std::uint32_t> uv_images_crc32);
+std::string write_provenance(const StackInfo& info, const ImageChecksums& checksums);
 /// The same of a setup alone, without a checksum: texts that carry it have their own.
 std::string setup_block(const StackInfo& info);
 /// Takes the block into `contents`, with the names of UV images where there are some.
@@ -45,6 +42,8 @@ void read_provenance(std::string_view text, const std::string& file, ArchiveCont
 
 /// "uv/00000012.png".
 std::string uv_image_name(int slice);
+/// "slicecorr/surface/00000012.png".
+std::string edge_image_name(int node);
 
 /// Our fingerprint of a stack's images: CRC-32 of the slices' Adler-32 values, each as four bytes,
 /// highest first.

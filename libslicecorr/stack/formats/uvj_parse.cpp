@@ -261,6 +261,7 @@ void read_block(const Node& block, ArchiveContents& config) {
   }
   std::vector<std::string> kinds{"target", "corrected", "foreign"};
   if (format >= 4) kinds.emplace_back("recorded");
+  if (format >= 5) kinds.resize(1);
   constexpr StackKind kind_of[]{StackKind::target, StackKind::corrected, StackKind::foreign,
                                 StackKind::recorded};
   info.kind = kind_of[block["kind"].choice(kinds)];
@@ -315,6 +316,11 @@ void read_block(const Node& block, ArchiveContents& config) {
   if (block.has("uv_images_crc32")) {
     config.uv_images_crc32 =
         static_cast<std::uint32_t>(block["uv_images_crc32"].whole(0, 0xffffffff));
+  }
+  if (format >= 5) {
+    config.edge_images_crc32 =
+        static_cast<std::uint32_t>(block["edge_images_crc32"].whole(0, 0xffffffff));
+    info.has_edge_heights = true;
   }
   if (block.has(kBlockCrc32Key)) {
     const auto crc = static_cast<std::uint32_t>(block[kBlockCrc32Key].whole(0, 0xffffffff));
@@ -373,6 +379,9 @@ void read_provenance(std::string_view text, const std::string& file, ArchiveCont
     if (grid.layer_um == 0) grid.layer_um = exact["layer_um"].positive();
   }
   read_block(root, contents);
+  if (contents.info.has_edge_heights) {
+    root["format"].refuse("speaks of edge heights, which only UVJ archives have");
+  }
   if (!contents.info.process || contents.info.process->uv.kind != UvKind::patterned) return;
   for (int n = 0; n < grid.layers; ++n) contents.uv_images.push_back(uv_image_name(n));
 }

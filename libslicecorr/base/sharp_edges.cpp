@@ -1,0 +1,106 @@
+#include "base/sharp_edges.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <utility>
+
+#include "base/row_kernels.hpp"
+
+namespace slicecorr::detail {
+
+SharpEdges::SharpEdges(const CodedBand& heights, Sink sink)
+    : heights_(heights),
+      sink_(std::move(sink)),
+      columns_(heights.columns()),
+      words_((columns_ + kRowWord - 1) / kRowWord),
+      kept_(words_ * kRowWord) {
+  for (Row& r : rows_) {
+    r.coverage.assign(words_ * kRowWord, 0);
+    r.heights.assign(words_ * kRowWord, 0);
+    r.greys.assign(words_, 0);
+  }
+}
+
+void SharpEdges::add(const std::uint8_t* rows) {
+  take(rows);
+  if (taken_ - given_ > kLongestRun) give(given_++);
+}
+
+void SharpEdges::finish() {
+  const int slices = taken_;
+  while (given_ < slices) {
+    take(nullptr);
+    give(given_++);
+  }
+  if (taken_ == slices) take(nullptr);
+  give(slices);
+}
+
+/// Makes slice `taken_` the newest one, and resolves the runs that it ends.
+void SharpEdges::take(const std::uint8_t* rows) {
+  Row& r = row(taken_);
+  r.grey = false;
+  if (rows != nullptr && !all_zero(rows, columns_)) {
+    std::copy_n(rows, columns_, r.coverage.data());
+    r.black = false;
+    r.grey = find_greys(r.coverage.data(), words_, r.greys.data());
+  } else if (!r.black) {
+    std::fill(r.coverage.begin(), r.coverage.end(), std::uint8_t{0});
+    r.black = true;
+  }
+  if (taken_ < heights_.slices() && !heights_.black(taken_)) {
+    heights_.read(taken_, r.heights.data());
+    r.has_heights = true;
+  } else if (r.has_heights) {
+    std::fill(r.heights.begin(), r.heights.end(), std::uint8_t{0});
+    r.has_heights = false;
+  }
+  ++taken_;
+  end_runs();
+}
+
+/// Resolves the runs of which the newest slice but one is the last.
+void SharpEdges::end_runs() {
+  const int newest = taken_ - 1;
+  const Row &after = row(newest), &last = row(newest - 1);
+  if (newest == 0 || !last.grey) return;
+  bool any_height = false;
+  for (int n = newest - kLongestRun; n <= newest; ++n) any_height |= row(n).has_heights;
+  if (!any_height) return;
+  for (std::size_t w = 0; w < words_; ++w) {
+    std::uint64_t ends = last.greys[w] & ~(after.grey ? after.greys[w] : 0);
+    for (; ends != 0; ends &= ends - 1) {
+      resolve(w * kRowWord + static_cast<std::size_t>(std::countr_zero(ends)));
+    }
+  }
+}
+
+void SharpEdges::resolve(std::size_t column) {
+  const int past = taken_ - 1;
+  const auto is_grey = [&](int n) {
+    const Row& r = row(n);
+    return r.grey && (r.greys[column / kRowWord] >> (column % kRowWord) & 1) != 0;
+  };
+  int first = past - 1;
+  while (past - first <= kLongestRun && is_grey(first - 1)) --first;
+  if (past - first > kLongestRun) return;
+  const std::uint8_t before = row(first - 1).coverage[column], after = row(past).coverage[column];
+  if (before == after) return;
+  int edge = -1;
+  for (int node = first; node <= past; ++node) {
+    if (row(node).heights[column] == 0) continue;
+    if (edge >= 0) return;
+    edge = node;
+  }
+  if (edge < 0) return;
+  for (int n = first; n < past; ++n) row(n).coverage[column] = n < edge ? before : after;
+}
+
+void SharpEdges::give(int n) {
+  const Row &over = row(n - 1), &r = row(n);
+  const bool kept = r.has_heights && keep_at_edges(over.coverage.data(), r.coverage.data(),
+                                                   r.heights.data(), words_, kept_.data());
+  sink_(n, r.black ? nullptr : r.coverage.data(), kept ? kept_.data() : nullptr);
+}
+
+}  // namespace slicecorr::detail

@@ -119,7 +119,8 @@ TEST(StackSchedule, RampsChangeTimeAndLightOfTheSlicesInThem) {
     EXPECT_EQ(exposure["LightPWM"], static_cast<int>(std::lround(255 * speed))) << n;
   }
   p.ramp = Ramp::outside;
-  for (const json& layer : json::parse(write_uvj_config(corrected(p), {7}))["Layers"]) {
+  const json outside = json::parse(write_uvj_config(corrected(p), {7}));
+  for (const json& layer : outside["Layers"]) {
     EXPECT_EQ(layer["Exposure"]["LightPWM"], 255);
     EXPECT_EQ(layer["Exposure"]["LightOnTime"], slice_s);
   }

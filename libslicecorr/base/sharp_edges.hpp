@@ -26,7 +26,7 @@ namespace slicecorr::detail {
 /// One object for one band and thread.
 class SharpEdges {
  public:
-  static constexpr int kLongestRun = 2;
+  static constexpr int kLongestRun = 24;
 
   /// Coverage of slice n, and edge heights of node n, valid during the call; null stands for rows
   /// of 0. After the last slice once more, without coverage, for the node after it.

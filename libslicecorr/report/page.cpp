@@ -56,6 +56,17 @@ std::string figures_table(const ReportContent& c) {
       [&](const Prediction& p) { return edge(p, p.height_error_um.quantile(0.95)); });
   row("Largest height error",
       [&](const Prediction& p) { return edge(p, p.height_error_um.greatest()); });
+  if (c.after.surface_error_um.count() > 0) {
+    const auto surface = [](const Prediction& p, double value) {
+      return number_or_dash(p.surface_error_um.count() > 0, value, " um");
+    };
+    row("Mean distance of edges to the mesh",
+        [&](const Prediction& p) { return surface(p, p.surface_error_um.mean()); });
+    row("95 % of edges within",
+        [&](const Prediction& p) { return surface(p, p.surface_error_um.quantile(0.95)); });
+    row("Largest distance to the mesh",
+        [&](const Prediction& p) { return surface(p, p.surface_error_um.greatest()); });
+  }
   row("Gap voxels cured through",
       [](const Prediction& p) { return fmt::format("{}", p.cure_through_voxels); });
   row("Feature voxels undercured",

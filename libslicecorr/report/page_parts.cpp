@@ -142,6 +142,13 @@ std::string histograms(const ReportContent& c) {
     html += histogram("Height error of edges", "um, from", error_names,
                       c.before ? &before : nullptr, after);
   }
+  if (c.after.surface_error_um.count() > 0) {
+    const Counts after = c.after.surface_error_um.coarse(errors);
+    Counts before;
+    if (c.before) before = c.before->surface_error_um.coarse(errors);
+    html += histogram("Distance of edges to the mesh", "um, from", error_names,
+                      c.before ? &before : nullptr, after);
+  }
   if (c.after.gap_contrast.count() > 0) {
     std::vector<double> contrasts;
     std::vector<std::string> names;

@@ -154,6 +154,11 @@ struct Prediction {
   /// Column and row of the edge with the greatest height error (the first such pixel); -1: none.
   int worst_x = -1, worst_y = -1;
 
+  /// How far edges are from the design: from its own surface where the target knows that, else from
+  /// nodes.
+  const Histogram& design_error_um() const {
+    return surface_error_um.count() > 0 ? surface_error_um : height_error_um;
+  }
   /// Printed and designed, over printed or designed; 1 when there is neither.
   double iou() const;
   void merge(const Prediction& other);

@@ -66,6 +66,26 @@ constexpr std::uint8_t edge_height_byte(double slices) {
                      : static_cast<std::uint8_t>(v + 0.5);
 }
 
+/// The slices of a source without its edge heights. `source` must outlive this.
+class SlicesAlone final : public SliceSource {
+ public:
+  explicit SlicesAlone(const SliceSource& source) : source_(source) {}
+  const Grid& grid() const override { return source_.grid(); }
+  PixelBox bounds() const override { return source_.bounds(); }
+  ImageFrame frame() const override { return source_.frame(); }
+  const Recording* recording() const override { return source_.recording(); }
+  void read_band(const PixelBox& band, const Sink& sink) const override {
+    source_.read_band(band, sink);
+  }
+  void read_slices(const PixelBox& band, int first, int past, const Sink& sink) const override {
+    source_.read_slices(band, first, past, sink);
+  }
+  bool reads_any_slices() const override { return source_.reads_any_slices(); }
+
+ private:
+  const SliceSource& source_;
+};
+
 /// Size, scale and frame without images: for functions that do not look at voxels.
 class GridOnly final : public SliceSource {
  public:

@@ -22,12 +22,27 @@ std::string figures_table(const std::vector<Figures>& columns) {
   const auto edge = [](const Prediction& p, double value) {
     return p.height_error_um.count() ? fmt::format("{:.3f} um", value) : std::string("-");
   };
+  // Of a design with its own heights, those of the slices are what the distance makes up for.
   line("height error, mean",
        [&](const Prediction& p) { return edge(p, p.height_error_um.mean()); });
   line("height error, 95 % within",
        [&](const Prediction& p) { return edge(p, p.height_error_um.quantile(0.95)); });
   line("height error, largest",
        [&](const Prediction& p) { return edge(p, p.height_error_um.greatest()); });
+  const bool any_surface = std::any_of(columns.begin(), columns.end(), [](const Figures& f) {
+    return f.prediction->surface_error_um.count() > 0;
+  });
+  if (any_surface) {
+    const auto surface = [](const Prediction& p, double value) {
+      return p.surface_error_um.count() ? fmt::format("{:.3f} um", value) : std::string("-");
+    };
+    line("distance to the mesh, mean",
+         [&](const Prediction& p) { return surface(p, p.surface_error_um.mean()); });
+    line("distance to the mesh, 95 % within",
+         [&](const Prediction& p) { return surface(p, p.surface_error_um.quantile(0.95)); });
+    line("distance to the mesh, largest",
+         [&](const Prediction& p) { return surface(p, p.surface_error_um.greatest()); });
+  }
   line("gap voxels cured through",
        [](const Prediction& p) { return fmt::format("{}", p.cure_through_voxels); });
   line("feature voxels undercured",

@@ -49,8 +49,10 @@ void MeshOptions::add_placement_to(CLI::App& app) {
 }
 
 void MeshOptions::add_surface_to(CLI::App& app) {
-  app.add_option("--surface", surface,
-                 "Where edges lie: at the heights of the mesh, or at those of the slices")
+  app.add_option(
+         "--surface", surface,
+         "Where edges lie: at the heights of the mesh, where they are known, or at those of the "
+         "slices")
       ->check(CLI::IsMember({"slices", "mesh"}))
       ->capture_default_str();
 }

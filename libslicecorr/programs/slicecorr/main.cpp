@@ -78,8 +78,10 @@ int correct(const Arguments& a, const ExecutionContext& context, Console& consol
   if (times.kind == StackKind::foreign && times.format == file.format) file.keep_from = a.input;
   const StackReader target = a.open(a.input, folder_of(a.output), context);
   const FittedSlices fitted = fit_for_output(target, file, setup.printer, context);
+  const SlicesAlone alone(*fitted);
+  const SliceSource& wanted = a.mesh.slice_options().edge_heights ? *fitted : alone;
   const Correction result =
-      correct_stack(*fitted, setup, file, {.before = !console.quiet()}, context);
+      correct_stack(wanted, setup, file, {.before = !console.quiet()}, context);
   console.say(fmt::format("{}: {} slices\n{}", a.output, result.info.grid.layers,
                           summary(result.after, result.before)));
   return kDone;
@@ -114,10 +116,11 @@ int verify(const Arguments& a, const ExecutionContext& context, Console&) {
   } else {
     print_or_write(a.json, p.to_json());
   }
-  const bool edges = p.height_error_um.count() > 0;
-  if (a.max_height_error_um >= 0 && edges && p.height_error_um.greatest() > a.max_height_error_um) {
+  const Histogram& errors = p.design_error_um();
+  if (a.max_height_error_um >= 0 && errors.count() > 0 &&
+      errors.greatest() > a.max_height_error_um) {
     write_stderr(fmt::format("slicecorr: largest height error {:.3f} um, allowed are {:g} um\n",
-                             p.height_error_um.greatest(), a.max_height_error_um));
+                             errors.greatest(), a.max_height_error_um));
     return kMissed;
   }
   return kDone;
@@ -270,16 +273,16 @@ ComparisonTable table_of(const std::vector<Figures>& columns) {
   for (const Figures& c : columns) {
     const Prediction& p = *c.prediction;
     const auto edge = [&](double um) {
-      return p.height_error_um.count() ? fmt::format("{:.2f} um", um) : std::string("-");
+      return p.design_error_um().count() ? fmt::format("{:.2f} um", um) : std::string("-");
     };
     table.rows.push_back(
-        {c.heading, edge(p.height_error_um.mean()), edge(p.height_error_um.quantile(0.95)),
-         edge(p.height_error_um.greatest()), fmt::format("{}", p.cure_through_voxels),
+        {c.heading, edge(p.design_error_um().mean()), edge(p.design_error_um().quantile(0.95)),
+         edge(p.design_error_um().greatest()), fmt::format("{}", p.cure_through_voxels),
          fmt::format("{}", p.undercure_voxels), fmt::format("{}", p.lost_features),
          fmt::format("{}", p.merged_features), fmt::format("{:.5f}", p.iou())});
   }
   table.note =
-      "Height errors at designed edges; voxels cured through and undercured; features lost and "
+      "Height errors at designed edges, from the mesh where its heights are known; voxels cured through and undercured; features lost and "
       "gaps merged, by column. Erase: the first N slices next to a gap are left out, with the N "
       "that is best for this part. Grey table: 25, 15, 10, 5 are taken off where the next four "
       "slices are lit.";
@@ -304,14 +307,16 @@ int compare(const Arguments& a, const ExecutionContext& context, Console& consol
     add("uncorrected", c.uncorrected);
     add("erase", c.erase);
     add("table", c.table);
+    if (c.to_slices) add("ours_to_slices", *c.to_slices);
     add("ours", c.ours);
     json["erase"]["best_n"] = c.best_n;
     print_or_write(a.json, json.dump(2));
   }
-  const std::vector<Figures> columns = {{"uncorrected", &c.uncorrected},
-                                        {fmt::format("erase, N = {}", c.best_n), &c.erase},
-                                        {"grey table", &c.table},
-                                        {"corrected", &c.ours}};
+  std::vector<Figures> columns = {{"uncorrected", &c.uncorrected},
+                                  {fmt::format("erase, N = {}", c.best_n), &c.erase},
+                                  {"grey table", &c.table}};
+  if (c.to_slices) columns.push_back({"corrected to slices", &*c.to_slices});
+  columns.push_back({"corrected", &c.ours});
   if (a.json != "-") print_result(figures_table(columns));
   if (!a.output.empty()) {
     const CorrectedSlices corrected(target, setup, context);
@@ -404,6 +409,7 @@ int run_program(int argc, char** argv) {
 
   sub = add("correct", "Correct a stack for a printer, a resin and a speed", correct);
   stack_input(sub, "IN", "Stack of coverage images");
+  a.mesh.add_surface_to(*sub);
   a.setup.add_to(*sub, true, true);
   stack_output(sub, "Stack to write (.uvj, or another format)");
 
@@ -412,8 +418,10 @@ int run_program(int argc, char** argv) {
   sub->add_option("--target", a.target, "Stack of the design")->required();
   a.setup.add_to(*sub, false, true);
   sub->add_option("--json", a.json, "Write all figures as JSON to FILE, or - for stdout");
-  sub->add_option("--max-height-error-um", a.max_height_error_um,
-                  "Exit with 5 when the largest height error is above this")
+  sub->add_option(
+         "--max-height-error-um", a.max_height_error_um,
+         "Exit with 5 when the largest height error is above this, from the mesh where the "
+         "target has its heights")
       ->check(number_in(0, std::numeric_limits<double>::max()));
 
   sub = add("probe", "Grey level, intensity and dose along one pixel column, as CSV", probe);
@@ -462,6 +470,7 @@ int run_program(int argc, char** argv) {
 
   sub = add("run", "Slice, correct, verify and report: OUT.uvj, OUT.html, OUT.json", run);
   a.mesh.add_to(*sub);
+  a.mesh.add_surface_to(*sub);
   a.setup.add_to(*sub, true, true);
   stack_output(sub, "Stack to write (.uvj, or another format)");
 
@@ -469,6 +478,7 @@ int run_program(int argc, char** argv) {
             "Predict a part with the usual compensations and with the correction; writes no stack",
             compare);
   a.mesh.add_to(*sub);
+  a.mesh.add_surface_to(*sub);
   a.setup.add_to(*sub, true, true);
   sub->add_option("--json", a.json, "Write all figures as JSON to FILE, or - for stdout");
   sub->add_option("-o,--output", a.output,

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cstring>
 #include <utility>
 
 #include "base/row_kernels.hpp"
@@ -18,6 +19,7 @@ SharpEdges::SharpEdges(const CodedBand& heights, Sink sink)
     r.coverage.assign(words_ * kRowWord, 0);
     r.heights.assign(words_ * kRowWord, 0);
     r.greys.assign(words_, 0);
+    r.lit.assign(words_, 0);
   }
 }
 
@@ -41,15 +43,22 @@ void SharpEdges::take(const std::uint8_t* rows) {
   Row& r = row(taken_);
   r.grey = false;
   if (rows != nullptr && !all_zero(rows, columns_)) {
-    std::copy_n(rows, columns_, r.coverage.data());
     r.black = false;
-    r.grey = find_greys(r.coverage.data(), words_, r.greys.data());
+    const std::size_t whole = columns_ / kRowWord;
+    std::uint8_t* const coverage = r.coverage.data();
+    r.grey = copy_and_find_greys(rows, whole, coverage, r.greys.data());
+    if (whole < words_) {
+      std::uint8_t* const rest = coverage + whole * kRowWord;
+      std::copy_n(rows + whole * kRowWord, columns_ % kRowWord, rest);
+      r.grey |= copy_and_find_greys(rest, 1, rest, r.greys.data() + whole);
+    }
   } else if (!r.black) {
     std::fill(r.coverage.begin(), r.coverage.end(), std::uint8_t{0});
     r.black = true;
   }
   if (taken_ < heights_.slices() && !heights_.black(taken_)) {
     heights_.read(taken_, r.heights.data());
+    find_lit(r.heights.data(), words_, r.lit.data());
     r.has_heights = true;
   } else if (r.has_heights) {
     std::fill(r.heights.begin(), r.heights.end(), std::uint8_t{0});
@@ -98,9 +107,13 @@ void SharpEdges::resolve(std::size_t column) {
 
 void SharpEdges::give(int n) {
   const Row &over = row(n - 1), &r = row(n);
-  const bool kept = r.has_heights && keep_at_edges(over.coverage.data(), r.coverage.data(),
-                                                   r.heights.data(), words_, kept_.data());
+  const bool kept =
+      r.has_heights && keep_at_edges(over.coverage.data(), r.coverage.data(), r.heights.data(),
+                                     r.lit.data(), words_, kept_.data());
   sink_(n, r.black ? nullptr : r.coverage.data(), kept ? kept_.data() : nullptr);
+  for (std::size_t w = 0; kept && w < words_; ++w) {
+    if (r.lit[w] != 0) std::memset(kept_.data() + w * kRowWord, 0, kRowWord);
+  }
 }
 
 }  // namespace slicecorr::detail

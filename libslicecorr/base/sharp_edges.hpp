@@ -46,8 +46,8 @@ class SharpEdges {
   struct Row {
     bool black = true, grey = false, has_heights = false;
     std::vector<std::uint8_t> coverage, heights;  ///< 0 when `black`, or not `has_heights`
-    std::vector<std::uint64_t>
-        greys;  ///< of the coverage that was taken; of no meaning unless `grey`
+    std::vector<std::uint64_t> greys;             ///< of the coverage that was taken, when `grey`
+    std::vector<std::uint64_t> lit;               ///< where heights are, when `has_heights`
   };
   /// Slices from -1 on, as long as they are needed: two more than the longest run has.
   static constexpr int kRows = kLongestRun + 2;
@@ -63,7 +63,7 @@ class SharpEdges {
   const std::size_t columns_, words_;
   int taken_ = 0, given_ = 0;  ///< slices
   Row rows_[kRows];
-  std::vector<std::uint8_t> kept_;
+  std::vector<std::uint8_t> kept_;  ///< all 0 between slices
 };
 
 }  // namespace slicecorr::detail

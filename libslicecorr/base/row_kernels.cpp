@@ -75,25 +75,6 @@ bool CopyAndFindGreys(const std::uint8_t* pixels, std::size_t words, std::uint8_
   return any != 0;
 }
 
-bool KeepAtEdges(const std::uint8_t* a, const std::uint8_t* b, const std::uint8_t* heights,
-                 const std::uint64_t* lit, std::size_t words, std::uint8_t* kept) {
-  const Bytes d;
-  auto any = hn::Zero(d);
-  for (std::size_t w = 0; w < words; ++w) {
-    if (lit[w] == 0) continue;
-    for (std::size_t i = w * kRowWord; i < (w + 1) * kRowWord; i += hn::Lanes(d)) {
-      const auto over = hn::LoadU(d, a + i), under = hn::LoadU(d, b + i);
-      // Of two bytes a difference of 255 is that of 0 and 255 alone.
-      const auto difference = hn::Sub(hn::Max(over, under), hn::Min(over, under));
-      const auto is_edge = hn::Eq(difference, hn::Set(d, 255));
-      const auto height = hn::IfThenElseZero(is_edge, hn::LoadU(d, heights + i));
-      any = hn::Or(any, height);
-      hn::StoreU(height, d, kept + i);
-    }
-  }
-  return !hn::AllTrue(d, hn::Eq(any, hn::Zero(d)));
-}
-
 }  // namespace
 // NOLINTNEXTLINE(google-readability-namespace-comments)
 }  // namespace HWY_NAMESPACE
@@ -106,7 +87,6 @@ namespace slicecorr::detail {
 HWY_EXPORT(FindChanges);
 HWY_EXPORT(FindLit);
 HWY_EXPORT(CopyAndFindGreys);
-HWY_EXPORT(KeepAtEdges);
 
 void find_changes(const std::uint8_t* pixels, std::size_t words, std::uint64_t* changes) {
   HWY_DYNAMIC_DISPATCH(FindChanges)(pixels, words, changes);
@@ -117,10 +97,6 @@ std::uint64_t find_lit(const std::uint8_t* pixels, std::size_t words, std::uint6
 bool copy_and_find_greys(const std::uint8_t* pixels, std::size_t words, std::uint8_t* copy,
                          std::uint64_t* greys) {
   return HWY_DYNAMIC_DISPATCH(CopyAndFindGreys)(pixels, words, copy, greys);
-}
-bool keep_at_edges(const std::uint8_t* a, const std::uint8_t* b, const std::uint8_t* heights,
-                   const std::uint64_t* lit, std::size_t words, std::uint8_t* kept) {
-  return HWY_DYNAMIC_DISPATCH(KeepAtEdges)(a, b, heights, lit, words, kept);
 }
 
 }  // namespace slicecorr::detail

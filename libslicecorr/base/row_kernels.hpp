@@ -21,9 +21,4 @@ std::uint64_t find_lit(const std::uint8_t* pixels, std::size_t words, std::uint6
 bool copy_and_find_greys(const std::uint8_t* pixels, std::size_t words, std::uint8_t* copy,
                          std::uint64_t* greys);
 
-/// kept[i] = heights[i] where one of a[i] and b[i] is 0 and the other 255, else 0; in those words
-/// alone in which `lit` has a bit. Returns whether any is kept.
-bool keep_at_edges(const std::uint8_t* a, const std::uint8_t* b, const std::uint8_t* heights,
-                   const std::uint64_t* lit, std::size_t words, std::uint8_t* kept);
-
 }  // namespace slicecorr::detail

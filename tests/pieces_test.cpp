@@ -39,6 +39,18 @@ TEST(RunLength, RoundTripsRunsOfAllLengths) {
     const std::uint8_t* const end = code.data() + code.size();
     ASSERT_EQ(detail::run_length_decode(code.data() + 1, end, decoded.data(), decoded.size()), end);
     ASSERT_EQ(decoded, data);
+
+    std::vector<detail::NonZero> nonzero;
+    ASSERT_EQ(detail::run_length_nonzero(code.data() + 1, end, data.size(), nonzero), end);
+    Bytes rebuilt(data.size(), 0);
+    std::uint32_t next = 0;
+    for (const detail::NonZero& v : nonzero) {
+      ASSERT_GE(v.at, next);
+      ASSERT_NE(v.value, 0);
+      next = v.at + 1;
+      rebuilt[v.at] = v.value;
+    }
+    ASSERT_EQ(rebuilt, data);
   }
 }
 

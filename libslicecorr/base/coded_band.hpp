@@ -41,6 +41,13 @@ class CodedBand {
     run_length_decode(code_.data() + begin(slice),
                       code_.data() + ends_[static_cast<std::size_t>(slice)], out, columns_);
   }
+  /// The same without its zeros, in order of the columns, in place of what `out` held.
+  void read_nonzero(int slice, std::vector<NonZero>& out) const {
+    out.clear();
+    if (slice < 0 || slice >= slices() || black(slice)) return;
+    run_length_nonzero(code_.data() + begin(slice),
+                       code_.data() + ends_[static_cast<std::size_t>(slice)], columns_, out);
+  }
   std::size_t columns() const { return columns_; }
 
  private:

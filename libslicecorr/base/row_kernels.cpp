@@ -57,13 +57,15 @@ std::uint64_t FindLit(const std::uint8_t* pixels, std::size_t words, std::uint64
   return hn::GetLane(hn::SumOfLanes(wide, sums));
 }
 
-bool FindGreys(const std::uint8_t* pixels, std::size_t words, std::uint64_t* greys) {
+bool CopyAndFindGreys(const std::uint8_t* pixels, std::size_t words, std::uint8_t* copy,
+                      std::uint64_t* greys) {
   const Bytes d;
   std::uint64_t any = 0;
-  for (std::size_t w = 0; w < words; ++w, pixels += kRowWord) {
+  for (std::size_t w = 0; w < words; ++w, pixels += kRowWord, copy += kRowWord) {
     std::uint64_t plain = 0;
     for (std::size_t l = 0; l < kRowWord; l += hn::Lanes(d)) {
       const auto row = hn::LoadU(d, pixels + l);
+      hn::StoreU(row, d, copy + l);
       const auto is_plain = hn::Or(hn::Eq(row, hn::Zero(d)), hn::Eq(row, hn::Set(d, 255)));
       plain |= bits_of(d, is_plain) << l;
     }
@@ -71,22 +73,6 @@ bool FindGreys(const std::uint8_t* pixels, std::size_t words, std::uint64_t* gre
     any |= ~plain;
   }
   return any != 0;
-}
-
-bool KeepAtEdges(const std::uint8_t* a, const std::uint8_t* b, const std::uint8_t* heights,
-                 std::size_t words, std::uint8_t* kept) {
-  const Bytes d;
-  auto any = hn::Zero(d);
-  for (std::size_t i = 0; i < words * kRowWord; i += hn::Lanes(d)) {
-    const auto over = hn::LoadU(d, a + i), under = hn::LoadU(d, b + i);
-    // Of two bytes a difference of 255 is that of 0 and 255 alone.
-    const auto difference = hn::Sub(hn::Max(over, under), hn::Min(over, under));
-    const auto is_edge = hn::Eq(difference, hn::Set(d, 255));
-    const auto height = hn::IfThenElseZero(is_edge, hn::LoadU(d, heights + i));
-    any = hn::Or(any, height);
-    hn::StoreU(height, d, kept + i);
-  }
-  return !hn::AllTrue(d, hn::Eq(any, hn::Zero(d)));
 }
 
 }  // namespace
@@ -100,8 +86,7 @@ namespace slicecorr::detail {
 
 HWY_EXPORT(FindChanges);
 HWY_EXPORT(FindLit);
-HWY_EXPORT(FindGreys);
-HWY_EXPORT(KeepAtEdges);
+HWY_EXPORT(CopyAndFindGreys);
 
 void find_changes(const std::uint8_t* pixels, std::size_t words, std::uint64_t* changes) {
   HWY_DYNAMIC_DISPATCH(FindChanges)(pixels, words, changes);
@@ -109,12 +94,9 @@ void find_changes(const std::uint8_t* pixels, std::size_t words, std::uint64_t* 
 std::uint64_t find_lit(const std::uint8_t* pixels, std::size_t words, std::uint64_t* lit) {
   return HWY_DYNAMIC_DISPATCH(FindLit)(pixels, words, lit);
 }
-bool find_greys(const std::uint8_t* pixels, std::size_t words, std::uint64_t* greys) {
-  return HWY_DYNAMIC_DISPATCH(FindGreys)(pixels, words, greys);
-}
-bool keep_at_edges(const std::uint8_t* a, const std::uint8_t* b, const std::uint8_t* heights,
-                   std::size_t words, std::uint8_t* kept) {
-  return HWY_DYNAMIC_DISPATCH(KeepAtEdges)(a, b, heights, words, kept);
+bool copy_and_find_greys(const std::uint8_t* pixels, std::size_t words, std::uint8_t* copy,
+                         std::uint64_t* greys) {
+  return HWY_DYNAMIC_DISPATCH(CopyAndFindGreys)(pixels, words, copy, greys);
 }
 
 }  // namespace slicecorr::detail

@@ -16,12 +16,9 @@ void find_changes(const std::uint8_t* pixels, std::size_t words, std::uint64_t* 
 /// Bit i of word w: whether pixels[64 w + i] is not 0. Returns the sum of all of them.
 std::uint64_t find_lit(const std::uint8_t* pixels, std::size_t words, std::uint64_t* lit);
 
-/// Bit i of word w: whether pixels[64 w + i] is neither 0 nor 255. Returns whether any is.
-bool find_greys(const std::uint8_t* pixels, std::size_t words, std::uint64_t* greys);
-
-/// kept[i] = heights[i] where one of a[i] and b[i] is 0 and the other 255, else 0; `words` words of
-/// each. Returns whether any is kept.
-bool keep_at_edges(const std::uint8_t* a, const std::uint8_t* b, const std::uint8_t* heights,
-                   std::size_t words, std::uint8_t* kept);
+/// Copies `words` words of pixels. Bit i of greys[w]: whether pixels[64 w + i] is neither 0 nor 255.
+/// Returns whether any is.
+bool copy_and_find_greys(const std::uint8_t* pixels, std::size_t words, std::uint8_t* copy,
+                         std::uint64_t* greys);
 
 }  // namespace slicecorr::detail

@@ -80,8 +80,13 @@ void run_length_encode(const std::uint8_t* data, std::size_t n, std::vector<std:
   }
 }
 
-const std::uint8_t* run_length_decode(const std::uint8_t* in, const std::uint8_t* end,
-                                      std::uint8_t* data, std::size_t n) {
+namespace {
+
+/// Gives the runs of a code to `take(kind, bytes, length)`, where `bytes` are those that follow the
+/// header.
+template <class Take>
+const std::uint8_t* each_run(const std::uint8_t* in, const std::uint8_t* end, std::size_t n,
+                             const Take& take) {
   while (n > 0) {
     if (in == end) corrupt();
     const std::uint8_t header = *in++;
@@ -95,26 +100,40 @@ const std::uint8_t* run_length_decode(const std::uint8_t* in, const std::uint8_t
       }
     }
     if (length > n) corrupt();
-    switch (header >> 6) {
-      case zeros:
-        std::memset(data, 0, length);
-        break;
-      case ones:
-        std::memset(data, 255, length);
-        break;
-      case repeated:
-        if (in == end) corrupt();
-        std::memset(data, *in++, length);
-        break;
-      default:
-        if (static_cast<std::size_t>(end - in) < length) corrupt();
-        std::memcpy(data, in, length);
-        in += length;
-    }
-    data += length;
+    const int kind = header >> 6;
+    const std::size_t bytes = kind == plain ? length : kind == repeated ? 1 : 0;
+    if (static_cast<std::size_t>(end - in) < bytes) corrupt();
+    take(kind, in, length);
+    in += bytes;
     n -= length;
   }
   return in;
+}
+
+}  // namespace
+
+const std::uint8_t* run_length_decode(const std::uint8_t* in, const std::uint8_t* end,
+                                      std::uint8_t* data, std::size_t n) {
+  return each_run(in, end, n, [&](int kind, const std::uint8_t* bytes, std::size_t length) {
+    if (kind == plain) {
+      std::memcpy(data, bytes, length);
+    } else {
+      std::memset(data, kind == zeros ? 0 : kind == ones ? 255 : *bytes, length);
+    }
+    data += length;
+  });
+}
+
+const std::uint8_t* run_length_nonzero(const std::uint8_t* in, const std::uint8_t* end,
+                                       std::size_t n, std::vector<NonZero>& out) {
+  std::uint32_t at = 0;
+  return each_run(in, end, n, [&](int kind, const std::uint8_t* bytes, std::size_t length) {
+    for (std::size_t i = 0; kind != zeros && i < length; ++i) {
+      const std::uint8_t value = kind == plain ? bytes[i] : kind == ones ? 255 : *bytes;
+      if (value != 0) out.push_back({at + static_cast<std::uint32_t>(i), value});
+    }
+    at += static_cast<std::uint32_t>(length);
+  });
 }
 
 }  // namespace slicecorr::detail

@@ -20,4 +20,13 @@ void run_length_encode(const std::uint8_t* data, std::size_t n, std::vector<std:
 const std::uint8_t* run_length_decode(const std::uint8_t* in, const std::uint8_t* end,
                                       std::uint8_t* data, std::size_t n);
 
+/// A byte that is not 0, and where it is.
+struct NonZero {
+  std::uint32_t at;
+  std::uint8_t value;
+};
+/// The same code without its zeros: appends what else there is, in order.
+const std::uint8_t* run_length_nonzero(const std::uint8_t* in, const std::uint8_t* end,
+                                       std::size_t n, std::vector<NonZero>& out);
+
 }  // namespace slicecorr::detail

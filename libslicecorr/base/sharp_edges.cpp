@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cstdlib>
 #include <utility>
 
 #include "base/row_kernels.hpp"
@@ -16,9 +17,15 @@ SharpEdges::SharpEdges(const CodedBand& heights, Sink sink)
       kept_(words_ * kRowWord) {
   for (Row& r : rows_) {
     r.coverage.assign(words_ * kRowWord, 0);
-    r.heights.assign(words_ * kRowWord, 0);
     r.greys.assign(words_, 0);
   }
+}
+
+std::uint8_t SharpEdges::Row::height_at(std::size_t column) const {
+  const auto found =
+      std::lower_bound(heights.begin(), heights.end(), column,
+                       [](const NonZero& height, std::size_t at) { return height.at < at; });
+  return found != heights.end() && found->at == column ? found->value : std::uint8_t{0};
 }
 
 void SharpEdges::add(const std::uint8_t* rows) {
@@ -41,20 +48,20 @@ void SharpEdges::take(const std::uint8_t* rows) {
   Row& r = row(taken_);
   r.grey = false;
   if (rows != nullptr && !all_zero(rows, columns_)) {
-    std::copy_n(rows, columns_, r.coverage.data());
     r.black = false;
-    r.grey = find_greys(r.coverage.data(), words_, r.greys.data());
+    const std::size_t whole = columns_ / kRowWord;
+    std::uint8_t* const coverage = r.coverage.data();
+    r.grey = copy_and_find_greys(rows, whole, coverage, r.greys.data());
+    if (whole < words_) {
+      std::uint8_t* const rest = coverage + whole * kRowWord;
+      std::copy_n(rows + whole * kRowWord, columns_ % kRowWord, rest);
+      r.grey |= copy_and_find_greys(rest, 1, rest, r.greys.data() + whole);
+    }
   } else if (!r.black) {
     std::fill(r.coverage.begin(), r.coverage.end(), std::uint8_t{0});
     r.black = true;
   }
-  if (taken_ < heights_.slices() && !heights_.black(taken_)) {
-    heights_.read(taken_, r.heights.data());
-    r.has_heights = true;
-  } else if (r.has_heights) {
-    std::fill(r.heights.begin(), r.heights.end(), std::uint8_t{0});
-    r.has_heights = false;
-  }
+  heights_.read_nonzero(taken_, r.heights);
   ++taken_;
   end_runs();
 }
@@ -65,7 +72,7 @@ void SharpEdges::end_runs() {
   const Row &after = row(newest), &last = row(newest - 1);
   if (newest == 0 || !last.grey) return;
   bool any_height = false;
-  for (int n = newest - kLongestRun; n <= newest; ++n) any_height |= row(n).has_heights;
+  for (int n = newest - kLongestRun; n <= newest; ++n) any_height |= !row(n).heights.empty();
   if (!any_height) return;
   for (std::size_t w = 0; w < words_; ++w) {
     std::uint64_t ends = last.greys[w] & ~(after.grey ? after.greys[w] : 0);
@@ -88,7 +95,7 @@ void SharpEdges::resolve(std::size_t column) {
   if (before == after) return;
   int edge = -1;
   for (int node = first; node <= past; ++node) {
-    if (row(node).heights[column] == 0) continue;
+    if (row(node).height_at(column) == 0) continue;
     if (edge >= 0) return;
     edge = node;
   }
@@ -98,9 +105,15 @@ void SharpEdges::resolve(std::size_t column) {
 
 void SharpEdges::give(int n) {
   const Row &over = row(n - 1), &r = row(n);
-  const bool kept = r.has_heights && keep_at_edges(over.coverage.data(), r.coverage.data(),
-                                                   r.heights.data(), words_, kept_.data());
+  bool kept = false;
+  for (const NonZero& height : r.heights) {
+    // Of two bytes a difference of 255 is that of 0 and 255 alone.
+    if (std::abs(over.coverage[height.at] - r.coverage[height.at]) != 255) continue;
+    kept_[height.at] = height.value;
+    kept = true;
+  }
   sink_(n, r.black ? nullptr : r.coverage.data(), kept ? kept_.data() : nullptr);
+  for (const NonZero& height : r.heights) kept_[height.at] = 0;
 }
 
 }  // namespace slicecorr::detail

@@ -44,10 +44,11 @@ class SharpEdges {
  private:
   /// A slice with its upper node. Pixels are padded to whole words of `kRowWord`.
   struct Row {
-    bool black = true, grey = false, has_heights = false;
-    std::vector<std::uint8_t> coverage, heights;  ///< 0 when `black`, or not `has_heights`
-    std::vector<std::uint64_t>
-        greys;  ///< of the coverage that was taken; of no meaning unless `grey`
+    bool black = true, grey = false;
+    std::vector<std::uint8_t> coverage;  ///< 0 when `black`
+    std::vector<std::uint64_t> greys;    ///< of the coverage that was taken, when `grey`
+    std::vector<NonZero> heights;
+    std::uint8_t height_at(std::size_t column) const;
   };
   /// Slices from -1 on, as long as they are needed: two more than the longest run has.
   static constexpr int kRows = kLongestRun + 2;
@@ -63,7 +64,7 @@ class SharpEdges {
   const std::size_t columns_, words_;
   int taken_ = 0, given_ = 0;  ///< slices
   Row rows_[kRows];
-  std::vector<std::uint8_t> kept_;
+  std::vector<std::uint8_t> kept_;  ///< all 0 between slices
 };
 
 }  // namespace slicecorr::detail

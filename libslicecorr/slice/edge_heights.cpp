@@ -87,22 +87,28 @@ class EdgeFinder {
 /// Adds a triangle's cuts to their rows.
 void EdgeFinder::cut(std::uint32_t triangle) {
   const auto& t = mesh_.triangles[triangle];
-  // Corners by y. From the lowest to the highest goes one edge, through the middle one two.
+  // Corners by y, sorted without branches, which would be random. From the lowest to the highest
+  // goes one edge, through the middle one two.
   std::uint32_t low = t[0], middle = t[1], high = t[2];
-  const auto y_of = [this](std::uint32_t corner) { return mesh_.corners[corner][kY]; };
-  bool turned = false;  // whether corners run the other way, seen from where y grows to the right
-  const auto in_order = [&](std::uint32_t& a, std::uint32_t& b) {
-    if (y_of(a) <= y_of(b)) return;
-    std::swap(a, b);
-    turned = !turned;
+  double y_low = mesh_.corners[low][kY], y_middle = mesh_.corners[middle][kY],
+         y_high = mesh_.corners[high][kY];
+  bool turned = false;  // whether the corners run the other way than the triangle's
+  const auto put_in_order = [&](std::uint32_t& a, std::uint32_t& b, double& y_a, double& y_b) {
+    const bool swap = y_a > y_b;
+    const std::uint32_t first = swap ? b : a;
+    const double y_first = swap ? y_b : y_a;
+    b = swap ? a : b;
+    y_b = swap ? y_a : y_b;
+    a = first;
+    y_a = y_first;
+    turned ^= swap;
   };
-  in_order(low, middle);
-  in_order(middle, high);
-  in_order(low, middle);
-  const int first_row = std::max(first_centre(y_of(low)), box_.y0);
-  const int past_row = std::min(first_centre(y_of(high)), box_.y1);
-  if (first_row >= past_row) return;
-  const int bend = std::clamp(first_centre(y_of(middle)), first_row, past_row);
+  put_in_order(low, middle, y_low, y_middle);
+  put_in_order(middle, high, y_middle, y_high);
+  put_in_order(low, middle, y_low, y_middle);
+  const int first_row = std::max(first_centre(y_low), box_.y0);
+  const int past_row = std::min(first_centre(y_high), box_.y1);
+  const int bend = std::clamp(first_centre(y_middle), first_row, past_row);
   const auto edge = [this](std::uint32_t a, std::uint32_t b) {
     return a < b ? RowEdge(mesh_.corners[a], mesh_.corners[b])
                  : RowEdge(mesh_.corners[b], mesh_.corners[a]);
@@ -134,21 +140,40 @@ void EdgeFinder::cut(std::uint32_t triangle) {
   }
 }
 
+/// By exchanges without branches, which are as good as random here.
+void sort_few(std::span<Crossing> crossings) {
+  for (std::size_t i = 1; i < crossings.size(); ++i) {
+    for (std::size_t k = i; k > 0; --k) {
+      const Crossing a = crossings[k - 1], b = crossings[k];
+      crossings[k - 1] = std::min(a, b);
+      crossings[k] = std::max(a, b);
+    }
+  }
+}
+
 void EdgeFinder::find_column(std::uint32_t column, std::span<Crossing> crossings) {
+  constexpr std::size_t few = 8;
   if (crossings.size() % 2 != 0) return;
   int winding = 0;
   for (const Crossing c : crossings) winding += winding_of(c);
   if (winding != 0) return;
-  if (crossings.size() == 2) {
-    if (crossings[0] > crossings[1]) std::swap(crossings[0], crossings[1]);
+  if (crossings.size() <= few) {
+    sort_few(crossings);
   } else {
     std::sort(crossings.begin(), crossings.end());
   }
   for (std::size_t i = 0; i < crossings.size();) {
+    const double first = height_of(crossings[i]);
     // Rounding may put the end of a part a trifle above the middle of the layer that it ends in.
-    const int node = std::min(static_cast<int>(height_of(crossings[i])), mesh_.layers);
+    const int node = std::min(static_cast<int>(first), mesh_.layers);
     const double past = node + 1;
     const bool before = winding != 0;
+    const bool alone = i + 1 == crossings.size() || height_of(crossings[i + 1]) >= past;
+    if (alone && node < mesh_.layers) {
+      winding += winding_of(crossings[i++]);
+      if (before != (winding != 0)) add_edge(column, node, first - node);
+      continue;
+    }
     double from = node, solid = 0;
     for (; i < crossings.size(); ++i) {
       double height = height_of(crossings[i]);
@@ -214,6 +239,8 @@ void EdgeFinder::find(std::span<const std::uint32_t> candidates) {
   // How many triangles may cut each row: begins and ends first, then their running sum.
   const auto rows = static_cast<std::size_t>(box_.height());
   std::vector<std::size_t> begins(rows + 1, 0);
+  std::vector<std::uint32_t> cutting;
+  cutting.reserve(candidates.size());
   for (const std::uint32_t triangle : candidates) {
     const auto& t = mesh_.triangles[triangle];
     const double y[3] = {mesh_.corners[t[0]][kY], mesh_.corners[t[1]][kY], mesh_.corners[t[2]][kY]};
@@ -222,6 +249,7 @@ void EdgeFinder::find(std::span<const std::uint32_t> candidates) {
     if (first >= past) continue;
     ++begins[static_cast<std::size_t>(first - box_.y0)];
     --begins[static_cast<std::size_t>(past - box_.y0)];
+    cutting.push_back(triangle);
   }
   std::size_t here = 0, sum = 0;
   for (std::size_t& begin : begins) {
@@ -231,7 +259,7 @@ void EdgeFinder::find(std::span<const std::uint32_t> candidates) {
   }
   cuts_.resize(sum);
   row_end_.assign(begins.begin(), begins.end());
-  for (const std::uint32_t triangle : candidates) cut(triangle);
+  for (const std::uint32_t triangle : cutting) cut(triangle);
   for (std::size_t row = 0; row < rows; ++row) {
     find_row(std::span(cuts_).subspan(begins[row], row_end_[row] - begins[row]),
              static_cast<std::uint32_t>(row * width_));

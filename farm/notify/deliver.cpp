@@ -57,7 +57,7 @@ std::string post(const NotifyTarget& target, const Notice& notice, int stop_fd) 
   if (at != std::string::npos) {
     const std::string login = server.substr(host, at - host);
     const std::size_t colon = std::min(login.find(':'), login.size());
-    client.set_basic_auth(login.substr(0, colon).c_str(),
+    client.set_basic_auth(login.substr(0, colon),
                           colon < login.size() ? login.substr(colon + 1).c_str() : "");
   }
   const auto timeout = std::chrono::milliseconds(static_cast<long>(target.timeout_s * 1000));
@@ -65,7 +65,7 @@ std::string post(const NotifyTarget& target, const Notice& notice, int stop_fd) 
   client.set_read_timeout(timeout);
   client.set_write_timeout(timeout);
   client.set_follow_location(false);
-  if (!target.ca_file.empty()) client.set_ca_cert_path(target.ca_file.c_str());
+  if (!target.ca_file.empty()) client.set_ca_cert_path(target.ca_file);
   httplib::Headers headers{{"User-Agent", fmt::format("slicefarm/{}", version)},
                            {"Idempotency-Key", notice.id}};
   for (const std::string& h : target.headers) {
@@ -83,7 +83,7 @@ std::string post(const NotifyTarget& target, const Notice& notice, int stop_fd) 
     if (!ended) client.stop();
   });
   const NoSigpipe no_sigpipe;
-  const auto result = client.Post(path.c_str(), headers, notice.json, "application/json");
+  const auto result = client.Post(path, headers, notice.json, "application/json");
   ended = true;
   guard.join();
   if (!result) return httplib::to_string(result.error());
@@ -101,6 +101,7 @@ std::string run(const NotifyTarget& target, const Notice& notice, int stop_fd) {
   }
   for (const auto& [name, value] : notice.variables) variables.push_back(name + "=" + value);
   std::vector<char*> envp;
+  envp.reserve(variables.size() + 1);
   for (std::string& s : variables) envp.push_back(s.data());
   envp.push_back(nullptr);
 

@@ -114,7 +114,7 @@ void read_work(Database& db, JobId id, Claim& claim) {
 }  // namespace
 
 std::string Queue::start_service(const std::string& engine, int cores, std::int64_t memory_mb) {
-  const std::string id = random_token();
+  std::string id = random_token();
   const detail::ProcessMark mark = detail::mark_of(::getpid());
   Transaction transaction(*db_);
   const std::int64_t now = clock_->wall_ms();

@@ -43,7 +43,7 @@ Condition condition_of(const JobFilter& f) {
     c.sql = fmt::format("WHERE j.state = '{}' ", name_of(f.states[0]));
   } else if (!f.states.empty()) {
     std::vector<std::string> names;
-    for (const JobState s : f.states) names.push_back(name_of(s));
+    for (const JobState s : f.states) names.emplace_back(name_of(s));
     add("j.state IN (SELECT value FROM json_each(@))", detail::list_json(names));
   }
   if (!f.user.empty()) add("j.user = @", f.user);

@@ -71,7 +71,7 @@ struct NotifyOptions {
 /// the constructor; a later change of the file is taken up, or told as an event when it is wrong.
 class Notifier {
  public:
-  Notifier(const FarmFolder& folder, NotifyOptions options = {});
+  explicit Notifier(const FarmFolder& folder, NotifyOptions options = {});
   ~Notifier();
   Notifier(const Notifier&) = delete;
   Notifier& operator=(const Notifier&) = delete;

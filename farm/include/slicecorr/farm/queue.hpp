@@ -32,7 +32,7 @@ inline constexpr std::int64_t kLeaseMs = 60'000;
 inline constexpr std::int64_t kLeaseRenewalMs = kLeaseMs / 4;
 
 /// Inputs stay for so long after their last submission: jobs that failed may be tried again.
-inline constexpr std::int64_t kInputGraceMs = 24 * 3600 * 1000;
+inline constexpr std::int64_t kInputGraceMs = std::int64_t{24} * 3600 * 1000;
 
 /// A file of the store.
 struct InputFile {
@@ -190,7 +190,7 @@ class Queue {
   /// Ends an attempt without a result: queued again or failed, by reason and settings; cancelled
   /// when that was asked for. Followers of a job that failed for good with a reason that is theirs
   /// too (bad input, infeasible) fail with it. Gives what became of the job; nothing: token lost.
-  std::optional<JobState> give_up(const std::string& token, const AttemptEnd& end);
+  std::optional<JobState> give_up(const std::string& token, const AttemptEnd& given);
   /// Tokens of this service whose cancellation is asked for.
   std::vector<std::string> cancellations(const std::string& service);
   /// Running attempts whose service is gone or let the lease expire.

@@ -264,10 +264,17 @@ std::string in_names_of_user(std::string text, const WorkOrder& order) {
   return text;
 }
 
+/// Sanitizers map far more for themselves than any job takes.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+constexpr bool kLimitsMemory = false;
+#else
+constexpr bool kLimitsMemory = true;
+#endif
+
 /// The worker's own limit, whatever the engine: data, which is what a job's memory grows by.
 /// Programs and libraries that are mapped from files don't count.
 void limit_memory(std::int64_t memory_mb, int threads) {
-  if (memory_mb <= 0) return;
+  if (!kLimitsMemory || memory_mb <= 0) return;
   rlimit stack{};
   ::getrlimit(RLIMIT_STACK, &stack);
   const rlim_t stack_bytes = stack.rlim_cur == RLIM_INFINITY

@@ -1,0 +1,190 @@
+// Whole parts corrected to their mesh: the dose of the images that were written, against the tests'
+// own rays through the mesh.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+
+#include "meshes.hpp"
+#include "models.hpp"
+#include "rays.hpp"
+#include "slicecorr/pipeline.hpp"
+#include "slicecorr/slice.hpp"
+#include "stack_fixture.hpp"
+
+namespace slicecorr {
+namespace {
+
+using namespace test;  // NOLINT: meshes, models and rays of the tests
+
+constexpr int kSide = 60;
+
+/// Distances of the edges of a stack from the mesh, um, and columns whose edges are not as many.
+struct Judged {
+  std::vector<double> um;
+  int columns = 0, odd = 0;
+  double mean() const {
+    return std::accumulate(um.begin(), um.end(), 0.0) / static_cast<double>(um.size());
+  }
+  double within95() {
+    std::sort(um.begin(), um.end());
+    return um[um.size() * 95 / 100];
+  }
+};
+
+class SurfaceOfStacks : public ::testing::Test {
+ protected:
+  Setup setup(int bit_depth, ExposureMode mode = ExposureMode::continuous) const {
+    Setup s;
+    s.printer = linear_printer(1, 100, bit_depth);
+    s.printer.width_px = s.printer.height_px = kSide;
+    s.resin = resin(576, mode == ExposureMode::layerwise ? 110 : 2000);
+    s.process = process(1000);
+    if (mode == ExposureMode::layerwise) {
+      s.process = {};
+      s.process.mode = mode;
+      s.process.exposure_s = 2.5 * 576 * 110e-4 * std::pow(10, 50.0 / 110) / (100 * std::log(10.0));
+    }
+    return s;
+  }
+
+  /// Corrects the mesh's slices and samples what the written images dose along the columns whose
+  /// neighbourhood is gentle; the mesh lies as the slicer places it.
+  Judged judge(const TriangleMesh& mesh, double layer_um, const Setup& s, bool to_mesh) {
+    SliceOptions options = layer_of(layer_um);
+    options.edge_heights = to_mesh;
+    const MeshSlices slices(mesh, s.printer, options);
+    const std::string path = folder_ / "part.uvj";
+    last_ = correct_stack(slices, s, path, {}).after;
+    const StackReader stack(path, folder_.path());
+    const CureModel model = make_cure_model(s.printer, s.resin, s.process, layer_um);
+    const int all = stack.grid().layers;
+    std::vector<Bytes> images(static_cast<std::size_t>(all), Bytes(kSide * kSide));
+    for (int n = 0; n < all; ++n) {
+      stack.read_slice(n, images[static_cast<std::size_t>(n)].data());
+    }
+    Point3 low = mesh.vertices[0], high = low;
+    for (const Point3& v : mesh.vertices) {
+      for (std::size_t k = 0; k < 3; ++k) {
+        low[k] = std::min(low[k], v[k]);
+        high[k] = std::max(high[k], v[k]);
+      }
+    }
+    std::vector<std::uint32_t> triangles(mesh.triangles.size());
+    std::iota(triangles.begin(), triangles.end(), 0U);
+    Judged judged;
+    const double pixel_mm = 0.05, middle = kSide * pixel_mm / 2;
+    for (int y = 0; y < kSide; ++y) {
+      for (int x = 0; x < kSide; ++x) {
+        const double at_x = (x + 0.5) * pixel_mm - middle + 0.5 * (low[0] + high[0]);
+        const double at_y = middle - (y + 0.5) * pixel_mm + 0.5 * (low[1] + high[1]);
+        // Away from vertical sides, whose pixels are grey from end to end.
+        const double clear = 1.01 * pixel_mm;
+        if (at_x < low[0] + clear || at_x > high[0] - clear || at_y < low[1] + clear ||
+            at_y > high[1] - clear) {
+          continue;
+        }
+        const auto rays = crossings(mesh, triangles, at_x, at_y);
+        if (!rays) continue;
+        std::vector<double> wanted;
+        for (const auto& [z, direction] : *rays) {
+          const auto slices_up = static_cast<double>((z - low[2]) / (layer_um * 1e-3));
+          if (slices_up > 0.01) wanted.push_back(slices_up);
+        }
+        const std::vector<double> printed = edges_of(model, s, images, y * kSide + x);
+        ++judged.columns;
+        if (printed.size() != wanted.size()) {
+          ++judged.odd;
+          continue;
+        }
+        for (std::size_t k = 0; k < wanted.size(); ++k) {
+          judged.um.push_back(std::abs(printed[k] - wanted[k]) * layer_um);
+        }
+      }
+    }
+    return judged;
+  }
+
+  /// Where the dose of a column passes 1, in slices from the platform; by samples that are 1/64 of
+  /// a slice apart, and a straight line between them.
+  static std::vector<double> edges_of(const CureModel& model, const Setup& s,
+                                      const std::vector<Bytes>& images, int pixel) {
+    const int all = static_cast<int>(images.size());
+    const bool layerwise = s.process.mode == ExposureMode::layerwise;
+    constexpr int samples = 64;
+    std::vector<double> dose(static_cast<std::size_t>(all) * samples);
+    double later = 0;
+    for (int n = all; n-- > 0;) {
+      const auto value = images[static_cast<std::size_t>(n)][static_cast<std::size_t>(pixel)];
+      const double phi =
+          model.level_phi[static_cast<std::size_t>(level_of_pixel(value, s.printer.levels()))];
+      for (int k = 0; k < samples; ++k) {
+        const double f = 1 - (k + 0.5) / samples;  // from the lower node
+        const double left = std::pow(model.a, f);
+        dose[static_cast<std::size_t>(n * samples + k)] =
+            layerwise ? (phi + later) * left : phi + (later - phi) * left;
+      }
+      later = layerwise ? (phi + later) * model.a : phi + (later - phi) * model.a;
+    }
+    std::vector<double> edges;
+    for (std::size_t i = 1; i < dose.size(); ++i) {
+      if ((dose[i - 1] >= 1) == (dose[i] >= 1)) continue;
+      const double t = (1 - dose[i - 1]) / (dose[i] - dose[i - 1]);
+      edges.push_back((static_cast<double>(i) - 0.5 + t) / samples);
+    }
+    return edges;
+  }
+
+  TemporaryFolder folder_;
+  Prediction last_;
+};
+
+/// A plate whose two sides rise with x; its lower side begins at the platform.
+TriangleMesh sloping_plate(double degrees) {
+  TriangleMesh mesh = box({0, 0, 0}, {2.5, 2.5, 0.9});
+  for (Point3& v : mesh.vertices) v[2] += std::tan(degrees * std::numbers::pi / 180) * v[0];
+  return mesh;
+}
+
+TEST_F(SurfaceOfStacks, ShallowUndersidesLieOnTheMesh) {
+  for (const double degrees : {5.0, 20.0, 45.0}) {
+    for (const double layer_um : {25.0, 50.0, 100.0, 200.0}) {
+      const TriangleMesh mesh = sloping_plate(degrees);
+      const Judged on_mesh = judge(mesh, layer_um, setup(8), true);
+      EXPECT_LE(on_mesh.odd * 50, on_mesh.columns) << degrees << " " << layer_um;
+      // A step of edge heights is layer_um / 254; a level moves an edge by more than a um at 50 um.
+      EXPECT_LE(on_mesh.mean(), 2.0) << degrees << " " << layer_um;
+      EXPECT_EQ(last_.cure_through_voxels + last_.undercure_voxels, 0U);
+      EXPECT_NEAR(last_.surface_error_um.mean(), on_mesh.mean(), 0.5) << degrees << " " << layer_um;
+      // Stairs are off by up to half a slice, evenly spread: by a quarter in the mean.
+      if (degrees == 5) {
+        const Judged on_slices = judge(mesh, layer_um, setup(8), false);
+        EXPECT_NEAR(on_slices.mean(), layer_um / 4, layer_um / 20) << layer_um;
+      }
+    }
+  }
+}
+
+TEST_F(SurfaceOfStacks, SixteenLevelsComeNear) {
+  const Judged on_mesh = judge(sloping_plate(5), 50, setup(4), true);
+  const Judged on_slices = judge(sloping_plate(5), 50, setup(4), false);
+  EXPECT_LE(on_mesh.mean(), on_slices.mean() / 4);
+}
+
+TEST_F(SurfaceOfStacks, SpheresAreRound) {
+  const Judged ball = judge(sphere(1.2, 4), 100, setup(8), true);
+  EXPECT_LE(ball.mean(), 2.0);
+}
+
+TEST_F(SurfaceOfStacks, LayerByLayerFarEdgesLieOnTheMesh) {
+  // Edges towards the platform lie where dose 1 falls; those at the window stay at nodes.
+  const Setup s = setup(8, ExposureMode::layerwise);
+  const Judged on_mesh = judge(sloping_plate(5), 50, s, true);
+  const Judged on_slices = judge(sloping_plate(5), 50, s, false);
+  EXPECT_LE(on_mesh.mean(), 0.6 * on_slices.mean());
+}
+
+}  // namespace
+}  // namespace slicecorr

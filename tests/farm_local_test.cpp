@@ -271,6 +271,7 @@ TEST_F(FarmLocal, WithTooLittleRoomOnTheDiskNothingStarts) {
 }
 
 TEST_F(FarmLocal, WhatRanOutOfMemoryGetsMore) {
+  if (SLICECORR_SANITIZED) GTEST_SKIP() << "sanitizers take memory of their own";
   submit_parts({make_part(1)}, {"--out", dir / "out"});
   ASSERT_EQ(run_all({{"SLICEFARM_TEST_FAULT", "correct:memory:1"}}).exit_code, 0);
   const auto list = attempts(1);
@@ -284,6 +285,7 @@ TEST_F(FarmLocal, WhatRanOutOfMemoryGetsMore) {
 }
 
 TEST_F(FarmLocal, WhatNeedsMoreMemoryThanThereIsFails) {
+  if (SLICECORR_SANITIZED) GTEST_SKIP() << "sanitizers take memory of their own";
   submit_parts({make_part(1)});
   const RunResult r = run_all({{"SLICEFARM_TEST_FAULT", "correct:memory"}}, {"--memory-mb", "500"});
   ASSERT_EQ(r.exit_code, 5) << r.err;

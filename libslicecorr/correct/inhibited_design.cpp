@@ -50,6 +50,14 @@ void ColumnDesign::take_heights(const std::vector<CoverageRun>& runs) {
   }
 }
 
+/// How far below its node an edge is wanted, in slices. Nearer to the middle of a layer than
+/// `tuning.farthest_edge` allows, no levels would keep that middle on its side.
+double ColumnDesign::below_node(int node) const {
+  const std::uint8_t height = heights_[static_cast<std::size_t>(node)];
+  const double most = plan_.tuning.farthest_edge_layers;
+  return height != 0 ? std::clamp(edge_height_slices(height), -most, most) : 0.0;
+}
+
 /// The relative dose that a node of a feature demands, from the layers on its two sides; see
 /// goal_at() for the same without UV.
 double ColumnDesign::demand_at(int node) const {
@@ -58,9 +66,7 @@ double ColumnDesign::demand_at(int node) const {
   if (above == 255 && below == 255) return plan_.inside;
   if (above == 255 || below == 255) {
     // Above a feature nothing is lit: light from below falls by a in a slice.
-    const std::uint8_t height = heights_[static_cast<std::size_t>(node)];
-    if (above == 0 && height != 0) return std::pow(plan_.kernel->a(), edge_height_slices(height));
-    return 1.0;
+    return above == 0 ? std::pow(plan_.kernel->a(), below_node(node)) : 1.0;
   }
   if (above != 0 && below != 0) return std::min(above, below) / 255.0;
   if (above == 0) return 0;
@@ -106,10 +112,8 @@ void ColumnDesign::find_edges() {
   for (int n = 0; n <= plan_.layers; ++n) {
     // The platform is no gap: a feature that begins there has no upper edge.
     const int above = n > 0 ? coverage(n - 1) : -1, below = coverage(n);
-    const std::uint8_t height = heights_[static_cast<std::size_t>(n)];
-    const double down = height != 0 ? edge_height_slices(height) : 0.0;
-    if (above == 0 && below == 255) edges.push_back({n, true, down});
-    if (above == 255 && below == 0) edges.push_back({n, false, down});
+    if (above == 0 && below == 255) edges.push_back({n, true, below_node(n)});
+    if (above == 255 && below == 0) edges.push_back({n, false, below_node(n)});
   }
 }
 

@@ -52,6 +52,7 @@ class ColumnDesign {
  private:
   void take_coverage(const std::vector<CoverageRun>& runs);
   void take_heights(const std::vector<CoverageRun>& runs);
+  double below_node(int node) const;
   double demand_at(int node) const;
   void find_features();
   void open_one_slice_gaps();

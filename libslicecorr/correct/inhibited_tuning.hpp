@@ -54,6 +54,9 @@ struct InhibitedTuning {
   /// Edges within this of their place are right: 1 um is far below a slice, and a column that is
   /// right saves the trials after it.
   double tolerance_um = 1;
+  /// How far from its node an edge is wanted at most, in layers: where the design's own edge comes
+  /// nearer to the middle of a layer, levels could not keep that middle on its side.
+  double farthest_edge_layers = 0.35;
   /// What one edge counts at most, in layers, and how far it is looked for. What is further off
   /// shows as wrong voxels, which count by themselves.
   double most_edge_layers = 2;

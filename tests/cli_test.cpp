@@ -444,10 +444,10 @@ TEST_F(Cli, SurfaceChoosesEdgeHeights) {
          more);
     return json::parse(good({"info", to, "--json", "-"}));
   };
-  EXPECT_EQ(slice_to("a.uvj", {})["edge_heights"], true);
-  EXPECT_EQ(slice_to("mesh.uvj", {"--surface", "mesh"})["edge_heights"], true);
+  EXPECT_EQ(slice_to("a.uvj", {"--surface", "mesh"})["edge_heights"], true);
   EXPECT_EQ(slice_to("slices.uvj", {"--surface", "slices"})["edge_heights"], false);
-  EXPECT_EQ(bytes("a.uvj"), bytes("mesh.uvj"));
+  EXPECT_EQ(slice_to("default.uvj", {})["edge_heights"], false);
+  EXPECT_EQ(bytes("default.uvj"), bytes("slices.uvj"));
   EXPECT_THAT(good({"info", "a.uvj"}), testing::HasSubstr("heights of the mesh"));
   EXPECT_THAT(good({"info", "slices.uvj"}), testing::HasSubstr("heights of the slices"));
   bad(2,

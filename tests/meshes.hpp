@@ -122,6 +122,7 @@ inline SliceOptions layer_of(double um, bool antialias = true) {
   SliceOptions o;
   o.layer_um = um;
   o.antialias = antialias;
+  o.edge_heights = true;
   return o;
 }
 

@@ -122,7 +122,11 @@ TEST(SharpEdges, BeyondBothEndsIsEmpty) {
 
 TEST(SharpEdges, OtherGreysStayAndHaveNoHeights) {
   // Too long; between two empties, two fulls; without a height, with two.
-  expect_column({0, 9, 9, 9, 255}, {0, 0, 5, 0, 0, 0}, {0, 9, 9, 9, 255}, {0, 0, 0, 0, 0, 0});
+  Bytes leaning(SharpEdges::kLongestRun + 1, 9), heights(leaning.size() + 3, 0);
+  leaning.insert(leaning.begin(), 0);
+  leaning.push_back(255);
+  heights[2] = 5;
+  expect_column(leaning, heights, leaning, Bytes(heights.size(), 0));
   expect_column({0, 9, 0}, {0, 0, 5, 0}, {0, 9, 0}, {0, 0, 0, 0});
   expect_column({255, 9, 255}, {0, 0, 5, 6}, {255, 9, 255}, {0, 0, 0, 6});
   expect_column({255, 9, 0}, {0, 0, 0, 0}, {255, 9, 0}, {0, 0, 0, 0});

@@ -36,23 +36,24 @@ struct Judged {
 
 class SurfaceOfStacks : public ::testing::Test {
  protected:
-  Setup setup(int bit_depth, ExposureMode mode = ExposureMode::continuous) const {
-    Setup s;
+  slicecorr::Setup setup(int bit_depth, ExposureMode mode = ExposureMode::continuous) const {
+    slicecorr::Setup s;
     s.printer = linear_printer(1, 100, bit_depth);
     s.printer.width_px = s.printer.height_px = kSide;
-    s.resin = resin(576, mode == ExposureMode::layerwise ? 110 : 2000);
     s.process = process(1000);
+    s.resin = resin(576, mode == ExposureMode::layerwise ? 110 : 2000);
     if (mode == ExposureMode::layerwise) {
       s.process = {};
       s.process.mode = mode;
       s.process.exposure_s = 2.5 * 576 * 110e-4 * std::pow(10, 50.0 / 110) / (100 * std::log(10.0));
     }
+    s.process.surface = Surface::mesh;
     return s;
   }
 
   /// Corrects the mesh's slices and samples what the written images dose along the columns whose
   /// neighbourhood is gentle; the mesh lies as the slicer places it.
-  Judged judge(const TriangleMesh& mesh, double layer_um, const Setup& s, bool to_mesh) {
+  Judged judge(const TriangleMesh& mesh, double layer_um, const slicecorr::Setup& s, bool to_mesh) {
     SliceOptions options = layer_of(layer_um);
     options.edge_heights = to_mesh;
     const MeshSlices slices(mesh, s.printer, options);
@@ -93,6 +94,8 @@ class SurfaceOfStacks : public ::testing::Test {
           const auto slices_up = static_cast<double>((z - low[2]) / (layer_um * 1e-3));
           if (slices_up > 0.01) wanted.push_back(slices_up);
         }
+        // What lies less than half a slice above the platform has no layer of gap below it.
+        if (!wanted.empty() && wanted.front() < 0.6) continue;
         const std::vector<double> printed = edges_of(model, s, images, y * kSide + x);
         ++judged.columns;
         if (printed.size() != wanted.size()) {
@@ -109,7 +112,7 @@ class SurfaceOfStacks : public ::testing::Test {
 
   /// Where the dose of a column passes 1, in slices from the platform; by samples that are 1/64 of
   /// a slice apart, and a straight line between them.
-  static std::vector<double> edges_of(const CureModel& model, const Setup& s,
+  static std::vector<double> edges_of(const CureModel& model, const slicecorr::Setup& s,
                                       const std::vector<Bytes>& images, int pixel) {
     const int all = static_cast<int>(images.size());
     const bool layerwise = s.process.mode == ExposureMode::layerwise;
@@ -180,7 +183,7 @@ TEST_F(SurfaceOfStacks, SpheresAreRound) {
 
 TEST_F(SurfaceOfStacks, LayerByLayerFarEdgesLieOnTheMesh) {
   // Edges towards the platform lie where dose 1 falls; those at the window stay at nodes.
-  const Setup s = setup(8, ExposureMode::layerwise);
+  const slicecorr::Setup s = setup(8, ExposureMode::layerwise);
   const Judged on_mesh = judge(sloping_plate(5), 50, s, true);
   const Judged on_slices = judge(sloping_plate(5), 50, s, false);
   EXPECT_LE(on_mesh.mean(), 0.6 * on_slices.mean());

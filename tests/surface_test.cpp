@@ -283,7 +283,9 @@ TEST(SurfaceLayerwise, FarEdgesLieOnTheSurface) {
       const double at_window = phi[n] * m.ratio(static_cast<int>(n)) + later;
       const bool far_edge = n > 0 && n < design.size() && design[n] == 255 && design[n - 1] == 0;
       if (far_edge && phi[n] > m.phi_min() && phi[n] < m.phi_max()) {
-        EXPECT_NEAR(at_window * std::pow(m.a, 1 - edge_height_slices(heights[n])), 1.0, 1e-9);
+        // Far edges stay a tenth of a slice away from the middles of layers.
+        const double below = std::clamp(edge_height_slices(heights[n]), -0.4, 0.4);
+        EXPECT_NEAR(at_window * std::pow(m.a, 1 - below), 1.0, 1e-9);
         ++edges;
       }
       later = at_window * m.a;

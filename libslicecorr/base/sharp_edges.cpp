@@ -9,9 +9,10 @@
 
 namespace slicecorr::detail {
 
-SharpEdges::SharpEdges(const CodedBand& heights, Sink sink)
+SharpEdges::SharpEdges(const CodedBand& heights, Sink sink, bool sharpen)
     : heights_(heights),
       sink_(std::move(sink)),
+      sharpen_(sharpen),
       columns_(heights.columns()),
       words_((columns_ + kRowWord - 1) / kRowWord),
       kept_(words_ * kRowWord) {
@@ -70,7 +71,7 @@ void SharpEdges::take(const std::uint8_t* rows) {
 void SharpEdges::end_runs() {
   const int newest = taken_ - 1;
   const Row &after = row(newest), &last = row(newest - 1);
-  if (newest == 0 || !last.grey) return;
+  if (!sharpen_ || newest == 0 || !last.grey) return;
   bool any_height = false;
   for (int n = newest - kLongestRun; n <= newest; ++n) any_height |= !row(n).heights.empty();
   if (!any_height) return;

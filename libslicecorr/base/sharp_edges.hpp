@@ -34,7 +34,8 @@ class SharpEdges {
       std::function<void(int n, const std::uint8_t* coverage, const std::uint8_t* heights)>;
 
   /// `heights`: one image per node, of the same columns; must outlive this.
-  SharpEdges(const CodedBand& heights, Sink sink);
+  /// `sharpen`: off leaves all greys as they are; heights are given on as ever.
+  SharpEdges(const CodedBand& heights, Sink sink, bool sharpen = true);
 
   /// Takes the next slice; null is black. Slices are given on `kLongestRun` slices later.
   void add(const std::uint8_t* rows);
@@ -61,6 +62,7 @@ class SharpEdges {
 
   const CodedBand& heights_;
   const Sink sink_;
+  const bool sharpen_;
   const std::size_t columns_, words_;
   int taken_ = 0, given_ = 0;  ///< slices
   Row rows_[kRows];

@@ -32,7 +32,10 @@ class FarEdges {
     left_.fill(model.a);
     for (std::size_t h = 1; h < left_.size(); ++h) {
       if (h == kAtNode) continue;
-      const double reach = 1.0 - edge_height_slices(static_cast<std::uint8_t>(h));
+      // Nearer to the middle of a layer than this, rounding to levels could pass it.
+      constexpr double most = 0.4;
+      const double below = edge_height_slices(static_cast<std::uint8_t>(h));
+      const double reach = 1.0 - std::clamp(below, -most, most);
       left_[h] = std::exp(-reach * model.eta * units::kLn10);
     }
   }

@@ -112,7 +112,7 @@ Comparison compare_methods(const SliceSource& target, const Setup& setup,
           sink(n, rows);
         });
       };
-      const detail::CodedDesign design(columns, kept, edge_heights);
+      const detail::CodedDesign design(columns, kept, edge_heights, Surface::mesh);
       std::vector<std::uint8_t> rows(columns), heights(columns), pixels(columns);
       // Where the target has edge heights, its slices alone are corrected, too.
       CodedBand upwards(columns);
@@ -141,6 +141,7 @@ Comparison compare_methods(const SliceSource& target, const Setup& setup,
       for (Prediction& so_far : figures) {
         predict.push_back(std::make_unique<BandPredictor>(plan.model, models.curve(value),
                                                           plan.all_layers, columns));
+        if (edge_heights) predict.back()->aim_at_heights();
         predict.back()->go_on_from(std::move(so_far));
       }
       corrector.solve([&](int n, const std::uint8_t* levels, const std::uint8_t* coverage, bool) {

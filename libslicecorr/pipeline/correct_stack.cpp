@@ -342,6 +342,10 @@ void StackCorrection::Band::correct(std::uint8_t value, const std::vector<std::u
   const PixelCurve& curve = whole_.plans_.models().curve(value);
   BandPredictor predict_after(plan.model, curve, slices, count);
   BandPredictor predict_before(plan.model, curve, slices, count);
+  if (heights) {
+    predict_after.aim_at_heights();
+    predict_before.aim_at_heights();
+  }
   predict_after.go_on_from(std::move(after_));
   predict_before.go_on_from(std::move(before_));
   if (reduced_) {
@@ -359,7 +363,7 @@ void StackCorrection::Band::correct(std::uint8_t value, const std::vector<std::u
     });
   };
   const DesignReader design = [&](const detail::DesignSink& sink) {
-    detail::read_design(kept, heights, sink);
+    detail::read_design(kept, heights, Surface::mesh, sink);
   };
   const bool before_apart = as_shown.has_value();
   correct_columns(
@@ -389,7 +393,7 @@ void StackCorrection::Band::predict_shown(const CorrectionPlan& plan, BandPredic
           sink(n, shown.black(n) ? nullptr : pixels.data());
         }
       },
-      &heights);
+      &heights, Surface::mesh);
   if (plan.model.is_plain()) {
     predict_tiles(predictor, shown, plan.layers, design, slices, whole_.context_);
     return;
@@ -459,6 +463,7 @@ Correction StackCorrection::result() {
   info.printer = setup_.printer;
   info.resin = setup_.resin;
   info.process = setup_.process;
+  if (!target_.edge_heights()) info.process->surface = Surface::slices;
   info.original_sha256 = file_.original_sha256;
   scan_.fill(info);
 
@@ -534,7 +539,9 @@ CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup,
 
 Correction correct_stack(const SliceSource& target, const Setup& asked, const StackFile& file,
                          const CorrectionAsk& ask, const ExecutionContext& context) {
-  StackCorrection correction(target, asked, file, ask, context);
+  const SlicesAlone alone(target);
+  const SliceSource& wanted = asked.process.surface == Surface::mesh ? target : alone;
+  StackCorrection correction(wanted, asked, file, ask, context);
   correction.correct_bands();
   Correction result = correction.result();
   correction.tell_shortcomings(result.after);
@@ -545,8 +552,9 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
 
 CorrectedSlices::CorrectedSlices(const SliceSource& target, const Setup& setup,
                                  const ExecutionContext& context)
-    : target_(target),
-      plans_(std::make_unique<const PlacePlans>(target, setup, context)),
+    : alone_(target),
+      target_(setup.process.surface == Surface::mesh ? target : alone_),
+      plans_(std::make_unique<const PlacePlans>(target_, setup, context)),
       grid_(target.grid()) {
   grid_.layers = plans_->all_layers();
 }
@@ -561,7 +569,7 @@ void CorrectedSlices::read_band(const PixelBox& band, const Sink& sink) const {
   const auto corrected = [&](const CorrectionPlan& plan, std::size_t count,
                              const BandReader& reader, const CodedBand* heights) {
     BandCorrector corrector(plan, count);
-    detail::read_design(reader, heights,
+    detail::read_design(reader, heights, Surface::mesh,
                         [&](int, const std::uint8_t* rows, const std::uint8_t* its_heights) {
                           corrector.add_layer(rows, its_heights);
                         });

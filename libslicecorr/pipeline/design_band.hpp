@@ -26,14 +26,14 @@ inline std::optional<CodedBand> edge_heights_of(const SliceSource& target, const
   return coded_band_of(*target.edge_heights(), band);
 }
 
-/// `heights`: null without.
-inline void read_design(const BandReader& coverage, const CodedBand* heights,
+/// `heights`: null without. `surface`: gentle slopes are made sharp for the mesh only.
+inline void read_design(const BandReader& coverage, const CodedBand* heights, Surface surface,
                         const DesignSink& sink) {
   if (!heights) {
     coverage([&](int n, const std::uint8_t* rows) { sink(n, rows, nullptr); });
     return;
   }
-  SharpEdges edges(*heights, sink);
+  SharpEdges edges(*heights, sink, surface == Surface::mesh);
   coverage([&](int, const std::uint8_t* rows) { edges.add(rows); });
   edges.finish();
 }
@@ -43,10 +43,11 @@ struct CodedDesign {
   CodedBand coverage;
   std::optional<CodedBand> heights;  ///< one row more
 
-  CodedDesign(std::size_t columns, const BandReader& reader, const CodedBand* edge_heights)
+  CodedDesign(std::size_t columns, const BandReader& reader, const CodedBand* edge_heights,
+              Surface surface)
       : coverage(columns) {
     if (edge_heights) heights.emplace(columns);
-    read_design(reader, edge_heights,
+    read_design(reader, edge_heights, surface,
                 [&](int, const std::uint8_t* rows, const std::uint8_t* its_heights) {
                   coverage.append(rows);
                   if (heights) heights->append(its_heights);

@@ -186,8 +186,9 @@ class PlaceCheck {
     }
     if (travel_ && all > *travel_) refuse_travel(all);
     // The part's end may lie half a slice below its last node.
-    const bool ends_below = target_.edge_heights() && models_.brightest().is_plain();
-    if (ends_below && !(travel_ && all + 1 > *travel_)) ++all;
+    const bool more = models_.brightest().is_plain() && !(travel_ && all + 1 > *travel_) &&
+                      target_.ends_below_last_node();
+    if (more) ++all;
     if (all - layers > kLongest) {
       throw InfeasibleError(fmt::format(
           "the part's end does not cure: light of black comes too close to full light for any "

@@ -50,11 +50,12 @@ void mix(std::span<const ImageShowing> parts, std::size_t columns, std::uint8_t*
 class Verification {
  public:
   Verification(const SliceSource& stack, const SliceSource& target,
-               const detail::ShownSlices& slices, const Resin& resin,
+               const detail::ShownSlices& slices, const Resin& resin, Surface surface,
                const ExecutionContext& context)
       : stack_(stack),
         target_(target),
         context_(context),
+        surface_(surface),
         slices_(slices),
         recorded_(slices.recorded() ? &slices : nullptr),
         models_(slices.printer(), resin, slices.process(), stack.grid(), stack.frame()),
@@ -88,6 +89,7 @@ class Verification {
   const SliceSource& stack_;
   const SliceSource& target_;
   const ExecutionContext& context_;
+  const Surface surface_;
   const detail::ShownSlices& slices_;
   const detail::ShownSlices* const recorded_;  ///< null: one image per slice
   const PlaceModels models_;
@@ -105,6 +107,7 @@ void Verification::predict(std::uint8_t value, const CodedBand& shown, const Cod
   const std::size_t columns = shown.columns();
   const CureModel& model = models_.model(value);
   BandPredictor predictor(model, models_.curve(value), all_layers_, columns, slices_.recorded());
+  if (surface_ == Surface::mesh) predictor.aim_at_heights();
   predictor.go_on_from(std::move(figures));
   if (!recorded_ && model.is_plain()) {
     detail::predict_tiles(predictor, shown, layers_, design, all_layers_, context_);
@@ -143,7 +146,8 @@ void Verification::predict_band(const PixelBox& band) {
   };
   if (models_.even()) {
     const auto heights = detail::edge_heights_of(target_, band);
-    const CodedDesign design(columns_of(band), reader(target_), heights ? &*heights : nullptr);
+    const CodedDesign design(columns_of(band), reader(target_), heights ? &*heights : nullptr,
+                             surface_);
     predict(models_.map().reference(), detail::coded_band_of(stack_, band), design,
             detail::pixels_of_columns(band), figures);
   } else {
@@ -153,8 +157,8 @@ void Verification::predict_band(const PixelBox& band) {
     const detail::GroupedBand grouped(models_.map(), band, readers);
     for (const auto& g : grouped.groups) {
       counts[g.value] = g.columns.size();
-      const CodedDesign design(g.columns.size(), g.reader(1),
-                               has_heights ? &g.sources[2] : nullptr);
+      const CodedDesign design(g.columns.size(), g.reader(1), has_heights ? &g.sources[2] : nullptr,
+                               surface_);
       predict(g.value, g.sources[0], design, detail::pixels_of_columns(band, g.columns), figures);
     }
   }
@@ -210,7 +214,7 @@ Prediction verify_stack(const SliceSource& stack, const SliceSource& target, con
   refuse_recording(target);
   const detail::ShownSlices slices(stack, setup.printer, setup.resin, setup.process);
   if (slices.setting_deviation() > 0) tell_settings(slices, context);
-  Verification verification(stack, target, slices, setup.resin, context);
+  Verification verification(stack, target, slices, setup.resin, setup.process.surface, context);
   verification.predict_bands();
   Prediction p = verification.result();
   detail::tell_nothing_prints(p, context);

@@ -55,13 +55,14 @@ BandPredictor::State::State(const CureModel& model, const PixelCurve& curve, int
 
 void BandPredictor::State::error(std::size_t i, int node, std::uint8_t height, bool upper,
                                  double slices) {
-  const double um = slices * model_.layer_um;
-  if (edge_sink_) edge_sink_(i, node, upper, um);
-  if (height != 0 && histograms_) {
+  if (height != 0) {
     const double below = edge_height_slices(height);
     const double from_surface = upper ? slices + below : slices - below;
-    prediction_.surface_error_um.add(std::abs(from_surface * model_.layer_um));
+    if (histograms_) prediction_.surface_error_um.add(std::abs(from_surface * model_.layer_um));
+    if (at_heights_) slices = from_surface;
   }
+  const double um = slices * model_.layer_um;
+  if (edge_sink_) edge_sink_(i, node, upper, um);
   const double size = std::abs(um);
   if (histograms_) prediction_.height_error_um.add(size);
   if (um > 0) {

@@ -511,6 +511,13 @@ MeshSlices::~MeshSlices() = default;
 MeshSlices::MeshSlices(MeshSlices&&) noexcept = default;
 const Grid& MeshSlices::grid() const { return impl_->grid; }
 PixelBox MeshSlices::bounds() const { return impl_->bounds; }
+bool MeshSlices::ends_below_last_node() const {
+  if (!edge_heights()) return false;
+  double highest = 0;
+  for (const Corner& c : impl_->corners) highest = std::max(highest, c[kZ]);
+  // In slices from the platform; nearer to the node than half a step of the byte is at it.
+  return highest + 0.5 - impl_->grid.layers > 0.5 / 254;
+}
 const SliceReport& MeshSlices::report() const { return impl_->report; }
 const SliceSource* MeshSlices::edge_heights() const { return impl_->heights.get(); }
 

@@ -158,6 +158,7 @@ class CorrectedSlices final : public SliceSource {
   void read_band(const PixelBox& band, const Sink& sink) const override;
 
  private:
+  const SlicesAlone alone_;
   const SliceSource& target_;
   std::unique_ptr<const detail::PlacePlans> plans_;
   Grid grid_;

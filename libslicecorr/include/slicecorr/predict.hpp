@@ -3,8 +3,9 @@
 ///
 /// Voxel: one pixel in one layer, printed when the dose at mid-layer reaches 1. Run: consecutive
 /// layers of coverage 1 in a column. Gap: the layers of coverage 0 between two runs, or between the
-/// platform and a run. Height errors are measured from nodes, surface errors from where the design's
-/// own surface passes near them, which slices hide. Edges are exact, from the closed form of the dose inside a layer (A.35);
+/// platform and a run. Surface errors are measured from where the design's own surface passes near a
+/// node, where the target knows that; height errors from there as well for stacks that were
+/// corrected to it, and from nodes for all others. Edges are exact, from the closed form of the dose inside a layer (A.35);
 /// under UV light they are found in the dose itself, to 0.01 um.
 ///
 /// A feature is solid when it is solid throughout, not at the middles of its layers alone. The
@@ -187,6 +188,9 @@ class BandPredictor {
   using StateSink = std::function<void(std::size_t column, int slice, std::uint8_t coverage,
                                        bool prints, bool prints_above)>;
   void tell_states(StateSink sink);
+  /// Height errors are measured from edge heights, where there are some, and not from nodes: those
+  /// of a stack that was corrected to them. Before the first slice.
+  void aim_at_heights();
   /// Leaves the histograms of the figures empty: together they take 0.3 MB, and an uneven display
   /// has a predictor for each value of its light. Before the first slice.
   void keep_no_histograms();

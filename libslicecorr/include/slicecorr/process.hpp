@@ -119,6 +119,10 @@ struct Resin {
 
 enum class OneSliceGaps { open, merge };
 
+/// Where the edges of a design lie whose target knows their heights (target.hpp): at the nodes of
+/// its slices, or at these heights.
+enum class Surface { slices, mesh };
+
 /// continuous: the platform moves while slices are shown (dissertation §2.3). layerwise: it stands
 /// still for each exposure and moves between them (appendix A.6).
 enum class ExposureMode { continuous, layerwise };
@@ -165,6 +169,9 @@ struct Process {
   /// lower edge, in slices, 0 to 0.5: the more, the darker the gap. More stays unprinted only where
   /// no sequence of grey levels avoids it.
   double gap_shortfall = kDefaultGapShortfall;
+  /// Of a corrected stack: what its edges were aimed at, and so what its height errors are measured
+  /// from. Without edge heights always `slices`.
+  Surface surface = Surface::slices;
   /// Whether the cap holds for features on the platform, too. Nothing lies behind them to protect,
   /// so they may be exposed fully whatever the cap: the dissertation's own choice for its rails.
   bool cap_platform_features = true;

@@ -27,7 +27,7 @@ struct SliceOptions {
   /// smallest x and y; the middle of the display when not given.
   std::optional<std::array<double, 2>> center_mm;
   /// Whether there are `MeshSlices::edge_heights`. Slices are the same with and without.
-  bool edge_heights = true;
+  bool edge_heights = false;
 };
 
 /// Figures of the slicing itself.
@@ -79,6 +79,7 @@ class MeshSlices final : public SliceSource {
   /// Null when `SliceOptions::edge_heights` is off. Found for all nodes whenever a band is read;
   /// lives as long as the slices, also where these are moved to.
   const SliceSource* edge_heights() const override;
+  bool ends_below_last_node() const override;
   const SliceReport& report() const;
   /// Looks at all columns of the part, on all threads; nothing is found where there are no edge
   /// heights. Throws `Cancelled`.

@@ -53,6 +53,8 @@ class SliceSource {
   /// `grid().layers`, of the same size and frame; 0 where no edge is or it has no height of its own.
   /// Lives as long as the source.
   virtual const SliceSource* edge_heights() const { return nullptr; }
+  /// Whether some edge of the part's end lies below the last node, by the edge heights.
+  virtual bool ends_below_last_node() const;
 };
 
 /// How far an edge lies below its node, away from the platform, in slices: -1/2..1/2. `byte`: its

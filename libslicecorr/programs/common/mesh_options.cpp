@@ -49,10 +49,8 @@ void MeshOptions::add_placement_to(CLI::App& app) {
 }
 
 void MeshOptions::add_surface_to(CLI::App& app) {
-  app.add_option(
-         "--surface", surface,
-         "Where edges lie: at the heights of the mesh, where they are known, or at those of the "
-         "slices")
+  app.add_option("--surface", surface,
+                 "Where edges lie: at the heights of the mesh, or at those of its slices")
       ->check(CLI::IsMember({"slices", "mesh"}))
       ->capture_default_str();
 }
@@ -69,7 +67,7 @@ SliceOptions MeshOptions::slice_options() const {
   SliceOptions o;
   o.layer_um = layer_um;
   o.antialias = antialias == "on";
-  o.edge_heights = surface == "mesh";
+  o.edge_heights = wanted_surface() == Surface::mesh;
   if (!center_mm.empty()) o.center_mm = {center_mm[0], center_mm[1]};
   return o;
 }

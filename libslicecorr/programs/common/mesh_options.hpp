@@ -15,7 +15,7 @@ struct MeshOptions {
   std::vector<std::string> parts;
   double layer_um = 0;
   std::string antialias = "on";
-  std::string surface = "mesh";
+  std::string surface = "slices";
   std::vector<double> center_mm;
   std::string units = "auto";
   double scale = 1.0;
@@ -25,6 +25,7 @@ struct MeshOptions {
   void add_placement_to(CLI::App& app);
   /// Whether targets have edge heights.
   void add_surface_to(CLI::App& app);
+  Surface wanted_surface() const { return surface == "mesh" ? Surface::mesh : Surface::slices; }
   Placement placement() const;
   SliceOptions slice_options() const;
 };

@@ -27,6 +27,7 @@ struct Arguments {
   SetupOptions setup;
   SimulateOptions simulate;
   std::string input, output, format, target, json;
+  std::string surface = "mesh";  ///< of `correct`: where edges lie whose target knows their heights
   double layer_um = 0;
   int x = -1, y = -1, reduce = 1;
   double max_height_error_um = -1;
@@ -72,16 +73,15 @@ int correct(const Arguments& a, const ExecutionContext& context, Console& consol
   check_output(a.output, {a.input});
   const StackInfo times = StackReader::read_info(design(a.input));
   file.format = format_of(file, times.format);
-  const Setup setup = a.setup.resolve(nullptr, &times);
+  Setup setup = a.setup.resolve(nullptr, &times);
   tell_notices(setup, &times, context);
   // What a slicer wrote besides the slices stays.
   if (times.kind == StackKind::foreign && times.format == file.format) file.keep_from = a.input;
   const StackReader target = a.open(a.input, folder_of(a.output), context);
   const FittedSlices fitted = fit_for_output(target, file, setup.printer, context);
-  const SlicesAlone alone(*fitted);
-  const SliceSource& wanted = a.mesh.slice_options().edge_heights ? *fitted : alone;
+  setup.process.surface = a.surface == "mesh" ? Surface::mesh : Surface::slices;
   const Correction result =
-      correct_stack(wanted, setup, file, {.before = !console.quiet()}, context);
+      correct_stack(*fitted, setup, file, {.before = !console.quiet()}, context);
   console.say(fmt::format("{}: {} slices\n{}", a.output, result.info.grid.layers,
                           summary(result.after, result.before)));
   return kDone;
@@ -296,6 +296,7 @@ int compare(const Arguments& a, const ExecutionContext& context, Console& consol
   tell_notices(setup, nullptr, context);
   const MeshSlices target = slice_parts(a.mesh, setup.printer, context);
   setup.process = schedule_uv(target, setup, context);
+  setup.process.surface = a.mesh.wanted_surface();
   const Comparison c = compare_methods(target, setup, context);
   if (!a.json.empty()) {
     // Only the erase has an N; the key is there for every method.
@@ -409,7 +410,10 @@ int run_program(int argc, char** argv) {
 
   sub = add("correct", "Correct a stack for a printer, a resin and a speed", correct);
   stack_input(sub, "IN", "Stack of coverage images");
-  a.mesh.add_surface_to(*sub);
+  sub->add_option("--surface", a.surface,
+                  "Where edges lie whose heights the stack knows: there, or at its slices")
+      ->check(CLI::IsMember({"slices", "mesh"}))
+      ->capture_default_str();
   a.setup.add_to(*sub, true, true);
   stack_output(sub, "Stack to write (.uvj, or another format)");
 

@@ -110,6 +110,7 @@ int block_format(const Process& p) {
   plain.omega_max = p.omega_max;
   plain.one_slice_gaps = p.one_slice_gaps;
   plain.gap_shortfall = p.gap_shortfall;
+  plain.surface = p.surface;
   plain.cap_platform_features = p.cap_platform_features;
   return p == plain ? 1 : 2;
 }
@@ -131,6 +132,7 @@ Json process_json(const Process& p, int format) {
   }
   json["one_slice_gaps"] = p.one_slice_gaps == OneSliceGaps::merge ? "merge" : "open";
   if (p.gap_shortfall != kDefaultGapShortfall) json["gap_shortfall"] = p.gap_shortfall;
+  if (p.surface == Surface::mesh) json["surface"] = "mesh";
   json["platform_features"] = p.cap_platform_features ? "capped" : "uncapped";
   if (format == 1) return json;
   json["exposure_s"] = p.exposure_s;

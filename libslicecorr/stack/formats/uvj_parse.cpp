@@ -216,6 +216,9 @@ Process read_process(const Node& node, ExposureMode mode, std::int64_t format) {
   p.one_slice_gaps = node["one_slice_gaps"].choice({"open", "merge"}) == 1 ? OneSliceGaps::merge
                                                                            : OneSliceGaps::open;
   if (node.has("gap_shortfall")) p.gap_shortfall = node["gap_shortfall"].number(0, 0.5);
+  if (node.has("surface")) {
+    p.surface = node["surface"].choice({"slices", "mesh"}) == 1 ? Surface::mesh : Surface::slices;
+  }
   p.cap_platform_features = node["platform_features"].choice({"capped", "uncapped"}) == 0;
   if (format >= 2) read_schedule(node, p);
   return p;

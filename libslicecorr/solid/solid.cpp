@@ -74,7 +74,7 @@ class OnPlate {
 };
 
 /// The surface cut up into blobs of triangles, in the order of the bands.
-struct Surface {
+struct PrintedSurface {
   std::unique_ptr<BlobStore> store;
   std::vector<std::vector<BlobStore::Blob>> bands;
   SolidReport report;
@@ -318,7 +318,7 @@ bool black_gels(const CureModel& model, const SliceSource& stack) {
          std::any_of(dose.upper.begin(), dose.upper.end(), gels);
 }
 
-Surface surface_of(const SliceSource& stack, const PlaceModels& models, const SolidOptions& options,
+PrintedSurface surface_of(const SliceSource& stack, const PlaceModels& models, const SolidOptions& options,
                    const std::string& scratch_folder, const ExecutionContext& context) {
   if (options.reduce < 1 || options.reduce > 64) {
     throw InputError(fmt::format("every {}th pixel; expected 1 to 64", options.reduce));
@@ -329,7 +329,7 @@ Surface surface_of(const SliceSource& stack, const PlaceModels& models, const So
   // Where even black gels, the whole display prints.
   if (black_gels(models.brightest(), stack)) lit = {0, 0, grid.width_px, grid.height_px};
   const OnPlate plate(stack);
-  Surface surface;
+  PrintedSurface surface;
   surface.store = std::make_unique<BlobStore>(scratch_folder, kMemoryBudget, context);
   surface.report.lower.fill(std::numeric_limits<double>::infinity());
   surface.report.upper.fill(-std::numeric_limits<double>::infinity());
@@ -377,14 +377,14 @@ SolidReport write_solid(const SliceSource& stack, const PlaceModels& models,
   const detail::MeshFormat format = detail::mesh_format(path);
   const std::size_t slash = path.rfind('/');
   const std::string folder = slash == std::string::npos ? "." : path.substr(0, slash + 1);
-  Surface surface = surface_of(stack, models, options, folder, context);
+  PrintedSurface surface = surface_of(stack, models, options, folder, context);
   detail::write_triangles(path, format, surface.report.triangles, surface.triangles(), context);
   return std::move(surface.report);
 }
 
 TriangleMesh solid_mesh(const SliceSource& stack, const PlaceModels& models,
                         const SolidOptions& options, const ExecutionContext& context) {
-  const Surface surface = surface_of(stack, models, options, ".", context);
+  const PrintedSurface surface = surface_of(stack, models, options, ".", context);
   return detail::merge_corners(surface.triangles());
 }
 

@@ -46,6 +46,7 @@ const MeshSlices& target(bool antialias = true) {
   const auto sliced = [](bool on) {
     SliceOptions options;
     options.antialias = on;
+    options.edge_heights = true;
     return MeshSlices(test::lattice(11, 7, 6, 5, 0.4), wide_printer(), options);
   };
   static const MeshSlices coverage = sliced(true), centres = sliced(false);

@@ -75,8 +75,10 @@ std::vector<double> erase_errors(const SliceSource& target, const PlacePlans& pl
 
 }  // namespace
 
-Comparison compare_methods(const SliceSource& target, const Setup& setup,
+Comparison compare_methods(const SliceSource& whole_target, const Setup& setup,
                            const ExecutionContext& context) {
+  const SlicesAlone alone(whole_target);
+  const SliceSource& target = detail::aims_at_heights(setup.process) ? whole_target : alone;
   const PlacePlans plans(target, setup, context);
   const PlaceModels& models = plans.models();
   const auto bands = bands_of(target.grid(), target.bounds());

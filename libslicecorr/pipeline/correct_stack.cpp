@@ -540,7 +540,12 @@ CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup,
 Correction correct_stack(const SliceSource& target, const Setup& asked, const StackFile& file,
                          const CorrectionAsk& ask, const ExecutionContext& context) {
   const SlicesAlone alone(target);
-  const SliceSource& wanted = asked.process.surface == Surface::mesh ? target : alone;
+  const bool to_heights = detail::aims_at_heights(asked.process);
+  if (!to_heights && asked.process.surface == Surface::mesh && target.edge_heights()) {
+    context.tell(
+        "layer by layer and under UV light edges are placed at the slices, not at the mesh");
+  }
+  const SliceSource& wanted = to_heights ? target : alone;
   StackCorrection correction(wanted, asked, file, ask, context);
   correction.correct_bands();
   Correction result = correction.result();
@@ -553,7 +558,7 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
 CorrectedSlices::CorrectedSlices(const SliceSource& target, const Setup& setup,
                                  const ExecutionContext& context)
     : alone_(target),
-      target_(setup.process.surface == Surface::mesh ? target : alone_),
+      target_(detail::aims_at_heights(setup.process) ? target : alone_),
       plans_(std::make_unique<const PlacePlans>(target_, setup, context)),
       grid_(target.grid()) {
   grid_.layers = plans_->all_layers();

@@ -9,9 +9,17 @@
 #include "base/coded_band.hpp"
 #include "base/sharp_edges.hpp"
 #include "pipeline/bands.hpp"
+#include "slicecorr/process.hpp"
 #include "slicecorr/target.hpp"
 
 namespace slicecorr::detail {
+
+/// Whether this process places edges at the heights that a target knows: continuous exposure without
+/// UV light does, where it is asked to.
+inline bool aims_at_heights(const Process& process) {
+  return process.surface == Surface::mesh && process.mode == ExposureMode::continuous &&
+         process.uv.kind == UvKind::off;
+}
 
 /// Gives the rows of a band's slices, first slice first, to a sink.
 using BandReader = std::function<void(const SliceSource::Sink&)>;

@@ -52,7 +52,7 @@ class ContinuousSolver final : public BandSolver {
   /// of the run above the edge, to which the lane returns when the solve has passed the edge.
   struct Change {
     std::uint8_t row, lane;
-    std::uint8_t height;  ///< of the edge
+    std::uint8_t height;  ///< of the edge; 0: it has none of its own
     Upper was;
   };
   struct Lanes;
@@ -205,7 +205,7 @@ void ContinuousSolver::append(const std::uint8_t* coverage, const std::uint8_t* 
 bool ContinuousSolver::read_heights(std::span<const Change> changes, int count, std::uint8_t* out) {
   bool any = false;
   for (const Change& change : changes) {
-    if (change.height == kAtNode) continue;
+    if (change.height == 0) continue;
     if (!any) std::memset(out, 0, static_cast<std::size_t>(count) * kLanes);
     any = true;
     out[static_cast<std::size_t>(change.row) * kLanes + change.lane] = change.height;
@@ -243,13 +243,13 @@ void ContinuousSolver::forward(int count) {
           }
           before = was;
         }
-        std::uint8_t height = kAtNode;
+        std::uint8_t height = 0;
         if (with_heights_ >> k & 1) {
           const std::size_t column = block * kLanes + static_cast<std::size_t>(i);
           const std::uint8_t told = heights_[static_cast<std::size_t>(k) * stride_ + column];
           if (told != 0 && opposite(edges_[was.edge].below, below[i])) height = told;
         }
-        upper = {edges_.next(was.edge, n - was.node, below[i], height), n};
+        upper = {edges_.next(was.edge, n - was.node, below[i], height != 0 ? height : kAtNode), n};
         changes_.push({static_cast<std::uint8_t>(k), static_cast<std::uint8_t>(i), height, was});
       }
     }

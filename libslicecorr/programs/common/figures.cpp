@@ -9,14 +9,16 @@ namespace slicecorr::cli {
 
 std::string figures_table(const std::vector<Figures>& columns) {
   std::string text;
+  std::size_t width = 18;
+  for (const Figures& c : columns) width = std::max(width, c.heading.size() + 2);
   const auto line = [&](const char* name, auto figure) {
     text += fmt::format("  {:<34}", name);
-    for (const Figures& c : columns) text += fmt::format("{:>18}", figure(*c.prediction));
+    for (const Figures& c : columns) text += fmt::format("{:>{}}", figure(*c.prediction), width);
     text += "\n";
   };
   if (columns.size() > 1) {
     text += fmt::format("  {:<34}", "");
-    for (const Figures& c : columns) text += fmt::format("{:>18}", c.heading);
+    for (const Figures& c : columns) text += fmt::format("{:>{}}", c.heading, width);
     text += "\n";
   }
   const auto edge = [](const Prediction& p, double value) {

@@ -67,8 +67,7 @@ class Edges {
   /// The platform above a run of this coverage.
   std::int32_t platform(std::uint8_t below);
   /// The edge `slices` below edge `id`, with this coverage on its lower side, and this edge height.
-  std::int32_t next(std::int32_t id, int slices, std::uint8_t below,
-                    std::uint8_t height = kAtNode);
+  std::int32_t next(std::int32_t id, int slices, std::uint8_t below, std::uint8_t height = kAtNode);
   /// An edge between two greys depends on these two alone: its id says which they are, and the edge
   /// stands for the inside of the lower one.
   const Edge& operator[](std::int32_t id) const {

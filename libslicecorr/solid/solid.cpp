@@ -318,8 +318,9 @@ bool black_gels(const CureModel& model, const SliceSource& stack) {
          std::any_of(dose.upper.begin(), dose.upper.end(), gels);
 }
 
-PrintedSurface surface_of(const SliceSource& stack, const PlaceModels& models, const SolidOptions& options,
-                   const std::string& scratch_folder, const ExecutionContext& context) {
+PrintedSurface surface_of(const SliceSource& stack, const PlaceModels& models,
+                          const SolidOptions& options, const std::string& scratch_folder,
+                          const ExecutionContext& context) {
   if (options.reduce < 1 || options.reduce > 64) {
     throw InputError(fmt::format("every {}th pixel; expected 1 to 64", options.reduce));
   }

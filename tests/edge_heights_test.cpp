@@ -254,18 +254,6 @@ TEST(EdgeHeights, ColumnsThroughAHoleHaveNone) {
 
 // --- How they are read
 
-TriangleMesh messy() {
-  std::mt19937_64 random(5);
-  std::uniform_real_distribution<double> at(0, 3);
-  TriangleMesh mesh = sphere(1.2, 2) + turned(box({0, 0, 0}, {1, 2, 1.5}), 0.4, 0.7);
-  for (int i = 0; i < 60; ++i) {
-    const auto n = static_cast<std::uint32_t>(mesh.vertices.size());
-    for (int k = 0; k < 3; ++k) mesh.vertices.push_back({at(random), at(random), at(random)});
-    mesh.triangles.push_back({n, n + 1, n + 2});
-  }
-  return mesh;
-}
-
 TEST(EdgeHeights, BoxesAndRangesArePartsOfTheWhole) {
   const MeshSlices slices(messy(), printer(110, 121, 50, 50), layer_of(90));
   const SliceSource& source = *slices.edge_heights();

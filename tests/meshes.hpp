@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <map>
 #include <numbers>
+#include <random>
 #include <vector>
 
 #include "slicecorr/mesh.hpp"
@@ -103,6 +104,19 @@ inline TriangleMesh cone(double radius, double height, int corners) {
   for (std::uint32_t i = 0; i < n; ++i) {
     mesh.triangles.push_back({i, (i + 1) % n, n});
     mesh.triangles.push_back({(i + 1) % n, i, n + 1});
+  }
+  return mesh;
+}
+
+/// Bodies that overlap, and triangles that belong to none.
+inline TriangleMesh messy() {
+  std::mt19937_64 random(5);
+  std::uniform_real_distribution<double> at(0, 3);
+  TriangleMesh mesh = sphere(1.2, 2) + turned(box({0, 0, 0}, {1, 2, 1.5}), 0.4, 0.7);
+  for (int i = 0; i < 60; ++i) {
+    const auto n = static_cast<std::uint32_t>(mesh.vertices.size());
+    for (int k = 0; k < 3; ++k) mesh.vertices.push_back({at(random), at(random), at(random)});
+    mesh.triangles.push_back({n, n + 1, n + 2});
   }
   return mesh;
 }

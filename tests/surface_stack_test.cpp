@@ -23,14 +23,17 @@ constexpr int kSide = 60;
 
 /// Distances of the edges of a stack from the mesh, um, and columns whose edges are not as many.
 struct Judged {
-  std::vector<double> um;
+  enum Side { under, over };
+  std::vector<double> um[2];  ///< of undersides, of upper sides
   int columns = 0, odd = 0;
-  double mean() const {
-    return std::accumulate(um.begin(), um.end(), 0.0) / static_cast<double>(um.size());
+  double mean(Side side) const {
+    const auto& all = um[side];
+    return std::accumulate(all.begin(), all.end(), 0.0) / static_cast<double>(all.size());
   }
-  double within95() {
-    std::sort(um.begin(), um.end());
-    return um[um.size() * 95 / 100];
+  double mean() const {
+    const auto count = static_cast<double>(um[under].size());
+    const auto other = static_cast<double>(um[over].size());
+    return (mean(under) * count + mean(over) * other) / (count + other);
   }
 };
 
@@ -103,7 +106,7 @@ class SurfaceOfStacks : public ::testing::Test {
           continue;
         }
         for (std::size_t k = 0; k < wanted.size(); ++k) {
-          judged.um.push_back(std::abs(printed[k] - wanted[k]) * layer_um);
+          judged.um[k % 2].push_back(std::abs(printed[k] - wanted[k]) * layer_um);
         }
       }
     }
@@ -137,6 +140,7 @@ class SurfaceOfStacks : public ::testing::Test {
       const double t = (1 - dose[i - 1]) / (dose[i] - dose[i - 1]);
       edges.push_back((static_cast<double>(i) - 0.5 + t) / samples);
     }
+    if (dose.back() >= 1) edges.push_back(all);
     return edges;
   }
 
@@ -181,23 +185,21 @@ TEST_F(SurfaceOfStacks, SpheresAreRound) {
   EXPECT_LE(ball.mean(), 2.0);
 }
 
-TEST_F(SurfaceOfStacks, LayerByLayerEdgesLieAtTheSlicesAndItIsSaid) {
-  const slicecorr::Setup s = setup(8, ExposureMode::layerwise);
-  std::vector<Bytes> made;
-  for (const bool to_mesh : {true, false}) {
-    SliceOptions options = layer_of(50);
-    options.edge_heights = to_mesh;
-    const MeshSlices slices(sloping_plate(5), s.printer, options);
-    std::string told;
-    ExecutionContext context;
-    context.notice = [&](const std::string& text) { told += text; };
-    const std::string path = folder_ / "part.uvj";
-    const Correction c = correct_stack(slices, s, path, {}, context);
-    EXPECT_EQ(c.info.process->surface, Surface::slices);
-    EXPECT_EQ(told.find("not at the mesh") != std::string::npos, to_mesh);
-    made.push_back(read_file(path));
+TEST_F(SurfaceOfStacks, LayerByLayerUndersidesLieOnTheMeshAndUpperSidesAtTheWindow) {
+  for (const double degrees : {5.0, 20.0}) {
+    const slicecorr::Setup s = setup(8, ExposureMode::layerwise);
+    const TriangleMesh mesh = sloping_plate(degrees);
+    const Judged on_mesh = judge(mesh, 50, s, true);
+    EXPECT_EQ(on_mesh.odd, 0) << degrees;
+    EXPECT_EQ(last_.cure_through_voxels + last_.undercure_voxels, 0U);
+    EXPECT_LE(on_mesh.mean(Judged::under), 2.0) << degrees;
+    // Height errors are those that light decides: of upper sides, from the window.
+    EXPECT_LE(last_.height_error_um.mean(), 2.0) << degrees;
+    // Where the window was: at the nearest node, evenly spread over half a slice to either side.
+    EXPECT_NEAR(on_mesh.mean(Judged::over), 12.5, 1.0) << degrees;
+    const Judged on_slices = judge(mesh, 50, s, false);
+    EXPECT_GT(on_slices.mean(Judged::under), 10.0) << degrees;
   }
-  EXPECT_EQ(made[0], made[1]);
 }
 
 }  // namespace

@@ -280,15 +280,65 @@ TEST(SurfaceLayerwise, FarEdgesLieOnTheSurface) {
       const double at_window = phi[n] * m.ratio(static_cast<int>(n)) + later;
       const bool far_edge = n > 0 && n < design.size() && design[n] == 255 && design[n - 1] == 0;
       if (far_edge && phi[n] > m.phi_min() && phi[n] < m.phi_max()) {
-        // Far edges stay a tenth of a slice away from the middles of layers.
-        const double below = std::clamp(edge_height_slices(heights[n]), -0.4, 0.4);
-        EXPECT_NEAR(at_window * std::pow(m.a, 1 - below), 1.0, 1e-9);
-        ++edges;
+        const double below = edge_height_slices(heights[n]);
+        // In the gap, its own black light is added.
+        const double dark = below < 0 ? m.phi_min() * m.ratio(static_cast<int>(n) - 1) : 0.0;
+        if (std::pow(m.a, below) - dark >= 1.0 || below >= 0) {
+          EXPECT_NEAR((at_window * m.a + dark) * std::pow(m.a, -below), 1.0, 1e-9);
+          ++edges;
+        }
       }
       later = at_window * m.a;
     }
   }
   EXPECT_GT(edges, 200);
+}
+
+TEST(SurfaceLayerwise, LevelsAreTheNearestThatKeepTheMiddles) {
+  std::mt19937 random(22);
+  const double exposure_s = 2 * test::least_exposure_s();
+  for (const int depth : {8, 4}) {
+    const CureModel m = make_cure_model(test::linear_printer(1, 100, depth), test::resin(576, 110),
+                                        test::layerwise(exposure_s), 50);
+    const int highest = (1 << depth) - 1;
+    const double exact_bytes = 1e-6;
+    int edges = 0, off_the_target = 0;
+    for (int round = 0; round < test::rounds(100); ++round) {
+      const Bytes design = random_column(random, 2, 12, 60);
+      const Bytes heights = random_heights(random, design);
+      const auto plan = plan_for(m, test::layerwise(exposure_s), static_cast<int>(design.size()));
+      const auto levels = solve_column(plan, design, heights);
+      double later = 0;
+      for (std::size_t n = levels.size(); n-- > 0;) {
+        const auto at_window = [&](int level) {
+          return plan.levels.phi(level) * m.ratio(static_cast<int>(n)) + later;
+        };
+        const bool far_edge = n > 0 && n < design.size() && design[n] == 255 && design[n - 1] == 0;
+        if (far_edge && heights[n] != 0 && heights[n] != kEdgeAtNode) {
+          // All levels are tried: right middles without a slit at the node first, then the distance.
+          const double below = edge_height_slices(heights[n]);
+          const double dark = plan.levels.phi(0) * m.ratio(static_cast<int>(n) - 1);
+          const auto badness = [&](int level) {
+            const double node = at_window(level) * m.a, gap = node + dark;
+            const bool liquid = node / std::sqrt(m.a) < 1.0, closed = gap * std::sqrt(m.a) >= 1.0;
+            const bool slit = node < 1.0 && gap >= 1.0;
+            const double at = std::log(node < 1.0 ? node : gap) / std::log(m.a);
+            return std::pair(2 * liquid + closed + slit, std::abs(at - below));
+          };
+          auto best = badness(0);
+          for (int level = 1; level <= highest; ++level) best = std::min(best, badness(level));
+          const auto chosen = badness(levels[n]);
+          EXPECT_EQ(chosen.first, best.first);
+          EXPECT_NEAR(chosen.second, best.second, exact_bytes);
+          ++edges;
+          off_the_target += best.second > 1e-3;
+        }
+        later = at_window(levels[n]) * m.a;
+      }
+    }
+    EXPECT_GT(edges, 200);
+    EXPECT_GT(off_the_target, 50);
+  }
 }
 
 }  // namespace

@@ -21,8 +21,8 @@ bool SliceSource::ends_below_last_node() const {
     bool found = false;
     heights->read_slices(band, last, last + 1, [&](int, const std::uint8_t* bytes) {
       const auto size = static_cast<std::ptrdiff_t>(band.width()) * band.height();
-      constexpr std::uint8_t at_node = 128;
-      found = bytes && std::any_of(bytes, bytes + size, [](std::uint8_t b) { return b > at_node; });
+      found =
+          bytes && std::any_of(bytes, bytes + size, [](std::uint8_t b) { return b > kEdgeAtNode; });
     });
     if (found) return true;
   }

@@ -249,7 +249,8 @@ void ContinuousSolver::forward(int count) {
           const std::uint8_t told = heights_[static_cast<std::size_t>(k) * stride_ + column];
           if (told != 0 && opposite(edges_[was.edge].below, below[i])) height = told;
         }
-        upper = {edges_.next(was.edge, n - was.node, below[i], height != 0 ? height : kAtNode), n};
+        upper = {edges_.next(was.edge, n - was.node, below[i], height != 0 ? height : kEdgeAtNode),
+                 n};
         changes_.push({static_cast<std::uint8_t>(k), static_cast<std::uint8_t>(i), height, was});
       }
     }
@@ -276,7 +277,7 @@ void ContinuousSolver::solve(const BandCorrector::Sink& sink,
   for (std::size_t b = 0; b < blocks_; ++b) {
     for (std::size_t i = 0; i < kLanes; ++i) {
       const Upper upper = upper_[b * kLanes + i];
-      lanes[b].run[i] = {upper.edge, upper.node, all, 0, false, kAtNode};
+      lanes[b].run[i] = {upper.edge, upper.node, all, 0, false, kEdgeAtNode};
     }
   }
   const std::uint8_t highest = shared_.level_of.back();

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "slicecorr/target.hpp"
 #include "slicecorr/units.hpp"
 
 namespace slicecorr::detail {
@@ -56,7 +55,7 @@ EdgeCorners ContinuousPlan::corners_of(double t) const {
 EdgeAsk ContinuousPlan::ask(std::uint8_t height, const EdgeCorners& at, bool slit) const {
   EdgeAsk ask;
   const Corner& up = slit ? at.slit : at.lower;  // a^-(tolerance upwards)
-  if (height == kAtNode) {
+  if (height == kEdgeAtNode) {
     ask.above = {true, false, up, {}};
     ask.below = {true, false, at.upper, {}};
     return ask;
@@ -86,7 +85,7 @@ EdgeAsk ContinuousPlan::ask(std::uint8_t height, const EdgeCorners& at, bool sli
 
 double ContinuousPlan::most_at_edge(std::uint8_t height, int rung) const {
   const auto r = static_cast<std::size_t>(rung);
-  if (height == kAtNode) return edge_most[r];
+  if (height == kEdgeAtNode) return edge_most[r];
   const double open_at = edge_height_slices(height) + tolerance[r];
   if (open_at <= 0) return open;
   // From there on down, a^(open_at).

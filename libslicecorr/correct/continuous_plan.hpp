@@ -17,6 +17,7 @@
 #include "correct/coverage.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/process.hpp"
+#include "slicecorr/target.hpp"
 
 namespace slicecorr::detail {
 
@@ -53,8 +54,6 @@ struct SideAsk {
 struct EdgeAsk {
   SideAsk above, below;
 };
-/// The edge height of an edge at its node.
-inline constexpr std::uint8_t kAtNode = 128;
 
 /// Number of rungs: tolerances of edges, from the one aimed at to nearly half a slice.
 inline constexpr int kRungs = 8;
@@ -117,7 +116,7 @@ struct ContinuousPlan {
   double most_at_edge(std::uint8_t height, int rung) const;
   /// Whether an edge of this height and rung lies at its node to the last bit: the node says it all.
   bool at_node(std::uint8_t height, int rung) const {
-    return exact && rung == 0 && height == kAtNode;
+    return exact && rung == 0 && height == kEdgeAtNode;
   }
 
   double step(double phi, double below) const { return phi * b + a * below; }

@@ -174,7 +174,7 @@ double Edges::grey_least(std::uint8_t grey, bool under_full, std::uint8_t below)
 }
 
 std::int32_t Edges::platform(std::uint8_t below) {
-  const Key key{Edge::kNone, 0, below, kAtNode};
+  const Key key{Edge::kNone, 0, below, kEdgeAtNode};
   const auto found = ids_.find(key);
   if (found != ids_.end()) return found->second;
   Edge edge;
@@ -224,7 +224,7 @@ std::int32_t Edges::next(std::int32_t id, int slices, std::uint8_t below, std::u
       slices = 0;
     } else if (id & kGreyPair) {
       const std::uint8_t first = cover_above(id);
-      id = keep({endless(first, Hidden::nothing), 0, cover, kAtNode});
+      id = keep({endless(first, Hidden::nothing), 0, cover, kEdgeAtNode});
     }
   } else if (slices >= above.far) {
     id = endless(cover, above.platform && cover == kFull ? Hidden::platform : Hidden::nothing);
@@ -234,7 +234,7 @@ std::int32_t Edges::next(std::int32_t id, int slices, std::uint8_t below, std::u
     id = endless(cover, Hidden::nothing);
     slices = 0;
   }
-  return keep({id, slices, below, opposite(cover, below) ? height : kAtNode});
+  return keep({id, slices, below, opposite(cover, below) ? height : kEdgeAtNode});
 }
 
 std::int32_t Edges::keep(const Key& key) {

@@ -28,7 +28,7 @@ struct Edge {
   /// Slices from the next edge above to this one; 0: so many that nothing above matters.
   std::int32_t slices = 0;
   std::uint8_t above_cover = 0, below = 0;  ///< coverage on both sides
-  std::uint8_t height = kAtNode;            ///< its edge height
+  std::uint8_t height = kEdgeAtNode;        ///< its edge height
   bool platform = false;                    ///< the run below lies on the platform: node 0
   bool endless = false;  ///< no real edge: the inside of a run whose upper end is too far to matter
   /// Doses at the edge, per rung; `at_slit`: where the run below is a gap of one slice.
@@ -67,7 +67,8 @@ class Edges {
   /// The platform above a run of this coverage.
   std::int32_t platform(std::uint8_t below);
   /// The edge `slices` below edge `id`, with this coverage on its lower side, and this edge height.
-  std::int32_t next(std::int32_t id, int slices, std::uint8_t below, std::uint8_t height = kAtNode);
+  std::int32_t next(std::int32_t id, int slices, std::uint8_t below,
+                    std::uint8_t height = kEdgeAtNode);
   /// An edge between two greys depends on these two alone: its id says which they are, and the edge
   /// stands for the inside of the lower one.
   const Edge& operator[](std::int32_t id) const {
@@ -119,7 +120,7 @@ class Edges {
     std::size_t operator()(const Key& k) const {
       std::uint64_t x = (static_cast<std::uint64_t>(static_cast<std::uint32_t>(k.edge)) << 32) ^
                         (static_cast<std::uint64_t>(static_cast<std::uint32_t>(k.slices)) << 8) ^
-                        k.below ^ (static_cast<std::uint64_t>(k.height ^ kAtNode) << 24);
+                        k.below ^ (static_cast<std::uint64_t>(k.height ^ kEdgeAtNode) << 24);
       x *= 0x9E3779B97F4A7C15ULL;
       return static_cast<std::size_t>(x ^ (x >> 29));
     }

@@ -1,15 +1,26 @@
 #include "correct/inhibited_band.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 #include <unordered_map>
 #include <utility>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/target.hpp"
 
 namespace slicecorr::detail {
 
 namespace {
+
+/// The edge height of a run's end as the solve takes it: rounded, so that neighbours on a slope are
+/// alike and are solved once; none at the node where it is so near that rounding makes it 0.
+std::uint8_t taken_height(const InhibitedPlan& plan, std::uint8_t height) {
+  if (height == 0) return 0;
+  const double steps = plan.tuning.height_steps;
+  const double below = std::round(edge_height_slices(height) * steps) / steps;
+  return below == 0 ? std::uint8_t{0} : edge_height_byte(below);
+}
 
 /// Equal for columns of equal coverage and edge heights, and for no others.
 std::string key_of(const std::vector<CoverageRun>& runs) {
@@ -35,7 +46,8 @@ InhibitedBand::InhibitedBand(const InhibitedPlan& plan, std::size_t columns)
 
 void InhibitedBand::add_layer(const std::uint8_t* coverage, const std::uint8_t* heights) {
   if (layers_ == plan_.layers && !coverage) {
-    if (heights) last_heights_.assign(heights, heights + columns_);
+    if (!heights || plan_.kernel->layer_by_layer()) return;
+    for (std::size_t i = 0; i < columns_; ++i) last_heights_[i] = taken_height(plan_, heights[i]);
     return;
   }
   if (layers_ >= plan_.layers) throw Error("more layers than the plan has");
@@ -43,7 +55,9 @@ void InhibitedBand::add_layer(const std::uint8_t* coverage, const std::uint8_t* 
   for (std::size_t i = 0; i < columns_; ++i) {
     const std::uint8_t value = coverage ? coverage[i] : std::uint8_t{0};
     if (value == before_[i]) continue;
-    const std::uint8_t height = heights ? heights[i] : std::uint8_t{0};
+    // Layer by layer, lower edges lie at the window.
+    const bool taken = heights && (value != 0 || !plan_.kernel->layer_by_layer());
+    const std::uint8_t height = taken ? taken_height(plan_, heights[i]) : std::uint8_t{0};
     changes_.push_back({static_cast<std::uint32_t>(i), layers_, value, height});
     before_[i] = value;
   }
@@ -131,7 +145,7 @@ std::vector<std::uint8_t> solve_inhibited_column(const CorrectionPlan& plan,
                                                  const std::vector<std::uint8_t>& coverage,
                                                  const std::vector<std::uint8_t>& heights) {
   const auto height = [&](std::size_t node) {
-    return node < heights.size() ? heights[node] : std::uint8_t{0};
+    return node < heights.size() ? taken_height(*plan.inhibited, heights[node]) : std::uint8_t{0};
   };
   std::vector<CoverageRun> runs;
   for (std::size_t n = 0; n < coverage.size(); ++n) {

@@ -1,5 +1,7 @@
 #include "correct/inhibited_column.hpp"
 
+#include <algorithm>
+#include <cmath>
 #include <limits>
 
 #include "correct/inhibited_doses.hpp"
@@ -25,11 +27,14 @@ struct InhibitedColumn::Impl {
   };
   Outcome keep_if_better();
   Outcome try_lags();
+  Outcome try_lags_and_aim();
+  bool aim_edges();
   void try_one_lag_for_all();
   void try_a_lag_for_each();
   void raise_demands();
   bool raise_around_dips(double times, bool edges_too);
   void polish_best();
+  void search();
 
   const InhibitedPlan& plan;
   ColumnDesign design;
@@ -38,10 +43,12 @@ struct InhibitedColumn::Impl {
   ColumnJudge judge;
   ColumnPolish polish;
 
-  // The best levels of this column so far.
+  std::vector<std::uint8_t> best_of_all;  ///< for all aims
+  // The best levels for the present aims.
   std::vector<std::uint8_t> best;
   std::vector<ColumnJudge::Dip> best_dips;
   double least_um = 0;  ///< their score
+  int wrong_voxels = 0;
   bool perfect = false;
   std::vector<int> lags;  ///< those of the best levels, per feature
 };
@@ -50,6 +57,7 @@ InhibitedColumn::Impl::Outcome InhibitedColumn::Impl::keep_if_better() {
   const ColumnJudge::Score score = judge.score(least_um);
   if (score.um >= least_um) return {};
   least_um = score.um;
+  wrong_voxels = score.wrong_voxels;
   best = doses.levels();
   best_dips = judge.dips();
   return {true, score.perfect};
@@ -68,11 +76,40 @@ InhibitedColumn::Impl::Outcome InhibitedColumn::Impl::try_lags() {
   return keep_if_better();
 }
 
+/// The same, and where the design has edge heights, has the nodes of these edges demand what brings
+/// the edges there, round by round.
+InhibitedColumn::Impl::Outcome InhibitedColumn::Impl::try_lags_and_aim() {
+  Outcome outcome = try_lags();
+  if (!design.has_heights) return outcome;
+  const std::vector<double> demand = design.demand;
+  for (int round = 0; round < plan.tuning.aim_rounds && !outcome.perfect && aim_edges(); ++round) {
+    const Outcome next = try_lags();
+    outcome = {outcome.better || next.better, next.perfect};
+  }
+  design.demand = demand;
+  return outcome;
+}
+
+/// Adds to the demands of edges with heights what the present levels lack there; false where none
+/// lacks anything.
+bool InhibitedColumn::Impl::aim_edges() {
+  bool any = false;
+  for (const ColumnDesign::Edge& edge : design.edges) {
+    if (edge.aim == 0) continue;
+    const double lacks = 1.0 - doses.beside(edge.node, edge.aim);
+    if (std::abs(lacks) < plan.tuning.aim_enough) continue;
+    double& demand = design.demand[static_cast<std::size_t>(edge.node)];
+    demand = std::max(plan.tuning.aim_least, demand + lacks);
+    any = true;
+  }
+  return any;
+}
+
 void InhibitedColumn::Impl::try_one_lag_for_all() {
   lags.assign(design.features.size(), 0);
   for (const int lag : plan.lags) {
     for (ColumnDesign::Feature& f : design.features) f.lag = lag;
-    const Outcome outcome = try_lags();
+    const Outcome outcome = try_lags_and_aim();
     if (outcome.better) {
       perfect = outcome.perfect;
       lags.assign(lags.size(), lag);
@@ -88,7 +125,7 @@ void InhibitedColumn::Impl::try_a_lag_for_each() {
       for (std::size_t i = 0; i < lags.size(); ++i) {
         design.features[i].lag = i == f ? lag : lags[i];
       }
-      const Outcome outcome = try_lags();
+      const Outcome outcome = try_lags_and_aim();
       if (!outcome.better) continue;
       lags[f] = lag;
       perfect = outcome.perfect;
@@ -135,21 +172,36 @@ void InhibitedColumn::Impl::polish_best() {
   }
 }
 
+/// Finds the best levels for the design's aims.
+void InhibitedColumn::Impl::search() {
+  least_um = std::numeric_limits<double>::infinity();
+  perfect = false;
+  try_one_lag_for_all();
+  // Lags of their own help features without room; of heights they mend little.
+  const bool fits = perfect || (design.has_heights && wrong_voxels == 0);
+  if (!fits && lags.size() > 1 && lags.size() <= plan.tuning.own_lag_features) {
+    try_a_lag_for_each();
+  }
+  raise_demands();
+  if (!perfect || !best_dips.empty()) polish_best();
+}
+
 InhibitedColumn::InhibitedColumn(const InhibitedPlan& plan) : impl_(std::make_unique<Impl>(plan)) {}
 InhibitedColumn::~InhibitedColumn() = default;
 
 const std::vector<std::uint8_t>& InhibitedColumn::solve(const std::vector<CoverageRun>& runs) {
   Impl& s = *impl_;
-  s.design.read(runs);
-  s.least_um = std::numeric_limits<double>::infinity();
-  s.perfect = false;
-  s.try_one_lag_for_all();
-  if (!s.perfect && s.lags.size() > 1 && s.lags.size() <= s.plan.tuning.own_lag_features) {
-    s.try_a_lag_for_each();
+  double least_um = std::numeric_limits<double>::infinity();
+  for (const double farthest : s.plan.tuning.farthest_edge_layers) {
+    s.design.read(runs, farthest);
+    s.search();
+    if (s.least_um < least_um) {
+      least_um = s.least_um;
+      s.best_of_all = s.best;
+    }
+    if (!s.design.has_heights || s.wrong_voxels == 0) break;
   }
-  s.raise_demands();
-  if (!s.perfect || !s.best_dips.empty()) s.polish_best();
-  return s.best;
+  return s.best_of_all;
 }
 
 }  // namespace slicecorr::detail

@@ -13,7 +13,8 @@ ColumnDesign::ColumnDesign(const InhibitedPlan& plan)
       coverage_(static_cast<std::size_t>(plan.all_layers) + 1, std::uint8_t{0}),
       heights_(static_cast<std::size_t>(plan.all_layers) + 2, std::uint8_t{0}) {}
 
-void ColumnDesign::read(const std::vector<CoverageRun>& runs) {
+void ColumnDesign::read(const std::vector<CoverageRun>& runs, double farthest) {
+  farthest_ = farthest;
   take_coverage(runs);
   take_heights(runs);
   std::fill(demand.begin(), demand.end(), 0.0);
@@ -50,12 +51,10 @@ void ColumnDesign::take_heights(const std::vector<CoverageRun>& runs) {
   }
 }
 
-/// How far below its node an edge is wanted, in slices. Nearer to the middle of a layer than
-/// `tuning.farthest_edge` allows, no levels would keep that middle on its side.
-double ColumnDesign::below_node(int node) const {
+/// How far below its node an edge belongs, in slices, but no further than `farthest`.
+double ColumnDesign::below_node(int node, double farthest) const {
   const std::uint8_t height = heights_[static_cast<std::size_t>(node)];
-  const double most = plan_.tuning.farthest_edge_layers;
-  return height != 0 ? std::clamp(edge_height_slices(height), -most, most) : 0.0;
+  return height != 0 ? std::clamp(edge_height_slices(height), -farthest, farthest) : 0.0;
 }
 
 /// The relative dose that a node of a feature demands, from the layers on its two sides; see
@@ -66,7 +65,7 @@ double ColumnDesign::demand_at(int node) const {
   if (above == 255 && below == 255) return plan_.inside;
   if (above == 255 || below == 255) {
     // Above a feature nothing is lit: light from below falls by a in a slice.
-    return above == 0 ? std::pow(plan_.kernel->a(), below_node(node)) : 1.0;
+    return above == 0 ? std::pow(plan_.kernel->a(), below_node(node, farthest_)) : 1.0;
   }
   if (above != 0 && below != 0) return std::min(above, below) / 255.0;
   if (above == 0) return 0;
@@ -83,7 +82,8 @@ void ColumnDesign::find_features() {
     if (wanted(k) <= 0) continue;
     Feature feature;
     feature.upper = k;
-    feature.full = wanted(k) >= 1.0;
+    // An upper edge inside its layer demands less of its node.
+    feature.full = full(k) || wanted(k) >= 1.0;
     // A gap of one layer ends the feature, although both of its nodes have demands.
     while (k + 1 < nodes && wanted(k + 1) > 0 && coverage(k) != 0) {
       ++k;
@@ -109,12 +109,21 @@ void ColumnDesign::open_one_slice_gaps() {
 
 void ColumnDesign::find_edges() {
   edges.clear();
+  const auto add = [&](int node, bool upper) {
+    // Layer by layer, features end at the window.
+    const bool at_node = !upper && plan_.kernel->layer_by_layer();
+    const double most = at_node ? 0.0 : plan_.tuning.farthest_edge_layers.front();
+    const double below = below_node(node, most);
+    edges.push_back({node, upper, below, std::clamp(below, -farthest_, farthest_)});
+  };
   for (int n = 0; n <= plan_.layers; ++n) {
     // The platform is no gap: a feature that begins there has no upper edge.
     const int above = n > 0 ? coverage(n - 1) : -1, below = coverage(n);
-    if (above == 0 && below == 255) edges.push_back({n, true, below_node(n)});
-    if (above == 255 && below == 0) edges.push_back({n, false, below_node(n)});
+    if (above == 0 && below == 255) add(n, true);
+    if (above == 255 && below == 0) add(n, false);
   }
+  has_heights =
+      std::any_of(edges.begin(), edges.end(), [](const Edge& edge) { return edge.aim != 0; });
 }
 
 }  // namespace slicecorr::detail

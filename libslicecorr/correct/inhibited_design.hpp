@@ -21,22 +21,23 @@ struct CoverageRun {
 class ColumnDesign {
  public:
   explicit ColumnDesign(const InhibitedPlan& plan);
-  /// `runs`: what is covered, first layer first.
-  void read(const std::vector<CoverageRun>& runs);
+  /// `runs`: what is covered, first layer first. `farthest`: how far from its node an edge is aimed,
+  /// in layers.
+  void read(const std::vector<CoverageRun>& runs, double farthest = 0);
 
   /// Covered layers that follow each other: nodes upper .. lower have demands.
   struct Feature {
     int upper = 0, lower = 0;
     bool platform = false;  ///< begins at the platform
-    bool full = true;       ///< all of its demands are 1 or more
+    bool full = true;       ///< all of its demands are those of full layers
     int lag = 1;            ///< slices; see inhibited_column.hpp
   };
   /// Where full layers and a gap meet: a node, whether the gap is on the platform's side of it, and
-  /// how far below the node the edge belongs, in slices (target.hpp).
+  /// how far below the node the edge belongs, and is aimed at, in slices (target.hpp).
   struct Edge {
     int node;
     bool upper;
-    double below = 0;
+    double below = 0, aim = 0;
   };
   /// Coverage of a layer, 0..255; 0 outside of the target.
   int coverage(int layer) const {
@@ -47,18 +48,20 @@ class ColumnDesign {
   std::vector<double> demand;  ///< relative dose, per node; 0: none
   std::vector<Feature> features;
   std::vector<Edge> edges;
-  int last_node = 0;  ///< highest node with a demand
+  int last_node = 0;         ///< highest node with a demand
+  bool has_heights = false;  ///< an edge is aimed at beside its node
 
  private:
   void take_coverage(const std::vector<CoverageRun>& runs);
   void take_heights(const std::vector<CoverageRun>& runs);
-  double below_node(int node) const;
+  double below_node(int node, double farthest) const;
   double demand_at(int node) const;
   void find_features();
   void open_one_slice_gaps();
   void find_edges();
 
   const InhibitedPlan& plan_;
+  double farthest_ = 0;
   std::vector<std::uint8_t> coverage_;  ///< per layer
   std::vector<std::uint8_t> heights_;   ///< edge heights per node
 };

@@ -15,7 +15,7 @@ ColumnJudge::Score ColumnJudge::score(double most_um) {
   dips_.clear();
   for (const ColumnDesign::Edge& edge : design_.edges) {
     const double um = edge_error_um(edge);
-    if (um > t.tolerance_um) s.perfect = false;
+    if (um > (edge.below == 0 ? t.tolerance_um : t.height_tolerance_um)) s.perfect = false;
     s.um += std::min(um, t.most_edge_layers * plan_.layer_um);
   }
   // Grey layers count neither as right nor as wrong.
@@ -25,6 +25,7 @@ ColumnJudge::Score ColumnJudge::score(double most_um) {
     if (c != 0 && c != 255) continue;
     if ((doses_.middle(n) >= 1.0) == (c == 255)) continue;
     s.perfect = false;
+    ++s.wrong_voxels;
     s.um += (c == 255 ? t.lost_voxel_layers : t.grown_voxel_layers) * plan_.layer_um;
   }
   // Looking through features takes most of the time: not for levels that are worse already.

@@ -19,6 +19,7 @@ class ColumnJudge {
   struct Score {
     double um = 0;        ///< the sum of what is wrong, see InhibitedTuning
     bool perfect = true;  ///< all edges and voxels are right
+    int wrong_voxels = 0;
   };
   /// The score of the present levels. Where it would not be below `most_um`, `um` is infinite and
   /// dips() means nothing.

@@ -72,7 +72,7 @@ double ColumnPolish::cost_around(int n) const {
   double cost = 0;
   for (const ColumnDesign::Edge& edge : design_.edges) {
     if (edge.node < low || edge.node >= high) continue;
-    const double d = doses_.beside(edge.node, edge.below) - 1.0;
+    const double d = doses_.beside(edge.node, edge.aim) - 1.0;
     cost += t.edge_weight * d * d;
   }
   const int end = std::min(high, plan_.all_layers);

@@ -49,14 +49,30 @@ struct InhibitedTuning {
   /// square of their number.
   std::size_t own_lag_features = 64;
 
+  // Edges with heights: their nodes demand what brings the edges there.
+
+  /// Most rounds for each lag.
+  int aim_rounds = 2;
+  /// Dose at an edge that may be lacking or too much: half a um at usual slopes.
+  double aim_enough = 0.005;
+  /// Least demand of the node of such an edge, so that its feature still asks for light.
+  double aim_least = 0.3;
+
+  /// Steps in a slice to which edge heights are rounded, so that neighbours on a slope are solved
+  /// once: at slices of 50 um off by 0.8 um in the mean, less than levels leave.
+  double height_steps = 16;
+
   // Which levels are kept: the error of a column is a sum over edges, voxels and pieces.
 
   /// Edges within this of their place are right: 1 um is far below a slice, and a column that is
   /// right saves the trials after it.
   double tolerance_um = 1;
-  /// How far from its node an edge is wanted at most, in layers: where the design's own edge comes
-  /// nearer to the middle of a layer, levels could not keep that middle on its side.
-  double farthest_edge_layers = 0.35;
+  /// The same for edges beside their nodes, which levels can only come near to.
+  double height_tolerance_um = 2;
+  /// How far from its node an edge is aimed at most, in layers: where the design's own edge comes
+  /// nearer to the middle of a layer, levels can't keep that middle on its side. Where a column has
+  /// wrong voxels all the same, the next of these is tried; the last is that of edges at nodes.
+  std::array<double, 3> farthest_edge_layers{0.43, 0.25, 0};
   /// What one edge counts at most, in layers, and how far it is looked for. What is further off
   /// shows as wrong voxels, which count by themselves.
   double most_edge_layers = 2;

@@ -24,55 +24,88 @@ std::uint8_t solved_for(const CorrectionPlan& plan, std::uint8_t above, std::uin
   return merged ? kFull : here;
 }
 
-/// Light that is left of that at a layer's window where its far edge belongs: at its upper node, or
-/// where a gap lies above it, at its edge height from there.
-class FarEdges {
- public:
-  explicit FarEdges(const CureModel& model) {
-    left_.fill(model.a);
-    for (std::size_t h = 1; h < left_.size(); ++h) {
-      if (h == kAtNode) continue;
-      // Nearer to the middle of a layer than this, rounding to levels could pass it.
-      constexpr double most = 0.4;
-      const double below = edge_height_slices(static_cast<std::uint8_t>(h));
-      const double reach = 1.0 - std::clamp(below, -most, most);
-      left_[h] = std::exp(-reach * model.eta * units::kLn10);
-    }
-  }
-  /// `above`: coverage of the layer above.
-  double left(std::uint8_t above, std::uint8_t height) const {
-    return left_[above == 0 ? height : 0];
-  }
+/// Light at a layer's window, and what becomes of it at the layer's far edge, its upper node.
+struct LayerLight {
+  const CorrectionPlan& plan;
+  double ratio;
+  double far_edge;          ///< W(n + 1), the dose that later slices leave at its window
+  double dark;              ///< that of a black slice, at the window of the layer above
+  std::uint8_t height = 0;  ///< edge height of the upper node where a gap lies above it, else 0
 
- private:
-  static constexpr std::size_t kAtNode = 128;
-  std::array<double, 256> left_;
+  /// Computed just as BandDose does, to the last bit.
+  double near(int level) const { return plan.levels.phi(level) * ratio + far_edge; }
+  double phi(double at_window) const { return (at_window - far_edge) / ratio; }
+  bool ends_at_node() const { return height == 0 || height == kEdgeAtNode; }
+  /// Dose at the window that ends the print where the height says.
+  double wanted() const {
+    const double below = ends_at_node() ? 0.0 : edge_height_slices(height);
+    const double a = plan.model.a, at_node = std::pow(a, below);
+    return (below < 0 ? std::max(1.0, at_node - dark) : at_node) / a;
+  }
 };
 
-/// The grey level of a layer. `far_edge`: W(n + 1), the dose that later slices leave at its window.
-/// For a full layer the lowest level whose dose at the layer's far edge reaches `edge`, `left` of
-/// its light being left there; for a grey one the level whose dose in the middle is nearest to the
-/// coverage, but below 1. Where no level does so, the one that comes nearest.
-int layer_level(const CorrectionPlan& plan, std::uint8_t coverage, double ratio, double far_edge,
-                double left, double edge) {
-  if (coverage == 0) return 0;
-  const LevelTable& levels = plan.levels;
-  const CureModel& model = plan.model;
-  // Computed just as BandDose does, to the last bit.
-  const auto near = [&](int level) { return levels.phi(level) * ratio + far_edge; };
-  if (coverage == kFull) {
-    const auto reached = [&](int level) { return near(level) * left; };
-    if (reached(0) >= edge) return 0;
-    int level = levels.at_least((edge / left - far_edge) / ratio);
-    // Solving for phi rounds differently from stepping forward: what counts is the dose delivered.
-    while (level < levels.highest() && reached(level) < edge) {
-      level = levels.at_least(std::nextafter(levels.phi(level), 1e308));
-    }
-    return level;
+/// Dose of a black slice at its window; 0 for that of the platform's far side.
+double dark_window(const CorrectionPlan& plan, int n) {
+  return n < 0 ? 0.0 : plan.levels.phi(0) * plan.model.ratio(n);
+}
+
+/// The lowest level whose dose at the layer's upper node reaches `edge`.
+int level_to_node(const LayerLight& light, double edge) {
+  const LevelTable& levels = light.plan.levels;
+  const double a = light.plan.model.a;
+  const auto reached = [&](int level) { return light.near(level) * a; };
+  if (reached(0) >= edge) return 0;
+  int level = levels.at_least(light.phi(edge / a));
+  // Solving for phi rounds differently from stepping forward: what counts is the dose delivered.
+  while (level < levels.highest() && reached(level) < edge) {
+    level = levels.at_least(std::nextafter(levels.phi(level), 1e308));
   }
-  const auto middle = [&](int level) { return near(level) * model.root_a; };
+  return level;
+}
+
+/// The level whose print ends nearest to the edge height of the layer's upper node, while the middle
+/// of the layer prints, and that of the layer above, a gap's, does not. Black light makes the gap's
+/// dose jump up at the node: where the layer stays liquid at its node, so must the gap.
+int level_to_height(const LayerLight& light) {
+  const LevelTable& levels = light.plan.levels;
+  const CureModel& model = light.plan.model;
+  const double per_slice = -std::log(model.a);
+  struct End {
+    int wrong;
+    double off;
+    auto operator<=>(const End&) const = default;
+  };
+  const auto end = [&](int level) {
+    const double node = light.near(level) * model.a, in_gap = node + light.dark;
+    const bool slit = node < 1.0 && in_gap >= 1.0;
+    const bool prints = light.near(level) * model.root_a >= 1.0 + kMargin;
+    const bool open = in_gap * model.root_a < 1.0;
+    const double below = -std::log(node < 1.0 ? node : in_gap) / per_slice;
+    return End{(prints ? 0 : 2) + (open ? 0 : 1) + (slit ? 1 : 0),
+               std::abs(below - edge_height_slices(light.height))};
+  };
+  const double phi = light.phi(light.wanted());
+  const int clear = levels.at_most(light.phi(std::nextafter(1.0 - light.dark, 0.0) / model.a));
+  int best = level_to_node(light, 1.0 + kMargin);
+  for (const int level : {levels.at_least(phi), levels.at_most(phi), clear}) {
+    if (end(level) < end(best)) best = level;
+  }
+  return best;
+}
+
+/// The grey level of a layer. For a full layer the level that brings its far edge where it belongs;
+/// for a grey one the level whose dose in the middle is nearest to the coverage, but below 1. Where
+/// no level does so, the one that comes nearest.
+int layer_level(const LayerLight& light, std::uint8_t coverage) {
+  if (coverage == 0) return 0;
+  const LevelTable& levels = light.plan.levels;
+  const CureModel& model = light.plan.model;
+  if (coverage == kFull) {
+    return light.ends_at_node() ? level_to_node(light, 1.0 + kMargin) : level_to_height(light);
+  }
+  const auto middle = [&](int level) { return light.near(level) * model.root_a; };
   const double aim = aim_of(coverage);
-  const double phi = (aim / model.root_a - far_edge) / ratio;
+  const double phi = light.phi(aim / model.root_a);
   int level = levels.at_most(phi);
   const int next = levels.at_least(phi);
   if (next > level && middle(next) < 1.0 && middle(next) - aim < aim - middle(level)) level = next;
@@ -82,7 +115,7 @@ int layer_level(const CorrectionPlan& plan, std::uint8_t coverage, double ratio,
 class LayerwiseSolver final : public BandSolver {
  public:
   LayerwiseSolver(const CorrectionPlan& plan, std::size_t columns)
-      : plan_(plan), far_edges_(plan.model), coded_(columns), heights_(columns) {
+      : plan_(plan), coded_(columns), heights_(columns) {
     for (auto& entry : cache_) entry.far_edge = std::numeric_limits<double>::quiet_NaN();
   }
   void add_layer(const std::uint8_t* coverage, const std::uint8_t* heights) override {
@@ -98,24 +131,22 @@ class LayerwiseSolver final : public BandSolver {
   /// Levels that were found, by what they follow from: most columns have the dose of a neighbour.
   struct Entry {
     double far_edge;
-    double left = 0;
     int slice = -1;
-    std::uint8_t coverage = 0, level = 0;
+    std::uint8_t coverage = 0, height = 0, level = 0;
   };
-  int level_of(std::uint8_t coverage, int slice, double ratio, double far_edge, double left) {
+  int level_of(const LayerLight& light, std::uint8_t coverage, int slice) {
     std::uint64_t bits;
-    std::memcpy(&bits, &far_edge, sizeof bits);
+    std::memcpy(&bits, &light.far_edge, sizeof bits);
     Entry& entry = cache_[((bits >> 20) ^ (bits >> 40) ^ bits ^ coverage) % cache_.size()];
-    if (entry.far_edge != far_edge || entry.coverage != coverage || entry.slice != slice ||
-        entry.left != left) {
-      const int level = layer_level(plan_, coverage, ratio, far_edge, left, 1.0 + kMargin);
-      entry = {far_edge, left, slice, coverage, static_cast<std::uint8_t>(level)};
+    if (entry.far_edge != light.far_edge || entry.coverage != coverage || entry.slice != slice ||
+        entry.height != light.height) {
+      const int level = layer_level(light, coverage);
+      entry = {light.far_edge, slice, coverage, light.height, static_cast<std::uint8_t>(level)};
     }
     return entry.level;
   }
 
   const CorrectionPlan& plan_;
-  const FarEdges far_edges_;
   CodedBand coded_, heights_;
   std::array<Entry, 256> cache_;
 };
@@ -131,13 +162,15 @@ void LayerwiseSolver::solve(const BandCorrector::Sink& sink, const BandCorrector
   const std::size_t columns = coded_.columns();
   std::vector<double> far_edge(columns, 0.0);
   std::vector<std::uint8_t> out(columns), below(columns), here(columns), above(columns);
-  std::vector<std::uint8_t> heights(columns);
+  std::vector<std::uint8_t> over(columns), heights(columns);
   coded_.read(plan_.all_layers - 1, here.data());
   for (int n = plan_.all_layers; n-- > 0;) {
     coded_.read(n - 1, above.data());
     heights_.read(n, heights.data());
+    if (plan_.merge_one_slice_gaps) coded_.read(n - 2, over.data());
     const double ratio = plan_.model.ratio(n);
     const double dark = plan_.levels.phi(0) * ratio;
+    const double dark_above = dark_window(plan_, n - 1);
     bool all_dark = true;
     for (std::size_t b = 0; b < columns; b += kBlock) {
       const std::size_t end = std::min(b + kBlock, columns);
@@ -150,8 +183,10 @@ void LayerwiseSolver::solve(const BandCorrector::Sink& sink, const BandCorrector
       if (!gap) all_dark = false;
       for (std::size_t i = b; i < end; ++i) {
         const std::uint8_t coverage = solved_for(plan_, above[i], here[i], below[i]);
-        const double left = far_edges_.left(above[i], heights[i]);
-        const int level = coverage == 0 ? 0 : level_of(coverage, n, ratio, far_edge[i], left);
+        const std::uint8_t beyond = solved_for(plan_, over[i], above[i], here[i]);
+        const LayerLight light{plan_, ratio, far_edge[i], dark_above,
+                               beyond == 0 ? heights[i] : std::uint8_t{0}};
+        const int level = coverage == 0 ? 0 : level_of(light, coverage, n);
         out[i] = static_cast<std::uint8_t>(level);
         if (level) all_dark = false;
         far_edge[i] = (plan_.levels.phi(level) * ratio + far_edge[i]) * plan_.model.a;
@@ -163,12 +198,11 @@ void LayerwiseSolver::solve(const BandCorrector::Sink& sink, const BandCorrector
   }
 }
 
-/// Walks one column from the last slice to the first: `choose(n, coverage, ratio, W(n + 1), left)`
-/// gives the intensity phi' at the normal exposure.
+/// Walks one column from the last slice to the first: `choose(n, coverage, light)` gives the
+/// intensity phi' at the normal exposure.
 template <typename Choose>
 void walk_column(const CorrectionPlan& plan, const std::vector<std::uint8_t>& coverage,
                  const std::vector<std::uint8_t>& heights, Choose choose) {
-  const FarEdges far_edges(plan.model);
   const auto at = [&](int layer) {
     const bool inside = layer >= 0 && layer < plan.layers;
     return inside ? coverage[static_cast<std::size_t>(layer)] : std::uint8_t{0};
@@ -178,9 +212,10 @@ void walk_column(const CorrectionPlan& plan, const std::vector<std::uint8_t>& co
     const double ratio = plan.model.ratio(n);
     const std::uint8_t c = solved_for(plan, at(n - 1), at(n), at(n + 1));
     const auto k = static_cast<std::size_t>(n);
-    const double left =
-        far_edges.left(at(n - 1), k < heights.size() ? heights[k] : std::uint8_t{0});
-    const double phi = choose(k, c, ratio, far_edge, left);
+    const bool gap_above = solved_for(plan, at(n - 2), at(n - 1), at(n)) == 0;
+    const std::uint8_t height = gap_above && k < heights.size() ? heights[k] : std::uint8_t{0};
+    const double phi =
+        choose(k, c, LayerLight{plan, ratio, far_edge, dark_window(plan, n - 1), height});
     far_edge = (phi * ratio + far_edge) * plan.model.a;
   }
 }
@@ -195,12 +230,11 @@ std::vector<std::uint8_t> solve_layerwise_column(const CorrectionPlan& plan,
                                                  const std::vector<std::uint8_t>& coverage,
                                                  const std::vector<std::uint8_t>& heights) {
   std::vector<std::uint8_t> levels(static_cast<std::size_t>(plan.all_layers));
-  walk_column(plan, coverage, heights,
-              [&](std::size_t n, std::uint8_t c, double ratio, double far_edge, double left) {
-                const int level = layer_level(plan, c, ratio, far_edge, left, 1.0 + kMargin);
-                levels[n] = static_cast<std::uint8_t>(level);
-                return plan.levels.phi(level);
-              });
+  walk_column(plan, coverage, heights, [&](std::size_t n, std::uint8_t c, const LayerLight& light) {
+    const int level = layer_level(light, c);
+    levels[n] = static_cast<std::uint8_t>(level);
+    return plan.levels.phi(level);
+  });
   return levels;
 }
 
@@ -209,13 +243,11 @@ std::vector<double> solve_layerwise_column_exactly(const CorrectionPlan& plan,
                                                    const std::vector<std::uint8_t>& heights) {
   const CureModel& model = plan.model;
   std::vector<double> phi(static_cast<std::size_t>(plan.all_layers));
-  walk_column(
-      plan, coverage, heights,
-      [&](std::size_t n, std::uint8_t c, double ratio, double far_edge, double left) {
-        const double at_window = c == 0 ? 0.0 : c == kFull ? 1.0 / left : aim_of(c) / model.root_a;
-        phi[n] = std::clamp((at_window - far_edge) / ratio, model.phi_min(), model.phi_max());
-        return phi[n];
-      });
+  walk_column(plan, coverage, heights, [&](std::size_t n, std::uint8_t c, const LayerLight& light) {
+    const double at_window = c == 0 ? 0.0 : c == kFull ? light.wanted() : aim_of(c) / model.root_a;
+    phi[n] = std::clamp(light.phi(at_window), model.phi_min(), model.phi_max());
+    return phi[n];
+  });
   return phi;
 }
 

@@ -407,7 +407,7 @@ int LevelSearch::choose(const RunAt& run, int n, double below, std::uint8_t* out
   const bool bottom = n + 1 == run.lower;
   const auto first = static_cast<std::uint8_t>(
       !bottom ? 0 : 1 | run.slit_below << 1 | (run.below == kFull) << 2 | (run.below == 0) << 3);
-  const std::uint8_t height = bottom ? run.lower_height : kAtNode;
+  const std::uint8_t height = bottom ? run.lower_height : kEdgeAtNode;
   const auto bits = std::bit_cast<std::uint64_t>(below);
   const std::uint64_t mixed =
       (bits ^ static_cast<std::uint64_t>(run.edge) << 32 ^ static_cast<std::uint64_t>(j)) *

@@ -19,10 +19,10 @@ struct RunAt {
   std::int32_t lower = 0;   ///< node of its lower end
   std::uint8_t below = 0;   ///< coverage below its lower end
   bool slit_below = false;  ///< below it lies a gap of one slice between full layers
-  std::uint8_t lower_height = kAtNode;  ///< edge height of its lower end
+  std::uint8_t lower_height = kEdgeAtNode;  ///< edge height of its lower end
 
   /// Whether the edge at its lower end lies inside its last slice.
-  bool ends_inside() const { return lower_height < kAtNode; }
+  bool ends_inside() const { return lower_height < kEdgeAtNode; }
 };
 
 /// The run above, with `node` as its lower end.
@@ -129,7 +129,7 @@ class LevelSearch {
     static constexpr int kSlices = 8;
     std::uint64_t bits = 0;
     std::int32_t edge = -1, j = 0;
-    std::uint8_t first = 0, height = kAtNode, count = 0;
+    std::uint8_t first = 0, height = kEdgeAtNode, count = 0;
     std::uint8_t levels[kSlices] = {};
   };
   std::array<Known, 4096> known_;

@@ -78,7 +78,7 @@ std::vector<double> erase_errors(const SliceSource& target, const PlacePlans& pl
 Comparison compare_methods(const SliceSource& whole_target, const Setup& setup,
                            const ExecutionContext& context) {
   const SlicesAlone alone(whole_target);
-  const SliceSource& target = detail::aims_at_heights(setup.process) ? whole_target : alone;
+  const SliceSource& target = setup.process.surface == Surface::mesh ? whole_target : alone;
   const PlacePlans plans(target, setup, context);
   const PlaceModels& models = plans.models();
   const auto bands = bands_of(target.grid(), target.bounds());
@@ -165,22 +165,17 @@ Comparison compare_methods(const SliceSource& whole_target, const Setup& setup,
       });
       for (std::size_t m = 0; m < methods; ++m) figures[m] = predict[m]->finish(place);
     };
-    const auto reader = [&](const SliceSource& source) -> BandReader {
-      return [&](const SliceSource::Sink& sink) { source.read_band(band, sink); };
-    };
-    const SliceSource* const heights = target.edge_heights();
+    const BandReader read = detail::reader_of(target, band);
     detail::LightCounts counts{};
     if (plans.even()) {
       const auto coded = detail::edge_heights_of(target, band);
-      compare(models.map().reference(), columns_of(band), reader(target), coded ? &*coded : nullptr,
+      compare(models.map().reference(), columns_of(band), read, coded ? &*coded : nullptr,
               pixels_of_columns(band));
     } else {
-      std::vector<BandReader> readers = {reader(target)};
-      if (heights) readers.push_back(reader(*heights));
-      const GroupedBand grouped(models.map(), band, readers);
+      const GroupedBand grouped(models.map(), band, detail::with_heights({read}, target, band));
       for (const GroupedBand::Group& g : grouped.groups) {
         counts[g.value] = g.columns.size();
-        compare(g.value, g.columns.size(), g.reader(0), heights ? &g.sources[1] : nullptr,
+        compare(g.value, g.columns.size(), g.reader(0), g.after(0),
                 pixels_of_columns(band, g.columns));
       }
     }

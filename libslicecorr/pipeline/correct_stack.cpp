@@ -110,8 +110,7 @@ struct ColumnSinks {
   WindowWatch* watch;     ///< the same
 };
 
-/// Corrects columns and predicts them. Slices that would be shown uncorrected have the greys of
-/// gentle slopes, which a design with edge heights has not: those are predicted apart.
+/// Corrects columns and predicts them.
 void correct_columns(const CorrectionPlan& plan, std::size_t columns, const DesignReader& read,
                      const ColumnSinks& out, const ExecutionContext& context) {
   BandCorrector corrector(plan, columns);
@@ -298,9 +297,6 @@ class StackCorrection::Band {
                const BandReader& reader, const CodedBand* heights,
                const BandPredictor::PixelOfColumn& place, const PutPixels& put_pixels);
 
-  void predict_shown(const CorrectionPlan& plan, BandPredictor& predictor, const CodedBand& shown,
-                     const CodedBand& heights, int slices) const;
-
   StackCorrection& whole_;
   const PixelBox& box_;
   const std::size_t columns_;
@@ -354,24 +350,29 @@ void StackCorrection::Band::correct(std::uint8_t value, const std::vector<std::u
   }
   std::optional<WindowWatch> watch;
   if (whole_.window_) watch.emplace(plan.model, slices, count);
-  std::optional<CodedBand> as_shown;
-  if (heights && whole_.with_before_) as_shown.emplace(count);
+  // Slices that are shown as they are have the greys of gentle slopes, which a design with edge
+  // heights has not: they are kept, and predicted apart.
+  const bool apart = heights && whole_.with_before_;
+  CodedBand as_shown(count);
   const BandReader kept = [&](const SliceSource::Sink& sink) {
     reader([&](int n, const std::uint8_t* rows) {
-      if (as_shown) as_shown->append(rows);
+      if (apart) as_shown.append(rows);
       sink(n, rows);
     });
   };
   const DesignReader design = [&](const detail::DesignSink& sink) {
     detail::read_design(kept, heights, Surface::mesh, sink);
   };
-  const bool before_apart = as_shown.has_value();
   correct_columns(
       plan, count, design,
-      {put_pixels, predict_after, whole_.with_before_ && !before_apart ? &predict_before : nullptr,
+      {put_pixels, predict_after, whole_.with_before_ && !apart ? &predict_before : nullptr,
        watch ? &*watch : nullptr},
       whole_.context_);
-  if (before_apart) predict_shown(plan, predict_before, *as_shown, *heights, slices);
+  if (apart) {
+    const detail::CodedDesign sharp(count, detail::reader_of(as_shown), heights, Surface::mesh);
+    detail::predict_shown(predict_before, plan.model.is_plain(), as_shown, plan.layers, sharp,
+                          slices, nullptr, whole_.context_);
+  }
   after_ = predict_after.finish(place);
   before_ = predict_before.finish(place);
   if (!watch) return;
@@ -379,48 +380,15 @@ void StackCorrection::Band::correct(std::uint8_t value, const std::vector<std::u
   whole_.window_->merge(value, *watch);
 }
 
-/// What the slices of the target print when they are shown as they are.
-void StackCorrection::Band::predict_shown(const CorrectionPlan& plan, BandPredictor& predictor,
-                                          const CodedBand& shown, const CodedBand& heights,
-                                          int slices) const {
-  const std::size_t columns = shown.columns();
-  std::vector<std::uint8_t> pixels(columns), coverage(columns), height_rows(columns);
-  const detail::CodedDesign design(
-      columns,
-      [&](const SliceSource::Sink& sink) {
-        for (int n = 0; n < shown.slices(); ++n) {
-          shown.read(n, pixels.data());
-          sink(n, shown.black(n) ? nullptr : pixels.data());
-        }
-      },
-      &heights, Surface::mesh);
-  if (plan.model.is_plain()) {
-    predict_tiles(predictor, shown, plan.layers, design, slices, whole_.context_);
-    return;
-  }
-  for (int n = slices; n-- > 0;) {
-    shown.read(n, pixels.data());
-    design.coverage.read(n, coverage.data());
-    predictor.add_slice(n, n < plan.layers ? pixels.data() : nullptr, coverage.data(),
-                        design.heights_at(n, height_rows.data()));
-  }
-}
-
 void StackCorrection::Band::correct_by_light() {
   const BandReader reader = [this](const SliceSource::Sink& sink) { read(sink); };
-  std::vector<BandReader> readers = {reader};
-  const SliceSource* const heights = whole_.target_.edge_heights();
-  const bool has_heights = heights != nullptr;
-  if (has_heights) {
-    readers.emplace_back([&](const SliceSource::Sink& sink) { heights->read_band(box_, sink); });
-  }
-  const GroupedBand grouped(whole_.plans_.models().map(), box_, readers);
+  const GroupedBand grouped(whole_.plans_.models().map(), box_,
+                            detail::with_heights({reader}, whole_.target_, box_));
   std::vector<CodedBand> corrected;
   for (const GroupedBand::Group& g : grouped.groups) {
     counts_[g.value] = g.columns.size();
     CodedBand& coded = corrected.emplace_back(g.columns.size());
-    correct(g.value, &g.columns, g.reader(0), has_heights ? &g.sources[1] : nullptr,
-            pixels_of_columns(box_, g.columns),
+    correct(g.value, &g.columns, g.reader(0), g.after(0), pixels_of_columns(box_, g.columns),
             [&](int, const std::uint8_t* pixels) { coded.append(pixels); });
   }
   Joiner joined(grouped, columns_, std::move(corrected));
@@ -540,12 +508,7 @@ CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup,
 Correction correct_stack(const SliceSource& target, const Setup& asked, const StackFile& file,
                          const CorrectionAsk& ask, const ExecutionContext& context) {
   const SlicesAlone alone(target);
-  const bool to_heights = detail::aims_at_heights(asked.process);
-  if (!to_heights && asked.process.surface == Surface::mesh && target.edge_heights()) {
-    context.tell(
-        "layer by layer and under UV light edges are placed at the slices, not at the mesh");
-  }
-  const SliceSource& wanted = to_heights ? target : alone;
+  const SliceSource& wanted = asked.process.surface == Surface::mesh ? target : alone;
   StackCorrection correction(wanted, asked, file, ask, context);
   correction.correct_bands();
   Correction result = correction.result();
@@ -558,7 +521,7 @@ Correction correct_stack(const SliceSource& target, const Setup& asked, const St
 CorrectedSlices::CorrectedSlices(const SliceSource& target, const Setup& setup,
                                  const ExecutionContext& context)
     : alone_(target),
-      target_(detail::aims_at_heights(setup.process) ? target : alone_),
+      target_(setup.process.surface == Surface::mesh ? target : alone_),
       plans_(std::make_unique<const PlacePlans>(target_, setup, context)),
       grid_(target.grid()) {
   grid_.layers = plans_->all_layers();
@@ -569,7 +532,7 @@ CorrectedSlices::~CorrectedSlices() = default;
 void CorrectedSlices::read_band(const PixelBox& band, const Sink& sink) const {
   const std::size_t columns = columns_of(band);
   const int all = plans_->all_layers();
-  const BandReader read = [&](const Sink& take) { target_.read_band(band, take); };
+  const BandReader read = detail::reader_of(target_, band);
   // The solve gives the last slice first.
   const auto corrected = [&](const CorrectionPlan& plan, std::size_t count,
                              const BandReader& reader, const CodedBand* heights) {
@@ -600,16 +563,12 @@ void CorrectedSlices::read_band(const PixelBox& band, const Sink& sink) const {
     }
     return;
   }
-  std::vector<BandReader> readers = {read};
-  const SliceSource* const edge_heights = target_.edge_heights();
-  if (edge_heights) {
-    readers.emplace_back([&](const Sink& take) { edge_heights->read_band(band, take); });
-  }
-  const GroupedBand grouped(plans_->models().map(), band, readers);
+  const GroupedBand grouped(plans_->models().map(), band,
+                            detail::with_heights({read}, target_, band));
   std::vector<CodedBand> coded_bands;
   for (const GroupedBand::Group& g : grouped.groups) {
-    coded_bands.push_back(corrected(plans_->plan(g.value), g.columns.size(), g.reader(0),
-                                    edge_heights ? &g.sources[1] : nullptr));
+    coded_bands.push_back(
+        corrected(plans_->plan(g.value), g.columns.size(), g.reader(0), g.after(0)));
   }
   Joiner joined(grouped, columns, std::move(coded_bands));
   for (int n = 0; n < all; ++n) sink(n, joined.at(all - 1 - n));

@@ -6,6 +6,22 @@
 
 namespace slicecorr::detail {
 
+BandReader reader_of(const CodedBand& coded) {
+  return [&coded](const SliceSource::Sink& sink) {
+    std::vector<std::uint8_t> rows(coded.columns());
+    for (int n = 0; n < coded.slices(); ++n) {
+      if (coded.black(n)) {
+        sink(n, nullptr);
+        continue;
+      }
+      coded.read(n, rows.data());
+      sink(n, rows.data());
+    }
+  };
+}
+
+namespace {
+
 void predict_tiles(BandPredictor& predictor, const CodedBand& shown, int layers,
                    const CodedDesign& design, int all_layers, const ExecutionContext& context) {
   constexpr std::size_t lanes = BandPredictor::kTileColumns;
@@ -41,6 +57,27 @@ void predict_tiles(BandPredictor& predictor, const CodedBand& shown, int layers,
                          cover.data(), any_heights ? edges.data() : nullptr);
     }
     end = begin;
+  }
+}
+
+}  // namespace
+
+void predict_shown(BandPredictor& predictor, bool plain, const CodedBand& shown, int layers,
+                   const CodedDesign& design, int all_layers, WindowWatch* watch,
+                   const ExecutionContext& context) {
+  if (plain) {
+    predict_tiles(predictor, shown, layers, design, all_layers, context);
+    return;
+  }
+  const std::size_t columns = shown.columns();
+  std::vector<std::uint8_t> pixels(columns), coverage(columns), height_rows(columns);
+  for (int n = all_layers; n-- > 0;) {
+    if ((n & 63) == 0) context.check_cancelled();
+    shown.read(n, pixels.data());
+    design.coverage.read(n, coverage.data());
+    predictor.add_slice(n, n < layers ? pixels.data() : nullptr, coverage.data(),
+                        design.heights_at(n, height_rows.data()));
+    if (watch && n < layers) watch->add_slice(n, pixels.data());
   }
 }
 

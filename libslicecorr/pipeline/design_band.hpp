@@ -5,21 +5,16 @@
 #include <functional>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "base/coded_band.hpp"
 #include "base/sharp_edges.hpp"
 #include "pipeline/bands.hpp"
+#include "slicecorr/predict.hpp"
 #include "slicecorr/process.hpp"
 #include "slicecorr/target.hpp"
 
 namespace slicecorr::detail {
-
-/// Whether this process places edges at the heights that a target knows: continuous exposure without
-/// UV light does, where it is asked to.
-inline bool aims_at_heights(const Process& process) {
-  return process.surface == Surface::mesh && process.mode == ExposureMode::continuous &&
-         process.uv.kind == UvKind::off;
-}
 
 /// Gives the rows of a band's slices, first slice first, to a sink.
 using BandReader = std::function<void(const SliceSource::Sink&)>;
@@ -32,6 +27,18 @@ using DesignReader = std::function<void(const DesignSink&)>;
 inline std::optional<CodedBand> edge_heights_of(const SliceSource& target, const PixelBox& band) {
   if (!target.edge_heights()) return std::nullopt;
   return coded_band_of(*target.edge_heights(), band);
+}
+
+inline BandReader reader_of(const SliceSource& source, const PixelBox& band) {
+  return [&source, band](const SliceSource::Sink& sink) { source.read_band(band, sink); };
+}
+BandReader reader_of(const CodedBand& coded);
+/// `readers`, the last of them a target's coverage, and that of its edge heights where it has some:
+/// what a GroupedBand is made from.
+inline std::vector<BandReader> with_heights(std::vector<BandReader> readers,
+                                            const SliceSource& target, const PixelBox& band) {
+  if (target.edge_heights()) readers.push_back(reader_of(*target.edge_heights(), band));
+  return readers;
 }
 
 /// `heights`: null without. `surface`: gentle slopes are made sharp for the mesh only.
@@ -69,8 +76,10 @@ struct CodedDesign {
   }
 };
 
-/// `layers` slices shown, then no light up to `all_layers`; for plain models.
-void predict_tiles(BandPredictor& predictor, const CodedBand& shown, int layers,
-                   const CodedDesign& design, int all_layers, const ExecutionContext& context);
+/// `layers` slices shown, then no light up to `all_layers`. `plain`: of the model
+/// (CureModel::is_plain). `watch`: null, or takes the slices, too.
+void predict_shown(BandPredictor& predictor, bool plain, const CodedBand& shown, int layers,
+                   const CodedDesign& design, int all_layers, WindowWatch* watch,
+                   const ExecutionContext& context);
 
 }  // namespace slicecorr::detail

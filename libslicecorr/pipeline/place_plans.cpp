@@ -351,21 +351,6 @@ const CorrectionPlan& PlacePlans::plan(std::uint8_t value) const {
   return *made;
 }
 
-BandReader GroupedBand::Group::reader(std::size_t source) const {
-  return [this, source](const SliceSource::Sink& sink) {
-    const CodedBand& coded = sources[source];
-    std::vector<std::uint8_t> rows(columns.size());
-    for (int n = 0; n < coded.slices(); ++n) {
-      if (coded.black(n)) {
-        sink(n, nullptr);
-        continue;
-      }
-      coded.read(n, rows.data());
-      sink(n, rows.data());
-    }
-  };
-}
-
 GroupedBand::GroupedBand(const LightMap& map, const PixelBox& band,
                          const std::vector<BandReader>& readers) {
   const std::size_t columns = columns_of(band);

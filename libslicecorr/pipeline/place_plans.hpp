@@ -47,7 +47,11 @@ struct GroupedBand {
     std::uint8_t value = 0;
     std::vector<std::uint32_t> columns;  ///< of the band
     std::vector<CodedBand> sources;      ///< rows of these columns, by reader
-    BandReader reader(std::size_t source) const;
+    BandReader reader(std::size_t source) const { return reader_of(sources[source]); }
+    /// The source after another, its edge heights (`with_heights`); null where there is none.
+    const CodedBand* after(std::size_t source) const {
+      return source + 1 < sources.size() ? &sources[source + 1] : nullptr;
+    }
   };
   std::vector<Group> groups;
 

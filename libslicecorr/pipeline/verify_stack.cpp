@@ -85,6 +85,9 @@ class Verification {
   /// Columns of one value of light, whose figures go on from those before them.
   void predict(std::uint8_t value, const CodedBand& shown, const CodedDesign& design,
                const BandPredictor::PixelOfColumn& place, Prediction& figures);
+  /// Slices of a recording, which show several images. `watch`: null, or takes them, too.
+  void predict_showings(BandPredictor& predictor, const CodedBand& shown, const CodedDesign& design,
+                        WindowWatch* watch) const;
 
   const SliceSource& stack_;
   const SliceSource& target_;
@@ -107,30 +110,15 @@ void Verification::predict(std::uint8_t value, const CodedBand& shown, const Cod
   const std::size_t columns = shown.columns();
   const CureModel& model = models_.model(value);
   BandPredictor predictor(model, models_.curve(value), all_layers_, columns, slices_.recorded());
-  if (surface_ == Surface::mesh) predictor.aim_at_heights();
+  if (surface_ == Surface::mesh && target_.edge_heights()) predictor.aim_at_heights();
   predictor.go_on_from(std::move(figures));
-  if (!recorded_ && model.is_plain()) {
-    detail::predict_tiles(predictor, shown, layers_, design, all_layers_, context_);
-    figures = predictor.finish(place);
-    return;
-  }
-  std::vector<std::uint8_t> pixels(columns), coverage(columns), height_rows(columns);
   std::optional<WindowWatch> watch;
   if (window_) watch.emplace(model, layers_, columns);
-  detail::ShownBand band_shown(slices_, shown);
-  for (int n = all_layers_; n-- > 0;) {
-    if ((n & 63) == 0) context_.check_cancelled();
-    design.coverage.read(n, coverage.data());
-    const std::uint8_t* const heights = design.heights_at(n, height_rows.data());
-    if (recorded_) {
-      const std::span<const ImageShowing> parts = band_shown.of(n);
-      predictor.add_slice(n, parts, coverage.data(), heights);
-      if (watch && n < layers_) watch->add_slice(n, parts);
-      continue;
-    }
-    shown.read(n, pixels.data());
-    predictor.add_slice(n, n < layers_ ? pixels.data() : nullptr, coverage.data(), heights);
-    if (watch && n < layers_) watch->add_slice(n, pixels.data());
+  if (recorded_) {
+    predict_showings(predictor, shown, design, watch ? &*watch : nullptr);
+  } else {
+    detail::predict_shown(predictor, model.is_plain(), shown, layers_, design, all_layers_,
+                          watch ? &*watch : nullptr, context_);
   }
   figures = predictor.finish(place);
   if (!watch) return;
@@ -138,27 +126,35 @@ void Verification::predict(std::uint8_t value, const CodedBand& shown, const Cod
   window_->merge(value, *watch);
 }
 
+void Verification::predict_showings(BandPredictor& predictor, const CodedBand& shown,
+                                    const CodedDesign& design, WindowWatch* watch) const {
+  std::vector<std::uint8_t> coverage(shown.columns()), heights(shown.columns());
+  detail::ShownBand band_shown(slices_, shown);
+  for (int n = all_layers_; n-- > 0;) {
+    if ((n & 63) == 0) context_.check_cancelled();
+    design.coverage.read(n, coverage.data());
+    const std::span<const ImageShowing> parts = band_shown.of(n);
+    predictor.add_slice(n, parts, coverage.data(), design.heights_at(n, heights.data()));
+    if (watch && n < layers_) watch->add_slice(n, parts);
+  }
+}
+
 void Verification::predict_band(const PixelBox& band) {
   Prediction figures;
   detail::LightCounts counts{};
-  const auto reader = [&](const SliceSource& source) -> detail::BandReader {
-    return [&](const SliceSource::Sink& sink) { source.read_band(band, sink); };
-  };
+  const detail::BandReader coverage = detail::reader_of(target_, band);
   if (models_.even()) {
     const auto heights = detail::edge_heights_of(target_, band);
-    const CodedDesign design(columns_of(band), reader(target_), heights ? &*heights : nullptr,
-                             surface_);
+    const CodedDesign design(columns_of(band), coverage, heights ? &*heights : nullptr, surface_);
     predict(models_.map().reference(), detail::coded_band_of(stack_, band), design,
             detail::pixels_of_columns(band), figures);
   } else {
-    std::vector<detail::BandReader> readers = {reader(stack_), reader(target_)};
-    const bool has_heights = target_.edge_heights() != nullptr;
-    if (has_heights) readers.push_back(reader(*target_.edge_heights()));
-    const detail::GroupedBand grouped(models_.map(), band, readers);
+    const detail::GroupedBand grouped(
+        models_.map(), band,
+        detail::with_heights({detail::reader_of(stack_, band), coverage}, target_, band));
     for (const auto& g : grouped.groups) {
       counts[g.value] = g.columns.size();
-      const CodedDesign design(g.columns.size(), g.reader(1), has_heights ? &g.sources[2] : nullptr,
-                               surface_);
+      const CodedDesign design(g.columns.size(), g.reader(1), g.after(1), surface_);
       predict(g.value, g.sources[0], design, detail::pixels_of_columns(band, g.columns), figures);
     }
   }

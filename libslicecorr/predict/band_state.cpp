@@ -59,7 +59,9 @@ void BandPredictor::State::error(std::size_t i, int node, std::uint8_t height, b
     const double below = edge_height_slices(height);
     const double from_surface = upper ? slices + below : slices - below;
     if (histograms_) prediction_.surface_error_um.add(std::abs(from_surface * model_.layer_um));
-    if (at_heights_) slices = from_surface;
+    // Layer by layer, nothing but the window decides where lower edges lie.
+    const bool chosen = upper || model_.mode == ExposureMode::continuous;
+    if (prediction_.at_heights && chosen) slices = from_surface;
   }
   const double um = slices * model_.layer_um;
   if (edge_sink_) edge_sink_(i, node, upper, um);
@@ -413,7 +415,9 @@ void BandPredictor::State::add_plain_slice(int slice, std::span<const ImageShowi
 }
 
 void BandPredictor::State::go_on_from(Prediction so_far) {
+  const bool at_heights = prediction_.at_heights;
   prediction_ = std::move(so_far);
+  prediction_.at_heights = at_heights;
   worst_so_far_ = prediction_.worst_x >= 0 ? prediction_.height_error_um.greatest() : -1.0;
 }
 

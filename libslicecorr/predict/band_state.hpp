@@ -99,7 +99,6 @@ struct BandPredictor::State {
   EdgeSink edge_sink_;
   StateSink state_sink_;
   bool histograms_ = true;
-  bool at_heights_ = false;  ///< height errors are measured from edge heights
   /// Examples whose y is the index of the column (x is 0), until `finish` knows where the band
   /// lies.
   FeatureExamples lost_, merged_, split_;

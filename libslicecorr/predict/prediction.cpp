@@ -70,6 +70,7 @@ void Prediction::merge(const Prediction& o) {
   split_examples.merge(o.split_examples);
   height_error_um.merge(o.height_error_um);
   surface_error_um.merge(o.surface_error_um);
+  at_heights = at_heights || o.at_heights;
   greatest_overreach_um = std::max(greatest_overreach_um, o.greatest_overreach_um);
   greatest_shortfall_um = std::max(greatest_shortfall_um, o.greatest_shortfall_um);
   gap_contrast.merge(o.gap_contrast);
@@ -122,7 +123,7 @@ std::string Prediction::to_json() const {
   j["merged_gaps_two_slices_or_more"] = merged_thick_gaps;
   j["dose"] = {{"min_inside", or_null(target_voxels > 0, min_dose_inside)},
                {"max_inside", or_null(target_voxels > 0, max_dose_inside)},
-               {"min_inside_layers", or_null(target_voxels > 0, min_inside_layers)},
+               {"min_inside_layers", or_null(target_voxels > 0 && !at_heights, min_inside_layers)},
                {"max_outside", or_null(max_dose_outside >= 0, max_dose_outside)}};
   j["gap_contrast"] = {{"min", or_null(contrasts, gap_contrast.least())},
                        {"p05", or_null(contrasts, gap_contrast.quantile(0.05))}};

@@ -48,24 +48,18 @@ std::string figures_table(const ReportContent& c) {
     if (c.before) html += fmt::format("<td>{}</td>", figure(*c.before));
     html += fmt::format("<td>{}</td></tr>", figure(c.after));
   };
-  const auto edge = [](const Prediction& p, double value) {
-    return number_or_dash(p.height_error_um.count() > 0, value, " um");
-  };
-  row("Mean height error", [&](const Prediction& p) { return edge(p, p.height_error_um.mean()); });
-  row("95 % of edges within",
-      [&](const Prediction& p) { return edge(p, p.height_error_um.quantile(0.95)); });
-  row("Largest height error",
-      [&](const Prediction& p) { return edge(p, p.height_error_um.greatest()); });
-  if (c.after.surface_error_um.count() > 0) {
-    const auto surface = [](const Prediction& p, double value) {
-      return number_or_dash(p.surface_error_um.count() > 0, value, " um");
+  const auto errors = [&](const char* mean, const char* largest, Histogram Prediction::*of) {
+    const auto um = [&](const Prediction& p, double value) {
+      return number_or_dash((p.*of).count() > 0, value, " um");
     };
-    row("Mean distance of edges to the mesh",
-        [&](const Prediction& p) { return surface(p, p.surface_error_um.mean()); });
-    row("95 % of edges within",
-        [&](const Prediction& p) { return surface(p, p.surface_error_um.quantile(0.95)); });
-    row("Largest distance to the mesh",
-        [&](const Prediction& p) { return surface(p, p.surface_error_um.greatest()); });
+    row(mean, [&](const Prediction& p) { return um(p, (p.*of).mean()); });
+    row("95 % of edges within", [&](const Prediction& p) { return um(p, (p.*of).quantile(0.95)); });
+    row(largest, [&](const Prediction& p) { return um(p, (p.*of).greatest()); });
+  };
+  errors("Mean height error", "Largest height error", &Prediction::height_error_um);
+  if (c.after.surface_error_um.count() > 0) {
+    errors("Mean distance of edges to the mesh", "Largest distance to the mesh",
+           &Prediction::surface_error_um);
   }
   row("Gap voxels cured through",
       [](const Prediction& p) { return fmt::format("{}", p.cure_through_voxels); });
@@ -88,8 +82,9 @@ std::string figures_table(const ReportContent& c) {
     return p.target_voxels ? fmt::format("{:.4g} to {:.4g}", p.min_dose_inside, p.max_dose_inside)
                            : std::string("-");
   });
-  row("Least dose anywhere in features",
-      [](const Prediction& p) { return number_or_dash(p.target_voxels > 0, p.min_inside_layers); });
+  row("Least dose anywhere in features", [](const Prediction& p) {
+    return number_or_dash(p.target_voxels > 0 && !p.at_heights, p.min_inside_layers);
+  });
   if (c.after.dead_zones) {
     row("Dead zone over lit pixels", [](const Prediction& p) {
       if (!p.dead_zones || !std::isfinite(p.dead_zones->least())) return std::string("-");

@@ -135,20 +135,15 @@ std::string histograms(const ReportContent& c) {
   const std::vector<double> errors{0, 0.01, 0.1, 0.3, 1, 3, 10, 30, 100, 300, 1000, 1e9};
   const std::vector<std::string> error_names{"< .01", ".01", ".1",  ".3",  "1",    "3",
                                              "10",    "30",  "100", "300", "1000+"};
-  if (c.after.height_error_um.count() > 0) {
-    const Counts after = c.after.height_error_um.coarse(errors);
+  const auto edges = [&](const char* title, Histogram Prediction::*of) {
+    if ((c.after.*of).count() == 0) return;
     Counts before;
-    if (c.before) before = c.before->height_error_um.coarse(errors);
-    html += histogram("Height error of edges", "um, from", error_names,
-                      c.before ? &before : nullptr, after);
-  }
-  if (c.after.surface_error_um.count() > 0) {
-    const Counts after = c.after.surface_error_um.coarse(errors);
-    Counts before;
-    if (c.before) before = c.before->surface_error_um.coarse(errors);
-    html += histogram("Distance of edges to the mesh", "um, from", error_names,
-                      c.before ? &before : nullptr, after);
-  }
+    if (c.before) before = ((*c.before).*of).coarse(errors);
+    html += histogram(title, "um, from", error_names, c.before ? &before : nullptr,
+                      (c.after.*of).coarse(errors));
+  };
+  edges("Height error of edges", &Prediction::height_error_um);
+  edges("Distance of edges to the mesh", &Prediction::surface_error_um);
   if (c.after.gap_contrast.count() > 0) {
     std::vector<double> contrasts;
     std::vector<std::string> names;

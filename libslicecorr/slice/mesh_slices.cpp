@@ -12,21 +12,24 @@
 #include "parallel/silent.hpp"
 #include "slice/bridges.hpp"
 #include "slice/edge_heights.hpp"
+#include "slice/placing.hpp"
 #include "slice/raster.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/slice.hpp"
 
 namespace slicecorr {
 
+using detail::box_of;
+using detail::check_fits;
+using detail::chunks_of;
+using detail::in_chunks;
+using detail::layers_of;
+using detail::PartBox;
+using detail::Placing;
+using detail::placing_of;
 using detail::Segment;
 
 namespace {
-
-/// In layers: what rounding may add to a part's height without adding a slice.
-constexpr double kLayerTolerance = 1e-6;
-/// In pixels: how far a part may reach over the display by rounding, so that one that fills it
-/// fits.
-constexpr double kPixelTolerance = 1e-3;
 
 /// Share of the volume from which on missing surface shows in the print: 1 % of a part 50 pixels
 /// wide is half a pixel on one side.
@@ -81,108 +84,6 @@ std::string doubt_of(const SliceReport& r) {
   if (share < 1e-4) return "less than 0.01 % of the volume depends on them";
   return fmt::format("up to {:.2g} % of the volume depends on them{}", 100 * share,
                      share < kMuch ? "" : ": close the mesh first");
-}
-
-constexpr std::size_t kChunk = 1 << 15;
-std::size_t chunks_of(std::size_t count) { return (count + kChunk - 1) / kChunk; }
-/// Calls `each(chunk, begin, end)` for parts of [0, count), on all threads.
-template <class Each>
-void in_chunks(std::size_t count, const ExecutionContext& context, const Each& each) {
-  parallel_for(detail::silent(context), "", chunks_of(count), [&](std::size_t chunk) {
-    each(chunk, chunk * kChunk, std::min(count, (chunk + 1) * kChunk));
-  });
-}
-
-/// The box around the corners of the part's triangles, mm.
-struct PartBox {
-  Point3 low, high;
-  double size(std::size_t k) const { return high[k] - low[k]; }
-  double middle(std::size_t k) const { return 0.5 * (low[k] + high[k]); }
-};
-
-PartBox box_of(const TriangleMesh& mesh, const ExecutionContext& context) {
-  Point3 low = mesh.vertices[mesh.triangles[0][0]], high = low;
-  bool finite = true;
-  std::mutex joining;
-  in_chunks(mesh.triangles.size(), context, [&](std::size_t, std::size_t begin, std::size_t end) {
-    Point3 its_low = mesh.vertices[mesh.triangles[begin][0]], its_high = its_low;
-    bool its_finite = true;
-    for (std::size_t i = begin; i < end; ++i) {
-      for (const std::uint32_t v : mesh.triangles[i]) {
-        for (std::size_t k = 0; k < 3; ++k) {
-          its_low[k] = std::min(its_low[k], mesh.vertices[v][k]);
-          its_high[k] = std::max(its_high[k], mesh.vertices[v][k]);
-          its_finite &= std::isfinite(mesh.vertices[v][k]);
-        }
-      }
-    }
-    const std::lock_guard lock(joining);
-    finite &= its_finite;
-    for (std::size_t k = 0; k < 3; ++k) {
-      low[k] = std::min(low[k], its_low[k]);
-      high[k] = std::max(high[k], its_high[k]);
-    }
-  });
-  if (!finite) throw InputError("a corner of the part is not at a finite place");
-  return {low, high};
-}
-
-/// Where the middle of the part lies on the display, whose size is also given, mm.
-struct Placing {
-  double display_x, display_y, cx, cy;
-};
-
-Placing placing_of(const Grid& plate, const SliceOptions& options) {
-  const double display_x = plate.width_px * (plate.pixel_x_um * 1e-3);
-  const double display_y = plate.height_px * (plate.pixel_y_um * 1e-3);
-  const double cx = options.center_mm ? (*options.center_mm)[0] : display_x / 2;
-  const double cy = options.center_mm ? (*options.center_mm)[1] : display_y / 2;
-  if (!std::isfinite(cx) || !std::isfinite(cy)) {
-    throw InputError(fmt::format("centre {:g}, {:g} mm; expected finite numbers", cx, cy));
-  }
-  return {display_x, display_y, cx, cy};
-}
-
-/// Throws where the part reaches over the display.
-void check_fits(const PartBox& box, const Placing& at, const Grid& plate, const Printer& printer) {
-  const double px = plate.pixel_x_um * 1e-3, py = plate.pixel_y_um * 1e-3;
-  const auto [display_x, display_y, cx, cy] = at;
-  const double half_x = 0.5 * box.size(0), half_y = 0.5 * box.size(1);
-  const double excess_x = std::max(half_x - cx, cx + half_x - display_x);
-  const double excess_y = std::max(half_y - cy, cy + half_y - display_y);
-  if (excess_x > kPixelTolerance * px || excess_y > kPixelTolerance * py) {
-    std::string text;
-    if (excess_x > kPixelTolerance * px) text += fmt::format(" {:.3f} mm in x", excess_x);
-    if (excess_y > kPixelTolerance * py) {
-      text += fmt::format("{} {:.3f} mm in y", text.empty() ? "" : " and", excess_y);
-    }
-    throw InputError(fmt::format(
-        "the part of {:.3f} x {:.3f} mm, centred at {:.3f}, {:.3f} mm, reaches{} beyond the "
-        "display of '{}' ({:.3f} x {:.3f} mm)",
-        box.size(0), box.size(1), cx, cy, text, printer.name, display_x, display_y));
-  }
-}
-
-/// Slices of the part. Throws where they are none or too many, or beyond the stage's travel.
-int layers_of(const PartBox& box, const Printer& printer, const SliceOptions& options) {
-  const double layer_mm = options.layer_um * 1e-3;
-  const double height = box.size(2) / layer_mm;
-  const double layers = std::ceil(height - 0.5 - kLayerTolerance);
-  if (printer.travel_mm > 0 && box.size(2) > printer.travel_mm + kLayerTolerance * layer_mm) {
-    throw InputError(fmt::format(
-        "the part is {:.3f} mm high, {:.3f} mm more than the stage of '{}' travels ({:g} mm)",
-        box.size(2), box.size(2) - printer.travel_mm, printer.name, printer.travel_mm));
-  }
-  if (!(layers >= 1)) {
-    throw InputError(
-        fmt::format("the part is {:.6g} mm high, thinner than half a layer of {:g} um; are its "
-                    "units and scale right (metres or inches read as millimetres)?",
-                    box.size(2), options.layer_um));
-  }
-  if (layers > 1e6) {
-    throw InputError(fmt::format("the part needs {:.0f} slices; expected at most 1000000", layers));
-  }
-  return static_cast<int>(layers);
 }
 
 }  // namespace

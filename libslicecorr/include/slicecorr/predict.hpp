@@ -148,6 +148,9 @@ struct Prediction {
   /// Least and greatest dose at mid-layer in layers of coverage 1, the greatest in those of
   /// coverage 0; infinite without such layers. `min_inside_layers`: the least at any place in
   /// layers of coverage 1.
+  /// `at_heights`: of a stack that was corrected to edge heights, whose features end inside layers;
+  /// what is least in these layers lies beyond the feature, and `min_inside_layers` is not told.
+  bool at_heights = false;
   double min_dose_inside = std::numeric_limits<double>::infinity();
   double min_inside_layers = std::numeric_limits<double>::infinity();
   double max_dose_inside = -std::numeric_limits<double>::infinity();

@@ -57,15 +57,18 @@ class SliceSource {
   virtual bool ends_below_last_node() const;
 };
 
+/// The edge height of an edge at its node.
+inline constexpr std::uint8_t kEdgeAtNode = 128;
 /// How far an edge lies below its node, away from the platform, in slices: -1/2..1/2. `byte`: its
 /// edge height, 1..255.
-constexpr double edge_height_slices(std::uint8_t byte) { return (byte - 128) / 254.0; }
+constexpr double edge_height_slices(std::uint8_t byte) { return (byte - kEdgeAtNode) / 254.0; }
 /// The byte of an edge `slices` below its node, the nearest in range.
 constexpr std::uint8_t edge_height_byte(double slices) {
-  const double v = 128.0 + 254.0 * slices;
+  const double v = kEdgeAtNode + 254.0 * slices;
+  // Rounded: half of the odd numbers is cut off.
   return v < 1.0     ? std::uint8_t{1}
          : v > 255.0 ? std::uint8_t{255}
-                     : static_cast<std::uint8_t>(v + 0.5);
+                     : static_cast<std::uint8_t>((static_cast<int>(2.0 * v) + 1) / 2);
 }
 
 /// The slices of a source without its edge heights. `source` must outlive this.

@@ -11,7 +11,7 @@ std::string figures_table(const std::vector<Figures>& columns) {
   std::string text;
   std::size_t width = 18;
   for (const Figures& c : columns) width = std::max(width, c.heading.size() + 2);
-  const auto line = [&](const char* name, auto figure) {
+  const auto line = [&](const std::string& name, auto figure) {
     text += fmt::format("  {:<34}", name);
     for (const Figures& c : columns) text += fmt::format("{:>{}}", figure(*c.prediction), width);
     text += "\n";
@@ -21,30 +21,20 @@ std::string figures_table(const std::vector<Figures>& columns) {
     for (const Figures& c : columns) text += fmt::format("{:>{}}", c.heading, width);
     text += "\n";
   }
-  const auto edge = [](const Prediction& p, double value) {
-    return p.height_error_um.count() ? fmt::format("{:.3f} um", value) : std::string("-");
+  const auto errors = [&](const char* what, Histogram Prediction::*of) {
+    const auto um = [&](const Prediction& p, double value) {
+      return (p.*of).count() ? fmt::format("{:.3f} um", value) : std::string("-");
+    };
+    const auto name = [&](const char* figure) { return fmt::format("{}, {}", what, figure); };
+    line(name("mean"), [&](const Prediction& p) { return um(p, (p.*of).mean()); });
+    line(name("95 % within"), [&](const Prediction& p) { return um(p, (p.*of).quantile(0.95)); });
+    line(name("largest"), [&](const Prediction& p) { return um(p, (p.*of).greatest()); });
   };
-  // Of a design with its own heights, those of the slices are what the distance makes up for.
-  line("height error, mean",
-       [&](const Prediction& p) { return edge(p, p.height_error_um.mean()); });
-  line("height error, 95 % within",
-       [&](const Prediction& p) { return edge(p, p.height_error_um.quantile(0.95)); });
-  line("height error, largest",
-       [&](const Prediction& p) { return edge(p, p.height_error_um.greatest()); });
+  errors("height error", &Prediction::height_error_um);
   const bool any_surface = std::any_of(columns.begin(), columns.end(), [](const Figures& f) {
     return f.prediction->surface_error_um.count() > 0;
   });
-  if (any_surface) {
-    const auto surface = [](const Prediction& p, double value) {
-      return p.surface_error_um.count() ? fmt::format("{:.3f} um", value) : std::string("-");
-    };
-    line("distance to the mesh, mean",
-         [&](const Prediction& p) { return surface(p, p.surface_error_um.mean()); });
-    line("distance to the mesh, 95 % within",
-         [&](const Prediction& p) { return surface(p, p.surface_error_um.quantile(0.95)); });
-    line("distance to the mesh, largest",
-         [&](const Prediction& p) { return surface(p, p.surface_error_um.greatest()); });
-  }
+  if (any_surface) errors("distance to the mesh", &Prediction::surface_error_um);
   line("gap voxels cured through",
        [](const Prediction& p) { return fmt::format("{}", p.cure_through_voxels); });
   line("feature voxels undercured",
@@ -58,7 +48,8 @@ std::string figures_table(const std::vector<Figures>& columns) {
     line("column features in pieces",
          [](const Prediction& p) { return fmt::format("{} of {}", p.split_features, p.runs); });
     line("least dose in features", [](const Prediction& p) {
-      return p.target_voxels ? fmt::format("{:.4f}", p.min_inside_layers) : std::string("-");
+      return p.target_voxels && !p.at_heights ? fmt::format("{:.4f}", p.min_inside_layers)
+                                              : std::string("-");
     });
   }
   line("column gaps merged",

@@ -154,10 +154,13 @@ std::string describe_stack(const StackInfo& info) {
   if (info.part_volume_mm3 > 0) {
     text += fmt::format("resin volume {:.4f} ml\n", info.part_volume_mm3 * 1e-3);
   }
-  if (info.kind == StackKind::target) {
-    text += fmt::format("edges        {}\n", info.has_edge_heights
-                                                 ? "at the heights of the mesh (edge heights)"
-                                                 : "at the heights of the slices");
+  const bool corrected = info.kind == StackKind::corrected && info.process;
+  if (info.kind == StackKind::target || corrected) {
+    const bool mesh = corrected ? info.process->surface == Surface::mesh : info.has_edge_heights;
+    text +=
+        fmt::format("edges        {}\n", !mesh       ? "at the heights of the slices"
+                                         : corrected ? "at the heights of the mesh"
+                                                     : "at the heights of the mesh (edge heights)");
   }
   if (!info.program.empty())
     text += fmt::format("made by      {}\n", text::printable(info.program));
@@ -242,6 +245,7 @@ std::string info_json(const StackInfo& info, const std::string& path) {
     }
     j["one_slice_gaps"] = info.process->one_slice_gaps == OneSliceGaps::merge ? "merge" : "open";
     j["gap_shortfall"] = info.process->gap_shortfall;
+    j["surface"] = info.process->surface == Surface::mesh ? "mesh" : "slices";
     j["platform_features"] = info.process->cap_platform_features ? "capped" : "uncapped";
   }
   const double time = light_on_s(info);

@@ -446,8 +446,8 @@ TEST_F(Cli, SurfaceChoosesEdgeHeights) {
   };
   EXPECT_EQ(slice_to("a.uvj", {"--surface", "mesh"})["edge_heights"], true);
   EXPECT_EQ(slice_to("slices.uvj", {"--surface", "slices"})["edge_heights"], false);
-  EXPECT_EQ(slice_to("default.uvj", {})["edge_heights"], false);
-  EXPECT_EQ(bytes("default.uvj"), bytes("slices.uvj"));
+  EXPECT_EQ(slice_to("default.uvj", {})["edge_heights"], true);
+  EXPECT_EQ(bytes("default.uvj"), bytes("a.uvj"));
   EXPECT_THAT(good({"info", "a.uvj"}), testing::HasSubstr("heights of the mesh"));
   EXPECT_THAT(good({"info", "slices.uvj"}), testing::HasSubstr("heights of the slices"));
   bad(2,
@@ -771,6 +771,26 @@ TEST_F(Cli, ToleranceMissed) {
   // The result is there all the same, and the reason.
   EXPECT_GT(json::parse(r.out)["height_error_um"]["max_abs"], 0.0001);
   EXPECT_NE(r.err.find("0.0001 um"), std::string::npos) << r.err;
+
+  const auto surface = [](const char* limit) {
+    return Command{"verify", "out.uvj", "--target", "target.uvj", "--max-surface-error-um", limit};
+  };
+  EXPECT_EQ(call(surface("2")).exit_code, 0);
+  const RunResult far = call(surface("0.0001"));
+  EXPECT_EQ(far.exit_code, 5);
+  EXPECT_THAT(far.err, testing::HasSubstr("largest surface error"));
+  bad(2, surface("-1"), {"--max-surface-error-um"});
+}
+
+TEST_F(Cli, VerifyDrawsTheSurface) {
+  slice();
+  run(setup());
+  good({"verify", "out.uvj", "--target", "target.uvj", "--map", "map.png"});
+  const Bytes png = bytes("map.png");
+  ASSERT_GT(png.size(), 8U);
+  EXPECT_EQ(png[1], 'P');
+  bad(4, {"verify", "out.uvj", "--target", "target.uvj", "--map", "none/map.png"}, {"none"});
+  bad(2, {"verify", "out.uvj", "--target", "target.uvj", "--map", "out.uvj"}, {"out.uvj"});
 }
 
 TEST_F(Cli, InterruptedLeavesNothing) {

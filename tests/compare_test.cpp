@@ -52,7 +52,8 @@ TEST_F(CompareTest, TableOnStdoutAndNothingElse) {
   std::istringstream lines(r.out);
   std::string head, line;
   std::getline(lines, head);
-  for (const char* heading : {"uncorrected", "erase, N = ", "grey table", "corrected"}) {
+  for (const char* heading :
+       {"uncorrected", "erase, N = ", "grey table", "corrected to slices", "corrected"}) {
     EXPECT_NE(head.find(heading), std::string::npos) << heading;
   }
   for (const char* row :
@@ -71,7 +72,7 @@ TEST_F(CompareTest, JsonHoldsTheFiguresOfEachMethod) {
   EXPECT_EQ(r.err, "");
   EXPECT_EQ(files(), 1U);
   const json j = json::parse(r.out);
-  ASSERT_EQ(j.size(), 4U);
+  ASSERT_EQ(j.size(), 5U);
   // What `run` says of the same part.
   ASSERT_EQ(call("run", {"--speed-mm-h", "1000", "-o", "ladder.uvj"}).exit_code, 0);
   json ours = read("ladder.json");
@@ -85,6 +86,8 @@ TEST_F(CompareTest, JsonHoldsTheFiguresOfEachMethod) {
     EXPECT_EQ(j[method]["target_voxels"], ours["target_voxels"]);
     EXPECT_GT(j[method]["height_error_um"]["mean_abs"], ours["height_error_um"]["mean_abs"]);
   }
+  EXPECT_GE(j["ours_to_slices"]["surface_error_um"]["mean_abs"],
+            ours["surface_error_um"]["mean_abs"]);
   EXPECT_TRUE(j["erase"]["best_n"].is_number_integer());
   EXPECT_TRUE(j["table"]["best_n"].is_null());
   EXPECT_LT(j["erase"]["height_error_um"]["mean_abs"],

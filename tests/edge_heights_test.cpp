@@ -224,7 +224,9 @@ TEST(EdgeHeights, ThinVoidsAndThinPartsHaveNone) {
   EXPECT_THAT(Heights(sheet).of(25, 20), testing::ElementsAre(3));
   const ThinFeatures thin = sheet.thin_features();
   EXPECT_EQ(thin.columns, 15u * 20u);
+  EXPECT_EQ(thin.of_columns, 20u * 20u);
   EXPECT_NEAR(thin.thickest_um, 80, 1e-6);
+  EXPECT_NEAR(thin.z_mm, 0.66, 1e-9);
   EXPECT_NEAR(thin.volume_mm3, 1.5 * 2 * 0.08, 1e-9);
 }
 

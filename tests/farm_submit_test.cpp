@@ -249,6 +249,7 @@ TEST_F(Prepare, TheKeyIsWhatDecidesTheOutput) {
   differs("part", [&](JobRequest& r) { r.parts = {make_part(2)}; });
   differs("two parts", [&](JobRequest& r) { r.parts.push_back(r.parts[0]); });
   differs("layer", [](JobRequest& r) { r.layer_um = 25; });
+  differs("surface", [](JobRequest& r) { r.setup.surface = "slices"; });
   differs("antialias", [](JobRequest& r) { r.antialias = "off"; });
   differs("scale", [](JobRequest& r) { r.scale = 1.0000001; });
   differs("center", [](JobRequest& r) { r.center_mm = {2.4, 1.5}; });

@@ -329,7 +329,8 @@ TEST_F(TurnedSlicesTest, ArchivesForADisplayThroughThePrograms) {
   };
   const std::string how =
       " --printer prusa-sl1s --resin benchy-resin --ha-um 150 --mode layerwise --exposure-s 20";
-  ok("slice l.stl -o t.uvj --printer prusa-sl1s --layer-um 100 --center-mm 30,20");
+  // Other archives know no edge heights.
+  ok("slice l.stl -o t.uvj --surface slices --printer prusa-sl1s --layer-um 100 --center-mm 30,20");
   ok("slice l.stl -o t.sl1 --printer prusa-sl1s --layer-um 100 --center-mm 30,20");
   EXPECT_THAT(ok("info t.uvj"), testing::HasSubstr("2560 x 1620 pixels"));
   EXPECT_THAT(ok("info t.sl1"), testing::AllOf(testing::HasSubstr("1620 x 2560 pixels"),

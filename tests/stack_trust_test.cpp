@@ -418,6 +418,15 @@ TEST_F(TrustedTarget, SlicesThatWereNotCorrectedAreComparedWhereTheyOverlap) {
 }
 
 TEST_F(TrustedTarget, TheSameDesignInAnotherFormIsTaken) {
+  // No other form knows edge heights. That a target does not, though the stack was corrected to
+  // them, is told.
+  good({"convert", "target.uvj", "-o", "no-heights.sl1"});
+  EXPECT_THAT(good({"verify", "part.uvj", "--target", "no-heights.sl1"}).err,
+              HasSubstr("knows no edge heights"));
+  EXPECT_THAT(good({"verify", "part.uvj", "--target", "target.uvj"}).err,
+              Not(HasSubstr("edge heights")));
+  slice("ladder.stl", "target.uvj", {"--surface", "slices"});
+  correct("target.uvj", "part.uvj");
   const std::string same =
       good({"verify", "part.uvj", "--target", "target.uvj", "--json", "-"}).out;
   const auto silent = [&](const std::string& target) {

@@ -164,6 +164,8 @@ TEST_F(SurfaceOfStacks, ShallowUndersidesLieOnTheMesh) {
       // A step of edge heights is layer_um / 254; a level moves an edge by more than a um at 50 um.
       EXPECT_LE(on_mesh.mean(), 2.0) << degrees << " " << layer_um;
       EXPECT_EQ(last_.cure_through_voxels + last_.undercure_voxels, 0U);
+      // Of layers in which an edge lies, the part beyond it is not inside.
+      EXPECT_GE(last_.min_inside_layers, 0.999);
       EXPECT_NEAR(last_.surface_error_um.mean(), on_mesh.mean(), 0.5) << degrees << " " << layer_um;
       // Stairs are off by up to half a slice, evenly spread: by a quarter in the mean.
       if (degrees == 5) {
@@ -199,6 +201,53 @@ TEST_F(SurfaceOfStacks, LayerByLayerUndersidesLieOnTheMeshAndUpperSidesAtTheWind
     EXPECT_NEAR(on_mesh.mean(Judged::over), 12.5, 1.0) << degrees;
     const Judged on_slices = judge(mesh, 50, s, false);
     EXPECT_GT(on_slices.mean(Judged::under), 10.0) << degrees;
+  }
+}
+
+TEST_F(SurfaceOfStacks, MapsShowTheStairs) {
+  const TriangleMesh mesh = sloping_plate(5);
+  for (const bool to_mesh : {true, false}) {
+    SliceOptions options = layer_of(100);
+    options.edge_heights = true;
+    slicecorr::Setup s = setup(8);
+    s.process.surface = to_mesh ? Surface::mesh : Surface::slices;
+    const MeshSlices slices(mesh, s.printer, options);
+    const std::string path = folder_ / "part.uvj";
+    const Prediction made = correct_stack(slices, s, path, {.before = true}).after;
+    const StackReader stack(path, folder_.path());
+    const Prediction p = verify_stack(stack, slices, s);
+    ASSERT_TRUE(p.maps);
+    const SurfaceMaps& maps = *p.maps;
+    EXPECT_EQ(maps.pixels_per_cell, 1);
+    ASSERT_EQ(maps.below_um.size(), static_cast<std::size_t>(maps.width * maps.height));
+    const int row = maps.height / 2;
+    double largest = 0;
+    int rises = 0, seen = 0;
+    float before = 0;
+    for (int x = 0; x < maps.width; ++x) {
+      const float um = maps.below_um[static_cast<std::size_t>(row * maps.width + x)];
+      if (std::isnan(um)) continue;
+      largest = std::max(largest, std::abs(static_cast<double>(um)));
+      rises += seen > 0 && std::abs(um - before) > 50;
+      before = um;
+      ++seen;
+    }
+    // What begins less than half a slice above the platform lies on it.
+    EXPECT_GT(seen, 30);
+    if (to_mesh) {
+      EXPECT_LE(largest, 5.0);
+      // What the correction itself says, where it had the heights, too.
+      ASSERT_TRUE(made.maps);
+      for (std::size_t k = 0; k < maps.above_um.size(); ++k) {
+        if (std::isnan(maps.above_um[k])) continue;
+        EXPECT_EQ(made.maps->above_um[k], maps.above_um[k]);
+      }
+    } else {
+      // 2.5 mm at 5 degrees rise over more than two slices, of which the print takes the second and
+      // the third in steps.
+      EXPECT_GT(largest, 40.0);
+      EXPECT_GE(rises, 1);
+    }
   }
 }
 

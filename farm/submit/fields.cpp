@@ -168,6 +168,7 @@ const std::map<std::string, Set, std::less<>>& fields() {
       {"resin", text(SLICEFARM_FIELD(setup.resin), "a name or a .toml file")},
       {"layer_um", number(SLICEFARM_FIELD(layer_um), 1, 1000)},
       {"antialias", word(SLICEFARM_FIELD(antialias), {"on", "off"})},
+      {"surface", word(SLICEFARM_FIELD(setup.surface), {"slices", "mesh"})},
       {"units", word(SLICEFARM_FIELD(units), {"auto", "mm", "inch", "m"})},
       {"scale", number(SLICEFARM_FIELD(scale), 0, kMost, true)},
       {"center_mm", numbers(SLICEFARM_FIELD(center_mm), 2)},

@@ -60,7 +60,7 @@ std::string signature(const JobRequest& r) {
                   s.bottom_layers, s.fade_layers, s.uv_mw_cm2, s.dead_zone_um, s.uv_schedule,
                   s.window_cure, s.ramp, s.ramp_mm, s.omega_max, s.one_slice_gaps,
                   s.platform_features, s.dc_mj_cm3, s.ha_um, r.antialias, r.units);
-  text += fmt::format("|{}|{}|{}", s.dose_factor, s.gap_shortfall, r.scale);
+  text += fmt::format("|{}|{}|{}|{}", s.dose_factor, s.gap_shortfall, s.surface, r.scale);
   for (const double v : r.center_mm) text += fmt::format("|c{}", v);
   for (const double v : r.rotate_deg) text += fmt::format("|r{}", v);
   for (const std::string& p : r.parts) text += "|" + p;
@@ -138,8 +138,8 @@ void check_meshes(const JobRequest& r, const Setup& setup, const ExecutionContex
   o.rotate_deg = r.rotate_deg;
   cli::PlateParts parts = cli::read_parts(o, context);
   c.memory.triangles = parts.mesh.triangles.size();
-  const MeshSlices slices(std::move(parts.mesh), setup.printer, o.slice_options(), context,
-                          &parts.edge_defects);
+  const MeshSlices slices(std::move(parts.mesh), setup.printer, o.slice_options(Surface::slices),
+                          context, &parts.edge_defects);
   plan(slices, setup, context, c);
   const PixelBox box = slices.bounds();
   c.memory.voxels = std::int64_t{c.layers} * box.width() * box.height();

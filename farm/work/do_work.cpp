@@ -209,7 +209,8 @@ void make_result(const WorkOrder& order, const std::string& folder, Reporter& re
   std::optional<MeshSlices> mesh;
   std::optional<StackReader> archive;
   if (spec.kind == "run") {
-    mesh.emplace(cli::slice_parts(mesh_options(spec, paths), setup.printer, context));
+    mesh.emplace(
+        cli::slice_parts(mesh_options(spec, paths), setup.printer, setup.process.surface, context));
   } else {
     const StackInfo info = StackReader::read_info(paths.at(0));
     check_design(info, spec.inputs.at(0).name);

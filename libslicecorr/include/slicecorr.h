@@ -121,6 +121,7 @@ SLICECORR_API void slicecorr_setup_free(slicecorr_setup* setup);
  *  omega_max             cap of the dose inside features, in critical doses: inf, or 1 and more
  *  one_slice_gaps        open (the upper feature loses some height), merge
  *  gap_shortfall         how much of a slice it may lose, up to 0.5; 0.18 when not set
+ *  surface               mesh, slices: where edges lie whose heights the target knows
  *  platform_features     capped, uncapped: whether omega_max holds for features on the platform
  *  uv_mw_cm2             inhibiting UV light, the same throughout
  *  dead_zone_um          or the dead zone at the window that it is to hold

@@ -88,6 +88,11 @@ void check_target(const SliceSource& stack, const StackInfo& info, const SliceSo
   const Grid& grid = target.grid();
   check_same_voxels(stack.grid(), grid);
   refuse_recording(target);
+  if (info.process && info.process->surface == Surface::mesh && !target.edge_heights()) {
+    context.tell(name +
+                 ": knows no edge heights, to which the stack was corrected: errors are measured "
+                 "from its slices; expected the target as sliced (.uvj)");
+  }
   const auto volume_of = [&](std::uint64_t sum) {
     return static_cast<double>(sum) / 255.0 * grid.pixel_x_um * grid.pixel_y_um * grid.layer_um *
            1e-9;

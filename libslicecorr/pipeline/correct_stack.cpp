@@ -11,6 +11,7 @@
 #include "pipeline/design_band.hpp"
 #include "pipeline/place_plans.hpp"
 #include "pipeline/relief.hpp"
+#include "pipeline/surface_collector.hpp"
 #include "pipeline/uv_images.hpp"
 #include "pipeline/vanished.hpp"
 #include "pipeline/volume_reducer.hpp"
@@ -110,6 +111,25 @@ struct ColumnSinks {
   WindowWatch* watch;     ///< the same
 };
 
+/// The edge heights of the node after the last slice, where no slice is shown that has it as its
+/// upper node. `heights`: null without.
+void add_last_heights(BandPredictor& predictor, const CorrectionPlan& plan,
+                      const std::uint8_t* heights, std::size_t columns) {
+  const std::uint8_t* const dark = nullptr;
+  if (!plan.model.is_plain()) {
+    predictor.add_slice(plan.all_layers, dark, nullptr, heights);
+    return;
+  }
+  constexpr std::size_t lanes = BandPredictor::kTileColumns;
+  const std::uint8_t empty[lanes] = {};
+  for (std::size_t b = 0; b < columns; b += lanes) {
+    const std::size_t width = std::min(lanes, columns - b);
+    std::uint8_t part[lanes] = {};
+    if (heights) std::copy_n(heights + b, width, part);
+    predictor.add_tile(b, width, plan.all_layers, 1, nullptr, empty, heights ? part : nullptr);
+  }
+}
+
 /// Corrects columns and predicts them.
 void correct_columns(const CorrectionPlan& plan, std::size_t columns, const DesignReader& read,
                      const ColumnSinks& out, const ExecutionContext& context) {
@@ -118,6 +138,7 @@ void correct_columns(const CorrectionPlan& plan, std::size_t columns, const Desi
   read([&](int n, const std::uint8_t* rows, const std::uint8_t* its_heights) {
     if ((n & 63) == 0) context.check_cancelled();
     corrector.add_layer(rows, its_heights);
+    if (n == plan.all_layers) add_last_heights(out.after, plan, its_heights, columns);
     if (!plan.model.is_plain()) heights.append(its_heights);
   });
   std::uint8_t pixel_of[256] = {};
@@ -245,6 +266,7 @@ class StackCorrection {
   std::optional<PlaceWindows> window_;   ///< where UV light keeps a dead zone
   std::optional<VolumeReducer> volume_;  ///< where the reduced volume is asked for
 
+  detail::SurfaceCollector surface_after_, surface_before_;
   // Merging does not depend on the order of bands, and a band's histograms are large.
   std::mutex merging_;
   Prediction after_, before_;
@@ -319,7 +341,9 @@ StackCorrection::StackCorrection(const SliceSource& target, const Setup& asked,
       grid_(with_layers(target.grid(), plans_.all_layers())),
       writer_(file, grid_, context),
       scan_(target),
-      bands_(bands_of(grid_, target.bounds())) {
+      bands_(bands_of(grid_, target.bounds())),
+      surface_after_(target.bounds()),
+      surface_before_(target.bounds()) {
   detail::set_uv_images(writer_, model(), plans_.levels());
   if (model().inhibited) window_.emplace(plans_.models(), plans_.all_layers());
   if (ask.volume_cells > 0) {
@@ -336,12 +360,16 @@ void StackCorrection::Band::correct(std::uint8_t value, const std::vector<std::u
   const std::size_t count = of_band ? of_band->size() : columns_;
   const CorrectionPlan& plan = whole_.plans_.plan(value);
   const PixelCurve& curve = whole_.plans_.models().curve(value);
-  BandPredictor predict_after(plan.model, curve, slices, count);
-  BandPredictor predict_before(plan.model, curve, slices, count);
+  // The node after the last layer may have edge heights: they come with a slice more.
+  const int predicted = heights ? std::max(slices, plan.layers + 1) : slices;
+  BandPredictor predict_after(plan.model, curve, predicted, count);
+  BandPredictor predict_before(plan.model, curve, predicted, count);
   if (heights) {
     predict_after.aim_at_heights();
     predict_before.aim_at_heights();
   }
+  predict_after.keep_sides();
+  if (whole_.with_before_) predict_before.keep_sides();
   predict_after.go_on_from(std::move(after_));
   predict_before.go_on_from(std::move(before_));
   if (reduced_) {
@@ -371,10 +399,12 @@ void StackCorrection::Band::correct(std::uint8_t value, const std::vector<std::u
   if (apart) {
     const detail::CodedDesign sharp(count, detail::reader_of(as_shown), heights, Surface::mesh);
     detail::predict_shown(predict_before, plan.model.is_plain(), as_shown, plan.layers, sharp,
-                          slices, nullptr, whole_.context_);
+                          predicted, nullptr, whole_.context_);
   }
   after_ = predict_after.finish(place);
   before_ = predict_before.finish(place);
+  whole_.surface_after_.add(predict_after.sides(), place);
+  if (whole_.with_before_) whole_.surface_before_.add(predict_before.sides(), place);
   if (!watch) return;
   const std::lock_guard lock(whole_.merging_);
   whole_.window_->merge(value, *watch);
@@ -437,7 +467,10 @@ Correction StackCorrection::result() {
 
   result.after = of_whole_image(after_, plans_.all_layers());
   result.after.dead_zones = std::move(dead_zones);
-  if (with_before_) result.before = of_whole_image(before_, plans_.layers());
+  result.after.maps = std::make_shared<const SurfaceMaps>(surface_after_.maps());
+  if (!with_before_) return result;
+  result.before = of_whole_image(before_, plans_.layers());
+  result.before->maps = std::make_shared<const SurfaceMaps>(surface_before_.maps());
   return result;
 }
 

@@ -303,6 +303,7 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
     }
     if (c_.gap_shortfall > 0) setup.process.gap_shortfall = c_.gap_shortfall;
     setup.process.cap_platform_features = c_.platform_features == "capped";
+    setup.process.surface = surface_named(c_.surface);
   }
   if (info && info->recording) check_recorded(setup, *info);
   return setup;

@@ -10,6 +10,7 @@
 #include "pipeline/bands.hpp"
 #include "pipeline/design_band.hpp"
 #include "pipeline/place_plans.hpp"
+#include "pipeline/surface_collector.hpp"
 #include "pipeline/vanished.hpp"
 #include "slicecorr/dead_zone.hpp"
 #include "slicecorr/error.hpp"
@@ -61,7 +62,8 @@ class Verification {
         models_(slices.printer(), resin, slices.process(), stack.grid(), stack.frame()),
         layers_(slices.slices()),
         all_layers_(std::max(layers_, target.grid().layers + (target.edge_heights() ? 1 : 0))),
-        bands_(bands_of(stack.grid(), stack.bounds().united(target.bounds()))) {
+        bands_(bands_of(stack.grid(), stack.bounds().united(target.bounds()))),
+        surface_maps_(target.bounds()) {
     if (models_.brightest().inhibited) window_.emplace(models_, layers_);
   }
 
@@ -77,6 +79,7 @@ class Verification {
             ? detail::whole_image(total_, models_.brightest(), grid, layers_, bands_, recorded_)
             : detail::whole_image(total_, models_, grid, layers_, grouped_columns_, recorded_);
     if (window_) p.dead_zones = window_->result();
+    p.maps = std::make_shared<const SurfaceMaps>(surface_maps_.maps());
     return p;
   }
 
@@ -100,6 +103,7 @@ class Verification {
   const std::vector<PixelBox> bands_;
   std::optional<detail::PlaceWindows> window_;  ///< where UV light keeps a dead zone
 
+  detail::SurfaceCollector surface_maps_;
   std::mutex merging_;
   Prediction total_;
   detail::LightCounts grouped_columns_{};  ///< where the display's light is uneven
@@ -111,6 +115,7 @@ void Verification::predict(std::uint8_t value, const CodedBand& shown, const Cod
   const CureModel& model = models_.model(value);
   BandPredictor predictor(model, models_.curve(value), all_layers_, columns, slices_.recorded());
   if (surface_ == Surface::mesh && target_.edge_heights()) predictor.aim_at_heights();
+  predictor.keep_sides();
   predictor.go_on_from(std::move(figures));
   std::optional<WindowWatch> watch;
   if (window_) watch.emplace(model, layers_, columns);
@@ -121,6 +126,7 @@ void Verification::predict(std::uint8_t value, const CodedBand& shown, const Cod
                           watch ? &*watch : nullptr, context_);
   }
   figures = predictor.finish(place);
+  surface_maps_.add(predictor.sides(), place);
   if (!watch) return;
   const std::lock_guard lock(merging_);
   window_->merge(value, *watch);

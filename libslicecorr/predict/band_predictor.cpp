@@ -11,6 +11,8 @@ BandPredictor::~BandPredictor() = default;
 void BandPredictor::tell_edges(EdgeSink sink) { state_->edge_sink_ = std::move(sink); }
 void BandPredictor::tell_states(StateSink sink) { state_->state_sink_ = std::move(sink); }
 void BandPredictor::aim_at_heights() { state_->prediction_.at_heights = true; }
+void BandPredictor::keep_sides() { state_->keep_sides(); }
+const EdgeSides& BandPredictor::sides() const { return state_->sides_; }
 void BandPredictor::keep_no_histograms() { state_->histograms_ = false; }
 
 void BandPredictor::add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage,

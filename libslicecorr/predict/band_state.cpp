@@ -55,13 +55,24 @@ BandPredictor::State::State(const CureModel& model, const PixelCurve& curve, int
 
 void BandPredictor::State::error(std::size_t i, int node, std::uint8_t height, bool upper,
                                  double slices) {
+  double reach = slices;  // beyond the design's surface
   if (height != 0) {
     const double below = edge_height_slices(height);
     const double from_surface = upper ? slices + below : slices - below;
     if (histograms_) prediction_.surface_error_um.add(std::abs(from_surface * model_.layer_um));
+    reach = from_surface;
     // Layer by layer, nothing but the window decides where lower edges lie.
     const bool chosen = upper || model_.mode == ExposureMode::continuous;
     if (prediction_.at_heights && chosen) slices = from_surface;
+  }
+  if (!sides_.below_um.empty()) {
+    // Edges come from the last slice on: the last upper one and the first lower one are seen.
+    const auto reach_um = static_cast<float>(reach * model_.layer_um);
+    if (upper) {
+      sides_.below_um[i] = reach_um;
+    } else if (std::isnan(sides_.above_um[i])) {
+      sides_.above_um[i] = reach_um;
+    }
   }
   const double um = slices * model_.layer_um;
   if (edge_sink_) edge_sink_(i, node, upper, um);
@@ -185,14 +196,23 @@ void BandPredictor::State::cross(std::size_t i, double zeta, bool printed, Class
   c.tooth = false;
 }
 
-void BandPredictor::State::event(std::size_t i, int slice, double below, const LayerDose& dose,
+void BandPredictor::State::event(std::size_t i, int slice, double below, LayerDose dose,
                                  std::span<const double> crossings, std::uint8_t coverage,
-                                 std::uint8_t height) {
+                                 NodeHeights heights) {
   const Class now = coverage == 0 ? gap : coverage == 255 ? run : grey;
+  // Between an edge inside the layer and its node lies nothing of the feature.
+  const bool no_upper = now == run && ends_inside(heights.upper);
+  const bool no_lower =
+      now == run && prediction_.at_heights && heights.lower != 0 && heights.lower < kEdgeAtNode;
+  if (no_upper || no_lower) {
+    dose.least = dose.middle;
+    if (!no_upper) dose.least = std::min(dose.least, dose.upper);
+    if (!no_lower) dose.least = std::min(dose.least, dose.lower);
+  }
   if (state_sink_) state_sink_(i, slice, coverage, dose.middle >= 1.0, dose.upper >= 1.0);
   bool printed = dose.lower >= 1.0;
   if (now != class_[i]) {
-    enter(i, slice + 1, height, now, below, dose.lower);
+    enter(i, slice + 1, heights.lower, now, below, dose.lower);
   } else if ((below >= 1.0) != printed) {
     cross(i, slice + 1, printed, now);
   }
@@ -225,9 +245,9 @@ void BandPredictor::State::add_slice(int slice, std::span<const ImageShowing> sh
                                      const std::uint8_t* coverage, const std::uint8_t* heights) {
   const std::uint8_t* cover = coverage ? coverage : empty_.data();
   if (dose_) {
-    add_general_slice(slice, showings, cover);
+    add_general_slice(slice, showings, cover, heights);
   } else {
-    add_plain_slice(slice, showings, cover);
+    add_plain_slice(slice, showings, cover, heights);
   }
   std::copy_n(heights ? heights : empty_.data(), columns_.size(), lower_heights_.begin());
 }
@@ -280,11 +300,24 @@ void BandPredictor::State::look_inside(std::size_t first, std::size_t n,
   }
 }
 
+const std::uint8_t* BandPredictor::State::classes_of_block(std::size_t b, std::size_t n,
+                                                           const std::uint8_t* heights,
+                                                           std::uint8_t* room) const {
+  const auto* const classes = reinterpret_cast<const std::uint8_t*>(&class_[b]);
+  if (!heights || !prediction_.at_heights || detail::all_zero(heights + b, n)) return classes;
+  std::copy_n(classes, kBlock, room);
+  for (std::size_t i = 0; i < n; ++i) {
+    if (ends_inside(heights[b + i])) room[i] = grey;
+  }
+  return room;
+}
+
 void BandPredictor::State::add_general_slice(int slice, std::span<const ImageShowing> showings,
-                                             const std::uint8_t* cover) {
+                                             const std::uint8_t* cover,
+                                             const std::uint8_t* heights) {
   dose_->add_slice(slice, showings);
   BlockSums& sums = *sums_;
-  std::uint8_t events[kBlock], tail_cover[kBlock];
+  std::uint8_t events[kBlock], tail_cover[kBlock], classes[kBlock];
   double tail[3][kBlock];
   for (std::size_t b = 0; b < columns_.size(); b += kBlock) {
     const std::size_t n = std::min(kBlock, columns_.size() - b);
@@ -331,7 +364,7 @@ void BandPredictor::State::add_general_slice(int slice, std::span<const ImageSho
       }
     }
     mixed_known_block(&omega_[b], lower_dose, middle, upper, block_cover,
-                      reinterpret_cast<const std::uint8_t*>(&class_[b]), &least_[b], sums, events);
+                      classes_of_block(b, n, heights, classes), &least_[b], sums, events);
     for (std::size_t i = 0; i < n; ++i) {
       InsideLayer& inside = inside_[i];
       if (!events[i]) {
@@ -348,7 +381,8 @@ void BandPredictor::State::add_general_slice(int slice, std::span<const ImageSho
         if ((lower_dose[i] >= 1.0) != (upper[i] >= 1.0)) dose_->inside(b + i, -kNever, inside);
       }
       event(b + i, slice, omega_[b + i], {lower_dose[i], middle[i], upper[i], inside.least},
-            inside.crossings, block_cover[i], lower_heights_[b + i]);
+            inside.crossings, block_cover[i],
+            {lower_heights_[b + i], heights ? heights[b + i] : std::uint8_t{0}});
     }
     std::copy_n(upper, kBlock, &omega_[b]);
     const bool one_class = detail::uniform(reinterpret_cast<const std::uint8_t*>(&class_[b]));
@@ -357,12 +391,12 @@ void BandPredictor::State::add_general_slice(int slice, std::span<const ImageSho
 }
 
 void BandPredictor::State::add_plain_slice(int slice, std::span<const ImageShowing> showings,
-                                           const std::uint8_t* cover) {
+                                           const std::uint8_t* cover, const std::uint8_t* heights) {
   const Factors f{model_.a, model_.one_minus_a, model_.root_a, 1.0 - model_.root_a};
   alignas(64) double phi[kBlock];
   alignas(64) double dose[kBlock];
   alignas(64) double middle[kBlock];
-  std::uint8_t events[kBlock];
+  std::uint8_t events[kBlock], classes[kBlock];
   BlockSums& sums = *sums_;
   for (std::size_t b = 0; b < columns_.size(); b += kBlock) {
     const std::size_t n = std::min(kBlock, columns_.size() - b);
@@ -396,7 +430,7 @@ void BandPredictor::State::add_plain_slice(int slice, std::span<const ImageShowi
       }
     }
     mixed_block(f, phi, &omega_[b], dose, middle, block_cover,
-                reinterpret_cast<const std::uint8_t*>(&class_[b]), &least_[b], sums, events);
+                classes_of_block(b, n, heights, classes), &least_[b], sums, events);
     for (std::size_t i = 0; i < n; ++i) {
       if (!events[i]) continue;
       // The dose has no jump at nodes.
@@ -405,7 +439,7 @@ void BandPredictor::State::add_plain_slice(int slice, std::span<const ImageShowi
       const double crossing = crosses ? model_.crossing(phi[i], below) : 0.0;
       event(b + i, slice, below, {below, middle[i], dose[i], std::min(below, dose[i])},
             {&crossing, crosses ? std::size_t{1} : std::size_t{0}}, block_cover[i],
-            lower_heights_[b + i]);
+            {lower_heights_[b + i], heights ? heights[b + i] : std::uint8_t{0}});
     }
     std::copy_n(dose, kBlock, &omega_[b]);
     // Grey stands for blocks of several classes, too.
@@ -419,6 +453,11 @@ void BandPredictor::State::go_on_from(Prediction so_far) {
   prediction_ = std::move(so_far);
   prediction_.at_heights = at_heights;
   worst_so_far_ = prediction_.worst_x >= 0 ? prediction_.height_error_um.greatest() : -1.0;
+}
+
+void BandPredictor::State::keep_sides() {
+  sides_.below_um.assign(columns_.size(), std::numeric_limits<float>::quiet_NaN());
+  sides_.above_um = sides_.below_um;
 }
 
 Prediction BandPredictor::State::finish(const PixelOfColumn& place) {

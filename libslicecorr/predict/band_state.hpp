@@ -9,6 +9,7 @@
 #include "predict/tile_sums.hpp"
 #include "slicecorr/dose.hpp"
 #include "slicecorr/predict.hpp"
+#include "slicecorr/target.hpp"
 
 namespace slicecorr {
 
@@ -32,6 +33,7 @@ struct BandPredictor::State {
   /// Columns of a tile's slice that are grey, come into another class, or cross dose 1.
   void add_lanes(const TileSlice& s);
   void go_on_from(Prediction so_far);
+  void keep_sides();
   Prediction finish(const PixelOfColumn& place);
 
   enum Class : std::uint8_t { gap, run, grey };
@@ -54,14 +56,26 @@ struct BandPredictor::State {
   struct LayerDose {
     double lower, middle, upper, least;
   };
-  void add_plain_slice(int slice, std::span<const ImageShowing> showings,
-                       const std::uint8_t* cover);
+  void add_plain_slice(int slice, std::span<const ImageShowing> showings, const std::uint8_t* cover,
+                       const std::uint8_t* heights);
   void add_general_slice(int slice, std::span<const ImageShowing> showings,
-                         const std::uint8_t* cover);
-  /// `below`: dose on the far side of the layer's lower node; `crossings`: see InsideLayer;
-  /// `height`: edge height of the lower node.
-  void event(std::size_t i, int slice, double below, const LayerDose& dose,
-             std::span<const double> crossings, std::uint8_t coverage, std::uint8_t height);
+                         const std::uint8_t* cover, const std::uint8_t* heights);
+  /// Edge heights of the two nodes of a layer; 0: none.
+  struct NodeHeights {
+    std::uint8_t lower = 0, upper = 0;
+  };
+  /// `below`: dose on the far side of the layer's lower node; `crossings`: see InsideLayer.
+  void event(std::size_t i, int slice, double below, LayerDose dose,
+             std::span<const double> crossings, std::uint8_t coverage, NodeHeights heights);
+  /// Whether an upper edge is aimed at inside the layer below its node: what the layer doses above
+  /// the edge lies beyond the feature.
+  bool ends_inside(std::uint8_t upper_height) const {
+    return prediction_.at_heights && upper_height > kEdgeAtNode;
+  }
+  /// The classes of a block, with those of layers in which an edge is aimed at changed, so that they
+  /// are looked at one by one. `room`: for a block.
+  const std::uint8_t* classes_of_block(std::size_t b, std::size_t n, const std::uint8_t* heights,
+                                       std::uint8_t* room) const;
   void look_inside(std::size_t first, std::size_t n, const std::uint8_t* cover);
   void leave_stretch(std::size_t i);
   /// The dose crosses 1 at `zeta`; from there on upwards it is on the other side.
@@ -99,6 +113,7 @@ struct BandPredictor::State {
   EdgeSink edge_sink_;
   StateSink state_sink_;
   bool histograms_ = true;
+  EdgeSides sides_;  ///< empty: not kept
   /// Examples whose y is the index of the column (x is 0), until `finish` knows where the band
   /// lies.
   FeatureExamples lost_, merged_, split_;

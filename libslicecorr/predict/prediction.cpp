@@ -123,7 +123,7 @@ std::string Prediction::to_json() const {
   j["merged_gaps_two_slices_or_more"] = merged_thick_gaps;
   j["dose"] = {{"min_inside", or_null(target_voxels > 0, min_dose_inside)},
                {"max_inside", or_null(target_voxels > 0, max_dose_inside)},
-               {"min_inside_layers", or_null(target_voxels > 0 && !at_heights, min_inside_layers)},
+               {"min_inside_layers", or_null(target_voxels > 0, min_inside_layers)},
                {"max_outside", or_null(max_dose_outside >= 0, max_dose_outside)}};
   j["gap_contrast"] = {{"min", or_null(contrasts, gap_contrast.least())},
                        {"p05", or_null(contrasts, gap_contrast.quantile(0.05))}};

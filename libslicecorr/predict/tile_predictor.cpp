@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "base/coded_band.hpp"
 #include "base/kernels.hpp"
 #include "predict/band_state.hpp"
 #include "slicecorr/error.hpp"
@@ -95,9 +96,9 @@ LaneClasses lane_classes(const std::uint8_t* classes, std::size_t columns, std::
 struct BandPredictor::State::TileSlice {
   std::size_t first_column;
   int n;
-  const std::uint8_t *cover, *shown;  ///< rows; shown: null when it is dark
-  const std::uint8_t* lower_heights;  ///< edge heights of its lower node; null: none
-  LaneMask grey, entered, crosses;    ///< lanes in grey, in another class than before, at dose 1
+  const std::uint8_t *cover, *shown;                  ///< rows; shown: null when it is dark
+  const std::uint8_t *lower_heights, *upper_heights;  ///< edge heights of its nodes; null: none
+  LaneMask grey, entered, crosses;  ///< lanes in grey, in another class than before, at dose 1
   const double *below, *upper, *add_middle;
 };
 
@@ -121,7 +122,8 @@ void BandPredictor::State::add_lanes(const TileSlice& s) {
     if (passes) crossing = model_.crossing(s.shown ? curve_[s.shown[i]] : 0.0, below);
     event(s.first_column + i, s.n, below, {below, middle, upper, std::min(below, upper)},
           {&crossing, passes ? std::size_t{1} : std::size_t{0}}, s.cover[i],
-          s.lower_heights ? s.lower_heights[i] : std::uint8_t{0});
+          {s.lower_heights ? s.lower_heights[i] : std::uint8_t{0},
+           s.upper_heights ? s.upper_heights[i] : std::uint8_t{0}});
   }
 }
 
@@ -188,6 +190,13 @@ void BandPredictor::State::add_tile(std::size_t first_column, std::size_t column
     step.run = in_run;
     step.gap = in_gap;
     step.stays = (in_run & was_run) | (in_gap & was_gap);
+    const std::uint8_t* const upper_heights =
+        heights ? heights + static_cast<std::size_t>(k) * kLanes : nullptr;
+    if (upper_heights && prediction_.at_heights && !detail::all_zero(upper_heights, kLanes)) {
+      for (std::size_t i = 0; i < kLanes; ++i) {
+        if (ends_inside(upper_heights[i])) step.stays &= ~(LaneMask{1} << i);
+      }
+    }
     const detail::PrintedLanes is = detail::predict_lanes(step);
     const auto count = [&](int times) {
       sums.run_voxels += static_cast<std::uint64_t>(times) * static_cast<unsigned>(is.run);
@@ -203,8 +212,8 @@ void BandPredictor::State::add_tile(std::size_t first_column, std::size_t column
         lower_heights = heights ? heights + static_cast<std::size_t>(k + 1) * kLanes : nullptr;
       }
       add_lanes({first_column, n, cover, pixels ? pixels + (cover - coverage) : nullptr,
-                 lower_heights, grey_lanes, entered, crosses, dose[now], dose[1 - now],
-                 light.add_middle});
+                 lower_heights, upper_heights, grey_lanes, entered, crosses, dose[now],
+                 dose[1 - now], light.add_middle});
     }
     was_run = in_run;
     was_gap = in_gap;

@@ -82,9 +82,8 @@ std::string figures_table(const ReportContent& c) {
     return p.target_voxels ? fmt::format("{:.4g} to {:.4g}", p.min_dose_inside, p.max_dose_inside)
                            : std::string("-");
   });
-  row("Least dose anywhere in features", [](const Prediction& p) {
-    return number_or_dash(p.target_voxels > 0 && !p.at_heights, p.min_inside_layers);
-  });
+  row("Least dose anywhere in features",
+      [](const Prediction& p) { return number_or_dash(p.target_voxels > 0, p.min_inside_layers); });
   if (c.after.dead_zones) {
     row("Dead zone over lit pixels", [](const Prediction& p) {
       if (!p.dead_zones || !std::isfinite(p.dead_zones->least())) return std::string("-");
@@ -152,6 +151,30 @@ std::string summary(const ReportContent& c) {
                               : fmt::format(" Dose inside features capped at {:g}.</p>", cap));
 }
 
+/// The surface of the print as it is seen from below and from above.
+std::string surfaces(const ReportContent& c) {
+  if (!c.after.maps) return {};
+  const double scale_um = 0.5 * c.info.grid.layer_um;
+  std::string html = fmt::format(
+      R"(<h3>Surface from below and from above</h3><p class="key dim">As the images lie: <b><i class="flat-through"></i>{0:.3g} um and more beyond the design (red)</b> <b><i class="flat-under"></i>{0:.3g} um and more missing (blue)</b> <b><i class="designed"></i>right</b>. From below a column shows its edge nearest to the platform, from above the one farthest from it; what lies on the platform is left white. Distances are those {1}.</p>)",
+      scale_um,
+      c.after.surface_error_um.count() > 0 ? "from the mesh where its height is known"
+                                           : "from the slices");
+  for (const bool from_below : {true, false}) {
+    html += R"(<div class="pair">)";
+    const auto figure = [&](const Prediction& p, const char* whose) {
+      if (!p.maps) return;
+      const std::string words = fmt::format("{}: from {}", whose, from_below ? "below" : "above");
+      html += fmt::format("<figure>{}<figcaption>{}</figcaption></figure>",
+                          image(surface_picture(*p.maps, from_below, scale_um), words), words);
+    };
+    if (c.before) figure(*c.before, "Uncorrected");
+    figure(c.after, "This stack");
+    html += "</div>";
+  }
+  return html;
+}
+
 }  // namespace
 
 std::string make_report(const ReportContent& c, const ExecutionContext& context) {
@@ -184,6 +207,7 @@ std::string make_report(const ReportContent& c, const ExecutionContext& context)
   parallel_for(detail::silent(context), "", figures.size(), [&](std::size_t i) {
     figures[i].html = image(*figures[i].picture, figures[i].words);
   });
+  html += surfaces(c);
   for (std::size_t i = 0; i < figures.size(); ++i) {
     if (i % 4 == 0) {
       html += fmt::format("<h3>Section at {}</h3><div class=\"pair\">", c.sections[i / 4].place);

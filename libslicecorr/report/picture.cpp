@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdlib>
 #include <memory>
 #include <new>
@@ -82,6 +83,37 @@ ColourImage cure_picture(const Section& s, double pixel_x_um, double layer_um, i
 ColourImage grey_picture(const Section& s, double pixel_x_um, double layer_um, int most_px) {
   const auto colour = [&](std::size_t k) { return Colour{s.pixels[k], s.pixels[k], s.pixels[k]}; };
   return draw(s, pixel_x_um, layer_um, most_px, colour, [](std::size_t) { return 0; });
+}
+
+ColourImage surface_picture(const SurfaceMaps& maps, bool from_below, double scale_um) {
+  const std::vector<float>& um = from_below ? maps.below_um : maps.above_um;
+  constexpr int least_side = 320;
+  const int times = std::max(1, least_side / std::max({1, maps.width, maps.height}));
+  ColourImage image{std::max(1, maps.width * times), std::max(1, maps.height * times), {}};
+  image.rgb.assign(
+      static_cast<std::size_t>(image.width_px) * static_cast<std::size_t>(image.height_px) * 3,
+      255);
+  const auto colour = [&](float value) {
+    if (std::isnan(value)) return kEmpty;
+    const double share = std::clamp(value / scale_um, -1.0, 1.0);
+    const Colour& end = share > 0 ? kCureThrough : kUndercure;
+    Colour c;
+    for (std::size_t k = 0; k < c.size(); ++k) {
+      c[k] = static_cast<std::uint8_t>(
+          std::lround(kGreyEmpty[k] + std::abs(share) * (end[k] - kGreyEmpty[k])));
+    }
+    return c;
+  };
+  for (int y = 0; y < maps.height * times; ++y) {
+    for (int x = 0; x < maps.width * times; ++x) {
+      const auto cell = static_cast<std::size_t>(y / times) * static_cast<std::size_t>(maps.width) +
+                        static_cast<std::size_t>(x / times);
+      const Colour c = colour(um[cell]);
+      std::copy(c.begin(), c.end(),
+                image.rgb.begin() + 3 * (static_cast<std::ptrdiff_t>(y) * image.width_px + x));
+    }
+  }
+  return image;
 }
 
 ColourImage side_by_side(const ColourImage& left, const ColourImage& right) {

@@ -66,11 +66,15 @@ class EdgeFinder {
     if (node == 0 && byte == edge_height_byte(0)) return;
     found_.push_back({column, static_cast<std::uint32_t>(node) << 8 | byte});
   }
-  void add_thin(double solid) {
+  void add_thin(std::uint32_t column, double from, double solid) {
     if (!(solid > 0)) return;
     ++result_.thin_columns;
     result_.thin_slices += solid;
-    result_.thickest_slices = std::max(result_.thickest_slices, solid);
+    if (solid <= result_.thickest_slices) return;
+    result_.thickest_slices = solid;
+    result_.thickest_column = column;
+    // Heights are counted from one layer below the middle of layer 0.
+    result_.thickest_from = from - 1;
   }
 
   const PlacedMesh& mesh_;
@@ -190,7 +194,7 @@ void EdgeFinder::find_column(std::uint32_t column, std::span<Crossing> crossings
     if (before != after) {
       add_edge(column, node, before ? solid : 1 - solid);
     } else if (!before) {
-      add_thin(solid);
+      add_thin(column, first, solid);
     }
   }
 }
@@ -227,6 +231,7 @@ void EdgeFinder::find_row(std::span<const RowCut> cuts, std::uint32_t first_colu
   for (std::size_t x = left; x < right; ++x) {
     const std::uint32_t end = std::exchange(ends_[x], 0);
     if (end > begin) {
+      ++result_.columns;
       find_column(first_column + static_cast<std::uint32_t>(x),
                   std::span(crossings_).subspan(begin, end - begin));
     }

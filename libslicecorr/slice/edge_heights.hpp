@@ -37,10 +37,13 @@ struct BandEdges {
   std::vector<Edge> edges;         ///< node by node
   std::vector<std::size_t> begin;  ///< per node where its edges begin, and where the last ones end
 
+  std::uint64_t columns = 0;  ///< that meet the mesh
   // Solid between two neighbouring middles of layers that contains neither.
   std::uint64_t thin_columns = 0;
   double thin_slices = 0;      ///< their heights, added up
   double thickest_slices = 0;  ///< the largest of them
+  std::uint32_t thickest_column = 0;
+  double thickest_from = 0;  ///< the lower end of its solid, slices above the middle of layer 0
 
   std::span<const Edge> at(int node) const {
     const auto n = static_cast<std::size_t>(node);

@@ -437,13 +437,24 @@ ThinFeatures MeshSlices::thin_features(const ExecutionContext& context) const {
         s.edges_of({s.bounds.x0, y0, s.bounds.x1, std::min(y0 + rows, s.grid.height_px)});
     edges.edges = {};
     edges.begin = {};
+    // Of the part's rows.
+    edges.thickest_column += static_cast<std::uint32_t>((y0 - s.bounds.y0) * s.bounds.width());
     of_bands[i] = std::move(edges);
   });
   double slices = 0, thickest_slices = 0;
   for (const detail::BandEdges& edges : of_bands) {
     sum.columns += edges.thin_columns;
+    sum.of_columns += edges.columns;
     slices += edges.thin_slices;
-    thickest_slices = std::max(thickest_slices, edges.thickest_slices);
+    if (edges.thickest_slices <= thickest_slices) continue;
+    thickest_slices = edges.thickest_slices;
+    const auto width = static_cast<std::uint32_t>(s.bounds.width());
+    const PlatePlace place =
+        place_on_plate(s.grid, {}, s.bounds.x0 + 0.5 + edges.thickest_column % width,
+                       s.bounds.y0 + 0.5 + edges.thickest_column / width);
+    sum.x_mm = place.x_mm;
+    sum.y_mm = place.y_mm;
+    sum.z_mm = (edges.thickest_from + 0.5) * s.grid.layer_um * 1e-3;
   }
   sum.volume_mm3 = slices * s.grid.pixel_x_um * s.grid.pixel_y_um * s.grid.layer_um * 1e-9;
   sum.thickest_um = thickest_slices * s.grid.layer_um;

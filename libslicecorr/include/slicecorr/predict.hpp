@@ -44,6 +44,7 @@
 #include "slicecorr/dead_zone.hpp"
 #include "slicecorr/dose.hpp"
 #include "slicecorr/orientation.hpp"
+#include "slicecorr/surface_maps.hpp"
 
 namespace slicecorr {
 
@@ -148,13 +149,15 @@ struct Prediction {
   /// Least and greatest dose at mid-layer in layers of coverage 1, the greatest in those of
   /// coverage 0; infinite without such layers. `min_inside_layers`: the least at any place in
   /// layers of coverage 1.
-  /// `at_heights`: of a stack that was corrected to edge heights, whose features end inside layers;
-  /// what is least in these layers lies beyond the feature, and `min_inside_layers` is not told.
+  /// `at_heights`: of a stack that was corrected to edge heights, whose features may end inside
+  /// layers. Of such a layer only the part from the middle to the inner node counts.
   bool at_heights = false;
   double min_dose_inside = std::numeric_limits<double>::infinity();
   double min_inside_layers = std::numeric_limits<double>::infinity();
   double max_dose_inside = -std::numeric_limits<double>::infinity();
   double max_dose_outside = -std::numeric_limits<double>::infinity();
+  /// Not merged, set for whole stacks; null where nobody asked.
+  std::shared_ptr<const SurfaceMaps> maps;
   /// Column and row of the edge with the greatest height error (the first such pixel); -1: none.
   int worst_x = -1, worst_y = -1;
 
@@ -168,6 +171,12 @@ struct Prediction {
   void merge(const Prediction& other);
   /// The JSON of the contract; figures without samples are null.
   std::string to_json() const;
+};
+
+/// Per column, how far the print reaches beyond the edge seen from below and the one seen from
+/// above, um; see SurfaceMaps. NaN: there is none.
+struct EdgeSides {
+  std::vector<float> below_um, above_um;
 };
 
 /// Predicts one band, slices from the last to the first.
@@ -194,6 +203,10 @@ class BandPredictor {
   /// Height errors are measured from edge heights, where there are some, and not from nodes: those
   /// of a stack that was corrected to them. Before the first slice.
   void aim_at_heights();
+  /// Keeps the sides of columns, for `sides`. Before the first slice.
+  void keep_sides();
+  /// After `finish`, where they were kept.
+  const EdgeSides& sides() const;
   /// Leaves the histograms of the figures empty: together they take 0.3 MB, and an uneven display
   /// has a predictor for each value of its light. Before the first slice.
   void keep_no_histograms();

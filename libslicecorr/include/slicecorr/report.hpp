@@ -35,6 +35,11 @@ std::string row_in_words(const SliceSource& source, int y);
 /// The grey values that are shown along a section, platform up.
 ColourImage grey_picture(const Section& section, double pixel_x_um, double layer_um, int most_px);
 
+/// How far the print reaches beyond its design, as seen from below or from above, as the images
+/// lie: red where it reaches `scale_um` or more too far, blue where so much is missing, grey where
+/// it is right; white is empty. Small maps are enlarged. `scale_um`: > 0.
+ColourImage surface_picture(const SurfaceMaps& maps, bool from_below, double scale_um);
+
 /// Two pictures of the same height on white, with a gap between them.
 ColourImage side_by_side(const ColourImage& left, const ColourImage& right);
 

@@ -34,9 +34,15 @@ struct SetupChoices {
   std::string one_slice_gaps = "open";       ///< open, merge
   double gap_shortfall = 0;                  ///< `Process::gap_shortfall`, at most 0.5
   std::string platform_features = "capped";  ///< capped, uncapped
+  std::string surface = "mesh";              ///< slices, mesh: `Process::surface`
   double dc_mj_cm3 = 0, ha_um = 0;           ///< in place of the resin's; height in base 10
   double dose_factor = 0;                    ///< in place of the resin's (`Resin::dose_factor`)
 };
+
+/// The surface of this name; every other text is the slices'.
+inline Surface surface_named(std::string_view name) {
+  return name == "mesh" ? Surface::mesh : Surface::slices;
+}
 
 /// How messages name the choices.
 enum class ChoiceNames {

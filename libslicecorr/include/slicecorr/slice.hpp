@@ -47,9 +47,13 @@ struct SliceReport {
 /// What of a part lies between two neighbouring mid-layers without reaching either, over pixel
 /// centres: sliced, it prints nothing.
 struct ThinFeatures {
-  std::uint64_t columns = 0;  ///< places: pixel columns, each as often as it has such a feature
+  std::uint64_t columns = 0;     ///< places: pixel columns, each as often as it has such a feature
+  std::uint64_t of_columns = 0;  ///< pixel columns that meet the part
   double volume_mm3 = 0;
   double thickest_um = 0;  ///< height of the thickest of them, less than a slice
+  /// Where on the plate the first of these is, from the corner at the least x and y, and its lower
+  /// end above the platform, mm.
+  double x_mm = 0, y_mm = 0, z_mm = 0;
 };
 
 /// Slices `mesh` (mm, all parts of the plate) for `printer`. The cuts are made when bands are read:

@@ -24,7 +24,6 @@ Correction make_part(const SliceSource& target, Setup setup, const StackFile& fi
                      const ExecutionContext& context, const std::function<void()>& corrected) {
   const std::string proof_path = base + ".json", page_path = base + ".html";
   std::optional<PendingFile> proof, page;
-  setup.process.surface = target.edge_heights() ? Surface::mesh : Surface::slices;
   const Correction* result = nullptr;
   CorrectionAsk ask;
   ask.before = true;

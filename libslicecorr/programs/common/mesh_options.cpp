@@ -48,13 +48,6 @@ void MeshOptions::add_placement_to(CLI::App& app) {
       ->check(number_in(-1e6, 1e6));
 }
 
-void MeshOptions::add_surface_to(CLI::App& app) {
-  app.add_option("--surface", surface,
-                 "Where edges lie: at the heights of the mesh, or at those of its slices")
-      ->check(CLI::IsMember({"slices", "mesh"}))
-      ->capture_default_str();
-}
-
 Placement MeshOptions::placement() const {
   Placement p;
   p.units = units_named(units);
@@ -63,11 +56,11 @@ Placement MeshOptions::placement() const {
   return p;
 }
 
-SliceOptions MeshOptions::slice_options() const {
+SliceOptions MeshOptions::slice_options(Surface surface) const {
   SliceOptions o;
   o.layer_um = layer_um;
   o.antialias = antialias == "on";
-  o.edge_heights = wanted_surface() == Surface::mesh;
+  o.edge_heights = surface == Surface::mesh;
   if (!center_mm.empty()) o.center_mm = {center_mm[0], center_mm[1]};
   return o;
 }
@@ -94,10 +87,21 @@ PlateParts read_parts(const MeshOptions& options, const ExecutionContext& contex
   return all;
 }
 
-MeshSlices slice_parts(const MeshOptions& options, const Printer& printer,
+MeshSlices slice_parts(const MeshOptions& options, const Printer& printer, Surface surface,
                        const ExecutionContext& context) {
   PlateParts parts = read_parts(options, context);
-  return {std::move(parts.mesh), printer, options.slice_options(), context, &parts.edge_defects};
+  MeshSlices slices(std::move(parts.mesh), printer, options.slice_options(surface), context,
+                    &parts.edge_defects);
+  const ThinFeatures thin = slices.thin_features(context);
+  // Every round part has a few at its rims.
+  if (50 * thin.columns > thin.of_columns) {
+    context.tell(fmt::format(
+        "{} pixel columns have something thin between the middles of two layers, {:.3g} mm³ in all, "
+        "which prints nothing; the thickest, {:.3g} um, is at x = {:.2f}, y = {:.2f}, z = {:.3f} mm "
+        "of the plate; thinner slices would draw it",
+        thin.columns, thin.volume_mm3, thin.thickest_um, thin.x_mm, thin.y_mm, thin.z_mm));
+  }
+  return slices;
 }
 
 }  // namespace slicecorr::cli

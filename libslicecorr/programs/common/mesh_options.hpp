@@ -15,7 +15,6 @@ struct MeshOptions {
   std::vector<std::string> parts;
   double layer_um = 0;
   std::string antialias = "on";
-  std::string surface = "slices";
   std::vector<double> center_mm;
   std::string units = "auto";
   double scale = 1.0;
@@ -23,11 +22,9 @@ struct MeshOptions {
   void add_to(CLI::App& app);
   /// Only how meshes are turned, scaled and placed; `add_to` has these, too.
   void add_placement_to(CLI::App& app);
-  /// Whether targets have edge heights.
-  void add_surface_to(CLI::App& app);
-  Surface wanted_surface() const { return surface == "mesh" ? Surface::mesh : Surface::slices; }
   Placement placement() const;
-  SliceOptions slice_options() const;
+  /// `surface`: mesh gives targets edge heights.
+  SliceOptions slice_options(Surface surface) const;
 };
 
 struct PlateParts {
@@ -39,7 +36,7 @@ struct PlateParts {
 PlateParts read_parts(const MeshOptions& options, const ExecutionContext& context);
 
 /// Reads all parts to be sliced for this printer.
-MeshSlices slice_parts(const MeshOptions& options, const Printer& printer,
+MeshSlices slice_parts(const MeshOptions& options, const Printer& printer, Surface surface,
                        const ExecutionContext& context);
 
 }  // namespace slicecorr::cli

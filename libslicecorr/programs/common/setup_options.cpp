@@ -38,6 +38,7 @@ void SetupOptions::add_to(CLI::App& app, bool required, bool correcting) {
   app.add_option("--ha-um", ha_um, "Absorbance height, base 10, instead of the resin file's")
       ->check(number_above_zero());
   if (correcting) {
+    add_surface_to(app);
     app.add_option("--omega-max", omega_max,
                    "Cap of the dose inside features, in critical doses: inf, 1 or more")
         ->capture_default_str();
@@ -75,6 +76,14 @@ void SetupOptions::add_to(CLI::App& app, bool required, bool correcting) {
       ->check(CLI::IsMember({"none", "lamp-follows", "outside"}));
   app.add_option("--ramp-mm", ramp_mm, "Distance in which the stage reaches its speed")
       ->check(number_above_zero());
+}
+
+void SetupOptions::add_surface_to(CLI::App& app) {
+  app.add_option("--surface", surface,
+                 "Where edges lie: at the heights of the mesh, where they are known, or at those "
+                 "of its slices")
+      ->check(CLI::IsMember({"slices", "mesh"}))
+      ->capture_default_str();
 }
 
 Setup SetupOptions::resolve(const StackInfo* info, const StackInfo* times) const {

@@ -11,6 +11,9 @@ namespace slicecorr::cli {
 struct SetupOptions : SetupChoices {
   /// `required`: printer, resin and schedule must be given; else a stack may bring them.
   void add_to(CLI::App& app, bool required, bool correcting);
+  /// `--surface` alone, for what slices but does not correct; `add_to` has it for what corrects.
+  void add_surface_to(CLI::App& app);
+  Surface wanted_surface() const { return surface_named(surface); }
   /// See `resolve_setup`.
   Setup resolve(const StackInfo* info, const StackInfo* times) const;
 };

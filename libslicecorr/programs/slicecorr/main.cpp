@@ -27,10 +27,9 @@ struct Arguments {
   SetupOptions setup;
   SimulateOptions simulate;
   std::string input, output, format, target, json;
-  std::string surface = "mesh";  ///< of `correct`: where edges lie whose target knows their heights
   double layer_um = 0;
   int x = -1, y = -1, reduce = 1;
-  double max_height_error_um = -1;
+  double max_height_error_um = -1, max_surface_error_um = -1;
   bool archive = false;
 
   StackFile file() const {
@@ -60,7 +59,7 @@ int slice(const Arguments& a, const ExecutionContext& context, Console& console)
   format_of(a.file());
   check_output(a.output, a.mesh.parts);
   const Printer printer = load_printer(a.setup.printer);
-  const MeshSlices slices = slice_parts(a.mesh, printer, context);
+  const MeshSlices slices = slice_parts(a.mesh, printer, a.setup.wanted_surface(), context);
   const FittedSlices fitted = fit_for_output(slices, a.file(), printer, context);
   const StackInfo info = write_target(*fitted, a.file(), context);
   console.say(fmt::format("{}: {} slices, {:.4f} ml", a.output, info.grid.layers,
@@ -79,7 +78,6 @@ int correct(const Arguments& a, const ExecutionContext& context, Console& consol
   if (times.kind == StackKind::foreign && times.format == file.format) file.keep_from = a.input;
   const StackReader target = a.open(a.input, folder_of(a.output), context);
   const FittedSlices fitted = fit_for_output(target, file, setup.printer, context);
-  setup.process.surface = a.surface == "mesh" ? Surface::mesh : Surface::slices;
   const Correction result =
       correct_stack(*fitted, setup, file, {.before = !console.quiet()}, context);
   console.say(fmt::format("{}: {} slices\n{}", a.output, result.info.grid.layers,
@@ -109,21 +107,30 @@ struct StackAndDesign {
 
 int verify(const Arguments& a, const ExecutionContext& context, Console&) {
   check_output(a.json, {a.input, a.target});
+  check_output(a.output, {a.input, a.target});
   const StackAndDesign given(a, folder_of(a.input), folder_of(a.target), context);
   const Prediction p = verify_stack(given.stack, *given.target, given.setup, context);
+  if (!a.output.empty()) {
+    const double scale_um = 0.5 * given.stack.grid().layer_um;
+    const auto png = encode_png(side_by_side(surface_picture(*p.maps, true, scale_um),
+                                             surface_picture(*p.maps, false, scale_um)));
+    write_text_file(a.output, {png.begin(), png.end()});
+  }
   if (a.json.empty()) {
     print_result(summary(p, std::nullopt));
   } else {
     print_or_write(a.json, p.to_json());
   }
-  const Histogram& errors = p.design_error_um();
-  if (a.max_height_error_um >= 0 && errors.count() > 0 &&
-      errors.greatest() > a.max_height_error_um) {
-    write_stderr(fmt::format("slicecorr: largest height error {:.3f} um, allowed are {:g} um\n",
-                             errors.greatest(), a.max_height_error_um));
-    return kMissed;
-  }
-  return kDone;
+  bool missed = false;
+  const auto limit = [&](const char* name, const Histogram& errors, double most_um) {
+    if (most_um < 0 || errors.count() == 0 || errors.greatest() <= most_um) return;
+    write_stderr(fmt::format("slicecorr: largest {} error {:.3f} um, allowed are {:g} um\n", name,
+                             errors.greatest(), most_um));
+    missed = true;
+  };
+  limit("height", p.height_error_um, a.max_height_error_um);
+  limit("surface", p.surface_error_um, a.max_surface_error_um);
+  return missed ? kMissed : kDone;
 }
 
 int probe(const Arguments& a, const ExecutionContext& context, Console&) {
@@ -204,7 +211,7 @@ int solid(const Arguments& a, const ExecutionContext& context, Console& console)
   std::optional<MeshDistance> design_mesh;
   if (!a.mesh.parts.empty()) {
     design_mesh.emplace(on_plate(read_parts(a.mesh, context).mesh, setup.printer,
-                                 a.mesh.slice_options().center_mm));
+                                 a.mesh.slice_options(Surface::slices).center_mm));
   }
   nlohmann::ordered_json figures;
   if (!a.target.empty()) {
@@ -257,7 +264,7 @@ int run(const Arguments& a, const ExecutionContext& context, Console& console) {
   for (const char* kind : {".html", ".json"}) check_output(base + kind, a.mesh.parts);
   const Setup setup = a.setup.resolve(nullptr, nullptr);
   tell_notices(setup, nullptr, context);
-  const MeshSlices slices = slice_parts(a.mesh, setup.printer, context);
+  const MeshSlices slices = slice_parts(a.mesh, setup.printer, setup.process.surface, context);
   const FittedSlices fitted = fit_for_output(slices, a.file(), setup.printer, context);
   const Correction result = make_part(*fitted, setup, a.file(), base, title_of(a.output), context);
   console.say(fmt::format("{3}, {0}.html, {0}.json: {1} slices\n{2}", base, result.info.grid.layers,
@@ -294,9 +301,8 @@ int compare(const Arguments& a, const ExecutionContext& context, Console& consol
   check_output(a.output, a.mesh.parts);
   Setup setup = a.setup.resolve(nullptr, nullptr);
   tell_notices(setup, nullptr, context);
-  const MeshSlices target = slice_parts(a.mesh, setup.printer, context);
+  const MeshSlices target = slice_parts(a.mesh, setup.printer, setup.process.surface, context);
   setup.process = schedule_uv(target, setup, context);
-  setup.process.surface = a.mesh.wanted_surface();
   const Comparison c = compare_methods(target, setup, context);
   if (!a.json.empty()) {
     // Only the erase has an N; the key is there for every method.
@@ -404,16 +410,12 @@ int run_program(int argc, char** argv) {
   };
   CLI::App* sub = add("slice", "Slice meshes into a stack of coverage images", slice);
   a.mesh.add_to(*sub);
-  a.mesh.add_surface_to(*sub);
+  a.setup.add_surface_to(*sub);
   sub->add_option("--printer", a.setup.printer, "Printer: a .toml file or a name")->required();
   stack_output(sub, "Stack to write (.uvj, or another format)");
 
   sub = add("correct", "Correct a stack for a printer, a resin and a speed", correct);
   stack_input(sub, "IN", "Stack of coverage images");
-  sub->add_option("--surface", a.surface,
-                  "Where edges lie whose heights the stack knows: there, or at its slices")
-      ->check(CLI::IsMember({"slices", "mesh"}))
-      ->capture_default_str();
   a.setup.add_to(*sub, true, true);
   stack_output(sub, "Stack to write (.uvj, or another format)");
 
@@ -422,10 +424,16 @@ int run_program(int argc, char** argv) {
   sub->add_option("--target", a.target, "Stack of the design")->required();
   a.setup.add_to(*sub, false, true);
   sub->add_option("--json", a.json, "Write all figures as JSON to FILE, or - for stdout");
+  sub->add_option("--map", a.output,
+                  "Write a map of the surface to FILE (.png): from below and from above, red where "
+                  "it reaches half a slice too far, blue where so much is missing");
+  sub->add_option("--max-height-error-um", a.max_height_error_um,
+                  "Exit with 5 when the largest height error is above this")
+      ->check(number_in(0, std::numeric_limits<double>::max()));
   sub->add_option(
-         "--max-height-error-um", a.max_height_error_um,
-         "Exit with 5 when the largest height error is above this, from the mesh where the "
-         "target has its heights")
+         "--max-surface-error-um", a.max_surface_error_um,
+         "Exit with 5 when the largest distance of an edge from the mesh, where its height "
+         "is known, is above this")
       ->check(number_in(0, std::numeric_limits<double>::max()));
 
   sub = add("probe", "Grey level, intensity and dose along one pixel column, as CSV", probe);
@@ -474,7 +482,6 @@ int run_program(int argc, char** argv) {
 
   sub = add("run", "Slice, correct, verify and report: OUT.uvj, OUT.html, OUT.json", run);
   a.mesh.add_to(*sub);
-  a.mesh.add_surface_to(*sub);
   a.setup.add_to(*sub, true, true);
   stack_output(sub, "Stack to write (.uvj, or another format)");
 
@@ -482,7 +489,6 @@ int run_program(int argc, char** argv) {
             "Predict a part with the usual compensations and with the correction; writes no stack",
             compare);
   a.mesh.add_to(*sub);
-  a.mesh.add_surface_to(*sub);
   a.setup.add_to(*sub, true, true);
   sub->add_option("--json", a.json, "Write all figures as JSON to FILE, or - for stdout");
   sub->add_option("-o,--output", a.output,

@@ -251,5 +251,33 @@ TEST_F(SurfaceOfStacks, MapsShowTheStairs) {
   }
 }
 
+TEST_F(SurfaceOfStacks, UnevenLightAndOtherExponentsAreNoDifferent) {
+  const TriangleMesh mesh = sloping_plate(5);
+  for (const double m : {0.7, 1.0}) {
+    slicecorr::Setup s = setup(8);
+    s.resin.m = m;
+    // About the dose of as much light at each.
+    if (m != 1.0) s.resin.critical_dose_prime = 20;
+    FlatField field;
+    field.width_px = kSide;
+    field.height_px = 1;
+    std::vector<std::uint8_t> values;
+    for (int x = 0; x < kSide; ++x) values.push_back(static_cast<std::uint8_t>(255 - x));
+    field.values = std::make_shared<const std::vector<std::uint8_t>>(std::move(values));
+    s.printer.flat_field = field;
+    SliceOptions options = layer_of(50);
+    options.edge_heights = true;
+    const MeshSlices slices(mesh, s.printer, options);
+    const std::string path = folder_ / "part.uvj";
+    const Prediction made = correct_stack(slices, s, path, {}).after;
+    const Prediction p = verify_stack(StackReader(path, folder_.path()), slices, s);
+    EXPECT_EQ(p.surface_error_um.count(), made.surface_error_um.count());
+    EXPECT_EQ(p.surface_error_um.mean(), made.surface_error_um.mean());
+    EXPECT_GT(p.surface_error_um.count(), 3000U);
+    EXPECT_LE(p.surface_error_um.mean(), 2.0) << m;
+    EXPECT_EQ(p.cure_through_voxels + p.undercure_voxels, 0U) << m;
+  }
+}
+
 }  // namespace
 }  // namespace slicecorr

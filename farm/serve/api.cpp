@@ -101,7 +101,7 @@ std::int64_t id_of(const std::string& text) {
 std::string Query::text(const char* name) {
   const auto n = params_.count(name);
   if (n == 0) return {};
-  const std::string value = params_.find(name)->second;
+  std::string value = params_.find(name)->second;
   if (n > 1 || value.size() > 500) throw ApiError(400, "query", "a parameter twice, or too long");
   params_.erase(name);
   return value;

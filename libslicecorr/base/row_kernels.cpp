@@ -29,7 +29,7 @@ std::uint64_t bits_of(Bytes d, M mask) {
   return bits;
 }
 
-void FindChanges(const std::uint8_t* pixels, std::size_t words, std::uint64_t* changes) {
+void changes_kernel(const std::uint8_t* pixels, std::size_t words, std::uint64_t* changes) {
   const Bytes d;
   for (std::size_t w = 0; w < words; ++w, pixels += kRowWord) {
     std::uint64_t equal = 0;
@@ -41,7 +41,7 @@ void FindChanges(const std::uint8_t* pixels, std::size_t words, std::uint64_t* c
   }
 }
 
-std::uint64_t FindLit(const std::uint8_t* pixels, std::size_t words, std::uint64_t* lit) {
+std::uint64_t lit_kernel(const std::uint8_t* pixels, std::size_t words, std::uint64_t* lit) {
   const Bytes d;
   const hn::Repartition<std::uint64_t, Bytes> wide;
   auto sums = hn::Zero(wide);
@@ -57,7 +57,7 @@ std::uint64_t FindLit(const std::uint8_t* pixels, std::size_t words, std::uint64
   return hn::GetLane(hn::SumOfLanes(wide, sums));
 }
 
-bool CopyAndFindGreys(const std::uint8_t* pixels, std::size_t words, std::uint8_t* copy,
+bool greys_kernel(const std::uint8_t* pixels, std::size_t words, std::uint8_t* copy,
                       std::uint64_t* greys) {
   const Bytes d;
   std::uint64_t any = 0;
@@ -84,19 +84,19 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace slicecorr::detail {
 
-HWY_EXPORT(FindChanges);
-HWY_EXPORT(FindLit);
-HWY_EXPORT(CopyAndFindGreys);
+HWY_EXPORT(changes_kernel);
+HWY_EXPORT(lit_kernel);
+HWY_EXPORT(greys_kernel);
 
 void find_changes(const std::uint8_t* pixels, std::size_t words, std::uint64_t* changes) {
-  HWY_DYNAMIC_DISPATCH(FindChanges)(pixels, words, changes);
+  HWY_DYNAMIC_DISPATCH(changes_kernel)(pixels, words, changes);
 }
 std::uint64_t find_lit(const std::uint8_t* pixels, std::size_t words, std::uint64_t* lit) {
-  return HWY_DYNAMIC_DISPATCH(FindLit)(pixels, words, lit);
+  return HWY_DYNAMIC_DISPATCH(lit_kernel)(pixels, words, lit);
 }
 bool copy_and_find_greys(const std::uint8_t* pixels, std::size_t words, std::uint8_t* copy,
                          std::uint64_t* greys) {
-  return HWY_DYNAMIC_DISPATCH(CopyAndFindGreys)(pixels, words, copy, greys);
+  return HWY_DYNAMIC_DISPATCH(greys_kernel)(pixels, words, copy, greys);
 }
 
 }  // namespace slicecorr::detail

@@ -129,11 +129,13 @@ std::vector<double> InhibitedPlan::dark_at(const CureModel& model,
     if (k + near < all_layers) {
       const int n = k + near;
       far += kernel->a() * model.ratio(n) *
-             kernel->table(kernel->setting_of_slice(n), place)[(near - 1) * levels];
+             kernel->table(kernel->setting_of_slice(n),
+                           place)[static_cast<std::size_t>((near - 1) * levels)];
     }
     double sum = far;
     for (int j = 0; j < near && k + j < all_layers; ++j) {
-      sum += model.ratio(k + j) * kernel->table(kernel->setting_of_slice(k + j), place)[j * levels];
+      sum += model.ratio(k + j) * kernel->table(kernel->setting_of_slice(k + j),
+                                                place)[static_cast<std::size_t>(j * levels)];
     }
     dose[static_cast<std::size_t>(k)] = sum;
     if (place == InhibitedKernel::upper_end) dark_far[static_cast<std::size_t>(k)] = far;

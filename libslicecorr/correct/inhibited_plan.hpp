@@ -20,7 +20,8 @@ class ExtraLight {
   /// What a slice of level l adds j layers above its own.
   double one(int setting, int l, int j) const;
   const double* row(int setting, int j) const {
-    return tables_[static_cast<std::size_t>(setting)].data() + j * levels_;
+    return tables_[static_cast<std::size_t>(setting)].data() +
+           static_cast<std::ptrdiff_t>(j) * levels_;
   }
   /// Sum of one(l, i) over i < j.
   double sum(int setting, int l, int j) const;
@@ -45,8 +46,8 @@ inline int lag_of(const InhibitedTuning::Fraction& share, int peak) {
 
 /// Immutable once made; may be shared between threads. Doses are relative: 1 gels the resin.
 struct InhibitedPlan {
-  InhibitedPlan(const CureModel& model, bool merge_one_slice_gaps, int layers, int all_layers,
-                const InhibitedTuning& tuning = {});
+  InhibitedPlan(const CureModel& model, bool merge, int target_layers, int all_slices,
+                const InhibitedTuning& numbers = {});
 
   /// Slices to show for a target whose last lit layer is `last_lit`: the end of a feature that is
   /// promised its dose late gets it from slices further away.

@@ -81,7 +81,7 @@ SubmitReply failed(const std::vector<SubmitError>& errors) {
 std::function<SubmitReply(const std::string&, bool, const std::atomic<bool>&)> make_submitter(
     SubmitRules rules) {
   return [rules = std::move(rules)](const std::string& body, bool dry_run,
-                 const std::atomic<bool>& stopping) -> SubmitReply {
+                                    const std::atomic<bool>& stopping) -> SubmitReply {
     try {
       std::vector<JobRequest> requests = parse_jobs_json(body, "request");
       std::vector<SubmitError> errors;

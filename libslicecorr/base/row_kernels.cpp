@@ -58,7 +58,7 @@ std::uint64_t lit_kernel(const std::uint8_t* pixels, std::size_t words, std::uin
 }
 
 bool greys_kernel(const std::uint8_t* pixels, std::size_t words, std::uint8_t* copy,
-                      std::uint64_t* greys) {
+                  std::uint64_t* greys) {
   const Bytes d;
   std::uint64_t any = 0;
   for (std::size_t w = 0; w < words; ++w, pixels += kRowWord, copy += kRowWord) {

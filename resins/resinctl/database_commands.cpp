@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <sstream>
 
 #include "commands.hpp"
@@ -126,7 +127,7 @@ int list(const ListArguments& a, const ExecutionContext&, Console& console) {
 }
 
 struct ShowArguments {
-  std::string name, json, html;
+  std::string name, json, html, resin;
 };
 
 int show(const ShowArguments& a, const ExecutionContext& context, Console& console) {
@@ -134,14 +135,20 @@ int show(const ShowArguments& a, const ExecutionContext& context, Console& conso
   if (at.kind == "printer") {
     if (!a.html.empty()) throw InputError(at.path, "", "is a printer; --html is for resins");
     const Printer printer = load_printer(at.path);
+    std::optional<Resin> resin;
+    if (!a.resin.empty()) {
+      if (!printer.vial) throw InputError(at.path, "vial", "is missing; --resin is for a vial");
+      resin = load_resin(a.resin);
+    }
     if (a.json.empty()) {
-      cli::print_result(describe_printer(printer, at.path));
+      cli::print_result(describe_printer(printer, at.path, resin ? &*resin : nullptr));
     } else {
       cli::check_output(a.json, {at.path});
       cli::print_or_write(a.json, printer_json(printer, at.path));
     }
     return cli::kDone;
   }
+  if (!a.resin.empty()) throw InputError(at.path, "", "is a resin; --resin is for printers");
   const ResinRecord record = load_record(at.path);
   if (!a.json.empty()) {
     cli::check_output(a.json, {at.path});
@@ -226,6 +233,8 @@ void add_database(cli::Program& program) {
                     });
   sub->add_option("NAME", s->name, "Name, or path of a .toml file")->required();
   sub->add_option("--json", s->json, "Write JSON to this file, - for stdout");
+  sub->add_option("--resin", s->resin,
+                  "For a tomographic printer: the resin whose reach in its vial is told");
   sub->add_option("--html", s->html, "Write a page with figures, history and pictures of its fits");
 
   const auto v = std::make_shared<ValidateArguments>();

@@ -72,7 +72,7 @@ int list_printers(const ListArguments& a, const std::string& words, Console& con
     throw InputError("--maker, --chemistry and --height-um are for resins");
   }
   std::vector<std::vector<std::string>> rows = {
-      {"NAME", "PIXELS", "UM", "NM", "MW/CM²", "UV MW/CM²", "FILE"}};
+      {"NAME", "PIXELS", "UM", "NM", "MW/CM²", "UV MW/CM²", "VIAL MM", "FILE"}};
   auto list = ordered_json::array();
   for (const Definition& d : list_definitions("printer")) {
     try {
@@ -89,7 +89,7 @@ int list_printers(const ListArguments& a, const std::string& words, Console& con
            fmt::format("{:g} to {:g}", p.calibration.front().intensity_mw_cm2,
                        p.calibration.back().intensity_mw_cm2),
            p.uv ? fmt::format("{:g} to {:g}", p.uv->min_mw_cm2(), p.uv->max_mw_cm2()) : "-",
-           d.path});
+           p.vial ? fmt::format("{:g}", 2 * p.vial->inner_mm) : "-", d.path});
       list.push_back(ordered_json::parse(printer_json(p, d.path)));
     } catch (const Error& e) {
       console.say(e.what());

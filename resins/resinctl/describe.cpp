@@ -85,8 +85,8 @@ std::string in_plain_words(const ResinRecord& r, const ResinFigures& f) {
 }
 
 std::string reach_line(const Printer& p, double n, const std::string& what) {
-  return line("reach", fmt::format("{:.4g} of {:.4g} mm radius in {}: light from all sides",
-                                   reach_mm(p, n), p.vial->inner_mm, what));
+  return line("reach", fmt::format("light from all sides up to {:.4g} mm from the axis, in {}",
+                                   reach_mm(p, n), what));
 }
 
 /// What makes a printer a tomographic one; empty for others. `in`: the resin asked for.
@@ -104,10 +104,9 @@ std::string tomography_text(const Printer& p, const Resin* in) {
       if (in) {
         out += reach_line(p, index_of(*in), fmt::format("{} (n = {:g})", in->name, in->n));
       } else if (v.n_outside < 1.01) {
-        out += reach_line(p, 1.5, "a resin of index 1.5; --resin says it for one");
+        out += reach_line(p, 1.5, "a resin of index 1.5 (--resin names one)");
       } else {
-        out +=
-            reach_line(p, v.n_outside, "a resin of the bath's index; --resin says it for another");
+        out += reach_line(p, v.n_outside, "a resin of the bath's index (--resin names another)");
       }
     }
     if (in) {
@@ -247,8 +246,8 @@ std::string describe_printer(const Printer& p, const std::string& path, const Re
   const double high = p.calibration.back().intensity_mw_cm2;
   out += "\nCuring light\n";
   if (p.wavelength_nm > 0) out += line("wavelength", fmt::format("{:g} nm", p.wavelength_nm));
-  out += line("intensity", fmt::format("{:g} to {:g} mW/cm² at the window, {} calibration points",
-                                       low, high, p.calibration.size()));
+  out += line("intensity", fmt::format("{:g} to {:g} mW/cm² at the {}, {} calibration points", low,
+                                       high, p.vial ? "axis" : "window", p.calibration.size()));
   if (low > 0) out += line("contrast", fmt::format("{:.4g} : 1 (black still shines)", high / low));
   if (p.uv) {
     out += "\nUV light\n";

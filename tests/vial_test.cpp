@@ -64,7 +64,9 @@ TEST(Vial, RaysInThePlane) {
   EXPECT_DIGITS(transmittance(kDry, kResin, 0, 0), .962497, 6);
   // One face from air to resin: a wall of the resin's index reflects nothing.
   const Vial bare{12.5, 11.8, 1.0, kResin};
-  EXPECT_DIGITS(1 - transmittance(bare, kResin, 0, 0), .0399604, 7);
+  EXPECT_DIGITS(1 - transmittance(bare, kResin, 0, 0), .039960, 6);
+  EXPECT_NEAR(1 - transmittance(bare, kResin, 0, 0), std::pow((kResin - 1) / (kResin + 1), 2),
+              1e-15);
 }
 
 TEST(Vial, Reach) {
@@ -158,8 +160,11 @@ TEST(Vial, UniformLightAddsUpAsPrinted) {
   const std::array<double, 4> dim{.53102, .56231, .64389, .45208};
   for (std::size_t i = 0; i < radii.size(); ++i) {
     EXPECT_DIGITS(dose(radii[i], 0), clear[i], 5);
-    EXPECT_DIGITS(dose(radii[i], 1 / 11.8), dim[i], 5);
+    // These come from a deposit of rays, whose last digit may be off by one.
+    EXPECT_NEAR(dose(radii[i], 1 / 11.8), dim[i], 1e-5);
   }
+  EXPECT_NEAR(dose(0, 1 / 11.8), kResin * transmittance(kDry, kResin, 0, 0) * std::exp(-1.0),
+              1e-12);
 }
 
 TEST(Vial, LightThatComesOnlyInPart) {

@@ -12,7 +12,9 @@
 #include <random>
 #include <string>
 
+#include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/kinetics.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/units.hpp"
 
@@ -491,6 +493,15 @@ TEST(TomographicResinFile, OnlyWhatCuresCountsForDoses) {
   EXPECT_NEAR(units::areal_from_volumetric(half.gel_dose_mj_cm3, dose_height_e_um(half)), 25,
               1e-12);
   EXPECT_NEAR(units::areal_from_volumetric(all.gel_dose_mj_cm3, dose_height_e_um(all)), 25, 1e-12);
+  EXPECT_NEAR(make_kinetics(half, false, false).critical_dose_prime, 25, 1e-12);
+  EXPECT_NEAR(make_kinetics(half, false, true).critical_dose_prime, 50, 1e-12);
+  const Printer dlp =
+      load_printer(std::string(SLICECORR_PRINTERS_DIR) + "/dual-wavelength-dlp.toml");
+  Process process;
+  process.speed_mm_h = 800;
+  const double critical = make_cure_model(dlp, all, process, 50).critical_intensity_mw_cm2;
+  EXPECT_NEAR(make_cure_model(dlp, half, process, 50).critical_intensity_mw_cm2, critical,
+              1e-12 * critical);
   // As much as absorbs in all is nothing special.
   EXPECT_EQ(resin("active_absorption_per_cm = 0.8\n"), all);
 }

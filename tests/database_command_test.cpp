@@ -74,7 +74,7 @@ TEST_F(Resinctl, ListFindsByWhatIsAsked) {
   EXPECT_EQ(count({"--maker", "liqcreate", "--wavelength-nm", "385"}), 7U);
   EXPECT_EQ(count({"liqcreate", "black"}), 2U);
   EXPECT_EQ(count({"--height-um", "500:"}) + count({"--height-um", ":499.9"}), all);
-  EXPECT_EQ(count({"--printers"}), 6U);
+  EXPECT_EQ(count({"--printers"}), 9U);
   const std::string table = ok({"list", "--maker", "MakerJuice"});
   EXPECT_THAT(table,
               AllOf(HasSubstr("NAME"), HasSubstr("makerjuice-standard-yellow"),
@@ -107,6 +107,45 @@ TEST_F(Resinctl, ShowConvertsAndSaysWhatIsAimedAt) {
   EXPECT_THAT(run({"show", "embre"}).err, HasSubstr("did you mean 'ember'?"));
   ok({"show", "goo.toml", "--html", "goo.html"});
   EXPECT_THAT(read("goo.html"), HasSubstr("<html"));
+}
+
+TEST_F(Resinctl, ShowTellsOfTomography) {
+  const std::string dry = ok({"show", "webber-vial"});
+  EXPECT_THAT(dry, AllOf(HasSubstr("25 mm outside, 23.6 mm inside (radii 12.5 and 11.8)"),
+                         HasSubstr("1 outside (air), 1.48 of the wall"),
+                         HasSubstr("up to 8.333 mm from the axis, in a resin of index 1.5"),
+                         HasSubstr("pinhole: light from a point 99.5 mm from the axis"),
+                         HasSubstr("12 degrees a second, 30 s a turn, clockwise seen from above"),
+                         HasSubstr("at most 1800, at 60 a second")));
+  EXPECT_THAT(ok({"show", "webber-vial", "--resin", "webber-dudma-pegda"}),
+              AllOf(HasSubstr("up to 8.335 mm from the axis, in webber-dudma-pegda (n = 1.49969)"),
+                    HasSubstr("0.472: 62.4 % of the light comes to the axis")));
+  EXPECT_THAT(ok({"show", "kelly-projector-and-vial"}),
+              AllOf(HasSubstr("1.5 outside (a bath)"), HasSubstr("up to 12.5 mm"),
+                    HasSubstr("telecentric: parallel light"), HasSubstr("at most 360, at 25")));
+  EXPECT_THAT(ok({"list", "--printers", "vial"}), AllOf(HasSubstr("VIAL MM"), HasSubstr("23.6")));
+  const json j = json::parse(ok({"show", "webber-vial", "--json", "-"}));
+  EXPECT_EQ(j["vial"]["inner_mm"], 11.8);
+  EXPECT_EQ(j["optics"]["distance_mm"], 99.5);
+  EXPECT_EQ(j["rotation"]["direction"], "clockwise");
+  EXPECT_EQ(j["rotation"]["frames_per_turn"], 1800);
+  write("goo.toml", goo("5.0") +
+                        "active_absorption_per_cm = 29.4\nn = 1.5\n"
+                        "inhibition_dose_mj_cm3 = 3\n");
+  EXPECT_THAT(ok({"show", "goo.toml"}),
+              AllOf(HasSubstr("58.82 per cm in base e, of which 29.4 cure"),
+                    HasSubstr("5 mJ/cm² areal, 147 mJ/cm³ volumetric"),
+                    HasSubstr("refractive index      1.5"), HasSubstr("3 mJ/cm³, before the gel")));
+  const json r = json::parse(ok({"show", "goo.toml", "--json", "-"}));
+  EXPECT_NEAR(r["absorption_per_cm"], 1e4 / 170, 1e-10);
+  EXPECT_EQ(r["active_absorption_per_cm"], 29.4);
+  // Where it says nothing.
+  const auto blind = run({"show", "webber-vial", "--resin", "benchy-resin"});
+  EXPECT_EQ(blind.exit_code, 2);
+  EXPECT_THAT(blind.err, HasSubstr("does not say its refractive index"));
+  EXPECT_THAT(run({"show", "ember", "--resin", "goo.toml"}).err,
+              HasSubstr("--resin is for a vial"));
+  EXPECT_THAT(run({"show", "goo.toml", "--resin", "goo.toml"}).err, HasSubstr("is for printers"));
 }
 
 TEST_F(Resinctl, ValidateNamesFileLineAndWhatIsWrong) {

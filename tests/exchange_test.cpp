@@ -256,6 +256,24 @@ TEST_F(Exchange, TableOfWorkingCurves) {
   EXPECT_THAT(refused("resin,dp_um,ec_mj_cm2\nx,1,2\nX,3,4\n"), HasSubstr("the name 'x' twice"));
 }
 
+TEST_F(Exchange, LightOfAResinSurvivesExportAndImport) {
+  const ResinRecord r = parse_record(
+      "name = \"r\"\n[cure]\nwavelength_nm = 405\nabsorption_per_cm = 0.8\n"
+      "active_absorption_per_cm = 0.4\nn = 1.49969\ninhibition_dose_mj_cm3 = 3\n"
+      "inhibition_resupply_mj_cm3_s = 0.02\ngel_dose_mj_cm3 = 20\n",
+      "r.toml");
+  const auto back = import_definitions(write("x.csv", export_record(r, "csv", 0, 0)), {});
+  ASSERT_EQ(back.size(), 1U);
+  EXPECT_EQ(wrong_with(back[0]), "");
+  const Resin again = parse_resin(back[0].text, "r.toml");
+  EXPECT_NEAR(absorption_per_cm(again), .8, 1e-9);
+  EXPECT_EQ(again.active_absorption_per_cm, .4);
+  EXPECT_EQ(again.n, 1.49969);
+  EXPECT_EQ(again.inhibition_dose_mj_cm3, 3);
+  EXPECT_EQ(again.inhibition_resupply_mj_cm3_s, .02);
+  EXPECT_NEAR(again.gel_dose_mj_cm3, 20, 1e-8);
+}
+
 TEST_F(Exchange, EveryShippedResinSurvivesExportAndImport) {
   int resins = 0;
   for (const auto& entry : fs::directory_iterator(SLICECORR_DB_DIR)) {

@@ -111,6 +111,26 @@ TEST(TextFromFit, Joint) {
   EXPECT_NEAR(steady_dead_zone_um(make_kinetics(r, true, false), 100, 100), 167.99, 5e-3);
 }
 
+TEST(TextFromFit, AFittedHeightTakesThePlaceOfAnAbsorption) {
+  const std::string old =
+      "name = \"old\"\nabsorption_per_cm = 0.8\nactive_absorption_per_cm = 0.4\n[cure]\n"
+      "gel_dose_mj_cm3 = 20.0\n";
+  const ResinRecord previous = parse_record(old, "old.toml");
+  const std::string text = record_text_from_fit("new", {kJacobs}, &previous);
+  EXPECT_EQ(wrong_with(text, "new"), "");
+  EXPECT_THAT(text, Not(HasSubstr("absorption_per_cm = 0.8")));
+  EXPECT_THAT(text, HasSubstr("active_absorption_per_cm = 0.4"));
+  // The gel dose is that of what cures.
+  const Resin r = parse_resin(text, "new.toml");
+  const double areal = figures_of(r).gel_mj_cm2;
+  EXPECT_NEAR(r.gel_dose_mj_cm3, .4 * areal, 1e-6 * areal);
+  double fitted = 0;
+  for (const auto& p : kJacobs.parameters) {
+    if (p.name == "dc_mj_cm2") fitted = p.value;
+  }
+  EXPECT_NEAR(areal, fitted, 1e-6 * fitted);
+}
+
 TEST(TextFromFit, WordsAndCommentsOfTheRecordStay) {
   const std::string old =
       "# The blue one.\nname = \"old\"\nmaker = \"M\" # whose\n\n[cure]\nmodel = \"jacobs\"\n"

@@ -210,6 +210,70 @@ dose_facto = 2
                                          "9 cure.dose_facto"));
 }
 
+TEST_F(Files, LightMayStandAtTheTop) {
+  const std::string dose = "[cure]\ngel_dose_mj_cm3 = 20.0\n";
+  const auto check = [&](const std::string& top, const std::string& cure = "") {
+    std::string all;
+    for (const Finding& f :
+         validate_definition(write("r.toml", "name = \"r\"\n" + top + dose + cure))) {
+      all += f.to_text().substr(f.to_text().rfind("r.toml")) + "\n";
+    }
+    return all;
+  };
+  EXPECT_EQ(check("absorption_per_cm = 0.8\nactive_absorption_per_cm = 0.4\nn = 1.5\n"), "");
+  EXPECT_EQ(check("", "absorption_per_cm = 0.8\nn = 1.5\ninhibition_dose_mj_cm3 = 0\n"), "");
+  EXPECT_EQ(check("n = 0.5\nabsorption_per_cm = 0.8\n"),
+            "r.toml:2: n: is 0.5; expected a number of at least 1 and at most 3\n");
+  EXPECT_EQ(
+      check("n = 1.5\n"),
+      "r.toml:3: cure.absorbance_height_um: missing; expected a number, or absorption_per_cm\n");
+  EXPECT_EQ(check("absorbtion_per_cm = 0.8\nabsorption_per_cm = 0.8\n"),
+            "r.toml:2: absorbtion_per_cm: unknown key; did you mean 'absorption_per_cm'?\n");
+  EXPECT_EQ(
+      check("absorption_per_cm = 0.8\nactive_absorption_per_cm = 0.9\n"),
+      "r.toml:3: active_absorption_per_cm: is 0.9; expected at most the 0.8 per cm that absorb "
+      "in all\n");
+  EXPECT_EQ(
+      check("absorption_per_cm = 0.8\n", "absorbance_height_um = 12000\nabsorbance_base = \"e\"\n"),
+      "r.toml:2: absorption_per_cm: is 0.8, but the absorbance height of 12000 um in base e is "
+      "0.83333 per cm; expected the same, or one of them\n");
+  // What cures is what doses count: 25 mJ/cm² by 0.4 per cm are 10 mJ/cm³.
+  EXPECT_EQ(check("absorption_per_cm = 0.8\nactive_absorption_per_cm = 0.4\n",
+                  "critical_dose_mj_cm2 = 250\ndose_factor = 5\n"),
+            "");
+}
+
+TEST_F(Files, TomographicPrinters) {
+  const std::string display =
+      "name = \"p\"\n[display]\nwidth_px = 128\nheight_px = 80\npixel_um = 50\n"
+      "[blue]\ncalibration = [[0, 0.0], [255, 9.0]]\n";
+  const std::string vial = "[vial]\nouter_mm = 3.0\ninner_mm = 2.5\n";
+  const std::string optics = "[optics]\nkind = \"telecentric\"\n";
+  const std::string rotation = "[rotation]\ndeg_s = 25\ndirection = \"clockwise\"\n";
+  const auto check = [&](const std::string& text) {
+    std::string all;
+    for (const Finding& f : validate_definition(write("p.toml", display + text))) {
+      all += f.to_text().substr(f.to_text().rfind("p.toml")) + "\n";
+    }
+    return all;
+  };
+  EXPECT_EQ(check(vial + optics + rotation), "");
+  EXPECT_EQ(check(vial + optics + "half_angle_deg = 6\nrays_per_pixel = 13\n" + rotation), "");
+  EXPECT_EQ(check(vial + rotation),
+            "p.toml:8: warning: vial: is of no use without [optics]; expected [vial], [optics] and "
+            "[rotation] together\n");
+  EXPECT_THAT(check(vial + optics + "half_angle_deg = 6\n" + rotation),
+              HasSubstr("p.toml:13: warning: optics.half_angle_deg: does not count with one ray"));
+  EXPECT_THAT(check(vial + optics + "rays_per_pixel = 13\n" + rotation),
+              HasSubstr("p.toml:13: warning: optics.rays_per_pixel: does not count without"));
+  EXPECT_THAT(check(vial + optics + "[rotation]\ndeg_s = 25\n"),
+              HasSubstr("p.toml:13: rotation.direction: missing; it is required"));
+  EXPECT_THAT(check("[vial]\nouter_mm = 3.0\ninner_mm = 3.5\n" + optics + rotation),
+              HasSubstr("p.toml:10: vial.inner_mm: is 3.5; expected less than outer_mm, 3"));
+  EXPECT_THAT(check(vial + "n_wal = 1.5\n" + optics + rotation),
+              HasSubstr("vial.n_wal: unknown key; did you mean 'n_wall'?"));
+}
+
 TEST_F(Files, DosesThatContradict) {
   const std::string head =
       "name = \"r\"\n[cure]\nabsorbance_height_um = 100\nabsorbance_base = \"e\"\n";

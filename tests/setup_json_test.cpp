@@ -40,6 +40,30 @@ TEST(SetupJson, ContinuousComesBack) {
   expect_same_again(resolved(c));
 }
 
+TEST(SetupJson, TomographyComesBack) {
+  SetupChoices c;
+  c.speed_mm_h = 700;
+  slicecorr::Setup setup = resolved(c);
+  setup.printer.vial = Vial{12.5, 11.8, 1.0, 1.48};
+  setup.printer.optics = Optics{OpticsKind::pinhole, 99.5, 6.0887, 13, -3.5, 120};
+  setup.printer.rotation = Rotation{25, TurnDirection::counterclockwise, 60};
+  setup.resin.active_absorption_per_cm = 0.4;
+  setup.resin.n = 1.49969;
+  setup.resin.inhibition_dose_mj_cm3 = 3;
+  setup.resin.inhibition_resupply_mj_cm3_s = 0.02;
+  expect_same_again(setup);
+  // More than absorbs in all, and light from inside the vial.
+  slicecorr::Setup wrong = setup;
+  wrong.resin.active_absorption_per_cm = 20;  // 1e4 / 550 um are 18.2
+  EXPECT_THROW(parse_setup_json(setup_json(wrong), "text"), InputError);
+  wrong = setup;
+  wrong.printer.optics->distance_mm = 12.5;
+  EXPECT_THROW(parse_setup_json(setup_json(wrong), "text"), InputError);
+  wrong = setup;
+  wrong.printer.vial->inner_mm = 12.5;
+  EXPECT_THROW(parse_setup_json(setup_json(wrong), "text"), InputError);
+}
+
 TEST(SetupJson, LayerwiseComesBack) {
   SetupChoices c;
   c.mode = "layerwise";

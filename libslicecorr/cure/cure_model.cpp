@@ -143,7 +143,10 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
     model.critical_intensity_mw_cm2 =
         std::pow(resin.m * s * resin.critical_dose_prime / hb_cm, 1.0 / resin.m);
   } else {
-    model.critical_intensity_mw_cm2 = resin.critical_dose_mj_cm3 * s;
+    // Of what is absorbed, what cures counts: 1 in all where nothing else absorbs.
+    const double cures =
+        units::height_e_from_10(resin.absorbance_height10_um) / dose_height_e_um(resin);
+    model.critical_intensity_mw_cm2 = resin.critical_dose_mj_cm3 * s / cures;
   }
   for (const double i : intensities) model.level_phi.push_back(model.phi(i));
   if (process.uv.kind != UvKind::off) {

@@ -76,10 +76,12 @@ Kinetics make_kinetics(const Resin& resin, bool inhibited, bool aim) {
   if (resin.critical_dose_prime > 0) {
     k.critical_dose_prime = resin.critical_dose_prime / (aim ? 1.0 : factor);
   } else if (!aim && resin.gel_dose_mj_cm3 > 0) {
-    k.critical_dose_prime = units::areal_from_volumetric(resin.gel_dose_mj_cm3, k.hb_um);
+    k.critical_dose_prime =
+        units::areal_from_volumetric(resin.gel_dose_mj_cm3, dose_height_e_um(resin));
   } else {
     k.critical_dose_prime =
-        units::areal_from_volumetric(resin.critical_dose_mj_cm3, k.hb_um) / (aim ? 1.0 : factor);
+        units::areal_from_volumetric(resin.critical_dose_mj_cm3, dose_height_e_um(resin)) /
+        (aim ? 1.0 : factor);
   }
   if (inhibited) {
     if (!resin.inhibition) {

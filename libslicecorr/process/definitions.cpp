@@ -6,6 +6,7 @@
 #include <filesystem>
 
 #include "process/flat_field_keys.hpp"
+#include "process/tomography_keys.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/image_size.hpp"
 #include "slicecorr/process.hpp"
@@ -94,20 +95,10 @@ std::vector<CalibrationPoint> calibration(const TomlTable& blue, int bit_depth, 
   return points;
 }
 
-double absorbance_height10(const TomlTable& table) {
-  const double height = table.required_number("absorbance_height_um", 0, 1e7);
-  const toml::node* base = table.node("absorbance_base");
-  if (!base) table.fail("absorbance_base", "missing; expected 10 or \"e\"");
-  if (base->is_integer() && **base->as_integer() == 10) return height;
-  if (base->is_string() && **base->as_string() == "e") return units::height10_from_e(height);
-  if (base->is_string() && **base->as_string() == "10") return height;
-  table.fail("absorbance_base", "expected 10 or \"e\"");
-}
-
 Inhibition inhibition_of(const TomlTable& table, const Resin& resin) {
   Inhibition i;
   i.beta = table.required_number("beta", 0, 1e6);
-  i.absorbance_height10_um = absorbance_height10(table);
+  i.absorbance_height10_um = detail::absorbance_height10(table);
   i.m = table.number("m", 0, 2).value_or(resin.m);
   const auto prime = table.number("critical_dose_prime", 0, 1e9);
   i.critical_dose_prime = prime.value_or(0);
@@ -128,7 +119,7 @@ std::string only_for_m_1(const Resin& resin) {
 }
 
 void resolve_dose(const TomlTable& cure, std::optional<double> dose_override, Resin& resin) {
-  const double height_e_um = units::height_e_from_10(resin.absorbance_height10_um);
+  const double height_e_um = dose_height_e_um(resin);
   const auto areal_or_volumetric = [&](const char* volumetric, const char* areal) {
     const auto v = cure.number(volumetric, 0, 1e9);
     const auto s = cure.number(areal, 0, 1e9);
@@ -168,6 +159,20 @@ void resolve_dose(const TomlTable& cure, std::optional<double> dose_override, Re
     resin.dose_factor = factor.value_or(1.0);
   } else if (gel) {
     resin.dose_factor = resin.critical_dose_mj_cm3 / *gel;
+  }
+}
+
+/// Gives the resin another absorbance height. What cures goes on absorbing as it did.
+void take_height(Resin& resin, double height10_um) {
+  resin.absorbance_height10_um = height10_um;
+  if (resin.active_absorption_per_cm > absorption_per_cm(resin)) {
+    throw InputError(
+        resin.name, "active_absorption_per_cm",
+        fmt::format("is {:g} per cm; the absorbance height of {:g} um (base 10) that was asked for "
+                    "is an absorption of {:g} per cm in all; expected at most {:g} um",
+                    resin.active_absorption_per_cm, height10_um, absorption_per_cm(resin),
+                    units::height10_from_e(
+                        units::height_e_from_absorption_per_cm(resin.active_absorption_per_cm))));
   }
 }
 
@@ -360,6 +365,7 @@ Printer parse_printer(std::string_view text, const std::string& source) {
     printer.max_speed_mm_h = stage->number("max_speed_mm_h", 0, 1e9).value_or(0);
     printer.travel_mm = stage->number("travel_mm", 0, 1e6).value_or(0);
   }
+  detail::tomography_keys(root, printer);
   return printer;
 }
 
@@ -380,18 +386,39 @@ Resin parse_resin(std::string_view text, const std::string& source,
     cure.fail("m",
               fmt::format("is {:g}; the Jacobs model has m = 1, others are \"kinetic\"", resin.m));
   }
-  resin.absorbance_height10_um = absorbance_height10(cure);
+  const detail::LightKeys light = detail::light_keys(root, cure);
+  resin.absorbance_height10_um = light.height10_um;
+  resin.active_absorption_per_cm = light.active_absorption_per_cm;
+  resin.n = light.n;
+  resin.inhibition_dose_mj_cm3 = light.inhibition_dose_mj_cm3;
+  resin.inhibition_resupply_mj_cm3_s = light.inhibition_resupply_mj_cm3_s;
   check_overrides(overrides);
-  if (overrides.ha_um) resin.absorbance_height10_um = *overrides.ha_um;
+  if (overrides.ha_um) take_height(resin, *overrides.ha_um);
   resolve_dose(cure, overrides.dc_mj_cm3, resin);
   if (overrides.dose_factor) scale_dose(resin, *overrides.dose_factor);
   if (const auto table = root.table("inhibition")) resin.inhibition = inhibition_of(*table, resin);
   return resin;
 }
 
+double absorption_per_cm(const Resin& resin) {
+  return units::absorption_per_cm_from_height_e(
+      units::height_e_from_10(resin.absorbance_height10_um));
+}
+
+double curing_absorption_per_cm(const Resin& resin) {
+  return resin.active_absorption_per_cm > 0 ? resin.active_absorption_per_cm
+                                            : absorption_per_cm(resin);
+}
+
+double dose_height_e_um(const Resin& resin) {
+  return resin.active_absorption_per_cm > 0
+             ? units::height_e_from_absorption_per_cm(resin.active_absorption_per_cm)
+             : units::height_e_from_10(resin.absorbance_height10_um);
+}
+
 Resin with_overrides(Resin resin, const ResinOverrides& overrides) {
   check_overrides(overrides);
-  if (overrides.ha_um) resin.absorbance_height10_um = *overrides.ha_um;
+  if (overrides.ha_um) take_height(resin, *overrides.ha_um);
   if (overrides.dc_mj_cm3) {
     if (resin.m != 1.0) throw InputError(resin.name, "m", only_for_m_1(resin));
     resin.critical_dose_mj_cm3 = *overrides.dc_mj_cm3;

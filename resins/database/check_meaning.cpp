@@ -18,7 +18,18 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::optional<double> height_e(const CheckedFile& definition) {
+/// Of a key that stands in [cure] or at the top.
+std::optional<double> of_light(const CheckedFile& definition, const char* key) {
+  const auto value = definition.number("cure", key);
+  return value ? value : definition.number("", key);
+}
+
+/// The height by which areal and volumetric doses convert, base e.
+std::optional<double> dose_height_e(const CheckedFile& definition) {
+  for (const char* key : {"active_absorption_per_cm", "absorption_per_cm"}) {
+    const auto absorption = of_light(definition, key);
+    if (absorption && *absorption > 0) return units::height_e_from_absorption_per_cm(*absorption);
+  }
   const auto height = definition.number("cure", "absorbance_height_um");
   const toml::table* cure = definition.table("cure");
   const toml::node* base = cure ? cure->get("absorbance_base") : nullptr;
@@ -71,7 +82,7 @@ void check_doses(CheckedFile& definition) {
     definition.add(definition.line_of("cure", "critical_dose_prime"), "cure.critical_dose_prime",
                    fmt::format("does not count beside {}", aim_key), true);
   }
-  const auto base_e = height_e(definition);
+  const auto base_e = dose_height_e(definition);
   if (!(aim3 || aim2) || !base_e) return;
   const double aim = aim3 ? *aim3 : *aim2 / (*base_e * 1e-4);
   const auto gel = gel3 ? gel3 : gel2 ? std::optional(*gel2 / (*base_e * 1e-4)) : std::nullopt;
@@ -201,6 +212,34 @@ void check_projector(CheckedFile& definition) {
   }
 }
 
+/// What tomographic printing needs belongs together.
+void check_tomography(CheckedFile& definition) {
+  const char* const tables[] = {"vial", "optics", "rotation"};
+  for (const char* missing : tables) {
+    if (definition.table(missing)) continue;
+    for (const char* given : tables) {
+      if (const toml::table* t = definition.table(given)) {
+        definition.add(t->source().begin.line, given,
+                       fmt::format("is of no use without [{}]; expected [vial], [optics] and "
+                                   "[rotation] together",
+                                   missing),
+                       true);
+        return;
+      }
+    }
+  }
+  const bool cone = definition.number("optics", "half_angle_deg").value_or(0) > 0;
+  const bool rays = definition.number("optics", "rays_per_pixel").value_or(1) > 1;
+  if (cone != rays) {
+    const char* key = cone ? "half_angle_deg" : "rays_per_pixel";
+    definition.add(
+        definition.line_of("optics", key), definition.full("optics", key),
+        cone ? "does not count with one ray per pixel; expected rays_per_pixel, such as 13"
+             : "does not count without half_angle_deg: all rays are the same one",
+        true);
+  }
+}
+
 }  // namespace
 
 void check_resin(CheckedFile& file) {
@@ -212,6 +251,7 @@ void check_resin(CheckedFile& file) {
 void check_printer(CheckedFile& file) {
   check_flat_field(file);
   check_projector(file);
+  check_tomography(file);
 }
 
 }  // namespace slicecorr::resins

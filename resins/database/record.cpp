@@ -75,16 +75,17 @@ ResinFigures figures_of(const Resin& resin) {
   ResinFigures f;
   f.height10_um = resin.absorbance_height10_um;
   f.height_e_um = units::height_e_from_10(f.height10_um);
+  const double dose_height_um = dose_height_e_um(resin);
   f.dose_factor = resin.dose_factor > 0 ? resin.dose_factor : 1.0;
   if (resin.m == 1.0) {
     f.aim_mj_cm3 = resin.critical_dose_mj_cm3;
-    f.aim_mj_cm2 = units::areal_from_volumetric(f.aim_mj_cm3, f.height_e_um);
+    f.aim_mj_cm2 = units::areal_from_volumetric(f.aim_mj_cm3, dose_height_um);
     if (resin.gel_dose_mj_cm3 > 0) {
       f.gel_mj_cm3 = resin.gel_dose_mj_cm3;
     } else if (resin.critical_dose_prime > 0) {
       f.gel_mj_cm3 = f.aim_mj_cm3 / f.dose_factor;
     }
-    f.gel_mj_cm2 = units::areal_from_volumetric(f.gel_mj_cm3, f.height_e_um);
+    f.gel_mj_cm2 = units::areal_from_volumetric(f.gel_mj_cm3, dose_height_um);
     // With m = 1 the analogue D' is the dose itself.
     f.gel_prime = f.gel_mj_cm2;
     f.aim_prime = f.aim_mj_cm2;
@@ -92,8 +93,8 @@ ResinFigures figures_of(const Resin& resin) {
     f.aim_prime = resin.critical_dose_prime;
     f.gel_prime = f.aim_prime / f.dose_factor;
   }
-  f.gel_prime_volumetric = units::volumetric_prime_from_areal(f.gel_prime, f.height_e_um, resin.m);
-  f.aim_prime_volumetric = units::volumetric_prime_from_areal(f.aim_prime, f.height_e_um, resin.m);
+  f.gel_prime_volumetric = units::volumetric_prime_from_areal(f.gel_prime, dose_height_um, resin.m);
+  f.aim_prime_volumetric = units::volumetric_prime_from_areal(f.aim_prime, dose_height_um, resin.m);
   if (resin.inhibition) {
     f.huv10_um = resin.inhibition->absorbance_height10_um;
     f.huv_e_um = units::height_e_from_10(f.huv10_um);

@@ -34,6 +34,7 @@ struct KeyRule {
   double low = 0, high = 0;
   bool low_counts = false;
   bool required = false;
+  bool also_at_top = false;       ///< it may stand at the top of the file in place of in its table
   std::string_view choices = "";  ///< separated by |
   std::string_view what = "";     ///< for people
 };

@@ -56,8 +56,9 @@ class Checker : private CheckedFile {
     std::string is = root.contains("cure")                                         ? "resin"
                      : root.contains("display")                                    ? "printer"
                      : root.contains("inhibition") || root.contains("composition") ? "resin"
-                     : root.contains("blue") || root.contains("stage")             ? "printer"
-                                                                                   : kind;
+                     : root.contains("blue") || root.contains("stage") || root.contains("vial")
+                         ? "printer"
+                         : kind;
     if (is.empty()) {
       add(0, "", "is neither a resin (with a table [cure]) nor a printer (with [display])");
       return false;
@@ -92,6 +93,7 @@ class Checker : private CheckedFile {
   void check_root(const toml::key& key, const toml::node& node) {
     std::vector<std::string_view> tables, keys;
     for (const KeyRule& rule : schema(kind)) {
+      if (rule.also_at_top) keys.push_back(rule.key);
       auto& list = rule.table.empty() ? keys : tables;
       const std::string_view word =
           rule.table.empty() ? rule.key : rule.table.substr(0, rule.table.find('.'));
@@ -162,7 +164,8 @@ class Checker : private CheckedFile {
 
   const KeyRule* rule_of(std::string_view in, std::string_view key) const {
     for (const KeyRule& rule : schema(kind)) {
-      if (rule.table == in && (rule.key == key || rule.key == "*")) return &rule;
+      const bool here = rule.table == in || (in.empty() && rule.also_at_top);
+      if (here && (rule.key == key || rule.key == "*")) return &rule;
     }
     return nullptr;
   }

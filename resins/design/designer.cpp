@@ -230,12 +230,14 @@ double gap_contrast(double phi_max, double phi_min, double effective_um, double 
 
 Resin with_height(const Resin& resin, double height_e_um) {
   Resin r = resin;
-  const double now = units::height_e_from_10(resin.absorbance_height10_um);
   r.absorbance_height10_um = units::height10_from_e(height_e_um);
+  // Less absorption than that of what cures takes some of this away.
+  if (r.active_absorption_per_cm >= absorption_per_cm(r)) r.active_absorption_per_cm = 0;
+  const double before = dose_height_e_um(resin), after = dose_height_e_um(r);
   r.critical_dose_mj_cm3 = units::volumetric_from_areal(
-      units::areal_from_volumetric(resin.critical_dose_mj_cm3, now), height_e_um);
+      units::areal_from_volumetric(resin.critical_dose_mj_cm3, before), after);
   r.gel_dose_mj_cm3 = units::volumetric_from_areal(
-      units::areal_from_volumetric(resin.gel_dose_mj_cm3, now), height_e_um);
+      units::areal_from_volumetric(resin.gel_dose_mj_cm3, before), after);
   return r;
 }
 

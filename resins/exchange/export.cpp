@@ -32,6 +32,15 @@ std::string to_json(const ResinRecord& r) {
   j["model"] = r.resin.model == CureModelKind::kinetic ? "kinetic" : "jacobs";
   j["m"] = r.resin.m;
   j["absorbance_height_um"] = {{"base_e", f.height_e_um}, {"base_10", f.height10_um}};
+  j["absorption_per_cm"] = absorption_per_cm(r.resin);
+  j["active_absorption_per_cm"] = curing_absorption_per_cm(r.resin);
+  if (r.resin.n > 0) j["n"] = r.resin.n;
+  if (r.resin.inhibition_dose_mj_cm3 > 0) {
+    j["inhibition_dose_mj_cm3"] = r.resin.inhibition_dose_mj_cm3;
+  }
+  if (r.resin.inhibition_resupply_mj_cm3_s > 0) {
+    j["inhibition_resupply_mj_cm3_s"] = r.resin.inhibition_resupply_mj_cm3_s;
+  }
   const auto dose = [&](double areal, double volumetric, double prime, double prime_volumetric) {
     ordered_json d;
     if (areal > 0) d["mj_cm2"] = areal;
@@ -92,6 +101,10 @@ std::string to_csv(const ResinRecord& r) {
   number("critical_dose_prime", kinetic ? f.gel_prime : 0);
   number("dose_factor", has_gel ? f.dose_factor : 0);
   number("aim_mJ_cm2", has_gel ? 0 : f.aim_mj_cm2);
+  number("active_absorption_per_cm", r.resin.active_absorption_per_cm);
+  number("n", r.resin.n);
+  number("inhibition_dose_mj_cm3", r.resin.inhibition_dose_mj_cm3);
+  number("inhibition_resupply_mj_cm3_s", r.resin.inhibition_resupply_mj_cm3_s);
   number("beta", f.beta);
   number("huv_um", f.huv_e_um);
   const auto& inhibition = r.resin.inhibition;

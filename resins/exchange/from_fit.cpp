@@ -82,7 +82,8 @@ std::string covariance_of(const FitResult& fit) {
   return fmt::format("{}: [{}]", names, rows);
 }
 
-void write_cure(TomlEdit& edit, const FitResult& fit) {
+/// `previous`: what the text said before; nullptr for a new one.
+void write_cure(TomlEdit& edit, const FitResult& fit, const ResinRecord* previous) {
   const double height_um = required(fit, "h_um");
   const auto number = [&](const char* key, double v) { edit.set("cure", key, toml_number(v)); };
   const bool jacobs = fit.model == FitModel::jacobs;
@@ -95,9 +96,13 @@ void write_cure(TomlEdit& edit, const FitResult& fit) {
   number("m", jacobs ? 1.0 : required(fit, "m"));
   number("absorbance_height_um", height_um);
   edit.set("cure", "absorbance_base", "\"e\"");
+  for (const char* table : {"", "cure"}) edit.remove(table, "absorption_per_cm");
   if (jacobs) {
     const double areal = required(fit, "dc_mj_cm2");
-    number("gel_dose_mj_cm3", units::volumetric_from_areal(areal, height_um));
+    Resin absorber;
+    absorber.absorbance_height10_um = units::height10_from_e(height_um);
+    if (previous) absorber.active_absorption_per_cm = previous->resin.active_absorption_per_cm;
+    number("gel_dose_mj_cm3", units::volumetric_from_areal(areal, dose_height_e_um(absorber)));
     edit.set_comment("cure", "gel_dose_mj_cm3",
                      fmt::format("# Volumetric, of {:.6g} mJ/cm² areal.", areal));
   } else {
@@ -187,7 +192,7 @@ std::string record_text_from_fit(const std::string& name, const std::vector<FitR
   }
   TomlEdit edit(previous ? previous->text : "", name + ".toml");
   edit.set("", "name", toml_text(name));
-  if (cure) write_cure(edit, *cure);
+  if (cure) write_cure(edit, *cure, previous);
   if (zone) write_inhibition(edit, *zone);
   const auto note = [&](const std::string& key, const std::string& value) {
     edit.set("provenance", key, toml_text(value));

@@ -100,10 +100,17 @@ Imported finish_resin(const ResinDraft& d, const ImportSource& source, const std
   number("wavelength_nm", d.wavelength_nm);
   number("absorbance_height_um", d.height_e_um);
   text("absorbance_base", "e");
+  number("active_absorption_per_cm", d.active_absorption_per_cm);
+  number("n", d.n);
+  number("inhibition_dose_mj_cm3", d.inhibition_dose_mj_cm3);
+  number("inhibition_resupply_mj_cm3_s", d.inhibition_resupply_mj_cm3_s);
+  Resin absorber;
+  absorber.absorbance_height10_um = units::height10_from_e(d.height_e_um);
+  absorber.active_absorption_per_cm = d.active_absorption_per_cm;
   const auto areal = [&](const char* key, double value) {
     if (value == 0) return;
     out += fmt::format("# Areal; {:.4g} mJ/cm³ volumetric.\n",
-                       units::volumetric_from_areal(value, d.height_e_um));
+                       units::volumetric_from_areal(value, dose_height_e_um(absorber)));
     number(key, value);
   };
   areal("gel_dose_mj_cm2", d.gel_mj_cm2);

@@ -59,6 +59,10 @@ std::vector<Imported> import_table(const ImportSource& source, const ImportOptio
       d.gel_mj_cm2 = *dose;
       d.dose_factor = number("dose_factor").value_or(kDefaultDoseFactor);
     }
+    d.active_absorption_per_cm = number("active_absorption_per_cm").value_or(0);
+    d.n = number("n").value_or(0);
+    d.inhibition_dose_mj_cm3 = number("inhibition_dose_mj_cm3").value_or(0);
+    d.inhibition_resupply_mj_cm3_s = number("inhibition_resupply_mj_cm3_s").value_or(0);
     d.beta = number("beta").value_or(0);
     d.huv_um = number("huv_um").value_or(0);
     d.inhibited_m = number("m_uv").value_or(0);

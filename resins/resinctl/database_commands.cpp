@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <sstream>
 
 #include "commands.hpp"
@@ -71,7 +72,7 @@ int list_printers(const ListArguments& a, const std::string& words, Console& con
     throw InputError("--maker, --chemistry and --height-um are for resins");
   }
   std::vector<std::vector<std::string>> rows = {
-      {"NAME", "PIXELS", "UM", "NM", "MW/CM²", "UV MW/CM²", "FILE"}};
+      {"NAME", "PIXELS", "UM", "NM", "MW/CM²", "UV MW/CM²", "VIAL MM", "FILE"}};
   auto list = ordered_json::array();
   for (const Definition& d : list_definitions("printer")) {
     try {
@@ -88,7 +89,7 @@ int list_printers(const ListArguments& a, const std::string& words, Console& con
            fmt::format("{:g} to {:g}", p.calibration.front().intensity_mw_cm2,
                        p.calibration.back().intensity_mw_cm2),
            p.uv ? fmt::format("{:g} to {:g}", p.uv->min_mw_cm2(), p.uv->max_mw_cm2()) : "-",
-           d.path});
+           p.vial ? fmt::format("{:g}", 2 * p.vial->inner_mm) : "-", d.path});
       list.push_back(ordered_json::parse(printer_json(p, d.path)));
     } catch (const Error& e) {
       console.say(e.what());
@@ -126,7 +127,7 @@ int list(const ListArguments& a, const ExecutionContext&, Console& console) {
 }
 
 struct ShowArguments {
-  std::string name, json, html;
+  std::string name, json, html, resin;
 };
 
 int show(const ShowArguments& a, const ExecutionContext& context, Console& console) {
@@ -134,14 +135,20 @@ int show(const ShowArguments& a, const ExecutionContext& context, Console& conso
   if (at.kind == "printer") {
     if (!a.html.empty()) throw InputError(at.path, "", "is a printer; --html is for resins");
     const Printer printer = load_printer(at.path);
+    std::optional<Resin> resin;
+    if (!a.resin.empty()) {
+      if (!printer.vial) throw InputError(at.path, "vial", "is missing; --resin is for a vial");
+      resin = load_resin(a.resin);
+    }
     if (a.json.empty()) {
-      cli::print_result(describe_printer(printer, at.path));
+      cli::print_result(describe_printer(printer, at.path, resin ? &*resin : nullptr));
     } else {
       cli::check_output(a.json, {at.path});
       cli::print_or_write(a.json, printer_json(printer, at.path));
     }
     return cli::kDone;
   }
+  if (!a.resin.empty()) throw InputError(at.path, "", "is a resin; --resin is for printers");
   const ResinRecord record = load_record(at.path);
   if (!a.json.empty()) {
     cli::check_output(a.json, {at.path});
@@ -226,6 +233,8 @@ void add_database(cli::Program& program) {
                     });
   sub->add_option("NAME", s->name, "Name, or path of a .toml file")->required();
   sub->add_option("--json", s->json, "Write JSON to this file, - for stdout");
+  sub->add_option("--resin", s->resin,
+                  "For a tomographic printer: the resin whose reach in its vial is told");
   sub->add_option("--html", s->html, "Write a page with figures, history and pictures of its fits");
 
   const auto v = std::make_shared<ValidateArguments>();

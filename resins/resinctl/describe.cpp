@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "slicecorr/units.hpp"
+#include "slicecorr/vial.hpp"
 #include "support/toml/toml_table.hpp"
 
 namespace slicecorr::resinctl {
@@ -83,6 +84,67 @@ std::string in_plain_words(const ResinRecord& r, const ResinFigures& f) {
   return out;
 }
 
+std::string reach_line(const Printer& p, double n, const std::string& what) {
+  return line("reach", fmt::format("light from all sides up to {:.4g} mm from the axis, in {}",
+                                   reach_mm(p, n), what));
+}
+
+/// What makes a printer a tomographic one; empty for others. `in`: the resin asked for.
+std::string tomography_text(const Printer& p, const Resin* in) {
+  std::string out;
+  if (p.vial) {
+    const Vial& v = *p.vial;
+    out += "\nVial\n";
+    out += line("across", fmt::format("{:g} mm outside, {:g} mm inside (radii {:g} and {:g})",
+                                      2 * v.outer_mm, 2 * v.inner_mm, v.outer_mm, v.inner_mm));
+    out += line("refractive index",
+                fmt::format("{:g} outside{}, {:g} of the wall", v.n_outside,
+                            v.n_outside < 1.01 ? " (air)" : " (a bath)", v.n_wall));
+    if (p.optics) {
+      if (in) {
+        out += reach_line(p, index_of(*in), fmt::format("{} (n = {:g})", in->name, in->n));
+      } else if (v.n_outside < 1.01) {
+        out += reach_line(p, 1.5, "a resin of index 1.5 (--resin names one)");
+      } else {
+        out += reach_line(p, v.n_outside, "a resin of the bath's index (--resin names another)");
+      }
+    }
+    if (in) {
+      out += line("alpha R", fmt::format("{:.4g}: {:.3g} % of the light comes to the axis",
+                                         absorption_per_mm(*in) * v.inner_mm,
+                                         100 * std::exp(-absorption_per_mm(*in) * v.inner_mm)));
+    }
+  }
+  if (p.optics) {
+    const Optics& o = *p.optics;
+    out += "\nOptics\n";
+    out += line("kind", o.kind == OpticsKind::pinhole
+                            ? fmt::format("pinhole: light from a point {:g} mm from the axis",
+                                          o.distance_mm)
+                            : "telecentric: parallel light");
+    if (o.half_angle_deg > 0) {
+      out += line("cone of a pixel",
+                  fmt::format("{:g} degrees from its middle, {} ray{}", o.half_angle_deg,
+                              o.rays_per_pixel, o.rays_per_pixel == 1 ? "" : "s"));
+    }
+    if (o.axis_right_px != 0 || o.axis_up_px != 0) {
+      out += line("axes in the image", fmt::format("{:g} pixels right, {:g} up of its middle",
+                                                   o.axis_right_px, o.axis_up_px));
+    }
+  }
+  if (p.rotation) {
+    const Rotation& r = *p.rotation;
+    out += "\nRotation\n";
+    out += line("speed", fmt::format("{:g} degrees a second, {:.4g} s a turn, {} seen from above",
+                                     r.deg_s, r.turn_s(), name_of(r.direction)));
+    if (r.max_fps > 0) {
+      out += line("frames per turn",
+                  fmt::format("at most {}, at {:g} a second", most_frames_per_turn(r), r.max_fps));
+    }
+  }
+  return out;
+}
+
 }  // namespace
 
 std::string aligned(const std::vector<std::vector<std::string>>& rows) {
@@ -127,6 +189,19 @@ std::string describe_resin(const ResinRecord& r) {
   out += line("absorbance height", fmt::format("{:.5g} um base e (light falls to 1/e), {:.5g} um "
                                                "base 10 (to 1/10)",
                                                f.height_e_um, f.height10_um));
+  const double all = absorption_per_cm(r.resin), cures = curing_absorption_per_cm(r.resin);
+  out += line("absorption",
+              cures < all ? fmt::format("{:.4g} per cm in base e, of which {:.4g} cure", all, cures)
+                          : fmt::format("{:.4g} per cm in base e", all));
+  if (r.resin.n > 0) out += line("refractive index", fmt::format("{:g}", r.resin.n));
+  if (r.resin.inhibition_dose_mj_cm3 > 0) {
+    out += line("inhibition dose", fmt::format("{:.4g} mJ/cm³, before the gel dose (tomographic)",
+                                               r.resin.inhibition_dose_mj_cm3));
+  }
+  if (r.resin.inhibition_resupply_mj_cm3_s > 0) {
+    out += line("inhibition resupply",
+                fmt::format("{:.4g} mJ/cm³ a second", r.resin.inhibition_resupply_mj_cm3_s));
+  }
   if (gel_is_known(r)) out += dose_line("gel dose", f, m, false);
   out += dose_line("dose aimed at", f, m, true);
   if (gel_is_known(r)) out += line("dose factor", fmt::format("{:.4g}", f.dose_factor));
@@ -146,7 +221,7 @@ std::string describe_resin(const ResinRecord& r) {
   return out + provenance_text(r.provenance);
 }
 
-std::string describe_printer(const Printer& p, const std::string& path) {
+std::string describe_printer(const Printer& p, const std::string& path, const Resin* in) {
   const toml::table root_table = parse_toml(read_text_file(path), path);
   const TomlTable root(root_table, path);
   std::string out =
@@ -171,8 +246,8 @@ std::string describe_printer(const Printer& p, const std::string& path) {
   const double high = p.calibration.back().intensity_mw_cm2;
   out += "\nCuring light\n";
   if (p.wavelength_nm > 0) out += line("wavelength", fmt::format("{:g} nm", p.wavelength_nm));
-  out += line("intensity", fmt::format("{:g} to {:g} mW/cm² at the window, {} calibration points",
-                                       low, high, p.calibration.size()));
+  out += line("intensity", fmt::format("{:g} to {:g} mW/cm² at the {}, {} calibration points", low,
+                                       high, p.vial ? "axis" : "window", p.calibration.size()));
   if (low > 0) out += line("contrast", fmt::format("{:.4g} : 1 (black still shines)", high / low));
   if (p.uv) {
     out += "\nUV light\n";
@@ -188,6 +263,7 @@ std::string describe_printer(const Printer& p, const std::string& path) {
     if (p.max_speed_mm_h > 0) out += line("fastest", fmt::format("{:g} mm/h", p.max_speed_mm_h));
     if (p.travel_mm > 0) out += line("travel", fmt::format("{:g} mm", p.travel_mm));
   }
+  out += tomography_text(p, in);
   std::map<std::string, std::string> provenance;
   if (const auto table = root.table("provenance")) {
     for (const auto& [key, node] : table->raw()) {
@@ -219,6 +295,30 @@ std::string printer_json(const Printer& p, const std::string& path) {
   }
   if (p.max_speed_mm_h > 0) j["max_speed_mm_h"] = p.max_speed_mm_h;
   if (p.travel_mm > 0) j["travel_mm"] = p.travel_mm;
+  if (p.vial) {
+    j["vial"] = {{"outer_mm", p.vial->outer_mm},
+                 {"inner_mm", p.vial->inner_mm},
+                 {"n_outside", p.vial->n_outside},
+                 {"n_wall", p.vial->n_wall}};
+  }
+  if (p.optics) {
+    const Optics& o = *p.optics;
+    j["optics"]["kind"] = name_of(o.kind);
+    if (o.kind == OpticsKind::pinhole) j["optics"]["distance_mm"] = o.distance_mm;
+    j["optics"]["half_angle_deg"] = o.half_angle_deg;
+    j["optics"]["rays_per_pixel"] = o.rays_per_pixel;
+    j["optics"]["axis_right_px"] = o.axis_right_px;
+    j["optics"]["axis_up_px"] = o.axis_up_px;
+  }
+  if (p.rotation) {
+    j["rotation"] = {{"deg_s", p.rotation->deg_s},
+                     {"direction", name_of(p.rotation->direction)},
+                     {"turn_s", p.rotation->turn_s()}};
+    if (p.rotation->max_fps > 0) {
+      j["rotation"]["max_fps"] = p.rotation->max_fps;
+      j["rotation"]["frames_per_turn"] = most_frames_per_turn(*p.rotation);
+    }
+  }
   j["path"] = path;
   return j.dump(2);
 }

@@ -17,7 +17,9 @@ std::string gel_dose_text(const resins::ResinRecord& record);
 std::string aim_text(const resins::ResinRecord& record);
 
 std::string describe_resin(const resins::ResinRecord& record);
-std::string describe_printer(const Printer& printer, const std::string& path);
+/// `in`: the resin of which a tomographic printer's reach is told; nullptr: one of the bath's index,
+/// or of 1.5 in air. Throws `InputError` when the resin's file does not say its index.
+std::string describe_printer(const Printer& printer, const std::string& path, const Resin* in);
 std::string printer_json(const Printer& printer, const std::string& path);
 
 }  // namespace slicecorr::resinctl

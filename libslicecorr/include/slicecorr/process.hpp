@@ -52,6 +52,44 @@ struct FlatField {
   bool operator==(const FlatField& o) const;
 };
 
+/// The vial of a tomographic printer: a tube of resin about its axis of rotation, the z axis.
+struct Vial {
+  double outer_mm = 0;   ///< outer radius, > `inner_mm`
+  double inner_mm = 0;   ///< inner radius: the resin ends here; > 0
+  double n_outside = 1;  ///< refractive index around the vial, 1..3: 1 is air, the resin's a bath
+  double n_wall = 1.48;  ///< that of the wall, 1..3; borosilicate glass in violet light
+  bool operator==(const Vial&) const = default;
+};
+
+/// telecentric: the light of all pixels is parallel. pinhole: it comes from one point.
+enum class OpticsKind { telecentric, pinhole };
+
+/// How a tomographic printer's light comes to the vial. The image is sharp on the plane through the
+/// axis of rotation that faces the projector; `Printer::pixel_x_um` is its pitch there, without the
+/// vial.
+struct Optics {
+  OpticsKind kind = OpticsKind::telecentric;
+  double distance_mm = 0;     ///< pinhole: from the point to the axis, > the vial's outer radius
+  double half_angle_deg = 0;  ///< of the cone that a pixel's light fills outside the vial, 0..45
+  int rays_per_pixel = 1;     ///< rays that stand for that cone, 1..1000
+  /// Where the image, as seen from the projector, shows the axis of rotation, from its middle to
+  /// the right, and the optical axis, where z is 0, from its middle upwards.
+  double axis_right_px = 0, axis_up_px = 0;
+  bool operator==(const Optics&) const = default;
+};
+
+/// How the vial turns, seen from above.
+enum class TurnDirection { clockwise, counterclockwise };
+
+/// How a tomographic printer's vial turns.
+struct Rotation {
+  double deg_s = 0;  ///< > 0
+  TurnDirection direction = TurnDirection::clockwise;
+  double max_fps = 0;  ///< images that the projector shows in a second at most; 0 when not given
+  double turn_s() const { return 360 / deg_s; }
+  bool operator==(const Rotation&) const = default;
+};
+
 /// A printer file (contract: "Printer file").
 struct Printer {
   std::string name;
@@ -69,6 +107,10 @@ struct Printer {
   /// How the plate lies in the images that the display shows; nothing when the file does not say.
   std::optional<Orientation> orientation{};
   std::optional<FlatField> flat_field{};  ///< of the curing light; nothing: even
+  /// What tomographic printing needs, all three (`require_tomographic` in vial.hpp).
+  std::optional<Vial> vial{};
+  std::optional<Optics> optics{};
+  std::optional<Rotation> rotation{};
   int levels() const { return 1 << bit_depth; }
   bool operator==(const Printer&) const = default;
 };
@@ -114,8 +156,24 @@ struct Resin {
   /// Dose aimed at over gel dose; 1 when the file gives the dose aimed at.
   double dose_factor = 1;
   std::optional<Inhibition> inhibition;
+  /// Absorption by what cures, 1/cm (base e): at most all of it, which the absorbance height says;
+  /// 0: all of it. Volumetric doses count what this absorbs.
+  double active_absorption_per_cm = 0;
+  double n = 0;  ///< refractive index for the curing light, 1..3; 0 when not given
+  /// Dose that inhibitors take before resin begins to gel, mJ/cm³, on top of the gel dose; >= 0.
+  /// It counts in tomographic printing, as does what is resupplied of it, mJ/cm³/s.
+  double inhibition_dose_mj_cm3 = 0;
+  double inhibition_resupply_mj_cm3_s = 0;
   bool operator==(const Resin&) const = default;
 };
+
+/// Absorption of the curing light, base e, 1/cm: that of its absorbance height.
+double absorption_per_cm(const Resin& resin);
+/// The part of it that cures.
+double curing_absorption_per_cm(const Resin& resin);
+/// Height by which areal and volumetric doses of a resin convert, base e, um: that over which what
+/// cures alone would dim the light to 1/e. The absorbance height where all that absorbs cures.
+double dose_height_e_um(const Resin& resin);
 
 enum class OneSliceGaps { open, merge };
 

@@ -40,6 +40,9 @@ inline double areal_beta_from_volumetric(double beta, double hb_um, double huv_u
 inline double height_e_from_absorbance(double film_um, double absorbance) {
   return film_um / (kLn10 * absorbance);
 }
+/// Absorption, 1/cm, of an absorbance height, both base e; the other way round the same.
+inline double absorption_per_cm_from_height_e(double height_e_um) { return 1e4 / height_e_um; }
+inline double height_e_from_absorption_per_cm(double per_cm) { return 1e4 / per_cm; }
 inline double cm_s_from_mm_h(double speed_mm_h) { return speed_mm_h / 36000.0; }
 inline double mm_h_from_cm_s(double speed_cm_s) { return speed_cm_s * 36000.0; }
 /// Time that the stage needs for one slice.

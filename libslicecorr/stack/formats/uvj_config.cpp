@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "slicecorr/vial.hpp"
 #include "stack/block_check.hpp"
 #include "stack/flat_field_entry.hpp"
 #include "stack/recording_entry.hpp"
@@ -82,6 +83,25 @@ Json printer_json(const Printer& p) {
                           {"height_px", f.height_px}, {"frame", f.of_plate ? "plate" : "image"},
                           {"reference", f.reference}, {"crc32", flat_field_crc32(f)}};
   }
+  if (p.vial) {
+    json["vial"] = {{"outer_mm", p.vial->outer_mm},
+                    {"inner_mm", p.vial->inner_mm},
+                    {"n_outside", p.vial->n_outside},
+                    {"n_wall", p.vial->n_wall}};
+  }
+  if (p.optics) {
+    json["optics"] = {{"kind", name_of(p.optics->kind)},
+                      {"distance_mm", p.optics->distance_mm},
+                      {"half_angle_deg", p.optics->half_angle_deg},
+                      {"rays_per_pixel", p.optics->rays_per_pixel},
+                      {"axis_right_px", p.optics->axis_right_px},
+                      {"axis_up_px", p.optics->axis_up_px}};
+  }
+  if (p.rotation) {
+    json["rotation"] = {{"deg_s", p.rotation->deg_s},
+                        {"direction", name_of(p.rotation->direction)},
+                        {"max_fps", p.rotation->max_fps}};
+  }
   return json;
 }
 
@@ -94,6 +114,13 @@ Json resin_json(const Resin& r) {
                {"critical_dose_prime", r.critical_dose_prime},
                {"gel_dose_mj_cm3", r.gel_dose_mj_cm3},
                {"dose_factor", r.dose_factor}};
+  const auto given = [&](const char* key, double value) {
+    if (value > 0) json[key] = value;
+  };
+  given("active_absorption_per_cm", r.active_absorption_per_cm);
+  given("n", r.n);
+  given("inhibition_dose_mj_cm3", r.inhibition_dose_mj_cm3);
+  given("inhibition_resupply_mj_cm3_s", r.inhibition_resupply_mj_cm3_s);
   if (r.inhibition) {
     json["inhibition"] = {{"beta", r.inhibition->beta},
                           {"absorbance_height10_um", r.inhibition->absorbance_height10_um},

@@ -123,6 +123,36 @@ Orientation read_orientation(const Node& node) {
   return {node["portrait"].flag(), node["mirror_x"].flag(), node["mirror_y"].flag()};
 }
 
+/// What tomographic printers have besides.
+void read_tomography(const Node& node, Printer& p) {
+  if (node.has("vial")) {
+    const Node v = node["vial"];
+    p.vial = Vial{v["outer_mm"].positive(), v["inner_mm"].positive(), v["n_outside"].number(1, 3),
+                  v["n_wall"].number(1, 3)};
+    if (p.vial->inner_mm >= p.vial->outer_mm) v["inner_mm"].fail("less than outer_mm");
+  }
+  if (node.has("optics")) {
+    const Node o = node["optics"];
+    p.optics = Optics{static_cast<OpticsKind>(o["kind"].choice({"telecentric", "pinhole"})),
+                      o["distance_mm"].number(0, kLargest),
+                      o["half_angle_deg"].number(0, 45),
+                      o["rays_per_pixel"].integer(1, 1000),
+                      o["axis_right_px"].number(-kMostPixelsAcross, kMostPixelsAcross),
+                      o["axis_up_px"].number(-1e5, 1e5)};
+    if (p.optics->kind == OpticsKind::pinhole &&
+        p.optics->distance_mm <= (p.vial ? p.vial->outer_mm : 0)) {
+      o["distance_mm"].fail("more than the vial's outer radius");
+    }
+  }
+  if (node.has("rotation")) {
+    const Node r = node["rotation"];
+    p.rotation = Rotation{
+        r["deg_s"].positive(),
+        static_cast<TurnDirection>(r["direction"].choice({"clockwise", "counterclockwise"})),
+        r["max_fps"].number(0, kLargest)};
+  }
+}
+
 Printer read_printer(const Node& node) {
   Printer p;
   p.name = node["name"].string();
@@ -155,6 +185,7 @@ Printer read_printer(const Node& node) {
     field.reference = f["reference"].integer(1, 255);
     p.flat_field = field;
   }
+  read_tomography(node, p);
   p.max_speed_mm_h = node["max_speed_mm_h"].number(0, kLargest);
   p.travel_mm = node["travel_mm"].number(0, kLargest);
   return p;
@@ -174,6 +205,14 @@ Resin read_resin(const Node& node) {
     node["critical_dose_mj_cm3"].fail("a number above 0, or a critical_dose_prime above 0");
   }
   if (node.has("dose_factor")) r.dose_factor = node["dose_factor"].positive();
+  const auto given = [&](const char* key, double least, double most) {
+    return node.has(key) ? node[key].number(least, most) : 0;
+  };
+  // A stack says nothing of it where all that absorbs cures.
+  r.active_absorption_per_cm = given("active_absorption_per_cm", 0, absorption_per_cm(r));
+  r.n = given("n", 1, 3);
+  r.inhibition_dose_mj_cm3 = given("inhibition_dose_mj_cm3", 0, kLargest);
+  r.inhibition_resupply_mj_cm3_s = given("inhibition_resupply_mj_cm3_s", 0, kLargest);
   if (node.has("inhibition")) {
     const Node i = node["inhibition"];
     r.inhibition = Inhibition{i["beta"].positive(), i["absorbance_height10_um"].positive(),

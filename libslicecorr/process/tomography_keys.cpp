@@ -1,0 +1,144 @@
+#include "process/tomography_keys.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "slicecorr/units.hpp"
+
+namespace slicecorr::detail {
+
+namespace {
+
+/// Of heights and absorptions that mean the same: figures of three digits are off by so much.
+constexpr double kRounding = 0.005;
+
+double index(const TomlTable& table, const char* key, double fallback) {
+  return table.number(key, 1, 3, true).value_or(fallback);
+}
+
+Vial vial_of(const TomlTable& table) {
+  Vial vial;
+  vial.outer_mm = table.required_number("outer_mm", 0, 1e4);
+  vial.inner_mm = table.required_number("inner_mm", 0, 1e4);
+  if (vial.inner_mm >= vial.outer_mm) {
+    table.fail("inner_mm", fmt::format("is {:g}; expected less than outer_mm, {:g}: both are radii",
+                                       vial.inner_mm, vial.outer_mm));
+  }
+  vial.n_outside = index(table, "n_outside", vial.n_outside);
+  vial.n_wall = index(table, "n_wall", vial.n_wall);
+  return vial;
+}
+
+Optics optics_of(const TomlTable& table, const Printer& printer) {
+  Optics optics;
+  const std::string kind = table.text("kind", "");
+  if (kind != "telecentric" && kind != "pinhole") {
+    table.fail("kind", fmt::format("{}; expected \"telecentric\" or \"pinhole\"",
+                                   table.has("kind") ? fmt::format("is '{}'", kind) : "missing"));
+  }
+  optics.distance_mm = table.number("distance_mm", 0, 1e6).value_or(0);
+  if (kind == "pinhole") {
+    optics.kind = OpticsKind::pinhole;
+    table.required_number("distance_mm", 0, 1e6);
+    if (printer.vial && optics.distance_mm <= printer.vial->outer_mm) {
+      table.fail("distance_mm",
+                 fmt::format("is {:g}; expected more than the vial's outer radius, {:g} mm: light "
+                             "comes from outside",
+                             optics.distance_mm, printer.vial->outer_mm));
+    }
+  }
+  optics.half_angle_deg = table.number("half_angle_deg", 0, 45, true).value_or(0);
+  optics.rays_per_pixel = table.integer("rays_per_pixel", 1, 1000, 1);
+  // The axis must be in the picture, the optical axis of a shifted lens need not.
+  const double side_px = printer.width_px / 2.0;
+  optics.axis_right_px = table.number("axis_right_px", -side_px, side_px, true).value_or(0);
+  optics.axis_up_px = table.number("axis_up_px", -1e5, 1e5, true).value_or(0);
+  return optics;
+}
+
+Rotation rotation_of(const TomlTable& table) {
+  Rotation rotation;
+  rotation.deg_s = table.required_number("deg_s", 0, 1e5);
+  const std::string direction = table.text("direction", "");
+  if (direction != "clockwise" && direction != "counterclockwise") {
+    table.fail("direction",
+               fmt::format("{}; expected \"clockwise\" or \"counterclockwise\", as the vial turns "
+                           "seen from above",
+                           table.has("direction") ? fmt::format("is '{}'", direction) : "missing"));
+  }
+  rotation.direction =
+      direction == "clockwise" ? TurnDirection::clockwise : TurnDirection::counterclockwise;
+  rotation.max_fps = table.number("max_fps", 0, 1e6).value_or(0);
+  return rotation;
+}
+
+}  // namespace
+
+void tomography_keys(const TomlTable& root, Printer& printer) {
+  if (const auto vial = root.table("vial")) printer.vial = vial_of(*vial);
+  if (const auto optics = root.table("optics")) printer.optics = optics_of(*optics, printer);
+  if (const auto rotation = root.table("rotation")) printer.rotation = rotation_of(*rotation);
+}
+
+double absorbance_height10(const TomlTable& table) {
+  const double height = table.required_number("absorbance_height_um", 0, 1e7);
+  const toml::node* base = table.node("absorbance_base");
+  if (!base) table.fail("absorbance_base", "missing; expected 10 or \"e\"");
+  if (base->is_integer() && **base->as_integer() == 10) return height;
+  if (base->is_string() && **base->as_string() == "e") return units::height10_from_e(height);
+  if (base->is_string() && **base->as_string() == "10") return height;
+  table.fail("absorbance_base", "expected 10 or \"e\"");
+}
+
+LightKeys light_keys(const TomlTable& root, const TomlTable& cure) {
+  const auto home = [&](const char* key) -> const TomlTable& {
+    if (root.has(key) && cure.has(key)) {
+      cure.fail(key, "is given here and at the top of the file; expected one of them");
+    }
+    return root.has(key) ? root : cure;
+  };
+  LightKeys keys;
+  const TomlTable& absorption_at = home("absorption_per_cm");
+  const auto absorption = absorption_at.number("absorption_per_cm", 0, 1e6);
+  if (absorption && !cure.has("absorbance_height_um")) {
+    keys.height10_um = units::height10_from_e(units::height_e_from_absorption_per_cm(*absorption));
+  } else {
+    if (!cure.has("absorbance_height_um")) {
+      cure.fail("absorbance_height_um", "missing; expected a number, or absorption_per_cm");
+    }
+    keys.height10_um = absorbance_height10(cure);
+  }
+  const double height_e_um = units::height_e_from_10(keys.height10_um);
+  const double of_height = units::absorption_per_cm_from_height_e(height_e_um);
+  if (absorption && std::abs(*absorption / of_height - 1) > kRounding) {
+    absorption_at.fail(
+        "absorption_per_cm",
+        fmt::format("is {:g}, but the absorbance height of {:.5g} um in base e is {:.5g} per cm; "
+                    "expected the same, or one of them",
+                    *absorption, height_e_um, of_height));
+  }
+  const TomlTable& active_at = home("active_absorption_per_cm");
+  if (const auto active = active_at.number("active_absorption_per_cm", 0, 1e6)) {
+    const double whole = absorption.value_or(of_height);
+    if (*active > whole * (1 + 1e-9)) {
+      active_at.fail("active_absorption_per_cm",
+                     fmt::format("is {:g}; expected at most the {:.5g} per cm that absorb in all",
+                                 *active, whole));
+    }
+    if (*active < whole * (1 - 1e-9)) {
+      // Of a height that was rounded the other way, too, only a part cures.
+      keys.active_absorption_per_cm = std::min(*active, of_height);
+    }
+  }
+  keys.n = home("n").number("n", 1, 3, true).value_or(0);
+  keys.inhibition_dose_mj_cm3 =
+      home("inhibition_dose_mj_cm3").number("inhibition_dose_mj_cm3", 0, 1e9, true).value_or(0);
+  keys.inhibition_resupply_mj_cm3_s = home("inhibition_resupply_mj_cm3_s")
+                                          .number("inhibition_resupply_mj_cm3_s", 0, 1e9, true)
+                                          .value_or(0);
+  return keys;
+}
+
+}  // namespace slicecorr::detail

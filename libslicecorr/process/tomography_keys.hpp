@@ -1,0 +1,26 @@
+/// What printer and resin files say for tomographic printing.
+#pragma once
+
+#include "slicecorr/process.hpp"
+#include "support/toml/toml_table.hpp"
+
+namespace slicecorr::detail {
+
+/// Reads [vial], [optics] and [rotation] where they are there. Throws `InputError` naming file, line
+/// and key.
+void tomography_keys(const TomlTable& root, Printer& printer);
+
+/// How a resin takes light up.
+struct LightKeys {
+  double height10_um = 0;  ///< base 10
+  double active_absorption_per_cm = 0, n = 0;
+  double inhibition_dose_mj_cm3 = 0, inhibition_resupply_mj_cm3_s = 0;
+};
+/// Each key stands at the top of the file or in `cure`. Throws `InputError` naming file, line and
+/// key, also where absorption and absorbance height contradict each other.
+LightKeys light_keys(const TomlTable& root, const TomlTable& cure);
+
+/// The absorbance height that a table gives, as base 10. Throws `InputError`.
+double absorbance_height10(const TomlTable& table);
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,223 @@
+#include "slicecorr/vial.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "slicecorr/error.hpp"
+
+namespace slicecorr {
+
+namespace {
+
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+
+const Optics& optics_of(const Printer& printer) {
+  if (!printer.optics) {
+    throw InputError(printer.name, "optics",
+                     "the printer has no [optics]; expected kind = \"telecentric\" or \"pinhole\"");
+  }
+  return *printer.optics;
+}
+
+const Vial& vial_of(const Printer& printer) {
+  if (!printer.vial) {
+    throw InputError(printer.name, "vial",
+                     "the printer has no [vial]; expected outer_mm and inner_mm, its radii");
+  }
+  return *printer.vial;
+}
+
+/// The indices across the axis of what a ray passes.
+struct IndicesAcross {
+  double outside, wall, resin;
+};
+IndicesAcross across(const Vial& vial, double n_resin, double kz) {
+  return {index_across(vial.n_outside, vial.n_outside, kz),
+          index_across(vial.n_wall, vial.n_outside, kz), index_across(n_resin, vial.n_outside, kz)};
+}
+
+bool misses(const Vial& vial, const IndicesAcross& n, double q_mm) {
+  const double nq = n.outside * std::abs(q_mm);
+  // Written so that what is no number misses.
+  return !(std::abs(q_mm) < vial.outer_mm && nq < n.wall * vial.inner_mm &&
+           nq < n.resin * vial.inner_mm);
+}
+
+/// Cosine of the angle between a ray and the normal of a cylinder of this radius, in a medium.
+double cosine_at(double q_mm, double radius_mm, double index_across, double index) {
+  const double sine = q_mm / radius_mm;
+  return std::sqrt(1 - sine * sine) * index_across / index;
+}
+
+/// Transmitted power of a face, by polarisation.
+struct FaceTransmittance {
+  double s, p;
+};
+FaceTransmittance through(double n, double cosine, double n_after, double cosine_after) {
+  const double s = (n * cosine - n_after * cosine_after) / (n * cosine + n_after * cosine_after);
+  const double p = (n_after * cosine - n * cosine_after) / (n_after * cosine + n * cosine_after);
+  return {1 - s * s, 1 - p * p};
+}
+
+}  // namespace
+
+double LightLine::angle_rad() const { return std::atan(slope_x); }
+double LightLine::q_mm() const { return x_mm / std::hypot(1.0, slope_x); }
+double LightLine::kz() const { return slope_z / std::hypot(1.0, slope_x, slope_z); }
+
+double pixel_x_mm(const Printer& printer, double column) {
+  const double axis = printer.optics ? printer.optics->axis_right_px : 0;
+  return (column - (printer.width_px - 1) / 2.0 - axis) * printer.pixel_x_um * 1e-3;
+}
+
+double pixel_z_mm(const Printer& printer, double row) {
+  const double axis = printer.optics ? printer.optics->axis_up_px : 0;
+  return ((printer.height_px - 1) / 2.0 - row - axis) * printer.pixel_y_um * 1e-3;
+}
+
+LightLine chief_ray(const Printer& printer, double column, double row) {
+  const Optics& optics = optics_of(printer);
+  LightLine line{pixel_x_mm(printer, column), pixel_z_mm(printer, row)};
+  if (optics.kind == OpticsKind::pinhole) {
+    line.slope_x = line.x_mm / optics.distance_mm;
+    line.slope_z = line.z_mm / optics.distance_mm;
+  }
+  return line;
+}
+
+double index_across(double n, double n_outside, double kz) {
+  return std::sqrt(n * n - n_outside * kz * (n_outside * kz));
+}
+
+bool misses(const Vial& vial, double n_resin, double q_mm, double kz) {
+  return misses(vial, across(vial, n_resin, kz), q_mm);
+}
+
+double q_in_resin_mm(const Vial& vial, double n_resin, double q_mm, double kz) {
+  const IndicesAcross n = across(vial, n_resin, kz);
+  return misses(vial, n, q_mm) ? kNone : n.outside * q_mm / n.resin;
+}
+
+double turned_rad(const Vial& vial, double n_resin, double q_mm, double kz) {
+  const IndicesAcross n = across(vial, n_resin, kz);
+  if (misses(vial, n, q_mm)) return kNone;
+  const double nq = n.outside * q_mm;
+  return std::asin(q_mm / vial.outer_mm) - std::asin(nq / (n.wall * vial.outer_mm)) +
+         std::asin(nq / (n.wall * vial.inner_mm)) - std::asin(nq / (n.resin * vial.inner_mm));
+}
+
+double chord_mm(const Vial& vial, double n_resin, double q_mm, double kz) {
+  const double q3 = q_in_resin_mm(vial, n_resin, q_mm, kz);
+  const double kz3 = vial.n_outside * kz / n_resin;
+  return 2 * std::sqrt((vial.inner_mm - q3) * (vial.inner_mm + q3)) / std::sqrt(1 - kz3 * kz3);
+}
+
+double transmittance(const Vial& vial, double n_resin, double q_mm, double kz) {
+  const IndicesAcross n = across(vial, n_resin, kz);
+  if (misses(vial, n, q_mm)) return kNone;
+  const double q2 = n.outside * q_mm / n.wall, q3 = n.outside * q_mm / n.resin;
+  const FaceTransmittance outer =
+      through(vial.n_outside, cosine_at(q_mm, vial.outer_mm, n.outside, vial.n_outside),
+              vial.n_wall, cosine_at(q2, vial.outer_mm, n.wall, vial.n_wall));
+  const FaceTransmittance inner =
+      through(vial.n_wall, cosine_at(q2, vial.inner_mm, n.wall, vial.n_wall), n_resin,
+              cosine_at(q3, vial.inner_mm, n.resin, n_resin));
+  return (outer.s * inner.s + outer.p * inner.p) / 2;
+}
+
+std::optional<ResinRay> ray_in_resin(const Vial& vial, double n_resin, const LightLine& line) {
+  const double q = line.q_mm(), kz = line.kz(), psi = line.angle_rad();
+  const IndicesAcross n = across(vial, n_resin, kz);
+  if (misses(vial, n, q)) return std::nullopt;
+  ResinRay ray;
+  ray.turn_rad = turned_rad(vial, n_resin, q, kz) - psi;
+  ray.t_mm = n.outside * q / n.resin;
+  ray.kz = vial.n_outside * kz / n_resin;
+  // From the plane Y = 0 back to the vial, then through the wall.
+  const double q2 = n.outside * q / n.wall, kz2 = vial.n_outside * kz / vial.n_wall;
+  const double wall_mm = std::sqrt((vial.outer_mm - q2) * (vial.outer_mm + q2)) -
+                         std::sqrt((vial.inner_mm - q2) * (vial.inner_mm + q2));
+  ray.entry_z_mm =
+      line.z_mm -
+      (std::sqrt((vial.outer_mm - q) * (vial.outer_mm + q)) + line.x_mm * std::sin(psi)) *
+          line.slope_z * std::cos(psi) +
+      wall_mm * kz2 / std::sqrt(1 - kz2 * kz2);
+  ray.chord_mm = chord_mm(vial, n_resin, q, kz);
+  ray.transmittance = transmittance(vial, n_resin, q, kz);
+  return ray;
+}
+
+double reach_mm(const Printer& printer, double n_resin) {
+  const Vial& vial = vial_of(printer);
+  const Optics& optics = optics_of(printer);
+  // The side of the image that is nearer to the axis counts.
+  const double last = printer.width_px - 1;
+  const double side_mm =
+      std::max(0.0, std::min(-pixel_x_mm(printer, 0), pixel_x_mm(printer, last)));
+  const double q_mm = optics.kind == OpticsKind::pinhole
+                          ? side_mm / std::hypot(1.0, side_mm / optics.distance_mm)
+                          : side_mm;
+  return std::min({vial.n_outside * std::min(vial.outer_mm, q_mm), vial.n_wall * vial.inner_mm,
+                   n_resin * vial.inner_mm}) /
+         n_resin;
+}
+
+double height_on_axis(const Printer& printer, double n_resin) {
+  const Vial& vial = vial_of(printer);
+  const Optics& optics = optics_of(printer);
+  if (optics.kind == OpticsKind::telecentric) return 1;
+  return (optics.distance_mm - vial.outer_mm +
+          (vial.outer_mm - vial.inner_mm) * vial.n_outside / vial.n_wall +
+          vial.inner_mm * vial.n_outside / n_resin) /
+         optics.distance_mm;
+}
+
+const char* name_of(OpticsKind kind) {
+  return kind == OpticsKind::pinhole ? "pinhole" : "telecentric";
+}
+
+const char* name_of(TurnDirection direction) {
+  return direction == TurnDirection::clockwise ? "clockwise" : "counterclockwise";
+}
+
+int most_frames_per_turn(const Rotation& rotation) {
+  // A whole number stays one whatever the division rounds.
+  const double frames = rotation.max_fps * rotation.turn_s() * (1 + 1e-12);
+  return static_cast<int>(std::min(frames, 1e9));
+}
+
+void require_tomographic(const Printer& printer) {
+  vial_of(printer);
+  optics_of(printer);
+  if (!printer.rotation) {
+    throw InputError(printer.name, "rotation",
+                     "the printer has no [rotation]; expected deg_s and direction");
+  }
+}
+
+double index_of(const Resin& resin) {
+  if (resin.n > 0) return resin.n;
+  throw InputError(resin.name, "n",
+                   "the resin file does not say its refractive index; expected n, from 1 to 3");
+}
+
+double absorption_per_mm(const Resin& resin) { return absorption_per_cm(resin) / 10; }
+double curing_absorption_per_mm(const Resin& resin) { return curing_absorption_per_cm(resin) / 10; }
+
+double dose_to_gel_mj_cm3(const Resin& resin) {
+  if (resin.m != 1) {
+    throw InputError(
+        resin.name, "m",
+        fmt::format("is {:g}; expected a resin with m = 1: light from all sides adds up "
+                    "in mJ/cm³ for that alone",
+                    resin.m));
+  }
+  const double gel = resin.gel_dose_mj_cm3 > 0 ? resin.gel_dose_mj_cm3
+                                               : resin.critical_dose_mj_cm3 / resin.dose_factor;
+  return resin.inhibition_dose_mj_cm3 + gel;
+}
+
+}  // namespace slicecorr

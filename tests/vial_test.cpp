@@ -1,0 +1,606 @@
+// Light on its way into the vial of a tomographic printer: closed forms against printed figures, against a march of
+// rays by Snell's law in vectors, and the files that say all this.
+#include "slicecorr/vial.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <functional>
+#include <numbers>
+#include <random>
+#include <string>
+
+#include "slicecorr/cure.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/kinetics.hpp"
+#include "slicecorr/load_printer.hpp"
+#include "slicecorr/units.hpp"
+
+namespace slicecorr {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr double kPi = std::numbers::pi;
+constexpr double kDegrees = 180 / kPi;
+
+/// A dry vial of 25 mm, 0.7 mm of glass, and its resin.
+const Vial kDry{12.5, 11.8, 1.0, 1.48};
+constexpr double kResin = 1.49969;
+
+/// As many digits as a figure is printed with are right.
+#define EXPECT_DIGITS(value, printed, digits) \
+  EXPECT_NEAR(value, printed, 0.5 * std::pow(10.0, -(digits)) * (1 + 1e-6)) << #value
+
+Printer printer_with(const Vial& vial, OpticsKind kind, double distance_mm, int width_px = 1024) {
+  Printer p;
+  p.name = "bench";
+  p.width_px = width_px;
+  p.height_px = 768;
+  p.pixel_x_um = p.pixel_y_um = 54;
+  p.calibration = {{0, 0}, {255, 10}};
+  p.vial = vial;
+  p.optics = Optics{kind, distance_mm};
+  return p;
+}
+
+// --- Printed figures
+
+TEST(Vial, RaysInThePlane) {
+  struct Row {
+    double q, q3, delta_deg, chord, power;
+  };
+  for (const Row& r : {Row{3, 2.000413, 4.685270, 23.258405, .962440},
+                       Row{6, 4.000827, 10.035718, 22.202107, .961284},
+                       Row{10, 6.668045, 20.933405, 19.470714, .938461},
+                       Row{12, 8.001654, 34.007345, 17.345148, .775363}}) {
+    for (const double side : {1.0, -1.0}) {
+      EXPECT_DIGITS(side * q_in_resin_mm(kDry, kResin, side * r.q, 0), r.q3, 6);
+      EXPECT_DIGITS(side * turned_rad(kDry, kResin, side * r.q, 0) * kDegrees, r.delta_deg, 6);
+      EXPECT_DIGITS(chord_mm(kDry, kResin, side * r.q, 0), r.chord, 6);
+      EXPECT_DIGITS(transmittance(kDry, kResin, side * r.q, 0), r.power, 6);
+    }
+  }
+  EXPECT_DIGITS(transmittance(kDry, kResin, 0, 0), .962497, 6);
+  // One face from air to resin: a wall of the resin's index reflects nothing.
+  const Vial bare{12.5, 11.8, 1.0, kResin};
+  EXPECT_DIGITS(1 - transmittance(bare, kResin, 0, 0), .039960, 6);
+  EXPECT_NEAR(1 - transmittance(bare, kResin, 0, 0), std::pow((kResin - 1) / (kResin + 1), 2),
+              1e-15);
+}
+
+TEST(Vial, Reach) {
+  const Printer wide = printer_with(kDry, OpticsKind::telecentric, 0);
+  EXPECT_DIGITS(reach_mm(wide, kResin), 8.33506, 5);
+  EXPECT_DIGITS(reach_mm(printer_with({4, 3.3, 1, 1.48}, OpticsKind::telecentric, 0), kResin),
+                2.66722, 5);
+  // In a bath light comes from everywhere; so it does where the resin bends light less than what is around it.
+  EXPECT_DOUBLE_EQ(reach_mm(printer_with({12.5, 11.8, 1.5, 1.5}, OpticsKind::telecentric, 0), 1.5),
+                   11.8);
+  EXPECT_DOUBLE_EQ(reach_mm(printer_with({12.5, 11.8, 1.6, 1.5}, OpticsKind::telecentric, 0), 1.4),
+                   11.8);
+  // Light that the wall does not take in: from a bath of 1.6 into a wall of 1.1.
+  EXPECT_DOUBLE_EQ(reach_mm(printer_with({12.5, 11.8, 1.6, 1.1}, OpticsKind::telecentric, 0), 1.6),
+                   1.1 * 11.8 / 1.6);
+}
+
+TEST(Vial, ReachIsBoundedByTheImage) {
+  const Vial bath{12.5, 11.8, 1.5, 1.5};
+  // 201 columns: the outermost pixels lie at 5.4 mm.
+  Printer narrow = printer_with(bath, OpticsKind::telecentric, 0, 201);
+  EXPECT_NEAR(reach_mm(narrow, 1.5), 5.4, 1e-12);
+  // A pinhole brings them nearer to the axis.
+  const Printer cone = printer_with(bath, OpticsKind::pinhole, 50, 201);
+  EXPECT_NEAR(reach_mm(cone, 1.5), 5.4 * std::cos(std::atan(5.4 / 50)), 1e-12);
+  // The nearer side of an image that is off counts; one beside the axis has no reach.
+  narrow.optics->axis_right_px = -40;
+  EXPECT_NEAR(reach_mm(narrow, 1.5), 60 * .054, 1e-12);
+  narrow.optics->axis_right_px = 100.5;
+  EXPECT_EQ(reach_mm(narrow, 1.5), 0);
+}
+
+TEST(Vial, PinholeOutOfThePlane) {
+  const auto line = [](double x, double z) { return LightLine{x, z, x / 99.5, z / 99.5}; };
+  const auto middle = ray_in_resin(kDry, kResin, line(0, 19));
+  ASSERT_TRUE(middle);
+  const double elevation = std::asin(middle->kz);
+  EXPECT_DIGITS(elevation * kDegrees, 7.184779, 6);
+  EXPECT_DIGITS(middle->entry_z_mm, 16.702500, 6);
+  EXPECT_DIGITS(middle->entry_z_mm + 11.8 * std::tan(elevation), 18.190002, 6);
+  EXPECT_DIGITS(middle->climb_mm(), 2.975004, 6);
+  EXPECT_EQ(middle->t_mm, 0);
+  EXPECT_EQ(middle->turn_rad, 0);
+
+  const auto side = ray_in_resin(kDry, kResin, line(6, 19));
+  ASSERT_TRUE(side);
+  // Of the plane: direction and foot, turned back from where the ray is parallel to u.
+  const double s = std::sin(-side->turn_rad), c = std::cos(-side->turn_rad);
+  const double back = std::sqrt(11.8 * 11.8 - side->t_mm * side->t_mm);
+  EXPECT_DIGITS(side->t_mm * c - back * s, 5.234167, 6);
+  EXPECT_DIGITS(-side->t_mm * s - back * c, -10.575609, 6);
+  EXPECT_DIGITS(side->entry_z_mm, 16.934415, 6);
+  const double flat = std::sqrt(1 - side->kz * side->kz);
+  EXPECT_DIGITS(flat * s, -.116704, 6);
+  EXPECT_DIGITS(flat * c, .985288, 6);
+  EXPECT_DIGITS(side->kz, .124851, 6);
+  EXPECT_DIGITS(side->chord_mm, 22.411076, 6);
+  EXPECT_DIGITS(side->transmittance, .960920, 6);
+}
+
+TEST(Vial, HeightOnTheAxis) {
+  const Printer pinhole = printer_with(kDry, OpticsKind::pinhole, 99.5);
+  const double mu = height_on_axis(pinhole, kResin);
+  EXPECT_DIGITS(mu, .958204, 6);
+  // How much brighter a uniform frame is on the axis than without the vial.
+  EXPECT_DIGITS(transmittance(kDry, kResin, 0, 0) * kResin / mu, 1.50641, 5);
+  EXPECT_EQ(height_on_axis(printer_with(kDry, OpticsKind::telecentric, 0), kResin), 1);
+  // It is the limit of rays near the optical axis.
+  const auto ray = ray_in_resin(kDry, kResin, {0, 1e-4, 0, 1e-4 / 99.5});
+  EXPECT_NEAR((ray->entry_z_mm + ray->climb_mm() / 2) / 1e-4, mu, 1e-9);
+}
+
+TEST(Vial, UniformLightAddsUpAsPrinted) {
+  // Dose of a turn at radius r over that without a vial: in the resin, rays of all directions th' pass at
+  // t' = r cos th', each from q = n3 t' / n1, with n3 / n1 times the light.
+  const auto dose = [](double r, double alpha_per_mm) {
+    constexpr int kSteps = 20000;
+    double sum = 0;
+    for (int i = 0; i < kSteps; ++i) {
+      const double angle = 2 * kPi * (i + 0.5) / kSteps;
+      const double t = r * std::cos(angle), u = r * std::sin(angle);
+      const double q = kResin * t;
+      if (misses(kDry, kResin, q, 0)) continue;
+      const double way = std::sqrt(11.8 * 11.8 - t * t) + u;
+      sum += kResin * transmittance(kDry, kResin, q, 0) * std::exp(-alpha_per_mm * way);
+    }
+    return sum / kSteps;
+  };
+  const std::array<double, 4> radii{0, 4, 8, 10};
+  const std::array<double, 4> clear{1.44345, 1.44281, 1.38306, .86985};
+  const std::array<double, 4> dim{.53102, .56231, .64389, .45208};
+  for (std::size_t i = 0; i < radii.size(); ++i) {
+    EXPECT_DIGITS(dose(radii[i], 0), clear[i], 5);
+    // These come from a deposit of rays, whose last digit may be off by one.
+    EXPECT_NEAR(dose(radii[i], 1 / 11.8), dim[i], 1e-5);
+  }
+  EXPECT_NEAR(dose(0, 1 / 11.8), kResin * transmittance(kDry, kResin, 0, 0) * std::exp(-1.0),
+              1e-12);
+}
+
+TEST(Vial, LightThatComesOnlyInPart) {
+  EXPECT_FALSE(misses(kDry, kResin, 12.499, 0));
+  EXPECT_TRUE(misses(kDry, kResin, 12.5, 0));
+  EXPECT_TRUE(misses(kDry, kResin, -12.5, 0));
+  EXPECT_TRUE(misses(kDry, kResin, std::nan(""), 0));
+  // Reflected as a whole: at the resin, at the inner face of the wall.
+  const Vial dense{12.5, 11.8, 1.6, 1.6};
+  EXPECT_FALSE(misses(dense, 1.3, 1.3 / 1.6 * 11.8 - 1e-9, 0));
+  EXPECT_TRUE(misses(dense, 1.3, 1.3 / 1.6 * 11.8 + 1e-9, 0));
+  EXPECT_TRUE(std::isnan(chord_mm(kDry, kResin, 13, 0)));
+  EXPECT_TRUE(std::isnan(turned_rad(kDry, kResin, 13, 0)));
+  EXPECT_TRUE(std::isnan(transmittance(kDry, kResin, 13, 0)));
+  EXPECT_FALSE(ray_in_resin(kDry, kResin, {13, 0, 0, 0}));
+  // Grazing light is lost at the face.
+  EXPECT_LT(transmittance(kDry, kResin, 12.5 * (1 - 1e-9), 0), 1e-3);
+}
+
+// --- The same by a march through two cylinders
+
+using Vector = std::array<double, 3>;
+Vector add(const Vector& a, const Vector& b, double f) {
+  return {a[0] + f * b[0], a[1] + f * b[1], a[2] + f * b[2]};
+}
+double dot(const Vector& a, const Vector& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+struct Marched {
+  Vector entry, direction, exit;
+  double power;
+};
+
+/// Distance to a cylinder about the z axis: the nearer (-1) or farther (1) crossing. Needs one.
+double distance_to(const Vector& at, const Vector& along, double radius, int which) {
+  const double a = along[0] * along[0] + along[1] * along[1];
+  const double b = at[0] * along[0] + at[1] * along[1];
+  const double c = at[0] * at[0] + at[1] * at[1] - radius * radius;
+  return (-b + which * std::sqrt(b * b - a * c)) / a;
+}
+
+/// Snell's law in vectors with Fresnel's powers; the normal looks outwards.
+Vector refracted(const Vector& in, const Vector& normal, double n, double n_after, double* s,
+                 double* p) {
+  const double ratio = n / n_after, cosine = -dot(in, normal);
+  const double after = std::sqrt(1 - ratio * ratio * (1 - cosine * cosine));
+  Vector out{};
+  for (std::size_t i = 0; i < 3; ++i) {
+    out[i] = ratio * in[i] + (ratio * cosine - after) * normal[i];
+  }
+  // By fields: t = 2 n cos / (...), and the power is t² times the widths of the beams.
+  const double width = n_after * after / (n * cosine);
+  const double ts = 2 * n * cosine / (n * cosine + n_after * after);
+  const double tp = 2 * n * cosine / (n_after * cosine + n * after);
+  *s *= ts * ts * width;
+  *p *= tp * tp * width;
+  return out;
+}
+
+Marched march(const Vial& vial, double n_resin, const LightLine& line) {
+  const double length = std::hypot(1.0, line.slope_x, line.slope_z);
+  Vector along{line.slope_x / length, 1 / length, line.slope_z / length};
+  Vector at{line.x_mm, 0, line.z_mm};
+  double s = 1, p = 1;
+  const auto face = [&](double radius, double n, double n_after) {
+    at = add(at, along, distance_to(at, along, radius, -1));
+    along = refracted(along, {at[0] / radius, at[1] / radius, 0}, n, n_after, &s, &p);
+  };
+  face(vial.outer_mm, vial.n_outside, vial.n_wall);
+  face(vial.inner_mm, vial.n_wall, n_resin);
+  return {at, along, add(at, along, distance_to(at, along, vial.inner_mm, 1)), (s + p) / 2};
+}
+
+TEST(Vial, MarchThroughTwoCylindersAgrees) {
+  std::mt19937 random(25);
+  const auto within = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  int rays = 0;
+  while (rays < 20000) {
+    Vial vial;
+    vial.outer_mm = within(2, 40);
+    vial.inner_mm = vial.outer_mm * within(.6, .99);
+    vial.n_outside = within(1, 1.7);
+    vial.n_wall = within(1.1, 1.9);
+    const double n_resin = within(1.1, 1.9);
+    const LightLine line{vial.outer_mm * within(-1, 1), within(-30, 30), within(-.4, .4),
+                         within(-.4, .4)};
+    const auto ray = ray_in_resin(vial, n_resin, line);
+    // Near grazing, the march loses digits: cosines near 0 are roots of small differences.
+    const double q = line.q_mm();
+    if (misses(vial, n_resin, q * 1.02, line.kz())) continue;
+    ASSERT_TRUE(ray);
+    ++rays;
+    const Marched m = march(vial, n_resin, line);
+    const double s = std::sin(-ray->turn_rad), c = std::cos(-ray->turn_rad);
+    const double flat = std::sqrt(1 - ray->kz * ray->kz);
+    const double back = std::sqrt(vial.inner_mm * vial.inner_mm - ray->t_mm * ray->t_mm);
+    ASSERT_NEAR(m.direction[0], flat * s, 1e-10);
+    ASSERT_NEAR(m.direction[1], flat * c, 1e-10);
+    ASSERT_NEAR(m.direction[2], ray->kz, 1e-10);
+    ASSERT_NEAR(m.entry[0], ray->t_mm * c - back * s, 1e-10);
+    ASSERT_NEAR(m.entry[1], -ray->t_mm * s - back * c, 1e-10);
+    ASSERT_NEAR(m.entry[2], ray->entry_z_mm, 1e-10);
+    const Vector way = add(m.exit, m.entry, -1);
+    ASSERT_NEAR(std::sqrt(dot(way, way)), ray->chord_mm, 1e-10);
+    ASSERT_NEAR(m.exit[2] - m.entry[2], ray->climb_mm(), 1e-10);
+    ASSERT_NEAR(m.power, ray->transmittance, 1e-10);
+    // The small functions say the same.
+    ASSERT_EQ(q_in_resin_mm(vial, n_resin, q, line.kz()), ray->t_mm);
+    ASSERT_EQ(turned_rad(vial, n_resin, q, line.kz()) - line.angle_rad(), ray->turn_rad);
+  }
+}
+
+// --- Pixels
+
+TEST(Vial, PixelsAsSeenFromTheProjector) {
+  Printer p = printer_with(kDry, OpticsKind::telecentric, 0);
+  // Middles of the middle four.
+  EXPECT_DOUBLE_EQ(pixel_x_mm(p, 512), .027);
+  EXPECT_DOUBLE_EQ(pixel_x_mm(p, 511), -.027);
+  EXPECT_DOUBLE_EQ(pixel_z_mm(p, 383), .027);
+  EXPECT_DOUBLE_EQ(pixel_z_mm(p, 384), -.027);
+  p.optics->axis_right_px = 10.5;
+  p.optics->axis_up_px = -20.5;
+  EXPECT_DOUBLE_EQ(pixel_x_mm(p, 522), 0);
+  EXPECT_DOUBLE_EQ(pixel_z_mm(p, 404), 0);
+  EXPECT_EQ(chief_ray(p, 522, 0).slope_z, 0);
+  // 1024 x .054 mm, throw ratio 1.8.
+  p = printer_with(kDry, OpticsKind::pinhole, 99.5);
+  EXPECT_DIGITS(p.width_px * p.pixel_x_um * 1e-3, 55.28, 1);
+  EXPECT_DIGITS(99.5 / (1.8 * 1024), .054, 4);
+  const LightLine line = chief_ray(p, 511.5 + 6 / .054, 383.5 - 19 / .054);
+  EXPECT_NEAR(line.x_mm, 6, 1e-12);
+  EXPECT_NEAR(line.z_mm, 19, 1e-12);
+  EXPECT_NEAR(line.slope_x, 6 / 99.5, 1e-15);
+  EXPECT_NEAR(line.slope_z, 19 / 99.5, 1e-15);
+  EXPECT_NEAR(line.kz(), 19 / std::sqrt(99.5 * 99.5 + 36 + 361), 1e-15);
+}
+
+TEST(Vial, FramesOfATurn) {
+  // 3 to 25 degrees a second at 25 images a second.
+  EXPECT_EQ(most_frames_per_turn({3, TurnDirection::clockwise, 25}), 3000);
+  EXPECT_EQ(most_frames_per_turn({25, TurnDirection::clockwise, 25}), 360);
+  EXPECT_DOUBLE_EQ((Rotation{3}.turn_s()), 120);
+  EXPECT_DOUBLE_EQ((Rotation{25}.turn_s()), 14.4);
+  // 500 angles at 25 degrees a second need 34.7.
+  EXPECT_EQ(most_frames_per_turn({25, TurnDirection::clockwise, 34.7}), 499);
+  EXPECT_EQ(most_frames_per_turn({25, TurnDirection::clockwise, 34.73}), 500);
+  EXPECT_EQ(most_frames_per_turn({25}), 0);
+}
+
+// --- Files
+
+const std::string kDisplay =
+    "[display]\nwidth_px = 1024\nheight_px = 768\npixel_um = 54.0\n"
+    "[blue]\ncalibration = [[0, 0.0], [255, 10.0]]\n";
+const std::string kVial =
+    "[vial]\nouter_mm = 12.5\ninner_mm = 11.8\nn_outside = 1.0\nn_wall = 1.48\n";
+const std::string kOptics = "[optics]\nkind = \"pinhole\"\ndistance_mm = 99.5\n";
+const std::string kRotation = "[rotation]\ndeg_s = 25\ndirection = \"clockwise\"\n";
+
+std::string refusal(const std::function<void()>& f) {
+  try {
+    f();
+  } catch (const InputError& e) {
+    return e.what();
+  }
+  ADD_FAILURE() << "nothing was refused";
+  return "";
+}
+
+TEST(TomographicPrinterFile, EveryKey) {
+  const Printer p = parse_printer(
+      kDisplay + kVial + kOptics +
+          "half_angle_deg = 6.0887\nrays_per_pixel = 13\naxis_right_px = -3.5\naxis_up_px = 120\n" +
+          kRotation + "max_fps = 60\n",
+      "p.toml");
+  EXPECT_EQ(p.vial, (Vial{12.5, 11.8, 1.0, 1.48}));
+  EXPECT_EQ(p.optics, (Optics{OpticsKind::pinhole, 99.5, 6.0887, 13, -3.5, 120}));
+  EXPECT_EQ(p.rotation, (Rotation{25, TurnDirection::clockwise, 60}));
+  EXPECT_EQ(p.max_speed_mm_h, 0);  // it needs no stage
+  EXPECT_NO_THROW(require_tomographic(p));
+}
+
+TEST(TomographicPrinterFile, WhatMayBeLeftOut) {
+  const Printer p = parse_printer(kDisplay + "[vial]\nouter_mm = 4\ninner_mm = 3.3\n" +
+                                      "[optics]\nkind = \"telecentric\"\n" +
+                                      "[rotation]\ndeg_s = 3\ndirection = \"counterclockwise\"\n",
+                                  "p.toml");
+  EXPECT_EQ(p.vial, (Vial{4, 3.3, 1.0, 1.48}));
+  EXPECT_EQ(p.optics, (Optics{OpticsKind::telecentric, 0, 0, 1, 0, 0}));
+  EXPECT_EQ(p.rotation, (Rotation{3, TurnDirection::counterclockwise, 0}));
+  EXPECT_FALSE(parse_printer(kDisplay, "p.toml").vial);
+}
+
+TEST(TomographicPrinterFile, WhatIsMissingIsNamed) {
+  const auto says = [](const std::string& text) {
+    return refusal([&] { require_tomographic(parse_printer(text, "p.toml")); });
+  };
+  EXPECT_THAT(says(kDisplay + kOptics + kRotation),
+              HasSubstr("p: vial: the printer has no [vial]"));
+  EXPECT_THAT(says(kDisplay + kVial + kRotation),
+              HasSubstr("p: optics: the printer has no [optics]"));
+  EXPECT_THAT(says(kDisplay + kVial + kOptics),
+              HasSubstr("p: rotation: the printer has no [rotation]"));
+}
+
+struct Wrong {
+  const char *name, *from, *to, *key, *expected;
+};
+class TomographicPrinterRefusal : public testing::TestWithParam<Wrong> {};
+TEST_P(TomographicPrinterRefusal, NamesFileKeyAndWhatWasExpected) {
+  const Wrong& w = GetParam();
+  std::string text = kDisplay + kVial + kOptics + kRotation + "max_fps = 60\n";
+  const std::string from = w.from;
+  const std::size_t at = text.find("\n" + from + "\n");
+  ASSERT_NE(at, std::string::npos);
+  text.replace(at + 1, from.size(), w.to);
+  const std::string said = refusal([&] { parse_printer(text, "p.toml"); });
+  EXPECT_THAT(said, testing::StartsWith("p.toml: line "));
+  EXPECT_THAT(said, HasSubstr(std::string(": ") + w.key + ": "));
+  EXPECT_THAT(said, HasSubstr(w.expected));
+}
+INSTANTIATE_TEST_SUITE_P(
+    Keys, TomographicPrinterRefusal,
+    testing::Values(
+        Wrong{"InnerZero", "inner_mm = 11.8", "inner_mm = 0", "vial.inner_mm", "above 0"},
+        Wrong{"InnerNegative", "inner_mm = 11.8", "inner_mm = -1.0", "vial.inner_mm", "above 0"},
+        Wrong{"InnerNan", "inner_mm = 11.8", "inner_mm = nan", "vial.inner_mm",
+              "expected a number"},
+        Wrong{"InnerAsOuter", "inner_mm = 11.8", "inner_mm = 12.5", "vial.inner_mm",
+              "is 12.5; expected less than outer_mm, 12.5"},
+        Wrong{"InnerMissing", "inner_mm = 11.8", "", "vial.inner_mm", "missing"},
+        Wrong{"OuterMissing", "outer_mm = 12.5", "", "vial.outer_mm", "missing"},
+        Wrong{"OuterText", "outer_mm = 12.5", "outer_mm = \"1\"", "vial.outer_mm",
+              "expected a number"},
+        Wrong{"OutsideBelow", "n_outside = 1.0", "n_outside = 0.99", "vial.n_outside",
+              "is 0.99; expected a number of at least 1 and at most 3"},
+        Wrong{"WallAbove", "n_wall = 1.48", "n_wall = 3.1", "vial.n_wall", "at most 3"},
+        Wrong{"WallNan", "n_wall = 1.48", "n_wall = nan", "vial.n_wall", "at most 3"},
+        Wrong{"KindOther", "kind = \"pinhole\"", "kind = \"laser\"", "optics.kind",
+              "is 'laser'; expected \"telecentric\" or \"pinhole\""},
+        Wrong{"KindMissing", "kind = \"pinhole\"", "", "optics.kind", "missing; expected"},
+        Wrong{"DistanceMissing", "distance_mm = 99.5", "", "optics.distance_mm", "missing"},
+        Wrong{"DistanceInVial", "distance_mm = 99.5", "distance_mm = 12.5", "optics.distance_mm",
+              "is 12.5; expected more than the vial's outer radius, 12.5 mm"},
+        Wrong{"DistanceInf", "distance_mm = 99.5", "distance_mm = inf", "optics.distance_mm",
+              "at most 1e+06"},
+        Wrong{"AngleNegative", "distance_mm = 99.5", "distance_mm = 99.5\nhalf_angle_deg = -1",
+              "optics.half_angle_deg", "of at least 0 and at most 45"},
+        Wrong{"NoRays", "distance_mm = 99.5", "distance_mm = 99.5\nrays_per_pixel = 0",
+              "optics.rays_per_pixel", "is 0; expected 1 to 1000"},
+        Wrong{"AxisBeside", "distance_mm = 99.5", "distance_mm = 99.5\naxis_right_px = 513",
+              "optics.axis_right_px", "at most 512"},
+        Wrong{"SpeedZero", "deg_s = 25", "deg_s = 0", "rotation.deg_s", "above 0"},
+        Wrong{"SpeedMissing", "deg_s = 25", "", "rotation.deg_s", "missing"},
+        Wrong{
+            "DirectionMissing", "direction = \"clockwise\"", "", "rotation.direction",
+            "missing; expected \"clockwise\" or \"counterclockwise\", as the vial turns seen from "
+            "above"},
+        Wrong{"DirectionOther", "direction = \"clockwise\"", "direction = \"left\"",
+              "rotation.direction", "is 'left'; expected"},
+        Wrong{"FramesZero", "max_fps = 60", "max_fps = 0", "rotation.max_fps", "above 0"}),
+    [](const auto& info) { return info.param.name; });
+
+std::string resin_text(const std::string& cure, const std::string& top = "") {
+  return "name = \"r\"\n" + top + "[cure]\n" + cure;
+}
+const std::string kHeight = "absorbance_height_um = 12500\nabsorbance_base = \"e\"\n";
+
+TEST(TomographicResinFile, AbsorptionAloneGivesTheHeight) {
+  const Resin r =
+      parse_resin(resin_text("absorption_per_cm = 0.8\ngel_dose_mj_cm2 = 25\n"), "r.toml");
+  EXPECT_NEAR(r.absorbance_height10_um, 12500 * std::log(10.0), 1e-9);
+  EXPECT_NEAR(absorption_per_cm(r), .8, 1e-15);
+  EXPECT_NEAR(absorption_per_mm(r), .08, 1e-16);
+  EXPECT_EQ(r.active_absorption_per_cm, 0);
+  EXPECT_EQ(curing_absorption_per_mm(r), absorption_per_mm(r));
+  // Dc = alpha_a E_c.
+  EXPECT_NEAR(r.gel_dose_mj_cm3, 20, 1e-12);
+  EXPECT_NEAR(dose_to_gel_mj_cm3(r), 20, 1e-12);
+  EXPECT_EQ(r.n, 0);
+}
+
+TEST(TomographicResinFile, HeightAloneGivesTheAbsorption) {
+  // alpha = 1e4 / h_e = ln 10 1e4 / h_10.
+  EXPECT_NEAR(absorption_per_cm(parse_resin(resin_text(kHeight + "gel_dose_mj_cm3 = 20\n"), "r")),
+              .8, 1e-15);
+  EXPECT_NEAR(
+      absorption_per_cm(parse_resin(resin_text("absorbance_height_um = 2000\nabsorbance_base = 10\n"
+                                               "critical_dose_mj_cm3 = 5\n"),
+                                    "r")),
+      std::log(10.0) * 5, 1e-13);
+}
+
+TEST(TomographicResinFile, KeysStandInCureOrAtTheTop) {
+  const std::string keys =
+      "absorption_per_cm = 0.8\nactive_absorption_per_cm = 0.4\nn = 1.49969\n"
+      "inhibition_dose_mj_cm3 = 3.5\ninhibition_resupply_mj_cm3_s = 0.02\n";
+  const std::string dose = "gel_dose_mj_cm3 = 20\n";
+  const Resin cure = parse_resin(resin_text(keys + dose), "r.toml");
+  const Resin top = parse_resin(resin_text(dose, keys), "r.toml");
+  EXPECT_EQ(cure, top);
+  EXPECT_EQ(cure.active_absorption_per_cm, .4);
+  EXPECT_EQ(cure.n, 1.49969);
+  EXPECT_EQ(index_of(cure), 1.49969);
+  EXPECT_EQ(cure.inhibition_dose_mj_cm3, 3.5);
+  EXPECT_EQ(cure.inhibition_resupply_mj_cm3_s, .02);
+  EXPECT_DOUBLE_EQ(dose_to_gel_mj_cm3(cure), 23.5);
+  EXPECT_THAT(refusal([&] { parse_resin(resin_text(dose + keys, "n = 1.5\n"), "r.toml"); }),
+              HasSubstr("cure.n: is given here and at the top of the file; expected one of them"));
+}
+
+TEST(TomographicResinFile, OnlyWhatCuresCountsForDoses) {
+  const auto resin = [](const std::string& active) {
+    return parse_resin(resin_text(kHeight + active + "gel_dose_mj_cm2 = 25\ndose_factor = 2\n"),
+                       "r");
+  };
+  const Resin all = resin(""), half = resin("active_absorption_per_cm = 0.4\n");
+  EXPECT_NEAR(half.gel_dose_mj_cm3, .4 * 25, 1e-12);
+  EXPECT_NEAR(half.critical_dose_mj_cm3, 2 * .4 * 25, 1e-12);
+  EXPECT_NEAR(dose_to_gel_mj_cm3(half), 10, 1e-12);
+  // Areal doses know nothing of it: at the window both cure alike.
+  EXPECT_NEAR(units::areal_from_volumetric(half.gel_dose_mj_cm3, dose_height_e_um(half)), 25,
+              1e-12);
+  EXPECT_NEAR(units::areal_from_volumetric(all.gel_dose_mj_cm3, dose_height_e_um(all)), 25, 1e-12);
+  EXPECT_NEAR(make_kinetics(half, false, false).critical_dose_prime, 25, 1e-12);
+  EXPECT_NEAR(make_kinetics(half, false, true).critical_dose_prime, 50, 1e-12);
+  const Printer dlp =
+      load_printer(std::string(SLICECORR_PRINTERS_DIR) + "/dual-wavelength-dlp.toml");
+  Process process;
+  process.speed_mm_h = 800;
+  const double critical = make_cure_model(dlp, all, process, 50).critical_intensity_mw_cm2;
+  EXPECT_NEAR(make_cure_model(dlp, half, process, 50).critical_intensity_mw_cm2, critical,
+              1e-12 * critical);
+  // As much as absorbs in all is nothing special.
+  EXPECT_EQ(resin("active_absorption_per_cm = 0.8\n"), all);
+}
+
+TEST(TomographicResinFile, Rounding) {
+  const auto beside = [](const std::string& absorption) {
+    return parse_resin(
+        resin_text(kHeight + "absorption_per_cm = " + absorption + "\ngel_dose_mj_cm3 = 20\n"),
+        "r.toml");
+  };
+  // The height counts.
+  EXPECT_NEAR(absorption_per_cm(beside("0.803")), .8, 1e-15);
+  EXPECT_NEAR(absorption_per_cm(beside("0.797")), .8, 1e-15);
+  for (const char* far : {"0.81", "0.79", "1.84"}) {
+    EXPECT_THAT(refusal([&] { beside(far); }),
+                HasSubstr("the absorbance height of 12500 um in base e is 0.8 per cm; expected the "
+                          "same, or one of them"));
+  }
+}
+
+TEST(TomographicResinFile, Refused) {
+  const auto says = [](const std::string& keys) {
+    return refusal([&] { parse_resin(resin_text(keys + "gel_dose_mj_cm3 = 20\n"), "r.toml"); });
+  };
+  EXPECT_THAT(
+      says("absorption_per_cm = -0.1\n"),
+      HasSubstr("r.toml: line 3: cure.absorption_per_cm: is -0.1; expected a number above 0"));
+  EXPECT_THAT(says("absorption_per_cm = 0\n"), HasSubstr("above 0"));
+  EXPECT_THAT(says("absorption_per_cm = nan\n"), HasSubstr("above 0"));
+  EXPECT_THAT(says(""), HasSubstr("cure.absorbance_height_um: missing; expected a number, or "
+                                  "absorption_per_cm"));
+  EXPECT_THAT(
+      says(kHeight + "active_absorption_per_cm = 0.81\n"),
+      HasSubstr("cure.active_absorption_per_cm: is 0.81; expected at most the 0.8 per cm that "
+                "absorb in all"));
+  EXPECT_THAT(says(kHeight + "active_absorption_per_cm = -1\n"), HasSubstr("above 0"));
+  EXPECT_THAT(says(kHeight + "n = 0.9\n"),
+              HasSubstr("cure.n: is 0.9; expected a number of at least 1"));
+  EXPECT_THAT(says(kHeight + "n = 3.01\n"), HasSubstr("at most 3"));
+  EXPECT_THAT(says(kHeight + "n = nan\n"), HasSubstr("cure.n: is nan"));
+  EXPECT_THAT(says(kHeight + "inhibition_dose_mj_cm3 = -1\n"),
+              HasSubstr("cure.inhibition_dose_mj_cm3: is -1; expected a number of at least 0"));
+  EXPECT_THAT(says(kHeight + "inhibition_resupply_mj_cm3_s = inf\n"),
+              HasSubstr("cure.inhibition_resupply_mj_cm3_s: is inf"));
+  // A resin of which nobody says it.
+  EXPECT_THAT(refusal([] {
+                index_of(parse_resin(resin_text(kHeight + "gel_dose_mj_cm3 = 20\n"), "r.toml"));
+              }),
+              HasSubstr("r: n: the resin file does not say its refractive index"));
+  EXPECT_THAT(refusal([] {
+                dose_to_gel_mj_cm3(parse_resin(
+                    resin_text(kHeight + "model = \"kinetic\"\nm = 0.9\ncritical_dose_prime = 5\n"),
+                    "r.toml"));
+              }),
+              HasSubstr("is 0.9; expected a resin with m = 1"));
+}
+
+TEST(TomographicResinFile, AnotherHeightKeepsWhatCures) {
+  const Resin r = parse_resin(
+      resin_text(kHeight + "active_absorption_per_cm = 0.4\ngel_dose_mj_cm3 = 20\n"), "r.toml");
+  const double half10 = 6250 * std::log(10.0);
+  const Resin darker = with_overrides(r, {.dc_mj_cm3 = {}, .ha_um = half10, .dose_factor = {}});
+  EXPECT_NEAR(absorption_per_cm(darker), 1.6, 1e-12);
+  EXPECT_EQ(curing_absorption_per_cm(darker), .4);
+  EXPECT_THAT(refusal([&] {
+                with_overrides(r, {.dc_mj_cm3 = {}, .ha_um = 10 * half10, .dose_factor = {}});
+              }),
+              HasSubstr("expected at most 57564.6 um"));
+}
+
+TEST(TomographicFiles, WhatIsShippedFitsTogether) {
+  for (const auto& [printer_name, resin_name] :
+       {std::pair{"kelly-projector-and-vial", "kelly-bpagda-pegda"},
+        {"webber-vial", "webber-dudma-pegda"},
+        {"model-tomography-bench", "model-tomography-resin"}}) {
+    const Printer printer =
+        load_printer(std::string(SLICECORR_PRINTERS_DIR) + "/" + printer_name + ".toml");
+    const Resin resin = load_resin(std::string(SLICECORR_DB_DIR) + "/" + resin_name + ".toml");
+    require_tomographic(printer);
+    EXPECT_GT(index_of(resin), 1) << resin_name;
+    EXPECT_GT(dose_to_gel_mj_cm3(resin), 0) << resin_name;
+    EXPECT_GE(most_frames_per_turn(*printer.rotation), 360) << printer_name;
+    // The image covers the reach.
+    EXPECT_NEAR(reach_mm(printer, index_of(resin)),
+                printer.vial->n_outside == 1 ? 12.5 / 1.49969 : printer.vial->inner_mm, 1e-12);
+  }
+  const Printer dry = load_printer(std::string(SLICECORR_PRINTERS_DIR) + "/webber-vial.toml");
+  EXPECT_EQ(*dry.vial, kDry);
+  EXPECT_DIGITS(height_on_axis(dry, kResin), .958204, 6);
+  // On the bench light is down to 1/e on the axis.
+  const Resin model = load_resin(std::string(SLICECORR_DB_DIR) + "/model-tomography-resin.toml");
+  const Printer bench =
+      load_printer(std::string(SLICECORR_PRINTERS_DIR) + "/model-tomography-bench.toml");
+  EXPECT_NEAR(absorption_per_mm(model) * bench.vial->inner_mm, 1, 1e-12);
+  // All light of a turn there: alpha_a I T e^(-alpha R).
+  EXPECT_DIGITS(curing_absorption_per_cm(model) * bench.calibration.back().intensity_mw_cm2 *
+                    bench.rotation->turn_s() * std::exp(-1.0),
+                8.4759, 4);
+}
+
+}  // namespace
+}  // namespace slicecorr

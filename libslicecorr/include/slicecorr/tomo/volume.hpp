@@ -1,0 +1,122 @@
+/// @file tomo/volume.hpp
+/// What tomographic printing of independent slices is computed on: the grid of voxels, angles and
+/// pixels, the part as coverage, doses per voxel, and light per angle and pixel.
+///
+/// Frame: z is the axis of rotation. At angle th a point (x, y) lies at
+///   t = x cos th + y sin th,  u = -x sin th + y cos th,
+/// light travels towards +u, and th_m = 2 pi m / angles. Light stays in its slice, so slices are
+/// independent and share all indices and weights: they are worked on in blocks, with the slices of
+/// a block innermost in memory, one per vector lane.
+///
+/// Plain values; const functions are thread-safe.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <new>
+#include <vector>
+
+namespace slicecorr::tomo {
+
+/// Allocates at cache lines, so that no vector register is loaded from two of them.
+template <class T>
+struct CacheLineAllocator {
+  using value_type = T;
+  static constexpr std::align_val_t kAlignment{64};
+  CacheLineAllocator() = default;
+  template <class U>
+  CacheLineAllocator(const CacheLineAllocator<U>&) {}  // NOLINT: as std::allocator
+  T* allocate(std::size_t n) { return static_cast<T*>(::operator new(n * sizeof(T), kAlignment)); }
+  void deallocate(T* p, std::size_t) { ::operator delete(p, kAlignment); }
+  bool operator==(const CacheLineAllocator&) const = default;
+};
+template <class T>
+using Array = std::vector<T, CacheLineAllocator<T>>;
+
+/// Voxels, angles and pixels of a problem.
+struct TomoGrid {
+  int voxels = 0;        ///< N, voxels along x and along y, 2..16384
+  int slices = 1;        ///< slices along z, 1..1000000
+  int angles = 0;        ///< M, frames of one turn, 3..100000
+  int pixels = 0;        ///< P, detector pixels along t, 2..65536
+  double radius_mm = 1;  ///< R, of the resin: only voxels with r <= R count; > 0
+  /// Distance of pixels along t, in the resin; > 0. Pixel i lies at t = (i - (P-1)/2) pixel_mm.
+  double pixel_mm = 0;
+
+  /// Throws `InputError` naming the value that is out of range.
+  void check() const;
+
+  /// Distance of voxels along x and y: their centres are N points from -R to R.
+  double voxel_mm() const { return 2 * radius_mm / (voxels - 1); }
+  double voxel_at_mm(int i) const { return -radius_mm + voxel_mm() * i; }
+  double pixel_at_mm(int i) const { return (i - 0.5 * (pixels - 1)) * pixel_mm; }
+  double angle_rad(int m) const;
+
+  /// Slices per block, and so the number of lanes; the last block may hold fewer slices, its other
+  /// lanes are 0 and stay 0. It depends on the number of slices alone.
+  int lanes() const { return slices < 8 ? 1 : slices <= 16 ? 16 : 32; }
+  std::size_t blocks() const { return (static_cast<std::size_t>(slices) + lanes() - 1) / lanes(); }
+  int lanes_used(std::size_t block) const;
+  std::size_t voxels_of_block() const;  ///< numbers in a block of a field
+  std::size_t light_of_block() const;   ///< numbers in a block of light
+  /// Place of a voxel in a field: [block][y][x][lane].
+  std::size_t voxel(int x, int y, int slice) const;
+  /// Place of a pixel in light: [block][angle][pixel][lane].
+  std::size_t pixel(int angle, int pixel, int slice) const;
+
+  /// Half-open range of x with r <= R in row y; by symmetry also the range of y in column x.
+  struct Range {
+    int first = 0, end = 0;
+  };
+  Range inside(int y) const;
+
+  bool operator==(const TomoGrid&) const = default;
+};
+
+/// A grid with as many pixels as voxels along a side, at the same distance.
+TomoGrid square_grid(int voxels, int angles, int slices = 1, double radius_mm = 1);
+
+/// The part: coverage of voxels, laid out as a field. 255 is part, 0 is empty; between them a voxel
+/// is grey and judged as neither. Voxels with r > R are ignored.
+struct Volume {
+  TomoGrid grid;
+  Array<std::uint8_t> coverage;
+
+  explicit Volume(const TomoGrid& g);
+};
+
+/// What the solver and the metrics take a voxel for.
+enum class Kind : std::uint8_t { kNeither, kGel, kVoid };
+
+/// Kinds of all voxels, laid out as a field; outside of R and in unused lanes `kNeither`.
+struct Target {
+  TomoGrid grid;
+  Array<Kind> kinds;
+  std::size_t gel = 0, empty = 0;  ///< numbers of gel and of void voxels
+
+  /// `opaque` (an insert, coverage > 0), when given, has the grid of `part`; its voxels are neither.
+  /// Throws `InputError` when there is no gel voxel, no void voxel, or a gel voxel in the insert.
+  explicit Target(const Volume& part, const Volume* opaque = nullptr);
+};
+
+/// A number per voxel, dose above all: [block][y][x][lane]. 0 outside of R.
+struct Field {
+  TomoGrid grid;
+  Array<float> values;
+
+  explicit Field(const TomoGrid& g) : grid(g), values(g.blocks() * g.voxels_of_block()) {}
+  float* block(std::size_t b) { return values.data() + b * grid.voxels_of_block(); }
+  const float* block(std::size_t b) const { return values.data() + b * grid.voxels_of_block(); }
+};
+
+/// A number per angle and pixel, what the projector shows: [block][angle][pixel][lane].
+struct Light {
+  TomoGrid grid;
+  Array<float> values;
+
+  explicit Light(const TomoGrid& g) : grid(g), values(g.blocks() * g.light_of_block()) {}
+  float* block(std::size_t b) { return values.data() + b * grid.light_of_block(); }
+  const float* block(std::size_t b) const { return values.data() + b * grid.light_of_block(); }
+};
+
+}  // namespace slicecorr::tomo

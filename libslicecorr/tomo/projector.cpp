@@ -7,6 +7,7 @@
 #include <string>
 
 #include "slicecorr/error.hpp"
+#include "tomo/axis_projector.hpp"
 #include "tomo/beam_kernels.hpp"
 
 namespace slicecorr::tomo {
@@ -55,15 +56,17 @@ void check_optics(const TomoGrid& grid, const Optics& optics) {
 
 class BeamProjector final : public Projector {
  public:
-  BeamProjector(const TomoGrid& grid, const Optics& optics, std::shared_ptr<const Shadow> shadow)
+  /// `at_axis`: light is given at the plane of the axis, and alpha may be negative.
+  BeamProjector(const TomoGrid& grid, const Optics& optics, std::shared_ptr<const Shadow> shadow,
+                bool at_axis = false)
       : shadow_(std::move(shadow)) {
     grid.check();
-    check_optics(grid, optics);
+    if (!at_axis) check_optics(grid, optics);
     if (shadow_ != nullptr && !(shadow_->grid == grid)) {
       throw InputError("insert", "", "its shadow must have the grid of the part");
     }
     make_beam(grid, optics);
-    make_columns(grid, optics);
+    make_columns(grid, optics, at_axis);
   }
 
   const TomoGrid& grid() const override { return beam_.grid; }
@@ -106,7 +109,7 @@ class BeamProjector final : public Projector {
 
   void make_beam(const TomoGrid& grid, const Optics& optics) {
     beam_.grid = grid;
-    beam_.attenuated = optics.alpha_per_mm > 0;
+    beam_.attenuated = optics.alpha_per_mm != 0;
     // Without attenuation or insert a line is the same from both ends.
     folded_ = !beam_.attenuated && shadow_ == nullptr && grid.angles % 2 == 0;
     const int n = grid.voxels, count = folded_ ? grid.angles / 2 : grid.angles;
@@ -141,14 +144,14 @@ class BeamProjector final : public Projector {
     }
   }
 
-  void make_columns(const TomoGrid& grid, const Optics& optics) {
+  void make_columns(const TomoGrid& grid, const Optics& optics, bool at_axis) {
     const int pixels = grid.pixels;
     const double radius = grid.radius_mm;
     entry_.resize(pixels);
     for (int i = 0; i < pixels; ++i) {
       const double t = grid.pixel_at_mm(i);
       const double chord = std::sqrt(std::max(0.0, radius * radius - t * t));
-      entry_[i] = static_cast<float>(std::exp(-optics.alpha_per_mm * chord));
+      entry_[i] = at_axis ? 1 : static_cast<float>(std::exp(-optics.alpha_per_mm * chord));
     }
     turned_ = !optics.turn_rad.empty();
     lines_ = !optics.line_mm.empty();
@@ -330,6 +333,10 @@ Shadow cast_shadow(const Volume& insert) {
 std::unique_ptr<Projector> make_projector(const TomoGrid& grid, const Optics& optics,
                                           std::shared_ptr<const Shadow> shadow) {
   return std::make_unique<BeamProjector>(grid, optics, std::move(shadow));
+}
+
+std::unique_ptr<Projector> detail::make_axis_projector(const TomoGrid& grid, double alpha_per_mm) {
+  return std::make_unique<BeamProjector>(grid, Optics{.alpha_per_mm = alpha_per_mm}, nullptr, true);
 }
 
 Light forward(const Projector& projector, const ExecutionContext& context, const Field& field) {

@@ -1,0 +1,101 @@
+/// @file tomo/solve.hpp
+/// Finding the light of a part: b >= 0 with enough dose in the part and little in void.
+///
+/// `kLadder` minimises, for a contrast rung rho_c,
+///   sum_gel (1-D)+^2 + sum_void (D-rho_c)+^2 + sum_gel (D-d_u)+^2,  D = A^T b, 0 <= b <= cap,
+/// by projected L-BFGS, block by block, rung by rung warm-started while the loss reaches 0, and
+/// keeps the light with the best contrast C. Where a rung is missed, what is left of the loss
+/// proves how far C can go with any light at all (`contrast_bound`).
+/// `kOsmo` is Rackson's object-space optimisation as in Webber 2023, 2.7; the model is scaled to a
+/// maximum of 1, because its steps are doses. `kKelly` is Kelly's projected gradient (thesis 4.1);
+/// its unit step is scaled so that A^T ramp A target steps by 1 between gel and void, and its
+/// threshold is the best-Jaccard one of each step, because the ramp has no constant part. `kFbp` is
+/// the filtered back projection alone.
+///
+/// Thread-safe; the same bytes for any number of threads. Memory: light and dose of the part, and
+/// for the ladder 2 memory + 6 times the light of a block per thread.
+#pragma once
+
+#include <functional>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "slicecorr/parallel.hpp"
+#include "slicecorr/tomo/filter.hpp"
+#include "slicecorr/tomo/metrics.hpp"
+#include "slicecorr/tomo/projector.hpp"
+#include "slicecorr/tomo/volume.hpp"
+
+namespace slicecorr::tomo {
+
+enum class Method { kLadder, kOsmo, kKelly, kFbp };
+
+/// One step of a solver. With several blocks, the ladder's VER counts each slice block against its
+/// own weakest gel voxel; other figures are the part's.
+struct Step {
+  double rung = 0;  ///< rho_c; 0 where there is none
+  int step = 0;     ///< from 0, within the rung
+  double loss = 0;  ///< ladder only
+  double ver = 0, pw = 0, contrast = 0;
+};
+
+struct SolveOptions {
+  Method method = Method::kLadder;
+  /// Start of the ladder, of Kelly, and all of FBP.
+  Window window = Window::kHamming;
+  /// Steps per rung, or in all. 0: 60 per rung; OSMO 20, the start being the first; Kelly 10.
+  int steps = 0;
+
+  /// Rungs of the ladder, falling, each in (0, 1).
+  std::vector<double> rungs = {0.98, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2};
+  /// d_u, the dose over the gel dose above which gel costs; > 1. Lower is more even, with less
+  /// contrast.
+  double most_dose = 1.28;
+  /// Most light, in units of which 1 everywhere gives A^T 1; the gel dose is 1 unit. With a time
+  /// that is fixed: alpha_a T_rot N I_max / (M Dc). 0: no cap.
+  double cap = 0;
+  int memory = 5;        ///< of L-BFGS, 1..50
+  int proof_steps = 60;  ///< more steps on a missed rung, for its proof; 0: none
+
+  double osmo_high = 0.85, osmo_low = 0.6;  ///< D_H, D_L over the largest dose; high > low
+
+  /// Starts from this light instead; resumes what `checkpoint` gave. May be null.
+  const Light* start = nullptr;
+  /// Rungs above this one are left out; resumes.
+  double first_rung = 1;
+  /// Called with the light after each rung (ladder) or step, and the rung that comes next (1: none).
+  std::function<void(const Light& light, double next_rung)> checkpoint = nullptr;
+};
+
+struct Solution {
+  Light light;      ///< scaled: A^T light is 1 at the weakest gel voxel
+  Field dose;       ///< A^T light
+  Metrics metrics;  ///< of `dose`
+  double rung = 0;  ///< at which it was found
+  /// No light b >= 0 whatever has a higher contrast C; infinite when nothing was proven.
+  double contrast_bound = std::numeric_limits<double>::infinity();
+  /// The slice that the bound is of; -1 without one.
+  int bound_slice = -1;
+  std::vector<Step> history = {};
+};
+
+/// Throws `InputError` for options out of range and targets of another grid, `InfeasibleError` when
+/// a gel voxel is lit from no angle, `Cancelled`. A bound below 1 is returned, not thrown.
+/// `optics` are those of `projector`.
+Solution solve(const ExecutionContext& context, const Projector& projector, const Target& target,
+               const Optics& optics, const SolveOptions& options = {});
+
+/// The bound of C that a dose proves: with lo = (1 - D)+ on gel, hi = (D - rho_c)+ on void and
+/// delta >= 0 the least with A(hi + delta void) >= A lo on every ray, any b >= 0 has
+///   min_gel D <= max_void D (sum hi + delta n_void) / sum lo.
+/// Slices are independent, so the least bound of a slice is the part's. Rays are compared with a
+/// margin of 1e-4 for the projector's single precision.
+struct Certificate {
+  double bound = std::numeric_limits<double>::infinity();
+  int slice = -1;
+};
+Certificate contrast_bound(const ExecutionContext& context, const Projector& projector,
+                           const Target& target, const Field& dose, double rung);
+
+}  // namespace slicecorr::tomo

@@ -1,0 +1,168 @@
+#include "slicecorr/tomo/filter.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <numbers>
+#include <unsupported/Eigen/FFT>
+
+#include "tomo/axis_projector.hpp"
+
+namespace slicecorr::tomo {
+namespace {
+
+using Complex = std::complex<float>;
+constexpr double kPi = std::numbers::pi;
+
+/// `share` is |k| over the highest frequency, 0..1.
+double window_at(Window window, double share) {
+  switch (window) {
+    case Window::kHamming:
+      return 0.54 + 0.46 * std::cos(kPi * share);
+    case Window::kKelly:
+      return std::exp(-std::pow(share / 0.5, 4));
+    default:
+      return 1;
+  }
+}
+
+void scale_to_one(Array<float>& values) {
+  const float most = values.empty() ? 0 : *std::max_element(values.begin(), values.end());
+  if (most <= 0) return;
+  for (float& v : values) v /= most;
+}
+
+}  // namespace
+
+void ramp_filter(const ExecutionContext& context, Light& light, Window window, double cut_per_mm) {
+  const TomoGrid& grid = light.grid;
+  int size = 2;
+  while (size < 2 * grid.pixels) size *= 2;
+  std::vector<float> ramp(size);
+  for (int k = 0; k < size; ++k) {
+    const double share = 2.0 * std::min(k, size - k) / size;
+    const double frequency = share * kPi / grid.pixel_mm;
+    ramp[k] = frequency < cut_per_mm ? 0 : static_cast<float>(share * window_at(window, share));
+  }
+  const int lanes = grid.lanes(), angles = grid.angles;
+  // Two rows at once, one as the real and one as the imaginary part: the filter is real and even.
+  const std::size_t rows = static_cast<std::size_t>(angles) * lanes;
+  parallel_for(context, "filtering", light.grid.blocks(), [&](std::size_t b) {
+    Eigen::FFT<float> fft;
+    std::vector<Complex> line(size), spectrum(size);
+    float* block = light.block(b);
+    const auto at = [&](std::size_t row) {
+      return block + row / lanes * grid.pixels * lanes + row % lanes;
+    };
+    for (std::size_t row = 0; row < rows; row += 2) {
+      float* first = at(row);
+      float* second = row + 1 < rows ? at(row + 1) : nullptr;
+      std::fill(line.begin(), line.end(), Complex());
+      for (int i = 0; i < grid.pixels; ++i) {
+        line[i] = {first[i * lanes], second == nullptr ? 0 : second[i * lanes]};
+      }
+      fft.fwd(spectrum.data(), line.data(), size);
+      for (int k = 0; k < size; ++k) spectrum[k] *= ramp[k];
+      fft.inv(line.data(), spectrum.data(), size);
+      for (int i = 0; i < grid.pixels; ++i) {
+        first[i * lanes] = line[i].real();
+        if (second != nullptr) second[i * lanes] = line[i].imag();
+      }
+    }
+  });
+}
+
+Light filtered_start(const ExecutionContext& context, const Target& target, const Optics& optics,
+                     Window window) {
+  const TomoGrid& grid = target.grid;
+  const auto axis = detail::make_axis_projector(grid, -optics.alpha_per_mm);
+  Field gel(grid);
+  for (std::size_t i = 0; i < target.kinds.size(); ++i) {
+    gel.values[i] = target.kinds[i] == Kind::kGel ? 1.0f : 0.0f;
+  }
+  Light lines = forward(*axis, context, gel);
+  ramp_filter(context, lines, window, optics.alpha_per_mm);
+  Light light(grid);
+  const int lanes = grid.lanes(), pixels = grid.pixels, angles = grid.angles;
+  for (std::size_t b = 0; b < grid.blocks(); ++b) {
+    const float* from = lines.block(b);
+    float* to = light.block(b);
+    for (int i = 0; i < pixels; ++i) {
+      const double t = optics.line_mm.empty() ? grid.pixel_at_mm(i) : optics.line_mm[i];
+      const double weight = optics.weight.empty() ? 1 : optics.weight[i];
+      if (weight <= 0) continue;
+      const double f = t / grid.pixel_mm + 0.5 * (pixels - 1);
+      if (f < 0 || f > pixels - 1) continue;
+      const int column = std::min(static_cast<int>(f), pixels - 2);
+      const auto beside = static_cast<float>(f - column);
+      const double ahead = optics.turn_rad.empty() ? 0 : optics.turn_rad[i] * angles / (2 * kPi);
+      const double whole = std::floor(ahead);
+      const auto later = static_cast<float>(ahead - whole);
+      int shift = static_cast<int>(std::fmod(whole, angles));
+      if (shift < 0) shift += angles;
+      const double chord = std::sqrt(std::max(0.0, grid.radius_mm * grid.radius_mm - t * t));
+      const auto gain = static_cast<float>(std::exp(optics.alpha_per_mm * chord) / weight);
+      for (int m = 0; m < angles; ++m) {
+        const std::size_t m0 = (m + shift) % angles, m1 = (m + shift + 1) % angles;
+        const float* p0 = from + (m0 * pixels + column) * lanes;
+        const float* p1 = from + (m1 * pixels + column) * lanes;
+        float* out = to + (static_cast<std::size_t>(m) * pixels + i) * lanes;
+        for (int l = 0; l < lanes; ++l) {
+          const float now = (1 - beside) * p0[l] + beside * p0[l + lanes];
+          const float next = (1 - beside) * p1[l] + beside * p1[l + lanes];
+          out[l] = std::max(0.0f, gain * ((1 - later) * now + later * next));
+        }
+      }
+    }
+  }
+  scale_to_one(light.values);
+  return light;
+}
+
+Field filtered_model(const ExecutionContext& context, const Target& target, Window window) {
+  const TomoGrid& grid = target.grid;
+  const int n = grid.voxels;
+  Field model(grid);
+  std::vector<float> share(n);
+  for (int k = 0; k < n; ++k) share[k] = static_cast<float>(2.0 * std::min(k, n - k) / n);
+  parallel_for(context, "filtering", static_cast<std::size_t>(grid.slices), [&](std::size_t z) {
+    Eigen::FFT<float> fft;
+    std::vector<Complex> plane(static_cast<std::size_t>(n) * n), line(n), out(n);
+    const auto each_line = [&](std::size_t step, std::size_t next, bool inverse) {
+      for (int r = 0; r < n; ++r) {
+        for (int k = 0; k < n; ++k) line[k] = plane[r * next + k * step];
+        if (inverse) {
+          fft.inv(out.data(), line.data(), n);
+        } else {
+          fft.fwd(out.data(), line.data(), n);
+        }
+        for (int k = 0; k < n; ++k) plane[r * next + k * step] = out[k];
+      }
+    };
+    const int slice = static_cast<int>(z);
+    for (int y = 0; y < n; ++y) {
+      for (int x = 0; x < n; ++x) {
+        plane[y * n + x] = target.kinds[grid.voxel(x, y, slice)] == Kind::kGel ? 1.0f : 0.0f;
+      }
+    }
+    each_line(1, n, false);
+    each_line(n, 1, false);
+    for (int y = 0; y < n; ++y) {
+      for (int x = 0; x < n; ++x) {
+        const double k = std::hypot(share[x], share[y]);
+        plane[y * n + x] *= static_cast<float>(k * window_at(window, std::min(k, 1.0)));
+      }
+    }
+    each_line(n, 1, true);
+    each_line(1, n, true);
+    for (int y = 0; y < n; ++y) {
+      for (int x = grid.inside(y).first; x < grid.inside(y).end; ++x) {
+        model.values[grid.voxel(x, y, slice)] = plane[y * n + x].real();
+      }
+    }
+  });
+  scale_to_one(model.values);
+  return model;
+}
+
+}  // namespace slicecorr::tomo

@@ -1,0 +1,204 @@
+#include "slicecorr/tomo/metrics.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+
+#include "slicecorr/error.hpp"
+
+namespace slicecorr::tomo {
+namespace {
+
+struct Sorted {
+  std::vector<float> gel, empty;
+
+  Sorted(const Target& target, const Field& dose) {
+    gel.reserve(target.gel);
+    empty.reserve(target.empty);
+    for (std::size_t i = 0; i < target.kinds.size(); ++i) {
+      if (target.kinds[i] == Kind::kGel) gel.push_back(dose.values[i]);
+      if (target.kinds[i] == Kind::kVoid) empty.push_back(dose.values[i]);
+    }
+    std::sort(gel.begin(), gel.end());
+    std::sort(empty.begin(), empty.end());
+  }
+};
+
+void check_dose(const Target& target, const Field& dose) {
+  if (!(dose.grid == target.grid)) throw InputError("dose", "", "must have the grid of the part");
+}
+
+bool in_slice(const TomoGrid& grid, std::size_t i) {
+  const std::size_t block = i / grid.light_of_block();
+  return static_cast<int>(i % grid.lanes()) < grid.lanes_used(block);
+}
+
+void check_curve(const std::vector<double>& mw_cm2) {
+  if (mw_cm2.size() < 2 || mw_cm2.size() > 65536) {
+    throw InputError("calibration", "", "must have 2 to 65536 levels");
+  }
+  for (std::size_t i = 0; i < mw_cm2.size(); ++i) {
+    if (!std::isfinite(mw_cm2[i]) || mw_cm2[i] < 0 || (i > 0 && mw_cm2[i] < mw_cm2[i - 1])) {
+      throw InputError("calibration", "level " + std::to_string(i),
+                       "intensities must be 0 or more and not fall");
+    }
+  }
+  if (!(mw_cm2.back() > mw_cm2.front())) {
+    throw InputError("calibration", "", "the brightest level must be brighter than the darkest");
+  }
+}
+
+}  // namespace
+
+Metrics measure(const Target& target, const Field& dose) {
+  check_dose(target, dose);
+  const Sorted d(target, dose);
+  Metrics m;
+  m.gel = d.gel.size();
+  m.empty = d.empty.size();
+  m.min_gel = d.gel.front();
+  m.max_gel = d.gel.back();
+  m.max_void = d.empty.back();
+  const double most = std::max(m.max_gel, m.max_void);
+  m.void_gelled = d.empty.end() - std::lower_bound(d.empty.begin(), d.empty.end(), d.gel.front());
+  m.ver = static_cast<double>(m.void_gelled) / static_cast<double>(m.gel + m.empty);
+  m.pw = most > 0 ? (m.min_gel - m.max_void) / most : 0;
+  m.ipdr = most > 0 ? (m.max_gel - m.min_gel) / most : 0;
+  m.contrast = m.max_void > 0  ? m.min_gel / m.max_void
+               : m.min_gel > 0 ? std::numeric_limits<double>::infinity()
+                               : 0;
+  constexpr double kTrimmed = 0.0005;
+  const auto gel_cut = static_cast<std::size_t>(kTrimmed * static_cast<double>(m.gel));
+  const auto void_cut = static_cast<std::size_t>(kTrimmed * static_cast<double>(m.empty));
+  if (most > 0) m.trimmed_pw = (d.gel[gel_cut] - d.empty[m.empty - 1 - void_cut]) / most;
+  // The best t is a gel dose: between two of them raising t only drops void.
+  std::size_t below = 0;
+  for (std::size_t i = 0; i < m.gel; ++i) {
+    while (below < m.empty && d.empty[below] < d.gel[i]) ++below;
+    const double j = static_cast<double>(m.gel - i) / static_cast<double>(m.gel + m.empty - below);
+    if (j > m.best_jaccard) {
+      m.best_jaccard = j;
+      m.best_threshold = d.gel[i];
+    }
+  }
+  return m;
+}
+
+double jaccard(const Target& target, const Field& dose, double threshold) {
+  check_dose(target, dose);
+  std::size_t both = 0, wrong = 0;
+  for (std::size_t i = 0; i < target.kinds.size(); ++i) {
+    if (dose.values[i] < threshold) continue;
+    both += target.kinds[i] == Kind::kGel;
+    wrong += target.kinds[i] == Kind::kVoid;
+  }
+  return static_cast<double>(both) / static_cast<double>(target.gel + wrong);
+}
+
+double efficiency(const Light& light) {
+  double sum = 0, most = 0;
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < light.values.size(); ++i) {
+    if (!in_slice(light.grid, i)) continue;
+    sum += light.values[i];
+    most = std::max<double>(most, light.values[i]);
+    ++count;
+  }
+  return most > 0 ? sum / (most * static_cast<double>(count)) : 0;
+}
+
+double dose_of_turn(const TomoGrid& grid, const Exposure& exposure) {
+  return exposure.alpha_a_per_cm * exposure.turn_s / grid.angles;
+}
+
+PrintTime plan_time(const ExecutionContext& context, const Projector& projector,
+                    const Target& target, const Field& dose, const Exposure& exposure) {
+  check_dose(target, dose);
+  if (!(exposure.alpha_a_per_cm > 0) || !(exposure.turn_s > 0) || !(exposure.critical_mj_cm3 > 0) ||
+      !(exposure.black_mw_cm2 >= 0) || !(exposure.most_time_s >= 0)) {
+    throw InputError("exposure", "",
+                     "active absorption, time of a turn and critical dose must be above 0, black "
+                     "light and the limit of time 0 or more");
+  }
+  const TomoGrid& grid = target.grid;
+  const double unit = dose_of_turn(grid, exposure);
+  double least = std::numeric_limits<double>::infinity();
+  for (int z = 0; z < grid.slices; ++z) {
+    for (int y = 0; y < grid.voxels; ++y) {
+      for (int x = grid.inside(y).first; x < grid.inside(y).end; ++x) {
+        const std::size_t v = grid.voxel(x, y, z);
+        if (target.kinds[v] != Kind::kGel) continue;
+        if (!(dose.values[v] > 0)) {
+          throw InfeasibleError("the part's voxel " + std::to_string(x) + ", " + std::to_string(y) +
+                                " in slice " + std::to_string(z) + " gets no light from any angle");
+        }
+        least = std::min<double>(least, unit * dose.values[v]);
+      }
+    }
+  }
+  PrintTime time;
+  const double turns = std::ceil(exposure.critical_mj_cm3 / least * (1 - 1e-12));
+  time.time_s = std::max(1.0, turns) * exposure.turn_s;
+  if (turns > 1e6 || (exposure.most_time_s > 0 && time.time_s > exposure.most_time_s)) {
+    throw InfeasibleError("printing takes " +
+                          std::to_string(static_cast<long long>(std::min(turns, 9e15))) +
+                          " turns, " + std::to_string(time.time_s) +
+                          " s, longer than allowed; more light would shorten it");
+  }
+  time.turns = std::max(1, static_cast<int>(turns));
+  time.scale = exposure.critical_mj_cm3 / (time.turns * least);
+  if (exposure.black_mw_cm2 > 0) {
+    Light black(grid);
+    for (std::size_t i = 0; i < black.values.size(); ++i) {
+      if (in_slice(grid, i)) black.values[i] = static_cast<float>(exposure.black_mw_cm2);
+    }
+    const Field floor = adjoint(projector, context, black);
+    for (std::size_t i = 0; i < target.kinds.size(); ++i) {
+      if (target.kinds[i] != Kind::kVoid) continue;
+      time.floor_mj_cm3 = std::max(time.floor_mj_cm3, unit * time.turns * floor.values[i]);
+    }
+    if (time.floor_mj_cm3 >= exposure.critical_mj_cm3) {
+      throw InfeasibleError("black light alone gels void: " + std::to_string(time.floor_mj_cm3) +
+                            " mJ/cm3 of " + std::to_string(exposure.critical_mj_cm3) +
+                            "; use a projector with a darker black or a shorter print");
+    }
+  }
+  return time;
+}
+
+std::vector<std::uint16_t> nearest_levels(const Light& light, double mw_cm2_per_unit,
+                                          const std::vector<double>& mw_cm2) {
+  check_curve(mw_cm2);
+  std::vector<std::uint16_t> levels(light.values.size());
+  for (std::size_t i = 0; i < levels.size(); ++i) {
+    const double wanted = light.values[i] * mw_cm2_per_unit;
+    const auto above = std::lower_bound(mw_cm2.begin(), mw_cm2.end(), wanted);
+    std::size_t level = above - mw_cm2.begin();
+    if (above == mw_cm2.end()) {
+      level = mw_cm2.size() - 1;
+    } else if (level > 0 && wanted - mw_cm2[level - 1] <= mw_cm2[level] - wanted) {
+      --level;
+    }
+    levels[i] = static_cast<std::uint16_t>(level);
+  }
+  return levels;
+}
+
+Light light_of_levels(const TomoGrid& grid, const std::vector<std::uint16_t>& levels,
+                      const std::vector<double>& mw_cm2) {
+  check_curve(mw_cm2);
+  Light light(grid);
+  if (levels.size() != light.values.size()) {
+    throw InputError("levels", "", "must be as many as the grid's pixels");
+  }
+  for (std::size_t i = 0; i < levels.size(); ++i) {
+    if (levels[i] >= mw_cm2.size()) {
+      throw InputError("levels", std::to_string(i), "is above the calibration's brightest level");
+    }
+    if (in_slice(grid, i)) light.values[i] = static_cast<float>(mw_cm2[levels[i]]);
+  }
+  return light;
+}
+
+}  // namespace slicecorr::tomo

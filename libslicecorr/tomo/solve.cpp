@@ -1,0 +1,414 @@
+#include "slicecorr/tomo/solve.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <mutex>
+#include <string>
+
+#include "slicecorr/error.hpp"
+#include "tomo/block_solver.hpp"
+
+namespace slicecorr::tomo {
+namespace {
+
+constexpr double kNone = std::numeric_limits<double>::infinity();
+
+void refuse(const char* option, const char* message) {
+  throw InputError("solver", option, message);
+}
+
+void check_options(const Projector& projector, const Target& target, const SolveOptions& o) {
+  if (!(projector.grid() == target.grid)) refuse("projector", "must have the grid of the part");
+  if (o.steps < 0) refuse("steps", "must be 0 or more");
+  if (o.memory < 1 || o.memory > 50) refuse("memory", "must be in 1..50");
+  if (o.proof_steps < 0) refuse("proof_steps", "must be 0 or more");
+  if (!(o.most_dose > 1)) refuse("most_dose", "must be above 1");
+  if (!(o.cap >= 0)) refuse("cap", "must be 0 or more");
+  if (o.rungs.empty()) refuse("rungs", "must have at least one");
+  double before = 1;
+  for (const double rung : o.rungs) {
+    if (!(rung > 0 && rung < before)) refuse("rungs", "must be below 1, above 0 and fall");
+    before = rung;
+  }
+  if (!(o.osmo_low > 0 && o.osmo_low < o.osmo_high && o.osmo_high <= 1)) {
+    refuse("osmo_low, osmo_high", "must be 0 < low < high <= 1");
+  }
+  if (o.start != nullptr && !(o.start->grid == target.grid)) {
+    refuse("start", "must have the grid of the part");
+  }
+}
+
+/// Throws for a gel voxel that no pixel lights.
+void check_lit(const ExecutionContext& context, const Projector& projector, const Target& target) {
+  const TomoGrid& grid = target.grid;
+  Light all(grid);
+  std::fill(all.values.begin(), all.values.end(), 1.0f);
+  const Field seen = adjoint(projector, context, all);
+  for (int z = 0; z < grid.slices; ++z) {
+    for (int y = 0; y < grid.voxels; ++y) {
+      for (int x = grid.inside(y).first; x < grid.inside(y).end; ++x) {
+        const std::size_t v = grid.voxel(x, y, z);
+        if (target.kinds[v] == Kind::kGel && !(seen.values[v] > 0)) {
+          throw InfeasibleError("the part's voxel " + std::to_string(x) + ", " + std::to_string(y) +
+                                " in slice " + std::to_string(z) +
+                                " is lit from no angle; move the part or the insert");
+        }
+      }
+    }
+  }
+}
+
+void scale(Array<float>& values, double factor) {
+  for (float& v : values) v *= static_cast<float>(factor);
+}
+
+float largest(const Array<float>& values) {
+  return *std::max_element(values.begin(), values.end());
+}
+
+/// Keeps the best of what a solver passes through.
+class Best {
+ public:
+  Best(const Target& target, Solution& solution) : target_(target), solution_(solution) {}
+
+  /// By contrast, or by VER first and then by process window.
+  void offer(const Light& light, const Field& dose, const Metrics& m, double rung,
+             bool by_contrast) {
+    const Metrics& best = solution_.metrics;
+    const bool better = by_contrast ? m.contrast > best.contrast
+                                    : m.ver < best.ver || (m.ver == best.ver && m.pw > best.pw);
+    if (any_ && !better) return;
+    any_ = true;
+    solution_.light.values = light.values;
+    solution_.dose.values = dose.values;
+    solution_.metrics = m;
+    solution_.rung = rung;
+  }
+  /// Scales to 1 at the weakest gel voxel.
+  void finish() {
+    const double least = solution_.metrics.min_gel;
+    if (!(least > 0)) return;
+    scale(solution_.light.values, 1 / least);
+    scale(solution_.dose.values, 1 / least);
+    solution_.metrics = measure(target_, solution_.dose);
+  }
+
+ private:
+  const Target& target_;
+  Solution& solution_;
+  bool any_ = false;
+};
+
+/// The steps of all blocks as steps of the part; a block that was done early stays as it was.
+void add_history(const std::vector<std::vector<detail::BlockStep>>& blocks, const Target& target,
+                 double rung, std::vector<Step>& history) {
+  std::size_t most = 0;
+  for (const auto& block : blocks) most = std::max(most, block.size());
+  for (std::size_t k = 0; k < most; ++k) {
+    Step step{.rung = rung, .step = static_cast<int>(k)};
+    double min_gel = kNone, max_void = 0, max_dose = 0;
+    std::size_t gelled = 0;
+    for (const auto& block : blocks) {
+      if (block.empty()) continue;
+      const detail::BlockStep& s = block[std::min(k, block.size() - 1)];
+      step.loss += s.loss;
+      min_gel = std::min<double>(min_gel, s.min_gel);
+      max_void = std::max<double>(max_void, s.max_void);
+      max_dose = std::max<double>(max_dose, s.max_dose);
+      gelled += s.void_gelled;
+    }
+    step.ver = static_cast<double>(gelled) / static_cast<double>(target.gel + target.empty);
+    step.pw = max_dose > 0 ? (min_gel - max_void) / max_dose : 0;
+    step.contrast = max_void > 0 ? min_gel / max_void : kNone;
+    history.push_back(step);
+  }
+}
+
+class Ladder {
+ public:
+  Ladder(const ExecutionContext& context, const Projector& projector, const Target& target,
+         const Optics& optics, const SolveOptions& options, Solution& solution)
+      : context_(context),
+        projector_(projector),
+        target_(target),
+        options_(options),
+        solution_(solution),
+        best_(target, solution),
+        light_(options.start != nullptr ? *options.start
+                                        : filtered_start(context, target, optics, options.window)),
+        dose_(target.grid) {}
+
+  void run() {
+    if (options_.start == nullptr) scale_start();
+    const int steps = options_.steps == 0 ? 60 : options_.steps;
+    for (std::size_t r = 0; r < options_.rungs.size(); ++r) {
+      const double rung = options_.rungs[r];
+      if (rung > options_.first_rung) continue;
+      detail::Penalty penalty = penalty_of(rung);
+      const double loss = descend(penalty, steps, "solving");
+      best_.offer(light_, dose_, measure(target_, dose_), rung, true);
+      if (options_.checkpoint) {
+        options_.checkpoint(light_, r + 1 < options_.rungs.size() ? options_.rungs[r + 1] : 1);
+      }
+      if (loss == 0) continue;
+      prove(penalty);
+      break;
+    }
+    best_.finish();
+  }
+
+ private:
+  detail::Penalty penalty_of(double rung) const {
+    return {.rung = rung,
+            .most_dose = options_.most_dose,
+            .cap = options_.cap > 0 ? options_.cap : kNone};
+  }
+  const Kind* kinds(std::size_t b) const {
+    return target_.kinds.data() + b * target_.grid.voxels_of_block();
+  }
+
+  /// One scale for each block: they share nothing but the rung.
+  void scale_start() {
+    const detail::Penalty penalty = penalty_of(options_.rungs.front());
+    parallel_for(context_, "start", target_.grid.blocks(), [&](std::size_t b) {
+      projector_.adjoint(b, light_.block(b), dose_.block(b));
+      const double factor =
+          detail::best_scale(kinds(b), target_.grid.voxels_of_block(), dose_.block(b), penalty);
+      float* light = light_.block(b);
+      for (std::size_t i = 0; i < target_.grid.light_of_block(); ++i) {
+        light[i] *= static_cast<float>(factor);
+      }
+    });
+  }
+
+  double descend(const detail::Penalty& penalty, int steps, std::string_view stage) {
+    std::vector<std::vector<detail::BlockStep>> blocks(target_.grid.blocks());
+    parallel_for(context_, stage, blocks.size(), [&](std::size_t b) {
+      blocks[b] = detail::solve_block(projector_, b, kinds(b), penalty, steps, options_.memory,
+                                      context_, light_.block(b), dose_.block(b));
+    });
+    add_history(blocks, target_, penalty.rung, solution_.history);
+    return solution_.history.back().loss;
+  }
+
+  void keep_bound(double rung) {
+    const Certificate proof = contrast_bound(context_, projector_, target_, dose_, rung);
+    if (proof.bound < solution_.contrast_bound) {
+      solution_.contrast_bound = proof.bound;
+      solution_.bound_slice = proof.slice;
+    }
+  }
+
+  /// The proof wants the minimum of the first two terms alone, without bounds on the light.
+  void prove(detail::Penalty penalty) {
+    if (options_.proof_steps == 0) return;
+    keep_bound(penalty.rung);
+    penalty.most_dose = kNone;
+    penalty.cap = kNone;
+    constexpr int kSteps = 20;
+    for (int done = 0; done < options_.proof_steps; done += kSteps) {
+      const double loss =
+          descend(penalty, std::min(kSteps, options_.proof_steps - done), "proving");
+      if (options_.cap == 0) {
+        best_.offer(light_, dose_, measure(target_, dose_), penalty.rung, true);
+      }
+      if (loss == 0) return;
+      keep_bound(penalty.rung);
+    }
+  }
+
+  const ExecutionContext& context_;
+  const Projector& projector_;
+  const Target& target_;
+  const SolveOptions& options_;
+  Solution& solution_;
+  Best best_;
+  Light light_;
+  Field dose_;
+};
+
+/// Clips at 0 and scales light to a maximum of 1.
+void normalise(Light& light) {
+  for (float& v : light.values) v = std::max(v, 0.0f);
+  const float most = largest(light.values);
+  if (most > 0) scale(light.values, 1.0 / most);
+}
+
+/// A step of OSMO or Kelly, judged.
+void record(const Target& target, const Light& light, const Field& dose, int step, Best& best,
+            Solution& solution, const SolveOptions& options) {
+  const Metrics m = measure(target, dose);
+  solution.history.push_back({.step = step, .ver = m.ver, .pw = m.pw, .contrast = m.contrast});
+  best.offer(light, dose, m, 0, false);
+  if (options.checkpoint) options.checkpoint(light, 1);
+}
+
+void run_osmo(const ExecutionContext& context, const Projector& projector, const Target& target,
+              const SolveOptions& options, Solution& solution) {
+  Best best(target, solution);
+  Field model = filtered_model(context, target, options.window);
+  Light light(target.grid);
+  Field dose(target.grid);
+  const auto project = [&] {
+    light = forward(projector, context, model);
+    normalise(light);
+    dose = adjoint(projector, context, light);
+    const float most = largest(dose.values);
+    if (most > 0) scale(dose.values, 1.0 / most);
+  };
+  const auto high = static_cast<float>(options.osmo_high),
+             low = static_cast<float>(options.osmo_low);
+  const int steps = options.steps == 0 ? 20 : options.steps;
+  project();
+  record(target, light, dose, 0, best, solution, options);
+  for (int step = 1; step < steps; ++step) {
+    context.report("solving", static_cast<double>(step) / steps);
+    for (const Kind kind : {Kind::kVoid, Kind::kGel}) {
+      context.check_cancelled();
+      for (std::size_t i = 0; i < target.kinds.size(); ++i) {
+        if (target.kinds[i] != kind) continue;
+        if (kind == Kind::kVoid) {
+          model.values[i] -= std::max(dose.values[i] - low, 0.0f);
+        } else {
+          model.values[i] += std::max(high - dose.values[i], 0.0f);
+        }
+      }
+      project();
+    }
+    record(target, light, dose, step, best, solution, options);
+  }
+  // The kept light has a maximum of 1 and its dose one of 1: bring them to one unit.
+  solution.dose = adjoint(projector, context, solution.light);
+  solution.metrics = measure(target, solution.dose);
+  best.finish();
+}
+
+void run_kelly(const ExecutionContext& context, const Projector& projector, const Target& target,
+               const SolveOptions& options, Solution& solution) {
+  Best best(target, solution);
+  const TomoGrid& grid = target.grid;
+  Field gel(grid);
+  for (std::size_t i = 0; i < target.kinds.size(); ++i) {
+    gel.values[i] = target.kinds[i] == Kind::kGel ? 1.0f : 0.0f;
+  }
+  const auto filtered = [&](const Field& field) {
+    Light light = forward(projector, context, field);
+    ramp_filter(context, light, options.window);
+    return light;
+  };
+  Light unit = filtered(gel);
+  const Field response = adjoint(projector, context, unit);
+  double in_gel = 0, in_void = 0;
+  for (std::size_t i = 0; i < target.kinds.size(); ++i) {
+    if (target.kinds[i] == Kind::kGel) in_gel += response.values[i];
+    if (target.kinds[i] == Kind::kVoid) in_void += response.values[i];
+  }
+  const double jump =
+      in_gel / static_cast<double>(target.gel) - in_void / static_cast<double>(target.empty);
+  const double unit_step = jump > 0 ? 1 / jump : 1;
+  Light light = unit;
+  if (options.start != nullptr) {
+    light = *options.start;
+  } else {
+    scale(light.values, unit_step);
+  }
+  const int steps = options.steps == 0 ? 10 : options.steps;
+  for (int step = 0; step < steps; ++step) {
+    context.check_cancelled();
+    context.report("solving", static_cast<double>(step) / steps);
+    for (float& v : light.values) v = std::max(v, 0.0f);
+    const float most = largest(light.values);
+    for (float& v : light.values) v = std::round(v / most * 255) / 255 * most;
+    const Field dose = adjoint(projector, context, light);
+    record(target, light, dose, step, best, solution, options);
+    const double threshold = measure(target, dose).best_threshold;
+    const double width = 0.05 * largest(dose.values);
+    Field wrong(grid);
+    for (std::size_t i = 0; i < target.kinds.size(); ++i) {
+      if (target.kinds[i] == Kind::kNeither) continue;
+      const double solid = 1 / (1 + std::exp(-(dose.values[i] - threshold) / width));
+      wrong.values[i] = static_cast<float>(solid - gel.values[i]);
+    }
+    const Light change = filtered(wrong);
+    for (std::size_t i = 0; i < light.values.size(); ++i) {
+      light.values[i] -= static_cast<float>(unit_step) * change.values[i];
+    }
+  }
+  best.finish();
+}
+
+}  // namespace
+
+Solution solve(const ExecutionContext& context, const Projector& projector, const Target& target,
+               const Optics& optics, const SolveOptions& options) {
+  check_options(projector, target, options);
+  check_lit(context, projector, target);
+  Solution solution{.light = Light(target.grid), .dose = Field(target.grid)};
+  switch (options.method) {
+    case Method::kLadder:
+      Ladder(context, projector, target, optics, options, solution).run();
+      break;
+    case Method::kOsmo:
+      run_osmo(context, projector, target, options, solution);
+      break;
+    case Method::kKelly:
+      run_kelly(context, projector, target, options, solution);
+      break;
+    case Method::kFbp: {
+      Best best(target, solution);
+      const Light light = filtered_start(context, target, optics, options.window);
+      const Field dose = adjoint(projector, context, light);
+      record(target, light, dose, 0, best, solution, options);
+      best.finish();
+      break;
+    }
+  }
+  return solution;
+}
+
+Certificate contrast_bound(const ExecutionContext& context, const Projector& projector,
+                           const Target& target, const Field& dose, double rung) {
+  constexpr float kMargin = 1e-4f;
+  const TomoGrid& grid = target.grid;
+  const std::size_t lanes = grid.lanes();
+  std::vector<double> bounds(static_cast<std::size_t>(grid.slices), kNone);
+  parallel_for(context, "proving", grid.blocks(), [&](std::size_t b) {
+    const std::size_t voxels = grid.voxels_of_block(), pixels = grid.light_of_block();
+    Array<float> low(voxels), high(voxels), empty(voxels);
+    Array<float> a_low(pixels), a_high(pixels), a_empty(pixels);
+    std::vector<double> sum_low(lanes), sum_high(lanes), count(lanes), delta(lanes);
+    const Kind* kinds = target.kinds.data() + b * voxels;
+    const float* d = dose.block(b);
+    for (std::size_t i = 0; i < voxels; ++i) {
+      if (kinds[i] == Kind::kGel) {
+        low[i] = std::max(0.0f, 1.0f - d[i]);
+        sum_low[i % lanes] += low[i];
+      } else if (kinds[i] == Kind::kVoid) {
+        high[i] = std::max(0.0f, d[i] - static_cast<float>(rung));
+        sum_high[i % lanes] += high[i];
+        empty[i] = 1;
+        count[i % lanes] += 1;
+      }
+    }
+    projector.forward(b, low.data(), a_low.data());
+    projector.forward(b, high.data(), a_high.data());
+    projector.forward(b, empty.data(), a_empty.data());
+    for (std::size_t i = 0; i < pixels; ++i) {
+      const double missing = static_cast<double>(a_low[i]) * (1 + kMargin) -
+                             static_cast<double>(a_high[i]) * (1 - kMargin);
+      if (missing <= 0) continue;
+      double& most = delta[i % lanes];
+      most = a_empty[i] > 0 ? std::max(most, missing / (a_empty[i] * (1 - kMargin))) : kNone;
+    }
+    for (int l = 0; l < grid.lanes_used(b); ++l) {
+      if (sum_low[l] > 0 && delta[l] < kNone) {
+        bounds[b * lanes + l] = (sum_high[l] + delta[l] * count[l]) / sum_low[l];
+      }
+    }
+  });
+  const auto least = std::min_element(bounds.begin(), bounds.end());
+  if (*least == kNone) return {};
+  return {*least, static_cast<int>(least - bounds.begin())};
+}
+
+}  // namespace slicecorr::tomo

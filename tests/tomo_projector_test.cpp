@@ -28,7 +28,7 @@ std::vector<double> random_numbers(std::size_t count, unsigned seed) {
 struct Case {
   const char* name;
   TomoGrid grid;
-  Optics optics;
+  RayTables optics;
   bool insert = false;
 };
 
@@ -301,7 +301,7 @@ TEST(TomoProjector, RefractedUniformLight) {
   const double pitch = 12.5 / 400;
   grid.pixels = 799;  // the outermost ray just meets the vial
   grid.pixel_mm = pitch / vial.n3;
-  Optics optics;
+  RayTables optics;
   for (int i = 0; i < grid.pixels; ++i) {
     const double q = (i - 399) * pitch;
     optics.weight.push_back(vial.transmitted(q) * vial.n3);
@@ -336,7 +336,7 @@ TEST(TomoProjector, RefractedPinholeInPlane) {
   grid.radius_mm = vial.ri;
   grid.pixels = 801;
   grid.pixel_mm = 2 * 8.3 / 800;
-  Optics optics;
+  RayTables optics;
   optics.alpha_per_mm = 0.05;
   for (int i = 0; i < grid.pixels; ++i) {
     const double x = (i - 400) * 12.58 / 400, psi = std::atan(x / distance);

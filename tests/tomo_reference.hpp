@@ -16,7 +16,7 @@ namespace slicecorr::tomo {
 /// A and A^T of one slice, from the formulas of projector.hpp.
 class ReferenceProjector {
  public:
-  ReferenceProjector(const TomoGrid& grid, const Optics& optics, const Shadow* shadow = nullptr,
+  ReferenceProjector(const TomoGrid& grid, const RayTables& optics, const Shadow* shadow = nullptr,
                      int slice = 0)
       : g_(grid), optics_(optics), shadow_(shadow), slice_(slice) {}
 
@@ -83,7 +83,7 @@ class ReferenceProjector {
   }
 
   TomoGrid g_;
-  Optics optics_;
+  RayTables optics_;
   const Shadow* shadow_;
   int slice_;
 };

@@ -72,7 +72,7 @@ void ramp_filter(const ExecutionContext& context, Light& light, Window window, d
   });
 }
 
-Light filtered_start(const ExecutionContext& context, const Target& target, const Optics& optics,
+Light filtered_start(const ExecutionContext& context, const Target& target, const RayTables& optics,
                      Window window) {
   const TomoGrid& grid = target.grid;
   const auto axis = detail::make_axis_projector(grid, -optics.alpha_per_mm);

@@ -33,7 +33,7 @@ void check_table(const char* name, const std::vector<double>& table, int pixels)
   }
 }
 
-void check_optics(const TomoGrid& grid, const Optics& optics) {
+void check_optics(const TomoGrid& grid, const RayTables& optics) {
   const double depth = optics.alpha_per_mm * grid.radius_mm;
   if (!(optics.alpha_per_mm >= 0)) refuse("alpha_per_mm", "must be 0 or more");
   if (!(depth <= kMostAlphaRadius)) {
@@ -57,7 +57,7 @@ void check_optics(const TomoGrid& grid, const Optics& optics) {
 class BeamProjector final : public Projector {
  public:
   /// `at_axis`: light is given at the plane of the axis, and alpha may be negative.
-  BeamProjector(const TomoGrid& grid, const Optics& optics, std::shared_ptr<const Shadow> shadow,
+  BeamProjector(const TomoGrid& grid, const RayTables& optics, std::shared_ptr<const Shadow> shadow,
                 bool at_axis = false)
       : shadow_(std::move(shadow)) {
     grid.check();
@@ -107,7 +107,7 @@ class BeamProjector final : public Projector {
     return numbers;
   }
 
-  void make_beam(const TomoGrid& grid, const Optics& optics) {
+  void make_beam(const TomoGrid& grid, const RayTables& optics) {
     beam_.grid = grid;
     beam_.attenuated = optics.alpha_per_mm != 0;
     // Without attenuation or insert a line is the same from both ends.
@@ -144,7 +144,7 @@ class BeamProjector final : public Projector {
     }
   }
 
-  void make_columns(const TomoGrid& grid, const Optics& optics, bool at_axis) {
+  void make_columns(const TomoGrid& grid, const RayTables& optics, bool at_axis) {
     const int pixels = grid.pixels;
     const double radius = grid.radius_mm;
     entry_.resize(pixels);
@@ -330,13 +330,13 @@ Shadow cast_shadow(const Volume& insert) {
   return shadow;
 }
 
-std::unique_ptr<Projector> make_projector(const TomoGrid& grid, const Optics& optics,
+std::unique_ptr<Projector> make_projector(const TomoGrid& grid, const RayTables& optics,
                                           std::shared_ptr<const Shadow> shadow) {
   return std::make_unique<BeamProjector>(grid, optics, std::move(shadow));
 }
 
 std::unique_ptr<Projector> detail::make_axis_projector(const TomoGrid& grid, double alpha_per_mm) {
-  return std::make_unique<BeamProjector>(grid, Optics{.alpha_per_mm = alpha_per_mm}, nullptr, true);
+  return std::make_unique<BeamProjector>(grid, RayTables{.alpha_per_mm = alpha_per_mm}, nullptr, true);
 }
 
 Light forward(const Projector& projector, const ExecutionContext& context, const Field& field) {

@@ -127,7 +127,7 @@ void add_history(const std::vector<std::vector<detail::BlockStep>>& blocks, cons
 class Ladder {
  public:
   Ladder(const ExecutionContext& context, const Projector& projector, const Target& target,
-         const Optics& optics, const SolveOptions& options, Solution& solution)
+         const RayTables& optics, const SolveOptions& options, Solution& solution)
       : context_(context),
         projector_(projector),
         target_(target),
@@ -340,7 +340,7 @@ void run_kelly(const ExecutionContext& context, const Projector& projector, cons
 }  // namespace
 
 Solution solve(const ExecutionContext& context, const Projector& projector, const Target& target,
-               const Optics& optics, const SolveOptions& options) {
+               const RayTables& optics, const SolveOptions& options) {
   check_options(projector, target, options);
   check_lit(context, projector, target);
   Solution solution{.light = Light(target.grid), .dose = Field(target.grid)};

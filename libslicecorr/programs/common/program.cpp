@@ -115,7 +115,18 @@ Program::Program(const std::string& name, const std::string& description,
 }
 
 CLI::App* Program::add(const std::string& name, const std::string& text, Action action) {
-  CLI::App* sub = app_.add_subcommand(name, text);
+  return add_to(&app_, name, text, std::move(action));
+}
+
+CLI::App* Program::add_group(const std::string& name, const std::string& text) {
+  CLI::App* group = app_.add_subcommand(name, text);
+  group->require_subcommand(1);
+  return group;
+}
+
+CLI::App* Program::add_to(CLI::App* group, const std::string& name, const std::string& text,
+                          Action action) {
+  CLI::App* sub = group->add_subcommand(name, text);
   actions_.emplace_back(sub, std::move(action));
   return sub;
 }

@@ -66,6 +66,10 @@ class Program {
   Program& operator=(const Program&) = delete;
   /// Adds a subcommand; its options are added to what comes back.
   CLI::App* add(const std::string& name, const std::string& text, Action action);
+  /// Adds a subcommand that only has subcommands of its own, and one of these.
+  CLI::App* add_group(const std::string& name, const std::string& text);
+  CLI::App* add_to(CLI::App* group, const std::string& name, const std::string& text,
+                   Action action);
   /// Makes it a program without subcommands; its options are added to what comes back.
   CLI::App* only(Action action);
   /// Parses, calls the action of the subcommand, turns errors into messages and exit codes.

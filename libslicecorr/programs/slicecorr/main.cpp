@@ -17,6 +17,7 @@
 #include "slicecorr/solid.hpp"
 #include "slicecorr/turned.hpp"
 #include "slicecorr/version.hpp"
+#include "tomo.hpp"
 
 namespace slicecorr::cli {
 namespace {
@@ -505,6 +506,9 @@ int run_program(int argc, char** argv) {
   sub = add("info", "What a stack says about itself", info);
   stack_input(sub, "STACK", "Stack to look into");
   sub->add_option("--json", a.json, "Write as JSON to FILE, or - for stdout");
+
+  TomoOptions tomo;
+  add_tomo(program, tomo);
 
   return program.run(argc, argv);
 }

@@ -6,9 +6,8 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "slicecorr/vial.hpp"
 #include "stack/block_check.hpp"
-#include "stack/flat_field_entry.hpp"
+#include "stack/formats/definition_json.hpp"
 #include "stack/recording_entry.hpp"
 
 namespace slicecorr::detail {
@@ -46,88 +45,6 @@ Json properties_json(const StackInfo& info, double light_on_s, double bottom_s, 
   properties["Bottom"]["Count"] = bottom_layers;
   properties["AntiAliasLevel"] = 1;
   return properties;
-}
-
-Json calibration_json(const std::vector<CalibrationPoint>& calibration) {
-  Json points = Json::array();
-  for (const CalibrationPoint& c : calibration) {
-    points.push_back({{"level", c.level}, {"intensity_mw_cm2", c.intensity_mw_cm2}});
-  }
-  return points;
-}
-
-Json orientation_json(const Orientation& o) {
-  return {{"portrait", o.portrait}, {"mirror_x", o.mirror_x}, {"mirror_y", o.mirror_y}};
-}
-
-Json printer_json(const Printer& p) {
-  Json json = {{"name", p.name},
-               {"width_px", p.width_px},
-               {"height_px", p.height_px},
-               {"pixel_x_um", p.pixel_x_um},
-               {"pixel_y_um", p.pixel_y_um},
-               {"bit_depth", p.bit_depth},
-               {"wavelength_nm", p.wavelength_nm},
-               {"calibration", calibration_json(p.calibration)},
-               {"max_speed_mm_h", p.max_speed_mm_h},
-               {"travel_mm", p.travel_mm}};
-  if (p.uv) {
-    json["uv"] = {{"wavelength_nm", p.uv->wavelength_nm},
-                  {"kind", p.uv->patterned ? "patterned" : "flood"},
-                  {"calibration", calibration_json(p.uv->calibration)}};
-  }
-  if (p.orientation) json["orientation"] = orientation_json(*p.orientation);
-  if (p.flat_field) {
-    const FlatField& f = *p.flat_field;
-    json["flat_field"] = {{"file", kFlatFieldEntry},  {"width_px", f.width_px},
-                          {"height_px", f.height_px}, {"frame", f.of_plate ? "plate" : "image"},
-                          {"reference", f.reference}, {"crc32", flat_field_crc32(f)}};
-  }
-  if (p.vial) {
-    json["vial"] = {{"outer_mm", p.vial->outer_mm},
-                    {"inner_mm", p.vial->inner_mm},
-                    {"n_outside", p.vial->n_outside},
-                    {"n_wall", p.vial->n_wall}};
-  }
-  if (p.optics) {
-    json["optics"] = {{"kind", name_of(p.optics->kind)},
-                      {"distance_mm", p.optics->distance_mm},
-                      {"half_angle_deg", p.optics->half_angle_deg},
-                      {"rays_per_pixel", p.optics->rays_per_pixel},
-                      {"axis_right_px", p.optics->axis_right_px},
-                      {"axis_up_px", p.optics->axis_up_px}};
-  }
-  if (p.rotation) {
-    json["rotation"] = {{"deg_s", p.rotation->deg_s},
-                        {"direction", name_of(p.rotation->direction)},
-                        {"max_fps", p.rotation->max_fps}};
-  }
-  return json;
-}
-
-Json resin_json(const Resin& r) {
-  Json json = {{"name", r.name},
-               {"model", r.model == CureModelKind::kinetic ? "kinetic" : "jacobs"},
-               {"m", r.m},
-               {"absorbance_height10_um", r.absorbance_height10_um},
-               {"critical_dose_mj_cm3", r.critical_dose_mj_cm3},
-               {"critical_dose_prime", r.critical_dose_prime},
-               {"gel_dose_mj_cm3", r.gel_dose_mj_cm3},
-               {"dose_factor", r.dose_factor}};
-  const auto given = [&](const char* key, double value) {
-    if (value > 0) json[key] = value;
-  };
-  given("active_absorption_per_cm", r.active_absorption_per_cm);
-  given("n", r.n);
-  given("inhibition_dose_mj_cm3", r.inhibition_dose_mj_cm3);
-  given("inhibition_resupply_mj_cm3_s", r.inhibition_resupply_mj_cm3_s);
-  if (r.inhibition) {
-    json["inhibition"] = {{"beta", r.inhibition->beta},
-                          {"absorbance_height10_um", r.inhibition->absorbance_height10_um},
-                          {"m", r.inhibition->m},
-                          {"critical_dose_prime", r.inhibition->critical_dose_prime}};
-  }
-  return json;
 }
 
 /// What the version of our block must be for these parameters.

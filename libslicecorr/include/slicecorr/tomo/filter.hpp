@@ -26,7 +26,7 @@ void ramp_filter(const ExecutionContext& context, Light& light, Window window,
 /// With absorption it is the inverse of Kelly, Bhattacharya et al., Science 2019, eq. 2: projected
 /// with e^(+alpha u), filtered with |k| < alpha zeroed, shown times e^(+alpha sqrt(R^2 - t^2)).
 /// Frames of refracted light are resampled from the lines in the resin. An insert is not seen.
-Light filtered_start(const ExecutionContext& context, const Target& target, const Optics& optics,
+Light filtered_start(const ExecutionContext& context, const Target& target, const RayTables& optics,
                      Window window = Window::kHamming);
 
 /// Re IFFT2(FFT2(gel) |k| window) of every slice, scaled to a maximum of 1: the model from which

@@ -28,7 +28,7 @@
 namespace slicecorr::tomo {
 
 /// What the vial does to the light of each pixel. Empty tables: 1, and no turn.
-struct Optics {
+struct RayTables {
   /// Absorption along the exact chord, 1/mm, >= 0.
   double alpha_per_mm = 0;
   /// Per pixel, >= 0: Fresnel transmittance times n3/n1/cos^3 psi; 0 where a ray misses the resin.
@@ -64,7 +64,7 @@ class Projector {
 
 /// The fast projector, in single precision and vector registers. Throws `InputError` for tables
 /// that don't fit the grid, and values out of range.
-std::unique_ptr<Projector> make_projector(const TomoGrid& grid, const Optics& optics = {},
+std::unique_ptr<Projector> make_projector(const TomoGrid& grid, const RayTables& optics = {},
                                           std::shared_ptr<const Shadow> shadow = nullptr);
 
 /// All blocks; the same bytes for any number of threads.

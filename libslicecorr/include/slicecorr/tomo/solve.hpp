@@ -84,7 +84,7 @@ struct Solution {
 /// a gel voxel is lit from no angle, `Cancelled`. A bound below 1 is returned, not thrown.
 /// `optics` are those of `projector`.
 Solution solve(const ExecutionContext& context, const Projector& projector, const Target& target,
-               const Optics& optics, const SolveOptions& options = {});
+               const RayTables& optics, const SolveOptions& options = {});
 
 /// The bound of C that a dose proves: with lo = (1 - D)+ on gel, hi = (D - rho_c)+ on void and
 /// delta >= 0 the least with A(hi + delta void) >= A lo on every ray, any b >= 0 has

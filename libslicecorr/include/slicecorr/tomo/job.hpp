@@ -1,0 +1,41 @@
+/// @file tomo/job.hpp
+/// A tomographic print as a file: the frames of a turn, what they are shown by, and the part.
+///
+/// A zip with `config.json`, `frame/00000000.png` and so on, an 8-bit grey image of the projector's
+/// size per frame, and `part/00000000.png` and so on, a voxel to a pixel, the lowest slice first.
+/// Frames are shown in order, each for 1/angles of a turn, while the vial turns as `direction` says.
+/// The same job gives the same bytes.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "slicecorr/process.hpp"
+#include "slicecorr/tomo/bench.hpp"
+#include "slicecorr/tomo/npy.hpp"
+
+namespace slicecorr::tomo {
+
+/// Newest version of `config.json` that this program reads.
+inline constexpr int kJobFormat = 1;
+
+struct Job {
+  Printer printer;
+  Resin resin;
+  Sampling sampling;
+  int turns = 1;
+  /// Coverage of voxels: 255 part, 0 empty, between: neither. Slices of the grid of `make_bench`.
+  Box<std::uint8_t> part;
+  /// Grey levels, laid out as the light of the grid of `make_bench`; 0 in lanes without a slice.
+  std::vector<std::uint16_t> levels;
+};
+
+/// Written under a temporary name, then renamed. Throws `DeviceError`, and `InputError` as
+/// `make_bench`.
+void write_job(const std::string& path, const Job& job, const ExecutionContext& context = {});
+/// Throws `InputError` naming entry and key for what is missing, damaged, of another size or number
+/// than `config.json` says, or of a newer format. What frames show beside the resin is not kept.
+Job read_job(const std::string& path, const ExecutionContext& context = {});
+
+}  // namespace slicecorr::tomo

@@ -1,0 +1,77 @@
+/// @file tomo/print.hpp
+/// From a part to the job that prints it, and from a job to what it prints.
+///
+/// Thread-safe; the same results for any number of threads.
+#pragma once
+
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "slicecorr/mesh.hpp"
+#include "slicecorr/parallel.hpp"
+#include "slicecorr/process.hpp"
+#include "slicecorr/tomo/job.hpp"
+#include "slicecorr/tomo/metrics.hpp"
+#include "slicecorr/tomo/npy.hpp"
+#include "slicecorr/tomo/solve.hpp"
+
+namespace slicecorr::tomo {
+
+/// Cuts a part to voxels: exact coverage of their squares in 256 levels, at their mid-heights. The
+/// part's box is middled on the axis. Throws `InputError` when it reaches over the vial.
+Box<std::uint8_t> voxelise(TriangleMesh mesh, const Printer& printer, double voxel_mm,
+                           const ExecutionContext& context = {});
+/// A volume of voxels of this side on the grid of the vial: middled, with nothing around it. Throws
+/// `InputError` when it is not square, or something of it lies outside the vial.
+Box<std::uint8_t> placed(const Box<std::uint8_t>& volume, const Printer& printer, double voxel_mm);
+/// Greatest distance of a covered voxel from the axis, mm.
+double part_radius_mm(const Box<std::uint8_t>& part, double voxel_mm);
+
+/// What a job prints; doses are those of the whole print.
+struct PrintFigures {
+  Metrics metrics;
+  double jaccard_at_dose = 0;  ///< of what reaches the gel dose
+  double efficiency = 0;       ///< mean over largest light
+  int turns = 0;
+  double print_time_s = 0;
+  double alpha_r = 0;
+  double gel_dose_mj_cm3 = 0;  ///< that gels, with what inhibitors take and get again in that time
+  double floor_mj_cm3 = 0;     ///< most that black light alone leaves anywhere
+  /// No light whatever has a higher contrast; infinite when nothing was proven.
+  double contrast_bound = std::numeric_limits<double>::infinity();
+  /// All of the part gels before any void does.
+  bool feasible() const { return metrics.contrast >= 1 && metrics.min_gel >= gel_dose_mj_cm3; }
+  /// The keys of the contract, as JSON.
+  std::string to_json() const;
+};
+
+struct PrintOptions {
+  SolveOptions solve;
+  int angles = 0;             ///< 0: `usual_angles`
+  double most_time_s = 0;     ///< 0: no limit
+  bool beyond_reach = false;  ///< gel where not all directions reach is allowed
+};
+
+struct Print {
+  Job job;
+  PrintFigures figures;  ///< of the frames with their grey levels
+  std::vector<Step> history;
+};
+
+/// Throws `InputError` for parts outside of the vial or its reach, `InfeasibleError` when the bound
+/// of contrast is below 1, when black light gels resin, when inhibitor comes back faster than light
+/// takes it, and when it takes longer than allowed.
+Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer& printer,
+                  const Resin& resin, const PrintOptions& options = {},
+                  const ExecutionContext& context = {});
+
+/// The doses that a job's frames leave, mJ/cm³ of the whole print, by a direct sum over angles in
+/// double precision that shares nothing with the solver's operators: [z][y][x], 0 outside of the
+/// resin.
+Box<float> dose_of(const Job& job, const ExecutionContext& context = {});
+/// Figures of these doses, against the job's part or another on its grid.
+PrintFigures figures_of(const Job& job, const Box<float>& dose, const Box<std::uint8_t>& part,
+                        const ExecutionContext& context = {});
+
+}  // namespace slicecorr::tomo

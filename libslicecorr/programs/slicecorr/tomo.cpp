@@ -1,0 +1,171 @@
+#include "tomo.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <functional>
+
+#include "slicecorr/error.hpp"
+#include "slicecorr/load_printer.hpp"
+#include "slicecorr/tomo/print.hpp"
+
+namespace slicecorr::cli {
+
+namespace {
+
+using tomo::Box;
+using tomo::PrintFigures;
+
+tomo::Method method_named(const std::string& name) {
+  if (name == "osmo") return tomo::Method::kOsmo;
+  if (name == "kelly") return tomo::Method::kKelly;
+  if (name == "fbp") return tomo::Method::kFbp;
+  return tomo::Method::kLadder;
+}
+
+tomo::Window window_named(const std::string& name) {
+  if (name == "ram-lak") return tomo::Window::kRamLak;
+  if (name == "kelly") return tomo::Window::kKelly;
+  return tomo::Window::kHamming;
+}
+
+std::string in_words(const PrintFigures& f) {
+  const auto& m = f.metrics;
+  std::string text = fmt::format(
+      "contrast {:.4g}{}: void begins to gel after {:.4g} times the print's time\n"
+      "part {} voxels, void {}, of which {} gel with the part\n"
+      "dose in the part {:.4g} to {:.4g} mJ/cm³, in void up to {:.4g}; {:.4g} gels\n"
+      "overlap {:.5f} at that dose, {:.5f} at the best\n"
+      "{} turns, {:.0f} min {:02.0f} s; light {:.2f} % of the brightest in the mean; alpha R {:.3g}",
+      m.contrast,
+      std::isfinite(f.contrast_bound)
+          ? fmt::format(" (no light has more than {:.4g})", f.contrast_bound)
+          : std::string(),
+      m.contrast, m.gel, m.empty, m.void_gelled, m.min_gel, m.max_gel, m.max_void,
+      f.gel_dose_mj_cm3, f.jaccard_at_dose, m.best_jaccard, f.turns,
+      std::floor(f.print_time_s / 60), std::fmod(f.print_time_s, 60.0), 100 * f.efficiency,
+      f.alpha_r);
+  if (!f.feasible()) {
+    text += m.contrast < 1 ? "\nvoid gels before the part does"
+                           : "\nsome of the part gets less than what gels";
+  }
+  return text + "\n";
+}
+
+int tell(const PrintFigures& figures, const std::string& json, Console& console) {
+  if (json.empty()) {
+    print_result(in_words(figures));
+  } else {
+    print_or_write(json, figures.to_json());
+    console.say(in_words(figures));
+  }
+  return figures.feasible() ? kDone : kMissed;
+}
+
+Box<std::uint8_t> part_of(const TomoOptions& o, const Printer& printer, double voxel_mm,
+                          const ExecutionContext& context) {
+  if (!o.volume.empty()) {
+    return tomo::placed(tomo::read_part_npy(o.volume), printer, voxel_mm);
+  }
+  return tomo::voxelise(read_parts(o.mesh, context).mesh, printer, voxel_mm, context);
+}
+
+int solve(const TomoOptions& o, const ExecutionContext& context, Console& console) {
+  if (o.volume.empty() == o.mesh.parts.empty()) {
+    throw InputError("expected meshes, or a volume (--volume)");
+  }
+  std::vector<std::string> inputs = o.mesh.parts;
+  if (!o.volume.empty()) inputs.push_back(o.volume);
+  check_output(o.output, inputs);
+  check_output(o.json, inputs);
+  const Printer printer = load_printer(o.printer);
+  const Resin resin = load_resin(o.resin);
+  const double voxel_mm = o.voxel_mm > 0        ? o.voxel_mm
+                          : o.mesh.layer_um > 0 ? o.mesh.layer_um * 1e-3
+                                                : printer.pixel_y_um * 1e-3;
+  if (!o.volume.empty() && o.voxel_mm <= 0) {
+    throw InputError("--volume does not say how large its voxels are; expected --voxel-mm");
+  }
+  tomo::PrintOptions options;
+  options.solve.method = method_named(o.method);
+  options.solve.window = window_named(o.window);
+  options.solve.steps = o.iterations;
+  options.angles = o.angles;
+  options.most_time_s = o.most_time_s;
+  options.beyond_reach = o.beyond_reach;
+  const tomo::Print print = tomo::solve_print(part_of(o, printer, voxel_mm, context), voxel_mm,
+                                              printer, resin, options, context);
+  tomo::write_job(o.output, print.job, context);
+  console.say(fmt::format("{}: {} frames of {} x {} pixels", o.output, print.job.sampling.angles,
+                          printer.width_px, printer.height_px));
+  return tell(print.figures, o.json, console);
+}
+
+int verify(const TomoOptions& o, const ExecutionContext& context, Console& console) {
+  for (const std::string& output : {o.dose, o.json}) check_output(output, {o.job, o.volume});
+  const tomo::Job job = tomo::read_job(o.job, context);
+  const Box<std::uint8_t> part =
+      o.volume.empty()
+          ? job.part
+          : tomo::placed(tomo::read_part_npy(o.volume), job.printer, job.sampling.voxel_mm);
+  if (part.nz != job.part.nz) {
+    throw InputError(
+        o.volume, "",
+        fmt::format("has {} slices, the job {}; expected as many", part.nz, job.part.nz));
+  }
+  const Box<float> dose = tomo::dose_of(job, context);
+  if (!o.dose.empty()) tomo::write_npy(o.dose, dose);
+  return tell(tomo::figures_of(job, dose, part, context), o.json, console);
+}
+
+}  // namespace
+
+void add_tomo(Program& program, TomoOptions& o) {
+  CLI::App* group = program.add_group(
+      "tomo", "Print whole parts at once, in a vial that turns before a projector");
+  using Command = int (*)(const TomoOptions&, const ExecutionContext&, Console&);
+  const auto add = [&](const char* name, const char* text, Command command) {
+    return program.add_to(group, name, text,
+                          [&o, command](const ExecutionContext& context, Console& console) {
+                            return command(o, context, console);
+                          });
+  };
+  CLI::App* sub = add("solve", "Find the frames of a part, and write them as a job", solve);
+  sub->add_option("PART", o.mesh.parts, "Meshes (stl, obj, ply, off, 3mf; also .gz)");
+  sub->add_option(
+      "--volume", o.volume,
+      "A volume in place of meshes (.npy, axes z, y, x: 255 part, 0 empty, else neither)");
+  sub->add_option("--voxel-mm", o.voxel_mm, "Side of a voxel [--layer-um, else the pixel's pitch]")
+      ->check(number_above_zero());
+  sub->add_option("--layer-um", o.mesh.layer_um, "The same in micrometres")
+      ->check(number_in(1, 1000));
+  o.mesh.add_placement_to(*sub);
+  sub->add_option("--printer", o.printer, "Printer: a .toml file or a name")->required();
+  sub->add_option("--resin", o.resin, "Resin: a .toml file or a name")->required();
+  sub->add_option("-o,--output", o.output, "Job to write (.frames)")->required();
+  sub->add_option("--angles", o.angles, "Frames of a turn [as many as resolve the voxels]")
+      ->check(CLI::Range(3, 100000));
+  sub->add_option("--method", o.method,
+                  "How light is found: contrast ladder, OSMO, Kelly's gradient, or filtered back "
+                  "projection alone")
+      ->check(CLI::IsMember({"ladder", "osmo", "kelly", "fbp"}))
+      ->capture_default_str();
+  sub->add_option("--window", o.window, "Window of the filter that it starts from")
+      ->check(CLI::IsMember({"hamming", "ram-lak", "kelly"}))
+      ->capture_default_str();
+  sub->add_option("--iterations", o.iterations, "Steps, with the ladder of each rung [60, 20, 10]")
+      ->check(CLI::Range(1, 100000));
+  sub->add_option("--max-time-s", o.most_time_s, "Refuse what takes longer to print")
+      ->check(number_above_zero());
+  sub->add_flag("--beyond-reach", o.beyond_reach,
+                "Allow parts that reach further than light from all directions does");
+  sub->add_option("--json", o.json, "Write all figures as JSON to FILE, or - for stdout");
+
+  sub = add("verify", "Say what a job's frames print, by a direct sum of their light", verify);
+  sub->add_option("JOB", o.job, "Job (.frames)")->required();
+  sub->add_option("--volume", o.volume, "Another part to judge by (.npy), with the job's voxels");
+  sub->add_option("--dose", o.dose, "Write the dose of the print, mJ/cm³, to FILE (.npy)");
+  sub->add_option("--json", o.json, "Write all figures as JSON to FILE, or - for stdout");
+}
+
+}  // namespace slicecorr::cli

@@ -1,0 +1,24 @@
+/// The subcommands of `tomo`: printing the whole part at once.
+#pragma once
+
+#include <string>
+
+#include "programs/common/mesh_options.hpp"
+#include "programs/common/program.hpp"
+#include "programs/common/setup_options.hpp"
+
+namespace slicecorr::cli {
+
+struct TomoOptions {
+  MeshOptions mesh;
+  std::string printer, resin, volume, output, job, dose, json;
+  std::string method = "ladder", window = "hamming";
+  double voxel_mm = 0, most_time_s = 0;
+  int angles = 0, iterations = 0;
+  bool beyond_reach = false;
+};
+
+/// Adds `tomo` with its subcommands, which keep what they are told in `options`.
+void add_tomo(Program& program, TomoOptions& options);
+
+}  // namespace slicecorr::cli

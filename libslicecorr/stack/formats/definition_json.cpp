@@ -1,0 +1,215 @@
+#include "stack/formats/definition_json.hpp"
+
+#include "slicecorr/image_size.hpp"
+#include "slicecorr/vial.hpp"
+#include "stack/flat_field_entry.hpp"
+
+namespace slicecorr::detail {
+namespace {
+
+using Json = nlohmann::ordered_json;
+using Node = JsonNode<nlohmann::json>;
+
+constexpr double kLargest = JsonSource::kLargest;
+
+Json calibration_json(const std::vector<CalibrationPoint>& calibration) {
+  Json points = Json::array();
+  for (const CalibrationPoint& c : calibration) {
+    points.push_back({{"level", c.level}, {"intensity_mw_cm2", c.intensity_mw_cm2}});
+  }
+  return points;
+}
+
+std::vector<CalibrationPoint> read_calibration(const Node& node) {
+  std::vector<CalibrationPoint> points;
+  for (const Node& point : node.list(2, 65536)) {
+    const CalibrationPoint c{point["level"].number(0, kLargest),
+                             point["intensity_mw_cm2"].number(0, kLargest)};
+    if (!points.empty() &&
+        (c.level <= points.back().level || c.intensity_mw_cm2 < points.back().intensity_mw_cm2)) {
+      point.fail("a level above and an intensity not below those before it");
+    }
+    points.push_back(c);
+  }
+  return points;
+}
+
+/// What tomographic printers have besides.
+void read_tomography(const Node& node, Printer& p) {
+  if (node.has("vial")) {
+    const Node v = node["vial"];
+    p.vial = Vial{v["outer_mm"].positive(), v["inner_mm"].positive(), v["n_outside"].number(1, 3),
+                  v["n_wall"].number(1, 3)};
+    if (p.vial->inner_mm >= p.vial->outer_mm) v["inner_mm"].fail("less than outer_mm");
+  }
+  if (node.has("optics")) {
+    const Node o = node["optics"];
+    p.optics = Optics{static_cast<OpticsKind>(o["kind"].choice({"telecentric", "pinhole"})),
+                      o["distance_mm"].number(0, kLargest),
+                      o["half_angle_deg"].number(0, 45),
+                      o["rays_per_pixel"].integer(1, 1000),
+                      o["axis_right_px"].number(-kMostPixelsAcross, kMostPixelsAcross),
+                      o["axis_up_px"].number(-1e5, 1e5)};
+    if (p.optics->kind == OpticsKind::pinhole &&
+        p.optics->distance_mm <= (p.vial ? p.vial->outer_mm : 0)) {
+      o["distance_mm"].fail("more than the vial's outer radius");
+    }
+  }
+  if (node.has("rotation")) {
+    const Node r = node["rotation"];
+    p.rotation = Rotation{
+        r["deg_s"].positive(),
+        static_cast<TurnDirection>(r["direction"].choice({"clockwise", "counterclockwise"})),
+        r["max_fps"].number(0, kLargest)};
+  }
+}
+
+}  // namespace
+
+Json orientation_json(const Orientation& o) {
+  return {{"portrait", o.portrait}, {"mirror_x", o.mirror_x}, {"mirror_y", o.mirror_y}};
+}
+
+Orientation read_orientation(const Node& node) {
+  return {node["portrait"].flag(), node["mirror_x"].flag(), node["mirror_y"].flag()};
+}
+
+Json printer_json(const Printer& p) {
+  Json json = {{"name", p.name},
+               {"width_px", p.width_px},
+               {"height_px", p.height_px},
+               {"pixel_x_um", p.pixel_x_um},
+               {"pixel_y_um", p.pixel_y_um},
+               {"bit_depth", p.bit_depth},
+               {"wavelength_nm", p.wavelength_nm},
+               {"calibration", calibration_json(p.calibration)},
+               {"max_speed_mm_h", p.max_speed_mm_h},
+               {"travel_mm", p.travel_mm}};
+  if (p.uv) {
+    json["uv"] = {{"wavelength_nm", p.uv->wavelength_nm},
+                  {"kind", p.uv->patterned ? "patterned" : "flood"},
+                  {"calibration", calibration_json(p.uv->calibration)}};
+  }
+  if (p.orientation) json["orientation"] = orientation_json(*p.orientation);
+  if (p.flat_field) {
+    const FlatField& f = *p.flat_field;
+    json["flat_field"] = {{"file", kFlatFieldEntry},  {"width_px", f.width_px},
+                          {"height_px", f.height_px}, {"frame", f.of_plate ? "plate" : "image"},
+                          {"reference", f.reference}, {"crc32", flat_field_crc32(f)}};
+  }
+  if (p.vial) {
+    json["vial"] = {{"outer_mm", p.vial->outer_mm},
+                    {"inner_mm", p.vial->inner_mm},
+                    {"n_outside", p.vial->n_outside},
+                    {"n_wall", p.vial->n_wall}};
+  }
+  if (p.optics) {
+    json["optics"] = {{"kind", name_of(p.optics->kind)},
+                      {"distance_mm", p.optics->distance_mm},
+                      {"half_angle_deg", p.optics->half_angle_deg},
+                      {"rays_per_pixel", p.optics->rays_per_pixel},
+                      {"axis_right_px", p.optics->axis_right_px},
+                      {"axis_up_px", p.optics->axis_up_px}};
+  }
+  if (p.rotation) {
+    json["rotation"] = {{"deg_s", p.rotation->deg_s},
+                        {"direction", name_of(p.rotation->direction)},
+                        {"max_fps", p.rotation->max_fps}};
+  }
+  return json;
+}
+
+Json resin_json(const Resin& r) {
+  Json json = {{"name", r.name},
+               {"model", r.model == CureModelKind::kinetic ? "kinetic" : "jacobs"},
+               {"m", r.m},
+               {"absorbance_height10_um", r.absorbance_height10_um},
+               {"critical_dose_mj_cm3", r.critical_dose_mj_cm3},
+               {"critical_dose_prime", r.critical_dose_prime},
+               {"gel_dose_mj_cm3", r.gel_dose_mj_cm3},
+               {"dose_factor", r.dose_factor}};
+  const auto given = [&](const char* key, double value) {
+    if (value > 0) json[key] = value;
+  };
+  given("active_absorption_per_cm", r.active_absorption_per_cm);
+  given("n", r.n);
+  given("inhibition_dose_mj_cm3", r.inhibition_dose_mj_cm3);
+  given("inhibition_resupply_mj_cm3_s", r.inhibition_resupply_mj_cm3_s);
+  if (r.inhibition) {
+    json["inhibition"] = {{"beta", r.inhibition->beta},
+                          {"absorbance_height10_um", r.inhibition->absorbance_height10_um},
+                          {"m", r.inhibition->m},
+                          {"critical_dose_prime", r.inhibition->critical_dose_prime}};
+  }
+  return json;
+}
+
+Printer read_printer(const Node& node) {
+  Printer p;
+  p.name = node["name"].string();
+  p.width_px = node["width_px"].integer(1, kMostPixelsAcross);
+  p.height_px = node["height_px"].integer(1, kMostPixelsAcross);
+  p.pixel_x_um = node["pixel_x_um"].positive();
+  p.pixel_y_um = node["pixel_y_um"].positive();
+  p.bit_depth = node["bit_depth"].integer(1, 8);
+  p.wavelength_nm = node["wavelength_nm"].number(0, kLargest);
+  p.calibration = read_calibration(node["calibration"]);
+  if (p.calibration.front().level != 0 || p.calibration.back().level != p.levels() - 1) {
+    node["calibration"].fail("points from level 0 to level " + std::to_string(p.levels() - 1));
+  }
+  if (node.has("uv")) {
+    const Node uv = node["uv"];
+    p.uv =
+        UvLamp{uv["wavelength_nm"].number(0, kLargest),
+               uv["kind"].choice({"flood", "patterned"}) == 1, read_calibration(uv["calibration"])};
+  }
+  if (node.has("orientation")) p.orientation = read_orientation(node["orientation"]);
+  if (node.has("flat_field")) {
+    const Node f = node["flat_field"];
+    FlatField field;
+    field.width_px = f["width_px"].integer(1, kMostPixelsAcross);
+    field.height_px = f["height_px"].integer(1, kMostPixelsAcross);
+    if (!is_image_size(field.width_px, field.height_px)) {
+      f["width_px"].fail("a picture of at most " + std::to_string(kMostPixels) + " pixels");
+    }
+    field.of_plate = f["frame"].choice({"image", "plate"}) == 1;
+    field.reference = f["reference"].integer(1, 255);
+    p.flat_field = field;
+  }
+  read_tomography(node, p);
+  p.max_speed_mm_h = node["max_speed_mm_h"].number(0, kLargest);
+  p.travel_mm = node["travel_mm"].number(0, kLargest);
+  return p;
+}
+
+Resin read_resin(const Node& node) {
+  Resin r;
+  r.name = node["name"].string();
+  r.model = node["model"].choice({"jacobs", "kinetic"}) == 1 ? CureModelKind::kinetic
+                                                             : CureModelKind::jacobs;
+  r.m = node["m"].positive(2);
+  r.absorbance_height10_um = node["absorbance_height10_um"].positive();
+  r.critical_dose_mj_cm3 = node["critical_dose_mj_cm3"].number(0, kLargest);
+  r.critical_dose_prime = node["critical_dose_prime"].number(0, kLargest);
+  r.gel_dose_mj_cm3 = node["gel_dose_mj_cm3"].number(0, kLargest);
+  if (r.critical_dose_mj_cm3 == 0 && r.critical_dose_prime == 0) {
+    node["critical_dose_mj_cm3"].fail("a number above 0, or a critical_dose_prime above 0");
+  }
+  if (node.has("dose_factor")) r.dose_factor = node["dose_factor"].positive();
+  const auto given = [&](const char* key, double least, double most) {
+    return node.has(key) ? node[key].number(least, most) : 0;
+  };
+  // A stack says nothing of it where all that absorbs cures.
+  r.active_absorption_per_cm = given("active_absorption_per_cm", 0, absorption_per_cm(r));
+  r.n = given("n", 1, 3);
+  r.inhibition_dose_mj_cm3 = given("inhibition_dose_mj_cm3", 0, kLargest);
+  r.inhibition_resupply_mj_cm3_s = given("inhibition_resupply_mj_cm3_s", 0, kLargest);
+  if (node.has("inhibition")) {
+    const Node i = node["inhibition"];
+    r.inhibition = Inhibition{i["beta"].positive(), i["absorbance_height10_um"].positive(),
+                              i["m"].positive(2), i["critical_dose_prime"].number(0, kLargest)};
+  }
+  return r;
+}
+
+}  // namespace slicecorr::detail

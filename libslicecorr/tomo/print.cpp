@@ -1,0 +1,263 @@
+#include "slicecorr/tomo/print.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "slicecorr/error.hpp"
+#include "slicecorr/slice.hpp"
+#include "slicecorr/vial.hpp"
+
+namespace slicecorr::tomo {
+
+namespace {
+
+/// Voxels of a slice, by row and column of the part's box.
+double distance_mm(int n, int x, int y, double voxel_mm) {
+  return std::hypot(x - 0.5 * (n - 1), y - 0.5 * (n - 1)) * voxel_mm;
+}
+
+int voxels_across(const Printer& printer, double voxel_mm) {
+  return 2 * static_cast<int>(std::floor(printer.vial->inner_mm / voxel_mm + 1e-9)) + 1;
+}
+
+Volume volume_of(const TomoGrid& grid, const Box<std::uint8_t>& part) {
+  Volume volume(grid);
+  for (int z = 0; z < part.nz; ++z) {
+    for (int y = 0; y < part.ny; ++y) {
+      for (int x = 0; x < part.nx; ++x) {
+        volume.coverage[grid.voxel(x, y, z)] = part.values[part.at(z, y, x)];
+      }
+    }
+  }
+  return volume;
+}
+
+/// Whole turns until the weakest gel voxel has its dose, and what it needs by then.
+struct Turns {
+  int count = 0;
+  double dose_mj_cm3 = 0;
+};
+Turns turns_for(const Bench& bench, double turn_mj_cm3) {
+  const double back = bench.resupply_mj_cm3_s * bench.exposure.turn_s;
+  if (!(turn_mj_cm3 > back)) {
+    throw InfeasibleError(fmt::format(
+        "inhibitor comes back as fast as light takes it: {:.4g} mJ/cm³ in a turn, of which the "
+        "weakest voxel of the part gets {:.4g}; expected more light, or a slower turn",
+        back, turn_mj_cm3));
+  }
+  const double turns =
+      std::ceil(bench.exposure.critical_mj_cm3 / (turn_mj_cm3 - back) * (1 - 1e-9));
+  if (!(turns < 1e9)) throw InfeasibleError("the part gets too little light to gel in any time");
+  const int count = std::max(1, static_cast<int>(turns));
+  return {count, bench.exposure.critical_mj_cm3 + back * count};
+}
+
+}  // namespace
+
+Box<std::uint8_t> voxelise(TriangleMesh mesh, const Printer& printer, double voxel_mm,
+                           const ExecutionContext& context) {
+  require_tomographic(printer);
+  // The slicer's display is the square of voxels around the resin.
+  Printer plate;
+  plate.name = printer.name;
+  plate.width_px = plate.height_px = voxels_across(printer, voxel_mm);
+  plate.pixel_x_um = plate.pixel_y_um = voxel_mm * 1e3;
+  plate.bit_depth = 8;
+  SliceOptions options;
+  options.layer_um = voxel_mm * 1e3;
+  const MeshSlices slices(std::move(mesh), plate, options, context);
+  const int n = plate.width_px;
+  Box<std::uint8_t> part{slices.grid().layers, n, n, {}};
+  part.values.assign(
+      static_cast<std::size_t>(part.nz) * static_cast<std::size_t>(n) * static_cast<std::size_t>(n),
+      0);
+  const PixelBox whole{0, 0, n, n};
+  slices.read_band(whole, [&](int z, const std::uint8_t* rows) {
+    if (!rows) return;
+    // Image rows run from the largest y down.
+    for (int row = 0; row < n; ++row) {
+      std::copy_n(rows + static_cast<std::ptrdiff_t>(row) * n, n,
+                  &part.values[part.at(z, n - 1 - row, 0)]);
+    }
+  });
+  return part;
+}
+
+Box<std::uint8_t> placed(const Box<std::uint8_t>& volume, const Printer& printer, double voxel_mm) {
+  require_tomographic(printer);
+  if (volume.nx != volume.ny) {
+    throw InputError(
+        fmt::format("the volume is {} x {} voxels across; expected as many along x as "
+                    "along y",
+                    volume.nx, volume.ny));
+  }
+  const int n = voxels_across(printer, voxel_mm);
+  // An even volume has no voxel on the axis: its voxels lie half a voxel beside those of the grid.
+  const int shift = (n - volume.nx - (n - volume.nx) % 2) / 2;
+  Box<std::uint8_t> part{volume.nz, n, n, {}};
+  part.values.assign(
+      static_cast<std::size_t>(part.nz) * static_cast<std::size_t>(n) * static_cast<std::size_t>(n),
+      0);
+  for (int z = 0; z < volume.nz; ++z) {
+    for (int y = 0; y < volume.ny; ++y) {
+      for (int x = 0; x < volume.nx; ++x) {
+        const std::uint8_t value = volume.values[volume.at(z, y, x)];
+        if (value == 0) continue;
+        const int px = x + shift, py = y + shift;
+        if (px < 0 || px >= n || py < 0 || py >= n) {
+          throw InputError(fmt::format(
+              "voxel {}, {}, {} of the volume lies {:.3f} mm from the axis, the resin ends at {:g} "
+              "mm; expected a smaller part, or smaller voxels",
+              x, y, z, distance_mm(n, px, py, voxel_mm), printer.vial->inner_mm));
+        }
+        part.values[part.at(z, py, px)] = value;
+      }
+    }
+  }
+  return part;
+}
+
+double part_radius_mm(const Box<std::uint8_t>& part, double voxel_mm) {
+  double radius = 0;
+  for (int z = 0; z < part.nz; ++z) {
+    for (int y = 0; y < part.ny; ++y) {
+      for (int x = 0; x < part.nx; ++x) {
+        if (part.values[part.at(z, y, x)] == 0) continue;
+        radius = std::max(radius, distance_mm(part.nx, x, y, voxel_mm));
+      }
+    }
+  }
+  return radius;
+}
+
+Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer& printer,
+                  const Resin& resin, const PrintOptions& options,
+                  const ExecutionContext& context) {
+  require_tomographic(printer);
+  const double radius_mm = part_radius_mm(part, voxel_mm);
+  Job job;
+  job.printer = printer;
+  job.resin = resin;
+  job.sampling.voxel_mm = voxel_mm;
+  job.sampling.slices = part.nz;
+  job.sampling.angles =
+      options.angles > 0 ? options.angles : usual_angles(printer, radius_mm, voxel_mm);
+  const Bench bench = make_bench(printer, resin, job.sampling);
+  const double limit_mm =
+      options.beyond_reach ? bench.radius_mm : std::min(bench.reach_mm, bench.radius_mm);
+  if (radius_mm > limit_mm) {
+    throw InputError(fmt::format(
+        "the part reaches {:.3f} mm from the axis, light from all directions {:.3f} mm; expected a "
+        "part scaled by at most {:.4f}{}",
+        radius_mm, limit_mm, limit_mm / radius_mm,
+        radius_mm <= bench.radius_mm ? ", or leave to print beyond that reach" : ""));
+  }
+  const Target target(volume_of(bench.grid, part));
+  const auto projector = make_projector(bench.grid, bench.rays);
+  Solution solution = solve(context, *projector, target, bench.rays, options.solve);
+  if (solution.contrast_bound < 1) {
+    throw InfeasibleError(fmt::format(
+        "no light prints this part: where it is hardest, in slice {} ({:.3f} mm above the optical "
+        "axis), void gets at least 1/{:.4f} of the part's least dose, whatever is shown; expected "
+        "less absorption (alpha R is {:.3g}), or a part with more room",
+        solution.bound_slice, (solution.bound_slice - 0.5 * (part.nz - 1)) * voxel_mm,
+        solution.contrast_bound, bench.alpha_r));
+  }
+
+  // The light as bright as the projector can show it gives the number of turns; then as bright as
+  // they need.
+  const auto& values = solution.light.values;
+  const double largest = *std::max_element(values.begin(), values.end());
+  const double per_unit = dose_of_turn(bench.grid, bench.exposure);
+  const double brightest = bench.mw_cm2.back() / largest;
+  const Turns turns = turns_for(bench, per_unit * brightest);
+  job.turns = turns.count;
+  Exposure exposure = bench.exposure;
+  exposure.critical_mj_cm3 = turns.dose_mj_cm3;
+  exposure.most_time_s = options.most_time_s;
+  Field full = solution.dose;
+  for (float& d : full.values) d = static_cast<float>(d * brightest);
+  const PrintTime time = plan_time(context, *projector, target, full, exposure);
+
+  // Rounding to levels leaves the weakest voxel a little short: a little more for all.
+  double scale = brightest * time.scale;
+  Metrics rounded;
+  for (int round = 0; round < 8; ++round) {
+    job.levels = nearest_levels(solution.light, scale, bench.mw_cm2);
+    const Light shown = light_of_levels(bench.grid, job.levels, bench.mw_cm2);
+    Field dose = adjoint(*projector, context, shown);
+    for (float& d : dose.values) d = static_cast<float>(d * per_unit * job.turns);
+    rounded = measure(target, dose);
+    if (rounded.min_gel >= turns.dose_mj_cm3 || scale >= brightest) break;
+    scale = std::min(brightest, scale * (1e-4 + turns.dose_mj_cm3 / rounded.min_gel));
+  }
+
+  Print print;
+  job.part = part;
+  print.history = std::move(solution.history);
+  print.job = std::move(job);
+  print.figures = figures_of(print.job, dose_of(print.job, context), part, context);
+  print.figures.contrast_bound = solution.contrast_bound;
+  return print;
+}
+
+PrintFigures figures_of(const Job& job, const Box<float>& dose, const Box<std::uint8_t>& part,
+                        const ExecutionContext& context) {
+  const Bench bench = make_bench(job.printer, job.resin, job.sampling);
+  const Target target(volume_of(bench.grid, part));
+  Field field(bench.grid);
+  for (int z = 0; z < dose.nz; ++z) {
+    for (int y = 0; y < dose.ny; ++y) {
+      for (int x = 0; x < dose.nx; ++x) {
+        field.values[bench.grid.voxel(x, y, z)] = dose.values[dose.at(z, y, x)];
+      }
+    }
+  }
+  PrintFigures f;
+  f.turns = job.turns;
+  f.print_time_s = job.turns * bench.exposure.turn_s;
+  f.gel_dose_mj_cm3 = bench.exposure.critical_mj_cm3 + bench.resupply_mj_cm3_s * f.print_time_s;
+  f.metrics = measure(target, field);
+  f.jaccard_at_dose = jaccard(target, field, f.gel_dose_mj_cm3);
+  f.efficiency = efficiency(light_of_levels(bench.grid, job.levels, bench.mw_cm2));
+  f.alpha_r = bench.alpha_r;
+  // Black frames throughout.
+  const std::vector<std::uint16_t> black(job.levels.size(), 0);
+  const Field floor = adjoint(*make_projector(bench.grid, bench.rays), context,
+                              light_of_levels(bench.grid, black, bench.mw_cm2));
+  f.floor_mj_cm3 = *std::max_element(floor.values.begin(), floor.values.end()) *
+                   dose_of_turn(bench.grid, bench.exposure) * job.turns;
+  return f;
+}
+
+std::string PrintFigures::to_json() const {
+  const auto finite = [](double v) {
+    return std::isfinite(v) ? nlohmann::ordered_json(v) : nlohmann::ordered_json(nullptr);
+  };
+  nlohmann::ordered_json j;
+  j["feasible"] = feasible();
+  j["ver"] = metrics.ver;
+  j["pw"] = metrics.pw;
+  j["trimmed_pw"] = metrics.trimmed_pw;
+  j["ipdr"] = metrics.ipdr;
+  j["jaccard"] = {{"best", metrics.best_jaccard}, {"dose", jaccard_at_dose}};
+  j["contrast"] = finite(metrics.contrast);
+  j["contrast_bound"] = finite(contrast_bound);
+  j["efficiency"] = efficiency;
+  j["turns"] = turns;
+  j["print_time_s"] = print_time_s;
+  j["alpha_r"] = alpha_r;
+  j["gel_voxels"] = metrics.gel;
+  j["void_voxels"] = metrics.empty;
+  j["dose_mj_cm3"] = {{"to_gel", gel_dose_mj_cm3},
+                      {"min_gel", metrics.min_gel},
+                      {"max_gel", metrics.max_gel},
+                      {"max_void", metrics.max_void},
+                      {"floor", floor_mj_cm3}};
+  return j.dump(2);
+}
+
+}  // namespace slicecorr::tomo

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "parallel/silent.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/slice.hpp"
 #include "slicecorr/vial.hpp"
@@ -157,7 +158,16 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   }
   const Target target(volume_of(bench.grid, part));
   const auto projector = make_projector(bench.grid, bench.rays);
-  Solution solution = solve(context, *projector, target, bench.rays, options.solve);
+  // One line of progress for each rung, none for each sum over angles.
+  const ExecutionContext quiet = detail::silent(context);
+  SolveOptions how = options.solve;
+  how.checkpoint = [&](const Light& light, double next_rung) {
+    if (options.solve.checkpoint) options.solve.checkpoint(light, next_rung);
+    if (how.method == Method::kLadder && next_rung < 1) {
+      context.tell(fmt::format("next: void below {:g} of the gel dose", next_rung));
+    }
+  };
+  Solution solution = solve(quiet, *projector, target, bench.rays, how);
   if (solution.contrast_bound < 1) {
     throw InfeasibleError(fmt::format(
         "no light prints this part: where it is hardest, in slice {} ({:.3f} mm above the optical "
@@ -180,26 +190,28 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   exposure.most_time_s = options.most_time_s;
   Field full = solution.dose;
   for (float& d : full.values) d = static_cast<float>(d * brightest);
-  const PrintTime time = plan_time(context, *projector, target, full, exposure);
+  const PrintTime time = plan_time(quiet, *projector, target, full, exposure);
 
-  // Rounding to levels leaves the weakest voxel a little short: a little more for all.
+  // Rounding to levels, and the direct sum, which weighs light otherwise, may find the weakest voxel a
+  // little short: a little more for all, or a turn more.
+  job.part = part;
   double scale = brightest * time.scale;
-  Metrics rounded;
+  PrintFigures figures;
   for (int round = 0; round < 8; ++round) {
     job.levels = nearest_levels(solution.light, scale, bench.mw_cm2);
-    const Light shown = light_of_levels(bench.grid, job.levels, bench.mw_cm2);
-    Field dose = adjoint(*projector, context, shown);
-    for (float& d : dose.values) d = static_cast<float>(d * per_unit * job.turns);
-    rounded = measure(target, dose);
-    if (rounded.min_gel >= turns.dose_mj_cm3 || scale >= brightest) break;
-    scale = std::min(brightest, scale * (1e-4 + turns.dose_mj_cm3 / rounded.min_gel));
+    figures = figures_of(job, dose_of(job, quiet), part, quiet);
+    const double short_by = figures.gel_dose_mj_cm3 / figures.metrics.min_gel;
+    if (short_by <= 1) break;
+    scale *= short_by + 1e-4;
+    if (scale <= brightest) continue;
+    scale *= static_cast<double>(job.turns) / (job.turns + 1);
+    ++job.turns;
   }
 
   Print print;
-  job.part = part;
   print.history = std::move(solution.history);
   print.job = std::move(job);
-  print.figures = figures_of(print.job, dose_of(print.job, context), part, context);
+  print.figures = figures;
   print.figures.contrast_bound = solution.contrast_bound;
   return print;
 }

@@ -1,0 +1,351 @@
+// From a part to a job's frames and back to doses: benches, jobs, direct sums, the programs.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <random>
+
+#include "run_program.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/load_printer.hpp"
+#include "slicecorr/tomo/print.hpp"
+#include "stack_fixture.hpp"
+
+namespace slicecorr::tomo {
+namespace {
+
+using testing::HasSubstr;
+
+/// Debian's interpreter: the one that its package python3-numpy serves.
+constexpr const char* kPython = "/usr/bin/python3";
+
+/// Pixels of 0.25 mm before a vial of 4 mm; in a bath of the resin's index unless made dry.
+Printer bench_printer() {
+  Printer p;
+  p.name = "bench";
+  p.width_px = 48;
+  p.height_px = 40;
+  p.pixel_x_um = p.pixel_y_um = 250;
+  p.bit_depth = 8;
+  p.wavelength_nm = 405;
+  p.calibration = {{0, 0.002}, {255, 2.0}};
+  p.vial = Vial{4.5, 4.0, 1.5, 1.5};
+  p.optics = slicecorr::Optics{};
+  p.rotation = Rotation{25, TurnDirection::clockwise, 60};
+  return p;
+}
+Printer dry_printer() {
+  Printer p = bench_printer();
+  p.vial = Vial{4.5, 4.0, 1.0, 1.48};
+  p.optics->axis_right_px = 0.3;
+  p.optics->axis_up_px = -2;
+  p.rotation->direction = TurnDirection::counterclockwise;
+  return p;
+}
+Resin bench_resin(double alpha_per_cm = 2.5) {
+  Resin r;
+  r.name = "resin";
+  r.m = 1;
+  r.n = 1.5;
+  r.absorbance_height10_um = 1e4 * std::log(10.0) / alpha_per_cm;
+  r.critical_dose_mj_cm3 = 20;
+  return r;
+}
+
+/// A job of random levels.
+Job random_job(const Printer& printer, int slices, int angles) {
+  Job job;
+  job.printer = printer;
+  job.resin = bench_resin();
+  job.sampling = {0.25, slices, angles};
+  job.turns = 3;
+  const Bench bench = make_bench(job.printer, job.resin, job.sampling);
+  const TomoGrid& g = bench.grid;
+  job.part = {g.slices, g.voxels, g.voxels, {}};
+  std::mt19937 random(5);
+  for (int i = 0; i < g.slices * g.voxels * g.voxels; ++i) {
+    job.part.values.push_back(random() % 3 == 0 ? 255 : 0);
+  }
+  job.levels.assign(g.blocks() * g.light_of_block(), 0);
+  for (int m = 0; m < g.angles; ++m) {
+    for (int i = 0; i < g.pixels; ++i) {
+      for (int z = 0; z < g.slices; ++z) {
+        job.levels[g.pixel(m, i, z)] = static_cast<std::uint16_t>(random() % 256);
+      }
+    }
+  }
+  return job;
+}
+
+TEST(TomoBench, UniformLightInABathIsTheClosedForm) {
+  // tomography.md: alpha 0.8/cm, R 12.5, I 2, T_rot 14.4: 8.4759 on the axis.
+  Job job;
+  job.printer = load_printer(SLICECORR_PRINTERS_DIR "/model-tomography-bench.toml");
+  job.resin = load_resin(SLICECORR_DB_DIR "/model-tomography-resin.toml");
+  job.sampling = {0.25, 1, 360};
+  const Bench bench = make_bench(job.printer, job.resin, job.sampling);
+  EXPECT_NEAR(bench.alpha_r, 1.0, 1e-9);
+  EXPECT_EQ(bench.grid.voxels, 101);
+  job.levels.assign(bench.grid.blocks() * bench.grid.light_of_block(), 255);
+  const Box<float> dose = dose_of(job);
+  const int middle = 50;
+  EXPECT_NEAR(dose.values[dose.at(0, middle, middle)], 8.4759, 1e-4);
+  // Half way to the wall .417465 of alpha_a I T_rot.
+  EXPECT_NEAR(dose.values[dose.at(0, middle, 25)], 0.417465 * 0.8 * 2 * 14.4, 1e-4);
+}
+
+TEST(TomoBench, TheOperatorsSayWhatTheDirectSumSays) {
+  for (const Printer& printer : {bench_printer(), dry_printer()}) {
+    for (const int slices : {3, 20}) {
+      const Job job = random_job(printer, slices, 90);
+      const Bench bench = make_bench(job.printer, job.resin, job.sampling);
+      const Field field = adjoint(*make_projector(bench.grid, bench.rays), {},
+                                  light_of_levels(bench.grid, job.levels, bench.mw_cm2));
+      const Box<float> direct = dose_of(job);
+      const double unit = dose_of_turn(bench.grid, bench.exposure) * job.turns;
+      double largest = 0, off = 0;
+      int voxels = 0;
+      for (int z = 0; z < slices; ++z) {
+        for (int y = 0; y < bench.grid.voxels; ++y) {
+          for (int x = 0; x < bench.grid.voxels; ++x) {
+            // Light near the reach of a dry vial comes at grazing angles, whose turn changes much
+            // from pixel to pixel: there the two interpolate otherwise.
+            if (std::hypot(bench.grid.voxel_at_mm(x), bench.grid.voxel_at_mm(y)) > 2.2) continue;
+            const double d = direct.values[direct.at(z, y, x)];
+            largest = std::max(largest, d);
+            off += std::abs(d - unit * field.values[bench.grid.voxel(x, y, z)]);
+            ++voxels;
+          }
+        }
+      }
+      const bool matched = bench.rays.turn_rad.empty();
+      EXPECT_EQ(matched, printer.vial->n_outside == 1.5);
+      // The operators weigh pixels, the direct sum what is between them: of light that differs from
+      // pixel to pixel by all it can, voxels see the difference of the weights, 6 % from pixel to
+      // pixel here and more where rays graze a dry vial, over 90 angles.
+      EXPECT_LE(off / voxels, (matched ? 1e-3 : 0.02) * largest);
+    }
+  }
+}
+
+TEST(TomoBench, WhatCanNotBeIsRefused) {
+  const auto refused = [](const Printer& printer, const Resin& resin, const Sampling& sampling) {
+    try {
+      make_bench(printer, resin, sampling);
+    } catch (const InputError& e) {
+      return std::string(e.what());
+    }
+    return std::string("taken");
+  };
+  const Sampling good{0.25, 3, 90};
+  EXPECT_EQ(refused(bench_printer(), bench_resin(), good), "taken");
+  Printer p = bench_printer();
+  p.vial.reset();
+  EXPECT_THAT(refused(p, bench_resin(), good), HasSubstr("vial"));
+  p = bench_printer();
+  p.optics->kind = OpticsKind::pinhole;
+  p.optics->distance_mm = 100;
+  EXPECT_THAT(refused(p, bench_resin(), good), HasSubstr("expected telecentric"));
+  Resin r = bench_resin();
+  r.n = 0;
+  EXPECT_THAT(refused(bench_printer(), r, good), HasSubstr("n"));
+  EXPECT_THAT(refused(bench_printer(), bench_resin(), {0.2, 3, 90}), HasSubstr("0.25 mm"));
+  EXPECT_THAT(refused(bench_printer(), bench_resin(), {9, 3, 90}), HasSubstr("voxels of 9 mm"));
+  EXPECT_THAT(refused(bench_printer(), bench_resin(), {0.25, 3, 2}), HasSubstr("at least 3"));
+  EXPECT_THAT(refused(bench_printer(), bench_resin(), {0.25, 3, 1000}), HasSubstr("864 frames"));
+  EXPECT_THAT(refused(bench_printer(), bench_resin(), {0.25, 41, 90}), HasSubstr("10 mm high"));
+}
+
+class TomoJobs : public ::testing::Test {
+ protected:
+  std::string path(const std::string& name) const { return folder_ / name; }
+  std::string refused(const std::string& file) const {
+    try {
+      read_job(file);
+    } catch (const InputError& e) {
+      return e.what();
+    }
+    return "taken";
+  }
+  test::TemporaryFolder folder_;
+};
+
+TEST_F(TomoJobs, WhatIsWrittenIsReadBack) {
+  for (const Printer& printer : {bench_printer(), dry_printer()}) {
+    const Job job = random_job(printer, 5, 24);
+    write_job(path("a.frames"), job);
+    write_job(path("b.frames"), job);
+    EXPECT_EQ(test::read_file(path("a.frames")), test::read_file(path("b.frames")));
+    const Job again = read_job(path("a.frames"));
+    EXPECT_EQ(again.levels, job.levels);
+    EXPECT_EQ(again.part.values, job.part.values);
+    EXPECT_EQ(again.printer, job.printer);
+    EXPECT_EQ(again.resin, job.resin);
+    EXPECT_EQ(again.turns, job.turns);
+  }
+}
+
+TEST_F(TomoJobs, DamageIsRefusedByName) {
+  test::write_file(path("text.frames"), test::to_bytes("no archive at all, but text"));
+  EXPECT_THAT(refused(path("text.frames")), HasSubstr("text.frames"));
+  EXPECT_THAT(refused(path("none.frames")), HasSubstr("none.frames"));
+}
+
+TEST(TomoPrint, ASquareIsPrintedAsDesigned) {
+  const Printer printer = bench_printer();
+  Box<std::uint8_t> part{2, 33, 33, std::vector<std::uint8_t>(2 * 33 * 33)};
+  for (int z = 0; z < 2; ++z) {
+    for (int y = 10; y < 23; ++y) {
+      for (int x = 10; x < 23; ++x) part.values[part.at(z, y, x)] = 255;
+    }
+  }
+  PrintOptions options;
+  options.angles = 60;
+  options.solve.rungs = {0.98, 0.9};
+  const Print print = solve_print(part, 0.25, printer, bench_resin(), options);
+  const PrintFigures& f = print.figures;
+  EXPECT_TRUE(f.feasible());
+  EXPECT_EQ(f.metrics.void_gelled, 0U);
+  EXPECT_EQ(f.jaccard_at_dose, 1.0);
+  EXPECT_GE(f.metrics.min_gel, f.gel_dose_mj_cm3);
+  EXPECT_GE(f.metrics.contrast, 1 / 0.98 * 0.99);
+  EXPECT_LE(f.metrics.contrast, f.contrast_bound);
+  EXPECT_NEAR(f.print_time_s, f.turns * 14.4, 1e-9);
+  EXPECT_LT(f.floor_mj_cm3, 0.1 * f.gel_dose_mj_cm3);
+  // One turn less would be too few, even at full light: levels reach near the brightest.
+  std::uint16_t brightest = 0;
+  for (const std::uint16_t level : print.job.levels) brightest = std::max(brightest, level);
+  EXPECT_GT(brightest, 255 * (f.turns - 1) / f.turns - 2);
+
+  options.most_time_s = 1;
+  EXPECT_THROW(solve_print(part, 0.25, printer, bench_resin(), options), InfeasibleError);
+  options.most_time_s = 0;
+  Resin back = bench_resin();
+  back.inhibition_resupply_mj_cm3_s = 10;
+  EXPECT_THROW(solve_print(part, 0.25, printer, back, options), InfeasibleError);
+}
+
+TEST(TomoPrint, PartsBeyondTheReachAreRefused) {
+  Box<std::uint8_t> part{1, 33, 33, std::vector<std::uint8_t>(33 * 33)};
+  part.values[part.at(0, 16, 2)] = 255;  // a dry vial of 4.5 mm is reached up to 4.5 / 1.5
+  try {
+    solve_print(part, 0.25, dry_printer(), bench_resin());
+    FAIL();
+  } catch (const InputError& e) {
+    EXPECT_THAT(e.what(), testing::AllOf(HasSubstr("3.500 mm from the axis"), HasSubstr("3.000 mm"),
+                                         HasSubstr("scaled by at most")));
+  }
+  Box<std::uint8_t> outside{1, 41, 41, std::vector<std::uint8_t>(41 * 41)};
+  outside.values[0] = 255;
+  EXPECT_THROW(placed(outside, bench_printer(), 0.25), InputError);
+}
+
+class TomoProgram : public TomoJobs {
+ protected:
+  void SetUp() override {
+    test::write_file(path("bench.toml"), test::to_bytes(R"(name = "bench"
+[display]
+width_px = 48
+height_px = 40
+pixel_um = 250.0
+bit_depth = 8
+[blue]
+wavelength_nm = 405
+calibration = [[0, 0.002], [255, 2.0]]
+[vial]
+outer_mm = 4.5
+inner_mm = 4.0
+n_outside = 1.0
+n_wall = 1.48
+[optics]
+kind = "telecentric"
+[rotation]
+deg_s = 25
+direction = "counterclockwise"
+max_fps = 60
+)"));
+    test::write_file(path("resin.toml"), test::to_bytes(R"(name = "resin"
+[cure]
+model = "jacobs"
+m = 1.0
+absorption_per_cm = 0.5
+n = 1.5
+gel_dose_mj_cm3 = 20.0
+)"));
+    Box<std::uint8_t> part{3, 33, 33, std::vector<std::uint8_t>(3 * 33 * 33)};
+    for (int z = 0; z < 3; ++z) {
+      for (int y = 12; y < 21; ++y) {
+        for (int x = 12; x < 21 - 2 * z; ++x) part.values[part.at(z, y, x)] = 255;
+      }
+    }
+    write_npy(path("part.npy"), part);
+  }
+  test::RunResult call(const std::vector<std::string>& words) const {
+    test::RunOptions options;
+    options.folder = folder_.path();
+    std::vector<std::string> command{SLICECORR_BIN_DIR "/slicecorr", "--quiet", "tomo"};
+    command.insert(command.end(), words.begin(), words.end());
+    return test::run_program(command, options);
+  }
+  std::vector<std::string> solve(const std::string& to) const {
+    return {"solve",     "--volume",   "part.npy", "--voxel-mm", "0.25",
+            "--printer", "bench.toml", "--resin",  "resin.toml", "-o",
+            to,          "--angles",   "60",       "--json",     "-"};
+  }
+};
+
+TEST_F(TomoProgram, SolveAndVerifyAgreeAndSoDoesADirectSumInPython) {
+  const test::RunResult solved = call(solve("a.frames"));
+  ASSERT_EQ(solved.exit_code, 0) << solved.err;
+  const auto figures = nlohmann::json::parse(solved.out);
+  EXPECT_EQ(figures["feasible"], true);
+  EXPECT_EQ(figures["ver"], 0.0);
+  const test::RunResult verified = call({"verify", "a.frames", "--dose", "d.npy", "--json", "-"});
+  ASSERT_EQ(verified.exit_code, 0) << verified.err;
+  auto again = nlohmann::json::parse(verified.out);
+  again["contrast_bound"] = figures["contrast_bound"];  // only the solve knows
+  EXPECT_EQ(again, figures);
+  EXPECT_EQ(call(solve("b.frames")).exit_code, 0);
+  EXPECT_EQ(test::read_file(path("a.frames")), test::read_file(path("b.frames")));
+
+  test::RunOptions options;
+  options.folder = folder_.path();
+  const test::RunResult python = test::run_program(
+      {kPython, SLICECORR_SOURCE_DIR "/tests/tomo_direct_sum.py", "a.frames", "p.npy"}, options);
+  ASSERT_EQ(python.exit_code, 0) << python.out << python.err;
+  test::run_program(
+      {kPython, "-c", "import numpy as n; a = n.load('p.npy'); n.save('q.npy', n.nan_to_num(a))"},
+      options);
+  const Box<float> ours = read_dose_npy(path("d.npy")), theirs = read_dose_npy(path("q.npy"));
+  double largest = 0, off = 0;
+  for (int y = 0; y < ours.ny; ++y) {
+    for (int x = 0; x < ours.nx; ++x) {
+      const std::size_t at = ours.at(0, y, x);
+      largest = std::max<double>(largest, theirs.values[at]);
+      off = std::max<double>(off, std::abs(ours.values[at] - theirs.values[at]));
+    }
+  }
+  EXPECT_GT(largest, 20.0);
+  EXPECT_LE(off, 1e-5 * largest);
+}
+
+TEST_F(TomoProgram, WrongUseIsToldByName) {
+  EXPECT_EQ(call({}).exit_code, 2);
+  EXPECT_EQ(call({"print"}).exit_code, 2);
+  const test::RunResult neither =
+      call({"solve", "--printer", "bench.toml", "--resin", "resin.toml", "-o", "a.frames"});
+  EXPECT_EQ(neither.exit_code, 2);
+  EXPECT_THAT(neither.err, HasSubstr("--volume"));
+  EXPECT_EQ(call({"verify", "part.npy"}).exit_code, 2);
+  EXPECT_EQ(call({"verify", "none.frames"}).exit_code, 2);
+  auto slow = solve("a.frames");
+  slow.insert(slow.end(), {"--max-time-s", "1"});
+  const test::RunResult late = call(slow);
+  EXPECT_EQ(late.exit_code, 3);
+  EXPECT_THAT(late.err, HasSubstr("turns"));
+  EXPECT_FALSE(std::filesystem::exists(path("a.frames")));
+}
+
+}  // namespace
+}  // namespace slicecorr::tomo

@@ -1,1 +1,368 @@
 #include <gtest/gtest.h>
+
+#include <atomic>
+#include <cmath>
+#include <limits>
+
+#include "slicecorr/error.hpp"
+#include "slicecorr/tomo/solve.hpp"
+#include "tomo_reference.hpp"
+
+namespace slicecorr::tomo {
+namespace {
+
+struct Problem {
+  TomoGrid grid;
+  RayTables optics;
+  Target target;
+  std::unique_ptr<Projector> projector;
+
+  explicit Problem(const Volume& part, double depth = 0, const Volume* insert = nullptr)
+      : grid(part.grid),
+        optics{.alpha_per_mm = depth / part.grid.radius_mm},
+        target(part, insert),
+        projector(make_projector(
+            grid, optics,
+            insert == nullptr ? nullptr : std::make_shared<Shadow>(cast_shadow(*insert)))) {}
+
+  Solution solve(const SolveOptions& options) const {
+    return tomo::solve({}, *projector, target, optics, options);
+  }
+};
+
+SolveOptions osmo(int steps) {
+  SolveOptions options;
+  options.method = Method::kOsmo;
+  options.steps = steps;
+  return options;
+}
+
+/// The ladder on one rung, in exactly so many steps, without a proof.
+SolveOptions rung(double value, int steps) {
+  SolveOptions options;
+  options.rungs = {value};
+  options.steps = options.most_steps = steps;
+  options.proof_steps = 0;
+  return options;
+}
+
+TEST(TomoMetrics, OfACountedDose) {
+  // Four gel and six void voxels; the rest of the disc is grey.
+  const TomoGrid grid = square_grid(9, 8);
+  Volume part(grid);
+  Field dose(grid);
+  std::fill(part.coverage.begin(), part.coverage.end(), std::uint8_t{128});
+  const float gel[] = {0.5f, 0.7f, 0.9f, 1.0f}, empty[] = {0.1f, 0.2f, 0.3f, 0.4f, 0.6f, 0.8f};
+  for (int i = 0; i < 4; ++i) {
+    part.coverage[grid.voxel(2 + i, 4, 0)] = 255;
+    dose.values[grid.voxel(2 + i, 4, 0)] = gel[i];
+  }
+  for (int i = 0; i < 6; ++i) {
+    part.coverage[grid.voxel(1 + i, 5, 0)] = 0;
+    dose.values[grid.voxel(1 + i, 5, 0)] = empty[i];
+  }
+  dose.values[grid.voxel(4, 6, 0)] = 7;  // grey: not judged
+  const Target target(part);
+  EXPECT_EQ(target.gel, 4u);
+  EXPECT_EQ(target.empty, 6u);
+  const Metrics m = measure(target, dose);
+  EXPECT_EQ(m.void_gelled, 2u);
+  EXPECT_DOUBLE_EQ(m.ver, 0.2);
+  EXPECT_NEAR(m.pw, -0.3, 1e-7);
+  EXPECT_NEAR(m.ipdr, 0.5, 1e-7);
+  EXPECT_NEAR(m.contrast, 0.625, 1e-7);
+  EXPECT_NEAR(m.trimmed_pw, m.pw, 1e-12);  // fewer than 2000 voxels: none is dropped
+  // t = 0.5: 4/6, 0.7: 3/5, 0.9: 2/4, 1: 1/4.
+  EXPECT_DOUBLE_EQ(m.best_jaccard, 4.0 / 6);
+  EXPECT_EQ(m.best_threshold, 0.5f);
+  EXPECT_DOUBLE_EQ(jaccard(target, dose, 0.7f), 3.0 / 5);
+  EXPECT_DOUBLE_EQ(jaccard(target, dose, 0), 4.0 / 10);
+}
+
+TEST(TomoMetrics, TurnsScaleAndFloor) {
+  const Problem p(t2(square_grid(41, 60)));
+  Light light(p.grid);
+  std::fill(light.values.begin(), light.values.end(), 2.0f);
+  const Field dose = adjoint(*p.projector, {}, light);
+  // Without absorption every voxel gets I from every angle: alpha_a T I = 0.5 * 10 * 2 per turn.
+  const Exposure exposure{.alpha_a_per_cm = 0.5,
+                          .turn_s = 10,
+                          .critical_mj_cm3 = 35,
+                          .black_mw_cm2 = 0.1,
+                          .most_time_s = 0};
+  const PrintTime time = plan_time({}, *p.projector, p.target, dose, exposure);
+  EXPECT_EQ(time.turns, 4);
+  EXPECT_DOUBLE_EQ(time.time_s, 40);
+  EXPECT_NEAR(time.scale, 35.0 / 40, 1e-5);
+  EXPECT_NEAR(time.floor_mj_cm3, 0.5 * 10 * 0.1 * 4, 1e-4);
+  Exposure other = exposure;
+  other.most_time_s = 39;
+  EXPECT_THROW(plan_time({}, *p.projector, p.target, dose, other), InfeasibleError);
+  other = exposure;
+  other.black_mw_cm2 = 1.9;
+  EXPECT_THROW(plan_time({}, *p.projector, p.target, dose, other), InfeasibleError);
+  EXPECT_THROW(plan_time({}, *p.projector, p.target, Field(p.grid), exposure), InfeasibleError);
+  other = exposure;
+  other.critical_mj_cm3 = std::nan("");
+  EXPECT_THROW(plan_time({}, *p.projector, p.target, dose, other), InputError);
+  EXPECT_NEAR(efficiency(light), 1, 1e-12);
+}
+
+TEST(TomoMetrics, LevelsAreNearestInIntensity) {
+  const std::vector<double> curve = {0.1, 0.2, 0.2, 1.0, 3.0};
+  TomoGrid grid = square_grid(4, 3);
+  Light light(grid);
+  const float wanted[] = {0, 0.14f, 0.16f, 0.59f, 0.61f, 1.9f, 2.1f, 9, 0.5f};
+  const int want[] = {0, 0, 1, 1, 3, 3, 4, 4, 1};
+  for (int i = 0; i < 9; ++i) light.values[i] = wanted[i] / 2;
+  const auto levels = nearest_levels(light, 2, curve);
+  const Light shown = light_of_levels(grid, levels, curve);
+  for (int i = 0; i < 9; ++i) {
+    EXPECT_EQ(shown.values[i], static_cast<float>(curve[want[i]])) << i;
+  }
+  EXPECT_THROW(nearest_levels(light, 1, {0.2, 0.1}), InputError);
+  EXPECT_THROW(nearest_levels(light, 1, {0.2, 0.2}), InputError);
+  EXPECT_THROW(light_of_levels(grid, {1, 2}, curve), InputError);
+}
+
+/// Science 2019, eq. 2, on a disc, as an exact inverse: within 0.013 inside; without the cut of low
+/// frequencies 0.04 too high or more.
+TEST(TomoFilter, AttenuatedInverseOfADisc) {
+  const Problem p(part_of(square_grid(128, 180),
+                          [](double x, double y, double) { return std::hypot(x, y) < .5; }),
+                  1.0);
+  const Light light = filtered_start({}, p.target, p.optics, Window::kRamLak);
+  const Field dose = adjoint(*p.projector, {}, light);
+  // Negative light is cut off at the start, which lifts all of the outside; inside it stays even.
+  const Metrics m = measure(p.target, dose);
+  EXPECT_GT(m.best_jaccard, 0.97);
+}
+
+/// The ramp of a single bright pixel: sampled |k| over N is 1/4 of the largest at the pixel itself,
+/// half of it, and falls as -1 / (pi k)^2 at odd distances (Ram and Lakshminarayanan).
+TEST(TomoFilter, RampOfOnePixel) {
+  const TomoGrid grid = square_grid(200, 3);
+  Light light(grid);
+  light.values[grid.pixel(1, 100, 0)] = 1;
+  ramp_filter({}, light, Window::kRamLak);
+  // |k| is 1 at the highest frequency, so the textbook's 1/4 and 1/(pi k)^2 are twice as large. A
+  // transform of 512 repeats the tail: its sum beyond 256 is below 1e-4.
+  EXPECT_NEAR(light.values[grid.pixel(1, 100, 0)], 0.5, 1e-4);
+  for (const int k : {1, 3, 15}) {
+    EXPECT_NEAR(light.values[grid.pixel(1, 100 + k, 0)], -2 / std::pow(std::numbers::pi * k, 2),
+                1e-4);
+    EXPECT_NEAR(light.values[grid.pixel(1, 100 + k + 1, 0)], 0, 1e-4);
+  }
+  EXPECT_NEAR(light.values[grid.pixel(0, 100, 0)], 0, 1e-7);
+}
+
+TEST(TomoOsmo, PublishedTargets) {
+  const Problem one(t1(square_grid(256, 360))), two(t2(square_grid(256, 360)));
+  const Solution a = one.solve(osmo(20)), b = two.solve(osmo(20));
+  EXPECT_LE(a.metrics.ver, 3e-4);
+  EXPECT_NEAR(a.metrics.pw, .053, .04);
+  EXPECT_LE(b.metrics.ver, 3e-4);
+  EXPECT_NEAR(b.metrics.pw, .005, .04);
+  EXPECT_EQ(a.history.size(), 20u);
+  EXPECT_NEAR(a.metrics.min_gel, 1, 1e-5);
+}
+
+TEST(TomoKelly, ReachesT1WithoutErrorAfterFiveSteps) {
+  SolveOptions options;
+  options.method = Method::kKelly;
+  options.steps = 6;  // the start and five
+  const Solution s = Problem(t1(square_grid(256, 360))).solve(options);
+  EXPECT_LE(s.metrics.ver, 3e-4);
+  EXPECT_GT(s.metrics.best_jaccard, 0.999);
+}
+
+TEST(TomoLadder, ProcessWindowsAtRungs) {
+  const TomoGrid grid = square_grid(256, 360);
+  struct Row {
+    Volume part;
+    double depth, rho, pw;
+  };
+  for (const Row& row : {Row{t1(grid), 0, .8, .155}, Row{t2(grid), 0, .6, .320},
+                         Row{t1(grid), 1, .8, .155}, Row{t2(grid), 1, .7, .274}}) {
+    SCOPED_TRACE(std::to_string(row.depth) + ", " + std::to_string(row.rho));
+    const Problem p(row.part, row.depth);
+    const Solution s = p.solve(rung(row.rho, 120));
+    EXPECT_EQ(s.metrics.ver, 0);
+    // Which of the many patterns with that contrast is found decides the largest dose: on a rung
+    // that is reached PW is (1 - rho) / max D, with max D at most d_u = 1.28 in gel.
+    EXPECT_GE(s.metrics.pw, 0.95 * (1 - row.rho) / 1.28);
+    EXPECT_NEAR(s.metrics.pw, row.pw, 0.015);
+    EXPECT_GE(s.metrics.contrast, 0.99 / row.rho);
+  }
+}
+
+TEST(TomoLadder, StrongAbsorption) {
+  const TomoGrid grid = square_grid(128, 180);
+  // Light was found with these contrasts, so no right bound lies below them.
+  SolveOptions options;
+  const Solution two = Problem(t2(grid), 2).solve(options);
+  EXPECT_GE(two.metrics.contrast, 1.10);
+  EXPECT_GE(two.contrast_bound, 1.106);
+  EXPECT_LE(two.contrast_bound, 1.25);
+  const Solution one = Problem(t1(grid), 2).solve(options);
+  EXPECT_EQ(one.metrics.ver, 0);
+  EXPECT_GE(one.metrics.contrast, 1.003);
+  EXPECT_GE(one.contrast_bound, 1.006);
+  const Solution none = Problem(t2(grid), 2.5).solve(options);
+  EXPECT_LT(none.contrast_bound, 0.85);
+  EXPECT_GE(none.contrast_bound, none.metrics.contrast);
+  EXPECT_EQ(none.bound_slice, 0);
+}
+
+/// The bound holds for every light: of random doses as much as of solved ones, for any light.
+TEST(TomoProof, HoldsForAnyLight) {
+  for (const double depth : {0.0, 2.0}) {
+    const Problem p(t1(square_grid(40, 30)), depth);
+    const Solution solved = p.solve({});
+    double least = std::numeric_limits<double>::infinity();
+    for (const double rho : {.5, .8, .95}) {
+      for (const double s : {.7, .9, 1.0, 1.1}) {
+        Field dose = solved.dose;
+        for (float& d : dose.values) d *= static_cast<float>(s);
+        least = std::min(least, contrast_bound({}, *p.projector, p.target, dose, rho).bound);
+      }
+    }
+    EXPECT_LT(least, 20);
+    EXPECT_GE(std::min(least, solved.contrast_bound), solved.metrics.contrast);
+    std::mt19937 random(3);
+    Light light(p.grid);
+    for (int i = 0; i < 20; ++i) {
+      for (float& b : light.values) b = static_cast<float>(random() >> 16);
+      EXPECT_LE(measure(p.target, adjoint(*p.projector, {}, light)).contrast, least);
+    }
+  }
+}
+
+/// Eight slices hold a ring at the wall, which is easy; one a square in the middle, which is not.
+TEST(TomoProof, NamesTheSlice) {
+  const TomoGrid grid = square_grid(48, 40, 9);
+  const Problem p(part_of(grid,
+                          [](double x, double y, double z) {
+                            return z == 0 ? std::abs(x) < .45 && std::abs(y) < .45
+                                          : std::hypot(x, y) > .8;
+                          }),
+                  3);
+  const Solution s = p.solve({});
+  EXPECT_LT(s.contrast_bound, 1);
+  EXPECT_EQ(s.bound_slice, 4);
+}
+
+TEST(TomoInsert, T3AroundItsInsert) {
+  const TomoGrid grid = square_grid(256, 360);
+  const Volume insert = t3_insert(grid);
+  const Problem p(t3(grid), 0, &insert);
+  const Solution s = p.solve(osmo(20));
+  EXPECT_LE(s.metrics.ver, 3e-4);
+  EXPECT_GT(s.metrics.best_jaccard, 0.999);
+}
+
+TEST(TomoInsert, GelBehindOpaqueWallsIsNamed) {
+  const TomoGrid grid = square_grid(64, 40);
+  const Volume wall = part_of(grid, [](double x, double y, double) {
+    return std::hypot(x, y) > .3 && std::hypot(x, y) < .5;
+  });
+  const Problem p(part_of(grid, [](double x, double y, double) { return std::hypot(x, y) < .1; }),
+                  0, &wall);
+  try {
+    p.solve({});
+    FAIL();
+  } catch (const InfeasibleError& error) {
+    EXPECT_NE(std::string(error.what()).find("voxel"), std::string::npos) << error.what();
+  }
+}
+
+TEST(TomoLadder, CapIsKeptInside) {
+  const Problem p(t2(square_grid(96, 90)));
+  SolveOptions options = rung(.9, 300);
+  const Solution free = p.solve(options);
+  const float most = *std::max_element(free.light.values.begin(), free.light.values.end());
+  options.cap = 0.4 * most;
+  const Solution capped = p.solve(options);
+  const float capped_most =
+      *std::max_element(capped.light.values.begin(), capped.light.values.end());
+  // The loss became 0, so the weakest voxel had a dose of 1 or more, and the light was scaled down.
+  ASSERT_EQ(capped.history.back().loss, 0);
+  EXPECT_LE(capped_most, options.cap * (1 + 1e-6));
+  EXPECT_EQ(capped.metrics.ver, 0);
+  EXPECT_GT(efficiency(capped.light), 1.5 * efficiency(free.light));
+}
+
+TEST(TomoLadder, SlicesAreIndependentAndThreadsChangeNothing) {
+  const TomoGrid grid = square_grid(40, 36, 40);
+  const Problem p(gyroid(grid));
+  SolveOptions options = rung(.9, 20);
+  const Solution one = solve(on_threads(1), *p.projector, p.target, p.optics, options);
+  const Solution two = solve(on_threads(2), *p.projector, p.target, p.optics, options);
+  EXPECT_EQ(one.light.values, two.light.values);
+  EXPECT_EQ(one.metrics.contrast, two.metrics.contrast);
+  for (const Method method : {Method::kOsmo, Method::kKelly, Method::kFbp}) {
+    options.method = method;
+    options.steps = 3;
+    EXPECT_EQ(solve(on_threads(1), *p.projector, p.target, p.optics, options).light.values,
+              solve(on_threads(2), *p.projector, p.target, p.optics, options).light.values);
+  }
+}
+
+TEST(TomoLadder, ResumesFromACheckpoint) {
+  const Problem p(t1(square_grid(96, 90)));
+  SolveOptions options;
+  options.rungs = {.95, .9, .85};
+  options.proof_steps = 0;
+  Light kept(p.grid);
+  double next = 0;
+  options.checkpoint = [&](const Light& light, double rung) {
+    if (rung == .85) {
+      kept = light;
+      next = rung;
+    }
+  };
+  const Solution whole = p.solve(options);
+  ASSERT_EQ(next, .85);
+  options.checkpoint = nullptr;
+  options.start = &kept;
+  options.first_rung = next;
+  const Solution resumed = p.solve(options);
+  EXPECT_EQ(whole.light.values, resumed.light.values);
+}
+
+TEST(TomoLadder, StopsWhenAsked) {
+  const Problem p(t1(square_grid(96, 90)));
+  std::atomic<bool> cancel = false;
+  ExecutionContext context;
+  context.cancel = &cancel;
+  SolveOptions options;
+  options.checkpoint = [&](const Light&, double) { cancel = true; };
+  for (const Method method : {Method::kLadder, Method::kOsmo, Method::kKelly}) {
+    cancel = false;
+    options.method = method;
+    EXPECT_THROW(solve(context, *p.projector, p.target, p.optics, options), Cancelled);
+  }
+}
+
+TEST(TomoLadder, RefusesOptionsOutOfRange) {
+  const Problem p(t1(square_grid(40, 30)));
+  const auto refused = [&](auto&& change) {
+    SolveOptions options;
+    change(options);
+    EXPECT_THROW(p.solve(options), InputError);
+  };
+  refused([](SolveOptions& o) { o.steps = -1; });
+  refused([](SolveOptions& o) { o.memory = 0; });
+  refused([](SolveOptions& o) { o.most_dose = 1; });
+  refused([](SolveOptions& o) { o.most_dose = std::nan(""); });
+  refused([](SolveOptions& o) { o.cap = -1; });
+  refused([](SolveOptions& o) { o.rungs = {}; });
+  refused([](SolveOptions& o) { o.rungs = {.5, .8}; });
+  refused([](SolveOptions& o) { o.rungs = {1.0}; });
+  refused([](SolveOptions& o) { o.osmo_low = o.osmo_high; });
+  const Light other(square_grid(41, 30));
+  refused([&](SolveOptions& o) { o.start = &other; });
+}
+
+}  // namespace
+}  // namespace slicecorr::tomo

@@ -159,6 +159,11 @@ void ForwardLanes(const Beam& beam, const float* hit, const float* field, float*
     const std::size_t row_step = along_x ? static_cast<std::size_t>(n) * L : L;
     for (int r0 = 0; r0 < n; r0 += kBandRows) {
       const int rows = std::min(kBandRows, n - r0);
+      int firsts[kBandRows] = {}, ends[kBandRows] = {};
+      for (int r = 0; r < rows; ++r) {
+        firsts[r] = beam.inside[r0 + r].first;
+        ends[r] = beam.inside[r0 + r].end;
+      }
       for (std::size_t m = 0; m < count; ++m) {
         const BeamAngle& angle = beam.angles[m];
         if ((std::abs(angle.cx) >= std::abs(angle.cy)) != along_x) continue;
@@ -178,10 +183,10 @@ void ForwardLanes(const Beam& beam, const float* hit, const float* field, float*
         const int j0 = static_cast<int>(std::max(0.0, std::floor(least)));
         const int j1 = static_cast<int>(std::min<double>(pixels - 1, std::ceil(most)));
         const float* e_along = nullptr;
-        const float* e_rows = nullptr;
+        float e_band[kBandRows] = {};
         if (beam.attenuated) {
           e_along = (along_x ? beam.ex : beam.ey).data() + m * n;
-          e_rows = (along_x ? beam.ey : beam.ex).data() + m * n;
+          std::copy_n((along_x ? beam.ey : beam.ex).data() + m * n + r0, rows, e_band);
         }
         const auto step = static_cast<float>(-cr / c), fsize = static_cast<float>(size);
         for (int j = j0; j <= j1; ++j) {
@@ -190,23 +195,28 @@ void ForwardLanes(const Beam& beam, const float* hit, const float* field, float*
           const double whole = std::floor(base);
           const auto part = static_cast<float>(base - whole);
           const int start = static_cast<int>(whole);
+          // Loops over all rows of a full band, innermost: they become vector code.
+          float e0[kBandRows];
           for (int r = 0; r < kBandRows; ++r) {
             const float g = part + static_cast<float>(r) * step;
             const float below = std::floor(g);
             const int wanted = start + static_cast<int>(below) + 1;
             const int at = std::min(std::max(wanted, 0), n - near);
             table.at[r] = at;
-            const TomoGrid::Range range = beam.inside[std::min(r0 + r, n - 1)];
-            const float e0 = (below + 1.0f - g + static_cast<float>(at - wanted)) * fsize - 1.0f;
-            for (int k = 0; k < near; ++k) {
-              const float w = std::max(0.0f, 1.0f - std::abs(e0 + static_cast<float>(k) * fsize));
-              table.w[k][r] = at + k >= range.first && at + k < range.end ? w : 0.0f;
+            e0[r] = (below + 1.0f - g + static_cast<float>(at - wanted)) * fsize - 1.0f;
+          }
+          for (int k = 0; k < near; ++k) {
+            const float ahead = static_cast<float>(k) * fsize;
+            for (int r = 0; r < kBandRows; ++r) {
+              const float w = std::max(0.0f, 1.0f - std::abs(e0[r] + ahead));
+              const int x = table.at[r] + k;
+              table.w[k][r] = x >= firsts[r] && x < ends[r] ? w : 0.0f;
             }
           }
           if (beam.attenuated) {
-            for (int r = 0; r < rows; ++r) {
-              for (int k = 0; k < near; ++k) {
-                table.w[k][r] *= e_along[table.at[r] + k] * e_rows[r0 + r];
+            for (int k = 0; k < near; ++k) {
+              for (int r = 0; r < kBandRows; ++r) {
+                table.w[k][r] *= e_along[table.at[r] + k] * e_band[r];
               }
             }
           }

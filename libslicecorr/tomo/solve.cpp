@@ -21,6 +21,7 @@ void check_options(const Projector& projector, const Target& target, const Solve
   if (!(projector.grid() == target.grid)) refuse("projector", "must have the grid of the part");
   if (o.steps < 0) refuse("steps", "must be 0 or more");
   if (o.memory < 1 || o.memory > 50) refuse("memory", "must be in 1..50");
+  if (o.most_steps < 0) refuse("most_steps", "must be 0 or more");
   if (o.proof_steps < 0) refuse("proof_steps", "must be 0 or more");
   if (!(o.most_dose > 1)) refuse("most_dose", "must be above 1");
   if (!(o.cap >= 0)) refuse("cap", "must be 0 or more");
@@ -140,12 +141,11 @@ class Ladder {
 
   void run() {
     if (options_.start == nullptr) scale_start();
-    const int steps = options_.steps == 0 ? 60 : options_.steps;
     for (std::size_t r = 0; r < options_.rungs.size(); ++r) {
       const double rung = options_.rungs[r];
       if (rung > options_.first_rung) continue;
       detail::Penalty penalty = penalty_of(rung);
-      const double loss = descend(penalty, steps, "solving");
+      const double loss = climb(penalty);
       best_.offer(light_, dose_, measure(target_, dose_), rung, true);
       if (options_.checkpoint) {
         options_.checkpoint(light_, r + 1 < options_.rungs.size() ? options_.rungs[r + 1] : 1);
@@ -181,6 +181,19 @@ class Ladder {
     });
   }
 
+  /// The loss that is left of a rung. Goes on, twice as long each time, while that halves it.
+  double climb(const detail::Penalty& penalty) {
+    int steps = options_.steps == 0 ? 60 : options_.steps;
+    const int most = std::max(steps, options_.most_steps);
+    double loss = descend(penalty, steps, "solving"), before = kNone;
+    for (int done = steps; done < most && loss > 0 && loss < 0.5 * before; done += steps) {
+      steps = std::min(2 * steps, most - done);
+      before = loss;
+      loss = descend(penalty, steps, "solving");
+    }
+    return loss;
+  }
+
   double descend(const detail::Penalty& penalty, int steps, std::string_view stage) {
     std::vector<std::vector<detail::BlockStep>> blocks(target_.grid.blocks());
     parallel_for(context_, stage, blocks.size(), [&](std::size_t b) {
@@ -205,10 +218,10 @@ class Ladder {
     keep_bound(penalty.rung);
     penalty.most_dose = kNone;
     penalty.cap = kNone;
-    constexpr int kSteps = 20;
-    for (int done = 0; done < options_.proof_steps; done += kSteps) {
-      const double loss =
-          descend(penalty, std::min(kSteps, options_.proof_steps - done), "proving");
+    int steps = 20;
+    for (int done = 0; done < options_.proof_steps; done += steps, steps *= 2) {
+      steps = std::min(steps, options_.proof_steps - done);
+      const double loss = descend(penalty, steps, "proving");
       if (options_.cap == 0) {
         best_.offer(light_, dose_, measure(target_, dose_), penalty.rung, true);
       }
@@ -343,7 +356,7 @@ Solution solve(const ExecutionContext& context, const Projector& projector, cons
                const RayTables& optics, const SolveOptions& options) {
   check_options(projector, target, options);
   check_lit(context, projector, target);
-  Solution solution{.light = Light(target.grid), .dose = Field(target.grid)};
+  Solution solution(target.grid);
   switch (options.method) {
     case Method::kLadder:
       Ladder(context, projector, target, optics, options, solution).run();

@@ -47,8 +47,10 @@ struct SolveOptions {
   /// Steps per rung, or in all. 0: 60 per rung; OSMO 20, the start being the first; Kelly 10.
   int steps = 0;
 
+  /// A rung goes on beyond `steps`, up to this many, while doubling the steps halves the loss.
+  int most_steps = 1000;
   /// Rungs of the ladder, falling, each in (0, 1).
-  std::vector<double> rungs = {0.98, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2};
+  std::vector<double> rungs = {0.995, 0.98, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2};
   /// d_u, the dose over the gel dose above which gel costs; > 1. Lower is more even, with less
   /// contrast.
   double most_dose = 1.28;
@@ -69,6 +71,8 @@ struct SolveOptions {
 };
 
 struct Solution {
+  explicit Solution(const TomoGrid& grid) : light(grid), dose(grid) {}
+
   Light light;      ///< scaled: A^T light is 1 at the weakest gel voxel
   Field dose;       ///< A^T light
   Metrics metrics;  ///< of `dose`
@@ -77,7 +81,7 @@ struct Solution {
   double contrast_bound = std::numeric_limits<double>::infinity();
   /// The slice that the bound is of; -1 without one.
   int bound_slice = -1;
-  std::vector<Step> history = {};
+  std::vector<Step> history;
 };
 
 /// Throws `InputError` for options out of range and targets of another grid, `InfeasibleError` when

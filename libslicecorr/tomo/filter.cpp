@@ -37,12 +37,18 @@ void scale_to_one(Array<float>& values) {
 void ramp_filter(const ExecutionContext& context, Light& light, Window window, double cut_per_mm) {
   const TomoGrid& grid = light.grid;
   int size = 2;
-  while (size < 2 * grid.pixels) size *= 2;
+  // A cut filter is wide along t, so copies of the line have to be farther away.
+  while (size < (cut_per_mm > 0 ? 16 : 2) * grid.pixels) size *= 2;
   std::vector<float> ramp(size);
   for (int k = 0; k < size; ++k) {
     const double share = 2.0 * std::min(k, size - k) / size;
-    const double frequency = share * kPi / grid.pixel_mm;
-    ramp[k] = frequency < cut_per_mm ? 0 : static_cast<float>(share * window_at(window, share));
+    // Samples are 2 pi / (size p) apart, which is not small against a cut: the mean over a sample's
+    // range puts it where it is.
+    const double cut = cut_per_mm * grid.pixel_mm / kPi, half = 1.0 / size;
+    const double low = std::max(share - half, cut), high = std::max(share + half, cut);
+    // The range of 0 has both signs.
+    const double mean = (high * high - low * low) / (k == 0 ? 2 * half : 4 * half);
+    ramp[k] = static_cast<float>((cut > 0 ? mean : share) * window_at(window, share));
   }
   const int lanes = grid.lanes(), angles = grid.angles;
   // Two rows at once, one as the real and one as the imaginary part: the filter is real and even.

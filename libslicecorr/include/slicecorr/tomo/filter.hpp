@@ -18,7 +18,8 @@ enum class Window {
 };
 
 /// Filters light along t, in place: |k| times the window, zero-padded to a power of 2 of at least 2
-/// P. Angular frequencies below `cut_per_mm` become 0. |k| is 1 at the highest frequency.
+/// P. |k| is 1 at the highest frequency. Angular frequencies below `cut_per_mm`, when it is above 0,
+/// become 0; the line is then padded to 16 P.
 void ramp_filter(const ExecutionContext& context, Light& light, Window window,
                  double cut_per_mm = 0);
 

@@ -54,8 +54,8 @@ Resin bench_resin(double alpha_per_cm = 2.5) {
 }
 
 /// A job of random levels.
-Job random_job(const Printer& printer, int slices, int angles) {
-  Job job;
+TomoJob random_job(const Printer& printer, int slices, int angles) {
+  TomoJob job;
   job.printer = printer;
   job.resin = bench_resin();
   job.sampling = {0.25, slices, angles};
@@ -80,7 +80,7 @@ Job random_job(const Printer& printer, int slices, int angles) {
 
 TEST(TomoBench, UniformLightInABathIsTheClosedForm) {
   // tomography.md: alpha 0.8/cm, R 12.5, I 2, T_rot 14.4: 8.4759 on the axis.
-  Job job;
+  TomoJob job;
   job.printer = load_printer(SLICECORR_PRINTERS_DIR "/model-tomography-bench.toml");
   job.resin = load_resin(SLICECORR_DB_DIR "/model-tomography-resin.toml");
   job.sampling = {0.25, 1, 360};
@@ -98,7 +98,7 @@ TEST(TomoBench, UniformLightInABathIsTheClosedForm) {
 TEST(TomoBench, TheOperatorsSayWhatTheDirectSumSays) {
   for (const Printer& printer : {bench_printer(), dry_printer()}) {
     for (const int slices : {3, 20}) {
-      const Job job = random_job(printer, slices, 90);
+      const TomoJob job = random_job(printer, slices, 90);
       const Bench bench = make_bench(job.printer, job.resin, job.sampling);
       const Field field = adjoint(*make_projector(bench.grid, bench.rays), {},
                                   light_of_levels(bench.grid, job.levels, bench.mw_cm2));
@@ -173,11 +173,11 @@ class TomoJobs : public ::testing::Test {
 
 TEST_F(TomoJobs, WhatIsWrittenIsReadBack) {
   for (const Printer& printer : {bench_printer(), dry_printer()}) {
-    const Job job = random_job(printer, 5, 24);
+    const TomoJob job = random_job(printer, 5, 24);
     write_job(path("a.frames"), job);
     write_job(path("b.frames"), job);
     EXPECT_EQ(test::read_file(path("a.frames")), test::read_file(path("b.frames")));
-    const Job again = read_job(path("a.frames"));
+    const TomoJob again = read_job(path("a.frames"));
     EXPECT_EQ(again.levels, job.levels);
     EXPECT_EQ(again.part.values, job.part.values);
     EXPECT_EQ(again.printer, job.printer);

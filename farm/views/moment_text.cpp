@@ -9,7 +9,7 @@ namespace slicecorr::farm::text {
 std::string moment(std::int64_t ms, std::int64_t now_ms) {
   if (ms <= 0) return "-";
   const std::string text = local_time_text(ms);
-  constexpr std::int64_t half_day_ms = 12 * 3600 * 1000;
+  constexpr std::int64_t half_day_ms = std::int64_t{12} * 3600 * 1000;
   return std::abs(ms - now_ms) < half_day_ms ? text.substr(11) : text.substr(0, 16);
 }
 

@@ -146,7 +146,8 @@ std::int64_t slot_length(std::int64_t span_ms) {
         10 * minute, 15 * minute, 30 * minute, 60 * minute, 180 * minute, 360 * minute}) {
     if (span_ms <= 96 * ms) return ms;
   }
-  return (span_ms / (96 * 1440 * minute) + 1) * 1440 * minute;
+  constexpr std::int64_t day = std::int64_t{1440} * minute;
+  return (span_ms / (96 * day) + 1) * day;
 }
 
 void fill_slots(Database& db, const std::vector<Span>& spans, MorningReport& r) {

@@ -39,7 +39,7 @@ class StackFrames final : public FrameSource {
     slicecorr::detail::clear_vector_state();
     frame->blue = to_display(std::move(image));
     if (uv_) {
-      image.resize(pixels);
+      image = std::vector<std::uint8_t>(pixels);
       stack_.read_uv_slice(number, image.data());
       slicecorr::detail::clear_vector_state();
       frame->uv = to_display(std::move(image));

@@ -84,17 +84,17 @@ void no_delay(int descriptor) {
 
 }  // namespace
 
-WireSocket connect_wire(const std::string& text) {
-  const Address a = parse(text);
+WireSocket connect_wire(const std::string& address) {
+  const Address a = parse(address);
   if (a.unix_socket) {
     WireSocket s(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
     const sockaddr_un u = unix_address(a.host);
     if (!s || ::connect(s.get(), reinterpret_cast<const sockaddr*>(&u), sizeof u) != 0) {
-      failed(text, "no display answers there");
+      failed(address, "no display answers there");
     }
     return s;
   }
-  const Addresses found = look_up(a, text, false);
+  const Addresses found = look_up(a, address, false);
   for (const addrinfo* i = found.get(); i != nullptr; i = i->ai_next) {
     WireSocket s(::socket(i->ai_family, i->ai_socktype | SOCK_CLOEXEC, i->ai_protocol));
     if (s && ::connect(s.get(), i->ai_addr, i->ai_addrlen) == 0) {
@@ -102,30 +102,30 @@ WireSocket connect_wire(const std::string& text) {
       return s;
     }
   }
-  failed(text, "no display answers there");
+  failed(address, "no display answers there");
 }
 
-WireListener listen_wire(const std::string& text) {
-  const Address a = parse(text);
+WireListener listen_wire(const std::string& address) {
+  const Address a = parse(address);
   if (a.unix_socket) {
     const sockaddr_un u = unix_address(a.host);
     struct stat there {};
     if (::lstat(a.host.c_str(), &there) == 0) {
-      if (!S_ISSOCK(there.st_mode)) throw InputError(text, "", "exists and is no socket");
+      if (!S_ISSOCK(there.st_mode)) throw InputError(address, "", "exists and is no socket");
       WireSocket probe(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
       if (::connect(probe.get(), reinterpret_cast<const sockaddr*>(&u), sizeof u) == 0) {
-        throw InputError(text, "", "another program listens there");
+        throw InputError(address, "", "another program listens there");
       }
       ::unlink(a.host.c_str());
     }
     WireSocket s(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
     if (!s || ::bind(s.get(), reinterpret_cast<const sockaddr*>(&u), sizeof u) != 0 ||
         ::listen(s.get(), kBacklog) != 0) {
-      failed(text, "can't listen");
+      failed(address, "can't listen");
     }
-    return {std::move(s), text};
+    return {std::move(s), address};
   }
-  const Addresses found = look_up(a, text, true);
+  const Addresses found = look_up(a, address, true);
   for (const addrinfo* i = found.get(); i != nullptr; i = i->ai_next) {
     WireSocket s(::socket(i->ai_family, i->ai_socktype | SOCK_CLOEXEC, i->ai_protocol));
     if (!s) continue;
@@ -142,7 +142,7 @@ WireListener listen_wire(const std::string& text) {
     const std::string host = a.host.find(':') == std::string::npos ? a.host : "[" + a.host + "]";
     return {std::move(s), fmt::format("tcp:{}:{}", host, port)};
   }
-  failed(text, "can't listen");
+  failed(address, "can't listen");
 }
 
 }  // namespace slicecorr::bridge

@@ -46,7 +46,6 @@ Need need_of(Signal signal, const Machine& m) {
     case Signal::acceleration_um_s2:
       return {0, m.stage.acceleration_um_s2, m.stage.acceleration_um_s2 / 100, false};
     case Signal::blue_share:
-      return {0, m.blue.max_share, m.blue.tolerance / 2, false};
     case Signal::blue_measured:
       return {0, m.blue.max_share, m.blue.tolerance / 2, false};
     case Signal::uv_mw_cm2:

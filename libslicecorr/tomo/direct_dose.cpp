@@ -20,7 +20,7 @@ struct Source {
 
 class DirectSum {
  public:
-  DirectSum(const Job& job, const Bench& bench)
+  DirectSum(const TomoJob& job, const Bench& bench)
       : printer_(job.printer),
         bench_(bench),
         n_(index_of(job.resin)),
@@ -90,7 +90,7 @@ class DirectSum {
 
 }  // namespace
 
-Box<float> dose_of(const Job& job, const ExecutionContext& context) {
+Box<float> dose_of(const TomoJob& job, const ExecutionContext& context) {
   const Bench bench = make_bench(job.printer, job.resin, job.sampling);
   const TomoGrid& grid = bench.grid;
   const DirectSum direct(job, bench);

@@ -31,7 +31,7 @@ std::uint64_t png_limit(int width, int height) {
 }
 
 /// The image that is shown at angle m.
-GreyImage frame_of(const Bench& bench, const Job& job, int m) {
+GreyImage frame_of(const Bench& bench, const TomoJob& job, int m) {
   const TomoGrid& grid = bench.grid;
   const int levels = job.printer.levels();
   GreyImage image{bench.frame_width, bench.frame_height, {}};
@@ -51,7 +51,7 @@ GreyImage frame_of(const Bench& bench, const Job& job, int m) {
   return image;
 }
 
-nlohmann::ordered_json config_of(const Bench& bench, const Job& job) {
+nlohmann::ordered_json config_of(const Bench& bench, const TomoJob& job) {
   nlohmann::ordered_json j;
   j["format"] = kJobFormat;
   j["angles"] = bench.grid.angles;
@@ -91,7 +91,7 @@ void check_box(const Bench& bench, const Box<std::uint8_t>& part) {
 
 }  // namespace
 
-void write_job(const std::string& path, const Job& job, const ExecutionContext& context) {
+void write_job(const std::string& path, const TomoJob& job, const ExecutionContext& context) {
   const Bench bench = make_bench(job.printer, job.resin, job.sampling);
   check_box(bench, job.part);
   const TomoGrid& grid = bench.grid;
@@ -115,7 +115,7 @@ void write_job(const std::string& path, const Job& job, const ExecutionContext& 
   output->finish(context);
 }
 
-Job read_job(const std::string& path, const ExecutionContext& context) {
+TomoJob read_job(const std::string& path, const ExecutionContext& context) {
   const auto archive = detail::open_container(path, detail::path_parts(path).folder, context);
   if (!archive->has(kConfig)) {
     throw InputError(path, kConfig, "is missing; expected a job that tomo solve wrote");
@@ -133,7 +133,7 @@ Job read_job(const std::string& path, const ExecutionContext& context) {
     throw InputError(path, kConfig,
                      fmt::format("has format {}; this program knows up to {}", format, kJobFormat));
   }
-  Job job;
+  TomoJob job;
   job.printer = detail::read_printer(config["printer"]);
   job.resin = detail::read_resin(config["resin"]);
   if (job.printer.flat_field) {

@@ -139,7 +139,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
                   const ExecutionContext& context) {
   require_tomographic(printer);
   const double radius_mm = part_radius_mm(part, voxel_mm);
-  Job job;
+  TomoJob job;
   job.printer = printer;
   job.resin = resin;
   job.sampling.voxel_mm = voxel_mm;
@@ -216,7 +216,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   return print;
 }
 
-PrintFigures figures_of(const Job& job, const Box<float>& dose, const Box<std::uint8_t>& part,
+PrintFigures figures_of(const TomoJob& job, const Box<float>& dose, const Box<std::uint8_t>& part,
                         const ExecutionContext& context) {
   const Bench bench = make_bench(job.printer, job.resin, job.sampling);
   const Target target(volume_of(bench.grid, part));

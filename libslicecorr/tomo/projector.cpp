@@ -336,7 +336,8 @@ std::unique_ptr<Projector> make_projector(const TomoGrid& grid, const RayTables&
 }
 
 std::unique_ptr<Projector> detail::make_axis_projector(const TomoGrid& grid, double alpha_per_mm) {
-  return std::make_unique<BeamProjector>(grid, RayTables{.alpha_per_mm = alpha_per_mm}, nullptr, true);
+  return std::make_unique<BeamProjector>(grid, RayTables{.alpha_per_mm = alpha_per_mm}, nullptr,
+                                         true);
 }
 
 Light forward(const Projector& projector, const ExecutionContext& context, const Field& field) {

@@ -33,7 +33,8 @@ double least_s(int runs, const std::function<void()>& run) {
   return least;
 }
 
-void operators(int slices, double alpha, const std::string& name, const RayTables* optics = nullptr) {
+void operators(int slices, double alpha, const std::string& name,
+               const RayTables* optics = nullptr) {
   const TomoGrid grid = square_grid(256, 360, slices);
   RayTables own{.alpha_per_mm = alpha};
   const auto projector = make_projector(grid, optics == nullptr ? own : *optics);

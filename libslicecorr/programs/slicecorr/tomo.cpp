@@ -103,7 +103,7 @@ int solve(const TomoOptions& o, const ExecutionContext& context, Console& consol
 
 int verify(const TomoOptions& o, const ExecutionContext& context, Console& console) {
   for (const std::string& output : {o.dose, o.json}) check_output(output, {o.job, o.volume});
-  const tomo::Job job = tomo::read_job(o.job, context);
+  const tomo::TomoJob job = tomo::read_job(o.job, context);
   const Box<std::uint8_t> part =
       o.volume.empty()
           ? job.part
@@ -142,7 +142,7 @@ void add_tomo(Program& program, TomoOptions& o) {
   o.mesh.add_placement_to(*sub);
   sub->add_option("--printer", o.printer, "Printer: a .toml file or a name")->required();
   sub->add_option("--resin", o.resin, "Resin: a .toml file or a name")->required();
-  sub->add_option("-o,--output", o.output, "Job to write (.frames)")->required();
+  sub->add_option("-o,--output", o.output, "File of the job to write (.frames)")->required();
   sub->add_option("--angles", o.angles, "Frames of a turn [as many as resolve the voxels]")
       ->check(CLI::Range(3, 100000));
   sub->add_option("--method", o.method,
@@ -162,7 +162,7 @@ void add_tomo(Program& program, TomoOptions& o) {
   sub->add_option("--json", o.json, "Write all figures as JSON to FILE, or - for stdout");
 
   sub = add("verify", "Say what a job's frames print, by a direct sum of their light", verify);
-  sub->add_option("JOB", o.job, "Job (.frames)")->required();
+  sub->add_option("JOB", o.job, "File of the job (.frames)")->required();
   sub->add_option("--volume", o.volume, "Another part to judge by (.npy), with the job's voxels");
   sub->add_option("--dose", o.dose, "Write the dose of the print, mJ/cm³, to FILE (.npy)");
   sub->add_option("--json", o.json, "Write all figures as JSON to FILE, or - for stdout");

@@ -20,7 +20,7 @@ namespace slicecorr::tomo {
 /// Newest version of `config.json` that this program reads.
 inline constexpr int kJobFormat = 1;
 
-struct Job {
+struct TomoJob {
   Printer printer;
   Resin resin;
   Sampling sampling;
@@ -33,9 +33,9 @@ struct Job {
 
 /// Written under a temporary name, then renamed. Throws `DeviceError`, and `InputError` as
 /// `make_bench`.
-void write_job(const std::string& path, const Job& job, const ExecutionContext& context = {});
+void write_job(const std::string& path, const TomoJob& job, const ExecutionContext& context = {});
 /// Throws `InputError` naming entry and key for what is missing, damaged, of another size or number
 /// than `config.json` says, or of a newer format. What frames show beside the resin is not kept.
-Job read_job(const std::string& path, const ExecutionContext& context = {});
+TomoJob read_job(const std::string& path, const ExecutionContext& context = {});
 
 }  // namespace slicecorr::tomo

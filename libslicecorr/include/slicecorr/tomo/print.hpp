@@ -54,7 +54,7 @@ struct PrintOptions {
 };
 
 struct Print {
-  Job job;
+  TomoJob job;
   PrintFigures figures;  ///< of the frames with their grey levels
   std::vector<Step> history;
 };
@@ -69,9 +69,9 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
 /// The doses that a job's frames leave, mJ/cm³ of the whole print, by a direct sum over angles in
 /// double precision that shares nothing with the solver's operators: [z][y][x], 0 outside of the
 /// resin.
-Box<float> dose_of(const Job& job, const ExecutionContext& context = {});
+Box<float> dose_of(const TomoJob& job, const ExecutionContext& context = {});
 /// Figures of these doses, against the job's part or another on its grid.
-PrintFigures figures_of(const Job& job, const Box<float>& dose, const Box<std::uint8_t>& part,
+PrintFigures figures_of(const TomoJob& job, const Box<float>& dose, const Box<std::uint8_t>& part,
                         const ExecutionContext& context = {});
 
 }  // namespace slicecorr::tomo

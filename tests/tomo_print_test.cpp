@@ -337,6 +337,9 @@ TEST_F(TomoProgram, WrongUseIsToldByName) {
       call({"solve", "--printer", "bench.toml", "--resin", "resin.toml", "-o", "a.frames"});
   EXPECT_EQ(neither.exit_code, 2);
   EXPECT_THAT(neither.err, HasSubstr("--volume"));
+  auto beside = solve("a.frames");
+  beside.insert(beside.end(), {"--center-mm", "1,1"});
+  EXPECT_THAT(call(beside).err, HasSubstr("--center-mm"));
   EXPECT_EQ(call({"verify", "part.npy"}).exit_code, 2);
   EXPECT_EQ(call({"verify", "none.frames"}).exit_code, 2);
   auto slow = solve("a.frames");

@@ -74,6 +74,9 @@ int solve(const TomoOptions& o, const ExecutionContext& context, Console& consol
   if (o.volume.empty() == o.mesh.parts.empty()) {
     throw InputError("expected meshes, or a volume (--volume)");
   }
+  if (!o.mesh.center_mm.empty()) {
+    throw InputError("--center-mm has no place here: parts are middled on the axis");
+  }
   std::vector<std::string> inputs = o.mesh.parts;
   if (!o.volume.empty()) inputs.push_back(o.volume);
   check_output(o.output, inputs);

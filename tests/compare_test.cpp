@@ -86,8 +86,8 @@ TEST_F(CompareTest, JsonHoldsTheFiguresOfEachMethod) {
     EXPECT_EQ(j[method]["target_voxels"], ours["target_voxels"]);
     EXPECT_GT(j[method]["height_error_um"]["mean_abs"], ours["height_error_um"]["mean_abs"]);
   }
-  EXPECT_GE(j["ours_to_slices"]["surface_error_um"]["mean_abs"],
-            ours["surface_error_um"]["mean_abs"]);
+  // All edges of the ladder lie on nodes: heights change nothing.
+  EXPECT_EQ(j["ours_to_slices"]["surface_error_um"], ours["surface_error_um"]);
   EXPECT_TRUE(j["erase"]["best_n"].is_number_integer());
   EXPECT_TRUE(j["table"]["best_n"].is_null());
   EXPECT_LT(j["erase"]["height_error_um"]["mean_abs"],

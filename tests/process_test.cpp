@@ -14,26 +14,19 @@
 #include <utility>
 #include <vector>
 
+#include "refusal.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/load_printer.hpp"
 
 namespace slicecorr {
 namespace {
 
+using test::refusal;
+
 namespace fs = std::filesystem;
 using testing::HasSubstr;
 
 constexpr double kLn10 = 2.302585092994046;
-
-std::string refusal(const std::function<void()>& f) {
-  try {
-    f();
-  } catch (const InputError& e) {
-    return e.what();
-  }
-  ADD_FAILURE() << "nothing was refused";
-  return "";
-}
 
 /// A text in which one line is replaced; nothing when it is not there.
 std::string with(std::string text, const std::string& line, const std::string& replacement) {

@@ -19,11 +19,14 @@
 
 #include "meshes.hpp"
 #include "real_files.hpp"
+#include "refusal.hpp"
 #include "slice/bridges.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr {
 namespace {
+
+using test::refusal;
 
 namespace fs = std::filesystem;
 using Real = long double;
@@ -626,16 +629,6 @@ TEST(MeshSlices, EdgeDefectsThatAreKnownChangeNothing) {
 }
 
 // --- What is refused
-
-std::string refusal(const std::function<void()>& f) {
-  try {
-    f();
-  } catch (const InputError& e) {
-    return e.what();
-  }
-  ADD_FAILURE() << "nothing was refused";
-  return "";
-}
 
 TEST(MeshSlices, TooLargeNamesTheExcess) {
   const Printer p = printer(100, 80, 50, 50);  // 5 x 4 mm

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "slicecorr/tomo/projector.hpp"
+#include "slicecorr/tomo/solve.hpp"
 #include "slicecorr/tomo/volume.hpp"
 
 namespace slicecorr::tomo {
@@ -142,6 +143,22 @@ inline Field field_of(const Volume& part) {
   Field field(part.grid);
   for (std::size_t i = 0; i < part.coverage.size(); ++i) field.values[i] = part.coverage[i] / 255.f;
   return field;
+}
+
+inline SolveOptions osmo(int steps) {
+  SolveOptions options;
+  options.method = Method::kOsmo;
+  options.steps = steps;
+  return options;
+}
+
+/// The ladder on one rung, in exactly so many steps, without a proof.
+inline SolveOptions rung(double value, int steps) {
+  SolveOptions options;
+  options.rungs = {value};
+  options.steps = options.most_steps = steps;
+  options.proof_steps = 0;
+  return options;
 }
 
 }  // namespace slicecorr::tomo

@@ -31,22 +31,6 @@ struct Problem {
   }
 };
 
-SolveOptions osmo(int steps) {
-  SolveOptions options;
-  options.method = Method::kOsmo;
-  options.steps = steps;
-  return options;
-}
-
-/// The ladder on one rung, in exactly so many steps, without a proof.
-SolveOptions rung(double value, int steps) {
-  SolveOptions options;
-  options.rungs = {value};
-  options.steps = options.most_steps = steps;
-  options.proof_steps = 0;
-  return options;
-}
-
 TEST(TomoMetrics, OfACountedDose) {
   // Four gel and six void voxels; the rest of the disc is grey.
   const TomoGrid grid = square_grid(9, 8);

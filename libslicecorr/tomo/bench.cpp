@@ -20,9 +20,11 @@ constexpr double kSame = 1e-9;
   throw InputError("printer '" + printer.name + "': " + what);
 }
 
-/// Odd and even grids have their middles on the axis alike; the largest odd one that the resin
-/// holds.
-int voxels_across(double radius_mm, double voxel_mm) {
+}  // namespace
+
+int voxels_across(const Printer& printer, double voxel_mm) {
+  require_tomographic(printer);
+  const double radius_mm = printer.vial->inner_mm;
   const double half = std::floor(radius_mm / voxel_mm + kSame);
   if (!(half >= 1) || half > 8000) {
     throw InputError(fmt::format(
@@ -31,8 +33,6 @@ int voxels_across(double radius_mm, double voxel_mm) {
   }
   return 2 * static_cast<int>(half) + 1;
 }
-
-}  // namespace
 
 int usual_angles(const Printer& printer, double part_radius_mm, double voxel_mm) {
   // pi r / p for half a turn.
@@ -79,7 +79,7 @@ Bench make_bench(const Printer& printer, const Resin& resin, const Sampling& sam
   b.frame_height = printer.height_px;
 
   TomoGrid& grid = b.grid;
-  grid.voxels = voxels_across(vial.inner_mm, sampling.voxel_mm);
+  grid.voxels = voxels_across(printer, sampling.voxel_mm);
   grid.radius_mm = 0.5 * sampling.voxel_mm * (grid.voxels - 1);
   grid.slices = sampling.slices;
   grid.angles = sampling.angles;

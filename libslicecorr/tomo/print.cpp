@@ -15,13 +15,9 @@ namespace slicecorr::tomo {
 
 namespace {
 
-/// Voxels of a slice, by row and column of the part's box.
+/// From the middle of a voxel of an n x n slice to the axis.
 double distance_mm(int n, int x, int y, double voxel_mm) {
   return std::hypot(x - 0.5 * (n - 1), y - 0.5 * (n - 1)) * voxel_mm;
-}
-
-int voxels_across(const Printer& printer, double voxel_mm) {
-  return 2 * static_cast<int>(std::floor(printer.vial->inner_mm / voxel_mm + 1e-9)) + 1;
 }
 
 Volume volume_of(const TomoGrid& grid, const Box<std::uint8_t>& part) {
@@ -60,7 +56,6 @@ Turns turns_for(const Bench& bench, double turn_mj_cm3) {
 
 Box<std::uint8_t> voxelise(TriangleMesh mesh, const Printer& printer, double voxel_mm,
                            const ExecutionContext& context) {
-  require_tomographic(printer);
   // The slicer's display is the square of voxels around the resin.
   Printer plate;
   plate.name = printer.name;

@@ -72,21 +72,6 @@ void solved(const Run& run) {
              s.contrast_bound, efficiency(s.light));
 }
 
-SolveOptions osmo(int steps) {
-  SolveOptions options;
-  options.method = Method::kOsmo;
-  options.steps = steps;
-  return options;
-}
-
-SolveOptions rung(double rho, int steps) {
-  SolveOptions options;
-  options.rungs = {rho};
-  options.steps = options.most_steps = steps;
-  options.proof_steps = 0;
-  return options;
-}
-
 }  // namespace
 
 int main(int argc, char** argv) {

@@ -38,6 +38,10 @@ struct Bench {
   int frame_of_angle(int m) const { return clockwise || m == 0 ? m : grid.angles - m; }
 };
 
+/// Voxels along x and along y of the grid that the resin holds: an odd number, so that one is on the
+/// axis. Throws `InputError` when the printer has no vial, and for voxels too large or too small.
+int voxels_across(const Printer& printer, double voxel_mm);
+
 /// Throws `InputError` naming what is missing or does not fit: light that is not telecentric, a
 /// printer whose rows are higher than a voxel, slices above or below the image, fewer than 3 angles,
 /// more frames than the projector shows in a turn.

@@ -1,0 +1,97 @@
+#include "pipeline/correct_columns.hpp"
+
+#include <algorithm>
+#include <vector>
+
+#include "base/coded_band.hpp"
+
+namespace slicecorr::detail {
+
+namespace {
+
+/// The edge heights of the node after the last slice, where no slice is shown that has it as its
+/// upper node. `heights`: null without.
+void add_last_heights(BandPredictor& predictor, const CorrectionPlan& plan,
+                      const std::uint8_t* heights, std::size_t columns) {
+  const std::uint8_t* const dark = nullptr;
+  if (!plan.model.is_plain()) {
+    predictor.add_slice(plan.all_layers, dark, nullptr, heights);
+    return;
+  }
+  constexpr std::size_t lanes = BandPredictor::kTileColumns;
+  const std::uint8_t empty[lanes] = {};
+  for (std::size_t b = 0; b < columns; b += lanes) {
+    const std::size_t width = std::min(lanes, columns - b);
+    std::uint8_t part[lanes] = {};
+    if (heights) std::copy_n(heights + b, width, part);
+    predictor.add_tile(b, width, plan.all_layers, 1, nullptr, empty, heights ? part : nullptr);
+  }
+}
+
+}  // namespace
+
+void correct_columns(const CorrectionPlan& plan, std::size_t columns, const DesignReader& read,
+                     const ColumnSinks& out, const ExecutionContext& context) {
+  BandCorrector corrector(plan, columns);
+  CodedBand heights(columns);
+  read([&](int n, const std::uint8_t* rows, const std::uint8_t* its_heights) {
+    if ((n & 63) == 0) context.check_cancelled();
+    corrector.add_layer(rows, its_heights);
+    if (n == plan.all_layers) add_last_heights(out.after, plan, its_heights, columns);
+    if (!plan.model.is_plain()) heights.append(its_heights);
+  });
+  std::uint8_t pixel_of[256] = {};
+  for (int level = 0; level < plan.levels.size(); ++level) {
+    pixel_of[level] = static_cast<std::uint8_t>(pixel_of_level(level, plan.levels.size()));
+  }
+  const bool all_levels = plan.levels.size() == 256;
+  std::vector<std::uint8_t> pixels(columns);
+  const auto shown = [&](const std::uint8_t* levels) {
+    if (all_levels) return levels;
+    for (std::size_t k = 0; k < columns; ++k) pixels[k] = pixel_of[levels[k]];
+    return static_cast<const std::uint8_t*>(pixels.data());
+  };
+  if (plan.model.is_plain()) {
+    using Tile = BandCorrector::Tile;
+    static_assert(Tile::kStride == BandPredictor::kTileColumns);
+    std::vector<std::uint8_t> tile_pixels;
+    const auto look = [&](const Tile& t) {
+      const auto size = static_cast<std::size_t>(t.slices) * Tile::kStride;
+      const std::uint8_t* lit = t.levels;
+      if (!all_levels) {
+        tile_pixels.resize(size);
+        for (std::size_t k = 0; k < size; ++k) tile_pixels[k] = pixel_of[t.levels[k]];
+        lit = tile_pixels.data();
+      }
+      out.after.add_tile(t.first_column, t.columns, t.first_slice, t.slices, lit, t.coverage,
+                         t.heights);
+      if (!out.before) return;
+      // Slices after the part's end belong to the correction, not to the target.
+      const int inside = std::clamp(plan.layers - t.first_slice, 0, t.slices);
+      out.before->add_tile(t.first_column, t.columns, t.first_slice + inside, t.slices - inside,
+                           nullptr, t.coverage + static_cast<std::size_t>(inside) * Tile::kStride);
+      out.before->add_tile(t.first_column, t.columns, t.first_slice, inside, t.coverage,
+                           t.coverage);
+    };
+    corrector.solve(
+        [&](int n, const std::uint8_t* levels, const std::uint8_t*, bool dark) {
+          if ((n & 63) == 0) context.check_cancelled();
+          out.put(n, dark ? nullptr : shown(levels));
+        },
+        look);
+    return;
+  }
+  std::vector<std::uint8_t> height_rows(columns);
+  corrector.solve([&](int n, const std::uint8_t* levels, const std::uint8_t* coverage, bool dark) {
+    if ((n & 63) == 0) context.check_cancelled();
+    const std::uint8_t* const lit = shown(levels);
+    out.put(n, dark ? nullptr : lit);
+    if (out.watch) out.watch->add_slice(n, dark ? nullptr : lit);
+    const bool has_heights = n < heights.slices() && !heights.black(n);
+    if (has_heights) heights.read(n, height_rows.data());
+    out.after.add_slice(n, lit, coverage, has_heights ? height_rows.data() : nullptr);
+    if (out.before) out.before->add_slice(n, n < plan.layers ? coverage : nullptr, coverage);
+  });
+}
+
+}  // namespace slicecorr::detail

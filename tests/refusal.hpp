@@ -1,0 +1,23 @@
+/// What a call that is to be refused says.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <string>
+
+#include "slicecorr/error.hpp"
+
+namespace slicecorr::test {
+
+inline std::string refusal(const std::function<void()>& f) {
+  try {
+    f();
+  } catch (const InputError& e) {
+    return e.what();
+  }
+  ADD_FAILURE() << "nothing was refused";
+  return "";
+}
+
+}  // namespace slicecorr::test

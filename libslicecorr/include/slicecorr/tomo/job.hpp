@@ -27,6 +27,8 @@ struct TomoJob {
   int turns = 1;
   /// Coverage of voxels: 255 part, 0 empty, between: neither. Slices of the grid of `make_bench`.
   Box<std::uint8_t> part;
+  /// What turns with the part and lets no light through: > 0 opaque, on the part's grid; empty: none.
+  Box<std::uint8_t> insert;
   /// Grey levels, laid out as the light of the grid of `make_bench`; 0 in lanes without a slice.
   std::vector<std::uint16_t> levels;
 };

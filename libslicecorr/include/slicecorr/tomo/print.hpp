@@ -48,6 +48,8 @@ struct PrintFigures {
 
 struct PrintOptions {
   SolveOptions solve;
+  /// What turns with the part and lets no light through: > 0 opaque, on the part's grid; empty: none.
+  Box<std::uint8_t> insert;
   int angles = 0;             ///< 0: `usual_angles`
   double most_time_s = 0;     ///< 0: no limit
   bool beyond_reach = false;  ///< gel where not all directions reach is allowed

@@ -3,9 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <random>
+#include <tuple>
 
 #include "run_program.hpp"
 #include "slicecorr/error.hpp"
@@ -196,6 +198,30 @@ TEST_F(TomoJobs, WhatIsWrittenIsReadBack) {
     EXPECT_EQ(again.resin, job.resin);
     EXPECT_EQ(again.turns, job.turns);
   }
+}
+
+TEST_F(TomoJobs, HowTheSolveWentIsKept) {
+  TomoJob job = random_job(bench_printer(), 5, 24);
+  job.contrast_bound = 1.25;
+  job.history = {
+      {.rung = 0.98, .step = 0, .loss = 3.5, .ver = 0.25, .pw = -0.5, .contrast = 0.5},
+      {.rung = 0.98, .step = 1, .pw = 1, .contrast = std::numeric_limits<double>::infinity()}};
+  write_job(path("a.frames"), job);
+  const TomoJob again = read_job(path("a.frames"));
+  EXPECT_EQ(again.contrast_bound, 1.25);
+  ASSERT_EQ(again.history.size(), 2U);
+  for (std::size_t i = 0; i < 2; ++i) {
+    const Step &a = again.history[i], &b = job.history[i];
+    EXPECT_EQ(std::tuple(a.rung, a.step, a.loss, a.ver, a.pw, a.contrast),
+              std::tuple(b.rung, b.step, b.loss, b.ver, b.pw, b.contrast));
+  }
+  // Jobs without it are jobs all the same.
+  write_job(path("b.frames"), random_job(bench_printer(), 5, 24));
+  EXPECT_TRUE(read_job(path("b.frames")).history.empty());
+  EXPECT_TRUE(std::isinf(read_job(path("b.frames")).contrast_bound));
+  job.history[1].ver = 2;
+  write_job(path("a.frames"), job);
+  EXPECT_THAT(refused(path("a.frames")), HasSubstr("history[1].ver is 2"));
 }
 
 TEST_F(TomoJobs, DamageIsRefusedByName) {

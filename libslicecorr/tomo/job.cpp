@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -21,6 +23,8 @@ namespace slicecorr::tomo {
 namespace {
 
 constexpr const char* kConfig = "config.json";
+/// Steps of a history at most.
+constexpr std::size_t kMostSteps = 10000000;
 
 std::string frame_name(int frame) { return fmt::format("frame/{:08}.png", frame); }
 std::string part_name(int slice) { return fmt::format("part/{:08}.png", slice); }
@@ -69,7 +73,41 @@ nlohmann::ordered_json config_of(const Bench& bench, const TomoJob& job) {
   j["voxels"] = {job.part.nz, job.part.ny, job.part.nx};
   j["printer"] = detail::printer_json(job.printer);
   j["resin"] = detail::resin_json(job.resin);
+  if (std::isfinite(job.contrast_bound)) j["contrast_bound"] = job.contrast_bound;
+  if (!job.history.empty()) {
+    j["history"] = nlohmann::ordered_json::array();
+    for (const Step& s : job.history) {
+      // Contrast is infinite where no light falls into void: JSON has no such number.
+      j["history"].push_back(
+          {{"rung", s.rung},
+           {"step", s.step},
+           {"loss", s.loss},
+           {"ver", s.ver},
+           {"pw", s.pw},
+           {"contrast", std::isfinite(s.contrast) ? nlohmann::ordered_json(s.contrast)
+                                                  : nlohmann::ordered_json(nullptr)}});
+    }
+  }
   return j;
+}
+
+void read_history(const detail::JsonNode<nlohmann::json>& config, TomoJob& job) {
+  if (config.has("contrast_bound")) {
+    job.contrast_bound = config["contrast_bound"].number(0, detail::JsonSource::kLargest);
+  }
+  if (!config.has("history")) return;
+  constexpr double kMost = detail::JsonSource::kLargest;
+  for (const auto& node : config["history"].list(0, kMostSteps)) {
+    Step s;
+    s.rung = node["rung"].number(0, 1);
+    s.step = node["step"].integer(0, 1000000000);
+    s.loss = node["loss"].number(0, kMost);
+    s.ver = node["ver"].number(0, 1);
+    s.pw = node["pw"].number(-1, 1);
+    s.contrast = node["contrast"].json().is_null() ? std::numeric_limits<double>::infinity()
+                                                   : node["contrast"].number(0, kMost);
+    job.history.push_back(s);
+  }
 }
 
 /// The entry as an image of this size.
@@ -144,6 +182,7 @@ TomoJob read_job(const std::string& path, const ExecutionContext& context) {
   job.sampling.angles = config["angles"].integer(3, 100000);
   const auto voxels = config["voxels"].list(3, 3);
   job.sampling.slices = voxels[0].integer(1, kMostAlongAxis);
+  read_history(config, job);
   const Bench bench = make_bench(job.printer, job.resin, job.sampling);
   const TomoGrid& grid = bench.grid;
   job.part.nz = grid.slices;

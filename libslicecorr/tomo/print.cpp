@@ -203,8 +203,9 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
     ++job.turns;
   }
 
+  job.history = std::move(solution.history);
+  job.contrast_bound = solution.contrast_bound;
   Print print;
-  print.history = std::move(solution.history);
   print.job = std::move(job);
   print.figures = figures;
   print.figures.contrast_bound = solution.contrast_bound;

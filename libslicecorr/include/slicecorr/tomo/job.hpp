@@ -8,12 +8,14 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <string>
 #include <vector>
 
 #include "slicecorr/process.hpp"
 #include "slicecorr/tomo/bench.hpp"
 #include "slicecorr/tomo/npy.hpp"
+#include "slicecorr/tomo/solve.hpp"
 
 namespace slicecorr::tomo {
 
@@ -31,6 +33,10 @@ struct TomoJob {
   Box<std::uint8_t> insert;
   /// Grey levels, laid out as the light of the grid of `make_bench`; 0 in lanes without a slice.
   std::vector<std::uint16_t> levels;
+  /// How the solve went, and the bound of contrast that it proved (infinite: none): for pages, no
+  /// part of the print. Jobs that others made have neither.
+  std::vector<Step> history;
+  double contrast_bound = std::numeric_limits<double>::infinity();
 };
 
 /// Written under a temporary name, then renamed. Throws `DeviceError`, and `InputError` as

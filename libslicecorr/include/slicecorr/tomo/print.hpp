@@ -58,7 +58,6 @@ struct PrintOptions {
 struct Print {
   TomoJob job;
   PrintFigures figures;  ///< of the frames with their grey levels
-  std::vector<Step> history;
 };
 
 /// Throws `InputError` for parts outside of the vial or its reach, `InfeasibleError` when the bound

@@ -592,13 +592,13 @@ TEST_F(TomoProgram, APartIsPrintedAroundAnInsert) {
   EXPECT_NE(dose_of(without).values, dose_of(job).values);
 
   // A mesh beside a mesh, turned and scaled alike.
-  for (const std::string name : {"part.stl", "rod.stl"}) {
-    const double h = name == "part.stl" ? 0.1 : 0.02, x = name == "part.stl" ? 0 : 0.16;
+  for (const std::string name : {"part.off", "rod.off"}) {
+    const double h = name == "part.off" ? 0.1 : 0.02, x = name == "part.off" ? 0 : 0.16;
     std::string text = "OFF\n8 12 0\n";
     const TriangleMesh mesh = box_mesh({x - h, -h, -0.05}, {x + h, h, 0.05});
     for (const Point3& v : mesh.vertices) text += fmt::format("{} {} {}\n", v[0], v[1], v[2]);
     for (const auto& t : mesh.triangles) text += fmt::format("3 {} {} {}\n", t[0], t[1], t[2]);
-    test::write_file(path(name.substr(0, 4) + ".off"), test::to_bytes(text));
+    test::write_file(path(name), test::to_bytes(text));
   }
   const test::RunResult meshes = call(
       {"solve",  "part.off",   "--insert", "rod.off",   "--scale",      "10",      "--rotate-deg",

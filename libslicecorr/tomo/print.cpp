@@ -3,13 +3,18 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "parallel/silent.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/version.hpp"
 #include "slicecorr/vial.hpp"
+#include "stack/formats/definition_json.hpp"
+#include "tomo/checkpoint.hpp"
 #include "tomo/voxels.hpp"
 
 namespace slicecorr::tomo {
@@ -68,6 +73,21 @@ double floor_of_turn(const Bench& bench, const Projector& projector,
   const Field floor = adjoint(projector, context, light_of_levels(bench.grid, black, bench.mw_cm2));
   return *std::max_element(floor.values.begin(), floor.values.end()) *
          dose_of_turn(bench.grid, bench.exposure);
+}
+
+detail::Fingerprint fingerprint_of(const Box<std::uint8_t>& part, const Box<std::uint8_t>& insert,
+                                   const TomoJob& job, const SolveOptions& options) {
+  const auto of_box = [](const Box<std::uint8_t>& box) {
+    const std::array<int, 3> size{box.nz, box.ny, box.nx};
+    return detail::hash_of(box.values.data(), box.values.size(),
+                           detail::hash_of(size.data(), sizeof size));
+  };
+  const std::string machine =
+      fmt::format("{} {} {} {} {}", version, job.sampling.voxel_mm, job.sampling.angles,
+                  slicecorr::detail::printer_json(job.printer).dump(),
+                  slicecorr::detail::resin_json(job.resin).dump());
+  return {of_box(part), of_box(insert), detail::hash_of(machine.data(), machine.size()),
+          detail::hash_of(options)};
 }
 
 PrintFigures judge(const TomoJob& job, const Bench& bench, const Target& target,
@@ -143,10 +163,20 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   // One line of progress for each rung, none for each sum over angles.
   const ExecutionContext quiet = slicecorr::detail::silent(context);
   SolveOptions how = options.solve;
-  how.checkpoint = [&](const Light& light, double next_rung) {
-    if (options.solve.checkpoint) options.solve.checkpoint(light, next_rung);
-    if (how.method == Method::kLadder && next_rung < 1) {
-      context.tell(fmt::format("next: void below {:g} of the gel dose", next_rung));
+  detail::CheckpointFile file(options.checkpoint, options.checkpoint_s,
+                              fingerprint_of(part, options.insert, job, how));
+  const std::optional<SolverState> state =
+      options.resume ? file.read(bench.grid) : std::optional<SolverState>{};
+  if (state) {
+    context.tell(
+        fmt::format("{}: goes on after {} steps", options.checkpoint, state->best.history.size()));
+    how.resume = &*state;
+  }
+  how.checkpoint = [&](const SolverPlace& at) {
+    if (options.solve.checkpoint) options.solve.checkpoint(at);
+    file.keep(at);
+    if (at.rung > 0 && !at.missed) {
+      context.tell(fmt::format("next: void below {:g} of the gel dose", at.rung));
     }
   };
   Solution solution = solve(quiet, projector, target, bench.rays, how);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <functional>
 #include <utility>
 
@@ -146,9 +147,31 @@ int solve(const TomoOptions& o, const ExecutionContext& context, Console& consol
   Voxels voxels = o.volume.empty() ? voxels_of_meshes(o, printer, voxel_mm, context)
                                    : voxels_of_volumes(o, printer, voxel_mm);
   options.insert = std::move(voxels.insert);
-  const tomo::Print print =
-      tomo::solve_print(voxels.part, voxel_mm, printer, resin, options, context);
+  options.checkpoint = o.output + ".resume";
+  options.checkpoint_s = o.checkpoint_s;
+  options.resume = o.resume;
+  const auto forget = [&] {
+    std::error_code error;
+    std::filesystem::remove(options.checkpoint, error);
+  };
+  const tomo::Print print = [&] {
+    try {
+      return tomo::solve_print(voxels.part, voxel_mm, printer, resin, options, context);
+    } catch (const Cancelled&) {
+      if (std::filesystem::exists(options.checkpoint)) {
+        console.say(
+            fmt::format("{}: what was found so far; the same command with --resume goes on "
+                        "from there",
+                        options.checkpoint));
+      }
+      throw;
+    } catch (const InfeasibleError&) {
+      forget();
+      throw;
+    }
+  }();
   tomo::write_job(o.output, print.job, context);
+  forget();
   console.say(fmt::format("{}: {} frames of {} x {} pixels", o.output, print.job.sampling.angles,
                           printer.width_px, printer.height_px));
   return tell(print.figures, o.json, console);
@@ -215,6 +238,12 @@ void add_tomo(Program& program, TomoOptions& o) {
       ->check(CLI::Range(1, 100000));
   sub->add_option("--max-time-s", o.most_time_s, "Refuse what takes longer to print")
       ->check(number_above_zero());
+  sub->add_flag("--resume", o.resume,
+                "Go on from what a solve that was stopped left in OUTPUT.resume, if it is there");
+  sub->add_option("--checkpoint-s", o.checkpoint_s,
+                  "Seconds at least between what is left there; 0: after each rung or step")
+      ->check(number_in(0, 1e9))
+      ->capture_default_str();
   sub->add_flag("--beyond-reach", o.beyond_reach,
                 "Allow parts that reach further than light from all directions does");
   sub->add_option("--json", o.json, "Write all figures as JSON to FILE, or - for stdout");

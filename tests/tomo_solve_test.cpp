@@ -110,6 +110,29 @@ TEST(TomoMetrics, LevelsAreNearestInIntensity) {
   EXPECT_THROW(light_of_levels(grid, {1, 2}, curve), InputError);
 }
 
+/// What rounding takes at an angle the same pixel gets at the next, where levels can show it.
+TEST(TomoMetrics, LevelsCarryWhatRoundingLeaves) {
+  const TomoGrid grid = square_grid(4, 6);
+  Light light(grid);
+  // Pixel 0: 0.42 of a level at each angle; pixel 1: darker than black, then a level; pixel 2: brighter
+  // than all; pixel 3: 1.3 levels.
+  const float of_pixel[] = {0.42f, 0, 9, 1.3f};
+  for (int m = 0; m < 6; ++m) {
+    for (int i = 0; i < 4; ++i) light.values[grid.pixel(m, i, 0)] = of_pixel[i];
+  }
+  light.values[grid.pixel(5, 1, 0)] = 1.05f;
+  const auto levels = carried_levels(light, 1, {0.1, 1.1, 2.1, 3.1});
+  const int want[4][6] = {{0, 1, 0, 0, 1, 0},  // 0.42, 0.74 -> 1, 0.06, 0.38, 0.7 -> 1, 0.02
+                          {0, 0, 0, 0, 0, 1},  // the light that black adds is no debt
+                          {3, 3, 3, 3, 3, 3},
+                          {1, 1, 2, 1, 1, 1}};  // 1.3, 1.5, 1.7 -> 2, 0.9, 1.1, 1.3
+  for (int i = 0; i < 4; ++i) {
+    for (int m = 0; m < 6; ++m) {
+      EXPECT_EQ(levels[grid.pixel(m, i, 0)], want[i][m]) << i << ", " << m;
+    }
+  }
+}
+
 /// Science 2019, eq. 2, on a disc, before negative light is cut off: the mean inside is 1 to 0.013.
 TEST(TomoFilter, AttenuatedInverseOfADisc) {
   const double alpha = 2;

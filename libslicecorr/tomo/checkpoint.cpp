@@ -143,14 +143,15 @@ std::optional<SolverState> CheckpointFile::read(const TomoGrid& grid) const {
   if (magic != kMagic) in.damaged();
   Fingerprint found;
   in.field(found);
-  const char* const other = found.part != fingerprint_.part         ? "part"
-                            : found.insert != fingerprint_.insert   ? "insert"
-                            : found.machine != fingerprint_.machine ? "printer, resin or voxels"
-                            : found.options != fingerprint_.options ? "options"
+  const char* const other = found.part != fingerprint_.part       ? "another part"
+                            : found.insert != fingerprint_.insert ? "another insert"
+                            : found.machine != fingerprint_.machine
+                                ? "another printer, resin, number of angles or size of voxels"
+                            : found.options != fingerprint_.options ? "other options"
                                                                     : nullptr;
   if (other != nullptr) {
     throw InputError(path_, "",
-                     fmt::format("is of a solve with another {}; expected the same command as "
+                     fmt::format("is of a solve with {}; expected the same command as "
                                  "before; without --resume it starts anew",
                                  other));
   }

@@ -125,7 +125,7 @@ class Ladder {
       const detail::Penalty penalty = penalty_of(rung);
       if (!missed) {
         missed = climb(penalty) != 0;
-        best_.offer(light_, dose_, measure(target_, dose_), rung, true);
+        offer(rung);
         if (options_.checkpoint) {
           const double next = r + 1 < options_.rungs.size() ? options_.rungs[r + 1] : 0;
           options_.checkpoint({.numbers = light_.values,
@@ -142,6 +142,16 @@ class Ladder {
   }
 
  private:
+  /// Light that would have to exceed the cap, to bring the weakest voxel to its dose, takes the place
+  /// of none that would not.
+  void offer(double rung) {
+    const Metrics m = measure(target_, dose_);
+    if (options_.cap > 0 && best_.any() &&
+        !(detail::largest(light_.values) <= options_.cap * m.min_gel * (1 + 1e-6))) {
+      return;
+    }
+    best_.offer(light_, dose_, m, rung, true);
+  }
   detail::Penalty penalty_of(double rung) const {
     return {.rung = rung,
             .most_dose = options_.most_dose,

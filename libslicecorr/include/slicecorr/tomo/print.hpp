@@ -64,8 +64,9 @@ struct PrintOptions {
   SolveOptions solve;
   /// What turns with the part and lets no light through: > 0 opaque, on the part's grid; empty: none.
   Box<std::uint8_t> insert;
-  int angles = 0;             ///< 0: `usual_angles`
-  double most_time_s = 0;     ///< 0: no limit
+  int angles = 0;  ///< 0: `usual_angles`
+  /// 0: no limit. With one, light is found that prints in that time (`SolveOptions::cap`).
+  double most_time_s = 0;
   bool beyond_reach = false;  ///< gel where not all directions reach is allowed
   /// File in which the solver leaves what it has, after a rung or step, to go on from; empty: none.
   /// It stays when the solve ends, whichever way: whoever has the result removes it.

@@ -6,6 +6,7 @@
 #include "programs/common/mesh_options.hpp"
 #include "programs/common/program.hpp"
 #include "programs/common/setup_options.hpp"
+#include "tomo_views.hpp"
 
 namespace slicecorr::cli {
 
@@ -16,6 +17,7 @@ struct TomoOptions {
   double voxel_mm = 0, most_time_s = 0;
   int angles = 0, iterations = 0;
   bool beyond_reach = false;
+  TomoViewOptions views;
 };
 
 /// Adds `tomo` with its subcommands, which keep what they are told in `options`.

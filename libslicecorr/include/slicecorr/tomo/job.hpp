@@ -2,7 +2,8 @@
 /// A tomographic print as a file: the frames of a turn, what they are shown by, and the part.
 ///
 /// A zip with `config.json`, `frame/00000000.png` and so on, an 8-bit grey image of the projector's
-/// size per frame, and `part/00000000.png` and so on, a voxel to a pixel, the lowest slice first.
+/// size per frame, and `part/00000000.png` and so on, a voxel to a pixel, the lowest slice first;
+/// with an insert also `insert/00000000.png` and so on, opaque where above 0.
 /// Frames are shown in order, each for 1/angles of a turn, while the vial turns as `direction` says.
 /// The same job gives the same bytes.
 #pragma once

@@ -225,12 +225,13 @@ Size draw(Canvas& canvas, const std::vector<PrintSection>& sections, Shown shown
     canvas.text(x, top - 6, words);
     canvas.rect(x - 1, top - 1, image.width_px + 2, image.height_px + 2, {128, 134, 140});
     canvas.image(x, top, image);
-    const auto resin = [&](std::size_t k) { return s.matter[k] == Matter::resin; };
+    // Where voxels are small, lines would hide the wrong ones.
+    const auto clear = [&](std::size_t k) { return scale >= 4 || !wrong(s, k); };
     const auto outline = contour(
-        s, scale, 127.5, [&](std::size_t k) { return s.target[k]; },
-        [](std::size_t) { return true; });
+        s, scale, 127.5, [&](std::size_t k) { return s.target[k]; }, clear);
     const auto gel = contour(
-        s, scale, s.gel_dose, [&](std::size_t k) { return s.dose[k]; }, resin);
+        s, scale, s.gel_dose, [&](std::size_t k) { return s.dose[k]; },
+        [&](std::size_t k) { return s.matter[k] == Matter::resin && clear(k); });
     canvas.lines(moved(outline, x, top), kOutline, 2);
     canvas.lines(moved(gel, x, top), {255, 255, 255}, 3);
     canvas.lines(moved(gel, x, top), detail::kInk, 1.4);

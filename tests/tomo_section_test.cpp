@@ -145,9 +145,11 @@ TEST(TomoSection, AWrongVoxelIsSeenHoweverSmallThePicture) {
   };
   const auto none = hatched();
   for (const int x : {700, 703, 1000}) {
-    std::fill(part.values.begin(), part.values.end(), std::uint8_t{100});
-    part.values[part.at(0, 1234, x)] = 255;
+    part.values[part.at(0, 1234, x)] = 0;
+    dose.values[dose.at(0, 1234, x)] = 10;
     EXPECT_EQ(hatched(), none + 1) << x;
+    part.values[part.at(0, 1234, x)] = 100;
+    dose.values[dose.at(0, 1234, x)] = 0;
   }
 }
 

@@ -268,6 +268,8 @@ void add_tomo(Program& program, TomoOptions& o) {
   sub->add_option("--volume", o.volume, "Another part to judge by (.npy), with the job's voxels");
   sub->add_option("--dose", o.dose, "Write the dose of the print, mJ/cm³, to FILE (.npy)");
   sub->add_option("--json", o.json, "Write all figures as JSON to FILE, or - for stdout");
+
+  add_tomo_views(program, group, o.views);
 }
 
 }  // namespace slicecorr::cli

@@ -1,4 +1,4 @@
-/// The operators of rays in double precision, sample by sample, as tomo/rays.hpp defines them.
+/// The operators of rays in double precision, crossing by crossing, as tomo/rays.hpp defines them.
 #pragma once
 
 #include <cmath>
@@ -12,8 +12,7 @@ namespace slicecorr::tomo::test {
 
 class ReferenceRays {
  public:
-  ReferenceRays(const TomoGrid& grid, const LabRays& rays, double step_mm = 0)
-      : grid_(grid), rays_(rays), step_mm_(step_mm > 0 ? step_mm : grid.voxel_mm()) {}
+  ReferenceRays(const TomoGrid& grid, const LabRays& rays) : grid_(grid), rays_(rays) {}
 
   /// [angle][column][row] of a field [z][y][x].
   std::vector<double> forward(const std::vector<double>& field) const {
@@ -47,36 +46,36 @@ class ReferenceRays {
     for (int m = 0; m < grid_.angles; ++m) {
       for (std::size_t i = 0; i < rays_.rays.size(); ++i) {
         const LabRay& ray = rays_.rays[i];
-        const double way = 2 * ray.half_mm * std::hypot(1, ray.slope);
-        if (!(way > 0)) continue;
+        if (!(ray.half_mm > 0)) continue;
         const std::size_t pixel =
             static_cast<std::size_t>(m) * grid_.pixels * grid_.rows + i / rays_.per_pixel;
         const double angle = 2 * std::numbers::pi * m / grid_.angles + ray.turn_rad;
-        const int samples = static_cast<int>(std::ceil(way / step_mm_));
-        for (int j = 0; j < samples; ++j) {
-          const double share = (j + 0.5) / samples, u = (2 * share - 1) * ray.half_mm;
-          const double x = ray.t_mm * std::cos(angle) - u * std::sin(angle);
-          const double y = ray.t_mm * std::sin(angle) + u * std::cos(angle);
+        const double c = std::cos(angle), s = std::sin(angle), middle = 0.5 * (grid_.voxels - 1);
+        const double stretch = std::hypot(1, ray.slope);
+        const bool along_y = std::abs(c) >= std::abs(s);
+        for (int k = 0; k < grid_.voxels; ++k) {
+          // x = t c - u s and y = t s + u c.
+          const double at = (k - middle) * side;
+          const double u = along_y ? (at - ray.t_mm * s) / c : (ray.t_mm * c - at) / s;
+          if (std::abs(u) > ray.half_mm) continue;
+          const double way = (u + ray.half_mm) * stretch;
+          const double dl = side / std::max(std::abs(c), std::abs(s)) * stretch;
+          const double weight = density * ray.power * dl * std::exp(-rays_.alpha_per_mm * way);
           const double z = ray.entry_z_mm + ray.slope * (u + ray.half_mm);
-          const double weight =
-              density * ray.power * way / samples * std::exp(-rays_.alpha_per_mm * way * share);
-          const double middle = 0.5 * (grid_.voxels - 1);
-          spread(middle + x / side, middle + y / side, (z - grid_.lowest_mm) / height,
-                 [&](std::size_t v, double w) { use(pixel, v, weight * w); });
-        }
-      }
-    }
-  }
-  template <class Use>
-  void spread(double fx, double fy, double fz, Use use) const {
-    const auto near = [](double f, int k) { return std::max(0.0, 1 - std::abs(f - k)); };
-    const int x0 = static_cast<int>(std::floor(fx)), y0 = static_cast<int>(std::floor(fy)),
-              z0 = static_cast<int>(std::floor(fz));
-    for (int z = std::max(z0, 0); z <= std::min(z0 + 1, grid_.slices - 1); ++z) {
-      for (int y = std::max(y0, 0); y <= std::min(y0 + 1, grid_.voxels - 1); ++y) {
-        const TomoGrid::Range in = grid_.inside(y);
-        for (int x = std::max(x0, in.first); x <= std::min(x0 + 1, in.end - 1); ++x) {
-          use(voxel(x, y, z), near(fx, x) * near(fy, y) * near(fz, z));
+          const double other = along_y ? ray.t_mm * c - u * s : ray.t_mm * s + u * c;
+          const double f = middle + other / side, fz = (z - grid_.lowest_mm) / height;
+          const auto near = [](double p, int q) { return std::max(0.0, 1 - std::abs(p - q)); };
+          const int f0 = static_cast<int>(std::floor(f)), z0 = static_cast<int>(std::floor(fz));
+          for (int j = f0; j <= f0 + 1; ++j) {
+            const int x = along_y ? j : k, y = along_y ? k : j;
+            if (y < 0 || y >= grid_.voxels) continue;
+            const TomoGrid::Range in = grid_.inside(y);
+            if (x < in.first || x >= in.end) continue;
+            for (int slice = std::max(z0, 0); slice <= std::min(z0 + 1, grid_.slices - 1);
+                 ++slice) {
+              use(pixel, voxel(x, y, slice), weight * near(f, j) * near(fz, slice));
+            }
+          }
         }
       }
     }
@@ -84,7 +83,6 @@ class ReferenceRays {
 
   TomoGrid grid_;
   LabRays rays_;
-  double step_mm_;
 };
 
 }  // namespace slicecorr::tomo::test

@@ -21,65 +21,90 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-// Eight samples at once, each in two neighbouring lanes: its lower and its upper plane of voxels,
-// which lie side by side in memory.
-constexpr int kSamples = 8, kLanes = 2 * kSamples;
+// Eight crossings at once, each in two neighbouring lanes: its lower and its upper slice, which lie
+// side by side in memory.
+constexpr int kCrossings = 8, kLanes = 2 * kCrossings;
 
 using D = hn::CappedTag<float, kLanes>;
 using DI = hn::RebindToSigned<D>;
 
-/// The line of a ray at one angle: places of its sample j are a + b j.
+/// A ray at one angle, from plane to plane: crossing j lies in plane k0 + j of the major axis,
+/// counted along the ray, at a + b j of the minor one, and at slice az + bz j.
 struct Line {
-  float ax, bx, ay, by, az, bz;
-  int first, end;  ///< samples that come near slices [low, high]
+  float a, b, az, bz;
+  float light, fade;            ///< weight of crossing 0, and of each over the one before
+  int first, end;               ///< crossings that come near slices [low, high]
+  std::ptrdiff_t origin;        ///< of crossing 0 in the field, at 0 of the minor axis
+  std::ptrdiff_t major, minor;  ///< from crossing to crossing, and from voxel to voxel beside it
 };
+
+/// e^-x. Short steps need no more than a few terms.
+float Dimmed(float x) {
+  if (x > 0.25f) return std::exp(-x);
+  const float y = -x;
+  return 1 + y * (1 + y * (0.5f + y * (1.0f / 6 + y * (1.0f / 24 + y * (1.0f / 120)))));
+}
 
 Line LineOf(const RayWalk& walk, const WalkRay& ray, double cosine, double sine, float low,
             float high) {
+  const int n = walk.grid.voxels;
+  const std::ptrdiff_t lanes = walk.grid.lanes(), row = lanes * n;
   const auto c0 = static_cast<float>(cosine), s0 = static_cast<float>(sine);
   const float c = c0 * ray.cos_turn - s0 * ray.sin_turn;
   const float s = s0 * ray.cos_turn + c0 * ray.sin_turn;
-  const float middle = 0.5f * static_cast<float>(walk.grid.voxels - 1);
-  Line line{middle + ray.t * c - ray.u0 * s,
-            -ray.du * s,
-            middle + ray.t * s + ray.u0 * c,
-            ray.du * c,
-            ray.z0,
-            ray.dz,
-            0,
-            ray.samples};
-  // Planes low and high see samples less than one plane away.
-  const float last = ray.z0 + ray.dz * static_cast<float>(ray.samples - 1);
-  const float least = std::min(ray.z0, last), most = std::max(ray.z0, last);
+  const bool along_y = std::abs(c) >= std::abs(s);
+  const float middle = 0.5f * static_cast<float>(n - 1);
+  // The major axis runs as major_0 + u g, the minor one as minor_0 + u h.
+  const float g = along_y ? c : -s, h = along_y ? -s : c;
+  const float major_0 = middle + ray.t * (along_y ? s : c);
+  const float minor_0 = middle + ray.t * (along_y ? c : s);
+  const float du = 1 / std::abs(g), sign = g > 0 ? 1.0f : -1.0f;
+  // Planes from where the ray comes in to where it leaves, within the grid.
+  const float in = sign * (major_0 - ray.half * g), out = sign * (major_0 + ray.half * g);
+  const float lowest = sign > 0 ? 0 : static_cast<float>(1 - n);
+  const float k0 = std::max(std::ceil(in), lowest);
+  const float k1 = std::min(std::floor(out), lowest + static_cast<float>(n - 1));
+  Line line;
+  line.first = 0;
+  line.end = std::max(0, static_cast<int>(k1 - k0) + 1);
+  const float u0 = (k0 - sign * major_0) * du;
+  line.a = minor_0 + u0 * h;
+  line.b = du * h;
+  const float way = u0 + ray.half;
+  line.az = ray.entry + way * ray.rise;
+  line.bz = du * ray.rise;
+  const float dim = walk.alpha * ray.stretch;
+  line.light = ray.share * du * Dimmed(dim * way);
+  line.fade = Dimmed(dim * du);
+  line.major = (sign > 0 ? 1 : -1) * (along_y ? row : lanes);
+  line.minor = along_y ? lanes : row;
+  line.origin = static_cast<std::ptrdiff_t>(sign * k0) * (along_y ? row : lanes);
+
+  // Slices low and high see crossings less than one slice away.
+  const float last = line.az + line.bz * static_cast<float>(line.end - 1);
+  const float least = std::min(line.az, last), most = std::max(line.az, last);
   if (most <= low - 1 || least >= high + 1) {
     line.end = 0;
   } else if (least <= low - 1 || most >= high + 1) {
     // One more on each side: the weights decide.
-    const float a = (low - 1 - ray.z0) / ray.dz, b = (high + 1 - ray.z0) / ray.dz;
-    const float from = std::floor(std::min(a, b)) - 1, to = std::ceil(std::max(a, b)) + 2;
-    const auto count = static_cast<float>(ray.samples);
-    line.first = static_cast<int>(std::clamp(from, 0.0f, count));
-    line.end = static_cast<int>(std::clamp(to, 0.0f, count));
+    const float from = (low - 1 - line.az) / line.bz, to = (high + 1 - line.az) / line.bz;
+    const auto count = static_cast<float>(line.end);
+    line.first = static_cast<int>(std::clamp(std::floor(std::min(from, to)) - 1, 0.0f, count));
+    line.end = static_cast<int>(std::clamp(std::ceil(std::max(from, to)) + 2, 0.0f, count));
   }
   return line;
 }
 
-/// What eight samples weigh, `part` of them in one register.
+/// Weights of a register of crossings, in pairs of slices: on both voxels of the minor axis, and on
+/// the slices.
 template <class V>
 struct Weights {
-  V x0, x1, y0, y1, z;
+  V near, far, slice;
 };
 
-/// Places of samples, and offsets of their lower planes in the field, 64 bits each.
-struct Batch {
-  HWY_ALIGN std::uint64_t at[kSamples];
-  HWY_ALIGN float w00[kLanes], w10[kLanes], w01[kLanes], w11[kLanes];
-};
-
-/// Weights and offsets of samples j to j + 7; z planes are kept within [low, high - 1]. `e` has
-/// their light, in pairs.
+/// Weights and offsets from the field of crossings j to j + 7; slices are kept within [low, high).
 template <class Use>
-HWY_INLINE void Weigh(const Line& line, int j, int voxels, int lanes, int low, int high, Use use) {
+HWY_INLINE void Weigh(const Line& line, int j, int voxels, int low, int high, Use use) {
   const D d;
   const DI di;
   constexpr int kWidth = hn::MaxLanes(D()), kParts = kLanes / kWidth;
@@ -87,26 +112,25 @@ HWY_INLINE void Weigh(const Line& line, int j, int voxels, int lanes, int low, i
   HWY_ALIGN static constexpr float kPlane[kLanes] = {0, 1, 0, 1, 0, 1, 0, 1,
                                                      0, 1, 0, 1, 0, 1, 0, 1};
   const auto one = hn::Set(d, 1.0f), zero = hn::Zero(d);
-  const auto near = [&](auto f, auto k) {
+  const auto weight = [&](auto f, auto k) {
     return hn::Max(zero, hn::Sub(one, hn::Abs(hn::Sub(f, k))));
   };
-  const auto base = [&](auto f, float least, float most) {
-    return hn::Min(hn::Max(hn::Floor(f), hn::Set(d, least)), hn::Set(d, most));
+  const auto base = [&](auto f, int least, int most) {
+    return hn::Min(hn::Max(hn::Floor(f), hn::Set(d, static_cast<float>(least))),
+                   hn::Set(d, static_cast<float>(most)));
   };
-  const auto last = static_cast<float>(voxels - 2);
   for (int p = 0; p < kParts; ++p) {
     const auto step = hn::Add(hn::Set(d, static_cast<float>(j)), hn::Load(d, kStep + p * kWidth));
-    const auto fx = hn::Add(hn::Set(d, line.ax), hn::Mul(hn::Set(d, line.bx), step));
-    const auto fy = hn::Add(hn::Set(d, line.ay), hn::Mul(hn::Set(d, line.by), step));
+    const auto f = hn::Add(hn::Set(d, line.a), hn::Mul(hn::Set(d, line.b), step));
     const auto fz = hn::Add(hn::Set(d, line.az), hn::Mul(hn::Set(d, line.bz), step));
-    const auto kx = base(fx, 0, last), ky = base(fy, 0, last);
-    const auto kz = base(fz, static_cast<float>(low), static_cast<float>(high - 2));
-    const auto wz = near(fz, hn::Add(kz, hn::Load(d, kPlane + p * kWidth)));
-    const Weights<decltype(wz)> w{near(fx, kx), near(fx, hn::Add(kx, one)), near(fy, ky),
-                                  near(fy, hn::Add(ky, one)), wz};
-    const auto column =
-        hn::Add(hn::Mul(hn::ConvertTo(di, ky), hn::Set(di, voxels)), hn::ConvertTo(di, kx));
-    const auto at = hn::Add(hn::Mul(column, hn::Set(di, lanes)), hn::ConvertTo(di, kz));
+    const auto k = base(f, 0, voxels - 2), kz = base(fz, low, high - 2);
+    const Weights<decltype(f)> w{weight(f, k), weight(f, hn::Add(k, one)),
+                                 weight(fz, hn::Add(kz, hn::Load(d, kPlane + p * kWidth)))};
+    const auto at = hn::Add(
+        hn::Add(
+            hn::Mul(hn::ConvertTo(di, step), hn::Set(di, static_cast<std::int32_t>(line.major))),
+            hn::Mul(hn::ConvertTo(di, k), hn::Set(di, static_cast<std::int32_t>(line.minor)))),
+        hn::ConvertTo(di, kz));
     use(p, w, at);
   }
 }
@@ -117,7 +141,7 @@ struct Fade {
   float eight;
   explicit Fade(float fade) {
     float f = 1;
-    for (int k = 0; k < kSamples; ++k) {
+    for (int k = 0; k < kCrossings; ++k) {
       powers[2 * k] = powers[2 * k + 1] = f;
       f *= fade;
     }
@@ -135,90 +159,83 @@ float Power(float fade, int n) {
   return result;
 }
 
-/// Voxels at these offsets from `field`, both planes of each sample: lanes have their own plane's.
+/// Voxels at these offsets, both slices of each crossing: lanes have their own slice's.
 #if HWY_TARGET == HWY_SCALAR
 template <class At>
-auto Planes(const float* field, int lane, At at) {
-  return hn::Set(D(), field[static_cast<std::uint32_t>(hn::GetLane(at)) + (lane & 1)]);
+auto Slices(const float* field, int lane, At at) {
+  return hn::Set(D(), field[hn::GetLane(at) + (lane & 1)]);
 }
 #else
 template <class At>
-auto Planes(const float* field, int /*lane*/, At at) {
-  // Both planes of a sample at once, by the even lane's offset in bytes.
+auto Slices(const float* field, int /*lane*/, At at) {
+  // Both slices of a crossing at once, by the even lane's offset.
+  const hn::Repartition<std::int64_t, D> s64;
   const hn::Repartition<std::uint64_t, D> d64;
-  const hn::RebindToSigned<decltype(d64)> s64;
-  const auto offset =
-      hn::ShiftLeft<2>(hn::And(hn::BitCast(d64, at), hn::Set(d64, std::uint64_t{0xffffffff})));
-  return hn::BitCast(D(), hn::GatherOffset(d64, reinterpret_cast<const std::uint64_t*>(field),
-                                           hn::BitCast(s64, offset)));
+  // Sign-extended, in bytes.
+  const auto offset = hn::ShiftRight<30>(hn::ShiftLeft<32>(hn::BitCast(s64, at)));
+  const auto bytes = hn::And(offset, hn::Set(s64, ~std::int64_t{3}));
+  return hn::BitCast(D(),
+                     hn::GatherOffset(d64, reinterpret_cast<const std::uint64_t*>(field), bytes));
 }
 #endif
 
-float ForwardRay(const RayWalk& walk, const WalkRay& ray, const Line& line, const float* field) {
+float ForwardRay(const RayWalk& walk, const Line& line, const float* field) {
   const D d;
   constexpr int kWidth = hn::MaxLanes(D());
-  const int n = walk.grid.voxels, lanes = walk.grid.lanes();
-  const std::size_t next_x = lanes, next_y = next_x * n;
-  const Fade fade(ray.fade);
-  float e = ray.start * Power(ray.fade, line.first);
+  const Fade fade(line.fade);
+  const float* const from = field + line.origin;
+  float e = line.light * Power(line.fade, line.first);
   HWY_ALIGN float sums[kLanes] = {};
-  for (int j = line.first; j < line.end; j += kSamples, e *= fade.eight) {
-    Weigh(line, j, n, lanes, 0, walk.grid.slices, [&](int p, const auto& w, auto at) {
-      const auto load = [&](std::size_t more) { return Planes(field + more, p * kWidth, at); };
-      const auto near_y = hn::Add(hn::Mul(w.x0, load(0)), hn::Mul(w.x1, load(next_x)));
-      const auto far_y = hn::Add(hn::Mul(w.x0, load(next_y)), hn::Mul(w.x1, load(next_y + next_x)));
-      auto value = hn::Add(hn::Mul(w.y0, near_y), hn::Mul(w.y1, far_y));
-      value = hn::Mul(value, w.z);
-      auto light = hn::Mul(hn::Set(d, e), hn::Load(d, fade.powers + p * kWidth));
-      if (line.end - j < kSamples) {
-        // Samples past the end count nothing.
+  for (int j = line.first; j < line.end; j += kCrossings, e *= fade.eight) {
+    Weigh(line, j, walk.grid.voxels, 0, walk.grid.slices, [&](int p, const auto& w, auto at) {
+      auto light = hn::Mul(hn::Mul(hn::Set(d, e), hn::Load(d, fade.powers + p * kWidth)), w.slice);
+      if (line.end - j < kCrossings) {
+        // What lies past the end is neither read nor counted.
         const auto lane = hn::Iota(d, static_cast<float>(p * kWidth));
-        light = hn::IfThenElseZero(hn::Lt(lane, hn::Set(d, static_cast<float>(2 * (line.end - j)))),
-                                   light);
+        const auto counts = hn::Lt(lane, hn::Set(d, static_cast<float>(2 * (line.end - j))));
+        light = hn::IfThenElseZero(counts, light);
+        at = hn::IfThenElseZero(hn::RebindMask(DI(), counts), at);
       }
+      const auto value = hn::Add(hn::Mul(w.near, Slices(from, p * kWidth, at)),
+                                 hn::Mul(w.far, Slices(from + line.minor, p * kWidth, at)));
       hn::Store(hn::Add(hn::Load(d, sums + p * kWidth), hn::Mul(light, value)), d,
                 sums + p * kWidth);
     });
   }
   float sum = 0;
-  for (int k = 0; k < kSamples; ++k) sum += sums[2 * k] + sums[2 * k + 1];
+  for (int k = 0; k < kCrossings; ++k) sum += sums[2 * k] + sums[2 * k + 1];
   return sum;
 }
 
-void AdjointRay(const RayWalk& walk, const WalkRay& ray, const Line& line, int low, int high,
-                float light, float* field) {
+void AdjointRay(const RayWalk& walk, const Line& line, int low, int high, float light,
+                float* field) {
   const D d;
   constexpr int kWidth = hn::MaxLanes(D());
   const hn::CappedTag<float, 2> d2;
-  const int n = walk.grid.voxels, lanes = walk.grid.lanes();
-  const std::size_t next_x = lanes, next_y = static_cast<std::size_t>(lanes) * n;
-  const Fade fade(ray.fade);
-  float e = light * (ray.start * Power(ray.fade, line.first));
+  const Fade fade(line.fade);
+  float* const to = field + line.origin;
+  float e = light * (line.light * Power(line.fade, line.first));
+  HWY_ALIGN float near[kLanes];
+  HWY_ALIGN float far[kLanes];
   HWY_ALIGN std::int32_t at_all[kLanes];
-  Batch batch;
-  for (int j = line.first; j < line.end; j += kSamples, e *= fade.eight) {
-    Weigh(line, j, n, lanes, low, high, [&](int p, const auto& w, auto at) {
+  for (int j = line.first; j < line.end; j += kCrossings, e *= fade.eight) {
+    Weigh(line, j, walk.grid.voxels, low, high, [&](int p, const auto& w, auto at) {
       const auto value =
-          hn::Mul(hn::Mul(hn::Set(d, e), hn::Load(d, fade.powers + p * kWidth)), w.z);
-      const auto y0 = hn::Mul(value, w.y0), y1 = hn::Mul(value, w.y1);
-      hn::Store(hn::Mul(y0, w.x0), d, batch.w00 + p * kWidth);
-      hn::Store(hn::Mul(y0, w.x1), d, batch.w10 + p * kWidth);
-      hn::Store(hn::Mul(y1, w.x0), d, batch.w01 + p * kWidth);
-      hn::Store(hn::Mul(y1, w.x1), d, batch.w11 + p * kWidth);
+          hn::Mul(hn::Mul(hn::Set(d, e), hn::Load(d, fade.powers + p * kWidth)), w.slice);
+      hn::Store(hn::Mul(value, w.near), d, near + p * kWidth);
+      hn::Store(hn::Mul(value, w.far), d, far + p * kWidth);
       hn::Store(at, DI(), at_all + p * kWidth);
     });
-    const int count = std::min(kSamples, line.end - j);
+    const int count = std::min(kCrossings, line.end - j);
     for (int k = 0; k < count; ++k) {
-      float* const to = field + static_cast<std::uint32_t>(at_all[2 * k]);
-      const auto add = [&](float* voxel, const float* weight) {
+      float* const voxel = to + at_all[2 * k];
+      const auto add = [&](float* pair, const float* weight) {
         for (int q = 0; q < 2; q += static_cast<int>(hn::Lanes(d2))) {
-          hn::StoreU(hn::Add(hn::LoadU(d2, voxel + q), hn::LoadU(d2, weight + q)), d2, voxel + q);
+          hn::StoreU(hn::Add(hn::LoadU(d2, pair + q), hn::LoadU(d2, weight + q)), d2, pair + q);
         }
       };
-      add(to, batch.w00 + 2 * k);
-      add(to + next_x, batch.w10 + 2 * k);
-      add(to + next_y, batch.w01 + 2 * k);
-      add(to + next_y + next_x, batch.w11 + 2 * k);
+      add(voxel, near + 2 * k);
+      add(voxel + line.minor, far + 2 * k);
     }
   }
 }
@@ -232,9 +249,9 @@ void Forward(const RayWalk& walk, int angle, const float* field, float* light) {
     for (int r = 0; r < grid.rows; ++r) {
       float sum = 0;
       for (int k = 0; k < walk.per_pixel; ++k, ++ray) {
-        if (ray->samples == 0) continue;
+        if (!(ray->half > 0)) continue;
         const Line line = LineOf(walk, *ray, walk.cosine[angle], walk.sine[angle], 0, high);
-        sum += ForwardRay(walk, *ray, line, field);
+        sum += ForwardRay(walk, line, field);
       }
       out[r] = sum;
     }
@@ -258,9 +275,9 @@ void Adjoint(const RayWalk& walk, int first, int end, const std::vector<RowRange
           continue;
         }
         for (int k = 0; k < walk.per_pixel; ++k, ++ray) {
-          if (ray->samples == 0) continue;
+          if (!(ray->half > 0)) continue;
           const Line line = LineOf(walk, *ray, walk.cosine[m], walk.sine[m], low, high);
-          AdjointRay(walk, *ray, line, first, end, in[r], field);
+          AdjointRay(walk, line, first, end, in[r], field);
         }
       }
     }

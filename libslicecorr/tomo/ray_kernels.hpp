@@ -1,8 +1,8 @@
-/// Rays through a block of slices, along samples: what `make_ray_projector` runs.
+/// Rays through all slices, from plane to plane of voxels: what `make_ray_projector` runs.
 ///
-/// Sample j of a ray lies at u = -half + (j + 0.5) du, at x, y of the grid turned by the frame's
-/// angle plus the ray's turn, and at z = entry + slope (u + half). Its weight on a voxel plane k is
-/// max(0, 1 - |f - k|) along each axis. Both operators compute places and weights by the same
+/// A ray that runs more along y than along x is taken where it crosses the rows of voxels, else where
+/// it crosses their columns (Joseph 1982): there it lies between two voxels of the row and between two
+/// slices, with weights max(0, 1 - |f - k|). Both operators compute places and weights by the same
 /// operations in single precision, so they are transposes to the rounding of sums.
 #pragma once
 
@@ -12,20 +12,19 @@
 
 namespace slicecorr::tomo::detail {
 
-/// A ray in units of voxels.
+/// A ray of the frame; lengths over the voxel's side, heights over the slice's.
 struct WalkRay {
   float cos_turn = 1, sin_turn = 0;
-  float t = 0;           ///< mm over the voxel's side
-  float u0 = 0, du = 0;  ///< of the first sample, and between samples, over the voxel's side
-  float z0 = 0, dz = 0;  ///< place among slices of the first sample, and between samples
-  float start = 0;       ///< weight of the first sample
-  float fade = 1;        ///< of a sample against the one before it
-  int samples = 0;       ///< 0: the ray misses
+  float t = 0, half = 0;      ///< half 0: the ray misses
+  float entry = 0, rise = 0;  ///< slice in which it comes in, and slices per side of u
+  float stretch = 1;          ///< its way over its way in the plane
+  float share = 0;            ///< weight of one side of its way, where it comes in
 };
 
 struct RayWalk {
   TomoGrid grid;
   int per_pixel = 1;
+  float alpha = 0;                   ///< per side of a voxel
   std::vector<WalkRay> rays;         ///< [column][row][ray]
   std::vector<double> cosine, sine;  ///< of the angles
 };

@@ -15,13 +15,13 @@ using detail::RayWalk;
 using detail::RowRange;
 using detail::WalkRay;
 
-/// Slices of a slab, whose dose one thread adds up. A sample at a slab's edge is looked at twice.
-constexpr int kSlab = 8;
+/// Slices of a slab, whose dose one thread adds up: a cache line, less where there are few. What
+/// crosses between two slabs is looked at twice.
+int slab_slices(int slices) { return slices >= 128 ? 16 : 8; }
 
 class RayProjector final : public Projector {
  public:
-  RayProjector(const TomoGrid& grid, const LabRays& rays, double step_mm,
-               const ExecutionContext& context)
+  RayProjector(const TomoGrid& grid, const LabRays& rays, const ExecutionContext& context)
       : context_(context) {
     grid.check();
     if (grid.rows != rays.rows || grid.pixels != rays.columns) {
@@ -42,26 +42,21 @@ class RayProjector final : public Projector {
       walk_.sine.push_back(std::sin(grid.angle_rad(m)));
     }
     const double side = grid.voxel_mm(), height = grid.slice_height_mm();
-    const double step = step_mm > 0 ? step_mm : side;
     const double density = rays.pixel_area_mm2 / (side * side * height);
+    walk_.alpha = static_cast<float>(rays.alpha_per_mm * side);
     walk_.rays.reserve(rays.rays.size());
     for (const LabRay& ray : rays.rays) {
       WalkRay w;
-      const double way = 2 * ray.half_mm * std::sqrt(1 + ray.slope * ray.slope);
-      if (way > 0 && ray.power > 0) {
-        w.samples = static_cast<int>(std::ceil(way / step));
-        const double dl = way / w.samples, du = 2 * ray.half_mm / w.samples;
+      if (ray.half_mm > 0 && ray.power > 0) {
+        const double stretch = std::sqrt(1 + ray.slope * ray.slope);
         w.cos_turn = static_cast<float>(std::cos(ray.turn_rad));
         w.sin_turn = static_cast<float>(std::sin(ray.turn_rad));
         w.t = static_cast<float>(ray.t_mm / side);
-        w.du = static_cast<float>(du / side);
-        w.u0 = static_cast<float>((0.5 * du - ray.half_mm) / side);
-        w.z0 =
-            static_cast<float>((ray.entry_z_mm + 0.5 * du * ray.slope - grid.lowest_mm) / height);
-        w.dz = static_cast<float>(du * ray.slope / height);
-        w.start =
-            static_cast<float>(density * ray.power * dl * std::exp(-0.5 * rays.alpha_per_mm * dl));
-        w.fade = static_cast<float>(std::exp(-rays.alpha_per_mm * dl));
+        w.half = static_cast<float>(ray.half_mm / side);
+        w.entry = static_cast<float>((ray.entry_z_mm - grid.lowest_mm) / height);
+        w.rise = static_cast<float>(ray.slope * side / height);
+        w.stretch = static_cast<float>(stretch);
+        w.share = static_cast<float>(density * ray.power * stretch * side);
       }
       walk_.rays.push_back(w);
     }
@@ -132,11 +127,11 @@ class RayProjector final : public Projector {
 
   void make_slabs() {
     const TomoGrid& g = walk_.grid;
-    const int count = std::max(1, g.slices / kSlab);
+    const int thick = slab_slices(g.slices), count = std::max(1, g.slices / thick);
     for (int s = 0; s < count; ++s) {
       Slab slab;
-      slab.first = s * kSlab;
-      slab.end = s + 1 == count ? g.slices : slab.first + kSlab;
+      slab.first = s * thick;
+      slab.end = s + 1 == count ? g.slices : slab.first + thick;
       for (int c = 0; c < g.pixels; ++c) {
         RowRange range{g.rows, 0};
         for (int r = 0; r < g.rows; ++r) {
@@ -156,10 +151,10 @@ class RayProjector final : public Projector {
       const WalkRay& ray =
           walk_.rays[(static_cast<std::size_t>(column) * walk_.grid.rows + row) * walk_.per_pixel +
                      k];
-      if (ray.samples == 0) continue;
-      const float last = ray.z0 + ray.dz * static_cast<float>(ray.samples - 1);
-      if (std::max(ray.z0, last) > static_cast<float>(slab.first - 1) &&
-          std::min(ray.z0, last) < static_cast<float>(slab.end)) {
+      if (!(ray.half > 0)) continue;
+      const float last = ray.entry + ray.rise * 2 * ray.half;
+      if (std::max(ray.entry, last) >= static_cast<float>(slab.first - 1) &&
+          std::min(ray.entry, last) <= static_cast<float>(slab.end)) {
         return true;
       }
     }
@@ -174,8 +169,8 @@ class RayProjector final : public Projector {
 }  // namespace
 
 std::unique_ptr<Projector> make_ray_projector(const TomoGrid& grid, const LabRays& rays,
-                                              double step_mm, const ExecutionContext& context) {
-  return std::make_unique<RayProjector>(grid, rays, step_mm, context);
+                                              const ExecutionContext& context) {
+  return std::make_unique<RayProjector>(grid, rays, context);
 }
 
 }  // namespace slicecorr::tomo

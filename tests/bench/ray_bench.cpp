@@ -29,7 +29,7 @@ struct Problem {
     grid.lowest_mm = -11.7;
     ExecutionContext one;
     one.threads = 1;
-    projector = make_ray_projector(grid, rays, 0, one);
+    projector = make_ray_projector(grid, rays, one);
     for (const LabRay& ray : rays.rays) {
       samples += grid.angles * std::ceil(2 * ray.half_mm / grid.voxel_mm());
     }

@@ -3,11 +3,13 @@
 /// by a dry vial, rising or falling on their way through the resin.
 ///
 /// The vial turns and the light does not, so the rays of one frame are kept and all angles use them.
-/// A ray is deposited at samples along its way, trilinearly between voxels:
-///   D1[v] = alpha_a dt (p^2 / V) sum_m sum_pixels sum_rays I power sum_samples dl e^(-alpha l) tau(v),
-/// p^2 the pixel's area on the plane of the axis, V a voxel's volume, l the way in resin up to the
-/// sample, tau the voxel's weight there. A takes the same weights the other way, so that A and A^T
-/// are transposes of each other. Fields are in units of light times angles, as of `Projector`.
+/// A ray is taken where it crosses the rows of voxels, or their columns if it runs more along x than
+/// along y; there it lies between two voxels and two slices:
+///   D1[v] = alpha_a dt (p^2 / V) sum_m sum_pixels sum_rays I power sum_crossings dl e^(-alpha l) tau(v),
+/// p^2 the pixel's area on the plane of the axis, V a voxel's volume, dl the way from one crossing to
+/// the next, l the way in resin up to it, tau the voxel's linear weight there. A takes the same
+/// weights the other way, so that A and A^T are transposes of each other. Fields are in units of light
+/// times angles, as of `Projector`.
 ///
 /// Plain values; functions are thread-safe.
 #pragma once
@@ -64,11 +66,9 @@ LabRays lab_rays(const Printer& printer, double n_resin, double alpha_per_mm,
                  const PixelWindow& window);
 
 /// The pair of operators of these rays on `grid`, whose `rows` and `pixels` are the window's rows
-/// and columns. `step_mm`: samples are at most so far apart; 0: a voxel. Loops run as `context`
-/// says, with the same bytes for any number of threads. Throws `InputError` for a grid that does not
+/// and columns. Loops run as `context` says, with the same bytes for any number of threads. Throws `InputError` for a grid that does not
 /// fit.
 std::unique_ptr<Projector> make_ray_projector(const TomoGrid& grid, const LabRays& rays,
-                                              double step_mm = 0,
                                               const ExecutionContext& context = {});
 
 }  // namespace slicecorr::tomo

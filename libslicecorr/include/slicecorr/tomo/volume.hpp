@@ -64,11 +64,17 @@ struct TomoGrid {
   /// Slices per block, and so the number of lanes; the last block may hold fewer slices, its other
   /// lanes are 0 and stay 0. It depends on the number of slices alone.
   int lanes() const {
-    if (rows > 0) return (slices + 15) / 16 * 16;
+    if (rows > 0) return all_lanes(slices);
     return slices < 8 ? 1 : slices <= 16 ? 16 : 32;
   }
   /// Numbers of light per angle and pixel of a block.
   int light_lanes() const { return rows > 0 ? (rows + 15) / 16 * 16 : lanes(); }
+  /// Cache lines of 16 lanes; many of them an odd number, as columns of voxels that are a power of
+  /// two apart would share few places in a cache.
+  static int all_lanes(int slices) {
+    const int lines = (slices + 15) / 16;
+    return 16 * (lines > 7 ? lines | 1 : lines);
+  }
   std::size_t blocks() const { return (static_cast<std::size_t>(slices) + lanes() - 1) / lanes(); }
   int lanes_used(std::size_t block) const;
   std::size_t voxels_of_block() const;  ///< numbers in a block of a field

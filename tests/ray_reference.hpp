@@ -8,7 +8,11 @@
 
 #include "slicecorr/tomo/rays.hpp"
 
-namespace slicecorr::tomo::test {
+namespace slicecorr::test {
+
+using tomo::LabRay;
+using tomo::LabRays;
+using tomo::TomoGrid;
 
 class ReferenceRays {
  public:
@@ -85,4 +89,4 @@ class ReferenceRays {
   LabRays rays_;
 };
 
-}  // namespace slicecorr::tomo::test
+}  // namespace slicecorr::test

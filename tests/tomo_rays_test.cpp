@@ -203,11 +203,10 @@ TEST(TomoRays, UniformLightAddsUpAsPrinted) {
   }
 }
 
-/// Uniform frames of a pinhole: on the axis T (n3/n1)/mu e^(-alpha Ri), paraxial. Six lines to a voxel, as all
-/// angles have the same ones near the axis.
+/// Uniform frames of a pinhole: on the axis T (n3/n1)/mu e^(-alpha Ri), paraxial. Six lines and four rows to a
+/// voxel, as all angles have the same ones near the axis.
 TEST(TomoRays, APinholeBringsItsRowsTogether) {
-  Printer p = vial_printer(OpticsKind::pinhole, 0.1, 80, 31);
-  p.pixel_x_um = 25;
+  Printer p = vial_printer(OpticsKind::pinhole, 0.025, 80, 72);
   EXPECT_NEAR(uniform_dose(p, 0, 9, 0) / 1.50641, 1, 0.002);
   EXPECT_NEAR(uniform_dose(p, 0.05, 9, 0) / (1.50641 * std::exp(-0.05 * 11.8)), 1, 0.002);
 }

@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <random>
@@ -10,7 +12,9 @@
 #include "models.hpp"
 #include "ray_reference.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/tomo/metrics.hpp"
 #include "slicecorr/tomo/rays.hpp"
+#include "slicecorr/tomo/solve.hpp"
 #include "slicecorr/vial.hpp"
 #include "snell.hpp"
 
@@ -294,6 +298,88 @@ TEST(TomoRays, AgreesWithRaysMarchedAtRandom) {
       EXPECT_LT(error, 0.02 * want[box]);
     }
   }
+}
+
+/// Webber's fins: a slab that carries nine of them, 1 mm thick, 2.25 mm apart, up to 19 mm above the optical axis.
+struct Fins {
+  Printer printer = vial_printer(OpticsKind::pinhole, 0.5, 48, 92);
+  LabRays rays;
+  TomoGrid grid;
+  std::vector<std::uint8_t> fin;  // of voxels: 1 to 9 fin, 11 to 19 gap above it, 0 else
+
+  Fins() {
+    printer.pixel_y_um = 250;
+    printer.optics->axis_up_px = -38;  // the image reaches from -2 to 21 mm
+    rays = lab_rays(printer, kResin, 0.04, {0, 0, 48, 92, 1});
+    grid = grid_of(rays, 47, 76, 120, 0.25);
+    grid.pixel_mm = 0.5 / kResin;
+    grid.radius_mm = 11.5;
+    grid.lowest_mm = 0.125;
+  }
+  Target target() {
+    Volume part(grid);
+    fin.assign(part.coverage.size(), 0);
+    for (int z = 0; z < grid.slices; ++z) {
+      const int k = z / 9;
+      const bool in_fin = z % 9 < 4;
+      for (int y = 0; y < grid.voxels; ++y) {
+        for (int x = 0; x < grid.voxels; ++x) {
+          const double at_x = grid.voxel_at_mm(x), at_y = grid.voxel_at_mm(y);
+          // Faces at voxels' middles make them grey.
+          const auto share = [](double at, double from, double to) {
+            return std::clamp((std::min(at + .25, to) - std::max(at - .25, from)) / .5, 0.0, 1.0);
+          };
+          const double across = share(at_y, -5, 5);
+          const double slab = across * share(at_x, -5, -3), fins = across * share(at_x, -3, 5);
+          const std::size_t v = grid.voxel(x, y, z);
+          part.coverage[v] =
+              static_cast<std::uint8_t>(std::lround(255 * (slab + (in_fin ? fins : 0))));
+          if (fins == 1) fin[v] = static_cast<std::uint8_t>((in_fin ? 1 : 11) + k);
+        }
+      }
+    }
+    return Target(part);
+  }
+  /// Fins of which 95 % gel and no more than 5 % of the gap above do.
+  int right(const Field& dose, double threshold) const {
+    std::array<double, 20> gelled{}, all{};
+    for (std::size_t v = 0; v < fin.size(); ++v) {
+      all[fin[v]] += 1;
+      gelled[fin[v]] += dose.values[v] >= threshold ? 1 : 0;
+    }
+    int count = 0;
+    for (int k = 0; k < 9; ++k) {
+      const bool gap = k == 8 || gelled[11 + k] <= 0.05 * all[11 + k];
+      count += gelled[1 + k] >= 0.95 * all[1 + k] && gap;
+    }
+    return count;
+  }
+};
+
+/// Light found for rays that stay at their height, and for those that there are.
+TEST(TomoRays, FinsPrintOnlyWithTheRaysThatThereAre) {
+  Fins fins;
+  const Target target = fins.target();
+  // What one does who knows of no rise: each row at its own height.
+  LabRays flat = fins.rays;
+  for (std::size_t i = 0; i < flat.rays.size(); ++i) {
+    const int row = static_cast<int>(i % static_cast<std::size_t>(flat.rows));
+    flat.rays[i].entry_z_mm = pixel_z_mm(fins.printer, flat.rows - 1 - row);
+    flat.rays[i].slope = 0;
+  }
+  const auto real = make_ray_projector(fins.grid, fins.rays),
+             level = make_ray_projector(fins.grid, flat);
+  SolveOptions options;
+  options.method = Method::kOsmo;
+  const auto printed = [&](const Projector& projector) {
+    return adjoint(*real, {}, solve({}, projector, target, {}, options).light);
+  };
+  const Field as_level = printed(*level), as_real = printed(*real);
+  const Metrics wrong = measure(target, as_level), right = measure(target, as_real);
+  EXPECT_LE(fins.right(as_level, wrong.best_threshold), 3);  // Webber printed 3
+  EXPECT_LT(wrong.best_jaccard, 0.65);
+  EXPECT_EQ(fins.right(as_real, right.best_threshold), 9);
+  EXPECT_LT(right.ver, 0.005);
 }
 
 }  // namespace

@@ -26,6 +26,10 @@ void TomoGrid::check() const {
   check_range("pixels", pixels, 2, 65536);
   check_range("radius_mm", radius_mm, 1e-6, 1e6);
   check_range("pixel_mm", pixel_mm, 1e-9, 1e6);
+  check_range("rows", rows, 0, 65536);
+  check_range("slice_mm", slice_mm, 0, 1e6);
+  check_range("lowest_mm", lowest_mm, -1e6, 1e6);
+  if (rows > 0) check_range("slices", slices, 2, 65536);
 }
 
 double TomoGrid::angle_rad(int m) const { return 2 * std::numbers::pi * m / angles; }
@@ -41,7 +45,7 @@ std::size_t TomoGrid::voxels_of_block() const {
 }
 
 std::size_t TomoGrid::light_of_block() const {
-  return static_cast<std::size_t>(angles) * pixels * lanes();
+  return static_cast<std::size_t>(angles) * pixels * light_lanes();
 }
 
 std::size_t TomoGrid::voxel(int x, int y, int slice) const {
@@ -50,10 +54,10 @@ std::size_t TomoGrid::voxel(int x, int y, int slice) const {
          slice % lanes();
 }
 
-std::size_t TomoGrid::pixel(int angle, int pixel, int slice) const {
-  const std::size_t block = slice / lanes();
-  return block * light_of_block() + (static_cast<std::size_t>(angle) * pixels + pixel) * lanes() +
-         slice % lanes();
+std::size_t TomoGrid::pixel(int angle, int pixel, int row) const {
+  const std::size_t numbers = light_lanes();
+  return row / numbers * light_of_block() +
+         (static_cast<std::size_t>(angle) * pixels + pixel) * numbers + row % numbers;
 }
 
 TomoGrid::Range TomoGrid::inside(int y) const {

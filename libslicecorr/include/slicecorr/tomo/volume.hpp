@@ -1,5 +1,5 @@
 /// @file tomo/volume.hpp
-/// What tomographic printing of independent slices is computed on: the grid of voxels, angles and
+/// What tomographic printing is computed on: the grid of voxels, angles and
 /// pixels, the part as coverage, doses per voxel, and light per angle and pixel.
 ///
 /// Frame: z is the axis of rotation. At angle th a point (x, y) lies at
@@ -7,6 +7,9 @@
 /// light travels towards +u, and th_m = 2 pi m / angles. Light stays in its slice, so slices are
 /// independent and share all indices and weights: they are worked on in blocks, with the slices of
 /// a block innermost in memory, one per vector lane.
+///
+/// Rays that rise or spread couple slices (`rows` > 0): then all slices are one block, and pixels
+/// have rows of their own, which are innermost in light as slices are in fields.
 ///
 /// Plain values; const functions are thread-safe.
 #pragma once
@@ -42,6 +45,11 @@ struct TomoGrid {
   double radius_mm = 1;  ///< R, of the resin: only voxels with r <= R count; > 0
   /// Distance of pixels along t, in the resin; > 0. Pixel i lies at t = (i - (P-1)/2) pixel_mm.
   double pixel_mm = 0;
+  /// Rows of the detector where slices share light, 0..65536, the lowest first; 0: a slice has its
+  /// own light, and row z is slice z.
+  int rows = 0;
+  double slice_mm = 0;   ///< distance of slices; 0: that of voxels along x
+  double lowest_mm = 0;  ///< z of the middle of slice 0, where slices share light
 
   /// Throws `InputError` naming the value that is out of range.
   void check() const;
@@ -51,10 +59,22 @@ struct TomoGrid {
   double voxel_at_mm(int i) const { return -radius_mm + voxel_mm() * i; }
   double pixel_at_mm(int i) const { return (i - 0.5 * (pixels - 1)) * pixel_mm; }
   double angle_rad(int m) const;
+  double slice_height_mm() const { return slice_mm > 0 ? slice_mm : voxel_mm(); }
 
   /// Slices per block, and so the number of lanes; the last block may hold fewer slices, its other
   /// lanes are 0 and stay 0. It depends on the number of slices alone.
-  int lanes() const { return slices < 8 ? 1 : slices <= 16 ? 16 : 32; }
+  int lanes() const {
+    if (rows > 0) return all_lanes(slices);
+    return slices < 8 ? 1 : slices <= 16 ? 16 : 32;
+  }
+  /// Numbers of light per angle and pixel of a block.
+  int light_lanes() const { return rows > 0 ? (rows + 15) / 16 * 16 : lanes(); }
+  /// Cache lines of 16 lanes; many of them an odd number, as columns of voxels that are a power of
+  /// two apart would share few places in a cache.
+  static int all_lanes(int slices) {
+    const int lines = (slices + 15) / 16;
+    return 16 * (lines > 7 ? lines | 1 : lines);
+  }
   std::size_t blocks() const { return (static_cast<std::size_t>(slices) + lanes() - 1) / lanes(); }
   int lanes_used(std::size_t block) const;
   std::size_t voxels_of_block() const;  ///< numbers in a block of a field
@@ -62,7 +82,7 @@ struct TomoGrid {
   /// Place of a voxel in a field: [block][y][x][lane].
   std::size_t voxel(int x, int y, int slice) const;
   /// Place of a pixel in light: [block][angle][pixel][lane].
-  std::size_t pixel(int angle, int pixel, int slice) const;
+  std::size_t pixel(int angle, int pixel, int row) const;
 
   /// Half-open range of x with r <= R in row y; by symmetry also the range of y in column x.
   struct Range {

@@ -1,0 +1,104 @@
+#include "slicecorr/tomo/rays.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <numbers>
+#include <optional>
+
+#include "slicecorr/error.hpp"
+#include "slicecorr/vial.hpp"
+
+namespace slicecorr::tomo {
+
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+
+/// Hexagonal cells: one in the middle, six around it, and the six between these, sqrt 3 cells away.
+/// All 13 together have the area of the disc.
+std::vector<AperturePoint> hexagon() {
+  // A hexagonal cell of pitch a has sqrt(3)/2 a^2; 13 of them make pi.
+  const double pitch = std::sqrt(2 * kPi / (13 * std::sqrt(3.0)));
+  std::vector<AperturePoint> points = {{0, 0}};
+  for (const bool far : {false, true}) {
+    for (int k = 0; k < 6; ++k) {
+      const double angle = kPi / 3 * (k + (far ? 0.5 : 0.0));
+      const double r = pitch * (far ? std::sqrt(3.0) : 1.0);
+      points.push_back({r * std::cos(angle), r * std::sin(angle)});
+    }
+  }
+  return points;
+}
+
+}  // namespace
+
+std::vector<AperturePoint> aperture_points(int rays) {
+  if (rays < 1 || rays > 1000) {
+    throw InputError(fmt::format("{} rays per pixel; expected 1 to 1000", rays));
+  }
+  if (rays == 1) return {{0, 0}};
+  if (rays == 13) return hexagon();
+  // Golden angle between points, each in the middle of its ring's area.
+  std::vector<AperturePoint> points;
+  const double golden = kPi * (3 - std::sqrt(5.0));
+  for (int k = 0; k < rays; ++k) {
+    const double r = std::sqrt((k + 0.5) / rays);
+    points.push_back({r * std::cos(golden * k), r * std::sin(golden * k)});
+  }
+  return points;
+}
+
+LabRays lab_rays(const Printer& printer, double n_resin, double alpha_per_mm,
+                 const PixelWindow& window) {
+  require_tomographic(printer);
+  const Vial& vial = *printer.vial;
+  const Optics& optics = *printer.optics;
+  if (window.group < 1 || window.columns < 1 || window.rows < 1 || window.first_column < 0 ||
+      window.first_row < 0 ||
+      window.first_column + window.columns * window.group > printer.width_px ||
+      window.first_row + window.rows * window.group > printer.height_px) {
+    throw InputError("printer '" + printer.name + "': the window of pixels reaches over its image");
+  }
+  LabRays all;
+  all.columns = window.columns;
+  all.rows = window.rows;
+  all.pixel_area_mm2 = printer.pixel_x_um * printer.pixel_y_um * 1e-6 * window.group * window.group;
+  all.alpha_per_mm = alpha_per_mm;
+  all.vial_mm = vial.inner_mm;
+  const bool spread = optics.half_angle_deg > 0;
+  const std::vector<AperturePoint> points = aperture_points(spread ? optics.rays_per_pixel : 1);
+  all.per_pixel = static_cast<int>(points.size());
+  const double reach = std::tan(optics.half_angle_deg * kPi / 180);
+  const double share = 1.0 / static_cast<double>(points.size());
+  const double middle = 0.5 * (window.group - 1);
+  all.rays.reserve(static_cast<std::size_t>(all.columns) * static_cast<std::size_t>(all.rows) *
+                   points.size());
+  for (int c = 0; c < window.columns; ++c) {
+    for (int r = 0; r < window.rows; ++r) {
+      const int row = window.rows - 1 - r;
+      const LightLine chief = chief_ray(printer, window.first_column + c * window.group + middle,
+                                        window.first_row + row * window.group + middle);
+      for (const AperturePoint& p : points) {
+        // In focus on the plane Y = 0: all rays of a pixel meet there.
+        LightLine line = chief;
+        line.slope_x += p.x * reach;
+        line.slope_z += p.z * reach;
+        LabRay ray;
+        if (const std::optional<ResinRay> in = ray_in_resin(vial, n_resin, line)) {
+          const double flat = std::sqrt(1 - in->kz * in->kz);
+          ray.turn_rad = in->turn_rad;
+          ray.t_mm = in->t_mm;
+          ray.half_mm = 0.5 * in->chord_mm * flat;
+          ray.entry_z_mm = in->entry_z_mm;
+          ray.slope = in->kz / flat;
+          ray.power = share * in->transmittance;
+        }
+        all.rays.push_back(ray);
+      }
+    }
+  }
+  return all;
+}
+
+}  // namespace slicecorr::tomo

@@ -4,8 +4,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
+#include <string>
+#include <vector>
 
+#include "slicecorr/error.hpp"
 #include "slicecorr/units.hpp"
+#include "support/text/csv.hpp"
 
 namespace slicecorr::detail {
 
@@ -55,7 +60,54 @@ Optics optics_of(const TomlTable& table, const Printer& printer) {
   const double side_px = printer.width_px / 2.0;
   optics.axis_right_px = table.number("axis_right_px", -side_px, side_px, true).value_or(0);
   optics.axis_up_px = table.number("axis_up_px", -1e5, 1e5, true).value_or(0);
+  optics.tilt_deg = table.number("tilt_deg", -45, 45, true).value_or(0);
   return optics;
+}
+
+/// The rows of a file: angle, columns to the right, and rows upwards where they are given.
+std::vector<AxisWobble> wobble_of(const TomlTable& table, const std::string& file) {
+  std::filesystem::path path = file;
+  if (path.is_relative()) path = std::filesystem::path(table.source()).parent_path() / path;
+  std::error_code ec;
+  if (!std::filesystem::is_regular_file(path, ec)) {
+    table.fail("wobble", fmt::format("{} is not a file that can be read", path.string()));
+  }
+  std::vector<AxisWobble> wobble;
+  CsvReader reader =
+      CsvReader::of_text(read_text_file(path.string()), path.string(), {.skip_empty_rows = true});
+  bool first = true;
+  for (CsvRow row; reader.next(row); first = false) {
+    std::vector<double> numbers;
+    for (const std::string& cell : row.cells) {
+      if (const auto number = number_in_text(cell)) numbers.push_back(*number);
+    }
+    if (first && numbers.empty() && row.fault == CsvRow::Fault::none) continue;  // header
+    if (numbers.size() != row.cells.size() || numbers.size() < 2 || numbers.size() > 3 ||
+        row.fault != CsvRow::Fault::none) {
+      throw InputError(path.string(), reader.place(),
+                       "expected angle_deg,right_px or angle_deg,right_px,up_px");
+    }
+    numbers.resize(3, 0);
+    const AxisWobble w{numbers[0], numbers[1], numbers[2]};
+    constexpr double most_px = 1e4;
+    if (!(std::abs(w.right_px) <= most_px && std::abs(w.up_px) <= most_px)) {
+      throw InputError(path.string(), reader.place(),
+                       fmt::format("the axis moves by [{:g}, {:g}] pixels; expected at most {:g}",
+                                   w.right_px, w.up_px, most_px));
+    }
+    if (!(w.angle_deg >= 0 && w.angle_deg < 360) ||
+        (!wobble.empty() && w.angle_deg <= wobble.back().angle_deg)) {
+      throw InputError(path.string(), reader.place(),
+                       fmt::format("the angle is {:g}; expected angles that rise, from 0 to below "
+                                   "360",
+                                   w.angle_deg));
+    }
+    wobble.push_back(w);
+  }
+  if (wobble.empty()) {
+    table.fail("wobble", path.string() + " has no rows; expected angle_deg,right_px");
+  }
+  return wobble;
 }
 
 Rotation rotation_of(const TomlTable& table) {
@@ -71,6 +123,10 @@ Rotation rotation_of(const TomlTable& table) {
   rotation.direction =
       direction == "clockwise" ? TurnDirection::clockwise : TurnDirection::counterclockwise;
   rotation.max_fps = table.number("max_fps", 0, 1e6).value_or(0);
+  if (const toml::node* wobble = table.node("wobble")) {
+    if (!wobble->is_string()) table.fail("wobble", "expected the name of a .csv file");
+    rotation.wobble = wobble_of(table, **wobble->as_string());
+  }
   return rotation;
 }
 

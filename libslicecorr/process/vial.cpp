@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "slicecorr/error.hpp"
 
@@ -13,6 +14,7 @@ namespace slicecorr {
 namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+constexpr double kRadians = std::numbers::pi / 180;
 
 const Optics& optics_of(const Printer& printer) {
   if (!printer.optics) {
@@ -78,9 +80,49 @@ double pixel_z_mm(const Printer& printer, double row) {
   return ((printer.height_px - 1) / 2.0 - row - axis) * printer.pixel_y_um * 1e-3;
 }
 
+PlanePlace pixel_mm(const Printer& printer, double column, double row) {
+  const double x = pixel_x_mm(printer, column), z = pixel_z_mm(printer, row);
+  const double tilt_deg = printer.optics ? printer.optics->tilt_deg : 0;
+  if (tilt_deg == 0) return {x, z};
+  const double c = std::cos(tilt_deg * kRadians), s = std::sin(tilt_deg * kRadians);
+  return {x * c - z * s, x * s + z * c};
+}
+
+ImagePlace image_place(const Printer& printer, const PlanePlace& place) {
+  const Optics optics = printer.optics.value_or(Optics{});
+  const double c = std::cos(optics.tilt_deg * kRadians), s = std::sin(optics.tilt_deg * kRadians);
+  const double x = place.x_mm * c + place.z_mm * s, z = place.z_mm * c - place.x_mm * s;
+  return {x / (printer.pixel_x_um * 1e-3) + (printer.width_px - 1) / 2.0 + optics.axis_right_px,
+          (printer.height_px - 1) / 2.0 - optics.axis_up_px - z / (printer.pixel_y_um * 1e-3)};
+}
+
+AxisWobble wobble_at(const Rotation& rotation, double angle_deg) {
+  const std::vector<AxisWobble>& all = rotation.wobble;
+  angle_deg -= 360 * std::floor(angle_deg / 360);
+  if (all.empty()) return {angle_deg, 0, 0};
+  const auto after =
+      std::upper_bound(all.begin(), all.end(), angle_deg,
+                       [](double angle, const AxisWobble& w) { return angle < w.angle_deg; });
+  const AxisWobble& b = after == all.end() ? all.front() : *after;
+  const AxisWobble& a = after == all.begin() ? all.back() : *(after - 1);
+  double span = b.angle_deg - a.angle_deg, way = angle_deg - a.angle_deg;
+  if (span <= 0) span += 360;
+  if (way < 0) way += 360;
+  const double share = way / span;
+  return {angle_deg, a.right_px + share * (b.right_px - a.right_px),
+          a.up_px + share * (b.up_px - a.up_px)};
+}
+
+double most_wobble_px(const Rotation& rotation) {
+  double most = 0;
+  for (const AxisWobble& w : rotation.wobble) most = std::max(most, std::abs(w.right_px));
+  return most;
+}
+
 LightLine chief_ray(const Printer& printer, double column, double row) {
   const Optics& optics = optics_of(printer);
-  LightLine line{pixel_x_mm(printer, column), pixel_z_mm(printer, row)};
+  const PlanePlace place = pixel_mm(printer, column, row);
+  LightLine line{place.x_mm, place.z_mm};
   if (optics.kind == OpticsKind::pinhole) {
     line.slope_x = line.x_mm / optics.distance_mm;
     line.slope_z = line.z_mm / optics.distance_mm;
@@ -155,8 +197,10 @@ double reach_mm(const Printer& printer, double n_resin) {
   const Optics& optics = optics_of(printer);
   // The side of the image that is nearer to the axis counts.
   const double last = printer.width_px - 1;
+  const double wobble_mm =
+      printer.rotation ? most_wobble_px(*printer.rotation) * printer.pixel_x_um * 1e-3 : 0;
   const double side_mm =
-      std::max(0.0, std::min(-pixel_x_mm(printer, 0), pixel_x_mm(printer, last)));
+      std::max(0.0, std::min(-pixel_x_mm(printer, 0), pixel_x_mm(printer, last)) - wobble_mm);
   const double q_mm = optics.kind == OpticsKind::pinhole
                           ? side_mm / std::hypot(1.0, side_mm / optics.distance_mm)
                           : side_mm;

@@ -88,10 +88,21 @@ Bench make_bench(const Printer& printer, const Resin& resin, const Sampling& sam
   grid.angles = sampling.angles;
   grid.pixel_mm = pitch_mm * vial.n_outside / n;
   // Columns whose light may meet a voxel, one more to each side.
-  const auto line_mm = [&](int column) { return pixel_x_mm(printer, column) * vial.n_outside / n; };
+  // Where the axis does not keep to its place, as many more as it goes astray.
+  const auto line_mm = [&](double column) {
+    return pixel_x_mm(printer, column) * vial.n_outside / n;
+  };
+  const double tilt = optics.tilt_deg * std::numbers::pi / 180;
+  const double astray_px =
+      most_wobble_px(*printer.rotation) +
+      0.5 * sampling.voxel_mm * sampling.slices / pitch_mm * std::abs(std::sin(tilt)) +
+      printer.width_px * (1 - std::cos(tilt));
   int first = 0, past = printer.width_px;
-  while (first < past && line_mm(first + 1) < -grid.radius_mm) ++first;
-  while (past > first && line_mm(past - 2) > grid.radius_mm) --past;
+  while (first < past && line_mm(first + 1 + astray_px) < -grid.radius_mm) ++first;
+  while (past > first && line_mm(past - 2 - astray_px) > grid.radius_mm) --past;
+  b.reach_mm = std::min(
+      {b.reach_mm, -line_mm(astray_px - kSame), line_mm(printer.width_px - 1 - astray_px + kSame)});
+  b.reach_mm = std::max(0.0, b.reach_mm);
   grid.pixels = past - first;
   b.first_column = first;
   if (grid.pixels < 2) wrong(printer, "none of its pixels meets the resin");
@@ -133,6 +144,20 @@ Bench make_bench(const Printer& printer, const Resin& resin, const Sampling& sam
     b.row_slice[static_cast<std::size_t>(row)] = s;
     lit[static_cast<std::size_t>(s)] = true;
   }
+  b.places = FramePlaces(printer, sampling, first, grid.pixels, b.clockwise);
+  if (b.places.moved()) {
+    // What all angles light, at both ends of the rows.
+    for (int m = 0; m < grid.angles; ++m) {
+      for (const int column : {0, grid.pixels - 1}) {
+        std::vector<bool> here(lit.size(), false);
+        for (int row = 0; row < printer.height_px; ++row) {
+          const int s = b.places.slice_of(m, column, row);
+          if (s >= 0) here[static_cast<std::size_t>(s)] = true;
+        }
+        for (std::size_t s = 0; s < lit.size(); ++s) lit[s] = lit[s] && here[s];
+      }
+    }
+  }
   if (std::find(lit.begin(), lit.end(), false) != lit.end()) {
     wrong(
         printer,
@@ -148,6 +173,20 @@ Bench make_bench(const Printer& printer, const Resin& resin, const Sampling& sam
           fmt::format("its brightest level shows {:g} mW/cm², its darkest {:g}; expected a "
                       "calibration that rises",
                       b.mw_cm2.back(), b.mw_cm2.front()));
+  }
+  if (b.places.uneven()) {
+    for (int i = 0; i < grid.pixels; ++i) {
+      for (int z = 0; z < grid.slices; ++z) {
+        if (misses(vial, n, pixel_x_mm(printer, first + i), 0)) continue;
+        if (b.places.share(0, i, z) > 0) continue;
+        wrong(
+            printer,
+            fmt::format("its flat-field is black in column {}, {:.3f} mm from the optical axis, "
+                        "where the resin is; expected some light",
+                        first + i,
+                        -0.5 * sampling.voxel_mm * (sampling.slices - 1) + sampling.voxel_mm * z));
+      }
+    }
   }
   b.exposure.alpha_a_per_cm = curing_absorption_per_mm(resin) * 10;
   b.exposure.turn_s = printer.rotation->turn_s();

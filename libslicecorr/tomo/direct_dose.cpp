@@ -113,7 +113,7 @@ class DirectSum {
       for (int i = 0; i < g.pixels; ++i) {
         for (int z = 0; z < g.slices; ++z) {
           light_[row(m, i) + static_cast<std::size_t>(z)] =
-              bench.mw_cm2[job.levels[g.pixel(m, i, z)]];
+              bench.mw_cm2[job.levels[g.pixel(m, i, z)]] * bench.places.share(m, i, z);
         }
       }
     }
@@ -136,12 +136,16 @@ class DirectSum {
       const double m = k - from.turn_rad / (2 * std::numbers::pi) * g.angles;
       const auto i0 = static_cast<int>(std::floor(i)), m0 = static_cast<int>(std::floor(m));
       const double wi = i - i0, wm = m - m0;
-      for (const int a : {0, 1}) {
-        for (const int b : {0, 1}) {
+      for (const int b : {0, 1}) {
+        const int frame = ((m0 + b) % g.angles + g.angles) % g.angles;
+        if (bench_.places.moved()) {
+          add_moved(frame, i, share * (b ? wm : 1 - wm), shaded ? &hidden : nullptr, sum);
+          continue;
+        }
+        for (const int a : {0, 1}) {
           const double weight = share * (a ? wi : 1 - wi) * (b ? wm : 1 - wm);
           if (weight == 0 || i0 + a < 0 || i0 + a >= g.pixels) continue;
-          const double* const lit =
-              &light_[row(((m0 + b) % g.angles + g.angles) % g.angles, i0 + a)];
+          const double* const lit = &light_[row(frame, i0 + a)];
           for (std::size_t z = 0; z < sum.size(); ++z) {
             if (shaded && (hidden[z / 64] >> (z % 64) & 1)) continue;
             sum[z] += weight * lit[z];
@@ -152,6 +156,21 @@ class DirectSum {
   }
 
  private:
+  /// The same of one frame where each slice has its light in other columns.
+  void add_moved(int m, double pixel, double share, const std::vector<std::uint64_t>* hidden,
+                 std::vector<double>& sum) const {
+    const TomoGrid& g = bench_.grid;
+    for (std::size_t z = 0; z < sum.size(); ++z) {
+      if (hidden && ((*hidden)[z / 64] >> (z % 64) & 1)) continue;
+      const double column = bench_.places.column_of(m, pixel, static_cast<int>(z));
+      const auto first = static_cast<int>(std::floor(column));
+      for (const int a : {0, 1}) {
+        if (first + a < 0 || first + a >= g.pixels) continue;
+        const double weight = share * (a ? column - first : 1 - (column - first));
+        sum[z] += weight * light_[row(m, first + a) + z];
+      }
+    }
+  }
   std::size_t row(int m, int i) const {
     const TomoGrid& g = bench_.grid;
     return (static_cast<std::size_t>(m) * static_cast<std::size_t>(g.pixels) +

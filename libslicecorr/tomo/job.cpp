@@ -15,6 +15,7 @@
 #include "slicecorr/vial.hpp"
 #include "stack/container/container.hpp"
 #include "stack/container/container_output.hpp"
+#include "stack/flat_field_entry.hpp"
 #include "stack/formats/definition_json.hpp"
 #include "support/files/temporary.hpp"
 
@@ -44,12 +45,12 @@ GreyImage frame_of(const Bench& bench, const TomoJob& job, int m) {
   image.pixels.assign(
       static_cast<std::size_t>(image.width_px) * static_cast<std::size_t>(image.height_px), 0);
   for (int row = 0; row < image.height_px; ++row) {
-    const int slice = bench.row_slice[static_cast<std::size_t>(row)];
-    if (slice < 0) continue;
     std::uint8_t* const out =
         &image.pixels[static_cast<std::size_t>(row) * static_cast<std::size_t>(image.width_px) +
                       static_cast<std::size_t>(bench.first_column)];
     for (int i = 0; i < grid.pixels; ++i) {
+      const int slice = bench.places.slice_of(m, i, row);
+      if (slice < 0) continue;
       out[i] =
           static_cast<std::uint8_t>(pixel_of_level(job.levels[grid.pixel(m, i, slice)], levels));
     }
@@ -143,6 +144,20 @@ void add_slices(detail::ContainerOutput& output, const Box<std::uint8_t>& box,
   }
 }
 
+/// Gives the printer the picture of its flat-field.
+void read_flat_field(const detail::Container& archive, const detail::JsonNode<nlohmann::json>& said,
+                     TomoJob& job) {
+  FlatField& field = *job.printer.flat_field;
+  check_flat_field(field, job.printer, archive.path() + ": " + detail::kFlatFieldEntry);
+  GreyImage image = image_of(archive, detail::kFlatFieldEntry, field.width_px, field.height_px);
+  field.values = std::make_shared<const std::vector<std::uint8_t>>(std::move(image.pixels));
+  if (detail::flat_field_crc32(field) != said["crc32"].whole(0, 0xffffffff) ||
+      field.greatest() == 0) {
+    throw InputError(archive.path(), detail::kFlatFieldEntry,
+                     "is not the flat-field that the job was made with");
+  }
+}
+
 void check_box(const Bench& bench, const char* what, const Box<std::uint8_t>& part) {
   const TomoGrid& grid = bench.grid;
   if (part.nx == grid.voxels && part.ny == grid.voxels && part.nz == grid.slices) return;
@@ -167,6 +182,9 @@ void write_job(const std::string& path, const TomoJob& job, const ExecutionConte
     context.check_cancelled();
     // Frame f is shown at the angle whose frame it is; the two are each other's inverse.
     output->add(frame_name(frame), encode_png(frame_of(bench, job, bench.frame_of_angle(frame))));
+  }
+  if (job.printer.flat_field) {
+    output->add(detail::kFlatFieldEntry, detail::flat_field_png(*job.printer.flat_field));
   }
   add_slices(*output, job.part, part_name);
   if (!job.insert.values.empty()) add_slices(*output, job.insert, insert_name);
@@ -194,9 +212,7 @@ TomoJob read_job(const std::string& path, const ExecutionContext& context) {
   TomoJob job;
   job.printer = detail::read_printer(config["printer"]);
   job.resin = detail::read_resin(config["resin"]);
-  if (job.printer.flat_field) {
-    throw InputError(path, kConfig, "has a flat-field, which tomographic jobs have not");
-  }
+  if (job.printer.flat_field) read_flat_field(*archive, config["printer"]["flat_field"], job);
   job.turns = config["turns"].integer(1, 1000000000);
   job.sampling.voxel_mm = config["voxel_mm"].positive();
   job.sampling.angles = config["angles"].integer(3, 100000);
@@ -230,12 +246,12 @@ TomoJob read_job(const std::string& path, const ExecutionContext& context) {
         image_of(*archive, frame_name(frame), bench.frame_width, bench.frame_height);
     const int m = bench.frame_of_angle(frame);
     for (int row = 0; row < image.height_px; ++row) {
-      const int slice = bench.row_slice[static_cast<std::size_t>(row)];
-      if (slice < 0) continue;
       const std::uint8_t* const from =
           &image.pixels[static_cast<std::size_t>(row) * static_cast<std::size_t>(image.width_px) +
                         static_cast<std::size_t>(bench.first_column)];
       for (int i = 0; i < grid.pixels; ++i) {
+        const int slice = bench.places.slice_of(m, i, row);
+        if (slice < 0) continue;
         job.levels[grid.pixel(m, i, slice)] =
             static_cast<std::uint16_t>(level_of_pixel(from[i], levels));
       }

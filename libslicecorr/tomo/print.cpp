@@ -11,6 +11,7 @@
 
 #include "parallel/silent.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/tomo/shown_light.hpp"
 #include "slicecorr/version.hpp"
 #include "slicecorr/vial.hpp"
 #include "stack/formats/definition_json.hpp"
@@ -66,11 +67,26 @@ void check_insert(const Box<std::uint8_t>& insert, const Box<std::uint8_t>& part
   }
 }
 
+/// Of the calibration's light, where the projector is dimmest before the resin.
+double least_share(const Bench& bench) {
+  if (!bench.places.uneven()) return 1;
+  double least = std::numeric_limits<double>::infinity();
+  for (int m = 0; m < bench.grid.angles; ++m) {
+    for (int c = 0; c < bench.grid.pixels; ++c) {
+      for (int z = 0; z < bench.grid.slices; ++z) {
+        const double share = bench.places.share(m, c, z);
+        if (share > 0) least = std::min(least, share);
+      }
+    }
+  }
+  return least;
+}
+
 /// mJ/cm³ that black light leaves in a turn, at most.
 double floor_of_turn(const Bench& bench, const Projector& projector,
                      const ExecutionContext& context) {
   const std::vector<std::uint16_t> black(bench.grid.blocks() * bench.grid.light_of_block(), 0);
-  const Field floor = adjoint(projector, context, light_of_levels(bench.grid, black, bench.mw_cm2));
+  const Field floor = adjoint(projector, context, shown_light(bench, black));
   return *std::max_element(floor.values.begin(), floor.values.end()) *
          dose_of_turn(bench.grid, bench.exposure);
 }
@@ -106,7 +122,7 @@ PrintFigures judge(const TomoJob& job, const Bench& bench, const Target& target,
   f.gel_dose_mj_cm3 = bench.exposure.critical_mj_cm3 + bench.resupply_mj_cm3_s * f.print_time_s;
   f.metrics = measure(target, field);
   f.jaccard_at_dose = jaccard(target, field, f.gel_dose_mj_cm3);
-  f.efficiency = efficiency(light_of_levels(bench.grid, job.levels, bench.mw_cm2));
+  f.efficiency = efficiency(shown_light(bench, job.levels));
   f.alpha_r = bench.alpha_r;
   f.floor_mj_cm3 = floor_of_turn_mj_cm3 * job.turns;
   return f;
@@ -194,10 +210,12 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   SolveOptions how = options.solve;
   const int most_turns = turns_allowed(bench, options.most_time_s);
   if (most_turns > 0) {
-    const double cap = kBelowCap * dose_of_turn(bench.grid, bench.exposure) * most_turns *
-                       bench.mw_cm2.back() /
-                       (bench.exposure.critical_mj_cm3 +
-                        bench.resupply_mj_cm3_s * bench.exposure.turn_s * most_turns);
+    double cap = kBelowCap * dose_of_turn(bench.grid, bench.exposure) * most_turns *
+                 bench.mw_cm2.back() /
+                 (bench.exposure.critical_mj_cm3 +
+                  bench.resupply_mj_cm3_s * bench.exposure.turn_s * most_turns);
+    // What the dimmest place can show bounds all light.
+    cap *= least_share(bench);
     how.cap = how.cap > 0 ? std::min(how.cap, cap) : cap;
   }
   detail::CheckpointFile file(options.checkpoint, options.checkpoint_s,
@@ -228,8 +246,8 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
 
   // The light as bright as the projector can show it gives the number of turns; then as bright as
   // they need.
-  const auto& values = solution.light.values;
-  const double largest = *std::max_element(values.begin(), values.end());
+  const Light asked = asked_light(bench, solution.light);
+  const double largest = *std::max_element(asked.values.begin(), asked.values.end());
   const double per_unit = dose_of_turn(bench.grid, bench.exposure);
   const double brightest = bench.mw_cm2.back() / largest;
   const Turns turns = turns_for(bench, per_unit * brightest);
@@ -250,8 +268,8 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   double scale = brightest * time.scale;
   PrintFigures figures;
   const auto show = [&](bool carry) {
-    job.levels = carry ? carried_levels(solution.light, scale, bench.mw_cm2)
-                       : nearest_levels(solution.light, scale, bench.mw_cm2);
+    job.levels = carry ? carried_levels(asked, scale, bench.mw_cm2)
+                       : nearest_levels(asked, scale, bench.mw_cm2);
     figures = judge(job, bench, target, dose_of(job, quiet), black);
   };
   // With few levels it depends on the part which way to round prints better.

@@ -96,8 +96,10 @@ Imported with_its_files(const std::string& path, const std::string& kind) {
   if (const toml::node* node = root["provenance"]["measurements"].node(); node && kind == "resin") {
     for (const std::string& file : csv_names(*node)) attach("provenance", "measurements", file);
   }
-  for (const auto& [table, key] :
-       {std::pair{"display", "flat_field"}, {"blue", "calibration"}, {"uv", "calibration"}}) {
+  for (const auto& [table, key] : {std::pair{"display", "flat_field"},
+                                   {"blue", "calibration"},
+                                   {"uv", "calibration"},
+                                   {"rotation", "wobble"}}) {
     if (const auto file = root[table][key].value<std::string>(); file && kind == "printer") {
       attach(table, key, *file);
     }

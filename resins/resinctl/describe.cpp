@@ -131,6 +131,9 @@ std::string tomography_text(const Printer& p, const Resin* in) {
       out += line("axes in the image", fmt::format("{:g} pixels right, {:g} up of its middle",
                                                    o.axis_right_px, o.axis_up_px));
     }
+    if (o.tilt_deg != 0) {
+      out += line("tilt", fmt::format("the axis leans by {:g} degrees to the right", o.tilt_deg));
+    }
   }
   if (p.rotation) {
     const Rotation& r = *p.rotation;
@@ -140,6 +143,10 @@ std::string tomography_text(const Printer& p, const Resin* in) {
     if (r.max_fps > 0) {
       out += line("frames per turn",
                   fmt::format("at most {}, at {:g} a second", most_frames_per_turn(r), r.max_fps));
+    }
+    if (!r.wobble.empty()) {
+      out += line("wobble", fmt::format("{} angles, up to {:.3g} pixels to a side", r.wobble.size(),
+                                        most_wobble_px(r)));
     }
   }
   return out;
@@ -309,6 +316,7 @@ std::string printer_json(const Printer& p, const std::string& path) {
     j["optics"]["rays_per_pixel"] = o.rays_per_pixel;
     j["optics"]["axis_right_px"] = o.axis_right_px;
     j["optics"]["axis_up_px"] = o.axis_up_px;
+    if (o.tilt_deg != 0) j["optics"]["tilt_deg"] = o.tilt_deg;
   }
   if (p.rotation) {
     j["rotation"] = {{"deg_s", p.rotation->deg_s},
@@ -317,6 +325,9 @@ std::string printer_json(const Printer& p, const std::string& path) {
     if (p.rotation->max_fps > 0) {
       j["rotation"]["max_fps"] = p.rotation->max_fps;
       j["rotation"]["frames_per_turn"] = most_frames_per_turn(*p.rotation);
+    }
+    for (const AxisWobble& w : p.rotation->wobble) {
+      j["rotation"]["wobble"].push_back({w.angle_deg, w.right_px, w.up_px});
     }
   }
   j["path"] = path;

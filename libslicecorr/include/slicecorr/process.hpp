@@ -75,17 +75,28 @@ struct Optics {
   /// Where the image, as seen from the projector, shows the axis of rotation, from its middle to
   /// the right, and the optical axis, where z is 0, from its middle upwards.
   double axis_right_px = 0, axis_up_px = 0;
+  /// By how much the image shows the axis of rotation leaning to the right, about that place, -45..45.
+  double tilt_deg = 0;
   bool operator==(const Optics&) const = default;
 };
 
 /// How the vial turns, seen from above.
 enum class TurnDirection { clockwise, counterclockwise };
 
+/// Where the image shows the axis of rotation at one angle, from where `Optics` says.
+struct AxisWobble {
+  double angle_deg = 0;            ///< that the stage has turned since the first frame, 0..360
+  double right_px = 0, up_px = 0;  ///< as seen from the projector, each -1e4..1e4
+  bool operator==(const AxisWobble&) const = default;
+};
+
 /// How a tomographic printer's vial turns.
 struct Rotation {
   double deg_s = 0;  ///< > 0
   TurnDirection direction = TurnDirection::clockwise;
   double max_fps = 0;  ///< images that the projector shows in a second at most; 0 when not given
+  /// Angles rise; linear between them and from the last to the first; empty: none.
+  std::vector<AxisWobble> wobble = {};
   double turn_s() const { return 360 / deg_s; }
   bool operator==(const Rotation&) const = default;
 };

@@ -37,6 +37,23 @@ struct LightLine {
 double pixel_x_mm(const Printer& printer, double column);
 double pixel_z_mm(const Printer& printer, double row);
 
+/// X and z of that place in the frame of the axis, which leans by `Optics::tilt_deg` in the image.
+struct PlanePlace {
+  double x_mm = 0, z_mm = 0;
+};
+PlanePlace pixel_mm(const Printer& printer, double column, double row);
+/// The same backwards: where the image shows a place of the plane Y = 0, in columns and rows.
+struct ImagePlace {
+  double column = 0, row = 0;
+};
+ImagePlace image_place(const Printer& printer, const PlanePlace& place);
+
+/// Where the axis is after the stage has turned by this angle since the first frame: linear between
+/// the angles of `Rotation::wobble`, turn after turn.
+AxisWobble wobble_at(const Rotation& rotation, double angle_deg);
+/// Most that it is moved to a side, in pixels.
+double most_wobble_px(const Rotation& rotation);
+
 /// The middle one of a pixel's rays: parallel to the optical axis (telecentric), or from the point
 /// `distance_mm` in front of the axis (pinhole). Throws `InputError` when the printer has no optics.
 LightLine chief_ray(const Printer& printer, double column, double row);

@@ -270,6 +270,7 @@ void add_tomo(Program& program, TomoOptions& o) {
   sub->add_option("--json", o.json, "Write all figures as JSON to FILE, or - for stdout");
 
   add_tomo_views(program, group, o.views);
+  add_tomo_targets(program, group, o.targets);
 }
 
 }  // namespace slicecorr::cli

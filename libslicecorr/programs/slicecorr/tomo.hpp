@@ -7,6 +7,7 @@
 #include "programs/common/mesh_options.hpp"
 #include "programs/common/program.hpp"
 #include "programs/common/setup_options.hpp"
+#include "tomo_targets.hpp"
 #include "tomo_views.hpp"
 
 namespace slicecorr::cli {
@@ -21,6 +22,7 @@ struct TomoOptions {
   double checkpoint_s = 5;
   bool beyond_reach = false, resume = false;
   TomoViewOptions views;
+  TomoTargetOptions targets;
 };
 
 /// Adds `tomo` with its subcommands, which keep what they are told in `options`.

@@ -34,6 +34,21 @@ std::vector<CalibrationPoint> read_calibration(const Node& node) {
   return points;
 }
 
+std::vector<AxisWobble> read_wobble(const Node& node) {
+  std::vector<AxisWobble> wobble;
+  for (const Node& point : node.list(1, 1000000)) {
+    constexpr double most_px = 1e4;
+    const auto numbers = point.list(3, 3);
+    const AxisWobble w{numbers[0].number(0, 360), numbers[1].number(-most_px, most_px),
+                       numbers[2].number(-most_px, most_px)};
+    if (!(w.angle_deg < 360) || (!wobble.empty() && w.angle_deg <= wobble.back().angle_deg)) {
+      point.fail("angles that rise, from 0 to below 360");
+    }
+    wobble.push_back(w);
+  }
+  return wobble;
+}
+
 /// What tomographic printers have besides.
 void read_tomography(const Node& node, Printer& p) {
   if (node.has("vial")) {
@@ -49,7 +64,8 @@ void read_tomography(const Node& node, Printer& p) {
                       o["half_angle_deg"].number(0, 45),
                       o["rays_per_pixel"].integer(1, 1000),
                       o["axis_right_px"].number(-kMostPixelsAcross, kMostPixelsAcross),
-                      o["axis_up_px"].number(-1e5, 1e5)};
+                      o["axis_up_px"].number(-1e5, 1e5),
+                      o.has("tilt_deg") ? o["tilt_deg"].number(-45, 45) : 0};
     if (p.optics->kind == OpticsKind::pinhole &&
         p.optics->distance_mm <= (p.vial ? p.vial->outer_mm : 0)) {
       o["distance_mm"].fail("more than the vial's outer radius");
@@ -61,6 +77,7 @@ void read_tomography(const Node& node, Printer& p) {
         r["deg_s"].positive(),
         static_cast<TurnDirection>(r["direction"].choice({"clockwise", "counterclockwise"})),
         r["max_fps"].number(0, kLargest)};
+    if (r.has("wobble")) p.rotation->wobble = read_wobble(r["wobble"]);
   }
 }
 
@@ -110,11 +127,15 @@ Json printer_json(const Printer& p) {
                       {"rays_per_pixel", p.optics->rays_per_pixel},
                       {"axis_right_px", p.optics->axis_right_px},
                       {"axis_up_px", p.optics->axis_up_px}};
+    if (p.optics->tilt_deg != 0) json["optics"]["tilt_deg"] = p.optics->tilt_deg;
   }
   if (p.rotation) {
     json["rotation"] = {{"deg_s", p.rotation->deg_s},
                         {"direction", name_of(p.rotation->direction)},
                         {"max_fps", p.rotation->max_fps}};
+    for (const AxisWobble& w : p.rotation->wobble) {
+      json["rotation"]["wobble"].push_back({w.angle_deg, w.right_px, w.up_px});
+    }
   }
   return json;
 }

@@ -21,6 +21,56 @@ struct Sampling {
   int angles = 0;       ///< frames of a turn
 };
 
+/// Where frames show the pixels of the grid, and with how much light. The axis of rotation leans in
+/// the image (`Optics::tilt_deg`) and goes astray from angle to angle (`Rotation::wobble`), and the
+/// projector shines unevenly (`Printer::flat_field`). Columns count from `Bench::first_column`, rows
+/// downwards from the image's first.
+class FramePlaces {
+ public:
+  FramePlaces() = default;
+  /// Of `sampling` in frames from `first_column` on, `columns` wide. Throws `InputError` as
+  /// `LightMap` does.
+  FramePlaces(const Printer& printer, const Sampling& sampling, int first_column, int columns,
+              bool clockwise);
+
+  /// Whether frames lie elsewhere than a straight and steady axis would have them.
+  bool moved() const { return sine_ != 0 || !right_px_.empty(); }
+  bool tilted() const { return sine_ != 0; }
+  bool uneven() const { return !share_.empty(); }
+  /// Column in which the light of this pixel of the grid, and of this slice, lies at angle m.
+  double column_of(int m, double pixel, int slice) const;
+  /// The pixel of the grid whose light lies in this column.
+  double pixel_of(int m, double column, int slice) const;
+  /// The slice that a pixel of frames lights; -1: none.
+  int slice_of(int m, int column, int row) const;
+  /// Share of the calibration's light that the rows of a slice get, in the mean.
+  double share(int m, int column, int slice) const {
+    if (share_.empty()) return 1;
+    return share_[share_of_angle_[static_cast<std::size_t>(m)] +
+                  static_cast<std::size_t>(column) * static_cast<std::size_t>(slices_) +
+                  static_cast<std::size_t>(slice)];
+  }
+
+ private:
+  double right_px(int m) const {
+    return right_px_.empty() ? 0 : right_px_[static_cast<std::size_t>(m)];
+  }
+  double z_mm(int slice) const { return lowest_mm_ + voxel_mm_ * slice; }
+  void take_light(const Printer& printer, int first_column, int columns, int angles);
+
+  double sine_ = 0, cosine_ = 1;  ///< of the tilt
+  std::vector<double> right_px_;  ///< per angle; empty: 0
+  std::vector<int> up_rows_;      ///< per angle; empty: 0
+  double axis_column_ = 0;        ///< of a steady axis
+  double middle_row_ = 0;         ///< of the image; the optical axis lies so far above it:
+  double axis_up_px_ = 0;
+  double column_mm_ = 1, row_um_ = 1;  ///< pixels' pitch
+  double lowest_mm_ = 0, voxel_mm_ = 1;
+  int slices_ = 0;
+  std::vector<float> share_;                 ///< [distinct shift of rows][column][slice]
+  std::vector<std::size_t> share_of_angle_;  ///< where an angle's begins
+};
+
 struct Bench {
   TomoGrid grid;                 ///< all of the resin: voxels from axis to wall
   RayTables rays;                ///< of the grid's pixels
@@ -32,7 +82,9 @@ struct Bench {
   double alpha_r = 0;            ///< absorption times the resin's radius
   int frame_width = 0, frame_height = 0;
   int first_column = 0;        ///< of frames, that shows the grid's pixel 0
-  std::vector<int> row_slice;  ///< per row of frames the slice that it lights; -1: none
+  std::vector<int> row_slice;  ///< per row of frames the slice that it lights; -1: none. Where they
+                               ///< are not moved; else `places` says it
+  FramePlaces places;
   bool clockwise = true;
   /// Frames are shown in order while the vial turns; this one is shown at angle m.
   int frame_of_angle(int m) const { return clockwise || m == 0 ? m : grid.angles - m; }

@@ -1,0 +1,287 @@
+#include "slicecorr/tomo/targets.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <string_view>
+
+#include "picture/letters.hpp"
+#include "slicecorr/cure.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/vial.hpp"
+
+namespace slicecorr::tomo {
+
+namespace {
+
+constexpr int kLeastSide = 64;
+
+/// An image of the projector in shares of its greatest level.
+class Sheet {
+ public:
+  explicit Sheet(const Printer& printer) : printer_(printer) {
+    image_.width_px = printer.width_px;
+    image_.height_px = printer.height_px;
+    light_.assign(
+        static_cast<std::size_t>(printer.width_px) * static_cast<std::size_t>(printer.height_px),
+        0.0F);
+  }
+  int width() const { return image_.width_px; }
+  int height() const { return image_.height_px; }
+
+  void set(int column, int row, double share) {
+    if (column < 0 || row < 0 || column >= width() || row >= height()) return;
+    float& at = light_[static_cast<std::size_t>(row) * static_cast<std::size_t>(width()) +
+                       static_cast<std::size_t>(column)];
+    at = std::max(at, static_cast<float>(share));
+  }
+  void fill(int column, int row, int columns, int rows, double share = 1) {
+    for (int y = std::max(0, row); y < std::min(height(), row + rows); ++y) {
+      for (int x = std::max(0, column); x < std::min(width(), column + columns); ++x) {
+        set(x, y, share);
+      }
+    }
+  }
+  /// A pixel wide about (column, row), its light shared between the two columns that it lies in.
+  void share_column(double column, int row) {
+    const int first = static_cast<int>(std::floor(column));
+    set(first, row, 1 - (column - first));
+    set(first + 1, row, column - first);
+  }
+  void share_row(int column, double row) {
+    const int first = static_cast<int>(std::floor(row));
+    set(column, first, 1 - (row - first));
+    set(column, first + 1, row - first);
+  }
+  /// Letters of 5 x 7 dots, each `scale` pixels wide and high; (column, row) is their upper left.
+  void words(int column, int row, std::string_view text, int scale) {
+    for (const detail::Letter& letter : detail::letters_of(text)) {
+      for (std::size_t x = 0; x < letter.size(); ++x) {
+        for (int y = 0; y < 8; ++y) {
+          if (letter[x] >> y & 1) {
+            fill(column + static_cast<int>(x) * scale, row + y * scale, scale, scale);
+          }
+        }
+      }
+      column += 6 * scale;
+    }
+  }
+  /// The same on black ground.
+  void label(int column, int row, std::string_view text, int scale) {
+    const int right = column + width_of(text, scale), below = row + 9 * scale;
+    for (int y = std::max(0, row - scale); y < std::min(height(), below); ++y) {
+      for (int x = std::max(0, column - scale); x < std::min(width(), right); ++x) {
+        light_[static_cast<std::size_t>(y) * static_cast<std::size_t>(width()) +
+               static_cast<std::size_t>(x)] = 0;
+      }
+    }
+    words(column, row, text, scale);
+  }
+  static int width_of(std::string_view text, int scale) {
+    return static_cast<int>(detail::letters_of(text).size()) * 6 * scale;
+  }
+
+  GreyImage image() {
+    const int levels = printer_.levels();
+    for (const float share : light_) {
+      const int level = static_cast<int>(std::lround(share * static_cast<float>(levels - 1)));
+      image_.pixels.push_back(static_cast<std::uint8_t>(pixel_of_level(level, levels)));
+    }
+    return std::move(image_);
+  }
+
+ private:
+  const Printer& printer_;
+  GreyImage image_;
+  std::vector<float> light_;
+};
+
+/// Size of letters that fit a projector of this size.
+int letter_scale(const Printer& p) {
+  return std::clamp(std::min(p.width_px, p.height_px) / 300, 1, 6);
+}
+
+/// Columns over the vial's width, and rows about the optical axis that show it as high as wide.
+struct Window {
+  int first = 0, past = 0, top = 0, bottom = 0;
+  double axis = 0, middle = 0;  ///< column of the axis, row of the optical axis
+};
+Window window_of(const Printer& p) {
+  const ImagePlace at = image_place(p, {0, 0});
+  const double columns = p.vial->outer_mm / (p.pixel_x_um * 1e-3);
+  Window w;
+  w.axis = at.column;
+  w.middle = at.row;
+  w.first = std::clamp(static_cast<int>(std::floor(at.column - columns)), 0, p.width_px);
+  w.past = std::clamp(static_cast<int>(std::ceil(at.column + columns)) + 1, 0, p.width_px);
+  w.top = 0;
+  w.bottom = p.height_px;
+  return w;
+}
+
+void draw_axis(const Printer& p, Sheet& s) {
+  const double pitch = p.pixel_y_um * 1e-3;
+  for (int row = 0; row < s.height(); ++row) {
+    // The axis is so high here; with a tilt its column changes from row to row.
+    const double up = (image_place(p, {0, 0}).row - row) * pitch;
+    const double tilt = p.optics->tilt_deg * std::numbers::pi / 180;
+    s.share_column(image_place(p, {0, up / std::cos(tilt)}).column, row);
+  }
+}
+
+std::vector<TargetPicture> axis_pictures(const Printer& p) {
+  const Window w = window_of(p);
+  const int scale = letter_scale(p);
+  Sheet cross(p);
+  draw_axis(p, cross);
+  for (int column = 0; column < cross.width(); ++column) cross.share_row(column, w.middle);
+  Sheet comb(p);
+  // Teeth reach all the way up, so that a pin shows one at any height.
+  for (int column = 0; column < comb.width(); column += 10) {
+    comb.fill(column, 0, column % 100 ? 1 : 3, comb.height());
+  }
+  for (int column = 0; column < comb.width(); column += 100) {
+    for (const int sixth : {1, 3, 5}) {
+      comb.label(column + 5, sixth * comb.height() / 6, fmt::format("{}", column), scale);
+    }
+  }
+  return {{"axis-cross", "the axis of rotation as the printer file has it, and the optical axis",
+           cross.image()},
+          {"axis-comb", "a line each 10 columns, thicker with its number each 100", comb.image()}};
+}
+
+std::vector<TargetPicture> focus_pictures(const Printer& p) {
+  Sheet s(p);
+  const Window w = window_of(p);
+  const int scale = letter_scale(p);
+  const int across = std::max(40, w.past - w.first);
+  const int radius = std::min({across / 3, s.height() / 4, s.width() / 4});
+  const int cx = static_cast<int>(std::lround(w.axis));
+  const int cy = std::clamp(static_cast<int>(std::lround(w.middle)), radius, s.height() - radius);
+  for (int y = -radius; y <= radius; ++y) {
+    for (int x = -radius; x <= radius; ++x) {
+      const double r = std::hypot(x, y);
+      if (r > radius) continue;
+      constexpr int spokes = 36;
+      const double turn = std::atan2(y, x) / (2 * std::numbers::pi) * spokes;
+      if (turn - std::floor(turn) < 0.5) s.set(cx + x, cy + y, 1);
+    }
+  }
+  // Line pairs above the star, of lines across, and below it, of lines up and down.
+  const int length = std::max(8, radius / 2);
+  for (const bool upright : {true, false}) {
+    int at = cx - radius;
+    for (const int width : {1, 2, 3, 4, 6, 8}) {
+      const int lines = 5, size = (2 * lines - 1) * width;
+      const int row = upright ? cy - radius - length - 12 * scale : cy + radius + 4 * scale;
+      for (int k = 0; k < lines; ++k) {
+        if (upright) s.fill(at + 2 * k * width, row, width, length);
+        if (!upright && 2 * k * width < 2 * length) s.fill(at, row + 2 * k * width, length, width);
+      }
+      s.words(at, upright ? row + length + 2 * scale : row + std::max(length, size) + 2 * scale,
+              fmt::format("{}", width), scale);
+      at += std::max(upright ? size : length, 7 * scale) + 6 * scale;
+    }
+  }
+  return {{"focus", "a star of 36 spokes, and line pairs of 1 to 8 pixels", s.image()}};
+}
+
+std::vector<TargetPicture> scale_pictures(const Printer& p) {
+  Sheet s(p);
+  const int scale = letter_scale(p);
+  for (int column = 0; column < s.width(); column += 10) {
+    s.fill(column, 0, column % 100 ? 1 : 3, column % 50 ? 6 : s.height());
+  }
+  for (int row = 0; row < s.height(); row += 10) {
+    s.fill(0, row, row % 50 ? 6 : s.width(), row % 100 ? 1 : 3);
+  }
+  for (int column = 0; column < s.width(); column += 100) {
+    s.label(column + 5, 10, fmt::format("{}", column), scale);
+  }
+  for (int row = 100; row < s.height(); row += 100) {
+    s.label(10, row + 5, fmt::format("{}", row), scale);
+  }
+  return {
+      {"scale", "a line each 50 columns and rows, thicker with its number each 100", s.image()}};
+}
+
+std::vector<TargetPicture> direction_pictures(const Printer& p) {
+  std::vector<TargetPicture> all;
+  const Window w = window_of(p);
+  const double pitch = p.pixel_x_um * 1e-3;
+  const bool clockwise = p.rotation->direction == TurnDirection::clockwise;
+  for (const int angle : {0, 90, 180, 270}) {
+    Sheet s(p);
+    // A pin that faces the projector goes to the left when the vial turns clockwise.
+    const int side = angle % 180 == 0 ? 0 : (angle == 90) == clockwise ? -1 : 1;
+    double from = -0.3, to = 0.3;  // of the inner radius
+    if (side < 0) from = -1.2, to = -0.3;
+    if (side > 0) from = 0.3, to = 1.2;
+    const double radius = p.vial->inner_mm / pitch;
+    const int first = static_cast<int>(std::lround(w.axis + from * radius));
+    const int past = static_cast<int>(std::lround(w.axis + to * radius));
+    s.fill(first, s.height() / 3, past - first, s.height() - s.height() / 3);
+    // An F is no letter in a mirror, and none upside down.
+    const int scale = std::max(1, s.height() / 40);
+    const std::string text = fmt::format("F {}", angle);
+    s.words(static_cast<int>(w.axis) - Sheet::width_of(text, scale) / 2, s.height() / 20, text,
+            scale);
+    all.push_back({fmt::format("direction-{:03}", angle),
+                   fmt::format("a bar {} when the stage has turned by {} degrees",
+                               side < 0   ? "to the left"
+                               : side > 0 ? "to the right"
+                                          : "in the middle",
+                               angle),
+                   s.image()});
+  }
+  return all;
+}
+
+std::vector<TargetPicture> light_pictures(const Printer& p) {
+  std::vector<TargetPicture> all;
+  constexpr int steps = 8;
+  int last = -1;
+  for (int k = 0; k <= steps; ++k) {
+    const int level =
+        static_cast<int>(std::lround(static_cast<double>(k) / steps * (p.levels() - 1)));
+    if (level == last) continue;
+    last = level;
+    const auto pixel = static_cast<std::uint8_t>(pixel_of_level(level, p.levels()));
+    GreyImage image{
+        p.width_px, p.height_px,
+        std::vector<std::uint8_t>(
+            static_cast<std::size_t>(p.width_px) * static_cast<std::size_t>(p.height_px), pixel)};
+    all.push_back({fmt::format("light-{:03}", level),
+                   fmt::format("level {} of {} everywhere", level, p.levels() - 1),
+                   std::move(image)});
+  }
+  return all;
+}
+
+}  // namespace
+
+std::vector<TargetPicture> target_pictures(TargetKind kind, const Printer& printer) {
+  require_tomographic(printer);
+  if (printer.width_px < kLeastSide || printer.height_px < kLeastSide) {
+    throw InputError(fmt::format(
+        "printer '{}' shows {} x {} pixels; expected {} a side at least, which a target needs",
+        printer.name, printer.width_px, printer.height_px, kLeastSide));
+  }
+  switch (kind) {
+    case TargetKind::axis:
+      return axis_pictures(printer);
+    case TargetKind::focus:
+      return focus_pictures(printer);
+    case TargetKind::scale:
+      return scale_pictures(printer);
+    case TargetKind::direction:
+      return direction_pictures(printer);
+    case TargetKind::light:
+      break;
+  }
+  return light_pictures(printer);
+}
+
+}  // namespace slicecorr::tomo

@@ -65,7 +65,8 @@ class RayProjector final : public Projector {
 
   const TomoGrid& grid() const override { return walk_.grid; }
 
-  void forward(std::size_t /*block*/, const float* field, float* light) const override {
+  void forward(std::size_t /*block*/, const float* field, float* light,
+               const ExecutionContext& /*context*/) const override {
     Array<float> resin;
     if (beyond_resin(field)) {
       resin.assign(field, field + walk_.grid.voxels_of_block());
@@ -80,7 +81,8 @@ class RayProjector final : public Projector {
         [&](std::size_t m) { detail::walk_forward(walk_, static_cast<int>(m), field, light); });
   }
 
-  void adjoint(std::size_t /*block*/, const float* light, float* field) const override {
+  void adjoint(std::size_t /*block*/, const float* light, float* field,
+               const ExecutionContext& /*context*/) const override {
     const TomoGrid& g = walk_.grid;
     parallel_for(context_, "adding up light", slabs_.size(), [&](std::size_t s) {
       const Slab& slab = slabs_[s];
@@ -97,6 +99,10 @@ class RayProjector final : public Projector {
         return false;
       });
     });
+  }
+
+  std::unique_ptr<Projector> of_slices(const std::vector<int>& /*slices*/) const override {
+    throw InputError("slices", "", "share their light");
   }
 
  private:

@@ -1,5 +1,6 @@
 // The commands of the README run as written; links in the documents lead somewhere; the level table
 // is the one that the program prints.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
@@ -13,6 +14,8 @@
 
 #include "ladder.hpp"
 #include "run_program.hpp"
+#include "slicecorr/load_printer.hpp"
+#include "slicecorr/resins/optics_fit.hpp"
 
 namespace slicecorr {
 namespace {
@@ -102,6 +105,58 @@ TEST(Docs, CommandsOfTheReadmeRun) {
                            "section.png", "corrected/part.uvj", "morning.html"}) {
     EXPECT_TRUE(fs::exists(folder / made)) << made;
   }
+  fs::remove_all(folder);
+}
+
+TEST(Docs, CommandsOfCalibrationRun) {
+  const fs::path folder =
+      fs::path(::testing::TempDir()) / ("slicecorr-calibration-" + std::to_string(::getpid()));
+  fs::create_directories(folder);
+  // Pins as a machine shows them that is a little off the printer's file.
+  std::ofstream(folder / "my-printer.toml")
+      << std::regex_replace(text_of(kSource / "resins" / "printers" / "webber-vial.toml"),
+                            std::regex("name = \"webber-vial\""), "name = \"my-printer\"");
+  Printer machine = load_printer((folder / "my-printer.toml").string());
+  const double n = load_resin("webber-dudma-pegda").n;
+  machine.optics->axis_right_px = 3.7;
+  machine.optics->tilt_deg = 0.4;
+  machine.optics->distance_mm = 101.2;
+  {
+    std::ofstream pins(folder / "pins.csv");
+    pins << "angle_deg,radius_mm,pin_deg,z_mm,column_px,row_px\n";
+    for (const auto& [radius, at] : {std::pair{4.0, 0.0}, {7.0, 140.0}}) {
+      for (int angle = 0; angle < 360; angle += 30) {
+        for (const double z : {2.0, 9.0, 16.0}) {
+          const auto seen = resins::seen_at(
+              machine, n, {.angle_deg = 1.0 * angle, .radius_mm = radius, .pin_deg = at, .z_mm = z},
+              33, -9);
+          pins << fmt::format("{},{},{},{},{:.2f},{:.2f}\n", angle, radius, at, z, seen.column,
+                              seen.row);
+        }
+      }
+    }
+  }
+  test::RunOptions options;
+  options.folder = folder.string();
+  options.environment = {{"HOME", folder.string()}, {"XDG_CONFIG_HOME", ""}, {"SLICECORR_DB", ""}};
+  std::istringstream lines(text_of(kSource / "docs" / "tomography-calibration.md"));
+  int commands = 0;
+  for (std::string line; std::getline(lines, line);) {
+    if (line.rfind("    slicecorr ", 0) != 0 && line.rfind("    resinctl ", 0) != 0) continue;
+    ++commands;
+    const std::string command = kBin.string() + "/" + line.substr(4);
+    const auto result = test::run_program({"/bin/sh", "-c", command}, options);
+    EXPECT_EQ(result.exit_code, 0) << command << "\n" << result.err;
+  }
+  EXPECT_GE(commands, 3);
+  for (const char* made :
+       {"targets/focus.html", "targets/light-255.png", "pins.svg", "wobble.csv"}) {
+    EXPECT_TRUE(fs::exists(folder / made)) << made;
+  }
+  const Printer found = load_printer((folder / "my-printer.toml").string());
+  EXPECT_NEAR(found.optics->distance_mm, 101.2, 0.05);
+  EXPECT_NEAR(found.optics->axis_right_px, 3.7, 0.01);
+  EXPECT_NEAR(found.optics->tilt_deg, 0.4, 0.002);
   fs::remove_all(folder);
 }
 

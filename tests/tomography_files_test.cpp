@@ -1,9 +1,12 @@
 // Printer and resin files of tomographic printing: what they say, and what is refused.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <array>
 #include <cmath>
+#include <filesystem>
+#include <fstream>
 #include <numbers>
 #include <string>
 
@@ -40,6 +43,49 @@ TEST(TomographicPrinterFile, EveryKey) {
   EXPECT_EQ(p.rotation, (Rotation{25, TurnDirection::clockwise, 60}));
   EXPECT_EQ(p.max_speed_mm_h, 0);  // it needs no stage
   EXPECT_NO_THROW(require_tomographic(p));
+}
+
+/// A printer that names this table of wobble.
+class WobbleFile : public testing::Test {
+ protected:
+  void SetUp() override { std::filesystem::create_directories(folder_); }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+  Printer with(const std::string& table) const {
+    std::ofstream(folder_ / "wobble.csv") << table;
+    return parse_printer(
+        kDisplay + kVial + kOptics + "tilt_deg = -0.4\n" + kRotation + "wobble = \"wobble.csv\"\n",
+        (folder_ / "p.toml").string());
+  }
+  std::filesystem::path folder_ = std::filesystem::path(testing::TempDir()) /
+                                  ("slicecorr-wobble-" + std::to_string(::getpid()));
+};
+
+TEST_F(WobbleFile, IsReadBesideThePrinter) {
+  const Printer p = with("angle_deg,right_px,up_px\n0,0.5,-1\n# a remark\n120,-0.25,2\n");
+  EXPECT_EQ(p.optics->tilt_deg, -0.4);
+  EXPECT_EQ(p.rotation->wobble, (std::vector<AxisWobble>{{0, 0.5, -1}, {120, -0.25, 2}}));
+  EXPECT_EQ(with("10,0.5\n").rotation->wobble, (std::vector<AxisWobble>{{10, 0.5, 0}}));
+}
+
+TEST_F(WobbleFile, WhatItCanNotBeIsRefusedByLine) {
+  const auto says = [&](const std::string& table) { return refusal([&] { with(table); }); };
+  EXPECT_THAT(says("0,0\n90,x\n"), testing::AllOf(HasSubstr("wobble.csv"), HasSubstr("line 2"),
+                                                  HasSubstr("expected angle_deg,right_px")));
+  EXPECT_THAT(says("0,0\n360,1\n"), HasSubstr("is 360; expected angles that rise"));
+  EXPECT_THAT(says("90,0\n90,1\n"), HasSubstr("line 2"));
+  EXPECT_THAT(says("-1,0\n"), HasSubstr("from 0 to below 360"));
+  EXPECT_THAT(says("0,20000\n"), HasSubstr("at most 10000"));
+  EXPECT_THAT(says("0,1,2,3\n"), HasSubstr("line 1"));
+  EXPECT_THAT(says("angle_deg,right_px\n"), HasSubstr("has no rows"));
+  EXPECT_THAT(refusal([&] {
+                parse_printer(kDisplay + kVial + kOptics + kRotation + "wobble = \"none.csv\"\n",
+                              (folder_ / "p.toml").string());
+              }),
+              testing::AllOf(HasSubstr("rotation.wobble"), HasSubstr("none.csv")));
+  EXPECT_THAT(refusal([&] {
+                parse_printer(kDisplay + kVial + kOptics + kRotation + "wobble = 3\n", "p.toml");
+              }),
+              HasSubstr("expected the name of a .csv file"));
 }
 
 TEST(TomographicPrinterFile, WhatMayBeLeftOut) {
@@ -112,6 +158,8 @@ INSTANTIATE_TEST_SUITE_P(
               "optics.rays_per_pixel", "is 0; expected 1 to 1000"},
         Wrong{"AxisBeside", "distance_mm = 99.5", "distance_mm = 99.5\naxis_right_px = 513",
               "optics.axis_right_px", "at most 512"},
+        Wrong{"TiltTooLarge", "distance_mm = 99.5", "distance_mm = 99.5\ntilt_deg = 46",
+              "optics.tilt_deg", "of at least -45 and at most 45"},
         Wrong{"SpeedZero", "deg_s = 25", "deg_s = 0", "rotation.deg_s", "above 0"},
         Wrong{"SpeedMissing", "deg_s = 25", "", "rotation.deg_s", "missing"},
         Wrong{

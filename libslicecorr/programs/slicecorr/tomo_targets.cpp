@@ -30,7 +30,7 @@ int target(const TomoTargetOptions& o, const ExecutionContext&, Console& console
   std::error_code ec;
   fs::create_directories(folder, ec);
   if (!fs::is_directory(folder)) {
-    throw DeviceError(folder.string(), "", "can't be made; expected a folder for the pictures");
+    throw DeviceError(folder.string() + " can't be made; expected a folder for the pictures");
   }
   std::string names;
   for (const tomo::TargetPicture& p : pictures) {

@@ -128,7 +128,7 @@ Words direction_words(const Printer& p) {
       "Turned the other way, or shown in a mirror, a part is printed as its mirror image: nothing "
       "else tells it before the print is done.";
   w.vial =
-      "A pin or a strip of tape at the wall of the vial. Turn the stage so that it faces the "
+      "A pin or a strip of paper at the wall of the vial. Turn the stage so that it faces the "
       "projector: this is angle 0.";
   w.steps = {
       "Look from the projector towards the vial. The <b>F</b> must be an F, upright: if it is one "

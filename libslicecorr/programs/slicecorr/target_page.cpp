@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
+
 #include "slicecorr/vial.hpp"
 #include "support/page/page_style.hpp"
 #include "support/text/base64.hpp"
@@ -39,8 +41,8 @@ Words axis_words(const Printer& p) {
   Words w;
   w.title = "Axis of rotation";
   w.about =
-      "Where the image shows the axis, whether the axis leans, and how it wobbles. A pixel beside "
-      "its place costs more than any other error.";
+      "Where the image shows the axis, whether the axis leans, and how it wobbles. Light beside its "
+      "place blurs a part from all sides.";
   w.vial =
       "A straight pin of 0.3 to 1 mm, pale and dull, upright and near the axis; resin without "
       "photoinitiator, or another clear liquid of its index, around it.";
@@ -59,7 +61,7 @@ Words axis_words(const Printer& p) {
   w.enter = fmt::format(
       "[optics]\n"
       "axis_right_px = ...   # mean of both middles - {:g}; it is {:g}\n"
-      "axis_up_px = ...      # {:g} - row of the optical axis; it is {:g}\n"
+      "axis_up_px = ...      # {:g} - row of the optical axis (target scale); it is {:g}\n"
       "tilt_deg = ...        # atan((middle at the top - middle at the bottom) / rows between); it "
       "is {:g}\n"
       "\n"
@@ -107,8 +109,9 @@ Words scale_words(const Printer& p) {
                   columns, columns * p.pixel_x_um * 1e-3),
       fmt::format("Measure from row 0 to row {}. By the printer file it is {:.3f} mm.", rows,
                   rows * p.pixel_y_um * 1e-3),
-      "Move the card by d = 20 mm towards the projector and measure the columns again. Light is "
-      "parallel where nothing changes."};
+      "Move the card by 20 mm towards the projector and measure the columns again. Light is "
+      "parallel where nothing changes.",
+      "The row that stays at its height as the card moves is that of the optical axis."};
   w.table = blank_table({"card", "columns, mm", "rows, mm"}, {"on the axis", "20 mm before it"});
   w.enter = fmt::format(
       "[display]\n"
@@ -132,13 +135,13 @@ Words direction_words(const Printer& p) {
       "projector: this is angle 0.";
   w.steps = {
       "Look from the projector towards the vial. The <b>F</b> must be an F, upright: if it is one "
-      "in a mirror, correct [display] mirror, or the projector's own setting, first.",
+      "in a mirror, set the projector (front or rear, table or ceiling) first.",
       "Show <b>direction-000.png</b>: the bar lights the pin, in the middle.",
       "Let the stage turn by 90 degrees as it does when it prints, and show "
       "<b>direction-090.png</b>. The bar must light the pin.",
       "If the pin is on the dark side, the stage turns the other way than the printer file says. "
       "Make sure at 180 (middle, behind the axis) and 270 degrees."};
-  w.table = blank_table({"angle", "the bar is", "the pin is lit"}, {"0", "90", "180", "270"});
+  w.table = blank_table({"angle", "the pin is lit"}, {"0", "90", "180", "270"});
   const bool clockwise = p.rotation->direction == TurnDirection::clockwise;
   w.enter = fmt::format(
       "[rotation]\n"
@@ -165,7 +168,8 @@ Words light_words(const Printer& p) {
       "<code>verify</code>, place by place."};
   std::vector<std::string> rows;
   for (int k = 0; k <= 8; ++k) {
-    rows.push_back(fmt::format("{}", std::lround(k / 8.0 * (p.levels() - 1))));
+    const std::string level = fmt::format("{}", std::lround(k / 8.0 * (p.levels() - 1)));
+    if (rows.empty() || rows.back() != level) rows.push_back(level);
   }
   w.table = blank_table({"level", "mW/cm²"}, rows);
   w.enter =

@@ -170,19 +170,19 @@ std::vector<TargetPicture> focus_pictures(const Printer& p) {
     }
   }
   // Line pairs above the star, of lines across, and below it, of lines up and down.
-  const int length = std::max(8, radius / 2);
+  const int tall = std::max(8, radius / 2), wide = std::max(8, radius / 3 - 6 * scale);
   for (const bool upright : {true, false}) {
     int at = cx - radius;
     for (const int width : {1, 2, 3, 4, 6, 8}) {
-      const int lines = 5, size = (2 * lines - 1) * width;
-      const int row = upright ? cy - radius - length - 12 * scale : cy + radius + 4 * scale;
+      constexpr int lines = 5;
+      const int size = (2 * lines - 1) * width;
+      const int row = upright ? cy - radius - tall - 12 * scale : cy + radius + 4 * scale;
       for (int k = 0; k < lines; ++k) {
-        if (upright) s.fill(at + 2 * k * width, row, width, length);
-        if (!upright && 2 * k * width < 2 * length) s.fill(at, row + 2 * k * width, length, width);
+        if (upright) s.fill(at + 2 * k * width, row, width, tall);
+        if (!upright) s.fill(at, row + 2 * k * width, wide, width);
       }
-      s.words(at, upright ? row + length + 2 * scale : row + std::max(length, size) + 2 * scale,
-              fmt::format("{}", width), scale);
-      at += std::max(upright ? size : length, 7 * scale) + 6 * scale;
+      s.words(at, row + (upright ? tall : 72) + 2 * scale, fmt::format("{}", width), scale);
+      at += std::max(upright ? size : wide, 7 * scale) + 6 * scale;
     }
   }
   return {{"focus", "a star of 36 spokes, and line pairs of 1 to 8 pixels", s.image()}};

@@ -115,7 +115,7 @@ Words scale_words(const Printer& p) {
   w.table = blank_table({"card", "columns, mm", "rows, mm"}, {"on the axis", "20 mm before it"});
   w.enter = fmt::format(
       "[display]\n"
-      "pixel_um = [..., ...]  # 1000 mm / {}, 1000 mm / {}; it is [{:g}, {:g}]\n"
+      "pixel_um = [..., ...]  # 1000 x mm / {}, 1000 x mm / {}; it is [{:g}, {:g}]\n"
       "\n"
       "[optics]\n"
       "kind = \"pinhole\"       # \"telecentric\" where both are the same; it is {}\n"

@@ -181,7 +181,7 @@ std::vector<TargetPicture> focus_pictures(const Printer& p) {
         if (upright) s.fill(at + 2 * k * width, row, width, tall);
         if (!upright) s.fill(at, row + 2 * k * width, wide, width);
       }
-      s.words(at, row + (upright ? tall : 72) + 2 * scale, fmt::format("{}", width), scale);
+      s.words(at, row + (upright ? tall : 72) + 3 * scale, fmt::format("{}", width), scale);
       at += std::max(upright ? size : wide, 7 * scale) + 6 * scale;
     }
   }

@@ -579,14 +579,16 @@ OpticsFit fit_optics(const OpticsPoints& points, const Printer& printer, double 
                      p.pin_deg,
                      p.column_px - seen.column,
                      std::isfinite(p.z_mm) ? p.row_px - seen.row : kNone,
+                     false,
                      false};
-    for (const Observation& o : left_out) r.left_out = r.left_out || o.point == i;
-    if (!r.left_out) {
-      for (const double v : {r.column_px, r.row_px}) {
-        if (!std::isfinite(v)) continue;
-        squares += v * v;
-        ++counted;
-      }
+    for (const Observation& o : left_out) {
+      if (o.point == i) (o.is_row ? r.row_left_out : r.column_left_out) = true;
+    }
+    for (const auto& [off, out] :
+         {std::pair{r.column_px, r.column_left_out}, {r.row_px, r.row_left_out}}) {
+      if (!std::isfinite(off) || out) continue;
+      squares += off * off;
+      ++counted;
     }
     fit.residuals.push_back(r);
   }

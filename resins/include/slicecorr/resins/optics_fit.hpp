@@ -64,7 +64,7 @@ struct OpticsResidual {
   int line = 0;
   double angle_deg = 0, radius_mm = 0, pin_deg = 0;
   double column_px = 0, row_px = 0;
-  bool left_out = false;  ///< an outlier
+  bool column_left_out = false, row_left_out = false;  ///< outliers
 };
 
 struct OpticsFit {

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <filesystem>
@@ -149,10 +150,11 @@ TEST(OpticsFit, AnOutlierIsNamedAndLeftOut) {
   OpticsPoints points = measured(true_machine(), kN, 0.3, 7);
   points.points[20].column_px += 8;
   const OpticsFit fit = fit_optics(points, webber(), 1.49);
-  const auto left_out = std::count_if(fit.residuals.begin(), fit.residuals.end(),
-                                      [](const OpticsResidual& r) { return r.left_out; });
+  const auto left_out =
+      std::count_if(fit.residuals.begin(), fit.residuals.end(),
+                    [](const OpticsResidual& r) { return r.column_left_out || r.row_left_out; });
   EXPECT_EQ(left_out, 1);
-  EXPECT_TRUE(fit.residuals[20].left_out);
+  EXPECT_TRUE(fit.residuals[20].column_left_out);
   EXPECT_THAT(fit.notes, testing::Contains(HasSubstr("Line 22 does not belong")));
   const OpticsParameter& right = fit.parameter("axis_right_px");
   EXPECT_LE(right.ci95[0], 3.7);
@@ -266,6 +268,36 @@ TEST(OpticsFit, WhatIsLeftByAngleIsTheWobble) {
   // With it in the printer's file less is left.
   const OpticsFit again = fit_optics(measured(machine, kN, 0, 1), with, 1.49);
   EXPECT_LT(again.rms_px, 0.05);
+}
+
+TEST(OpticsFit, TablesAreRefusedByLine) {
+  const auto path = std::filesystem::path(::testing::TempDir()) /
+                    fmt::format("slicecorr-optics-{}.csv", ::getpid());
+  const auto says = [&](const std::string& text) {
+    std::ofstream(path) << text;
+    return refusal([&] { read_optics_points(path.string()); });
+  };
+  EXPECT_THAT(says(""), HasSubstr("is empty"));
+  EXPECT_THAT(says("angle_deg,radius_mm,colour\n"), HasSubstr("'colour' is not known"));
+  EXPECT_THAT(says("angle_deg,angle_deg\n"), HasSubstr("stands twice"));
+  EXPECT_THAT(says("angle_deg,column_px\n0,1\n"), HasSubstr("has no column radius_mm"));
+  EXPECT_THAT(says("angle_deg,radius_mm,column_px\n"), HasSubstr("has no points"));
+  EXPECT_THAT(says("angle_deg,radius_mm,column_px\n0,4\n"),
+              testing::AllOf(HasSubstr("line 2"), HasSubstr("2 cells; expected 3")));
+  EXPECT_THAT(says("angle_deg,radius_mm,column_px\n0,-4,3\n"), HasSubstr("radius_mm is '-4'"));
+  EXPECT_THAT(says("angle_deg,radius_mm,column_px\n0,nan,3\n"), HasSubstr("radius_mm is 'nan'"));
+  EXPECT_THAT(says("angle_deg,radius_mm,column_px\n0,4,\n"), HasSubstr("measures nothing"));
+  EXPECT_THAT(says("angle_deg,radius_mm,row_px\n0,4,7\n"), HasSubstr("z_mm with row_px"));
+  EXPECT_THAT(says("angle_deg,radius_mm,column_px,sigma_px\n0,4,7,0\n"), HasSubstr("sigma_px"));
+  std::ofstream(path)
+      << "# by hand\nradius_mm,angle_deg,column_px,row_px,z_mm\n4,0,7,,\n4,30,,9,2\n";
+  const OpticsPoints points = read_optics_points(path.string());
+  ASSERT_EQ(points.points.size(), 2U);
+  EXPECT_EQ(points.points[0].line, 3);
+  EXPECT_EQ(points.points[0].column_px, 7);
+  EXPECT_TRUE(std::isnan(points.points[0].row_px));
+  EXPECT_EQ(points.points[1].row_px, 9);
+  std::filesystem::remove(path);
 }
 
 }  // namespace

@@ -79,7 +79,8 @@ std::string OpticsFit::to_json() const {
                               {"angle_deg", r.angle_deg},
                               {"column_px", finite(r.column_px)},
                               {"row_px", finite(r.row_px)},
-                              {"left_out", r.left_out}});
+                              {"column_left_out", r.column_left_out},
+                              {"row_left_out", r.row_left_out}});
   }
   j["notes"] = notes;
   j["toml"] = to_toml();
@@ -117,15 +118,14 @@ std::string OpticsFit::wobble_csv() const {
   };
   std::map<double, Sum> by_angle;
   for (const OpticsResidual& r : residuals) {
-    if (r.left_out) continue;
     double angle = std::round((r.angle_deg - 360 * std::floor(r.angle_deg / 360)) * 1e6) * 1e-6;
     if (angle >= 360) angle = 0;
     Sum& s = by_angle[angle];
-    if (std::isfinite(r.column_px)) {
+    if (std::isfinite(r.column_px) && !r.column_left_out) {
       s.right += r.column_px;
       ++s.columns;
     }
-    if (std::isfinite(r.row_px)) {
+    if (std::isfinite(r.row_px) && !r.row_left_out) {
       s.up -= r.row_px;
       ++s.rows;
     }
@@ -162,17 +162,18 @@ std::string optics_fit_svg(const OpticsFit& fit) {
     angles.push_back(r.angle_deg);
     pins.emplace(std::pair{r.radius_mm, r.pin_deg}, static_cast<int>(pins.size()));
     rows = rows || std::isfinite(r.row_px);
-    outliers = outliers || r.left_out;
-    if (r.left_out) continue;
-    for (const double v : {r.column_px, r.row_px}) {
-      if (std::isfinite(v)) off.insert(off.end(), {v, -v});
+    outliers = outliers || r.column_left_out || r.row_left_out;
+    for (const auto& [v, out] :
+         {std::pair{r.column_px, r.column_left_out}, {r.row_px, r.row_left_out}}) {
+      if (std::isfinite(v) && !out) off.insert(off.end(), {v, -v});
     }
   }
   if (off.empty()) throw InputError(fit.source, "", "has no points to draw");
   Picture picture(
       fmt::format("{}: columns{} measured less found", fit.printer.name, rows ? " and rows" : ""),
       "Residuals of a fit of optics, in pixels, by the angle of the stage");
-  const auto panel_of = [&](double OpticsResidual::*value, const std::string& title) {
+  const auto panel_of = [&](double OpticsResidual::*value, bool OpticsResidual::*out,
+                            const std::string& title) {
     Panel panel(axis_over("angle of the stage, degrees", false, angles),
                 axis_over(title, false, off), 240);
     panel.horizontal(0, "");
@@ -182,12 +183,12 @@ std::string optics_fit_svg(const OpticsFit& fit) {
                                              *std::max_element(off.begin(), off.end()))};
       panel.point(at, pins.at({r.radius_mm, r.pin_deg}),
                   fmt::format("line {}: {:.3f} pixels", r.line, r.*value));
-      if (r.left_out) panel.ring(at, fmt::format("line {}: {:.1f}", r.line, r.*value));
+      if (r.*out) panel.ring(at, fmt::format("line {}: {:.1f}", r.line, r.*value));
     }
     picture.add(panel);
   };
-  panel_of(&OpticsResidual::column_px, "column, pixels");
-  if (rows) panel_of(&OpticsResidual::row_px, "row, pixels");
+  panel_of(&OpticsResidual::column_px, &OpticsResidual::column_left_out, "column, pixels");
+  if (rows) panel_of(&OpticsResidual::row_px, &OpticsResidual::row_left_out, "row, pixels");
   int shown = 0;
   for (const auto& [pin, series] : pins) {
     if (++shown > 8) break;

@@ -1,7 +1,7 @@
 """Dose of a tomographic job by a direct sum over its frames, with nothing of the project's own code.
 
 Usage: tomo_direct_sum.py JOB.frames OUT.npy
-Telecentric light; matched bath or a dry vial; with inserts. One slice in every ten, to save time: others are NaN.
+Telecentric light; matched bath or a dry vial; with inserts, axes that lean and wobble, and uneven light. One slice in every ten, to save time: others are NaN.
 """
 import json, struct, sys, zipfile, zlib
 
@@ -48,8 +48,10 @@ def main(job, out):
         c = json.loads(z.read("config.json"))
         inserts = [png(z.read("insert/%08d.png" % k)) for k in range(c["voxels"][0])] if c.get("insert") else None
         frames = np.array([png(z.read("frame/%08d.png" % k)) for k in range(c["angles"])])
+        flat = c["printer"].get("flat_field")
+        share = png(z.read(flat["file"])) / flat["reference"] if flat else np.ones(frames.shape[1:])
     levels, mw = zip(*c["calibration"])
-    light = np.interp(np.arange(256) * levels[-1] / 255, levels, mw)[frames]  # frame, row, column
+    light = np.interp(np.arange(256) * levels[-1] / 255, levels, mw)[frames] * share  # frame, row, column
     vial, optics, resin = c["printer"]["vial"], c["printer"]["optics"], c["resin"]
     n1, n3, ri, ro, n2 = vial["n_outside"], resin["n"], vial["inner_mm"], vial["outer_mm"], vial["n_wall"]
     alpha = 1e3 * np.log(10) / resin["absorbance_height10_um"]  # 1/mm
@@ -60,12 +62,23 @@ def main(job, out):
     x, y = np.meshgrid(axis, axis)
     inside = np.hypot(x, y) <= axis[-1]
     height, width = frames.shape[1:]
+    # Where the axis is while each frame is shown.
+    tilt = np.radians(optics.get("tilt_deg", 0))
+    wobble = np.array(c["printer"]["rotation"].get("wobble", [[0, 0, 0]])).T
+    stage = 360 * np.arange(m) / m
+    right, up = (np.interp(stage, wobble[0], w, period=360) for w in wobble[1:])
+    up = np.floor(np.abs(up) + 0.5) * np.sign(up)
     dose = np.full((nz, n, n), np.nan, np.float32)
     for s in range(0, nz, 10):
-        # A row lights the slice that its middle lies in.
-        z_mm = ((height - 1) / 2 - np.arange(height) - optics["axis_up_px"]) * p
-        slices = np.floor(z_mm / c["voxel_mm"] + (nz - 1) / 2 + 0.5)
-        row = int(np.argmax(slices == s))
+        # A pixel lights the slice that its middle lies in; a slice gets the mean of its rows.
+        of_slice = np.zeros((m, width))
+        for f in range(m):
+            x_mm = (np.arange(width) - (width - 1) / 2 - optics["axis_right_px"] - right[f])[None, :] * p
+            z_mm = ((height - 1) / 2 - np.arange(height) - up[f] - optics["axis_up_px"])[:, None] * p
+            height_mm = z_mm * np.cos(tilt) + x_mm * np.sin(tilt)
+            here = np.floor(height_mm / c["voxel_mm"] + (nz - 1) / 2 + 0.5) == s
+            of_slice[f] = (light[f] * here).sum(0) / np.maximum(1, here.sum(0))
+        s_mm = (s - (nz - 1) / 2) * c["voxel_mm"]
         total = np.zeros((n, n))
         opaque = [] if inserts is None else [(axis[i], axis[j]) for j, i in zip(*np.nonzero(inserts[s]))]
         for k in range(m):
@@ -85,19 +98,22 @@ def main(job, out):
             s1, p1 = face(n1, n2, q / ro)
             s2, p2 = face(n2, n3, n1 * q / (n2 * ri))
             through = (s1 * s2 + p1 * p2) / 2 * n3 / n1
-            column = q / p + (width - 1) / 2 + optics["axis_right_px"]
+            axis_column = (q * np.cos(tilt) + s_mm * np.sin(tilt)) / p + (width - 1) / 2 + optics["axis_right_px"]
             turn = (k - delta / (2 * np.pi) * m) % m
-            c0, m0 = np.floor(column).astype(int), np.floor(turn).astype(int)
-            wc, wm = column - c0, turn - m0
+            m0 = np.floor(turn).astype(int)
+            wm = turn - m0
             lit = 0
-            for a in (0, 1):
-                for b in (0, 1):
-                    f = (m0 + b) % m
-                    if c["direction"] != "clockwise":
-                        f = (m - f) % m
+            for b in (0, 1):
+                f = (m0 + b) % m
+                if c["direction"] != "clockwise":
+                    f = (m - f) % m
+                column = axis_column + right[f]
+                c0 = np.floor(column).astype(int)
+                wc = column - c0
+                for a in (0, 1):
                     cc = np.clip(c0 + a, 0, width - 1)
                     w = (wc if a else 1 - wc) * (wm if b else 1 - wm) * ((c0 + a >= 0) & (c0 + a < width))
-                    lit = lit + w * light[f, row, cc]
+                    lit = lit + w * of_slice[f, cc]
             chord = np.sqrt(np.maximum(0, ri ** 2 - t ** 2)) + u
             ok &= ~hidden(opaque, x, y, th, c["voxel_mm"])
             total += np.where(ok, lit * through * np.exp(-alpha * chord), 0)

@@ -117,6 +117,38 @@ TEST_F(TomoProgram, SolveAndVerifyAgreeAndSoDoesADirectSumInPython) {
   expect_python_agrees("a.frames");
 }
 
+TEST_F(TomoProgram, FramesOfACrookedMachineAreSummedTheSameInPython) {
+  const test::Bytes bytes = test::read_file(path("bench.toml"));
+  const std::string straight(bytes.begin(), bytes.end());
+  std::string table = "angle_deg,right_px,up_px\n";
+  for (int k = 0; k < 24; ++k) {
+    table += fmt::format("{},{:.3f},{:.1f}\n", 15 * k, 0.8 * std::sin(0.9 * k), (k % 4) * 0.7 - 1);
+  }
+  test::write_file(path("wobble.csv"), test::to_bytes(table));
+  GreyImage flat{48, 40, {}};
+  for (int i = 0; i < 48 * 40; ++i) {
+    flat.pixels.push_back(static_cast<std::uint8_t>(120 + 2 * (i % 48) + i / 48));
+  }
+  const auto png = encode_png(flat);
+  test::write_file(path("flat.png"), png);
+  const auto with = [&](const std::string& optics, const std::string& display) {
+    std::string text = straight;
+    text.replace(text.find("[rotation]\n"), 11, optics + "[rotation]\nwobble = \"wobble.csv\"\n");
+    text.replace(text.find("bit_depth"), 0, display);
+    test::write_file(path("bench.toml"), test::to_bytes(text));
+  };
+  for (const bool leaning : {true, false}) {
+    with(leaning ? "tilt_deg = 4\naxis_right_px = 0.4\n" : "",
+         leaning ? "" : "flat_field = \"flat.png\"\nflat_field_reference = 200\n");
+    const test::RunResult solved = call(solve("a.frames"));
+    ASSERT_LE(solved.exit_code, 5) << solved.err;
+    ASSERT_NE(solved.exit_code, 2) << solved.err;
+    const test::RunResult verified = call({"verify", "a.frames", "--dose", "d.npy", "--json", "-"});
+    EXPECT_EQ(verified.exit_code, solved.exit_code) << verified.err;
+    expect_python_agrees("a.frames");
+  }
+}
+
 TEST_F(TomoProgram, APartIsPrintedAroundAnInsert) {
   // A ring of 1 to 2 mm around a rod of 0.5 mm beside the middle.
   Box<std::uint8_t> part{3, 33, 33, std::vector<std::uint8_t>(3 * 33 * 33)}, rod = part;

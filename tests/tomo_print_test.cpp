@@ -1,83 +1,24 @@
-// From a part to a job's frames and back to doses: benches, jobs, direct sums, the programs.
+// From a part to a job's frames and back to doses: benches, jobs, direct sums.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
+#include <limits>
 #include <numbers>
 #include <random>
+#include <tuple>
 
-#include "run_program.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/tomo/print.hpp"
 #include "stack_fixture.hpp"
+#include "tomo_jobs.hpp"
 
 namespace slicecorr::tomo {
 namespace {
 
 using testing::HasSubstr;
-
-/// Debian's interpreter: the one that its package python3-numpy serves.
-constexpr const char* kPython = "/usr/bin/python3";
-
-/// Pixels of 0.25 mm before a vial of 4 mm; in a bath of the resin's index unless made dry.
-Printer bench_printer() {
-  Printer p;
-  p.name = "bench";
-  p.width_px = 48;
-  p.height_px = 40;
-  p.pixel_x_um = p.pixel_y_um = 250;
-  p.bit_depth = 8;
-  p.wavelength_nm = 405;
-  p.calibration = {{0, 0.002}, {255, 2.0}};
-  p.vial = Vial{4.5, 4.0, 1.5, 1.5};
-  p.optics = slicecorr::Optics{};
-  p.rotation = Rotation{25, TurnDirection::clockwise, 60};
-  return p;
-}
-Printer dry_printer() {
-  Printer p = bench_printer();
-  p.vial = Vial{4.5, 4.0, 1.0, 1.48};
-  p.optics->axis_right_px = 0.3;
-  p.optics->axis_up_px = -2;
-  p.rotation->direction = TurnDirection::counterclockwise;
-  return p;
-}
-Resin bench_resin(double alpha_per_cm = 2.5) {
-  Resin r;
-  r.name = "resin";
-  r.m = 1;
-  r.n = 1.5;
-  r.absorbance_height10_um = 1e4 * std::log(10.0) / alpha_per_cm;
-  r.critical_dose_mj_cm3 = 20;
-  return r;
-}
-
-/// A job of random levels.
-TomoJob random_job(const Printer& printer, int slices, int angles) {
-  TomoJob job;
-  job.printer = printer;
-  job.resin = bench_resin();
-  job.sampling = {0.25, slices, angles};
-  job.turns = 3;
-  const Bench bench = make_bench(job.printer, job.resin, job.sampling);
-  const TomoGrid& g = bench.grid;
-  job.part = {g.slices, g.voxels, g.voxels, {}};
-  std::mt19937 random(5);
-  for (int i = 0; i < g.slices * g.voxels * g.voxels; ++i) {
-    job.part.values.push_back(random() % 3 == 0 ? 255 : 0);
-  }
-  job.levels.assign(g.blocks() * g.light_of_block(), 0);
-  for (int m = 0; m < g.angles; ++m) {
-    for (int i = 0; i < g.pixels; ++i) {
-      for (int z = 0; z < g.slices; ++z) {
-        job.levels[g.pixel(m, i, z)] = static_cast<std::uint16_t>(random() % 256);
-      }
-    }
-  }
-  return job;
-}
 
 TEST(TomoBench, UniformLightInABathIsTheClosedForm) {
   // tomography.md: alpha 0.8/cm, R 12.5, I 2, T_rot 14.4: 8.4759 on the axis.
@@ -141,6 +82,154 @@ TEST(TomoBench, TheOperatorsSayWhatTheDirectSumSays) {
   }
 }
 
+/// Uniform light round a disc: the share 1 - asin(a/r)/pi of the directions is seen (tomography.md).
+TEST(TomoInserts, ADiscShadesAsManyDirectionsAsTheClosedFormSays) {
+  TomoJob job;
+  job.printer = bench_printer();
+  job.printer.pixel_x_um = job.printer.pixel_y_um = 100;
+  job.printer.width_px = 100;
+  job.resin = bench_resin(0.01);
+  job.sampling = {0.1, 70, 360};  // more slices than bits in a word
+  job.printer.height_px = 70;
+  const Bench bench = make_bench(job.printer, job.resin, job.sampling);
+  const TomoGrid& g = bench.grid;
+  job.levels.assign(g.blocks() * g.light_of_block(), 255);
+  const Box<float> free = dose_of(job);
+  const double radius = 1.0;
+  job.insert = {g.slices, g.voxels, g.voxels, {}};
+  job.insert.values.assign(free.values.size(), 0);
+  for (const int z : {1, 68}) {
+    for (int y = 0; y < g.voxels; ++y) {
+      for (int x = 0; x < g.voxels; ++x) {
+        if (std::hypot(g.voxel_at_mm(x), g.voxel_at_mm(y)) < radius) {
+          job.insert.values[job.insert.at(z, y, x)] = 1;
+        }
+      }
+    }
+  }
+  const Box<float> dose = dose_of(job);
+  const auto seen = [](double a, double r) { return 1 - std::asin(a / r) / std::numbers::pi; };
+  const int middle = g.voxels / 2;
+  for (const int z : {0, 1, 68, 69}) {
+    EXPECT_EQ(dose.values[dose.at(z, middle, middle)] == 0, z == 1 || z == 68);
+    for (const int r : {15, 20, 35}) {
+      const std::size_t at = dose.at(z, middle, middle + r);
+      const double share = dose.values[at] / free.values[at];
+      if (z == 0 || z == 69) {
+        EXPECT_EQ(share, 1);
+        continue;
+      }
+      // Squares whose middles are in the disc reach up to 0.71 voxels out of it or leave as much; a
+      // ray more or less at either side.
+      EXPECT_LE(share, seen(radius - 0.071, 0.1 * r) + 1.0 / 360);
+      EXPECT_GE(share, seen(radius + 0.071, 0.1 * r) - 1.0 / 360);
+    }
+  }
+}
+
+class TomoInsertMeshes : public ::testing::Test {
+ protected:
+  Box<std::uint8_t> cut(const Point3& low, const Point3& high) const {
+    return voxelise_insert(box_mesh(low, high), frame_, part_, printer_, 0.25);
+  }
+  std::string refused(const Point3& low, const Point3& high) const {
+    try {
+      cut(low, high);
+    } catch (const InputError& e) {
+      return e.what();
+    }
+    return "taken";
+  }
+  /// The axis is at (16, 17), where voxel 16, 16 lies.
+  const TriangleMesh mesh_ = box_mesh({15, 16, 0}, {17, 18, 1});
+  const Printer printer_ = bench_printer();
+  const Box<std::uint8_t> part_ = voxelise(mesh_, printer_, 0.25);
+  const PartFrame frame_ = frame_of(mesh_);
+};
+
+TEST_F(TomoInsertMeshes, KeepTheirPlaceBesideThePart) {
+  EXPECT_EQ(part_.nz, 4);
+  EXPECT_EQ(frame_.axis_x_mm, 16);
+  EXPECT_EQ(frame_.axis_y_mm, 17);
+  // Voxel i lies about 16 + 0.25 (i - 16), slice z about 0.125 + 0.25 z.
+  struct Case {
+    double low_mm, high_mm;
+    int first, past;
+  };
+  for (const Case& c : {Case{-0.6, 0.5, 0, 2}, Case{0.3, 7, 1, 4}, Case{-3, 3, 0, 4},
+                        Case{0.2, 0.7, 1, 3}, Case{-0.1, 0.1, 0, 0}}) {
+    if (c.first == c.past) {
+      EXPECT_THAT(refused({17.125, 16.875, c.low_mm}, {17.625, 17.375, c.high_mm}),
+                  HasSubstr("from z = -0.100 to 0.100 mm, the part from 0.000 to 1.000"));
+      continue;
+    }
+    const Box<std::uint8_t> insert = cut({17.125, 16.875, c.low_mm}, {17.625, 17.375, c.high_mm});
+    ASSERT_EQ(insert.values.size(), part_.values.size());
+    for (int z = 0; z < 4; ++z) {
+      for (int y = 0; y < 33; ++y) {
+        for (int x = 0; x < 33; ++x) {
+          const bool in =
+              z >= c.first && z < c.past && (x == 21 || x == 22) && (y == 16 || y == 17);
+          EXPECT_EQ(insert.values[insert.at(z, y, x)], in ? 255 : 0) << x << ' ' << y << ' ' << z;
+        }
+      }
+    }
+  }
+}
+
+TEST_F(TomoInsertMeshes, WhereTheyOnlyTouchThePartHasTheVoxel) {
+  // The part fills voxels 13 to 19, and half of 12 and 20.
+  const int row = 17;
+  Box<std::uint8_t> insert = cut({16.775, 16.5, 0}, {18, 17.5, 1});
+  EXPECT_EQ(insert.values[insert.at(1, row, 19)], 0);  // 0.1 of its 0.25 mm
+  EXPECT_GT(insert.values[insert.at(1, row, 20)], 0);
+  insert = cut({16.7, 16.5, 0}, {18, 17.5, 1});
+  EXPECT_GT(insert.values[insert.at(1, row, 19)], 0);
+  PrintOptions options;
+  options.insert = insert;
+  try {
+    solve_print(part_, 0.25, printer_, bench_resin(), options);
+    FAIL();
+  } catch (const InputError& e) {
+    EXPECT_THAT(e.what(), testing::AllOf(HasSubstr("slice 0"), HasSubstr("voxel 19, 15"),
+                                         HasSubstr("part and insert at once")));
+  }
+}
+
+TEST_F(TomoInsertMeshes, OutsideOfTheVialTheyAreRefused) {
+  EXPECT_THAT(refused({19.5, 16, 0}, {20.5, 18, 1}),
+              testing::AllOf(HasSubstr("mm from the axis"), HasSubstr("x = 4.250"),
+                             HasSubstr("in slice 0"), HasSubstr("the resin ends at 4 mm")));
+  // Beside the part's slices it may be as wide as it likes.
+  TriangleMesh wide = box_mesh({17.125, 16.875, 0}, {17.625, 17.375, 2});
+  append(wide, box_mesh({0, 0, 2}, {30, 30, 3}));
+  EXPECT_EQ(voxelise_insert(wide, frame_, part_, printer_, 0.25).values,
+            cut({17.125, 16.875, 0}, {17.625, 17.375, 1}).values);
+  EXPECT_THAT(refused({-1e5, 16, 0}, {1e5, 18, 1}), HasSubstr("inside the vial"));
+  EXPECT_THAT(refused({16, 17, 2}, {17, 18, 3}), HasSubstr("beside it"));
+}
+
+TEST(TomoInserts, OfOtherSizesOrOutsideOfTheVialAreRefused) {
+  const Printer printer = bench_printer();
+  Box<std::uint8_t> part{1, 33, 33, std::vector<std::uint8_t>(33 * 33)};
+  part.values[part.at(0, 16, 10)] = 255;
+  const auto refused = [&](const Box<std::uint8_t>& insert) {
+    PrintOptions options;
+    options.insert = insert;
+    try {
+      solve_print(part, 0.25, printer, bench_resin(), options);
+    } catch (const InputError& e) {
+      return std::string(e.what());
+    }
+    return std::string("taken");
+  };
+  EXPECT_THAT(refused({1, 31, 33, std::vector<std::uint8_t>(31 * 33)}),
+              HasSubstr("the insert has 33 x 31 x 1 voxels, the part 33 x 33 x 1"));
+  Box<std::uint8_t> corner{1, 33, 33, std::vector<std::uint8_t>(33 * 33)};
+  corner.values[0] = 1;
+  EXPECT_THAT(refused(corner), HasSubstr("the insert reaches 5.657 mm from the axis"));
+}
+
 TEST(TomoBench, WhatCanNotBeIsRefused) {
   const auto refused = [](const Printer& printer, const Resin& resin, const Sampling& sampling) {
     try {
@@ -198,6 +287,42 @@ TEST_F(TomoJobs, WhatIsWrittenIsReadBack) {
   }
 }
 
+TEST_F(TomoJobs, HowTheSolveWentIsKept) {
+  TomoJob job = random_job(bench_printer(), 5, 24);
+  job.contrast_bound = 1.25;
+  job.history = {
+      {.rung = 0.98, .step = 0, .loss = 3.5, .ver = 0.25, .pw = -0.5, .contrast = 0.5},
+      {.rung = 0.98, .step = 1, .pw = 1, .contrast = std::numeric_limits<double>::infinity()}};
+  write_job(path("a.frames"), job);
+  const TomoJob again = read_job(path("a.frames"));
+  EXPECT_EQ(again.contrast_bound, 1.25);
+  ASSERT_EQ(again.history.size(), 2U);
+  for (std::size_t i = 0; i < 2; ++i) {
+    const Step &a = again.history[i], &b = job.history[i];
+    EXPECT_EQ(std::tuple(a.rung, a.step, a.loss, a.ver, a.pw, a.contrast),
+              std::tuple(b.rung, b.step, b.loss, b.ver, b.pw, b.contrast));
+  }
+  // Jobs without it are jobs all the same.
+  write_job(path("b.frames"), random_job(bench_printer(), 5, 24));
+  EXPECT_TRUE(read_job(path("b.frames")).history.empty());
+  EXPECT_TRUE(std::isinf(read_job(path("b.frames")).contrast_bound));
+  job.history[1].ver = 2;
+  write_job(path("a.frames"), job);
+  EXPECT_THAT(refused(path("a.frames")), HasSubstr("history[1].ver is 2"));
+}
+
+TEST_F(TomoJobs, InsertsAreReadBack) {
+  TomoJob job = random_job(bench_printer(), 5, 24);
+  write_job(path("none.frames"), job);
+  EXPECT_TRUE(read_job(path("none.frames")).insert.values.empty());
+  job.insert = job.part;
+  for (std::uint8_t& v : job.insert.values) v = v == 0 ? 7 : 0;
+  write_job(path("a.frames"), job);
+  EXPECT_EQ(read_job(path("a.frames")).insert.values, job.insert.values);
+  job.insert.nz = 4;
+  EXPECT_THROW(write_job(path("b.frames"), job), InputError);
+}
+
 TEST_F(TomoJobs, DamageIsRefusedByName) {
   test::write_file(path("text.frames"), test::to_bytes("no archive at all, but text"));
   EXPECT_THAT(refused(path("text.frames")), HasSubstr("text.frames"));
@@ -238,6 +363,117 @@ TEST(TomoPrint, ASquareIsPrintedAsDesigned) {
   EXPECT_THROW(solve_print(part, 0.25, printer, back, options), InfeasibleError);
 }
 
+/// Contrast costs light: with a time that is fixed, the ladder finds light that needs less.
+TEST(TomoPrint, LightIsKeptWithinTheTimeThatIsAllowed) {
+  Resin slow = bench_resin();
+  slow.critical_dose_mj_cm3 = 2000;
+  PrintOptions options;
+  options.angles = 60;
+  const Print free = solve_print(square_part(), 0.25, bench_printer(), slow, options);
+  ASSERT_TRUE(free.figures.feasible());
+  options.most_time_s = 0.5 * free.figures.print_time_s;
+  const Print quick = solve_print(square_part(), 0.25, bench_printer(), slow, options);
+  EXPECT_TRUE(quick.figures.feasible());
+  EXPECT_LE(quick.figures.print_time_s, options.most_time_s);
+  EXPECT_GT(quick.figures.efficiency, 1.5 * free.figures.efficiency);
+  EXPECT_LT(quick.figures.metrics.contrast, free.figures.metrics.contrast);
+  // All pixels at their brightest would not do in a hundredth.
+  options.most_time_s = 0.01 * free.figures.print_time_s;
+  try {
+    solve_print(square_part(), 0.25, bench_printer(), slow, options);
+    FAIL();
+  } catch (const InfeasibleError& e) {
+    EXPECT_THAT(e.what(), testing::AllOf(HasSubstr("turns"), HasSubstr("longer than allowed")));
+  }
+}
+
+TEST(TomoPrint, TooFewAnglesAreTold) {
+  std::string told;
+  ExecutionContext context;
+  context.notice = [&](const std::string& text) { told += text + "\n"; };
+  PrintOptions options;
+  options.solve.method = Method::kFbp;
+  options.angles = 40;
+  // The corners lie 6 sqrt 2 voxels from the axis: 2 pi times that is 53.3.
+  solve_print(square_part(), 0.25, bench_printer(), bench_resin(), options, context);
+  EXPECT_THAT(told, HasSubstr("40 angles are too few for voxels of 0.25 mm at 2.12 mm from the "
+                              "axis: 54 would resolve them\n"));
+  told.clear();
+  Printer quick = bench_printer();
+  quick.rotation->max_fps = 45 / quick.rotation->turn_s();
+  solve_print(square_part(), 0.25, quick, bench_resin(), options, context);
+  EXPECT_THAT(told, HasSubstr("54 would resolve them, of which the projector shows 45 in a turn"));
+  told.clear();
+  options.angles = 54;
+  solve_print(square_part(), 0.25, bench_printer(), bench_resin(), options, context);
+  EXPECT_THAT(told, testing::Not(HasSubstr("too few")));
+}
+
+/// With few levels the better way to round is taken: never worse than the nearest level.
+TEST(TomoPrint, FewLevelsAreRoundedTheBetterWay) {
+  Printer four = bench_printer();
+  four.bit_depth = 4;
+  four.calibration = {{0, 0.002}, {15, 2.0}};
+  PrintOptions options;
+  options.angles = 60;
+  options.solve.rungs = {0.9, 0.7};
+  const Print print = solve_print(square_part(), 0.25, four, bench_resin(), options);
+  EXPECT_TRUE(print.figures.feasible());
+  const Print fine = solve_print(square_part(), 0.25, bench_printer(), bench_resin(), options);
+  EXPECT_GT(fine.figures.metrics.contrast, print.figures.metrics.contrast);
+}
+
+TEST(TomoPrint, WhatCanNotBePrintedIsToldByName) {
+  const auto told = [](const Box<std::uint8_t>& part, const Printer& printer, const Resin& resin,
+                       const char* kind) {
+    PrintOptions options;
+    options.angles = 60;
+    try {
+      solve_print(part, 0.25, printer, resin, options);
+    } catch (const InputError& e) {
+      EXPECT_STREQ(kind, "input");
+      return std::string(e.what());
+    } catch (const InfeasibleError& e) {
+      EXPECT_STREQ(kind, "infeasible");
+      return std::string(e.what());
+    }
+    return std::string("taken");
+  };
+  Box<std::uint8_t> empty = square_part(), full = square_part(), grey = square_part();
+  for (std::uint8_t& v : empty.values) v = 0;
+  for (std::uint8_t& v : grey.values) v = v == 0 ? 0 : 254;
+  for (int y = 0; y < 33; ++y) {
+    for (int x = 0; x < 33; ++x) {
+      full.values[full.at(0, y, x)] = std::hypot(x - 16, y - 16) < 16.01 ? 255 : 0;
+    }
+  }
+  const Printer printer = bench_printer();
+  const Resin resin = bench_resin();
+  EXPECT_THAT(told(empty, printer, resin, "input"),
+              HasSubstr("no voxel inside the vial is wholly part"));
+  EXPECT_THAT(told(grey, printer, resin, "input"), HasSubstr("use smaller voxels"));
+  EXPECT_THAT(told(full, printer, resin, "input"),
+              HasSubstr("no voxel inside the vial is wholly empty"));
+  // At alpha R 3 the middle of a square is too dark for any light.
+  EXPECT_THAT(told(square_part(), printer, bench_resin(7.5), "infeasible"),
+              testing::AllOf(HasSubstr("no light prints this part"),
+                             HasSubstr("in slice 0 (0.000 mm"), HasSubstr("alpha R is 3")));
+  // Black light that is a quarter of the brightest: even so little from all sides gels void.
+  Printer bright = printer;
+  bright.calibration = {{0, 0.5}, {255, 2.0}};
+  EXPECT_THAT(told(square_part(), bright, resin, "infeasible"),
+              testing::AllOf(HasSubstr("black light alone gels void"), HasSubstr("of 20")));
+  Resin back = resin;
+  back.inhibition_resupply_mj_cm3_s = 10;
+  EXPECT_THAT(told(square_part(), printer, back, "infeasible"),
+              HasSubstr("inhibitor comes back as fast as light takes it: 144 mJ/cm³ in a turn"));
+  Printer flat = printer;
+  flat.calibration = {{0, 1.0}, {255, 1.0}};
+  EXPECT_THAT(told(square_part(), flat, resin, "input"),
+              HasSubstr("its brightest level shows 1 mW/cm², its darkest 1; expected a calibration "
+                        "that rises"));
+}
+
 TEST(TomoPrint, PartsBeyondTheReachAreRefused) {
   Box<std::uint8_t> part{1, 33, 33, std::vector<std::uint8_t>(33 * 33)};
   part.values[part.at(0, 16, 2)] = 255;  // a dry vial of 4.5 mm is reached up to 4.5 / 1.5
@@ -251,115 +487,18 @@ TEST(TomoPrint, PartsBeyondTheReachAreRefused) {
   Box<std::uint8_t> outside{1, 41, 41, std::vector<std::uint8_t>(41 * 41)};
   outside.values[0] = 255;
   EXPECT_THROW(placed(outside, bench_printer(), 0.25), InputError);
-}
-
-class TomoProgram : public TomoJobs {
- protected:
-  void SetUp() override {
-    test::write_file(path("bench.toml"), test::to_bytes(R"(name = "bench"
-[display]
-width_px = 48
-height_px = 40
-pixel_um = 250.0
-bit_depth = 8
-[blue]
-wavelength_nm = 405
-calibration = [[0, 0.002], [255, 2.0]]
-[vial]
-outer_mm = 4.5
-inner_mm = 4.0
-n_outside = 1.0
-n_wall = 1.48
-[optics]
-kind = "telecentric"
-[rotation]
-deg_s = 25
-direction = "counterclockwise"
-max_fps = 60
-)"));
-    test::write_file(path("resin.toml"), test::to_bytes(R"(name = "resin"
-[cure]
-model = "jacobs"
-m = 1.0
-absorption_per_cm = 0.5
-n = 1.5
-gel_dose_mj_cm3 = 20.0
-)"));
-    Box<std::uint8_t> part{3, 33, 33, std::vector<std::uint8_t>(3 * 33 * 33)};
-    for (int z = 0; z < 3; ++z) {
-      for (int y = 12; y < 21; ++y) {
-        for (int x = 12; x < 21 - 2 * z; ++x) part.values[part.at(z, y, x)] = 255;
-      }
-    }
-    write_npy(path("part.npy"), part);
-  }
-  test::RunResult call(const std::vector<std::string>& words) const {
-    test::RunOptions options;
-    options.folder = folder_.path();
-    std::vector<std::string> command{SLICECORR_BIN_DIR "/slicecorr", "--quiet", "tomo"};
-    command.insert(command.end(), words.begin(), words.end());
-    return test::run_program(command, options);
-  }
-  std::vector<std::string> solve(const std::string& to) const {
-    return {"solve",     "--volume",   "part.npy", "--voxel-mm", "0.25",
-            "--printer", "bench.toml", "--resin",  "resin.toml", "-o",
-            to,          "--angles",   "60",       "--json",     "-"};
-  }
-};
-
-TEST_F(TomoProgram, SolveAndVerifyAgreeAndSoDoesADirectSumInPython) {
-  const test::RunResult solved = call(solve("a.frames"));
-  ASSERT_EQ(solved.exit_code, 0) << solved.err;
-  const auto figures = nlohmann::json::parse(solved.out);
-  EXPECT_EQ(figures["feasible"], true);
-  EXPECT_EQ(figures["ver"], 0.0);
-  const test::RunResult verified = call({"verify", "a.frames", "--dose", "d.npy", "--json", "-"});
-  ASSERT_EQ(verified.exit_code, 0) << verified.err;
-  auto again = nlohmann::json::parse(verified.out);
-  again["contrast_bound"] = figures["contrast_bound"];  // only the solve knows
-  EXPECT_EQ(again, figures);
-  EXPECT_EQ(call(solve("b.frames")).exit_code, 0);
-  EXPECT_EQ(test::read_file(path("a.frames")), test::read_file(path("b.frames")));
-
-  test::RunOptions options;
-  options.folder = folder_.path();
-  const test::RunResult python = test::run_program(
-      {kPython, SLICECORR_SOURCE_DIR "/tests/tomo_direct_sum.py", "a.frames", "p.npy"}, options);
-  ASSERT_EQ(python.exit_code, 0) << python.out << python.err;
-  test::run_program(
-      {kPython, "-c", "import numpy as n; a = n.load('p.npy'); n.save('q.npy', n.nan_to_num(a))"},
-      options);
-  const Box<float> ours = read_dose_npy(path("d.npy")), theirs = read_dose_npy(path("q.npy"));
-  double largest = 0, off = 0;
-  for (int y = 0; y < ours.ny; ++y) {
-    for (int x = 0; x < ours.nx; ++x) {
-      const std::size_t at = ours.at(0, y, x);
-      largest = std::max<double>(largest, theirs.values[at]);
-      off = std::max<double>(off, std::abs(ours.values[at] - theirs.values[at]));
+  // A mesh that is wider than the resin; in its corners alone, it fits the square around it.
+  for (const double half_mm : {5.0, 3.9}) {
+    try {
+      voxelise(box_mesh({0, 0, 0}, {2 * half_mm, 2 * half_mm, 1}), bench_printer(), 0.25);
+      FAIL();
+    } catch (const InputError& e) {
+      EXPECT_THAT(e.what(),
+                  HasSubstr(half_mm == 5 ? "7.071 mm from the axis, the resin ends at 4 mm; "
+                                           "expected a part scaled by at most 0.5656"
+                                         : "5.515 mm from the axis"));
     }
   }
-  EXPECT_GT(largest, 20.0);
-  EXPECT_LE(off, 1e-5 * largest);
-}
-
-TEST_F(TomoProgram, WrongUseIsToldByName) {
-  EXPECT_EQ(call({}).exit_code, 2);
-  EXPECT_EQ(call({"print"}).exit_code, 2);
-  const test::RunResult neither =
-      call({"solve", "--printer", "bench.toml", "--resin", "resin.toml", "-o", "a.frames"});
-  EXPECT_EQ(neither.exit_code, 2);
-  EXPECT_THAT(neither.err, HasSubstr("--volume"));
-  auto beside = solve("a.frames");
-  beside.insert(beside.end(), {"--center-mm", "1,1"});
-  EXPECT_THAT(call(beside).err, HasSubstr("--center-mm"));
-  EXPECT_EQ(call({"verify", "part.npy"}).exit_code, 2);
-  EXPECT_EQ(call({"verify", "none.frames"}).exit_code, 2);
-  auto slow = solve("a.frames");
-  slow.insert(slow.end(), {"--max-time-s", "1"});
-  const test::RunResult late = call(slow);
-  EXPECT_EQ(late.exit_code, 3);
-  EXPECT_THAT(late.err, HasSubstr("turns"));
-  EXPECT_FALSE(std::filesystem::exists(path("a.frames")));
 }
 
 }  // namespace

@@ -1,0 +1,88 @@
+#include "tomo_views.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <limits>
+#include <vector>
+
+#include "slicecorr/error.hpp"
+#include "slicecorr/tomo/section.hpp"
+
+namespace slicecorr::cli {
+
+namespace {
+
+using tomo::Printed;
+
+/// The ending of a file that is to be written, one of these. Throws `InputError`.
+std::string ending_of(const std::string& output, const std::vector<std::string>& endings) {
+  const std::string ending = std::filesystem::path(output).extension().string();
+  if (std::find(endings.begin(), endings.end(), ending) != endings.end()) return ending;
+  std::string list;
+  for (const std::string& e : endings) list += (list.empty() ? "" : " or ") + e;
+  throw InputError(output, "", "expected a name that ends in " + list);
+}
+
+int section(const TomoViewOptions& o, const ExecutionContext& context, Console& console) {
+  const bool svg = ending_of(o.output, {".png", ".svg"}) == ".svg";
+  check_output(o.output, {o.job});
+  const Printed printed(tomo::read_job(o.job, context), context);
+  std::vector<tomo::Plane> planes;
+  for (const auto& [axis, at] :
+       {std::pair{tomo::Axis::x, o.x_mm}, {tomo::Axis::y, o.y_mm}, {tomo::Axis::z, o.z_mm}}) {
+    if (at) planes.push_back({axis, *at});
+  }
+  if (planes.empty()) planes = tomo::middle_planes(printed);
+  const auto sections = tomo::sections_of(printed, planes);
+  const tomo::Shown shown = o.show == "print"    ? tomo::Shown::print
+                            : o.show == "target" ? tomo::Shown::target
+                                                 : tomo::Shown::dose;
+  const std::string title =
+      fmt::format("{}: {} of the print", std::filesystem::path(o.job).filename().string(),
+                  shown == tomo::Shown::target  ? "target"
+                  : shown == tomo::Shown::print ? "gel"
+                                                : "dose");
+  write_text_file(o.output,
+                  (svg ? tomo::sections_svg : tomo::sections_png)(sections, shown, title));
+  std::string text = o.output + ":";
+  for (const tomo::PrintSection& s : sections) {
+    text += fmt::format("{} {} = {:.3f} mm ({} voxels missing, {} gelled that should not)",
+                        &s == &sections.front() ? "" : ",", "xyz"[static_cast<int>(s.axis)],
+                        s.at_mm, s.missing(), s.gelled());
+  }
+  console.say(text);
+  return kDone;
+}
+
+}  // namespace
+
+void add_tomo_views(Program& program, CLI::App* group, TomoViewOptions& o) {
+  using Command = int (*)(const TomoViewOptions&, const ExecutionContext&, Console&);
+  const auto add = [&](const char* name, const char* text, Command command) {
+    return program.add_to(group, name, text,
+                          [&o, command](const ExecutionContext& context, Console& console) {
+                            return command(o, context, console);
+                          });
+  };
+  const CLI::Validator any_mm =
+      number_in(-std::numeric_limits<double>::max(), std::numeric_limits<double>::max());
+  CLI::App* sub =
+      add("section", "Draw the dose of a job's print against its target, cut open, as PNG or SVG",
+          section);
+  sub->add_option("JOB", o.job, "File of the job (.frames)")->required();
+  sub->add_option(
+         "--x-mm", o.x_mm,
+         "Cut where x has this value, from the axis [all three, through the part's middle]")
+      ->check(any_mm);
+  sub->add_option("--y-mm", o.y_mm, "Cut where y has this value, from the axis")->check(any_mm);
+  sub->add_option("--z-mm", o.z_mm, "Cut where z has this value, upwards from the optical axis")
+      ->check(any_mm);
+  sub->add_option("--show", o.show, "What voxels are coloured by: dose, what gels, what should")
+      ->check(CLI::IsMember({"dose", "print", "target"}))
+      ->capture_default_str();
+  sub->add_option("-o,--output", o.output, "Picture to write (.png or .svg)")->required();
+}
+
+}  // namespace slicecorr::cli

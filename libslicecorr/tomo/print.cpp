@@ -3,8 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "parallel/silent.hpp"
 #include "slicecorr/error.hpp"
@@ -30,6 +32,72 @@ Volume volume_of(const TomoGrid& grid, const Box<std::uint8_t>& part) {
     }
   }
   return volume;
+}
+
+/// How often a solve uses A or A^T on a block, about: the ladder ends where a rung is missed.
+double expected_calls(const SolveOptions& o, std::size_t blocks) {
+  const auto steps = [&](int usual) { return static_cast<double>(o.steps > 0 ? o.steps : usual); };
+  const auto each = static_cast<double>(blocks);
+  switch (o.method) {
+    case Method::kOsmo:
+      return each * 4 * steps(20);
+    case Method::kKelly:
+      return each * (2 * steps(10) + 4);
+    case Method::kFbp:
+      return each * 3;
+    case Method::kLadder:
+      break;
+  }
+  return each * 2 * (steps(60) * static_cast<double>(o.rungs.size()) + o.proof_steps);
+}
+
+/// Reports each block that A or A^T has done as progress of the solve.
+class ToldProjector final : public Projector {
+ public:
+  ToldProjector(std::unique_ptr<Projector> projector, const ExecutionContext& context,
+                double expected)
+      : projector_(std::move(projector)), context_(context), expected_(expected) {}
+  const TomoGrid& grid() const override { return projector_->grid(); }
+  void forward(std::size_t block, const float* field, float* light) const override {
+    projector_->forward(block, field, light);
+    tell();
+  }
+  void adjoint(std::size_t block, const float* light, float* field) const override {
+    projector_->adjoint(block, light, field);
+    tell();
+  }
+
+ private:
+  void tell() const {
+    const auto done = static_cast<double>(calls_.fetch_add(1, std::memory_order_relaxed) + 1);
+    context_.report("solving", std::min(done / expected_, 0.99));
+  }
+
+  std::unique_ptr<Projector> projector_;
+  const ExecutionContext& context_;
+  double expected_;
+  mutable std::atomic<std::int64_t> calls_{0};
+};
+
+/// What is computed on, and whether the part may lie there.
+Bench bench_for(const Box<std::uint8_t>& part, double voxel_mm, const Printer& printer,
+                const Resin& resin, const PrintOptions& options) {
+  require_tomographic(printer);
+  const double radius_mm = part_radius_mm(part, voxel_mm);
+  const Sampling sampling{
+      voxel_mm, part.nz,
+      options.angles > 0 ? options.angles : usual_angles(printer, radius_mm, voxel_mm)};
+  Bench bench = make_bench(printer, resin, sampling);
+  const double limit_mm =
+      options.beyond_reach ? bench.radius_mm : std::min(bench.reach_mm, bench.radius_mm);
+  if (radius_mm > limit_mm) {
+    throw InputError(fmt::format(
+        "the part reaches {:.3f} mm from the axis, light from all directions {:.3f} mm; expected a "
+        "part scaled by at most {:.4f}{}",
+        radius_mm, limit_mm, limit_mm / radius_mm,
+        radius_mm <= bench.radius_mm ? ", or leave to print beyond that reach" : ""));
+  }
+  return bench;
 }
 
 /// Whole turns until the weakest gel voxel has its dose, and what it needs by then.
@@ -129,31 +197,25 @@ double part_radius_mm(const Box<std::uint8_t>& part, double voxel_mm) {
   return radius;
 }
 
+Bench check_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer& printer,
+                  const Resin& resin, const PrintOptions& options) {
+  Bench bench = bench_for(part, voxel_mm, printer, resin, options);
+  const Target target(volume_of(bench.grid, part));
+  return bench;
+}
+
 Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer& printer,
                   const Resin& resin, const PrintOptions& options,
                   const ExecutionContext& context) {
-  require_tomographic(printer);
-  const double radius_mm = part_radius_mm(part, voxel_mm);
+  const Bench bench = bench_for(part, voxel_mm, printer, resin, options);
   TomoJob job;
   job.printer = printer;
   job.resin = resin;
-  job.sampling.voxel_mm = voxel_mm;
-  job.sampling.slices = part.nz;
-  job.sampling.angles =
-      options.angles > 0 ? options.angles : usual_angles(printer, radius_mm, voxel_mm);
-  const Bench bench = make_bench(printer, resin, job.sampling);
-  const double limit_mm =
-      options.beyond_reach ? bench.radius_mm : std::min(bench.reach_mm, bench.radius_mm);
-  if (radius_mm > limit_mm) {
-    throw InputError(fmt::format(
-        "the part reaches {:.3f} mm from the axis, light from all directions {:.3f} mm; expected a "
-        "part scaled by at most {:.4f}{}",
-        radius_mm, limit_mm, limit_mm / radius_mm,
-        radius_mm <= bench.radius_mm ? ", or leave to print beyond that reach" : ""));
-  }
+  job.sampling = {voxel_mm, part.nz, bench.grid.angles};
   const Target target(volume_of(bench.grid, part));
-  const auto projector = make_projector(bench.grid, bench.rays);
-  // One line of progress for each rung, none for each sum over angles.
+  const ToldProjector projector(make_projector(bench.grid, bench.rays), context,
+                                expected_calls(options.solve, bench.grid.blocks()));
+  // The solve is told of as a whole, none of its sums over angles by itself.
   const ExecutionContext quiet = detail::silent(context);
   SolveOptions how = options.solve;
   how.checkpoint = [&](const Light& light, double next_rung) {
@@ -162,7 +224,8 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
       context.tell(fmt::format("next: void below {:g} of the gel dose", next_rung));
     }
   };
-  Solution solution = solve(quiet, *projector, target, bench.rays, how);
+  Solution solution = solve(quiet, projector, target, bench.rays, how);
+  context.report("solving", 1);
   if (solution.contrast_bound < 1) {
     throw InfeasibleError(fmt::format(
         "no light prints this part: where it is hardest, in slice {} ({:.3f} mm above the optical "
@@ -185,16 +248,22 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   exposure.most_time_s = options.most_time_s;
   Field full = solution.dose;
   for (float& d : full.values) d = static_cast<float>(d * brightest);
-  const PrintTime time = plan_time(quiet, *projector, target, full, exposure);
+  const PrintTime time = plan_time(quiet, projector, target, full, exposure);
 
   // Rounding to levels, and the direct sum, which weighs light otherwise, may find the weakest voxel a
   // little short: a little more for all, or a turn more.
   job.part = part;
   double scale = brightest * time.scale;
   PrintFigures figures;
-  for (int round = 0; round < 8; ++round) {
+  constexpr int rounds = 8;
+  int round = 0;
+  ExecutionContext judging = quiet;
+  judging.progress = [&](std::string_view, double done) {
+    context.report("judging", std::min((round + done) / rounds, 0.99));
+  };
+  for (; round < rounds; ++round) {
     job.levels = nearest_levels(solution.light, scale, bench.mw_cm2);
-    figures = figures_of(job, dose_of(job, quiet), part, quiet);
+    figures = figures_of(job, dose_of(job, judging), part, quiet);
     const double short_by = figures.gel_dose_mj_cm3 / figures.metrics.min_gel;
     if (short_by <= 1) break;
     scale *= short_by + 1e-4;
@@ -202,6 +271,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
     scale *= static_cast<double>(job.turns) / (job.turns + 1);
     ++job.turns;
   }
+  context.report("judging", 1);
 
   Print print;
   print.history = std::move(solution.history);

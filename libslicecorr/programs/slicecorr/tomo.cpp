@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <functional>
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/load_printer.hpp"
@@ -15,19 +14,6 @@ namespace {
 
 using tomo::Box;
 using tomo::PrintFigures;
-
-tomo::Method method_named(const std::string& name) {
-  if (name == "osmo") return tomo::Method::kOsmo;
-  if (name == "kelly") return tomo::Method::kKelly;
-  if (name == "fbp") return tomo::Method::kFbp;
-  return tomo::Method::kLadder;
-}
-
-tomo::Window window_named(const std::string& name) {
-  if (name == "ram-lak") return tomo::Window::kRamLak;
-  if (name == "kelly") return tomo::Window::kKelly;
-  return tomo::Window::kHamming;
-}
 
 std::string in_words(const PrintFigures& f) {
   const auto& m = f.metrics;
@@ -62,14 +48,6 @@ int tell(const PrintFigures& figures, const std::string& json, Console& console)
   return figures.feasible() ? kDone : kMissed;
 }
 
-Box<std::uint8_t> part_of(const TomoOptions& o, const Printer& printer, double voxel_mm,
-                          const ExecutionContext& context) {
-  if (!o.volume.empty()) {
-    return tomo::placed(tomo::read_part_npy(o.volume), printer, voxel_mm);
-  }
-  return tomo::voxelise(read_parts(o.mesh, context).mesh, printer, voxel_mm, context);
-}
-
 int solve(const TomoOptions& o, const ExecutionContext& context, Console& console) {
   if (o.volume.empty() == o.mesh.parts.empty()) {
     throw InputError("expected meshes, or a volume (--volume)");
@@ -83,21 +61,9 @@ int solve(const TomoOptions& o, const ExecutionContext& context, Console& consol
   check_output(o.json, inputs);
   const Printer printer = load_printer(o.printer);
   const Resin resin = load_resin(o.resin);
-  const double voxel_mm = o.voxel_mm > 0        ? o.voxel_mm
-                          : o.mesh.layer_um > 0 ? o.mesh.layer_um * 1e-3
-                                                : printer.pixel_y_um * 1e-3;
-  if (!o.volume.empty() && o.voxel_mm <= 0) {
-    throw InputError("--volume does not say how large its voxels are; expected --voxel-mm");
-  }
-  tomo::PrintOptions options;
-  options.solve.method = method_named(o.method);
-  options.solve.window = window_named(o.window);
-  options.solve.steps = o.iterations;
-  options.angles = o.angles;
-  options.most_time_s = o.most_time_s;
-  options.beyond_reach = o.beyond_reach;
-  const tomo::Print print = tomo::solve_print(part_of(o, printer, voxel_mm, context), voxel_mm,
-                                              printer, resin, options, context);
+  const double voxel_mm = o.side_of_voxel_mm(printer);
+  const tomo::Print print = tomo::solve_print(tomo_part(o, printer, context), voxel_mm, printer,
+                                              resin, o.print_options(), context);
   tomo::write_job(o.output, print.job, context);
   console.say(fmt::format("{}: {} frames of {} x {} pixels", o.output, print.job.sampling.angles,
                           printer.width_px, printer.height_px));
@@ -138,30 +104,13 @@ void add_tomo(Program& program, TomoOptions& o) {
   sub->add_option(
       "--volume", o.volume,
       "A volume in place of meshes (.npy, axes z, y, x: 255 part, 0 empty, else neither)");
-  sub->add_option("--voxel-mm", o.voxel_mm, "Side of a voxel [--layer-um, else the pixel's pitch]")
-      ->check(number_above_zero());
-  sub->add_option("--layer-um", o.mesh.layer_um, "The same in micrometres")
+  sub->add_option("--layer-um", o.mesh.layer_um, "Side of a voxel in micrometres")
       ->check(number_in(1, 1000));
   o.mesh.add_placement_to(*sub);
   sub->add_option("--printer", o.printer, "Printer: a .toml file or a name")->required();
   sub->add_option("--resin", o.resin, "Resin: a .toml file or a name")->required();
   sub->add_option("-o,--output", o.output, "File of the job to write (.frames)")->required();
-  sub->add_option("--angles", o.angles, "Frames of a turn [as many as resolve the voxels]")
-      ->check(CLI::Range(3, 100000));
-  sub->add_option("--method", o.method,
-                  "How light is found: contrast ladder, OSMO, Kelly's gradient, or filtered back "
-                  "projection alone")
-      ->check(CLI::IsMember({"ladder", "osmo", "kelly", "fbp"}))
-      ->capture_default_str();
-  sub->add_option("--window", o.window, "Window of the filter that it starts from")
-      ->check(CLI::IsMember({"hamming", "ram-lak", "kelly"}))
-      ->capture_default_str();
-  sub->add_option("--iterations", o.iterations, "Steps, with the ladder of each rung [60, 20, 10]")
-      ->check(CLI::Range(1, 100000));
-  sub->add_option("--max-time-s", o.most_time_s, "Refuse what takes longer to print")
-      ->check(number_above_zero());
-  sub->add_flag("--beyond-reach", o.beyond_reach,
-                "Allow parts that reach further than light from all directions does");
+  o.add_to(*sub);
   sub->add_option("--json", o.json, "Write all figures as JSON to FILE, or - for stdout");
 
   sub = add("verify", "Say what a job's frames print, by a direct sum of their light", verify);

@@ -3,19 +3,13 @@
 
 #include <string>
 
-#include "programs/common/mesh_options.hpp"
 #include "programs/common/program.hpp"
-#include "programs/common/setup_options.hpp"
+#include "programs/common/tomo_options.hpp"
 
 namespace slicecorr::cli {
 
-struct TomoOptions {
-  MeshOptions mesh;
-  std::string printer, resin, volume, output, job, dose, json;
-  std::string method = "ladder", window = "hamming";
-  double voxel_mm = 0, most_time_s = 0;
-  int angles = 0, iterations = 0;
-  bool beyond_reach = false;
+struct TomoOptions : TomoPrintOptions {
+  std::string printer, resin, output, job, dose, json;
 };
 
 /// Adds `tomo` with its subcommands, which keep what they are told in `options`.

@@ -61,7 +61,13 @@ struct Print {
   std::vector<Step> history;
 };
 
-/// Throws `InputError` for parts outside of the vial or its reach, `InfeasibleError` when the bound
+/// What `solve_print` refuses of its inputs, without looking for light: throws `InputError` for
+/// parts outside of the vial or its reach, and as `make_bench` and `Target`. Gives what it would be
+/// computed on.
+Bench check_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer& printer,
+                  const Resin& resin, const PrintOptions& options = {});
+
+/// Throws as `check_print`, and `InfeasibleError` when the bound
 /// of contrast is below 1, when black light gels resin, when inhibitor comes back faster than light
 /// takes it, and when it takes longer than allowed.
 Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer& printer,

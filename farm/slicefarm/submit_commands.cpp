@@ -57,11 +57,14 @@ std::vector<JobRequest> requests_of(const SubmitArguments& a) {
   common.scale = mesh.scale;
   common.center_mm = mesh.center_mm;
   common.rotate_deg = mesh.rotate_deg;
+  common.inserts = a.tomo.inserts;
   common.voxel_mm = a.tomo.voxel_mm;
   common.method = a.tomo.method;
   common.window = a.tomo.window;
   common.angles = a.tomo.angles;
   common.iterations = a.tomo.iterations;
+  common.clip_sigma = a.tomo.clip_sigma;
+  common.stop_error = a.tomo.stop_error;
   common.max_time_s = a.tomo.most_time_s;
   common.beyond_reach = a.tomo.beyond_reach;
   common.said = said_options(*a.app);

@@ -196,6 +196,9 @@ const std::map<std::string, Set, std::less<>>& fields() {
       {"window", word(SLICEFARM_FIELD(window), {"hamming", "ram-lak", "kelly"})},
       {"angles", whole(SLICEFARM_FIELD(angles), 3, 100000)},
       {"iterations", whole(SLICEFARM_FIELD(iterations), 1, 100000)},
+      {"insert", texts(SLICEFARM_FIELD(inserts), "paths of meshes or volumes")},
+      {"clip_sigma", number(SLICEFARM_FIELD(clip_sigma), 0, kMost, true)},
+      {"stop_error", number(SLICEFARM_FIELD(stop_error), 0, kMost, true)},
       {"max_time_s", number(SLICEFARM_FIELD(max_time_s), 0, kMost, true)},
       {"beyond_reach", flag(SLICEFARM_FIELD(beyond_reach))},
       {"speed_mm_h", number(SLICEFARM_FIELD(setup.speed_mm_h), 0, kMost, true)},
@@ -236,7 +239,8 @@ const std::set<std::string, std::less<>> kOfAll{
     "out",  "copies", "priority", "ready_by", "labels",   "user", "format"};
 const std::set<std::string, std::less<>> kOfMeshes{"units", "scale", "rotate_deg"};
 const std::set<std::string, std::less<>> kOfTomography{
-    "voxel_mm", "method", "window", "angles", "iterations", "max_time_s", "beyond_reach"};
+    "voxel_mm",   "method",       "window", "angles",     "iterations",
+    "max_time_s", "beyond_reach", "insert", "clip_sigma", "stop_error"};
 
 }  // namespace
 
@@ -289,6 +293,7 @@ void make_paths_absolute(JobRequest& r, const std::string& folder) {
     if (!path.empty()) path = (fs::absolute(folder) / path).lexically_normal().string();
   };
   for (std::string& p : r.parts) absolute(p);
+  for (std::string& p : r.inserts) absolute(p);
   absolute(r.out);
   while (r.out.size() > 1 && r.out.back() == '/') r.out.pop_back();
   // Other definitions are names of the database.

@@ -54,6 +54,15 @@ struct Resolved {
   std::size_t checked = 0;  ///< index
 };
 
+/// Parts, then inserts: of other jobs there are none.
+std::vector<std::string> inputs_of(const JobRequest& r) {
+  std::vector<std::string> list = r.parts;
+  if (detail::kind_of(r) != detail::JobKind::slices) {
+    list.insert(list.end(), r.inserts.begin(), r.inserts.end());
+  }
+  return list;
+}
+
 /// All that decides what is found out, as one text.
 std::string signature(const JobRequest& r) {
   const SetupChoices& s = r.setup;
@@ -66,6 +75,8 @@ std::string signature(const JobRequest& r) {
   text += fmt::format("|{}|{}|{}|{}", s.dose_factor, s.gap_shortfall, s.surface, r.scale);
   text += fmt::format("|{}|{}|{}|{}|{}|{}|{}", r.voxel_mm, r.method, r.window, r.angles,
                       r.iterations, r.max_time_s, r.beyond_reach);
+  text += fmt::format("|{}|{}", r.clip_sigma, r.stop_error);
+  for (const std::string& p : r.inserts) text += "|i" + p;
   for (const double v : r.center_mm) text += fmt::format("|c{}", v);
   for (const double v : r.rotate_deg) text += fmt::format("|r{}", v);
   for (const std::string& p : r.parts) text += "|" + p;
@@ -192,8 +203,8 @@ Checked check_inputs(const JobRequest& r, const Resolved& w, const std::string& 
   Checked c;
   try {
     if (w.spec.tomo) {
-      c.tomo =
-          detail::look_at_tomographic(w.spec, r.parts, w.setup.printer, w.setup.resin, context);
+      c.tomo = detail::look_at_tomographic(w.spec, inputs_of(r), w.setup.printer, w.setup.resin,
+                                           context);
       c.layers = c.tomo.slices;
     } else if (w.mesh) {
       check_meshes(r, w.setup, context, c);
@@ -394,7 +405,7 @@ class Preparation {
     } else if (kind == detail::JobKind::tomographic_volume ? r.parts.size() > 1 : !w.mesh) {
       throw InputError("expected meshes, or one volume (.npy), to print tomographically");
     }
-    for (const std::string& part : r.parts) {
+    for (const std::string& part : inputs_of(r)) {
       std::error_code error;
       if (!fs::exists(part, error)) throw InputError(part, "", "is not there");
       if (fs::is_directory(part, error)) {
@@ -457,7 +468,9 @@ class Preparation {
     std::map<std::string, std::string> written;  // output without ending, to who writes it
     std::map<std::string, bool> writable;
     std::set<std::string> inputs;
-    for (const JobRequest& r : requests_) inputs.insert(r.parts.begin(), r.parts.end());
+    for (const JobRequest& r : requests_) {
+      for (const std::string& input : inputs_of(r)) inputs.insert(input);
+    }
     for (std::size_t i = 0; i < requests_.size(); ++i) {
       const JobRequest& r = requests_[i];
       if (r.parts.empty()) continue;
@@ -491,7 +504,7 @@ class Preparation {
     std::vector<std::string> list;
     std::set<std::string> seen;
     for (const JobRequest& r : requests_) {
-      for (const std::string& part : r.parts) {
+      for (const std::string& part : inputs_of(r)) {
         if (seen.insert(part).second) list.push_back(part);
       }
     }
@@ -508,7 +521,7 @@ class Preparation {
       const Checked& c = checked_[w.checked];
       NewJob j;
       WorkSpec spec = w.spec;
-      for (const std::string& part : r.parts) {
+      for (const std::string& part : inputs_of(r)) {
         const StoredInput& in = stored_.at(part);
         spec.inputs.push_back({in.file, in.sha256, part});
         j.work.input_files.push_back(in.file);

@@ -70,16 +70,24 @@ std::pair<Printer, Resin> resolve_tomographic(const JobRequest& r, WorkSpec& spe
     throw InputError(r.as_options ? fmt::format("--{} is required", name)
                                   : fmt::format("{} is missing", name));
   }
+  if ((r.clip_sigma > 0 || r.stop_error > 0) && r.method != "osmo") {
+    throw InputError(r.as_options
+                         ? "--clip-sigma and --stop-error are of OSMO; expected --method osmo"
+                         : "clip_sigma and stop_error are of OSMO; expected method osmo with them");
+  }
   std::pair<Printer, Resin> definitions{load_printer(r.setup.printer), load_resin(r.setup.resin)};
   require_tomographic(definitions.first);
   spec.kind = "tomo";
   WorkSpec::Tomo& t = spec.tomo.emplace();
   t.volume = kind_of(r) == JobKind::tomographic_volume;
+  t.inserts = static_cast<int>(r.inserts.size());
   t.voxel_mm = voxel_mm_of(r, t.volume, definitions.first);
   if (!r.method.empty()) t.method = r.method;
   if (!r.window.empty()) t.window = r.window;
   t.angles = r.angles;
   t.iterations = r.iterations;
+  t.clip_sigma = r.clip_sigma;
+  t.stop_error = r.stop_error;
   t.max_time_s = r.max_time_s;
   t.beyond_reach = r.beyond_reach;
   if (!t.volume) {
@@ -126,21 +134,19 @@ double guessed_units_per_s(const WorkSpec::Tomo& tomo) {
 TomoNeeds look_at_tomographic(const WorkSpec& spec, const std::vector<std::string>& paths,
                               const Printer& printer, const Resin& resin,
                               const ExecutionContext& context) {
-  const cli::TomoPrintOptions options = tomo_options(spec, paths);
-  const tomo::PrintOptions how = options.print_options();
-  const tomo::Box<std::uint8_t> part = cli::tomo_part(options, printer, context);
+  const cli::TomoPrint wanted = cli::read_tomo_print(tomo_options(spec, paths), printer, context);
   const tomo::Bench bench =
-      tomo::check_print(part, options.side_of_voxel_mm(printer), printer, resin, how);
+      tomo::check_print(wanted.part, wanted.voxel_mm, printer, resin, wanted.options);
   TomoNeeds needs;
-  needs.slices = part.nz;
+  needs.slices = wanted.part.nz;
   needs.angles = bench.grid.angles;
-  needs.voxels = static_cast<std::int64_t>(part.values.size());
-  needs.voxel_angle_steps = voxel_angle_steps(bench.grid, how.solve);
+  needs.voxels = static_cast<std::int64_t>(wanted.part.values.size());
+  needs.voxel_angle_steps = voxel_angle_steps(bench.grid, wanted.options.solve);
   // Frames as if no grey value repeated, each row of theirs that is lit once.
   const auto rows = std::count_if(bench.row_slice.begin(), bench.row_slice.end(),
                                   [](int slice) { return slice >= 0; });
   needs.bytes = std::int64_t{bench.grid.angles} * (bench.grid.pixels * rows + 1024) + needs.voxels;
-  needs.memory = tomo_memory_needs(bench, how.solve.method);
+  needs.memory = tomo_memory_needs(bench, wanted.options.solve.method);
   return needs;
 }
 

@@ -30,7 +30,7 @@ void check_job(const std::string& path, const tomo::TomoJob& written,
   try {
     const tomo::TomoJob job = tomo::read_job(path, context);
     if (job.turns != written.turns || job.levels != written.levels ||
-        job.part.values != written.part.values) {
+        job.part.values != written.part.values || job.insert.values != written.insert.values) {
       throw InputError(path, "", "other frames, or another part, than were written");
     }
   } catch (const InputError& e) {
@@ -43,16 +43,21 @@ void check_job(const std::string& path, const tomo::TomoJob& written,
 cli::TomoPrintOptions tomo_options(const WorkSpec& spec, const std::vector<std::string>& paths) {
   const WorkSpec::Tomo& t = *spec.tomo;
   cli::TomoPrintOptions o;
+  const std::size_t parts = paths.size() - static_cast<std::size_t>(t.inserts);
+  const auto past = paths.begin() + static_cast<std::ptrdiff_t>(parts);
   if (t.volume) {
     o.volume = paths.at(0);
   } else {
-    o.mesh = mesh_options(spec, paths);
+    o.mesh = mesh_options(spec, {paths.begin(), past});
   }
+  o.inserts.assign(past, paths.end());
   o.voxel_mm = t.voxel_mm;
   o.method = t.method;
   o.window = t.window;
   o.angles = t.angles;
   o.iterations = t.iterations;
+  o.clip_sigma = t.clip_sigma;
+  o.stop_error = t.stop_error;
   o.most_time_s = t.max_time_s;
   o.beyond_reach = t.beyond_reach;
   return o;
@@ -67,11 +72,10 @@ std::vector<std::string> make_tomographic(const WorkOrder& order,
                                           const std::string& base, Reporter& reporter,
                                           const ExecutionContext& context, WorkOutcome& outcome) {
   const auto [printer, resin] = parse_definitions_json(order.setup_json, "the job's setup");
-  const cli::TomoPrintOptions options = tomo_options(order.spec, paths);
-  const double voxel_mm = options.side_of_voxel_mm(printer);
-  const tomo::Box<std::uint8_t> part = cli::tomo_part(options, printer, context);
-  reporter.set_layers(part.nz);
-  outcome.voxels = static_cast<std::int64_t>(part.values.size());
+  const cli::TomoPrint wanted =
+      cli::read_tomo_print(tomo_options(order.spec, paths), printer, context);
+  reporter.set_layers(wanted.part.nz);
+  outcome.voxels = static_cast<std::int64_t>(wanted.part.values.size());
 
   reporter.begin(kSolve);
   ExecutionContext told = context;
@@ -84,7 +88,7 @@ std::vector<std::string> make_tomographic(const WorkOrder& order,
     reporter.progress(done);
   };
   const tomo::Print print =
-      tomo::solve_print(part, voxel_mm, printer, resin, options.print_options(), told);
+      tomo::solve_print(wanted.part, wanted.voxel_mm, printer, resin, wanted.options, told);
   tomo::write_job(base + ".frames", print.job, context);
   cli::print_or_write(base + ".json", print.figures.to_json());
   outcome.figures = figures_of(print);

@@ -44,10 +44,18 @@ Json json_of(const WorkSpec& s, bool with_names) {
   json["ending"] = s.ending;
   json["name"] = s.name;
   if (s.tomo) {
-    json["tomo"] = {{"volume", s.tomo->volume},         {"voxel_mm", s.tomo->voxel_mm},
-                    {"method", s.tomo->method},         {"window", s.tomo->window},
-                    {"angles", s.tomo->angles},         {"iterations", s.tomo->iterations},
-                    {"max_time_s", s.tomo->max_time_s}, {"beyond_reach", s.tomo->beyond_reach}};
+    const WorkSpec::Tomo& t = *s.tomo;
+    json["tomo"] = {{"volume", t.volume},
+                    {"inserts", t.inserts},
+                    {"voxel_mm", t.voxel_mm},
+                    {"method", t.method},
+                    {"window", t.window},
+                    {"angles", t.angles},
+                    {"iterations", t.iterations},
+                    {"clip_sigma", t.clip_sigma},
+                    {"stop_error", t.stop_error},
+                    {"max_time_s", t.max_time_s},
+                    {"beyond_reach", t.beyond_reach}};
   }
   return json;
 }
@@ -69,8 +77,9 @@ WorkSpec spec_of(const Json& json) {
   s.name = json.at("name");
   if (json.contains("tomo")) {
     const Json& t = json.at("tomo");
-    s.tomo = WorkSpec::Tomo{t.at("volume"),     t.at("voxel_mm"),    t.at("method"),
-                            t.at("window"),     t.at("angles"),      t.at("iterations"),
+    s.tomo = WorkSpec::Tomo{t.at("volume"),     t.at("inserts"),     t.at("voxel_mm"),
+                            t.at("method"),     t.at("window"),      t.at("angles"),
+                            t.at("iterations"), t.at("clip_sigma"),  t.at("stop_error"),
                             t.at("max_time_s"), t.at("beyond_reach")};
   }
   return s;

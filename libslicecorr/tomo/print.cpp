@@ -3,24 +3,26 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <atomic>
+#include <array>
 #include <cmath>
+#include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <string_view>
 #include <utility>
 
 #include "parallel/silent.hpp"
 #include "slicecorr/error.hpp"
-#include "slicecorr/slice.hpp"
+#include "slicecorr/version.hpp"
 #include "slicecorr/vial.hpp"
+#include "stack/formats/definition_json.hpp"
+#include "tomo/checkpoint.hpp"
+#include "tomo/told_projector.hpp"
+#include "tomo/voxels.hpp"
 
 namespace slicecorr::tomo {
 
 namespace {
-
-/// From the middle of a voxel of an n x n slice to the axis.
-double distance_mm(int n, int x, int y, double voxel_mm) {
-  return std::hypot(x - 0.5 * (n - 1), y - 0.5 * (n - 1)) * voxel_mm;
-}
 
 Volume volume_of(const TomoGrid& grid, const Box<std::uint8_t>& part) {
   Volume volume(grid);
@@ -34,70 +36,138 @@ Volume volume_of(const TomoGrid& grid, const Box<std::uint8_t>& part) {
   return volume;
 }
 
-/// How often a solve uses A or A^T on a block, about: the ladder ends where a rung is missed.
-double expected_calls(const SolveOptions& o, std::size_t blocks) {
-  const auto steps = [&](int usual) { return static_cast<double>(o.steps > 0 ? o.steps : usual); };
-  const auto each = static_cast<double>(blocks);
-  switch (o.method) {
-    case Method::kOsmo:
-      return each * 4 * steps(20);
-    case Method::kKelly:
-      return each * (2 * steps(10) + 4);
-    case Method::kFbp:
-      return each * 3;
-    case Method::kLadder:
-      break;
-  }
-  return each * 2 * (steps(60) * static_cast<double>(o.rungs.size()) + o.proof_steps);
+/// What is printed and what shades it, and what light does there.
+struct Scene {
+  Target target;
+  std::unique_ptr<Projector> projector;
+};
+Target target_of(const Bench& bench, const Box<std::uint8_t>& part,
+                 const Box<std::uint8_t>& insert) {
+  const Volume volume = volume_of(bench.grid, part);
+  if (insert.values.empty()) return Target(volume);
+  const Volume opaque = volume_of(bench.grid, insert);
+  return Target(volume, &opaque);
+}
+Scene scene_of(const Bench& bench, const Box<std::uint8_t>& part, const Box<std::uint8_t>& insert) {
+  Target target = target_of(bench, part, insert);
+  if (insert.values.empty()) return {std::move(target), make_projector(bench.grid, bench.rays)};
+  const Volume opaque = volume_of(bench.grid, insert);
+  return {std::move(target),
+          make_projector(bench.grid, bench.rays, std::make_shared<Shadow>(cast_shadow(opaque)))};
 }
 
-/// Reports each block that A or A^T has done as progress of the solve.
-class ToldProjector final : public Projector {
- public:
-  ToldProjector(std::unique_ptr<Projector> projector, const ExecutionContext& context,
-                double expected)
-      : projector_(std::move(projector)), context_(context), expected_(expected) {}
-  const TomoGrid& grid() const override { return projector_->grid(); }
-  void forward(std::size_t block, const float* field, float* light) const override {
-    projector_->forward(block, field, light);
-    tell();
+/// Throws for an insert of another grid, or one that reaches over the resin.
+void check_insert(const Box<std::uint8_t>& insert, const Box<std::uint8_t>& part,
+                  const Printer& printer, double voxel_mm) {
+  if (insert.values.empty()) return;
+  if (insert.nx != part.nx || insert.ny != part.ny || insert.nz != part.nz) {
+    throw InputError(
+        fmt::format("the insert has {} x {} x {} voxels, the part {} x {} x {}; "
+                    "expected the same",
+                    insert.nx, insert.ny, insert.nz, part.nx, part.ny, part.nz));
   }
-  void adjoint(std::size_t block, const float* light, float* field) const override {
-    projector_->adjoint(block, light, field);
-    tell();
+  for (int z = 0; z < insert.nz; ++z) {
+    for (int y = 0; y < insert.ny; ++y) {
+      for (int x = 0; x < insert.nx; ++x) {
+        if (insert.values[insert.at(z, y, x)] == 0) continue;
+        detail::check_in_vial(insert.nx, x, y, z, voxel_mm, printer);
+      }
+    }
   }
+}
 
- private:
-  void tell() const {
-    const auto done = static_cast<double>(calls_.fetch_add(1, std::memory_order_relaxed) + 1);
-    context_.report("solving", std::min(done / expected_, 0.99));
-  }
+/// mJ/cm³ that black light leaves in a turn, at most.
+double floor_of_turn(const Bench& bench, const Projector& projector,
+                     const ExecutionContext& context) {
+  const std::vector<std::uint16_t> black(bench.grid.blocks() * bench.grid.light_of_block(), 0);
+  const Field floor = adjoint(projector, context, light_of_levels(bench.grid, black, bench.mw_cm2));
+  return *std::max_element(floor.values.begin(), floor.values.end()) *
+         dose_of_turn(bench.grid, bench.exposure);
+}
 
-  std::unique_ptr<Projector> projector_;
-  const ExecutionContext& context_;
-  double expected_;
-  mutable std::atomic<std::int64_t> calls_{0};
+detail::Fingerprint fingerprint_of(const Box<std::uint8_t>& part, const Box<std::uint8_t>& insert,
+                                   const TomoJob& job, const SolveOptions& options) {
+  const auto of_box = [](const Box<std::uint8_t>& box) {
+    const std::array<int, 3> size{box.nz, box.ny, box.nx};
+    return detail::hash_of(box.values.data(), box.values.size(),
+                           detail::hash_of(size.data(), sizeof size));
+  };
+  const std::string machine =
+      fmt::format("{} {} {} {} {}", version, job.sampling.voxel_mm, job.sampling.angles,
+                  slicecorr::detail::printer_json(job.printer).dump(),
+                  slicecorr::detail::resin_json(job.resin).dump());
+  return {of_box(part), of_box(insert), detail::hash_of(machine.data(), machine.size()),
+          detail::hash_of(options)};
+}
+
+PrintFigures judge(const TomoJob& job, const Bench& bench, const Target& target,
+                   const Box<float>& dose, double floor_of_turn_mj_cm3) {
+  Field field(bench.grid);
+  for (int z = 0; z < dose.nz; ++z) {
+    for (int y = 0; y < dose.ny; ++y) {
+      for (int x = 0; x < dose.nx; ++x) {
+        field.values[bench.grid.voxel(x, y, z)] = dose.values[dose.at(z, y, x)];
+      }
+    }
+  }
+  PrintFigures f;
+  f.turns = job.turns;
+  f.print_time_s = job.turns * bench.exposure.turn_s;
+  f.gel_dose_mj_cm3 = bench.exposure.critical_mj_cm3 + bench.resupply_mj_cm3_s * f.print_time_s;
+  f.metrics = measure(target, field);
+  f.jaccard_at_dose = jaccard(target, field, f.gel_dose_mj_cm3);
+  f.efficiency = efficiency(light_of_levels(bench.grid, job.levels, bench.mw_cm2));
+  f.alpha_r = bench.alpha_r;
+  f.floor_mj_cm3 = floor_of_turn_mj_cm3 * job.turns;
+  return f;
+}
+
+/// Up to so many levels it is tried which way to round them.
+constexpr std::size_t kFewLevels = 64;
+/// With a time that is fixed light stays this far below the brightest, for what rounding costs.
+constexpr double kBelowCap = 0.98;
+
+/// Whole turns in the time; 0: as many as it takes.
+int turns_allowed(const Bench& bench, double most_time_s) {
+  if (most_time_s <= 0) return 0;
+  const double turns = std::floor(most_time_s / bench.exposure.turn_s * (1 + 1e-9));
+  if (!(turns >= 1)) {
+    throw InfeasibleError(
+        fmt::format("printing takes a turn of {:g} s at least, longer than the {:g} s allowed",
+                    bench.exposure.turn_s, most_time_s));
+  }
+  return static_cast<int>(std::min(turns, 1e9));
+}
+
+/// What is computed on, with all that is refused of it.
+struct Place {
+  Bench bench;
+  double part_radius_mm = 0;
+  int most_turns = 0;  ///< 0: as many as it takes
 };
-
-/// What is computed on, and whether the part may lie there.
-Bench bench_for(const Box<std::uint8_t>& part, double voxel_mm, const Printer& printer,
-                const Resin& resin, const PrintOptions& options) {
+Place place_of(const Box<std::uint8_t>& part, double voxel_mm, const Printer& printer,
+               const Resin& resin, const PrintOptions& options) {
   require_tomographic(printer);
-  const double radius_mm = part_radius_mm(part, voxel_mm);
-  const Sampling sampling{
-      voxel_mm, part.nz,
-      options.angles > 0 ? options.angles : usual_angles(printer, radius_mm, voxel_mm)};
-  Bench bench = make_bench(printer, resin, sampling);
+  Place place;
+  place.part_radius_mm = part_radius_mm(part, voxel_mm);
+  const double radius_mm = place.part_radius_mm;
+  place.bench = make_bench(
+      printer, resin,
+      {voxel_mm, part.nz,
+       options.angles > 0 ? options.angles : usual_angles(printer, radius_mm, voxel_mm)});
+  const double resin_mm = place.bench.radius_mm;
   const double limit_mm =
-      options.beyond_reach ? bench.radius_mm : std::min(bench.reach_mm, bench.radius_mm);
+      options.beyond_reach ? resin_mm : std::min(place.bench.reach_mm, resin_mm);
   if (radius_mm > limit_mm) {
     throw InputError(fmt::format(
         "the part reaches {:.3f} mm from the axis, light from all directions {:.3f} mm; expected a "
         "part scaled by at most {:.4f}{}",
         radius_mm, limit_mm, limit_mm / radius_mm,
-        radius_mm <= bench.radius_mm ? ", or leave to print beyond that reach" : ""));
+        radius_mm <= resin_mm ? ", or leave to print beyond that reach" : ""));
   }
-  return bench;
+  check_insert(options.insert, part, printer, voxel_mm);
+  place.most_turns = turns_allowed(place.bench, options.most_time_s);
+  return place;
 }
 
 /// Whole turns until the weakest gel voxel has its dose, and what it needs by then.
@@ -122,106 +192,63 @@ Turns turns_for(const Bench& bench, double turn_mj_cm3) {
 
 }  // namespace
 
-Box<std::uint8_t> voxelise(TriangleMesh mesh, const Printer& printer, double voxel_mm,
-                           const ExecutionContext& context) {
-  // The slicer's display is the square of voxels around the resin.
-  Printer plate;
-  plate.name = printer.name;
-  plate.width_px = plate.height_px = voxels_across(printer, voxel_mm);
-  plate.pixel_x_um = plate.pixel_y_um = voxel_mm * 1e3;
-  plate.bit_depth = 8;
-  SliceOptions options;
-  options.layer_um = voxel_mm * 1e3;
-  const MeshSlices slices(std::move(mesh), plate, options, context);
-  const int n = plate.width_px;
-  Box<std::uint8_t> part{slices.grid().layers, n, n, {}};
-  part.values.assign(
-      static_cast<std::size_t>(part.nz) * static_cast<std::size_t>(n) * static_cast<std::size_t>(n),
-      0);
-  const PixelBox whole{0, 0, n, n};
-  slices.read_band(whole, [&](int z, const std::uint8_t* rows) {
-    if (!rows) return;
-    // Image rows run from the largest y down.
-    for (int row = 0; row < n; ++row) {
-      std::copy_n(rows + static_cast<std::ptrdiff_t>(row) * n, n,
-                  &part.values[part.at(z, n - 1 - row, 0)]);
-    }
-  });
-  return part;
-}
-
-Box<std::uint8_t> placed(const Box<std::uint8_t>& volume, const Printer& printer, double voxel_mm) {
-  require_tomographic(printer);
-  if (volume.nx != volume.ny) {
-    throw InputError(
-        fmt::format("the volume is {} x {} voxels across; expected as many along x as "
-                    "along y",
-                    volume.nx, volume.ny));
-  }
-  const int n = voxels_across(printer, voxel_mm);
-  // An even volume has no voxel on the axis: its voxels lie half a voxel beside those of the grid.
-  const int shift = (n - volume.nx - (n - volume.nx) % 2) / 2;
-  Box<std::uint8_t> part{volume.nz, n, n, {}};
-  part.values.assign(
-      static_cast<std::size_t>(part.nz) * static_cast<std::size_t>(n) * static_cast<std::size_t>(n),
-      0);
-  for (int z = 0; z < volume.nz; ++z) {
-    for (int y = 0; y < volume.ny; ++y) {
-      for (int x = 0; x < volume.nx; ++x) {
-        const std::uint8_t value = volume.values[volume.at(z, y, x)];
-        if (value == 0) continue;
-        const int px = x + shift, py = y + shift;
-        if (px < 0 || px >= n || py < 0 || py >= n) {
-          throw InputError(fmt::format(
-              "voxel {}, {}, {} of the volume lies {:.3f} mm from the axis, the resin ends at {:g} "
-              "mm; expected a smaller part, or smaller voxels",
-              x, y, z, distance_mm(n, px, py, voxel_mm), printer.vial->inner_mm));
-        }
-        part.values[part.at(z, py, px)] = value;
-      }
-    }
-  }
-  return part;
-}
-
-double part_radius_mm(const Box<std::uint8_t>& part, double voxel_mm) {
-  double radius = 0;
-  for (int z = 0; z < part.nz; ++z) {
-    for (int y = 0; y < part.ny; ++y) {
-      for (int x = 0; x < part.nx; ++x) {
-        if (part.values[part.at(z, y, x)] == 0) continue;
-        radius = std::max(radius, distance_mm(part.nx, x, y, voxel_mm));
-      }
-    }
-  }
-  return radius;
-}
-
 Bench check_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer& printer,
                   const Resin& resin, const PrintOptions& options) {
-  Bench bench = bench_for(part, voxel_mm, printer, resin, options);
-  const Target target(volume_of(bench.grid, part));
+  Bench bench = place_of(part, voxel_mm, printer, resin, options).bench;
+  target_of(bench, part, options.insert);
   return bench;
 }
 
 Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer& printer,
                   const Resin& resin, const PrintOptions& options,
                   const ExecutionContext& context) {
-  const Bench bench = bench_for(part, voxel_mm, printer, resin, options);
+  const Place place = place_of(part, voxel_mm, printer, resin, options);
+  const Bench& bench = place.bench;
   TomoJob job;
   job.printer = printer;
   job.resin = resin;
   job.sampling = {voxel_mm, part.nz, bench.grid.angles};
-  const Target target(volume_of(bench.grid, part));
-  const ToldProjector projector(make_projector(bench.grid, bench.rays), context,
-                                expected_calls(options.solve, bench.grid.blocks()));
+  const Scene scene = scene_of(bench, part, options.insert);
+  const Target& target = scene.target;
+  const detail::ToldProjector projector(*scene.projector, context,
+                                        detail::expected_calls(options.solve, bench.grid.blocks()));
   // The solve is told of as a whole, none of its sums over angles by itself.
-  const ExecutionContext quiet = detail::silent(context);
+  const ExecutionContext quiet = slicecorr::detail::silent(context);
+  const int wanted = resolving_angles(place.part_radius_mm, voxel_mm);
+  if (bench.grid.angles < wanted) {
+    const int shown = most_frames_per_turn(*printer.rotation);
+    context.tell(fmt::format(
+        "{} angles are too few for voxels of {:g} mm at {:.3g} mm from the axis: {} would resolve "
+        "them{}",
+        bench.grid.angles, voxel_mm, place.part_radius_mm, wanted,
+        shown > 0 && shown < wanted
+            ? fmt::format(", of which the projector shows {} in a turn; a slower turn has more",
+                          shown)
+            : std::string()));
+  }
   SolveOptions how = options.solve;
-  how.checkpoint = [&](const Light& light, double next_rung) {
-    if (options.solve.checkpoint) options.solve.checkpoint(light, next_rung);
-    if (how.method == Method::kLadder && next_rung < 1) {
-      context.tell(fmt::format("next: void below {:g} of the gel dose", next_rung));
+  const int most_turns = place.most_turns;
+  if (most_turns > 0) {
+    const double cap = kBelowCap * dose_of_turn(bench.grid, bench.exposure) * most_turns *
+                       bench.mw_cm2.back() /
+                       (bench.exposure.critical_mj_cm3 +
+                        bench.resupply_mj_cm3_s * bench.exposure.turn_s * most_turns);
+    how.cap = how.cap > 0 ? std::min(how.cap, cap) : cap;
+  }
+  detail::CheckpointFile file(options.checkpoint, options.checkpoint_s,
+                              fingerprint_of(part, options.insert, job, how));
+  const std::optional<SolverState> state =
+      options.resume ? file.read(bench.grid) : std::optional<SolverState>{};
+  if (state) {
+    context.tell(
+        fmt::format("{}: goes on after {} steps", options.checkpoint, state->best.history.size()));
+    how.resume = &*state;
+  }
+  how.checkpoint = [&](const SolverPlace& at) {
+    if (options.solve.checkpoint) options.solve.checkpoint(at);
+    file.keep(at);
+    if (at.rung > 0 && !at.missed) {
+      context.tell(fmt::format("next: void below {:g} of the gel dose", at.rung));
     }
   };
   Solution solution = solve(quiet, projector, target, bench.rays, how);
@@ -248,33 +275,50 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   exposure.most_time_s = options.most_time_s;
   Field full = solution.dose;
   for (float& d : full.values) d = static_cast<float>(d * brightest);
-  const PrintTime time = plan_time(quiet, projector, target, full, exposure);
+  const PrintTime time = plan_time(quiet, *scene.projector, target, full, exposure);
 
   // Rounding to levels, and the direct sum, which weighs light otherwise, may find the weakest voxel a
-  // little short: a little more for all, or a turn more.
+  // little short: a little more for all, or a turn more. Where no turn more is allowed, pixels that
+  // can't be brighter stay as they are.
   job.part = part;
+  job.insert = options.insert;
+  const double black = floor_of_turn(bench, *scene.projector, quiet);
   double scale = brightest * time.scale;
   PrintFigures figures;
   constexpr int rounds = 8;
-  int round = 0;
+  int shown = 0;
   ExecutionContext judging = quiet;
   judging.progress = [&](std::string_view, double done) {
-    context.report("judging", std::min((round + done) / rounds, 0.99));
+    context.report("judging", std::min((shown + done) / rounds, 0.99));
   };
-  for (; round < rounds; ++round) {
-    job.levels = nearest_levels(solution.light, scale, bench.mw_cm2);
-    figures = figures_of(job, dose_of(job, judging), part, quiet);
+  const auto show = [&](bool carry) {
+    job.levels = carry ? carried_levels(solution.light, scale, bench.mw_cm2)
+                       : nearest_levels(solution.light, scale, bench.mw_cm2);
+    figures = judge(job, bench, target, dose_of(job, judging), black);
+    ++shown;
+  };
+  // With few levels it depends on the part which way to round prints better.
+  bool carry = false;
+  if (bench.mw_cm2.size() <= kFewLevels) {
+    show(true);
+    const double carried = figures.metrics.contrast;
+    show(false);
+    carry = carried > figures.metrics.contrast;
+  }
+  for (int round = 0; round < rounds; ++round) {
+    show(carry);
     const double short_by = figures.gel_dose_mj_cm3 / figures.metrics.min_gel;
     if (short_by <= 1) break;
     scale *= short_by + 1e-4;
-    if (scale <= brightest) continue;
+    if (scale <= brightest || job.turns == most_turns) continue;
     scale *= static_cast<double>(job.turns) / (job.turns + 1);
     ++job.turns;
   }
   context.report("judging", 1);
 
+  job.history = std::move(solution.history);
+  job.contrast_bound = solution.contrast_bound;
   Print print;
-  print.history = std::move(solution.history);
   print.job = std::move(job);
   print.figures = figures;
   print.figures.contrast_bound = solution.contrast_bound;
@@ -284,30 +328,8 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
 PrintFigures figures_of(const TomoJob& job, const Box<float>& dose, const Box<std::uint8_t>& part,
                         const ExecutionContext& context) {
   const Bench bench = make_bench(job.printer, job.resin, job.sampling);
-  const Target target(volume_of(bench.grid, part));
-  Field field(bench.grid);
-  for (int z = 0; z < dose.nz; ++z) {
-    for (int y = 0; y < dose.ny; ++y) {
-      for (int x = 0; x < dose.nx; ++x) {
-        field.values[bench.grid.voxel(x, y, z)] = dose.values[dose.at(z, y, x)];
-      }
-    }
-  }
-  PrintFigures f;
-  f.turns = job.turns;
-  f.print_time_s = job.turns * bench.exposure.turn_s;
-  f.gel_dose_mj_cm3 = bench.exposure.critical_mj_cm3 + bench.resupply_mj_cm3_s * f.print_time_s;
-  f.metrics = measure(target, field);
-  f.jaccard_at_dose = jaccard(target, field, f.gel_dose_mj_cm3);
-  f.efficiency = efficiency(light_of_levels(bench.grid, job.levels, bench.mw_cm2));
-  f.alpha_r = bench.alpha_r;
-  // Black frames throughout.
-  const std::vector<std::uint16_t> black(job.levels.size(), 0);
-  const Field floor = adjoint(*make_projector(bench.grid, bench.rays), context,
-                              light_of_levels(bench.grid, black, bench.mw_cm2));
-  f.floor_mj_cm3 = *std::max_element(floor.values.begin(), floor.values.end()) *
-                   dose_of_turn(bench.grid, bench.exposure) * job.turns;
-  return f;
+  const Scene scene = scene_of(bench, part, job.insert);
+  return judge(job, bench, scene.target, dose, floor_of_turn(bench, *scene.projector, context));
 }
 
 std::string PrintFigures::to_json() const {

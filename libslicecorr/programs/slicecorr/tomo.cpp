@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <filesystem>
+#include <utility>
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/load_printer.hpp"
@@ -56,15 +58,39 @@ int solve(const TomoOptions& o, const ExecutionContext& context, Console& consol
     throw InputError("--center-mm has no place here: parts are middled on the axis");
   }
   std::vector<std::string> inputs = o.mesh.parts;
+  inputs.insert(inputs.end(), o.inserts.begin(), o.inserts.end());
   if (!o.volume.empty()) inputs.push_back(o.volume);
   check_output(o.output, inputs);
   check_output(o.json, inputs);
   const Printer printer = load_printer(o.printer);
   const Resin resin = load_resin(o.resin);
-  const double voxel_mm = o.side_of_voxel_mm(printer);
-  const tomo::Print print = tomo::solve_print(tomo_part(o, printer, context), voxel_mm, printer,
-                                              resin, o.print_options(), context);
+  TomoPrint wanted = read_tomo_print(o, printer, context);
+  tomo::PrintOptions& options = wanted.options;
+  options.checkpoint = o.output + ".resume";
+  options.checkpoint_s = o.checkpoint_s;
+  options.resume = o.resume;
+  const auto forget = [&] {
+    std::error_code error;
+    std::filesystem::remove(options.checkpoint, error);
+  };
+  const tomo::Print print = [&] {
+    try {
+      return tomo::solve_print(wanted.part, wanted.voxel_mm, printer, resin, options, context);
+    } catch (const Cancelled&) {
+      if (std::filesystem::exists(options.checkpoint)) {
+        console.say(
+            fmt::format("{}: what was found so far; the same command with --resume goes on "
+                        "from there",
+                        options.checkpoint));
+      }
+      throw;
+    } catch (const InfeasibleError&) {
+      forget();
+      throw;
+    }
+  }();
   tomo::write_job(o.output, print.job, context);
+  forget();
   console.say(fmt::format("{}: {} frames of {} x {} pixels", o.output, print.job.sampling.angles,
                           printer.width_px, printer.height_px));
   return tell(print.figures, o.json, console);
@@ -111,6 +137,12 @@ void add_tomo(Program& program, TomoOptions& o) {
   sub->add_option("--resin", o.resin, "Resin: a .toml file or a name")->required();
   sub->add_option("-o,--output", o.output, "File of the job to write (.frames)")->required();
   o.add_to(*sub);
+  sub->add_flag("--resume", o.resume,
+                "Go on from what a solve that was stopped left in OUTPUT.resume, if it is there");
+  sub->add_option("--checkpoint-s", o.checkpoint_s,
+                  "Seconds at least between what is left there; 0: after each rung or step")
+      ->check(number_in(0, 1e9))
+      ->capture_default_str();
   sub->add_option("--json", o.json, "Write all figures as JSON to FILE, or - for stdout");
 
   sub = add("verify", "Say what a job's frames print, by a direct sum of their light", verify);

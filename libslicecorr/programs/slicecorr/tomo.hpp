@@ -10,6 +10,8 @@ namespace slicecorr::cli {
 
 struct TomoOptions : TomoPrintOptions {
   std::string printer, resin, output, job, dose, json;
+  double checkpoint_s = 5;
+  bool resume = false;
 };
 
 /// Adds `tomo` with its subcommands, which keep what they are told in `options`.

@@ -40,10 +40,11 @@ struct JobRequest {
   std::vector<double> center_mm, rotate_deg;
   SetupChoices setup;  ///< mode also "tomography"
   /// Of tomographic prints; 0 and empty: not given.
+  std::vector<std::string> inserts;  ///< what turns with the part: meshes, or volumes
   double voxel_mm = 0;
   std::string method, window;  ///< as the options of `slicecorr tomo solve`
   int angles = 0, iterations = 0;
-  double max_time_s = 0;
+  double clip_sigma = 0, stop_error = 0, max_time_s = 0;
   bool beyond_reach = false;
   /// Fields that were said, by their key, so that those of another mode are refused where they stand.
   /// A default that does not fit a job is passed over; one that fits none is refused.

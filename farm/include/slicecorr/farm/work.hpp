@@ -38,12 +38,15 @@ struct WorkSpec {
   std::vector<Input> inputs;
   /// Of a tomographic print, in the words of `slicecorr tomo solve`.
   struct Tomo {
-    bool volume = false;  ///< the input is a volume (.npy), else all are meshes
+    bool volume = false;  ///< inputs are volumes (.npy), else meshes
+    int inserts =
+        0;  ///< so many inputs, the last ones, turn with the part and let no light through
     double voxel_mm = 0;  ///< > 0
     std::string method = "ladder", window = "hamming";
-    int angles = 0;         ///< frames of a turn, >= 3
-    int iterations = 0;     ///< 0: the method's usual number
-    double max_time_s = 0;  ///< 0: no limit
+    int angles = 0;                         ///< frames of a turn, >= 3
+    int iterations = 0;                     ///< 0: the method's usual number
+    double clip_sigma = 0, stop_error = 0;  ///< OSMO's; 0: neither
+    double max_time_s = 0;                  ///< 0: no limit
     bool beyond_reach = false;
     bool operator==(const Tomo&) const = default;
   };

@@ -8,13 +8,12 @@
 #include <vector>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/tomo/report.hpp"
 #include "slicecorr/tomo/section.hpp"
 
 namespace slicecorr::cli {
 
 namespace {
-
-using tomo::Printed;
 
 /// The ending of a file that is to be written, one of these. Throws `InputError`.
 std::string ending_of(const std::string& output, const std::vector<std::string>& endings) {
@@ -28,14 +27,14 @@ std::string ending_of(const std::string& output, const std::vector<std::string>&
 int section(const TomoViewOptions& o, const ExecutionContext& context, Console& console) {
   const bool svg = ending_of(o.output, {".png", ".svg"}) == ".svg";
   check_output(o.output, {o.job});
-  const Printed printed(tomo::read_job(o.job, context), context);
+  const tomo::Printed print = tomo::printed(tomo::read_job(o.job, context), context);
   std::vector<tomo::Plane> planes;
   for (const auto& [axis, at] :
        {std::pair{tomo::Axis::x, o.x_mm}, {tomo::Axis::y, o.y_mm}, {tomo::Axis::z, o.z_mm}}) {
     if (at) planes.push_back({axis, *at});
   }
-  if (planes.empty()) planes = tomo::middle_planes(printed);
-  const auto sections = tomo::sections_of(printed, planes);
+  if (planes.empty()) planes = tomo::middle_planes(print);
+  const auto sections = tomo::sections_of(print, planes);
   const tomo::Shown shown = o.show == "print"    ? tomo::Shown::print
                             : o.show == "target" ? tomo::Shown::target
                                                  : tomo::Shown::dose;
@@ -53,6 +52,17 @@ int section(const TomoViewOptions& o, const ExecutionContext& context, Console& 
                         s.at_mm, s.missing(), s.gelled());
   }
   console.say(text);
+  return kDone;
+}
+
+int report(const TomoViewOptions& o, const ExecutionContext& context, Console& console) {
+  ending_of(o.output, {".html"});
+  check_output(o.output, {o.job});
+  const tomo::Printed print = tomo::printed(tomo::read_job(o.job, context), context);
+  write_text_file(o.output, tomo::make_report(
+                                print, std::filesystem::path(o.job).filename().string(), context));
+  console.say(fmt::format("{}: contrast {:.4g}, {} void voxels gel with the part", o.output,
+                          print.figures.metrics.contrast, print.figures.metrics.void_gelled));
   return kDone;
 }
 
@@ -83,6 +93,10 @@ void add_tomo_views(Program& program, CLI::App* group, TomoViewOptions& o) {
       ->check(CLI::IsMember({"dose", "print", "target"}))
       ->capture_default_str();
   sub->add_option("-o,--output", o.output, "Picture to write (.png or .svg)")->required();
+
+  sub = add("report", "Write a page that shows what a job prints", report);
+  sub->add_option("JOB", o.job, "File of the job (.frames)")->required();
+  sub->add_option("-o,--output", o.output, "Page to write (.html)")->required();
 }
 
 }  // namespace slicecorr::cli

@@ -326,18 +326,19 @@ Size draw(Canvas& canvas, const std::vector<PrintSection>& sections, Shown shown
 
 }  // namespace
 
-Printed::Printed(TomoJob of, const ExecutionContext& context)
-    : job(std::move(of)),
-      dose(dose_of(job, context)),
-      figures(figures_of(job, dose, job.part, context)) {
-  figures.contrast_bound = job.contrast_bound;
+Printed printed(TomoJob job, const ExecutionContext& context) {
+  Printed p{std::move(job), {}, {}};
+  p.dose = dose_of(p.job, context);
+  p.figures = figures_of(p.job, p.dose, p.job.part, context);
+  p.figures.contrast_bound = p.job.contrast_bound;
+  return p;
 }
 
 std::size_t PrintSection::missing() const { return count(*this, 255); }
 std::size_t PrintSection::gelled() const { return count(*this, 0); }
 
-std::vector<Plane> middle_planes(const Printed& printed) {
-  const Box<std::uint8_t>& part = printed.job.part;
+std::vector<Plane> middle_planes(const Printed& print) {
+  const Box<std::uint8_t>& part = print.job.part;
   Extent e{{part.nz, part.ny, part.nx}, {-1, -1, -1}};
   for (int z = 0; z < part.nz; ++z) {
     for (int y = 0; y < part.ny; ++y) {
@@ -351,7 +352,7 @@ std::vector<Plane> middle_planes(const Printed& printed) {
       }
     }
   }
-  const double voxel = printed.job.sampling.voxel_mm;
+  const double voxel = print.job.sampling.voxel_mm;
   const auto middle = [&](std::size_t k, int n) {
     if (e.last[k] < 0) return 0.0;
     return ((e.first[k] + e.last[k]) / 2 - 0.5 * (n - 1)) * voxel;
@@ -438,10 +439,10 @@ std::vector<PrintSection> sections_of(const Box<float>& dose, const Box<std::uin
   return sections;
 }
 
-std::vector<PrintSection> sections_of(const Printed& printed, const std::vector<Plane>& planes) {
-  const TomoJob& job = printed.job;
-  return sections_of(printed.dose, job.part, job.insert, job.sampling.voxel_mm,
-                     printed.figures.gel_dose_mj_cm3, planes);
+std::vector<PrintSection> sections_of(const Printed& print, const std::vector<Plane>& planes) {
+  const TomoJob& job = print.job;
+  return sections_of(print.dose, job.part, job.insert, job.sampling.voxel_mm,
+                     print.figures.gel_dose_mj_cm3, planes);
 }
 
 std::string sections_svg(const std::vector<PrintSection>& sections, Shown shown,

@@ -546,7 +546,7 @@ std::string make_report(const Printed& p, const std::string& title,
   const TomoJob& job = p.job;
   const Bench bench = make_bench(job.printer, job.resin, job.sampling);
   std::string html = fmt::format(
-      R"(<!doctype html><html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1"><title>{0}</title><style>{1}{2}.strip{{display:flex;gap:.5rem;overflow-x:auto}}.strip figure{{flex:0 0 auto}}.drawn{{display:block;min-width:56rem;margin:0 auto}}.slc-plot{{min-width:24rem}}</style></head><body><main><h1>{0}</h1>)",
+      R"(<!doctype html><html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1"><title>{0}</title><style>{1}{2}.strip{{display:flex;gap:.5rem;overflow-x:auto}}.strip figure{{flex:0 0 auto}}.drawn{{display:block;min-width:56rem;margin:0 auto}}</style></head><body><main><h1>{0}</h1>)",
       escape_markup(title), slicecorr::detail::page_page_css, slicecorr::detail::page_tiles_css);
   html += fmt::format(
       "<p>{} frames of {} x {} pixels, shown in each of {} turns of {} s, for a part of {} voxels of "

@@ -36,8 +36,17 @@ void check_options(const Projector& projector, const Target& target, const Solve
   if (!(o.osmo_low > 0 && o.osmo_low < o.osmo_high && o.osmo_high <= 1)) {
     refuse("osmo_low, osmo_high", "must be 0 < low < high <= 1");
   }
+  if (!(o.clip_sigma >= 0)) refuse("clip_sigma", "must be 0 or more");
+  if (!(o.stop_error >= 0)) refuse("stop_error", "must be 0 or more");
   if (o.start != nullptr && !(o.start->grid == target.grid)) {
     refuse("start", "must have the grid of the part");
+  }
+  if (o.resume != nullptr) {
+    const std::size_t light = target.grid.blocks() * target.grid.light_of_block();
+    if (!(o.resume->best.light.grid == target.grid) ||
+        o.resume->numbers.size() != (o.method == Method::kOsmo ? target.kinds.size() : light)) {
+      refuse("resume", "must have the grid of the part");
+    }
   }
 }
 
@@ -101,17 +110,31 @@ class Ladder {
         dose_(target.grid) {}
 
   void run() {
-    if (options_.start == nullptr) scale_start();
+    bool missed = false;
+    if (options_.resume != nullptr) {
+      light_.values = options_.resume->numbers;
+      dose_ = adjoint(projector_, context_, light_);
+      missed = options_.resume->missed;
+      best_.resume(options_.resume->best);
+    } else if (options_.start == nullptr) {
+      scale_start();
+    }
     for (std::size_t r = 0; r < options_.rungs.size(); ++r) {
       const double rung = options_.rungs[r];
-      if (rung > options_.first_rung) continue;
-      detail::Penalty penalty = penalty_of(rung);
-      const double loss = climb(penalty);
-      best_.offer(light_, dose_, measure(target_, dose_), rung, true);
-      if (options_.checkpoint) {
-        options_.checkpoint(light_, r + 1 < options_.rungs.size() ? options_.rungs[r + 1] : 1);
+      if (options_.resume != nullptr && rung > options_.resume->rung) continue;
+      const detail::Penalty penalty = penalty_of(rung);
+      if (!missed) {
+        missed = climb(penalty) != 0;
+        offer(rung);
+        if (options_.checkpoint) {
+          const double next = r + 1 < options_.rungs.size() ? options_.rungs[r + 1] : 0;
+          options_.checkpoint({.numbers = light_.values,
+                               .rung = missed ? rung : next,
+                               .missed = missed,
+                               .best = solution_});
+        }
       }
-      if (loss == 0) continue;
+      if (!missed) continue;
       prove(penalty);
       break;
     }
@@ -119,6 +142,16 @@ class Ladder {
   }
 
  private:
+  /// Light that would have to exceed the cap, to bring the weakest voxel to its dose, takes the place
+  /// of none that would not.
+  void offer(double rung) {
+    const Metrics m = measure(target_, dose_);
+    if (options_.cap > 0 && best_.any() &&
+        !(detail::largest(light_.values) <= options_.cap * m.min_gel * (1 + 1e-6))) {
+      return;
+    }
+    best_.offer(light_, dose_, m, rung, true);
+  }
   detail::Penalty penalty_of(double rung) const {
     return {.rung = rung,
             .most_dose = options_.most_dose,
@@ -132,7 +165,7 @@ class Ladder {
   void scale_start() {
     const detail::Penalty penalty = penalty_of(options_.rungs.front());
     parallel_for(context_, "start", target_.grid.blocks(), [&](std::size_t b) {
-      projector_.adjoint(b, light_.block(b), dose_.block(b));
+      projector_.adjoint(b, light_.block(b), dose_.block(b), context_);
       const double factor =
           detail::best_scale(kinds(b), target_.grid.voxels_of_block(), dose_.block(b), penalty);
       float* light = light_.block(b);
@@ -249,9 +282,9 @@ Certificate contrast_bound(const ExecutionContext& context, const Projector& pro
         count[i % lanes] += 1;
       }
     }
-    projector.forward(b, low.data(), a_low.data());
-    projector.forward(b, high.data(), a_high.data());
-    projector.forward(b, empty.data(), a_empty.data());
+    projector.forward(b, low.data(), a_low.data(), context);
+    projector.forward(b, high.data(), a_high.data(), context);
+    projector.forward(b, empty.data(), a_empty.data(), context);
     for (std::size_t i = 0; i < pixels; ++i) {
       const double missing = static_cast<double>(a_low[i]) * (1 + kMargin) -
                              static_cast<double>(a_high[i]) * (1 - kMargin);

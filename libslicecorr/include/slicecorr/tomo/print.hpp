@@ -81,10 +81,17 @@ struct Print {
   PrintFigures figures;  ///< of the frames with their grey levels
 };
 
-/// Throws `InputError` for parts outside of the vial or its reach, for inserts of another grid,
-/// outside of the vial, or in the part, and for a checkpoint that is damaged or of another solve; `InfeasibleError` when the bound of contrast is below 1,
-/// when a voxel of the part is lit from no angle, when black light gels resin, when inhibitor comes
-/// back faster than light takes it, and when it takes longer than allowed.
+/// What `solve_print` refuses of its inputs, without looking for light: throws `InputError` for parts
+/// outside of the vial or its reach, for inserts of another grid, outside of the vial, or in the
+/// part, and as `make_bench` and `Target`; `InfeasibleError` where less time is allowed than a turn
+/// takes. Gives what it would be computed on.
+Bench check_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer& printer,
+                  const Resin& resin, const PrintOptions& options = {});
+
+/// Throws as `check_print`, `InputError` for a checkpoint that is damaged or of another solve;
+/// `InfeasibleError` when the bound of contrast is below 1, when a voxel of the part is lit from no
+/// angle, when black light gels resin, when inhibitor comes back faster than light takes it, and
+/// when it takes longer than allowed. Progress is of two stages, "solving" and "judging".
 Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer& printer,
                   const Resin& resin, const PrintOptions& options = {},
                   const ExecutionContext& context = {});

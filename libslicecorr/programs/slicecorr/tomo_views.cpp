@@ -24,8 +24,15 @@ std::string ending_of(const std::string& output, const std::vector<std::string>&
   throw InputError(output, "", "expected a name that ends in " + list);
 }
 
+using SectionsFile = std::string (*)(const std::vector<tomo::PrintSection>&, tomo::Shown,
+                                     const std::string&);
+/// What writes pictures with this name.
+SectionsFile sections_file(const std::string& output) {
+  return ending_of(output, {".png", ".svg"}) == ".svg" ? tomo::sections_svg : tomo::sections_png;
+}
+
 int section(const TomoViewOptions& o, const ExecutionContext& context, Console& console) {
-  const bool svg = ending_of(o.output, {".png", ".svg"}) == ".svg";
+  const SectionsFile file = sections_file(o.output);
   check_output(o.output, {o.job});
   const tomo::Printed print = tomo::printed(tomo::read_job(o.job, context), context);
   std::vector<tomo::Plane> planes;
@@ -43,8 +50,7 @@ int section(const TomoViewOptions& o, const ExecutionContext& context, Console& 
                   shown == tomo::Shown::target  ? "target"
                   : shown == tomo::Shown::print ? "gel"
                                                 : "dose");
-  write_text_file(o.output,
-                  (svg ? tomo::sections_svg : tomo::sections_png)(sections, shown, title));
+  write_text_file(o.output, file(sections, shown, title));
   std::string text = o.output + ":";
   for (const tomo::PrintSection& s : sections) {
     text += fmt::format("{} {} = {:.3f} mm ({} voxels missing, {} gelled that should not)",
@@ -67,6 +73,20 @@ int report(const TomoViewOptions& o, const ExecutionContext& context, Console& c
 }
 
 }  // namespace
+
+void check_picture_name(const std::string& path) { sections_file(path); }
+
+std::string picture_of(const tomo::Evidence& evidence, const std::string& part,
+                       const std::string& path) {
+  const tomo::PrintSection section = tomo::section_of(evidence);
+  write_text_file(path, sections_file(path)(
+                            {section}, tomo::Shown::dose,
+                            fmt::format("{}: slice {} can't be printed", part, evidence.slice)));
+  return fmt::format(
+      "{} shows that slice with the best light found, at a gel dose between the part's least dose "
+      "and void's most: {} voxels of the part miss it, {} of void reach it",
+      path, section.missing(), section.gelled());
+}
 
 void add_tomo_views(Program& program, CLI::App* group, TomoViewOptions& o) {
   using Command = int (*)(const TomoViewOptions&, const ExecutionContext&, Console&);

@@ -267,8 +267,9 @@ Size draw(Canvas& canvas, const std::vector<PrintSection>& sections, Shown shown
     canvas.image(x, y - 14, ramp);
     const double at = x + kRamp * s.gel_dose / most;
     canvas.rect(at - 1, y - 18, 2, 22, detail::kInk);
-    canvas.text(x + kRamp + 10, y, fmt::format("dose, 0 to {} {}", chart::figure(most), s.unit));
-    right = std::max(right, x + kRamp + 10 + canvas.width_of("dose, 0 to 00.00 mJ/cm³"));
+    const std::string range = fmt::format("dose, 0 to {} {}", chart::figure(most), s.unit);
+    canvas.text(x + kRamp + 10, y, range);
+    right = std::max(right, x + kRamp + 10 + canvas.width_of(range));
     y += kLine;
     const std::string words = fmt::format("gels at {}", chart::figure(s.gel_dose));
     canvas.text(std::clamp(at - canvas.width_of(words) / 2, x, x + kRamp), y, words);
@@ -443,6 +444,13 @@ std::vector<PrintSection> sections_of(const Printed& print, const std::vector<Pl
   const TomoJob& job = print.job;
   return sections_of(print.dose, job.part, job.insert, job.sampling.voxel_mm,
                      print.figures.gel_dose_mj_cm3, planes);
+}
+
+PrintSection section_of(const Evidence& e) {
+  PrintSection s = sections_of(e.dose, e.part, e.insert, e.voxel_mm, 1, {{Axis::z, 0}})[0];
+  s.at_mm = e.z_mm;
+  s.unit = "times the gel dose";
+  return s;
 }
 
 std::string sections_svg(const std::vector<PrintSection>& sections, Shown shown,

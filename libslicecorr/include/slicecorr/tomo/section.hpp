@@ -62,6 +62,9 @@ std::vector<PrintSection> sections_of(const Box<float>& dose, const Box<std::uin
                                       const Box<std::uint8_t>& insert, double voxel_mm,
                                       double gel_dose, const std::vector<Plane>& planes);
 
+/// The slice where a part fails that no light prints.
+PrintSection section_of(const Evidence& evidence);
+
 /// What the voxels of a picture are coloured by.
 enum class Shown {
   dose,    ///< blue below the gel dose, yellow to red above it

@@ -190,6 +190,37 @@ Turns turns_for(const Bench& bench, double turn_mj_cm3) {
   return {count, bench.exposure.critical_mj_cm3 + back * count};
 }
 
+Evidence evidence_of(const Solution& solution, const Target& target, const Box<std::uint8_t>& part,
+                     const PrintOptions& options, double voxel_mm) {
+  Evidence e;
+  e.slice = solution.bound_slice;
+  e.z_mm = (e.slice - 0.5 * (part.nz - 1)) * voxel_mm;
+  e.voxel_mm = voxel_mm;
+  e.bound = solution.contrast_bound;
+  e.dose = {1, part.ny, part.nx, {}};
+  double least = std::numeric_limits<double>::infinity(), most = 0;
+  for (int y = 0; y < part.ny; ++y) {
+    for (int x = 0; x < part.nx; ++x) {
+      const std::size_t v = target.grid.voxel(x, y, e.slice);
+      const float d = solution.dose.values[v];
+      e.dose.values.push_back(d);
+      if (target.kinds[v] == Kind::kGel) least = std::min<double>(least, d);
+      if (target.kinds[v] == Kind::kVoid) most = std::max<double>(most, d);
+    }
+  }
+  const double gels = std::sqrt(least * most);
+  for (float& d : e.dose.values) d = static_cast<float>(d / gels);
+  const auto slice_of = [&](const Box<std::uint8_t>& box) {
+    if (box.values.empty()) return Box<std::uint8_t>{};
+    const auto first = box.values.begin() + static_cast<std::ptrdiff_t>(box.at(e.slice, 0, 0));
+    return Box<std::uint8_t>{
+        1, box.ny, box.nx, {first, first + static_cast<std::ptrdiff_t>(box.at(1, 0, 0))}};
+  };
+  e.part = slice_of(part);
+  e.insert = slice_of(options.insert);
+  return e;
+}
+
 }  // namespace
 
 Bench check_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer& printer,
@@ -254,6 +285,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   Solution solution = solve(quiet, projector, target, bench.rays, how);
   context.report("solving", 1);
   if (solution.contrast_bound < 1) {
+    if (options.evidence) options.evidence(evidence_of(solution, target, part, options, voxel_mm));
     throw InfeasibleError(fmt::format(
         "no light prints this part: where it is hardest, in slice {} ({:.3f} mm above the optical "
         "axis), void gets at least 1/{:.4f} of the part's least dose, whatever is shown; expected "

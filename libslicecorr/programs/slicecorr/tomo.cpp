@@ -62,6 +62,10 @@ int solve(const TomoOptions& o, const ExecutionContext& context, Console& consol
   if (!o.volume.empty()) inputs.push_back(o.volume);
   check_output(o.output, inputs);
   check_output(o.json, inputs);
+  const std::string picture = o.picture.empty() ? o.output + ".infeasible.png" : o.picture;
+  check_picture_name(picture);
+  inputs.insert(inputs.end(), {o.output, o.json});
+  check_output(picture, inputs);
   const Printer printer = load_printer(o.printer);
   const Resin resin = load_resin(o.resin);
   TomoPrint wanted = read_tomo_print(o, printer, context);
@@ -69,6 +73,11 @@ int solve(const TomoOptions& o, const ExecutionContext& context, Console& consol
   options.checkpoint = o.output + ".resume";
   options.checkpoint_s = o.checkpoint_s;
   options.resume = o.resume;
+  std::string shown;
+  options.evidence = [&](const tomo::Evidence& evidence) {
+    const std::string part = o.volume.empty() ? o.mesh.parts.front() : o.volume;
+    shown = "; " + picture_of(evidence, std::filesystem::path(part).filename().string(), picture);
+  };
   const auto forget = [&] {
     std::error_code error;
     std::filesystem::remove(options.checkpoint, error);
@@ -84,9 +93,9 @@ int solve(const TomoOptions& o, const ExecutionContext& context, Console& consol
                         options.checkpoint));
       }
       throw;
-    } catch (const InfeasibleError&) {
+    } catch (const InfeasibleError& e) {
       forget();
-      throw;
+      throw InfeasibleError(e.what() + shown);
     }
   }();
   tomo::write_job(o.output, print.job, context);
@@ -144,12 +153,17 @@ void add_tomo(Program& program, TomoOptions& o) {
       ->check(number_in(0, 1e9))
       ->capture_default_str();
   sub->add_option("--json", o.json, "Write all figures as JSON to FILE, or - for stdout");
+  sub->add_option("--picture", o.picture,
+                  "Where to draw the slice that fails, when no light prints the part (.png or "
+                  ".svg) [the output's name and .infeasible.png]");
 
   sub = add("verify", "Say what a job's frames print, by a direct sum of their light", verify);
   sub->add_option("JOB", o.job, "File of the job (.frames)")->required();
   sub->add_option("--volume", o.volume, "Another part to judge by (.npy), with the job's voxels");
   sub->add_option("--dose", o.dose, "Write the dose of the print, mJ/cm³, to FILE (.npy)");
   sub->add_option("--json", o.json, "Write all figures as JSON to FILE, or - for stdout");
+
+  add_tomo_views(program, group, o.views);
 }
 
 }  // namespace slicecorr::cli

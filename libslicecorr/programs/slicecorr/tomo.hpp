@@ -5,13 +5,15 @@
 
 #include "programs/common/program.hpp"
 #include "programs/common/tomo_options.hpp"
+#include "tomo_views.hpp"
 
 namespace slicecorr::cli {
 
 struct TomoOptions : TomoPrintOptions {
-  std::string printer, resin, output, job, dose, json;
+  std::string printer, resin, output, job, dose, json, picture;
   double checkpoint_s = 5;
   bool resume = false;
+  TomoViewOptions views;
 };
 
 /// Adds `tomo` with its subcommands, which keep what they are told in `options`.

@@ -54,17 +54,21 @@ class FarmTomography : public FarmPrograms {
     return {"--printer", dir / "vial.toml", "--resin", dir / "gel.toml", "--voxel-mm",
             "0.25",      "--method",        "osmo",    "--iterations",   "3"};
   }
-  /// What `slicecorr tomo solve` makes of the same, as BASE.frames and .json; its exit code.
+  /// What `slicecorr tomo solve` and `tomo report` make of the same, as BASE.frames, .json and .html;
+  /// the exit code of the first.
   int tomo_reference(const std::string& base, const std::vector<std::string>& what) const {
     std::vector<std::string> arguments = {"tomo",           "solve",  "-o",
                                           base + ".frames", "--json", base + ".json"};
     arguments.insert(arguments.end(), what.begin(), what.end());
     const RunResult r = program("slicecorr", arguments);
     EXPECT_TRUE(r.exit_code == 0 || r.exit_code == 5) << r.err;
+    EXPECT_EQ(
+        program("slicecorr", {"tomo", "report", base + ".frames", "-o", base + ".html"}).exit_code,
+        0);
     return r.exit_code;
   }
   void expect_same_print(const std::string& a, const std::string& b) const {
-    for (const char* ending : {".frames", ".json"}) {
+    for (const char* ending : {".frames", ".json", ".html"}) {
       ASSERT_TRUE(fs::exists(a + ending)) << a << ending;
       EXPECT_TRUE(text_of_file(a + ending) == text_of_file(b + ending)) << a << ending;
     }

@@ -24,6 +24,7 @@ class FarmTomo : public FarmTomography {
   void SetUp() override {
     FarmTomography::SetUp();
     quick_settings();
+    fs::create_directories(dir / "reference");
   }
   Job job(JobId id) { return *ReadModel(database()).job(id); }
   std::vector<Attempt> attempts(JobId id) { return ReadModel(database()).attempts(id); }
@@ -76,10 +77,11 @@ speed_mm_h = 700
   ASSERT_EQ(farm("submit", {dir / "jobs.toml"}).exit_code, 0);
   const RunResult r = run_all();
   ASSERT_EQ(r.exit_code, 0) << r.err;
-  tomo_reference(dir / "a", solved({dir / "bridge-1.stl", "--insert", dir / "core.stl"}));
-  tomo_reference(dir / "b", solved({"--volume", dir / "bars.npy", "--angles", "90"}));
-  expect_same_print(dir / "out/bridge-1", dir / "a");
-  expect_same_print(dir / "out/bars", dir / "b");
+  tomo_reference(dir / "reference/bridge-1",
+                 solved({dir / "bridge-1.stl", "--insert", dir / "core.stl"}));
+  tomo_reference(dir / "reference/bars", solved({"--volume", dir / "bars.npy", "--angles", "90"}));
+  expect_same_print(dir / "out/bridge-1", dir / "reference/bridge-1");
+  expect_same_print(dir / "out/bars", dir / "reference/bars");
   expect_same_files(dir / "out/bridge-2", reference(dir / "bridge-2.stl"));
   EXPECT_THAT(leftovers(dir / "out"), IsEmpty());
 
@@ -109,8 +111,8 @@ speed_mm_h = 700
   fs::remove_all(dir / "out");
   const RunResult again = farm("submit", {dir / "again.toml"});
   EXPECT_THAT(again.err, HasSubstr("3 of them done from the cache"));
-  expect_same_print(dir / "out/bridge-1", dir / "a");
-  expect_same_print(dir / "out/bars", dir / "b");
+  expect_same_print(dir / "out/bridge-1", dir / "reference/bridge-1");
+  expect_same_print(dir / "out/bars", dir / "reference/bars");
 }
 
 TEST_F(FarmTomo, InfeasibleFailsAndMissedIsDoneAndToldSo) {
@@ -153,10 +155,10 @@ TEST_F(FarmTomo, InfeasibleFailsAndMissedIsDoneAndToldSo) {
 
   rough.front() = "--volume";
   rough.insert(rough.begin() + 1, volume);
-  EXPECT_EQ(tomo_reference(dir / "rough", rough), 5);
+  EXPECT_EQ(tomo_reference(dir / "reference/board", rough), 5);
   EXPECT_EQ(job(2).state, JobState::done);
   EXPECT_EQ(attempts(2).at(0).exit_code, 5);
-  expect_same_print(dir / "out/board", dir / "rough");
+  expect_same_print(dir / "out/board", dir / "reference/board");
   EXPECT_FALSE(job(2).figures->tomo->feasible);
   EXPECT_THAT(farm("status").out, HasSubstr("misses: void gels before the part does"));
 }
@@ -169,8 +171,9 @@ TEST_F(FarmTomo, AKilledWorkerIsTriedAgainToTheSameBytes) {
     const RunResult r = run_all({{"SLICEFARM_TEST_FAULT", fault}});
     ASSERT_EQ(r.exit_code, 0) << r.err;
     EXPECT_EQ(attempts(n - 3).size(), 2U) << fault;
-    tomo_reference(dir / "again", solved({part}));
-    expect_same_print(fmt::format("{}/bridge-{}", out, n), dir / "again");
+    const std::string name = fmt::format("bridge-{}", n);
+    tomo_reference((dir / "reference/") + name, solved({part}));
+    expect_same_print(out + "/" + name, (dir / "reference/") + name);
   }
 }
 

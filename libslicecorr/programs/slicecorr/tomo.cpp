@@ -16,19 +16,6 @@ namespace {
 using tomo::Box;
 using tomo::PrintFigures;
 
-tomo::Method method_named(const std::string& name) {
-  if (name == "osmo") return tomo::Method::kOsmo;
-  if (name == "kelly") return tomo::Method::kKelly;
-  if (name == "fbp") return tomo::Method::kFbp;
-  return tomo::Method::kLadder;
-}
-
-tomo::Window window_named(const std::string& name) {
-  if (name == "ram-lak") return tomo::Window::kRamLak;
-  if (name == "kelly") return tomo::Window::kKelly;
-  return tomo::Window::kHamming;
-}
-
 std::string in_words(const PrintFigures& f) {
   const auto& m = f.metrics;
   std::string text = fmt::format(
@@ -90,8 +77,8 @@ int solve(const TomoOptions& o, const ExecutionContext& context, Console& consol
     throw InputError("--volume does not say how large its voxels are; expected --voxel-mm");
   }
   tomo::PrintOptions options;
-  options.solve.method = method_named(o.method);
-  options.solve.window = window_named(o.window);
+  options.solve.method = tomo::method_named(o.method);
+  options.solve.window = tomo::window_named(o.window);
   options.solve.steps = o.iterations;
   options.angles = o.angles;
   options.most_time_s = o.most_time_s;

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "slicecorr/process.hpp"
+#include "slicecorr/stack.hpp"
 #include "slicecorr/tomo/bench.hpp"
 #include "slicecorr/tomo/npy.hpp"
 
@@ -32,6 +33,10 @@ struct TomoJob {
   /// Grey levels, laid out as the light of the grid of `make_bench`; 0 in lanes without a slice.
   std::vector<std::uint16_t> levels;
 };
+
+/// Frame `frame` of a turn, in the order in which they are shown, as the projector shows it: grey
+/// values of its size. `bench` is the job's `make_bench`.
+GreyImage frame_image(const TomoJob& job, const Bench& bench, int frame);
 
 /// Written under a temporary name, then renamed. Throws `DeviceError`, and `InputError` as
 /// `make_bench`.

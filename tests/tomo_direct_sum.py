@@ -1,7 +1,7 @@
 """Dose of a tomographic job by a direct sum over its frames, with nothing of the project's own code.
 
 Usage: tomo_direct_sum.py JOB.frames OUT.npy
-Telecentric light; matched bath or a dry vial. One slice in every ten, to save time: others are NaN.
+Telecentric light; matched bath or a dry vial; with inserts. One slice in every ten, to save time: others are NaN.
 """
 import json, struct, sys, zipfile, zlib
 
@@ -25,9 +25,28 @@ def png(data):
     return rows[:, 1:]
 
 
+def hidden(opaque, x, y, th, size):
+    """Which points lie in a square of this size about an opaque place, or see one against the light.
+
+    Squares are smaller by 1e-6, so that lines along their edges and through their corners pass."""
+    half = size * (0.5 - 1e-6)
+    dark = np.zeros(x.shape, bool)
+    for ox, oy in opaque:
+        near, far = np.zeros(x.shape), np.full(x.shape, np.inf)
+        for offset, d in ((ox - x, np.sin(th)), (oy - y, -np.cos(th))):
+            if abs(d) < 1e-12:
+                far = np.where(np.abs(offset) < half, far, -1)
+                continue
+            a, b = (offset - half) / d, (offset + half) / d
+            near, far = np.maximum(near, np.minimum(a, b)), np.minimum(far, np.maximum(a, b))
+        dark |= near < far
+    return dark
+
+
 def main(job, out):
     with zipfile.ZipFile(job) as z:
         c = json.loads(z.read("config.json"))
+        inserts = [png(z.read("insert/%08d.png" % k)) for k in range(c["voxels"][0])] if c.get("insert") else None
         frames = np.array([png(z.read("frame/%08d.png" % k)) for k in range(c["angles"])])
     levels, mw = zip(*c["calibration"])
     light = np.interp(np.arange(256) * levels[-1] / 255, levels, mw)[frames]  # frame, row, column
@@ -48,6 +67,7 @@ def main(job, out):
         slices = np.floor(z_mm / c["voxel_mm"] + (nz - 1) / 2 + 0.5)
         row = int(np.argmax(slices == s))
         total = np.zeros((n, n))
+        opaque = [] if inserts is None else [(axis[i], axis[j]) for j, i in zip(*np.nonzero(inserts[s]))]
         for k in range(m):
             th = 2 * np.pi * k / m
             t, u = x * np.cos(th) + y * np.sin(th), -x * np.sin(th) + y * np.cos(th)
@@ -79,6 +99,7 @@ def main(job, out):
                     w = (wc if a else 1 - wc) * (wm if b else 1 - wm) * ((c0 + a >= 0) & (c0 + a < width))
                     lit = lit + w * light[f, row, cc]
             chord = np.sqrt(np.maximum(0, ri ** 2 - t ** 2)) + u
+            ok &= ~hidden(opaque, x, y, th, c["voxel_mm"])
             total += np.where(ok, lit * through * np.exp(-alpha * chord), 0)
         dose[s] = total * active * c["turn_s"] / m * c["turns"]
     np.save(out, dose)

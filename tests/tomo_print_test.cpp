@@ -1,11 +1,16 @@
 // From a part to a job's frames and back to doses: benches, jobs, direct sums, the programs.
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <filesystem>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <random>
+#include <tuple>
 
 #include "run_program.hpp"
 #include "slicecorr/error.hpp"
@@ -141,6 +146,166 @@ TEST(TomoBench, TheOperatorsSayWhatTheDirectSumSays) {
   }
 }
 
+/// Uniform light round a disc: the share 1 - asin(a/r)/pi of the directions is seen (tomography.md).
+TEST(TomoInserts, ADiscShadesAsManyDirectionsAsTheClosedFormSays) {
+  TomoJob job;
+  job.printer = bench_printer();
+  job.printer.pixel_x_um = job.printer.pixel_y_um = 100;
+  job.printer.width_px = 100;
+  job.resin = bench_resin(0.01);
+  job.sampling = {0.1, 70, 360};  // more slices than bits in a word
+  job.printer.height_px = 70;
+  const Bench bench = make_bench(job.printer, job.resin, job.sampling);
+  const TomoGrid& g = bench.grid;
+  job.levels.assign(g.blocks() * g.light_of_block(), 255);
+  const Box<float> free = dose_of(job);
+  const double radius = 1.0;
+  job.insert = {g.slices, g.voxels, g.voxels, {}};
+  job.insert.values.assign(free.values.size(), 0);
+  for (const int z : {1, 68}) {
+    for (int y = 0; y < g.voxels; ++y) {
+      for (int x = 0; x < g.voxels; ++x) {
+        if (std::hypot(g.voxel_at_mm(x), g.voxel_at_mm(y)) < radius) {
+          job.insert.values[job.insert.at(z, y, x)] = 1;
+        }
+      }
+    }
+  }
+  const Box<float> dose = dose_of(job);
+  const auto seen = [](double a, double r) { return 1 - std::asin(a / r) / std::numbers::pi; };
+  const int middle = g.voxels / 2;
+  for (const int z : {0, 1, 68, 69}) {
+    EXPECT_EQ(dose.values[dose.at(z, middle, middle)] == 0, z == 1 || z == 68);
+    for (const int r : {15, 20, 35}) {
+      const std::size_t at = dose.at(z, middle, middle + r);
+      const double share = dose.values[at] / free.values[at];
+      if (z == 0 || z == 69) {
+        EXPECT_EQ(share, 1);
+        continue;
+      }
+      // Squares whose middles are in the disc reach up to 0.71 voxels out of it or leave as much; a
+      // ray more or less at either side.
+      EXPECT_LE(share, seen(radius - 0.071, 0.1 * r) + 1.0 / 360);
+      EXPECT_GE(share, seen(radius + 0.071, 0.1 * r) - 1.0 / 360);
+    }
+  }
+}
+
+/// A box as a mesh.
+TriangleMesh box_mesh(const Point3& low, const Point3& high) {
+  TriangleMesh mesh;
+  for (int i = 0; i < 8; ++i) {
+    mesh.vertices.push_back(
+        {i & 1 ? high[0] : low[0], i & 2 ? high[1] : low[1], i & 4 ? high[2] : low[2]});
+  }
+  mesh.triangles = {{0, 2, 1}, {1, 2, 3}, {4, 5, 6}, {5, 7, 6}, {0, 1, 4}, {1, 5, 4},
+                    {2, 6, 3}, {3, 6, 7}, {0, 4, 2}, {2, 4, 6}, {1, 3, 5}, {3, 7, 5}};
+  return mesh;
+}
+
+class TomoInsertMeshes : public ::testing::Test {
+ protected:
+  Box<std::uint8_t> cut(const Point3& low, const Point3& high) const {
+    return voxelise_insert(box_mesh(low, high), frame_, part_, printer_, 0.25);
+  }
+  std::string refused(const Point3& low, const Point3& high) const {
+    try {
+      cut(low, high);
+    } catch (const InputError& e) {
+      return e.what();
+    }
+    return "taken";
+  }
+  /// The axis is at (16, 17), where voxel 16, 16 lies.
+  const TriangleMesh mesh_ = box_mesh({15, 16, 0}, {17, 18, 1});
+  const Printer printer_ = bench_printer();
+  const Box<std::uint8_t> part_ = voxelise(mesh_, printer_, 0.25);
+  const PartFrame frame_ = frame_of(mesh_);
+};
+
+TEST_F(TomoInsertMeshes, KeepTheirPlaceBesideThePart) {
+  EXPECT_EQ(part_.nz, 4);
+  EXPECT_EQ(frame_.axis_x_mm, 16);
+  EXPECT_EQ(frame_.axis_y_mm, 17);
+  // Voxel i lies about 16 + 0.25 (i - 16), slice z about 0.125 + 0.25 z.
+  struct Case {
+    double low_mm, high_mm;
+    int first, past;
+  };
+  for (const Case& c : {Case{-0.6, 0.5, 0, 2}, Case{0.3, 7, 1, 4}, Case{-3, 3, 0, 4},
+                        Case{0.2, 0.7, 1, 3}, Case{-0.1, 0.1, 0, 0}}) {
+    if (c.first == c.past) {
+      EXPECT_THAT(refused({17.125, 16.875, c.low_mm}, {17.625, 17.375, c.high_mm}),
+                  HasSubstr("from z = -0.100 to 0.100 mm, the part from 0.000 to 1.000"));
+      continue;
+    }
+    const Box<std::uint8_t> insert = cut({17.125, 16.875, c.low_mm}, {17.625, 17.375, c.high_mm});
+    ASSERT_EQ(insert.values.size(), part_.values.size());
+    for (int z = 0; z < 4; ++z) {
+      for (int y = 0; y < 33; ++y) {
+        for (int x = 0; x < 33; ++x) {
+          const bool in =
+              z >= c.first && z < c.past && (x == 21 || x == 22) && (y == 16 || y == 17);
+          EXPECT_EQ(insert.values[insert.at(z, y, x)], in ? 255 : 0) << x << ' ' << y << ' ' << z;
+        }
+      }
+    }
+  }
+}
+
+TEST_F(TomoInsertMeshes, WhereTheyOnlyTouchThePartHasTheVoxel) {
+  // The part fills voxels 13 to 19, and half of 12 and 20.
+  const int row = 17;
+  Box<std::uint8_t> insert = cut({16.775, 16.5, 0}, {18, 17.5, 1});
+  EXPECT_EQ(insert.values[insert.at(1, row, 19)], 0);  // 0.1 of its 0.25 mm
+  EXPECT_GT(insert.values[insert.at(1, row, 20)], 0);
+  insert = cut({16.7, 16.5, 0}, {18, 17.5, 1});
+  EXPECT_GT(insert.values[insert.at(1, row, 19)], 0);
+  PrintOptions options;
+  options.insert = insert;
+  try {
+    solve_print(part_, 0.25, printer_, bench_resin(), options);
+    FAIL();
+  } catch (const InputError& e) {
+    EXPECT_THAT(e.what(), testing::AllOf(HasSubstr("slice 0"), HasSubstr("voxel 19, 15"),
+                                         HasSubstr("part and insert at once")));
+  }
+}
+
+TEST_F(TomoInsertMeshes, OutsideOfTheVialTheyAreRefused) {
+  EXPECT_THAT(refused({19.5, 16, 0}, {20.5, 18, 1}),
+              testing::AllOf(HasSubstr("mm from the axis"), HasSubstr("x = 4.250"),
+                             HasSubstr("in slice 0"), HasSubstr("the resin ends at 4 mm")));
+  // Beside the part's slices it may be as wide as it likes.
+  TriangleMesh wide = box_mesh({17.125, 16.875, 0}, {17.625, 17.375, 2});
+  append(wide, box_mesh({0, 0, 2}, {30, 30, 3}));
+  EXPECT_EQ(voxelise_insert(wide, frame_, part_, printer_, 0.25).values,
+            cut({17.125, 16.875, 0}, {17.625, 17.375, 1}).values);
+  EXPECT_THAT(refused({-1e5, 16, 0}, {1e5, 18, 1}), HasSubstr("inside the vial"));
+  EXPECT_THAT(refused({16, 17, 2}, {17, 18, 3}), HasSubstr("beside it"));
+}
+
+TEST(TomoInserts, OfOtherSizesOrOutsideOfTheVialAreRefused) {
+  const Printer printer = bench_printer();
+  Box<std::uint8_t> part{1, 33, 33, std::vector<std::uint8_t>(33 * 33)};
+  part.values[part.at(0, 16, 10)] = 255;
+  const auto refused = [&](const Box<std::uint8_t>& insert) {
+    PrintOptions options;
+    options.insert = insert;
+    try {
+      solve_print(part, 0.25, printer, bench_resin(), options);
+    } catch (const InputError& e) {
+      return std::string(e.what());
+    }
+    return std::string("taken");
+  };
+  EXPECT_THAT(refused({1, 31, 33, std::vector<std::uint8_t>(31 * 33)}),
+              HasSubstr("the insert has 33 x 31 x 1 voxels, the part 33 x 33 x 1"));
+  Box<std::uint8_t> corner{1, 33, 33, std::vector<std::uint8_t>(33 * 33)};
+  corner.values[0] = 1;
+  EXPECT_THAT(refused(corner), HasSubstr("the insert reaches 5.657 mm from the axis"));
+}
+
 TEST(TomoBench, WhatCanNotBeIsRefused) {
   const auto refused = [](const Printer& printer, const Resin& resin, const Sampling& sampling) {
     try {
@@ -196,6 +361,52 @@ TEST_F(TomoJobs, WhatIsWrittenIsReadBack) {
     EXPECT_EQ(again.resin, job.resin);
     EXPECT_EQ(again.turns, job.turns);
   }
+}
+
+TEST_F(TomoJobs, HowTheSolveWentIsKept) {
+  TomoJob job = random_job(bench_printer(), 5, 24);
+  job.contrast_bound = 1.25;
+  job.history = {
+      {.rung = 0.98, .step = 0, .loss = 3.5, .ver = 0.25, .pw = -0.5, .contrast = 0.5},
+      {.rung = 0.98, .step = 1, .pw = 1, .contrast = std::numeric_limits<double>::infinity()}};
+  write_job(path("a.frames"), job);
+  const TomoJob again = read_job(path("a.frames"));
+  EXPECT_EQ(again.contrast_bound, 1.25);
+  ASSERT_EQ(again.history.size(), 2U);
+  for (std::size_t i = 0; i < 2; ++i) {
+    const Step &a = again.history[i], &b = job.history[i];
+    EXPECT_EQ(std::tuple(a.rung, a.step, a.loss, a.ver, a.pw, a.contrast),
+              std::tuple(b.rung, b.step, b.loss, b.ver, b.pw, b.contrast));
+  }
+  // Jobs without it are jobs all the same.
+  write_job(path("b.frames"), random_job(bench_printer(), 5, 24));
+  EXPECT_TRUE(read_job(path("b.frames")).history.empty());
+  EXPECT_TRUE(std::isinf(read_job(path("b.frames")).contrast_bound));
+  job.history[1].ver = 2;
+  write_job(path("a.frames"), job);
+  EXPECT_THAT(refused(path("a.frames")), HasSubstr("history[1].ver is 2"));
+}
+
+TEST_F(TomoJobs, InsertsAreReadBack) {
+  TomoJob job = random_job(bench_printer(), 5, 24);
+  write_job(path("none.frames"), job);
+  EXPECT_TRUE(read_job(path("none.frames")).insert.values.empty());
+  job.insert = job.part;
+  for (std::uint8_t& v : job.insert.values) v = v == 0 ? 7 : 0;
+  write_job(path("a.frames"), job);
+  EXPECT_EQ(read_job(path("a.frames")).insert.values, job.insert.values);
+  // A job that lost one of its images is no job without an insert.
+  const test::RunResult cut = test::run_program(
+      {kPython, "-c",
+       "import sys, zipfile\n"
+       "a, b = zipfile.ZipFile(sys.argv[1]), zipfile.ZipFile(sys.argv[2], 'w')\n"
+       "[b.writestr(n, a.read(n)) for n in a.namelist() if n != 'insert/00000003.png']\n",
+       path("a.frames"), path("cut.frames")},
+      {});
+  ASSERT_EQ(cut.exit_code, 0) << cut.err;
+  EXPECT_THAT(refused(path("cut.frames")), HasSubstr("insert/00000003.png: is missing"));
+  job.insert.nz = 4;
+  EXPECT_THROW(write_job(path("b.frames"), job), InputError);
 }
 
 TEST_F(TomoJobs, DamageIsRefusedByName) {
@@ -293,6 +504,28 @@ gel_dose_mj_cm3 = 20.0
     }
     write_npy(path("part.npy"), part);
   }
+  /// The sum over the job's frames in Python gives the doses of d.npy.
+  void expect_python_agrees(const std::string& job) const {
+    test::RunOptions options;
+    options.folder = folder_.path();
+    const test::RunResult python = test::run_program(
+        {kPython, SLICECORR_SOURCE_DIR "/tests/tomo_direct_sum.py", job, "p.npy"}, options);
+    ASSERT_EQ(python.exit_code, 0) << python.out << python.err;
+    test::run_program(
+        {kPython, "-c", "import numpy as n; a = n.load('p.npy'); n.save('q.npy', n.nan_to_num(a))"},
+        options);
+    const Box<float> ours = read_dose_npy(path("d.npy")), theirs = read_dose_npy(path("q.npy"));
+    double largest = 0, off = 0;
+    for (int y = 0; y < ours.ny; ++y) {
+      for (int x = 0; x < ours.nx; ++x) {
+        const std::size_t at = ours.at(0, y, x);
+        largest = std::max<double>(largest, theirs.values[at]);
+        off = std::max<double>(off, std::abs(ours.values[at] - theirs.values[at]));
+      }
+    }
+    EXPECT_GT(largest, 20.0);
+    EXPECT_LE(off, 1e-5 * largest);
+  }
   test::RunResult call(const std::vector<std::string>& words) const {
     test::RunOptions options;
     options.folder = folder_.path();
@@ -321,25 +554,98 @@ TEST_F(TomoProgram, SolveAndVerifyAgreeAndSoDoesADirectSumInPython) {
   EXPECT_EQ(call(solve("b.frames")).exit_code, 0);
   EXPECT_EQ(test::read_file(path("a.frames")), test::read_file(path("b.frames")));
 
-  test::RunOptions options;
-  options.folder = folder_.path();
-  const test::RunResult python = test::run_program(
-      {kPython, SLICECORR_SOURCE_DIR "/tests/tomo_direct_sum.py", "a.frames", "p.npy"}, options);
-  ASSERT_EQ(python.exit_code, 0) << python.out << python.err;
-  test::run_program(
-      {kPython, "-c", "import numpy as n; a = n.load('p.npy'); n.save('q.npy', n.nan_to_num(a))"},
-      options);
-  const Box<float> ours = read_dose_npy(path("d.npy")), theirs = read_dose_npy(path("q.npy"));
-  double largest = 0, off = 0;
-  for (int y = 0; y < ours.ny; ++y) {
-    for (int x = 0; x < ours.nx; ++x) {
-      const std::size_t at = ours.at(0, y, x);
-      largest = std::max<double>(largest, theirs.values[at]);
-      off = std::max<double>(off, std::abs(ours.values[at] - theirs.values[at]));
+  expect_python_agrees("a.frames");
+}
+
+TEST_F(TomoProgram, APartIsPrintedAroundAnInsert) {
+  // A ring of 1 to 2 mm around a rod of 0.5 mm beside the middle.
+  Box<std::uint8_t> part{3, 33, 33, std::vector<std::uint8_t>(3 * 33 * 33)}, rod = part;
+  for (int z = 0; z < 3; ++z) {
+    for (int y = 0; y < 33; ++y) {
+      for (int x = 0; x < 33; ++x) {
+        const double r = std::hypot(x - 16, y - 16);
+        if (r >= 4 && r < 8) part.values[part.at(z, y, x)] = 255;
+        if (std::hypot(x - 17, y - 16) < 2.2 && z < 2) rod.values[rod.at(z, y, x)] = 1;
+      }
     }
   }
-  EXPECT_GT(largest, 20.0);
-  EXPECT_LE(off, 1e-5 * largest);
+  write_npy(path("part.npy"), part);
+  write_npy(path("rod.npy"), rod);
+  auto words = solve("a.frames");
+  words.insert(words.end(), {"--insert", "rod.npy"});
+  const test::RunResult solved = call(words);
+  ASSERT_EQ(solved.exit_code, 0) << solved.out << solved.err;
+  const auto figures = nlohmann::json::parse(solved.out);
+  EXPECT_EQ(figures["ver"], 0.0);
+  EXPECT_EQ(figures["jaccard"]["dose"], 1.0);
+  const TomoJob job = read_job(path("a.frames"));
+  EXPECT_EQ(job.insert.values, rod.values);
+  EXPECT_EQ(figures["gel_voxels"].get<std::size_t>(),
+            static_cast<std::size_t>(std::count(part.values.begin(), part.values.end(), 255)));
+  const test::RunResult verified = call({"verify", "a.frames", "--dose", "d.npy", "--json", "-"});
+  ASSERT_EQ(verified.exit_code, 0) << verified.err;
+  EXPECT_EQ(nlohmann::json::parse(verified.out)["contrast"], figures["contrast"]);
+  expect_python_agrees("a.frames");
+  // Without its insert the same frames print something else.
+  TomoJob without = job;
+  without.insert = {};
+  EXPECT_NE(dose_of(without).values, dose_of(job).values);
+
+  // A mesh beside a mesh, turned and scaled alike.
+  for (const std::string name : {"part.stl", "rod.stl"}) {
+    const double h = name == "part.stl" ? 0.1 : 0.02, x = name == "part.stl" ? 0 : 0.16;
+    std::string text = "OFF\n8 12 0\n";
+    const TriangleMesh mesh = box_mesh({x - h, -h, -0.05}, {x + h, h, 0.05});
+    for (const Point3& v : mesh.vertices) text += fmt::format("{} {} {}\n", v[0], v[1], v[2]);
+    for (const auto& t : mesh.triangles) text += fmt::format("3 {} {} {}\n", t[0], t[1], t[2]);
+    test::write_file(path(name.substr(0, 4) + ".off"), test::to_bytes(text));
+  }
+  const test::RunResult meshes = call(
+      {"solve",  "part.off",   "--insert", "rod.off",   "--scale",      "10",      "--rotate-deg",
+       "0,0,90", "--voxel-mm", "0.25",     "--printer", "bench.toml",   "--resin", "resin.toml",
+       "-o",     "m.frames",   "--angles", "60",        "--iterations", "20"});
+  ASSERT_THAT(meshes.exit_code, testing::AnyOf(0, 5)) << meshes.err;
+  const TomoJob turned = read_job(path("m.frames"));
+  // The rod of 0.4 mm stood at x = 1.6 mm of the part: now at y, in voxel 22.
+  EXPECT_GT(turned.insert.values[turned.insert.at(1, 22, 16)], 0);
+  EXPECT_EQ(turned.insert.values[turned.insert.at(1, 16, 22)], 0);
+}
+
+TEST_F(TomoProgram, InsertsThatCanNotBeAreRefused) {
+  Box<std::uint8_t> part{1, 33, 33, std::vector<std::uint8_t>(33 * 33)};
+  const auto with = [&](const std::string& name, auto&& opaque) {
+    Box<std::uint8_t> insert{1, 33, 33, std::vector<std::uint8_t>(33 * 33)};
+    for (int y = 0; y < 33; ++y) {
+      for (int x = 0; x < 33; ++x) {
+        insert.values[insert.at(0, y, x)] = opaque(x - 16, y - 16) ? 255 : 0;
+      }
+    }
+    write_npy(path(name), insert);
+    auto words = solve("a.frames");
+    words.insert(words.end(), {"--insert", name});
+    const test::RunResult result = call(words);
+    EXPECT_FALSE(std::filesystem::exists(path("a.frames")));
+    return result;
+  };
+  for (int y = 14; y < 19; ++y) {
+    for (int x = 14; x < 19; ++x) part.values[part.at(0, y, x)] = 255;
+  }
+  write_npy(path("part.npy"), part);
+  test::RunResult r = with("in.npy", [](int x, int y) { return x == 2 && y == -1; });
+  EXPECT_EQ(r.exit_code, 2);
+  EXPECT_THAT(r.err, HasSubstr("slice 0: voxel 18, 15 is part and insert at once"));
+  r = with("out.npy", [](int x, int y) { return x == 16 && y == 16; });
+  EXPECT_EQ(r.exit_code, 2);
+  EXPECT_THAT(r.err, HasSubstr("the insert reaches 5.657 mm from the axis"));
+  r = with("wall.npy", [](int x, int y) { return std::hypot(x, y) > 5 && std::hypot(x, y) < 8; });
+  EXPECT_EQ(r.exit_code, 3);
+  EXPECT_THAT(r.err, HasSubstr("the part's voxel 14, 14 in slice 0 is lit from no angle"));
+  write_npy(path("two.npy"), Box<std::uint8_t>{2, 33, 33, std::vector<std::uint8_t>(2 * 33 * 33)});
+  auto words = solve("a.frames");
+  words.insert(words.end(), {"--insert", "two.npy"});
+  r = call(words);
+  EXPECT_EQ(r.exit_code, 2);
+  EXPECT_THAT(r.err, HasSubstr("two.npy: has 33 x 33 x 2 voxels, the part 33 x 33 x 1"));
 }
 
 TEST_F(TomoProgram, WrongUseIsToldByName) {

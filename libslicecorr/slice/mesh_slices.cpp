@@ -216,6 +216,7 @@ void MeshSlices::Impl::place(TriangleMesh mesh, const Printer& printer, const Sl
   const double layer_mm = options.layer_um * 1e-3;
   const double cx = at.cx, cy = at.cy, display_y = at.display_y;
   const double mid_x = box.middle(0), mid_y = box.middle(1);
+  const double platform_z = detail::platform_z_mm(box, options);
   const double half_x = 0.5 * box.size(0), half_y = 0.5 * box.size(1);
   const auto inside = [](double v, int most) { return std::clamp(static_cast<int>(v), 0, most); };
   bounds = {inside(std::floor((cx - half_x) / px + 1e-9), plate.width_px),
@@ -232,7 +233,7 @@ void MeshSlices::Impl::place(TriangleMesh mesh, const Printer& printer, const Sl
       const double y = std::clamp((mid_y - v[1] + display_y - cy) / py, 0.0, 1.0 * plate.height_px);
       corners[i] = {std::clamp(x, static_cast<double>(bounds.x0), static_cast<double>(bounds.x1)),
                     std::clamp(y, static_cast<double>(bounds.y0), static_cast<double>(bounds.y1)),
-                    (v[2] - box.low[2]) / layer_mm - 0.5};
+                    (v[2] - platform_z) / layer_mm - 0.5};
     }
   });
   triangles = std::move(mesh.triangles);

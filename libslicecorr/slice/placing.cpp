@@ -78,20 +78,31 @@ void check_fits(const PartBox& box, const Placing& at, const Grid& plate, const 
   }
 }
 
+double platform_z_mm(const PartBox& box, const SliceOptions& options) {
+  return options.platform_z_mm.value_or(box.low[2]);
+}
+
 int layers_of(const PartBox& box, const Printer& printer, const SliceOptions& options) {
   const double layer_mm = options.layer_um * 1e-3;
-  const double height = box.size(2) / layer_mm;
-  const double layers = std::ceil(height - 0.5 - kLayerTolerance);
-  if (printer.travel_mm > 0 && box.size(2) > printer.travel_mm + kLayerTolerance * layer_mm) {
+  const double platform_mm = platform_z_mm(box, options);
+  // From the platform up.
+  const double height_mm = box.high[2] - platform_mm;
+  const double layers = std::ceil(height_mm / layer_mm - 0.5 - kLayerTolerance);
+  if (!(platform_mm <= box.low[2] + kLayerTolerance * layer_mm)) {
+    throw InputError(
+        fmt::format("platform at z = {:g} mm of the part; expected at most its least z, {:g} mm",
+                    platform_mm, box.low[2]));
+  }
+  if (printer.travel_mm > 0 && height_mm > printer.travel_mm + kLayerTolerance * layer_mm) {
     throw InputError(fmt::format(
         "the part is {:.3f} mm high, {:.3f} mm more than the stage of '{}' travels ({:g} mm)",
-        box.size(2), box.size(2) - printer.travel_mm, printer.name, printer.travel_mm));
+        height_mm, height_mm - printer.travel_mm, printer.name, printer.travel_mm));
   }
   if (!(layers >= 1)) {
     throw InputError(
         fmt::format("the part is {:.6g} mm high, thinner than half a layer of {:g} um; are its "
                     "units and scale right (metres or inches read as millimetres)?",
-                    box.size(2), options.layer_um));
+                    height_mm, options.layer_um));
   }
   if (layers > 1e6) {
     throw InputError(fmt::format("the part needs {:.0f} slices; expected at most 1000000", layers));

@@ -39,7 +39,11 @@ Placing placing_of(const Grid& plate, const SliceOptions& options);
 /// Throws where the part reaches over the display.
 void check_fits(const PartBox& box, const Placing& at, const Grid& plate, const Printer& printer);
 
-/// Slices of the part. Throws where they are none or too many, or beyond the stage's travel.
+/// The height of the part that lies on the platform.
+double platform_z_mm(const PartBox& box, const SliceOptions& options);
+
+/// Slices of the part. Throws where they are none or too many, or beyond the stage's travel, and for
+/// a platform inside the part.
 int layers_of(const PartBox& box, const Printer& printer, const SliceOptions& options);
 
 }  // namespace slicecorr::detail

@@ -1,6 +1,8 @@
 // Doses of a job by a direct sum, to judge what the solver's operators say.
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <limits>
 #include <numbers>
 
 #include "slicecorr/tomo/print.hpp"
@@ -18,13 +20,91 @@ struct Source {
   double mw_cm2_share = 0;  ///< of a pixel's irradiance that is left at u = 0 without absorption
 };
 
+/// What an insert hides, found by following each line from the voxel against the light, one row of
+/// voxels after another. Lengths are in voxels; x and y count them.
+class Insert {
+ public:
+  Insert(const Box<std::uint8_t>& insert, int slices)
+      : n_(insert.nx), words_((static_cast<std::size_t>(slices) + 63) / 64) {
+    if (insert.values.empty()) return;
+    opaque_.assign(static_cast<std::size_t>(n_) * static_cast<std::size_t>(n_) * words_, 0);
+    for (int z = 0; z < slices; ++z) {
+      for (int y = 0; y < n_; ++y) {
+        for (int x = 0; x < n_; ++x) {
+          if (insert.values[insert.at(z, y, x)] == 0) continue;
+          opaque_[at(x, y) + static_cast<std::size_t>(z) / 64] |= std::uint64_t{1} << (z % 64);
+          x0_ = std::min(x0_, x), x1_ = std::max(x1_, x);
+          y0_ = std::min(y0_, y), y1_ = std::max(y1_, y);
+        }
+      }
+    }
+  }
+
+  std::size_t words() const { return words_; }
+  /// Sets the bits of the slices in which something opaque lies at (x, y) or from there on along
+  /// (dx, dy), a unit vector. Whether there are any.
+  bool hides(int x, int y, double dx, double dy, std::vector<std::uint64_t>& slices) const {
+    if (opaque_.empty() || x0_ > x1_) return false;
+    std::fill(slices.begin(), slices.end(), 0);
+    bool any = add(x, y, slices);
+    for (int row = y0_; row <= y1_; ++row) {
+      Way way;
+      if (!narrow(row - y, dy, way)) continue;
+      // Columns between both ends of the way through this row.
+      double from = x0_, to = x1_;
+      if (way.to < kFar) {
+        from = std::max(from, std::floor(x + std::min(way.from * dx, way.to * dx)) - 1);
+        to = std::min(to, std::ceil(x + std::max(way.from * dx, way.to * dx)) + 1);
+      }
+      for (int column = static_cast<int>(from); column <= static_cast<int>(to); ++column) {
+        Way inside = way;
+        if (narrow(column - x, dx, inside)) any |= add(column, row, slices);
+      }
+    }
+    return any;
+  }
+
+ private:
+  static constexpr double kFar = 1e30;
+  /// Squares are taken smaller by this, so that lines along their edges and through their corners
+  /// pass.
+  static constexpr double kHalf = 0.5 - 1e-6;
+  struct Way {
+    double from = 0, to = kFar;
+  };
+  /// Keeps the part of the way on which |d s - offset| is below half a voxel; false: nothing is left.
+  static bool narrow(int offset, double d, Way& way) {
+    if (std::abs(d) < 1e-12) return std::abs(offset) < kHalf;
+    const double a = (offset - kHalf) / d, b = (offset + kHalf) / d;
+    way.from = std::max(way.from, std::min(a, b));
+    way.to = std::min(way.to, std::max(a, b));
+    return way.from < way.to;
+  }
+  std::size_t at(int x, int y) const {
+    return (static_cast<std::size_t>(y) * static_cast<std::size_t>(n_) +
+            static_cast<std::size_t>(x)) *
+           words_;
+  }
+  bool add(int x, int y, std::vector<std::uint64_t>& slices) const {
+    std::uint64_t any = 0;
+    for (std::size_t w = 0; w < words_; ++w) any |= slices[w] |= opaque_[at(x, y) + w];
+    return any != 0;
+  }
+
+  int n_;
+  std::size_t words_;
+  std::vector<std::uint64_t> opaque_;  ///< [y][x], bits of slices
+  int x0_ = std::numeric_limits<int>::max(), x1_ = -1, y0_ = x0_, y1_ = -1;
+};
+
 class DirectSum {
  public:
   DirectSum(const TomoJob& job, const Bench& bench)
       : printer_(job.printer),
         bench_(bench),
         n_(index_of(job.resin)),
-        alpha_(absorption_per_mm(job.resin)) {
+        alpha_(absorption_per_mm(job.resin)),
+        insert_(job.insert, bench.grid.slices) {
     // z innermost, as light of one pixel goes to all slices alike.
     const TomoGrid& g = bench.grid;
     const auto slices = static_cast<std::size_t>(g.slices);
@@ -40,8 +120,10 @@ class DirectSum {
   }
 
   /// Adds the dose of one turn over alpha_a T_rot to every slice of a column of voxels.
-  void add(double x, double y, std::vector<double>& sum) const {
+  void add(int column, int row_of_voxels, std::vector<double>& sum) const {
     const TomoGrid& g = bench_.grid;
+    const double x = g.voxel_at_mm(column), y = g.voxel_at_mm(row_of_voxels);
+    std::vector<std::uint64_t> hidden(insert_.words());
     for (int k = 0; k < g.angles; ++k) {
       const double th = 2 * std::numbers::pi * k / g.angles;
       const double t = x * std::cos(th) + y * std::sin(th),
@@ -49,6 +131,7 @@ class DirectSum {
       const Source from = source_of(t);
       const double half = std::sqrt(std::max(0.0, bench_.radius_mm * bench_.radius_mm - t * t));
       const double share = from.mw_cm2_share * std::exp(-alpha_ * (half + u)) / g.angles;
+      const bool shaded = insert_.hides(column, row_of_voxels, std::sin(th), -std::cos(th), hidden);
       const double i = from.column - bench_.first_column;
       const double m = k - from.turn_rad / (2 * std::numbers::pi) * g.angles;
       const auto i0 = static_cast<int>(std::floor(i)), m0 = static_cast<int>(std::floor(m));
@@ -59,7 +142,10 @@ class DirectSum {
           if (weight == 0 || i0 + a < 0 || i0 + a >= g.pixels) continue;
           const double* const lit =
               &light_[row(((m0 + b) % g.angles + g.angles) % g.angles, i0 + a)];
-          for (std::size_t z = 0; z < sum.size(); ++z) sum[z] += weight * lit[z];
+          for (std::size_t z = 0; z < sum.size(); ++z) {
+            if (shaded && (hidden[z / 64] >> (z % 64) & 1)) continue;
+            sum[z] += weight * lit[z];
+          }
         }
       }
     }
@@ -85,6 +171,7 @@ class DirectSum {
   const Printer& printer_;
   const Bench& bench_;
   double n_, alpha_;
+  Insert insert_;
   std::vector<double> light_;  ///< [angle][pixel][slice]
 };
 
@@ -105,7 +192,7 @@ Box<float> dose_of(const TomoJob& job, const ExecutionContext& context) {
     const TomoGrid::Range range = grid.inside(y);
     for (int x = range.first; x < range.end; ++x) {
       std::fill(sum.begin(), sum.end(), 0.0);
-      direct.add(grid.voxel_at_mm(x), grid.voxel_at_mm(y), sum);
+      direct.add(x, y, sum);
       for (int z = 0; z < grid.slices; ++z) {
         dose.values[dose.at(z, y, x)] =
             static_cast<float>(per_unit * sum[static_cast<std::size_t>(z)]);

@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -21,8 +23,12 @@ namespace slicecorr::tomo {
 namespace {
 
 constexpr const char* kConfig = "config.json";
+/// Steps of a history at most.
+constexpr std::size_t kMostSteps = 10000000;
 
 std::string frame_name(int frame) { return fmt::format("frame/{:08}.png", frame); }
+constexpr const char* kInsertKey = "insert";
+std::string insert_name(int slice) { return fmt::format("insert/{:08}.png", slice); }
 std::string part_name(int slice) { return fmt::format("part/{:08}.png", slice); }
 
 /// Most bytes that a PNG of an image may have: that of one that does not deflate.
@@ -46,9 +52,44 @@ nlohmann::ordered_json config_of(const Bench& bench, const TomoJob& job) {
   }
   j["voxel_mm"] = job.sampling.voxel_mm;
   j["voxels"] = {job.part.nz, job.part.ny, job.part.nx};
+  if (!job.insert.values.empty()) j[kInsertKey] = true;
   j["printer"] = detail::printer_json(job.printer);
   j["resin"] = detail::resin_json(job.resin);
+  if (std::isfinite(job.contrast_bound)) j["contrast_bound"] = job.contrast_bound;
+  if (!job.history.empty()) {
+    j["history"] = nlohmann::ordered_json::array();
+    for (const Step& s : job.history) {
+      // Contrast is infinite where no light falls into void: JSON has no such number.
+      j["history"].push_back(
+          {{"rung", s.rung},
+           {"step", s.step},
+           {"loss", s.loss},
+           {"ver", s.ver},
+           {"pw", s.pw},
+           {"contrast", std::isfinite(s.contrast) ? nlohmann::ordered_json(s.contrast)
+                                                  : nlohmann::ordered_json(nullptr)}});
+    }
+  }
   return j;
+}
+
+void read_history(const detail::JsonNode<nlohmann::json>& config, TomoJob& job) {
+  if (config.has("contrast_bound")) {
+    job.contrast_bound = config["contrast_bound"].number(0, detail::JsonSource::kLargest);
+  }
+  if (!config.has("history")) return;
+  constexpr double kMost = detail::JsonSource::kLargest;
+  for (const auto& node : config["history"].list(0, kMostSteps)) {
+    Step s;
+    s.rung = node["rung"].number(0, 1);
+    s.step = node["step"].integer(0, 1000000000);
+    s.loss = node["loss"].number(0, kMost);
+    s.ver = node["ver"].number(0, 1);
+    s.pw = node["pw"].number(-1, 1);
+    s.contrast = node["contrast"].json().is_null() ? std::numeric_limits<double>::infinity()
+                                                   : node["contrast"].number(0, kMost);
+    job.history.push_back(s);
+  }
 }
 
 /// The entry as an image of this size.
@@ -61,11 +102,31 @@ GreyImage image_of(const detail::Container& archive, const std::string& name, in
   return decode_png(png, width, height, archive.path(), name);
 }
 
-void check_box(const Bench& bench, const Box<std::uint8_t>& part) {
+/// Slices of voxels, one after another.
+Box<std::uint8_t> slices_of(const detail::Container& archive, const TomoGrid& grid,
+                            std::string (*name)(int)) {
+  Box<std::uint8_t> box{grid.slices, grid.voxels, grid.voxels, {}};
+  for (int z = 0; z < grid.slices; ++z) {
+    const GreyImage slice = image_of(archive, name(z), grid.voxels, grid.voxels);
+    box.values.insert(box.values.end(), slice.pixels.begin(), slice.pixels.end());
+  }
+  return box;
+}
+
+void add_slices(detail::ContainerOutput& output, const Box<std::uint8_t>& box,
+                std::string (*name)(int)) {
+  const std::size_t size = static_cast<std::size_t>(box.nx) * static_cast<std::size_t>(box.ny);
+  for (int z = 0; z < box.nz; ++z) {
+    const std::uint8_t* const from = box.values.data() + static_cast<std::size_t>(z) * size;
+    output.add(name(z), encode_png(GreyImage{box.nx, box.ny, {from, from + size}}));
+  }
+}
+
+void check_box(const Bench& bench, const char* what, const Box<std::uint8_t>& part) {
   const TomoGrid& grid = bench.grid;
   if (part.nx == grid.voxels && part.ny == grid.voxels && part.nz == grid.slices) return;
-  throw InputError(fmt::format("the part has {} x {} x {} voxels; expected {} x {} x {}", part.nx,
-                               part.ny, part.nz, grid.voxels, grid.voxels, grid.slices));
+  throw InputError(fmt::format("the {} has {} x {} x {} voxels; expected {} x {} x {}", what,
+                               part.nx, part.ny, part.nz, grid.voxels, grid.voxels, grid.slices));
 }
 
 }  // namespace
@@ -94,7 +155,8 @@ GreyImage frame_image(const TomoJob& job, const Bench& bench, int frame) {
 
 void write_job(const std::string& path, const TomoJob& job, const ExecutionContext& context) {
   const Bench bench = make_bench(job.printer, job.resin, job.sampling);
-  check_box(bench, job.part);
+  check_box(bench, "part", job.part);
+  if (!job.insert.values.empty()) check_box(bench, "insert", job.insert);
   const TomoGrid& grid = bench.grid;
   if (job.levels.size() != grid.blocks() * grid.light_of_block()) {
     throw InputError("the job's levels are not those of its grid");
@@ -106,12 +168,8 @@ void write_job(const std::string& path, const TomoJob& job, const ExecutionConte
     context.check_cancelled();
     output->add(frame_name(frame), encode_png(frame_image(job, bench, frame)));
   }
-  const std::size_t size =
-      static_cast<std::size_t>(job.part.nx) * static_cast<std::size_t>(job.part.ny);
-  for (int z = 0; z < job.part.nz; ++z) {
-    const std::uint8_t* const from = job.part.values.data() + static_cast<std::size_t>(z) * size;
-    output->add(part_name(z), encode_png(GreyImage{job.part.nx, job.part.ny, {from, from + size}}));
-  }
+  add_slices(*output, job.part, part_name);
+  if (!job.insert.values.empty()) add_slices(*output, job.insert, insert_name);
   output->finish(context);
 }
 
@@ -144,10 +202,9 @@ TomoJob read_job(const std::string& path, const ExecutionContext& context) {
   job.sampling.angles = config["angles"].integer(3, 100000);
   const auto voxels = config["voxels"].list(3, 3);
   job.sampling.slices = voxels[0].integer(1, kMostAlongAxis);
+  read_history(config, job);
   const Bench bench = make_bench(job.printer, job.resin, job.sampling);
   const TomoGrid& grid = bench.grid;
-  job.part.nz = grid.slices;
-  job.part.ny = job.part.nx = grid.voxels;
   for (std::size_t k = 1; k < 3; ++k) {
     if (voxels[k].integer(1, kMostAlongAxis) != grid.voxels) {
       voxels[k].fail(fmt::format("{}, as the vial and voxel_mm say", grid.voxels));
@@ -160,9 +217,10 @@ TomoJob read_job(const std::string& path, const ExecutionContext& context) {
                      fmt::format("has {} images; expected {}, one per angle", frames, grid.angles));
   }
 
-  for (int z = 0; z < grid.slices; ++z) {
-    const GreyImage slice = image_of(*archive, part_name(z), grid.voxels, grid.voxels);
-    job.part.values.insert(job.part.values.end(), slice.pixels.begin(), slice.pixels.end());
+  job.part = slices_of(*archive, grid, part_name);
+  if (config.has(kInsertKey)) {
+    if (config[kInsertKey].json() != true) config[kInsertKey].fail("true, or no such key");
+    job.insert = slices_of(*archive, grid, insert_name);
   }
   job.levels.assign(grid.blocks() * grid.light_of_block(), 0);
   const int levels = job.printer.levels();

@@ -4,21 +4,17 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <nlohmann/json.hpp>
 
 #include "parallel/silent.hpp"
 #include "slicecorr/error.hpp"
-#include "slicecorr/slice.hpp"
 #include "slicecorr/vial.hpp"
+#include "tomo/voxels.hpp"
 
 namespace slicecorr::tomo {
 
 namespace {
-
-/// From the middle of a voxel of an n x n slice to the axis.
-double distance_mm(int n, int x, int y, double voxel_mm) {
-  return std::hypot(x - 0.5 * (n - 1), y - 0.5 * (n - 1)) * voxel_mm;
-}
 
 Volume volume_of(const TomoGrid& grid, const Box<std::uint8_t>& part) {
   Volume volume(grid);
@@ -30,6 +26,70 @@ Volume volume_of(const TomoGrid& grid, const Box<std::uint8_t>& part) {
     }
   }
   return volume;
+}
+
+/// What is printed and what shades it, and what light does there.
+struct Scene {
+  Target target;
+  std::unique_ptr<Projector> projector;
+};
+Scene scene_of(const Bench& bench, const Box<std::uint8_t>& part, const Box<std::uint8_t>& insert) {
+  const Volume volume = volume_of(bench.grid, part);
+  if (insert.values.empty()) return {Target(volume), make_projector(bench.grid, bench.rays)};
+  const Volume opaque = volume_of(bench.grid, insert);
+  return {Target(volume, &opaque),
+          make_projector(bench.grid, bench.rays, std::make_shared<Shadow>(cast_shadow(opaque)))};
+}
+
+/// Throws for an insert of another grid, or one that reaches over the resin.
+void check_insert(const Box<std::uint8_t>& insert, const Box<std::uint8_t>& part,
+                  const Printer& printer, double voxel_mm) {
+  if (insert.values.empty()) return;
+  if (insert.nx != part.nx || insert.ny != part.ny || insert.nz != part.nz) {
+    throw InputError(
+        fmt::format("the insert has {} x {} x {} voxels, the part {} x {} x {}; "
+                    "expected the same",
+                    insert.nx, insert.ny, insert.nz, part.nx, part.ny, part.nz));
+  }
+  for (int z = 0; z < insert.nz; ++z) {
+    for (int y = 0; y < insert.ny; ++y) {
+      for (int x = 0; x < insert.nx; ++x) {
+        if (insert.values[insert.at(z, y, x)] == 0) continue;
+        detail::check_in_vial(insert.nx, x, y, z, voxel_mm, printer);
+      }
+    }
+  }
+}
+
+/// mJ/cm³ that black light leaves in a turn, at most.
+double floor_of_turn(const Bench& bench, const Projector& projector,
+                     const ExecutionContext& context) {
+  const std::vector<std::uint16_t> black(bench.grid.blocks() * bench.grid.light_of_block(), 0);
+  const Field floor = adjoint(projector, context, light_of_levels(bench.grid, black, bench.mw_cm2));
+  return *std::max_element(floor.values.begin(), floor.values.end()) *
+         dose_of_turn(bench.grid, bench.exposure);
+}
+
+PrintFigures judge(const TomoJob& job, const Bench& bench, const Target& target,
+                   const Box<float>& dose, double floor_of_turn_mj_cm3) {
+  Field field(bench.grid);
+  for (int z = 0; z < dose.nz; ++z) {
+    for (int y = 0; y < dose.ny; ++y) {
+      for (int x = 0; x < dose.nx; ++x) {
+        field.values[bench.grid.voxel(x, y, z)] = dose.values[dose.at(z, y, x)];
+      }
+    }
+  }
+  PrintFigures f;
+  f.turns = job.turns;
+  f.print_time_s = job.turns * bench.exposure.turn_s;
+  f.gel_dose_mj_cm3 = bench.exposure.critical_mj_cm3 + bench.resupply_mj_cm3_s * f.print_time_s;
+  f.metrics = measure(target, field);
+  f.jaccard_at_dose = jaccard(target, field, f.gel_dose_mj_cm3);
+  f.efficiency = efficiency(light_of_levels(bench.grid, job.levels, bench.mw_cm2));
+  f.alpha_r = bench.alpha_r;
+  f.floor_mj_cm3 = floor_of_turn_mj_cm3 * job.turns;
+  return f;
 }
 
 /// Whole turns until the weakest gel voxel has its dose, and what it needs by then.
@@ -54,81 +114,6 @@ Turns turns_for(const Bench& bench, double turn_mj_cm3) {
 
 }  // namespace
 
-Box<std::uint8_t> voxelise(TriangleMesh mesh, const Printer& printer, double voxel_mm,
-                           const ExecutionContext& context) {
-  // The slicer's display is the square of voxels around the resin.
-  Printer plate;
-  plate.name = printer.name;
-  plate.width_px = plate.height_px = voxels_across(printer, voxel_mm);
-  plate.pixel_x_um = plate.pixel_y_um = voxel_mm * 1e3;
-  plate.bit_depth = 8;
-  SliceOptions options;
-  options.layer_um = voxel_mm * 1e3;
-  const MeshSlices slices(std::move(mesh), plate, options, context);
-  const int n = plate.width_px;
-  Box<std::uint8_t> part{slices.grid().layers, n, n, {}};
-  part.values.assign(
-      static_cast<std::size_t>(part.nz) * static_cast<std::size_t>(n) * static_cast<std::size_t>(n),
-      0);
-  const PixelBox whole{0, 0, n, n};
-  slices.read_band(whole, [&](int z, const std::uint8_t* rows) {
-    if (!rows) return;
-    // Image rows run from the largest y down.
-    for (int row = 0; row < n; ++row) {
-      std::copy_n(rows + static_cast<std::ptrdiff_t>(row) * n, n,
-                  &part.values[part.at(z, n - 1 - row, 0)]);
-    }
-  });
-  return part;
-}
-
-Box<std::uint8_t> placed(const Box<std::uint8_t>& volume, const Printer& printer, double voxel_mm) {
-  require_tomographic(printer);
-  if (volume.nx != volume.ny) {
-    throw InputError(
-        fmt::format("the volume is {} x {} voxels across; expected as many along x as "
-                    "along y",
-                    volume.nx, volume.ny));
-  }
-  const int n = voxels_across(printer, voxel_mm);
-  // An even volume has no voxel on the axis: its voxels lie half a voxel beside those of the grid.
-  const int shift = (n - volume.nx - (n - volume.nx) % 2) / 2;
-  Box<std::uint8_t> part{volume.nz, n, n, {}};
-  part.values.assign(
-      static_cast<std::size_t>(part.nz) * static_cast<std::size_t>(n) * static_cast<std::size_t>(n),
-      0);
-  for (int z = 0; z < volume.nz; ++z) {
-    for (int y = 0; y < volume.ny; ++y) {
-      for (int x = 0; x < volume.nx; ++x) {
-        const std::uint8_t value = volume.values[volume.at(z, y, x)];
-        if (value == 0) continue;
-        const int px = x + shift, py = y + shift;
-        if (px < 0 || px >= n || py < 0 || py >= n) {
-          throw InputError(fmt::format(
-              "voxel {}, {}, {} of the volume lies {:.3f} mm from the axis, the resin ends at {:g} "
-              "mm; expected a smaller part, or smaller voxels",
-              x, y, z, distance_mm(n, px, py, voxel_mm), printer.vial->inner_mm));
-        }
-        part.values[part.at(z, py, px)] = value;
-      }
-    }
-  }
-  return part;
-}
-
-double part_radius_mm(const Box<std::uint8_t>& part, double voxel_mm) {
-  double radius = 0;
-  for (int z = 0; z < part.nz; ++z) {
-    for (int y = 0; y < part.ny; ++y) {
-      for (int x = 0; x < part.nx; ++x) {
-        if (part.values[part.at(z, y, x)] == 0) continue;
-        radius = std::max(radius, distance_mm(part.nx, x, y, voxel_mm));
-      }
-    }
-  }
-  return radius;
-}
-
 Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer& printer,
                   const Resin& resin, const PrintOptions& options,
                   const ExecutionContext& context) {
@@ -151,10 +136,12 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
         radius_mm, limit_mm, limit_mm / radius_mm,
         radius_mm <= bench.radius_mm ? ", or leave to print beyond that reach" : ""));
   }
-  const Target target(volume_of(bench.grid, part));
-  const auto projector = make_projector(bench.grid, bench.rays);
+  check_insert(options.insert, part, printer, voxel_mm);
+  const Scene scene = scene_of(bench, part, options.insert);
+  const Target& target = scene.target;
+  const Projector& projector = *scene.projector;
   // One line of progress for each rung, none for each sum over angles.
-  const ExecutionContext quiet = detail::silent(context);
+  const ExecutionContext quiet = slicecorr::detail::silent(context);
   SolveOptions how = options.solve;
   how.checkpoint = [&](const Light& light, double next_rung) {
     if (options.solve.checkpoint) options.solve.checkpoint(light, next_rung);
@@ -162,7 +149,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
       context.tell(fmt::format("next: void below {:g} of the gel dose", next_rung));
     }
   };
-  Solution solution = solve(quiet, *projector, target, bench.rays, how);
+  Solution solution = solve(quiet, projector, target, bench.rays, how);
   if (solution.contrast_bound < 1) {
     throw InfeasibleError(fmt::format(
         "no light prints this part: where it is hardest, in slice {} ({:.3f} mm above the optical "
@@ -185,16 +172,18 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   exposure.most_time_s = options.most_time_s;
   Field full = solution.dose;
   for (float& d : full.values) d = static_cast<float>(d * brightest);
-  const PrintTime time = plan_time(quiet, *projector, target, full, exposure);
+  const PrintTime time = plan_time(quiet, projector, target, full, exposure);
 
   // Rounding to levels, and the direct sum, which weighs light otherwise, may find the weakest voxel a
   // little short: a little more for all, or a turn more.
   job.part = part;
+  job.insert = options.insert;
+  const double black = floor_of_turn(bench, projector, quiet);
   double scale = brightest * time.scale;
   PrintFigures figures;
   for (int round = 0; round < 8; ++round) {
     job.levels = nearest_levels(solution.light, scale, bench.mw_cm2);
-    figures = figures_of(job, dose_of(job, quiet), part, quiet);
+    figures = judge(job, bench, target, dose_of(job, quiet), black);
     const double short_by = figures.gel_dose_mj_cm3 / figures.metrics.min_gel;
     if (short_by <= 1) break;
     scale *= short_by + 1e-4;
@@ -203,8 +192,9 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
     ++job.turns;
   }
 
+  job.history = std::move(solution.history);
+  job.contrast_bound = solution.contrast_bound;
   Print print;
-  print.history = std::move(solution.history);
   print.job = std::move(job);
   print.figures = figures;
   print.figures.contrast_bound = solution.contrast_bound;
@@ -214,30 +204,8 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
 PrintFigures figures_of(const TomoJob& job, const Box<float>& dose, const Box<std::uint8_t>& part,
                         const ExecutionContext& context) {
   const Bench bench = make_bench(job.printer, job.resin, job.sampling);
-  const Target target(volume_of(bench.grid, part));
-  Field field(bench.grid);
-  for (int z = 0; z < dose.nz; ++z) {
-    for (int y = 0; y < dose.ny; ++y) {
-      for (int x = 0; x < dose.nx; ++x) {
-        field.values[bench.grid.voxel(x, y, z)] = dose.values[dose.at(z, y, x)];
-      }
-    }
-  }
-  PrintFigures f;
-  f.turns = job.turns;
-  f.print_time_s = job.turns * bench.exposure.turn_s;
-  f.gel_dose_mj_cm3 = bench.exposure.critical_mj_cm3 + bench.resupply_mj_cm3_s * f.print_time_s;
-  f.metrics = measure(target, field);
-  f.jaccard_at_dose = jaccard(target, field, f.gel_dose_mj_cm3);
-  f.efficiency = efficiency(light_of_levels(bench.grid, job.levels, bench.mw_cm2));
-  f.alpha_r = bench.alpha_r;
-  // Black frames throughout.
-  const std::vector<std::uint16_t> black(job.levels.size(), 0);
-  const Field floor = adjoint(*make_projector(bench.grid, bench.rays), context,
-                              light_of_levels(bench.grid, black, bench.mw_cm2));
-  f.floor_mj_cm3 = *std::max_element(floor.values.begin(), floor.values.end()) *
-                   dose_of_turn(bench.grid, bench.exposure) * job.turns;
-  return f;
+  const Scene scene = scene_of(bench, part, job.insert);
+  return judge(job, bench, scene.target, dose, floor_of_turn(bench, *scene.projector, context));
 }
 
 std::string PrintFigures::to_json() const {

@@ -9,7 +9,9 @@
 #include <string>
 
 #include "slicecorr/error.hpp"
+#include "tomo/best_light.hpp"
 #include "tomo/block_solver.hpp"
+#include "tomo/published_solvers.hpp"
 
 namespace slicecorr::tomo {
 namespace {
@@ -61,47 +63,6 @@ void check_lit(const ExecutionContext& context, const Projector& projector, cons
     }
   }
 }
-
-void scale(Array<float>& values, double factor) {
-  for (float& v : values) v *= static_cast<float>(factor);
-}
-
-float largest(const Array<float>& values) {
-  return *std::max_element(values.begin(), values.end());
-}
-
-/// Keeps the best of what a solver passes through.
-class Best {
- public:
-  Best(const Target& target, Solution& solution) : target_(target), solution_(solution) {}
-
-  /// By contrast, or by VER first and then by process window.
-  void offer(const Light& light, const Field& dose, const Metrics& m, double rung,
-             bool by_contrast) {
-    const Metrics& best = solution_.metrics;
-    const bool better = by_contrast ? m.contrast > best.contrast
-                                    : m.ver < best.ver || (m.ver == best.ver && m.pw > best.pw);
-    if (any_ && !better) return;
-    any_ = true;
-    solution_.light.values = light.values;
-    solution_.dose.values = dose.values;
-    solution_.metrics = m;
-    solution_.rung = rung;
-  }
-  /// Scales to 1 at the weakest gel voxel.
-  void finish() {
-    const double least = solution_.metrics.min_gel;
-    if (!(least > 0)) return;
-    scale(solution_.light.values, 1 / least);
-    scale(solution_.dose.values, 1 / least);
-    solution_.metrics = measure(target_, solution_.dose);
-  }
-
- private:
-  const Target& target_;
-  Solution& solution_;
-  bool any_ = false;
-};
 
 /// The steps of all blocks as steps of the part; a block that was done early stays as it was.
 void add_history(const std::vector<std::vector<detail::BlockStep>>& blocks, const Target& target,
@@ -238,120 +199,10 @@ class Ladder {
   const Target& target_;
   const SolveOptions& options_;
   Solution& solution_;
-  Best best_;
+  detail::Best best_;
   Light light_;
   Field dose_;
 };
-
-/// Clips at 0 and scales light to a maximum of 1.
-void normalise(Light& light) {
-  for (float& v : light.values) v = std::max(v, 0.0f);
-  const float most = largest(light.values);
-  if (most > 0) scale(light.values, 1.0 / most);
-}
-
-/// A step of OSMO or Kelly, judged.
-void record(const Target& target, const Light& light, const Field& dose, int step, Best& best,
-            Solution& solution, const SolveOptions& options) {
-  const Metrics m = measure(target, dose);
-  solution.history.push_back({.step = step, .ver = m.ver, .pw = m.pw, .contrast = m.contrast});
-  best.offer(light, dose, m, 0, false);
-  if (options.checkpoint) options.checkpoint(light, 1);
-}
-
-void run_osmo(const ExecutionContext& context, const Projector& projector, const Target& target,
-              const SolveOptions& options, Solution& solution) {
-  Best best(target, solution);
-  Field model = filtered_model(context, target, options.window);
-  Light light(target.grid);
-  Field dose(target.grid);
-  const auto project = [&] {
-    light = forward(projector, context, model);
-    normalise(light);
-    dose = adjoint(projector, context, light);
-    const float most = largest(dose.values);
-    if (most > 0) scale(dose.values, 1.0 / most);
-  };
-  const auto high = static_cast<float>(options.osmo_high),
-             low = static_cast<float>(options.osmo_low);
-  const int steps = options.steps == 0 ? 20 : options.steps;
-  project();
-  record(target, light, dose, 0, best, solution, options);
-  for (int step = 1; step < steps; ++step) {
-    context.report("solving", static_cast<double>(step) / steps);
-    for (const Kind kind : {Kind::kVoid, Kind::kGel}) {
-      context.check_cancelled();
-      for (std::size_t i = 0; i < target.kinds.size(); ++i) {
-        if (target.kinds[i] != kind) continue;
-        if (kind == Kind::kVoid) {
-          model.values[i] -= std::max(dose.values[i] - low, 0.0f);
-        } else {
-          model.values[i] += std::max(high - dose.values[i], 0.0f);
-        }
-      }
-      project();
-    }
-    record(target, light, dose, step, best, solution, options);
-  }
-  // The kept light has a maximum of 1 and its dose one of 1: bring them to one unit.
-  solution.dose = adjoint(projector, context, solution.light);
-  solution.metrics = measure(target, solution.dose);
-  best.finish();
-}
-
-void run_kelly(const ExecutionContext& context, const Projector& projector, const Target& target,
-               const SolveOptions& options, Solution& solution) {
-  Best best(target, solution);
-  const TomoGrid& grid = target.grid;
-  Field gel(grid);
-  for (std::size_t i = 0; i < target.kinds.size(); ++i) {
-    gel.values[i] = target.kinds[i] == Kind::kGel ? 1.0f : 0.0f;
-  }
-  const auto filtered = [&](const Field& field) {
-    Light light = forward(projector, context, field);
-    ramp_filter(context, light, options.window);
-    return light;
-  };
-  Light unit = filtered(gel);
-  const Field response = adjoint(projector, context, unit);
-  double in_gel = 0, in_void = 0;
-  for (std::size_t i = 0; i < target.kinds.size(); ++i) {
-    if (target.kinds[i] == Kind::kGel) in_gel += response.values[i];
-    if (target.kinds[i] == Kind::kVoid) in_void += response.values[i];
-  }
-  const double jump =
-      in_gel / static_cast<double>(target.gel) - in_void / static_cast<double>(target.empty);
-  const double unit_step = jump > 0 ? 1 / jump : 1;
-  Light light = unit;
-  if (options.start != nullptr) {
-    light = *options.start;
-  } else {
-    scale(light.values, unit_step);
-  }
-  const int steps = options.steps == 0 ? 10 : options.steps;
-  for (int step = 0; step < steps; ++step) {
-    context.check_cancelled();
-    context.report("solving", static_cast<double>(step) / steps);
-    for (float& v : light.values) v = std::max(v, 0.0f);
-    const float most = largest(light.values);
-    for (float& v : light.values) v = std::round(v / most * 255) / 255 * most;
-    const Field dose = adjoint(projector, context, light);
-    record(target, light, dose, step, best, solution, options);
-    const double threshold = measure(target, dose).best_threshold;
-    const double width = 0.05 * largest(dose.values);
-    Field wrong(grid);
-    for (std::size_t i = 0; i < target.kinds.size(); ++i) {
-      if (target.kinds[i] == Kind::kNeither) continue;
-      const double solid = 1 / (1 + std::exp(-(dose.values[i] - threshold) / width));
-      wrong.values[i] = static_cast<float>(solid - gel.values[i]);
-    }
-    const Light change = filtered(wrong);
-    for (std::size_t i = 0; i < light.values.size(); ++i) {
-      light.values[i] -= static_cast<float>(unit_step) * change.values[i];
-    }
-  }
-  best.finish();
-}
 
 }  // namespace
 
@@ -373,19 +224,14 @@ Solution solve(const ExecutionContext& context, const Projector& projector, cons
       Ladder(context, projector, target, optics, options, solution).run();
       break;
     case Method::kOsmo:
-      run_osmo(context, projector, target, options, solution);
+      detail::run_osmo(context, projector, target, options, solution);
       break;
     case Method::kKelly:
-      run_kelly(context, projector, target, options, solution);
+      detail::run_kelly(context, projector, target, options, solution);
       break;
-    case Method::kFbp: {
-      Best best(target, solution);
-      const Light light = filtered_start(context, target, optics, options.window);
-      const Field dose = adjoint(projector, context, light);
-      record(target, light, dose, 0, best, solution, options);
-      best.finish();
+    case Method::kFbp:
+      detail::run_fbp(context, projector, target, optics, options, solution);
       break;
-    }
   }
   return solution;
 }

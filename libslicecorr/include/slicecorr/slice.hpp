@@ -26,6 +26,9 @@ struct SliceOptions {
   /// Where the centre of the parts' bounding box lands on the plate, mm from its corner at the
   /// smallest x and y; the middle of the display when not given.
   std::optional<std::array<double, 2>> center_mm;
+  /// The height of the mesh that lies on the platform, mm, at most its least z, which it is when not
+  /// given.
+  std::optional<double> platform_z_mm;
   /// Whether there are `MeshSlices::edge_heights`. Slices are the same with and without.
   bool edge_heights = false;
 };
@@ -57,8 +60,8 @@ struct ThinFeatures {
 };
 
 /// Slices `mesh` (mm, all parts of the plate) for `printer`. The cuts are made when bands are read:
-/// memory is that of the mesh. The mesh's least z is put on the platform; slice n is cut at
-/// (n + 1/2) * layer_um above it.
+/// memory is that of the mesh. The mesh's least z, or the height that the options say, is put on the
+/// platform; slice n is cut at (n + 1/2) * layer_um above it.
 ///
 /// Edge heights are those of the line through the pixel's centre, by the same winding rule: where
 /// it is solid at one of the middles of two neighbouring layers and not at the other, the edge

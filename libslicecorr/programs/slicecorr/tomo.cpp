@@ -2,8 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
+#include <utility>
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/load_printer.hpp"
@@ -49,12 +51,56 @@ int tell(const PrintFigures& figures, const std::string& json, Console& console)
   return figures.feasible() ? kDone : kMissed;
 }
 
-Box<std::uint8_t> part_of(const TomoOptions& o, const Printer& printer, double voxel_mm,
-                          const ExecutionContext& context) {
-  if (!o.volume.empty()) {
-    return tomo::placed(tomo::read_part_npy(o.volume), printer, voxel_mm);
+struct Voxels {
+  Box<std::uint8_t> part, insert;
+};
+
+/// Adds an insert to those before.
+void merge(Box<std::uint8_t> insert, Box<std::uint8_t>& all) {
+  if (all.values.empty()) {
+    all = std::move(insert);
+    return;
   }
-  return tomo::voxelise(read_parts(o.mesh, context).mesh, printer, voxel_mm, context);
+  for (std::size_t i = 0; i < all.values.size(); ++i) {
+    all.values[i] = std::max(all.values[i], insert.values[i]);
+  }
+}
+
+Voxels voxels_of_volumes(const TomoOptions& o, const Printer& printer, double voxel_mm) {
+  const Box<std::uint8_t> part = tomo::read_part_npy(o.volume);
+  Voxels voxels{tomo::placed(part, printer, voxel_mm), {}};
+  for (const std::string& path : o.inserts) {
+    const Box<std::uint8_t> insert = tomo::read_part_npy(path);
+    if (insert.nx != part.nx || insert.ny != part.ny || insert.nz != part.nz) {
+      throw InputError(path, "",
+                       fmt::format("has {} x {} x {} voxels, the part {} x {} x {}; expected an "
+                                   "insert in a volume of the part's size",
+                                   insert.nx, insert.ny, insert.nz, part.nx, part.ny, part.nz));
+    }
+    merge(tomo::placed(insert, printer, voxel_mm), voxels.insert);
+  }
+  return voxels;
+}
+
+Voxels voxels_of_meshes(const TomoOptions& o, const Printer& printer, double voxel_mm,
+                        const ExecutionContext& context) {
+  TriangleMesh mesh = read_parts(o.mesh, context).mesh;
+  const tomo::PartFrame frame = tomo::frame_of(mesh, context);
+  Voxels voxels{tomo::voxelise(std::move(mesh), printer, voxel_mm, context), {}};
+  for (const std::string& path : o.inserts) {
+    // Turned and scaled as the part is.
+    MeshOptions insert = o.mesh;
+    insert.parts = {path};
+    TriangleMesh mesh_of_insert = read_parts(insert, context).mesh;
+    try {
+      merge(tomo::voxelise_insert(std::move(mesh_of_insert), frame, voxels.part, printer, voxel_mm,
+                                  context),
+            voxels.insert);
+    } catch (const InputError& e) {
+      throw InputError(path, "", e.what());
+    }
+  }
+  return voxels;
 }
 
 int solve(const TomoOptions& o, const ExecutionContext& context, Console& console) {
@@ -65,6 +111,7 @@ int solve(const TomoOptions& o, const ExecutionContext& context, Console& consol
     throw InputError("--center-mm has no place here: parts are middled on the axis");
   }
   std::vector<std::string> inputs = o.mesh.parts;
+  inputs.insert(inputs.end(), o.inserts.begin(), o.inserts.end());
   if (!o.volume.empty()) inputs.push_back(o.volume);
   check_output(o.output, inputs);
   check_output(o.json, inputs);
@@ -83,8 +130,11 @@ int solve(const TomoOptions& o, const ExecutionContext& context, Console& consol
   options.angles = o.angles;
   options.most_time_s = o.most_time_s;
   options.beyond_reach = o.beyond_reach;
-  const tomo::Print print = tomo::solve_print(part_of(o, printer, voxel_mm, context), voxel_mm,
-                                              printer, resin, options, context);
+  Voxels voxels = o.volume.empty() ? voxels_of_meshes(o, printer, voxel_mm, context)
+                                   : voxels_of_volumes(o, printer, voxel_mm);
+  options.insert = std::move(voxels.insert);
+  const tomo::Print print =
+      tomo::solve_print(voxels.part, voxel_mm, printer, resin, options, context);
   tomo::write_job(o.output, print.job, context);
   console.say(fmt::format("{}: {} frames of {} x {} pixels", o.output, print.job.sampling.angles,
                           printer.width_px, printer.height_px));
@@ -125,6 +175,11 @@ void add_tomo(Program& program, TomoOptions& o) {
   sub->add_option(
       "--volume", o.volume,
       "A volume in place of meshes (.npy, axes z, y, x: 255 part, 0 empty, else neither)");
+  sub->add_option(
+         "--insert", o.inserts,
+         "What turns with the part and lets no light through, in the part's coordinates: a "
+         "mesh, with --volume a volume of its size (> 0 opaque); may be given again")
+      ->allow_extra_args(false);
   sub->add_option("--voxel-mm", o.voxel_mm, "Side of a voxel [--layer-um, else the pixel's pitch]")
       ->check(number_above_zero());
   sub->add_option("--layer-um", o.mesh.layer_um, "The same in micrometres")

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "programs/common/mesh_options.hpp"
 #include "programs/common/program.hpp"
@@ -12,6 +13,7 @@ namespace slicecorr::cli {
 struct TomoOptions {
   MeshOptions mesh;
   std::string printer, resin, volume, output, job, dose, json;
+  std::vector<std::string> inserts;
   std::string method = "ladder", window = "hamming";
   double voxel_mm = 0, most_time_s = 0;
   int angles = 0, iterations = 0;

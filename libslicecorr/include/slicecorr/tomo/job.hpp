@@ -2,12 +2,14 @@
 /// A tomographic print as a file: the frames of a turn, what they are shown by, and the part.
 ///
 /// A zip with `config.json`, `frame/00000000.png` and so on, an 8-bit grey image of the projector's
-/// size per frame, and `part/00000000.png` and so on, a voxel to a pixel, the lowest slice first.
+/// size per frame, and `part/00000000.png` and so on, a voxel to a pixel, the lowest slice first;
+/// with an insert also `insert/00000000.png` and so on, opaque where above 0.
 /// Frames are shown in order, each for 1/angles of a turn, while the vial turns as `direction` says.
 /// The same job gives the same bytes.
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -15,6 +17,7 @@
 #include "slicecorr/stack.hpp"
 #include "slicecorr/tomo/bench.hpp"
 #include "slicecorr/tomo/npy.hpp"
+#include "slicecorr/tomo/solve.hpp"
 
 namespace slicecorr::tomo {
 
@@ -32,6 +35,10 @@ struct TomoJob {
   Box<std::uint8_t> insert;
   /// Grey levels, laid out as the light of the grid of `make_bench`; 0 in lanes without a slice.
   std::vector<std::uint16_t> levels;
+  /// How the solve went, and the bound of contrast that it proved (infinite: none): for pages, no
+  /// part of the print. Jobs that others made have neither.
+  std::vector<Step> history;
+  double contrast_bound = std::numeric_limits<double>::infinity();
 };
 
 /// Frame `frame` of a turn, in the order in which they are shown, as the projector shows it: grey

@@ -22,6 +22,20 @@ namespace slicecorr::tomo {
 /// part's box is middled on the axis. Throws `InputError` when it reaches over the vial.
 Box<std::uint8_t> voxelise(TriangleMesh mesh, const Printer& printer, double voxel_mm,
                            const ExecutionContext& context = {});
+/// Where the axis and the foot of the lowest slice lie in the coordinates of a part, mm.
+struct PartFrame {
+  double axis_x_mm = 0, axis_y_mm = 0, low_z_mm = 0;
+};
+/// As `voxelise` puts them: the middle of the part's box, and its least z.
+PartFrame frame_of(const TriangleMesh& part, const ExecutionContext& context = {});
+/// Cuts an insert to voxels of `part`, which were cut of a mesh with this frame: it keeps its place
+/// beside the part. Coverage; what lies above or below the part's slices is left out, as it shades
+/// none of them. Where the part fills a voxel of which the insert takes less than half, they touch,
+/// and the part has it. Throws `InputError` for inserts outside of the vial, and for those that lie
+/// above or below all of the part.
+Box<std::uint8_t> voxelise_insert(TriangleMesh insert, const PartFrame& frame,
+                                  const Box<std::uint8_t>& part, const Printer& printer,
+                                  double voxel_mm, const ExecutionContext& context = {});
 /// A volume of voxels of this side on the grid of the vial: middled, with nothing around it. Throws
 /// `InputError` when it is not square, or something of it lies outside the vial.
 Box<std::uint8_t> placed(const Box<std::uint8_t>& volume, const Printer& printer, double voxel_mm);
@@ -58,19 +72,20 @@ struct PrintOptions {
 struct Print {
   TomoJob job;
   PrintFigures figures;  ///< of the frames with their grey levels
-  std::vector<Step> history;
 };
 
-/// Throws `InputError` for parts outside of the vial or its reach, `InfeasibleError` when the bound
-/// of contrast is below 1, when black light gels resin, when inhibitor comes back faster than light
-/// takes it, and when it takes longer than allowed.
+/// Throws `InputError` for parts outside of the vial or its reach, and for inserts of another grid,
+/// outside of the vial, or in the part; `InfeasibleError` when the bound of contrast is below 1,
+/// when a voxel of the part is lit from no angle, when black light gels resin, when inhibitor comes
+/// back faster than light takes it, and when it takes longer than allowed.
 Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer& printer,
                   const Resin& resin, const PrintOptions& options = {},
                   const ExecutionContext& context = {});
 
 /// The doses that a job's frames leave, mJ/cm³ of the whole print, by a direct sum over angles in
 /// double precision that shares nothing with the solver's operators: [z][y][x], 0 outside of the
-/// resin.
+/// resin and in inserts. Behind an insert a voxel is dark when the line from its middle against the
+/// light meets an opaque voxel's square.
 Box<float> dose_of(const TomoJob& job, const ExecutionContext& context = {});
 /// Figures of these doses, against the job's part or another on its grid.
 PrintFigures figures_of(const TomoJob& job, const Box<float>& dose, const Box<std::uint8_t>& part,

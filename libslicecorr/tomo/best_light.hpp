@@ -1,0 +1,27 @@
+/// The best light of those that a solver passes through.
+#pragma once
+
+#include "slicecorr/tomo/solve.hpp"
+
+namespace slicecorr::tomo::detail {
+
+void scale(Array<float>& values, double factor);
+float largest(const Array<float>& values);
+
+class Best {
+ public:
+  Best(const Target& target, Solution& solution) : target_(target), solution_(solution) {}
+
+  /// By contrast, or by VER first and then by process window.
+  void offer(const Light& light, const Field& dose, const Metrics& m, double rung,
+             bool by_contrast);
+  /// Scales to 1 at the weakest gel voxel.
+  void finish();
+
+ private:
+  const Target& target_;
+  Solution& solution_;
+  bool any_ = false;
+};
+
+}  // namespace slicecorr::tomo::detail

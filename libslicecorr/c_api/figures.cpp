@@ -62,7 +62,8 @@ namespace {
 
 Names places_of(const std::string& json) {
   Names names;
-  for (const auto& [place, value] : figures_of(json)->numbers) names.emplace_back(place, "");
+  const auto figures = figures_of(json);
+  for (const auto& [place, value] : figures->numbers) names.emplace_back(place, "");
   return names;
 }
 

@@ -106,15 +106,24 @@ std::unique_ptr<slicecorr_tomo_bench> bench_of_setup(const slicecorr_setup& setu
   return bench;
 }
 
-/// Runs one operator on each block: `from` is read, `to` written.
+/// A block of slices that an operator works on.
+struct Block {
+  std::size_t number, first_slice;
+  int slices;
+  BlockMemory::Lease& memory;
+  const ExecutionContext& context;
+};
+
+/// Runs an operator on each block.
 template <class Operator>
 void run_blocks(const slicecorr_tomo_bench& bench, slicecorr_job* job, const char* stage,
                 const Operator& block) {
   const ExecutionContext context = job_of(job);
   const TomoGrid& grid = bench.grid;
+  const ExecutionContext inside = tomo::inside_block(context, grid.blocks());
   parallel_for(context, stage, grid.blocks(), [&](std::size_t b) {
     BlockMemory::Lease memory(bench.memory, grid);
-    block(b, b * static_cast<std::size_t>(grid.lanes()), grid.lanes_used(b), memory);
+    block({b, b * static_cast<std::size_t>(grid.lanes()), grid.lanes_used(b), memory, inside});
   });
   context.check_cancelled();
 }
@@ -236,10 +245,11 @@ slicecorr_status slicecorr_tomo_forward(const slicecorr_tomo_bench* bench,
     const ArrayView to(light, "light", Elements::floats, true);
     from.need_shape(volume_shape(b.grid), kVolumeAxes);
     to.need_shape(light_shape(b.grid), kLightAxes);
-    run_blocks(b, job, "project", [&](std::size_t n, std::size_t first, int used, auto& memory) {
-      from.read(first, used, b.grid.lanes(), memory.field());
-      b.projector->forward(n, memory.field(), memory.light());
-      to.write(first, used, b.grid.lanes(), memory.light());
+    run_blocks(b, job, "project", [&](const auto& block) {
+      float *const field = block.memory.field(), *const lines = block.memory.light();
+      from.read(block.first_slice, block.slices, b.grid.lanes(), field);
+      b.projector->forward(block.number, field, lines, block.context);
+      to.write(block.first_slice, block.slices, b.grid.lanes(), lines);
     });
   });
 }
@@ -253,10 +263,11 @@ slicecorr_status slicecorr_tomo_adjoint(const slicecorr_tomo_bench* bench,
     const ArrayView to(volume, "volume", Elements::floats, true);
     from.need_shape(light_shape(b.grid), kLightAxes);
     to.need_shape(volume_shape(b.grid), kVolumeAxes);
-    run_blocks(b, job, "add up", [&](std::size_t n, std::size_t first, int used, auto& memory) {
-      from.read(first, used, b.grid.lanes(), memory.light());
-      b.projector->adjoint(n, memory.light(), memory.field());
-      to.write(first, used, b.grid.lanes(), memory.field());
+    run_blocks(b, job, "add up", [&](const auto& block) {
+      float *const field = block.memory.field(), *const lines = block.memory.light();
+      from.read(block.first_slice, block.slices, b.grid.lanes(), lines);
+      b.projector->adjoint(block.number, lines, field, block.context);
+      to.write(block.first_slice, block.slices, b.grid.lanes(), field);
     });
   });
 }

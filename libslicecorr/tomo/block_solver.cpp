@@ -217,7 +217,7 @@ std::vector<BlockStep> solve_block(const Projector& projector, std::size_t block
   Memory pairs(memory, pixels);
 
   for (std::size_t i = 0; i < pixels; ++i) light[i] = std::clamp(light[i], 0.0f, cap);
-  projector.adjoint(block, light, dose);
+  projector.adjoint(block, light, dose, context);
   std::vector<BlockStep> history;
   for (int step = 0;; ++step) {
     excess_of(dose, limits.least.data(), limits.most.data(), excess.data(), voxels);
@@ -225,7 +225,7 @@ std::vector<BlockStep> solve_block(const Projector& projector, std::size_t block
     if (step == steps || history.back().loss == 0) break;
     context.check_cancelled();
     gradient.swap(old_gradient);
-    projector.forward(block, excess.data(), gradient.data());
+    projector.forward(block, excess.data(), gradient.data(), context);
     if (step > 0) pairs.keep(light, next.data(), gradient.data(), old_gradient.data());
 
     // Pixels at a bound that the gradient pushes against stay there.
@@ -246,7 +246,7 @@ std::vector<BlockStep> solve_block(const Projector& projector, std::size_t block
     }
     if (pairs.empty()) {
       // Without a memory, as far as the loss falls when no bound is in the way.
-      projector.adjoint(block, direction.data(), change.data());
+      projector.adjoint(block, direction.data(), change.data(), context);
       double curvature = 0;
       for (std::size_t i = 0; i < voxels; ++i) {
         if (excess[i] != 0) curvature += static_cast<double>(change[i]) * change[i];
@@ -260,7 +260,7 @@ std::vector<BlockStep> solve_block(const Projector& projector, std::size_t block
       next[i] = std::clamp(light[i] - direction[i], 0.0f, cap);
       direction[i] = next[i] - light[i];
     }
-    projector.adjoint(block, direction.data(), change.data());
+    projector.adjoint(block, direction.data(), change.data(), context);
     const double t = minimum(
         [&](double at) {
           return slope(dose, change.data(), static_cast<float>(at), limits.least.data(),
@@ -284,7 +284,7 @@ std::vector<BlockStep> solve_block(const Projector& projector, std::size_t block
     add(static_cast<float>(t), change.data(), dose, voxels);
   }
   // Without what rounding left in sums over steps.
-  projector.adjoint(block, light, dose);
+  projector.adjoint(block, light, dose, context);
   return history;
 }
 

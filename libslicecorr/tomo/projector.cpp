@@ -2,18 +2,23 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <numbers>
 #include <string>
 
+#include "parallel/silent.hpp"
 #include "slicecorr/error.hpp"
 #include "tomo/axis_projector.hpp"
 #include "tomo/beam_kernels.hpp"
+#include "tomo/frame_kernels.hpp"
+#include "tomo/slice_kernels.hpp"
 
 namespace slicecorr::tomo {
 namespace {
 
 using detail::Beam;
+using slicecorr::detail::silent;
 
 /// e^(alpha u) must stay a single-precision number; light that has to pass so much resin is gone.
 constexpr double kMostAlphaRadius = 40;
@@ -67,32 +72,65 @@ class BeamProjector final : public Projector {
     }
     make_beam(grid, optics);
     make_columns(grid, optics, at_axis);
+    beam_.slice = detail::make_slice_tables(beam_);
   }
 
   const TomoGrid& grid() const override { return beam_.grid; }
 
-  void forward(std::size_t block, const float* field, float* light) const override {
-    const std::size_t frame = frame_size();
+  std::unique_ptr<Projector> of_slices(const std::vector<int>& slices) const override {
+    auto part = std::make_unique<BeamProjector>(*this);
+    part->beam_.grid.slices = static_cast<int>(slices.size());
+    part->beam_.slice = detail::make_slice_tables(part->beam_);
+    if (shadow_ == nullptr) return part;
+    const TomoGrid& to = part->beam_.grid;
+    auto shadow =
+        std::make_shared<Shadow>(Shadow{to, Array<float>(to.blocks() * to.light_of_block())});
+    for (int m = 0; m < to.angles; ++m) {
+      for (int i = 0; i < to.pixels; ++i) {
+        for (int z = 0; z < to.slices; ++z) {
+          shadow->hit_mm[to.pixel(m, i, z)] =
+              shadow_->hit_mm[grid().pixel(m, i, slices[static_cast<std::size_t>(z)])];
+        }
+      }
+    }
+    part->shadow_ = std::move(shadow);
+    return part;
+  }
+
+  void forward(std::size_t block, const float* field, float* light,
+               const ExecutionContext& context) const override {
+    const ExecutionContext quiet = silent(context);
     if (!folded_ && !turned_ && !lines_) {
-      detail::beam_forward(beam_, hit(block), field, light);
-      weigh(light);
+      detail::beam_forward(beam_, hit(block), field, light, quiet);
+      weigh(light, quiet);
+      return;
+    }
+    if (folded_ && !turned_ && !lines_) {
+      detail::beam_forward(beam_, hit(block), field, light, quiet);
+      unfold(light, quiet);
       return;
     }
     Array<float>& lines = scratch();
     lines.resize(beam_.grid.light_of_block());
-    detail::beam_forward(beam_, hit(block), field, lines.data());
-    if (folded_) unfold(lines.data(), frame);
-    weigh(lines.data());
+    detail::beam_forward(beam_, hit(block), field, lines.data(), quiet);
+    if (folded_) unfold(lines.data(), quiet);
+    if (!folded_) weigh(lines.data(), quiet);
     turn_back(lines.data(), light);
   }
 
-  void adjoint(std::size_t block, const float* light, float* field) const override {
+  void adjoint(std::size_t block, const float* light, float* field,
+               const ExecutionContext& context) const override {
+    const ExecutionContext quiet = silent(context);
+    if (plain_entry_ && !folded_ && !turned_ && !lines_) {
+      detail::beam_adjoint(beam_, hit(block), light, field, quiet);
+      return;
+    }
     Array<float>& lines = scratch();
     lines.resize(beam_.grid.light_of_block());
-    turn(light, lines.data());
-    weigh(lines.data());
-    if (folded_) fold(lines.data(), frame_size());
-    detail::beam_adjoint(beam_, hit(block), lines.data(), field);
+    const bool turned = turned_ || lines_;
+    if (turned) turn(light, lines.data());
+    weigh_and_fold(turned ? lines.data() : light, lines.data(), quiet);
+    detail::beam_adjoint(beam_, hit(block), lines.data(), field, quiet);
   }
 
  private:
@@ -100,7 +138,8 @@ class BeamProjector final : public Projector {
     return static_cast<std::size_t>(beam_.grid.pixels) * beam_.grid.lanes();
   }
   const float* hit(std::size_t block) const {
-    return beam_.hit == nullptr ? nullptr : beam_.hit + block * beam_.grid.light_of_block();
+    return shadow_ == nullptr ? nullptr
+                              : shadow_->hit_mm.data() + block * beam_.grid.light_of_block();
   }
   static Array<float>& scratch() {
     static thread_local Array<float> numbers;
@@ -109,10 +148,12 @@ class BeamProjector final : public Projector {
 
   void make_beam(const TomoGrid& grid, const RayTables& optics) {
     beam_.grid = grid;
+    beam_.shadow = shadow_ != nullptr;
     beam_.attenuated = optics.alpha_per_mm != 0;
     // Without attenuation or insert a line is the same from both ends.
     folded_ = !beam_.attenuated && shadow_ == nullptr && grid.angles % 2 == 0;
     const int n = grid.voxels, count = folded_ ? grid.angles / 2 : grid.angles;
+    if (grid.angles % 4 == 0) beam_.turns = folded_ ? 2 : 4;
     const double step = grid.voxel_mm() / grid.pixel_mm;
     for (int y = 0; y < n; ++y) beam_.inside.push_back(grid.inside(y));
     const std::size_t numbers = static_cast<std::size_t>(count) * n;
@@ -121,7 +162,6 @@ class BeamProjector final : public Projector {
       beam_.ey.resize(numbers);
     }
     if (shadow_ != nullptr) {
-      beam_.hit = shadow_->hit_mm.data();
       beam_.ux.resize(numbers);
       beam_.uy.resize(numbers);
     }
@@ -238,39 +278,51 @@ class BeamProjector final : public Projector {
     }
   }
 
-  void weigh(float* lines) const {
-    if (plain_entry_) return;
-    const std::size_t lanes = beam_.grid.lanes();
-    for (int m = 0; m < beam_.grid.angles; ++m) {
-      for (const float entry : entry_) {
-        for (std::size_t l = 0; l < lanes; ++l) *lines++ *= entry;
-      }
-    }
+  void each_angle(int count, const ExecutionContext& context,
+                  const std::function<void(int)>& use) const {
+    constexpr int kAtOnce = 16;
+    parallel_for(context, "", static_cast<std::size_t>((count + kAtOnce - 1) / kAtOnce),
+                 [&](std::size_t piece) {
+                   const int first = static_cast<int>(piece) * kAtOnce;
+                   for (int m = first; m < std::min(first + kAtOnce, count); ++m) use(m);
+                 });
   }
 
-  /// Adds the light of the other direction, in which pixels are in reverse.
-  void fold(float* lines, std::size_t frame) const {
-    const int half = beam_.grid.angles / 2, pixels = beam_.grid.pixels;
-    const std::size_t lanes = beam_.grid.lanes();
-    for (int m = 0; m < half; ++m) {
-      float* to = lines + m * frame;
-      const float* from = lines + (m + half) * frame;
-      for (int i = 0; i < pixels; ++i) {
-        const float* other = from + (pixels - 1 - i) * lanes;
-        for (std::size_t l = 0; l < lanes; ++l) to[i * lanes + l] += other[l];
-      }
-    }
+  void weigh(float* lines, const ExecutionContext& context) const {
+    if (plain_entry_) return;
+    const int lanes = beam_.grid.lanes();
+    each_angle(beam_.grid.angles, context, [&](int m) {
+      detail::weigh_frame(lines + m * frame_size(), entry_.data(), beam_.grid.pixels, lanes,
+                          lines + m * frame_size());
+    });
   }
-  void unfold(float* lines, std::size_t frame) const {
-    const int half = beam_.grid.angles / 2, pixels = beam_.grid.pixels;
-    const std::size_t lanes = beam_.grid.lanes();
-    for (int m = 0; m < half; ++m) {
-      const float* from = lines + m * frame;
-      float* to = lines + (m + half) * frame;
-      for (int i = 0; i < pixels; ++i) {
-        std::copy_n(from + (pixels - 1 - i) * lanes, lanes, to + i * lanes);
-      }
+
+  /// Light by its weights; of folded angles, with the light of the other direction added, in which
+  /// pixels are in reverse. In place where both are the same.
+  void weigh_and_fold(const float* light, float* lines, const ExecutionContext& context) const {
+    const TomoGrid& grid = beam_.grid;
+    if (!folded_) {
+      each_angle(grid.angles, context, [&](int m) {
+        detail::weigh_frame(light + m * frame_size(), entry_.data(), grid.pixels, grid.lanes(),
+                            lines + m * frame_size());
+      });
+      return;
     }
+    const int half = grid.angles / 2;
+    each_angle(half, context, [&](int m) {
+      detail::fold_frames(light + m * frame_size(), light + (m + half) * frame_size(),
+                          entry_.data(), grid.pixels, grid.lanes(), lines + m * frame_size());
+    });
+  }
+
+  /// Copies the first half of the angles to the other directions, and weighs both.
+  void unfold(float* lines, const ExecutionContext& context) const {
+    const TomoGrid& grid = beam_.grid;
+    const int half = grid.angles / 2;
+    each_angle(half, context, [&](int m) {
+      detail::unfold_frame(lines + m * frame_size(), entry_.data(), grid.pixels, grid.lanes(),
+                           lines + (m + half) * frame_size());
+    });
   }
 
   struct Term {
@@ -340,17 +392,30 @@ std::unique_ptr<Projector> detail::make_axis_projector(const TomoGrid& grid, dou
                                          true);
 }
 
+ExecutionContext inside_block(const ExecutionContext& context, std::size_t blocks) {
+  ExecutionContext inside;
+  inside.cancel = context.cancel;
+  const auto threads = static_cast<std::size_t>(thread_count(context));
+  inside.threads = static_cast<int>(
+      std::max<std::size_t>(1, (threads + blocks - 1) / std::max<std::size_t>(1, blocks)));
+  return inside;
+}
+
 Light forward(const Projector& projector, const ExecutionContext& context, const Field& field) {
   Light light(projector.grid());
-  parallel_for(context, "projecting", light.grid.blocks(),
-               [&](std::size_t b) { projector.forward(b, field.block(b), light.block(b)); });
+  const ExecutionContext inside = inside_block(context, light.grid.blocks());
+  parallel_for(context, "projecting", light.grid.blocks(), [&](std::size_t b) {
+    projector.forward(b, field.block(b), light.block(b), inside);
+  });
   return light;
 }
 
 Field adjoint(const Projector& projector, const ExecutionContext& context, const Light& light) {
   Field field(projector.grid());
-  parallel_for(context, "adding up light", field.grid.blocks(),
-               [&](std::size_t b) { projector.adjoint(b, light.block(b), field.block(b)); });
+  const ExecutionContext inside = inside_block(context, field.grid.blocks());
+  parallel_for(context, "adding up light", field.grid.blocks(), [&](std::size_t b) {
+    projector.adjoint(b, light.block(b), field.block(b), inside);
+  });
   return field;
 }
 

@@ -135,7 +135,7 @@ class Ladder {
   void scale_start() {
     const detail::Penalty penalty = penalty_of(options_.rungs.front());
     parallel_for(context_, "start", target_.grid.blocks(), [&](std::size_t b) {
-      projector_.adjoint(b, light_.block(b), dose_.block(b));
+      projector_.adjoint(b, light_.block(b), dose_.block(b), context_);
       const double factor =
           detail::best_scale(kinds(b), target_.grid.voxels_of_block(), dose_.block(b), penalty);
       float* light = light_.block(b);
@@ -260,9 +260,9 @@ Certificate contrast_bound(const ExecutionContext& context, const Projector& pro
         count[i % lanes] += 1;
       }
     }
-    projector.forward(b, low.data(), a_low.data());
-    projector.forward(b, high.data(), a_high.data());
-    projector.forward(b, empty.data(), a_empty.data());
+    projector.forward(b, low.data(), a_low.data(), context);
+    projector.forward(b, high.data(), a_high.data(), context);
+    projector.forward(b, empty.data(), a_empty.data(), context);
     for (std::size_t i = 0; i < pixels; ++i) {
       const double missing = static_cast<double>(a_low[i]) * (1 + kMargin) -
                              static_cast<double>(a_high[i]) * (1 - kMargin);

@@ -42,8 +42,10 @@ void operators(int slices, double alpha, const std::string& name,
   Light light(grid);
   std::fill(field.values.begin(), field.values.end(), 1.0f);
   const int runs = slices == 1 ? 40 : 4;
-  const double a = least_s(runs, [&] { projector->forward(0, field.block(0), light.block(0)); });
-  const double at = least_s(runs, [&] { projector->adjoint(0, light.block(0), field.block(0)); });
+  ExecutionContext one;
+  one.threads = 1;
+  const double a = least_s(runs, [&] { projector->forward(0, field.block(0), light.block(0), one); });
+  const double at = least_s(runs, [&] { projector->adjoint(0, light.block(0), field.block(0), one); });
   const double work = 256.0 * 256 * 360 * slices * 1e-9;
   fmt::print("{:44} A {:.4f} s ({:.1f} G/s)  A^T {:.4f} s ({:.1f} G/s)\n", name, a, work / a, at,
              work / at);

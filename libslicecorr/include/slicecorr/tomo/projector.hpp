@@ -56,16 +56,25 @@ class Projector {
  public:
   virtual ~Projector() = default;
   virtual const TomoGrid& grid() const = 0;
-  /// light = A field, of one block. Voxels with r > R are ignored.
-  virtual void forward(std::size_t block, const float* field, float* light) const = 0;
+  /// light = A field, of one block. Voxels with r > R are ignored. Rows and angles are shared among
+  /// the context's threads; its callbacks are not called.
+  virtual void forward(std::size_t block, const float* field, float* light,
+                       const ExecutionContext& context) const = 0;
   /// field = A^T light, of one block. Voxels with r > R become 0.
-  virtual void adjoint(std::size_t block, const float* light, float* field) const = 0;
+  virtual void adjoint(std::size_t block, const float* light, float* field,
+                       const ExecutionContext& context) const = 0;
+  /// The same for these slices of the grid alone, in this order.
+  virtual std::unique_ptr<Projector> of_slices(const std::vector<int>& slices) const = 0;
 };
 
 /// The fast projector, in single precision and vector registers. Throws `InputError` for tables
 /// that don't fit the grid, and values out of range.
 std::unique_ptr<Projector> make_projector(const TomoGrid& grid, const RayTables& optics = {},
                                           std::shared_ptr<const Shadow> shadow = nullptr);
+
+/// How a block may run where this context has so many of them to run at once: with the threads that
+/// are left to each, and silent.
+ExecutionContext inside_block(const ExecutionContext& context, std::size_t blocks);
 
 /// All blocks; the same bytes for any number of threads.
 Light forward(const Projector& projector, const ExecutionContext& context, const Field& field);

@@ -449,6 +449,75 @@ TEST(TomoPrint, ASquareIsPrintedAsDesigned) {
   EXPECT_THROW(solve_print(part, 0.25, printer, back, options), InfeasibleError);
 }
 
+/// A square of 13 voxels beside the axis.
+Box<std::uint8_t> square_part() {
+  Box<std::uint8_t> part{1, 33, 33, std::vector<std::uint8_t>(33 * 33)};
+  for (int y = 10; y < 23; ++y) {
+    for (int x = 10; x < 23; ++x) part.values[part.at(0, y, x)] = 255;
+  }
+  return part;
+}
+
+/// Contrast costs light: with a time that is fixed, the ladder finds light that needs less.
+TEST(TomoPrint, LightIsKeptWithinTheTimeThatIsAllowed) {
+  Resin slow = bench_resin();
+  slow.critical_dose_mj_cm3 = 2000;
+  PrintOptions options;
+  options.angles = 60;
+  const Print free = solve_print(square_part(), 0.25, bench_printer(), slow, options);
+  ASSERT_TRUE(free.figures.feasible());
+  options.most_time_s = 0.5 * free.figures.print_time_s;
+  const Print quick = solve_print(square_part(), 0.25, bench_printer(), slow, options);
+  EXPECT_TRUE(quick.figures.feasible());
+  EXPECT_LE(quick.figures.print_time_s, options.most_time_s);
+  EXPECT_GT(quick.figures.efficiency, 1.5 * free.figures.efficiency);
+  EXPECT_LT(quick.figures.metrics.contrast, free.figures.metrics.contrast);
+  // All pixels at their brightest would not do in a hundredth.
+  options.most_time_s = 0.01 * free.figures.print_time_s;
+  try {
+    solve_print(square_part(), 0.25, bench_printer(), slow, options);
+    FAIL();
+  } catch (const InfeasibleError& e) {
+    EXPECT_THAT(e.what(), testing::AllOf(HasSubstr("turns"), HasSubstr("longer than allowed")));
+  }
+}
+
+TEST(TomoPrint, TooFewAnglesAreTold) {
+  std::string told;
+  ExecutionContext context;
+  context.notice = [&](const std::string& text) { told += text + "\n"; };
+  PrintOptions options;
+  options.solve.method = Method::kFbp;
+  options.angles = 40;
+  // The corners lie 6 sqrt 2 voxels from the axis: 2 pi times that is 53.3.
+  solve_print(square_part(), 0.25, bench_printer(), bench_resin(), options, context);
+  EXPECT_THAT(told, HasSubstr("40 angles are too few for voxels of 0.25 mm at 2.12 mm from the "
+                              "axis: 54 would resolve them\n"));
+  told.clear();
+  Printer quick = bench_printer();
+  quick.rotation->max_fps = 45 / quick.rotation->turn_s();
+  solve_print(square_part(), 0.25, quick, bench_resin(), options, context);
+  EXPECT_THAT(told, HasSubstr("54 would resolve them, of which the projector shows 45 in a turn"));
+  told.clear();
+  options.angles = 54;
+  solve_print(square_part(), 0.25, bench_printer(), bench_resin(), options, context);
+  EXPECT_THAT(told, testing::Not(HasSubstr("too few")));
+}
+
+/// With few levels the better way to round is taken: never worse than the nearest level.
+TEST(TomoPrint, FewLevelsAreRoundedTheBetterWay) {
+  Printer four = bench_printer();
+  four.bit_depth = 4;
+  four.calibration = {{0, 0.002}, {15, 2.0}};
+  PrintOptions options;
+  options.angles = 60;
+  options.solve.rungs = {0.9, 0.7};
+  const Print print = solve_print(square_part(), 0.25, four, bench_resin(), options);
+  EXPECT_TRUE(print.figures.feasible());
+  const Print fine = solve_print(square_part(), 0.25, bench_printer(), bench_resin(), options);
+  EXPECT_GT(fine.figures.metrics.contrast, print.figures.metrics.contrast);
+}
+
 TEST(TomoPrint, PartsBeyondTheReachAreRefused) {
   Box<std::uint8_t> part{1, 33, 33, std::vector<std::uint8_t>(33 * 33)};
   part.values[part.at(0, 16, 2)] = 255;  // a dry vial of 4.5 mm is reached up to 4.5 / 1.5
@@ -592,13 +661,13 @@ TEST_F(TomoProgram, APartIsPrintedAroundAnInsert) {
   EXPECT_NE(dose_of(without).values, dose_of(job).values);
 
   // A mesh beside a mesh, turned and scaled alike.
-  for (const std::string name : {"part.stl", "rod.stl"}) {
-    const double h = name == "part.stl" ? 0.1 : 0.02, x = name == "part.stl" ? 0 : 0.16;
+  for (const std::string name : {"part.off", "rod.off"}) {
+    const double h = name == "part.off" ? 0.1 : 0.02, x = name == "part.off" ? 0 : 0.16;
     std::string text = "OFF\n8 12 0\n";
     const TriangleMesh mesh = box_mesh({x - h, -h, -0.05}, {x + h, h, 0.05});
     for (const Point3& v : mesh.vertices) text += fmt::format("{} {} {}\n", v[0], v[1], v[2]);
     for (const auto& t : mesh.triangles) text += fmt::format("3 {} {} {}\n", t[0], t[1], t[2]);
-    test::write_file(path(name.substr(0, 4) + ".off"), test::to_bytes(text));
+    test::write_file(path(name), test::to_bytes(text));
   }
   const test::RunResult meshes = call(
       {"solve",  "part.off",   "--insert", "rod.off",   "--scale",      "10",      "--rotate-deg",
@@ -648,6 +717,68 @@ TEST_F(TomoProgram, InsertsThatCanNotBeAreRefused) {
   EXPECT_THAT(r.err, HasSubstr("two.npy: has 33 x 33 x 2 voxels, the part 33 x 33 x 1"));
 }
 
+/// A solve that is killed, or stopped, goes on to the bytes of one that was not.
+TEST_F(TomoProgram, GoesOnWhereItWasStopped) {
+  const std::string left = path("a.frames.resume");
+  for (const std::string method : {"osmo", "ladder"}) {
+    const auto words = [&](const std::string& to, const std::vector<std::string>& more) {
+      auto all = solve(to);
+      all.insert(all.end(), {"--method", method, "--iterations", "3000"});
+      all.insert(all.end(), more.begin(), more.end());
+      return all;
+    };
+    ASSERT_THAT(call(words("whole.frames", {})).exit_code, testing::AnyOf(0, 5));
+    for (const int signal : {SIGKILL, SIGINT}) {
+      SCOPED_TRACE(method + ", signal " + std::to_string(signal));
+      test::RunOptions options;
+      options.folder = folder_.path();
+      options.signal = signal;
+      options.signal_when = [&](const std::string&, const std::string&) {
+        return std::filesystem::exists(left);
+      };
+      std::vector<std::string> command{SLICECORR_BIN_DIR "/slicecorr", "tomo"};
+      for (const std::string& word : words("a.frames", {"--checkpoint-s", "0"})) {
+        command.push_back(word);
+      }
+      const test::RunResult stopped = test::run_program(command, options);
+      ASSERT_TRUE(stopped.signalled);
+      EXPECT_EQ(stopped.exit_code, signal == SIGKILL ? 128 + SIGKILL : 130);
+      EXPECT_TRUE(std::filesystem::exists(left));
+      EXPECT_FALSE(std::filesystem::exists(path("a.frames")));
+      if (signal == SIGINT) EXPECT_THAT(stopped.err, HasSubstr("--resume goes on from there"));
+
+      // Of another solve it is refused, and stays.
+      auto other = words("a.frames", {"--resume"});
+      *(std::find(other.begin(), other.end(), "--angles") + 1) = "61";
+      test::RunResult refused = call(other);
+      EXPECT_EQ(refused.exit_code, 2);
+      EXPECT_THAT(refused.err,
+                  testing::AllOf(HasSubstr("a.frames.resume: is of a solve with another printer, "
+                                           "resin, number of angles or size of voxels"),
+                                 HasSubstr("without --resume it starts anew")));
+      other = words("a.frames", {"--resume", "--window", "ram-lak"});
+      EXPECT_THAT(call(other).err, HasSubstr("of a solve with other options"));
+      EXPECT_TRUE(std::filesystem::exists(left));
+
+      EXPECT_THAT(call(words("a.frames", {"--resume"})).exit_code, testing::AnyOf(0, 5));
+      EXPECT_EQ(test::read_file(path("a.frames")), test::read_file(path("whole.frames")));
+      EXPECT_FALSE(std::filesystem::exists(left));
+      std::filesystem::remove(path("a.frames"));
+    }
+  }
+  // Without anything to go on from it starts anew.
+  auto anew = solve("a.frames");
+  anew.push_back("--resume");
+  EXPECT_EQ(call(anew).exit_code, 0);
+  EXPECT_EQ(call(solve("b.frames")).exit_code, 0);
+  EXPECT_EQ(test::read_file(path("a.frames")), test::read_file(path("b.frames")));
+  // Damage is told.
+  test::write_file(left, test::to_bytes("slicecorr tomo solve 1\nand nothing else"));
+  const test::RunResult damaged = call(anew);
+  EXPECT_EQ(damaged.exit_code, 2);
+  EXPECT_THAT(damaged.err, HasSubstr("a.frames.resume: is damaged"));
+}
+
 TEST_F(TomoProgram, WrongUseIsToldByName) {
   EXPECT_EQ(call({}).exit_code, 2);
   EXPECT_EQ(call({"print"}).exit_code, 2);
@@ -658,13 +789,19 @@ TEST_F(TomoProgram, WrongUseIsToldByName) {
   auto beside = solve("a.frames");
   beside.insert(beside.end(), {"--center-mm", "1,1"});
   EXPECT_THAT(call(beside).err, HasSubstr("--center-mm"));
+  auto clipped = solve("a.frames");
+  clipped.insert(clipped.end(), {"--clip-sigma", "3"});
+  EXPECT_THAT(call(clipped).err, HasSubstr("expected --method osmo"));
+  clipped.insert(clipped.end(), {"--method", "osmo", "--stop-error", "0.005"});
+  EXPECT_THAT(call(clipped).exit_code, testing::AnyOf(0, 5));
+  std::filesystem::remove(path("a.frames"));
   EXPECT_EQ(call({"verify", "part.npy"}).exit_code, 2);
   EXPECT_EQ(call({"verify", "none.frames"}).exit_code, 2);
   auto slow = solve("a.frames");
   slow.insert(slow.end(), {"--max-time-s", "1"});
   const test::RunResult late = call(slow);
   EXPECT_EQ(late.exit_code, 3);
-  EXPECT_THAT(late.err, HasSubstr("turns"));
+  EXPECT_THAT(late.err, HasSubstr("a turn of 14.4 s at least, longer than the 1 s allowed"));
   EXPECT_FALSE(std::filesystem::exists(path("a.frames")));
 }
 

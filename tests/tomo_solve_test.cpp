@@ -110,6 +110,29 @@ TEST(TomoMetrics, LevelsAreNearestInIntensity) {
   EXPECT_THROW(light_of_levels(grid, {1, 2}, curve), InputError);
 }
 
+/// What rounding takes at an angle the same pixel gets at the next, where levels can show it.
+TEST(TomoMetrics, LevelsCarryWhatRoundingLeaves) {
+  const TomoGrid grid = square_grid(4, 6);
+  Light light(grid);
+  // Pixel 0: 0.42 of a level at each angle; pixel 1: darker than black, then a level; pixel 2: brighter
+  // than all; pixel 3: 1.3 levels.
+  const float of_pixel[] = {0.42f, 0, 9, 1.3f};
+  for (int m = 0; m < 6; ++m) {
+    for (int i = 0; i < 4; ++i) light.values[grid.pixel(m, i, 0)] = of_pixel[i];
+  }
+  light.values[grid.pixel(5, 1, 0)] = 1.05f;
+  const auto levels = carried_levels(light, 1, {0.1, 1.1, 2.1, 3.1});
+  const int want[4][6] = {{0, 1, 0, 0, 1, 0},  // 0.42, 0.74 -> 1, 0.06, 0.38, 0.7 -> 1, 0.02
+                          {0, 0, 0, 0, 0, 1},  // the light that black adds is no debt
+                          {3, 3, 3, 3, 3, 3},
+                          {1, 1, 2, 1, 1, 1}};  // 1.3, 1.5, 1.7 -> 2, 0.9, 1.1, 1.3
+  for (int i = 0; i < 4; ++i) {
+    for (int m = 0; m < 6; ++m) {
+      EXPECT_EQ(levels[grid.pixel(m, i, 0)], want[i][m]) << i << ", " << m;
+    }
+  }
+}
+
 /// Science 2019, eq. 2, on a disc, before negative light is cut off: the mean inside is 1 to 0.013.
 TEST(TomoFilter, AttenuatedInverseOfADisc) {
   const double alpha = 2;
@@ -307,26 +330,84 @@ TEST(TomoLadder, SlicesAreIndependentAndThreadsChangeNothing) {
   }
 }
 
-TEST(TomoLadder, ResumesFromACheckpoint) {
-  const Problem p(t1(square_grid(96, 90)));
-  SolveOptions options;
-  options.rungs = {.95, .9, .85};
-  options.proof_steps = 0;
-  Light kept(p.grid);
-  double next = 0;
-  options.checkpoint = [&](const Light& light, double rung) {
-    if (rung == .85) {
-      kept = light;
-      next = rung;
-    }
+/// A solve that goes on from any place that it passed ends in the same bytes.
+TEST(TomoSolve, GoesOnFromWhereItStood) {
+  struct Case {
+    Method method;
+    double depth;
+    int places;
   };
-  const Solution whole = p.solve(options);
-  ASSERT_EQ(next, .85);
-  options.checkpoint = nullptr;
-  options.start = &kept;
-  options.first_rung = next;
-  const Solution resumed = p.solve(options);
-  EXPECT_EQ(whole.light.values, resumed.light.values);
+  // The ladder of the third case misses its last rung, and proves it.
+  for (const Case& c : {Case{Method::kOsmo, 0, 4}, Case{Method::kKelly, 0, 5},
+                        Case{Method::kLadder, 2, 2}, Case{Method::kLadder, 0, 3}}) {
+    const Problem p(t1(square_grid(64, 60)), c.depth);
+    SolveOptions options;
+    options.method = c.method;
+    options.steps = c.method == Method::kLadder ? 30 : 5;
+    options.most_steps = 30;
+    options.rungs = {.95, .9, .85};
+    std::vector<SolverState> places;
+    options.checkpoint = [&](const SolverPlace& at) {
+      places.push_back({at.numbers, at.rung, at.missed, at.step, at.best});
+    };
+    const Solution whole = p.solve(options);
+    EXPECT_GE(static_cast<int>(places.size()), c.depth > 0 ? 1 : c.places);
+    if (c.depth > 0) {
+      EXPECT_TRUE(places.back().missed);
+      EXPECT_LT(whole.contrast_bound, 10);
+    }
+    options.checkpoint = nullptr;
+    for (const SolverState& place : places) {
+      options.resume = &place;
+      const Solution again = p.solve(options);
+      EXPECT_EQ(whole.light.values, again.light.values);
+      EXPECT_EQ(whole.dose.values, again.dose.values);
+      EXPECT_EQ(whole.rung, again.rung);
+      EXPECT_EQ(whole.contrast_bound, again.contrast_bound);
+      EXPECT_EQ(whole.history.size(), again.history.size());
+      EXPECT_EQ(whole.metrics.pw, again.metrics.pw);
+    }
+    const SolverState other{{}, 0, false, 0, Solution(square_grid(41, 30))};
+    options.resume = &other;
+    EXPECT_THROW(p.solve(options), InputError);
+  }
+}
+
+/// Webber 2023: light above mean + 3 sigma cut off, 8 bit, and an end at a relative error of 0.5 %.
+TEST(TomoOsmo, WebbersClipAndEnd) {
+  const Problem p(t1(square_grid(96, 90)));
+  SolveOptions options = osmo(40);
+  options.clip_sigma = 3;
+  const Solution s = p.solve(options);
+  double sum = 0, squares = 0, most = 0;
+  for (const float v : s.light.values) most = std::max<double>(most, v);
+  for (const float v : s.light.values) {
+    EXPECT_NEAR(v / most * 255, std::round(v / most * 255), 1e-3);
+    sum += v;
+    squares += static_cast<double>(v) * v;
+  }
+  const Solution free = p.solve(osmo(40));
+  const auto n = static_cast<double>(free.light.values.size());
+  double free_sum = 0, free_squares = 0, free_most = 0;
+  for (const float v : free.light.values) {
+    free_sum += v;
+    free_squares += static_cast<double>(v) * v;
+    free_most = std::max<double>(free_most, v);
+  }
+  const double mean = free_sum / n, sigma = std::sqrt(free_squares / n - mean * mean);
+  ASSERT_GT(free_most, mean + 3 * sigma);
+  // Cut at the same share of the mean, but for what rounding to levels adds.
+  std::size_t cut = 0, at_most = 0;
+  for (const float v : free.light.values) cut += v >= (mean + 3 * sigma) * (1 - 0.5 / 255);
+  for (const float v : s.light.values) at_most += v == static_cast<float>(most);
+  EXPECT_EQ(at_most, cut);
+  EXPECT_GT(efficiency(s.light), efficiency(free.light));
+
+  options = osmo(200);
+  options.stop_error = 0.01;
+  const Solution ended = p.solve(options);
+  EXPECT_LT(ended.history.size(), 200u);
+  EXPECT_GT(ended.history.size(), 2u);
 }
 
 TEST(TomoLadder, StopsWhenAsked) {
@@ -335,7 +416,7 @@ TEST(TomoLadder, StopsWhenAsked) {
   ExecutionContext context;
   context.cancel = &cancel;
   SolveOptions options;
-  options.checkpoint = [&](const Light&, double) { cancel = true; };
+  options.checkpoint = [&](const SolverPlace&) { cancel = true; };
   for (const Method method : {Method::kLadder, Method::kOsmo, Method::kKelly}) {
     cancel = false;
     options.method = method;
@@ -355,6 +436,8 @@ TEST(TomoLadder, RefusesOptionsOutOfRange) {
   refused([](SolveOptions& o) { o.most_dose = 1; });
   refused([](SolveOptions& o) { o.most_dose = std::nan(""); });
   refused([](SolveOptions& o) { o.cap = -1; });
+  refused([](SolveOptions& o) { o.clip_sigma = -1; });
+  refused([](SolveOptions& o) { o.stop_error = std::nan(""); });
   refused([](SolveOptions& o) { o.rungs = {}; });
   refused([](SolveOptions& o) { o.rungs = {.5, .8}; });
   refused([](SolveOptions& o) { o.rungs = {1.0}; });

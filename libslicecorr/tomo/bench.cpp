@@ -34,14 +34,17 @@ int voxels_across(const Printer& printer, double voxel_mm) {
   return 2 * static_cast<int>(half) + 1;
 }
 
+int resolving_angles(double radius_mm, double voxel_mm) {
+  return static_cast<int>(
+      std::min(std::ceil(2 * std::numbers::pi * radius_mm / voxel_mm - kSame), 1e9));
+}
+
 int usual_angles(const Printer& printer, double part_radius_mm, double voxel_mm) {
-  // pi r / p for half a turn.
-  const double wanted = std::ceil(2 * std::numbers::pi * part_radius_mm / voxel_mm);
-  constexpr double least = 180, most = 1440;
-  double angles = std::clamp(wanted, least, most);
+  constexpr int least = 180, most = 1440;
+  int angles = std::clamp(resolving_angles(part_radius_mm, voxel_mm), least, most);
   const int shown = most_frames_per_turn(*printer.rotation);
-  if (shown > 0) angles = std::min<double>(angles, shown);
-  return std::max(3, static_cast<int>(angles));
+  if (shown > 0) angles = std::min(angles, shown);
+  return std::max(3, angles);
 }
 
 Bench make_bench(const Printer& printer, const Resin& resin, const Sampling& sampling) {

@@ -12,6 +12,12 @@ float largest(const Array<float>& values) {
   return *std::max_element(values.begin(), values.end());
 }
 
+void Best::resume(const Solution& best) {
+  solution_ = best;
+  solution_.metrics = measure(target_, best.dose);
+  any_ = true;
+}
+
 void Best::offer(const Light& light, const Field& dose, const Metrics& m, double rung,
                  bool by_contrast) {
   const Metrics& best = solution_.metrics;

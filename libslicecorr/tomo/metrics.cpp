@@ -49,6 +49,18 @@ void check_curve(const std::vector<double>& mw_cm2) {
   }
 }
 
+/// The level nearest in intensity, the lower of two.
+std::uint16_t nearest_level(double wanted, const std::vector<double>& mw_cm2) {
+  const auto above = std::lower_bound(mw_cm2.begin(), mw_cm2.end(), wanted);
+  auto level = static_cast<std::size_t>(above - mw_cm2.begin());
+  if (above == mw_cm2.end()) {
+    level = mw_cm2.size() - 1;
+  } else if (level > 0 && wanted - mw_cm2[level - 1] <= mw_cm2[level] - wanted) {
+    --level;
+  }
+  return static_cast<std::uint16_t>(level);
+}
+
 }  // namespace
 
 Metrics measure(const Target& target, const Field& dose) {
@@ -172,15 +184,30 @@ std::vector<std::uint16_t> nearest_levels(const Light& light, double mw_cm2_per_
   check_curve(mw_cm2);
   std::vector<std::uint16_t> levels(light.values.size());
   for (std::size_t i = 0; i < levels.size(); ++i) {
-    const double wanted = light.values[i] * mw_cm2_per_unit;
-    const auto above = std::lower_bound(mw_cm2.begin(), mw_cm2.end(), wanted);
-    std::size_t level = above - mw_cm2.begin();
-    if (above == mw_cm2.end()) {
-      level = mw_cm2.size() - 1;
-    } else if (level > 0 && wanted - mw_cm2[level - 1] <= mw_cm2[level] - wanted) {
-      --level;
+    levels[i] = nearest_level(light.values[i] * mw_cm2_per_unit, mw_cm2);
+  }
+  return levels;
+}
+
+std::vector<std::uint16_t> carried_levels(const Light& light, double mw_cm2_per_unit,
+                                          const std::vector<double>& mw_cm2) {
+  check_curve(mw_cm2);
+  const TomoGrid& grid = light.grid;
+  std::vector<std::uint16_t> levels(light.values.size());
+  const std::size_t frame = grid.light_of_block() / static_cast<std::size_t>(grid.angles);
+  for (std::size_t b = 0; b < grid.blocks(); ++b) {
+    for (std::size_t pixel = 0; pixel < frame; ++pixel) {
+      double owed = 0;
+      for (int m = 0; m < grid.angles; ++m) {
+        const std::size_t i =
+            b * grid.light_of_block() + static_cast<std::size_t>(m) * frame + pixel;
+        const double wanted = light.values[i] * mw_cm2_per_unit;
+        levels[i] = nearest_level(wanted + owed, mw_cm2);
+        // What no level can show is owed to nobody: it would dim or brighten all that follows.
+        const bool within = wanted > mw_cm2.front() && wanted < mw_cm2.back();
+        owed = within ? wanted + owed - mw_cm2[levels[i]] : 0;
+      }
     }
-    levels[i] = static_cast<std::uint16_t>(level);
   }
   return levels;
 }

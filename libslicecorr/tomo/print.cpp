@@ -3,13 +3,18 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "parallel/silent.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/version.hpp"
 #include "slicecorr/vial.hpp"
+#include "stack/formats/definition_json.hpp"
+#include "tomo/checkpoint.hpp"
 #include "tomo/voxels.hpp"
 
 namespace slicecorr::tomo {
@@ -70,6 +75,21 @@ double floor_of_turn(const Bench& bench, const Projector& projector,
          dose_of_turn(bench.grid, bench.exposure);
 }
 
+detail::Fingerprint fingerprint_of(const Box<std::uint8_t>& part, const Box<std::uint8_t>& insert,
+                                   const TomoJob& job, const SolveOptions& options) {
+  const auto of_box = [](const Box<std::uint8_t>& box) {
+    const std::array<int, 3> size{box.nz, box.ny, box.nx};
+    return detail::hash_of(box.values.data(), box.values.size(),
+                           detail::hash_of(size.data(), sizeof size));
+  };
+  const std::string machine =
+      fmt::format("{} {} {} {} {}", version, job.sampling.voxel_mm, job.sampling.angles,
+                  slicecorr::detail::printer_json(job.printer).dump(),
+                  slicecorr::detail::resin_json(job.resin).dump());
+  return {of_box(part), of_box(insert), detail::hash_of(machine.data(), machine.size()),
+          detail::hash_of(options)};
+}
+
 PrintFigures judge(const TomoJob& job, const Bench& bench, const Target& target,
                    const Box<float>& dose, double floor_of_turn_mj_cm3) {
   Field field(bench.grid);
@@ -90,6 +110,23 @@ PrintFigures judge(const TomoJob& job, const Bench& bench, const Target& target,
   f.alpha_r = bench.alpha_r;
   f.floor_mj_cm3 = floor_of_turn_mj_cm3 * job.turns;
   return f;
+}
+
+/// Up to so many levels it is tried which way to round them.
+constexpr std::size_t kFewLevels = 64;
+/// With a time that is fixed light stays this far below the brightest, for what rounding costs.
+constexpr double kBelowCap = 0.98;
+
+/// Whole turns in the time; 0: as many as it takes.
+int turns_allowed(const Bench& bench, double most_time_s) {
+  if (most_time_s <= 0) return 0;
+  const double turns = std::floor(most_time_s / bench.exposure.turn_s * (1 + 1e-9));
+  if (!(turns >= 1)) {
+    throw InfeasibleError(
+        fmt::format("printing takes a turn of {:g} s at least, longer than the {:g} s allowed",
+                    bench.exposure.turn_s, most_time_s));
+  }
+  return static_cast<int>(std::min(turns, 1e9));
 }
 
 /// Whole turns until the weakest gel voxel has its dose, and what it needs by then.
@@ -142,11 +179,41 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   const Projector& projector = *scene.projector;
   // One line of progress for each rung, none for each sum over angles.
   const ExecutionContext quiet = slicecorr::detail::silent(context);
+  const int wanted = resolving_angles(radius_mm, voxel_mm);
+  if (bench.grid.angles < wanted) {
+    const int shown = most_frames_per_turn(*printer.rotation);
+    context.tell(fmt::format(
+        "{} angles are too few for voxels of {:g} mm at {:.3g} mm from the axis: {} would resolve "
+        "them{}",
+        bench.grid.angles, voxel_mm, radius_mm, wanted,
+        shown > 0 && shown < wanted
+            ? fmt::format(", of which the projector shows {} in a turn; a slower turn has more",
+                          shown)
+            : std::string()));
+  }
   SolveOptions how = options.solve;
-  how.checkpoint = [&](const Light& light, double next_rung) {
-    if (options.solve.checkpoint) options.solve.checkpoint(light, next_rung);
-    if (how.method == Method::kLadder && next_rung < 1) {
-      context.tell(fmt::format("next: void below {:g} of the gel dose", next_rung));
+  const int most_turns = turns_allowed(bench, options.most_time_s);
+  if (most_turns > 0) {
+    const double cap = kBelowCap * dose_of_turn(bench.grid, bench.exposure) * most_turns *
+                       bench.mw_cm2.back() /
+                       (bench.exposure.critical_mj_cm3 +
+                        bench.resupply_mj_cm3_s * bench.exposure.turn_s * most_turns);
+    how.cap = how.cap > 0 ? std::min(how.cap, cap) : cap;
+  }
+  detail::CheckpointFile file(options.checkpoint, options.checkpoint_s,
+                              fingerprint_of(part, options.insert, job, how));
+  const std::optional<SolverState> state =
+      options.resume ? file.read(bench.grid) : std::optional<SolverState>{};
+  if (state) {
+    context.tell(
+        fmt::format("{}: goes on after {} steps", options.checkpoint, state->best.history.size()));
+    how.resume = &*state;
+  }
+  how.checkpoint = [&](const SolverPlace& at) {
+    if (options.solve.checkpoint) options.solve.checkpoint(at);
+    file.keep(at);
+    if (at.rung > 0 && !at.missed) {
+      context.tell(fmt::format("next: void below {:g} of the gel dose", at.rung));
     }
   };
   Solution solution = solve(quiet, projector, target, bench.rays, how);
@@ -175,19 +242,32 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   const PrintTime time = plan_time(quiet, projector, target, full, exposure);
 
   // Rounding to levels, and the direct sum, which weighs light otherwise, may find the weakest voxel a
-  // little short: a little more for all, or a turn more.
+  // little short: a little more for all, or a turn more. Where no turn more is allowed, pixels that
+  // can't be brighter stay as they are.
   job.part = part;
   job.insert = options.insert;
   const double black = floor_of_turn(bench, projector, quiet);
   double scale = brightest * time.scale;
   PrintFigures figures;
-  for (int round = 0; round < 8; ++round) {
-    job.levels = nearest_levels(solution.light, scale, bench.mw_cm2);
+  const auto show = [&](bool carry) {
+    job.levels = carry ? carried_levels(solution.light, scale, bench.mw_cm2)
+                       : nearest_levels(solution.light, scale, bench.mw_cm2);
     figures = judge(job, bench, target, dose_of(job, quiet), black);
+  };
+  // With few levels it depends on the part which way to round prints better.
+  bool carry = false;
+  if (bench.mw_cm2.size() <= kFewLevels) {
+    show(true);
+    const double carried = figures.metrics.contrast;
+    show(false);
+    carry = carried > figures.metrics.contrast;
+  }
+  for (int round = 0; round < 8; ++round) {
+    show(carry);
     const double short_by = figures.gel_dose_mj_cm3 / figures.metrics.min_gel;
     if (short_by <= 1) break;
     scale *= short_by + 1e-4;
-    if (scale <= brightest) continue;
+    if (scale <= brightest || job.turns == most_turns) continue;
     scale *= static_cast<double>(job.turns) / (job.turns + 1);
     ++job.turns;
   }

@@ -15,13 +15,32 @@ void normalise(Light& light) {
   if (most > 0) scale(light.values, 1.0 / most);
 }
 
+/// Cuts off light above the mean and this many standard deviations, and rounds what is left to 256
+/// levels, the brightest 1.
+void clip(Light& light, double sigmas) {
+  const TomoGrid& grid = light.grid;
+  const auto lanes = static_cast<std::size_t>(grid.lanes());
+  double sum = 0, squares = 0;
+  // Lanes without a slice are 0 and add nothing.
+  for (const float v : light.values) {
+    sum += v;
+    squares += static_cast<double>(v) * v;
+  }
+  const double count =
+      static_cast<double>(light.values.size() / (grid.blocks() * lanes)) * grid.slices;
+  const double mean = sum / count;
+  const double most = mean + sigmas * std::sqrt(std::max(0.0, squares / count - mean * mean));
+  for (float& v : light.values) v = std::min(v, static_cast<float>(most));
+  normalise(light);
+  for (float& v : light.values) v = std::round(v * 255) / 255;
+}
+
 /// A step of OSMO or Kelly, judged.
 void record(const Target& target, const Light& light, const Field& dose, int step, Best& best,
-            Solution& solution, const SolveOptions& options) {
+            Solution& solution) {
   const Metrics m = measure(target, dose);
   solution.history.push_back({.step = step, .ver = m.ver, .pw = m.pw, .contrast = m.contrast});
   best.offer(light, dose, m, 0, false);
-  if (options.checkpoint) options.checkpoint(light, 1);
 }
 
 }  // namespace
@@ -41,10 +60,27 @@ void run_osmo(const ExecutionContext& context, const Projector& projector, const
   };
   const auto high = static_cast<float>(options.osmo_high),
              low = static_cast<float>(options.osmo_low);
+  // What is wrong with the dose, over what the part should have.
+  const auto error = [&] {
+    double wrong = 0;
+    for (std::size_t i = 0; i < target.kinds.size(); ++i) {
+      if (target.kinds[i] == Kind::kVoid) wrong += std::max(dose.values[i] - low, 0.0f);
+      if (target.kinds[i] == Kind::kGel) wrong += std::max(high - dose.values[i], 0.0f);
+    }
+    return wrong / (options.osmo_high * static_cast<double>(target.gel));
+  };
   const int steps = options.steps == 0 ? 20 : options.steps;
-  project();
-  record(target, light, dose, 0, best, solution, options);
-  for (int step = 1; step < steps; ++step) {
+  int step = 1;
+  if (options.resume != nullptr) {
+    model.values = options.resume->numbers;
+    step = options.resume->step;
+    best.resume(options.resume->best);
+    project();
+  } else {
+    project();
+    record(target, light, dose, 0, best, solution);
+  }
+  for (; step < steps && !(error() < options.stop_error); ++step) {
     context.report("solving", static_cast<double>(step) / steps);
     for (const Kind kind : {Kind::kVoid, Kind::kGel}) {
       context.check_cancelled();
@@ -58,8 +94,12 @@ void run_osmo(const ExecutionContext& context, const Projector& projector, const
       }
       project();
     }
-    record(target, light, dose, step, best, solution, options);
+    record(target, light, dose, step, best, solution);
+    if (options.checkpoint) {
+      options.checkpoint({.numbers = model.values, .step = step + 1, .best = solution});
+    }
   }
+  if (options.clip_sigma > 0) clip(solution.light, options.clip_sigma);
   // The kept light has a maximum of 1 and its dose one of 1: bring them to one unit.
   solution.dose = adjoint(projector, context, solution.light);
   solution.metrics = measure(target, solution.dose);
@@ -96,14 +136,20 @@ void run_kelly(const ExecutionContext& context, const Projector& projector, cons
     scale(light.values, unit_step);
   }
   const int steps = options.steps == 0 ? 10 : options.steps;
-  for (int step = 0; step < steps; ++step) {
+  int step = 0;
+  if (options.resume != nullptr) {
+    light.values = options.resume->numbers;
+    step = options.resume->step;
+    best.resume(options.resume->best);
+  }
+  for (; step < steps; ++step) {
     context.check_cancelled();
     context.report("solving", static_cast<double>(step) / steps);
     for (float& v : light.values) v = std::max(v, 0.0f);
     const float most = largest(light.values);
     for (float& v : light.values) v = std::round(v / most * 255) / 255 * most;
     const Field dose = adjoint(projector, context, light);
-    record(target, light, dose, step, best, solution, options);
+    record(target, light, dose, step, best, solution);
     const double threshold = measure(target, dose).best_threshold;
     const double width = 0.05 * largest(dose.values);
     Field wrong(grid);
@@ -116,6 +162,9 @@ void run_kelly(const ExecutionContext& context, const Projector& projector, cons
     for (std::size_t i = 0; i < light.values.size(); ++i) {
       light.values[i] -= static_cast<float>(unit_step) * change.values[i];
     }
+    if (options.checkpoint) {
+      options.checkpoint({.numbers = light.values, .step = step + 1, .best = solution});
+    }
   }
   best.finish();
 }
@@ -125,7 +174,7 @@ void run_fbp(const ExecutionContext& context, const Projector& projector, const 
   Best best(target, solution);
   const Light light = filtered_start(context, target, optics, options.window);
   const Field dose = adjoint(projector, context, light);
-  record(target, light, dose, 0, best, solution, options);
+  record(target, light, dose, 0, best, solution);
   best.finish();
 }
 

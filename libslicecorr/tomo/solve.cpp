@@ -39,8 +39,17 @@ void check_options(const Projector& projector, const Target& target, const Solve
   if (!(o.osmo_low > 0 && o.osmo_low < o.osmo_high && o.osmo_high <= 1)) {
     refuse("osmo_low, osmo_high", "must be 0 < low < high <= 1");
   }
+  if (!(o.clip_sigma >= 0)) refuse("clip_sigma", "must be 0 or more");
+  if (!(o.stop_error >= 0)) refuse("stop_error", "must be 0 or more");
   if (o.start != nullptr && !(o.start->grid == target.grid)) {
     refuse("start", "must have the grid of the part");
+  }
+  if (o.resume != nullptr) {
+    const std::size_t light = target.grid.blocks() * target.grid.light_of_block();
+    if (!(o.resume->best.light.grid == target.grid) ||
+        o.resume->numbers.size() != (o.method == Method::kOsmo ? target.kinds.size() : light)) {
+      refuse("resume", "must have the grid of the part");
+    }
   }
 }
 
@@ -104,17 +113,31 @@ class Ladder {
         dose_(target.grid) {}
 
   void run() {
-    if (options_.start == nullptr) scale_start();
+    bool missed = false;
+    if (options_.resume != nullptr) {
+      light_.values = options_.resume->numbers;
+      dose_ = adjoint(projector_, context_, light_);
+      missed = options_.resume->missed;
+      best_.resume(options_.resume->best);
+    } else if (options_.start == nullptr) {
+      scale_start();
+    }
     for (std::size_t r = 0; r < options_.rungs.size(); ++r) {
       const double rung = options_.rungs[r];
-      if (rung > options_.first_rung) continue;
-      detail::Penalty penalty = penalty_of(rung);
-      const double loss = climb(penalty);
-      best_.offer(light_, dose_, measure(target_, dose_), rung, true);
-      if (options_.checkpoint) {
-        options_.checkpoint(light_, r + 1 < options_.rungs.size() ? options_.rungs[r + 1] : 1);
+      if (options_.resume != nullptr && rung > options_.resume->rung) continue;
+      const detail::Penalty penalty = penalty_of(rung);
+      if (!missed) {
+        missed = climb(penalty) != 0;
+        offer(rung);
+        if (options_.checkpoint) {
+          const double next = r + 1 < options_.rungs.size() ? options_.rungs[r + 1] : 0;
+          options_.checkpoint({.numbers = light_.values,
+                               .rung = missed ? rung : next,
+                               .missed = missed,
+                               .best = solution_});
+        }
       }
-      if (loss == 0) continue;
+      if (!missed) continue;
       prove(penalty);
       break;
     }
@@ -122,6 +145,16 @@ class Ladder {
   }
 
  private:
+  /// Light that would have to exceed the cap, to bring the weakest voxel to its dose, takes the place
+  /// of none that would not.
+  void offer(double rung) {
+    const Metrics m = measure(target_, dose_);
+    if (options_.cap > 0 && best_.any() &&
+        !(detail::largest(light_.values) <= options_.cap * m.min_gel * (1 + 1e-6))) {
+      return;
+    }
+    best_.offer(light_, dose_, m, rung, true);
+  }
   detail::Penalty penalty_of(double rung) const {
     return {.rung = rung,
             .most_dose = options_.most_dose,

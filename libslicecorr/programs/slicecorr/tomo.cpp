@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <functional>
 #include <utility>
 
@@ -110,6 +111,9 @@ int solve(const TomoOptions& o, const ExecutionContext& context, Console& consol
   if (!o.mesh.center_mm.empty()) {
     throw InputError("--center-mm has no place here: parts are middled on the axis");
   }
+  if ((o.clip_sigma > 0 || o.stop_error > 0) && o.method != "osmo") {
+    throw InputError("--clip-sigma and --stop-error are of OSMO; expected --method osmo with them");
+  }
   std::vector<std::string> inputs = o.mesh.parts;
   inputs.insert(inputs.end(), o.inserts.begin(), o.inserts.end());
   if (!o.volume.empty()) inputs.push_back(o.volume);
@@ -127,15 +131,39 @@ int solve(const TomoOptions& o, const ExecutionContext& context, Console& consol
   options.solve.method = tomo::method_named(o.method);
   options.solve.window = tomo::window_named(o.window);
   options.solve.steps = o.iterations;
+  options.solve.clip_sigma = o.clip_sigma;
+  options.solve.stop_error = o.stop_error;
   options.angles = o.angles;
   options.most_time_s = o.most_time_s;
   options.beyond_reach = o.beyond_reach;
   Voxels voxels = o.volume.empty() ? voxels_of_meshes(o, printer, voxel_mm, context)
                                    : voxels_of_volumes(o, printer, voxel_mm);
   options.insert = std::move(voxels.insert);
-  const tomo::Print print =
-      tomo::solve_print(voxels.part, voxel_mm, printer, resin, options, context);
+  options.checkpoint = o.output + ".resume";
+  options.checkpoint_s = o.checkpoint_s;
+  options.resume = o.resume;
+  const auto forget = [&] {
+    std::error_code error;
+    std::filesystem::remove(options.checkpoint, error);
+  };
+  const tomo::Print print = [&] {
+    try {
+      return tomo::solve_print(voxels.part, voxel_mm, printer, resin, options, context);
+    } catch (const Cancelled&) {
+      if (std::filesystem::exists(options.checkpoint)) {
+        console.say(
+            fmt::format("{}: what was found so far; the same command with --resume goes on "
+                        "from there",
+                        options.checkpoint));
+      }
+      throw;
+    } catch (const InfeasibleError&) {
+      forget();
+      throw;
+    }
+  }();
   tomo::write_job(o.output, print.job, context);
+  forget();
   console.say(fmt::format("{}: {} frames of {} x {} pixels", o.output, print.job.sampling.angles,
                           printer.width_px, printer.height_px));
   return tell(print.figures, o.json, console);
@@ -200,8 +228,24 @@ void add_tomo(Program& program, TomoOptions& o) {
       ->capture_default_str();
   sub->add_option("--iterations", o.iterations, "Steps, with the ladder of each rung [60, 20, 10]")
       ->check(CLI::Range(1, 100000));
-  sub->add_option("--max-time-s", o.most_time_s, "Refuse what takes longer to print")
+  sub->add_option(
+         "--clip-sigma", o.clip_sigma,
+         "OSMO: cut off light above the mean and so many standard deviations [none; Webber: 3]")
       ->check(number_above_zero());
+  sub->add_option("--stop-error", o.stop_error,
+                  "OSMO: stop when doses are wrong by less than this share of the part's [none; "
+                  "Webber: 0.005]")
+      ->check(number_above_zero());
+  sub->add_option("--max-time-s", o.most_time_s,
+                  "Most time to print: the ladder keeps the light within it, what takes longer is "
+                  "refused")
+      ->check(number_above_zero());
+  sub->add_flag("--resume", o.resume,
+                "Go on from what a solve that was stopped left in OUTPUT.resume, if it is there");
+  sub->add_option("--checkpoint-s", o.checkpoint_s,
+                  "Seconds at least between what is left there; 0: after each rung or step")
+      ->check(number_in(0, 1e9))
+      ->capture_default_str();
   sub->add_flag("--beyond-reach", o.beyond_reach,
                 "Allow parts that reach further than light from all directions does");
   sub->add_option("--json", o.json, "Write all figures as JSON to FILE, or - for stdout");

@@ -15,9 +15,10 @@ struct TomoOptions {
   std::string printer, resin, volume, output, job, dose, json;
   std::vector<std::string> inserts;
   std::string method = "ladder", window = "hamming";
-  double voxel_mm = 0, most_time_s = 0;
+  double voxel_mm = 0, most_time_s = 0, clip_sigma = 0, stop_error = 0;
   int angles = 0, iterations = 0;
-  bool beyond_reach = false;
+  double checkpoint_s = 5;
+  bool beyond_reach = false, resume = false;
 };
 
 /// Adds `tomo` with its subcommands, which keep what they are told in `options`.

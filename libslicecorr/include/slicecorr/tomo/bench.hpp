@@ -47,6 +47,10 @@ int voxels_across(const Printer& printer, double voxel_mm);
 /// more frames than the projector shows in a turn.
 Bench make_bench(const Printer& printer, const Resin& resin, const Sampling& sampling);
 
+/// Angles of a turn at which voxels at this distance from the axis are resolved: pi r / p for half a
+/// turn (Kelly's thesis, 5.5.2).
+int resolving_angles(double radius_mm, double voxel_mm);
+
 /// As many angles as resolve the voxels at `part_radius_mm`, as far as the projector can show them.
 int usual_angles(const Printer& printer, double part_radius_mm, double voxel_mm);
 

@@ -69,6 +69,10 @@ PrintTime plan_time(const ExecutionContext& context, const Projector& projector,
 /// Levels nearest to light * mw_cm2_per_unit, in mW/cm2; laid out as the light.
 std::vector<std::uint16_t> nearest_levels(const Light& light, double mw_cm2_per_unit,
                                           const std::vector<double>& mw_cm2);
+/// The same, but what rounding adds or takes at an angle is made up for at the next one, by the same
+/// pixel: better with few levels.
+std::vector<std::uint16_t> carried_levels(const Light& light, double mw_cm2_per_unit,
+                                          const std::vector<double>& mw_cm2);
 /// What these levels show, mW/cm2. Lanes without a slice stay 0.
 Light light_of_levels(const TomoGrid& grid, const std::vector<std::uint16_t>& levels,
                       const std::vector<double>& mw_cm2);

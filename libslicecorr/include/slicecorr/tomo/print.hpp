@@ -64,9 +64,16 @@ struct PrintOptions {
   SolveOptions solve;
   /// What turns with the part and lets no light through: > 0 opaque, on the part's grid; empty: none.
   Box<std::uint8_t> insert;
-  int angles = 0;             ///< 0: `usual_angles`
-  double most_time_s = 0;     ///< 0: no limit
+  int angles = 0;  ///< 0: `usual_angles`
+  /// 0: no limit. With one, light is found that prints in that time (`SolveOptions::cap`).
+  double most_time_s = 0;
   bool beyond_reach = false;  ///< gel where not all directions reach is allowed
+  /// File in which the solver leaves what it has, after a rung or step, to go on from; empty: none.
+  /// It stays when the solve ends, whichever way: whoever has the result removes it.
+  std::string checkpoint = {};
+  double checkpoint_s = 5;  ///< not more often than this; 0: always
+  /// Goes on from that file, if it is there, to the same bytes as a solve that was not stopped.
+  bool resume = false;
 };
 
 struct Print {
@@ -74,8 +81,8 @@ struct Print {
   PrintFigures figures;  ///< of the frames with their grey levels
 };
 
-/// Throws `InputError` for parts outside of the vial or its reach, and for inserts of another grid,
-/// outside of the vial, or in the part; `InfeasibleError` when the bound of contrast is below 1,
+/// Throws `InputError` for parts outside of the vial or its reach, for inserts of another grid,
+/// outside of the vial, or in the part, and for a checkpoint that is damaged or of another solve; `InfeasibleError` when the bound of contrast is below 1,
 /// when a voxel of the part is lit from no angle, when black light gels resin, when inhibitor comes
 /// back faster than light takes it, and when it takes longer than allowed.
 Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer& printer,

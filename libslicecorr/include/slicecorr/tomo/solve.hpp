@@ -46,6 +46,37 @@ struct Step {
   double ver = 0, pw = 0, contrast = 0;
 };
 
+struct Solution {
+  explicit Solution(const TomoGrid& grid) : light(grid), dose(grid) {}
+
+  Light light;      ///< scaled: A^T light is 1 at the weakest gel voxel
+  Field dose;       ///< A^T light
+  Metrics metrics;  ///< of `dose`
+  double rung = 0;  ///< at which it was found
+  /// No light b >= 0 whatever has a higher contrast C; infinite when nothing was proven.
+  double contrast_bound = std::numeric_limits<double>::infinity();
+  /// The slice that the bound is of; -1 without one.
+  int bound_slice = -1;
+  std::vector<Step> history;
+};
+
+/// Between two rungs or steps, what a solver goes on with.
+struct SolverPlace {
+  const Array<float>& numbers;  ///< light; of OSMO its model
+  double rung = 0;              ///< ladder: which comes next; 0: none
+  bool missed = false;          ///< ladder: that rung was missed, and its proof comes next
+  int step = 0;                 ///< OSMO, Kelly: which comes next
+  const Solution& best;         ///< so far, not scaled yet
+};
+/// The same, kept.
+struct SolverState {
+  Array<float> numbers;
+  double rung = 0;
+  bool missed = false;
+  int step = 0;
+  Solution best;
+};
+
 struct SolveOptions {
   Method method = Method::kLadder;
   /// Start of the ladder, of Kelly, and all of FBP.
@@ -67,27 +98,21 @@ struct SolveOptions {
   int proof_steps = 60;  ///< more steps on a missed rung, for its proof; 0: none
 
   double osmo_high = 0.85, osmo_low = 0.6;  ///< D_H, D_L over the largest dose; high > low
+  /// OSMO as in Webber 2023: light above the mean and this many standard deviations is cut off in
+  /// the end, and what is left rounded to 256 levels. 0: neither.
+  double clip_sigma = 0;
+  /// OSMO stops when what the part lacks of D_H, and void has above D_L, is less than this share of
+  /// D_H in all of the part. 0: only after `steps`.
+  double stop_error = 0;
 
-  /// Starts from this light instead; resumes what `checkpoint` gave. May be null.
+  /// Ladder and Kelly start from this light instead. May be null.
   const Light* start = nullptr;
-  /// Rungs above this one are left out; resumes.
-  double first_rung = 1;
-  /// Called with the light after each rung (ladder) or step, and the rung that comes next (1: none).
-  std::function<void(const Light& light, double next_rung)> checkpoint = nullptr;
-};
-
-struct Solution {
-  explicit Solution(const TomoGrid& grid) : light(grid), dose(grid) {}
-
-  Light light;      ///< scaled: A^T light is 1 at the weakest gel voxel
-  Field dose;       ///< A^T light
-  Metrics metrics;  ///< of `dose`
-  double rung = 0;  ///< at which it was found
-  /// No light b >= 0 whatever has a higher contrast C; infinite when nothing was proven.
-  double contrast_bound = std::numeric_limits<double>::infinity();
-  /// The slice that the bound is of; -1 without one.
-  int bound_slice = -1;
-  std::vector<Step> history;
+  /// Called after each rung, or step of OSMO and Kelly; may keep the place, which is valid only in
+  /// the call.
+  std::function<void(const SolverPlace&)> checkpoint = nullptr;
+  /// Goes on from here, to the same bytes as the solve that kept it. Must be of the same problem and
+  /// options. May be null.
+  const SolverState* resume = nullptr;
 };
 
 /// Throws `InputError` for options out of range and targets of another grid, `InfeasibleError` when

@@ -123,7 +123,7 @@ void run_blocks(const slicecorr_tomo_bench& bench, slicecorr_job* job, const cha
   const ExecutionContext inside = tomo::inside_block(context, grid.blocks());
   parallel_for(context, stage, grid.blocks(), [&](std::size_t b) {
     BlockMemory::Lease memory(bench.memory, grid);
-    block({b, b * static_cast<std::size_t>(grid.lanes()), grid.lanes_used(b), memory, inside});
+    block(Block{b, b * static_cast<std::size_t>(grid.lanes()), grid.lanes_used(b), memory, inside});
   });
   context.check_cancelled();
 }

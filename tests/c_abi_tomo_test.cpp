@@ -660,7 +660,7 @@ TEST_F(CAbiTomoJob, EveryCodeHasItsCause) {
     EXPECT_EQ(job, nullptr);
     EXPECT_EQ(figures, nullptr);
   };
-  told({{"max_time_s", "1"}}, part, nullptr, SLICECORR_INFEASIBLE, "turns");
+  told({{"max_time_s", "1"}}, part, nullptr, SLICECORR_INFEASIBLE, "longer than the 1 s allowed");
   tomo::Box<std::uint8_t> wide{1, 27, 27, std::vector<std::uint8_t>(27 * 27)};
   wide.values[wide.at(0, 13, 0)] = 255;  // at 3.25 mm; light reaches 4.5 / 1.5
   told({}, array_of(wide), nullptr, SLICECORR_BAD_INPUT, "light from all directions 3.000 mm");

@@ -41,6 +41,8 @@ class ArrayView {
  private:
   template <class T, class Number>
   void write_rows(std::size_t slice, const Number* from) const;
+  /// Whether slices lie so that four numbers of four of them can be turned in registers.
+  bool has_quads() const;
   template <class T>
   void read_as(std::size_t first, int used, int lanes, float* to) const;
   template <class T>

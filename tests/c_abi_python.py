@@ -296,9 +296,9 @@ class Jobs(unittest.TestCase):
         np.save(self.folder / "part.npy", part)
         np.save(self.folder / "insert.npy", insert)
         for more, options, words in (({}, {}, []),
-                                     ({"insert": insert}, {"method": "osmo", "iterations": 15, "window": "kelly"},
+                                     ({"insert": insert}, {"method": "osmo", "iterations": 15, "window": "kelly", "clip_sigma": 4},
                                       ["--insert", "insert.npy", "--method", "osmo", "--iterations", "15", "--window",
-                                       "kelly"])):
+                                       "kelly", "--clip-sigma", "4"])):
             done = self.program("solve", "--volume", "part.npy", "--voxel-mm", "0.25", "--printer", "bench.toml", "--resin",
                                 "resin.toml", "-o", "p.frames", "--angles", "60", "--json", "-", *words)
             self.assertIn(done.returncode, (0, 5), done.stderr)

@@ -675,6 +675,7 @@ TEST_F(CAbiTomoJob, EveryCodeHasItsCause) {
   tomo::Box<std::uint8_t> empty = part_;
   std::fill(empty.values.begin(), empty.values.end(), std::uint8_t{0});
   told({}, array_of(empty), nullptr, SLICECORR_BAD_INPUT, "part");
+  told({{"clip_sigma", "3"}}, part, nullptr, SLICECORR_BAD_INPUT, "expected method osmo");
   told({{"resin_toml", ""}}, part, nullptr, SLICECORR_BAD_INPUT, "no resin");
 
   const SetupHandle setup(slicecorr_setup_new());

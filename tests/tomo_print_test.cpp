@@ -17,6 +17,7 @@
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/tomo/print.hpp"
 #include "stack_fixture.hpp"
+#include "tomo_jobs.hpp"
 
 namespace slicecorr::tomo {
 namespace {
@@ -25,64 +26,6 @@ using testing::HasSubstr;
 
 /// Debian's interpreter: the one that its package python3-numpy serves.
 constexpr const char* kPython = "/usr/bin/python3";
-
-/// Pixels of 0.25 mm before a vial of 4 mm; in a bath of the resin's index unless made dry.
-Printer bench_printer() {
-  Printer p;
-  p.name = "bench";
-  p.width_px = 48;
-  p.height_px = 40;
-  p.pixel_x_um = p.pixel_y_um = 250;
-  p.bit_depth = 8;
-  p.wavelength_nm = 405;
-  p.calibration = {{0, 0.002}, {255, 2.0}};
-  p.vial = Vial{4.5, 4.0, 1.5, 1.5};
-  p.optics = slicecorr::Optics{};
-  p.rotation = Rotation{25, TurnDirection::clockwise, 60};
-  return p;
-}
-Printer dry_printer() {
-  Printer p = bench_printer();
-  p.vial = Vial{4.5, 4.0, 1.0, 1.48};
-  p.optics->axis_right_px = 0.3;
-  p.optics->axis_up_px = -2;
-  p.rotation->direction = TurnDirection::counterclockwise;
-  return p;
-}
-Resin bench_resin(double alpha_per_cm = 2.5) {
-  Resin r;
-  r.name = "resin";
-  r.m = 1;
-  r.n = 1.5;
-  r.absorbance_height10_um = 1e4 * std::log(10.0) / alpha_per_cm;
-  r.critical_dose_mj_cm3 = 20;
-  return r;
-}
-
-/// A job of random levels.
-TomoJob random_job(const Printer& printer, int slices, int angles) {
-  TomoJob job;
-  job.printer = printer;
-  job.resin = bench_resin();
-  job.sampling = {0.25, slices, angles};
-  job.turns = 3;
-  const Bench bench = make_bench(job.printer, job.resin, job.sampling);
-  const TomoGrid& g = bench.grid;
-  job.part = {g.slices, g.voxels, g.voxels, {}};
-  std::mt19937 random(5);
-  for (int i = 0; i < g.slices * g.voxels * g.voxels; ++i) {
-    job.part.values.push_back(random() % 3 == 0 ? 255 : 0);
-  }
-  job.levels.assign(g.blocks() * g.light_of_block(), 0);
-  for (int m = 0; m < g.angles; ++m) {
-    for (int i = 0; i < g.pixels; ++i) {
-      for (int z = 0; z < g.slices; ++z) {
-        job.levels[g.pixel(m, i, z)] = static_cast<std::uint16_t>(random() % 256);
-      }
-    }
-  }
-  return job;
-}
 
 TEST(TomoBench, UniformLightInABathIsTheClosedForm) {
   // tomography.md: alpha 0.8/cm, R 12.5, I 2, T_rot 14.4: 8.4759 on the axis.
@@ -723,7 +666,7 @@ TEST_F(TomoProgram, GoesOnWhereItWasStopped) {
   for (const std::string method : {"osmo", "ladder"}) {
     const auto words = [&](const std::string& to, const std::vector<std::string>& more) {
       auto all = solve(to);
-      all.insert(all.end(), {"--method", method, "--iterations", "3000"});
+      all.insert(all.end(), {"--method", method, "--iterations", method == "osmo" ? "150" : "60"});
       all.insert(all.end(), more.begin(), more.end());
       return all;
     };

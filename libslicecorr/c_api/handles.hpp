@@ -20,7 +20,7 @@ struct Choices : SetupChoices {
   double voxel_mm = 0;
   int angles = -1, iterations = -1;
   std::string method, window;
-  double max_time_s = 0;
+  double clip_sigma = 0, stop_error = 0, max_time_s = 0;
   std::string beyond_reach;  ///< refuse, allow
 };
 

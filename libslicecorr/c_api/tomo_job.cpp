@@ -62,6 +62,12 @@ tomo::PrintOptions options_of(const Choices& choices) {
   if (!choices.method.empty()) options.solve.method = tomo::method_named(choices.method);
   if (!choices.window.empty()) options.solve.window = tomo::window_named(choices.window);
   options.solve.steps = std::max(0, choices.iterations);
+  options.solve.clip_sigma = choices.clip_sigma;
+  options.solve.stop_error = choices.stop_error;
+  if ((choices.clip_sigma > 0 || choices.stop_error > 0) &&
+      options.solve.method != tomo::Method::kOsmo) {
+    throw InputError("clip_sigma and stop_error are of OSMO; expected method osmo with them");
+  }
   options.angles = std::max(0, choices.angles);
   options.most_time_s = choices.max_time_s;
   options.beyond_reach = choices.beyond_reach == "allow";

@@ -6,25 +6,19 @@
 #include <string_view>
 
 #include "parallel/silent.hpp"
+#include "picture/embed.hpp"
 #include "report/page_parts.hpp"
 #include "report/page_text.hpp"
 #include "slicecorr/report.hpp"
 #include "slicecorr/units.hpp"
 #include "support/page/page_style.hpp"
-#include "support/text/base64.hpp"
 #include "support/text/escape.hpp"
 
 namespace slicecorr {
 
-using detail::base64;
+using detail::image_element;
 
 namespace {
-
-std::string image(const ColourImage& picture, const std::string& words) {
-  return fmt::format(R"(<img alt="{}" width="{}" height="{}" src="data:image/png;base64,{}">)",
-                     escape_markup(words), picture.width_px, picture.height_px,
-                     base64(encode_png(picture)));
-}
 
 std::string number_or_dash(bool known, double value, const char* unit = "") {
   return known ? fmt::format("{:.4g}{}", value, unit) : "-";
@@ -165,8 +159,9 @@ std::string surfaces(const ReportContent& c) {
     const auto figure = [&](const Prediction& p, const char* whose) {
       if (!p.maps) return;
       const std::string words = fmt::format("{}: from {}", whose, from_below ? "below" : "above");
-      html += fmt::format("<figure>{}<figcaption>{}</figcaption></figure>",
-                          image(surface_picture(*p.maps, from_below, scale_um), words), words);
+      html +=
+          fmt::format("<figure>{}<figcaption>{}</figcaption></figure>",
+                      image_element(surface_picture(*p.maps, from_below, scale_um), words), words);
     };
     if (c.before) figure(*c.before, "Uncorrected");
     figure(c.after, "This stack");
@@ -205,7 +200,7 @@ std::string make_report(const ReportContent& c, const ExecutionContext& context)
     figures.push_back({&s.grey_after, "This stack: grey values shown", {}});
   }
   parallel_for(detail::silent(context), "", figures.size(), [&](std::size_t i) {
-    figures[i].html = image(*figures[i].picture, figures[i].words);
+    figures[i].html = image_element(*figures[i].picture, figures[i].words);
   });
   html += surfaces(c);
   for (std::size_t i = 0; i < figures.size(); ++i) {
@@ -236,9 +231,9 @@ std::string make_report(const ReportContent& c, const ExecutionContext& context)
     html += R"(<script type="application/json" id="report-data">)";
     html += detail::page_data(v, model, g, start, context);
     html += "</script><script>";
-    for (const auto& script :
-         {detail::page_data_js, detail::page_sections_js, detail::page_column_js,
-          detail::page_solid_js, detail::page_page_js}) {
+    for (const auto& script : {detail::page_inflate_js, detail::page_round_js, detail::page_data_js,
+                               detail::page_sections_js, detail::page_column_js,
+                               detail::page_solid_js, detail::page_page_js}) {
       html += script;
     }
     html += "</script>";

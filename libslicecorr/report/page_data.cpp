@@ -1,16 +1,13 @@
-#include <libdeflate.h>
-
 #include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <functional>
-#include <memory>
-#include <new>
 #include <nlohmann/json.hpp>
 
 #include "parallel/silent.hpp"
+#include "picture/embed.hpp"
 #include "report/page_parts.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/inhibited.hpp"
@@ -20,29 +17,10 @@ namespace slicecorr::detail {
 
 namespace {
 
-using Bytes = std::vector<std::uint8_t>;
-
 // Compressed bytes; a third more in base 64. Together the page stays at a few MB.
 constexpr std::size_t kStateBudget = 1'000'000, kFieldBudget = 1'500'000, kColumnBudget = 1'000'000;
 // Most tables of the kernel under UV light, before they are compressed.
 constexpr std::size_t kKernelBudget = 4'000'000;
-
-/// As a zlib stream of at most `most` bytes; false, and early, when it takes more.
-bool deflate_within(std::size_t most, const Bytes& raw, Bytes& out) {
-  const std::unique_ptr<libdeflate_compressor, decltype(&libdeflate_free_compressor)> compressor(
-      libdeflate_alloc_compressor(6), libdeflate_free_compressor);
-  if (!compressor) throw std::bad_alloc();
-  out.resize(std::min(most, libdeflate_zlib_compress_bound(compressor.get(), raw.size())));
-  out.resize(
-      libdeflate_zlib_compress(compressor.get(), raw.data(), raw.size(), out.data(), out.size()));
-  return !out.empty();
-}
-
-Bytes deflated(const Bytes& raw) {
-  Bytes out;
-  deflate_within(SIZE_MAX, raw, out);
-  return out;
-}
 
 std::size_t cell(const ReducedVolume& v, int i, int j, int k) {
   return (static_cast<std::size_t>(k) * static_cast<std::size_t>(v.ny) +

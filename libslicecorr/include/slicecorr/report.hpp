@@ -11,17 +11,12 @@
 #include <string>
 #include <vector>
 
+#include "slicecorr/picture.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/simulate.hpp"
 #include "slicecorr/volume.hpp"
 
 namespace slicecorr {
-
-/// 8-bit RGB picture, row by row.
-struct ColourImage {
-  int width_px = 0, height_px = 0;  ///< >= 0
-  std::vector<std::uint8_t> rgb;    ///< 3 * width_px * height_px values: red, green, blue
-};
 
 /// What prints along a section, platform up: grey where it is right, red where light cures a gap,
 /// blue where a feature stays liquid, pale where a designed grey voxel prints; white is empty. True
@@ -39,12 +34,6 @@ ColourImage grey_picture(const Section& section, double pixel_x_um, double layer
 /// lie: red where it reaches `scale_um` or more too far, blue where so much is missing, grey where
 /// it is right; white is empty. Small maps are enlarged. `scale_um`: > 0.
 ColourImage surface_picture(const SurfaceMaps& maps, bool from_below, double scale_um);
-
-/// Two pictures of the same height on white, with a gap between them.
-ColourImage side_by_side(const ColourImage& left, const ColourImage& right);
-
-/// The picture as a PNG file.
-std::vector<std::uint8_t> encode_png(const ColourImage& image);
 
 /// A table of this correction beside other ways to do it.
 struct ComparisonTable {
@@ -98,8 +87,6 @@ std::string stationary_svg(const std::vector<StationaryFronts>& exposures, doubl
 /// blue what is not gelled yet, blue what is not at the end of the print. The line is the window.
 /// Without a design all that has gelled is grey.
 ColourImage progress_picture(const SectionHistory& history, std::size_t frame, int most_px);
-/// Pictures of one size on white, `columns` to a row.
-ColourImage tiled(const std::vector<ColourImage>& pictures, int columns);
 
 /// Gathers the content for `stack` against `target`: figures, the middle section, the section and
 /// the column through the worst height error of the target shown as it is, and the volume of at

@@ -7,6 +7,7 @@
 
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "slicecorr/pipeline.hpp"
@@ -74,6 +75,11 @@ std::vector<std::string> setup_notices(const Setup& setup, const StackInfo* time
 std::string setup_json(const Setup& setup);
 /// Throws `InputError` naming `source` and the key.
 Setup parse_setup_json(std::string_view json, const std::string& source);
+
+/// Printer and resin in the same way: all that tomographic prints have of a setup.
+std::string definitions_json(const Printer& printer, const Resin& resin);
+/// Throws `InputError` naming `source` and the key.
+std::pair<Printer, Resin> parse_definitions_json(std::string_view json, const std::string& source);
 
 /// A corrected stack shows light, not the design: measured against it, or corrected again, nothing
 /// means anything. Throws `InputError` when `info`, of the archive at `path`, is of one.

@@ -1,18 +1,7 @@
-"use strict";
-// Reading the data that the page carries. Arrays are deflated and in base 64.
+// Reading the data that the page carries.
 const source = document.getElementById("report-data");
 const data = source ? JSON.parse(source.textContent) : null;
-const $ = (id) => document.getElementById(id);
 
-async function inflate(text) {
-  const chars = atob(text);
-  const bytes = new Uint8Array(chars.length);
-  for (let i = 0; i < chars.length; ++i) bytes[i] = chars.charCodeAt(i);
-  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
-  return new Uint8Array(await new Response(stream).arrayBuffer());
-}
-
-const once = (make) => { let kept; return () => (kept ??= make()); };
 const both = (name, after) => once(async () => {
   const pair = await Promise.all(data[name].map(inflate));
   if (after) pair.forEach(after);

@@ -10,7 +10,6 @@ function readColours() {
     colours[name] = [0, 2, 4].map((at) => parseInt(full.slice(at, at + 2), 16));
   }
 }
-const mix = (a, b, t) => a.map((v, i) => v + (b[i] - v) * t);
 // Liquid in blues, gelled in yellow to red: the step at 1 is what counts.
 function doseColour(dose) {
   if (dose < 1) return mix([16, 24, 48], [122, 168, 230], dose);

@@ -400,7 +400,8 @@ def solve(part: ArrayLike, voxel_mm: float, printer: Definition, resin: Definiti
 
     `part` is a square of any size, (z, y, x), middled on the axis with nothing around it; so is `insert`, which is
     opaque and turns with it. `printer` and `resin` are names, paths of .toml files, or `slicecorr.Toml`. `method` is
-    ladder (the default), osmo, kelly or fbp, `window` hamming, ram-lak or kelly.
+    ladder (the default), osmo, kelly or fbp, `window` hamming, ram-lak or kelly; other settings (`clip_sigma`,
+    `stop_error`) are those of slicecorr.h.
 
     Where void gels with the part, or some of the part does not, the job comes all the same and
     ``figures["feasible"]`` is False. Raises `InfeasibleError` with what is in the way where no light prints it,

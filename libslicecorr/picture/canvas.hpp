@@ -1,0 +1,78 @@
+/// What pictures with words are drawn on: an SVG, whose words stay text, or pixels.
+///
+/// Units are pixels, y downwards; the ground is white. The same calls give the same bytes. Not
+/// thread-safe.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "slicecorr/picture.hpp"
+
+namespace slicecorr::detail {
+
+using Colour = std::array<std::uint8_t, 3>;
+inline constexpr Colour kInk{27, 31, 36};
+
+/// From (x0, y0) to (x1, y1).
+struct Segment {
+  double x0 = 0, y0 = 0, x1 = 0, y1 = 0;
+};
+
+class Canvas {
+ public:
+  virtual ~Canvas() = default;
+  Canvas(const Canvas&) = delete;
+  Canvas& operator=(const Canvas&) = delete;
+
+  static constexpr double kLine = 22;  ///< from a line of words to the next
+
+  virtual void rect(double x, double y, double width, double height, Colour colour) = 0;
+  /// At its own size.
+  virtual void image(double x, double y, const ColourImage& image) = 0;
+  virtual void lines(const std::vector<Segment>& segments, Colour colour, double width) = 0;
+  /// From x to the right; y is the foot of the letters.
+  virtual void text(double x, double y, std::string_view words) = 0;
+  /// How wide words are, or a little less.
+  virtual double width_of(std::string_view words) const = 0;
+  /// The picture up to this size, as a file.
+  virtual std::string file(double width, double height) const = 0;
+
+ protected:
+  Canvas() = default;
+};
+
+class SvgCanvas final : public Canvas {
+ public:
+  /// `words`: what the picture shows, for those who do not see it.
+  explicit SvgCanvas(std::string words) : words_(std::move(words)) {}
+  void rect(double x, double y, double width, double height, Colour colour) override;
+  void image(double x, double y, const ColourImage& image) override;
+  void lines(const std::vector<Segment>& segments, Colour colour, double width) override;
+  void text(double x, double y, std::string_view words) override;
+  double width_of(std::string_view words) const override;
+  std::string file(double width, double height) const override;
+
+ private:
+  std::string words_, body_;
+};
+
+class PixelCanvas final : public Canvas {
+ public:
+  void rect(double x, double y, double width, double height, Colour colour) override;
+  void image(double x, double y, const ColourImage& image) override;
+  void lines(const std::vector<Segment>& segments, Colour colour, double width) override;
+  /// In letters of 5 x 7 dots; what there is no letter for is "?".
+  void text(double x, double y, std::string_view words) override;
+  double width_of(std::string_view words) const override;
+  std::string file(double width, double height) const override;
+
+ private:
+  void set(int x, int y, Colour colour);
+  std::vector<std::vector<std::uint8_t>> rows_;
+};
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,23 @@
+/// What pages carry in themselves: pictures, and data that their scripts read.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "slicecorr/picture.hpp"
+
+namespace slicecorr::detail {
+
+using Bytes = std::vector<std::uint8_t>;
+
+/// An element <img>, with the picture in it and these words for those who do not see it.
+std::string image_element(const ColourImage& picture, const std::string& words);
+
+/// As a zlib stream, which `inflate` of the pages' scripts reads, of at most `most` bytes; false,
+/// and early, when it takes more.
+bool deflate_within(std::size_t most, const Bytes& raw, Bytes& out);
+Bytes deflated(const Bytes& raw);
+
+}  // namespace slicecorr::detail

@@ -1,0 +1,122 @@
+#include "tomo_views.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <limits>
+#include <vector>
+
+#include "slicecorr/error.hpp"
+#include "slicecorr/tomo/report.hpp"
+#include "slicecorr/tomo/section.hpp"
+
+namespace slicecorr::cli {
+
+namespace {
+
+/// The ending of a file that is to be written, one of these. Throws `InputError`.
+std::string ending_of(const std::string& output, const std::vector<std::string>& endings) {
+  const std::string ending = std::filesystem::path(output).extension().string();
+  if (std::find(endings.begin(), endings.end(), ending) != endings.end()) return ending;
+  std::string list;
+  for (const std::string& e : endings) list += (list.empty() ? "" : " or ") + e;
+  throw InputError(output, "", "expected a name that ends in " + list);
+}
+
+using SectionsFile = std::string (*)(const std::vector<tomo::PrintSection>&, tomo::Shown,
+                                     const std::string&);
+/// What writes pictures with this name.
+SectionsFile sections_file(const std::string& output) {
+  return ending_of(output, {".png", ".svg"}) == ".svg" ? tomo::sections_svg : tomo::sections_png;
+}
+
+int section(const TomoViewOptions& o, const ExecutionContext& context, Console& console) {
+  const SectionsFile file = sections_file(o.output);
+  check_output(o.output, {o.job});
+  const tomo::Printed print = tomo::printed(tomo::read_job(o.job, context), context);
+  std::vector<tomo::Plane> planes;
+  for (const auto& [axis, at] :
+       {std::pair{tomo::Axis::x, o.x_mm}, {tomo::Axis::y, o.y_mm}, {tomo::Axis::z, o.z_mm}}) {
+    if (at) planes.push_back({axis, *at});
+  }
+  if (planes.empty()) planes = tomo::middle_planes(print);
+  const auto sections = tomo::sections_of(print, planes);
+  const tomo::Shown shown = o.show == "print"    ? tomo::Shown::print
+                            : o.show == "target" ? tomo::Shown::target
+                                                 : tomo::Shown::dose;
+  const std::string title =
+      fmt::format("{}: {} of the print", std::filesystem::path(o.job).filename().string(),
+                  shown == tomo::Shown::target  ? "target"
+                  : shown == tomo::Shown::print ? "gel"
+                                                : "dose");
+  write_text_file(o.output, file(sections, shown, title));
+  std::string text = o.output + ":";
+  for (const tomo::PrintSection& s : sections) {
+    text += fmt::format("{} {} = {:.3f} mm ({} voxels missing, {} gelled that should not)",
+                        &s == &sections.front() ? "" : ",", "xyz"[static_cast<int>(s.axis)],
+                        s.at_mm, s.missing(), s.gelled());
+  }
+  console.say(text);
+  return kDone;
+}
+
+int report(const TomoViewOptions& o, const ExecutionContext& context, Console& console) {
+  ending_of(o.output, {".html"});
+  check_output(o.output, {o.job});
+  const tomo::Printed print = tomo::printed(tomo::read_job(o.job, context), context);
+  write_text_file(o.output, tomo::make_report(
+                                print, std::filesystem::path(o.job).filename().string(), context));
+  console.say(fmt::format("{}: contrast {:.4g}, {} void voxels gel with the part", o.output,
+                          print.figures.metrics.contrast, print.figures.metrics.void_gelled));
+  return kDone;
+}
+
+}  // namespace
+
+void check_picture_name(const std::string& path) { sections_file(path); }
+
+std::string picture_of(const tomo::Evidence& evidence, const std::string& part,
+                       const std::string& path) {
+  const tomo::PrintSection section = tomo::section_of(evidence);
+  write_text_file(path, sections_file(path)(
+                            {section}, tomo::Shown::dose,
+                            fmt::format("{}: slice {} can't be printed", part, evidence.slice)));
+  return fmt::format(
+      "{} shows that slice with the best light found, at a gel dose between the part's least dose "
+      "and void's most: {} voxels of the part miss it, {} of void reach it",
+      path, section.missing(), section.gelled());
+}
+
+void add_tomo_views(Program& program, CLI::App* group, TomoViewOptions& o) {
+  using Command = int (*)(const TomoViewOptions&, const ExecutionContext&, Console&);
+  const auto add = [&](const char* name, const char* text, Command command) {
+    return program.add_to(group, name, text,
+                          [&o, command](const ExecutionContext& context, Console& console) {
+                            return command(o, context, console);
+                          });
+  };
+  const CLI::Validator any_mm =
+      number_in(-std::numeric_limits<double>::max(), std::numeric_limits<double>::max());
+  CLI::App* sub =
+      add("section", "Draw the dose of a job's print against its target, cut open, as PNG or SVG",
+          section);
+  sub->add_option("JOB", o.job, "File of the job (.frames)")->required();
+  sub->add_option(
+         "--x-mm", o.x_mm,
+         "Cut where x has this value, from the axis [all three, through the part's middle]")
+      ->check(any_mm);
+  sub->add_option("--y-mm", o.y_mm, "Cut where y has this value, from the axis")->check(any_mm);
+  sub->add_option("--z-mm", o.z_mm, "Cut where z has this value, upwards from the optical axis")
+      ->check(any_mm);
+  sub->add_option("--show", o.show, "What voxels are coloured by: dose, what gels, what should")
+      ->check(CLI::IsMember({"dose", "print", "target"}))
+      ->capture_default_str();
+  sub->add_option("-o,--output", o.output, "Picture to write (.png or .svg)")->required();
+
+  sub = add("report", "Write a page that shows what a job prints", report);
+  sub->add_option("JOB", o.job, "File of the job (.frames)")->required();
+  sub->add_option("-o,--output", o.output, "Page to write (.html)")->required();
+}
+
+}  // namespace slicecorr::cli

@@ -1,0 +1,26 @@
+/// Subcommands of `tomo` that look at jobs and exchange them.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "programs/common/program.hpp"
+#include "slicecorr/tomo/print.hpp"
+
+namespace slicecorr::cli {
+
+struct TomoViewOptions {
+  std::string job, output, show = "dose";
+  std::optional<double> x_mm, y_mm, z_mm;
+};
+
+/// Writes a picture of where a part fails (.png or .svg), and says what it shows.
+std::string picture_of(const tomo::Evidence& evidence, const std::string& part,
+                       const std::string& path);
+/// Throws `InputError` unless a picture can be written under this name.
+void check_picture_name(const std::string& path);
+
+/// Adds them to the group `tomo`; they keep what they are told in `options`.
+void add_tomo_views(Program& program, CLI::App* group, TomoViewOptions& options);
+
+}  // namespace slicecorr::cli

@@ -141,7 +141,8 @@ SLICECORR_API void slicecorr_setup_free(slicecorr_setup* setup);
  *  iterations            steps, with the ladder of each rung; 60, 20, 10 when not set
  *  clip_sigma            osmo: cuts off light above the mean and so many standard deviations
  *  stop_error            osmo: stops when doses are wrong by less than this share of the part's
- *  max_time_s            the ladder keeps light within it; what takes longer to print is SLICECORR_INFEASIBLE
+ *  max_time_s            time to print: the ladder keeps light within it; what takes longer is
+ *                        SLICECORR_INFEASIBLE
  *  beyond_reach          refuse, allow: parts that reach further than light from all directions
  *
  *  Values are checked here as far as they can be alone: SLICECORR_BAD_INPUT. What belongs together

@@ -325,7 +325,7 @@ slicecorr_status slicecorr_verify(const slicecorr_stack* stack, const slicecorr_
     const slicecorr_stack& shown = need(stack, "stack");
     const slicecorr_stack& design = need(target, "target");
     slicecorr::check_design(design.info, name_of(design));
-    const slicecorr::SetupChoices choices = setup ? setup->choices : slicecorr::SetupChoices{};
+    const slicecorr::SetupChoices choices = setup ? setup->choices : Choices{};
     const slicecorr::Setup s =
         slicecorr::resolve_setup(choices, &shown.info, &shown.info, slicecorr::ChoiceNames::fields);
     output.give(figures_of(verify(shown, design, s, job)));

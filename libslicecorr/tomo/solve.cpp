@@ -1,7 +1,10 @@
 #include "slicecorr/tomo/solve.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <mutex>
 #include <string>
 
@@ -235,6 +238,14 @@ class Ladder {
 };
 
 }  // namespace
+
+Method method_named(std::string_view name) {
+  constexpr Method kAll[] = {Method::kLadder, Method::kOsmo, Method::kKelly, Method::kFbp};
+  static_assert(std::size(kAll) == std::size(kMethodNames));
+  const auto* const found = std::find(std::begin(kMethodNames), std::end(kMethodNames), name);
+  if (found != std::end(kMethodNames)) return kAll[found - std::begin(kMethodNames)];
+  throw InputError(fmt::format("no method '{}'; expected {}", name, fmt::join(kMethodNames, ", ")));
+}
 
 Solution solve(const ExecutionContext& context, const Projector& projector, const Target& target,
                const RayTables& optics, const SolveOptions& options) {

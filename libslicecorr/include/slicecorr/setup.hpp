@@ -54,6 +54,11 @@ enum class ChoiceNames {
 /// What of the choices changes the resin.
 ResinOverrides resin_overrides(const SetupChoices& choices);
 
+/// The printer that is chosen, and the resin with its changes: all that tomographic printing needs of
+/// the choices. Throws `InputError` when none is chosen, and as `load_printer` and `load_resin`.
+Printer chosen_printer(const SetupChoices& choices, ChoiceNames names);
+Resin chosen_resin(const SetupChoices& choices, ChoiceNames names);
+
 /// What is chosen, over what `info` brings; `times`: an archive whose exposure times count where
 /// none are given, and whose first exposure stays where it is longer than the one chosen. Both may
 /// be null. The caller has checked that words are among those listed above. Throws `InputError`

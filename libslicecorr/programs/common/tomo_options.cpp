@@ -14,19 +14,6 @@ namespace {
 
 using tomo::Box;
 
-tomo::Method method_named(const std::string& name) {
-  if (name == "osmo") return tomo::Method::kOsmo;
-  if (name == "kelly") return tomo::Method::kKelly;
-  if (name == "fbp") return tomo::Method::kFbp;
-  return tomo::Method::kLadder;
-}
-
-tomo::Window window_named(const std::string& name) {
-  if (name == "ram-lak") return tomo::Window::kRamLak;
-  if (name == "kelly") return tomo::Window::kKelly;
-  return tomo::Window::kHamming;
-}
-
 struct Voxels {
   Box<std::uint8_t> part, insert;
 };
@@ -135,8 +122,8 @@ TomoPrint read_tomo_print(const TomoPrintOptions& o, const Printer& printer,
                                    : voxels_of_volumes(o, printer, print.voxel_mm);
   print.part = std::move(voxels.part);
   print.options.insert = std::move(voxels.insert);
-  print.options.solve.method = method_named(o.method);
-  print.options.solve.window = window_named(o.window);
+  print.options.solve.method = tomo::method_named(o.method);
+  print.options.solve.window = tomo::window_named(o.window);
   print.options.solve.steps = o.iterations;
   print.options.solve.clip_sigma = o.clip_sigma;
   print.options.solve.stop_error = o.stop_error;

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "slicecorr/process.hpp"
+#include "slicecorr/stack.hpp"
 #include "slicecorr/tomo/bench.hpp"
 #include "slicecorr/tomo/npy.hpp"
 #include "slicecorr/tomo/solve.hpp"
@@ -39,6 +40,10 @@ struct TomoJob {
   std::vector<Step> history;
   double contrast_bound = std::numeric_limits<double>::infinity();
 };
+
+/// Frame `frame` of a turn, in the order in which they are shown, as the projector shows it: grey
+/// values of its size. `bench` is the job's `make_bench`.
+GreyImage frame_image(const TomoJob& job, const Bench& bench, int frame);
 
 /// Written under a temporary name, then renamed. Throws `DeviceError`, and `InputError` as
 /// `make_bench`.

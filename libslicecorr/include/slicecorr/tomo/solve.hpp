@@ -19,6 +19,7 @@
 #include <functional>
 #include <limits>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "slicecorr/parallel.hpp"
@@ -30,6 +31,11 @@
 namespace slicecorr::tomo {
 
 enum class Method { kLadder, kOsmo, kKelly, kFbp };
+
+/// As people name them: "ladder", "osmo", "kelly", "fbp". Throws `InputError` for other names.
+Method method_named(std::string_view name);
+/// Every name, the default first.
+inline constexpr std::string_view kMethodNames[] = {"ladder", "osmo", "kelly", "fbp"};
 
 /// One step of a solver. With several blocks, the ladder's VER counts each slice block against its
 /// own weakest gel voxel; other figures are the part's.

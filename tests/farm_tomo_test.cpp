@@ -129,7 +129,10 @@ TEST_F(FarmTomo, InfeasibleFailsAndMissedIsDoneAndToldSo) {
       dir / "bar.npy", "--printer", dir / "vial.toml", "--resin", dir / "dark.toml", "--voxel-mm",
       "0.25",          "--mode",    "tomography",      "--out",   dir / "out"};
   ASSERT_EQ(farm("submit", hopeless).exit_code, 0);
-  // Back projection alone leaves a fog between single voxels.
+  // Back projection alone leaves a fog between single voxels, where it is dim on the axis.
+  std::string dim = kVialResinToml;
+  dim.replace(dim.find("absorption_per_cm = 2.0"), 23, "absorption_per_cm = 8.0");
+  write_file(dir / "dim.toml", dim);
   tomo::Box<std::uint8_t> board{3, 13, 13, {}};
   for (int z = 0; z < 3; ++z) {
     for (int y = 0; y < 13; ++y) {
@@ -139,7 +142,7 @@ TEST_F(FarmTomo, InfeasibleFailsAndMissedIsDoneAndToldSo) {
   const std::string volume = dir / "board.npy";
   tomo::write_npy(volume, board);
   std::vector<std::string> rough = {volume,    "--printer",      dir / "vial.toml",
-                                    "--resin", dir / "gel.toml", "--voxel-mm",
+                                    "--resin", dir / "dim.toml", "--voxel-mm",
                                     "0.25",    "--method",       "fbp"};
   std::vector<std::string> rough_job = rough;
   rough_job.insert(rough_job.end(), {"--mode", "tomography", "--out", dir / "out"});

@@ -31,7 +31,7 @@ class PlaceModels {
   PlaceModels(const Printer& printer, const Resin& resin, const Process& process,
               const Grid& images, const ImageFrame& frame);
   /// The same model at every place.
-  PlaceModels(const CureModel& everywhere);
+  PlaceModels(const CureModel& everywhere);  // NOLINT: one model will do
   ~PlaceModels();
 
   const LightMap& map() const { return map_; }

@@ -447,11 +447,11 @@ CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup,
   return {plans.models().brightest(), setup.process, plans.layers(), plans.all_layers()};
 }
 
-Correction correct_stack(const SliceSource& target, const Setup& asked, const StackFile& file,
+Correction correct_stack(const SliceSource& target, const Setup& setup, const StackFile& file,
                          const CorrectionAsk& ask, const ExecutionContext& context) {
   const SlicesAlone alone(target);
-  const SliceSource& wanted = asked.process.surface == Surface::mesh ? target : alone;
-  StackCorrection correction(wanted, asked, file, ask, context);
+  const SliceSource& wanted = setup.process.surface == Surface::mesh ? target : alone;
+  StackCorrection correction(wanted, setup, file, ask, context);
   correction.correct_bands();
   Correction result = correction.result();
   correction.tell_shortcomings(result.after);

@@ -67,7 +67,7 @@ class PlaceDose {
   PlaceDose(const PlaceModels& models, const std::vector<Pixel>& pixels);
   /// This and the functions below: as those of `BandDose`.
   void add_slice(int slice, const std::uint8_t* pixels);
-  void add_slice(int slice, std::span<const ImageShowing> parts);
+  void add_slice(int slice, std::span<const ImageShowing> showings);
   const double* lower() const {
     return groups_.size() == 1 ? groups_[0].dose.lower() : lower_.data();
   }

@@ -59,7 +59,7 @@ struct Cut {
 
   Segment at(int slice) const {
     double end[4];
-    for (int way = 0; way < 2; ++way) {
+    for (std::size_t way = 0; way < 2; ++way) {
       const double t = (slice - z[way]) / dz[way];
       end[2 * way] = x[way] + t * dx[way];
       end[2 * way + 1] = y[way] + t * dy[way];
@@ -449,9 +449,9 @@ ThinFeatures MeshSlices::thin_features(const ExecutionContext& context) const {
     if (edges.thickest_slices <= thickest_slices) continue;
     thickest_slices = edges.thickest_slices;
     const auto width = static_cast<std::uint32_t>(s.bounds.width());
+    const std::uint32_t x = edges.thickest_column % width, y = edges.thickest_column / width;
     const PlatePlace place =
-        place_on_plate(s.grid, {}, s.bounds.x0 + 0.5 + edges.thickest_column % width,
-                       s.bounds.y0 + 0.5 + edges.thickest_column / width);
+        place_on_plate(s.grid, {}, s.bounds.x0 + 0.5 + x, s.bounds.y0 + 0.5 + y);
     sum.x_mm = place.x_mm;
     sum.y_mm = place.y_mm;
     sum.z_mm = (edges.thickest_from + 0.5) * s.grid.layer_um * 1e-3;

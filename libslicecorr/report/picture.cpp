@@ -148,7 +148,8 @@ ColourImage progress_picture(const SectionHistory& h, std::size_t frame, int mos
     const int c = coverage(k);
     if (c == 0) return printed ? kCureThrough : kEmpty;
     if (printed) return c == 255 ? kRight : kGreyPrinted;
-    if (static_cast<double>(k / width) > reached || c < 255) return kGreyEmpty;
+    const std::size_t layer = k / width;
+    if (static_cast<double>(layer) > reached || c < 255) return kGreyEmpty;
     return f.ended ? kUndercure : kNotYet;
   };
   const auto wrong = [&](std::size_t k) { return f.gelled[k] != 0 && coverage(k) == 0 ? 1 : 0; };

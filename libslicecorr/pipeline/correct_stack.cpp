@@ -58,6 +58,7 @@ std::vector<SliceRange> slice_ranges_of(const SliceSource& target, std::size_t b
     count = std::clamp(wanted, 1, std::max(1, layers / least_slices));
   }
   std::vector<SliceRange> ranges;
+  ranges.reserve(static_cast<std::size_t>(count));
   for (int i = 0; i < count; ++i) {
     ranges.push_back({static_cast<int>(std::int64_t{layers} * i / count),
                       static_cast<int>(std::int64_t{layers} * (i + 1) / count)});

@@ -14,7 +14,6 @@ namespace slicecorr {
 
 namespace {
 
-using chart::Axis;
 using chart::figure;
 using chart::Panel;
 using chart::Picture;

@@ -376,21 +376,20 @@ detail::BandEdges MeshSlices::Impl::edges_of(const PixelBox& band) const {
 }
 
 MeshSlices::MeshSlices(TriangleMesh mesh, const Printer& printer, const SliceOptions& options,
-                       const ExecutionContext& context, const EdgeDefects* known_defects)
+                       const ExecutionContext& context, const EdgeDefects* edge_defects)
     : impl_(std::make_unique<Impl>()) {
   if (!(options.layer_um >= 1.0) || !(options.layer_um <= 1000.0)) {
     throw InputError(fmt::format("slice height {:g} um; expected 1 to 1000", options.layer_um));
   }
   if (mesh.triangles.empty()) throw InputError("there is no triangle to slice");
   impl_->antialias = options.antialias;
-  const EdgeDefects edge_defects =
-      known_defects ? *known_defects : detail::edge_defects_of(mesh, context);
+  const EdgeDefects defects = edge_defects ? *edge_defects : detail::edge_defects_of(mesh, context);
   impl_->place(std::move(mesh), printer, options, context);
-  for (const std::uint32_t t : edge_defects.flipped) {
+  for (const std::uint32_t t : defects.flipped) {
     std::swap(impl_->triangles[t][1], impl_->triangles[t][2]);
   }
-  impl_->report.turned_triangles = edge_defects.flipped.size();
-  impl_->open = edge_defects.open;
+  impl_->report.turned_triangles = defects.flipped.size();
+  impl_->open = defects.open;
   context.check_cancelled();
   impl_->close_contours(context);
   if (options.edge_heights) impl_->heights = std::make_unique<const Heights>(*impl_);

@@ -156,7 +156,7 @@ TEST_F(FarmOnSlurm, AWorkerThatWasBelievedDeadComesBackAndChangesNothing) {
   for (const auto& e : fs::directory_iterator(out())) before[e.path()] = e.last_write_time();
   ASSERT_TRUE(is_alive(worker));
   ASSERT_EQ(::kill(worker, SIGCONT), 0);
-  ASSERT_TRUE(eventually([&] { return !is_alive(worker); }));
+  ASSERT_TRUE(eventually([&, worker = worker] { return !is_alive(worker); }));
   EXPECT_EQ(wait_for(start_service()), 0);
   expect_all_done_once(1);
   for (const auto& e : fs::directory_iterator(out())) {

@@ -9,6 +9,7 @@
 #include "slicecorr/farm/submit.hpp"
 #include "slicecorr/farm/work.hpp"
 #include "slicecorr/load_printer.hpp"
+#include "slicecorr/setup.hpp"
 #include "submit/tomographic.hpp"
 
 namespace slicecorr::farm {
@@ -95,6 +96,61 @@ TEST(TomoJobsFile, ValuesOutOfRangeHaveTheirLine) {
                   "jobs.toml: line 8: beyond_reach is 'yes', expected true or false",
                   HasSubstr("jobs.toml: line 9: window is 3"),
                   HasSubstr("jobs.toml: line 10: insert is 4")));
+}
+
+TEST(TomoJobsFile, TheExampleOfTheDocsIsRead) {
+  const std::string page = text_of_file(SLICECORR_SOURCE_DIR "/docs/farm.md");
+  std::size_t at = page.find("    [defaults]", page.find("## Tomographic prints"));
+  ASSERT_NE(at, page.npos);
+  std::string text;
+  // Up to the first line that is not indented.
+  for (std::size_t end = 0; at < page.size(); at = end + 1) {
+    end = page.find('\n', at);
+    const std::string line = page.substr(at, end - at);
+    if (!line.empty() && !line.starts_with("    ")) break;
+    text += (line.empty() ? line : line.substr(4)) + "\n";
+  }
+  const auto jobs = parse_jobs_toml(text, "docs/farm.md");
+  ASSERT_EQ(jobs.size(), 4U);
+  EXPECT_EQ(jobs[0].max_time_s, 600);
+  EXPECT_THAT(jobs[1].inserts, ElementsAre("shaft.stl"));
+  EXPECT_EQ(jobs[2].method, "osmo");
+  EXPECT_EQ(jobs[3].setup.mode, "continuous");
+}
+
+TEST(TomoDefinitions, AreReadBackBitForBit) {
+  Printer printer = load_printer(SLICECORR_PRINTERS_DIR "/webber-vial.toml");
+  const Resin resin = load_resin(SLICECORR_DB_DIR "/webber-dudma-pegda.toml");
+  const auto again = [&] {
+    const std::string text = definitions_json(printer, resin);
+    const auto read = parse_definitions_json(text, "the job's setup");
+    EXPECT_EQ(definitions_json(read.first, read.second), text);
+    EXPECT_EQ(read.second, resin);
+    return read.first;
+  };
+  EXPECT_EQ(again(), printer);
+  FlatField field;
+  field.width_px = 3;
+  field.height_px = 2;
+  field.reference = 200;
+  field.values = std::make_shared<const std::vector<std::uint8_t>>(
+      std::vector<std::uint8_t>{200, 190, 180, 170, 160, 200});
+  printer.flat_field = field;
+  EXPECT_EQ(*again().flat_field->values, *field.values);
+
+  const auto refused = [](const std::string& text) -> std::string {
+    try {
+      parse_definitions_json(text, "the job's setup");
+    } catch (const InputError& e) {
+      return e.what();
+    }
+    return "taken";
+  };
+  EXPECT_THAT(refused("{"), HasSubstr("the job's setup"));
+  EXPECT_THAT(refused("{}"), HasSubstr("printer is missing"));
+  std::string text = definitions_json(printer, resin);
+  text.replace(text.find("flat_field_png"), 14, "flat_field_pnk");
+  EXPECT_THAT(refused(text), HasSubstr("flat_field_png"));
 }
 
 class PrepareTomography : public FarmTomography {

@@ -26,7 +26,7 @@ struct TomoNeeds {
   int angles = 0;                      ///< frames of a turn
   std::int64_t voxels = 0;             ///< of the grid: all of the resin beside the part
   std::int64_t voxel_angle_steps = 0;  ///< the time goes with them
-  std::int64_t bytes = 0;              ///< of the outputs, at most
+  std::int64_t bytes = 0;              ///< of the outputs, about
   MemoryNeeds memory;
 };
 

@@ -25,7 +25,7 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 constexpr int kColumns = 16, kRows = kAdjointRows;  // of a tile
 constexpr int kTileVoxels = kColumns * kRows;
-constexpr int kBatch = 8;  // angles whose terms a voxel adds while its sum is in registers
+constexpr int kBatch = 4;  // angles whose terms a voxel adds while its sum is in registers
 
 /// A tile in coordinates of its own: voxel (k, r) is (x0, y0) + k (xk, yk) + r (xr, yr) of a grid.
 struct Tile {

@@ -15,6 +15,7 @@
 #include "slicecorr/vial.hpp"
 #include "stack/formats/definition_json.hpp"
 #include "tomo/checkpoint.hpp"
+#include "tomo/nodes.hpp"
 #include "tomo/voxels.hpp"
 
 namespace slicecorr::tomo {
@@ -36,7 +37,7 @@ Volume volume_of(const TomoGrid& grid, const Box<std::uint8_t>& part) {
 /// What is printed and what shades it, and what light does there.
 struct Scene {
   Target target;
-  std::unique_ptr<Projector> projector;
+  std::shared_ptr<const Projector> projector;
 };
 Scene scene_of(const Bench& bench, const Box<std::uint8_t>& part, const Box<std::uint8_t>& insert) {
   const Volume volume = volume_of(bench.grid, part);
@@ -177,6 +178,15 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   const Scene scene = scene_of(bench, part, options.insert);
   const Target& target = scene.target;
   const Projector& projector = *scene.projector;
+  // What the solver sees.
+  std::shared_ptr<const detail::Nodes> nodes;
+  Target asked = target;
+  std::shared_ptr<const Projector> asking = scene.projector;
+  if (auto found = detail::nodes_of(printer, resin, bench)) {
+    nodes = std::make_shared<const detail::Nodes>(*std::move(found));
+    asked.grid = nodes->grid;
+    asking = detail::make_node_projector(nodes, scene.projector);
+  }
   // One line of progress for each rung, none for each sum over angles.
   const ExecutionContext quiet = slicecorr::detail::silent(context);
   const int wanted = resolving_angles(radius_mm, voxel_mm);
@@ -203,7 +213,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   detail::CheckpointFile file(options.checkpoint, options.checkpoint_s,
                               fingerprint_of(part, options.insert, job, how));
   const std::optional<SolverState> state =
-      options.resume ? file.read(bench.grid) : std::optional<SolverState>{};
+      options.resume ? file.read(asked.grid) : std::optional<SolverState>{};
   if (state) {
     context.tell(
         fmt::format("{}: goes on after {} steps", options.checkpoint, state->best.history.size()));
@@ -212,11 +222,11 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   how.checkpoint = [&](const SolverPlace& at) {
     if (options.solve.checkpoint) options.solve.checkpoint(at);
     file.keep(at);
-    if (at.rung > 0 && !at.missed) {
+    if (at.rung > 0 && at.missed.empty()) {
       context.tell(fmt::format("next: void below {:g} of the gel dose", at.rung));
     }
   };
-  Solution solution = solve(quiet, projector, target, bench.rays, how);
+  Solution solution = solve(quiet, *asking, asked, nodes ? nodes->rays : bench.rays, how);
   if (solution.contrast_bound < 1) {
     throw InfeasibleError(fmt::format(
         "no light prints this part: where it is hardest, in slice {} ({:.3f} mm above the optical "
@@ -228,7 +238,9 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
 
   // The light as bright as the projector can show it gives the number of turns; then as bright as
   // they need.
-  const auto& values = solution.light.values;
+  const Light light = nodes ? detail::light_of_pixels(*nodes, bench.grid, solution.light)
+                            : std::move(solution.light);
+  const auto& values = light.values;
   const double largest = *std::max_element(values.begin(), values.end());
   const double per_unit = dose_of_turn(bench.grid, bench.exposure);
   const double brightest = bench.mw_cm2.back() / largest;
@@ -239,7 +251,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   exposure.most_time_s = options.most_time_s;
   Field full = solution.dose;
   for (float& d : full.values) d = static_cast<float>(d * brightest);
-  const PrintTime time = plan_time(quiet, projector, target, full, exposure);
+  const PrintTime time = plan_time(quiet, *asking, asked, full, exposure);
 
   // Rounding to levels, and the direct sum, which weighs light otherwise, may find the weakest voxel a
   // little short: a little more for all, or a turn more. Where no turn more is allowed, pixels that
@@ -250,8 +262,8 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   double scale = brightest * time.scale;
   PrintFigures figures;
   const auto show = [&](bool carry) {
-    job.levels = carry ? carried_levels(solution.light, scale, bench.mw_cm2)
-                       : nearest_levels(solution.light, scale, bench.mw_cm2);
+    job.levels = carry ? carried_levels(light, scale, bench.mw_cm2)
+                       : nearest_levels(light, scale, bench.mw_cm2);
     figures = judge(job, bench, target, dose_of(job, quiet), black);
   };
   // With few levels it depends on the part which way to round prints better.

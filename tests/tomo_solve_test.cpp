@@ -348,12 +348,12 @@ TEST(TomoSolve, GoesOnFromWhereItStood) {
     options.rungs = {.95, .9, .85};
     std::vector<SolverState> places;
     options.checkpoint = [&](const SolverPlace& at) {
-      places.push_back({at.numbers, at.rung, at.missed, at.step, at.best});
+      places.push_back({at.numbers, at.dose, at.of_slices, at.missed, at.rung, at.step, at.best});
     };
     const Solution whole = p.solve(options);
     EXPECT_GE(static_cast<int>(places.size()), c.depth > 0 ? 1 : c.places);
     if (c.depth > 0) {
-      EXPECT_TRUE(places.back().missed);
+      EXPECT_FALSE(places.back().missed.empty());
       EXPECT_LT(whole.contrast_bound, 10);
     }
     options.checkpoint = nullptr;
@@ -367,7 +367,7 @@ TEST(TomoSolve, GoesOnFromWhereItStood) {
       EXPECT_EQ(whole.history.size(), again.history.size());
       EXPECT_EQ(whole.metrics.pw, again.metrics.pw);
     }
-    const SolverState other{{}, 0, false, 0, Solution(square_grid(41, 30))};
+    const SolverState other{{}, {}, {}, {}, 0, 0, Solution(square_grid(41, 30))};
     options.resume = &other;
     EXPECT_THROW(p.solve(options), InputError);
   }

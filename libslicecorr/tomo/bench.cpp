@@ -9,6 +9,7 @@
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/vial.hpp"
+#include "tomo/rays.hpp"
 
 namespace slicecorr::tomo {
 
@@ -21,6 +22,16 @@ constexpr double kSame = 1e-9;
 }
 
 }  // namespace
+
+detail::RayAt detail::ray_at(const Vial& vial, double n_resin, double q_mm, double alpha_per_mm,
+                             double radius_mm) {
+  if (misses(vial, n_resin, q_mm, 0)) return {};
+  const double magnified = n_resin / vial.n_outside, t = q_mm / magnified;
+  const double beyond = std::sqrt(std::max(0.0, vial.inner_mm * vial.inner_mm - t * t)) -
+                        std::sqrt(std::max(0.0, radius_mm * radius_mm - t * t));
+  return {transmittance(vial, n_resin, q_mm, 0) * magnified * std::exp(-alpha_per_mm * beyond),
+          turned_rad(vial, n_resin, q_mm, 0)};
+}
 
 int voxels_across(const Printer& printer, double voxel_mm) {
   require_tomographic(printer);
@@ -103,13 +114,9 @@ Bench make_bench(const Printer& printer, const Resin& resin, const Sampling& sam
   for (int i = 0; i < grid.pixels; ++i) {
     const double q = pixel_x_mm(printer, first + i), t = line_mm(first + i);
     rays.line_mm.push_back(t);
-    const bool dark = misses(vial, n, q, 0);
-    const double beyond = std::sqrt(std::max(0.0, b.radius_mm * b.radius_mm - t * t)) -
-                          std::sqrt(std::max(0.0, grid.radius_mm * grid.radius_mm - t * t));
-    // The operators begin at the last voxel; the light dims from the wall on.
-    const double outside = std::exp(-rays.alpha_per_mm * beyond);
-    rays.weight.push_back(dark ? 0.0 : transmittance(vial, n, q, 0) * n / vial.n_outside * outside);
-    rays.turn_rad.push_back(dark ? 0.0 : turned_rad(vial, n, q, 0));
+    const detail::RayAt ray = detail::ray_at(vial, n, q, rays.alpha_per_mm, grid.radius_mm);
+    rays.weight.push_back(ray.weight);
+    rays.turn_rad.push_back(ray.turn_rad);
   }
 
   // Empty tables leave the operators their shorter ways.

@@ -17,6 +17,7 @@
 #include "slicecorr/vial.hpp"
 #include "stack/formats/definition_json.hpp"
 #include "tomo/checkpoint.hpp"
+#include "tomo/nodes.hpp"
 #include "tomo/told_projector.hpp"
 #include "tomo/voxels.hpp"
 
@@ -39,7 +40,7 @@ Volume volume_of(const TomoGrid& grid, const Box<std::uint8_t>& part) {
 /// What is printed and what shades it, and what light does there.
 struct Scene {
   Target target;
-  std::unique_ptr<Projector> projector;
+  std::shared_ptr<const Projector> projector;
 };
 Target target_of(const Bench& bench, const Box<std::uint8_t>& part,
                  const Box<std::uint8_t>& insert) {
@@ -241,7 +242,16 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   job.sampling = {voxel_mm, part.nz, bench.grid.angles};
   const Scene scene = scene_of(bench, part, options.insert);
   const Target& target = scene.target;
-  const detail::ToldProjector projector(*scene.projector, context,
+  // What the solver sees.
+  std::shared_ptr<const detail::Nodes> nodes;
+  Target asked = target;
+  std::shared_ptr<const Projector> asking = scene.projector;
+  if (auto found = detail::nodes_of(printer, resin, bench)) {
+    nodes = std::make_shared<const detail::Nodes>(*std::move(found));
+    asked.grid = nodes->grid;
+    asking = detail::make_node_projector(nodes, scene.projector);
+  }
+  const detail::ToldProjector projector(*asking, context,
                                         detail::expected_calls(options.solve, bench.grid.blocks()));
   // The solve is told of as a whole, none of its sums over angles by itself.
   const ExecutionContext quiet = slicecorr::detail::silent(context);
@@ -269,7 +279,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   detail::CheckpointFile file(options.checkpoint, options.checkpoint_s,
                               fingerprint_of(part, options.insert, job, how));
   const std::optional<SolverState> state =
-      options.resume ? file.read(bench.grid) : std::optional<SolverState>{};
+      options.resume ? file.read(asked.grid) : std::optional<SolverState>{};
   if (state) {
     context.tell(
         fmt::format("{}: goes on after {} steps", options.checkpoint, state->best.history.size()));
@@ -278,14 +288,14 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   how.checkpoint = [&](const SolverPlace& at) {
     if (options.solve.checkpoint) options.solve.checkpoint(at);
     file.keep(at);
-    if (at.rung > 0 && !at.missed) {
+    if (at.rung > 0 && at.missed.empty()) {
       context.tell(fmt::format("next: void below {:g} of the gel dose", at.rung));
     }
   };
-  Solution solution = solve(quiet, projector, target, bench.rays, how);
+  Solution solution = solve(quiet, projector, asked, nodes ? nodes->rays : bench.rays, how);
   context.report("solving", 1);
   if (solution.contrast_bound < 1) {
-    if (options.evidence) options.evidence(evidence_of(solution, target, part, options, voxel_mm));
+    if (options.evidence) options.evidence(evidence_of(solution, asked, part, options, voxel_mm));
     throw InfeasibleError(fmt::format(
         "no light prints this part: where it is hardest, in slice {} ({:.3f} mm above the optical "
         "axis), void gets at least 1/{:.4f} of the part's least dose, whatever is shown; expected "
@@ -296,7 +306,9 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
 
   // The light as bright as the projector can show it gives the number of turns; then as bright as
   // they need.
-  const auto& values = solution.light.values;
+  const Light light = nodes ? detail::light_of_pixels(*nodes, bench.grid, solution.light)
+                            : std::move(solution.light);
+  const auto& values = light.values;
   const double largest = *std::max_element(values.begin(), values.end());
   const double per_unit = dose_of_turn(bench.grid, bench.exposure);
   const double brightest = bench.mw_cm2.back() / largest;
@@ -307,7 +319,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   exposure.most_time_s = options.most_time_s;
   Field full = solution.dose;
   for (float& d : full.values) d = static_cast<float>(d * brightest);
-  const PrintTime time = plan_time(quiet, *scene.projector, target, full, exposure);
+  const PrintTime time = plan_time(quiet, *asking, asked, full, exposure);
 
   // Rounding to levels, and the direct sum, which weighs light otherwise, may find the weakest voxel a
   // little short: a little more for all, or a turn more. Where no turn more is allowed, pixels that
@@ -324,8 +336,8 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
     context.report("judging", std::min((shown + done) / rounds, 0.99));
   };
   const auto show = [&](bool carry) {
-    job.levels = carry ? carried_levels(solution.light, scale, bench.mw_cm2)
-                       : nearest_levels(solution.light, scale, bench.mw_cm2);
+    job.levels = carry ? carried_levels(light, scale, bench.mw_cm2)
+                       : nearest_levels(light, scale, bench.mw_cm2);
     figures = judge(job, bench, target, dose_of(job, judging), black);
     ++shown;
   };

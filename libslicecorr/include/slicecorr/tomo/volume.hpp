@@ -53,8 +53,9 @@ struct TomoGrid {
   double angle_rad(int m) const;
 
   /// Slices per block, and so the number of lanes; the last block may hold fewer slices, its other
-  /// lanes are 0 and stay 0. It depends on the number of slices alone.
-  int lanes() const { return slices < 8 ? 1 : slices <= 16 ? 16 : 32; }
+  /// lanes are 0 and stay 0. It depends on the number of slices, and of a few on the widths of
+  /// voxels and pixels.
+  int lanes() const;
   std::size_t blocks() const { return (static_cast<std::size_t>(slices) + lanes() - 1) / lanes(); }
   int lanes_used(std::size_t block) const;
   std::size_t voxels_of_block() const;  ///< numbers in a block of a field

@@ -5,11 +5,15 @@
 #include <algorithm>
 #include <filesystem>
 #include <limits>
+#include <memory>
 #include <vector>
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/tomo/report.hpp"
 #include "slicecorr/tomo/section.hpp"
+#include "slicecorr/tomo/video.hpp"
+#include "slicecorr/vial.hpp"
+#include "video_file.hpp"
 
 namespace slicecorr::cli {
 
@@ -72,6 +76,25 @@ int report(const TomoViewOptions& o, const ExecutionContext& context, Console& c
   return kDone;
 }
 
+int video(const TomoViewOptions& o, const ExecutionContext& context, Console& console) {
+  const bool y4m = ending_of(o.output, {".y4m", ".mkv"}) == ".y4m";
+  check_output(o.output, {o.job});
+  const tomo::TomoJob job = tomo::read_job(o.job, context);
+  const tomo::VideoPlan plan = tomo::plan_video(job, o.video);
+  const std::unique_ptr<VideoFile> file =
+      y4m ? make_y4m_file(o.output) : make_matroska_file(o.output);
+  tomo::write_y4m(
+      job, plan, [&](const std::uint8_t* bytes, std::size_t count) { file->put(bytes, count); },
+      context);
+  file->publish();
+  console.say(fmt::format(
+      "{}: {} images of {} x {} pixels, {:.6g} a second, {:.1f} s: {} turns, then {} black; the "
+      "vial must turn {} at {:.6g} degrees a second",
+      o.output, plan.images, plan.width_px, plan.height_px, plan.fps(), plan.time_s(), plan.turns,
+      plan.tail, name_of(job.printer.rotation->direction), plan.deg_s));
+  return kDone;
+}
+
 }  // namespace
 
 void check_picture_name(const std::string& path) { sections_file(path); }
@@ -117,6 +140,21 @@ void add_tomo_views(Program& program, CLI::App* group, TomoViewOptions& o) {
   sub = add("report", "Write a page that shows what a job prints", report);
   sub->add_option("JOB", o.job, "File of the job (.frames)")->required();
   sub->add_option("-o,--output", o.output, "Page to write (.html)")->required();
+
+  sub = add("video", "Write a job's frames as a video without loss, turn by turn", video);
+  sub->add_option("JOB", o.job, "File of the job (.frames)")->required();
+  sub->add_option("--turns", o.video.turns, "Turns to show [those of the job]")
+      ->check(CLI::Range(1, 1000000000));
+  sub->add_option("--fps", o.video.fps,
+                  "Images a second [as the job shows them]: the vial must turn at this over the "
+                  "frames of a turn")
+      ->check(number_above_zero());
+  sub->add_option("--tail-s", o.video.tail_s, "Black after the last turn")
+      ->check(number_in(0, 86400))
+      ->capture_default_str();
+  sub->add_option("-o,--output", o.output,
+                  "Video to write: .y4m, or .mkv where the program ffmpeg is installed")
+      ->required();
 }
 
 }  // namespace slicecorr::cli

@@ -18,6 +18,10 @@
 #include "slicecorr/tomo/npy.hpp"
 #include "slicecorr/tomo/solve.hpp"
 
+namespace slicecorr {
+struct GreyImage;
+}
+
 namespace slicecorr::tomo {
 
 /// Newest version of `config.json` that this program reads.
@@ -46,5 +50,8 @@ void write_job(const std::string& path, const TomoJob& job, const ExecutionConte
 /// Throws `InputError` naming entry and key for what is missing, damaged, of another size or number
 /// than `config.json` says, or of a newer format. What frames show beside the resin is not kept.
 TomoJob read_job(const std::string& path, const ExecutionContext& context = {});
+
+/// The image (`slicecorr/stack.hpp`) that is shown as number `frame` of a turn, from 0. `bench` is that of the job.
+GreyImage frame_image(const Bench& bench, const TomoJob& job, int frame);
 
 }  // namespace slicecorr::tomo

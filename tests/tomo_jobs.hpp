@@ -70,4 +70,25 @@ inline TomoJob random_job(const Printer& printer, int slices, int angles) {
   return job;
 }
 
+/// A box as a mesh.
+inline TriangleMesh box_mesh(const Point3& low, const Point3& high) {
+  TriangleMesh mesh;
+  for (int i = 0; i < 8; ++i) {
+    mesh.vertices.push_back(
+        {i & 1 ? high[0] : low[0], i & 2 ? high[1] : low[1], i & 4 ? high[2] : low[2]});
+  }
+  mesh.triangles = {{0, 2, 1}, {1, 2, 3}, {4, 5, 6}, {5, 7, 6}, {0, 1, 4}, {1, 5, 4},
+                    {2, 6, 3}, {3, 6, 7}, {0, 4, 2}, {2, 4, 6}, {1, 3, 5}, {3, 7, 5}};
+  return mesh;
+}
+
+/// A square of 13 voxels beside the axis.
+inline Box<std::uint8_t> square_part() {
+  Box<std::uint8_t> part{1, 33, 33, std::vector<std::uint8_t>(33 * 33)};
+  for (int y = 10; y < 23; ++y) {
+    for (int x = 10; x < 23; ++x) part.values[part.at(0, y, x)] = 255;
+  }
+  return part;
+}
+
 }  // namespace slicecorr::tomo

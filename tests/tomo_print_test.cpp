@@ -1,18 +1,14 @@
-// From a part to a job's frames and back to doses: benches, jobs, direct sums, the programs.
-#include <fmt/format.h>
+// From a part to a job's frames and back to doses: benches, jobs, direct sums.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <limits>
-#include <nlohmann/json.hpp>
 #include <numbers>
 #include <random>
 #include <tuple>
 
-#include "run_program.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/tomo/print.hpp"
@@ -23,9 +19,6 @@ namespace slicecorr::tomo {
 namespace {
 
 using testing::HasSubstr;
-
-/// Debian's interpreter: the one that its package python3-numpy serves.
-constexpr const char* kPython = "/usr/bin/python3";
 
 TEST(TomoBench, UniformLightInABathIsTheClosedForm) {
   // tomography.md: alpha 0.8/cm, R 12.5, I 2, T_rot 14.4: 8.4759 on the axis.
@@ -132,18 +125,6 @@ TEST(TomoInserts, ADiscShadesAsManyDirectionsAsTheClosedFormSays) {
       EXPECT_GE(share, seen(radius + 0.071, 0.1 * r) - 1.0 / 360);
     }
   }
-}
-
-/// A box as a mesh.
-TriangleMesh box_mesh(const Point3& low, const Point3& high) {
-  TriangleMesh mesh;
-  for (int i = 0; i < 8; ++i) {
-    mesh.vertices.push_back(
-        {i & 1 ? high[0] : low[0], i & 2 ? high[1] : low[1], i & 4 ? high[2] : low[2]});
-  }
-  mesh.triangles = {{0, 2, 1}, {1, 2, 3}, {4, 5, 6}, {5, 7, 6}, {0, 1, 4}, {1, 5, 4},
-                    {2, 6, 3}, {3, 6, 7}, {0, 4, 2}, {2, 4, 6}, {1, 3, 5}, {3, 7, 5}};
-  return mesh;
 }
 
 class TomoInsertMeshes : public ::testing::Test {
@@ -338,16 +319,6 @@ TEST_F(TomoJobs, InsertsAreReadBack) {
   for (std::uint8_t& v : job.insert.values) v = v == 0 ? 7 : 0;
   write_job(path("a.frames"), job);
   EXPECT_EQ(read_job(path("a.frames")).insert.values, job.insert.values);
-  // A job that lost one of its images is no job without an insert.
-  const test::RunResult cut = test::run_program(
-      {kPython, "-c",
-       "import sys, zipfile\n"
-       "a, b = zipfile.ZipFile(sys.argv[1]), zipfile.ZipFile(sys.argv[2], 'w')\n"
-       "[b.writestr(n, a.read(n)) for n in a.namelist() if n != 'insert/00000003.png']\n",
-       path("a.frames"), path("cut.frames")},
-      {});
-  ASSERT_EQ(cut.exit_code, 0) << cut.err;
-  EXPECT_THAT(refused(path("cut.frames")), HasSubstr("insert/00000003.png: is missing"));
   job.insert.nz = 4;
   EXPECT_THROW(write_job(path("b.frames"), job), InputError);
 }
@@ -390,15 +361,6 @@ TEST(TomoPrint, ASquareIsPrintedAsDesigned) {
   Resin back = bench_resin();
   back.inhibition_resupply_mj_cm3_s = 10;
   EXPECT_THROW(solve_print(part, 0.25, printer, back, options), InfeasibleError);
-}
-
-/// A square of 13 voxels beside the axis.
-Box<std::uint8_t> square_part() {
-  Box<std::uint8_t> part{1, 33, 33, std::vector<std::uint8_t>(33 * 33)};
-  for (int y = 10; y < 23; ++y) {
-    for (int x = 10; x < 23; ++x) part.values[part.at(0, y, x)] = 255;
-  }
-  return part;
 }
 
 /// Contrast costs light: with a time that is fixed, the ladder finds light that needs less.
@@ -461,6 +423,57 @@ TEST(TomoPrint, FewLevelsAreRoundedTheBetterWay) {
   EXPECT_GT(fine.figures.metrics.contrast, print.figures.metrics.contrast);
 }
 
+TEST(TomoPrint, WhatCanNotBePrintedIsToldByName) {
+  const auto told = [](const Box<std::uint8_t>& part, const Printer& printer, const Resin& resin,
+                       const char* kind) {
+    PrintOptions options;
+    options.angles = 60;
+    try {
+      solve_print(part, 0.25, printer, resin, options);
+    } catch (const InputError& e) {
+      EXPECT_STREQ(kind, "input");
+      return std::string(e.what());
+    } catch (const InfeasibleError& e) {
+      EXPECT_STREQ(kind, "infeasible");
+      return std::string(e.what());
+    }
+    return std::string("taken");
+  };
+  Box<std::uint8_t> empty = square_part(), full = square_part(), grey = square_part();
+  for (std::uint8_t& v : empty.values) v = 0;
+  for (std::uint8_t& v : grey.values) v = v == 0 ? 0 : 254;
+  for (int y = 0; y < 33; ++y) {
+    for (int x = 0; x < 33; ++x) {
+      full.values[full.at(0, y, x)] = std::hypot(x - 16, y - 16) < 16.01 ? 255 : 0;
+    }
+  }
+  const Printer printer = bench_printer();
+  const Resin resin = bench_resin();
+  EXPECT_THAT(told(empty, printer, resin, "input"),
+              HasSubstr("no voxel inside the vial is wholly part"));
+  EXPECT_THAT(told(grey, printer, resin, "input"), HasSubstr("use smaller voxels"));
+  EXPECT_THAT(told(full, printer, resin, "input"),
+              HasSubstr("no voxel inside the vial is wholly empty"));
+  // At alpha R 3 the middle of a square is too dark for any light.
+  EXPECT_THAT(told(square_part(), printer, bench_resin(7.5), "infeasible"),
+              testing::AllOf(HasSubstr("no light prints this part"),
+                             HasSubstr("in slice 0 (0.000 mm"), HasSubstr("alpha R is 3")));
+  // Black light that is a quarter of the brightest: even so little from all sides gels void.
+  Printer bright = printer;
+  bright.calibration = {{0, 0.5}, {255, 2.0}};
+  EXPECT_THAT(told(square_part(), bright, resin, "infeasible"),
+              testing::AllOf(HasSubstr("black light alone gels void"), HasSubstr("of 20")));
+  Resin back = resin;
+  back.inhibition_resupply_mj_cm3_s = 10;
+  EXPECT_THAT(told(square_part(), printer, back, "infeasible"),
+              HasSubstr("inhibitor comes back as fast as light takes it: 144 mJ/cm³ in a turn"));
+  Printer flat = printer;
+  flat.calibration = {{0, 1.0}, {255, 1.0}};
+  EXPECT_THAT(told(square_part(), flat, resin, "input"),
+              HasSubstr("its brightest level shows 1 mW/cm², its darkest 1; expected a calibration "
+                        "that rises"));
+}
+
 TEST(TomoPrint, PartsBeyondTheReachAreRefused) {
   Box<std::uint8_t> part{1, 33, 33, std::vector<std::uint8_t>(33 * 33)};
   part.values[part.at(0, 16, 2)] = 255;  // a dry vial of 4.5 mm is reached up to 4.5 / 1.5
@@ -474,278 +487,18 @@ TEST(TomoPrint, PartsBeyondTheReachAreRefused) {
   Box<std::uint8_t> outside{1, 41, 41, std::vector<std::uint8_t>(41 * 41)};
   outside.values[0] = 255;
   EXPECT_THROW(placed(outside, bench_printer(), 0.25), InputError);
-}
-
-class TomoProgram : public TomoJobs {
- protected:
-  void SetUp() override {
-    test::write_file(path("bench.toml"), test::to_bytes(R"(name = "bench"
-[display]
-width_px = 48
-height_px = 40
-pixel_um = 250.0
-bit_depth = 8
-[blue]
-wavelength_nm = 405
-calibration = [[0, 0.002], [255, 2.0]]
-[vial]
-outer_mm = 4.5
-inner_mm = 4.0
-n_outside = 1.0
-n_wall = 1.48
-[optics]
-kind = "telecentric"
-[rotation]
-deg_s = 25
-direction = "counterclockwise"
-max_fps = 60
-)"));
-    test::write_file(path("resin.toml"), test::to_bytes(R"(name = "resin"
-[cure]
-model = "jacobs"
-m = 1.0
-absorption_per_cm = 0.5
-n = 1.5
-gel_dose_mj_cm3 = 20.0
-)"));
-    Box<std::uint8_t> part{3, 33, 33, std::vector<std::uint8_t>(3 * 33 * 33)};
-    for (int z = 0; z < 3; ++z) {
-      for (int y = 12; y < 21; ++y) {
-        for (int x = 12; x < 21 - 2 * z; ++x) part.values[part.at(z, y, x)] = 255;
-      }
-    }
-    write_npy(path("part.npy"), part);
-  }
-  /// The sum over the job's frames in Python gives the doses of d.npy.
-  void expect_python_agrees(const std::string& job) const {
-    test::RunOptions options;
-    options.folder = folder_.path();
-    const test::RunResult python = test::run_program(
-        {kPython, SLICECORR_SOURCE_DIR "/tests/tomo_direct_sum.py", job, "p.npy"}, options);
-    ASSERT_EQ(python.exit_code, 0) << python.out << python.err;
-    test::run_program(
-        {kPython, "-c", "import numpy as n; a = n.load('p.npy'); n.save('q.npy', n.nan_to_num(a))"},
-        options);
-    const Box<float> ours = read_dose_npy(path("d.npy")), theirs = read_dose_npy(path("q.npy"));
-    double largest = 0, off = 0;
-    for (int y = 0; y < ours.ny; ++y) {
-      for (int x = 0; x < ours.nx; ++x) {
-        const std::size_t at = ours.at(0, y, x);
-        largest = std::max<double>(largest, theirs.values[at]);
-        off = std::max<double>(off, std::abs(ours.values[at] - theirs.values[at]));
-      }
-    }
-    EXPECT_GT(largest, 20.0);
-    EXPECT_LE(off, 1e-5 * largest);
-  }
-  test::RunResult call(const std::vector<std::string>& words) const {
-    test::RunOptions options;
-    options.folder = folder_.path();
-    std::vector<std::string> command{SLICECORR_BIN_DIR "/slicecorr", "--quiet", "tomo"};
-    command.insert(command.end(), words.begin(), words.end());
-    return test::run_program(command, options);
-  }
-  std::vector<std::string> solve(const std::string& to) const {
-    return {"solve",     "--volume",   "part.npy", "--voxel-mm", "0.25",
-            "--printer", "bench.toml", "--resin",  "resin.toml", "-o",
-            to,          "--angles",   "60",       "--json",     "-"};
-  }
-};
-
-TEST_F(TomoProgram, SolveAndVerifyAgreeAndSoDoesADirectSumInPython) {
-  const test::RunResult solved = call(solve("a.frames"));
-  ASSERT_EQ(solved.exit_code, 0) << solved.err;
-  const auto figures = nlohmann::json::parse(solved.out);
-  EXPECT_EQ(figures["feasible"], true);
-  EXPECT_EQ(figures["ver"], 0.0);
-  const test::RunResult verified = call({"verify", "a.frames", "--dose", "d.npy", "--json", "-"});
-  ASSERT_EQ(verified.exit_code, 0) << verified.err;
-  auto again = nlohmann::json::parse(verified.out);
-  again["contrast_bound"] = figures["contrast_bound"];  // only the solve knows
-  EXPECT_EQ(again, figures);
-  EXPECT_EQ(call(solve("b.frames")).exit_code, 0);
-  EXPECT_EQ(test::read_file(path("a.frames")), test::read_file(path("b.frames")));
-
-  expect_python_agrees("a.frames");
-}
-
-TEST_F(TomoProgram, APartIsPrintedAroundAnInsert) {
-  // A ring of 1 to 2 mm around a rod of 0.5 mm beside the middle.
-  Box<std::uint8_t> part{3, 33, 33, std::vector<std::uint8_t>(3 * 33 * 33)}, rod = part;
-  for (int z = 0; z < 3; ++z) {
-    for (int y = 0; y < 33; ++y) {
-      for (int x = 0; x < 33; ++x) {
-        const double r = std::hypot(x - 16, y - 16);
-        if (r >= 4 && r < 8) part.values[part.at(z, y, x)] = 255;
-        if (std::hypot(x - 17, y - 16) < 2.2 && z < 2) rod.values[rod.at(z, y, x)] = 1;
-      }
+  // A mesh that is wider than the resin; in its corners alone, it fits the square around it.
+  for (const double half_mm : {5.0, 3.9}) {
+    try {
+      voxelise(box_mesh({0, 0, 0}, {2 * half_mm, 2 * half_mm, 1}), bench_printer(), 0.25);
+      FAIL();
+    } catch (const InputError& e) {
+      EXPECT_THAT(e.what(),
+                  HasSubstr(half_mm == 5 ? "7.071 mm from the axis, the resin ends at 4 mm; "
+                                           "expected a part scaled by at most 0.5656"
+                                         : "5.515 mm from the axis"));
     }
   }
-  write_npy(path("part.npy"), part);
-  write_npy(path("rod.npy"), rod);
-  auto words = solve("a.frames");
-  words.insert(words.end(), {"--insert", "rod.npy"});
-  const test::RunResult solved = call(words);
-  ASSERT_EQ(solved.exit_code, 0) << solved.out << solved.err;
-  const auto figures = nlohmann::json::parse(solved.out);
-  EXPECT_EQ(figures["ver"], 0.0);
-  EXPECT_EQ(figures["jaccard"]["dose"], 1.0);
-  const TomoJob job = read_job(path("a.frames"));
-  EXPECT_EQ(job.insert.values, rod.values);
-  EXPECT_EQ(figures["gel_voxels"].get<std::size_t>(),
-            static_cast<std::size_t>(std::count(part.values.begin(), part.values.end(), 255)));
-  const test::RunResult verified = call({"verify", "a.frames", "--dose", "d.npy", "--json", "-"});
-  ASSERT_EQ(verified.exit_code, 0) << verified.err;
-  EXPECT_EQ(nlohmann::json::parse(verified.out)["contrast"], figures["contrast"]);
-  expect_python_agrees("a.frames");
-  // Without its insert the same frames print something else.
-  TomoJob without = job;
-  without.insert = {};
-  EXPECT_NE(dose_of(without).values, dose_of(job).values);
-
-  // A mesh beside a mesh, turned and scaled alike.
-  for (const std::string name : {"part.off", "rod.off"}) {
-    const double h = name == "part.off" ? 0.1 : 0.02, x = name == "part.off" ? 0 : 0.16;
-    std::string text = "OFF\n8 12 0\n";
-    const TriangleMesh mesh = box_mesh({x - h, -h, -0.05}, {x + h, h, 0.05});
-    for (const Point3& v : mesh.vertices) text += fmt::format("{} {} {}\n", v[0], v[1], v[2]);
-    for (const auto& t : mesh.triangles) text += fmt::format("3 {} {} {}\n", t[0], t[1], t[2]);
-    test::write_file(path(name), test::to_bytes(text));
-  }
-  const test::RunResult meshes = call(
-      {"solve",  "part.off",   "--insert", "rod.off",   "--scale",      "10",      "--rotate-deg",
-       "0,0,90", "--voxel-mm", "0.25",     "--printer", "bench.toml",   "--resin", "resin.toml",
-       "-o",     "m.frames",   "--angles", "60",        "--iterations", "20"});
-  ASSERT_THAT(meshes.exit_code, testing::AnyOf(0, 5)) << meshes.err;
-  const TomoJob turned = read_job(path("m.frames"));
-  // The rod of 0.4 mm stood at x = 1.6 mm of the part: now at y, in voxel 22.
-  EXPECT_GT(turned.insert.values[turned.insert.at(1, 22, 16)], 0);
-  EXPECT_EQ(turned.insert.values[turned.insert.at(1, 16, 22)], 0);
-}
-
-TEST_F(TomoProgram, InsertsThatCanNotBeAreRefused) {
-  Box<std::uint8_t> part{1, 33, 33, std::vector<std::uint8_t>(33 * 33)};
-  const auto with = [&](const std::string& name, auto&& opaque) {
-    Box<std::uint8_t> insert{1, 33, 33, std::vector<std::uint8_t>(33 * 33)};
-    for (int y = 0; y < 33; ++y) {
-      for (int x = 0; x < 33; ++x) {
-        insert.values[insert.at(0, y, x)] = opaque(x - 16, y - 16) ? 255 : 0;
-      }
-    }
-    write_npy(path(name), insert);
-    auto words = solve("a.frames");
-    words.insert(words.end(), {"--insert", name});
-    const test::RunResult result = call(words);
-    EXPECT_FALSE(std::filesystem::exists(path("a.frames")));
-    return result;
-  };
-  for (int y = 14; y < 19; ++y) {
-    for (int x = 14; x < 19; ++x) part.values[part.at(0, y, x)] = 255;
-  }
-  write_npy(path("part.npy"), part);
-  test::RunResult r = with("in.npy", [](int x, int y) { return x == 2 && y == -1; });
-  EXPECT_EQ(r.exit_code, 2);
-  EXPECT_THAT(r.err, HasSubstr("slice 0: voxel 18, 15 is part and insert at once"));
-  r = with("out.npy", [](int x, int y) { return x == 16 && y == 16; });
-  EXPECT_EQ(r.exit_code, 2);
-  EXPECT_THAT(r.err, HasSubstr("the insert reaches 5.657 mm from the axis"));
-  r = with("wall.npy", [](int x, int y) { return std::hypot(x, y) > 5 && std::hypot(x, y) < 8; });
-  EXPECT_EQ(r.exit_code, 3);
-  EXPECT_THAT(r.err, HasSubstr("the part's voxel 14, 14 in slice 0 is lit from no angle"));
-  write_npy(path("two.npy"), Box<std::uint8_t>{2, 33, 33, std::vector<std::uint8_t>(2 * 33 * 33)});
-  auto words = solve("a.frames");
-  words.insert(words.end(), {"--insert", "two.npy"});
-  r = call(words);
-  EXPECT_EQ(r.exit_code, 2);
-  EXPECT_THAT(r.err, HasSubstr("two.npy: has 33 x 33 x 2 voxels, the part 33 x 33 x 1"));
-}
-
-/// A solve that is killed, or stopped, goes on to the bytes of one that was not.
-TEST_F(TomoProgram, GoesOnWhereItWasStopped) {
-  const std::string left = path("a.frames.resume");
-  for (const std::string method : {"osmo", "ladder"}) {
-    const auto words = [&](const std::string& to, const std::vector<std::string>& more) {
-      auto all = solve(to);
-      all.insert(all.end(), {"--method", method, "--iterations", method == "osmo" ? "150" : "60"});
-      all.insert(all.end(), more.begin(), more.end());
-      return all;
-    };
-    ASSERT_THAT(call(words("whole.frames", {})).exit_code, testing::AnyOf(0, 5));
-    for (const int signal : {SIGKILL, SIGINT}) {
-      SCOPED_TRACE(method + ", signal " + std::to_string(signal));
-      test::RunOptions options;
-      options.folder = folder_.path();
-      options.signal = signal;
-      options.signal_when = [&](const std::string&, const std::string&) {
-        return std::filesystem::exists(left);
-      };
-      std::vector<std::string> command{SLICECORR_BIN_DIR "/slicecorr", "tomo"};
-      for (const std::string& word : words("a.frames", {"--checkpoint-s", "0"})) {
-        command.push_back(word);
-      }
-      const test::RunResult stopped = test::run_program(command, options);
-      ASSERT_TRUE(stopped.signalled);
-      EXPECT_EQ(stopped.exit_code, signal == SIGKILL ? 128 + SIGKILL : 130);
-      EXPECT_TRUE(std::filesystem::exists(left));
-      EXPECT_FALSE(std::filesystem::exists(path("a.frames")));
-      if (signal == SIGINT) EXPECT_THAT(stopped.err, HasSubstr("--resume goes on from there"));
-
-      // Of another solve it is refused, and stays.
-      auto other = words("a.frames", {"--resume"});
-      *(std::find(other.begin(), other.end(), "--angles") + 1) = "61";
-      test::RunResult refused = call(other);
-      EXPECT_EQ(refused.exit_code, 2);
-      EXPECT_THAT(refused.err,
-                  testing::AllOf(HasSubstr("a.frames.resume: is of a solve with another printer, "
-                                           "resin, number of angles or size of voxels"),
-                                 HasSubstr("without --resume it starts anew")));
-      other = words("a.frames", {"--resume", "--window", "ram-lak"});
-      EXPECT_THAT(call(other).err, HasSubstr("of a solve with other options"));
-      EXPECT_TRUE(std::filesystem::exists(left));
-
-      EXPECT_THAT(call(words("a.frames", {"--resume"})).exit_code, testing::AnyOf(0, 5));
-      EXPECT_EQ(test::read_file(path("a.frames")), test::read_file(path("whole.frames")));
-      EXPECT_FALSE(std::filesystem::exists(left));
-      std::filesystem::remove(path("a.frames"));
-    }
-  }
-  // Without anything to go on from it starts anew.
-  auto anew = solve("a.frames");
-  anew.push_back("--resume");
-  EXPECT_EQ(call(anew).exit_code, 0);
-  EXPECT_EQ(call(solve("b.frames")).exit_code, 0);
-  EXPECT_EQ(test::read_file(path("a.frames")), test::read_file(path("b.frames")));
-  // Damage is told.
-  test::write_file(left, test::to_bytes("slicecorr tomo solve 1\nand nothing else"));
-  const test::RunResult damaged = call(anew);
-  EXPECT_EQ(damaged.exit_code, 2);
-  EXPECT_THAT(damaged.err, HasSubstr("a.frames.resume: is damaged"));
-}
-
-TEST_F(TomoProgram, WrongUseIsToldByName) {
-  EXPECT_EQ(call({}).exit_code, 2);
-  EXPECT_EQ(call({"print"}).exit_code, 2);
-  const test::RunResult neither =
-      call({"solve", "--printer", "bench.toml", "--resin", "resin.toml", "-o", "a.frames"});
-  EXPECT_EQ(neither.exit_code, 2);
-  EXPECT_THAT(neither.err, HasSubstr("--volume"));
-  auto beside = solve("a.frames");
-  beside.insert(beside.end(), {"--center-mm", "1,1"});
-  EXPECT_THAT(call(beside).err, HasSubstr("--center-mm"));
-  auto clipped = solve("a.frames");
-  clipped.insert(clipped.end(), {"--clip-sigma", "3"});
-  EXPECT_THAT(call(clipped).err, HasSubstr("expected --method osmo"));
-  clipped.insert(clipped.end(), {"--method", "osmo", "--stop-error", "0.005"});
-  EXPECT_THAT(call(clipped).exit_code, testing::AnyOf(0, 5));
-  std::filesystem::remove(path("a.frames"));
-  EXPECT_EQ(call({"verify", "part.npy"}).exit_code, 2);
-  EXPECT_EQ(call({"verify", "none.frames"}).exit_code, 2);
-  auto slow = solve("a.frames");
-  slow.insert(slow.end(), {"--max-time-s", "1"});
-  const test::RunResult late = call(slow);
-  EXPECT_EQ(late.exit_code, 3);
-  EXPECT_THAT(late.err, HasSubstr("a turn of 14.4 s at least, longer than the 1 s allowed"));
-  EXPECT_FALSE(std::filesystem::exists(path("a.frames")));
 }
 
 }  // namespace

@@ -359,7 +359,8 @@ class Preparation {
   /// passed over, and remembered.
   bool check_fields(const JobRequest& r) {
     const detail::JobKind kind = detail::kind_of(r);
-    bool good = true;
+    const std::ptrdiff_t index = &r - requests_.data();
+    std::vector<SubmitError> wrong;
     for (const auto& [key, said] : r.said) {
       std::string name = key;
       if (r.as_options) {
@@ -368,16 +369,18 @@ class Preparation {
       }
       const std::string error = detail::misfit(key, name, kind);
       if (said.default_) {
-        auto& [fits, text, index] = defaults_[{said.where, key}];
-        fits = fits || error.empty();
-        text = error;
-        index = &r - requests_.data();
+        Default& d = defaults_[{said.where, key}];
+        d = {d.fits || error.empty(), error, index};
       } else if (!error.empty()) {
-        errors_.emplace_back(&r - requests_.data(), SubmitError{said.where, error});
-        good = false;
+        wrong.push_back({said.where, error});
       }
     }
-    return good;
+    // In the order of their lines.
+    std::sort(wrong.begin(), wrong.end(), [](const SubmitError& a, const SubmitError& b) {
+      return std::pair(a.where.size(), a.where) < std::pair(b.where.size(), b.where);
+    });
+    for (const SubmitError& error : wrong) errors_.emplace_back(index, error);
+    return wrong.empty();
   }
 
   /// A default that fits none of the jobs was meant otherwise.
@@ -546,8 +549,7 @@ class Preparation {
       if (fresh) rate->second = queue_.rates(j.work.rate_class);
       const bool measured = rate->second.units_per_s > 0;
       const auto units = static_cast<double>(spec.tomo ? c.tomo.voxel_angle_steps : j.work.voxels);
-      const double guessed =
-          spec.tomo ? detail::guessed_units_per_s(*spec.tomo) : kGuessedVoxelsPerS;
+      const double guessed = spec.tomo ? detail::guessed_units_per_s(c.layers) : kGuessedVoxelsPerS;
       j.expected_s = kFixedJobS + units / (measured ? rate->second.units_per_s : guessed);
       const double bytes = spec.tomo  ? static_cast<double>(c.tomo.bytes)
                            : measured ? units * rate->second.bytes_per_unit

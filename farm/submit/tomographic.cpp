@@ -20,6 +20,9 @@ constexpr double kMb = 1 << 20;
 /// Of any worker that prints tomographically.
 constexpr double kProgramMb = 20;
 
+/// What a job's direct sums cost beside the solve, in steps of OSMO.
+constexpr double kStepsOfJudging = 4;
+
 /// The grid computes with all lanes of a block, used or not.
 double computed_voxels(const tomo::TomoGrid& grid) {
   return static_cast<double>(grid.blocks() * grid.voxels_of_block());
@@ -116,7 +119,8 @@ std::int64_t voxel_angle_steps(const tomo::TomoGrid& grid, const tomo::SolveOpti
   const int steps = o.steps > 0 ? o.steps : usual_steps(o);
   const double rungs =
       o.method == tomo::Method::kLadder ? static_cast<double>(o.rungs.size()) : 1.0;
-  return static_cast<std::int64_t>(computed_voxels(grid) * grid.angles * steps * rungs);
+  return static_cast<std::int64_t>(computed_voxels(grid) * grid.angles *
+                                   (steps * rungs + kStepsOfJudging));
 }
 
 std::string tomo_rate_class(const WorkSpec::Tomo& tomo, int slices) {
@@ -126,9 +130,10 @@ std::string tomo_rate_class(const WorkSpec::Tomo& tomo, int slices) {
   return fmt::format("tomo {}{}", tomo.method, grid.lanes() == 1 ? " slice by slice" : "");
 }
 
-double guessed_units_per_s(const WorkSpec::Tomo& tomo) {
-  if (tomo.method == "osmo") return 1e9;
-  return 1e9;
+double guessed_units_per_s(int slices) {
+  tomo::TomoGrid grid;
+  grid.slices = slices;
+  return grid.lanes() == 1 ? 1.2e8 : 5e8;
 }
 
 TomoNeeds look_at_tomographic(const WorkSpec& spec, const std::vector<std::string>& paths,

@@ -39,13 +39,13 @@ TomoNeeds look_at_tomographic(const WorkSpec& spec, const std::vector<std::strin
 /// Of a print on this grid. Half as much again as was seen, as `memory_needs`.
 MemoryNeeds tomo_memory_needs(const tomo::Bench& bench, tomo::Method method);
 
-/// Voxels times angles times steps of a solve. The ladder's steps are those of a rung, times its
-/// rungs: it ends where one is missed.
+/// Voxels times angles times steps of a print: those of the solve, and what judging it costs. The
+/// ladder's steps are those of a rung, times its rungs: it ends where one is missed.
 std::int64_t voxel_angle_steps(const tomo::TomoGrid& grid, const tomo::SolveOptions& options);
 
 /// Solves of one class take the same time per voxel, angle and step.
 std::string tomo_rate_class(const WorkSpec::Tomo& tomo, int slices);
-/// Units a second of such a class on one core, before the farm has measured any.
-double guessed_units_per_s(const WorkSpec::Tomo& tomo);
+/// Units a second on one core before the farm has measured any: cautious for grids of 100 voxels.
+double guessed_units_per_s(int slices);
 
 }  // namespace slicecorr::farm::detail

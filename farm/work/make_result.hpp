@@ -30,9 +30,9 @@ cli::MeshOptions mesh_options(const WorkSpec& spec, const std::vector<std::strin
 /// What `slicecorr tomo solve` would be told of a tomographic print with these inputs.
 cli::TomoPrintOptions tomo_options(const WorkSpec& spec, const std::vector<std::string>& paths);
 
-/// Of a tomographic print: reading, solving, judging, reading back.
+/// Of a tomographic print: reading, solving, judging, reading back, its page.
 std::vector<Phase> tomo_phases();
-/// Solves a tomographic print of the inputs at `paths` into BASE.frames and BASE.json, reads it back,
+/// Solves a tomographic print of the inputs at `paths` into BASE.frames, BASE.json and BASE.html, reads it back,
 /// and fills in what is known of the result. Gives the endings of what was written.
 std::vector<std::string> make_tomographic(const WorkOrder& order,
                                           const std::vector<std::string>& paths,

@@ -3,16 +3,19 @@
 #include <fmt/format.h>
 
 #include <string_view>
+#include <utility>
 
 #include "programs/common/program.hpp"
 #include "slicecorr/setup.hpp"
+#include "slicecorr/tomo/report.hpp"
+#include "store/title.hpp"
 #include "work/make_result.hpp"
 
 namespace slicecorr::farm::detail {
 
 namespace {
 
-enum PhaseOfTomo : std::size_t { kRead, kSolve, kJudge, kCheck };
+enum PhaseOfTomo : std::size_t { kRead, kSolve, kJudge, kCheck, kReport };
 
 ResultFigures figures_of(const tomo::Print& print) {
   const tomo::PrintFigures& p = print.figures;
@@ -24,15 +27,16 @@ ResultFigures figures_of(const tomo::Print& print) {
   return f;
 }
 
-/// A result is what can be read back.
-void check_job(const std::string& path, const tomo::TomoJob& written,
-               const ExecutionContext& context) {
+/// A result is what can be read back: reads the job, and compares it with what was written.
+tomo::TomoJob read_back(const std::string& path, const tomo::TomoJob& written,
+                        const ExecutionContext& context) {
   try {
-    const tomo::TomoJob job = tomo::read_job(path, context);
+    tomo::TomoJob job = tomo::read_job(path, context);
     if (job.turns != written.turns || job.levels != written.levels ||
         job.part.values != written.part.values || job.insert.values != written.insert.values) {
       throw InputError(path, "", "other frames, or another part, than were written");
     }
+    return job;
   } catch (const InputError& e) {
     throw OutputInvalid(fmt::format("read back after writing: {}", e.what()));
   }
@@ -64,7 +68,11 @@ cli::TomoPrintOptions tomo_options(const WorkSpec& spec, const std::vector<std::
 }
 
 std::vector<Phase> tomo_phases() {
-  return {{"read", 0, 0.03}, {"solve", 0.03, 0.9}, {"judge", 0.9, 0.97}, {"check", 0.97, 1}};
+  return {{"read", 0, 0.03},
+          {"solve", 0.03, 0.9},
+          {"judge", 0.9, 0.95},
+          {"check", 0.95, 0.96},
+          {"report", 0.96, 1}};
 }
 
 std::vector<std::string> make_tomographic(const WorkOrder& order,
@@ -97,8 +105,12 @@ std::vector<std::string> make_tomographic(const WorkOrder& order,
   context.tell(in_words(outcome.figures));
 
   reporter.begin(kCheck);
-  check_job(base + ".frames", print.job, context);
-  return {"frames", "json"};
+  tomo::TomoJob job = read_back(base + ".frames", print.job, context);
+  reporter.begin(kReport);
+  cli::write_text_file(base + ".html",
+                       tomo::report_page(tomo::printed(std::move(job), context),
+                                         title_stand_in(order.key) + ".frames", context));
+  return {"frames", "html", "json"};
 }
 
 }  // namespace slicecorr::farm::detail

@@ -11,7 +11,7 @@
 namespace slicecorr::farm::detail {
 
 /// Called by a worker at "start", "read", "correct" (when it is 30 % done), "report", "check" and
-/// "end", of a tomographic print "solve" and "judge" in place of "correct" and "report", with what it
+/// "end", of a tomographic print "solve" in place of "correct", and "judge" before "check", with what it
 /// was ordered to do; null: nobody listens. Set before `main` begins and not
 /// changed after, so that any thread may read it.
 extern void (*work_stage_listener)(const std::string& stage, const WorkOrder& order);

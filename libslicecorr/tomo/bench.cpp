@@ -143,6 +143,12 @@ Bench make_bench(const Printer& printer, const Resin& resin, const Sampling& sam
   }
 
   b.mw_cm2 = level_intensities(printer);
+  if (!(b.mw_cm2.back() > b.mw_cm2.front())) {
+    wrong(printer,
+          fmt::format("its brightest level shows {:g} mW/cm², its darkest {:g}; expected a "
+                      "calibration that rises",
+                      b.mw_cm2.back(), b.mw_cm2.front()));
+  }
   b.exposure.alpha_a_per_cm = curing_absorption_per_mm(resin) * 10;
   b.exposure.turn_s = printer.rotation->turn_s();
   b.exposure.critical_mj_cm3 = dose_to_gel_mj_cm3(resin);

@@ -162,7 +162,7 @@ Place place_of(const Box<std::uint8_t>& part, double voxel_mm, const Printer& pr
     throw InputError(fmt::format(
         "the part reaches {:.3f} mm from the axis, light from all directions {:.3f} mm; expected a "
         "part scaled by at most {:.4f}{}",
-        radius_mm, limit_mm, limit_mm / radius_mm,
+        radius_mm, limit_mm, std::floor(1e4 * limit_mm / radius_mm) * 1e-4,
         radius_mm <= resin_mm ? ", or leave to print beyond that reach" : ""));
   }
   check_insert(options.insert, part, printer, voxel_mm);
@@ -340,8 +340,13 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   for (int round = 0; round < rounds; ++round) {
     show(carry);
     const double short_by = figures.gel_dose_mj_cm3 / figures.metrics.min_gel;
-    if (short_by <= 1) break;
+    // More than enough, where the operators see less than the sum, costs turns: taken back once.
+    if (short_by <= 1 && (round > 0 || short_by > 0.99)) break;
     scale *= short_by + 1e-4;
+    while (job.turns > 1 && scale * job.turns <= brightest * (job.turns - 1)) {
+      scale *= static_cast<double>(job.turns) / (job.turns - 1);
+      --job.turns;
+    }
     if (scale <= brightest || job.turns == most_turns) continue;
     scale *= static_cast<double>(job.turns) / (job.turns + 1);
     ++job.turns;

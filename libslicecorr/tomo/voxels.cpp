@@ -27,6 +27,26 @@ Printer voxel_plate(const Printer& printer, int across, double voxel_mm) {
   return plate;
 }
 
+/// Throws for a part that reaches over the resin.
+void check_radius(const TriangleMesh& mesh, const Printer& printer,
+                  const ExecutionContext& context) {
+  const PartFrame frame = frame_of(mesh, context);
+  double radius_mm = 0;
+  for (const auto& triangle : mesh.triangles) {
+    for (const std::uint32_t v : triangle) {
+      const Point3& corner = mesh.vertices[v];
+      radius_mm =
+          std::max(radius_mm, std::hypot(corner[0] - frame.axis_x_mm, corner[1] - frame.axis_y_mm));
+    }
+  }
+  const double inner_mm = printer.vial->inner_mm;
+  if (radius_mm <= inner_mm * (1 + 1e-9)) return;
+  throw InputError(
+      fmt::format("the part reaches {:.3f} mm from the axis, the resin ends at {:g} mm; expected a "
+                  "part scaled by at most {:.4f}",
+                  radius_mm, inner_mm, std::floor(1e4 * inner_mm / radius_mm) * 1e-4));
+}
+
 Box<std::uint8_t> empty_box(int slices, int across) {
   Box<std::uint8_t> box{slices, across, across, {}};
   box.values.assign(static_cast<std::size_t>(slices) * static_cast<std::size_t>(across) *
@@ -57,6 +77,7 @@ Box<std::uint8_t> voxelise(TriangleMesh mesh, const Printer& printer, double vox
   SliceOptions options;
   options.layer_um = voxel_mm * 1e3;
   const int n = voxels_across(printer, voxel_mm);
+  check_radius(mesh, printer, context);
   const MeshSlices slices(std::move(mesh), voxel_plate(printer, n, voxel_mm), options, context);
   Box<std::uint8_t> part = empty_box(slices.grid().layers, n);
   const PixelBox whole{0, 0, n, n};

@@ -6,7 +6,7 @@
 ///     log.txt        all it says
 ///     progress.json  how far it is, replaced several times a second at most
 ///     out/NAME.uvj   the stack; NAME.html, NAME.json: report and figures, as `slicecorr run`; of
-///                    tomographic prints NAME.frames and NAME.json, as `slicecorr tomo solve`
+///                    tomographic prints NAME.frames, NAME.json and NAME.html, as `tomo solve` and `tomo report`
 ///     result.json    the end (`WorkOutcome`), by rename: who finds it finds it whole
 ///
 /// Plain values and thread-safe functions; `do_work` is meant to be all that a process does. What

@@ -20,7 +20,7 @@
 namespace slicecorr::tomo {
 
 /// Cuts a part to voxels: exact coverage of their squares in 256 levels, at their mid-heights. The
-/// part's box is middled on the axis. Throws `InputError` when it reaches over the vial.
+/// part's box is middled on the axis. Throws `InputError` when it reaches over the resin.
 Box<std::uint8_t> voxelise(TriangleMesh mesh, const Printer& printer, double voxel_mm,
                            const ExecutionContext& context = {});
 /// Where the axis and the foot of the lowest slice lie in the coordinates of a part, mm.

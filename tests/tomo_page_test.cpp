@@ -71,7 +71,7 @@ TEST(TomoPage, ControlsWorkAndItCountsAsTheLibraryDoes) {
   if (chromium().empty()) GTEST_SKIP() << "chromium is not installed (scripts/setup --all)";
   const Folder folder;
   const Printed p = gyroid(41);
-  const std::string html = make_report(p, "gyroid");
+  const std::string html = report_page(p, "gyroid");
   for (const char* window : {"--window-size=1280,900", "--window-size=500,900"}) {
     const auto test = selftest_in(folder, html, window);
     ASSERT_TRUE(test.is_object());
@@ -101,7 +101,7 @@ TEST(TomoPage, PicturesOnDeskAndPhoneLightAndDark) {
   const Folder folder;
   const fs::path out = fs::path(SLICECORR_BIN_DIR).parent_path() / "report-pictures";
   fs::create_directories(out);
-  std::ofstream(folder.path / "page.html") << make_report(gyroid(41), "gyroid");
+  std::ofstream(folder.path / "page.html") << report_page(gyroid(41), "gyroid");
   std::ofstream(folder.path / "phone.html")
       << "<body style='margin:0'><iframe src='page.html' width=400 height=6500 style='border:0'>";
   const std::vector<std::tuple<std::string, std::string, std::vector<std::string>>> looks = {
@@ -122,7 +122,7 @@ TEST(TomoPage, PicturesOnDeskAndPhoneLightAndDark) {
 
 /// 5.9 million voxels with noise in their doses, and frames of noise.
 TEST(TomoPage, AFewMegabytes) {
-  const std::string html = make_report(gyroid(181), "gyroid");
+  const std::string html = report_page(gyroid(181), "gyroid");
   EXPECT_LT(html.size(), 4500000U);
   EXPECT_GT(html.size(), 500000U);
   if (chromium().empty()) GTEST_SKIP() << "chromium is not installed: page made, not opened";

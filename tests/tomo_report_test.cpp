@@ -112,7 +112,7 @@ TEST(TomoReport, ThePageHasAllOfIt) {
                            .contrast = 0.5 + 0.01 * i});
   }
   const Printed p = printed(job);
-  const std::string html = make_report(p, "a & b");
+  const std::string html = report_page(p, "a & b");
   for (const char* words :
        {"a &amp; b", "bench &lt;b&gt;", "Bound of C", "VER", "Dose against target",
         "Doses of part and void", "Contrast over the height", "Sinogram", "frame 21, 315.0°",
@@ -121,15 +121,15 @@ TEST(TomoReport, ThePageHasAllOfIt) {
   }
   EXPECT_EQ(html.find("http://"), html.find("http://www.w3.org/"));  // names of formats alone
   EXPECT_EQ(html.find("https://"), std::string::npos);
-  EXPECT_EQ(make_report(p, "a & b"), html);
+  EXPECT_EQ(report_page(p, "a & b"), html);
   job.history.clear();
-  EXPECT_THAT(make_report(printed(job), "x"), HasSubstr("does not say how its light was found"));
+  EXPECT_THAT(report_page(printed(job), "x"), HasSubstr("does not say how its light was found"));
 }
 
 TEST(TomoReport, DarkJobsHaveAPageToo) {
   TomoJob job = random_job(bench_printer(), 1, 24);
   std::fill(job.levels.begin(), job.levels.end(), std::uint16_t{0});
-  EXPECT_THAT(make_report(printed(job), "dark"), HasSubstr("not as designed"));
+  EXPECT_THAT(report_page(printed(job), "dark"), HasSubstr("not as designed"));
 }
 
 class TomoReportProgram : public ::testing::Test {

@@ -108,7 +108,7 @@ std::vector<std::string> make_tomographic(const WorkOrder& order,
   tomo::TomoJob job = read_back(base + ".frames", print.job, context);
   reporter.begin(kReport);
   cli::write_text_file(base + ".html",
-                       tomo::make_report(tomo::printed(std::move(job), context),
+                       tomo::report_page(tomo::printed(std::move(job), context),
                                          title_stand_in(order.key) + ".frames", context));
   return {"frames", "html", "json"};
 }

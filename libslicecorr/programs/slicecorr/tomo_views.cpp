@@ -5,11 +5,16 @@
 #include <algorithm>
 #include <filesystem>
 #include <limits>
+#include <memory>
 #include <vector>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/load_printer.hpp"
 #include "slicecorr/tomo/report.hpp"
 #include "slicecorr/tomo/section.hpp"
+#include "slicecorr/tomo/video.hpp"
+#include "slicecorr/vial.hpp"
+#include "video_file.hpp"
 
 namespace slicecorr::cli {
 
@@ -65,10 +70,54 @@ int report(const TomoViewOptions& o, const ExecutionContext& context, Console& c
   ending_of(o.output, {".html"});
   check_output(o.output, {o.job});
   const tomo::Printed print = tomo::printed(tomo::read_job(o.job, context), context);
-  write_text_file(o.output, tomo::make_report(
+  write_text_file(o.output, tomo::report_page(
                                 print, std::filesystem::path(o.job).filename().string(), context));
   console.say(fmt::format("{}: contrast {:.4g}, {} void voxels gel with the part", o.output,
                           print.figures.metrics.contrast, print.figures.metrics.void_gelled));
+  return kDone;
+}
+
+int video(const TomoViewOptions& o, const ExecutionContext& context, Console& console) {
+  const bool y4m = ending_of(o.output, {".y4m", ".mkv"}) == ".y4m";
+  check_output(o.output, {o.job});
+  const tomo::TomoJob job = tomo::read_job(o.job, context);
+  const tomo::VideoPlan plan = tomo::plan_video(job, o.video);
+  const std::unique_ptr<VideoFile> file =
+      y4m ? make_y4m_file(o.output) : make_matroska_file(o.output);
+  tomo::write_y4m(
+      job, plan, [&](const std::uint8_t* bytes, std::size_t count) { file->put(bytes, count); },
+      context);
+  file->publish();
+  console.say(fmt::format(
+      "{}: {} images of {} x {} pixels, {:.6g} a second, {:.1f} s: {} turns, then {} black; the "
+      "vial must turn {} at {:.6g} degrees a second",
+      o.output, plan.images, plan.width_px, plan.height_px, plan.fps(), plan.time_s(), plan.turns,
+      plan.tail, name_of(job.printer.rotation->direction), plan.deg_s));
+  return kDone;
+}
+
+int convert(const TomoViewOptions& o, const ExecutionContext& context, Console& console) {
+  check_output(o.output, {o.images.path, o.part});
+  if (!o.part.empty() && o.voxel_mm <= 0) {
+    throw InputError("--part-npy does not say how large its voxels are; expected --voxel-mm");
+  }
+  tomo::ImageSequence images = o.images;
+  if (!o.direction.empty()) {
+    images.direction =
+        o.direction == "clockwise" ? TurnDirection::clockwise : TurnDirection::counterclockwise;
+  }
+  const tomo::Box<std::uint8_t> part =
+      o.part.empty() ? tomo::Box<std::uint8_t>{} : tomo::read_part_npy(o.part);
+  const tomo::TomoJob job = tomo::job_of_images(images, load_printer(o.printer),
+                                                load_resin(o.resin), part, o.voxel_mm, context);
+  tomo::write_job(o.output, job, context);
+  console.say(fmt::format(
+      "{}: {} frames, {} slices of {:g} mm{}", o.output, job.sampling.angles, job.sampling.slices,
+      job.sampling.voxel_mm,
+      o.part.empty() ? fmt::format("; no part: to be judged by a volume of {} slices (tomo verify "
+                                   "--volume), or convert with --part-npy",
+                                   job.sampling.slices)
+                     : std::string()));
   return kDone;
 }
 
@@ -117,6 +166,43 @@ void add_tomo_views(Program& program, CLI::App* group, TomoViewOptions& o) {
   sub = add("report", "Write a page that shows what a job prints", report);
   sub->add_option("JOB", o.job, "File of the job (.frames)")->required();
   sub->add_option("-o,--output", o.output, "Page to write (.html)")->required();
+
+  sub = add("video", "Write a job's frames as a video without loss, turn by turn", video);
+  sub->add_option("JOB", o.job, "File of the job (.frames)")->required();
+  sub->add_option("--turns", o.video.turns, "Turns to show [those of the job]")
+      ->check(CLI::Range(1, 1000000000));
+  sub->add_option("--fps", o.video.fps,
+                  "Images a second [as the job shows them]: the vial must turn at this over the "
+                  "frames of a turn")
+      ->check(number_above_zero());
+  sub->add_option("--tail-s", o.video.tail_s, "Black after the last turn")
+      ->check(number_in(0, 86400))
+      ->capture_default_str();
+  sub->add_option("-o,--output", o.output,
+                  "Video to write: .y4m, or .mkv where the program ffmpeg is installed")
+      ->required();
+
+  sub =
+      add("convert", "Make a job of images that others made, to be judged and looked at", convert);
+  sub->add_option("FOLDER", o.images.path,
+                  "Folder (or zip) of PNG images, one for each angle, in the order of their names")
+      ->required();
+  sub->add_option("--printer", o.printer, "Printer: a .toml file or a name")->required();
+  sub->add_option("--resin", o.resin, "Resin: a .toml file or a name")->required();
+  sub->add_option("--angle-step-deg", o.images.angle_step_deg, "Angle from image to image")
+      ->required()
+      ->check(number_above_zero());
+  sub->add_option("--turns", o.images.turns, "Turns for which they are shown")
+      ->required()
+      ->check(CLI::Range(1, 1000000000));
+  sub->add_option("--direction", o.direction,
+                  "How the vial turns while they are shown, seen from above [as the printer's]")
+      ->check(CLI::IsMember({"clockwise", "counterclockwise"}));
+  sub->add_option("--part-npy", o.part,
+                  "What should print (.npy, axes z, y, x: 255 part, 0 empty, else neither)");
+  sub->add_option("--voxel-mm", o.voxel_mm, "Side of a voxel [the height of the images' rows]")
+      ->check(number_above_zero());
+  sub->add_option("-o,--output", o.output, "File of the job to write (.frames)")->required();
 }
 
 }  // namespace slicecorr::cli

@@ -5,13 +5,19 @@
 #include <string>
 
 #include "programs/common/program.hpp"
+#include "slicecorr/tomo/convert.hpp"
 #include "slicecorr/tomo/print.hpp"
+#include "slicecorr/tomo/video.hpp"
 
 namespace slicecorr::cli {
 
 struct TomoViewOptions {
   std::string job, output, show = "dose";
   std::optional<double> x_mm, y_mm, z_mm;
+  tomo::VideoOptions video;
+  std::string printer, resin, part, direction;
+  tomo::ImageSequence images;
+  double voxel_mm = 0;
 };
 
 /// Writes a picture of where a part fails (.png or .svg), and says what it shows.

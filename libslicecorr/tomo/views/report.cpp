@@ -541,7 +541,7 @@ GelTimes gel_times(const Printed& p, int every) {
   return g;
 }
 
-std::string make_report(const Printed& p, const std::string& title,
+std::string report_page(const Printed& p, const std::string& title,
                         const ExecutionContext& context) {
   const TomoJob& job = p.job;
   const Bench bench = make_bench(job.printer, job.resin, job.sampling);

@@ -19,6 +19,10 @@
 #include "slicecorr/tomo/npy.hpp"
 #include "slicecorr/tomo/solve.hpp"
 
+namespace slicecorr {
+struct GreyImage;
+}
+
 namespace slicecorr::tomo {
 
 /// Newest version of `config.json` that this program reads.

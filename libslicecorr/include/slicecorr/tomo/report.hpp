@@ -15,7 +15,7 @@ namespace slicecorr::tomo {
 /// three planes, histograms of the doses of part and void, a sinogram, frames, how the solve went,
 /// contrast over the height; with scripts also the part in the round, with what has gelled when.
 /// At most a few MB, whatever the part: voxels in the round are made coarser.
-std::string make_report(const Printed& printed, const std::string& title,
+std::string report_page(const Printed& printed, const std::string& title,
                         const ExecutionContext& context = {});
 
 /// What the page shows in the round: when voxels gel.

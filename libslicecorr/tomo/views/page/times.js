@@ -11,7 +11,7 @@ const load = once(async () => {
   return { time, kind };
 });
 
-const shades = { right: [150, 156, 162], gelled: [214, 48, 49], neither: [205, 209, 213], liquid: [110, 155, 235], insert: [90, 78, 66] };
+const shades = { right: [150, 156, 162], gelled: [214, 48, 49], neither: [205, 209, 213], liquid: [110, 155, 235], paleLiquid: [222, 226, 230], insert: [90, 78, 66] };
 // From dark violet, early, over green to yellow at the end of the print; red after it.
 const steps = [[123, 63, 160], [63, 111, 181], [43, 143, 156], [42, 168, 132], [160, 218, 57], [253, 231, 37]];
 function whenColour(time) {
@@ -20,6 +20,9 @@ function whenColour(time) {
   const i = Math.min(steps.length - 2, Math.floor(at));
   return mix(steps[i], steps[i + 1], at - i);
 }
+
+// Blue, but not where blue says when.
+const liquidColour = () => (round.colour === "when" ? shades.paleLiquid : shades.liquid);
 
 function timeInWords(percent) {
   const s = percent / 100 * data.time_s, turn = percent / 100 * data.turns;
@@ -50,7 +53,7 @@ async function drawRound() {
   const palette = Array.from({ length: 256 }, (_, t) => whenColour(t).map(Math.round));
   const cells = surfaceOf(data.cells, filled, (at) => {
     if (kind[at] === INSERT) return shades.insert;
-    if (!time[at] || time[at] > percent) return shades.liquid;
+    if (!time[at] || time[at] > percent) return liquidColour();
     if (round.colour === "when") return palette[time[at]];
     return kind[at] === PART ? shades.right : kind[at] === EMPTY ? shades.gelled : shades.neither;
   });
@@ -69,7 +72,7 @@ function legend() {
   $("round-legend").innerHTML = (round.colour === "when"
     ? at.map((t) => swatch(whenColour(t), `gels at ${t} %`)).join("")
     : swatch(shades.right, "part, gelled") + swatch(shades.gelled, "void, gelled (red)") + swatch(shades.neither, "grey voxel, gelled: neither part nor void")) +
-    (round.liquid ? swatch(shades.liquid, "part, still liquid (blue)") : "") + (data.insert ? swatch(shades.insert, "insert") : "");
+    (round.liquid ? swatch(liquidColour(), round.colour === "when" ? "part, still liquid (pale)" : "part, still liquid (blue)") : "") + (data.insert ? swatch(shades.insert, "insert") : "");
 }
 
 function showTime() {
@@ -140,6 +143,23 @@ async function selftest() {
   document.body.append(out);
 }
 
+// So near that the part fills the picture, whatever of void is kept around it.
+async function comeNear() {
+  const { kind } = await load(), [nx, ny] = data.cells;
+  const low = [...data.cells], high = [-1, -1, -1];
+  for (let at = 0; at < kind.length; ++at) {
+    if (kind[at] !== PART) continue;
+    [at % nx, Math.floor(at / nx) % ny, Math.floor(at / (nx * ny))].forEach((c, axis) => {
+      low[axis] = Math.min(low[axis], c);
+      high[axis] = Math.max(high[axis], c);
+    });
+  }
+  if (high[0] < 0) return;
+  // About the middle of all cells, about which it turns.
+  const reach = data.cells.map((n, axis) => Math.max(Math.abs(low[axis] - n / 2), Math.abs(high[axis] + 1 - n / 2)));
+  round.view.zoom = Math.min(4, Math.hypot(...data.cells) / 2 / Math.hypot(...reach));
+}
+
 async function start() {
   $("round").hidden = false;
   if (typeof DecompressionStream === "undefined") {
@@ -152,6 +172,7 @@ async function start() {
   startRound();
   legend();
   showTime();
+  await comeNear();
   await drawRound();
   document.documentElement.dataset.ready = "yes";
   if (location.hash === "#selftest") await selftest();

@@ -21,8 +21,6 @@
 namespace slicecorr {
 namespace {
 
-using testing::HasSubstr;
-
 constexpr double kPi = std::numbers::pi;
 constexpr double kDegrees = 180 / kPi;
 

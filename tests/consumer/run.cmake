@@ -63,7 +63,8 @@ endif()
 
 # The Python module, moved with its prefix, with the library that was installed beside it.
 find_program(python python3 NO_DEFAULT_PATH PATHS /usr/bin /usr/local/bin)
-file(GLOB_RECURSE module "${prefix}/*/slicecorr/__init__.py")
+file(GLOB_RECURSE module "${prefix}/__init__.py")
+list(FILTER module INCLUDE REGEX "/slicecorr/__init__[.]py$")
 if(NOT module)
   message(FATAL_ERROR "no Python module in ${prefix}")
 endif()

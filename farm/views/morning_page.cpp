@@ -36,7 +36,7 @@ std::string link_text(const std::string& path) {
 std::string report_link(const Job& job, const LinkTo& links) {
   const bool there = std::any_of(job.files.begin(), job.files.end(),
                                  [](const ResultFile& f) { return f.ending == "html"; });
-  const std::string name = shown(job.name);
+  std::string name = shown(job.name);
   if (!there) return name;
   std::string to;
   if (links.kind == LinkTo::Kind::server) {

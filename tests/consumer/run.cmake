@@ -72,7 +72,7 @@ if(python AND NOT CXX_FLAGS)  # the sanitizer's library must be loaded first
   cmake_path(GET module PARENT_PATH module_folder)
   cmake_path(GET module_folder PARENT_PATH module_folder)
   run("${CMAKE_COMMAND}" -E env --unset=SLICECORR_LIBRARY "PYTHONPATH=${module_folder}" "${python}" -B -c
-    "import slicecorr; print(slicecorr.version(), slicecorr.library_path())")
+    "from slicecorr import library_path, version\nprint(version(), library_path())")
   if(NOT output MATCHES "^${VERSION} ${prefix}/")
     message(FATAL_ERROR "the Python module printed:\n${output}\nexpected ${VERSION} and a library in ${prefix}")
   endif()

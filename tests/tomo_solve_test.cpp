@@ -362,6 +362,17 @@ TEST(TomoLadder, ThreadsChangeNothingWhereFewSlicesHaveGel) {
   }
 }
 
+/// A slice may turn out to have reached its rung when its dose is computed afresh.
+TEST(TomoLadder, EndsWhereSumsOverStepsRound) {
+  const Problem p(gyroid(square_grid(24, 90, 24)));
+  SolveOptions options;
+  options.proof_steps = 40;
+  const Solution s = p.solve(options);
+  EXPECT_EQ(s.metrics.ver, 0);
+  EXPECT_GE(s.metrics.contrast, 1.1);
+  EXPECT_GE(s.contrast_bound, s.metrics.contrast);
+}
+
 /// A solve that goes on from any place that it passed ends in the same bytes.
 TEST(TomoSolve, GoesOnFromWhereItStood) {
   struct Case {

@@ -24,6 +24,8 @@ constexpr double kFalls = 0.01;
 /// and what rays lack weighs more than that; farther away the bound is of another problem.
 constexpr double kBeyond = 0.9;
 
+/// The share of its loss that the second half of a slice's steps has to take away.
+constexpr double kWorthGoingOn = 0.3;
 /// A loss that rounding leaves: doses wrong by 1e-7 in some 10,000 voxels.
 constexpr double kRounding = 1e-9;
 
@@ -35,10 +37,10 @@ struct Climb {
   /// Nothing is left of the loss, or what single precision can't tell from that.
   bool reached() const { return loss == 0 || (stuck && loss < kRounding); }
   std::vector<SliceStep> history;
-  /// Going on is worth it: the second half of the steps took a good part of the loss away.
-  bool falls() const {
+  /// Going on is worth it: the second half of the steps took this share of the loss away.
+  bool falls(double share) const {
     const std::size_t n = history.size();
-    return !stuck && n >= 2 && loss < 0.7 * history[n / 2].loss;
+    return !stuck && n >= 2 && loss < (1 - share) * history[n / 2].loss;
   }
 };
 
@@ -226,29 +228,38 @@ class Ladder {
         for (std::size_t l = 0; l < lanes.size(); ++l) {
           Climb& c = climbs[lanes[l]];
           const auto& steps = run.slices[l];
-          c.stuck = static_cast<int>(steps.size()) <= run.steps && run.steps > 0;
+          c.stuck = static_cast<int>(steps.size()) <= run.steps || run.steps == 0;
           c.steps += run.steps;
           c.history.insert(c.history.end(), steps.begin() + (c.history.empty() ? 0 : 1),
                            steps.end());
-          c.loss = c.history.back().loss;
+          // Doses computed afresh may lack nothing where sums over steps did.
+          c.history.back() = steps.back();
+          c.loss = steps.back().loss;
           now_[lanes[l]] = steps.back();
         }
       });
     }
   }
 
-  /// The slices that miss the rung. Goes on, twice as long each time, while that halves their loss;
-  /// one slice that does not is enough.
+  double least_kept() const {
+    double least = kNone;
+    for (const int z : gel_) least = std::min(least, kept_[z]);
+    return least;
+  }
+
+  /// The slices that miss the rung. Goes on, twice as long each time, while their losses fall; one
+  /// that does not is enough. More contrast is worth half of the steps that any is.
   std::vector<int> climb(const Penalty& penalty) {
     const int first = options_.steps == 0 ? 60 : options_.steps;
-    const int most = std::max(first, options_.most_steps);
+    const int most =
+        std::max(first, least_kept() >= 1 ? options_.most_steps / 2 : options_.most_steps);
     std::vector<Climb> climbs(now_.size());
     std::vector<int> left = gel_;
     for (int steps = first;; steps = std::min(2 * steps, most)) {
       descend(penalty, steps, climbs, left, "solving");
       std::erase_if(left, [&](int z) { return climbs[z].reached(); });
-      const bool over =
-          std::any_of(left.begin(), left.end(), [&](int z) { return !climbs[z].falls(); });
+      const bool over = std::any_of(left.begin(), left.end(),
+                                    [&](int z) { return !climbs[z].falls(kWorthGoingOn); });
       if (left.empty() || steps == most || over) break;
     }
     add_history(climbs, penalty.rung);
@@ -304,8 +315,7 @@ class Ladder {
   /// slices that limit the part, on a rung that is out of reach.
   void prove(double missed, std::vector<int> slices) {
     if (options_.proof_steps == 0) return;
-    double contrast = kNone;
-    for (const int z : gel_) contrast = std::min(contrast, kept_[z]);
+    const double contrast = least_kept();
     const double rung = contrast > 0 ? std::min(missed, kBeyond / contrast) : missed;
     bound(rung, slices);
     slices.resize(std::min(slices.size(), kProven));

@@ -90,7 +90,8 @@ struct SolveOptions {
   int steps = 0;
 
   /// A slice goes on beyond `steps`, up to this many, doubling them each time, while the second half
-  /// of them takes 0.3 of its loss away. A slice that misses the rung ends the ladder.
+  /// of them takes 0.3 of its loss away; half as many once the contrast is 1. A slice that misses
+  /// the rung ends the ladder.
   int most_steps = 1000;
   /// Rungs of the ladder, falling, each in (0, 1).
   std::vector<double> rungs = {0.995, 0.98, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2};

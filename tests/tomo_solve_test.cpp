@@ -225,13 +225,14 @@ TEST(TomoLadder, StrongAbsorption) {
   const Solution two = Problem(t2(grid), 2).solve(options);
   EXPECT_GE(two.metrics.contrast, 1.10);
   EXPECT_GE(two.contrast_bound, 1.106);
-  EXPECT_LE(two.contrast_bound, 1.25);
+  EXPECT_LE(two.contrast_bound, 1.16);
   const Solution one = Problem(t1(grid), 2).solve(options);
   EXPECT_EQ(one.metrics.ver, 0);
   EXPECT_GE(one.metrics.contrast, 1.003);
   EXPECT_GE(one.contrast_bound, 1.006);
+  EXPECT_LE(one.contrast_bound, 1.06);
   const Solution none = Problem(t2(grid), 2.5).solve(options);
-  EXPECT_LT(none.contrast_bound, 0.85);
+  EXPECT_LT(none.contrast_bound, 0.82);
   EXPECT_GE(none.contrast_bound, none.metrics.contrast);
   EXPECT_EQ(none.bound_slice, 0);
 }
@@ -327,6 +328,37 @@ TEST(TomoLadder, SlicesAreIndependentAndThreadsChangeNothing) {
     options.steps = 3;
     EXPECT_EQ(solve(on_threads(1), *p.projector, p.target, p.optics, options).light.values,
               solve(on_threads(2), *p.projector, p.target, p.optics, options).light.values);
+  }
+}
+
+/// Slices are put together by what they have left to do, whichever these are, and a block that is
+/// alone is shared among threads.
+TEST(TomoLadder, ThreadsChangeNothingWhereFewSlicesHaveGel) {
+  const TomoGrid grid = square_grid(40, 36, 40);
+  for (const int every : {3, 11, 39}) {
+    const Problem p(part_of(grid, [&](double x, double y, double z) {
+      const int slice = static_cast<int>(std::lround(19.5 * (z + 1)));
+      const double side = 0.2 + 0.005 * slice;
+      return slice % every == 1 && std::abs(x) < side && std::abs(y) < 0.4;
+    }));
+    SolveOptions options;
+    options.rungs = {.9, .5};
+    options.steps = options.most_steps = 40;
+    options.proof_steps = 20;
+    const Solution one = solve(on_threads(1), *p.projector, p.target, p.optics, options);
+    const Solution more = solve(on_threads(3), *p.projector, p.target, p.optics, options);
+    EXPECT_EQ(one.light.values, more.light.values);
+    EXPECT_EQ(one.contrast_bound, more.contrast_bound);
+    // The others stay dark.
+    for (int z = 0; z < grid.slices; ++z) {
+      if (z % every == 1) continue;
+      for (int m = 0; m < grid.angles; ++m) {
+        for (int i = 0; i < grid.pixels; ++i) ASSERT_EQ(one.light.values[grid.pixel(m, i, z)], 0);
+      }
+    }
+    EXPECT_EQ(one.metrics.ver, 0);
+    EXPECT_GE(one.metrics.contrast, 1 / .9);
+    EXPECT_NEAR(one.metrics.min_gel, 1, 1e-5);
   }
 }
 

@@ -126,18 +126,14 @@ std::int64_t voxel_angle_steps(const tomo::TomoGrid& grid, const tomo::SolveOpti
                                    (steps * rungs + kStepsOfJudging));
 }
 
+// A few slices are solved one by one, or leave vector lanes idle; more of them lie side by side.
+constexpr int kFewSlices = 7;
+
 std::string tomo_rate_class(const WorkSpec::Tomo& tomo, int slices) {
-  tomo::TomoGrid grid;
-  grid.slices = slices;
-  // A few slices are solved one by one, more of them side by side in vector lanes.
-  return fmt::format("tomo {}{}", tomo.method, grid.lanes() == 1 ? " slice by slice" : "");
+  return fmt::format("tomo {}{}", tomo.method, slices <= kFewSlices ? " slice by slice" : "");
 }
 
-double guessed_units_per_s(int slices) {
-  tomo::TomoGrid grid;
-  grid.slices = slices;
-  return grid.lanes() == 1 ? 1.2e8 : 5e8;
-}
+double guessed_units_per_s(int slices) { return slices <= kFewSlices ? 1.2e8 : 5e8; }
 
 TomoNeeds look_at_tomographic(const WorkSpec& spec, const std::vector<std::string>& paths,
                               const Printer& printer, const Resin& resin,

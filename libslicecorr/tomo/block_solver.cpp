@@ -340,7 +340,7 @@ std::vector<double> best_scales(const TomoGrid& grid, const Kind* kinds, const f
         })[0];
       },
       end);
-  std::vector<double> scales(lanes, 1.0);
+  std::vector<double> scales(lanes, 0.0);
   for (std::size_t l = 0; l < lanes; ++l) {
     if (most[l] > 0) scales[l] = found[l];
   }

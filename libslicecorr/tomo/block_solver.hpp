@@ -40,7 +40,7 @@ BlockRun solve_block(const Projector& projector, std::size_t block, const Kind* 
                      const Penalty& penalty, int steps, int memory, bool may_leave,
                      const ExecutionContext& context, float* light, float* dose);
 
-/// Per lane the factor of `dose` with the least loss.
+/// Per lane the factor of `dose` with the least loss; 0 where no gel gets any.
 std::vector<double> best_scales(const TomoGrid& grid, const Kind* kinds, const float* dose,
                                 const Penalty& penalty, const ExecutionContext& context);
 

@@ -84,8 +84,8 @@ class Reader {
   bool at_end() { return std::fgetc(file_) == EOF; }
   [[noreturn]] void damaged() const {
     throw InputError(path_, "",
-                     "is damaged; expected what a solve left; without --resume it starts "
-                     "anew");
+                     "is damaged; expected what a solve left; a solve that does not go on "
+                     "from it starts anew");
   }
 
  private:
@@ -165,8 +165,8 @@ std::optional<SolverState> CheckpointFile::read(const TomoGrid& grid) const {
                                                                     : nullptr;
   if (other != nullptr) {
     throw InputError(path_, "",
-                     fmt::format("is of a solve with {}; expected the same command as "
-                                 "before; without --resume it starts anew",
+                     fmt::format("is of a solve with {}; expected the same as before; "
+                                 "a solve that does not go on from it starts anew",
                                  other));
   }
   SolverState state{{}, {}, {}, {}, 0, 0, Solution(grid)};

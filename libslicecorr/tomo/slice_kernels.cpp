@@ -29,6 +29,21 @@ using GroupVec = decltype(hn::Zero(Group()));
 using Index = hn::RebindToSigned<Group>;
 using IndexVec = decltype(hn::Zero(Index()));
 
+// The whole part of numbers in 0..2^21, given less 0.5, as a number and as an index. Where they are
+// whole it may be one less, the rest then is 1: weights don't jump there.
+struct Whole {
+  GroupVec number;
+  IndexVec index;
+  HWY_INLINE explicit Whole(GroupVec less_half) {
+    const Group d;
+    // Beside 1.5 * 2^23 single precision has whole numbers only.
+    const GroupVec magic = hn::Set(d, 12582912.0f);
+    const GroupVec rounded = hn::Add(less_half, magic);
+    number = hn::Sub(rounded, magic);
+    index = hn::Sub(hn::BitCast(Index(), rounded), hn::BitCast(Index(), magic));
+  }
+};
+
 // Of 16, or of 32, numbers from p on those that the indices name.
 HWY_INLINE GroupVec Pick16(const float* p, IndexVec index) {
 #if HWY_TARGET == HWY_AVX3 || HWY_TARGET == HWY_AVX3_DL
@@ -103,12 +118,12 @@ void AdjointRows(const Beam& beam, const LaneAngle* angles, const TurnedLight<T>
       const LaneAngle& angle = angles[m];
       // Where f falls along the lanes, the row of pixels begins earlier.
       const int shift = angle.c < 0 ? (kFine ? 23 : 12) : 0;
-      const GroupVec c = hn::Set(d, static_cast<float>(angle.c));
+      const GroupVec c = hn::Set(d, static_cast<float>(angle.c)), half = hn::Set(d, 0.5f);
       const GroupVec from = hn::Set(d, static_cast<float>(shift));
       GroupVec places[kGroupVectors];
       for (int v = 0; v < kGroupVectors; ++v) {
         const GroupVec k = hn::Iota(d, static_cast<float>(v * kGroupWidth));
-        places[v] = hn::Add(hn::Mul(k, c), from);
+        places[v] = hn::Sub(hn::Add(hn::Mul(k, c), from), half);
       }
       double f = angle.f0 + angle.c * x0 + angle.cr * r0 + 65536;  // positive: truncated is floor
 #pragma GCC unroll 8
@@ -117,10 +132,12 @@ void AdjointRows(const Beam& beam, const LaneAngle* angles, const TurnedLight<T>
         const GroupVec part = hn::Set(d, static_cast<float>(f - whole));
         const std::ptrdiff_t begin = whole - 65536 - shift;
         f += angle.cr;
+#pragma GCC unroll 8
         for (int v = 0; v < kGroupVectors; ++v) {
           const GroupVec at = hn::Add(part, places[v]);
-          const IndexVec i = hn::ConvertTo(di, at);
-          const GroupVec w = hn::Sub(at, hn::ConvertTo(d, i));
+          const Whole whole_at(at);
+          const IndexVec i = whole_at.index;
+          const GroupVec w = hn::Add(hn::Sub(at, whole_at.number), half);
           const IndexVec i1 = hn::Add(i, hn::Set(di, 1));
           GroupVec u, e;
           if constexpr (kShadow) {
@@ -131,6 +148,7 @@ void AdjointRows(const Beam& beam, const LaneAngle* angles, const TurnedLight<T>
             e = hn::Mul(hn::LoadU(d, angle.e + x0 + v * kGroupWidth),
                         hn::Set(d, angle.e_rows[std::min(r0 + r, n - 1)]));
           }
+#pragma GCC unroll 8
           for (int t = 0; t < T; ++t) {
             const PixelRow<kFine> row(lights[m].light[t] + begin);
             GroupVec b0 = row.Pick(i), b1 = row.Pick(i1);
@@ -169,14 +187,15 @@ void ForwardPixels(const Beam& beam, const LaneAngle& angle, const float* const 
   const int shift = angle.c < 0 ? 23 : 0;
   const double norm = std::hypot(angle.c, angle.cr), radius = 0.5 * (n - 1) * norm;
   const double centre = 0.5 * (pixels - 1);
-  const GroupVec one = hn::Set(d, 1.0f), vsize = hn::Set(d, static_cast<float>(size));
+  const GroupVec one = hn::Set(d, 1.0f), half_one = hn::Set(d, 0.5f);
+  const GroupVec vsize = hn::Set(d, static_cast<float>(size));
   const GroupVec c1 = hn::Set(d, static_cast<float>(size) - 1.0f);
   const GroupVec c2 = hn::Set(d, 2.0f - 2.0f * static_cast<float>(size));
   GroupVec places[kGroupVectors];
   for (int v = 0; v < kGroupVectors; ++v) {
     const GroupVec k = hn::Iota(d, static_cast<float>(v * kGroupWidth));
     places[v] = hn::Add(hn::Mul(k, hn::Set(d, static_cast<float>(inverse))),
-                        hn::Set(d, static_cast<float>(shift)));
+                        hn::Set(d, static_cast<float>(shift) - 0.5f));
   }
   for (int j0 = 0; j0 < pixels; j0 += kGroup) {
     GroupVec acc[T][kGroupVectors];
@@ -207,11 +226,13 @@ void ForwardPixels(const Beam& beam, const LaneAngle& angle, const float* const 
         const int at = whole - 65536 - shift + 1;
         if (at >= range.end || at + 32 <= range.first) continue;
         const GroupVec part = hn::Set(d, static_cast<float>(base - whole));
+#pragma GCC unroll 8
         for (int v = 0; v < kGroupVectors; ++v) {
           const GroupVec g = hn::Add(part, places[v]);
-          const IndexVec i = hn::ConvertTo(di, g);
+          const Whole whole_g(g);
+          const IndexVec i = whole_g.index;
           const IndexVec i1 = hn::Add(i, hn::Set(di, 1)), i2 = hn::Add(i, hn::Set(di, 2));
-          const GroupVec ahead = hn::Sub(hn::Add(hn::ConvertTo(d, i), one), g);
+          const GroupVec ahead = hn::Add(hn::Sub(whole_g.number, g), half_one);
           // The first voxel lies so many pixels behind the last place that weighs nothing.
           const GroupVec behind = hn::Mul(ahead, vsize);
           GroupVec w0, w1, w2;
@@ -238,6 +259,7 @@ void ForwardPixels(const Beam& beam, const LaneAngle& angle, const float* const 
             u1 = hn::Add(us.Pick(i1), ur);
             u2 = hn::Add(us.Pick(i2), ur);
           }
+#pragma GCC unroll 8
           for (int t = 0; t < T; ++t) {
             const Row32 row(voxels[t] + r * stride + at);
             GroupVec v0 = hn::Mul(w0, row.Pick(i)), v1 = hn::Mul(w1, row.Pick(i1)), v2;

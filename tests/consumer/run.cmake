@@ -63,7 +63,8 @@ endif()
 
 # The Python module, moved with its prefix, with the library that was installed beside it.
 find_program(python python3 NO_DEFAULT_PATH PATHS /usr/bin /usr/local/bin)
-file(GLOB_RECURSE module "${prefix}/*/slicecorr/__init__.py")
+file(GLOB_RECURSE module "${prefix}/__init__.py")
+list(FILTER module INCLUDE REGEX "/slicecorr/__init__[.]py$")
 if(NOT module)
   message(FATAL_ERROR "no Python module in ${prefix}")
 endif()
@@ -71,7 +72,7 @@ if(python AND NOT CXX_FLAGS)  # the sanitizer's library must be loaded first
   cmake_path(GET module PARENT_PATH module_folder)
   cmake_path(GET module_folder PARENT_PATH module_folder)
   run("${CMAKE_COMMAND}" -E env --unset=SLICECORR_LIBRARY "PYTHONPATH=${module_folder}" "${python}" -B -c
-    "import slicecorr; print(slicecorr.version(), slicecorr.library_path())")
+    "from slicecorr import library_path, version\nprint(version(), library_path())")
   if(NOT output MATCHES "^${VERSION} ${prefix}/")
     message(FATAL_ERROR "the Python module printed:\n${output}\nexpected ${VERSION} and a library in ${prefix}")
   endif()

@@ -72,17 +72,17 @@ std::string definitions_json(const Printer& printer, const Resin& resin) {
   return json.dump();
 }
 
-std::pair<Printer, Resin> parse_definitions_json(std::string_view text, const std::string& source) {
-  const auto json = nlohmann::json::parse(text, nullptr, false);
+std::pair<Printer, Resin> parse_definitions_json(std::string_view json, const std::string& source) {
+  const auto parsed = nlohmann::json::parse(json, nullptr, false);
   const detail::JsonSource place{source, ""};
-  const detail::JsonNode<nlohmann::json> root(json, "", place);
+  const detail::JsonNode<nlohmann::json> root(parsed, "", place);
   detail::ArchiveContents contents;
   contents.info.printer = detail::read_printer(root["printer"]);
   if (contents.info.printer->flat_field) {
     contents.flat_field_crc32 =
         static_cast<std::uint32_t>(root["printer"]["flat_field"]["crc32"].whole(0, 0xffffffff));
   }
-  read_picture(json, source, contents);
+  read_picture(parsed, source, contents);
   return {*contents.info.printer, detail::read_resin(root["resin"])};
 }
 

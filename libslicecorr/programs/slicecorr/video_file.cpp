@@ -95,6 +95,7 @@ class MatroskaFile final : public VideoFile {
                                    "matroska",
                                    "file:" + temporary_.path};
     std::vector<char*> argv;
+    argv.reserve(words.size() + 1);
     for (std::string& w : words) argv.push_back(w.data());
     argv.push_back(nullptr);
     posix_spawn_file_actions_t actions;

@@ -6,7 +6,9 @@
 #include <unistd.h>
 
 #include <filesystem>
+#include <nlohmann/json.hpp>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "run_program.hpp"
@@ -58,6 +60,21 @@ inline RunResult browse(const BrowserFolder& folder, const std::vector<std::stri
   RunOptions options;
   options.timeout = std::chrono::seconds(120);
   return run_program(command, options);
+}
+
+/// What a page's own test (#selftest) left in it; null when it did not run.
+inline nlohmann::json selftest_of(const std::string& dom) {
+  const std::string mark = "<pre id=\"selftest\">";
+  const auto at = dom.find(mark);
+  if (at == std::string::npos) return {};
+  const auto end = dom.find("</pre>", at);
+  std::string text = dom.substr(at + mark.size(), end - at - mark.size());
+  for (const auto& [code, plain] : {std::pair{"&gt;", ">"}, {"&lt;", "<"}, {"&amp;", "&"}}) {
+    for (auto p = text.find(code); p != std::string::npos; p = text.find(code, p + 1)) {
+      text.replace(p, std::string(code).size(), plain);
+    }
+  }
+  return nlohmann::json::parse(text, nullptr, false);
 }
 
 }  // namespace slicecorr::test

@@ -332,7 +332,7 @@ class CAbiExamples : public ::testing::Test {
       command.insert(command.end(), {folder_ / "target.uvj", folder_ / "made.uvj",
                                      folder_ / "printer.toml", resin, "1000"});
       RunOptions options;
-      options.environment = {{"SLICECORR_LIBRARY", SLICECORR_C_LIBRARY}};
+      options.environment = {{"PYTHONPATH", SLICECORR_PYTHON_MODULES}};
       return run_program(command, options);
     };
     RunResult r = call(SLICECORR_DB_DIR "/figure-2-2.toml");

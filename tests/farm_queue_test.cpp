@@ -547,6 +547,45 @@ TEST_F(FarmQueue, ForeignAndNewerDatabasesAreRefusedByName) {
   EXPECT_THROW(Queue((dir / "no") + "/such/folder"), DeviceError);
 }
 
+TEST_F(FarmQueue, ARecordOfVersion1IsBroughtUp) {
+  {
+    Queue q = open();
+    submit(q, job_with_key("k"));
+  }
+  for (const char* sql :
+       {"DROP TABLE tomo_works", "DROP TABLE tomo_results", "PRAGMA user_version = 1"}) {
+    ASSERT_EQ(raw(sql), "");
+  }
+  // By whoever comes first, if only to read.
+  EXPECT_EQ(ReadModel(path(), clock).jobs({}).at(0).name, "part");
+  EXPECT_THAT(rows("PRAGMA user_version"), ElementsAre("2"));
+  Queue q = open();
+  NewJob tomo = job_with_key("t");
+  tomo.work.voxel_angle_steps = 4'000'000;
+  tomo.work.rate_class = "tomo osmo";
+  tomo.priority = 1;
+  submit(q, tomo);
+  const auto c = q.claim(any_job(q.start_service("local", 1, 1000)));
+  ASSERT_TRUE(q.begin_commit(c->token));
+  ResultRecord result = some_result();
+  const double none = std::numeric_limits<double>::infinity();
+  result.figures.tomo = TomoFigures{1.25, none, 0.001, 7, 100.8, false};
+  AttemptEnd e = ended(Reason::none);
+  e.cpu_s = kFixedJobS + 2;
+  ASSERT_TRUE(q.finish(c->token, result, e, false));
+  EXPECT_NEAR(q.rates("tomo osmo").units_per_s, 2e6, 1);
+  for (const ResultFigures& f :
+       {*ReadModel(path(), clock).job(c->job.id)->figures, q.cached("t")->figures}) {
+    ASSERT_TRUE(f.tomo);
+    EXPECT_EQ(f.tomo->contrast, 1.25);
+    EXPECT_EQ(f.tomo->contrast_bound, none);
+    EXPECT_EQ(f.tomo->ver, 0.001);
+    EXPECT_EQ(f.tomo->turns, 7);
+    EXPECT_EQ(f.tomo->print_time_s, 100.8);
+    EXPECT_FALSE(f.tomo->feasible);
+  }
+}
+
 TEST_F(FarmQueue, ManyMakeTheSameDatabaseAtOnce) {
   std::atomic<int> failed{0};
   std::vector<std::thread> threads;
@@ -590,7 +629,7 @@ TEST_F(FarmQueue, AWriterWaitsForAnother) {
 TEST_F(FarmQueue, RatesFollowWhatWasMeasured) {
   Queue q = open();
   const std::string service = q.start_service("local", 2, 1000);
-  EXPECT_EQ(q.rates("run continuous").voxels_per_s, 0);
+  EXPECT_EQ(q.rates("run continuous").units_per_s, 0);
   for (int i = 0; i < 300; ++i) {
     submit(q, job_with_key(keyed(i)));
     const auto c = q.claim(any_job(service));
@@ -601,7 +640,7 @@ TEST_F(FarmQueue, RatesFollowWhatWasMeasured) {
     ASSERT_TRUE(q.finish(c->token, some_result(), e, false));
   }
   // After 250 more what the slow ones weigh: 0.98^250 * 50 * 10 of about 5 s, in seconds.
-  EXPECT_NEAR(q.rates("run continuous").voxels_per_s, 1e7, 0.5e7);
+  EXPECT_NEAR(q.rates("run continuous").units_per_s, 1e7, 0.5e7);
   EXPECT_EQ(q.rates("run continuous").samples, 300);
   EXPECT_EQ(q.rates("run layerwise").samples, 0);
 }

@@ -156,7 +156,7 @@ TEST_F(FarmOnSlurm, AWorkerThatWasBelievedDeadComesBackAndChangesNothing) {
   for (const auto& e : fs::directory_iterator(out())) before[e.path()] = e.last_write_time();
   ASSERT_TRUE(is_alive(worker));
   ASSERT_EQ(::kill(worker, SIGCONT), 0);
-  ASSERT_TRUE(eventually([&] { return !is_alive(worker); }));
+  ASSERT_TRUE(eventually([&, worker = worker] { return !is_alive(worker); }));
   EXPECT_EQ(wait_for(start_service()), 0);
   expect_all_done_once(1);
   for (const auto& e : fs::directory_iterator(out())) {
@@ -259,6 +259,43 @@ TEST_F(FarmOnSlurm, ServiceAndControllerKilledTogether) {
   cluster_->tell("start-controller");
   EXPECT_EQ(wait_for(start_service()), 0) << services_log();
   expect_all_done_once(8);
+}
+
+TEST_F(FarmOnSlurm, TomographicPrintsHaveTheBytesOfTheProgram) {
+  start_cluster(1);
+  const std::vector<std::string> how = {
+      "--printer",    SLICECORR_PRINTERS_DIR "/model-tomography-bench.toml",
+      "--resin",      "model-tomography-resin",
+      "--voxel-mm",   "0.5",
+      "--method",     "osmo",
+      "--iterations", "3"};
+  const std::vector<std::string> parts = {part("wide", 6, 3, 1), part("long", 3, 8, 1.5)};
+  for (const std::string& p : parts) {
+    std::vector<std::string> arguments = {"submit", p, "--mode", "tomography", "--out", out()};
+    arguments.insert(arguments.end(), how.begin(), how.end());
+    command(arguments);
+  }
+  submit({part("plain", 3, 3, 2)});
+  ServiceRun run;
+  EXPECT_EQ(wait_for(start_service(run)), 0) << services_log();
+  for (const std::string& p : parts) {
+    const std::string name = fs::path(p).stem().string(), base = folder_ + "/program-" + name;
+    std::vector<std::string> arguments = {SLICECORR_BIN_DIR "/slicecorr",
+                                          "tomo",
+                                          "solve",
+                                          p,
+                                          "-o",
+                                          base + ".frames",
+                                          "--json",
+                                          base + ".json"};
+    arguments.insert(arguments.end(), how.begin(), how.end());
+    const auto made = run_program(arguments);
+    ASSERT_TRUE(made.exit_code == 0 || made.exit_code == 5) << made.err;
+    for (const char* ending : {".frames", ".json"}) {
+      EXPECT_TRUE(text_of(out() + "/" + name + ending) == text_of(base + ending)) << name << ending;
+    }
+  }
+  EXPECT_TRUE(fs::exists(out() + "/plain.uvj"));
 }
 
 // --- cancelling, pausing -------------------------------------------------------------------------

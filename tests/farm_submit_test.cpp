@@ -140,7 +140,8 @@ TEST(JobsFile, EveryErrorHasItsLine) {
       ElementsAre("jobs.toml: line 3: layer_um is 'fifty', expected a number from 1 to 1000",
                   "jobs.toml: line 4: 'spead_mm_h' is not known; expected speed_mm_h?",
                   "jobs.toml: line 7: copies is 2.5, expected a whole number from 1 to 10000",
-                  "jobs.toml: line 8: mode is 'other', expected one of continuous, layerwise"));
+                  "jobs.toml: line 8: mode is 'other', expected one of continuous, layerwise, "
+                  "tomography"));
   EXPECT_THAT(toml_errors("[[job]]\npart = \"a.stl\nx"),
               ElementsAre(HasSubstr("jobs.toml: line 2")));
   EXPECT_THAT(toml_errors("[job]\npart = \"a.stl\"\n"),

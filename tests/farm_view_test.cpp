@@ -668,6 +668,57 @@ TEST(Morning, PageShowsEverythingAndRunsNothing) {
   EXPECT_EQ(j["worst"][0]["id"], f.nasty);
 }
 
+TEST(Status, TomographicPrintsHaveFiguresOfTheirOwn) {
+  Farm farm;
+  const auto done = [&](const std::string& name, const TomoFigures& figures) {
+    NewJob j = farm.job(name);
+    j.work.kind = "tomo";
+    j.priority = 1000;
+    const JobId id = farm.queue.submit({j}, "anna", "test").at(0);
+    ClaimRequest request;
+    request.service = farm.service;
+    request.engine = "local";
+    request.free_memory_mb = 1000;
+    const auto c = farm.queue.claim(request);
+    EXPECT_EQ(c->job.id, id);
+    EXPECT_TRUE(farm.queue.begin_commit(c->token));
+    ResultRecord r;
+    r.figures.layers = 40;
+    r.figures.tomo = figures;
+    r.files = {{"frames", 5, "aa"}, {"json", 7, "cc"}};
+    EXPECT_TRUE(farm.queue.finish(c->token, r, {}, false));
+    return id;
+  };
+  const double none = std::numeric_limits<double>::infinity();
+  const JobId good = done("good", {1.52, 1.9, 0, 17, 244.8, true});
+  const JobId best = done("best", {none, none, 0, 3, 43.2, true});
+  const JobId foggy = done("foggy", {0.875, none, 0.0125, 5, 72, false});
+  auto model = farm.model();
+  const StatusPage page = read_status(model, farm.folder, {}, farm.clock);
+  const std::string text = status_text(page, farm.folder, 0);
+  EXPECT_THAT(text, HasSubstr("contrast 1.52, VER 0, prints in 4 min 05 s"));
+  EXPECT_THAT(text, HasSubstr("contrast without bound, VER 0, prints in 43 s"));
+  EXPECT_THAT(text, HasSubstr("contrast 0.875, VER 0.0125, prints in 1 min 12 s; misses: void gels "
+                              "before the part does"));
+  EXPECT_EQ(text.find("height"), text.npos);
+  const json j = json::parse(job_json(*model.job(best)));
+  EXPECT_TRUE(j["figures"]["contrast"].is_null());
+  EXPECT_EQ(j["figures"]["print_time_s"], 43.2);
+
+  // In the morning: a table of their own, the least contrast first, and no heights.
+  const MorningReport r = read_morning(farm.folder, model, {}, farm.clock);
+  EXPECT_TRUE(r.worst.empty());
+  ASSERT_EQ(r.tomographic.size(), 3U);
+  EXPECT_EQ(r.tomographic[0].id, foggy);
+  EXPECT_EQ(r.tomographic[1].id, good);
+  const std::string html = morning_page(r, {LinkTo::Kind::files, farm.root});
+  EXPECT_THAT(html, HasSubstr("Tomographic prints, least contrast first"));
+  EXPECT_THAT(html, HasSubstr("<td class=\"bad\">0.875</td>"));
+  EXPECT_EQ(html.find("Height errors"), html.npos);
+  EXPECT_EQ(html.find("href"), html.npos) << "there is no report of theirs";
+  EXPECT_EQ(json::parse(morning_json(r))["tomographic"][0]["name"], "foggy");
+}
+
 TEST(Morning, AnEmptyFarmHasAPageToo) {
   Farm farm;
   auto model = farm.model();

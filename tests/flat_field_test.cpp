@@ -33,7 +33,6 @@ namespace {
 namespace fs = std::filesystem;
 using testing::AllOf;
 using testing::HasSubstr;
-using testing::Not;
 
 using Values = std::vector<std::uint8_t>;
 /// Tests have a Setup of their own.

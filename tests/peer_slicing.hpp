@@ -296,10 +296,10 @@ inline Figures compare(const TriangleMesh& mesh, const std::vector<Bytes>& on,
                        const std::vector<Bytes>& off) {
   Figures f;
   const auto start = Clock::now();
-  const MeshSlices smooth(mesh, display(), {kLayer * 1e3, true, {}});
+  const MeshSlices smooth(mesh, display(), {kLayer * 1e3, true, {}, {}});
   const auto ours = read_images(smooth);
   f.time_ratio = std::chrono::duration<double>(Clock::now() - start).count();
-  const auto ours_off = read_images(MeshSlices(mesh, display(), {kLayer * 1e3, false, {}}));
+  const auto ours_off = read_images(MeshSlices(mesh, display(), {kLayer * 1e3, false, {}, {}}));
   f.layers = static_cast<int>(std::min(ours.size(), on.size()));
   f.more = static_cast<int>(ours.size()) - static_cast<int>(on.size());
   const Contours contours(mesh);

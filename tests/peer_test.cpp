@@ -76,7 +76,7 @@ TEST(PeerFile, TopLayerOfTheReferencePair) {
     Placement placement;
     placement.rotate_deg = {0, 0, turn};
     const TriangleMesh mesh = read_mesh(stl, placement);
-    const Bytes ours = read_images(MeshSlices(mesh, printer, {kLayer * 1e3, true, {}})).back();
+    const Bytes ours = read_images(MeshSlices(mesh, printer, {kLayer * 1e3, true, {}, {}})).back();
     area = area_of(ours);
     for (const bool mirrored : {false, true}) {
       Bytes theirs = layers.back();

@@ -25,7 +25,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using testing::HasSubstr;
-using testing::IsEmpty;
 
 const std::string kResin = R"(name = "r"
 [cure]

@@ -24,6 +24,7 @@ namespace fs = std::filesystem;
 
 using test::browse;
 using test::chromium;
+using test::selftest_of;
 using Folder = test::BrowserFolder;
 
 struct Page {
@@ -42,20 +43,6 @@ Page lattice_page(const MeshSlices& target, const Setup& setup) {
   return {setup,
           make_report(gather_report(corrected, target, setup, info, after, before, "lattice")),
           info};
-}
-
-nlohmann::json selftest_of(const std::string& dom) {
-  const std::string mark = "<pre id=\"selftest\">";
-  const auto at = dom.find(mark);
-  if (at == std::string::npos) return {};
-  const auto end = dom.find("</pre>", at);
-  std::string text = dom.substr(at + mark.size(), end - at - mark.size());
-  for (const auto& [code, plain] : {std::pair{"&gt;", ">"}, {"&lt;", "<"}, {"&amp;", "&"}}) {
-    for (auto p = text.find(code); p != std::string::npos; p = text.find(code, p + 1)) {
-      text.replace(p, std::string(code).size(), plain);
-    }
-  }
-  return nlohmann::json::parse(text, nullptr, false);
 }
 
 class ReportPage : public ::testing::Test {

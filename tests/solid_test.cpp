@@ -284,7 +284,7 @@ slicecorr::Setup small_setup() {
 TEST(Solid, DistanceToTheDesignTellsCorrectedFromUncorrected) {
   const slicecorr::Setup setup = small_setup();
   const TriangleMesh design = sphere({0, 0, 0}, 3.0, 60);
-  const MeshSlices target(design, setup.printer, {50, true, {}});
+  const MeshSlices target(design, setup.printer, {50, true, {}, {}});
   const CorrectedSlices corrected(target, setup);
   const CureModel model = make_cure_model(setup.printer, setup.resin, setup.process, 50);
   const MeshDistance distance(on_plate(design, setup.printer));
@@ -307,7 +307,7 @@ TEST(Solid, Benchy) {
   Placement placement;
   placement.scale = 0.25;
   const TriangleMesh design = read_mesh(path, placement);
-  const MeshSlices target(design, setup.printer, {50, true, {}});
+  const MeshSlices target(design, setup.printer, {50, true, {}, {}});
   const CorrectedSlices corrected(target, setup);
   const CureModel model = make_cure_model(setup.printer, setup.resin, setup.process, 50);
   const MeshDistance distance(on_plate(design, setup.printer));

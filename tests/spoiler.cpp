@@ -69,52 +69,53 @@ void see(const char* path) {
 
 }  // namespace
 
+// With the names that the parameters have in the C library's headers.
 extern "C" {
 
-int open(const char* path, int flags, ...) {
+int open(const char* file, int oflag, ...) {
   va_list list;
-  va_start(list, flags);
-  const mode_t mode = (flags & O_CREAT) != 0 ? va_arg(list, mode_t) : 0;
+  va_start(list, oflag);
+  const mode_t mode = (oflag & O_CREAT) != 0 ? va_arg(list, mode_t) : 0;
   va_end(list);
-  see(path);
-  return real<int(const char*, int, ...)>("open")(path, flags, mode);
+  see(file);
+  return real<int(const char*, int, ...)>("open")(file, oflag, mode);
 }
-int open64(const char* path, int flags, ...) {
+int open64(const char* file, int oflag, ...) {
   va_list list;
-  va_start(list, flags);
-  const mode_t mode = (flags & O_CREAT) != 0 ? va_arg(list, mode_t) : 0;
+  va_start(list, oflag);
+  const mode_t mode = (oflag & O_CREAT) != 0 ? va_arg(list, mode_t) : 0;
   va_end(list);
-  see(path);
-  return real<int(const char*, int, ...)>("open64")(path, flags, mode);
-}
-FILE* fopen(const char* path, const char* mode) {
-  see(path);
-  return real<FILE*(const char*, const char*)>("fopen")(path, mode);
-}
-FILE* fopen64(const char* path, const char* mode) {
-  see(path);
-  return real<FILE*(const char*, const char*)>("fopen64")(path, mode);
-}
-ssize_t read(int file, void* to, size_t size) {
   see(file);
-  return real<ssize_t(int, void*, size_t)>("read")(file, to, size);
+  return real<int(const char*, int, ...)>("open64")(file, oflag, mode);
 }
-ssize_t pread(int file, void* to, size_t size, off_t from) {
-  see(file);
-  return real<ssize_t(int, void*, size_t, off_t)>("pread")(file, to, size, from);
+FILE* fopen(const char* filename, const char* modes) {
+  see(filename);
+  return real<FILE*(const char*, const char*)>("fopen")(filename, modes);
 }
-ssize_t pread64(int file, void* to, size_t size, off64_t from) {
-  see(file);
-  return real<ssize_t(int, void*, size_t, off64_t)>("pread64")(file, to, size, from);
+FILE* fopen64(const char* filename, const char* modes) {
+  see(filename);
+  return real<FILE*(const char*, const char*)>("fopen64")(filename, modes);
 }
-size_t fread(void* to, size_t size, size_t n, FILE* file) {
-  see(::fileno(file));
-  return real<size_t(void*, size_t, size_t, FILE*)>("fread")(to, size, n, file);
+ssize_t read(int fd, void* buf, size_t nbytes) {
+  see(fd);
+  return real<ssize_t(int, void*, size_t)>("read")(fd, buf, nbytes);
 }
-int linkat(int from_folder, const char* from, int to_folder, const char* to, int flags) {
+ssize_t pread(int fd, void* buf, size_t nbytes, off_t offset) {
+  see(fd);
+  return real<ssize_t(int, void*, size_t, off_t)>("pread")(fd, buf, nbytes, offset);
+}
+ssize_t pread64(int fd, void* buf, size_t nbytes, off64_t offset) {
+  see(fd);
+  return real<ssize_t(int, void*, size_t, off64_t)>("pread64")(fd, buf, nbytes, offset);
+}
+size_t fread(void* ptr, size_t size, size_t n, FILE* stream) {
+  see(::fileno(stream));
+  return real<size_t(void*, size_t, size_t, FILE*)>("fread")(ptr, size, n, stream);
+}
+int linkat(int fromfd, const char* from, int tofd, const char* to, int flags) {
   see(from);
-  return real<int(int, const char*, int, const char*, int)>("linkat")(from_folder, from, to_folder,
-                                                                      to, flags);
+  return real<int(int, const char*, int, const char*, int)>("linkat")(fromfd, from, tofd, to,
+                                                                      flags);
 }
 
 }  // extern "C"

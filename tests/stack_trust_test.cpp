@@ -334,7 +334,7 @@ TEST_F(TrustedStack, RecordsInOtherFormatsToo) {
     SCOPED_TRACE(format);
     good({"convert", "part.uvj", "-o", file, "--format", format});
     EXPECT_THAT(good({"info", file}).out, Not(HasSubstr("checksum")));
-    const auto crc = [&](const char* record, const char* key, const json& value) {
+    const auto crc = [&, &file = file](const char* record, const char* key, const json& value) {
       edit(
           file, "edited.zip", [&](json& block) { block[record][key] = value; }, "slicecorr.json");
       return refused({"info", "edited.zip"});

@@ -387,6 +387,59 @@ TEST(TomoPrint, LightIsKeptWithinTheTimeThatIsAllowed) {
   }
 }
 
+/// Pixels much finer than voxels must not be used to meet the doses at the middles of voxels alone:
+/// what lies between them has to print too. Doses there differ by what light that is linear over a
+/// voxel may bend, in all by less than a quarter.
+TEST(TomoPrint, BetweenTheMiddlesOfVoxelsItPrintsToo) {
+  for (const Printer& like : {bench_printer(), dry_printer()}) {
+    Printer fine = like;
+    fine.pixel_x_um = fine.pixel_y_um = 60;
+    fine.width_px = 200;
+    fine.optics->axis_up_px = 0;
+    PrintOptions options;
+    options.angles = 90;
+    options.solve.rungs = {0.98, 0.9, 0.8, 0.7};
+    Box<std::uint8_t> part{1, 33, 33, std::vector<std::uint8_t>(33 * 33)};
+    for (int y = 12; y < 21; ++y) {
+      for (int x = 12; x < 21; ++x) part.values[part.at(0, y, x)] = 255;
+    }
+    const Print print = solve_print(part, 0.25, fine, bench_resin(1), options);
+    EXPECT_TRUE(print.figures.feasible());
+    // The same light on voxels of a third of the size.
+    const Bench bench = make_bench(fine, print.job.resin, print.job.sampling);
+    TomoJob thirds = print.job;
+    thirds.sampling.voxel_mm /= 3;
+    const Bench finer = make_bench(fine, thirds.resin, thirds.sampling);
+    const TomoGrid &from = bench.grid, &to = finer.grid;
+    thirds.levels.assign(to.blocks() * to.light_of_block(), 0);
+    for (int m = 0; m < to.angles; ++m) {
+      for (int i = 0; i < to.pixels; ++i) {
+        const int column = finer.first_column + i - bench.first_column;
+        if (column < 0 || column >= from.pixels) continue;
+        thirds.levels[to.pixel(m, i, 0)] = print.job.levels[from.pixel(m, column, 0)];
+      }
+    }
+    const Box<float> dose = dose_of(thirds);
+    double least = 1e9, most = 0;
+    for (int y = -60; y <= 60; ++y) {
+      for (int x = -60; x <= 60; ++x) {
+        // Whole voxels of 3 x 3 thirds, out to where the part may reach.
+        const int vx = static_cast<int>(std::lround(x / 3.0)),
+                  vy = static_cast<int>(std::lround(y / 3.0));
+        if (std::hypot(vx, vy) > 10) continue;
+        const double d = dose.values[dose.at(0, dose.ny / 2 + y, dose.nx / 2 + x)];
+        if (part.values[part.at(0, 16 + vy, 16 + vx)] == 255) {
+          least = std::min(least, d);
+        } else {
+          most = std::max(most, d);
+        }
+      }
+    }
+    EXPECT_GT(least, 0.75 * print.figures.metrics.min_gel);
+    EXPECT_LT(most, 1.25 * print.figures.gel_dose_mj_cm3);
+  }
+}
+
 TEST(TomoPrint, TooFewAnglesAreTold) {
   std::string told;
   ExecutionContext context;

@@ -280,7 +280,7 @@ TEST_F(TomoProgram, GoesOnWhereItWasStopped) {
       EXPECT_THAT(refused.err,
                   testing::AllOf(HasSubstr("a.frames.resume: is of a solve with another printer, "
                                            "resin, number of angles or size of voxels"),
-                                 HasSubstr("without --resume it starts anew")));
+                                 HasSubstr("a solve that does not go on from it starts anew")));
       other = words("a.frames", {"--resume", "--window", "ram-lak"});
       EXPECT_THAT(call(other).err, HasSubstr("of a solve with other options"));
       EXPECT_TRUE(std::filesystem::exists(left));

@@ -47,6 +47,19 @@ std::vector<Case> cases() {
     fine.pixel_mm = 0.031;  // fewer voxels than pixels, and a detector narrower than the vial
     all.push_back({"fine pixels", fine, {.alpha_per_mm = 0.2}});
     all.push_back({"fine pixels, insert", fine, {.alpha_per_mm = 0.2}, true});
+    // Angles that turn into each other, and voxels of two pixels. None is at 45 degrees, where the
+    // edges of an insert pass through the middles of voxels.
+    TomoGrid turned = square_grid(61, 52, slices, 1.5);
+    all.push_back({"turns, attenuated", turned, {.alpha_per_mm = 0.8}});
+    all.push_back({"turns, insert", turned, {.alpha_per_mm = 0.3}, true});
+    turned.pixels = 121;
+    turned.pixel_mm = turned.voxel_mm() / 2;
+    all.push_back({"two pixels", turned, {}});
+    all.push_back({"two pixels, attenuated", turned, {.alpha_per_mm = 0.8}});
+    all.push_back({"two pixels, insert", turned, {.alpha_per_mm = 0.3}, true});
+    turned.voxels = 60;  // even, and pixels neither one nor two to a voxel
+    turned.angles = 47;
+    all.push_back({"even", turned, {.alpha_per_mm = 0.8}});
     TomoGrid coarse = grid;
     coarse.pixels = 31;
     coarse.pixel_mm = 0.12;
@@ -81,7 +94,7 @@ TEST(TomoProjector, ReferenceIsATransposedPair) {
     if (c.grid.slices > 1) continue;
     const auto shadow = shadow_of(c);
     const ReferenceProjector reference(c.grid, c.optics, shadow.get());
-    const auto x = random_numbers(61 * 61, 1);
+    const auto x = random_numbers(static_cast<std::size_t>(c.grid.voxels) * c.grid.voxels, 1);
     const auto b = random_numbers(static_cast<std::size_t>(c.grid.angles) * c.grid.pixels, 2);
     const auto ax = reference.forward(x);
     const auto atb = reference.adjoint(b);
@@ -99,15 +112,16 @@ TEST(TomoProjector, FastPairIsTheReference) {
   for (const Case& c : cases()) {
     SCOPED_TRACE(std::string(c.name) + ", slices " + std::to_string(c.grid.slices));
     const TomoGrid& g = c.grid;
+    const int n = g.voxels;
     const auto shadow = shadow_of(c);
     const auto projector = make_projector(g, c.optics, shadow);
     Field x(g);
     Light b(g);
     const std::size_t pixels = static_cast<std::size_t>(g.angles) * g.pixels;
     for (int z = 0; z < g.slices; ++z) {
-      const auto xs = random_numbers(61 * 61, 10 + z), bs = random_numbers(pixels, 100 + z);
-      for (int i = 0; i < 61 * 61; ++i) {
-        x.values[g.voxel(i % 61, i / 61, z)] = static_cast<float>(xs[i]);
+      const auto xs = random_numbers(n * n, 10 + z), bs = random_numbers(pixels, 100 + z);
+      for (int i = 0; i < n * n; ++i) {
+        x.values[g.voxel(i % n, i / n, z)] = static_cast<float>(xs[i]);
       }
       for (std::size_t i = 0; i < pixels; ++i) {
         b.values[g.pixel(static_cast<int>(i / g.pixels), static_cast<int>(i % g.pixels), z)] =
@@ -118,22 +132,22 @@ TEST(TomoProjector, FastPairIsTheReference) {
     const Field atb = adjoint(*projector, {}, b);
     for (int z = 0; z < g.slices; z += 7) {
       const ReferenceProjector reference(g, c.optics, shadow.get(), z);
-      const auto want_ax = reference.forward(random_numbers(61 * 61, 10 + z));
+      const auto want_ax = reference.forward(random_numbers(n * n, 10 + z));
       const auto want_atb = reference.adjoint(random_numbers(pixels, 100 + z));
       // A pixel sees at most so many voxels, each with a weight wrong by 2e-6 and e up to most_e.
       const double step = g.voxel_mm() / g.pixel_mm;
       const double most_e = 1.5 * std::exp(c.optics.alpha_per_mm * 0.0);
-      const double voxels_seen = 61 * (2 / step + 1), angles = g.angles;
+      const double voxels_seen = n * (2 / step + 1), angles = g.angles;
       double worst = 0;
       for (std::size_t i = 0; i < pixels; ++i) {
         const float got =
             ax.values[g.pixel(static_cast<int>(i / g.pixels), static_cast<int>(i % g.pixels), z)];
         worst = std::max(worst, std::abs(got - want_ax[i]));
       }
-      EXPECT_LE(worst, most_e * voxels_seen * (2e-6 + 61 * 0x1p-24)) << z;
+      EXPECT_LE(worst, most_e * voxels_seen * (2e-6 + n * 0x1p-24)) << z;
       worst = 0;
-      for (int i = 0; i < 61 * 61; ++i) {
-        worst = std::max(worst, std::abs(atb.values[g.voxel(i % 61, i / 61, z)] - want_atb[i]));
+      for (int i = 0; i < n * n; ++i) {
+        worst = std::max(worst, std::abs(atb.values[g.voxel(i % n, i / n, z)] - want_atb[i]));
       }
       EXPECT_LE(worst, most_e * angles * (2 * 2e-6 + 50 * 0x1p-24)) << z;
     }
@@ -156,6 +170,63 @@ TEST(TomoProjector, SameBytesForAnyNumberOfThreads) {
   EXPECT_EQ(one.values, more.values);
   EXPECT_EQ(adjoint(*projector, on_threads(1), one).values,
             adjoint(*projector, on_threads(3), one).values);
+}
+
+/// A block's rows and angles are shared among threads: of one slice, of few, and where slices turn
+/// into each other and where not.
+TEST(TomoProjector, SameBytesForAnyNumberOfThreadsWithinABlock) {
+  for (const int slices : {1, 9, 20}) {
+    for (const int angles : {88, 85}) {
+      for (const double alpha : {0.0, 0.5}) {
+        const TomoGrid grid =
+            square_grid(slices == 1 ? 300 : 90, slices == 1 ? 4 * angles : angles, slices);
+        const auto projector = make_projector(grid, {.alpha_per_mm = alpha});
+        ASSERT_EQ(grid.blocks(), 1u);
+        const Light one = forward(*projector, on_threads(1), field_of(gyroid(grid)));
+        const Light more = forward(*projector, on_threads(5), field_of(gyroid(grid)));
+        EXPECT_EQ(one.values, more.values);
+        EXPECT_EQ(adjoint(*projector, on_threads(1), one).values,
+                  adjoint(*projector, on_threads(5), one).values);
+      }
+    }
+  }
+}
+
+/// A projector of some slices does to them what the whole one does, in their order; in blocks of
+/// another width to the rounding of sums.
+TEST(TomoProjector, OfSomeSlices) {
+  const TomoGrid grid = square_grid(45, 36, 40);
+  const Volume insert = part_of(grid, [](double x, double y, double z) {
+    return std::hypot(x - 0.2, y) < 0.1 + 0.1 * std::abs(z);
+  });
+  const auto whole =
+      make_projector(grid, {.alpha_per_mm = 0.5}, std::make_shared<Shadow>(cast_shadow(insert)));
+  const Field part = field_of(gyroid(grid));
+  const Light light = forward(*whole, {}, part);
+  for (const std::vector<int>& slices :
+       {std::vector<int>{31, 5}, {1, 2, 3, 5, 8, 13, 21, 34, 39, 20, 22}}) {
+    const auto some = whole->of_slices(slices);
+    ASSERT_EQ(some->grid().slices, static_cast<int>(slices.size()));
+    Field taken(some->grid());
+    for (int y = 0; y < 45; ++y) {
+      for (int x = 0; x < 45; ++x) {
+        for (std::size_t z = 0; z < slices.size(); ++z) {
+          taken.values[some->grid().voxel(x, y, static_cast<int>(z))] =
+              part.values[grid.voxel(x, y, slices[z])];
+        }
+      }
+    }
+    const Light got = forward(*some, {}, taken);
+    for (int m = 0; m < 36; ++m) {
+      for (int i = 0; i < 45; ++i) {
+        for (std::size_t z = 0; z < slices.size(); ++z) {
+          // 45 rows of up to three terms of at most 1.65.
+          ASSERT_NEAR(got.values[some->grid().pixel(m, i, static_cast<int>(z))],
+                      light.values[grid.pixel(m, i, slices[z])], 45 * 3 * 1.65 * 2e-6);
+        }
+      }
+    }
+  }
 }
 
 /// A as a line integral, in units of R. An edge that a line crosses lies somewhere in a voxel; the

@@ -201,5 +201,151 @@ TEST_F(TomoSectionProgram, WrongUseIsToldByName) {
   EXPECT_THAT(refused({"a.svg", "-o", "a.svg"}), HasSubstr("a.svg"));
 }
 
+/// Far too dark on the axis: alpha R is 3.2.
+struct Dark {
+  Printer printer = bench_printer();
+  Resin resin = bench_resin(8);
+  Box<std::uint8_t> part{3, 33, 33, std::vector<std::uint8_t>(3 * 33 * 33)};
+  Dark() {
+    // The slice in the middle is a ring, the lowest has a few voxels only.
+    for (int y = 9; y < 24; ++y) {
+      for (int x = 9; x < 24; ++x) {
+        part.values[part.at(2, y, x)] = 255;
+        part.values[part.at(1, y, x)] = y < 12 || y > 20 || x < 12 || x > 20 ? 255 : 0;
+      }
+    }
+    part.values[part.at(0, 16, 4)] = 255;
+  }
+};
+
+TEST(TomoEvidence, IsTheSliceThatTheBoundIsOf) {
+  const Dark d;
+  PrintOptions options;
+  options.angles = 60;
+  options.solve.rungs = {0.98};
+  int calls = 0;
+  Evidence e;
+  options.evidence = [&](const Evidence& evidence) {
+    e = evidence;
+    ++calls;
+  };
+  std::string words;
+  try {
+    solve_print(d.part, 0.25, d.printer, d.resin, options);
+  } catch (const InfeasibleError& error) {
+    words = error.what();
+  }
+  ASSERT_EQ(calls, 1) << words;
+  EXPECT_EQ(e.slice, 2);
+  EXPECT_THAT(words, HasSubstr("in slice 2"));
+  EXPECT_EQ(e.z_mm, 0.25);
+  EXPECT_LT(e.bound, 1);
+  EXPECT_TRUE(e.insert.values.empty());
+  for (int y = 0; y < 33; ++y) {
+    for (int x = 0; x < 33; ++x) {
+      ASSERT_EQ(e.part.values[e.part.at(0, y, x)], d.part.values[d.part.at(2, y, x)]);
+    }
+  }
+  // Both ways it is wrong, by the same factor.
+  const PrintSection s = section_of(e);
+  EXPECT_GT(s.missing(), 0U);
+  EXPECT_GT(s.gelled(), 0U);
+  double least = 1e9, most = 0;
+  for (std::size_t k = 0; k < s.dose.size(); ++k) {
+    if (s.target[k] == 255) least = std::min<double>(least, s.dose[k]);
+    if (s.target[k] == 0) most = std::max<double>(most, s.dose[k]);
+  }
+  EXPECT_NEAR(least * most, 1, 1e-6);
+  EXPECT_LT(least / most, e.bound);
+}
+
+class TomoInfeasibleProgram : public TomoSectionProgram {
+ protected:
+  void SetUp() override {
+    TomoSectionProgram::SetUp();
+    write_npy(path("part.npy"), Dark().part);
+    test::write_file(path("bench.toml"), test::to_bytes(R"(name = "bench"
+[display]
+width_px = 48
+height_px = 40
+pixel_um = 250.0
+bit_depth = 8
+[blue]
+wavelength_nm = 405
+calibration = [[0, 0.002], [255, 2.0]]
+[vial]
+outer_mm = 4.5
+inner_mm = 4.0
+n_outside = 1.5
+n_wall = 1.5
+[optics]
+kind = "telecentric"
+[rotation]
+deg_s = 25
+direction = "clockwise"
+max_fps = 60
+)"));
+    test::write_file(path("resin.toml"), test::to_bytes(R"(name = "resin"
+[cure]
+model = "jacobs"
+m = 1.0
+absorption_per_cm = 8
+n = 1.5
+gel_dose_mj_cm3 = 20.0
+)"));
+  }
+  test::RunResult solve(const std::vector<std::string>& more) const {
+    test::RunOptions options;
+    options.folder = folder_.path();
+    std::vector<std::string> words{SLICECORR_BIN_DIR "/slicecorr",
+                                   "--quiet",
+                                   "tomo",
+                                   "solve",
+                                   "--volume",
+                                   "part.npy",
+                                   "--voxel-mm",
+                                   "0.25",
+                                   "--printer",
+                                   "bench.toml",
+                                   "--resin",
+                                   "resin.toml",
+                                   "-o",
+                                   "b.frames",
+                                   "--angles",
+                                   "60"};
+    words.insert(words.end(), more.begin(), more.end());
+    return test::run_program(words, options);
+  }
+};
+
+TEST_F(TomoInfeasibleProgram, DrawsWhereAPartFails) {
+  const test::RunResult usual = solve({});
+  EXPECT_EQ(usual.exit_code, 3);
+  EXPECT_THAT(usual.err, testing::AllOf(HasSubstr("no light prints this part"),
+                                        HasSubstr("b.frames.infeasible.png shows that slice")));
+  EXPECT_TRUE(std::filesystem::exists(path("b.frames.infeasible.png")));
+  EXPECT_FALSE(std::filesystem::exists(path("b.frames")));
+  const test::RunResult named = solve({"--picture", "why.svg"});
+  EXPECT_EQ(named.exit_code, 3);
+  const auto svg = test::read_file(path("why.svg"));
+  EXPECT_THAT(std::string(svg.begin(), svg.end()),
+              testing::AllOf(HasSubstr("slice 2 can't be printed"), HasSubstr("z = 0.250 mm"),
+                             HasSubstr("times the gel dose")));
+}
+
+TEST_F(TomoInfeasibleProgram, PicturesThatCanNotBeAreRefusedBeforeTheSolve) {
+  for (const auto& [picture, words] :
+       {std::pair{"why.jpg", ".png or .svg"}, {"none/why.png", "none"}}) {
+    const test::RunResult r = solve({"--picture", picture});
+    EXPECT_TRUE(r.exit_code == 2 || r.exit_code == 4) << r.exit_code;
+    EXPECT_THAT(r.err, HasSubstr(words));
+    EXPECT_THAT(r.err, testing::Not(HasSubstr("no light prints")));
+  }
+  // Where a part can be printed, none is drawn.
+  const test::RunResult osmo = solve({"--method", "osmo", "--iterations", "2"});
+  EXPECT_EQ(osmo.exit_code, 5) << osmo.err;
+  EXPECT_FALSE(std::filesystem::exists(path("b.frames.infeasible.png")));
+}
+
 }  // namespace
 }  // namespace slicecorr::tomo

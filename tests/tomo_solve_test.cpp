@@ -225,13 +225,14 @@ TEST(TomoLadder, StrongAbsorption) {
   const Solution two = Problem(t2(grid), 2).solve(options);
   EXPECT_GE(two.metrics.contrast, 1.10);
   EXPECT_GE(two.contrast_bound, 1.106);
-  EXPECT_LE(two.contrast_bound, 1.25);
+  EXPECT_LE(two.contrast_bound, 1.16);
   const Solution one = Problem(t1(grid), 2).solve(options);
   EXPECT_EQ(one.metrics.ver, 0);
   EXPECT_GE(one.metrics.contrast, 1.003);
   EXPECT_GE(one.contrast_bound, 1.006);
+  EXPECT_LE(one.contrast_bound, 1.06);
   const Solution none = Problem(t2(grid), 2.5).solve(options);
-  EXPECT_LT(none.contrast_bound, 0.85);
+  EXPECT_LT(none.contrast_bound, 0.82);
   EXPECT_GE(none.contrast_bound, none.metrics.contrast);
   EXPECT_EQ(none.bound_slice, 0);
 }
@@ -330,6 +331,48 @@ TEST(TomoLadder, SlicesAreIndependentAndThreadsChangeNothing) {
   }
 }
 
+/// Slices are put together by what they have left to do, whichever these are, and a block that is
+/// alone is shared among threads.
+TEST(TomoLadder, ThreadsChangeNothingWhereFewSlicesHaveGel) {
+  const TomoGrid grid = square_grid(40, 36, 40);
+  for (const int every : {3, 11, 39}) {
+    const Problem p(part_of(grid, [&](double x, double y, double z) {
+      const int slice = static_cast<int>(std::lround(19.5 * (z + 1)));
+      const double side = 0.2 + 0.005 * slice;
+      return slice % every == 1 && std::abs(x) < side && std::abs(y) < 0.4;
+    }));
+    SolveOptions options;
+    options.rungs = {.9, .5};
+    options.steps = options.most_steps = 40;
+    options.proof_steps = 20;
+    const Solution one = solve(on_threads(1), *p.projector, p.target, p.optics, options);
+    const Solution more = solve(on_threads(3), *p.projector, p.target, p.optics, options);
+    EXPECT_EQ(one.light.values, more.light.values);
+    EXPECT_EQ(one.contrast_bound, more.contrast_bound);
+    // The others stay dark.
+    for (int z = 0; z < grid.slices; ++z) {
+      if (z % every == 1) continue;
+      for (int m = 0; m < grid.angles; ++m) {
+        for (int i = 0; i < grid.pixels; ++i) ASSERT_EQ(one.light.values[grid.pixel(m, i, z)], 0);
+      }
+    }
+    EXPECT_EQ(one.metrics.ver, 0);
+    EXPECT_GE(one.metrics.contrast, 1 / .9);
+    EXPECT_NEAR(one.metrics.min_gel, 1, 1e-5);
+  }
+}
+
+/// A slice may turn out to have reached its rung when its dose is computed afresh.
+TEST(TomoLadder, EndsWhereSumsOverStepsRound) {
+  const Problem p(gyroid(square_grid(24, 90, 24)));
+  SolveOptions options;
+  options.proof_steps = 40;
+  const Solution s = p.solve(options);
+  EXPECT_EQ(s.metrics.ver, 0);
+  EXPECT_GE(s.metrics.contrast, 1.1);
+  EXPECT_GE(s.contrast_bound, s.metrics.contrast);
+}
+
 /// A solve that goes on from any place that it passed ends in the same bytes.
 TEST(TomoSolve, GoesOnFromWhereItStood) {
   struct Case {
@@ -348,12 +391,12 @@ TEST(TomoSolve, GoesOnFromWhereItStood) {
     options.rungs = {.95, .9, .85};
     std::vector<SolverState> places;
     options.checkpoint = [&](const SolverPlace& at) {
-      places.push_back({at.numbers, at.rung, at.missed, at.step, at.best});
+      places.push_back({at.numbers, at.dose, at.of_slices, at.missed, at.rung, at.step, at.best});
     };
     const Solution whole = p.solve(options);
     EXPECT_GE(static_cast<int>(places.size()), c.depth > 0 ? 1 : c.places);
     if (c.depth > 0) {
-      EXPECT_TRUE(places.back().missed);
+      EXPECT_FALSE(places.back().missed.empty());
       EXPECT_LT(whole.contrast_bound, 10);
     }
     options.checkpoint = nullptr;
@@ -367,7 +410,7 @@ TEST(TomoSolve, GoesOnFromWhereItStood) {
       EXPECT_EQ(whole.history.size(), again.history.size());
       EXPECT_EQ(whole.metrics.pw, again.metrics.pw);
     }
-    const SolverState other{{}, 0, false, 0, Solution(square_grid(41, 30))};
+    const SolverState other{{}, {}, {}, {}, 0, 0, Solution(square_grid(41, 30))};
     options.resume = &other;
     EXPECT_THROW(p.solve(options), InputError);
   }

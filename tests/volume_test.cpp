@@ -140,7 +140,7 @@ TEST(Volume, CellsAreTheVoxelsInThem) {
   for (const int cells : {9, 30, 160}) {
     const auto [target, stack] = random_stack(static_cast<unsigned>(cells) + 100);
     const ReducedVolume v = reduce_volume(stack, target, setup, cells);
-    const auto check = [&](const SliceSource& shown, const ReducedPrint& print) {
+    const auto check = [&, &target = target](const SliceSource& shown, const ReducedPrint& print) {
       struct Cell {
         int voxels = 0, printed = 0, designed = 0, flags = 0;
         bool unsure = false;  // a float of the section lies at the gel point

@@ -67,10 +67,9 @@ Database::Database(const std::string& path, Mode mode) : path_(path) {
     if (mode == Mode::create) {
       use_wal();
       execute("PRAGMA synchronous = FULL");
-    } else {
-      execute("PRAGMA query_only = ON");
     }
-    migrate();
+    migrate(mode);
+    if (mode == Mode::read) execute("PRAGMA query_only = ON");
   } catch (...) {
     for (const auto& [sql, s] : statements_) sqlite3_finalize(s);
     sqlite3_close(db_);
@@ -95,15 +94,16 @@ void Database::use_wal() {
   }
 }
 
-void Database::migrate() {
+void Database::migrate(Mode mode) {
   const auto pragma = [&](const char* sql) {
     Rows rows = query(sql);
     return rows.next() ? rows.integer(0) : 0;
   };
-  const auto check = [&]() {
+  // The version of the database; 0: it is empty.
+  const auto check = [&]() -> std::int64_t {
     const std::int64_t version = pragma("PRAGMA user_version");
     const std::int64_t id = pragma("PRAGMA application_id");
-    if (version == 0 && id == 0) return false;
+    if (version == 0 && id == 0) return 0;
     if (id != kApplicationId) {
       throw InputError(path_, "", "is a database of another program; expected one of a farm");
     }
@@ -113,18 +113,18 @@ void Database::migrate() {
                                    "program knows up to {}",
                                    version, kSchemaVersion));
     }
-    return true;
+    return version;
   };
-  if (check()) return;
-  {
-    Rows readonly = query("PRAGMA query_only");
-    if (readonly.next() && readonly.integer(0) != 0) {
-      throw InputError(path_, "", "is empty; expected the database of a farm");
-    }
+  std::int64_t version = check();
+  if (version == kSchemaVersion) return;
+  if (version == 0 && mode == Mode::read) {
+    throw InputError(path_, "", "is empty; expected the database of a farm");
   }
   Transaction transaction(*this);
-  if (check()) return;  // another process was faster
-  execute(kSchema);
+  version = check();
+  if (version == kSchemaVersion) return;  // another process was faster
+  if (version < 1) execute(kSchema);
+  if (version < 2) execute(kSchemaOfTomography);
   execute(fmt::format("PRAGMA application_id = {}", kApplicationId).c_str());
   execute(fmt::format("PRAGMA user_version = {}", kSchemaVersion).c_str());
   transaction.commit();

@@ -91,7 +91,7 @@ class Database {
     bind(s, index, std::string_view(value));
   }
   void use_wal();
-  void migrate();
+  void migrate(Mode mode);
 
   std::string path_;
   sqlite3* db_ = nullptr;

@@ -1,5 +1,6 @@
 // What `status --json`, the REST API and others give of jobs, attempts, events and the farm.
 
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "slicecorr/farm/read_model.hpp"
@@ -15,6 +16,8 @@ std::string dump(const Json& json) {
 }
 
 Json time_or_null(std::int64_t ms) { return ms > 0 ? Json(ms) : Json(nullptr); }
+
+Json finite_or_null(double v) { return std::isfinite(v) ? Json(v) : Json(nullptr); }
 
 Json files(const std::vector<ResultFile>& list) {
   Json json = Json::array();
@@ -59,16 +62,26 @@ std::string job_json(const Job& j) {
   json["ended_ms"] = time_or_null(j.ended_ms);
   if (j.figures) {
     const ResultFigures& f = *j.figures;
-    json["figures"] = {{"layers", f.layers},
-                       {"height_error_um",
-                        {{"mean_abs", f.height_mean_um},
-                         {"p95_abs", f.height_p95_um},
-                         {"max_abs", f.height_max_um}}},
-                       {"lost_features", f.lost_features},
-                       {"merged_features", f.merged_features},
-                       {"cure_through_voxels", f.cure_through_voxels},
-                       {"undercure_voxels", f.undercure_voxels},
-                       {"target_voxels", f.target_voxels}};
+    if (f.tomo) {
+      json["figures"] = {{"layers", f.layers},
+                         {"contrast", finite_or_null(f.tomo->contrast)},
+                         {"contrast_bound", finite_or_null(f.tomo->contrast_bound)},
+                         {"ver", f.tomo->ver},
+                         {"turns", f.tomo->turns},
+                         {"print_time_s", f.tomo->print_time_s},
+                         {"feasible", f.tomo->feasible}};
+    } else {
+      json["figures"] = {{"layers", f.layers},
+                         {"height_error_um",
+                          {{"mean_abs", f.height_mean_um},
+                           {"p95_abs", f.height_p95_um},
+                           {"max_abs", f.height_max_um}}},
+                         {"lost_features", f.lost_features},
+                         {"merged_features", f.merged_features},
+                         {"cure_through_voxels", f.cure_through_voxels},
+                         {"undercure_voxels", f.undercure_voxels},
+                         {"target_voxels", f.target_voxels}};
+    }
   }
   json["files"] = files(j.files);
   return dump(json);

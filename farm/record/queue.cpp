@@ -109,6 +109,9 @@ std::vector<JobId> Queue::submit(const std::vector<NewJob>& jobs, const std::str
           "INSERT OR IGNORE INTO works VALUES(?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12)",
           w.key, w.spec_json, w.setup_hash, w.kind, w.printer, w.resin, w.format, w.rate_class,
           w.layers, w.voxels, w.base_memory_mb, w.thread_memory_mb);
+      if (w.voxel_angle_steps > 0) {
+        db_->run("INSERT OR IGNORE INTO tomo_works VALUES(?1, ?2)", w.key, w.voxel_angle_steps);
+      }
       for (const std::string& file : w.input_files) {
         db_->run("INSERT OR IGNORE INTO work_inputs VALUES(?1, ?2)", w.key, file);
       }
@@ -153,8 +156,8 @@ Rates Queue::rates(const std::string& rate_class) {
                          rate_class);
   if (rows.next() && rows.number(2) > 0 && rows.number(1) > 0) {
     rates.samples = static_cast<int>(rows.integer(0));
-    rates.voxels_per_s = rows.number(1) / rows.number(2);
-    rates.bytes_per_voxel = rows.number(3) / rows.number(1);
+    rates.units_per_s = rows.number(1) / rows.number(2);
+    rates.bytes_per_unit = rows.number(3) / rows.number(1);
   }
   return rates;
 }
@@ -165,7 +168,9 @@ std::optional<ResultRecord> Queue::cached(const std::string& key) {
   Rows r = db_->query(
       "SELECT r.files, r.program, r.wall_s, r.layers, r.height_mean_um, r.height_p95_um, "
       "r.height_max_um, r.lost_features, r.merged_features, r.cure_through_voxels, "
-      "r.undercure_voxels, r.target_voxels FROM results r WHERE r.key = ?1 AND r.stored",
+      "r.undercure_voxels, r.target_voxels, t.contrast, t.contrast_bound, t.ver, t.turns, "
+      "t.print_time_s, t.feasible FROM results r LEFT JOIN tomo_results t ON t.key = r.key "
+      "WHERE r.key = ?1 AND r.stored",
       key);
   if (!r.next()) return std::nullopt;
   ResultRecord result;
@@ -182,6 +187,7 @@ std::optional<ResultRecord> Queue::cached(const std::string& key) {
   f.cure_through_voxels = r.integer(9);
   f.undercure_voxels = r.integer(10);
   f.target_voxels = r.integer(11);
+  f.tomo = detail::read_tomo_figures(r, 12);
   return result;
 }
 

@@ -264,11 +264,12 @@ bool Queue::finish(const std::string& token, const ResultRecord& result, const A
   JobId id = 0;
   std::string key, rate_class;
   int threads = 1;
-  double voxels = 0;
+  double units = 0;
   {
     Rows rows = db_->query(
-        "SELECT j.id, j.key, w.rate_class, a.threads, w.voxels FROM jobs j "
-        "JOIN works w ON w.key = j.key JOIN attempts a ON a.token = j.token WHERE j.token = ?1 "
+        "SELECT j.id, j.key, w.rate_class, a.threads, coalesce(t.voxel_angle_steps, w.voxels) "
+        "FROM jobs j JOIN works w ON w.key = j.key LEFT JOIN tomo_works t ON t.key = j.key "
+        "JOIN attempts a ON a.token = j.token WHERE j.token = ?1 "
         "AND j.state = 'running' AND a.phase = 'committing'",
         token);
     if (!rows.next()) return false;
@@ -276,7 +277,7 @@ bool Queue::finish(const std::string& token, const ResultRecord& result, const A
     key = rows.text(1);
     rate_class = rows.text(2);
     threads = static_cast<int>(rows.integer(3));
-    voxels = rows.number(4);
+    units = rows.number(4);
   }
   end_attempt(token, end);
   const std::string files = detail::files_json(result.files);
@@ -297,19 +298,24 @@ bool Queue::finish(const std::string& token, const ResultRecord& result, const A
         key, files, bytes, result.program, now, result.wall_s, f.layers, f.height_mean_um,
         f.height_p95_um, f.height_max_um, f.lost_features, f.merged_features, f.cure_through_voxels,
         f.undercure_voxels, f.target_voxels);
+    if (f.tomo) {
+      db_->run("INSERT OR REPLACE INTO tomo_results VALUES(?1, ?2, ?3, ?4, ?5, ?6, ?7)", key,
+               f.tomo->contrast, f.tomo->contrast_bound, f.tomo->ver, f.tomo->turns,
+               f.tomo->print_time_s, f.tomo->feasible);
+    }
     const double all_s = end.cpu_s > 0 ? end.cpu_s : end.wall_s * std::max(1, threads);
     const double core_s = std::max(all_s - kFixedJobS, 0.05 * all_s);
     db_->run(
         "INSERT INTO rates VALUES(?1, 1, ?2, ?3, ?4) ON CONFLICT DO UPDATE "
         "SET samples = samples + 1, voxels = voxels * ?5 + excluded.voxels, core_s = core_s * ?5 + "
         "excluded.core_s, bytes = bytes * ?5 + excluded.bytes",
-        rate_class, voxels, core_s, static_cast<double>(bytes), kFading);
+        rate_class, units, core_s, static_cast<double>(bytes), kFading);
   }
   relead(key);
   event("done",
         from_cache ? std::string("from the cache")
-                   : fmt::format("{} layers in {:.1f} s, largest height error {:.3f} um",
-                                 result.figures.layers, end.wall_s, result.figures.height_max_um),
+                   : fmt::format("{} layers in {:.1f} s, {}", result.figures.layers, end.wall_s,
+                                 in_words(result.figures)),
         id, token);
   transaction.commit();
   return true;

@@ -17,8 +17,17 @@ const std::string kSelectJobs =
     "j.not_before_ms, j.token, j.cancel_wanted, j.from_cache, j.submitted_ms, j.started_ms, "
     "j.ended_ms, j.files, r.layers, r.height_mean_um, r.height_p95_um, r.height_max_um, "
     "r.lost_features, r.merged_features, r.cure_through_voxels, r.undercure_voxels, "
-    "r.target_voxels FROM jobs j JOIN works w ON w.key = j.key "
-    "LEFT JOIN results r ON r.key = j.key AND j.state = 'done' ";
+    "r.target_voxels, t.contrast, t.contrast_bound, t.ver, t.turns, t.print_time_s, t.feasible "
+    "FROM jobs j JOIN works w ON w.key = j.key "
+    "LEFT JOIN results r ON r.key = j.key AND j.state = 'done' "
+    "LEFT JOIN tomo_results t ON t.key = r.key ";
+
+std::optional<TomoFigures> read_tomo_figures(const Rows& r, int first) {
+  if (r.null(first)) return std::nullopt;
+  return TomoFigures{r.number(first),     r.number(first + 1),
+                     r.number(first + 2), static_cast<int>(r.integer(first + 3)),
+                     r.number(first + 4), r.integer(first + 5) != 0};
+}
 
 Job read_job(const Rows& r) {
   Job j;
@@ -65,6 +74,7 @@ Job read_job(const Rows& r) {
     f.cure_through_voxels = r.integer(++c);
     f.undercure_voxels = r.integer(++c);
     f.target_voxels = r.integer(++c);
+    f.tomo = read_tomo_figures(r, ++c);
     j.figures = f;
   }
   return j;

@@ -14,6 +14,8 @@ namespace slicecorr::farm::detail {
 /// "SELECT ... FROM jobs j ..." up to where conditions begin.
 extern const std::string kSelectJobs;
 Job read_job(const Rows& row);
+/// Of the six columns of `tomo_results` from `first` on; none where there is no row.
+std::optional<TomoFigures> read_tomo_figures(const Rows& row, int first);
 
 extern const std::string kSelectAttempts;
 Attempt read_attempt(const Rows& row);

@@ -5,7 +5,7 @@
 namespace slicecorr::farm::detail {
 
 /// PRAGMA user_version. A database with a higher number is refused; a lower one is brought up.
-inline constexpr int kSchemaVersion = 1;
+inline constexpr int kSchemaVersion = 2;
 
 /// PRAGMA kApplicationId, "SCFM": not every SQLite file is a farm.
 inline constexpr int kApplicationId = 0x5343464d;
@@ -20,7 +20,7 @@ CREATE TABLE works(
   spec TEXT NOT NULL,              -- WorkSpec as JSON
   setup TEXT NOT NULL REFERENCES setups(hash),
   kind TEXT NOT NULL, printer TEXT NOT NULL, resin TEXT NOT NULL, format TEXT NOT NULL,
-  rate_class TEXT NOT NULL,        -- work of the same class takes the same time per voxel
+  rate_class TEXT NOT NULL,        -- work of the same class takes the same time per unit
   layers INTEGER NOT NULL, voxels INTEGER NOT NULL,
   base_memory_mb INTEGER NOT NULL, thread_memory_mb INTEGER NOT NULL
 ) WITHOUT ROWID;
@@ -142,7 +142,8 @@ CREATE TABLE services(
 
 CREATE TABLE settings(name TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
 
--- Measured: sums over attempts that succeeded, older ones fading.
+-- Measured: sums over attempts that succeeded, older ones fading. Of tomographic prints `voxels` are
+-- their voxel_angle_steps.
 CREATE TABLE rates(
   rate_class TEXT PRIMARY KEY, samples INTEGER NOT NULL, voxels REAL NOT NULL, core_s REAL NOT NULL,
   bytes REAL NOT NULL) WITHOUT ROWID;
@@ -158,6 +159,20 @@ END;
 CREATE TRIGGER events_remain BEFORE DELETE ON events BEGIN
   SELECT RAISE(ABORT, 'events are append-only');
 END;
+)sql";
+
+/// What version 2 has besides. Tables of their own, so that programs that know version 1 and have
+/// the record open go on.
+inline constexpr const char* kSchemaOfTomography = R"sql(
+-- What the time of tomographic prints goes with: voxels times angles times steps.
+CREATE TABLE tomo_works(key TEXT PRIMARY KEY REFERENCES works(key), voxel_angle_steps INTEGER NOT NULL)
+  WITHOUT ROWID;
+-- Figures of tomographic prints, beside their row in results; contrast and its bound may be infinite.
+CREATE TABLE tomo_results(
+  key TEXT PRIMARY KEY REFERENCES works(key),
+  contrast REAL NOT NULL, contrast_bound REAL NOT NULL, ver REAL NOT NULL, turns INTEGER NOT NULL,
+  print_time_s REAL NOT NULL, feasible INTEGER NOT NULL) WITHOUT ROWID;
+CREATE INDEX tomo_results_by_contrast ON tomo_results(contrast);
 )sql";
 
 }  // namespace slicecorr::farm::detail

@@ -41,15 +41,18 @@ bool is_name(const std::string& text) {
 }
 
 void confine(JobRequest& request, const SubmitRules& rules, std::vector<SubmitError>& errors) {
-  for (std::string& part : request.parts) {
-    if (const std::string path = detail::upload_path(rules.folder, part); !path.empty()) {
-      part = path;
-    } else if (!inside(part, rules.allowed_folders)) {
-      errors.push_back({request.where,
-                        "part: expected an uploaded one (\"upload:...\"), or a whole path in a "
-                        "folder of --allow-dir"});
+  const auto confine_input = [&](std::string& input, const char* key) {
+    if (const std::string path = detail::upload_path(rules.folder, input); !path.empty()) {
+      input = path;
+    } else if (!inside(input, rules.allowed_folders)) {
+      errors.push_back(
+          {request.where, std::string(key) +
+                              ": expected an uploaded one (\"upload:...\"), or a whole path in a "
+                              "folder of --allow-dir"});
     }
-  }
+  };
+  for (std::string& part : request.parts) confine_input(part, "part");
+  for (std::string& insert : request.inserts) confine_input(insert, "insert");
   if (!request.out.empty() && !inside(request.out, rules.allowed_folders)) {
     errors.push_back(
         {request.where, "out: expected none, or a whole path in a folder of --allow-dir"});

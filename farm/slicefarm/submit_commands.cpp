@@ -1,13 +1,16 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "commands.hpp"
 #include "programs/common/mesh_options.hpp"
 #include "programs/common/setup_options.hpp"
+#include "programs/common/tomo_options.hpp"
 #include "slicecorr/farm/submit.hpp"
 #include "slicecorr/farm/work.hpp"
+#include "submit/fields.hpp"
 #include "views/moment_text.hpp"
 
 namespace slicecorr::farm {
@@ -18,11 +21,27 @@ struct SubmitArguments {
   FarmOptions farm;
   std::vector<std::string> parts;
   cli::SetupOptions setup;
-  cli::MeshOptions mesh;
+  cli::TomoPrintOptions tomo;  ///< with the options of meshes
+  const CLI::App* app = nullptr;
   JobRequest request;
   std::string store, json;
   bool dry_run = false;
 };
+
+/// The fields of jobs that options on the command line set.
+std::map<std::string, SaidField> said_options(const CLI::App& app) {
+  const std::vector<std::string> fields = detail::field_names();
+  std::map<std::string, SaidField> said;
+  for (const CLI::Option* option : app.get_options()) {
+    if (option->count() == 0) continue;
+    for (std::string name : option->get_lnames()) {
+      std::replace(name.begin(), name.end(), '-', '_');
+      if (std::find(fields.begin(), fields.end(), name) == fields.end()) continue;
+      said[name] = {"command line", false};
+    }
+  }
+  return said;
+}
 
 bool is_jobs_file(const std::string& path) {
   return path.ends_with(".toml") || path.ends_with(".csv");
@@ -31,12 +50,24 @@ bool is_jobs_file(const std::string& path) {
 std::vector<JobRequest> requests_of(const SubmitArguments& a) {
   JobRequest common = a.request;
   common.setup = a.setup;
-  common.layer_um = a.mesh.layer_um;
-  common.antialias = a.mesh.antialias;
-  common.units = a.mesh.units;
-  common.scale = a.mesh.scale;
-  common.center_mm = a.mesh.center_mm;
-  common.rotate_deg = a.mesh.rotate_deg;
+  const cli::MeshOptions& mesh = a.tomo.mesh;
+  common.layer_um = mesh.layer_um;
+  common.antialias = mesh.antialias;
+  common.units = mesh.units;
+  common.scale = mesh.scale;
+  common.center_mm = mesh.center_mm;
+  common.rotate_deg = mesh.rotate_deg;
+  common.inserts = a.tomo.inserts;
+  common.voxel_mm = a.tomo.voxel_mm;
+  common.method = a.tomo.method;
+  common.window = a.tomo.window;
+  common.angles = a.tomo.angles;
+  common.iterations = a.tomo.iterations;
+  common.clip_sigma = a.tomo.clip_sigma;
+  common.stop_error = a.tomo.stop_error;
+  common.max_time_s = a.tomo.most_time_s;
+  common.beyond_reach = a.tomo.beyond_reach;
+  common.said = said_options(*a.app);
   std::vector<JobRequest> requests;
   std::vector<SubmitError> errors;
   for (const std::string& part : a.parts) {
@@ -49,6 +80,7 @@ std::vector<JobRequest> requests_of(const SubmitArguments& a) {
         r.parts = {part};
         r.where = part;
         r.as_options = true;
+        for (auto& [key, said] : r.said) said.where = part;
         absolute_paths(r);
         requests.push_back(std::move(r));
       }
@@ -157,22 +189,25 @@ void add_submit_commands(cli::Program& program) {
                   [a](const ExecutionContext& context, cli::Console& console) {
                     return submit_command(*a, context, console);
                   });
+  a->app = sub;
   sub->add_option(
          "PART", a->parts,
-         "Meshes (stl, obj, ply, off, 3mf; also .gz) and archives of slices, each a job of its "
-         "own, and jobs files (.toml, .csv)")
+         "Meshes (stl, obj, ply, off, 3mf; also .gz), archives of slices and volumes (.npy), each "
+         "a job of its own, and jobs files (.toml, .csv)")
       ->required();
   a->farm.add_to(*sub);
   sub->add_option("--store", a->store,
                   "Folder of inputs and results, where the farm is made: may be shared with nodes");
-  sub->add_option("--layer-um", a->mesh.layer_um, "Slice height, 1 to 1000")
+  cli::MeshOptions& mesh = a->tomo.mesh;
+  sub->add_option("--layer-um", mesh.layer_um, "Slice height, 1 to 1000")
       ->check(cli::number_in(1, 1000));
-  sub->add_option("--antialias", a->mesh.antialias,
+  sub->add_option("--antialias", mesh.antialias,
                   "Area coverage in 256 levels, or the pixel-centre rule")
       ->check(CLI::IsMember({"on", "off"}))
       ->capture_default_str();
-  a->mesh.add_placement_to(*sub);
-  a->setup.add_to(*sub, false, true);
+  mesh.add_placement_to(*sub);
+  a->setup.add_to(*sub, false, true, {"tomography"});
+  a->tomo.add_to(*sub);
   sub->add_option("--out", a->request.out, "Folder of the outputs [results/ID in the farm]");
   sub->add_option("--format", a->request.format,
                   "Format of the archives, or its ending [uvj; archives keep theirs]");

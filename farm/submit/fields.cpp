@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <functional>
 #include <limits>
+#include <set>
 #include <string_view>
 
 #include "programs/common/program.hpp"
@@ -100,7 +101,7 @@ Set text(Member member, const std::string& what) {
 }
 
 template <typename Member>
-Set word(Member member, std::vector<std::string> known) {
+Set word(Member member, const std::vector<std::string>& known) {
   return [=](JobRequest& r, const Value& v) -> std::string {
     const auto* s = std::get_if<std::string>(&v.value);
     if (!s || std::find(known.begin(), known.end(), *s) == known.end()) {
@@ -144,6 +145,22 @@ Set texts(Member member, const std::string& what) {
   };
 }
 
+template <typename Member>
+Set flag(Member member) {
+  return [=](JobRequest& r, const Value& v) -> std::string {
+    const auto* b = std::get_if<bool>(&v.value);
+    const auto* s = std::get_if<std::string>(&v.value);
+    if (b) {
+      member(r) = *b;
+    } else if (v.from_text && s && (*s == "true" || *s == "false")) {
+      member(r) = *s == "true";
+    } else {
+      return expected(v, "true or false");
+    }
+    return {};
+  };
+}
+
 std::string set_omega_max(JobRequest& r, const Value& v) {
   const auto d = number_in(v);
   const auto* s = std::get_if<std::string>(&v.value);
@@ -157,12 +174,11 @@ std::string set_omega_max(JobRequest& r, const Value& v) {
   return {};
 }
 
-#define SLICEFARM_FIELD(path) \
-  [](JobRequest & r) -> auto& { return r.path; }
+#define SLICEFARM_FIELD(path) ([](JobRequest & r) -> auto& { return r.path; })
 
 const std::map<std::string, Set, std::less<>>& fields() {
   static const std::map<std::string, Set, std::less<>> table = {
-      {"part", texts(SLICEFARM_FIELD(parts), "the path of a mesh or an archive")},
+      {"part", texts(SLICEFARM_FIELD(parts), "the path of a mesh, an archive or a volume")},
       {"parts", texts(SLICEFARM_FIELD(parts), "paths of meshes that share the plate")},
       {"printer", text(SLICEFARM_FIELD(setup.printer), "a name or a .toml file")},
       {"resin", text(SLICEFARM_FIELD(setup.resin), "a name or a .toml file")},
@@ -173,7 +189,17 @@ const std::map<std::string, Set, std::less<>>& fields() {
       {"scale", number(SLICEFARM_FIELD(scale), 0, kMost, true)},
       {"center_mm", numbers(SLICEFARM_FIELD(center_mm), 2)},
       {"rotate_deg", numbers(SLICEFARM_FIELD(rotate_deg), 3)},
-      {"mode", word(SLICEFARM_FIELD(setup.mode), {"continuous", "layerwise"})},
+      {"mode", word(SLICEFARM_FIELD(setup.mode), {"continuous", "layerwise", kTomographyMode})},
+      {"voxel_mm", number(SLICEFARM_FIELD(voxel_mm), 0, kMost, true)},
+      {"method", word(SLICEFARM_FIELD(method), {"ladder", "osmo", "kelly", "fbp"})},
+      {"window", word(SLICEFARM_FIELD(window), {"hamming", "ram-lak", "kelly"})},
+      {"angles", whole(SLICEFARM_FIELD(angles), 3, 100000)},
+      {"iterations", whole(SLICEFARM_FIELD(iterations), 1, 100000)},
+      {"insert", texts(SLICEFARM_FIELD(inserts), "paths of meshes or volumes")},
+      {"clip_sigma", number(SLICEFARM_FIELD(clip_sigma), 0, kMost, true)},
+      {"stop_error", number(SLICEFARM_FIELD(stop_error), 0, kMost, true)},
+      {"max_time_s", number(SLICEFARM_FIELD(max_time_s), 0, kMost, true)},
+      {"beyond_reach", flag(SLICEFARM_FIELD(beyond_reach))},
       {"speed_mm_h", number(SLICEFARM_FIELD(setup.speed_mm_h), 0, kMost, true)},
       {"exposure_s", number(SLICEFARM_FIELD(setup.exposure_s), 0, kMost, true)},
       {"bottom_exposure_s", number(SLICEFARM_FIELD(setup.bottom_exposure_s), 0, kMost, true)},
@@ -206,7 +232,41 @@ const std::map<std::string, Set, std::less<>>& fields() {
 }
 #undef SLICEFARM_FIELD
 
+/// Fields of every job, and of which tomographic prints have more.
+const std::set<std::string, std::less<>> kOfAll{
+    "part", "parts",  "printer",  "resin",    "layer_um", "mode", "name",
+    "out",  "copies", "priority", "ready_by", "labels",   "user", "format"};
+const std::set<std::string, std::less<>> kOfMeshes{"units", "scale", "rotate_deg"};
+const std::set<std::string, std::less<>> kOfTomography{
+    "voxel_mm",   "method",       "window", "angles",     "iterations",
+    "max_time_s", "beyond_reach", "insert", "clip_sigma", "stop_error"};
+
 }  // namespace
+
+JobKind kind_of(const JobRequest& r) {
+  if (r.setup.mode != kTomographyMode) return JobKind::slices;
+  return std::any_of(r.parts.begin(), r.parts.end(), is_volume) ? JobKind::tomographic_volume
+                                                                : JobKind::tomographic_mesh;
+}
+
+std::string misfit(const std::string& key, const std::string& name, JobKind kind) {
+  if (kOfAll.contains(key)) return {};
+  if (kind == JobKind::slices) {
+    if (!kOfTomography.contains(key)) return {};
+    return fmt::format("{} is for tomographic prints; expected mode {} with it", name,
+                       kTomographyMode);
+  }
+  if (kOfTomography.contains(key)) return {};
+  if (!kOfMeshes.contains(key)) {
+    return fmt::format("{} has no place in a tomographic print", name);
+  }
+  if (kind == JobKind::tomographic_mesh) return {};
+  return fmt::format("{} has no place with a volume: its voxels stay where they are", name);
+}
+
+void make_defaults(JobRequest& request) {
+  for (auto& [key, said] : request.said) said.default_ = true;
+}
 
 std::string set_field(JobRequest& request, const std::string& key, const Value& value) {
   const auto found = fields().find(key);
@@ -217,6 +277,7 @@ std::string set_field(JobRequest& request, const std::string& key, const Value& 
     return "'" + key + "' is not known" + (near.empty() ? "" : "; expected " + near + "?");
   }
   const std::string error = found->second(request, value);
+  request.said[key] = {value.where, false};
   return error.empty() ? "" : key + " " + error;
 }
 
@@ -231,6 +292,7 @@ void make_paths_absolute(JobRequest& r, const std::string& folder) {
     if (!path.empty()) path = (fs::absolute(folder) / path).lexically_normal().string();
   };
   for (std::string& p : r.parts) absolute(p);
+  for (std::string& p : r.inserts) absolute(p);
   absolute(r.out);
   while (r.out.size() > 1 && r.out.back() == '/') r.out.pop_back();
   // Other definitions are names of the database.
@@ -245,6 +307,10 @@ bool is_mesh(const std::string& path) {
   const std::string ending = name.extension().string();
   return ending == ".stl" || ending == ".obj" || ending == ".ply" || ending == ".off" ||
          ending == ".3mf";
+}
+
+bool is_volume(const std::string& path) {
+  return lower_case(fs::path(path).extension().string()) == ".npy";
 }
 
 std::string stem_of(const std::string& path) {

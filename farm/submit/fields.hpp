@@ -11,6 +11,9 @@
 
 namespace slicecorr::farm::detail {
 
+/// The mode of tomographic prints, beside those of `SetupChoices`.
+inline constexpr const char* kTomographyMode = "tomography";
+
 /// A value as a file has it: a word, a number, yes or no, or a list of words or numbers.
 struct Value {
   std::variant<std::string, double, bool, std::vector<std::string>, std::vector<double>> value;
@@ -22,14 +25,25 @@ struct Value {
 /// Sets what `key` says. Gives the error, empty when there is none.
 std::string set_field(JobRequest& request, const std::string& key, const Value& value);
 
+/// What kind of job a request is for.
+enum class JobKind { slices, tomographic_mesh, tomographic_volume };
+JobKind kind_of(const JobRequest& request);
+/// Why `key` has no place in a job of this kind; empty when it has one. `name`: of the key in
+/// messages.
+std::string misfit(const std::string& key, const std::string& name, JobKind kind);
+
+/// Makes everything that was said until now a default for jobs that are still to come.
+void make_defaults(JobRequest& request);
+
 /// All keys, for messages.
 std::vector<std::string> field_names();
 
 /// Paths of parts, printers, resins and outputs count from the folder of the jobs file.
 void make_paths_absolute(JobRequest& request, const std::string& folder);
 
-/// "part.stl" is a mesh, anything else an archive of slices.
+/// "part.stl" is a mesh, "part.npy" a volume, anything else an archive of slices.
 bool is_mesh(const std::string& path);
+bool is_volume(const std::string& path);
 /// File name without its endings.
 std::string stem_of(const std::string& path);
 

@@ -44,8 +44,6 @@ std::optional<Value> value_of(const toml::node& node, const std::string& source)
     v.value = *node.value<double>();
   } else if (const auto b = node.value_exact<bool>()) {
     v.value = *b;
-  } else if (node.is_time() || node.is_date()) {
-    return std::nullopt;
   } else if (const toml::array* list = node.as_array()) {
     std::vector<double> numbers;
     std::vector<std::string> words;
@@ -71,11 +69,12 @@ void set_table(JobRequest& request, const toml::table& table, const std::string&
   for (const auto& [key, node] : table) {
     const std::string name(key.str());
     const std::string where = line_text(source, key.source().begin.line);
-    const auto value = value_of(node, source);
+    auto value = value_of(node, source);
     if (!value) {
       errors.push_back({where, name + " is neither text, number nor a list of one of them"});
       continue;
     }
+    value->where = where;
     if (const std::string error = set_field(request, name, *value); !error.empty()) {
       errors.push_back({where, error});
     }
@@ -131,6 +130,7 @@ std::vector<JobRequest> parse_jobs_toml(const std::string& text, const std::stri
   if (const toml::node* node = root.get("defaults")) {
     if (const toml::table* table = node->as_table()) {
       set_table(common, *table, source, errors);
+      detail::make_defaults(common);
     } else {
       errors.push_back({line_text(source, node->source().begin.line), "expected [defaults]"});
     }
@@ -261,6 +261,7 @@ std::vector<JobRequest> parse_jobs_json(const std::string& text, const std::stri
   for (const auto& [key, item] : root.items()) {
     if (key == "defaults" && item.is_object()) {
       set_object(common, item, source + ": defaults");
+      detail::make_defaults(common);
     } else if (key != "jobs") {
       errors.push_back({source, "'" + key + "' is not known here; expected defaults and jobs"});
     }
@@ -286,6 +287,7 @@ std::vector<JobRequest> read_jobs_file(const std::string& path, const JobRequest
   JobRequest common = defaults;
   // What the command line says is meant from where it is said.
   detail::make_paths_absolute(common, fs::current_path().string());
+  detail::make_defaults(common);
   std::vector<JobRequest> requests = path.ends_with(".csv") ? parse_jobs_csv(text, path, common)
                                                             : parse_jobs_toml(text, path, common);
   for (JobRequest& r : requests) detail::make_paths_absolute(r, folder);

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <map>
 #include <set>
+#include <tuple>
 
 #include "programs/common/mesh_options.hpp"
 #include "service/commit.hpp"
@@ -18,6 +19,7 @@
 #include "slicecorr/farm/work.hpp"
 #include "submit/fields.hpp"
 #include "submit/memory.hpp"
+#include "submit/tomographic.hpp"
 
 namespace slicecorr::farm {
 
@@ -39,6 +41,7 @@ struct Checked {
   Reason reason = Reason::none;  ///< of the error
   int layers = 0;
   detail::MemoryFacts memory;
+  detail::TomoNeeds tomo;  ///< of tomographic prints, in place of `memory`
 };
 
 /// What a request comes to, before inputs are read.
@@ -46,10 +49,19 @@ struct Resolved {
   bool mesh = false;
   Setup setup;
   std::string setup_json, setup_hash;
-  WorkSpec spec;  ///< without inputs
+  WorkSpec spec;  ///< without inputs; angles as they were asked for
   std::int64_t ready_by_ms = kNoDeadline;
   std::size_t checked = 0;  ///< index
 };
+
+/// Parts, then inserts: of other jobs there are none.
+std::vector<std::string> inputs_of(const JobRequest& r) {
+  std::vector<std::string> list = r.parts;
+  if (detail::kind_of(r) != detail::JobKind::slices) {
+    list.insert(list.end(), r.inserts.begin(), r.inserts.end());
+  }
+  return list;
+}
 
 /// All that decides what is found out, as one text.
 std::string signature(const JobRequest& r) {
@@ -61,6 +73,10 @@ std::string signature(const JobRequest& r) {
                   s.window_cure, s.ramp, s.ramp_mm, s.omega_max, s.one_slice_gaps,
                   s.platform_features, s.dc_mj_cm3, s.ha_um, r.antialias, r.units);
   text += fmt::format("|{}|{}|{}|{}", s.dose_factor, s.gap_shortfall, s.surface, r.scale);
+  text += fmt::format("|{}|{}|{}|{}|{}|{}|{}", r.voxel_mm, r.method, r.window, r.angles,
+                      r.iterations, r.max_time_s, r.beyond_reach);
+  text += fmt::format("|{}|{}", r.clip_sigma, r.stop_error);
+  for (const std::string& p : r.inserts) text += "|i" + p;
   for (const double v : r.center_mm) text += fmt::format("|c{}", v);
   for (const double v : r.rotate_deg) text += fmt::format("|r{}", v);
   for (const std::string& p : r.parts) text += "|" + p;
@@ -71,6 +87,16 @@ std::string signature(const JobRequest& r) {
 void choose_format(const JobRequest& r, const std::string& input_format, WorkSpec& spec) {
   std::string wanted = r.format;
   if (wanted.starts_with(".")) wanted.erase(0, 1);
+  if (spec.tomo) {
+    const auto said = r.said.find("format");
+    const bool meant = said == r.said.end() || !said->second.default_;
+    if (meant && !wanted.empty() && wanted != "frames") {
+      throw InputError(
+          fmt::format("format is '{}'; a tomographic print is written as frames", r.format));
+    }
+    spec.format = spec.ending = "frames";
+    return;
+  }
   if (wanted.empty() && spec.kind == "correct") {
     // A slicer's file stays one of the same kind.
     spec.format = input_format;
@@ -176,7 +202,11 @@ Checked check_inputs(const JobRequest& r, const Resolved& w, const std::string& 
                      const ExecutionContext& context) {
   Checked c;
   try {
-    if (w.mesh) {
+    if (w.spec.tomo) {
+      c.tomo = detail::look_at_tomographic(w.spec, inputs_of(r), w.setup.printer, w.setup.resin,
+                                           context);
+      c.layers = c.tomo.slices;
+    } else if (w.mesh) {
       check_meshes(r, w.setup, context, c);
     } else {
       check_archive(r, w.setup, scratch_folder, context, c);
@@ -193,7 +223,8 @@ Checked check_inputs(const JobRequest& r, const Resolved& w, const std::string& 
   return c;
 }
 
-std::string rate_class_of(const Resolved& w) {
+std::string rate_class_of(const Resolved& w, int slices) {
+  if (w.spec.tomo) return detail::tomo_rate_class(*w.spec.tomo, slices);
   const Process& p = w.setup.process;
   return fmt::format("{} {}{}", w.spec.kind,
                      p.mode == ExposureMode::layerwise ? "layerwise" : "continuous",
@@ -253,6 +284,7 @@ class Preparation {
 
   Submission run(bool store) {
     resolve_all();
+    check_defaults();
     check_all();
     check_outputs();
     if (!errors_.empty()) {
@@ -298,9 +330,10 @@ class Preparation {
       const JobRequest& r = requests_[i];
       Resolved& w = resolved_[i];
       if (r.parts.empty()) {
-        refuse(r, "no part; expected a mesh or an archive of slices");
+        refuse(r, "no part; expected a mesh, an archive of slices or a volume");
         continue;
       }
+      if (!check_fields(r)) continue;
       const auto [found, fresh] = known.emplace(signature(r), i);
       if (!fresh) {
         w = resolved_[found->second];
@@ -322,20 +355,71 @@ class Preparation {
     }
   }
 
+  /// Refuses what was said for another kind of job, where it stands; a default for other jobs is
+  /// passed over, and remembered.
+  bool check_fields(const JobRequest& r) {
+    const detail::JobKind kind = detail::kind_of(r);
+    const std::ptrdiff_t index = &r - requests_.data();
+    std::vector<SubmitError> wrong;
+    for (const auto& [key, said] : r.said) {
+      std::string name = key;
+      if (r.as_options) {
+        std::replace(name.begin(), name.end(), '_', '-');
+        name.insert(0, "--");
+      }
+      const std::string error = detail::misfit(key, name, kind);
+      if (said.default_) {
+        Default& d = defaults_[{said.where, key}];
+        d = {d.fits || error.empty(), error, index};
+      } else if (!error.empty()) {
+        wrong.push_back({said.where, error});
+      }
+    }
+    // In the order of their lines.
+    std::sort(wrong.begin(), wrong.end(), [](const SubmitError& a, const SubmitError& b) {
+      return std::pair(a.where.size(), a.where) < std::pair(b.where.size(), b.where);
+    });
+    for (const SubmitError& error : wrong) errors_.emplace_back(index, error);
+    return wrong.empty();
+  }
+
+  /// A default that fits none of the jobs was meant otherwise.
+  void check_defaults() {
+    for (const auto& [place, d] : defaults_) {
+      if (!d.fits) errors_.emplace_back(d.index, SubmitError{place.first, d.error});
+    }
+  }
+
   void resolve(const JobRequest& r, Resolved& w) {
     const auto meshes =
         static_cast<std::size_t>(std::count_if(r.parts.begin(), r.parts.end(), detail::is_mesh));
     w.mesh = meshes == r.parts.size();
-    if (!w.mesh && r.parts.size() > 1) {
-      throw InputError(meshes > 0 ? "meshes and archives can't share a plate"
-                                  : "one archive of slices makes a job of its own");
+    const detail::JobKind kind = detail::kind_of(r);
+    if (kind == detail::JobKind::slices) {
+      if (!w.mesh && r.parts.size() > 1) {
+        throw InputError(meshes > 0 ? "meshes and archives can't share a plate"
+                                    : "one archive of slices makes a job of its own");
+      }
+      if (!w.mesh && detail::is_volume(r.parts[0])) {
+        throw InputError(
+            r.parts[0], "",
+            fmt::format("is a volume; expected mode {} with it", detail::kTomographyMode));
+      }
+    } else if (kind == detail::JobKind::tomographic_volume ? r.parts.size() > 1 : !w.mesh) {
+      throw InputError("expected meshes, or one volume (.npy), to print tomographically");
     }
-    for (const std::string& part : r.parts) {
+    for (const std::string& part : inputs_of(r)) {
       std::error_code error;
       if (!fs::exists(part, error)) throw InputError(part, "", "is not there");
       if (fs::is_directory(part, error)) {
         throw InputError(part, "", "is a folder; expected a file (zip the images)");
       }
+    }
+    if (kind != detail::JobKind::slices) {
+      std::tie(w.setup.printer, w.setup.resin) = detail::resolve_tomographic(r, w.spec);
+      w.setup_json = definitions_json(w.setup.printer, w.setup.resin);
+      w.setup_hash = sha256_of_text(w.setup_json);
+      return;
     }
     w.spec.kind = w.mesh ? "run" : "correct";
     w.spec.layer_um = r.layer_um;
@@ -387,7 +471,9 @@ class Preparation {
     std::map<std::string, std::string> written;  // output without ending, to who writes it
     std::map<std::string, bool> writable;
     std::set<std::string> inputs;
-    for (const JobRequest& r : requests_) inputs.insert(r.parts.begin(), r.parts.end());
+    for (const JobRequest& r : requests_) {
+      for (const std::string& input : inputs_of(r)) inputs.insert(input);
+    }
     for (std::size_t i = 0; i < requests_.size(); ++i) {
       const JobRequest& r = requests_[i];
       if (r.parts.empty()) continue;
@@ -421,7 +507,7 @@ class Preparation {
     std::vector<std::string> list;
     std::set<std::string> seen;
     for (const JobRequest& r : requests_) {
-      for (const std::string& part : r.parts) {
+      for (const std::string& part : inputs_of(r)) {
         if (seen.insert(part).second) list.push_back(part);
       }
     }
@@ -438,7 +524,7 @@ class Preparation {
       const Checked& c = checked_[w.checked];
       NewJob j;
       WorkSpec spec = w.spec;
-      for (const std::string& part : r.parts) {
+      for (const std::string& part : inputs_of(r)) {
         const StoredInput& in = stored_.at(part);
         spec.inputs.push_back({in.file, in.sha256, part});
         j.work.input_files.push_back(in.file);
@@ -449,22 +535,27 @@ class Preparation {
       j.work.printer = w.setup.printer.name;
       j.work.resin = w.setup.resin.name;
       j.work.format = spec.ending;
-      j.work.rate_class = rate_class_of(w);
+      j.work.rate_class = rate_class_of(w, c.layers);
       j.work.layers = c.layers;
-      j.work.voxels = c.memory.voxels;
-      const detail::MemoryNeeds memory = detail::memory_needs(c.memory);
+      j.work.voxels = w.spec.tomo ? c.tomo.voxels : c.memory.voxels;
+      if (spec.tomo) {
+        spec.tomo->angles = c.tomo.angles;
+        j.work.voxel_angle_steps = c.tomo.voxel_angle_steps;
+      }
+      const detail::MemoryNeeds memory = spec.tomo ? c.tomo.memory : detail::memory_needs(c.memory);
       j.work.base_memory_mb = memory.base_mb;
       j.work.thread_memory_mb = memory.thread_mb;
       const auto [rate, fresh] = rates.emplace(j.work.rate_class, Rates{});
       if (fresh) rate->second = queue_.rates(j.work.rate_class);
-      const bool measured = rate->second.voxels_per_s > 0;
-      const auto voxels = static_cast<double>(c.memory.voxels);
-      j.expected_s =
-          kFixedJobS + voxels / (measured ? rate->second.voxels_per_s : kGuessedVoxelsPerS);
+      const bool measured = rate->second.units_per_s > 0;
+      const auto units = static_cast<double>(spec.tomo ? c.tomo.voxel_angle_steps : j.work.voxels);
+      const double guessed = spec.tomo ? detail::guessed_units_per_s(c.layers) : kGuessedVoxelsPerS;
+      j.expected_s = kFixedJobS + units / (measured ? rate->second.units_per_s : guessed);
+      const double bytes = spec.tomo  ? static_cast<double>(c.tomo.bytes)
+                           : measured ? units * rate->second.bytes_per_unit
+                                      : units * kGuessedBytesPerVoxel + kReportBytes;
       // The cache's copy and the delivered one.
-      j.expected_bytes =
-          static_cast<std::int64_t>(2 * (measured ? voxels * rate->second.bytes_per_voxel
-                                                  : voxels * kGuessedBytesPerVoxel + kReportBytes));
+      j.expected_bytes = static_cast<std::int64_t>(2 * bytes);
       j.user = r.user.empty() ? user_ : r.user;
       j.output_folder = r.out;
       j.results_folder = folder_.root + "/results/";
@@ -475,7 +566,7 @@ class Preparation {
       for (int copy = 1; copy <= r.copies; ++copy) {
         j.name = name_of_copy(r, copy);
         // Some formats write the file's name into the archive.
-        spec.name = spec.format == "uvj" ? "" : j.name;
+        spec.name = spec.format == "uvj" || spec.tomo ? "" : j.name;
         if (copy == 1 || !spec.name.empty()) {
           j.work.key = work_key(spec, w.setup_json);
           j.work.spec_json = spec_json(spec);
@@ -484,7 +575,7 @@ class Preparation {
         e.name = j.name;
         e.where = r.where;
         e.layers = c.layers;
-        e.voxels = c.memory.voxels;
+        e.voxels = j.work.voxels;
         e.seconds = j.expected_s;
         e.disk_bytes = j.expected_bytes;
         e.memory_mb = j.work.base_memory_mb;
@@ -503,7 +594,15 @@ class Preparation {
   Queue& queue_;
   const std::string& user_;
   const ExecutionContext& context_;
-  std::vector<std::pair<std::ptrdiff_t, SubmitError>> errors_;  ///< with the request's index
+  /// A default that was said for all jobs: whether it fits one, else why not, and the request that
+  /// it did not fit.
+  struct Default {
+    bool fits = false;
+    std::string error;
+    std::ptrdiff_t index = 0;
+  };
+  std::vector<std::pair<std::ptrdiff_t, SubmitError>> errors_;       ///< with the request's index
+  std::map<std::pair<std::string, std::string>, Default> defaults_;  ///< by place and key
   std::vector<Resolved> resolved_;
   std::vector<std::size_t> distinct_;  ///< requests whose inputs are looked at
   std::vector<Checked> checked_;       ///< of these

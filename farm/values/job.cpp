@@ -1,9 +1,14 @@
 #include "slicecorr/farm/job.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <filesystem>
 #include <utility>
+
+#include "support/text/display_text.hpp"
 
 namespace slicecorr::farm {
 
@@ -63,6 +68,24 @@ Reason reason_named(std::string_view name) {
 
 bool is_retried(Reason reason) { return row_of(reason).retried; }
 bool is_counted(Reason reason) { return row_of(reason).counted; }
+
+std::string in_words(const ResultFigures& f) {
+  if (!f.tomo) {
+    std::string text = fmt::format("largest height error {} um", text::figure(f.height_max_um));
+    if (f.lost_features > 0) text += fmt::format(", {} lost", text::count(f.lost_features));
+    return text;
+  }
+  const TomoFigures& t = *f.tomo;
+  std::string text =
+      fmt::format("contrast {}, VER {}, prints in {}",
+                  std::isfinite(t.contrast) ? text::figure(t.contrast) : "without bound",
+                  text::figure(t.ver), text::duration(t.print_time_s));
+  if (!t.feasible) {
+    text += t.contrast < 1 ? "; misses: void gels before the part does"
+                           : "; misses: some of the part gets less than what gels";
+  }
+  return text;
+}
 
 std::string Job::output(const std::string& ending) const {
   return (std::filesystem::path(output_folder) / (name + "." + ending)).string();

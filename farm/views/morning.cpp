@@ -251,12 +251,29 @@ void read_failures(const FarmFolder& folder, Database& db, ReadModel& model,
 }
 
 void read_worst(Database& db, const MorningOptions& options, MorningReport& r) {
+  {
+    Rows rows = db.query(detail::kSelectJobs +
+                             "WHERE j.state = 'done' AND j.ended_ms >= ?1 AND j.ended_ms < ?2 "
+                             "AND (?3 = 0 OR j.batch = ?3) AND w.kind <> 'tomo' "
+                             "ORDER BY r.height_max_um DESC, j.id LIMIT ?4",
+                         r.from_ms, r.until_ms, r.batch, options.most_worst);
+    while (rows.next()) r.worst.push_back(detail::read_job(rows));
+  }
+  {
+    // From the few tomographic prints to their jobs.
+    Rows rows = db.query(
+        "SELECT count(*) FROM tomo_results t JOIN jobs j ON j.key = t.key WHERE j.state = 'done' "
+        "AND j.ended_ms >= ?1 AND j.ended_ms < ?2 AND (?3 = 0 OR j.batch = ?3)",
+        r.from_ms, r.until_ms, r.batch);
+    if (rows.next()) r.tomographic_done = rows.integer(0);
+  }
+  if (r.tomographic_done == 0) return;
   Rows rows = db.query(detail::kSelectJobs +
                            "WHERE j.state = 'done' AND j.ended_ms >= ?1 AND j.ended_ms < ?2 "
-                           "AND (?3 = 0 OR j.batch = ?3) ORDER BY r.height_max_um DESC, j.id "
-                           "LIMIT ?4",
+                           "AND (?3 = 0 OR j.batch = ?3) AND w.kind = 'tomo' "
+                           "ORDER BY t.contrast, j.id LIMIT ?4",
                        r.from_ms, r.until_ms, r.batch, options.most_worst);
-  while (rows.next()) r.worst.push_back(detail::read_job(rows));
+  while (rows.next()) r.tomographic.push_back(detail::read_job(rows));
 }
 
 }  // namespace

@@ -36,7 +36,7 @@ std::string link_text(const std::string& path) {
 std::string report_link(const Job& job, const LinkTo& links) {
   const bool there = std::any_of(job.files.begin(), job.files.end(),
                                  [](const ResultFile& f) { return f.ending == "html"; });
-  const std::string name = shown(job.name);
+  std::string name = shown(job.name);
   if (!there) return name;
   std::string to;
   if (links.kind == LinkTo::Kind::server) {
@@ -137,6 +137,11 @@ std::string failures(const MorningReport& r) {
   return html;
 }
 
+std::string how_many(const std::vector<Job>& shown, std::int64_t all) {
+  if (all <= static_cast<std::int64_t>(shown.size())) return {};
+  return fmt::format("<p class=\"dim\">The worst {} of {}.</p>", shown.size(), text::count(all));
+}
+
 std::string worst(const MorningReport& r, const LinkTo& links) {
   if (r.worst.empty()) return {};
   std::string html =
@@ -155,11 +160,25 @@ std::string worst(const MorningReport& r, const LinkTo& links) {
         n(f.cure_through_voxels), n(f.layers), j.id);
   }
   html += "</tbody></table></div>";
-  if (r.done > static_cast<std::int64_t>(r.worst.size())) {
-    html += fmt::format("<p class=\"dim\">The worst {} of {}.</p>", r.worst.size(),
-                        text::count(r.done));
-  }
+  html += how_many(r.worst, r.done - r.tomographic_done);
   return html;
+}
+
+/// Tomographic prints have no heights: what void and part get, and how long it takes.
+std::string tomographic(const MorningReport& r, const LinkTo& links) {
+  if (r.tomographic.empty()) return {};
+  std::string html =
+      R"(<h2>Tomographic prints, least contrast first</h2><div class="scroll" tabindex="0" role="region" aria-label="Tomographic prints"><table class="jobs"><thead><tr><th scope="col">Part</th><th scope="col">contrast</th><th scope="col">bound</th><th scope="col">VER</th><th scope="col">turns</th><th scope="col">print time</th><th scope="col">slices</th><th scope="col">job</th></tr></thead><tbody>)";
+  for (const Job& j : r.tomographic) {
+    const ResultFigures f = j.figures.value_or(ResultFigures{});
+    const TomoFigures t = f.tomo.value_or(TomoFigures{});
+    html += fmt::format(
+        R"(<tr><th scope="row">{}</th><td{}>{}</td><td>{}</td><td{}>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>)",
+        report_link(j, links), t.feasible ? "" : " class=\"bad\"", text::figure(t.contrast),
+        text::figure(t.contrast_bound), t.ver > 0 ? " class=\"bad\"" : "", text::figure(t.ver),
+        text::count(t.turns), text::duration(t.print_time_s), text::count(f.layers), j.id);
+  }
+  return html + "</tbody></table></div>" + how_many(r.tomographic, r.tomographic_done);
 }
 
 /// Throughput and cores over the time, one below the other.
@@ -246,6 +265,7 @@ std::string morning_page(const MorningReport& r, const LinkTo& links) {
   }
   html += failures(r);
   html += worst(r, links);
+  html += tomographic(r, links);
   if (r.attempts == 0 && r.done == 0)
     return html + "<h2>Disk</h2>" + disk(r) + "</main></body></html>";
   html += fmt::format(
@@ -289,6 +309,8 @@ std::string morning_json(const MorningReport& r) {
   }
   json["worst"] = Json::array();
   for (const Job& j : r.worst) json["worst"].push_back(Json::parse(job_json(j)));
+  json["tomographic"] = Json::array();
+  for (const Job& j : r.tomographic) json["tomographic"].push_back(Json::parse(job_json(j)));
   json["slot_ms"] = r.slot_ms;
   json["slots"] = Json::array();
   for (const auto& s : r.slots) {

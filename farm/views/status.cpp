@@ -60,11 +60,7 @@ std::string remark(const Job& job, const std::map<JobId, const RunningJob*>& run
     case JobState::done: {
       std::string text = job.from_cache ? "from the cache" : "";
       if (job.figures) {
-        text += fmt::format("{}largest height error {} um", text.empty() ? "" : ", ",
-                            text::figure(job.figures->height_max_um));
-        if (job.figures->lost_features > 0) {
-          text += fmt::format(", {} lost", text::count(job.figures->lost_features));
-        }
+        text += (text.empty() ? "" : ", ") + in_words(*job.figures);
       }
       return text;
     }

@@ -7,10 +7,8 @@
 
 #include <algorithm>
 #include <chrono>
-#include <climits>
 #include <cstdio>
 #include <filesystem>
-#include <mutex>
 #include <new>
 #include <system_error>
 
@@ -25,24 +23,24 @@
 #include "slicecorr/version.hpp"
 #include "store/title.hpp"
 #include "work/files.hpp"
+#include "work/make_result.hpp"
+#include "work/reporter.hpp"
 #include "work/stages.hpp"
 
 namespace slicecorr::farm {
 
 namespace fs = std::filesystem;
 using SteadyTime = std::chrono::steady_clock;
+using detail::InputGone;
+using detail::OutputInvalid;
+using detail::Reporter;
 
 namespace {
 
 /// Shares of the whole time, measured on parts of the demo; they only shape the progress shown.
-struct Phase {
-  const char* name;
-  double from, until;
-};
-constexpr Phase kPhases[] = {
-    {"read", 0, 0.05}, {"correct", 0.05, 0.75}, {"report", 0.75, 0.88}, {"check", 0.88, 1}};
-
-constexpr auto kProgressInterval = std::chrono::milliseconds(300);
+std::vector<detail::Phase> stack_phases() {
+  return {{"read", 0, 0.05}, {"correct", 0.05, 0.75}, {"report", 0.75, 0.88}, {"check", 0.88, 1}};
+}
 
 /// Full disks, by what the library's messages say of them.
 bool says_full(const std::string& text) {
@@ -56,67 +54,6 @@ bool says_no_memory(const std::string& text) {
   return text.find(std::generic_category().message(ENOMEM)) != text.npos ||
          text.find("Malloc failure") != text.npos;
 }
-
-std::string host_name() {
-  char name[HOST_NAME_MAX + 1] = {};
-  return ::gethostname(name, sizeof name - 1) == 0 ? name : "";
-}
-
-/// Tells how far the work is, in its file, and which stage it has come to.
-class Reporter {
- public:
-  Reporter(const std::string& folder, const WorkOrder& order) : folder_(folder), order_(order) {
-    note_.node = host_name();
-  }
-  void begin(std::size_t phase) {
-    const std::lock_guard lock(mutex_);
-    phase_ = phase;
-    told_correcting_ = false;
-    move(0, true);
-    if (phase != kCorrectPhase) detail::tell_work_stage(kPhases[phase].name, order_);
-  }
-  void progress(double done) {
-    const std::lock_guard lock(mutex_);
-    move(done, false);
-    if (phase_ == kCorrectPhase && !told_correcting_ && done >= 0.3) {
-      told_correcting_ = true;
-      detail::tell_work_stage(kPhases[phase_].name, order_);
-    }
-  }
-  void set_layers(int layers) {
-    const std::lock_guard lock(mutex_);
-    layers_ = layers;
-  }
-
- private:
-  static constexpr std::size_t kCorrectPhase = 1;
-
-  void move(double done, bool always) {
-    const Phase& p = kPhases[phase_];
-    note_.stage = p.name;
-    note_.fraction =
-        std::max(note_.fraction, p.from + (p.until - p.from) * std::clamp(done, 0.0, 1.0));
-    note_.layers_done = static_cast<int>(layers_ * note_.fraction);
-    const auto now = SteadyTime::now();
-    if (!always && now - told_ < kProgressInterval) return;
-    told_ = now;
-    ++note_.beat;
-    try {
-      detail::write_progress(folder_, note_);
-    } catch (const DeviceError&) {
-      // The work itself will say that the disk is full.
-    }
-  }
-
-  std::mutex mutex_;
-  std::string folder_;
-  const WorkOrder& order_;
-  ProgressNote note_;
-  std::size_t phase_ = 0;
-  bool told_correcting_ = false;
-  int layers_ = 0;
-  SteadyTime::time_point told_{};
-};
 
 /// What the archive that was written says when it is read again: a result is what can be read back.
 void check_stack(const std::string& path, const std::string& scratch, const StackInfo& written,
@@ -155,38 +92,12 @@ void fill_figures(ResultFigures& f, const Prediction& p) {
   f.target_voxels = static_cast<std::int64_t>(p.target_voxels);
 }
 
-cli::MeshOptions mesh_options(const WorkSpec& spec, const std::vector<std::string>& paths) {
-  cli::MeshOptions o;
-  o.parts = paths;
-  o.layer_um = spec.layer_um;
-  o.antialias = spec.antialias;
-  o.center_mm = spec.center_mm;
-  o.units = spec.units;
-  o.scale = spec.scale;
-  o.rotate_deg = spec.rotate_deg;
-  return o;
-}
-
-/// Raised where inputs are not what was submitted.
-class InputGone : public InputError {
- public:
-  using InputError::InputError;
-};
-/// Raised where what was written is not what was meant.
-class OutputInvalid : public InputError {
- public:
-  using InputError::InputError;
-};
-
-/// The work itself; fills in what is known of the result.
-void make_result(const WorkOrder& order, const std::string& folder, Reporter& reporter,
-                 const ExecutionContext& context, WorkOutcome& outcome) {
-  reporter.begin(0);
-  const WorkSpec& spec = order.spec;
+/// The farm's copies of the inputs, checked.
+std::vector<std::string> checked_inputs(const WorkOrder& order) {
   FarmFolder farm;
   farm.store = order.store;
   std::vector<std::string> paths;
-  for (const WorkSpec::Input& input : spec.inputs) {
+  for (const WorkSpec::Input& input : order.spec.inputs) {
     if (!check_input(farm, input.file, input.sha256, true)) {
       throw InputGone(
           input.name, "",
@@ -194,14 +105,19 @@ void make_result(const WorkOrder& order, const std::string& folder, Reporter& re
     }
     paths.push_back(farm.input(input.file));
   }
+  return paths;
+}
+
+/// A corrected stack; gives the endings of what was written.
+std::vector<std::string> make_stack(const WorkOrder& order, const std::vector<std::string>& paths,
+                                    const std::string& folder, const std::string& base,
+                                    Reporter& reporter, const ExecutionContext& context,
+                                    WorkOutcome& outcome) {
+  const WorkSpec& spec = order.spec;
   const Setup setup = parse_setup_json(order.setup_json, "the job's setup");
   for (const std::string& text : setup_notices(setup, nullptr, ChoiceNames::options)) {
     context.tell(text);
   }
-  const std::string out = folder + "/out";
-  // Not the folder around it: when that is gone, so is the attempt.
-  fs::create_directory(out);
-  const std::string base = out + "/" + order.name;
   StackFile file(base + "." + spec.ending);
   file.format = spec.format;
   const std::string title = detail::title_stand_in(order.key);
@@ -209,8 +125,8 @@ void make_result(const WorkOrder& order, const std::string& folder, Reporter& re
   std::optional<MeshSlices> mesh;
   std::optional<StackReader> archive;
   if (spec.kind == "run") {
-    mesh.emplace(
-        cli::slice_parts(mesh_options(spec, paths), setup.printer, setup.process.surface, context));
+    mesh.emplace(cli::slice_parts(detail::mesh_options(spec, paths), setup.printer,
+                                  setup.process.surface, context));
   } else {
     const StackInfo info = StackReader::read_info(paths.at(0));
     check_design(info, spec.inputs.at(0).name);
@@ -244,7 +160,22 @@ void make_result(const WorkOrder& order, const std::string& folder, Reporter& re
   } catch (const InputError& e) {
     throw OutputInvalid(e.what());
   }
-  for (const std::string& ending : {spec.ending, std::string("html"), std::string("json")}) {
+  return {spec.ending, "html", "json"};
+}
+
+/// The work itself; fills in what is known of the result.
+void make_result(const WorkOrder& order, const std::string& folder, Reporter& reporter,
+                 const ExecutionContext& context, WorkOutcome& outcome) {
+  reporter.begin(0);
+  const std::vector<std::string> paths = checked_inputs(order);
+  const std::string out = folder + "/out";
+  // Not the folder around it: when that is gone, so is the attempt.
+  fs::create_directory(out);
+  const std::string base = out + "/" + order.name;
+  const std::vector<std::string> endings =
+      order.spec.tomo ? detail::make_tomographic(order, paths, base, reporter, context, outcome)
+                      : make_stack(order, paths, folder, base, reporter, context, outcome);
+  for (const std::string& ending : endings) {
     ResultFile written = sha256_of_file(base + "." + ending);
     written.ending = ending;
     outcome.files.push_back(std::move(written));
@@ -290,6 +221,18 @@ void limit_memory(std::int64_t memory_mb, int threads) {
 
 }  // namespace
 
+cli::MeshOptions detail::mesh_options(const WorkSpec& spec, const std::vector<std::string>& paths) {
+  cli::MeshOptions o;
+  o.parts = paths;
+  o.layer_um = spec.layer_um;
+  o.antialias = spec.antialias;
+  o.center_mm = spec.center_mm;
+  o.units = spec.units;
+  o.scale = spec.scale;
+  o.rotate_deg = spec.rotate_deg;
+  return o;
+}
+
 int do_work(const std::string& folder, const std::atomic<bool>* cancel,
             const std::function<void(const std::string&)>& say) {
   const auto begin = SteadyTime::now();
@@ -298,7 +241,7 @@ int do_work(const std::string& folder, const std::atomic<bool>* cancel,
   WorkOutcome outcome;
   outcome.token = order.token;
   outcome.key = order.key;
-  outcome.node = host_name();
+  outcome.node = detail::host_name();
   outcome.program = std::string("slicecorr ") + version;
   const auto end = [&](int code, Reason reason, const std::string& text) {
     const std::string message = in_names_of_user(text, order);
@@ -312,7 +255,7 @@ int do_work(const std::string& folder, const std::atomic<bool>* cancel,
   }
   limit_memory(order.memory_mb, order.threads);
   detail::tell_work_stage("start", order);
-  Reporter reporter(folder, order);
+  Reporter reporter(folder, order, order.spec.tomo ? detail::tomo_phases() : stack_phases());
   ExecutionContext context;
   context.threads = order.threads;
   context.cancel = cancel;

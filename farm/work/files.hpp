@@ -8,8 +8,9 @@
 
 namespace slicecorr::farm::detail {
 
-/// Of order.json and result.json: a worker of another version says so instead of guessing.
-inline constexpr int kOrderFormat = 1;
+/// Of order.json and result.json: a worker of another version says so instead of guessing. 2 are
+/// tomographic prints, everything else says 1.
+inline constexpr int kOrderFormat = 1, kTomoOrderFormat = 2;
 
 void write_progress(const std::string& folder, const ProgressNote& progress);
 void write_outcome(const std::string& folder, const WorkOutcome& outcome);

@@ -2,9 +2,11 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <cstdio>
 #include <fstream>
 #include <iterator>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "programs/common/program.hpp"
@@ -41,6 +43,20 @@ Json json_of(const WorkSpec& s, bool with_names) {
   json["format"] = s.format;
   json["ending"] = s.ending;
   json["name"] = s.name;
+  if (s.tomo) {
+    const WorkSpec::Tomo& t = *s.tomo;
+    json["tomo"] = {{"volume", t.volume},
+                    {"inserts", t.inserts},
+                    {"voxel_mm", t.voxel_mm},
+                    {"method", t.method},
+                    {"window", t.window},
+                    {"angles", t.angles},
+                    {"iterations", t.iterations},
+                    {"clip_sigma", t.clip_sigma},
+                    {"stop_error", t.stop_error},
+                    {"max_time_s", t.max_time_s},
+                    {"beyond_reach", t.beyond_reach}};
+  }
   return json;
 }
 
@@ -59,7 +75,38 @@ WorkSpec spec_of(const Json& json) {
   s.format = json.at("format");
   s.ending = json.at("ending");
   s.name = json.at("name");
+  if (json.contains("tomo")) {
+    const Json& t = json.at("tomo");
+    s.tomo = WorkSpec::Tomo{t.at("volume"),     t.at("inserts"),     t.at("voxel_mm"),
+                            t.at("method"),     t.at("window"),      t.at("angles"),
+                            t.at("iterations"), t.at("clip_sigma"),  t.at("stop_error"),
+                            t.at("max_time_s"), t.at("beyond_reach")};
+  }
   return s;
+}
+
+/// Infinite: null.
+Json finite_json(double v) { return std::isfinite(v) ? Json(v) : Json(nullptr); }
+double finite_of(const Json& json) {
+  return json.is_null() ? std::numeric_limits<double>::infinity() : json.get<double>();
+}
+
+Json tomo_json(const TomoFigures& t) {
+  return {{"contrast", finite_json(t.contrast)},
+          {"contrast_bound", finite_json(t.contrast_bound)},
+          {"ver", t.ver},
+          {"turns", t.turns},
+          {"print_time_s", t.print_time_s},
+          {"feasible", t.feasible}};
+}
+
+TomoFigures tomo_of(const Json& json) {
+  return {finite_of(json.at("contrast")),
+          finite_of(json.at("contrast_bound")),
+          json.at("ver"),
+          json.at("turns"),
+          json.at("print_time_s"),
+          json.at("feasible")};
 }
 
 std::string dump(const Json& json) {
@@ -96,7 +143,7 @@ std::string work_key(const WorkSpec& spec, const std::string& setup_json) {
 
 void write_order(const std::string& folder, const WorkOrder& o) {
   Json json;
-  json["format"] = detail::kOrderFormat;
+  json["format"] = o.spec.tomo ? detail::kTomoOrderFormat : detail::kOrderFormat;
   json["token"] = o.token;
   json["job"] = o.job;
   json["number"] = o.number;
@@ -117,10 +164,10 @@ WorkOrder read_order(const std::string& folder) {
   try {
     const Json json = Json::parse(*text);
     const int format = json.at("format");
-    if (format != detail::kOrderFormat) {
-      throw InputError(
-          path, "",
-          fmt::format("has format {}; this program knows {}", format, detail::kOrderFormat));
+    if (format != detail::kOrderFormat && format != detail::kTomoOrderFormat) {
+      throw InputError(path, "",
+                       fmt::format("has format {}; this program knows {} and {}", format,
+                                   detail::kOrderFormat, detail::kTomoOrderFormat));
     }
     WorkOrder o;
     o.token = json.at("token");
@@ -180,6 +227,7 @@ void detail::write_outcome(const std::string& folder, const WorkOutcome& o) {
                      {"cure_through_voxels", f.cure_through_voxels},
                      {"undercure_voxels", f.undercure_voxels},
                      {"target_voxels", f.target_voxels}};
+  if (f.tomo) json["figures"]["tomo"] = tomo_json(*f.tomo);
   json["files"] = Json::array();
   for (const ResultFile& r : o.files) {
     json["files"].push_back({{"ending", r.ending}, {"bytes", r.bytes}, {"sha256", r.sha256}});
@@ -214,6 +262,7 @@ std::optional<WorkOutcome> read_outcome(const std::string& folder) {
                  f.at("cure_through_voxels"),
                  f.at("undercure_voxels"),
                  f.at("target_voxels")};
+    if (f.contains("tomo")) o.figures.tomo = tomo_of(f.at("tomo"));
     for (const Json& r : json.at("files")) {
       o.files.push_back({r.at("ending"), r.at("bytes"), r.at("sha256")});
     }

@@ -11,7 +11,8 @@
 namespace slicecorr::farm::detail {
 
 /// Called by a worker at "start", "read", "correct" (when it is 30 % done), "report", "check" and
-/// "end", with what it was ordered to do; null: nobody listens. Set before `main` begins and not
+/// "end", of a tomographic print "solve" in place of "correct", and "judge" before "check", with what it
+/// was ordered to do; null: nobody listens. Set before `main` begins and not
 /// changed after, so that any thread may read it.
 extern void (*work_stage_listener)(const std::string& stage, const WorkOrder& order);
 /// Called by a service's main thread at "claimed", "ordered", "started", "ended", "committing",

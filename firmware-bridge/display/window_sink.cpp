@@ -248,8 +248,8 @@ class WindowSink final : public FrameSink {
 
 std::unique_ptr<FrameSink> detail::make_window_sink(const std::string& display,
                                                     const Machine& machine, BridgeClock& clock,
-                                                    Open open) {
-  return std::make_unique<WindowSink>(display, machine, clock, std::move(open));
+                                                    const Open& open) {
+  return std::make_unique<WindowSink>(display, machine, clock, open);
 }
 
 std::unique_ptr<FrameSink> make_window_sink(const std::string& display, const Machine& machine,

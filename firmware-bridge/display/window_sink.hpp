@@ -12,6 +12,6 @@ namespace slicecorr::bridge::detail {
 
 std::unique_ptr<FrameSink> make_window_sink(
     const std::string& display, const Machine& machine, BridgeClock& clock,
-    std::function<std::unique_ptr<Window>(const WindowWanted&, WindowFound&)> open);
+    const std::function<std::unique_ptr<Window>(const WindowWanted&, WindowFound&)>& open);
 
 }  // namespace slicecorr::bridge::detail

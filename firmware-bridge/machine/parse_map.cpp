@@ -268,18 +268,18 @@ void only_keys(const TomlTable& table, std::span<const std::string_view> known) 
   }
 }
 
-RegisterMap parse_map(const TomlTable& t, const Machine& machine) {
+RegisterMap parse_map(const TomlTable& modbus, const Machine& machine) {
   constexpr std::array<std::string_view, 13> known{
       "transport",  "host",     "port",  "device", "baud",     "parity", "unit",
       "word_order", "exchange", "write", "read",   "commands", "states"};
-  only_keys(t, known);
+  only_keys(modbus, known);
   RegisterMap map;
-  parse_wire(t, map);
-  const TomlTable write = t.required_table("write"), read = t.required_table("read");
+  parse_wire(modbus, map);
+  const TomlTable write = modbus.required_table("write"), read = modbus.required_table("read");
   map.write = parse_signals(write, true, machine);
   map.read = parse_signals(read, false, machine);
   if (map.write.contains(Signal::job) != map.read.contains(Signal::job_kept)) {
-    t.fail("read", "has only one of write.job and read.job_kept; expected both or none");
+    modbus.fail("read", "has only one of write.job and read.job_kept; expected both or none");
   }
   std::multimap<int, Used> used;
   check_overlaps(write, map.write, used);
@@ -288,14 +288,16 @@ RegisterMap parse_map(const TomlTable& t, const Machine& machine) {
   check_overlaps(read, map.read, used);
   measure(map.write, map.write_address, map.write_count);
   measure(map.read, map.read_address, map.read_count);
-  check_written(t, map);
+  check_written(modbus, map);
   if (map.read_count > kMostRead) {
-    t.fail("read", fmt::format("covers {} registers, {} to {}; Modbus reads at most {} at once",
-                               map.read_count, map.read_address,
-                               map.read_address + map.read_count - 1, kMostRead));
+    modbus.fail("read",
+                fmt::format("covers {} registers, {} to {}; Modbus reads at most {} at once",
+                            map.read_count, map.read_address, map.read_address + map.read_count - 1,
+                            kMostRead));
   }
-  map.commands = parse_words<Command>(t, "commands", kCommandNames, map.write.at(Signal::command));
-  map.states = parse_words<MachineState>(t, "states", kStateNames, map.read.at(Signal::state));
+  map.commands =
+      parse_words<Command>(modbus, "commands", kCommandNames, map.write.at(Signal::command));
+  map.states = parse_words<MachineState>(modbus, "states", kStateNames, map.read.at(Signal::state));
   return map;
 }
 

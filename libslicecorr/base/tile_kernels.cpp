@@ -36,8 +36,8 @@ hn::Mask<Doubles> mask_of(Doubles d, LaneMask lanes, std::size_t first) {
   return hn::LoadMaskBits(d, &byte);
 }
 
-void TileChanges(const std::uint8_t* rows, std::size_t stride, int count, LaneMask* steady,
-                 LaneMask* changed) {
+void tile_changes_kernel(const std::uint8_t* rows, std::size_t stride, int count, LaneMask* steady,
+                         LaneMask* changed) {
   const Bytes d;
   const auto zero = hn::Zero(d);
   const auto full = hn::Set(d, std::uint8_t{255});
@@ -55,8 +55,8 @@ void TileChanges(const std::uint8_t* rows, std::size_t stride, int count, LaneMa
   }
 }
 
-void TileClasses(const std::uint8_t* rows, std::size_t stride, int count, LaneMask* zero,
-                 LaneMask* full) {
+void tile_classes_kernel(const std::uint8_t* rows, std::size_t stride, int count, LaneMask* zero,
+                         LaneMask* full) {
   const Bytes d;
   for (int k = 0; k < count; ++k, rows += stride) {
     LaneMask zeros = 0, fulls = 0;
@@ -70,7 +70,7 @@ void TileClasses(const std::uint8_t* rows, std::size_t stride, int count, LaneMa
   }
 }
 
-void StepOnce(const double* add, double a, const double* from, double* to) {
+void step_kernel(const double* add, double a, const double* from, double* to) {
   const Doubles d;
   const auto factor = hn::Set(d, a);
   for (std::size_t l = 0; l < kLanes; l += hn::Lanes(d)) {
@@ -79,7 +79,7 @@ void StepOnce(const double* add, double a, const double* from, double* to) {
   }
 }
 
-void StepMany(const double* add, double a, double* dose, int slices) {
+void steps_kernel(const double* add, double a, double* dose, int slices) {
   const Doubles d;
   const std::size_t n = hn::Lanes(d);
   const auto factor = hn::Set(d, a);
@@ -124,7 +124,7 @@ void StepMany(const double* add, double a, double* dose, int slices) {
   }
 }
 
-LaneMask Printed(const double* dose) {
+LaneMask printed_kernel(const double* dose) {
   const Doubles d;
   const auto one = hn::Set(d, 1.0);
   LaneMask printed = 0;
@@ -134,7 +134,7 @@ LaneMask Printed(const double* dose) {
   return printed;
 }
 
-LaneMask Later(const std::int32_t* until, std::int32_t slice, std::int32_t* greatest) {
+LaneMask later_kernel(const std::int32_t* until, std::int32_t slice, std::int32_t* greatest) {
   const hn::CappedTag<std::int32_t, 16> d;
   const auto now = hn::Set(d, slice);
   auto most = hn::Set(d, std::numeric_limits<std::int32_t>::min());
@@ -149,7 +149,7 @@ LaneMask Later(const std::int32_t* until, std::int32_t slice, std::int32_t* grea
   return later;
 }
 
-PrintedLanes Predict(const PredictStep& s) {
+PrintedLanes predict_kernel(const PredictStep& s) {
   const Doubles d;
   const auto one = hn::Set(d, 1.0);
   const auto a = hn::Set(d, s.a), root = hn::Set(d, s.root_a);
@@ -183,7 +183,7 @@ PrintedLanes Predict(const PredictStep& s) {
   return printed;
 }
 
-bool PrintsAlike(const PredictStep& s, const PrintedLanes& is) {
+bool prints_alike_kernel(const PredictStep& s, const PrintedLanes& is) {
   const Doubles d;
   const auto one = hn::Set(d, 1.0);
   const auto a = hn::Set(d, s.a), root = hn::Set(d, s.root_a);
@@ -198,7 +198,7 @@ bool PrintsAlike(const PredictStep& s, const PrintedLanes& is) {
   return at_node == is.node && in_middle == is.middle;
 }
 
-void Copy(const double* from, double* to) {
+void copy_kernel(const double* from, double* to) {
   const Doubles d;
   for (std::size_t l = 0; l < kLanes; l += hn::Lanes(d))
     hn::StoreU(hn::LoadU(d, from + l), d, to + l);
@@ -212,39 +212,41 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace slicecorr::detail {
 
-HWY_EXPORT(TileChanges);
-HWY_EXPORT(TileClasses);
-HWY_EXPORT(StepOnce);
-HWY_EXPORT(StepMany);
-HWY_EXPORT(Printed);
-HWY_EXPORT(Later);
-HWY_EXPORT(Predict);
-HWY_EXPORT(PrintsAlike);
-HWY_EXPORT(Copy);
+HWY_EXPORT(tile_changes_kernel);
+HWY_EXPORT(tile_classes_kernel);
+HWY_EXPORT(step_kernel);
+HWY_EXPORT(steps_kernel);
+HWY_EXPORT(printed_kernel);
+HWY_EXPORT(later_kernel);
+HWY_EXPORT(predict_kernel);
+HWY_EXPORT(prints_alike_kernel);
+HWY_EXPORT(copy_kernel);
 
 void tile_changes(const std::uint8_t* rows, std::size_t stride, int count, LaneMask* steady,
                   LaneMask* changed) {
-  HWY_DYNAMIC_DISPATCH(TileChanges)(rows, stride, count, steady, changed);
+  HWY_DYNAMIC_DISPATCH(tile_changes_kernel)(rows, stride, count, steady, changed);
 }
 void tile_classes(const std::uint8_t* rows, std::size_t stride, int count, LaneMask* zero,
                   LaneMask* full) {
-  HWY_DYNAMIC_DISPATCH(TileClasses)(rows, stride, count, zero, full);
+  HWY_DYNAMIC_DISPATCH(tile_classes_kernel)(rows, stride, count, zero, full);
 }
 void step_lanes(const double* add, double a, const double* from, double* to) {
-  HWY_DYNAMIC_DISPATCH(StepOnce)(add, a, from, to);
+  HWY_DYNAMIC_DISPATCH(step_kernel)(add, a, from, to);
 }
 void step_lanes(const double* add, double a, double* dose, int slices) {
-  HWY_DYNAMIC_DISPATCH(StepMany)(add, a, dose, slices);
+  HWY_DYNAMIC_DISPATCH(steps_kernel)(add, a, dose, slices);
 }
-LaneMask printed_lanes(const double* dose) { return HWY_DYNAMIC_DISPATCH(Printed)(dose); }
+LaneMask printed_lanes(const double* dose) { return HWY_DYNAMIC_DISPATCH(printed_kernel)(dose); }
 LaneMask later_lanes(const std::int32_t* until, std::int32_t slice, std::int32_t* greatest) {
-  return HWY_DYNAMIC_DISPATCH(Later)(until, slice, greatest);
+  return HWY_DYNAMIC_DISPATCH(later_kernel)(until, slice, greatest);
 }
-PrintedLanes predict_lanes(const PredictStep& step) { return HWY_DYNAMIC_DISPATCH(Predict)(step); }
+PrintedLanes predict_lanes(const PredictStep& step) {
+  return HWY_DYNAMIC_DISPATCH(predict_kernel)(step);
+}
 bool prints_alike(const PredictStep& step, const PrintedLanes& is) {
-  return HWY_DYNAMIC_DISPATCH(PrintsAlike)(step, is);
+  return HWY_DYNAMIC_DISPATCH(prints_alike_kernel)(step, is);
 }
-void copy_lanes(const double* from, double* to) { HWY_DYNAMIC_DISPATCH(Copy)(from, to); }
+void copy_lanes(const double* from, double* to) { HWY_DYNAMIC_DISPATCH(copy_kernel)(from, to); }
 
 }  // namespace slicecorr::detail
 #endif

@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "c_api/handles.hpp"
+#include "slicecorr/tomo/print.hpp"
 
 namespace slicecorr::c_api {
 
@@ -44,20 +45,32 @@ double number(const slicecorr_figures& figures, const char* name) {
 
 }  // namespace
 
-std::unique_ptr<slicecorr_figures> figures_of(const Prediction& prediction) {
+std::unique_ptr<slicecorr_figures> figures_of(std::string json) {
   auto figures = std::make_unique<slicecorr_figures>();
-  figures->prediction = prediction;
-  figures->json = prediction.to_json();
+  figures->json = std::move(json);
   flatten(ordered_json::parse(figures->json), "", figures->numbers);
   return figures;
 }
 
-Names figure_names() {
+std::unique_ptr<slicecorr_figures> figures_of(const Prediction& prediction) {
+  auto figures = figures_of(prediction.to_json());
+  figures->prediction = prediction;
+  return figures;
+}
+
+namespace {
+
+Names places_of(const std::string& json) {
   Names names;
-  const auto figures = figures_of(Prediction{});
+  const auto figures = figures_of(json);
   for (const auto& [place, value] : figures->numbers) names.emplace_back(place, "");
   return names;
 }
+
+}  // namespace
+
+Names figure_names() { return places_of(Prediction{}.to_json()); }
+Names tomo_figure_names() { return places_of(tomo::PrintFigures{}.to_json()); }
 
 }  // namespace slicecorr::c_api
 
@@ -66,7 +79,10 @@ using namespace slicecorr::c_api;
 slicecorr_status slicecorr_figures_summary(const slicecorr_figures* figures,
                                            slicecorr_summary* summary) {
   return guarded(nullptr, [&] {
-    const slicecorr::Prediction& p = need(figures, "figures").prediction;
+    if (!need(figures, "figures").prediction) {
+      throw BadCall("figures of a tomographic job have no summary; expected those of a stack");
+    }
+    const slicecorr::Prediction& p = *figures->prediction;
     // Grows with the struct; this is its first version.
     constexpr std::size_t first_version = sizeof(slicecorr_summary);
     const std::size_t size = need(summary, "summary").struct_size;
@@ -133,6 +149,12 @@ slicecorr_status slicecorr_list_new(const char* kind, slicecorr_list** list) {
       made->entries = property_names();
     } else if (asked == "figure") {
       made->entries = figure_names();
+    } else if (asked == "bench_property") {
+      made->entries = bench_property_names();
+    } else if (asked == "tomo_property") {
+      made->entries = tomo_property_names();
+    } else if (asked == "tomo_figure") {
+      made->entries = tomo_figure_names();
     } else {
       unknown_name(kind, "kind of list",
                    {{"printer", ""},
@@ -140,7 +162,10 @@ slicecorr_status slicecorr_list_new(const char* kind, slicecorr_list** list) {
                     {"format", ""},
                     {"setting", ""},
                     {"property", ""},
-                    {"figure", ""}});
+                    {"figure", ""},
+                    {"bench_property", ""},
+                    {"tomo_property", ""},
+                    {"tomo_figure", ""}});
     }
     output.give(std::move(made));
   });

@@ -1,6 +1,8 @@
 /// The wall between the C functions and the library: nothing that is thrown gets through it.
 #pragma once
 
+#include <algorithm>
+#include <cstddef>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -68,5 +70,15 @@ class Output {
 
 /// Sizes with which a struct may come: the first version's, or a later one's, even if unknown here.
 void check_struct_size(std::size_t size, std::size_t first_version, const char* type);
+/// That of a struct which the caller filled: one of a later version must say nothing there.
+template <class Struct>
+void check_struct(const Struct& given, const char* type) {
+  check_struct_size(given.struct_size, sizeof(Struct), type);
+  const char* const bytes = reinterpret_cast<const char*>(&given);
+  if (std::any_of(bytes + sizeof(Struct), bytes + given.struct_size,
+                  [](char byte) { return byte != 0; })) {
+    throw BadCall(std::string(type) + " says something that this version of the library can't do");
+  }
+}
 
 }  // namespace slicecorr::c_api

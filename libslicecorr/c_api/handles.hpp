@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -12,8 +13,21 @@
 #include "slicecorr.h"
 #include "slicecorr/setup.hpp"
 
+namespace slicecorr::c_api {
+
+/// All settings. An empty text, a number of 0 or less and a count below 0: not set.
+struct Choices : SetupChoices {
+  double voxel_mm = 0;
+  int angles = -1, iterations = -1;
+  std::string method, window;
+  double clip_sigma = 0, stop_error = 0, max_time_s = 0;
+  std::string beyond_reach;  ///< refuse, allow
+};
+
+}  // namespace slicecorr::c_api
+
 struct slicecorr_setup {
-  slicecorr::SetupChoices choices;
+  slicecorr::c_api::Choices choices;
   std::string error;
 };
 
@@ -38,7 +52,7 @@ struct slicecorr_stack {
 };
 
 struct slicecorr_figures {
-  slicecorr::Prediction prediction;
+  std::optional<slicecorr::Prediction> prediction;  ///< nothing: figures of a tomographic job
   std::string json;
   std::vector<std::pair<std::string, double>> numbers;  ///< by their places in `json`
 };
@@ -60,12 +74,17 @@ std::string scratch_folder(const slicecorr_job* job, const std::string& output =
 void check_unchanged(const slicecorr_stack& stack, const StackInfo& now);
 
 std::unique_ptr<slicecorr_figures> figures_of(const Prediction& prediction);
+/// Figures of something else, from their JSON.
+std::unique_ptr<slicecorr_figures> figures_of(std::string json);
 
 using Names = std::vector<std::pair<std::string, std::string>>;
 /// Names and meanings, for slicecorr_list.
 Names setting_names();
 Names property_names();
 Names figure_names();
+Names bench_property_names();
+Names tomo_property_names();
+Names tomo_figure_names();
 /// Throws `UnknownName`.
 [[noreturn]] void unknown_name(const char* name, const char* what, const Names& known);
 

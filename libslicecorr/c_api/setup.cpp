@@ -12,15 +12,16 @@
 
 #include "c_api/handles.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/tomo/solve.hpp"
 
 namespace slicecorr::c_api {
 
 namespace {
 
-using Text = std::string SetupChoices::*;
-using Number = double SetupChoices::*;  ///< above 0
-using Count = int SetupChoices::*;      ///< 0 to 1000000
-using Numbers = std::vector<double> SetupChoices::*;
+using Text = std::string Choices::*;
+using Number = double Choices::*;  ///< above 0
+using Count = int Choices::*;      ///< 0 to 1000000
+using Numbers = std::vector<double> Choices::*;
 
 struct Setting {
   const char* name;
@@ -30,7 +31,7 @@ struct Setting {
 };
 
 const std::vector<Setting>& settings() {
-  using C = SetupChoices;
+  using C = Choices;
   static const std::vector<Setting> all = {
       {"printer", &C::printer, "printer: name of a definition, or path of a .toml file"},
       {"resin", &C::resin, "resin: name of a definition, or path of a .toml file"},
@@ -80,6 +81,26 @@ const std::vector<Setting>& settings() {
        "where the stage speeds up and slows down: none, lamp-follows or outside",
        {"none", "lamp-follows", "outside"}},
       {"ramp_mm", &C::ramp_mm, "distance in which the stage reaches its speed"},
+      {"voxel_mm", &C::voxel_mm, "side of a voxel (tomographic)"},
+      {"angles", &C::angles, "frames of a turn (tomographic)"},
+      {"method",
+       &C::method,
+       "how light is found: ladder, osmo, kelly or fbp (tomographic)",
+       {std::begin(tomo::kMethodNames), std::end(tomo::kMethodNames)}},
+      {"window",
+       &C::window,
+       "of the filter that it starts from: hamming, ram-lak or kelly (tomographic)",
+       {std::begin(tomo::kWindowNames), std::end(tomo::kWindowNames)}},
+      {"iterations", &C::iterations, "steps, with the ladder of each rung (tomographic)"},
+      {"clip_sigma", &C::clip_sigma,
+       "OSMO: cut off light above the mean and so many standard deviations (tomographic)"},
+      {"stop_error", &C::stop_error,
+       "OSMO: stop when doses are wrong by less than this share of the part's (tomographic)"},
+      {"max_time_s", &C::max_time_s, "refuse what takes longer to print (tomographic)"},
+      {"beyond_reach",
+       &C::beyond_reach,
+       "parts that reach further than light from all directions: refuse or allow (tomographic)",
+       {"refuse", "allow"}},
   };
   return all;
 }
@@ -113,12 +134,12 @@ double positive(const Setting& s, double value) {
   return value;
 }
 
-void take_back(SetupChoices& choices, const Setting& s) {
-  const SetupChoices unset;
+void take_back(Choices& choices, const Setting& s) {
+  const Choices unset;
   std::visit([&](auto member) { choices.*member = unset.*member; }, s.member);
 }
 
-void set_number(SetupChoices& choices, const Setting& s, double value) {
+void set_number(Choices& choices, const Setting& s, double value) {
   if (const auto* number = std::get_if<Number>(&s.member)) {
     choices.*(*number) = positive(s, value);
   } else if (const auto* count = std::get_if<Count>(&s.member)) {
@@ -128,7 +149,7 @@ void set_number(SetupChoices& choices, const Setting& s, double value) {
     choices.*(*count) = static_cast<int>(value);
   } else if (const auto* numbers = std::get_if<Numbers>(&s.member)) {
     choices.*(*numbers) = {positive(s, value)};
-  } else if (s.member == decltype(s.member)(&SetupChoices::omega_max)) {
+  } else if (s.member == decltype(s.member)(&Choices::omega_max)) {
     if (!(value >= 1)) refuse(s, fmt::format("{:g}", value), "inf or a number of at least 1");
     choices.omega_max = std::isinf(value) ? "inf" : fmt::format("{}", value);
   } else {
@@ -136,9 +157,9 @@ void set_number(SetupChoices& choices, const Setting& s, double value) {
   }
 }
 
-void set_text(SetupChoices& choices, const Setting& s, const std::string& value) {
+void set_text(Choices& choices, const Setting& s, const std::string& value) {
   const auto* text = std::get_if<Text>(&s.member);
-  const bool is_number = s.member == decltype(s.member)(&SetupChoices::omega_max);
+  const bool is_number = s.member == decltype(s.member)(&Choices::omega_max);
   if (!text || is_number) {
     set_number(choices, s, number_of(s, value));
     return;
@@ -148,10 +169,10 @@ void set_text(SetupChoices& choices, const Setting& s, const std::string& value)
   }
   choices.*(*text) = value;
   // A name and a text say the same thing: what comes last counts.
-  if (*text == &SetupChoices::printer) choices.printer_toml.clear();
-  if (*text == &SetupChoices::printer_toml) choices.printer.clear();
-  if (*text == &SetupChoices::resin) choices.resin_toml.clear();
-  if (*text == &SetupChoices::resin_toml) choices.resin.clear();
+  if (*text == &Choices::printer) choices.printer_toml.clear();
+  if (*text == &Choices::printer_toml) choices.printer.clear();
+  if (*text == &Choices::resin) choices.resin_toml.clear();
+  if (*text == &Choices::resin_toml) choices.resin.clear();
 }
 
 }  // namespace

@@ -161,11 +161,8 @@ const auto& property(const Table& table, const char* name) {
 }
 
 Grid grid_of(const slicecorr_grid& given) {
-  check_struct_size(given.struct_size, sizeof(slicecorr_grid), "slicecorr_grid");
-  const char* const bytes = reinterpret_cast<const char*>(&given);
-  const bool newer = std::any_of(bytes + sizeof given, bytes + given.struct_size,
-                                 [](char byte) { return byte != 0; });
-  if (newer || given.reserved != 0) {
+  check_struct(given, "slicecorr_grid");
+  if (given.reserved != 0) {
     throw BadCall("slicecorr_grid says something that this version of the library can't do");
   }
   const auto check = [](const char* name, double value, double least, double most) {

@@ -197,7 +197,7 @@ Prediction verify(const slicecorr_stack& stack, const slicecorr_stack& target, S
                  context);
   }
   if (!design) setup.process = schedule_uv(shown.source(), setup, context);
-  const Prediction p =
+  Prediction p =
       verify_stack(shown.source(), design ? design->source() : shown.source(), setup, context);
   context.check_cancelled();
   return p;
@@ -325,7 +325,7 @@ slicecorr_status slicecorr_verify(const slicecorr_stack* stack, const slicecorr_
     const slicecorr_stack& shown = need(stack, "stack");
     const slicecorr_stack& design = need(target, "target");
     slicecorr::check_design(design.info, name_of(design));
-    const slicecorr::SetupChoices choices = setup ? setup->choices : slicecorr::SetupChoices{};
+    const slicecorr::SetupChoices choices = setup ? setup->choices : Choices{};
     const slicecorr::Setup s =
         slicecorr::resolve_setup(choices, &shown.info, &shown.info, slicecorr::ChoiceNames::fields);
     output.give(figures_of(verify(shown, design, s, job)));

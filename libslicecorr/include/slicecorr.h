@@ -1,8 +1,9 @@
 /**
  * @file slicecorr.h
  * The C interface of slicecorr: what a slicer links to correct its slices before it writes them, or
- * the archive that it wrote. C99 or later, C++ too. Link libslicecorr.so (pkg-config slicecorr, or
- * CMake's slicecorr::c). A tour with examples is docs/c-api.md.
+ * the archive that it wrote; and the operators and solvers of tomographic printing. C99 or later, C++
+ * too. Link libslicecorr.so (pkg-config slicecorr, or CMake's slicecorr::c). A tour with examples is
+ * docs/c-api.md; Python has a module on top of it, docs/python.md.
  *
  * Terms. A *stack* is a pile of 8-bit slices with what is known of them; slice 0 is the first one
  * shown, next to the build platform. A *target* says what is to be printed: 255 is a pixel filled
@@ -55,7 +56,7 @@ extern "C" {
 /* ---- Version and errors ---------------------------------------------------------------------- */
 
 /** What this header describes; see slicecorr_abi_version(). */
-#define SLICECORR_ABI_VERSION 1
+#define SLICECORR_ABI_VERSION 2
 
 /** The result of a call. Up to 130 the same numbers as the exit codes of the programs. */
 typedef int slicecorr_status;
@@ -89,7 +90,8 @@ typedef struct slicecorr_list slicecorr_list;
 
 /** Lists what there is of a kind: "printer" and "resin" (definitions found in $SLICECORR_DB, the
  *  user's folder and the installed database; text: path), "format" (archives; text: what it is and
- *  its endings), "setting" (of setups; text: what it means), "property" (of stacks), "figure".
+ *  its endings), "setting" (of setups; text: what it means), "property" (of stacks), "figure" (of stacks),
+ *  "bench_property", "tomo_property" and "tomo_figure" (of tomographic benches and jobs).
  *  SLICECORR_UNKNOWN_NAME for other kinds. */
 SLICECORR_API slicecorr_status slicecorr_list_new(const char* kind, slicecorr_list** list);
 SLICECORR_API size_t slicecorr_list_count(const slicecorr_list* list);
@@ -128,6 +130,20 @@ SLICECORR_API void slicecorr_setup_free(slicecorr_setup* setup);
  *  uv_schedule           constant, per-slice, patterned
  *  window_cure           refuse, allow: when the resin would cure to the window
  *  ramp, ramp_mm         none, lamp-follows, outside; distance in which the stage gets its speed
+ *
+ *  Tomographic printing looks at printer and resin, at what changes the resin (dc_mj_cm3, ha_um,
+ *  dose_factor), and at these, which other calls don't look at:
+ *
+ *  voxel_mm              side of a voxel
+ *  angles                frames of a turn; as many as resolve the voxels when not set
+ *  method                ladder, osmo, kelly, fbp: how light is found
+ *  window                hamming, ram-lak, kelly: of the filter that it starts from
+ *  iterations            steps, with the ladder of each rung; 60, 20, 10 when not set
+ *  clip_sigma            osmo: cuts off light above the mean and so many standard deviations
+ *  stop_error            osmo: stops when doses are wrong by less than this share of the part's
+ *  max_time_s            time to print: the ladder keeps light within it; what takes longer is
+ *                        SLICECORR_INFEASIBLE
+ *  beyond_reach          refuse, allow: parts that reach further than light from all directions
  *
  *  Values are checked here as far as they can be alone: SLICECORR_BAD_INPUT. What belongs together
  *  is checked when the setup is used. */
@@ -257,7 +273,7 @@ SLICECORR_API const char* slicecorr_stack_text(const slicecorr_stack* stack, con
 
 typedef struct slicecorr_figures slicecorr_figures;
 
-/** The main figures. What the words mean: docs/correction.md. Height errors are NaN when no edge was
+/** The main figures of a stack. What the words mean: docs/correction.md. Height errors are NaN when no edge was
  *  designed. */
 typedef struct slicecorr_summary {
   size_t struct_size; /**< in: sizeof(slicecorr_summary) */
@@ -270,7 +286,8 @@ typedef struct slicecorr_summary {
   double p95_abs_height_error_um, max_abs_height_error_um;
 } slicecorr_summary;
 
-/** Fills what the caller's struct has room for, by its struct_size. */
+/** Fills what the caller's struct has room for, by its struct_size. SLICECORR_BAD_CALL for figures of
+ *  a tomographic job. */
 SLICECORR_API slicecorr_status slicecorr_figures_summary(const slicecorr_figures* figures,
                                                          slicecorr_summary* summary);
 /** One figure by its place in the JSON text: "iou", "height_error_um.max_abs". NaN when there is
@@ -280,7 +297,8 @@ SLICECORR_API slicecorr_status slicecorr_figures_number(const slicecorr_figures*
 /** SLICECORR_MISSED when the figure is above `most`. */
 SLICECORR_API slicecorr_status slicecorr_figures_require(const slicecorr_figures* figures,
                                                          const char* name, double most);
-/** All figures, as `slicecorr verify --json` writes them. NULL for NULL. */
+/** All figures, as `slicecorr verify --json` writes them, or `slicecorr tomo verify --json`. NULL for
+ *  NULL. */
 SLICECORR_API const char* slicecorr_figures_json(const slicecorr_figures* figures);
 SLICECORR_API void slicecorr_figures_free(slicecorr_figures* figures);
 
@@ -341,6 +359,163 @@ SLICECORR_API slicecorr_status slicecorr_predict(const slicecorr_stack* target,
  *  both formats can say; what is lost is told as a notice. Archives, and targets in memory. */
 SLICECORR_API slicecorr_status slicecorr_convert(const slicecorr_stack* stack, const char* path,
                                                  slicecorr_job* job);
+
+/* ---- Tomographic printing --------------------------------------------------------------------- */
+
+/*  A vial of resin turns before a projector, and the whole part gels at once (docs/tomography.md).
+ *  Two operators are all that finding its light needs: A sums a volume along the lines of light, A^T,
+ *  its exact transpose, gives the dose of light. A program may call them from an optimiser of its
+ *  own, or leave all to slicecorr_tomo_solve().
+ *
+ *  Frame. z is the axis of rotation, upwards. At angle m of `angles`, th = 2 pi m / angles, a point
+ *  (x, y) of the part lies at t = x cos th + y sin th and u = -x sin th + y cos th; light travels
+ *  towards +u, and pixel i shows the line t = (i - (pixels - 1) / 2) pixel_mm. th grows when the vial
+ *  turns clockwise, seen from above. Light stays in its slice.
+ *
+ *  Arrays have three axes.
+ *    volumes   (slices, voxels, voxels): z, y, x, the lowest slice first. The voxels' middles along
+ *              x and y are `voxels` points from -radius_mm to radius_mm; those further than radius_mm
+ *              from the axis count for nothing, and are 0 in what is written.
+ *    light     (slices, angles, pixels): z, angle, t. So slice k of a volume and slice k of light
+ *              belong together, whatever the others are.
+ *    parts     volumes of bytes: 255 is part, 0 empty, between them neither, which is not judged.
+ *    inserts   volumes of bytes: above 0 is opaque and turns with the part; NULL for none.
+ *    frames    (frames, height_px, width_px): the projector's images as seen from it, in bytes.
+ *
+ *  Units. Light of benches of a setup is in mW/cm² at the plane of the axis, without vial. A^T of it,
+ *  times the property turn_mj_cm3, is the dose of one turn in mJ/cm³. Benches of plain numbers say
+ *  nothing of time or resin: A^T of light is the sum over the angles of light times e^(-absorption
+ *  times the way through resin). The mean over angles is that over `angles`. */
+
+/** What an array's numbers are. */
+enum { SLICECORR_UINT8 = 1, SLICECORR_FLOAT32 = 2, SLICECORR_FLOAT64 = 3 };
+
+/** An array in the caller's memory. Any strides will do, as NumPy has them: negative ones, 0 where
+ *  the array is only read, numbers that are not aligned. Arrays that are written share no memory with
+ *  others of the call; a call that fails may have written some of them. */
+typedef struct slicecorr_array {
+  size_t struct_size;   /**< sizeof(slicecorr_array) */
+  int32_t type;         /**< SLICECORR_UINT8, SLICECORR_FLOAT32, SLICECORR_FLOAT64 */
+  int32_t reserved;     /**< 0 */
+  void* data;           /**< number 0, 0, 0 */
+  size_t shape[3];      /**< of the axes, the slowest first */
+  ptrdiff_t strides[3]; /**< bytes from one number to the next along each axis */
+} slicecorr_array;
+
+/** Voxels, angles and pixels in plain numbers. */
+typedef struct slicecorr_tomo_grid {
+  size_t struct_size;       /**< sizeof(slicecorr_tomo_grid) */
+  int32_t voxels;           /**< along x and along y, 2..16384 */
+  int32_t slices;           /**< along z, 1..1000000 */
+  int32_t angles;           /**< of a turn, 3..100000 */
+  int32_t pixels;           /**< along t, 2..65536; 0: as many as voxels */
+  double radius_mm;         /**< of the resin, > 0 */
+  double pixel_mm;          /**< from one pixel to the next, > 0; 0: as voxels */
+  double absorption_per_cm; /**< of the resin, base e, >= 0 */
+} slicecorr_tomo_grid;
+
+/** The pair of operators with its grid: never changes, for any number of threads at once. */
+typedef struct slicecorr_tomo_bench slicecorr_tomo_bench;
+
+/** A bench of plain numbers: parallel light in a bath of the resin's index. */
+SLICECORR_API slicecorr_status slicecorr_tomo_bench_create(const slicecorr_tomo_grid* grid,
+                                                           const slicecorr_array* insert,
+                                                           slicecorr_tomo_bench** bench);
+/** The bench of a setup's printer, resin, voxel_mm and angles, with so many slices: voxels fill the
+ *  resin from the axis to the wall; the vial refracts, reflects and absorbs as its file says. */
+SLICECORR_API slicecorr_status slicecorr_tomo_bench_new(const slicecorr_setup* setup, int slices,
+                                                        const slicecorr_array* insert,
+                                                        slicecorr_tomo_bench** bench);
+SLICECORR_API void slicecorr_tomo_bench_free(slicecorr_tomo_bench* bench);
+
+/** voxels, slices, angles, pixels, radius_mm, voxel_mm, pixel_mm, absorption_per_cm
+ *  alpha_r               absorption times the resin's radius
+ *  and, NaN for benches of plain numbers:
+ *  reach_mm              radius up to which light comes from all directions
+ *  turn_s                time of a turn
+ *  turn_mj_cm3           dose of one turn for each unit of A^T of light in mW/cm²
+ *  to_gel_mj_cm3         dose that gels
+ *  black_mw_cm2, most_mw_cm2   of the darkest and the brightest grey level */
+SLICECORR_API slicecorr_status slicecorr_tomo_bench_number(const slicecorr_tomo_bench* bench,
+                                                           const char* name, double* value);
+
+/** light = A volume. Numbers are SLICECORR_FLOAT32 or SLICECORR_FLOAT64, each array as it likes, and
+ *  must be finite; what is computed has single precision. The same bytes for any number of threads. */
+SLICECORR_API slicecorr_status slicecorr_tomo_forward(const slicecorr_tomo_bench* bench,
+                                                      const slicecorr_array* volume,
+                                                      const slicecorr_array* light,
+                                                      slicecorr_job* job);
+/** volume = A^T light; see there. */
+SLICECORR_API slicecorr_status slicecorr_tomo_adjoint(const slicecorr_tomo_bench* bench,
+                                                      const slicecorr_array* light,
+                                                      const slicecorr_array* volume,
+                                                      slicecorr_job* job);
+/** Light for a part by filtered back projection, with nothing below 0, of which the largest is 1: a
+ *  start for optimisers. `window` as the setting; NULL: hamming. Does not see the insert. */
+SLICECORR_API slicecorr_status slicecorr_tomo_filtered_start(const slicecorr_tomo_bench* bench,
+                                                             const slicecorr_array* part,
+                                                             const char* window,
+                                                             const slicecorr_array* light,
+                                                             slicecorr_job* job);
+
+/** Frames of a turn with the printer, the resin and the part that they are for; a .frames file. It
+ *  never changes, for any number of threads at once. */
+typedef struct slicecorr_tomo_job slicecorr_tomo_job;
+
+/** Finds the light of a part, as `slicecorr tomo solve --volume` does, with the settings of `setup`.
+ *  `part` and `insert` are squares of any size, middled on the axis, with nothing around them; they
+ *  have one shape. `figures`: what the frames print; NULL when not wanted. Where void gels with the
+ *  part, or some of the part does not, the job is given all the same, and `feasible` of the figures
+ *  is 0. SLICECORR_INFEASIBLE with what is in the way where no light prints the part. */
+SLICECORR_API slicecorr_status slicecorr_tomo_solve(
+    const slicecorr_array* part, const slicecorr_array* insert, const slicecorr_setup* setup,
+    slicecorr_job* job, slicecorr_tomo_job** tomo_job, slicecorr_figures** figures);
+/** A job of light that the caller found: of each number of `light`, mW/cm² on the bench of `setup`,
+ *  with as many angles as light has, the nearest grey level is shown, for `turns` whole turns. */
+SLICECORR_API slicecorr_status slicecorr_tomo_job_of_light(const slicecorr_array* part,
+                                                           const slicecorr_array* insert,
+                                                           const slicecorr_array* light, int turns,
+                                                           const slicecorr_setup* setup,
+                                                           slicecorr_tomo_job** tomo_job);
+SLICECORR_API slicecorr_status slicecorr_tomo_job_open(const char* path, slicecorr_job* job,
+                                                       slicecorr_tomo_job** tomo_job);
+/** Writes the job as a file: whole or not at all. The same job gives the same bytes. */
+SLICECORR_API slicecorr_status slicecorr_tomo_job_write(const slicecorr_tomo_job* tomo_job,
+                                                        const char* path, slicecorr_job* job);
+SLICECORR_API void slicecorr_tomo_job_free(slicecorr_tomo_job* tomo_job);
+
+/** The properties of its bench, and
+ *  turns                 whole turns
+ *  print_time_s          their time
+ *  width_px, height_px   of a frame
+ *  clockwise             1 when the vial turns clockwise, seen from above: frame f is then shown at
+ *                        angle f; else 0: frame 0 at angle 0, frame f at angle `angles` - f
+ *  insert                1 with an insert, else 0 */
+SLICECORR_API slicecorr_status slicecorr_tomo_job_number(const slicecorr_tomo_job* tomo_job,
+                                                         const char* name, double* value);
+/** Writes frames from `first` on, as many as the array of bytes has room for on its first axis. */
+SLICECORR_API slicecorr_status slicecorr_tomo_job_frames(const slicecorr_tomo_job* tomo_job,
+                                                         int first, const slicecorr_array* frames,
+                                                         slicecorr_job* job);
+/** Writes what the frames show, mW/cm² on the job's bench. */
+SLICECORR_API slicecorr_status slicecorr_tomo_job_light(const slicecorr_tomo_job* tomo_job,
+                                                        const slicecorr_array* light,
+                                                        slicecorr_job* job);
+/** Writes the part that the frames are for, in bytes, on the job's bench. */
+SLICECORR_API slicecorr_status slicecorr_tomo_job_part(const slicecorr_tomo_job* tomo_job,
+                                                       const slicecorr_array* part,
+                                                       slicecorr_job* job);
+/** Writes the dose of the whole print, mJ/cm³, by a sum over all angles in double precision that
+ *  shares nothing with A^T. */
+SLICECORR_API slicecorr_status slicecorr_tomo_job_dose(const slicecorr_tomo_job* tomo_job,
+                                                       const slicecorr_array* dose,
+                                                       slicecorr_job* job);
+/** What the frames print by these doses, as `slicecorr tomo verify` judges it: against `part`, a
+ *  square of any size, or the job's own for NULL. */
+SLICECORR_API slicecorr_status slicecorr_tomo_verify(const slicecorr_tomo_job* tomo_job,
+                                                     const slicecorr_array* part,
+                                                     slicecorr_job* job,
+                                                     slicecorr_figures** figures);
 
 #ifdef __cplusplus
 }

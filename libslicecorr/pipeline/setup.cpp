@@ -60,8 +60,13 @@ class Resolver {
  public:
   Resolver(const SetupChoices& choices, ChoiceNames names) : c_(choices), names_(names) {}
   Setup resolve(const StackInfo* info, const StackInfo* times) const;
+  Printer chosen_printer() const;
+  Resin chosen_resin() const;
 
  private:
+  Printer printer() const;
+  Resin resin() const;
+  ResinOverrides overrides() const;
   std::string o(std::string_view option) const { return named(names_, option); }
   double omega_max() const;
   void resolve_exposure(Process& process, const StackInfo* times) const;
@@ -260,6 +265,39 @@ void check_recorded(const Setup& setup, const StackInfo& info) {
       "that print; expected no others, and no resin with another exponent m");
 }
 
+Printer Resolver::printer() const {
+  return c_.printer_toml.empty() ? load_printer(c_.printer)
+                                 : complete_printer(c_.printer_toml, o("printer-toml"));
+}
+
+ResinOverrides Resolver::overrides() const {
+  const ResinOverrides overrides = resin_overrides(c_);
+  if (overrides.dc_mj_cm3 && overrides.dose_factor) {
+    wrong(fmt::format("{} and {} are two ways to set the dose; expected one of them",
+                      o("dc-mj-cm3"), o("dose-factor")));
+  }
+  return overrides;
+}
+
+Resin Resolver::resin() const {
+  return c_.resin_toml.empty() ? load_resin(c_.resin, overrides())
+                               : parse_resin(c_.resin_toml, o("resin-toml"), overrides());
+}
+
+Printer Resolver::chosen_printer() const {
+  if (c_.printer.empty() && c_.printer_toml.empty()) {
+    wrong(fmt::format("no printer; expected {}", o("printer")));
+  }
+  return printer();
+}
+
+Resin Resolver::chosen_resin() const {
+  if (c_.resin.empty() && c_.resin_toml.empty()) {
+    wrong(fmt::format("no resin; expected {}", o("resin")));
+  }
+  return resin();
+}
+
 Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
   Setup setup;
   const bool recorded = info && info->printer && info->resin && info->process;
@@ -275,20 +313,8 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
   need(printer_given, "printer");
   need(resin_given, "resin");
   if (info) need(c_.speed_mm_h > 0 || c_.mode == "layerwise" || c_.exposure_s > 0, "speed-mm-h");
-  setup.printer = !c_.printer_toml.empty() ? complete_printer(c_.printer_toml, o("printer-toml"))
-                  : printer_given          ? load_printer(c_.printer)
-                                           : *info->printer;
-  const ResinOverrides overrides = resin_overrides(c_);
-  if (overrides.dc_mj_cm3 && overrides.dose_factor) {
-    wrong(fmt::format("{} and {} are two ways to set the dose; expected one of them",
-                      o("dc-mj-cm3"), o("dose-factor")));
-  }
-  if (resin_given) {
-    setup.resin = c_.resin_toml.empty() ? load_resin(c_.resin, overrides)
-                                        : parse_resin(c_.resin_toml, o("resin-toml"), overrides);
-  } else {
-    setup.resin = with_overrides(*info->resin, overrides);
-  }
+  setup.printer = printer_given ? printer() : *info->printer;
+  setup.resin = resin_given ? resin() : with_overrides(*info->resin, overrides());
   if (recorded) setup.process = *info->process;
   resolve_exposure(setup.process, times);
   resolve_uv(setup);
@@ -317,6 +343,14 @@ ResinOverrides resin_overrides(const SetupChoices& choices) {
   if (choices.ha_um > 0) overrides.ha_um = choices.ha_um;
   if (choices.dose_factor > 0) overrides.dose_factor = choices.dose_factor;
   return overrides;
+}
+
+Printer chosen_printer(const SetupChoices& choices, ChoiceNames names) {
+  return Resolver(choices, names).chosen_printer();
+}
+
+Resin chosen_resin(const SetupChoices& choices, ChoiceNames names) {
+  return Resolver(choices, names).chosen_resin();
 }
 
 Setup resolve_setup(const SetupChoices& choices, const StackInfo* info, const StackInfo* times,

@@ -6,6 +6,7 @@
 #include "slicecorr/setup.hpp"
 #include "stack/flat_field_entry.hpp"
 #include "stack/formats/archive_format.hpp"
+#include "stack/formats/definition_json.hpp"
 #include "stack/formats/uvj_config.hpp"
 #include "support/text/base64.hpp"
 
@@ -13,7 +14,25 @@ namespace slicecorr {
 
 namespace {
 constexpr const char* kPictureKey = "flat_field_png";
+
+void add_picture(nlohmann::ordered_json& json, const Printer& printer) {
+  if (!printer.flat_field) return;
+  json[kPictureKey] = detail::base64(detail::flat_field_png(*printer.flat_field));
 }
+
+/// Gives the printer of `contents` the picture that it speaks of.
+void read_picture(const nlohmann::json& json, const std::string& source,
+                  detail::ArchiveContents& contents) {
+  if (!contents.info.printer || !contents.info.printer->flat_field) return;
+  const auto picture = json.find(kPictureKey);
+  const auto png = picture != json.end() && picture->is_string()
+                       ? detail::from_base64(picture->get_ref<const std::string&>())
+                       : std::nullopt;
+  if (!png) throw InputError(source, kPictureKey, "is missing; expected a PNG in base 64");
+  detail::set_flat_field(contents, *png, source, kPictureKey);
+}
+
+}  // namespace
 
 std::string setup_json(const Setup& setup) {
   StackInfo info;
@@ -24,10 +43,10 @@ std::string setup_json(const Setup& setup) {
   info.grid.pixel_x_um = setup.printer.pixel_x_um;
   info.grid.pixel_y_um = setup.printer.pixel_y_um;
   info.grid.layer_um = 1;
-  const std::string block = detail::setup_block(info);
+  std::string block = detail::setup_block(info);
   if (!setup.printer.flat_field) return block;
   auto json = nlohmann::ordered_json::parse(block);
-  json[kPictureKey] = detail::base64(detail::flat_field_png(*setup.printer.flat_field));
+  add_picture(json, setup.printer);
   return json.dump();
 }
 
@@ -36,19 +55,35 @@ Setup parse_setup_json(std::string_view json, const std::string& source) {
   contents.info.grid.layers = 1;
   detail::read_provenance(json, source, contents);
   if (contents.info.printer && contents.info.printer->flat_field) {
-    const auto block = nlohmann::json::parse(json);
-    const auto picture = block.find(kPictureKey);
-    const auto png = picture != block.end() && picture->is_string()
-                         ? detail::from_base64(picture->get_ref<const std::string&>())
-                         : std::nullopt;
-    if (!png) throw InputError(source, kPictureKey, "is missing; expected a PNG in base 64");
-    detail::set_flat_field(contents, *png, source, kPictureKey);
+    read_picture(nlohmann::json::parse(json), source, contents);
   }
   const StackInfo& info = contents.info;
   if (!info.printer || !info.resin || !info.process) {
     throw InputError(source, "", "has no printer, resin and process; expected all three");
   }
   return {*info.printer, *info.resin, *info.process};
+}
+
+std::string definitions_json(const Printer& printer, const Resin& resin) {
+  nlohmann::ordered_json json;
+  json["printer"] = detail::printer_json(printer);
+  json["resin"] = detail::resin_json(resin);
+  add_picture(json, printer);
+  return json.dump();
+}
+
+std::pair<Printer, Resin> parse_definitions_json(std::string_view json, const std::string& source) {
+  const auto parsed = nlohmann::json::parse(json, nullptr, false);
+  const detail::JsonSource place{source, ""};
+  const detail::JsonNode<nlohmann::json> root(parsed, "", place);
+  detail::ArchiveContents contents;
+  contents.info.printer = detail::read_printer(root["printer"]);
+  if (contents.info.printer->flat_field) {
+    contents.flat_field_crc32 =
+        static_cast<std::uint32_t>(root["printer"]["flat_field"]["crc32"].whole(0, 0xffffffff));
+  }
+  read_picture(parsed, source, contents);
+  return {*contents.info.printer, detail::read_resin(root["resin"])};
 }
 
 }  // namespace slicecorr

@@ -64,9 +64,9 @@ void Padded::make(const float* from, std::size_t rows, int count, int pad) {
 }
 
 std::shared_ptr<const SliceTables> make_slice_tables(const Beam& beam) {
-  const double step = beam.grid.voxel_mm() / beam.grid.pixel_mm;
-  if (beam.grid.lanes() != 1 || !(step >= 0.95 && step <= 1 + 1e-9)) return nullptr;
+  if (beam.grid.lanes() != 1) return nullptr;
   auto tables = std::make_shared<SliceTables>();
+  tables->fine = beam.grid.voxel_mm() > beam.grid.pixel_mm * (1 + 1e-9);
   const int n = beam.grid.voxels;
   const std::size_t base = static_cast<std::size_t>(beam.base_angles());
   if (beam.attenuated) {
@@ -106,7 +106,7 @@ void slice_adjoint(const Beam& beam, const float* hit, const float* light, float
   // Groups reach up to 15 voxels and 7 rows out of the disc.
   const double step = beam.grid.voxel_mm() / beam.grid.pixel_mm;
   const int pad =
-      std::max(0, static_cast<int>(0.5 * (n - 1) * step - 0.5 * (pixels - 1))) + kPixelPad;
+      std::max(0, static_cast<int>(0.5 * (n - 1) * step - 0.5 * (pixels - 1))) + 2 * kPixelPad;
   work.light.make(light, count, pixels, pad);
   work.shadow = hit != nullptr;
   if (hit != nullptr) work.hit.make(hit, count, pixels, pad);

@@ -9,6 +9,7 @@
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/vial.hpp"
+#include "tomo/rays.hpp"
 
 namespace slicecorr::tomo {
 
@@ -21,6 +22,16 @@ constexpr double kSame = 1e-9;
 }
 
 }  // namespace
+
+detail::RayAt detail::ray_at(const Vial& vial, double n_resin, double q_mm, double alpha_per_mm,
+                             double radius_mm) {
+  if (misses(vial, n_resin, q_mm, 0)) return {};
+  const double magnified = n_resin / vial.n_outside, t = q_mm / magnified;
+  const double beyond = std::sqrt(std::max(0.0, vial.inner_mm * vial.inner_mm - t * t)) -
+                        std::sqrt(std::max(0.0, radius_mm * radius_mm - t * t));
+  return {transmittance(vial, n_resin, q_mm, 0) * magnified * std::exp(-alpha_per_mm * beyond),
+          turned_rad(vial, n_resin, q_mm, 0)};
+}
 
 int voxels_across(const Printer& printer, double voxel_mm) {
   require_tomographic(printer);
@@ -114,13 +125,9 @@ Bench make_bench(const Printer& printer, const Resin& resin, const Sampling& sam
   for (int i = 0; i < grid.pixels; ++i) {
     const double q = pixel_x_mm(printer, first + i), t = line_mm(first + i);
     rays.line_mm.push_back(t);
-    const bool dark = misses(vial, n, q, 0);
-    const double beyond = std::sqrt(std::max(0.0, b.radius_mm * b.radius_mm - t * t)) -
-                          std::sqrt(std::max(0.0, grid.radius_mm * grid.radius_mm - t * t));
-    // The operators begin at the last voxel; the light dims from the wall on.
-    const double outside = std::exp(-rays.alpha_per_mm * beyond);
-    rays.weight.push_back(dark ? 0.0 : transmittance(vial, n, q, 0) * n / vial.n_outside * outside);
-    rays.turn_rad.push_back(dark ? 0.0 : turned_rad(vial, n, q, 0));
+    const detail::RayAt ray = detail::ray_at(vial, n, q, rays.alpha_per_mm, grid.radius_mm);
+    rays.weight.push_back(ray.weight);
+    rays.turn_rad.push_back(ray.turn_rad);
   }
 
   // Empty tables leave the operators their shorter ways.
@@ -134,28 +141,17 @@ Bench make_bench(const Printer& printer, const Resin& resin, const Sampling& sam
   if (all_near(rays.turn_rad, [](int) { return 0.0; })) rays.turn_rad.clear();
   if (all_near(rays.weight, [](int) { return 1.0; })) rays.weight.clear();
 
-  b.row_slice.assign(static_cast<std::size_t>(printer.height_px), -1);
-  const double lowest_mm = -0.5 * sampling.voxel_mm * (sampling.slices - 1);
-  std::vector<bool> lit(static_cast<std::size_t>(sampling.slices), false);
-  for (int row = 0; row < printer.height_px; ++row) {
-    const double slice = (pixel_z_mm(printer, row) - lowest_mm) / sampling.voxel_mm;
-    const auto s = static_cast<int>(std::floor(slice + 0.5));
-    if (s < 0 || s >= sampling.slices) continue;
-    b.row_slice[static_cast<std::size_t>(row)] = s;
-    lit[static_cast<std::size_t>(s)] = true;
-  }
   b.places = FramePlaces(printer, sampling, first, grid.pixels, b.clockwise);
-  if (b.places.moved()) {
-    // What all angles light, at both ends of the rows.
-    for (int m = 0; m < grid.angles; ++m) {
-      for (const int column : {0, grid.pixels - 1}) {
-        std::vector<bool> here(lit.size(), false);
-        for (int row = 0; row < printer.height_px; ++row) {
-          const int s = b.places.slice_of(m, column, row);
-          if (s >= 0) here[static_cast<std::size_t>(s)] = true;
-        }
-        for (std::size_t s = 0; s < lit.size(); ++s) lit[s] = lit[s] && here[s];
+  // What all angles light, at both ends of the rows.
+  std::vector<bool> lit(static_cast<std::size_t>(sampling.slices), true);
+  for (int m = 0; m < (b.places.moved() ? grid.angles : 1); ++m) {
+    for (const int column : {0, grid.pixels - 1}) {
+      std::vector<bool> here(lit.size(), false);
+      for (int row = 0; row < printer.height_px; ++row) {
+        const int s = b.places.slice_of(m, column, row);
+        if (s >= 0) here[static_cast<std::size_t>(s)] = true;
       }
+      for (std::size_t s = 0; s < lit.size(); ++s) lit[s] = lit[s] && here[s];
     }
   }
   if (std::find(lit.begin(), lit.end(), false) != lit.end()) {

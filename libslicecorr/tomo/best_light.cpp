@@ -18,17 +18,14 @@ void Best::resume(const Solution& best) {
   any_ = true;
 }
 
-void Best::offer(const Light& light, const Field& dose, const Metrics& m, double rung,
-                 bool by_contrast) {
+void Best::offer(const Light& light, const Field& dose, const Metrics& m) {
   const Metrics& best = solution_.metrics;
-  const bool better = by_contrast ? m.contrast > best.contrast
-                                  : m.ver < best.ver || (m.ver == best.ver && m.pw > best.pw);
+  const bool better = m.ver < best.ver || (m.ver == best.ver && m.pw > best.pw);
   if (any_ && !better) return;
   any_ = true;
   solution_.light.values = light.values;
   solution_.dose.values = dose.values;
   solution_.metrics = m;
-  solution_.rung = rung;
 }
 
 void Best::finish() {

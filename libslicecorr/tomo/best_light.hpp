@@ -12,12 +12,10 @@ class Best {
  public:
   Best(const Target& target, Solution& solution) : target_(target), solution_(solution) {}
 
-  bool any() const { return any_; }
   /// Goes on from what another was offered.
   void resume(const Solution& best);
-  /// By contrast, or by VER first and then by process window.
-  void offer(const Light& light, const Field& dose, const Metrics& m, double rung,
-             bool by_contrast);
+  /// By VER first, and then by process window.
+  void offer(const Light& light, const Field& dose, const Metrics& m);
   /// Scales to 1 at the weakest gel voxel.
   void finish();
 

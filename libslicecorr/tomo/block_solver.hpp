@@ -1,6 +1,8 @@
-/// Projected L-BFGS on one block: the penalty of solve.hpp, with bounds on the light.
+/// Projected L-BFGS on the slices of one block: the penalty of solve.hpp, with bounds on the light.
+/// Slices share the operators and nothing else: each has steps and a memory of its own.
 #pragma once
 
+#include <limits>
 #include <vector>
 
 #include "slicecorr/tomo/projector.hpp"
@@ -14,20 +16,32 @@ struct Penalty {
   double cap = 0;        ///< infinite: no limit
 };
 
-/// What a step left, per block.
-struct BlockStep {
+/// What a step left of one slice.
+struct SliceStep {
   double loss = 0;
-  float min_gel = 0, max_void = 0, max_dose = 0;
-  std::size_t void_gelled = 0;
+  double min_gel = std::numeric_limits<double>::infinity(), max_void = 0, max_dose = 0;
+  double void_gelled = 0;
+  /// Infinite where void is dark.
+  double contrast() const {
+    return max_void > 0 ? min_gel / max_void : std::numeric_limits<double>::infinity();
+  }
 };
 
-/// Runs up to `steps` steps on `light`, in place, or until the loss is 0; `dose` becomes A^T light.
-/// The first entry is of the light given.
-std::vector<BlockStep> solve_block(const Projector& projector, std::size_t block, const Kind* kinds,
-                                   const Penalty& penalty, int steps, int memory,
-                                   const ExecutionContext& context, float* light, float* dose);
+struct BlockRun {
+  int steps = 0;  ///< that were run
+  /// Per slice, step by step; the first entry is of the light given. A slice that is done ends early.
+  std::vector<std::vector<SliceStep>> slices;
+};
 
-/// The factor of `dose` with the least loss.
-double best_scale(const Kind* kinds, std::size_t count, const float* dose, const Penalty& penalty);
+/// Runs up to `steps` steps on `light`, in place, or until all losses are 0 or can't fall; `dose`
+/// becomes A^T light. `may_leave`: returns when half of the slices are done, so that the others can
+/// be put together with slices of other blocks.
+BlockRun solve_block(const Projector& projector, std::size_t block, const Kind* kinds,
+                     const Penalty& penalty, int steps, int memory, bool may_leave,
+                     const ExecutionContext& context, float* light, float* dose);
+
+/// Per lane the factor of `dose` with the least loss; 0 where no gel gets any.
+std::vector<double> best_scales(const TomoGrid& grid, const Kind* kinds, const float* dose,
+                                const Penalty& penalty, const ExecutionContext& context);
 
 }  // namespace slicecorr::tomo::detail

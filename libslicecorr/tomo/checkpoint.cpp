@@ -37,6 +37,11 @@ class Writer {
     field(static_cast<std::uint64_t>(values.size()));
     bytes(values.data(), values.size() * sizeof(float));
   }
+  template <class T>
+  void some(const std::vector<T>& values) {
+    field(static_cast<std::uint64_t>(values.size()));
+    for (const T& value : values) field(value);
+  }
   std::uint64_t hash() const { return hash_; }
 
  private:
@@ -66,12 +71,21 @@ class Reader {
     values.resize(count);
     bytes(values.data(), count * sizeof(float));
   }
+  /// No more than a few for each slice.
+  template <class T>
+  void some(std::vector<T>& values) {
+    std::uint64_t size = 0;
+    field(size);
+    if (size > 100000000) damaged();
+    values.resize(size);
+    for (T& value : values) field(value);
+  }
   std::uint64_t hash() const { return hash_; }
   bool at_end() { return std::fgetc(file_) == EOF; }
   [[noreturn]] void damaged() const {
     throw InputError(path_, "",
-                     "is damaged; expected what a solve left; without --resume it starts "
-                     "anew");
+                     "is damaged; expected what a solve left; a solve that does not go on "
+                     "from it starts anew");
   }
 
  private:
@@ -151,15 +165,14 @@ std::optional<SolverState> CheckpointFile::read(const TomoGrid& grid) const {
                                                                     : nullptr;
   if (other != nullptr) {
     throw InputError(path_, "",
-                     fmt::format("is of a solve with {}; expected the same command as "
-                                 "before; without --resume it starts anew",
+                     fmt::format("is of a solve with {}; expected the same as before; "
+                                 "a solve that does not go on from it starts anew",
                                  other));
   }
-  SolverState state{{}, 0, false, 0, Solution(grid)};
+  SolverState state{{}, {}, {}, {}, 0, 0, Solution(grid)};
   scalars(state, in);
-  std::uint8_t missed = 0;
-  in.field(missed);
-  state.missed = missed != 0;
+  in.some(state.of_slices);
+  in.some(state.missed);
   std::uint64_t steps = 0, model = 0;
   in.field(steps);
   if (steps > 100000000) in.damaged();
@@ -168,6 +181,9 @@ std::optional<SolverState> CheckpointFile::read(const TomoGrid& grid) const {
   in.field(model);
   in.numbers(state.numbers,
              model != 0 ? state.best.dose.values.size() : state.best.light.values.size());
+  std::uint64_t dose = 0;
+  in.field(dose);
+  in.numbers(state.dose, dose != 0 ? state.best.dose.values.size() : 0);
   in.numbers(state.best.light.values, state.best.light.values.size());
   in.numbers(state.best.dose.values, state.best.dose.values.size());
   const std::uint64_t hash = in.hash();
@@ -190,11 +206,14 @@ void CheckpointFile::keep(const SolverPlace& place) {
   out.field(kMagic);
   out.field(fingerprint_);
   scalars(place, out);
-  out.field(static_cast<std::uint8_t>(place.missed));
+  out.some(place.of_slices);
+  out.some(place.missed);
   out.field(static_cast<std::uint64_t>(place.best.history.size()));
   for (const Step& step : place.best.history) step_of(step, out);
   out.field(std::uint64_t{place.numbers.size() != place.best.light.values.size()});
   out.numbers(place.numbers);
+  out.field(std::uint64_t{!place.dose.empty()});
+  out.numbers(place.dose);
   out.numbers(place.best.light.values);
   out.numbers(place.best.dose.values);
   const std::uint64_t hash = out.hash();

@@ -1,11 +1,15 @@
 #include "slicecorr/tomo/filter.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <complex>
+#include <iterator>
 #include <numbers>
 #include <unsupported/Eigen/FFT>
 
+#include "slicecorr/error.hpp"
 #include "tomo/axis_projector.hpp"
 
 namespace slicecorr::tomo {
@@ -33,6 +37,14 @@ void scale_to_one(Array<float>& values) {
 }
 
 }  // namespace
+
+Window window_named(std::string_view name) {
+  constexpr Window kAll[] = {Window::kHamming, Window::kRamLak, Window::kKelly};
+  static_assert(std::size(kAll) == std::size(kWindowNames));
+  const auto* const found = std::find(std::begin(kWindowNames), std::end(kWindowNames), name);
+  if (found != std::end(kWindowNames)) return kAll[found - std::begin(kWindowNames)];
+  throw InputError(fmt::format("no window '{}'; expected {}", name, fmt::join(kWindowNames, ", ")));
+}
 
 void ramp_filter(const ExecutionContext& context, Light& light, Window window, double cut_per_mm) {
   const TomoGrid& grid = light.grid;

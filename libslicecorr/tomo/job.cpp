@@ -37,27 +37,6 @@ std::uint64_t png_limit(int width, int height) {
   return 2 * static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height) + (1 << 16);
 }
 
-/// The image that is shown at angle m.
-GreyImage frame_of(const Bench& bench, const TomoJob& job, int m) {
-  const TomoGrid& grid = bench.grid;
-  const int levels = job.printer.levels();
-  GreyImage image{bench.frame_width, bench.frame_height, {}};
-  image.pixels.assign(
-      static_cast<std::size_t>(image.width_px) * static_cast<std::size_t>(image.height_px), 0);
-  for (int row = 0; row < image.height_px; ++row) {
-    std::uint8_t* const out =
-        &image.pixels[static_cast<std::size_t>(row) * static_cast<std::size_t>(image.width_px) +
-                      static_cast<std::size_t>(bench.first_column)];
-    for (int i = 0; i < grid.pixels; ++i) {
-      const int slice = bench.places.slice_of(m, i, row);
-      if (slice < 0) continue;
-      out[i] =
-          static_cast<std::uint8_t>(pixel_of_level(job.levels[grid.pixel(m, i, slice)], levels));
-    }
-  }
-  return image;
-}
-
 nlohmann::ordered_json config_of(const Bench& bench, const TomoJob& job) {
   nlohmann::ordered_json j;
   j["format"] = kJobFormat;
@@ -167,6 +146,28 @@ void check_box(const Bench& bench, const char* what, const Box<std::uint8_t>& pa
 
 }  // namespace
 
+GreyImage frame_image(const TomoJob& job, const Bench& bench, int frame) {
+  // Frame f is shown at the angle whose frame it is; the two are each other's inverse.
+  const int m = bench.frame_of_angle(frame);
+  const TomoGrid& grid = bench.grid;
+  const int levels = job.printer.levels();
+  GreyImage image{bench.frame_width, bench.frame_height, {}};
+  image.pixels.assign(
+      static_cast<std::size_t>(image.width_px) * static_cast<std::size_t>(image.height_px), 0);
+  for (int row = 0; row < image.height_px; ++row) {
+    std::uint8_t* const out =
+        &image.pixels[static_cast<std::size_t>(row) * static_cast<std::size_t>(image.width_px) +
+                      static_cast<std::size_t>(bench.first_column)];
+    for (int i = 0; i < grid.pixels; ++i) {
+      const int slice = bench.places.slice_of(m, i, row);
+      if (slice < 0) continue;
+      out[i] =
+          static_cast<std::uint8_t>(pixel_of_level(job.levels[grid.pixel(m, i, slice)], levels));
+    }
+  }
+  return image;
+}
+
 void write_job(const std::string& path, const TomoJob& job, const ExecutionContext& context) {
   const Bench bench = make_bench(job.printer, job.resin, job.sampling);
   check_box(bench, "part", job.part);
@@ -180,8 +181,7 @@ void write_job(const std::string& path, const TomoJob& job, const ExecutionConte
   output->add_text(kConfig, config_of(bench, job).dump(1) + "\n");
   for (int frame = 0; frame < grid.angles; ++frame) {
     context.check_cancelled();
-    // Frame f is shown at the angle whose frame it is; the two are each other's inverse.
-    output->add(frame_name(frame), encode_png(frame_of(bench, job, bench.frame_of_angle(frame))));
+    output->add(frame_name(frame), encode_png(frame_image(job, bench, frame)));
   }
   if (job.printer.flat_field) {
     output->add(detail::kFlatFieldEntry, detail::flat_field_png(*job.printer.flat_field));

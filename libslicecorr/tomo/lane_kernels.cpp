@@ -25,7 +25,7 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 constexpr int kColumns = 16, kRows = kAdjointRows;  // of a tile
 constexpr int kTileVoxels = kColumns * kRows;
-constexpr int kBatch = 8;  // angles whose terms a voxel adds while its sum is in registers
+constexpr int kBatch = 4;  // angles whose terms a voxel adds while its sum is in registers
 
 /// A tile in coordinates of its own: voxel (k, r) is (x0, y0) + k (xk, yk) + r (xr, yr) of a grid.
 struct Tile {
@@ -356,8 +356,6 @@ void ForwardAngles(const Beam& beam, const float* hit, const float* field, float
 void LaneAdjoint(const Beam& beam, const float* hit, const float* light, float* field,
                  std::size_t piece) {
   switch (beam.grid.lanes()) {
-    case 1:
-      return AdjointTiles<1>(beam, hit, light, field, piece);
     case 16:
       return AdjointTiles<16>(beam, hit, light, field, piece);
     default:
@@ -368,8 +366,6 @@ void LaneAdjoint(const Beam& beam, const float* hit, const float* light, float* 
 void LaneForward(const Beam& beam, const float* hit, const float* field, float* light,
                  std::size_t piece) {
   switch (beam.grid.lanes()) {
-    case 1:
-      return ForwardAngles<1>(beam, hit, field, light, piece);
     case 16:
       return ForwardAngles<16>(beam, hit, field, light, piece);
     default:

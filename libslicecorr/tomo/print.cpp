@@ -8,6 +8,8 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <string_view>
+#include <utility>
 
 #include "parallel/silent.hpp"
 #include "slicecorr/error.hpp"
@@ -16,6 +18,8 @@
 #include "slicecorr/vial.hpp"
 #include "stack/formats/definition_json.hpp"
 #include "tomo/checkpoint.hpp"
+#include "tomo/nodes.hpp"
+#include "tomo/told_projector.hpp"
 #include "tomo/voxels.hpp"
 
 namespace slicecorr::tomo {
@@ -37,13 +41,20 @@ Volume volume_of(const TomoGrid& grid, const Box<std::uint8_t>& part) {
 /// What is printed and what shades it, and what light does there.
 struct Scene {
   Target target;
-  std::unique_ptr<Projector> projector;
+  std::shared_ptr<const Projector> projector;
 };
-Scene scene_of(const Bench& bench, const Box<std::uint8_t>& part, const Box<std::uint8_t>& insert) {
+Target target_of(const Bench& bench, const Box<std::uint8_t>& part,
+                 const Box<std::uint8_t>& insert) {
   const Volume volume = volume_of(bench.grid, part);
-  if (insert.values.empty()) return {Target(volume), make_projector(bench.grid, bench.rays)};
+  if (insert.values.empty()) return Target(volume);
   const Volume opaque = volume_of(bench.grid, insert);
-  return {Target(volume, &opaque),
+  return Target(volume, &opaque);
+}
+Scene scene_of(const Bench& bench, const Box<std::uint8_t>& part, const Box<std::uint8_t>& insert) {
+  Target target = target_of(bench, part, insert);
+  if (insert.values.empty()) return {std::move(target), make_projector(bench.grid, bench.rays)};
+  const Volume opaque = volume_of(bench.grid, insert);
+  return {std::move(target),
           make_projector(bench.grid, bench.rays, std::make_shared<Shadow>(cast_shadow(opaque)))};
 }
 
@@ -145,6 +156,37 @@ int turns_allowed(const Bench& bench, double most_time_s) {
   return static_cast<int>(std::min(turns, 1e9));
 }
 
+/// What is computed on, with all that is refused of it.
+struct Place {
+  Bench bench;
+  double part_radius_mm = 0;
+  int most_turns = 0;  ///< 0: as many as it takes
+};
+Place place_of(const Box<std::uint8_t>& part, double voxel_mm, const Printer& printer,
+               const Resin& resin, const PrintOptions& options) {
+  require_tomographic(printer);
+  Place place;
+  place.part_radius_mm = part_radius_mm(part, voxel_mm);
+  const double radius_mm = place.part_radius_mm;
+  place.bench = make_bench(
+      printer, resin,
+      {voxel_mm, part.nz,
+       options.angles > 0 ? options.angles : usual_angles(printer, radius_mm, voxel_mm)});
+  const double resin_mm = place.bench.radius_mm;
+  const double limit_mm =
+      options.beyond_reach ? resin_mm : std::min(place.bench.reach_mm, resin_mm);
+  if (radius_mm > limit_mm) {
+    throw InputError(fmt::format(
+        "the part reaches {:.3f} mm from the axis, light from all directions {:.3f} mm; expected a "
+        "part scaled by at most {:.4f}{}",
+        radius_mm, limit_mm, std::floor(1e4 * limit_mm / radius_mm) * 1e-4,
+        radius_mm <= resin_mm ? ", or leave to print beyond that reach" : ""));
+  }
+  check_insert(options.insert, part, printer, voxel_mm);
+  place.most_turns = turns_allowed(place.bench, options.most_time_s);
+  return place;
+}
+
 /// Whole turns until the weakest gel voxel has its dose, and what it needs by then.
 struct Turns {
   int count = 0;
@@ -165,50 +207,84 @@ Turns turns_for(const Bench& bench, double turn_mj_cm3) {
   return {count, bench.exposure.critical_mj_cm3 + back * count};
 }
 
+Evidence evidence_of(const Solution& solution, const Target& target, const Box<std::uint8_t>& part,
+                     const PrintOptions& options, double voxel_mm) {
+  Evidence e;
+  e.slice = solution.bound_slice;
+  e.z_mm = (e.slice - 0.5 * (part.nz - 1)) * voxel_mm;
+  e.voxel_mm = voxel_mm;
+  e.bound = solution.contrast_bound;
+  e.dose = {1, part.ny, part.nx, {}};
+  double least = std::numeric_limits<double>::infinity(), most = 0;
+  for (int y = 0; y < part.ny; ++y) {
+    for (int x = 0; x < part.nx; ++x) {
+      const std::size_t v = target.grid.voxel(x, y, e.slice);
+      const float d = solution.dose.values[v];
+      e.dose.values.push_back(d);
+      if (target.kinds[v] == Kind::kGel) least = std::min<double>(least, d);
+      if (target.kinds[v] == Kind::kVoid) most = std::max<double>(most, d);
+    }
+  }
+  const double gels = std::sqrt(least * most);
+  for (float& d : e.dose.values) d = static_cast<float>(d / gels);
+  const auto slice_of = [&](const Box<std::uint8_t>& box) {
+    if (box.values.empty()) return Box<std::uint8_t>{};
+    const auto first = box.values.begin() + static_cast<std::ptrdiff_t>(box.at(e.slice, 0, 0));
+    return Box<std::uint8_t>{
+        1, box.ny, box.nx, {first, first + static_cast<std::ptrdiff_t>(box.at(1, 0, 0))}};
+  };
+  e.part = slice_of(part);
+  e.insert = slice_of(options.insert);
+  return e;
+}
+
 }  // namespace
+
+Bench check_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer& printer,
+                  const Resin& resin, const PrintOptions& options) {
+  Bench bench = place_of(part, voxel_mm, printer, resin, options).bench;
+  target_of(bench, part, options.insert);
+  return bench;
+}
 
 Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer& printer,
                   const Resin& resin, const PrintOptions& options,
                   const ExecutionContext& context) {
-  require_tomographic(printer);
-  const double radius_mm = part_radius_mm(part, voxel_mm);
+  const Place place = place_of(part, voxel_mm, printer, resin, options);
+  const Bench& bench = place.bench;
   TomoJob job;
   job.printer = printer;
   job.resin = resin;
-  job.sampling.voxel_mm = voxel_mm;
-  job.sampling.slices = part.nz;
-  job.sampling.angles =
-      options.angles > 0 ? options.angles : usual_angles(printer, radius_mm, voxel_mm);
-  const Bench bench = make_bench(printer, resin, job.sampling);
-  const double limit_mm =
-      options.beyond_reach ? bench.radius_mm : std::min(bench.reach_mm, bench.radius_mm);
-  if (radius_mm > limit_mm) {
-    throw InputError(fmt::format(
-        "the part reaches {:.3f} mm from the axis, light from all directions {:.3f} mm; expected a "
-        "part scaled by at most {:.4f}{}",
-        radius_mm, limit_mm, std::floor(1e4 * limit_mm / radius_mm) * 1e-4,
-        radius_mm <= bench.radius_mm ? ", or leave to print beyond that reach" : ""));
-  }
-  check_insert(options.insert, part, printer, voxel_mm);
+  job.sampling = {voxel_mm, part.nz, bench.grid.angles};
   const Scene scene = scene_of(bench, part, options.insert);
   const Target& target = scene.target;
-  const Projector& projector = *scene.projector;
-  // One line of progress for each rung, none for each sum over angles.
+  // What the solver sees.
+  std::shared_ptr<const detail::Nodes> nodes;
+  Target asked = target;
+  std::shared_ptr<const Projector> asking = scene.projector;
+  if (auto found = detail::nodes_of(printer, resin, bench)) {
+    nodes = std::make_shared<const detail::Nodes>(*std::move(found));
+    asked.grid = nodes->grid;
+    asking = detail::make_node_projector(nodes, scene.projector);
+  }
+  const detail::ToldProjector projector(*asking, context,
+                                        detail::expected_calls(options.solve, bench.grid.blocks()));
+  // The solve is told of as a whole, none of its sums over angles by itself.
   const ExecutionContext quiet = slicecorr::detail::silent(context);
-  const int wanted = resolving_angles(radius_mm, voxel_mm);
+  const int wanted = resolving_angles(place.part_radius_mm, voxel_mm);
   if (bench.grid.angles < wanted) {
     const int shown = most_frames_per_turn(*printer.rotation);
     context.tell(fmt::format(
         "{} angles are too few for voxels of {:g} mm at {:.3g} mm from the axis: {} would resolve "
         "them{}",
-        bench.grid.angles, voxel_mm, radius_mm, wanted,
+        bench.grid.angles, voxel_mm, place.part_radius_mm, wanted,
         shown > 0 && shown < wanted
             ? fmt::format(", of which the projector shows {} in a turn; a slower turn has more",
                           shown)
             : std::string()));
   }
   SolveOptions how = options.solve;
-  const int most_turns = turns_allowed(bench, options.most_time_s);
+  const int most_turns = place.most_turns;
   if (most_turns > 0) {
     double cap = kBelowCap * dose_of_turn(bench.grid, bench.exposure) * most_turns *
                  bench.mw_cm2.back() /
@@ -221,7 +297,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   detail::CheckpointFile file(options.checkpoint, options.checkpoint_s,
                               fingerprint_of(part, options.insert, job, how));
   const std::optional<SolverState> state =
-      options.resume ? file.read(bench.grid) : std::optional<SolverState>{};
+      options.resume ? file.read(asked.grid) : std::optional<SolverState>{};
   if (state) {
     context.tell(
         fmt::format("{}: goes on after {} steps", options.checkpoint, state->best.history.size()));
@@ -230,12 +306,14 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   how.checkpoint = [&](const SolverPlace& at) {
     if (options.solve.checkpoint) options.solve.checkpoint(at);
     file.keep(at);
-    if (at.rung > 0 && !at.missed) {
+    if (at.rung > 0 && at.missed.empty()) {
       context.tell(fmt::format("next: void below {:g} of the gel dose", at.rung));
     }
   };
-  Solution solution = solve(quiet, projector, target, bench.rays, how);
+  Solution solution = solve(quiet, projector, asked, nodes ? nodes->rays : bench.rays, how);
+  context.report("solving", 1);
   if (solution.contrast_bound < 1) {
+    if (options.evidence) options.evidence(evidence_of(solution, asked, part, options, voxel_mm));
     throw InfeasibleError(fmt::format(
         "no light prints this part: where it is hardest, in slice {} ({:.3f} mm above the optical "
         "axis), void gets at least 1/{:.4f} of the part's least dose, whatever is shown; expected "
@@ -246,8 +324,10 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
 
   // The light as bright as the projector can show it gives the number of turns; then as bright as
   // they need.
-  const Light asked = asked_light(bench, solution.light);
-  const double largest = *std::max_element(asked.values.begin(), asked.values.end());
+  const Light light = asked_light(
+      bench, nodes ? detail::light_of_pixels(*nodes, bench.grid, solution.light) : solution.light);
+  const auto& values = light.values;
+  const double largest = *std::max_element(values.begin(), values.end());
   const double per_unit = dose_of_turn(bench.grid, bench.exposure);
   const double brightest = bench.mw_cm2.back() / largest;
   const Turns turns = turns_for(bench, per_unit * brightest);
@@ -257,20 +337,27 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   exposure.most_time_s = options.most_time_s;
   Field full = solution.dose;
   for (float& d : full.values) d = static_cast<float>(d * brightest);
-  const PrintTime time = plan_time(quiet, projector, target, full, exposure);
+  const PrintTime time = plan_time(quiet, *asking, asked, full, exposure);
 
   // Rounding to levels, and the direct sum, which weighs light otherwise, may find the weakest voxel a
   // little short: a little more for all, or a turn more. Where no turn more is allowed, pixels that
   // can't be brighter stay as they are.
   job.part = part;
   job.insert = options.insert;
-  const double black = floor_of_turn(bench, projector, quiet);
+  const double black = floor_of_turn(bench, *scene.projector, quiet);
   double scale = brightest * time.scale;
   PrintFigures figures;
+  constexpr int rounds = 8;
+  int shown = 0;
+  ExecutionContext judging = quiet;
+  judging.progress = [&](std::string_view, double done) {
+    context.report("judging", std::min((shown + done) / rounds, 0.99));
+  };
   const auto show = [&](bool carry) {
-    job.levels = carry ? carried_levels(asked, scale, bench.mw_cm2)
-                       : nearest_levels(asked, scale, bench.mw_cm2);
-    figures = judge(job, bench, target, dose_of(job, quiet), black);
+    job.levels = carry ? carried_levels(light, scale, bench.mw_cm2)
+                       : nearest_levels(light, scale, bench.mw_cm2);
+    figures = judge(job, bench, target, dose_of(job, judging), black);
+    ++shown;
   };
   // With few levels it depends on the part which way to round prints better.
   bool carry = false;
@@ -280,7 +367,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
     show(false);
     carry = carried > figures.metrics.contrast;
   }
-  for (int round = 0; round < 8; ++round) {
+  for (int round = 0; round < rounds; ++round) {
     show(carry);
     const double short_by = figures.gel_dose_mj_cm3 / figures.metrics.min_gel;
     // More than enough, where the operators see less than the sum, costs turns: taken back once.
@@ -294,6 +381,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
     scale *= static_cast<double>(job.turns) / (job.turns + 1);
     ++job.turns;
   }
+  context.report("judging", 1);
 
   job.history = std::move(solution.history);
   job.contrast_bound = solution.contrast_bound;

@@ -99,7 +99,7 @@ class BeamProjector final : public Projector {
 
   void forward(std::size_t block, const float* field, float* light,
                const ExecutionContext& context) const override {
-    const ExecutionContext quiet = silent(context);
+    const ExecutionContext quiet = worth(context);
     if (!folded_ && !turned_ && !lines_) {
       detail::beam_forward(beam_, hit(block), field, light, quiet);
       weigh(light, quiet);
@@ -120,7 +120,7 @@ class BeamProjector final : public Projector {
 
   void adjoint(std::size_t block, const float* light, float* field,
                const ExecutionContext& context) const override {
-    const ExecutionContext quiet = silent(context);
+    const ExecutionContext quiet = worth(context);
     if (plain_entry_ && !folded_ && !turned_ && !lines_) {
       detail::beam_adjoint(beam_, hit(block), light, field, quiet);
       return;
@@ -134,6 +134,14 @@ class BeamProjector final : public Projector {
   }
 
  private:
+  /// The context without callbacks, with as many threads as have a millisecond's work each: to start
+  /// and end them takes a part of that.
+  ExecutionContext worth(const ExecutionContext& context) const {
+    ExecutionContext quiet = silent(context);
+    const double work = static_cast<double>(beam_.grid.voxels_of_block()) * beam_.grid.angles / 5e6;
+    quiet.threads = static_cast<int>(std::clamp(work, 1.0, 1.0 * thread_count(context)));
+    return quiet;
+  }
   std::size_t frame_size() const {
     return static_cast<std::size_t>(beam_.grid.pixels) * beam_.grid.lanes();
   }

@@ -40,7 +40,7 @@ void record(const Target& target, const Light& light, const Field& dose, int ste
             Solution& solution) {
   const Metrics m = measure(target, dose);
   solution.history.push_back({.step = step, .ver = m.ver, .pw = m.pw, .contrast = m.contrast});
-  best.offer(light, dose, m, 0, false);
+  best.offer(light, dose, m);
 }
 
 }  // namespace
@@ -96,7 +96,7 @@ void run_osmo(const ExecutionContext& context, const Projector& projector, const
     }
     record(target, light, dose, step, best, solution);
     if (options.checkpoint) {
-      options.checkpoint({.numbers = model.values, .step = step + 1, .best = solution});
+      options.checkpoint({.numbers = model.values, .dose = {}, .step = step + 1, .best = solution});
     }
   }
   if (options.clip_sigma > 0) clip(solution.light, options.clip_sigma);
@@ -163,7 +163,7 @@ void run_kelly(const ExecutionContext& context, const Projector& projector, cons
       light.values[i] -= static_cast<float>(unit_step) * change.values[i];
     }
     if (options.checkpoint) {
-      options.checkpoint({.numbers = light.values, .step = step + 1, .best = solution});
+      options.checkpoint({.numbers = light.values, .dose = {}, .step = step + 1, .best = solution});
     }
   }
   best.finish();

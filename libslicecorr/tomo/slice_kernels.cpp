@@ -29,6 +29,21 @@ using GroupVec = decltype(hn::Zero(Group()));
 using Index = hn::RebindToSigned<Group>;
 using IndexVec = decltype(hn::Zero(Index()));
 
+// The whole part of numbers in 0..2^21, given less 0.5, as a number and as an index. Where they are
+// whole it may be one less, the rest then is 1: weights don't jump there.
+struct Whole {
+  GroupVec number;
+  IndexVec index;
+  HWY_INLINE explicit Whole(GroupVec less_half) {
+    const Group d;
+    // Beside 1.5 * 2^23 single precision has whole numbers only.
+    const GroupVec magic = hn::Set(d, 12582912.0f);
+    const GroupVec rounded = hn::Add(less_half, magic);
+    number = hn::Sub(rounded, magic);
+    index = hn::Sub(hn::BitCast(Index(), rounded), hn::BitCast(Index(), magic));
+  }
+};
+
 // Of 16, or of 32, numbers from p on those that the indices name.
 HWY_INLINE GroupVec Pick16(const float* p, IndexVec index) {
 #if HWY_TARGET == HWY_AVX3 || HWY_TARGET == HWY_AVX3_DL
@@ -61,9 +76,24 @@ struct TurnedLight {
   const float* hit[T];    // same place, or null
 };
 
-// Angles whose lines cross voxels along the lanes by at most 0.71 pixels each. Turns of the slice
-// share places and weights, each has an output of its own.
-template <int T, bool kAttenuated, bool kShadow>
+// Of the pixels that 16 voxels may see, those that the indices name.
+template <bool kFine>
+struct PixelRow {
+  const float* p;
+  HWY_INLINE explicit PixelRow(const float* from) : p(from) {}
+  HWY_INLINE GroupVec Pick(IndexVec index) const { return Pick16(p, index); }
+};
+template <>
+struct PixelRow<true> {
+  Row32 row;
+  HWY_INLINE explicit PixelRow(const float* from) : row(from) {}
+  HWY_INLINE GroupVec Pick(IndexVec index) const { return row.Pick(index); }
+};
+
+// Angles whose lines cross voxels along the lanes by at most 0.71 voxels each: that is up to 0.71
+// pixels, or up to 1.42 fine ones. Turns of the slice share places and weights, each has an output
+// of its own.
+template <int T, bool kFine, bool kAttenuated, bool kShadow>
 void AdjointRows(const Beam& beam, const LaneAngle* angles, const TurnedLight<T>* lights,
                  std::size_t count, int r0, std::size_t stride, float* const out[T]) {
   const Group d;
@@ -86,14 +116,14 @@ void AdjointRows(const Beam& beam, const LaneAngle* angles, const TurnedLight<T>
     }
     for (std::size_t m = 0; m < count; ++m) {
       const LaneAngle& angle = angles[m];
-      // Where f falls along the lanes, the row of pixels begins 12 earlier.
-      const int shift = angle.c < 0 ? 12 : 0;
-      const GroupVec c = hn::Set(d, static_cast<float>(angle.c));
+      // Where f falls along the lanes, the row of pixels begins earlier.
+      const int shift = angle.c < 0 ? (kFine ? 23 : 12) : 0;
+      const GroupVec c = hn::Set(d, static_cast<float>(angle.c)), half = hn::Set(d, 0.5f);
       const GroupVec from = hn::Set(d, static_cast<float>(shift));
       GroupVec places[kGroupVectors];
       for (int v = 0; v < kGroupVectors; ++v) {
         const GroupVec k = hn::Iota(d, static_cast<float>(v * kGroupWidth));
-        places[v] = hn::Add(hn::Mul(k, c), from);
+        places[v] = hn::Sub(hn::Add(hn::Mul(k, c), from), half);
       }
       double f = angle.f0 + angle.c * x0 + angle.cr * r0 + 65536;  // positive: truncated is floor
 #pragma GCC unroll 8
@@ -102,10 +132,12 @@ void AdjointRows(const Beam& beam, const LaneAngle* angles, const TurnedLight<T>
         const GroupVec part = hn::Set(d, static_cast<float>(f - whole));
         const std::ptrdiff_t begin = whole - 65536 - shift;
         f += angle.cr;
+#pragma GCC unroll 8
         for (int v = 0; v < kGroupVectors; ++v) {
           const GroupVec at = hn::Add(part, places[v]);
-          const IndexVec i = hn::ConvertTo(di, at);
-          const GroupVec w = hn::Sub(at, hn::ConvertTo(d, i));
+          const Whole whole_at(at);
+          const IndexVec i = whole_at.index;
+          const GroupVec w = hn::Add(hn::Sub(at, whole_at.number), half);
           const IndexVec i1 = hn::Add(i, hn::Set(di, 1));
           GroupVec u, e;
           if constexpr (kShadow) {
@@ -116,13 +148,14 @@ void AdjointRows(const Beam& beam, const LaneAngle* angles, const TurnedLight<T>
             e = hn::Mul(hn::LoadU(d, angle.e + x0 + v * kGroupWidth),
                         hn::Set(d, angle.e_rows[std::min(r0 + r, n - 1)]));
           }
+#pragma GCC unroll 8
           for (int t = 0; t < T; ++t) {
-            const float* p = lights[m].light[t] + begin;
-            GroupVec b0 = Pick16(p, i), b1 = Pick16(p, i1);
+            const PixelRow<kFine> row(lights[m].light[t] + begin);
+            GroupVec b0 = row.Pick(i), b1 = row.Pick(i1);
             if constexpr (kShadow) {
-              const float* h = lights[m].hit[t] + begin;
-              b0 = hn::IfThenElseZero(hn::Lt(u, Pick16(h, i)), b0);
-              b1 = hn::IfThenElseZero(hn::Lt(u, Pick16(h, i1)), b1);
+              const PixelRow<kFine> hits(lights[m].hit[t] + begin);
+              b0 = hn::IfThenElseZero(hn::Lt(u, hits.Pick(i)), b0);
+              b1 = hn::IfThenElseZero(hn::Lt(u, hits.Pick(i1)), b1);
             }
             GroupVec value = hn::Add(b0, hn::Mul(w, hn::Sub(b1, b0)));
             if constexpr (kAttenuated) value = hn::Mul(value, e);
@@ -142,8 +175,9 @@ void AdjointRows(const Beam& beam, const LaneAngle* angles, const TurnedLight<T>
 }
 
 // The frames of T turns of an angle whose lines cross voxels along the lanes by at least 0.71
-// pixels each; the slice is turned instead of the light.
-template <int T, bool kAttenuated, bool kShadow>
+// pixels each; the slice is turned instead of the light. Three voxels weigh in on a pixel, on a fine
+// one two.
+template <int T, bool kFine, bool kAttenuated, bool kShadow>
 void ForwardPixels(const Beam& beam, const LaneAngle& angle, const float* const voxels[T],
                    const float* const hit[T], std::size_t stride, float* const out[T]) {
   const Group d;
@@ -153,14 +187,15 @@ void ForwardPixels(const Beam& beam, const LaneAngle& angle, const float* const 
   const int shift = angle.c < 0 ? 23 : 0;
   const double norm = std::hypot(angle.c, angle.cr), radius = 0.5 * (n - 1) * norm;
   const double centre = 0.5 * (pixels - 1);
-  const GroupVec one = hn::Set(d, 1.0f), vsize = hn::Set(d, static_cast<float>(size));
+  const GroupVec one = hn::Set(d, 1.0f), half_one = hn::Set(d, 0.5f);
+  const GroupVec vsize = hn::Set(d, static_cast<float>(size));
   const GroupVec c1 = hn::Set(d, static_cast<float>(size) - 1.0f);
   const GroupVec c2 = hn::Set(d, 2.0f - 2.0f * static_cast<float>(size));
   GroupVec places[kGroupVectors];
   for (int v = 0; v < kGroupVectors; ++v) {
     const GroupVec k = hn::Iota(d, static_cast<float>(v * kGroupWidth));
     places[v] = hn::Add(hn::Mul(k, hn::Set(d, static_cast<float>(inverse))),
-                        hn::Set(d, static_cast<float>(shift)));
+                        hn::Set(d, static_cast<float>(shift) - 0.5f));
   }
   for (int j0 = 0; j0 < pixels; j0 += kGroup) {
     GroupVec acc[T][kGroupVectors];
@@ -191,20 +226,30 @@ void ForwardPixels(const Beam& beam, const LaneAngle& angle, const float* const 
         const int at = whole - 65536 - shift + 1;
         if (at >= range.end || at + 32 <= range.first) continue;
         const GroupVec part = hn::Set(d, static_cast<float>(base - whole));
+#pragma GCC unroll 8
         for (int v = 0; v < kGroupVectors; ++v) {
           const GroupVec g = hn::Add(part, places[v]);
-          const IndexVec i = hn::ConvertTo(di, g);
+          const Whole whole_g(g);
+          const IndexVec i = whole_g.index;
           const IndexVec i1 = hn::Add(i, hn::Set(di, 1)), i2 = hn::Add(i, hn::Set(di, 2));
-          const GroupVec ahead = hn::Sub(hn::Add(hn::ConvertTo(d, i), one), g);
-          GroupVec w0 = hn::Mul(ahead, vsize);
-          GroupVec w1 = hn::Sub(one, hn::Abs(hn::Add(w0, c1)));
-          GroupVec w2 = hn::Max(hn::Zero(d), hn::Sub(c2, w0));
+          const GroupVec ahead = hn::Add(hn::Sub(whole_g.number, g), half_one);
+          // The first voxel lies so many pixels behind the last place that weighs nothing.
+          const GroupVec behind = hn::Mul(ahead, vsize);
+          GroupVec w0, w1, w2;
+          if constexpr (kFine) {
+            w0 = hn::Max(hn::Zero(d), hn::Sub(one, hn::Abs(hn::Sub(behind, one))));
+            w1 = hn::Max(hn::Zero(d), hn::Sub(one, hn::Abs(hn::Add(behind, c1))));
+          } else {
+            w0 = behind;
+            w1 = hn::Sub(one, hn::Abs(hn::Add(behind, c1)));
+            w2 = hn::Max(hn::Zero(d), hn::Sub(c2, behind));
+          }
           if constexpr (kAttenuated) {
             const Row32 e(angle.e + at);
             const GroupVec e_row = hn::Set(d, angle.e_rows[r]);
             w0 = hn::Mul(hn::Mul(w0, e_row), e.Pick(i));
             w1 = hn::Mul(hn::Mul(w1, e_row), e.Pick(i1));
-            w2 = hn::Mul(hn::Mul(w2, e_row), e.Pick(i2));
+            if constexpr (!kFine) w2 = hn::Mul(hn::Mul(w2, e_row), e.Pick(i2));
           }
           GroupVec u0, u1, u2;
           if constexpr (kShadow) {
@@ -214,16 +259,19 @@ void ForwardPixels(const Beam& beam, const LaneAngle& angle, const float* const 
             u1 = hn::Add(us.Pick(i1), ur);
             u2 = hn::Add(us.Pick(i2), ur);
           }
+#pragma GCC unroll 8
           for (int t = 0; t < T; ++t) {
             const Row32 row(voxels[t] + r * stride + at);
-            GroupVec v0 = hn::Mul(w0, row.Pick(i)), v1 = hn::Mul(w1, row.Pick(i1)),
-                     v2 = hn::Mul(w2, row.Pick(i2));
+            GroupVec v0 = hn::Mul(w0, row.Pick(i)), v1 = hn::Mul(w1, row.Pick(i1)), v2;
+            if constexpr (!kFine) v2 = hn::Mul(w2, row.Pick(i2));
             if constexpr (kShadow) {
               v0 = hn::IfThenElseZero(hn::Lt(u0, lit_to[t][v]), v0);
               v1 = hn::IfThenElseZero(hn::Lt(u1, lit_to[t][v]), v1);
-              v2 = hn::IfThenElseZero(hn::Lt(u2, lit_to[t][v]), v2);
+              if constexpr (!kFine) v2 = hn::IfThenElseZero(hn::Lt(u2, lit_to[t][v]), v2);
             }
-            acc[t][v] = hn::Add(acc[t][v], hn::Add(hn::Add(v0, v1), v2));
+            GroupVec sum = hn::Add(v0, v1);
+            if constexpr (!kFine) sum = hn::Add(sum, v2);
+            acc[t][v] = hn::Add(acc[t][v], sum);
           }
         }
       }
@@ -243,27 +291,28 @@ void ForwardPixels(const Beam& beam, const LaneAngle& angle, const float* const 
   }
 }
 
-template <int T>
+template <int T, bool kFine>
 void AdjointTurns(const Beam& beam, const LaneAngle* angles, const TurnedLight<T>* lights,
                   std::size_t count, bool shadow, int r0, std::size_t stride, float* const out[T]) {
   if (beam.attenuated) {
-    shadow ? AdjointRows<T, true, true>(beam, angles, lights, count, r0, stride, out)
-           : AdjointRows<T, true, false>(beam, angles, lights, count, r0, stride, out);
+    shadow ? AdjointRows<T, kFine, true, true>(beam, angles, lights, count, r0, stride, out)
+           : AdjointRows<T, kFine, true, false>(beam, angles, lights, count, r0, stride, out);
   } else {
-    shadow ? AdjointRows<T, false, true>(beam, angles, lights, count, r0, stride, out)
-           : AdjointRows<T, false, false>(beam, angles, lights, count, r0, stride, out);
+    shadow ? AdjointRows<T, kFine, false, true>(beam, angles, lights, count, r0, stride, out)
+           : AdjointRows<T, kFine, false, false>(beam, angles, lights, count, r0, stride, out);
   }
 }
 
-template <int T>
+template <int T, bool kFine>
 void ForwardTurns(const Beam& beam, const LaneAngle& angle, const float* const voxels[T],
                   const float* const hit[T], std::size_t stride, float* const out[T]) {
   if (beam.attenuated) {
-    hit[0] != nullptr ? ForwardPixels<T, true, true>(beam, angle, voxels, hit, stride, out)
-                      : ForwardPixels<T, true, false>(beam, angle, voxels, hit, stride, out);
+    hit[0] != nullptr ? ForwardPixels<T, kFine, true, true>(beam, angle, voxels, hit, stride, out)
+                      : ForwardPixels<T, kFine, true, false>(beam, angle, voxels, hit, stride, out);
   } else {
-    hit[0] != nullptr ? ForwardPixels<T, false, true>(beam, angle, voxels, hit, stride, out)
-                      : ForwardPixels<T, false, false>(beam, angle, voxels, hit, stride, out);
+    hit[0] != nullptr
+        ? ForwardPixels<T, kFine, false, true>(beam, angle, voxels, hit, stride, out)
+        : ForwardPixels<T, kFine, false, false>(beam, angle, voxels, hit, stride, out);
   }
 }
 
@@ -278,8 +327,9 @@ void SliceAdjoint(const Beam& beam, SliceWork& work, bool along_x, int turn, int
     lights.clear();
     for (const int m : chosen) lights.push_back({{work.light.row(m)}, {hit(m)}});
     float* out[1] = {work.out[along_x][0].data()};
-    return AdjointTurns<1>(beam, angles.data(), lights.data(), lights.size(), work.shadow, r0,
-                           work.stride, out);
+    const auto add = beam.slice->fine ? AdjointTurns<1, true> : AdjointTurns<1, false>;
+    return add(beam, angles.data(), lights.data(), lights.size(), work.shadow, r0, work.stride,
+               out);
   }
   static thread_local std::vector<TurnedLight<2>> lights;
   lights.clear();
@@ -288,8 +338,8 @@ void SliceAdjoint(const Beam& beam, SliceWork& work, bool along_x, int turn, int
     lights.push_back({{work.light.row(a), work.light.row(b)}, {hit(a), hit(b)}});
   }
   float* out[2] = {work.out[along_x][turn].data(), work.out[along_x][turn + 1].data()};
-  AdjointTurns<2>(beam, angles.data(), lights.data(), lights.size(), work.shadow, r0, work.stride,
-                  out);
+  const auto add = beam.slice->fine ? AdjointTurns<2, true> : AdjointTurns<2, false>;
+  add(beam, angles.data(), lights.data(), lights.size(), work.shadow, r0, work.stride, out);
 }
 
 void SliceForward(const Beam& beam, const SliceWork& work, bool along_x, std::size_t k,
@@ -303,13 +353,15 @@ void SliceForward(const Beam& beam, const SliceWork& work, bool along_x, std::si
   if (beam.turns == 1) {
     const float *slices[1] = {voxels[0].row(0)}, *hits[1] = {hit(m)};
     float* out[1] = {light + m * pixels};
-    return ForwardTurns<1>(beam, angle, slices, hits, voxels[0].stride, out);
+    const auto project = beam.slice->fine ? ForwardTurns<1, true> : ForwardTurns<1, false>;
+    return project(beam, angle, slices, hits, voxels[0].stride, out);
   }
   for (int t = 0; t < beam.turns; t += 2) {
     const std::size_t a = m + t * base, b = a + base;
     const float *slices[2] = {voxels[t].row(0), voxels[t + 1].row(0)}, *hits[2] = {hit(a), hit(b)};
     float* out[2] = {light + a * pixels, light + b * pixels};
-    ForwardTurns<2>(beam, angle, slices, hits, voxels[t].stride, out);
+    const auto project = beam.slice->fine ? ForwardTurns<2, true> : ForwardTurns<2, false>;
+    project(beam, angle, slices, hits, voxels[t].stride, out);
   }
 }
 

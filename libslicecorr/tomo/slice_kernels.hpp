@@ -34,13 +34,13 @@ struct LaneAngles {
 };
 
 struct SliceTables {
+  bool fine = false;  ///< pixels are narrower than voxels, down to half of them
   Padded ex, ey, ux, uy;
   LaneAngles flat;   ///< voxels in lanes: lines cross them by at most 0.71 pixels each
   LaneAngles steep;  ///< pixels in lanes: by at least 0.71
 };
 
-/// The tables of a beam, or null where the kernels don't fit: they hold as many pixels or voxels in
-/// registers as lines cross when both are about as wide and a voxel is no wider than a pixel.
+/// The tables of a beam, or null where the grid's blocks are of several slices.
 std::shared_ptr<const SliceTables> make_slice_tables(const Beam& beam);
 
 /// A slice and its light, as the kernels want them.

@@ -32,6 +32,14 @@ void TomoGrid::check() const {
   if (rows > 0) check_range("slices", slices, 2, 65536);
 }
 
+int TomoGrid::lanes() const {
+  // A few slices are worked on one by one where a voxel is as wide as one to two pixels: then a
+  // register holds the pixels that 16 voxels see.
+  const double step = voxel_mm() / pixel_mm;
+  if (slices < 8 && step >= 0.95 && step <= 2 + 1e-9) return 1;
+  return slices <= 16 ? 16 : 32;
+}
+
 double TomoGrid::angle_rad(int m) const { return 2 * std::numbers::pi * m / angles; }
 
 int TomoGrid::lanes_used(std::size_t block) const {

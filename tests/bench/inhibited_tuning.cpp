@@ -154,7 +154,7 @@ std::vector<Column> part_columns(const std::string& name, double scale, const Pr
   Placement placement;
   placement.scale = scale;
   const std::string path = std::string(SLICECORR_TEST_DATA) + "/meshes/clean/" + name;
-  const MeshSlices slices(read_mesh(path, placement), printer, {kLayerUm, false, {}});
+  const MeshSlices slices(read_mesh(path, placement), printer, {kLayerUm, false, {}, {}});
   const auto layers = static_cast<std::size_t>(slices.grid().layers);
   const PixelBox box = slices.bounds();
   const auto pixels =
@@ -347,7 +347,7 @@ int main(int argc, char** argv) {
   Placement quarter;
   quarter.scale = 0.25;
   const MeshSlices boat(read_mesh(SLICECORR_TEST_DATA "/meshes/clean/3DBenchy.stl", quarter),
-                        printer, {kLayerUm, false, {}});
+                        printer, {kLayerUm, false, {}, {}});
   const std::size_t kept = InhibitedTuning{}.kept_columns;
   for (const std::size_t columns : {kept, kept / 2, kept * 2, std::size_t{1}}) {
     fmt::print("kept_columns {}: {:.2f} s\n", columns, band_s(continuous, boat, columns));

@@ -61,7 +61,7 @@ int dirty() {
         scale = 1;
         peer_says = "as STL: ";
       }
-      const MeshSlices slices(mesh, display(), {kLayer * 1e3, true, {}});
+      const MeshSlices slices(mesh, display(), {kLayer * 1e3, true, {}, {}});
       const auto ours = read_images(slices);
       for (const Bytes& layer : ours) a += std::accumulate(layer.begin(), layer.end(), 0.0);
       ours_says = std::to_string(ours.size()) + " layers";

@@ -61,6 +61,23 @@ if(PKG_CONFIG)
   endif()
 endif()
 
+# The Python module, moved with its prefix, with the library that was installed beside it.
+find_program(python python3 NO_DEFAULT_PATH PATHS /usr/bin /usr/local/bin)
+file(GLOB_RECURSE module "${prefix}/__init__.py")
+list(FILTER module INCLUDE REGEX "/slicecorr/__init__[.]py$")
+if(NOT module)
+  message(FATAL_ERROR "no Python module in ${prefix}")
+endif()
+if(python AND NOT CXX_FLAGS)  # the sanitizer's library must be loaded first
+  cmake_path(GET module PARENT_PATH module_folder)
+  cmake_path(GET module_folder PARENT_PATH module_folder)
+  run("${CMAKE_COMMAND}" -E env --unset=SLICECORR_LIBRARY "PYTHONPATH=${module_folder}" "${python}" -B -c
+    "from slicecorr import library_path, version\nprint(version(), library_path())")
+  if(NOT output MATCHES "^${VERSION} ${prefix}/")
+    message(FATAL_ERROR "the Python module printed:\n${output}\nexpected ${VERSION} and a library in ${prefix}")
+  endif()
+endif()
+
 # The installed program, with the database that was installed beside it.
 run("${CMAKE_COMMAND}" -E env --unset=SLICECORR_DB "${prefix}/bin/slicecorr" --version)
 if(NOT output MATCHES "${VERSION}")

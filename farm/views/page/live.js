@@ -150,9 +150,16 @@ function jobRows(state, list) {
     const cell = (text, kind) => row.append(el('td', text, kind));
     if (height) {
       const h = f && f.height_error_um;
-      for (const v of h ? [h.max_abs, h.p95_abs, h.mean_abs] : ['', '', '']) cell(v === '' ? '-' : um(v));
-      cell(f ? count(f.lost_features) : '-', f && f.lost_features ? 'bad' : '');
-      cell(f ? count(f.merged_features) : '-', f && f.merged_features ? 'bad' : '');
+      if (f && !h) {
+        // A tomographic print has no heights.
+        const td = el('td', tomoWords(f), f.feasible ? '' : 'bad');
+        td.colSpan = 5;
+        row.append(td);
+      } else {
+        for (const v of h ? [h.max_abs, h.p95_abs, h.mean_abs] : ['', '', '']) cell(v === '' ? '-' : um(v));
+        cell(f ? count(f.lost_features) : '-', f && f.lost_features ? 'bad' : '');
+        cell(f ? count(f.merged_features) : '-', f && f.merged_features ? 'bad' : '');
+      }
       cell(moment(j.ended_ms));
       const td = el('td');
       if (j.files.some((x) => x.ending === 'html')) td.append(reportLink(j));
@@ -174,6 +181,11 @@ function jobRows(state, list) {
     cell(j.id);
     return row;
   }));
+}
+
+function tomoWords(f) {
+  return 'contrast ' + (f.contrast === null ? 'without bound' : figure(f.contrast)) + ', VER ' + figure(f.ver)
+    + ', prints in ' + duration(f.print_time_s) + (f.feasible ? '' : '; misses');
 }
 
 function reportLink(j) {
@@ -215,7 +227,7 @@ async function showJob(id, go) {
   }
   facts($('facts'), [['State', j.state + (j.reason ? ' (' + j.reason + ')' : '') + (j.from_cache ? ', from the cache' : '')], ['Message', j.message],
     ['Parts', j.parts.join(', ')], ['Printer, resin', j.printer + ', ' + j.resin], ['User', j.user], ['Labels', j.labels.join(', ')],
-    ['Priority', String(j.priority)], ['Ready by', j.ready_by_ms === null ? '' : minute(j.ready_by_ms)],
+    ['Print', j.figures && !j.figures.height_error_um ? tomoWords(j.figures) : ''], ['Priority', String(j.priority)], ['Ready by', j.ready_by_ms === null ? '' : minute(j.ready_by_ms)],
     ['Submitted', moment(j.submitted_ms)], ['Ended', j.ended_ms ? moment(j.ended_ms) : ''], ['Output', j.output_folder], ['Report', report]]);
   $('tries').replaceChildren(...j.tries.map((a) => el('p', 'Attempt ' + a.number + ', ' + a.engine + (a.node ? ' on ' + a.node : '') + ', ' + moment(a.started_ms) + ': '
     + (a.ended_ms ? (a.reason || 'done') + ' after ' + duration((a.ended_ms - a.started_ms) / 1000) + (a.message ? ', ' + a.message : '') : a.phase))));

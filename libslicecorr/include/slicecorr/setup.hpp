@@ -7,6 +7,7 @@
 
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "slicecorr/pipeline.hpp"
@@ -53,6 +54,11 @@ enum class ChoiceNames {
 /// What of the choices changes the resin.
 ResinOverrides resin_overrides(const SetupChoices& choices);
 
+/// The printer that is chosen, and the resin with its changes: all that tomographic printing needs of
+/// the choices. Throws `InputError` when none is chosen, and as `load_printer` and `load_resin`.
+Printer chosen_printer(const SetupChoices& choices, ChoiceNames names);
+Resin chosen_resin(const SetupChoices& choices, ChoiceNames names);
+
 /// What is chosen, over what `info` brings; `times`: an archive whose exposure times count where
 /// none are given, and whose first exposure stays where it is longer than the one chosen. Both may
 /// be null. The caller has checked that words are among those listed above. Throws `InputError`
@@ -69,6 +75,11 @@ std::vector<std::string> setup_notices(const Setup& setup, const StackInfo* time
 std::string setup_json(const Setup& setup);
 /// Throws `InputError` naming `source` and the key.
 Setup parse_setup_json(std::string_view json, const std::string& source);
+
+/// Printer and resin in the same way: all that tomographic prints have of a setup.
+std::string definitions_json(const Printer& printer, const Resin& resin);
+/// Throws `InputError` naming `source` and the key.
+std::pair<Printer, Resin> parse_definitions_json(std::string_view json, const std::string& source);
 
 /// A corrected stack shows light, not the design: measured against it, or corrected again, nothing
 /// means anything. Throws `InputError` when `info`, of the archive at `path`, is of one.

@@ -4,7 +4,10 @@
 
 namespace slicecorr::cli {
 
-void SetupOptions::add_to(CLI::App& app, bool required, bool correcting) {
+void SetupOptions::add_to(CLI::App& app, bool required, bool correcting,
+                          const std::vector<std::string>& more_modes) {
+  std::vector<std::string> modes{"continuous", "layerwise"};
+  modes.insert(modes.end(), more_modes.begin(), more_modes.end());
   auto* p = app.add_option("--printer", printer, "Printer: a .toml file or a name");
   auto* r = app.add_option("--resin", resin, "Resin: a .toml file or a name");
   if (required) {
@@ -14,7 +17,7 @@ void SetupOptions::add_to(CLI::App& app, bool required, bool correcting) {
   app.add_option("--mode", mode,
                  "How the printer exposes: while the stage moves, or standing still for each layer "
                  "[continuous]")
-      ->check(CLI::IsMember({"continuous", "layerwise"}));
+      ->check(CLI::IsMember(modes));
   app.add_option("--speed-mm-h", speed_mm_h, "Print speed (continuous)")
       ->check(number_above_zero());
   app.add_option("--exposure-s", exposure_s,

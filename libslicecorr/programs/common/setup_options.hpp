@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <string>
+#include <vector>
 
 #include "slicecorr/setup.hpp"
 
@@ -10,7 +11,9 @@ namespace slicecorr::cli {
 
 struct SetupOptions : SetupChoices {
   /// `required`: printer, resin and schedule must be given; else a stack may bring them.
-  void add_to(CLI::App& app, bool required, bool correcting);
+  /// `more_modes`: that the program knows besides those of `SetupChoices`.
+  void add_to(CLI::App& app, bool required, bool correcting,
+              const std::vector<std::string>& more_modes = {});
   /// `--surface` alone, for what slices but does not correct; `add_to` has it for what corrects.
   void add_surface_to(CLI::App& app);
   Surface wanted_surface() const { return surface_named(surface); }

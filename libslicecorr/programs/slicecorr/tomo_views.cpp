@@ -5,16 +5,20 @@
 #include <algorithm>
 #include <filesystem>
 #include <limits>
+#include <memory>
 #include <vector>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/load_printer.hpp"
+#include "slicecorr/tomo/report.hpp"
 #include "slicecorr/tomo/section.hpp"
+#include "slicecorr/tomo/video.hpp"
+#include "slicecorr/vial.hpp"
+#include "video_file.hpp"
 
 namespace slicecorr::cli {
 
 namespace {
-
-using tomo::Printed;
 
 /// The ending of a file that is to be written, one of these. Throws `InputError`.
 std::string ending_of(const std::string& output, const std::vector<std::string>& endings) {
@@ -25,17 +29,24 @@ std::string ending_of(const std::string& output, const std::vector<std::string>&
   throw InputError(output, "", "expected a name that ends in " + list);
 }
 
+using SectionsFile = std::string (*)(const std::vector<tomo::PrintSection>&, tomo::Shown,
+                                     const std::string&);
+/// What writes pictures with this name.
+SectionsFile sections_file(const std::string& output) {
+  return ending_of(output, {".png", ".svg"}) == ".svg" ? tomo::sections_svg : tomo::sections_png;
+}
+
 int section(const TomoViewOptions& o, const ExecutionContext& context, Console& console) {
-  const bool svg = ending_of(o.output, {".png", ".svg"}) == ".svg";
+  const SectionsFile file = sections_file(o.output);
   check_output(o.output, {o.job});
-  const Printed printed(tomo::read_job(o.job, context), context);
+  const tomo::Printed print = tomo::printed(tomo::read_job(o.job, context), context);
   std::vector<tomo::Plane> planes;
   for (const auto& [axis, at] :
        {std::pair{tomo::Axis::x, o.x_mm}, {tomo::Axis::y, o.y_mm}, {tomo::Axis::z, o.z_mm}}) {
     if (at) planes.push_back({axis, *at});
   }
-  if (planes.empty()) planes = tomo::middle_planes(printed);
-  const auto sections = tomo::sections_of(printed, planes);
+  if (planes.empty()) planes = tomo::middle_planes(print);
+  const auto sections = tomo::sections_of(print, planes);
   const tomo::Shown shown = o.show == "print"    ? tomo::Shown::print
                             : o.show == "target" ? tomo::Shown::target
                                                  : tomo::Shown::dose;
@@ -44,8 +55,7 @@ int section(const TomoViewOptions& o, const ExecutionContext& context, Console& 
                   shown == tomo::Shown::target  ? "target"
                   : shown == tomo::Shown::print ? "gel"
                                                 : "dose");
-  write_text_file(o.output,
-                  (svg ? tomo::sections_svg : tomo::sections_png)(sections, shown, title));
+  write_text_file(o.output, file(sections, shown, title));
   std::string text = o.output + ":";
   for (const tomo::PrintSection& s : sections) {
     text += fmt::format("{} {} = {:.3f} mm ({} voxels missing, {} gelled that should not)",
@@ -56,7 +66,76 @@ int section(const TomoViewOptions& o, const ExecutionContext& context, Console& 
   return kDone;
 }
 
+int report(const TomoViewOptions& o, const ExecutionContext& context, Console& console) {
+  ending_of(o.output, {".html"});
+  check_output(o.output, {o.job});
+  const tomo::Printed print = tomo::printed(tomo::read_job(o.job, context), context);
+  write_text_file(o.output, tomo::report_page(
+                                print, std::filesystem::path(o.job).filename().string(), context));
+  console.say(fmt::format("{}: contrast {:.4g}, {} void voxels gel with the part", o.output,
+                          print.figures.metrics.contrast, print.figures.metrics.void_gelled));
+  return kDone;
+}
+
+int video(const TomoViewOptions& o, const ExecutionContext& context, Console& console) {
+  const bool y4m = ending_of(o.output, {".y4m", ".mkv"}) == ".y4m";
+  check_output(o.output, {o.job});
+  const tomo::TomoJob job = tomo::read_job(o.job, context);
+  const tomo::VideoPlan plan = tomo::plan_video(job, o.video);
+  const std::unique_ptr<VideoFile> file =
+      y4m ? make_y4m_file(o.output) : make_matroska_file(o.output);
+  tomo::write_y4m(
+      job, plan, [&](const std::uint8_t* bytes, std::size_t count) { file->put(bytes, count); },
+      context);
+  file->publish();
+  console.say(fmt::format(
+      "{}: {} images of {} x {} pixels, {:.6g} a second, {:.1f} s: {} turns, then {} black; the "
+      "vial must turn {} at {:.6g} degrees a second",
+      o.output, plan.images, plan.width_px, plan.height_px, plan.fps(), plan.time_s(), plan.turns,
+      plan.tail, name_of(job.printer.rotation->direction), plan.deg_s));
+  return kDone;
+}
+
+int convert(const TomoViewOptions& o, const ExecutionContext& context, Console& console) {
+  check_output(o.output, {o.images.path, o.part});
+  if (!o.part.empty() && o.voxel_mm <= 0) {
+    throw InputError("--part-npy does not say how large its voxels are; expected --voxel-mm");
+  }
+  tomo::ImageSequence images = o.images;
+  if (!o.direction.empty()) {
+    images.direction =
+        o.direction == "clockwise" ? TurnDirection::clockwise : TurnDirection::counterclockwise;
+  }
+  const tomo::Box<std::uint8_t> part =
+      o.part.empty() ? tomo::Box<std::uint8_t>{} : tomo::read_part_npy(o.part);
+  const tomo::TomoJob job = tomo::job_of_images(images, load_printer(o.printer),
+                                                load_resin(o.resin), part, o.voxel_mm, context);
+  tomo::write_job(o.output, job, context);
+  console.say(fmt::format(
+      "{}: {} frames, {} slices of {:g} mm{}", o.output, job.sampling.angles, job.sampling.slices,
+      job.sampling.voxel_mm,
+      o.part.empty() ? fmt::format("; no part: to be judged by a volume of {} slices (tomo verify "
+                                   "--volume), or convert with --part-npy",
+                                   job.sampling.slices)
+                     : std::string()));
+  return kDone;
+}
+
 }  // namespace
+
+void check_picture_name(const std::string& path) { sections_file(path); }
+
+std::string picture_of(const tomo::Evidence& evidence, const std::string& part,
+                       const std::string& path) {
+  const tomo::PrintSection section = tomo::section_of(evidence);
+  write_text_file(path, sections_file(path)(
+                            {section}, tomo::Shown::dose,
+                            fmt::format("{}: slice {} can't be printed", part, evidence.slice)));
+  return fmt::format(
+      "{} shows that slice with the best light found, at a gel dose between the part's least dose "
+      "and void's most: {} voxels of the part miss it, {} of void reach it",
+      path, section.missing(), section.gelled());
+}
 
 void add_tomo_views(Program& program, CLI::App* group, TomoViewOptions& o) {
   using Command = int (*)(const TomoViewOptions&, const ExecutionContext&, Console&);
@@ -83,6 +162,47 @@ void add_tomo_views(Program& program, CLI::App* group, TomoViewOptions& o) {
       ->check(CLI::IsMember({"dose", "print", "target"}))
       ->capture_default_str();
   sub->add_option("-o,--output", o.output, "Picture to write (.png or .svg)")->required();
+
+  sub = add("report", "Write a page that shows what a job prints", report);
+  sub->add_option("JOB", o.job, "File of the job (.frames)")->required();
+  sub->add_option("-o,--output", o.output, "Page to write (.html)")->required();
+
+  sub = add("video", "Write a job's frames as a video without loss, turn by turn", video);
+  sub->add_option("JOB", o.job, "File of the job (.frames)")->required();
+  sub->add_option("--turns", o.video.turns, "Turns to show [those of the job]")
+      ->check(CLI::Range(1, 1000000000));
+  sub->add_option("--fps", o.video.fps,
+                  "Images a second [as the job shows them]: the vial must turn at this over the "
+                  "frames of a turn")
+      ->check(number_above_zero());
+  sub->add_option("--tail-s", o.video.tail_s, "Black after the last turn")
+      ->check(number_in(0, 86400))
+      ->capture_default_str();
+  sub->add_option("-o,--output", o.output,
+                  "Video to write: .y4m, or .mkv where the program ffmpeg is installed")
+      ->required();
+
+  sub =
+      add("convert", "Make a job of images that others made, to be judged and looked at", convert);
+  sub->add_option("FOLDER", o.images.path,
+                  "Folder (or zip) of PNG images, one for each angle, in the order of their names")
+      ->required();
+  sub->add_option("--printer", o.printer, "Printer: a .toml file or a name")->required();
+  sub->add_option("--resin", o.resin, "Resin: a .toml file or a name")->required();
+  sub->add_option("--angle-step-deg", o.images.angle_step_deg, "Angle from image to image")
+      ->required()
+      ->check(number_above_zero());
+  sub->add_option("--turns", o.images.turns, "Turns for which they are shown")
+      ->required()
+      ->check(CLI::Range(1, 1000000000));
+  sub->add_option("--direction", o.direction,
+                  "How the vial turns while they are shown, seen from above [as the printer's]")
+      ->check(CLI::IsMember({"clockwise", "counterclockwise"}));
+  sub->add_option("--part-npy", o.part,
+                  "What should print (.npy, axes z, y, x: 255 part, 0 empty, else neither)");
+  sub->add_option("--voxel-mm", o.voxel_mm, "Side of a voxel [the height of the images' rows]")
+      ->check(number_above_zero());
+  sub->add_option("-o,--output", o.output, "File of the job to write (.frames)")->required();
 }
 
 }  // namespace slicecorr::cli

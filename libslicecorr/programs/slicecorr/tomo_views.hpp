@@ -5,13 +5,26 @@
 #include <string>
 
 #include "programs/common/program.hpp"
+#include "slicecorr/tomo/convert.hpp"
+#include "slicecorr/tomo/print.hpp"
+#include "slicecorr/tomo/video.hpp"
 
 namespace slicecorr::cli {
 
 struct TomoViewOptions {
   std::string job, output, show = "dose";
   std::optional<double> x_mm, y_mm, z_mm;
+  tomo::VideoOptions video;
+  std::string printer, resin, part, direction;
+  tomo::ImageSequence images;
+  double voxel_mm = 0;
 };
+
+/// Writes a picture of where a part fails (.png or .svg), and says what it shows.
+std::string picture_of(const tomo::Evidence& evidence, const std::string& part,
+                       const std::string& path);
+/// Throws `InputError` unless a picture can be written under this name.
+void check_picture_name(const std::string& path);
 
 /// Adds them to the group `tomo`; they keep what they are told in `options`.
 void add_tomo_views(Program& program, CLI::App* group, TomoViewOptions& options);

@@ -267,8 +267,9 @@ Size draw(Canvas& canvas, const std::vector<PrintSection>& sections, Shown shown
     canvas.image(x, y - 14, ramp);
     const double at = x + kRamp * s.gel_dose / most;
     canvas.rect(at - 1, y - 18, 2, 22, detail::kInk);
-    canvas.text(x + kRamp + 10, y, fmt::format("dose, 0 to {} {}", chart::figure(most), s.unit));
-    right = std::max(right, x + kRamp + 10 + canvas.width_of("dose, 0 to 00.00 mJ/cm³"));
+    const std::string range = fmt::format("dose, 0 to {} {}", chart::figure(most), s.unit);
+    canvas.text(x + kRamp + 10, y, range);
+    right = std::max(right, x + kRamp + 10 + canvas.width_of(range));
     y += kLine;
     const std::string words = fmt::format("gels at {}", chart::figure(s.gel_dose));
     canvas.text(std::clamp(at - canvas.width_of(words) / 2, x, x + kRamp), y, words);
@@ -326,18 +327,19 @@ Size draw(Canvas& canvas, const std::vector<PrintSection>& sections, Shown shown
 
 }  // namespace
 
-Printed::Printed(TomoJob of, const ExecutionContext& context)
-    : job(std::move(of)),
-      dose(dose_of(job, context)),
-      figures(figures_of(job, dose, job.part, context)) {
-  figures.contrast_bound = job.contrast_bound;
+Printed printed(TomoJob job, const ExecutionContext& context) {
+  Printed p{std::move(job), {}, {}};
+  p.dose = dose_of(p.job, context);
+  p.figures = figures_of(p.job, p.dose, p.job.part, context);
+  p.figures.contrast_bound = p.job.contrast_bound;
+  return p;
 }
 
 std::size_t PrintSection::missing() const { return count(*this, 255); }
 std::size_t PrintSection::gelled() const { return count(*this, 0); }
 
-std::vector<Plane> middle_planes(const Printed& printed) {
-  const Box<std::uint8_t>& part = printed.job.part;
+std::vector<Plane> middle_planes(const Printed& print) {
+  const Box<std::uint8_t>& part = print.job.part;
   Extent e{{part.nz, part.ny, part.nx}, {-1, -1, -1}};
   for (int z = 0; z < part.nz; ++z) {
     for (int y = 0; y < part.ny; ++y) {
@@ -351,7 +353,7 @@ std::vector<Plane> middle_planes(const Printed& printed) {
       }
     }
   }
-  const double voxel = printed.job.sampling.voxel_mm;
+  const double voxel = print.job.sampling.voxel_mm;
   const auto middle = [&](std::size_t k, int n) {
     if (e.last[k] < 0) return 0.0;
     return ((e.first[k] + e.last[k]) / 2 - 0.5 * (n - 1)) * voxel;
@@ -438,10 +440,17 @@ std::vector<PrintSection> sections_of(const Box<float>& dose, const Box<std::uin
   return sections;
 }
 
-std::vector<PrintSection> sections_of(const Printed& printed, const std::vector<Plane>& planes) {
-  const TomoJob& job = printed.job;
-  return sections_of(printed.dose, job.part, job.insert, job.sampling.voxel_mm,
-                     printed.figures.gel_dose_mj_cm3, planes);
+std::vector<PrintSection> sections_of(const Printed& print, const std::vector<Plane>& planes) {
+  const TomoJob& job = print.job;
+  return sections_of(print.dose, job.part, job.insert, job.sampling.voxel_mm,
+                     print.figures.gel_dose_mj_cm3, planes);
+}
+
+PrintSection section_of(const Evidence& e) {
+  PrintSection s = sections_of(e.dose, e.part, e.insert, e.voxel_mm, 1, {{Axis::z, 0}})[0];
+  s.at_mm = e.z_mm;
+  s.unit = "times the gel dose";
+  return s;
 }
 
 std::string sections_svg(const std::vector<PrintSection>& sections, Shown shown,

@@ -15,6 +15,19 @@ int main(void) {
     fprintf(stderr, "%d: %s\n", status, slicecorr_error_text());
     return 1;
   }
+  /* One pixel of light that all of a 3 x 3 disc lies behind: the middle voxel gets it from 4 angles. */
+  float light[4 * 3] = {0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 1, 0}, dose[9];
+  slicecorr_tomo_grid small = {sizeof small, 3, 1, 4, 0, 1.0, 0, 0.0};
+  slicecorr_array from = {sizeof from, SLICECORR_FLOAT32, 0, light, {1, 4, 3}, {48, 12, 4}};
+  slicecorr_array to = {sizeof to, SLICECORR_FLOAT32, 0, dose, {1, 3, 3}, {36, 12, 4}};
+  slicecorr_tomo_bench* bench = NULL;
+  status = slicecorr_tomo_bench_create(&small, NULL, &bench);
+  if (!status) status = slicecorr_tomo_adjoint(bench, &from, &to, NULL);
+  if (status || dose[4] != 4.0f) {
+    fprintf(stderr, "%d: %s\n", status, slicecorr_error_text());
+    return 1;
+  }
+  slicecorr_tomo_bench_free(bench);
   slicecorr_setup_free(setup);
   slicecorr_stack_free(stack);
   printf("slicecorr %s, interface %d\n", slicecorr_version(), slicecorr_abi_version());

@@ -52,15 +52,31 @@ bool is_counted(Reason reason);
 
 inline constexpr std::int64_t kNoDeadline = std::numeric_limits<std::int64_t>::max();
 
+/// What a tomographic print says of itself, from the contract's `tomo --json`.
+struct TomoFigures {
+  double contrast =
+      0;  ///< void begins to gel after so many times the print's time; may be infinite
+  double contrast_bound = 0;  ///< no light has more; infinite: nothing was proven
+  double ver = 0;             ///< share of voxels that are void and gel with the part, 0..1
+  int turns = 0;
+  double print_time_s = 0;
+  bool feasible = true;  ///< all of the part gels before any void does
+};
+
 /// Figures of a result, from the contract's `verify --json`.
 struct ResultFigures {
   int layers = 0;                                                   ///< slices of the stack
   double height_mean_um = 0, height_p95_um = 0, height_max_um = 0;  ///< height errors, >= 0
   std::int64_t lost_features = 0, merged_features = 0;
   std::int64_t cure_through_voxels = 0, undercure_voxels = 0, target_voxels = 0;
+  std::optional<TomoFigures> tomo = {};  ///< of a tomographic print, which has none of the others
 };
 
-/// A file of a result: its name ending is "uvj" (or the format's), "html" or "json".
+/// What people ask of a result first: its largest height error and lost features, or the contrast of a
+/// tomographic print, its wrong voxels and its time.
+std::string in_words(const ResultFigures& figures);
+
+/// A file of a result: its name ending is "uvj" (or the format's, or "frames"), "html" or "json".
 struct ResultFile {
   std::string ending;
   std::int64_t bytes = 0;
@@ -82,7 +98,7 @@ struct Job {
   std::string key;                         ///< of its work: the same key, the same output
   JobId follows = 0;               ///< the queued or running job that does the same; 0: none
   std::vector<std::string> parts;  ///< inputs as they were submitted
-  std::string kind;                ///< "run" for meshes, "correct" for archives of slices
+  std::string kind;                ///< as `WorkSpec::kind`
   std::string printer, resin;
   std::string format;  ///< of the archive to write: its ending
   std::string output_folder;

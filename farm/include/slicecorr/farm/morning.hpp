@@ -44,7 +44,9 @@ struct MorningReport {
     std::vector<std::string> log_lines;  ///< the end of the last attempt's log
   };
   std::vector<Failure> failures;  ///< last ended first
-  std::vector<Job> worst;         ///< done, largest height error first
+  std::vector<Job> worst;         ///< done, largest height error first; without tomographic prints
+  std::vector<Job> tomographic;   ///< done tomographic prints, least contrast first
+  std::int64_t tomographic_done = 0;
 
   /// Attempts that touch the time, without deliveries from the cache.
   std::int64_t attempts = 0;

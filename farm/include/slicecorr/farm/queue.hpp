@@ -50,12 +50,15 @@ struct Work {
   std::string setup_json;  ///< printer, resin, process, as stacks record them
   std::string setup_hash;  ///< SHA-256 of it
   std::string kind, printer, resin, format;
-  std::string rate_class;                ///< work of the same class takes the same time per voxel
+  std::string rate_class;                ///< work of the same class takes the same time per unit
   std::vector<std::string> input_files;  ///< names in the store
   int layers = 0;                        ///< slices of the part
   std::int64_t voxels = 0;               ///< of the bounding box
-  std::int64_t base_memory_mb = 0;       ///< at one thread
-  std::int64_t thread_memory_mb = 0;     ///< for each further one
+  /// Voxels times angles times steps of a tomographic print, which its time goes with; 0: with the
+  /// voxels.
+  std::int64_t voxel_angle_steps = 0;
+  std::int64_t base_memory_mb = 0;    ///< at one thread
+  std::int64_t thread_memory_mb = 0;  ///< for each further one
 };
 
 /// A job to queue.
@@ -130,11 +133,12 @@ enum class CancelOutcome { cancelled, asked, too_late, unknown };
 /// Of every job besides its voxels: start of the program, reading, archive, report's frame.
 inline constexpr double kFixedJobS = 0.3;
 
-/// Measured rates, for estimates of the same class of work.
+/// Measured rates, for estimates of the same class of work. Of tomographic prints the unit is a
+/// voxel at an angle in a step, else a voxel.
 struct Rates {
-  double voxels_per_s = 0;     ///< on one core, `kFixedJobS` taken off; 0: never measured
-  double bytes_per_voxel = 0;  ///< of outputs; 0: never measured
-  int samples = 0;             ///< attempts measured
+  double units_per_s = 0;     ///< on one core, `kFixedJobS` taken off; 0: never measured
+  double bytes_per_unit = 0;  ///< of outputs; 0: never measured
+  int samples = 0;            ///< attempts measured
 };
 
 class Queue {

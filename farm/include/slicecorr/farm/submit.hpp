@@ -6,6 +6,7 @@
 /// `SubmitErrors`, failing disks and databases `DeviceError`.
 #pragma once
 
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -19,17 +20,35 @@
 
 namespace slicecorr::farm {
 
+/// Where a field of a request was said.
+struct SaidField {
+  std::string where;      ///< "jobs.toml: line 12"
+  bool default_ = false;  ///< for all jobs of a file that do not say it themselves
+};
+
 /// A job as somebody asks for it.
 struct JobRequest {
-  bool as_options = false;         ///< messages name options of the command line, not keys
-  std::string where;               ///< "jobs.toml:12", "jobs.csv:3", "command line", for messages
-  std::vector<std::string> parts;  ///< meshes that share a plate, or one archive of slices
-  double layer_um = 0;             ///< 0: the archive says it
+  bool as_options = false;  ///< messages name options of the command line, not keys
+  std::string where;        ///< "jobs.toml:12", "jobs.csv:3", "command line", for messages
+  /// Meshes that share a plate or vial, one archive of slices, or one volume (.npy) to be printed
+  /// tomographically.
+  std::vector<std::string> parts;
+  double layer_um = 0;  ///< 0: the archive says it
   std::string antialias = "on", units = "auto";
   double scale = 1;  ///< of the mesh, a factor > 0
   /// x and y on the plate; about x, y and z; empty: not given.
   std::vector<double> center_mm, rotate_deg;
-  SetupChoices setup;
+  SetupChoices setup;  ///< mode also "tomography"
+  /// Of tomographic prints; 0 and empty: not given.
+  std::vector<std::string> inserts;  ///< what turns with the part: meshes, or volumes
+  double voxel_mm = 0;
+  std::string method, window;  ///< as the options of `slicecorr tomo solve`
+  int angles = 0, iterations = 0;
+  double clip_sigma = 0, stop_error = 0, max_time_s = 0;
+  bool beyond_reach = false;
+  /// Fields that were said, by their key, so that those of another mode are refused where they stand.
+  /// A default that does not fit a job is passed over; one that fits none is refused.
+  std::map<std::string, SaidField> said;
   std::string name;      ///< of the outputs; empty: the first part's
   std::string format;    ///< of the archive: a name or ending; empty: uvj
   std::string out;       ///< output folder; empty: results/ID of the farm

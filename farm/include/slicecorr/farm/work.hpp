@@ -5,7 +5,8 @@
 ///     order.json     what to do (`WorkOrder`), before the worker starts
 ///     log.txt        all it says
 ///     progress.json  how far it is, replaced several times a second at most
-///     out/NAME.uvj   the stack; NAME.html, NAME.json: report and figures, as `slicecorr run`
+///     out/NAME.uvj   the stack; NAME.html, NAME.json: report and figures, as `slicecorr run`; of
+///                    tomographic prints NAME.frames, NAME.json and NAME.html, as `tomo solve` and `tomo report`
 ///     result.json    the end (`WorkOutcome`), by rename: who finds it finds it whole
 ///
 /// Plain values and thread-safe functions; `do_work` is meant to be all that a process does. What
@@ -26,24 +27,42 @@ namespace slicecorr::farm {
 
 /// What decides the bytes of a result, besides the setup. Its canonical text is part of the key.
 struct WorkSpec {
-  std::string kind = "run";  ///< "run": cut meshes; "correct": an archive of slices
+  /// "run": cut meshes; "correct": an archive of slices; "tomo": meshes or a volume, printed
+  /// tomographically.
+  std::string kind = "run";
   struct Input {
     std::string file;  ///< name in the store: SHA-256 and ending
     std::string sha256;
     std::string name;  ///< as submitted, for messages; not part of the key
   };
   std::vector<Input> inputs;
-  double layer_um = 0;  ///< 0: the archive says it
+  /// Of a tomographic print, in the words of `slicecorr tomo solve`.
+  struct Tomo {
+    bool volume = false;  ///< inputs are volumes (.npy), else meshes
+    int inserts =
+        0;  ///< so many inputs, the last ones, turn with the part and let no light through
+    double voxel_mm = 0;  ///< > 0
+    std::string method = "ladder", window = "hamming";
+    int angles = 0;                         ///< frames of a turn, >= 3
+    int iterations = 0;                     ///< 0: the method's usual number
+    double clip_sigma = 0, stop_error = 0;  ///< OSMO's; 0: neither
+    double max_time_s = 0;                  ///< 0: no limit
+    bool beyond_reach = false;
+    bool operator==(const Tomo&) const = default;
+  };
+  std::optional<Tomo> tomo;  ///< given exactly with kind "tomo"
+  double layer_um = 0;       ///< 0: the archive says it
   std::string antialias = "on", units = "auto";
   double scale = 1;                           ///< of the mesh, a factor > 0
   std::vector<double> center_mm, rotate_deg;  ///< x and y; about x, y and z; empty: not given
-  std::string format = "uvj";                 ///< of the archive, and its ending
+  std::string format = "uvj";                 ///< of the archive or "frames", and its ending
   std::string ending = "uvj";
   std::string name;  ///< part of the key only where the format writes it into the archive
 };
 std::string spec_json(const WorkSpec& spec);
 WorkSpec parse_spec(const std::string& json);
-/// SHA-256, 64 hex digits, of the canonical text of spec, setup and program version.
+/// SHA-256, 64 hex digits, of the canonical text of spec, setup and program version. `setup_json`: of
+/// tomographic prints `definitions_json`.
 std::string work_key(const WorkSpec& spec, const std::string& setup_json);
 
 struct WorkOrder {

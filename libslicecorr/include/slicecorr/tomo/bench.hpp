@@ -81,9 +81,7 @@ struct Bench {
   double reach_mm = 0;           ///< up to which light comes from all directions
   double alpha_r = 0;            ///< absorption times the resin's radius
   int frame_width = 0, frame_height = 0;
-  int first_column = 0;        ///< of frames, that shows the grid's pixel 0
-  std::vector<int> row_slice;  ///< per row of frames the slice that it lights; -1: none. Where they
-                               ///< are not moved; else `places` says it
+  int first_column = 0;  ///< of frames, that shows the grid's pixel 0
   FramePlaces places;
   bool clockwise = true;
   /// Frames are shown in order while the vial turns; this one is shown at angle m.

@@ -4,6 +4,8 @@
 /// Thread-safe; the same bytes for any number of threads. Errors are `InputError`.
 #pragma once
 
+#include <string_view>
+
 #include "slicecorr/parallel.hpp"
 #include "slicecorr/tomo/projector.hpp"
 #include "slicecorr/tomo/volume.hpp"
@@ -16,6 +18,11 @@ enum class Window {
   kHamming,  ///< 0.54 + 0.46 cos(pi k/k_N)
   kKelly,    ///< e^(-(k/k0)^4), k0 = 0.5 k_N
 };
+
+/// As people name them: "hamming", "ram-lak", "kelly". Throws `InputError` for other names.
+Window window_named(std::string_view name);
+/// Every name, the default first.
+inline constexpr std::string_view kWindowNames[] = {"hamming", "ram-lak", "kelly"};
 
 /// Filters light along t, in place: |k| times the window, zero-padded to a power of 2 of at least 2
 /// P. |k| is 1 at the highest frequency. Angular frequencies below `cut_per_mm`, when it is above 0,

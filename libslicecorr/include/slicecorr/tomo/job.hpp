@@ -14,9 +14,14 @@
 #include <vector>
 
 #include "slicecorr/process.hpp"
+#include "slicecorr/stack.hpp"
 #include "slicecorr/tomo/bench.hpp"
 #include "slicecorr/tomo/npy.hpp"
 #include "slicecorr/tomo/solve.hpp"
+
+namespace slicecorr {
+struct GreyImage;
+}
 
 namespace slicecorr::tomo {
 
@@ -35,10 +40,14 @@ struct TomoJob {
   /// Grey levels, laid out as the light of the grid of `make_bench`; 0 in lanes without a slice.
   std::vector<std::uint16_t> levels;
   /// How the solve went, and the bound of contrast that it proved (infinite: none): for pages, no
-  /// part of the print. Jobs that others made have neither.
+  /// part of the print. Files that others made have neither.
   std::vector<Step> history;
   double contrast_bound = std::numeric_limits<double>::infinity();
 };
+
+/// Frame `frame` of a turn, in the order in which they are shown, as the projector shows it: grey
+/// values of its size. `bench` is the job's `make_bench`.
+GreyImage frame_image(const TomoJob& job, const Bench& bench, int frame);
 
 /// Written under a temporary name, then renamed. Throws `DeviceError`, and `InputError` as
 /// `make_bench`.

@@ -4,6 +4,7 @@
 /// Thread-safe; the same results for any number of threads.
 #pragma once
 
+#include <functional>
 #include <limits>
 #include <string>
 #include <vector>
@@ -60,6 +61,19 @@ struct PrintFigures {
   std::string to_json() const;
 };
 
+/// Where a part that no light prints fails: the slice that the bound of contrast is of, and the best
+/// that was found for it.
+struct Evidence {
+  int slice = 0;
+  double z_mm = 0;  ///< of the slice, from the optical axis
+  double voxel_mm = 0;
+  double bound = 0;  ///< of contrast, below 1
+  /// This slice alone. Doses are over the gel dose at which as much of the part is short as void has
+  /// too much, as a factor: the root of the part's least dose times void's most.
+  Box<float> dose;
+  Box<std::uint8_t> part, insert;  ///< `insert` may be empty
+};
+
 struct PrintOptions {
   SolveOptions solve;
   /// What turns with the part and lets no light through: > 0 opaque, on the part's grid; empty: none.
@@ -68,6 +82,8 @@ struct PrintOptions {
   /// 0: no limit. With one, light is found that prints in that time (`SolveOptions::cap`).
   double most_time_s = 0;
   bool beyond_reach = false;  ///< gel where not all directions reach is allowed
+  /// Called before a part is refused because of the bound of its contrast. May be null.
+  std::function<void(const Evidence&)> evidence = nullptr;
   /// File in which the solver leaves what it has, after a rung or step, to go on from; empty: none.
   /// It stays when the solve ends, whichever way: whoever has the result removes it.
   std::string checkpoint = {};
@@ -81,10 +97,17 @@ struct Print {
   PrintFigures figures;  ///< of the frames with their grey levels
 };
 
-/// Throws `InputError` for parts outside of the vial or its reach, for inserts of another grid,
-/// outside of the vial, or in the part, and for a checkpoint that is damaged or of another solve; `InfeasibleError` when the bound of contrast is below 1,
-/// when a voxel of the part is lit from no angle, when black light gels resin, when inhibitor comes
-/// back faster than light takes it, and when it takes longer than allowed.
+/// What `solve_print` refuses of its inputs, without looking for light: throws `InputError` for parts
+/// outside of the vial or its reach, for inserts of another grid, outside of the vial, or in the
+/// part, and as `make_bench` and `Target`; `InfeasibleError` where less time is allowed than a turn
+/// takes. Gives what it would be computed on.
+Bench check_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer& printer,
+                  const Resin& resin, const PrintOptions& options = {});
+
+/// Throws as `check_print`, `InputError` for a checkpoint that is damaged or of another solve;
+/// `InfeasibleError` when the bound of contrast is below 1, when a voxel of the part is lit from no
+/// angle, when black light gels resin, when inhibitor comes back faster than light takes it, and
+/// when it takes longer than allowed. Progress is of two stages, "solving" and "judging".
 Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer& printer,
                   const Resin& resin, const PrintOptions& options = {},
                   const ExecutionContext& context = {});

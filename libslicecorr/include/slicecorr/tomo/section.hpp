@@ -19,9 +19,9 @@ struct Printed {
   TomoJob job;
   Box<float> dose;
   PrintFigures figures;
-  /// As `dose_of` and `figures_of`, which it calls; the bound of contrast is the job's.
-  explicit Printed(TomoJob of, const ExecutionContext& context = {});
 };
+/// As `dose_of` and `figures_of`, which it calls; the bound of contrast is the job's.
+Printed printed(TomoJob job, const ExecutionContext& context = {});
 
 /// Which coordinate a plane keeps.
 enum class Axis { x, y, z };
@@ -33,7 +33,7 @@ struct Plane {
 };
 
 /// The three planes through the middle of the part's box.
-std::vector<Plane> middle_planes(const Printed& printed);
+std::vector<Plane> middle_planes(const Printed& print);
 
 /// What stands in a voxel.
 enum class Matter : std::uint8_t { nothing, resin, insert };
@@ -56,11 +56,14 @@ struct PrintSection {
 
 /// The planes of voxels nearest to where they are asked for, cut down alike to the part, what gels
 /// and inserts, with a margin. Throws `InputError` for planes outside of the resin.
-std::vector<PrintSection> sections_of(const Printed& printed, const std::vector<Plane>& planes);
+std::vector<PrintSection> sections_of(const Printed& print, const std::vector<Plane>& planes);
 /// The same of any doses on the grid of voxels: `matter` and `part` are those of all voxels.
 std::vector<PrintSection> sections_of(const Box<float>& dose, const Box<std::uint8_t>& part,
                                       const Box<std::uint8_t>& insert, double voxel_mm,
                                       double gel_dose, const std::vector<Plane>& planes);
+
+/// The slice where a part fails that no light prints.
+PrintSection section_of(const Evidence& evidence);
 
 /// What the voxels of a picture are coloured by.
 enum class Shown {

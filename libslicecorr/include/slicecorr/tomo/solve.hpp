@@ -3,9 +3,10 @@
 ///
 /// `kLadder` minimises, for a contrast rung rho_c,
 ///   sum_gel (1-D)+^2 + sum_void (D-rho_c)+^2 + sum_gel (D-d_u)+^2,  D = A^T b, 0 <= b <= cap,
-/// by projected L-BFGS, block by block, rung by rung warm-started while the loss reaches 0, and
-/// keeps the light with the best contrast C. Where a rung is missed, what is left of the loss
-/// proves how far C can go with any light at all (`contrast_bound`).
+/// by projected L-BFGS, slice by slice, rung by rung warm-started while the loss reaches 0, and keeps
+/// for each slice the light with the best contrast C that the part can use. Where a rung is missed,
+/// what is left of the loss on one out of reach proves how far C can go with any light at all
+/// (`contrast_bound`), for the slices that limit the part. Slices without gel stay dark.
 /// `kOsmo` is Rackson's object-space optimisation as in Webber 2023, 2.7; the model is scaled to a
 /// maximum of 1, because its steps are doses. `kKelly` is Kelly's projected gradient (thesis 4.1);
 /// its unit step is scaled so that A^T ramp A target steps by 1 between gel and void, and its
@@ -13,12 +14,13 @@
 /// the filtered back projection alone.
 ///
 /// Thread-safe; the same bytes for any number of threads. Memory: light and dose of the part, and
-/// for the ladder 2 memory + 6 times the light of a block per thread.
+/// for the ladder twice that and 2 memory + 6 times the light of as many blocks as there are threads.
 #pragma once
 
 #include <functional>
 #include <limits>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "slicecorr/parallel.hpp"
@@ -31,8 +33,13 @@ namespace slicecorr::tomo {
 
 enum class Method { kLadder, kOsmo, kKelly, kFbp };
 
-/// One step of a solver. With several blocks, the ladder's VER counts each slice block against its
-/// own weakest gel voxel; other figures are the part's.
+/// As people name them: "ladder", "osmo", "kelly", "fbp". Throws `InputError` for other names.
+Method method_named(std::string_view name);
+/// Every name, the default first.
+inline constexpr std::string_view kMethodNames[] = {"ladder", "osmo", "kelly", "fbp"};
+
+/// One step of a solver. The ladder's VER counts each slice against its own weakest gel voxel; other
+/// figures are the part's.
 struct Step {
   double rung = 0;  ///< rho_c; 0 where there is none
   int step = 0;     ///< from 0, within the rung
@@ -43,7 +50,8 @@ struct Step {
 struct Solution {
   explicit Solution(const TomoGrid& grid) : light(grid), dose(grid) {}
 
-  Light light;      ///< scaled: A^T light is 1 at the weakest gel voxel
+  /// Scaled: A^T light is 1 at the weakest gel voxel, with the ladder at that of each slice.
+  Light light;
   Field dose;       ///< A^T light
   Metrics metrics;  ///< of `dose`
   double rung = 0;  ///< at which it was found
@@ -56,17 +64,20 @@ struct Solution {
 
 /// Between two rungs or steps, what a solver goes on with.
 struct SolverPlace {
-  const Array<float>& numbers;  ///< light; of OSMO its model
-  double rung = 0;              ///< ladder: which comes next; 0: none
-  bool missed = false;          ///< ladder: that rung was missed, and its proof comes next
-  int step = 0;                 ///< OSMO, Kelly: which comes next
-  const Solution& best;         ///< so far, not scaled yet
+  const Array<float>& numbers;         ///< light; of OSMO its model
+  const Array<float>& dose;            ///< ladder: of the light
+  std::vector<double> of_slices = {};  ///< ladder: what it knows of each slice
+  std::vector<int> missed = {};  ///< ladder: slices that missed the rung; none: it was reached
+  double rung = 0;               ///< ladder: that was missed, or comes next; 0: none does
+  int step = 0;                  ///< OSMO, Kelly: which comes next
+  const Solution& best;          ///< so far, not scaled yet
 };
 /// The same, kept.
 struct SolverState {
-  Array<float> numbers;
+  Array<float> numbers, dose;
+  std::vector<double> of_slices;
+  std::vector<int> missed;
   double rung = 0;
-  bool missed = false;
   int step = 0;
   Solution best;
 };
@@ -78,7 +89,9 @@ struct SolveOptions {
   /// Steps per rung, or in all. 0: 60 per rung; OSMO 20, the start being the first; Kelly 10.
   int steps = 0;
 
-  /// A rung goes on beyond `steps`, up to this many, while doubling the steps halves the loss.
+  /// A slice goes on beyond `steps`, up to this many, doubling them each time, while the second half
+  /// of them takes 0.3 of its loss away; half as many once the contrast is 1. A slice that misses
+  /// the rung ends the ladder.
   int most_steps = 1000;
   /// Rungs of the ladder, falling, each in (0, 1).
   std::vector<double> rungs = {0.995, 0.98, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2};
@@ -88,8 +101,8 @@ struct SolveOptions {
   /// Most light, in units of which 1 everywhere gives A^T 1; the gel dose is 1 unit. With a time
   /// that is fixed: alpha_a T_rot N I_max / (M Dc). 0: no cap.
   double cap = 0;
-  int memory = 5;        ///< of L-BFGS, 1..50
-  int proof_steps = 60;  ///< more steps on a missed rung, for its proof; 0: none
+  int memory = 5;         ///< of L-BFGS, 1..50
+  int proof_steps = 160;  ///< for the proof, once a rung is missed; 0: none
 
   double osmo_high = 0.85, osmo_low = 0.6;  ///< D_H, D_L over the largest dose; high > low
   /// OSMO as in Webber 2023: light above the mean and this many standard deviations is cut off in

@@ -62,11 +62,9 @@ struct TomoGrid {
   double slice_height_mm() const { return slice_mm > 0 ? slice_mm : voxel_mm(); }
 
   /// Slices per block, and so the number of lanes; the last block may hold fewer slices, its other
-  /// lanes are 0 and stay 0. It depends on the number of slices alone.
-  int lanes() const {
-    if (rows > 0) return all_lanes(slices);
-    return slices < 8 ? 1 : slices <= 16 ? 16 : 32;
-  }
+  /// lanes are 0 and stay 0. It depends on the number of slices, and of a few on the widths of
+  /// voxels and pixels.
+  int lanes() const;
   /// Numbers of light per angle and pixel of a block.
   int light_lanes() const { return rows > 0 ? (rows + 15) / 16 * 16 : lanes(); }
   /// Cache lines of 16 lanes; many of them an odd number, as columns of voxels that are a power of

@@ -1,0 +1,36 @@
+"""Corrects slices for resin printers, and finds the light of tomographic prints.
+
+``slicecorr.correct`` needs nothing but the standard library. ``slicecorr.tomo`` needs NumPy, and SciPy only where
+it is asked for. Both call ``libslicecorr.so`` (docs/python.md, docs/c-api.md).
+"""
+
+from ._library import (
+    BadCall,
+    Cancelled,
+    DeviceError,
+    Error,
+    Figures,
+    InfeasibleError,
+    InputError,
+    Progress,
+    Toml,
+    library_path,
+    version,
+)
+from .stacks import correct
+
+__version__ = version()
+__all__ = [
+    "BadCall",
+    "Cancelled",
+    "DeviceError",
+    "Error",
+    "Figures",
+    "InfeasibleError",
+    "InputError",
+    "Progress",
+    "Toml",
+    "correct",
+    "library_path",
+    "version",
+]

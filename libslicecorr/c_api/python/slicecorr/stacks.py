@@ -1,0 +1,25 @@
+"""Archives of slices."""
+
+from __future__ import annotations
+
+import os
+from typing import Any, Callable, Optional, Union
+
+from ._library import Definition, Figures, Handle, Progress, Run, check, figures_of, function, setup_of
+
+
+def correct(source: "Union[str, os.PathLike[str]]", target: "Union[str, os.PathLike[str]]", *,
+            printer: Optional[Definition] = None, resin: Optional[Definition] = None, threads: int = 0,
+            progress: Optional[Progress] = None, notice: Optional[Callable[[str], Any]] = None,
+            **settings: Any) -> Figures:
+    """Corrects the archive `source` and writes `target`, which may be the same file.
+
+    `printer` and `resin` are names, paths of .toml files, or `Toml`; other settings are those of `slicecorr correct`
+    with _ for - (``speed_mm_h=800``). `progress` is called with a stage and the fraction done. Returns what the
+    corrected stack prints, as `slicecorr verify --json` writes it. Raises `InputError`, `InfeasibleError`,
+    `DeviceError`; after Ctrl-C nothing half-made is left."""
+    setup = setup_of({"printer": printer, "resin": resin, **settings})
+    stack, after = Handle("stack"), Handle("figures")
+    check(function("stack_open")(os.fsencode(source), stack.out))
+    Run(threads, progress, notice).call("correct", stack, setup, os.fsencode(target), ..., after.out, None)
+    return figures_of(after)

@@ -1,0 +1,136 @@
+#include "programs/common/tomo_options.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "programs/common/program.hpp"
+#include "slicecorr/error.hpp"
+
+namespace slicecorr::cli {
+
+namespace {
+
+using tomo::Box;
+
+struct Voxels {
+  Box<std::uint8_t> part, insert;
+};
+
+/// Adds an insert to those before.
+void merge(Box<std::uint8_t> insert, Box<std::uint8_t>& all) {
+  if (all.values.empty()) {
+    all = std::move(insert);
+    return;
+  }
+  for (std::size_t i = 0; i < all.values.size(); ++i) {
+    all.values[i] = std::max(all.values[i], insert.values[i]);
+  }
+}
+
+Voxels voxels_of_volumes(const TomoPrintOptions& o, const Printer& printer, double voxel_mm) {
+  const Box<std::uint8_t> part = tomo::read_part_npy(o.volume);
+  Voxels voxels{tomo::placed(part, printer, voxel_mm), {}};
+  for (const std::string& path : o.inserts) {
+    const Box<std::uint8_t> insert = tomo::read_part_npy(path);
+    if (insert.nx != part.nx || insert.ny != part.ny || insert.nz != part.nz) {
+      throw InputError(path, "",
+                       fmt::format("has {} x {} x {} voxels, the part {} x {} x {}; expected an "
+                                   "insert in a volume of the part's size",
+                                   insert.nx, insert.ny, insert.nz, part.nx, part.ny, part.nz));
+    }
+    merge(tomo::placed(insert, printer, voxel_mm), voxels.insert);
+  }
+  return voxels;
+}
+
+Voxels voxels_of_meshes(const TomoPrintOptions& o, const Printer& printer, double voxel_mm,
+                        const ExecutionContext& context) {
+  TriangleMesh mesh = read_parts(o.mesh, context).mesh;
+  const tomo::PartFrame frame = tomo::frame_of(mesh, context);
+  Voxels voxels{tomo::voxelise(std::move(mesh), printer, voxel_mm, context), {}};
+  for (const std::string& path : o.inserts) {
+    // Turned and scaled as the part is.
+    MeshOptions insert = o.mesh;
+    insert.parts = {path};
+    TriangleMesh mesh_of_insert = read_parts(insert, context).mesh;
+    try {
+      merge(tomo::voxelise_insert(std::move(mesh_of_insert), frame, voxels.part, printer, voxel_mm,
+                                  context),
+            voxels.insert);
+    } catch (const InputError& e) {
+      throw InputError(path, "", e.what());
+    }
+  }
+  return voxels;
+}
+
+}  // namespace
+
+void TomoPrintOptions::add_to(CLI::App& app) {
+  app.add_option("--insert", inserts,
+                 "What turns with the part and lets no light through, in the part's coordinates: a "
+                 "mesh, with a volume another of its size (> 0 opaque); may be given again")
+      ->allow_extra_args(false);
+  app.add_option("--voxel-mm", voxel_mm, "Side of a voxel [--layer-um, else the pixel's pitch]")
+      ->check(number_above_zero());
+  app.add_option("--angles", angles, "Frames of a turn [as many as resolve the voxels]")
+      ->check(CLI::Range(3, 100000));
+  app.add_option("--method", method,
+                 "How light is found: contrast ladder, OSMO, Kelly's gradient, or filtered back "
+                 "projection alone")
+      ->check(CLI::IsMember({"ladder", "osmo", "kelly", "fbp"}))
+      ->capture_default_str();
+  app.add_option("--window", window, "Window of the filter that it starts from")
+      ->check(CLI::IsMember({"hamming", "ram-lak", "kelly"}))
+      ->capture_default_str();
+  app.add_option("--iterations", iterations, "Steps, with the ladder of each rung [60, 20, 10]")
+      ->check(CLI::Range(1, 100000));
+  app.add_option(
+         "--clip-sigma", clip_sigma,
+         "OSMO: cut off light above the mean and so many standard deviations [none; Webber: 3]")
+      ->check(number_above_zero());
+  app.add_option("--stop-error", stop_error,
+                 "OSMO: stop when doses are wrong by less than this share of the part's [none; "
+                 "Webber: 0.005]")
+      ->check(number_above_zero());
+  app.add_option("--max-time-s", most_time_s,
+                 "Most time to print: the ladder keeps the light within it, what takes longer is "
+                 "refused")
+      ->check(number_above_zero());
+  app.add_flag("--beyond-reach", beyond_reach,
+               "Allow parts that reach further than light from all directions does");
+}
+
+double TomoPrintOptions::side_of_voxel_mm(const Printer& printer) const {
+  if (voxel_mm > 0) return voxel_mm;
+  if (!volume.empty()) {
+    throw InputError("--volume does not say how large its voxels are; expected --voxel-mm");
+  }
+  return mesh.layer_um > 0 ? mesh.layer_um * 1e-3 : printer.pixel_y_um * 1e-3;
+}
+
+TomoPrint read_tomo_print(const TomoPrintOptions& o, const Printer& printer,
+                          const ExecutionContext& context) {
+  if ((o.clip_sigma > 0 || o.stop_error > 0) && o.method != "osmo") {
+    throw InputError("--clip-sigma and --stop-error are of OSMO; expected --method osmo with them");
+  }
+  TomoPrint print;
+  print.voxel_mm = o.side_of_voxel_mm(printer);
+  Voxels voxels = o.volume.empty() ? voxels_of_meshes(o, printer, print.voxel_mm, context)
+                                   : voxels_of_volumes(o, printer, print.voxel_mm);
+  print.part = std::move(voxels.part);
+  print.options.insert = std::move(voxels.insert);
+  print.options.solve.method = tomo::method_named(o.method);
+  print.options.solve.window = tomo::window_named(o.window);
+  print.options.solve.steps = o.iterations;
+  print.options.solve.clip_sigma = o.clip_sigma;
+  print.options.solve.stop_error = o.stop_error;
+  print.options.angles = o.angles;
+  print.options.most_time_s = o.most_time_s;
+  print.options.beyond_reach = o.beyond_reach;
+  return print;
+}
+
+}  // namespace slicecorr::cli

@@ -1,0 +1,44 @@
+/// What every program that prints tomographically can be told of the part and of how light is found.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "programs/common/mesh_options.hpp"
+#include "slicecorr/parallel.hpp"
+#include "slicecorr/process.hpp"
+#include "slicecorr/tomo/print.hpp"
+
+namespace slicecorr::cli {
+
+struct TomoPrintOptions {
+  MeshOptions mesh;                  ///< parts, or none with a volume
+  std::string volume;                ///< .npy in place of meshes
+  std::vector<std::string> inserts;  ///< meshes, with a volume volumes of its size
+  double voxel_mm = 0;               ///< 0: the layer height, else the pixel's pitch
+  std::string method = "ladder", window = "hamming";
+  int angles = 0, iterations = 0;         ///< 0: the usual ones
+  double most_time_s = 0;                 ///< 0: no limit
+  double clip_sigma = 0, stop_error = 0;  ///< OSMO's; 0: neither
+  bool beyond_reach = false;
+
+  /// All but parts, volume and placement.
+  void add_to(CLI::App& app);
+  /// Throws `InputError` for a volume whose voxels have no size.
+  double side_of_voxel_mm(const Printer& printer) const;
+};
+
+/// All that `tomo::solve_print` is to be told of printing with this printer.
+struct TomoPrint {
+  tomo::Box<std::uint8_t> part;
+  double voxel_mm = 0;
+  tomo::PrintOptions options;  ///< with the inserts
+};
+/// Reads meshes or volumes, as voxels on the grid of the vial. Throws `InputError` for inserts that
+/// do not fit the part, and for options of another method.
+TomoPrint read_tomo_print(const TomoPrintOptions& options, const Printer& printer,
+                          const ExecutionContext& context);
+
+}  // namespace slicecorr::cli

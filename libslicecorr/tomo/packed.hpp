@@ -1,0 +1,85 @@
+/// Some slices of a part, put together into blocks of their own, so that no lane is spent on others.
+#pragma once
+
+#include <vector>
+
+#include "slicecorr/tomo/projector.hpp"
+#include "slicecorr/tomo/volume.hpp"
+
+namespace slicecorr::tomo::detail {
+
+class PackedSlices {
+ public:
+  /// `slices` of the projector's grid, at least one.
+  PackedSlices(const Projector& projector, const std::vector<int>& slices)
+      : from_(projector.grid()), slices_(slices), projector_(projector.of_slices(slices)) {}
+
+  const Projector& projector() const { return *projector_; }
+  const TomoGrid& grid() const { return projector_->grid(); }
+  /// The slices of a block, lane by lane.
+  std::vector<int> of_block(std::size_t block) const {
+    const auto lanes = static_cast<std::size_t>(grid().lanes());
+    const auto first = slices_.begin() + static_cast<std::ptrdiff_t>(block * lanes);
+    return {first, first + grid().lanes_used(block)};
+  }
+
+  /// Numbers of a block out of an array over the whole part, and back: `per_block` per block and lane.
+  template <class T>
+  Array<T> take(std::size_t block, const Array<T>& whole) const {
+    const Strides s = strides(whole.size());
+    Array<T> numbers(s.rows * s.to_lanes);
+    copy(block, s, [&](std::size_t from, std::size_t to) { numbers[to] = whole[from]; });
+    return numbers;
+  }
+  template <class T>
+  void put_back(std::size_t block, const Array<T>& numbers, Array<T>& whole) const {
+    copy(block, strides(whole.size()),
+         [&](std::size_t from, std::size_t to) { whole[from] = numbers[to]; });
+  }
+
+ private:
+  struct Strides {
+    std::size_t rows, from_lanes, to_lanes;
+  };
+  Strides strides(std::size_t whole) const {
+    const auto lanes = static_cast<std::size_t>(from_.lanes());
+    return {whole / from_.blocks() / lanes, lanes, static_cast<std::size_t>(grid().lanes())};
+  }
+  template <class Use>
+  void copy(std::size_t block, const Strides& s, const Use& use) const {
+    const std::vector<int> slices = of_block(block);
+    std::vector<std::size_t> first;
+    for (const int slice : slices) {
+      const auto z = static_cast<std::size_t>(slice);
+      first.push_back(z / s.from_lanes * s.rows * s.from_lanes + z % s.from_lanes);
+    }
+    for (std::size_t row = 0; row < s.rows; ++row) {
+      for (std::size_t l = 0; l < first.size(); ++l) {
+        use(first[l] + row * s.from_lanes, row * s.to_lanes + l);
+      }
+    }
+  }
+
+  TomoGrid from_;
+  std::vector<int> slices_;
+  std::unique_ptr<Projector> projector_;
+};
+
+/// The slices that hold gel.
+inline std::vector<int> slices_with_gel(const Target& target) {
+  const TomoGrid& grid = target.grid;
+  const auto lanes = static_cast<std::size_t>(grid.lanes());
+  std::vector<bool> has(static_cast<std::size_t>(grid.slices), false);
+  for (std::size_t i = 0; i < target.kinds.size(); ++i) {
+    if (target.kinds[i] == Kind::kGel) {
+      has[i / grid.voxels_of_block() * lanes + i % lanes] = true;
+    }
+  }
+  std::vector<int> slices;
+  for (int z = 0; z < grid.slices; ++z) {
+    if (has[static_cast<std::size_t>(z)]) slices.push_back(z);
+  }
+  return slices;
+}
+
+}  // namespace slicecorr::tomo::detail

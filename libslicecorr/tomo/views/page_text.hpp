@@ -1,0 +1,13 @@
+/// The files under page/, embedded when the library is built (cmake/EmbedText.cmake).
+#pragma once
+
+#include <string_view>
+
+namespace slicecorr::tomo::detail {
+
+// Each is named after its file.
+// NOLINTBEGIN(readability-identifier-naming)
+extern const std::string_view page_round_html, page_times_js;
+// NOLINTEND(readability-identifier-naming)
+
+}  // namespace slicecorr::tomo::detail

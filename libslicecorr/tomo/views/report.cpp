@@ -1,0 +1,593 @@
+#include "slicecorr/tomo/report.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <limits>
+#include <nlohmann/json.hpp>
+
+#include "picture/embed.hpp"
+#include "slicecorr/process.hpp"
+#include "slicecorr/version.hpp"
+#include "slicecorr/vial.hpp"
+#include "support/chart/chart.hpp"
+#include "support/page/page_style.hpp"
+#include "support/text/base64.hpp"
+#include "support/text/display_text.hpp"
+#include "support/text/escape.hpp"
+#include "tomo/views/page_text.hpp"
+
+namespace slicecorr::tomo {
+
+namespace {
+
+using chart::axis_over;
+using chart::figure;
+using chart::Panel;
+using chart::Picture;
+using chart::Point;
+using chart::Style;
+using slicecorr::detail::Bytes;
+
+constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
+/// Compressed bytes of the cells in the round, and cells along a side, at most.
+constexpr std::size_t kCellBudget = 1'500'000;
+constexpr int kMostCells = 220;
+
+std::size_t at_cell(const GelTimes& g, int x, int y, int z) {
+  return (static_cast<std::size_t>(z) * static_cast<std::size_t>(g.ny) +
+          static_cast<std::size_t>(y)) *
+             static_cast<std::size_t>(g.nx) +
+         static_cast<std::size_t>(x);
+}
+
+bool in_resin(const Box<std::uint8_t>& part, int x, int y) {
+  const double r = 0.5 * (part.nx - 1), dx = x - r, dy = y - r;
+  return dx * dx + dy * dy <= r * r;
+}
+
+std::string percent(double share) { return fmt::format("{} %", figure(100 * share)); }
+
+/// A table of figures: name, value, what it means.
+std::string figures_table(const Printed& p) {
+  const PrintFigures& f = p.figures;
+  const Metrics& m = f.metrics;
+  std::string html =
+      R"(<div class="scroll"><table class="figures"><thead><tr><th scope="col">Figure</th><th scope="col">Value</th><th scope="col" style="text-align:left">What it means</th></tr></thead><tbody>)";
+  const auto row = [&](const char* name, const std::string& value, const std::string& meaning) {
+    html += fmt::format(
+        R"(<tr><th scope="row">{}</th><td>{}</td><td style="white-space:normal;text-align:left">{}</td></tr>)",
+        name, value, escape_markup(meaning));
+  };
+  row("Contrast C", figure(m.contrast),
+      "least dose of the part over most of void: void begins to gel after so many times the print's "
+      "time");
+  if (std::isfinite(f.contrast_bound)) {
+    row("Bound of C", figure(f.contrast_bound),
+        "no light whatever has more, as the solve of this job proved");
+  }
+  row("Void that gels with the part",
+      fmt::format("{} of {} voxels", text::count(static_cast<std::int64_t>(m.void_gelled)),
+                  text::count(static_cast<std::int64_t>(m.empty))),
+      "void voxels with at least the dose of the weakest voxel of the part");
+  row("VER", figure(m.ver), "these over all voxels of part and void");
+  row("Process window PW", figure(m.pw),
+      "least dose of the part less most of void, over the largest dose; above 0 is good");
+  row("PW, trimmed", figure(m.trimmed_pw),
+      "the same without the weakest 0.05 % of the part and the strongest 0.05 % of void");
+  row("Range in the part, IPDR", figure(m.ipdr),
+      "largest less least dose of the part, over the largest dose; small is even");
+  row("Overlap at the gel dose", figure(f.jaccard_at_dose),
+      "Jaccard index of what gels and what should; 1 is all right");
+  row("Best overlap", figure(m.best_jaccard),
+      "the same at the gel dose that would suit this light best");
+  row("Dose in the part", fmt::format("{} to {} mJ/cm³", figure(m.min_gel), figure(m.max_gel)),
+      "of the whole print");
+  row("Dose in void", fmt::format("up to {} mJ/cm³", figure(m.max_void)), "of the whole print");
+  row("Gel dose", fmt::format("{} mJ/cm³", figure(f.gel_dose_mj_cm3)),
+      "with what inhibitors take, and get again in the time of the print");
+  row("Black light", fmt::format("up to {} mJ/cm³", figure(f.floor_mj_cm3)),
+      "what black frames alone would leave in that time");
+  row("Time", fmt::format("{} turns, {}", f.turns, text::duration(f.print_time_s)),
+      "whole turns, so that all directions count alike");
+  row("Mean over largest light", percent(f.efficiency),
+      "how much of the projector's light is used; contrast costs light");
+  row("Absorption times radius", figure(f.alpha_r),
+      "1 is the fastest on the axis; much more leaves it dark");
+  const Vial& vial = *p.job.printer.vial;
+  const double n = index_of(p.job.resin), r = part_radius_mm(p.job.part, p.job.sampling.voxel_mm);
+  const double q = r * n / vial.n_outside;
+  if (!misses(vial, n, q, 0)) {
+    row("Light through the wall",
+        fmt::format("{} to {}", percent(transmittance(vial, n, q, 0)),
+                    percent(transmittance(vial, n, 0, 0))),
+        fmt::format("at {:.3f} mm from the axis, where the part ends, and at the axis", r));
+  }
+  return html + "</tbody></table></div>";
+}
+
+std::string tiles(const PrintFigures& f) {
+  std::string html = R"(<div class="tiles">)";
+  const auto tile = [&](const char* kind, const std::string& value, const std::string& what) {
+    html +=
+        fmt::format(R"(<div class="tile {}"><b>{}</b><span>{}</span></div>)", kind, value, what);
+  };
+  const bool good = f.feasible();
+  tile(good ? "good" : "bad", good ? "as designed" : "not as designed",
+       good                     ? "all of the part gels, and before any void does"
+       : f.metrics.contrast < 1 ? "some void gels before all of the part does"
+                                : "some of the part gets less than what gels");
+  tile("", figure(f.metrics.contrast), "contrast");
+  tile("", text::count(static_cast<std::int64_t>(f.metrics.void_gelled)),
+       "void voxels gel with the part");
+  tile("", text::duration(f.print_time_s), fmt::format("in {} turns", f.turns));
+  return html + "</div>";
+}
+
+std::string framed(const std::string& picture, const std::string& words) {
+  return fmt::format(R"(<figure><div class="scroll">{}</div><figcaption>{}</figcaption></figure>)",
+                     picture, escape_markup(words));
+}
+
+/// How many voxels of part and void have which dose.
+std::string histogram_svg(const Printed& p) {
+  const Box<std::uint8_t>& part = p.job.part;
+  constexpr std::size_t kBins = 80;
+  const double most =
+      std::max({p.figures.metrics.max_gel, p.figures.metrics.max_void, p.figures.gel_dose_mj_cm3}) *
+      1.02;
+  std::vector<double> gel(kBins), empty(kBins);
+  for (int z = 0; z < part.nz; ++z) {
+    for (int y = 0; y < part.ny; ++y) {
+      for (int x = 0; x < part.nx; ++x) {
+        const std::size_t k = part.at(z, y, x);
+        if (!in_resin(part, x, y)) continue;
+        if (!p.job.insert.values.empty() && p.job.insert.values[k] > 0) continue;
+        const auto bin = std::min(
+            kBins - 1, static_cast<std::size_t>(std::max(0.0, p.dose.values[k] / most * kBins)));
+        if (part.values[k] == 255) ++gel[bin];
+        if (part.values[k] == 0) ++empty[bin];
+      }
+    }
+  }
+  double tallest = 10;
+  for (const auto* bins : {&gel, &empty}) {
+    for (const double n : *bins) tallest = std::max(tallest, n);
+  }
+  Panel panel({"dose, mJ/cm³", false, 0, most}, {"voxels", true, 0.7, tallest * 1.5}, 260);
+  const auto draw = [&](const std::vector<double>& bins, Style style, int series) {
+    std::vector<Point> low, high;
+    for (std::size_t i = 0; i < kBins; ++i) {
+      // Single voxels are seen, too.
+      const double n = bins[i] > 0 ? bins[i] : 0.7;
+      for (const std::size_t edge : {i, i + 1}) {
+        low.push_back({most * static_cast<double>(edge) / kBins, 0.7});
+        high.push_back({most * static_cast<double>(edge) / kBins, n});
+      }
+    }
+    panel.band(low, high, style, series);
+    panel.line(high, style, series);
+  };
+  draw(empty, Style::series, 0);
+  draw(gel, Style::series, 1);
+  panel.vertical(p.figures.gel_dose_mj_cm3, "gels");
+  Picture picture(
+      "Doses of part and void",
+      "How many voxels have which dose at the end of the print, on a logarithmic scale.");
+  picture.legend_band(Style::series, "void", 0);
+  picture.legend_band(Style::series, "part", 1);
+  picture.add(panel);
+  picture.note("To the right of the line resin gels: all of the part should lie there, no void.");
+  return picture.svg();
+}
+
+std::string convergence_svg(const std::vector<Step>& history) {
+  // No more points than the picture shows, but the ends of rungs.
+  const std::size_t stride = 1 + history.size() / 1500;
+  std::vector<Point> loss, contrast;
+  std::vector<double> losses, contrasts{1};
+  std::vector<std::pair<double, double>> rungs;
+  for (std::size_t i = 0; i < history.size(); ++i) {
+    const Step& s = history[i];
+    const auto x = static_cast<double>(i);
+    const bool new_rung = i == 0 || s.rung != history[i - 1].rung;
+    if (new_rung && s.rung > 0) rungs.emplace_back(x, s.rung);
+    const bool last = i + 1 == history.size() || history[i + 1].rung != s.rung;
+    if (i % stride != 0 && !new_rung && !last) continue;
+    if (new_rung) loss.push_back({x, kNothing});
+    loss.push_back({x, s.loss > 0 ? s.loss : kNothing});
+    contrast.push_back({x, s.contrast});
+    if (s.loss > 0) losses.push_back(s.loss);
+    if (std::isfinite(s.contrast)) contrasts.push_back(s.contrast);
+  }
+  const chart::Axis steps{"step", false, 0, std::max(1.0, static_cast<double>(history.size()) - 1)};
+  Picture picture("How the solve went",
+                  "Contrast of the light, and what was left of the loss, step by step.");
+  Panel above(steps, axis_over("contrast", false, contrasts), 200, losses.empty());
+  above.line(contrast, Style::fit);
+  above.horizontal(1, "void gels below");
+  if (!losses.empty()) {
+    Panel below(steps, axis_over("loss", true, losses), 200);
+    below.line(loss, Style::series, 0);
+    int row = 0;
+    for (const auto& [x, rung] : rungs) {
+      above.vertical(x, "");
+      below.vertical(x, rungs.size() <= 10 ? figure(rung) : "", row++ % 3);
+    }
+    picture.add(above);
+    picture.add(below);
+    picture.note(
+        "Vertical lines: a new rung begins, with the share of the gel dose that void may have. The "
+        "loss of a rung is 0 where its line ends.");
+  } else {
+    picture.add(above);
+  }
+  return picture.svg();
+}
+
+std::string height_svg(const Printed& p) {
+  const std::vector<SliceContrast> slices = contrast_of_slices(p);
+  std::vector<Point> contrast, least, most;
+  std::vector<double> contrasts{1}, doses{p.figures.gel_dose_mj_cm3};
+  for (const SliceContrast& s : slices) {
+    contrast.push_back({s.z_mm, s.contrast});
+    least.push_back({s.z_mm, s.min_gel});
+    most.push_back({s.z_mm, s.max_void});
+    if (std::isfinite(s.contrast)) contrasts.push_back(s.contrast);
+    for (const double d : {s.min_gel, s.max_void}) {
+      if (std::isfinite(d)) doses.push_back(d);
+    }
+  }
+  const double half = 0.5 * p.job.sampling.voxel_mm;
+  const chart::Axis z{"z, mm from the optical axis", false, slices.front().z_mm - half,
+                      slices.back().z_mm + half};
+  Picture picture(
+      "Contrast over the height",
+      "Contrast of each slice, and its doses: the least of the part and the most of void.");
+  // Far above what counts, a slice of its own says nothing more.
+  chart::Axis y = axis_over("contrast of the slice", false, contrasts);
+  y.high = std::min(y.high, 5.0);
+  for (Point& c : contrast) c.y = std::isnan(c.y) ? c.y : std::min(c.y, y.high);
+  Panel above(z, y, 200, false);
+  above.line(contrast, Style::fit);
+  above.horizontal(1, "void gels below");
+  Panel below(z, axis_over("dose, mJ/cm³", false, doses, true), 220);
+  below.line(least, Style::series, 1);
+  below.line(most, Style::series, 0);
+  below.horizontal(p.figures.gel_dose_mj_cm3, "gels");
+  for (std::size_t i = 0; slices.size() == 1 && i < 1; ++i) {
+    above.dot(contrast[0]);
+    below.point(least[0], 1);
+    below.point(most[0], 0);
+  }
+  picture.legend_line(Style::series, "least dose of the part", 1);
+  picture.legend_line(Style::series, "most dose of void", 0);
+  picture.add(above);
+  picture.add(below);
+  picture.note(
+      "Slices light each other not at all; one exposure serves all. The contrast of the print is the "
+      "least dose of the part anywhere over the most of void anywhere.");
+  return picture.svg();
+}
+
+/// Light of a job in mW/cm², and which part of it is to be shown.
+struct Shine {
+  const Bench bench;
+  const std::vector<std::uint16_t>& levels;
+  double most = 0;         ///< of all frames
+  int first = 0, end = 0;  ///< pixels that are ever brighter than black
+  int low = 0, high = 0;   ///< slices: [low, high)
+
+  explicit Shine(const TomoJob& job)
+      : bench(make_bench(job.printer, job.resin, job.sampling)), levels(job.levels) {
+    const TomoGrid& g = bench.grid;
+    first = g.pixels;
+    low = g.slices;
+    std::uint16_t brightest = 0;
+    for (int m = 0; m < g.angles; ++m) {
+      for (int i = 0; i < g.pixels; ++i) {
+        for (int z = 0; z < g.slices; ++z) {
+          const std::uint16_t level = levels[g.pixel(m, i, z)];
+          if (level == 0) continue;
+          brightest = std::max(brightest, level);
+          first = std::min(first, i);
+          end = std::max(end, i + 1);
+          low = std::min(low, z);
+          high = std::max(high, z + 1);
+        }
+      }
+    }
+    most = bench.mw_cm2[brightest];
+    if (end == 0) {
+      first = low = 0;
+      end = g.pixels;
+      high = g.slices;
+    }
+  }
+  /// Paler than in proportion, so that weak light is seen.
+  std::uint8_t grey(double sum, int count) const {
+    const double share = most > 0 ? sum / count / most : 0;
+    return static_cast<std::uint8_t>(std::lround(255 * std::sqrt(std::clamp(share, 0.0, 1.0))));
+  }
+};
+
+/// A picture of this size of columns x rows numbers, `value(column, row)`, which are averaged where
+/// there are more than pixels, and repeated where there are fewer.
+template <typename Value>
+ColourImage grey_image(const Shine& shine, int columns, int rows, int width, int height,
+                       Value value) {
+  ColourImage image{width, height, {}};
+  const auto range = [](int i, int pixels, int n) {
+    const auto from = static_cast<int>(static_cast<std::int64_t>(i) * n / pixels);
+    const auto to = static_cast<int>(static_cast<std::int64_t>(i + 1) * n / pixels);
+    return std::pair(from, std::max(from + 1, to));
+  };
+  for (int py = 0; py < image.height_px; ++py) {
+    const auto [r0, r1] = range(py, image.height_px, rows);
+    for (int px = 0; px < image.width_px; ++px) {
+      const auto [c0, c1] = range(px, image.width_px, columns);
+      double sum = 0;
+      for (int r = r0; r < r1; ++r) {
+        for (int c = c0; c < c1; ++c) sum += value(c, r);
+      }
+      image.rgb.insert(image.rgb.end(), 3, shine.grey(sum, (r1 - r0) * (c1 - c0)));
+    }
+  }
+  return image;
+}
+
+/// `most` or fewer, a whole number to each of `n` where there is room.
+int whole_times(int n, int most) { return n <= most ? n * (most / n) : most; }
+
+std::string light_pictures(const Printed& p, const ExecutionContext& context) {
+  const Shine shine(p.job);
+  const TomoGrid& g = shine.bench.grid;
+  // The slice where contrast is least.
+  int slice = g.slices / 2;
+  double least = std::numeric_limits<double>::infinity();
+  const std::vector<SliceContrast> slices = contrast_of_slices(p);
+  for (int z = 0; z < g.slices; ++z) {
+    const double c = slices[static_cast<std::size_t>(z)].contrast;
+    if (c < least) {
+      least = c;
+      slice = z;
+    }
+  }
+  const auto light = [&](int m, int i, int z) {
+    return shine.bench.mw_cm2[p.job.levels[g.pixel(m, i, z)]];
+  };
+  const int columns = shine.end - shine.first, rows = shine.high - shine.low;
+  const std::string scale = fmt::format(
+      "White is the brightest pixel of all frames, {} mW/cm²; greys show the square root.",
+      figure(shine.most));
+  std::string html = fmt::format(
+      R"(<h2>Light</h2><p class="dim">Columns {} to {} of the image, where there is light, are shown. {}</p>)",
+      shine.bench.first_column + shine.first, shine.bench.first_column + shine.end - 1, scale);
+  context.check_cancelled();
+  const std::string words = fmt::format(
+      "Sinogram of the slice at z = {:.3f} mm, where contrast is least: angles 0 to 360° downwards, "
+      "pixels across.",
+      slices[static_cast<std::size_t>(slice)].z_mm);
+  const ColourImage sinogram =
+      grey_image(shine, columns, g.angles, whole_times(columns, 640), whole_times(g.angles, 480),
+                 [&](int c, int r) { return light(r, shine.first + c, slice); });
+  html += fmt::format("<figure>{}<figcaption>{}</figcaption></figure>",
+                      slicecorr::detail::image_element(sinogram, words), words);
+  html += R"(<h3>Frames</h3><div class="strip">)";
+  constexpr int kFrames = 8;
+  // True to scale.
+  const double width_mm = columns * p.job.printer.pixel_x_um * 1e-3,
+               height_mm = rows * p.job.sampling.voxel_mm;
+  const double per_mm = std::min(480 / width_mm, 240 / height_mm);
+  const int width = std::max(1, static_cast<int>(std::lround(width_mm * per_mm))),
+            height = std::max(1, static_cast<int>(std::lround(height_mm * per_mm)));
+  for (int k = 0; k < std::min(kFrames, g.angles); ++k) {
+    context.check_cancelled();
+    const int frame = k * g.angles / std::min(kFrames, g.angles);
+    const int m = shine.bench.frame_of_angle(frame);
+    const ColourImage image = grey_image(shine, columns, rows, width, height, [&](int c, int r) {
+      return light(m, shine.first + c, shine.high - 1 - r);
+    });
+    const std::string what = fmt::format("frame {}, {:.1f}°", frame, 360.0 * frame / g.angles);
+    html += fmt::format("<figure>{}<figcaption>{}</figcaption></figure>",
+                        slicecorr::detail::image_element(image, what), what);
+  }
+  return html +
+         fmt::format(
+             R"(</div><p class="dim">As seen from the projector, in the order in which they are shown while the vial turns {}; each for {} s of a turn of {} s.</p>)",
+             name_of(p.job.printer.rotation->direction),
+             figure(shine.bench.exposure.turn_s / g.angles), figure(shine.bench.exposure.turn_s));
+}
+
+/// The cells in the round, as fine as fits.
+std::string round_data(const Printed& p) {
+  GelTimes g;
+  Bytes time, kind;
+  for (int every = 1;; ++every) {
+    g = gel_times(p, every);
+    const bool last = g.time.size() < 1000;
+    if (!last && std::max({g.nx, g.ny, g.nz}) > kMostCells) continue;
+    // As differences from one layer of cells to the next, which compress better.
+    Bytes differences = g.time;
+    const auto layer = static_cast<std::size_t>(g.nx) * static_cast<std::size_t>(g.ny);
+    for (std::size_t k = differences.size(); k-- > layer;) {
+      differences[k] = static_cast<std::uint8_t>(differences[k] - differences[k - layer]);
+    }
+    const std::size_t most = last ? SIZE_MAX : kCellBudget;
+    if (slicecorr::detail::deflate_within(most, differences, time) &&
+        slicecorr::detail::deflate_within(most, g.kind, kind) &&
+        time.size() + kind.size() <= most) {
+      break;
+    }
+  }
+  int first = 100;
+  for (const std::uint8_t t : g.time) {
+    if (t > 0) first = std::min<int>(first, t);
+  }
+  nlohmann::ordered_json j;
+  j["cells"] = {g.nx, g.ny, g.nz};
+  j["every"] = g.voxels_per_cell;
+  j["cell_mm"] = g.cell_mm;
+  j["voxel_mm"] = p.job.sampling.voxel_mm;
+  j["time_s"] = p.figures.print_time_s;
+  j["turns"] = p.figures.turns;
+  j["first"] = first;
+  j["insert"] = !p.job.insert.values.empty();
+  j["time"] = slicecorr::detail::base64(time);
+  j["kind"] = slicecorr::detail::base64(kind);
+  return j.dump();
+}
+
+}  // namespace
+
+std::vector<SliceContrast> contrast_of_slices(const Printed& p) {
+  const Box<std::uint8_t>& part = p.job.part;
+  std::vector<SliceContrast> slices;
+  for (int z = 0; z < part.nz; ++z) {
+    SliceContrast s{(z - 0.5 * (part.nz - 1)) * p.job.sampling.voxel_mm, kNothing, kNothing,
+                    kNothing};
+    for (int y = 0; y < part.ny; ++y) {
+      for (int x = 0; x < part.nx; ++x) {
+        const std::size_t k = part.at(z, y, x);
+        if (!in_resin(part, x, y)) continue;
+        if (!p.job.insert.values.empty() && p.job.insert.values[k] > 0) continue;
+        const double d = p.dose.values[k];
+        // Comparisons with NaN are false: the first one counts.
+        if (part.values[k] == 255 && !(d >= s.min_gel)) s.min_gel = d;
+        if (part.values[k] == 0 && !(d <= s.max_void)) s.max_void = d;
+      }
+    }
+    s.contrast = s.min_gel / s.max_void;
+    slices.push_back(s);
+  }
+  return slices;
+}
+
+GelTimes gel_times(const Printed& p, int every) {
+  const Box<std::uint8_t>& part = p.job.part;
+  const double gel = p.figures.gel_dose_mj_cm3;
+  // Dc + rho t = D t / T: what comes back in the whole print is in the gel dose already.
+  const double back = make_bench(p.job.printer, p.job.resin, p.job.sampling).resupply_mj_cm3_s *
+                      p.figures.print_time_s;
+  const auto kept = [&](std::size_t k, int x, int y) {
+    if (!p.job.insert.values.empty() && p.job.insert.values[k] > 0) return Kept::insert;
+    if (!in_resin(part, x, y)) return Kept::neither;
+    return part.values[k] == 255 ? Kept::part : part.values[k] == 0 ? Kept::empty : Kept::neither;
+  };
+  const auto time_of = [&](std::size_t k) {
+    const double d = p.dose.values[k];
+    if (!(d > back)) return 0;
+    const double hundredths = std::ceil(100 * (gel - back) / (d - back));
+    // What gels within the print says so, whatever was rounded.
+    if (d >= gel) return static_cast<int>(std::clamp(hundredths, 1.0, 100.0));
+    return hundredths > kLatest ? 0 : static_cast<int>(std::max(101.0, hundredths));
+  };
+  int low[3] = {part.nx, part.ny, part.nz}, high[3] = {-1, -1, -1};
+  for (int z = 0; z < part.nz; ++z) {
+    for (int y = 0; y < part.ny; ++y) {
+      for (int x = 0; x < part.nx; ++x) {
+        const std::size_t k = part.at(z, y, x);
+        const Kept what = kept(k, x, y);
+        if (what != Kept::insert && part.values[k] == 0 && !(p.dose.values[k] >= gel / 1.5)) {
+          continue;
+        }
+        const int at[3] = {x, y, z};
+        for (int i = 0; i < 3; ++i) {
+          low[i] = std::min(low[i], at[i]);
+          high[i] = std::max(high[i], at[i]);
+        }
+      }
+    }
+  }
+  GelTimes g;
+  g.voxels_per_cell = every;
+  g.cell_mm = every * p.job.sampling.voxel_mm;
+  const auto cells = [&](int i) { return std::max(1, (high[i] - low[i] + every) / every); };
+  g.nx = cells(0);
+  g.ny = cells(1);
+  g.nz = cells(2);
+  g.time.resize(at_cell(g, 0, 0, g.nz));
+  g.kind.resize(g.time.size());
+  for (int cz = 0; cz < g.nz; ++cz) {
+    for (int cy = 0; cy < g.ny; ++cy) {
+      for (int cx = 0; cx < g.nx; ++cx) {
+        const auto place = [&](int i, int c, int d) {
+          const int sizes[3] = {part.nx, part.ny, part.nz};
+          return std::min(sizes[i] - 1, std::max(0, low[i]) + c * every + d);
+        };
+        std::uint8_t time = 0;
+        Kept kind = Kept::empty;
+        const auto look = [&](int dx, int dy, int dz) {
+          const int x = place(0, cx, dx), y = place(1, cy, dy), z = place(2, cz, dz);
+          const std::size_t k = part.at(z, y, x);
+          kind = kept(k, x, y);
+          time = kind == Kept::insert ? std::uint8_t{0} : static_cast<std::uint8_t>(time_of(k));
+          const bool gels = time > 0 && time <= 100;
+          return kind == (gels ? Kept::empty : Kept::part);
+        };
+        bool wrong = false;
+        for (int d = 0; d < every * every * every && !wrong; ++d) {
+          wrong = look(d % every, d / every % every, d / (every * every));
+        }
+        if (!wrong) look(every / 2, every / 2, every / 2);
+        const std::size_t to = at_cell(g, cx, cy, cz);
+        g.time[to] = time;
+        g.kind[to] = static_cast<std::uint8_t>(kind);
+      }
+    }
+  }
+  return g;
+}
+
+std::string report_page(const Printed& p, const std::string& title,
+                        const ExecutionContext& context) {
+  const TomoJob& job = p.job;
+  const Bench bench = make_bench(job.printer, job.resin, job.sampling);
+  std::string html = fmt::format(
+      R"(<!doctype html><html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1"><title>{0}</title><style>{1}{2}.strip{{display:flex;gap:.5rem;overflow-x:auto}}.strip figure{{flex:0 0 auto}}.drawn{{display:block;min-width:56rem;margin:0 auto}}</style></head><body><main><h1>{0}</h1>)",
+      escape_markup(title), slicecorr::detail::page_page_css, slicecorr::detail::page_tiles_css);
+  html += fmt::format(
+      "<p>{} frames of {} x {} pixels, shown in each of {} turns of {} s, for a part of {} voxels of "
+      "{:g} mm.</p>"
+      R"(<p class="dim">Printer {} ({} to {} mW/cm², {} mm of resin from axis to wall), resin {} (absorbs {} of the light per mm, gels at {} mJ/cm³).</p>)",
+      bench.grid.angles, bench.frame_width, bench.frame_height, job.turns,
+      figure(bench.exposure.turn_s), text::count(static_cast<std::int64_t>(p.figures.metrics.gel)),
+      job.sampling.voxel_mm, escape_markup(job.printer.name), figure(bench.mw_cm2.front()),
+      figure(bench.mw_cm2.back()), figure(bench.radius_mm), escape_markup(job.resin.name),
+      percent(1 - std::exp(-absorption_per_mm(job.resin))), figure(bench.exposure.critical_mj_cm3));
+  html += tiles(p.figures) + "<h2>Figures</h2>" + figures_table(p);
+
+  const std::vector<PrintSection> sections = sections_of(p, middle_planes(p));
+  std::size_t missing = 0, gelled = 0;
+  for (const PrintSection& section : sections) {
+    missing += section.missing();
+    gelled += section.gelled();
+  }
+  context.check_cancelled();
+  html +=
+      "<h2>Dose against target</h2>" +
+      framed(sections_svg(sections, Shown::dose, "Through the middle of the part"),
+             fmt::format("In these planes {} voxels of the part are missing, and {} of void gel.",
+                         missing, gelled));
+  html += R"(<h2>Doses</h2><div class="views">)";
+  html += framed(histogram_svg(p), "The whole print; grey voxels are in neither.");
+  html += framed(height_svg(p), "Every slice by itself.");
+  html += "</div>" + light_pictures(p, context);
+  html += "<h2>How the solve went</h2>";
+  html += job.history.empty()
+              ? R"(<p class="dim">This job does not say how its light was found.</p>)"
+              : framed(convergence_svg(job.history), "As the job holds it.");
+  html += detail::page_round_html;
+  html += fmt::format(R"(<p class="dim">slicecorr {}</p></main>)", slicecorr::version);
+  html +=
+      R"(<script type="application/json" id="tomo-data">)" + round_data(p) + "</script><script>";
+  for (const auto& script : {slicecorr::detail::page_inflate_js, slicecorr::detail::page_round_js,
+                             detail::page_times_js}) {
+    html += script;
+  }
+  return html + "</script></body></html>\n";
+}
+
+}  // namespace slicecorr::tomo

@@ -326,7 +326,7 @@ TEST(BridgeLink, AnswersOfOthersAreNotTaken) {
   for (const auto& [why, how] : wrong) {
     SCOPED_TRACE(why);
     std::atomic<bool> badly{true};
-    Peer peer([&](const Asked&, const Bytes& right) {
+    Peer peer([&, how = how](const Asked&, const Bytes& right) {
       Reply r = badly ? how : Reply{};
       r.pdu = right;
       return r;

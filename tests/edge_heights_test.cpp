@@ -392,7 +392,7 @@ TEST(EdgeHeights, OfRandomConvexBodiesAreThoseOfRays) {
     TriangleMesh mesh;
     const int bodies = 1 + round % 3;
     for (int i = 0; i < bodies; ++i) {
-      TriangleMesh body = sphere(1, static_cast<int>(any(random) * 3));
+      TriangleMesh body = sphere(1.0, static_cast<int>(any(random) * 3));
       const Point3 size{0.3 + any(random), 0.3 + any(random), 0.2 + 0.8 * any(random)};
       const Point3 to{any(random), any(random), 0.5 * any(random)};
       for (Point3& v : body.vertices) {

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 
 #include <random>
+#include <string_view>
 
 #include "format_fixture.hpp"
 #include "stack/formats/archive_format.hpp"
@@ -224,7 +225,7 @@ TEST(Recognition, GcodeWithOtherPowerOrOrderIsToldOf) {
   const auto told_of = [&](const std::string& gcode) {
     make_zip(folder / "part.zip", {{"1.png", png}, {"2.png", png}, {"run.gcode", to_bytes(gcode)}});
     Told told;
-    StackReader(folder / "part.zip", folder.path(), told.context(), {50, 50, 50});
+    const StackReader reader(folder / "part.zip", folder.path(), told.context(), {50, 50, 50});
     return told.all();
   };
   const std::string one = "G90\nM6054 \"1.png\"\nM106 S255\nG4 P9\nM106 S0\n";
@@ -320,7 +321,8 @@ TEST(DamagedTexts, AreReadOrRefused) {
        {"meta.json", to_bytes("{\"distro\":\"x\"}")},
        {"1.png", png}}};
   std::mt19937 random(3);
-  const std::string pieces = "0123456789.:=\"'<>(){}[];-+eE \n\r\t\0\xff";
+  using namespace std::string_view_literals;
+  const std::string_view pieces = "0123456789.:=\"'<>(){}[];-+eE \n\r\t\0\xff"sv;
   int read = 0, refused = 0;
   for (int round = 0; round < 1500; ++round) {
     Entries entries = archives[random() % archives.size()];

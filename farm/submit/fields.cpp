@@ -100,7 +100,7 @@ Set text(Member member, const std::string& what) {
 }
 
 template <typename Member>
-Set word(Member member, std::vector<std::string> known) {
+Set word(Member member, const std::vector<std::string>& known) {
   return [=](JobRequest& r, const Value& v) -> std::string {
     const auto* s = std::get_if<std::string>(&v.value);
     if (!s || std::find(known.begin(), known.end(), *s) == known.end()) {
@@ -157,8 +157,7 @@ std::string set_omega_max(JobRequest& r, const Value& v) {
   return {};
 }
 
-#define SLICEFARM_FIELD(path) \
-  [](JobRequest & r) -> auto& { return r.path; }
+#define SLICEFARM_FIELD(path) ([](JobRequest & r) -> auto& { return r.path; })
 
 const std::map<std::string, Set, std::less<>>& fields() {
   static const std::map<std::string, Set, std::less<>> table = {

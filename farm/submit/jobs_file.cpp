@@ -44,8 +44,6 @@ std::optional<Value> value_of(const toml::node& node, const std::string& source)
     v.value = *node.value<double>();
   } else if (const auto b = node.value_exact<bool>()) {
     v.value = *b;
-  } else if (node.is_time() || node.is_date()) {
-    return std::nullopt;
   } else if (const toml::array* list = node.as_array()) {
     std::vector<double> numbers;
     std::vector<std::string> words;

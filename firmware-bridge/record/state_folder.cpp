@@ -28,7 +28,7 @@ std::string base_folder(const std::string& dir) {
     const char* const value = std::getenv(name);
     return std::string(value != nullptr ? value : "");
   };
-  if (const auto own = variable("SLICECORR_BRIDGE_DIR"); !own.empty()) return own;
+  if (auto own = variable("SLICECORR_BRIDGE_DIR"); !own.empty()) return own;
   if (const auto state = variable("XDG_STATE_HOME"); !state.empty()) {
     return state + "/slicecorr/bridge";
   }

@@ -173,7 +173,7 @@ std::optional<std::string> ask_running(const StateFolder& folder, const std::str
   }
   send_line(s, request);
   bool closed = false;
-  const auto answer = read_line(s, kLongestAnswer, 5000, &closed);
+  auto answer = read_line(s, kLongestAnswer, 5000, &closed);
   ::close(s);
   if (closed) return {};  // the print has just ended
   if (!answer) throw DeviceError(folder.file("control.sock") + ": the print does not answer");

@@ -27,7 +27,7 @@ constexpr std::size_t kMostEvents = 600, kFirstEvents = 200, kMostLate = 300;
 /// What comes from files and machines, for the page.
 std::string shown(std::string_view text) {
   // Cut before it is looked at: a damaged line may be a file long.
-  const std::string cut(text.substr(0, 4 * kLongestText));
+  const std::string cut(text.substr(0, std::size_t{4} * kLongestText));
   return escape_markup(text::clipped(text::printable(cut), kLongestText));
 }
 

@@ -105,13 +105,13 @@ void read_frames(const std::string& path, PrintRecord& record) {
   std::string line;
   if (!next_line(in, line)) {
     if (record.end != PrintRecord::End::none) {
-      record.remarks.push_back("frames.csv is missing or empty");
+      record.remarks.emplace_back("frames.csv is missing or empty");
     }
     return;
   }
   const FrameReader reader(line);
   if (!reader.usable()) {
-    record.remarks.push_back("frames.csv has no column 'frame'");
+    record.remarks.emplace_back("frames.csv has no column 'frame'");
     return;
   }
   int broken = 0;
@@ -235,7 +235,7 @@ PrintRecord read_record(const StateFolder& folder, bool running, bool previous) 
         record.end = End::failed;
       }
     } else {
-      record.remarks.push_back("status.json is missing or can't be read");
+      record.remarks.emplace_back("status.json is missing or can't be read");
     }
   }
   record.fault_z_um -= record.facts.start_um;

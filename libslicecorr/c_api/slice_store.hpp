@@ -39,8 +39,8 @@ class SliceStore final : public SliceSource {
   /// Puts the lit part of rows [y0, y1), columns [x0, x1); `pixels` is at row y0 and column x0.
   void put_rows(int slice, const PixelBox& box, const std::uint8_t* pixels, std::ptrdiff_t stride);
   struct Scratch;
-  /// Copies what the blob has of `box` to `out`, which is at the box's first row and column.
-  void copy(const BlobStore::Blob& blob, int band, const PixelBox& box, Scratch& scratch,
+  /// Copies what `from` has of `box` to `out`, which is at the box's first row and column.
+  void copy(const BlobStore::Blob& from, int band, const PixelBox& box, Scratch& scratch,
             std::uint8_t* out, std::ptrdiff_t stride) const;
 
   Grid grid_;

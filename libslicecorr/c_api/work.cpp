@@ -197,7 +197,7 @@ Prediction verify(const slicecorr_stack& stack, const slicecorr_stack& target, S
                  context);
   }
   if (!design) setup.process = schedule_uv(shown.source(), setup, context);
-  const Prediction p =
+  Prediction p =
       verify_stack(shown.source(), design ? design->source() : shown.source(), setup, context);
   context.check_cancelled();
   return p;

@@ -115,16 +115,16 @@ void PlaceDose::add_slice(int slice, const std::uint8_t* pixels) {
   }
 }
 
-void PlaceDose::add_slice(int slice, std::span<const ImageShowing> shown) {
-  if (groups_.size() == 1) return groups_[0].dose.add_slice(slice, shown);
+void PlaceDose::add_slice(int slice, std::span<const ImageShowing> showings) {
+  if (groups_.size() == 1) return groups_[0].dose.add_slice(slice, showings);
   const std::size_t columns = lower_.size();
-  gathered_.resize(std::max<std::size_t>(1, shown.size()) * columns);
-  std::vector<ImageShowing> of_place(shown.begin(), shown.end());
+  gathered_.resize(std::max<std::size_t>(1, showings.size()) * columns);
+  std::vector<ImageShowing> of_place(showings.begin(), showings.end());
   for (Group& group : groups_) {
     const std::size_t n = group.columns.size();
-    for (std::size_t s = 0; s < shown.size(); ++s) {
+    for (std::size_t s = 0; s < showings.size(); ++s) {
       std::uint8_t* const pixels = gathered_.data() + s * columns;
-      for (std::size_t k = 0; k < n; ++k) pixels[k] = shown[s].pixels[group.columns[k]];
+      for (std::size_t k = 0; k < n; ++k) pixels[k] = showings[s].pixels[group.columns[k]];
       of_place[s].pixels = pixels;
     }
     group.dose.add_slice(slice, of_place);

@@ -245,6 +245,7 @@ void Inspection::check_edges(EdgeDefects* edge_defects) {
     }
   } else if (edge_defects) {
     std::vector<std::vector<EdgeDefects::OpenEdge>> open;
+    open.reserve(tallies.size());
     for (EdgeTally& tally : tallies) open.push_back(std::move(tally.open));
     edge_defects->open = detail::joined(open);
   }

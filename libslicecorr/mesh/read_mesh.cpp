@@ -194,13 +194,16 @@ SineCosine sine_cosine(double degrees) {
 void place(TriangleMesh& mesh, const Placement& placement, double file_unit_mm,
            const std::string& path, const ExecutionContext& context) {
   const double factor = unit_in_mm(placement.units, file_unit_mm) * placement.scale;
-  const auto [sx, cx] = sine_cosine(placement.rotate_deg[0]);
-  const auto [sy, cy] = sine_cosine(placement.rotate_deg[1]);
-  const auto [sz, cz] = sine_cosine(placement.rotate_deg[2]);
+  const auto turn_x = sine_cosine(placement.rotate_deg[0]);
+  const auto turn_y = sine_cosine(placement.rotate_deg[1]);
+  const auto turn_z = sine_cosine(placement.rotate_deg[2]);
   constexpr std::size_t chunk_vertices = 1 << 15;
   const std::size_t count = mesh.vertices.size();
   parallel_for(detail::silent(context), "", (count + chunk_vertices - 1) / chunk_vertices,
                [&](std::size_t chunk) {
+                 const auto [sx, cx] = turn_x;
+                 const auto [sy, cy] = turn_y;
+                 const auto [sz, cz] = turn_z;
                  for (std::size_t i = chunk_vertices * chunk;
                       i < std::min(count, chunk_vertices * (chunk + 1)); ++i) {
                    Point3& point = mesh.vertices[i];

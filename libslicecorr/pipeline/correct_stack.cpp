@@ -58,6 +58,7 @@ std::vector<SliceRange> slice_ranges_of(const SliceSource& target, std::size_t b
     count = std::clamp(wanted, 1, std::max(1, layers / least_slices));
   }
   std::vector<SliceRange> ranges;
+  ranges.reserve(static_cast<std::size_t>(count));
   for (int i = 0; i < count; ++i) {
     ranges.push_back({static_cast<int>(std::int64_t{layers} * i / count),
                       static_cast<int>(std::int64_t{layers} * (i + 1) / count)});
@@ -447,11 +448,11 @@ CorrectionPlan plan_correction(const SliceSource& target, const Setup& setup,
   return {plans.models().brightest(), setup.process, plans.layers(), plans.all_layers()};
 }
 
-Correction correct_stack(const SliceSource& target, const Setup& asked, const StackFile& file,
+Correction correct_stack(const SliceSource& target, const Setup& setup, const StackFile& file,
                          const CorrectionAsk& ask, const ExecutionContext& context) {
   const SlicesAlone alone(target);
-  const SliceSource& wanted = asked.process.surface == Surface::mesh ? target : alone;
-  StackCorrection correction(wanted, asked, file, ask, context);
+  const SliceSource& wanted = setup.process.surface == Surface::mesh ? target : alone;
+  StackCorrection correction(wanted, setup, file, ask, context);
   correction.correct_bands();
   Correction result = correction.result();
   correction.tell_shortcomings(result.after);

@@ -24,7 +24,7 @@ std::string setup_json(const Setup& setup) {
   info.grid.pixel_x_um = setup.printer.pixel_x_um;
   info.grid.pixel_y_um = setup.printer.pixel_y_um;
   info.grid.layer_um = 1;
-  const std::string block = detail::setup_block(info);
+  std::string block = detail::setup_block(info);
   if (!setup.printer.flat_field) return block;
   auto json = nlohmann::ordered_json::parse(block);
   json[kPictureKey] = detail::base64(detail::flat_field_png(*setup.printer.flat_field));

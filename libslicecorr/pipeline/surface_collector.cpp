@@ -40,6 +40,7 @@ void SurfaceCollector::add(const EdgeSides& sides, const BandPredictor::PixelOfC
 
 std::vector<float> SurfaceCollector::means(const std::vector<Sum>& sums) const {
   std::vector<float> um;
+  um.reserve(sums.size());
   for (const Sum& s : sums) {
     um.push_back(s.columns == 0
                      ? std::numeric_limits<float>::quiet_NaN()

@@ -15,7 +15,7 @@ namespace slicecorr::detail {
 /// How well a pixel stands for its cells; greater is better.
 struct CellRank {
   std::int64_t wrong_after = -1, wrong_before = -1, off_middle = 0;
-  auto operator<=>(const CellRank&) const = default;
+  auto operator<=>(const CellRank&) const = default;  // NOLINT: no 0 is a pointer here
 };
 
 /// Bands may be gathered on different threads and in any order, and give the same volume.

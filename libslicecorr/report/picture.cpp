@@ -23,8 +23,8 @@ ColourImage draw(const Section& s, double pixel_x_um, double layer_um, int most_
   const double scale =
       std::min(2.0 / std::min(pixel_x_um, layer_um), most_px / std::max(width_um, height_um));
   ColourImage image;
-  image.width_px = std::max(1, static_cast<int>(width_um * scale + 0.5));
-  image.height_px = std::max(1, static_cast<int>(height_um * scale + 0.5));
+  image.width_px = std::max(1, static_cast<int>(std::lround(width_um * scale)));
+  image.height_px = std::max(1, static_cast<int>(std::lround(height_um * scale)));
   image.rgb.resize(static_cast<std::size_t>(image.width_px) *
                    static_cast<std::size_t>(image.height_px) * 3);
   const auto range = [](int i, int pixels, int voxels) {
@@ -124,7 +124,8 @@ ColourImage progress_picture(const SectionHistory& h, std::size_t frame, int mos
     const int c = coverage(k);
     if (c == 0) return printed ? kCureThrough : kEmpty;
     if (printed) return c == 255 ? kRight : kGreyPrinted;
-    if (static_cast<double>(k / width) > reached || c < 255) return kGreyEmpty;
+    const std::size_t layer = k / width;
+    if (static_cast<double>(layer) > reached || c < 255) return kGreyEmpty;
     return f.ended ? kUndercure : kNotYet;
   };
   const auto wrong = [&](std::size_t k) { return f.gelled[k] != 0 && coverage(k) == 0 ? 1 : 0; };

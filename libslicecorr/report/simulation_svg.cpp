@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "slicecorr/report.hpp"
 #include "support/chart/chart.hpp"
@@ -13,7 +14,6 @@ namespace slicecorr {
 
 namespace {
 
-using chart::Axis;
 using chart::figure;
 using chart::Panel;
 using chart::Picture;
@@ -32,6 +32,11 @@ void extend(Stretch& s, double time_s, const GelledInterval& interval) {
   s.last = interval;
 }
 
+/// Its edges so far; what is left has none, and stays where it was.
+Stretch taken_from(Stretch& s) {
+  return {std::exchange(s.front, {}), std::exchange(s.back, {}), s.last};
+}
+
 /// Gelled stretches only grow: followed from step to step they are born, grow and merge.
 std::vector<Stretch> stretches_of(const std::vector<HistoryStep>& steps, std::size_t stride) {
   std::vector<Stretch> done, open;
@@ -48,8 +53,7 @@ std::vector<Stretch> stretches_of(const std::vector<HistoryStep>& steps, std::si
       if (parents.size() == 1) {
         Stretch& s = open[parents[0]];
         extend(s, step.time_s, now);
-        next.push_back(std::move(s));
-        s.front.clear();
+        next.push_back(taken_from(s));
         continue;
       }
       Stretch born;
@@ -66,8 +70,7 @@ std::vector<Stretch> stretches_of(const std::vector<HistoryStep>& steps, std::si
                                  : now.front_um;
         extend(s, step.time_s, {front, back});
         back = front;
-        done.push_back(std::move(s));
-        s.front.clear();
+        done.push_back(taken_from(s));
       }
       extend(born, step.time_s, now);
       next.push_back(std::move(born));

@@ -370,6 +370,7 @@ ColumnHistory simulate_column(const SliceSource& stack, const SliceSource* targe
   const PlaceModels models(setup.printer, setup.resin, setup.process, grid, stack.frame());
   const CureModel& model = models.model_at(x, y);
   std::vector<std::uint8_t> pixels;
+  pixels.reserve(rows.size());
   for (const ProbeRow& row : rows) {
     pixels.push_back(static_cast<std::uint8_t>(pixel_of_level(row.grey, setup.printer.levels())));
   }

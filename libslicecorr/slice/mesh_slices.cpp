@@ -59,7 +59,7 @@ struct Cut {
 
   Segment at(int slice) const {
     double end[4];
-    for (int way = 0; way < 2; ++way) {
+    for (std::size_t way = 0; way < 2; ++way) {
       const double t = (slice - z[way]) / dz[way];
       end[2 * way] = x[way] + t * dx[way];
       end[2 * way + 1] = y[way] + t * dy[way];
@@ -377,21 +377,20 @@ detail::BandEdges MeshSlices::Impl::edges_of(const PixelBox& band) const {
 }
 
 MeshSlices::MeshSlices(TriangleMesh mesh, const Printer& printer, const SliceOptions& options,
-                       const ExecutionContext& context, const EdgeDefects* known_defects)
+                       const ExecutionContext& context, const EdgeDefects* edge_defects)
     : impl_(std::make_unique<Impl>()) {
   if (!(options.layer_um >= 1.0) || !(options.layer_um <= 1000.0)) {
     throw InputError(fmt::format("slice height {:g} um; expected 1 to 1000", options.layer_um));
   }
   if (mesh.triangles.empty()) throw InputError("there is no triangle to slice");
   impl_->antialias = options.antialias;
-  const EdgeDefects edge_defects =
-      known_defects ? *known_defects : detail::edge_defects_of(mesh, context);
+  const EdgeDefects defects = edge_defects ? *edge_defects : detail::edge_defects_of(mesh, context);
   impl_->place(std::move(mesh), printer, options, context);
-  for (const std::uint32_t t : edge_defects.flipped) {
+  for (const std::uint32_t t : defects.flipped) {
     std::swap(impl_->triangles[t][1], impl_->triangles[t][2]);
   }
-  impl_->report.turned_triangles = edge_defects.flipped.size();
-  impl_->open = edge_defects.open;
+  impl_->report.turned_triangles = defects.flipped.size();
+  impl_->open = defects.open;
   context.check_cancelled();
   impl_->close_contours(context);
   if (options.edge_heights) impl_->heights = std::make_unique<const Heights>(*impl_);
@@ -450,9 +449,9 @@ ThinFeatures MeshSlices::thin_features(const ExecutionContext& context) const {
     if (edges.thickest_slices <= thickest_slices) continue;
     thickest_slices = edges.thickest_slices;
     const auto width = static_cast<std::uint32_t>(s.bounds.width());
+    const std::uint32_t x = edges.thickest_column % width, y = edges.thickest_column / width;
     const PlatePlace place =
-        place_on_plate(s.grid, {}, s.bounds.x0 + 0.5 + edges.thickest_column % width,
-                       s.bounds.y0 + 0.5 + edges.thickest_column / width);
+        place_on_plate(s.grid, {}, s.bounds.x0 + 0.5 + x, s.bounds.y0 + 0.5 + y);
     sum.x_mm = place.x_mm;
     sum.y_mm = place.y_mm;
     sum.z_mm = (edges.thickest_from + 0.5) * s.grid.layer_um * 1e-3;

@@ -20,28 +20,35 @@ using Wholes = std::uint64_t __attribute__((vector_size(32)));
 using Ints = std::int32_t __attribute__((vector_size(16)));
 constexpr int kLanes = 4;
 
-/// Writes 64 pixels, or the first `count` of them: 255 for every bit that is set, else 0.
-SLICECORR_INLINE void spread(std::uint64_t bits, std::uint8_t* pixels, std::size_t count) {
+/// Writes 32 pixels: 255 for every bit that is set, else 0.
+SLICECORR_INLINE void spread_half(std::uint32_t bits, std::uint8_t* pixels) {
   // Vectors of 32 bytes: wider ones are taken apart into single bytes where there is no AVX-512.
   using Bits = std::uint32_t __attribute__((vector_size(32)));
   using Words = std::uint64_t __attribute__((vector_size(32)));
   using Bytes = std::uint8_t __attribute__((vector_size(32)));
+  const Bytes own = reinterpret_cast<Bytes>(Words{} + 0x8040201008040201u);
+  const Bytes all = reinterpret_cast<Bytes>(Bits{} + bits);
   // For each pixel the byte that holds its bit. Shuffles work within 16 bytes, each of which
   // repeats the same four bytes.
-  constexpr Bytes byte_of_pixel = {0,  0,  0,  0,  0,  0,  0,  0,  1,  1,  1,  1,  1,  1,  1,  1,
-                                   18, 18, 18, 18, 18, 18, 18, 18, 19, 19, 19, 19, 19, 19, 19, 19};
-  const Bytes own = reinterpret_cast<Bytes>(Words{} + 0x8040201008040201u);
-  const Bytes low = reinterpret_cast<Bytes>(Bits{} + static_cast<std::uint32_t>(bits));
-  const Bytes high = reinterpret_cast<Bytes>(Bits{} + static_cast<std::uint32_t>(bits >> 32));
-  const auto lit_low = (__builtin_shuffle(low, byte_of_pixel) & own) == own;
-  const auto lit_high = (__builtin_shuffle(high, byte_of_pixel) & own) == own;
+  const Bytes of_pixel =
+      __builtin_shufflevector(all, all, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1,  //
+                              18, 18, 18, 18, 18, 18, 18, 18, 19, 19, 19, 19, 19, 19, 19, 19);
+  const auto lit = (of_pixel & own) == own;
+  std::memcpy(pixels, &lit, 32);
+}
+
+/// The same of 64 pixels, or the first `count` of them.
+SLICECORR_INLINE void spread(std::uint64_t bits, std::uint8_t* pixels, std::size_t count) {
+  const auto low = static_cast<std::uint32_t>(bits), high = static_cast<std::uint32_t>(bits >> 32);
   if (count >= 64) [[likely]] {
-    std::memcpy(pixels, &lit_low, 32);
-    std::memcpy(pixels + 32, &lit_high, 32);
+    spread_half(low, pixels);
+    spread_half(high, pixels + 32);
     return;
   }
-  std::memcpy(pixels, &lit_low, std::min<std::size_t>(count, 32));
-  if (count > 32) std::memcpy(pixels + 32, &lit_high, count - 32);
+  alignas(32) std::uint8_t all[64];
+  spread_half(low, all);
+  spread_half(high, all + 32);
+  std::memcpy(pixels, all, count);
 }
 
 /// Four segments as lines.
@@ -206,10 +213,10 @@ void Raster::add_areas(const BandLayout& f) {
         const Wholes rests = reinterpret_cast<Wholes>(rest + shift) - zero;
         const Wholes rest_areas = reinterpret_cast<Wholes>(rest_area + shift) - zero;
         alignas(64) PixelSums first_sums[kLanes], second_sums[kLanes];
-        const Wholes low = {0, 4, 1, 5}, high = {2, 6, 3, 7};
-        const Wholes parts[4] = {
-            __builtin_shuffle(covers, areas, low), __builtin_shuffle(covers, areas, high),
-            __builtin_shuffle(rests, rest_areas, low), __builtin_shuffle(rests, rest_areas, high)};
+        const Wholes parts[4] = {__builtin_shufflevector(covers, areas, 0, 4, 1, 5),
+                                 __builtin_shufflevector(covers, areas, 2, 6, 3, 7),
+                                 __builtin_shufflevector(rests, rest_areas, 0, 4, 1, 5),
+                                 __builtin_shufflevector(rests, rest_areas, 2, 6, 3, 7)};
         std::memcpy(first_sums, parts, sizeof first_sums);
         std::memcpy(second_sums, parts + 2, sizeof second_sums);
 

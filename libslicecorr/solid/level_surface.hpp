@@ -48,7 +48,7 @@ class LevelSurface {
   double crossing(const Cell& cell, int a, int b) const;
   void tetrahedra(Cell& cell);
   enum class Inside { plain, logarithmic, flat };
-  void cells(int n, Inside inside, const double* phi, const double* below, const double* above);
+  void cells(int n, Inside kind, const double* phi, const double* below, const double* above);
 
   const CureModel& model_;
   std::vector<double> x_, y_;

@@ -37,7 +37,10 @@ struct Axis {
   int pixel(int i) const { return (first + i) * reduce + (first + i < 0 ? 0 : reduce / 2); }
   bool in_image(int i) const { return first + i >= 0 && pixel(i) < pixels; }
   /// Middle of the pixel, in pixels.
-  double middle(int i) const { return (first + i) * reduce + reduce / 2 + 0.5; }
+  double middle(int i) const {
+    const int at = (first + i) * reduce + reduce / 2;
+    return at + 0.5;
+  }
 };
 
 /// From images (mm, x to the right, y up from the lower left corner) to the plate.

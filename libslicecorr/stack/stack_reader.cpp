@@ -421,8 +421,8 @@ void StackReader::read_uv_slice(int slice, std::uint8_t* pixels) const {
   impl_->read_image(impl_->uv_index, slice, pixels);
 }
 
-void StackReader::read_band(const PixelBox& box, const Sink& sink) const {
-  impl_->read_band(impl_->index, box, sink);
+void StackReader::read_band(const PixelBox& band, const Sink& sink) const {
+  impl_->read_band(impl_->index, band, sink);
 }
 
 void StackReader::Impl::read_band(const Index& of, const PixelBox& box, const Sink& sink) const {

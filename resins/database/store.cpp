@@ -122,7 +122,7 @@ std::optional<std::string> present_text(const fs::path& path) {
 
 std::string writable_folder() {
   const char* own = std::getenv("SLICECORR_DB");
-  const std::string folder = own && *own ? own : user_definition_folder();
+  std::string folder = own && *own ? own : user_definition_folder();
   if (folder.empty()) {
     throw InputError("no folder to write to; expected $SLICECORR_DB, $XDG_CONFIG_HOME or $HOME");
   }
@@ -215,8 +215,7 @@ std::string save_beside(const std::string& folder, const std::string& name,
   check_name(name, "file");
   const FolderLock lock(folder);
   for (int n = 1;; ++n) {
-    const std::string file =
-        fmt::format("{}{}{}", name, n > 1 ? fmt::format("-{}", n) : "", extension);
+    std::string file = fmt::format("{}{}{}", name, n > 1 ? fmt::format("-{}", n) : "", extension);
     const fs::path path = fs::path(folder) / file;
     const auto present = present_text(path);
     if (present && *present == bytes) return file;

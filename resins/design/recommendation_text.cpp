@@ -46,7 +46,7 @@ void say_what_to_do(const Resin& resin, const Printer& printer, Recommendation& 
         "then {}.",
         r.present_fits ? "Best for gaps" : "Recommended", at, f, best));
   } else {
-    r.reasons.push_back("No other absorber would be better by much.");
+    r.reasons.emplace_back("No other absorber would be better by much.");
   }
 }
 
@@ -91,7 +91,7 @@ void say_dead_zone(const Wish& wish, Recommendation& r) {
       "A dead zone of {} um under full blue light takes {} mW/cm² of UV light; phi falls to {} "
       "by it.",
       figure(wish.dead_zone_um), figure(r.uv_needed_mw_cm2), figure(r.phi_with_uv)));
-  r.warnings.push_back(
+  r.warnings.emplace_back(
       "the correction does not reckon with UV light yet: near the window it takes dose away");
 }
 
@@ -183,14 +183,14 @@ void describe_places(const Resin& resin, const Printer& printer, const Wish& wis
                                             at_least(places.slowest_mm_h * (1 + 1e-9)))
                               : ""));
   if (places.share_met >= 1) {
-    r.reasons.push_back("The wish is met on the whole display.");
+    r.reasons.emplace_back("The wish is met on the whole display.");
   } else if (met > 0) {
     r.warnings.push_back(fmt::format(
         "the wish is met on {:.3g} % of the display only, where it gives {:.3g} to {:.3g} % of the "
         "calibration's light",
         100 * places.share_met, 100 * least_met, 100 * greatest_met));
   } else {
-    r.warnings.push_back(
+    r.warnings.emplace_back(
         "the wish is met nowhere on the display: no place gets the light of the calibration");
   }
 }

@@ -273,11 +273,11 @@ void advise_replicates(const PreparedFit& s, const Diagnosis& d, std::vector<std
 
 }  // namespace
 
-std::string why_unknown(const PreparedFit& s, const std::string& name) {
+std::string why_unknown(const PreparedFit& prepared, const std::string& name) {
   const bool of_uv = name == "beta" || name == "huv_um" || name == "m_uv" ||
-                     s.model == FitModel::dead_zone_transient;
+                     prepared.model == FitModel::dead_zone_transient;
   if (!of_uv) {
-    const Range blue = blue_of(s, false), time = time_of(s, false);
+    const Range blue = blue_of(prepared, false), time = time_of(prepared, false);
     if (name == "m" && blue.different == 1) {
       return fmt::format(
           "all {} measurements have one intensity ({:.4g} mW/cm2); measure at two or more "
@@ -300,15 +300,15 @@ std::string why_unknown(const PreparedFit& s, const std::string& name) {
       return "intensity and exposure time vary together; expose each intensity to several doses, "
              "the same ones for all, and more often";
     }
-    const Range dose = dose_of(s);
+    const Range dose = dose_of(prepared);
     return fmt::format(
         "measure over a wider range of doses (now a factor of {:.3g}), and more often (now {})",
         dose.factor(), dose.count);
   }
-  const Range ratio = ratio_of(s);
+  const Range ratio = ratio_of(prepared);
   if (name == "m" || name == "m_uv") {
-    const Range time = time_of(s, true);
-    const double dose = std::log(s.start[kDose]);
+    const Range time = time_of(prepared, true);
+    const double dose = std::log(prepared.start[kDose]);
     if (time.different == 1 && std::abs(time.low - dose) < 0.1) {
       return fmt::format(
           "all exposures last {:.4g} s, about D'c, where the exponent cancels out; measure at "
@@ -431,16 +431,16 @@ std::vector<bool> hidden_outliers(const Diagnosis& d) {
 
 }  // namespace
 
-void find_outliers(const PreparedFit& s, const Diagnosis& d, FitResult& result) {
-  const auto& all = s.problem.observations;
+void find_outliers(const PreparedFit& prepared, const Diagnosis& d, FitResult& result) {
+  const auto& all = prepared.problem.observations;
   const double n = static_cast<double>(all.size());
   const double p = static_cast<double>(d.active.size());
   for (std::size_t i = 0; i < all.size(); ++i) {
-    result.points[s.point_of[i]].leverage = d.leverage(static_cast<Eigen::Index>(i));
+    result.points[prepared.point_of[i]].leverage = d.leverage(static_cast<Eigen::Index>(i));
   }
   for (std::size_t i = 0; i < all.size() && p > 0 && n > p; ++i) {
     // More than 0.99: its neighbours say next to nothing about it.
-    const FitPoint& point = result.points[s.point_of[i]];
+    const FitPoint& point = result.points[prepared.point_of[i]];
     if (point.leverage < 0.99) continue;
     result.warnings.push_back(fmt::format(
         "{} alone decides a parameter (leverage {:.3f}): an error in it can't be seen; repeat it",
@@ -451,7 +451,7 @@ void find_outliers(const PreparedFit& s, const Diagnosis& d, FitResult& result) 
   if (!(d.robust_variance > std::pow(rounding_of(all), 2))) return;
 
   // With a robust loss the scatter does not know of outliers anyway.
-  const bool plain = s.problem.loss == Loss::none;
+  const bool plain = prepared.problem.loss == Loss::none;
   const std::vector<bool> hidden =
       plain && p > 0 ? hidden_outliers(d) : std::vector<bool>(all.size(), false);
   const WithoutSome clean(d, hidden);
@@ -460,7 +460,7 @@ void find_outliers(const PreparedFit& s, const Diagnosis& d, FitResult& result) 
   std::size_t far_off = 0;
   for (std::size_t i = 0; i < all.size(); ++i) {
     const auto k = static_cast<Eigen::Index>(i);
-    FitPoint& point = result.points[s.point_of[i]];
+    FitPoint& point = result.points[prepared.point_of[i]];
     const double rest = 1 - point.leverage;
     if (!(rest > 1e-12)) continue;
     const double r = d.residual(k);
@@ -472,19 +472,21 @@ void find_outliers(const PreparedFit& s, const Diagnosis& d, FitResult& result) 
     if (hidden[i] || std::abs(point.studentised) > limit) {
       ++far_off;
       result.outliers.push_back(
-          {s.point_of[i], fmt::format("{}: measured {:.4g} um, {:.4g} um expected: {:.1f} times "
-                                      "the scatter of the others (limit {:.1f})",
-                                      place, point.measured_um, point.predicted_um,
-                                      std::abs(point.studentised), limit)});
+          {prepared.point_of[i],
+           fmt::format("{}: measured {:.4g} um, {:.4g} um expected: {:.1f} times "
+                       "the scatter of the others (limit {:.1f})",
+                       place, point.measured_um, point.predicted_um, std::abs(point.studentised),
+                       limit)});
     } else if (point.leverage > 0.5 && point.cooks_distance > 4 / n &&
                std::abs(point.studentised) > 2) {
       // More than half of what is predicted there is its own measurement.
       result.outliers.push_back(
-          {s.point_of[i], fmt::format("{}: measured {:.4g} um, {:.4g} um expected; it stands apart "
-                                      "from the others (leverage {:.2f}) and pulls the fit to it "
-                                      "(Cook's distance {:.2g}, limit {:.2g})",
-                                      place, point.measured_um, point.predicted_um, point.leverage,
-                                      point.cooks_distance, 4 / n)});
+          {prepared.point_of[i],
+           fmt::format("{}: measured {:.4g} um, {:.4g} um expected; it stands apart "
+                       "from the others (leverage {:.2f}) and pulls the fit to it "
+                       "(Cook's distance {:.2g}, limit {:.2g})",
+                       place, point.measured_um, point.predicted_um, point.leverage,
+                       point.cooks_distance, 4 / n)});
     }
   }
   if (plain && far_off > 0) {

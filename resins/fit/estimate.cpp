@@ -160,10 +160,10 @@ KindScatter scatter_of_kinds(const Problem& problem, const Diagnosis& d) {
   return {sigma[0], sigma[1]};
 }
 
-Solution estimate(PreparedFit& s, const FitOptions& options) {
-  Problem& problem = s.problem;
-  const bool weigh_kinds = s.model == FitModel::joint && options.weights == Weights::none;
-  if (!weigh_kinds) return solve_with_loss(s, options, s.starts(options.starts));
+Solution estimate(PreparedFit& prepared, const FitOptions& options) {
+  Problem& problem = prepared.problem;
+  const bool weigh_kinds = prepared.model == FitModel::joint && options.weights == Weights::none;
+  if (!weigh_kinds) return solve_with_loss(prepared, options, prepared.starts(options.starts));
 
   // Cured heights scatter by tens of um, dead zones by a few: with equal weights the former would
   // drown the latter. The first guess of their scatter is a share of their spread.
@@ -183,7 +183,7 @@ Solution estimate(PreparedFit& s, const FitOptions& options) {
     normalise_weights(problem);
   };
   weigh();
-  Solution solution = solve_with_loss(s, options, s.starts(options.starts));
+  Solution solution = solve_with_loss(prepared, options, prepared.starts(options.starts));
   int iterations = solution.iterations;
   // A median moves in steps: with a robust loss nothing settles to the last digit.
   const bool robust = options.loss != Loss::none;
@@ -199,20 +199,20 @@ Solution estimate(PreparedFit& s, const FitOptions& options) {
     sigma = {std::max(scatter.cured_um, least), std::max(scatter.dead_zone_um, least)};
     if (std::abs(sigma[1] / sigma[0] / ratio - 1) < settled) break;
     weigh();
-    solution = solve_with_loss(s, options, {solution.inner});
+    solution = solve_with_loss(prepared, options, {solution.inner});
     iterations += solution.iterations;
   }
   solution.iterations = iterations;
   return solution;
 }
 
-std::array<double, 2> profile_interval(const PreparedFit& s, const Solution& solution,
+std::array<double, 2> profile_interval(const PreparedFit& prepared, const Solution& solution,
                                        const Diagnosis& d, std::size_t active_index, double t) {
   const std::size_t which = d.active[active_index];
-  const Unknown unknown = s.problem.unknowns[which];
+  const Unknown unknown = prepared.problem.unknowns[which];
   const double best = solution.inner[which], stderr_inner = d.stderr_inner(active_index);
   const auto column = d.unscaled.col(static_cast<Eigen::Index>(active_index));
-  PreparedFit held = s;
+  PreparedFit held = prepared;
   held.hold(unknown.name, unknown.value(best));
   held.problem.tolerance = std::max(held.problem.tolerance, 1e-7);
   std::vector<double> others = solution.inner, direction;
@@ -286,25 +286,25 @@ std::array<double, 2> profile_interval(const PreparedFit& s, const Solution& sol
   return {unknown.value(end_towards(-1)), unknown.value(end_towards(1))};
 }
 
-std::optional<Reciprocity> test_reciprocity(const PreparedFit& s, const Solution& solution,
+std::optional<Reciprocity> test_reciprocity(const PreparedFit& prepared, const Solution& solution,
                                             const Diagnosis& d,
                                             const std::vector<FitPoint>& points) {
   // Both laws on the cured heights, with the weights that the fit came to.
   PreparedFit kinetic;
   kinetic.model = FitModel::kinetic;
-  kinetic.problem.tolerance = s.problem.tolerance;
+  kinetic.problem.tolerance = prepared.problem.tolerance;
   for (const auto& p : parameters_of(FitModel::kinetic, {})) {
     kinetic.problem.unknowns.push_back(p.unknown);
   }
   std::vector<double> ln_blue;
   double greatest = 0;
-  for (std::size_t i = 0; i < s.problem.observations.size(); ++i) {
-    Observation o = s.problem.observations[i];
+  for (std::size_t i = 0; i < prepared.problem.observations.size(); ++i) {
+    Observation o = prepared.problem.observations[i];
     if (o.is_dead_zone) continue;
-    const FitPoint& point = points[s.point_of[i]];
+    const FitPoint& point = points[prepared.point_of[i]];
     if (!(point.blue_mw_cm2 > 0 && point.exposure_s > 0)) return std::nullopt;
     const double r = d.residual(static_cast<Eigen::Index>(i));
-    o.weight *= std::sqrt(rho(s.problem.loss, s.problem.loss_scale, r * r)[1]);
+    o.weight *= std::sqrt(rho(prepared.problem.loss, prepared.problem.loss_scale, r * r)[1]);
     greatest = std::max(greatest, std::abs(o.weight * o.measured_um));
     ln_blue.push_back(o.exposure.ln_blue);
     kinetic.problem.observations.push_back(o);
@@ -316,13 +316,15 @@ std::optional<Reciprocity> test_reciprocity(const PreparedFit& s, const Solution
   jacobs.hold("m", 1);
   jacobs.start[kExponent] = 1;
   // One of the two is the fit itself, unless a robust loss bent it.
-  const bool known = s.problem.loss == Loss::none;
-  const auto bent = known && s.model == FitModel::kinetic && s.problem.unknowns.size() == 3
-                        ? std::optional(solution)
-                        : solve(kinetic.problem, kinetic.start_inner());
-  const auto straight = known && s.model == FitModel::jacobs && s.problem.unknowns.size() == 2
-                            ? std::optional(solution)
-                            : solve(jacobs.problem, jacobs.start_inner());
+  const bool known = prepared.problem.loss == Loss::none;
+  const auto bent =
+      known && prepared.model == FitModel::kinetic && prepared.problem.unknowns.size() == 3
+          ? std::optional(solution)
+          : solve(kinetic.problem, kinetic.start_inner());
+  const auto straight =
+      known && prepared.model == FitModel::jacobs && prepared.problem.unknowns.size() == 2
+          ? std::optional(solution)
+          : solve(jacobs.problem, jacobs.start_inner());
   if (!bent || !straight) return std::nullopt;
   const Diagnosis seen = diagnose(kinetic.problem, *bent, true);
   if (seen.singular || seen.freedom < 1) return std::nullopt;
@@ -346,10 +348,10 @@ std::optional<Reciprocity> test_reciprocity(const PreparedFit& s, const Solution
   return r;
 }
 
-std::vector<std::vector<double>> bootstrap(const PreparedFit& s, const Solution& solution,
+std::vector<std::vector<double>> bootstrap(const PreparedFit& prepared, const Solution& solution,
                                            const Diagnosis& d, int count, std::uint64_t seed,
                                            const ExecutionContext& context) {
-  const auto& all = s.problem.observations;
+  const auto& all = prepared.problem.observations;
   std::array<std::vector<double>, 2> pool;
   std::vector<double> fitted(all.size());
   for (std::size_t i = 0; i < all.size(); ++i) {
@@ -367,7 +369,7 @@ std::vector<std::vector<double>> bootstrap(const PreparedFit& s, const Solution&
   std::vector<std::vector<double>> found(static_cast<std::size_t>(count));
   parallel_for(context, "bootstrap", found.size(), [&](std::size_t b) {
     Random random(seed * 0xD1342543DE82EF95ULL + b);
-    Problem resampled = s.problem;
+    Problem resampled = prepared.problem;
     for (std::size_t i = 0; i < all.size(); ++i) {
       const auto& residuals = pool[all[i].is_dead_zone];
       resampled.observations[i].measured_um =

@@ -220,6 +220,7 @@ void fill_bootstrap(const PreparedFit& s, const Solution& solution, const Diagno
   }
   for (std::size_t i = 0; i < s.problem.unknowns.size(); ++i) {
     std::vector<double> values;
+    values.reserve(rows.size());
     for (const auto& row : rows) values.push_back(row[i]);
     std::sort(values.begin(), values.end());
     for (Parameter& p : result.parameters) {

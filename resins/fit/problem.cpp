@@ -266,6 +266,7 @@ Solution solve_best(const Problem& problem, const std::vector<std::vector<double
   // Far off, the front's law leads into corners where nothing gels, slowly and for nothing.
   constexpr double hopeless = 30;
   std::vector<double> costs;
+  costs.reserve(starts.size());
   for (const auto& start : starts) costs.push_back(cost_at(problem, start));
   const double lowest = *std::min_element(costs.begin(), costs.end());
   std::optional<Solution> best;

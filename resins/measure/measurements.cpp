@@ -149,6 +149,7 @@ class Table {
     const std::vector<std::string>& fields = row_.cells;
     width_ = fields.size();
     std::vector<std::string> names;
+    names.reserve(fields.size());
     for (const auto& field : fields) names.push_back(lower_case(field));
     const bool numbers = std::all_of(fields.begin(), fields.end(), [](std::string_view f) {
       return f.empty() || !parse_number(f).wrong;

@@ -34,7 +34,7 @@ constexpr int kCurvePoints = 200;
 /// Where a measurement belongs in the legend; points of a group are drawn alike.
 struct Group {
   double blue_mw_cm2 = 0, exposure_s = 0;
-  auto operator<=>(const Group&) const = default;
+  auto operator<=>(const Group&) const = default;  // NOLINT: no 0 is a pointer here
 };
 
 /// Measurements of one kind, with where they stand in a picture.

@@ -187,7 +187,7 @@ std::string source_of(const std::string& real, const PostRequest& request,
   if (!request.again) return real;
   const StackInfo info = read_archive(real);
   if (info.kind != StackKind::corrected) return real;
-  const std::string backup = backup_of(real, request);
+  std::string backup = backup_of(real, request);
   check_belongs(info, real, backup, context);
   return backup;
 }

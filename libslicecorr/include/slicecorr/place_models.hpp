@@ -31,7 +31,7 @@ class PlaceModels {
   PlaceModels(const Printer& printer, const Resin& resin, const Process& process,
               const Grid& images, const ImageFrame& frame);
   /// The same model at every place.
-  PlaceModels(const CureModel& everywhere);
+  PlaceModels(const CureModel& everywhere);  // NOLINT: one model will do
   ~PlaceModels();
 
   const LightMap& map() const { return map_; }
@@ -67,7 +67,7 @@ class PlaceDose {
   PlaceDose(const PlaceModels& models, const std::vector<Pixel>& pixels);
   /// This and the functions below: as those of `BandDose`.
   void add_slice(int slice, const std::uint8_t* pixels);
-  void add_slice(int slice, std::span<const ImageShowing> parts);
+  void add_slice(int slice, std::span<const ImageShowing> showings);
   const double* lower() const {
     return groups_.size() == 1 ? groups_[0].dose.lower() : lower_.data();
   }

@@ -288,6 +288,7 @@ PendingFile::PendingFile(const std::string& path, const std::string& text) : pat
                         !std::filesystem::is_regular_file(status) &&
                         !std::filesystem::is_directory(status);
   if (!straight) {
+    // NOLINTNEXTLINE: the end of what std::make_unique copies from would remove the file.
     temporary_.reset(new detail::Temporary{detail::make_temporary(path)});
   }
   std::FILE* const file = std::fopen((straight ? path : temporary_->path).c_str(), "wb");

@@ -22,15 +22,15 @@ void on_terminate(int) { terminated = 1; }
 
 }  // namespace
 
-std::pair<std::string, int> host_and_port(const std::string& text) {
-  const std::size_t colon = text.rfind(':');
+std::pair<std::string, int> host_and_port(const std::string& listen) {
+  const std::size_t colon = listen.rfind(':');
   const auto wrong = [&] {
-    throw InputError("--listen is '" + text + "', expected HOST:PORT, 0 for a port that is free");
+    throw InputError("--listen is '" + listen + "', expected HOST:PORT, 0 for a port that is free");
   };
   if (colon == std::string::npos || colon == 0) wrong();
-  std::string host = text.substr(0, colon);
+  std::string host = listen.substr(0, colon);
   if (host.starts_with('[') && host.ends_with(']')) host = host.substr(1, host.size() - 2);
-  const auto port = cli::number_of(text.substr(colon + 1));
+  const auto port = cli::number_of(listen.substr(colon + 1));
   if (!port || *port < 0 || *port > 65535 || *port != static_cast<int>(*port)) wrong();
   return {host, static_cast<int>(*port)};
 }

@@ -22,7 +22,7 @@ namespace {
 
 /// The form of an output by its name's end.
 std::string form_of(const std::string& path, const std::vector<std::string>& forms) {
-  const std::string end = std::filesystem::path(path).extension().string();
+  std::string end = std::filesystem::path(path).extension().string();
   if (std::find(forms.begin(), forms.end(), end) == forms.end()) {
     throw InputError(path, "",
                      fmt::format("expected an output that ends in {}", fmt::join(forms, " or ")));

@@ -198,7 +198,7 @@ class ChituboxZip final : public ArchiveFormat {
     } else {
       take_layer_times(body.exposures_s(grid.layers), info);
       if (!body.same_light()) {
-        contents.warnings.push_back(
+        contents.warnings.emplace_back(
             "layers are lit with different power (M106): all are treated as if it were the same");
       }
     }

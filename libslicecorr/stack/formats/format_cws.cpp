@@ -177,7 +177,7 @@ ArchiveContents read_cws(const Container& archive) {
     } else {
       take_layer_times(body.exposures_s(grid.layers), info);
       if (!body.same_light()) {
-        contents.warnings.push_back(
+        contents.warnings.emplace_back(
             "layers are lit with different power (M106): all are treated as if it were the same");
       }
     }
@@ -416,7 +416,7 @@ class Cws final : public ArchiveFormat {
   std::vector<std::string> write(const ArchiveRequest& r, ContainerOutput& output) const override {
     warn_of_mode(r, "CWS");
     if (r.kept != nullptr) {
-      const std::vector<std::string> names = continued_names(r, ".png");
+      std::vector<std::string> names = continued_names(r, ".png");
       change(r, names, output);
       return names;
     }
@@ -432,6 +432,7 @@ class Cws final : public ArchiveFormat {
     const std::size_t digits =
         std::max<std::size_t>(4, std::to_string(r.info.grid.layers - 1).size());
     std::vector<std::string> names;
+    names.reserve(static_cast<std::size_t>(r.info.grid.layers));
     for (int n = 0; n < r.info.grid.layers; ++n) {
       names.push_back(fmt::format("{}{:0{}}.png", name, n, digits));
     }

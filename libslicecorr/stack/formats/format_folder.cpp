@@ -95,6 +95,7 @@ class Folder final : public ArchiveFormat {
       warn(r, "a folder of images has no exposure times: these are lost");
     }
     std::vector<std::string> names;
+    names.reserve(static_cast<std::size_t>(r.info.grid.layers));
     for (int n = 0; n < r.info.grid.layers; ++n) names.push_back(fmt::format("{:08}.png", n));
     return names;
   }

@@ -126,7 +126,7 @@ void read_exposure(const Profile& p, StackInfo& info, std::vector<std::string>& 
     info.fade_layers = count("TransitionalLayer");
   }
   if (!p.with("DynamicCureTime").string("DynamicCureTime").empty()) {
-    warnings.push_back(
+    warnings.emplace_back(
         "the printer computes exposure times with an equation (DynamicCureTime): the times of the "
         "profile are taken");
   }

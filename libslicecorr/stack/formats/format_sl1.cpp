@@ -278,7 +278,7 @@ class Sl1 final : public ArchiveFormat {
       }
     }
     if (config.number("calibrateRegions", 0, 1e6).value_or(0) > 0) {
-      contents.warnings.push_back(
+      contents.warnings.emplace_back(
           "is a calibration print: the printer shows its regions with other exposure times");
     }
     read_display(config, settings, contents);

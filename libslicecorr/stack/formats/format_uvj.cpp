@@ -91,6 +91,7 @@ class Uvj final : public ArchiveFormat {
       }
     }
     std::vector<std::string> names;
+    names.reserve(static_cast<std::size_t>(r.info.grid.layers));
     for (int n = 0; n < r.info.grid.layers; ++n) names.push_back(slice_name(n));
     return names;
   }

@@ -325,7 +325,7 @@ class Vda final : public ArchiveFormat {
                        exposure.normal_s, others ? ", and to other times for some layers" : ""));
     }
     if (r.kept != nullptr) {
-      const std::vector<std::string> names = continued_names(r, ".png");
+      std::vector<std::string> names = continued_names(r, ".png");
       change(r, names, output);
       return names;
     }
@@ -334,6 +334,7 @@ class Vda final : public ArchiveFormat {
     }
     output.add_text(r.stem + ".xml", new_manifest(r.info));
     std::vector<std::string> names;
+    names.reserve(static_cast<std::size_t>(r.info.grid.layers));
     for (int n = 0; n < r.info.grid.layers; ++n) names.push_back(image_name(n));
     return names;
   }

@@ -253,7 +253,7 @@ std::string new_manifest(const ArchiveRequest& r) {
 /// The kept manifest changed to what the stack says. Remembers whether anything did change.
 class Change {
  public:
-  Change(const ArchiveRequest& r) : r_(r) {
+  explicit Change(const ArchiveRequest& r) : r_(r) {
     try {
       json_ = Json::parse(r.kept->text(kManifestEntry, manifest_limit(*r.kept)));
     } catch (const Json::exception& error) {
@@ -350,6 +350,7 @@ class Vdt final : public ArchiveFormat {
       output.add("Preview_FLT_48.png", encode_png(framed(r.preview, 48, 48)));
     }
     std::vector<std::string> names;
+    names.reserve(static_cast<std::size_t>(r.info.grid.layers));
     for (int n = 0; n < r.info.grid.layers; ++n) names.push_back(fmt::format("{}.png", n));
     return names;
   }

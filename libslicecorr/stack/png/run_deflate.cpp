@@ -32,7 +32,7 @@ struct LengthTable {
     base[28] = kLongestMatch;
   }
 };
-constexpr LengthTable lengths;
+constexpr LengthTable kLengths;
 
 struct Distance {
   std::uint32_t symbol, extra_bits, extra;
@@ -296,10 +296,10 @@ void RunDeflater::count_symbols() {
     for (std::uint32_t k = 0; k < match.matched_literals; ++k) --literal_frequencies_[*literal++];
     const Distance distance = distance_of(match.distance);
     split(match.length, [&](std::uint32_t length, std::uint32_t times) {
-      const std::uint8_t code = lengths.code[length];
+      const std::uint8_t code = kLengths.code[length];
       literal_frequencies_[kFirstLength + code] += times;
       distance_frequencies_[distance.symbol] += times;
-      extra_bits_ += std::uint64_t{times} * (lengths.extra[code] + distance.extra_bits);
+      extra_bits_ += std::uint64_t{times} * (kLengths.extra[code] + distance.extra_bits);
     });
   }
   literal_frequencies_[kEndOfBlock] = 1;
@@ -327,12 +327,12 @@ void RunDeflater::write_matches(BitWriter& out) const {
     const Distance distance = distance_of(match.distance);
     const BitString& far = distance_code_[distance.symbol];
     split(match.length, [&](std::uint32_t length, std::uint32_t times) {
-      const std::uint8_t code = lengths.code[length];
+      const std::uint8_t code = kLengths.code[length];
       const BitString& near = codes[kFirstLength + code];
       std::uint64_t bits = near.bits;
       std::uint32_t count = near.count;
-      bits |= std::uint64_t{length - lengths.base[code]} << count;
-      count += lengths.extra[code];
+      bits |= std::uint64_t{length - kLengths.base[code]} << count;
+      count += kLengths.extra[code];
       bits |= std::uint64_t{far.bits} << count;
       count += far.count;
       bits |= std::uint64_t{distance.extra} << count;

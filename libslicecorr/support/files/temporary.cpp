@@ -85,8 +85,8 @@ std::string make_temporary(const std::string& path, bool make_folder) {
   const PathParts place = path_parts(path);
   remove_left_over(place);
   for (int attempt = 0; attempt < 1000; ++attempt) {
-    const std::string name = place.folder + "/." + place.file.substr(0, kMostNameBytes) + "." +
-                             std::to_string(::getpid()) + "-" + std::to_string(counter++) + kEnding;
+    std::string name = place.folder + "/." + place.file.substr(0, kMostNameBytes) + "." +
+                       std::to_string(::getpid()) + "-" + std::to_string(counter++) + kEnding;
     if (make_folder) {
       if (::mkdir(name.c_str(), 0777) == 0) return name;
     } else {

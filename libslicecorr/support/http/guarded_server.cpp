@@ -228,7 +228,7 @@ int GuardedServer::bind(const std::string& host, int port) {
     ::setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
   });
   set_exception_handler(
-      [](const httplib::Request&, httplib::Response& response, std::exception_ptr) {
+      [](const httplib::Request&, httplib::Response& response, const std::exception_ptr&) {
         send_error(response, 500, "defect", "a defect of the program");
       });
   // Answers that httplib gives by itself: requests that can't be read.

@@ -34,10 +34,11 @@ bool moves_or_turns(char32_t c) {
 std::string duration(double s) {
   if (!std::isfinite(s) || s < 0) return "-";
   if (s < 10) return fmt::format("{:.1f} s", s);
-  const auto whole = static_cast<std::int64_t>(std::min(s, 1e12) + 0.5);
+  const auto whole = std::int64_t{std::llround(std::min(s, 1e12))};
   if (whole < 60) return fmt::format("{} s", whole);
   if (whole < 3600) return fmt::format("{} min {:02} s", whole / 60, whole % 60);
-  if (whole < 48 * 3600) return fmt::format("{} h {:02} min", whole / 3600, whole / 60 % 60);
+  if (whole < std::int64_t{48} * 3600)
+    return fmt::format("{} h {:02} min", whole / 3600, whole / 60 % 60);
   return fmt::format("{} d {:02} h", whole / 86400, whole / 3600 % 24);
 }
 

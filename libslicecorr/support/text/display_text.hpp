@@ -13,7 +13,7 @@ namespace slicecorr::text {
 /// "7.3 s", "4 min 05 s", "3 h 10 min", "2 d 04 h"; "-" below 0 and for what is no number.
 std::string duration(double seconds);
 /// "512 B", "1.4 MB", "31.0 GB"; powers of ten.
-std::string bytes(double bytes);
+std::string bytes(double n);
 /// Two sizes that are compared, with as many digits as it takes to tell them apart: "3.1 MB" and
 /// "2.0 GB", "3.14 MB" and "3.15 MB".
 std::pair<std::string, std::string> bytes_apart(double a, double b);

@@ -163,7 +163,7 @@ struct FrameLog::Impl {
   Impl(const std::string& path, double start)
       : writer(
             path,
-            "frame,planned_z_um,z_um,planned_s,shown_s,late_um,speed_um_s,blue_share,uv_mw_cm2,blue_measured,uv_measured,late,stage_error_um,temperature_c,exposure_s,exposed_s,vblank,missed_vblanks,upload_s,present_s"),
+            "frame,planned_z_um,z_um,planned_s,shown_s,late_um,speed_um_s,blue_share,uv_mw_cm2,blue_measured,uv_measured,late,stage_error_um,temperature_c,exposure_s,exposed_s,vblank,missed_vblanks,upload_s,present_s,job_frame,from_deg,to_deg"),
         start_um(start) {}
 };
 
@@ -180,12 +180,13 @@ void FrameLog::add(const FrameRecord& r) {
   const std::string vblank = r.display.vblank < 0 ? "" : std::to_string(r.display.vblank);
   impl_->writer.add(
       fmt::format(
-          "{},{:.6f},{:.6f},{:.6f},{:.6f},{:.6f},{:.4f},{:.6f},{:.4f},{:.6f},{:.4f},{},{:.4f},{},{},{},{},{},{:.6f},{:.6f}",
+          "{},{:.6f},{:.6f},{:.6f},{:.6f},{:.6f},{:.4f},{:.6f},{:.4f},{:.6f},{:.4f},{},{:.4f},{},{},{},{},{},{:.6f},{:.6f},{},{},{}",
           r.frame, r.planned_um - impl_->start_um, r.stage_um - impl_->start_um, r.planned_s,
           r.shown_s, r.stage_um - r.planned_um, r.speed_um_s, r.blue_share, r.uv_mw_cm2,
           r.blue_measured, r.uv_measured, r.late ? 1 : 0, r.stage_error_um, known(r.temperature_c),
           known(r.exposure_s), known(r.exposed_s), vblank, r.display.missed_vblanks,
-          r.display.upload_s, r.display.present_s),
+          r.display.upload_s, r.display.present_s,
+          r.job_frame < 0 ? "" : std::to_string(r.job_frame), known(r.from_deg), known(r.to_deg)),
       false);
 }
 

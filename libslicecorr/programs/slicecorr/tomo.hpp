@@ -13,7 +13,7 @@ namespace slicecorr::cli {
 
 struct TomoOptions {
   MeshOptions mesh;
-  std::string printer, resin, volume, output, job, dose, json;
+  std::string printer, resin, volume, output, job, shown, dose, json;
   std::vector<std::string> inserts;
   std::string method = "ladder", window = "hamming";
   double voxel_mm = 0, most_time_s = 0, clip_sigma = 0, stop_error = 0;

@@ -26,6 +26,8 @@ struct PrintFacts {
   double tolerance_um = 0;                          ///< as in `Stage`
   double cycle_s = 0;                               ///< as in `Limits`
   int max_late_frames = 0, ring_frames = 0;         ///< as in `Limits`
+  int angles = 0;                                   ///< of a job: frames of a turn; else 0
+  double um_per_deg = 0;                            ///< of a job: as in `Stage`
 };
 PrintFacts facts_of(const PrintPlan& plan, const Machine& machine);
 

@@ -12,8 +12,8 @@
 
 #include "control_bench.hpp"
 #include "refusal.hpp"
-#include "run_program.hpp"
 #include "slicecorr/error.hpp"
+#include "stack_fixture.hpp"
 
 namespace slicecorr::bridge {
 namespace {
@@ -25,7 +25,7 @@ using Changes = std::vector<std::pair<std::string, std::string>>;
 /// The shipped printer, four times as fast: prints of seconds.
 Machine turning_machine(const Changes& changes = {}) {
   const std::string path = std::string(SLICECORR_PRINTERS_DIR) + "/model-tomography-bench.toml";
-  std::string text = to_text(read_file(path));
+  std::string text = slicecorr::test::to_text(slicecorr::test::read_file(path));
   Changes all{{"deg_s = 25", "deg_s = 100"},
               {"acceleration_deg_s2 = 50", "acceleration_deg_s2 = 400"}};
   all.insert(all.end(), changes.begin(), changes.end());
@@ -313,7 +313,7 @@ TEST(BridgeTurn, JobsOfOtherMachinesAreRefused) {
   const auto says = [&](const std::function<void(Printer&)>& change) {
     tomo::TomoJob job = turning_job(m.printer);
     change(job.printer);
-    return refusal([&] { plan_turns(job, "part.frames", m); });
+    return slicecorr::test::refusal([&] { plan_turns(job, "part.frames", m); });
   };
   const auto expect = [&](const char* what, const std::function<void(Printer&)>& change) {
     const std::string text = says(change);
@@ -329,7 +329,7 @@ TEST(BridgeTurn, JobsOfOtherMachinesAreRefused) {
   expect("its display has", [](Printer& p) { p.width_px = 500; });
   expect("its calibration", [](Printer& p) { p.calibration.back().intensity_mw_cm2 = 3; });
   // A printer of slices, and too many frames or turns for this one.
-  EXPECT_NE(refusal([&] {
+  EXPECT_NE(slicecorr::test::refusal([&] {
               plan_turns(turning_job(m.printer), "part.frames", test_machine());
             }).find("no [rotation]"),
             std::string::npos);
@@ -350,7 +350,7 @@ TEST(BridgeTurn, PrinterFilesSayDegrees) {
   EXPECT_EQ(registers[4] << 16 | registers[5], 1234500);
   EXPECT_EQ(registers[6] << 16 | registers[7], 1000000);
   const auto says = [](const Changes& changes) {
-    return refusal([&] { turning_machine(changes); });
+    return slicecorr::test::refusal([&] { turning_machine(changes); });
   };
   const auto expect = [](const std::string& text, const char* what) {
     EXPECT_NE(text.find(what), std::string::npos) << text;

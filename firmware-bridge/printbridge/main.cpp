@@ -49,11 +49,7 @@ std::string minutes(double seconds) {
 
 std::string where_it_was(int frame, double z_um, const Machine& machine) {
   if (frame < 0) return "before the first frame";
-  if (machine.stage.turns()) {
-    return fmt::format("frame {}, {:.1f}° on from the first", frame,
-                       z_um / machine.stage.um_per_deg);
-  }
-  return fmt::format("frame {}, z = {:.3f} mm", frame, z_um * 1e-3);
+  return fmt::format("frame {}, {}", frame, place_in_words(z_um, machine.stage.um_per_deg));
 }
 
 std::string layers_in_words(const PrintPlan& plan) {

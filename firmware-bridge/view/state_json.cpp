@@ -1,5 +1,7 @@
 #include "view/state_json.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 #include "record/left_json.hpp"
@@ -121,6 +123,11 @@ std::optional<double> left_s(const PrintFacts& f, const PrintState& s) {
     return f.frames > 0 ? f.expected_s * std::max(0, f.frames - s.frames_shown) / f.frames : 0;
   }
   return std::max(0.0, f.end_um - s.stage_um) / f.speed_um_s;
+}
+
+std::string place_in_words(double z_um, double um_per_deg) {
+  return um_per_deg > 0 ? fmt::format("{:.1f}° on from the first", z_um / um_per_deg)
+                        : fmt::format("z = {:.3f} mm", z_um * 1e-3);
 }
 
 std::string facts_json(const PrintFacts& facts) {

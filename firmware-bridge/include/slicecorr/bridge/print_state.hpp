@@ -71,6 +71,10 @@ std::optional<double> left_s(const PrintFacts& facts, const PrintState& state);
 std::string state_json(const PrintFacts& facts, const PrintState& state, const PrintAround& around);
 std::string facts_json(const PrintFacts& facts);
 
+/// A place counted from the first slice's begin: "z = 1.234 mm", or of a stage that turns (`Stage`)
+/// "123.4° on from the first"; `um_per_deg` 0: it moves along a line.
+std::string place_in_words(double z_um, double um_per_deg);
+
 /// What somebody should do about a fault.
 std::string_view what_to_do(Fault fault);
 

@@ -150,12 +150,14 @@ std::string what_happened(const PrintRecord& r) {
     return R"(<p class="holds">It prints; this page is of what was recorded so far.</p>)";
   }
   if (r.fault != Fault::none) {
-    return fmt::format(
-        R"(<p class="holds"><b>{}</b>: {}, {}. To do: {}</p>)", name_of(r.fault), shown(r.detail),
-        r.fault_frame < 0 ? std::string("with black on the display")
-                          : fmt::format("at frame {}, {}", r.fault_frame,
-                                        place_in_words(r.fault_z_um, r.facts.um_per_deg)),
-        what_to_do(r.fault));
+    return fmt::format(R"(<p class="holds"><b>{}</b>: {}, {}. To do: {}</p>)", name_of(r.fault),
+                       shown(r.detail),
+                       r.fault_frame < 0 ? std::string("with black on the display")
+                       : !std::isfinite(r.fault_z_um)
+                           ? fmt::format("at frame {}", r.fault_frame)
+                           : fmt::format("at frame {}, {}", r.fault_frame,
+                                         place_in_words(r.fault_z_um, r.facts.um_per_deg)),
+                       what_to_do(r.fault));
   }
   if (r.end == End::cut_off) {
     const RecordedEvent& last = r.events.back();

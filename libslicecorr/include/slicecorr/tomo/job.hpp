@@ -41,7 +41,7 @@ struct TomoJob {
   /// Grey levels, laid out as the light of the grid of `make_bench`; 0 in lanes without a slice.
   std::vector<std::uint16_t> levels;
   /// How the solve went, and the bound of contrast that it proved (infinite: none): for pages, no
-  /// part of the print. Jobs that others made have neither.
+  /// part of the print. Files that others made have neither.
   std::vector<Step> history;
   double contrast_bound = std::numeric_limits<double>::infinity();
 };

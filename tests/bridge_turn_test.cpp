@@ -268,9 +268,12 @@ TEST(BridgeTurn, AStallAndASlipAreCalledSo) {
 }
 
 TEST(BridgeTurn, LateFramesAreRecordedAndSomeAreBorne) {
-  // A step of 6 degrees takes 60 ms: half of it is 30 ms.
+  // A step of 6 degrees takes 60 ms: half of it is 30 ms. The bench lets time pass while it waits for
+  // the display, unknown to the controller, up to 4 degrees: the next frame comes up to a degree
+  // early.
   const Machine strict = turning_machine(),
-                patient = turning_machine({{"max_late_frames = 0", "max_late_frames = 2"}});
+                patient = turning_machine({{"max_late_frames = 0", "max_late_frames = 2"},
+                                           {"tolerance_deg = 1", "tolerance_deg = 6"}});
   const auto run = [&](const Machine& m, const char* fault) {
     auto b = std::make_unique<Bench>(m, turning_plan(m), std::vector{parse_sim_fault(fault)});
     b->run();
@@ -286,7 +289,7 @@ TEST(BridgeTurn, LateFramesAreRecordedAndSomeAreBorne) {
   EXPECT_EQ(borne->controller.late_frames(), 1);
   const FrameRecord& r = borne->records.at(30);
   EXPECT_TRUE(r.late);
-  EXPECT_NEAR(*r.to_deg - *r.from_deg, 6 - 4, 0.1);
+  EXPECT_NEAR(*r.to_deg - *r.from_deg, 6 - 4, 1);
   EXPECT_NEAR(*borne->records.at(29).to_deg - *borne->records.at(29).from_deg, 6 + 4, 0.1);
   // Another measure from the printer file.
   const Machine fine = turning_machine({{"max_late_frames = 0", "max_late_deg = 1"}});

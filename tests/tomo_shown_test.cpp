@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "refusal.hpp"
 #include "slicecorr/error.hpp"
@@ -28,24 +29,37 @@ std::vector<Showing> shown_of(const TomoJob& job, double late_deg, double width_
 
 double largest(const Box<float>& a) { return *std::max_element(a.values.begin(), a.values.end()); }
 
-/// Largest difference over the largest dose. Doses are single precision: 6e-8 of each.
-double difference(const Box<float>& a, const Box<float>& b) {
+/// Largest difference over the largest dose, up to this share of the radius. Doses are single
+/// precision: 6e-8 of each.
+double difference(const Box<float>& a, const Box<float>& b, double within = 1) {
   double most = 0;
-  for (std::size_t i = 0; i < a.values.size(); ++i) {
-    most = std::max(most, std::abs(double{a.values[i]} - b.values[i]));
+  const double middle = (a.nx - 1) / 2.0;
+  for (int z = 0; z < a.nz; ++z) {
+    for (int y = 0; y < a.ny; ++y) {
+      for (int x = 0; x < a.nx; ++x) {
+        if (std::hypot(x - middle, y - middle) > within * middle) continue;
+        most = std::max(most, std::abs(double{a.values[a.at(z, y, x)]} - b.values[b.at(z, y, x)]));
+      }
+    }
   }
   return most / largest(b);
 }
 
 TEST(TomoShown, FramesAtTheirOwnAnglesGiveTheDoseOfTheJob) {
-  for (const Printer& printer : {bench_printer(), dry_printer()}) {
-    const TomoJob job = random_job(printer, 2, 20);
-    const Box<float> planned = dose_of(job);
-    // In a dry vial lines between two frames are lit by both, by as much as they are near: with
-    // cells of a fifth other lines are in between, of which only the bath's has none.
-    const double borne = printer.vial->n_outside > 1 ? 1e-6 : 0.05;
-    EXPECT_LT(difference(dose_of(job, shown_of(job, 0, 0)), planned), borne);
+  const TomoJob job = random_job(bench_printer(), 2, 20);
+  EXPECT_LT(difference(dose_of(job, shown_of(job, 0, 0)), dose_of(job)), 1e-6);
+  // Behind a dry wall lines lie between the angles of frames, and light is interpolated there, which
+  // light that goes as a cosine does not mind: it is off by (2 pi / 72)^2 / 8, and over a step shown
+  // less bright by (2 pi / 72)^2 / 24.
+  TomoJob smooth = random_job(dry_printer(), 1, 72);
+  const Bench bench = make_bench(smooth.printer, smooth.resin, smooth.sampling);
+  for (int m = 0; m < 72; ++m) {
+    for (int i = 0; i < bench.grid.pixels; ++i) {
+      smooth.levels[bench.grid.pixel(m, i, 0)] =
+          static_cast<std::uint16_t>(std::lround(128 + 100 * std::cos(m * std::numbers::pi / 36)));
+    }
   }
+  EXPECT_LT(difference(dose_of(smooth, shown_of(smooth, 0, 5)), dose_of(smooth), 0.5), 2e-3);
 }
 
 TEST(TomoShown, AQuarterTurnLateIsThePartTurned) {
@@ -69,12 +83,13 @@ TEST(TomoShown, AQuarterTurnLateIsThePartTurned) {
 }
 
 TEST(TomoShown, EvenLightPrintsTheSameAtAnyAngleAndForAnyWidth) {
-  // 72 angles: the sum over them of exp(-alpha u) is the integral, to far less than 1e-6.
+  // 72 angles: away from the wall, where the way through the resin changes as a square root, the sum
+  // over them of exp(-alpha (half chord + u)) is the integral, to far less than 1e-6.
   TomoJob job = random_job(bench_printer(), 1, 72);
   std::fill(job.levels.begin(), job.levels.end(), std::uint16_t{200});
   const Box<float> planned = dose_of(job);
-  EXPECT_LT(difference(dose_of(job, shown_of(job, 1.3, 5)), planned), 1e-6);
-  EXPECT_LT(difference(dose_of(job, shown_of(job, -2, 400)), planned), 1e-6);
+  EXPECT_LT(difference(dose_of(job, shown_of(job, 1.3, 5)), planned, 0.5), 1e-6);
+  EXPECT_LT(difference(dose_of(job, shown_of(job, -2, 400)), planned, 0.5), 1e-6);
   // Doses are light times time; black adds its own.
   std::vector<Showing> shown = shown_of(job, 0, 5);
   for (Showing& s : shown) s.share = 0.5, s.exposed_s *= 3;
@@ -85,7 +100,7 @@ TEST(TomoShown, EvenLightPrintsTheSameAtAnyAngleAndForAnyWidth) {
   for (float& d : expected.values) {
     d = static_cast<float>(d * (1.5 + bench.mw_cm2[0] / bench.mw_cm2[200]));
   }
-  EXPECT_LT(difference(dose_of(job, shown), expected), 1e-6);
+  EXPECT_LT(difference(dose_of(job, shown), expected, 0.5), 1e-6);
 }
 
 TEST(TomoShown, ASmearedFrameIsTheMeanOfItsPlaces) {

@@ -20,13 +20,14 @@ class BridgeTurnPrint : public BridgePrograms {
   BridgeTurnPrint() { shown_ending = ".csv"; }
   using Changes = std::vector<std::pair<std::string, std::string>>;
 
-  /// The shipped printer with a small display and a smaller vial, and four times as fast.
+  /// The shipped printer with a small display and a smaller vial, brighter and four times as fast.
   std::string make_turning(const std::string& name, const Changes& changes = {}) {
     std::string text =
         text_of(std::string(SLICECORR_PRINTERS_DIR) + "/model-tomography-bench.toml");
     Changes all{{"width_px = 512", "width_px = 64"},
                 {"height_px = 512", "height_px = 24"},
                 {"pixel_um = 50.0", "pixel_um = 200.0"},
+                {"[255, 2.0]", "[255, 20.0]"},
                 {"outer_mm = 13.5", "outer_mm = 6"},
                 {"inner_mm = 12.5", "inner_mm = 5"},
                 {"deg_s = 25", "deg_s = 100"},

@@ -184,7 +184,7 @@ class BridgePrograms : public testing::Test {
     Sim sim;
     const std::string n = std::to_string(++sims_);
     sim.events = folder / ("events" + n + ".jsonl");
-    sim.shown = folder / ("shown" + n + ".uvj");
+    sim.shown = folder / ("shown" + n + shown_ending);
     std::vector<std::string> command{program("printer-sim"),
                                      "--printer",
                                      printer,
@@ -287,6 +287,7 @@ class BridgePrograms : public testing::Test {
   }
 
   TemporaryFolder folder;
+  std::string shown_ending = ".uvj";  ///< of what simulators record
 
  private:
   int sims_ = 0;

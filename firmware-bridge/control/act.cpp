@@ -13,6 +13,8 @@ namespace {
 /// A stage that arrives off its target, but within its tolerance, gets this long to come to rest,
 /// s.
 constexpr double kRestS = 0.2;
+/// A vial turns steadily when its speed was within this share of what it was told for so long, s.
+constexpr double kSteadyShare = 0.05, kSteadyS = 0.5;
 
 }  // namespace
 
@@ -27,6 +29,7 @@ void Controller::Impl::go() {
     case Phase::uv_on:
       return go_uv_on();
     case Phase::printing:
+      if (plan.turns() && act < Act::move) return go_spinning();
       return plan.mode == ExposureMode::layerwise ? go_layers() : go_printing();
     case Phase::pausing:
       return go_pausing();
@@ -166,14 +169,16 @@ void Controller::Impl::go_connecting() {
   }
   if (!displayed(kBlackFrame)) return;
   lamps_judged = true;
-  const bool warm =
-      !dry_run && (machine.blue.warm_up_s > 0 || (plan.uv && machine.uv.warm_up_s > 0));
+  const bool warm = !dry_run && ((machine.blue.warm_up_s > 0 && !plan.turns()) ||
+                                 (plan.uv && machine.uv.warm_up_s > 0));
   enter(warm ? Phase::warming : Phase::homing);
   go();
 }
 
 void Controller::Impl::go_warming() {
-  const double blue_s = machine.blue.warm_up_s, uv_s = plan.uv ? machine.uv.warm_up_s : 0;
+  // A vial must not stand in the light of black: its lamp warms up while it turns.
+  const double blue_s = plan.turns() ? 0 : machine.blue.warm_up_s,
+               uv_s = plan.uv ? machine.uv.warm_up_s : 0;
   rising = true;
   switch (act) {
     case Act::begin:
@@ -229,9 +234,58 @@ void Controller::Impl::go_uv_on() {
 
 double Controller::Impl::print_target_um() const {
   if (plan.lamps_follow()) return plan.end_um;
+  if (plan.turns()) {
+    // It comes to rest at a whole turn.
+    const double turn_um = machine.stage.turn_um();
+    const double least = end_um() + plan.ramp_um + 4 * limits.cycle_s * plan.speed_um_s;
+    return std::ceil(least / turn_um) * turn_um;
+  }
   // Beyond the print's end by the ramp, and by the way in which the lamp goes off before the ramp.
   const double target = plan.end_um + plan.ramp_um + 4 * limits.cycle_s * plan.speed_um_s;
   return machine.stage.travel_um > 0 ? std::min(target, machine.stage.travel_um) : target;
+}
+
+void Controller::Impl::go_spinning() {
+  if (act == Act::begin) {
+    stage.start(status.stage_um, status_at_s.value_or(0));
+    command_move(print_target_um(), plan.speed_um_s, plan.acceleration_um_s2);
+    slipped_um = 0;
+    slipped_at_s = now_s;
+    unsteady_at_s = now_s;
+    return turn_to(Act::spin);
+  }
+  const double speed = status.stage_speed_um_s.value_or(stage.speed_um_s(now_s));
+  if (move || std::abs(speed - plan.speed_um_s) > kSteadyShare * plan.speed_um_s) {
+    unsteady_at_s = now_s;
+  }
+  // Two cycles before it must be handed over, the first frame is planned as all others are.
+  const double first_um = frame_um(0) - 4 * limits.cycle_s * plan.speed_um_s;
+  const double at_um = stage.position_um(now_s);
+  if (act == Act::spin) {
+    if (at_um < first_um - plan.lamp_lead_um) return;
+    if (now_s - *unsteady_at_s < kSteadyS) {
+      if (put_off_um >= kMostPutOff * machine.stage.turn_um()) {
+        return fail(Fault::stage_error,
+                    fmt::format("the stage does not turn steadily: it goes {:.2f} °/s, told {:.2f} "
+                                "°/s",
+                                speed / plan.um_per_deg, plan.speed_um_s / plan.um_per_deg));
+      }
+      put_off_um += machine.stage.turn_um();
+      event("put off", "by a turn: the stage does not turn steadily yet");
+      command_move(print_target_um(), plan.speed_um_s, plan.acceleration_um_s2);
+      return;
+    }
+    out.blue_share = 1;  // while the display shows black
+    rising = true;
+    return turn_to(Act::spin_lit);
+  }
+  if (at_um < first_um) return;
+  if (!blue_settled()) {
+    return fail(Fault::lamp_mismatch, "the blue lamp does not come to its light");
+  }
+  rising = false;
+  turn_to(Act::move);
+  go_printing();
 }
 
 void Controller::Impl::go_printing() {
@@ -278,7 +332,7 @@ void Controller::Impl::plan_next_frame() {
   const bool last = next_frame == frames;
   if (next_frame > frames || (last && plan.lamps_follow())) return;
   const int number = last ? kBlackFrame : next_frame;
-  const double planned = last ? plan.end_um : plan.frame_um(number);
+  const double planned = last ? end_um() : frame_um(number);
   // The frame is sent to the display in this cycle if it is due before the next cycle but one.
   double early = now_s + limits.display_latency_s;
   double late = early + 2 * limits.cycle_s;
@@ -300,7 +354,7 @@ void Controller::Impl::follow() {
     return lamp_share(plan, machine.blue, std::max(0.0, stage.speed_um_s(at_s)));
   };
   const bool run_up = !plan.lamps_follow() && phase == Phase::printing && frame < 0 &&
-                      next_frame <= 1 && stage.position_um(now_s) < plan.start_um;
+                      next_frame <= 1 && stage.position_um(now_s) < frame_um(0);
   // Half a cycle ahead: the middle of the time for which the set-point holds.
   const double share = run_up ? 1 : share_at(now_s + limits.cycle_s / 2);
   out.blue_share = share;
@@ -419,6 +473,8 @@ void Controller::Impl::go_uv_off() {
 }
 
 void Controller::Impl::go_raising() {
+  // A vial goes on to the whole turn that it was sent to, and stands.
+  if (act == Act::begin && plan.turns()) return turn_to(Act::arrive);
   if (act == Act::begin) {
     const double top = machine.stage.travel_um;
     if (top <= stage.measured_um() + machine.stage.tolerance_um) return enter(Phase::done);

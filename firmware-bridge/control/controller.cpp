@@ -19,7 +19,8 @@ Controller::Impl::Impl(PrintPlan p, Machine m, bool dry)
   // Forgetting must be so slow that a stage that stands still falls behind its commanded motion by
   // more than the tolerance, and is noticed.
   if (plan.speed_um_s > 0) {
-    stage.set_forgetting_s(std::max(2.0, 3 * machine.stage.tolerance_um / plan.speed_um_s));
+    forgetting_s = std::max(2.0, 3 * machine.stage.tolerance_um / plan.speed_um_s);
+    stage.set_forgetting_s(forgetting_s);
   }
 }
 
@@ -94,7 +95,7 @@ ControlStep Controller::step(const std::optional<Answer>& answer, double now_s) 
   if (s.answered) ++out.heartbeat;
   out.job = s.begun && s.phase != Phase::done;
   out.watchdog_s = s.limits.watchdog_s;
-  out.frame = s.frame;
+  out.frame = s.plan.shown_frame(s.frame);
   ++s.sent_count;
   s.sent.push_back({out.sequence, now_s, s.phase, s.sent_count});
   if (s.sent.size() > 1024) s.sent.pop_front();
@@ -122,6 +123,9 @@ PauseAnswer Controller::pause() {
   }
   if (s.phase != Phase::printing) {
     return {false, "no slice is being printed now (" + std::string(name_of(s.phase)) + ")"};
+  }
+  if (s.plan.turns()) {
+    return {false, "a vial that turns gets its light evenly in whole turns only"};
   }
   if (s.plan.mode == ExposureMode::layerwise) {
     if (s.next_frame + 1 >= s.frames && s.act != Act::begin) {
@@ -176,6 +180,7 @@ Left Controller::left() const {
   left.blue_measured = s.status.blue_measured;
   left.uv_measured = s.status.uv_measured;
   left.stage_um = s.status.stage_um;
+  if (s.machine.stage.turns()) left.stage_deg = s.status.stage_um / s.machine.stage.um_per_deg;
   return left;
 }
 

@@ -15,6 +15,8 @@ namespace {
 constexpr double kConnectS = 5;
 /// After its commanded motion has ended the stage must have arrived within this time, s.
 constexpr double kLateArrivalS = 2;
+/// Below this share of its speed a vial counts as stalled.
+constexpr double kStalled = 0.1;
 
 /// Two figures as texts, with so many digits that they differ.
 std::pair<std::string, std::string> told_apart(double a, double b) {
@@ -35,6 +37,7 @@ void Controller::Impl::take(const Answer& answer) {
   const bool known = connected;
   check_sequence(answer);
   if (!known) stage.start(status.stage_um, answer.at_s);
+  if (!machine.has_encoder()) status.stage_um = stage.commanded().at(answer.at_s).position_um();
   if (!failing()) check_measured();
   if (!connected) return;
   const double* const speed = status.stage_speed_um_s ? &*status.stage_speed_um_s : nullptr;
@@ -152,15 +155,21 @@ void Controller::Impl::check_state() {
 
 void Controller::Impl::check_stage() {
   if (phase == Phase::connecting || phase == Phase::done || move) return;
-  const double error = std::abs(stage.error_um());
+  if (!machine.has_encoder()) check_slip();
+  const double off_um = machine.has_encoder() ? stage.error_um() : slipped_um;
+  const double error = std::abs(off_um);
   worst_stage_error_um = std::max(worst_stage_error_um, error);
   // Allows the way of two cycles, since it is not known better when a command was taken over.
   const double allowed = machine.stage.tolerance_um + (2 * limits.cycle_s + move_within_s) *
                                                           std::abs(stage.commanded().speed_um_s());
   if (error > allowed) {
+    const double told_um_s = stage.commanded().speed_um_s();
+    const bool stalled = plan.turns() && told_um_s != 0 && status.stage_speed_um_s &&
+                         *status.stage_speed_um_s / told_um_s < kStalled;
+    const double at_um = machine.has_encoder() ? status.stage_um : status.stage_um + slipped_um;
     fail(Fault::stage_error,
-         fmt::format("the stage is at {:.1f} um, expected {:.1f} um within {:.1f} um",
-                     status.stage_um, status.stage_um - stage.error_um(), allowed));
+         fmt::format("the stage {} {}, expected {} within {}", stalled ? "has stalled at" : "is at",
+                     plan.place(at_um), plan.place(at_um - off_um), plan.place(allowed)));
   }
   const bool forward = plan.mode == ExposureMode::continuous &&
                        (phase == Phase::printing || phase == Phase::pausing) && act >= Act::move;
@@ -170,10 +179,18 @@ void Controller::Impl::check_stage() {
   }
   const double noise = std::max(1.0, machine.stage.tolerance_um / 4);
   if (status.stage_um < highest_um - noise) {
-    fail(Fault::stage_error,
-         fmt::format("the stage went back from {:.1f} to {:.1f} um", highest_um, status.stage_um));
+    fail(Fault::stage_error, fmt::format("the stage went back from {} to {}",
+                                         plan.place(highest_um), plan.place(status.stage_um)));
   }
   highest_um = std::max(highest_um, status.stage_um);
+}
+
+void Controller::Impl::check_slip() {
+  const CommandedMotion commanded = stage.commanded().at(*status_at_s);
+  const double dt = std::max(0.0, *status_at_s - slipped_at_s);
+  slipped_at_s = *status_at_s;
+  slipped_um += (status.stage_speed_um_s.value_or(0) - commanded.speed_um_s()) * dt;
+  slipped_um -= slipped_um * std::min(1.0, dt / forgetting_s);
 }
 
 void Controller::Impl::check_lamps() {
@@ -233,6 +250,7 @@ void Controller::Impl::judge_frame(const FrameReport& report) {
   const double light_at_s = report.shown_at_s + limits.display_latency_s;
   const double at_um = stage.position_um(light_at_s);
   const Punctuality p = punctuality(report, asked, light_at_s, at_um);
+  if (exposing && plan.turns()) end_showing(light_at_s, at_um);
   if (exposing && report.number < 0) end_exposure(light_at_s, p.late());
   if (p.late()) tell_late(report.number, p);
   frame = report.number;
@@ -253,7 +271,11 @@ Controller::Impl::Punctuality Controller::Impl::punctuality(const FrameReport& r
   if (moving) {
     const double late_um = at_um - asked.planned_um;
     worst_late_um = std::max(worst_late_um, late_um);
-    return {std::abs(late_um), limits.max_late_um, "um", late_um < 0};
+    const double borne_um = plan.max_late_um(limits);
+    if (plan.turns()) {
+      return {std::abs(late_um) / plan.um_per_deg, borne_um / plan.um_per_deg, "°", late_um < 0};
+    }
+    return {std::abs(late_um), borne_um, "um", late_um < 0};
   }
   if (plan.mode == ExposureMode::layerwise && phase == Phase::printing && act == Act::expose &&
       report.number < 0) {
@@ -262,7 +284,13 @@ Controller::Impl::Punctuality Controller::Impl::punctuality(const FrameReport& r
     const double exposure_s = plan.frames[static_cast<std::size_t>(frame)].exposure_s;
     return {late_ms, std::max(limits.cycle_s, 0.01 * exposure_s) * 1e3, "ms", late_ms < 0};
   }
-  return {0, limits.max_late_um, "um", false};
+  return {0, plan.max_late_um(limits), "um", false};
+}
+
+void Controller::Impl::end_showing(double light_at_s, double at_um) {
+  exposing->to_deg = at_um / plan.um_per_deg;
+  exposing->exposed_s = light_at_s - exposing->shown_s;
+  step.records.push_back(*std::exchange(exposing, {}));
 }
 
 void Controller::Impl::end_exposure(double light_at_s, bool is_late) {
@@ -278,10 +306,11 @@ void Controller::Impl::end_exposure(double light_at_s, bool is_late) {
 void Controller::Impl::tell_late(int number, const Punctuality& p) {
   const char* const side = p.early ? "early" : "late";
   ++late_frames;
-  event("late frame", fmt::format("{}: {:.1f} {} {}", number, p.off, p.unit, side));
+  const int digits = plan.turns() ? 3 : 1;
+  event("late frame", fmt::format("{}: {:.{}f} {} {}", number, p.off, digits, p.unit, side));
   if (late_frames > limits.max_late_frames || p.off > 10 * p.borne) {
-    fail(Fault::late_frame, fmt::format("frame {} began {:.1f} {} {}, {:g} {} is borne", number,
-                                        p.off, p.unit, side, p.borne, p.unit));
+    fail(Fault::late_frame, fmt::format("frame {} began {:.{}f} {} {}, {:g} {} is borne", number,
+                                        p.off, digits, p.unit, side, p.borne, p.unit));
   }
 }
 
@@ -309,7 +338,13 @@ void Controller::Impl::record_frame(const FrameReport& report, const Pending& as
   } else {
     lateness.add_um(at_um - asked.planned_um);
     lateness.add_ms((shown_at_s - asked.at_s) * 1e3);
-    step.records.push_back(record);
+    if (plan.turns()) {
+      exposing = record;  // until the next one comes
+      exposing->job_frame = plan.shown_frame(frame);
+      exposing->from_deg = at_um / plan.um_per_deg;
+    } else {
+      step.records.push_back(record);
+    }
   }
 }
 
@@ -337,20 +372,20 @@ void Controller::Impl::judge_time() {
   const bool stands = stands_since_s && now_s - *stands_since_s > kLateArrivalS;
   if (move_limit_s > 0 && (stands || now_s > move_limit_s)) {
     move_limit_s = 0;
-    return fail(Fault::stage_error, fmt::format("the stage is at {:.1f} um and has not come to "
-                                                "{:.1f} um in time",
-                                                status.stage_um, out.target_um));
+    return fail(Fault::stage_error,
+                fmt::format("the stage is at {} and has not come to {} in time",
+                            plan.place(status.stage_um), plan.place(out.target_um)));
   }
   if (!pending) return;
   if (act == Act::move && plan.mode == ExposureMode::continuous && phase == Phase::printing) {
     // The frame may have appeared up to two cycles ago and not have been reported yet.
     const double passed = stage.position_um(now_s - 2 * limits.cycle_s) - pending->planned_um;
-    const double borne = limits.max_late_um * (limits.max_late_frames > 0 ? 10 : 1);
+    const double borne = plan.max_late_um(limits) * (limits.max_late_frames > 0 ? 10 : 1);
     if (passed > borne) {
       worst_late_um = std::max(worst_late_um, passed);
-      fail(Fault::late_frame, fmt::format("frame {} has not appeared {:.1f} um after its place, "
-                                          "{:g} um are borne",
-                                          pending->number, passed, borne));
+      fail(Fault::late_frame,
+           fmt::format("frame {} has not appeared {} after its place, {} are borne",
+                       pending->number, plan.place(passed), plan.place(borne)));
     }
   } else if (now_s - pending->at_s > limits.heartbeat_timeout_s) {
     fail(Fault::late_frame, fmt::format("frame {} has not appeared for {:.0f} ms", pending->number,

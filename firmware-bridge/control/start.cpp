@@ -34,11 +34,21 @@ std::string impossible(const Machine& machine, const Status& s) {
   const double beyond = kTolerancesBeyond * stage.tolerance_um;
   if (!(s.stage_um >= -beyond) ||
       (stage.travel_um > 0 && !(s.stage_um <= stage.travel_um + beyond))) {
+    if (stage.turns()) {
+      return fmt::format(
+          "the stage is said to be at {:.2f}°, it counts {:g} turns from its index on",
+          s.stage_um / stage.um_per_deg, stage.travel_um / stage.turn_um());
+    }
     return fmt::format("the stage is said to be at {:.3f} mm, its travel is 0 to {:g} mm",
                        s.stage_um * 1e-3, stage.travel_um * 1e-3);
   }
   const double fastest = kTimesFaster * std::max(stage.max_speed_um_s, stage.lift_speed_um_s);
   if (s.stage_speed_um_s && fastest > 0 && !(std::abs(*s.stage_speed_um_s) <= fastest)) {
+    if (stage.turns()) {
+      return fmt::format("the stage is said to turn by {:.1f} °/s, {:g} °/s is its fastest",
+                         *s.stage_speed_um_s / stage.um_per_deg,
+                         fastest / kTimesFaster / stage.um_per_deg);
+    }
     return fmt::format("the stage is said to go {:.1f} mm/h, {:g} mm/h is its fastest",
                        *s.stage_speed_um_s * 3.6, fastest / kTimesFaster * 3.6);
   }
@@ -102,9 +112,18 @@ std::string against_start(const Machine& machine, const Status& s, bool machine_
            ": see why, whether a part is on it and lamps are off, then `printbridge reset`";
   }
   if (!open.empty()) return open + ": see to it";
+  if (machine.stage.turns() && !machine.has_encoder()) return {};
   // A machine that remembers failed or unfinished prints would say so; then home is not checked.
   if (machine_is_clear || s.latched || s.job_kept) return {};
   const Stage& stage = machine.stage;
+  if (stage.turns()) {
+    const double off_um = std::abs(std::remainder(s.stage_um, stage.turn_um()));
+    if (off_um <= stage.tolerance_um) return {};
+    return fmt::format(
+        "the vial stands at {:.2f}°, not at a whole turn, as after a print that did not end: there "
+        "may be a part in it. See that its resin is fresh, then print with --machine-is-clear",
+        s.stage_um / stage.um_per_deg);
+  }
   if (s.stage_um <= stage.home_um + stage.tolerance_um ||
       s.stage_um >= stage.travel_um - stage.tolerance_um) {
     return {};
@@ -148,6 +167,7 @@ std::string in_words(const Left& left) {
   }
   text += fmt::format(": blue light {:.1f} %", left.blue_measured * 100);
   if (left.uv_measured) text += fmt::format(", UV light {:.1f} mW/cm²", *left.uv_measured);
+  if (left.stage_deg) return text + fmt::format(", stage at {:.2f}°", *left.stage_deg);
   return text + fmt::format(", stage at {:.3f} mm", left.stage_um * 1e-3);
 }
 

@@ -23,6 +23,8 @@ enum class Act {
   blue_dark,
   uv_dark,
   show_first,
+  spin,      ///< a vial comes to its speed, dark
+  spin_lit,  ///< the lamp comes on, behind black
   move,
   arrive,
   settle,
@@ -69,6 +71,7 @@ struct Controller::Impl {
 
   // The stage.
   StageEstimate stage;
+  double forgetting_s = 2;
   struct Move {
     std::uint16_t sequence;  ///< of the set-points with which it goes out first
     double target_um, speed_um_s, acceleration_um_s2;
@@ -79,6 +82,12 @@ struct Controller::Impl {
   /// Since when the commanded motion is at its end.
   std::optional<double> stands_since_s;
   double highest_um = 0;  ///< stage position reached so far while printing
+  double put_off_um = 0;  ///< of a job: whole turns by which it begins later than planned
+  /// Without an encoder: by how much what the stage's own speed adds up to differs from the
+  /// commanded motion, forgotten as fast as a difference of measured positions is.
+  double slipped_um = 0;
+  double slipped_at_s = 0;
+  std::optional<double> unsteady_at_s;  ///< when the speed was last not what it should be
   double worst_stage_error_um = 0;
 
   // The lamps.
@@ -179,6 +188,14 @@ struct Controller::Impl {
   /// Shows black when the exposure of layer `n` is over, then puts the lamp out.
   void expose_layer(int n);
   double print_target_um() const;
+  /// Place of a frame, and of the last one's end.
+  double frame_um(int n) const { return plan.frame_um(n) + put_off_um; }
+  double end_um() const { return plan.end_um + put_off_um; }
+  /// A vial: waits until it goes steadily, then for the lamp.
+  void go_spinning();
+  /// Of a job: the row of the frame that ends.
+  void end_showing(double light_at_s, double at_um);
+  void check_slip();
 
   void command_move(double target_um, double speed_um_s, double acceleration_um_s2);
   void hold();

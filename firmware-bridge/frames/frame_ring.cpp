@@ -13,6 +13,22 @@
 namespace slicecorr::bridge {
 namespace {
 
+std::vector<std::uint8_t> turned_image(std::vector<std::uint8_t> image, const Turn& turn,
+                                       int width_px, int height_px) {
+  if (turn.is_identity()) return image;
+  std::vector<std::uint8_t> out(image.size());
+  const std::uint8_t* from = image.data();
+  const int row_px = turn.swap_axes ? height_px : width_px;
+  for (int y = 0; y < height_px; ++y) {
+    for (int x = 0; x < width_px; ++x) {
+      const Pixel to = turned(Pixel{x, y}, turn, width_px, height_px);
+      out[static_cast<std::size_t>(to.y) * static_cast<std::size_t>(row_px) +
+          static_cast<std::size_t>(to.x)] = *from++;
+    }
+  }
+  return out;
+}
+
 class StackFrames final : public FrameSource {
  public:
   StackFrames(const StackReader& stack, const Printer& printer, bool uv_patterned)
@@ -51,18 +67,7 @@ class StackFrames final : public FrameSource {
 
  private:
   std::vector<std::uint8_t> to_display(std::vector<std::uint8_t> image) const {
-    if (turn_.is_identity()) return image;
-    const Grid& grid = stack_.grid();
-    std::vector<std::uint8_t> out(image.size());
-    const std::uint8_t* from = image.data();
-    for (int y = 0; y < grid.height_px; ++y) {
-      for (int x = 0; x < grid.width_px; ++x) {
-        const Pixel to = turned(Pixel{x, y}, turn_, grid.width_px, grid.height_px);
-        out[static_cast<std::size_t>(to.y) * static_cast<std::size_t>(shown_.width_px) +
-            static_cast<std::size_t>(to.x)] = *from++;
-      }
-    }
-    return out;
+    return turned_image(std::move(image), turn_, stack_.grid().width_px, stack_.grid().height_px);
   }
 
   const StackReader& stack_;
@@ -71,7 +76,41 @@ class StackFrames final : public FrameSource {
   const Grid shown_;
 };
 
+class JobFrames final : public FrameSource {
+ public:
+  JobFrames(const tomo::TomoFrames& job, int turns, const Printer& printer)
+      : job_(job),
+        turns_(turns),
+        turn_(turn_from_plate(printer.orientation.value_or(Orientation{}))),
+        bytes_(static_cast<std::size_t>(printer.width_px) *
+               static_cast<std::size_t>(printer.height_px)) {}
+  int frames() const override { return turns_ * job_.angles(); }
+  std::size_t frame_bytes() const override { return bytes_; }
+  std::shared_ptr<const Frame> make(int number) const override {
+    GreyImage image = job_.read(number % job_.angles());
+    slicecorr::detail::clear_vector_state();
+    auto frame = std::make_shared<Frame>();
+    frame->number = number;
+    frame->width_px = image.width_px;
+    frame->height_px = image.height_px;
+    frame->blue = turned_image(std::move(image.pixels), turn_, image.width_px, image.height_px);
+    frame->crc32 = crc32_of(*frame);
+    return frame;
+  }
+
+ private:
+  const tomo::TomoFrames& job_;
+  const int turns_;
+  const Turn turn_;
+  const std::size_t bytes_;
+};
+
 }  // namespace
+
+std::unique_ptr<FrameSource> make_frame_source(const tomo::TomoFrames& job, int turns,
+                                               const Printer& printer) {
+  return std::make_unique<JobFrames>(job, turns, printer);
+}
 
 std::unique_ptr<FrameSource> make_frame_source(const StackReader& stack, const Printer& printer,
                                                bool uv_patterned) {

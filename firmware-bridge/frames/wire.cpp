@@ -219,6 +219,7 @@ WireMessage message_of(const WireHello& hello) {
   json["cycle_s"] = hello.cycle_s;
   json["lockstep"] = hello.lockstep;
   json["dry_run"] = hello.dry_run;
+  if (hello.angles > 0) json["angles"] = hello.angles;
   const std::string text = json.dump();
   WireMessage message;
   message.kind = WireKind::hello;
@@ -244,12 +245,14 @@ WireHello hello_of(const WireMessage& message) {
     hello.cycle_s = json.at("cycle_s").get<double>();
     hello.lockstep = json.at("lockstep").get<bool>();
     hello.dry_run = json.at("dry_run").get<bool>();
+    hello.angles = json.value("angles", 0);
   } catch (const nlohmann::json::exception& e) {
     wrong(std::string("hello: ") + e.what());
   } catch (const InputError& e) {
     wrong(std::string("hello: ") + e.what());
   }
-  if (!(hello.layer_um > 0) || hello.slices < 1 || hello.slices > 1'000'000 || !(hello.m > 0) ||
+  if (!(hello.layer_um > 0) || hello.slices < 1 || hello.slices > 1'000'000'000 ||
+      hello.angles < 0 || (hello.angles == 0 && hello.slices > 1'000'000) || !(hello.m > 0) ||
       !(hello.cycle_s > 0) || !std::isfinite(hello.start_um)) {
     wrong("hello: values out of range");
   }

@@ -97,6 +97,9 @@ struct WireHello {
   double m = 1;         ///< exponent of intensity
   double cycle_s = 0.01;
   bool lockstep = false, dry_run = false;
+  /// Of a tomographic job: frames of a turn; `slices` and `layer_um` are as in `PrintPlan`, images
+  /// are counted on over all turns. 0: a stack.
+  int angles = 0;
 };
 WireMessage message_of(const WireHello& hello);
 /// Throw `DeviceError` when the message is not right.

@@ -71,7 +71,23 @@ double greatest_raw(const Register& reg) {
 
 }  // namespace detail
 
-std::string_view name_of(Signal signal) {
+std::string_view name_of(Signal signal, bool turns) {
+  if (turns) {
+    switch (signal) {
+      case Signal::target_um:
+        return "target_deg";
+      case Signal::speed_um_s:
+        return "speed_deg_s";
+      case Signal::acceleration_um_s2:
+        return "acceleration_deg_s2";
+      case Signal::stage_um:
+        return "stage_deg";
+      case Signal::stage_speed_um_s:
+        return "stage_speed_deg_s";
+      default:
+        break;
+    }
+  }
   const auto all = detail::signal_names();
   return std::find_if(all.begin(), all.end(), [&](const auto& n) { return n.signal == signal; })
       ->name;

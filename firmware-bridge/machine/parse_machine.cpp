@@ -4,10 +4,12 @@
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <numbers>
 
 #include "machine/parse_map.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/load_printer.hpp"
+#include "slicecorr/vial.hpp"
 
 namespace slicecorr::bridge {
 
@@ -48,6 +50,28 @@ Stage parse_stage(const TomlTable& t) {
   return s;
 }
 
+/// Of a stage that turns a vial: arcs at the vial's inner wall.
+Stage parse_turning_stage(const TomlTable& t, const Printer& printer) {
+  constexpr std::array<std::string_view, 4> known{"acceleration_deg_s2", "tolerance_deg",
+                                                  "max_deg_s", "travel_turns"};
+  detail::only_keys(t, known);
+  Stage s;
+  s.um_per_deg = printer.vial->inner_mm * kUmPerMm * std::numbers::pi / 180;
+  const double print_deg_s = printer.rotation->deg_s;
+  const double fastest_deg_s = t.number("max_deg_s", 0, 1e5).value_or(print_deg_s);
+  if (fastest_deg_s < print_deg_s) {
+    t.fail("max_deg_s", fmt::format("is {:g}; expected at least the {:g} at which it prints "
+                                    "(rotation.deg_s)",
+                                    fastest_deg_s, print_deg_s));
+  }
+  s.max_speed_um_s = s.lift_speed_um_s = fastest_deg_s * s.um_per_deg;
+  s.acceleration_um_s2 = t.required_number("acceleration_deg_s2", 0, 1e6) * s.um_per_deg;
+  s.tolerance_um = t.number("tolerance_deg", 0, 90).value_or(1) * s.um_per_deg;
+  s.travel_um = t.integer("travel_turns", 2, 1000000, 1000) * s.turn_um();
+  s.lift_um = s.settle_s = 0;
+  return s;
+}
+
 LampDrive parse_lamp(const TomlTable& lamps, std::string_view key, bool shares) {
   LampDrive lamp;
   const auto given = lamps.table(key);
@@ -67,9 +91,10 @@ LampDrive parse_lamp(const TomlTable& lamps, std::string_view key, bool shares) 
   return lamp;
 }
 
-MachineLimits parse_limits(const TomlTable& t) {
-  constexpr std::array<std::string_view, 9> known{
-      "cycle_s",         "response_timeout_s", "heartbeat_timeout_s", "watchdog_s", "max_late_um",
+MachineLimits parse_limits(const TomlTable& t, const Stage& stage) {
+  const std::string_view max_late = stage.turns() ? "max_late_deg" : "max_late_um";
+  const std::array<std::string_view, 9> known{
+      "cycle_s",         "response_timeout_s", "heartbeat_timeout_s", "watchdog_s", max_late,
       "max_late_frames", "display_latency_s",  "max_temperature_c",   "ring_frames"};
   detail::only_keys(t, known);
   MachineLimits l;
@@ -79,7 +104,11 @@ MachineLimits parse_limits(const TomlTable& t) {
   l.heartbeat_timeout_s =
       t.number("heartbeat_timeout_s", 0.02, 10, true).value_or(l.heartbeat_timeout_s);
   l.watchdog_s = t.number("watchdog_s", 0.02, 10, true).value_or(l.watchdog_s);
-  l.max_late_um = t.number("max_late_um", 0, 1e4).value_or(l.max_late_um);
+  if (stage.turns()) {
+    l.max_late_um = t.number(max_late, 0, 90).value_or(0) * stage.um_per_deg;
+  } else {
+    l.max_late_um = t.number(max_late, 0, 1e4).value_or(l.max_late_um);
+  }
   l.max_late_frames = t.integer("max_late_frames", 0, 1000000, l.max_late_frames);
   l.display_latency_s = t.number("display_latency_s", 0, 1, true).value_or(l.display_latency_s);
   l.max_temperature_c = t.number("max_temperature_c", 0, 200).value_or(l.max_temperature_c);
@@ -149,7 +178,14 @@ Machine parse_machine(std::string_view text, const std::string& source) {
   m.path = source;
   const toml::table root_table = parse_toml(text, source);
   const TomlTable root(root_table, source);
-  m.stage = parse_stage(root.required_table("stage"));
+  const TomlTable stage = root.required_table("stage");
+  if (m.printer.rotation) {
+    require_tomographic(m.printer);
+    m.stage = parse_turning_stage(stage, m.printer);
+    m.limits.max_late_um = 0;
+  } else {
+    m.stage = parse_stage(stage);
+  }
   if (const auto lamps = root.table("lamps")) {
     constexpr std::array<std::string_view, 2> known{"blue", "uv"};
     detail::only_keys(*lamps, known);
@@ -159,7 +195,7 @@ Machine parse_machine(std::string_view text, const std::string& source) {
       lamps->fail("uv", "is given; expected a table [uv] with its calibration, too");
     }
   }
-  if (const auto bridge = root.table("bridge")) m.limits = parse_limits(*bridge);
+  if (const auto bridge = root.table("bridge")) m.limits = parse_limits(*bridge, m.stage);
   const bool patterned = m.printer.uv && m.printer.uv->patterned;
   if (const auto projector = root.table("projector")) {
     m.projector = parse_projector(*projector, patterned);

@@ -65,6 +65,11 @@ Need need_of(Signal signal, const Machine& m) {
   }
 }
 
+/// Whether the signal is an angle on the wire, and um of arc here.
+bool is_angle(Signal signal, const Machine& m) {
+  return m.stage.turns() && name_of(signal, true) != name_of(signal, false);
+}
+
 bool is_bit(Signal signal) { return signal >= Signal::door_open && signal <= Signal::latched; }
 
 void check_range(const TomlTable& table, std::string_view key, const Register& reg,
@@ -115,30 +120,44 @@ Register parse_register(const TomlTable& signals, std::string_view key, Signal s
   if (reg.address + reg.registers() > 65536) {
     t.fail("address", "is 65535; expected room for two registers");
   }
-  if (!is_bit(signal)) check_range(signals, key, reg, need_of(signal, machine));
+  if (is_bit(signal)) return reg;
+  Need need = need_of(signal, machine);
+  if (!is_angle(signal, machine)) {
+    check_range(signals, key, reg, need);
+    return reg;
+  }
+  const double um_per_deg = machine.stage.um_per_deg;
+  need = {need.least / um_per_deg, need.greatest / um_per_deg, need.step / um_per_deg, false};
+  check_range(signals, key, reg, need);
+  reg.scale *= um_per_deg;
+  reg.offset *= um_per_deg;
   return reg;
 }
 
 std::map<Signal, Register> parse_signals(const TomlTable& table, bool written,
                                          const Machine& machine) {
+  const bool turns = machine.stage.turns();
   std::vector<std::string_view> known;
   for (const SignalName& n : signal_names()) {
-    if (n.written == written) known.push_back(n.name);
+    if (n.written == written) known.push_back(name_of(n.signal, turns));
   }
   only_keys(table, known);
   std::map<Signal, Register> found;
   for (const SignalName& n : signal_names()) {
-    if (n.written != written || !table.has(n.name)) continue;
-    found[n.signal] = parse_register(table, n.name, n.signal, machine);
+    const std::string_view name = name_of(n.signal, turns);
+    if (n.written != written || !table.has(name)) continue;
+    found[n.signal] = parse_register(table, name, n.signal, machine);
   }
   using enum Signal;
   std::vector<Signal> needed =
       written ? std::vector{sequence, heartbeat, command, target_um, speed_um_s, blue_share}
               : std::vector{sequence_echo, state, stage_um, blue_measured};
   if (machine.printer.uv) needed.push_back(written ? uv_mw_cm2 : uv_measured);
+  // A stage that turns without an encoder must say at least how fast it does.
+  if (turns && !written && found.contains(stage_speed_um_s)) std::erase(needed, stage_um);
   for (const Signal signal : needed) {
     if (!found.contains(signal)) {
-      table.fail(name_of(signal), fmt::format("missing; expected {{ address = ... }}"));
+      table.fail(name_of(signal, turns), fmt::format("missing; expected {{ address = ... }}"));
     }
   }
   return found;
@@ -149,7 +168,7 @@ struct Used {
   int bit = -1;  ///< -1: all of it
 };
 
-void check_overlaps(const TomlTable& table, const std::map<Signal, Register>& signals,
+void check_overlaps(const TomlTable& table, const std::map<Signal, Register>& signals, bool turns,
                     std::multimap<int, Used>& used) {
   for (const auto& [signal, reg] : signals) {
     const int bit = reg.type == RegisterType::bit ? reg.bit : -1;
@@ -157,11 +176,11 @@ void check_overlaps(const TomlTable& table, const std::map<Signal, Register>& si
       const auto [begin, end] = used.equal_range(a);
       for (auto other = begin; other != end; ++other) {
         if (bit >= 0 && other->second.bit >= 0 && bit != other->second.bit) continue;
-        table.fail(name_of(signal), fmt::format("overlaps {} at address {}; expected registers of "
-                                                "its own",
-                                                other->second.name, a));
+        table.fail(name_of(signal, turns),
+                   fmt::format("overlaps {} at address {}; expected registers of its own",
+                               other->second.name, a));
       }
-      used.emplace(a, Used{table.prefix() + std::string(name_of(signal)), bit});
+      used.emplace(a, Used{table.prefix() + std::string(name_of(signal, turns)), bit});
     }
   }
 }
@@ -282,10 +301,11 @@ RegisterMap parse_map(const TomlTable& modbus, const Machine& machine) {
     modbus.fail("read", "has only one of write.job and read.job_kept; expected both or none");
   }
   std::multimap<int, Used> used;
-  check_overlaps(write, map.write, used);
+  const bool turns = machine.stage.turns();
+  check_overlaps(write, map.write, turns, used);
   // Input registers have addresses of their own.
   if (map.exchange == Exchange::fc16_fc4) used.clear();
-  check_overlaps(read, map.read, used);
+  check_overlaps(read, map.read, turns, used);
   measure(map.write, map.write_address, map.write_count);
   measure(map.read, map.read_address, map.read_count);
   check_written(modbus, map);

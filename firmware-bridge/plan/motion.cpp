@@ -11,11 +11,6 @@ namespace slicecorr::bridge {
 namespace {
 
 constexpr double kMmHFromUmS = 3.6;
-/// Control cycles in which a slice must pass at least: its place is predicted from the one before,
-/// its image sent in the next, and what became of it is known in the third.
-constexpr double kCyclesPerSlice = 3;
-/// From the command to move to knowing of it.
-constexpr double kReactionCycles = 4;
 /// Where nobody asked for ramps outside, the platform may be this share of the absorbance height
 /// (base 10) above the window when the first slice comes: the dose there is 11 % less.
 constexpr double kUnaskedRunUp = 0.05;

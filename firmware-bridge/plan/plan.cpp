@@ -1,9 +1,12 @@
 #include "slicecorr/bridge/plan.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
 #include "plan/checks.hpp"
+#include "slicecorr/error.hpp"
 
 namespace slicecorr::bridge {
 
@@ -16,8 +19,21 @@ double lamp_share(const PrintPlan& plan, const LampDrive& lamp, double speed_um_
   return share < lamp.min_share ? 0 : std::min(share, lamp.max_share);
 }
 
+std::string PrintPlan::place(double stage_um) const {
+  if (!turns()) return fmt::format("{:.1f} um", stage_um);
+  const double deg = stage_um / um_per_deg;
+  return fmt::format("{:.2f}°", deg);
+}
+
 PrintPlan plan_print(const StackReader& stack, const std::string& path, const Machine& machine,
                      const ExecutionContext& context) {
+  if (machine.stage.turns()) {
+    throw InputError(
+        path, "",
+        fmt::format("is a stack of slices, and printer '{}' turns a vial ([rotation]); "
+                    "expected a job of `slicecorr tomo solve`",
+                    machine.printer.name));
+  }
   check_kind(stack, path);
   const StackInfo& info = stack.info();
   check_printer(info, path, machine);

@@ -25,6 +25,9 @@ namespace {
 
 using cli::Console;
 
+constexpr double kMmHFromUmS = 3.6;
+constexpr const char* kJobEnding = ".frames";
+
 struct Options : PrinterOptions {
   std::string stack, modbus;
   std::vector<std::string> sinks;
@@ -44,9 +47,9 @@ std::string minutes(double seconds) {
                                     static_cast<int>(seconds) % 60);
 }
 
-std::string where_it_was(int frame, double z_um) {
-  return frame < 0 ? std::string("before the first frame")
-                   : fmt::format("frame {}, z = {:.3f} mm", frame, z_um * 1e-3);
+std::string where_it_was(int frame, double z_um, const Machine& machine) {
+  if (frame < 0) return "before the first frame";
+  return fmt::format("frame {}, {}", frame, place_in_words(z_um, machine.stage.um_per_deg));
 }
 
 std::string layers_in_words(const PrintPlan& plan) {
@@ -73,27 +76,72 @@ void check_latch(const Options& o, const StateFolder& folder, const Machine& mac
         fmt::format("printer '{}' had a fault that nobody has looked at: {}: {} ({}). Look at the "
                     "machine, then `printbridge reset --printer {}`",
                     machine.printer.name, name_of(latch->fault), latch->detail,
-                    where_it_was(latch->frame, latch->z_um), o.printer));
+                    where_it_was(latch->frame, latch->z_um, machine), o.printer));
   }
 }
 
-WireHello hello_of(const Options& o, const StackInfo& info, const PrintPlan& plan,
-                   const Machine& machine) {
+WireHello hello_of(const Options& o, const PrintPlan& plan, const Machine& machine) {
   WireHello hello;
-  hello.setup = Setup{*info.printer, *info.resin, *info.process};
   hello.layer_um = plan.layer_um;
-  hello.target_layers = info.target_layers;
-  hello.slices = info.grid.layers;
+  hello.slices = static_cast<int>(plan.frames.size());
   hello.start_um = plan.start_um;
   hello.m = plan.m;
   hello.cycle_s = machine.limits.cycle_s;
   hello.lockstep = o.lockstep;
   hello.dry_run = o.dry_run;
+  hello.angles = plan.angles;
   return hello;
 }
 
+/// What is printed: a stack of slices, or a tomographic job.
+struct Material {
+  std::unique_ptr<StackReader> stack;
+  std::unique_ptr<tomo::TomoFrames> job;
+  PrintPlan plan;
+  WireHello hello;
+  std::unique_ptr<FrameSource> frames;
+};
+
+Material stack_to_print(const Options& o, const Machine& machine, const ExecutionContext& context) {
+  Material m;
+  m.stack = std::make_unique<StackReader>(o.stack, cli::folder_of(o.stack), context);
+  m.plan = plan_print(*m.stack, o.stack, machine, context);
+  m.hello = hello_of(o, m.plan, machine);
+  m.hello.setup = Setup{*m.stack->info().printer, *m.stack->info().resin, *m.stack->info().process};
+  m.hello.target_layers = m.stack->info().target_layers;
+  m.frames = make_frame_source(*m.stack, machine.printer, m.plan.uv_patterned);
+  return m;
+}
+
+Material job_to_print(const Options& o, const Machine& machine, const ExecutionContext& context) {
+  Material m;
+  const tomo::TomoJob job = tomo::read_job(o.stack, context);
+  m.plan = plan_turns(job, o.stack, machine);
+  m.hello = hello_of(o, m.plan, machine);
+  m.hello.setup.printer = job.printer;
+  m.hello.setup.resin = job.resin;
+  m.hello.setup.process.speed_mm_h = m.plan.speed_um_s * kMmHFromUmS;
+  m.job = std::make_unique<tomo::TomoFrames>(o.stack, job, context);
+  m.frames = make_frame_source(*m.job, job.turns, machine.printer);
+  return m;
+}
+
+std::string in_words(const PrintPlan& plan) {
+  if (plan.turns()) {
+    const double deg_s = plan.speed_um_s / plan.um_per_deg;
+    return fmt::format("{} turns of {} frames, {:g} °/s, {:.1f} frames a second",
+                       plan.frames.size() / static_cast<std::size_t>(plan.angles), plan.angles,
+                       deg_s, plan.speed_um_s / plan.layer_um);
+  }
+  return fmt::format(
+      "{} slices of {:g} um, {}", plan.frames.size(), plan.layer_um,
+      plan.mode == ExposureMode::layerwise
+          ? layers_in_words(plan)
+          : fmt::format("{:g} mm/h, {}", plan.speed_um_s * kMmHFromUmS, ramps_in_words(plan)));
+}
+
 /// Says where and why the print ended; throws but where the user stopped it.
-int tell_fault(const Options& o, const Ending& end, const PrintPlan& plan,
+int tell_fault(const Options& o, const Ending& end, const PrintPlan& plan, const Machine& machine,
                const StateFolder& folder) {
   // Where the machine is in a fault of its own it has to be reset even if nothing was moved.
   const bool reset = end.latched || end.fault == Fault::machine_restarted ||
@@ -104,7 +152,7 @@ int tell_fault(const Options& o, const Ending& end, const PrintPlan& plan,
   const bool sure = end.left.confirmed();
   const std::string text = fmt::format(
       "{}{}: {} ({}). {}Journal: {}. To do: {}{}", sure ? "" : left + ". ", name_of(end.fault),
-      end.detail, where_it_was(end.frame, end.stage_um - plan.start_um),
+      end.detail, where_it_was(end.frame, end.stage_um - plan.start_um, machine),
       sure ? "State: " + left + ". " : "", folder.file("journal.jsonl"), what_to_do(end.fault),
       reset ? fmt::format(", then `printbridge reset --printer {}`", o.printer) : "");
   if (end.fault == Fault::stopped_by_user) {
@@ -126,14 +174,11 @@ int print(const Options& o, const ExecutionContext& context, Console& console) {
   const StateFolder folder = StateFolder::of(o.dir, machine.printer);
   const PrintLock lock(folder);
   check_latch(o, folder, machine);
-  const StackReader stack(o.stack, cli::folder_of(o.stack), context);
-  const PrintPlan plan = plan_print(stack, o.stack, machine, context);
-  console.say(fmt::format(
-      "{}: {} slices of {:g} um, {}, about {}", o.stack, plan.frames.size(), plan.layer_um,
-      plan.mode == ExposureMode::layerwise
-          ? layers_in_words(plan)
-          : fmt::format("{:g} mm/h, {}", plan.speed_um_s * 3.6, ramps_in_words(plan)),
-      minutes(plan.expected_s)));
+  const Material material = machine.stage.turns() || o.stack.ends_with(kJobEnding)
+                                ? job_to_print(o, machine, context)
+                                : stack_to_print(o, machine, context);
+  const PrintPlan& plan = material.plan;
+  console.say(fmt::format("{}: {}, about {}", o.stack, in_words(plan), minutes(plan.expected_s)));
 
   const auto link = make_modbus_link(*machine.modbus, machine.limits);
   const Status before = check_alone(*link, *make_real_clock(), machine);
@@ -142,9 +187,7 @@ int print(const Options& o, const ExecutionContext& context, Console& console) {
     throw DeviceError("nothing was sent to the machine: " + why);
   }
   const auto clock = o.lockstep ? make_step_clock() : make_real_clock();
-  const WireHello hello = hello_of(o, stack.info(), plan, machine);
-  const auto sink = open_sinks(o.sinks, machine, hello, *clock);
-  const auto frames = make_frame_source(stack, machine.printer, plan.uv_patterned);
+  const auto sink = open_sinks(o.sinks, machine, material.hello, *clock);
 
   // The print outlives its terminal; `printbridge stop` ends it from another one.
   for (const int ignored : {SIGHUP, SIGTSTP, SIGPIPE, SIGTTOU}) std::signal(ignored, SIG_IGN);
@@ -155,7 +198,8 @@ int print(const Options& o, const ExecutionContext& context, Console& console) {
   run.stack = std::filesystem::absolute(o.stack).string();
   run.stop = context.cancel;
   keep_report(folder);
-  const Ending end = run_print(*frames, plan, machine, *link, *sink, *clock, folder, run, context);
+  const Ending end =
+      run_print(*material.frames, plan, machine, *link, *sink, *clock, folder, run, context);
   try {
     write_report(folder, false);
   } catch (const Error& e) {
@@ -163,15 +207,17 @@ int print(const Options& o, const ExecutionContext& context, Console& console) {
   }
   if (!end.trouble.empty()) console.say("not all was recorded: " + end.trouble);
   if (end.fault == Fault::none) {
+    const double unit_um = plan.turns() ? plan.um_per_deg : 1;
+    const char* const unit = plan.turns() ? "°" : " um";
     console.say(fmt::format(
-        "printed {} frames in {}{}; at most {:.2f} um late, the stage at most {:.2f} um off, {} "
+        "printed {} frames in {}{}; at most {:.2f}{} late, the stage at most {:.2f}{} off, {} "
         "cycles missed; page: {}",
         end.frames_shown, minutes(end.seconds), o.dry_run ? " without light" : "",
-        std::max(0.0, end.worst_late_um), end.worst_stage_error_um, end.missed_cycles,
-        folder.file("report.html")));
+        std::max(0.0, end.worst_late_um) / unit_um, unit, end.worst_stage_error_um / unit_um, unit,
+        end.missed_cycles, folder.file("report.html")));
     return cli::kDone;
   }
-  return tell_fault(o, end, plan, folder);
+  return tell_fault(o, end, plan, machine, folder);
 }
 
 StateFolder folder_of(const Options& o) { return StateFolder::of(o.dir, load_printer(o.printer)); }
@@ -220,9 +266,9 @@ int main(int argc, char** argv) {
     return app;
   };
   auto* const p =
-      add("print", "Print a stack of `slicecorr correct`",
+      add("print", "Print a stack of `slicecorr correct`, or a job of `slicecorr tomo solve`",
           [&](const ExecutionContext& context, cli::Console& c) { return print(o, context, c); });
-  p->add_option("STACK", o.stack, "The corrected stack")->required();
+  p->add_option("STACK", o.stack, "The corrected stack, or the job (.frames)")->required();
   p->add_flag("--dry-run", o.dry_run, "Move the stage and show images, with lamps off");
   p->add_option("--sink", o.sinks,
                 "Where images go: window[:DISPLAY], drm[:CARD[:CONNECTOR]], unix:PATH, "

@@ -63,7 +63,7 @@ int status(const StatusOptions& o) {
     return cli::kDone;
   }
   const Seen seen = seen_in(json);
-  const double z_mm = (seen.state.stage_um - seen.facts.start_um) * 1e-3;
+  const double um_per_deg = seen.facts.um_per_deg;
   std::string out = fmt::format("printer   {}\n", looker.printer);
   if (const auto& left = seen.state.left; left && !left->confirmed()) {
     out += text::printable(in_words(*left)) + "\n";
@@ -71,10 +71,11 @@ int status(const StatusOptions& o) {
   if (seen.running && seen.known) {
     out += fmt::format("phase     {}{}\n", name_of(seen.state.phase),
                        seen.facts.dry_run ? ", without light" : "");
-    out += fmt::format("frame     {} of {}, z = {:.3f} mm\n", seen.state.frame, seen.facts.frames,
-                       z_mm);
-    out += fmt::format("late      {} frames, at most {:.2f} um\n", seen.state.late_frames,
-                       seen.state.lateness.worst_um);
+    out += fmt::format("frame     {} of {}, {}\n", seen.state.frame, seen.facts.frames,
+                       place_in_words(seen.state.stage_um - seen.facts.start_um, um_per_deg));
+    out += fmt::format("late      {} frames, at most {:.2f}{}\n", seen.state.late_frames,
+                       seen.state.lateness.worst_um / (um_per_deg > 0 ? um_per_deg : 1),
+                       um_per_deg > 0 ? "°" : " um");
     if (seen.left_s) out += fmt::format("left      {}\n", text::duration(*seen.left_s));
   } else {
     out += seen.running ? "phase     starting\n" : "phase     no print\n";
@@ -88,8 +89,8 @@ int status(const StatusOptions& o) {
     out += fmt::format("latched   {}: {} ({}); see the machine, then `printbridge reset`\n",
                        name_of(latch->fault), text::printable(latch->detail),
                        latch->frame < 0 ? std::string("before the first frame")
-                                        : fmt::format("frame {}, z = {:.3f} mm", latch->frame,
-                                                      latch->z_um * 1e-3));
+                                        : fmt::format("frame {}, {}", latch->frame,
+                                                      place_in_words(latch->z_um, um_per_deg)));
   }
   cli::print_result(out);
   return cli::kDone;

@@ -16,6 +16,7 @@
 #include "slicecorr/bridge/model.hpp"
 #include "slicecorr/bridge/run.hpp"
 #include "slicecorr/error.hpp"
+#include "turn_recorder.hpp"
 
 namespace {
 
@@ -102,9 +103,6 @@ int run(const Options& o, const ExecutionContext& context, cli::Console& console
   if (!o.modbus.empty()) throw InputError("--modbus goes with --check-machine");
   if (!o.output.empty()) {
     cli::check_output(o.output, {o.stack});
-    if (!o.output.ends_with(".uvj")) {
-      throw InputError(o.output, "", "expected a name that ends with .uvj");
-    }
     if (o.frames.empty() && o.stack.empty()) {
       throw InputError("-o needs the images: expected --frames, or --stack beside it");
     }
@@ -119,19 +117,34 @@ int run(const Options& o, const ExecutionContext& context, cli::Console& console
   if (!machine.modbus) {
     throw InputError(machine.path, "modbus", "missing; expected the register map of a machine");
   }
+  const bool turns = machine.stage.turns();
+  const std::string ending = turns ? ".csv" : ".uvj";
+  if (!o.output.empty() && !o.output.ends_with(ending)) {
+    throw InputError(o.output, "",
+                     fmt::format("expected a name that ends with {}{}", ending,
+                                 turns ? ": what a vial was shown is a table" : ""));
+  }
+  if (turns && !o.stack.empty()) {
+    throw InputError("--stack is for stages that move along a line; jobs come with --frames");
+  }
   std::vector<SimFault> faults;
   for (const std::string& text : o.faults) faults.push_back(parse_sim_fault(text));
 
   PrinterModel printer(machine, std::move(faults));
   TimedModel model(printer, {o.lockstep, o.time_rate, machine.limits.cycle_s});
   EventLog events(o.events, model);
-  Recorder recorder(o.output, o.stack, machine, model, context);
+  std::unique_ptr<PrintRecorder> recorder;
+  if (turns) {
+    recorder = std::make_unique<TurnRecorder>(o.output, machine, model);
+  } else {
+    recorder = std::make_unique<Recorder>(o.output, o.stack, machine, model, context);
+  }
   ModbusServer modbus(o.listen.empty() ? default_listen(*machine.modbus) : o.listen, machine,
                       model);
   std::unique_ptr<FrameServer> display;
   if (!o.frames.empty()) {
     display = std::make_unique<FrameServer>(
-        o.frames, machine, model, [&](const WireHello& hello) { recorder.begin(hello); },
+        o.frames, machine, model, [&](const WireHello& hello) { recorder->begin(hello); },
         [&](const std::string& why) { console.say(why); });
   }
 
@@ -156,7 +169,7 @@ int run(const Options& o, const ExecutionContext& context, cli::Console& console
 
   display.reset();
   model.run_out();
-  const auto written = recorder.finish();
+  const auto written = recorder->finish();
   for (const std::string& file : written) console.say(fmt::format("{}: written", file));
   if (written.empty() && !o.output.empty()) {
     console.say(fmt::format("nothing was printed: {} is not written", o.output));
@@ -184,7 +197,8 @@ int main(int argc, char** argv) {
                   "HOST:PORT (port 0: a free one) or the path of a serial device [as the printer "
                   "file says, on 127.0.0.1]");
   app->add_option("--frames", o.frames, "unix:PATH or tcp:HOST:PORT: takes the images there");
-  app->add_option("-o,--output", o.output, "Recorded stack, .uvj: written at the end");
+  app->add_option("-o,--output", o.output,
+                  "Recorded stack, .uvj; of a vial that turns a table, .csv: written at the end");
   app->add_option("--record-events", o.events, "What the machine does, as JSON, one per line");
   app->add_option("--stack", o.stack,
                   "The stack that will be printed [printbridge says it over --frames]");

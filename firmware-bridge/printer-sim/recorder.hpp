@@ -14,17 +14,25 @@
 
 namespace slicecorr::bridge {
 
+/// Keeps what was shown and lit. Throws `DeviceError` when it can't be written.
+class PrintRecorder {
+ public:
+  virtual ~PrintRecorder() = default;
+  virtual void begin(const WireHello& hello) = 0;
+  /// Writes what there is, and gives the files that were written.
+  virtual std::vector<std::string> finish() = 0;
+};
+
 /// Records one print at a time. A print that had light is kept: the next one is written beside it,
 /// as shown-2.uvj after shown.uvj.
-class Recorder {
+class Recorder final : public PrintRecorder {
  public:
   /// `path` empty: nothing is recorded. `stack`: the one that will be printed, for bridges that
   /// don't say it; may be empty. Throws `InputError` when it can't be printed.
   Recorder(std::string path, const std::string& stack, const Machine& machine, TimedModel& model,
            const ExecutionContext& context);
-  void begin(const WireHello& hello);
-  /// Writes what there is, and gives the files that were written. Throws `DeviceError`.
-  std::vector<std::string> finish();
+  void begin(const WireHello& hello) override;
+  std::vector<std::string> finish() override;
 
  private:
   bool lit() const;

@@ -38,6 +38,7 @@ Json left_json(const Left& left) {
   json["blue_measured"] = left.measured ? Json(left.blue_measured) : Json(nullptr);
   json["uv_measured"] = left.measured ? or_null(left.uv_measured) : Json(nullptr);
   json["stage_um"] = left.measured ? Json(left.stage_um) : Json(nullptr);
+  if (left.stage_deg) json["stage_deg"] = left.measured ? Json(*left.stage_deg) : Json(nullptr);
   return json;
 }
 
@@ -55,6 +56,7 @@ std::optional<Left> left_in(const Json& json) {
   left.blue_measured = number(json, "blue_measured").value_or(0);
   left.uv_measured = number(json, "uv_measured");
   left.stage_um = number(json, "stage_um").value_or(0);
+  left.stage_deg = number(json, "stage_deg");
   const auto time = json.find("time");
   if (time != json.end() && time->is_string()) left.time = time->get<std::string>();
   return left;

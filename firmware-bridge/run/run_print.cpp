@@ -76,7 +76,7 @@ class Run {
         ring_(source, machine.limits.ring_frames, options.threads) {
     ring_.wait_ready(0, machine.limits.ring_frames);
     journal_.emplace(folder.file("journal.jsonl"));
-    frame_log_.emplace(folder.file("frames.csv"), plan.start_um);
+    frame_log_.emplace(folder.file("frames.csv"), plan.start_um, plan.turns());
     controller_.emplace(plan, machine, options.dry_run);
     facts_ = facts_of(plan, machine);
     facts_.stack = options.stack;

@@ -38,7 +38,9 @@ const std::vector<SimFaultKind>& sim_fault_kinds() {
        "connections are closed, and new ones for so long refused"},
       {"stuck-stage", "machine", "seconds", 0,
        "the stage does not follow its drive, for so long or for good (0)"},
-      {"stage-slips", "machine", "um", 50, "the stage jumps by so much"},
+      {"stage-slips", "machine", "um", 50, "the stage jumps by so much; one that turns by degrees"},
+      {"stage-wobbles", "machine", "share", 0.02,
+       "the stage's speed rises and falls by this share, once a millimetre or turn"},
       {"stage-fails", "machine", "", 0, "the drive stops and says so"},
       {"lamp-fails", "machine", "", 0, "blue goes dark, and the machine says so"},
       {"lamp-drifts", "machine", "share", 0.2,
@@ -99,6 +101,9 @@ SimFault parse_sim_fault(const std::string& text) {
     const bool counts = rest == "drop" || rest == "wrong-reply";
     if (counts && (fault.value < 1 || fault.value != std::floor(fault.value))) {
       throw InputError(fmt::format("fault '{}': {} is no number of exchanges", text, *value));
+    }
+    if (rest == "stage-wobbles" && fault.value >= 1) {
+      throw InputError(fmt::format("fault '{}': {} would turn the stage round", text, *value));
     }
     if (fault.value < 0 && !any_sign) {
       throw InputError(fmt::format("fault '{}': {} is below 0", text, *value));

@@ -99,6 +99,11 @@ WireMessage FrameServer::answer(WireMessage&& message, bool& greeted) {
                               ? "frame wire: the bridge runs in lockstep; expected real time"
                               : "frame wire: the bridge runs in real time; expected lockstep");
       }
+      if ((hello.angles > 0) != machine_.stage.turns()) {
+        throw DeviceError(hello.angles > 0
+                              ? "frame wire: the bridge prints a job; this stage does not turn"
+                              : "frame wire: the bridge prints a stack; this stage turns a vial");
+      }
       hello_(hello);
       model_.begin(hello.cycle_s);
       greeted = true;

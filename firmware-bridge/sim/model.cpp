@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "sim/exposures.hpp"
 #include "sim/lamp.hpp"
@@ -18,6 +19,8 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kRoomTemperatureC = 25;
+/// Less than a thousandth of what a stage takes for a wobble.
+constexpr double kWobbleStepS = 0.001;
 /// What is on the display, but not lit since it came.
 constexpr int kUnlitImage = -2;
 
@@ -66,6 +69,8 @@ struct PrinterModel::Impl {
   detail::Motion drive;
   detail::Course course;
   double slipped_um = 0;
+  /// Of its speed, the more and the less in turn; 0: it goes steadily.
+  double wobble = 0;
   bool moving = false, stage_failed = false;
   bool stuck = false;
   double stuck_at_um = 0, stuck_until_s = kInfinity;
@@ -97,7 +102,22 @@ struct PrinterModel::Impl {
 
   detail::Motion stage() const {
     if (stuck) return {stuck_at_um, 0};
-    return {drive.at_um + slipped_um, drive.speed_um_s};
+    return {drive.at_um + slipped_um + wobble_um(), wobble_speed()};
+  }
+  double wobble_period_um() const {
+    constexpr double screw_um = 1000;
+    return machine.stage.turns() ? machine.stage.turn_um() : screw_um;
+  }
+  double wobble_rad() const { return 2 * std::numbers::pi * drive.at_um / wobble_period_um(); }
+  /// The integral of the speed's.
+  double wobble_um() const {
+    return wobble == 0
+               ? 0
+               : wobble * wobble_period_um() / (2 * std::numbers::pi) * std::sin(wobble_rad());
+  }
+  double wobble_speed() const {
+    return wobble == 0 ? drive.speed_um_s
+                       : drive.speed_um_s * (1 + wobble * std::cos(wobble_rad()));
   }
   double uv_max() const { return machine.printer.uv ? machine.printer.uv->max_mw_cm2() : 0; }
   void tell(const std::string& what) { events.push_back({now, what, stage().at_um}); }
@@ -166,7 +186,7 @@ struct PrinterModel::Impl {
   }
 
   void free_stage() {
-    slipped_um = stuck_at_um - drive.at_um;
+    slipped_um = stuck_at_um - drive.at_um - wobble_um();
     stuck = false;
   }
 
@@ -179,8 +199,13 @@ struct PrinterModel::Impl {
       stuck = true;
       stuck_until_s = end_of(f.value);
     } else if (f.what == "stage-slips") {
-      (stuck ? stuck_at_um : slipped_um) += f.value;
+      const double um = f.value * (machine.stage.turns() ? machine.stage.um_per_deg : 1);
+      (stuck ? stuck_at_um : slipped_um) += um;
       tracked = false;
+    } else if (f.what == "stage-wobbles") {
+      const double before_um = wobble_um();
+      wobble = f.value;
+      slipped_um += before_um - wobble_um();  // it does not jump
     } else if (f.what == "stage-fails") {
       stage_failed = true;
       drive.speed_um_s = 0;
@@ -278,6 +303,8 @@ struct PrinterModel::Impl {
       double next = std::min(until, next_event_s());
       const double piece_end = now + piece.duration_s;
       next = std::min(next, piece_end);
+      // Its speed is taken as constant for so long, s.
+      if (lit && wobble != 0 && moving) next = std::min(next, now + kWobbleStepS);
       double edge = kInfinity;
       if (lit) {
         edge = now + exposures.until_edge(stage(), stuck ? 0 : piece.acceleration_um_s2);

@@ -210,6 +210,17 @@ void LiveFrame::put_motion() {
   const PrintState& s = seen_.state;
   fact("frame", fmt::format("{} of {}{}", text::count(s.frames_shown), text::count(f.frames),
                             s.frame < 0 && seen_.running ? ", black is shown" : ""));
+  if (f.angles > 0) {
+    const double deg = 1 / f.um_per_deg;
+    fact("angle", fmt::format("{:.2f}°, turn {} of {}", s.stage_um * deg,
+                              std::max(0, s.frame) / f.angles + 1, f.frames / f.angles));
+    fact("speed",
+         fmt::format("{:.2f} °/s, planned {:.2f}", s.speed_um_s * deg, f.speed_um_s * deg));
+    fact("stage",
+         fmt::format("{:.3f}° off now, {:.3f} at most, {:g} borne", calm(s.stage_error_um) * deg,
+                     s.worst_stage_error_um * deg, f.tolerance_um * deg));
+    return;
+  }
   fact("z", fmt::format("{:.3f} of {:.3f} mm", z_um(seen_) * 1e-3, height_um(seen_) * 1e-3));
   if (f.layerwise) {
     fact("stage", fmt::format("{:.2f} um off now, {:.2f} at most", calm(s.stage_error_um),
@@ -297,16 +308,22 @@ std::string live_line(const Seen& seen) {
     return text;
   }
   if (!seen.known) return "a print begins";
-  std::string text = fmt::format("{}, frame {} of {}, z {:.3f} mm", name_of(s.phase),
-                                 s.frames_shown, seen.facts.frames, z_um(seen) * 1e-3);
+  const bool turns = seen.facts.angles > 0;
+  const double deg = turns ? 1 / seen.facts.um_per_deg : 0;
+  std::string text =
+      fmt::format("{}, frame {} of {}, ", name_of(s.phase), s.frames_shown, seen.facts.frames);
+  text += turns ? fmt::format("at {:.2f}°", s.stage_um * deg)
+                : fmt::format("z {:.3f} mm", z_um(seen) * 1e-3);
   if (failed(seen)) {
     return text + fmt::format(", {}: {}; to do: {}", name_of(s.fault), text::printable(s.detail),
                               what_to_do(s.fault));
   }
   text += seen.facts.layerwise
               ? fmt::format(", worst exposure {:.2f} ms too long", s.lateness.worst_ms)
-              : fmt::format(", {:.1f} mm/h, worst {:.2f} um late", s.speed_um_s * 3.6,
-                            std::max(s.worst_late_um, s.lateness.worst_um));
+          : turns ? fmt::format(", {:.2f} °/s, worst {:.3f}° late", s.speed_um_s * deg,
+                                std::max(s.worst_late_um, s.lateness.worst_um) * deg)
+                  : fmt::format(", {:.1f} mm/h, worst {:.2f} um late", s.speed_um_s * 3.6,
+                                std::max(s.worst_late_um, s.lateness.worst_um));
   text += fmt::format(", {} late", s.late_frames);
   if (seen.left_s) text += ", " + text::duration(*seen.left_s) + " left";
   return text;

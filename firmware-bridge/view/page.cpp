@@ -153,8 +153,10 @@ std::string what_happened(const PrintRecord& r) {
     return fmt::format(R"(<p class="holds"><b>{}</b>: {}, {}. To do: {}</p>)", name_of(r.fault),
                        shown(r.detail),
                        r.fault_frame < 0 ? std::string("with black on the display")
-                                         : fmt::format("at frame {}, z = {}", r.fault_frame,
-                                                       figure(r.fault_z_um * 1e-3, " mm", 3)),
+                       : !std::isfinite(r.fault_z_um)
+                           ? fmt::format("at frame {}", r.fault_frame)
+                           : fmt::format("at frame {}, {}", r.fault_frame,
+                                         place_in_words(r.fault_z_um, r.facts.um_per_deg)),
                        what_to_do(r.fault));
   }
   if (r.end == End::cut_off) {
@@ -179,12 +181,19 @@ std::string facts_table(const PrintRecord& r) {
   row("Stack", shown(f.stack));
   row("Printer", shown(f.printer));
   row("Display", shown(f.display));
-  if (r.facts_known) {
+  if (r.facts_known && f.angles > 0) {
+    row("How", fmt::format("{} turns of {} frames at {:g} °/s{}; um are arcs at the vial's inner "
+                           "wall, {:.1f} um to a degree",
+                           f.frames / f.angles, f.angles, f.speed_um_s / f.um_per_deg,
+                           f.dry_run ? ", without light" : "", f.um_per_deg));
+  } else if (r.facts_known) {
     row("How", fmt::format("{}{}{}, {} slices of {:g} um",
                            f.layerwise ? std::string("layer by layer")
                                        : fmt::format("continuous at {:g} mm/h", f.speed_um_s * 3.6),
                            f.uv ? ", under UV light" : "", f.dry_run ? ", without light" : "",
                            text::count(f.frames), f.layer_um));
+  }
+  if (r.facts_known) {
     row("What is borne",
         fmt::format("frames {:g} um late, and {} of them later; the stage {:g} um off",
                     f.max_late_um, f.max_late_frames, f.tolerance_um));

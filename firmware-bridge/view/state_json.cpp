@@ -1,5 +1,7 @@
 #include "view/state_json.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 #include "record/left_json.hpp"
@@ -58,6 +60,11 @@ void put_facts(Json& json, const PrintFacts& f) {
   json["tolerance_um"] = f.tolerance_um;
   json["cycle_s"] = f.cycle_s;
   json["ring_frames"] = f.ring_frames;
+  if (f.angles > 0) {
+    json["angles"] = f.angles;
+    json["turns"] = f.frames / f.angles;
+    json["um_per_deg"] = f.um_per_deg;
+  }
 }
 
 }  // namespace
@@ -73,7 +80,9 @@ PrintFacts facts_of(const PrintPlan& plan, const Machine& machine) {
   f.start_um = plan.start_um;
   f.end_um = plan.end_um;
   f.expected_s = plan.expected_s;
-  f.max_late_um = machine.limits.max_late_um;
+  f.max_late_um = plan.max_late_um(machine.limits);
+  f.angles = plan.angles;
+  f.um_per_deg = plan.um_per_deg;
   f.max_late_frames = machine.limits.max_late_frames;
   f.tolerance_um = machine.stage.tolerance_um;
   f.cycle_s = machine.limits.cycle_s;
@@ -116,6 +125,11 @@ std::optional<double> left_s(const PrintFacts& f, const PrintState& s) {
   return std::max(0.0, f.end_um - s.stage_um) / f.speed_um_s;
 }
 
+std::string place_in_words(double z_um, double um_per_deg) {
+  return um_per_deg > 0 ? fmt::format("{:.1f}° on from the first", z_um / um_per_deg)
+                        : fmt::format("z = {:.3f} mm", z_um * 1e-3);
+}
+
 std::string facts_json(const PrintFacts& facts) {
   Json json;
   json["printer"] = facts.printer;
@@ -135,6 +149,12 @@ std::string state_json(const PrintFacts& facts, const PrintState& s, const Print
   json["frames"] = facts.frames;
   json["stage_um"] = s.stage_um;
   json["z_um"] = s.stage_um - facts.start_um;
+  if (facts.angles > 0) {
+    json["angle_deg"] = s.stage_um / facts.um_per_deg;
+    json["speed_deg_s"] = s.speed_um_s / facts.um_per_deg;
+    json["turn"] = s.frame < 0 ? 0 : s.frame / facts.angles + 1;
+    json["job_frame"] = s.frame < 0 ? kBlackFrame : s.frame % facts.angles;
+  }
   json["fault"] = name_of(s.fault);
   json["detail"] = s.detail;
   json["late_frames"] = s.late_frames;
@@ -215,6 +235,8 @@ PrintFacts facts_in(const Json& json) {
   f.tolerance_um = number_in(json, "tolerance_um", 0);
   f.cycle_s = number_in(json, "cycle_s", 0);
   f.ring_frames = whole_in(json, "ring_frames", 0);
+  f.angles = std::max(0, whole_in(json, "angles", 0));
+  f.um_per_deg = number_in(json, "um_per_deg", 0);
   return f;
 }
 

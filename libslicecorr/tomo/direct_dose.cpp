@@ -4,8 +4,12 @@
 #include <cstdint>
 #include <limits>
 #include <numbers>
+#include <span>
+#include <utility>
+#include <vector>
 
 #include "slicecorr/tomo/print.hpp"
+#include "slicecorr/tomo/shown.hpp"
 #include "slicecorr/vial.hpp"
 
 namespace slicecorr::tomo {
@@ -97,11 +101,83 @@ class Insert {
   int x0_ = std::numeric_limits<int>::max(), x1_ = -1, y0_ = x0_, y1_ = -1;
 };
 
+/// When which frame is lit: for each of a turn's cells of angle the frames, by their angle (or
+/// `kBlackFrame`), and for how long, s.
+class Schedule {
+ public:
+  struct Part {
+    int angle = 0;
+    double exposed_s = 0;
+  };
+  explicit Schedule(int cells) : cells_(static_cast<std::size_t>(cells)) {}
+  int cells() const { return static_cast<int>(cells_.size()); }
+  /// Any whole number stands for the cell of that angle.
+  const std::vector<Part>& at(long cell) const { return cells_[place(cell)]; }
+  void add(long cell, int angle, double exposed_s) {
+    std::vector<Part>& parts = cells_[place(cell)];
+    for (Part& part : parts) {
+      if (part.angle != angle) continue;
+      part.exposed_s += exposed_s;
+      return;
+    }
+    parts.push_back({angle, exposed_s});
+  }
+
+ private:
+  std::size_t place(long cell) const {
+    const long n = static_cast<long>(cells_.size());
+    return static_cast<std::size_t>((cell % n + n) % n);
+  }
+  std::vector<std::vector<Part>> cells_;
+};
+
+/// Each frame at its own angle, for its share of all turns.
+Schedule planned(const TomoJob& job, const Bench& bench) {
+  Schedule schedule(bench.grid.angles);
+  const double each_s = bench.exposure.turn_s * job.turns / bench.grid.angles;
+  for (int m = 0; m < bench.grid.angles; ++m) schedule.add(m, m, each_s);
+  return schedule;
+}
+
+/// Cells of angle in a frame's step: an odd number, so that its own angle is the middle of one.
+constexpr int kCellsPerStep = 5;
+
+Schedule scheduled(std::span<const Showing> shown, const Bench& bench) {
+  Schedule schedule(kCellsPerStep * bench.grid.angles);
+  const double cells_per_deg = schedule.cells() / 360.0;
+  for (const Showing& s : shown) {
+    const int angle = s.frame == kBlackFrame ? kBlackFrame : bench.frame_of_angle(s.frame);
+    const double light_s = s.exposed_s * s.share;
+    // th falls where the vial turns counterclockwise.
+    const double side = (bench.clockwise ? 1 : -1) * cells_per_deg;
+    const double a = side * s.from_deg + 0.5, b = side * s.to_deg + 0.5;
+    const double low = std::min(a, b), high = std::max(a, b), width = high - low;
+    const auto first = static_cast<long>(std::floor(low));
+    if (!(width > 1e-9)) {
+      schedule.add(first, angle, light_s);
+      continue;
+    }
+    // Whole turns leave the same in each cell.
+    const int cells = schedule.cells();
+    const double whole = std::floor(width / cells), end = high - whole * cells;
+    for (int cell = 0; whole > 0 && cell < cells; ++cell) {
+      schedule.add(cell, angle, light_s * whole / width);
+    }
+    for (long cell = first; static_cast<double>(cell) < end; ++cell) {
+      const double from = std::max(low, static_cast<double>(cell)),
+                   to = std::min(end, static_cast<double>(cell) + 1);
+      if (to > from) schedule.add(cell, angle, light_s * (to - from) / width);
+    }
+  }
+  return schedule;
+}
+
 class DirectSum {
  public:
-  DirectSum(const TomoJob& job, const Bench& bench)
+  DirectSum(const TomoJob& job, const Bench& bench, Schedule schedule)
       : printer_(job.printer),
         bench_(bench),
+        schedule_(std::move(schedule)),
         n_(index_of(job.resin)),
         alpha_(absorption_per_mm(job.resin)),
         insert_(job.insert, bench.grid.slices) {
@@ -119,58 +195,80 @@ class DirectSum {
     }
   }
 
-  /// Adds the dose of one turn over alpha_a T_rot to every slice of a column of voxels.
+  /// Adds the dose of the print over alpha_a to every slice of a column of voxels.
   void add(int column, int row_of_voxels, std::vector<double>& sum) const {
     const TomoGrid& g = bench_.grid;
     const double x = g.voxel_at_mm(column), y = g.voxel_at_mm(row_of_voxels);
     std::vector<std::uint64_t> hidden(insert_.words());
-    for (int k = 0; k < g.angles; ++k) {
-      const double th = 2 * std::numbers::pi * k / g.angles;
+    const int cells = schedule_.cells();
+    for (int k = 0; k < cells; ++k) {
+      const double th = 2 * std::numbers::pi * k / cells;
       const double t = x * std::cos(th) + y * std::sin(th),
                    u = -x * std::sin(th) + y * std::cos(th);
       const Source from = source_of(t);
       const double half = std::sqrt(std::max(0.0, bench_.radius_mm * bench_.radius_mm - t * t));
-      const double share = from.mw_cm2_share * std::exp(-alpha_ * (half + u)) / g.angles;
+      const double share = from.mw_cm2_share * std::exp(-alpha_ * (half + u));
+      const double m = k - from.turn_rad / (2 * std::numbers::pi) * cells;
+      const auto m0 = static_cast<long>(std::floor(m));
+      if (schedule_.at(m0).empty() && schedule_.at(m0 + 1).empty()) continue;
       const bool shaded = insert_.hides(column, row_of_voxels, std::sin(th), -std::cos(th), hidden);
       const double i = from.column - bench_.first_column;
-      const double m = k - from.turn_rad / (2 * std::numbers::pi) * g.angles;
-      const auto i0 = static_cast<int>(std::floor(i)), m0 = static_cast<int>(std::floor(m));
-      const double wi = i - i0, wm = m - m0;
+      const double wm = m - static_cast<double>(m0);
       for (const int b : {0, 1}) {
-        const int frame = ((m0 + b) % g.angles + g.angles) % g.angles;
-        if (bench_.places.moved()) {
-          add_moved(frame, i, share * (b ? wm : 1 - wm), shaded ? &hidden : nullptr, sum);
-          continue;
-        }
-        for (const int a : {0, 1}) {
-          const double weight = share * (a ? wi : 1 - wi) * (b ? wm : 1 - wm);
-          if (weight == 0 || i0 + a < 0 || i0 + a >= g.pixels) continue;
-          const double* const lit = &light_[row(frame, i0 + a)];
-          for (std::size_t z = 0; z < sum.size(); ++z) {
-            if (shaded && (hidden[z / 64] >> (z % 64) & 1)) continue;
-            sum[z] += weight * lit[z];
-          }
+        const double of_angle = share * (b ? wm : 1 - wm);
+        if (of_angle == 0) continue;
+        for (const Schedule::Part& part : schedule_.at(m0 + b)) {
+          add(part.angle, angle_near(m0 + b), i, of_angle * part.exposed_s,
+              shaded ? &hidden : nullptr, sum);
         }
       }
     }
   }
 
  private:
-  /// The same of one frame where each slice has its light in other columns.
-  void add_moved(int m, double pixel, double share, const std::vector<std::uint64_t>* hidden,
-                 std::vector<double>& sum) const {
+  /// Of the job's angles, the one nearest to a cell of the schedule.
+  int angle_near(long cell) const {
+    const long angles = bench_.grid.angles, cells = schedule_.cells();
+    const auto m = std::lround(static_cast<double>(cell) * static_cast<double>(angles) /
+                               static_cast<double>(cells));
+    return static_cast<int>((m % angles + angles) % angles);
+  }
+
+  /// Adds what the frame of one angle, or black, leaves while the stage stands at `stage`: light of
+  /// a pixel that may lie between two columns, and in others from slice to slice.
+  void add(int frame, int stage, double pixel, double weight,
+           const std::vector<std::uint64_t>* hidden, std::vector<double>& sum) const {
     const TomoGrid& g = bench_.grid;
-    for (std::size_t z = 0; z < sum.size(); ++z) {
-      if (hidden && ((*hidden)[z / 64] >> (z % 64) & 1)) continue;
-      const double column = bench_.places.column_of(m, pixel, static_cast<int>(z));
-      const auto first = static_cast<int>(std::floor(column));
-      for (const int a : {0, 1}) {
-        if (first + a < 0 || first + a >= g.pixels) continue;
-        const double weight = share * (a ? column - first : 1 - (column - first));
-        sum[z] += weight * light_[row(m, first + a) + z];
+    const auto light = [&](int column, std::size_t z) {
+      return frame == kBlackFrame
+                 ? bench_.mw_cm2.front() * bench_.places.share(stage, column, static_cast<int>(z))
+                 : light_[row(frame, column) + z];
+    };
+    const auto in_resin = [&](std::size_t z) {
+      return !hidden || !((*hidden)[z / 64] >> (z % 64) & 1);
+    };
+    if (bench_.places.moved()) {
+      for (std::size_t z = 0; z < sum.size(); ++z) {
+        if (!in_resin(z)) continue;
+        const double column = bench_.places.column_of(stage, pixel, static_cast<int>(z));
+        const auto first = static_cast<int>(std::floor(column));
+        for (const int a : {0, 1}) {
+          if (first + a < 0 || first + a >= g.pixels) continue;
+          sum[z] += weight * (a ? column - first : 1 - (column - first)) * light(first + a, z);
+        }
+      }
+      return;
+    }
+    const auto first = static_cast<int>(std::floor(pixel));
+    for (const int a : {0, 1}) {
+      const double of_column = weight * (a ? pixel - first : 1 - (pixel - first));
+      if (of_column == 0 || first + a < 0 || first + a >= g.pixels) continue;
+      for (std::size_t z = 0; z < sum.size(); ++z) {
+        if (in_resin(z)) sum[z] += of_column * light(first + a, z);
       }
     }
   }
+
   std::size_t row(int m, int i) const {
     const TomoGrid& g = bench_.grid;
     return (static_cast<std::size_t>(m) * static_cast<std::size_t>(g.pixels) +
@@ -189,18 +287,17 @@ class DirectSum {
 
   const Printer& printer_;
   const Bench& bench_;
+  const Schedule schedule_;
   double n_, alpha_;
   Insert insert_;
   std::vector<double> light_;  ///< [angle][pixel][slice]
 };
 
-}  // namespace
-
-Box<float> dose_of(const TomoJob& job, const ExecutionContext& context) {
-  const Bench bench = make_bench(job.printer, job.resin, job.sampling);
+Box<float> dose_of(const TomoJob& job, const Bench& bench, Schedule schedule,
+                   const ExecutionContext& context) {
   const TomoGrid& grid = bench.grid;
-  const DirectSum direct(job, bench);
-  const double per_unit = bench.exposure.alpha_a_per_cm * bench.exposure.turn_s * job.turns;
+  const DirectSum direct(job, bench, std::move(schedule));
+  const double per_unit = bench.exposure.alpha_a_per_cm;
   Box<float> dose{grid.slices, grid.voxels, grid.voxels, {}};
   dose.values.assign(static_cast<std::size_t>(grid.slices) * static_cast<std::size_t>(grid.voxels) *
                          static_cast<std::size_t>(grid.voxels),
@@ -219,6 +316,19 @@ Box<float> dose_of(const TomoJob& job, const ExecutionContext& context) {
     }
   });
   return dose;
+}
+
+}  // namespace
+
+Box<float> dose_of(const TomoJob& job, const ExecutionContext& context) {
+  const Bench bench = make_bench(job.printer, job.resin, job.sampling);
+  return dose_of(job, bench, planned(job, bench), context);
+}
+
+Box<float> dose_of(const TomoJob& job, std::span<const Showing> shown,
+                   const ExecutionContext& context) {
+  const Bench bench = make_bench(job.printer, job.resin, job.sampling);
+  return dose_of(job, bench, scheduled(shown, bench), context);
 }
 
 }  // namespace slicecorr::tomo

@@ -260,4 +260,15 @@ TomoJob read_job(const std::string& path, const ExecutionContext& context) {
   return job;
 }
 
+TomoFrames::TomoFrames(const std::string& path, const TomoJob& job, const ExecutionContext& context)
+    : archive_(detail::open_container(path, detail::path_parts(path).folder, context)),
+      angles_(job.sampling.angles),
+      width_px_(job.printer.width_px),
+      height_px_(job.printer.height_px) {}
+TomoFrames::~TomoFrames() = default;
+
+GreyImage TomoFrames::read(int frame) const {
+  return image_of(*archive_, frame_name(frame), width_px_, height_px_);
+}
+
 }  // namespace slicecorr::tomo

@@ -9,6 +9,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/tomo/print.hpp"
+#include "slicecorr/tomo/shown.hpp"
 
 namespace slicecorr::cli {
 
@@ -106,7 +107,8 @@ int solve(const TomoOptions& o, const ExecutionContext& context, Console& consol
 }
 
 int verify(const TomoOptions& o, const ExecutionContext& context, Console& console) {
-  for (const std::string& output : {o.dose, o.json}) check_output(output, {o.job, o.volume});
+  for (const std::string& output : {o.dose, o.json})
+    check_output(output, {o.job, o.volume, o.shown});
   const tomo::TomoJob job = tomo::read_job(o.job, context);
   const Box<std::uint8_t> part =
       o.volume.empty()
@@ -117,7 +119,15 @@ int verify(const TomoOptions& o, const ExecutionContext& context, Console& conso
         o.volume, "",
         fmt::format("has {} slices, the job {}; expected as many", part.nz, job.part.nz));
   }
-  const Box<float> dose = tomo::dose_of(job, context);
+  const Box<float> dose = [&] {
+    if (o.shown.empty()) return tomo::dose_of(job, context);
+    const tomo::Shown shown = tomo::read_shown(o.shown, job.sampling.angles);
+    if (shown.without_end > 0) {
+      console.say(
+          fmt::format("{}: {} rows have no end and are left out", o.shown, shown.without_end));
+    }
+    return tomo::dose_of(job, shown.showings, context);
+  }();
   if (!o.dose.empty()) tomo::write_npy(o.dose, dose);
   return tell(tomo::figures_of(job, dose, part, context), o.json, console);
 }
@@ -160,6 +170,9 @@ void add_tomo(Program& program, TomoOptions& o) {
   sub = add("verify", "Say what a job's frames print, by a direct sum of their light", verify);
   sub->add_option("JOB", o.job, "File of the job (.frames)")->required();
   sub->add_option("--volume", o.volume, "Another part to judge by (.npy), with the job's voxels");
+  sub->add_option("--shown", o.shown,
+                  "Judge by what a machine really showed: frames.csv of printbridge, or the record "
+                  "of printer-sim (.csv)");
   sub->add_option("--dose", o.dose, "Write the dose of the print, mJ/cm³, to FILE (.npy)");
   sub->add_option("--json", o.json, "Write all figures as JSON to FILE, or - for stdout");
 

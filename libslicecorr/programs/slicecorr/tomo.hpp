@@ -11,7 +11,7 @@
 namespace slicecorr::cli {
 
 struct TomoOptions : TomoPrintOptions {
-  std::string printer, resin, output, job, dose, json, picture;
+  std::string printer, resin, output, job, shown, dose, json, picture;
   double checkpoint_s = 5;
   bool resume = false;
   TomoViewOptions views;

@@ -31,7 +31,7 @@ enum class Phase {
   resuming,
   blue_off,  ///< blue off before UV
   uv_off,
-  raising,  ///< part out of the resin
+  raising,  ///< part out of the resin; a vial comes to rest
   done,
   // a fault, in this order
   lamps_off,
@@ -98,6 +98,10 @@ struct FrameRecord {
   /// continuous prints, and for `exposed_s` where the exposure did not end.
   std::optional<double> exposure_s, exposed_s;
   DisplayTimes display = {};
+  /// Of a job: its frame, and the angles of the stage between which it was shown, from the index on;
+  /// `to_deg` and `exposed_s` not where the print failed meanwhile.
+  int job_frame = kBlackFrame;
+  std::optional<double> from_deg = {}, to_deg = {};
 };
 
 /// How late frames were, counted while they are printed. Continuous: when a frame's light began,
@@ -171,6 +175,7 @@ struct Left {
   std::optional<double> measured_s_ago;
   double blue_measured = 0;           ///< share, 1: as calibrated
   double stage_um = 0;                ///< above the window
+  std::optional<double> stage_deg;    ///< the same of a stage that turns
   std::optional<double> uv_measured;  ///< mW/cm²; nothing where the machine does not tell
   std::string time = {};              ///< UTC, of the end of the print; empty: now
   /// Nothing was touched, or lamps and stage are known to be off and still.

@@ -11,6 +11,7 @@
 
 #include "slicecorr/bridge/link.hpp"
 #include "slicecorr/stack.hpp"
+#include "slicecorr/tomo/job.hpp"
 
 namespace slicecorr::bridge {
 
@@ -37,6 +38,11 @@ class FrameSource {
 /// `stack` must outlive this.
 std::unique_ptr<FrameSource> make_frame_source(const StackReader& stack, const Printer& printer,
                                                bool uv_patterned);
+
+/// The frames of a job, turn after turn, as the printer's display shows them; `turns` >= 1. `job`
+/// must outlive this.
+std::unique_ptr<FrameSource> make_frame_source(const tomo::TomoFrames& job, int turns,
+                                               const Printer& printer);
 
 /// Makes frames in order, at most `ring` ahead of the one taken last, with threads of its own;
 /// fewer where they would take more than `kMostBytes`, but three always. Thread-safe.

@@ -20,8 +20,11 @@ namespace slicecorr::bridge {
 /// Number of what the display shows when it shows no slice.
 inline constexpr int kBlackFrame = -1;
 
-/// [stage]. Positions are heights of the platform above the window, up is away from it.
+/// [stage]. Positions are heights of the platform above the window, up is away from it. Where the
+/// printer has [rotation] the stage turns its vial: positions are arcs at the vial's inner wall, from
+/// the index on, in the direction of [rotation], over whole turns.
 struct Stage {
+  double um_per_deg = 0;          ///< of a stage that turns: the arc of a degree; else 0
   double max_speed_um_s = 0;      ///< from max_speed_mm_h, > 0
   double travel_um = 0;           ///< from travel_mm, > 0
   double acceleration_um_s2 = 0;  ///< of ramps, > 0
@@ -31,6 +34,8 @@ struct Stage {
   /// the file has none.
   double lift_um = 3000, lift_speed_um_s = 1000;
   double settle_s = 0.5;  ///< 0..600: from the end of a move until light may come
+  bool turns() const { return um_per_deg > 0; }
+  double turn_um() const { return 360 * um_per_deg; }  ///< arc of a whole turn
 };
 
 /// A lamp as it is driven: a share of the intensity that the calibration stands for; for UV light,
@@ -49,11 +54,13 @@ struct MachineLimits {
   double response_timeout_s = 0.04;  ///< of a request and all of its answer, 0.005..1
   double heartbeat_timeout_s = 0.3;  ///< 0.02..10: without an answer that long the print has failed
   double watchdog_s = 0.3;           ///< what the machine is told: lamps off without a heartbeat
-  double max_late_um = 5;            ///< > 0: a frame that is further off its place is late
-  int max_late_frames = 0;           ///< late frames borne (each within ten times max_late_um)
-  double display_latency_s = 0;      ///< from showing a frame to its light, 0..1
-  double max_temperature_c = 60;     ///< up to 200: above it a print fails
-  int ring_frames = 16;  ///< decoded ahead, 8..1024, as far as memory goes (`FrameRing`)
+  /// > 0: a frame that is further off its place is late. Stages that turn: 0 is half of the angle
+  /// for which a frame is shown.
+  double max_late_um = 5;
+  int max_late_frames = 0;        ///< late frames borne (each within ten times max_late_um)
+  double display_latency_s = 0;   ///< from showing a frame to its light, 0..1
+  double max_temperature_c = 60;  ///< up to 200: above it a print fails
+  int ring_frames = 16;           ///< decoded ahead, 8..1024, as far as memory goes (`FrameRing`)
 };
 
 /// [projector]: which channel of the display's colours carries which light.
@@ -70,7 +77,9 @@ enum class WordOrder { big, little };  ///< which register of two holds the high
 /// One request that writes and reads, or one to write and one to read holding or input registers.
 enum class Exchange { fc23, fc16_fc3, fc16_fc4 };
 
-/// What can be written and read. Those marked * must be in every map.
+/// What can be written and read. Those marked * must be in every map. On the wire and in the file,
+/// stages that turn have degrees for um: target_deg, speed_deg_s, acceleration_deg_s2, stage_deg,
+/// stage_speed_deg_s.
 enum class Signal {
   // written
   sequence,            ///< * rises with each exchange
@@ -87,7 +96,7 @@ enum class Signal {
   // read
   sequence_echo,     ///< * of the last set-points that were taken over
   state,             ///< * see MachineState
-  stage_um,          ///< * measured
+  stage_um,          ///< * measured; a stage that turns may have stage_speed_um_s alone
   stage_speed_um_s,  ///< measured; else from positions
   blue_measured,     ///< * share, measured
   uv_measured,       ///< mW/cm²; * where the printer has a UV lamp
@@ -110,8 +119,9 @@ enum class RegisterType { u16, i16, u32, i32, bit };
 struct Register {
   int address = 0;  ///< as on the wire, 0..65535
   RegisterType type = RegisterType::u16;
-  int bit = 0;                   ///< 0..15, of `RegisterType::bit`
-  double scale = 1, offset = 0;  ///< in the signal's unit (its name, docs/bridge.md)
+  int bit = 0;  ///< 0..15, of `RegisterType::bit`
+  /// In the signal's unit (its name, docs/bridge.md); of angles in um of arc.
+  double scale = 1, offset = 0;
   /// How many registers of 16 bits it takes.
   int registers() const { return type == RegisterType::u32 || type == RegisterType::i32 ? 2 : 1; }
 };
@@ -145,6 +155,9 @@ struct Machine {
   /// Sets where the machine is reached: `where` is "tcp:HOST:PORT" or "rtu:DEVICE"; empty: as the
   /// file has it. Throws `InputError` for anything else, and where there is no register map.
   void connect_to(const std::string& where);
+  /// Whether the stage's place is measured. One that turns without an encoder is taken to be where
+  /// it was told to be, as long as its speed is what it was told.
+  bool has_encoder() const { return !modbus || modbus->read.contains(Signal::stage_um); }
 };
 
 /// Reads a printer file with all of it. Throws `InputError` naming file, line, key and what was
@@ -154,8 +167,8 @@ Machine load_machine(const std::string& name_or_path);
 /// The same from the text of a file; `source` names it in messages.
 Machine parse_machine(std::string_view text, const std::string& source);
 
-/// Name of a signal as in printer files: "stage_um".
-std::string_view name_of(Signal signal);
+/// Name of a signal as in printer files: "stage_um", or "stage_deg" of stages that turn.
+std::string_view name_of(Signal signal, bool turns = false);
 
 /// What goes out in a cycle. Idempotent: the same set-points twice do the same as once.
 struct SetPoints {

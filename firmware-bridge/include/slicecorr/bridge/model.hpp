@@ -44,7 +44,7 @@ struct SimEvent {
   /// "blue on", "blue off", "uv on", "uv off", "stage moves", "stage stops", "frame 17", "black",
   /// "watchdog", "fault", "reset", "run", "off", "stop", and the names of faults as they begin.
   std::string what;
-  double stage_um = 0;  ///< above the window
+  double stage_um = 0;  ///< above the window; an arc of a stage that turns
 };
 
 /// Stands for black where an image is named by its place in the order shown.

@@ -1,6 +1,7 @@
 /// @file plan.hpp
 /// What is to be shown where, how bright, and whether this machine can do it: settled before
-/// anything moves. Plain values; all functions are thread-safe. Only `plan_print` throws.
+/// anything moves. Plain values; all functions are thread-safe. Only `plan_print` and
+/// `plan_turns` throw.
 #pragma once
 
 #include <cstdint>
@@ -10,8 +11,12 @@
 
 #include "slicecorr/bridge/machine.hpp"
 #include "slicecorr/stack.hpp"
+#include "slicecorr/tomo/job.hpp"
 
 namespace slicecorr::bridge {
+
+/// A print that turns is put off by so many turns at most, until its stage goes steadily.
+inline constexpr int kMostPutOff = 3;
 
 /// One slice of the stack as it is printed.
 struct FramePlan {
@@ -23,6 +28,9 @@ struct FramePlan {
   double exposure_s = 0;  ///< layer by layer, > 0; else 0
 };
 
+/// A print: slices as a stage moves along a line, or the frames of a tomographic job, turn after
+/// turn, as a stage turns its vial (`turns()`). Then a "slice" is a frame's step of angle, as an arc
+/// (`Stage`): it begins half a step before the frame's own angle.
 struct PrintPlan {
   ExposureMode mode = ExposureMode::continuous;
   double layer_um = 0, speed_um_s = 0;  ///< slice height, > 0; print speed, 0 layer by layer
@@ -42,6 +50,20 @@ struct PrintPlan {
   /// Layer by layer: what black gives while the lamp shines before and after the exposures, in all,
   /// as a share of the dose that gels. It is in no stack.
   double black_excess = 0;
+  int angles = 0;         ///< of a job: frames of a turn; 0: a stack
+  double um_per_deg = 0;  ///< of a job: as in `Stage`
+  /// Of a job: before the first frame, where the lamp comes on behind black; the stage must go
+  /// steadily by then.
+  double lamp_lead_um = 0;
+  bool turns() const { return angles > 0; }
+  /// The job's frame that frame `n` of the print shows; of stacks `n` itself, and of black, too.
+  int shown_frame(int n) const { return turns() && n >= 0 ? n % angles : n; }
+  /// A place as people read it: um of a line; of a job degrees from the index on.
+  std::string place(double stage_um) const;
+  /// What is borne of lateness along the way.
+  double max_late_um(const MachineLimits& limits) const {
+    return limits.max_late_um > 0 ? limits.max_late_um : layer_um / 2;
+  }
   /// Whether the lamps follow the stage's speed on its ramps.
   bool lamps_follow() const {
     return mode == ExposureMode::continuous && ramp == Ramp::lamp_follows;
@@ -63,5 +85,10 @@ double lamp_share(const PrintPlan& plan, const LampDrive& lamp, double speed_um_
 /// stack in messages.
 PrintPlan plan_print(const StackReader& stack, const std::string& path, const Machine& machine,
                      const ExecutionContext& context = {});
+
+/// The same of a tomographic job, of `read_job`. Throws `InputError` when it was made for another
+/// printer (name, display, calibration, vial, optics, how it turns), or this one does not turn, and
+/// `InfeasibleError` when it has more turns or frames in a second than the machine can do.
+PrintPlan plan_turns(const tomo::TomoJob& job, const std::string& path, const Machine& machine);
 
 }  // namespace slicecorr::bridge

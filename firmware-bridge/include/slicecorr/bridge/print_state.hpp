@@ -26,6 +26,8 @@ struct PrintFacts {
   double tolerance_um = 0;                          ///< as in `Stage`
   double cycle_s = 0;                               ///< as in `Limits`
   int max_late_frames = 0, ring_frames = 0;         ///< as in `Limits`
+  int angles = 0;                                   ///< of a job: frames of a turn; else 0
+  double um_per_deg = 0;                            ///< of a job: as in `Stage`
 };
 PrintFacts facts_of(const PrintPlan& plan, const Machine& machine);
 
@@ -68,6 +70,10 @@ std::optional<double> left_s(const PrintFacts& facts, const PrintState& state);
 /// alone, in the journal's first line.
 std::string state_json(const PrintFacts& facts, const PrintState& state, const PrintAround& around);
 std::string facts_json(const PrintFacts& facts);
+
+/// A place counted from the first slice's begin: "z = 1.234 mm", or of a stage that turns (`Stage`)
+/// "123.4° on from the first"; `um_per_deg` 0: it moves along a line.
+std::string place_in_words(double z_um, double um_per_deg);
 
 /// What somebody should do about a fault.
 std::string_view what_to_do(Fault fault);

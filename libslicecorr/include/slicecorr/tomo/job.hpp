@@ -10,6 +10,7 @@
 
 #include <cstdint>
 #include <limits>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -21,6 +22,9 @@
 
 namespace slicecorr {
 struct GreyImage;
+}
+namespace slicecorr::detail {
+class Container;
 }
 
 namespace slicecorr::tomo {
@@ -55,5 +59,21 @@ void write_job(const std::string& path, const TomoJob& job, const ExecutionConte
 /// Throws `InputError` naming entry and key for what is missing, damaged, of another size or number
 /// than `config.json` says, or of a newer format. What frames show beside the resin is not kept.
 TomoJob read_job(const std::string& path, const ExecutionContext& context = {});
+
+/// The frames of a job as its file has them, read one at a time: for machines that show them.
+class TomoFrames {
+ public:
+  /// `job`: of `read_job` of the same path. Throws as `read_job`.
+  TomoFrames(const std::string& path, const TomoJob& job, const ExecutionContext& context = {});
+  ~TomoFrames();
+  int angles() const { return angles_; }
+  /// As seen from the projector; `frame` 0..angles() - 1, in the order in which they are shown.
+  /// Thread-safe. Throws `InputError` for images that are damaged or of another size.
+  GreyImage read(int frame) const;
+
+ private:
+  std::unique_ptr<const slicecorr::detail::Container> archive_;
+  int angles_, width_px_, height_px_;
+};
 
 }  // namespace slicecorr::tomo

@@ -1,0 +1,145 @@
+// What a vial was really shown, and what that prints.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "refusal.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/tomo/shown.hpp"
+#include "stack_fixture.hpp"
+#include "tomo_jobs.hpp"
+
+namespace slicecorr::tomo {
+namespace {
+
+/// Each frame of each turn at its own angle plus `late_deg`, over `width_deg` about it.
+std::vector<Showing> shown_of(const TomoJob& job, double late_deg, double width_deg) {
+  std::vector<Showing> shown;
+  const double turn_s = 360 / job.printer.rotation->deg_s;
+  const int angles = job.sampling.angles;
+  for (int n = 0; n < job.turns * angles; ++n) {
+    const double at = 360.0 * n / angles + late_deg;
+    shown.push_back({n % angles, at - width_deg / 2, at + width_deg / 2, turn_s / angles, 1});
+  }
+  return shown;
+}
+
+double largest(const Box<float>& a) { return *std::max_element(a.values.begin(), a.values.end()); }
+
+/// Largest difference over the largest dose, up to this share of the radius. Doses are single
+/// precision: 6e-8 of each.
+double difference(const Box<float>& a, const Box<float>& b, double within = 1) {
+  double most = 0;
+  const double middle = (a.nx - 1) / 2.0;
+  for (int z = 0; z < a.nz; ++z) {
+    for (int y = 0; y < a.ny; ++y) {
+      for (int x = 0; x < a.nx; ++x) {
+        if (std::hypot(x - middle, y - middle) > within * middle) continue;
+        most = std::max(most, std::abs(double{a.values[a.at(z, y, x)]} - b.values[b.at(z, y, x)]));
+      }
+    }
+  }
+  return most / largest(b);
+}
+
+TEST(TomoShown, FramesAtTheirOwnAnglesGiveTheDoseOfTheJob) {
+  const TomoJob job = random_job(bench_printer(), 2, 20);
+  EXPECT_LT(difference(dose_of(job, shown_of(job, 0, 0)), dose_of(job)), 1e-6);
+  // Behind a dry wall lines lie between the angles of frames, and light is interpolated there, which
+  // light that goes as a cosine does not mind: it is off by (2 pi / 72)^2 / 8, and over a step shown
+  // less bright by (2 pi / 72)^2 / 24.
+  TomoJob smooth = random_job(dry_printer(), 1, 72);
+  const Bench bench = make_bench(smooth.printer, smooth.resin, smooth.sampling);
+  for (int m = 0; m < 72; ++m) {
+    for (int i = 0; i < bench.grid.pixels; ++i) {
+      smooth.levels[bench.grid.pixel(m, i, 0)] =
+          static_cast<std::uint16_t>(std::lround(128 + 100 * std::cos(m * std::numbers::pi / 36)));
+    }
+  }
+  EXPECT_LT(difference(dose_of(smooth, shown_of(smooth, 0, 5)), dose_of(smooth), 0.5), 2e-3);
+}
+
+TEST(TomoShown, AQuarterTurnLateIsThePartTurned) {
+  for (const TurnDirection way : {TurnDirection::clockwise, TurnDirection::counterclockwise}) {
+    Printer printer = bench_printer();
+    printer.rotation->direction = way;
+    const TomoJob job = random_job(printer, 1, 20);
+    const Box<float> planned = dose_of(job), late = dose_of(job, shown_of(job, 90, 0));
+    Box<float> turned = planned;
+    const int last = planned.nx - 1;
+    for (int y = 0; y <= last; ++y) {
+      for (int x = 0; x <= last; ++x) {
+        // Clockwise: t of (x, y) at th + 90° is that of (y, -x) at th.
+        turned.values[turned.at(0, y, x)] = way == TurnDirection::clockwise
+                                                ? planned.values[planned.at(0, last - x, y)]
+                                                : planned.values[planned.at(0, x, last - y)];
+      }
+    }
+    EXPECT_LT(difference(late, turned), 1e-6);
+  }
+}
+
+TEST(TomoShown, EvenLightPrintsTheSameAtAnyAngleAndForAnyWidth) {
+  // 72 angles: away from the wall, where the way through the resin changes as a square root, the sum
+  // over them of exp(-alpha (half chord + u)) is the integral, to far less than 1e-6.
+  TomoJob job = random_job(bench_printer(), 1, 72);
+  std::fill(job.levels.begin(), job.levels.end(), std::uint16_t{200});
+  const Box<float> planned = dose_of(job);
+  EXPECT_LT(difference(dose_of(job, shown_of(job, 1.3, 5)), planned, 0.5), 1e-6);
+  EXPECT_LT(difference(dose_of(job, shown_of(job, -2, 400)), planned, 0.5), 1e-6);
+  // Doses are light times time; black adds its own.
+  std::vector<Showing> shown = shown_of(job, 0, 5);
+  for (Showing& s : shown) s.share = 0.5, s.exposed_s *= 3;
+  const double turn_s = 360 / job.printer.rotation->deg_s;
+  shown.push_back({kBlackFrame, 10, 370, turn_s * job.turns, 1});
+  Box<float> expected = planned;
+  const Bench bench = make_bench(job.printer, job.resin, job.sampling);
+  for (float& d : expected.values) {
+    d = static_cast<float>(d * (1.5 + bench.mw_cm2[0] / bench.mw_cm2[200]));
+  }
+  EXPECT_LT(difference(dose_of(job, shown), expected, 0.5), 1e-6);
+}
+
+TEST(TomoShown, ASmearedFrameIsTheMeanOfItsPlaces) {
+  // Over a step: the mean of its fifths.
+  const TomoJob job = random_job(bench_printer(), 1, 20);
+  Box<float> mean = dose_of(job);
+  std::fill(mean.values.begin(), mean.values.end(), 0.0F);
+  for (int i = -2; i <= 2; ++i) {
+    const Box<float> one = dose_of(job, shown_of(job, i * 18.0 / 5, 0));
+    for (std::size_t k = 0; k < mean.values.size(); ++k) mean.values[k] += one.values[k] / 5;
+  }
+  EXPECT_LT(difference(dose_of(job, shown_of(job, 0, 18)), mean), 1e-6);
+}
+
+TEST(TomoShown, TablesAreReadAndRefused) {
+  const test::TemporaryFolder folder;
+  const std::string path = folder / "shown.csv";
+  const auto read = [&](const std::string& text) {
+    test::write_file(path, test::to_bytes(text));
+    return read_shown(path, 20);
+  };
+  const std::string head = "frame,job_frame,from_deg,to_deg,exposed_s,blue_measured\n";
+  const Shown shown = read(head + "0,-1,-9,1,0.5,1\n21,1,369,387,0.72,0.98\n22,2,387,,,1\n");
+  EXPECT_EQ(shown.without_end, 1);
+  ASSERT_EQ(shown.showings.size(), 2U);
+  EXPECT_EQ(shown.showings[1], (Showing{1, 369, 387, 0.72, 0.98}));
+  const auto refused = [&](const std::string& text, const std::string& what) {
+    SCOPED_TRACE(text);
+    EXPECT_NE(test::refusal([&] { read(text); }).find(what), std::string::npos);
+  };
+  refused("", "is empty");
+  refused("frame,z_um\n0,1\n", "job_frame");
+  refused(head, "has no row");
+  refused(head + "0,20,0,1,1,1\n", "job_frame");
+  refused(head + "0,0.5,0,1,1,1\n", "whole number");
+  refused(head + "0,0,0,1,-1,1\n", "exposed_s");
+  refused(head + "0,0,nan,1,1,1\n", "from_deg");
+  refused(head + "0,0,0,1,1\n", "5 cells");
+}
+
+}  // namespace
+}  // namespace slicecorr::tomo

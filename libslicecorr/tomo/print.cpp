@@ -261,7 +261,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   std::shared_ptr<const detail::Nodes> nodes;
   Target asked = target;
   std::shared_ptr<const Projector> asking = scene.projector;
-  if (auto found = bench.lab ? std::nullopt : detail::nodes_of(printer, resin, bench)) {
+  if (auto found = detail::nodes_of(printer, resin, bench)) {
     nodes = std::make_shared<const detail::Nodes>(*std::move(found));
     asked.grid = nodes->grid;
     asking = detail::make_node_projector(nodes, scene.projector);

@@ -183,10 +183,11 @@ TEST(TomoCoupled, OperatorsAgreeWithTheDirectSum) {
         }
       }
     }
-    // Lines and planes of voxels beat with each other: at most 48 angles of 1/2 of a line's weight at
-    // the axis, a few per cent; much less in the mean.
-    EXPECT_LT(sum / count, 0.01);
-    EXPECT_LT(worst, 0.06);
+    // Lines are about a voxel apart and beat with the voxels: what a voxel gets at one angle is off by
+    // up to a fifth, at random by a tenth in the mean; of 48 angles by 0.1 / sqrt 48, and the worst of
+    // 3,000 voxels by four and a half times that.
+    EXPECT_LT(sum / count, 0.1 / std::sqrt(48.0));
+    EXPECT_LT(worst, 0.45 / std::sqrt(48.0) + 0.02);
   }
 }
 
@@ -268,37 +269,38 @@ TEST(TomoCoupled, InsertsEndRays) {
   }
 }
 
-/// A wheel whose spokes change along z.
-Box<std::uint8_t> wheel(int n, int slices) {
+/// A ring of 4 voxels, with a plate across it in the middle of its height.
+Box<std::uint8_t> wheel() {
+  const int n = 19, slices = 12;
   Box<std::uint8_t> part{slices, n, n, {}};
   for (int z = 0; z < slices; ++z) {
     for (int y = 0; y < n; ++y) {
       for (int x = 0; x < n; ++x) {
-        const double dx = x - 0.5 * (n - 1), dy = y - 0.5 * (n - 1), r = std::hypot(dx, dy) / n;
-        const bool rim = r > 0.25 && r < 0.36,
-                   spoke = r <= 0.25 && std::cos(4 * std::atan2(dy, dx)) > 0.2;
-        part.values.push_back(rim || (spoke && z >= slices / 3 && z < 2 * slices / 3) ? 255 : 0);
+        const double r = std::hypot(x - 0.5 * (n - 1), y - 0.5 * (n - 1));
+        const bool rim = r > 4.2 && r < 8.4,
+                   plate = r <= 4.2 && z >= slices / 3 && z < 2 * slices / 3;
+        part.values.push_back(rim || plate ? 255 : 0);
       }
     }
   }
-  return part;
+  return placed(part, pinhole_printer(), 0.25);
 }
 
 TEST(TomoCoupled, APartIsSolvedAndPrinted) {
-  const Box<std::uint8_t> part = wheel(19, 9);
+  const Box<std::uint8_t> part = wheel();
   for (const Printer& printer : {pinhole_printer(), aperture_printer()}) {
     for (const Method method : {Method::kLadder, Method::kOsmo}) {
       PrintOptions options;
       options.angles = 48;
       options.solve.method = method;
-      options.solve.rungs = {.98, .9, .8};
-      options.beyond_reach = true;
+      options.solve.rungs = {.98, .9, .8, .7};
       ExecutionContext one, three;
       one.threads = 1;
       three.threads = 3;
       const Print print = solve_print(part, 0.25, printer, bench_resin(), options, one);
       EXPECT_EQ(print.figures.metrics.ver, 0) << static_cast<int>(method);
-      EXPECT_GE(print.figures.metrics.contrast, method == Method::kLadder ? 1.1 : 1.0);
+      EXPECT_GE(print.figures.metrics.contrast, method == Method::kLadder ? 1.1 : 1.0)
+          << static_cast<int>(method);
       EXPECT_TRUE(print.figures.feasible());
       if (method == Method::kLadder) {
         EXPECT_GE(print.figures.contrast_bound, print.figures.metrics.contrast);
@@ -310,14 +312,13 @@ TEST(TomoCoupled, APartIsSolvedAndPrinted) {
 }
 
 TEST(TomoCoupled, ResumesFromACheckpoint) {
-  const Bench bench = make_bench(pinhole_printer(), bench_resin(), {0.25, 9, 36});
+  const Bench bench = make_bench(pinhole_printer(), bench_resin(), {0.25, 12, 36});
   Volume volume(bench.grid);
-  const Box<std::uint8_t> part = wheel(19, 9);
-  const int off = (bench.grid.voxels - 19) / 2;
-  for (int z = 0; z < 9; ++z) {
-    for (int y = 0; y < 19; ++y) {
-      for (int x = 0; x < 19; ++x) {
-        volume.coverage[bench.grid.voxel(x + off, y + off, z)] = part.values[part.at(z, y, x)];
+  const Box<std::uint8_t> part = wheel();
+  for (int z = 0; z < part.nz; ++z) {
+    for (int y = 0; y < part.ny; ++y) {
+      for (int x = 0; x < part.nx; ++x) {
+        volume.coverage[bench.grid.voxel(x, y, z)] = part.values[part.at(z, y, x)];
       }
     }
   }
@@ -383,8 +384,7 @@ TEST(TomoCoupled, FramesFollowAnAxisThatWobbles) {
   PrintOptions options;
   options.angles = 48;
   options.solve.method = Method::kOsmo;
-  options.beyond_reach = true;
-  const Box<std::uint8_t> part = wheel(19, 9);
+  const Box<std::uint8_t> part = wheel();
   const Print print = solve_print(part, 0.25, moved, bench_resin(), options);
   EXPECT_EQ(print.figures.metrics.ver, 0);
   // The same images before an axis that stands still are 0.2 mm and more beside.
@@ -423,10 +423,10 @@ TEST(TomoCoupled, RefusesWhatDoesNotFit) {
   EXPECT_THAT(said(p, {0.25, 1, 36}), HasSubstr("slices"));
   EXPECT_THAT(said(p, {0.05, 9, 36}), HasSubstr("its rows are 0.0625 mm high"));
   p.optics->axis_right_px = 1e4;
-  EXPECT_THAT(said(p, {0.25, 9, 36}), HasSubstr("none of its pixels meets the resin"));
+  EXPECT_THAT(said(p, {0.25, 12, 36}), HasSubstr("none of its pixels meets the resin"));
   p = pinhole_printer();
   p.optics->axis_up_px = 1e4;
-  EXPECT_THAT(said(p, {0.25, 9, 36}), HasSubstr("lights"));
+  EXPECT_THAT(said(p, {0.25, 12, 36}), HasSubstr("lights"));
 }
 
 }  // namespace

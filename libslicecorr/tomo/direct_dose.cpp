@@ -222,7 +222,8 @@ class DirectSum {
  public:
   DirectSum(const TomoJob& job, const Bench& bench, Schedule schedule,
             const ExecutionContext& context)
-      : printer_(job.printer),
+      : job_(job),
+        printer_(job.printer),
         bench_(bench),
         schedule_(std::move(schedule)),
         n_(index_of(job.resin)),
@@ -231,19 +232,21 @@ class DirectSum {
         opaque_(job.insert) {
     // z innermost, as light of one pixel goes to all slices alike.
     const TomoGrid& g = bench.grid;
-    const auto rows = static_cast<std::size_t>(g.light_rows());
+    if (g.coupled()) {
+      sources_.emplace(printer_, n_, alpha_, g.lowest_mm,
+                       g.lowest_mm + g.slice_height_mm() * (g.slices - 1), context);
+      return;
+    }
+    const auto rows = static_cast<std::size_t>(g.slices);
     light_.resize(static_cast<std::size_t>(g.angles) * static_cast<std::size_t>(g.pixels) * rows);
     for (int m = 0; m < g.angles; ++m) {
       for (int i = 0; i < g.pixels; ++i) {
-        for (int z = 0; z < g.light_rows(); ++z) {
+        for (int z = 0; z < g.slices; ++z) {
           light_[row(m, i) + static_cast<std::size_t>(z)] =
               bench.mw_cm2[job.levels[g.pixel(m, i, z)]] * bench.places.share(m, i, z);
         }
       }
     }
-    if (!g.coupled()) return;
-    sources_.emplace(printer_, n_, alpha_, g.lowest_mm,
-                     g.lowest_mm + g.slice_height_mm() * (g.slices - 1), context);
   }
 
   /// Adds the dose of the print over alpha_a to every slice of a column of voxels.
@@ -382,7 +385,7 @@ class DirectSum {
     const TomoGrid& g = bench_.grid;
     return (static_cast<std::size_t>(m) * static_cast<std::size_t>(g.pixels) +
             static_cast<std::size_t>(i)) *
-           static_cast<std::size_t>(g.light_rows());
+           static_cast<std::size_t>(g.slices);
   }
   Source source_of(double t) const {
     const Vial& vial = *printer_.vial;
@@ -394,6 +397,7 @@ class DirectSum {
             transmittance(vial, n_, q, 0) * n_ / vial.n_outside};
   }
 
+  const TomoJob& job_;
   const Printer& printer_;
   const Bench& bench_;
   const Schedule schedule_;
@@ -401,7 +405,7 @@ class DirectSum {
   Insert insert_;
   RisingShade opaque_;
   std::optional<detail::RaySources> sources_;  ///< where slices share light
-  std::vector<double> light_;                  ///< [angle][pixel][row]
+  std::vector<double> light_;                  ///< else [angle][pixel][slice]
 };
 
 Box<float> dose_of(const TomoJob& job, const Bench& bench, Schedule schedule,

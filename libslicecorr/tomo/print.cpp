@@ -323,8 +323,9 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
 
   // The light as bright as the projector can show it gives the number of turns; then as bright as
   // they need.
-  const Light light = asked_light(
-      bench, nodes ? detail::light_of_pixels(*nodes, bench.grid, solution.light) : solution.light);
+  const Light light =
+      asked_light(bench, nodes ? detail::light_of_pixels(*nodes, bench.grid, solution.light)
+                               : std::move(solution.light));
   const auto& values = light.values;
   const double largest = *std::max_element(values.begin(), values.end());
   const double per_unit = dose_of_turn(bench.grid, bench.exposure);
@@ -334,7 +335,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   Exposure exposure = bench.exposure;
   exposure.critical_mj_cm3 = turns.dose_mj_cm3;
   exposure.most_time_s = options.most_time_s;
-  Field full = solution.dose;
+  Field full = std::move(solution.dose);
   for (float& d : full.values) d = static_cast<float>(d * brightest);
   const PrintTime time = plan_time(quiet, *asking, asked, full, exposure);
 

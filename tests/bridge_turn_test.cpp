@@ -5,6 +5,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <functional>
+#include <memory>
 #include <random>
 #include <string>
 #include <utility>
@@ -328,7 +331,16 @@ TEST(BridgeTurn, JobsOfOtherMachinesAreRefused) {
          [](Printer& p) { p.rotation->direction = TurnDirection::counterclockwise; });
   expect("25 °/s", [](Printer& p) { p.rotation->deg_s = 25; });
   expect("its vial has", [](Printer& p) { p.vial->inner_mm = 11; });
-  expect("its optics", [](Printer& p) { p.optics->axis_right_px = 1; });
+  expect("its axis 1 pixels right, 0 up and leaning by 0°, expected telecentric, its axis 0",
+         [](Printer& p) { p.optics->axis_right_px = 1; });
+  expect("leaning by 2°", [](Printer& p) { p.optics->tilt_deg = 2; });
+  expect("its light is uneven in another way, expected even", [](Printer& p) {
+    p.flat_field = FlatField{1, 1, std::make_shared<const std::vector<std::uint8_t>>(1, 200)};
+  });
+  expect("its axis wobbles by up to 1.5 pixels (2 angles), expected that it keeps to its place",
+         [](Printer& p) {
+           p.rotation->wobble = {{0, 1.5, 0}, {180, -1, 0}};
+         });
   expect("its display has", [](Printer& p) { p.width_px = 500; });
   expect("its calibration", [](Printer& p) { p.calibration.back().intensity_mw_cm2 = 3; });
   // A printer of slices, and too many frames or turns for this one.
@@ -339,6 +351,19 @@ TEST(BridgeTurn, JobsOfOtherMachinesAreRefused) {
   EXPECT_THROW(plan_turns(turning_job(m.printer, 3, 130), "part.frames", m), InfeasibleError);
   EXPECT_THROW(plan_turns(turning_job(m.printer, 997, 60), "part.frames", m), InfeasibleError);
   EXPECT_NO_THROW(plan_turns(turning_job(m.printer, 990, 120), "part.frames", m));
+}
+
+TEST(BridgeTurn, WobblesOfTheAxisNeedAnEncoder) {
+  // Its frames are shifted for where the axis is at the stage's own angles.
+  for (const bool encoder : {true, false}) {
+    Machine m = turning_machine(encoder ? Changes{} : without_encoder());
+    m.printer.rotation->wobble = {{0, 1.5, 0}, {180, -1, 0}};
+    m.printer.flat_field =
+        FlatField{1, 1, std::make_shared<const std::vector<std::uint8_t>>(1, 200)};
+    const std::string text = slicecorr::test::refusal([&] { turning_plan(m); });
+    EXPECT_EQ(text.empty(), encoder) << text;
+    if (!encoder) EXPECT_NE(text.find("has no encoder (stage_deg)"), std::string::npos) << text;
+  }
 }
 
 TEST(BridgeTurn, PrinterFilesSayDegrees) {

@@ -339,6 +339,7 @@ void Controller::Impl::record_frame(const FrameReport& report, const Pending& as
     lateness.add_um(at_um - asked.planned_um);
     lateness.add_ms((shown_at_s - asked.at_s) * 1e3);
     if (plan.turns()) {
+      lateness.add_deg((at_um - asked.planned_um) / plan.um_per_deg);
       exposing = record;  // until the next one comes
       exposing->job_frame = plan.shown_frame(frame);
       exposing->from_deg = at_um / plan.um_per_deg;

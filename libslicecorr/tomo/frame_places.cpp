@@ -56,6 +56,15 @@ int FramePlaces::slice_of(int m, int column, int row) const {
   return slice >= 0 && slice < slices_ ? static_cast<int>(slice) : -1;
 }
 
+int FramePlaces::slice_shown(int m, int at, int slice) const {
+  if (up_rows_.empty()) return slice;
+  const int rows = up_rows_[static_cast<std::size_t>(at)] - up_rows_[static_cast<std::size_t>(m)];
+  if (rows == 0) return slice;
+  const auto shown =
+      static_cast<int>(std::lround(slice + rows * row_um_ * 1e-3 * cosine_ / voxel_mm_));
+  return shown >= 0 && shown < slices_ ? shown : -1;
+}
+
 void FramePlaces::take_light(const Printer& printer, int first_column, int columns, int angles) {
   Grid images;
   images.width_px = printer.width_px;

@@ -105,19 +105,23 @@ struct FrameRecord {
 };
 
 /// How late frames were, counted while they are printed. Continuous: when a frame's light began,
-/// along the stage's way and in time. Layer by layer: how much longer than asked an exposure was,
-/// in time alone. What is early counts as in time.
+/// along the stage's way (of a stage that turns also in degrees) and in time. Layer by layer: how
+/// much longer than asked an exposure was, in time alone. What is early counts as in time.
 struct Lateness {
   static constexpr std::array<double, 12> kBoundsUm{0.05, 0.1, 0.2, 0.5, 1,   2,
                                                     5,    10,  20,  50,  100, 200};
+  static constexpr std::array<double, 12> kBoundsDeg{0.002, 0.005, 0.01, 0.02, 0.05, 0.1,
+                                                     0.2,   0.5,   1,    2,    5,    10};
   static constexpr std::array<double, 13> kBoundsMs{0.1, 0.2, 0.5, 1,   2,   5,   10,
                                                     20,  50,  100, 200, 500, 1000};
   /// Number of frames with values up to each bound and above the one before; the last: above all.
   std::array<std::uint64_t, kBoundsUm.size() + 1> um{};
+  std::array<std::uint64_t, kBoundsDeg.size() + 1> deg{};
   std::array<std::uint64_t, kBoundsMs.size() + 1> ms{};
-  double sum_um = 0, sum_ms = 0;      ///< of all values
-  double worst_um = 0, worst_ms = 0;  ///< the greatest
+  double sum_um = 0, sum_deg = 0, sum_ms = 0;        ///< of all values
+  double worst_um = 0, worst_deg = 0, worst_ms = 0;  ///< the greatest
   void add_um(double late_um);
+  void add_deg(double late_deg);
   void add_ms(double late_ms);
 };
 

@@ -36,9 +36,9 @@ class Journal {
 
 /// frame, planned_z_um, z_um, planned_s, shown_s, late_um, speed_um_s, blue_share, uv_mw_cm2,
 /// blue_measured, uv_measured, late (0 or 1), stage_error_um, temperature_c, exposure_s, exposed_s,
-/// vblank, missed_vblanks, upload_s, present_s, of a job (`turns`) also job_frame, from_deg, to_deg; what is not known is empty. z is counted from the
-/// first slice's begin. Never blocks the print: a thread of its own writes. An earlier one is kept
-/// beside it as frames.previous.csv.
+/// vblank, missed_vblanks, upload_s, present_s, of a job (`turns`) also job_frame, from_deg, to_deg;
+/// what is not known is empty. z is counted from the first slice's begin. Never blocks the print: a
+/// thread of its own writes. An earlier one is kept beside it as frames.previous.csv.
 class FrameLog {
  public:
   /// `start_um`: stage position of the first slice's begin. Throws `DeviceError`.

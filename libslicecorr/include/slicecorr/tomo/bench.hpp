@@ -43,6 +43,9 @@ class FramePlaces {
   double pixel_of(int m, double column, int slice) const;
   /// The slice that a pixel of frames lights; -1: none.
   int slice_of(int m, int column, int row) const;
+  /// The slice whose light of the frame of angle m falls on `slice` while the stage stands at another
+  /// of the angles, `at`, where the axis lies higher or lower: the nearest; -1: none has.
+  int slice_shown(int m, int at, int slice) const;
   /// Share of the calibration's light that the rows of a slice get, in the mean.
   double share(int m, int column, int slice) const {
     if (share_.empty()) return 1;

@@ -124,7 +124,7 @@ TEST(TurnsSeen, OnATerminal) {
   for (const char* what :
        {"wheel.frames", "126 of 600", "30.20°, turn 3 of 10", "24.90 °/s, planned 25.00",
         "-0.250° off now, 0.500 at most, 1 borne", "0.125° (25.00 um at the wall) late, 0.05 ms",
-        "up to 0.002 °", "up to 0.2 °"}) {
+        "up to 0.005 °", "up to 0.2 °"}) {
     EXPECT_THAT(text, HasSubstr(what));
   }
   expect_degrees_only(text);
@@ -155,7 +155,7 @@ TEST(TurnsSeen, InMetrics) {
   EXPECT_NEAR(value("stage_error_worst_degrees"), 0.5, 1e-9);
   EXPECT_NEAR(value("frame_lateness_worst_degrees"), 0.125, 1e-9);
   EXPECT_NEAR(value("frame_lateness_worst_um"), 25, 1e-9);
-  EXPECT_EQ(value("frame_lateness_degrees_bucket", ",le=\"0.002\""), 125);
+  EXPECT_EQ(value("frame_lateness_degrees_bucket", ",le=\"0.005\""), 125);
   EXPECT_EQ(value("frame_lateness_degrees_bucket", ",le=\"0.2\""), 126);
   EXPECT_NEAR(value("frame_lateness_degrees_sum"), 125 * 0.0015 + 0.125, 1e-9);
   for (const char* never : {"z_um", "speed_um_per_second", "stage_error_um"}) {
@@ -244,8 +244,8 @@ TEST_F(TurnRecord, ThePageIsInDegrees) {
   const PrintRecord r = read_record(state, false);
   EXPECT_EQ(r.frames.size(), 63U);
   // 0.05 ends a bin, and the text of a double may lie on either side of it.
-  EXPECT_EQ(r.lateness.deg[4] + r.lateness.deg[5], 62U);
-  EXPECT_EQ(r.lateness.deg[10], 1U) << "4°: above 2, up to 5";
+  EXPECT_EQ(r.lateness.deg[3] + r.lateness.deg[4], 62U);
+  EXPECT_EQ(r.lateness.deg[9], 1U) << "4°: above 2, up to 5";
   EXPECT_NEAR(r.lateness.worst_deg, 4, 1e-9);
   const std::string html = report_page(r);
   for (const char* what :

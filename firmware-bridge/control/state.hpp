@@ -87,6 +87,7 @@ struct Controller::Impl {
   /// commanded motion, forgotten as fast as a difference of measured positions is.
   double slipped_um = 0;
   double slipped_at_s = 0;
+  double slip_speed_um_s = 0;           ///< greatest speed commanded lately, forgotten as slips are
   std::optional<double> unsteady_at_s;  ///< when the speed was last not what it should be
   double worst_stage_error_um = 0;
 

@@ -284,7 +284,7 @@ void add_speed(const PrintRecord& r, std::vector<Chart>& charts) {
               kHalfHeight);
   if (planned > 0) panel.horizontal(planned, "planned", true);
   panel.line(envelope(speed), Style::series, 0);
-  mark_fault(panel, r, fault_place(r), 3);
+  mark_fault(panel, r, fault_place(r), way.turns ? 0 : 3);
   picture.add(panel);
   charts.push_back({"Speed", picture.svg()});
 }

@@ -199,7 +199,7 @@ std::string facts_table(const PrintRecord& r) {
   };
   const PrintFacts& f = r.facts;
   if (!r.events.empty()) row("Begun", shown(r.events.front().time));
-  row("Stack", shown(f.stack));
+  row(f.turns() ? "Frames" : "Stack", shown(f.stack));
   row("Printer", shown(f.printer));
   row("Display", shown(f.display));
   if (r.facts_known && f.turns()) {

@@ -110,8 +110,8 @@ struct FrameRecord {
 struct Lateness {
   static constexpr std::array<double, 12> kBoundsUm{0.05, 0.1, 0.2, 0.5, 1,   2,
                                                     5,    10,  20,  50,  100, 200};
-  static constexpr std::array<double, 12> kBoundsDeg{0.002, 0.005, 0.01, 0.02, 0.05, 0.1,
-                                                     0.2,   0.5,   1,    2,    5,    10};
+  static constexpr std::array<double, 12> kBoundsDeg{0.005, 0.01, 0.02, 0.05, 0.1, 0.2,
+                                                     0.5,   1,    2,    5,    10,  20};
   static constexpr std::array<double, 13> kBoundsMs{0.1, 0.2, 0.5, 1,   2,   5,   10,
                                                     20,  50,  100, 200, 500, 1000};
   /// Number of frames with values up to each bound and above the one before; the last: above all.

@@ -109,12 +109,42 @@ TEST_F(BridgeTurnPrint, PrintsAJobAndSaysWhatWasShown) {
     // Thousandths of a degree of a step of six, and what black light adds.
     EXPECT_LT(largest_difference(tomo::read_dose_npy(folder / "d.npy"), expected), 2e-3);
   }
+  // Logs have degrees, too: frame 0 begins half a step before a whole turn.
+  for (const auto& line : lines_of(sim.events)) {
+    if (line["event"] != "frame 0") continue;
+    EXPECT_NEAR(std::remainder(line["stage_deg"].get<double>(), 360), -3, 0.02);
+    break;
+  }
+  const auto journal = lines_of(folder / "state/model-tomography-bench/journal.jsonl");
+  EXPECT_NEAR(std::remainder(journal.back()["stage_deg"].get<double>(), 360), 0, 0.02);
   // Order: no light before the vial turns, none when it stands.
   const auto events = events_of(sim.events);
   EXPECT_LT(place(events, "stage moves"), place(events, "blue on"));
   EXPECT_LT(place(events, "blue on"), place(events, "frame 0"));
   EXPECT_LT(place(events, "blue off"), last_place(events, "stage stops"));
   EXPECT_LT(last_place(events, "black"), last_place(events, "blue off"));
+}
+
+TEST_F(BridgeTurnPrint, ADryRunAndHalfAPrintAreSaidToBeThat) {
+  const std::string printer = make_turning("bench"), job = make_job(printer);
+  Sim sim = start_turning(printer);
+  EXPECT_EQ(run_program(print_command(job, printer, sim, true, {"--dry-run"})).exit_code, 0);
+  EXPECT_EQ(sim.child->end(SIGTERM), 0);
+  const auto judge = [&](const std::string& record) {
+    return run_program({program("slicecorr"), "tomo", "verify", job, "--shown", record});
+  };
+  for (const std::string& record : {sim.shown, frames_csv()}) {
+    const RunResult r = judge(record);
+    EXPECT_EQ(r.exit_code, 2);
+    EXPECT_NE(r.err.find("no light in it, as of a dry run"), std::string::npos) << r.err;
+  }
+  Sim fails = start_turning(printer, {"--fault", "door@frame:31"});
+  EXPECT_EQ(run_program(print_command(job, printer, fails, true)).exit_code, 4);
+  const RunResult r = judge(frames_csv());
+  EXPECT_EQ(r.exit_code, 5);
+  // 31 frames of 60 ms, of 3.6 s a turn.
+  EXPECT_NE(r.err.find("a row without an end is left out"), std::string::npos) << r.err;
+  EXPECT_NE(r.err.find("1.86 s of light, planned "), std::string::npos) << r.err;
 }
 
 TEST_F(BridgeTurnPrint, WobbleIsInTheRecordAndInTheVerdict) {

@@ -203,13 +203,15 @@ TEST(TomoShown, TablesAreReadAndRefused) {
   EXPECT_EQ(shown.without_end, 1);
   ASSERT_EQ(shown.showings.size(), 2U);
   EXPECT_EQ(shown.showings[1], (Showing{1, 369, 387, 0.72, 0.98}));
+  EXPECT_DOUBLE_EQ(shown.light_s(), 0.72 * 0.98);
   const auto refused = [&](const std::string& text, const std::string& what) {
     SCOPED_TRACE(text);
     EXPECT_NE(test::refusal([&] { read(text); }).find(what), std::string::npos);
   };
   refused("", "is empty");
   refused("frame,z_um\n0,1\n", "job_frame");
-  refused(head, "has no row");
+  refused(head, "has no light in it");
+  refused(head + "0,0,-9,9,0.72,0\n1,1,9,27,0,1\n", "as of a dry run");
   refused(head + "0,20,0,1,1,1\n", "job_frame");
   refused(head + "0,0.5,0,1,1,1\n", "whole number");
   refused(head + "0,0,0,1,-1,1\n", "exposed_s");

@@ -13,14 +13,15 @@
 
 namespace slicecorr::bridge {
 
-/// Events as JSON, one per line: time (UTC), at_s, what, detail, frame, stage_um, facts. A thread
-/// of its own writes: `add` never waits for the disk. What is `important` is on the disk
+/// Events as JSON, one per line: time (UTC), at_s, what, detail, frame, stage_um, of a stage that
+/// turns stage_deg, facts. A thread of its own writes: `add` never waits for the disk. What is `important` is on the disk
 /// (fdatasync) as soon as the disk can, the rest within a second. A line that a power cut halved is
 /// ignored by readers. Throws `DeviceError` when it can't be begun.
 class Journal {
  public:
   /// An earlier journal is kept beside it as journal.previous.jsonl.
-  explicit Journal(const std::string& path);
+  /// `um_per_deg`: as in `Stage`.
+  explicit Journal(const std::string& path, double um_per_deg = 0);
   ~Journal();
   /// Never waits, and never throws for the disk.
   void add(const PrintEvent& event, bool important);

@@ -267,7 +267,22 @@ TEST(BridgeTurn, AStallAndASlipAreCalledSo) {
   // The row of what was on has no end, which nobody knows.
   ASSERT_FALSE(slips.records.empty());
   EXPECT_FALSE(slips.records.back().to_deg.has_value());
-  EXPECT_TRUE(slips.controller.left().stage_deg.has_value());
+  // What is said to be left is said of a vial that has come to rest.
+  for (const bool encoder : {true, false}) {
+    const Machine braking = turning_machine(encoder ? Changes{} : without_encoder());
+    Bench fails(braking, turning_plan(braking), {parse_sim_fault("lamp-fails@frame:20")});
+    fails.run();
+    ASSERT_EQ(fails.controller.phase(), Phase::failed);
+    const Left left = fails.controller.left();
+    EXPECT_TRUE(left.confirmed());
+    EXPECT_LE(std::abs(fails.model.status().stage_speed_um_s.value_or(1e9)), 1e-6);
+    ASSERT_EQ(left.stage_deg.has_value(), encoder);
+    if (encoder) {
+      EXPECT_NEAR(*left.stage_deg, fails.model.status().stage_um / braking.stage.um_per_deg, 0.01);
+    } else {
+      EXPECT_EQ(in_words(left).find("stage at"), std::string::npos) << in_words(left);
+    }
+  }
 }
 
 TEST(BridgeTurn, LateFramesAreRecordedAndSomeAreBorne) {

@@ -196,6 +196,9 @@ TEST(TurnsSeen, InTheStatusAndReadBack) {
   }
 }
 
+const std::string kHeader =
+    "frame,planned_z_um,z_um,planned_s,shown_s,late_um,speed_um_s,blue_share,uv_mw_cm2,blue_measured,uv_measured,late,stage_error_um,temperature_c,exposure_s,exposed_s,vblank,missed_vblanks,upload_s,present_s,job_frame,from_deg,to_deg\n";
+
 class TurnRecord : public testing::Test {
  protected:
   TurnRecord() {
@@ -217,6 +220,11 @@ class TurnRecord : public testing::Test {
                .dump() +
            "\n";
   }
+  static std::string begin() {
+    json line = json::parse(event(0, kJournalBegin, "/tmp/wheel.frames", 0));
+    line["facts"] = json::parse(facts_json(turning_facts()));
+    return line.dump() + "\n";
+  }
   /// Frame n, late by so much.
   static std::string row(int n, double late_deg, bool late = false) {
     const double deg = 6.0 * n, s = deg / 25;
@@ -229,15 +237,27 @@ class TurnRecord : public testing::Test {
   StateFolder state;
 };
 
+TEST_F(TurnRecord, OfAPrintThatWasKilledTheLastFramesAngleIsKnown) {
+  put("journal.jsonl", begin() + event(1, "phase printing", "", 0));
+  put("frames.csv", kHeader + row(0, 0.05) + row(1, 0.05) + row(62, 0.05));
+  const auto latch = read_latch(state, true);
+  ASSERT_TRUE(latch && latch->left && latch->left->stage_deg);
+  EXPECT_EQ(latch->frame, 62);
+  EXPECT_NEAR(*latch->left->stage_deg, 357 + 62 * 6 + 0.05, 1e-9);
+  EXPECT_NEAR(latch->stage_um, (357 + 62 * 6 + 0.05) * kUmPerDeg, 1e-6);
+  EXPECT_THAT(in_words(*latch->left), HasSubstr("stage at 729.05°"));
+  // Facts of other types are as if there were none.
+  put("journal.jsonl", R"({"what":"print begins","facts":{"start_um":"x","um_per_deg":[1]}})"
+                       "\n");
+  EXPECT_FALSE(read_latch(state, true)->left->stage_deg);
+}
+
 TEST_F(TurnRecord, ThePageIsInDegrees) {
-  json begin = json::parse(event(0, kJournalBegin, "/tmp/wheel.frames", 0));
-  begin["facts"] = json::parse(facts_json(turning_facts()));
-  put("journal.jsonl", begin.dump() + "\n" + event(1, "phase printing", "", 0) +
+  put("journal.jsonl", begin() + event(1, "phase printing", "", 0) +
                            event(20, "fault late_frame", "frame 62 began 4 ° late", 361, 62) +
                            event(20, "phase lamps_off", "", 361.5, 62) +
                            event(20.1, kJournalEnd, "failed", 364));
-  std::string frames =
-      "frame,planned_z_um,z_um,planned_s,shown_s,late_um,speed_um_s,blue_share,uv_mw_cm2,blue_measured,uv_measured,late,stage_error_um,temperature_c,exposure_s,exposed_s,vblank,missed_vblanks,upload_s,present_s,job_frame,from_deg,to_deg\n";
+  std::string frames = kHeader;
   for (int n = 0; n < 62; ++n) frames += row(n, 0.05);
   frames += row(62, 4, true);
   put("frames.csv", frames);

@@ -2,6 +2,7 @@
 /// `act_layerwise.cpp` say what comes next, `controller.cpp` holds them together.
 #pragma once
 
+#include <cmath>
 #include <deque>
 #include <optional>
 #include <string>
@@ -137,6 +138,12 @@ struct Controller::Impl {
   bool measured_dark() const {
     return status.blue_measured <= machine.blue.tolerance &&
            uv_share(status.uv_measured.value_or(0)) <= machine.uv.tolerance;
+  }
+  /// Whether the stage is not driven any more, and where its speed is measured has come to rest: it
+  /// does not go by its tolerance in a second.
+  bool measured_still() const {
+    return status.state != MachineState::running &&
+           std::abs(status.stage_speed_um_s.value_or(0)) <= machine.stage.tolerance_um;
   }
 
   // judge.cpp

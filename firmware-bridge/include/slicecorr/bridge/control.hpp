@@ -171,14 +171,15 @@ struct Left {
   bool lamps_taken = false;  ///< the machine has answered that it put lamps off
   bool heard = false;        ///< it has told what it measures since the fault; then hold:
   bool dark = false;         ///< lamps are measured dark
-  bool stands = false;       ///< the stage stands still
+  bool stands = false;       ///< the stage stands still, as far as its speed is measured
   bool bridge_gone = false;  ///< the program that printed was killed, or the power failed
   /// Whether anything was ever measured, and how long before `time`, s, where that is known; the
   /// fields below are of that measurement.
   bool measured = false;
   std::optional<double> measured_s_ago;
-  double blue_measured = 0;           ///< share, 1: as calibrated
-  double stage_um = 0;                ///< above the window
+  double blue_measured = 0;  ///< share, 1: as calibrated
+  /// Above the window; nothing of a stage whose machine has no encoder.
+  std::optional<double> stage_um = 0;
   std::optional<double> stage_deg;    ///< the same of a stage that turns
   std::optional<double> uv_measured;  ///< mW/cm²; nothing where the machine does not tell
   std::string time = {};              ///< UTC, of the end of the print; empty: now

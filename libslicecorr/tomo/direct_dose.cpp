@@ -237,13 +237,14 @@ class DirectSum {
                        g.lowest_mm + g.slice_height_mm() * (g.slices - 1), context);
       return;
     }
-    const auto rows = static_cast<std::size_t>(g.slices);
-    light_.resize(static_cast<std::size_t>(g.angles) * static_cast<std::size_t>(g.pixels) * rows);
+    const auto slices = static_cast<std::size_t>(g.slices);
+    black_.assign(slices, bench.mw_cm2.front());
+    light_.resize(static_cast<std::size_t>(g.angles) * static_cast<std::size_t>(g.pixels) * slices);
     for (int m = 0; m < g.angles; ++m) {
       for (int i = 0; i < g.pixels; ++i) {
         for (int z = 0; z < g.slices; ++z) {
           light_[row(m, i) + static_cast<std::size_t>(z)] =
-              bench.mw_cm2[job.levels[g.pixel(m, i, z)]] * bench.places.share(m, i, z);
+              bench.mw_cm2[job.levels[g.pixel(m, i, z)]];
         }
       }
     }
@@ -292,27 +293,37 @@ class DirectSum {
     return static_cast<int>((m % angles + angles) % angles);
   }
 
+  /// Light of a column of the frame of one angle, or of black, on a slice while the stage stands at
+  /// `stage`: where the projector shines unevenly the pixel's own, and of an axis that has moved up
+  /// or down since the frame's angle, of another slice of the frame.
+  double light(int frame, int stage, int column, int z) const {
+    double mw_cm2 = bench_.mw_cm2.front();
+    if (frame != kBlackFrame) {
+      const int own = bench_.places.slice_shown(frame, stage, z);
+      if (own >= 0) mw_cm2 = light_[row(frame, column) + static_cast<std::size_t>(own)];
+    }
+    return mw_cm2 * bench_.places.share(stage, column, z);
+  }
+
   /// Adds what the frame of one angle, or black, leaves while the stage stands at `stage`: light of
   /// a pixel that may lie between two columns, and in others from slice to slice.
   void add(int frame, int stage, double pixel, double weight,
            const std::vector<std::uint64_t>* hidden, std::vector<double>& sum) const {
     const TomoGrid& g = bench_.grid;
-    const auto light = [&](int column, std::size_t z) {
-      return frame == kBlackFrame
-                 ? bench_.mw_cm2.front() * bench_.places.share(stage, column, static_cast<int>(z))
-                 : light_[row(frame, column) + z];
-    };
+    const FramePlaces& places = bench_.places;
     const auto in_resin = [&](std::size_t z) {
       return !hidden || !((*hidden)[z / 64] >> (z % 64) & 1);
     };
-    if (bench_.places.moved()) {
+    if (places.moved() || places.uneven()) {
       for (std::size_t z = 0; z < sum.size(); ++z) {
         if (!in_resin(z)) continue;
-        const double column = bench_.places.column_of(stage, pixel, static_cast<int>(z));
+        const int slice = static_cast<int>(z);
+        const double column = places.column_of(stage, pixel, slice);
         const auto first = static_cast<int>(std::floor(column));
         for (const int a : {0, 1}) {
-          if (first + a < 0 || first + a >= g.pixels) continue;
-          sum[z] += weight * (a ? column - first : 1 - (column - first)) * light(first + a, z);
+          const double of_column = a ? column - first : 1 - (column - first);
+          if (of_column == 0 || first + a < 0 || first + a >= g.pixels) continue;
+          sum[z] += weight * of_column * light(frame, stage, first + a, slice);
         }
       }
       return;
@@ -321,8 +332,10 @@ class DirectSum {
     for (const int a : {0, 1}) {
       const double of_column = weight * (a ? pixel - first : 1 - (pixel - first));
       if (of_column == 0 || first + a < 0 || first + a >= g.pixels) continue;
+      const double* const lit =
+          frame == kBlackFrame ? black_.data() : &light_[row(frame, first + a)];
       for (std::size_t z = 0; z < sum.size(); ++z) {
-        if (in_resin(z)) sum[z] += of_column * light(first + a, z);
+        if (in_resin(z)) sum[z] += of_column * lit[z];
       }
     }
   }
@@ -373,9 +386,9 @@ class DirectSum {
       for (const int b : {0, 1}) {
         const int i = i0 + a, r = r0 + b;
         if (i < 0 || i >= g.pixels || r < 0 || r >= g.rows) continue;
-        const double value = frame == kBlackFrame ? bench_.mw_cm2.front() * places.share(m, i, r)
-                                                  : light_[row(m, i) + static_cast<std::size_t>(r)];
-        light += (a ? wi : 1 - wi) * (b ? wr : 1 - wr) * value;
+        const std::size_t level = frame == kBlackFrame ? 0 : job_.levels[g.pixel(m, i, r)];
+        light +=
+            (a ? wi : 1 - wi) * (b ? wr : 1 - wr) * bench_.mw_cm2[level] * places.share(m, i, r);
       }
     }
     return light;
@@ -405,7 +418,8 @@ class DirectSum {
   Insert insert_;
   RisingShade opaque_;
   std::optional<detail::RaySources> sources_;  ///< where slices share light
-  std::vector<double> light_;                  ///< else [angle][pixel][slice]
+  /// Else: [angle][pixel][slice] of the calibration, and of black [slice].
+  std::vector<double> light_, black_;
 };
 
 Box<float> dose_of(const TomoJob& job, const Bench& bench, Schedule schedule,

@@ -8,9 +8,11 @@
 #include <utility>
 #include <vector>
 
+#include "parallel/silent.hpp"
 #include "slicecorr/tomo/print.hpp"
 #include "slicecorr/tomo/shown.hpp"
 #include "slicecorr/vial.hpp"
+#include "tomo/changing_resin.hpp"
 
 namespace slicecorr::tomo {
 
@@ -195,8 +197,10 @@ class DirectSum {
     }
   }
 
-  /// Adds the dose of the print over alpha_a to every slice of a column of voxels.
+  /// Adds the dose of the print over alpha_a to every slice of a column of voxels: all of it, or with
+  /// `sum` of as many as frames and slices what comes while each frame of a turn is shown.
   void add(int column, int row_of_voxels, std::vector<double>& sum) const {
+    const bool by_frame = sum.size() > static_cast<std::size_t>(bench_.grid.slices);
     const TomoGrid& g = bench_.grid;
     const double x = g.voxel_at_mm(column), y = g.voxel_at_mm(row_of_voxels);
     std::vector<std::uint64_t> hidden(insert_.words());
@@ -218,8 +222,11 @@ class DirectSum {
         const double of_angle = share * (b ? wm : 1 - wm);
         if (of_angle == 0) continue;
         for (const Schedule::Part& part : schedule_.at(m0 + b)) {
-          add(part.angle, angle_near(m0 + b), i, of_angle * part.exposed_s,
-              shaded ? &hidden : nullptr, sum);
+          const int stage = angle_near(m0 + b);
+          const std::size_t frame =
+              by_frame ? static_cast<std::size_t>(bench_.frame_of_angle(stage)) : 0;
+          add(part.angle, stage, i, of_angle * part.exposed_s, shaded ? &hidden : nullptr,
+              sum.data() + frame * static_cast<std::size_t>(bench_.grid.slices));
         }
       }
     }
@@ -237,8 +244,9 @@ class DirectSum {
   /// Adds what the frame of one angle, or black, leaves while the stage stands at `stage`: light of
   /// a pixel that may lie between two columns, and in others from slice to slice.
   void add(int frame, int stage, double pixel, double weight,
-           const std::vector<std::uint64_t>* hidden, std::vector<double>& sum) const {
+           const std::vector<std::uint64_t>* hidden, double* sum) const {
     const TomoGrid& g = bench_.grid;
+    const auto slices = static_cast<std::size_t>(g.slices);
     const auto light = [&](int column, std::size_t z) {
       return frame == kBlackFrame
                  ? bench_.mw_cm2.front() * bench_.places.share(stage, column, static_cast<int>(z))
@@ -248,7 +256,7 @@ class DirectSum {
       return !hidden || !((*hidden)[z / 64] >> (z % 64) & 1);
     };
     if (bench_.places.moved()) {
-      for (std::size_t z = 0; z < sum.size(); ++z) {
+      for (std::size_t z = 0; z < slices; ++z) {
         if (!in_resin(z)) continue;
         const double column = bench_.places.column_of(stage, pixel, static_cast<int>(z));
         const auto first = static_cast<int>(std::floor(column));
@@ -263,7 +271,7 @@ class DirectSum {
     for (const int a : {0, 1}) {
       const double of_column = weight * (a ? pixel - first : 1 - (pixel - first));
       if (of_column == 0 || first + a < 0 || first + a >= g.pixels) continue;
-      for (std::size_t z = 0; z < sum.size(); ++z) {
+      for (std::size_t z = 0; z < slices; ++z) {
         if (in_resin(z)) sum[z] += of_column * light(first + a, z);
       }
     }
@@ -293,6 +301,7 @@ class DirectSum {
   std::vector<double> light_;  ///< [angle][pixel][slice]
 };
 
+/// In resin that stays as it is, all the light of the print; else that of its turns one by one.
 Box<float> dose_of(const TomoJob& job, const Bench& bench, Schedule schedule,
                    const ExecutionContext& context) {
   const TomoGrid& grid = bench.grid;
@@ -302,9 +311,42 @@ Box<float> dose_of(const TomoJob& job, const Bench& bench, Schedule schedule,
   dose.values.assign(static_cast<std::size_t>(grid.slices) * static_cast<std::size_t>(grid.voxels) *
                          static_cast<std::size_t>(grid.voxels),
                      0.0F);
+  const auto slices = static_cast<std::size_t>(grid.slices);
+  const bool comes_back = bench.resupply_mj_cm3_s > 0;
+  if (comes_back || job.resin.dose_diffusion_m2_s > 0) {
+    detail::check_spread(bench, job.resin, job.turns);
+    detail::TurnDose turn{std::move(dose), {}, {}, {}};
+    if (comes_back) turn.lowest = turn.highest = turn.rise = turn.gain;
+    const auto frames = comes_back ? static_cast<std::size_t>(grid.angles) : std::size_t{1};
+    const double share = per_unit / job.turns;
+    const double back =
+        bench.resupply_mj_cm3_s * bench.exposure.turn_s / static_cast<double>(frames);
+    parallel_for(context, "judge", static_cast<std::size_t>(grid.voxels), [&](std::size_t row) {
+      const int y = static_cast<int>(row);
+      std::vector<double> sum(frames * slices);
+      std::vector<detail::TurnOfVoxel> voxels(slices);
+      for (int x = grid.inside(y).first; x < grid.inside(y).end; ++x) {
+        std::fill(sum.begin(), sum.end(), 0.0);
+        direct.add(x, y, sum);
+        std::fill(voxels.begin(), voxels.end(), detail::TurnOfVoxel{});
+        for (std::size_t k = 0; k < sum.size(); ++k) voxels[k % slices].add(share * sum[k], back);
+        for (std::size_t z = 0; z < slices; ++z) {
+          const detail::TurnOfVoxel& voxel = voxels[z];
+          const std::size_t v = turn.gain.at(static_cast<int>(z), y, x);
+          turn.gain.values[v] = static_cast<float>(voxel.gain);
+          if (!comes_back) continue;
+          turn.lowest.values[v] = static_cast<float>(voxel.lowest);
+          turn.highest.values[v] = static_cast<float>(voxel.highest);
+          turn.rise.values[v] = static_cast<float>(voxel.rise);
+        }
+      }
+    });
+    return detail::effective_dose(bench, job.resin, job.insert, job.turns, turn,
+                                  slicecorr::detail::silent(context));
+  }
   parallel_for(context, "judge", static_cast<std::size_t>(grid.voxels), [&](std::size_t row) {
     const int y = static_cast<int>(row);
-    std::vector<double> sum(static_cast<std::size_t>(grid.slices));
+    std::vector<double> sum(slices);
     const TomoGrid::Range range = grid.inside(y);
     for (int x = range.first; x < range.end; ++x) {
       std::fill(sum.begin(), sum.end(), 0.0);
